@@ -13,7 +13,6 @@ from collections.abc import Iterable, Iterator, Sequence
 import numpy as np
 
 import lensforge as lf
-from lensforge.proof.acceptance import deciding_criteria
 from lensforge.search.start_faces import start_faces
 from lensforge.spec import Spec, parse_spec
 from lensforge.spec.accuracy import preset_of
@@ -74,7 +73,7 @@ def main() -> None:
     parser.add_argument("--kind", choices=KINDS, action="append")
     options, failed = parser.parse_args(), 0
     for number, part, proof in verified(range(options.first, options.first + options.count), options.kind or KINDS):
-        facts = [*part.criteria, *deciding_criteria(proof)]
+        facts = [*part.criteria, *proof.deciding_criteria()]
         missed = [fact.key for fact in facts if fact.state == "fail"]
         light = [fact for fact in proof.criteria if "deviation_rms" in fact.key and fact.limit]
         most = max(light, key=_used)

@@ -97,3 +97,12 @@ def refused(where: object, words: str, *causes: type[Exception]) -> Iterator[Non
     except causes as error:
         cause = " ".join(str(getattr(error, "strerror", None) or error).split())
         raise InputError(f"{where}: {words.replace('…', cause)}") from None
+
+
+_MOST_CHARACTERS = 80  # of a value in a message
+
+
+def shortened(text: str, most: int = _MOST_CHARACTERS) -> str:
+    """``text`` as part of a message: what cannot be printed as "?", and no more than ``most`` characters."""
+    text = "".join(character if character.isprintable() else "?" for character in text[: most + 1])
+    return text if len(text) <= most else f"{text[: most - 3]}..."

@@ -44,8 +44,8 @@ from lensforge.search.design_result import Design, Progress
 from lensforge.search.searches import best_design, design, redesign
 from lensforge.shop.check_result import Check
 from lensforge.shop.handover import Handover
-from lensforge.sources.photometric.photometric_summary import PhotometricSummary, rays
-from lensforge.sources.rayfiles.ray_file_summary import RayFileSummary
+from lensforge.sources.photometric_summary import PhotometricSummary, rays
+from lensforge.sources.ray_file_summary import RayFileSummary
 from lensforge.spec import (
     BaseSection,
     ConstraintsSection,

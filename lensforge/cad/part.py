@@ -12,6 +12,8 @@ from pydantic import Field, model_validator
 
 from lensforge.cad.face_tolerance import MAX_NODES, FaceTolerance
 from lensforge.cad.part_limits import (
+    MORE_RINGS,
+    OTHER_RINGS,
     FormTolerance,
     KeepOutDistance,
     Signature,
@@ -152,9 +154,6 @@ def _mesh_volume_limit(part: "Part") -> float:
     return mesh_volume_limit(part.area_mesh_mm2, 1e-3 * part.triangulation.chord_error_um, part.volume_mm3)
 
 
-_RINGS = "change the number of rings"
-
-
 @public
 class Part(StageResult):
     """Lens as a solid: the bytes of STEP, STL and 3MF, and their errors against the exact surfaces.
@@ -202,11 +201,11 @@ class Part(StageResult):
         InCriterion(),
         round_trip_limit("the STEP file", _finer_faces),
     ]
-    watertight: Annotated[Flag, Criterion(">=", 1.0, "mesh (lens.stl) is closed (1: yes)", _RINGS)]
-    watertight_3mf: Annotated[Flag, InCriterion(), Criterion(">=", 1.0, "3MF file is closed (1: yes)", _RINGS)]
+    watertight: Annotated[Flag, Criterion(">=", 1.0, "mesh (lens.stl) is closed (1: yes)", OTHER_RINGS)]
+    watertight_3mf: Annotated[Flag, InCriterion(), Criterion(">=", 1.0, "3MF file is closed (1: yes)", OTHER_RINGS)]
     genus: Annotated[int, Field(strict=True)]
     genus_difference: Annotated[
-        Count, InCriterion(), Criterion("<=", 0.0, "handles and holes that the mesh should not have", _RINGS)
+        Count, InCriterion(), Criterion("<=", 0.0, "handles and holes that the mesh should not have", OTHER_RINGS)
     ]
     untrimmed_surfaces: Annotated[
         UntrimmedSurfaces | None,
@@ -275,11 +274,7 @@ class Part(StageResult):
         return {name: content for name, content in files if content is not None}
 
     @property
-    @figure(
-        Criterion(
-            "<=", _mesh_volume_limit, "volume of the mesh (lens.stl), against the solid", "raise the number of rings"
-        )
-    )
+    @figure(Criterion("<=", _mesh_volume_limit, "volume of the mesh (lens.stl), against the solid", MORE_RINGS))
     def mesh_volume_change(self) -> float:
         """Relative change of the volume by flat facets."""
         return abs(self.volume_mesh_mm3 / self.volume_mm3 - 1.0)

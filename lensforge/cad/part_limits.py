@@ -16,6 +16,8 @@ from lensforge.spec.spec_section import CalendarDate, rounded_up
 ANGLE_TOLERANCE_DEG = 0.02
 FIT_TOLERANCE = 1e-6  # of the radius of a ball that is to fit: 1 nm for a cutter of 1 mm
 ROUND_TRIP_LIMIT = 1e-9  # relative change of the volume by writing and reading: all digits are written
+OTHER_RINGS = "change the number of rings"  # of a mesh that is not closed
+MORE_RINGS = "raise the number of rings"  # of one whose facets cut off too much
 CLOSED_FORM_LIMIT = 1e-6  # relative, of the volume: the CAD kernel's areas err by 1e-7 at most where rims are short
 
 
@@ -96,7 +98,7 @@ class KeepOutDistance(Record):
 def keep_out_remedy(spec: Spec, measured: KeepOutDistance | None) -> str:
     """The fields to change, by where lens and keep-out are closest."""
     if measured is None:
-        return "the mesh of the lens is not closed: change the number of rings, and export again"
+        return f"the mesh of the lens is not closed: {OTHER_RINGS}, and export again"
     place = ", ".join(f"{value + 0.0:.4g}" for value in np.round(measured.body_point_mm, 6))
     return f"{_fields(spec, measured)}; the body is closest at ({place}) mm"
 

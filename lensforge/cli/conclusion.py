@@ -9,11 +9,10 @@ import click
 
 from lensforge.cad.part import Part
 from lensforge.cli.output import Block, Output, Row, warning_line
-from lensforge.errors import CriterionMissed
+from lensforge.errors import CriterionMissed, shortened
 from lensforge.light.evaluation_result import Light
 from lensforge.light.light_facts import place_groups
 from lensforge.light.photometry_result import IES_FILE, LDT_FILE, LUMINAIRE_FILES, TM25_FILE, TM33_FILE, Photometry
-from lensforge.proof.acceptance import deciding_criteria
 from lensforge.proof.proof_result import Proof
 from lensforge.report.folder import Run, RunFolder
 from lensforge.report.headline import headline, kinds
@@ -24,7 +23,6 @@ from lensforge.results import Fact, Group, ResultByLed, StageResult
 from lensforge.results.criteria import require
 from lensforge.results.fact import cells_of, columns_of
 from lensforge.results.record import State
-from lensforge.results.validation import shortened
 from lensforge.results.verdict import TITLES, Verdict
 from lensforge.search.design_result import Design
 from lensforge.shop.check_facts import shape_facts
@@ -72,7 +70,7 @@ def finish(
     )
     for result in results:
         _tell_conditions(result)
-    require(criterion for result in results for criterion in deciding_criteria(result))
+    require(criterion for result in results for criterion in result.deciding_criteria())
     if decides and conditions_of(results[0]) is None:
         _require_pass(run, decides)
 

@@ -12,8 +12,8 @@ from lensforge.cli.output import Block, Output, warning_line, with_output
 from lensforge.errors import CriterionMissed, InputError
 from lensforge.light.road_lighting import RoadJudgement, road_facts, spacing_fact, with_remedies
 from lensforge.results import Group
+from lensforge.sources.light_files import read_photometric
 from lensforge.sources.photometric.photometric_file import coarse_for_roads, cut_below, far_field_warnings
-from lensforge.sources.photometric.photometric_io import read_photometric
 from lensforge.spec.road_section import load_roads, names_of
 
 _BETTER = 1.2  # a lamp that lights both sides alike is within a few per cent

@@ -1,7 +1,9 @@
 """The result of the evaluation: the light on every receiver, how it was simulated, and the judgement of each limit."""
 
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
-from typing import TYPE_CHECKING, Annotated, ClassVar, Literal, get_args
+from itertools import zip_longest
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, get_args
 
 from pydantic import Field
 
@@ -19,6 +21,8 @@ from lensforge.results.numerals import square
 from lensforge.results.plots import plot_map
 from lensforge.results.record import MOST_PIXELS
 from lensforge.sources.source_place import SourcePlace
+from lensforge.spec import Spec
+from lensforge.spec.light_limits import bounds_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -93,6 +97,7 @@ class Light(ResultByLed):
     stage: ClassVar[str] = "evaluate"
     made_from: ClassVar[tuple[str, ...]] = ("lens", "source")
     omit_if_empty: ClassVar[tuple[str, ...]] = ("ways", "seen", "place")
+    judged_in: ClassVar[tuple[str, ...]] = ("criteria", "limits")
 
     receivers: Annotated[tuple[ReceiverLight, ...], Field(min_length=1)]
     limits: JudgedLimits = ()
@@ -113,6 +118,15 @@ class Light(ResultByLed):
     seed: Count
     seconds: NotNegative
     criteria: Criteria = ()
+
+    def judgements_on(self, lens: Any) -> Mapping[str, Iterable[Fact]]:
+        """Judge by the bounds that the spec of ``lens`` states; those of roads and colours are taken as stated."""
+        return {"limits": self._limits_of(lens.spec)}
+
+    def _limits_of(self, spec: Spec) -> Iterator[Fact]:
+        for limit, asked in zip_longest(self.limits, bounds_of(spec.limits) if self.limits else ()):
+            name, sense, bound = asked or (limit.key, limit.sense, limit.limit)
+            yield replace(limit or Fact(name, name, None), key=name, sense=sense, limit=bound)
 
     @property
     def first(self) -> ReceiverLight:

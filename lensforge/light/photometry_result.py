@@ -36,7 +36,8 @@ from lensforge.results import (
 from lensforge.results.criteria import Criteria, at_most
 from lensforge.results.files import MIB
 from lensforge.results.plots import plot_curves
-from lensforge.sources.intensity import BEAM_SHARE, FIELD_SHARE, TabulatedIntensity, plane_profile, width_above
+from lensforge.sources.intensity import BEAM_SHARE, FIELD_SHARE, plane_profile, width_above
+from lensforge.sources.photometric.candela_table import CandelaTable
 from lensforge.sources.photometric.photometric_file import turned_over
 
 if TYPE_CHECKING:
@@ -73,8 +74,8 @@ class CandelaTables:
     ``samples``: of each sample alone, with values below 0 where they have noise.
     """
 
-    whole: TabulatedIntensity
-    left_out: Sequence[TabulatedIntensity]
+    whole: CandelaTable
+    left_out: Sequence[CandelaTable]
     samples: Float[np.ndarray, "p c g"]
 
     @staticmethod
@@ -87,7 +88,7 @@ class CandelaTables:
         closed = np.concatenate([values, values[:, :1]], axis=1)[:, ::-1]
         return CandelaTables(turned_over(light.grid.table(total / count)), left_out, closed)
 
-    def figure(self, read: Callable[[TabulatedIntensity], float], unit: str) -> Metric:
+    def figure(self, read: Callable[[CandelaTable], float], unit: str) -> Metric:
         """Figure that ``read`` takes from a table, with its standard error; none from fewer than two samples."""
         value = read(self.whole)
         if len(self.left_out) < 2:
@@ -123,13 +124,13 @@ class CandelaTables:
         """Angle between the table's ends: no width errs by more, where lobes come and go with the noise."""
         return 2.0 * float(self.whole.gamma_deg[-1])
 
-    def _with(self, values: Float[np.ndarray, "c g"]) -> TabulatedIntensity:
-        return TabulatedIntensity(self.whole.c_deg, self.whole.gamma_deg, values)
+    def _with(self, values: Float[np.ndarray, "c g"]) -> CandelaTable:
+        return CandelaTable(self.whole.c_deg, self.whole.gamma_deg, values)
 
     def _angle(self, c_deg: float, peak: Metric, share: float) -> Metric | None:
         """Width of the beam at ``share`` of its ``peak``, whose own error is a part of that of the width."""
 
-        def width(table: TabulatedIntensity, level: float) -> float:
+        def width(table: CandelaTable, level: float) -> float:
             return width_above(*plane_profile(table, c_deg), level) or 0.0
 
         angle = self.figure(lambda table: width(table, share * peak.value), "°")

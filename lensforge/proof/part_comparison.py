@@ -14,10 +14,11 @@ from jaxtyping import Bool, Float, Int, Shaped
 from lensforge.errors import InputError
 from lensforge.optics.media import Media
 from lensforge.proof.acceptance import BLOCKS, LEAST_RAYS
+from lensforge.proof.cast_results import Agreement, FatePair, PartFlux
 from lensforge.proof.facet_casting import Grid
 from lensforge.proof.optical_faces import OpticalFaces
 from lensforge.proof.part_mesh import PartMesh, read_part_mesh
-from lensforge.proof.proof_result import Agreement, FatePair, IndependentRays, LampsTogether, PartFlux
+from lensforge.proof.proof_result import IndependentRays, LampsTogether
 from lensforge.proof.receiver_screen import Screen, squared_norm
 from lensforge.proof.sequential_cast import CastFate, LandedRays, Passage, send_through
 from lensforge.results import Metric

@@ -27,7 +27,8 @@ from lensforge.results.record import printable
 from lensforge.search.design_result import Design
 from lensforge.shop import surface_figures
 from lensforge.shop.check_facts import face_title
-from lensforge.shop.check_result import Check, FaceResult
+from lensforge.shop.check_measures import FaceResult
+from lensforge.shop.check_result import Check
 from lensforge.sources.build_source import build_source
 from lensforge.spec.source_sections import SquareSource
 

@@ -9,7 +9,6 @@ from lensforge.light.evaluation_result import Light
 from lensforge.light.light_facts import LimitBounds
 from lensforge.light.photometry_result import Photometry
 from lensforge.optics.face_roles import CAVITY, bounding
-from lensforge.proof.acceptance import facet_misses
 from lensforge.proof.proof_result import Proof
 from lensforge.report.results import REPORT_FILE, Results, kinds_of_results
 from lensforge.results import Fact, Group, State
@@ -123,10 +122,9 @@ def _on_criteria(results: Results) -> str:
         noun = "criterion" if len(criteria) == 1 else "criteria"
         verb = "is" if len(failed) == 1 else "are"
         proof = results.find(Proof)
-        facets = () if proof is None else facet_misses(proof)
-        alone = (
-            " (of the mesh alone, the STEP file decides)" if all(criterion in facets for criterion in failed) else ""
-        )
+        facets = () if proof is None else proof.facet_misses
+        of_mesh = all(criterion in facets for criterion in failed)
+        alone = " (of the mesh alone, the STEP file decides)" if of_mesh else ""
         return f"{len(failed)} of {len(criteria)} {noun} {of} {verb} not met: {names}{alone}."
     if not criteria:
         return "No criterion has been evaluated."

@@ -29,8 +29,9 @@ from lensforge.results import Group, StageResult
 from lensforge.results.made_cache import made_once
 from lensforge.results.numerals import number, percent
 from lensforge.search.design_result import Design
-from lensforge.shop.check_facts import finding_groups, words_of
+from lensforge.shop.check_facts import finding_groups
 from lensforge.shop.check_result import Check
+from lensforge.shop.process_words import words_of
 from lensforge.surfaces.imported_face import LENS_FILE
 from lensforge.surfaces.srbf import fibonacci_hemisphere
 from lensforge.version import __version__, versions_of

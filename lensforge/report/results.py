@@ -14,7 +14,6 @@ from lensforge.light.light_facts import LimitBounds, light_facts, light_reasons,
 from lensforge.light.photometry_result import Photometry
 from lensforge.made.tolerance_result import Sensitivity, Yield
 from lensforge.made.yield_facts import sensitivity_facts, yield_facts
-from lensforge.proof.acceptance import deciding_criteria
 from lensforge.proof.proof_facts import proof_facts, stray_facts
 from lensforge.proof.proof_result import Proof, StrayLight
 from lensforge.public import public
@@ -25,7 +24,7 @@ from lensforge.results.stage_result import OF_FOLDERS
 from lensforge.results.verdict import Reason, Verdict
 from lensforge.scene.lens import Lens
 from lensforge.search.design_result import Design, design_facts
-from lensforge.shop.check_facts import check_facts, cutting_reasons, spec_of
+from lensforge.shop.check_facts import check_facts, cutting_reasons
 from lensforge.shop.check_result import Check
 from lensforge.shop.point_tables import GridRequest
 from lensforge.spec import DrawingSection, Spec
@@ -130,7 +129,7 @@ class Results:
         return Verdict.of(
             light=list(light_reasons(light, self.lens)) if light else unseen,
             files=list(self._files_reasons()),
-            cutting=list(cutting_reasons(check, self.spec)) if check else unchecked,
+            cutting=list(cutting_reasons(check)) if check else unchecked,
         )
 
     def _files_reasons(self) -> Iterator[Reason]:
@@ -138,7 +137,7 @@ class Results:
         proof = self.find(Proof)
         for result in (self.find(Design), part, self.find(Check), proof):
             if result is not None:
-                yield from missed(deciding_criteria(result))
+                yield from missed(result.deciding_criteria())
         if part is None:
             yield "undecided", "no files have been exported"
             return
@@ -163,16 +162,10 @@ class Results:
             case Part():
                 return part_facts(result)
             case Check():
-                return check_facts(result, spec_of(result, self.spec))
+                return check_facts(result)
             case Proof():
-                light = self.find(Light)
-                by_led = {} if light is None else light.by_led
-                pairs = [(led, receiver) for led, of_led in by_led.items() for receiver in of_led.receivers]
-                designed = {(led, receiver.name): receiver.efficiency.value for led, receiver in pairs}
-                on_plate = self.lens.lamps_on_plate
-                own = self.lens.own_lamps_words
-                lamps = self.spec.all_lamps.whole if on_plate else own
-                return proof_facts(result, designed, self.lens.lamp_words, lamps, on_plate=on_plate)
+                lamps = self.spec.all_lamps.whole if result.on_plate else self.lens.own_lamps_words
+                return proof_facts(result, self.lens.lamp_words, lamps)
             case StrayLight():
                 return stray_facts(result, self.lens.own_lamps_words)
             case Photometry():

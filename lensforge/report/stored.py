@@ -26,7 +26,6 @@ from lensforge.spec import AnyAccuracy
 from lensforge.surfaces.imported_face import LENS_FILE
 from lensforge.version import __version__
 
-_HOLD_LENS = (Design, Part)
 _MOST_OTHERS = 1000  # records of one stage under other conditions
 
 
@@ -46,7 +45,7 @@ class Stored:
         unreadable: dict[str, InputError] = {}
         for stem, kind in _files_in(folder, own_stems(lens.surfaces)):
             try:
-                records[stem] = kind.read(folder, stem, **({"lens": lens} if kind in _HOLD_LENS else {}))
+                records[stem] = kind.read(folder, stem, **({"lens": lens} if "lens" in kind.model_fields else {}))
                 require_own_judgements(records[stem], lens, folder / f"{stem}.json")
             except InputError as error:
                 unreadable[stem] = error

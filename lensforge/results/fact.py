@@ -5,14 +5,14 @@ those that are judged: criteria, findings of the check, limits of the spec.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, field, fields, replace
 from typing import Any, Literal
 
 from pydantic import GetCoreSchemaHandler
 from pydantic_core import CoreSchema, core_schema
 
 from lensforge.public import public
-from lensforge.results.numerals import NOTHING, anything, limit_text, quantity, square
+from lensforge.results.numerals import NOTHING, anything, converted, limit_text, quantity, square
 from lensforge.results.record import Metric, NotNegative, Number, Sense, State, Text, agree
 from lensforge.results.verdict import judge
 
@@ -23,6 +23,18 @@ _DIGITS = 4  # significant digits of a number without standard error
 _SQUARE = "nmse", "setting"  # ends of the keys of mean squares, which noise may have left below 0
 _ANSWERS = {"pass": "yes", "fail": "no", "undecided": "undecided"}
 _OUTCOMES = {"pass": "held", "fail": "missed", "undecided": "undecided"}
+
+
+@dataclass(frozen=True)
+class Change:
+    """A field of the spec, dotted, and the ``value`` that would help; ``then``: words behind it in a sentence."""
+
+    field: str
+    value: str
+    then: str = ""
+
+    def __str__(self) -> str:
+        return f"{self.field} = {self.value}{self.then}"
 
 
 @public
@@ -67,6 +79,7 @@ class Fact:
     limit_note: Text = ""
     possible_note: Text = ""
     notice: Text = ""
+    changes: tuple[Change, ...] = field(default=(), compare=False)
 
     @staticmethod
     def measured(key: str, label: str, metric: Metric | None, note: str = "", **more: Any) -> "Fact":
@@ -97,6 +110,12 @@ class Fact:
         numbers = ("value", "standard_error", "limit", "possible", "tolerance")
         shares = {name: share for name in numbers if (share := getattr(self, name)) is not None}
         return replace(self, unit="%", **{name: 100.0 * share for name, share in shares.items()})
+
+    def told_in(self, unit: str) -> "Fact":
+        """The fact in another unit of length, or in per cent."""
+        if unit == "%" or self.limit is None:
+            return self.in_percent if unit == "%" else self
+        return replace(self, limit=converted(self.limit, self.unit, unit))
 
     @property
     def answered(self) -> "Fact":

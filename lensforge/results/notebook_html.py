@@ -16,8 +16,8 @@ import numpy as np
 from jaxtyping import Float
 from pydantic import BaseModel
 
+from lensforge.errors import shortened
 from lensforge.results.field_help import class_help
-from lensforge.results.validation import shortened
 
 if TYPE_CHECKING:
     from pydantic._internal._model_construction import ModelMetaclass as _Metaclass

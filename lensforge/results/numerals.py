@@ -151,6 +151,17 @@ def unit_suffix(unit: str) -> str:
     return next((suffix for suffix, unit_of_suffix in _SUFFIXES.items() if unit_of_suffix == unit), "")
 
 
+_POWERS_OF_A_METRE = {"nm": -9, "um": -6, "µm": -6, "mm": -3, "m": 0}
+
+
+def converted(value: float, unit: str, wanted: str) -> float:
+    """A ``value`` in ``unit`` in the ``wanted`` one, where both are of lengths; else the value as it is."""
+    powers = _POWERS_OF_A_METRE
+    if unit == wanted or unit not in powers or wanted not in powers:
+        return value
+    return value * 10.0 ** (powers[unit] - powers[wanted])
+
+
 def _typeset(text: str) -> str:
     """A number as Python writes it, with a real minus, a power of ten, and groups of three from five digits on."""
     mantissa, _, exponent = text.partition("e")

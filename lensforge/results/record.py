@@ -168,12 +168,18 @@ class Record(BaseModel, metaclass=Shown):
     )
 
     def __eq__(self, other: object) -> bool:
-        """True where ``other`` has the same class and the same bits in every field."""
+        """True where ``other`` has the same class and the same bits in every field that a file keeps."""
         if type(self) is not type(other):
             return NotImplemented
-        return same(values_of(self), values_of(other))
+        return same(self._kept, other._kept)
 
     __hash__ = None  # type: ignore[assignment]  # arrays have no hash
+
+    @property
+    def _kept(self) -> dict[str, object]:
+        """Values that a file keeps, by the names of their fields."""
+        left_out = {name for name, info in type(self).model_fields.items() if info.exclude}
+        return {name: value for name, value in values_of(self).items() if name not in left_out}
 
     @model_validator(mode="wrap")
     @classmethod

@@ -20,6 +20,7 @@ from pydantic import Field, ValidationError, model_serializer, model_validator
 from lensforge.errors import InputError, OutdatedResult, refused
 from lensforge.public import public
 from lensforge.results.conditions import Conditions
+from lensforge.results.criteria import criteria_of
 from lensforge.results.fact import Fact
 from lensforge.results.figure import criteria_in, declare_criteria, with_told_by_criteria
 from lensforge.results.files import MIB, read_file, read_json, write_file
@@ -154,6 +155,7 @@ class StageResult(Record):
     command: ClassVar[str] = ""  # the command that makes it, where not named like the stage
     made_from: ClassVar[tuple[str, ...]] = ("lens",)  # inputs whose hashes a record must state
     omit_if_empty: ClassVar[tuple[str, ...]] = ()  # fields that a record leaves out where they are empty
+    judged_in: ClassVar[tuple[str, ...]] = ("criteria",)  # fields that hold judgements
     of_face: ClassVar[str] = ""  # beginning of the names of its files, which a face ends; empty for the whole lens
     on_page: ClassVar[OnPage] = OnPage()
     in_folder: ClassVar[bool] = True  # a record of the folder of a lens, where it is made from one
@@ -165,15 +167,28 @@ class StageResult(Record):
         """Make the criteria of its figures, which are those that its fields declare."""
         return criteria_in(self)
 
+    def deciding_criteria(self) -> Iterator[Fact]:
+        """The criteria by which files pass or fail, those with further LEDs among them."""
+        return criteria_of(self)
+
+    def judgements(self) -> Mapping[str, Iterable[Fact]]:
+        """Make all judgements of its figures, by the field that holds them."""
+        return {"criteria": self.judge()}
+
+    def judgements_on(self, lens: Any) -> Mapping[str, Iterable[Fact]]:
+        """Make judgements by the limits of a ``lens`` that the record does not hold, by the field that holds them."""
+        return {}
+
     @model_validator(mode="before")
     @classmethod
     def _figures_told_by_criteria(cls, content: Any) -> Any:
-        return with_told_by_criteria(cls, content) if isinstance(content, Mapping) else content
+        return with_told_by_criteria(cls, content, cls.judged_in) if isinstance(content, Mapping) else content
 
     @model_validator(mode="after")
     def _is_judged(self) -> Self:
-        if self._judges_itself() and "criteria" not in self.model_fields_set:
-            object.__setattr__(self, "criteria", tuple(self.judge()))  # the record is frozen for everybody else
+        for field, made in self.judgements().items() if self._judges_itself() else ():
+            if field not in self.model_fields_set:
+                object.__setattr__(self, field, tuple(made))  # the record is frozen for everybody else
         return self
 
     @classmethod
@@ -188,20 +203,21 @@ class StageResult(Record):
         field = cls.model_fields.get("criteria")
         return field is not None and not field.is_required()
 
-    def _require_own_criteria(self) -> None:
-        """Raise :class:`ValueError` where criteria, their words aside, are not those that the figures make.
+    def _require_own_judgements(self) -> None:
+        """Raise :class:`ValueError` where judgements, their words aside, are not those that the figures make.
 
-        A file that somebody edited may state right hashes of wrong content. Criteria of another lens count nowhere, and
-        are not judged by the limits of this one.
+        A file that somebody edited may state right hashes of wrong content. Judgements on another lens count nowhere,
+        and are not made by the limits of this one.
         """
         lens = getattr(self, "lens", None)
         if not self._judges_itself() or (lens is not None and self.inputs.get("lens") != lens.sha256):
             return
         try:
-            made = tuple(self.judge())
+            judgements = {field: tuple(made) for field, made in self.judgements().items()}
         except (ArithmeticError, LookupError):  # a volume of 0, a face that the lens has not
             raise ValueError(f"not what a {self.stage} of this lens can be") from None
-        require_same_judgements("criteria", sorted(vars(self)["criteria"], key=_named), sorted(made, key=_named))
+        for field, made in judgements.items():
+            require_same_judgements(field, sorted(vars(self)[field], key=_named), sorted(made, key=_named))
 
     @model_serializer(mode="wrap")
     def _drop_empty(self, dumped: Callable[[object], dict[str, object]]) -> dict[str, object]:
@@ -381,7 +397,7 @@ class StageResult(Record):
         result = validated(cls, content, path, cls.rebuild_command())
         with refused(path, f"…; {cls.rebuild_command()}", ValueError):
             require_what_follows(result)
-            result._require_own_criteria()
+            result._require_own_judgements()
         missing = next((f"inputs.{name}" for name in cls.made_from if name not in result.inputs), "")
         if missing:
             raise InputError(f"{path}: {missing}: missing; {cls.rebuild_command()}")
@@ -430,10 +446,10 @@ class ResultByLed(SimulatedResult):
     led: Annotated[str, Field(strict=True, pattern=f"^{_LED}$")] = ""
     others: "tuple[ResultByLed, ...]" = ()
 
-    def _require_own_criteria(self) -> None:
-        super()._require_own_criteria()
+    def _require_own_judgements(self) -> None:
+        super()._require_own_judgements()
         for other in self.others:
-            other._require_own_criteria()
+            other._require_own_judgements()
 
     @classmethod
     def joined(cls, by_led: Mapping[str, Self]) -> Self:

@@ -9,10 +9,9 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, GetCoreSchemaHandler, ValidationError, create_model
 from pydantic_core import CoreSchema
 
-from lensforge.errors import InputError
+from lensforge.errors import InputError, shortened
 from lensforge.results.registered_kinds import models_in
 
-_MOST_CHARACTERS = 80  # of a value in a message
 _MOST_OF_MESSAGE = 600  # of what is wrong with it, which may name what is allowed
 _MOST_BITS = 256  # of a whole number in a message; Python refuses to print more than 4300 digits
 
@@ -127,12 +126,6 @@ def plain(message: str) -> str:
     """Words of pydantic as lensforge says them: "must be at least 0"."""
     text = message.removeprefix("Value error, ")
     return text if text != message else reduce(lambda text, pair: text.replace(*pair), _PLAIN, message)
-
-
-def shortened(text: str, most: int = _MOST_CHARACTERS) -> str:
-    """``text`` as part of a message: what cannot be printed as "?", and no more than ``most`` characters."""
-    text = "".join(character if character.isprintable() else "?" for character in text[: most + 1])
-    return text if len(text) <= most else f"{text[: most - 3]}..."
 
 
 def its_type(value: object) -> str:

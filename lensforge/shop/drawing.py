@@ -21,12 +21,14 @@ from lensforge.cad.section import other_section_deg
 from lensforge.errors import InputError
 from lensforge.results.numerals import quantity
 from lensforge.scene.lens import Lens
-from lensforge.shop.check_facts import words_of
-from lensforge.shop.check_result import BASE, BODY, Check, OfLathe, OfMill
+from lensforge.shop.check_measures import BASE
+from lensforge.shop.check_result import Check
 from lensforge.shop.datums import DatumScheme, datum_scheme
 from lensforge.shop.dimensions import Dimension
+from lensforge.shop.findings import BODY, OfLathe, OfMill
 from lensforge.shop.handover import PDF_FILE, PLATE_PDF_FILE
 from lensforge.shop.mould_facts import mould_line, thick_line, upright_words
+from lensforge.shop.process_words import words_of
 from lensforge.shop.profile_table import ASPHERE_NOTE, PROFILE_NOTE, equation, profile_rows, profile_widths
 from lensforge.shop.sheet import Box, Marks, Place, Sheet, box_of
 from lensforge.shop.sheet_marks import cell, draw_rows, frame_of, paragraphs_in, row_height
@@ -55,11 +57,7 @@ def drawing_notes(
         *surface_words(lens, words),
         *mould_words(lens),
         *_draft_words(lens, check),
-        *(
-            []
-            if check.mould is None
-            else [mould_line(check.mould, lens.spec), thick_line(check.mould, check, lens.spec)]
-        ),
+        *([] if check.mould is None else [mould_line(check.mould, lens.spec), thick_line(check.mould, check)]),
         *_other_process_words(check),
         *_open_findings(lens, check),
         "Notation as in ISO 10110 and ISO 1101; conformance is not claimed. A dash: nothing is stated.",

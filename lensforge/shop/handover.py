@@ -11,7 +11,7 @@ from lensforge.public import public
 from lensforge.results import Count, Fact, Group, NotNegative, Positive, Record, Sha256, Text
 from lensforge.results.files import require_own, write_file
 from lensforge.results.numerals import quantity
-from lensforge.shop.check_result import Findings
+from lensforge.shop.findings import Findings
 
 HTML_FILE, PDF_FILE, DXF_FILE, POINTS_FILE = "manufacturing.html", "manufacturing.pdf", "drawing.dxf", "points.csv"
 PLATE_PDF_FILE, PLATE_DXF_FILE = "plate.pdf", "plate.dxf"

@@ -23,7 +23,7 @@ from lensforge.cad.plan import Corner, Plan, base_corners, lay_out, rim_directio
 from lensforge.cad.plate_layout import PlateLayout, layout_of
 from lensforge.cad.wall import largest_ball
 from lensforge.scene.lens import Lens
-from lensforge.shop.check_result import (
+from lensforge.shop.check_measures import (
     BASE,
     FLANGE,
     PLATE,

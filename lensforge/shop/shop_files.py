@@ -190,7 +190,7 @@ def shop_facts(lens: Lens, part: Part, check: Check) -> Group:
     """Facts on the part and its files, beyond those of its title block."""
     files = part_facts(part)[0].select("form_error", "normal_error", "schema", "surfaces").facts
     sized = part_facts(part)[-1].select(*(f"{of}{size}" for of in ("", "plate_") for size in _SIZES)).facts
-    groups = check_facts(check, lens.spec)
+    groups = check_facts(check)
     walls = [fact for group in groups if group.key in ("walls", "edges", "mould") for fact in group.facts]
     facts = (
         *_make(lens, part),
@@ -205,7 +205,7 @@ def shop_facts(lens: Lens, part: Part, check: Check) -> Group:
 
 def face_groups(lens: Lens, check: Check) -> list[Group]:
     """Facts of each face, from the outside in."""
-    named = {group.key: group for group in check_facts(check, lens.spec)}
+    named = {group.key: group for group in check_facts(check)}
     return [named[name] for name in reversed(check.faces)]
 
 

@@ -18,7 +18,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 from scipy.spatial import cKDTree
 
-from lensforge.shop.check_result import TurningTool
+from lensforge.shop.check_measures import TurningTool
 from lensforge.shop.face_check import FaceCheck, bounded
 from lensforge.shop.face_samples import OpticalFace
 from lensforge.shop.profile_table import way_along

@@ -15,13 +15,12 @@ from lensforge.errors import InputError, remedy
 from lensforge.optics.material import Material
 from lensforge.results import Point
 from lensforge.sources.dispersion import coloured, index_warnings, joined_range
+from lensforge.sources.light_files import read_rayfile
 from lensforge.sources.ray_bundle import RayBundle, Rays, changed, joined
 from lensforge.sources.ray_colours import coloured_set
+from lensforge.sources.ray_file_statistics import RaySums, efficacy_of, file_warnings, ray_set_warnings
 from lensforge.sources.ray_set import RaySetEmitter, placed
 from lensforge.sources.rayfiles.ray_file import RayFile, no_usable_ray
-from lensforge.sources.rayfiles.ray_file_io import read_rayfile
-from lensforge.sources.rayfiles.ray_file_statistics import RaySums, efficacy_of, file_warnings, ray_set_warnings
-from lensforge.sources.rayfiles.stored_rays import StoredRays
 from lensforge.sources.source_flux import (
     OwnFlux,
     SourceFlux,
@@ -39,6 +38,7 @@ from lensforge.sources.source_summary import (
     SourceSummary,
     as_point,
 )
+from lensforge.sources.stored_rays import StoredRays
 from lensforge.spec.emitter_section import EmitterSection, FluxSection, SpectrumSpec
 from lensforge.spec.source_sections import (
     Placement,

@@ -162,7 +162,7 @@ class FacesSection(Section):
 
     def role(self, name: str) -> FaceRole:
         """The role of the face of that name."""
-        return next(role for role in self.body_roles if role.name == name)
+        return {role.name: role for role in self.body_roles}[name]
 
     @property
     def leaks(self) -> tuple[str, ...]:

@@ -12,6 +12,7 @@ from pydantic import Field
 
 from lensforge.optics.pose import ORIGIN
 from lensforge.public import public
+from lensforge.results.record import Sense
 from lensforge.spec.receiver_fields import ReceiverSection, require_on
 from lensforge.spec.search_section import ConstraintsSection
 from lensforge.spec.shape_targets import DiscTarget, EllipseTarget, PolygonTarget, RectangleTarget, RingTarget
@@ -338,6 +339,15 @@ LightLimitSpec = Annotated[
     PointsLimit | LineLimit | ZoneLimit | GlareLimit | BeamAngleLimit | LossLimit | LuminanceLimit,
     Field(discriminator="kind"),
 ]
+
+
+def bounds_of(limits: Sequence[LimitSection]) -> Iterator[tuple[str, Sense, float]]:
+    """Name, sense and bound of each of ``limits``, in the order in which light is judged."""
+    for number, limit in enumerate(limits):
+        for least, most in map(limit.bounds, limit.quantities()):
+            bounds: dict[Sense, float | None] = {">=": least, "<=": most}
+            names = limit.labels(number)
+            yield from ((name, sense, bound) for name in names for sense, bound in bounds.items() if bound is not None)
 
 
 @public

@@ -10,9 +10,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from lensforge.errors import InputError, WrongFields
+from lensforge.errors import InputError, WrongFields, shortened
 from lensforge.results.numerals import unit_in
-from lensforge.results.validation import shortened
 from lensforge.spec.toml_bounds import TooLarge, bounded_tables
 
 _MOST_SLIPS = 20  # in a message

@@ -9,11 +9,11 @@ from typing import Any, get_args, get_origin
 from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
-from lensforge.errors import WrongFields
+from lensforge.errors import WrongFields, shortened
 from lensforge.optics.face_roles import DOUBLE
 from lensforge.results.numerals import unit_in
 from lensforge.results.registered_kinds import kind_of
-from lensforge.results.validation import given_words, plain, shortened
+from lensforge.results.validation import given_words, plain
 from lensforge.spec.spec_fields import all_sections, field_description, sections_in
 from lensforge.spec.toml_slips import cured_number
 

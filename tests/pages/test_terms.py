@@ -38,7 +38,8 @@ def labels() -> list[tuple[str, str]]:
     kinds = ("Group", "Fact", "Row", "Fact.measured", "Fact.share")
     calls = (node for node in nodes() if isinstance(node, ast.Call) and ast.unparse(node.func) in kinds)
     found = ((start(call.args[0]), start(call.args[1])) for call in calls if len(call.args) > 1)
-    declared = ((key, figure.label) for kind in kinds_of_results() for key, figure in figures_of(kind))
+    figures = (figure for kind in kinds_of_results() for figure in figures_of(kind))
+    declared = ((key, figure.label.partition("{")[0]) for key, figure in figures if isinstance(figure.label, str))
     return [*METRICS.items(), *((key, label) for key, label in (*found, *declared) if label)]
 
 

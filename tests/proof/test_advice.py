@@ -13,14 +13,11 @@ from lensforge.proof.acceptance import (
     FINE_FACETS_UM,
     LEAST_RAYS,
     brep_criteria,
-    deciding_criteria,
-    facet_misses,
     mitsuba_criteria,
-    proof_criteria,
 )
+from lensforge.proof.cast_results import Agreement, BrepCast, MitsubaCast
 from lensforge.proof.file_form import FileForm
 from lensforge.proof.part_comparison import Expected, compare, flux_budget, gap_quantiles, judge_independent_rays
-from lensforge.proof.proof_result import Agreement, BrepCast, MitsubaCast
 from lensforge.proof.receiver_screen import Screen
 from lensforge.proof.remedies import Evidence, form_of_mesh
 from lensforge.proof.sequential_cast import CastFate, LandedRays, Passage
@@ -127,7 +124,7 @@ def test_facets_are_blamed_however_fine_where_the_step_file_lands_its_rays(of_li
     alike = Agreement(compared=9, rms=rms, p99=1.0, max=1.0, **none)
     cast = BrepCast(rays=9, seconds=0.0, against_design=alike, against_mesh=alike)
     with_step = proof.changed(receivers=(proof.first.changed(brep=cast),))
-    told = {each.key: each.remedy for each in proof_criteria(with_step) if not each.holds}
+    told = {each.key: each.remedy for each in with_step.judge() if not each.holds}
     assert proof.facet_height_um.rms <= FINE_FACETS_UM and says in told["deviation_rms"]
 
 
@@ -295,7 +292,7 @@ def form(name, off_um=0.01):
 
 def judged(proof, **changes):
     changed = proof.changed(**changes)
-    return changed.changed(criteria=proof_criteria(changed))
+    return changed.changed(criteria=tuple(changed.judge()))
 
 
 def test_a_mesh_with_coarse_facets_fails_nothing_beside_a_step_file_that_is_right():
@@ -310,10 +307,10 @@ def test_a_mesh_with_coarse_facets_fails_nothing_beside_a_step_file_that_is_righ
     second = right_one.changed(name="second")
     forms = tuple(map(form, ("lens.step", "lens.stl", "lens.3mf")))
     coarse = judged(proof, receivers=(right_one, second), forms=forms)
-    missed = facet_misses(coarse)
+    missed = coarse.facet_misses
     assert {"deviation_rms", "second: deviation_rms"} <= {each.key for each in missed}
-    assert all(each.holds for each in deciding_criteria(coarse)) and len(missed) + len(
-        list(deciding_criteria(coarse))
+    assert all(each.holds for each in coarse.deciding_criteria()) and len(missed) + len(
+        list(coarse.deciding_criteria())
     ) == len(coarse.criteria)
     for others in (
         {"receivers": (right_one, wrong_one.changed(name="second")), "forms": forms},  # its STEP lands light elsewhere
@@ -322,7 +319,7 @@ def test_a_mesh_with_coarse_facets_fails_nothing_beside_a_step_file_that_is_righ
         {"receivers": (right_one, second), "forms": (*forms[:2], form("lens.3mf", 0.08))},
         {"receivers": (right_one, second), "forms": forms, "open_edges": 1},
     ):
-        assert facet_misses(judged(proof, **others)) == (), others
+        assert judged(proof, **others).facet_misses == (), others
 
 
 def test_a_step_file_of_the_right_form_is_not_called_another_lens():

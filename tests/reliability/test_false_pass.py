@@ -18,7 +18,6 @@ from nightly import first_by_day
 
 import lensforge as lf
 from lensforge.optics.face_roles import DOUBLE
-from lensforge.report import own_judgements
 from lensforge.report.folder import RunFolder
 from lensforge.report.pipeline import write_report
 from lensforge.report.results import kinds_of_results, own_stems
@@ -139,8 +138,8 @@ def test_every_criterion_is_judged_by_its_own_value_and_limit(whole_run: lf.Run)
 def test_every_list_of_judgements_is_made_again() -> None:
     for kind in kinds_of_results():
         kept = {"criteria", "verdicts", "limits"} & set(kind.model_fields)
-        by_itself = {"criteria"} if kind._judges_itself() else set()
-        assert kept == set(own_judgements.JUDGES.get(kind, {})) | by_itself, kind
+        by_itself = set(kind.judged_in) if kind._judges_itself() else set()
+        assert kept == by_itself, kind
 
 
 @pytest.mark.parametrize("stem", first_by_day(5, RECORDS))

@@ -13,7 +13,8 @@ from result_folders import (
     make_results,
 )
 
-from lensforge.proof.proof_result import Agreement, BrepCast, MitsubaCast, ReceiverStray, StrayFlux, StrayLight
+from lensforge.proof.cast_results import Agreement, BrepCast, MitsubaCast
+from lensforge.proof.proof_result import ReceiverStray, StrayFlux, StrayLight
 from lensforge.scene.receiver_shapes import build_receiver
 
 

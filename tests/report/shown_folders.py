@@ -17,6 +17,7 @@ from lensforge.light.receiver_light import Flux, MissedByCause, RegionLight
 from lensforge.made.tolerance_result import ErrorRow, Sensitivity
 from lensforge.report.results import Results
 from lensforge.results import Conditions, Fact, Metric
+from lensforge.results.criteria import at_most
 from lensforge.scene.lens import Lens
 from lensforge.shop.findings import check_findings
 from lensforge.sources.source_summary import SourceSummary
@@ -123,7 +124,7 @@ def limits_missed():
     results = make_results(
         ("design", "evaluate", "export", "check"),
         lens_of(limits=limits),
-        export={"criteria": (criterion("form_error", 12.5, 10.0),)},
+        export={"criteria": (at_most("form_error", 12.5, 10.0, "nm", "try something else"),)},
         check={"criteria": (unknown,), "verdicts": (wall,)},
         evaluate={"nmse": Metric(value=0.3, standard_error=0.001)},
     )

@@ -10,7 +10,6 @@ from part_files import whole_folder, whole_results
 from result_folders import criterion, make_results
 
 from lensforge.errors import InputError
-from lensforge.proof.acceptance import proof_criteria
 from lensforge.proof.proof_facts import tracer_groups
 from lensforge.report.lens_figures import history
 from lensforge.report.stored import load_results
@@ -67,7 +66,7 @@ def test_a_tracer_is_judged_by_its_own_receiver(results):
     bent = first.against_design.model_copy(update={"rms": 0.5})
     far = first.model_copy(update={"name": "far", "against_design": bent, "brep": None, "mitsuba": None})
     proof = results.proof.model_copy(update={"receivers": (first, far)})
-    proof = proof.model_copy(update={"criteria": proof_criteria(proof)})
+    proof = proof.model_copy(update={"criteria": tuple(proof.judge())})
     states = {group.title: group.state for group in tracer_groups(proof)}
     assert [states[f"Mesh with smooth normals, {name}"] for name in (first.name, "far")] == ["pass", "fail"]
 

@@ -17,7 +17,7 @@ from lensforge.cad.form_error import fit_lens
 from lensforge.cad.plan import lay_out
 from lensforge.cad.wall import largest_ball
 from lensforge.errors import InputError
-from lensforge.shop.check_result import Draft, FaceResult, InscribedBall, Mould, MouldedFace, PartingLine
+from lensforge.shop.check_measures import Draft, FaceResult, InscribedBall, Mould, MouldedFace, PartingLine
 from lensforge.shop.findings import draft_finding, undercut_finding
 from lensforge.shop.mould_facts import PLASTICS, mould_facts, plastic_of
 from lensforge.shop.mould_halves import mould_of, pieces_of
@@ -134,6 +134,14 @@ def test_a_flange_is_the_widest_and_a_place_for_the_gate() -> None:
     assert found.faces["wall"].lower_fraction == pytest.approx(1.0) == found.faces["exit"].upper_fraction
 
 
+def test_a_mould_fills_the_flange_before_the_base() -> None:
+    spec = spot(flange={"diameter_mm": 20.0, "thickness_mm": 1.2}).replace(
+        base={"kind": "cylinder", "diameter_mm": 7.0}
+    )
+    lens = spot_lens(spec)
+    assert mould_of(lens, fit_lens(lens)).gate == "flange"
+
+
 def revolved(*corners: tuple[float, float]) -> np.ndarray:
     """Points of a section at all azimuths, 160 along each of its sides."""
     along = (np.arange(160) / 160)[:, None]
@@ -204,8 +212,8 @@ def facts(
         gate=gate,
         cooling_s=None if plastic is None else plastic.cooling_s(1.5 * ratio),
     )
-    check = SimpleNamespace(min_wall_mm=1.5, edges=())
-    return {fact.key: fact for fact in mould_facts(mould, check, spec)}
+    check = SimpleNamespace(min_wall_mm=1.5, edges=(), spec=spec)
+    return {fact.key: fact for fact in mould_facts(mould, check)}
 
 
 def test_what_a_moulder_is_told() -> None:

@@ -1,17 +1,17 @@
 """Cures of a verdict: the one change that its reasons name, which a button of the page makes."""
 
-import re
 from collections.abc import Iterator
 
 from lensforge.addons.studio.page_frames import Fields
 from lensforge.cad.part import Part
+from lensforge.cad.part_limits import MORE_RINGS, OTHER_RINGS
+from lensforge.proof.remedies import FINER_FACETS
 from lensforge.report.folder import Run
 from lensforge.results.verdict import TITLES
 from lensforge.shop.check_result import Check
 from lensforge.spec.accuracy import PRESETS
 
-_RINGS = re.compile(r"number of rings|more --rings")
-_FIELD = re.compile(r"\b([a-z]+(?:\.[a-z_]+)+) = (-?\d+(?:\.\d+)?)")
+_RINGS = (OTHER_RINGS, MORE_RINGS, FINER_FACETS)  # remedies that ask for a finer mesh
 _FINER = 2  # times as many rings as before
 _MOST_RINGS = 10_000
 
@@ -35,7 +35,7 @@ def _of_light(run: Run) -> Iterator[Fields]:
 def _of_files(run: Run) -> Iterator[Fields]:
     remedies = [criterion.remedy for _, criterion in run.criteria() if not criterion.holds]
     part = run.find(Part)
-    if part is not None and any(map(_RINGS.search, remedies)):
+    if part is not None and any(words in remedy for words in _RINGS for remedy in remedies):
         rings = min(_FINER * part.triangulation.rings, _MOST_RINGS)
         yield {"words": f"Export with a finer mesh ({rings} rings)", "do": "finer", "content": {"rings": rings}}
     elif any("export" in remedy for remedy in remedies) or set(run.missing) & {"export", "verify"}:
@@ -47,9 +47,7 @@ def _of_cutting(run: Run) -> Iterator[Fields]:
     if check is None:
         yield {"words": "Make the part", "do": "part", "content": {}}
         return
-    for fact in check.verdicts:
-        named = _FIELD.search(fact.remedy) if fact.state == "fail" else None
-        if named is not None:
-            place = named[1].split(".")
-            change = {"place": place, "value": {"toml": named[2]}}
-            yield {"words": f"Set {named[1]} = {named[2]}, then search again", "change": change}
+    for finding in check.judgements()["verdicts"]:  # made again: a file keeps the sentences alone
+        for change in finding.changes[:1]:
+            made = {"place": change.field.split("."), "value": {"toml": change.value}}
+            yield {"words": f"Set {change.field} = {change.value}, then search again", "change": made}

@@ -19,7 +19,7 @@ import numpy as np
 from jaxtyping import Float
 
 from lensforge.errors import InputError
-from lensforge.sources.intensity import TabulatedIntensity
+from lensforge.sources.photometric.candela_table import CandelaTable
 from lensforge.sources.photometric.half_planes import tabulated
 from lensforge.sources.photometric.opening import LuminousOpening
 from lensforge.sources.photometric.photometric_file import (
@@ -172,7 +172,7 @@ def _steps(lines: list[str], place: int, name: str, angles: Float[np.ndarray, " 
         yield f"{asked}, its angles have {actual}: these are taken"
 
 
-def _downward(line: str, intensity: TabulatedIntensity) -> Iterator[str]:
+def _downward(line: str, intensity: CandelaTable) -> Iterator[str]:
     """Words on a share of the light that goes down other than that of the intensities."""
     actual = 100.0 * intensity.share_up_to_90()
     stated = _number_or_0(line)

@@ -19,7 +19,7 @@ from jaxtyping import Float
 
 from lensforge.errors import InputError, refused
 from lensforge.results.text_dialect import number_in
-from lensforge.sources.intensity import TabulatedIntensity
+from lensforge.sources.photometric.candela_table import CandelaTable
 from lensforge.sources.photometric.half_planes import converted, not_below_zero, tabulated
 from lensforge.sources.photometric.ies_labels import NEWEST, IesVersion, Labels, label_lines, read_labels
 from lensforge.sources.photometric.opening import LuminousOpening
@@ -153,7 +153,7 @@ def _factor(word: str, labels: Labels) -> tuple[float, tuple[str, ...]]:
 
 def _far_field(
     kind: _Type, h_deg: Float[np.ndarray, " h"], v_deg: Float[np.ndarray, " v"], candela: np.ndarray, name: str
-) -> tuple[TabulatedIntensity, tuple[str, ...]]:
+) -> tuple[CandelaTable, tuple[str, ...]]:
     """Intensity over C and gamma by the horizontal and vertical angles of the file, and warnings."""
     if kind == "C":
         table, warnings = tabulated(h_deg, v_deg, candela, name)

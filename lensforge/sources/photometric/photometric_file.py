@@ -18,9 +18,8 @@ from typing import Any, Literal
 import numpy as np
 
 from lensforge.errors import InputError
-from lensforge.optics.colorimetry import LARGEST_LM_PER_W
 from lensforge.results.text_dialect import number_in
-from lensforge.sources.intensity import TabulatedIntensity
+from lensforge.sources.photometric.candela_table import CandelaTable
 from lensforge.sources.photometric.opening import NO_OPENING, LuminousOpening
 from lensforge.version import __version__
 
@@ -61,11 +60,11 @@ def generation_code(title: str) -> str:
     return _CODES.get(title, _CODES[UNDEFINED])
 
 
-def turned_over(table: TabulatedIntensity) -> TabulatedIntensity:
+def turned_over(table: CandelaTable) -> CandelaTable:
     """Table with C counted the other way: from a file's frame to the lens's, where C runs from +x to +y, or back."""
     if len(table.c_deg) == 1:
         return table
-    return TabulatedIntensity(np.ascontiguousarray(360.0 - table.c_deg[::-1]), table.gamma_deg, table.values[::-1])
+    return CandelaTable(np.ascontiguousarray(360.0 - table.c_deg[::-1]), table.gamma_deg, table.values[::-1])
 
 
 MOST_NUMBERS = 10**6  # of intensities: 721 x 361 is the finest seen; more comes from a damaged header
@@ -162,7 +161,7 @@ class PhotometricFile:
     and text: keywords of LM-63, elements of TM-33 by their path.
     """
 
-    intensity: TabulatedIntensity
+    intensity: CandelaTable
     lamps: tuple[LampSet, ...] = (LampSet(),)
     stated_lumens: float | None = _stated(None, "stated lumens of the luminaire")
     title: str = _stated("", "name of the luminaire")
@@ -220,6 +219,10 @@ def single_line(text: str) -> str:
     return " ".join("".join(mark if mark.isprintable() else " " for mark in text).split())
 
 
+class UnknownFormat(InputError):
+    """A file whose content is none of the known formats."""
+
+
 @dataclass(frozen=True)
 class PhotometricFormat:
     """A format: ``matches`` a text by its content, ``decode`` a text and its file's name, ``encode`` a far field.
@@ -236,6 +239,7 @@ class PhotometricFormat:
 
 
 ROAD_STEP_DEG = 2.5  # of gamma, for roads: CIE 140
+_LARGEST_LM_PER_W = 683.002  # of light at 555 nm, the peak of V
 _FLUX_TOLERANCE = 0.01  # integral and stated flux of real files agree this well
 # Sides of a luminous opening or a luminaire.
 _SMALLEST_MM = 1.0
@@ -256,7 +260,7 @@ def _contradictions(file: PhotometricFile) -> Iterator[str]:
         yield f"its intensities integrate to {lumens:.6g} lm, the file states {stated:.6g} lm"
     if file.lamp_lumens and lumens > file.lamp_lumens * (1.0 + _FLUX_TOLERANCE):
         yield f"its light has {lumens:.6g} lm, its lamps only {file.lamp_lumens:.6g} lm: check its factors"
-    if watts > 0.0 and lumens > LARGEST_LM_PER_W * watts:
+    if watts > 0.0 and lumens > _LARGEST_LM_PER_W * watts:
         yield f"{lumens / watts:.4g} lm per W, no light has more than 683: check its lumens and watts"
 
 

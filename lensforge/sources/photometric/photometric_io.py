@@ -6,22 +6,26 @@ record: what a format states, and the other has no place for, is listed.
 
 import re
 from collections.abc import Iterator
-from dataclasses import fields, replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 
 import numpy as np
 
-from lensforge.errors import InputError
-from lensforge.results import Count, Record, Text
+from lensforge.errors import InputError, shortened
 from lensforge.results.files import MIB, read_file, write_file
 from lensforge.results.text_dialect import decoded
-from lensforge.results.validation import shortened
 from lensforge.sources.photometric import ies
 from lensforge.sources.photometric.eulumdat import FORMAT as EULUMDAT
 from lensforge.sources.photometric.ies import FORMAT as IES
 from lensforge.sources.photometric.ies_labels import NEWEST, IesVersion
 from lensforge.sources.photometric.opening import NO_OPENING, LuminousOpening
-from lensforge.sources.photometric.photometric_file import UNDEFINED, LampSet, PhotometricFile, PhotometricFormat
+from lensforge.sources.photometric.photometric_file import (
+    UNDEFINED,
+    LampSet,
+    PhotometricFile,
+    PhotometricFormat,
+    UnknownFormat,
+)
 from lensforge.sources.photometric.tm33 import FORMAT as TM33
 from lensforge.sources.photometric.tm33_document import INDEX, KELVIN, whole_in
 
@@ -62,14 +66,7 @@ def photometric_of(content: bytes, name: str) -> PhotometricFile:
         if entry.matches(text):
             file = entry.decode(text, name)
             return replace(file, warnings=(*warnings, *file.warnings))
-    # loaded where a file is none of these: few that read them need the formats of rays
-    from lensforge.sources.rayfiles.formats import format_of
-    from lensforge.sources.rayfiles.ray_file_rows import FileImage, as_plain_text
-
-    image = FileImage(Path(name), np.frombuffer(content, dtype=np.uint8))
-    if (rays := format_of(as_plain_text(image))) is not None:
-        raise InputError(f'{name}: a ray file ({rays.title}): use it as a source of kind "rayfile"')
-    raise InputError(f"{name}: neither IES LM-63 nor EULUMDAT nor TM-33; export one of these")
+    raise UnknownFormat(f"{name}: neither IES LM-63 nor EULUMDAT nor TM-33; export one of these")
 
 
 def photometric_format(path: Path) -> PhotometricFormat | None:
@@ -102,16 +99,17 @@ _SAME = 1e-6  # relative: numbers are written with seven digits
 _SAME_STATED = 1e-4  # of numbers of a header
 
 
-class PhotometricConversion(Record):
+@dataclass(frozen=True)
+class PhotometricConversion:
     """Conversion of a photometric file: formats, size of the table, and what the new file lost."""
 
-    from_format: Text
-    to_format: Text
-    planes: Count
-    gammas: Count
-    bytes: Count
-    lost: tuple[Text, ...]
-    warnings: tuple[Text, ...]
+    from_format: str
+    to_format: str
+    planes: int
+    gammas: int
+    bytes: int
+    lost: tuple[str, ...]
+    warnings: tuple[str, ...]
 
 
 def convert_photometric(path_in: Path, path_out: Path, *, ies_version: IesVersion = NEWEST) -> PhotometricConversion:

@@ -17,7 +17,7 @@ import numpy as np
 from jaxtyping import Float
 
 from lensforge.errors import InputError, refused
-from lensforge.sources.intensity import TabulatedIntensity
+from lensforge.sources.photometric.candela_table import CandelaTable
 from lensforge.sources.photometric.half_planes import tabulated
 from lensforge.sources.photometric.ies_labels import NOT_STATED
 from lensforge.sources.photometric.opening import LuminousOpening
@@ -218,7 +218,7 @@ def _emitter(root: ElementTree.Element, name: str) -> tuple[ElementTree.Element,
     return lit[0], (f"{unused} emitters without luminous intensities are left out",) * bool(unused)
 
 
-def _intensity(emitter: ElementTree.Element, name: str) -> tuple[TabulatedIntensity, tuple[str, ...]]:
+def _intensity(emitter: ElementTree.Element, name: str) -> tuple[CandelaTable, tuple[str, ...]]:
     """Intensity over C and gamma, from a list that has every pair of its angles once, in any order."""
     entries = emitter.findall(f"{_INTENSITY}/IntData")
     rows = np.array([_datum(entry, name) for entry in entries]).reshape(-1, 3)
@@ -247,7 +247,7 @@ _REVOLUTION = "full"
 _SAME_IMAGE = 0.02  # of the largest intensity
 
 
-def _of_symmetry(emitter: ElementTree.Element, intensity: TabulatedIntensity) -> Iterator[str]:
+def _of_symmetry(emitter: ElementTree.Element, intensity: CandelaTable) -> Iterator[str]:
     """Words on a symmetry that the file states, and its intensities or its angles h do not have."""
     stated = _text(emitter, f"{_INTENSITY}/Symm")
     word = stated.lower().removeprefix("symm").strip("_ ")
@@ -268,7 +268,7 @@ def _of_symmetry(emitter: ElementTree.Element, intensity: TabulatedIntensity) ->
         yield f"Symm = {stated!r}, but its intensities have not that symmetry: they are taken as they stand"
 
 
-def _has_images(intensity: TabulatedIntensity, about: tuple[bool, bool], revolution: bool) -> bool:
+def _has_images(intensity: CandelaTable, about: tuple[bool, bool], revolution: bool) -> bool:
     """True where the table is its own mirror image ``about`` C 0 and C 90, as far as asked, or of ``revolution``."""
     if len(intensity.c_deg) == 1:
         return True

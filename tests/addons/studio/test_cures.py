@@ -8,14 +8,14 @@ import pytest
 from lensforge.addons.studio.cures import cure_of
 from lensforge.cad.part import Part
 from lensforge.proof.remedies import FINER, form_of_mesh
+from lensforge.results.fact import Change
 from lensforge.results.figure import Criterion, marks_of
 
 
-def run(remedy: str = "", accuracy: str = "draft", rings: int = 68) -> Any:
+def run(remedy: str = "", accuracy: str = "draft", rings: int = 68, changes: tuple[Change, ...] = ()) -> Any:
     missed = SimpleNamespace(holds=not remedy, remedy=remedy, state="fail" if remedy else "pass")
-    found = SimpleNamespace(
-        triangulation=SimpleNamespace(rings=rings), verdicts=[SimpleNamespace(state="pass"), missed]
-    )
+    findings = [SimpleNamespace(changes=()), SimpleNamespace(changes=changes)]
+    found = SimpleNamespace(triangulation=SimpleNamespace(rings=rings), judgements=lambda: {"verdicts": findings})
     lens = SimpleNamespace(accuracy=accuracy)
     met = SimpleNamespace(holds=True, remedy="")
     return SimpleNamespace(
@@ -45,7 +45,8 @@ def test_other_verdicts_are_cured_by_what_their_reasons_name() -> None:
     for remedy in ("export again: the mesh is not closed", f"lens.step is right, so {FINER}"):
         again = cure_of("CAD files", run(remedy))
         assert again is not None and again["do"] == "part", "whose mesh is as fine as the light asks"
-    tool = cure_of("Manufacture", run("manufacture.cutter_radius_mm = 0.736, or a wider pitch of lamps"))
+    smaller = (Change("manufacture.cutter_radius_mm", "0.736"), Change("manufacture.max_tilt_deg", "50"))
+    tool = cure_of("Manufacture", run(changes=smaller))
     change = {"place": ["manufacture", "cutter_radius_mm"], "value": {"toml": "0.736"}}
     assert tool is not None and tool["change"] == change and "cutter_radius_mm = 0.736" in tool["words"]
     better = cure_of("Photometry", run(accuracy="standard"))

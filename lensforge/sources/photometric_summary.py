@@ -6,7 +6,7 @@ content: rays, or the far field of a photometric file.
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, ClassVar, Literal
+from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
 import numpy as np
 from jaxtyping import Float
@@ -16,13 +16,16 @@ from lensforge.errors import InputError
 from lensforge.public import public
 from lensforge.results import Count, NotNegative, Number, Record, Share, StageResult, Text
 from lensforge.results.arguments import with_known_names
+from lensforge.results.figure import Figure
 from lensforge.results.plots import Axes, new_axes
 from lensforge.sources.intensity import PlaneBeam, TabulatedIntensity, beam_in_plane, plane_profile
+from lensforge.sources.light_files import holds_far_field, read_photometric, read_rayfile
+from lensforge.sources.photometric.candela_table import CandelaTable
 from lensforge.sources.photometric.photometric_file import far_field_warnings
-from lensforge.sources.photometric.photometric_io import TITLES, photometric_format, read_photometric
+from lensforge.sources.photometric.photometric_io import TITLES
 
 if TYPE_CHECKING:
-    from lensforge.sources.rayfiles.ray_file_summary import RayFileSummary
+    from lensforge.sources.ray_file_summary import RayFileSummary
 
 
 _COLOURS = ("#c0392b", "#2f7fd1")
@@ -57,18 +60,18 @@ _PLANES = (0.0, 90.0)  # C 0 - C 180 and C 90 - C 270
 class FarFieldAngles(Record):
     """Angles of a table: the number of half-planes C and of angles gamma, and the ends of gamma (deg)."""
 
-    planes: Count
-    gammas: Count
-    first_gamma_deg: Number
-    last_gamma_deg: Number
+    planes: Annotated[Count, Figure("half-planes C")]
+    gammas: Annotated[Count, Figure("angles gamma")]
+    first_gamma_deg: Annotated[Number, Figure("first gamma")]
+    last_gamma_deg: Annotated[Number, Figure("last gamma")]
 
 
 class FarFieldPeak(Record):
     """Largest intensity (cd), and the direction where the table has it first (deg)."""
 
-    intensity_cd: NotNegative
-    c_deg: Number
-    gamma_deg: Number
+    intensity_cd: Annotated[NotNegative, Figure("largest intensity")]
+    c_deg: Annotated[Number, Figure("which is at C")]
+    gamma_deg: Annotated[Number, Figure("and at gamma")]
 
 
 @public
@@ -103,22 +106,22 @@ class PhotometricSummary(StageResult):
     photometric_type: Literal["A", "B", "C"]
     symmetry: Text
     angles: FarFieldAngles
-    lumens: NotNegative
-    lamp_lumens: NotNegative | None
-    stated_lumens: NotNegative | None
-    share_above_90: Share
+    lumens: Annotated[NotNegative, Figure("flux by intensities")]
+    lamp_lumens: Annotated[NotNegative | None, Figure("flux of the lamps", unit="lm")]
+    stated_lumens: Annotated[NotNegative | None, Figure("flux as stated", unit="lm")]
+    share_above_90: Annotated[Share, Figure("share above gamma 90°")]
     peak: FarFieldPeak
-    axis_cd: NotNegative
+    axis_cd: Annotated[NotNegative, Figure("intensity on the axis")]
     beam_c0: PlaneBeam
     beam_c90: PlaneBeam
     watts: NotNegative | None
     lumens_per_electric_watt: NotNegative | None
     opening_diameter_mm: NotNegative
     opening_shape: Text
-    opening_mm: tuple[NotNegative, NotNegative, NotNegative]
+    opening_mm: Annotated[tuple[NotNegative, NotNegative, NotNegative], Figure("its sizes")]
     lamps: tuple[Text, ...]
     warnings: tuple[Text, ...]
-    _intensity: TabulatedIntensity | None = PrivateAttr(None)
+    _intensity: CandelaTable | None = PrivateAttr(None)
 
     def plot(self, axes: "Axes | None" = None) -> "Axes":
         """Draw the polar diagram in both planes, gamma = 0 downwards as in data sheets.
@@ -153,7 +156,7 @@ def summarise_photometric(path: Path) -> PhotometricSummary:
         format=file.format,
         title=TITLES[file.format],
         luminaire=file.title,
-        symmetry="revolution" if len(table.c_deg) == 1 else table.symmetry,
+        symmetry="revolution" if len(table.c_deg) == 1 else TabulatedIntensity.of(table).symmetry,
         angles=FarFieldAngles(
             planes=max(len(table.c_deg) - 1, 1),
             gammas=len(table.gamma_deg),
@@ -183,18 +186,6 @@ def summarise_photometric(path: Path) -> PhotometricSummary:
     return summary
 
 
-_SUFFIXES = (".ies", ".ldt", ".iesxml")
-
-
-def holds_far_field(path: Path) -> bool:
-    """True for a photometric file, whatever its name, and for one that is only named so and holds no rays."""
-    from lensforge.sources.rayfiles.ray_file_io import is_rayfile
-
-    if not path.is_file() or is_rayfile(path):
-        return False
-    return photometric_format(path) is not None or path.suffix.lower() in _SUFFIXES
-
-
 @public
 @with_known_names
 def rays(file: Path | str) -> "RayFileSummary | PhotometricSummary":
@@ -208,8 +199,7 @@ def rays(file: Path | str) -> "RayFileSummary | PhotometricSummary":
         >>> summary = lf.rays("cad_out/quickstart/lens.ies")
         >>> print(summary.lumens, summary.beam_c0)
     """
-    from lensforge.sources.rayfiles.ray_file_io import read_rayfile
-    from lensforge.sources.rayfiles.ray_file_statistics import describe
+    from lensforge.sources.ray_file_statistics import describe
 
     if not isinstance(file, Path | str):
         raise InputError(f"rays: {type(file).__name__} given; give the path of a ray file")

@@ -15,12 +15,13 @@ from lensforge.errors import InputError
 from lensforge.optics.colorimetry import LARGEST_LM_PER_W, luminous_efficacy
 from lensforge.results import Point
 from lensforge.sources.ray_bundle import RayBundle, Rays, blocks_of, total_of
+from lensforge.sources.ray_file_summary import Box, FileFlux, RayFileSummary, WavelengthRange
 from lensforge.sources.rayfiles.formats import FORMATS
-from lensforge.sources.rayfiles.ray_file import RayFile, causes, column_product, no_usable_ray, usable_blocks
+from lensforge.sources.rayfiles.ray_file import RayFile, causes, column_product, no_usable_ray
 from lensforge.sources.rayfiles.ray_file_rows import HUGE
-from lensforge.sources.rayfiles.ray_file_summary import Box, FileFlux, RayFileSummary, WavelengthRange
 from lensforge.sources.source_spectrum import ColourSums
 from lensforge.sources.source_summary import RaysDropped, as_point
+from lensforge.sources.stored_rays import usable_blocks
 
 _PARALLEL = 1e-9  # smallest over largest eigenvalue below which rays count as parallel
 

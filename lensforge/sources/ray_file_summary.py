@@ -5,23 +5,24 @@ The plots show start points from the front and from the side, directions, and in
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import ClassVar, Literal, get_args
+from typing import Annotated, ClassVar, Literal, get_args
 
 import numpy as np
 from jaxtyping import Float
 from pydantic import PrivateAttr
 
-from lensforge.errors import InputError
+from lensforge.errors import InputError, shortened
 from lensforge.public import public
 from lensforge.results import Count, NotNegative, Number, Point, Record, Share, StageResult, Text
 from lensforge.results.arguments import require_choice
+from lensforge.results.figure import Figure
 from lensforge.results.files import replacing
 from lensforge.results.plots import Axes, new_axes
-from lensforge.results.validation import shortened
 from lensforge.sources.ray_bundle import RayBundle
-from lensforge.sources.rayfiles.ray_file import FluxUnit, HeaderValue, RayFile, no_usable_ray, usable_blocks
+from lensforge.sources.rayfiles.ray_file import FluxUnit, HeaderValue, RayFile, no_usable_ray
 from lensforge.sources.rayfiles.ray_file_rows import HUGE, as_float64
 from lensforge.sources.source_summary import RaysDropped
+from lensforge.sources.stored_rays import usable_blocks
 
 Panel = Literal["front", "side", "directions", "intensity"]
 _PIXELS = 160
@@ -95,7 +96,7 @@ class Histograms:
 def draw(rayfile: RayFile, path: Path) -> None:
     """Write all four panels to ``path``, a PNG, SVG or PDF file. Raises :class:`InputError` for any other suffix."""
     import matplotlib.style
-    from matplotlib.figure import Figure
+    from matplotlib.figure import Figure as Drawing
 
     if Path(path).suffix.lower() not in _SUFFIXES:
         raise InputError(f"{path}: its suffix must be one of {', '.join(_SUFFIXES)}")
@@ -103,7 +104,7 @@ def draw(rayfile: RayFile, path: Path) -> None:
     flux = float(histograms.rings.sum())
     title = f"{shortened(Path(rayfile.path).name)}: {len(rayfile):,} rays, {flux:.4g} {rayfile.flux_unit}"
     with matplotlib.style.context("default"), replacing(Path(path)) as temporary:  # whatever a matplotlibrc says
-        figure = Figure(figsize=(11.0, 9.0), layout="constrained")
+        figure = Drawing(figsize=(11.0, 9.0), layout="constrained")
         figure.suptitle(title, parse_math=False)  # a name may hold $, _ and ^
         for place, which in enumerate(get_args(Panel), start=1):
             draw_panel(figure.add_subplot(2, 2, place), histograms, which, rayfile.flux_unit)
@@ -147,27 +148,27 @@ class FileFlux(Record):
     """Flux of the source by header and by rays, in ``unit``; ``total_from``: which of them ``total`` is."""
 
     unit: FluxUnit
-    header_w: Number | None
-    header_lm: Number | None
-    total: Number | None = None
-    total_from: Literal["header", "rays"] | None = None
-    ray_sum: Number | None = None
-    backward_share: Share | None = None
+    header_w: Annotated[Number | None, Figure("flux by the header")]
+    header_lm: Annotated[Number | None, Figure("flux by the header")]
+    total: Annotated[Number | None, Figure("flux of the source", unit="{unit}")] = None
+    total_from: Annotated[Literal["header", "rays"] | None, Figure("which is taken from")] = None
+    ray_sum: Annotated[Number | None, Figure("sum of the rays", unit="{unit}")] = None
+    backward_share: Annotated[Share | None, Figure("share towards −z")] = None
 
 
 class WavelengthRange(Record):
     """Wavelengths (nm); ``mean``: by flux, None where the shares of several spectral tables are unknown."""
 
-    min: Number
-    max: Number
-    mean: Number | None = None
+    min: Annotated[Number, Figure("shortest wavelength")]
+    max: Annotated[Number, Figure("longest wavelength")]
+    mean: Annotated[Number | None, Figure("mean wavelength")] = None
 
 
 class Box(Record):
     """Two corners of a box (mm)."""
 
-    min: Point
-    max: Point
+    min: Annotated[Point, Figure("start points from")]
+    max: Annotated[Point, Figure("start points to")]
 
 
 @public
@@ -186,10 +187,15 @@ class RayFileSummary(StageResult):
 
     format: Text
     title: Text | None
-    rays: Count
+    rays: Annotated[Count, Figure("rays in the file")]
     rays_used: Count | None = None
-    rays_dropped: RaysDropped | None = None
-    effective_rays: NotNegative | None = None
+    rays_dropped: Annotated[
+        RaysDropped | None,
+        Figure("left out: not finite", of="not_finite"),
+        Figure("left out: no direction", of="zero_direction"),
+        Figure("left out: no flux", of="no_flux"),
+    ] = None
+    effective_rays: Annotated[NotNegative | None, Figure("rays of equal flux, as noisy")] = None
     flux: FileFlux
     bounding_box_mm: Box | None = None
     virtual_focus_mm: Point | None = None
