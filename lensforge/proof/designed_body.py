@@ -71,7 +71,8 @@ class DesignedFace:
 
     def within(self, extent: tuple[float, float], points: _Points) -> Bool[np.ndarray, " n"]:
         """True for points in whose direction the distance from the chart's centre is within ``extent``."""
-        sine, cosine = np.hypot(points[:, 0], points[:, 1]), np.linalg.norm(points, axis=1) + points[:, 2]
+        sine = np.hypot(points[:, 0], points[:, 1])
+        cosine = np.linalg.norm(points, axis=1) + points[:, 2]
         return np.asarray((sine >= extent[0] * cosine) & (sine <= extent[1] * cosine))
 
 

@@ -228,7 +228,8 @@ def _with_told(
 ) -> dict[str, Any]:
     read = dict(content)
     for name, info in kind.model_fields.items():
-        judged, told = marker(info, Criterion), marker(info, InCriterion)
+        judged = marker(info, Criterion)
+        told = marker(info, InCriterion)
         if told is not None and name not in content:
             criterion = told.name or (judged and judged.name) or _name([*path, name])
             if criterion in criteria:
@@ -274,7 +275,8 @@ def _fact(declared: _Declared[Figure], held: Sequence[Fact]) -> Fact | None:
     value: Any = mark.missing if declared.value is None else declared.value
     if value is None:
         return None
-    label, note = declared.text(mark.label), declared.text(mark.note)
+    label = declared.text(mark.label)
+    note = declared.text(mark.note)
     key = declared.text(mark.key) or declared.name
     if mark.unit == "%":
         fact = Fact.share(key, label, value, note)

@@ -9,7 +9,10 @@ from lensforge.cad.part_limits import ANGLE_TOLERANCE_DEG
 from lensforge.results import Array, NotNegative, Number, Point, Positive, Record, Share, Text
 from lensforge.results.figure import Criterion, Figure
 
-BASE, FLANGE, PLATE = "base", "flange", "plate"  # what stands around the optical faces of a moulded part
+# Parts around the optical faces of a moulded part.
+BASE = "base"
+FLANGE = "flange"
+PLATE = "plate"
 FLAT_MM = 1e6  # a radius beyond it is that of a plane
 
 
