@@ -19,13 +19,13 @@ QUICK := $(addprefix tests/,definitions light optics kernels spec test_architect
 quick: setup  ## between edits: the tests that see most, in under 90 seconds
 	$(BIN)/python -m pytest -n 3 --dist loadfile --no-loadscope-reorder $(QUICK)
 
-nightly: setup  ## what takes longer than the suite, step by step; the outcomes go to docs/nightly.md: hours
+nightly: setup  ## what takes longer than the suite, step by step; the outcomes go to build/nightly: hours
 	$(BIN)/python .ci/nightly.py
 
 lowest:  ## a draft and all stages with the lowest version of each dependency that pyproject.toml declares
 	$(PYTHON) -m venv --clear build/lowest
 	$(PYTHON) .ci/lowest.py > build/lowest.txt
-	build/lowest/bin/python -m pip install --quiet --constraint constraints.txt --constraint build/lowest.txt .
+	build/lowest/bin/python -m pip install --quiet --constraint constraints.txt --constraint build/lowest.txt '.[all]'
 	build/lowest/bin/lensforge design examples/quickstart.toml --accuracy draft --out build/lowest_run
 	for stage in "export --schema AP242" check "verify --stray" handover photometry report; do \
 		build/lowest/bin/lensforge $$stage build/lowest_run || exit 1; \
@@ -56,7 +56,7 @@ setup: .venv/.ready-dev  ## .venv with all that tests and pages need
 INSTALL = $(PYTHON) -m venv .venv && $(BIN)/python -m pip install --quiet --no-compile --constraint constraints.txt
 
 .venv/.ready: pyproject.toml setup.py constraints.txt
-	$(INSTALL) --editable .
+	$(INSTALL) --editable '.[all]'
 	touch $@
 
 .venv/.ready-dev: pyproject.toml setup.py constraints.txt

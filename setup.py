@@ -31,7 +31,13 @@ setup(
     packages=find_packages(include=["lensforge", "lensforge.*"]),
     package_dir={"": "."},
     package_data={
-        "lensforge": ["report/templates/*", "shop/templates/*", "live/page/*", "scene/road_surfaces/*.csv", "py.typed"]
+        "lensforge": [
+            "report/templates/*",
+            "shop/templates/*",
+            "addons/*/page/*",
+            "scene/road_surfaces/*.csv",
+            "py.typed",
+        ]
     },
     cmdclass={"build_py": BuildWithExamples},
 )

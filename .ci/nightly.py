@@ -1,10 +1,10 @@
-"""What takes longer than the suite: run step by step, and the last outcome of each kept in docs/nightly.json.
+"""What takes longer than the suite: run step by step, and the last outcome of each kept in build/nightly/outcomes.json.
 
 python .ci/nightly.py                    every step, one after another; a step that fails stops no other
 python .ci/nightly.py wheel notebooks    these
-python .ci/nightly.py --fill             run nothing; the table of docs/nightly.md again, from the kept outcomes
+python .ci/nightly.py --show             run nothing; print the table of the kept outcomes
 
-Each step's output is in build/nightly. Exit code 1 where a step failed.
+The output of a step is in build/nightly. Exit code 1 where a step failed.
 """
 
 import argparse
@@ -18,9 +18,10 @@ from pathlib import Path
 from typing import Any
 
 ROOT = Path(__file__).parents[1]
-KEPT, PAGE, LOGS = ROOT / "docs" / "nightly.json", ROOT / "docs" / "nightly.md", ROOT / "build" / "nightly"
+LOGS = ROOT / "build" / "nightly"
+KEPT = LOGS / "outcomes.json"
 sys.path.append(str(ROOT / "benchmarks"))
-from result_tables import between_marks, table  # noqa: E402
+from result_tables import table  # noqa: E402
 
 _TESTS = ".venv/bin/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder"
 # Files whose number of cases grows with LENSFORGE_FUZZ. Ten times as many: a hundred times would take days.
@@ -31,6 +32,7 @@ _RANDOM = (
 STEPS = {
     "lowest": "make lowest",
     "wheel": "make wheel",
+    "addons": ".venv/bin/python .ci/without_addons.py",
     "docs": "make docs",
     "notebooks": "make notebooks",
     "verdicts": ".venv/bin/python benchmarks/verdicts.py",
@@ -41,21 +43,21 @@ _COUNTS = re.compile(r"^=*\s*((?:\d+ \w+,? ?)+) in [\d.]+s|^(\d+ cases.*)$", re.
 
 
 def main() -> int:
-    """Run the steps, and write the page."""
+    """Run the steps, and print the table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("steps", nargs="*", metavar="STEP", help=f"of {', '.join(STEPS)}; default: all")
-    parser.add_argument("--fill", action="store_true", help="run nothing")
+    parser.add_argument("--show", action="store_true", help="run nothing")
     options = parser.parse_args()
     unknown = [name for name in options.steps if name not in STEPS]
     if unknown:
         parser.error(f"no step {unknown[0]!r}; one of {', '.join(STEPS)}")
     failed = 0
-    for name in () if options.fill else options.steps or STEPS:
+    for name in () if options.show else options.steps or STEPS:
         found = outcome_of(name)
         failed += found["outcome"] != "passed"
         print(f"{name}: {found['outcome']}, {found['seconds']} s {found['counts']}", flush=True)
         keep(name, found)
-    PAGE.write_text(between_marks(PAGE.read_text(encoding="utf-8"), PAGE.name, "nights", rows()), encoding="utf-8")
+    print(rows())
     return min(failed, 1)
 
 
@@ -81,9 +83,7 @@ def commit() -> str:
     """The commit that is checked out, with a + where files are changed."""
     git = ["git", "-C", str(ROOT)]
     head = subprocess.run([*git, "rev-parse", "--short", "HEAD"], capture_output=True, encoding="utf-8", check=True)
-    changed = subprocess.run(
-        [*git, "status", "--porcelain", "-uno", "--", ".", ":!docs/nightly.*"], capture_output=True
-    )
+    changed = subprocess.run([*git, "status", "--porcelain", "-uno"], capture_output=True)
     return head.stdout.strip() + ("+" if changed.stdout else "")
 
 
@@ -97,7 +97,7 @@ def keep(name: str, found: dict[str, Any]) -> None:
 
 
 def rows() -> str:
-    """The table of the page."""
+    """The table of all steps, in Markdown."""
     kept = json.loads(KEPT.read_text(encoding="utf-8")) if KEPT.exists() else {}
     return table([row(name, kept.get(name)) for name in STEPS], ("step", "day", "commit", "time", "outcome", "counted"))
 

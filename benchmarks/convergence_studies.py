@@ -1,4 +1,4 @@
-"""Put the convergence studies of finished lenses into docs/accuracy.md, between the marks that name each folder.
+"""Convergence studies of finished lenses, as Markdown: rays, tables, pixels, faces, meshes and stages of the search.
 
     python benchmarks/convergence_studies.py cad_out/flat_top cad_out/pi [--most-rays N]
 
@@ -9,8 +9,6 @@ import lensforge  # noqa: F401  before torch, whose idle threads then sleep
 
 # isort: split
 import argparse
-import re
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -22,12 +20,10 @@ from convergence.text import preset_text, study_text
 
 from lensforge.light.simulation import TracedLens
 from lensforge.light.table_trace import Scene
-from lensforge.results.files import replacing
 from lensforge.scene.lens import Lens, load_lens
 from lensforge.scene.receiver_shapes import receivers_of
 from lensforge.sources.build_source import build_source
 
-PAGE = Path(__file__).parents[1] / "docs" / "accuracy.md"
 THINNED = 4  # the cast uses every fourth of the rays of the table study
 WARM_UP_RAYS = 512  # compile the kernels, so that no level includes it
 
@@ -54,22 +50,15 @@ def text_of(lens: Lens, most_rays: int) -> Iterator[str]:
 
 
 def main() -> None:
-    """Replace the text between the marks of each folder."""
+    """Print the studies of each folder."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("directories", type=Path, nargs="+", metavar="DIR", help="result folder with lens.json")
     parser.add_argument("--most-rays", type=int, default=2**24, help="rays of the longest runs")
     options = parser.parse_args()
     torch.set_num_threads(1)
     for directory in options.directories:
-        marks = f"<!-- {directory.name} -->\n", f"<!-- end of {directory.name} -->"
-        body = "\n".join(text_of(load_lens(directory / "lens.json"), options.most_rays))
-        pattern = re.escape(marks[0]) + ".*?" + re.escape(marks[1])
-        page = PAGE.read_text(encoding="utf-8")
-        page, count = re.subn(pattern, lambda _, m=marks, b=body: f"{m[0]}\n{b}\n\n{m[1]}", page, flags=re.DOTALL)
-        if count != 1:
-            sys.exit(f"{PAGE}: no marks for {directory.name}")
-        with replacing(PAGE) as temporary:
-            temporary.write_text(page, encoding="utf-8")
+        print(f"## {directory.name}\n")
+        print(*text_of(load_lens(directory / "lens.json"), options.most_rays), sep="\n", end="\n\n", flush=True)
 
 
 if __name__ == "__main__":

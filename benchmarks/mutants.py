@@ -1,16 +1,16 @@
-"""Share of single bugs (mutants) that the tests notice; docs/mutants.md has the outcome.
+"""Share of single bugs (mutants) that the tests notice.
 
     pip install cosmic-ray                            # 8.7.0, which changes the source; lensforge does not need it
     python benchmarks/mutants.py --count 200 --seed 0
     python benchmarks/mutants.py --count 300          # goes on: the next hundred of the same draw
     python benchmarks/mutants.py --again              # those that survived, after tests were written
-    python benchmarks/mutants.py --fill               # the table and the lists of docs/mutants.md
     python benchmarks/mutants.py --modules light/exit_light.py --count 50 --out cad_out/sphere.json
 
 A mutant is one change of one place: + for -, < for <=, 2 for 3, a condition turned round. They are drawn from all that
 cosmic-ray finds in the modules of mutation/own_tests.py, so that any number of them has of each module its share. The
 tests of the module, which that table names, run in a copy of the checkout until one fails, or for three times the
-processor time that they take without a bug. mutation/equivalent.json has the survivors that are no bugs, with reasons.
+processor time that they take without a bug. Outcomes are kept in build/mutants.json, and those of earlier runs counted.
+mutation/equivalent.json has the survivors that are no bugs, with reasons.
 Compiled kernels are not changed, and stay compiled: the modules drawn from have none.
 """
 
@@ -26,17 +26,13 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=0, help="of the draw")
     parser.add_argument("--modules", nargs="*", default=[], help="such as targets or light/exit_light.py; default: all")
     parser.add_argument("--again", action="store_true", help="draw none; try those again that survived")
-    parser.add_argument("--fill", action="store_true", help="run nothing; write the outcomes into docs/mutants.md")
-    parser.add_argument("--out", type=Path, default=FOLDER / "docs" / "mutants.json", help="the file of outcomes")
+    parser.add_argument("--out", type=Path, default=FOLDER / "build" / "mutants.json", help="the file of outcomes")
     parser.add_argument("--copy", type=Path, default=FOLDER / "build" / "mutants", help="where the checkout is copied")
     options = parser.parse_args()
     from mutation import draw, kept, own_tests, trial
 
     modules = [name for name in own_tests.modules() if name.startswith(tuple(options.modules) or "")]
     record = kept.Record.load(options.out, options.seed)
-    if options.fill:
-        kept.fill(FOLDER / "docs" / "mutants.md", record)
-        return
     every = [draw.mutants_of(FOLDER / "lensforge", module) for module in modules]
     record.possible |= {module: len(mutants) for module, mutants in zip(modules, every, strict=True)}
     order = {mutant.key: mutant for mutant in draw.drawn(every, options.seed)}
@@ -57,6 +53,8 @@ def main() -> None:
             print(f"{number}/{len(chosen)} {outcome.now}: {where} {outcome.seconds:.0f} s{change}", flush=True)
         record.save()
     print(kept.table(record), *kept.survivors(record, order), sep="\n")
+    for key in kept.stale(FOLDER / "lensforge"):
+        print(f"equivalent.json: its line is gone: {key}")
 
 
 def tried(mutant, record, copy: Path):

@@ -1,18 +1,18 @@
 """Random lenses of all kinds, not searched: of how many do the files fail by what ``verify`` asks?
 
-    .venv/bin/python benchmarks/own_files.py 200
+    python benchmarks/own_files.py 200                          # 20 to 60 s of processor time for each
+    python benchmarks/own_files.py 50 --first 100 --kind tir
 
-Each is exported as ``lensforge export`` does, and verified with 4,096 rays. A line for each: its kind, radius and
-receiver, the criterion that is used most, and its share of the limit.
+Each is exported as ``lensforge export`` does, and verified with 4,096 rays. A line for each: its number, by which it
+can be made again, its kind, radius and receiver, the criterion that is used most, and its share of the limit.
 """
 
-import sys
-from collections.abc import Iterator
+import argparse
+from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
 
 import lensforge as lf
-from lensforge.proof.acceptance import deciding_criteria
 from lensforge.search.start_faces import start_faces
 from lensforge.spec import Spec, parse_spec
 from lensforge.spec.accuracy import preset_of
@@ -57,32 +57,39 @@ def lens_of(random: np.random.Generator, kind: str) -> lf.Lens:
     return lf.Lens(faces, spec, 0, EFFORT)
 
 
-def verified(count: int, seed: int = 0) -> Iterator[tuple[lf.Lens, lf.Part, lf.Proof]]:
-    """Part and proof of each of ``count`` lenses."""
-    random = np.random.default_rng(seed)
-    for number in range(count):
-        lens = lens_of(random, KINDS[number % len(KINDS)])
+def verified(numbers: Iterable[int], kinds: Sequence[str] = KINDS) -> Iterator[tuple[int, lf.Part, lf.Proof]]:
+    """Part and proof of each of the lenses of these ``numbers``."""
+    for number in numbers:
+        lens = lens_of(np.random.default_rng(number), kinds[number % len(kinds)])
         part = lf.build(lens)
-        yield lens, part, lf.verify(part, lf.evaluate(lens))
+        yield number, part, lf.verify(part, lf.evaluate(lens))
 
 
 def main() -> None:
-    failed = 0
-    count = int(sys.argv[1]) if len(sys.argv) > 1 else 20
-    for lens, part, proof in verified(count):
-        facts = [*part.criteria, *deciding_criteria(proof)]
+    """Print a row for each lens, and how many fail."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("count", type=int, nargs="?", default=20)
+    parser.add_argument("--first", type=int, default=0)
+    parser.add_argument("--kind", choices=KINDS, action="append")
+    options, failed = parser.parse_args(), 0
+    for number, part, proof in verified(range(options.first, options.first + options.count), options.kind or KINDS):
+        facts = [*part.criteria, *proof.deciding_criteria()]
         missed = [fact.key for fact in facts if fact.state == "fail"]
         light = [fact for fact in proof.criteria if "deviation_rms" in fact.key and fact.limit]
-        most = max(light, key=lambda fact: float(fact.value or np.inf) / fact.bound)
+        most = max(light, key=_used)
         failed += bool(missed)
-        constraints, section = lens.spec.constraints, lens.spec.all_receivers[0]
+        spec = part.lens.spec
         print(
-            f"{lens.spec.lens.kind:10s} r {constraints.max_radius_mm:6.2f} mm, {section.place}: {most.key} "
-            f"{float(most.value or np.inf) / most.bound:.2f} of its limit, {part.triangulation.rings} rings; "
-            f"{', '.join(missed) or 'passes'}",
+            f"{number:4d} {spec.lens.kind:10s} r {spec.constraints.max_radius_mm:6.2f} mm, "
+            f"{spec.all_receivers[0].place}: {most.key} {_used(most):.2f} of its limit, "
+            f"{part.triangulation.rings} rings; {', '.join(missed) or 'passes'}",
             flush=True,
         )
-    print(f"{failed} of {count} fail")
+    print(f"{failed} of {options.count} fail")
+
+
+def _used(fact: lf.Fact) -> float:
+    return float(fact.value or np.inf) / fact.bound
 
 
 if __name__ == "__main__":

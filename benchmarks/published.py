@@ -1,4 +1,4 @@
-"""Designs of published papers beside what the papers state: designs them, prints the tables of docs/published.md.
+"""Designs of published papers beside what the papers state: designs them, prints their tables.
 
 python benchmarks/published.py                   # all of examples/published, into cad_out/published; half an hour
 python benchmarks/published.py circle            # one of them

@@ -25,7 +25,7 @@ def stated(metric: dict[str, float | None] | None, digits: int) -> str:
 
 
 def row(name: str, found: dict[str, Any]) -> Row:
-    """Figures of one design as the table of docs/results.md has them."""
+    """Figures of one design as the table of docs/validation.md has them."""
     search = f"{found['search_s']:.0f} s"
     return (
         name,
@@ -47,8 +47,10 @@ def table(rows: Sequence[Row], columns: Row = COLUMNS) -> str:
 
 
 def headline(designs: dict[str, Any]) -> str:
-    """The first table of docs/results.md."""
-    return table([row(name, designs[name]) for name in HEADLINE if name in designs])
+    """The first table of docs/validation.md: each design with its day and commit."""
+    known = [(name, designs[name]) for name in HEADLINE if name in designs]
+    rows = [(*row(name, design), design["date"], design["commit"]) for name, design in known]
+    return table(rows, (*COLUMNS, "day", "commit"))
 
 
 def flat_tops(designs: dict[str, Any]) -> str:
@@ -68,7 +70,7 @@ def flat_tops(designs: dict[str, Any]) -> str:
     return table(rows, ("", "paper", "flat_top", "flat_top_compact"))
 
 
-TABLES = {"docs/results.md": {"designs": headline, "flat tops": flat_tops}}
+TABLES = {"docs/validation.md": {"designs": headline, "flat tops": flat_tops}}
 
 
 def filled(text: str, page: str, designs: dict[str, Any]) -> str:

@@ -1,4 +1,4 @@
-"""The paper's designs, repeated: their figures go to docs/figures.json, from which docs/results.md takes its table.
+"""The paper's designs, repeated: their figures go to docs/figures.json, from which docs/validation.md takes its tables.
 
 python benchmarks/results.py cad_out/flat_top cad_out/pi --store       # of finished result folders
 python benchmarks/results.py examples/flat_top.toml --store            # design, evaluation and export alone

@@ -5,7 +5,7 @@
 The machine errs by about 5 um: low orders, and a wave of ``--wave`` mm over the whole face, the same at both cuts. Its
 part is measured at points on a spiral, in a pose of its own. The error of the second cut is read from the STEP file by
 the CAD kernel, not from the result; its light, and that of the design, are traced with the same rays. Designs the spec
-at draft accuracy, unless it is a lens.json. Prints a row of docs/results.md for each face.
+at draft accuracy, unless it is a lens.json. Prints a row of docs/validation.md for each face.
 """
 
 import argparse
@@ -19,10 +19,10 @@ from scipy.interpolate import RectBivariateSpline
 from scipy.spatial.transform import Rotation
 
 import lensforge as lf
+from lensforge.addons.measure.measured_surface import ChangedLens
 from lensforge.cad.form_error import face_points
 from lensforge.cad.plan import INNER, OUTER
 from lensforge.cad.step import parse_step
-from lensforge.made.measured_surface import ChangedLens
 from lensforge.sources.build_source import build_source
 from lensforge.surfaces.srbf import fibonacci_hemisphere
 from lensforge.surfaces.surface import HALF_WIDTH, Surface, grid, to_chart

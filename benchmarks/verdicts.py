@@ -1,9 +1,9 @@
 """The verdict on every shipped spec, and on lenses that are known to be useless.
 
 python benchmarks/verdicts.py                     the shipped specs, those of publications too, at draft, as a user
-                                                  designs them; the last outcome of each is kept in docs/verdicts.json
+                                                  designs them; the last outcome of each is kept in build/verdicts
 python benchmarks/verdicts.py pi published/street these
-python benchmarks/verdicts.py --fill              run nothing; the table of docs/nightly.md again
+python benchmarks/verdicts.py --show              run nothing; print the table of the kept outcomes
 python benchmarks/verdicts.py --useless           the lenses that no customer would accept: calibrates the bounds
 
 Exit code 1 where a command does not end with 0. A spec whose ray file comes from a vendor and is not
@@ -27,11 +27,12 @@ from lensforge.report.results import Results
 from lensforge.spec import Accuracy
 
 sys.path.append(str(Path(__file__).parent))
-from result_tables import between_marks, table
+from result_tables import table
 
 ROOT = Path(__file__).parents[1]
 EXAMPLES = ROOT / "examples"
-KEPT, PAGE, FOLDERS = ROOT / "docs" / "verdicts.json", ROOT / "docs" / "nightly.md", ROOT / "build" / "verdicts"
+FOLDERS = ROOT / "build" / "verdicts"
+KEPT = FOLDERS / "outcomes.json"
 COLUMNS = ("lens", "NMSE without noise", "share in the target", "efficiency", "light")
 PARTS = ("light", "files", "cutting")
 
@@ -91,18 +92,23 @@ def outcome_of(name: str, path: Path) -> dict[str, Any]:
 
 def keep(name: str, found: dict[str, Any]) -> None:
     """Put an outcome in the place of the earlier one of its spec."""
-    kept = json.loads(KEPT.read_text(encoding="utf-8")) if KEPT.exists() else {}
+    KEPT.parent.mkdir(parents=True, exist_ok=True)
     written = KEPT.with_suffix(".new")
-    written.write_text(json.dumps({**kept, name: found}, indent=1, sort_keys=True) + "\n", encoding="utf-8")
+    written.write_text(json.dumps({**kept(), name: found}, indent=1, sort_keys=True) + "\n", encoding="utf-8")
     written.replace(KEPT)
 
 
-def filled(page: str, kept: dict[str, Any]) -> str:
-    """The page with the table of what is ``kept``."""
-    rows = [
-        (name, str(kept[name]["exit"]), *(kept[name][part] for part in PARTS)) for name in shipped() if name in kept
-    ]
-    return between_marks(page, PAGE.name, "verdicts", table(rows, ("spec", "exit code", *PARTS)))
+def kept() -> dict[str, Any]:
+    """The last outcome of each spec that was run."""
+    outcomes: dict[str, Any] = json.loads(KEPT.read_text(encoding="utf-8")) if KEPT.exists() else {}
+    return outcomes
+
+
+def shown(outcomes: dict[str, Any]) -> str:
+    """Table of the outcomes, in Markdown, in the order of the shipped specs."""
+    known = [(name, outcomes[name]) for name in shipped() if name in outcomes]
+    rows = [(name, str(outcome["exit"]), *(outcome[part] for part in PARTS)) for name, outcome in known]
+    return table(rows, ("spec", "exit code", *PARTS))
 
 
 def run_shipped(names: Sequence[str]) -> int:
@@ -131,7 +137,7 @@ def row(name: str, spec: lf.Spec, expected: str, accuracy: Accuracy) -> tuple[st
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("names", nargs="*", help="shipped specs; default: all")
-    parser.add_argument("--fill", action="store_true", help="run nothing")
+    parser.add_argument("--show", action="store_true", help="run nothing")
     parser.add_argument("--useless", action="store_true", help="the lenses that no customer would accept")
     options = parser.parse_args()
     if options.useless:
@@ -139,9 +145,8 @@ def main() -> int:
         return 0
     if unknown := [name for name in options.names if name not in shipped()]:
         parser.error(f"no shipped spec {unknown[0]!r}; one of {', '.join(shipped())}")
-    wrong = 0 if options.fill else run_shipped(options.names or list(shipped()))
-    kept = json.loads(KEPT.read_text(encoding="utf-8"))
-    PAGE.write_text(filled(PAGE.read_text(encoding="utf-8"), kept), encoding="utf-8")
+    wrong = 0 if options.show else run_shipped(options.names or list(shipped()))
+    print(shown(kept()))
     return min(wrong, 1)
 
 

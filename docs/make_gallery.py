@@ -66,11 +66,11 @@ GROUPS: dict[str, tuple[str, tuple[str, ...]]] = {
         ("silicone", "coated_cover_glass", "domed_cover"),
     ),
     "The paper's designs": (
-        "Designs of the paper whose method this is ([results](results.md)).",
+        "Designs of the paper whose method this is ([figures](validation.md#of-the-paper)).",
         ("flat_top", "flat_top_compact", "pi", "plus"),
     ),
     "Designs of other papers": (
-        "Repeated with their own LED, size and target as far as they are stated ([compared](published.md)).",
+        "Repeated with LED, size and target as far as these are stated ([compared](validation.md#of-other-papers)).",
         (
             "published/rectangle_2mm", "published/rectangle_3mm", "published/compact_rectangle",
             "published/compact_one_axis", "published/circle", "published/street", "published/two_numerals",
@@ -83,7 +83,7 @@ Every shipped spec, its light, and what it shows. `lensforge examples NAME` copi
 names, into the folder that you are in.
 
 The pictures are of drafts, {rays:,} rays (`python docs/make_gallery.py`, a minute each). Finished lenses are better:
-[results](results.md), [against what is published](published.md).
+[validation](validation.md#designs).
 
 Scripts: `examples/design_to_step.py`, from objects to a STEP file; `examples/faces_to_step.py`, a TIR lens from four
 given faces, traced, exported and proven. Notebooks: [a first lens and its light](notebooks/first_light.ipynb), [size

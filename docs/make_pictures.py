@@ -1,7 +1,6 @@
 """Draw docs/<name>.png from finished result folders: the lens, its section, its light.
 
-python docs/make_pictures.py cad_out/quickstart cad_out/pi ...
-python docs/make_pictures.py --together patterns cad_out/plus cad_out/image ...
+python docs/make_pictures.py cad_out/quickstart cad_out/lamp
 """
 
 import argparse
@@ -20,7 +19,7 @@ from lensforge.report.solid_view import solid_views
 from lensforge.results.chart import light_unit
 from lensforge.results.files import replacing
 
-HEIGHT, IN_ROW = 420, 5
+HEIGHT = 420
 WHITE = (255, 255, 255)
 
 
@@ -55,16 +54,13 @@ def panels_of(directory: Path) -> list[Figure | bytes]:
 
 
 def save(parts: Sequence[Figure | bytes], name: str) -> None:
-    """Write all parts as docs/<name>.png, in rows of five at most."""
+    """Write all parts side by side as docs/<name>.png."""
     panels = [panel(part) for part in parts]
-    rows = [panels[first : first + IN_ROW] for first in range(0, len(panels), IN_ROW)]
-    width = max(sum(each.width for each in row) for row in rows)
-    sheet = Image.new("RGB", (width, HEIGHT * len(rows)), WHITE)
-    for number, row in enumerate(rows):
-        position = 0
-        for each in row:
-            sheet.paste(each, (position, HEIGHT * number))
-            position += each.width
+    sheet = Image.new("RGB", (sum(picture.width for picture in panels), HEIGHT), WHITE)
+    position = 0
+    for picture in panels:
+        sheet.paste(picture, (position, 0))
+        position += picture.width
     target = Path(__file__).parent / f"{name}.png"
     with replacing(target) as temporary:
         sheet.quantize(256).save(temporary, optimize=True)
@@ -72,16 +68,11 @@ def save(parts: Sequence[Figure | bytes], name: str) -> None:
 
 
 def main() -> None:
-    """Draw one sheet for each folder on the command line, or one with the light of all."""
+    """Draw one sheet for each folder on the command line."""
     parser = argparse.ArgumentParser()
     parser.add_argument("folders", nargs="+", type=Path)
-    parser.add_argument("--together", metavar="NAME")
-    options = parser.parse_args()
-    if options.together:
-        save([part for folder in options.folders for part in light_of(folder)], options.together)
-    else:
-        for folder in options.folders:
-            save(panels_of(folder), folder.name)
+    for folder in parser.parse_args().folders:
+        save(panels_of(folder), folder.name)
 
 
 if __name__ == "__main__":

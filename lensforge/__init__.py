@@ -4,13 +4,15 @@ Units everywhere: mm, rad, nm, W; float64. The axis of the lens is +z, the sourc
 Tables over the chart of a face are indexed [X, Y], pictures of light [row y, column x]. A far field has no width in mm:
 its chart has the radius 2 sin(gamma / 2) at the angle gamma from its axis.
 A verb takes objects and returns a frozen result; only :func:`run` writes files, and :func:`load` reads them back.
-All names come from :mod:`lensforge.verbs`, which is loaded when the first of them is used.
+All names come from :mod:`lensforge.verbs`, which is loaded when the first of them is used, and from add-ons, which are
+loaded when the first of theirs is.
 """
 
 import os
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from lensforge.addons import *  # noqa: F403
     from lensforge.spec.far_field_targets import *  # noqa: F403
     from lensforge.spec.fixed_surface import *  # noqa: F403
     from lensforge.spec.picture_targets import *  # noqa: F403
@@ -27,18 +29,19 @@ else:
         if os.path.exists(own) or os.path.exists(own + ".py"):  # noqa: PTH110
             raise AttributeError(name)  # a module of the package: it has to be imported explicitly
         try:
-            from lensforge.verbs import NAMES, UNLISTED
+            from lensforge.verbs import NAMES, UNLISTED, public_names
         except ImportError as error:
             if error.name != "lensforge.verbs":
                 raise
-            NAMES = UNLISTED = {}  # lensforge.verbs is being loaded and looks for a module of the package
-        if name in NAMES or name in UNLISTED:  # the latter for pickles, which find a class by its name
-            return NAMES.get(name) or UNLISTED[name]
+            raise AttributeError(name) from None  # it is being loaded, and looks for a module of the package
         if name == "__all__":
-            return list(NAMES)
+            return list(public_names())
+        known = NAMES if name in NAMES or name in UNLISTED or name.startswith("_") else public_names()
+        if name in known or name in UNLISTED:  # the latter for pickles, which find a class by its name
+            return known.get(name) or UNLISTED[name]
         from difflib import get_close_matches
 
-        near = get_close_matches(name, NAMES, n=1) or get_close_matches(name.lower(), NAMES, n=1)
+        near = get_close_matches(name, known, n=1) or get_close_matches(name.lower(), known, n=1)
         meant = f"; did you mean {near[0]}?" if near and not name.startswith("_") else ""
         raise AttributeError(f"module 'lensforge' has no attribute {name!r}{meant}")
 

@@ -102,7 +102,8 @@ def sobol(count: int, dimensions: int, seed: int | np.random.Generator) -> Float
     scramble = np.tril(rng.integers(2, size=(dimensions, _BITS, _BITS), dtype=np.uint32), -1) + np.eye(_BITS)
     digits = _direction_numbers()[:dimensions, None, :] >> np.arange(_BITS)[::-1, None] & 1  # the highest first
     steps = places[::-1] @ ((scramble @ digits).astype(np.uint32) & 1)
-    points, drawn = np.empty((count, dimensions)), np.empty(count, np.uint32)
+    points = np.empty((count, dimensions))
+    drawn = np.empty(count, np.uint32)
     for dimension in range(dimensions):
         drawn[0] = shift[dimension]
         for bit in range((count - 1).bit_length()):  # in Gray's order: what there is, from its end, and one bit changed

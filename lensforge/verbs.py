@@ -5,11 +5,12 @@ writes there, the options and the help of its command.
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, is_dataclass
-from inspect import Signature, isfunction, signature
+from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
-from typing import Any, Generic, Literal, TypeVar, get_type_hints
+from typing import Any, Generic, Literal, TypeVar
 
+from lensforge.addon import addons
 from lensforge.cad.part import Part
 from lensforge.errors import (
     Cancelled,
@@ -25,9 +26,7 @@ from lensforge.light.lens_light import evaluate, photometry
 from lensforge.light.light_facts import Attainable
 from lensforge.light.photometry_result import Photometry
 from lensforge.light.receiver_light import Possible
-from lensforge.live.studio import Studio, studio
-from lensforge.made.measurement_result import Correction, PhotoComparison, SurfaceComparison
-from lensforge.made.part_verbs import compare, correct, sensitivity, tolerance
+from lensforge.made.part_verbs import sensitivity, tolerance
 from lensforge.made.tolerance_result import Sensitivity, Yield
 from lensforge.optics.media import Surface
 from lensforge.proof.casts import stray_light, verify
@@ -38,7 +37,6 @@ from lensforge.report.results import Results, handover, stem_of
 from lensforge.report.sweep import Sweep
 from lensforge.report.tradeoff import Tradeoff, TradeoffRow
 from lensforge.results import Conditions, Fact, Metric, StageResult
-from lensforge.results.arguments import ShownType, with_known_names
 from lensforge.results.fact import Group
 from lensforge.results.verdict import Verdict
 from lensforge.scene.lens import Lens, load_lens
@@ -46,8 +44,8 @@ from lensforge.search.design_result import Design, Progress
 from lensforge.search.searches import best_design, design, redesign
 from lensforge.shop.check_result import Check
 from lensforge.shop.handover import Handover
-from lensforge.sources.photometric.photometric_summary import PhotometricSummary, rays
-from lensforge.sources.rayfiles.ray_file_summary import RayFileSummary
+from lensforge.sources.photometric_summary import PhotometricSummary, rays
+from lensforge.sources.ray_file_summary import RayFileSummary
 from lensforge.spec import (
     BaseSection,
     ConstraintsSection,
@@ -101,63 +99,55 @@ from lensforge.spec.plate_section import DrawnOutline, PlateBoss, PlateGate, Pla
 from lensforge.spec.road_section import RoadSection
 from lensforge.spec.scatter_section import AbgScatter, GaussianScatter, LambertianScatter, TableScatter
 from lensforge.spec.source_sections import Chip, NamedSource, RayfilePart
-from lensforge.spec.spec_fields import help_of
 from lensforge.spec.tolerances_section import FaceTolerances, PartTolerances, ToleranceSpec, TolerancesSection
 from lensforge.version import __version__
 
 __all__ = [
     "AbgScatter", "BaseSection", "BeamAngleLimit", "BodySection", "Cancelled", "Check", "Chip", "CoatingSection",
-    "ColourSection", "Conditions", "ConstraintsSection", "Correction", "CosineIntensity", "CoverGlassSection",
+    "ColourSection", "Conditions", "ConstraintsSection", "CosineIntensity", "CoverGlassSection",
     "CriterionMissed", "CupSection", "Design", "DrawingSection", "DrawnOutline", "EndlessLamps", "EvaluateSection",
     "ExitFace", "FaceSection", "FaceTolerances", "Fact", "FeetSection", "FileSpectrum", "FileWarning", "FlangeSection",
     "GaussianScatter", "GaussianSpectrum", "GlareLimit", "GridLamps", "Handover", "HexagonLamps", "InputError",
     "LambertianScatter", "LayerSection", "Lens", "LensSection", "LensforgeError", "Light", "LineLimit", "LineSpectrum",
     "LossLimit", "LuminanceLimit", "ManufactureSection", "Metric", "MissingResult", "NamedSource", "OpticalData",
-    "OptimiseSection", "Part", "PartTolerances", "PhotoComparison", "PhotometricIntensity", "PhotometricSummary",
+    "OptimiseSection", "Part", "PartTolerances", "PhotometricIntensity", "PhotometricSummary",
     "Photometry", "PhotometrySection", "PlateBoss", "PlateGate", "PlateHole", "PlatePin", "PlateSection", "PointsLimit",
     "Possible", "Preset", "Progress", "Proof", "RayFileSummary", "RayfilePart", "ReflectorSection", "Results",
-    "RingLamps", "RoadSection", "Run", "Sensitivity", "ShellFace", "SourceWarning", "Spec", "StrayLight", "Studio",
-    "SurfaceComparison", "Sweep", "TableIntensity", "TableLamps", "TableScatter", "TableSpectrum", "TirSection",
+    "RingLamps", "RoadSection", "Run", "Sensitivity", "ShellFace", "SourceWarning", "Spec", "StrayLight",
+    "Sweep", "TableIntensity", "TableLamps", "TableScatter", "TableSpectrum", "TirSection",
     "ToleranceSpec", "TolerancesSection", "Tool", "Tradeoff", "Verdict", "Yield", "ZoneLimit", "__version__",
-    "best_design", "build", "check", "compare", "correct", "design", "evaluate", "handover", "load", "load_lens",
-    "load_spec", "photometry", "preset_of", "rays", "redesign", "run", "sensitivity", "stray_light", "studio", "sweep",
+    "best_design", "build", "check", "design", "evaluate", "handover", "load", "load_lens",
+    "load_spec", "photometry", "preset_of", "rays", "redesign", "run", "sensitivity", "stray_light", "sweep",
     "tolerance", "tradeoff", "verify",
 ]  # fmt: skip
 
-for _verb in __all__:
-    if isfunction(globals()[_verb]):
-        globals()[_verb] = with_known_names(globals()[_verb], handed_on_to=design)
 
 _OF_KINDS = (EmitterSection, FixedFace, TargetSection, ReceiverSection)
-NAMES = {name: globals()[name] for name in __all__} | {
+NAMES: dict[str, Any] = {name: globals()[name] for name in __all__} | {
     kind.__name__: kind for base in _OF_KINDS for kind in base.kinds.values()
 }
 
 
-def _shown(verb: Callable[..., object]) -> Signature:
-    own, types = signature(verb), get_type_hints(verb, localns=NAMES)
-    shown = {name: ShownType.of(each) for name, each in types.items()}
-    taken = [each.replace(annotation=shown.get(each.name, each.empty)) for each in own.parameters.values()]
-    return own.replace(parameters=taken, return_annotation=own.return_annotation and shown["return"])
+def _beside(names: Mapping[str, object], *further: type) -> dict[str, type]:
+    """Classes that ``help`` names beside ``names``: those that they extend, and ``further`` ones, by their names."""
+    bases = (base for named in names.values() if isinstance(named, type) for base in named.__mro__)
+    return {cls.__name__: cls for cls in (*further, *bases) if cls.__module__ == "lensforge"}
 
 
-_CLASSES = [each for each in NAMES.values() if isinstance(each, type)]
-# Classes beside them that ``help`` names: those that they extend, and a few that their methods take or return.
-UNLISTED = {
-    each.__name__: each
-    for each in (Attainable, Group, Surface, TradeoffRow, *(base for each in _CLASSES for base in each.__mro__))
-    if each.__module__.startswith("lensforge.")
-}
-vars(Lens.double)["__signature__"] = _shown(Lens.double)
-for _named in (*NAMES.values(), *UNLISTED.values()):
-    if isfunction(_named) or is_dataclass(_named):  # sections have theirs when it is asked for
-        _made = _named if isfunction(_named) else vars(_named)["__init__"]
-        vars(_made)["__signature__"] = _shown(_made)
-    if not isinstance(_named, str) and _named.__module__ != "lensforge":
-        _named._written_in, _named.__module__ = _named.__module__, "lensforge"
-_HELP = {each: help_of(each) for each in _CLASSES if is_dataclass(each)}
-for _named, _words in _HELP.items():  # other classes have theirs when it is asked for
-    _named.__doc__ = _words
+UNLISTED = _beside(NAMES, Attainable, Group, Surface, TradeoffRow)  # methods take or return the last four
+
+
+@cache
+def public_names() -> dict[str, Any]:
+    """All names of the library, those of add-ons among them, which are loaded here."""
+    for addon in addons():
+        names = addon.names()
+        if taken := sorted(names.keys() & NAMES.keys()):
+            raise InputError(f"add-on {addon.name}: {taken[0]} is a name that the library has; take another")
+        NAMES.update(names)
+        UNLISTED.update(_beside(names))
+    return NAMES
+
 
 Decides = Literal["light", "files", "cutting", ""]
 _Result = TypeVar("_Result", bound=StageResult)
@@ -199,15 +189,6 @@ class FolderStage(Generic[_Result]):
 
 
 YIELD_PARTS = "yield_parts.npz"  # parts that an interrupted study has measured
-
-
-def _measured(run: Results, options: Mapping[str, Any]) -> tuple[object, ...]:
-    """Part of a run that a measurement is compared with: the light with a photograph, else the lens."""
-    return (run.light,) if options.get("on") is not None else (run.lens,)
-
-
-def _lens_of_photo(here: RunFolder, options: Mapping[str, Any]) -> dict[str, object]:
-    return {"lens": here.run.lens} if options.get("on") is not None else {}
 
 
 def _write_parts(here: RunFolder, study: Yield) -> None:
@@ -299,24 +280,4 @@ YIELD = FolderStage(
     counts="parts",
     keeps=YIELD_PARTS,
 )
-COMPARE = FolderStage(
-    "compare",
-    compare,
-    """Compare the machined part with the design in DIR.
-
-    By a photograph of its light (--on), or by points measured on a surface (--points).
-    """,
-    options=("on", "off", "corners", "target_mm", "gamma", "led", "points", "surface", "registration", "rays"),
-    inputs=_measured,
-    settings=_lens_of_photo,
-)
-CORRECT = FolderStage(
-    "correct",
-    correct,
-    """Correct a face for its second cut by measured points.
-
-    Writes lens_corrected_FACE.step from points measured on the first cut.
-    """,
-    options=("points", "surface", "wavelength_mm", "gain", "registration", "rays", "threads"),
-)
-STAGES = (EVALUATE, EXPORT, CHECK, VERIFY, PHOTOMETRY, SENSITIVITY, YIELD, COMPARE, CORRECT)  # those with a command
+STAGES = (EVALUATE, EXPORT, CHECK, VERIFY, PHOTOMETRY, SENSITIVITY, YIELD)  # those of the core with a command

@@ -4,7 +4,6 @@ import gc
 import os
 import shutil
 import sys
-import warnings
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -16,8 +15,8 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 import array_checks
-import numpy as np
 import pytest
+from addon_rows import addon_rows
 from made_once import fcntl, made_once
 from nightly import skip_by_day
 
@@ -29,11 +28,13 @@ os.fsync = lambda _: None
 # By default Python searches for garbage at 700 new objects: a seventh of the time in which a page is drawn.
 collect_garbage_seldom()
 
-_PACKAGES = ["surfaces", "optics", "sources", "scene", "light", "search", "cad", "shop", "proof", "made"]
+_PACKAGES = [
+    "surfaces", "optics", "sources", "scene", "light", "search", "cad", "shop", "proof", "made", "addons/measure",
+]  # fmt: skip
 _FOLDER = Path(lensforge.__file__).parent
 _UNCHECKED = {  # compiled by numba, which cannot compile what is wrapped; verbs, which refuse wrong types themselves
     "grid_walk.py", "vertex_fit.py",
-    "lens_light.py", "searches.py", "casts.py", "part_verbs.py", "photometric_summary.py",
+    "lens_light.py", "searches.py", "casts.py", "part_verbs.py", "measure_verbs.py", "photometric_summary.py",
     # and what takes protocols, of which tests give the part that they need
     "luminaire_classes.py", "yield_study.py", "measured_parts.py", "tolerance_budget.py", "part_study.py",
     "sensitivity.py", "point_tables.py", "shop_files.py", "proof_inputs.py",
@@ -165,26 +166,6 @@ def _with_every_result(small_run: lensforge.Run, folder: Path) -> lensforge.Run:
     SENSITIVITY.run(folder)
     with undrawn():
         YIELD.run(folder, parts=40, rays=512)
-    _measure_part(small_run, folder)
+    for measure in addon_rows("WHOLE_RUN").values():
+        measure(small_run, folder)
     return lensforge.load(folder)
-
-
-def _measure_part(run: lensforge.Run, folder: Path) -> None:
-    """Compare with a photograph of the simulated light itself, and with points of the design's own inner surface."""
-    from PIL import Image
-    from scenes import hemisphere_directions
-
-    from lensforge.verbs import COMPARE, CORRECT
-
-    light = run.light.map
-    seen = np.kron(light[::-1] / light.max(), np.ones((8, 8)))  # 8 pixels of the camera for each, row 0 on top
-    photo, cloud = folder.with_name("on.png"), folder.with_name("cloud.csv")
-    Image.fromarray(np.round(60000 * np.pad(seen, 10)).astype(np.uint16)).save(photo)
-    low, high = 9.5, 9.5 + 8 * len(light)
-    COMPARE.run(folder, on=photo, off=None, corners=[(low, low), (high, low), (high, high), (low, high)])
-    u = hemisphere_directions(2000)
-    np.savetxt(cloud, u * run.lens.inner.radius(u)[:, None], delimiter=",")
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", lensforge.FileWarning)  # which asks whether these are the design's own points
-        COMPARE.run(folder, points=cloud, surface="inner")
-        CORRECT.run(folder, points=cloud, surface="inner", wavelength_mm=1.5)

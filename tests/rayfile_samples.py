@@ -49,7 +49,6 @@ CASES = {
     "lighttools_text": [rays(), rays(unit="lm"), rays(wavelengths="each"), rays(unit="lm", wavelengths="each")],
     "speos": [rays(wavelengths="each")],
     "speos_text": [rays(wavelengths="each")],
-    "asap": [rays()],
     "csv": [rays(), rays(unit="lm"), rays(wavelengths="each"), rays(unit="lm", wavelengths="each")],
 }
 

@@ -17,8 +17,8 @@ PACKAGE = Path(__file__).parents[1] / "lensforge"
 
 # From the ground up: a module may import from its own room and from those before it in this list.
 ORDER = [
-    "version", "seeds", "errors", "results", "kernels", "optics", "surfaces", "spec", "sources", "scene", "light",
-    "cad", "search", "shop", "proof", "made", "report", "live", "verbs", "cli", "__main__",
+    "version", "seeds", "public", "errors", "addon", "results", "kernels", "optics", "surfaces", "spec", "sources",
+    "scene", "light", "cad", "search", "shop", "proof", "made", "report", "verbs", "cli", "addons", "__main__",
 ]  # fmt: skip
 # What a module may load only when one of its functions is called: each takes a tenth of a second or more.
 HEAVY = {
@@ -27,7 +27,10 @@ HEAVY = {
     "tomlkit",
 }  # fmt: skip
 # Rooms of many modules that few scripts need: together they would be a sixth of what importing the library takes.
-SELDOM = ("lensforge.sources.rayfiles", "lensforge.report.sweep", "lensforge.report.tradeoff_study")
+SELDOM = (
+    "lensforge.sources.rayfiles", "lensforge.sources.ray_file", "lensforge.sources.stored_rays",
+    "lensforge.sources.model_of_file", "lensforge.report.sweep", "lensforge.report.tradeoff_study",
+)  # fmt: skip
 MODULES = sorted(PACKAGE.rglob("*.py"))
 
 
@@ -111,9 +114,41 @@ def test_imports_run_one_way() -> None:
     assert wrong == []
 
 
+DECLARED = sorted(PACKAGE.glob("addons/*/__init__.py"))  # what each add-on adds: a room takes what is of its kind
+
+
+def test_the_core_imports_no_add_on_and_no_add_on_another() -> None:
+    wrong = []
+    for path in MODULES:
+        own = PACKAGE / "addons" in path.parents and _name(path).split(".")[2:3]
+        added = [name.split(".") for name in _own(path) if name.startswith("lensforge.addons.")]
+        wrong += [f"{_name(path)} imports {'.'.join(name)}" for name in added if path != NAMED and name[2:3] != own]
+    assert wrong == []
+    assert all(isinstance(node, ast.If | ast.Expr | ast.ImportFrom) for node in _tree(NAMED).body)
+    assert _at_the_top("lensforge.addons") == ["typing"], "only for those who check types"
+
+
+NAMED = PACKAGE / "addons/__init__.py"
+
+
+@pytest.mark.parametrize("room", ["rayfiles", "photometric"])
+def test_a_room_of_file_formats_takes_no_more_than_errors_and_text_tables(room: str) -> None:
+    allowed = {
+        "errors",
+        "version",
+        "results.files",
+        "results.table_names",
+        "results.text_dialect",
+        "results.text_table",
+    }
+    taken = {name for path in (PACKAGE / "sources" / room).rglob("*.py") for name in _own(path)}
+    others = {name for name in taken if not name.startswith(f"lensforge.sources.{room}")}
+    assert others <= {f"lensforge.{name}" for name in allowed}
+
+
 def test_own_imports_inside_functions_put_off_something_heavy() -> None:
     at_the_top = []
-    for path in MODULES:
+    for path in sorted({*MODULES} - {*DECLARED}):
         for name in _named(node for node, inside in _walked(path) if inside):
             if name.startswith("lensforge."):
                 loaded = {each.split(".")[0] for each in _loaded_by(name)}
@@ -123,12 +158,13 @@ def test_own_imports_inside_functions_put_off_something_heavy() -> None:
     assert at_the_top == []
 
 
-LOADS_ITS_FOLDER = PACKAGE / "sources/rayfiles/formats/__init__.py"  # each module there is a format
+# Those whose folder is a list: each module there is a format, each package an add-on.
+LOADS_ITS_FOLDER = (PACKAGE / "sources/rayfiles/formats/__init__.py", PACKAGE / "addon.py")
 
 
 def test_no_module_is_named_in_a_string() -> None:
     for path in MODULES:
-        if path == LOADS_ITS_FOLDER:
+        if path in LOADS_ITS_FOLDER:
             continue
         for node, _ in _walked(path):
             if isinstance(node, ast.ImportFrom) and node.module == "importlib":
@@ -138,7 +174,7 @@ def test_no_module_is_named_in_a_string() -> None:
         assert "importlib.import_module" not in path.read_text(encoding="utf-8"), path
 
 
-ALLOWED = {"lensforge", "lensforge.verbs"}  # the program's name; the name in an error, of what is loading
+ALLOWED = {"lensforge", "lensforge.verbs", "lensforge.addons"}  # names of the program, in an error, of a group
 
 
 def test_no_verb_has_the_name_of_a_module() -> None:

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any, get_args
 
 import pytest
+from addon_rows import addon_rows
 from presets import FEW_STEPS
 from scenes import small_spec
 from undrawn import undrawn
@@ -87,7 +88,7 @@ SCENES: dict[str, dict[str, Any]] = {
     },
     "cover glass": {"lens__cover_glass": {"distance_mm": 20.0, "thickness_mm": 2.0, "refractive_index": 1.5}},
 }
-POINTS, NO_SENSE = "points.csv", "–: "
+NO_SENSE = "–: "
 VERBS: dict[str, Callable[[lf.Lens, Path], Any]] = {
     "design": lambda lens, _: lf.design(lens.spec, accuracy=FEW_STEPS, force=True, warn=lambda _: None),
     "evaluate": lambda lens, _: lf.evaluate(lens, rays=512),
@@ -100,20 +101,15 @@ VERBS: dict[str, Callable[[lf.Lens, Path], Any]] = {
     "handover": lambda lens, _: lf.handover(whole(lens), spacing_mm=2.0),
     "sensitivity": lambda lens, _: lf.sensitivity(lens, rays=256),
     "yield": lambda lens, _: lf.tolerance(lens, parts=40, rays=256, budget=False),
-    "compare": lambda lens, folder: lf.compare(lens, points=folder / POINTS, surface=face(lens)),
-    "correct": lambda lens, folder: lf.correct(lens, points=folder / POINTS, surface=face(lens), registration="none"),
     "sweep": lambda lens, _: lf.sweep(lens.spec, "evaluate.rays", [512, 1024], accuracy=FEW_STEPS),
     "tradeoff": lambda lens, _: lf.tradeoff(lens.spec, lens=lens, most_rays=2**12, accuracy=FEW_STEPS),
 }
+OF_ADDONS: dict[str, Callable[[lf.Lens, Path], Any]] = addon_rows("VERBS")
 
 
 def whole(lens: lf.Lens) -> Results:
     part = lf.build(lens)
     return Results(lens, {each.stage: each for each in (part, lf.check(part))})
-
-
-def face(lens: lf.Lens) -> str:
-    return next(each.name for each in lens.body.faces if each.is_optical)
 
 
 def lens_of(row: str) -> lf.Lens:
@@ -145,14 +141,14 @@ def test_every_kind_and_every_stage_has_its_place() -> None:
     assert kinds <= set(cells()) and set(cells()) == set(SCENES)
     stages = {stage.name for stage in (*STAGES, STRAY)}
     for row in cells().values():
-        assert stages <= set(row) and set(row) == set(VERBS)
+        assert stages <= set(VERBS) and {*VERBS, *OF_ADDONS} <= set(row)
         assert all(cell == "all" or cell.startswith(NO_SENSE) for cell in row.values())
 
 
 @pytest.mark.parametrize(("row", "stage", "cell"), [each for each in CELLS if each[-1] != "all"])
 def test_what_makes_no_sense_is_said_by_the_result(row: str, stage: str, cell: str, tmp_path: Path) -> None:
     """In one line, the reason of the table first."""
-    found = VERBS[stage](lens_of(row), tmp_path)
+    found = (VERBS | OF_ADDONS)[stage](lens_of(row), tmp_path)
     (line,) = [words for words in found.warnings if words.startswith(cell.removeprefix(NO_SENSE))]
     assert "\n" not in line
 
@@ -167,7 +163,7 @@ BY_DAY = ("evaluate",)
 OTHERS = [
     pytest.param(row, stage, marks=() if stage in BY_DAY else pytest.mark.nightly("a part or a search of each"))
     for row, stage, cell in CELLS
-    if cell == "all" and stage not in ("compare", "correct")  # of one face, whatever the scene
+    if cell == "all" and stage in VERBS  # those of add-ons are of one face, whatever the scene
 ]
 
 

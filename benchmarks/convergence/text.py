@@ -1,4 +1,4 @@
-"""Convergence studies in words and numbers: the Markdown of docs/accuracy.md."""
+"""Convergence studies in words and numbers: Markdown of a page or a terminal."""
 
 from collections.abc import Iterator, Mapping
 

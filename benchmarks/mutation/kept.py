@@ -4,8 +4,6 @@ import json
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
-from result_tables import between_marks
-
 from .draw import Mutant
 
 EQUIVALENT = Path(__file__).with_name("equivalent.json")
@@ -92,28 +90,21 @@ def share(caught: int, bugs: int) -> str:
     return f"{caught} ({100 * part.value:.0f} %, {100 * part.low:.0f} to {100 * part.high:.0f})"
 
 
-def page_part(record: Record) -> str:
-    """The part of docs/mutants.md that the outcomes make: the table, what is left, and what is no bug, with reasons."""
-    reasons, outcomes = equivalent(), record.outcomes.values()
-    left = [each for each in outcomes if each.now == "passed" and each.key not in reasons]
-    none = [each for each in outcomes if each.key in reasons]
-    kinds = {"Left: no test notices these.": [(each, "") for each in left]} if left else {}
-    kinds["Changes that are no bugs:"] = [(each, f": {reasons[each.key]}") for each in none]
-    lists = [
-        "\n".join([f"{title}\n", *(f"- `{each.place}`, `{each.new}`{why}" for each, why in entries)])
-        for title, entries in kinds.items()
-    ]
-    return "\n\n".join([table(record), *lists])
-
-
-def fill(page: Path, record: Record) -> None:
-    """Write that part between the marks of ``page``."""
-    text = page.read_text(encoding="utf-8")
-    page.write_text(between_marks(text, page.name, "outcomes", page_part(record)), encoding="utf-8")
-
-
 def survivors(record: Record, mutants: dict[str, Mutant]) -> list[str]:
     """Each bug that no test noticed: file, line, old and new text."""
     left = [each for each in record.outcomes.values() if each.now == "passed" and each.key not in equivalent()]
     lines = {key: mutant.line for key, mutant in mutants.items()}
     return [f"lensforge/{each.place}:{lines.get(each.key, 0)}\n  - {each.old}\n  + {each.new}" for each in left]
+
+
+def stale(places: Path) -> list[str]:
+    """Keys of reasons whose line is in no module below ``places`` any more."""
+    return [key for key in equivalent() if _line_of(key) not in _lines(places / key.partition(": ")[0])]
+
+
+def _line_of(key: str) -> str:
+    return key.partition(": ")[2].rpartition(" @")[0]
+
+
+def _lines(module: Path) -> set[str]:
+    return {line.strip() for line in module.read_text(encoding="utf-8").splitlines()} if module.exists() else set()

@@ -102,7 +102,8 @@ def on_base(
 
 def _with_feet(mesh: BodyMesh, plan: Plan[Patch]) -> BodyMesh:
     """The mesh of a body on the base of ``plan`` with its feet: the plane of the bottom is cut out around them."""
-    feet, height_mm = plan.base.feet, plan.base.height_mm
+    feet = plan.base.feet
+    height_mm = plan.base.height_mm
     if feet is None:
         return mesh
     parts = MeshParts()
@@ -136,7 +137,8 @@ def solid_on_base(plan: Plan[Patch], base: CustomBase | None) -> Solid:
 
 def prove(body: BuiltBody, step: bytes, stl: bytes, threemf: bytes) -> BodyProof:
     """Read the files of ``body`` again, and compare their faces with the surfaces, each over its domain."""
-    solid, faces = parse_step(step), [face for face in body.plan.faces if not face.is_flange]
+    solid = parse_step(step)
+    faces = [face for face in body.plan.faces if not face.is_flange]
     errors = in_parallel_map(
         lambda face: face_error(body.surfaces[face.name], solid.faces[face.label], domain=face.domain), faces
     )

@@ -21,8 +21,11 @@ from lensforge.spec import BaseSection, Spec
 from lensforge.spec.part_section import Process
 from lensforge.surfaces.surface import Surface
 
-_RINGS, _AZIMUTHS = 129, 360  # of contacts: between them a clearance is larger by less than 2 um on a lens of 14 mm
-_SPARE_MM, _DIGITS_MM = 5e-3, 1e-2  # beyond the contacts; lengths of the room are whole hundredths
+# Contacts: between them a clearance is larger by less than 2 um on a lens of 14 mm.
+_RINGS = 129
+_AZIMUTHS = 360
+_SPARE_MM = 5e-3  # beyond the contacts
+_DIGITS_MM = 1e-2  # lengths of the room are whole hundredths
 
 Lengths = Float[np.ndarray, " k"]
 
@@ -64,7 +67,8 @@ def base_with_room(lens: Lens) -> BaseSection:
 
     Room ends where it would leave less than the least wall of the spec; the manufacturing check then says what lacks.
     """
-    spec, base = lens.spec, lens.spec.base_made
+    spec = lens.spec
+    base = lens.spec.base_made
     if base.kind in ("none", "step"):
         return base
     room = dict.fromkeys(("relief_step_mm", "relief_setback_mm", "bore_setback_mm"), 0.0)
@@ -99,7 +103,8 @@ def lens_plan(lens: Lens) -> Plan[Surface]:
 
 
 def _bore_setback(cavity: Boundary[Patch], spec: Spec) -> float:
-    base, cutter_mm = spec.base, spec.manufacture.tool_radius_mm
+    base = spec.base
+    cutter_mm = spec.manufacture.tool_radius_mm
     distance, height = _centres(cavity, spec, -cutter_mm)
     pocket = base.pocket_diameter_mm
     depth = base.height_mm - (0.0 if pocket is None else base.pocket_depth_mm)
@@ -111,7 +116,9 @@ def _bore_setback(cavity: Boundary[Patch], spec: Spec) -> float:
 
 def _relief(envelope: Boundary[Patch], spec: Spec, opening_mm: float) -> dict[str, float]:
     """Step and setback of its wall; ``opening_mm``: radius of the cavity or its bore."""
-    base, cutter_mm, wall = spec.base, spec.manufacture.tool_radius_mm, _wall_mm(spec)
+    base = spec.base
+    cutter_mm = spec.manufacture.tool_radius_mm
+    wall = _wall_mm(spec)
     distance, height = _centres(envelope, spec, cutter_mm)
     flange = 0.0 if base.flange_diameter_mm is None else base.flange_height_mm
     step = float(needed_step_mm(distance, height, cutter_mm, base.widest_mm / 2.0).max())
@@ -150,7 +157,7 @@ def _centres(boundary: Boundary[Patch], spec: Spec, offset_mm: float) -> tuple[L
             low, high = face.domain.radii(azimuths)
             chart = ((low + (high - low) * share)[..., None] * around).reshape(-1, 2)
             centres.append(ball_centres_mm(face.shape.points(chart), face.shape.normals(chart), offset_mm))
-    distance, height = (np.concatenate(each) for each in zip(*centres, strict=True))
+    distance, height = (np.concatenate(parts) for parts in zip(*centres, strict=True))
     return distance, height
 
 

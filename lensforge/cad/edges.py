@@ -41,7 +41,8 @@ from lensforge.cad.plan import Plan, rim_directions
 from lensforge.surfaces.step_file import parts_of
 
 # The rim curve lies in z = 0; the patch's own boundary is within its form error of it.
-_MIN_TOLERANCE_MM, _GAP_MARGIN = 1e-6, 2.0
+_MIN_TOLERANCE_MM = 1e-6
+_GAP_MARGIN = 2.0
 _NEWTON_STEPS = 3  # from tens of nanometres
 _DECIMALS = 10  # of the poles of an edge, in mm or of the chart; with 8 the volume of one file changed by 1e-8
 _RIM_NODES_PER_NODE = 2.5  # along the whole rim, for each node across the patch: 0.8 times as dense
@@ -87,13 +88,16 @@ def _edges_on(
     surfaces: tuple[Any, ...],
 ) -> list[list[Any]]:
     """Edges over the azimuths of ``chains``; ``places``: chart points of each of the ``patches``, and points (mm)."""
-    nodes, of_space, gap = max(patch.nodes for patch in patches), 2 * len(patches), 0.0
+    nodes = max(patch.nodes for patch in patches)
+    of_space = 2 * len(patches)
+    gap = 0.0
     curves: list[list[tuple[BSpline, tuple[Any, ...]]]] = []
     for chain in chains:
         curves.append([])
         for ends in chain:
             along = _spline_along(places, ends, nodes)
-            planes, space = [_columns(along, 2 * k, 2) for k in range(len(patches))], _columns(along, of_space, 3)
+            planes = [_columns(along, 2 * k, 2) for k in range(len(patches))]
+            space = _columns(along, of_space, 3)
             between = np.linspace(*ends, 4 * len(space.c))
             for patch, plane in zip(patches, planes, strict=True):
                 gap = max(gap, float(np.linalg.norm(patch.points(plane(between)) - space(between), axis=1).max()))
@@ -103,7 +107,8 @@ def _edges_on(
 
 def _at_rim(patch: Patch, azimuths: Float[np.ndarray, " n"]) -> Float[np.ndarray, "n 5"]:
     """Chart points where a patch crosses z = 0, and points (mm) there: beside the unit circle by its form error."""
-    outwards, radius = rim_directions(azimuths)[:, :2], np.ones(len(azimuths))
+    outwards = rim_directions(azimuths)[:, :2]
+    radius = np.ones(len(azimuths))
     for _ in range(_NEWTON_STEPS):
         point, by_x, by_y = patch.tangents(radius[:, None] * outwards)
         radius = radius - point[:, 2] / (by_x[:, 2] * outwards[:, 0] + by_y[:, 2] * outwards[:, 1])
@@ -115,16 +120,18 @@ def _at_rim(patch: Patch, azimuths: Float[np.ndarray, " n"]) -> Float[np.ndarray
 
 def _on_both(patches: tuple[Patch, Patch], chart: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, "n 7"]:
     """Chart points of two patches where they meet, near ``chart`` points, and points (mm) there."""
-    radius, other = np.linalg.norm(chart, axis=1), chart.copy()
+    radius = np.linalg.norm(chart, axis=1)
+    chart_behind = chart.copy()
     outwards = chart / radius[:, None]
     for _ in range(_NEWTON_STEPS):
         point, by_x, by_y = patches[0].tangents(radius[:, None] * outwards)
-        there, *across = patches[1].tangents(other)
+        there, *across = patches[1].tangents(chart_behind)
         slopes = np.stack([by_x * outwards[:, :1] + by_y * outwards[:, 1:], -across[0], -across[1]], axis=-1)
         step = np.linalg.solve(slopes, (there - point)[..., None])[..., 0]
-        radius, other = radius + step[:, 0], other + step[:, 1:]
+        radius = radius + step[:, 0]
+        chart_behind = chart_behind + step[:, 1:]
     place = radius[:, None] * outwards
-    return np.concatenate([place, other, patches[0].points(place)], axis=1)
+    return np.concatenate([place, chart_behind, patches[0].points(place)], axis=1)
 
 
 def _columns(spline: BSpline, first: int, count: int) -> BSpline:
@@ -135,7 +142,8 @@ def circle_edge(radius_mm: float, height_mm: float, on: tuple[Patch, Any] | None
     """A circle about the axis as an edge, also ``on`` a patch and its surface that hold it."""
     made = BRepBuilderAPI_MakeEdge(_piece_curve(Piece(0.0, FULL_TURN, radius_mm), -height_mm)).Edge()
     if on is not None:
-        (patch, surface), chart = on, float(np.tan(0.5 * np.arctan2(radius_mm, height_mm)))
+        (patch, surface) = on
+        chart = float(np.tan(0.5 * np.arctan2(radius_mm, height_mm)))
         around = rim_directions(np.linspace(0.0, FULL_TURN, int(4 * _RIM_NODES_PER_NODE * patch.nodes)))
         gap = float(
             np.linalg.norm(patch.points(chart * around[:, :2]) - (radius_mm * around + (0, 0, height_mm)), axis=1).max()
@@ -238,7 +246,10 @@ def walls_between(edges: Chain, foot: Any) -> list[Any]:
     made.AddWire(foot)
     made.Perform()
     faces = [_flattened(face) for face in parts_of(made.Shell(), "FACE")]
-    return [next(face for face in faces if any(edge.IsSame(own) for own in parts_of(face, "EDGE"))) for edge in edges]
+    return [
+        next(face for face in faces if any(edge.IsSame(face_edge) for face_edge in parts_of(face, "EDGE")))
+        for edge in edges
+    ]
 
 
 def _flattened(face: Any) -> Any:
@@ -250,7 +261,8 @@ def _flattened(face: Any) -> Any:
 def walls_and_foot(edges: Chain, depth_mm: float, scale: float) -> tuple[list[Any], Any]:
     """Walls down by ``depth_mm`` (up where it is negative), one for each edge, and the wire at their foot."""
     if scale != 1.0:
-        about_apex, top = gp_Trsf(), BRep_Tool.Pnt_s(parts_of(edges[0], "VERTEX")[0]).Z()
+        about_apex = gp_Trsf()
+        top = BRep_Tool.Pnt_s(parts_of(edges[0], "VERTEX")[0]).Z()
         about_apex.SetScale(gp_Pnt(0.0, 0.0, top + depth_mm / (scale - 1.0)), scale)
         foot = TopoDS.Wire_s(BRepBuilderAPI_Transform(wire(edges), about_apex, True).Shape())
         return walls_between(edges, foot), foot
@@ -261,7 +273,8 @@ def walls_and_foot(edges: Chain, depth_mm: float, scale: float) -> tuple[list[An
 
 def moved(place: Iterable[float], turn_deg: float = 0.0) -> Any:
     """The location of what stands at ``place`` (mm), turned about its axis."""
-    turned, moved = gp_Trsf(), gp_Trsf()
+    turned = gp_Trsf()
+    moved = gp_Trsf()
     turned.SetRotation(gp_Ax1(gp_Pnt(0.0, 0.0, 0.0), gp_Dir(0.0, 0.0, 1.0)), radians(turn_deg))
     moved.SetTranslation(gp_Vec(*place, 0.0))
     return TopLoc_Location(moved.Multiplied(turned) if turn_deg else moved)
@@ -274,7 +287,8 @@ def face_at(face: Any, there: Any) -> Any:
 
 def copies_at(shapes: list[Any], there: Any) -> list[Any]:
     """New shapes at a location, which share what ``shapes`` share: in STEP a cone that is moved alone has no name."""
-    builder, whole = BRep_Builder(), TopoDS_Compound()
+    builder = BRep_Builder()
+    whole = TopoDS_Compound()
     builder.MakeCompound(whole)
     for shape in shapes:
         builder.Add(whole, shape)
@@ -284,7 +298,9 @@ def copies_at(shapes: list[Any], there: Any) -> list[Any]:
 
 def normal_at(face: Any, place: tuple[float, float] | None = None) -> tuple[Any, Any]:
     """Point (gp_Pnt) and normal (gp_Vec, of any length) of a face at its parameters, by default in their middle."""
-    point, normal, (u_low, u_high, v_low, v_high) = gp_Pnt(), gp_Vec(), BRepTools.UVBounds_s(face)
+    point = gp_Pnt()
+    normal = gp_Vec()
+    (u_low, u_high, v_low, v_high) = BRepTools.UVBounds_s(face)
     BRepGProp_Face(face).Normal(*(place or ((u_low + u_high) / 2.0, (v_low + v_high) / 2.0)), point, normal)
     return point, normal
 
@@ -325,7 +341,8 @@ def _curve(spline: BSpline) -> Any:
 def _knots(knots: Float[np.ndarray, " k"]) -> tuple[Any, Any]:
     """Distinct knots and their multiplicities, as OCC arrays."""
     distinct, counts = np.unique(knots, return_counts=True)
-    values, multiplicities = TColStd_Array1OfReal(1, len(distinct)), TColStd_Array1OfInteger(1, len(distinct))
+    values = TColStd_Array1OfReal(1, len(distinct))
+    multiplicities = TColStd_Array1OfInteger(1, len(distinct))
     for k, (knot, count) in enumerate(zip(distinct.tolist(), counts.tolist(), strict=True), start=1):
         values.SetValue(k, knot)
         multiplicities.SetValue(k, count)
@@ -343,7 +360,8 @@ class Opening:
     @staticmethod
     def of(plan: Plan[Patch]) -> "Opening | None":
         """The opening of a plan; None for a closed one."""
-        crease, ring = plan.cavity.opening, plan.envelope.faces[0]
+        crease = plan.cavity.opening
+        ring = plan.envelope.faces[0]
         if crease is None:
             return None
         beside = plan.cavity.faces[1]

@@ -9,8 +9,10 @@ from lensforge.results import Positive, Record
 from lensforge.scene.lens import Lens
 from lensforge.surfaces.profile import AXIS
 
-FORM_NM, NORMAL_MRAD = 50.0, 0.2  # diamond turning leaves 100 nm to 1 um of form, and 5 nm of roughness
-FINEST_NM, FINEST_MRAD = 1.0, 0.02  # for point-like sources, whose image is no measure
+FORM_NM = 50.0  # diamond turning leaves 100 nm to 1 um of form
+NORMAL_MRAD = 0.2  # 5 nm of roughness
+FINEST_NM = 1.0  # for point-like sources
+FINEST_MRAD = 0.02  # whose image is no measure
 _OF_IMAGE = 1.0 / 20.0
 MAX_NODES = 320  # of a spline that keeps them, in each direction
 
@@ -41,7 +43,8 @@ def face_tolerance(lens: Lens, form_nm: float | None = None, normal_mrad: float 
     """
     given = {"form_nm": form_nm, "normal_mrad": normal_mrad}
     shop = lens.spec.manufacture.changed(**{name: value for name, value in given.items() if value is not None})
-    turn, image = _turn(lens), _image_mrad(lens)
+    turn = _turn(lens)
+    image = _image_mrad(lens)
     told = FINEST_MRAD if image is None else _OF_IMAGE * image / turn
     return FaceTolerance(
         form_nm=shop.form_nm or FORM_NM,
@@ -53,7 +56,8 @@ def face_tolerance(lens: Lens, form_nm: float | None = None, normal_mrad: float 
 
 def _turn(lens: Lens) -> float:
     """Sum over the faces that one ray meets: of each the step of the index, of a face that reflects twice the index."""
-    roles, media = lens.spec.lens.body_roles, lens.media
+    roles = lens.spec.lens.body_roles
+    media = lens.media
     reflections = sum(
         2.0 * (media.body.refractive_index if role.before == BODY else 1.0) for role in roles if role.reflects
     )

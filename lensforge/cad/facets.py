@@ -27,7 +27,9 @@ from lensforge.results.refined_maximum import Places, refined_maximum
 from lensforge.surfaces.surface import to_chart
 
 _WORST = 64  # facets on which the maximum is sought
-_REACH, _SEARCH_ROUNDS = 0.25, 6  # of the search about the middle of an edge or the centre of a facet
+# Search about the middle of an edge or the centre of a facet.
+_REACH = 0.25
+_SEARCH_ROUNDS = 6
 MIDDLES = (np.eye(3) + np.roll(np.eye(3), -1, axis=0)) / 2.0  # of the edges, each from a corner to the next
 INSIDE = np.concatenate([MIDDLES, np.full((1, 3), 1.0 / 3.0)])  # where a facet is far from its surface
 
@@ -47,7 +49,8 @@ def largest_distance(patch: Patch, corners: Float[np.ndarray, "t 3 3"], away: Fl
         barycentric = np.concatenate([points, 1.0 - points.sum(axis=2, keepdims=True)], axis=2)
         return distances(patch, corners[worst], barycentric).ravel()
 
-    starts, known = INSIDE[away[worst].argmax(axis=1), :2], away[worst].max(axis=1)
+    starts = INSIDE[away[worst].argmax(axis=1), :2]
+    known = away[worst].max(axis=1)
     return refined_maximum(distance, starts, known, _REACH, starts=_WORST, rounds=_SEARCH_ROUNDS, within=_in_triangle)[
         1
     ]
@@ -96,7 +99,7 @@ def refined_azimuths(
         middle = (azimuths + ahead) / 2.0
         far = np.zeros(len(azimuths), dtype=bool)
         for curve in curves:
-            start, end, between = (curve(each) for each in (azimuths, ahead, middle))
+            start, end, between = (curve(turn) for turn in (azimuths, ahead, middle))
             chord = (end - start) / np.linalg.norm(end - start, axis=1, keepdims=True)
             far |= np.linalg.norm(np.cross(between - start, chord), axis=1) > _AIM * chord_mm
         if not far.any():
@@ -118,7 +121,8 @@ def refined_dome(
     The first vertices are those given. Raises :class:`InputError` where that takes too many triangles, or more rounds
     of splitting than any smooth face.
     """
-    facets, aim = Facets(vertices, triangles, _away(patch, vertices[triangles])), _AIM
+    facets = Facets(vertices, triangles, _away(patch, vertices[triangles]))
+    aim = _AIM
     for _ in range(_SPLIT_ROUNDS):
         far = facets.away > aim * chord_mm
         if not far.any():
@@ -145,7 +149,8 @@ def _away(patch: Patch, corners: Float[np.ndarray, "t 3 3"]) -> Float[np.ndarray
 
 def _split(patch: Patch, facets: Facets, far: Bool[np.ndarray, "t 4"]) -> Facets:
     """The facets with a vertex in the middle of each edge that is ``far``, and of the edges that must follow."""
-    starts, ends = facets.triangles, np.roll(facets.triangles, -1, axis=1)
+    starts = facets.triangles
+    ends = np.roll(facets.triangles, -1, axis=1)
     length = np.linalg.norm(facets.vertices[ends] - facets.vertices[starts], axis=2)
     keys = np.minimum(starts, ends) * len(facets.vertices) + np.maximum(starts, ends)
     _, first, edge, uses = np.unique(keys, return_index=True, return_inverse=True, return_counts=True)
@@ -194,8 +199,8 @@ def _children(
     a, b, c = triangles[rows, turn].T
     middle, right, left = new[rows, turn].T
     parts = []
-    for one, two, between in ((b, c, right), (c, a, left)):
+    for first, two, between in ((b, c, right), (c, a, left)):
         whole = between < 0
-        parts.append(np.stack([middle, one, np.where(whole, two, between)], axis=1))
+        parts.append(np.stack([middle, first, np.where(whole, two, between)], axis=1))
         parts.append(np.stack([middle, between, two], axis=1)[~whole])
     return np.concatenate(parts)

@@ -14,7 +14,7 @@ from jaxtyping import Float
 from lensforge.cad.boundary import WHOLE, Domain, Pair, lens_boundaries, of_shapes
 from lensforge.cad.face_tolerance import FINEST, MAX_NODES, FaceTolerance, face_tolerance
 from lensforge.cad.outline import FULL_TURN
-from lensforge.cad.patch import FIRST_PER_SIGMA, LEAST_NODES, Patch, default_nodes, fit_patch
+from lensforge.cad.patch import FIRST_PER_SIGMA, LEAST_NODES, Patch, default_nodes, fewest_nodes, fit_patch
 from lensforge.cad.plan import rim_directions
 from lensforge.errors import InputError
 from lensforge.kernels.parallel import in_parallel_map
@@ -30,10 +30,13 @@ _RIM_SHARE = 4  # for every four samples a further one lies exactly on the rim, 
 _SAME_CHART = 1e-3
 # Between the nodes of a spline its error rises and falls, with 240 nodes every 0.005 of the chart; samples
 # are 0.03 apart. Against 400,000 points the largest of the samples is 1 to 22 % too low, that of the search up to 3 %.
-_REACH, _STARTS, _ROUNDS = 0.01, 24, 4
+_REACH = 0.01
+_STARTS = 24
+_ROUNDS = 4
 # A fit aims a little below the largest errors that are accepted. While nodes are few, errors fall with such a power of
 # them; later with the eighth and the seventh, of normals.
-_AIM, _OF_ROUNDING = 0.95, 0.02
+_AIM = 0.95
+_OF_ROUNDING = 0.02
 _ORDER = 12
 
 
@@ -56,7 +59,8 @@ def chart_samples(count: int = SAMPLES, seed: int = 0, domain: Domain = WHOLE) -
     """Chart points of ``count`` directions, at each azimuth uniform over ``domain``, and a quarter more on its edge."""
     rim = count // _RIM_SHARE
     inside = sobol(count, 2, np.random.default_rng(seed))
-    share, azimuth = inside[:, 0], FULL_TURN * inside[:, 1]
+    share = inside[:, 0]
+    azimuth = FULL_TURN * inside[:, 1]
     top, bottom = ((1.0 - radius**2) / (1.0 + radius**2) for radius in domain.radii(azimuth))
     height = bottom + (top - bottom) * share
     radius = np.sqrt((1.0 - height) / (1.0 + height))  # tan(theta/2) of cos(theta) = height
@@ -71,7 +75,8 @@ def fit_lens(lens: Lens, *nodes: int, tolerance: FaceTolerance | None = None) ->
     ``nodes``: of each face, in the order of the lens; by default as many as their ``tolerance`` needs, which is by
     default that of the lens.
     """
-    known, wanted = _fits(lens), tolerance or face_tolerance(lens)
+    known = _fits(lens)
+    wanted = tolerance or face_tolerance(lens)
     if (nodes, wanted) not in known:
         given = dict(zip(lens.surfaces, nodes, strict=True)) if nodes else {}
         pair = fit_boundaries(lens_boundaries(lens), given, preset_of(lens.accuracy).part.spline_nodes, wanted)
@@ -135,7 +140,9 @@ def fit_to_form(
     """
     if nodes is not None:
         return rounded_to(fit_patch(surface, nodes, domain.extent), tolerance)
-    chart, count = chart_samples(domain=domain), default_nodes(surface.detail_rad, least, FIRST_PER_SIGMA)
+    chart = chart_samples(domain=domain)
+    least = max(least, fewest_nodes(domain.extent))
+    count = default_nodes(surface.detail_rad, least, FIRST_PER_SIGMA)
     # creases may have other images than the face
     first = chart if domain.edges else chart[first_images(chart, surface.symmetry)]
     while True:
@@ -169,8 +176,11 @@ def face_points(
     from OCP.gp import gp_Pnt, gp_Vec
 
     surface = BRep_Tool.Surface_s(face)
-    point, along_x, along_y = gp_Pnt(), gp_Vec(), gp_Vec()
-    points, normals = np.empty((len(chart), 3)), np.empty((len(chart), 3))
+    point = gp_Pnt()
+    along_x = gp_Vec()
+    along_y = gp_Vec()
+    points = np.empty((len(chart), 3))
+    normals = np.empty((len(chart), 3))
     for k, (x, y) in enumerate(chart.tolist()):
         surface.D1(x, y, point, along_x, along_y)
         normal = along_x.Crossed(along_y)

@@ -98,7 +98,8 @@ def keep_out_distance(mesh: BodyMesh, keep_out: KeepOut, error_mm: float) -> Kee
     body = manifold_of(mesh.vertices, mesh.triangles)
     if body.status() != manifold3d.Error.NoError:
         return None
-    gap_mm, closest = np.inf, keep_out.solids[0]
+    gap_mm = np.inf
+    closest = keep_out.solids[0]
     for solid in keep_out.solids:
         other = manifold_of(solid.vertices, solid.triangles)
         if other.is_empty():
@@ -109,7 +110,8 @@ def keep_out_distance(mesh: BodyMesh, keep_out: KeepOut, error_mm: float) -> Kee
         else:
             distance = body.min_gap(other, _between_vertices(mesh.vertices, solid.vertices) * _SLACK)
         if distance < gap_mm:
-            gap_mm, closest = distance, solid
+            gap_mm = distance
+            closest = solid
     places = _places(mesh, closest) if gap_mm >= 0.0 else _common_place(body, closest)
     return KeepOutDistance(
         distance_mm=gap_mm,
@@ -119,20 +121,21 @@ def keep_out_distance(mesh: BodyMesh, keep_out: KeepOut, error_mm: float) -> Kee
     )
 
 
-def _between_vertices(one: Float[np.ndarray, "n 3"], other: Float[np.ndarray, "m 3"]) -> float:
+def _between_vertices(first: Float[np.ndarray, "n 3"], second: Float[np.ndarray, "m 3"]) -> float:
     """Least distance (mm) between two sets of vertices: the meshes are no further apart."""
     from scipy.spatial import cKDTree
 
-    return float(cKDTree(one).query(other)[0].min())
+    return float(cKDTree(first).query(second)[0].min())
 
 
 def _places(mesh: BodyMesh, solid: KeepOutSolid) -> tuple[Float[np.ndarray, " 3"], Float[np.ndarray, " 3"]]:
     """Closest places of body and solid: a vertex of one, and the nearest point of the other."""
-    body, other = (mesh.vertices, mesh.triangles), (solid.vertices, solid.triangles)
+    body = (mesh.vertices, mesh.triangles)
+    keep_out = (solid.vertices, solid.triangles)
     least_mm = _between_vertices(mesh.vertices, solid.vertices)
-    there, here, one = _nearest(other, body, least_mm)
-    back, forth, another = _nearest(body, other, least_mm)
-    return (here, there) if one <= another else (back, forth)
+    there, here, points = _nearest(keep_out, body, least_mm)
+    back, forth, another = _nearest(body, keep_out, least_mm)
+    return (here, there) if points <= another else (back, forth)
 
 
 def _nearest(
@@ -142,7 +145,9 @@ def _nearest(
     import trimesh
     from scipy.spatial import cKDTree
 
-    points, (places, triangles), most_mm = vertices[0], surface, most_mm * _SLACK
+    points = vertices[0]
+    (places, triangles) = surface
+    most_mm = most_mm * _SLACK
     corners = places[triangles]
     # No place of a facet is farther from any of its corners than its longest edge is long.
     reach_mm = most_mm + np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)

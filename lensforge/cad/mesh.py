@@ -43,7 +43,8 @@ _CROSSING_REPLACES = 0.1  # of an azimuth step: a crossing this close to a grid 
 # with 208. A lens of 45 nodes for three LEDs uses 1.15 of it with 55 rings, 0.48 with 68 and a twentieth more facets.
 # Quickstart of four seeds uses 0.65 to 0.79 with 1.22 rings a node, 0.47 to 0.57 with 1.35 and a fifth more facets.
 # Facets nearer to the face help less: with half of their distance two of these seeds use 0.52 and 0.64.
-MIN_RINGS, MOST_RINGS = 68, 1000  # 1000 are 12 million triangles
+MIN_RINGS = 68
+MOST_RINGS = 1000  # 12 million triangles
 _RINGS_PER_NODE = 1.35  # of the finer face's spline
 _MOST_FOR_DETAIL = 310  # 1.2 million triangles; a narrow cup of 320 nodes would take 2.2 million, and minutes to read
 
@@ -82,10 +83,12 @@ def dome_rings(
 
 def _first_ring(boundary: Boundary[Patch], number: int, chord_mm: float | None) -> Ring:
     """The apex, or the inner rim around an opening."""
-    face, crease = boundary.faces[0], boundary.opening
+    face = boundary.faces[0]
+    crease = boundary.opening
     if crease is None:
         return Ring(np.zeros(1), points_in(boundary, np.array([[0.0, 0.0, 1.0]])), face.label)
-    azimuths, line = np.arange(6 * number) * (FULL_TURN / (6 * number)), _line(face.shape, crease)
+    azimuths = np.arange(6 * number) * (FULL_TURN / (6 * number))
+    line = _line(face.shape, crease)
     if chord_mm is not None:
         azimuths = refined_azimuths((line,), azimuths, chord_mm)
     return Ring(azimuths, line(azimuths), face.label)
@@ -93,8 +96,9 @@ def _first_ring(boundary: Boundary[Patch], number: int, chord_mm: float | None) 
 
 def _last_rings(boundary: Boundary[Patch], rings: int) -> list[int]:
     """Number of the first ring, and of the last of each face: that of a crease by its mean angle from the axis."""
-    turns, opening = np.linspace(0.0, FULL_TURN, 6 * rings), boundary.opening
-    creases = [each.domain.outside for each in boundary.of_material[:-1]]
+    turns = np.linspace(0.0, FULL_TURN, 6 * rings)
+    opening = boundary.opening
+    creases = [face.domain.outside for face in boundary.of_material[:-1]]
     shares = [
         float(2.0 * np.arctan(crease.radius(turns)).mean() / (np.pi / 2)) for crease in (opening, *creases) if crease
     ]
@@ -157,7 +161,8 @@ def zip_rings(
     Edges of both rings are taken in the order of their midpoints, which keeps the diagonals short whatever the two
     vertex counts are. Triangles that a shared vertex makes degenerate are left out.
     """
-    n, m = len(upper_ids), len(lower_ids)
+    n = len(upper_ids)
+    m = len(lower_ids)
     if n == 1:
         around = np.roll(lower_ids, -1)
         return np.stack([np.full(m, upper_ids[0]), lower_ids, around], axis=1)
@@ -217,7 +222,8 @@ class BodyMesh:
     @property
     def bounds_mm(self) -> Box:
         """Least and largest corner (mm) of the box around the vertices."""
-        (x0, y0, z0), (x1, y1, z1) = self.vertices.min(axis=0).tolist(), self.vertices.max(axis=0).tolist()
+        (x0, y0, z0) = self.vertices.min(axis=0).tolist()
+        (x1, y1, z1) = self.vertices.max(axis=0).tolist()
         return (x0, y0, z0), (x1, y1, z1)
 
     def volume(self) -> float:
@@ -242,7 +248,7 @@ def build_mesh(plan: Plan[Patch], rings: int, chord_mm: float | None = None) -> 
     rim = rim_azimuths(6 * rings, plan.breaks)
     if chord_mm is not None:
         rim = refined_azimuths(
-            tuple(_line(each.faces[-1].shape, None) for each in (plan.cavity, plan.envelope)), rim, chord_mm
+            tuple(_line(boundary.faces[-1].shape, None) for boundary in (plan.cavity, plan.envelope)), rim, chord_mm
         )
     dome = dome_rings(plan.envelope, rings, rim, chord_mm, plan.rim_flange)
     hollow = dome_rings(plan.cavity, rings, rim, chord_mm)
@@ -280,12 +286,14 @@ def _line(patch: Patch, crease: Crease | None) -> Curve:
 
 def _refined(mesh: BodyMesh, plan: Plan[Patch], chord_mm: float) -> BodyMesh:
     """The mesh with the facets of all optical faces within ``chord_mm``; the rest is unchanged."""
-    vertices, triangles, face = mesh.vertices, mesh.triangles, mesh.face
-    for each in plan.faces:
-        if each.is_flange:
+    vertices = mesh.vertices
+    triangles = mesh.triangles
+    face = mesh.face
+    for plan_face in plan.faces:
+        if plan_face.is_flange:
             continue
-        number = mesh.names.index(each.label)
-        vertices, split = refined_dome(each.shape, vertices, triangles[face == number], chord_mm)
+        number = mesh.names.index(plan_face.label)
+        vertices, split = refined_dome(plan_face.shape, vertices, triangles[face == number], chord_mm)
         triangles = np.concatenate([triangles[face != number], split])
         face = np.concatenate([face[face != number], np.full(len(split), number)])
     return BodyMesh(vertices, triangles, face, mesh.names, mesh.rings)
@@ -320,7 +328,8 @@ def _ledge_or_overhang(
     plan: Plan[Patch], strip: Int[np.ndarray, "t 3"], stack: list[Ring], ids: list[Int[np.ndarray, " _"]], seat: int
 ) -> np.ndarray:
     """Face names of the strip between rim and outline: a triangle overhangs if one of its unshared vertices does."""
-    rim, top = ids[seat], ids[seat + 1]
+    rim = ids[seat]
+    top = ids[seat + 1]
     over = _overhangs(plan, stack[seat].azimuths) & (rim != top)
     return np.where(np.isin(strip, np.concatenate([rim[over], top[over]])).any(axis=1), RIM, TOP)
 

@@ -39,7 +39,8 @@ def _as_structs(rows: np.ndarray, struct: type[ctypes.Structure]) -> Any:
 
 
 _AGAIN = "run `lensforge export` again"
-_THREEMF, _JOB = "lens.3mf", "job.json"
+_THREEMF = "lens.3mf"
+_JOB = "job.json"
 # A mesh of 0.2 million triangles takes 0.2 GiB, and 5 s on a busy machine.
 _LIMITS = ChildLimits(memory_mib=1800, seconds=60.0)
 _DECIMALS = 9  # of a mm in 3MF, whose vertices are single precision: 1e-6 mm at lens size
@@ -119,7 +120,8 @@ def parse_3mf(content: bytes, origin: str = "lens.3mf") -> tuple[Float[np.ndarra
         (folder / _THREEMF).write_bytes(content)
         write_json(folder / _JOB, {"origin": origin})
         work_in_child(Path(__file__).resolve(), folder, _LIMITS, origin=origin, remedy=_AGAIN)
-        vertices, triangles = np.load(folder / "vertices.npy"), np.load(folder / "triangles.npy")
+        vertices = np.load(folder / "vertices.npy")
+        triangles = np.load(folder / "triangles.npy")
     return vertices, triangles
 
 

@@ -62,7 +62,8 @@ class Outline:
 
     def _turned(self, azimuths: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
         """Azimuths within the turn that begins with the first piece."""
-        first, last = self.pieces[0].start, self.pieces[-1].end
+        first = self.pieces[0].start
+        last = self.pieces[-1].end
         return np.clip(first + np.mod(azimuths - first, FULL_TURN), first, last)
 
 

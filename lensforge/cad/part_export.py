@@ -71,7 +71,8 @@ def build_part(
     name = lens.spec.name
     signed = signed_step(body.solid, lens.spec, name, schema, date)
     step = signed.content
-    untrimmed, surfaces_step = None, None
+    untrimmed = None
+    surfaces_step = None
     if extension_deg is not None:
         untrimmed, surfaces_step = _untrimmed(lens, body.plan, tolerance, extension_deg, schema, signed.signature)
     stl = stl_bytes(body.mesh)
@@ -79,8 +80,8 @@ def build_part(
     proof = prove(body, step, stl, threemf)
     form = worst(list(proof.form.values()))
     keep_out = _keep_out(lens, body)
-    own = LensOfPlate(body.plan, form.form_max_nm, proof.solid.volume_mm3)
-    plate = build_plate(lens, own, nodes, tolerance, schema, date)
+    lens_of_plate = LensOfPlate(body.plan, form.form_max_nm, proof.solid.volume_mm3)
+    plate = build_plate(lens, lens_of_plate, nodes, tolerance, schema, date)
     files = {STEP_FILE: step, STL_FILE: stl, THREEMF_FILE: threemf} | ({} if plate is None else dict(plate.files))
     if surfaces_step is not None:
         files[SURFACES_FILE] = surfaces_step
@@ -132,7 +133,8 @@ def build_part(
 def _build(lens: Lens, pair: Pair[Patch], rings: int | None, chord_mm: float, least_rings: int) -> BuiltBody:
     """Build mesh and solid of the fitted faces, and join the base where it comes from a file."""
     custom = None if lens.spec.base.file is None else read_custom_base(lens.spec.base.file)
-    base, ring = base_with_room(lens), ring_of(lens, pair[1])
+    base = base_with_room(lens)
+    ring = ring_of(lens, pair[1])
     return on_base(lens.surfaces, pair, base, rings, chord_mm, custom, ring, least_rings)
 
 
@@ -163,8 +165,8 @@ def _untrimmed(
         product = f"{lens.spec.name} surfaces of the mould, the lens scaled by {scale:.12g}"
     content = parts_bytes(untrimmed_faces(patches, envelope), {}, product, schema, header, ())
     faces = parse_surfaces(content)
-    each = [(face.label, face.domain) for face in optical]
-    form = worst([face_error(surfaces[label], faces[label], domain=domain) for label, domain in each])
+    domains = [(face.label, face.domain) for face in optical]
+    form = worst([face_error(surfaces[label], faces[label], domain=domain) for label, domain in domains])
     untrimmed = UntrimmedSurfaces(
         extension_deg=extension_deg, scale=scale, form_error_nm=form.form_max_nm, normal_error_mrad=form.normal_max_mrad
     )

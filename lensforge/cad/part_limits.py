@@ -16,6 +16,8 @@ from lensforge.spec.spec_section import CalendarDate, rounded_up
 ANGLE_TOLERANCE_DEG = 0.02
 FIT_TOLERANCE = 1e-6  # of the radius of a ball that is to fit: 1 nm for a cutter of 1 mm
 ROUND_TRIP_LIMIT = 1e-9  # relative change of the volume by writing and reading: all digits are written
+OTHER_RINGS = "change the number of rings"  # of a mesh that is not closed
+MORE_RINGS = "raise the number of rings"  # of one whose facets cut off too much
 CLOSED_FORM_LIMIT = 1e-6  # relative, of the volume: the CAD kernel's areas err by 1e-7 at most where rims are short
 
 
@@ -96,23 +98,27 @@ class KeepOutDistance(Record):
 def keep_out_remedy(spec: Spec, measured: KeepOutDistance | None) -> str:
     """The fields to change, by where lens and keep-out are closest."""
     if measured is None:
-        return "the mesh of the lens is not closed: change the number of rings, and export again"
+        return f"the mesh of the lens is not closed: {OTHER_RINGS}, and export again"
     place = ", ".join(f"{value + 0.0:.4g}" for value in np.round(measured.body_point_mm, 6))
     return f"{_fields(spec, measured)}; the body is closest at ({place}) mm"
 
 
 def _fields(spec: Spec, measured: KeepOutDistance) -> str:
-    base, margin = spec.base_made, spec.constraints.keep_out_margin_mm
-    (x, y, z), other = measured.body_point_mm, measured.keep_out_point_mm
-    overlap, across, below = measured.distance_mm < 0.0, float(np.hypot(*other[:2])), z - other[2]
+    base = spec.base_made
+    margin = spec.constraints.keep_out_margin_mm
+    (x, y, z) = measured.body_point_mm
+    keep_out_point = measured.keep_out_point_mm
+    overlap = measured.distance_mm < 0.0
+    across = float(np.hypot(*keep_out_point[:2]))
+    below = z - keep_out_point[2]
     outwards = across - float(np.hypot(x, y))
     at_bottom = base.kind != "none" and z <= _RIM_MM - base.height_mm
     stands = at_bottom and measured.distance_mm <= _RIM_MM  # the base stands on it
     side = base.side_mm if base.kind == "square" else base.diameter_mm
     through = overlap and 2.0 * (across + margin) >= side  # no pocket of this width leaves a wall
-    under = (other[2] < 0.0 and (at_bottom or not through)) if overlap else below > abs(outwards) or stands
+    under = (keep_out_point[2] < 0.0 and (at_bottom or not through)) if overlap else below > abs(outwards) or stands
     deep = base.height_mm - below + z + margin  # of a pocket whose top is clear
-    in_lens = z > _RIM_MM or (overlap and other[2] > _RIM_MM)
+    in_lens = z > _RIM_MM or (overlap and keep_out_point[2] > _RIM_MM)
     if in_lens or (z >= -_RIM_MM and not under and (outwards <= 0.0 or base.kind == "none")):
         return f"raise lens.{spec.lens.names[0]}.offset_mm, or lower constraints.keep_out_margin_mm"
     if base.kind == "step" and (z < -_RIM_MM or not under):

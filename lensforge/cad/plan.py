@@ -214,12 +214,15 @@ def _require_opening_inside(cavity: StarShaped, base: BaseSection, outline: Outl
     if needed > 1.0:
         least = f"at least {value * needed:.4g}, or base.kind = 'none'"
         if base.flat_mm is not None and opening.max() < value / 2.0:
-            field, value, least = "flat_mm", base.flat_mm, f"at least {opening.max():.4g}"
+            field = "flat_mm"
+            value = base.flat_mm
+            least = f"at least {opening.max():.4g}"
         raise InputError(
             f"base.{field} = {value:g}: the cavity opens to {2.0 * (opening.max() - MIN_BASE_WALL_MM):.4g} mm "
             f"and must fit inside; {least}"
         )
-    pocket, room = base.pocket_diameter_mm, 2.0 * (float(outline.radius(azimuths).min()) - MIN_BASE_WALL_MM)
+    pocket = base.pocket_diameter_mm
+    room = 2.0 * (float(outline.radius(azimuths).min()) - MIN_BASE_WALL_MM)
     if pocket is not None and not 2.0 * opening.max() <= pocket <= room:
         raise InputError(
             f"base.pocket_diameter_mm = {pocket:g}: from {2.0 * opening.max():.4g}, wider than the cavity, "
@@ -229,12 +232,13 @@ def _require_opening_inside(cavity: StarShaped, base: BaseSection, outline: Outl
 
 def _require_room_for_draft(plan: Plan[Any]) -> None:
     """Raise where draft leaves nothing of the bottom, a pocket, the top of a flange, or the ends of feet."""
-    turns, base = sampled_azimuths(), plan.base
+    turns = sampled_azimuths()
+    base = plan.base
     room = {"feet": MIN_BASE_WALL_MM if base.feet is None else base.foot_radii_mm[1]}
-    for one, other in pairwise(base_corners(plan)):
-        if one.face in (BOTTOM, POCKET_TOP, FLANGE_TOP):
-            inwards = one.radius(turns) - other.radius(turns)
-            room[one.face] = float((-inwards if one.face == FLANGE_TOP else inwards).min())
+    for corner, next_corner in pairwise(base_corners(plan)):
+        if corner.face in (BOTTOM, POCKET_TOP, FLANGE_TOP):
+            inwards = corner.radius(turns) - next_corner.radius(turns)
+            room[corner.face] = float((-inwards if corner.face == FLANGE_TOP else inwards).min())
     if (lacks := next((name for name, wide_mm in room.items() if wide_mm < MIN_BASE_WALL_MM), None)) is not None:
         raise InputError(f"base.draft_deg = {base.draft_deg:g}: leaves no {lacks}; take less, or a wider base")
 
@@ -252,11 +256,21 @@ def _require_feet_beside(feet: FeetSection, plan: Plan[Any]) -> None:
 
 INNER, OUTER = map(optical_name, DOUBLE)
 RIM = "RIM"
-TOP, SIDE, BOTTOM, BORE, BORE_TOP = "BASE_TOP", "BASE_SIDE", "BASE_BOTTOM", "BASE_BORE", "BORE_TOP"
-RELIEF, FLANGE_TOP, FLANGE_SIDE = "BASE_RELIEF", "FLANGE_TOP", "FLANGE_SIDE"
-POCKET_SIDE, POCKET_TOP = "POCKET_SIDE", "POCKET_TOP"
-FOOT_SIDE, FOOT_END = "FOOT_SIDE", "FOOT_END"
-RIM_FLANGE_TOP, RIM_FLANGE_SIDE, RIM_FLANGE_BOTTOM = "RIM_FLANGE_TOP", "RIM_FLANGE_SIDE", "RIM_FLANGE_BOTTOM"
+TOP = "BASE_TOP"
+SIDE = "BASE_SIDE"
+BOTTOM = "BASE_BOTTOM"
+BORE = "BASE_BORE"
+BORE_TOP = "BORE_TOP"
+RELIEF = "BASE_RELIEF"
+FLANGE_TOP = "FLANGE_TOP"
+FLANGE_SIDE = "FLANGE_SIDE"
+POCKET_SIDE = "POCKET_SIDE"
+POCKET_TOP = "POCKET_TOP"
+FOOT_SIDE = "FOOT_SIDE"
+FOOT_END = "FOOT_END"
+RIM_FLANGE_TOP = "RIM_FLANGE_TOP"
+RIM_FLANGE_SIDE = "RIM_FLANGE_SIDE"
+RIM_FLANGE_BOTTOM = "RIM_FLANGE_BOTTOM"
 
 
 @dataclass(frozen=True)
@@ -289,11 +303,15 @@ def _seat_corners(plan: Plan[Any], rim: Radius) -> list[Corner]:
 
 
 def _foot_corners(plan: Plan[Any]) -> list[Corner]:
-    side, height, way = plan.outline.radius, plan.base.height_mm, -1.0 if plan.flange is None else 1.0
-    top, foot = Corner(side, plan.relief_mm, SIDE), _drafted(plan, side, way, plan.shoulder_mm - plan.relief_mm)
+    side = plan.outline.radius
+    height = plan.base.height_mm
+    way = -1.0 if plan.flange is None else 1.0
+    top = Corner(side, plan.relief_mm, SIDE)
+    foot = _drafted(plan, side, way, plan.shoulder_mm - plan.relief_mm)
     if plan.flange is None:
         return [top, Corner(foot, height, BOTTOM)]
-    wide, shoulder_mm = plan.flange.radius, plan.shoulder_mm
+    wide = plan.flange.radius
+    shoulder_mm = plan.shoulder_mm
     end = _drafted(plan, wide, -1.0, height - shoulder_mm)
     return [
         top,
@@ -306,7 +324,8 @@ def _foot_corners(plan: Plan[Any]) -> list[Corner]:
 def _bore_corners(plan: Plan[Any]) -> list[Corner]:
     corners = []
     if plan.pocket is not None:
-        pocket, depth_mm = plan.pocket.radius, plan.base.pocket_depth_mm
+        pocket = plan.pocket.radius
+        depth_mm = plan.base.pocket_depth_mm
         mouth = _drafted(plan, pocket, 1.0, depth_mm)
         corners += [Corner(mouth, plan.base.height_mm, POCKET_SIDE), Corner(pocket, plan.bore_mm, POCKET_TOP)]
     bore = rim_radius(plan.cavity) if plan.bore is None else plan.bore.radius
@@ -326,6 +345,6 @@ def _drafted(plan: Plan[Any], top: Radius, way: float, length_mm: float) -> Radi
 def foot_scale(plan: Plan[Any], face: str) -> float:
     """Factor from the top of the wall ``face`` to its foot."""
     corners = [*base_corners(plan), Corner(rim_radius(plan.cavity), 0.0, "")]
-    ends = next(each for each in pairwise(corners) if each[0].face == face)
+    ends = next(corner_pair for corner_pair in pairwise(corners) if corner_pair[0].face == face)
     top, foot = (float(end.radius(np.zeros(1))[0]) for end in sorted(ends, key=lambda end: end.depth_mm))
     return foot / top

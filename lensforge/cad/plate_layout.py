@@ -17,8 +17,15 @@ from lensforge.spec.lamps_section import Lamps, Place
 from lensforge.spec.plate_section import DrawnOutline, PlateBoss, PlateHole, PlateMark, PlatePin, PlateSection
 from lensforge.surfaces.plane_loop import Loop, LoopEdge, area_mm2, box_of_loop, circle_at, drafted_scale
 
-PLATE_TOP, PLATE_BOTTOM, PLATE_SIDE, PLATE_BORE = "PLATE_TOP", "PLATE_BOTTOM", "PLATE_SIDE", "PLATE_BORE"
-PLATE_HOLE, PIN_SIDE, PIN_END, BOSS_BORE, BOSS_ROOF = "PLATE_HOLE", "PIN_SIDE", "PIN_END", "BOSS_BORE", "BOSS_ROOF"
+PLATE_TOP = "PLATE_TOP"
+PLATE_BOTTOM = "PLATE_BOTTOM"
+PLATE_SIDE = "PLATE_SIDE"
+PLATE_BORE = "PLATE_BORE"
+PLATE_HOLE = "PLATE_HOLE"
+PIN_SIDE = "PIN_SIDE"
+PIN_END = "PIN_END"
+BOSS_BORE = "BOSS_BORE"
+BOSS_ROOF = "BOSS_ROOF"
 _SAME_MM = 1e-9
 _Around = Float[np.ndarray, "n 2"]
 _Value = TypeVar("_Value")
@@ -50,7 +57,9 @@ class RoundWall:
     @property
     def corners(self) -> Float[np.ndarray, "4 2"]:
         """Its corners seen along +y, x and z: top and foot on the left, foot and top on the right."""
-        x, top, foot = self.place[0], -self.depth_mm, -self.depth_mm - self.length_mm
+        x = self.place[0]
+        top = -self.depth_mm
+        foot = -self.depth_mm - self.length_mm
         left = [(x - self.radius_mm, top), (x - self.foot_mm, foot)]
         return np.array([*left, (x + self.foot_mm, foot), (x + self.radius_mm, top)])
 
@@ -95,9 +104,10 @@ class PlateLayout:
         arcs = list[LoopEdge]()
         for x, y in ((1.0, 1.0), (-1.0, 1.0), (-1.0, -1.0), (1.0, -1.0)):
             centre = (x * (half[0] - corner), y * (half[1] - corner))
-            on_side, on_end = (x * half[0], centre[1]), (centre[0], y * half[1])
+            on_side = (x * half[0], centre[1])
+            on_end = (centre[0], y * half[1])
             arcs.append(LoopEdge(*((on_side, on_end) if x * y > 0.0 else (on_end, on_side)), centre))
-        lines = [LoopEdge(one.end, other.start) for one, other in zip(arcs, [*arcs[1:], arcs[0]], strict=True)]
+        lines = [LoopEdge(arc.end, next_arc.start) for arc, next_arc in zip(arcs, [*arcs[1:], arcs[0]], strict=True)]
         chain = [edge for pair in zip(arcs, lines, strict=True) for edge in pair]
         return tuple(
             edge for edge in chain if hypot(edge.end[0] - edge.start[0], edge.end[1] - edge.start[1]) > _SAME_MM
@@ -171,7 +181,8 @@ class PlateLayout:
 
     def placed(self, points: Float[np.ndarray, "n d"], number: int) -> Float[np.ndarray, "n d"]:
         """Points (mm) of the lens, in its own coordinates, at the place and turn of lens ``number``; d is 2 or 3."""
-        pose, width = self.lenses.lamps[number].pose, points.shape[1]
+        pose = self.lenses.lamps[number].pose
+        width = points.shape[1]
         return np.asarray(points @ pose.rotation[:width, :width].T + pose.origin_mm[:width])
 
     def thinnest_wall(self, openings: Sequence[_Around]) -> PlateWall | None:
@@ -179,26 +190,29 @@ class PlateLayout:
 
         None where it has none of them.
         """
-        bores = self.of_each([self.bore_scale(each) * each for each in openings])  # at the bottom, where all is widest
-        plate, axes = self.plate, np.array(self.lenses.places_mm)
-        largest = max(float(np.hypot(*each.T).max()) for each in bores)
+        bores = self.of_each(
+            [self.bore_scale(opening) * opening for opening in openings]
+        )  # at the bottom, where all is widest
+        plate = self.plate
+        axes = np.array(self.lenses.places_mm)
+        largest = max(float(np.hypot(*bore.T).max()) for bore in bores)
         widened = {name: self._at_bottom_mm(mark) for name, mark in plate.marks}
-        found = list[PlateWall]()
+        walls = list[PlateWall]()
         for number, (name, mark) in enumerate(plate.marks):
             away = np.hypot(*(axes - mark.place_mm).T)
             near = np.flatnonzero(away <= away.min() + 2.0 * largest)
             gaps = {"the cavity of a lens": min(self._gap_mm(bores[k], int(k), mark.place_mm) for k in near)}
             gaps["the edge"] = plate.to_edge_mm(mark.place_mm, self.size_mm) - self.inset_mm
-            for other, one in plate.marks[:number]:
-                gaps[other] = mark.away_mm(one.place_mm) - widened[other]
-            found += [PlateWall(gap - widened[name], f"{name} and {other}") for other, gap in gaps.items()]
+            for mark_name, one in plate.marks[:number]:
+                gaps[mark_name] = mark.away_mm(one.place_mm) - widened[mark_name]
+            walls += [PlateWall(gap - widened[name], f"{name} and {neighbour}") for neighbour, gap in gaps.items()]
             if isinstance(mark, PlateBoss):
                 bore = self._bore(mark)
                 assert bore is not None
-                found.append(PlateWall(self._pin(mark).foot_mm - bore.foot_mm, f"{name} and its bore"))
+                walls.append(PlateWall(self._pin(mark).foot_mm - bore.foot_mm, f"{name} and its bore"))
                 roof_mm = plate.thickness_mm + mark.height_mm - mark.bore_depth_mm
-                found.append(PlateWall(roof_mm, f"the bore of {name} and the top of the plate"))
-        return min(found, key=lambda wall: wall.thickness_mm, default=None)
+                walls.append(PlateWall(roof_mm, f"the bore of {name} and the top of the plate"))
+        return min(walls, key=lambda wall: wall.thickness_mm, default=None)
 
     def _at_bottom_mm(self, mark: PlateMark) -> float:
         return mark.radius_mm + (self.plate.slope * self.plate.thickness_mm if isinstance(mark, PlateHole) else 0.0)
@@ -213,7 +227,8 @@ class PlateLayout:
 
 def layout_of(lens: Lens) -> PlateLayout | None:
     """The plate of the spec of ``lens``; None where it has none."""
-    plate, spec = lens.spec.plate, lens.spec
+    plate = lens.spec.plate
+    spec = lens.spec
     if plate is None:
         return None
     lenses = plate.lenses(spec.lamps)

@@ -58,24 +58,26 @@ class MeshParts:
 
     def add_wall(self, name: str, top: _Ids, foot: _Ids) -> None:
         """Add the wall between two loops of as many vertices; it faces outwards where they run counter-clockwise."""
-        ahead, below = np.roll(top, -1), np.roll(foot, -1)
+        ahead = np.roll(top, -1)
+        below = np.roll(foot, -1)
         self.add_facets(name, np.concatenate([np.stack(c, axis=1) for c in ((top, foot, below), (top, below, ahead))]))
 
     def add_plane(self, name: str, outline: _Ids, openings: Sequence[Int[np.ndarray, " _"]], *, up: bool) -> None:
         """Add the plane face within ``outline``, without ``openings``; all loops run counter-clockwise."""
         import manifold3d
 
-        loops = [outline, *(each[::-1] for each in openings)]
-        ids, places = np.concatenate(loops), np.concatenate(self.vertices)[:, :2]
-        found = ids[np.asarray(manifold3d.triangulate([np.ascontiguousarray(places[loop]) for loop in loops]))]
-        self.add_facets(name, found if up else found[:, ::-1])
+        loops = [outline, *(opening[::-1] for opening in openings)]
+        ids = np.concatenate(loops)
+        places = np.concatenate(self.vertices)[:, :2]
+        triangles = ids[np.asarray(manifold3d.triangulate([np.ascontiguousarray(places[loop]) for loop in loops]))]
+        self.add_facets(name, triangles if up else triangles[:, ::-1])
 
     def mesh(self, rings: int) -> BodyMesh:
         """Collect the mesh; faces in the order of their names."""
         names = sorted(self.triangles)
-        each = [np.concatenate(self.triangles[name]) for name in names]
-        face = np.repeat(np.arange(len(names)), [len(triangles) for triangles in each])
-        return BodyMesh(np.concatenate(self.vertices), np.concatenate(each), face, tuple(names), rings)
+        triangles = [np.concatenate(self.triangles[name]) for name in names]
+        face = np.repeat(np.arange(len(names)), [len(triangles) for triangles in triangles])
+        return BodyMesh(np.concatenate(self.vertices), np.concatenate(triangles), face, tuple(names), rings)
 
 
 @lru_cache(maxsize=1)  # export and check ask for it
@@ -96,14 +98,17 @@ def build_plate_mesh(
     plans: Sequence[Plan[Patch]], layout: PlateLayout, meshes: Sequence[BodyMesh], chord_mm: float
 ) -> BodyMesh:
     """Mesh the plate; ``meshes``: of a lens of each kind without a base, ``chord_mm``: of the plate's round edges."""
-    parts, thickness = MeshParts(), layout.plate.thickness_mm
+    parts = MeshParts()
+    thickness = layout.plate.thickness_mm
     each = [
         (mesh, layout.bore_scale(rim_points(plan.cavity)), _rim_of(mesh, plan.envelope), _rim_of(mesh, plan.cavity))
         for plan, mesh in zip(plans, meshes, strict=True)
     ]
-    deep, sides = (0.0, thickness), (layout.outline, layout.foot)
+    deep = (0.0, thickness)
+    sides = (layout.outline, layout.foot)
     outline, foot = _wall(parts, PLATE_SIDE, sides, chord_mm, deep, outwards=True)
-    tops, bottoms = [], []
+    tops = []
+    bottoms = []
     for number, (lens, bore_scale, rim, mouth) in enumerate(layout.of_each(each)):
         ids = parts.add_points(layout.placed(lens.vertices, number))
         for name in lens.names:
@@ -149,7 +154,7 @@ def _wall(
 ) -> tuple[_Ids, _Ids]:
     """Add the wall between two loops at depths below z = 0; return the numbers of the vertices on them."""
     points = points_on(loops[0], chord_mm), np.concatenate(list(_at_foot(*loops, chord_mm)))
-    top, foot = (parts.add_points(each, -depth) for each, depth in zip(points, ends_mm, strict=True))
+    top, foot = (parts.add_points(point, -depth) for point, depth in zip(points, ends_mm, strict=True))
     parts.add_wall(name, *((top, foot) if outwards else (top[::-1], foot[::-1])))
     return top, foot
 
@@ -166,5 +171,5 @@ def _rim_of(lens: BodyMesh, boundary: Boundary[Patch]) -> _Ids:
     ids = np.unique(lens.part(boundary.faces[-1].label))
     ids = ids[lens.vertices[ids, 2] == 0.0]
     x, y = lens.vertices[ids, :2].T
-    found: _Ids = ids[np.argsort(np.arctan2(y, x), kind="stable")]
-    return found
+    rim: _Ids = ids[np.argsort(np.arctan2(y, x), kind="stable")]
+    return rim

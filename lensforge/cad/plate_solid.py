@@ -49,7 +49,9 @@ def build_plate_solid(plans: Sequence[Plan[Patch]], layout: PlateLayout) -> Soli
 
     Names of faces that stand often end in a number.
     """
-    faces, openings, feet = Named(), list[Any](), list[Any]()
+    faces = Named()
+    openings = list[Any]()
+    feet = list[Any]()
     lenses = layout.of_each([_lens_with_bore(plan, layout) for plan in plans])
     for (lens, rim, foot), lamp in zip(lenses, layout.lenses.lamps, strict=True):
         there = moved(lamp.place_mm[:2], lamp.turn_deg)
@@ -116,7 +118,8 @@ def _walls(
 
 def _wall_facing(side: Any, edge: LoopEdge, *, outwards: bool) -> Any:
     """The wall below an edge, its normal to the right of the edge, or to the left."""
-    (_, normal), (x, y) = normal_at(side), edge.right
+    (_, normal) = normal_at(side)
+    (x, y) = edge.right
     return side if (normal.X() * x + normal.Y() * y > 0.0) == outwards else TopoDS.Face_s(side.Reversed())
 
 
@@ -127,7 +130,7 @@ def _loop_edges(loop: Loop, depth_mm: float) -> list[Any]:
         if edge.centre is None:
             edges.append(BRepBuilderAPI_MakeEdge(start, end).Edge())
         else:
-            ends = (-each if edge.clockwise else each for each in edge.azimuths)
+            ends = (-azimuth if edge.clockwise else azimuth for azimuth in edge.azimuths)
             edges.append(BRepBuilderAPI_MakeEdge(_circle(edge, depth_mm), start, end, *ends).Edge())
     return edges
 

@@ -30,11 +30,12 @@ def body_outlines(lens: Lens, azimuth_deg: float) -> list[Curve]:
     azimuth = np.radians(azimuth_deg)
     across = rim_directions(np.array([azimuth]))[0]
     plan = lens_plan(lens)
-    base, of_file = plan.base, [] if plan.base.file is None else _cut_of_file(plan.base, across)
+    base = plan.base
+    of_file = [] if plan.base.file is None else _cut_of_file(plan.base, across)
     corners = [] if base.file is not None else base_corners(plan)[1:]  # the first is the outer rim itself
     if plan.cavity.opening is not None:
         return [*_around_opening(plan, corners, azimuth), *of_file]
-    inner, outer = (profile(each, across) for each in (plan.cavity, plan.envelope))
+    inner, outer = (profile(boundary, across) for boundary in (plan.cavity, plan.envelope))
     if (ring := ring_of(lens)) is not None:
         outer = ring.around(outer)
     if base.file is not None:
@@ -47,28 +48,32 @@ def _cut_feet(base: BaseSection, azimuth_deg: float) -> list[Float[np.ndarray, "
     """The feet in the section through the axis at ``azimuth_deg``: (position across, z) in mm of their corners."""
     if base.feet is None:
         return []
-    turn, found = np.radians(azimuth_deg), list[np.ndarray]()
+    turn = np.radians(azimuth_deg)
+    outlines = list[np.ndarray]()
     ends = [(-base.height_mm, base.foot_radii_mm[0]), (-base.seat_mm, base.foot_radii_mm[1])]
     for x, y in base.feet.places_mm:
-        across, away = x * np.cos(turn) + y * np.sin(turn), y * np.cos(turn) - x * np.sin(turn)
+        across = x * np.cos(turn) + y * np.sin(turn)
+        away = y * np.cos(turn) - x * np.sin(turn)
         if abs(away) < base.foot_radii_mm[0]:
             halves = [(z, sqrt(max(radius**2 - away**2, 0.0))) for z, radius in ends]
             left, right = ([(across + sign * half, z) for z, half in halves] for sign in (-1.0, 1.0))
-            found.append(np.array([left[0], *right, left[1]]))
-    return found
+            outlines.append(np.array([left[0], *right, left[1]]))
+    return outlines
 
 
 def _around_opening(plan: Plan[Surface], corners: list[Corner], azimuth: float) -> Iterator[Curve]:
     """An outline on each side of the axis, from the rim of the opening around the base and back."""
     for sign, turn in ((1.0, azimuth), (-1.0, azimuth + np.pi)):
-        inner, outer = (_from_opening(each, turn) for each in (plan.cavity, plan.envelope))
+        inner, outer = (_from_opening(boundary, turn) for boundary in (plan.cavity, plan.envelope))
         yield np.concatenate([outer, _at(corners, turn), inner[::-1]]) * (sign, 1.0)
 
 
 def _from_opening(boundary: Boundary[Surface], azimuth: float, count: int = 181) -> Curve:
     """The curve at one azimuth from the opening to the rim: (distance from the axis, z) in mm."""
     turn = np.array([azimuth])
-    rims = [2.0 * np.arctan(each.radius(turn)) for each in (boundary.opening, *boundary.creases) if each is not None]
+    rims = [
+        2.0 * np.arctan(crease.radius(turn)) for crease in (boundary.opening, *boundary.creases) if crease is not None
+    ]
     polar = np.unique(np.concatenate([np.linspace(float(rims[0][0]), 0.5 * np.pi, count), *rims]))
     plane = np.column_stack([np.sin(polar), np.cos(polar)])
     plane[-1, 1] = 0.0  # the rim lies in z = 0 exactly
@@ -80,10 +85,10 @@ def other_section_deg(lens: Lens) -> float | None:
     """Azimuth (degrees) of a second section that differs from the one at 0; None of a part that is round about z."""
     first = body_outlines(lens, 0.0)
     for azimuth_deg in (90.0, 45.0):
-        other = body_outlines(lens, azimuth_deg)
-        if [each.shape for each in other] != [each.shape for each in first]:
+        outlines = body_outlines(lens, azimuth_deg)
+        if [outline.shape for outline in outlines] != [outline.shape for outline in first]:
             return azimuth_deg
-        if any(np.abs(a - b).max() > _DRAWN_MM for a, b in zip(first, other, strict=True)):
+        if any(np.abs(a - b).max() > _DRAWN_MM for a, b in zip(first, outlines, strict=True)):
             return azimuth_deg
     return None
 
@@ -91,7 +96,7 @@ def other_section_deg(lens: Lens) -> float | None:
 def _at(corners: list[Corner], azimuth: float) -> Curve:
     """Distance from the axis and z of corners of the base on one side of the section."""
     turn = np.array([azimuth])
-    return np.array([(float(each.radius(turn)[0]), -each.depth_mm) for each in corners]).reshape(-1, 2)
+    return np.array([(float(corner.radius(turn)[0]), -corner.depth_mm) for corner in corners]).reshape(-1, 2)
 
 
 def profile(boundary: Boundary[Surface], across: Float[np.ndarray, " 3"], count: int = 361) -> Curve:

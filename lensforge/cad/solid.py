@@ -105,11 +105,13 @@ def _outside(plan: Plan[Patch], envelope_rim: list[Chain], whole_rim: Chain) -> 
     if plan.flush:
         faces, foot = walls_below(SIDE, whole_rim, plan.shoulder_mm, foot_scale(plan, SIDE))
     else:
-        faces, seat = [], envelope_rim
+        faces = []
+        seat = envelope_rim
         if plan.ring is not None:
             ring = _circle(plan.ring, 0.0)
             walls, seat_wire = walls_below(RELIEF, ring, plan.relief_mm)
-            faces, seat = [(RIM, planar_face(wire(whole_rim), wire(ring))), *walls], [parts_of(seat_wire, "EDGE")]
+            faces = [(RIM, planar_face(wire(whole_rim), wire(ring))), *walls]
+            seat = [parts_of(seat_wire, "EDGE")]
         elif plan.relief_mm > 0.0:
             faces, seat_wire = walls_below(RELIEF, whole_rim, plan.relief_mm)
             seat = [parts_of(seat_wire, "EDGE")]
@@ -135,14 +137,16 @@ def _pocket(plan: Plan[Patch], bore_foot: Any) -> tuple[Named, Any]:
 
 
 def _feet(plan: Plan[Patch]) -> tuple[Named, Chain]:
-    own, faces, tops = plan.base.feet, Named(), Chain()
-    if own is None:
+    feet = plan.base.feet
+    faces = Named()
+    tops = Chain()
+    if feet is None:
         return faces, tops
     root, tip = plan.base.foot_radii_mm
     rim = _circle(circle(root), plan.base.height_mm)
-    sides, end = walls_below(FOOT_SIDE, rim, own.height_mm, tip / root)
+    sides, end = walls_below(FOOT_SIDE, rim, feet.height_mm, tip / root)
     made = [(name, facing(face, AWAY)) for name, face in sides] + [(FOOT_END, facing(planar_face(end), DOWN))]
-    for place in own.places_mm:
+    for place in feet.places_mm:
         *there, top = copies_at([*(face for _, face in made), wire(rim)], moved(place))
         faces += [(name, TopoDS.Face_s(face)) for (name, _), face in zip(made, there, strict=True)]
         tops.append(TopoDS.Wire_s(top))
@@ -162,7 +166,8 @@ def _between_rim_and_outline(plan: Plan[Patch], rim: list[Chain], outline: Chain
     """Ledges where the rim is inside the outline, overhangs where it is outside: one whole ring, or crescents."""
     relation = plan.arcs[0].relation
     if len(plan.arcs) == 1:
-        inside, around = wire(rim[0]), wire(outline)
+        inside = wire(rim[0])
+        around = wire(outline)
         return [(TOP, planar_face(around, inside))] if relation == "ledge" else [(RIM, planar_face(inside, around))]
     faces = []
     for arc, chain in zip(plan.arcs, rim, strict=True):
@@ -173,7 +178,8 @@ def _between_rim_and_outline(plan: Plan[Patch], rim: list[Chain], outline: Chain
 
 def _chain_between(rim: Chain, outline: Chain) -> Chain:
     """The edges of ``outline`` from the first vertex of ``rim`` to its last."""
-    start, end = TopExp.FirstVertex_s(rim[0]), TopExp.LastVertex_s(rim[-1])
+    start = TopExp.FirstVertex_s(rim[0])
+    end = TopExp.LastVertex_s(rim[-1])
     first = next(k for k, side in enumerate(outline) if TopExp.FirstVertex_s(side).IsSame(start))
     chain = []
     for side in outline[first:] + outline[:first]:
@@ -190,8 +196,12 @@ def planar_face(boundary: Any, *holes: Any) -> Any:
 
 
 # Outward direction of each face: along +z or -z, away from the axis or towards it; of an optical one, from the origin.
-UP, DOWN, AWAY, TOWARDS = "+z", "-z", "+r", "-r"
-FROM_ORIGIN, TO_ORIGIN = "+u", "-u"
+UP = "+z"
+DOWN = "-z"
+AWAY = "+r"
+TOWARDS = "-r"
+FROM_ORIGIN = "+u"
+TO_ORIGIN = "-u"
 _OUTWARD = {
     **{RIM: DOWN, TOP: UP, SIDE: AWAY, BOTTOM: DOWN, BORE: TOWARDS},
     **{RELIEF: AWAY, FLAT: AWAY, FLANGE_TOP: UP, FLANGE_SIDE: AWAY, POCKET_SIDE: TOWARDS, POCKET_TOP: DOWN},
@@ -256,7 +266,9 @@ def _is_valid(shape: Any) -> bool:
 
 def build_solid(plan: Plan[Patch]) -> Solid:
     """Build the closed solid of a plan."""
-    split, ring, opening = len(plan.arcs) == 1, plan.rim_flange, Opening.of(plan)
+    split = len(plan.arcs) == 1
+    ring = plan.rim_flange
+    opening = Opening.of(plan)
     envelope_faces, envelope_rim = optical_faces(plan.envelope, plan.arcs, split, FROM_ORIGIN, opening, ring)
     cavity_faces, (cavity_rim,) = optical_faces(plan.cavity, (Arc(0.0, FULL_TURN, "bare"),), True, TO_ORIGIN, opening)
     feet, tops = _feet(plan)
@@ -284,10 +296,11 @@ def optical_faces(
     if opening is not None:
         surfaces[0] = opening.plane if within[0].is_ring else opening.beside
     pairs = zip(pairwise(patches), pairwise(surfaces), strict=True)
-    inner = [each.domain.outside for each in within[:-1] if each.domain.outside is not None]
+    inner = [face.domain.outside for face in within[:-1] if face.domain.outside is not None]
     creases = [crease_edges(crease, *sides) for crease, sides in zip(inner, pairs, strict=True)]
     rim = rim_edges(patches[-1], surfaces[-1], arcs, split=split)
-    outlines, holes = [*creases, [edge for chain in rim for edge in chain]], [[], *([each] for each in creases)]
+    outlines = [*creases, [edge for chain in rim for edge in chain]]
+    holes = [[], *([crease] for crease in creases)]
     if opening is not None:
         holes[0] = [opening.edges]
     faces = []
@@ -313,7 +326,7 @@ def _with_ring(face: TrimmedFace[Patch], surface: Any, ends: tuple[Any, Any], ri
     )
     return [
         *((face.label, facing(band, FROM_ORIGIN, face.domain)) for band in bands),
-        *((name, facing(each, AWAY)) for name, each in sides),
+        *((name, facing(side, AWAY)) for name, side in sides),
         *((name, facing(plane, outward)) for name, plane, outward in planes),
     ]
 
@@ -336,17 +349,20 @@ def _within(surface: Any, boundary: Any, *holes: Any) -> Any:
 
 def facing(face: Any, outward: str, domain: Domain | None = None) -> Any:
     """``face`` with the orientation that makes its normal point outwards, judged in the middle or in its ``domain``."""
-    inside = None if domain is None else (sum(float(each[0]) for each in domain.radii(np.zeros(1))) / 2.0, 0.0)
-    (x, y, z), normal = (each.Coord() for each in normal_at(face, inside))
+    inside = None if domain is None else (sum(float(radius[0]) for radius in domain.radii(np.zeros(1))) / 2.0, 0.0)
+    (x, y, z), normal = (point.Coord() for point in normal_at(face, inside))
     radial = normal[0] * x + normal[1] * y
-    ahead, up = radial + normal[2] * z, normal[2]
+    ahead = radial + normal[2] * z
+    up = normal[2]
     along = {UP: up, DOWN: -up, AWAY: radial, TOWARDS: -radial, FROM_ORIGIN: ahead, TO_ORIGIN: -ahead}
     return face if along[outward] > 0.0 else TopoDS.Face_s(face.Reversed())
 
 
 def assembled(faces: Named) -> Solid:
     """The solid within ``faces``, which share their edges."""
-    builder, shell, solid = BRep_Builder(), TopoDS_Shell(), TopoDS_Solid()
+    builder = BRep_Builder()
+    shell = TopoDS_Shell()
+    solid = TopoDS_Solid()
     builder.MakeShell(shell)
     for _, face in faces:
         builder.Add(shell, face)
@@ -358,7 +374,8 @@ def assembled(faces: Named) -> Solid:
 
 def uniquely_named(faces: list[tuple[str, Any]]) -> Shapes:
     """Names made unique: a number is added where several faces share one."""
-    total, seen = Counter(name for name, _ in faces), Counter[str]()
+    total = Counter(name for name, _ in faces)
+    seen = Counter[str]()
     named = {}
     for name, face in faces:
         seen[name] += 1

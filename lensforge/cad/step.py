@@ -54,8 +54,8 @@ from lensforge.version import __version__
 def sign(model: Any, product: str, header: Signature) -> None:
     """Fill in the header of a STEP ``model``: product, time stamp, author, organisation, program and version."""
 
-    def text(words: str) -> Any:
-        return TCollection_HAsciiString(step_text(words))
+    def text(content: str) -> Any:
+        return TCollection_HAsciiString(step_text(content))
 
     made = APIHeaderSection_MakeHeader(model)
     made.SetName(text(product))
@@ -66,8 +66,8 @@ def sign(model: Any, product: str, header: Signature) -> None:
     made.SetDescriptionValue(1, text(product))
 
 
-def step_text(words: str) -> str:
-    """``words`` as ISO 10303-21 writes them: ASCII, all other characters by their code; the kernel doubles quotes."""
+def step_text(content: str) -> str:
+    """``content`` as ISO 10303-21 writes them: ASCII, all other characters by their code; the kernel doubles quotes."""
 
     def coded(character: str) -> str:
         code = ord(character)
@@ -75,7 +75,7 @@ def step_text(words: str) -> str:
             return character
         return f"\\X2\\{code:04X}\\X0\\" if code < 0x10000 else f"\\X4\\{code:08X}\\X0\\"
 
-    return "".join(map(coded, words))
+    return "".join(map(coded, content))
 
 
 _DATUM = "A"
@@ -103,7 +103,8 @@ def attach(document: Any, labels: Shapes, tolerances: tuple[FormTolerance, ...])
         added = _profile(tool, labels[tolerance.face], tolerance.width_um)
         if not tolerance.datum_faces:
             continue
-        plane, places = tool.AddDatum(), TDF_LabelSequence()
+        plane = tool.AddDatum()
+        places = TDF_LabelSequence()
         for name in tolerance.datum_faces:
             places.Append(labels[name])
         tool.SetDatum(places, plane)
@@ -116,7 +117,8 @@ def attach(document: Any, labels: Shapes, tolerances: tuple[FormTolerance, ...])
 
 def _profile(tool: Any, face: Any, width_um: float) -> Any:
     """A surface profile on ``face``; the label of the tolerance."""
-    added, profile = tool.AddGeomTolerance(), XCAFDimTolObjects_GeomToleranceObject()
+    added = tool.AddGeomTolerance()
+    profile = XCAFDimTolObjects_GeomToleranceObject()
     tool.SetGeomTolerance(face, added)
     profile.SetType(XCAFDimTolObjects_GeomToleranceType.XCAFDimTolObjects_GeomToleranceType_ProfileOfSurface)
     profile.SetValue(1e-3 * width_um / _MM_PER_M)
@@ -146,7 +148,9 @@ def require_written(content: bytes, tolerances: tuple[FormTolerance, ...]) -> No
 
 def read_tolerances(content: bytes) -> list[FormTolerance]:
     """The surface profiles in the bytes of a STEP file that this process has written."""
-    document, reader, labels = new_document(), STEPCAFControl_Reader(), TDF_LabelSequence()
+    document = new_document()
+    reader = STEPCAFControl_Reader()
+    labels = TDF_LabelSequence()
     configure("", "AP242")
     reader.SetNameMode(True)
     reader.SetGDTMode(True)
@@ -170,7 +174,9 @@ def _read_tolerance(tolerance: Any) -> FormTolerance:
 
 def _faces_of(label: Any) -> list[str]:
     """Names of the faces to which a tolerance or a datum belongs."""
-    first, second, names = TDF_LabelSequence(), TDF_LabelSequence(), []
+    first = TDF_LabelSequence()
+    second = TDF_LabelSequence()
+    names = []
     XCAFDoc_DimTolTool.GetRefShapeLabel_s(label, first, second)
     for k in range(first.Length()):
         name = TDataStd_Name()
@@ -268,7 +274,7 @@ def parse_step(content: bytes, origin: str = "lens.step") -> Solid:
 def parse_surfaces(content: bytes, origin: str = "lens_surfaces.step") -> Shapes:
     """The loose faces (TopoDS_Face) of a STEP file's bytes by name. Raises :class:`InputError`."""
     faces = {part.name: parts_of(part.shape, "FACE") for part in _parse(content, origin)}
-    return {name: each[0] for name, each in faces.items() if len(each) == 1}
+    return {name: face[0] for name, face in faces.items() if len(face) == 1}
 
 
 def _parse(content: bytes, origin: str) -> list[Product]:
@@ -280,7 +286,8 @@ def _parse(content: bytes, origin: str) -> list[Product]:
 
 def _document(parts: Shapes, faces: Shapes, tolerances: tuple[FormTolerance, ...]) -> Any:
     """An XCAF document, so that parts, and the faces of a single one, carry names and tolerances."""
-    document, labels = new_document(), {}
+    document = new_document()
+    labels = {}
     shapes = XCAFDoc_DocumentTool.ShapeTool_s(document.Main())
     for product, shape in parts.items():
         part = shapes.AddShape(shape, False)

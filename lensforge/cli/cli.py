@@ -14,11 +14,13 @@ import traceback
 import warnings
 from collections.abc import Sequence
 from contextlib import suppress
+from functools import cache
 from itertools import zip_longest
 from typing import Any, NoReturn
 
 import click
 
+from lensforge.addon import addons
 from lensforge.cli.design import design, preview
 from lensforge.cli.interrupts import Interrupts
 from lensforge.cli.output import printable, warning_line
@@ -28,16 +30,15 @@ from lensforge.cli.specs import examples, new, schema
 from lensforge.cli.stages import STAGE_COMMANDS, handover, report
 from lensforge.cli.streams import lasting_streams, open_standard_streams
 from lensforge.cli.studies import sweep, tradeoff
-from lensforge.cli.studio_page import studio
 from lensforge.errors import FileWarning, LensforgeError, SeveralErrors
 from lensforge.version import __version__
 
-# Commands by what they are for; those of no heading come last.
+# Commands by what they are for, those of add-ons behind the core's; those of no heading come last.
 _SECTIONS = {
-    "Design": ("new", "studio", "preview", "design", "sweep", "tradeoff", "examples", "schema"),
+    "Design": ("new", "preview", "design", "sweep", "tradeoff", "examples", "schema"),
     "One stage of a result folder again": ("evaluate", "export", "check", "verify", "photometry", "report"),
     "Tolerances": ("sensitivity", "yield"),
-    "The shop and the machined part": ("handover", "compare", "correct"),
+    "The shop and the machined part": ("handover",),
 }
 _REST = "Files"
 _NOTES = """\b
@@ -68,6 +69,16 @@ class _CutShort(Exception):
 
 
 class _Group(click.Group):
+    """The commands of the core and of add-ons; the latter are loaded for a name that the core does not have."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        """Names of all commands."""
+        return sorted(all_commands())
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        """The command of a name; None where there is none."""
+        return self.commands.get(cmd_name) or all_commands().get(cmd_name)
+
     def invoke(self, context: click.Context) -> Any:
         try:
             return super().invoke(context)
@@ -78,15 +89,16 @@ class _Group(click.Group):
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """Write the commands under their headings, those of no heading last."""
-        named = {name for names in _SECTIONS.values() for name in names}
+        sections = {title: (*names, *_added_under(title)) for title, names in _SECTIONS.items()}
+        named = {name for names in sections.values() for name in names}
         rest = tuple(name for name in self.list_commands(ctx) if name not in named)
-        for title, names in {**_SECTIONS, _REST: rest}.items():
+        for title, names in {**sections, _REST: rest}.items():
             commands = [(name, self.get_command(ctx, name)) for name in names]
             limit = formatter.width - 20
             rows = [(name, command.get_short_help_str(limit)) for name, command in commands if command is not None]
             if rows:
                 with formatter.section(title):
-                    formatter.write_dl([(name.ljust(11), words) for name, words in rows])
+                    formatter.write_dl([(name.ljust(11), summary) for name, summary in rows])
 
 
 @click.group(
@@ -109,7 +121,6 @@ for command in (
     design,
     preview,
     new,
-    studio,
     sweep,
     tradeoff,
     report,
@@ -122,6 +133,23 @@ for command in (
     cli.add_command(command)
 
 
+@cache
+def _commands_of_addons() -> dict[str, Sequence[click.Command]]:
+    return {addon.name: addon.commands() for addon in addons()}
+
+
+def _added_under(heading: str) -> list[str]:
+    """Names of the commands that add-ons have under a heading of the help."""
+    commands = (_commands_of_addons()[addon.name] for addon in addons() if addon.heading == heading)
+    return [command.name or "" for several in commands for command in several]
+
+
+def all_commands() -> dict[str, click.Command]:
+    """Commands by name, those of add-ons among them, which are loaded here."""
+    added = {command.name or "": command for several in _commands_of_addons().values() for command in several}
+    return {**added, **cli.commands}
+
+
 def main(interrupts: Interrupts | None = None, arguments: Sequence[str] | None = None) -> None:
     """Entry point: every exit has a code and at most one line on stderr, or one for each wrong field of a spec.
 
@@ -129,32 +157,33 @@ def main(interrupts: Interrupts | None = None, arguments: Sequence[str] | None =
     """
     open_standard_streams()
     _show_own_warnings_in_a_line()
-    own = Interrupts().install() if interrupts is None else interrupts
+    handler = Interrupts().install() if interrupts is None else interrupts
     try:
         with lasting_streams() as stdout_failure:
-            code = _run(own, arguments)
+            code = _run(handler, arguments)
             failure = stdout_failure()
             if failure is not None and code == 0:
                 code = _say(
                     f"stdout: cannot be written ({failure.strerror}); the command is done, and its files are written", 2
                 )
-        if own.received is not None and code == own.exit_code:
+        if handler.received is not None and code == handler.exit_code:
             _end_at_once(code)
     finally:
-        own.uninstall(at_exit=interrupts is not None)
+        handler.uninstall(at_exit=interrupts is not None)
     sys.exit(code)
 
 
 def _show_own_warnings_in_a_line() -> None:
-    others, said = warnings.showwarning, set[str]()
+    show_warning = warnings.showwarning
+    shown = set[str]()
 
     def show(message: Warning | str, category: type[Warning], *place: Any, **more: Any) -> None:
         if issubclass(category, FileWarning):
-            if str(message) not in said:  # a file may be read again by the next stage
+            if str(message) not in shown:  # a file may be read again by the next stage
                 click.echo(warning_line(str(message)), err=True)
-            said.add(str(message))
+            shown.add(str(message))
         else:
-            others(message, category, *place, **more)
+            show_warning(message, category, *place, **more)
 
     warnings.showwarning = show
 

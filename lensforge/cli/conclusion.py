@@ -9,11 +9,10 @@ import click
 
 from lensforge.cad.part import Part
 from lensforge.cli.output import Block, Output, Row, warning_line
-from lensforge.errors import CriterionMissed
+from lensforge.errors import CriterionMissed, shortened
 from lensforge.light.evaluation_result import Light
 from lensforge.light.light_facts import place_groups
 from lensforge.light.photometry_result import IES_FILE, LDT_FILE, LUMINAIRE_FILES, TM25_FILE, TM33_FILE, Photometry
-from lensforge.proof.acceptance import deciding_criteria
 from lensforge.proof.proof_result import Proof
 from lensforge.report.folder import Run, RunFolder
 from lensforge.report.headline import headline, kinds
@@ -24,7 +23,6 @@ from lensforge.results import Fact, Group, ResultByLed, StageResult
 from lensforge.results.criteria import require
 from lensforge.results.fact import cells_of, columns_of
 from lensforge.results.record import State
-from lensforge.results.validation import shortened
 from lensforge.results.verdict import TITLES, Verdict
 from lensforge.search.design_result import Design
 from lensforge.shop.check_facts import shape_facts
@@ -35,9 +33,12 @@ if TYPE_CHECKING:
     from lensforge.shop.handover import Handover
 
 _STEM = "lens"  # of the files
-_MOST_ROWS, _MOST_LIMITS = 10, 3
-_WIDEST_CELL, _WIDEST_TABLE = 24, 120
-_DESIGN, _VERDICTS = "design", ("criteria", "cutting")  # of a study: its groups, and columns of all of them
+_MOST_ROWS = 10
+_MOST_LIMITS = 3
+_WIDEST_CELL = 24
+_WIDEST_TABLE = 120
+_DESIGN = "design"  # group of a study
+_VERDICTS = ("criteria", "cutting")  # columns of every group
 _WHOLE = ("ways", "of_roads", "limits")  # groups of a whole run; of others some facts
 # Groups that are rows of a table, a line each even where there is one alone.
 _LINES = ("ways", "place", "road_yield", "bound", "spread", "causes", "budget", "error", "failed", "preset")
@@ -65,11 +66,11 @@ def finish(
     blocks = [] if renewed is None else [Block(f"A lens made for it, in {renewed.folder}", preview_rows(renewed))]
     output.show(
         lambda: {**document(run, *results), **beside},
-        lambda: [*(block for each in results for block in blocks_of(each, run)), *blocks],
+        lambda: [*(block for result in results for block in blocks_of(result, run)), *blocks],
     )
     for result in results:
         _tell_conditions(result)
-    require(criterion for each in results for criterion in deciding_criteria(each))
+    require(criterion for result in results for criterion in result.deciding_criteria())
     if decides and conditions_of(results[0]) is None:
         _require_pass(run, decides)
 
@@ -126,12 +127,14 @@ def table_of(groups: Sequence[Group]) -> Iterator[str]:
         for (key, label), *cells in zip(columns.items(), *rows, strict=True)
         if key in _VERDICTS or len({*cells}) != 1 or len(groups) == 1
     ]
-    first, room = ["", *(group.title for group in groups)], 0
+    first = ["", *(group.title for group in groups)]
+    room = 0
     parts: list[list[list[str]]] = []
     for column in told:
         wide = max(map(len, column)) + 2
         if not parts or wide > room:
-            parts, room = [*parts, [first]], _WIDEST_TABLE - max(map(len, first)) - 4
+            parts = [*parts, [first]]
+            room = _WIDEST_TABLE - max(map(len, first)) - 4
         parts[-1].append(column)
         room -= wide
     for part in parts:
@@ -141,21 +144,22 @@ def table_of(groups: Sequence[Group]) -> Iterator[str]:
 
 def document(run: Run, *results: StageResult) -> dict[str, object]:
     """Folder and verdict of ``run``, facts of ``results``, and each of them as its file holds it, by its stem."""
-    stems = {stem_of(each): each for each in results}
+    stems = {stem_of(result): result for result in results}
     head = {"folder": str(run.folder), "verdict": run.verdict.model_dump(mode="json")}
-    facts = {stem: [group.plain() for group in run.facts(each)] for stem, each in stems.items()}
-    return {**head, "facts": facts, **{stem: each.plain() for stem, each in stems.items()}}
+    facts = {stem: [group.plain() for group in run.facts(result)] for stem, result in stems.items()}
+    return {**head, "facts": facts, **{stem: result.plain() for stem, result in stems.items()}}
 
 
 def _tell_conditions(result: StageResult) -> None:
     conditions = conditions_of(result)
     if conditions is None:
         return
-    for words in conditions.warnings:
-        click.echo(warning_line(words), err=True)
-    own = stem_of(result.changed(conditions=None))
+    for warning in conditions.warnings:
+        click.echo(warning_line(warning), err=True)
+    nominal_stem = stem_of(result.changed(conditions=None))
     click.echo(
-        f"{stem_of(result)}.json: not at nominal conditions ({conditions}), so {own}.json and the verdict stay as "
+        f"{stem_of(result)}.json: not at nominal conditions ({conditions}), "
+        f"so {nominal_stem}.json and the verdict stay as "
         "they are",
         err=True,
     )
@@ -171,7 +175,8 @@ def _require_pass(run: Run, *parts: str) -> None:
 
 def blocks_of(result: StageResult, run: Run) -> list[Block]:
     """Blocks for ``result``, one of those in the folder of ``run``, and the file that holds it."""
-    groups, light = run.facts(result), run.find(Light)
+    groups = run.facts(result)
+    light = run.find(Light)
     if light is not None and isinstance(result, ResultByLed):  # of the same LEDs
         groups = [*groups, *place_groups(light)]
     title, reasons = _judged(result, run)
@@ -186,7 +191,8 @@ def blocks_of(result: StageResult, run: Run) -> list[Block]:
 
 def rows_of(groups: Sequence[Group]) -> Iterator[Row]:
     """A line for each fact; for each group where several are of one kind, of many the first ones."""
-    counted, shown = Counter(group.key for group in groups), Counter[str]()
+    counted = Counter(group.key for group in groups)
+    shown = Counter[str]()
     for group in groups:
         if group.key == "limits":
             yield from _limit_rows(group)
@@ -202,12 +208,15 @@ def rows_of(groups: Sequence[Group]) -> Iterator[Row]:
 
 def summary(run: Run) -> list[Block]:
     """The end of a whole run: verdict, light, lens, files, manufacture, and the folder, in 30 lines at most."""
-    head, verdict = headline(run), run.verdict
-    light, lens = _selected(run, _LIGHT, Light), _selected(run, _LENS, Design)
+    head = headline(run)
+    verdict = run.verdict
+    light = _selected(run, _LIGHT, Light)
+    lens = _selected(run, _LENS, Design)
     design = run.find(Design)
     search = "" if design is None else f": {_search(run, design)}"
     kept = [key for key in _FAR_FIELD if not (run.spec.roads and key.startswith("beam_"))]  # which no road asks for
-    far_field, files = _selected(run, tuple(kept), Photometry), _selected(run, _FILES, Part, Proof)
+    far_field = _selected(run, tuple(kept), Photometry)
+    files = _selected(run, _FILES, Part, Proof)
     why = [] if run.spec.has_limits else _because(verdict, "light")[:1]  # limits are lines of their own already
     return [
         Block(f"{run.spec.name}: {head.sentence} {head.criteria}"),
@@ -229,10 +238,10 @@ def _title(part: str, state: State, groups: Sequence[Group] = (), under: str = "
 def _kinds(run: Run) -> Iterator[Row]:
     """The kind of this lens, of several, and the folders of the others."""
     every = kinds(run, linked=False)
-    here = [f"{each.name}, of {each.lamps} lamps" for each in every if each.here]
-    others = [f"{each.name} of {each.lamps}" for each in every if not each.here]
+    here = [f"{kind.name}, of {kind.lamps} lamps" for kind in every if kind.here]
+    elsewhere = [f"{kind.name} of {kind.lamps}" for kind in every if not kind.here]
     if here:
-        yield "Kind", f"{here[0]}; in folders of their names: {', '.join(others)}"
+        yield "Kind", f"{here[0]}; in folders of their names: {', '.join(elsewhere)}"
 
 
 def preview_rows(run: Run) -> list[Row]:
@@ -246,22 +255,24 @@ def _row(fact: Fact) -> Row:
 
 
 def _limit_rows(group: Group) -> Iterator[Row]:
-    others = [fact for fact in group.facts if not fact.holds]
-    yield "Limits", f"{len(group.facts) - len(others)} of {len(group.facts)} met"
-    for fact in others[:_MOST_LIMITS]:
+    missed = [fact for fact in group.facts if not fact.holds]
+    yield "Limits", f"{len(group.facts) - len(missed)} of {len(group.facts)} met"
+    for fact in missed[:_MOST_LIMITS]:
         yield f"  {fact.outcome}", "; ".join(filter(None, (f"{fact.label}: {fact.sentence}", fact.advice)))
-    if len(others) > _MOST_LIMITS:
-        yield "", f"and {len(others) - _MOST_LIMITS} more, in evaluate.json"
+    if len(missed) > _MOST_LIMITS:
+        yield "", f"and {len(missed) - _MOST_LIMITS} more, in evaluate.json"
 
 
 def _judged(result: StageResult, run: Run) -> tuple[str, list[Row]]:
     """Title with the verdict, and reasons, of light and files; under other than nominal conditions by itself."""
     if not isinstance(result, Light | Part | Proof):
         return "", []
-    judged, under = run.verdict, ""
+    judged = run.verdict
+    under = ""
     if conditions_of(result) is not None:
-        part = {stem: each for stem, each in run.found.items() if stem == Part.stage}
-        judged, under = Results(run.lens, {**part, result.stage: result}).verdict, " under other conditions"
+        part = {stem: result for stem, result in run.found.items() if stem == Part.stage}
+        judged = Results(run.lens, {**part, result.stage: result}).verdict
+        under = " under other conditions"
     if isinstance(result, Light):
         return _title("light", judged.light, run.facts(result), under), _because(judged, "light")
     return _title("files", judged.files, run.facts(result), under), _because(judged, "files")
@@ -313,20 +324,23 @@ def _manufacture(run: Run) -> Iterator[Row]:
         for fact in group.facts
         if fact.state == "fail" and fact.key not in ("cutter", "nose")
     ]
-    of_kinds = [(each.name, why) for each in kinds(run, linked=False) for why in run.verdict.reasons_of("cutting")]
-    others = [(name, why) for name, why in of_kinds if why.startswith(f"{name}: ")]
-    if missed or others:
-        yield "Not met", "; ".join((*missed, *(why for _, why in others)))
+    of_kinds = [(kind.name, why) for kind in kinds(run, linked=False) for why in run.verdict.reasons_of("cutting")]
+    further = [(name, why) for name, why in of_kinds if why.startswith(f"{name}: ")]
+    if missed or further:
+        yield "Not met", "; ".join((*missed, *(why for _, why in further)))
     if run.verdict.cutting != "pass":
-        at = "" if missed or not others else f" {run.folder / others[0][0]}"
+        at = "" if missed or not further else f" {run.folder / further[0][0]}"
         yield "Remedy", f"see `lensforge check{at}`"
 
 
 def _written(run: Run) -> str:
-    part, photometry = run.find(Part), run.find(Photometry)
+    part = run.find(Part)
+    photometry = run.find(Photometry)
     names = [] if part is None else list(part.files)
     names += [] if photometry is None else [IES_FILE, LDT_FILE, TM33_FILE, TM25_FILE]
     names += [*LUMINAIRE_FILES.values()] if photometry is not None and photometry.luminaire else []
-    names += [] if photometry is None else [f"{_STEM}_{each.led}.ies" for each in photometry.others]
+    names += (
+        [] if photometry is None else [f"{_STEM}_{lamp_photometry.led}.ies" for lamp_photometry in photometry.others]
+    )
     pairs = zip([Path(), *map(Path, names)], map(Path, names), strict=False)  # "lens.step, .stl, .3mf"
     return ", ".join(path.suffix if path.stem == before.stem else path.name for before, path in pairs)

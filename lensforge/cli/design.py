@@ -41,7 +41,8 @@ from lensforge.spec.accuracy import preset_of
 from lensforge.spec.spec_files import alike
 
 _PICTURE_FILE = "light.png"  # of a preview
-_LEVEL_RAYS, _PAUSE_S = 2**15, 1.0  # of a picture on the way, and until the next
+_LEVEL_RAYS = 2**15  # of a preview
+_PAUSE_S = 1.0  # from one preview to the next
 _PREVIEW_RAYS = 2**17  # at most: an eighth of a draft's, for figures that have 2.8 times its errors
 
 
@@ -121,12 +122,13 @@ def _design_several(
 
     Raises :class:`FailedDesigns` when all have ended, :class:`InputError` before the first.
     """
-    if (words := alike(content.name for content in contents)) is not None:
-        raise InputError(f"SPEC: {words}, and would go to one folder; rename one")
+    if (duplicate := alike(content.name for content in contents)) is not None:
+        raise InputError(f"SPEC: {duplicate}, and would go to one folder; rename one")
     for given, option in ((out, "--out"), (resume, "--resume"), (shown, "--open")):
         if given:
             raise InputError(f"{option}: goes with one SPEC, {len(contents)} are given; design that one by itself")
-    failed, runs = dict[str, LensforgeError](), list[Run]()
+    failed = dict[str, LensforgeError]()
+    runs = list[Run]()
     for content in contents:
         try:
             runs.append(_run_of(content, Path("cad_out") / content.name, False, output, options))
@@ -141,15 +143,17 @@ def _design_several(
 
 def _spec_and_leds(specs: Sequence[Path], files: Sequence[str]) -> tuple[Path, list[str]]:
     """The one spec, and all files of LEDs: of a pattern, a shell puts all but the first among the specs."""
-    spec = next((each for each in specs if each.suffix == ".toml"), specs[0])
-    return spec, [*files, *(str(each) for each in specs if each is not spec)]
+    spec = next((spec for spec in specs if spec.suffix == ".toml"), specs[0])
+    return spec, [*files, *(str(file) for file in specs if file is not spec)]
 
 
 class _Looks:
     """Looks at a lens on its way: each renews ``picture``."""
 
     def __init__(self, picture: Path, *, shown: bool) -> None:
-        self._picture, self._to_show, self._next = picture, shown, 0.0
+        self._picture = picture
+        self._to_show = shown
+        self._next = 0.0
 
     def on_step(self, step: Progress) -> None:
         """Look at the end of a level, but not twice in a second."""
@@ -159,13 +163,14 @@ class _Looks:
 
     def at(self, lens: Lens, rays: int | None = None) -> Light:
         """Look at ``lens``; the first picture is shown, if asked, as soon as it is there. ``rays``: on the way."""
-        own = preset_of(lens.accuracy)
-        coarse = own.replace("look", table_error=False, evaluate_nodes_per_sigma=own.nodes_per_sigma)
+        preset = preset_of(lens.accuracy)
+        coarse = preset.replace("look", table_error=False, evaluate_nodes_per_sigma=preset.nodes_per_sigma)
         light = evaluate(lens, rays=rays, accuracy=None if rays is None else coarse)
         light.save(self._picture)
         if self._to_show:
             click.launch(str(self._picture))
-        self._to_show, self._next = False, monotonic() + _PAUSE_S
+        self._to_show = False
+        self._next = monotonic() + _PAUSE_S
         return light
 
 
@@ -189,12 +194,14 @@ def preview(spec: Path, out: Path | None, shown: bool, output: Output, **options
     content = load_spec(spec)
     content = content.replace({"evaluate.rays": min(content.evaluate.rays or _PREVIEW_RAYS, _PREVIEW_RAYS)})
     directory = out or Path("cad_out") / f"{content.name}_preview"
-    picture, several = directory / _PICTURE_FILE, (options.get("threads") or thread_count()) > 1
+    picture = directory / _PICTURE_FILE
+    several = (options.get("threads") or thread_count()) > 1
     compiling = int(several and not are_compiled())
     with StageClock("design", quiet=output.quiet) as clock, child_pool(compiling, clock.warn) as second:
         if second.runs:
             second.call(compile_search_kernels, content)
-        heard, looks = DesignProgress(clock, content), _Looks(picture, shown=shown)
+        heard = DesignProgress(clock, content)
+        looks = _Looks(picture, shown=shown)
 
         def on_step(step: Progress) -> None:
             heard.on_step(step)

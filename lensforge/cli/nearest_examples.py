@@ -31,7 +31,8 @@ def nearest_examples(kind: str, content: Mapping[str, Any]) -> list[str]:
 def _distance(shipped: Mapping[str, Any], content: Mapping[str, Any]) -> tuple[bool, int, float, int]:
     """Distance of two specs: another light, what else is in the ``shipped`` one, its size; of equals the shortest."""
     beyond = len(shipped.keys() - _PLAIN)
-    width_deg, wanted_deg = _width_deg(shipped), _width_deg(content)
+    width_deg = _width_deg(shipped)
+    wanted_deg = _width_deg(content)
     apart = abs(log(width_deg / wanted_deg)) if width_deg and wanted_deg else 0.0
     return _light(shipped) != _light(content), beyond, apart, len(str(shipped))
 
@@ -55,7 +56,8 @@ def _width_deg(content: Mapping[str, Any]) -> float | None:
         angle = target.get(f"{name}_deg")
         if angle is not None:
             return float(angle[0] if isinstance(angle, list) else angle)
-        width_mm, away_mm = target.get(f"{name}_mm"), target.get("distance_mm")
+        width_mm = target.get(f"{name}_mm")
+        away_mm = target.get("distance_mm")
         if width_mm is not None and away_mm is not None:
             return degrees(2.0 * atan(width_mm / away_mm / 2.0))
     return None

@@ -4,7 +4,7 @@ import re
 from collections.abc import Callable
 from decimal import Decimal, InvalidOperation
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, get_args
+from typing import Any, get_args
 
 import click
 
@@ -16,24 +16,8 @@ from lensforge.spec import Spec
 from lensforge.spec.accuracy import PRESETS
 from lensforge.spec.part_section import Process
 
-if TYPE_CHECKING:
-    _Pixel = click.ParamType[tuple[float, float]]
-else:
-    _Pixel = click.ParamType  # generic from click 8.4 on only
-
 Command = Callable[..., None]
 _FILE = click.Path(path_type=Path)
-
-
-class _Corner(_Pixel):
-    name = "x,y"
-
-    def convert(self, value: object, param: click.Parameter | None, ctx: click.Context | None) -> tuple[float, float]:
-        try:
-            column, row = (float(part) for part in str(value).split(","))
-        except ValueError:
-            self.fail(f"{value!r}: write column,row in pixels, such as 120.5,88", param, ctx)
-        return column, row
 
 
 _DECIMAL_COMMA = re.compile(r"[-+]?\d*,\d+(e[-+]?\d+)?", re.IGNORECASE)
@@ -202,33 +186,6 @@ OPTIONS: dict[str, Callable[[Command], Command]] = {
         help="Others than the spec's: precision, standard, moulded, or a TOML file with [tolerances].",
     ),
     "budget": click.option("--budget/--no-budget", default=True, help="Largest amount of each tolerance."),
-    "on": click.option("--on", type=_FILE, help="Photograph of the target with the LED on."),
-    "off": click.option("--off", type=_FILE, help="The same with the LED off."),
-    "corners": click.option(
-        "--corners",
-        type=_Corner(),
-        nargs=4,
-        callback=lambda _context, _option, given: list(given) if given else None,
-        help="Corners of the target, clockwise from top left; default: found.",
-    ),
-    "target_mm": click.option("--target-mm", type=_ABOVE_ZERO, help="Side of the target; default: the receiver's."),
-    "gamma": click.option("--gamma", type=Number(0.2, 5.0), default=1.0, help="Gamma of the camera."),
-    "led": click.option("--led", metavar="NAME", help="LED in the photographs, of several; default: the first."),
-    "points": click.option("--points", type=_FILE, help="Points x, y, z in mm, measured on one surface."),
-    "surface": click.option("--surface", metavar="FACE", help="Face on which --points lie, such as inner or outer."),
-    "registration": click.option(
-        "--registration",
-        type=click.Choice(["rigid", "shift", "none"]),
-        default="rigid",
-        help="Motion that fits --points to the design; it is no part of a correction.",
-    ),
-    "wavelength_mm": click.option(
-        "--wavelength",
-        "wavelength_mm",
-        type=_ABOVE_ZERO,
-        help="Shortest wave of the deviation that is corrected (mm); default: by the noise of the points.",
-    ),
-    "gain": click.option("--gain", type=Number(), default=1.0, help="Share of the deviation that is mirrored."),
 }
 
 

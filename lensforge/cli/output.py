@@ -14,7 +14,8 @@ from typing import Any
 
 import click
 
-_WIDTH, _LEAST_WIDTH = 80, 40  # columns; a narrower terminal wraps the lines at its own width
+_WIDTH = 80  # columns
+_LEAST_WIDTH = 40  # a narrower terminal wraps the lines at its own width
 _UNBOUNDED = 1_000_000  # of a pipe, in which programs look for lines
 _WIDEST_LABEL = 24
 
@@ -97,11 +98,13 @@ def _line(text: str) -> str:
     return printable(" ".join(text.split()))
 
 
-def warning_line(words: str) -> str:
+def warning_line(message: str) -> str:
     """A warning as one line."""
-    return f"warning: {_line(words)}"
+    return f"warning: {_line(message)}"
 
 
 def printable(text: str) -> str:
     """``text`` with escapes for characters that steer a terminal: names in a file may come from anywhere."""
-    return "".join(each if each.isprintable() or each == "\t" else ascii(each)[1:-1] for each in text)
+    return "".join(
+        character if character.isprintable() or character == "\t" else ascii(character)[1:-1] for character in text
+    )

@@ -22,7 +22,8 @@ from lensforge.search.design_result import Progress as Step
 from lensforge.spec import Spec
 
 _FRAMES_PER_SECOND = 4
-_NAME_COLUMNS, _TIME_COLUMNS = 12, 12
+_NAME_COLUMNS = 12
+_TIME_COLUMNS = 12
 
 
 class StageClock:
@@ -33,7 +34,8 @@ class StageClock:
 
     def __init__(self, name: str, *, quiet: bool = False, silent_s: float = 60.0) -> None:
         self._console = Console(stderr=True, highlight=False)
-        self._quiet, self._silent_s = quiet, silent_s
+        self._quiet = quiet
+        self._silent_s = silent_s
         self._progress = Progress(
             _StageColumn(self._time_left),
             console=self._console,
@@ -45,7 +47,8 @@ class StageClock:
         )
         self._first = name
         self._entered = self._written = time.monotonic()
-        self._end_expected, self._at_least = 0.0, ""  # of the whole command; no time is left where it is not known
+        self._end_expected = 0.0  # of the whole command
+        self._at_least = ""  # no time is left where it is not known
         self._exited = threading.Event()
 
     @property
@@ -97,21 +100,22 @@ class StageClock:
 
     def expect(self, seconds: float, *, at_least: bool = False) -> None:
         """Show that the whole command will take so many more seconds, or at least so many, until they have passed."""
-        self._end_expected, self._at_least = time.monotonic() + seconds, "at least " if at_least else ""
+        self._end_expected = time.monotonic() + seconds
+        self._at_least = "at least " if at_least else ""
 
-    def head(self, words: str) -> None:
+    def head(self, title: str) -> None:
         """End the stage that runs, and write a line on the stages that follow."""
         self.end()
-        self.note(words)
+        self.note(title)
 
-    def note(self, words: str) -> None:
+    def note(self, message: str) -> None:
         """Write a line above the clock."""
         if not self._quiet:
-            self._console.print(printable(words), soft_wrap=True, markup=False)
+            self._console.print(printable(message), soft_wrap=True, markup=False)
 
-    def warn(self, words: str) -> None:
+    def warn(self, message: str) -> None:
         """Write a warning as one line, also where progress is not asked for."""
-        self._console.print(warning_line(words), soft_wrap=True, markup=False)
+        self._console.print(warning_line(message), soft_wrap=True, markup=False)
 
     def _time_left(self, task: Task) -> str:
         left = self._end_expected - time.monotonic()
@@ -149,8 +153,8 @@ def _line(task: Task, seconds: float | None = None) -> str:
 
 
 def _worded(name: str, seconds: float, detail: str) -> str:
-    words = f"{printable(name):<{_NAME_COLUMNS}} {duration(seconds):>{_TIME_COLUMNS}}  {printable(detail)}"
-    return words.rstrip()
+    line = f"{printable(name):<{_NAME_COLUMNS}} {duration(seconds):>{_TIME_COLUMNS}}  {printable(detail)}"
+    return line.rstrip()
 
 
 def duration(seconds: float) -> str:
@@ -166,7 +170,8 @@ def duration(seconds: float) -> str:
 
 
 # Seconds of all later stages over those of the search, as is usual on two cores: of a draft, and of any other.
-_LATER_OF_DRAFT, _LATER = 2.5, 0.6
+_LATER_OF_DRAFT = 2.5
+_LATER = 0.6
 _NAMES = {*(kind.stage for kind in STAGES), REPORT_FILE.partition(".")[0]}
 
 
@@ -186,7 +191,8 @@ class DesignProgress:
         automatic = spec.lens.levels == "auto"
         searches = 2 if spec.all_lamps.kinds else 1  # for one lens, and from it for those of all kinds
         levels = "" if automatic else f"/{searches * len(spec.lens.shape_levels)}"
-        self._of_levels, self._of_steps = levels, not automatic
+        self._of_levels = levels
+        self._of_steps = not automatic
         self._last: Step | None = None
         self._level_began = 0, 0.0  # step and seconds
         self._searching = True
@@ -223,17 +229,17 @@ class DesignProgress:
             f"NMSE {step.nmse:.4f} with ray noise  efficiency {step.efficiency:.3f}"
         )
 
-    def on_stage(self, words: str) -> None:
+    def on_stage(self, message: str) -> None:
         """Begin a stage, maybe beside another; other words, on one of several searches, are a line of their own."""
-        if words not in _NAMES:
-            self._clock.note(words)
+        if message not in _NAMES:
+            self._clock.note(message)
             return
         if self._searching:
             self._clock.end()  # the search, which tells its end by no other words
             self._searching = False
             if self._last is not None:
                 self._clock.expect(_later(self._last) * self._last.seconds)
-        self._clock.begin(words, beside=True)
+        self._clock.begin(message, beside=True)
 
     def on_end(self, name: str, seconds: float) -> None:
         """End a stage."""
@@ -247,7 +253,8 @@ class PartsProgress:
     """Progress of a study on ``clock``: its stages, and how many parts have been measured."""
 
     def __init__(self, clock: StageClock, parts: str = "parts") -> None:
-        self._clock, self._parts = clock, parts
+        self._clock = clock
+        self._parts = parts
         self._stage = ""
         self._detail = ""
         self._first: tuple[int, float] | None = None  # parts of this stage that were measured at a time
@@ -262,7 +269,8 @@ class PartsProgress:
         stage, _, self._detail = words.partition(": ")
         if stage != self._stage:
             self._clock.begin(stage)
-            self._stage, self._first = stage, None
+            self._stage = stage
+            self._first = None
         self._clock.show(self._detail)
 
     def on_parts(self, done: int, expected: int) -> None:

@@ -1,6 +1,7 @@
 """The commands on a result folder: one for each stage of the table, made from its row, and the pages of a folder."""
 
 import functools
+from collections.abc import Callable, Mapping
 from inspect import signature
 from pathlib import Path
 from typing import Any, Literal
@@ -22,11 +23,17 @@ from lensforge.spec.part_section import Process
 from lensforge.verbs import EVALUATE, STAGES, STRAY, VERIFY, FolderStage
 
 
-def _command_of(stage: FolderStage[Any]) -> click.Command:
-    """The command of a stage: DIR, an option for each keyword that the stage names, ``--json`` and ``--quiet``."""
+def command_of(
+    stage: FolderStage[Any], further: Mapping[str, Callable[[Command], Command]] | None = None
+) -> click.Command:
+    """The command of a stage: DIR, an option for each keyword that the stage names, ``--json`` and ``--quiet``.
+
+    ``further``: options by keyword, beside those that every stage may take.
+    """
+    options = {**OPTIONS, **(further or {})}
     command: Command = with_output(functools.partial(_run, stage))
     for name in reversed((*stage.options, *_FURTHER.get(stage.name, ()))):
-        command = OPTIONS[name](command)
+        command = options[name](command)
     made = click.command(stage.name, help=stage.help)(FOLDER(command))
     keywords = signature(stage.verb).parameters
     for option in made.params:
@@ -73,7 +80,7 @@ def _run(
 
 
 _FURTHER = {VERIFY.name: ("stray", "base"), EVALUATE.name: ("compare",)}  # options of what follows the stage
-STAGE_COMMANDS = tuple(_command_of(stage) for stage in STAGES)
+STAGE_COMMANDS = tuple(command_of(stage) for stage in STAGES)
 
 
 @click.command()
@@ -118,8 +125,8 @@ def handover(
                 drawing=drawing,
                 process=other,
             )
-            for words in made.notes:
-                clock.warn(words)
+            for note in made.notes:
+                clock.warn(note)
             made.save(folder)
             here.renew()
         finish_handover(output, here, made, folder)

@@ -39,7 +39,8 @@ class _Output(io.RawIOBase):
             os.set_blocking(self._descriptor, True)
             return self.write(content)
         except OSError as error:
-            self._lost, self.failure = True, error
+            self._lost = True
+            self.failure = error
         return size
 
     def fileno(self) -> int:

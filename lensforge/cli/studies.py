@@ -71,7 +71,8 @@ def renewed_for(here: RunFolder, source: Path, clock: "StageClock", threads: int
     """
     from lensforge.cli.progress import DesignProgress
 
-    lens, folder = here.run.lens, here.path.parent / joined_name(here.path.resolve().name, source.stem)
+    lens = here.run.lens
+    folder = here.path.parent / joined_name(here.path.resolve().name, source.stem)
     heard = DesignProgress(clock, lens.spec)
     clock.begin("design")
     with opened(folder, create=True) as there:

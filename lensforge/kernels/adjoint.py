@@ -111,9 +111,9 @@ def adjoint_memory(events: int, precision: Precision = DOUBLE_PRECISION) -> Adjo
 def same_way(met: Int[np.ndarray, "n e"]) -> SameWay:
     """Rays that have ``met`` the same, together."""
     numbers = np.lexsort(met.T[::-1])
-    other = (met[numbers[1:]] != met[numbers[:-1]]).any(axis=1)
+    differs = (met[numbers[1:]] != met[numbers[:-1]]).any(axis=1)
     first = [0] if len(met) else []  # no rays, no group
-    return SameWay(numbers, np.concatenate([np.array(first, dtype=np.intp), np.flatnonzero(other) + 1, [len(met)]]))
+    return SameWay(numbers, np.concatenate([np.array(first, dtype=np.intp), np.flatnonzero(differs) + 1, [len(met)]]))
 
 
 @inline
@@ -144,7 +144,8 @@ def load(packet, lane, k, fate, rays, body, by):
     matters = by.by_sin2[k] != 0.0 or (left and (by.by_flux[k] != 0.0 or asks(by.by_fields)))
     for axis in range(3):
         e, f = (by.by_points[k, axis], by.by_directions[k, axis]) if left else (0.0, 0.0)
-        packet[EX + axis * SIZE + lane], packet[FX + axis * SIZE + lane] = e, f
+        packet[EX + axis * SIZE + lane] = e
+        packet[FX + axis * SIZE + lane] = f
         matters = matters or e != 0.0 or f != 0.0
     if not matters:
         return False
@@ -153,8 +154,11 @@ def load(packet, lane, k, fate, rays, body, by):
     p, d = into_faces(body.placement, p, d)
     write(packet, FIRST_EVENT + P + lane, p)
     write(packet, FIRST_EVENT + D + lane, d)
-    packet[RAY + lane], packet[LEFT + lane], packet[EMITTED + lane] = float(k), 1.0 if left else 0.0, rays.emitted[k]
-    packet[BY_FLUX + lane], packet[BY_SIN2 + lane] = by.by_flux[k] if left else 0.0, by.by_sin2[k]
+    packet[RAY + lane] = float(k)
+    packet[LEFT + lane] = 1.0 if left else 0.0
+    packet[EMITTED + lane] = rays.emitted[k]
+    packet[BY_FLUX + lane] = by.by_flux[k] if left else 0.0
+    packet[BY_SIN2 + lane] = by.by_sin2[k]
     load_axial(packet, lane, k, left, by.by_axial)
     packet[ABSORPTION + lane] = own_or_shared(rays.absorptions, k) if len(rays.absorptions) > 0 else 0.0
     return True
@@ -208,10 +212,13 @@ def met_face(event, met, sides):
     """An event of rays that have ``met`` this at all of theirs."""
     code = met[event]
     times = 0
-    face, from_behind, mirrored = code // 4, code % 2 == FROM_BEHIND, code % 4 >= REFLECTED
+    face = code // 4
+    from_behind = code % 2 == FROM_BEHIND
+    mirrored = code % 4 >= REFLECTED
     for earlier in range(event):
         times += 1 if met[earlier] // 4 == face else 0
-    before, behind = int(sides.before[face]), int(sides.behind[face])
+    before = int(sides.before[face])
+    behind = int(sides.behind[face])
     if from_behind:
         return MetFace(event, face, times, -1.0, mirrored, behind, before)
     return MetFace(event, face, times, 1.0, mirrored, before, behind)
@@ -234,7 +241,8 @@ def load_way(packet, numbers, fates, events, rays, body, ways, by):
 @inline
 def on_to_event(packet, count, face, rays, body, ways):
     """Move all rays to the face of their next event."""
-    at, table = FIRST_EVENT, body.tables[face.face]
+    at = FIRST_EVENT
+    table = body.tables[face.face]
     for lane in range(count):
         k = int(packet[RAY + lane])
         packet[at + PATH + lane] = ways.lengths[k, face.event]
@@ -275,22 +283,26 @@ def store_by_rays(packet, count, placement, by_rays):
     """Sensitivities to the rays as they came, where they are asked for; none of a ray without a derivative."""
     if by_rays is not None:
         for lane in range(count):
-            k, smooth = int(packet[RAY + lane]), packet[SMOOTH + lane] == 1.0
+            k = int(packet[RAY + lane])
+            smooth = packet[SMOOTH + lane] == 1.0
             e = turned_back(placement, INTO, three(packet, EX + lane))
             f = turned_back(placement, INTO, three(packet, FX + lane))
             for axis in range(3):
                 by_rays.by_points[k, axis] = e[axis] if smooth else 0.0
                 by_rays.by_directions[k, axis] = f[axis] if smooth else 0.0
             for part in range(4):
-                own = turned_back(placement, INTO, three(packet, BY_E + part * FIELD + lane))
+                local = turned_back(placement, INTO, three(packet, BY_E + part * FIELD + lane))
                 for axis in range(3):
-                    by_rays.by_fields[k, 3 * part + axis] = own[axis] if smooth else 0.0
+                    by_rays.by_fields[k, 3 * part + axis] = local[axis] if smooth else 0.0
 
 
 @inline
 def adjoint_of_way(memory, count, met, rays, body, ways, by_fields, by_tables):
     """The adjoint of rays in a packet that have all ``met`` the same."""
-    packet, kept, events, whole = memory.packet, memory.events, len(met), in_whole_vectors(count)
+    packet = memory.packet
+    kept = memory.events
+    events = len(met)
+    whole = in_whole_vectors(count)
     begin_forward(packet, whole, rays.fields, body.placement)
     for event in range(events):
         face = met_face(event, met, body.sides)
@@ -322,7 +334,8 @@ def adjoint_of_ways(rays, body, ways, fates, by, groups, gradients, memory):
     """
     most = ways.lengths.shape[1]
     for group in range(len(groups.starts) - 1):
-        met, events = ways.met[groups.numbers[groups.starts[group]]], 0
+        met = ways.met[groups.numbers[groups.starts[group]]]
+        events = 0
         while events < most and met[events] >= 0:
             events += 1
         for first in range(groups.starts[group], groups.starts[group + 1], LANES):

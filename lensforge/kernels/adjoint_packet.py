@@ -113,17 +113,22 @@ def fetch_facets(packet, count, at, face, noise, keys, slopes):
         for k in range(count):
             x, y = drawn_slope(int(packet[RAY + k]), face.face, face.times, noise, keys, slopes)
             jet = jet_of(packet, at + JET + k)
-            normal, d = outward_normal(three(packet, at + P + k), jet[0], jet[1]), three(packet, at + D + k)
+            normal = outward_normal(three(packet, at + P + k), jet[0], jet[1])
+            d = three(packet, at + D + k)
             seen, by_c, by_along = seen_slope(x, y, slopes[face.face], normal, d)
             write(packet, at + FACET + k, (x, y, seen))
-            packet[at + FACET + 3 * SIZE + k], packet[at + FACET + 4 * SIZE + k] = by_c, by_along
+            packet[at + FACET + 3 * SIZE + k] = by_c
+            packet[at + FACET + 4 * SIZE + k] = by_along
 
 
 @inline
 def hit_at(packet, k, at, face, rays):
     """The hit of ray k of the packet at an event, as a :class:`Hit`."""
-    number, ratio = int(packet[RAY + k]), packet[at + INDEX_RATIO + k]
-    p, d, jet = three(packet, at + P + k), three(packet, at + D + k), jet_of(packet, at + JET + k)
+    number = int(packet[RAY + k])
+    ratio = packet[at + INDEX_RATIO + k]
+    p = three(packet, at + P + k)
+    d = three(packet, at + D + k)
+    jet = jet_of(packet, at + JET + k)
     normal = outward_normal(p, jet[0], jet[1])
     tilted = facet_normal(packet, at + FACET + k, normal, d, rays.noise)
     return Hit(number, ratio, p, d, jet, normal, scaled(face.side, tilted))
@@ -138,7 +143,8 @@ def hessian_times(p, v, jet):
     r = sqrt(x * x + y * y + z * z)
     ux, uy, uz = x / r, y / r, z / r
     shift = r + z
-    X, Y = x / shift, y / shift
+    X = x / shift
+    Y = y / shift
     gx, gy, gz = ux, uy, uz + 1.0  # gradient of shift
     ax, ay, az = (1.0 - X * gx) / shift, -X * gy / shift, -X * gz / shift  # gradient of X
     bx, by, bz = -Y * gx / shift, (1.0 - Y * gy) / shift, -Y * gz / shift  # gradient of Y

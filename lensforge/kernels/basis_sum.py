@@ -52,8 +52,12 @@ _exponential = polynomial(lambda: [1.0 / factorial(n) for n in range(14)])  # wi
 _SMALLEST = 700.0  # exponents beyond this would leave the normal numbers; a sum leaves functions out at 41
 _WHOLE = 1.5 * 2.0**52  # added to a number, leaves its nearest whole number in the last bits
 _PER_LOG_2 = 1.0 / log(2.0)
-_LOG_2, _REST_OF_LOG_2 = 6.93147180369123816490e-01, 1.90821492927058770002e-10  # whole numbers times the first: exact
-_BIAS, _FRACTION_BITS = 1023, 52  # of a float64
+# Cody and Waite: whole numbers times the first are exact.
+_LOG_2 = 6.93147180369123816490e-01
+_REST_OF_LOG_2 = 1.90821492927058770002e-10
+# IEEE 754 binary64.
+_BIAS = 1023
+_FRACTION_BITS = 52
 
 
 @inline
@@ -119,13 +123,16 @@ def _add(directions, centre, sigma, reach, weight, sums):
     """
     x, y, z = directions
     values, sx, sy, sz = sums
-    cx, cy, cz, inverse = centre[0], centre[1], centre[2], 1.0 / (sigma * sigma)
+    cx = centre[0]
+    cy = centre[1]
+    cz = centre[2]
+    inverse = 1.0 / (sigma * sigma)
     if reach <= NEAR:
         for k in range(len(x)):
             squared = (x[k] - cx) ** 2 + (y[k] - cy) ** 2 + (z[k] - cz) ** 2
-            own = min(squared, reach)
-            value = weight * decay(angle_squared(own) * inverse) if squared <= reach else 0.0
-            slope = value * angle_per_sine(own) * (2.0 * inverse)
+            clipped = min(squared, reach)
+            value = weight * decay(angle_squared(clipped) * inverse) if squared <= reach else 0.0
+            slope = value * angle_per_sine(clipped) * (2.0 * inverse)
             values[k] += value
             sx[k] += slope * cx
             sy[k] += slope * cy
@@ -154,13 +161,18 @@ def sum_functions(directions, images, centres, sigmas, reaches, weights, rows, t
         some = directions[start : start + BLOCK]
         count = len(some)
         x, y, z = rows[0, :count], rows[1, :count], rows[2, :count]
-        sx, sy, sz, values = rows[3, :count], rows[4, :count], rows[5, :count], rows[6, :count]
+        sx = rows[3, :count]
+        sy = rows[4, :count]
+        sz = rows[5, :count]
+        values = rows[6, :count]
         total[start : start + count] = 0.0
         values[:] = 0.0
         for image in range(len(images)):
             turn = images[image]
             mean = _turn(some, turn, x, y, z)
-            sx[:], sy[:], sz[:] = 0.0, 0.0, 0.0
+            sx[:] = 0.0
+            sy[:] = 0.0
+            sz[:] = 0.0
             for j in range(len(weights)):
                 if _reached(mean, centres[j], reaches[j]):
                     _add((x, y, z), centres[j], sigmas[j], reaches[j], weights[j], (values, sx, sy, sz))

@@ -18,7 +18,8 @@ from jaxtyping import Float
 
 from lensforge.kernels.compiled import inline, kernel
 
-_SIXTH, _TWO_THIRDS = 1.0 / 6.0, 2.0 / 3.0
+_SIXTH = 1.0 / 6.0
+_TWO_THIRDS = 2.0 / 3.0
 
 
 def uniform_cubic(f: Any) -> tuple[tuple[Any, ...], tuple[Any, ...], tuple[Any, ...]]:
@@ -63,7 +64,8 @@ def cell_at(X, Y, side, grid):
     The distances are shares of a step. ``side`` of the table is a float.
     """
     px, py = (X - grid.origin) * grid.inverse_step, (Y - grid.origin) * grid.inverse_step
-    i, j = index_at(px - 1.0, side - 4.0), index_at(py - 1.0, side - 4.0)
+    i = index_at(px - 1.0, side - 4.0)
+    j = index_at(py - 1.0, side - 4.0)
     return i, j, px - (i + 1.0), py - (j + 1.0)
 
 
@@ -73,10 +75,18 @@ def jet(table, grid, X, Y):
     i, j, share_x, share_y = cell_at(X, Y, float(table.shape[0]), grid)
     wx, dx, cx = cubic_splines(share_x)
     wy, dy, cy = cubic_splines(share_y)
-    row, column = int(i), int(j)
-    value, x, y, xx, xy, yy = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    row = int(i)
+    column = int(j)
+    value = 0.0
+    x = 0.0
+    y = 0.0
+    xx = 0.0
+    xy = 0.0
+    yy = 0.0
     for a in range(4):
-        along, across, bend = 0.0, 0.0, 0.0
+        along = 0.0
+        across = 0.0
+        bend = 0.0
         for b in range(4):
             coefficient = table[row + a, column + b]
             along += wy[b] * coefficient
@@ -88,7 +98,8 @@ def jet(table, grid, X, Y):
         xx += cx[a] * along
         xy += dx[a] * across
         yy += wx[a] * bend
-    inverse_step, square = grid.inverse_step, grid.inverse_step * grid.inverse_step
+    inverse_step = grid.inverse_step
+    square = grid.inverse_step * grid.inverse_step
     return value, x * inverse_step, y * inverse_step, xx * square, xy * square, yy * square
 
 
@@ -100,7 +111,8 @@ def scatter(gradient, cell, inverse_step, by_table):
     """
     row_of, column_of, share_x, share_y = cell
     by_value, by_slope_x, by_slope_y = by_table
-    i, j = int(row_of), int(column_of)
+    i = int(row_of)
+    j = int(column_of)
     wx, dx, _ = cubic_splines(share_x)
     wy, dy, _ = cubic_splines(share_y)
     sx = by_slope_x * inverse_step
@@ -120,10 +132,15 @@ def add_patches(boxes, starts, values, weights, table):
     ``boxes`` (m, 4): first row and column, rows and columns of each patch; its ``values`` begin at ``starts``.
     """
     for j in range(len(boxes)):
-        row, column, rows, columns = boxes[j, 0], boxes[j, 1], boxes[j, 2], boxes[j, 3]
-        weight, begin = weights[j], starts[j]
+        row = boxes[j, 0]
+        column = boxes[j, 1]
+        rows = boxes[j, 2]
+        columns = boxes[j, 3]
+        weight = weights[j]
+        begin = starts[j]
         for r in range(rows):
-            line, own = table[row + r, column : column + columns], values[begin : begin + columns]
+            line = table[row + r, column : column + columns]
+            own = values[begin : begin + columns]
             for c in range(columns):
                 line[c] += weight * own[c]
             begin += columns
@@ -136,11 +153,16 @@ def patch_sums(boxes, starts, values, table, by_weights):
     Eight partial sums for each product, so that the additions need not wait for one another.
     """
     for j in range(len(boxes)):
-        row, column, rows, columns = boxes[j, 0], boxes[j, 1], boxes[j, 2], boxes[j, 3]
-        eights, begin = columns // 8 * 8, starts[j]
+        row = boxes[j, 0]
+        column = boxes[j, 1]
+        rows = boxes[j, 2]
+        columns = boxes[j, 3]
+        eights = columns // 8 * 8
+        begin = starts[j]
         s0 = s1 = s2 = s3 = s4 = s5 = s6 = s7 = 0.0
         for r in range(rows):
-            line, own = table[row + r, column : column + columns], values[begin : begin + columns]
+            line = table[row + r, column : column + columns]
+            own = values[begin : begin + columns]
             for c in range(0, eights, 8):
                 s0 += own[c] * line[c]
                 s1 += own[c + 1] * line[c + 1]
@@ -160,15 +182,19 @@ def patch_sums(boxes, starts, values, table, by_weights):
 def refine(coarse, halfway, fine):
     """Fill ``fine`` (t, t) with the spline of ``coarse`` (s, s); ``halfway`` (t, s) is for the work between."""
     for r in range(len(fine)):
-        first, line = r // 2, halfway[r]
+        first = r // 2
+        line = halfway[r]
         if r % 2:
-            one, two, three = coarse[first], coarse[first + 1], coarse[first + 2]
+            row = coarse[first]
+            two = coarse[first + 1]
+            three = coarse[first + 2]
             for c in range(len(line)):
-                line[c] = 0.125 * (one[c] + three[c]) + 0.75 * two[c]
+                line[c] = 0.125 * (row[c] + three[c]) + 0.75 * two[c]
         else:
-            one, two = coarse[first], coarse[first + 1]
+            row = coarse[first]
+            two = coarse[first + 1]
             for c in range(len(line)):
-                line[c] = 0.5 * (one[c] + two[c])
+                line[c] = 0.5 * (row[c] + two[c])
         for c in range(len(fine) // 2):
             fine[r, 2 * c] = 0.5 * (line[c] + line[c + 1])
             fine[r, 2 * c + 1] = 0.125 * (line[c] + line[c + 2]) + 0.75 * line[c + 1]
@@ -180,15 +206,17 @@ def refine_adjoint(by_fine, halfway, by_coarse):
     """Adjoint of :func:`refine`: fill ``by_coarse`` (s, s) from ``by_fine`` (t, t)."""
     by_coarse[:] = 0.0
     for r in range(len(by_fine)):
-        line, own = halfway[r], by_fine[r]
+        line = halfway[r]
+        row = by_fine[r]
         line[:] = 0.0
-        for c in range(len(own) // 2):
-            even, odd = 0.5 * own[2 * c], own[2 * c + 1]
+        for c in range(len(row) // 2):
+            even = 0.5 * row[2 * c]
+            odd = row[2 * c + 1]
             line[c] += even + 0.125 * odd
             line[c + 1] += even + 0.75 * odd
             line[c + 2] += 0.125 * odd
-        line[len(line) - 2] += 0.5 * own[len(own) - 1]
-        line[len(line) - 1] += 0.5 * own[len(own) - 1]
+        line[len(line) - 2] += 0.5 * row[len(row) - 1]
+        line[len(line) - 1] += 0.5 * row[len(row) - 1]
         first = r // 2
         if r % 2:
             _add(by_coarse[first], 0.125, line)
@@ -243,7 +271,7 @@ class FaceBounds(NamedTuple):
     @staticmethod
     def of(bounds: Sequence[SurfaceBounds]) -> "FaceBounds":
         """The bounds of each surface, together."""
-        least, most, tiles = (np.array([each[number] for each in bounds]) for number in range(3))
+        least, most, tiles = (np.array([bound[number] for bound in bounds]) for number in range(3))
         return FaceBounds(least, most, tiles, bounds[0].per_unit, bounds[0].tan_reach)
 
 
@@ -267,7 +295,12 @@ def spread_of_row(table, i, columns):
     """Least coefficient of one row of a block, its largest |differences| x, y, xx, xy, yy, also to the next rows."""
     j0, j1 = columns
     side = table.shape[0]
-    least, x, y, xx, xy, yy = np.inf, 0.0, 0.0, 0.0, 0.0, 0.0
+    least = np.inf
+    x = 0.0
+    y = 0.0
+    xx = 0.0
+    xy = 0.0
+    yy = 0.0
     for j in range(j0, j1):
         c = table[i, j]
         least = min(least, c)
@@ -288,12 +321,20 @@ def spread_of_row(table, i, columns):
 def spread(rows, b, spreads, step):
     """Least coefficient of a block, and its largest |differences| x, y, xx, xy, yy per step."""
     i0, i1 = rows
-    least, x, y, xx, xy, yy = np.inf, 0.0, 0.0, 0.0, 0.0, 0.0
+    least = np.inf
+    x = 0.0
+    y = 0.0
+    xx = 0.0
+    xy = 0.0
+    yy = 0.0
     for i in range(i0, i1):
         row = spreads[i, b]
-        least, y, yy = min(least, row[0]), max(y, row[2]), max(yy, row[5])
+        least = min(least, row[0])
+        y = max(y, row[2])
+        yy = max(yy, row[5])
         if i + 1 < i1:
-            x, xy = max(x, row[1]), max(xy, row[4])
+            x = max(x, row[1])
+            xy = max(xy, row[4])
         if i + 2 < i1:
             xx = max(xx, row[3])
     square = step * step
@@ -303,12 +344,15 @@ def spread(rows, b, spreads, step):
 @kernel
 def extremes(table, origin, step):
     """Least and largest ``rho`` (mm) over the hemisphere."""
-    lowest, highest = np.inf, -np.inf
+    lowest = np.inf
+    highest = -np.inf
     for i in range(1, table.shape[0] - 1):
         for j in range(1, table.shape[1] - 1):
-            X, Y = origin + i * step, origin + j * step
+            X = origin + i * step
+            Y = origin + j * step
             if sqrt(X * X + Y * Y) <= 1.0 + 4.0 * step:
-                lowest, highest = min(lowest, table[i, j]), max(highest, table[i, j])
+                lowest = min(lowest, table[i, j])
+                highest = max(highest, table[i, j])
     return lowest, highest
 
 
@@ -338,7 +382,8 @@ def fill_tiles(table, origin, step, cells, reach, spreads, tiles):
 
     ``spreads`` (side, t, 6): workspace for the spread of every row over the columns of each tile.
     """
-    side, rim = table.shape[0], 1.0 + step
+    side = table.shape[0]
+    rim = 1.0 + step
     for i in range(side):
         for b in range(tiles.shape[1]):
             spreads[i, b] = spread_of_row(table, i, acting(b, side, cells, reach))
@@ -366,7 +411,8 @@ def fill_tiles(table, origin, step, cells, reach, spreads, tiles):
 def surface_bounds(table: Float[np.ndarray, "side side"], origin: float, step: float) -> SurfaceBounds:
     """Bounds of one table (mm) whose coefficient 0 lies at ``origin`` on the chart."""
     side = table.shape[0]
-    cells, reach = ceil(side / _TILES), ceil(side / _REACH_CELLS)
+    cells = ceil(side / _TILES)
+    reach = ceil(side / _REACH_CELLS)
     count = ceil(side / cells)
     tiles = np.empty((count, count, 3))
     fill_tiles(table, origin, step, cells, reach, np.empty((side, count, 6)), tiles)

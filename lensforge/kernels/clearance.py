@@ -18,7 +18,8 @@ from lensforge.kernels.bicubic import TableSpacing, cubic_splines, index_at, jet
 from lensforge.kernels.compiled import inline, kernel
 from lensforge.kernels.parallel import in_pieces
 
-_STEPS, _HALVINGS = 30, 8
+_STEPS = 30
+_HALVINGS = 8
 _WORTH_SHARING = 2**8  # points: a millisecond of work
 _BLOCK = 8  # nodes along each side of a block
 _TINY = 1e-300
@@ -35,7 +36,8 @@ def half_square(table, grid, p, X, Y):
     share = 1.0 / (1.0 + X * X + Y * Y)
     w = 2.0 * (px * X + py * Y + pz) * share
     wx, wy = 2.0 * (px - X * w) * share, 2.0 * (py - Y * w) * share
-    wxx, wyy = -2.0 * (w + 2.0 * X * wx) * share, -2.0 * (w + 2.0 * Y * wy) * share
+    wxx = -2.0 * (w + 2.0 * X * wx) * share
+    wyy = -2.0 * (w + 2.0 * Y * wy) * share
     wxy = -2.0 * (X * wy + Y * wx) * share
     along = w - pz  # p.u
     beyond = rho - along
@@ -96,7 +98,9 @@ def foot(table, grid, p, X, Y):
             sx, sy = 0.5 * sx, 0.5 * sy
         if not lower:
             break
-        X, Y, at = nx, ny, new
+        X = nx
+        Y = ny
+        at = new
     return X, Y
 
 
@@ -104,7 +108,8 @@ def foot(table, grid, p, X, Y):
 def take_shares(side, grid, X, Y, columns, shares):
     """Fill in the sixteen coefficients that act at a chart point, and the share of each in ``rho``."""
     px, py = (X - grid.origin) * grid.inverse_step, (Y - grid.origin) * grid.inverse_step
-    i, j = index_at(px - 1.0, side - 4.0), index_at(py - 1.0, side - 4.0)
+    i = index_at(px - 1.0, side - 4.0)
+    j = index_at(py - 1.0, side - 4.0)
     wx, _, _ = cubic_splines(px - (i + 1.0))
     wy, _, _ = cubic_splines(py - (j + 1.0))
     for a in range(4):
@@ -130,13 +135,17 @@ def nearest_node(nodes, boxes, px, py, pz, window, farthest, guess):
     (b, b, 2, 3): least and largest coordinates of blocks of ``nodes`` (n, n, 3). ``guess``: row and column of a node
     that is likely to be near, which leaves fewer blocks to look into.
     """
-    best, row, column = farthest, -1, -1
+    best = farthest
+    row = -1
+    column = -1
     first_row, end_row, first_column, end_column = window
     if first_row <= guess[0] < end_row and first_column <= guess[1] < end_column:
         dx, dy, dz = nodes[guess][0] - px, nodes[guess][1] - py, nodes[guess][2] - pz
         squared = dx * dx + dy * dy + dz * dz
         if squared < best:
-            best, row, column = squared, guess[0], guess[1]
+            best = squared
+            row = guess[0]
+            column = guess[1]
     for r in range(first_row // _BLOCK, (end_row - 1) // _BLOCK + 1):
         for c in range(first_column // _BLOCK, (end_column - 1) // _BLOCK + 1):
             if squared_gap(boxes[r, c], px, py, pz) > best:
@@ -147,7 +156,9 @@ def nearest_node(nodes, boxes, px, py, pz, window, farthest, guess):
                     squared = dx * dx + dy * dy + dz * dz
                     earlier = row >= 0 and (a < row or (a == row and b < column))
                     if squared < best or (squared == best and earlier):
-                        best, row, column = squared, a, b
+                        best = squared
+                        row = a
+                        column = b
     return best, row, column
 
 
@@ -171,23 +182,28 @@ class PointsToFind(NamedTuple):
 
 
 @kernel
-def nearest_points(table, origin, step, nodes, reach, found):
+def nearest_points(table, origin, step, nodes, reach, out):
     """Fill the feet of points with the nearest chart point, NaN where none is within ``reach`` mm.
 
-    ``nodes``: a :class:`SurfaceNodes`; ``found``: a :class:`PointsToFind`, with the columns and shares of the table's
+    ``nodes``: a :class:`SurfaceNodes`; ``out``: a :class:`PointsToFind`, with the columns and shares of the table's
     coefficients at the feet.
     """
-    points, radial, feet, columns, shares = found
-    count, first, apart, grid = len(nodes.places), origin + step, nodes.apart, TableSpacing(origin, 1.0 / step)
+    points, radial, feet, columns, shares = out
+    count = len(nodes.places)
+    first = origin + step
+    apart = nodes.apart
+    grid = TableSpacing(origin, 1.0 / step)
     near = 0, 0
     for k in range(len(points)):
         px, py, pz = points[k, 0], points[k, 1], points[k, 2]
         radius = sqrt(px * px + py * py + pz * pz)
-        X, Y = px / (radius + pz), py / (radius + pz)
+        X = px / (radius + pz)
+        Y = py / (radius + pz)
         ball = max(min(abs(radial[k]), reach), -radial[k]) + nodes.spare_mm
         angle = asin(ball / radius) if ball < radius else 0.5 * np.pi
         wide = (sqrt(2.0 * (1.0 + X * X + Y * Y)) * sin(0.5 * angle)) / apart
-        i, j = (X - first) / apart, (Y - first) / apart
+        i = (X - first) / apart
+        j = (Y - first) / apart
         rows = max(0, int(i - wide)), min(count, int(i + wide) + 2)
         best, row, column = nearest_node(
             nodes.places,
@@ -201,12 +217,13 @@ def nearest_points(table, origin, step, nodes, reach, found):
         )
         if row >= 0:
             near = row, column  # of the next point, which is likely to be beside this one
-        own = abs(radial[k]) <= ball and radial[k] * radial[k] <= best
-        if own or row >= 0:
-            if not own:
+        is_near = abs(radial[k]) <= ball and radial[k] * radial[k] <= best
+        if is_near or row >= 0:
+            if not is_near:
                 X, Y = within(first + row * apart, first + column * apart)
             X, Y = foot(table, grid, (px, py, pz), X, Y)
-            feet[k, 0], feet[k, 1] = X, Y
+            feet[k, 0] = X
+            feet[k, 1] = Y
             take_shares(len(table), grid, X, Y, columns[k], shares[k])
 
 
@@ -238,13 +255,16 @@ def nearest_on_table(
     ``reach_mm``, and of those beyond the surface, their ``radial_mm`` below 0; of some of the others.
     """
     diagonals = nodes[1:, 1:] - nodes[:-1, :-1], nodes[1:, :-1] - nodes[:-1, 1:]
-    spare = _SPARE * max(float(np.sqrt(np.einsum("ijk,ijk->ij", each, each).max())) for each in diagonals)
-    surface, count = SurfaceNodes(nodes, _boxes(nodes), apart, spare), len(points)
-    feet, columns, shares = np.full((count, 2), np.nan), np.empty((count, 16), dtype=np.int64), np.empty((count, 16))
+    spare = _SPARE * max(float(np.sqrt(np.einsum("ijk,ijk->ij", diagonal, diagonal).max())) for diagonal in diagonals)
+    surface = SurfaceNodes(nodes, _boxes(nodes), apart, spare)
+    count = len(points)
+    feet = np.full((count, 2), np.nan)
+    columns = np.empty((count, 16), dtype=np.int64)
+    shares = np.empty((count, 16))
 
     def work(rows: slice) -> None:
-        found = PointsToFind(points[rows], radial_mm[rows], feet[rows], columns[rows], shares[rows])
-        nearest_points(table, origin, step, surface, reach_mm, found)
+        batch = PointsToFind(points[rows], radial_mm[rows], feet[rows], columns[rows], shares[rows])
+        nearest_points(table, origin, step, surface, reach_mm, batch)
 
     in_pieces(work, count, worth=_WORTH_SHARING)
     at = np.flatnonzero(~np.isnan(feet[:, 0]))
@@ -253,7 +273,10 @@ def nearest_on_table(
 
 def _boxes(nodes: Float[np.ndarray, "n n 3"]) -> Float[np.ndarray, "b b 2 3"]:
     starts = np.arange(0, len(nodes), _BLOCK)
-    ends = [each.reduceat(each.reduceat(nodes, starts, axis=0), starts, axis=1) for each in (np.minimum, np.maximum)]
+    ends = [
+        extremum.reduceat(extremum.reduceat(nodes, starts, axis=0), starts, axis=1)
+        for extremum in (np.minimum, np.maximum)
+    ]
     return np.stack(ends, axis=2)
 
 
@@ -267,19 +290,20 @@ def ball_exit(ux, uy, uz, corner, growth):
 
 
 @inline
-def cylinder_exit(ux, uy, uz, one, other, growth):
-    """Distance at which a ray leaves the cylinder about the edge from ``one`` to ``other``; -1 where beside it."""
-    ex, ey, ez = other[0] - one[0], other[1] - one[1], other[2] - one[2]
+def cylinder_exit(ux, uy, uz, half_x, half_y, growth):
+    """Distance at which a ray leaves the cylinder about the edge from ``half_x`` to ``half_y``; -1 where beside it."""
+    ex, ey, ez = half_y[0] - half_x[0], half_y[1] - half_x[1], half_y[2] - half_x[2]
     length = sqrt(ex * ex + ey * ey + ez * ez)
     if length < _TINY:
         return -1.0
     ex, ey, ez = ex / length, ey / length, ez / length
-    turned, start = ux * ex + uy * ey + uz * ez, one[0] * ex + one[1] * ey + one[2] * ez
+    turned = ux * ex + uy * ey + uz * ez
+    start = half_x[0] * ex + half_x[1] * ey + half_x[2] * ez
     across = 1.0 - turned * turned
     if across < 1e-24:  # along the axis of the cylinder: it leaves through the ball at an end
         return -1.0
-    middle = ux * one[0] + uy * one[1] + uz * one[2] - turned * start
-    squared = one[0] * one[0] + one[1] * one[1] + one[2] * one[2] - start * start
+    middle = ux * half_x[0] + uy * half_x[1] + uz * half_x[2] - turned * start
+    squared = half_x[0] * half_x[0] + half_x[1] * half_x[1] + half_x[2] * half_x[2] - start * start
     under = middle * middle - across * (squared - growth * growth)
     if under < 0.0:
         return -1.0
@@ -291,7 +315,9 @@ def cylinder_exit(ux, uy, uz, one, other, growth):
 @inline
 def plane_exit(ux, uy, uz, corners, growth):
     """Distance at which a ray leaves the triangle, shifted along its normal by ``growth`` both ways; -1 beside it."""
-    a, b, c = corners[0], corners[1], corners[2]
+    a = corners[0]
+    b = corners[1]
+    c = corners[2]
     px, py, pz = b[0] - a[0], b[1] - a[1], b[2] - a[2]
     qx, qy, qz = c[0] - a[0], c[1] - a[1], c[2] - a[2]
     nx, ny, nz = py * qz - pz * qy, pz * qx - px * qz, px * qy - py * qx
@@ -299,7 +325,8 @@ def plane_exit(ux, uy, uz, corners, growth):
     if area < _TINY:
         return -1.0
     nx, ny, nz = nx / area, ny / area, nz / area
-    slope, height = ux * nx + uy * ny + uz * nz, a[0] * nx + a[1] * ny + a[2] * nz
+    slope = ux * nx + uy * ny + uz * nz
+    height = a[0] * nx + a[1] * ny + a[2] * nz
     if abs(slope) < 1e-12:  # it runs along the plane, and leaves through an edge or a corner
         return -1.0
     distance = (height + (growth if slope > 0.0 else -growth)) / slope

@@ -26,7 +26,8 @@ def entry(p, d, table, grid, bounds):
     r = sqrt(x * x + y * y + z * z)
     if not r <= bounds.most:  # in this form also where x is NaN
         return Fate.OUTSIDE_CAVITY, start
-    X, Y = x / (r + z), y / (r + z)
+    X = x / (r + z)
+    Y = y / (r + z)
     near = r >= bounds.least and r >= tile_of(X, Y, grid, bounds)[0]
     if near and r >= jet(table, grid, X, Y)[0]:
         return Fate.OUTSIDE_CAVITY, start
@@ -48,17 +49,19 @@ def entry_of_all(p, d, body, sides):
 def begin_fields(packet, lane, k, d, fields, placement, sides):
     """Fields of ray k as it enters the cavity, in this lane of the packet, where these are followed."""
     if sides is not None:
-        packet[MEDIUM + lane], packet[LAST + lane], packet[CLEAR + lane] = CAVITY, -1.0, 1.0
+        packet[MEDIUM + lane] = CAVITY
+        packet[LAST + lane] = -1.0
+        packet[CLEAR + lane] = 1.0
         if fields is not None:
             for part in range(0, 12, 3):
-                own = turned(placement, INTO, (fields[k, part], fields[k, part + 1], fields[k, part + 2]))
-                write(packet, FIELDS + part * SIZE + lane, own)
+                local = turned(placement, INTO, (fields[k, part], fields[k, part + 1], fields[k, part + 2]))
+                write(packet, FIELDS + part * SIZE + lane, local)
         else:
-            one, other = unpolarised(d)
-            write(packet, FIELDS + lane, one)
-            write(packet, FIELDS + 3 * SIZE + lane, scaled(0.0, one))
-            write(packet, FIELDS + 6 * SIZE + lane, other)
-            write(packet, FIELDS + 9 * SIZE + lane, scaled(0.0, one))
+            first, second = unpolarised(d)
+            write(packet, FIELDS + lane, first)
+            write(packet, FIELDS + 3 * SIZE + lane, scaled(0.0, first))
+            write(packet, FIELDS + 6 * SIZE + lane, second)
+            write(packet, FIELDS + 9 * SIZE + lane, scaled(0.0, first))
 
 
 @inline

@@ -21,8 +21,10 @@ def drawn_slope(k, face, times, noise, keys, slopes):
     rms = slopes[face]
     if times == 0:
         return rms * noise[k, 2 * face], rms * noise[k, 2 * face + 1]
-    one, other = drawn(keys[k], face, times)
-    length, turn = rms * sqrt(-2.0 * log1p(-one)), 2.0 * pi * other  # Box and Muller, 1958
+    uniform, second_uniform = drawn(keys[k], face, times)
+    # Box and Muller, 1958
+    length = rms * sqrt(-2.0 * log1p(-uniform))
+    turn = 2.0 * pi * second_uniform
     return length * cos(turn), length * sin(turn)
 
 
@@ -77,7 +79,8 @@ def facet_normal_adjoint(packet, place, n, d, noise, h, f):
     x, y, seen = three(packet, place)
     u = unit(n)
     tilt, along = on_face(x, y, u)
-    c, onto = dot(u, d), dot(h, u)
+    c = dot(u, d)
+    onto = dot(h, u)
     by_seen = dot(h, d) - c * onto
     by_c = by_seen * packet[place + 3 * SIZE] - seen * onto
     by_along = by_seen * packet[place + 4 * SIZE]

@@ -27,12 +27,16 @@ def unpolarised(d):
     """Two unit vectors across the direction d and each other."""
     x, y, z = abs(d[0]), abs(d[1]), abs(d[2])
     if x <= y and x <= z:
-        one = unit((0.0, d[2], -d[1]))
+        first = unit((0.0, d[2], -d[1]))
     elif y <= z:
-        one = unit((-d[2], 0.0, d[0]))
+        first = unit((-d[2], 0.0, d[0]))
     else:
-        one = unit((d[1], -d[0], 0.0))
-    return one, (d[1] * one[2] - d[2] * one[1], d[2] * one[0] - d[0] * one[2], d[0] * one[1] - d[1] * one[0])
+        first = unit((d[1], -d[0], 0.0))
+    return first, (
+        d[1] * first[2] - d[2] * first[1],
+        d[2] * first[0] - d[0] * first[2],
+        d[0] * first[1] - d[1] * first[0],
+    )
 
 
 @inline
@@ -41,8 +45,10 @@ def passing(transmittances, slopes):
 
     ``transmittances``: ``(t_s, t_p, excess)`` as in ``kernels.fresnel``, with their ``slopes``.
     """
-    a, p = sqrt(max(transmittances[0], _DARK)), sqrt(max(transmittances[1], _DARK))
-    by_a, by_p = 0.5 * slopes[0] / a, 0.5 * slopes[1] / p
+    a = sqrt(max(transmittances[0], _DARK))
+    p = sqrt(max(transmittances[1], _DARK))
+    by_a = 0.5 * slopes[0] / a
+    by_p = 0.5 * slopes[1] / p
     k = transmittances[2] / (a + p)
     return (a, 0.0), (k, 0.0), (by_a, 0.0), ((slopes[2] - k * (by_a + by_p)) / (a + p), 0.0)
 
@@ -58,15 +64,19 @@ def reflecting(c, ratio):
     Q = sqrt(max(r * r * (1.0 - c * c) - 1.0, _DARK))
     by_Q = -r * r * c / Q
     over = 1.0 / (r * r - 1.0)
-    P, by_P = c * c + r * r * Q * Q, 2.0 * c * (1.0 - r * r * r * r)
-    one, by_one = c * c - Q * Q, 2.0 * c * (1.0 + r * r)
-    two, by_two = c * Q, Q + c * by_Q
-    real, imaginary = -2.0 * r * r / P, 2.0 * r * (r * r + 1.0) / P
+    P = c * c + r * r * Q * Q
+    by_P = 2.0 * c * (1.0 - r * r * r * r)
+    real_part = c * c - Q * Q
+    by_one = 2.0 * c * (1.0 + r * r)
+    two = c * Q
+    by_two = Q + c * by_Q
+    real = -2.0 * r * r / P
+    imaginary = 2.0 * r * (r * r + 1.0) / P
     return (
         ((r * r * c * c - Q * Q) * over, -2.0 * r * two * over),
-        (real * one, imaginary * two),
+        (real * real_part, imaginary * two),
         (4.0 * r * r * c * over, -2.0 * r * by_two * over),
-        (real * (by_one - one * by_P / P), imaginary * (by_two - two * by_P / P)),
+        (real * (by_one - real_part * by_P / P), imaginary * (by_two - two * by_P / P)),
     )
 
 
@@ -85,9 +95,11 @@ class FieldTurn(NamedTuple):
 @inline
 def _before_turn(real, imaginary, face):
     """``a e + k (n.e) u`` of a field, and k (n.e)."""
-    a, k = face.a, face.k
+    a = face.a
+    k = face.k
     w, v = dot(face.n, real), dot(face.n, imaginary)
-    p, q = k[0] * w - k[1] * v, k[0] * v + k[1] * w
+    p = k[0] * w - k[1] * v
+    q = k[0] * v + k[1] * w
     return (
         add_scaled(linear_combination(a[0], real, -a[1], imaginary), p, face.u),
         add_scaled(linear_combination(a[0], imaginary, a[1], real), q, face.u),
@@ -108,19 +120,23 @@ def turn_vector(y, face):
 @inline
 def field_behind(real, imaginary, face):
     """A field behind a face, its real and its imaginary part; ``face``: a :class:`FieldTurn`."""
-    one, other, _, _ = _before_turn(real, imaginary, face)
-    return turn_vector(one, face), turn_vector(other, face)
+    along, across, _, _ = _before_turn(real, imaginary, face)
+    return turn_vector(along, face), turn_vector(across, face)
 
 
 @inline
 def turn_vector_adjoint(y, g, face):
     """Adjoint of M y: from the sensitivity g to it, to y, n, d and b."""
-    n, d, b = face.n, face.d, face.b
+    n = face.n
+    d = face.d
+    b = face.b
     if face.mirrored:
-        onto, along = dot(n, g), dot(n, y)
+        onto = dot(n, g)
+        along = dot(n, y)
         return add_scaled(g, -2.0 * onto, n), linear_combination(-2.0 * along, g, -2.0 * onto, y), _NONE, _NONE
     per_turn = 1.0 / (1.0 + dot(d, b))
-    onto, along = (dot(d, g) + dot(b, g)) * per_turn, dot(b, y) * per_turn
+    onto = (dot(d, g) + dot(b, g)) * per_turn
+    along = dot(b, y) * per_turn
     return (
         add_scaled(g, -onto, b),
         _NONE,
@@ -135,12 +151,16 @@ def field_adjoint(real, imaginary, g, h, face):
 
     Returns those to both parts before it, to n, u, d and b, and to a and k (complex).
     """
-    a, k, n, u = face.a, face.k, face.n, face.u
-    one, other, p, q = _before_turn(real, imaginary, face)
-    g, by_n, by_d, by_b = turn_vector_adjoint(one, g, face)
-    h, also_n, also_d, also_b = turn_vector_adjoint(other, h, face)
+    a = face.a
+    k = face.k
+    n = face.n
+    u = face.u
+    along, across, p, q = _before_turn(real, imaginary, face)
+    g, by_n, by_d, by_b = turn_vector_adjoint(along, g, face)
+    h, also_n, also_d, also_b = turn_vector_adjoint(across, h, face)
     w, v = dot(n, real), dot(n, imaginary)
-    on_p, on_q = dot(u, g), dot(u, h)
+    on_p = dot(u, g)
+    on_q = dot(u, h)
     on_w, on_v = k[0] * on_p + k[1] * on_q, k[0] * on_q - k[1] * on_p
     return (
         add_scaled(linear_combination(a[0], g, a[1], h), on_w, n),

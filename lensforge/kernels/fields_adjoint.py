@@ -59,20 +59,21 @@ FIELD = 3 * SIZE  # from one part of a field to the next
 
 
 @inline
-def begin_forward(packet, count, own, placement):
-    """Fields with which all rays begin, their ``own`` or those of unpolarised light; nothing is absorbed yet."""
+def begin_forward(packet, count, local_fields, placement):
+    """Fields with which all rays begin: their ``local_fields``, or unpolarised light; nothing is absorbed yet."""
     for lane in range(count):
-        packet[CLEAR + lane], packet[SMOOTH + lane] = 1.0, 1.0
-        if own is None:
-            one, other = unpolarised(three(packet, FIRST_EVENT + D + lane))
-            write(packet, E + lane, one)
-            write(packet, E + FIELD + lane, scaled(0.0, one))
-            write(packet, E + 2 * FIELD + lane, other)
-            write(packet, E + 3 * FIELD + lane, scaled(0.0, one))
+        packet[CLEAR + lane] = 1.0
+        packet[SMOOTH + lane] = 1.0
+        if local_fields is None:
+            first, second = unpolarised(three(packet, FIRST_EVENT + D + lane))
+            write(packet, E + lane, first)
+            write(packet, E + FIELD + lane, scaled(0.0, first))
+            write(packet, E + 2 * FIELD + lane, second)
+            write(packet, E + 3 * FIELD + lane, scaled(0.0, first))
         else:
             k = int(packet[RAY + lane])
             for part in range(4):
-                field = own[k, 3 * part], own[k, 3 * part + 1], own[k, 3 * part + 2]
+                field = local_fields[k, 3 * part], local_fields[k, 3 * part + 1], local_fields[k, 3 * part + 2]
                 write(packet, E + part * FIELD + lane, turned(placement, INTO, field))
 
 
@@ -90,15 +91,16 @@ def refract_all_at(packet, count, face, rays):
         hit = hit_at(packet, k, FIRST_EVENT, face, rays)
         n = unit(hit.tilted)
         b, c, q_squared = refract(hit.d, n, hit.ratio)
-        packet[C + k], packet[Q_SQUARED + k] = c, q_squared
+        packet[C + k] = c
+        packet[Q_SQUARED + k] = q_squared
         write(packet, N + k, n)
         write(packet, B + k, b)
 
 
 @inline
-def put_amplitudes(packet, k, found):
+def put_amplitudes(packet, k, amplitudes):
     """Write amplitudes and their derivatives."""
-    (packet[A + k], packet[A + SIZE + k]), (packet[K + k], packet[K + SIZE + k]), by_a, by_k = found
+    (packet[A + k], packet[A + SIZE + k]), (packet[K + k], packet[K + SIZE + k]), by_a, by_k = amplitudes
     packet[A_BY_C + k], packet[A_BY_C + SIZE + k] = by_a
     packet[K_BY_C + k], packet[K_BY_C + SIZE + k] = by_k
 
@@ -107,7 +109,8 @@ def put_amplitudes(packet, k, found):
 def amplitudes_of_film(packet, count, film, rays, fresnel):
     """Amplitudes of light that passes a face. At a tangent or a critical angle there is no derivative."""
     for k in range(count):
-        c, ratio = packet[C + k], packet[FIRST_EVENT + INDEX_RATIO + k]
+        c = packet[C + k]
+        ratio = packet[FIRST_EVENT + INDEX_RATIO + k]
         passes = packet[Q_SQUARED + k] > 0.0
         q = sqrt(packet[Q_SQUARED + k] if passes else 1.0)
         packet[SMOOTH + k] = packet[SMOOTH + k] if passes and c > 0.0 else 0.0
@@ -145,8 +148,11 @@ def all_amplitudes(packet, count, face, rays, body):
 @inline
 def field_turn(packet, k, mirrored):
     """The turn of the fields of a ray at the face of an event."""
-    c, d, n = packet[C + k], three(packet, FIRST_EVENT + D + k), three(packet, N + k)
-    a, more = (packet[A + k], packet[A + SIZE + k]), (packet[K + k], packet[K + SIZE + k])
+    c = packet[C + k]
+    d = three(packet, FIRST_EVENT + D + k)
+    n = three(packet, N + k)
+    a = (packet[A + k], packet[A + SIZE + k])
+    more = (packet[K + k], packet[K + SIZE + k])
     b = reflect(d, n, c) if mirrored else three(packet, B + k)
     return FieldTurn(a, more, n, add_scaled(n, -c, d), d, b, mirrored)
 
@@ -203,21 +209,27 @@ def back_before_spread(packet, k, face, turned, body, shifts, keys):
 
     Returns those to the cosine before the face and to its unit normal.
     """
-    by_c, by_n = 0.0, scaled(0.0, turned.n)
+    by_c = 0.0
+    by_n = scaled(0.0, turned.n)
     if shifts is not None and spreads_at(face, body):
         shift, at, to, spreads = spread_at(packet, k, face, turned.b, shifts, keys)
         if spreads:
-            turn, f, by_b = turn_between(turned.b, to), three(packet, FX + k), scaled(0.0, to)
+            turn = turn_between(turned.b, to)
+            f = three(packet, FX + k)
+            by_b = scaled(0.0, to)
             for field in (0, 2):
-                place, by = E + field * FIELD + k, BY_E + field * FIELD + k
+                place = E + field * FIELD + k
+                by = BY_E + field * FIELD + k
                 parts = field_behind(three(packet, place), three(packet, place + FIELD), turned)
                 for part in range(2):
                     g, _, by_one, by_other = turn_vector_adjoint(parts[part], three(packet, by + part * FIELD), turn)
-                    f, by_b = add_scaled(f, 1.0, by_other), add_scaled(by_b, 1.0, by_one)
+                    f = add_scaled(f, 1.0, by_other)
+                    by_b = add_scaled(by_b, 1.0, by_one)
                     write(packet, by + part * FIELD, g)
             to_b, by_ahead, by_amount = spread_adjoint(turned.b, shift, at, f)
             write(packet, FX + k, add_scaled(to_b, 1.0, by_b))
-            by_c, by_n = shift.by_cosine * by_amount, scaled(-1.0 if face.mirrored else 1.0, by_ahead)
+            by_c = shift.by_cosine * by_amount
+            by_n = scaled(-1.0 if face.mirrored else 1.0, by_ahead)
     return by_c, by_n
 
 
@@ -263,10 +275,12 @@ def begin_back(packet, count, placement, by_fields):
         e = add_scaled(e, -dot(e, b), b)  # a ray is a line: no receiver sees where on it its point lies
         write(packet, EX + k, e)
         write(packet, FX + k, f)
-        arrived, value = packet[EMITTED + k] * packet[CLEAR + k] if packet[LEFT + k] == 1.0 else 0.0, 0.0
+        arrived = packet[EMITTED + k] * packet[CLEAR + k] if packet[LEFT + k] == 1.0 else 0.0
+        value = 0.0
         for part in range(4):
             field = three(packet, E + part * FIELD + k)
-            onto, squared = dot(axis, field), dot(field, field)
+            onto = dot(axis, field)
+            squared = dot(field, field)
             value += 0.5 * arrived * (packet[BY_FLUX + k] * squared + packet[BY_AXIAL + k] * onto * onto)
             by_axis = arrived * packet[BY_AXIAL + k] * onto
             write(
@@ -281,7 +295,8 @@ def add_by_fields(packet, count, placement, by_fields):
     """Add the sensitivities to the fields with which rays leave, where there are any."""
     if by_fields is not None:
         for lane in range(count):
-            k, value = int(packet[RAY + lane]), 0.0
+            k = int(packet[RAY + lane])
+            value = 0.0
             for part in range(4):
                 also = by_fields[k, 3 * part], by_fields[k, 3 * part + 1], by_fields[k, 3 * part + 2]
                 also = turned_back(placement, BACK, also)
@@ -302,7 +317,8 @@ def by_exit_sine(face, last, sides):
 @inline
 def field_back(packet, k, part, face):
     """Take the sensitivities to a field back through a face. Returns those to cosine, normal and both directions."""
-    place, to = E + part * FIELD + k, BY_E + part * FIELD + k
+    place = E + part * FIELD + k
+    to = BY_E + part * FIELD + k
     real, imaginary, by_n, by_u, by_d, by_b, by_a, by_k = field_adjoint(
         three(packet, place), three(packet, place + FIELD), three(packet, to), three(packet, to + FIELD), face
     )
@@ -316,7 +332,8 @@ def field_back(packet, k, part, face):
 @inline
 def back_through(packet, count, face, last, rays, body):
     """Sensitivities to all rays before an event from those behind it."""
-    in_body, at_exit = 1.0 if face.medium == BODY else 0.0, by_exit_sine(face, last, body.sides)
+    in_body = 1.0 if face.medium == BODY else 0.0
+    at_exit = by_exit_sine(face, last, body.sides)
     for k in range(count):
         turned = field_turn(packet, k, face.mirrored)
         of_spread_c, of_spread_n = back_before_spread(packet, k, face, turned, body, rays.shifts, rays.keys)

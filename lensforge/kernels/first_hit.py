@@ -54,14 +54,21 @@ from lensforge.kernels.ray_packet import (
 )
 
 # Below: it passes the plane z = 0 first; lost: no convergence; missed: it goes past the surface, outside of it.
-FOUND, BELOW, LOST, GOING, MISSED = 0.0, 1.0, 2.0, 3.0, 4.0
+FOUND = 0.0
+BELOW = 1.0
+LOST = 2.0
+GOING = 3.0
+MISSED = 4.0
 
-MAX_STEPS, MAX_CLOSING = 1000, 60  # a ray that grazes a face takes hundreds
+MAX_STEPS = 1000  # a ray that grazes a face takes hundreds
+MAX_CLOSING = 60
 # Shares of the distance from the origin; in single precision a few of its last bits.
 TOLERANCE = ByPrecision(1e-12, 2e-6)  # of a Newton step: the next error is its square
 ROUNDING = ByPrecision(2e-15, 5e-7)  # F below it is noise; near tangency it would keep the root moving
 STANDSTILL = ByPrecision(1e-13, 1e-6)  # a shorter safe step has arrived
-NEAR, LAST_BIT = ByPrecision(1e-12, 2e-6), ByPrecision(1e-15, 2e-7)  # so near to a ball or the surface is on it
+# A point so near to a ball or a surface counts as on it.
+NEAR = ByPrecision(1e-12, 2e-6)
+LAST_BIT = ByPrecision(1e-15, 2e-7)
 LEAP_SHARE = 0.9  # of the least radius nearby: up to there a step to that radius costs less than an evaluation
 _LEAPS = 2  # of all rays before the first evaluation: to the ball in which no surface is, and to the radius nearby
 
@@ -123,13 +130,19 @@ def walked(rays, k, least, most, tan_reach, among, outside):
     the table ends: there it is a polynomial without bounds. ``among`` several faces a ray that starts on this one is
     not at a root there, and need not go past its limit.
     """
-    t, r, outward, gap, slope = rays[T + k], rays[R + k], rays[OUTWARD + k], rays[F + k], rays[SLOPE + k]
-    pz, dz = rays[Z0 + k], rays[ALONG_Z + k]
+    t = rays[T + k]
+    r = rays[R + k]
+    outward = rays[OUTWARD + k]
+    gap = rays[F + k]
+    slope = rays[SLOPE + k]
+    pz = rays[Z0 + k]
+    dz = rays[ALONG_Z + k]
     plane = -pz / dz if dz < 0.0 else inf
     cos_radial = outward / r
     sine = sqrt(max(1.0 - cos_radial * cos_radial, 0.0))
     # after a path s the ray has turned by atan(s sine / (r + s cos_radial)): s turning <= room stays in reach
-    turning, room = sine - tan_reach * cos_radial, r * tan_reach
+    turning = sine - tan_reach * cos_radial
+    room = r * tan_reach
     bend, path = bound_ahead(outward, r, sine, cos_radial, rays[MOST_SLOPE + k], rays[MOST_HESSIAN + k], least)
     if outside:
         leap = approach(r, outward, most) if r > most * (1.0 + NEAR) else 0.0
@@ -140,11 +153,13 @@ def walked(rays, k, least, most, tan_reach, among, outside):
     root = sqrt(slope * slope + 2.0 * bend * gap)
     move = min(2.0 * gap / (root - slope) if slope < 0.0 else (slope + root) / bend, path)
     move = move if move * turning <= room else room / turning
-    at_root, below = gap <= ROUNDING * r, pz + t * dz < 0.0 and dz <= 0.0
+    at_root = gap <= ROUNDING * r
+    below = pz + t * dz < 0.0 and dz <= 0.0
     if among:
         at_root = at_root and not (t == 0.0 and slope > 0.0 and rays[ON_FACE + k] == 1.0)
     high = min(t + farthest, plane)
-    closed, moved = min(t + 0.5 * farthest, high), t + move
+    closed = min(t + 0.5 * farthest, high)
+    moved = t + move
     state = FOUND if move <= STANDSTILL * r and not closes else GOING
     state = (FOUND if -NEAR * r < gap and t > 0.0 else LOST) if at_root else state
     state = GOING if leap > 0.0 else state
@@ -165,10 +180,16 @@ def closed_in(rays, k):
 
     Returns path, state and bracket.
     """
-    t, r, gap, slope = rays[T + k], rays[R + k], rays[F + k], rays[SLOPE + k]
-    pz, dz = rays[Z0 + k], rays[ALONG_Z + k]
+    t = rays[T + k]
+    r = rays[R + k]
+    gap = rays[F + k]
+    slope = rays[SLOPE + k]
+    pz = rays[Z0 + k]
+    dz = rays[ALONG_Z + k]
     plane = -pz / dz if dz < 0.0 else inf
-    before, gap_before, inverse_before = rays[BEFORE + k], rays[F_BEFORE + k], rays[INVERSE_BEFORE + k]
+    before = rays[BEFORE + k]
+    gap_before = rays[F_BEFORE + k]
+    inverse_before = rays[INVERSE_BEFORE + k]
     inverse = 1.0 / slope
     newton = -gap * inverse
     arrived = abs(newton) <= TOLERANCE * r or abs(gap) <= ROUNDING * r
@@ -190,9 +211,14 @@ def closed_in(rays, k):
 @inline
 def keep(rays, k, after, state, closing, low, high):
     """Write down a step, and the evaluation before it."""
-    rays[BEFORE + k], rays[F_BEFORE + k], rays[INVERSE_BEFORE + k] = rays[T + k], rays[F + k], 1.0 / rays[SLOPE + k]
-    rays[T + k], rays[STATE + k], rays[CLOSING + k] = after, state, closing
-    rays[LOW + k], rays[HIGH + k] = low, high
+    rays[BEFORE + k] = rays[T + k]
+    rays[F_BEFORE + k] = rays[F + k]
+    rays[INVERSE_BEFORE + k] = 1.0 / rays[SLOPE + k]
+    rays[T + k] = after
+    rays[STATE + k] = state
+    rays[CLOSING + k] = closing
+    rays[LOW + k] = low
+    rays[HIGH + k] = high
 
 
 @inline
@@ -219,8 +245,10 @@ def advance(rays, count, closing, least, most, tan_reach, among, outside):
             has = rays[CLOSING + k] == 1.0
             after, state, closes, low, high = walked(rays, k, least, most, tan_reach, among, outside)
             nearer, state_in, low_in, high_in = closed_in(rays, k)
-            after, state = nearer if has else after, state_in if has else state
-            low, high = low_in if has else low, high_in if has else high
+            after = nearer if has else after
+            state = state_in if has else state
+            low = low_in if has else low
+            high = high_in if has else high
             keep(rays, k, after, state, 1.0 if has or closes else 0.0, low, high)
 
 
@@ -230,20 +258,24 @@ def settle(rays, count, among):
 
     Returns the number of those that go on, and of those among them that have a bracket.
     """
-    k, closing = 0, 0.0
+    k = 0
+    closing = 0.0
     while k < count:
         if rays[STATE + k] == GOING:
             closing += rays[CLOSING + k]
             k += 1
             continue
         number = int(rays[NUMBER + k])
-        rays[LENGTH + number], rays[STATUS + number] = rays[T + k], rays[STATE + k]
-        rays[RHO_X + number], rays[RHO_Y + number] = rays[SLOPE_X + k], rays[SLOPE_Y + k]
+        rays[LENGTH + number] = rays[T + k]
+        rays[STATUS + number] = rays[STATE + k]
+        rays[RHO_X + number] = rays[SLOPE_X + k]
+        rays[RHO_Y + number] = rays[SLOPE_Y + k]
         count -= 1
         for field in range(OWN):
             rays[NUMBER + field * SIZE + k] = rays[NUMBER + field * SIZE + count]
         if among:
-            rays[ON_FACE + k], rays[LIMIT + k] = rays[ON_FACE + count], rays[LIMIT + count]
+            rays[ON_FACE + k] = rays[ON_FACE + count]
+            rays[LIMIT + k] = rays[LIMIT + count]
     return count, int(closing)
 
 
@@ -251,7 +283,9 @@ def settle(rays, count, among):
 def start_all(rays, count):
     """Put all rays of a packet on their way."""
     for k in range(count):
-        rays[NUMBER + k], rays[T + k], rays[CLOSING + k] = float(k), 0.0, 0.0
+        rays[NUMBER + k] = float(k)
+        rays[T + k] = 0.0
+        rays[CLOSING + k] = 0.0
     for field in range(6):
         for k in range(count):
             rays[X0 + field * SIZE + k] = rays[PX + field * SIZE + k]
@@ -274,7 +308,8 @@ def first_hits(rays, count, table, grid, bounds, among, outside):
     one of several faces, on which rays may start, and behind whose limits no crossing matters. From ``outside`` points
     have ``|p| >= rho``. Both are known to the compiler.
     """
-    side, tiles = float(len(table)), float(len(bounds.tiles))
+    side = float(len(table))
+    tiles = float(len(bounds.tiles))
     closing = 0
     for step in range(_LEAPS + MAX_STEPS + MAX_CLOSING):
         whole = in_whole_vectors(count)

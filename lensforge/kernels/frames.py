@@ -3,7 +3,9 @@
 from lensforge.kernels.compiled import inline
 
 # Frames of a placement: into the first face's, from the inner one of two faces into the outer one's, and the last back.
-INTO, BETWEEN, BACK = 0, 1, -1
+INTO = 0
+BETWEEN = 1
+BACK = -1
 
 
 @inline
@@ -80,7 +82,8 @@ def back_into_faces(placement, e, f):
     """Sensitivities to the point and the direction of a ray that leaves, in the frame of the last face."""
     if placement is None:
         return e, f
-    frame, factor = placement.frames[BACK], placement.factor_out
+    frame = placement.frames[BACK]
+    factor = placement.factor_out
     return turn_back(frame, (factor * e[0], factor * e[1], factor * e[2])), turn_back(frame, f)
 
 

@@ -28,7 +28,8 @@ def outward_normal(p, rho_x, rho_y):
     """Gradient of ``|p| - rho(p/|p|)`` from the table's slopes: not normalised, pointing away from the origin."""
     x, y, z = p
     r = sqrt(x * x + y * y + z * z)
-    per_r, per_shift = 1.0 / r, 1.0 / (r + z)
+    per_r = 1.0 / r
+    per_shift = 1.0 / (r + z)
     radial = (rho_x * x + rho_y * y) * per_shift * per_shift
     along = (1.0 + radial) * per_r
     return x * along - rho_x * per_shift, y * along - rho_y * per_shift, z * along + radial
@@ -92,7 +93,9 @@ def transmittances(c, q, ratio):
     dq = ratio * ratio * c / q
     by_r_s = 2.0 * ratio * (q - c * dq) / ((ratio * c + q) * (ratio * c + q))
     by_r_p = 2.0 * ratio * (q - c * dq) / ((c + ratio * q) * (c + ratio * q))
-    t_p, by_t_p, turn = 1.0 - r_p * r_p, -2.0 * r_p * by_r_p, q - ratio * c
+    t_p = 1.0 - r_p * r_p
+    by_t_p = -2.0 * r_p * by_r_p
+    turn = q - ratio * c
     by_excess = turn * (by_t_p * turn + 2.0 * t_p * (dq - ratio))
     return (1.0 - r_s * r_s, t_p, t_p * turn * turn), (-2.0 * r_s * by_r_s, by_t_p, by_excess)
 
@@ -108,7 +111,10 @@ def coated_transmittances(c, q, ratio, table, row):
     position = cosine * cells
     i = int(index_at(position, cells - 1.0))  # a ray that is reflected totally has no cosine behind the face
     w, d, _ = cubic_splines(position - i)
-    mean, by_mean, excess, by_excess = 0.0, 0.0, 0.0, 0.0
+    mean = 0.0
+    by_mean = 0.0
+    excess = 0.0
+    by_excess = 0.0
     if table.ndim == 2:  # known to the compiler: it leaves out the other case
         for j in range(4):
             mean += w[j] * table[i + j, 0]
@@ -127,9 +133,11 @@ def coated_transmittances(c, q, ratio, table, row):
             excess += w[j] * second
             by_excess += d[j] * second
     by_c = cells * (1.0 if ratio < 1.0 else ratio * ratio * c / q)
-    by_mean, by_excess = by_mean * by_c, by_excess * by_c
+    by_mean = by_mean * by_c
+    by_excess = by_excess * by_c
     wider = 1.0 if ratio < 1.0 else ratio * ratio  # squared sine in the less dense medium over that before the face
-    excess, by_excess = excess * wider, by_excess * wider
+    excess = excess * wider
+    by_excess = by_excess * wider
     half = 0.5 * excess * (1.0 - c * c)
     by_half = 0.5 * by_excess * (1.0 - c * c) - excess * c
     return (
@@ -178,25 +186,31 @@ def axial_share(first, second, m, at, axis):
     s, _, g = first
     t_s, t_p, h = second
     ratio, c, q, n, d, b = at
-    root_s, root_p = sqrt(max(t_s, _DARK)), sqrt(max(t_p, _DARK))
+    root_s = sqrt(max(t_s, _DARK))
+    root_p = sqrt(max(t_p, _DARK))
     m_d = dot(m, d)
     m_b = dot(m, b)
     y = dot(m, n) - m_d * c
-    onto, before = dot(axis, b), dot(axis, d)
+    onto = dot(axis, b)
+    before = dot(axis, d)
     per_turn = 1.0 / (1.0 + dot(d, b))
     k = (onto + before) * per_turn
     e = dot(axis, n) - q * onto
     turned = dot(axis, m) - k * (m_d + m_b) + onto * m_d
-    per_roots, per_ratio = 1.0 / (root_s + root_p), 1.0 / ratio
+    per_roots = 1.0 / (root_s + root_p)
+    per_ratio = 1.0 / ratio
     f = h * per_roots * per_ratio
-    squared, part = t_s * (1.0 - onto * onto) + h * (e * per_ratio) * (e * per_ratio), root_s * turned + f * e * y
+    squared = t_s * (1.0 - onto * onto) + h * (e * per_ratio) * (e * per_ratio)
+    part = root_s * turned + f * e * y
     share = 0.5 * (s * squared + g * part * part)
-    by_squared, by_part = 0.5 * s, g * part
+    by_squared = 0.5 * s
+    by_part = g * part
     by_f = by_part * e * y
     by_roots = -by_f * f * per_roots
     by_e = 2.0 * by_squared * h * e * per_ratio * per_ratio + by_part * f * y
     by_turned = by_part * root_s
-    by_sum, by_k = -by_turned * k, -by_turned * (m_d + m_b) * per_turn
+    by_sum = -by_turned * k
+    by_k = -by_turned * (m_d + m_b) * per_turn
     by_onto = -2.0 * by_squared * t_s * onto - by_e * q + by_turned * m_d + by_k
     by_turn = -by_k * k
     return (
@@ -239,19 +253,30 @@ def through_both(first, second, slopes, m, at, axis, by, by_axial):
     Arguments as in :func:`axial_share`; ``slopes``: of the second by c. Returns the sum of both, each times what passes
     of it, and sensitivities to the first, c, m, n, d and b; all for unit flux before the first face.
     """
-    c, n, d = at.c, at.n, at.d
+    c = at.c
+    n = at.n
+    d = at.d
     along = dot(m, d)
     share, by_first, by_second, by_y = polarised_share(first, second, dot(m, n) - along * c)
-    by_first, by_c, by_y = scaled(by, by_first), by * dot(by_second, slopes), by * by_y
-    by_m, by_n, by_d, by_b = scaled(0.0, m), scaled(0.0, n), scaled(0.0, d), scaled(0.0, at.b)
+    by_first = scaled(by, by_first)
+    by_c = by * dot(by_second, slopes)
+    by_y = by * by_y
+    by_m = scaled(0.0, m)
+    by_n = scaled(0.0, n)
+    by_d = scaled(0.0, d)
+    by_b = scaled(0.0, at.b)
     value = by * share
     if axis is not None:
         by = by_axial
         part, on_first, on_second, on_c, on_y, by_m, by_n, by_d, by_b = axial_share(first, second, m, at, axis)
         value += by * part
         by_first = add_scaled(by_first, by, on_first)
-        by_c, by_y = by_c + by * (dot(on_second, slopes) + on_c), by_y + by * on_y
-        by_m, by_n, by_d, by_b = scaled(by, by_m), scaled(by, by_n), scaled(by, by_d), scaled(by, by_b)
+        by_c = by_c + by * (dot(on_second, slopes) + on_c)
+        by_y = by_y + by * on_y
+        by_m = scaled(by, by_m)
+        by_n = scaled(by, by_n)
+        by_d = scaled(by, by_d)
+        by_b = scaled(by, by_b)
     by_m = add_scaled(add_scaled(by_m, by_y, n), -by_y * c, d)
     by_n = add_scaled(add_scaled(by_n, by_y, m), -by_y * along, d)
     by_d = add_scaled(add_scaled(by_d, -by_y * c, m), -by_y * along, n)

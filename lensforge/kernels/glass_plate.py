@@ -31,7 +31,9 @@ def _passed(c, plate, row):
 
     Of the flux, and of the flux along z. ``row``: its place among the rows of the film.
     """
-    ratio, thickness, absorption = plate.ratio, plate.thickness_mm, plate.absorption_per_mm
+    ratio = plate.ratio
+    thickness = plate.thickness_mm
+    absorption = plate.absorption_per_mm
     q = sqrt(transmitted_cosine_squared(c, ratio))
     dq = ratio * ratio * c / q
     nearer = thickness * (1.0 - ratio * c / q)

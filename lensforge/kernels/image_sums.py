@@ -30,7 +30,7 @@ class RaysAtReceiver(NamedTuple):
 
     def part(self, part: slice) -> "RaysAtReceiver":
         """Some of the rays."""
-        return RaysAtReceiver(*(each[part] for each in self))
+        return RaysAtReceiver(*(column[part] for column in self))
 
 
 class ByRaysAtReceiver(NamedTuple):
@@ -47,7 +47,7 @@ class ByRaysAtReceiver(NamedTuple):
 
     def part(self, part: slice) -> "ByRaysAtReceiver":
         """Sensitivities to some of the rays."""
-        return ByRaysAtReceiver(*(each[part] for each in self))
+        return ByRaysAtReceiver(*(column[part] for column in self))
 
 
 @inline
@@ -72,7 +72,9 @@ def add_to_pixels(x, y, flux, size, image):
 def pixels_adjoint(x, y, flux, size, by_image):
     """Sensitivities to a ray's hit (two) and flux from those to the pixels."""
     rows, columns = by_image.shape
-    by_x, by_y, by_flux = 0.0, 0.0, 0.0
+    by_x = 0.0
+    by_y = 0.0
+    by_flux = 0.0
     u = (x / size[0] + 0.5) * columns - 0.5
     v = (y / size[1] + 0.5) * rows - 0.5
     if not (-1.0 < u < columns and -1.0 < v < rows):
@@ -157,7 +159,10 @@ def collect_adjoint(rays, size, window, by_image, by_sums, by_rays):
     hits, flux, sin2_exit, landed, emitted = rays
     by_hits, by_flux, by_sin2 = by_rays
     for k in range(len(emitted)):
-        by_hits[k, 0], by_hits[k, 1], by_flux[k], by_sin2[k] = 0.0, 0.0, 0.0, 0.0
+        by_hits[k, 0] = 0.0
+        by_hits[k, 1] = 0.0
+        by_flux[k] = 0.0
+        by_sin2[k] = 0.0
         excess = (sin2_exit[k] - SAFE_SIN2) / SIN2_SCALE
         if excess > 0.0:
             by_sin2[k] = by_sums[2] * emitted[k] / ((1.0 + excess) * (1.0 + excess) * SIN2_SCALE)
@@ -173,4 +178,6 @@ def collect_adjoint(rays, size, window, by_image, by_sums, by_rays):
             slope = 4.0 * by_sums[1] * emitted[k] / (bounded * bounded)
             by_x += slope * ex / size[0] if x > 0.0 else -slope * ex / size[0]
             by_y += slope * ey / size[1] if y > 0.0 else -slope * ey / size[1]
-        by_hits[k, 0], by_hits[k, 1], by_flux[k] = by_x, by_y, by_w
+        by_hits[k, 0] = by_x
+        by_hits[k, 1] = by_y
+        by_flux[k] = by_w

@@ -40,13 +40,15 @@ def write_ray(by_hit, normal, direction, t, frame, by_point, by_direction):
 def plane(points, directions, frame, radius, hits, reached):
     """Coordinates (mm) on a plane; ``radius`` has no meaning."""
     for k in range(len(points)):
-        hits[k, 0], hits[k, 1] = 0.0, 0.0
+        hits[k, 0] = 0.0
+        hits[k, 1] = 0.0
         dx, dy, dz = turn_back(frame, directions[k])
         reached[k] = dz > LEAST_RISE
         if reached[k]:
             x, y, z = place_back(frame, points[k])
             t = -z / dz
-            hits[k, 0], hits[k, 1] = x + t * dx, y + t * dy
+            hits[k, 0] = x + t * dx
+            hits[k, 1] = y + t * dy
 
 
 @kernel
@@ -55,7 +57,8 @@ def plane_adjoint(points, directions, frame, radius, by_hits, by_points, by_dire
     for k in range(len(points)):
         gx, gy = by_hits[k, 0], by_hits[k, 1]
         if gx == 0.0 and gy == 0.0:
-            by_points[k, :], by_directions[k, :] = 0.0, 0.0
+            by_points[k, :] = 0.0
+            by_directions[k, :] = 0.0
             continue
         dx, dy, dz = turn_back(frame, directions[k])
         t = -place_back(frame, points[k])[2] / dz
@@ -80,7 +83,8 @@ def equal_area_adjoint(x, y, z, gx, gy):
 def far_field(points, directions, frame, radius, hits, reached):
     """Chart coordinates of directions; ``radius`` has no meaning."""
     for k in range(len(points)):
-        hits[k, 0], hits[k, 1] = 0.0, 0.0
+        hits[k, 0] = 0.0
+        hits[k, 1] = 0.0
         x, y, z = turn_back(frame, directions[k])
         reached[k] = 1.0 + z > POLE
         if reached[k]:
@@ -91,7 +95,8 @@ def far_field(points, directions, frame, radius, hits, reached):
 def far_field_adjoint(points, directions, frame, radius, by_hits, by_points, by_directions):
     """Fill the sensitivities to exit rays from those to the chart coordinates of their directions."""
     for k in range(len(points)):
-        by_points[k, :], by_directions[k, :] = 0.0, 0.0
+        by_points[k, :] = 0.0
+        by_directions[k, :] = 0.0
         gx, gy = by_hits[k, 0], by_hits[k, 1]
         if gx != 0.0 or gy != 0.0:
             x, y, z = turn_back(frame, directions[k])
@@ -110,7 +115,8 @@ def to_sphere(x, y, z, dx, dy, dz, radius):
 def sphere(points, directions, frame, radius, hits, reached):
     """Chart coordinates (mm) on a sphere of ``radius`` about the pose's centre, where rays leave it."""
     for k in range(len(points)):
-        hits[k, 0], hits[k, 1] = 0.0, 0.0
+        hits[k, 0] = 0.0
+        hits[k, 1] = 0.0
         x, y, z = place_back(frame, points[k])
         dx, dy, dz = turn_back(frame, directions[k])
         t = to_sphere(x, y, z, dx, dy, dz, radius)
@@ -118,14 +124,16 @@ def sphere(points, directions, frame, radius, hits, reached):
         reached[k] = t > 0.0 and 1.0 + z > POLE
         if reached[k]:
             x, y = equal_area(x, y, z)
-            hits[k, 0], hits[k, 1] = radius * x, radius * y
+            hits[k, 0] = radius * x
+            hits[k, 1] = radius * y
 
 
 @kernel
 def sphere_adjoint(points, directions, frame, radius, by_hits, by_points, by_directions):
     """Fill the sensitivities to exit rays from those to the chart coordinates on a sphere."""
     for k in range(len(points)):
-        by_points[k, :], by_directions[k, :] = 0.0, 0.0
+        by_points[k, :] = 0.0
+        by_directions[k, :] = 0.0
         gx, gy = by_hits[k, 0], by_hits[k, 1]
         if gx != 0.0 or gy != 0.0:
             x, y, z = place_back(frame, points[k])
@@ -149,20 +157,23 @@ def to_cylinder(x, z, dx, dz, radius):
 def cylinder(points, directions, frame, radius, hits, reached):
     """Arc length from the pose's z axis, and height along its y axis (mm), where rays leave a cylinder about it."""
     for k in range(len(points)):
-        hits[k, 0], hits[k, 1] = 0.0, 0.0
+        hits[k, 0] = 0.0
+        hits[k, 1] = 0.0
         x, y, z = place_back(frame, points[k])
         dx, dy, dz = turn_back(frame, directions[k])
         t = to_cylinder(x, z, dx, dz, radius)
         reached[k] = t > 0.0
         if reached[k]:
-            hits[k, 0], hits[k, 1] = radius * atan2(x + t * dx, z + t * dz), y + t * dy
+            hits[k, 0] = radius * atan2(x + t * dx, z + t * dz)
+            hits[k, 1] = y + t * dy
 
 
 @kernel
 def cylinder_adjoint(points, directions, frame, radius, by_hits, by_points, by_directions):
     """Fill the sensitivities to exit rays from those to arc length and height on a cylinder."""
     for k in range(len(points)):
-        by_points[k, :], by_directions[k, :] = 0.0, 0.0
+        by_points[k, :] = 0.0
+        by_directions[k, :] = 0.0
         gx, gy = by_hits[k, 0], by_hits[k, 1]
         if gx != 0.0 or gy != 0.0:
             x, _, z = place_back(frame, points[k])

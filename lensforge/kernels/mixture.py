@@ -27,36 +27,54 @@ class SeenRays(NamedTuple):
 
     def take(self, rows: slice | Int[np.ndarray, " k"]) -> "SeenRays":
         """Some of the rays."""
-        return SeenRays(*(each[rows] for each in self))
+        return SeenRays(*(column[rows] for column in self))
 
 
 @_reordered
-def densities(rays, place, angle, found):
-    """Put the density of each ray into ``found``."""
-    for ray in range(len(found)):
-        total, cell, nodes, shares = np.float32(0.0), rays.cells[ray], rays.nodes, rays.shares
-        first, second, third, last = nodes[ray, 0], nodes[ray, 1], nodes[ray, 2], nodes[ray, 3]
-        a, b, c, d = shares[ray, 0], shares[ray, 1], shares[ray, 2], shares[ray, 3]
+def densities(rays, place, angle, out):
+    """Put the density of each ray into ``out``."""
+    for ray in range(len(out)):
+        total = np.float32(0.0)
+        cell = rays.cells[ray]
+        nodes = rays.nodes
+        shares = rays.shares
+        first = nodes[ray, 0]
+        second = nodes[ray, 1]
+        third = nodes[ray, 2]
+        last = nodes[ray, 3]
+        a = shares[ray, 0]
+        b = shares[ray, 1]
+        c = shares[ray, 2]
+        d = shares[ray, 3]
         for k in range(place.shape[1]):
             at_angle = a * angle[first, k] + b * angle[second, k] + c * angle[third, k] + d * angle[last, k]
             total += at_angle * place[cell, k]
-        found[ray] = total
+        out[ray] = total
 
 
 @_reordered
-def expect(rays, found, place, angle, by_place, by_angle):
+def expect(rays, density, place, angle, by_place, by_angle):
     """Add the expected weight of each factor, over its own, in each cell to ``by_place`` and of each function to
-    ``by_angle``, of rays of densities ``found``."""
-    for ray in range(len(found)):
-        cell, nodes, shares = rays.cells[ray], rays.nodes, rays.shares
-        first, second, third, last = nodes[ray, 0], nodes[ray, 1], nodes[ray, 2], nodes[ray, 3]
-        ratio = rays.weights[ray] / found[ray]
-        a, b, c, d = ratio * shares[ray, 0], ratio * shares[ray, 1], ratio * shares[ray, 2], ratio * shares[ray, 3]
+    ``by_angle``, of rays of densities ``density``."""
+    for ray in range(len(density)):
+        cell = rays.cells[ray]
+        nodes = rays.nodes
+        shares = rays.shares
+        first = nodes[ray, 0]
+        second = nodes[ray, 1]
+        third = nodes[ray, 2]
+        last = nodes[ray, 3]
+        ratio = rays.weights[ray] / density[ray]
+        a = ratio * shares[ray, 0]
+        b = ratio * shares[ray, 1]
+        c = ratio * shares[ray, 2]
+        d = ratio * shares[ray, 3]
         for k in range(place.shape[1]):
             at_angle = a * angle[first, k] + b * angle[second, k] + c * angle[third, k] + d * angle[last, k]
             by_place[cell, k] += at_angle
         for corner in range(4):
-            node, share = nodes[ray, corner], ratio * shares[ray, corner]
+            node = nodes[ray, corner]
+            share = ratio * shares[ray, corner]
             for k in range(place.shape[1]):
                 by_angle[node, k] += share * place[cell, k]
 

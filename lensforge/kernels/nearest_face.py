@@ -61,12 +61,16 @@ def keep_nearest(rays, count, face):
         k = int(rays[ASKED + lane])
         if rays[NEXT_STATUS + k] == LOST:
             continue
-        status, nearer = rays[STATUS + k], rays[LENGTH + k] < rays[NEXT + k]
+        status = rays[STATUS + k]
+        nearer = rays[LENGTH + k] < rays[NEXT + k]
         if status == LOST:
             rays[NEXT_STATUS + k] = LOST
         elif status == FOUND and nearer:
-            rays[NEXT_STATUS + k], rays[NEXT + k], rays[FACE + k] = FOUND, rays[LENGTH + k], face
-            rays[NEXT_X + k], rays[NEXT_Y + k] = rays[RHO_X + k], rays[RHO_Y + k]
+            rays[NEXT_STATUS + k] = FOUND
+            rays[NEXT + k] = rays[LENGTH + k]
+            rays[FACE + k] = face
+            rays[NEXT_X + k] = rays[RHO_X + k]
+            rays[NEXT_Y + k] = rays[RHO_Y + k]
         elif status == BELOW and rays[NEXT_STATUS + k] == MISSED:
             rays[NEXT_STATUS + k] = BELOW
 
@@ -74,12 +78,16 @@ def keep_nearest(rays, count, face):
 @inline
 def start_one(rays, lane, k, face, path, end):
     """Put ray k of a packet on its way, to a ``face`` from ``path`` (mm) ahead to ``end``."""
-    rays[NUMBER + lane], rays[ASKED + lane], rays[T + lane], rays[CLOSING + lane] = float(k), float(k), 0.0, 0.0
+    rays[NUMBER + lane] = float(k)
+    rays[ASKED + lane] = float(k)
+    rays[T + lane] = 0.0
+    rays[CLOSING + lane] = 0.0
     rays[ON_FACE + lane] = 1.0 if rays[LAST + k] == face and path == 0.0 else 0.0
     rays[LIMIT + lane] = end - path
     for axis in range(0, 3 * SIZE, SIZE):
         along = rays[DX + axis + k]
-        rays[X0 + axis + lane], rays[ALONG_X + axis + lane] = rays[PX + axis + k] + path * along, along
+        rays[X0 + axis + lane] = rays[PX + axis + k] + path * along
+        rays[ALONG_X + axis + lane] = along
 
 
 @inline
@@ -90,10 +98,13 @@ def guess_faces(rays, count, body):
     """
     before = body.sides.before
     for k in range(count):
-        medium, least = rays[MEDIUM + k], inf
+        medium = rays[MEDIUM + k]
+        least = inf
         for face in range(len(before)):
             least = min(least, body.bounds.least[face] if before[face] == medium else inf)
-        p, d, nearest = three(rays, PX + k), three(rays, DX + k), inf
+        p = three(rays, PX + k)
+        d = three(rays, DX + k)
+        nearest = inf
         ahead = add_scaled(p, path_to_ball(dot(p, d), dot(p, p), least), d)
         for face in range(len(before)):
             if before[face] == medium:
@@ -106,8 +117,13 @@ def guess_faces(rays, count, body):
 @inline
 def search_quickly(rays, count, face, body):
     """Search the face that was guessed, for the rays that do not start on it; what is not decided is left pending."""
-    table, bounds, grid = body.tables[face], bounds_of(body.bounds, face), body.grid
-    going, least, ball, hollow = 0, bounds.least, body.bounds.balls[face], body.bounds.hollows[face]
+    table = body.tables[face]
+    bounds = bounds_of(body.bounds, face)
+    grid = body.grid
+    going = 0
+    least = bounds.least
+    ball = body.bounds.balls[face]
+    hollow = body.bounds.hollows[face]
     for k in range(count):
         if rays[GUESS + k] == face:
             rays[PENDING + k] = 1.0
@@ -119,10 +135,16 @@ def search_quickly(rays, count, face, body):
         quick_hits(rays, going, table, grid, ball)
     for lane in range(going):
         k = int(rays[ASKED + lane])
-        p, d, t = three(rays, PX + k), three(rays, DX + k), rays[LENGTH + k]
+        p = three(rays, PX + k)
+        d = three(rays, DX + k)
+        t = rays[LENGTH + k]
         if rays[STATUS + k] == FOUND and is_first(p, d, t, table, bounds, ball, hollow, grid):
-            rays[NEXT_STATUS + k], rays[NEXT + k], rays[FACE + k], rays[PENDING + k] = FOUND, t, float(face), 0.0
-            rays[NEXT_X + k], rays[NEXT_Y + k] = rays[RHO_X + k], rays[RHO_Y + k]
+            rays[NEXT_STATUS + k] = FOUND
+            rays[NEXT + k] = t
+            rays[FACE + k] = float(face)
+            rays[PENDING + k] = 0.0
+            rays[NEXT_X + k] = rays[RHO_X + k]
+            rays[NEXT_Y + k] = rays[RHO_Y + k]
 
 
 @inline
@@ -131,13 +153,18 @@ def start_inside(rays, count, face, guessed, body):
 
     Returns their number.
     """
-    going, medium, hollow = 0, body.sides.before[face], body.bounds.hollows[face]
-    table, bounds = body.tables[face], bounds_of(body.bounds, face)
+    going = 0
+    medium = body.sides.before[face]
+    hollow = body.bounds.hollows[face]
+    table = body.tables[face]
+    bounds = bounds_of(body.bounds, face)
     for k in range(count):
         if rays[MEDIUM + k] == medium and (rays[GUESS + k] == face) == guessed:
             asked = rays[PENDING + k] == 1.0
             if not guessed:
-                p, d, starts_on = three(rays, PX + k), three(rays, DX + k), rays[LAST + k] == face
+                p = three(rays, PX + k)
+                d = three(rays, DX + k)
+                starts_on = rays[LAST + k] == face
                 asked = rays[NEXT_STATUS + k] != FOUND or not clear_ahead(
                     p, d, rays[NEXT + k], starts_on, table, bounds, hollow, body.grid
                 )
@@ -174,7 +201,9 @@ def keep_entry(rays, going, face):
         k = int(rays[ASKED + lane])
         rays[BACK + k] += rays[LENGTH + k]
         if rays[STATUS + k] == FOUND:
-            rays[BACK_FACE + k], rays[BACK_X + k], rays[BACK_Y + k] = face, rays[RHO_X + k], rays[RHO_Y + k]
+            rays[BACK_FACE + k] = face
+            rays[BACK_X + k] = rays[RHO_X + k]
+            rays[BACK_Y + k] = rays[RHO_Y + k]
         else:
             rays[BACK_STATUS + k] = rays[STATUS + k]
 
@@ -188,10 +217,14 @@ def is_wall_of_cavity(face, sides):
 @inline
 def leaves_cavity(rays, k, length, body):
     """Tell whether ray k of the packet is outside of one face of the cavity up to the path ``length``."""
-    p, d, last, bounds = three(rays, PX + k), three(rays, DX + k), int(rays[LAST + k]), body.bounds
+    p = three(rays, PX + k)
+    d = three(rays, DX + k)
+    last = int(rays[LAST + k])
+    bounds = body.bounds
     if last >= 0 and body.sides.before[last] == CAVITY:
         return stays_outside(p, d, length, 1.0, rays[LEAVING + k], bounds.least[last], bounds.hollows[last])
-    chosen, least = -1, inf
+    chosen = -1
+    least = inf
     for face in range(len(body.tables)):
         if is_wall_of_cavity(face, body.sides):
             radius = nodal(body.tables[face], body.grid, p)
@@ -222,8 +255,10 @@ def back_into_cavity(rays, count, body):
         comes_back = rays[MEDIUM + k] == BODY and square > 0.0 and root > outward and -outward - root < rays[NEXT + k]
         if comes_back:
             comes_back = not leaves_cavity(rays, k, min(root - outward, rays[NEXT + k]), body)
-        rays[BACK_STATUS + k], rays[BACK_END + k] = GOING if comes_back else MISSED, min(root - outward, rays[NEXT + k])
-        rays[BACK + k], rays[BACK_FACE + k] = 0.0, -1.0
+        rays[BACK_STATUS + k] = GOING if comes_back else MISSED
+        rays[BACK_END + k] = min(root - outward, rays[NEXT + k])
+        rays[BACK + k] = 0.0
+        rays[BACK_FACE + k] = -1.0
     moved = 1
     for _ in range(_PASSES):
         if moved == 0:
@@ -243,19 +278,25 @@ def back_into_cavity(rays, count, body):
             continue
         entered = status == GOING and rays[BACK_FACE + k] >= 0.0 and rays[NEXT_STATUS + k] != LOST
         if entered and rays[BACK + k] < rays[NEXT + k]:
-            rays[NEXT_STATUS + k], rays[NEXT + k], rays[FACE + k] = FOUND, rays[BACK + k], rays[BACK_FACE + k]
-            rays[NEXT_X + k], rays[NEXT_Y + k] = rays[BACK_X + k], rays[BACK_Y + k]
+            rays[NEXT_STATUS + k] = FOUND
+            rays[NEXT + k] = rays[BACK + k]
+            rays[FACE + k] = rays[BACK_FACE + k]
+            rays[NEXT_X + k] = rays[BACK_X + k]
+            rays[NEXT_Y + k] = rays[BACK_Y + k]
 
 
 @inline
 def meet_nearest(rays, count, body):
     """For each ray of a packet the nearest crossing of the faces that bound the medium in which it is."""
     for k in range(count):
-        rays[NEXT + k], rays[NEXT_STATUS + k], rays[FACE + k] = inf, MISSED, -1.0
+        rays[NEXT + k] = inf
+        rays[NEXT_STATUS + k] = MISSED
+        rays[FACE + k] = -1.0
     faces = len(body.tables)
     guess_faces(rays, count, body)
     for place_of in range(2 * faces):
-        guessed, face = place_of < faces, place_of % faces
+        guessed = place_of < faces
+        face = place_of % faces
         if guessed:
             search_quickly(rays, count, face, body)
         going = start_inside(rays, count, face, guessed, body)

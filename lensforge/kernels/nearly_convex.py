@@ -50,10 +50,13 @@ DEEP = 0.8  # of the least radius: in that ball every ray is inside by 1 - DEEP
 @kernel
 def farthest_nearest(tables, faces, origin, step):
     """Radius (mm) of a ball about all points of the hemisphere that are inside of every one of ``faces``."""
-    side, rim, ball = tables.shape[1], 1.0 + 2.0 * step, 0.0
+    side = tables.shape[1]
+    rim = 1.0 + 2.0 * step
+    ball = 0.0
     for i in range(side - 3):
         for j in range(side - 3):
-            X, Y = origin + (i + 1.5) * step, origin + (j + 1.5) * step
+            X = origin + (i + 1.5) * step
+            Y = origin + (j + 1.5) * step
             if rim * rim < X * X + Y * Y:
                 continue
             nearest = np.inf
@@ -70,7 +73,9 @@ def farthest_nearest(tables, faces, origin, step):
 @inline
 def node_of_row(row, j):
     """Six times the value of a row's spline at a node, twice its slope, and its second derivative, per step."""
-    before, here, behind = row[j - 1], row[j], row[j + 1]
+    before = row[j - 1]
+    here = row[j]
+    behind = row[j + 1]
     return before + 4.0 * here + behind, behind - before, behind - 2.0 * here + before
 
 
@@ -84,14 +89,23 @@ def least_bend(table, i, j, origin, step):
     b, e, h = node_of_row(table[i], j)
     c, f, k = node_of_row(table[i + 1], j)
     rho = (a + 4.0 * b + c) / 36.0
-    x, y, xy = (c - a) / (12.0 * step), (d + 4.0 * e + f) / (12.0 * step), (f - d) / (4.0 * step * step)
-    xx, yy = (a - 2.0 * b + c) / (6.0 * step * step), (g + 4.0 * h + k) / (6.0 * step * step)
-    X, Y = origin + i * step, origin + j * step
+    x = (c - a) / (12.0 * step)
+    y = (d + 4.0 * e + f) / (12.0 * step)
+    xy = (f - d) / (4.0 * step * step)
+    xx = (a - 2.0 * b + c) / (6.0 * step * step)
+    yy = (g + 4.0 * h + k) / (6.0 * step * step)
+    X = origin + i * step
+    Y = origin + j * step
     per = 0.5 * (1.0 + X * X + Y * Y)  # rad on the sphere for 1/per on the chart
     along = X * x + Y * y
-    xx, yy, xy = xx + (2.0 * X * x - along) / per, yy + (2.0 * Y * y - along) / per, xy + (X * y + Y * x) / per
-    one, other = 2.0 * x * x / rho - xx, 2.0 * y * y / rho - yy
-    mean, apart, across = 0.5 * (one + other), 0.5 * (one - other), 2.0 * x * y / rho - xy
+    xx = xx + (2.0 * X * x - along) / per
+    yy = yy + (2.0 * Y * y - along) / per
+    xy = xy + (X * y + Y * x) / per
+    bend_x = 2.0 * x * x / rho - xx
+    bend_y = 2.0 * y * y / rho - yy
+    mean = 0.5 * (bend_x + bend_y)
+    apart = 0.5 * (bend_x - bend_y)
+    across = 2.0 * x * y / rho - xy
     return (rho + per * per * (mean - sqrt(apart * apart + across * across))) / (rho * rho), rho
 
 
@@ -101,21 +115,25 @@ def hollow(table, origin, step, ball, bends):
 
     Taken at the nodes; in a cell lower by as much as its corners differ. ``bends`` (2, side, 2): memory.
     """
-    side, rim, found = table.shape[0], 1.0 + step, 0.0
+    side = table.shape[0]
+    rim = 1.0 + step
+    hollowest = 0.0
     for i in range(1, side - 1):
-        own, before = bends[i % 2], bends[(i + 1) % 2]
+        bend = bends[i % 2]
+        before = bends[(i + 1) % 2]
         for j in range(1, side - 1):
-            own[j, 0], own[j, 1] = least_bend(table, i, j, origin, step)
+            bend[j, 0], bend[j, 1] = least_bend(table, i, j, origin, step)
             if i == 1 or j == 1:
                 continue
-            X, Y = nearest(origin, step, i - 1, i), nearest(origin, step, j - 1, j)
-            radius = min(min(own[j, 1], own[j - 1, 1]), min(before[j, 1], before[j - 1, 1]))
+            X = nearest(origin, step, i - 1, i)
+            Y = nearest(origin, step, j - 1, j)
+            radius = min(min(bend[j, 1], bend[j - 1, 1]), min(before[j, 1], before[j - 1, 1]))
             if rim * rim < X * X + Y * Y or radius > ball * (1.0 + step):
                 continue
-            lowest = min(min(own[j, 0], own[j - 1, 0]), min(before[j, 0], before[j - 1, 0]))
-            highest = max(max(own[j, 0], own[j - 1, 0]), max(before[j, 0], before[j - 1, 0]))
-            found = max(found, highest - 2.0 * lowest)
-    return found
+            lowest = min(min(bend[j, 0], bend[j - 1, 0]), min(before[j, 0], before[j - 1, 0]))
+            highest = max(max(bend[j, 0], bend[j - 1, 0]), max(before[j, 0], before[j - 1, 0]))
+            hollowest = max(hollowest, highest - 2.0 * lowest)
+    return hollowest
 
 
 def chain_bounds(
@@ -126,7 +144,7 @@ def chain_bounds(
     step: float,
 ) -> FaceBounds:
     """The ``bounds`` with those that a chain needs, of faces with these media ``before`` them."""
-    balls = [farthest_nearest(tables, np.flatnonzero(before == own), origin, step) for own in before]
+    balls = [farthest_nearest(tables, np.flatnonzero(before == medium), origin, step) for medium in before]
     memory = np.empty((2, tables.shape[1], 2))
     hollows = [hollow(table, origin, step, ball, memory) for table, ball in zip(tables, balls, strict=True)]
     return bounds._replace(balls=np.array(balls), hollows=np.array(hollows))
@@ -143,7 +161,8 @@ def path_to_ball(outward, distance_squared, radius):
 def depth(table, bounds, grid, p, enough):
     """``1 - |p|/rho`` at a point, or a smaller number that is ``enough``."""
     r = sqrt(dot(p, p))
-    X, Y = p[0] / (r + p[2]), p[1] / (r + p[2])
+    X = p[0] / (r + p[2])
+    Y = p[1] / (r + p[2])
     sure = 1.0 - r / tile_of(X, Y, grid, bounds)[0]
     return sure if sure > enough else 1.0 - r / jet(table, grid, X, Y)[0]
 
@@ -159,7 +178,8 @@ def bulge(hollow, least, outward, distance_squared, length):
 @inline
 def clear_ahead(p, d, length, starts_on, table, bounds, hollow, grid):
     """Tell whether a ray does not cross a face before the path ``length``; it may start on the face."""
-    distance_squared, outward = dot(p, p), dot(p, d)
+    distance_squared = dot(p, p)
+    outward = dot(p, d)
     needed = bulge(hollow, bounds.least, outward, distance_squared, length)
     inside = starts_on or distance_squared < bounds.least * bounds.least or depth(table, bounds, grid, p, 0.0) > 0.0
     end = add_scaled(p, length, d)
@@ -169,7 +189,8 @@ def clear_ahead(p, d, length, starts_on, table, bounds, hollow, grid):
 @inline
 def nodal(table, grid, p):
     """Radius at the node near a direction: a guess."""
-    per_shift, most = grid.inverse_step / (sqrt(dot(p, p)) + max(p[2], 0.0)), len(table) - 1.0
+    per_shift = grid.inverse_step / (sqrt(dot(p, p)) + max(p[2], 0.0))
+    most = len(table) - 1.0
     i = int(index_at(p[0] * per_shift - grid.origin * grid.inverse_step + 0.5, most))
     j = int(index_at(p[1] * per_shift - grid.origin * grid.inverse_step + 0.5, most))
     return table[i, j]
@@ -178,26 +199,35 @@ def nodal(table, grid, p):
 @inline
 def start_quick(rays, lane, k, table, grid, least, ball):
     """Put the place in the search that ray k of the packet is in, near where it may cross a face."""
-    p, d = three(rays, PX + k), three(rays, DX + k)
-    distance_squared, outward = dot(p, p), dot(p, d)
+    p = three(rays, PX + k)
+    d = three(rays, DX + k)
+    distance_squared = dot(p, p)
+    outward = dot(p, d)
     low = path_to_ball(outward, distance_squared, DEEP * least)
     high = min(path_to_ball(outward, distance_squared, ball), -p[2] / d[2] if d[2] < 0.0 else inf)
     t = path_to_ball(outward, distance_squared, least)
     for _ in range(2):
         t = path_to_ball(outward, distance_squared, nodal(table, grid, add_scaled(p, t, d)))
-    rays[T + lane], rays[LOW + lane], rays[HIGH + lane] = min(max(t, low), high), low, high
-    rays[CLOSING + lane], rays[NUMBER + lane] = 1.0, float(k)
+    rays[T + lane] = min(max(t, low), high)
+    rays[LOW + lane] = low
+    rays[HIGH + lane] = high
+    rays[CLOSING + lane] = 1.0
+    rays[NUMBER + lane] = float(k)
     write(rays, X0 + lane, p)
     write(rays, ALONG_X + lane, d)
-    rays[BEFORE + lane], rays[F_BEFORE + lane], rays[INVERSE_BEFORE + lane] = low, nan, 1.0
+    rays[BEFORE + lane] = low
+    rays[F_BEFORE + lane] = nan
+    rays[INVERSE_BEFORE + lane] = 1.0
 
 
 @inline
 def gauge(rays, count, ball):
     """1 - G and its slope along every ray in place of F and F'."""
     for k in range(count):
-        r, gap = rays[R + k], rays[F + k]
-        cosine, per = rays[OUTWARD + k] / r, 1.0 / (r + gap)
+        r = rays[R + k]
+        gap = rays[F + k]
+        cosine = rays[OUTWARD + k] / r
+        per = 1.0 / (r + gap)
         slope = (rays[SLOPE + k] * r - cosine * gap) * per * per
         beyond = r + gap > ball
         rays[F + k] = 1.0 - r / ball if beyond else gap * per
@@ -224,7 +254,8 @@ def quick_hits(rays, count, table, grid, ball):
 @inline
 def is_first(p, d, length, table, bounds, ball, hollow, grid):
     """Tell whether a crossing that was found is the first."""
-    distance_squared, outward = dot(p, p), dot(p, d)
+    distance_squared = dot(p, p)
+    outward = dot(p, d)
     needed = bulge(hollow, bounds.least, outward, distance_squared, length)
     end = add_scaled(p, length, d)
     deep = (
@@ -237,7 +268,8 @@ def is_first(p, d, length, table, bounds, ball, hollow, grid):
 def gauge_along(table, grid, p, d):
     """G at a point, and its slope along a direction."""
     r = sqrt(dot(p, p))
-    X, Y = p[0] / (r + p[2]), p[1] / (r + p[2])
+    X = p[0] / (r + p[2])
+    Y = p[1] / (r + p[2])
     rho, x, y, _, _, _ = jet(table, grid, X, Y)
     cosine = dot(p, d) / r
     turn = (x * (d[0] - X * (cosine + d[2])) + y * (d[1] - Y * (cosine + d[2]))) / (r + p[2])
@@ -250,6 +282,7 @@ def stays_outside(p, d, length, value, slope, least, hollow):
 
     ``value`` and ``slope`` of G at its start, where the value is 1 if it starts on the face.
     """
-    distance_squared, outward = dot(p, p), dot(p, d)
+    distance_squared = dot(p, p)
+    outward = dot(p, d)
     lowest = value + slope * length - bulge(hollow, least / DEEP, outward, distance_squared, length)
     return (value > 1.0 or slope > 0.0) and value >= 1.0 and lowest > 1.0

@@ -136,7 +136,8 @@ def carry_on(packet, lane, going, placement, sides):
     """Move what is kept of the polarisation of a ray from its lane to that of its next event."""
     if sides is None:
         write(packet, MX + going, turned(placement, BETWEEN, three(packet, MX + lane)))
-        packet[T_S + going], packet[T_P + going] = packet[T_S + lane], packet[T_P + lane]
+        packet[T_S + going] = packet[T_S + lane]
+        packet[T_P + going] = packet[T_P + lane]
         packet[EXCESS + going] = packet[EXCESS + lane]
     else:
         packet[CLEAR + going] = packet[CLEAR + lane]
@@ -168,9 +169,11 @@ def to_nearest(packet, lane, going, face, medium, noise, sides):
 
     Returns 0; below that where a facet sends it to the other side of its face, which is followed no further.
     """
-    p, d = three(packet, PX + lane), three(packet, DX + lane)
+    p = three(packet, PX + lane)
+    d = three(packet, DX + lane)
     normal = outward_normal(p, packet[RHO_X + lane], packet[RHO_Y + lane])
-    packet[MEDIUM + going], packet[LAST + going] = medium, float(face)
+    packet[MEDIUM + going] = medium
+    packet[LAST + going] = float(face)
     leaving = dot(normal, d) / length_of(p)
     packet[LEAVING + going] = leaving
     carry_on(packet, lane, going, None, sides)
@@ -192,9 +195,13 @@ def to_next_event(packet, lane, going, face, medium, rays, body, balls):
 @inline
 def pass_on(packet, count, event, rays, body, ways, exits):
     """Let the rays of a packet pass the faces to which they have moved. Returns the number of those that go on."""
-    going, last, ordered = 0, event + 1 == ways.lengths.shape[1], in_order(body.bounds.balls)
+    going = 0
+    last = event + 1 == ways.lengths.shape[1]
+    ordered = in_order(body.bounds.balls)
     for lane in range(count):
-        k, status, z = int(packet[RAY + lane]), packet[STATUS + lane], packet[PX + 2 * SIZE + lane]
+        k = int(packet[RAY + lane])
+        status = packet[STATUS + lane]
+        z = packet[PX + 2 * SIZE + lane]
         face, medium, behind = face_and_media(packet, lane, event, body.sides)
         path = ways.lengths[k, event] + packet[LENGTH + lane]
         ways.lengths[k, event] = path

@@ -54,7 +54,8 @@ def refract_inner(packet, count, film, rays, body):
     face = inner_face()
     for k in range(count):
         hit = hit_at(packet, k, FIRST_EVENT, face, rays)
-        n, ratio = unit(hit.tilted), hit.ratio
+        n = unit(hit.tilted)
+        ratio = hit.ratio
         b, c, q_squared = refract(hit.d, n, ratio)
         row = own_or_shared(rays.film_rows, hit.number)
         (t_s, t_p, excess), slopes = through(c, sqrt(q_squared), ratio, body.fresnel, film, row)
@@ -73,8 +74,10 @@ def back_through_outer(packet, count, film, absorbing, rays, body, axis):
     """Sensitivities at the outer face, and to the ray behind the inner one, in the frame of that."""
     face = outer_face()
     for k in range(count):
-        hit, left = hit_at(packet, k, SECOND_EVENT, face, rays), packet[LEFT + k] == 1.0
-        n, ratio = unit(hit.tilted), hit.ratio
+        hit = hit_at(packet, k, SECOND_EVENT, face, rays)
+        left = packet[LEFT + k] == 1.0
+        n = unit(hit.tilted)
+        ratio = hit.ratio
         b, c, q_squared = refract(hit.d, n, ratio)
         q = sqrt(q_squared if left else 1.0)  # reflected totally, it has no flux behind the face
         row = own_or_shared(rays.film_rows, hit.number)
@@ -92,7 +95,9 @@ def back_through_outer(packet, count, film, absorbing, rays, body, axis):
         # tangent, or at the critical angle, to the last bit: there is no derivative
         smooth = packet[COSINE + k] > 0.0 and c > 0.0 and (q_squared > 0.0 or not left)
         packet[SMOOTH + k] = 1.0 if smooth else 0.0
-        arrived, by_path = packet[EMITTED + k] if left else 0.0, 0.0  # flux but for both faces
+        # flux without the losses at both faces
+        arrived = packet[EMITTED + k] if left else 0.0
+        by_path = 0.0
         if absorbing:
             arrived *= exp(-packet[ABSORPTION + k] * packet[SECOND_EVENT + PATH + k])
             by_path = -packet[ABSORPTION + k] * arrived * value
@@ -114,10 +119,13 @@ def back_through_outer(packet, count, film, absorbing, rays, body, axis):
 @inline
 def back_through_inner(packet, count, rays, body):
     """Sensitivities at the inner face."""
-    face, none = inner_face(), (0.0, 0.0, 0.0)
+    face = inner_face()
+    none = (0.0, 0.0, 0.0)
     for k in range(count):
         hit = hit_at(packet, k, FIRST_EVENT, face, rays)
-        f, normal, cosine = three(packet, FX + k), three(packet, BY_NORMAL + k), packet[BY_COSINE + k]
+        f = three(packet, FX + k)
+        normal = three(packet, BY_NORMAL + k)
+        cosine = packet[BY_COSINE + k]
         by = ByEvent(three(packet, EX + k), f, cosine, normal, none, 0.0)
         back_to_ray(packet, k, FIRST_EVENT, face, hit, by, rays)
 

@@ -56,7 +56,9 @@ def refract_in_order(packet, count, face, film, rays, body, axis):
     inner face what the outer one needs to know of the polarisation, at the outer one the share along ``axis``.
     """
     for k in range(count):
-        number, d, ratio = int(packet[RAY + k]), three(packet, DX + k), packet[RATIO + k]
+        number = int(packet[RAY + k])
+        d = three(packet, DX + k)
+        ratio = packet[RATIO + k]
         p = add_scaled(three(packet, PX + k), packet[LENGTH + k], d)
         write(packet, PX + k, p)
         n = outward_normal(p, packet[RHO_X + k], packet[RHO_Y + k])
@@ -64,17 +66,21 @@ def refract_in_order(packet, count, face, film, rays, body, axis):
         b, c, q_squared = refract(d, n, ratio)
         met = packet[STATUS + k] == FOUND and p[2] >= 0.0
         write(packet, DX + k, (b[0] if met else d[0], b[1] if met else d[1], b[2] if met else d[2]))
-        packet[COSINE + k], packet[BEHIND + k] = c, q_squared
+        packet[COSINE + k] = c
+        packet[BEHIND + k] = q_squared
         if body.fresnel:
             q = sqrt(q_squared)
             passed, _ = through_face(c, q, ratio, film, own_or_shared(rays.film_rows, number))
             if face == 0:
                 mean = 0.5 * (passed[0] + passed[1])
-                packet[THROUGH + k], packet[T_S + k], packet[T_P + k] = mean, passed[0] / mean, passed[1] / mean
+                packet[THROUGH + k] = mean
+                packet[T_S + k] = passed[0] / mean
+                packet[T_P + k] = passed[1] / mean
                 packet[EXCESS + k] = passed[2] / (mean * ratio * ratio)
                 write(packet, MX + k, n)
             else:
-                first, m = (packet[T_S + k], packet[T_P + k], packet[EXCESS + k]), three(packet, MX + k)
+                first = (packet[T_S + k], packet[T_P + k], packet[EXCESS + k])
+                m = three(packet, MX + k)
                 y = dot(m, n) - dot(m, d) * c
                 packet[THROUGH + k] = polarised_share(first, passed, y)[0]
                 if axis is not None:
@@ -180,11 +186,15 @@ def behind_face(packet, lane, face, mirror, arrived, rays, body, sides):
 
     ``arrived``: its flux (W) before the face.
     """
-    q_squared, k = packet[BEHIND + lane], int(packet[RAY + lane])
+    q_squared = packet[BEHIND + lane]
+    k = int(packet[RAY + lane])
     if sides is None:
         mirrored = q_squared <= 0.0
         return mirrored, arrived * packet[THROUGH + lane] if body.fresnel and not mirrored else arrived
-    c, ratio, d, n = packet[COSINE + lane], packet[RATIO + lane], three(packet, DX + lane), three(packet, MX + lane)
+    c = packet[COSINE + lane]
+    ratio = packet[RATIO + lane]
+    d = three(packet, DX + lane)
+    n = three(packet, MX + lane)
     row = own_or_shared(rays.film_rows, k)
     a, more, _, _, mirrored = amplitudes(c, q_squared, ratio, mirror, face, body.films, body.fresnel, row)
     b = reflect(d, n, c) if mirrored else three(packet, BENT + lane)
@@ -199,8 +209,8 @@ def keep_fields(packet, lane, placement, fields):
     if fields is not None:
         k = int(packet[RAY + lane])
         for part in range(4):
-            own = turned(placement, BACK, three(packet, FIELDS + 3 * part * SIZE + lane))
-            fields[k, 3 * part], fields[k, 3 * part + 1], fields[k, 3 * part + 2] = own
+            local = turned(placement, BACK, three(packet, FIELDS + 3 * part * SIZE + lane))
+            fields[k, 3 * part], fields[k, 3 * part + 1], fields[k, 3 * part + 2] = local
 
 
 @inline

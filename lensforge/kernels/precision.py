@@ -3,7 +3,7 @@
 A vector register then holds twice as many rays. A number written in a kernel is float64 to numba, and one of them
 makes all that is computed with it float64, so :func:`in_single` compiles a copy of a kernel, and of the kernels that it
 calls, in which they are float32. Where arrays are float32, too, so is the rest. numba's own typing, by arguments, would
-ask for each of the 687 numbers in 161 kernels as an argument; this takes 0.55 of the time of float64 (docs/speed.md).
+ask for each of the 687 numbers in 161 kernels as an argument; this takes 0.55 of the time of float64.
 The number of a ray stays exact up to 2^24 of them in a chunk, as many as a search may have in all.
 """
 
@@ -35,9 +35,10 @@ class ByPrecision(float):
 def in_single(function: Function) -> Function:
     """The kernel ``function`` in single precision."""
     plain = cast(Dispatcher, function).py_func
-    code, name = _code_in_single(plain.__code__), f"{plain.__qualname__}_in_single"
+    code = _code_in_single(plain.__code__)
+    name = f"{plain.__qualname__}_in_single"
     known = {**vars(builtins), "float": np.float32, **plain.__globals__}
-    names = {each: _in_single(known[each]) for each in (*code.co_names, "__name__") if each in known}
+    names = {name: _in_single(known[name]) for name in (*code.co_names, "__name__") if name in known}
     copy = FunctionType(code, names, name)
     copy.__qualname__ = name
     options = cast(Dispatcher, function).targetoptions
@@ -45,7 +46,7 @@ def in_single(function: Function) -> Function:
 
 
 def _code_in_single(code: CodeType) -> CodeType:
-    return code.replace(co_consts=tuple(_in_single(each) for each in code.co_consts))
+    return code.replace(co_consts=tuple(_in_single(constant) for constant in code.co_consts))
 
 
 def _in_single(value: Any) -> Any:
@@ -76,9 +77,10 @@ class Precision:
         if isinstance(values, np.ndarray):
             return values.astype(self.kind) if values.dtype == np.float64 else values
         if isinstance(values, tuple):
-            found = map(self.of, values)
-            return type(values)(*found) if hasattr(values, "_fields") else tuple(found)
+            converted = map(self.of, values)
+            return type(values)(*converted) if hasattr(values, "_fields") else tuple(converted)
         return self.kind(values) if isinstance(values, float) else values
 
 
-DOUBLE_PRECISION, SINGLE_PRECISION = Precision(np.float64), Precision(np.float32)
+DOUBLE_PRECISION = Precision(np.float64)
+SINGLE_PRECISION = Precision(np.float32)

@@ -46,49 +46,63 @@ def emit(points, sums, places, directions):
     """Put the start of each ray (mm, in the plane z = 0) into ``places``, its unit direction into ``directions``."""
     rows, columns, turns, rises = sums.radiance.shape
     for ray in range(len(points)):
-        low, high, wanted = 0, rows, points[ray, 0] * sums.by_row[rows]
+        low = 0
+        high = rows
+        wanted = points[ray, 0] * sums.by_row[rows]
         while high - low > 1:
             middle = (low + high) // 2
             low, high = (low, middle) if sums.by_row[middle] > wanted else (middle, high)
-        row, down = low, _within(sums.by_row[low], sums.by_row[low + 1] - sums.by_row[low], wanted)
-        low, high, wanted = 0, columns, points[ray, 1] * sums.by_column[row, columns]
+        row = low
+        down = _within(sums.by_row[low], sums.by_row[low + 1] - sums.by_row[low], wanted)
+        low = 0
+        high = columns
+        wanted = points[ray, 1] * sums.by_column[row, columns]
         while high - low > 1:
             middle = (low + high) // 2
             low, high = (low, middle) if sums.by_column[row, middle] > wanted else (middle, high)
         before = sums.by_column[row, low]
-        column, across = low, _within(before, sums.by_column[row, low + 1] - before, wanted)
-        first, second, between = 0, 0, points[ray, 3]
+        column = low
+        across = _within(before, sums.by_column[row, low + 1] - before, wanted)
+        first = 0
+        second = 0
+        between = points[ray, 3]
         azimuth = 2.0 * pi * between
         if turns > 1:
-            low, high, wanted = 0, turns - 1, points[ray, 3] * sums.by_azimuth[row, column, turns - 1]
+            low = 0
+            high = turns - 1
+            wanted = points[ray, 3] * sums.by_azimuth[row, column, turns - 1]
             while high - low > 1:
                 middle = (low + high) // 2
                 low, high = (low, middle) if sums.by_azimuth[row, column, middle] > wanted else (middle, high)
             before = sums.by_azimuth[row, column, low]
             rest = _within(before, sums.by_azimuth[row, column, low + 1] - before, wanted)
-            first, second = low, low + 1
+            first = low
+            second = low + 1
             planes = sums.by_square[row, column, first, rises - 1], sums.by_square[row, column, second, rises - 1]
             between = _linear(planes[0], planes[1], rest)
             azimuth = sums.azimuths[first] + between * (sums.azimuths[second] - sums.azimuths[first])
-        own = 1.0 - between
-        low, high = 0, rises - 1
-        wanted = own * sums.by_square[row, column, first, high] + between * sums.by_square[row, column, second, high]
+        weight = 1.0 - between
+        low = 0
+        high = rises - 1
+        wanted = weight * sums.by_square[row, column, first, high] + between * sums.by_square[row, column, second, high]
         wanted *= points[ray, 2]
         while high - low > 1:
             middle = (low + high) // 2
             here = (
-                own * sums.by_square[row, column, first, middle] + between * sums.by_square[row, column, second, middle]
+                weight * sums.by_square[row, column, first, middle]
+                + between * sums.by_square[row, column, second, middle]
             )
             low, high = (low, middle) if here > wanted else (middle, high)
-        before = own * sums.by_square[row, column, first, low] + between * sums.by_square[row, column, second, low]
-        after = own * sums.by_square[row, column, first, high] + between * sums.by_square[row, column, second, high]
-        inner = own * sums.radiance[row, column, first, low] + between * sums.radiance[row, column, second, low]
-        outer = own * sums.radiance[row, column, first, high] + between * sums.radiance[row, column, second, high]
+        before = weight * sums.by_square[row, column, first, low] + between * sums.by_square[row, column, second, low]
+        after = weight * sums.by_square[row, column, first, high] + between * sums.by_square[row, column, second, high]
+        inner = weight * sums.radiance[row, column, first, low] + between * sums.radiance[row, column, second, low]
+        outer = weight * sums.radiance[row, column, first, high] + between * sums.radiance[row, column, second, high]
         rise = _linear(inner, outer, _within(before, after - before, wanted))
         square = sums.squares[low] + rise * (sums.squares[high] - sums.squares[low])
         sine = sqrt(square)
         places[ray, 0] = sums.x_mm[column] + across * (sums.x_mm[column + 1] - sums.x_mm[column])
         places[ray, 1] = sums.y_mm[row] + down * (sums.y_mm[row + 1] - sums.y_mm[row])
         places[ray, 2] = 0.0
-        directions[ray, 0], directions[ray, 1] = sine * cos(azimuth), sine * sin(azimuth)
+        directions[ray, 0] = sine * cos(azimuth)
+        directions[ray, 1] = sine * sin(azimuth)
         directions[ray, 2] = sqrt(max(1.0 - square, 0.0))

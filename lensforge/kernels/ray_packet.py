@@ -73,8 +73,10 @@ def in_whole_vectors(count):
 def mark_cell(rays, cell, X, Y, side, grid):
     """Write :func:`kernels.bicubic.cell_at` into four fields from ``cell`` on."""
     i, j, share_x, share_y = cell_at(X, Y, side, grid)
-    rays[cell], rays[cell + SIZE] = i, j
-    rays[cell + 2 * SIZE], rays[cell + 3 * SIZE] = share_x, share_y
+    rays[cell] = i
+    rays[cell + SIZE] = j
+    rays[cell + 2 * SIZE] = share_x
+    rays[cell + 3 * SIZE] = share_y
 
 
 @inline
@@ -100,7 +102,8 @@ def write(rays, place, vector):
 @inline
 def store_ray(rays, lane, number, p, d, ratio):
     """Put a ray into a packet; ``ratio``: of the indices before and behind the face to which it goes."""
-    rays[RAY + lane], rays[RATIO + lane] = float(number), ratio
+    rays[RAY + lane] = float(number)
+    rays[RATIO + lane] = ratio
     write(rays, PX + lane, p)
     write(rays, DX + lane, d)
 
@@ -109,13 +112,20 @@ def store_ray(rays, lane, number, p, d, ratio):
 def locate(rays, count, side, grid, tiles, per_unit):
     """Distance from the origin, place on the chart, cell of the table and tile of the bounds of every ray."""
     for k in range(count):
-        t, dx, dy, dz = rays[T + k], rays[ALONG_X + k], rays[ALONG_Y + k], rays[ALONG_Z + k]
+        t = rays[T + k]
+        dx = rays[ALONG_X + k]
+        dy = rays[ALONG_Y + k]
+        dz = rays[ALONG_Z + k]
         x, y, z = rays[X0 + k] + t * dx, rays[Y0 + k] + t * dy, rays[Z0 + k] + t * dz
         r = sqrt(x * x + y * y + z * z)
         per_shift = 1.0 / (r + z)
-        X, Y = x * per_shift, y * per_shift
-        rays[R + k], rays[OUTWARD + k] = r, x * dx + y * dy + z * dz
-        rays[CHART_X + k], rays[CHART_Y + k], rays[PER_SHIFT + k] = X, Y, per_shift
+        X = x * per_shift
+        Y = y * per_shift
+        rays[R + k] = r
+        rays[OUTWARD + k] = x * dx + y * dy + z * dz
+        rays[CHART_X + k] = X
+        rays[CHART_Y + k] = Y
+        rays[PER_SHIFT + k] = per_shift
         mark_cell(rays, CELL + k, X, Y, side, grid)
         rays[TILE_ROW + k] = index_at((X - grid.origin) * per_unit, tiles - 1.0)
         rays[TILE_COLUMN + k] = index_at((Y - grid.origin) * per_unit, tiles - 1.0)
@@ -128,8 +138,10 @@ def locate(rays, count, side, grid, tiles, per_unit):
 def fetch_bounds(rays, count, tiles):
     """Bounds near every ray."""
     for k in range(count):
-        i, j = np.uint32(rays[TILE_ROW + k]), np.uint32(rays[TILE_COLUMN + k])
-        rays[NEARBY + k], rays[MOST_SLOPE + k] = tiles[i, j, 0], tiles[i, j, 1]
+        i = np.uint32(rays[TILE_ROW + k])
+        j = np.uint32(rays[TILE_COLUMN + k])
+        rays[NEARBY + k] = tiles[i, j, 0]
+        rays[MOST_SLOPE + k] = tiles[i, j, 1]
         rays[MOST_HESSIAN + k] = tiles[i, j, 2]
 
 
@@ -137,7 +149,8 @@ def fetch_bounds(rays, count, tiles):
 def fetch_table(rays, count, table, cell):
     """The sixteen coefficients that act in the ``cell`` of every ray."""
     for k in range(count):
-        i, j = np.uint32(rays[cell + k]), np.uint32(rays[cell + SIZE + k])
+        i = np.uint32(rays[cell + k])
+        j = np.uint32(rays[cell + SIZE + k])
         for a in range(4):
             row = table[i + a]
             for b in range(4):
@@ -156,7 +169,9 @@ def evaluate(rays, count, inverse_step, outside):
     for k in range(count):
         wx, vx, _ = cubic_splines(rays[CELL + 2 * SIZE + k])
         wy, vy, _ = cubic_splines(rays[CELL + 3 * SIZE + k])
-        value, slope_x, slope_y = 0.0, 0.0, 0.0
+        value = 0.0
+        slope_x = 0.0
+        slope_y = 0.0
         for a in range(4):
             row = TABLE + 4 * a * SIZE + k
             along = along_row(rays, row, wy)
@@ -164,13 +179,18 @@ def evaluate(rays, count, inverse_step, outside):
             slope_x += vx[a] * along
             slope_y += wx[a] * along_row(rays, row, vy)
         rho_x, rho_y = slope_x * inverse_step, slope_y * inverse_step
-        r, dx, dy, dz = rays[R + k], rays[ALONG_X + k], rays[ALONG_Y + k], rays[ALONG_Z + k]
+        r = rays[R + k]
+        dx = rays[ALONG_X + k]
+        dy = rays[ALONG_Y + k]
+        dz = rays[ALONG_Z + k]
         cos_radial = rays[OUTWARD + k] / r
         ahead = cos_radial + dz
         turn = rho_x * (dx - rays[CHART_X + k] * ahead) + rho_y * (dy - rays[CHART_Y + k] * ahead)
-        gap, slope = value - r, turn * rays[PER_SHIFT + k] - cos_radial
+        gap = value - r
+        slope = turn * rays[PER_SHIFT + k] - cos_radial
         rays[F + k], rays[SLOPE + k] = (-gap, -slope) if outside else (gap, slope)
-        rays[SLOPE_X + k], rays[SLOPE_Y + k] = rho_x, rho_y
+        rays[SLOPE_X + k] = rho_x
+        rays[SLOPE_Y + k] = rho_y
 
 
 @inline
@@ -178,10 +198,15 @@ def jet_at(rays, k, share_x, share_y, inverse_step):
     """First and second derivatives of ``rho`` on the chart from a ray's coefficients: X, Y, XX, XY, YY."""
     wx, dx, cx = cubic_splines(share_x)
     wy, dy, cy = cubic_splines(share_y)
-    x, y, xx, xy, yy = 0.0, 0.0, 0.0, 0.0, 0.0
+    x = 0.0
+    y = 0.0
+    xx = 0.0
+    xy = 0.0
+    yy = 0.0
     for a in range(4):
         row = TABLE + 4 * a * SIZE + k
-        along, across = along_row(rays, row, wy), along_row(rays, row, dy)
+        along = along_row(rays, row, wy)
+        across = along_row(rays, row, dy)
         x += dx[a] * along
         y += wx[a] * across
         xx += cx[a] * along

@@ -61,8 +61,11 @@ def amount_of(number, shares, squares, last):
 @inline
 def amount_at(number, face, c, shifts):
     """Amount of a shift at a cosine of incidence, even between those that are given, and its derivative."""
-    cosines, shares, squares = shifts.cosines[face], shifts.shares[face], shifts.squares[face]
-    last, outermost = shifts.sizes[face, 0] - 1, shifts.sizes[face, 1] - 1
+    cosines = shifts.cosines[face]
+    shares = shifts.shares[face]
+    squares = shifts.squares[face]
+    last = shifts.sizes[face, 0] - 1
+    outermost = shifts.sizes[face, 1] - 1
     if last == 0 or c <= cosines[0]:
         return amount_of(number, shares[0], squares, outermost), 0.0
     if c >= cosines[last]:
@@ -88,9 +91,9 @@ def shift_at(k, face, times, c, shifts, keys):
     """The shift of ray k at a face that it has met so many ``times`` before; whether there is any, too."""
     if shifts.sizes[face, 0] == 0:
         return Shift(0.0, 0.0, 1.0, (1.0, 0.0), 0.0), False
-    one, other = numbers_at(k, face, times, shifts, keys)
-    amount, slope = amount_at(one, face, c, shifts)
-    x, y = cos(2.0 * pi * other), sin(2.0 * pi * other)
+    uniform, second_uniform = numbers_at(k, face, times, shifts, keys)
+    amount, slope = amount_at(uniform, face, c, shifts)
+    x, y = cos(2.0 * pi * second_uniform), sin(2.0 * pi * second_uniform)
     keep = shifts.follows[face] if amount > 0.0 else 1.0
     return Shift(amount * x, amount * y, keep, (x, y), slope), amount > 0.0
 
@@ -123,7 +126,8 @@ def spread(b, shift, face):
 @inline
 def spread_adjoint(b, shift, face, g):
     """Adjoint of :func:`spread`: from the sensitivity g to those to b, to the normal ahead, and to the amount."""
-    o, n = face.outward, face.ahead
+    o = face.outward
+    n = face.ahead
     t, tilt = _unfolded(b, shift, face)
     squared = dot(t, t)
     s = scaled(1.0 / squared, t) if squared > 1.0 else t
@@ -140,10 +144,10 @@ def spread_adjoint(b, shift, face, g):
 
 
 @inline
-def turn_between(one, other):
+def turn_between(before, behind):
     """The turn of fields from one direction to another, about their common normal."""
     none = (0.0, 0.0)
-    return FieldTurn(none, none, one, one, one, other, False)
+    return FieldTurn(none, none, before, before, before, behind, False)
 
 
 @inline
@@ -155,7 +159,8 @@ def spread_behind(packet, lane, face, mirrored, times, shifts, keys, sides):
     if shifts is not None:  # known to the compiler
         shift, spreads = shift_at(int(packet[RAY + lane]), face, times, packet[COSINE + lane], shifts, keys)
         if spreads:
-            b, side = three(packet, DX + lane), 1.0 if sides is None else packet[SIDE + lane]
+            b = three(packet, DX + lane)
+            side = 1.0 if sides is None else packet[SIDE + lane]
             to = spread(b, shift, bounce(three(packet, MX + lane), side, mirrored))
             if sides is not None:
                 turn = turn_between(b, to)

@@ -11,7 +11,8 @@ from math import erfc, exp, log, sqrt
 from lensforge.kernels.compiled import inline
 from lensforge.kernels.precision import ByPrecision
 
-_ROOT_HALF, _PER_ROOT = sqrt(0.5), 0.3989422804014327
+_ROOT_HALF = sqrt(0.5)
+_PER_ROOT = 0.3989422804014327
 _STEPS = 8  # two or three at most places, four at all that rays come to
 _CLOSE = ByPrecision(3e-4, 1e-2)  # a step of Halley's: it cubes what is left
 _ALONG = ByPrecision(1e-4, 1e-2)  # of 1/k: below it a series is closer than a difference of x and a
@@ -40,13 +41,16 @@ def seen_number(a, k):
     wanted = area * share_below(-a if upper else a)
     x = 0.5 * (a - k + sqrt((a + k) * (a + k) + 4.0))
     for _ in range(_STEPS):
-        density, bend = (k + x) * bell(x), 1.0 / (k + x) - x
+        density = (k + x) * bell(x)
+        bend = 1.0 / (k + x) - x
         if upper:
             beyond = k * share_below(-x) + bell(x)
-            step, curve = log(beyond / wanted) * beyond / density, bend + density / beyond
+            step = log(beyond / wanted) * beyond / density
+            curve = bend + density / beyond
         else:
             before = max(k * (share_below(x) - share_below(-k)) + bell(k) - bell(x), 1e-30)
-            step, curve = 2.0 * (sqrt(wanted * before) - before) / density, bend - 0.5 * density / before
+            step = 2.0 * (sqrt(wanted * before) - before) / density
+            curve = bend - 0.5 * density / before
         step /= 1.0 + min(max(0.5 * step * curve, -0.5), 0.5)
         x = x + step if k + x + step > 0.0 else 0.5 * (x - k)
         if abs(step) < _CLOSE:
@@ -67,16 +71,18 @@ def added_slope(rms, c, along):
     derivatives are those by c and by ``along``.
     """
     sign = 1.0 if c > 0.0 else -1.0
-    cosine, own = sign * c, sign * along
+    cosine = sign * c
+    slope = sign * along
     squared = max(1.0 - c * c, 0.0)
     sine = sqrt(squared)
     if rms * sine <= _ALONG * cosine:
-        per, a = rms * rms / cosine, own / cosine
+        per = rms * rms / cosine
+        a = slope / cosine
         rest = a * a - rms * rms * squared / (cosine * cosine)
         added = per * (1.0 - 0.5 * a + rest / 3.0)
         by_c = per / cosine * (a - 1.0 - rest + 2.0 / 3.0 * rms * rms)
         return sign * added, by_c, per / cosine * (2.0 / 3.0 * a - 0.5)
-    a = own / (rms * sine)
+    a = slope / (rms * sine)
     x, by_a, by_k = seen_number(a, cosine / (rms * sine))
     by_c = by_k / (squared * squared) + rms * cosine / (squared * sine) * ((by_a - 1.0) * a + x - a)
     return sign * rms * (x - a) / sine, by_c, (by_a - 1.0) / squared

@@ -24,12 +24,15 @@ def multiply_rows(starts, columns, values, dense, first, last, product):
     for row in range(first, last):
         for one in range(0, dense.shape[1], 2):  # two at a time: each value of the matrix is read once for both
             two = min(one + 1, dense.shape[1] - 1)
-            at_one, at_two = 0.0, 0.0
+            at_one = 0.0
+            at_two = 0.0
             for k in range(starts[row], starts[row + 1]):
-                value, column = values[k], columns[k]
+                value = values[k]
+                column = columns[k]
                 at_one += value * dense[column, one]
                 at_two += value * dense[column, two]
-            product[row, one], product[row, two] = at_one, at_two
+            product[row, one] = at_one
+            product[row, two] = at_two
 
 
 @kernel
@@ -38,9 +41,11 @@ def add_transposed(starts, columns, values, dense, first, last, total):
     for row in range(first, last):
         for one in range(0, dense.shape[1], 2):
             two = min(one + 1, dense.shape[1] - 1)
-            at_one, at_two = dense[row, one], dense[row, two] if two > one else 0.0
+            at_one = dense[row, one]
+            at_two = dense[row, two] if two > one else 0.0
             for k in range(starts[row], starts[row + 1]):
-                value, column = values[k], columns[k]
+                value = values[k]
+                column = columns[k]
                 total[column, one] += value * at_one
                 total[column, two] += value * at_two
 
@@ -70,7 +75,8 @@ def _run(work: Callable[[int, slice], None], matrix: csr_matrix) -> None:
 class _Product(torch.autograd.Function):
     @staticmethod
     def forward(ctx: Any, dense: Tensor, matrix: csr_matrix) -> Tensor:
-        ctx.matrix, factor = matrix, dense.detach().contiguous().numpy()
+        ctx.matrix = matrix
+        factor = dense.detach().contiguous().numpy()
         product = np.empty((matrix.shape[0], factor.shape[1]))
 
         def work(_: int, part: slice) -> None:
@@ -81,7 +87,8 @@ class _Product(torch.autograd.Function):
 
     @staticmethod
     def backward(ctx: Any, *gradients: Tensor) -> tuple[Tensor, None]:
-        factor, matrix = gradients[0].contiguous().numpy(), ctx.matrix
+        factor = gradients[0].contiguous().numpy()
+        matrix = ctx.matrix
         totals = np.zeros((CHUNKS if matrix.nnz >= _WORTH_SHARING else 1, matrix.shape[1], factor.shape[1]))
 
         def work(chunk: int, part: slice) -> None:

@@ -20,14 +20,20 @@ from lensforge.kernels.traced_body import index_in
 def choose_nearest(packet, count, rays, body):
     """Take what :func:`meet_nearest` has found as the crossing of each ray, with the media on both sides."""
     for lane in range(count):
-        found, face, medium = packet[NEXT_STATUS + lane] == FOUND, int(packet[FACE + lane]), packet[MEDIUM + lane]
-        packet[STATUS + lane], packet[LENGTH + lane] = packet[NEXT_STATUS + lane], packet[NEXT + lane] if found else 0.0
-        packet[RHO_X + lane], packet[RHO_Y + lane] = packet[NEXT_X + lane], packet[NEXT_Y + lane]
-        if found:
-            k, before, behind = int(packet[RAY + lane]), body.sides.before[face], body.sides.behind[face]
+        is_met = packet[NEXT_STATUS + lane] == FOUND
+        face = int(packet[FACE + lane])
+        medium = packet[MEDIUM + lane]
+        packet[STATUS + lane] = packet[NEXT_STATUS + lane]
+        packet[LENGTH + lane] = packet[NEXT + lane] if is_met else 0.0
+        packet[RHO_X + lane] = packet[NEXT_X + lane]
+        packet[RHO_Y + lane] = packet[NEXT_Y + lane]
+        if is_met:
+            k = int(packet[RAY + lane])
+            before = body.sides.before[face]
+            behind = body.sides.behind[face]
             packet[SIDE + lane] = 1.0 if medium == before else -1.0
-            other = behind if medium == before else before
-            packet[RATIO + lane] = index_in(medium, k, rays, body) / index_in(other, k, rays, body)
+            medium_behind = behind if medium == before else before
+            packet[RATIO + lane] = index_in(medium, k, rays, body) / index_in(medium_behind, k, rays, body)
 
 
 @inline
@@ -35,7 +41,9 @@ def note_order(packet, count, event, sides):
     """Note the face to which all rays go, the medium before it and the side, where faces are met in their order."""
     if sides is not None:
         for lane in range(count):
-            packet[FACE + lane], packet[MEDIUM + lane], packet[SIDE + lane] = float(event), float(event), 1.0
+            packet[FACE + lane] = float(event)
+            packet[MEDIUM + lane] = float(event)
+            packet[SIDE + lane] = 1.0
 
 
 @inline
@@ -59,7 +67,8 @@ def trace(rays, body, ways, exits, packet):
     for first in range(0, len(rays.emitted), SIZE):
         last = min(first + SIZE, len(rays.emitted))
         for k in range(first, last):
-            exits.flux[k], exits.sin2_exit[k] = rays.emitted[k], 0.0
+            exits.flux[k] = rays.emitted[k]
+            exits.sin2_exit[k] = 0.0
             ways.lengths[k, :] = 0.0
         count = enter(rays, first, last, body, ways, exits.fates, packet)
         for event in range(ways.lengths.shape[1]):

@@ -13,8 +13,13 @@ from lensforge.kernels.compiled import inline
 from lensforge.kernels.face_records import FaceMedia, FacePlacement, RingShifts
 from lensforge.kernels.parallel import part_of
 
-CAVITY, BODY, OUTSIDE = 0, 1, 2  # the media
-REFLECTED, FROM_BEHIND = 2, 1  # more than four times the number of the face, in what a ray met
+# Media, from the source on.
+CAVITY = 0
+BODY = 1
+OUTSIDE = 2
+# Added to four times the number of the face that a ray met.
+REFLECTED = 2
+FROM_BEHIND = 1
 
 
 _Record = TypeVar("_Record", bound=NamedTuple)
@@ -50,10 +55,14 @@ class RaysIn(NamedTuple):
 
     def part(self, part: slice) -> "RaysIn":
         """Some of the rays."""
-        indices, absorptions, films = (part_of(each, part) for each in (self.indices, self.absorptions, self.film_rows))
-        noise, fields, keys = (None if each is None else each[part] for each in (self.noise, self.fields, self.keys))
+        indices, absorptions, films = (
+            part_of(table, part) for table in (self.indices, self.absorptions, self.film_rows)
+        )
+        noise, fields, keys = (
+            None if by_ray is None else by_ray[part] for by_ray in (self.noise, self.fields, self.keys)
+        )
         shifts = None if self.shifts is None else self.shifts.part(part)
-        origins, directions, emitted = (each[part] for each in (self.origins, self.directions, self.emitted))
+        origins, directions, emitted = (by_ray[part] for by_ray in (self.origins, self.directions, self.emitted))
         return RaysIn(origins, directions, emitted, indices, absorptions, films, noise, fields, shifts, keys)
 
 

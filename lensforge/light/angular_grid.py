@@ -6,7 +6,8 @@ by least squares, the L2 projection on linear finite elements, has the opposite 
 along C and along gamma, is right to h^4. All have the flux of the rays.
 
 Near the axis only those waves around it are kept that the steps in gamma resolve as well. The axis itself has the
-smallest cell of all: means of cones about it lie on one parabola in gamma, as far as the light is seen to allow it.
+smallest cell of all: means of cones about it are drawn to one parabola in gamma, as far as noise makes them differ from
+it. To choose between the two would make two figures of light whose noise is near the choice.
 
 Two tables of the same rays, one with twice the nodes, differ by structure and by noise. Independent samples tell one
 from the other: a finer table is taken while it gains more structure than noise.
@@ -164,29 +165,46 @@ class AngularGrid:
         return np.fft.irfft(solution, n=self.planes, axis=1)
 
     def _pooled(self, means: Float[np.ndarray, "p g"], flux: Float[np.ndarray, " g"]) -> Float[np.ndarray, "p g"]:
-        """``means`` of all cones with those about the axis on a parabola a + b gamma^2, of the same flux.
+        """``means`` of all cones, those about the axis drawn to parabolas a + b gamma^2 of the same flux.
 
-        ``flux`` of each cone: typical nodes are those where the light is. Fewer cones share a parabola where more would
-        differ from it by twice their noise. None do where the axis is known to half a per cent by itself.
+        ``flux`` of each cone: typical nodes are those where the light is.
+
+        What a sample changes has two parts: its own values, and how far those of all are drawn. With the second by the
+        jackknife errors are up to 1.5 times what they scatter by, without it 0.5 to 0.9: two thirds of it are taken.
         """
-        parts, total = len(means), float(flux.sum())
-        quiet = parts > 1 and means[:, 0].std(ddof=1) <= _QUIET * np.sqrt(parts) * means[:, 0].mean()
-        if quiet or not total > 0.0:
+        total = float(flux.sum())
+        if not total > 0.0:
             return means
         typical = float(flux @ self.solid_angles) / total
         most = int(np.searchsorted(self.planes * np.cumsum(self.solid_angles), _POLE_NODES * typical)) + 1
-        for count in range(min(max(most, 3), len(self.gamma_deg)), 2, -1):
+        most = min(max(most, 3), len(self.gamma_deg))
+        drawn, count = self._drawn_to_parabolas(means, most), len(means)
+        if count < _LEAST_SAMPLES:
+            return drawn
+        rest = [self._drawn_to_parabolas(np.delete(means, k, axis=0), most).mean(axis=0) for k in range(count)]
+        influences = (count - 1) * (np.mean(rest, axis=0) - rest)
+        mean = drawn.mean(axis=0)
+        return mean + (1.0 - _JACKKNIFE) * (drawn - mean) + _JACKKNIFE * influences
+
+    def _drawn_to_parabolas(self, means: Float[np.ndarray, "p g"], most: int) -> Float[np.ndarray, "p g"]:
+        """``means`` with the first 3 to ``most`` cones drawn to their parabolas, one after the other.
+
+        What they differ by is drawn by the share of its square that noise makes (James & Stein 1961). A single sample
+        has no known noise, and is drawn to the last parabola.
+        """
+        parts, values = len(means), means
+        for count in range(3, most + 1):
             weights, places = self.solid_angles[:count], np.stack([np.ones(count), self.gamma_deg[:count] ** 2], axis=1)
             normal = places.T @ (weights[:, None] * places)
-            fitted = means[:, :count] @ (weights[:, None] * places) @ np.linalg.inv(normal) @ places.T
-            off = means[:, :count] - fitted
+            parabola = means[:, :count] @ (weights[:, None] * places) @ np.linalg.inv(normal) @ places.T
+            off, share = means[:, :count] - parabola, 1.0
             if parts > 1:
-                noise = (means[:, :count].var(axis=0, ddof=1) - fitted.var(axis=0, ddof=1)) / parts
-                structure = off.mean(axis=0) ** 2 - off.var(axis=0, ddof=1) / parts
-                if weights @ structure > (_DOUBT**2 - 1.0) * (weights @ noise):
-                    continue
-            return np.concatenate([fitted, means[:, count:]], axis=1)
-        return means
+                square, noise = weights @ off.mean(axis=0) ** 2, weights @ off.var(axis=0, ddof=1) / parts
+                share = min(noise / square, 1.0) if square > 0.0 else 1.0
+            values = np.concatenate(
+                [values[:, :count] + share * (parabola - values[:, :count]), means[:, count:]], axis=1
+            )
+        return values
 
     def _along_gamma(self, flux: Float[np.ndarray, "g k"], first: int) -> Float[np.ndarray, "g k"]:
         """Values by gamma from deposits along it, 0 before the node ``first``.
@@ -225,9 +243,8 @@ class AngularGrid:
         return TabulatedIntensity(np.append(self.c_deg, 360.0), self.gamma_deg, closed)
 
 
+_JACKKNIFE = 2.0 / 3.0  # share in the errors of cones about the axis
 _POLE_NODES = 4.0  # typical nodes whose solid angle the cones about the axis hold together
-_QUIET = 0.005  # noise of the axis, relative
-_DOUBT = 2.0  # times the noise: a difference from that parabola is structure of the light
 _FADING_STEPS = 4  # of gamma before the horizon
 _FINEST_PLANES = 576  # every 0.625 degrees
 # Steps in gamma: 64 for each 10 degrees of the beam, 128 for narrow ones, 64 beyond it; so that after each of six

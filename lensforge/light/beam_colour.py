@@ -9,12 +9,16 @@ The largest distance is that along the best of 32 directions in u', v', which is
 along a direction are linear, and their largest is known without the noise that chooses it. No largest is below the rms.
 """
 
+from typing import Annotated
+
 import numpy as np
 from jaxtyping import Float
 
 from lensforge.light.metrics import jackknife_metric, largest_without_noise, root_estimate
 from lensforge.optics.colorimetry import ColourTemperature, away_from, colour_temperature, denominator, uv_of
 from lensforge.results import Count, Metric, Record, Share
+from lensforge.results.figure import Figure
+from lensforge.results.numerals import percent
 
 Pictures = Float[np.ndarray, "3 r h w"]  # X, Y, Z (lm) in each pixel, by every replicate
 Light = Float[np.ndarray, "r n 3"]  # X, Y, Z (lm) of pixels, by every replicate
@@ -33,12 +37,22 @@ class BeamColour(Record):
 
     level: Share
     pixels: Count
-    u: Metric
-    v: Metric
-    cct: Metric | None
-    duv: Metric | None
-    rms: Metric
-    worst: Metric
+    u: Annotated[Metric, Figure("Colour u′", "mean {beam_words}", key="colour_u")]
+    v: Annotated[Metric, Figure("Colour v′", key="colour_v")]
+    cct: Annotated[Metric | None, Figure("Colour temperature", "{temperature_words}", key="cct", missing="none")]
+    duv: Annotated[Metric | None, Figure("Duv", "distance from Planck’s locus, positive towards green", key="duv")]
+    rms: Annotated[Metric, Figure("Δu′v′ rms", "from that colour, {beam_words}", key="rms_delta_uv")]
+    worst: Annotated[Metric, Figure("Δu′v′ worst", "of a pixel there", key="worst_delta_uv")]
+
+    @property
+    def beam_words(self) -> str:
+        """The beam in words."""
+        return f"where the light is above {percent(self.level)} of its peak"
+
+    @property
+    def temperature_words(self) -> str:
+        """How the temperature is defined, or why there is none."""
+        return "Duv above 0.05" if self.cct is None else "correlated (Ohno 2013)"
 
     @staticmethod
     def of(pictures: Pictures, level: float) -> "BeamColour | None":

@@ -1,13 +1,16 @@
 """The result of the evaluation: the light on every receiver, how it was simulated, and the judgement of each limit."""
 
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
-from typing import TYPE_CHECKING, Annotated, ClassVar, Literal, get_args
+from itertools import zip_longest
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, get_args
 
 from pydantic import Field
 
 from lensforge.light.light_ways import LightWay
 from lensforge.light.receiver_light import Flux, MissedByCause, Picture, Possible, RawMetrics, ReceiverLight
 from lensforge.light.seen_lens import SeenLens
+from lensforge.public import public
 from lensforge.results import Count, Fact, Image, Metric, NotNegative, Positive, Record, ResultByLed, Text, stated
 from lensforge.results.arguments import require_choice
 from lensforge.results.chart import light_unit
@@ -18,6 +21,8 @@ from lensforge.results.numerals import square
 from lensforge.results.plots import plot_map
 from lensforge.results.record import MOST_PIXELS
 from lensforge.sources.source_place import SourcePlace
+from lensforge.spec import Spec
+from lensforge.spec.light_limits import bounds_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -71,6 +76,7 @@ class FittedLight(Record):
 MetricName = Literal["nmse", "uniformity", "rsd", "efficiency", "share_in_target"]
 
 
+@public
 class Light(ResultByLed):
     """Light of a lens on its receivers, simulated with independent replicates of rays.
 
@@ -91,6 +97,7 @@ class Light(ResultByLed):
     stage: ClassVar[str] = "evaluate"
     made_from: ClassVar[tuple[str, ...]] = ("lens", "source")
     told_if_any: ClassVar[tuple[str, ...]] = ("ways", "seen", "place")
+    judged_in: ClassVar[tuple[str, ...]] = ("criteria", "limits")
 
     receivers: Annotated[tuple[ReceiverLight, ...], Field(min_length=1)]
     limits: JudgedLimits = ()
@@ -111,6 +118,15 @@ class Light(ResultByLed):
     seed: Count
     seconds: NotNegative
     criteria: Criteria = ()
+
+    def judgements_on(self, lens: Any) -> Mapping[str, Iterable[Fact]]:
+        """Judge by the bounds that the spec of ``lens`` states; those of roads and colours are taken as stated."""
+        return {"limits": self._limits_of(lens.spec)}
+
+    def _limits_of(self, spec: Spec) -> Iterator[Fact]:
+        for limit, asked in zip_longest(self.limits, bounds_of(spec.limits) if self.limits else ()):
+            name, sense, bound = asked or (limit.key, limit.sense, limit.limit)
+            yield replace(limit or Fact(name, name, None), key=name, sense=sense, limit=bound)
 
     @property
     def first(self) -> ReceiverLight:
@@ -205,7 +221,9 @@ class Light(ResultByLed):
 
     def __str__(self) -> str:
         several = len(self.receivers) > 1
-        figures = "; ".join(f"{each.name}: {_figures(each)}" if several else _figures(each) for each in self.receivers)
+        figures = "; ".join(
+            f"{receiver.name}: {_figures(receiver)}" if several else _figures(receiver) for receiver in self.receivers
+        )
         figures += "".join(f"; with {other.led}: {_figures(other.receivers[0])}" for other in self.others)
         where = "" if self.conditions is None else f" under other conditions ({self.conditions})"
         rows, columns = self.map.shape
@@ -219,7 +237,7 @@ class Light(ResultByLed):
         Raises :class:`InputError` for an unknown map or receiver.
         """
         require_choice("which", which, get_args(Picture))
-        named = {each.name: each for each in self.receivers}
+        named = {receiver.name: receiver for receiver in self.receivers}
         if receiver is not None:
             require_choice("receiver", receiver, named)
         shown = self.first if receiver is None else named[receiver]

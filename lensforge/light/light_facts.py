@@ -18,10 +18,11 @@ from lensforge.light.receiver_light import METRICS, REGIONS, ReceiverLight, judg
 from lensforge.light.road_lighting import RoadFigures, road_facts, with_remedies, worst_on_roads
 from lensforge.light.seen_lens import seen_groups
 from lensforge.optics.fundamental_limits import BY_SYMMETRY, LEVELS, transmittance_of
+from lensforge.public import public
 from lensforge.results import Fact, Group, Metric
 from lensforge.results.chart import LightUnit, light_unit
 from lensforge.results.criteria import missed
-from lensforge.results.fact_table import Row, facts_of
+from lensforge.results.figure import facts_in
 from lensforge.results.numerals import number, percent, quantity, square
 from lensforge.results.verdict import Reason
 from lensforge.scene.lens import Lens
@@ -32,6 +33,7 @@ from lensforge.spec.light_limits import BeamAngleLimit
 from lensforge.spec.road_section import names_of
 
 
+@public
 class Attainable(NamedTuple):
     """Most light that physics allows, and the law that says so."""
 
@@ -268,22 +270,8 @@ def _in_region(receiver: ReceiverLight, unit: LightUnit, one: str) -> Iterator[F
     yield Fact.measured("peak", "Peak/target peak", region.peak, "max. light/max. of the target, at equal flux")
 
 
-_COLOUR = (
-    Row("colour_u", "Colour u′", "u", "mean {beam}"),
-    Row("colour_v", "Colour v′", "v"),
-    Row("cct", "Colour temperature", "cct", "{temperature}", none="none"),
-    Row("duv", "Duv", "duv", "distance from Planck’s locus, positive towards green"),
-    Row("rms_delta_uv", "Δu′v′ rms", "rms", "from that colour, {beam}"),
-    Row("worst_delta_uv", "Δu′v′ worst", "worst", "of a pixel there"),
-)
-
-
 def _colour(colour: BeamColour | None) -> Iterator[Fact]:
-    if colour is None:
-        return iter([Fact("colour_u", "Colour", "no light")])
-    temperature = "Duv above 0.05" if colour.cct is None else "correlated (Ohno 2013)"
-    beam = f"where the light is above {percent(colour.level)} of its peak"
-    return facts_of(colour, _COLOUR, beam=beam, temperature=temperature)
+    return iter([Fact("colour_u", "Colour", "no light")]) if colour is None else facts_in(colour)
 
 
 def _simulation(light: Light, lens: Lens) -> Iterator[Fact]:

@@ -18,7 +18,7 @@ single dark spot under little noise. u, v at two levels of noise give h: both li
 The levels are means over 8 and over 4 of 16 replicates, read on those left: over the 30 halves and 140 quarters that
 are affine subspaces of the 16 numbers of the replicates, taken as vectors of 4 bits, so that no replicate counts more
 than another. The least of the mean of all replicates is too dark, and the least of the light is no more than its mean:
-both bound the estimate. Chosen by experiment (docs/accuracy.md).
+both bound the estimate. Chosen by experiment, on known pictures with noise.
 """
 
 from collections.abc import Callable
@@ -30,6 +30,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from lensforge.results import Image, Metric
+from lensforge.results.replicate_pairs import error_over_pairs, mean_over_pairs
 
 
 def jackknife_metric(
@@ -40,7 +41,7 @@ def jackknife_metric(
     value = statistic(total / count)
     if count < 2:
         return Metric(value=value, unit=unit)
-    error = jackknife_error(np.array([statistic((total - one) / (count - 1)) for one in replicates]))
+    error = jackknife_error(np.array([statistic((total - replicate) / (count - 1)) for replicate in replicates]))
     return Metric(value=value, unit=unit, standard_error=error)
 
 
@@ -113,7 +114,7 @@ class PairEstimate:
 
     def metric(self) -> Metric:
         """Value and standard error."""
-        error = None if self.deviations is None else _error_over_pairs(self.deviations)
+        error = None if self.deviations is None else error_over_pairs(self.deviations)
         return Metric(value=self.value, standard_error=error)
 
     def change_from(self, before: "PairEstimate") -> Metric:
@@ -179,7 +180,7 @@ def root_estimate(errors: Float[np.ndarray, "r n"], scales: Float[np.ndarray, " 
         mean = float(np.linalg.norm(errors.mean(axis=0)))
         return RootEstimate(mean / float(scales.mean()) if mean > 0.0 else 0.0)
     squared, apart = _ratio_of_squares(errors, scales)
-    value, error = np.sqrt(max(squared, 0.0)), _error_over_pairs(apart)
+    value, error = np.sqrt(max(squared, 0.0)), error_over_pairs(apart)
     # the slope of the root where the square is as large as its own error: half of such squares are below 0, and
     # count as 0, so that the root scatters by half of that of the error, whatever it is
     slopes = apart / (2.0 * max(value, np.sqrt(error) or 1.0))
@@ -195,32 +196,9 @@ def _ratio_of_squares(
 ) -> tuple[float, Float[np.ndarray, "r r"]]:
     """``|E errors|^2 / (E scales)^2`` without noise, and how far each pair of replicates is from it."""
     squares, norms = errors @ errors.T, np.outer(scales, scales)
-    norm = _over_pairs(norms)
-    value = _over_pairs(squares) / norm
+    norm = mean_over_pairs(norms)
+    value = mean_over_pairs(squares) / norm
     return value, (squares - value * norms) / norm
-
-
-def _over_pairs(products: Float[np.ndarray, "r r"]) -> float:
-    count = len(products)
-    return float((products.sum() - np.trace(products)) / (count * (count - 1)))
-
-
-def _error_over_pairs(products: Float[np.ndarray, "r r"]) -> float:
-    """Standard error of :func:`_over_pairs`.
-
-    A product is the mean, an effect of either replicate, and an interaction of the two, whose variance is z. The
-    jackknife gives 4 z / (r (r - 2)) for the interactions, of which it is 2 z / (r (r - 1)): twice too much where noise
-    outweighs the square, so the difference is taken off (Efron & Stein 1981).
-    """
-    count = len(products)
-    mean = _over_pairs(products)
-    sums = products.sum(axis=1) - np.diag(products)
-    effects = (sums - (count - 1) * mean) / (count - 2)
-    rest = products - mean - effects[:, None] - effects[None, :]
-    z = (np.sum(rest**2) - np.sum(np.diag(rest) ** 2)) / (count * (count - 3))
-    own = 2.0 * z / (count * (count - 1))
-    jackknife = 4.0 * np.sum(effects**2) / (count * (count - 1))
-    return float(np.sqrt(max(jackknife - 4.0 * z / (count * (count - 2)), 0.0) + own))
 
 
 _REPLICATES = 16
@@ -248,7 +226,7 @@ class LeastEstimate:
 
         The jackknife is too large where many places are nearly as dark: without a replicate half of the blocks are
         gone. The sum of the influences is too small there, as it holds the places that were chosen. Their mean is
-        right to a fifth (docs/accuracy.md).
+        right to a fifth.
         """
         if self.left_out is None or self.influences is None:
             return Metric(value=self.value)

@@ -2,7 +2,7 @@
 
 Figures of a region are its mean light, its evenness and the peak, without the noise of the rays.
 
-A spec that sets no limits is judged by two bounds. ``benchmarks/verdicts.py`` calibrates both (docs/results.md): the
+A spec that sets no limits is judged by two bounds. ``benchmarks/verdicts.py`` calibrates both: the
 worst of the shipped specs has an NMSE of 0.08 as a draft, and puts 0.8 of what two faces transmit into its target;
 useless lenses (a 6 mm source in an 8 mm lens, a word finer than the image of its source, a lens of hardly more than
 cavity and wall, a target beyond the étendue of its source) have an NMSE from 0.2 to 0.75, and put 0.07 to 0.66 of it
@@ -25,6 +25,7 @@ from lensforge.light.metrics import (
     nmse,
     ratio_of,
 )
+from lensforge.public import public
 from lensforge.results import Fact, Image, Irradiance, Metric, NotNegative, Number, Positive, Record, Share, Text
 from lensforge.results.chart import Chart
 from lensforge.results.numerals import percent
@@ -138,6 +139,7 @@ class EstimatedLight(Record):
     nmse: NotNegative
 
 
+@public
 class Possible(Record):
     """Bounds that physics sets to light on the same pixels from any lens that keeps the largest radius.
 

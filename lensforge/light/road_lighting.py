@@ -6,6 +6,7 @@ Classes of glare G*: EN 13201-2:2015, table A.1.
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from math import ceil, floor
+from typing import Annotated
 
 import numpy as np
 from jaxtyping import Float
@@ -14,7 +15,7 @@ from lensforge.light.evaluation_result import JudgedLimits
 from lensforge.light.luminaire_classes import BugRating, DistributionType, LampLight, ZoneLumens, distribution_type
 from lensforge.light.metrics import largest_without_noise, scaled
 from lensforge.results import Count, Fact, Group, Metric, NotNegative, Positive, Record, Sense, Text
-from lensforge.results.fact_table import Row, facts_of
+from lensforge.results.figure import Figure, facts_in
 from lensforge.scene.road_classes import glare_law
 from lensforge.spec.derived_values import three_digits
 from lensforge.spec.light_limits import PhotometrySection
@@ -116,18 +117,24 @@ class RoadJudgement(Record):
     name: Text
     lighting_class: Text
     reached: Text
-    surface: Text
+    surface: Annotated[Text, Figure("Surface", "Q0 {q0:3}, S1 {s1_words}")]
     q0: Positive
     s1: NotNegative | None
     drivers: tuple[SeenRoad, ...]
     edges: tuple[Metric, Metric]
-    mean_lx: Metric
-    least_lx: Metric
+    mean_lx: Annotated[Metric, Figure("Mean illuminance", key="road_lx")]
+    least_lx: Annotated[Metric, Figure("Minimum illuminance", key="road_least_lx")]
     uniformity_lx: Metric
-    power_density: Metric | None
-    yearly_energy: Metric | None
+    power_density: Annotated[Metric | None, Figure("Power density D_P")]
+    yearly_energy: Annotated[Metric | None, Figure("Annual energy D_E")]
     limits: JudgedLimits
     standard: Text = "EN 13201"
+
+    @property
+    def s1_words(self) -> str:
+        """S1 of the surface, or why it is not known."""
+        too_short = "not known: its table ends before tan γ = 2; light from beyond is ignored"
+        return too_short if self.s1 is None else f"{self.s1:.3g}"
 
 
 def with_remedies(limits: Sequence[Fact]) -> Iterator[Fact]:
@@ -151,7 +158,7 @@ def _flux_remedy(limits: Sequence[Fact]) -> str:
     """
 
     def factors(sense: Sense) -> list[float]:
-        lit = [(each.bound, each.metric.value) for each in limits if (each.note, each.sense) == ("light", sense)]
+        lit = [(limit.bound, limit.metric.value) for limit in limits if (limit.note, limit.sense) == ("light", sense)]
         return [bound / value if value > 1e-9 * bound else np.inf for bound, value in lit]
 
     least, most = max(factors(">="), default=1.0), min(factors("<="), default=np.inf)
@@ -162,7 +169,7 @@ def _flux_remedy(limits: Sequence[Fact]) -> str:
     factor = three_digits(least, ceil) if least > 1.0 else three_digits(most, floor)
     words = f"so lit the road needs × {factor:g} lumens, or × {three_digits(1.0 / factor):g} the spacing of poles"
     grown = factor ** (1.0 - glare_law("threshold_increment", 1.0)[1])
-    glaring = [each for each in limits if each.note == _TI and each.metric.value * grown > each.bound]
+    glaring = [limit for limit in limits if limit.note == _TI and limit.metric.value * grown > limit.bound]
     if least > 1.0 and glaring:
         worst = max(glaring, key=lambda each: each.metric.value)
         words += f"; with so many its glare TI is {worst.metric.value * grown:.3g} %, above {worst.bound:g} %"
@@ -194,18 +201,8 @@ def road_facts(road: RoadJudgement, section: RoadSection, *, with_limits: bool =
     for driver in road.drivers if by_luminance else ():
         words = f"Q, {'from ' * (driver.veiling_ratio is not None)}lane {driver.lane}"
         facts.append(Fact.measured(f"road_q_{driver.lane}", words, driver.luminance_per_lux))
-    facts += facts_of(road, _ROAD, q0=f"{road.q0:.3g}", s1=_TOO_SHORT if road.s1 is None else f"{road.s1:.3g}")
+    facts += facts_in(road)
     return Group("road", road.name, tuple(facts))
-
-
-_TOO_SHORT = "not known: its table ends before tan γ = 2; light from beyond is ignored"
-_ROAD = (
-    Row("road_lx", "Mean illuminance", "mean_lx"),
-    Row("road_least_lx", "Minimum illuminance", "least_lx"),
-    Row("surface", "Surface", "surface", "Q0 {q0}, S1 {s1}"),
-    Row("power_density", "Power density D_P", "power_density"),
-    Row("yearly_energy", "Annual energy D_E", "yearly_energy"),
-)
 
 
 def spacing_fact(held: HeldSpacing | None) -> Fact:

@@ -1,221 +1,26 @@
-"""The verbs on made parts: ``compare``, ``correct``, ``sensitivity`` and ``tolerance``.
+"""The verbs on parts that are to be made: ``sensitivity`` and ``tolerance``."""
 
-A machined part is known by a photograph of its light, or by points that were measured on a surface.
-"""
-
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, get_args, overload
 
 from lensforge import seeds
-from lensforge.errors import InputError
-from lensforge.light.evaluation_result import Light
 from lensforge.light.lens_light import judging_source, rays_of, unless_own
-from lensforge.made.measured_points import measured_points
-from lensforge.made.measurement_result import Correction, PhotoComparison, Registration, SurfaceComparison
 from lensforge.made.tolerance_result import MOST_PARTS, Sensitivity, Yield
+from lensforge.public import public
 from lensforge.results import Conditions
-from lensforge.results.arguments import count_of, number_of, path_of, require, require_choice, threads_of_torch
+from lensforge.results.arguments import count_of, path_of, require, threads_of_torch, with_known_names
 from lensforge.results.cluster import connected
 from lensforge.scene.lens import Lens
 from lensforge.spec.accuracy import preset_of
 from lensforge.spec.spec_files import section_sha256
 from lensforge.spec.tolerances_section import PartTolerances, TolerancesSection, read_tolerances
 
-if TYPE_CHECKING:
-    import numpy as np
-    from jaxtyping import Bool
-
-
-@overload
-def compare(
-    measured: Light,
-    *,
-    on: Path | str,
-    off: Path | str | None = None,
-    corners: Sequence[tuple[float, float]] | None = None,
-    target_mm: float | None = None,
-    gamma: float = 1.0,
-    lens: Lens | None = None,
-    led: str | None = None,
-) -> PhotoComparison: ...
-
-
-@overload
-def compare(
-    measured: Lens, *, points: Path | str, surface: str, registration: Registration = "rigid", rays: int | None = None
-) -> SurfaceComparison: ...
-
-
-def compare(
-    measured: Light | Lens,
-    *,
-    on: Path | str | None = None,
-    off: Path | str | None = None,
-    corners: Sequence[tuple[float, float]] | None = None,
-    target_mm: float | None = None,
-    gamma: float = 1.0,
-    lens: Lens | None = None,
-    led: str | None = None,
-    points: Path | str | None = None,
-    surface: str | None = None,
-    registration: Registration = "rigid",
-    rays: int | None = None,
-) -> PhotoComparison | SurfaceComparison:
-    """Compare a machined part with its design: a photograph with the light, or measured points with the lens.
-
-    Args:
-        measured: the light, for a photograph; the lens, for points.
-        on: photograph with the LED on, of the first receiver, a plane.
-        off: photograph with the LED off, which is subtracted.
-        corners: four pixels (column, row) of the target in them, from the top left clockwise; None: they are looked
-            for.
-        target_mm: side of the square that they span, in mm; None: they are the receiver's own.
-        gamma: exponent of the camera: light is its value to this power.
-        lens: the light's; uniformity is then compared in the region that its spec names.
-        led: name of the LED in the photographs; None: the first.
-        points: file of x, y, z (mm) on one face.
-        surface: name of that face.
-        registration: motion that is fitted to bring the points onto the design.
-        rays: number of rays of the light with the measured face, from 1; None: the preset's.
-    Returns: The comparison of the photographs, or of the face and its light.
-    Raises: :class:`InputError` for an argument that is not allowed, or a file that cannot be read.
-    Example:
-        >>> run = lf.load("cad_out/quickstart")
-        >>> comparison = lf.compare(run.lens, points="cloud.csv", surface="inner", rays=2**12)
-        >>> print(comparison.form_deviation_um.rms, comparison.nmse_between)
-    """
-    on, off, points = path_of("on", on), path_of("off", off), path_of("points", points)
-    of_points = {"surface": surface, "registration": unless_own(registration, "rigid"), "rays": rays}
-    of_photo: dict[str, object] = {"off": off, "corners": corners, "target_mm": target_mm, "lens": lens, "led": led}
-    of_photo |= {"gamma": unless_own(gamma, 1.0)}
-    if isinstance(measured, Light) and on is not None and points is None:
-        _refuse_unused("a photograph", of_points)
-        lit = measured.by_led[measured.led if led is None else require_choice("led", led, list(measured.by_led))]
-        comparison = _compare_photo(lit, on, off, corners, target_mm, gamma, lens)
-        inputs = {"lens": measured.inputs["lens"], "evaluate": measured.sha256}
-        return comparison.changed(inputs=inputs, led=lit.led)
-    if isinstance(measured, Lens) and points is not None and on is None:
-        _refuse_unused("points", of_photo)
-        from lensforge.made.measured_surface import ChangedLens, compare_surface
-
-        side = require_choice("surface", surface, [face.name for face in measured.body.faces if face.is_optical])
-        traced, conditions = ChangedLens.of(measured, side, count_of("rays", rays))
-        return compare_surface(measured_points(points, measured, side), traced, registration).changed(
-            conditions=conditions
-        )
-    raise InputError(
-        "compare: give one of two: a photograph of the light, --on PHOTO, or points of a face, --points FILE "
-        "--surface FACE; in Python compare(light, on=PHOTO) or compare(lens, points=FILE, surface=FACE)"
-    )
-
-
-def _refuse_unused(measurement: str, others: Mapping[str, object]) -> None:
-    """Raise :class:`InputError` for those of ``others``, by name, that are not None and no part of ``measurement``."""
-    given = [name for name, value in others.items() if value is not None]
-    if given:
-        raise InputError(f"compare: {', '.join(given)}: of no use in a comparison with {measurement}; leave it out")
-
-
-def _compare_photo(
-    light: Light,
-    on: Path,
-    off: Path | None,
-    corners: Sequence[tuple[float, float]] | None,
-    target_mm: float | None,
-    gamma: float,
-    lens: Lens | None,
-) -> PhotoComparison:
-    import numpy as np
-
-    from lensforge.made.photo_comparison import Shot, compare_photo
-    from lensforge.scene.pixel_grid import PixelGrid
-
-    try:
-        given = None if corners is None else np.array(corners, dtype=np.float64)
-    except (TypeError, ValueError):
-        given = np.empty(0)
-    if given is not None and given.shape != (4, 2):
-        raise InputError(f"corners = {corners!r}: must be four pixels (column, row), clockwise from the top left")
-    side, camera = number_of("target_mm", target_mm), number_of("gamma", gamma)
-    shot = Shot(on, off, given, side, 1.0 if camera is None else camera)
-    first, (rows, columns) = light.first, light.map.shape
-    if first.kind != "plane":
-        raise InputError(
-            f"receivers: the first, {first.name!r}, is a {first.kind}, must be a plane for a photograph; give the spec "
-            "a plane as its first receiver, and evaluate again"
-        )
-    grid = PixelGrid(first.width, first.height, columns, rows)
-    return compare_photo(shot, simulated=light.map, grid=grid, uniform=_uniform(light, lens))
-
-
-def _uniform(light: Light, lens: Lens | None) -> "Bool[np.ndarray, 'h w'] | None":
-    from lensforge.scene.receiver_shapes import receivers_of
-    from lensforge.scene.target_pattern import uniform_region
-
-    if lens is None:
-        return None
-    if lens.sha256 != light.inputs["lens"]:
-        raise InputError("lens: the light was evaluated with another lens; give the lens of the light")
-    return uniform_region(lens.spec.all_receivers[0].targets, receivers_of(lens.spec, light.pixels)[0])
-
-
-def correct(
-    lens: Lens,
-    *,
-    points: Path | str,
-    surface: str,
-    wavelength_mm: float | None = None,
-    gain: float = 1.0,
-    registration: Registration = "rigid",
-    rays: int | None = None,
-    threads: int | None = None,
-) -> Correction:
-    """Correct one face for its second cut by points measured on the first, and simulate the light of the second.
-
-    The new face is the design less ``gain`` times the measured deviation. Where it would be concave more tightly than
-    the ball cutter of the spec, the wavelength is longer.
-
-    Args:
-        lens: the lens as designed.
-        points: file of x, y, z (mm) on that face of the part, or of its mould insert in lens coordinates.
-        surface: name of the face.
-        wavelength_mm: shortest wave of the deviation that is corrected, in mm; None: the longest at which what is left
-            of the points is noise alone.
-        gain: share of the deviation that is corrected.
-        registration: motion that is fitted to bring the points onto the design: pose, not form.
-        rays: number of rays, from 1; None: the preset's.
-        threads: number of threads, from 1; None: all cores.
-    Returns: The correction: ``step`` is the file for the shop. The light is that with each LED, and of all lamps.
-    Raises: :class:`InputError` for an argument that is not allowed, or points that do not cover the face.
-    Example:
-        >>> lens = lf.load("cad_out/quickstart").lens
-        >>> correction = lf.correct(lens, points="cloud.csv", surface="inner", wavelength_mm=1.5, rays=2**12)
-        >>> correction.save("second_cut.step")
-    """
-    from lensforge.made.correction import correct_face
-    from lensforge.made.first_cut import Request
-    from lensforge.made.measured_surface import ChangedLens
-
-    require(lens, Lens, "correct")
-    file = path_of("points", points)
-    if file is None:
-        raise InputError("points = None: give the file of the points measured on the first cut")
-    optical = [face.name for face in lens.body.faces if face.is_optical]
-    side = require_choice("surface", surface, optical)
-    require_choice("registration", registration, get_args(Registration))
-    rays, factor = count_of("rays", rays), number_of("gain", gain)
-    request = Request(number_of("wavelength_mm", wavelength_mm), 1.0 if factor is None else factor, registration)
-    cuts, conditions = ChangedLens.of(lens, side, rays)
-    with threads_of_torch(threads):
-        correction = correct_face(measured_points(file, lens, side), cuts, request)
-    return correction.changed(conditions=conditions)
-
-
 _LEAST_PARTS = 40  # two in each block by which the shares of the variance have their errors
 
 
+@public
+@with_known_names
 def sensitivity(
     lens: Lens,
     *,
@@ -246,6 +51,8 @@ def sensitivity(
     return result.changed(conditions=conditions)
 
 
+@public
+@with_known_names
 def tolerance(
     lens: Lens,
     *,
@@ -293,8 +100,8 @@ def tolerance(
         tolerances = PartTolerances.of(tolerances, faces, lens.spec.lens.roles)
     parts = count_of("parts", parts, least=_LEAST_PARTS, most=MOST_PARTS) or parts
     count, seed = count_of("rays", rays), count_of("seed", seed, least=0, most=seeds.MOST) or 0
-    other = tolerances if tolerances is not None and tolerances != lens.spec.part_tolerances else None
-    drawn = lens if other is None else replace(lens, spec=lens.spec.with_tolerances(other))
+    own_tolerances = tolerances if tolerances is not None and tolerances != lens.spec.part_tolerances else None
+    drawn = lens if own_tolerances is None else replace(lens, spec=lens.spec.with_tolerances(own_tolerances))
     with threads_of_torch(threads), connected(scheduler) as workers:
         study = measure_yield(
             drawn,
@@ -308,8 +115,8 @@ def tolerance(
             announce=announce,
         )
     conditions = Conditions.of(
-        tolerances=None if other is None else _name_of(other),
-        tolerances_sha256=None if other is None else section_sha256(other),
+        tolerances=None if own_tolerances is None else _name_of(own_tolerances),
+        tolerances_sha256=None if own_tolerances is None else section_sha256(own_tolerances),
         seed=unless_own(seed, 0),
     )
     return study.changed(inputs={"lens": lens.sha256}, conditions=conditions)

@@ -26,12 +26,15 @@ Reflectances = Float[np.ndarray, "k m"]
 Pairs = Float[np.ndarray, "k m 2"]  # reflectance, and its excess
 
 _ERROR = 1e-5  # of a stack between two wavelengths of its table
-_LEAST_ROWS, _MOST_ROWS = 16, 4096  # of them, less one
+_LEAST_ROWS = 16
+_MOST_ROWS = 4096
 _SOME = np.linspace(0.25, 1.0, 13)  # cosines at which that error is found: up to 75 degrees
 _ALL = np.linspace(0.0, 1.0, 65)  # at which the least reflectance is; between them it may be less by _LOWER
 _LOWER = 1e-4
 _NORMAL = 1.0 - 1e-6  # cosine beyond which the excess is as there
-_PER_FRINGE, _MOST_SAMPLES = 80, 20_000  # wavelengths at which the least of a stack over all of its range is found
+# Wavelengths at which the least reflectance of a stack over its range is searched for.
+_PER_FRINGE = 80
+_MOST_SAMPLES = 20_000
 
 
 @dataclass(frozen=True)
@@ -59,11 +62,14 @@ def reflectance_of(coating: Film, around: float, span_nm: tuple[float, float]) -
 def _of_table(table: ReflectanceTable) -> Reflectance:
     from scipy.interpolate import PchipInterpolator
 
-    angles, values = np.array(table.angles_deg), np.array(table.reflectance)
+    angles = np.array(table.angles_deg)
+    values = np.array(table.reflectance)
     if angles[-1] < 90.0:  # at grazing incidence every face reflects all light
-        angles, values = np.append(angles, 90.0), np.column_stack([values, np.ones(len(values))])
+        angles = np.append(angles, 90.0)
+        values = np.column_stack([values, np.ones(len(values))])
     cosines = np.where(angles < 90.0, np.cos(np.radians(angles)), 0.0)
-    curves, nodes = PchipInterpolator(cosines[::-1], values[:, ::-1], axis=1), np.array(table.wavelengths_nm)
+    curves = PchipInterpolator(cosines[::-1], values[:, ::-1], axis=1)
+    nodes = np.array(table.wavelengths_nm)
 
     def at(waves: Waves, cosines: Cosines) -> Pairs:
         rows: Reflectances = curves(cosines)
@@ -135,20 +141,28 @@ def stack_reflectances(
 
     ``waves``: nm; ``cosines``: in the less dense of both media.
     """
-    body, number = stack.body.at(waves)[:, None], 2.0 * np.pi / waves[:, None]
+    body = stack.body.at(waves)[:, None]
+    number = 2.0 * np.pi / waves[:, None]
     ends = np.full_like(body, around), body
     invariant = (np.minimum(*ends) ** 2) * (1.0 - cosines**2)  # (n sin)^2 of the angle, the same in every layer
     reflectances: list[Reflectances] = []
     for power in (0, 2):  # s and p: the admittance of a wave is n cos over n^power
         first, last = (np.sqrt(index**2 - invariant) / index**power for index in ends)
-        a, b, c, d = np.ones_like(first), np.zeros_like(first), np.zeros_like(first), np.ones_like(first)
+        a = np.ones_like(first)
+        b = np.zeros_like(first)
+        c = np.zeros_like(first)
+        d = np.ones_like(first)
         for layer in stack.layers:  # matrices [[a, -i b], [-i c, d]]
-            index, thick = layer.index.at(waves)[:, None], number * layer.thickness_nm
+            index = layer.index.at(waves)[:, None]
+            thick = number * layer.thickness_nm
             squared = index**2 - invariant
             cosine, sine = _waves(squared * thick**2)
-            up, down = sine * thick * index**power, sine * thick * squared / index**power
+            up = sine * thick * index**power
+            down = sine * thick * squared / index**power
             a, b, c, d = a * cosine - b * down, a * up + b * cosine, c * cosine + d * down, d * cosine - c * up
-        real, imaginary, both = a * first, b * first * last + c, d * last
+        real = a * first
+        imaginary = b * first * last + c
+        both = d * last
         less = (real - both) ** 2 + (b * first * last - c) ** 2
         reflectances.append(less / ((real + both) ** 2 + imaginary**2))
     return reflectances[0], reflectances[1]
@@ -157,7 +171,8 @@ def stack_reflectances(
 def _waves(squared: Reflectances) -> tuple[Reflectances, Reflectances]:
     """cos x and sin x / x of the phases x of which the squares are given; below 0 the wave is evanescent."""
     phase = np.sqrt(np.maximum(squared, 0.0))
-    cosine, sine = np.cos(phase), np.sinc(phase / np.pi)
+    cosine = np.cos(phase)
+    sine = np.sinc(phase / np.pi)
     evanescent = squared < 0.0
     if evanescent.any():
         depth = np.sqrt(np.maximum(-squared, 1e-16))
@@ -171,7 +186,8 @@ Table = Float[np.ndarray, "k m 2"]
 Span = tuple[float, float]  # least and largest wavelength (nm)
 
 _TABLE_ERROR = 3e-6  # of the splines, between their nodes
-_LEAST_CELLS, _MOST_CELLS = 32, 1024
+_LEAST_CELLS = 32
+_MOST_CELLS = 1024
 _GRAZING = 0.1  # cosine below which that error does not count: 6 degrees, at which no face is lit
 _PROBED = 9  # rows at which it is found
 _WHOLE_NM = 50.0  # the ends of a span are moved out to multiples, so that samples of a source share their tables
@@ -208,9 +224,9 @@ class CoatedFace:
 def coated_faces(media: Media) -> dict[str, CoatedFace]:
     """The faces with a film by name, both of the cover glass last, as GLASS; a mirror is none."""
     faces = {
-        each.face: CoatedFace(each.coating, media.around(each.around))
-        for each in media.coatings
-        if not isinstance(each.coating, Mirror)
+        coating.face: CoatedFace(coating.coating, media.around(coating.around))
+        for coating in media.coatings
+        if not isinstance(coating.coating, Mirror)
     }
     glass = media.cover_glass
     if glass is not None and glass.coating is not None:
@@ -222,7 +238,8 @@ def whole_span(wavelengths_nm: Float[np.ndarray, " n"] | None, media: Media) -> 
     """Span of some light, a little wider; of light without wavelengths that one at which ``media`` are given."""
     if wavelengths_nm is None or len(wavelengths_nm) == 0:
         return media.wavelength_nm, media.wavelength_nm
-    low, high = float(wavelengths_nm.min()), float(wavelengths_nm.max())
+    low = float(wavelengths_nm.min())
+    high = float(wavelengths_nm.max())
     return max(np.floor(low / _WHOLE_NM), 0.1) * _WHOLE_NM, np.ceil(high / _WHOLE_NM) * _WHOLE_NM
 
 
@@ -233,10 +250,10 @@ def coating_tables(media: Media, span_nm: Span) -> CoatingTables:
     Raises :class:`InputError` for layers too thick for a table.
     """
     curves = {name: face.reflectance(span_nm) for name, face in coated_faces(media).items()}
-    nodes = np.unique(np.concatenate([each.nodes_nm for each in curves.values()]))
+    nodes = np.unique(np.concatenate([curve.nodes_nm for curve in curves.values()]))
     single = span_nm[0] == span_nm[1] or len(nodes) == 0
     waves = np.array(span_nm[:1]) if single else nodes
-    return CoatingTables(waves, {name: _coefficients(each, waves) for name, each in curves.items()})
+    return CoatingTables(waves, {name: _coefficients(curve, waves) for name, curve in curves.items()})
 
 
 def least_reflectances(media: Media, span_nm: Span | None) -> dict[str, float]:

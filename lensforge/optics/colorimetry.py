@@ -115,7 +115,8 @@ def colour_temperature(uv: Float[np.ndarray, " 2"]) -> ColourTemperature | None:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # of light far from the locus, which is left out below
         cct_and_duv = np.asarray(uv_to_CCT_Ohno2013(uv * np.array([1.0, 2.0 / 3.0])))  # of CIE 1960 u, v
-    cct_k, duv = float(cct_and_duv[0]), float(cct_and_duv[1])
+    cct_k = float(cct_and_duv[0])
+    duv = float(cct_and_duv[1])
     known = np.isfinite([cct_k, duv]).all() and abs(duv) <= MOST_DUV and _CCT_K[0] <= cct_k <= _CCT_K[1]
     return ColourTemperature(cct_k, duv) if known else None
 

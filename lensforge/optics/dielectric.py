@@ -50,19 +50,22 @@ def coated_transmittances(
     ``table``: as in :mod:`~lensforge.optics.coatings`; ``rows``: place among its rows, of each ray or of all.
     """
     behind = module_of(cosine).sqrt(transmitted_cosine_squared(cosine, ratio))
-    xp, into = module_of(cosine), like(cosine, ratio)
+    xp = module_of(cosine)
+    into = like(cosine, ratio)
     denser = into < 1.0
     position = xp.where(denser, cosine, behind) * (table.shape[1] - 3)
     last = table.shape[1] - 4
     cell = whole(xp.where(position < last, position, last))  # NaN, which no light meets, is anything
     top = max(len(table) - 2, 0)
     low = whole(xp.where(rows < top, rows, top))
-    high, share = xp.where(low < len(table) - 1, low + 1, low), rows - low
+    high = xp.where(low < len(table) - 1, low + 1, low)
+    share = rows - low
     lost = xp.zeros_like(cosine)[:, None] * xp.zeros_like(table[0, 0])
     for j in range(4):  # a uniform cubic B-spline by its truncated powers
         away = abs(position - cell - (j - 1))
         weight = _above(2.0 - away) ** 3 / 6.0 - _above(1.0 - away) ** 3 * (2.0 / 3.0)
-        before, after = table[low, cell + j], table[high, cell + j]
+        before = table[low, cell + j]
+        after = table[high, cell + j]
         lost = lost + weight[:, None] * (before + share[:, None] * (after - before))
     excess = lost[:, 1] * xp.where(denser, 1.0, into**2)
     half = 0.5 * excess * (1.0 - cosine**2)
@@ -79,15 +82,17 @@ def unpolarised_fields(directions: Float[Array, "n 3"]) -> Float[Array, "n 2 3"]
     xp = module_of(directions)
     sideways = abs(directions[:, 0]) < 0.9
     axes = like(directions, np.eye(3))
-    one = xp.linalg.cross(directions, xp.where(sideways[:, None], axes[0], axes[1]))
-    one = one / lengths(one)[:, None]
-    return xp.stack([one, xp.linalg.cross(directions, one)], 1)
+    first = xp.linalg.cross(directions, xp.where(sideways[:, None], axes[0], axes[1]))
+    first = first / lengths(first)[:, None]
+    return xp.stack([first, xp.linalg.cross(directions, first)], 1)
 
 
 def passing_amplitudes(transmittances: Transmittances, ratio: Ratio) -> Amplitudes:
     """Amplitudes of light that passes: roots of both shares, which differ by excess and both sines over their sum."""
     xp = module_of(transmittances[0])
-    root_s, root_p = (xp.sqrt(xp.where(each > _DARK, each, _DARK)) for each in transmittances[:2])
+    root_s, root_p = (
+        xp.sqrt(xp.where(transmittance > _DARK, transmittance, _DARK)) for transmittance in transmittances[:2]
+    )
     return root_s, transmittances[2] / (ratio * (root_s + root_p))
 
 
@@ -112,17 +117,21 @@ def fields_behind(
     plane is stretched to the amplitude there (Yun, Crabtree and Chipman, Appl. Opt. 50, 2855, 2011), with no
     singularity at normal incidence, where the plane is none.
     """
-    xp, (across, more) = module_of(fields), amplitudes
+    xp = module_of(fields)
+    (across, more) = amplitudes
 
     def onto(vectors: Float[Array, "n 3"]) -> Inexact[Array, "n 2"]:
         return xp.einsum("nfi,ni->nf", fields, like(fields, vectors))
 
-    cosine, inside = ((each * normals).sum(1)[:, None] for each in (before, behind))
-    one, other = normals - cosine * before, normals - inside * behind  # in the plane, as long as the sines
+    cosine, inside = ((vectors * normals).sum(1)[:, None] for vectors in (before, behind))
+    # in the plane, as long as the sines
+    along_before = normals - cosine * before
+    along_behind = normals - inside * behind
     if reflected:
-        turned, other = fields - (2.0 * onto(normals))[:, :, None] * normals[:, None, :], -other
+        turned = fields - (2.0 * onto(normals))[:, :, None] * normals[:, None, :]
+        along_behind = -along_behind
     else:
         turn = onto(behind) / (1.0 + (before * behind).sum(1))[:, None]
         turned = fields - turn[:, :, None] * (before + behind)[:, None, :]
-    stretch = more[:, None] * onto(one)
-    return across[:, None, None] * turned + stretch[:, :, None] * other[:, None, :]
+    stretch = more[:, None] * onto(along_before)
+    return across[:, None, None] * turned + stretch[:, :, None] * along_behind[:, None, :]

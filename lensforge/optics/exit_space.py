@@ -17,10 +17,14 @@ from jaxtyping import Float
 
 from lensforge.optics.fundamental_limits import cell_solid_angles, etendue_from_ball
 
-_AZIMUTHS, _FEW = 24, 12  # over which lines are summed: 5e-4 of the étendue of a region; and from far beside the axis
+_AZIMUTHS = 24  # over which lines are summed: 5e-4 of the étendue of a region
+_FEW = 12  # and from far beside the axis
 _BESIDE = 3.0  # radii of a column: that far
-_NEAR, _FAR, _FARTHEST = 257, 1200, 1e6  # radii of a level plane up to twice that of a column, and beyond; relative
-_FINEST, _MOST_CELLS = 8, 128  # sub-cells along a side of a cell, as long as there are few cells
+_NEAR = 257  # radii of a level plane up to twice that of a column
+_FAR = 1200  # radii beyond
+_FARTHEST = 1e6  # relative to the radius of a column
+_FINEST = 8  # sub-cells along a side of a cell, as long as there are few cells
+_MOST_CELLS = 128
 _TINY = np.finfo(float).tiny
 
 Corners = Float[np.ndarray, "m n 3"]
@@ -130,25 +134,26 @@ class ExitColumn:
         if np.allclose(normals[..., 2], 1.0, atol=1e-9) and np.allclose(middles[..., 2], height, atol=1e-9):
             radii, known = _on_level(self, height)
             away = np.hypot(middles[..., 0], middles[..., 1])
-            return np.asarray([np.interp(away, radii, each) * areas for each in known])
-        found = self.projected_sr(middles.reshape(-1, 3), normals.reshape(-1, 3))
-        return np.asarray(found.reshape(-1, *areas.shape) * areas)
+            return np.asarray([np.interp(away, radii, known_row) * areas for known_row in known])
+        projected = self.projected_sr(middles.reshape(-1, 3), normals.reshape(-1, 3))
+        return np.asarray(projected.reshape(-1, *areas.shape) * areas)
 
     def _shown(self, directions: Float[np.ndarray, "h w 3"]) -> Images:
         """Area (mm^2) across each direction; of light that leaves a disc it does not depend on its height."""
         units = directions / np.linalg.norm(directions, axis=-1, keepdims=True)
-        ends, across = pi * self.radius_mm**2 * units[..., 2], np.hypot(units[..., 0], units[..., 1])
+        ends = pi * self.radius_mm**2 * units[..., 2]
+        across = np.hypot(units[..., 0], units[..., 1])
         if self.upward:
             return np.asarray(np.maximum(ends, 0.0)[None])
         return np.asarray(np.abs(ends) + 2.0 * self.radius_mm * self._thick_mm[:, None, None] * across)
 
     def projected_sr(self, points: _Points, normals: _Points) -> Float[np.ndarray, "k n"]:
         """Projected solid angle (sr) of each slab, from ``points`` (mm) of surfaces of these ``normals``."""
-        found = np.empty((len(self.slabs_mm), len(points)))
+        projected = np.empty((len(self.slabs_mm), len(points)))
         beside = np.hypot(points[:, 0], points[:, 1]) > _BESIDE * self.radius_mm
         for rows, azimuths in ((beside, _FEW), (~beside, _AZIMUTHS)):
-            found[:, rows] = self._summed(points[rows], normals[rows], azimuths)
-        return np.minimum(found, pi)
+            projected[:, rows] = self._summed(points[rows], normals[rows], azimuths)
+        return np.minimum(projected, pi)
 
     def _summed(self, points: _Points, normals: _Points, azimuths: int) -> Float[np.ndarray, "k n"]:
         """Sum over half-planes, in each of which a slab is a rectangle that polar angles of its corners bound."""
@@ -171,8 +176,10 @@ class ExitColumn:
 
         From points at ``axis_mm`` from the axis. Outside sines of the azimuths go as those of equal steps.
         """
-        steps, away = (np.arange(azimuths) + 0.5) / azimuths - 0.5, axis_mm[:, None]
-        outside, ratio = away > self.radius_mm, self.radius_mm / np.maximum(away, self.radius_mm)
+        steps = (np.arange(azimuths) + 0.5) / azimuths - 0.5
+        away = axis_mm[:, None]
+        outside = away > self.radius_mm
+        ratio = self.radius_mm / np.maximum(away, self.radius_mm)
         sine = ratio * np.sin(pi * steps)
         cosine = np.sqrt(1.0 - sine**2)
         turns = np.where(outside, np.arcsin(sine), 2.0 * pi * steps)

@@ -26,7 +26,8 @@ Least = tuple[Ways, Ways]  # of those by which it may enter the body, and leave 
 BY_SYMMETRY = "the symmetry of faces of revolution"  # a law, and what there is to change
 LEVELS = "lens.levels, such as [25]: faces of revolution make round light about the axis"
 _PEAKED = 2.5  # ratio of indices up to which a face transmits the most where it turns no light
-_TURNS, _BETWEEN = 128, 1.0001  # of a face at which others are looked at, and a bound of what lies between those
+_TURNS = 128  # of a face at which others are looked at
+_BETWEEN = 1.0001  # bound of the points between them
 _SPLITS = 512  # of a turn among two faces that differ: the bound is less than 3 % above what some split transmits
 
 
@@ -50,12 +51,12 @@ def best_transmittance(
         return once * once
     # once for all rays of one index that need not turn: in a scene they are most of all
     pairs, places = np.unique(np.stack([turn.ravel(), index.ravel()]), axis=1, return_inverse=True)
-    turns, first, second = pairs[0], *(_ratio(pairs[1], each) for each in (cavity_index, outside_index))
+    turns, first, second = pairs[0], *(_ratio(pairs[1], index) for index in (cavity_index, outside_index))
     bound: Turns = np.zeros_like(turns)
     for k in range(_SPLITS):
-        one = _at_most(k / _SPLITS * turns, first, least[0])
-        other = _at_most((1.0 - (k + 1) / _SPLITS) * turns, second, least[1])
-        bound = np.maximum(bound, one * other)
+        at_first = _at_most(k / _SPLITS * turns, first, least[0])
+        at_second = _at_most((1.0 - (k + 1) / _SPLITS) * turns, second, least[1])
+        bound = np.maximum(bound, at_first * at_second)
     return bound[places.ravel()].reshape(turn.shape)
 
 
@@ -65,7 +66,7 @@ def least_by_way(media: Media, span_nm: Span | None) -> Least:
     Mirrors are none of them. ``span_nm`` None: at any wavelength.
     """
     coated = least_reflectances(media, span_nm)
-    mirrors = {each.face for each in media.coatings if isinstance(each.coating, Mirror)}
+    mirrors = {coating.face for coating in media.coatings if isinstance(coating.coating, Mirror)}
     entering, leaving = (
         tuple(coated.get(face.name) for face in bounding(media.faces, medium) if face.name not in mirrors)
         for medium in (CAVITY, BODY)
@@ -83,7 +84,8 @@ def _at_most(deviation_rad: Turns, ratio: Turns, ways: Ways) -> Turns:
 
 
 def _of_bare(deviation_rad: Turns, ratio: Turns) -> Turns:
-    bare, peaked = face_transmittance(deviation_rad, ratio), ratio > _PEAKED
+    bare = face_transmittance(deviation_rad, ratio)
+    peaked = ratio > _PEAKED
     for share in np.linspace(0.0, 1.0, _TURNS if np.any(peaked) else 0):  # the most is near Brewster's angle
         turn = share * np.arccos(1.0 / ratio)
         bare = np.where(
@@ -112,7 +114,8 @@ def face_transmittance(deviation_rad: Turns, refractive_index: float | Turns) ->
     index = np.asarray(refractive_index, dtype=np.float64)
     below = index * np.cos(deviation_rad) - 1.0
     air = np.arctan2(index * np.sin(deviation_rad), np.maximum(below, 0.0))
-    cosine, inside = np.cos(air), np.cos(air - deviation_rad)
+    cosine = np.cos(air)
+    inside = np.cos(air - deviation_rad)
     with np.errstate(invalid="ignore", divide="ignore"):
         r_s = (cosine - index * inside) / (cosine + index * inside)
         r_p = (index * cosine - inside) / (index * cosine + inside)
@@ -131,8 +134,8 @@ def transmittance_of(media: Media) -> float:
         return behind
     index = np.full(1, media.body.refractive_index)
     sides = zip(least_by_way(media, None), (media.cavity_index, media.outside_index), strict=True)
-    one, other = (float(_at_most(np.zeros(1), _ratio(index, around), ways)[0]) for ways, around in sides)
-    return one * other * behind
+    inner, outer = (float(_at_most(np.zeros(1), _ratio(index, around), ways)[0]) for ways, around in sides)
+    return inner * outer * behind
 
 
 def cell_solid_angles(corners: Float[np.ndarray, "m n 3"]) -> Float[np.ndarray, "k l"]:
@@ -142,7 +145,10 @@ def cell_solid_angles(corners: Float[np.ndarray, "m n 3"]) -> Float[np.ndarray, 
     Eng. 30 (1983) 125): exact on a plane, right to the square of a cell's angle elsewhere.
     """
     units = corners / np.linalg.norm(corners, axis=-1, keepdims=True)
-    a, b, c, d = units[:-1, :-1], units[:-1, 1:], units[1:, 1:], units[1:, :-1]
+    a = units[:-1, :-1]
+    b = units[:-1, 1:]
+    c = units[1:, 1:]
+    d = units[1:, :-1]
     return _triangles(a, b, c) + _triangles(a, c, d)
 
 

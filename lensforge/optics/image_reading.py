@@ -68,7 +68,7 @@ def read_picture(path: Path | str, *, missing: str, orientation: int | None = No
     there is no file.
     """
     content = read_file(path, missing=missing, most_bytes=MOST_BYTES)
-    read = next((each for begin, each in _READERS.items() if content.startswith(begin)), None)
+    read = next((reader for begin, reader in _READERS.items() if content.startswith(begin)), None)
     if read is None:
         raise InputError(f"{path}: not a readable image, must be PNG, TIFF, JPEG or BMP; convert it")
     try:
@@ -94,7 +94,8 @@ def _png(content: bytes) -> Picture:
 
 def _pixels_only(content: bytes) -> bytes:
     """The PNG file without text and profiles, of which libpng may complain on the terminal."""
-    pieces, position = [content[:8]], 8
+    pieces = [content[:8]]
+    position = 8
     while position + 12 <= len(content):
         end = position + 12 + int.from_bytes(content[position : position + 4], "big")
         if content[position + 4 : position + 8] in (b"IHDR", b"PLTE", b"tRNS", b"IDAT", b"IEND"):
@@ -171,7 +172,8 @@ def _upright(picture: Picture) -> Picture:
 def _turned(values: Shaped[np.ndarray, "h w *c"], orientation: int) -> Shaped[np.ndarray, "a b *c"]:
     if orientation >= 5:
         values = values.swapaxes(0, 1)
-    flips_rows, flips_columns = orientation in (3, 4, 7, 8), orientation in (2, 3, 6, 7)
+    flips_rows = orientation in (3, 4, 7, 8)
+    flips_columns = orientation in (2, 3, 6, 7)
     return values[:: -1 if flips_rows else 1, :: -1 if flips_columns else 1]
 
 

@@ -124,7 +124,7 @@ class Formula:
         """The refractive index at each wavelength; NaN where the formula gives none."""
         kind = _KINDS[self.name]
         zeros = (0.0 for _ in range(kind.least - len(self.coefficients)))
-        given = [np.float64(each) for each in (*self.coefficients, *zeros)]  # whose powers raise no error
+        given = [np.float64(coefficient) for coefficient in (*self.coefficients, *zeros)]  # whose powers raise no error
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             value = kind.value(given, 1e-3 * np.asarray(wavelengths_nm, dtype=np.float64))
             return np.sqrt(value) if kind.squared else value
@@ -143,7 +143,8 @@ class IndexTable:
 
 
 REFERENCE_C = 20.0  # of catalogues, and of a drawing's lengths (ISO 1)
-LOWEST_C, HIGHEST_C = -100.0, 400.0
+LOWEST_C = -100.0
+HIGHEST_C = 400.0
 SCHOTT_COEFFICIENTS = 6
 _MEASURED_C = (-100.0, 140.0)  # of SCHOTT's coefficients
 _AIR_PER_K = 3.4785e-3  # at 15 C
@@ -204,7 +205,10 @@ def air_index(wavelengths_nm: Waves, celsius: float) -> Waves:
     return 1.0 + 1e-8 * at_15 / (1.0 + (celsius - 15.0) * _AIR_PER_K)
 
 
-D_LINE_NM, F_LINE_NM, C_LINE_NM = 587.5618, 486.1327, 656.2725  # He d, H F, H C: where n_d and V_d are defined
+# Wavelengths at which n_d and V_d are defined: He d, H F, H C.
+D_LINE_NM = 587.5618
+F_LINE_NM = 486.1327
+C_LINE_NM = 656.2725
 _BEYOND = 0.1  # how far, in parts of the wavelength, formulas without a pole nearby are trusted beyond their range
 
 
@@ -308,7 +312,8 @@ class Material:
     @property
     def known(self) -> str:
         """The measured and the trusted range in words."""
-        (low, high), (least, most) = self.range_nm, self.trusted_nm
+        (low, high) = self.range_nm
+        (least, most) = self.trusted_nm
         if self.extrapolation_error is None:
             return f"known from {low:g} to {high:g} nm"
         return f"known from {low:g} to {high:g} nm, and extrapolated from {least:g} to {most:g} nm"

@@ -44,7 +44,8 @@ def read_material_table(path: Path, name: str) -> Material:
     if len(table) < 2:
         raise InputError(f"{path}: must be two rows at least of wavelength (nm), index and, if known, transmittance")
     order = np.argsort(table[:, 0])
-    waves, per_mm = table[order, 0], _per_mm(table, rows)
+    waves = table[order, 0]
+    per_mm = _per_mm(table, rows)
     if waves[-1] < _LEAST_NM or (np.diff(waves) <= 0.0).any():
         raise InputError(f"{path}: wavelengths must be in nm, each once; they go from {waves[0]:g} to {waves[-1]:g}")
     index = IndexTable(tuple(waves.tolist()), tuple(table[order, 1].tolist()))

@@ -38,7 +38,7 @@ class Pose:
     @staticmethod
     def of_axes(axes: Float[np.ndarray, "3 3"], origin_mm: _Three = ORIGIN) -> "Pose":
         """The frame with the unit vectors x, y, z in the rows of ``axes``."""
-        x, y, z, origin = (_vector(each) for each in (*axes, origin_mm))
+        x, y, z, origin = (_vector(axis) for axis in (*axes, origin_mm))
         return Pose(origin, (x, y, z))
 
     @staticmethod
@@ -63,7 +63,8 @@ class Pose:
     def displaced(shift_mm: _Three = ORIGIN, rotation_rad: _Three = ORIGIN, centre_mm: Vector = ORIGIN) -> "Pose":
         """The frame turned about ``centre_mm`` by the rotation vector, and then shifted (Rodrigues' formula)."""
         x, y, z = rotation_rad
-        angle, cross = hypot(x, y, z), np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+        angle = hypot(x, y, z)
+        cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
         half = np.sinc(0.5 * angle / pi)
         rotation = np.eye(3) + np.sinc(angle / pi) * cross + 0.5 * half**2 * cross @ cross
         centre = np.array(centre_mm)
@@ -128,9 +129,9 @@ class Pose:
         """The frame that stands in this one as ``inner`` says, in coordinates of what this one stands in."""
         return Pose.of_axes(self.directions(np.array(inner.axes)), self.points(np.array(inner.origin_mm)))
 
-    def seen_from(self, other: "Pose") -> "Pose":
+    def seen_from(self, frame: "Pose") -> "Pose":
         """The same frame in coordinates of another one that stands in the same."""
-        return Pose.of_axes(other.own_directions(np.array(self.axes)), other.own_points(np.array(self.origin_mm)))
+        return Pose.of_axes(frame.own_directions(np.array(self.axes)), frame.own_points(np.array(self.origin_mm)))
 
     @property
     def inverse(self) -> "Pose":
@@ -171,13 +172,17 @@ def _vector(values: Any) -> Vector:
 
 
 def _about(axis: int, angle_deg: float) -> _Matrix:
-    cosine, sine = cos(radians(angle_deg)), sin(radians(angle_deg))
+    cosine = cos(radians(angle_deg))
+    sine = sin(radians(angle_deg))
     if angle_deg % 90.0 == 0.0:
-        cosine, sine = round(cosine), round(sine)
-    one, other = (axis + 1) % 3, (axis + 2) % 3
+        cosine = round(cosine)
+        sine = round(sine)
+    first = (axis + 1) % 3
+    second = (axis + 2) % 3
     rotation = np.eye(3)
-    rotation[one, one] = rotation[other, other] = cosine
-    rotation[other, one], rotation[one, other] = sine, -sine
+    rotation[first, first] = rotation[second, second] = cosine
+    rotation[second, first] = sine
+    rotation[first, second] = -sine
     return rotation
 
 

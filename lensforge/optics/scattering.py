@@ -97,7 +97,8 @@ def shares_within(radii: Values, density: Callable[[Values], Values]) -> Values:
 
     The cosine of a scatter function is in it: ``density`` times it and the solid angle is ``density`` d^2 t.
     """
-    middle, half = 0.5 * (radii[1:] + radii[:-1]), 0.5 * np.diff(radii)
+    middle = 0.5 * (radii[1:] + radii[:-1])
+    half = 0.5 * np.diff(radii)
     places = middle[:, None] + half[:, None] * _NODES
     rings = half * ((2.0 * np.pi * places * density(places.ravel()).reshape(places.shape)) @ _WEIGHTS)
     return np.concatenate([[0.0], np.cumsum(rings)])

@@ -5,25 +5,29 @@ numbers say. Rays see the optical faces alone. A base that is too thick, a bore 
 seen by volume, area and box of each file against those of the export.
 """
 
-import math
 from collections.abc import Iterator
 from itertools import chain
 
-from lensforge.proof.file_form import form_criteria
-from lensforge.proof.proof_result import (
-    FINER,
-    Agreement,
-    BrepCast,
-    IndependentRays,
-    MitsubaCast,
-    Proof,
-    ReceiverProof,
-    SizedFile,
-    Sizes,
-)
-from lensforge.proof.remedies import Evidence, form_of_mesh, form_of_step
+from lensforge.proof.cast_results import Agreement, BrepCast, MitsubaCast, SizedFile, Sizes
+from lensforge.proof.remedies import FINER, Evidence, form_of_mesh, form_of_step
 from lensforge.results import BodySize, Fact
-from lensforge.results.criteria import Criteria, at_most, criteria_of, under
+from lensforge.results.criteria import at_most, declare_words
+
+_MESH, _STEP = "mesh (lens.stl)", "STEP file"
+_FILES = {"": _MESH, "brep_": _STEP, "mitsuba_": f"{_MESH} in Mitsuba"}  # by the beginning of a criterion's name
+_WORDS = {
+    "deviation_rms": "ray displacement by the {}",
+    "flux_deviation": "flux of each ray through the {}, against the design",
+    "fate_disagreement_flux": "flux that ends otherwise through the {}",
+    "fate_disagreements": "rays that end otherwise through the {}",
+    "nmse_vs_design": "pattern of the {}, against the design",
+    "volume_change": "volume of the {}, against the export",
+    "area_change": "area of the {}, against the export",
+    "box_change": "outer size of the {}, against the export",
+}
+for _prefix, _file in _FILES.items():
+    for _name, _words in _WORDS.items():
+        declare_words(f"{_prefix}{_name}", _words.format(_file))
 
 # Share of flux: rays that graze the rim or the limit of total reflection may end either way.
 FLUX_SHARE = 1e-3
@@ -32,30 +36,15 @@ NOISE_ALLOWANCE = 1e-3  # of the NMSE against the design's irradiance
 
 BLOCKS = 16  # of rays, whose pictures tell light from noise
 LEAST_RAYS = 4 * BLOCKS  # for a picture of each block
-_ERRORS = 4.0  # standard errors: of 100,000 right samplers 6 would be taken for a wrong one
+ERRORS = 4.0  # standard errors: of 100,000 right samplers 6 would be taken for a wrong one
 # Of 27 means and products of a right sampler one is that many standard errors off in 1 of 975,000 verifications.
 MOST_APART = 5.5
 _WRONG = "the design's source is sampled wrongly, please report it"
-_EMITTED = f"the design's rays differ in place or direction from the description of the source: {_WRONG}"
-
-
-def independent_rays_criteria(independent: IndependentRays) -> list[Fact]:
-    """Acceptance criteria of the light of these rays: within noise of the design's."""
-    error = math.hypot(
-        independent.efficiency.standard_error or 0.0, independent.efficiency_design.standard_error or 0.0
-    )
-    remedy = (
-        "rays drawn from the source's description make other light than the design's: evaluate and verify again; if "
-        f"it stays where all other criteria are met, {_WRONG}"
-    )
-    apart = abs(independent.efficiency.value - independent.efficiency_design.value)
-    criteria = [at_most("own_rays_efficiency", apart, FLUX_SHARE + _ERRORS * error, "of the flux", remedy)]
-    seen = independent.nmse_less_noise
-    if seen is not None:
-        criteria.append(
-            at_most("own_rays_nmse", seen.value, NOISE_ALLOWANCE + _ERRORS * (seen.standard_error or 0.0), "", remedy)
-        )
-    return criteria
+EMITTED_OTHERWISE = f"the design's rays differ in place or direction from the description of the source: {_WRONG}"
+OTHER_LIGHT = (
+    "rays drawn from the source's description make other light than the design's: evaluate and verify again; if "
+    f"it stays where all other criteria are met, {_WRONG}"
+)
 
 
 # Faces that another CAD program has written again may lie so far off: a fifth of the finest tolerance of a drawing. The
@@ -75,7 +64,7 @@ _UNITS = {
     1000.0: "the file is a thousand times too large, as if its mm were metres",
 }
 _NEAR_UNIT = 2e-3  # relative: of the ratio of boxes, whose facets may differ
-_ELSEWHERE = "lens.stl has a face that the design has not, or one of its faces lies elsewhere: export again"
+ELSEWHERE = "lens.stl has a face that the design has not, or one of its faces lies elsewhere: export again"
 INWARDS = "its facets face inwards (the volume is negative): flip their normals, and write the file again"
 
 
@@ -180,66 +169,6 @@ def noise_limit(floor: float) -> float:
     return NOISE_FLOORS * floor + NOISE_ALLOWANCE
 
 
-def proof_criteria(proof: Proof, *, on_plate: bool = False) -> Criteria:
-    """Acceptance criteria of all casts of a part; those of further receivers carry the receiver's name.
-
-    ``on_plate``: all lamps together are those of a plate.
-    """
-    broken = "do not trust this verification, its casting is broken: please report it"
-    criteria = [
-        at_most("open_edges", proof.open_edges, 0.0, "edges", "export again: the mesh is not closed"),
-        at_most("plain_cast_disagreements", proof.plain_cast.disagreements, 0.0, "casts", broken),
-        *([at_most("far_facets", proof.far_facets, 0.0, "facets", _ELSEWHERE)] if proof.far_facets else []),
-        *size_criteria(proof.sizes),
-        *chain.from_iterable(map(form_criteria, proof.forms)),
-    ]
-    if proof.emission_apart is not None:
-        criteria.append(at_most("own_rays_emission", proof.emission_apart, MOST_APART, "standard errors", _EMITTED))
-    for number, receiver in enumerate(proof.receivers):
-        of_receiver = _receiver_criteria(proof, receiver)
-        criteria += of_receiver if number == 0 else [under(receiver.name, each) for each in of_receiver]
-    lamps, file = ("plate", "plate.stl") if on_plate else ("lamps", "lens.stl")
-    finer = f"verify with more rays, or export again: {file} is not the lens of lens.json at its places"
-    for lit in proof.together:
-        limit = noise_limit(lit.noise_floor_nmse)
-        criteria.append(under(lit.name, at_most(f"{lamps}_nmse_vs_sum", lit.nmse_vs_sum, limit, "", finer)))
-    return tuple(criteria)
-
-
-def _receiver_criteria(proof: Proof, receiver: ReceiverProof) -> list[Fact]:
-    """Criteria of the casts on one receiver; the reach of its light follows from the limit of the deviation."""
-    brep, mitsuba, reach_mm = receiver.brep, receiver.mitsuba, receiver.deviation_limit_mm / DEVIATION_RAD
-    step_alike = None if brep is None else brep_evidence(brep, reach_mm).lands_alike
-    other = INWARDS if proof.volume_mm3 < 0.0 else other_body(proof.sizes, "lens.stl")
-    fine = proof.facet_height_um.rms <= FINE_FACETS_UM
-    form = form_of_mesh(proof.open_edges, step_alike, other, fine=fine and not step_alike)
-    fault = other if proof.open_edges == 0 else ""
-    limit_mm, same_form = receiver.deviation_limit_mm, _has_form(proof, "lens.step")
-    evidence = Evidence(receiver.against_design, limit_mm, FLUX_SHARE, FATE_SHARE, form, fault, fine)
-    return [
-        *_mesh_criteria(receiver, evidence),
-        *([] if brep is None else brep_criteria(brep, reach_mm, other_body(proof.sizes, "lens.step"), same_form)),
-        *([] if mitsuba is None else mitsuba_criteria(mitsuba, reach_mm, other, fine=fine)),
-        *([] if receiver.own_rays is None else independent_rays_criteria(receiver.own_rays)),
-    ]
-
-
-def _has_form(proof: Proof, name: str) -> bool:
-    """True where the form of the file ``name`` is known, and is that of the design."""
-    form = next((each for each in proof.forms if each.name == name), None)
-    return form is not None and all(each.holds for each in form_criteria(form))
-
-
-def _mesh_criteria(proof: ReceiverProof, evidence: Evidence) -> Iterator[Fact]:
-    floor = proof.noise_floor_nmse
-    same_rays = SAME_RAYS_FLOORS * floor + SAME_RAYS_ALLOWANCE
-    noise = "evaluate the design with more rays and the same filter, or verify with more rays"
-    light = noise if proof.nmse_same_rays <= same_rays else evidence.of_pixels()
-    yield from _cast_criteria("", evidence)
-    yield at_most("nmse_same_rays", proof.nmse_same_rays, same_rays, "", evidence.of_pixels())
-    yield at_most("nmse_vs_design", proof.nmse_vs_design, noise_limit(floor), "", light)
-
-
 def _landing_criteria(prefix: str, evidence: Evidence) -> list[Fact]:
     """Criteria of rays cast through a file: where they land, and their flux."""
     design = evidence.agreement
@@ -249,7 +178,7 @@ def _landing_criteria(prefix: str, evidence: Evidence) -> list[Fact]:
     ]
 
 
-def _cast_criteria(prefix: str, evidence: Evidence) -> list[Fact]:
+def cast_criteria(prefix: str, evidence: Evidence) -> list[Fact]:
     """Criteria of rays cast through a mesh: where they land, their flux, and the flux of other fates."""
     fates = evidence.agreement.fates_flux
     return [
@@ -260,7 +189,7 @@ def _cast_criteria(prefix: str, evidence: Evidence) -> list[Fact]:
 
 def mesh_landing_criteria(agreement: Agreement, limit_mm: float) -> list[Fact]:
     """Criteria of rays that are cast through a mesh on trial; ``limit_mm``: the most that they may land off."""
-    return list(_cast_criteria("", Evidence(agreement, limit_mm, FLUX_SHARE, FATE_SHARE, FINER)))
+    return list(cast_criteria("", Evidence(agreement, limit_mm, FLUX_SHARE, FATE_SHARE, FINER)))
 
 
 def brep_criteria(cast: BrepCast, reach_mm: float, fault: str = "", same_form: bool = False) -> list[Fact]:
@@ -292,28 +221,4 @@ def mitsuba_criteria(cast: MitsubaCast, reach_mm: float, fault: str = "", *, fin
     limit, form = MITSUBA_DEVIATION_RAD * reach_mm, form_of_mesh(0, None, fine=fine)
     seen = Evidence(design, limit, MITSUBA_FLUX_SHARE, MITSUBA_FATE_SHARE, form, fault, fine)
     nmse = at_most("mitsuba_nmse_vs_design", cast.nmse_vs_design, floor, "", seen.of_pixels())
-    return [nmse, *_cast_criteria("mitsuba_", seen)]
-
-
-_LANDING = ("deviation_rms", "flux_deviation", "fate_disagreement_flux")
-# Misses of one mesh with coarse facets; the latter also have causes that are not facets, and need one of the former.
-_OF_FACETS = {*_LANDING, "nmse_same_rays", *(f"mitsuba_{name}" for name in (*_LANDING, "nmse_vs_design"))}
-_BEHIND_FACETS = {"nmse_vs_design", "own_rays_efficiency", "own_rays_nmse", "lamps_nmse_vs_sum", "plate_nmse_vs_sum"}
-
-
-def facet_misses(proof: Proof) -> tuple[Fact, ...]:
-    """Criteria that the facets of a mesh miss beside a STEP file that lands all light: they fail no part.
-
-    Empty where anything else is missed, and where the form of the files or the light of the STEP file is not known.
-    """
-    missed = tuple(criterion for criterion in criteria_of(proof) if criterion.state == "fail")
-    names = {criterion.key.rpartition(": ")[2] for criterion in missed}
-    by_step = all(receiver.brep is not None for led in proof.by_led.values() for receiver in led.receivers)
-    of_facets = bool(names & _OF_FACETS) and names <= _OF_FACETS | _BEHIND_FACETS
-    return missed if of_facets and by_step and proof.forms else ()
-
-
-def deciding_criteria(result: object) -> Iterator[Fact]:
-    """Criteria of a result by which files pass or fail: of a verification without :func:`facet_misses`."""
-    facets = facet_misses(result) if isinstance(result, Proof) else ()
-    yield from (criterion for criterion in criteria_of(result) if criterion not in facets)
+    return [nmse, *cast_criteria("mitsuba_", seen)]

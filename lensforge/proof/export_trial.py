@@ -33,12 +33,12 @@ from lensforge.proof.acceptance import (
     brep_criteria,
     mesh_landing_criteria,
 )
+from lensforge.proof.cast_results import Agreement, BrepCast
 from lensforge.proof.casts import expected_of, of_one_lamp, traced_exactly
 from lensforge.proof.facet_casting import Grid
 from lensforge.proof.part_comparison import Expected, Landed, compare
 from lensforge.proof.part_mesh import read_part_mesh
 from lensforge.proof.proof_inputs import optical_of
-from lensforge.proof.proof_result import Agreement, BrepCast
 from lensforge.proof.sequential_cast import send_through
 from lensforge.results import Fact
 from lensforge.scene.lens import Lens

@@ -4,15 +4,15 @@ Of a mesh the corners of each facet lie on one face, to rounding, and its middle
 that from which the corners are least off together. A mesh may be open, or lack a face, as a body of faces may.
 """
 
-from collections.abc import Iterator
 from dataclasses import dataclass, field
+from typing import Annotated
 
 import numpy as np
 from jaxtyping import Float, Int
 
 from lensforge.proof.designed_body import Designed, DesignedBody, StandingWalls
-from lensforge.results import Count, Fact, NotNegative, Point, Record, Text
-from lensforge.results.criteria import at_most
+from lensforge.results import Count, NotNegative, Point, Record, Text
+from lensforge.results.figure import Criterion, Figure, criteria_in, figure
 
 _Points = Float[np.ndarray, "n 3"]
 _Values = Float[np.ndarray, " n"]
@@ -26,6 +26,9 @@ _STATED = 1.05  # of the stated chord error, which is known to 1 %, and at the m
 _UM_PER_MM = 1e3
 
 
+_AGAIN = "export again, it is not the part that was designed"
+
+
 class FileForm(Record):
     """Form of the body in the file ``name``: its point farthest off the design (um), next to ``face``, and where.
 
@@ -35,21 +38,40 @@ class FileForm(Record):
     """
 
     name: Text
-    off_um: NotNegative
+    off_um: Annotated[
+        NotNegative,
+        Figure("{name}", "largest, next to {face}", key="form {name}", unit="nm", digits=2),
+        Criterion(
+            "<=", "limit_um", "largest form error", f"at {{place}}, next to {{face}}; {_AGAIN}", name="form", unit="um"
+        ),
+    ]
     face: Text
     at_mm: Point
     limit_um: NotNegative
     open_edges: Count
     lacking: tuple[Text, ...] = ()
 
+    @property
+    @figure(Criterion("<=", 0.0, "open edges and missing faces", f"{{gap_words}}; {_AGAIN}"))
+    def gaps(self) -> int:
+        """Number of open edges and missing faces."""
+        return self.open_edges + len(self.lacking)
 
-def form_criteria(form: FileForm) -> Iterator[Fact]:
-    """The criteria of one file; their names begin with its."""
-    again, (x, y, z) = "export again, it is not the part that was designed", form.at_mm
-    where = f"at ({x:.4g}, {y:.4g}, {z:.4g}) mm, next to {form.face}; {again}"
-    yield at_most(f"{form.name}: form", form.off_um, form.limit_um, "um", where)
-    gaps = f"it has nothing of {', '.join(form.lacking[:3])}" if form.lacking else "it is not closed"
-    yield at_most(f"{form.name}: gaps", form.open_edges + len(form.lacking), 0.0, "", f"{gaps}; {again}")
+    @property
+    def gap_words(self) -> str:
+        """What is missing, in words."""
+        return f"it has nothing of {', '.join(self.lacking[:3])}" if self.lacking else "it is not closed"
+
+    @property
+    def place(self) -> str:
+        """The place of the point, in words."""
+        x, y, z = self.at_mm
+        return f"({x:.4g}, {y:.4g}, {z:.4g}) mm"
+
+    @property
+    def is_right(self) -> bool:
+        """True where the form is that of the design."""
+        return all(criterion.holds for criterion in criteria_in(self))
 
 
 @dataclass

@@ -17,11 +17,11 @@ import numpy as np
 
 from lensforge.errors import refused
 from lensforge.optics.media import Media
+from lensforge.proof.cast_results import Gaps, MitsubaCast
 from lensforge.proof.facet_tilt import Arrival, FaceNumbers, facet_slopes, tilted
 from lensforge.proof.optical_faces import OpticalFaces
 from lensforge.proof.part_comparison import Expected, compare, drawn, gap_quantiles, share
 from lensforge.proof.part_mesh import PartMesh
-from lensforge.proof.proof_result import Gaps, MitsubaCast
 from lensforge.proof.receiver_screen import nmse
 from lensforge.proof.refraction import LitRays
 from lensforge.proof.sequential_cast import CastFate, Passage, SurfaceHits, absorb, at_faces, behind_lens, dim, mirrors

@@ -14,13 +14,15 @@ from jaxtyping import Bool, Float, Int, Shaped
 from lensforge.errors import InputError
 from lensforge.optics.media import Media
 from lensforge.proof.acceptance import BLOCKS, LEAST_RAYS
+from lensforge.proof.cast_results import Agreement, FatePair, PartFlux
 from lensforge.proof.facet_casting import Grid
 from lensforge.proof.optical_faces import OpticalFaces
 from lensforge.proof.part_mesh import PartMesh, read_part_mesh
-from lensforge.proof.proof_result import Agreement, FatePair, IndependentRays, LampsTogether, PartFlux
+from lensforge.proof.proof_result import IndependentRays, LampsTogether
 from lensforge.proof.receiver_screen import Screen, squared_norm
 from lensforge.proof.sequential_cast import CastFate, LandedRays, Passage, send_through
 from lensforge.results import Metric
+from lensforge.results.replicate_pairs import error_over_pairs, mean_over_pairs
 from lensforge.sources.ray_bundle import RayBundle
 
 
@@ -215,8 +217,7 @@ def judge_independent_rays(
 def _nmse_less_noise(landed: LandedRays, expected: Expected, noise: float | None) -> Metric | None:
     """NMSE of the light behind the rays against the design's picture, whose own NMSE by noise is ``noise``.
 
-    The mean product of the errors of two different blocks of rays has no noise of these rays (Hoeffding 1948); its
-    standard error is by the jackknife over the blocks, up to 1.4 times too large (Efron & Stein 1981).
+    The mean product of the errors of two different blocks of rays has no noise of these rays (Hoeffding 1948).
     """
     if noise is None or len(landed.flux) < LEAST_RAYS:
         return None
@@ -227,11 +228,7 @@ def _nmse_less_noise(landed: LandedRays, expected: Expected, noise: float | None
     )
     errors = np.stack([picture - expected.irradiance for picture in pictures]).reshape(BLOCKS, -1)
     products = errors @ errors.T / squared_norm(expected.irradiance)
-    np.fill_diagonal(products, 0.0)
-    total = float(products.sum())
-    without = (total - 2.0 * products.sum(axis=1)) / ((BLOCKS - 1) * (BLOCKS - 2))
-    error = np.sqrt((BLOCKS - 1) / BLOCKS * np.sum((without - without.mean()) ** 2))
-    return Metric(value=total / (BLOCKS * (BLOCKS - 1)) - noise, standard_error=float(error))
+    return Metric(value=mean_over_pairs(products) - noise, standard_error=error_over_pairs(products))
 
 
 @dataclass(frozen=True, eq=False)

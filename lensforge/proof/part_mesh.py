@@ -20,9 +20,9 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from lensforge.errors import InputError
+from lensforge.proof.cast_results import SizedFile
 from lensforge.proof.file_form import open_edges
 from lensforge.proof.optical_faces import FAR_MM, NO_FACE, USUAL_LENS, OpticalFaces, PlateOfLenses
-from lensforge.proof.proof_result import SizedFile
 from lensforge.results import BodySize, Box
 from lensforge.results.file_bounds import MOST_TRIANGLES, made_here, stl_corners
 

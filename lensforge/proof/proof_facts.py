@@ -1,26 +1,16 @@
 """Facts of the verification: each independent tracer of the exported part against the design, and stray light."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
-from lensforge.proof.acceptance import facet_misses
-from lensforge.proof.file_form import FileForm
-from lensforge.proof.proof_result import (
-    BrepCast,
-    IndependentRays,
-    LampsTogether,
-    LandingDeviation,
-    MitsubaCast,
-    Proof,
-    ReceiverProof,
-    ReceiverStray,
-    StrayLight,
-)
-from lensforge.results import Fact, FactState, Group
-from lensforge.results.criteria import named, state_of
-from lensforge.results.numerals import number, percent, quantity, square
+from lensforge.proof.cast_results import BrepCast, LandingDeviation, MitsubaCast
+from lensforge.proof.proof_result import IndependentRays, Proof, ReceiverStray, StrayLight
+from lensforge.results import Fact, Group
+from lensforge.results.criteria import state_of, under_name
+from lensforge.results.figure import facts_in
+from lensforge.results.numerals import number, quantity, square
 
 _CAUSES = {
     "inner_reflection": "reflected at the cavity",
@@ -42,44 +32,35 @@ _ENDS = {
 }
 
 
-_PRINT_MESH = Fact(
-    "print_mesh",
-    "Mesh",
-    "too coarse for the light",
-    notice="lens.step is right and decides; `lensforge export` without --rings makes a mesh as fine as the light asks",
-)
+def proof_facts(proof: Proof, lamp: str = "", lamps: str = "") -> list[Group]:
+    """A group for each receiver, with each LED; the form of the files; and all lamps together.
 
-
-def proof_facts(
-    proof: Proof, designed: Mapping[tuple[str, str], float], lamp: str = "", lamps: str = "", *, on_plate: bool = False
-) -> list[Group]:
-    """A group for each receiver, with each LED; ``designed``: efficiency of the design's light by LED and receiver.
-
-    ``lamp``: words on the one whose rays are compared, of several, ``lamps``: on all; ``on_plate``: all stand on one.
+    ``lamp``: words on the one whose rays are compared, of several, ``lamps``: on all.
     """
-    parts = [
-        Group(
-            "part",
-            f"Exported part{lit.ending}",
-            tuple(_receiver(lit, designed.get((lit.result.led, lit.receiver.name)), lamp)),
-            lamp,
-        )
-        for lit in lit_receivers(proof)
-    ]
-    forms = [Group("forms", "Form of the files", tuple(_form(each, proof) for each in proof.forms))]
-    if facet_misses(proof):
-        parts[0] = replace(parts[0], facts=(*parts[0].facts, _PRINT_MESH))
-    title = "All lamps of the plate" if on_plate else "All lamps with this lens"
+    on_receivers = lit_receivers(proof)
+    parts = [Group("part", f"Exported part{lit.ending}", tuple(_part(lit, proof, lamp)), lamp) for lit in on_receivers]
+    forms = [fact for form in proof.forms for fact in facts_in(proof, under_name(proof.criteria, form.name), form)]
+    title = "All lamps of the plate" if proof.on_plate else "All lamps with this lens"
     together = [
-        Group(
-            "together",
-            f"{title}{lit.ending}",
-            tuple(_together(lit.result.together[lit.index], lit.result, lamps, on_plate)),
-        )
-        for lit in lit_receivers(proof)
+        Group("together", f"{title}{lit.ending}", tuple(_together(lit, lamps)))
+        for lit in on_receivers
         if lit.result.together
     ]
-    return [*parts, *(forms if proof.forms else []), *together]
+    return [*parts, *([Group("forms", "Form of the files", tuple(forms))] if forms else []), *together]
+
+
+def _part(lit: "LitReceiver", proof: Proof, lamp: str) -> Iterator[Fact]:
+    """Light on one receiver; beside that on the first, the number of rays and whether the mesh is for prints alone."""
+    yield from facts_in(lit.result, lit.criteria, lit.receiver)
+    if lit.index == 0:
+        whole = proof if lit.result.led == proof.led else lit.result  # facets are judged with all LEDs
+        yield from (replace(fact, note=lamp) if fact.key == "part_rays" else fact for fact in facts_in(whole))
+
+
+def _together(lit: "LitReceiver", lamps: str) -> Iterator[Fact]:
+    all_lamps = lit.result.together[lit.index]
+    nmse, *others = facts_in(lit.result, under_name(lit.result.criteria, all_lamps.name), all_lamps)
+    return iter([replace(nmse, note=f"{lamps}; {nmse.note}"), *others])
 
 
 @dataclass(frozen=True)
@@ -95,6 +76,12 @@ class LitReceiver:
         """The light on it."""
         return self.result.receivers[self.index]
 
+    @property
+    def criteria(self) -> Sequence[Fact]:
+        """The criteria on it, without its name."""
+        criteria: Sequence[Fact] = self.result.criteria
+        return [*criteria] if self.index == 0 else under_name(criteria, self.receiver.name)
+
 
 def lit_receivers(result: Proof | StrayLight) -> list[LitReceiver]:
     """Every receiver with every LED."""
@@ -103,20 +90,6 @@ def lit_receivers(result: Proof | StrayLight) -> list[LitReceiver]:
         for led, of_led in result.by_led.items()
         for index, on in enumerate(map(partial(suffix, of_led.receivers), range(len(of_led.receivers))))
     ]
-
-
-def _form(form: FileForm, proof: Proof) -> Fact:
-    state = state_of(proof.criteria, f"{form.name}: form")
-    note = f"largest, next to {form.face}"
-    return Fact(f"form {form.name}", form.name, 1e3 * form.off_um, "nm", state=state, note=note, digits=2)
-
-
-def _together(lit: LampsTogether, proof: Proof, lamps: str, on_plate: bool) -> Iterator[Fact]:
-    judged = named(proof.criteria, f"{lit.name}: {'plate' if on_plate else 'lamps'}_nmse_vs_sum")
-    note = f"{lamps}; ray noise alone: {number(lit.noise_floor_nmse, 3)}"
-    yield Fact("nmse_vs_sum", "NMSE against the sum", lit.nmse_vs_sum, note=note, digits=3).judged_as(judged)
-    label = "Efficiency of the plate" if on_plate else "Efficiency of all lamps"
-    yield Fact.share("plate_efficiency", label, lit.efficiency, "through its mesh")
 
 
 def tracer_groups(proof: Proof) -> list[Group]:
@@ -128,21 +101,14 @@ def tracer_groups(proof: Proof) -> list[Group]:
 def stray_facts(stray: StrayLight, lamps: str = "") -> list[Group]:
     """A group of the stray light on each receiver, with each LED; ``lamps``: words on those whose light it is."""
     return [
-        Group(
-            "stray",
-            f"Stray light{lit.ending}",
-            (*_stray(lit.result, lit.receiver, lamps), *_neighbours(lit.result)),
-            lamps,
-        )
-        for lit in lit_receivers(stray)
+        Group("stray", f"Stray light{lit.ending}", tuple(_stray(lit, lamps)), lamps) for lit in lit_receivers(stray)
     ]
 
 
-def _neighbours(stray: StrayLight) -> tuple[Fact, ...]:
-    if stray.lenses == 1:
-        return ()
-    note = f"share of one lamp's light that meets another of the {stray.lenses} lenses"
-    return (Fact.share("neighbours", "Enters another lens", stray.neighbours, note),)
+def _stray(lit: "LitReceiver", lamps: str) -> Iterator[Fact]:
+    yield from facts_in(lit.result, (), lit.receiver)
+    for fact in facts_in(lit.result):
+        yield replace(fact, note="; ".join(filter(None, (lamps, fact.note)))) if fact.key == "stray_rays" else fact
 
 
 def stray_budget(receiver: ReceiverStray) -> tuple[list[tuple[str, float]], list[tuple[str, float]]]:
@@ -158,38 +124,8 @@ def suffix(receivers: Sequence[object], index: int) -> str:
     return f", {receivers[index].name}" if len(receivers) > 1 else ""  # type: ignore[attr-defined]
 
 
-def _receiver(lit: LitReceiver, designed: float | None, lamp: str) -> Iterator[Fact]:
-    proof, receiver, index = lit.result, lit.receiver, lit.index
-    gap = receiver.against_design
-    at = "at 1 m, " if receiver.far_field else ""
-    yield Fact(
-        "landing",
-        "Ray displacement",
-        *_length(gap.rms),
-        state=_state(proof.criteria, receiver, index, "deviation_rms"),
-        note=f"rms, {at}part against design; at most {quantity(*_length(gap.max), digits=2)}",
-        digits=2,
-    )
-    yield Fact(
-        "nmse_vs_design",
-        "NMSE against the design",
-        receiver.nmse_vs_design,
-        state=_state(proof.criteria, receiver, index, "nmse_vs_design"),
-        note=f"of the part; ray noise alone: {number(receiver.noise_floor_nmse, 3)}",
-        digits=3,
-    )
-    yield Fact("nmse_same_rays", "NMSE with the same rays", receiver.nmse_same_rays, digits=3)
-    note = "" if designed is None else f"the design has {percent(designed, 4)}"
-    yield Fact.share("part_efficiency", "Efficiency of the part", receiver.efficiency, note)
-    yield Fact("part_rays", "Rays through the part", proof.rays, note=lamp)
-
-
-def _length(mm: float) -> tuple[float, str]:
-    return (1e3 * mm, "µm") if mm < 0.1 else (mm, "mm")
-
-
 def _tracer(lit: LitReceiver, title: str, facts: tuple[Fact, ...], says: str, names: Sequence[str]) -> Group:
-    state = _state(lit.result.criteria, lit.receiver, lit.index, *names)
+    state = state_of(lit.criteria, *names)
     return Group("tracer", f"{title}{lit.ending}", facts, says, state)
 
 
@@ -249,29 +185,6 @@ def _rays(count: int) -> Fact:
     return Fact("rays", "Rays", count)
 
 
-def _state(criteria: Sequence[Fact], receiver: ReceiverProof, index: int, *names: str) -> FactState:
-    """State of the criteria of one receiver; those of all but the first carry its name."""
-    start = f"{receiver.name}: " if index else ""
-    return state_of(criteria, *(f"{start}{name}" for name in names))
-
-
 def _gaps(deviation: LandingDeviation) -> tuple[Fact, ...]:
     named = (("rms", "rms", deviation.rms), ("p99", "99 %", deviation.p99), ("largest", "largest", deviation.max))
     return tuple(Fact(key, label, value, "mm", digits=2) for key, label, value in named)
-
-
-def _stray(stray: StrayLight, receiver: ReceiverStray, lamps: str) -> Iterator[Fact]:
-    gain = 100.0 * (receiver.efficiency - receiver.efficiency_sequential)
-    reflections = f"share of the LED’s flux, by reflections; the base is {stray.base}"
-    yield Fact.share("detected_stray", "Stray light in window", receiver.flux.detected_stray, reflections)
-    yield Fact.share("stray_absorbed", "Absorbed", receiver.flux.absorbed, digits=3)
-    sequential = f"without reflections {percent(receiver.efficiency_sequential, 4)}, {number(gain, 2)} points less"
-    yield Fact.share("stray_efficiency", "With reflections", receiver.efficiency, f"efficiency; {sequential}")
-    nmse = receiver.nmse_vs_sequential
-    wrong = "" if nmse is None else f"an NMSE of {number(nmse, 2)}"
-    yield Fact.share("misplaced", "Misplaced flux", receiver.misplaced_flux, wrong)
-    if receiver.peak_of_mean is not None:
-        note = "relative to the mean light on the receiver"
-        yield Fact.share("stray_peak", "Peak of the stray light", receiver.peak_of_mean, note, digits=3)
-    note = "; ".join(filter(None, (lamps, f"absorption {quantity(stray.absorption_per_mm, '1/mm')}")))
-    yield Fact("stray_rays", "Rays followed", stray.rays, note=note)

@@ -1,17 +1,51 @@
 """Results of rays through the exported part: against the design, by its files and their size, and its stray light."""
 
-from typing import Annotated, ClassVar, Literal, get_args
+from collections.abc import Iterator, Mapping
+from math import hypot
+from typing import Annotated, Any, ClassVar, Literal, get_args
 
 import numpy as np
-from jaxtyping import Float
-from pydantic import Field
+from pydantic import Field, model_validator
 
+from lensforge.proof.acceptance import (
+    DEVIATION_RAD,
+    ELSEWHERE,
+    EMITTED_OTHERWISE,
+    ERRORS,
+    FATE_SHARE,
+    FINE_FACETS_UM,
+    FLUX_SHARE,
+    INWARDS,
+    MOST_APART,
+    NOISE_ALLOWANCE,
+    OTHER_LIGHT,
+    SAME_RAYS_ALLOWANCE,
+    SAME_RAYS_FLOORS,
+    brep_criteria,
+    brep_evidence,
+    cast_criteria,
+    mitsuba_criteria,
+    noise_limit,
+    other_body,
+    size_criteria,
+)
+from lensforge.proof.cast_results import (
+    Agreement,
+    BrepCast,
+    Gaps,
+    LandingDeviation,
+    MitsubaCast,
+    PartFlux,
+    PlainCast,
+    Sizes,
+)
 from lensforge.proof.file_form import FileForm
+from lensforge.proof.remedies import FINER, Evidence, form_of_mesh
+from lensforge.public import public
 from lensforge.results import (
-    Array,
-    BodySize,
     Count,
     Extent,
+    Fact,
     Flag,
     Irradiance,
     Metric,
@@ -26,23 +60,11 @@ from lensforge.results import (
 )
 from lensforge.results.arguments import require_choice
 from lensforge.results.chart import Chart, light_unit
-from lensforge.results.criteria import Criteria, criteria_of
-from lensforge.results.figure import Criterion, figure
+from lensforge.results.criteria import Criteria, criteria_of, under
+from lensforge.results.figure import Criterion, Figure, criteria_in, figure
+from lensforge.results.numerals import number, percent, quantity
 from lensforge.results.plots import Axes, plot_curves, plot_map
-
-
-class PartFlux(Record):
-    """The flux budget of the part; shares of the emitted flux."""
-
-    detected: Share
-    outside: Share
-    missed: Share
-    total_reflection: Share
-    event_limit: Share = 0.0
-    absorbed: Share = 0.0
-    cover_glass: Share = 0.0
-    bodies: Share = 0.0
-    reflected: Share
+from lensforge.results.stage_result import OnPage
 
 
 class IndependentRays(Record):
@@ -56,91 +78,46 @@ class IndependentRays(Record):
     rays: Count
     efficiency: Metric
     efficiency_design: Metric
-    nmse_less_noise: Metric | None
+    nmse_less_noise: Annotated[
+        Metric | None,
+        Criterion(
+            "<=",
+            lambda proof, receiver: receiver.own_rays.nmse_limit,
+            "pattern of independent rays, against the design",
+            OTHER_LIGHT,
+            name="own_rays_nmse",
+            of="value",
+            unit="",
+        ),
+    ]
     flux: PartFlux
 
+    @property
+    @figure(
+        Criterion(
+            "<=",
+            lambda proof, receiver: receiver.own_rays.efficiency_limit,
+            "efficiency of independent rays",
+            OTHER_LIGHT,
+            name="own_rays_efficiency",
+            unit="of the flux",
+        )
+    )
+    def efficiency_apart(self) -> float:
+        """Distance of the efficiency from that of the design's light."""
+        return abs(self.efficiency.value - self.efficiency_design.value)
 
-class SizedFile(Record):
-    """Size of the body in one file; what flat facets may change of it: a height (mm), volume and area, 0 for a STEP."""
+    @property
+    def efficiency_limit(self) -> float:
+        """The largest distance that noise explains."""
+        errors = (self.efficiency.standard_error, self.efficiency_design.standard_error)
+        return FLUX_SHARE + ERRORS * hypot(*(error or 0.0 for error in errors))
 
-    size: BodySize
-    chord_mm: NotNegative = 0.0
-    facets_mm3: NotNegative = 0.0
-    facets_mm2: NotNegative = 0.0
-
-
-class Sizes(Record):
-    """Size of the part in its files, and as exported: the box of that within ``chord_mm`` of the solid's."""
-
-    exported: BodySize
-    chord_mm: NotNegative
-    mesh: SizedFile
-    step: SizedFile | None
-
-
-Gaps = Annotated[Float[np.ndarray, " q"], Array("q")]
-
-
-class LandingDeviation(Record):
-    """Distances (mm) between the part's landings and the design's."""
-
-    rms: NotNegative
-    max: NotNegative
-    p99: NotNegative
-
-
-class FatePair(Record):
-    """Rays that design and part give different fates: both by name, their number and share of the emitted flux."""
-
-    design: Text
-    part: Text
-    rays: Count
-    flux: Share
-
-
-class Agreement(LandingDeviation):
-    """Landings and light of part and design: distances (mm) over the rays that both land on the receiver.
-
-    ``flux``: sum of the differences of flux over the sum of flux. ``fates``: number of rays that one lands on the
-    receiver and the other loses; ``fates_flux``: their share of the emitted flux; ``pairs``: the same by the fates in
-    both, the largest share first. Where no ray lands in both, the distances are the receiver's diagonal and ``flux``
-    is 1.
-    """
-
-    compared: Count
-    flux: NotNegative
-    fates: Count
-    fates_flux: Share
-    pairs: tuple[FatePair, ...] = ()
-
-
-class PlainCast(Record):
-    """First hits (``casts``) by trimesh's own ray cast against those of the grid."""
-
-    rays: Count
-    casts: Count
-    disagreements: Count
-
-
-class BrepCast(Record):
-    """Rays through the STEP file itself."""
-
-    rays: Count
-    seconds: NotNegative
-    against_design: Agreement
-    against_mesh: Agreement
-
-
-class MitsubaCast(Record):
-    """Rays through the mesh by Mitsuba, release ``version``."""
-
-    version: Text
-    rays: Count
-    seconds: NotNegative
-    nmse_vs_design: NotNegative
-    noise_floor_nmse: NotNegative
-    nmse_same_rays: NotNegative
-    against_design: Agreement
+    @property
+    def nmse_limit(self) -> float | None:
+        """The largest NMSE that noise explains; None where it is not known."""
+        seen = self.nmse_less_noise
+        return None if seen is None else NOISE_ALLOWANCE + ERRORS * (seen.standard_error or 0.0)
 
 
 class OnReceiver(Record):
@@ -165,12 +142,50 @@ class ReceiverProof(OnReceiver):
     quantiles at 0, 0.2 ... 100 %, by the mesh, the STEP and Mitsuba.
     """
 
-    nmse_vs_design: NotNegative
+    against_design: Annotated[
+        Agreement,
+        Figure(
+            "Ray displacement",
+            lambda proof, receiver: f"rms, {receiver.displacement_words}",
+            key="landing",
+            of="rms_mm",
+            unit="µm",
+            digits=2,
+            limit=lambda proof, receiver: 1e3 * receiver.deviation_limit_mm,
+            judged_by="deviation_rms",
+        ),
+    ]
+    nmse_vs_design: Annotated[
+        NotNegative,
+        Figure("NMSE against the design", "of the part; ray noise alone: {noise_floor_nmse:3}", digits=3),
+        Criterion(
+            "<=",
+            lambda proof, receiver: noise_limit(receiver.noise_floor_nmse),
+            "pattern of the mesh (lens.stl), against the design",
+            lambda proof, receiver: _noise_or_mesh(proof, receiver),
+        ),
+    ]
     noise_floor_nmse: NotNegative
-    nmse_same_rays: NotNegative
-    efficiency: Share
+    nmse_same_rays: Annotated[
+        NotNegative,
+        Figure("NMSE with the same rays", digits=3),
+        Criterion(
+            "<=",
+            "same_rays_limit",
+            "pattern of the mesh (lens.stl), against the design, same rays",
+            lambda proof, receiver: _mesh_evidence(proof, receiver).of_pixels(),
+        ),
+    ]
+    efficiency: Annotated[
+        Share,
+        Figure(
+            "Efficiency of the part",
+            "the same rays through the design: {designed_words}",
+            key="part_efficiency",
+            unit="%",
+        ),
+    ]
     efficiency_design_same_rays: Share
-    against_design: Agreement
     deviation_limit_mm: Positive
     flux: PartFlux
     brep: BrepCast | None
@@ -182,6 +197,39 @@ class ReceiverProof(OnReceiver):
     gaps_step_mm: Gaps | None = None
     gaps_mitsuba_mm: Gaps | None = None
 
+    @property
+    def reach_mm(self) -> float:
+        """The length by which an angle moves the light; of its limit on the deviation."""
+        return self.deviation_limit_mm / DEVIATION_RAD
+
+    @property
+    def same_rays_limit(self) -> float:
+        """The largest NMSE by the same rays."""
+        return SAME_RAYS_FLOORS * self.noise_floor_nmse + SAME_RAYS_ALLOWANCE
+
+    @property
+    def designed_words(self) -> str:
+        """The efficiency of the design by the same rays."""
+        return percent(self.efficiency_design_same_rays, 4)
+
+    @property
+    def displacement_words(self) -> str:
+        """Where rays are displaced, and by how much at most."""
+        at = "at 1 m, " if self.far_field else ""
+        return f"{at}part against design; at most {quantity(1e3 * self.against_design.max, 'µm', digits=2)}"
+
+
+def _pattern_of_all(lamps: str, mesh: str, *, on_plate: bool) -> Criterion:
+    """The limit on the pattern of all lamps, of those on a plate or of those apart."""
+    file = "plate.stl" if on_plate else "lens.stl"
+    return Criterion(
+        "<=",
+        lambda proof, together: noise_limit(together.noise_floor_nmse) if proof.on_plate == on_plate else None,
+        f"pattern of all lamps through {mesh}, against their sum",
+        f"verify with more rays, or export again: {file} is not the lens of lens.json at its places",
+        name=f"{lamps}_nmse_vs_sum",
+    )
+
 
 class LampsTogether(Record):
     """The light of all ``lamps`` of a plate on one receiver, through the plate's mesh, against the design's sum."""
@@ -189,11 +237,31 @@ class LampsTogether(Record):
     name: Text
     lamps: Count
     rays: Count
-    efficiency: Share
-    nmse_vs_sum: NotNegative
+    nmse_vs_sum: Annotated[
+        NotNegative,
+        Figure("NMSE against the sum", "ray noise alone: {noise_floor_nmse:3}", key="nmse_vs_sum", digits=3),
+        _pattern_of_all("plate", "plate.stl", on_plate=True),
+        _pattern_of_all("lamps", "the mesh (lens.stl) of each", on_plate=False),
+    ]
+    efficiency: Annotated[
+        Share,
+        Figure(
+            lambda proof, lamps: "Efficiency of the plate" if proof.on_plate else "Efficiency of all lamps",
+            "through its mesh",
+            key="plate_efficiency",
+            unit="%",
+        ),
+    ]
     noise_floor_nmse: NotNegative
 
 
+_LANDING = ("deviation_rms", "flux_deviation", "fate_disagreement_flux")
+# Misses of one mesh with coarse facets; the latter also have causes that are not facets, and need one of the former.
+_OF_FACETS = {*_LANDING, "nmse_same_rays", *(f"mitsuba_{name}" for name in (*_LANDING, "nmse_vs_design"))}
+_BEHIND_FACETS = {"nmse_vs_design", "own_rays_efficiency", "own_rays_nmse", "lamps_nmse_vs_sum", "plate_nmse_vs_sum"}
+
+
+@public
 class Proof(ResultByLed):
     """Rays through the exported part, against the same rays through the design, on every receiver.
 
@@ -207,7 +275,7 @@ class Proof(ResultByLed):
     every face of the design, of a body of more than two. ``altered_files``: those whose content was not what
     export.json describes when the rays were cast. ``plain_cast``: first hits by trimesh's own cast against these.
     ``together``: all lamps through their plate. ``forms``: form of every file of the part, told once, with the first
-    LED.
+    LED. ``on_plate``: all lamps stand on one plate, which the names of its criteria tell.
     """
 
     stage: ClassVar[str] = "verify"
@@ -215,20 +283,111 @@ class Proof(ResultByLed):
 
     others: "tuple[Proof, ...]" = ()
     receivers: Annotated[tuple[ReceiverProof, ...], Field(min_length=1)]
-    rays: Count
+    rays: Annotated[Count, Figure("Rays through the part", key="part_rays")]
     seconds: NotNegative
     triangles: Count
-    open_edges: Count
+    open_edges: Annotated[
+        Count,
+        Criterion("<=", 0.0, "open edges of the mesh (lens.stl)", "export again: the mesh is not closed", unit="edges"),
+    ]
     volume_mm3: Number
     sizes: Sizes | None
-    emission_apart: NotNegative | None
+    emission_apart: Annotated[
+        NotNegative | None,
+        Criterion(
+            "<=",
+            lambda proof: None if proof.emission_apart is None else MOST_APART,
+            "emission of independent rays of the LED",
+            EMITTED_OTHERWISE,
+            name="own_rays_emission",
+            unit="standard errors",
+        ),
+    ]
     facet_height_um: Extent
-    far_facets: Count = 0
+    far_facets: Annotated[
+        Count,
+        Criterion(
+            "<=",
+            lambda proof: 0.0 if proof.far_facets else None,
+            "facets of the mesh (lens.stl) far from every face",
+            ELSEWHERE,
+            unit="facets",
+        ),
+    ] = 0
     altered_files: tuple[Text, ...] = ()
-    plain_cast: PlainCast
+    plain_cast: Annotated[
+        PlainCast,
+        Criterion(
+            "<=",
+            0.0,
+            "first hits that a second ray caster finds elsewhere",
+            "do not trust this verification, its casting is broken: please report it",
+            name="plain_cast_disagreements",
+            of="disagreements",
+            unit="casts",
+        ),
+    ]
     together: tuple[LampsTogether, ...] = ()
     forms: tuple[FileForm, ...] = ()
-    criteria: Criteria
+    on_plate: Annotated[Flag, Field(exclude=True)] = False
+    criteria: Criteria = ()
+
+    @model_validator(mode="before")
+    @classmethod
+    def _criteria_tell_whether_on_a_plate(cls, content: Any) -> Any:
+        stated = content.get("criteria") if isinstance(content, Mapping) else None
+        names = [str(each.get("name")) for each in stated or () if isinstance(each, Mapping)]
+        return {**content, "on_plate": True} if any(name.endswith("plate_nmse_vs_sum") for name in names) else content
+
+    def judge(self) -> Iterator[Fact]:
+        """Judge casts, sizes and form of the files; criteria of further receivers begin with the receiver's name."""
+        yield from criteria_in(self)
+        yield from size_criteria(self.sizes)
+        for form in self.forms:
+            yield from (under(form.name, criterion) for criterion in criteria_in(self, form))
+        for receiver in self.receivers:
+            for criterion in _receiver_criteria(self, receiver):
+                yield criterion if receiver is self.first else under(receiver.name, criterion)
+        for lamps in self.together:
+            yield from (under(lamps.name, criterion) for criterion in criteria_in(self, lamps))
+
+    def deciding_criteria(self) -> Iterator[Fact]:
+        """The criteria by which files pass or fail: all but :attr:`facet_misses`."""
+        facets = self.facet_misses
+        yield from (criterion for criterion in criteria_of(self) if criterion not in facets)
+
+    @property
+    def facet_misses(self) -> tuple[Fact, ...]:
+        """Criteria that the facets of a mesh miss beside a STEP file that lands all light: they fail no part.
+
+        Empty where anything else is missed, and where the form of the files or the light of the STEP file is not known.
+        """
+        missed = tuple(criterion for criterion in criteria_of(self) if criterion.state == "fail")
+        names = {criterion.key.rpartition(": ")[2] for criterion in missed}
+        by_step = all(receiver.brep is not None for led in self.by_led.values() for receiver in led.receivers)
+        of_facets = bool(names & _OF_FACETS) and names <= _OF_FACETS | _BEHIND_FACETS
+        return missed if of_facets and by_step and self.forms else ()
+
+    @property
+    @figure(
+        Figure(
+            "Mesh",
+            notice="lens.step is right and decides; "
+            "`lensforge export` without --rings makes a mesh as fine as the light asks",
+        )
+    )
+    def print_mesh(self) -> str | None:
+        """What the facets of the mesh miss, in words; None where they miss nothing, or decide."""
+        return "too coarse for the light" if self.facet_misses else None
+
+    @property
+    def has_fine_facets(self) -> bool:
+        """True where the facets are not the cause of what differs."""
+        return self.facet_height_um.rms <= FINE_FACETS_UM
+
+    def has_form(self, name: str) -> bool:
+        """True where the form of the file ``name`` is known, and is that of the design."""
+        return any(form.name == name and form.is_right for form in self.forms)
 
     @property
     def first(self) -> ReceiverProof:
@@ -278,6 +437,39 @@ class Proof(ResultByLed):
         return plot_curves(curves, ("ray displacement (mm)", "share of the rays"), axes)
 
 
+def _receiver_criteria(proof: "Proof", receiver: "ReceiverProof") -> Iterator[Fact]:
+    """Criteria of the casts on one receiver; the reach of its light follows from the limit of the deviation."""
+    reach_mm, other = receiver.reach_mm, other_body(proof.sizes, "lens.step")
+    yield from cast_criteria("", _mesh_evidence(proof, receiver))
+    yield from criteria_in(proof, receiver)
+    if receiver.brep is not None:
+        yield from brep_criteria(receiver.brep, reach_mm, other, proof.has_form("lens.step"))
+    if receiver.mitsuba is not None:
+        yield from mitsuba_criteria(receiver.mitsuba, reach_mm, _other_mesh(proof), fine=proof.has_fine_facets)
+
+
+def _mesh_evidence(proof: "Proof", receiver: "ReceiverProof") -> Evidence:
+    """What the rays through the mesh tell of it, beside those through the STEP file and the size of the body."""
+    step_alike = None if receiver.brep is None else brep_evidence(receiver.brep, receiver.reach_mm).lands_alike
+    other, fine = _other_mesh(proof), proof.has_fine_facets
+    form = form_of_mesh(proof.open_edges, step_alike, other, fine=fine and not step_alike)
+    fault = other if proof.open_edges == 0 else ""
+    limit_mm = receiver.deviation_limit_mm
+    return Evidence(receiver.against_design, limit_mm, FLUX_SHARE, FATE_SHARE, form, fault, fine)
+
+
+def _other_mesh(proof: "Proof") -> str:
+    """Words on how the body of the mesh is another than that of the export; empty where it is not."""
+    return INWARDS if proof.volume_mm3 < 0.0 else other_body(proof.sizes, "lens.stl")
+
+
+def _noise_or_mesh(proof: "Proof", receiver: "ReceiverProof") -> str:
+    """The remedy of a pattern that is not the design's: more rays, where the same rays make the same pattern."""
+    if receiver.nmse_same_rays <= receiver.same_rays_limit:
+        return "evaluate the design with more rays and the same filter, or verify with more rays"
+    return _mesh_evidence(proof, receiver).of_pixels()
+
+
 LightPath = Literal["sequential", "direct", "stray"]
 
 
@@ -315,25 +507,56 @@ class ReceiverStray(OnReceiver):
     the emitted flux. ``peak_of_mean``: largest stray light over the mean of the sequential light; None where that is 0.
     """
 
-    flux: StrayFlux
+    flux: Annotated[
+        StrayFlux,
+        Figure(
+            "Stray light in window",
+            lambda stray, receiver: f"share of the LED’s flux, by reflections; the base is {stray.base}",
+            key="detected_stray",
+            of="detected_stray",
+            unit="%",
+        ),
+        Figure("Absorbed", key="stray_absorbed", of="absorbed", unit="%", digits=3),
+    ]
+    efficiency: Annotated[Share, Figure("With reflections", "{gain_words}", key="stray_efficiency", unit="%")]
+    efficiency_sequential: Share
+    misplaced_flux: Annotated[NotNegative, Figure("Misplaced flux", "{misplaced_words}", key="misplaced", unit="%")]
+    nmse_vs_sequential: NotNegative | None
+    peak_of_mean: Annotated[
+        NotNegative | None,
+        Figure(
+            "Peak of the stray light",
+            "relative to the mean light on the receiver",
+            key="stray_peak",
+            unit="%",
+            digits=3,
+        ),
+    ]
     balance_error: NotNegative
     detected_stray_by_cause: StrayByCause
-    misplaced_flux: NotNegative
-    nmse_vs_sequential: NotNegative | None
-    peak_of_mean: NotNegative | None
-    efficiency: Share
-    efficiency_sequential: Share
     sequential: Irradiance
     direct: Irradiance
     stray: Irradiance
 
+    @property
+    def gain_words(self) -> str:
+        """The efficiency without reflections, and by how much it is less."""
+        gain = number(100.0 * (self.efficiency - self.efficiency_sequential), 2)
+        return f"efficiency; without reflections {percent(self.efficiency_sequential, 4)}, {gain} points less"
 
-FINER = "export with a finer mesh: without --rings it is as fine as the light asks"
+    @property
+    def misplaced_words(self) -> str:
+        """The NMSE that the misplaced flux makes; empty where it is not known."""
+        nmse = self.nmse_vs_sequential
+        return "" if nmse is None else f"an NMSE of {number(nmse, 2)}"
+
+
 BALANCE = 1e-9  # shares of flux add up to 1: nothing is drawn at random
 LEAK_SHARE = 1e-3  # light that passes through the mesh at an edge
 DIM_SHARE = 1e-2  # rays below the flux cut-off: the most that they could still change
 
 
+@public
 class StrayLight(ResultByLed):
     """Stray light, which the sequential design leaves out: reflections, the base, absorption; on every receiver.
 
@@ -347,14 +570,23 @@ class StrayLight(ResultByLed):
 
     stage: ClassVar[str] = "stray"
     command: ClassVar[str] = "verify --stray"
+    on_page: ClassVar[OnPage] = OnPage("stray light")
     made_from: ClassVar[tuple[str, ...]] = ("lens", "export")
 
     others: "tuple[StrayLight, ...]" = ()
     receivers: Annotated[tuple[ReceiverStray, ...], Field(min_length=1)]
-    rays: Count
+    rays: Annotated[Count, Figure("Rays followed", "absorption {absorption_per_mm}", key="stray_rays")]
     base: Literal["polished", "black"]
     lenses: Count = 1
-    neighbours: Share = 0.0
+    neighbours: Annotated[
+        Share,
+        Figure(
+            "Enters another lens",
+            lambda stray: f"share of one lamp's light that meets another of the {stray.lenses} lenses",
+            unit="%",
+            when=lambda stray: stray.lenses > 1,
+        ),
+    ] = 0.0
     absorption_per_mm: NotNegative
     cut_off: NotNegative
     depth: Count
@@ -433,7 +665,7 @@ class StrayLight(ResultByLed):
         Raises :class:`InputError` for an unknown part or receiver.
         """
         require_choice("which", which, get_args(LightPath))
-        named = {each.name: each for each in self.receivers}
+        named = {receiver.name: receiver for receiver in self.receivers}
         if receiver is not None:
             require_choice("receiver", receiver, named)
         shown = self.first if receiver is None else named[receiver]

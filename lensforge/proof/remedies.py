@@ -6,8 +6,10 @@ loses, of their fates.
 
 from dataclasses import dataclass
 
-from lensforge.proof.proof_result import FINER, Agreement, FatePair
+from lensforge.proof.cast_results import Agreement, FatePair
 
+FINER_FACETS = "export with more --rings"
+FINER = "export with a finer mesh: without --rings it is as fine as the light asks"
 _NAMED = 2  # pairs of fates in one line: the rest is in ``pairs``
 _START = "light that starts there meets no cavity: move the source into it; if it stays, report"
 _BY_DESIGN = {
@@ -105,7 +107,7 @@ def form_of_mesh(open_edges: int, step_lands_alike: bool | None, other_body: str
     if step_lands_alike is False:
         return "lens.step displaces its rays, too, so the mesh is not the cause: the files are another lens; export"
     if fine:
-        return "export with more --rings; if it stays, a face of lens.stl lies elsewhere, or it has a void"
+        return f"{FINER_FACETS}; if it stays, a face of lens.stl lies elsewhere, or it has a void"
     if step_lands_alike is None:
         return f"{FINER}; if it stays, the file is not the lens of lens.json"
     return f"lens.step is right, its rays land where the design's do; the facets of lens.stl are too coarse: {FINER}"

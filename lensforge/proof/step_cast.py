@@ -13,10 +13,10 @@ from jaxtyping import Int
 
 from lensforge.optics.media import Media
 from lensforge.proof.acceptance import BREP_RAYS
+from lensforge.proof.cast_results import BrepCast, Gaps
 from lensforge.proof.file_form import DesignedFile, FileForm
 from lensforge.proof.optical_faces import USUAL_LENS, OpticalFaces
 from lensforge.proof.part_comparison import Expected, compare, drawn, gap_quantiles
-from lensforge.proof.proof_result import BrepCast, Gaps
 from lensforge.proof.sequential_cast import Passage, send_through_body
 from lensforge.results import BodySize
 from lensforge.results.child_pool import IN_TURN, ChildPool

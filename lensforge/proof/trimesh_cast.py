@@ -10,9 +10,9 @@ from scipy.spatial import cKDTree
 from trimesh.ray.ray_triangle import ray_triangle_id
 
 from lensforge.optics.media import Media
+from lensforge.proof.cast_results import PlainCast
 from lensforge.proof.facet_casting import Grid, Leg
 from lensforge.proof.part_mesh import PartMesh
-from lensforge.proof.proof_result import PlainCast
 from lensforge.proof.refraction import LitRays
 from lensforge.proof.sequential_cast import MeshBody, at_faces, outside_leg
 from lensforge.results.child_pool import IN_TURN, ChildPool

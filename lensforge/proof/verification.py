@@ -14,7 +14,8 @@ import numpy as np
 
 from lensforge.errors import InputError
 from lensforge.optics.media import Media
-from lensforge.proof.acceptance import BREP_RAYS, DEVIATION_RAD, OF_SPREAD, proof_criteria
+from lensforge.proof.acceptance import BREP_RAYS, DEVIATION_RAD, OF_SPREAD
+from lensforge.proof.cast_results import SizedFile, Sizes
 from lensforge.proof.facet_casting import Grid
 from lensforge.proof.file_form import DesignedFile
 from lensforge.proof.mesh_form import mesh_forms
@@ -34,13 +35,7 @@ from lensforge.proof.part_comparison import (
     share,
 )
 from lensforge.proof.part_mesh import PartMesh, read_part_mesh, sized_mesh
-from lensforge.proof.proof_result import (
-    IndependentRays,
-    Proof,
-    ReceiverProof,
-    SizedFile,
-    Sizes,
-)
+from lensforge.proof.proof_result import IndependentRays, Proof, ReceiverProof
 from lensforge.proof.receiver_screen import nmse
 from lensforge.proof.sequential_cast import LandedRays, Passage, send_through, send_through_body
 from lensforge.proof.step_cast import StepCast, cast_step, form_of_step, judge_brep, read_step
@@ -152,11 +147,11 @@ def verify_part(
     )
     sizes = None if exported is None else _sizes(part, cast, exported, files.chord_mm)
     known = {files.stl: part.mesh} | plates
-    forms = mesh_forms(files.designed, known) | {name: each.result() for name, each in solids.items()}
+    forms = mesh_forms(files.designed, known) | {name: solid.result() for name, solid in solids.items()}
     if cast is not None and cast.form is not None:
         forms[cast.form.name] = cast.form
     heights = np.abs(passage.facets_um)
-    proof = Proof(
+    return Proof(
         inputs=dict(files.inputs),
         receivers=received,
         rays=len(rays),
@@ -170,11 +165,9 @@ def verify_part(
         plain_cast=compared,
         together=() if lamps is None else light_of_lamps(lamps, passage, rays, media, threads),
         forms=tuple(forms[each.name] for each in files.designed),
-        criteria=(),
+        on_plate=isinstance(lamps, LampsOnPlate),
         seconds=perf_counter() - started,
     )
-    criteria = proof_criteria(proof, on_plate=isinstance(lamps, LampsOnPlate))
-    return proof.changed(criteria=criteria, seconds=perf_counter() - started)
 
 
 def passage_through(file: bytes, optical: OpticalFaces, media: Media, rays: RayBundle) -> Passage:

@@ -38,7 +38,8 @@ def delta_uv_map(tristimulus: Tristimulus, colour: BeamColour, chart: Chart) -> 
     figure, axes, bar = new_map(tall=chart.height / chart.width)
     small = _drawn(tristimulus)
     away = np.linalg.norm(uv_of(np.moveaxis(small, 0, -1)) - (colour.u.value, colour.v.value), axis=-1)
-    shown, beam = np.where(small[1] >= _DARK * small[1].max(), away, np.nan), _beam(small, colour)
+    shown = np.where(small[1] >= _DARK * small[1].max(), away, np.nan)
+    beam = _beam(small, colour)
     top = float(shown[beam].max()) or 1.0
     picture = show(axes, shown, chart, ON_PALE, cmap="viridis", vmin=0.0, vmax=top)
     draw_border(axes, beam, chart)

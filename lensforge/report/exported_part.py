@@ -14,24 +14,21 @@ from jaxtyping import Float
 from lensforge.cad.form_error import remember_fit
 from lensforge.cad.part import Part
 from lensforge.errors import refused
-from lensforge.made.measurement_result import Correction, PhotoComparison, SurfaceComparison
-from lensforge.optics.face_roles import CAVITY
 from lensforge.proof.proof_facts import lit_receivers, stray_budget
 from lensforge.proof.proof_result import Proof, ReceiverProof, StrayLight
 from lensforge.report import lens_figures, light_figures, study_figures
-from lensforge.report.light_section import line_pictures, numbered, top_of, unit_of_light
+from lensforge.report.light_section import numbered, top_of, unit_of_light
 from lensforge.report.page import PagePicture, picture
 from lensforge.report.ray_fan import fan_tables
 from lensforge.report.results import REPORT_FILE, Results
-from lensforge.results import Group
-from lensforge.results.chart import LightUnit
 from lensforge.results.files import MIB
 from lensforge.results.numerals import number, size
 from lensforge.results.record import printable
 from lensforge.search.design_result import Design
 from lensforge.shop import surface_figures
 from lensforge.shop.check_facts import face_title
-from lensforge.shop.check_result import Check, FaceResult
+from lensforge.shop.check_measures import FaceResult
+from lensforge.shop.check_result import Check
 from lensforge.sources.build_source import build_source
 from lensforge.spec.source_sections import SquareSource
 
@@ -69,7 +66,8 @@ def history_pictures(results: Results) -> list[PagePicture]:
     design = results.find(Design)
     if design is None or not any(level.nmse for level in design.history):
         return []
-    levels, draw = design.history, lens_figures.history
+    levels = design.history
+    draw = lens_figures.history
     total = "Minimised by the optimiser: pattern error plus penalties for constraints and limits."
     free = "Numbers above: free basis functions of each surface."
     least = "Minimum margin over the lens of clearance, thickness and radius. Below 0 (red) a constraint is violated."
@@ -84,7 +82,10 @@ def history_pictures(results: Results) -> list[PagePicture]:
 
 def section_pictures(results: Results) -> list[PagePicture]:
     """The lens in two sections."""
-    lens, outline, traced, part = results.lens, source_outline(results), fan_tables(results.lens), results.find(Part)
+    lens = results.lens
+    outline = source_outline(results)
+    traced = fan_tables(results.lens)
+    part = results.find(Part)
     if part is not None:
         remember_fit(lens, part.nodes)
     reach = lens_figures.reach_mm(lens)
@@ -94,7 +95,8 @@ def section_pictures(results: Results) -> list[PagePicture]:
 
 def source_outline(results: Results) -> Float[np.ndarray, "k 3"] | None:
     """A polygon (mm) around the emitting area: from the design's record, or from the spec where that says it."""
-    source, design = results.spec.source, results.find(Design)
+    source = results.spec.source
+    design = results.find(Design)
     if design is not None and design.source_outline_mm:
         return np.array(design.source_outline_mm, dtype=np.float64)
     return build_source(source).outline() if isinstance(source, SquareSource) else None
@@ -109,8 +111,11 @@ def surface_pictures(results: Results) -> list[list[PagePicture]]:
 
 
 def _face_pictures(name: str, face: FaceResult) -> list[PagePicture]:
-    face_name, pictures = face_title(name), []
-    sag, kappa, left = face.sag_mm, face.kappa_min, face.residual_mm
+    face_name = face_title(name)
+    pictures = []
+    sag = face.sag_mm
+    kappa = face.kappa_min
+    left = face.residual_mm
     if np.isfinite(sag).any():
         title = f"{face_name}: departure from a sphere"
         pictures.append(picture(f"sag-{name}", surface_figures.sag_map(sag), title, "From the best-fit sphere."))
@@ -129,17 +134,22 @@ def _face_pictures(name: str, face: FaceResult) -> list[PagePicture]:
 
 def verification_pictures(results: Results) -> list[list[PagePicture]]:
     """Light of the design, of the part, and their difference, for each receiver."""
-    proof, rows = results.find(Proof), list[list[PagePicture]]()
+    proof = results.find(Proof)
+    rows = list[list[PagePicture]]()
     if proof is None:
         return rows
     for index, lit in enumerate(lit_receivers(proof)):
-        receiver, on = lit.receiver, lit.ending
-        chart, unit = receiver.chart, unit_of_light(results, far_field=receiver.far_field, led=lit.result.led)
-        design, part = receiver.design_irradiance, receiver.irradiance
+        receiver = lit.receiver
+        on = lit.ending
+        chart = receiver.chart
+        unit = unit_of_light(results, far_field=receiver.far_field, led=lit.result.led)
+        design = receiver.design_irradiance
+        part = receiver.irradiance
         top = top_of([design, part])
         rays = f"{number(lit.result.rays)} rays cast through the exported mesh."
         noise = "Where the two agree, only ray noise is left."
-        draw, difference = light_figures.irradiance_map, light_figures.difference_map(part - design, chart, unit)
+        draw = light_figures.irradiance_map
+        difference = light_figures.difference_map(part - design, chart, unit)
         rows.append(
             [
                 picture(numbered("design", index), draw(design, chart, top, unit=unit), f"Design{on}"),
@@ -180,17 +190,21 @@ def _quantiles(receiver: ReceiverProof) -> dict[str, Float[np.ndarray, " q"]]:
 
 def stray_pictures(results: Results) -> list[list[PagePicture]]:
     """Flux budget with all reflections, stray light, and all light minus the design's model, for each receiver."""
-    stray, rows = results.find(StrayLight), list[list[PagePicture]]()
+    stray = results.find(StrayLight)
+    rows = list[list[PagePicture]]()
     if stray is None:
         return rows
     for index, lit in enumerate(lit_receivers(stray)):
-        receiver, on = lit.receiver, lit.ending
-        chart, unit = receiver.chart, unit_of_light(results, far_field=receiver.far_field, led=lit.result.led)
+        receiver = lit.receiver
+        on = lit.ending
+        chart = receiver.chart
+        unit = unit_of_light(results, far_field=receiver.far_field, led=lit.result.led)
         scattered = light_figures.irradiance_map(receiver.stray, chart, top_of([receiver.stray]), unit=unit)
         change = light_figures.difference_map(receiver.direct + receiver.stray - receiver.sequential, chart, unit)
         budget = light_figures.waterfall(*stray_budget(receiver))
         scale = "No stray light lands on the receiver." if not receiver.stray.any() else "On its own scale."
-        detected, less = "Green: detected in the window.", "Red: the design predicts too little."
+        detected = "Green: detected in the window."
+        less = "Red: the design predicts too little."
         rows.append(
             [
                 picture(numbered("stray-budget", index), budget, f"Flux budget with all reflections{on}", detected),
@@ -208,28 +222,29 @@ def exported_files(results: Results) -> list[FileRow]:
     return [FileRow(name, size(stamp.bytes), stamp.sha256, _purpose(name)) for name, stamp in stamps.items()]
 
 
-def folder_files(folder: Path, own: Collection[str], linked: bool) -> list[FileRow]:
-    """Files in ``folder`` but report and hidden ones, ``linked`` or not; those called as one of ``own`` with a hash.
+def folder_files(folder: Path, part_files: Collection[str], linked: bool) -> list[FileRow]:
+    """Files in ``folder`` but report and hidden ones, ``linked`` or not; those named in ``part_files`` with a hash.
 
     Nobody knows the others: they may have any size, and stand with it alone. A link is named and not followed, so that
     no file of another folder gets onto the page. Raises :class:`InputError` if unreadable.
     """
     with refused(folder, "cannot be read (…)", OSError), os.scandir(folder) as entries:
-        files = (each for each in entries if each.is_symlink() or each.is_file(follow_symlinks=False))
-        shown = (each for each in files if each.name != REPORT_FILE and not each.name.startswith("."))
-        first = nsmallest(_MOST_FILES + 1, shown, key=lambda each: (each.name not in own, each.name))
-    paths = sorted(Path(each) for each in first[:_MOST_FILES])
-    rows = [_file_row(path, path.name in own, linked) for path in paths]
+        files = (entry for entry in entries if entry.is_symlink() or entry.is_file(follow_symlinks=False))
+        shown = (file for file in files if file.name != REPORT_FILE and not file.name.startswith("."))
+        first = nsmallest(_MOST_FILES + 1, shown, key=lambda path: (path.name not in part_files, path.name))
+    paths = sorted(Path(path) for path in first[:_MOST_FILES])
+    rows = [_file_row(path, path.name in part_files, linked) for path in paths]
     return rows if len(first) <= _MOST_FILES else [*rows, FileRow("further files", "", "", "")]
 
 
-def _file_row(path: Path, own: bool, linked: bool) -> FileRow:
+def _file_row(path: Path, of_part: bool, linked: bool) -> FileRow:
     name = printable(os.fsencode(path.name).decode(errors="replace"))
     if path.is_symlink():
         return FileRow(name, "a link", "", "")
     with refused(path, "cannot be read (…)", OSError):
-        length, digest = path.stat(follow_symlinks=False).st_size, ""
-        if own and length <= _MOST_HASHED_BYTES:
+        length = path.stat(follow_symlinks=False).st_size
+        digest = ""
+        if of_part and length <= _MOST_HASHED_BYTES:
             with path.open("rb") as file:
                 digest = hashlib.file_digest(file, "sha256").hexdigest()
     return FileRow(name, size(length), digest, _purpose(name), quote(os.fsencode(path.name)) if linked else "")
@@ -237,85 +252,3 @@ def _file_row(path: Path, own: bool, linked: bool) -> FileRow:
 
 def _purpose(name: str) -> str:
     return _PURPOSES.get(Path(name).suffix.lower(), "")
-
-
-# A photograph has no unit of light: both pictures are scaled to a mean of 1.
-RELATIVE = LightUnit("irradiance", "mean = 1", 1.0)
-
-
-@dataclass(frozen=True)
-class MeasuredSection:
-    """One measurement of the part: its facts and rows of pictures."""
-
-    group: Group
-    rows: list[list[PagePicture]]
-
-
-def measured_sections(results: Results) -> list[MeasuredSection]:
-    """Every measurement of the part; empty where there is none."""
-    sections, photo = [], results.find(PhotoComparison)
-    if photo is not None:
-        lit, labels = (photo.simulated, photo.measured), ("simulated", "photographed")
-        lines = line_pictures(lambda name: f"photo-{name}", lit, photo.chart, RELATIVE, labels)
-        sections.append(_section(results, photo, photo_pictures(photo), lines))
-    for surface in results.surfaces.values():
-        sections.append(_section(results, surface, _surface_pictures(results, surface)))
-    for made in results.corrections.values():
-        sections.append(_section(results, made, correction_pictures(made)))
-    return sections
-
-
-def _section(
-    results: Results, result: PhotoComparison | SurfaceComparison | Correction, *rows: list[PagePicture]
-) -> MeasuredSection:
-    (group,) = results.facts(result)
-    return MeasuredSection(group, list(rows))
-
-
-def photo_pictures(photo: PhotoComparison) -> list[PagePicture]:
-    """Simulation, photograph and their difference on one scale."""
-    chart, top = photo.chart, top_of([photo.measured, photo.simulated])
-    draw = light_figures.irradiance_map
-    difference = light_figures.difference_map(photo.measured - photo.simulated, chart, RELATIVE)
-    return [
-        picture("photo-simulated", draw(photo.simulated, chart, top, unit=RELATIVE), "Simulated"),
-        picture("photo-measured", draw(photo.measured, chart, top, unit=RELATIVE), "Photographed", "Rectified."),
-        picture("photo-difference", difference, "Photographed minus simulated", "Red: brighter than simulated."),
-    ]
-
-
-def correction_pictures(made: Correction) -> list[PagePicture]:
-    """Maps of the deviation, the correction, and the deviation expected of the second cut."""
-    maps = {
-        "first": (made.deviation_map_um, "Deviation of the first cut"),
-        "correction": (made.correction_map_um, "Correction"),
-        "second": (made.expected_map_um, "Expected deviation of the second cut"),
-    }
-    return [
-        picture(
-            f"{name}-cut-{made.surface}", surface_figures.form_map(np.transpose(values)), title, "Along the normal."
-        )
-        for name, (values, title) in maps.items()
-        if np.isfinite(values).any()
-    ]
-
-
-def _surface_pictures(results: Results, surface: SurfaceComparison) -> list[PagePicture]:
-    """The form deviation, the light with the measured surface, and its change."""
-    side, chart, unit = surface.surface, surface.light_chart, unit_of_light(results, far_field=surface.far_field)
-    before, after = surface.irradiance_design, surface.irradiance_measured
-    lit = light_figures.irradiance_map(after, chart, top_of([before, after]), unit=unit)
-    change = light_figures.difference_map(after - before, chart, unit)
-    much = "little" if results.lens.body.face(side).before == CAVITY else "much"
-    along = f"Along the normal. Red: too {much} material."
-    led = f" and the LED {next(iter(surface.by_led))}" if surface.by_led else ""
-    rays = f"Simulated with the measured {side} surface{led}, {number(surface.rays)} rays."
-    same = "The same rays through both. Red: brighter than designed."
-    pictures = [
-        picture(f"lit-{side}", lit, "Simulated light", rays),
-        picture(f"changed-{side}", change, "Simulated light minus the design\u2019s", same),
-    ]
-    if np.isfinite(surface.deviation_um).any():
-        form = surface_figures.form_map(np.transpose(surface.deviation_um))
-        pictures.insert(0, picture(f"form-{side}", form, "Form deviation", along))
-    return pictures

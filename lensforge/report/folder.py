@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TypeVar
 
 from lensforge.errors import InputError, refused
+from lensforge.public import public
 from lensforge.report.headline import further_facts, headline, required_facts
 from lensforge.report.results import REPORT_FILE, Results, conditions_of, stem_of
 from lensforge.report.stored import (
@@ -24,6 +25,7 @@ from lensforge.report.stored import (
     verdicts_of_kinds,
 )
 from lensforge.results import StageResult
+from lensforge.results.arguments import with_known_names
 from lensforge.results.files import is_free_or_own, require_own, require_writable
 from lensforge.results.folder_lock import locked
 from lensforge.results.notebook_html import table_text
@@ -35,11 +37,20 @@ from lensforge.surfaces.imported_face import LENS_FILE
 _Result = TypeVar("_Result", bound=StageResult)
 
 
+@public
 @dataclass(frozen=True, eq=False)
 class Run(Results):
     """All results in a folder.
 
-    ``folder``: result folder.
+    Fields:
+        lens (Lens): The lens.
+        found (mapping of str to StageResult): Results by the stem of their files.
+        outdated (mapping of str): The reason for each stage whose files belong to another lens, part or version;
+            such a stage counts as not run.
+        others (mapping of str to SimulatedResult): Results under other conditions than the nominal, by the stem
+            of their files; neither verdict nor any stage uses them.
+        seconds (float or None, s): Of the whole command that has made them, where one has, up to its report.
+        folder (Path): Result folder.
     """
 
     folder: Path = Path()
@@ -93,6 +104,8 @@ class Run(Results):
         return results_html(self)
 
 
+@public
+@with_known_names
 def load(folder: Path | str) -> Run:
     """Read a result folder: the object that :func:`run` returned.
 
@@ -122,7 +135,8 @@ def folder_of(folder: object) -> Path:
     path = Path(folder)
     # A name may be too long, or a folder one that the user may not search: what is in it can be asked for.
     with refused(str(path)[:60], "cannot be read (…); give a result folder", OSError):
-        is_file, _ = path.is_file(), (path / RUN_FILE).exists()
+        is_file = path.is_file()
+        _ = (path / RUN_FILE).exists()
     if is_file:
         raise InputError(f"{path}: a file, must be a result folder, such as cad_out/NAME that `lensforge design` wrote")
     return path
@@ -216,7 +230,8 @@ class RunFolder:
 
     def _require_free(self, stem: str, result: StageResult) -> None:
         """Refuse to write over the record of other conditions that have the same name."""
-        there, conditions = self._stored.records.get(stem), conditions_of(result)
+        there = self._stored.records.get(stem)
+        conditions = conditions_of(result)
         known = None if there is None else conditions_of(there)
         if there is None or known is None or conditions is None or known.same_as(conditions):
             return

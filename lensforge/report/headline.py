@@ -9,9 +9,8 @@ from lensforge.light.evaluation_result import Light
 from lensforge.light.light_facts import LimitBounds
 from lensforge.light.photometry_result import Photometry
 from lensforge.optics.face_roles import CAVITY, bounding
-from lensforge.proof.acceptance import facet_misses
 from lensforge.proof.proof_result import Proof
-from lensforge.report.results import REPORT_FILE, Results
+from lensforge.report.results import REPORT_FILE, Results, kinds_of_results
 from lensforge.results import Fact, Group, State
 from lensforge.results.criteria import shown
 from lensforge.results.numerals import quantity
@@ -39,14 +38,12 @@ _TIMED: dict[type[Design | Light | Part | Check | Proof | Photometry], str] = {
     Proof: "verification",
     Photometry: "photometry",
 }
-_STEMS = {"stray": "stray light", "compare": "photograph"}
-_OF_FACES = {"compare": "{} surface", "correct": "correction of the {} surface"}
 
 _COLOUR = ("cct", "duv", "rms_delta_uv", "worst_delta_uv")
 _LIGHT = ("nmse", "share_in_target", "efficiency", "uniformity", "rsd", "inner", "peak", *_COLOUR, "leak")
 _SHAPE = ("kept_start", "radius", "height", "cavity", "keep_out", "thinnest")
 _PROOF = ("nmse_vs_design", "fitted_nmse", "file_nmse", "file_efficiency", "table_nmse", "detected_stray")
-_FURTHER = ("traffic", "form_error", "volume", "mass", "plate_mass", *_PROOF, "ssim", "form")
+_FURTHER = ("traffic", "form_error", "volume", "mass", "plate_mass", *_PROOF)
 
 _REMARKS = {
     "design": "There is no design.json, so the search is not documented; run lensforge design.",
@@ -105,13 +102,13 @@ def _whole(states: Mapping[str, State], results: Results) -> Shown:
 def _in_words(states: Mapping[str, State], results: Results) -> str:
     """Verdicts as sentences, the worst first: "Photometry fails. CAD files and manufacture pass."""
     sentences = []
-    for state, (one, several) in _VERBS.items():
+    for state, (singular, plural) in _VERBS.items():
         names = [name for name, judged in states.items() if judged == state]
         allowed = names == ["cutting"] and state == "fail" and not results.spec.manufacture.required
         if names:
-            verb = one if names in (["light"], ["cutting"]) else several
-            words = _listed([TITLES[name] for name in names]).replace(" Manu", " manu")
-            sentences.append(f"{words} {verb}{' (not required)' if allowed else ''}.")
+            verb = singular if names in (["light"], ["cutting"]) else plural
+            subject = _listed([TITLES[name] for name in names]).replace(" Manu", " manu")
+            sentences.append(f"{subject} {verb}{' (not required)' if allowed else ''}.")
     return " ".join(sentences)
 
 
@@ -122,10 +119,12 @@ def _on_criteria(results: Results) -> str:
     of = "on simulation and files"
     if failed:
         names = ", ".join(criterion.note for criterion in failed)
-        noun, verb = "criterion" if len(criteria) == 1 else "criteria", "is" if len(failed) == 1 else "are"
+        noun = "criterion" if len(criteria) == 1 else "criteria"
+        verb = "is" if len(failed) == 1 else "are"
         proof = results.find(Proof)
-        facets = () if proof is None else facet_misses(proof)
-        alone = " (of the mesh alone, the STEP file decides)" if all(each in facets for each in failed) else ""
+        facets = () if proof is None else proof.facet_misses
+        of_mesh = all(criterion in facets for criterion in failed)
+        alone = " (of the mesh alone, the STEP file decides)" if of_mesh else ""
         return f"{len(failed)} of {len(criteria)} {noun} {of} {verb} not met: {names}{alone}."
     if not criteria:
         return "No criterion has been evaluated."
@@ -140,7 +139,7 @@ def _waiting(results: Results) -> str:
     never = [stage for stage in results.missing if stage not in results.outdated]
     again = [stage_name(stem) for stem in results.outdated]
     return "".join(
-        f" {words}: {', '.join(names)}." for words, names in (("Not run yet", never), ("Out of date", again)) if names
+        f" {state}: {', '.join(names)}." for state, names in (("Not run yet", never), ("Out of date", again)) if names
     )
 
 
@@ -160,8 +159,11 @@ def missing(results: Results) -> dict[str, str]:
 
 def stage_name(stem: str) -> str:
     """Name on the page of the result in ``stem``.json."""
-    kind, _, face = stem.partition("_")
-    return _OF_FACES[kind].format(face) if face and kind in _OF_FACES else _STEMS.get(stem, stem)
+    first, _, face = stem.partition("_")
+    for kind in kinds_of_results():
+        if stem == kind.stage or (face and first == kind.of_face):
+            return kind.on_page.title.format(face) or stem
+    return stem
 
 
 @dataclass(frozen=True)
@@ -176,11 +178,14 @@ class KindLink:
 
 def kinds(results: Results, linked: bool) -> list[KindLink]:
     """The kinds of lens of the lamps, the first of which has its page above those of the others; none for one."""
-    own, every = results.lens.kind, results.spec.all_lamps.kinds
-    up = "" if not every or own == every[0].name else "../"
+    first_kind = results.lens.kind
+    every = results.spec.all_lamps.kinds
+    up = "" if not every or first_kind == every[0].name else "../"
     pages = [f"{up}{REPORT_FILE}" if kind is every[0] else f"{up}{kind.name}/{REPORT_FILE}" for kind in every]
     return [
-        KindLink(kind.name, len(kind.numbers), page if linked and kind.name != own else None, kind.name == own)
+        KindLink(
+            kind.name, len(kind.numbers), page if linked and kind.name != first_kind else None, kind.name == first_kind
+        )
         for kind, page in zip(every, pages, strict=True)
     ]
 
@@ -219,7 +224,8 @@ def further_facts(results: Results) -> list[Fact]:
     groups = [group for result in results.found.values() for group in results.facts(result)]
     level = next((group for group in groups if group.key == "light"), None)
     rest = [group for group in groups if group.key not in ("light", "findings")]
-    return [*([] if level is None else level.select("level").facts), *_selected(rest, _FURTHER)]
+    keys = dict.fromkeys((*_FURTHER, *(key for result in results.found.values() for key in result.on_page.further)))
+    return [*([] if level is None else level.select("level").facts), *_selected(rest, tuple(keys))]
 
 
 def _selected(groups: list[Group], keys: tuple[str, ...]) -> list[Fact]:
@@ -228,8 +234,8 @@ def _selected(groups: list[Group], keys: tuple[str, ...]) -> list[Fact]:
 
 def times(results: Results) -> str | None:
     """Sentence on the seconds of each stage and of the whole command, where they ran; None without any."""
-    timed = [(words, result.seconds) for kind, words in _TIMED.items() if (result := results.find(kind)) is not None]
-    parts = [f"{words} {quantity(seconds, 's', digits=3)}" for words, seconds in timed]
+    timed = [(stage, result.seconds) for kind, stage in _TIMED.items() if (result := results.find(kind)) is not None]
+    parts = [f"{stage} {quantity(seconds, 's', digits=3)}" for stage, seconds in timed]
     if not parts or results.seconds is None:
         return f"Time: {', '.join(parts)}." if parts else None
     beside = " (stages can run side by side)" if sum(seconds for _, seconds in timed) > results.seconds else ""

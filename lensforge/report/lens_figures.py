@@ -90,7 +90,7 @@ def _draw_further_bodies(axes: Axes, lens: Lens, across: Float[np.ndarray, " 3"]
     points = place[None, :, None] * across + place[:, None, None] * np.array([0.0, 0.0, 1.0])
     flat = points.reshape(-1, 3)
     for number, body in enumerate(lens.media.bodies):
-        outer, inner = (depths(body, flat, inner=each) for each in (False, True))
+        outer, inner = (depths(body, flat, inner=is_inner) for is_inner in (False, True))
         height = body.pose.own_points(flat)[:, 2]
         within = np.where(height > 0.0, np.minimum(np.minimum(outer, -inner), height), height)
         within = within.reshape(_CUT_NODES, _CUT_NODES)
@@ -109,7 +109,8 @@ def _draw_fan(
     traced: TracedLens | None,
 ) -> None:
     """Rays from the centre of the source that start in the section, on the side to which its axis points."""
-    theta, axis = np.radians(_FAN_DEG), np.array(lens.spec.source.pose.axis)
+    theta = np.radians(_FAN_DEG)
+    axis = np.array(lens.spec.source.pose.axis)
     directions = np.sin(theta)[:, None] * across + np.cos(theta)[:, None] * np.array([0.0, 0.0, 1.0])
     directions = directions[directions @ axis > 0.0]
     centre = np.zeros(3) if outline_mm is None else 0.5 * (outline_mm.min(axis=0) + outline_mm.max(axis=0))
@@ -140,7 +141,8 @@ def _draw_source(axes: Axes, position: Float[np.ndarray, " k"], height: Float[np
         corners = np.column_stack([position, height])
         axes.add_patch(Polygon(corners, facecolor=RED, edgecolor=RED, linewidth=3.0, joinstyle="bevel", label="source"))
         return
-    ends, level = [position.min(), position.max()], [height[0], height[0]]
+    ends = [position.min(), position.max()]
+    level = [height[0], height[0]]
     axes.plot(ends, level, color=RED, linewidth=3.0, solid_capstyle="butt", label="source")
 
 
@@ -206,7 +208,8 @@ def _steps(start: int, values: np.ndarray) -> np.ndarray:
 
 
 def _draw_levels(axes: Axes, levels: Sequence[Level]) -> list[tuple[int, Level]]:
-    starts, start = [], 0
+    starts = []
+    start = 0
     for index, level in enumerate(levels):
         end = start + len(level.nmse)
         if index % 2:

@@ -13,12 +13,11 @@ from lensforge.cad.part import Part, held_by
 from lensforge.light.evaluation_result import Light
 from lensforge.light.light_facts import place_groups
 from lensforge.light.photometry_result import Photometry
-from lensforge.made.measured_facts import FIRST
 from lensforge.made.tolerance_result import Sensitivity, Yield
 from lensforge.proof.proof_facts import tracer_groups
 from lensforge.proof.proof_result import Proof, StrayLight
 from lensforge.report import exported_part, headline, light_section
-from lensforge.report.exported_part import measured_sections
+from lensforge.report.added_section import FIRST, added_sections
 from lensforge.report.headline import task
 from lensforge.report.page import PagePicture, template
 from lensforge.report.record_tables import number_tables, spec_tables
@@ -30,8 +29,9 @@ from lensforge.results import Group, StageResult
 from lensforge.results.made_cache import made_once
 from lensforge.results.numerals import number, percent
 from lensforge.search.design_result import Design
-from lensforge.shop.check_facts import finding_groups, words_of
+from lensforge.shop.check_facts import finding_groups
 from lensforge.shop.check_result import Check
+from lensforge.shop.process_words import words_of
 from lensforge.surfaces.imported_face import LENS_FILE
 from lensforge.surfaces.srbf import fibonacci_hemisphere
 from lensforge.version import __version__, versions_of
@@ -58,9 +58,12 @@ def render_report(results: Results, folder: Path | None = None, *, beside: bool 
 
 
 def _context(results: Results, folder: Path | None, beside: bool) -> dict[str, object]:
-    lens, design, proof = results.lens, results.find(Design), results.find(Proof)
+    lens = results.lens
+    design = results.find(Design)
+    proof = results.find(Proof)
     possible = light_section.possible_limits(results.spec)
-    lights, pictures = light_section.other_lights(results), _pictures(results)
+    lights = light_section.other_lights(results)
+    pictures = _pictures(results)
     return {
         "lens": lens,
         "subtitle": task(lens.spec),
@@ -80,15 +83,15 @@ def _context(results: Results, folder: Path | None, beside: bool) -> dict[str, o
         "times": headline.times(results),
         "facts": _facts(results),
         "left_by_tool": words_of(results.spec).left,
-        "far_proof": proof is not None and any(each.far_field for each in proof.receivers),
+        "far_proof": proof is not None and any(receiver.far_field for receiver in proof.receivers),
         "photometry": _photometry_sentence(results),
         "first": pictures.pop("first"),
         "pictures": pictures,
-        "measured": measured_sections(results),
+        "added": added_sections(results),
         "seen_at_once": FIRST,
         "yields": yield_sections(results),
         "other_lights": lights,
-        "other_conditions": sum(isinstance(each, Light) for each in results.others.values()),
+        "other_conditions": sum(isinstance(result, Light) for result in results.others.values()),
         "other_results": light_section.other_results(results),
         "outline_known": exported_part.source_outline(results) is not None,
         "files": exported_part.exported_files(results)
@@ -114,7 +117,8 @@ def _facts(results: Results) -> dict[str, list[Group]]:
         stages = (results.find(kind) for kind in kinds)
         return [group for result in stages if result is not None for group in results.facts(result)]
 
-    check, proof = results.find(Check), results.find(Proof)
+    check = results.find(Check)
+    proof = results.find(Proof)
     lit = [group for group in of(Light) if group.key != "limits"]
     return {
         "light": lit,
@@ -141,7 +145,8 @@ def _photometry_sentence(results: Results) -> str:
 
 
 _Drawn = Callable[[Results], object]
-_LIST, _ROWS = list[PagePicture], list[list[PagePicture]]
+_LIST = list[PagePicture]
+_ROWS = list[list[PagePicture]]
 # Pictures of the page by their section, what each is, and the results that they show beside the lens: they see no
 # others.
 _PICTURES: dict[str, tuple[_Drawn, Any, tuple[type[StageResult], ...]]] = {

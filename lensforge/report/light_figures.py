@@ -35,7 +35,9 @@ from lensforge.results.figure_style import (
 from lensforge.results.numerals import number
 from lensforge.results.plots import draw_outline
 
-_WANTED, _LANDED = 0.01, 0.05  # of the target's peak: darker places need not be seen
+# Shares of the target's peak: darker places need not be seen.
+_WANTED = 0.01
+_LANDED = 0.05
 _MARGIN = 1.2  # of the frame over what it holds
 _WORTH = 0.85  # of the receiver's sides: a frame that cuts less away is no gain
 _LONGEST = 1e4  # luminance beside a scale: above in thousands
@@ -51,7 +53,8 @@ def lit_frame(target: Image, reached: Image, chart: Chart) -> Chart:
     rows, columns = lit.shape
     wide = _MARGIN * _reach(chart.x(columns), np.asarray(lit.any(axis=0)), chart.width / columns)
     high = _MARGIN * _reach(chart.y(rows), np.asarray(lit.any(axis=1)), chart.height / rows)
-    width, height = min(chart.width, max(wide, high)), min(chart.height, max(high, _FLATTEST * wide))
+    width = min(chart.width, max(wide, high))
+    height = min(chart.height, max(high, _FLATTEST * wide))
     if width > _WORTH * chart.width and height > _WORTH * chart.height:
         return chart
     return Chart(width, height, chart.far_field)
@@ -66,7 +69,9 @@ ISO_SHARES = {0.1: "#6a4fc4", 0.25: "#2f7fd1", 0.5: "#1f9e89", 0.75: "#d18a1f", 
 MOST_DRAWN = 256  # pixels along the longer side of a map: as many as a screen shows in a fifth of its width
 _ROUNDED = 1.0 + 1e-9  # of the top of a scale: an image that just reaches it is not beyond
 _VALUES_FIT = 0.7  # height over width of the axes: the values of the isolines stand beside them
-ON_DARK, ON_PALE = ("white", 0.35), (INK, 0.25)  # colour and opacity of circles of constant angle
+# Colour and opacity of circles of constant angle.
+ON_DARK = ("white", 0.35)
+ON_PALE = (INK, 0.25)
 
 
 @in_report_style
@@ -88,7 +93,8 @@ def irradiance_map(
     """
     frame = frame or chart
     figure, axes, bar = new_map(width, tall=frame.height / frame.width)
-    light, most = drawn(unit.per_watt * image), unit.per_watt * top
+    light = drawn(unit.per_watt * image)
+    most = unit.per_watt * top
     shown = show(axes, light, chart, ON_DARK, frame, cmap="inferno", vmin=0.0, vmax=most)
     if outline is not None:
         draw_outline(axes, drawn(outline), chart)
@@ -107,8 +113,10 @@ def with_level(figure: Figure, level: float) -> Figure:
 @in_report_style
 def seen_lens(seen: SeenLens, unit: LightUnit) -> Figure:
     """The lens as an eye sees it with its outline, in false colour from 0 to its brightest spot, which has a circle."""
-    top, side = float(seen.map.max()) or 1.0, min(_MARGIN * 2.0 * np.abs(seen.outline).max(initial=0.0), seen.side_mm)
-    chart, (row, column) = Chart(seen.side_mm, seen.side_mm), np.unravel_index(seen.map.argmax(), seen.map.shape)
+    top = float(seen.map.max()) or 1.0
+    side = min(_MARGIN * 2.0 * np.abs(seen.outline).max(initial=0.0), seen.side_mm)
+    chart = Chart(seen.side_mm, seen.side_mm)
+    (row, column) = np.unravel_index(seen.map.argmax(), seen.map.shape)
     if unit.per_watt * top > _LONGEST:
         unit = LightUnit(unit.quantity, f"k{unit.symbol}", 1e-3 * unit.per_watt)
     figure = irradiance_map(seen.map, chart, top, unit=unit, frame=Chart(side, side) if side else chart)
@@ -125,7 +133,8 @@ def isolines(image: Image, chart: Chart, unit: LightUnit = WATTS) -> Figure:
     """Lines of equal light at the ``ISO_SHARES`` of the peak of ``image`` as drawn, with the value of each."""
     figure, axes, scale = new_map(tall=max(chart.height / chart.width, _VALUES_FIT))
     image = drawn(image)
-    level, colours = float(image.max()), list(ISO_SHARES.values())
+    level = float(image.max())
+    colours = list(ISO_SHARES.values())
     if min(image.shape) > 1:  # one row of pixels has no lines
         x, y = chart.x(image.shape[1]), chart.y(image.shape[0])
         axes.contour(x, y, image, levels=[share * level for share in ISO_SHARES], colors=colours, linewidths=0.9)
@@ -217,7 +226,9 @@ def _draw_values(scale: Axes, level: float, unit: LightUnit) -> None:
 Ends = tuple[Float[np.ndarray, " 2"], Float[np.ndarray, " 2"]]
 
 _LINE_HEIGHT = 2.4
-_OFF_CENTRE, _BRIGHTER = 0.02, 1.05  # of the height and of the central row: a row worth its own line is beyond
+# A row is worth its own line where it lies farther from the centre and is brighter than the central row by so much.
+_OFF_CENTRE = 0.02  # of the height
+_BRIGHTER = 1.05
 
 
 @in_report_style
@@ -267,12 +278,13 @@ def label_positions(axes: Axes, chart: Chart, reach: float) -> None:
 
 def label_radii(axes: Axes, chart: Chart, reach: float) -> None:
     """Label the axis of radii up to ``reach``."""
-    far, near = "angle from the axis (°)", f"radius around the centre ({chart.unit_drawn})"
+    far = "angle from the axis (°)"
+    near = f"radius around the centre ({chart.unit_drawn})"
     _label_lengths(axes, chart, reach, far if chart.far_field else near)
 
 
-def _label_lengths(axes: Axes, chart: Chart, reach: float, words: str) -> None:
-    axes.set_xlabel(words)
+def _label_lengths(axes: Axes, chart: Chart, reach: float, title: str) -> None:
+    axes.set_xlabel(title)
     chart.label_metres(axes.xaxis)
     if chart.far_field:
         chart.label_angles(axes, x=reach)
@@ -306,7 +318,8 @@ def profile_lines(target: Image, chart: Chart) -> list[tuple[str, Ends]]:
     A pattern that is brightest on the axis gets its diagonal, where a square has its corners. In the far field that
     ends at the largest angle from the axis.
     """
-    right, top = 0.5 * chart.width, 0.5 * chart.height
+    right = 0.5 * chart.width
+    top = 0.5 * chart.height
     sums = target.sum(axis=1)
     level = float(chart.y(len(target))[int(np.argmax(sums))])
     lines = [("y = 0", (-right, 0.0), (right, 0.0)), ("x = 0", (0.0, -top), (0.0, top))]
@@ -347,13 +360,14 @@ def losses(flux: Flux, missed: MissedByCause, bodies: Mapping[str, float] | None
 
     ``bodies``: the losses in further bodies by their names.
     """
-    shares, found = {**missed.model_dump(), **flux.model_dump()}, []
-    for name, words in _WORDS.items():
+    shares = {**missed.model_dump(), **flux.model_dump()}
+    rows = []
+    for name, label in _WORDS.items():
         if name == "bodies":
-            found += [(f"lost in the {body}", share) for body, share in (bodies or {}).items()]
+            rows += [(f"lost in the {body}", share) for body, share in (bodies or {}).items()]
         elif shares[name] > 0.0:
-            found.append((words, shares[name]))
-    return found
+            rows.append((label, shares[name]))
+    return rows
 
 
 def flux_budget(flux: Flux, missed: MissedByCause, bodies: Mapping[str, float] | None = None) -> Figure:

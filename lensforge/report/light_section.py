@@ -16,7 +16,7 @@ from lensforge.light.seen_lens import radiance_unit
 from lensforge.report import colour_figures, light_figures, study_figures
 from lensforge.report.page import PagePicture, picture
 from lensforge.report.results import Results
-from lensforge.results import Fact, Group, Image
+from lensforge.results import Fact, Group, Image, StageResult
 from lensforge.results.chart import Chart, LightUnit, light_unit
 from lensforge.results.criteria import criteria_of
 from lensforge.results.numerals import number, percent
@@ -37,7 +37,8 @@ _BY_NIGHT = (
 OWN = "nominal"
 _SEEN = "Seen from behind the receiver, towards the lens."
 _FIRST = 4.6  # inches: half of the page
-_ABOVE, _HOT = 1.1, 1.25  # of the target's peak: shows the ripple of a flat one; light beyond has a scale of its own
+_ABOVE = 1.1  # of the target's peak: shows the ripple of a flat target
+_HOT = 1.25  # of the target's peak: brighter light has a scale of its own
 # Groups of facts on a result under other conditions that stand for it in one row, and the keys of these facts.
 _MAIN = {
     "part": ("landing", "nmse_vs_design", "part_efficiency"),
@@ -45,8 +46,6 @@ _MAIN = {
     "nominal": ("nmse", "efficiency"),
     "yield": ("pass_rate",),
     "far_field": ("exit_lm", "peak_cd"),
-    "measured": ("form", "nmse"),
-    "corrected": ("first_cut", "second_cut", "nmse"),
     "walls": ("thinnest",),
 }
 
@@ -112,7 +111,8 @@ def unit_of_light(results: Results, *, far_field: bool | None = None, led: str =
 
     ``led``: name of the LED, by default the first.
     """
-    light, design = results.find(Light), results.find(Design)
+    light = results.find(Light)
+    design = results.find(Design)
     if light is not None and led:
         light = light.by_led.get(led, light)
     if far_field is None:
@@ -141,9 +141,11 @@ def possible_limits(spec: Spec) -> dict[tuple[str, float], Attainable]:
         return {}
     _, limits = light_requirements(spec, build_source(spec.source))
     return {
-        (each.name, each.required): Attainable(each.possible, "étendue" if each.bounds is None else each.bounds.law)
-        for each in limits
-        if not each.estimated
+        (limit.name, limit.required): Attainable(
+            limit.possible, "étendue" if limit.bounds is None else limit.bounds.law
+        )
+        for limit in limits
+        if not limit.estimated
     }
 
 
@@ -153,8 +155,11 @@ def first_picture(results: Results) -> PagePicture | None:
     Light with a hot spot is on a scale of its own, on which a line is the target's peak.
     """
     for shown in shown_receivers(results)[:1]:
-        light, unit, target = shown.light, shown.unit, shown.light.target_map
-        frame, wanted = light_figures.lit_frame(target, light.map, light.chart), top_of([target])
+        light = shown.light
+        unit = shown.unit
+        target = shown.light.target_map
+        frame = light_figures.lit_frame(target, light.map, light.chart)
+        wanted = top_of([target])
         peak = top_of([light_figures.drawn(light.map)])
         hot = peak > _HOT * wanted
         top, whose = (peak, "its own") if hot else (_ABOVE * wanted, "the target\u2019s")
@@ -178,12 +183,14 @@ def _seen_by_eyes(results: Results) -> Iterator[ReceiverPictures]:
     drawn = [
         picture(
             numbered("seen", index),
-            light_figures.seen_lens(seen, radiance_unit(own.lumens_per_watt)),
+            light_figures.seen_lens(seen, radiance_unit(light_of_led.lumens_per_watt)),
             f"{seen.name}, {led}" if led else seen.name,
             f"Each pixel: the mean over the spot of {number(seen.spot_mm, 2)} mm about it. Circle: the brightest.",
         )
-        for index, (led, own, seen) in enumerate(
-            (led, own, seen) for led, own in (light.by_led if light else {}).items() for seen in own.seen
+        for index, (led, light_of_led, seen) in enumerate(
+            (led, light_of_led, seen)
+            for led, light_of_led in (light.by_led if light else {}).items()
+            for seen in light_of_led.seen
         )
     ]
     if drawn:
@@ -194,7 +201,8 @@ def _of_receiver(shown: ShownReceiver, whole: Light) -> ReceiverPictures:
     """All maps are seen at once where there is one receiver; of several the light on each: the page stays short."""
     light = shown.light
     lines = line_pictures(shown.picture_name, (light.target_map, light.map), light.chart, shown.unit)
-    maps, rest = _maps(shown, whole), [lines, _flux(shown)]
+    maps = _maps(shown, whole)
+    rest = [lines, _flux(shown)]
     if light.colour is not None and light.tristimulus_map is not None:
         rest.insert(0, _colours(shown, light.colour, light.tristimulus_map))
     if not shown.several:
@@ -205,7 +213,9 @@ def _of_receiver(shown: ShownReceiver, whole: Light) -> ReceiverPictures:
 
 def _colours(shown: ShownReceiver, colour: BeamColour, tristimulus: Float[np.ndarray, "3 h w"]) -> list[PagePicture]:
     """The light in its colours, their distances from the beam's, and over the angle or the radius."""
-    chart, name, line = shown.light.chart, shown.picture_name, f"Dashed: {percent(colour.level)} of the peak."
+    chart = shown.light.chart
+    name = shown.picture_name
+    line = f"Dashed: {percent(colour.level)} of the peak."
     over = "Over angle" if chart.far_field else "Over radius"
     drawings = (
         ("colour", colour_figures.true_colours, "In colour", f"In sRGB. {line}"),
@@ -223,9 +233,14 @@ def _colours(shown: ShownReceiver, colour: BeamColour, tristimulus: Float[np.nda
 
 
 def _maps(shown: ShownReceiver, whole: Light) -> list[PagePicture]:
-    light, chart, unit = shown.light, shown.light.chart, shown.unit
-    target, reached, draw = light.target_map, light.map, light_figures.irradiance_map
-    top, mask = top_of([target, reached]), shown.mask(light_figures.MOST_DRAWN)
+    light = shown.light
+    chart = shown.light.chart
+    unit = shown.unit
+    target = light.target_map
+    reached = light.map
+    draw = light_figures.irradiance_map
+    top = top_of([target, reached])
+    mask = shown.mask(light_figures.MOST_DRAWN)
     has_mask = mask is not None and bool(mask.any())
     dashed = f" Dashed: the mask {mask_words(shown.spec, shown.index)}." if has_mask else ""
     rows, columns = light.map.shape
@@ -234,7 +249,8 @@ def _maps(shown: ShownReceiver, whole: Light) -> list[PagePicture]:
     wanted_map = draw(target, chart, top, target, unit=unit)
     reached_map = draw(reached, chart, top, target, mask if has_mask else None, unit)
     difference = light_figures.difference_map(reached - target, chart, unit)
-    name, scaled = shown.picture_name, f"Scaled to the simulated flux. Line: half peak. {_SEEN}"
+    name = shown.picture_name
+    scaled = f"Scaled to the simulated flux. Line: half peak. {_SEEN}"
     return [
         picture(name("target"), wanted_map, "Target", scaled),
         picture(name("simulated"), reached_map, "Simulated", f"{simulated} Line: the target's.{dashed}"),
@@ -261,13 +277,15 @@ def line_pictures(
     """Cross-sections of two images; ``name``: makes the name of a picture unique on the page."""
     draw = light_figures.line_comparison
     return [
-        picture(name(f"line{index}"), draw(line, *images, chart, unit, labels), f"Along {words}")
-        for index, (words, line) in enumerate(light_figures.profile_lines(images[0], chart))
+        picture(name(f"line{index}"), draw(line, *images, chart, unit, labels), f"Along {title}")
+        for index, (title, line) in enumerate(light_figures.profile_lines(images[0], chart))
     ]
 
 
 def _flux(shown: ShownReceiver) -> list[PagePicture]:
-    light, chart, name = shown.light, shown.light.chart, shown.picture_name
+    light = shown.light
+    chart = shown.light.chart
+    name = shown.picture_name
     lines = light_figures.isolines(light.map, chart, shown.unit)
     encircled = light_figures.encircled_energy(light.target_map, light.raw_map, chart)
     budget = light_figures.flux_budget(light.flux, light.missed_by_cause, light.lost_in_bodies)
@@ -282,34 +300,37 @@ def _flux(shown: ShownReceiver) -> list[PagePicture]:
 
 def photometry_pictures(results: Results) -> list[PagePicture]:
     """Polar and isocandela diagram, and of a lamp for an area or a road the light on the ground, with each LED."""
-    found = results.find(Photometry)
-    if found is None:
+    photometry = results.find(Photometry)
+    if photometry is None:
         return []
     return [
-        replace(drawn, title=f"{drawn.title}, {led}" if found.others else drawn.title)
-        for index, (led, of_led) in enumerate(found.by_led.items())
+        replace(drawn, title=f"{drawn.title}, {led}" if photometry.others else drawn.title)
+        for index, (led, of_led) in enumerate(photometry.by_led.items())
         for drawn in _photometry_of_led(of_led, results, index)
     ]
 
 
-def _photometry_of_led(found: Photometry, results: Results, led: int) -> list[PagePicture]:
+def _photometry_of_led(photometry: Photometry, results: Results, led: int) -> list[PagePicture]:
     section = results.spec.photometry
-    polar, isocandela = study_figures.polar_diagram(found), study_figures.isocandela_diagram(found)
+    polar = study_figures.polar_diagram(photometry)
+    isocandela = study_figures.isocandela_diagram(photometry)
     drawn = [
         picture(numbered("polar", led), polar, "Polar diagram", "Intensity (cd); gamma = 0 is the axis of the lens."),
         picture(numbered("isocandela", led), isocandela, "Isocandela", "C around, gamma outwards, as in the files."),
     ]
-    if found.road is not None:
+    if photometry.road is not None:
         height_m = results.spec.roads[0].pole_height_m if results.spec.roads else None
-        ground = study_figures.ground_diagram(found, section.street_side_deg, section.lenses, height_m)
+        ground = study_figures.ground_diagram(photometry, section.street_side_deg, section.lenses, height_m)
         caption = "One lamp at the centre; above the line is the street."
         drawn.append(picture(numbered("ground", led), ground, "On the ground", caption))
-    for index, judged in enumerate(found.roads):
-        view, road = study_figures.road_from_above(found, index, results.spec), results.spec.roads[index]
-        words, name = _FROM_ABOVE_BY_RP8 if road.by_rp8 else _FROM_ABOVE, judged.name.capitalize()
+    for index, judged in enumerate(photometry.roads):
+        view = study_figures.road_from_above(photometry, index, results.spec)
+        road = results.spec.roads[index]
+        words = _FROM_ABOVE_BY_RP8 if road.by_rp8 else _FROM_ABOVE
+        name = judged.name.capitalize()
         drawn.append(picture(numbered(f"road-{index}", led), view, name, words))
         if road.by_luminance:
-            night = study_figures.road_by_night(found, index, results.spec)
+            night = study_figures.road_by_night(photometry, index, results.spec)
             drawn.append(picture(numbered(f"night-{index}", led), night, f"{name} by night", _BY_NIGHT))
     return drawn
 
@@ -329,7 +350,7 @@ def other_pictures(results: Results) -> list[PagePicture]:
     return [
         picture(
             shown.picture_name(f"other-{index}"),
-            _map(shown, [each for _, _, _, each in entries]),
+            _map(shown, [receiver for _, _, _, receiver in entries]),
             f"{name}, {shown.light.name}" if shown.several else name,
             "" if light.conditions is None else str(light.conditions),
         )
@@ -342,33 +363,46 @@ def other_results(results: Results) -> list[Group]:
     rows = []
     for stem, result in results.others.items():
         if not isinstance(result, Light):
-            main = [group.select(*_MAIN[group.key]).line for group in results.facts(result) if group.key in _MAIN]
-            missed = [str(each) for each in criteria_of(result) if not each.holds]
+            main = [line for group in results.facts(result) if (line := _main_line(result, group))]
+            missed = [str(criterion) for criterion in criteria_of(result) if not criterion.holds]
             facts = [
                 Fact("conditions", "Conditions", str(result.conditions)),
                 Fact("figures", "Figures", "; ".join(main)),
             ]
-            rows.append(Group("other", f"{stem}.json", tuple(facts), "; ".join(f"missed: {each}" for each in missed)))
+            rows.append(
+                Group("other", f"{stem}.json", tuple(facts), "; ".join(f"missed: {criterion}" for criterion in missed))
+            )
     return rows
+
+
+def _main_line(result: StageResult, group: Group) -> str:
+    """The facts of a group that stand for it in one row; empty where it has none."""
+    return group.select(*(result.on_page.in_row or _MAIN.get(group.key, ()))).line
 
 
 def _compared(results: Results) -> dict[str, Light]:
     """The lens's own light before every other; none where there is no other."""
     lights = (light for light in results.others.values() if isinstance(light, Light))
     others = {OWN if light.conditions is None else light.conditions.name: light for light in lights}
-    own = results.find(Light)
-    if own is None or not (others or own.others):
+    nominal = results.find(Light)
+    if nominal is None or not (others or nominal.others):
         return others
-    (first, alone), *rest = own.by_led.items()
+    (first, alone), *rest = nominal.by_led.items()
     return {f"{OWN}, {first}" if rest else OWN: alone, **dict(rest), **others}
 
 
 def _light_rows(results: Results, name: str, light: Light) -> Iterator[Group]:
     reasons = list(light_reasons(light, results.lens))
-    conditions, source, notes = light.conditions, results.spec.source.title, ()
+    conditions = light.conditions
+    source = results.spec.source.title
+    notes = ()
     if conditions is not None:  # the reasons against the own light stand at the top of the page
         warm = () if conditions.temperature_c is None else (f"lens at {conditions.temperature_c:g} °C",)
-        notes = (*warm, *(words for _, words in reasons), *(f"warning: {words}" for words in conditions.warnings))
+        notes = (
+            *warm,
+            *(warning for _, warning in reasons),
+            *(f"warning: {warning}" for warning in conditions.warnings),
+        )
         source = conditions.source or source
     lit = [group for group in results.facts(light) if group.key == "light"]
     simulated = next(group for group in results.facts(light) if group.key == "simulation").select("rays")
@@ -385,8 +419,8 @@ def _light_rows(results: Results, name: str, light: Light) -> Iterator[Group]:
         yield Group("light", title, facts, "" if index else "; ".join(notes), state)
 
 
-def _map(shown: ShownReceiver, others: Sequence[ShownReceiver]) -> Figure:
-    alike = [each for each in others if each.light.name == shown.light.name]
-    one_unit = len({each.unit for each in alike}) == 1
-    top = top_of(each.light.map for each in (alike if one_unit else [shown]))
+def _map(shown: ShownReceiver, receivers: Sequence[ShownReceiver]) -> Figure:
+    alike = [candidate for candidate in receivers if candidate.light.name == shown.light.name]
+    one_unit = len({receiver.unit for receiver in alike}) == 1
+    top = top_of(receiver.light.map for receiver in (alike if one_unit else [shown]))
     return light_figures.irradiance_map(shown.light.map, shown.light.chart, top, unit=shown.unit)

@@ -60,7 +60,10 @@ class NewScene:
     @staticmethod
     def of(name: str, light: Tables, source: Tables, max_radius_mm: float) -> "NewScene":
         """The scene of these tables; the cavity around a ray file is measured. Raises :class:`InputError`."""
-        known = "".join(each if each.isascii() and (each.isalnum() or each in "-_") else "_" for each in name)[:64]
+        known = "".join(
+            character if character.isascii() and (character.isalnum() or character in "-_") else "_"
+            for character in name
+        )[:64]
         constraints: Tables = {"max_radius_mm": max_radius_mm}
         if source["kind"] == "rayfile":
             constraints |= cavity_around(RayfileSource(**deepcopy(source)))
@@ -97,7 +100,8 @@ class NewScene:
 
     def content(self, kind: str, shop: Tables | None = None, shape: LightShape = "picture") -> Tables:
         """Tables of a spec with this ``kind`` of lens for light of a ``shape``; ``shop``: a ``face``, and tables."""
-        section, made_by = LensShape.kinds[kind], shop or {}
+        section = LensShape.kinds[kind]
+        made_by = shop or {}
         first = section.first_tables(shape)
         shaped = [role.name for role in section.roles if role.follows is None and not role.is_open]
         faces = {name: {**first["lens"].get(name, {}), **made_by.get("face", {})} for name in shaped}
@@ -139,7 +143,8 @@ class NewScene:
 
         shape = light_shape(self._spec(self.content(kind)))
         unlimited = self._spec(self.content(kind, shape=shape))
-        process, lens = unlimited.manufacture.process, unlimited.lens
+        process = unlimited.manufacture.process
+        lens = unlimited.lens
         if cutter is None and process == "milled" and lens.has_creases and not lens.is_opaque:
             warn("no ball reaches the inner edges of this lens: it has the limits of a mould; --cutter selects others")
             cutter = "mould"
@@ -157,8 +162,8 @@ class NewScene:
             warn("manufacture.shrinkage is not given: ask the moulder for that of the plastic, such as 0.005")
         scene = SceneCheck.of(made, source_of(made))
         scene.require_light(force=force)
-        for words in (*scene.warnings(), *_unsuited(type(made.lens), shape)):
-            warn(words)
+        for warning in (*scene.warnings(), *_unsuited(type(made.lens), shape)):
+            warn(warning)
         reasons = _with_derived(content, made)
         lit = content.get("target") or content["receivers"][0]["targets"][0]
         section = made.all_receivers[0]
@@ -199,7 +204,8 @@ def _limits_of(cutter: str, unlimited: Spec) -> Tables:
 
 def _takes_flat(made: Spec) -> bool:
     """True where a round base has room for a flat beside the lens, and its light is not round."""
-    base, round_light = made.base_made, all(map(made.lens.is_revolved, made.lens.names))
+    base = made.base_made
+    round_light = all(map(made.lens.is_revolved, made.lens.names))
     return base.kind == "cylinder" and not round_light and made.constraints.max_radius_mm < usual_flat_mm(base)
 
 
@@ -207,7 +213,8 @@ def _flange_for(made: Spec) -> Iterator[str]:
     """The line of a flange, by which a moulded lens of a kind that takes one is filled and held."""
     if made.manufacture.process == "moulded" and "flange" in type(made.lens).model_fields:
         radius_mm = made.constraints.max_radius_mm
-        wide, thick = rounded_length(2.4 * radius_mm), rounded_length(min(1.5, 0.15 * radius_mm))
+        wide = rounded_length(2.4 * radius_mm)
+        thick = rounded_length(min(1.5, 0.15 * radius_mm))
         yield f"flange = {{ diameter_mm = {wide:g}, thickness_mm = {thick:g} }}  # to fill it at, and to hold it by"
 
 
@@ -218,9 +225,11 @@ def _with_derived(content: Tables, made: Spec) -> dict[str, str]:
         section, _, field = name.rpartition(".")
         if section.removeprefix("lens.") not in (*content, *made.lens.names):
             continue  # a face of another kind of lens
-        value, table = attrgetter(name)(made), reduce(getitem, section.split("."), content)
+        value = attrgetter(name)(made)
+        table = reduce(getitem, section.split("."), content)
         if field not in table and value is not None:
-            table[field], reasons[name] = value, why
+            table[field] = value
+            reasons[name] = why
     return reasons
 
 
@@ -237,5 +246,5 @@ _OF_TWO_FACES: dict[LightShape, str] = {"beside": "light to one side", "picture"
 def _unsuited(kind: type[LensShape], shape: LightShape) -> Iterator[str]:
     """A line where another kind of lens suits light of that ``shape`` better."""
     if shape in _OF_TWO_FACES and shape not in kind.draws:
-        words = f"{_OF_TWO_FACES[shape]} takes two faces, --lens {LensShape.usual_kind}"
-        yield f"lens: {words}; a {kind.title} has a larger error there"
+        fault = f"{_OF_TWO_FACES[shape]} takes two faces, --lens {LensShape.usual_kind}"
+        yield f"lens: {fault}; a {kind.title} has a larger error there"

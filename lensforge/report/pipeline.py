@@ -24,13 +24,21 @@ from lensforge.light.lens_light import evaluate, photometry, searched_source
 from lensforge.light.photometry_result import Photometry
 from lensforge.proof.casts import verify, verify_with
 from lensforge.proof.proof_result import Proof
+from lensforge.public import public
 from lensforge.report.folder import Run, RunFolder, existing, folder_of, opened
 from lensforge.report.results import REPORT_FILE, Results
 from lensforge.report.sweep import Sweep, sweep_of
 from lensforge.report.tradeoff import Tradeoff
 from lensforge.report.variation import AnyVariation, sources_of, variation_of
 from lensforge.results import StageResult
-from lensforge.results.arguments import count_of, number_of, require, threads_of_torch
+from lensforge.results.arguments import (
+    count_of,
+    number_of,
+    require,
+    threads_of_torch,
+    with_known_names,
+    with_options_of,
+)
 from lensforge.results.child_pool import ChildPool, child_pool
 from lensforge.results.file_bounds import remembered
 from lensforge.results.files import require_own
@@ -53,6 +61,8 @@ from lensforge.surfaces.imported_face import LENS_FILE
 _Result = TypeVar("_Result", bound=StageResult)
 
 
+@public
+@with_known_names
 def build(
     lens: Lens,
     *,
@@ -86,8 +96,10 @@ def build(
     from lensforge.proof.export_trial import fineness
 
     require(lens, Lens, "build")
-    nodes, rings = count_of("nodes", nodes), count_of("rings", rings) or preset_of(lens.accuracy).part.mesh_rings
-    extension_deg, date = number_of("extension_deg", extension_deg), date_of("date", date)
+    nodes = count_of("nodes", nodes)
+    rings = count_of("rings", rings) or preset_of(lens.accuracy).part.mesh_rings
+    extension_deg = number_of("extension_deg", extension_deg)
+    date = date_of("date", date)
     tolerance = face_tolerance(lens, number_of("form_nm", form_nm), number_of("normal_mrad", normal_mrad))
     fine = fineness(lens, tolerance, nodes, rings)
     return build_part(
@@ -102,6 +114,8 @@ def build(
     )
 
 
+@public
+@with_known_names
 def check(part: Part | Lens, *, process: Process | None = None) -> Check:
     """Check whether a part can be made: best-fit sphere, curvature, cutter, wall, draft.
 
@@ -139,6 +153,8 @@ class Listener:
         self.ended(name, time.perf_counter() - started)
 
 
+@public
+@with_options_of(design)
 def run(
     spec: Spec,
     folder: Path | str,
@@ -172,7 +188,8 @@ def run(
     began = time.perf_counter()
     require_spec(spec, "run")
     require_base_around_cavity(spec.lens, spec.constraints, spec.base_made)  # before a long search
-    folder, heard = folder_of(folder), Listener(announce or Listener.begins, ended or Listener.ended)
+    folder = folder_of(folder)
+    heard = Listener(announce or Listener.begins, ended or Listener.ended)
     if spec.lens.start is not None and spec.lens.start.resolve() == (folder / LENS_FILE).resolve():
         raise InputError(f"lens.start = {spec.lens.start}: the run would overwrite it; give another result folder")
     with opened(folder, create=True) as here, threads_of_torch(options.get("threads")):
@@ -249,7 +266,8 @@ def _side_by_side(here: RunFolder, heard: Listener, second: ChildPool, threads: 
     It takes one of the ``threads`` while it is busy: a light of many rays takes longer than the part.
     """
     lens = here.run.lens
-    made, checked = second.call(build, lens), second.call(check, lens)
+    made = second.call(build, lens)
+    checked = second.call(check, lens)
     heard.begins(Part.stage)
     with kernel_threads(lambda: max(1, threads - second.busy)):
         with heard.timed(Light.stage):
@@ -275,7 +293,7 @@ def write_kinds(first: Run, heard: Listener) -> None:
 
     Its light is that of all lamps, its search that of all lenses: both are the first one's.
     """
-    for lens in (each for each in first.lens.kinds if each.kind != first.lens.kind):
+    for lens in (kind for kind in first.lens.kinds if kind.kind != first.lens.kind):
         with heard.timed(lens.kind), opened(first.folder / lens.kind, create=True) as there:
             there.write(_of_lens(first.design, lens).changed(lens=lens))
             light = there.write(_of_lens(first.light, lens))
@@ -310,6 +328,8 @@ def write_comparison(folders: Sequence[Path], page: Path) -> None:
     write_page(render_comparison([existing(folder).to_show() for folder in folders], names), page)
 
 
+@public
+@with_known_names
 def sweep(
     spec: Spec,
     field: str | None = None,
@@ -359,11 +379,15 @@ def _run_in_memory(made: Design, threads: int | None) -> Iterator[Results]:
     """Evaluate, build, check and verify the lens of each kind: the stages of a run, without a folder."""
     evaluated = evaluate(made.lens, threads=threads)
     for lens in made.lens.kinds:
-        found, light, part = _of_lens(made, lens).changed(lens=lens), _of_lens(evaluated, lens), build(lens)
-        results: tuple[StageResult, ...] = (found, light, part, check(part), verify(part, light, threads=threads))
+        result = _of_lens(made, lens).changed(lens=lens)
+        light = _of_lens(evaluated, lens)
+        part = build(lens)
+        results: tuple[StageResult, ...] = (result, light, part, check(part), verify(part, light, threads=threads))
         yield Results(lens, {result.stage: result for result in results})
 
 
+@public
+@with_known_names
 def tradeoff(
     spec: Spec,
     *,

@@ -43,7 +43,9 @@ def trace_fan(
     scene = replace(traced.scene, media=traced.scene.media.polished)
     bundle = TracedBundle.of(traced.tables, scene, RayBundle(start_mm, directions, np.ones(len(start_mm))))
     in_order = np.where(bundle.lengths > 0.0, 4 * np.arange(bundle.lengths.shape[1]), -1)  # a double lens: both faces
-    points, along, places = start_mm.copy(), directions.copy(), [start_mm]
+    points = start_mm.copy()
+    along = directions.copy()
+    places = [start_mm]
     for lengths, met in zip(bundle.lengths.T, (in_order if bundle.met is None else bundle.met).T, strict=True):
         rows = met >= 0
         points[rows] += lengths[rows, None] * along[rows]
@@ -54,10 +56,12 @@ def trace_fan(
     left = bundle.exits.left_lens
     if bundle.met is None:
         back = _returns(lens.inner, places[1], places[2])
-        left, places[2][back] = left & ~back, np.nan
+        left = left & ~back
+        places[2][back] = np.nan
     if bundle.optics:
         places += _in_optics(bundle)
-        points, along = bundle.exits.points, bundle.exits.directions
+        points = bundle.exits.points
+        along = bundle.exits.directions
     ends = np.where(left[:, None], _at_distance(points, along, reach_mm), np.nan)
     return np.stack([*_without_gaps(places), ends], axis=1)
 
@@ -78,8 +82,8 @@ def _behind(lens: Lens, name: str, points: Points, along: Points, met: np.ndarra
     normals = lens.surfaces[name].normal(points / np.linalg.norm(points, axis=1, keepdims=True))
     normals = np.where(from_behind, -normals, normals)
     face = lens.body.face(name)
-    one, other = (_index(lens.media, medium) for medium in (face.before, face.behind))
-    ratio = np.where(from_behind[:, 0], other / one, one / other)
+    index_before, index_behind = (_index(lens.media, medium) for medium in (face.before, face.behind))
+    ratio = np.where(from_behind[:, 0], index_behind / index_before, index_before / index_behind)
     cosine = (along * normals).sum(axis=1, keepdims=True)
     reflected = (met % 4 >= REFLECTED)[:, None]
     with np.errstate(invalid="ignore"):  # totally reflected: NaN

@@ -31,7 +31,8 @@ def rows(content: Mapping[str, object], without: Sequence[str] = ()) -> list[Tab
 
 def spec_tables(results: Results) -> dict[str, list[TableRow]]:
     """Rows of each section of the spec by name, top-level ones under ``""``; of target and receivers what is given."""
-    spec, tables = results.spec, {}
+    spec = results.spec
+    tables = {}
     content = {key: value for key, value in spec.model_dump().items() if value is not None and key != "receivers"}
     tables[""] = rows({key: value for key, value in content.items() if not isinstance(value, dict)})
     for key, value in content.items():

@@ -2,28 +2,29 @@
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
+from functools import singledispatch
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal, TypeVar
 
+from lensforge.addon import addons
 from lensforge.cad.part import Part, part_facts
 from lensforge.errors import MissingResult
 from lensforge.light.evaluation_result import Light
 from lensforge.light.light_facts import LimitBounds, light_facts, light_reasons, photometry_facts
 from lensforge.light.photometry_result import Photometry
-from lensforge.made.measured_facts import correction_facts, photo_facts, surface_facts
-from lensforge.made.measurement_result import Correction, MeasuredFace, PhotoComparison, SurfaceComparison
 from lensforge.made.tolerance_result import Sensitivity, Yield
 from lensforge.made.yield_facts import sensitivity_facts, yield_facts
-from lensforge.proof.acceptance import deciding_criteria
 from lensforge.proof.proof_facts import proof_facts, stray_facts
 from lensforge.proof.proof_result import Proof, StrayLight
+from lensforge.public import public
 from lensforge.results import Conditions, Fact, Group, SimulatedResult, StageResult
-from lensforge.results.arguments import require
+from lensforge.results.arguments import require, with_known_names
 from lensforge.results.criteria import criteria_of, missed
+from lensforge.results.stage_result import OF_FOLDERS
 from lensforge.results.verdict import Reason, Verdict
 from lensforge.scene.lens import Lens
 from lensforge.search.design_result import Design, design_facts
-from lensforge.shop.check_facts import check_facts, cutting_reasons, spec_of
+from lensforge.shop.check_facts import check_facts, cutting_reasons
 from lensforge.shop.check_result import Check
 from lensforge.shop.point_tables import GridRequest
 from lensforge.spec import DrawingSection, Spec
@@ -35,21 +36,23 @@ if TYPE_CHECKING:
 REPORT_FILE = "report.html"
 # Results of a whole run, each after those that it is made from.
 STAGES: tuple[type[StageResult], ...] = (Design, Light, Part, Check, Proof, Photometry)
-# Results on request, and of the machined part; those of one face have a file for each.
-EXTRAS: tuple[type[StageResult], ...] = (StrayLight, PhotoComparison, SurfaceComparison, Correction, Sensitivity, Yield)
-_OF_FACE: dict[type[StageResult], str] = {SurfaceComparison: "compare", Correction: "correct"}
 
 _Result = TypeVar("_Result", bound=StageResult)
 
 
+@public
 @dataclass(frozen=True, eq=False)
 class Results:
     """A lens and the results of its stages.
 
-    ``lens``: the lens. ``found``: results by the stem of their files. ``outdated``: the reason for each stage whose
-    files belong to another lens, part or version; such a stage counts as not run. ``others``: results under other
-    conditions than the nominal, by the stem of their files; neither verdict nor any stage uses them. ``seconds``: of
-    the whole command that has made them, where one has, up to its report.
+    Fields:
+        lens (Lens): The lens.
+        found (mapping of str to StageResult): Results by the stem of their files.
+        outdated (mapping of str): The reason for each stage whose files belong to another lens, part or version;
+            such a stage counts as not run.
+        others (mapping of str to SimulatedResult): Results under other conditions than the nominal, by the stem
+            of their files; neither verdict nor any stage uses them.
+        seconds (float or None, s): Of the whole command that has made them, where one has, up to its report.
     """
 
     lens: Lens
@@ -111,33 +114,30 @@ class Results:
         """Part, or before an export the lens."""
         return self.find(Part) or self.lens
 
-    @property
-    def surfaces(self) -> dict[str, SurfaceComparison]:
-        """Comparisons with measured surfaces, by the name of the face."""
-        return {each.surface: each for each in self.found.values() if isinstance(each, SurfaceComparison)}
-
-    @property
-    def corrections(self) -> dict[str, Correction]:
-        """Corrections for a second cut, by the name of the face."""
-        return {each.surface: each for each in self.found.values() if isinstance(each, Correction)}
+    def of_faces(self, kind: type[_Result]) -> dict[str, _Result]:
+        """Results of class ``kind``, which is one of a face, by the name of the face."""
+        found = ((face, self.find(kind, kind.stems([face])[0])) for face in self.lens.surfaces)
+        return {face: result for face, result in found if result is not None}
 
     @property
     def verdict(self) -> Verdict:
         """Verdict on light, files and cutting; a stage that has not run leaves its part undecided."""
-        light, check = self.find(Light), self.find(Check)
+        light = self.find(Light)
+        check = self.find(Check)
         unseen: list[Reason] = [("undecided", "the light has not been evaluated")]
         unchecked: list[Reason] = [("undecided", "the part has not been checked")]
         return Verdict.of(
             light=list(light_reasons(light, self.lens)) if light else unseen,
             files=list(self._files_reasons()),
-            cutting=list(cutting_reasons(check, self.spec)) if check else unchecked,
+            cutting=list(cutting_reasons(check)) if check else unchecked,
         )
 
     def _files_reasons(self) -> Iterator[Reason]:
-        part, proof = self.find(Part), self.find(Proof)
+        part = self.find(Part)
+        proof = self.find(Proof)
         for result in (self.find(Design), part, self.find(Check), proof):
             if result is not None:
-                yield from missed(deciding_criteria(result))
+                yield from missed(result.deciding_criteria())
         if part is None:
             yield "undecided", "no files have been exported"
             return
@@ -162,15 +162,10 @@ class Results:
             case Part():
                 return part_facts(result)
             case Check():
-                return check_facts(result, spec_of(result, self.spec))
+                return check_facts(result)
             case Proof():
-                light = self.find(Light)
-                by_led = {} if light is None else light.by_led
-                pairs = [(led, each) for led, of_led in by_led.items() for each in of_led.receivers]
-                designed = {(led, each.name): each.efficiency.value for led, each in pairs}
-                on_plate, own = self.lens.lamps_on_plate, self.lens.own_lamps_words
-                lamps = self.spec.all_lamps.whole if on_plate else own
-                return proof_facts(result, designed, self.lens.lamp_words, lamps, on_plate=on_plate)
+                lamps = self.spec.all_lamps.whole if result.on_plate else self.lens.own_lamps_words
+                return proof_facts(result, self.lens.lamp_words, lamps)
             case StrayLight():
                 return stray_facts(result, self.lens.own_lamps_words)
             case Photometry():
@@ -179,14 +174,8 @@ class Results:
                 return sensitivity_facts(result)
             case Yield():
                 return yield_facts(result)
-            case PhotoComparison():
-                return [photo_facts(result)]
-            case SurfaceComparison():
-                return [surface_facts(result)]
-            case Correction():
-                return [correction_facts(result)]
             case _:
-                return []
+                return facts_of(result)
 
     @property
     def yield_facts(self) -> list[Group]:
@@ -219,22 +208,30 @@ def unjudged_files(part: Part, proof: Proof | None) -> tuple[str, ...]:
     return () if proof is not None and proof.altered_files == part.altered else part.altered
 
 
+@singledispatch
+def facts_of(result: StageResult) -> list[Group]:
+    """Facts of a result by itself; an add-on registers the function for its own class."""
+    return []
+
+
+def kinds_of_results() -> tuple[type[StageResult], ...]:
+    """Classes of all results that a folder may have: those of a whole run, then others, which are made from these."""
+    for addon in addons():
+        addon.records()
+    others = (kind for _, kind in sorted(OF_FOLDERS.items()) if kind not in STAGES)
+    return (*STAGES, *others)
+
+
 def own_stems(faces: Iterable[str]) -> dict[str, type[StageResult]]:
     """The class of each result under the own conditions of a lens with these ``faces``, by the stem of its file."""
-    names, kind_by_stem = tuple(faces), dict[str, type[StageResult]]()
-    for kind in (*STAGES, *EXTRAS):
-        of_faces = [f"{_OF_FACE[kind]}_{face}" for face in names] if kind in _OF_FACE else [kind.stage]
-        kind_by_stem |= dict.fromkeys(of_faces, kind)
-    return kind_by_stem
+    names = tuple(faces)
+    return {stem: kind for kind in kinds_of_results() for stem in kind.stems(names)}
 
 
 def stem_of(result: StageResult) -> str:
     """Name of the JSON file of ``result`` in a result folder, without its suffix: its stage, and other conditions."""
-    stem = result.stage
-    if isinstance(result, MeasuredFace):
-        stem = f"{_OF_FACE[type(result)]}_{result.surface}"
     conditions = conditions_of(result)
-    return stem if conditions is None else f"{stem}_{conditions.name}"
+    return result.stem if conditions is None else f"{result.stem}_{conditions.name}"
 
 
 def conditions_of(result: StageResult) -> Conditions | None:
@@ -242,6 +239,8 @@ def conditions_of(result: StageResult) -> Conditions | None:
     return result.conditions if isinstance(result, SimulatedResult) else None
 
 
+@public
+@with_known_names
 def handover(
     run: Results,
     *,
@@ -272,9 +271,10 @@ def handover(
     from lensforge.shop.shop_files import made_by, make_handover
 
     require(run, Results, "handover")
-    words = read_drawing(Path(drawing)) if isinstance(drawing, Path | str) else drawing
+    section = read_drawing(Path(drawing)) if isinstance(drawing, Path | str) else drawing
     request = GridRequest(spacing_mm, error_nm, interpolation)
-    part, check = run.part, run.check
+    part = run.part
+    check = run.check
     if process is not None and process != part.lens.spec.manufacture.process:
         part, check = made_by(part, process), check_made_by(part.lens, process)
-    return make_handover(part, check, run.yield_facts, request, words)
+    return make_handover(part, check, run.yield_facts, request, section)

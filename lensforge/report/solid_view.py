@@ -22,14 +22,19 @@ from lensforge.results.file_bounds import stl_corners
 from lensforge.results.files import temporary_folder
 from lensforge.results.sandbox import Child, ChildLimits, Ending, serve
 
-_MESH, _RADIUS, _PLATE = "part.stl", "radius.json", "plate.stl"
+_MESH = "part.stl"
+_RADIUS = "radius.json"
+_PLATE = "plate.stl"
 # A mesh of 200,000 triangles takes 0.5 GiB, 1.3 million take 1 GiB and, on a busy machine, 54 s by software.
 _LIMITS = ChildLimits(memory_mib=4096, seconds=60.0)
 _AGAIN = "run `lensforge export` again"
-_PIXELS, _FINER = (880, 640), 2  # of a picture, and how many times as fine it is drawn, whose means they are
-_GLASS, _CUT = "#a3bfd8", "#e8b27a"
+_PIXELS = (880, 640)
+_FINER = 2  # drawn so many times as fine and averaged, so that edges are smooth
+_GLASS = "#a3bfd8"
+_CUT = "#e8b27a"
 _ON_PLANE = 1e-7  # of the part's size: cells of the cut have all of their corners in it
-_WHOLE, _CLOSE = 0.37, 1.45  # half the height of a picture, in the part's diagonal and in the optics' radius
+_WHOLE = 0.37  # half the height of a picture, in diagonals of the part
+_CLOSE = 1.45  # the same of a close view, in radii of the optics
 _MARGIN = 1.1  # of a picture over the part that it frames
 MOST_TRIANGLES = 12_000  # about 110 kB: too coarse to measure on, fine enough to look at
 _EDGE_DEG = 35.0  # sharper edges keep two normals
@@ -75,11 +80,11 @@ def solid_views(stl: bytes, optics_radius_mm: float, plate_stl: bytes | None = N
                 (folder / name).write_bytes(content)
         (folder / _RADIUS).write_text(json.dumps(optics_radius_mm), encoding="utf-8")
         with Child(Path(__file__).resolve(), folder, _LIMITS) as child:
-            ending, words = child.wait()
+            ending, message = child.wait()
         if ending is Ending.REFUSED:
-            raise InputError(words)
+            raise InputError(message)
         if ending in (Ending.TIME, Ending.MEMORY):
-            return SolidViews({}, problem=f"No 3-D picture: the renderer {words}.")
+            return SolidViews({}, problem=f"No 3-D picture: the renderer {message}.")
         if ending is not Ending.DONE:
             return SolidViews({}, problem="No 3-D picture: this machine has no off-screen renderer (OpenGL).")
         bounds = json.loads((folder / "bounds.json").read_text(encoding="utf-8"))
@@ -126,10 +131,14 @@ def _triangle_mesh(points: Float[np.ndarray, "n 3"], triangles: Int[np.ndarray, 
     from vtkmodules.vtkCommonCore import vtkPoints
     from vtkmodules.vtkCommonDataModel import vtkCellArray, vtkPolyData
 
-    places, cells, mesh = vtkPoints(), vtkCellArray(), vtkPolyData()
+    places = vtkPoints()
+    cells = vtkCellArray()
+    mesh = vtkPolyData()
     places.SetData(numpy_to_vtk(points, deep=True))
     ends = np.arange(0, triangles.size + 1, 3, dtype=np.int64)
-    cells.SetData(*(numpy_to_vtkIdTypeArray(each, deep=True) for each in (ends, triangles.astype(np.int64).ravel())))
+    cells.SetData(
+        *(numpy_to_vtkIdTypeArray(indices, deep=True) for indices in (ends, triangles.astype(np.int64).ravel()))
+    )
     mesh.SetPoints(places)
     mesh.SetPolys(cells)
     return mesh
@@ -147,7 +156,9 @@ def _draw_views(folder: Path, mesh: Any, shaded: Any, optics_radius_mm: float, v
     from vtkmodules.vtkCommonDataModel import vtkPlane
     from vtkmodules.vtkRenderingCore import vtkRenderWindow
 
-    renderer, window, plane = _renderer(), vtkRenderWindow(), vtkPlane()
+    renderer = _renderer()
+    window = vtkRenderWindow()
+    plane = vtkPlane()
     plane.SetNormal(0.0, 1.0, 0.0)
     window.SetMultiSamples(0)
     window.SetAlphaBitPlanes(1)
@@ -190,7 +201,8 @@ def _renderer() -> Any:
     """A renderer with a transparent ground, a kit of lights and a parallel projection."""
     from vtkmodules.vtkRenderingCore import vtkLight, vtkLightKit, vtkRenderer
 
-    renderer, light = vtkRenderer(), vtkLight()
+    renderer = vtkRenderer()
+    light = vtkLight()
     vtkLightKit().AddLightsToRenderer(renderer)
     light.SetLightTypeToHeadlight()
     light.SetIntensity(0.15)  # else the underside is dark
@@ -204,7 +216,8 @@ def _renderer() -> Any:
 def _actor(mesh: Any, colour: str) -> Any:
     from vtkmodules.vtkRenderingCore import vtkActor, vtkPolyDataMapper
 
-    mapper, actor = vtkPolyDataMapper(), vtkActor()
+    mapper = vtkPolyDataMapper()
+    actor = vtkActor()
     mapper.SetInputData(mesh)
     mapper.ScalarVisibilityOff()
     actor.SetMapper(mapper)
@@ -222,18 +235,21 @@ def _cap(mesh: Any, plane: Any) -> Any:
     from vtkmodules.vtkCommonDataModel import vtkPlaneCollection
     from vtkmodules.vtkFiltersGeneral import vtkClipClosedSurface
 
-    planes, cut = vtkPlaneCollection(), vtkClipClosedSurface()
+    planes = vtkPlaneCollection()
+    cut = vtkClipClosedSurface()
     planes.AddItem(plane)
     cut.SetClippingPlanes(planes)
     half = _output(cut, mesh)
-    points, triangles = _points(half), _triangles(half)
+    points = _points(half)
+    triangles = _triangles(half)
     flat = (np.abs(points[:, 1]) < _ON_PLANE * mesh.GetLength())[triangles].all(axis=1)
     return _triangle_mesh(points, triangles[flat])
 
 
 def _frame(mesh: Any, view: _Viewpoint, optics_radius_mm: float) -> tuple[float, float]:
     """Half the height of a picture (mm) and the z of its centre (mm), for the part, or for its optics if small."""
-    whole, close = _WHOLE * mesh.GetLength(), _CLOSE * optics_radius_mm
+    whole = _WHOLE * mesh.GetLength()
+    close = _CLOSE * optics_radius_mm
     if view.close and close < whole:
         return close, 0.4 * optics_radius_mm
     return whole, mesh.GetCenter()[2]
@@ -250,7 +266,8 @@ def _framed(mesh: Any, view: _Viewpoint, optics_radius_mm: float) -> tuple[float
     up = np.cross(camera, right)
     points = _points(mesh)
     seen = points[points[:, 1] >= 0.0] if view.cut else points
-    across, along = seen @ right, seen @ up
+    across = seen @ right
+    along = seen @ up
     reach = max(np.ptp(along), np.ptp(across) * _PIXELS[1] / _PIXELS[0])
     x, y, z = 0.5 * (across.min() + across.max()) * right + 0.5 * (along.min() + along.max()) * up
     return 0.5 * _MARGIN * float(reach), (float(x), float(y), float(z))
@@ -258,7 +275,8 @@ def _framed(mesh: Any, view: _Viewpoint, optics_radius_mm: float) -> tuple[float
 
 def _aim(renderer: Any, mesh: Any, view: _Viewpoint, optics_radius_mm: float) -> None:
     half_height, centre = _framed(mesh, view, optics_radius_mm)
-    distance, camera = 3.0 * mesh.GetLength(), renderer.GetActiveCamera()
+    distance = 3.0 * mesh.GetLength()
+    camera = renderer.GetActiveCamera()
     camera.SetPosition(*(c + distance * d for c, d in zip(centre, view.camera, strict=True)))
     camera.SetFocalPoint(*centre)
     camera.SetViewUp(0.0, 0.0, 1.0)
@@ -329,16 +347,18 @@ def _nearest_normals(coarse: Any, fine: Any) -> Float[np.ndarray, "n 3"]:
     from vtkmodules.vtkCommonCore import vtkIdList
     from vtkmodules.vtkCommonDataModel import vtkStaticPointLocator
 
-    own, full = (_array(each.GetPointData().GetNormals()) for each in (coarse, fine))
-    count, found, near = min(_CANDIDATES, len(full)), vtkIdList(), vtkStaticPointLocator()
+    normals, full = (_array(mesh.GetPointData().GetNormals()) for mesh in (coarse, fine))
+    count = min(_CANDIDATES, len(full))
+    nearest_ids = vtkIdList()
+    near = vtkStaticPointLocator()
     near.SetDataSet(fine)
     near.BuildLocator()
-    candidates = np.empty((len(own), count, 3))
+    candidates = np.empty((len(normals), count, 3))
     for row, point in enumerate(_points(coarse).tolist()):
-        near.FindClosestNPoints(count, point, found)
-        candidates[row] = full[[found.GetId(number) for number in range(count)]]
-    best = np.argmax(np.einsum("nkc,nc->nk", candidates, own), axis=1)
-    return np.asarray(candidates[np.arange(len(own)), best])
+        near.FindClosestNPoints(count, point, nearest_ids)
+        candidates[row] = full[[nearest_ids.GetId(number) for number in range(count)]]
+    best = np.argmax(np.einsum("nkc,nc->nk", candidates, normals), axis=1)
+    return np.asarray(candidates[np.arange(len(normals)), best])
 
 
 def _points(mesh: Any) -> Float[np.ndarray, "n 3"]:

@@ -26,7 +26,6 @@ from lensforge.spec import AnyAccuracy
 from lensforge.surfaces.imported_face import LENS_FILE
 from lensforge.version import __version__
 
-_HOLD_LENS = (Design, Part)
 _MOST_OTHERS = 1000  # records of one stage under other conditions
 
 
@@ -46,7 +45,7 @@ class Stored:
         unreadable: dict[str, InputError] = {}
         for stem, kind in _files_in(folder, own_stems(lens.surfaces)):
             try:
-                records[stem] = kind.read(folder, stem, **({"lens": lens} if kind in _HOLD_LENS else {}))
+                records[stem] = kind.read(folder, stem, **({"lens": lens} if "lens" in kind.model_fields else {}))
                 require_own_judgements(records[stem], lens, folder / f"{stem}.json")
             except InputError as error:
                 unreadable[stem] = error
@@ -54,7 +53,8 @@ class Stored:
 
     def with_result(self, result: StageResult) -> "Stored":
         """Records of the folder after ``result`` was written; a design brings another lens."""
-        lens, stem = result.lens if isinstance(result, Design) else self.lens, stem_of(result)
+        lens = result.lens if isinstance(result, Design) else self.lens
+        stem = stem_of(result)
         unreadable = {name: error for name, error in self.unreadable.items() if name != stem}
         return Stored(lens, {**self.records, stem: result}, unreadable)
 
@@ -71,7 +71,8 @@ class Stored:
         outdated = {stem: str(error) for stem, error in self.unreadable.items()}
         stems = list(own_stems(self.lens.surfaces))  # each after those that it is made from
         for stem in sorted(self.records, key=lambda stem: (stems.index(stem) if stem in stems else len(stems), stem)):
-            result, is_own = self.records[stem], stem in stems
+            result = self.records[stem]
+            is_own = stem in stems
             why = _mismatch(result, self.lens, accepted, outdated) or _foreign_conditions(result, stem, is_own)
             why = why or doubt(stem, result)
             if why:
@@ -110,10 +111,10 @@ def _files_in(folder: Path, kind_by_stem: Mapping[str, type[StageResult]]) -> It
             yield stem, kind
     for stem, kind in kind_by_stem.items():
         if issubclass(kind, SimulatedResult):
-            others = nsmallest(_MOST_OTHERS + 1, folder.glob(f"{stem}_*.json"))
-            if len(others) > _MOST_OTHERS:
+            files = nsmallest(_MOST_OTHERS + 1, folder.glob(f"{stem}_*.json"))
+            if len(files) > _MOST_OTHERS:
                 raise InputError(f"{folder}: more than {_MOST_OTHERS} files {stem}_*.json are not read; move some away")
-            yield from ((path.stem, kind) for path in others)
+            yield from ((path.stem, kind) for path in files)
 
 
 def _foreign_conditions(result: StageResult, stem: str, is_own: bool) -> str:
@@ -138,7 +139,8 @@ def _mismatch(result: StageResult, lens: Lens, accepted: Mapping[str, StageResul
     return ""
 
 
-RUN_FILE, RUN_SCHEMA = "run.json", f"lensforge-run-{SCHEMA_VERSION}"
+RUN_FILE = "run.json"
+RUN_SCHEMA = f"lensforge-run-{SCHEMA_VERSION}"
 _RENEW = "delete it, and run `lensforge report` again"
 
 
@@ -202,13 +204,13 @@ def verdicts_of_kinds(folder: Path, lens: Lens) -> dict[str, Verdict]:
     A folder that is missing, or of another lens, leaves files and cutting of its kind undecided.
     """
     verdicts = dict[str, Verdict]()
-    for other in lens.kinds[1:] if lens.kind == lens.kinds[0].kind else ():
-        why = f"the folder {other.kind} has no part of this lens; run `lensforge design` again, or with --resume"
-        verdicts[other.kind] = Verdict.of([], [("undecided", why)], [("undecided", why)])
+    for kind in lens.kinds[1:] if lens.kind == lens.kinds[0].kind else ():
+        why = f"the folder {kind.kind} has no part of this lens; run `lensforge design` again, or with --resume"
+        verdicts[kind.kind] = Verdict.of([], [("undecided", why)], [("undecided", why)])
         with suppress(InputError):
-            record = RunRecord.read(folder / other.kind)
-            if record is not None and load_lens(folder / other.kind / LENS_FILE) == other:
-                verdicts[other.kind] = record.verdict
+            record = RunRecord.read(folder / kind.kind)
+            if record is not None and load_lens(folder / kind.kind / LENS_FILE) == kind:
+                verdicts[kind.kind] = record.verdict
     return verdicts
 
 
@@ -253,7 +255,8 @@ def require_stated(results: Results, record: RunRecord | None, folder: Path) -> 
     """
     if record is None or record.version != __version__ or not results.found:
         return
-    lens, path = results.lens, folder / RUN_FILE
+    lens = results.lens
+    path = folder / RUN_FILE
     for name, stated, there in (
         ("name", record.name, results.spec.name),
         ("seed", record.seed, lens.seed),

@@ -37,25 +37,33 @@ from lensforge.spec.road_section import RoadSection
 _GAP_COLOURS = (BLUE, GREEN, ORANGE)
 _LEAST_MM = 1e-5  # 10 nm: smaller distances have no optical meaning
 _PLANES = {0.0: (ORANGE, "C 0 – C 180"), 90.0: (BLUE, "C 90 – C 270")}
-_RINGS, _ROUND = 3, (1, 1.5, 2, 2.5, 3, 4, 5, 6, 8, 10)  # of the polar diagram, at round intensities: their values fit
+_RINGS = 3  # of the polar diagram: their values fit
+_ROUND = (1, 1.5, 2, 2.5, 3, 4, 5, 6, 8, 10)
 _FURTHER = 1.25  # of the field angle: what the isocandela diagram shows beyond it
 _SHOWN_HEIGHTS = 6.0  # mounting heights to each side: "very long" lies beyond
 _PIXELS = 241
 _ISOLINES = 5  # of luminance
 # What a driver's view shows: distances ahead, tangents below, beside and above the horizon straight ahead.
-_NEAR_M, _FAR_M, _ROWS, _PER_LANE = 15.0, 400.0, 120, 10
-_DOWN, _ASIDE, _MOST_UP, _ABOVE_LAMPS = 0.1, 0.35, 0.36, 1.2
-_POLE_M, _HEAD_M = 0.15, (0.6, 0.12)  # width of a pole; width and depth of a lamp
+_NEAR_M = 15.0
+_FAR_M = 400.0
+_ROWS = 120
+_PER_LANE = 10
+_DOWN = 0.1
+_ASIDE = 0.35
+_MOST_UP = 0.36
+_ABOVE_LAMPS = 1.2
+_POLE_M = 0.15  # width of a pole
+_HEAD_M = (0.6, 0.12)  # width and depth of a lamp
 _DIAGONAL = 0.5**0.5  # between the labels of C
 
 
 @in_report_style
-def polar_diagram(found: Photometry) -> Figure:
+def polar_diagram(photometry: Photometry) -> Figure:
     """Intensity over gamma in the principal planes, gamma = 0 downwards, as data sheets have it."""
     figure, axes = new_figure(NARROW, 0.68 * NARROW)
-    profiles = {c_deg: plane_profile(_table(found), c_deg) for c_deg in _PLANES}
+    profiles = {c_deg: plane_profile(_table(photometry), c_deg) for c_deg in _PLANES}
     largest = max(float(values.max()) for _, values in profiles.values()) or 1.0
-    rings = [each for each in MaxNLocator(_RINGS, steps=_ROUND).tick_values(0.0, largest) if each > 0.0]
+    rings = [level for level in MaxNLocator(_RINGS, steps=_ROUND).tick_values(0.0, largest) if level > 0.0]
     top = float(rings[-1])
     for radius in rings:
         _ring(axes, radius, from_deg=180.0)
@@ -77,13 +85,14 @@ def polar_diagram(found: Photometry) -> Figure:
 
 
 @in_report_style
-def isocandela_diagram(found: Photometry) -> Figure:
+def isocandela_diagram(photometry: Photometry) -> Figure:
     """Lines of equal intensity over C, counted counterclockwise from the right, and gamma from the centre."""
     figure, axes = new_figure(NARROW, NARROW)
-    reach = _reach(found)
+    reach = _reach(photometry)
     x, y = np.meshgrid(*2 * [np.linspace(-reach, reach, _PIXELS)])
-    light = _at(_table(found), np.rad2deg(np.arctan2(y, x)), np.hypot(x, y))
-    levels, colours = [share * found.peak_cd.value for share in ISO_SHARES], list(ISO_SHARES.values())
+    light = _at(_table(photometry), np.rad2deg(np.arctan2(y, x)), np.hypot(x, y))
+    levels = [share * photometry.peak_cd.value for share in ISO_SHARES]
+    colours = list(ISO_SHARES.values())
     axes.contour(x, y, light, levels=levels, colors=colours, linewidths=0.9)
     for (share, colour), level in zip(ISO_SHARES.items(), levels, strict=True):
         axes.plot([], [], color=colour, label=f"{number(level, 3)} cd ({percent(share, 0)})")
@@ -100,7 +109,7 @@ def isocandela_diagram(found: Photometry) -> Figure:
 
 
 @in_report_style
-def ground_diagram(found: Photometry, street_deg: float, lenses: int, height_m: float | None) -> Figure:
+def ground_diagram(photometry: Photometry, street_deg: float, lenses: int, height_m: float | None) -> Figure:
     """Illuminance on the ground under one lamp, over places in mounting heights, the street upwards.
 
     In lux at ``height_m``, or where there is none as a share of the largest.
@@ -110,13 +119,13 @@ def ground_diagram(found: Photometry, street_deg: float, lenses: int, height_m: 
     away = np.hypot(along, across)
     lateral = np.rad2deg(np.arctan2(along, across))
     c_deg = -(lateral + street_deg)  # the file counts C the other way than the lens its azimuth
-    light = lenses * _at(_table(found), c_deg, np.rad2deg(np.arctan(away))) / (1.0 + away**2) ** 1.5
+    light = lenses * _at(_table(photometry), c_deg, np.rad2deg(np.arctan(away))) / (1.0 + away**2) ** 1.5
     scale, unit = (1.0 / float(light.max()), "of the maximum") if height_m is None else (height_m**-2, "lx")
     top = float(scale * light.max())
     for share, colour in zip((0.01, 0.05, 0.2, 0.5), ("#6a4fc4", "#2f7fd1", "#1f9e89", "#d18a1f"), strict=True):
         axes.contour(along, across, scale * light, levels=[share * top], colors=[colour], linewidths=0.9)
-        words = f"{percent(share, 0)} {unit}" if height_m is None else f"{number(share * top, 2)} {unit}"
-        axes.plot([], [], color=colour, label=words)
+        label = f"{percent(share, 0)} {unit}" if height_m is None else f"{number(share * top, 2)} {unit}"
+        axes.plot([], [], color=colour, label=label)
     axes.axhline(0.0, color=INK, linewidth=0.5)
     axes.set(aspect="equal", xlabel="along the road (mounting heights)", ylabel="towards the street")
     axes.grid(True)
@@ -125,18 +134,23 @@ def ground_diagram(found: Photometry, street_deg: float, lenses: int, height_m: 
 
 
 @in_report_style
-def road_from_above(found: Photometry, index: int, spec: Spec) -> Figure:
+def road_from_above(photometry: Photometry, index: int, spec: Spec) -> Figure:
     """A road from above: in the luminance that each driver sees, the left lane first; of a class P or C in lux."""
-    road, judged, readings = spec.roads[index], found.roads[index], RoadReadings.of(spec.roads[index])
-    candela = _kept_candela(found, road, spec)
-    unit, lights = "lx", [(lux_across(0.0, road.width_m), readings.illuminance)]
+    road = spec.roads[index]
+    judged = photometry.roads[index]
+    readings = RoadReadings.of(spec.roads[index])
+    candela = _kept_candela(photometry, road, spec)
+    unit = "lx"
+    lights = [(lux_across(0.0, road.width_m), readings.illuminance)]
     drivers = sorted(judged.drivers, key=lambda driver: -road.from_right(driver.lane - 1))
     if road.by_luminance:
-        unit, of_drivers = "cd/m²", zip(readings.rows, readings.luminance, strict=True)
+        unit = "cd/m²"
+        of_drivers = zip(readings.rows, readings.luminance, strict=True)
         by_driver = dict(zip((driver.lane for driver in judged.drivers), of_drivers, strict=True))
         lights = [by_driver[driver.lane] for driver in drivers]
     seen = [light.of(candela(light)).reshape(len(rows), -1) for rows, light in lights]
-    least, top = min(float(each.min()) for each in seen), max(float(each.max()) for each in seen) or 1.0
+    least = min(float(field.min()) for field in seen)
+    top = max(float(field.max()) for field in seen) or 1.0
     figure = Figure(figsize=(WIDE, 0.5 + 1.3 * len(seen)), layout="constrained")
     views = figure.subplots(len(seen), 1, sharex=True, squeeze=False)[:, 0]
     levels = MaxNLocator(_ISOLINES).tick_values(least, top)
@@ -153,21 +167,22 @@ def road_from_above(found: Photometry, index: int, spec: Spec) -> Figure:
     return figure
 
 
-def _kept_candela(found: Photometry, road: RoadSection, spec: Spec) -> Candela:
-    factor = lenses_in(road, spec, found.source_lm) * road.maintenance_factor
-    return of_table(_table(found), -spec.photometry.street_side_deg, factor)
+def _kept_candela(photometry: Photometry, road: RoadSection, spec: Spec) -> Candela:
+    factor = lenses_in(road, spec, photometry.source_lm) * road.maintenance_factor
+    return of_table(_table(photometry), -spec.photometry.street_side_deg, factor)
 
 
 @in_report_style
-def road_by_night(found: Photometry, index: int, spec: Spec) -> Figure:
+def road_by_night(photometry: Photometry, index: int, spec: Spec) -> Figure:
     """A road of a class M from the eye of each driver, the left lane first, in its luminance, with its lamps."""
-    road, candela = spec.roads[index], _kept_candela(found, spec.roads[index], spec)
+    road = spec.roads[index]
+    candela = _kept_candela(photometry, spec.roads[index], spec)
     views = [DriverView(road, lane) for lane in sorted(range(road.lanes), key=road.from_right, reverse=True)]
     away = 1.0 / np.linspace(1.0 / _NEAR_M, 1.0 / _FAR_M, _ROWS)  # even steps in the picture
     away, y = np.meshgrid(away, np.linspace(0.0, road.width_m, _PER_LANE * road.lanes + 1))
     lights = [view.luminance(view.place(away.ravel() - BEFORE_M), y.ravel()) for view in views]
     seen = [light.of(candela(light)).reshape(y.shape) for light in lights]
-    top = max(float(each.max()) for each in seen) or 1.0
+    top = max(float(field.max()) for field in seen) or 1.0
     roof = min(_ABOVE_LAMPS * road.pole_height_m / BEFORE_M, _MOST_UP)
     tall = WIDE * (roof + _DOWN) / (2.0 * _ASIDE)
     figure = Figure(figsize=(WIDE, 0.2 + (0.15 + 0.85 * tall) * len(seen)), layout="constrained")
@@ -186,14 +201,16 @@ def road_by_night(found: Photometry, index: int, spec: Spec) -> Figure:
 
 def _by_the_road(axes: Axes, view: DriverView) -> None:
     """Lines between the lanes and at the ends of the field; poles with their arms, and lamps."""
-    road, high = view.road, view.road.pole_height_m
+    road = view.road
+    high = view.road.pole_height_m
     shown = view.place(np.array([_NEAR_M, _FAR_M]) - BEFORE_M)
     lines = [(shown, np.full(2, k * road.lane_m)) for k in range(road.lanes + 1)]
     ends = [(np.full(2, end), np.array([0.0, road.width_m])) for end in (0.0, road.pole_spacing_m)]
     for along, aside in (*lines, *ends):
         axes.plot(*view.seen(along, aside, np.zeros(2)).T, color="white", linewidth=0.5)
     x, y, foot = view.lamps(_NEAR_M, _FAR_M)
-    arm, (wide, deep) = np.sort([foot, y], axis=0), _HEAD_M
+    arm = np.sort([foot, y], axis=0)
+    (wide, deep) = _HEAD_M
     for left, right, low, top, colour in (
         (foot - 0.5 * _POLE_M, foot + 0.5 * _POLE_M, 0.0, high, GREY),
         (*arm, high - _POLE_M, high, GREY),
@@ -205,7 +222,8 @@ def _by_the_road(axes: Axes, view: DriverView) -> None:
 
 
 def _of_driver(driver: SeenRoad) -> str:
-    seen, even = f"mean {driver.mean_cd_per_m2.value:.2f} cd/m²", driver.uniformity.value
+    seen = f"mean {driver.mean_cd_per_m2.value:.2f} cd/m²"
+    even = driver.uniformity.value
     if driver.veiling_ratio is not None:
         return f"from lane {driver.lane} on: {seen}, U0 {even:.2f}, Lv/Lavg {driver.veiling_ratio.value:.2f}"
     glare = "" if driver.glare_percent is None else f", TI {driver.glare_percent.value:.1f} %"
@@ -232,8 +250,8 @@ def _road_view(
     axes.set(ylabel="across (m)", xlim=extent[:2], ylim=(0.0, road.width_m))
 
 
-def _table(found: Photometry) -> TabulatedIntensity:
-    return TabulatedIntensity(found.c_deg, found.gamma_deg, found.candela)
+def _table(photometry: Photometry) -> TabulatedIntensity:
+    return TabulatedIntensity(photometry.c_deg, photometry.gamma_deg, photometry.candela)
 
 
 def _at(
@@ -245,10 +263,12 @@ def _at(
     return read(np.stack([c_deg % 360.0, gamma_deg], axis=-1))
 
 
-def _reach(found: Photometry) -> float:
+def _reach(photometry: Photometry) -> float:
     """Angle (deg) that the isocandela diagram shows: somewhat more than half the wider field angle."""
     widths = [
-        beam.field_angle_deg.value for beam in (found.beam_c0, found.beam_c90) if beam.field_angle_deg is not None
+        beam.field_angle_deg.value
+        for beam in (photometry.beam_c0, photometry.beam_c90)
+        if beam.field_angle_deg is not None
     ]
     return min(90.0, _FURTHER * 0.5 * max(widths, default=180.0))
 
@@ -280,17 +300,18 @@ def distribution(
     figure, axes = new_figure(NARROW, _HEIGHT)
     ordered = np.sort(values)
     axes.step(ordered, 100.0 * np.arange(1, len(values) + 1) / len(values), where="post", color=BLUE, label="parts")
-    near = [each.bound for each in bounds if not beyond(values, each.bound)]
+    near = [bound.bound for bound in bounds if not beyond(values, bound.bound)]
     if not beyond(values, designed):
         axes.axvline(designed, color=INK, linewidth=1.0, linestyle=DASHED, label="as designed")
         near.append(designed)
     ends = np.array([*ordered[[0, -1]], *near])
     margin = 0.04 * float(np.ptp(ends)) or 0.01 * abs(float(ends[0])) or 1.0
-    left, right = float(ends.min()) - margin, float(ends.max()) + margin
-    for index, each in enumerate(each for each in bounds if not beyond(values, each.bound)):
-        wrong = (each.bound, right) if each.sense == "<=" else (left, each.bound)
+    left = float(ends.min()) - margin
+    right = float(ends.max()) + margin
+    for index, near_bound in enumerate(bound for bound in bounds if not beyond(values, bound.bound)):
+        wrong = (near_bound.bound, right) if near_bound.sense == "<=" else (left, near_bound.bound)
         axes.axvspan(*wrong, color=RED, alpha=0.1, linewidth=0.0)
-        axes.axvline(each.bound, color=RED, label="bound" if index == 0 else None)
+        axes.axvline(near_bound.bound, color=RED, label="bound" if index == 0 else None)
     axes.set(xlim=(left, right), ylim=(0.0, 101.0), xlabel=label, ylabel="cumulative share of the parts (%)")
     axes.xaxis.set_major_locator(MaxNLocator(5))
     if share:
@@ -302,7 +323,8 @@ def distribution(
 
 def beyond(values: Float[np.ndarray, " n"], value: float) -> bool:
     """True for a value that lies much farther from the parts than these from each other."""
-    low, high = float(values.min()), float(values.max())
+    low = float(values.min())
+    high = float(values.max())
     reach = _FAR * (high - low)
     return not low - reach <= value <= high + reach
 

@@ -56,11 +56,12 @@ def files_of_run(options: Mapping[str, Any], spec: Spec) -> Files | str:
 def write_run(files: Files, folder: Path) -> None:
     """Write the files of a run into its folder, those last that name the hashes of others."""
     with locked(folder, create=True):
-        for name in sorted(files, key=lambda each: (each.endswith("run.json"), each.endswith(".json"))):
+        for name in sorted(files, key=lambda name: (name.endswith("run.json"), name.endswith(".json"))):
             write_file(folder / name, files[name])
 
 
-PAGE, TABLE = "sweep.html", "sweep.csv"
+PAGE = "sweep.html"
+TABLE = "sweep.csv"
 
 
 # A run of every stage: of a spec, into a folder, and True to continue from the checkpoint there.
@@ -102,7 +103,8 @@ def run_sweep(
         if scheduler is None:
             made = _one_by_one(wanted, directory, run_design, resume, tell)
             return _joined(spec, variation, made, directory, sweep)
-        options, specs = {**further, "accuracy": accuracy, "seed": seed}, [variant.spec for variant in wanted]
+        options = {**further, "accuracy": accuracy, "seed": seed}
+        specs = [variant.spec for variant in wanted]
         with connected(scheduler) as workers:
             made = _written(wanted, directory, workers.map(files_of_run, options, specs), tell)
             return _joined(spec, variation, made, directory, sweep)
@@ -137,7 +139,8 @@ def _one_by_one(
     """Make every design here; each as soon as its folder is finished, or as it fails."""
     for number, variant in enumerate(wanted, start=1):
         tell(number, variant)
-        folder, why = directory / variant.spec.name, ""
+        folder = directory / variant.spec.name
+        why = ""
         try:
             run_design(variant.spec, folder, resume and (folder / CHECKPOINT).exists())
         except InputError as error:
@@ -166,8 +169,8 @@ def _joined(spec: Spec, variation: AnyVariation, made: Iterator[Made], directory
         if why:
             failed[variant.words] = why
             continue
-        one = sweep_of(spec, variation, [(variant, load_kinds(directory / variant.spec.name))])
-        sweep = one if sweep is None else sweep.joined(one)
+        part = sweep_of(spec, variation, [(variant, load_kinds(directory / variant.spec.name))])
+        sweep = part if sweep is None else sweep.joined(part)
         sweep.write(directory)
     if sweep is None:
         raise InputError(next(iter(failed.values())))
@@ -193,7 +196,7 @@ def _finished(directory: Path, spec: Spec, variation: AnyVariation, accuracy: An
     if not path.exists():
         return None
     sweep = Sweep.read(directory)
-    for words, stored, wanted in (
+    for field, stored, wanted in (
         ("spec, or file that it names", sweep.spec_sha256, section_sha256(spec)),
         ("field", sweep.vary, variation.field),
         ("scaled fields", sweep.scale, variation.scaled),
@@ -202,7 +205,7 @@ def _finished(directory: Path, spec: Spec, variation: AnyVariation, accuracy: An
         ("version of lensforge", sweep.version, __version__),
     ):
         if stored != wanted:
-            raise InputError(f"{path}: a sweep with another {words}; start again without resume")
+            raise InputError(f"{path}: a sweep with another {field}; start again without resume")
     leds = {led.name: led.source for led in variation.sources} if isinstance(variation, SourceVariation) else {}
     for row in sweep.designs:
         folder = directory / row.folder

@@ -68,7 +68,8 @@ def run_tradeoff(
 
 def _lens_in(directory: Path, spec: Spec, source: Source) -> Lens:
     """The lens in ``directory``. Raises :class:`InputError` where it was designed for another scene."""
-    path, results = directory / LENS_FILE, RunFolder(directory).run
+    path = directory / LENS_FILE
+    results = RunFolder(directory).run
     require_same_scene(results.lens, spec, source, str(path))
     made = results.find(Design)
     if made is not None and made.inputs["spec"] != section_sha256(results.spec):
@@ -140,7 +141,8 @@ def _search_rows(spec: Spec, source: Source, rays: int, accuracy: AnyAccuracy) -
     rows = []
     for step, lens in stages:
         traced = TracedLens.of(lens, preset_of(accuracy).evaluate_nodes_per_sigma)
-        light, grown = _light(traced, lens, _judging(spec, source), rays), step.functions
+        light = _light(traced, lens, _judging(spec, source), rays)
+        grown = step.functions
         kinds = f", {len(lens.kinds)} kinds" if lens.others else ""
         setting = f"{grown} functions{kinds}"
         rows.append(_row("search", setting, light, step.seconds, functions=grown, steps=step.steps_done))
@@ -182,7 +184,7 @@ _NOT_OF_THE_SCENE = ("name", "optimise", "evaluate", "base", "plate", "manufactu
 def _hashes(spec: Spec, section: str) -> list[str]:
     content = getattr(spec, section)
     sections = content if isinstance(content, tuple) else () if content is None else (content,)
-    return [section_sha256(each) for each in sections]
+    return [section_sha256(section) for section in sections]
 
 
 _HEIGHT = 3.0

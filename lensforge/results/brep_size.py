@@ -25,7 +25,8 @@ from OCP.TopExp import TopExp_Explorer
 from OCP.TopoDS import TopoDS
 from scipy.interpolate import NdBSpline
 
-_LEGENDRE, _PANEL_CELLS = np.polynomial.legendre.leggauss(16), 8  # of Gauss, and the cells between knots of a panel
+_LEGENDRE = np.polynomial.legendre.leggauss(16)
+_PANEL_CELLS = 8  # between knots
 _PRECISION = 1e-8  # of faces that are no splines, by the kernel's adaptive integrals: a pole may lie at their edges
 _LEAST_CELLS = 64  # across a spline: one of a few knots bends within a cell; areas of a ring or a hole err by 2e-6
 _PROBES = 32  # along an edge, for its length in cells
@@ -37,13 +38,15 @@ def volume_and_area(shape: Any) -> tuple[float, float]:
     for face in map(TopoDS.Face_s, explored(shape, TopAbs_ShapeEnum.TopAbs_FACE)):
         spline = BRepAdaptor_Surface(face, False).GetType() == GeomAbs_SurfaceType.GeomAbs_BSplineSurface
         own_volume, own_area = _Sectors(face).sums() if spline else _by_the_kernel(face)
-        volume, area = volume + own_volume, area + abs(own_area)
+        volume = volume + own_volume
+        area = area + abs(own_area)
     return volume, area
 
 
 def spline_poles(spline: Any) -> Float[np.ndarray, "n m 3"]:
     """Poles (mm) of a Geom_BSplineSurface."""
-    rows, columns = range(1, spline.NbUPoles() + 1), range(1, spline.NbVPoles() + 1)
+    rows = range(1, spline.NbUPoles() + 1)
+    columns = range(1, spline.NbVPoles() + 1)
     return np.array([[spline.Pole(row, column).Coord() for column in columns] for row in rows])
 
 
@@ -67,14 +70,17 @@ class _Sectors:
         for edge, curve in self._edges:
             sign = -1.0 if edge.Orientation() == TopAbs_Orientation.TopAbs_REVERSED else 1.0
             swept, facing = self._sector(curve)
-            volume, area = volume + sign * swept, area + sign * facing
+            volume = volume + sign * swept
+            area = area + sign * facing
         return volume, area
 
     def _sector(self, edge: Any) -> tuple[float, float]:
         """Volume between the origin and a sector, and its area, below 0 where the edge runs clockwise."""
         length, reach = self._cells(edge)
-        (places, weights), (shares, own) = _gauss(length), _gauss(reach)
-        first, span = edge.FirstParameter(), edge.LastParameter() - edge.FirstParameter()
+        (places, weights) = _gauss(length)
+        (shares, own) = _gauss(reach)
+        first = edge.FirstParameter()
+        span = edge.LastParameter() - edge.FirstParameter()
         at, along = _points_along(edge, first + places * span)
         away = at - self._middle
         turned = weights * span * (away[:, 0] * along[:, 1] - away[:, 1] * along[:, 0])
@@ -94,7 +100,7 @@ class _Sectors:
         if self._surface.IsURational() or self._surface.IsVRational():
             weight = point[..., 3:]
             point = point[..., :3] / weight
-            by_u, by_v = ((each[..., :3] - point * each[..., 3:]) / weight for each in (by_u, by_v))
+            by_u, by_v = ((derivative[..., :3] - point * derivative[..., 3:]) / weight for derivative in (by_u, by_v))
         return point, np.cross(by_u, by_v)
 
     @cached_property
@@ -109,7 +115,7 @@ class _Sectors:
     def _homogeneous(self) -> NdBSpline:
         """The surface as a spline of scipy: its points, times their weights where it has any, and the weights."""
         surface = self._surface
-        knots = tuple(np.array(list(each)) for each in (surface.UKnotSequence(), surface.VKnotSequence()))
+        knots = tuple(np.array(list(sequence)) for sequence in (surface.UKnotSequence(), surface.VKnotSequence()))
         poles = spline_poles(surface)
         if surface.IsURational() or surface.IsVRational():
             rows, columns = (range(1, count + 1) for count in poles.shape[:2])
@@ -142,11 +148,13 @@ def _places(edge: Any) -> Float[np.ndarray, "p 2"]:
 
 def _points_along(edge: Any, at: Float[np.ndarray, " p"]) -> tuple[Float[np.ndarray, "p 2"], Float[np.ndarray, "p 2"]]:
     """Points of a curve in the plane of parameters, and their derivatives."""
-    point, along, found = gp_Pnt2d(), gp_Vec2d(), []
+    point = gp_Pnt2d()
+    along = gp_Vec2d()
+    points = []
     for parameter in at.tolist():
         edge.D1(parameter, point, along)
-        found.append((point.X(), point.Y(), along.X(), along.Y()))
-    both = np.array(found)
+        points.append((point.X(), point.Y(), along.X(), along.Y()))
+    both = np.array(points)
     return both[:, :2], both[:, 2:]
 
 

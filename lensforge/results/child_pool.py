@@ -34,7 +34,9 @@ class Called(Generic[_Result]):
         there: "Future[Answer] | None" = None,
         done_again: Callable[[], object] = lambda: None,
     ) -> None:
-        self._here, self.there, self._done_again = here, there, done_again
+        self._here = here
+        self.there = there
+        self._done_again = done_again
         self._results: list[_Result] = []
 
     @property
@@ -60,7 +62,10 @@ class ChildPool:
     """Child processes that call functions beside this one, in their order; without any, each as it is needed."""
 
     def __init__(self, children: Sequence[ChildProcess] = (), warn: Callable[[str], object] = warnings.warn) -> None:
-        self._living, self._warn, self._ended, threads = set(children), warn, "", len(children)
+        self._living = set(children)
+        self._warn = warn
+        self._ended = ""
+        threads = len(children)
         self._threads = ThreadPoolExecutor(threads) if children else None
         self._idle = SimpleQueue[ChildProcess | None]()
         for child in children:

@@ -61,7 +61,8 @@ class ChildProcess:
 
     def ask(self, call: bytes) -> tuple[bool, Any]:
         """Have it make a pickled call: whether that returned, and what. Raises what pipes do where it has ended."""
-        asked, answers = self._process.stdin, self._process.stdout
+        asked = self._process.stdin
+        answers = self._process.stdout
         if asked is None or answers is None:
             raise ValueError("a child process that has work answers no calls")
         asked.write(call)

@@ -9,7 +9,6 @@ from lensforge.errors import CriterionMissed
 from lensforge.results.fact import Fact, FactState, StoredAs
 from lensforge.results.verdict import Reason, worst
 
-_STL, _STEP = "mesh (lens.stl)", "STEP file"
 _YES = " (1: yes)"  # ends the words of a question
 _WORDS = {
     "cavity clearance": "cavity clearance over the LED",
@@ -18,35 +17,6 @@ _WORDS = {
     "largest wall margin": "wall thickness below its maximum",
     "height margin": "height, below its maximum",
     "keep out clearance": "clearance to the keep-out solid",
-    "thinnest wall": "thinnest wall, along the normal",
-    "largest radial wall": "thickest wall, radial from the LED",
-    "lamps_nmse_vs_sum": f"pattern of all lamps through the {_STL} of each, against their sum",
-    "plate_nmse_vs_sum": "pattern of all lamps through plate.stl, against their sum",
-    "form": "largest form error",
-    "gaps": "open edges and missing faces",
-    "open_edges": f"open edges of the {_STL}",
-    "plain_cast_disagreements": "first hits that a second ray caster finds elsewhere",
-    "volume_change": f"volume of the {_STL}, against the export",
-    "area_change": f"area of the {_STL}, against the export",
-    "box_change": f"outer size of the {_STL}, against the export",
-    "brep_volume_change": f"volume of the {_STEP}, against the export",
-    "brep_area_change": f"area of the {_STEP}, against the export",
-    "brep_box_change": f"outer size of the {_STEP}, against the export",
-    "own_rays_emission": "emission of independent rays of the LED",
-    "own_rays_efficiency": "efficiency of independent rays",
-    "own_rays_nmse": "pattern of independent rays, against the design",
-    "deviation_rms": f"ray displacement by the {_STL}",
-    "flux_deviation": f"flux of each ray through the {_STL}, against the design",
-    "fate_disagreement_flux": f"flux that ends otherwise through the {_STL}",
-    "nmse_same_rays": f"pattern of the {_STL}, against the design, same rays",
-    "nmse_vs_design": f"pattern of the {_STL}, against the design",
-    "brep_deviation_rms": f"ray displacement by the {_STEP}",
-    "brep_flux_deviation": f"flux of each ray through the {_STEP}, against the design",
-    "brep_fate_disagreements": f"rays that end otherwise through the {_STEP}",
-    "mitsuba_nmse_vs_design": f"pattern of the {_STL} in Mitsuba, against the design",
-    "mitsuba_deviation_rms": f"ray displacement by the {_STL} in Mitsuba",
-    "mitsuba_flux_deviation": f"flux of each ray through the {_STL} in Mitsuba",
-    "mitsuba_fate_disagreement_flux": f"flux that ends otherwise through the {_STL} in Mitsuba",
 }
 
 
@@ -108,6 +78,12 @@ def under(start: str, criterion: Fact) -> Fact:
     return _completed(replace(criterion, key=f"{start}: {criterion.key}"))
 
 
+def under_name(criteria: Iterable[Fact], start: str) -> list[Fact]:
+    """The ``criteria`` whose names :func:`under` begins with ``start``, without that."""
+    own = (criterion for criterion in criteria if criterion.key.startswith(f"{start}: "))
+    return [replace(criterion, key=criterion.key.removeprefix(f"{start}: ")) for criterion in own]
+
+
 def criteria_of(result: object) -> Iterator[Fact]:
     """Criteria of a result, those with a further LED under its name; most results have none."""
     yield from getattr(result, "criteria", ())
@@ -135,7 +111,7 @@ def named(criteria: Iterable[Fact], name: str) -> Fact | None:
 
 def state_of(criteria: Iterable[Fact], *names: str) -> FactState:
     """The state of all ``criteria`` called ``names`` together; ``""`` where there is none of them."""
-    states = [each.state for each in criteria if each.key in names and each.state != ""]
+    states = [criterion.state for criterion in criteria if criterion.key in names and criterion.state != ""]
     return worst(states) if states else ""
 
 

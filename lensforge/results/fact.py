@@ -5,13 +5,14 @@ those that are judged: criteria, findings of the check, limits of the spec.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, field, fields, replace
 from typing import Any, Literal
 
 from pydantic import GetCoreSchemaHandler
 from pydantic_core import CoreSchema, core_schema
 
-from lensforge.results.numerals import NOTHING, anything, limit_text, quantity, square
+from lensforge.public import public
+from lensforge.results.numerals import NOTHING, anything, converted, limit_text, quantity, square
 from lensforge.results.record import Metric, NotNegative, Number, Sense, State, Text, agree
 from lensforge.results.verdict import judge
 
@@ -25,17 +26,40 @@ _OUTCOMES = {"pass": "held", "fail": "missed", "undecided": "undecided"}
 
 
 @dataclass(frozen=True)
+class Change:
+    """A field of the spec, dotted, and the ``value`` that would help; ``then``: words behind it in a sentence."""
+
+    field: str
+    value: str
+    then: str = ""
+
+    def __str__(self) -> str:
+        return f"{self.field} = {self.value}{self.then}"
+
+
+@public
+@dataclass(frozen=True)
 class Fact:
     """One value of a result, and the judgement on it.
 
-    ``key``: name by which a page or a screen selects it. ``label``: its name in words. ``value``: in ``unit``; None
-    where it could not be measured; text where it is no number. ``unit``: "%" for a share, "" for a pure number.
-    ``standard_error``: of the value; None for an exact one. ``sense``: side of the limit on which the value must be.
-    ``limit``: bound of the value; None for none. ``possible``: the best that physics allows. ``state``: of the
-    judgement, "" where there is none. ``note``: words beside the value. ``remedy``: what to try where it fails.
-    ``digits``: significant digits that are shown. ``tolerance``: by which its measure may miss the limit. ``place``:
-    the face or the receiver that it is on. ``limit_note``, ``possible_note``: words beside limit and bound. ``notice``:
-    why it deserves a look though no limit judges it, shown in amber.
+    Fields:
+        key (str): Name by which a page or a screen selects it.
+        label (str): Its name in words.
+        value (float or str or None): In ``unit``; None where it could not be measured; text where it is no number.
+        unit (str): "%" for a share, "" for a pure number.
+        standard_error (float or None): Of the value; None for an exact one.
+        sense ('<=' or '>='): Side of the limit on which the value must be.
+        limit (float or None): Bound of the value; None for none.
+        possible (float or None): The best that physics allows.
+        state ('pass' or 'fail' or 'undecided' or ''): Of the judgement, "" where there is none.
+        note (str): Words beside the value.
+        remedy (str): What to try where it fails.
+        digits (int): Significant digits that are shown.
+        tolerance (float): By which its measure may miss the limit.
+        place (str): The face or the receiver that it is on.
+        limit_note (str): Words beside limit and bound.
+        possible_note (str): Words beside limit and bound.
+        notice (str): Why it deserves a look though no limit judges it, shown in amber.
     """
 
     key: Text
@@ -55,6 +79,7 @@ class Fact:
     limit_note: Text = ""
     possible_note: Text = ""
     notice: Text = ""
+    changes: tuple[Change, ...] = field(default=(), compare=False)
 
     @staticmethod
     def measured(key: str, label: str, metric: Metric | None, note: str = "", **more: Any) -> "Fact":
@@ -85,6 +110,12 @@ class Fact:
         numbers = ("value", "standard_error", "limit", "possible", "tolerance")
         shares = {name: share for name in numbers if (share := getattr(self, name)) is not None}
         return replace(self, unit="%", **{name: 100.0 * share for name, share in shares.items()})
+
+    def told_in(self, unit: str) -> "Fact":
+        """The fact in another unit of length, or in per cent."""
+        if unit == "%" or self.limit is None:
+            return self.in_percent if unit == "%" else self
+        return replace(self, limit=converted(self.limit, self.unit, unit))
 
     @property
     def answered(self) -> "Fact":
@@ -255,6 +286,7 @@ class StoredAs:
         return fact
 
 
+@public
 @dataclass(frozen=True)
 class Group:
     """Facts under a title: a block of a screen, a table of a page, or one row of a table whose columns are labels.

@@ -8,18 +8,21 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import isfinite, nan
 from string import Formatter
-from typing import Any, Generic, NamedTuple, TypeVar
+from typing import Any, Generic, TypeVar, get_origin
 
 from pydantic.fields import FieldInfo
 
-from lensforge.results.criteria import at_least, at_most, declare_words, named, state_of
+from lensforge.results.criteria import at_least, at_most, declare_words, state_of
 from lensforge.results.fact import Fact
-from lensforge.results.numerals import quantity, unit_of, unit_suffix
+from lensforge.results.numerals import converted, quantity, unit_of, unit_suffix
 from lensforge.results.record import InCriterion, Metric, Record, Sense, marker, marks_of
 from lensforge.results.registered_kinds import models_in
 
-Words = str | Callable[[Any], str]  # a text, or the function that makes it of the whole result
-Bound = float | Callable[[Any], float | None]  # a number, or the function that takes it of the whole result
+# A text or a number, or the function that makes it of the whole result. At fields of a record among several of its
+# kind, such as that of a face, functions get this record, too, and its name where it does not state that itself. The
+# text of a bound is the place, dotted, where the record holds it.
+Words = str | Callable[..., str]
+Bound = float | str | Callable[..., float | None]
 
 
 @dataclass(frozen=True)
@@ -28,28 +31,37 @@ class Figure:
 
     Attributes:
         label: its name in words. In a text, {chord_error_um:2} stands for another figure of the same record, with its
-            unit and to so many digits; a function makes the text of the whole result.
+            unit and to so many digits, {name} for the name of one record among several that does not state it; a
+            function makes the text of the whole result.
         note: words behind the value.
         key: by which pages select it; by default the path of the field without its unit.
         of: the entry of the field that is told, dotted, such as "max".
-        unit: "%" for a share; by default that of the field's name.
+        unit: in which it is told, "%" for a share; by default that of the field's name.
         digits: significant digits of a value without standard error.
         missing: text in place of a value of None; by default such a figure is not told.
-        limit: the largest value that is asked for, where the criterion called ``judged_by`` judges it by another
-            figure, such as the margin to that value.
+        limit: the value that is asked for, where the criterion called ``judged_by`` judges it by another figure, such
+            as the margin to that value.
+        sense: side of that limit on which the value must be.
+        limit_note: whose limit it is.
         judged_by: the criterion whose state it has; without a ``limit`` its limit, too. By default the
             :class:`Criterion` of the same field.
+        notice: what a reader must not miss.
+        when: whether a result tells it at all; by default each does.
     """
 
     label: Words
     note: Words = ""
-    key: str = ""
+    key: Words = ""
     of: str = ""
     unit: str | None = None
     digits: int = 4
     missing: str | None = None
     limit: Bound | None = None
+    sense: Sense = "<="
+    limit_note: str = ""
     judged_by: str = ""
+    notice: str = ""
+    when: Callable[..., bool] | None = None
 
 
 @dataclass(frozen=True)
@@ -61,7 +73,8 @@ class Criterion:
         bound: the limit; None where the result asks for none, and then there is no criterion.
         words: the criterion in words.
         remedy: what to change where it is missed.
-        name: by which scripts know the criterion; by default the path of the field without its unit.
+        name: by which scripts know the criterion; by default the path of the field without its unit. As in a
+            ``remedy``, {faces} stands for a figure of the record.
         of: the entry of the field that is judged, dotted.
         tolerance: by which the value may miss the bound.
         unit: by default that of the field's name.
@@ -95,12 +108,14 @@ def figure(*marks: Figure | Criterion) -> Callable[[_Getter], _Getter]:
 _MARKS = "figure_marks"
 
 
-class _Declared(NamedTuple, Generic[_Mark]):
-    """A mark, the record that holds its field, and the path of the field from the whole result."""
+@dataclass(frozen=True)
+class _Declared(Generic[_Mark]):
+    """A mark, the record that holds its field, and the path of the field from the record that functions are of."""
 
     mark: _Mark
     holder: Record
     path: tuple[str, ...]
+    given: tuple[Any, ...]  # to functions of the mark
 
     @property
     def name(self) -> str:
@@ -118,58 +133,93 @@ class _Declared(NamedTuple, Generic[_Mark]):
         return entry_at(self.holder, ".".join(filter(None, (self.path[-1], self.mark.of))))
 
     @property
+    def field_unit(self) -> str:
+        """Its unit by the names on its path; that declared where these say none."""
+        return unit_of([*self.path, *self.mark.of.split(".")]) or self.mark.unit or ""
+
+    @property
     def unit(self) -> str:
         """Its unit, as declared or by the names on its path."""
-        stated = self.mark.unit
-        return unit_of([*self.path, *self.mark.of.split(".")]) if stated is None else stated
+        return self.field_unit if self.mark.unit is None else self.mark.unit
+
+    def text(self, words: Words) -> str:
+        """Make the text of ``words``."""
+        if callable(words):
+            return words(*self.given)
+        return _TEXTS.vformat(words, [self.holder], dict(zip(("name",), self.given[2:], strict=False)))
+
+    def number(self, bound: Bound | None) -> float | None:
+        """Take the number of a ``bound``."""
+        if isinstance(bound, str):
+            return entry_at(self.holder, bound)
+        return bound(*self.given) if callable(bound) else bound
 
 
-def facts_in(result: Record, held: Iterable[Fact] = ()) -> Iterator[Fact]:
+def facts_in(result: Record, held: Iterable[Fact] = (), *record: Any) -> Iterator[Fact]:
     """The figures of ``result`` and of the records within it, as facts.
 
-    ``held``: criteria of the result: a fact on the value of one has its limit and its state.
+    ``held``: criteria of the result: a fact on the value of one has its limit and its state. ``record``: that among
+    several of its kind within ``result`` whose figures alone are told, and its name where it does not state that.
     """
     held = tuple(held)
-    limits = {declared.place: declared.mark.name or declared.name for declared in _declared(result, Criterion)}
-    for declared in _declared(result, Figure):
-        fact = _fact(result, declared, held)
+    judged: dict[tuple[tuple[str, ...], str], list[str]] = {}
+    for limit in _all_declared(Criterion, result, *record):
+        judged.setdefault(limit.place, []).append(_criterion_name(limit))
+    for declared in _all_declared(Figure, result, *record):
+        fact = _fact(declared, held)
         if fact is not None:
-            name = limits.get(declared.place) or (declared.mark.judged_by if fact.limit is None else "")
-            judgement = named(held, name)
-            yield fact.judged_as(judgement.in_percent if judgement and fact.unit == "%" else judgement)
+            judged_by = declared.text(declared.mark.judged_by) if declared.mark.limit is None else ""
+            names = judged.get(declared.place, [judged_by])
+            judgement = next((criterion for criterion in held if criterion.key in names), None)
+            yield fact.judged_as(None if judgement is None else judgement.told_in(fact.unit))
 
 
 def figures_of(kind: type[Record]) -> Iterator[tuple[str, Figure]]:
     """Key and declaration of each figure that a record of ``kind`` tells, and those of the records within it."""
-    yield from ((declared.key or _name(path), declared) for declared, path in _declared_by(kind, Figure))
+    for declared, path in _declared_by(kind, Figure):
+        yield declared.key if isinstance(declared.key, str) and declared.key else _name(path), declared
 
 
-def criteria_in(result: Record) -> Iterator[Fact]:
-    """The limits of ``result`` and of the records within it, as criteria on its figures; flags count as 1 and 0."""
-    for declared in _declared(result, Criterion):
+def figures_at(kind: type[Record]) -> dict[str, Figure]:
+    """Declaration of the figure at each place, dotted, of a record of ``kind`` and of the records within it."""
+    return {".".join(filter(None, (*path, declared.of))): declared for declared, path in _declared_by(kind, Figure)}
+
+
+def criteria_in(result: Record, *record: Any) -> Iterator[Fact]:
+    """The limits of ``result`` and of the records within it, as criteria on its figures; flags count as 1 and 0.
+
+    ``record``: as of :func:`facts_in`.
+    """
+    for declared in _all_declared(Criterion, result, *record):
         limit = declared.mark
-        bound = limit.bound(result) if callable(limit.bound) else limit.bound
+        bound = declared.number(limit.bound)
         if bound is None:
             continue
-        tolerance = limit.tolerance(result) if callable(limit.tolerance) else limit.tolerance
         value, error = _number(declared.value)
         judge = at_most if limit.sense == "<=" else at_least
-        remedy = _text(limit.remedy, result, declared.holder)
-        name = limit.name or declared.name
-        yield judge(name, value, bound, declared.unit, remedy, tolerance or 0.0, error)
+        remedy = declared.text(limit.remedy)
+        tolerance = declared.number(limit.tolerance) or 0.0
+        yield judge(_criterion_name(declared), value, bound, declared.unit, remedy, tolerance, error)
+
+
+def _criterion_name(declared: _Declared[Criterion]) -> str:
+    return declared.text(declared.mark.name) or declared.name
 
 
 def declare_criteria(kind: type[Record]) -> None:
     """Make the words of the criteria of ``kind`` known wherever one is read by its name, as in a table of designs."""
     for declared, path in _declared_by(kind, Criterion):
-        declare_words(declared.name or _name(path), declared.words)
+        if "{" not in declared.name:
+            declare_words(declared.name or _name(path), declared.words)
 
 
-def with_told_by_criteria(kind: type[Record], content: Mapping[str, Any]) -> dict[str, Any]:
-    """``content`` of a file of ``kind`` with the fields that its criteria alone tell, also those of records within."""
-    stated = content.get("criteria")
-    listed = stated if isinstance(stated, Sequence) and not isinstance(stated, str) else ()
-    by_name = {each.get("name"): each for each in listed if isinstance(each, Mapping)}
+def with_told_by_criteria(kind: type[Record], content: Mapping[str, Any], fields: Iterable[str]) -> dict[str, Any]:
+    """``content`` of a file of ``kind`` with what its criteria alone tell, also in records within it.
+
+    ``fields``: that hold its criteria.
+    """
+    lists = [stated for field in fields if isinstance(stated := content.get(field), list | tuple)]
+    by_name = {entry.get("name"): entry for stated in lists for entry in stated if isinstance(entry, Mapping)}
     return _with_told(kind, content, by_name, ()) if by_name else dict(content)
 
 
@@ -217,37 +267,52 @@ def _number(value: Any) -> tuple[float, float | None]:
     return (number if isfinite(number) else nan), None
 
 
-def _fact(result: Record, declared: _Declared[Figure], held: Sequence[Fact]) -> Fact | None:
+def _fact(declared: _Declared[Figure], held: Sequence[Fact]) -> Fact | None:
     mark = declared.mark
+    if mark.when is not None and not mark.when(*declared.given):
+        return None
     value: Any = mark.missing if declared.value is None else declared.value
     if value is None:
         return None
-    label, note = (_text(words, result, declared.holder) for words in (mark.label, mark.note))
-    key = mark.key or declared.name
+    label, note = declared.text(mark.label), declared.text(mark.note)
+    key = declared.text(mark.key) or declared.name
     if mark.unit == "%":
         fact = Fact.share(key, label, value, note)
     elif isinstance(value, Metric):
         fact = Fact.measured(key, label, value, note)
     else:
-        fact = Fact(key, label, value, "" if isinstance(value, str) else declared.unit, note=note)
-    fact = replace(fact, digits=mark.digits)
-    limit = mark.limit(result) if callable(mark.limit) else mark.limit
+        if not isinstance(value, str):
+            value = converted(value, declared.field_unit, declared.unit)
+        fact = Fact(key, label, value, declared.unit, note=note)
+    fact = replace(fact, digits=mark.digits, sense=mark.sense, limit_note=mark.limit_note, notice=mark.notice)
+    limit = declared.number(mark.limit)
     if limit is None:
         return fact
-    why = [each.note for each in held if each.key == mark.judged_by and each.value is None and each.state == "fail"]
-    state = state_of(held, mark.judged_by)  # for another reason than this value where the judgement has none
+    judged_by = declared.text(mark.judged_by)
+    why = [each.note for each in held if each.key == judged_by and each.value is None and each.state == "fail"]
+    state = state_of(held, judged_by)  # for another reason than this value where the judgement has none
     return replace(fact, limit=limit, state=state, note="; ".join(filter(None, [note, *why])))
 
 
-def _declared(holder: Record, kind: type[_Mark], path: tuple[str, ...] = ()) -> Iterator[_Declared[_Mark]]:
+def _all_declared(kind: type[_Mark], *given: Any) -> Iterator[_Declared[_Mark]]:
+    """Marks of ``kind`` in the result, the first of those ``given``, or in the record of several within it, the next.
+
+    All that is given is handed to the functions of these marks.
+    """
+    return _declared(given[min(1, len(given) - 1)], kind, given)
+
+
+def _declared(
+    holder: Record, kind: type[_Mark], given: tuple[Any, ...], path: tuple[str, ...] = ()
+) -> Iterator[_Declared[_Mark]]:
     """Marks of ``kind`` at the fields and properties of ``holder``, those of records within at their field."""
     for name, info in type(holder).model_fields.items():
-        yield from (_Declared(mark, holder, (*path, name)) for mark in marks_of(info, kind))
+        yield from (_Declared(mark, holder, (*path, name), given) for mark in marks_of(info, kind))
         within = getattr(holder, name)
         if isinstance(within, Record):
-            yield from _declared(within, kind, (*path, name))
+            yield from _declared(within, kind, given, (*path, name))
     for name, marks in _properties(type(holder)):
-        yield from (_Declared(mark, holder, (*path, name)) for mark in marks if isinstance(mark, kind))
+        yield from (_Declared(mark, holder, (*path, name), given) for mark in marks if isinstance(mark, kind))
 
 
 def _declared_by(
@@ -256,10 +321,12 @@ def _declared_by(
     for name, info in kind.model_fields.items():
         yield from ((declared, (*path, name)) for declared in marks_of(info, mark))
         within = (each for each in models_in(info.annotation) if issubclass(each, Record) and each is not kind)
-        for record in within:
-            yield from _declared_by(record, mark, (*path, name))
+        for record in within:  # names of figures of one among several begin with it
+            yield from _declared_by(record, mark, () if get_origin(info.annotation) is tuple else (*path, name))
     for name, marks in _properties(kind):
         yield from ((declared, (*path, name)) for declared in marks if isinstance(declared, mark))
+    for named_record in models_in(vars(kind).get("__annotations__", {}).get("__pydantic_extra__")):
+        yield from _declared_by(named_record, mark) if issubclass(named_record, Record) else ()
 
 
 def _properties(kind: type[Record]) -> Iterator[tuple[str, tuple[Figure | Criterion, ...]]]:
@@ -269,23 +336,17 @@ def _properties(kind: type[Record]) -> Iterator[tuple[str, tuple[Figure | Criter
     yield from ((name, vars(getter)[_MARKS]) for name, getter in getters.items() if _MARKS in vars(getter))
 
 
-def _text(words: Words, result: Record, holder: Record) -> str:
-    return words(result) if callable(words) else TEXTS.vformat(words, [holder], {})
-
-
 class _Texts(Formatter):
     def get_field(self, field_name: str, args: Sequence[Any], kwargs: Mapping[str, Any]) -> Any:
-        """The word of this name, or the figure at this place of the record, with its unit."""
+        """The figure at this place of the record, with its unit; the name of the record where that is given."""
         if field_name in kwargs:
-            return kwargs[field_name], field_name
+            return (kwargs[field_name], ""), field_name
         return (entry_at(args[0], field_name), unit_of(field_name.split("."))), field_name
 
     def format_field(self, value: Any, format_spec: str) -> str:
         """A word as it is, a figure to as many digits as ``format_spec`` says."""
-        if isinstance(value, str):
-            return value
         figure, unit = value
-        return quantity(figure, unit, digits=int(format_spec or 6))
+        return figure if isinstance(figure, str) else quantity(figure, unit, digits=int(format_spec or 6))
 
 
-TEXTS = _Texts()  # with {words} and {figures} of a record
+_TEXTS = _Texts()  # with {figures} of a record

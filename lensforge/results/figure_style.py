@@ -19,12 +19,19 @@ from matplotlib.layout_engine import ConstrainedLayoutEngine
 # Drawn in this colour, replaced by `currentColor` in the page, so that one picture serves light, dark and print.
 INK = "#0b0b0d"
 # Mid tones, distinct to colour-blind readers, that stand out on white and on black.
-BLUE, ORANGE, GREEN, RED, GREY = "#2f7fd1", "#e07a2f", "#2f9e6e", "#d6453d", "#8b929c"
+BLUE = "#2f7fd1"
+ORANGE = "#e07a2f"
+GREEN = "#2f9e6e"
+RED = "#d6453d"
+GREY = "#8b929c"
 COLOURS = (BLUE, ORANGE, GREEN, RED, "#8a5cc9", "#c2569b", GREY, INK)  # of curves in one picture
 DASHED = (0, (4, 2))
 
-_FLATTEST, _TALLEST = 0.5, 1.4  # height over width of the axes of a map: between them its scale can be read
-NARROW, WIDE = 3.7, 4.8  # inches: three or two figures side by side in the page
+# Height over width of the axes of a map: between these its scale can be read.
+_FLATTEST = 0.5
+_TALLEST = 1.4
+NARROW = 3.7  # inches: three figures side by side in the page
+WIDE = 4.8  # inches: two
 _EXPECTED_FONT = "DejaVu Sans"  # comes with matplotlib, so every machine lays out the same
 
 _STYLE: dict[Any, Any] = {  # matplotlib types the keys, each version others
@@ -97,7 +104,8 @@ def new_map(
 
     ``tall``: height over width of the map; a map that is far from a square lies at the right of its axes.
     """
-    side, top = width - left - right, 0.1
+    side = width - left - right
+    top = 0.1
     box = side * min(max(tall, _FLATTEST), _TALLEST)
     height = bottom + box + top
     figure = Figure(figsize=(width, height))

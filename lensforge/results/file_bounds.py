@@ -53,7 +53,8 @@ MOST_MM = 1e4
 # 500 rings on each surface; a mesh for the default tolerance has 0.2 million. Merging the corners takes 1 GiB.
 MOST_TRIANGLES = 3_000_000
 MOST_TEXT_TRIANGLES = 1_000_000  # in text every number is parsed by itself: 4 s
-_HEADER, _RECORD = 84, 50  # bytes
+_HEADER = 84  # bytes
+_RECORD = 50  # bytes a triangle
 _RECORDS = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
 _VERTEX = re.compile(rb"vertex\s+([-+0-9.eE]{1,40})\s+([-+0-9.eE]{1,40})\s+([-+0-9.eE]{1,40})\s")
 
@@ -124,7 +125,8 @@ def read_3mf(path: Path, origin: str, remedy: str) -> tuple[Float[np.ndarray, "v
 
 
 def _only_mesh(model: Any, origin: str, remedy: str) -> Any:
-    items, objects = model.GetBuildItems(), model.GetObjects()
+    items = model.GetBuildItems()
+    objects = model.GetObjects()
     if (items.Count(), objects.Count()) != (1, 1) or not items.MoveNext():
         raise InputError(
             f"{origin}: builds {items.Count()} of {objects.Count()} objects, a part is one of one; {remedy}"
@@ -151,6 +153,7 @@ def geometry_of(body: Any) -> tuple[Float[np.ndarray, "v 3"], Int[np.ndarray, "t
     )
     for call, struct, rows in reads:
         if len(rows):
-            buffer, needed = (struct * len(rows)).from_buffer(rows), ctypes.c_uint64(0)
+            buffer = (struct * len(rows)).from_buffer(rows)
+            needed = ctypes.c_uint64(0)
             body._wrapper.checkError(body, call(body._handle, ctypes.c_uint64(len(rows)), needed, buffer))
     return vertices.astype(np.float64), triangles.astype(np.int64)

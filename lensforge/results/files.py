@@ -94,8 +94,8 @@ def _create(path: Path, temporary: Path) -> None:
 
 def _written(path: Path) -> AbstractContextManager[None]:
     shown = str(path) if len(str(path)) <= _LONGEST_SHOWN else f"{str(path)[:_SHOWN]}..."
-    words = "cannot be written (…); give another folder or name"
-    return refused(shown, words, OSError, ValueError)  # ValueError: a NUL in the path
+    fault = "cannot be written (…); give another folder or name"
+    return refused(shown, fault, OSError, ValueError)  # ValueError: a NUL in the path
 
 
 def _temporary_name(path: Path) -> Path:
@@ -161,7 +161,8 @@ def require_regular_file(path: Path | str, *, missing: str, most_bytes: int | No
     if not stat.S_ISREG(status.st_mode):
         raise InputError(f"{path}: {_kind_of(status.st_mode)}, must be a file; {missing}")
     if most_bytes is not None and status.st_size > most_bytes:
-        size, most = status.st_size / MIB, most_bytes / MIB
+        size = status.st_size / MIB
+        most = most_bytes / MIB
         raise InputError(f"{path}: {size:.0f} MiB, must be at most {most:g} MiB; is it the right file?")
     _require_unpacked(Path(path))
 

@@ -25,7 +25,8 @@ _NO_LOCKS = (errno.ENOLCK, errno.ENOSYS, errno.EOPNOTSUPP, errno.EINVAL)  # of s
 _TRIES_SECONDS = 0.2  # without locks: one try finds that the holder has ended, the next takes its place
 _OTHERS = "wait until it has ended, or give another folder"
 _NOT_WRITTEN = "cannot be written (…); give another folder"
-_MOST_BYTES, _SHOWN = 4096, 160  # of a holder's text; of each of its lines, in characters
+_MOST_BYTES = 4096  # of a holder's text
+_SHOWN = 160  # characters of each of its lines
 
 
 @contextmanager
@@ -72,7 +73,8 @@ def _held(folder: Path) -> Iterator[None]:
             if error.errno not in _NO_LOCKS:
                 raise
             path.unlink(missing_ok=True)
-            lock, path = SoftFileLock(marker, timeout=_TRIES_SECONDS, is_singleton=True), marker
+            lock = SoftFileLock(marker, timeout=_TRIES_SECONDS, is_singleton=True)
+            path = marker
             already = lock.is_locked
             lock.acquire()
     except Timeout:
@@ -106,7 +108,7 @@ def _write_holder(path: Path) -> None:
     name = "lensforge" if Path(program).name in ("lensforge", "__main__.py") else Path(program).name or "python"
     since = datetime.now().astimezone().isoformat(" ", "seconds")
     lines = str(os.getpid()), node(), shlex.join([name, *arguments])[:_SHOWN], since
-    text = "\n".join("".join(each if each.isprintable() else "?" for each in line) for line in lines)
+    text = "\n".join("".join(character if character.isprintable() else "?" for character in line) for line in lines)
     with refused(path, _NOT_WRITTEN, OSError):
         path.write_text(text, encoding="utf-8", errors="replace")
 
@@ -118,13 +120,16 @@ def _holder(path: Path) -> str:
             text = file.read(_MOST_BYTES).decode(errors="replace")
     except OSError:
         return "another process"  # it has ended meanwhile
-    lines = ["".join(each if each.isprintable() else "?" for each in line)[:_SHOWN] for line in text.splitlines()]
+    lines = [
+        "".join(character if character.isprintable() else "?" for character in line)[:_SHOWN]
+        for line in text.splitlines()
+    ]
     if len(lines) < 2:
         return "another process"
     process, machine, *details = lines
     if (process, machine) == (str(os.getpid()), node()):
         return "another thread of this process"
-    words = f"process {process} on {machine}"
+    holder = f"process {process} on {machine}"
     if len(details) == 2:
-        words += f" (`{details[0]}`, since {details[1]})"
-    return words if machine == node() else f"{words}; if it is gone, delete {path.name} there"
+        holder += f" (`{details[0]}`, since {details[1]})"
+    return holder if machine == node() else f"{holder}; if it is gone, delete {path.name} there"

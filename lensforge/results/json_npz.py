@@ -72,14 +72,15 @@ def require_forms(arrays: Mapping[str, np.ndarray], forms: Mapping[str, Form]) -
     for name in dict.fromkeys((*forms, *arrays)):
         if name not in arrays or name not in forms:
             raise ValueError(f"array {name[:40]!r} {'is missing' if name in forms else 'is none of it'}")
-        array, form = arrays[name], forms[name]
+        array = arrays[name]
+        form = forms[name]
         if array.dtype != np.dtype(form.kind):
             raise ValueError(f"array {name!r} is of type {array.dtype}, must be {form.kind}")
         known = [axis if isinstance(axis, int) else sizes.get(axis, -1) for axis in form.axes]
         if array.ndim != len(known) or any(size not in (own, -1) for own, size in zip(array.shape, known, strict=True)):
             wanted = ", ".join(str(axis if size < 0 else size) for axis, size in zip(form.axes, known, strict=True))
             raise ValueError(f"array {name!r} has the shape {array.shape}, must be ({wanted})")
-        sizes |= {axis: own for axis, own in zip(form.axes, array.shape, strict=True) if isinstance(axis, str)}
+        sizes |= {axis: size for axis, size in zip(form.axes, array.shape, strict=True) if isinstance(axis, str)}
         wrong = array[~((array >= form.least) & (array <= form.most))]  # NaN is neither
         if wrong.size:
             raise ValueError(f"array {name!r} holds {wrong[0]:.3g}, must be from {form.least:g} to {form.most:g}")

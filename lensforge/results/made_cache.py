@@ -41,7 +41,8 @@ def made_once(
     """
     if not _homes:
         return make()
-    key, adapter = _key(of), TypeAdapter(kind)
+    key = _key(of)
+    adapter = TypeAdapter(kind)
     path = _homes[0] / f"{key}.json"
     with suppress(InputError, OSError, ValueError):  # none yet, or a damaged one
         kept: _Made = adapter.validate_json(_content(path, key))
@@ -50,7 +51,7 @@ def made_once(
     with suppress(InputError, OSError):  # a full disk, or none to write on
         if lasting(made):
             _keep(path, key, adapter.dump_json(made))
-        for oldest in sorted(path.parent.iterdir(), key=lambda each: each.lstat().st_mtime)[:-_MOST_KEPT]:
+        for oldest in sorted(path.parent.iterdir(), key=lambda file: file.lstat().st_mtime)[:-_MOST_KEPT]:
             oldest.unlink()
     return made
 
@@ -60,7 +61,8 @@ def _content(path: Path, key: str) -> bytes:
     if not stat.S_ISREG(path.lstat().st_mode):  # a link may lead anywhere
         raise ValueError("no regular file")
     whole = read_file(path, missing="it is made anew", most_bytes=_MOST_BYTES)
-    digest, content = whole[:_DIGEST_CHARACTERS], whole[_DIGEST_CHARACTERS + 1 :]
+    digest = whole[:_DIGEST_CHARACTERS]
+    content = whole[_DIGEST_CHARACTERS + 1 :]
     if digest != _digest(key, content):
         raise ValueError("damaged")
     return content
@@ -78,8 +80,11 @@ def _digest(key: str, content: bytes) -> bytes:
 
 def _key(of: Sequence[object]) -> str:
     """Name of what is made ``of`` these by this program."""
-    words = [hashlib.sha256(each).hexdigest() if isinstance(each, bytes) else repr(each) for each in of]
-    return hashlib.sha256(repr((_sources(), words)).encode()).hexdigest()
+    parts = [
+        hashlib.sha256(ingredient).hexdigest() if isinstance(ingredient, bytes) else repr(ingredient)
+        for ingredient in of
+    ]
+    return hashlib.sha256(repr((_sources(), parts)).encode()).hexdigest()
 
 
 @cache

@@ -10,21 +10,25 @@ from functools import cached_property
 from html import escape
 from inspect import Parameter, Signature
 from types import FunctionType
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from jaxtyping import Float
 from pydantic import BaseModel
 
-from lensforge.results.validation import shortened
+from lensforge.errors import shortened
+from lensforge.results.field_help import class_help
 
 if TYPE_CHECKING:
     from pydantic._internal._model_construction import ModelMetaclass as _Metaclass
 else:
     _Metaclass = type(BaseModel)  # which has no public name
 
-MOST_LINES, _MOST_CHARACTERS = 40, 100  # of a text: a result fits on a screen
-_LONG_TEXT, _LONG_LIST = 200, 8  # characters and entries that a terminal shows of one field
+# A text of a result fits on a screen.
+MOST_LINES = 40
+_MOST_CHARACTERS = 100
+_LONG_TEXT = 200  # characters that a terminal shows of a field
+_LONG_LIST = 8  # entries
 PLOT_KINDS = ("png", "svg", "pdf")
 _DATE = {"png": "Software", "svg": "Date", "pdf": "CreationDate"}  # metadata that would differ from file to file
 
@@ -78,16 +82,12 @@ _MEMBERS = (FunctionType, classmethod, staticmethod, property, cached_property)
 
 
 class Shown(_Metaclass):
-    """Lets ``help`` and completion show of a class the words of its fields, and the members that a script uses.
-
-    ``help_of``: those words with the class's own; a room above knows them.
-    """
-
-    help_of: ClassVar[Callable[[type], str | None]] = lambda cls: vars(cls)["__doc__"]
+    """Lets ``help`` and completion show of a class its fields with their descriptions, and the members for scripts."""
 
     @property
     def __doc__(cls) -> str | None:  # type: ignore[override]  # noqa: N805
-        return Shown.help_of(cls)
+        """Made when it is asked for: for all classes it would take a second of every start."""
+        return class_help(cls)
 
     @property
     def __signature__(cls) -> Signature:  # noqa: N805
@@ -100,7 +100,7 @@ class Shown(_Metaclass):
     def __dir__(cls) -> list[str]:  # noqa: N805
         of_all = frozenset(dir(BaseModel))
         members = (item for base in cls.__mro__ for item in vars(base).items() if item[0] not in of_all)
-        return [name for name, each in members if isinstance(each, _MEMBERS) and not _MACHINERY.fullmatch(name)]
+        return [name for name, member in members if isinstance(member, _MEMBERS) and not _MACHINERY.fullmatch(name)]
 
 
 def section_html(title: str, outline: Float[np.ndarray, "n 2"], facts: Mapping[str, str]) -> str:
@@ -122,7 +122,8 @@ def plot_file(draw: Callable[..., Any], kind: str) -> bytes:
     style = {"svg.hashsalt": "lensforge"}  # else each file has ids of its own
     with matplotlib.style.context(["default", style]):  # whatever a matplotlibrc says
         # "constrained" takes axes of a fixed aspect for wider than they become, and cuts the label beside them
-        figure, file = Figure(figsize=(5.0, 4.0), layout="compressed"), io.BytesIO()
+        figure = Figure(figsize=(5.0, 4.0), layout="compressed")
+        file = io.BytesIO()
         draw(axes=figure.add_subplot())
         figure.savefig(file, format=kind, dpi=150, metadata={_DATE[kind]: None})
         return file.getvalue()

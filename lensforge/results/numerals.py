@@ -10,10 +10,13 @@ from collections.abc import Sequence
 from pathlib import Path
 
 NOTHING = "–"  # in the place of a value that is not known
-_THIN_SPACE, _MINUS = "\u2009", "\u2212"
+_THIN_SPACE = "\u2009"
+_MINUS = "\u2212"
 _SIGNS = {"<=": "≤", ">=": "≥"}
 _SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
-_LARGEST_PLAIN, _MOST_DECIMALS = 1e6, 7  # beyond them a number is written with an exponent
+# Beyond these a number is written with an exponent.
+_LARGEST_PLAIN = 1e6
+_MOST_DECIMALS = 7
 
 # Units by the end of a name, the longest end first: `_per_mm` ends in `_mm` too, `_lm_per_w` in `_w`.
 _SUFFIXES = {
@@ -145,7 +148,18 @@ def unit_in(name: str) -> str:
 
 def unit_suffix(unit: str) -> str:
     """The end of a field's name that says ``unit``; empty for a pure number."""
-    return next((suffix for suffix, each in _SUFFIXES.items() if each == unit), "")
+    return next((suffix for suffix, unit_of_suffix in _SUFFIXES.items() if unit_of_suffix == unit), "")
+
+
+_POWERS_OF_A_METRE = {"nm": -9, "um": -6, "µm": -6, "mm": -3, "m": 0}
+
+
+def converted(value: float, unit: str, wanted: str) -> float:
+    """A ``value`` in ``unit`` in the ``wanted`` one, where both are of lengths; else the value as it is."""
+    powers = _POWERS_OF_A_METRE
+    if unit == wanted or unit not in powers or wanted not in powers:
+        return value
+    return value * 10.0 ** (powers[unit] - powers[wanted])
 
 
 def _typeset(text: str) -> str:

@@ -26,6 +26,7 @@ from pydantic.fields import FieldInfo
 from pydantic.main import IncEx
 from pydantic_core import CoreSchema, core_schema
 
+from lensforge.public import public
 from lensforge.results.files import MIB
 from lensforge.results.notebook_html import Brief, Shown, table_html
 from lensforge.results.numerals import quantity
@@ -59,7 +60,8 @@ class InFile:
 
     def beside(self, stage: str, stem: str) -> str:
         """Name of the file that belongs to ``stem``.json: ``lens_x.ies`` to ``photometry_x.json``."""
-        path, end = Path(self.name), stem.removeprefix(stage) if stem.startswith(f"{stage}_") else ""
+        path = Path(self.name)
+        end = stem.removeprefix(stage) if stem.startswith(f"{stage}_") else ""
         return f"{path.stem}{end}{path.suffix}"
 
 
@@ -82,7 +84,9 @@ class Array:
     """
 
     def __init__(self, *axes: str | int, gaps: bool = False, least: float = -LARGEST) -> None:
-        self.axes, self.gaps, self.least = axes, gaps, least
+        self.axes = axes
+        self.gaps = gaps
+        self.least = least
 
     def __get_pydantic_core_schema__(self, source: object, handler: object) -> CoreSchema:
         """Validate by :meth:`checked`; serialise to nested lists."""
@@ -148,6 +152,7 @@ def read_only(array: np.ndarray, gaps: bool = False) -> np.ndarray:
     return array
 
 
+@public
 class Record(BaseModel, metaclass=Shown):
     """Base of all records: frozen, fields typed and within their ranges, unknown fields refused."""
 
@@ -163,12 +168,18 @@ class Record(BaseModel, metaclass=Shown):
     )
 
     def __eq__(self, other: object) -> bool:
-        """True where ``other`` has the same class and the same bits in every field."""
+        """True where ``other`` has the same class and the same bits in every field that a file keeps."""
         if type(self) is not type(other):
             return NotImplemented
-        return same(values_of(self), values_of(other))
+        return same(self._kept, other._kept)
 
     __hash__ = None  # type: ignore[assignment]  # arrays have no hash
+
+    @property
+    def _kept(self) -> dict[str, object]:
+        """Values that a file keeps, by the names of their fields."""
+        left_out = {name for name, info in type(self).model_fields.items() if info.exclude}
+        return {name: value for name, value in values_of(self).items() if name not in left_out}
 
     @model_validator(mode="wrap")
     @classmethod
@@ -188,7 +199,8 @@ class Record(BaseModel, metaclass=Shown):
     def _axes_agree(self) -> "Record":
         sizes: dict[str, int] = {}
         for name, info in type(self).model_fields.items():
-            mark, value = marker(info, Array), getattr(self, name)
+            mark = marker(info, Array)
+            value = getattr(self, name)
             if mark is not None and value is not None:
                 try:
                     mark.bind(value.shape, sizes)
@@ -262,7 +274,7 @@ def marker(field: FieldInfo, kind: type[_Mark]) -> _Mark | None:
     marks = [each for each in field.metadata if isinstance(each, kind)]
     for part in get_args(field.annotation):
         if get_origin(part) is Annotated:
-            marks += [each for each in get_args(part)[1:] if isinstance(each, kind)]
+            marks += [argument for argument in get_args(part)[1:] if isinstance(argument, kind)]
     return marks[0] if marks else None
 
 
@@ -303,7 +315,8 @@ def put_arrays(content: dict[str, object], arrays: Mapping[str, np.ndarray]) -> 
 
 def stored_beside(record: Record) -> dict[str, IncEx | bool]:
     """Fields that are stored beside a record or in its criteria, as pydantic takes those to leave out of a dump."""
-    fields, marks = type(record).model_fields.items(), (Array, InFile, InCriterion)
+    fields = type(record).model_fields.items()
+    marks = (Array, InFile, InCriterion)
     excluded: dict[str, IncEx | bool] = {
         name: True for name, info in fields if any(marker(info, mark) is not None for mark in marks)
     }
@@ -374,6 +387,7 @@ Image = Annotated[Float[np.ndarray, "h w"], Array("h", "w")]
 Irradiance = Annotated[Float[np.ndarray, "h w"], Array("h", "w", least=0.0)]
 
 
+@public
 class Metric(Record):
     """A number with its unit and its standard error.
 

@@ -40,7 +40,8 @@ def refined_maximum(
     """
     known = np.where(np.isnan(values), -np.inf, values)
     best = np.argsort(-known, kind="stable")[:starts]
-    places, highest = samples[best], known[best]
+    places = samples[best]
+    highest = known[best]
     for _ in range(rounds):
         window = within(places[:, None] + reach * NODES)
         heights = figure(window.reshape(-1, 2)).reshape(len(places), -1)

@@ -17,7 +17,10 @@ from pathlib import Path
 from lensforge.errors import InputError
 from lensforge.results.child_process import ChildProcess
 
-_REFUSED, _MEMORY, _FAILED = 3, 4, 5  # exit codes of a script, see ``serve``
+# Exit codes of a script, see ``serve``.
+_REFUSED = 3
+_MEMORY = 4
+_FAILED = 5
 _OUT_OF_TIME = getattr(signal, "SIGXCPU", 24)  # Windows has none
 _PATIENCE = 4.0  # limits of time by the clock over those of processor time: other programs run, too
 _WORDS_FILE = "refused.txt"
@@ -47,7 +50,8 @@ class Child(ChildProcess):
     """A child process that runs ``script``, a Python file that calls :func:`serve`, on the files in ``folder``."""
 
     def __init__(self, script: Path, folder: Path, limits: ChildLimits) -> None:
-        self._folder, self._limits = Path(folder).resolve(), limits
+        self._folder = Path(folder).resolve()
+        self._limits = limits
         super().__init__(self._folder, script, self._folder, limits.memory_mib, limits.seconds)
 
     def wait(self) -> tuple[Ending, str]:
@@ -70,10 +74,10 @@ class Child(ChildProcess):
 
     def _words(self) -> str:
         try:
-            words = (self._folder / _WORDS_FILE).read_text(encoding="utf-8", errors="replace")
+            message = (self._folder / _WORDS_FILE).read_text(encoding="utf-8", errors="replace")
         except OSError:
             return "stopped its reader"
-        return " ".join(words.split())[:_MOST_WORDS]
+        return " ".join(message.split())[:_MOST_WORDS]
 
 
 def work_in_child(script: Path, folder: Path, limits: ChildLimits, *, origin: str, remedy: str) -> None:
@@ -83,11 +87,11 @@ def work_in_child(script: Path, folder: Path, limits: ChildLimits, *, origin: st
     ended; ``origin`` names the file, ``remedy`` what to try.
     """
     with Child(script, folder, limits) as child:
-        ending, words = child.wait()
+        ending, message = child.wait()
     if ending is Ending.REFUSED:
-        raise InputError(words)
+        raise InputError(message)
     if ending is not Ending.DONE:
-        raise InputError(f"{origin}: {words}; {remedy}")
+        raise InputError(f"{origin}: {message}; {remedy}")
 
 
 def serve(work: Callable[[Path], None]) -> None:
@@ -98,14 +102,18 @@ def serve(work: Callable[[Path], None]) -> None:
     folder = Path(sys.argv[1])
     try:
         work(folder)
-        code, words = 0, ""
+        code = 0
+        message = ""
     except MemoryError:
-        code, words = _MEMORY, ""
+        code = _MEMORY
+        message = ""
     except InputError as error:
-        code, words = _REFUSED, str(error)
+        code = _REFUSED
+        message = str(error)
     except Exception as error:  # C++ libraries raise many kinds; the cause is always the file
-        code, words = _FAILED, f"stopped its reader ({type(error).__name__}: {error})"
-    (folder / _WORDS_FILE).write_text(words, encoding="utf-8", errors="replace")
+        code = _FAILED
+        message = f"stopped its reader ({type(error).__name__}: {error})"
+    (folder / _WORDS_FILE).write_text(message, encoding="utf-8", errors="replace")
     os._exit(code)
 
 

@@ -12,13 +12,15 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, MutableMappin
 from functools import cached_property
 from itertools import zip_longest
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Self, TypeVar, cast, get_args
+from typing import Annotated, Any, ClassVar, NamedTuple, Self, TypeVar, cast, get_args
 
 import numpy as np
 from pydantic import Field, ValidationError, model_serializer, model_validator
 
 from lensforge.errors import InputError, OutdatedResult, refused
+from lensforge.public import public
 from lensforge.results.conditions import Conditions
+from lensforge.results.criteria import criteria_of
 from lensforge.results.fact import Fact
 from lensforge.results.figure import criteria_in, declare_criteria, with_told_by_criteria
 from lensforge.results.files import MIB, read_file, read_json, write_file
@@ -124,11 +126,25 @@ _LED = "[A-Za-z0-9_-]{0,32}"  # name of an LED, in the names of files
 _UNHASHED = ("seconds", "version")  # differ between runs with the same result
 
 
+OF_FOLDERS: "dict[str, type[StageResult]]" = {}  # records that the folder of a lens may have, by stage
 _Content = MutableMapping[str, Any]  # of a file, or of a result within it
 
 
+class OnPage(NamedTuple):
+    """How pages tell of the results of a stage.
+
+    ``title``: name, with {} for that of a face; empty for the stage's. ``further``: keys of facts that follow those by
+    which a design is judged. ``in_row``: keys of facts that tell of a result in one row.
+    """
+
+    title: str = ""
+    further: tuple[str, ...] = ()
+    in_row: tuple[str, ...] = ()
+
+
+@public
 class StageResult(Record):
-    """Result of one stage.
+    """Result of one stage. A class that names a ``stage`` of its own, of a lens, is one that result folders have.
 
     ``version``: of the program. ``inputs``: SHA-256 of its inputs, by name. ``seconds``: of computing. ``criteria``:
     what it must keep, each with its judgement; they follow from its figures. ``rays``: number of rays traced.
@@ -139,6 +155,10 @@ class StageResult(Record):
     command: ClassVar[str] = ""  # the command that makes it, where not named like the stage
     made_from: ClassVar[tuple[str, ...]] = ("lens",)  # inputs whose hashes a record must state
     told_if_any: ClassVar[tuple[str, ...]] = ()  # fields that a record leaves out where they are empty
+    judged_in: ClassVar[tuple[str, ...]] = ("criteria",)  # fields that hold judgements
+    of_face: ClassVar[str] = ""  # beginning of the names of its files, which a face ends; empty for the whole lens
+    on_page: ClassVar[OnPage] = OnPage()
+    in_folder: ClassVar[bool] = True  # a record of the folder of a lens, where it is made from one
 
     version: Text = __version__
     inputs: dict[Text, Sha256] = Field(default_factory=dict)
@@ -147,41 +167,57 @@ class StageResult(Record):
         """Make the criteria of its figures, which are those that its fields declare."""
         return criteria_in(self)
 
+    def deciding_criteria(self) -> Iterator[Fact]:
+        """The criteria by which files pass or fail, those with further LEDs among them."""
+        return criteria_of(self)
+
+    def judgements(self) -> Mapping[str, Iterable[Fact]]:
+        """Make all judgements of its figures, by the field that holds them."""
+        return {"criteria": self.judge()}
+
+    def judgements_on(self, lens: Any) -> Mapping[str, Iterable[Fact]]:
+        """Make judgements by the limits of a ``lens`` that the record does not hold, by the field that holds them."""
+        return {}
+
     @model_validator(mode="before")
     @classmethod
     def _figures_told_by_criteria(cls, content: Any) -> Any:
-        return with_told_by_criteria(cls, content) if isinstance(content, Mapping) else content
+        return with_told_by_criteria(cls, content, cls.judged_in) if isinstance(content, Mapping) else content
 
     @model_validator(mode="after")
     def _is_judged(self) -> Self:
-        if self._judges_itself() and "criteria" not in self.model_fields_set:
-            object.__setattr__(self, "criteria", tuple(self.judge()))  # the record is frozen for everybody else
+        for field, made in self.judgements().items() if self._judges_itself() else ():
+            if field not in self.model_fields_set:
+                object.__setattr__(self, field, tuple(made))  # the record is frozen for everybody else
         return self
 
     @classmethod
     def __pydantic_init_subclass__(cls, **kwargs: Any) -> None:
         super().__pydantic_init_subclass__(**kwargs)
         declare_criteria(cls)
+        if "stage" in vars(cls) and cls.in_folder and "lens" in cls.made_from:
+            OF_FOLDERS[cls.stage] = cls
 
     @classmethod
     def _judges_itself(cls) -> bool:
         field = cls.model_fields.get("criteria")
         return field is not None and not field.is_required()
 
-    def _require_own_criteria(self) -> None:
-        """Raise :class:`ValueError` where criteria, their words aside, are not those that the figures make.
+    def _require_own_judgements(self) -> None:
+        """Raise :class:`ValueError` where judgements, their words aside, are not those that the figures make.
 
-        A file that somebody edited may state right hashes of wrong content. Criteria of another lens count nowhere, and
-        are not judged by the limits of this one.
+        A file that somebody edited may state right hashes of wrong content. Judgements on another lens count nowhere,
+        and are not made by the limits of this one.
         """
         lens = getattr(self, "lens", None)
         if not self._judges_itself() or (lens is not None and self.inputs.get("lens") != lens.sha256):
             return
         try:
-            made = tuple(self.judge())
+            judgements = {field: tuple(made) for field, made in self.judgements().items()}
         except (ArithmeticError, LookupError):  # a volume of 0, a face that the lens has not
             raise ValueError(f"not what a {self.stage} of this lens can be") from None
-        require_same_judgements("criteria", sorted(vars(self)["criteria"], key=_named), sorted(made, key=_named))
+        for field, made in judgements.items():
+            require_same_judgements(field, sorted(vars(self)[field], key=_named), sorted(made, key=_named))
 
     @model_serializer(mode="wrap")
     def _what_there_is(self, dumped: Callable[[object], dict[str, object]]) -> dict[str, object]:
@@ -255,6 +291,16 @@ class StageResult(Record):
             if (own := marker(info, InFile)) is not None:
                 yield field, own, own.beside(cls.stage, stem)
 
+    @classmethod
+    def stems(cls, faces: Iterable[str]) -> list[str]:
+        """Names of its JSON files, without suffix, under the own conditions of a lens with these ``faces``."""
+        return [f"{cls.of_face}_{face}" for face in faces] if cls.of_face else [cls.stage]
+
+    @property
+    def stem(self) -> str:
+        """Name of its JSON file under the lens's own conditions, without suffix."""
+        return self.stage
+
     def _stems(self, stem: str) -> "Iterator[tuple[StageResult, str]]":
         """The results in ``stem``.json, this one first, and what their files are named by in its place."""
         yield self, stem
@@ -270,7 +316,8 @@ class StageResult(Record):
 
     def contents(self, stem: str | None = None) -> dict[str, bytes]:
         """Content of every file of the result, by name: JSON, npz, and the files of marked fields."""
-        name, arrays = stem or self.stage, dict(arrays_of(self))
+        name = stem or self.stage
+        arrays = dict(arrays_of(self))
         files = {
             file: value
             for result, own_stem in self._stems(name)
@@ -311,7 +358,9 @@ class StageResult(Record):
         files that it holds, such as ``.step`` or ``.ies``. Raises :class:`InputError` for any other suffix.
         """
         path = Path(path)
-        products, draw, suffix = self.products(), getattr(self, "plot", None), path.suffix.lower()
+        products = self.products()
+        draw = getattr(self, "plot", None)
+        suffix = path.suffix.lower()
         if suffix == ".json":
             kept = {f"{path.stem}.json", f"{path.stem}.npz"}
             files = {name: content for name, content in self.contents(path.stem).items() if name in kept}
@@ -329,7 +378,8 @@ class StageResult(Record):
     @classmethod
     def read(cls, folder: Path, stem: str | None = None, **given: object) -> Self:
         """Read what :meth:`write` wrote; ``given``: the fields marked :class:`Given`. Raises :class:`InputError`."""
-        folder, name = Path(folder), stem or cls.stage
+        folder = Path(folder)
+        name = stem or cls.stage
         path = folder / f"{name}.json"
         first = f"run `lensforge {cls.command or cls.stage}` first"
         content = read_object(path, cls.schema_name(), cls.rebuild_command(), first) | given
@@ -347,7 +397,7 @@ class StageResult(Record):
         result = validated(cls, content, path, cls.rebuild_command())
         with refused(path, f"…; {cls.rebuild_command()}", ValueError):
             require_what_follows(result)
-            result._require_own_criteria()
+            result._require_own_judgements()
         missing = next((f"inputs.{name}" for name in cls.made_from if name not in result.inputs), "")
         if missing:
             raise InputError(f"{path}: {missing}: missing; {cls.rebuild_command()}")
@@ -373,6 +423,7 @@ def _judgement(fact: Fact | None) -> tuple[object, ...]:
     return fact.key, fact.place, fact.value, fact.standard_error, fact.sense, fact.limit, fact.unit, fact.tolerance
 
 
+@public
 class SimulatedResult(StageResult):
     """Result under nominal conditions, or others.
 
@@ -382,6 +433,7 @@ class SimulatedResult(StageResult):
     conditions: Conditions | None = None
 
 
+@public
 class ResultByLed(SimulatedResult):
     """Result with each of the LEDs that a lens is for.
 
@@ -394,10 +446,10 @@ class ResultByLed(SimulatedResult):
     led: Annotated[str, Field(strict=True, pattern=f"^{_LED}$")] = ""
     others: "tuple[ResultByLed, ...]" = ()
 
-    def _require_own_criteria(self) -> None:
-        super()._require_own_criteria()
+    def _require_own_judgements(self) -> None:
+        super()._require_own_judgements()
         for other in self.others:
-            other._require_own_criteria()
+            other._require_own_judgements()
 
     @classmethod
     def joined(cls, by_led: Mapping[str, Self]) -> Self:
@@ -435,9 +487,9 @@ def _keeps_arrays(cls: type[Record]) -> bool:
     """True for records with an array of their own, or in the entries of a list."""
     fields = cls.model_fields.values()
     own = any(marker(info, Array) is not None for info in fields)
-    entries = (each for info in fields for each in get_args(info.annotation))
+    entries = (argument for info in fields for argument in get_args(info.annotation))
     return own or any(
-        _keeps_arrays(each)
-        for each in entries
-        if isinstance(each, type) and issubclass(each, Record) and each is not cls
+        _keeps_arrays(entry)
+        for entry in entries
+        if isinstance(entry, type) and issubclass(entry, Record) and entry is not cls
     )

@@ -25,8 +25,10 @@ _MAPPED_MIB = 4096
 # the seconds in which torch and the CAD kernel are loaded.
 _NEW_OBJECTS = 20_000
 # Of glibc's mallopt: the largest block that it keeps when it is freed, the most that it allows, and how much it keeps.
-_MMAP_THRESHOLD, _LARGEST_KEPT = -3, 2**25
-_TRIM_THRESHOLD, _MOST_KEPT = -1, 2**30
+_MMAP_THRESHOLD = -3
+_LARGEST_KEPT = 2**25
+_TRIM_THRESHOLD = -1
+_MOST_KEPT = 2**30
 _NOT_OURS = ("NUMBA_", "TORCH_LOGS", "TORCH_COMPILE", "CSF_")  # beginnings of variables
 _THREAD_NUMBERS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "GOTO_NUM_THREADS")
 _DIE_WITH_PARENT = 1  # PR_SET_PDEATHSIG of prctl(2)

@@ -33,12 +33,15 @@ _ON_AXIS = 1e-9  # sine: eyes on the axis see x to the right, all others the axi
 _FAR_MM = 1e7  # of an eye in a direction: lines from the lens to it are parallel within 1e-6 rad
 _AROUND = 1.05  # of the picture over the space of the lens
 _DEPTH = 0.5  # of the plane towards the eye, over the reach of that space: exits are about there
-_PIXELS_OF_SPOT, _MOST_PIXELS = 8, 512  # across a spot, and along a side of the picture
-_LEAST_OF_SPOT, _MOST_OF_ALL = 4, 768  # the same where a spot is fine, and in a search
+_PIXELS_OF_SPOT = 8  # across a spot
+_MOST_PIXELS = 512  # along a side of the picture
+_LEAST_OF_SPOT = 4  # pixels across a fine spot
+_MOST_OF_ALL = 768  # pixels along a side of the picture in a search
 _WIDENED = 2.0 / 3.0  # of the square of a pixel, by which the square of a spot's radius is less
 _FINER = 8  # sub-pixels along a side, by which pixels are shared with the disc of a spot
 # A step of a search has few rays: a spot is at least this part of the picture's width, the kernel at least so wide.
-_SEARCHED_SPOT, _SEARCHED_BLUR_DEG = 1.0 / 16.0, 5.0
+_SEARCHED_SPOT = 1.0 / 16.0
+_SEARCHED_BLUR_DEG = 5.0
 
 
 @dataclass(frozen=True)
@@ -64,7 +67,8 @@ class EyeView(Plane):
     def land_by_arrays(self, rays: ExitRays) -> Landings:
         """Land ``rays``, with their flux times the kernel; NumPy or torch."""
         rows = self._near(rays)
-        points, directions = self.pose.own_points(rays.points[rows]), self.pose.own_directions(rays.directions[rows])
+        points = self.pose.own_points(rays.points[rows])
+        directions = self.pose.own_directions(rays.directions[rows])
         on_chart = self._chart(points, directions)
         hits = replaced(module_of(on_chart).zeros_like(rays.points[:, :2]), rows, on_chart)
         lines, _, rest, scale = self._terms(on_chart, directions)
@@ -74,9 +78,11 @@ class EyeView(Plane):
 
     def passed(self, rays: ExitRays) -> tuple[Float[np.ndarray, "n 2"], Float[np.ndarray, "n 2"]]:
         """Places of ``rays`` on the plane, and what their directions have across the lines from there to the eye."""
-        points, directions = self.pose.own_points(rays.points), self.pose.own_directions(rays.directions)
+        points = self.pose.own_points(rays.points)
+        directions = self.pose.own_directions(rays.directions)
         left = rays.left_lens
-        places, beside = np.zeros((len(left), 2)), np.zeros((len(left), 2))
+        places = np.zeros((len(left), 2))
+        beside = np.zeros((len(left), 2))
         places[left] = self._chart(points[left], directions[left])
         lines, *_ = self._terms(places[left], directions[left])
         beside[left] = (directions[left] - lines)[:, :2]
@@ -115,9 +121,11 @@ class EyeView(Plane):
         towards = (2.0 * scale * rest / (lines[:, 2] * self._width))[:, None]  # of the kernel, by d along e
         by_lines = towards * directions - (scale * (rest / lines[:, 2]) ** 2)[:, None] * np.array([0.0, 0.0, 1.0])
         by_lines -= (by_lines * lines).sum(axis=1)[:, None] * lines  # a unit vector turns
-        carried, moved = (by_flux * rays.flux)[rows, None], by_hits.copy()
+        carried = (by_flux * rays.flux)[rows, None]
+        moved = by_hits.copy()
         moved[rows] -= carried * by_lines[:, :2] / distances[:, None]
-        by, of_flux = self.sensitivities(rays, moved), np.zeros_like(by_flux)
+        by = self.sensitivities(rays, moved)
+        of_flux = np.zeros_like(by_flux)
         by.by_directions[rows] += self.pose.directions(carried * towards * lines)
         of_flux[rows] = by_flux[rows] * scale * rest**2 / lines[:, 2]
         return by, of_flux
@@ -174,10 +182,11 @@ class RingView(EyeView):
     @staticmethod
     def of(eyes: tuple[EyeView, ...], label: str) -> "RingView":
         """The views of ``eyes``, of the same size and number of pixels."""
-        first, count = eyes[0], len(eyes)
+        first = eyes[0]
+        count = len(eyes)
         grid = replace(first.grid, height=count * first.grid.height, rows=count * first.grid.rows)
-        own = {each.name: getattr(first, each.name) for each in fields(first)}
-        return RingView(**{**own, "grid": grid, "label": label, "eyes": eyes})
+        values = {field.name: getattr(first, field.name) for field in fields(first)}
+        return RingView(**{**values, "grid": grid, "label": label, "eyes": eyes})
 
     @property
     def members(self) -> tuple[EyeView, ...]:
@@ -186,9 +195,10 @@ class RingView(EyeView):
 
     def land_by_arrays(self, rays: ExitRays) -> Landings:
         """Land ``rays``, each on the picture of the eye that it comes near; NumPy or torch."""
-        first, *others = (self._landed(number, rays) for number in range(len(self.eyes)))
-        hits, flux = first.hits, first.flux
-        for landed in others:
+        first, *further = (self._landed(number, rays) for number in range(len(self.eyes)))
+        hits = first.hits
+        flux = first.flux
+        for landed in further:
             hits = module_of(flux).where((landed.flux > 0.0)[:, None], landed.hits, hits)
             flux = flux + landed.flux
         return replace(first, hits=hits, flux=flux)
@@ -196,7 +206,8 @@ class RingView(EyeView):
     def _landed(self, number: int, rays: ExitRays) -> Landings:
         """Landings on the picture of one eye; beyond it is that of another."""
         landed = self.eyes[number].land_by_arrays(rays)
-        across, up = landed.hits[:, 0], landed.hits[:, 1]
+        across = landed.hits[:, 0]
+        up = landed.hits[:, 1]
         within = abs(up) <= 0.5 * self.eyes[number].grid.height
         hits = module_of(up).stack([across, up + self.raised(number)], 1)
         return replace(landed, hits=hits, flux=landed.flux * within)
@@ -205,14 +216,15 @@ class RingView(EyeView):
         self, rays: ExitRays, by_hits: Float[np.ndarray, "n 2"], by_flux: Float[np.ndarray, " n"]
     ) -> tuple[Sensitivities, Float[np.ndarray, " n"]]:
         """Sensitivities to exit rays and to their flux, each by the eye that it comes near."""
-        points, directions = np.zeros_like(rays.points), np.zeros_like(rays.directions)
+        points = np.zeros_like(rays.points)
+        directions = np.zeros_like(rays.directions)
         of_flux = np.zeros_like(by_flux)
         for number, eye in enumerate(self.eyes):
             near = self._landed(number, rays).arrived
-            by, own = eye.adjoint(rays, by_hits * near[:, None], by_flux * near)
+            by, by_flux_of_eye = eye.adjoint(rays, by_hits * near[:, None], by_flux * near)
             points += by.by_points
             directions += by.by_directions
-            of_flux += own
+            of_flux += by_flux_of_eye
         return Sensitivities(points, directions), of_flux
 
     def spots(self) -> sparse.csr_array:
@@ -227,14 +239,17 @@ class RingView(EyeView):
 
 def _sums_about(shape: tuple[int, int], shares: Float[np.ndarray, "m m"]) -> sparse.csr_array:
     """Matrix from pixels to the sum of those about each, by their ``shares``; none lies beyond the picture."""
-    numbers, reach = np.arange(shape[0] * shape[1]).reshape(shape), len(shares) // 2
+    numbers = np.arange(shape[0] * shape[1]).reshape(shape)
+    reach = len(shares) // 2
     around = np.pad(numbers, reach, constant_values=-1)
-    rows, columns, values = [], [], []
+    rows = []
+    columns = []
+    values = []
     for (down, across), share in np.ndenumerate(shares):
-        others = around[down : down + shape[0], across : across + shape[1]].ravel()
-        inside = np.flatnonzero(others >= 0) if share else np.zeros(0, dtype=int)
+        neighbours = around[down : down + shape[0], across : across + shape[1]].ravel()
+        inside = np.flatnonzero(neighbours >= 0) if share else np.zeros(0, dtype=int)
         rows.append(inside)
-        columns.append(others[inside])
+        columns.append(neighbours[inside])
         values.append(np.full(len(inside), share))
     entries = np.concatenate(values), (np.concatenate(rows), np.concatenate(columns))
     return sparse.csr_array(entries, shape=(numbers.size, numbers.size))
@@ -246,10 +261,11 @@ def eye_views(spec: Spec, *, searched: bool = False) -> tuple[EyeView, ...]:
     ``searched``: as coarse as the few rays of a step need it. Raises :class:`InputError` for an eye within the space of
     the lens, and for spots too fine for a picture of it.
     """
-    limits = [(number, each) for number, each in enumerate(spec.limits) if isinstance(each, LuminanceLimit)]
+    limits = [(number, limit) for number, limit in enumerate(spec.limits) if isinstance(limit, LuminanceLimit)]
     if not limits:
         return ()
-    reach, lamp = max(spec.lens.extent_mm(spec.constraints), reach_mm(spec.media.bodies)), spec.all_lamps.lamps[0].pose
+    reach = max(spec.lens.extent_mm(spec.constraints), reach_mm(spec.media.bodies))
+    lamp = spec.all_lamps.lamps[0].pose
     views: list[EyeView] = []
     for number, limit in limits:
         labelled = zip(limit.eye_labels(number), limit.eyes(), strict=True)
@@ -271,11 +287,14 @@ def _view(limit: LuminanceLimit, label: str, eye: Float[np.ndarray, "3"], reach:
     away = float(np.linalg.norm(eye))
     if away <= _AROUND * reach:
         raise InputError(f"{label}: it lies in the lens's space, to {_AROUND * reach:.4g} mm; move it farther away")
-    distance, wide = away - _DEPTH * reach, asin(_AROUND * reach / away)
+    distance = away - _DEPTH * reach
+    wide = asin(_AROUND * reach / away)
     side = 2.0 * distance * tan(wide)
-    spot, blur = limit.spot_mm or 2.0 * distance * tan(0.5 * radians(limit.spot_deg or _MINUTE_DEG)), limit.blur_deg
+    spot = limit.spot_mm or 2.0 * distance * tan(0.5 * radians(limit.spot_deg or _MINUTE_DEG))
+    blur = limit.blur_deg
     if searched:
-        spot, blur = max(spot, _SEARCHED_SPOT * side), max(blur, _SEARCHED_BLUR_DEG)
+        spot = max(spot, _SEARCHED_SPOT * side)
+        blur = max(blur, _SEARCHED_BLUR_DEG)
     pixels = ceil(_LEAST_OF_SPOT * side / spot)
     if pixels > _MOST_OF_ALL:
         least = _LEAST_OF_SPOT * side / _MOST_OF_ALL

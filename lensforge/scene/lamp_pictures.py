@@ -44,14 +44,14 @@ class PeriodPlane(Plane):
         """:meth:`land` in NumPy or in torch."""
         return self._within(super().land_by_arrays(rays))
 
-    def _within(self, found: Landings) -> Landings:
+    def _within(self, landings: Landings) -> Landings:
         period = self.lamps.period_mm
         assert period is not None
         hits = [
-            found.hits[:, k] - side * module_of(found.hits).round(found.hits[:, k] / side)
+            landings.hits[:, k] - side * module_of(landings.hits).round(landings.hits[:, k] / side)
             for k, side in enumerate(period)
         ]
-        return replace(found, hits=module_of(found.hits).stack(hits, 1))
+        return replace(landings, hits=module_of(landings.hits).stack(hits, 1))
 
 
 @dataclass(frozen=True)
@@ -70,9 +70,11 @@ class Raster:
     def overlaps(self, shape: tuple[int, int]) -> Iterator[tuple[tuple[slice, slice], tuple[slice, slice]]]:
         """Rows and columns of the raster, and of the receiver of ``shape``, that are the same, for each corner."""
         for corner in self.corners:
-            there, here = [], []
+            there = []
+            here = []
             for start, side, size in zip(corner, self.receiver.grid.shape, shape, strict=True):
-                first, last = max(start, 0), min(start + size, side)
+                first = max(start, 0)
+                last = min(start + size, side)
                 there.append(slice(first, last))
                 here.append(slice(first - start, last - start))
             yield (there[0], there[1]), (here[0], here[1])
@@ -112,7 +114,8 @@ class LampPictures:
         """
         if self.is_single:
             return pictures[0] if fluxes is None else float(fluxes[0]) * pictures[0]
-        shape, weights = self.receiver.grid.shape, np.ones(len(self.receiver.lamps)) if fluxes is None else fluxes
+        shape = self.receiver.grid.shape
+        weights = np.ones(len(self.receiver.lamps)) if fluxes is None else fluxes
         total = np.zeros((*pictures[0].shape[:-2], *shape))
         for raster, picture in zip(self.rasters, pictures, strict=True):
             for (there, here), number in zip(raster.overlaps(shape), raster.numbers, strict=True):
@@ -121,13 +124,14 @@ class LampPictures:
 
     def spread(self, by_picture: _Image) -> list[_Image]:
         """Sensitivities to the pictures of one lamp from those to :meth:`added`: its adjoint."""
-        shape, found = self.receiver.grid.shape, []
+        shape = self.receiver.grid.shape
+        pictures = []
         for raster in self.rasters:
             by_raster = np.zeros(raster.receiver.grid.shape)
             for there, here in raster.overlaps(shape):
                 by_raster[there] += by_picture[here]
-            found.append(by_raster / len(self.receiver.lamps))
-        return found
+            pictures.append(by_raster / len(self.receiver.lamps))
+        return pictures
 
     def mean(self, amounts: Sequence[Array]) -> Array:
         """Mean over the lamps of an amount that belongs to each raster."""
@@ -140,10 +144,12 @@ class LampPictures:
         Of a lattice that of all its periods. Those farther than a few are spread over the pixels evenly: all together
         are the ``whole``, on an endless plane.
         """
-        period, count = self.receiver.lamps.period_mm, len(self.receiver.lamps)
+        period = self.receiver.lamps.period_mm
+        count = len(self.receiver.lamps)
         if period is None:
-            return self.added([amounts(each) for each in self.receivers])
-        around, pose = np.arange(-_CELLS, _CELLS + 1), self.receiver.pose
+            return self.added([amounts(receiver) for receiver in self.receivers])
+        around = np.arange(-_CELLS, _CELLS + 1)
+        pose = self.receiver.pose
         total = np.zeros((len(whole), *self.receiver.grid.shape))
         for (x, y), i, j in product(self.receiver.lamps.places_mm, around.tolist(), around.tolist()):
             place = x - i * period[0], y - j * period[1], 0.0
@@ -153,31 +159,33 @@ class LampPictures:
 
     def regions(self, pixels: Bool[np.ndarray, "_ _"]) -> list[Bool[np.ndarray, "_ _"]]:
         """Pixels of each raster that are one of ``pixels`` for one of its lamps at least."""
-        return [pixels] if self.is_single else [each > 0.0 for each in self.spread(pixels.astype(np.float64))]
+        return [pixels] if self.is_single else [picture > 0.0 for picture in self.spread(pixels.astype(np.float64))]
 
 
 @lru_cache(maxsize=32)
 def _pictures(receiver: PosedReceiver) -> LampPictures:
-    lamps, rasters = receiver.lamps, list[Raster]()
+    lamps = receiver.lamps
+    rasters = list[Raster]()
     if lamps.is_single:
         return LampPictures(receiver, (Raster(receiver, 1),))
     moves = np.array(lamps.places_mm) @ receiver.pose.rotation[:2, :2] / receiver.grid.pixel
     level = receiver.is_flat and not any(receiver.pose.axis[:2]) and not lamps.posed
-    for own in _alike(receiver, moves, level):
+    for members in _alike(receiver, moves, level):
         if lamps.period_mm is not None:
-            rasters.append(_period(receiver, own[0]))
+            rasters.append(_period(receiver, members[0]))
         elif level:
-            rasters.append(_wider(receiver, own, moves[own]))
+            rasters.append(_wider(receiver, members, moves[members]))
         else:
-            pose = receiver.pose.seen_from(lamps.lamps[own[0]].pose)
+            pose = receiver.pose.seen_from(lamps.lamps[members[0]].pose)
             seen = replace(receiver, pose=pose, lamps=ALONE)
-            rasters.append(Raster(seen, len(own), ((0, 0),) * len(own), tuple(own)))
+            rasters.append(Raster(seen, len(members), ((0, 0),) * len(members), tuple(members)))
     return LampPictures(receiver, tuple(rasters))
 
 
 def _alike(receiver: PosedReceiver, moves: Float[np.ndarray, "n 2"], level: bool) -> list[list[int]]:
     """Numbers of lamps whose views of the receiver differ by whole pixels, or not at all, together."""
-    lamps, groups = receiver.lamps, dict[object, list[int]]()
+    lamps = receiver.lamps
+    groups = dict[object, list[int]]()
     for number, turn in enumerate(lamps.turns_deg):
         key: object = number
         if receiver.is_far:
@@ -189,10 +197,12 @@ def _alike(receiver: PosedReceiver, moves: Float[np.ndarray, "n 2"], level: bool
     return list(groups.values())
 
 
-def _wider(receiver: PosedReceiver, own: list[int], moves: Float[np.ndarray, "k 2"]) -> Raster:
-    """The plane so wide that it holds the receiver as each of the lamps ``own`` sees it; ``moves`` in pixels."""
-    low, high = moves.min(axis=0), moves.max(axis=0)
-    grid, pixel = receiver.grid, np.array(receiver.grid.pixel)
+def _wider(receiver: PosedReceiver, members: list[int], moves: Float[np.ndarray, "k 2"]) -> Raster:
+    """The plane so wide that it holds the receiver as each of the lamps ``members`` sees it; ``moves`` in pixels."""
+    low = moves.min(axis=0)
+    high = moves.max(axis=0)
+    grid = receiver.grid
+    pixel = np.array(receiver.grid.pixel)
     columns, rows = np.round(high - low + [grid.columns, grid.rows]).astype(int).tolist()
     if columns * rows > _MOST_PIXELS:
         raise InputError(
@@ -200,21 +210,22 @@ def _wider(receiver: PosedReceiver, own: list[int], moves: Float[np.ndarray, "k 
             f'{_MOST_PIXELS}; take fewer pixels (evaluate.pixels, optimise.pixels), fewer lamps, or kind = "endless"'
         )
     x, y = (-0.5 * (high + low) * pixel).tolist()
-    turned = receiver.lamps.lamps[own[0]]._replace(place_mm=ORIGIN)
+    turned = receiver.lamps.lamps[members[0]]._replace(place_mm=ORIGIN)
     pose = receiver.pose.after(Pose((x, y, 0.0))).seen_from(turned.pose)
     wide = PixelGrid(columns * float(pixel[0]), rows * float(pixel[1]), columns, rows)
     corners = np.round(high - moves).astype(int)
     return Raster(
         replace(receiver, pose=pose, grid=wide, lamps=ALONE),
-        len(own),
+        len(members),
         tuple((row, column) for column, row in corners.tolist()),
-        tuple(own),
+        tuple(members),
     )
 
 
 def _period(receiver: PosedReceiver, number: int) -> Raster:
     """One period as lamp ``number`` of it sees it, and a pixel around it for the splat of rays near its edge."""
-    grid, (width, height) = receiver.grid, receiver.grid.pixel
+    grid = receiver.grid
+    (width, height) = receiver.grid.pixel
     pose = receiver.pose.seen_from(receiver.lamps.lamps[number]._replace(turn_deg=0.0).pose)
     rows, columns = grid.shape
     around = PixelGrid(grid.width + 2.0 * width, grid.height + 2.0 * height, columns + 2, rows + 2)
@@ -227,9 +238,11 @@ def patch_pictures(receiver: PosedReceiver, columns: int, rows: int) -> LampPict
 
     ``receiver``: one period. Its lamps stand in each of them, those of one period after those of the one on its left.
     """
-    (across, up), (height, width) = receiver.lamps.period_mm or (0.0, 0.0), receiver.grid.shape
+    (across, up) = receiver.lamps.period_mm or (0.0, 0.0)
+    (height, width) = receiver.grid.shape
     each = [(i, j) for j in range(rows) for i in range(columns)]
-    first, kind = np.array([-0.5 * (columns - 1) * across, -0.5 * (rows - 1) * up]), len(receiver.lamps)
+    first = np.array([-0.5 * (columns - 1) * across, -0.5 * (rows - 1) * up])
+    kind = len(receiver.lamps)
     starts = [tuple((first + place).tolist()) for place in receiver.lamps.places_mm]
     places = tuple((x + i * across, y + j * up) for i, j in each for x, y in starts)
     lamps = Lamps.level(places, receiver.lamps.turns_deg * len(each), (columns * across, rows * up))

@@ -14,7 +14,9 @@ from lensforge.optics.media import Media
 from lensforge.scene.lens import Lens
 from lensforge.surfaces.surface import scaled
 
-_LEAST_INDEX, _LARGEST_INDEX = 1.0, 4.0  # as of a spec
+# The range that a spec may state.
+_LEAST_INDEX = 1.0
+_LARGEST_INDEX = 4.0
 _CHECKED = 100  # wavelengths of the range at which the index is tried
 _FIELDS = {
     "index_per_k": "lens.index_per_k (1/K, of a data sheet: about -1e-4 for plastics, -4e-4 for silicones)",
@@ -51,7 +53,8 @@ class LensAtTemperature(Lens):
     def refractive_index(self) -> float:
         """Index of the body at the design wavelength."""
         lens = self.spec.lens
-        cold, wave = np.array([lens.refractive_index]), np.array([lens.design_wavelength_nm])
+        cold = np.array([lens.refractive_index])
+        wave = np.array([lens.design_wavelength_nm])
         return float(lens.temperature_law.index(cold, wave, self.temperature_c)[0])
 
     @property
@@ -90,7 +93,7 @@ def at_temperature(lens: Lens, celsius: float) -> Lens:
     if celsius == law.reference_c:
         return lens
     known = {"index_per_k": law.knows_index, "expansion_per_k": law.expansion_per_k is not None}
-    missing = [words for name, words in _FIELDS.items() if not known[name]]
+    missing = [description for name, description in _FIELDS.items() if not known[name]]
     if missing:
         raise InputError(
             f"temperature_c = {celsius:g}: nothing is known of how {lens.spec.lens.material} changes with it; give "
@@ -100,7 +103,8 @@ def at_temperature(lens: Lens, celsius: float) -> Lens:
     warm = LensAtTemperature(
         surfaces={name: scaled(surface, scale) for name, surface in lens.surfaces.items()},
         others={
-            kind: {name: scaled(surface, scale) for name, surface in own.items()} for kind, own in lens.others.items()
+            kind: {name: scaled(surface, scale) for name, surface in surfaces.items()}
+            for kind, surfaces in lens.others.items()
         },
         spec=lens.spec,
         seed=lens.seed,

@@ -128,7 +128,9 @@ def light_limits(
     for number, limit in enumerate(spec.limits):
         if isinstance(limit, LuminanceLimit):
             scale = _scale(limit.unit or "", f"limits.{number}", lumens_per_watt)
-            judged += [each for _ in limit.labels(number) for each in _of_view(limit, scale, *next(seen))]
+            judged += [
+                judged_limit for _ in limit.labels(number) for judged_limit in _of_view(limit, scale, *next(seen))
+            ]
             continue
         index = 0 if limit.receiver is None else names.index(limit.receiver)
         where = f"limits.{number}"
@@ -151,7 +153,9 @@ def _of_road(
 ) -> Iterator[LightLimit]:
     """Limits by the class of a road, on the picture of the first far field: its pixels are intensities of a lamp."""
     index = next(index for index, receiver in enumerate(receivers) if receiver.is_far)
-    receiver, road, name = receivers[index], spec.roads[number], names_of(spec.roads)[number]
+    receiver = receivers[index]
+    road = spec.roads[number]
+    name = names_of(spec.roads)[number]
     if road.lamp_lm is None and lumens_per_watt is None:
         raise InputError(f"{name}: lamp_lm is missing, and the source's lumens are not known; give either")
     source_lm = flux_w * (lumens_per_watt or 0.0) * spec.photometry.lenses
@@ -196,18 +200,22 @@ def _bounds_of(
     readings = _readings(limit, receiver, where) / receiver.pixel_measure
     name = limit.name or where
     for quantity in limit.quantities():
-        scale, kind, own = _scale(quantity, where, lumens_per_watt), _kind(quantity), readings
+        scale = _scale(quantity, where, lumens_per_watt)
+        kind = _kind(quantity)
+        bound_readings = readings
         region = None
         if quantity == "share" and isinstance(limit, ZoneLimit):
             region = ZoneOfLimit(limit, receiver)
-            own = sparse.csr_array(readings.sum(axis=0)[None, :] * (receiver.pixel_measure / flux_w))
-        angles, level = None, 1.0
+            bound_readings = sparse.csr_array(readings.sum(axis=0)[None, :] * (receiver.pixel_measure / flux_w))
+        angles = None
+        level = 1.0
         if isinstance(limit, BeamAngleLimit):
-            angles, level = _cut(receiver), limit.level
+            angles = _cut(receiver)
+            level = limit.level
         for sense, bound in zip(_SENSES, limit.bounds(quantity), strict=True):
             if bound is not None:
                 unit = _UNITS.get(quantity, "")
-                read = sparse.csr_array(scale * own)
+                read = sparse.csr_array(scale * bound_readings)
                 yield LightLimit(name, index, kind, sense, bound, unit, read, angles, level, region=region)
 
 
@@ -240,13 +248,15 @@ def _readings(limit: LimitSection, receiver: PosedReceiver, where: str) -> spars
             (xs, ys), (xe, ye) = limit.places
             return _bilinear(receiver, *receiver.chart_coordinates(xs + part * (xe - xs), ys + part * (ye - ys)))
         case BeamAngleLimit():
-            angles, turn = _cut(receiver), np.radians(limit.azimuth_deg)
+            angles = _cut(receiver)
+            turn = np.radians(limit.azimuth_deg)
             return _bilinear(receiver, *receiver.chart_coordinates(angles * np.cos(turn), angles * np.sin(turn)))
     inside = _zone(limit, receiver)
     if not inside.any():
         raise InputError(f"{where}: no pixel of the receiver lies in it; make it larger, or evaluate.pixels")
     pixels = np.flatnonzero(inside)
-    ones, shape = np.ones(len(pixels)), (len(pixels), inside.size)
+    ones = np.ones(len(pixels))
+    shape = (len(pixels), inside.size)
     return sparse.csr_array((ones, (np.arange(len(pixels)), pixels)), shape=shape)
 
 
@@ -274,9 +284,13 @@ def _bilinear(receiver: PosedReceiver, x: Float[np.ndarray, " k"], y: Float[np.n
     grid = receiver.grid
     column = np.maximum((x / grid.width + 0.5) * grid.columns - 0.5, 0.0)
     row = np.maximum((y / grid.height + 0.5) * grid.rows - 0.5, 0.0)
-    left, below = column.astype(int), row.astype(int)
-    right, up = column - left, row - below
-    entries, rows, pixels = [], [], []
+    left = column.astype(int)
+    below = row.astype(int)
+    right = column - left
+    up = row - below
+    entries = []
+    rows = []
+    pixels = []
     for more_x, share_x in ((0, 1.0 - right), (1, right)):
         for more_y, share_y in ((0, 1.0 - up), (1, up)):
             entries.append(share_x * share_y)

@@ -66,13 +66,15 @@ class AsMade:
         stays: an origin ``seat_mm`` above it comes to lie ``seat_mm (scale - 1)`` higher.
         """
         # source: o' = R (c + k (o - c)) + shift; lens: p' = R (s p + up) + shift
-        centre, up = np.array(self.source_centre_mm), np.array([0.0, 0.0, self.seat_mm * (self.scale - 1.0)])
+        centre = np.array(self.source_centre_mm)
+        up = np.array([0.0, 0.0, self.seat_mm * (self.scale - 1.0)])
         emitted = self.source.directions(centre) * (1.0 - self.source_size) + np.array(self.source.origin_mm)
         source = self.source.seen_from(self.lens).at((self.lens.own_points(emitted) - up) / self.scale)
         faces = [self.faces.get(name, IN_PLACE) for name in self.names]
         last = faces[-1].at(self.scale * np.array(faces[-1].origin_mm) + up)
-        between = tuple(one.seen_from(other) for one, other in pairwise(faces))
-        into, back = source.seen_from(faces[0]), self.lens.after(last)
+        between = tuple(face.seen_from(next_face) for face, next_face in pairwise(faces))
+        into = source.seen_from(faces[0])
+        back = self.lens.after(last)
         return FacePoses(into, between, back, self.source_size / self.scale, self.scale)
 
     @property
@@ -186,7 +188,7 @@ def displaced(face: FaceNodes, surface: Surface) -> dict[str, ErrorField]:
     normals = surface.normal(face.directions)
     turned = np.cross(face.points, normals)  # (w x p) . n = w . (p x n)
     fields = {"shift_mm": normals[:, :2], "gap_mm": normals[:, 2:], "tilt_deg": turned[:, :2]}
-    return {name: face.table(each) for name, each in fields.items()}
+    return {name: face.table(field) for name, field in fields.items()}
 
 
 _SEED = 5  # of the shapes of waviness: any number; those of two faces differ
@@ -237,18 +239,20 @@ class PartMaker:
     @staticmethod
     def of(spec: Spec, surfaces: Mapping[str, Surface], grid: TableGrid, factors: tuple[Factor, ...]) -> "PartMaker":
         """Prepare the form errors of ``surfaces``, by name from the source on, on tables of ``grid``."""
-        roles, section, wanted = spec.lens.roles, spec.tolerances, {factor.name for factor in factors}
+        roles = spec.lens.roles
+        section = spec.tolerances
+        wanted = {factor.name for factor in factors}
         in_chain = Chain.of_lens(spec.lens) is not None
         band = section.waviness_shortest_mm, section.waviness_longest_mm
         errors: dict[str, ErrorField] = {}
         for number, (face, surface) in enumerate(surfaces.items()):
-            form, waves, rings = own = [factor_name(roles, face, kind) for kind in _FIELDS]
+            form, waves, rings = names = [factor_name(roles, face, kind) for kind in _FIELDS]
             placed = {kind: factor_name(roles, face, kind) for kind in PLACEMENT if in_chain}
-            if wanted.isdisjoint([*own, *placed.values()]):
+            if wanted.isdisjoint([*names, *placed.values()]):
                 continue
             sampled = FaceNodes.of(grid, surface)
             if not wanted.isdisjoint(placed.values()):
-                errors |= {placed[kind]: each for kind, each in displaced(sampled, surface).items()}
+                errors |= {placed[kind]: displacement for kind, displacement in displaced(sampled, surface).items()}
             if form in wanted:
                 errors[form] = low_order(sampled)
             if waves in wanted:

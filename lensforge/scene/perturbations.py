@@ -44,8 +44,8 @@ def orthonormal(factor: Factor, values: Float[np.ndarray, "*n"], degree: int) ->
     nodes, weights = _quadrature(factor)
     _, triangle = np.linalg.qr(np.vander(nodes, degree + 1, increasing=True) * np.sqrt(weights)[:, None])
     powers = values[..., None] ** np.arange(degree + 1)
-    found: Float[np.ndarray, "*n d"] = np.linalg.solve(triangle.T, powers.reshape(-1, degree + 1).T).T
-    return found.reshape(*values.shape, degree + 1)[..., 1:]
+    polynomials: Float[np.ndarray, "*n d"] = np.linalg.solve(triangle.T, powers.reshape(-1, degree + 1).T).T
+    return polynomials.reshape(*values.shape, degree + 1)[..., 1:]
 
 
 def _quadrature(factor: Factor) -> tuple[Float[np.ndarray, " q"], Float[np.ndarray, " q"]]:
@@ -99,7 +99,8 @@ class Draws:
         apart = {factor.name for factor in factors if lamps > 1 and factor.name not in common}
         spread = [factor for factor in factors if factor.kind != "field" and factor.name not in apart]
         points = _sobol(sum(factor.numbers for factor in spread), parts, own_seed)
-        numbers, first = {}, 0
+        numbers = {}
+        first = 0
         for factor in spread:
             numbers[factor.name] = quantiles(factor, points[:, first : first + factor.numbers])
             first += factor.numbers
@@ -140,7 +141,7 @@ class Draws:
     def mirrored(self) -> "Draws":
         """The parts whose deviations to both sides and form errors are the opposite."""
         signs = {factor.name: 1.0 if factor.kind == "one-sided" else -1.0 for factor in self.factors}
-        return replace(self, numbers={name: signs[name] * each for name, each in self.numbers.items()})
+        return replace(self, numbers={name: signs[name] * number for name, number in self.numbers.items()})
 
 
 def _sobol(dimensions: int, count: int, seed: int) -> Float[np.ndarray, "n d"]:

@@ -127,7 +127,8 @@ def rebinned(image: Float[np.ndarray, "*r h w"], grid: PixelGrid) -> Float[np.nd
     """Flux in the pixels of a coarser ``grid`` on the same receiver; pixels that two of these share are divided."""
     for axis, count in ((-2, grid.rows), (-1, grid.columns)):
         size = image.shape[axis]
-        edges, old = np.arange(count + 1) * (size / count), np.arange(size + 1)
+        edges = np.arange(count + 1) * (size / count)
+        old = np.arange(size + 1)
         held = np.clip(edges[1:, None] - old[:-1], 0.0, 1.0) - np.clip(edges[:-1, None] - old[:-1], 0.0, 1.0)
         image = np.moveaxis(np.tensordot(image, held, axes=(axis, 1)), -1, axis)
     return image

@@ -66,10 +66,12 @@ class EtendueCurve:
     def of(rays: RayBundle) -> "EtendueCurve":
         """The curve of ``rays``; too few for a cell count as light without extent, as do those level with the plane."""
         rise = rays.directions[:, 2]
-        volume, flux = np.zeros(1), np.array([rays.flux[np.abs(rise) <= _LEVEL].sum()])
+        volume = np.zeros(1)
+        flux = np.array([rays.flux[np.abs(rise) <= _LEVEL].sum()])
         for side in (rise > _LEVEL, rise < -_LEVEL):
             own_volume, own_flux = _cells(rays, side)
-            volume, flux = np.concatenate([volume, own_volume]), np.concatenate([flux, own_flux])
+            volume = np.concatenate([volume, own_volume])
+            flux = np.concatenate([flux, own_flux])
         return _curve(volume, flux, estimated=True)
 
     @property
@@ -87,30 +89,34 @@ WITHOUT_EXTENT = EtendueCurve(np.zeros(1), np.ones(1), estimated=False)  # of wh
 
 def _curve(volume: Float[np.ndarray, " c"], flux: Float[np.ndarray, " c"], *, estimated: bool) -> EtendueCurve:
     without_extent = volume <= 0.0
-    extended, found = volume[~without_extent], flux[~without_extent]
-    order = np.argsort(extended / np.where(found > 0.0, found, np.finfo(float).tiny))
-    first, total = flux[without_extent].sum(), flux.sum()
-    share = np.concatenate([[first], first + np.cumsum(found[order])]) / total
+    extended = volume[~without_extent]
+    curve_flux = flux[~without_extent]
+    order = np.argsort(extended / np.where(curve_flux > 0.0, curve_flux, np.finfo(float).tiny))
+    first = flux[without_extent].sum()
+    total = flux.sum()
+    share = np.concatenate([[first], first + np.cumsum(curve_flux[order])]) / total
     return EtendueCurve(np.concatenate([[0.0], np.cumsum(extended[order])]), share, estimated)
 
 
 def _cells(rays: RayBundle, chosen: Bool[np.ndarray, " n"]) -> tuple[Float[np.ndarray, " c"], Float[np.ndarray, " c"]]:
     """Étendue and flux of cells of the ``chosen`` rays, all on one side of the horizon; 0 where they are too few."""
-    count, flux = int(chosen.sum()), rays.flux[chosen]
+    count = int(chosen.sum())
+    flux = rays.flux[chosen]
     levels = int(np.log2(max(count / _RAYS_PER_CELL, 1.0)))
     if count < 2 * _RAYS_PER_CELL:
         return np.zeros(1), np.array([flux.sum()])
     points = _phase_space(rays.take(chosen))
-    each = count >> levels
-    left_over = flux[each << levels :].sum()  # fewer than there are cells: spread over them
-    members, extent = np.arange(each << levels)[None, :], np.ptp(points, axis=0)
+    cells = count >> levels
+    left_over = flux[cells << levels :].sum()  # fewer than there are cells: spread over them
+    members = np.arange(cells << levels)[None, :]
+    extent = np.ptp(points, axis=0)
     scale = np.where(extent > 0.0, extent, 1.0)
     for _ in range(levels):
         widest = (np.ptp(points[members], axis=1) / scale).argmax(axis=1)
         order = np.argsort(points[members, widest[:, None]], axis=1)
         members = np.take_along_axis(members, order, axis=1).reshape(2 * len(members), -1)
     # the box of m uniform points is smaller than their cell by (m - 1)/(m + 1) along each side
-    volume = np.prod(np.ptp(points[members], axis=1) * (each + 1) / (each - 1), axis=1)
+    volume = np.prod(np.ptp(points[members], axis=1) * (cells + 1) / (cells - 1), axis=1)
     shares = flux[members].sum(axis=1)
     return volume, shares * (1.0 + left_over / max(float(shares.sum()), np.finfo(float).tiny))
 
@@ -120,9 +126,11 @@ def _phase_space(rays: RayBundle) -> Float[np.ndarray, "n 4"]:
     return np.concatenate([at_height(rays, waist_mm(rays))[:, :2], rays.directions[:, :2]], axis=1)
 
 
-_RAYS, _SEED = 2**14, 0  # 16 times as many move no bound of a shipped scene by 0.2 %
+_RAYS = 2**14  # 16 times as many move no bound of a shipped scene by 0.2 %
+_SEED = 0
 _WINDOW_SUBPIXELS = 8  # along a side of a pixel: the share of it that is in a round window
-_LAYERS, _JOINT = 32, 8  # steps of weight, and those with one joint bound
+_LAYERS = 32  # steps of weight
+_JOINT = 8  # steps with one joint bound
 _DIGITS = 12  # of a share; the same bound by two sums differs behind these
 _BISECTIONS = 60  # of the level that fills a target: to the last digits
 
@@ -194,10 +202,10 @@ class SourceLight:
         """Sample ``source``, whose light goes through any ``lens`` of that kind, by default one of two faces."""
         count = min(count, source.ray_count or count)
         rays = source.sample(count, _SEED)
-        found = SourceLight.of_rays(rays, EtendueCurve.of_source(source, rays, _SEED), media)
+        light = SourceLight.of_rays(rays, EtendueCurve.of_source(source, rays, _SEED), media)
         round_by = REVOLUTION if is_round(source) else source.symmetry
         kept = lens is not None and lens.is_round and not media.bodies
-        return replace(found, reflects=lens is not None and lens.reflects, round_by=round_by if kept else None)
+        return replace(light, reflects=lens is not None and lens.reflects, round_by=round_by if kept else None)
 
     @staticmethod
     def of_rays(rays: RayBundle, curve: EtendueCurve, media: Media) -> "SourceLight":
@@ -262,7 +270,8 @@ class PossibleLight:
 
         Of bodies behind the lens the light comes out of the last.
         """
-        glass, bodies = self.light.media.cover_glass, self.light.media.bodies
+        glass = self.light.media.cover_glass
+        bodies = self.light.media.bodies
         out_of = ExitBall(reach_mm(bodies)) if bodies else self.space
         return out_of.grown(0.0 if glass is None else glass.thickness_mm)
 
@@ -283,8 +292,8 @@ class PossibleLight:
         rows, columns = receiver.grid.shape
         times = self._exit.finer(max(rows, columns))
         fine = replace(receiver, grid=receiver.grid.finer(times)).corners()
-        found = self._exit.etendues(fine, far=receiver.is_far)
-        return np.asarray(found.reshape(-1, rows, times, columns, times).sum(axis=(2, 4)))
+        etendues = self._exit.etendues(fine, far=receiver.is_far)
+        return np.asarray(etendues.reshape(-1, rows, times, columns, times).sum(axis=(2, 4)))
 
     @cached_property
     def on_pixels(self) -> Image:
@@ -300,15 +309,17 @@ class PossibleLight:
         """Largest share in ``pixels``, or in a part of each; without extent by refraction alone."""
         if not pixels.any():
             return LargestShare(0.0, 0.0)
-        held, most, estimated = self.by_etendue(pixels), self.light.transmittance, self.light.curve.estimated
+        held = self.by_etendue(pixels)
+        most = self.light.transmittance
+        estimated = self.light.curve.estimated
         by = "two refractions" if self.light.media.open_mirror is None else "a mirror"
         if self.receiver.lamps.period_mm is not None:  # some of it lies in every direction
             return LargestShare(held, most, by, estimated=estimated)
         regions = list(zip(self._lamps.receivers, self._corners, self._lamps.regions(pixels > 0.0), strict=True))
-        refracted = float(self._lamps.mean([self._refracted(*each) for each in regions]))
+        refracted = float(self._lamps.mean([self._refracted(*region) for region in regions]))
         if self.light.round_by is None:
             return LargestShare(held, refracted, by, estimated=estimated)
-        images = [images_in_common(self.light.round_by, *self._arc(*each)) for each in regions]
+        images = [images_in_common(self.light.round_by, *self._arc(*region)) for region in regions]
         return LargestShare(held, refracted, by, most * float(self._lamps.mean(images)), estimated)
 
     def _refracted(
@@ -326,7 +337,7 @@ class PossibleLight:
         if self.light.round_by is None or self.receiver.lamps.period_mm is not None or not pixels.any():
             return False
         arcs = zip(self._lamps.receivers, self._corners, self._lamps.regions(pixels > 0.0), strict=True)
-        return all(self._arc(*each)[1] < 0.5 * np.pi for each in arcs)
+        return all(self._arc(*arc)[1] < 0.5 * np.pi for arc in arcs)
 
     def _arc(
         self, receiver: PosedReceiver, corners: Float[np.ndarray, "m n 3"], pixels: Bool[np.ndarray, "h w"]
@@ -352,17 +363,21 @@ class PossibleLight:
         """Largest sum of shares by the weight ``of`` the middles of pixels: the integral of the share above each."""
         middles = replace(self.receiver, grid=self.receiver.grid.finer(2)).corners()[1::2, 1::2]
         weights = of(middles.reshape(-1, 3)).reshape(middles.shape[:2])
-        step, found, joint = float(weights.max()) / _LAYERS, 0.0, 1.0
+        step = float(weights.max()) / _LAYERS
+        bound = 0.0
+        joint = 1.0
         for layer in range(_LAYERS):
             region = weights > layer * step
             joint = self.in_region(region).value if layer % _JOINT == 0 else joint
-            found += step * min(joint, self.by_etendue(region))
-        return found
+            bound += step * min(joint, self.by_etendue(region))
+        return bound
 
     def in_window(self) -> LargestShare:
         """Largest share in the receiver's window, which may be wider than its pixels."""
-        window, grid = self.receiver.window, self.receiver.grid
-        width, height = min(window.width, 2.0 * window.radius), min(window.height, 2.0 * window.radius)
+        window = self.receiver.window
+        grid = self.receiver.grid
+        width = min(window.width, 2.0 * window.radius)
+        height = min(window.height, 2.0 * window.radius)
         whole = replace(self.receiver, grid=replace(grid, width=width, height=height))
         cells = window.pixels(whole.grid.finer(_WINDOW_SUBPIXELS))
         cells = cells.reshape(grid.rows, _WINDOW_SUBPIXELS, grid.columns, _WINDOW_SUBPIXELS)
@@ -377,7 +392,8 @@ class PossibleLight:
         """
         if not arriving > 0.0:
             return 0.0
-        caps, most = self.on_pixels / arriving, self.in_region(in_target).value / arriving
+        caps = self.on_pixels / arriving
+        most = self.in_region(in_target).value / arriving
         if (target <= caps).all() and target[in_target].sum() <= most:
             return 0.0  # the target itself is possible
         nearest = _filled(target, caps, 1.0)
@@ -409,7 +425,8 @@ def _filled(target: Float[np.ndarray, "*n"], caps: Float[np.ndarray, "*n"], tota
     """``target`` plus one level, cut at 0 and at ``caps``, with the sum ``total``; ``caps`` where theirs is less."""
     if not target.size:
         return target
-    low, high = -float(target.max()), float(np.max(caps - target))
+    low = -float(target.max())
+    high = float(np.max(caps - target))
     if not np.isfinite(high):
         high = total
     for _ in range(_BISECTIONS):

@@ -45,7 +45,7 @@ class Landings:
 
     def take(self, rows: Int[Array, " k"] | slice) -> "Landings":
         """Landings of some of the rays."""
-        return Landings(*(each[rows] for each in (self.hits, self.flux, self.landed, self.missed_receiver)))
+        return Landings(*(column[rows] for column in (self.hits, self.flux, self.landed, self.missed_receiver)))
 
 
 Kernel = Callable[..., Any]
@@ -81,8 +81,13 @@ class PosedReceiver(ABC):
         """Land ``rays``, NumPy arrays, by a compiled kernel where there is one."""
         if self.kernels is None:
             return self.land_by_arrays(rays)
-        landing, points, directions, left = self.kernels[0], rays.points, rays.directions, rays.left_lens
-        hits, reached, frame = np.empty((len(left), 2)), np.empty(len(left), dtype=bool), self.pose.frame
+        landing = self.kernels[0]
+        points = rays.points
+        directions = rays.directions
+        left = rays.left_lens
+        hits = np.empty((len(left), 2))
+        reached = np.empty(len(left), dtype=bool)
+        frame = self.pose.frame
 
         def work(part: slice) -> None:
             landing(points[part], directions[part], frame, self.radius_mm, hits[part], reached[part])
@@ -96,7 +101,10 @@ class PosedReceiver(ABC):
         """Sensitivities to exit rays from those to their hits, which are 0 for rays that missed the receiver."""
         if self.kernels is None:
             return self._sensitivities_by_arrays(rays, by_hits)
-        adjoint, points, directions, frame = self.kernels[1], rays.points, rays.directions, self.pose.frame
+        adjoint = self.kernels[1]
+        points = rays.points
+        directions = rays.directions
+        frame = self.pose.frame
         by = Sensitivities(np.empty_like(points), np.empty_like(points))
 
         def work(part: slice) -> None:
@@ -114,7 +122,8 @@ class PosedReceiver(ABC):
 
     def land_by_arrays(self, rays: ExitRays) -> Landings:
         """:meth:`land` in NumPy or in torch, on any device and in any precision; there differentiable."""
-        points, directions = self.pose.own_points(rays.points), self.pose.own_directions(rays.directions)
+        points = self.pose.own_points(rays.points)
+        directions = self.pose.own_directions(rays.directions)
         landed = rays.left_lens & self._reached(points, directions)
         rows = rows_of(landed)
         none = module_of(points).zeros_like(points[:, :2])
@@ -125,12 +134,13 @@ class PosedReceiver(ABC):
         """:meth:`sensitivities` by torch, through :meth:`land_by_arrays`."""
         import torch
 
-        points, directions = (torch.tensor(each, requires_grad=True) for each in (rays.points, rays.directions))
-        flux, fates = torch.tensor(rays.flux), torch.tensor(rays.fates)
+        points, directions = (torch.tensor(vectors, requires_grad=True) for vectors in (rays.points, rays.directions))
+        flux = torch.tensor(rays.flux)
+        fates = torch.tensor(rays.fates)
         with torch.enable_grad():  # a search asks for them from within its own step backwards
             hits = self.land_by_arrays(ExitRays(points, directions, flux, flux, fates)).hits
         by = torch.autograd.grad(hits, (points, directions), torch.tensor(by_hits), materialize_grads=True)
-        return Sensitivities(*(each.numpy() for each in by))
+        return Sensitivities(*(gradient.numpy() for gradient in by))
 
     @abstractmethod
     def _reached(self, points: Float[Array, "n 3"], directions: Float[Array, "n 3"]) -> Bool[Array, " n"]:

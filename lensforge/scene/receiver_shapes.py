@@ -67,8 +67,10 @@ class Cylinder(PosedReceiver):
     kernels: ClassVar[tuple[Kernel, Kernel] | None] = (cylinder, cylinder_adjoint)
 
     def _paths(self, points: Float[Array, "n 3"], directions: Float[Array, "n 3"]) -> Float[Array, " n"]:
-        flat, across = points[:, ::2], directions[:, ::2]
-        square, half = (across**2).sum(1), (flat * across).sum(1)
+        flat = points[:, ::2]
+        across = directions[:, ::2]
+        square = (across**2).sum(1)
+        half = (flat * across).sum(1)
         root = half**2 - square * ((flat**2).sum(1) - self.radius_mm**2)
         return (_root(root) - half) / module_of(square).where(square > 0.0, square, 1.0)
 
@@ -168,7 +170,7 @@ def receivers_of(spec: Spec, pixels: int) -> tuple[PosedReceiver, ...]:
     """The receivers of ``spec``, with ``pixels`` along the longer side of each."""
     built = [build_receiver(section, pixels) for section in spec.all_receivers]
     if not spec.all_lamps.is_single:
-        built = [with_all_lamps(each, spec.all_lamps) for each in built]
+        built = [with_all_lamps(receiver, spec.all_lamps) for receiver in built]
     side = spec.evaluate.window_mm
     if side is not None and spec.target is not None:
         built = [replace(built[0], window=Window(side, side))]
@@ -180,7 +182,7 @@ def receivers_of(spec: Spec, pixels: int) -> tuple[PosedReceiver, ...]:
 def seen_by_lamp(spec: Spec, number: int) -> Spec:
     """The spec of one of its lamps at the origin, with the receivers where that lamp sees them."""
     lamp = spec.all_lamps.lamps[number].pose
-    sections = tuple(_alone(each).posed(each.pose.seen_from(lamp)) for each in spec.all_receivers)
+    sections = tuple(_alone(section).posed(section.pose.seen_from(lamp)) for section in spec.all_receivers)
     return spec.of_one_lamp.changed(target=None, receivers=sections)
 
 
@@ -189,7 +191,9 @@ def _alone(section: ReceiverSection) -> ReceiverSection:
     return section.changed(targets=targets)
 
 
-_FEWER, _MORE = 0.75, 1.3  # pixels over those asked for, so that lamps may lie alike on them
+# Pixels over those asked for: in this range lamps may lie alike on the pixels.
+_FEWER = 0.75
+_MORE = 1.3
 
 
 def with_all_lamps(receiver: PosedReceiver, lamps: Lamps) -> PosedReceiver:
@@ -201,7 +205,8 @@ def with_all_lamps(receiver: PosedReceiver, lamps: Lamps) -> PosedReceiver:
     grid = receiver.grid
     if receiver.is_flat and lamps.period_mm is None and not lamps.posed:
         moves = np.array(lamps.places_mm) @ receiver.pose.rotation[:2, :2]
-        columns, rows = _alike(grid.columns, moves[:, 0] / grid.width), _alike(grid.rows, moves[:, 1] / grid.height)
+        columns = _alike(grid.columns, moves[:, 0] / grid.width)
+        rows = _alike(grid.rows, moves[:, 1] / grid.height)
         grid = replace(grid, columns=columns, rows=rows)
     return replace(receiver, grid=grid, lamps=lamps.in_far_field if receiver.is_far else lamps)
 

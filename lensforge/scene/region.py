@@ -47,7 +47,8 @@ class ZoneOfLimit:
 
     def contains(self, hits: Float[np.ndarray, "n 2"]) -> Bool[np.ndarray, " n"]:
         """True for hits in the zone, exactly."""
-        inside, zone = self.receiver.window.contains(hits), self.limit.zone
+        inside = self.receiver.window.contains(hits)
+        zone = self.limit.zone
         if zone is None:
             return inside
         return np.asarray(inside & zone.contains(*zone.about_centre(*self.receiver.target_coordinates(*hits.T))))
@@ -55,7 +56,8 @@ class ZoneOfLimit:
     @cached_property
     def coverage(self) -> Float[np.ndarray, "h w"]:
         """Share of each pixel's area that is in the zone."""
-        fine, (rows, columns) = self.grid.finer(_OVERSAMPLING), self.grid.shape
+        fine = self.grid.finer(_OVERSAMPLING)
+        (rows, columns) = self.grid.shape
         places = np.stack(np.meshgrid(fine.x(), fine.y()), axis=-1).reshape(-1, 2)
         inside = self.contains(places).reshape(rows, _OVERSAMPLING, columns, _OVERSAMPLING)
         return np.asarray(inside.mean(axis=(1, 3)))

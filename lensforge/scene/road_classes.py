@@ -19,7 +19,8 @@ from lensforge.spec.road_section import (
     WET_UNIFORMITY,
 )
 
-_LEVEL, _MOST_HEIGHTS = 1e-6, 100.0  # sine above the horizon of light beyond every table, and tan gamma where these end
+_LEVEL = 1e-6  # sine above the horizon of light beyond every table
+_MOST_HEIGHTS = 100.0  # tan gamma where tables end
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,23 +35,30 @@ class FieldMean:
 
         A direction meets the road at one place, and with equal poles the field: there light of E lx has q E cd/m^2.
         """
-        road, rows = self.readings.road, self.readings.rows[self.seen or 0]
-        high, turn, tilt = road.pole_height_m, np.radians(street_deg), np.radians(road.tilt_deg)
+        road = self.readings.road
+        rows = self.readings.rows[self.seen or 0]
+        high = road.pole_height_m
+        turn = np.radians(street_deg)
+        tilt = np.radians(road.tilt_deg)
         street, aside = (units[:, :2] @ np.array([(np.cos(turn), -np.sin(turn)), (np.sin(turn), np.cos(turn))])).T
         down = np.maximum(np.cos(tilt) * units[:, 2] - np.sin(tilt) * street, _LEVEL)
         along = high * aside / down
         across = high * (np.sin(tilt) * units[:, 2] + np.cos(tilt) * street) / down
-        half, found = 0.5 * (rows[1] - rows[0]), np.zeros(len(units))
+        half = 0.5 * (rows[1] - rows[0])
+        lumens = np.zeros(len(units))
         low, top = (0.0, road.width_m) if self.seen is None else (rows[0] - half, rows[-1] + half)
         for start, beside, facing in rows_of_lamps(road):
             y = beside + facing * across
             on = (y >= low) & (y <= top) & (np.abs(along) <= _MOST_HEIGHTS * high)
-            found[on] += self._q((start + facing * along[on]) % road.pole_spacing_m, y[on], -facing * along[on], beside)
-        return road.maintenance_factor / (road.pole_spacing_m * (top - low)) * found
+            lumens[on] += self._q(
+                (start + facing * along[on]) % road.pole_spacing_m, y[on], -facing * along[on], beside
+            )
+        return road.maintenance_factor / (road.pole_spacing_m * (top - low)) * lumens
 
     def _q(self, x: Points, y: Points, along: Points, beside: float) -> Points:
         """Light of places by one lux of a lamp that is so far ``along`` from them, at the y ``beside``."""
-        road, across = self.readings.road, beside - y
+        road = self.readings.road
+        across = beside - y
         tan_gamma = np.hypot(along, across) / road.pole_height_m
         if self.seen is None:
             return 1.0 * (tan_gamma <= AROUND)
@@ -90,8 +98,10 @@ def asked_of(readings: RoadReadings) -> Iterator[Ask]:
 
 
 def _of_illuminance(readings: RoadReadings) -> Iterator[Ask]:
-    name, light = readings.road.lighting_class, readings.illuminance.times(readings.road.maintenance_factor)
-    mean, field = light.mean(), FieldMean(readings)
+    name = readings.road.lighting_class
+    light = readings.illuminance.times(readings.road.maintenance_factor)
+    mean = light.mean()
+    field = FieldMean(readings)
     if name in C_CLASSES:
         yield Ask("mean illuminance", "light", ">=", C_CLASSES[name], "lx", mean, field)
         yield Ask("uniformity U0", "min_over_mean", ">=", C_UNIFORMITY, "", light)
@@ -103,12 +113,16 @@ def _of_illuminance(readings: RoadReadings) -> Iterator[Ask]:
 
 
 def _of_luminance(readings: RoadReadings) -> Iterator[Ask]:
-    road, wanted = readings.road, M_CLASSES[readings.road.lighting_class]
-    least, uniformity = road.mean_cd_per_m2 or wanted.mean, road.uniformity or wanted.uniformity
-    along, glare = road.uniformity_along or wanted.along, road.glare_percent or wanted.glare_percent
+    road = readings.road
+    wanted = M_CLASSES[readings.road.lighting_class]
+    least = road.mean_cd_per_m2 or wanted.mean
+    uniformity = road.uniformity or wanted.uniformity
+    along = road.uniformity_along or wanted.along
+    glare = road.glare_percent or wanted.glare_percent
     for lane, seen in enumerate(readings.luminance):
         of = f"lane {lane + 1}: "
-        kept, mean = seen.times(road.maintenance_factor), seen.mean()
+        kept = seen.times(road.maintenance_factor)
+        mean = seen.mean()
         yield Ask(f"{of}mean luminance", "light", ">=", least, "cd/m²", kept.mean(), FieldMean(readings, lane))
         yield Ask(f"{of}uniformity U0", "min_over_mean", ">=", uniformity, "", kept)
         if readings.wet:
@@ -121,7 +135,8 @@ def _of_luminance(readings: RoadReadings) -> Iterator[Ask]:
 
 
 def _of_ratios(readings: RoadReadings) -> Iterator[Ask]:
-    road, wanted = readings.road, RP8_CLASSES[readings.road.lighting_class]
+    road = readings.road
+    wanted = RP8_CLASSES[readings.road.lighting_class]
     least = road.mean_cd_per_m2 or wanted.mean
     uneven = wanted.mean_over_least if road.uniformity is None else 1.0 / road.uniformity
     for number, (of, seen) in enumerate(zip(("", "oncoming: "), readings.luminance, strict=False)):

@@ -27,16 +27,27 @@ Points = Float[np.ndarray, " k"]
 _Places = Float[np.ndarray, "*_"]
 
 # The field: points along, and of the illuminance across (EN 13201-3, 7.1.4 and 7.2.8).
-_LEAST_ALONG, _ACROSS_M, _LEAST_ACROSS = 10, 1.5, 3
+_LEAST_ALONG = 10
+_ACROSS_M = 1.5
+_LEAST_ACROSS = 3
 # Lamps that count, in heights: for luminance towards the eye, away from it and aside; for illuminance around a point.
-_TOWARDS, _AWAY, _ASIDE, AROUND = 5.0, 12.0, 5.0, 5.0
+_TOWARDS = 5.0
+_AWAY = 12.0
+_ASIDE = 5.0
+AROUND = 5.0
 # The eye of EN 13201-3: metres before the field and above the road. For glare it looks down, under the roof of a car.
-BEFORE_M, _EYE_M, _VIEW_DOWN_DEG, _FIRST, _SEEN_M, _LEAST_DEG = 60.0, 1.5, 1.0, 2.75, 500.0, 0.1
+BEFORE_M = 60.0
+_EYE_M = 1.5
+_VIEW_DOWN_DEG = 1.0
+_FIRST = 2.75
+_SEEN_M = 500.0
+_LEAST_DEG = 0.1
 
 
 def _veil(theta: Float[np.ndarray, "*k"]) -> Float[np.ndarray, "*k"]:
     """Veiling luminance per lux at an eye of 23 years, by the angle (deg) from the line of sight: EN 13201-3, 8.5."""
-    age, square = 23.0, theta**2
+    age = 23.0
+    square = theta**2
     close = 10.0 / (square * theta) + 5.0 * (1.0 + (age / 62.5) ** 4) / square
     return np.where(theta < 1.5, close, 9.86 * (1.0 + (age / 66.4) ** 4) / square)
 
@@ -92,7 +103,8 @@ class CandelaSum:
 
     def directions(self, street_deg: float) -> Float[np.ndarray, "n 3"]:
         """Unit vectors in the frame of a lens whose street is at the azimuth ``street_deg``."""
-        turn, gamma = np.radians(self.azimuth_deg + street_deg), np.radians(self.gamma_deg)
+        turn = np.radians(self.azimuth_deg + street_deg)
+        gamma = np.radians(self.gamma_deg)
         aside = np.sin(gamma)
         return np.stack([aside * np.cos(turn), aside * np.sin(turn), np.cos(gamma)], axis=1)
 
@@ -124,7 +136,8 @@ class CandelaSum:
 
 def rows_of_lamps(road: RoadSection) -> tuple[tuple[float, float, float], ...]:
     """The x of a lamp of each row, its y, and +1 where its street is towards +y, -1 elsewhere."""
-    width, over = road.width_m, road.overhang_m
+    width = road.width_m
+    over = road.overhang_m
     edges = right, left = (0.0, over, 1.0), (0.0, width - over, -1.0)
     (_, near_y, near), (_, far_y, far) = edges if road.driving_side == "right" else edges[::-1]
     return {
@@ -149,12 +162,12 @@ class _Lamps:
     def between(road: RoadSection, low_m: float, high_m: float) -> "_Lamps":
         """All lamps from ``low_m`` to ``high_m``."""
         spacing = road.pole_spacing_m
-        found = [
+        lamps = [
             (x, np.full_like(x, y), np.full_like(x, facing))
             for start, y, facing in rows_of_lamps(road)
             for x in [start + spacing * np.arange(ceil((low_m - start) / spacing), (high_m - start) // spacing + 1)]
         ]
-        return _Lamps(road, *(np.concatenate(each) for each in zip(*found, strict=True)))
+        return _Lamps(road, *(np.concatenate(columns) for columns in zip(*lamps, strict=True)))
 
     @property
     def foot_y(self) -> Points:
@@ -169,10 +182,13 @@ class _Lamps:
         """Sum over the lamps of ``weights`` times the intensity towards each point, which is ``height_m`` up."""
         from scipy import sparse
 
-        along, across = x[:, None] - self.x, (y[:, None] - self.y) * self.facing
-        along, down = along * self.facing, self.road.pole_height_m - height_m
+        along = x[:, None] - self.x
+        across = (y[:, None] - self.y) * self.facing
+        along = along * self.facing
+        down = self.road.pole_height_m - height_m
         tilt = np.radians(self.road.tilt_deg)
-        street, axial = np.cos(tilt) * across - np.sin(tilt) * down, np.sin(tilt) * across + np.cos(tilt) * down
+        street = np.cos(tilt) * across - np.sin(tilt) * down
+        axial = np.sin(tilt) * across + np.cos(tilt) * down
         place, lamp = np.nonzero(weights)
         azimuth = np.degrees(np.arctan2(along, street))[place, lamp]
         gamma = np.degrees(np.arctan2(np.hypot(along, street), axial))[place, lamp]
@@ -201,8 +217,9 @@ class RoadReadings:
     def of(road: RoadSection) -> "RoadReadings":
         """Readings of ``road``, each found when it is asked for. Raises :class:`InputError` for a file of no table."""
         wet = RoadSurface.of(road.wet_surface or "", road.wet_surface_file) if road.has_wet_surface else None
-        (views, rows), along = _views(road), steps_along(road)
-        grids = ((each.ravel() for each in np.meshgrid(along, y)) for y in rows)
+        (views, rows) = _views(road)
+        along = steps_along(road)
+        grids = ((coordinates.ravel() for coordinates in np.meshgrid(along, y)) for y in rows)
         seen = tuple((view, *points) for view, points in zip(views, grids, strict=True))
         return RoadReadings(road, rows, RoadSurface.of(road.surface, road.surface_file, road.surface_q0), wet, seen)
 
@@ -221,7 +238,7 @@ class RoadReadings:
     def veiling(self) -> tuple[CandelaSum, ...]:
         """Veiling luminance (cd/m^2) for each observer: on the way through the field, by RP-8 from each eye."""
         by_rp8 = self.road.by_rp8
-        return tuple(_veiling_of_points(*each) if by_rp8 else _veiling_on_the_way(each[0]) for each in self.seen)
+        return tuple(_veiling_of_points(*view) if by_rp8 else _veiling_on_the_way(view[0]) for view in self.seen)
 
     @cached_property
     def seen_lux(self) -> tuple[CandelaSum, ...]:
@@ -239,7 +256,8 @@ class RoadReadings:
     @cached_property
     def edges(self) -> tuple[CandelaSum, CandelaSum]:
         """Mean illuminance (lx) outside and inside of the right edge, and of the left."""
-        width, lane = self.road.width_m, self.road.lane_m
+        width = self.road.width_m
+        lane = self.road.lane_m
         strips = ((-lane, 0.0), (0.0, lane), (width, width + lane), (width - lane, width))
         out_right, in_right, out_left, in_left = (_illuminance(self.road, *ends).mean() for ends in strips)
         return CandelaSum.joined((out_right, in_right)), CandelaSum.joined((out_left, in_left))
@@ -343,7 +361,8 @@ def _luminance(
     ``each_its_eye``: for one on a line along the road through each point, so far before it that the table holds; lamps
     then count as far as the table goes.
     """
-    high, whole = view.road.pole_height_m, float(surface.tan_gamma[-1])
+    high = view.road.pole_height_m
+    whole = float(surface.tan_gamma[-1])
     ahead = (whole, whole) if each_its_eye else (_TOWARDS, _AWAY)
     before, after = ahead[::-1] if view.oncoming else ahead
     lamps = _Lamps.between(view.road, float(x.min()) - before * high, float(x.max()) + after * high)
@@ -355,9 +374,12 @@ def reduced_luminance(
     view: DriverView, surface: RoadSurface, x: _Places, y: _Places, along: _Places, across: _Places, each_its_eye: bool
 ) -> _Places:
     """Coefficient r of points by lamps so far ``along`` and ``across`` from them; 0 by one that does not count."""
-    high, heading, whole = view.road.pole_height_m, view.heading, float(surface.tan_gamma[-1])
+    high = view.road.pole_height_m
+    heading = view.heading
+    whole = float(surface.tan_gamma[-1])
     towards, away, beside = (whole, whole, whole) if each_its_eye else (_TOWARDS, _AWAY, _ASIDE)
-    beyond, aside = heading * along, heading * across
+    beyond = heading * along
+    aside = heading * across
     sight = np.zeros_like(y) if each_its_eye else np.arctan2(heading * (y - view.y), view.ahead(x))
     beta = np.degrees(np.arccos(np.clip(np.cos(np.arctan2(aside, beyond) - sight), -1.0, 1.0)))
     tan_gamma = np.hypot(beyond, aside) / high
@@ -367,8 +389,9 @@ def reduced_luminance(
 
 
 def _illuminance(road: RoadSection, low_m: float, high_m: float) -> CandelaSum:
-    x, y = (each.ravel() for each in np.meshgrid(steps_along(road), lux_across(low_m, high_m)))
-    height, reach = road.pole_height_m, AROUND * road.pole_height_m
+    x, y = (coordinates.ravel() for coordinates in np.meshgrid(steps_along(road), lux_across(low_m, high_m)))
+    height = road.pole_height_m
+    reach = AROUND * road.pole_height_m
     lamps = _Lamps.between(road, -reach, road.pole_spacing_m + reach)
     away = np.hypot(lamps.x - x[:, None], lamps.y - y[:, None])
     return lamps.light(x, y, 0.0, (away <= reach) * height / (away**2 + height**2) ** 1.5)
@@ -386,12 +409,16 @@ def _veiling_of_points(view: DriverView, x: Points, y: Points) -> CandelaSum:
 
 
 def _veiling(view: DriverView, x: Points, y: Points) -> CandelaSum:
-    road, standard = view.road, _STANDARDS[view.road.standard]
+    road = view.road
+    standard = _STANDARDS[view.road.standard]
     back, far = (_SEEN_M, 0.0) if view.oncoming else (0.0, _SEEN_M)
     lamps = _Lamps.between(road, float(x.min()) - back, float(x.max()) + far)
-    ahead, aside = view.heading * (lamps.x - x[:, None]), lamps.y - y[:, None]
-    up, level = road.pole_height_m - standard.eye_m, np.hypot(ahead, aside)
-    away, down = np.hypot(level, up), np.radians(_VIEW_DOWN_DEG)
+    ahead = view.heading * (lamps.x - x[:, None])
+    aside = lamps.y - y[:, None]
+    up = road.pole_height_m - standard.eye_m
+    level = np.hypot(ahead, aside)
+    away = np.hypot(level, up)
+    down = np.radians(_VIEW_DOWN_DEG)
     cosine = (np.cos(down) * ahead - np.sin(down) * up) / away
     theta = np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0)))
     seen = (ahead > 0.0) & (ahead <= _SEEN_M) & (up <= np.tan(np.radians(standard.roof_deg)) * ahead)

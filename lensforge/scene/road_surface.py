@@ -36,12 +36,19 @@ from lensforge.spec.road_section import LEAST_Q0, MOST_Q0, STANDARD_SURFACES
 _FOLDER = Path(__file__).with_name("road_surfaces")
 _SCALE = 1e-4  # of the numbers in a table
 _MOST_BYTES = 1 * MIB
-_LEAST_BELOW, _MOST = 1e-6, 1e6  # numbers of a table in any unit: between these it can be scaled
-_LEAST_STEP_DEG, _LEAST_STEP_TAN, _MOST_TAN = 0.01, 1e-3, 100.0  # lamps of a road count up to 12
+# Luminance coefficients in any unit: a table between these can be scaled.
+_LEAST_BELOW = 1e-6
+_MOST = 1e6
+_LEAST_STEP_DEG = 0.01
+_LEAST_STEP_TAN = 1e-3
+_MOST_TAN = 100.0  # lamps of a road count up to tan 12
 _S1_TAN = 2.0
 _GAMMA_ITSELF = re.compile(r"\W*(gamma|γ)(?!\w)", re.IGNORECASE)  # in the corner of a table
 # The field of integration of Q0, in heights of the lamp: towards the eye, away from it, and to either side (CIE 144).
-_NEAR, _FAR, _SIDE, _CELLS = 4.0, 12.0, 3.0, 200
+_NEAR = 4.0
+_FAR = 12.0
+_SIDE = 3.0
+_CELLS = 200
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,9 +142,12 @@ def read_surface(path: Path) -> RoadSurface:
 def _grid(table: TextTable) -> tuple[Float[np.ndarray, " b"], Float[np.ndarray, " g"], Float[np.ndarray, "g b"]]:
     """Beta, tan gamma and 10^4 r of a table, NaN where a cell is blank; beta may stand behind a word in a header."""
     rows = table.numbers(blank=nan)
-    beta, first = _beta_of_header(table), 0
+    beta = _beta_of_header(table)
+    first = 0
     if beta is None:
-        beta, rows, first = rows[0, 1:], rows[1:], 1
+        beta = rows[0, 1:]
+        rows = rows[1:]
+        first = 1
     if len(beta) < 2 or len(rows) < 2:
         raise InputError(
             f"{table.name}: no r-table; give a row of beta from 0 to 180, then rows of tan gamma and 10^4 r"
@@ -168,19 +178,19 @@ def _beta_of_header(table: TextTable) -> Float[np.ndarray, " b"] | None:
                     return None
                 raise InputError(f"{table.name}, line {line.number}, column {place}: beta: {error}") from None
         if _GAMMA_ITSELF.match(first):
-            words = f"{shown(first)}: rows must be those of tan gamma, not of gamma; export it so"
-            raise InputError(f"{table.name}, line {line.number}: {words}")
+            fault = f"{shown(first)}: rows must be those of tan gamma, not of gamma; export it so"
+            raise InputError(f"{table.name}, line {line.number}: {fault}")
         if numbers and (line in table.header or len(numbers) == table.width - 1):
             return np.array(numbers)
     return None
 
 
 def _require_places(beta: Float[np.ndarray, " b"], tan_gamma: Float[np.ndarray, " g"], name: str) -> None:
-    for nodes, words, step in ((beta, "beta", _LEAST_STEP_DEG), (tan_gamma, "tan gamma", _LEAST_STEP_TAN)):
+    for nodes, title, step in ((beta, "beta", _LEAST_STEP_DEG), (tan_gamma, "tan gamma", _LEAST_STEP_TAN)):
         if nodes[0] != 0.0 or (np.diff(nodes) < step).any():
             bad = int(np.argmax(np.diff(nodes) < step)) if nodes[0] == 0.0 else 0
             raise InputError(
-                f"{name}: {words} must begin with 0 and rise, by {step:g} at least; found {nodes[bad]:g}, "
+                f"{name}: {title} must begin with 0 and rise, by {step:g} at least; found {nodes[bad]:g}, "
                 f"{nodes[bad + 1]:g}"
             )
     if beta[-1] != 180.0:

@@ -54,11 +54,12 @@ def roughness(
         rough = rough._replace(noise=noise[first:], slopes=made.slopes_of_faces)
     if models is None:
         return rough
-    rms = np.array([each.slope if isinstance(each, GaussianFacets) else 0.0 for each in models])
+    rms = np.array([model.slope if isinstance(model, GaussianFacets) else 0.0 for model in models])
     if rms.any():
         slopes = facet_slopes(rays, models, before)
         if rough.noise is not None and rough.slopes is not None:
-            slopes, rms = slopes + rough.noise * np.repeat(rough.slopes, 2), np.hypot(rms, rough.slopes)
+            slopes = slopes + rough.noise * np.repeat(rough.slopes, 2)
+            rms = np.hypot(rms, rough.slopes)
         rough = rough._replace(noise=slopes / np.repeat(np.where(rms > 0.0, rms, 1.0), 2), slopes=rms)
     return rough._replace(shifts=ring_shifts(rays, models, before)) if media.has_rings else rough
 
@@ -79,7 +80,8 @@ def facet_slopes(rays: RayBundle, faces: Sequence[Scatter | None], before: int =
     found = np.zeros((len(rays), 2 * len(faces)))
     for face, facets, numbers in _at_each(rays, faces, before):
         if isinstance(facets, GaussianFacets):
-            slopes, azimuths = facets.amounts(numbers[:, 0]), 2.0 * np.pi * numbers[:, 1]
+            slopes = facets.amounts(numbers[:, 0])
+            azimuths = 2.0 * np.pi * numbers[:, 1]
             np.multiply(slopes, np.cos(azimuths), out=found[:, 2 * face])
             np.multiply(slopes, np.sin(azimuths), out=found[:, 2 * face + 1])
     return found
@@ -93,7 +95,7 @@ def ring_shifts(rays: RayBundle, faces: Sequence[Scatter | None], before: int = 
     numbers = np.zeros((len(rays), 2 * len(faces)))
     for face, _, two in _at_each(rays, faces, before):
         numbers[:, 2 * face : 2 * face + 2] = two
-    return _tables(tuple(each if isinstance(each, RingScatter) else None for each in faces))._replace(numbers=numbers)
+    return _tables(tuple(face if isinstance(face, RingScatter) else None for face in faces))._replace(numbers=numbers)
 
 
 def numbers_again(keys: Keys, face: int, times: Int[np.ndarray, " n"]) -> Numbers:
@@ -125,7 +127,8 @@ def _tables(faces: tuple[RingScatter | None, ...]) -> RingShifts:
 
 def _at_each(rays: RayBundle, faces: Sequence[Scatter | None], before: int) -> Iterator[tuple[int, Scatter, Numbers]]:
     """Number and model of each face that scatters, with two numbers of each ray there."""
-    rough, keys = [(face, model) for face, model in enumerate(faces) if model is not None], _keys(rays)
+    rough = [(face, model) for face, model in enumerate(faces) if model is not None]
+    keys = _keys(rays)
     for number, (face, model) in enumerate(rough, before):
         yield face, model, _numbers(rays, keys, number)
 

@@ -26,7 +26,8 @@ from lensforge.spec.target_sections import IN_TARGET
 
 _WORTH_SHARING = 2**15  # hits: three milliseconds of work
 _OVERSAMPLING = 8  # sub-pixels per side: the area average of a hard edge is right to 1/64 of a pixel
-_LEAST_SUBPIXELS, _MOST_SUBPIXELS = 512, 4096  # across the receiver: to resolve small patterns, and to bound the memory
+_LEAST_SUBPIXELS = 512  # across the receiver: resolves small patterns
+_MOST_SUBPIXELS = 4096  # across the receiver: bounds the memory
 _PLACES = 64  # along a side of a region of uniform light, and from the edge of a far field to the horizon
 _CANVAS = 1024  # pixels across the far field on which soft edges are drawn: 0.16 degrees on that to 80 degrees
 _KEPT_PATTERNS = 16  # a design asks for those of search and evaluation again and again; 48 MB at most each
@@ -51,7 +52,8 @@ class DrawnTarget:
 
     def contains(self, hits: Float[np.ndarray, "n 2"]) -> Bool[np.ndarray, " n"]:
         """True for hits in the target: exactly, but for a soft edge, which is known to a sub-pixel."""
-        grid, found = self.fine, np.empty(len(hits), dtype=bool)
+        grid = self.fine
+        found = np.empty(len(hits), dtype=bool)
 
         def work(part: slice) -> None:
             column, row = np.floor((hits[part] / grid.size + 0.5) * (grid.columns, grid.rows)).T
@@ -121,7 +123,9 @@ def _content(target: TargetSection) -> str:
 @lru_cache(maxsize=_KEPT_PATTERNS)
 def _drawn(targets: Targets, receiver: PosedReceiver, contents: tuple[str, ...], times: int) -> DrawnTarget:
     fine = receiver.grid.finer(times)
-    wanted, lit, scales = np.zeros(receiver.grid.shape), np.zeros(fine.shape), []
+    wanted = np.zeros(receiver.grid.shape)
+    lit = np.zeros(fine.shape)
+    scales = []
     for target in targets:
         means, image = _softened(*_drawn_sharp(target, receiver, fine), times)
         # one alone keeps its scale, to the last bit
@@ -167,7 +171,7 @@ def _require_uniform_lit(target: TargetSection, receiver: PosedReceiver, drawn: 
         return
     within = 1.5 * max(drawn.fine.pixel) * (180.0 / np.pi if receiver.is_far else 1.0)  # what sub-pixels know
     along = np.linspace(-0.5, 0.5, _PLACES)
-    x, y = (each.ravel() for each in np.meshgrid(*(max(side - within, 0.0) * along for side in sides)))
+    x, y = (coordinates.ravel() for coordinates in np.meshgrid(*(max(side - within, 0.0) * along for side in sides)))
     places = (x + 1j * y) * np.exp(1j * np.radians(target.rotation_deg)) + complex(*target.centre)
     dark = ~drawn.contains(np.stack(receiver.chart_coordinates(places.real, places.imag), axis=1))
     if dark.any():
@@ -180,7 +184,8 @@ def _require_uniform_lit(target: TargetSection, receiver: PosedReceiver, drawn: 
 
 def _require_within(target: TargetSection, light: LightAt, most: float, half_deg: float) -> None:
     """Raise :class:`InputError` for light of a far field beyond its receiver, above half of the ``most`` on that."""
-    angles, azimuth = np.linspace(half_deg, 90.0, _PLACES + 1)[1:, None], np.linspace(0.0, 2.0 * np.pi, 4 * _PLACES)
+    angles = np.linspace(half_deg, 90.0, _PLACES + 1)[1:, None]
+    azimuth = np.linspace(0.0, 2.0 * np.pi, 4 * _PLACES)
     beyond = light(*target.about_centre(angles * np.cos(azimuth), angles * np.sin(azimuth))) > 0.5 * most
     if half_deg < 90.0 and beyond.any():
         farthest = float(angles[beyond.any(axis=1)].max())
@@ -206,7 +211,8 @@ def _drawn_sharp(
 def _on_far_field(target: TargetSection, receiver: PosedReceiver, fine: PixelGrid, edge: float) -> TargetImage:
     """Light on the equal-area chart; soft edges are drawn, and blurred, over angles along x and y."""
     x, y = receiver.target_coordinates(*np.meshgrid(fine.x(), fine.y()))
-    within, light = receiver.window.pixels(fine), light_of(target, receiver.grid)
+    within = receiver.window.pixels(fine)
+    light = light_of(target, receiver.grid)
     sharp = np.where(within, light(*target.about_centre(x, y)), 0.0)
     if not target.outline:  # others fit their receivers by that
         radius = np.array([min(receiver.window.radius, 2.0)])  # that of the whole chart
@@ -239,7 +245,8 @@ def uniform_region(
     targets: Targets, receiver: PosedReceiver, wider_by_pixels: float = 0.0
 ) -> Bool[np.ndarray, "h w"] | None:
     """Pixels whose centres lie in the region of uniform light of any of ``targets``; None where none has one."""
-    grid, region = receiver.grid, None
+    grid = receiver.grid
+    region = None
     for target in targets:
         sides = target.pair("uniform")
         if sides is None:

@@ -120,7 +120,8 @@ class _Course:
     def accept(self, level: int, improved: bool = True) -> None:
         """Go on from the lens of the last stage, or from the best one before it where it is not ``improved``."""
         if improved:
-            self.level, self.best = level, self.last.outcome
+            self.level = level
+            self.best = self.last.outcome
         self.how = ACCEPTED if improved else TAKEN_BACK
 
 
@@ -147,7 +148,8 @@ class AutomaticSchedule(Schedule):
         course = _Course(start, outcome, _Ended(judged, outcome, 0.0))
         why = (yield from self._broad_functions(course)) or (yield from self._levels(course))
         # those of a finished lens have been in a first long stage before: larger steps would lead away from it
-        before, kept = 1 if start > 0 else 0, _FOR_UNIFORMITY if self.uniform else 0.0
+        before = 1 if start > 0 else 0
+        kept = _FOR_UNIFORMITY if self.uniform else 0.0
         end = yield from self._long_stages(course, self.stages.long_stage, before, kept)
         if self.uniform:
             end = yield from self._long_stages(course, self.stages.uniform_stage, 0, 0.0)
@@ -167,7 +169,8 @@ class AutomaticSchedule(Schedule):
 
     def _levels(self, course: _Course) -> _Phase:
         """Add one level after another, until one is left out, or there is no finer one, or no time for it."""
-        start, counts = self.stages.start_level, self.stages.levels.counts
+        start = self.stages.start_level
+        counts = self.stages.levels.counts
         for level in range(start, len(counts)):
             steps: int | None = None  # the first stage of all has all its steps: by it the time of a step is known
             if level > 0:
@@ -185,7 +188,8 @@ class AutomaticSchedule(Schedule):
         The finest functions of a finished lens are near their best: they take smaller steps from the first one on, and
         those of the next level, which are new, follow whatever they gain.
         """
-        at_start, is_last = level == self.stages.start_level, level + 1 == len(self.stages.levels.counts)
+        at_start = level == self.stages.start_level
+        is_last = level + 1 == len(self.stages.levels.counts)
         again = at_start and level > 0
         while True:
             gain = yield from course.run(self.stages.level_stage(level, steps, again=again))
@@ -256,21 +260,25 @@ def _judged(gain: Gain, least: float) -> str:
 def preset_for(spec: Spec, accuracy: AnyAccuracy, *, preview: bool = False) -> Preset:
     """Settings of a search for ``spec``; one of the table takes rays enough for limits that read places."""
     preset = preset_of(accuracy)
-    read = (each for each in spec.limits if not isinstance(each, LossLimit | LuminanceLimit))
-    if isinstance(accuracy, str) and (spec.roads or {kind for each in read for kind in each.quantities()} - {"share"}):
+    read = (limit for limit in spec.limits if not isinstance(limit, LossLimit | LuminanceLimit))
+    if isinstance(accuracy, str) and (
+        spec.roads or {kind for limit in read for kind in limit.quantities()} - {"share"}
+    ):
         preset = for_places(preset, spec.optimise.pixels)
     return for_preview(preset) if preview else preset
 
 
 def schedule_of(spec: Spec, source: Source, preset: Preset, start: Lens | None) -> Schedule:
     """Schedule of a search for ``spec`` from ``start``: of the levels that it gives, or one that chooses them."""
-    measured, settings = searched(source).ray_count, spec.optimise
+    measured = searched(source).ray_count
+    settings = spec.optimise
     if spec.lens.levels != "auto":
         return fixed_schedule(spec, preset, last_only=start is not None, measured=measured is not None)
     effort = preset.effort.with_rays_of(measured)
     levels = UsefulLevels.of(spec, source, effort.finest)
     first = 0 if start is None else levels.resolving(start.detail_rad, spec.lens.sigma_c)
     # parts of a robust search have no symmetry: the spread of their light is not averaged over mirror images
-    uniform, images = spec.has_uniform_region, 1 if settings.robust else len(group(spec.lens.symmetry))
+    uniform = spec.has_uniform_region
+    images = 1 if settings.robust else len(group(spec.lens.symmetry))
     stages = AutomaticStages(levels, effort, images, first)
     return AutomaticSchedule(stages, uniform, settings.seconds)

@@ -60,7 +60,8 @@ def fingerprint(spec: Spec, seed: int, accuracy: str, start: Lens | None, device
     """
     of_faces = [f"lens.{face}.{name}" for face in spec.lens.names for name in FaceTolerances.model_fields]
     without = _NOT_ROBUST if spec.optimise.robust else (*_NOT_SEARCHED, *of_faces)
-    searched, files = section_sha256(spec, without=without), input_hashes(spec)
+    searched = section_sha256(spec, without=without)
+    files = input_hashes(spec)
     text = f"{files}|{searched}|{spec.manufacture.process}|{seed}|{accuracy}|{start.sha256 if start else None}|{device}"
     return hashlib.sha256(text.encode()).hexdigest()
 
@@ -79,7 +80,8 @@ def load_checkpoint(path: Path, key: str) -> tuple[CheckpointHead, dict[str, np.
     """Read a checkpoint of this very design. Raises :class:`InputError` for none, a damaged one, or another's."""
     line, _, archive = _content(path).partition(b"\n")
     try:
-        fields, arrays = json.loads(line), arrays_in(archive, None, _MOST_BYTES)
+        fields = json.loads(line)
+        arrays = arrays_in(archive, None, _MOST_BYTES)
     except (ValueError, RecursionError) as error:
         raise InputError(f"{path}: not the layout of a checkpoint ({type(error).__name__}); {ANEW}") from None
     head = validated(CheckpointHead, fields, path, ANEW)

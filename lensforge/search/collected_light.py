@@ -80,7 +80,8 @@ class _Collect(torch.autograd.Function):
         grid: PixelGrid,
         window: Window,
     ) -> Any:
-        images, sums = np.zeros((CHUNKS, *grid.shape)), np.zeros((CHUNKS, 3))
+        images = np.zeros((CHUNKS, *grid.shape))
+        sums = np.zeros((CHUNKS, 3))
         rays = RaysAtReceiver(*(tensor.detach().numpy() for tensor in (hits, flux, sin2_exit, landed, emitted)))
         places = grid.size, window.packed()
 
@@ -88,13 +89,15 @@ class _Collect(torch.autograd.Function):
             collect(rays.part(part), *places, images[chunk], sums[chunk])
 
         in_chunks(work, len(emitted), worth=_WORTH_SHARING)
-        ctx.rays, ctx.places = rays, places
+        ctx.rays = rays
+        ctx.places = places
         return torch.from_numpy(images.sum(axis=0)), torch.from_numpy(sums.sum(axis=0))
 
     @staticmethod
     def backward(ctx: Any, by_image: Tensor, by_sums: Tensor) -> Any:
         by_rays = ByRaysAtReceiver.empty(len(ctx.rays.flux))
-        pixels, sums = by_image.contiguous().numpy(), by_sums.contiguous().numpy()
+        pixels = by_image.contiguous().numpy()
+        sums = by_sums.contiguous().numpy()
 
         def work(part: slice) -> None:
             collect_adjoint(ctx.rays.part(part), *ctx.places, pixels, sums, by_rays.part(part))
@@ -119,7 +122,7 @@ def collected(
         )
 
     image, sums = summed(landings.flux)
-    colours = None if weights is None else torch.stack([summed(landings.flux * each)[0] for each in weights])
+    colours = None if weights is None else torch.stack([summed(landings.flux * weight)[0] for weight in weights])
     return Collected(image, sums[0], sums[1], sums[2], colours)
 
 
@@ -133,8 +136,10 @@ def collected_on_device(
 ) -> Collected:
     """Collect rays that left the source with ``emitted`` (W); all tensors on one device, as :func:`collected`."""
     landed = landings.landed
-    hits, flux = landings.hits[landed], landings.flux[landed]
-    size, (half_width, half_height, square) = hits.new_tensor(grid.size), window.packed()
+    hits = landings.hits[landed]
+    flux = landings.flux[landed]
+    size = hits.new_tensor(grid.size)
+    (half_width, half_height, square) = window.packed()
     distance = hits.abs()
     in_window = (distance[:, 0] <= half_width) & (distance[:, 1] <= half_height) & (hits.square().sum(dim=1) <= square)
     outside = (distance / (0.5 * size) - 1.0).clamp(min=0.0).square().sum(dim=1)
@@ -144,7 +149,9 @@ def collected_on_device(
         in_window=flux[in_window].sum(),
         outside_receiver=(emitted[landed] * _bounded(outside)).sum() + emitted[~landed].sum(),
         total_reflection=(emitted * _bounded(over)).sum(),
-        colours=None if weights is None else torch.stack([_splat(hits, flux * each[landed], grid) for each in weights]),
+        colours=None
+        if weights is None
+        else torch.stack([_splat(hits, flux * weight[landed], grid) for weight in weights]),
     )
 
 
@@ -155,12 +162,15 @@ def _bounded(excess: Float[Tensor, " n"]) -> Float[Tensor, " n"]:
 
 def _splat(hits: Float[Tensor, "n 2"], flux: Float[Tensor, " n"], grid: PixelGrid) -> Float[Tensor, "h w"]:
     """Share each ray's flux among the four nearest pixels; a frame for the shares outside is cut off."""
-    size, pixels = hits.new_tensor(grid.size), hits.new_tensor([float(grid.columns), float(grid.rows)])
+    size = hits.new_tensor(grid.size)
+    pixels = hits.new_tensor([float(grid.columns), float(grid.rows)])
     position = (hits / size + 0.5) * pixels - 0.5
     near = ((position > -1.0) & (position < pixels)).all(dim=1)
-    position, flux = position[near], flux[near]
+    position = position[near]
+    flux = flux[near]
     first = torch.floor(position.detach())
-    (right, up), (column, row) = (position - first).T, (first.to(torch.int64) + 1).T
+    (right, up) = (position - first).T
+    (column, row) = (first.to(torch.int64) + 1).T
     shares = torch.stack(((1.0 - up) * (1.0 - right), (1.0 - up) * right, up * (1.0 - right), up * right))
     framed = grid.columns + 2
     corner = torch.tensor([0, 1, framed, framed + 1], device=flux.device)[:, None]
@@ -188,16 +198,17 @@ def mean_of_lamps(lamps: LampPictures, by_raster: Sequence[Collected]) -> Collec
     """
     if lamps.is_single:
         return by_raster[0]
-    image, colours = _added(lamps, [each.image for each in by_raster]), None
+    image = _added(lamps, [collected.image for collected in by_raster])
+    colours = None
     if by_raster[0].colours is not None:
-        pairs = zip(*(each.colours for each in by_raster if each.colours is not None), strict=True)
+        pairs = zip(*(collected.colours for collected in by_raster if collected.colours is not None), strict=True)
         colours = torch.stack([_added(lamps, pictures) for pictures in pairs])
-    in_window = image.sum() if lamps.widened else lamps.mean([each.in_window for each in by_raster])
-    outside = lamps.mean([each.outside_receiver for each in by_raster])
+    in_window = image.sum() if lamps.widened else lamps.mean([collected.in_window for collected in by_raster])
+    outside = lamps.mean([collected.outside_receiver for collected in by_raster])
     losses = None
     if by_raster[0].losses is not None:
-        in_windows = lamps.mean([each.in_window for each in by_raster])
-        losses = _more_beside(lamps.mean([each.losses for each in by_raster]), in_windows - in_window)
+        in_windows = lamps.mean([collected.in_window for collected in by_raster])
+        losses = _more_beside(lamps.mean([collected.losses for collected in by_raster]), in_windows - in_window)
     return Collected(image, in_window, outside, by_raster[0].total_reflection, colours, losses)
 
 

@@ -43,7 +43,8 @@ def meridian_curvature(jet: RadiusJet, points: ChartPoints, air: int) -> Float[T
     """
     by_x, by_y, xx, xy, yy = jet.derivatives
     radius = torch.sqrt(points.x**2 + points.y**2)
-    known, far = radius > 0.0, torch.clamp(radius, min=torch.finfo(radius.dtype).tiny)
+    known = radius > 0.0
+    far = torch.clamp(radius, min=torch.finfo(radius.dtype).tiny)
     x, y = torch.where(known, points.x / far, 1.0), torch.where(known, points.y / far, 0.0)
     first = (x * by_x + y * by_y) / points.scale
     second = (x * x * xx + 2.0 * x * y * xy + y * y * yy) / points.scale**2 + radius * first
@@ -71,17 +72,19 @@ class _OfJet(torch.autograd.Function):
 
     @staticmethod
     def forward(ctx: Any, rho: Tensor, derivatives: Tensor, kernels: Any, points: ChartPoints, sign: float) -> Tensor:
-        jet = [np.ascontiguousarray(each.detach().numpy()) for each in (rho, derivatives)]
+        jet = [np.ascontiguousarray(tensor.detach().numpy()) for tensor in (rho, derivatives)]
         places = ChartPlaces(points.x.numpy(), points.y.numpy(), points.scale.numpy())
-        ctx.adjoint, ctx.places = kernels[1], (*jet, places, sign)
-        found = np.empty_like(jet[0])
-        kernels[0](*ctx.places, found)
-        return torch.from_numpy(found)
+        ctx.adjoint = kernels[1]
+        ctx.places = (*jet, places, sign)
+        gradients = np.empty_like(jet[0])
+        kernels[0](*ctx.places, gradients)
+        return torch.from_numpy(gradients)
 
     @staticmethod
     def backward(ctx: Any, *gradients: Tensor) -> Any:
         rho, derivatives = ctx.places[:2]
-        by_rho, by_derivatives = np.empty_like(rho), np.empty_like(derivatives)
+        by_rho = np.empty_like(rho)
+        by_derivatives = np.empty_like(derivatives)
         ctx.adjoint(gradients[0].contiguous().numpy(), *ctx.places, by_rho, by_derivatives)
         return torch.from_numpy(by_rho), torch.from_numpy(by_derivatives), None, None, None
 
@@ -94,8 +97,8 @@ def wall_mm(inside: RadiusJet, outside: RadiusJet, points: ChartPoints, reach_mm
     """
     radial = outside.rho - inside.rho
     walls: list[Tensor] = [
-        _ToTable.apply(inside.rho, each, radial, points, reach_mm)  # type: ignore[no-untyped-call]  # as torch has it
-        for each in outside.tables
+        _ToTable.apply(inside.rho, table, radial, points, reach_mm)  # type: ignore[no-untyped-call]  # as torch has it
+        for table in outside.tables
     ]
     return walls[0] if len(walls) == 1 else torch.stack(walls).amin(dim=0)
 
@@ -108,18 +111,23 @@ class _ToTable(torch.autograd.Function):
 
     @staticmethod
     def forward(ctx: Any, rho: Tensor, outside: Tensor, radial: Tensor, points: ChartPoints, reach_mm: float) -> Tensor:
-        table, grid, ways = outside.detach().numpy(), TableGrid(len(outside) - 2), points.directions.numpy()
-        starts, found = rho.detach().numpy()[:, None] * ways, radial.detach().numpy().copy()
+        table = outside.detach().numpy()
+        grid = TableGrid(len(outside) - 2)
+        ways = points.directions.numpy()
+        starts = rho.detach().numpy()[:, None] * ways
+        found = radial.detach().numpy().copy()
         feet = nearest_on_table(
             table, grid.origin, grid.step, _places(grid, table), _EVERY * grid.step, starts, found, reach_mm
         )
         ahead = surface.to_sphere(feet.chart)
         radius = (table.reshape(-1)[feet.columns] * feet.shares).sum(axis=1)
         lines = radius[:, None] * ahead - starts[feet.points]
-        length, sign = np.linalg.norm(lines, axis=1), np.sign(found[feet.points])
+        length = np.linalg.norm(lines, axis=1)
+        sign = np.sign(found[feet.points])
         unit = lines * (sign / np.where(length > 0.0, length, np.inf))[:, None]
         found[feet.points] = length * sign
-        ctx.feet, ctx.side = feet, table.shape
+        ctx.feet = feet
+        ctx.side = table.shape
         ctx.slopes = -(unit * ways[feet.points]).sum(axis=1), (unit * ahead).sum(axis=1)
         return torch.from_numpy(found)
 
@@ -127,8 +135,10 @@ class _ToTable(torch.autograd.Function):
     def backward(ctx: Any, *gradients: Tensor) -> Any:
         feet: Feet = ctx.feet
         by_radial = gradients[0].numpy().copy()
-        by, by_rho = by_radial[feet.points], np.zeros_like(by_radial)
-        by_radial[feet.points], by_rho[feet.points] = 0.0, by * ctx.slopes[0]
+        by = by_radial[feet.points]
+        by_rho = np.zeros_like(by_radial)
+        by_radial[feet.points] = 0.0
+        by_rho[feet.points] = by * ctx.slopes[0]
         binding = np.flatnonzero(by)
         shares = (by * ctx.slopes[1])[binding, None] * feet.shares[binding]
         by_table = np.bincount(feet.columns[binding].ravel(), shares.ravel(), np.prod(ctx.side)).reshape(ctx.side)

@@ -36,7 +36,8 @@ from lensforge.spec import TargetSection
 # Factors of the terms added to an NMSE of order 0.01 to 1. A receiver that is judged by uniformity and efficiency has
 # a strong efficiency term in every stage; elsewhere the NMSE itself includes efficiency.
 _OUTSIDE_RECEIVER = 0.3
-_EFFICIENCY, _UNIFORM_EFFICIENCY = 0.15, 1.2
+_EFFICIENCY = 0.15
+_UNIFORM_EFFICIENCY = 1.2
 # The uniformity stage may raise the NMSE by no more than the other two terms fall. With a fifth of it, a bright square
 # stood in a disc; flat_top, three seeds, then has an NMSE of 0.014 to 0.017 instead of 0.006 to 0.007, and an RSD of
 # 0.008 to 0.010 instead of 0.008 to 0.011.
@@ -96,7 +97,8 @@ class ImageTerms:
         The product of the errors of both images has the expectation of the error without the noise of the rays; of
         the shortfall, whose image is smoothed, that of both together is taken.
         """
-        wanted, image = self.wanted, 0.5 * (first + second)
+        wanted = self.wanted
+        image = 0.5 * (first + second)
         if self.worth is not None:
             return self.loss(image, uniform)
         error = torch.sum((first - wanted) * (second - wanted)) / torch.sum(wanted**2)
@@ -153,8 +155,12 @@ def shortfall_loss(flux: Float[Tensor, "h w"], mask: Bool[Tensor, "h w"], margin
     return torch.mean(torch.clamp(1.0 - margin - inside / _scale(inside), min=0.0) ** 2)
 
 
-_RAYS, _SEED = 2**16, 0  # of the source's colour
-_SIGMA, _REACH = 2.0, 6  # pixels, of the blur
+# Sample by which the source's colour is known.
+_RAYS = 2**16
+_SEED = 0
+# Blur of the images, in pixels.
+_SIGMA = 2.0
+_REACH = 6
 
 Colours = Sequence[Float[Tensor, "2 _ _"]]  # U and V over D per W (W), on each receiver
 
@@ -188,11 +194,11 @@ class ColourTerm:
 
     def error(self, first: Colours, second: Colours) -> Float[Tensor, ""]:
         """The term by the colours of two samples; of one alone, given twice, with the noise of its rays."""
-        each = [
-            share * torch.sum(blurred(one) * blurred(other)) / torch.sum(wanted**2)
-            for one, other, wanted, share in zip(first, second, self.wanted, self.shares, strict=True)
+        errors = [
+            share * torch.sum(blurred(colours) * blurred(other_colours)) / torch.sum(wanted**2)
+            for colours, other_colours, wanted, share in zip(first, second, self.wanted, self.shares, strict=True)
         ]
-        return self.weight * torch.stack(each).sum()
+        return self.weight * torch.stack(errors).sum()
 
 
 def blurred(pictures: Float[Tensor, "2 h w"]) -> Float[Tensor, "2 h w"]:

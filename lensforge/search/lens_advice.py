@@ -23,14 +23,15 @@ from lensforge.spec.lens_section import LensShape, LightShape
 
 # Share of the largest bound with which a simpler lens is advised. Around a half angle of 30 degrees the bound of two
 # faces is 0.988 of that with total reflection, and designed lenses send 0.973; at 20 degrees 0.969 and 0.943
-# (docs/measured.md, "Which lens for which beam").
+# (docs/validation.md, "Which lens").
 _NEAR = 0.97
 _CONVEX = 0.9  # of the area of its hull: the pixels of a disc 10 pixels wide have 0.93 of it
 _UNEVEN = 0.05  # share of the light's variance within rings of equal angle: pixels of a round edge have less
 _RINGS = 32
 # Total reflection with levels lights an oval of 2.4 to 1 to an NMSE of 0.002, a line of 20 to 1 to 0.47, and a field
 # whose middle lies 15 degrees off the axis, half of its width, to 0.10.
-_LINE, _BESIDE = 4.0, 0.25  # a line is so much longer than wide; off the axis by so much of the width
+_LINE = 4.0  # a line is so much longer than wide
+_BESIDE = 0.25  # off the axis by so much of the width
 
 
 @dataclass(frozen=True)
@@ -64,17 +65,17 @@ class LensAdvice:
             kind: LensOption(type(spec.lens), _turned(light_requirements(spec, source)[0][0]))
             for kind, spec in specs.items()
         }
-        suitable = {kind: each for kind, each in options.items() if shape in each.kind.draws} or options
-        most = max(each.possible for each in suitable.values())
-        shares = {kind: each.possible / most if most > 0.0 else 1.0 for kind, each in suitable.items()}
+        suitable = {kind: option for kind, option in options.items() if shape in option.kind.draws} or options
+        most = max(option.possible for option in suitable.values())
+        shares = {kind: option.possible / most if most > 0.0 else 1.0 for kind, option in suitable.items()}
         advised = next(kind for kind, share in shares.items() if share >= _NEAR)
         return LensAdvice(options, advised, shares)
 
     @property
     def words(self) -> str:
         """The bounds of all kinds in words, the largest first."""
-        ordered = sorted(self.options.values(), key=lambda each: -each.possible)
-        return f"upper bound {', '.join(each.words for each in ordered)}"
+        ordered = sorted(self.options.values(), key=lambda option: -option.possible)
+        return f"upper bound {', '.join(option.words for option in ordered)}"
 
     @property
     def why(self) -> str:
@@ -111,6 +112,7 @@ def _is_round(light: Float[np.ndarray, "h w"], receiver: PosedReceiver) -> bool:
     """True where the light depends on the angle from the axis of the lens alone."""
     angles = pixel_angles_rad(receiver).ravel()
     rings = np.minimum((angles / angles.max() * _RINGS).astype(int), _RINGS - 1)
-    values, counts = light.ravel(), np.maximum(np.bincount(rings, minlength=_RINGS), 1)
+    values = light.ravel()
+    counts = np.maximum(np.bincount(rings, minlength=_RINGS), 1)
     means = np.bincount(rings, values, minlength=_RINGS) / counts
     return float(np.var(values - means[rings])) < _UNEVEN * float(np.var(values))

@@ -38,7 +38,8 @@ _MARGIN = 0.03
 _WIDE_MARGIN = 0.06  # a far field of 200 pixels shows a road up to 3 % too good; so does the wide kernel of eyes
 _NOISE = 0.02  # of a reading by a step's rays, relative to its bound: of a place on road_wide 0.015 to 0.05
 # Factors of the mean excess over the places of a limit: of a few places each counts, of many all together.
-_OF_EACH, _AT_MOST = 30.0, 300.0
+_OF_EACH = 30.0
+_AT_MOST = 300.0
 _OF_FLUX = 0.4  # the excess of a loss counts as a part of so much: with 0.1 a search for an oval keeps its narrow start
 _OVER_LEAST = ("mean_over_min", "max_over_min")
 
@@ -93,7 +94,8 @@ class LimitTerm:
 
     def excess(self, light: Float[Tensor, " k"], picture: Float[Tensor, "*_"]) -> Float[Tensor, " k"]:
         """Excess at each place; of an even zone at its dark places, of a beam angle at those on the wrong side."""
-        limit, scale = self.limit, torch.ones((), dtype=light.dtype)
+        limit = self.limit
+        scale = torch.ones((), dtype=light.dtype)
         match limit.quantity:
             case "relative":
                 scale = not_dark(picture.detach().max() * limit.light_per_flux)
@@ -142,8 +144,8 @@ class RoadTerms:
 
     def loss(self, images: Images, losses: Losses = ()) -> Float[Tensor, ""]:
         """Sum of the losses of all limits."""
-        each = zip(self.members, self.excesses(images), strict=True)
-        return torch.stack([term.of_excess(excess) for term, excess in each]).sum()
+        excesses = zip(self.members, self.excesses(images), strict=True)
+        return torch.stack([term.of_excess(excess) for term, excess in excesses]).sum()
 
     def excesses(self, images: Images, losses: Losses = ()) -> tuple[Float[Tensor, " _"], ...]:
         """Excess at the places of each limit."""

@@ -100,10 +100,13 @@ class Descent:
         stage = self.schedule.next_stage(self.state.outcomes).stage
         if stage is not None:
             problem = self.problems.of(stage.levels)
-            weights, offsets = (each.clone().requires_grad_() for each in (self.state.weights, self.state.offsets))
-            one = self.source.sample(1, 0)
-            pairs, begun = self._pairs(problem, 0)[:1], time.perf_counter()
-            problem.merit.evaluate(weights, offsets, one, problem.constraints, stage.uniform, pairs).loss.backward()
+            weights, offsets = (
+                parameter.clone().requires_grad_() for parameter in (self.state.weights, self.state.offsets)
+            )
+            ray = self.source.sample(1, 0)
+            pairs = self._pairs(problem, 0)[:1]
+            begun = time.perf_counter()
+            problem.merit.evaluate(weights, offsets, ray, problem.constraints, stage.uniform, pairs).loss.backward()
             self.begun += time.perf_counter() - begun
 
     def _pairs(self, problem: Problem, step: int) -> Pairs:
@@ -123,8 +126,10 @@ class Descent:
         offsets = self.state.offsets.clone().requires_grad_()
         before = self.state.steps_of_moments, self.state.moments
         optimiser = Adam(weights, offsets, (0.9, 0.99), stage.least_gradient, *before)
-        earlier, most_steps = self.state.steps_done - self.state.step, self.schedule.most_steps(self.state.outcomes)
-        steps, between = range(self.state.step, stage.steps), preset_of(self.accuracy).effort.multiplier_steps
+        earlier = self.state.steps_done - self.state.step
+        most_steps = self.schedule.most_steps(self.state.outcomes)
+        steps = range(self.state.step, stage.steps)
+        between = preset_of(self.accuracy).effort.multiplier_steps
         own_seeds = (seeds.of_step(self.seed, earlier + step) for step in steps)
         for step, rays in zip(steps, rays_ahead(self.source, stage.rays, own_seeds), strict=True):
             with remedy(f"raise {' or '.join(f'lens.{name}.offset_mm' for name in problem.spec.lens.names)}"):
@@ -148,7 +153,7 @@ class Descent:
             yield
 
     def _after_step(self, stage: Stage, step: int, problem: Problem, optimiser: Adam, result: Evaluated) -> SearchState:
-        weights, offsets = (each.detach() for each in optimiser.parameters)
+        weights, offsets = (parameter.detach() for parameter in optimiser.parameters)
         every_weight = self.state.weights.clone()
         every_weight[: stage.functions] = weights
         return replace(
@@ -164,9 +169,11 @@ class Descent:
         )
 
     def _after_stage(self, stage: Stage) -> SearchState:
-        state, problem = self.state, self.problems.of(stage.levels)
+        state = self.state
+        problem = self.problems.of(stage.levels)
         following = self.schedule.next_stage((*state.outcomes, self._outcome(stage, state)))
-        coming, kept = following.stage, _kept(following, state)
+        coming = following.stage
+        kept = _kept(following, state)
         state = replace(
             state,
             weights=kept.begin.weights,
@@ -186,7 +193,8 @@ class Descent:
     def _outcome(self, stage: Stage, state: SearchState) -> Outcome:
         key = len(state.outcomes), state.steps_done
         if self._judged is None or self._judged[0] != key:
-            problem, uniform = self.problems.of(stage.levels), self.problems.spec.has_uniform_region
+            problem = self.problems.of(stage.levels)
+            uniform = self.problems.spec.has_uniform_region
             light, even = self.validation.judge(problem, state.weights, state.offsets, uniform)
             self._judged = key, Outcome(steps=state.step, seconds=self.seconds, light=light, even=even)
         return self._judged[1]
@@ -218,7 +226,8 @@ class Descent:
         return replace(state, weights=weights, best=Parameters(weights, state.offsets))
 
     def _progress(self, state: SearchState, stage: Stage, most_steps: int, result: Evaluated) -> Progress:
-        problem, at_end = self.problems.of(stage.levels), self._ends_level(stage, state)
+        problem = self.problems.of(stage.levels)
+        at_end = self._ends_level(stage, state)
         parameters = at_end or Parameters(state.weights, state.offsets)
 
         def lens() -> Lens:
@@ -281,7 +290,8 @@ def _with_step(
     history: tuple[Level, ...], stage: Stage, result: Evaluated, least: dict[str, float]
 ) -> tuple[Level, ...]:
     if history and history[-1].level == stage.level:
-        earlier, last = history[:-1], history[-1]
+        earlier = history[:-1]
+        last = history[-1]
     else:
         none: dict[str, tuple[float, ...]] = dict.fromkeys(least, ())
         earlier = history
@@ -331,7 +341,8 @@ def search(
     ``warnings``: on the scene, for the record. ``preview``: take fewer steps.
     """
     begun = time.perf_counter()
-    preset, spec = preset_for(spec, accuracy, preview=preview), settled_symmetry(spec, source)
+    preset = preset_for(spec, accuracy, preview=preview)
+    spec = settled_symmetry(spec, source)
     schedule = schedule_of(spec, source, preset, start)
     problems = Problems(spec, source, preset.nodes_per_sigma, device, preset.single)
     key = fingerprint(spec, seed, f"{accuracy}, preview" if preview else str(accuracy), start, device)
@@ -342,7 +353,8 @@ def search(
         state = _fresh_state(schedule, problems, start)
     if checkpoint is not None and not resume:
         delete_checkpoint(checkpoint)  # of an earlier search: an interrupt before the first step leaves none
-    of_steps, automatic = searched(source), spec.lens.levels == "auto"
+    of_steps = searched(source)
+    automatic = spec.lens.levels == "auto"
     validation, smooth = ValidationRays.of(of_steps, schedule.validation_rays(preset.effort.validation_rays), seed)
     observer = progress or (lambda _: None)
     descent = Descent(
@@ -351,23 +363,28 @@ def search(
     why = descent.run(checkpoint, key).why
     why = f"ended by its observer after {descent.state.steps_done} steps" if descent.enough else why
     stages = stages_of(schedule, descent.state.outcomes)
-    ending, last = _ending(descent, stages, start), stages[-1]
+    ending = _ending(descent, stages, start)
+    last = stages[-1]
     state = replace(descent.state, seconds=descent.seconds)
     moved = "" if state.steps_done == 0 else ending.why  # of faces that are all given nothing moves
-    found = _design(ending.lens, ending.margins, source, state, last.rays, warnings)
-    ended = "; ".join(words for words in (moved, why) if words) or None
-    return found.changed(ended=ended, kept_start=bool(moved))
+    result = _design(ending.lens, ending.margins, source, state, last.rays, warnings)
+    ended = "; ".join(reason for reason in (moved, why) if reason) or None
+    return result.changed(ended=ended, kept_start=bool(moved))
 
 
 def require_start(spec: Spec, source: Source, accuracy: AnyAccuracy, start: Lens | None) -> None:
     """Raise :class:`InputError` where :func:`search` would, before its first step."""
-    preset, spec = preset_for(spec, accuracy), settled_symmetry(spec, source)
+    preset = preset_for(spec, accuracy)
+    spec = settled_symmetry(spec, source)
     problems = Problems(spec, source, preset.nodes_per_sigma, None, preset.single)
     _fresh_state(schedule_of(spec, source, preset, start), problems, start)
 
 
 def _ending(descent: Descent, stages: list[Stage], start: Lens | None) -> SearchEnd:
-    problems, state, first, levels = descent.problems, descent.state, stages[0], stages[-1].levels
+    problems = descent.problems
+    state = descent.state
+    first = stages[0]
+    levels = stages[-1].levels
     if problems.spec.lens.levels == "auto":
         # those that have so many weights: the last one may have been left out at the very end
         levels = levels[: list(accumulate(levels)).index(len(state.weights)) + 1]
@@ -379,8 +396,8 @@ def _ending(descent: Descent, stages: list[Stage], start: Lens | None) -> Search
 
 
 def _parameters_of(problem: Problem, start: Lens | None) -> Parameters:
-    own = problem.parametrisation
-    return Parameters(*(own.start() if start is None else own.parameters_of(start)))
+    parametrisation = problem.parametrisation
+    return Parameters(*(parametrisation.start() if start is None else parametrisation.parameters_of(start)))
 
 
 def _design(
@@ -391,7 +408,7 @@ def _design(
     summary = summarise(source, lens.spec.source)
     directions = fibonacci_hemisphere(_SIZE_DIRECTIONS)
     directions = directions if lens.others else directions[first_images(directions, lens.symmetry)]
-    radius = np.max([radii(each.body.envelope, directions).min(axis=0) for each in lens.kinds], axis=0)
+    radius = np.max([radii(kind.body.envelope, directions).min(axis=0) for kind in lens.kinds], axis=0)
     across = np.hypot(directions[:, 0], directions[:, 1]) if lens.spec.lens.radius_about_axis else 1.0
     return Design(
         inputs={"lens": lens.sha256, "spec": section_sha256(lens.spec), **input_hashes(lens.spec)},
@@ -413,7 +430,8 @@ def _fresh_state(schedule: Schedule, problems: Problems, start: Lens | None) -> 
     first = schedule.next_stage(()).stage
     assert first is not None, "a spec has levels"
     problem = problems.of(first.levels)
-    begin, multipliers = _parameters_of(problem, start), problem.constraints.multipliers
+    begin = _parameters_of(problem, start)
+    multipliers = problem.constraints.multipliers
     if start is None:
         finest = schedule.stages.levels.counts if isinstance(schedule, AutomaticSchedule) else first.levels
         require_feasible_start(map(problems.of, dict.fromkeys((first.levels, finest))))

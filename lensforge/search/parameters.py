@@ -36,7 +36,8 @@ class _Tables(torch.autograd.Function):
 
     @staticmethod
     def forward(ctx: Any, weights: Tensor, tables: BasisTables) -> Tensor:
-        ctx.tables, ctx.shape = tables, weights.shape
+        ctx.tables = tables
+        ctx.shape = weights.shape
         columns = np.ascontiguousarray(weights.detach().numpy().T)
         sums = np.empty((len(columns), tables.side, tables.side))
 
@@ -63,7 +64,8 @@ def sums_of(weights: Float[Tensor, "k f"], tables: BasisTables) -> Float[Tensor,
     return _Tables.apply(weights, tables)  # type: ignore[no-untyped-call]  # as torch has it
 
 
-_FIT_DIRECTIONS, _FIT_CHUNK = 8, 4096  # for each function; at a time
+_FIT_DIRECTIONS = 8  # for each function
+_FIT_CHUNK = 4096  # directions at a time
 _FIT_DAMPING = 1e-10
 
 
@@ -90,7 +92,8 @@ class Parametrisation(ABC):
 
     def start(self, functions: int | None = None) -> tuple[Float[Tensor, "k f"], Float[Tensor, " f"]]:
         """Relative weights, by default of all functions, and offsets of the lens from which a search starts."""
-        count, faces = self.size if functions is None else functions, len(self.names)
+        count = self.size if functions is None else functions
+        faces = len(self.names)
         return torch.zeros(count, faces, dtype=torch.float64), torch.ones(faces, dtype=torch.float64)
 
     @cached_property
@@ -140,7 +143,8 @@ class SphereParameters(Parametrisation):
     @staticmethod
     def of(spec: Spec, nodes_per_sigma: float) -> "SphereParameters":
         """Parametrisation of the spec's lens, on a grid that resolves its narrowest feature."""
-        lens, basis = spec.lens, spec.lens.basis
+        lens = spec.lens
+        basis = spec.lens.basis
         with remedy("raise lens.sigma_c, lower the last of lens.levels, or take a lower accuracy"):
             sigmas = [level_sigma(count, basis.sigma_c) for count in basis.levels]
             details = [surface.detail_rad for surface in lens.fixed.values() if surface is not None]
@@ -170,8 +174,8 @@ class SphereParameters(Parametrisation):
         free = ((sums_of(weights, self.basis_tables).permute(2, 1, 0) + offsets) * self.scale_mm).unbind(dim=-1)
         return torch.stack(
             [
-                mirror_mean(own.T, self.basis.symmetry) if fixed is None else fixed
-                for own, fixed in zip(free, self.fixed_tables, strict=True)
+                mirror_mean(free_table.T, self.basis.symmetry) if fixed is None else fixed
+                for free_table, fixed in zip(free, self.fixed_tables, strict=True)
             ]
         )
 
@@ -184,8 +188,8 @@ class SphereParameters(Parametrisation):
         for face, (name, fixed) in enumerate(zip(self.names, self.fixed, strict=True)):
             if fixed is None:
                 surface = lens.surfaces[name]
-                own = isinstance(surface, SrbfSurface) and surface.basis == self.basis
-                fitted = cast("SrbfSurface", surface) if own else fit_surface(self.basis, surface)
+                has_same_basis = isinstance(surface, SrbfSurface) and surface.basis == self.basis
+                fitted = cast("SrbfSurface", surface) if has_same_basis else fit_surface(self.basis, surface)
                 scale = self.scale_mm[face]
                 weights[:, face] = torch.from_numpy(fitted.weights_mm) / scale
                 offsets[face] = fitted.offset_mm / scale
@@ -193,7 +197,8 @@ class SphereParameters(Parametrisation):
 
     def surfaces(self, weights: Float[Tensor, "m f"], offsets: Float[Tensor, " f"]) -> dict[str, Surface]:
         """The sums of these parameters, and the fixed faces."""
-        millimetres, radii = (weights * self.scale_mm).numpy(), (offsets * self.scale_mm).tolist()
+        millimetres = (weights * self.scale_mm).numpy()
+        radii = (offsets * self.scale_mm).tolist()
         return {
             name: SrbfSurface(self.basis, millimetres[:, face].copy(), radii[face]) if fixed is None else fixed
             for face, (name, fixed) in enumerate(zip(self.names, self.fixed, strict=True))
@@ -215,7 +220,8 @@ def fit_surface(basis: SrbfBasis, surface: Surface) -> SrbfSurface:
     directions = fibonacci_hemisphere(_FIT_DIRECTIONS * basis.size)
     radius = surface.radius(directions)
     offset = float(radius.mean())
-    normal, right = np.zeros((basis.size, basis.size)), np.zeros(basis.size)
+    normal = np.zeros((basis.size, basis.size))
+    right = np.zeros(basis.size)
     for rows in np.array_split(np.arange(len(directions)), max(1, len(directions) // _FIT_CHUNK)):
         values = basis.evaluate(directions[rows])
         normal += values.T @ values
@@ -237,14 +243,14 @@ def settled_symmetry(spec: Spec, source: Source) -> Spec:
     """
     name = spec.lens.symmetry
     if name == "auto":
-        symmetry = next(each for each in reversed(NAMES) if each != "diagonal" and _has_symmetry(spec, source, each))
+        symmetry = next(name for name in reversed(NAMES) if name != "diagonal" and _has_symmetry(spec, source, name))
         return spec.changed(lens=spec.lens.changed(symmetry=symmetry))
-    for own in _groups(spec, name):
-        if not contains(source.symmetry, own):
-            raise InputError(f"lens.symmetry = {own!r}: the source has only {source.symmetry!r}; use that, or 'auto'")
-        lacking = _in_fixed(spec, own)
+    for group in _groups(spec, name):
+        if not contains(source.symmetry, group):
+            raise InputError(f"lens.symmetry = {group!r}: the source has only {source.symmetry!r}; use that, or 'auto'")
+        lacking = _in_fixed(spec, group)
         if lacking is not None:
-            raise InputError(f"lens.symmetry = {own!r}: {lacking} is not symmetric in this way; use 'auto'")
+            raise InputError(f"lens.symmetry = {group!r}: {lacking} is not symmetric in this way; use 'auto'")
     if not _in_targets(spec, name):
         raise InputError(f"lens.symmetry = {name!r}: the target is not symmetric in this way; use 'auto'")
     return spec
@@ -256,8 +262,10 @@ def _groups(spec: Spec, name: str) -> list[str]:
 
 
 def _has_symmetry(spec: Spec, source: Source, name: str) -> bool:
-    own = all(contains(source.symmetry, each) and _in_fixed(spec, each) is None for each in _groups(spec, name))
-    return own and _in_targets(spec, name)
+    is_of_scene = all(
+        contains(source.symmetry, group) and _in_fixed(spec, group) is None for group in _groups(spec, name)
+    )
+    return is_of_scene and _in_targets(spec, name)
 
 
 def _in_fixed(spec: Spec, name: str) -> str | None:
@@ -275,7 +283,9 @@ def _in_targets(spec: Spec, name: str) -> bool:
     """True where the targets have the symmetry, and the places of each limit."""
     receivers = receivers_of(spec, spec.optimise.pixels)
     every = [chart_mirrors(receiver, name) for receiver in receivers]
-    wanted = [target_light(section.targets, each) for section, each in zip(spec.all_receivers, receivers, strict=True)]
+    wanted = [
+        target_light(section.targets, receiver) for section, receiver in zip(spec.all_receivers, receivers, strict=True)
+    ]
     pictures = list(enumerate(wanted))
     for limit in light_limits(spec, receivers, 1.0, 1.0):  # whatever the lumens: only the places count
         if limit.of_losses or limit.of_view:  # mirrored, a lens looks the same to a mirrored eye
@@ -288,15 +298,16 @@ def _in_targets(spec: Spec, name: str) -> bool:
 def _has_mirrors(picture: Float[np.ndarray, "h w"], mirrors: ChartMirrors | None) -> bool:
     if mirrors is None:
         return False
-    own = torch.from_numpy(picture)
-    return torch.allclose(mirrored_light(own, mirrors), own, rtol=1e-6, atol=1e-6 * float(own.max()))
+    image = torch.from_numpy(picture)
+    return torch.allclose(mirrored_light(image, mirrors), image, rtol=1e-6, atol=1e-6 * float(image.max()))
 
 
 def chart_mirrors(receiver: PosedReceiver, name: str) -> ChartMirrors | None:
     """Action of a mirror group's generators on a receiver's chart; None where its mirror image is another receiver."""
     if not receiver.lamps.has_mirrors(name):
         return None
-    mirrors, centre = [], np.array(receiver.pose.origin_mm)
+    mirrors = []
+    centre = np.array(receiver.pose.origin_mm)
     for mirror in generators(name):
         moved = np.linalg.norm(mirror @ centre - centre)
         action = receiver.pose.own_map(mirror)
@@ -321,7 +332,8 @@ class _MirrorMean(torch.autograd.Function):
 
     @staticmethod
     def forward(ctx: Any, values: Tensor, turns: _Turns) -> Tensor:
-        ctx.turns, mean = turns, values.detach().numpy()
+        ctx.turns = turns
+        mean = values.detach().numpy()
         for swapped, axes in turns:
             mean = 0.5 * (mean + np.flip(mean.T if swapped else mean, axes))
         return torch.from_numpy(mean)

@@ -59,7 +59,8 @@ class Problem:
     @torch.no_grad()
     def can_be_traced(self, weights: Float[Tensor, "k f"], offsets: Float[Tensor, " f"]) -> bool:
         """True where every face stays away from the origin: what else is wrong with a lens, its constraints tell."""
-        tables, grid = self.parametrisation.tables(weights, offsets), self.parametrisation.grid
+        tables = self.parametrisation.tables(weights, offsets)
+        grid = self.parametrisation.grid
         return all(surface_bounds(table.numpy(), grid.origin, grid.step).least > 0.0 for table in tables)
 
     def in_full(self) -> tuple[Parametrisation, AugmentedLagrangian]:
@@ -82,8 +83,10 @@ PARAMETRISATIONS: dict[str, Callable[[Spec, float], Parametrisation]] = {
 def parameters_of(spec: Spec, nodes_per_sigma: float) -> Parametrisation:
     """The parametrisation of the faces of ``spec``, as its lens names it; of lenses by place, of all of them."""
     if spec.all_lamps.kinds:
-        each = spec_of_each_kind(spec).items()
-        return KindsParameters.of({name: parameters_of(own.of_one_lamp, nodes_per_sigma) for name, own in each})
+        specs = spec_of_each_kind(spec).items()
+        return KindsParameters.of(
+            {name: parameters_of(kind_spec.of_one_lamp, nodes_per_sigma) for name, kind_spec in specs}
+        )
     return PARAMETRISATIONS[spec.lens.parametrisation](spec, nodes_per_sigma)
 
 
@@ -139,25 +142,28 @@ class ValidationRays:
     @staticmethod
     def of(source: Source, rays: int, seed: int) -> tuple["ValidationRays", Source]:
         """Two samples of ``rays`` rays, from seeds that no step has, and the source of the steps."""
-        steps, numbers = smoothed(source), (seeds.of_validation(seed, number) for number in (0, 1))
+        steps = smoothed(source)
+        numbers = (seeds.of_validation(seed, number) for number in (0, 1))
         first, second = (steps.sample(rays, number) for number in numbers)
         if source.ray_count is not None:  # a file may be sorted, the slices of its rays must not be
             order = np.random.default_rng(seeds.of_validation(seed, 0)).permutation(rays)
-            first, second = first.take(order), second.take(order)
+            first = first.take(order)
+            second = second.take(order)
         return ValidationRays((first, second), seed), steps
 
     def judge(
         self, problem: Problem, weights: Float[Tensor, "k f"], offsets: Float[Tensor, " f"], even: bool
     ) -> tuple[Judgement, Judgement | None]:
         """Judge a lens by its light, constraints included; and with the uniformity first, if ``even``."""
-        merit, constraints = problem.merit, problem.constraints
+        merit = problem.merit
+        constraints = problem.constraints
         with torch.no_grad():
             tables = merit.parametrisation.tables(weights, offsets)
             missing = float(constraints.penalty_alone(constraints.fields(tables)))
             parts = problem.parts  # of a robust search; the same for both samples
-            pairs = [()] * SLICES if parts is None else [(each,) for each in parts.of_validation(self.seed, SLICES)]
+            pairs = [()] * SLICES if parts is None else [(pair,) for pair in parts.of_validation(self.seed, SLICES)]
             lights = [
-                [merit.light_of(tables, part, own) for part, own in zip(sample.divided(SLICES), pairs, strict=True)]
+                [merit.light_of(tables, part, pair) for part, pair in zip(sample.divided(SLICES), pairs, strict=True)]
                 for sample in self.samples
             ]
             judged = [_judgement(merit, lights, missing, uniform) for uniform in ([False, True] if even else [False])]

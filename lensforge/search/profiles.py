@@ -58,7 +58,8 @@ class FaceParameters:
 
     def shaped(self, surface: Surface) -> ProfileFace:
         """``surface`` by these functions: itself where it has them, else in least squares; of no revolution by both."""
-        basis, reach_mm = self.basis, self.start.reach_mm
+        basis = self.basis
+        reach_mm = self.start.reach_mm
         others = isinstance(surface, FormedFace) and surface.srbf != self.srbf
         if isinstance(surface, ProfileFace) and surface.basis == basis and not others:
             return surface
@@ -97,7 +98,8 @@ class ProfileParameters(Parametrisation):
         lens = spec.lens
         assert isinstance(lens, ProfiledShape)
         start = start_faces(spec)
-        body, leaders = Body.of(start, lens.body_roles), {role.name: role.follows for role in lens.body_roles}
+        body = Body.of(start, lens.body_roles)
+        leaders = {role.name: role.follows for role in lens.body_roles}
         fixed = {name: None if name in lens.free else surface for name, surface in start.items()}
         own: list[FaceParameters | ReciprocalSurface | None] = []
         srbf = lens.basis if lens.levels else None
@@ -115,7 +117,8 @@ class ProfileParameters(Parametrisation):
             sigmas = [] if srbf is None else [level_sigma(count, srbf.sigma_c) for count in srbf.levels]
             grid, halvings = dyadic_grid([*sigmas, *details], max(nodes_per_sigma, _NODES_PER_SIGMA))
             sums = None if srbf is None else BasisTables.of(srbf, grid, halvings[: len(sigmas)])
-        names, given = lens.body_names, tuple(fixed.values())
+        names = lens.body_names
+        given = tuple(fixed.values())
         columns = tuple(names.index(leaders[name] or name) for name in names)
         return ProfileParameters(grid, names, given, tuple(own), columns, lens.profile, srbf, sums)
 
@@ -131,13 +134,15 @@ class ProfileParameters(Parametrisation):
 
     def refined(self) -> "ProfileParameters":
         """Parametrisation whose tables have half the step."""
-        grid, sums = TableGrid(2 * self.grid.nodes - 1), self.srbf_tables
+        grid = TableGrid(2 * self.grid.nodes - 1)
+        sums = self.srbf_tables
         return replace(self, grid=grid, srbf_tables=None if sums is None else replace(sums, side=grid.side))
 
     def tables(self, weights: Float[Tensor, "k f"], offsets: Float[Tensor, " f"]) -> Float[Tensor, "f side side"]:
         """Tables (mm) of the faces from the first ``k`` relative weights; differentiable."""
         weights, offsets = self._of_each(weights, offsets)
-        found, sums = [], self._sums(weights[self.profile :])
+        found = []
+        sums = self._sums(weights[self.profile :])
         for face, own in enumerate(self.own):
             table = self.fixed_tables[face]
             if table is not None:
@@ -176,7 +181,9 @@ class ProfileParameters(Parametrisation):
         if self.srbf is None or self.srbf_tables is None or not len(weights):
             return None
         tables = sums_of(weights, self.srbf_tables).unbind()
-        return torch.stack([self._sampled @ mirror_mean(each, self.srbf.symmetry) @ self._sampled.T for each in tables])
+        return torch.stack(
+            [self._sampled @ mirror_mean(table, self.srbf.symmetry) @ self._sampled.T for table in tables]
+        )
 
     @cached_property
     def _nodes(self) -> Float[np.ndarray, "n 3"]:
@@ -201,7 +208,8 @@ class ProfileParameters(Parametrisation):
     @cached_property
     def _sampled(self) -> Float[Tensor, "n side"]:
         """Matrix from coefficients to the nodes and, mirrored at the points of the first and last, their apron."""
-        count, side = self.grid.nodes, self.grid.side
+        count = self.grid.nodes
+        side = self.grid.side
         at_nodes = (np.eye(count, side) + 4.0 * np.eye(count, side, 1) + np.eye(count, side, 2)) / 6.0
         return torch.from_numpy(np.pad(at_nodes, ((APRON, APRON), (0, 0)), mode="reflect", reflect_type="odd"))
 
@@ -218,7 +226,8 @@ class ProfileParameters(Parametrisation):
                 towards = HORIZON if isinstance(own, ConeFace) else AXIS
                 offsets[face] = surface.radius(towards)[0] / own.radius(towards)[0]
             elif isinstance(own, FaceParameters) and self.columns[face] == face:
-                shaped, begins = own.shaped(surface), own.begins
+                shaped = own.shaped(surface)
+                begins = own.begins
                 moved = (np.array(shaped.coefficients) - own.first) / own.steps
                 weights[: self.profile, face] = torch.from_numpy(moved)
                 functions = (own.weights_of(shaped) - own.weights_of(begins)) / own.scale
@@ -249,11 +258,14 @@ def _parameters(body: Body, name: str, count: int, srbf: SrbfBasis | None) -> Fa
     """Parameters of a face over the part of it that bounds its medium, and a little more."""
     face = body.face(name)
     assert isinstance(face.surface, ReciprocalSurface)
-    faces, directions = body.bounding(face.before), fibonacci_hemisphere(_DIRECTIONS)
+    faces = body.bounding(face.before)
+    directions = fibonacci_hemisphere(_DIRECTIONS)
     own = directions[nearest(faces, directions) == faces.index(face)]
-    low, high = max(_LOWEST, own[:, 2].min() - _BEYOND), min(1.0, own[:, 2].max() + _BEYOND)
-    reciprocals, basis = np.abs(face.surface.reciprocal(own)[0]), ProfileBasis(low, high, count)
-    if not any(each.is_open for each in faces):
+    low = max(_LOWEST, own[:, 2].min() - _BEYOND)
+    high = min(1.0, own[:, 2].max() + _BEYOND)
+    reciprocals = np.abs(face.surface.reciprocal(own)[0])
+    basis = ProfileBasis(low, high, count)
+    if not any(face.is_open for face in faces):
         scale = float(reciprocals.mean())
         return FaceParameters(face.surface, basis, scale, np.full(count, scale), srbf)
     scale = float(reciprocals.min())

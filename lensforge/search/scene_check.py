@@ -78,13 +78,13 @@ class Requirement:
     @property
     def possible_words(self) -> str:
         """The bound in words, or what is an estimate and none."""
-        what = "upper bound"
+        bound = "upper bound"
         if self.estimated:
-            what = "by an estimate of the source's luminance, which is no bound, at most about"
+            bound = "by an estimate of the source's luminance, which is no bound, at most about"
         if self.bounds is None:
             law = "lumens and area of the road" if self.of_road else "étendue"
-            return f"{what} {self.possible:.3g} {self.unit} ({law})"
-        return f"{what} {self.bounds}"
+            return f"{bound} {self.possible:.3g} {self.unit} ({law})"
+        return f"{bound} {self.bounds}"
 
     @property
     def required_words(self) -> str:
@@ -93,21 +93,22 @@ class Requirement:
 
     def remedies(self) -> str:
         """Changes that would raise the bound."""
-        bounds, words = self.bounds, "a smaller source or a larger target"
+        bounds = self.bounds
+        advice = "a smaller source or a larger target"
         if self.of_road:
             return "more lumens, poles nearer to each other, or a lower class"
         if bounds is None:
-            words = "a smaller or brighter source, or a lower bound"
+            advice = "a smaller or brighter source, or a lower bound"
         elif bounds.by_symmetry < min(bounds.by_etendue, bounds.by_refraction):
             return LEVELS
         elif bounds.by_etendue > bounds.by_refraction:
             return "a larger lens.refractive_index, or a target nearer to the source's axis"
-        return f"a larger lens (>= {rounded_up(self.radius_mm)} mm), {words}" if isfinite(self.radius_mm) else words
+        return f"a larger lens (>= {rounded_up(self.radius_mm)} mm), {advice}" if isfinite(self.radius_mm) else advice
 
 
 def angles_that_may_be_radians(spec: Spec) -> Iterator[str]:
     """Words on each width of a target in the far field that is so small that it may be in radians."""
-    targets = [each for receiver in spec.all_receivers for each in receiver.targets]
+    targets = [target for receiver in spec.all_receivers for target in receiver.targets]
     for name, value in (field for target in targets for field in _angular_widths(target)):
         if value < QUARTER_TURN_RAD:
             yield f"{name} = {value:g}: angles are in degrees, {value:g} rad are {np.degrees(value):.4g}"
@@ -126,20 +127,23 @@ def light_requirements(spec: Spec, source: Source) -> tuple[tuple[Requirement, .
 
     Raises :class:`InputError` for limits whose unit the source does not have.
     """
-    light, receivers = SourceLight.of(source, spec.media, lens=spec.lens), receivers_of(spec, spec.evaluate.pixels)
+    light = SourceLight.of(source, spec.media, lens=spec.lens)
+    receivers = receivers_of(spec, spec.evaluate.pixels)
     space = spec.lens.exit_space(spec.constraints)
     physics = [PossibleLight(light, receiver, space) for receiver in receivers]
-    wanted = [target_light(section.targets, each) for section, each in zip(spec.all_receivers, receivers, strict=True)]
+    wanted = [
+        target_light(section.targets, receiver) for section, receiver in zip(spec.all_receivers, receivers, strict=True)
+    ]
     targets = tuple(_of_target(pattern, each, spec) for pattern, each in zip(wanted, physics, strict=True))
     lumens_per_watt = summarise(source, spec.source).lumens_per_watt if spec.has_limits else None
     limits = light_limits(spec, receivers, lumens_per_watt, source.flux_w)
     limited = [
-        _of_view(each, light, source.flux_w)
-        if each.of_view
-        else _of_limit(each, physics[each.receiver], source.flux_w, spec)
-        for each in limits
+        _of_view(limit, light, source.flux_w)
+        if limit.of_view
+        else _of_limit(limit, physics[limit.receiver], source.flux_w, spec)
+        for limit in limits
     ]
-    return targets, tuple(each for each in limited if each is not None)
+    return targets, tuple(requirement for requirement in limited if requirement is not None)
 
 
 def _of_view(limit: LightLimit, light: SourceLight, flux_w: float) -> Requirement | None:
@@ -177,7 +181,8 @@ def _of_limit(limit: LightLimit, physics: PossibleLight, flux_w: float, spec: Sp
     def least(larger: PossibleLight) -> float:
         return float(limit.of(larger.on_pixels[None] * flux_w).min())
 
-    most, estimated = least(physics), physics.light.curve.estimated
+    most = least(physics)
+    estimated = physics.light.curve.estimated
     radius_mm = _least_radius_mm(spec, physics, limit.bound, least)
     if limit.field is not None:
         per_lumen = partial(limit.field.per_lumen, street_deg=spec.photometry.street_side_deg)
@@ -195,7 +200,8 @@ def _least_radius_mm(
         space = spec.lens.exit_space(limits.changed(max_radius_mm=radius_mm))
         return most(replace(physics, space=space)) >= wanted * (1.0 - _ROUNDING)
 
-    low, high = limits.max_radius_mm, _WIDEST * limits.max_radius_mm
+    low = limits.max_radius_mm
+    high = _WIDEST * limits.max_radius_mm
     if suffices(low):
         return low
     if not suffices(high):
@@ -206,15 +212,20 @@ def _least_radius_mm(
     return high
 
 
-_WIDEST, _CLOSE, _ROUNDING = 1e3, 1.0001, 1e-9  # of radii that are tried, relative; of what is wanted
-_RAYS, _SEED = 2**14, 0
+_WIDEST = 1e3  # largest radius that is tried, over the spec's
+_CLOSE = 1.0001  # ratio of the ends of a bisection
+_ROUNDING = 1e-9
+_RAYS = 2**14
+_SEED = 0
 _NODES_PER_SIGMA = 4.0  # the starting lens is smooth: its entry is right to the noise of the rays
 _LEAST_ENTERING = 1e-3  # of the flux; the rest of such a search is noise
 _FEW_ENTERING = 0.1  # of the flux, where nothing else is said: a ray file that looks backwards has 0.2 % left
 _MOST_PIXELS = 1024  # along a side, in a search
 _LEAST_ACROSS = 2.5  # pixels of a stroke; those of the shipped specs have 6.0 or more (curved_screen)
 _ANGULAR_WIDTHS = ("fwhm_deg", "width_deg", "height_deg", "diameter_deg", "outer_diameter_deg", "length_deg")
-_WARN_LOST, _WARN_POSSIBLE = 0.1, 0.7  # shares that a user should know of before waiting for a search
+# Shares that a user should know of before waiting for a search.
+_WARN_LOST = 0.1
+_WARN_POSSIBLE = 0.7
 _MAIN_CAUSE = 0.1  # of the light that is lost: smaller causes need no remedy of their own
 _LOST = {
     Fate.BACKWARD: "goes backward, towards -z",
@@ -278,13 +289,14 @@ class SceneCheck:
         lines = lines or list(self._blur(stroke))
         return (
             *lines,
-            *(f"target: {words}" for words in angles_that_may_be_radians(self.spec) if lines),
+            *(f"target: {warning}" for warning in angles_that_may_be_radians(self.spec) if lines),
             *self._raster(stroke),
         )
 
     def _blur(self, stroke: TargetStroke) -> Iterator[str]:
         """A line where the image of the LED is wider than any stroke of the target."""
-        wide, image = stroke.width_rad, image_rad(self.spec)
+        wide = stroke.width_rad
+        image = image_rad(self.spec)
         if image > wide:
             larger_mm = rounded_up(image * self.spec.constraints.max_radius_mm / wide)
             yield (
@@ -295,7 +307,8 @@ class SceneCheck:
 
     def _raster(self, stroke: TargetStroke) -> Iterator[str]:
         """A line where the pixels of the search are too wide for the target."""
-        across, settings = stroke.pixels, self.spec.optimise
+        across = stroke.pixels
+        settings = self.spec.optimise
         if across < _LEAST_ACROSS:
             enough = ceil(_LEAST_ACROSS / across * settings.pixels)
             more = (
@@ -321,10 +334,11 @@ class SceneCheck:
 
     def _remedies(self) -> Iterator[str]:
         """Fields that mend the main causes, the largest first."""
-        fields, main = type(self.spec.source).model_fields, _MAIN_CAUSE * (1.0 - self.entering)
+        fields = type(self.spec.source).model_fields
+        main = _MAIN_CAUSE * (1.0 - self.entering)
         for fate, share in sorted(self.lost.items(), key=lambda item: -item[1]):
             if share > main and fate == Fate.BACKWARD:
-                mean = ", ".join(f"{each:.2f}" for each in self.mean_direction)
+                mean = ", ".join(f"{component:.2f}" for component in self.mean_direction)
                 turn = [f"source.{name}" for name in ("axis", "tilt_deg") if name in fields]
                 yield f"{' or '.join(turn)} (the mean direction is ({mean}) in the lens, it should be near +z)"
             elif share > main:
@@ -363,7 +377,8 @@ def compile_search_kernels(spec: Spec) -> None:
     surfaces = start_faces(spec).values()
     grid = grid_for(min(surface.detail_rad for surface in surfaces), _NODES_PER_SIGMA)
     scene = Scene(spec.lens.media, grid, spec.optimise.fresnel, chain=Chain.of_lens(spec.lens), single=True)
-    rays, nothing = searched_source(spec).sample(1, _SEED), np.zeros((1, 3))
+    rays = searched_source(spec).sample(1, _SEED)
+    nothing = np.zeros((1, 3))
     traced = TracedBundle.of([tabulate(grid, surface) for surface in surfaces], scene, rays)
     traced.gradients(Sensitivities(nothing, nothing), nothing[:, 0].copy(), nothing[:, 0].copy())
 
@@ -413,7 +428,7 @@ def source_clearance_warnings(spec: Spec, source: Source) -> tuple[str, ...]:
 def _above_plane(outline_mm: Float[np.ndarray, "k 3"]) -> Float[np.ndarray, "m 3"]:
     """Corners of the part of a polygon with z >= 0, those where its edges cross the plane z = 0 included."""
     corners = [corner for corner in outline_mm if corner[2] >= 0.0]
-    for one, other in zip(outline_mm, np.roll(outline_mm, -1, axis=0), strict=True):
-        if one[2] * other[2] < 0.0:
-            corners.append(one + one[2] / (one[2] - other[2]) * (other - one))
+    for corner, next_corner in zip(outline_mm, np.roll(outline_mm, -1, axis=0), strict=True):
+        if corner[2] * next_corner[2] < 0.0:
+            corners.append(corner + corner[2] / (corner[2] - next_corner[2]) * (next_corner - corner))
     return np.array(corners).reshape(-1, 3)

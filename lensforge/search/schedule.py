@@ -84,7 +84,10 @@ _FLOOR = 0.05
 # far from its best: with half the rate oval ends at an NMSE of 0.0085 and loses 3.0 %, at 0.0020 and 0.26 % where it
 # goes far first. A share of the light, and the one mirror of a reflector, bear more: spot_10 has 0.864 within
 # 10 degrees with twice the rate, 0.843 with it, 0.826 with half; a reflector 0.771 with twice, 0.766 with half.
-_FEWER_RAYS, _SHARE_RATES, _ROUND_RATES, _PATTERN_RATES = 4, (2.0,), (0.25,), (2.0, 0.5)
+_FEWER_RAYS = 4
+_SHARE_RATES = (2.0,)
+_ROUND_RATES = (0.25,)
+_PATTERN_RATES = (2.0, 0.5)
 # With a quarter of the rate it arrives later. From 100,000 rays of a file, drawn at random, a draft of a torch of 12
 # degrees has 9.3 x 10.9 degrees with a quarter of the rays and the usual steps, 10.6 x 11.9 with all and twice these.
 _ROUND_STEPS = 2
@@ -179,7 +182,9 @@ class FixedSchedule(Schedule):
 
     def phases(self) -> Generator[NextStage, Outcome]:
         """The start, all stages in their order, and the end; the reason names levels that did not gain."""
-        best, how, lost = (yield NextStage(replace(self.stages[0], steps=0))), ACCEPTED, list[str]()
+        best = yield NextStage(replace(self.stages[0], steps=0))
+        how = ACCEPTED
+        lost = list[str]()
         for stage in self.stages:
             if stage.steps == 0:
                 continue
@@ -202,7 +207,8 @@ class FixedSchedule(Schedule):
 
 def fixed_schedule(spec: Spec, preset: Preset, *, last_only: bool, measured: bool = False) -> FixedSchedule:
     """A stage for each level, or only the last; ``measured``: of rays of a file. What is left open is the preset's."""
-    levels, settings = spec.lens.shape_levels, spec.optimise
+    levels = spec.lens.shape_levels
+    settings = spec.optimise
     of_basis = spec.lens.levels
     assert of_basis != "auto", "a schedule of its own"
     last = len(levels) - 1
@@ -211,14 +217,15 @@ def fixed_schedule(spec: Spec, preset: Preset, *, last_only: bool, measured: boo
     if not spec.lens.free:
         steps = (0,) * len(levels)
     rays = settings.rays or preset.design_rays // (_FEWER_RAYS if spec.lens.is_round and not measured else 1)
-    stages, functions = [], 0
+    stages = []
+    functions = 0
     for level, count in enumerate(levels):
         functions += count
         rate = preset.effort.learning_rate * _FINEST_RATE_SHARE ** (level / max(1, last))
         rates = _profile_rates(spec) if level == 0 and spec.lens.has_creases else (1.0,)
-        for number, own in enumerate(rates):
+        for number, level_rate in enumerate(rates):
             part = (steps[level] + number) // len(rates)
-            stages.append(Stage(level, of_basis, functions, part, rays, own * rate))
+            stages.append(Stage(level, of_basis, functions, part, rays, level_rate * rate))
     return FixedSchedule(tuple(stages[-1:] if last_only else stages))
 
 
@@ -252,8 +259,8 @@ class UsefulLevels:
             if count > finest:
                 return UsefulLevels(tuple(counts), f"finest level of this accuracy: {counts[-1]} functions")
             if level_sigma(count, spec.lens.sigma_c) < narrowest_rad:
-                words = f"functions narrower than {narrowest_rad:.2g} rad would not show: {reason}"
-                return UsefulLevels(tuple(counts), words)
+                limit = f"functions narrower than {narrowest_rad:.2g} rad would not show: {reason}"
+                return UsefulLevels(tuple(counts), limit)
             counts.append(count)
         return UsefulLevels(tuple(counts), f"finest level there is: {counts[-1]} functions")
 
@@ -265,17 +272,18 @@ class UsefulLevels:
 
 def _limits(spec: Spec, source: Source) -> list[tuple[float, str]]:
     """Widths (rad) below which a function is useless, each with its reason."""
-    radius_mm, found = spec.constraints.max_radius_mm, []
+    radius_mm = spec.constraints.max_radius_mm
+    limits = []
     outline = source.outline()
     width_mm = float(np.ptp(outline[:, :2], axis=0).max()) if len(outline) else 0.0
-    found.append((_OF_SOURCE * width_mm / radius_mm, f"a fifth of the angle of the source, {width_mm:.3g} mm wide"))
+    limits.append((_OF_SOURCE * width_mm / radius_mm, f"a fifth of the angle of the source, {width_mm:.3g} mm wide"))
     pixel_rad = min(receiver.pixel_rad(spec.evaluate.pixels) for receiver in spec.all_receivers)
     for name, face in spec.lens.faces.items():
         limit_mm = face.concave_radius_mm
         ball_mm = spec.manufacture.cutter_radius_mm if limit_mm is None else limit_mm
-        words = f"what a ball of {ball_mm:g} mm reaches in the {name} face moves the light by less than a pixel"
-        found.append((_width_of_ball(spec, ball_mm, pixel_rad), words))
-    return found
+        limit = f"what a ball of {ball_mm:g} mm reaches in the {name} face moves the light by less than a pixel"
+        limits.append((_width_of_ball(spec, ball_mm, pixel_rad), limit))
+    return limits
 
 
 def _width_of_ball(spec: Spec, ball_mm: float, pixel_rad: float) -> float:
@@ -287,9 +295,10 @@ def _width_of_ball(spec: Spec, ball_mm: float, pixel_rad: float) -> float:
     return 2.0 * ball_mm * pixel_rad / (turn * spec.constraints.max_radius_mm) if turn > 0.0 else 0.0
 
 
-# Measured on pi, cross and flat_top (docs/results.md): further in the first steps than in given levels, which are to
+# Measured on pi, cross and flat_top: further in the first steps than in given levels, which are to
 # converge.
-_FIRST_RATE, _LEVEL_RATE = 1.5, 0.65  # of the usual one, and of a level's relative to that of the one before
+_FIRST_RATE = 1.5  # of the usual rate
+_LEVEL_RATE = 0.65  # of a level, relative to the level before
 _AGAIN_RATE = 0.4  # of a level's, where that gained too little: its steps may have led astray
 _LAST_RATE = 0.75  # of the first long stage, relative to its level's; half of it in each one that follows
 _UNIFORM_RATE = 0.3  # of the first stage for the uniformity, likewise
@@ -334,7 +343,8 @@ class AutomaticStages:
         return replace(stage, uniform=True)
 
     def _stage(self, level: int, steps: int, doublings: int, share: float) -> Stage:
-        counts, (first, most) = self.levels.counts, self.effort.rays
+        counts = self.levels.counts
+        (first, most) = self.effort.rays
         levels = counts[: max(level, self.start_level) + 1]
         rate = _FIRST_RATE * self.effort.learning_rate * _LEVEL_RATE**level * share * self.images**_OF_IMAGES
         rays = min(first * 2 ** (level // _TWICE_FROM + doublings), most)

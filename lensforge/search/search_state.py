@@ -49,10 +49,12 @@ class Adam:
         steps: int = 0,
         moments: Moments | None = None,
     ) -> None:
-        self.parameters, self.steps = (weights, offsets), steps
-        self._betas, self._least_gradient = betas, least_gradient
-        fresh = (torch.zeros_like(each).detach() for each in (weights, weights, offsets, offsets))
-        self._moments = Moments(*(fresh if moments is None else (each.clone() for each in moments)))
+        self.parameters = (weights, offsets)
+        self.steps = steps
+        self._betas = betas
+        self._least_gradient = least_gradient
+        fresh = (torch.zeros_like(parameter).detach() for parameter in (weights, weights, offsets, offsets))
+        self._moments = Moments(*(fresh if moments is None else (moment.clone() for moment in moments)))
 
     @property
     def moments(self) -> Moments:
@@ -61,22 +63,23 @@ class Adam:
 
     def zero_grad(self) -> None:
         """Forget the gradients of the step before."""
-        for each in self.parameters:
-            each.grad = None
+        for parameter in self.parameters:
+            parameter.grad = None
 
     @torch.no_grad()
     def step(self, rate: float) -> None:
         """Take a step of the learning rate ``rate``; means, which begin at 0, are divided by the weights in them."""
         self.steps += 1
         first, second = self._betas
-        length, spread = rate / (1.0 - first**self.steps), (1.0 - second**self.steps) ** 0.5
+        length = rate / (1.0 - first**self.steps)
+        spread = (1.0 - second**self.steps) ** 0.5
         pairs = self._moments[:2], self._moments[2:]
-        for each, (mean, square) in zip(self.parameters, pairs, strict=True):
-            if each.grad is None:
+        for parameter, (mean, square) in zip(self.parameters, pairs, strict=True):
+            if parameter.grad is None:
                 continue
-            mean.lerp_(each.grad, 1.0 - first)
-            square.mul_(second).addcmul_(each.grad, each.grad, value=1.0 - second)
-            each.addcdiv_(mean, (square.sqrt() / spread).add_(self._least_gradient), value=-length)
+            mean.lerp_(parameter.grad, 1.0 - first)
+            square.mul_(second).addcmul_(parameter.grad, parameter.grad, value=1.0 - second)
+            parameter.addcdiv_(mean, (square.sqrt() / spread).add_(self._least_gradient), value=-length)
 
 
 class Parameters(NamedTuple):
@@ -208,7 +211,8 @@ class _Past:
         return course
 
     def _after(self, stage: Stage, outcome: Outcome, following: NextStage) -> "_Past":
-        coming, best = following.stage, self.best or following.improved
+        coming = following.stage
+        best = self.best or following.improved
         new = coming is not None and coming.levels != stage.levels
         moved = None if coming is None else (coming.functions, coming.uniform)
         goes_on = following.begin == "current" and moved == (stage.functions, stage.uniform)
@@ -223,10 +227,13 @@ class _Past:
 
     def forms(self, head: CheckpointHead, arrays: Arrays, problems: Problems) -> dict[str, Form]:
         """The arrays that the search has. Raises :class:`ValueError` where ``head`` is not of this course."""
-        problem, stage = problems.of(self.last.levels), self.following.stage
-        parametrisation, constraints = problem.parametrisation, problem.constraints
+        problem = problems.of(self.last.levels)
+        stage = self.following.stage
+        parametrisation = problem.parametrisation
+        constraints = problem.constraints
         self._require(head, constraints)
-        (size, faces), sizes = parametrisation.start()[0].shape, tuple(accumulate(parametrisation.levels))
+        (size, faces) = parametrisation.start()[0].shape
+        sizes = tuple(accumulate(parametrisation.levels))
         rows = {"": size if stage is not None else _rows(arrays, "weights", sizes)}  # at the end without a last level
         rows |= {"moments.": self.last.functions} if head.steps_of_moments else {}
         rows |= {"best.": rows[""]} if self.best else {}
@@ -247,11 +254,11 @@ class _Past:
         steps = self.steps_of_moments + head.step
         if head.steps_of_moments != steps:
             raise ValueError(f"steps_of_moments = {head.steps_of_moments}, must be {steps}")
-        found = tuple((own.level, own.functions, len(own.loss)) for own in head.history)
-        if found != _with_steps(self.steps, self.last, head.step):
+        stages = tuple((level.level, level.functions, len(level.loss)) for level in head.history)
+        if stages != _with_steps(self.steps, self.last, head.step):
             raise ValueError("its history is not that of its stages")
         for level in head.history:
-            counts = {len(each) for each in (level.loss, level.nmse, level.efficiency, *level.constraints.values())}
+            counts = {len(series) for series in (level.loss, level.nmse, level.efficiency, *level.constraints.values())}
             if len(counts) != 1 or set(level.constraints) != set(constraints.keys):
                 raise ValueError(f"the history of level {level.level} lacks values, or has other constraints")
 

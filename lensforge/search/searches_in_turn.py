@@ -45,7 +45,8 @@ def search_in_turn(
     """
     from lensforge.search.optimiser import search
 
-    turns, done = tuple(_turns(spec, start)), list[Design]()
+    turns = tuple(_turns(spec, start))
+    done = list[Design]()
     for number, turn in enumerate(turns):
         path = None if checkpoint is None else of_later_search(checkpoint, number)
         again = resume and (number == 0 or (path is not None and path.exists()))
@@ -64,13 +65,13 @@ def _turns(spec: Spec, start: Lens | None) -> Iterator[Turn]:
     yield Turn("lenses of all kinds", spec)
 
 
-def _turns_of_one_lens(spec: Spec, start: Lens | None, words: str) -> Iterator[Turn]:
+def _turns_of_one_lens(spec: Spec, start: Lens | None, description: str) -> Iterator[Turn]:
     if start is None and scatters_about_the_light(spec):
         half = with_half_of_the_time(spec)
         yield Turn("polished", polished(half), wanted=half)
-        yield Turn(words, half)
+        yield Turn(description, half)
     else:
-        yield Turn(words, spec)
+        yield Turn(description, spec)
 
 
 def with_half_of_the_time(spec: Spec) -> Spec:
@@ -81,7 +82,9 @@ def with_half_of_the_time(spec: Spec) -> Spec:
 
 def _after(done: Sequence[Design], wanted: Spec | None, progress: Observer) -> Observer:
     """An observer of the search that follows those that are ``done``; its lenses have the faces of ``wanted``."""
-    levels, steps, seconds = _next_level(_history(done)), _steps(done), _seconds(done)
+    levels = _next_level(_history(done))
+    steps = _steps(done)
+    seconds = _seconds(done)
 
     def heard(now: Progress) -> object:
         def lens() -> Lens:

@@ -97,14 +97,18 @@ class TargetStroke:
 
 def beam_of(spec: Spec) -> Beam:
     """The light that the first target wants."""
-    receiver, section = receivers_of(spec, spec.optimise.pixels)[0], spec.all_receivers[0]
-    bright, angles = in_target(target_light(section.targets, receiver)), pixel_angles_rad(receiver)
+    receiver = receivers_of(spec, spec.optimise.pixels)[0]
+    section = spec.all_receivers[0]
+    bright = in_target(target_light(section.targets, receiver))
+    angles = pixel_angles_rad(receiver)
     directions = pixel_directions(receiver)[bright]
     middle = directions.mean(axis=0)
-    off, azimuth = np.arctan2(np.hypot(middle[0], middle[1]), middle[2]), np.arctan2(middle[1], middle[0])
+    off = np.arctan2(np.hypot(middle[0], middle[1]), middle[2])
+    azimuth = np.arctan2(middle[1], middle[0])
     aside = np.arccos(np.clip(directions @ middle / np.linalg.norm(middle), -1.0, 1.0))
     half = np.sqrt(2.0 * np.mean(aside**2))  # of a cone that is evenly filled
     pixel = max(float(np.abs(np.diff(angles, axis=axis)).max(initial=0.0)) for axis in (0, 1))
-    least, most = float(angles[bright].min()), float(angles[bright].max())
+    least = float(angles[bright].min())
+    most = float(angles[bright].max())
     around = float(off), float(azimuth), float(half)
     return Beam(least if least > pixel else 0.0, max(most, _NARROWEST_BEAM_RAD), *around)

@@ -18,7 +18,7 @@ from lensforge.cad.face_tolerance import FINEST_NM
 from lensforge.cad.patch import Patch
 from lensforge.cad.plan import Plan
 from lensforge.shop.ball_cutter import LEAF
-from lensforge.shop.check_result import BallClearance, BoreClearance, CustomBaseClearance, StepClearance
+from lensforge.shop.check_measures import BallClearance, BoreClearance, CustomBaseClearance, StepClearance
 from lensforge.shop.face_check import MilledFace
 from lensforge.shop.face_samples import AirSide, FaceSamples, OpticalFace
 

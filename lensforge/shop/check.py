@@ -1,9 +1,9 @@
 """The manufacturing check of the exported faces: the tools they need, the wall between them, findings for the shop."""
 
 import time
-from collections.abc import Iterator
 from dataclasses import replace
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 
@@ -16,17 +16,16 @@ from lensforge.cad.part import SplineNodes
 from lensforge.cad.patch import Patch
 from lensforge.cad.plan import Plan, lay_out
 from lensforge.cad.wall import Span, thickest, thinnest
-from lensforge.results import Conditions, Fact
+from lensforge.results import Conditions
 from lensforge.scene.lens import Lens
 from lensforge.shop.ball_clearance import CustomBaseMesh, check_ball_clearance, read_base_mesh
-from lensforge.shop.check_result import Check, Edge, Wall, Walls
+from lensforge.shop.check_measures import Edge, Wall, Walls
+from lensforge.shop.check_result import Check
 from lensforge.shop.face_check import FaceCheck, MilledFace, face_result, measured_face, milled_face
 from lensforge.shop.face_samples import OpticalFace, air_side
-from lensforge.shop.findings import check_findings, edge_criteria, plate_findings, wall_criteria
 from lensforge.shop.mould_halves import mould_of
 from lensforge.shop.tool_reach import check_tools, points_on_base
 from lensforge.shop.turning import LatheTool, Points, turned_face
-from lensforge.shop.turning_findings import layer_findings, turning_findings
 from lensforge.spec.accuracy import preset_of
 from lensforge.spec.part_section import Process
 
@@ -55,6 +54,7 @@ def check_lens(lens: Lens, nodes: SplineNodes | None = None) -> Check:
     sharpest = (edge for side in pair for edge in sharpest_edges(side))
     edges = tuple(Edge(**{**vars(edge), "point_mm": tuple(edge.point_mm.tolist())}) for edge in sharpest)
     return Check(
+        lens=lens,
         inputs={"lens": lens.sha256},
         process=manufacture.process,
         scale=manufacture.scale,
@@ -64,15 +64,9 @@ def check_lens(lens: Lens, nodes: SplineNodes | None = None) -> Check:
         tools=tools,
         edges=edges,
         mould=mould,
-        criteria=(*wall_criteria(lens.spec, walls), *edge_criteria(lens.spec, edges)),
-        verdicts=(
-            *check_findings(lens.spec, results, walls.thinnest.thickness_mm, relief, tools, mould),
-            *turning_findings(lens.spec, results),
-            *layer_findings(lens.spec, results),
-            *(() if lens.spec.plate is None else _plate_findings(lens, pair)),
-        ),
         seconds=time.perf_counter() - started,
         chart_axis=next(iter(faces.values())).samples.grid.axis,
+        **({} if lens.spec.plate is None else _room_on_plate(lens, pair)),
         **results,
     )
 
@@ -83,13 +77,16 @@ def check_made_by(lens: Lens, process: Process) -> Check:
     Raises :class:`InputError` where no such part is made by it.
     """
     judged = check_lens(as_built(lens, process))
-    return judged.changed(inputs={"lens": lens.sha256}, conditions=Conditions.of(process=process))
+    return judged.changed(lens=lens, inputs={"lens": lens.sha256}, conditions=Conditions.of(process=process))
 
 
-def _plate_findings(lens: Lens, pair: Pair[Patch]) -> Iterator[Fact]:
+def _room_on_plate(lens: Lens, pair: Pair[Patch]) -> dict[str, Any]:
+    """The fields of a check on the room between the lenses of a plate that are cut, and on its thinnest wall."""
     from lensforge.cad.plate_export import room_on_plate
 
-    return plate_findings(lens.spec, *room_on_plate(lens, pair))
+    gap_mm, wall = room_on_plate(lens, pair)
+    of_wall = {} if wall is None else {"plate_wall_mm": wall.thickness_mm, "plate_wall_between": wall.between}
+    return of_wall | {"plate_gap_mm": gap_mm if lens.spec.manufacture.cuts == "lens" else None}
 
 
 def _fixture(lens: Lens, plan: Plan[Patch], custom: CustomBaseMesh | None) -> Points:

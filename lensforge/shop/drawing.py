@@ -21,12 +21,14 @@ from lensforge.cad.section import other_section_deg
 from lensforge.errors import InputError
 from lensforge.results.numerals import quantity
 from lensforge.scene.lens import Lens
-from lensforge.shop.check_facts import words_of
-from lensforge.shop.check_result import BASE, BODY, Check, OfLathe, OfMill
+from lensforge.shop.check_measures import BASE
+from lensforge.shop.check_result import Check
 from lensforge.shop.datums import DatumScheme, datum_scheme
 from lensforge.shop.dimensions import Dimension
+from lensforge.shop.findings import BODY, OfLathe, OfMill
 from lensforge.shop.handover import PDF_FILE, PLATE_PDF_FILE
 from lensforge.shop.mould_facts import mould_line, thick_line, upright_words
+from lensforge.shop.process_words import words_of
 from lensforge.shop.profile_table import ASPHERE_NOTE, PROFILE_NOTE, equation, profile_rows, profile_widths
 from lensforge.shop.sheet import Box, Marks, Place, Sheet, box_of
 from lensforge.shop.sheet_marks import cell, draw_rows, frame_of, paragraphs_in, row_height
@@ -55,11 +57,7 @@ def drawing_notes(
         *surface_words(lens, words),
         *mould_words(lens),
         *_draft_words(lens, check),
-        *(
-            []
-            if check.mould is None
-            else [mould_line(check.mould, lens.spec), thick_line(check.mould, check, lens.spec)]
-        ),
+        *([] if check.mould is None else [mould_line(check.mould, lens.spec), thick_line(check.mould, check)]),
         *_other_process_words(check),
         *_open_findings(lens, check),
         "Notation as in ISO 10110 and ISO 1101; conformance is not claimed. A dash: nothing is stated.",
@@ -101,7 +99,11 @@ def _is_moulded(lens: Lens) -> bool:
 
 def _open_findings(lens: Lens, check: Check) -> list[str]:
     """The findings that do not hold; of a moulded part none that ask for a tool."""
-    missed = [each for each in check.verdicts if not each.holds and not (_is_moulded(lens) and each.key in _ON_TOOLS)]
+    missed = [
+        verdict
+        for verdict in check.verdicts
+        if not verdict.holds and not (_is_moulded(lens) and verdict.key in _ON_TOOLS)
+    ]
     named = [
         f"{'' if each.place == BODY else f'{each.place} face, '}{each.label.lower()}: no, {each.text} (required "
         f"{each.required})"
@@ -180,7 +182,7 @@ def title_block(lens: Lens, part: Part, words: DrawingSection, *, of_plate: bool
     spec, signature, general = lens.spec, part.signature, words.general_tolerances or f"{_NONE}, to be agreed"
     body: Part | Plate = part
     file, name = STEP_FILE, words.part_name or spec.name
-    pages, mass, kinds = "1 of 1", "", [each.kind for each in lens.kinds]
+    pages, mass, kinds = "1 of 1", "", [kind.kind for kind in lens.kinds]
     if part.plate is not None and of_plate:
         body, file, name = part.plate, PLATE_STEP_FILE, f"{name}, plate of {quantity(part.plate.lenses, 'lenses')}"
         pages = f"1 of {1 + len(kinds)}, {PLATE_PDF_FILE}"
@@ -220,9 +222,9 @@ def draw_title_block(block: TitleBlock, corner: tuple[float, float], unit: float
     rows = {**block, "scale": (f"Scale: {scale_words(scale)}", f"First angle; {sheet}, {block['scale'][0]}")}
     top = bottom + HEIGHT * unit
     marks = Marks()
-    for number, each in enumerate(rows.values()):
-        low, wide = top - (number + 1) * height, WIDTH * unit / len(each)
-        for k, text in enumerate(each):
+    for number, row in enumerate(rows.values()):
+        low, wide = top - (number + 1) * height, WIDTH * unit / len(row)
+        for k, text in enumerate(row):
             marks.add(cell((left + k * wide, low, left + (k + 1) * wide, low + height), text, unit))
     marks.strokes.append(frame_of((left, bottom, corner[0], top), "outline"))
     return marks

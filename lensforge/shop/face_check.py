@@ -14,7 +14,7 @@ from scipy.optimize import least_squares
 from lensforge.cad.part_limits import ANGLE_TOLERANCE_DEG
 from lensforge.results.verdict import within
 from lensforge.shop.ball_cutter import largest_ball_mm, reachable, residual_height_mm
-from lensforge.shop.check_result import FLAT_MM, Curvature, Cutter, Draft, FaceResult, Sphere
+from lensforge.shop.check_measures import FLAT_MM, Curvature, Cutter, Draft, FaceResult, Sphere
 from lensforge.shop.face_samples import FaceArea, FaceSamples, OpticalFace, all_points, least_draft_rad, sample_face
 from lensforge.spec.accuracy import PartEffort
 

@@ -6,37 +6,71 @@ All follow from the measurements of the check and the spec alone.
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from math import ceil, floor
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from lensforge.cad.part_limits import ANGLE_TOLERANCE_DEG, FIT_TOLERANCE
-from lensforge.results import Fact
-from lensforge.results.criteria import Criteria, at_least, at_most
+from lensforge.results import Fact, Sense
+from lensforge.results.fact import Change, StoredAs
 from lensforge.results.numerals import percent, quantity
 from lensforge.results.verdict import within
-from lensforge.shop.check_result import (
-    BODY,
-    FINDINGS,
+from lensforge.shop.check_measures import (
     AnyClearance,
     BallClearance,
     BoreClearance,
     CustomBaseClearance,
     Cutter,
-    Edge,
     FaceResult,
-    FindingName,
     Mould,
     MouldedFace,
     StepClearance,
     ToolReach,
     ToolResult,
-    Wall,
-    Walls,
-    as_finding,
 )
 from lensforge.spec import BaseSection, Spec
 
 if TYPE_CHECKING:
     from lensforge.cad.plate_layout import PlateWall
+
+OfMill = Literal["cutter", "relief", "tilt", "tool", "gap"]
+OfLathe = Literal["nose", "slope", "turning", "corner"]
+FindingName = OfMill | OfLathe | Literal["layer", "wall", "draft", "undercut", "plate"]
+BODY = "body"  # the place of a finding on none of the faces
+# Question, sense and unit of each finding.
+FINDINGS: dict[str, tuple[str, Sense, str]] = {
+    "cutter": ("Ball reaches the face", "<=", "mm"),
+    "nose": ("Nose fits the face", "<=", "mm"),
+    "slope": ("Flanks clear the face", "<=", "deg"),
+    "turning": ("Tool reaches the face", ">=", "of the face"),
+    "corner": ("Fillets small enough", "<=", "of the face"),
+    "layer": ("Layers fine enough", "<=", "µm"),
+    "relief": ("Base clears the ball", "<=", "mm"),
+    "tilt": ("Tool tilt within limit", "<=", "deg"),
+    "wall": ("Wall thick enough", ">=", "mm"),
+    "draft": ("Draft large enough", ">=", "deg"),
+    "undercut": ("Mould releases the face", "<=", "of the face"),
+    "tool": ("Tool reaches the face", ">=", "of the face"),
+    "gap": ("Ball fits between lenses", "<=", "mm"),
+    "plate": ("Plate walls thick enough", ">=", "mm"),
+}
+
+
+def as_finding(fact: Fact) -> Fact:
+    """The fact as a statement on what the shop can do with this lens, whose note says why.
+
+    Its key is a :data:`FindingName`, its place a face or :data:`BODY`. Without a value the ball reaches nothing;
+    without a limit there is none, as for a face that any ball reaches.
+    """
+    if fact.key not in FINDINGS:
+        raise ValueError(f"name: must be one of {', '.join(FINDINGS)}")
+    question, _, _ = FINDINGS[fact.key]
+    return replace(fact, label=question).judged()
+
+
+_NAMES = {name: name for name in ("value", "sense", "limit", "unit", "tolerance")}
+_STORED = StoredAs(
+    _NAMES | {"name": "key", "surface": "place", "reason": "note", "remedy": "remedy", "holds": "holds"}, as_finding
+)
+Findings = tuple[Annotated[Fact, _STORED], ...]
 
 GOOD_DRAFT_DEG = 2.0
 SHARE_TOLERANCE = 1e-9  # of the whole face: areas of its cells add up to rounding
@@ -88,52 +122,29 @@ def finding_on(
     value: float | None,
     limit: float | None,
     reason: str,
-    changes: Sequence[str] = (),
+    changes: Sequence[str | Change | None] = (),
     tolerance: float = 0.0,
 ) -> Fact:
-    """The finding; of the ``changes`` of the spec that would help, an empty one is left out."""
+    """The finding; of the ``changes`` of the spec that would help, an empty one is left out.
+
+    Those of one field to a number are kept as such, for a button that makes them.
+    """
     _, sense, unit = FINDINGS[name]
     fact = Fact(name, "", value, unit, sense=sense, limit=limit, note=reason, tolerance=tolerance, place=surface)
     finding = as_finding(fact)
-    return finding if finding.holds else replace(finding, remedy=", or ".join(filter(None, changes)))
-
-
-def wall_criteria(spec: Spec, walls: Walls) -> Criteria:
-    """The thinnest wall, and the thickest where the spec limits it; both within the tolerance of the search."""
-    limits, again = spec.constraints, "or give the last level more steps; the wall is"
-    remedy = f"raise lens.{spec.lens.outward}.offset_mm {again} thinnest at ({_place(walls.thinnest)}) mm"
-    least = at_least(
-        "thinnest wall", walls.thinnest.thickness_mm, limits.min_thickness_mm, "mm", remedy, limits.tolerance_mm
-    )
-    if limits.max_wall_mm is None:
-        return (least,)
-    remedy = f"raise lens.{spec.lens.names[0]}.offset_mm {again} thickest at ({_place(walls.thickest)}) mm"
-    thickest_mm, most_mm = walls.thickest.thickness_mm, limits.max_wall_mm
-    return least, at_most("largest radial wall", thickest_mm, most_mm, "mm", remedy, limits.tolerance_mm)
-
-
-def edge_criteria(spec: Spec, edges: Sequence[Edge]) -> Criteria:
-    """The sharpest place of each edge, where the spec limits it."""
-    least_deg = spec.constraints.min_edge_angle_deg
-    if least_deg is None:
-        return ()
-    remedy = "lower constraints.min_edge_angle_deg, or give the last level more steps"
-    return tuple(
-        at_least(edge.criterion, edge.angle_deg, least_deg, "deg", remedy, ANGLE_TOLERANCE_DEG) for edge in edges
-    )
-
-
-def _place(wall: Wall) -> str:
-    return ", ".join(quantity(round(value, 6) + 0.0, digits=4) for value in wall.cavity_point_mm)  # no "-0"
+    if finding.holds:
+        return finding
+    of_a_field = tuple(change for change in changes if isinstance(change, Change))
+    return replace(finding, remedy=", or ".join(map(str, filter(None, changes))), changes=of_a_field)
 
 
 def cutter_finding(surface: str, cutter: Cutter, relief: BallClearance, spec: Spec) -> Fact:
     """Reach of the spec's ball cutter on a face."""
     largest = cutter.largest_radius_mm
     again = design_again("concave_radius_mm", cutter.radius_mm, spec, surface)
-    changes = [again if spec.manufacture.cuts == "lens" else ""]
+    changes = [again if spec.manufacture.cuts == "lens" else None]
     if largest is not None:
-        changes.append(f"manufacture.cutter_radius_mm = {rounded_down_mm(largest)}")
+        changes.append(Change("manufacture.cutter_radius_mm", rounded_down_mm(largest)))
     ball = f"a ball of {quantity(cutter.radius_mm, 'mm')} radius"
     tolerance = 0.0 if largest is None else FIT_TOLERANCE * largest
     if within(cutter.radius_mm, "<=", largest, tolerance):
@@ -198,12 +209,13 @@ def _step_remedy(relief: StepClearance, base: BaseSection) -> str:
 
 def tilt_finding(surface: str, slope_deg: float, spec: Spec) -> Fact:
     """Tilt of a tool that is held normal to the face everywhere; a search for less, or a machine that tilts farther."""
-    allowed_deg, changes = spec.manufacture.max_tilt_deg, []
+    allowed_deg = spec.manufacture.max_tilt_deg
+    changes = list[Change | None]()
     draft_deg, holds = 90.0 - allowed_deg, within(slope_deg, "<=", allowed_deg, ANGLE_TOLERANCE_DEG)
     if 0.0 <= draft_deg <= _MOST_DRAFT_DEG:
         changes.append(design_again("draft_deg", draft_deg, spec, surface))
     if slope_deg < _MOST_TILT_DEG:
-        changes.append(f"manufacture.max_tilt_deg = {_up(slope_deg, 1)}")
+        changes.append(Change("manufacture.max_tilt_deg", _up(slope_deg, 1)))
     reason = (
         f"the {surface} face is up to {quantity(slope_deg, 'deg', digits=4)} steep; a tool held normal to it "
         f"{'stays within' if holds else 'would exceed'} manufacture.max_tilt_deg = {allowed_deg:g}"
@@ -213,7 +225,9 @@ def tilt_finding(surface: str, slope_deg: float, spec: Spec) -> Fact:
 
 def wall_finding(wall_mm: float, spec: Spec) -> Fact:
     """Thinnest wall; a search from faces that are farther apart, or a spec that takes the wall there is."""
-    required_mm, tolerance, changes = spec.constraints.min_thickness_mm, spec.constraints.tolerance_mm, []
+    required_mm = spec.constraints.min_thickness_mm
+    tolerance = spec.constraints.tolerance_mm
+    changes = list[str | Change]()
     holds = within(wall_mm, ">=", required_mm, tolerance)
     inwards, outwards, fixed = spec.lens.names[0], spec.lens.outward, spec.lens.fixed
     if fixed[outwards] is None:
@@ -221,7 +235,7 @@ def wall_finding(wall_mm: float, spec: Spec) -> Fact:
     elif fixed[inwards] is None:
         changes.append(f"a smaller lens.{inwards}.offset_mm and design again")
     if wall_mm >= _LEAST_WALL_MM:
-        changes.append(f"constraints.min_thickness_mm = {rounded_down_mm(wall_mm)} where that is enough")
+        changes.append(Change("constraints.min_thickness_mm", rounded_down_mm(wall_mm), " where that is enough"))
     word, thinnest = "at least" if holds else "less than", quantity(wall_mm, "mm", digits=4)
     reason = f"the thinnest wall is {thinnest}, {word} constraints.min_thickness_mm = {required_mm:g}"
     return finding_on("wall", BODY, wall_mm, required_mm, reason, changes, tolerance)
@@ -234,8 +248,8 @@ def plate_findings(spec: Spec, gap_mm: float | None, wall: "PlateWall | None") -
         wide = 2.0 * shop.cutter_radius_mm
         fits = "fits" if within(wide, "<=", gap_mm, tolerance) else "does not fit"
         reason = f"a ball of {quantity(wide, 'mm')} diameter {fits} between two lenses, {quantity(gap_mm, 'mm')} apart"
-        changes = [f"manufacture.cutter_radius_mm = {rounded_down_mm(gap_mm / 2.0)}", "a wider pitch of lamps"]
-        yield finding_on("gap", BODY, wide, gap_mm, reason, changes, tolerance)
+        smaller = Change("manufacture.cutter_radius_mm", rounded_down_mm(gap_mm / 2.0))
+        yield finding_on("gap", BODY, wide, gap_mm, reason, [smaller, "a wider pitch of lamps"], tolerance)
     if wall is not None:
         thickness = quantity(wall.thickness_mm, "mm", digits=4)
         reason = (
@@ -260,7 +274,7 @@ def undercut_finding(surface: str, face: MouldedFace, spec: Spec) -> Fact:
     )
     wanted_deg = spec.lens.faces[surface].draft_deg or GOOD_DRAFT_DEG
     slanted = within(face.draft_deg, ">=", wanted_deg)  # and hidden all the same
-    changes = [] if slanted else [design_again("draft_deg", wanted_deg, spec, surface)]
+    changes: list[str | Change | None] = [] if slanted else [design_again("draft_deg", wanted_deg, spec, surface)]
     if spec.base_made.kind != "none":
         changes += ['base.kind = "none"', "a narrower base"]
     return finding_on("undercut", surface, share, 0.0, reason, changes)
@@ -309,18 +323,18 @@ def tool_finding(tool: ToolResult, surface: str, reach: ToolReach, largest_mm: f
     return finding_on("tool", surface, whole, 1.0, reason, changes, SHARE_TOLERANCE)
 
 
-def design_again(field: str, value: float, spec: Spec, surface: str) -> str:
-    """The limit of the search; empty for a face that the spec gives, or where the search has kept that limit.
+def design_again(field: str, value: float, spec: Spec, surface: str) -> Change | None:
+    """The limit of the search; None for a face that the spec gives, or where the search has kept that limit.
 
     A face that follows another has no limits of its own: its draft is that of the other.
     """
     if followed := spec.lens.role(surface).follows:
-        return design_again(field, value, spec, followed) if field == "draft_deg" else ""
+        return design_again(field, value, spec, followed) if field == "draft_deg" else None
     face = spec.lens.faces[surface]
     stated: float | None = getattr(face, field)
     if face.fixed is not None or (stated is not None and stated >= value):
-        return ""
-    return f"lens.{surface}.{field} = {value:g} and design again"
+        return None
+    return Change(f"lens.{surface}.{field}", f"{value:g}", " and design again")
 
 
 def _up(value: float, decimals: int) -> str:

@@ -7,10 +7,11 @@ from typing import Annotated, Literal
 
 from pydantic import Field, PlainSerializer
 
+from lensforge.public import public
 from lensforge.results import Count, Fact, Group, NotNegative, Positive, Record, Sha256, Text
 from lensforge.results.files import require_own, write_file
 from lensforge.results.numerals import quantity
-from lensforge.shop.check_result import Findings
+from lensforge.shop.findings import Findings
 
 HTML_FILE, PDF_FILE, DXF_FILE, POINTS_FILE = "manufacturing.html", "manufacturing.pdf", "drawing.dxf", "points.csv"
 PLATE_PDF_FILE, PLATE_DXF_FILE = "plate.pdf", "plate.dxf"
@@ -46,6 +47,7 @@ class PointGrid(Record):
     content: FileBytes
 
 
+@public
 class Handover(Record):
     """Page with drawings and verdicts, drawings as PDF and DXF, tables of points, as the bytes of files.
 

@@ -7,7 +7,8 @@ from math import log, pi
 from lensforge.optics.face_roles import CAVITY
 from lensforge.results import Fact
 from lensforge.results.numerals import quantity
-from lensforge.shop.check_result import Check, Mould, PartingLine
+from lensforge.shop.check_measures import Mould, PartingLine
+from lensforge.shop.check_result import Check
 from lensforge.shop.findings import drawn_by
 from lensforge.spec import Spec
 
@@ -55,8 +56,9 @@ def plastic_of(material: str) -> Plastic | None:
     return PLASTICS.get(material.lower().split(" ")[0]) if material else None
 
 
-def mould_facts(mould: Mould, check: Check, spec: Spec) -> Iterator[Fact]:
+def mould_facts(mould: Mould, check: Check) -> Iterator[Fact]:
     """The halves of the mould, and the part as it fills and cools."""
+    spec = check.spec
     for name, face in mould.faces.items():
         released = face.upper_fraction + face.lower_fraction
         yield Fact.share(
@@ -78,9 +80,9 @@ def mould_facts(mould: Mould, check: Check, spec: Spec) -> Iterator[Fact]:
     yield _cooling(mould, spec.lens.material)
 
 
-def thick_line(mould: Mould, check: Check, spec: Spec) -> str:
+def thick_line(mould: Mould, check: Check) -> str:
     """The note of a drawing on what a moulder prices first: the thickest place, and how long it cools."""
-    place, cooling = mould.thickest, _cooling(mould, spec.lens.material)
+    place, cooling = mould.thickest, _cooling(mould, check.spec.lens.material)
     where = ", ".join(f"{round(value, 1) + 0.0:g}" for value in place.centre_mm)
     wall = f"{quantity(check.min_wall_mm, 'mm', digits=3)}, the thinnest wall" if check.min_wall_mm > 0.0 else "no wall"
     thick = f"a ball of {quantity(place.diameter_mm, 'mm', digits=3)} about ({where}), beside {wall}"

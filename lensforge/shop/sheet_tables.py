@@ -18,7 +18,8 @@ from lensforge.results import Group
 from lensforge.results.numerals import NOTHING, percent
 from lensforge.scene.lens import Lens
 from lensforge.shop.check_facts import face_title
-from lensforge.shop.check_result import FLAT_MM, Check
+from lensforge.shop.check_measures import FLAT_MM
+from lensforge.shop.check_result import Check
 from lensforge.shop.dimensions import widest_mm
 from lensforge.shop.profile_table import equation
 from lensforge.shop.sheet import Marks

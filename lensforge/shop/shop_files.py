@@ -133,7 +133,7 @@ def _tables(
 
 
 def _plate_tables(lens: Lens, layout: PlateLayout, plate: Sheet, words: DrawingSection) -> list[Table]:
-    sizes = [(each.name, each.text) for each in plate.marks.dimensions]
+    sizes = [(dimension.name, dimension.text) for dimension in plate.marks.dimensions]
     notes = [f"{number}. {note}" for number, note in enumerate(plate_notes(lens, layout, words), 1)]
     places = Table("Places on the plate", place_rows(layout), ("", "x (mm)", "y (mm)", ""))
     return [
@@ -190,7 +190,7 @@ def shop_facts(lens: Lens, part: Part, check: Check) -> Group:
     """Facts on the part and its files, beyond those of its title block."""
     files = part_facts(part)[0].select("form_error", "normal_error", "schema", "surfaces").facts
     sized = part_facts(part)[-1].select(*(f"{of}{size}" for of in ("", "plate_") for size in _SIZES)).facts
-    groups = check_facts(check, lens.spec)
+    groups = check_facts(check)
     walls = [fact for group in groups if group.key in ("walls", "edges", "mould") for fact in group.facts]
     facts = (
         *_make(lens, part),
@@ -205,7 +205,7 @@ def shop_facts(lens: Lens, part: Part, check: Check) -> Group:
 
 def face_groups(lens: Lens, check: Check) -> list[Group]:
     """Facts of each face, from the outside in."""
-    named = {group.key: group for group in check_facts(check, lens.spec)}
+    named = {group.key: group for group in check_facts(check)}
     return [named[name] for name in reversed(check.faces)]
 
 

@@ -18,7 +18,7 @@ from lensforge.cad.patch import Patch
 from lensforge.cad.plan import Plan, base_corners
 from lensforge.shop.ball_clearance import CustomBaseMesh
 from lensforge.shop.ball_cutter import largest_ball_mm, reachable
-from lensforge.shop.check_result import ToolReach, ToolResult
+from lensforge.shop.check_measures import ToolReach, ToolResult
 from lensforge.shop.face_check import MilledFace
 from lensforge.shop.face_samples import FaceSamples, all_points, sample_face
 from lensforge.spec import Tool

@@ -5,9 +5,10 @@ from math import sqrt
 
 from lensforge.cad.part_limits import ANGLE_TOLERANCE_DEG, FIT_TOLERANCE
 from lensforge.results import Fact
+from lensforge.results.fact import Change
 from lensforge.results.numerals import percent, quantity
 from lensforge.results.verdict import within
-from lensforge.shop.check_result import FaceResult, TurningTool
+from lensforge.shop.check_measures import FaceResult, TurningTool
 from lensforge.shop.findings import SHARE_TOLERANCE, design_again, finding_on, rounded_down_mm
 from lensforge.spec import Spec
 
@@ -49,8 +50,8 @@ def _nose(name: str, tool: TurningTool, spec: Spec) -> Fact:
         reason = (
             f"a nose of {nose} radius {fits} the meridian of the {name} face, whose min. concave radius is {tightest}"
         )
-    again = design_again("concave_radius_mm", radius_mm, spec, name) if spec.manufacture.cuts == "lens" else ""
-    smaller = "" if largest_mm is None else f"manufacture.nose_radius_mm = {rounded_down_mm(largest_mm)}"
+    again = design_again("concave_radius_mm", radius_mm, spec, name) if spec.manufacture.cuts == "lens" else None
+    smaller = None if largest_mm is None else Change("manufacture.nose_radius_mm", rounded_down_mm(largest_mm))
     return finding_on("nose", name, radius_mm, largest_mm, reason, [again, smaller], tolerance)
 
 
@@ -59,7 +60,7 @@ def _slope(name: str, tool: TurningTool, spec: Spec) -> Fact:
     shop = spec.manufacture
     most_deg = shop.steepest_deg
     narrowest = 2.0 * (90.0 - tool.slope_deg - shop.clearance_deg)
-    changes = [f"manufacture.included_angle_deg = {int(narrowest)}" if narrowest >= 1.0 else ""]
+    changes = [Change("manufacture.included_angle_deg", str(int(narrowest))) if narrowest >= 1.0 else None]
     holds = within(tool.slope_deg, "<=", most_deg, ANGLE_TOLERANCE_DEG)
     reason = (
         f"at its best tilt a tool follows slopes of up to {quantity(tool.slope_deg, 'deg', digits=4)} on the {name} "
@@ -97,7 +98,7 @@ def _corner(name: str, tool: TurningTool) -> Fact:
         "where it meets another in a concave corner"
     )
     smaller = rounded_down_mm(radius_mm * _of_width(MOST_CORNER) / _of_width(share)) if share > 0.0 else "0"
-    changes = [f"manufacture.nose_radius_mm = {smaller}" if float(smaller) > 0.0 else "a smaller nose"]
+    changes = [Change("manufacture.nose_radius_mm", smaller) if float(smaller) > 0.0 else "a smaller nose"]
     return finding_on("corner", name, share, MOST_CORNER, reason, changes)
 
 

@@ -6,7 +6,7 @@
 - ``planar_emitter``: squares, discs and rectangles with an intensity
 - ``radiance_emitter``: a picture of an LED
 - ``intensity.TabulatedIntensity``: intensity over angle
-- ``rayfiles.ray_file_io.read_rayfile``: nine formats of ray files
+- ``rayfiles.ray_file_io.read_rayfile``: ray files of every format
 - ``photometric.read_photometric``: IES, EULUMDAT and TM-33 files
 - ``measured_rays.held_back``: rays that judge a search, and no others
 - ``build_source.PlacedSource``: an LED at its place

@@ -27,7 +27,8 @@ from lensforge.spec.emitter_section import EmitterSection
 from lensforge.spec.source_sections import ChipsSource, PlanarSource, RadianceSource, RaySetSource, SquareSource
 from lensforge.surfaces.mirror_group import group, largest_symmetry
 
-_OF_RAYS, _MOST_FACETS = 4, 2  # dimensions of a sample of rays; faces for which the sequence has more
+_OF_RAYS = 4  # dimensions of a sample of rays
+_MOST_FACETS = 2  # rough faces for which the sequence has further dimensions
 _SAME = 1e-12  # elements of a rotation by 45 degrees, rounded, are this close to those of a mirror
 
 
@@ -49,7 +50,8 @@ class SquareEmitter:
         for axis in (0, 1):
             origins[:, axis] = (points[:, axis] - 0.5) * self.side_mm
         # Owen-scrambled points lie in [0, 1): 1 - u keeps the cosine above zero, so no ray grazes the chip.
-        sine, azimuth = np.sqrt(points[:, 2]), 2.0 * np.pi * points[:, 3]
+        sine = np.sqrt(points[:, 2])
+        azimuth = 2.0 * np.pi * points[:, 3]
         directions = np.empty((count, 3))
         np.multiply(sine, np.cos(azimuth), out=directions[:, 0])
         np.multiply(sine, np.sin(azimuth), out=directions[:, 1])
@@ -87,8 +89,8 @@ class PlacedSource(ChangedSource):
         """True where a mirror leaves the place as it is and is, for the source itself, one of its own."""
         if not np.array_equal(mirror @ self.pose.origin_mm, self.pose.origin_mm):
             return False
-        own = self.pose.own_map(mirror)
-        return any(np.allclose(own, image, rtol=0.0, atol=_SAME) for image in group(self.source.symmetry))
+        local_mirror = self.pose.own_map(mirror)
+        return any(np.allclose(local_mirror, image, rtol=0.0, atol=_SAME) for image in group(self.source.symmetry))
 
     @property
     def is_round(self) -> bool:
@@ -141,14 +143,15 @@ def build_source(
         from lensforge.sources.modelled_rays import modelled
 
         return modelled(rays, spec.model)
-    emitter, pose = emitter_of(spec, disperses=material is not None, coloured=coloured), spec.pose
+    emitter = emitter_of(spec, disperses=material is not None, coloured=coloured)
+    pose = spec.pose
     if facets:
         emitter = FacetedSource(emitter, min(facets, _MOST_FACETS))
     if pose.moves:
         emitter = PlacedSource(emitter, pose)
     if material is not None and isinstance(spec, ChipsSource) and spec.spectra:
         parts = zip(spec.spectra, chip_fluxes(spec), strict=True)
-        known = [(spectrum_of(each), flux.flux_w) for each, flux in parts if each is not None]
+        known = [(spectrum_of(emitter), flux.flux_w) for emitter, flux in parts if emitter is not None]
         emitter = ColouredSource.of_parts(emitter, known, material)
     elif material is not None and spec.spectrum is not None:
         emitter = ColouredSource.of(emitter, spectrum_of(spec.spectrum), material)
@@ -202,7 +205,8 @@ def _file_warnings(source: Source) -> tuple[str, ...]:
     return getattr(source, "warnings", ())  # of a planar emitter; its module is loaded for it alone
 
 
-_RAYS, _SEED = 2**16, 0
+_RAYS = 2**16
+_SEED = 0
 _INSIDE = 0.99  # share of the flux; the rest is stray light from package and window
 _ROOM = 1.05  # over the paraboloid that just holds it
 

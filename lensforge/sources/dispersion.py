@@ -33,7 +33,8 @@ def index_range_of(
 
 def index_warnings(indices: IndexRange, material: Material) -> Iterator[str]:
     """Say how much of the flux has an index that is not one of the measured range."""
-    extrapolated, clamped = indices.extrapolated_index_share or 0.0, indices.clamped_index_share or 0.0
+    extrapolated = indices.extrapolated_index_share or 0.0
+    clamped = indices.clamped_index_share or 0.0
     if extrapolated > _MENTIONED:
         low, high = material.range_nm
         yield (
@@ -54,7 +55,10 @@ def coloured(rays: Rays, material: Material, name: str) -> tuple[Rays, IndexRang
     ``name`` is the source in errors. Raises :class:`InputError` where more than 1 % of the flux is beyond the trusted
     range of ``material``.
     """
-    sums, flux, clamped, extrapolated = ColourSums(), 0.0, 0.0, 0.0
+    sums = ColourSums()
+    flux = 0.0
+    clamped = 0.0
+    extrapolated = 0.0
     for block in blocks_of(rays):
         waves = _wavelengths(block)
         outside = ~_within(waves, material.trusted_nm) | ~usable_wavelengths(waves)
@@ -86,15 +90,18 @@ def index_of_spectrum(spectrum: Spectrum, material: Material) -> IndexRange:
     Raises :class:`InputError` where more than 1 % of the power is beyond the material's trusted range.
     """
     lit = np.flatnonzero(spectrum.power_density)
-    first, last = max(int(lit[0]) - 1, 0), min(int(lit[-1]) + 1, len(spectrum.wavelengths_nm) - 1)
-    low, high = float(spectrum.wavelengths_nm[first]), float(spectrum.wavelengths_nm[last])
+    first = max(int(lit[0]) - 1, 0)
+    last = min(int(lit[-1]) + 1, len(spectrum.wavelengths_nm) - 1)
+    low = float(spectrum.wavelengths_nm[first])
+    high = float(spectrum.wavelengths_nm[last])
     trusted, measured = (
         1.0
         if ends[0] <= low and high <= ends[1]
         else spectrum.share_up_to(ends[1]) - spectrum.share_up_to(np.nextafter(ends[0], 0.0))
         for ends in (material.trusted_nm, material.range_nm)
     )
-    clamped, extrapolated = max(1.0 - trusted, 0.0), max(trusted - measured, 0.0)
+    clamped = max(1.0 - trusted, 0.0)
+    extrapolated = max(trusted - measured, 0.0)
     _require_few(clamped, low, high, material, spectrum.name)
     return index_range_of(low, high, material, extrapolated, clamped)
 
@@ -102,14 +109,14 @@ def index_of_spectrum(spectrum: Spectrum, material: Material) -> IndexRange:
 def joined_range(parts: Sequence[tuple[IndexRange, float]]) -> IndexRange:
     """Least and largest wavelength of all parts, the indices there, and shares of the flux (W) that each comes with."""
     ends = sorted(
-        end for each, _ in parts for end in zip(each.wavelengths_nm or (), each.refractive_indices or (), strict=True)
+        end for part, _ in parts for end in zip(part.wavelengths_nm or (), part.refractive_indices or (), strict=True)
     )
     total = sum(flux for _, flux in parts)
     return IndexRange(
         wavelengths_nm=(ends[0][0], ends[-1][0]),
         refractive_indices=(ends[0][1], ends[-1][1]),
-        extrapolated_index_share=sum((each.extrapolated_index_share or 0.0) * flux for each, flux in parts) / total,
-        clamped_index_share=sum((each.clamped_index_share or 0.0) * flux for each, flux in parts) / total,
+        extrapolated_index_share=sum((part.extrapolated_index_share or 0.0) * flux for part, flux in parts) / total,
+        clamped_index_share=sum((part.clamped_index_share or 0.0) * flux for part, flux in parts) / total,
     )
 
 

@@ -40,7 +40,8 @@ class Disc:
 
     def place(self, points: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, "n 2"]:
         """Take the radius from the square root of the first number, the azimuth from the second."""
-        radius, azimuth = self.radius_mm * np.sqrt(points[:, 0]), 2.0 * np.pi * points[:, 1]
+        radius = self.radius_mm * np.sqrt(points[:, 0])
+        azimuth = 2.0 * np.pi * points[:, 1]
         return np.stack([radius * np.cos(azimuth), radius * np.sin(azimuth)], axis=1)
 
     def density(self, points: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, " n"]:
@@ -72,7 +73,8 @@ class Rectangles:
         return largest_symmetry(lambda mirror: np.allclose(self._sorted(mirror), original, rtol=0.0, atol=_SAME_MM))
 
     def _sorted(self, mirror: Float[np.ndarray, "3 3"]) -> Float[np.ndarray, "k _"]:
-        matrix, colours = mirror[:2, :2], [self.spectra] if len(self.spectra) else []
+        matrix = mirror[:2, :2]
+        colours = [self.spectra] if len(self.spectra) else []
         table = np.column_stack([self.centres @ matrix.T, self.sides @ np.abs(matrix).T, self.shares, *colours])
         return table[np.lexsort(np.round(table / _SAME_MM).T)]
 
@@ -148,8 +150,10 @@ class LuminanceImage:
         """Rectangle (mm) around the pixels that emit."""
         height, width = self.values.shape
         rows, columns = np.nonzero(self.values)
-        left, right = columns.min() - 0.5 * width, columns.max() + 1 - 0.5 * width
-        top, bottom = 0.5 * height - rows.min(), 0.5 * height - rows.max() - 1
+        left = columns.min() - 0.5 * width
+        right = columns.max() + 1 - 0.5 * width
+        top = 0.5 * height - rows.min()
+        bottom = 0.5 * height - rows.max() - 1
         return self.pitch_mm * np.array([[left, bottom], [right, bottom], [right, top], [left, top]])
 
 
@@ -166,5 +170,6 @@ def convex_hull(points: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, "k 2"]:
     corners = hull_points(points)
     if len(corners) > 2:
         return corners
-    (x0, y0), (x1, y1) = points.min(axis=0), points.max(axis=0)
+    (x0, y0) = points.min(axis=0)
+    (x1, y1) = points.max(axis=0)
     return np.array([[x0, y0], [x1, y0], [x1, y1], [x0, y1]])

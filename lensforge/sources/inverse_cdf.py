@@ -28,12 +28,14 @@ def choose_each(
 
     ``before``: what each distribution has before the cell of that index, from 0 to ``cells``.
     """
-    first, last = np.zeros(len(numbers), dtype=np.int64), np.full(len(numbers), cells)
+    first = np.zeros(len(numbers), dtype=np.int64)
+    last = np.full(len(numbers), cells)
     wanted = numbers * before(last)
     while (last - first).max() > 1:  # bisection, all numbers at once
         middle = (first + last) // 2
         above = before(middle) > wanted
-        first, last = np.where(above, first, middle), np.where(above, middle, last)
+        first = np.where(above, first, middle)
+        last = np.where(above, middle, last)
     low = before(first)
     share = before(first + 1) - low
     rest = np.divide(wanted - low, share, out=np.zeros_like(wanted), where=share > 0.0)

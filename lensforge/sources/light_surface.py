@@ -21,9 +21,14 @@ _RINGS_OF_HEIGHT = 8
 _STEEP = 0.15  # rays less flat than this tell the heights
 _CORE = 0.97  # of the rays of a ring, by their distance from its middle
 _FIRST = np.array([2.0, 1.0])  # of its images the one farthest along this is kept
-_CELLS, _RINGS, _AZIMUTHS = 24, 6, 12  # by which a dome is found
-_TELLING, _MOST_LOST = 20_000, 0.03  # rays that do so; their share that may miss it
-_MOST_RADIUS, _INDICES = 4.0, (1.41, 1.53)  # of half the width of the light; of silicones, with which a search begins
+# A dome is known by the rays in these cells.
+_CELLS = 24
+_RINGS = 6
+_AZIMUTHS = 12
+_TELLING = 20_000  # rays that suffice
+_MOST_LOST = 0.03  # share of the rays that may miss the dome
+_MOST_RADIUS = 4.0  # of half the width of the light
+_INDICES = (1.41, 1.53)  # of silicones, with which a search begins
 
 Traced = tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, "n 3"]]  # points (mm) and directions
 
@@ -38,7 +43,8 @@ class GlassDome:
 
     def inward(self, rays: RayBundle) -> Traced:
         """Points (mm) where rays traced back meet it, and their directions within; down for those that miss it."""
-        starts, along = rays.origins - (0.0, 0.0, self.height), rays.directions
+        starts = rays.origins - (0.0, 0.0, self.height)
+        along = rays.directions
         middle = np.sum(starts * along, axis=1)
         square = middle**2 - np.sum(starts**2, axis=1) + self.radius**2
         points = starts + (np.sqrt(np.maximum(square, 0.0)) - middle)[:, None] * along
@@ -60,8 +66,8 @@ def _refracted(
     """Directions behind a surface with the normal ahead, and the square of their cosine, below 0 where none leaves."""
     cosine = np.sum(along * normal, axis=1)
     square = 1.0 - ratio**2 * (1.0 - cosine**2)
-    found = ratio * along + (np.sqrt(np.maximum(square, 0.0)) - ratio * cosine)[:, None] * normal
-    return found / np.linalg.norm(found, axis=1, keepdims=True), square
+    refracted = ratio * along + (np.sqrt(np.maximum(square, 0.0)) - ratio * cosine)[:, None] * normal
+    return refracted / np.linalg.norm(refracted, axis=1, keepdims=True), square
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,7 +88,8 @@ class LightSurface:
     def of(rays: RayBundle, *, curved: bool) -> "LightSurface":
         """The surface on which the rays of each angle are closest together, or the plane nearest to all."""
         rise = rays.directions[:, 2]
-        steep, square = rise > _STEEP, 1.0 - rise**2
+        steep = rise > _STEEP
+        square = 1.0 - rise**2
         edges = np.quantile(square[steep], np.linspace(0.0, 1.0, _RINGS_OF_HEIGHT + 1 if curved else 2))
         rings = [steep & (square >= low) & (square <= high) for low, high in pairwise(edges)]
         heights = np.array([_waist(rays.take(ring)) for ring in rings])
@@ -97,13 +104,15 @@ class LightSurface:
         """
         from scipy.optimize import minimize
 
-        random, shares = np.random.default_rng(0), rays.flux / rays.flux.sum()
+        random = np.random.default_rng(0)
+        shares = rays.flux / rays.flux.sum()
         some = rays.take(random.choice(len(rays), min(_TELLING, len(rays)), p=shares))
         some = replace(some, flux=np.ones(len(some)))
         size = 0.5 * float((plane.high - plane.low).max())
 
         def dome(radius: float, middle: float, height: float, index: float) -> LightSurface:
-            none, heights = np.zeros(2), np.array([height * size])
+            none = np.zeros(2)
+            heights = np.array([height * size])
             return LightSurface(none, none, np.zeros(1), heights, GlassDome(radius * size, middle * size, index))
 
         def spread(numbers: Float[np.ndarray, " n"], *index: float) -> float:
@@ -117,7 +126,7 @@ class LightSurface:
 
         height = float(plane.heights[0]) / size
         firsts = [(nearest([1.6, height, height], [0.5, 0.2, 0.2], index), index) for index in _INDICES]
-        first, index = min(firsts, key=lambda each: float(each[0].fun))
+        first, index = min(firsts, key=lambda hit: float(hit[0].fun))
         best = nearest([*first.x, index], [0.1, 0.05, 0.05, 0.05])
         return dome(*best.x.tolist())._around(rays) if best.fun < plane._spread(some) else None
 
@@ -126,13 +135,13 @@ class LightSurface:
         places = self.inward(rays.take(self.holds(rays)))[0][:, :2]
         middle = np.average(places, axis=0, weights=rays.flux[self.holds(rays)])
         half = np.maximum(self.high - middle, middle - self.low)
-        half = np.full(2, half.max()) if any(each[0, 0] == 0.0 for each in generators(mirrors)) else half
+        half = np.full(2, half.max()) if any(generator[0, 0] == 0.0 for generator in generators(mirrors)) else half
         return replace(self, low=middle - half, high=middle + half, mirrors=mirrors)
 
     @property
     def corner(self) -> Float[np.ndarray, " 2"]:
         """Lower corner (mm) of the part onto which all images fall; the upper one is ``high``."""
-        halved = [any(each[axis, axis] == -1.0 for each in generators(self.mirrors)) for axis in (0, 1)]
+        halved = [any(generator[axis, axis] == -1.0 for generator in generators(self.mirrors)) for axis in (0, 1)]
         return np.where(halved, 0.5 * (self.low + self.high), self.low)
 
     @property
@@ -156,11 +165,12 @@ class LightSurface:
         """Points (mm) and directions on the surface, each as the one of its images that stands for all."""
         points, along = self.inward(rays)
         middle = np.append(0.5 * (self.low + self.high), 0.0)
-        own = points - middle
+        local = points - middle
         for mirror in generators(self.mirrors):
-            beyond = ((own @ mirror - own)[:, :2] @ _FIRST > 0.0)[:, None]
-            own, along = np.where(beyond, own @ mirror, own), np.where(beyond, along @ mirror, along)
-        return own + middle, along
+            beyond = ((local @ mirror - local)[:, :2] @ _FIRST > 0.0)[:, None]
+            local = np.where(beyond, local @ mirror, local)
+            along = np.where(beyond, along @ mirror, along)
+        return local + middle, along
 
     def height(self, along: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, " n"]:
         """Height (mm) of the surface for light into each direction there."""
@@ -201,30 +211,34 @@ class LightSurface:
         upwards = (along[:, 2] > LEAST_RISE) & (rays.directions[:, 2] > LEAST_RISE)
         if upwards.mean() < 0.5:
             return np.inf
-        points, along = points[upwards], along[upwards]
+        points = points[upwards]
+        along = along[upwards]
         low, high = np.quantile(points[:, :2], (_BEYOND, 1.0 - _BEYOND), axis=0)
         if (high <= low).any():
             return np.inf
-        own = replace(self, low=low, high=high)
-        found = np.log(float(np.prod(high - low)) * np.pi * self.square_index)
+        fitted = replace(self, low=low, high=high)
+        entropy = np.log(float(np.prod(high - low)) * np.pi * self.square_index)
         for sides in ((_CELLS, 1, 1), (1, _RINGS, _AZIMUTHS)):
-            share = np.bincount(own.blocks(points, along, sides)) / len(points)
+            share = np.bincount(fitted.blocks(points, along, sides)) / len(points)
             lit = share[share > 0.0]
-            found -= float(np.sum(lit * np.log(lit))) + np.log(np.prod(sides) * sides[0])
-        return float(found + 10.0 * max(1.0 - upwards.mean() - _MOST_LOST, 0.0))
+            entropy -= float(np.sum(lit * np.log(lit))) + np.log(np.prod(sides) * sides[0])
+        return float(entropy + 10.0 * max(1.0 - upwards.mean() - _MOST_LOST, 0.0))
 
 
 def _waist(rays: RayBundle) -> float:
     """Height (mm) at which rays are closest together, but for those that are far from the others."""
     slope = rays.directions[:, :2] / rays.directions[:, 2:]
-    place, weight = rays.origins[:, :2] - rays.origins[:, 2:] * slope, rays.flux
+    place = rays.origins[:, :2] - rays.origins[:, 2:] * slope
+    weight = rays.flux
     height = 0.0
     for _ in range(3):
-        own = place - np.average(place, axis=0, weights=weight), slope - np.average(slope, axis=0, weights=weight)
-        spread = float(np.sum(weight[:, None] * own[1] ** 2))
-        height = -float(np.sum(weight[:, None] * own[0] * own[1])) / spread if spread > 0.0 else 0.0
+        centred = place - np.average(place, axis=0, weights=weight), slope - np.average(slope, axis=0, weights=weight)
+        spread = float(np.sum(weight[:, None] * centred[1] ** 2))
+        height = -float(np.sum(weight[:, None] * centred[0] * centred[1])) / spread if spread > 0.0 else 0.0
         at_waist = place + height * slope
         distance = np.linalg.norm(at_waist - np.median(at_waist, axis=0), axis=1)
         near = distance <= np.quantile(distance, _CORE)
-        place, slope, weight = place[near], slope[near], weight[near]
+        place = place[near]
+        slope = slope[near]
+        weight = weight[near]
     return height

@@ -28,7 +28,8 @@ _MOST_TURN_RAD = 0.15  # that of 13,000 rays: larger turns have not been tried
 # led_rayfile, by a million other rays: of 30,000 rays with 0.2, 0.3, 0.5 held back an NMSE of 0.0141, 0.0136, 0.0141,
 # told to 0.005, 0.004, 0.002; of 100,000 with 0.1, 0.2, 0.3, 0.5 one of 0.0134, 0.0132, 0.0129, 0.0138, told to 0.003,
 # 0.0013, 0.001, 0.0007; of a million 0.0128 to 0.0141, without a trend.
-_SEARCHED, _MOST_SEARCHED = 0.7, 2**20
+_SEARCHED = 0.7
+_MOST_SEARCHED = 2**20
 _LEAST_RAYS = 54  # of which 16 are held back, one for each replicate of an evaluation
 _LEAST_RISE = 0.1  # of a direction relative to the source's plane: flatter rays would cross it far away, and stay
 
@@ -125,7 +126,8 @@ class TurnedRays(ChangedSource):
 
     def sample(self, count: int, seed: int) -> RayBundle:
         """Draw rays of the source itself, and turn them; each starts as far from the plane as it did."""
-        rays, pose = self.source.sample(count, seed), self.source.pose
+        rays = self.source.sample(count, seed)
+        pose = self.source.pose
         turns = self.sigma_rad * np.random.default_rng(seed).standard_normal((count, 3))
         return _turned(rays.seen_from(pose), turns).placed(pose)
 
@@ -135,27 +137,36 @@ class TurnedRays(ChangedSource):
         A direction to which normal numbers of deviation ``sigma`` are added has, at an angle of cosine c, the density
         ``(1 + c^2/sigma^2) / (2 pi) exp(-(1 - c^2) / (2 sigma^2))`` per sr, but for ``exp(-1 / (2 sigma^2))``.
         """
-        rays, pose, variance = self.source.sample(len(targets), seed), self.source.pose, self.sigma_rad**2
-        own = rays.seen_from(pose)
-        along, rise = own.directions, own.directions[:, 2:]
+        rays = self.source.sample(len(targets), seed)
+        pose = self.source.pose
+        variance = self.sigma_rad**2
+        local_rays = rays.seen_from(pose)
+        along = local_rays.directions
+        rise = local_rays.directions[:, 2:]
         steep = np.abs(rise) > _LEAST_RISE
-        crossings = np.where(steep, own.origins - own.origins[:, 2:] / np.where(steep, rise, 1.0) * along, own.origins)
+        crossings = np.where(
+            steep,
+            local_rays.origins - local_rays.origins[:, 2:] / np.where(steep, rise, 1.0) * along,
+            local_rays.origins,
+        )
 
         def density(turned: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, " n"]:
             square = np.maximum((turned * along).sum(axis=1), 0.0) ** 2
             lobe: Float[np.ndarray, " n"] = (1.0 + square / variance) * np.exp((square - 1.0) / (2.0 * variance))
             return lobe / (2.0 * np.pi)
 
-        start = replace(own, origins=crossings)
+        start = replace(local_rays, origins=crossings)
         return aimed(start, pose.own_points(targets), density).placed(pose)
 
 
 def _turned(rays: RayBundle, turns: Float[np.ndarray, "n 3"]) -> RayBundle:
     """Rays with ``turns`` added to their directions, about their crossings of z = 0 and from the same heights."""
-    origins, directions = rays.origins, rays.directions
+    origins = rays.origins
+    directions = rays.directions
     turned = directions + turns
     turned /= np.linalg.norm(turned, axis=1, keepdims=True)
-    rise, turned_rise = directions[:, 2], turned[:, 2]
+    rise = directions[:, 2]
+    turned_rise = turned[:, 2]
     steep = (np.abs(rise) > _LEAST_RISE) & (turned_rise * np.sign(rise) > 0.5 * _LEAST_RISE)
     crossings = origins - origins[:, 2:] / np.where(steep, rise, 1.0)[:, None] * directions
     moved = crossings + origins[:, 2:] / np.where(steep, turned_rise, 1.0)[:, None] * turned

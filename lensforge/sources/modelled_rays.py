@@ -26,15 +26,21 @@ from lensforge.surfaces.mirror_group import NAMES, generators
 _FITTED = 2**20  # rays at most; those of a larger file are chosen at random
 _CHOOSING = 100_000  # rays at most by which the detail is chosen
 _JUDGED_BY = 0.2  # of the rays
-_ERRORS, _LEAST_EFFECTIVE = 1.0, 2000.0  # of the likelihood, by which finer detail must be better; rays
-_MOST_STRAY, _LEAST_WIDTH_MM = 0.1, 1e-6  # of the flux; of the surface
+_ERRORS = 1.0  # standard errors of the likelihood by which finer detail must be better
+_LEAST_EFFECTIVE = 2000.0  # rays
+_MOST_STRAY = 0.1  # of the flux
+_LEAST_WIDTH_MM = 1e-6  # of the surface
 _LEAST_START = 0.01  # of the flux starts lower
 _SIDES = 6, 3, 6  # blocks of place and angle
 _BLOCKS = _SIDES[0] * prod(_SIDES)
 _SIDES_OF_IMAGES = (6, 3, 12), (24, 1, 1)  # with images that are blocks themselves
 _DRAWN = 2**18  # rays of a model that is judged
-_STEPS_OF_CHOICE, _STEPS_AGAIN = 25, 20
-_MOST_FACTORS, _MOST_CELLS, _LEAST_BLUR, _MOST_AZIMUTHS = 64, 96, 0.5, 48
+_STEPS_OF_CHOICE = 25
+_STEPS_AGAIN = 20
+_MOST_FACTORS = 64
+_MOST_CELLS = 96
+_LEAST_BLUR = 0.5
+_MOST_AZIMUTHS = 48
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,7 +96,9 @@ class ModelledRays:
     @property
     def words(self) -> str:
         """The model in a few words."""
-        detail, (rows, columns), surface = self.radiance.detail, self.radiance.shape, self.radiance.surface
+        detail = self.radiance.detail
+        (rows, columns) = self.radiance.shape
+        surface = self.radiance.surface
         dome = f" in a dome of {surface.dome.radius:.3g} mm, n = {surface.dome.index:.3g}," if surface.dome else ","
         images = "" if surface.mirrors == "none" else f" and its images under {surface.mirrors},"
         factors = "1 factor" if detail.factors == 1 else f"{detail.factors} factors"
@@ -120,9 +128,9 @@ class ModelledRays:
         Stray rays are turned as those of a file are, and so are all from a dome.
         """
         rays, places = self._drawn(len(targets), seed)
-        own = self.file.pose.own_points(targets)
+        local_targets = self.file.pose.own_points(targets)
         lit = np.isfinite(places[:, 0]) & (self.radiance.surface.dome is None)
-        away = own - places
+        away = local_targets - places
         along = np.where(lit[:, None], away / np.linalg.norm(away, axis=1, keepdims=True), rays.directions)
         share = np.where(lit, self._emitter.table.intensity(np.where(lit[:, None], places, 0.0), along), 0.0)
         aimed = replace(
@@ -130,7 +138,7 @@ class ModelledRays:
         )
         if not lit.all():
             turned = smoothed(RaySetEmitter(rays.take(~lit), float(rays.flux[~lit].sum())))
-            far = towards(turned, own[~lit], seed)
+            far = towards(turned, local_targets[~lit], seed)
             for name in ("origins", "directions", "flux"):
                 getattr(aimed, name)[~lit] = getattr(far, name)
         return aimed.placed(self.file.pose)
@@ -152,7 +160,8 @@ class ModelledRays:
         """Rays about the file's origin, and the point (mm) of the surface from which each comes; NaN of stray ones."""
         if count < 1:
             raise InputError(f"{count} rays: at least 1")
-        coloured, share = self.lit.waves is not None or self.lit.tristimulus is not None, self.stray_share
+        coloured = self.lit.waves is not None or self.lit.tristimulus is not None
+        share = self.stray_share
         points = sobol(count, 5 if coloured else 4, seed)
         stray = np.flatnonzero(points[:, 0] < share)
         flux = np.cumsum(self.stray.flux)
@@ -163,7 +172,8 @@ class ModelledRays:
         places, directions = self.radiance.surface.outward(inner, within)
         along = np.maximum(self.start_mm - places[:, 2], 0.0) / np.maximum(directions[:, 2], 1e-9)
         origins = places + np.minimum(along, self.reach_mm)[:, None] * directions
-        origins[stray], directions[stray] = self.stray.origins[chosen], self.stray.directions[chosen]
+        origins[stray] = self.stray.origins[chosen]
+        directions[stray] = self.stray.directions[chosen]
         places[stray] = np.nan
         rays = RayBundle(origins, directions, np.full(count, self.flux_w / count))
         if not coloured:
@@ -209,10 +219,11 @@ class _Content:
     @staticmethod
     def of(file: RaySetEmitter) -> "_Content":
         """The file, with a digest of a million of its rays and of their place."""
-        rays, found = _some(file, _FITTED), sha256(f"{len(file)} {file.flux_w} {file.pose}".encode())
+        rays = _some(file, _FITTED)
+        digest = sha256(f"{len(file)} {file.flux_w} {file.pose}".encode())
         for column in (rays.origins, rays.directions, rays.flux, rays.wavelengths_nm, rays.tristimulus):
-            found.update(b"none" if column is None else np.ascontiguousarray(column).tobytes())
-        return _Content(file, found.hexdigest())
+            digest.update(b"none" if column is None else np.ascontiguousarray(column).tobytes())
+        return _Content(file, digest.hexdigest())
 
 
 def modelled(file: RaySetEmitter, wanted: str) -> RaySetEmitter | ModelledRays:
@@ -222,13 +233,13 @@ def modelled(file: RaySetEmitter, wanted: str) -> RaySetEmitter | ModelledRays:
     """
     if wanted == "rays":
         return file
-    found = _best(_Content.of(file))
-    if isinstance(found, ModelledRays):
-        return replace(found, file=file)
+    model = _best(_Content.of(file))
+    if isinstance(model, ModelledRays):
+        return replace(model, file=file)
     if wanted == "radiance":
-        raise InputError(f'source.model = "radiance": {found}; set source.model = "rays", or "auto"')
+        raise InputError(f'source.model = "radiance": {model}; set source.model = "rays", or "auto"')
     summary = file.summary
-    return file if summary is None else replace(file, summary=summary.changed(model=f"rays: {found}"))
+    return file if summary is None else replace(file, summary=summary.changed(model=f"rays: {model}"))
 
 
 @lru_cache(maxsize=4)
@@ -243,14 +254,16 @@ def _best(content: _Content) -> ModelledRays | str:
     if isinstance(surfaces, str):
         return surfaces
     judges = round(_JUDGED_BY * len(rays))
-    judging, fitting = rays.take(slice(0, judges)), rays.take(slice(judges, len(rays)))
+    judging = rays.take(slice(0, judges))
+    fitting = rays.take(slice(judges, len(rays)))
     few = judging.take(slice(0, round(_JUDGED_BY * _CHOOSING))), fitting.take(slice(0, _CHOOSING))
     chosen = _chosen(*few, _with_images(_likeliest(*few, surfaces), rays))
     surface = chosen.surface
     model = FittedRadiance.of(fitting.take(surface.holds(fitting)), surface, chosen.detail)
     noise = _BLOCKS / (effective * len(file) / len(rays))
     apart = _apart(model, judging.take(surface.holds(judging)))
-    error, chance = np.sqrt(2.0 * _BLOCKS) / judges, noise**0.5
+    error = np.sqrt(2.0 * _BLOCKS) / judges
+    chance = noise**0.5
     if apart > noise + 3.0 * error:
         return f"the model is {np.sqrt(apart):.2g} off rays held back, those of the file {chance:.2g} by chance"
     off = float(np.sqrt(max(apart, 0.0) + 2.0 * error))
@@ -261,15 +274,15 @@ def _surfaces(rays: RayBundle) -> list[LightSurface] | str:
     """Surfaces that rays may come from; why there is none."""
     if np.ptp(rays.directions[:, :2], axis=0).max() < 0.1:
         return "parallel rays do not tell where they come from"
-    found = []
+    surfaces = []
     for curved in (False, True):
         surface = LightSurface.of(rays, curved=curved)
         stray = 1.0 - float(rays.flux[surface.holds(rays)].sum() / rays.flux.sum())
         if stray <= _MOST_STRAY and (surface.high - surface.low).min() > _LEAST_WIDTH_MM:
-            found.append(surface)
-    dome = LightSurface.in_dome(rays.take(found[0].holds(rays)), found[0]) if found else None
-    if found:
-        return found if dome is None else [*found, dome]
+            surfaces.append(surface)
+    dome = LightSurface.in_dome(rays.take(surfaces[0].holds(rays)), surfaces[0]) if surfaces else None
+    if surfaces:
+        return surfaces if dome is None else [*surfaces, dome]
     if (surface.high - surface.low).min() <= _LEAST_WIDTH_MM:
         return "its rays come from a point or a line, which has no radiance"
     return f"{100.0 * stray:.2g} % of the flux comes from no common surface: at most {100.0 * _MOST_STRAY:.0f} %"
@@ -283,28 +296,31 @@ def _better(judging: RayBundle, new: FittedRadiance, old: FittedRadiance) -> boo
 def _likeliest(judging: RayBundle, fitting: RayBundle, surfaces: list[LightSurface]) -> LightSurface:
     """The surface from which ``judging`` rays, which all hold, are likeliest to come, by one factor for each."""
     held = [np.all([surface.holds(rays) for surface in surfaces], axis=0) for rays in (judging, fitting)]
-    judging, fitting = judging.take(held[0]), fitting.take(held[1])
-    best, *others = (FittedRadiance.of(fitting, surface, Detail(), _STEPS_OF_CHOICE) for surface in surfaces)
-    for other in others:
-        best = other if _better(judging, other, best) else best
+    judging = judging.take(held[0])
+    fitting = fitting.take(held[1])
+    best, *further = (FittedRadiance.of(fitting, surface, Detail(), _STEPS_OF_CHOICE) for surface in surfaces)
+    for candidate in further:
+        best = candidate if _better(judging, candidate, best) else best
     return best.surface
 
 
 def _with_images(surface: LightSurface, rays: RayBundle) -> LightSurface:
     """``surface`` with the largest group of mirrors whose images of ``rays`` differ from them by chance alone."""
     rays = rays.take(surface.holds(rays))
-    wide, weights = surface.mirrored(rays, "square"), rays.flux / rays.flux.sum()
-    (points, along), middle = wide.inward(rays), np.append(0.5 * (wide.low + wide.high), 0.0)
+    wide = surface.mirrored(rays, "square")
+    weights = rays.flux / rays.flux.sum()
+    (points, along) = wide.inward(rays)
+    middle = np.append(0.5 * (wide.low + wide.high), 0.0)
 
     def unchanged(mirror: Float[np.ndarray, "3 3"]) -> bool:
         images = middle + (points - middle) @ mirror
         for sides in _SIDES_OF_IMAGES:
             rows = wide.blocks(points, along, sides), wide.blocks(images, along @ mirror, sides)
-            sums = [[np.bincount(each, weights**power, sides[0] * prod(sides)) for power in (1, 2)] for each in rows]
-            (own, noise), (image, other) = sums
-            lit = noise + other > 0.0  # each difference is there twice, so that its sum has twice the variance
-            found = float(((own - image)[lit] ** 2 / (noise + other)[lit]).sum())
-            if found > lit.sum() + 6.0 * np.sqrt(lit.sum()):
+            sums = [[np.bincount(row, weights**power, sides[0] * prod(sides)) for power in (1, 2)] for row in rows]
+            (counts, noise), (image, image_noise) = sums
+            lit = noise + image_noise > 0.0  # each difference is there twice, so that its sum has twice the variance
+            deviationof_group = float(((counts - image)[lit] ** 2 / (noise + image_noise)[lit]).sum())
+            if deviationof_group > lit.sum() + 6.0 * np.sqrt(lit.sum()):
                 return False
         return True
 
@@ -312,18 +328,24 @@ def _with_images(surface: LightSurface, rays: RayBundle) -> LightSurface:
     names = (
         name
         for name in reversed(NAMES)
-        if all(any(np.array_equal(each, one) for one in same) for each in generators(name))
+        if all(
+            any(np.array_equal(generator, known_generator) for known_generator in same)
+            for generator in generators(name)
+        )
     )
-    found = next(names)
-    return surface if found == "none" else surface.mirrored(rays, found)
+    name_of_group = next(names)
+    return surface if name_of_group == "none" else surface.mirrored(rays, name_of_group)
 
 
 def _chosen(judging: RayBundle, fitting: RayBundle, surface: LightSurface) -> FittedRadiance:
     """The model of ``fitting`` that ``judging`` rays are likeliest to come from."""
-    judging, fitting = judging.take(surface.holds(judging)), fitting.take(surface.holds(fitting))
+    judging = judging.take(surface.holds(judging))
+    fitting = fitting.take(surface.holds(fitting))
     best = FittedRadiance.of(fitting, surface, Detail(), _STEPS_OF_CHOICE)
     tried = {best.detail}
-    while (detail := next((each for each in _finer(best.detail) if each not in tried), None)) is not None:
+    while (
+        detail := next((detail_tried for detail_tried in _finer(best.detail) if detail_tried not in tried), None)
+    ) is not None:
         tried.add(detail)
         new = FittedRadiance.of(fitting, surface, detail, _STEPS_OF_CHOICE)
         best = new if _better(judging, new, best) else best
@@ -348,8 +370,11 @@ def _apart(model: FittedRadiance, judging: RayBundle) -> float:
     As many rays of equal flux differ from their light by the number of blocks over that of rays.
     """
     places, directions = RadianceEmitter(model.table(), 1.0).emit(sobol(_DRAWN, 4, OF_FILE))
-    weights, numbers, blocks = judging.flux / judging.flux.sum(), _blocks(model.surface, judging), _BLOCKS
-    seen, square = np.bincount(numbers, weights, blocks), np.bincount(numbers, weights**2, blocks)
-    own = np.bincount(model.surface.blocks(places, directions, _SIDES), minlength=blocks) / _DRAWN
-    scale = np.maximum(0.5 * (seen + own), 1e-3 / blocks)
-    return float((((own - seen) ** 2 - square) / scale).sum())
+    weights = judging.flux / judging.flux.sum()
+    numbers = _blocks(model.surface, judging)
+    blocks = _BLOCKS
+    seen = np.bincount(numbers, weights, blocks)
+    square = np.bincount(numbers, weights**2, blocks)
+    drawn = np.bincount(model.surface.blocks(places, directions, _SIDES), minlength=blocks) / _DRAWN
+    scale = np.maximum(0.5 * (seen + drawn), 1e-3 / blocks)
+    return float((((drawn - seen) ** 2 - square) / scale).sum())

@@ -31,13 +31,16 @@ from lensforge.surfaces.mirror_group import largest_symmetry
 _M2_PER_MM2 = 1e-6
 _SAME = 1e-6  # of the largest radiance, and of the width: what differs less is symmetric
 _NAMES = ("x_mm", "y_mm", "c_deg", "gamma_deg", "radiance")
-_LEAST_W, _MOST_W = 1e-30, 1e12  # as of a source in a spec
+# The range of a source's flux in a spec.
+_LEAST_W = 1e-30
+_MOST_W = 1e12
 _BRIGHTEST = 1e20  # W/m^2/sr; lasers reach 1e16
 _MOST_NODES = 4096  # of an axis: 0.1 degrees in azimuth are 3601
 _FARTHEST = 1e9  # mm, as of any coordinate in a spec
 _NEARLY_FLAT_DEG = 89.0
 _CUT_SHARE = 0.01
-_NARROWEST_MM, _WIDEST_MM = 0.02, 500.0
+_NARROWEST_MM = 0.02
+_WIDEST_MM = 500.0
 _LARGEST = 2**28  # bytes unpacked, some 30 million nodes; a small archive may claim anything
 
 
@@ -97,7 +100,8 @@ class RadianceTable:
             for axis, edges in ((1, self.y_mm), (0, self.x_mm))
         )
         azimuth = np.rad2deg(np.arctan2(along[:, 1], along[:, 0])) % 360.0
-        squared, radiance = np.sum(along[:, :2] ** 2, axis=1), np.zeros(len(along))
+        squared = np.sum(along[:, :2] ** 2, axis=1)
+        radiance = np.zeros(len(along))
         for plane, by_turn in _beside(azimuth, self.c_deg):
             for node, by_rise in _beside(squared, self.squares):
                 radiance += by_turn * by_rise * self.radiance[(*cells, plane, node)]
@@ -107,11 +111,12 @@ class RadianceTable:
 
     def _unchanged(self, mirror: Float[np.ndarray, "3 3"]) -> bool:
         """True where the mirror image has the same edges, and the same radiance in each cell and direction."""
-        swapped, signs = mirror[0, 0] == 0.0, mirror.sum(axis=1).astype(int)
+        swapped = mirror[0, 0] == 0.0
+        signs = mirror.sum(axis=1).astype(int)
         edges = (self.y_mm, self.x_mm) if swapped else (self.x_mm, self.y_mm)
         width = float(np.ptp(self.x_mm) + np.ptp(self.y_mm))
-        for own, image, sign in zip((self.x_mm, self.y_mm), edges, signs[:2], strict=True):
-            if len(own) != len(image) or np.abs(own - sign * image[::sign]).max() > _SAME * width:
+        for nodes, image, sign in zip((self.x_mm, self.y_mm), edges, signs[:2], strict=True):
+            if len(nodes) != len(image) or np.abs(nodes - sign * image[::sign]).max() > _SAME * width:
                 return False
         by_x = np.swapaxes(self._turned(mirror), 0, 1)
         by_x = (np.swapaxes(by_x, 0, 1) if swapped else by_x)[:: signs[0], :: signs[1]]
@@ -151,8 +156,8 @@ def read_radiance(path: Path) -> RadianceTable:
     table = RadianceTable(**arrays)
     if not _LEAST_W < table.flux() < _MOST_W:
         raise InputError(f"{path}: its flux is {table.flux():g} W: radiances must not be all dark, or huge")
-    for words in _doubts(table):
-        warnings.warn(f"{path}: {words}", FileWarning, stacklevel=1)
+    for doubt in _doubts(table):
+        warnings.warn(f"{path}: {doubt}", FileWarning, stacklevel=1)
     return table
 
 
@@ -231,15 +236,19 @@ class RadianceEmitter:
         """Map points of the unit cube to start points (mm) and unit directions; equal volumes get equal flux."""
         from lensforge.kernels.radiance_rays import RadianceSums, emit  # compiled code is loaded where rays are drawn
 
-        sums, origins, directions = RadianceSums(*self._sums), np.empty((len(points), 3)), np.empty((len(points), 3))
+        sums = RadianceSums(*self._sums)
+        origins = np.empty((len(points), 3))
+        directions = np.empty((len(points), 3))
         in_pieces(lambda part: emit(points[part], sums, origins[part], directions[part]), len(points), worth=4096)
         return origins, directions
 
     def outline(self) -> Float[np.ndarray, "4 3"]:
         """Rectangle (mm) around the cells that emit."""
         rows, columns = np.nonzero(self.table.cell_fluxes)
-        left, right = self.table.x_mm[columns.min()], self.table.x_mm[columns.max() + 1]
-        bottom, top = self.table.y_mm[rows.min()], self.table.y_mm[rows.max() + 1]
+        left = self.table.x_mm[columns.min()]
+        right = self.table.x_mm[columns.max() + 1]
+        bottom = self.table.y_mm[rows.min()]
+        top = self.table.y_mm[rows.max() + 1]
         return np.array([[left, bottom, 0.0], [right, bottom, 0.0], [right, top, 0.0], [left, top, 0.0]])
 
     @cached_property

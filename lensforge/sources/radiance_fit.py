@@ -24,7 +24,8 @@ from lensforge.sources.ray_bundle import RayBundle
 from lensforge.surfaces.mirror_group import generators, group
 
 _UNIFORM = 0.01  # share of an even light in likelihoods, so that one ray in a dark cell does not decide
-STEPS, _LEAST_GAIN = 120, 2e-5  # of a fit; of the logarithm of the likelihood a ray, over ten steps
+STEPS = 120  # of a fit
+_LEAST_GAIN = 2e-5  # of the log-likelihood per ray, over ten steps
 _SEED = 7
 _DARK = 1e-30  # a density that no ray has, so that what it is divided by stays finite
 _WORTH = 10_000  # rays for which two threads are quicker than one
@@ -80,7 +81,8 @@ class Angles:
         turn = np.arctan2(directions[:, 1], directions[:, 0]) / (2.0 * np.pi) % 1.0
         inner = np.clip(np.searchsorted(self.squares, square, side="right") - 1, 0, self.rings - 1)
         outward = (square - self.squares[inner]) / (self.squares[inner + 1] - self.squares[inner])
-        nodes, shares = np.empty((len(square), 4), dtype=np.int32), np.empty((len(square), 4))
+        nodes = np.empty((len(square), 4), dtype=np.int32)
+        shares = np.empty((len(square), 4))
         for place, (ring, share) in enumerate(((inner, 1.0 - outward), (inner + 1, outward))):
             around = turn * self.counts[ring]
             before = np.floor(around)
@@ -92,14 +94,15 @@ class Angles:
 
     def on_grid(self, weights: Float[np.ndarray, "j k"]) -> Float[np.ndarray, "c r k"]:
         """Density (1/sr projected) by azimuth, 0 and 360 degrees included, and ring, for weights of functions."""
-        turns, values = np.arange(self.azimuths + 1) / self.azimuths, weights / self.measures[:, None]
+        turns = np.arange(self.azimuths + 1) / self.azimuths
+        values = weights / self.measures[:, None]
         rings = []
         for start, count in zip(self.starts, self.counts, strict=False):
             around = turns * count
             before = np.floor(around).astype(np.int64)
             second = (around - before)[:, None]
-            own = values[start : start + count]
-            rings.append((1.0 - second) * own[before % count] + second * own[(before + 1) % count])
+            cell_values = values[start : start + count]
+            rings.append((1.0 - second) * cell_values[before % count] + second * cell_values[(before + 1) % count])
         return np.stack(rings, axis=1)
 
 
@@ -129,28 +132,33 @@ class FittedRadiance:
 
     def fitted(self, rays: RayBundle, steps: int = STEPS) -> "FittedRadiance":
         """Fit to other ``rays``, from this model on."""
-        model, seen, logarithm = self, _seen(rays, self), -np.inf
+        model = self
+        seen = _seen(rays, self)
+        logarithm = -np.inf
         seen = seen.take(np.argsort(seen.cells, kind="stable"))
         light = np.bincount(seen.cells, seen.weights, len(model.place))
         for step in range(steps):
-            found = _densities(model, seen)
+            density = _densities(model, seen)
             if step % 10 == 0:
-                before, logarithm = logarithm, float(seen.weights @ np.log(found, dtype=float))
+                before, logarithm = logarithm, float(seen.weights @ np.log(density, dtype=float))
                 if logarithm - before < _LEAST_GAIN:
                     break
-            model = _stepped(model, seen, found, light)
+            model = _stepped(model, seen, density, light)
         return model
 
     def logarithms(self, rays: RayBundle) -> Float[np.ndarray, " n"]:
         """Logarithm of the radiance (1/mm^2/sr of all the light) of each ray, a hundredth of it even light."""
-        surface, seen = self.surface, _seen(rays, self)
+        surface = self.surface
+        seen = _seen(rays, self)
         area, cell = (float(np.prod(surface.high - low)) for low in (surface.low, surface.corner))
-        found = _densities(self, seen).astype(float) * (len(self.place) / cell / len(group(surface.mirrors)))
-        return np.log(((1.0 - _UNIFORM) * found + _UNIFORM / (np.pi * area)) / surface.square_index)
+        density = _densities(self, seen).astype(float) * (len(self.place) / cell / len(group(surface.mirrors)))
+        return np.log(((1.0 - _UNIFORM) * density + _UNIFORM / (np.pi * area)) / surface.square_index)
 
     def table(self) -> RadianceTable:
         """The model as a table of radiance on its surface, of 1 W, with all images."""
-        surface, (rows, columns), azimuths = self.surface, self.shape, self.detail.azimuths
+        surface = self.surface
+        (rows, columns) = self.shape
+        azimuths = self.detail.azimuths
         area_m2 = float(np.prod(surface.high - surface.corner)) / len(self.place) * 1e-6
         grid = np.tensordot(self.place, self.angles.on_grid(self.angle), axes=([1], [2])) / area_m2
         grid = grid.reshape(rows, columns, *grid.shape[1:])
@@ -162,7 +170,8 @@ class FittedRadiance:
                 grid = 0.5 * np.concatenate([grid[:, ::-1, (azimuths // 2 - turns) % azimuths], grid], axis=1)
             else:
                 grid = 0.5 * np.concatenate([grid[::-1, :, -turns % azimuths], grid], axis=0)
-        (left, bottom), (right, top) = surface.low, surface.high
+        (left, bottom) = surface.low
+        (right, top) = surface.high
         x_mm, y_mm = np.linspace(left, right, grid.shape[1] + 1), np.linspace(bottom, top, len(grid) + 1)
         gamma = np.rad2deg(np.arcsin(np.sqrt(self.angles.squares)))
         return RadianceTable(x_mm, y_mm, np.linspace(0.0, 360.0, azimuths + 1), gamma, grid)
@@ -177,7 +186,8 @@ def _shape(surface: LightSurface, detail: Detail) -> tuple[int, int]:
 
 
 def _seen(rays: RayBundle, model: FittedRadiance) -> SeenRays:
-    surface, (rows, columns) = model.surface, model.shape
+    surface = model.surface
+    (rows, columns) = model.shape
     points, along = surface.told(rays)
     inside = (points[:, :2] - surface.corner) / (surface.high - surface.corner)
     column, row = np.clip(inside * (columns, rows), 0, (columns - 1, rows - 1)).astype(np.int32).T
@@ -188,7 +198,9 @@ def _seen(rays: RayBundle, model: FittedRadiance) -> SeenRays:
 
 def _start(rays: RayBundle, surface: LightSurface, detail: Detail) -> FittedRadiance:
     """Factors that are even in angle and follow the light in place, but for chance where there are several."""
-    random, angles, shape = np.random.default_rng(_SEED), Angles(detail.rings, detail.azimuths), _shape(surface, detail)
+    random = np.random.default_rng(_SEED)
+    angles = Angles(detail.rings, detail.azimuths)
+    shape = _shape(surface, detail)
     angle = angles.measures[:, None] * random.gamma(4.0, size=(len(angles.measures), detail.factors))
     noise = random.standard_normal((detail.factors, *shape))
     noise = gaussian_filter(noise, (0.0, min(shape) / 6.0, min(shape) / 6.0)).reshape(detail.factors, -1).T
@@ -199,22 +211,24 @@ def _start(rays: RayBundle, surface: LightSurface, detail: Detail) -> FittedRadi
 
 
 def _stepped(
-    model: FittedRadiance, seen: SeenRays, found: Float[np.ndarray, " n"], light: Float[np.ndarray, " c"]
+    model: FittedRadiance, seen: SeenRays, density: Float[np.ndarray, " n"], light: Float[np.ndarray, " c"]
 ) -> FittedRadiance:
-    """The model after one step, from the densities ``found`` of rays in the order of their cells.
+    """The model after one step, from the densities ``density`` of rays in the order of their cells.
 
     The mixture in a cell becomes that of the cells around, its ``light`` that of the rays.
     """
-    place, angle = model.place.astype(np.float32), model.angle.astype(np.float32)
-    by_place, by_angle = np.zeros_like(place), np.zeros((CHUNKS, *angle.shape), np.float32)
-    ends = np.searchsorted(seen.cells, seen.cells[len(found) * np.arange(1, CHUNKS) // CHUNKS])
-    parts = [slice(*edges) for edges in pairwise([0, *ends, len(found)])]  # no cell is in two
+    place = model.place.astype(np.float32)
+    angle = model.angle.astype(np.float32)
+    by_place = np.zeros_like(place)
+    by_angle = np.zeros((CHUNKS, *angle.shape), np.float32)
+    ends = np.searchsorted(seen.cells, seen.cells[len(density) * np.arange(1, CHUNKS) // CHUNKS])
+    parts = [slice(*edges) for edges in pairwise([0, *ends, len(density)])]  # no cell is in two
 
     def add(chunk: int) -> None:
         part = parts[chunk]
-        expect(seen.take(part), found[part], place, angle, by_place, by_angle[chunk])
+        expect(seen.take(part), density[part], place, angle, by_place, by_angle[chunk])
 
-    in_parallel(add, CHUNKS, shared=len(found) >= _WORTH)
+    in_parallel(add, CHUNKS, shared=len(density) >= _WORTH)
     angle = model.angle * by_angle.sum(axis=0)
     mixture = _blurred((model.place * by_place).reshape(*model.shape, -1), model.detail.blur).reshape(by_place.shape)
     place = mixture * (light / np.maximum(mixture.sum(axis=1), 1e-300))[:, None]
@@ -228,7 +242,8 @@ def _blurred(values: Float[np.ndarray, "r c k"], cells: float) -> Float[np.ndarr
     half = int(4.0 * cells + 0.5)
     taps = np.exp(-0.5 * (np.arange(-half, half + 1) / cells) ** 2)
     taps /= taps.sum()
-    once, twice = np.empty(values.shape), np.empty(values.shape)
+    once = np.empty(values.shape)
+    twice = np.empty(values.shape)
     whole = values.reshape(1, len(values), -1), once.reshape(1, len(values), -1)
     in_chunks(lambda _, part: blur(whole[0], taps, part.start, part.stop, whole[1]), len(values))
     in_chunks(lambda _, part: blur(once, taps, part.start, part.stop, twice), values.shape[1])
@@ -236,7 +251,8 @@ def _blurred(values: Float[np.ndarray, "r c k"], cells: float) -> Float[np.ndarr
 
 
 def _densities(model: FittedRadiance, seen: SeenRays) -> Float[np.ndarray, " n"]:
-    place, angle = model.place.astype(np.float32), model.angle.astype(np.float32)
-    found = np.empty(len(seen.cells), np.float32)
-    in_chunks(lambda _, part: densities(seen.take(part), place, angle, found[part]), len(found), worth=_WORTH)
-    return np.maximum(found, _DARK)
+    place = model.place.astype(np.float32)
+    angle = model.angle.astype(np.float32)
+    density = np.empty(len(seen.cells), np.float32)
+    in_chunks(lambda _, part: densities(seen.take(part), place, angle, density[part]), len(density), worth=_WORTH)
+    return np.maximum(density, _DARK)

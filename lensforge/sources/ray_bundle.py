@@ -298,7 +298,8 @@ class LazyRays:
         if isinstance(rows, slice):
             rows = np.arange(*rows.indices(sum(map(len, self.parts))))
         starts = accumulate(map(len, self.parts), initial=0)
-        taken, places = [], []
+        taken = []
+        places = []
         for part, start in zip(self.parts, starts, strict=False):  # the last start is the end
             here = np.flatnonzero((rows >= start) & (rows < start + len(part)))
             if len(here):

@@ -57,10 +57,13 @@ def coloured_set(rays: Rays, spectrum: SpectrumSpec | None, name: str) -> Rays:
         constant = tristimulus_of_spectrum(spectrum, name)
         return changed(rays, lambda some: coloured_alike(some, constant))
     coloured = changed(rays, coloured_by_wavelength)
-    seen, flux, ends = 0.0, 0.0, list[float]()
+    seen = 0.0
+    flux = 0.0
+    ends = list[float]()
     for block in blocks_of(coloured):
         assert block.tristimulus is not None and block.wavelengths_nm is not None
-        seen, flux = seen + float(block.flux @ block.tristimulus.sum(axis=1)), flux + float(block.flux.sum())
+        seen = seen + float(block.flux @ block.tristimulus.sum(axis=1))
+        flux = flux + float(block.flux.sum())
         ends += [float(block.wavelengths_nm.min()), float(block.wavelengths_nm.max())]
     _require_visible(seen / flux, np.array(ends), name)
     return coloured
@@ -103,7 +106,7 @@ class ChipColours:
         spectra = {spec: spectrum_of(spec) for spec in dict.fromkeys(known)}
         tristimulus = None
         if coloured:
-            tristimulus = np.array([tristimulus_of_spectrum(*each) for each in zip(known, names, strict=True)])
+            tristimulus = np.array([tristimulus_of_spectrum(*spectrum) for spectrum in zip(known, names, strict=True)])
         return ChipColours(tuple(spectra[spec] for spec in known), None if disperses else tristimulus, disperses)
 
     def given(self, rays: RayBundle, chips: Int[np.ndarray, " n"], seed: int) -> RayBundle:

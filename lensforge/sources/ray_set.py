@@ -43,7 +43,8 @@ def _crossings(rays: RayBundle, forward: bool) -> _Crossings:
 
     Rays along that plane stay where they start.
     """
-    start, direction = rays.origins, rays.directions
+    start = rays.origins
+    direction = rays.directions
     kept = (direction[:, 2] > 0.0) == forward
     level = np.abs(direction[:, 2]) < 1e-9
     length = np.where(level, 0.0, -start[:, 2] / np.where(level, 1.0, direction[:, 2]))
@@ -57,7 +58,8 @@ def _around(crossings: Callable[[], Iterable[_Crossings]]) -> Float[np.ndarray, 
     ``crossings`` begins a pass through the points.
     """
     sums = [(len(flux), float(flux.sum())) for _, flux in crossings()]
-    count, total = sum(rays for rays, _ in sums), sum(flux for _, flux in sums)
+    count = sum(rays for rays, _ in sums)
+    total = sum(flux for _, flux in sums)
     x = _value_at(0.5 * total, count, lambda: ((points[:, 0], flux) for points, flux in crossings()))
     y = _value_at(0.5 * total, count, lambda: ((points[:, 1], flux) for points, flux in crossings()))
 
@@ -77,17 +79,22 @@ def _value_at(wanted: float, count: int, blocks: Callable[[], Iterable[_Values]]
     ``blocks`` begins a pass through the ``count`` values. Where they are too many to be sorted, a pass tells the
     leading bits of the one sought, and the next one more of them.
     """
-    known, bits, below = 0, 0, 0.0  # leading bits of the value sought, and the flux at smaller ones than begin so
+    known = 0  # leading bits of the quantile
+    bits = 0
+    below = 0.0  # flux at values whose leading bits are smaller
     while count > sorted_at_once and bits + _DIGIT <= 64:
-        counts, fluxes = np.zeros(2**_DIGIT, dtype=np.int64), np.zeros(2**_DIGIT)
+        counts = np.zeros(2**_DIGIT, dtype=np.int64)
+        fluxes = np.zeros(2**_DIGIT)
         for values, flux in _beginning(blocks(), known, bits):
             digits = (_sortable(values) >> (64 - bits - _DIGIT)).astype(np.int64) & (2**_DIGIT - 1)
             counts += np.bincount(digits, minlength=2**_DIGIT)
             fluxes += np.bincount(digits, flux, minlength=2**_DIGIT)
         reached = below + np.cumsum(fluxes)
         digit = int(np.searchsorted(reached, wanted))
-        count, below = int(counts[digit]), float(reached[digit - 1]) if digit else below
-        known, bits = known << _DIGIT | digit, bits + _DIGIT
+        count = int(counts[digit])
+        below = float(reached[digit - 1]) if digit else below
+        known = known << _DIGIT | digit
+        bits = bits + _DIGIT
     values, flux = map(np.concatenate, zip(*_beginning(blocks(), known, bits), strict=True))
     order = np.argsort(values)
     place = np.searchsorted(below + np.cumsum(flux[order]), wanted)
@@ -123,8 +130,8 @@ def placed(rays: RayBundle, origin_mm: Float[np.ndarray, " 3"], placement: Place
     """Transform ``rays`` of a file to lens coordinates; ``origin_mm``, a point of the file, becomes the lens origin."""
     matrix = np.diag(_MIRROR[placement.mirror]) @ _TO_LENS_AXIS[placement.axis]
     origins = _turned(placement.scale * (rays.origins - origin_mm), matrix)
-    own = replace(rays, origins=origins, directions=_turned(rays.directions, matrix))
-    return own.placed(placement.pose)
+    moved = replace(rays, origins=origins, directions=_turned(rays.directions, matrix))
+    return moved.placed(placement.pose)
 
 
 def _turned(vectors: Float[np.ndarray, "n 3"], matrix: Float[np.ndarray, "3 3"]) -> Float[np.ndarray, "n 3"]:

@@ -77,24 +77,26 @@ def read_spectrum_file(path: Path) -> Columns:
             "cause; multiply them by 1000"
         )
     density, noise = not_below_zero(table[:, 1:], str(path), "power densities", "")
-    for words in noise:
-        warnings.warn(f"{path}: {words}", FileWarning, stacklevel=1)
+    for warning in noise:
+        warnings.warn(f"{path}: {warning}", FileWarning, stacklevel=1)
     return table[:, 0], density[:, 0]
 
 
-def _require_continuous(found: TextTable) -> None:
+def _require_continuous(table: TextTable) -> None:
     """Refuse a file whose header says that its rows are no continuous spectrum, or does not say how many they are."""
-    for line in found.header:
+    for line in table.header:
         if _ANOTHER_KIND.match(line.text):
-            words = "only continuous, radiometric spectra are read; export it so"
-            raise InputError(f"{found.name}, line {line.number}: {shown(line.text)}: {words}")
-    if found.count is None and found.header and found.header[0].text.upper().startswith("OPTIS"):
-        raise InputError(f"{found.name}: line 3 of an OPTIS spectrum is the number of its samples; export it again")
+            advice = "only continuous, radiometric spectra are read; export it so"
+            raise InputError(f"{table.name}, line {line.number}: {shown(line.text)}: {advice}")
+    if table.count is None and table.header and table.header[0].text.upper().startswith("OPTIS"):
+        raise InputError(f"{table.name}: line 3 of an OPTIS spectrum is the number of its samples; export it again")
 
 
 _LIGHT_NM = 1.0, 1e7  # from X-rays to 1 cm: other wavelengths come from a damaged file
 _FINEST_NM = 1e-6  # between two wavelengths; slopes over less are rounding
-_LEAST_PEAK, _LARGEST_PEAK = 1e-30, 1e30  # of a density in any unit: its sums stay within floating point
+# A density in any unit whose sums stay within floating point.
+_LEAST_PEAK = 1e-30
+_LARGEST_PEAK = 1e30
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,7 +111,8 @@ class Spectrum:
     name: str = "spectrum"
 
     def __post_init__(self) -> None:
-        waves, density = self.wavelengths_nm, self.power_density
+        waves = self.wavelengths_nm
+        density = self.power_density
         if not (usable_wavelengths(waves).all() and (np.diff(waves) >= _FINEST_NM).all()):
             low, high = _LIGHT_NM
             raise InputError(
@@ -133,7 +136,8 @@ class Spectrum:
 
     def share_up_to(self, wavelength_nm: float) -> float:
         """Share of the power at wavelengths up to ``wavelength_nm``, exact."""
-        waves, density = self.wavelengths_nm, self.power_density
+        waves = self.wavelengths_nm
+        density = self.power_density
         if len(waves) == 1:
             return float(waves[0] <= wavelength_nm)
         below = np.append(waves[waves < wavelength_nm], np.clip(wavelength_nm, waves[0], waves[-1]))
@@ -170,7 +174,8 @@ class WavelengthDraw:
         return self.spectrum.at((shares + self.random.random(count)) / len(self.order))
 
 
-_SIGMAS, _NODES = 4.0, 100  # of a normal distribution: beyond is 6e-5 of it; linear between nodes it errs by 1e-4
+_SIGMAS = 4.0  # of a normal distribution: beyond is 6e-5 of it
+_NODES = 100  # linear between nodes it errs by 1e-4
 
 
 def usable_wavelengths(wavelengths_nm: Float[np.ndarray, " n"]) -> Bool[np.ndarray, " n"]:
@@ -196,7 +201,8 @@ class ColourSums:
     def add(self, flux: Float[np.ndarray, " n"], wavelengths_nm: Float[np.ndarray, " n"]) -> None:
         """Count some of the rays."""
         usable = usable_wavelengths(wavelengths_nm)
-        waves, power = wavelengths_nm[usable], flux[usable]
+        waves = wavelengths_nm[usable]
+        power = flux[usable]
         self.low_nm = min(self.low_nm, float(waves.min(initial=np.inf)))
         self.high_nm = max(self.high_nm, float(waves.max(initial=-np.inf)))
         self.coloured += float(power.sum())

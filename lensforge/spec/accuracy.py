@@ -1,6 +1,6 @@
 """Accuracy presets in one table, so that every stage reads the same settings.
 
-The rule, measured by benchmarks/convergence_studies.py (docs/accuracy.md): the irradiance error of a preset's tables
+The rule, measured by benchmarks/convergence_studies.py (docs/validation.md): the irradiance error of a preset's tables
 stays below a hundredth of the noise of the rays that are traced with it. On the flat top, the cross and the pi it is
 0.0014 of that noise at most, so accuracy takes more rays: from one preset to the next the noise (NMSE) of the
 evaluation falls, first to 1/13, then to less than 1/2.
@@ -15,6 +15,8 @@ from typing import Annotated, Any, Literal
 from pydantic import Discriminator, Field, JsonValue, Tag
 
 from lensforge.errors import InputError
+from lensforge.public import public
+from lensforge.results.arguments import with_known_names
 from lensforge.spec.spec_section import Section, check, section_of
 
 Accuracy = Literal["draft", "standard", "reference"]
@@ -50,7 +52,7 @@ class SearchEffort(Section):
         Rays of a file are drawn at random, with more noise than as many of a low-discrepancy sequence: with twice the
         number a draft of led_rayfile from 24,000 rays ends at an NMSE of 0.014 instead of 0.018 to 0.020.
         """
-        first, most = (each if count is None else min(2 * each, count) for each in self.rays)
+        first, most = (ray if count is None else min(2 * ray, count) for ray in self.rays)
         return self.changed(rays=(first, most))
 
 
@@ -89,6 +91,7 @@ class StudyEffort(Section):
 PRESETS: "dict[Accuracy, Preset]" = {}
 
 
+@public
 class Preset(Section):
     """Settings of an accuracy.
 
@@ -156,7 +159,7 @@ def _in_table(name: object) -> Accuracy | None:
 
 # The finest level: 289 functions serve a flat top, letters need 1,089, a source of 0.1 mm gains from 4,225. Steps, rays
 # and gains were chosen on pi, cross and flat_top: a standard search takes one to three times as long as one with
-# the given levels of version 0.1.0 on the same machine, the longer the more it still gains; docs/results.md.
+# the given levels of version 0.1.0 on the same machine, the longer the more it still gains; benchmarks/README.md.
 PRESETS["draft"] = Preset(
     name="draft", nodes_per_sigma=2.5, evaluate_nodes_per_sigma=6.0, design_rays=2**14, coarse_steps=60, fine_steps=120,
     evaluate_rays=2**20, photometry_rays=(2**20, 2**20), verify_rays=2**14, effort=SearchEffort(
@@ -179,13 +182,15 @@ PRESETS["reference"] = Preset(
 
 # By 8,192 rays a step sees lit places of a far field of 256 x 256 pixels dark: drafts of road_m3, and of it as a road
 # of class M4, held 9 and 8 of 10 limits. By one ray for a pixel they hold all, by two with a twentieth more light.
-_RAYS_PER_PIXEL, _MOST_FOR_PIXELS = 2, 2**17
+_RAYS_PER_PIXEL = 2
+_MOST_FOR_PIXELS = 2**17
 
 
 def for_places(preset: Preset, pixels: int) -> Preset:
     """The ``preset`` with rays enough where limits read places on pictures of ``pixels`` along a side."""
     least = min(1 << (_RAYS_PER_PIXEL * pixels**2 - 1).bit_length(), _MOST_FOR_PIXELS)  # as sequences are even
-    effort, rays = preset.effort, tuple(max(each, least) for each in preset.effort.rays)
+    effort = preset.effort
+    rays = tuple(max(ray, least) for ray in preset.effort.rays)
     seen = effort.changed(rays=rays, validation_rays=max(effort.validation_rays, least))
     return preset.changed(design_rays=max(preset.design_rays, least), effort=seen)
 
@@ -220,6 +225,8 @@ def stated(accuracy: AnyAccuracy) -> JsonValue:
     return settled.model_dump(mode="json") if isinstance(settled, Preset) else settled
 
 
+@public
+@with_known_names
 def preset_of(accuracy: AnyAccuracy) -> Preset:
     """Settings of an accuracy.
 

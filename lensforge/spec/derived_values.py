@@ -1,7 +1,7 @@
 """Values that follow from the size of source, target and lens where a spec leaves them out.
 
 The rules are those of the shipped specs, rounded to three digits; what they cost against values that were chosen by
-hand is in docs/results.md. A value that is given is never touched.
+hand is in benchmarks/README.md. A value that is given is never touched.
 """
 
 from collections.abc import Sequence
@@ -12,9 +12,11 @@ from typing import Any
 _CAVITY = 1.2  # radius of the cavity over that of the circle around the source: shipped specs have 1.13 to 1.41
 _CAVITY_LEAST = 0.02  # of the largest radius: around a point source
 CAVITY_HEIGHT = 0.6  # height of the cavity over its radius
-_WALL, _WALL_MOST = 0.27, 0.15  # of the root of the largest radius (mm); at most this share of it
+_WALL = 0.27  # of the root of the largest radius (mm)
+_WALL_MOST = 0.15  # at most this share of it
 _RECEIVER = 1.5  # side of the receiver over the pattern
-_HALF_ANGLE, _MOST_HALF_ANGLE_DEG = 4.0 / 3.0, 85.0  # over the beam; and where that is not known
+_HALF_ANGLE = 4.0 / 3.0  # over the beam
+_MOST_HALF_ANGLE_DEG = 85.0  # and where that is not known
 _MOST_PLACES = 300  # digits behind the point: ten to this power is a number yet, also for the smallest length
 
 # Words for each rule by the dotted name of its field; a kind of lens adds those of its faces.
@@ -78,7 +80,8 @@ def derived_sizes(sources: Sequence[Any], lens: Any, limits: Any, target: Any) -
 
 def _reach_mm(source: Any) -> float | None:
     """Largest distance (mm) of an emitting area from the axis; None for a source that states no size."""
-    extent, (x, y, _) = source.extent_mm, source.position_mm
+    extent = source.extent_mm
+    (x, y, _) = source.position_mm
     return None if extent is None else extent + hypot(x, y)
 
 
@@ -98,7 +101,8 @@ def _pattern_mm(target: Any) -> float | None:
     """Side (mm) of the square about the axis that holds a pattern; None for a kind without a size."""
     if target.bounds is None:
         return None
-    across, height = max(target.bounds), target.bounds[1]
+    across = max(target.bounds)
+    height = target.bounds[1]
     turned = hypot(across, height) if target.rotation_deg else across
     x, y = target.centre
     return float(turned + 2.0 * max(abs(x), abs(y)))

@@ -6,6 +6,7 @@ from typing import Literal
 from pydantic import Field
 
 from lensforge.optics.face_roles import SHELL
+from lensforge.public import public
 from lensforge.spec.derived_values import WHY, LensSizes, three_digits
 from lensforge.spec.face_section import FaceSection
 from lensforge.spec.lens_section import LensShape, StartConditions
@@ -13,22 +14,27 @@ from lensforge.spec.spec_section import check
 from lensforge.surfaces.asphere import sphere
 from lensforge.surfaces.surface import Surface
 
-_INNER, _OUTER = 0.43, 0.98  # hemispheres over the largest radius
+# Radii of the start's hemispheres over the largest radius.
+_INNER = 0.43
+_OUTER = 0.98
 _AROUND_CAVITY = 1.05  # least inner hemisphere over the cavity
 
 WHY["lens.inner.offset_mm"] = f"{_INNER:g} x max_radius_mm, the inner hemisphere of the start"
 WHY["lens.outer.offset_mm"] = f"{_OUTER:g} x max_radius_mm, the outer hemisphere of the start"
 
 
+@public
 class LensSection(LensShape):
     """Double-freeform lens: an inner face towards the source, an outer one towards the target."""
 
-    roles, title = SHELL, "double-freeform lens"
+    roles = SHELL
+    title = "double-freeform lens"
     kind: Literal["double"] = "double"
-    inner: FaceSection = Field(default_factory=FaceSection)
-    """Face towards the source: it bounds the cavity, and the others are placed against it."""
-    outer: FaceSection = Field(default_factory=FaceSection)
-    """Face towards the light that is wanted."""
+    inner: FaceSection = Field(
+        default_factory=FaceSection,
+        description="Face towards the source: it bounds the cavity, and the others are placed against it.",
+    )
+    outer: FaceSection = Field(default_factory=FaceSection, description="Face towards the light that is wanted.")
 
     @check
     def _no_mirror(self) -> None:
@@ -38,7 +44,8 @@ class LensSection(LensShape):
 
     @check
     def _outer_lies_outside(self) -> None:
-        low, high = self.inner.apex_mm, self.outer.apex_mm
+        low = self.inner.apex_mm
+        high = self.outer.apex_mm
         if low is not None and high is not None and high <= low:
             field = "outer.offset_mm" if self.outer.fixed is None else "the vertex of outer.fixed"
             raise ValueError(f"{field} = {high} must exceed where the inner face meets the axis, {low:g} mm")

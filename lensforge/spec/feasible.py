@@ -77,8 +77,10 @@ def smallest_cavity_mm(lens: LensShape, limits: ConstraintsSection) -> _Meridian
     cavity = [lens.faces[role.name].fixed for role in lens.roles if (role.before, role.behind) == (CAVITY, BODY)]
     if all(fixed is not None for fixed in cavity):
         return np.min([fixed.shape.least_mm(_POLAR) for fixed in cavity if fixed is not None], axis=0)
-    height, radius = limits.cavity_height_mm, limits.cavity_radius_mm
-    sine, cosine = np.sin(_POLAR), np.cos(_POLAR)
+    height = limits.cavity_height_mm
+    radius = limits.cavity_radius_mm
+    sine = np.sin(_POLAR)
+    cosine = np.cos(_POLAR)
     paraboloid: _Meridian = 2.0 * height / (cosine + np.sqrt(cosine**2 + (2.0 * height / radius * sine) ** 2))
     first = lens.roles[0]
     tangent = 0.0 if first.widens else tan(radians(lens.faces[first.name].draft_deg or 0.0))
@@ -94,8 +96,10 @@ def _faults(
     lens: LensShape, name: str, fixed: FixedFace, limits: ConstraintsSection, manufacture: ManufactureSection
 ) -> Iterator[str]:
     """Limits that a surface breaks which the search does not change, in words."""
-    of_cavity, face = lens.role(name).before == CAVITY, lens.faces[name]
-    shape, wall = fixed.shape, limits.min_thickness_mm if of_cavity else 0.0
+    of_cavity = lens.role(name).before == CAVITY
+    face = lens.faces[name]
+    shape = fixed.shape
+    wall = limits.min_thickness_mm if of_cavity else 0.0
     under = f" under a wall of constraints.min_thickness_mm = {wall:g}" if wall else ""
     reached = float(shape.radii_mm.max()) + wall
     if reached > limits.max_radius_mm + limits.tolerance_mm:
@@ -115,7 +119,8 @@ def _faults(
             f"cuts {-inside:.3g} mm into the paraboloid of constraints.cavity_height_mm = {limits.cavity_height_mm:g} "
             f"and cavity_radius_mm = {limits.cavity_radius_mm:g}"
         )
-    draft, ball = face.draft_deg, face.concave_radius_mm
+    draft = face.draft_deg
+    ball = face.concave_radius_mm
     if draft is not None and sin(radians(shape.least_draft_deg)) < sin(radians(draft)) - _SHAPE_TOLERANCE:
         yield f"has a draft of {shape.least_draft_deg:.3g} deg at least, lens.{name}.draft_deg = {draft:g}"
     turned = lens.cutting(name, manufacture.process) == "turned"
@@ -171,7 +176,8 @@ def require_drawn_over_plate(lens: LensShape, manufacture: ManufactureSection) -
 
 def base_warnings(lens: LensShape, limits: ConstraintsSection, base: BaseSection, process: Process | None) -> list[str]:
     """A line on a base as wide as the lens under a face that a half of the mould or a tool reaches from below."""
-    hidden, cut = lens.drawn_from_below, process in ("turned", "moulded")
+    hidden = lens.drawn_from_below
+    cut = process in ("turned", "moulded")
     if hidden is None or not cut or base.kind in ("none", "step") or base.widest_mm < 2.0 * limits.max_radius_mm:
         return []
     return [

@@ -10,6 +10,7 @@ from pydantic import Field
 
 from lensforge.errors import InputError
 from lensforge.optics.face_roles import BODY, CAVITY, OUTSIDE, RIM_FLANGE, FaceRole
+from lensforge.public import public
 from lensforge.spec.face_section import FaceSection, FlangeSection
 from lensforge.spec.lens_section import Beam, LightShape, ProfiledShape, StartConditions
 from lensforge.spec.spec_section import check
@@ -22,11 +23,15 @@ _DRAFT_DEG = 2.0  # of the side of a cavity, where the spec does not say
 _WIDEST_BEAM = 3.0  # over the narrowest of this source and radius: wider ones fit any cavity, and the exit makes them
 
 
+@public
 class ExitFace(FaceSection):
     """A face that may be kept a plane."""
 
-    flat: bool = False
-    """Keep it a plane across the axis: the search moves its height alone, and the other faces carry the shape."""
+    flat: bool = Field(
+        False,
+        description="Keep it a plane across the axis: the search moves its height alone, and the other faces "
+        "carry the shape.",
+    )
 
     @check
     def _flat_is_not_fixed(self) -> None:
@@ -34,6 +39,7 @@ class ExitFace(FaceSection):
             raise ValueError("give one of flat, a plane whose height the search finds, and fixed, a surface that stays")
 
 
+@public
 class TirSection(ProfiledShape):
     """A lens for total internal reflection: cap and side of the cavity, the reflecting wall, and the exit.
 
@@ -49,18 +55,24 @@ class TirSection(ProfiledShape):
     )
     title = "lens for total internal reflection"
     kind: Literal["tir"] = "tir"
-    cap: FaceSection = Field(default_factory=FaceSection)
-    """Face of the cavity over the source; ``offset_mm``: its height on the axis."""
-    side: FaceSection = Field(default_factory=FaceSection)
-    """Face of the cavity around the source: a cone with its draft, 2 degrees by default; ``offset_mm``: its radius at
-    z = 0.
-    """
-    wall: FaceSection = Field(default_factory=FaceSection)
-    """Face around the cavity, which reflects totally, or by a mirror; ``offset_mm``: its radius at z = 0."""
-    exit: ExitFace = Field(default_factory=ExitFace)
-    """Face towards the light that is wanted; ``offset_mm``: its height on the axis."""
-    flange: FlangeSection | None = None
-    """Flange at the exit's rim; by default there is none."""
+    cap: FaceSection = Field(
+        default_factory=FaceSection,
+        description="Face of the cavity over the source; `offset_mm`: its height on the axis.",
+    )
+    side: FaceSection = Field(
+        default_factory=FaceSection,
+        description="Face of the cavity around the source: a cone with its draft, 2 degrees by default; "
+        "`offset_mm`: its radius at z = 0.",
+    )
+    wall: FaceSection = Field(
+        default_factory=FaceSection,
+        description="Face around the cavity, which reflects totally, or by a mirror; `offset_mm`: its radius at z = 0.",
+    )
+    exit: ExitFace = Field(
+        default_factory=ExitFace,
+        description="Face towards the light that is wanted; `offset_mm`: its height on the axis.",
+    )
+    flange: FlangeSection | None = Field(None, description="Flange at the exit's rim; by default there is none.")
 
     @classmethod
     def first_tables(cls, shape: LightShape) -> dict[str, dict[str, object]]:
@@ -98,8 +110,10 @@ class TirSection(ProfiledShape):
         return {name: fixed.get(name) or faces[name] for name in self.body_names}
 
     def _of_a_point(self, conditions: StartConditions, beam: Beam) -> Collimator:
-        limits, size = conditions.limits, conditions.side_mm
-        radius_mm, margin_mm = limits.rim_radius_mm, 2.0 * limits.margin_mm
+        limits = conditions.limits
+        size = conditions.side_mm
+        radius_mm = limits.rim_radius_mm
+        margin_mm = 2.0 * limits.margin_mm
         narrowest_rad = float(np.arcsin(min(0.5, size / radius_mm / np.sqrt(np.pi))))
         room_mm = np.inf if limits.max_height_mm is None else limits.max_height_mm - (self.flange_room_mm or 0.0)
         best = best_collimator(
@@ -113,7 +127,8 @@ class TirSection(ProfiledShape):
             clearance_mm=max(0.0, conditions.clear_mm - size / 2.0**0.5) + margin_mm,
             most_height_mm=room_mm,
         )
-        cap, side = self.cap.offset_mm, self.side.offset_mm
+        cap = self.cap.offset_mm
+        side = self.side.offset_mm
         return replace(best, cap_mm=cap or best.cap_mm, cavity_mm=side or best.cavity_mm)
 
 
@@ -121,7 +136,8 @@ def _with_flange(
     leaving: ReciprocalSurface, flange: FlangeSection, conditions: StartConditions
 ) -> dict[str, ReciprocalSurface]:
     """The cylinder at which a flange begins, around the light that the wall turns, and the exit so much higher."""
-    limits, rim_mm = conditions.limits, float(leaving.radius(AXIS)[0])
+    limits = conditions.limits
+    rim_mm = float(leaving.radius(AXIS)[0])
     cylinder = ConeFace(1.1 * leaving.reach_mm, limits.rim_radius_mm)  # its continuation is that of no other face
     height_mm = rim_mm + flange.room_mm + 2.0 * limits.margin_mm
     if height_mm >= leaving.reach_mm:

@@ -38,8 +38,11 @@ def aimed_from(place_mm: Vector, aim_mm: Vector) -> tuple[Vector, float]:
     return (x / length, y / length, z / length), degrees(atan2(y, x))
 
 
-MIDDLE, EDGE, CORNER = "middle", "edge", "corner"
-_ALONG_X, _DIAGONAL = "mirror_y", "diagonal"
+MIDDLE = "middle"
+EDGE = "edge"
+CORNER = "corner"
+_ALONG_X = "mirror_y"
+_DIAGONAL = "diagonal"
 _AXIS_DEG = {_ALONG_X: 0.0, _DIAGONAL: 45.0}  # of the mirror, in the frame of the lamp
 
 KindOfPlace = tuple[str, float, str]  # name of the kind, turn (degrees) of the lamp, and the mirror of its lens
@@ -71,14 +74,16 @@ def kinds_of(
     for place, name in zip(places, names, strict=bool(names)):
         nearest[name] = min(nearest[name], round(hypot(*place), 6))
     ordered = sorted(nearest, key=lambda name: nearest[name])
-    numbers = {name: tuple(k for k, each in enumerate(names) if each == name) for name in ordered}
+    numbers = {name: tuple(k for k, lamp_kind in enumerate(names) if lamp_kind == name) for name in ordered}
     return tuple(LampKind(name, numbers[name], mirror_of[name]) for name in ordered)
 
 
 def in_grid(column: int, row: int, columns: int, rows: int, rings: int) -> KindOfPlace:
     """The kind of a place in a grid, whose outermost ``rings`` have their own; a single row has ends, and no sides."""
     from_x, from_y = _from_rim(column, columns), _from_rim(row, rows)
-    right, up, ring = 2 * column >= columns, 2 * row >= rows, min(from_x, from_y)
+    right = 2 * column >= columns
+    up = 2 * row >= rows
+    ring = min(from_x, from_y)
     if ring >= rings:
         return MIDDLE, 0.0, ""
     if from_x == from_y:

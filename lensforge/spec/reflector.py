@@ -10,6 +10,7 @@ from pydantic import Field
 from lensforge.errors import InputError
 from lensforge.optics.exit_space import ExitColumn, ExitSpace
 from lensforge.optics.face_roles import BODY, CAVITY, OUTSIDE, FaceRole
+from lensforge.public import public
 from lensforge.spec.face_section import FaceSection
 from lensforge.spec.lens_section import Beam, LightShape, ProfiledShape, StartConditions
 from lensforge.spec.search_section import ConstraintsSection
@@ -29,13 +30,16 @@ _THICKER = 1.15  # a back over the minimum wall: the wall varies as the cup move
 _BESIDE = 0.5  # of the half width of light beside the axis: its middle is so far off
 
 
+@public
 class CupSection(FaceSection):
     """Mirror of a reflector."""
 
-    mirror: Annotated[float, Field(gt=0.0, le=1.0)] = _ALUMINISED
-    """Share of the light that it reflects at every angle; the rest is absorbed."""
+    mirror: Annotated[float, Field(gt=0.0, le=1.0)] = Field(
+        _ALUMINISED, description="Share of the light that it reflects at every angle; the rest is absorbed."
+    )
 
 
+@public
 class ReflectorSection(ProfiledShape):
     """A reflector: a cup about the source, whose inside is a mirror, open at its mouth.
 
@@ -48,16 +52,21 @@ class ReflectorSection(ProfiledShape):
         FaceRole("back", BODY, OUTSIDE, widens=True, follows="cup"),
         FaceRole("mouth", CAVITY, OUTSIDE, on_axis=True),
     )
-    title, draws = "reflector", frozenset()
+    title = "reflector"
+    draws = frozenset()
     kind: Literal["reflector"] = "reflector"
-    material: Label = "metallised plastic"
-    """Material of the body, a label: no light enters it."""
-    cup: CupSection = Field(default_factory=CupSection)
-    """Mirror around the source; ``offset_mm``: its radius at z = 0."""
-    back: FaceSection = Field(default_factory=FaceSection)
-    """Face behind the mirror, at the minimum wall and a little more; it has no fields of its own."""
-    mouth: FaceSection = Field(default_factory=FaceSection)
-    """Plane in which the reflector ends and light leaves; ``offset_mm``, its height, is its only field."""
+    material: Label = Field("metallised plastic", description="Material of the body, a label: no light enters it.")
+    cup: CupSection = Field(
+        default_factory=CupSection, description="Mirror around the source; `offset_mm`: its radius at z = 0."
+    )
+    back: FaceSection = Field(
+        default_factory=FaceSection,
+        description="Face behind the mirror, at the minimum wall and a little more; it has no fields of its own.",
+    )
+    mouth: FaceSection = Field(
+        default_factory=FaceSection,
+        description="Plane in which the reflector ends and light leaves; `offset_mm`, its height, is its only field.",
+    )
 
     @classmethod
     def first_tables(cls, shape: LightShape) -> dict[str, dict[str, object]]:
@@ -85,7 +94,8 @@ class ReflectorSection(ProfiledShape):
 
     def exit_space(self, limits: ConstraintsSection) -> ExitSpace:
         """The disc of its mouth: as wide and as high as a given cup makes it, else at any height that is allowed."""
-        cup, height_mm = self.fixed["cup"], self.mouth.offset_mm
+        cup = self.fixed["cup"]
+        height_mm = self.mouth.offset_mm
         if cup is None or height_mm is None:
             return ExitColumn.of_mouth(limits.max_radius_mm, limits.tallest_mm)
         return ExitColumn(mouth_radius_mm(cup, height_mm), ((height_mm, height_mm),), upward=True)
@@ -120,16 +130,20 @@ class ReflectorSection(ProfiledShape):
         limits = conditions.limits
         wall_mm = _THICKER * (limits.min_thickness_mm + 2.0 * limits.margin_mm)
         most_mm = np.inf if limits.max_height_mm is None else limits.max_height_mm - limits.margin_mm
-        cup, height_mm = self.fixed["cup"], self.mouth.offset_mm
-        beam, shaped = conditions.beam() if cup is None else Beam(0.0, 0.0), None
+        cup = self.fixed["cup"]
+        height_mm = self.mouth.offset_mm
+        beam = conditions.beam() if cup is None else Beam(0.0, 0.0)
+        shaped = None
         try:
             leaning = self._leaning(conditions, beam, wall_mm, height_mm or most_mm) if cup is None else None
             if leaning is not None:
                 cup = leaning.face(limits.max_radius_mm, beam.azimuth_rad)
-                most_mm, shaped = min(most_mm, leaning.height_mm), self.basis
+                most_mm = min(most_mm, leaning.height_mm)
+                shaped = self.basis
             elif cup is None:
                 best = self._of_a_point(conditions, beam, wall_mm, most_mm)
-                cup, height_mm = best.face, height_mm or best.height_mm
+                cup = best.face
+                height_mm = height_mm or best.height_mm
             return reflector_faces(cup, limits.rim_radius_mm, wall_mm, height_mm, most_mm, shaped)
         except InputError as error:
             raise InputError(f"lens: {str(error).removeprefix('reflector: ')} (lens.kind = 'reflector')") from None

@@ -52,9 +52,9 @@ _OTHER_FILES = {
 def _require_toml(content: bytes, path: Path) -> None:
     """Raise :class:`InputError` for a file that begins as another kind of file does."""
     start = content[:64].removeprefix(b"\xef\xbb\xbf").lstrip()
-    other = next((words for mark, words in _OTHER_FILES.items() if start.startswith(mark)), None)
-    if other is not None:
-        raise InputError(f"{path}: this is {other}; give the spec, a TOML file such as that of `lensforge new`")
+    kind_of_file = next((description for mark, description in _OTHER_FILES.items() if start.startswith(mark)), None)
+    if kind_of_file is not None:
+        raise InputError(f"{path}: this is {kind_of_file}; give the spec, a TOML file such as that of `lensforge new`")
 
 
 def _decoded(content: bytes, path: Path) -> str:
@@ -64,9 +64,10 @@ def _decoded(content: bytes, path: Path) -> str:
     try:
         return content.decode("utf-8-sig")
     except UnicodeDecodeError as error:
-        line, byte = content.count(b"\n", 0, error.start) + 1, content[error.start]
-        words = f"line {line}: the byte 0x{byte:02x} is no UTF-8"
-        raise InputError(f"{path}: not readable as TOML ({words}); save it as UTF-8") from None
+        line = content.count(b"\n", 0, error.start) + 1
+        byte = content[error.start]
+        fault = f"line {line}: the byte 0x{byte:02x} is no UTF-8"
+        raise InputError(f"{path}: not readable as TOML ({fault}); save it as UTF-8") from None
 
 
 def short(value: object) -> str:
@@ -100,7 +101,8 @@ def _entry_changed(entries: Sequence[object], section: str, rest: str, value: ob
     number, _, name = rest.partition(".")
     if number not in map(str, range(len(entries))):
         raise InputError(f"replace: {section}.{rest}: {section} has {len(entries)} entries, by their numbers from 0")
-    before, place = entries[int(number)], int(number)
+    before = entries[int(number)]
+    place = int(number)
     after = changed(dict(before), {name: value}) if name and isinstance(before, Mapping) else value
     return [*entries[:place], after, *entries[place + 1 :]]
 
@@ -114,7 +116,8 @@ def plain(value: Any) -> Any:
     return str(value) if isinstance(value, Path) else value
 
 
-_LONGEST_NAME, _LONGEST_END = 64, 32
+_LONGEST_NAME = 64
+_LONGEST_END = 32
 
 
 def joined_name(name: str, end: str) -> str:
@@ -168,13 +171,13 @@ def full_path(path: Path, info: ValidationInfo) -> Path:
     if named is None:
         return path.absolute()
     try:
-        found = Path(named.folder, path).resolve()
-        lacks = named.there and not found.exists()
+        full = Path(named.folder, path).resolve()
+        lacks = named.there and not full.exists()
     except (OSError, RuntimeError) as error:  # links in a circle
         raise ValueError(f"{error}; name the file itself") from None
     if lacks:
-        raise ValueError(f"no such file in {found.parent}")
-    return found
+        raise ValueError(f"no such file in {full.parent}")
+    return full
 
 
 def input_hashes(section: BaseModel) -> dict[str, str]:
@@ -185,7 +188,8 @@ def input_hashes(section: BaseModel) -> dict[str, str]:
     """
     digests: dict[str, list[str]] = {}
     for path in dict.fromkeys(_paths(section)):
-        digest, contents = _file_sha256(path), digests.setdefault(path.name, [])
+        digest = _file_sha256(path)
+        contents = digests.setdefault(path.name, [])
         if digest not in contents:
             contents.append(digest)
     return {

@@ -28,7 +28,8 @@ from lensforge.surfaces.surface import Length, Place, Surface, recorded
 _LEAST_HEIGHT = -0.5
 _SOFTNESS = 7
 _PROFILE = 301  # directions along a meridian, 0.4 degrees apart
-_MOST_NEWTON_STEPS, _NEWTON_STEPS = 30, 4  # from one direction to the next; from the profile, where the error is 1e-3
+_MOST_NEWTON_STEPS = 30  # from one direction to the next
+_NEWTON_STEPS = 4  # from the profile, where the error is 1e-3
 _LEAST_COSINE = 0.05  # between the normal and the ray from the origin
 _WIDEST_DETAIL_RAD = 0.5
 
@@ -96,13 +97,15 @@ class ImplicitSurface(Surface):
         polar, radii = self._profile
         place = np.arctan2(np.hypot(directions[:, 0], directions[:, 1]), directions[:, 2]) / (polar[1] - polar[0])
         row = np.clip(place.astype(int), 0, len(polar) - 2)
-        low, high = radii[row], radii[row + 1]
+        low = radii[row]
+        high = radii[row + 1]
         along = low + (place - row)[:, None] * (high - low)  # a column for each meridian
         turn = np.arctan2(directions[:, 1], directions[:, 0]) / (2.0 * np.pi) % 1.0 * self.meridians
         first = turn.astype(int) % self.meridians
-        each = np.arange(len(directions))
-        one, next_one = along[each, first], along[each, (first + 1) % self.meridians]
-        return one + (turn - np.floor(turn)) * (next_one - one)
+        rows = np.arange(len(directions))
+        nearest = along[rows, first]
+        next_one = along[rows, (first + 1) % self.meridians]
+        return nearest + (turn - np.floor(turn)) * (next_one - nearest)
 
     @cached_property
     def _profile(self) -> tuple[Float[np.ndarray, " k"], Float[np.ndarray, "k m"]]:
@@ -167,14 +170,17 @@ def _raised(directions: _Vectors) -> tuple[_Vectors, _Values, _Values]:
     And what a step costs there of one here: along the meridian (angle by angle), and around the axis.
     """
     below = directions[:, 2] < 0.0
-    moved, along, around = directions.copy(), np.ones(len(directions)), np.ones(len(directions))
+    moved = directions.copy()
+    along = np.ones(len(directions))
+    around = np.ones(len(directions))
     if below.any():
         height = -directions[below, 2]
         bend = 1.0 + (height / -_LEAST_HEIGHT) ** _SOFTNESS
         raised = -height * bend ** (-1.0 / _SOFTNESS)
         off_axis = np.maximum(np.hypot(directions[below, 0], directions[below, 1]), np.finfo(float).tiny)
-        own = np.sqrt(1.0 - raised**2)
-        along[below], around[below] = bend ** (-1.0 / _SOFTNESS - 1.0) * off_axis / own, own / off_axis
+        cosine = np.sqrt(1.0 - raised**2)
+        along[below] = bend ** (-1.0 / _SOFTNESS - 1.0) * off_axis / cosine
+        around[below] = cosine / off_axis
         moved[below] = np.column_stack([directions[below, :2] * around[below, None], raised])
     return moved, along, around
 
@@ -184,7 +190,8 @@ def _tangents(directions: _Vectors) -> tuple[_Vectors, _Vectors]:
     x, y, z = directions.T
     off_axis = np.hypot(x, y)
     on_axis = off_axis == 0.0
-    cosine, sine = np.where(on_axis, 1.0, x / np.where(on_axis, 1.0, off_axis)), y / np.where(on_axis, 1.0, off_axis)
+    cosine = np.where(on_axis, 1.0, x / np.where(on_axis, 1.0, off_axis))
+    sine = y / np.where(on_axis, 1.0, off_axis)
     return np.stack([z * cosine, z * sine, -off_axis], axis=1), np.stack([-sine, cosine, np.zeros_like(sine)], axis=1)
 
 
@@ -267,9 +274,11 @@ class Biconic(ImplicitSurface):
     def equation(self, points_mm: Float[np.ndarray, "n 3"]) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, "n 3"]]:
         """``F`` (mm) and its gradient."""
         s = points_mm[:, 2] - self.vertex_mm
-        squares, radii = points_mm[:, :2] ** 2, np.array([self.radius_x_mm, self.radius_y_mm])
+        squares = points_mm[:, :2] ** 2
+        radii = np.array([self.radius_x_mm, self.radius_y_mm])
         conics = (1.0 + np.array([self.conic_x, self.conic_y])) / radii**2
-        parabolic, conic = squares @ (1.0 / radii), squares @ conics
+        parabolic = squares @ (1.0 / radii)
+        conic = squares @ conics
         off_axis = np.where(parabolic == 0.0, 1.0, parabolic)
         share = conic / off_axis  # A/B; on the axis, where s is 0, it has no effect
         by_squares = 1.0 / radii + (s**2 / off_axis)[:, None] * (conics - share[:, None] / radii)
@@ -282,7 +291,9 @@ def sphere(radius_mm: float, centre_mm: float = 0.0) -> Asphere:
     return Asphere(centre_mm + radius_mm, -radius_mm)
 
 
-_ROUND, _ANY = (2001, 1), (361, 72)  # directions from the axis to the horizon, and meridians
+# Directions from the axis to the horizon, and meridians.
+_ROUND = (2001, 1)
+_ANY = (361, 72)
 _STEP = 1e-4  # rad, of the differences of normals: their error is its square, and rounding a part in 1e11
 
 
@@ -342,7 +353,8 @@ class SurfaceShape:
         """Least and largest curvature (1/mm) along the meridians alone; positive where they bulge."""
         x, y, z = self._directions.T
         across = np.hypot(x, y)
-        known, far = across > 0.0, np.maximum(across, np.finfo(float).tiny)
+        known = across > 0.0
+        far = np.maximum(across, np.finfo(float).tiny)
         down = np.stack([np.where(known, z * x / far, 1.0), np.where(known, z * y / far, 0.0), -across], axis=1)
         points, normals = self._moved(down)
         bent = np.sum(points * normals, axis=1) / np.sum(points**2, axis=1)
@@ -351,8 +363,8 @@ class SurfaceShape:
     def _moved(self, along: Float[np.ndarray, "n 3"]) -> tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, "n 3"]]:
         """Derivatives (per rad) of the points and of the normals."""
         ends = [np.cos(_STEP) * self._directions + sign * np.sin(_STEP) * along for sign in (1.0, -1.0)]
-        points = [self.surface.radius(each)[:, None] * each for each in ends]
-        normals = [self.surface.normal(each) for each in ends]
+        points = [self.surface.radius(direction)[:, None] * direction for direction in ends]
+        normals = [self.surface.normal(direction) for direction in ends]
         return (points[0] - points[1]) / (2.0 * _STEP), (normals[0] - normals[1]) / (2.0 * _STEP)
 
     @property
@@ -363,7 +375,8 @@ class SurfaceShape:
     @cached_property
     def _directions(self) -> Float[np.ndarray, "n 3"]:
         azimuth = 2.0 * np.pi * np.arange(self._counts[1]) / self._counts[1]
-        sine, cosine = np.sin(self.polar_rad), np.cos(self.polar_rad)
+        sine = np.sin(self.polar_rad)
+        cosine = np.cos(self.polar_rad)
         across = [np.outer(sine, np.cos(azimuth)), np.outer(sine, np.sin(azimuth))]
         return np.stack([*across, np.outer(cosine, np.ones_like(azimuth))], axis=-1).reshape(-1, 3)
 

@@ -135,7 +135,8 @@ def table_error(
     ``within``: the directions that count; None: all.
     """
     rng = np.random.default_rng(seed)
-    z, azimuth = rng.random(samples), 2.0 * np.pi * rng.random(samples)
+    z = rng.random(samples)
+    azimuth = 2.0 * np.pi * rng.random(samples)
     sine = np.sqrt(1.0 - z * z)
     directions = np.stack([sine * np.cos(azimuth), sine * np.sin(azimuth), z], axis=-1)
     if within is not None:
@@ -177,7 +178,7 @@ def dyadic_grid(details_rad: Sequence[float], nodes_per_sigma: float) -> tuple[T
     cells = [grid_for(sigma, nodes_per_sigma).nodes - 1 for sigma in details_rad]
     most = max(0, int(np.log2(max(cells) / min(cells))))
     finest = -(-max(cells) // 2**most) * 2**most
-    halvings = [max(k for k in range(most + 1) if k == 0 or finest >> k >= each) for each in cells]
+    halvings = [max(k for k in range(most + 1) if k == 0 or finest >> k >= needed) for needed in cells]
     return TableGrid(finest + 1), halvings
 
 
@@ -207,17 +208,17 @@ class BasisTables:
         """The table, first index X, of one surface."""
         side = self.levels[0].grid.side
         table = np.zeros((side, side))
-        for level, own in self._moving(len(weights)):
+        for level, level_weights in self._moving(len(weights)):
             table = _finer(table, level.grid.side)
-            add_patches(level.boxes, level.starts, level.values, weights[own], table)
+            add_patches(level.boxes, level.starts, level.values, weights[level_weights], table)
         return _finer(table, self.side)
 
     def by_weights(self, by_table: Float[np.ndarray, "side side"], count: int) -> Float[np.ndarray, " k"]:
         """Adjoint of :meth:`table`: the gradient by the first ``count`` weights."""
         by_weights = np.empty(count)
-        for level, own in reversed(list(self._moving(count))):
+        for level, level_weights in reversed(list(self._moving(count))):
             by_table = _coarser(by_table, level.grid.side)
-            patch_sums(level.boxes, level.starts, level.values, by_table, by_weights[own])
+            patch_sums(level.boxes, level.starts, level.values, by_table, by_weights[level_weights])
         return by_weights
 
     def _moving(self, count: int) -> Iterator[tuple[LevelPatches, slice]]:
@@ -233,7 +234,8 @@ def _finer(table: Float[np.ndarray, "s s"], side: int) -> Float[np.ndarray, "t t
     """The spline of ``table`` on a grid of ``side``, which is the table's or halves its step once or more."""
     while len(table) < side:
         fine = 2 * len(table) - 3  # twice the cells, and a coefficient beyond each end
-        halfway, finer = np.empty((fine, len(table))), np.empty((fine, fine))
+        halfway = np.empty((fine, len(table)))
+        finer = np.empty((fine, fine))
         refine(table, halfway, finer)
         table = finer
     return table
@@ -243,7 +245,8 @@ def _coarser(by_table: Float[np.ndarray, "t t"], side: int) -> Float[np.ndarray,
     """Adjoint of :func:`_finer`."""
     while len(by_table) > side:
         coarse = (len(by_table) + 3) // 2
-        halfway, coarser = np.empty((len(by_table), coarse)), np.empty((coarse, coarse))
+        halfway = np.empty((len(by_table), coarse))
+        coarser = np.empty((coarse, coarse))
         refine_adjoint(by_table, halfway, coarser)
         by_table = coarser
     return by_table
@@ -265,7 +268,8 @@ def _patch(
     radius = np.tan(0.5 * min(polar + reach, _BEHIND)) - np.tan(0.5 * polar)  # on the chart; the largest is outwards
     nodes = int(np.ceil(radius / grid.step)) + _MARGIN if sigma < _BROAD else grid.side + APRON
     middle = np.rint((chart.to_chart(centre) - grid.origin) / grid.step).astype(int)
-    low, high = np.maximum(middle - nodes, -APRON), np.minimum(middle + nodes, grid.side - 1 + APRON)
+    low = np.maximum(middle - nodes, -APRON)
+    high = np.minimum(middle + nodes, grid.side - 1 + APRON)
     x, y = (grid.origin + grid.step * np.arange(low[axis], high[axis] + 1) for axis in (0, 1))
     directions = chart.to_sphere(np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1))
     block = gaussians(directions.reshape(-1, 3), centre[None], np.array([sigma])).reshape(len(x), len(y))
@@ -274,6 +278,7 @@ def _patch(
     first = np.maximum(-low, 0)
     block = block[first[0] : grid.side - low[0], first[1] : grid.side - low[1]]
     kept = np.abs(block) > _NEGLIGIBLE
-    rows, columns = np.nonzero(kept.any(axis=1))[0], np.nonzero(kept.any(axis=0))[0]
+    rows = np.nonzero(kept.any(axis=1))[0]
+    columns = np.nonzero(kept.any(axis=0))[0]
     cut = block[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
     return int(low[0] + first[0] + rows[0]), int(low[1] + first[1] + columns[0]), cut

@@ -61,7 +61,7 @@ def _faces_in(path: Path, iges: bool, origin: str) -> tuple[list[NamedFace], str
         every = [] if shape.IsNull() else parts_of(shape, "FACE")
         alone = name if len(every) == 1 else ""  # a face that is a product of its own
         for face in every:
-            own = next((known for known, one in named.items() if one.IsSame(face)), alone)
+            own = next((known for known, named_face in named.items() if named_face.IsSame(face)), alone)
             faces.append(NamedFace(face, own, len(faces) + 1))
     if not 1 <= len(faces) <= _MOST_FACES:
         raise InputError(f"{origin}: {len(faces)} faces, 1 to {_MOST_FACES} are read; {_REMEDY}")
@@ -81,7 +81,9 @@ _TOLERANCE_MM = 1e-4
 _FAR_MM = 1e6
 _SAME_MM = 1e-3  # two crossings nearer than this are one, on an edge that two faces share
 _NEWTON_STEPS = 3
-_STEPS_BESIDE, _RESTS_MM, _BESIDE = 4, 1e-6, 0.2  # from a ray beside, and how near it a crossing lies
+_STEPS_BESIDE = 4  # Newton steps from the crossing of a neighbouring ray
+_RESTS_MM = 1e-6  # a last step below this has converged
+_BESIDE = 0.2  # relative change of the radius by which it is still the same crossing
 _SINGULAR = 1e-12  # of the product of the three lengths: the surface has a pole here
 
 
@@ -115,9 +117,9 @@ class FaceCast:
         radius, normals = self._beside(directions)
         lost = np.flatnonzero(np.isnan(radius))
         first = [min(crossings, default=None) for crossings in self._crossings(directions[lost])]
-        met = np.array([each is not None for each in first], dtype=bool)
+        met = np.array([crossing is not None for crossing in first], dtype=bool)
         if met.any():
-            crossings = np.array([each for each in first if each is not None])
+            crossings = np.array([crossing for crossing in first if crossing is not None])
             radius[lost[met]], normals[lost[met]], *_ = self._exact(directions[lost[met]], crossings, _NEWTON_STEPS)
         return radius, normals
 
@@ -148,7 +150,9 @@ class FaceCast:
         Distances, outward normals, parameters, and the length (mm) of the last step.
         """
         unit = _unit(directions)
-        distance, parameters, faces = crossings[:, 0].copy(), crossings[:, 1:3].copy(), crossings[:, 3].astype(int)
+        distance = crossings[:, 0].copy()
+        parameters = crossings[:, 1:3].copy()
+        faces = crossings[:, 3].astype(int)
         normals = unit.copy()
         for _ in range(steps):
             place, along_u, along_v = self._tangents(parameters, faces)
@@ -170,7 +174,9 @@ class FaceCast:
         self, parameters: Float[np.ndarray, "n 2"], faces: Int[np.ndarray, " n"]
     ) -> tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, "n 3"], Float[np.ndarray, "n 3"]]:
         """Point from where the rays start, and its derivatives by both parameters."""
-        point, along_u, along_v = gp_Pnt(), gp_Vec(), gp_Vec()
+        point = gp_Pnt()
+        along_u = gp_Vec()
+        along_v = gp_Vec()
         rows = []
         for (u, v), face in zip(parameters.tolist(), faces.tolist(), strict=True):
             self._surfaces[face].D1(u, v, point, along_u, along_v)
@@ -181,9 +187,11 @@ class FaceCast:
 
     def _crossings(self, directions: Float[np.ndarray, "n 3"]) -> Iterator[list[tuple[float, float, float, int]]]:
         """Distance (mm), parameters and number of the face of each crossing, ray by ray."""
-        casts, start = list(enumerate(self._casts)), self._start_point
+        casts = list(enumerate(self._casts))
+        start = self._start_point
         for direction in directions.tolist():
-            line, crossings = gp_Lin(start, gp_Dir(*direction)), []
+            line = gp_Lin(start, gp_Dir(*direction))
+            crossings = []
             for index, cast in casts:
                 cast.Perform(line, 0.0, _FAR_MM)
                 if cast.IsDone():
@@ -205,13 +213,18 @@ def _apart(crossings: list[tuple[float, float, float, int]]) -> list[float]:
 
 
 FIRST = "first"
-_TESTED, _RIM = 1500, 360  # directions at which the face is tried, and the error of the spline measured
-_NODES, _MOST_NODES = 72, 240  # even: no node lies on the axis, where a surface of revolution has its pole
+_TESTED = 1500  # directions at which the face is tried
+_RIM = 360  # the error of the spline measured
+_NODES = 72  # even: no node lies on the axis
+_MOST_NODES = 240  # where a surface of revolution has its pole
 # What a spline aims at; an error falls with the sixth power of its nodes, that of the normal with the fifth.
-_AIM_NM, _AIM_URAD = 0.3, 0.5
-_MOST_NM, _MOST_URAD = 1000.0, 1000.0  # a seam, a kink or a wave that no lens is given on purpose
+_AIM_NM = 0.3
+_AIM_URAD = 0.5
+_MOST_NM = 1000.0  # a seam
+_MOST_URAD = 1000.0  # a kink or a wave that no lens is given on purpose
 # Beyond the rim the radius goes on by the polynomial of degree 4 through that many places inside, a step apart.
-_PLACES, _STEP_RAD = 5, 0.002
+_PLACES = 5
+_STEP_RAD = 0.002
 _AZIMUTHS = 720
 
 
@@ -230,10 +243,10 @@ def _sample_face(folder: Path) -> None:
     faces, unit = _faces_in(folder / job["file"], job["iges"], job["origin"])
     shift = np.array(job["shift_mm"])
     chosen = _selected(faces, job["faces"], job["origin"], shift)
-    cast = FaceCast([each.face for each in chosen], shift)
-    sampled = sampled_face(cast, f"{job['origin']}: {' and '.join(each.words for each in chosen)}")
+    cast = FaceCast([chosen_face.face for chosen_face in chosen], shift)
+    sampled = sampled_face(cast, f"{job['origin']}: {' and '.join(chosen_face.words for chosen_face in chosen)}")
     np.savez(folder / SPLINE, axis=sampled.axis, radius=sampled.radius)
-    described = {"unit": unit, "names": [each.words for each in chosen]}
+    described = {"unit": unit, "names": [chosen_face.words for chosen_face in chosen]}
     errors = {"form_error_nm": sampled.form_error_nm, "normal_error_urad": sampled.normal_error_urad}
     write_json(folder / FOUND, {**described, **errors})
 
@@ -241,22 +254,22 @@ def _sample_face(folder: Path) -> None:
 def _selected(
     faces: list[NamedFace], wanted: list[str | int], origin: str, shift_mm: Float[np.ndarray, "3"]
 ) -> list[NamedFace]:
-    names = [each.name for each in faces if each.name]
+    names = [face.name for face in faces if face.name]
     chosen = []
-    for each in wanted:
-        if each == FIRST:
+    for name in wanted:
+        if name == FIRST:
             chosen.append(_first_on_axis(faces, origin, shift_mm))
-        elif isinstance(each, int):
-            if not 1 <= each <= len(faces):
-                raise InputError(f"{origin}: face = {each}: it has faces 1 to {len(faces)}")
-            chosen.append(faces[each - 1])
+        elif isinstance(name, int):
+            if not 1 <= name <= len(faces):
+                raise InputError(f"{origin}: face = {name}: it has faces 1 to {len(faces)}")
+            chosen.append(faces[name - 1])
         else:
-            same = [face for face in faces if face.name == each]
+            same = [face for face in faces if face.name == name]
             if len(same) != 1:
-                near = get_close_matches(each, names, 3, 0.3) or names[:5]
+                near = get_close_matches(name, names, 3, 0.3) or names[:5]
                 known = f"names of faces: {', '.join(near)}" if near else "its faces have no names; give a number"
                 count = f"{len(same)} faces have this name" if same else "no such face"
-                raise InputError(f"{origin}: face = {each!r}: {count}; {known}, or 'first'")
+                raise InputError(f"{origin}: face = {name!r}: {count}; {known}, or 'first'")
             chosen.append(same[0])
     return chosen
 
@@ -264,23 +277,23 @@ def _selected(
 def _first_on_axis(faces: list[NamedFace], origin: str, shift_mm: Float[np.ndarray, "3"]) -> NamedFace:
     """The face that the axis meets first above the origin; tried a little beside it, where no face has its pole."""
     beside = np.array([[1e-6, 1e-6, 1.0]])
-    met = [(min(FaceCast([each.face], shift_mm).all_mm(beside)[0], default=np.inf), each) for each in faces]
-    distance, first = min(met, key=lambda one: one[0])
+    met = [(min(FaceCast([face.face], shift_mm).all_mm(beside)[0], default=np.inf), face) for face in faces]
+    distance, first = min(met, key=lambda crossing: crossing[0])
     if not np.isfinite(distance):
         raise InputError(f"{origin}: the axis meets no face above z = 0; move the file by shift_mm, or name the face")
     return first
 
 
-def sampled_face(cast: FaceCast, words: str) -> SampledFace:
+def sampled_face(cast: FaceCast, title: str) -> SampledFace:
     """The spline through the faces of ``cast``, with as many nodes as its measured error needs.
 
     Raises :class:`InputError` where they are not met just once from the origin, and where they are not smooth.
     """
     tested = np.concatenate([fibonacci_hemisphere(_TESTED), _around(0.5 * np.pi, _RIM)])
-    radius, normals = _met_once(cast, tested, words)
+    radius, normals = _met_once(cast, tested, title)
     nodes = _NODES
     while True:
-        axis, values = _on_grid(cast, nodes, words)
+        axis, values = _on_grid(cast, nodes, title)
         spline = ChartSpline.through(axis, values)
         cosine = np.sum(normals * tested, axis=1)
         form_nm = np.abs(spline.radius(tested) - radius) * cosine * 1e6
@@ -292,7 +305,7 @@ def sampled_face(cast: FaceCast, words: str) -> SampledFace:
     if form_nm.max() > _MOST_NM or turned_urad.max() > _MOST_URAD:
         worst = int((form_nm / _MOST_NM + turned_urad / _MOST_URAD).argmax())
         raise InputError(
-            f"{words}: not smooth {place_of(tested[worst])}: a spline of {nodes} nodes misses it by "
+            f"{title}: not smooth {place_of(tested[worst])}: a spline of {nodes} nodes misses it by "
             f"{form_nm[worst]:.3g} nm and {turned_urad[worst]:.3g} urad, at most {_MOST_NM:g} and {_MOST_URAD:g}; "
             "close the seam or the kink in CAD"
         )
@@ -300,21 +313,22 @@ def sampled_face(cast: FaceCast, words: str) -> SampledFace:
 
 
 def _met_once(
-    cast: FaceCast, directions: Float[np.ndarray, "n 3"], words: str
+    cast: FaceCast, directions: Float[np.ndarray, "n 3"], title: str
 ) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, "n 3"]]:
     """Radius (mm) and outward normals in ``directions``, each of which must meet the faces once."""
     met = cast.begin_at(directions)
     for direction, distances in zip(directions, met, strict=True):
         if len(distances) != 1:
-            what = f"meets it {len(distances)} times" if distances else "does not meet it: a hole, or its edge"
+            fault = f"meets it {len(distances)} times" if distances else "does not meet it: a hole, or its edge"
             raise InputError(
-                f"{words}: a ray from the origin, {place_of(direction)}, {what}; a face must be star-shaped, and reach "
+                f"{title}: a ray from the origin, {place_of(direction)}, {fault}; "
+                "a face must be star-shaped, and reach "
                 "down to z = 0: take all its parts (face = [...]), or extend it in CAD"
             )
     return cast.points(directions)
 
 
-def _on_grid(cast: FaceCast, nodes: int, words: str) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, "n n"]]:
+def _on_grid(cast: FaceCast, nodes: int, title: str) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, "n n"]]:
     """Chart axis, even in angle, and the radii (mm) on its grid."""
     half = np.arctan(HALF_WIDTH)
     axis = np.tan(np.linspace(-half, half, nodes))
@@ -328,7 +342,7 @@ def _on_grid(cast: FaceCast, nodes: int, words: str) -> tuple[Float[np.ndarray, 
     values[~inside] = _continued(cast, azimuth, beyond)
     if not np.isfinite(values).all():
         raise InputError(
-            f"{words}: the CAD kernel finds no point {place_of(to_sphere(chart[~np.isfinite(values)])[0])}"
+            f"{title}: the CAD kernel finds no point {place_of(to_sphere(chart[~np.isfinite(values)])[0])}"
         )
     return axis, values.reshape(nodes, nodes)
 

@@ -27,11 +27,13 @@ if TYPE_CHECKING:
 
 DEGREE = 5  # as the exported faces, which could not follow the kinks of a cubic's third derivative to a nanometre
 # Below the rim a direction gets the radius of one no further out than this; the way there has 7 derivatives.
-REACH, _SOFTNESS = 0.2, 7  # of the chart's unit, 1 rad at the rim
+REACH = 0.2  # of the chart's unit
+_SOFTNESS = 7  # 1 rad at the rim
 HALF_WIDTH = 1.0 + REACH  # of the square over which the spline is known
 _WIDEST_DETAIL_RAD = 0.5
 _MOST_KNOTS = 512
-_MIRRORED, _SAME_MM = 1000, 1e-6  # directions at which mirror images are compared, and how far they may differ
+_MIRRORED = 1000  # directions at which mirror images are compared
+_SAME_MM = 1e-6  # how far they may differ
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,10 +65,10 @@ class ChartSpline(ByContent, Surface):
     def symmetry(self) -> str:
         """Largest mirror group under which it changes by no more than a nanometre."""
         directions = fibonacci_hemisphere(_MIRRORED)
-        own = self.radius(directions)
+        radii = self.radius(directions)
 
         def unchanged(mirror: Float[np.ndarray, "3 3"]) -> bool:
-            return bool(np.abs(self.radius(directions @ mirror) - own).max() < _SAME_MM)
+            return bool(np.abs(self.radius(directions @ mirror) - radii).max() < _SAME_MM)
 
         return largest_symmetry(unchanged)
 
@@ -145,7 +147,8 @@ class ChartSplineRecord(SurfaceRecord):
 
     def surface(self) -> ChartSpline:
         """The surface. Raises :class:`InputError` where knots and control values are not those of one spline."""
-        side, knots = len(self.knots) - DEGREE - 1, np.array(self.knots, dtype=np.float64)
+        side = len(self.knots) - DEGREE - 1
+        knots = np.array(self.knots, dtype=np.float64)
         if side <= DEGREE or len(self.control_mm) != side**2 or not (np.diff(knots) >= 0.0).all():
             raise InputError(
                 f"{len(self.knots)} knots and {len(self.control_mm)} control values: the knots must not fall, and the "
@@ -156,5 +159,6 @@ class ChartSplineRecord(SurfaceRecord):
 
 @surface_record.register
 def _(surface: ChartSpline) -> SurfaceRecord:
-    knots, control = tuple(surface.knots.tolist()), tuple(surface.control.ravel().tolist())
+    knots = tuple(surface.knots.tolist())
+    control = tuple(surface.control.ravel().tolist())
     return ChartSplineRecord(kind="chart_spline", knots=knots, control_mm=control, detail_rad=surface.detail)

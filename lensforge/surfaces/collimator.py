@@ -24,8 +24,10 @@ _Meridian = Float[np.ndarray, "n 2"]  # r and z
 _COEFFICIENTS = 14  # of the wall: what it turns is along the axis to 1e-5 rad
 _BEYOND_RAD = 0.06  # the wall is known beyond the rays that it turns
 _ROOM = 1.4  # reach of a face over its farthest point: so gently is it continued that tables hold it up to the rim
-_RAYS, _PLACES = 128, 8  # of the estimated share: angles, and places along each side of the source
-_TRIED, _ROUNDS = 12, 4  # values of cavity and cap in a scan, and scans, each closer than the one before
+_RAYS = 128  # of the estimated share: angles
+_PLACES = 8  # places along each side of the source
+_TRIED = 12  # values of cavity and cap in a scan
+_ROUNDS = 4  # scans, each closer than the one before
 _TALLEST_CAP = 4.0  # over the radius of the cavity
 
 
@@ -59,7 +61,8 @@ class Collimator:
                 f"collimator: index = {self.index:g}: the wall reflects totally from {1.0 / steepest:.4g} on; raise "
                 "the index, or the draft, or make the wall a mirror"
             )
-        thinnest, above = float(self._in_body(self._side_rays).min()), self.height_mm - self.cap_mm
+        thinnest = float(self._in_body(self._side_rays).min())
+        above = self.height_mm - self.cap_mm
         if not min(thinnest, above) >= self.least_wall_mm:
             raise InputError(
                 f"collimator: radius = {self.radius_mm:g} mm leaves {thinnest:.3g} mm of wall at the base and "
@@ -71,7 +74,8 @@ class Collimator:
     def crease_rad(self) -> float:
         """Angle from the axis at which cap and side meet."""
         cap = self.cap_mm * (self.index - 1.0)
-        cosine, sine = self.cavity_mm * self.index - cap * np.tan(self.draft_rad), cap
+        cosine = self.cavity_mm * self.index - cap * np.tan(self.draft_rad)
+        sine = cap
         return float(np.arccos(self.cavity_mm / np.hypot(cosine, sine)) - np.arctan2(sine, cosine))
 
     @cached_property
@@ -89,7 +93,8 @@ class Collimator:
         """The faces by name: ``cap``, ``side``, ``wall`` and ``exit``."""
         crease = float(self._at_side(np.array([self.crease_rad]))[2][0])
         inner = _ROOM * max(crease, self.cap_mm)
-        cap, rim = self.cap_mm * (self.index - 1.0), float(np.hypot(self.radius_mm, self.height_mm))
+        cap = self.cap_mm * (self.index - 1.0)
+        rim = float(np.hypot(self.radius_mm, self.height_mm))
         return {
             "cap": _linear(inner, -1.0 / cap, self.index / cap),
             "side": ConeFace(inner, self.cavity_mm, -float(np.tan(self.draft_rad))),
@@ -149,7 +154,8 @@ def share_within(mapped: Iterable[tuple[_Angles, _Angles]], half_angle_rad: floa
     total = 0.0
     for polar, exits in mapped:
         by_polar = np.gradient(exits, polar)
-        along, across = np.cos(polar) / by_polar, np.sin(polar) / exits
+        along = np.cos(polar) / by_polar
+        across = np.sin(polar) / exits
         off = np.column_stack([along**2, across**2]) @ squares
         seen = np.mean(off < np.sin(half_angle_rad) ** 2, axis=1)
         total += float(np.trapezoid(seen * np.sin(2.0 * polar), polar))
@@ -163,7 +169,7 @@ def _places_from_the_centre() -> Float[np.ndarray, "2 k"]:
     Half of the square, whose other half turns rays by as much.
     """
     place = (np.arange(_PLACES) + 0.5) / _PLACES - 0.5
-    x, y = (each.reshape(-1, 1) for each in np.meshgrid(place[: _PLACES // 2], place))
+    x, y = (coordinates.reshape(-1, 1) for coordinates in np.meshgrid(place[: _PLACES // 2], place))
     turn = np.pi * (np.arange(4) + 0.5) / 8.0
     return np.stack([x * np.cos(turn) - y * np.sin(turn), x * np.sin(turn) + y * np.cos(turn)]).reshape(2, -1)
 
@@ -192,15 +198,20 @@ def best_collimator(
         raise InputError(
             f"collimator: {smallest.height_mm:.4g} mm high, at most {most_height_mm:g}; take a smaller radius or source"
         )
-    best, most = smallest, smallest.share(half_angle_rad, side_mm)
-    low, high = np.array([least, least]), np.array([radius_mm, _TALLEST_CAP * radius_mm])
+    best = smallest
+    most = smallest.share(half_angle_rad, side_mm)
+    low = np.array([least, least])
+    high = np.array([radius_mm, _TALLEST_CAP * radius_mm])
     for _ in range(_ROUNDS):
-        for each in _scanned(smallest, np.geomspace(low, high, _TRIED)):
-            share = each.share(half_angle_rad, side_mm) if each.height_mm <= most_height_mm else -1.0
+        for candidate in _scanned(smallest, np.geomspace(low, high, _TRIED)):
+            share = candidate.share(half_angle_rad, side_mm) if candidate.height_mm <= most_height_mm else -1.0
             if share > most:
-                best, most = each, share
-        found, step = np.array([best.cavity_mm, best.cap_mm]), (high / low) ** (1.5 / _TRIED)
-        low, high = np.maximum(found / step, least), found * step
+                best = candidate
+                most = share
+        optimum = np.array([best.cavity_mm, best.cap_mm])
+        step = (high / low) ** (1.5 / _TRIED)
+        low = np.maximum(optimum / step, least)
+        high = optimum * step
     return best
 
 

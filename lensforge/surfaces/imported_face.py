@@ -24,7 +24,9 @@ from lensforge.surfaces.chart_spline import ChartSpline
 from lensforge.surfaces.surface import Surface, SurfaceRecord
 
 # Files between the process that samples a CAD face and the one that asks for it.
-JOB, FOUND, SPLINE = "job.json", "found.json", "spline.npz"
+JOB = "job.json"
+FOUND = "found.json"
+SPLINE = "spline.npz"
 
 
 @dataclass(frozen=True)
@@ -70,7 +72,7 @@ def face_of_lens(path: Path, name: str) -> GivenFace:
     """
     content = read_json(path, _LENS_REMEDY)
     faces = content.get("faces") if isinstance(content, dict) else None
-    names = [each for each, face in faces.items() if isinstance(face, dict)] if isinstance(faces, dict) else []
+    names = [name for name, face in faces.items() if isinstance(face, dict)] if isinstance(faces, dict) else []
     if not isinstance(content, dict) or not isinstance(faces, dict) or not names:
         raise InputError(f"{path}: not a lens file; {_LENS_REMEDY}")
     if name not in names:
@@ -84,10 +86,12 @@ def face_of_lens(path: Path, name: str) -> GivenFace:
     return GivenFace(surface, f"{name} face of {path.parent.name}/{path.name}", 0.0, 0.0)
 
 
-STEP_SUFFIXES, IGES_SUFFIXES = (".step", ".stp"), (".iges", ".igs")
+STEP_SUFFIXES = (".step", ".stp")
+IGES_SUFFIXES = (".iges", ".igs")
 _CAD_REMEDY = "repair it in CAD, and export it again"
 _MEMORY_MIB = 1800
-_SECONDS, _SECONDS_PER_MIB = 120.0, 15.0  # up to 60,000 rays of 0.3 ms and the reading, on a slow core
+_SECONDS = 120.0  # up to 60,000 rays of 0.3 ms and the reading
+_SECONDS_PER_MIB = 15.0  # on a slow core
 
 Selection = str | int
 

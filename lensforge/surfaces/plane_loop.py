@@ -11,8 +11,12 @@ from math import atan2, ceil, cos, hypot, pi, sin
 import numpy as np
 from jaxtyping import Float
 
-DRAWING, JOB, FOUND = "drawing.step", "job.json", "loops.json"  # of ``step_outline``, which a child process runs
-MOST_LOOPS, MOST_CORNERS = 200, 1000
+# Files of ``step_outline``, which runs in a child process: a damaged STEP file may crash the kernel.
+DRAWING = "drawing.step"
+JOB = "job.json"
+FOUND = "loops.json"
+MOST_LOOPS = 200
+MOST_CORNERS = 1000
 
 Place = tuple[float, float]
 Corner = tuple[float, float, float]  # x and y (mm), and the bulge of the edge to the next corner
@@ -47,7 +51,8 @@ class LoopEdge:
     @property
     def twice_area_mm2(self) -> float:
         """Integral of x dy - y dx along it."""
-        (x0, y0), (x1, y1) = self.start, self.end
+        (x0, y0) = self.start
+        (x1, y1) = self.end
         if self.centre is None:
             return x0 * y1 - y0 * x1
         first, last = self.azimuths
@@ -85,12 +90,15 @@ class LoopEdge:
         if self.centre is None:
             x, y = self.end[0] - self.start[0], self.end[1] - self.start[1]
             return y / hypot(x, y), -x / hypot(x, y)
-        middle, sign = sum(self.azimuths) / 2.0, -1.0 if self.clockwise else 1.0
+        middle = sum(self.azimuths) / 2.0
+        sign = -1.0 if self.clockwise else 1.0
         return sign * cos(middle), sign * sin(middle)
 
     def away_mm(self, place: Place) -> float:
         """Distance of a place."""
-        (x, y), (x0, y0), (x1, y1) = place, self.start, self.end
+        (x, y) = place
+        (x0, y0) = self.start
+        (x1, y1) = self.end
         if self.centre is None:
             along = ((x - x0) * (x1 - x0) + (y - y0) * (y1 - y0)) / ((x1 - x0) ** 2 + (y1 - y0) ** 2)
             along = min(max(along, 0.0), 1.0)
@@ -126,11 +134,14 @@ def circle_at(place: Place, radius_mm: float) -> Loop:
 
 def loop_of(corners: Sequence[Corner]) -> Loop:
     """The loop through ``corners``."""
-    return tuple(_edge(one, other) for one, other in zip(corners, (*corners[1:], corners[0]), strict=True))
+    return tuple(
+        _edge(corner, next_corner) for corner, next_corner in zip(corners, (*corners[1:], corners[0]), strict=True)
+    )
 
 
-def _edge(one: Corner, other: Corner) -> LoopEdge:
-    (x0, y0, bulge), (x1, y1, _) = one, other
+def _edge(start: Corner, end: Corner) -> LoopEdge:
+    (x0, y0, bulge) = start
+    (x1, y1, _) = end
     if bulge == 0.0:
         return LoopEdge((x0, y0), (x1, y1))
     across = (1.0 / bulge - bulge) / 4.0  # of the chord, from its middle to the left

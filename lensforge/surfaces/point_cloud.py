@@ -19,7 +19,10 @@ from lensforge.surfaces.srbf import fibonacci_hemisphere
 from lensforge.surfaces.surface import to_chart
 
 _LEFT_OUT = 10  # one point of so many, to measure the error between points
-_LEAST_CELLS, _MOST_CELLS, _FINER = 12, 160, 1.5  # of the spline across the chart; from one trial to the next
+# Cells of the spline across the chart.
+_LEAST_CELLS = 12
+_MOST_CELLS = 160
+_FINER = 1.5  # from one trial to the next
 _ENOUGH_MM = 1e-8  # rms at the points left out
 _BETTER = 0.9  # of the error: a finer spline must be worth its cells
 _SMALLEST_GAP = 4.0  # largest hole, in typical distances between neighbours
@@ -48,7 +51,9 @@ def face_of_points(path: Path, coordinates: Coordinates, shift_mm: tuple[float, 
 
 
 def _from_polar(rows: Float[np.ndarray, "n 3"], path: Path) -> Float[np.ndarray, "n 3"]:
-    polar, azimuth, radius = np.deg2rad(rows[:, 0]), np.deg2rad(rows[:, 1]), rows[:, 2]
+    polar = np.deg2rad(rows[:, 0])
+    azimuth = np.deg2rad(rows[:, 1])
+    radius = rows[:, 2]
     if polar.min() < 0.0 or polar.max() > np.pi or np.abs(azimuth).max() > 2.0 * np.pi:
         raise InputError(
             f"{path}: angles from the axis of {np.rad2deg(polar.min()):.4g} to {np.rad2deg(polar.max()):.4g} degrees, "
@@ -85,7 +90,8 @@ def _fitted(directions: Float[np.ndarray, "n 3"], radius: Float[np.ndarray, " n"
     out = order[::_LEFT_OUT]
     kept = np.setdiff1d(np.arange(len(radius)), out)
     most = min(_MOST_CELLS, int(2.0 * HALF_WIDTH * np.sqrt(len(radius) / np.pi)))
-    cells, best = _LEAST_CELLS, None
+    cells = _LEAST_CELLS
+    best = None
     while True:
         trial = _spline(directions[kept], radius[kept], cells)
         miss = float(np.sqrt(np.mean((trial.radius(directions[out]) - radius[out]) ** 2)))
@@ -129,5 +135,6 @@ def _differences(side: int) -> Any:
     third = sum(
         value * diags_array(np.ones(side - 3), offsets=offset, shape=(side - 3, side)) for offset, value in steps
     )
-    squared, whole = third.T @ third, eye_array(side)
+    squared = third.T @ third
+    whole = eye_array(side)
     return kron(squared, whole) + kron(whole, squared)

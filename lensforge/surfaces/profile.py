@@ -27,7 +27,8 @@ _Vectors = Float[np.ndarray, "n 3"]
 _Values = Float[np.ndarray, " n"]
 _Splines = tuple["BSpline", "BSpline", "BSpline"]
 
-HORIZON, AXIS = np.array([[1.0, 0.0, 0.0]]), np.array([[0.0, 0.0, 1.0]])
+HORIZON = np.array([[1.0, 0.0, 0.0]])
+AXIS = np.array([[0.0, 0.0, 1.0]])
 DEGREE = 5  # as the exported faces; tables and exports could not follow the kinks of a cubic's third derivative
 LEAST_COEFFICIENTS = DEGREE + 1
 _MOST_COEFFICIENTS = 512
@@ -200,7 +201,7 @@ def _meridian(face: Surface, cosines: _Values) -> _Values:
 def around(polar_rad: _Values) -> Float[np.ndarray, "k 3"]:
     """Directions at these angles from the axis, each on all meridians in turn."""
     azimuth = 2.0 * np.pi * np.arange(_MERIDIANS) / _MERIDIANS
-    across = [np.outer(np.sin(polar_rad), each).ravel() for each in (np.cos(azimuth), np.sin(azimuth))]
+    across = [np.outer(np.sin(polar_rad), component).ravel() for component in (np.cos(azimuth), np.sin(azimuth))]
     return np.stack([*across, np.repeat(np.cos(polar_rad), _MERIDIANS)], axis=1)
 
 
@@ -212,7 +213,7 @@ def shrunk(face: ReciprocalSurface, factor: float) -> ReciprocalSurface:
         case PlaneFace():
             return replace(face, height_mm=face.height_mm / factor)
     assert isinstance(face, ProfileFace)
-    return replace(face, coefficients=tuple(factor * each for each in face.coefficients))
+    return replace(face, coefficients=tuple(factor * coefficient for coefficient in face.coefficients))
 
 
 class SrbfFunctions(Record):
@@ -239,8 +240,10 @@ class FormedRecord(SurfaceRecord):
 
     def surface(self) -> FormedFace:
         """The surface. Raises :class:`InputError` where there are more or fewer weights than functions."""
-        sums, profile = self.functions, self.profile.model_dump(exclude={"kind"})
-        basis, weights = SrbfBasis(sums.levels, sums.sigma_c, sums.symmetry), np.array(sums.weights, dtype=np.float64)
+        sums = self.functions
+        profile = self.profile.model_dump(exclude={"kind"})
+        basis = SrbfBasis(sums.levels, sums.sigma_c, sums.symmetry)
+        weights = np.array(sums.weights, dtype=np.float64)
         return FormedFace(**profile, srbf=basis, weights_per_mm=weights)
 
 

@@ -26,7 +26,8 @@ _Values = Float[np.ndarray, " n"]
 
 _FLAT = 0.5  # of 1/R: below it the continuation is a sphere
 _PROFILE = 721  # directions of a meridian from which the detail is taken, 0.15 degrees apart
-_MERIDIANS, _TRIED = 24, 2000
+_MERIDIANS = 24
+_TRIED = 2000
 _LOWEST = -0.5  # cosine of the lowest direction of a chart
 _WIDEST_DETAIL_RAD = 0.5
 

@@ -22,18 +22,26 @@ from lensforge.surfaces.srbf import SrbfBasis
 from lensforge.surfaces.surface import Surface
 
 _ROOM = 1.4  # reach of a face over its farthest point, as of a collimator
-_RAYS, _TRIED = 64, 24  # angles of the estimated share; focal lengths that are tried, and radii
+_RAYS = 64  # angles of the estimated share
+_TRIED = 24  # focal lengths that are tried, and radii
 # So far around the axis a mouth stays open: nearer to it the facets of a cup's mesh are long and narrow, and an STL's
 # normals there wrong. At the start the cup is so much higher.
-OPEN_RAD, _OPEN = 0.3, 1.05
+OPEN_RAD = 0.3
+_OPEN = 1.05
 _NARROWEST = 0.2  # of the largest radius: of a mouth that is tried
-_LOWEST, _BEYOND = -0.15, 0.1  # cosines: of the lowest point of a back, and by which it is known beyond its rim
-_COEFFICIENTS, _ALONG = 24, 721  # of a back; places on each meridian of a cup
+_LOWEST = -0.15  # cosine of the lowest point of a back
+_BEYOND = 0.1  # cosine by which a back is known beyond its rim
+_COEFFICIENTS = 24  # of a back
+_ALONG = 721  # places on each meridian of a cup
 _FINE = 8  # times as many places, on which the rim of a mouth is found
 _FLATTEST = 0.2  # height of the mouth over its radius, at least
 _ENOUGH = 0.98  # of the largest share: among these the lowest cup is chosen
-_TRACED, _LEAST_ECCENTRICITY, _FLATTER = 2048, 0.5, 0.05  # rays through a leaning cup; least, and 1 - the first one
-_LEAN, _FOCI, _STEPS = 0.6, (1.0, 1.6), 120  # of the light's angle and the clearance, where its search begins
+_TRACED = 2048  # rays through a leaning cup
+_LEAST_ECCENTRICITY = 0.5
+_FLATTER = 0.05  # 1 - eccentricity of the first cup that is tried
+_LEAN = 0.6  # of the light's angle, where the search of a lean begins
+_FOCI = (1.0, 1.6)  # of the clearance
+_STEPS = 120
 
 _Values = Float[np.ndarray, " n"]
 
@@ -95,7 +103,8 @@ class LeaningCup:
 
     def face(self, radius_mm: float, azimuth_rad: float = 0.0) -> ConicFace:
         """The mirror, of this radius at most, leaning towards ``azimuth_rad`` from x."""
-        reach_mm, aside = _ROOM * float(np.hypot(radius_mm, self.height_mm)), np.sin(self.lean_rad)
+        reach_mm = _ROOM * float(np.hypot(radius_mm, self.height_mm))
+        aside = np.sin(self.lean_rad)
         x, y = float(aside * np.cos(azimuth_rad)), float(aside * np.sin(azimuth_rad))
         return ConicFace(reach_mm, self._parameter_mm, self.eccentricity, (x, y, float(np.cos(self.lean_rad))))
 
@@ -123,9 +132,11 @@ class LeaningCup:
         Directly, or by one reflection, of which ``mirror`` is left; by a conic, which a ray from the point s in the
         direction u meets at ``|s + t u| = p + e a (s + t u)``, a quadratic equation.
         """
-        axis, (places, ways) = self.eccentricity * self._axis, _lambertian()
+        axis = self.eccentricity * self._axis
+        (places, ways) = _lambertian()
         places = side_mm * places
-        along, past = ways @ axis, self._parameter_mm + places @ axis
+        along = ways @ axis
+        past = self._parameter_mm + places @ axis
         linear = (places * ways).sum(axis=1) - along * past
         square = np.maximum(1.0 - along**2, 1e-12)
         root = np.sqrt(np.maximum(linear**2 - square * ((places**2).sum(axis=1) - past**2), 0.0))
@@ -147,7 +158,8 @@ class LeaningCup:
 def _lambertian() -> tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, "n 3"]]:
     """Places on a square of side 1, and directions of its Lambertian light."""
     x, y, square, turn = sobol(_TRACED, 4, 0).T
-    sine, azimuth = np.sqrt(square), 2.0 * np.pi * turn
+    sine = np.sqrt(square)
+    azimuth = 2.0 * np.pi * turn
     ways = np.column_stack([sine * np.cos(azimuth), sine * np.sin(azimuth), np.sqrt(1.0 - square)])
     return np.column_stack([x - 0.5, y - 0.5, np.zeros_like(x)]), ways
 
@@ -188,7 +200,7 @@ def best_leaning_cup(
         )
         for focus in _FOCI
     ]
-    best = min(tried, key=lambda each: float(each.fun))
+    best = min(tried, key=lambda trial: float(trial.fun))
     return cup_of(best.x) if best.fun < 0.0 else None
 
 
@@ -213,16 +225,16 @@ def best_cup(
     focal_mm = np.geomspace(least, max(0.5 * radius_mm, least), _TRIED).tolist()
     radii_mm = np.geomspace(_NARROWEST * radius_mm, radius_mm, _TRIED).tolist()
     tried = [ParabolicCup(*sizes, wall_mm) for sizes in product(focal_mm, radii_mm)]
-    fitting = [each for each in tried if 0.0 < _FLATTEST * each.rim_mm <= each.height_mm <= most_height_mm]
+    fitting = [cup for cup in tried if 0.0 < _FLATTEST * cup.rim_mm <= cup.height_mm <= most_height_mm]
     if not fitting:
         raise InputError(
             f"reflector: radius = {radius_mm:.4g} mm leaves no room for a cup of {2.0 * least:.4g} mm at least at "
             f"z = 0, a wall of {wall_mm:.3g} mm, and a height of {most_height_mm:.4g} mm at most; raise the radius or "
             "the height, or take a smaller source"
         )
-    shares = [each.share(half_angle_rad, side_mm, least_rad) for each in fitting]
-    best = (each for each, share in zip(fitting, shares, strict=True) if share >= _ENOUGH * max(shares))
-    return min(best, key=lambda each: each.height_mm)
+    shares = [cup.share(half_angle_rad, side_mm, least_rad) for cup in fitting]
+    best = (cup for cup, share in zip(fitting, shares, strict=True) if share >= _ENOUGH * max(shares))
+    return min(best, key=lambda cup: cup.height_mm)
 
 
 def reflector_faces(
@@ -239,9 +251,10 @@ def reflector_faces(
     and no higher than ``most_height_mm``. ``shaped``: functions by which the back follows a cup that leans; without
     them it is round. Raises :class:`InputError` where the mouth does not meet the cup.
     """
-    polar, each = _behind(cup, wall_mm)
-    behind = each.max(axis=1)
-    across, heights = behind * np.sin(polar), behind * np.cos(polar)
+    polar, radii = _behind(cup, wall_mm)
+    behind = radii.max(axis=1)
+    across = behind * np.sin(polar)
+    heights = behind * np.cos(polar)
     if height_mm is None:
         beyond = np.flatnonzero(across > radius_mm)
         place = int(beyond[0]) if len(beyond) else int(np.argmax(across))
@@ -259,7 +272,7 @@ def reflector_faces(
     known = np.cos(polar) <= basis.high
     back = ProfileFace(reach, basis.low, basis.high, basis.nearest(np.cos(polar[known]), 1.0 / behind[known]))
     if shaped is not None:
-        back = FormedFace.nearest(around(polar), 1.0 / each.ravel(), basis, shaped, reach)
+        back = FormedFace.nearest(around(polar), 1.0 / radii.ravel(), basis, shaped, reach)
     if isinstance(cup, ReciprocalSurface):  # a conic has no reach of its own
         cup = replace(cup, reach_mm=min(reach, cup.reach_mm))
     return {"cup": cup, "back": back, "mouth": PlaneFace(reach, height_mm)}

@@ -23,7 +23,8 @@ from lensforge.surfaces.mirror_group import grid_images, group
 from lensforge.surfaces.surface import ByContent, Length, Place, Surface, SurfaceRecord, surface_record
 
 # Of a basis. Bounds what a file can ask for: with 10,000 functions the radius at 20,000 directions takes 0.4 s.
-MOST_FUNCTIONS, MOST_LEVELS = 10_000, 20
+MOST_FUNCTIONS = 10_000
+MOST_LEVELS = 20
 _NEGLIGIBLE = 1e-18  # of a function's peak: a hundredth of what a sum rounds off
 
 
@@ -163,9 +164,12 @@ class SrbfSurface(ByContent, Surface):
         """
         from lensforge.kernels.basis_sum import BLOCK, ROWS, sum_functions
 
-        basis, order = self.basis, _as_neighbours(directions, BLOCK)
-        ordered, (sums, total) = np.ascontiguousarray(directions[order]), np.empty((2, len(directions), 4))
-        images, weights = np.stack(group(basis.symmetry)), np.ascontiguousarray(self.weights_mm)
+        basis = self.basis
+        order = _as_neighbours(directions, BLOCK)
+        ordered = np.ascontiguousarray(directions[order])
+        (sums, total) = np.empty((2, len(directions), 4))
+        images = np.stack(group(basis.symmetry))
+        weights = np.ascontiguousarray(self.weights_mm)
 
         def work(_: int, part: slice) -> None:
             space = np.empty((ROWS, BLOCK))

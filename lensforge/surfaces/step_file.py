@@ -72,9 +72,13 @@ def new_document() -> Any:
     return TDocStd_Document(TCollection_ExtendedString("lensforge"))
 
 
-_STEP, _JOB, _PRODUCTS = "part.step", "job.json", "products.json"
+_STEP = "part.step"
+_JOB = "job.json"
+_PRODUCTS = "products.json"
 _MEMORY_MIB = 1800  # a lens takes 0.35 GiB
-_SECONDS, _SECONDS_PER_MIB = 30.0, 15.0  # a lens of 3 MiB takes 4 s on a free core
+# A lens of 3 MiB takes 4 s on a free core.
+_SECONDS = 30.0
+_SECONDS_PER_MIB = 15.0
 _MOST_FACES = 10_000  # a clamp has some hundred; each costs time in every later operation
 _MOST_PRODUCTS = 1000
 
@@ -105,7 +109,7 @@ def parse_apart(content: bytes, origin: str, remedy: str, *, to_be_joined: bool 
         with temporary_file(binary, "part.bin") as path:
             BinTools.Read_s(shape, str(path))
         all_faces = parts_of(shape, "FACE")
-        products.append(Product(name, shape, {each: all_faces[index] for each, index in faces.items()}))
+        products.append(Product(name, shape, {face_name: all_faces[index] for face_name, index in faces.items()}))
     return products
 
 
@@ -119,12 +123,13 @@ def _tested(content: bytes, origin: str, remedy: str, to_be_joined: bool) -> lis
         write_json(folder / _JOB, {"origin": origin, "remedy": remedy, "to_be_joined": to_be_joined})
         work_in_child(Path(__file__).resolve(), folder, limits, origin=origin, remedy=remedy)
         entries = json.loads((folder / _PRODUCTS).read_text(encoding="utf-8"))
-        return [(each["name"], (folder / f"{k}.bin").read_bytes(), each["faces"]) for k, each in enumerate(entries)]
+        return [(entry["name"], (folder / f"{k}.bin").read_bytes(), entry["faces"]) for k, entry in enumerate(entries)]
 
 
 def shapes_in(reader: Any, path: Path, refusal: str) -> list[tuple[str, Any, dict[str, Any]]]:
     """Name, shape (TopoDS_Shape) and named faces (TopoDS_Face) of each product that a ``reader`` of OCCT finds."""
-    document, parts = new_document(), TDF_LabelSequence()
+    document = new_document()
+    parts = TDF_LabelSequence()
     configure("", "AP214")
     reader.SetNameMode(True)
     if reader.ReadFile(str(path)) != IFSelect_ReturnStatus.IFSelect_RetDone or not reader.Transfer(document):
@@ -141,10 +146,12 @@ def _shapes_in_step(path: Path, origin: str, remedy: str) -> list[tuple[str, Any
 
 def _named_faces(part: Any) -> dict[str, Any]:
     """Faces (TopoDS_Face) of a product's label that have names."""
-    labels, faces = TDF_LabelSequence(), {}
+    labels = TDF_LabelSequence()
+    faces = {}
     XCAFDoc_ShapeTool.GetSubShapes_s(part, labels)
     for k in range(labels.Length()):
-        shape, name = XCAFDoc_ShapeTool.GetShape_s(labels.Value(k + 1)), _name_of(labels.Value(k + 1))
+        shape = XCAFDoc_ShapeTool.GetShape_s(labels.Value(k + 1))
+        name = _name_of(labels.Value(k + 1))
         if name and not shape.IsNull() and shape.ShapeType() == TopAbs_ShapeEnum.TopAbs_FACE:
             faces[name] = TopoDS.Face_s(shape)
     return faces
@@ -158,7 +165,8 @@ def _name_of(label: Any) -> str:
 
 def parts_of(shape: Any, kind: PartKind) -> list[Any]:
     """The different parts of a kind (TopoDS_Face for "FACE") that ``shape`` has, in their order."""
-    distinct, of_kind = TopTools_IndexedMapOfShape(), getattr(TopoDS, f"{kind.capitalize()}_s")
+    distinct = TopTools_IndexedMapOfShape()
+    of_kind = getattr(TopoDS, f"{kind.capitalize()}_s")
     TopExp.MapShapes_s(shape, getattr(TopAbs_ShapeEnum, f"TopAbs_{kind}"), distinct)
     return [of_kind(distinct.FindKey(k + 1)) for k in range(distinct.Extent())]
 
@@ -166,7 +174,8 @@ def parts_of(shape: Any, kind: PartKind) -> list[Any]:
 def _write_products(folder: Path) -> None:
     """Work of the child process: the tested products of the STEP file in ``folder``."""
     job = json.loads((folder / _JOB).read_text(encoding="utf-8"))
-    origin, remedy = job["origin"], job["remedy"]
+    origin = job["origin"]
+    remedy = job["remedy"]
     shapes = _shapes_in_step(folder / _STEP, origin, remedy)
     if len(shapes) > _MOST_PRODUCTS:
         raise InputError(f"{origin}: {len(shapes)} products, at most {_MOST_PRODUCTS} are read; {remedy}")
@@ -176,9 +185,10 @@ def _write_products(folder: Path) -> None:
         BinTools.Write_s(shape, str(folder / f"{number}.bin"))  # before the tests, which may add triangles to it
         _require_usable(shape, len(faces), origin, remedy, job["to_be_joined"])
         places = {
-            each: next((k for k, face in enumerate(faces) if face.IsSame(one)), -1) for each, one in named.items()
+            face_name: next((k for k, face in enumerate(faces) if face.IsSame(named_face)), -1)
+            for face_name, named_face in named.items()
         }
-        records.append({"name": name, "faces": {each: place for each, place in places.items() if place >= 0}})
+        records.append({"name": name, "faces": {face_name: place for face_name, place in places.items() if place >= 0}})
     write_json(folder / _PRODUCTS, records)
 
 

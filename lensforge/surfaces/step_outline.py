@@ -28,8 +28,10 @@ from lensforge.surfaces import plane_loop
 from lensforge.surfaces.plane_loop import Corner, area_mm2, bulge_of, inside_by_mm, loop_of, points_on, reversed_corners
 from lensforge.surfaces.step_file import parts_of, products_in
 
-_FLAT_MM, _LEVEL = 1e-5, 1e-7  # the uncertainty that STEP files state; of a normal's components along x and y
-_CHORD_MM, _SHARE = 1e-2, 1e-6  # of the chords by which loops that cross are found; of the area within
+_FLAT_MM = 1e-5  # the uncertainty that STEP files state
+_LEVEL = 1e-7  # of a normal's components along x and y
+_CHORD_MM = 1e-2  # of the chords by which loops that cross are found
+_SHARE = 1e-6  # of the area within
 _FEWEST = 2  # edges of a loop: a circle is read as two halves
 _STRAIGHT = 1e-9  # bulge of an arc that is a line to 5e-6 mm, whatever its length
 _KINDS = ("GeomAbs_Line", "GeomAbs_Circle")
@@ -38,7 +40,8 @@ _KINDS = ("GeomAbs_Line", "GeomAbs_Circle")
 def _write_loops(folder: Path) -> None:
     """Work of the child process: the loops of the STEP file in ``folder``, the outline first."""
     job = json.loads((folder / plane_loop.JOB).read_text(encoding="utf-8"))
-    origin, remedy = job["origin"], job["remedy"]
+    origin = job["origin"]
+    remedy = job["remedy"]
     shapes = [product.shape for product in products_in(folder / plane_loop.DRAWING, origin, remedy)]
     bodies = [solid for shape in shapes for solid in parts_of(shape, "SOLID")]
     faces = [face for shape in shapes for face in parts_of(shape, "FACE")]
@@ -58,7 +61,8 @@ def _write_loops(folder: Path) -> None:
             f"{plane_loop.MOST_CORNERS} are read; simplify the outline"
         )
     for corners in loops[1:]:
-        outline, opening = loop_of(loops[0]), loop_of(corners)
+        outline = loop_of(loops[0])
+        opening = loop_of(corners)
         for x, y in (edge.start for edge in opening):
             if inside_by_mm(outline, (x, y)) <= 0.0:
                 raise InputError(
@@ -74,10 +78,10 @@ def _is_simple(loops: list[list[Corner]]) -> bool:
     import manifold3d
 
     chords = [points_on(loop_of(corners), _CHORD_MM) for corners in loops]
-    chords = [chords[0], *(each[::-1] for each in chords[1:])]
-    own = [np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y) / 2.0 for x, y in (each.T for each in chords)]
+    chords = [chords[0], *(chord[::-1] for chord in chords[1:])]
+    areas = [np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y) / 2.0 for x, y in (chord.T for chord in chords)]
     within = manifold3d.CrossSection(chords, manifold3d.FillRule.Positive).area()
-    return bool(abs(within - sum(own)) <= _SHARE * within)
+    return bool(abs(within - sum(areas)) <= _SHARE * within)
 
 
 def _top(faces: list[Any], of_body: bool, origin: str, remedy: str) -> Any:
@@ -96,16 +100,17 @@ def _top(faces: list[Any], of_body: bool, origin: str, remedy: str) -> Any:
             f"and {remedy}"
         )
     top = max(z for z, _ in level)
-    found = [face for z, face in level if not of_body or z >= top - _FLAT_MM]
-    if len(found) > 1:
+    tops = [face for z, face in level if not of_body or z >= top - _FLAT_MM]
+    if len(tops) > 1:
         where = f"at its top, z = {top:.6g} mm" if of_body else "of one z"
-        raise InputError(f"{origin}: holds {len(found)} plane faces {where}, an outline is one; export the one alone")
-    return found[0]
+        raise InputError(f"{origin}: holds {len(tops)} plane faces {where}, an outline is one; export the one alone")
+    return tops[0]
 
 
 def _free_wires(shapes: list[Any], origin: str, remedy: str) -> list[Any]:
     """The wires that the edges of a file without faces make."""
-    edges, wires = TopTools_HSequenceOfShape(), TopTools_HSequenceOfShape()
+    edges = TopTools_HSequenceOfShape()
+    wires = TopTools_HSequenceOfShape()
     for shape in shapes:
         for edge in parts_of(shape, "EDGE"):
             edges.Append(edge)
@@ -154,8 +159,10 @@ _Point = tuple[float, float, float]
 
 def _arcs(edge: Any, origin: str) -> Iterator[tuple[_Point, _Point, float]]:
     """Start, end and bulge of an edge along its wire; a whole circle in two halves."""
-    curve, backwards = BRepAdaptor_Curve(edge), edge.Orientation() == TopAbs_Orientation.TopAbs_REVERSED
-    first, last = curve.FirstParameter(), curve.LastParameter()
+    curve = BRepAdaptor_Curve(edge)
+    backwards = edge.Orientation() == TopAbs_Orientation.TopAbs_REVERSED
+    first = curve.FirstParameter()
+    last = curve.LastParameter()
     kind = curve.GetType().name
     if kind not in _KINDS:
         x, y, _ = curve.Value(first).Coord()
@@ -181,7 +188,7 @@ def _arcs(edge: Any, origin: str) -> Iterator[tuple[_Point, _Point, float]]:
 
 def _point(curve: Any, at: float, origin: str) -> _Point:
     x, y, z = curve.Value(at).Coord()
-    if not all(abs(each) <= MOST_MM for each in (x, y, z)):
+    if not all(abs(coordinate) <= MOST_MM for coordinate in (x, y, z)):
         raise InputError(f"{origin}: its outline reaches beyond {MOST_MM:g} mm; export it in its own unit")
     return x, y, z
 

@@ -1,4 +1,4 @@
-"""The convergence studies of docs/accuracy.md: orders, noise and bias against closed forms."""
+"""The convergence studies of benchmarks/: orders, noise and bias against closed forms."""
 
 import numpy as np
 import pytest

@@ -1,18 +1,16 @@
-"""The benchmark of single bugs: what is drawn, what is left out, what is counted, and the page that states it."""
+"""The benchmark of single bugs: what is drawn, what is left out, and what is counted."""
 
-import json
 import re
 from collections import Counter
 from pathlib import Path
 
 import pytest
 from mutation.draw import Mutant, drawn
-from mutation.kept import Outcome, Record, equivalent, page_part, share, table
+from mutation.kept import Outcome, Record, share, stale, table
 from mutation.left_out import left_out, within
 from mutation.own_tests import files_of, modules
 
 ROOT = Path(__file__).parents[2]
-KEPT = ROOT / "docs" / "mutants.json"
 
 
 def mutants(module, count):
@@ -76,15 +74,8 @@ def test_bugs_are_counted_without_those_that_are_none(tmp_path, monkeypatch):
         Record.load(record.path, 6)
 
 
-def test_the_page_has_the_kept_outcomes():
-    record = Record.load(KEPT, json.loads(KEPT.read_text(encoding="utf-8"))["seed"])
-    assert page_part(record) in (ROOT / "docs" / "mutants.md").read_text(encoding="utf-8")
-
-
-def test_each_reason_why_a_change_is_no_bug_is_for_a_line_that_is_there():
-    """Or for a bug of the kept record, whose line may have changed since."""
-    tried = json.loads(KEPT.read_text(encoding="utf-8"))["outcomes"]
-    for key in equivalent().keys() - {outcome["key"] for outcome in tried}:
-        module, _, rest = key.partition(": ")
-        source = (ROOT / "lensforge" / module).read_text(encoding="utf-8")
-        assert module in modules() and rest.rpartition(" @")[0] in [line.strip() for line in source.split("\n")], key
+def test_a_reason_whose_line_is_gone_is_named(tmp_path, monkeypatch):
+    (tmp_path / "m.py").write_text("x = 7\n", encoding="utf-8")
+    reasons = {"m.py: x = 7 @1 NumberReplacer 1": "", "m.py: x = 8 @1 NumberReplacer 1": "", "n.py: x = 7 @1 Not 1": ""}
+    monkeypatch.setattr("mutation.kept.equivalent", lambda: reasons)
+    assert stale(tmp_path) == [*reasons][1:]

@@ -16,7 +16,7 @@ from lensforge.sources.build_source import build_source
 def test_every_shipped_spec_is_run_and_ends_as_a_command_does(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     files = {path.relative_to(verdicts.EXAMPLES).as_posix() for path in verdicts.EXAMPLES.rglob("*.toml")}
     assert {f"{name}.toml" for name in verdicts.shipped()} == files and "published/street" in verdicts.shipped()
-    for name in ("KEPT", "PAGE", "FOLDERS"):
+    for name in ("KEPT", "FOLDERS"):
         monkeypatch.setattr(verdicts, name, tmp_path / getattr(verdicts, name).name)
     unread = tmp_path / "unread.toml"
     unread.write_text("[lens]\ncolour = 1\n", encoding="utf-8")
@@ -24,8 +24,7 @@ def test_every_shipped_spec_is_run_and_ends_as_a_command_does(tmp_path: Path, mo
     assert verdicts.run_shipped(["unread"]) == 1
     kept = json.loads(verdicts.KEPT.read_text(encoding="utf-8"))["unread"]
     assert kept["exit"] == 2 and kept["light"] == "" and "constraints: missing" in kept["said"]
-    page = verdicts.filled("<!-- verdicts -->\n\n<!-- end of verdicts -->", {"unread": kept})
-    assert "| unread | 2 |  |  |  |" in page
+    assert "| unread | 2 |  |  |  |" in verdicts.shown({"unread": kept})
 
 
 def test_no_lens_brings_the_light_of_the_large_source_into_the_small_far_rectangle() -> None:

@@ -8,8 +8,18 @@ from scipy.interpolate import NdBSpline
 from lensforge.cad.edges import geom_surface
 from lensforge.cad.face_tolerance import MAX_NODES, FaceTolerance
 from lensforge.cad.form_error import chart_samples, face_error, fit_to_form, form_error, largest_errors
-from lensforge.cad.patch import _JET_ORDERS, DEGREE, Patch, default_nodes, fit_extended, fit_patch, node_axis
+from lensforge.cad.patch import (
+    _JET_ORDERS,
+    DEGREE,
+    Patch,
+    default_nodes,
+    fewest_nodes,
+    fit_extended,
+    fit_patch,
+    node_axis,
+)
 from lensforge.errors import InputError
+from lensforge.surfaces.reciprocal import ConicFace
 from lensforge.surfaces.srbf import SrbfBasis, SrbfSurface
 from lensforge.surfaces.surface import HALF_WIDTH, to_sphere
 
@@ -175,3 +185,43 @@ def test_the_fewest_nodes_make_a_spline_and_an_extension_needs_more():
     assert fit_patch(surface, 18).nodes == 18 and fit_extended(surface, 22, 10.0).nodes == 25
     with pytest.raises(InputError, match="nodes = 18: 20 with the extension, at least 22"):
         fit_extended(surface, 18, 10.0)
+
+
+CUP = ConicFace(reach_mm=143.0, parameter_mm=1.69, eccentricity=1.0)  # a paraboloid about an LED, cut off 100 mm away
+CUP_RING = (0.0914, 1.0)  # of the chart: from its mouth to the LED's plane
+
+
+def ring_error(patch, extent, seed=7):
+    low, high = extent
+    radius, turn = np.random.default_rng(seed).uniform(size=(2, 20_000))
+    radius = np.concatenate([low + (high - low) * radius, np.full(500, low), np.full(500, high)])
+    turn = 2.0 * np.pi * np.concatenate([turn, np.arange(1000) / 500.0])
+    chart = radius[:, None] * np.stack([np.cos(turn), np.sin(turn)], axis=1)
+    return form_error(CUP, patch.points(chart), patch.normals(chart))
+
+
+def test_a_long_cup_keeps_its_form_by_nodes_that_are_denser_towards_its_mouth():
+    """With 320 nodes at even angles it is 300 nm and 0.3 mrad off."""
+    assert 100.0 < CUP.radius(to_sphere(np.array([[CUP_RING[0], 0.0]])))[0] < 103.0
+    error = ring_error(fit_patch(CUP, 240, CUP_RING), CUP_RING)
+    assert error.form_max_nm < 50.0 and error.normal_max_mrad < 0.2
+
+
+def test_the_extended_faces_of_a_long_cup_are_as_good_above_the_rim():
+    error = ring_error(fit_extended(CUP, 240, 5.0, CUP_RING), CUP_RING)
+    assert error.form_max_nm < 50.0 and error.normal_max_mrad < 0.2
+
+
+@pytest.mark.parametrize("hole", [1e-4, 0.03, 0.0914, 0.4, 0.9])
+def test_nodes_about_a_hole_rise_from_edge_to_edge_within_the_pole(hole):
+    fewest = fewest_nodes((hole, 1.0))
+    for count in (fewest, 161):
+        axis = node_axis(count, 8, HALF_WIDTH, hole)
+        assert (axis[8], axis[-9]) == pytest.approx((-HALF_WIDTH, HALF_WIDTH), rel=1e-14)
+        np.testing.assert_allclose(axis, -axis[::-1], rtol=1e-12)
+        assert (np.diff(axis) > 0.0).all()  # beyond the pole the tangent falls to minus infinity
+    steps = np.diff(2.0 * np.arctan(node_axis(161, hole=hole)))
+    wanted = 1.0 / np.cosh(np.arcsinh(np.arctan(HALF_WIDTH) / max(1.5 * np.arctan(hole), 0.1)))  # of a sinh
+    assert steps[80] / steps[-1] == pytest.approx(wanted, rel=0.05)
+    with pytest.raises(InputError, match=f"nodes = {fewest - 1}: from {fewest} to"):
+        fit_patch(CUP, fewest - 1, (hole, 1.0))

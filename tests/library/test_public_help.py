@@ -12,9 +12,9 @@ import pytest
 from presets import FEW_STEPS
 
 import lensforge as lf
-from lensforge.verbs import NAMES, UNLISTED
+from lensforge.verbs import UNLISTED, public_names
 
-PUBLIC = {name: each for name, each in NAMES.items() if not isinstance(each, str)}
+PUBLIC = {name: each for name, each in public_names().items() if not isinstance(each, str)}
 
 
 @pytest.mark.parametrize("name", [name for name, each in PUBLIC.items() if inspect.isfunction(each)])

@@ -10,13 +10,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from addon_rows import addon_rows
 from matplotlib.axes import Axes
 from nightly import NIGHTLY, first_by_day
 from presets import FEW, WITH_TABLE_ERROR
 from scenes import small_spec, sphere
 
 import lensforge as lf
-from lensforge.report.results import EXTRAS, STAGES
+from lensforge.report.results import kinds_of_results
 from lensforge.results import StageResult
 from lensforge.results.record import values_of
 from lensforge.verbs import EVALUATE
@@ -86,7 +87,7 @@ def test_every_kind_of_result_plots_saves_shows_itself_and_is_a_row(whole_run: l
     assert whole_run.check.plot().figure.axes[-1].get_ylabel().startswith("outer: "), "the last face"
     whole_run.design.save(tmp_path / "design.png")  # as every page above has it
     assert (tmp_path / "design.png").read_bytes().startswith(b"\x89PNG")
-    assert seen == {cls.__name__ for cls in (*STAGES, *EXTRAS)}
+    assert seen == {cls.__name__ for cls in kinds_of_results()}
 
 
 def test_records_name_schema_version_and_inputs(whole_run: lf.Run) -> None:
@@ -154,7 +155,6 @@ def test_a_search_reports_and_stops(other: lf.Design, tmp_path: Path) -> None:
         (lambda: lf.build(LENS, nodes="a"), "nodes = 'a'"),
         (lambda: lf.build(LENS, extension_deg="x"), "extension_deg = 'x': a finite number"),
         (lambda: lf.photometry(LENS, lumens="a"), "lumens = 'a'"),
-        (lambda: lf.compare(LENS, points=5, surface="inner"), "points = 5: give the path"),
         (lambda: lf.tradeoff(small_spec(), lens="x"), "must be a Lens"),
         (lambda: lf.tradeoff(small_spec(target__distance_mm=150.0), lens=LENS), "another [target]"),
         (lambda: lf.design(small_spec(), start="lens.json"), "must be a Lens"),
@@ -168,7 +168,7 @@ def test_a_search_reports_and_stops(other: lf.Design, tmp_path: Path) -> None:
         (lambda: lf.rays(7), "give the path of a ray file"),
         (lambda: lf.sweep(small_spec(), "constraints.max_radius", [7.0, 8.0]), "no such field"),
         (lambda: lf.tradeoff(small_spec(), most_rays=3), "most_rays = 3"),
-        (lambda: lf.compare("a", on="b"), "compare: give one of two"),
+        *addon_rows("REFUSED").items(),
         (lambda: lf.RaySource([[0.0] * 7]), "one of them is (0, 0, 0)"),
     ],
 )
@@ -269,8 +269,8 @@ def test_the_shortest_script_runs(
 
 
 PLOTTED = (
-    lf.Design, lf.Light, lf.Part, lf.Check, lf.Proof, lf.StrayLight, lf.Sensitivity, lf.Photometry, lf.PhotoComparison,
-    lf.SurfaceComparison, lf.Correction, lf.Sweep, lf.Tradeoff, lf.RayFileSummary, lf.PhotometricSummary, lf.Yield,
+    lf.Design, lf.Light, lf.Part, lf.Check, lf.Proof, lf.StrayLight, lf.Sensitivity, lf.Photometry,
+    *addon_rows("RESULTS").values(), lf.Sweep, lf.Tradeoff, lf.RayFileSummary, lf.PhotometricSummary, lf.Yield,
 )  # fmt: skip
 
 _WRONG = """
@@ -285,8 +285,7 @@ def refused(result, *args, **choice):
         return str(error)
     sys.exit(f"{type(result).__name__} plots {args} {choice}")
 
-for cls in (lf.Design, lf.Light, lf.Part, lf.Check, lf.StrayLight, lf.Sensitivity, lf.PhotoComparison, lf.Sweep,
-            lf.RayFileSummary):
+for cls in (lf.Design, lf.Light, lf.Part, lf.Check, lf.StrayLight, lf.Sensitivity, lf.Sweep, lf.RayFileSummary):
     for name in set(list(inspect.signature(cls.plot).parameters)[2:]) - {"receiver"}:
         for value in ("foo", None, ["nmse"]):
             message = refused(cls.model_construct(), **{name: value})

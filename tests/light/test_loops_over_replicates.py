@@ -10,10 +10,10 @@ from lensforge.light.metrics import (
     PairEstimate,
     _Choices,
     _darkest,
-    _error_over_pairs,
     _halves,
     _quarters,
     _Slope,
+    error_over_pairs,
     jackknife_error,
     largest_without_noise,
     least_over_mean,
@@ -61,7 +61,7 @@ def test_a_dark_picture_has_the_largest_error_and_no_uniformity() -> None:
 
 
 @pytest.mark.parametrize("own", [0.0, 3.0])
-def test_the_error_over_pairs_is_the_jackknife_less_what_it_counts_twice(own: float) -> None:
+def test_theerror_over_pairs_is_the_jackknife_less_what_it_counts_twice(own: float) -> None:
     """Products with effects of their replicates, and without, where noise outweighs them."""
     chance, count = np.random.default_rng(3), 6
     apart = chance.normal(size=(count, count))
@@ -79,7 +79,7 @@ def test_the_error_over_pairs_is_the_jackknife_less_what_it_counts_twice(own: fl
     ]
     z = sum((products[j, k] - mean - effects[j] - effects[k]) ** 2 for j, k in pairs) / (count * (count - 3))
     expected = max(jackknife - 4.0 * z / (count * (count - 2)), 0.0) + 2.0 * z / (count * (count - 1))
-    assert _error_over_pairs(products) == pytest.approx(expected**0.5, rel=1e-9)
+    assert error_over_pairs(products) == pytest.approx(expected**0.5, rel=1e-9)
     assert (jackknife > 4.0 * z / (count * (count - 2))) == (own > 0.0)
 
 
@@ -103,7 +103,7 @@ def test_the_nmse_of_each_pair_and_its_distance_from_the_estimate(count: int) ->
     for j, k in np.ndindex(count, count):
         away = (np.sum(errors[j] * errors[k]) - found.value * norms[j] * norms[k]) / below
         assert found.deviations[j, k] == pytest.approx(away, rel=1e-9, abs=1e-12)
-    assert found.metric().standard_error == _error_over_pairs(found.deviations)
+    assert found.metric().standard_error == error_over_pairs(found.deviations)
 
 
 @pytest.mark.parametrize("noise", [0.02, 2.0])
@@ -121,9 +121,9 @@ def test_the_rsd_is_the_root_of_the_mean_over_pairs_or_zero(noise: float) -> Non
     assert (found.value == 0.0) == (noise > 1.0)
     squares = np.array([[(a @ b - above / below * m * n) / below for b, n in zip(errors, means, strict=True)]
                         for a, m in zip(errors, means, strict=True)])  # fmt: skip
-    slope = 2.0 * max(found.value, _error_over_pairs(squares) ** 0.5)
+    slope = 2.0 * max(found.value, error_over_pairs(squares) ** 0.5)
     np.testing.assert_allclose(found.deviations, squares / slope, rtol=1e-8)
-    assert found.metric().standard_error == pytest.approx(_error_over_pairs(squares) / slope, rel=1e-8)
+    assert found.metric().standard_error == pytest.approx(error_over_pairs(squares) / slope, rel=1e-8)
 
 
 def test_exactly_even_light_has_no_deviation_and_no_error() -> None:
@@ -145,7 +145,7 @@ def test_a_change_has_the_error_of_the_differences_of_pairs() -> None:
     before, after = nmse_estimate(images, target), nmse_estimate(other, target)
     change = after.change_from(before)
     assert change.value == pytest.approx(after.value - before.value)
-    assert change.standard_error == _error_over_pairs(after.deviations - before.deviations)  # type: ignore[operator]
+    assert change.standard_error == error_over_pairs(after.deviations - before.deviations)  # type: ignore[operator]
     alone = PairEstimate(0.5)
     assert alone.change_from(before) == Metric(value=0.5 - before.value)
     assert before.change_from(alone) == Metric(value=before.value - 0.5)

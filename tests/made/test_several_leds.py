@@ -7,15 +7,12 @@ import numpy as np
 import pytest
 from parts import lens_with
 from presets import FEW
-from scenes import NO_TOLERANCES, random_surface, small_spec, sphere, tolerance_changes
+from scenes import NO_TOLERANCES, small_spec, tolerance_changes
+from several_lamps import BOTH, FAR, NEAR, PLACES, TABLE, board
 
 from lensforge.errors import InputError
 from lensforge.light.beam_colour import BeamColour, distances_left_out
 from lensforge.light.lens_light import evaluate
-from lensforge.light.simulation import TracedLens, traced_light
-from lensforge.made import measured_facts
-from lensforge.made.measured_surface import ChangedLens
-from lensforge.made.measurement_result import MeasuredLight
 from lensforge.made.part_study import PartStudy, Recipe
 from lensforge.made.sensitivity import measure_sensitivity
 from lensforge.made.tolerance_result import Yield
@@ -23,13 +20,6 @@ from lensforge.made.yield_facts import pass_sentence, sensitivity_facts, yield_f
 from lensforge.made.yield_study import measure_yield
 from lensforge.scene.lens import Lens
 
-NEAR = {"kind": "square", "side_mm": 0.8, "flux_w": 1.5}
-FAR = {
-    "kind": "rectangle", "width_mm": 0.9, "height_mm": 0.3, "flux_w": 0.9, "position_mm": [0.15, -0.1, 0.1],
-    "tilt_deg": [0.0, 12.0],
-}  # fmt: skip
-LEDS = [{"name": "near", "source": NEAR}, {"name": "far", "source": FAR}]
-BOTH = {"source": None, "sources": LEDS}
 UNIFORM = {"amount": 0.3, "distribution": "uniform"}
 
 
@@ -119,27 +109,6 @@ def test_sensitivity_has_the_rows_of_each_led(tmp_path: Any) -> None:
     assert len(groups) == 2 + 2 * len(found.rows) and groups[-1].title.endswith(", far")
 
 
-def test_a_measured_face_changes_the_light_of_each_led() -> None:
-    """As through the lens for that LED alone; the page names each, and the top of the record is the first."""
-    both, rays, dent = lens_for(BOTH, {}), 2**12, sphere(0.05)
-    cuts, _ = ChangedLens.of(both, "inner", rays)
-    found = cuts.by_led(cuts.lights(None, dent, sphere(0.02)))
-    for led, source in (("near", NEAR), ("far", FAR)):
-        alone, _ = ChangedLens.of(lens_for({"source": source}, {}), "inner", rays)
-        design, measured, corrected = alone.lights(None, dent, sphere(0.02))[""]
-        wanted = MeasuredLight(
-            design=design.metrics,
-            measured=measured.metrics,
-            corrected=corrected.metrics,
-            change=corrected.replicates.change_from(design.replicates, rays),
-        )
-        assert found[led] == wanted and wanted.change.efficiency.value != 0.0
-    assert list(found) == ["near", "far"] and found["near"] != found["far"]
-    shown = {fact.key: fact for fact in measured_facts._lights(found, "expected")}
-    assert shown["nmse_far"].metric == found["far"].corrected.nmse and shown["nmse_far"].label.endswith("(NMSE), far")
-    assert shown["efficiency_change_far"].value == 100.0 * found["far"].change.efficiency.value
-
-
 # -- Colour ------------------------------------------------------------------------------------------------------------
 
 RED, BLUE = ({"kind": "gaussian", "peak_nm": peak, "fwhm_nm": 20.0} for peak in (620.0, 460.0))
@@ -204,25 +173,6 @@ def test_light_of_one_colour_keeps_any_bound_on_each_receiver_of_a_board() -> No
 
 # -- Lenses of several kinds -------------------------------------------------------------------------------------------
 
-PLACES = [[0.0, 0.0], [15.0, 2.5], [-12.5, 10.0]]  # whole pixels apart
-TABLE = {"kind": "table", "places_mm": PLACES, "turns_deg": [0.0, 20.0, -50.0], "kinds": ["a", "b", "b"]}
-PATTERN = {"kind": "rectangle", "width_mm": 20.0, "height_mm": 20.0, "distance_mm": 20.0, "receiver_mm": 40.0}
-KINDS = {  # the second without any symmetry
-    "a": {"inner": sphere(3.0), "outer": sphere(6.0)},
-    "b": {"inner": sphere(3.0), "outer": random_surface(2, 6.0, 0.06, (9, 25))},
-}
-
-
-def board(tolerances: dict[str, Any], lamps: dict[str, Any] = TABLE, kind: str = "") -> Lens:
-    """The board of both kinds, or of lamps with the lens of one ``kind``."""
-    spec = small_spec(
-        **tolerance_changes({**NO_TOLERANCES, **tolerances}), lamps=lamps, target=PATTERN, base={"kind": "none"},
-        evaluate__filter_variance=0.0,
-    )  # fmt: skip
-    if kind:
-        return Lens(KINDS[kind], spec, 0, FEW)
-    return Lens(KINDS["a"], spec, 0, FEW, others={"b": KINDS["b"]})
-
 
 def test_a_board_of_two_kinds_is_the_sum_of_its_lamps_each_with_its_own_lens_and_flux() -> None:
     tolerances, rays, fluxes = {"lens_shift_mm": 0.3}, 2**17, (2.0, 0.4, 1.0)
@@ -266,19 +216,6 @@ def test_yield_and_sensitivity_of_lenses_of_two_kinds() -> None:
     assert abs(rows["form, outer face"].nmse.value) > 0.0
     with pytest.raises(InputError, match="32 rays for 3 lamps: 16 each at least; give 48"):
         measure_yield(board(tolerances), parts=40, rays=32, with_budget=False)
-
-
-def test_a_measured_face_of_one_kind_changes_the_lamps_that_have_it() -> None:
-    """Against a board whose second kind is that part: two of its three lamps."""
-    whole = board({})
-    cuts, _ = ChangedLens.of(whole.of_kind("b"), "inner", 2**14)
-    design, measured = cuts.lights(None, sphere(0.1))[""]
-    part = replace(whole, others={"b": {**KINDS["b"], "inner": sphere(3.1)}})
-    for found, lens in ((design, whole), (measured, part)):
-        traced = TracedLens.of(lens, cuts.nodes_per_sigma)
-        wanted = traced_light(traced, lens.spec, cuts.leds[""], 2**14, 0)
-        assert np.abs(found.map - wanted.map).sum() < 1e-3 * wanted.map.sum(), "a ray or two at the edge of a pixel"
-    assert np.abs(measured.map - design.map).sum() > 0.01 * design.map.sum()
 
 
 @pytest.mark.parametrize("kinds", [(), ("a", "b")])

@@ -6,7 +6,8 @@ from pathlib import Path
 from typing import NamedTuple
 
 ROOT = Path(__file__).parents[2]
-PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md"))]
+FOLDERS = (ROOT / "docs", ROOT / "benchmarks")
+PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *(page for at in FOLDERS for page in sorted(at.glob("*.md")))]
 _FENCE = re.compile(r"^(`{3,}|:{3,})(.*?)\n(.*?)^\1 *$", flags=re.MULTILINE | re.DOTALL)
 
 

@@ -10,7 +10,7 @@ import pytest
 from click.testing import CliRunner
 from page_sources import PAGES, ROOT, blocks, name_of, prose, shell_commands, spans
 
-from lensforge.cli.cli import cli
+from lensforge.cli.cli import all_commands, cli
 from lensforge.spec import load_spec
 
 PLACEHOLDERS = {"COMMAND", "SPEC.toml"}
@@ -24,8 +24,8 @@ def check(arguments: list[str], place: str) -> None:
         return
     names = [name for name in arguments[0].split("|") if name]
     for name in names:
-        assert name in cli.commands, f"{place}: lensforge {name}"
-        command = cli.commands[name]
+        assert name in all_commands(), f"{place}: lensforge {name}"
+        command = all_commands()[name]
         context = click.Context(command, info_name=name)
         try:
             values, _, _ = command.make_parser(context).parse_args(arguments[1:].copy())
@@ -61,7 +61,7 @@ def test_commands_and_options_in_sentences_are_taken(page: Path) -> None:
 
 ALL_OPTIONS = OPTIONS_OF_OTHERS | {
     name
-    for command in cli.commands.values()
+    for command in all_commands().values()
     for option in command.params
     for name in (*option.opts, *option.secondary_opts)
 }
@@ -76,9 +76,9 @@ def test_options_in_the_table_of_commands_belong_to_their_commands() -> None:
     rows = re.findall(
         r"^\| `lensforge ([a-z]+)[^|]*\|(.*)\|$", prose(ROOT / "docs" / "commands.md").replace("\\|", ","), re.MULTILINE
     )
-    assert sorted(name for name, _ in rows) == sorted(cli.commands)
+    assert sorted(name for name, _ in rows) == sorted(all_commands())
     for name, text in rows:
-        known = {opt for option in cli.commands[name].params for opt in (*option.opts, *option.secondary_opts)}
+        known = {opt for option in all_commands()[name].params for opt in (*option.opts, *option.secondary_opts)}
         for option in re.findall(r"`(--[a-z-]+)", text):
             assert option in known, f"commands.md: lensforge {name} {option}"
 

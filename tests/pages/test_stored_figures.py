@@ -1,4 +1,4 @@
-"""Figures on the pages are those of stored results: docs/figures.json, docs/gallery.json, docs/earlier_figures.json."""
+"""Figures on the pages are those of stored results: docs/figures.json and docs/gallery.json."""
 
 import json
 import re
@@ -7,7 +7,6 @@ from typing import Any
 
 import pytest
 from page_sources import ROOT
-from page_tables import tables
 from result_tables import TABLES, filled
 
 sys.path.append(str(ROOT / "docs"))
@@ -15,7 +14,6 @@ import make_architecture
 import make_gallery
 
 DESIGNS: dict[str, Any] = json.loads((ROOT / "docs" / "figures.json").read_text(encoding="utf-8"))["designs"]
-EARLIER = json.loads((ROOT / "docs" / "earlier_figures.json").read_text(encoding="utf-8"))["tables"]
 
 
 def text_of(page: str) -> str:
@@ -60,8 +58,6 @@ SENTENCES = [
     ("docs/first_lens.md", r"by an NMSE of ([\d.]+\d)", DESIGNS["lamp"]["nmse"]["value"]),
     ("docs/first_lens.md", r"and ([\d.]+) % of the light arrives", 100 * DESIGNS["lamp"]["efficiency"]["value"]),
     ("docs/first_lens.md", r"arrives, of ([\d.]+) %", 100 * DESIGNS["lamp"]["possible_efficiency"]),
-    ("docs/results.md", r"Without a budget the π ends at ([\d.]+\d)", DESIGNS["pi"]["nmse"]["value"]),
-    ("docs/results.md", r"π ends at [\d.]+\d and the cross at ([\d.]+\d)", DESIGNS["cross"]["nmse"]["value"]),
 ]
 
 
@@ -76,13 +72,6 @@ def test_a_sentence_has_the_stored_figure(page: str, words: str, value: float) -
 @pytest.mark.parametrize("page", TABLES)
 def test_tables_are_as_filled_from_the_stored_designs(page: str) -> None:
     assert filled(text_of(page), page, DESIGNS) == text_of(page), "python benchmarks/results.py --fill"
-
-
-@pytest.mark.parametrize("page", sorted({table["page"] for table in EARLIER}))
-def test_every_other_table_has_the_figures_of_the_earlier_record(page: str) -> None:
-    stored = [(table["heading"], [tuple(row) for row in table["rows"]]) for table in EARLIER if table["page"] == page]
-    shown = [(table.heading, list(table.rows)) for table in tables(ROOT / page) if not table.filled]
-    assert shown == stored
 
 
 def test_every_stored_design_says_when_and_how_it_was_made() -> None:
@@ -112,7 +101,7 @@ def test_the_picture_of_the_packages_is_that_of_the_imports() -> None:
 
 
 def test_a_figure_that_is_not_the_stored_one_is_found() -> None:
-    wrong = text_of("docs/results.md").replace("| quickstart | – | 0.8", "| quickstart | – | 0.9")
-    assert wrong != text_of("docs/results.md")
-    assert filled(wrong, "docs/results.md", DESIGNS) != wrong
+    wrong = text_of("docs/validation.md").replace("| quickstart | – | 0.8", "| quickstart | – | 0.9")
+    assert wrong != text_of("docs/validation.md")
+    assert filled(wrong, "docs/validation.md", DESIGNS) != wrong
     assert rounded("0.0004", 0.000423) and not rounded("0.0005", 0.000423)

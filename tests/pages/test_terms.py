@@ -9,12 +9,12 @@ from page_sources import ROOT
 
 from lensforge.cli import conclusion
 from lensforge.light.receiver_light import METRICS
-from lensforge.report.results import EXTRAS, STAGES
+from lensforge.report.results import kinds_of_results
 from lensforge.results.figure import figures_of
-from lensforge.verbs import NAMES
+from lensforge.verbs import public_names
 
 TERMS, BANNED = (ROOT / "docs" / "terms.md").read_text(encoding="utf-8").split("## Words not used")
-RECORDS = {"terms", "results", "speed", "accuracy", "published", "nightly", "mutants", "changelog"}
+RECORDS = {"terms", "validation", "changelog"}
 PAGES = [ROOT / "README.md", *(path for path in ROOT.glob("docs/*.md") if path.stem not in RECORDS)]
 BOLD = set(re.findall(r"\*\*(.+?)\*\*", TERMS)) - {"bold"}
 SCREEN = {*conclusion._LIGHT, *conclusion._FAR_FIELD, *conclusion._LENS, *conclusion._FILES, "thinnest"}
@@ -38,7 +38,8 @@ def labels() -> list[tuple[str, str]]:
     kinds = ("Group", "Fact", "Row", "Fact.measured", "Fact.share")
     calls = (node for node in nodes() if isinstance(node, ast.Call) and ast.unparse(node.func) in kinds)
     found = ((start(call.args[0]), start(call.args[1])) for call in calls if len(call.args) > 1)
-    declared = ((key, figure.label) for kind in (*STAGES, *EXTRAS) for key, figure in figures_of(kind))
+    figures = (figure for kind in kinds_of_results() for figure in figures_of(kind))
+    declared = ((key, figure.label.partition("{")[0]) for key, figure in figures if isinstance(figure.label, str))
     return [*METRICS.items(), *((key, label) for key, label in (*found, *declared) if label)]
 
 
@@ -61,7 +62,7 @@ def texts() -> Iterator[tuple[str, str]]:
     for node in nodes():
         if isinstance(node, ast.Constant) and isinstance(node.value, str):
             of = documented.get(id(node))
-            if of is None or getattr(of, "name", "") in NAMES:
+            if of is None or getattr(of, "name", "") in public_names():
                 yield getattr(of, "name", "a text"), node.value
 
 

@@ -13,14 +13,11 @@ from lensforge.proof.acceptance import (
     FINE_FACETS_UM,
     LEAST_RAYS,
     brep_criteria,
-    deciding_criteria,
-    facet_misses,
     mitsuba_criteria,
-    proof_criteria,
 )
+from lensforge.proof.cast_results import Agreement, BrepCast, MitsubaCast
 from lensforge.proof.file_form import FileForm
 from lensforge.proof.part_comparison import Expected, compare, flux_budget, gap_quantiles, judge_independent_rays
-from lensforge.proof.proof_result import Agreement, BrepCast, MitsubaCast
 from lensforge.proof.receiver_screen import Screen
 from lensforge.proof.remedies import Evidence, form_of_mesh
 from lensforge.proof.sequential_cast import CastFate, LandedRays, Passage
@@ -127,7 +124,7 @@ def test_facets_are_blamed_however_fine_where_the_step_file_lands_its_rays(of_li
     alike = Agreement(compared=9, rms=rms, p99=1.0, max=1.0, **none)
     cast = BrepCast(rays=9, seconds=0.0, against_design=alike, against_mesh=alike)
     with_step = proof.changed(receivers=(proof.first.changed(brep=cast),))
-    told = {each.key: each.remedy for each in proof_criteria(with_step) if not each.holds}
+    told = {each.key: each.remedy for each in with_step.judge() if not each.holds}
     assert proof.facet_height_um.rms <= FINE_FACETS_UM and says in told["deviation_rms"]
 
 
@@ -226,6 +223,9 @@ def test_each_figure_of_a_cast_is_judged_by_its_own_limit(prefix, beyond):
     assert f"{prefix}deviation_rms" in {each.key for each in found} and len(found) == (3 if prefix == "brep_" else 4)
 
 
+EXACT = Metric(value=1.0, standard_error=0.0)
+
+
 def test_the_flux_budget_of_a_few_rays_by_hand():
     """Unequal rays: in the window, beside it, gone back, totally reflected; each loses some on its way."""
     rays = lambertian(4, 0.0)
@@ -240,6 +240,26 @@ def test_the_flux_budget_of_a_few_rays_by_hand():
     by_hand = {"detected": 0.5, "outside": 1.5, "missed": 2.5, "total_reflection": 3.0, "event_limit": 0.0,
                "absorbed": 0.3, "cover_glass": 0.4, "bodies": 0.5, "reflected": 10.0 - 7.5 - 1.2}  # fmt: skip
     assert found == pytest.approx({name: 0.1 * each for name, each in by_hand.items()}) and sum(found.values()) == 1.0
+
+
+@pytest.mark.parametrize("uneven", [0.0, 0.5])
+def test_a_picture_without_the_noise_of_its_rays_scatters_by_its_stated_error(uneven):
+    """Of light as designed, where the blocks' products are noise alone, and of light that is off."""
+    count, values = 8 * LEAST_RAYS, []
+    rays, screen = replace(lambertian(count, 0.0), flux=np.ones(count)), Screen.square(DISTANCE, 10.0, 8, 0.0)
+    wanted = np.full((8, 8), count / 100e-6)  # W/m2 of rays of 1 W on 10 x 10 mm
+    wanted[:, :4] *= 1.0 + uneven
+    fates = np.full(count, CastFate.LANDED, dtype=np.int64)
+    for seed in range(200):
+        places = np.random.default_rng(seed).uniform(-5.0, 5.0, (count, 2))
+        up = {"points": np.column_stack([places, np.zeros(count)]), "directions": np.tile([0.0, 0.0, 1.0], (count, 1))}
+        passage = replace(Passage.of(rays, 2), **up, flux=np.ones(count), fates=fates)
+        found = judge_independent_rays(rays, passage, Expected(screen, wanted, places, np.ones(count)), (EXACT, 0.0))
+        values.append((found.nmse_less_noise.value, found.nmse_less_noise.standard_error))
+    off, errors = np.array(values).T
+    truth = 0.5 * uneven**2 / (0.5 * (1.0 + uneven) ** 2 + 0.5)
+    assert off.mean() == pytest.approx(truth, abs=4.0 * off.std() / np.sqrt(len(off)))
+    assert 0.8 < off.std(ddof=1) / np.sqrt(np.mean(errors**2)) < 1.2  # known to 5 %
 
 
 def test_the_error_of_a_picture_without_the_noise_of_its_rays_by_pairs_of_blocks():
@@ -272,7 +292,7 @@ def form(name, off_um=0.01):
 
 def judged(proof, **changes):
     changed = proof.changed(**changes)
-    return changed.changed(criteria=proof_criteria(changed))
+    return changed.changed(criteria=tuple(changed.judge()))
 
 
 def test_a_mesh_with_coarse_facets_fails_nothing_beside_a_step_file_that_is_right():
@@ -287,10 +307,10 @@ def test_a_mesh_with_coarse_facets_fails_nothing_beside_a_step_file_that_is_righ
     second = right_one.changed(name="second")
     forms = tuple(map(form, ("lens.step", "lens.stl", "lens.3mf")))
     coarse = judged(proof, receivers=(right_one, second), forms=forms)
-    missed = facet_misses(coarse)
+    missed = coarse.facet_misses
     assert {"deviation_rms", "second: deviation_rms"} <= {each.key for each in missed}
-    assert all(each.holds for each in deciding_criteria(coarse)) and len(missed) + len(
-        list(deciding_criteria(coarse))
+    assert all(each.holds for each in coarse.deciding_criteria()) and len(missed) + len(
+        list(coarse.deciding_criteria())
     ) == len(coarse.criteria)
     for others in (
         {"receivers": (right_one, wrong_one.changed(name="second")), "forms": forms},  # its STEP lands light elsewhere
@@ -299,7 +319,7 @@ def test_a_mesh_with_coarse_facets_fails_nothing_beside_a_step_file_that_is_righ
         {"receivers": (right_one, second), "forms": (*forms[:2], form("lens.3mf", 0.08))},
         {"receivers": (right_one, second), "forms": forms, "open_edges": 1},
     ):
-        assert facet_misses(judged(proof, **others)) == (), others
+        assert judged(proof, **others).facet_misses == (), others
 
 
 def test_a_step_file_of_the_right_form_is_not_called_another_lens():

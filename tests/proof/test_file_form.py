@@ -21,10 +21,11 @@ from lensforge.cad.solid import Solid
 from lensforge.cad.step import parse_step, step_bytes
 from lensforge.errors import InputError
 from lensforge.proof.designed_body import DesignedFace, Levels, StandingWalls
-from lensforge.proof.file_form import DesignedFile, FileForm, form_criteria, open_edges
+from lensforge.proof.file_form import DesignedFile, FileForm, open_edges
 from lensforge.proof.form_inputs import designed_files
 from lensforge.proof.mesh_form import mesh_forms
 from lensforge.proof.step_body import form_in_step
+from lensforge.results.figure import criteria_in
 from lensforge.scene.lens import Lens
 from lensforge.surfaces.srbf import SrbfBasis, SrbfSurface
 
@@ -81,7 +82,7 @@ def form_of(file: DesignedFile) -> FileForm:
 
 
 def missed(form: FileForm) -> list[str]:
-    return [str(criterion) for criterion in form_criteria(form) if not criterion.holds]
+    return [f"{form.name}: {criterion}" for criterion in criteria_in(form) if not criterion.holds]
 
 
 def test_every_file_that_the_export_writes_is_judged_and_passes() -> None:

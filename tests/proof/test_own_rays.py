@@ -9,7 +9,7 @@ from scenes import small_spec
 import lensforge as lf
 from lensforge.light.lens_light import source_of
 from lensforge.proof import independent_draws
-from lensforge.proof.acceptance import MOST_APART, proof_criteria
+from lensforge.proof.acceptance import MOST_APART
 from lensforge.proof.part_comparison import RAYS, emission_difference
 from lensforge.proof.proof_inputs import independent_rays
 from lensforge.sources.build_source import SquareEmitter
@@ -167,7 +167,7 @@ def test_their_light_is_among_what_every_proof_is_judged_by(small_run: lf.Run) -
         found = proof.model_copy(
             update={"receivers": (first, far), "emission_apart": factor * limits["own_rays_emission"]}
         )
-        judged = {each.key: each.holds for each in proof_criteria(found)}
+        judged = {each.key: each.holds for each in found.judge()}
         assert judged["own_rays_efficiency"] and judged["own_rays_nmse"]
         for name in ("own_rays_emission", "wall: own_rays_efficiency", "wall: own_rays_nmse"):
             assert judged[name] == passed, name

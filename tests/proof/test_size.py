@@ -13,8 +13,8 @@ from scipy.interpolate import make_interp_spline
 from lensforge.cad.edges import geom_surface
 from lensforge.cad.patch import Patch
 from lensforge.proof.acceptance import size_criteria
+from lensforge.proof.cast_results import SizedFile, Sizes
 from lensforge.proof.part_mesh import sized_mesh
-from lensforge.proof.proof_result import SizedFile, Sizes
 from lensforge.proof.step_body import StepBody, bounds_mm
 from lensforge.results import BodySize
 

@@ -10,11 +10,12 @@ from lensforge.errors import InputError
 from lensforge.optics.media import FaceScatter, Media, Medium
 from lensforge.optics.scattering import GaussianFacets, RingScatter
 from lensforge.proof.acceptance import brep_criteria
+from lensforge.proof.cast_results import BrepCast
 from lensforge.proof.facet_casting import Grid
 from lensforge.proof.optical_faces import USUAL_LENS
 from lensforge.proof.part_comparison import Expected, IndependentLight
 from lensforge.proof.part_mesh import read_part_mesh
-from lensforge.proof.proof_result import BrepCast, Proof
+from lensforge.proof.proof_result import Proof
 from lensforge.proof.receiver_screen import FarFieldScreen, Screen
 from lensforge.proof.sequential_cast import send_through
 from lensforge.proof.verification import FilesOfPart, LightOfDesign, Referees, verify_part

@@ -15,7 +15,7 @@ from random import Random
 import numpy as np
 import pytest
 from nightly import scaled
-from test_hostile_files import require_line
+from one_line import require_line
 from test_hostile_folders import changed
 
 import lensforge as lf

@@ -16,6 +16,7 @@ import numpy as np
 import pytest
 import trimesh
 from nightly import scaled
+from one_line import require_line
 from picture_files import numbers, png, tiff
 from PIL import Image
 from rayfile_samples import CASES, encoded
@@ -31,7 +32,7 @@ from lensforge.sources.intensity import TabulatedIntensity
 from lensforge.sources.photometric import PhotometricFile
 from lensforge.sources.photometric.photometric_file import LampSet
 from lensforge.sources.photometric.photometric_io import _FORMATS as PHOTOMETRIC
-from lensforge.sources.photometric.photometric_summary import rays
+from lensforge.sources.photometric_summary import rays
 from lensforge.sources.radiance_emitter import read_radiance
 from lensforge.sources.rayfiles.ray_file_io import FORMATS, read_rayfile
 from lensforge.sources.source_spectrum import read_spectrum_file
@@ -99,19 +100,6 @@ def changed(content: bytes, chance: random.Random) -> bytes:
         else:
             content = content[:at] + piece * chance.choice((2, 2, 50)) + content[at + len(piece) :]
     return content
-
-
-def require_line(read: Callable[[], object], case: str) -> bool:
-    """True where ``read`` accepts the case; False where it refuses it, in one line, or a spec in one for each field."""
-    try:
-        read()
-    except lf.InputError as error:
-        lines = str(error).splitlines()
-    else:
-        return True
-    assert all(line.isprintable() and len(line) < 1000 for line in lines), (case, lines)
-    assert len(lines) == 1 or (lines and case.startswith("spec")), (case, lines)
-    return False
 
 
 def picture(kind: str, mode: str = "L", **options: object) -> bytes:

@@ -17,8 +17,9 @@ import pytest
 import tomli_w
 from annotated_types import Ge, Gt, Le, Lt
 from nightly import scaled
+from one_line import require_line
 from pydantic import BaseModel
-from test_hostile_files import changed, require_line
+from test_hostile_files import changed
 
 import lensforge as lf
 from lensforge.light.road_judgement import held_spacing, judge_road, of_file

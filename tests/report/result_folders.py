@@ -11,28 +11,19 @@ from lensforge.cad.part import STEP_FILE, STL_FILE, THREEMF_FILE, Faces, Part, s
 from lensforge.light.evaluation_result import Light
 from lensforge.light.metrics import nmse
 from lensforge.light.receiver_light import Flux, MissedByCause, Possible, RawMetrics, ReceiverLight
-from lensforge.proof.acceptance import proof_criteria
+from lensforge.proof.cast_results import Agreement, PlainCast, SizedFile, Sizes
 from lensforge.proof.file_form import FileForm
-from lensforge.proof.proof_result import Agreement, IndependentRays, PlainCast, Proof, ReceiverProof, SizedFile, Sizes
+from lensforge.proof.proof_result import IndependentRays, Proof, ReceiverProof
 from lensforge.report.lens_page import render_report
-from lensforge.report.own_judgements import judged_again
 from lensforge.report.results import Results
 from lensforge.results import BodySize, Extent, Fact, Metric
 from lensforge.results.criteria import at_least, at_most
 from lensforge.scene.lens import Lens
 from lensforge.scene.receiver_shapes import build_receiver
 from lensforge.search.design_result import Design, Level, Margins
-from lensforge.shop.check_result import (
-    BallClearance,
-    Check,
-    Curvature,
-    Cutter,
-    Draft,
-    FaceResult,
-    Wall,
-    Walls,
-    as_finding,
-)
+from lensforge.shop.check_measures import BallClearance, Curvature, Cutter, Draft, FaceResult, Wall, Walls
+from lensforge.shop.check_result import Check
+from lensforge.shop.findings import as_finding
 from lensforge.sources.source_summary import SourceSummary
 from lensforge.spec import parse_spec
 from lensforge.surfaces import surface as chart
@@ -99,7 +90,10 @@ def make_folder(folder, stages=STAGES, lens=None, **records):
     results = make_results(stages, lens, **records)
     results.lens.save(folder / "lens.json")
     for stem, result in results.found.items():
-        own = dict(judged_again(result, results.lens))  # a folder with others is refused
+        made = result.judgements_on(results.lens)  # a folder with others is refused
+        own = {field: tuple(judgements) for field, judgements in made.items()}
+        if isinstance(result, Check | Proof):
+            own = {field: tuple(made) for field, made in result.judgements().items()}
         result.model_copy(update=own).write(folder, stem)
     return folder
 
@@ -269,6 +263,7 @@ def make_check(lens, **changes):
         **face_maps(),
     )
     content = {
+        "lens": lens,
         "inputs": {"lens": lens.sha256},
         "scale": 1.0,
         "inner": face,
@@ -319,10 +314,8 @@ def make_proof(lens, **changes):
             for name in (STEP_FILE, STL_FILE, THREEMF_FILE)
         ),
         "plain_cast": PlainCast(rays=200, casts=390, disagreements=0),
-        "criteria": (),
     }
-    proof = filled(Proof, **{**content, **of_record})
-    return proof if "criteria" in of_record else proof.model_copy(update={"criteria": proof_criteria(proof)})
+    return filled(Proof, **{**content, **of_record})
 
 
 MAKERS = {

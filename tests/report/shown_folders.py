@@ -4,9 +4,10 @@ from dataclasses import replace
 from math import nan
 from pathlib import Path
 
+from addon_rows import addon_rows
 from filled import told_apart
 from made_yield import make_yield
-from part_files import EXTRAS, make_correction, make_surface, verified
+from part_files import EXTRAS, verified
 from result_folders import STAGES, criterion, finding, make_light, make_proof, make_results, small_lens, text_target
 
 from lensforge.cad.part_limits import KeepOutDistance
@@ -16,6 +17,7 @@ from lensforge.light.receiver_light import Flux, MissedByCause, RegionLight
 from lensforge.made.tolerance_result import ErrorRow, Sensitivity
 from lensforge.report.results import Results
 from lensforge.results import Conditions, Fact, Metric
+from lensforge.results.criteria import at_most
 from lensforge.scene.lens import Lens
 from lensforge.shop.findings import check_findings
 from lensforge.sources.source_summary import SourceSummary
@@ -78,7 +80,8 @@ def make_sensitivity(**changes):
 def every_stage():
     """All stages, all referees, studies, and the measured part."""
     lens = lens_of()
-    more = {"sensitivity": make_sensitivity(), "yield": make_yield(lens), "correct_inner": make_correction(lens)}
+    measured = {stem: make(lens) for stem, make in addon_rows("CORRECTIONS").items()}
+    more = {"sensitivity": make_sensitivity(), "yield": make_yield(lens), **measured}
     return _folder((*STAGES, *EXTRAS), lens, more, verify=verified())
 
 
@@ -121,7 +124,7 @@ def limits_missed():
     results = make_results(
         ("design", "evaluate", "export", "check"),
         lens_of(limits=limits),
-        export={"criteria": (criterion("form_error", 12.5, 10.0),)},
+        export={"criteria": (at_most("form_error", 12.5, 10.0, "nm", "try something else"),)},
         check={"criteria": (unknown,), "verdicts": (wall,)},
         evaluate={"nmse": Metric(value=0.3, standard_error=0.001)},
     )
@@ -197,8 +200,7 @@ def other_conditions():
         make_proof(lens, **other),
         make_sensitivity(**other),
         make_yield(lens).model_copy(update=other),
-        make_surface(lens, **other),
-        make_correction(lens).model_copy(update=other),
+        *(make(lens).model_copy(update=other) for make in addon_rows("OF_FACES").values()),
         *(make_results((stem,), lens).found[stem].model_copy(update=other) for stem in ("stray", "photometry")),
     )
     others = {f"{each.stage}_{each.conditions.name}": told_apart(each) for each in made}

@@ -9,17 +9,17 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
+from addon_rows import addon_rows
 from drawn_page import TURNED
 from made_yield import make_yield
 from matplotlib.figure import Figure
-from part_files import make_correction, verified, whole_results
+from part_files import verified, whole_results
 from result_folders import PIXELS, face_maps, make_check, make_light, small_lens
 from shown_folders import SKY
 from undrawn import without_views
 
 from lensforge.light.seen_lens import SeenLens
 from lensforge.report import light_figures, page
-from lensforge.report.exported_part import correction_pictures
 from lensforge.report.lens_page import render_report
 from lensforge.results import Conditions
 from lensforge.results.chart import LightUnit
@@ -51,8 +51,7 @@ def page_results():
         "evaluate": {"map": random_image(1), "target_map": random_image(2), "raw_map": random_image(3)},
         "verify": {**verified(), "design_irradiance": random_image(4), "irradiance": random_image(5)},
         "stray": {"sequential": random_image(6), "direct": random_image(7), "stray": random_image(8)},
-        "compare": {"simulated": random_image(9), "measured": random_image(10)},
-        "compare_outer": {"irradiance_design": random_image(11), "irradiance_measured": random_image(12)},
+        **{stem: {name: random_image(seed) for name, seed in of.items()} for stem, of in addon_rows("SEEDS").items()},
         "check": {"outer": face.model_copy(update=twice)},
         "yield": study,
     }
@@ -114,14 +113,6 @@ def stray(drawn):
     return drawn.of.found["stray"].receivers[drawn.index]
 
 
-def photo(drawn):
-    return drawn.of.found["compare"]
-
-
-def measured(drawn):
-    return drawn.of.found["compare_outer"]
-
-
 def shows_face(quantity, face):
     """A map of a face: x of the chart to the right; lengths in mm."""
 
@@ -135,12 +126,6 @@ def shows_face(quantity, face):
         assert ("µm" in unit) == (scale[0] > 2.0)
 
     return read
-
-
-def same_where_known(pixels, values):
-    """Beyond the rim of a face its map is filled as far as its circle reaches."""
-    known = np.isfinite(values)
-    assert known.sum() > 300 and pixels[known] == pytest.approx(values[known])
 
 
 def bars(drawn):
@@ -235,16 +220,11 @@ READERS = {
     "unmodelled": shows(lambda d: stray(d).direct + stray(d).stray - stray(d).sequential),
     "other-0": shows(lambda d: d.light.map),
     "other-1": shows(lambda d: d.of.others["evaluate_64rays"].receivers[d.index].map),
-    "photo-simulated": shows_relative(lambda d: photo(d).simulated),
-    "photo-measured": shows_relative(lambda d: photo(d).measured),
-    "photo-difference": shows_relative(lambda d: photo(d).measured - photo(d).simulated),
-    "lit-outer": shows(lambda d: measured(d).irradiance_measured),
-    "changed-outer": shows(lambda d: measured(d).irradiance_measured - measured(d).irradiance_design),
-    "form-outer": lambda d: same_where_known(d.pixels, measured(d).deviation_um),
     "yield": parts,
     "yield-causes": causes,
     "yield-worst0": shows(lambda d: d.light.map),
     "yield-worst1": shows(lambda d: d.of.found["yield"].worst_maps[0]),
+    **addon_rows("PICTURES"),
 }  # fmt: skip
 COUNTED = r"(line|photo-line|section|yield-causes)(\d+)|(yield)-(\d+)"  # a number of its own at the end of the name
 
@@ -288,18 +268,6 @@ def test_pictures_show_what_the_records_hold(drawn, name):
     assert of_name
     for each in of_name:
         READERS[name](each)
-
-
-def test_the_pictures_of_a_second_cut_are_its_three_maps_with_x_to_the_right(monkeypatch):
-    figures = {}
-    monkeypatch.setattr(page, "to_svg", lambda figure, name, title: figures.setdefault(name, figure) and "")
-    made = make_correction(small_lens())
-    maps = {"deviation": 1.0, "correction": -2.0, "expected": 0.25}
-    made = made.model_copy(update={f"{name}_map_um": f * made.deviation_map_um for name, f in maps.items()})
-    correction_pictures(made)
-    for name, field in (("first", "deviation"), ("correction", "correction"), ("second", "expected")):
-        (image,) = figures[f"{name}-cut-inner"].axes[0].images
-        same_where_known(np.ma.filled(image.get_array(), np.nan), getattr(made, f"{field}_map_um"))
 
 
 def test_the_lens_as_an_eye_sees_it_has_its_brightest_spot_in_the_circle():

@@ -4,6 +4,7 @@ from contextlib import nullcontext
 from dataclasses import replace
 
 import pytest
+from addon_rows import addon_rows
 from pydantic import TypeAdapter, ValidationError
 from shown_folders import FOLDERS, folder_of
 
@@ -88,13 +89,8 @@ TOLD = (
     ("detected_stray", "Stray light in window", "%", lambda r: 100.0 * r.found["stray"].first.flux.detected_stray),
     ("stray_absorbed", "Absorbed", "%", lambda r: 100.0 * r.found["stray"].first.flux.absorbed),
     ("misplaced", "Misplaced flux", "%", lambda r: 100.0 * r.found["stray"].first.misplaced_flux),
-    ("ssim", "Similarity (SSIM)", "", lambda r: r.found["compare"].ssim),
-    ("clipped", "Saturated pixels", "%", lambda r: 100.0 * r.found["compare"].clipped),
-    ("form", "Form deviation", "µm", lambda r: r.surfaces["outer"].form_deviation_um.pv),
-    ("residual", "Residual of the points", "µm", lambda r: r.surfaces["outer"].residual_rms_um),
-    ("first_cut", "Deviation, first cut", "µm", lambda r: r.corrections["inner"].deviation_um.rms),
-    ("second_cut", "Expected, second cut", "µm", lambda r: r.corrections["inner"].expected_um.rms),
     ("pass_rate", "Yield", "%", lambda r: 100.0 * r.found["yield"].pass_rate.value),
+    *((key, *row) for key, row in addon_rows("FACTS").items()),
 )
 
 

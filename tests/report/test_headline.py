@@ -15,7 +15,7 @@ from lensforge.report.stored import load_results
 from lensforge.results import Fact, Group, Metric
 from lensforge.results.criteria import at_least
 from lensforge.shop.check_facts import shape_facts
-from lensforge.shop.check_result import InscribedBall, Mould, MouldedFace, PartingLine
+from lensforge.shop.check_measures import InscribedBall, Mould, MouldedFace, PartingLine
 
 
 def test_a_verdict_that_is_no_pass_comes_with_its_reason():

@@ -22,8 +22,7 @@ from lensforge.results.criteria import at_most
 from lensforge.results.verdict import Verdict
 from lensforge.scene.lens import Lens
 from lensforge.search.design_result import Margins
-from lensforge.shop.check_facts import _largest
-from lensforge.shop.check_result import Cutter
+from lensforge.shop.check_measures import Cutter
 from lensforge.spec.spec_files import section_sha256
 
 GRID = {"kind": "grid", "columns": 3, "rows": 3, "pitch_mm": 20.0, "kinds": "place"}
@@ -82,8 +81,7 @@ def test_the_levels_of_both_searches_are_counted(kinds_of: str, shown: str) -> N
 @pytest.mark.parametrize(("radius_mm", "shown"), [(999.0, 999.0), (1000.0, "any"), (None, "any")])
 def test_what_is_nearly_flat_limits_no_tip(radius_mm: float | None, shown: float | str) -> None:
     cutter = Cutter(radius_mm=1.0, reachable_fraction=1.0, largest_radius_mm=radius_mm, residual_mm=0.0)
-    check = SimpleNamespace(relief=SimpleNamespace(beyond_shop=lambda *_: ""))
-    assert _largest("inner", cutter, check, "pass").value == shown
+    assert cutter.usable_radius_mm == shown
 
 
 def test_each_page_leads_to_those_of_the_other_kinds() -> None:

@@ -5,7 +5,7 @@ import pytest
 from drawn_page import TURNED
 from made_photometry import make_photometry
 from made_yield import make_yield
-from part_files import make_stray, make_surface, verified
+from part_files import make_stray, verified
 from result_folders import make_proof, small_lens
 from shown_folders import SKY, make_sensitivity
 
@@ -55,13 +55,6 @@ def test_stray_light_is_plotted_on_the_receiver_that_is_named():
     for chosen, receiver, which in ((None, first, "direct"), ("sky", second, "stray")):
         (shown,) = stray.plot(which=which, receiver=chosen).images
         assert np.array_equal(np.asarray(shown.get_array()), getattr(receiver, which)) and shown.origin == "lower"
-
-
-def test_a_form_deviation_has_x_of_the_chart_to_the_right():
-    surface = make_surface(small_lens())
-    (shown,) = surface.plot().images
-    assert np.array_equal(np.ma.filled(shown.get_array(), np.nan), surface.deviation_um, equal_nan=True)
-    assert np.nanmax(np.diff(surface.deviation_um, axis=0)) == 0.0 < np.nanmin(np.diff(surface.deviation_um, axis=1))
 
 
 def test_intensities_are_those_of_their_half_planes():

@@ -137,11 +137,6 @@ def test_a_file_is_no_result_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPa
         )
 
 
-def test_a_comparison_with_nothing_is_refused_in_the_words_of_the_command(small_run: lf.Run) -> None:
-    result = lensforge("compare", small_run.folder)
-    assert result.code == 2 and "--on PHOTO" in result.stderr and "--points FILE --surface FACE" in result.stderr
-
-
 def test_a_process_ends_in_one_line_too(tmp_path: Path) -> None:
     """Nothing that is loaded on the way says more."""
     command = [sys.executable, "-m", "lensforge", "design", write_spec(tmp_path, **{"[lens]": "[lense]"})]

@@ -10,27 +10,26 @@ from contextlib import nullcontext
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
-from unittest.mock import patch
 
 import click
 import pytest
+from addon_rows import addon_rows
 from click.testing import CliRunner, Result
 from scenes import small_spec
 
 import lensforge as lf
-from lensforge.cli.cli import cli
+from lensforge.cli.cli import all_commands, cli
 from lensforge.search.checkpoint import CHECKPOINT
 from lensforge.verbs import FolderStage
 
 OF_FOLDER = (
-    "check", "compare", "correct", "evaluate", "export", "handover", "photometry", "sensitivity", "verify", "yield",
+    "check", "evaluate", "export", "handover", "photometry", "sensitivity", "verify", "yield",
 )  # fmt: skip
 BASE = dict.fromkeys(OF_FOLDER, ("{folder}",)) | {
-    "correct": ("{folder}", "--points", "p.csv", "--surface", "inner"),
     "design": ("{spec}", "--out", "{out}"), "preview": ("{spec}", "--out", "{out}"),
     "sweep": ("{spec}", "--vary", "source.side_mm=1,2", "--out", "{out}"), "tradeoff": ("{spec}", "--out", "{out}"),
     "report": ("{folder}", "{folder}"),
-}  # fmt: skip
+} | addon_rows("ARGUMENTS")  # fmt: skip
 COUNT = {"--rays": ("1.5e3", "rays", 1500), "--threads": ("3", "threads", 3)}
 SEARCH = COUNT | {
     "--accuracy": ("draft", "accuracy", "draft"), "--seed": ("7", "seed", 7),
@@ -41,19 +40,6 @@ FORCE = {"--force": ("", "force", True)}
 OPEN = {"--open": ("", "", "click.launch")}
 HEARD: dict[str, dict[str, tuple[str, str, Any]]] = {  # arguments, keyword (or any), its value
     "check": {"--process": ("moulded", "process", "moulded")},
-    "compare": {
-        "--on": ("on.png", "on", Path("on.png")), "--off": ("off.png", "off", Path("off.png")),
-        "--corners": ("1,2 3,4 5.5,6 7,8", "corners", [(1.0, 2.0), (3.0, 4.0), (5.5, 6.0), (7.0, 8.0)]),
-        "--target-mm": ("12.5", "target_mm", 12.5), "--gamma": ("2.2", "gamma", 2.2),
-        "--led": ("second", "led", "second"),
-        "--points": ("p.csv", "points", Path("p.csv")), "--surface": ("outer", "surface", "outer"),
-        "--registration": ("shift", "registration", "shift"), "--rays": COUNT["--rays"],
-    },
-    "correct": {
-        **COUNT, "--points": ("q.csv", "points", Path("q.csv")), "--surface": ("outer", "surface", "outer"),
-        "--wavelength": ("1.5", "wavelength_mm", 1.5), "--gain": ("0.7", "gain", 0.7),
-        "--registration": ("none", "registration", "none"),
-    },
     "design": SEARCH | FORCE | OPEN | {
         "--rays": ("1.5e3", "rays", 1500), "--sources": ("{led} --sources {other_led}", "sources", "led, other"),
         "--starts": ("4", "starts", 4),
@@ -96,7 +82,7 @@ HEARD: dict[str, dict[str, tuple[str, str, Any]]] = {  # arguments, keyword (or 
         "--budget": ("--no-budget", "budget", False),
         "--tolerances": ("moulded", "tolerances", "moulded"), "--scheduler": SEARCH["--scheduler"],
     },
-}  # fmt: skip
+} | addon_rows("HEARD")  # fmt: skip
 OUTPUT = {"--json": ("", "json", True), "--quiet": ("", "quiet", True)}
 Calls = list[tuple[str, tuple[object, ...], dict[str, object]]]
 
@@ -138,7 +124,7 @@ def invoked(*arguments: object) -> Result:
 
 
 def options_of(name: str) -> set[str]:
-    return {flag for each in cli.commands[name].params if isinstance(each, click.Option) for flag in each.opts}
+    return {flag for each in all_commands()[name].params if isinstance(each, click.Option) for flag in each.opts}
 
 
 @pytest.fixture
@@ -294,25 +280,13 @@ def of_new(flag: str, here: Path) -> bool:
     return any(word in line for line in lines[1] - lines[0])
 
 
-def of_studio(flag: str, _here: Path) -> bool:
-    """The verb hears of the port, and of the browser."""
-    words, changed = {
-        "--port": (["--port", "8123"], {"port": 8123}),
-        "--browser": (["--no-browser"], {"browser": False}),
-    }[flag]
-    with patch("lensforge.cli.studio_page.open_studio") as opened:
-        invoked("studio", "lens.toml", *words)
-    return bool(opened.call_args.kwargs == {"port": 0, "browser": True} | changed)
-
-
 SHOWN = {
     "rays": (of_rays, ("--header", "--to", "--format", "--ies-version", "--plot", "--model", "--rays", *OUTPUT)),
     "road": (of_road, ("--road", "--street-c", "--spacing", *OUTPUT)),
     "new": (of_new, (*LAMP, "--off-axis", "--tilt", "--lens", "--material", "--cutter", *FORCE)),
     "schema": (lambda *_: printed("schema", "--page").startswith("#") and printed("schema")[0] == "{", ("--page",)),
     "examples": (None, ()),
-    "studio": (of_studio, ("--port", "--browser")),
-}
+} | addon_rows("SHOWN")
 
 
 @pytest.mark.parametrize(("name", "flag"), [(name, flag) for name, (_, flags) in SHOWN.items() for flag in flags])
@@ -320,6 +294,6 @@ def test_an_option_is_seen(name: str, flag: str, tmp_path: Path) -> None:
     assert SHOWN[name][0](flag, tmp_path)
 
 
-@pytest.mark.parametrize("name", sorted(cli.commands))
+@pytest.mark.parametrize("name", sorted(all_commands()))
 def test_every_option_has_a_row(name: str) -> None:
     assert options_of(name) == ({*HEARD[name], *OUTPUT} if name in HEARD else set(SHOWN[name][1]))

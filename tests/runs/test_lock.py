@@ -8,9 +8,11 @@ import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 
 import pytest
+from addon_rows import addon_rows
 from scenes import small_spec
 
 import lensforge as lf
@@ -20,7 +22,7 @@ from lensforge.report.sweep_runs import run_sweep
 from lensforge.report.tradeoff_study import run_tradeoff
 from lensforge.report.variation import parse_variation
 from lensforge.results.folder_lock import LOCK_FILE, locked
-from lensforge.verbs import CHECK, COMPARE, EVALUATE, EXPORT, PHOTOMETRY, SENSITIVITY, STRAY, VERIFY
+from lensforge.verbs import CHECK, EVALUATE, EXPORT, PHOTOMETRY, SENSITIVITY, STRAY, VERIFY
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="locks of POSIX")
 _HOLD = """
@@ -119,8 +121,7 @@ def test_every_stage_that_writes_locks_and_reading_does_not(small_run: lf.Run, t
         "stray": lambda: STRAY.run(folder),
         "sensitivity": lambda: SENSITIVITY.run(folder),
         "photometry": lambda: PHOTOMETRY.run(folder),
-        "photo": lambda: COMPARE.run(folder, on=tmp_path, off=None, corners=None),
-        "points": lambda: COMPARE.run(folder, points=tmp_path, surface="inner"),
+        **{name: partial(call, folder, tmp_path) for name, call in addon_rows("LOCKED").items()},
         "report": lambda: write_report(folder),
         "tradeoff": lambda: run_tradeoff(small_spec(), folder),
         "sweep": lambda: run_sweep(

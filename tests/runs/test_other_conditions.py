@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from addon_rows import needs_addon
 from click.testing import CliRunner, Result
 from presets import FEW
 from scenes import hemisphere_directions, random_surface, small_spec
@@ -180,6 +181,7 @@ def test_a_record_under_other_conditions_never_takes_the_place_of_the_own(folder
     assert run.verdict.light == "undecided" and not hasattr(run, "light")
 
 
+@needs_addon("measure")
 @pytest.mark.nightly("every study; by day the evaluation goes beside, above")
 def test_every_study_with_other_rays_goes_beside(folder: Path) -> None:
     (folder / "report.html").unlink()  # written anew by each command otherwise

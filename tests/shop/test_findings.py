@@ -1,15 +1,17 @@
 """Findings of the check one by one: value, limit and words on both sides of every limit, and what is advised."""
 
 import re
+from dataclasses import replace
 from types import SimpleNamespace
 
 import pytest
 from scenes import small_spec
+from shop_lenses import bare_part
 
 from lensforge.cad.part_limits import ANGLE_TOLERANCE_DEG
 from lensforge.results.fact import Fact
 from lensforge.shop.check_facts import cutting_reasons
-from lensforge.shop.check_result import (
+from lensforge.shop.check_measures import (
     BallClearance,
     BoreClearance,
     CustomBaseClearance,
@@ -33,10 +35,9 @@ from lensforge.shop.findings import (
     plate_findings,
     tilt_finding,
     tool_finding,
-    wall_criteria,
     wall_finding,
 )
-from lensforge.spec import BaseSection, parse_spec
+from lensforge.spec import BaseSection, Spec, parse_spec
 
 NO_BASE = BallClearance(faces={}, note="there is no base")
 
@@ -91,17 +92,23 @@ WALL = Wall(thickness_mm=1.5, cavity_point_mm=(1.0, -1e-9, 0.123456), envelope_p
 THICK = Wall(thickness_mm=2.5, cavity_point_mm=(0.0, 1.0, 0.0), envelope_point_mm=(0.0, 3.5, 0.0))
 
 
+def criteria_on(walls: Walls, spec: Spec) -> list[Fact]:
+    part, check = bare_part()
+    measured = {"walls": walls, "min_wall_mm": walls.thinnest.thickness_mm, "edges": ()}
+    return list(check.model_copy(update={"lens": replace(part.lens, spec=spec), **measured}).judge())
+
+
 def test_both_walls_have_the_tolerance_of_the_search() -> None:
     spec, walls = small_spec(constraints__min_thickness_mm=1.5), Walls(thinnest=WALL, thickest=THICK)
     allowed = spec.constraints.tolerance_mm
-    (least,) = wall_criteria(spec, walls)
+    (least,) = criteria_on(walls, spec)
     assert (
         (least.limit, least.tolerance) == (1.5, allowed)
         and least.holds
         and "thinnest at (1, 0, 0.1235) mm" in least.remedy
     )
     for limit, passed in ((2.5 - 0.99 * allowed, True), (2.5 - 1.01 * allowed, False)):
-        _, most = wall_criteria(spec.replace({"constraints.max_wall_mm": limit}), walls)
+        _, most = criteria_on(walls, spec.replace({"constraints.max_wall_mm": limit}))
         assert (most.limit, most.tolerance) == (limit, allowed) and most.value == 2.5 and most.holds == passed
         assert "raise lens.inner.offset_mm" in most.remedy and "thickest at (0, 1, 0) mm" in most.remedy
 
@@ -352,8 +359,8 @@ def test_one_tool_that_reaches_a_face_is_enough_for_it_and_none_for_another() ->
     inner, outer = ("fail", "too short"), ("fail", "too thick")
     tools = [("inner", *inner), ("inner", "pass", ""), ("outer", *outer), ("outer", "fail", "blunt")]
     verdicts = [Fact("tool", "tool", 0.5, "mm", state=state, note=note, place=face) for face, state, note in tools]
-    check = SimpleNamespace(faces={"inner": None, "outer": None}, verdicts=verdicts)
-    assert list(cutting_reasons(check, small_spec())) == [("fail", "too thick; blunt")]
+    check = SimpleNamespace(faces={"inner": None, "outer": None}, verdicts=verdicts, cut_body="lens")
+    assert list(cutting_reasons(check)) == [("fail", "too thick; blunt")]
 
 
 def test_a_face_that_follows_another_is_mended_by_that() -> None:
@@ -361,6 +368,21 @@ def test_a_face_that_follows_another_is_mended_by_that() -> None:
     beam = {"kind": "disc", "diameter_deg": 20.0, "half_angle_deg": 60.0}
     content = {"source": {"kind": "square", "side_mm": 1.0}, "lens": {"kind": "reflector"}, "target": beam}
     spec = parse_spec({**content, "constraints": {"max_radius_mm": 12.0}}, "cup")
-    assert design_again("draft_deg", 2.0, spec, "back") == "lens.cup.draft_deg = 2 and design again"
-    assert design_again("concave_radius_mm", 1.0, spec, "back") == ""
+    again = design_again("draft_deg", 2.0, spec, "back")
+    assert str(again) == "lens.cup.draft_deg = 2 and design again"
+    assert design_again("concave_radius_mm", 1.0, spec, "back") is None
     assert spec.replace(lens={"cup": {"draft_deg": 2.0}}).lens.faces["cup"].draft_deg == 2.0
+
+
+def test_changes_of_a_field_are_those_of_the_sentence_and_a_spec_takes_them() -> None:
+    """Of a ball that is too large: the search again, or a smaller ball; a file keeps the sentence alone."""
+    spec = small_spec()
+    finding = cutter_finding("outer", cutter(1.5, 0.7361), NO_BASE, spec)
+    assert [str(change) for change in finding.changes] == [
+        "lens.outer.concave_radius_mm = 1.5 and design again",
+        "manufacture.cutter_radius_mm = 0.736",
+    ]
+    assert finding.remedy == ", or ".join(map(str, finding.changes))
+    changed = spec.replace({change.field: float(change.value) for change in finding.changes})
+    assert (changed.lens.faces["outer"].concave_radius_mm, changed.manufacture.cutter_radius_mm) == (1.5, 0.736)
+    assert cutter_finding("outer", cutter(0.7, 0.7361), NO_BASE, spec).changes == ()

@@ -16,7 +16,7 @@ from lensforge.results import Fact
 from lensforge.results.criteria import at_least
 from lensforge.shop.check import check_lens
 from lensforge.shop.check_facts import finding_groups
-from lensforge.shop.check_result import as_finding
+from lensforge.shop.findings import as_finding
 from lensforge.shop.point_tables import GridRequest
 from lensforge.shop.shop_files import make_handover
 

@@ -17,7 +17,7 @@ from lensforge.cad.form_error import fit_lens
 from lensforge.cad.plan import lay_out
 from lensforge.cad.wall import largest_ball
 from lensforge.errors import InputError
-from lensforge.shop.check_result import Draft, FaceResult, InscribedBall, Mould, MouldedFace, PartingLine
+from lensforge.shop.check_measures import Draft, FaceResult, InscribedBall, Mould, MouldedFace, PartingLine
 from lensforge.shop.findings import draft_finding, undercut_finding
 from lensforge.shop.mould_facts import PLASTICS, mould_facts, plastic_of
 from lensforge.shop.mould_halves import mould_of, pieces_of
@@ -212,8 +212,8 @@ def facts(
         gate=gate,
         cooling_s=None if plastic is None else plastic.cooling_s(1.5 * ratio),
     )
-    check = SimpleNamespace(min_wall_mm=1.5, edges=())
-    return {fact.key: fact for fact in mould_facts(mould, check, spec)}
+    check = SimpleNamespace(min_wall_mm=1.5, edges=(), spec=spec)
+    return {fact.key: fact for fact in mould_facts(mould, check)}
 
 
 def test_what_a_moulder_is_told() -> None:

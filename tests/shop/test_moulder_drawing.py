@@ -21,10 +21,11 @@ from lensforge.cad.step import parse_step, signed_step
 from lensforge.results import Fact
 from lensforge.scene.lens import Lens
 from lensforge.shop.check_facts import check_facts
-from lensforge.shop.check_result import Check, as_finding
+from lensforge.shop.check_result import Check
 from lensforge.shop.datums import datum_scheme
 from lensforge.shop.dimensions import Dimension, dimensions
 from lensforge.shop.drawing import DrawingContent, SheetName, drawing_content, make_sheet
+from lensforge.shop.findings import as_finding
 from lensforge.shop.handover import Handover
 from lensforge.shop.mould_facts import mould_facts
 from lensforge.shop.mould_halves import mould_of
@@ -58,7 +59,7 @@ def check_of(lens: Lens, verdicts: tuple[Fact, ...] = ()) -> Check:
     check = bare_part()[1]
     faces = {name: check.faces["inner" if name in ("cap", "side") else "outer"] for name in lens.spec.lens.names}
     fields = {name: getattr(check, name) for name in type(check).model_fields}
-    return Check.model_construct(**{**fields, "verdicts": verdicts, **faces})
+    return Check.model_construct(**{**fields, "lens": lens, "verdicts": verdicts, **faces})
 
 
 @cache
@@ -317,10 +318,14 @@ def test_figures_of_the_faces_are_the_parts_though_the_record_is_of_an_insert_th
     assert of_part == of_insert
     (first,) = re.findall(r"best-fit R ([0-9.]+)", of_insert.columns["wall"]["shape"])
     assert float(first) == pytest.approx(own.faces["wall"].best_fit_sphere.radius_mm, abs=5.1e-4)
-    told = {fact.key: fact.note for group in check_facts(insert, lens.spec) for fact in group.facts}
+    told = {fact.key: fact.note for group in check_facts(insert) for fact in group.facts}
     for key in ("sphere", "departure", "departure_rms", "area", "concave"):
         assert "of the mould insert" in told[f"wall_{key}"], key
-    cut = {fact.key: fact.note for group in check_facts(own, flanged(manufacture={}).spec) for fact in group.facts}
+    cut = {
+        fact.key: fact.note
+        for group in check_facts(own.model_copy(update={"lens": flanged(manufacture={})}))
+        for fact in group.facts
+    }
     assert not any("insert" in note for note in cut.values())
 
 
@@ -339,13 +344,13 @@ def test_what_the_flange_leaves_of_its_cylinder_has_no_draft_and_is_said() -> No
     words = (
         f"cylinder ⌀{2.0 * radius:.3f} beside the flange, z = {wall:.3f} to {under:.3f} and {top:.3f} to {exit_:.3f} mm"
     )
-    told = {fact.key: fact.value for fact in mould_facts(mould, check_of(lens), lens.spec)}
+    told = {fact.key: fact.value for fact in mould_facts(mould, check_of(lens))}
     assert told["upright"] == words
     part, check = bare_part()[0].model_copy(update={"lens": lens}), check_of(lens).model_copy(update={"mould": mould})
     notes = drawing_content(lens, part, check, dimensions(lens), tolerance_table(lens), lens.spec.drawing).notes
     assert f"Without draft: {words}." in notes
     bare = mould_of(spot_lens(), fit_lens(spot_lens()))
-    assert bare.upright == () and "upright" not in {fact.key for fact in mould_facts(bare, check, lens.spec)}
+    assert bare.upright == () and "upright" not in {fact.key for fact in mould_facts(bare, check)}
 
 
 def test_the_room_of_a_dimension_holds_its_text() -> None:

@@ -1,5 +1,7 @@
 """The turning tool by closed forms, against a tool sampled by rays, and on lenses that are turned or printed."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from known_shapes import OfRadius, exported, sphere
@@ -11,7 +13,8 @@ from tir_lenses import TIR, spot
 from lensforge.scene.lens import Lens
 from lensforge.shop.check import check_lens
 from lensforge.shop.check_facts import check_facts
-from lensforge.shop.check_result import Check, TurningTool
+from lensforge.shop.check_measures import TurningTool
+from lensforge.shop.check_result import Check
 from lensforge.shop.face_check import measured_face
 from lensforge.shop.face_samples import AirSide
 from lensforge.shop.turning import LatheTool, Meridian, turned_face
@@ -166,7 +169,8 @@ def test_inserts_of_a_lens_of_revolution_are_turned_each_half_by_itself() -> Non
 
 def note_on_edge(found: Check, process: str) -> str:
     spec = spot().replace({"manufacture.process": process})
-    (edge,) = (group for group in check_facts(found, spec) if group.key == "edges")
+    made = found.model_copy(update={"lens": replace(found.lens, spec=spec)})
+    (edge,) = (group for group in check_facts(made) if group.key == "edges")
     return next(fact.note for fact in edge.facts if fact.label.startswith("Cap"))
 
 
@@ -182,7 +186,7 @@ def test_a_lens_that_is_turned_says_what_its_nose_leaves() -> None:
     assert ("tilt", "cap") not in findings and ("cutter", "cap") not in findings
     assert not found.relief.faces and found.relief.note == "no face is milled"
     assert findings["nose", "cap"].limit == pytest.approx(2.0, rel=1e-4) and findings["nose", "cap"].holds
-    facts = {fact.key: fact for group in check_facts(found, spot()) for fact in group.facts}
+    facts = {fact.key: fact for group in check_facts(found) for fact in group.facts}
     assert facts["cap_slope"].limit == 90.0 - 35.0 / 2.0 - 2.0 and facts["cap_slope"].state == "pass"
     assert facts["wall_nose"].value == "any" and facts["wall_nose"].note == "no concave region limits the nose"
     assert facts["cap_nose"].note.endswith("concave parts of the meridian")

@@ -17,7 +17,7 @@ from lensforge.sources.intensity import TabulatedIntensity
 from lensforge.sources.photometric import PhotometricFile, write_photometric
 from lensforge.sources.photometric.photometric_file import LampSet
 from lensforge.sources.photometric.photometric_io import convert_photometric
-from lensforge.sources.photometric.photometric_summary import PhotometricSummary
+from lensforge.sources.photometric_summary import PhotometricSummary
 
 GAMMA = np.linspace(0.0, 180.0, 361)
 

@@ -7,16 +7,16 @@ import pytest
 from rayfile_samples import CASES, encoded, image, rays
 
 from lensforge.errors import InputError
+from lensforge.sources.ray_file_statistics import describe
 from lensforge.sources.rayfiles import ray_file as rayfile_module
 from lensforge.sources.rayfiles import ray_file_rows
 from lensforge.sources.rayfiles.ray_file_io import FORMATS, decode, read_rayfile, write_rayfile
 from lensforge.sources.rayfiles.ray_file_rows import HEAD_BYTES
-from lensforge.sources.rayfiles.ray_file_statistics import describe
 
 NAMED_CASES = [(name, index) for name, cases in CASES.items() for index in range(len(cases))]
 # LightTools' convention: its ray fluxes add up to the number of rays times the header's flux.
 SCALED_BY_COUNT = ("lighttools_binary", "lighttools_text")
-BINARY = ("tm25", "zemax_binary", "lighttools_binary", "speos", "asap")
+BINARY = ("tm25", "zemax_binary", "lighttools_binary", "speos")
 
 
 def test_every_format_of_the_folder_has_a_case():
@@ -75,7 +75,7 @@ def test_exactly_one_format_recognises_the_content(name, index):
     assert matching == [name]
 
 
-@pytest.mark.parametrize("name", ["tm25", "zemax_binary", "lighttools_binary", "lighttools_text", "asap"])
+@pytest.mark.parametrize("name", ["tm25", "zemax_binary", "lighttools_binary", "lighttools_text"])
 def test_cut_anywhere_it_is_refused_in_one_line(name):
     content = encoded(name, CASES[name][0])
     for cut in np.unique(np.linspace(1, len(content) - 2, 80).astype(int)):
@@ -116,7 +116,7 @@ def test_the_suffix_chooses_a_format_for_writing_only_where_it_is_clear(tmp_path
     for suffix in (".ray", ".txt", ".xyz"):
         with pytest.raises(InputError, match="format"):
             write_rayfile(tmp_path / f"a{suffix}", rays())
-    with pytest.raises(InputError, match="one of asap, csv"):
+    with pytest.raises(InputError, match="one of csv"):
         write_rayfile(tmp_path / "a.csv", rays(), "tm52")
 
 

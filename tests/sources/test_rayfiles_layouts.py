@@ -239,27 +239,18 @@ def test_csv_names_its_columns_in_any_order():
         decode(image(content.replace(b"remark", b"flux_w")))
 
 
-def asap(rays=1, words=7):
-    """Five records of 28 bytes as the one public reader of ASAP files takes them."""
+def test_a_format_that_is_not_public_is_refused_with_what_to_export():
+    """Five records of 28 bytes and a ray: the binary layout of ASAP."""
     records = [
-        struct.pack("<7i", 1024 * words + 247, 1, 2, 3, 4, 5, 6),
+        struct.pack("<7i", 1024 * 7 + 247, 1, 2, 3, 4, 5, 6),
         struct.pack("<24si", b"blue die".ljust(24), 9),
         struct.pack("<8sf16s", b"z label", 1.5, b"f label"),
-        struct.pack("<16s2fi", b"y label", -1.0, 1.0, -rays),
+        struct.pack("<16s2fi", b"y label", -1.0, 1.0, -1),
         struct.pack("<16s2fi", b"x label", -1.0, 1.0, 7),
     ]
-    return b"".join(records) + struct.pack("<7f", *ROW)
-
-
-def test_asap():
-    rayfile = decode(image(asap()))
-    np.testing.assert_array_equal(rayfile.positions_mm, [[1.0, 2.0, 3.0]])
-    np.testing.assert_allclose(rayfile.directions, [[0.0, 0.6, 0.8]], rtol=1e-7)
-    assert (rayfile.format, rayfile.total_flux(), rayfile.header["name"]) == ("asap", 0.5, "blue die")
-    assert "experimental" in rayfile.warnings[0]
-    for content in (asap(rays=2), asap(rays=-1), asap(words=8)):
-        with pytest.raises(InputError):
-            decode(image(content))
+    content = b"".join(records) + struct.pack("<7f", *ROW)
+    with pytest.raises(InputError, match=r"none of the known formats.*export TM-25 \(\.tm25ray\), LightTools or Zemax"):
+        decode(image(content))
 
 
 def test_speos_text_by_hand():

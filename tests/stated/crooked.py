@@ -18,11 +18,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+from addon_rows import has_addon
 from PIL import Image
 from presets import WITH_TABLE_ERROR
 from scipy.ndimage import map_coordinates
 from scipy.spatial.transform import Rotation
-from skimage.transform import ProjectiveTransform
 
 import lensforge as lf
 from lensforge.results.arguments import threads_of_torch
@@ -52,17 +52,19 @@ STRAY = {"stray": lambda run: lf.stray_light(run.part)}
 STUDIES: dict[str, dict[str, Callable[[Any], Any]]] = dict.fromkeys(("tir", "plate"), STRAY)
 # Corners of a photograph, and what its light is against the simulated one: larger, turned, shifted.
 SHOT = {"corners": [[61.0, 33.0], [455.0, 58.0], [431.0, 322.0], [38.0, 291.0]], "gamma": 1.8}
-STUDIES["roads"] = STRAY | {
-    "compare": lambda run: lf.compare(
-        run.light, on=photographed(run), off=run.folder / "off.png", lens=run.lens, **SHOT
-    )
-}
-STUDIES["chips"] = {
-    "compare_inner": lambda run: lf.compare(run.lens, points=measured(run, "rigid"), surface="inner"),
-    "correct_inner": lambda run: lf.correct(
-        run.lens, points=measured(run, "none"), surface="inner", gain=0.7, wavelength_mm=2.1, registration="none"
-    ),
-}
+STUDIES["roads"] = STRAY
+if has_addon("measure"):
+    STUDIES["roads"] = STRAY | {
+        "compare": lambda run: lf.compare(
+            run.light, on=photographed(run), off=run.folder / "off.png", lens=run.lens, **SHOT
+        )
+    }
+    STUDIES["chips"] = {
+        "compare_inner": lambda run: lf.compare(run.lens, points=measured(run, "rigid"), surface="inner"),
+        "correct_inner": lambda run: lf.correct(
+            run.lens, points=measured(run, "none"), surface="inner", gain=0.7, wavelength_mm=2.1, registration="none"
+        ),
+    }
 SENSITIVITY = {"sensitivity": lambda run: lf.sensitivity(run.lens)}
 STUDIES |= {"tir": STRAY | SENSITIVITY, "cup": SENSITIVITY, "leds": STRAY | SENSITIVITY}
 BY_LED = ("verify", "stray", "photometry")  # results that hold one of their own kind for each further LED
@@ -241,6 +243,8 @@ def photographed(run: Any) -> Path:
     light, wide, high = run.light.map, run.light.first.width, run.light.first.height
     corners = np.array([[-wide, high], [wide, high], [wide, -high], [-wide, -high]]) / 2
     i, j = np.indices((350, 490))
+    from skimage.transform import ProjectiveTransform
+
     to_mm = ProjectiveTransform.from_estimate(np.array(SHOT["corners"]), corners)
     x, y = (to_mm(np.stack([j.ravel(), i.ravel()], axis=1)) - [0.02 * wide, -0.03 * high]).T
     c, s = np.cos(np.radians(2.5)) / 1.04, np.sin(np.radians(2.5)) / 1.04

@@ -76,15 +76,12 @@ def landing(case, place):
 
     Its number is that of the record; that this is a length on the receiver, see test_landing_gaps.py.
     """
-    gap = record(case)["receivers"][place.group]["against_design"]
     rms = landed_rms(case, place.group, "mesh")
     reach = reach_mm(case, place.group)
     limit = record(case)["receivers"][place.group]["deviation_limit_mm"]
     if reach is not None:
         assert abs(limit / (DEVIATION * reach) - 1) < 1e-6, (limit, reach)
-    small = gap["rms"] < 0.1
-    scale = 1e3 if small else 1.0
-    return Expected(scale * rms, 0.15 * scale * rms, "µm" if small else "mm", state=kept(rms, limit))
+    return Expected(1e3 * rms, 150 * rms, "µm", limit=("<=", 1e3 * limit), state=kept(rms, limit))
 
 
 def nmse_vs_design(case, place):
@@ -93,12 +90,14 @@ def nmse_vs_design(case, place):
     )
     value = ((part - design) ** 2).sum() / (design**2).sum()
     limit = NOISE_FLOORS * record(case)["receivers"][place.group]["noise_floor_nmse"] + NOISE_ALLOWANCE
-    return Expected(value, 1e-9, state=kept(value, limit))
+    return Expected(value, 1e-9, limit=("<=", limit), state=kept(value, limit))
 
 
 def nmse_same_rays(case, place):
     """Part and design are the same within nm: pictures by the same rays differ by rays on the edge of a pixel."""
-    return Expected(0.0, same_rays_limit(record(case)["receivers"][place.group]))
+    found = record(case)["receivers"][place.group]
+    limit = same_rays_limit(found)
+    return Expected(0.0, limit, limit=("<=", limit), state=kept(found["nmse_same_rays"], limit))
 
 
 def same_rays_limit(receiver):
@@ -163,7 +162,8 @@ def of_mesh(file):
         points = vertices_of(case.folder / file)
         value = off_nm(case, own_places(case, points) if file.startswith("plate") else points)
         step = np.sqrt(3) * np.spacing(np.float32(abs(points).max())) * 1e6
-        return Expected(value, 0.1 * value + TABLE_NM, "nm", state=kept(value, FORM_NM + step))
+        limit = FORM_NM + step
+        return Expected(value, 0.1 * value + TABLE_NM, "nm", limit=("<=", limit), state=kept(value, limit))
 
     return form
 
@@ -176,7 +176,7 @@ def of_step(file):
             apart = [copies[f"{name}_{k}"].poles - placed(own[name].poles, *lamp) for name in own for k, lamp in lamps]
             off = max(np.linalg.norm(each, axis=2).max() for each in apart)
         value = worst_errors(case)[0] + 1e6 * off
-        return Expected(value, 0.2 * value + TABLE_NM, "nm", state=kept(value, FORM_NM))
+        return Expected(value, 0.2 * value + TABLE_NM, "nm", limit=("<=", FORM_NM), state=kept(value, FORM_NM))
 
     return form
 

@@ -178,8 +178,8 @@ def concave(case, name):
 
 
 def tilt(case, name):
-    limit = ("<=", case.lens["spec"]["manufacture"]["max_tilt_deg"])
-    state = "" if is_moulded(case) else tilt_state(case, name)
+    most = case.lens["spec"]["manufacture"]["max_tilt_deg"]
+    limit, state = (None, "") if is_moulded(case) else (("<=", most), tilt_state(case, name))
     return Expected(90 - face_of(case, name).draft_deg, 0.003, "°", limit=limit, state=state)
 
 

@@ -28,6 +28,7 @@ import pytest
 import record_check
 import record_export
 import record_verify
+from addon_rows import has_addon
 from crooked import BY_LED, NAMES, Case, Expected, Place
 
 import lensforge as lf
@@ -44,8 +45,7 @@ MODULES = (
     oracle_proof,
     oracle_stray,
     oracle_study,
-    oracle_points,
-    oracle_photo,
+    *([oracle_points, oracle_photo] if has_addon("measure") else []),
     record_export,
     record_check,
     record_verify,

@@ -19,7 +19,7 @@ import numpy as np
 from jaxtyping import Float
 
 from lensforge.errors import InputError
-from lensforge.sources.intensity import TabulatedIntensity
+from lensforge.sources.photometric.candela_table import CandelaTable
 from lensforge.sources.photometric.half_planes import tabulated
 from lensforge.sources.photometric.opening import LuminousOpening
 from lensforge.sources.photometric.photometric_file import (
@@ -43,15 +43,32 @@ _LINES_PER_SET = 6
 _RATIOS = 10  # direct ratios of the utilisation method, not used here; 0 where written: not given
 _NUMBERS = (*range(1, 7), *range(12, 26))  # lines of the header that hold one
 _THOUSANDS = re.compile(r"[1-9]\d{0,2}([.,]\d{3})+")  # what is written like 1,234: in thousands, or with decimals
-_TYPE, _SYMMETRY, _PLANES, _GAMMAS, _TEST, _NAME, _NUMBER, _FILE, _DATE = 1, 2, 3, 5, 7, 8, 9, 10, 11
-_HOUSING, _AREA, _HEIGHTS = 12, 15, 17  # length or diameter, width (0: round) and height; of the light; of its sides
-_C_STEP, _GAMMA_STEP, _DOWNWARD = 4, 6, 21
-_SAME_STEP, _SAME_SHARE = 0.01, 3.0  # relative; per cent, which programs round or take from their own integral
-_LORL, _FACTOR, _TILT, _SETS = 22, 23, 24, 25
+_TYPE = 1
+_SYMMETRY = 2
+_PLANES = 3
+_GAMMAS = 5
+_TEST = 7
+_NAME = 8
+_NUMBER = 9
+_FILE = 10
+_DATE = 11
+_HOUSING = 12  # length or diameter, width (0: round) and height
+_AREA = 15  # of the light
+_HEIGHTS = 17  # of the light's sides
+_C_STEP = 4
+_GAMMA_STEP = 6
+_DOWNWARD = 21
+_SAME_STEP = 0.01  # relative
+_SAME_SHARE = 3.0  # per cent, which programs round or take from their own integral
+_LORL = 22
+_FACTOR = 23
+_TILT = 24
+_SETS = 25
 _COUNT, _KIND, _LUMENS, _COLOUR, _RENDERING, _WATTS = range(_LINES_PER_SET)  # lines of a set of lamps
 _LINEAR = 2.0  # type of a linear luminaire
 _TEXT = 78  # characters of a line of text
-_REMARK, _UNDATED = "; ", "no date"  # between date and remark; before a remark without a date
+_REMARK = "; "  # between date and remark
+_UNDATED = "no date"  # before a remark without a date
 _FEW_LM = 100.0  # of lamps whose watts are not known; of others, 1 lm/W: less is no lamp, but thousands may be meant
 
 
@@ -86,11 +103,13 @@ def decode(text: str, name: str) -> PhotometricFile:
         raise InputError(
             f"{name}: its header promises {needed} numbers, at most {MOST_NUMBERS} are read; export it again"
         )
-    words = words_of("\n".join(lines[body:]))
-    require_promised(len(words), needed, name, f" below line {body}")
-    of_lamps = [lines[at + each].strip() for at in range(_HEADER_LINES, body, 6) for each in (_COUNT, _LUMENS, _WATTS)]
-    _require_one_reading([*(lines[i].strip() for i in _NUMBERS), *of_lamps, *words], name)
-    numbers = np.array([_number(word, name) for word in words])
+    tokens = words_of("\n".join(lines[body:]))
+    require_promised(len(tokens), needed, name, f" below line {body}")
+    of_lamps = [
+        lines[at + entry].strip() for at in range(_HEADER_LINES, body, 6) for entry in (_COUNT, _LUMENS, _WATTS)
+    ]
+    _require_one_reading([*(lines[i].strip() for i in _NUMBERS), *of_lamps, *tokens], name)
+    numbers = np.array([_number(word, name) for word in tokens])
     lamps = tuple(_lamps(lines[at : at + _LINES_PER_SET], name) for at in range(_HEADER_LINES, body, _LINES_PER_SET))
     absolute = _number_or_0(lines[_HEADER_LINES + _COUNT]) < 0.0  # the number of lamps
     lumens = lamps[0].lumens
@@ -102,7 +121,8 @@ def decode(text: str, name: str) -> PhotometricFile:
     steps = [*_steps(lines, _C_STEP, "C", c_deg), *_steps(lines, _GAMMA_STEP, "gamma", gamma_deg)]
     c_deg = c_deg[stored]
     if symmetry == 3:  # in the order of the angles, C 90 to C 270
-        c_deg, candela = c_deg[::-1], candela[::-1]
+        c_deg = c_deg[::-1]
+        candela = candela[::-1]
     intensity, warnings = tabulated(c_deg, gamma_deg, candela, name)
     down = _downward(lines[_DOWNWARD], intensity)
     date, _, remark = lines[_DATE].strip().partition(_REMARK)
@@ -124,7 +144,7 @@ def decode(text: str, name: str) -> PhotometricFile:
         warnings=(
             *doubled,
             *warnings,
-            *_warnings(lines, lamps, c_deg, words[_RATIOS + planes + gammas :]),
+            *_warnings(lines, lamps, c_deg, tokens[_RATIOS + planes + gammas :]),
             *steps,
             *down,
         ),
@@ -143,7 +163,8 @@ def _lines(text: str) -> tuple[list[str], tuple[str, ...]]:
 
 def _steps(lines: list[str], place: int, name: str, angles: Float[np.ndarray, " n"]) -> Iterator[str]:
     """Words on a step that the header states and the angles do not have."""
-    stated, steps = _number_or_0(lines[place]), np.diff(angles)
+    stated = _number_or_0(lines[place])
+    steps = np.diff(angles)
     if stated > 0.0 and len(steps) and np.abs(steps - stated).max() > _SAME_STEP * stated:
         least = f"{steps.min():g}"
         actual = least if np.ptp(steps) < _SAME_STEP * stated else f"{least} to {steps.max():g}"
@@ -151,7 +172,7 @@ def _steps(lines: list[str], place: int, name: str, angles: Float[np.ndarray, " 
         yield f"{asked}, its angles have {actual}: these are taken"
 
 
-def _downward(line: str, intensity: TabulatedIntensity) -> Iterator[str]:
+def _downward(line: str, intensity: CandelaTable) -> Iterator[str]:
     """Words on a share of the light that goes down other than that of the intensities."""
     actual = 100.0 * intensity.share_up_to_90()
     stated = _number_or_0(line)
@@ -198,7 +219,8 @@ def encode(photometric: PhotometricFile) -> str:
     planes = table.c_deg if revolution else table.c_deg[:-1]
     values = table.values[: len(planes)] * (1000.0 / lumens)
     kind = _LINEAR if photometric.linear else 1 if revolution else 3
-    opening, count = photometric.opening, max(photometric.lamps[0].count, 1)
+    opening = photometric.opening
+    count = max(photometric.lamps[0].count, 1)
     first = replace(photometric.lamps[0], lumens=None if photometric.per_1000_lm else lumens)
     date_and_remark = _REMARK.join((photometric.issued or _UNDATED, *photometric.remarks[:1]))
     date_and_remark = "" if date_and_remark == _UNDATED else date_and_remark
@@ -249,15 +271,15 @@ def _step(angles: np.ndarray) -> str:
     return f"{steps[0]:.6g}" if len(steps) and np.allclose(steps, steps[0]) else "0"
 
 
-def _require_one_reading(words: list[str], name: str) -> None:
+def _require_one_reading(tokens: list[str], name: str) -> None:
     """Raise :class:`InputError` where points and commas both occur, and one of them may separate thousands.
 
     A file with decimal commas only is common; beside decimal points, 1,234 can be either number.
     """
-    if not all(any(mark in word for word in words) for mark in ".,"):
+    if not all(any(mark in word for word in tokens) for mark in ".,"):
         return
     for mark in ".,":
-        marked = [word.lstrip("+-") for word in words if mark in word]
+        marked = [word.lstrip("+-") for word in tokens if mark in word]
         if all(_THOUSANDS.fullmatch(word) for word in marked):
             raise InputError(
                 f"{name}: {marked[0]!r} beside numbers with a {'comma' if mark == '.' else 'point'}: in thousands, or "
@@ -272,8 +294,8 @@ def _warnings(
     if lamps[0].lumens is None:
         yield "it states no lumens of its lamps: its intensities are taken as they stand, per 1000 lm of the lamps"
     if len(lamps) > 1:
-        each = ", ".join(f"{lamp.lumens or 0.0:.6g}" for lamp in lamps)
-        yield f"{len(lamps)} sets of lamps, of {each} lm, one of which is in it: the first is taken"
+        lumens = ", ".join(f"{lamp.lumens or 0.0:.6g}" for lamp in lamps)
+        yield f"{len(lamps)} sets of lamps, of {lumens} lm, one of which is in it: the first is taken"
     if tilt := _number_or_0(lines[_TILT]):
         yield f"tilted by {tilt:g} degrees during its measurement: its angles are taken as those of no tilt"
     if _number_or_0(lines[_SYMMETRY]) == 0.0 and len(c_deg) == 1:

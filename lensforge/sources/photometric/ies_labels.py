@@ -32,8 +32,10 @@ _FIELDS = {
     "title": "LUMINAIRE",
     "method": "FILEGENINFO",
 }
-LAMP, LAMP_CATALOGUE = "LAMP", "LAMPCAT"
-_REMARK, _MORE = "OTHER", "MORE"
+LAMP = "LAMP"
+LAMP_CATALOGUE = "LAMPCAT"
+_REMARK = "OTHER"
+_MORE = "MORE"
 _REQUIRED = ("TEST", "TESTLAB", "ISSUEDATE", "MANUFAC")
 _SINCE_2002 = ("TESTLAB", "ISSUEDATE", "NEARFIELD", "LAMPPOSITION")  # keywords that no edition before has
 
@@ -116,7 +118,8 @@ def read_labels(head: str) -> Labels:
 
 def _pairs(lines: list[str]) -> Iterator[tuple[str, str]]:
     """Keyword and text of each label, with what [MORE] adds to it; free text has no keyword."""
-    keyword, texts = "", list[str]()
+    keyword = ""
+    texts = list[str]()
     for line in lines:
         label = _LABEL.match(line)
         if label is not None and label.group(1).upper() == _MORE and texts:

@@ -11,8 +11,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-POINT, RECTANGLE, BOX, CIRCLE, ELLIPSE = "point", "rectangle", "box", "circle", "ellipse"
-_CYLINDER, _ELLIPTICAL_CYLINDER = "vertical cylinder", "vertical elliptical cylinder"
+POINT = "point"
+RECTANGLE = "rectangle"
+BOX = "box"
+CIRCLE = "circle"
+ELLIPSE = "ellipse"
+_CYLINDER = "vertical cylinder"
+_ELLIPTICAL_CYLINDER = "vertical elliptical cylinder"
 _NO_SHAPE = "unknown"
 _Signs = tuple[int, int, int]  # of width, length and height
 
@@ -68,7 +73,8 @@ class LuminousOpening:
         """The opening by width, length and height with the signs of LM-63 of the ``year``."""
         signs = (_sign(sizes_mm[0]), _sign(sizes_mm[1]), _sign(sizes_mm[2]))
         newer = _UNTIL_1995.get(signs, signs) if year < 2002 or signs not in _SHAPES else signs
-        sizes, diameter = np.abs(sizes_mm), max(-min(sizes_mm), 0.0)
+        sizes = np.abs(sizes_mm)
+        diameter = max(-min(sizes_mm), 0.0)
         width, length, height = (
             diameter if size == 0.0 and sign < 0 else float(size) for size, sign in zip(sizes, newer, strict=True)
         )
@@ -82,7 +88,8 @@ class LuminousOpening:
         cls, length_mm: float, width_mm: float, heights_mm: tuple[float, float, float, float], circular: bool
     ) -> "LuminousOpening":
         """The opening by the sizes of its lower face and the heights of its sides."""
-        high, equal = max(heights_mm) > 0.0, abs(length_mm - width_mm) <= _SAME * max(length_mm, width_mm)
+        high = max(heights_mm) > 0.0
+        equal = abs(length_mm - width_mm) <= _SAME * max(length_mm, width_mm)
         if circular:
             flat, tall = (CIRCLE, _CYLINDER) if equal else (ELLIPSE, _ELLIPTICAL_CYLINDER)
             return cls(tall if high else flat, width_mm, length_mm, heights_mm)

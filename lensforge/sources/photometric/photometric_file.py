@@ -18,15 +18,17 @@ from typing import Any, Literal
 import numpy as np
 
 from lensforge.errors import InputError
-from lensforge.optics.colorimetry import LARGEST_LM_PER_W
 from lensforge.results.text_dialect import number_in
-from lensforge.sources.intensity import TabulatedIntensity
+from lensforge.sources.photometric.candela_table import CandelaTable
 from lensforge.sources.photometric.opening import NO_OPENING, LuminousOpening
 from lensforge.version import __version__
 
-SIMULATED, UNDEFINED = "Computer Simulation", "Undefined"
-_UNACCREDITED, _ACCREDITED = "Test at an unaccredited lab", "Test at an accredited lab"
-_SCALED, _INTERPOLATED = " that has been lumen scaled", " with interpolated angle set"
+SIMULATED = "Computer Simulation"
+UNDEFINED = "Undefined"
+_UNACCREDITED = "Test at an unaccredited lab"
+_ACCREDITED = "Test at an accredited lab"
+_SCALED = " that has been lumen scaled"
+_INTERPOLATED = " with interpolated angle set"
 _TITLES = {
     "1.00001": UNDEFINED,
     "1.00010": SIMULATED,
@@ -58,15 +60,16 @@ def generation_code(title: str) -> str:
     return _CODES.get(title, _CODES[UNDEFINED])
 
 
-def turned_over(table: TabulatedIntensity) -> TabulatedIntensity:
+def turned_over(table: CandelaTable) -> CandelaTable:
     """Table with C counted the other way: from a file's frame to the lens's, where C runs from +x to +y, or back."""
     if len(table.c_deg) == 1:
         return table
-    return TabulatedIntensity(np.ascontiguousarray(360.0 - table.c_deg[::-1]), table.gamma_deg, table.values[::-1])
+    return CandelaTable(np.ascontiguousarray(360.0 - table.c_deg[::-1]), table.gamma_deg, table.values[::-1])
 
 
 MOST_NUMBERS = 10**6  # of intensities: 721 x 361 is the finest seen; more comes from a damaged header
-MOST_PLANES, MOST_GAMMAS = 3601, 18_001  # in steps of 0.1 and 0.01 degrees, finer than any goniophotometer
+MOST_PLANES = 3601  # in steps of 0.1 and 0.01 degrees
+MOST_GAMMAS = 18_001  # finer than any goniophotometer
 HUGE = 1e12  # above any real candela or lumen; squares of sums stay finite
 SMALLEST = 1e-30  # below any real candela, lumen or watt but 0
 
@@ -92,8 +95,8 @@ def finite_number(word: str, place: str, name: str, *, commas: bool = False) -> 
 
 def words_of(text: str) -> list[str]:
     """The words of a stream of numbers, without the END that some programs write behind it."""
-    words = text.split()
-    return words[:-1] if words and words[-1].upper() == "END" else words
+    tokens = text.split()
+    return tokens[:-1] if tokens and tokens[-1].upper() == "END" else tokens
 
 
 def count_in(number: float, least: int, name: str) -> int:
@@ -103,18 +106,18 @@ def count_in(number: float, least: int, name: str) -> int:
     return int(number)
 
 
-def require_promised(found: int, needed: int, name: str, where: str = "") -> None:
+def require_promised(count: int, needed: int, name: str, where: str = "") -> None:
     """Raise :class:`InputError` unless a file holds as many numbers as its header says, ``where`` in words."""
-    promise = f"{found} numbers{where}, its header promises {needed}"
-    if found < needed:
+    promise = f"{count} numbers{where}, its header promises {needed}"
+    if count < needed:
         raise InputError(f"{name}: truncated: {promise}")
-    if found > needed:
-        raise InputError(f"{name}: {promise}: {found - needed} too many; export it again")
+    if count > needed:
+        raise InputError(f"{name}: {promise}: {count - needed} too many; export it again")
 
 
-def _stated(default: Any, words: str) -> Any:
-    """A field that a file states, and the ``words`` by which an account of a conversion calls it."""
-    return field(default=default, metadata={"words": words})
+def _stated(default: Any, label: str) -> Any:
+    """A field that a file states, and the ``label`` by which an account of a conversion calls it."""
+    return field(default=default, metadata={"words": label})
 
 
 @dataclass(frozen=True)
@@ -158,7 +161,7 @@ class PhotometricFile:
     and text: keywords of LM-63, elements of TM-33 by their path.
     """
 
-    intensity: TabulatedIntensity
+    intensity: CandelaTable
     lamps: tuple[LampSet, ...] = (LampSet(),)
     stated_lumens: float | None = _stated(None, "stated lumens of the luminaire")
     title: str = _stated("", "name of the luminaire")
@@ -216,6 +219,10 @@ def single_line(text: str) -> str:
     return " ".join("".join(mark if mark.isprintable() else " " for mark in text).split())
 
 
+class UnknownFormat(InputError):
+    """A file whose content is none of the known formats."""
+
+
 @dataclass(frozen=True)
 class PhotometricFormat:
     """A format: ``matches`` a text by its content, ``decode`` a text and its file's name, ``encode`` a far field.
@@ -232,8 +239,11 @@ class PhotometricFormat:
 
 
 ROAD_STEP_DEG = 2.5  # of gamma, for roads: CIE 140
+_LARGEST_LM_PER_W = 683.002  # of light at 555 nm, the peak of V
 _FLUX_TOLERANCE = 0.01  # integral and stated flux of real files agree this well
-_SMALLEST_MM, _LARGEST_MM = 1.0, 10_000.0  # of an opening or a luminaire
+# Sides of a luminous opening or a luminaire.
+_SMALLEST_MM = 1.0
+_LARGEST_MM = 10_000.0
 _CUT_SHARE = 0.01  # of the peak: more than that at the last gamma, and the file has lost light beyond it
 
 
@@ -243,19 +253,22 @@ def far_field_warnings(file: PhotometricFile) -> tuple[str, ...]:
 
 
 def _contradictions(file: PhotometricFile) -> Iterator[str]:
-    lumens, stated, watts = file.intensity.flux(), file.stated_lumens, file.watts
+    lumens = file.intensity.flux()
+    stated = file.stated_lumens
+    watts = file.watts
     if stated and abs(lumens / stated - 1.0) > _FLUX_TOLERANCE:
         yield f"its intensities integrate to {lumens:.6g} lm, the file states {stated:.6g} lm"
     if file.lamp_lumens and lumens > file.lamp_lumens * (1.0 + _FLUX_TOLERANCE):
         yield f"its light has {lumens:.6g} lm, its lamps only {file.lamp_lumens:.6g} lm: check its factors"
-    if watts > 0.0 and lumens > LARGEST_LM_PER_W * watts:
+    if watts > 0.0 and lumens > _LARGEST_LM_PER_W * watts:
         yield f"{lumens / watts:.4g} lm per W, no light has more than 683: check its lumens and watts"
 
 
 def _strange_sizes(file: PhotometricFile) -> Iterator[str]:
     """Words on sizes that no luminaire has: they may be in another unit."""
     opening = file.opening
-    of_light, of_housing = (opening.width_mm, opening.length_mm, opening.height_mm), file.housing_mm
+    of_light = (opening.width_mm, opening.length_mm, opening.height_mm)
+    of_housing = file.housing_mm
     for name, (width, length, height) in (("luminous opening", of_light), ("luminaire", of_housing)):
         sizes = [size for size in (width, length) if size > 0.0]
         if max(width, length, height) > _LARGEST_MM or min(sizes, default=_SMALLEST_MM) < _SMALLEST_MM:
@@ -266,7 +279,8 @@ def _strange_sizes(file: PhotometricFile) -> Iterator[str]:
 def cut_below(file: PhotometricFile) -> str | None:
     """Words for a last gamma at which there is light, so that some is not in the file; None where it is complete."""
     table = file.intensity
-    last, at_last = float(table.gamma_deg[-1]), float(table.values[:, -1].max() / table.values.max())
+    last = float(table.gamma_deg[-1])
+    at_last = float(table.values[:, -1].max() / table.values.max())
     if last in (90.0, 180.0) or at_last <= _CUT_SHARE:
         return None
     return f"its last gamma is {last:g} degrees, with {100.0 * at_last:.3g} % of the largest intensity"
@@ -285,7 +299,7 @@ def coarse_for_roads(file: PhotometricFile) -> Iterator[str]:
 
 def _cut(file: PhotometricFile) -> Iterator[str]:
     first = float(file.intensity.gamma_deg[0])
-    if (words := cut_below(file)) is not None:
-        yield f"{words}: light beyond is not in the file"
+    if (notice := cut_below(file)) is not None:
+        yield f"{notice}: light beyond is not in the file"
     if first > 0.0:
         yield f"its first gamma is {first:g} degrees: no light is taken within that"

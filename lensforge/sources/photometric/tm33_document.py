@@ -22,11 +22,15 @@ from lensforge.version import __version__
 NO_DATE = "1970-01-01"  # of a document that states none: the clock's would change its bytes from run to run
 DATE_UNKNOWN = f"date of the report not known: {NO_DATE} stands for none"
 WATTS_UNKNOWN = "input wattage not known: 0 stands for none"
-METHOD, ISSUED, GENERATED = "FILEGENINFO", "ISSUEDATE", "FILEGENTYPE"  # keywords of comments
+# Keywords of comments.
+METHOD = "FILEGENINFO"
+ISSUED = "ISSUEDATE"
+GENERATED = "FILEGENTYPE"
 ROUND_HOUSING = "Align_Z"
 TURNS = ("C0", "C90", "C180", "C270")
 INTENSITY = "Emitter/LuminousData/LuminousIntensity"
-KELVIN, INDEX = re.compile(r"(\d{4,5})\s*K?", re.IGNORECASE), re.compile(r"(?:Ra|CRI)?\s*(\d{1,3})", re.IGNORECASE)
+KELVIN = re.compile(r"(\d{4,5})\s*K?", re.IGNORECASE)
+INDEX = re.compile(r"(?:Ra|CRI)?\s*(\d{1,3})", re.IGNORECASE)
 # Elements in the order of the schema where others may be kept.
 ORDER = {
     "IESTM33-22": ("Version", "Header", "Luminaire", "Equipment", "Emitter", "CustomData"),
@@ -46,8 +50,8 @@ ORDER = {
 
 def whole_in(text: str, pattern: re.Pattern[str]) -> str:
     """The whole number that all of ``text`` says by ``pattern``; empty where it says another thing."""
-    found = pattern.fullmatch(text.strip())
-    return "" if found is None else found.group(1)
+    match = pattern.fullmatch(text.strip())
+    return "" if match is None else match.group(1)
 
 
 def document(photometric: PhotometricFile) -> str:
@@ -64,8 +68,11 @@ def document(photometric: PhotometricFile) -> str:
 
 def _texts(photometric: PhotometricFile) -> dict[str, str]:
     """Texts of the elements by their paths; one without text is left out."""
-    table, lamp, lumens = photometric.intensity, photometric.lamps[0], photometric.written_lumens
-    planes, angles = len(table.c_deg), len(table.gamma_deg)
+    table = photometric.intensity
+    lamp = photometric.lamps[0]
+    lumens = photometric.written_lumens
+    planes = len(table.c_deg)
+    angles = len(table.gamma_deg)
     return {
         "Version": "1.1",
         "Header/Manufacturer": photometric.maker or NOT_STATED,
@@ -96,7 +103,7 @@ def _texts(photometric: PhotometricFile) -> dict[str, str]:
 
 def _comments(photometric: PhotometricFile) -> Iterator[tuple[str, str]]:
     """Statements that have no element of their own: keywords of LM-63 with their text, then remarks."""
-    labels = [(METHOD, photometric.method), *(each for each in photometric.others if "/" not in each[0])]
+    labels = [(METHOD, photometric.method), *(label for label in photometric.others if "/" not in label[0])]
     if photometric.generated not in (SIMULATED, UNDEFINED):
         labels.append((GENERATED, photometric.generated))
     if photometric.issued and not _date(photometric):
@@ -127,21 +134,22 @@ def _housing(housing_mm: tuple[float, float, float]) -> dict[str, str]:
     }
 
 
-def _generation(words: str) -> dict[str, str]:
-    """Generation of the data by the ``words`` of LM-63-2019; nothing where that is undefined."""
+def _generation(keyword: str) -> dict[str, str]:
+    """Generation of the data by the ``keyword`` of LM-63-2019; nothing where that is undefined."""
     says = {
-        "Simulation": words == SIMULATED,
-        "IntensityScaling": "scaled" in words,
-        "AngleInterpolation": "interpolated" in words,
+        "Simulation": keyword == SIMULATED,
+        "IntensityScaling": "scaled" in keyword,
+        "AngleInterpolation": "interpolated" in keyword,
     }
-    return {f"Emitter/DataGeneration/{name}": _boolean(each) for name, each in says.items() if words != UNDEFINED}
+    return {f"Emitter/DataGeneration/{name}": _boolean(text) for name, text in says.items() if keyword != UNDEFINED}
 
 
 def _faces(opening: LuminousOpening) -> dict[str, str]:
     """The lower face of the opening, and its sides where they have a height; none of a point."""
     if opening.shape == POINT:
         return {}
-    length, width = {"Length": opening.length_mm}, {"Width": opening.width_mm}
+    length = {"Length": opening.length_mm}
+    width = {"Width": opening.width_mm}
     texts = _face("Bottom", length | width)
     texts["Emitter/EmissionAreas/BottomFace/BottomArea/Circular"] = "true" if opening.rounded else ""
     for turn, height in zip(TURNS, opening.heights_mm, strict=True):
@@ -151,7 +159,8 @@ def _faces(opening: LuminousOpening) -> dict[str, str]:
 
 
 def _face(which: str, sizes_mm: dict[str, float]) -> dict[str, str]:
-    place, sizes = f"Emitter/EmissionAreas/{which}Face", sizes_mm | {f"{name}Offset": 0.0 for name in sizes_mm}
+    place = f"Emitter/EmissionAreas/{which}Face"
+    sizes = sizes_mm | {f"{name}Offset": 0.0 for name in sizes_mm}
     areas = {f"{place}/{which}Area/{name}": _metres(size) for name, size in sizes.items()}
     return {f"{place}/Number{which}": "1", **areas}
 
@@ -160,19 +169,20 @@ def _insert(root: Element, path: str, text: str) -> None:
     """Add an element at ``path``, where the schema has its name among those beside it; what is there stays."""
     parent = root
     for name in path.split("/"):
-        found = parent.find(name)
-        if found is None or name == path.rpartition("/")[2]:
+        child = parent.find(name)
+        if child is None or name == path.rpartition("/")[2]:
             order = ORDER.get(parent.tag, ())
             later = order[order.index(name) + 1 :] if name in order else ()
             place = next((k for k, child in enumerate(parent) if child.tag in later), len(parent))
-            found = Element(name)
-            parent.insert(place, found)
-        parent = found
+            child = Element(name)
+            parent.insert(place, child)
+        parent = child
     parent.text = single_line(text)
 
 
 def _add_intensities(root: Element, photometric: PhotometricFile) -> None:
-    table, parent = photometric.intensity, root.find(INTENSITY)
+    table = photometric.intensity
+    parent = root.find(INTENSITY)
     assert parent is not None
     v = [_decimal(angle) for angle in table.gamma_deg]
     for plane, values in zip(map(_decimal, table.c_deg), table.values, strict=True):

@@ -235,7 +235,8 @@ def _parsed(
             if rows.shape[1] != width:
                 raise image.refuse(f"line {line}: {rows.shape[1]} numbers, {width} expected; export it again")
             yield rows
-        begin, line = begin + len(body), line + body.count(b"\n")
+        begin = begin + len(body)
+        line = line + body.count(b"\n")
         release_pages(image.data)
 
 
@@ -255,7 +256,7 @@ def _numbers(image: FileImage, body: bytes, line: int, dialect: Dialect) -> Floa
             pass
         else:
             return rows
-    lines = [Line(line + each.number - 1, each.text) for each in lines_of(body.decode("latin-1"))]
+    lines = [Line(line + text_line.number - 1, text_line.text) for text_line in lines_of(body.decode("latin-1"))]
     return TextTable(str(image.path), (), lines, dialect).numbers() if lines else None
 
 
@@ -268,8 +269,8 @@ def cut_warnings(image: FileImage) -> tuple[str, ...]:
     Nothing else shows that a file was cut there; many programs leave out the last end of line.
     """
     tail = image.part(max(image.size - HEAD_BYTES, 0), image.size)
-    *others, last = [len(_BETWEEN.split(line.strip())[-1]) for line in tail.splitlines()[1:] if line.strip()] or [0]
-    if tail.endswith(b"\n") or (others and last >= min(others)):
+    *lengths, last = [len(_BETWEEN.split(line.strip())[-1]) for line in tail.splitlines()[1:] if line.strip()] or [0]
+    if tail.endswith(b"\n") or (lengths and last >= min(lengths)):
         return ()
     return ("its last line has no line end: if the file was cut there, its last number is wrong",)
 
@@ -313,7 +314,8 @@ def _counted(head: bytes) -> tuple[list[float], str, Dialect]:
     first, ray = head.decode("latin-1").split("\n")[:2]
     with warnings.catch_warnings(action="ignore"):  # said once, by who reads the file
         try:
-            dialect, counts = Dialect.of([Line(2, ray)], ""), Dialect.of([Line(1, first)], "")
+            dialect = Dialect.of([Line(2, ray)], "")
+            counts = Dialect.of([Line(1, first)], "")
         except InputError:
             dialect = counts = BLANKS
     return numbers(first, counts) or [0.5], ray, dialect

@@ -43,9 +43,11 @@ def _rayfile(
     All rays of a far field start there; its unit is not documented, so it is taken as mm.
     """
     if origin is None:
-        start, positions_mm = 3, scaled(rows[:, 0:3], mm_per_unit)
+        start = 3
+        positions_mm = scaled(rows[:, 0:3], mm_per_unit)
     else:  # a view that takes no memory
-        start, positions_mm = 0, np.broadcast_to(np.array(origin, dtype=rows.dtype), (len(rows), 3))
+        start = 0
+        positions_mm = np.broadcast_to(np.array(origin, dtype=rows.dtype), (len(rows), 3))
     return RayFile(
         positions_mm=positions_mm,
         directions=rows[:, start : start + 3],
@@ -62,11 +64,14 @@ def _rayfile(
 
 
 _HEADER = struct.Struct("<4s6I4f")
-_MAGIC, _BINARY_END = b"LTRF", b"LTRFEND"
+_MAGIC = b"LTRF"
+_BINARY_END = b"LTRFEND"
 _SEARCHED = 4096  # bytes at the end in which the mark is looked for
 _MM_BY_CODE = {0: 1.0, 1: 1.0, 2: 10.0, 3: 1000.0, 4: 25.4, 5: 304.8, 6: 1e-3, 7: 1e-6}  # 0 is the model's own unit
-_SYSTEM_UNIT, _MILLIMETRES = 0, 1
-_NO_COLOUR, _WAVELENGTH = 0, 2
+_SYSTEM_UNIT = 0
+_MILLIMETRES = 1
+_NO_COLOUR = 0
+_WAVELENGTH = 2
 
 
 def _is_binary(head: bytes, size: int) -> bool:
@@ -123,7 +128,8 @@ BINARY = register(
     Format("lighttools_binary", "LightTools binary", (".ray",), _is_binary, _decode_binary, _encode_binary)
 )
 
-_START, _END = b"lt_startofdata", b"lt_endofdata"
+_START = b"lt_startofdata"
+_END = b"lt_endofdata"
 _MM_PER_UNIT = {
     "system": 1.0, "millimeters": 1.0, "centimeters": 10.0, "meters": 1000.0,
     "inches": 25.4, "feet": 304.8, "microns": 1e-3, "micrometers": 1e-3, "nanometers": 1e-6,

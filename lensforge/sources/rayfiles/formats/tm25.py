@@ -40,7 +40,8 @@ _WIDTHS = {
 }  # fmt: skip
 _NOT_USED = ("stokes", "tristimulus")
 # A table of 0.01 nm from 200 to 3000 nm has 280,000 pairs, and each becomes two numbers in the header's record.
-_MOST_PAIRS, _MOST_TABLES = 10**6, 1000
+_MOST_PAIRS = 10**6
+_MOST_TABLES = 1000
 _MOST_EXTRA_COLUMNS = 1000
 _SHOWN_TEXT_BYTES = 2**16  # of the extra text, which may be of any length
 _SPECTRAL_IDS = ("none", "single wavelength", "wavelength of each ray", "common tables", "table of each ray")
@@ -73,7 +74,7 @@ class _Fields(NamedTuple):
     def column(self, name: str) -> int:
         """Index of the first column of ``name``."""
         before = list(_WIDTHS)[: list(_WIDTHS).index(name)]
-        return sum(_WIDTHS[other] for other in before if self.flags[other])
+        return sum(_WIDTHS[name_before] for name_before in before if self.flags[name_before])
 
 
 def _matches(head: bytes, size: int) -> bool:
@@ -136,7 +137,8 @@ def _read_fields(image: FileImage) -> _Fields:
 def _read_tables(image: FileImage, fields: _Fields) -> tuple[list[dict[str, list[float]]], int]:
     """The spectral tables, and where their padded block ends."""
     tables: list[dict[str, list[float]]] = []
-    position, read = _TABLES_START, 0
+    position = _TABLES_START
+    read = 0
     for _ in range(fields.tables):
         (count,) = image.unpack(_COUNT, position)
         position += _COUNT.size
@@ -223,12 +225,14 @@ def _encode(rayfile: RayFile) -> Iterator[bytes]:
     block = b"".join(_table_bytes(table) for table in tables)
     yield block.ljust(_padded(_TABLES_START + len(block)) - _TABLES_START, b"\0")
     for rays in rayfile.absolute_blocks():
-        waves, numbers = rays.wavelengths_nm if per_ray else None, rays.spectrum_numbers if by_number else None
+        waves = rays.wavelengths_nm if per_ray else None
+        numbers = rays.spectrum_numbers if by_number else None
         yield float_rows(rays.positions_mm, rays.directions, rays.flux, waves, numbers)
 
 
 def _fixed_bytes(rayfile: RayFile, tables: int, per_ray: bool, by_number: bool) -> bytes:
-    header, watts = rayfile.header, rayfile.flux_unit == "W"
+    header = rayfile.header
+    watts = rayfile.flux_unit == "W"
     single = rayfile.single_wavelength
     spectral_id = 2 if per_ray else 4 if by_number else 1 if single is not None else 3 if tables else 0
     flags = (1, 1, watts, per_ray, not watts, 0, 0, by_number)

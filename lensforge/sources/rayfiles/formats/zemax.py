@@ -37,7 +37,8 @@ _HEADER = struct.Struct("<iI100s7fI13f4i")
 _IDENTIFIERS = (1010, 8675309)
 _MM_PER_UNIT = {0: 1000.0, 1: 25.4, 2: 10.0, 3: 304.8, 4: 1.0}  # m, in, cm, ft, mm
 _MILLIMETRES = 4
-_FLUX_ONLY, _SPECTRAL = 0, 2
+_FLUX_ONLY = 0
+_SPECTRAL = 2
 NM_PER_MICRON = 1000.0
 _WIDTHS = (7, 8)
 
@@ -52,13 +53,16 @@ def _is_text(head: bytes, size: int) -> bool:
 
 def _decode_binary(image: FileImage) -> RayFile:
     identifier, rays, description, source_flux, ray_set_flux, microns, *numbers = image.unpack(_HEADER)
-    units, ray_format, flux_type = numbers[4], numbers[18], numbers[19]
+    units = numbers[4]
+    ray_format = numbers[18]
+    flux_type = numbers[19]
     if identifier not in _IDENTIFIERS:
         raise image.refuse("its bytes are in the wrong order (big-endian); export it again, little-endian")
     if ray_format not in (_FLUX_ONLY, _SPECTRAL):
         raise image.refuse(f"ray format {ray_format}: 0 (flux) or 2 (flux and wavelength); export it again")
     mm_per_unit, unit = _units(image, units, flux_type, ray_format == _SPECTRAL)
-    rows, shared = image.rows(_HEADER.size, rays, 8 if ray_format == _SPECTRAL else 7), known(microns)
+    rows = image.rows(_HEADER.size, rays, 8 if ray_format == _SPECTRAL else 7)
+    shared = known(microns)
     waves = None if shared is None else shared_wavelength(shared * NM_PER_MICRON, rays)
     return RayFile(
         positions_mm=scaled(rows[:, 0:3], mm_per_unit),

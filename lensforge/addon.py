@@ -1,0 +1,64 @@
+"""Add-ons: what one trade needs, in a package of its own that the core does not import and does well without.
+
+A package of ``lensforge/addons`` is one, and so is a package of anybody's that is installed with an entry point of the
+group ``lensforge.addons``. Each has an ``ADDON``, which says what it adds. A room of the core takes from there what is
+of its own kind, when it needs it: to find an add-on loads none of its modules.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache
+from importlib import import_module
+from importlib.metadata import EntryPoint, entry_points
+from importlib.util import find_spec
+from pathlib import Path
+from pkgutil import iter_modules
+from typing import TYPE_CHECKING
+
+from lensforge.errors import InputError, refused
+
+if TYPE_CHECKING:
+    import click
+
+GROUP = "lensforge.addons"
+
+
+@dataclass(frozen=True)
+class Addon:
+    """What an add-on adds; each function is called when its room is loaded.
+
+    ``name``: of its package, and of the extra that installs its libraries. ``names``: public names of the library, and
+    what they name. ``commands``: of the command line. ``heading``: that of these in the help; empty for none.
+    ``records``: loads the classes of results that its stages leave in a folder, and their facts. ``pages``: loads what
+    a report shows of them.
+    """
+
+    name: str
+    names: Callable[[], Mapping[str, object]] = dict
+    commands: Callable[[], Sequence["click.Command"]] = tuple
+    heading: str = ""
+    records: Callable[[], object] = tuple
+    pages: Callable[[], object] = tuple
+
+
+@cache
+def addons() -> tuple[Addon, ...]:
+    """All add-ons that are there: those of the package by name, then installed ones."""
+    folder = Path(__file__).with_name("addons")
+    shipped = [import_module(f"{GROUP}.{module.name}").ADDON for module in iter_modules([str(folder)])]
+    return (*shipped, *map(_installed, entry_points(group=GROUP)))
+
+
+def require_libraries(name: str, *libraries: str) -> None:
+    """Raise :class:`InputError` where one of the ``libraries`` of the add-on ``name`` is not installed."""
+    missing = ", ".join(library for library in libraries if find_spec(library) is None)
+    if missing:
+        raise InputError(f'{name}: needs {missing}; pip install "lensforge[{name}]"')
+
+
+def _installed(point: EntryPoint) -> Addon:
+    with refused(f"add-on {point.name}", "cannot be loaded (…); install or remove it", ImportError, AttributeError):
+        declared = point.load().ADDON
+    if not isinstance(declared, Addon):
+        raise InputError(f"add-on {point.name}: its ADDON is no lensforge.addon.Addon")
+    return declared

@@ -1,0 +1,16 @@
+"""What does one trade need beside the core? A package each, which nothing of the core imports; ``addon.py`` finds them.
+
+- ``measure``: photographs and measured points of a machined part, and its second cut
+- ``studio``: a page on which a spec is written and its light is seen
+"""
+
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:  # for those who check the types of scripts
+    from lensforge.addons.measure.measure_verbs import compare as compare
+    from lensforge.addons.measure.measure_verbs import correct as correct
+    from lensforge.addons.measure.measurement_result import Correction as Correction
+    from lensforge.addons.measure.measurement_result import PhotoComparison as PhotoComparison
+    from lensforge.addons.measure.measurement_result import SurfaceComparison as SurfaceComparison
+    from lensforge.addons.studio.studio import Studio as Studio
+    from lensforge.addons.studio.studio import studio as studio

@@ -1,0 +1,53 @@
+"""What did the machined part become, and how is it cut again? Photographs, points on faces, a second cut.
+
+- ``measure_verbs``: the verbs ``compare`` and ``correct``
+- ``stages``: their stages of a result folder, and their commands
+- ``measurement_result``: their records
+- ``measured_facts``, ``measured_section``: what screen and page show of them
+- ``photo_comparison``: a photograph and the simulated light
+- ``target_corners``: the target in a photograph
+- ``image_similarity``: likeness of two pictures
+- ``measured_points``: points of a file, on one face
+- ``registration``: the motion that brings them onto the design
+- ``first_cut``: what they say of the face that was cut
+- ``areal_filter``: waves that they can show
+- ``measured_surface``: form deviation, and the light of the lens with it
+- ``correction``: the corrected face
+"""
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
+
+from lensforge.addon import Addon
+
+if TYPE_CHECKING:
+    import click
+
+
+def _names() -> Mapping[str, object]:
+    from lensforge.addons.measure.measure_verbs import compare, correct
+    from lensforge.addons.measure.measurement_result import Correction, PhotoComparison, SurfaceComparison
+
+    public = (Correction, PhotoComparison, SurfaceComparison, compare, correct)
+    return {named.__name__: named for named in public}
+
+
+def _commands() -> "Sequence[click.Command]":
+    from lensforge.addons.measure.stages import COMMANDS
+
+    return COMMANDS
+
+
+def _records() -> object:
+    from lensforge.addons.measure import measured_facts
+
+    return measured_facts
+
+
+def _pages() -> object:
+    from lensforge.addons.measure import measured_section
+
+    return measured_section
+
+
+ADDON = Addon("measure", _names, _commands, "The shop and the machined part", _records, _pages)

@@ -1,0 +1,95 @@
+"""The stages of a result folder, and their commands: ``compare`` and ``correct``."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from lensforge.addons.measure.measure_verbs import compare, correct
+from lensforge.cli.options import Number
+from lensforge.cli.stages import command_of
+from lensforge.report.folder import RunFolder
+from lensforge.report.results import Results
+from lensforge.verbs import FolderStage
+
+if TYPE_CHECKING:
+    _Pixel = click.ParamType[tuple[float, float]]
+else:
+    _Pixel = click.ParamType  # generic from click 8.4 on only
+_FILE = click.Path(path_type=Path)
+
+
+class _Corner(_Pixel):
+    name = "x,y"
+
+    def convert(self, value: object, param: click.Parameter | None, ctx: click.Context | None) -> tuple[float, float]:
+        try:
+            column, row = (float(part) for part in str(value).split(","))
+        except ValueError:
+            self.fail(f"{value!r}: write column,row in pixels, such as 120.5,88", param, ctx)
+        return column, row
+
+
+def _measured(run: Results, options: Mapping[str, Any]) -> tuple[object, ...]:
+    """Part of a run that a measurement is compared with: the light with a photograph, else the lens."""
+    return (run.light,) if options.get("on") is not None else (run.lens,)
+
+
+def _lens_of_photo(here: RunFolder, options: Mapping[str, Any]) -> dict[str, object]:
+    return {"lens": here.run.lens} if options.get("on") is not None else {}
+
+
+COMPARE = FolderStage(
+    "compare",
+    compare,
+    """Compare the machined part with the design in DIR.
+
+    By a photograph of its light (--on), or by points measured on a surface (--points).
+    """,
+    options=("on", "off", "corners", "target_mm", "gamma", "led", "points", "surface", "registration", "rays"),
+    inputs=_measured,
+    settings=_lens_of_photo,
+)
+CORRECT = FolderStage(
+    "correct",
+    correct,
+    """Correct a face for its second cut by measured points.
+
+    Writes lens_corrected_FACE.step from points measured on the first cut.
+    """,
+    options=("points", "surface", "wavelength_mm", "gain", "registration", "rays", "threads"),
+)
+
+_OPTIONS = {
+    "on": click.option("--on", type=_FILE, help="Photograph of the target with the LED on."),
+    "off": click.option("--off", type=_FILE, help="The same with the LED off."),
+    "corners": click.option(
+        "--corners",
+        type=_Corner(),
+        nargs=4,
+        callback=lambda _context, _option, given: list(given) if given else None,
+        help="Corners of the target, clockwise from top left; default: found.",
+    ),
+    "target_mm": click.option(
+        "--target-mm", type=Number(0.0, min_open=True), help="Side of the target; default: the receiver's."
+    ),
+    "gamma": click.option("--gamma", type=Number(0.2, 5.0), default=1.0, help="Gamma of the camera."),
+    "led": click.option("--led", metavar="NAME", help="LED in the photographs, of several; default: the first."),
+    "points": click.option("--points", type=_FILE, help="Points x, y, z in mm, measured on one surface."),
+    "surface": click.option("--surface", metavar="FACE", help="Face on which --points lie, such as inner or outer."),
+    "registration": click.option(
+        "--registration",
+        type=click.Choice(["rigid", "shift", "none"]),
+        default="rigid",
+        help="Motion that fits --points to the design; it is no part of a correction.",
+    ),
+    "wavelength_mm": click.option(
+        "--wavelength",
+        "wavelength_mm",
+        type=Number(0.0, min_open=True),
+        help="Shortest wave of the deviation that is corrected (mm); default: by the noise of the points.",
+    ),
+    "gain": click.option("--gain", type=Number(), default=1.0, help="Share of the deviation that is mirrored."),
+}
+COMMANDS = tuple(command_of(stage, _OPTIONS) for stage in (COMPARE, CORRECT))

@@ -1,0 +1,76 @@
+"""Physics of a spec that is being written: bounds, image of the LED, and kinds of lens, as ``lensforge new`` says."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from lensforge.addons.studio.page_frames import packed
+from lensforge.light.lens_light import source_of
+from lensforge.report.new_scene import NewScene
+from lensforge.results.chart import light_unit
+from lensforge.scene.receiver_shapes import receivers_of
+from lensforge.scene.target_pattern import target_light
+from lensforge.search.scene_check import SceneCheck, image_rad, light_requirements
+from lensforge.search.start_faces import TargetStroke
+from lensforge.spec import ReceiverSection, Spec
+from lensforge.spec.spec_files import plain
+
+
+def wanted(spec: Spec) -> bytes:
+    """Frame of the light that is wanted on each receiver, with the width of the LED's image there."""
+    pixels, heads, arrays = spec.evaluate.pixels, list[dict[str, object]](), dict[str, np.ndarray]()
+    for number, (section, receiver) in enumerate(zip(spec.all_receivers, receivers_of(spec, pixels), strict=True)):
+        image = image_rad(spec) / section.pixel_rad(pixels) * max(section.size) / pixels
+        heads.append({**chart_head(section, receiver.grid.width, receiver.grid.height), "image": image})
+        arrays[f"target{number}"] = target_light(section.targets, receiver)
+    return packed({"kind": "wanted", "receivers": heads}, arrays)
+
+
+def chart_head(
+    section: ReceiverSection, width: float, height: float, lumens_per_watt: float | None = None
+) -> dict[str, object]:
+    """Name and size of a receiver's chart, and the unit of light on it."""
+    far = type(section).unit == "deg"
+    unit = light_unit(lumens_per_watt, far_field=far).symbol
+    return {"name": section.name, "width": width, "height": height, "far": far, "unit": unit}
+
+
+def bounds(spec: Spec) -> dict[str, object]:
+    """Most light on each target and for each limit, and the widths of the LED's image and of the target."""
+    rows = list[dict[str, object]]()
+    for led, own in _each_led(spec):
+        targets, limits = light_requirements(own, source_of(own))
+        names = [*(each.name for each in own.all_receivers), *(each.name for each in limits)]
+        for name, light in zip(names, (*targets, *limits), strict=True):
+            unit = light.unit if light.bounds is None else ""
+            figures = {"possible": light.possible, "required": light.required, "unit": unit}
+            rows.append({"name": f"{led} {name}".strip(), **figures, "words": light.possible_words})
+    return {"rows": rows, "image_rad": image_rad(spec), "narrow_rad": TargetStroke.of(spec).width_rad}
+
+
+def lens_kinds(spec: Spec) -> dict[str, object]:
+    """The kinds of lens with the most light that each can send to the target, and the one that is advised."""
+    light = {"target": _given(spec.target)} if spec.target is not None else {"receivers": [_given(spec.receivers[0])]}
+    scene = NewScene.of("lens", light, _given(spec.each_source[0]), spec.constraints.max_radius_mm)
+    advice = scene.of_material("PMMA").advice()
+    options = [
+        {"kind": kind, "title": each.kind.title, "possible": each.possible} for kind, each in advice.options.items()
+    ]
+    return {"options": options, "advised": advice.advised}
+
+
+def doubts(spec: Spec) -> dict[str, object]:
+    """Lines on what no search can mend."""
+    warnings = list[str]()
+    for led, own in _each_led(spec):
+        words = SceneCheck.of(own, source_of(own)).warnings()
+        warnings += [f"{led}: {line}" if led else line for line in words]
+    return {"warnings": warnings}
+
+
+def _each_led(spec: Spec) -> Iterator[tuple[str, Spec]]:
+    return zip([led.name for led in spec.sources] or [""], spec.of_each_source, strict=True)
+
+
+def _given(section: object) -> dict[str, object]:
+    return dict(plain(section.model_dump(exclude_unset=True)))  # type: ignore[attr-defined]

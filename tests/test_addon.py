@@ -1,0 +1,124 @@
+"""Add-ons from inside and outside the package: found, taken by each room, and refused in one line."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from scenes import small_spec, sphere
+
+import lensforge as lf
+from lensforge.addon import Addon, addons, require_libraries
+from lensforge.verbs import NAMES, public_names
+
+SHIPPED = Path(lf.__file__).parent / "addons"
+OF_ANYBODY = '''
+import click
+from lensforge.addon import Addon
+
+class Glow:
+    """Nothing but a name."""
+
+@click.command()
+def glow() -> None:
+    """Glow in the dark."""
+    click.echo("glowing")
+
+def _records() -> None:
+    import acme_record
+
+ADDON = Addon("acme", records=_records, names=lambda: {"Glow": Glow}, commands=lambda: (glow,), heading="Tolerances")
+'''
+
+
+RECORD = '''
+from typing import ClassVar
+from lensforge.report.results import facts_of
+from lensforge.results import Fact, Group, NotNegative, StageResult
+
+class Afterglow(StageResult):
+    """Seconds in which a lens glows."""
+
+    stage: ClassVar[str] = "afterglow"
+    glow_s: NotNegative
+
+@facts_of.register
+def _facts(glow: Afterglow) -> list[Group]:
+    return [Group("glow", "Afterglow", (Fact("glow_s", "Afterglow", glow.glow_s, "s"),))]
+'''
+
+
+def installed(folder: Path, module: str) -> dict[str, str]:
+    """Environment of a process in which a package with an entry point is installed, as pip leaves one."""
+    (folder / "acme_lenses.py").write_text(module, encoding="utf-8")
+    (folder / "acme_record.py").write_text(RECORD, encoding="utf-8")
+    about = folder / "acme_lenses-1.0.dist-info"
+    about.mkdir()
+    (about / "METADATA").write_text("Metadata-Version: 2.1\nName: acme-lenses\nVersion: 1.0\n", encoding="utf-8")
+    (about / "entry_points.txt").write_text("[lensforge.addons]\nacme = acme_lenses\n", encoding="utf-8")
+    return os.environ | {"PYTHONPATH": os.pathsep.join((str(folder), str(SHIPPED.parents[1])))}
+
+
+def ended(environment: dict[str, str], *arguments: str) -> tuple[int, str, str]:
+    done = subprocess.run([sys.executable, *arguments], env=environment, capture_output=True, encoding="utf-8")
+    return done.returncode, done.stdout, done.stderr
+
+
+def test_each_package_of_the_folder_is_an_add_on_of_its_name() -> None:
+    folders = sorted(path.parent.name for path in SHIPPED.glob("*/__init__.py"))
+    assert [addon.name for addon in addons()] == folders
+
+
+def test_an_add_on_that_is_installed_adds_its_names_and_commands(tmp_path: Path) -> None:
+    environment = installed(tmp_path, OF_ANYBODY)
+    code = "import lensforge as lf; print(lf.Glow.__module__, 'Glow' in dir(lf), lf.Glow.__doc__)"
+    assert ended(environment, "-c", code) == (0, "lensforge True Nothing but a name.\n", "")
+    assert ended(environment, "-m", "lensforge", "glow") == (0, "glowing\n", "")
+    shown = ended(environment, "-m", "lensforge", "--help")[1]
+    assert (
+        "  yield        Draw parts of the lens in DIR from its tolerances.\n  glow         Glow in the dark.\n" in shown
+    )
+
+
+def test_the_record_of_an_add_on_is_one_of_a_result_folder(tmp_path: Path) -> None:
+    """It is read and shown without a row in any table of the core."""
+    lens = lf.Lens.double(sphere(3.0), sphere(6.0), small_spec(), 0, "draft")
+    lens.save(tmp_path / "lens.json")
+    write = "import acme_record as a; a.Afterglow(glow_s=2.5, inputs={'lens': sys.argv[1]}).write(sys.argv[2])"
+    read = "import lensforge as lf; run = lf.load(sys.argv[2]); (glow,) = run.found.values()"
+    show = "(group,) = run.facts(glow); print(glow.glow_s, glow.stem, group.title, group.facts[0].text)"
+    environment = installed(tmp_path, OF_ANYBODY)
+    for code, printed in ((write, ""), (f"{read}; {show}", "2.5 afterglow Afterglow 2.5 s\n")):
+        assert ended(environment, "-c", f"import sys; {code}", lens.sha256, str(tmp_path)) == (0, printed, "")
+
+
+@pytest.mark.parametrize(("module", "words"), [
+    ("import nowhere", "add-on acme: cannot be loaded (No module named 'nowhere'); install or remove it"),
+    ("", "add-on acme: cannot be loaded (module 'acme_lenses' has no attribute 'ADDON'); install or remove it"),
+    ("ADDON = 3", "add-on acme: its ADDON is no lensforge.addon.Addon"),
+    ("from lensforge.addon import Addon\nADDON = Addon('acme', names=lambda: {'design': 3})",
+     "add-on acme: design is a name that the library has; take another"),
+])  # fmt: skip
+def test_an_add_on_that_cannot_be_used_is_refused_in_a_line(tmp_path: Path, module: str, words: str) -> None:
+    environment = installed(tmp_path, module)
+    code = "import lensforge as lf\ntry:\n    lf.no_such_name\nexcept lf.InputError as error:\n    print(error)"
+    assert ended(environment, "-c", code) == (0, f"{words}\n", "")
+    assert ended(environment, "-m", "lensforge", "examples")[0] == 0, "the core goes on"
+    if "design" not in words:
+        assert ended(environment, "-m", "lensforge", "glow") == (2, "", f"lensforge: {words}\n")
+
+
+def test_a_missing_library_is_named_with_the_remedy() -> None:
+    require_libraries("acme", "json", "numpy")
+    with pytest.raises(lf.InputError) as caught:
+        require_libraries("acme", "json", "no_such_library", "nor_this")
+    assert str(caught.value) == 'acme: needs no_such_library, nor_this; pip install "lensforge[acme]"'
+
+
+def test_names_of_add_ons_are_public_ones() -> None:
+    public = public_names()
+    for addon in addons():
+        for name in addon.names():
+            assert getattr(lf, name) is public[name] is NAMES[name] and name in lf.__all__
+    assert Addon("acme").names() == {} and Addon("acme").commands() == ()
