@@ -322,7 +322,7 @@ class Yield(SimulatedResult):
     """
 
     stage: ClassVar[str] = "yield"
-    told_if_any: ClassVar[tuple[str, ...]] = ("leds", "worst_leds")
+    omit_if_empty: ClassVar[tuple[str, ...]] = ("leds", "worst_leds")
 
     parts: Annotated[Count, Field(ge=2, le=MOST_PARTS)]
     lamps: Count = 1
