@@ -131,7 +131,7 @@ _Content = MutableMapping[str, Any]  # of a file, or of a result within it
 
 
 class OnPage(NamedTuple):
-    """How pages tell of the results of a stage.
+    """Words of pages on the results of a stage.
 
     ``title``: name, with {} for that of a face; empty for the stage's. ``further``: keys of facts that follow those by
     which a design is judged. ``in_row``: keys of facts that tell of a result in one row.

@@ -219,7 +219,7 @@ def single_line(text: str) -> str:
     return " ".join("".join(mark if mark.isprintable() else " " for mark in text).split())
 
 
-class UnknownFormat(InputError):
+class UnknownFarField(InputError):
     """A file whose content is none of the known formats."""
 
 
