@@ -79,7 +79,7 @@ def size_criteria(sizes: Sizes | None) -> Iterator[Fact]:
 
 
 def other_body(sizes: Sizes | None, name: str) -> str:
-    """Words on how the body in the file ``name`` differs in size from the export; empty where it does not."""
+    """Words on how the body in the file ``name`` differs in size from the export; empty if it does not."""
     file = None if sizes is None else sizes.step if name == "lens.step" else sizes.mesh
     if sizes is None or file is None or all(each.holds for each in _file_criteria(sizes, file, "", "")):
         return ""
@@ -108,7 +108,7 @@ def _box_changes(exported: BodySize, in_file: BodySize) -> list[float]:
 
 
 def _scale(exported: BodySize, in_file: BodySize) -> float | None:
-    """Ratio of all lengths, which the light may be too blunt to see; None where volume and area say otherwise."""
+    """Ratio of all lengths, which the light may be too blunt to see; None if volume and area say otherwise."""
     here, there = ([high - low for low, high in zip(*size.bounds_mm, strict=True)] for size in (exported, in_file))
     ratios = [side / before if before > 0.0 else 0.0 for before, side in zip(here, there, strict=True)]
     scale = sum(ratios) / 3.0

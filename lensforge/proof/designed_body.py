@@ -188,7 +188,7 @@ Designed = DesignedFace | PlacedFace | Levels | StandingWalls
 
 @dataclass(frozen=True, eq=False)
 class DesignedBody:
-    """Faces ``above`` z = 0 and those ``below``, at and under it; None where those of a base are not known.
+    """Faces ``above`` z = 0 and those ``below``, at and under it; None if those of a base are not known.
 
     A flange's are among the former.
     """

@@ -134,7 +134,7 @@ def _settled_rings(lens: Lens, pair: Pair[Patch], trials: "list[_Trial]") -> int
 
 
 def _mesh_on_trial(plan: Plan[Patch], rings: int) -> BodyMesh | None:
-    """The mesh of so many ``rings``; None where it has too many triangles."""
+    """The mesh of so many ``rings``; None if it has too many triangles."""
     if 12 * rings**2 > _MOST_TRIANGLES:  # of two faces, before any facet is split
         return None
     try:

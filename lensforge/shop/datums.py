@@ -51,7 +51,7 @@ class DatumScheme:
     lines: tuple[str, ...]
 
     def find(self, letter: Letter) -> Datum | None:
-        """The datum of that letter; None where the part has none."""
+        """The datum of that letter; None if the part has none."""
         return next((datum for datum in self.datums if datum.letter == letter), None)
 
     @staticmethod

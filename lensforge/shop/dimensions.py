@@ -55,7 +55,7 @@ class Dimension:
     """One dimension (mm) with its name, and ``scope``: of which places it is.
 
     ``ends``: two places in ``view``: (z, across) in a section, (y, x) seen from the base, (-y, x) in the view of the
-    dome; None where it is not drawn. ``upright``: it is measured across the axis in a section. ``sign``: "⌀" or "□"
+    dome; None if it is not drawn. ``upright``: it is measured across the axis in a section. ``sign``: "⌀" or "□"
     before it. ``tolerance_mm``: either way.
     """
 

@@ -33,7 +33,7 @@ class FaceCheck:
 
     @property
     def cutter(self) -> Cutter | None:
-        """The record of what cuts it; None where nothing does."""
+        """The record of what cuts it; None if nothing does."""
         return None
 
     @property
@@ -129,7 +129,7 @@ def _most_level(samples: FaceSamples) -> float:
 
 
 def bounded(value: float) -> float | None:
-    """``value``, or None where it is infinite or not a number."""
+    """``value``, or None if it is infinite or not a number."""
     return float(value) if np.isfinite(value) else None
 
 

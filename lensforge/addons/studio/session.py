@@ -362,7 +362,7 @@ class Session:
         return {"name": file.path.name, "plot": file.plot.name, "words": file.words, "fits": file.fits}
 
     def dropped_plot(self, name: str) -> Path | None:
-        """The plot ``name`` of a file that was dropped in, None where there is none."""
+        """The plot ``name`` of a file that was dropped in, None if there is none."""
         return next((file.plot for file in self.dropped.values() if file.plot.name == name), None)
 
     def use(self, name: str, place: Use) -> Callable[[SpecText], SpecText]:
