@@ -62,7 +62,7 @@ def _types_of(function: Callable[..., Any]) -> dict[str, ShownType]:
 
 
 class _WithAnnotations:
-    """What :func:`typing.get_type_hints` takes in the place of a function."""
+    """Stand-in for a function whose type hints are asked for."""
 
     def __init__(self, annotations: dict[str, object]) -> None:
         self.__annotations__ = annotations

@@ -246,7 +246,7 @@ def test_cadquery_is_loaded_for_the_user_s_own_solids_alone() -> None:
 
 
 def test_verification_shares_nothing_with_the_design() -> None:
-    allowed = {"errors", "results", "kernels", "sources", "optics", "proof"}
+    allowed = {"public", "errors", "results", "kernels", "sources", "optics", "proof"}
     modules = {
         "sources": {"lensforge.sources.ray_bundle"},
         "optics": {"lensforge.optics.media", "lensforge.optics.face_roles"},  # what is where, no light

@@ -51,7 +51,7 @@ class BeamColour(Record):
 
     @property
     def temperature_words(self) -> str:
-        """How the temperature is defined, or why there is none."""
+        """Definition of the temperature, or the reason why it has none."""
         return "Duv above 0.05" if self.cct is None else "correlated (Ohno 2013)"
 
     @staticmethod

@@ -59,7 +59,7 @@ class FileForm(Record):
 
     @property
     def gap_words(self) -> str:
-        """What is missing, in words."""
+        """Sentence on the missing part."""
         return f"it has nothing of {', '.join(self.lacking[:3])}" if self.lacking else "it is not closed"
 
     @property

@@ -214,7 +214,7 @@ class ReceiverProof(OnReceiver):
 
     @property
     def displacement_words(self) -> str:
-        """Where rays are displaced, and by how much at most."""
+        """Place and size of the largest displacement of rays."""
         at = "at 1 m, " if self.far_field else ""
         return f"{at}part against design; at most {quantity(1e3 * self.against_design.max, 'µm', digits=2)}"
 
@@ -377,7 +377,7 @@ class Proof(ResultByLed):
         )
     )
     def print_mesh(self) -> str | None:
-        """What the facets of the mesh miss, in words; None if they miss nothing, or decide."""
+        """Criteria that the facets of the mesh miss, in words; None if they miss nothing, or decide."""
         return "too coarse for the light" if self.facet_misses else None
 
     @property
@@ -449,7 +449,7 @@ def _receiver_criteria(proof: "Proof", receiver: "ReceiverProof") -> Iterator[Fa
 
 
 def _mesh_evidence(proof: "Proof", receiver: "ReceiverProof") -> Evidence:
-    """What the rays through the mesh tell of it, beside those through the STEP file and the size of the body."""
+    """Figures of the rays through the mesh, beside those through the STEP file and the size of the body."""
     step_alike = None if receiver.brep is None else brep_evidence(receiver.brep, receiver.reach_mm).lands_alike
     other, fine = _other_mesh(proof), proof.has_fine_facets
     form = form_of_mesh(proof.open_edges, step_alike, other, fine=fine and not step_alike)

@@ -127,7 +127,7 @@ class Check(SimulatedResult):
 
     @property
     def cut_body(self) -> str:
-        """What is cut, in words."""
+        """Name of the body that is cut."""
         return "mould insert" if self.spec.manufacture.cuts == "inserts" else "lens"
 
     @property

@@ -186,7 +186,7 @@ def _arrays(path: Path) -> dict[str, np.ndarray]:
 
 
 def _problem(arrays: dict[str, np.ndarray]) -> str:
-    """Why the arrays are no radiance table; "" if they are one."""
+    """Reason why the arrays are no radiance table; "" if they are one."""
     return (
         _problem_of_nodes(arrays)
         or _problem_of_angles(arrays["c_deg"], arrays["gamma_deg"])

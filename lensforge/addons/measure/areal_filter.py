@@ -236,7 +236,7 @@ class ArealFilter:
 
 
 class Factorised(Protocol):
-    """Factors of a sparse matrix, as SciPy's ``SuperLU`` has them."""
+    """Factors of a sparse matrix, which solve its equations."""
 
     def solve(self, rhs: Float[np.ndarray, "m *k"], /) -> Float[np.ndarray, "m *k"]:
         """Solution of the equations for one right-hand side, or for several columns."""
