@@ -19,7 +19,6 @@ FactState = State | Literal[""]  # "": nothing is required, or it is not judged 
 _OPPOSITE: dict[Sense, Sense] = {"<=": ">=", ">=": "<="}
 _BOUNDS: dict[Sense, str] = {"<=": "lower bound", ">=": "upper bound"}  # that physics sets on the other side
 _DIGITS = 4  # significant digits of a number without standard error
-_SQUARE = "nmse", "setting"  # ends of the keys of mean squares, which noise may have left below 0
 _ANSWERS = {"pass": "yes", "fail": "no", "undecided": "undecided"}
 _OUTCOMES = {"pass": "held", "fail": "missed", "undecided": "undecided"}
 
@@ -47,7 +46,8 @@ class Fact:
     judgement, "" where there is none. ``note``: words beside the value. ``remedy``: what to try where it fails.
     ``digits``: significant digits that are shown. ``tolerance``: by which its measure may miss the limit. ``place``:
     the face or the receiver that it is on. ``limit_note``, ``possible_note``: words beside limit and bound. ``notice``:
-    why it deserves a look though no limit judges it, shown in amber.
+    why it deserves a look though no limit judges it, shown in amber. ``is_square``: a mean square, of which the noise
+    that is taken off may leave less than nothing. ``changes``: of the spec that the remedy names; no file keeps them.
     """
 
     key: Text
@@ -67,6 +67,7 @@ class Fact:
     limit_note: Text = ""
     possible_note: Text = ""
     notice: Text = ""
+    is_square: bool = False
     changes: tuple[Change, ...] = field(default=(), compare=False)
 
     @staticmethod
@@ -140,7 +141,7 @@ class Fact:
             return NOTHING if self.limit is None else "not measured"
         if isinstance(self.value, str | bool):
             return anything(self.value)
-        if self.key.endswith(_SQUARE):
+        if self.is_square:
             return square(self.value, self.standard_error, self.digits)
         return quantity(self.value, self.unit, self.standard_error, self.digits)
 
