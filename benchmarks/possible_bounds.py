@@ -1,19 +1,31 @@
 """Bounds of light against lenses that come near them: ten scenes of each kind, searched for the most light.
 
 python benchmarks/possible_bounds.py [--kind tir] [--steps 10]        # a quarter of a minute for each lens
+python benchmarks/possible_bounds.py --shipped                        # the stored light of the shipped specs
 
 Sources are large for their lenses, and receivers near, tilted, to the side, far, or seen by several lamps: there
 étendue binds. Searches are short; given ellipsoids image the LED on a disc. It ends with 1 where a share exceeds its
 bound.
+
+The shipped specs: efficiency and pattern error of their drafts and designs, as the pages have them, against the bounds
+of each receiver.
 """
 
 import argparse
+import json
 import sys
 import time
+from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import lensforge as lf
 from lensforge.errors import LensforgeError
+from lensforge.light.lens_light import source_of
+from lensforge.scene.possible_light import PossibleLight, SourceLight
+from lensforge.scene.receiver_shapes import receivers_of
+from lensforge.scene.target_pattern import drawn_target
+from lensforge.spec.shipped_specs import shipped_specs
 
 Tables = dict[str, Any]
 
@@ -90,12 +102,60 @@ def spec_of(kind: str, name: str, steps: int) -> lf.Spec:
     return lf.Spec.model_validate(content)
 
 
+_DOCS = Path(__file__).parents[1] / "docs"
+_NOISE = 1e-3  # of a stored efficiency or pattern error, at most
+StoredLight = tuple[str, list[float], list[float]]  # kind of design; efficiency and NMSE on each receiver
+
+
+def stored_light() -> Iterator[tuple[str, StoredLight]]:
+    """Light of the drafts and of the designs that the pages show, by the name of the spec."""
+    for name, light in json.loads((_DOCS / "gallery.json").read_text()).items():
+        yield name, ("draft", light["efficiency"], light["nmse"])
+    for name, design in json.loads((_DOCS / "figures.json").read_text())["designs"].items():
+        yield name, (design["accuracy"], [design["efficiency"]["value"]], [design["nmse"]["value"]])
+
+
+def bounds_of(spec: lf.Spec, efficiencies: list[float]) -> Iterator[tuple[float, float]]:
+    """Most efficiency and least NMSE of the light that arrives, on each receiver."""
+    light = SourceLight.of(source_of(spec), spec.media, lens=spec.lens)
+    space = spec.lens.exit_space(spec.constraints)
+    receivers = receivers_of(spec, spec.evaluate.pixels)
+    for section, receiver, arriving in zip(spec.all_receivers, receivers, efficiencies, strict=False):
+        physics, target = PossibleLight(light, receiver, space).certain, drawn_target(section.targets, receiver)
+        yield physics.in_window().value, physics.least_nmse(target.light, target.coverage > 0.0, arriving)
+
+
+def compare_shipped() -> int:
+    """Print a row for each receiver of each stored light, and count the bounds that are exceeded."""
+    broken, specs = 0, shipped_specs()
+    print("| spec | design | efficiency | possible | NMSE | possible |\n|---|---|---|---|---|---|")
+    for name, (kind, efficiencies, errors) in stored_light():
+        if name not in specs:
+            print(f"| {name} | {kind} | no shipped spec | | | |", flush=True)
+            continue
+        bounds = bounds_of(lf.load_spec(specs[name]), efficiencies)
+        for efficiency, error, (most, least) in zip(efficiencies, errors, bounds, strict=True):
+            exceeded = efficiency > most + _NOISE or error < least - _NOISE
+            broken += exceeded
+            print(
+                f"| {name} | {kind} | {efficiency:.4f} | {most:.4f} | {error:.4f} | {least:.4f} |"
+                f"{' exceeded' if exceeded else ''}",
+                flush=True,
+            )
+    missing = sorted(specs.keys() - dict(stored_light()).keys())
+    print(f"{broken} exceeded; no stored light: {', '.join(missing) or 'none'}")
+    return broken
+
+
 def main() -> None:
     """Print a row for each scene: share in the target, its bound, their ratio, and the law that sets the bound."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--kind", choices=list(_LENSES), action="append")
     parser.add_argument("--steps", type=int, default=10, help="gradient steps of each level")
+    parser.add_argument("--shipped", action="store_true", help="the stored light of the shipped specs")
     options, broken = parser.parse_args(), 0
+    if options.shipped:
+        sys.exit(1 if compare_shipped() else 0)
     print("| lens | scene | share | possible | of it | by | seconds |\n|---|---|---|---|---|---|---|")
     for kind in options.kind or _LENSES:
         for name in _scenes(kind):

@@ -9,7 +9,7 @@ from typing import Any
 from pydantic import BaseModel
 
 import lensforge
-from lensforge.spec.spec_fields import short_type
+from lensforge.results.field_help import short_type
 
 
 def property_lines(model: type) -> list[str]:

@@ -7,13 +7,17 @@ each wrong field.
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 
+from lensforge.public import public
 
+
+@public
 class LensforgeError(Exception):
     """Base of all errors raised on purpose; anything else that escapes is a bug."""
 
     exit_code = 1
 
 
+@public
 class InputError(LensforgeError):
     """Input that cannot be used: a spec field, a file, an option."""
 
@@ -35,6 +39,7 @@ class WrongFields(SeveralErrors, InputError):
     """Several fields of a spec are wrong."""
 
 
+@public
 class CriterionMissed(LensforgeError):
     """A result misses an acceptance criterion: a constraint, watertightness, a form error."""
 
@@ -49,6 +54,7 @@ class FailedDesigns(SeveralErrors):
         self.exit_code = max(error.exit_code for error in errors.values())
 
 
+@public
 class MissingResult(InputError, AttributeError):
     """A stage has not run yet, so it has no result; ``hasattr`` gives False."""
 
@@ -57,14 +63,17 @@ class OutdatedResult(InputError):
     """A record of another version of the program: the stage has to run again."""
 
 
+@public
 class SourceWarning(UserWarning):
     """A doubt about a source, told before its light is traced."""
 
 
+@public
 class FileWarning(UserWarning):
     """A file that can be read in two ways, or that was repaired: which way was taken."""
 
 
+@public
 class Cancelled(LensforgeError):
     """Search or study that its ``progress`` has stopped; the checkpoint, if there is one, holds the state."""
 
@@ -88,3 +97,12 @@ def refused(where: object, words: str, *causes: type[Exception]) -> Iterator[Non
     except causes as error:
         cause = " ".join(str(getattr(error, "strerror", None) or error).split())
         raise InputError(f"{where}: {words.replace('…', cause)}") from None
+
+
+_MOST_CHARACTERS = 80  # of a value in a message
+
+
+def shortened(text: str, most: int = _MOST_CHARACTERS) -> str:
+    """``text`` as part of a message: what cannot be printed as "?", and no more than ``most`` characters."""
+    text = "".join(character if character.isprintable() else "?" for character in text[: most + 1])
+    return text if len(text) <= most else f"{text[: most - 3]}..."

@@ -5,11 +5,10 @@ writes there, the options and the help of its command.
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, is_dataclass
+from dataclasses import dataclass
 from functools import cache
-from inspect import Signature, isfunction, signature
 from pathlib import Path
-from typing import Any, Generic, Literal, TypeVar, get_type_hints
+from typing import Any, Generic, Literal, TypeVar
 
 from lensforge.addon import addons
 from lensforge.cad.part import Part
@@ -38,7 +37,6 @@ from lensforge.report.results import Results, handover, stem_of
 from lensforge.report.sweep import Sweep
 from lensforge.report.tradeoff import Tradeoff, TradeoffRow
 from lensforge.results import Conditions, Fact, Metric, StageResult
-from lensforge.results.arguments import ShownType, with_known_names
 from lensforge.results.fact import Group
 from lensforge.results.verdict import Verdict
 from lensforge.scene.lens import Lens, load_lens
@@ -46,8 +44,8 @@ from lensforge.search.design_result import Design, Progress
 from lensforge.search.searches import best_design, design, redesign
 from lensforge.shop.check_result import Check
 from lensforge.shop.handover import Handover
-from lensforge.sources.photometric.photometric_summary import PhotometricSummary, rays
-from lensforge.sources.rayfiles.ray_file_summary import RayFileSummary
+from lensforge.sources.photometric_summary import PhotometricSummary, rays
+from lensforge.sources.ray_file_summary import RayFileSummary
 from lensforge.spec import (
     BaseSection,
     ConstraintsSection,
@@ -101,7 +99,6 @@ from lensforge.spec.plate_section import DrawnOutline, PlateBoss, PlateGate, Pla
 from lensforge.spec.road_section import RoadSection
 from lensforge.spec.scatter_section import AbgScatter, GaussianScatter, LambertianScatter, TableScatter
 from lensforge.spec.source_sections import Chip, NamedSource, RayfilePart
-from lensforge.spec.spec_fields import help_of
 from lensforge.spec.tolerances_section import FaceTolerances, PartTolerances, ToleranceSpec, TolerancesSection
 from lensforge.version import __version__
 
@@ -125,64 +122,30 @@ __all__ = [
 ]  # fmt: skip
 
 
-def _shown(verb: Callable[..., object]) -> Signature:
-    own, types = signature(verb), get_type_hints(verb, localns=NAMES)
-    shown = {name: ShownType.of(each) for name, each in types.items()}
-    taken = [each.replace(annotation=shown.get(each.name, each.empty)) for each in own.parameters.values()]
-    return own.replace(parameters=taken, return_annotation=own.return_annotation and shown["return"])
-
-
-def _with_known_names(names: Mapping[str, object]) -> dict[str, Any]:
-    """``names``, whose verbs say which keyword was meant."""
-    return {
-        name: with_known_names(named, handed_on_to=design) if isfunction(named) else named
-        for name, named in names.items()
-    }
-
-
-def _make_public(names: Mapping[str, Any], *beside: type[Any]) -> dict[str, type[Any]]:
-    """Give ``names`` the library itself for a module, and the help of their public types.
-
-    ``beside``: classes of no public name that ``help`` names, too.
-    Returns: These and the classes that public ones extend, by their names.
-    """
-    classes = [named for named in names.values() if isinstance(named, type)]
-    unlisted = {
-        named.__name__: named
-        for named in (*beside, *(base for named in classes for base in named.__mro__))
-        if named.__module__.startswith("lensforge.")
-    }
-    for named in (*names.values(), *unlisted.values()):
-        if isfunction(named) or is_dataclass(named):  # sections have theirs when it is asked for
-            made = named if isfunction(named) else vars(named)["__init__"]
-            vars(made)["__signature__"] = _shown(made)
-        if not isinstance(named, str) and named.__module__ != "lensforge":
-            named._written_in, named.__module__ = named.__module__, "lensforge"
-    helps = {named: help_of(named) for named in classes if is_dataclass(named)}
-    for named, words in helps.items():  # other classes have theirs when it is asked for
-        named.__doc__ = words
-    return unlisted
-
-
 _OF_KINDS = (EmitterSection, FixedFace, TargetSection, ReceiverSection)
-NAMES = _with_known_names({name: globals()[name] for name in __all__}) | {
+NAMES: dict[str, Any] = {name: globals()[name] for name in __all__} | {
     kind.__name__: kind for base in _OF_KINDS for kind in base.kinds.values()
 }
-globals().update(NAMES)
-vars(Lens.double)["__signature__"] = _shown(Lens.double)
-# Classes beside them that ``help`` names: those that they extend, and a few that their methods take or return.
-UNLISTED = _make_public(NAMES, Attainable, Group, Surface, TradeoffRow)
+
+
+def _beside(names: Mapping[str, object], *further: type) -> dict[str, type]:
+    """Classes that ``help`` names beside ``names``: those that they extend, and ``further`` ones, by their names."""
+    bases = (base for named in names.values() if isinstance(named, type) for base in named.__mro__)
+    return {cls.__name__: cls for cls in (*further, *bases) if cls.__module__ == "lensforge"}
+
+
+UNLISTED = _beside(NAMES, Attainable, Group, Surface, TradeoffRow)  # methods take or return the last four
 
 
 @cache
 def public_names() -> dict[str, Any]:
     """All names of the library, those of add-ons among them, which are loaded here."""
     for addon in addons():
-        names = _with_known_names(addon.names())
+        names = addon.names()
         if taken := sorted(names.keys() & NAMES.keys()):
             raise InputError(f"add-on {addon.name}: {taken[0]} is a name that the library has; take another")
         NAMES.update(names)
-        UNLISTED.update(_make_public(names))
+        UNLISTED.update(_beside(names))
     return NAMES
 
 

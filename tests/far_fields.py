@@ -24,7 +24,7 @@ def far_field(kind, lumens):
     file = PhotometricFile(
         TabulatedIntensity(turn, GAMMA, values), (LampSet(lumens, 2.5),), title="a lens", catalogue="L 1"
     )
-    assert ("revolution" if kind == "revolution" else file.intensity.symmetry) == kind
+    assert ("revolution" if kind == "revolution" else TabulatedIntensity.of(file.intensity).symmetry) == kind
     return file
 
 

@@ -17,8 +17,8 @@ PACKAGE = Path(__file__).parents[1] / "lensforge"
 
 # From the ground up: a module may import from its own room and from those before it in this list.
 ORDER = [
-    "version", "seeds", "errors", "addon", "results", "kernels", "optics", "surfaces", "spec", "sources", "scene",
-    "light", "cad", "search", "shop", "proof", "made", "report", "verbs", "cli", "addons", "__main__",
+    "version", "seeds", "public", "errors", "addon", "results", "kernels", "optics", "surfaces", "spec", "sources",
+    "scene", "light", "cad", "search", "shop", "proof", "made", "report", "verbs", "cli", "addons", "__main__",
 ]  # fmt: skip
 # What a module may load only when one of its functions is called: each takes a tenth of a second or more.
 HEAVY = {
@@ -27,7 +27,10 @@ HEAVY = {
     "tomlkit",
 }  # fmt: skip
 # Rooms of many modules that few scripts need: together they would be a sixth of what importing the library takes.
-SELDOM = ("lensforge.sources.rayfiles", "lensforge.report.sweep", "lensforge.report.tradeoff_study")
+SELDOM = (
+    "lensforge.sources.rayfiles", "lensforge.sources.ray_file", "lensforge.sources.stored_rays",
+    "lensforge.sources.model_of_file", "lensforge.report.sweep", "lensforge.report.tradeoff_study",
+)  # fmt: skip
 MODULES = sorted(PACKAGE.rglob("*.py"))
 
 
@@ -126,6 +129,21 @@ def test_the_core_imports_no_add_on_and_no_add_on_another() -> None:
 
 
 NAMED = PACKAGE / "addons/__init__.py"
+
+
+@pytest.mark.parametrize("room", ["rayfiles", "photometric"])
+def test_a_room_of_file_formats_takes_no_more_than_errors_and_text_tables(room: str) -> None:
+    allowed = {
+        "errors",
+        "version",
+        "results.files",
+        "results.table_names",
+        "results.text_dialect",
+        "results.text_table",
+    }
+    taken = {name for path in (PACKAGE / "sources" / room).rglob("*.py") for name in _own(path)}
+    others = {name for name in taken if not name.startswith(f"lensforge.sources.{room}")}
+    assert others <= {f"lensforge.{name}" for name in allowed}
 
 
 def test_own_imports_inside_functions_put_off_something_heavy() -> None:

@@ -200,18 +200,18 @@ class Boundary(Generic[Shape]):
             return figure(self.faces[0], slice(None))
         numbers = self.numbers(chart)
         parts: list[Any] = [figure(face, numbers == k) for k, face in enumerate(self.faces)]
-        found = np.empty((len(numbers), *parts[0].shape[1:]))
+        selected = np.empty((len(numbers), *parts[0].shape[1:]))
         for k, part in enumerate(parts):
-            found[numbers == k] = part
-        return found
+            selected[numbers == k] = part
+        return selected
 
     def numbers(self, chart: Float[np.ndarray, "n 2"]) -> Int[np.ndarray, " n"]:
         """Number of the face that bounds the medium at each of the ``chart`` points."""
         azimuths, radius = _polar(chart)
-        found = np.zeros(len(chart), dtype=int)
+        faces = np.zeros(len(chart), dtype=int)
         for crease in self.creases:
-            found += radius > crease.radius(azimuths)
-        return found
+            faces += radius > crease.radius(azimuths)
+        return faces
 
     def of(self, shapes: Sequence[Other]) -> "Boundary[Other]":
         """The same boundary of other ``shapes``, close to these; its creases are where those meet."""
@@ -233,13 +233,13 @@ class SharpestEdge:
 
 def sharpest_edges(boundary: Boundary[Shape]) -> Iterator[SharpestEdge]:
     """The sharpest place of each crease of ``boundary``, of those half a degree apart."""
-    for (one, other), crease in zip(pairwise(boundary.faces), boundary.creases, strict=True):
+    for (inner, outer), crease in zip(pairwise(boundary.faces), boundary.creases, strict=True):
         chart = crease.chart(_azimuths())
-        turned = np.sum(_normals(one.shape, chart) * _normals(other.shape, chart), axis=1)
-        around = one.is_open and not one.is_ring  # the body is on the other side of its opening
+        turned = np.sum(_normals(inner.shape, chart) * _normals(outer.shape, chart), axis=1)
+        around = inner.is_open and not inner.is_ring  # the body is on the other side of its opening
         angles = np.degrees(np.arccos(np.clip(turned if around else -turned, -1.0, 1.0)))
         least = int(np.argmin(angles))
-        yield SharpestEdge((one.name, other.name), float(angles[least]), crease.points(_azimuths()[[least]])[0])
+        yield SharpestEdge((inner.name, outer.name), float(angles[least]), crease.points(_azimuths()[[least]])[0])
 
 
 def _normals(shape: Surface | Patch, chart: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, "n 3"]:
@@ -249,15 +249,20 @@ def _normals(shape: Surface | Patch, chart: Float[np.ndarray, "n 2"]) -> Float[n
 def as_pair(cavity: Shape | Boundary[Shape], envelope: Shape | Boundary[Shape]) -> Pair[Shape]:
     """Boundaries of cavity and body; a face alone, which bounds all of it, has its name in a double-freeform lens."""
     inwards, outwards = (
-        each if isinstance(each, Boundary) else Boundary((TrimmedFace(name, each),))
-        for name, each in zip(DOUBLE, (cavity, envelope), strict=True)
+        boundary if isinstance(boundary, Boundary) else Boundary((TrimmedFace(name, boundary),))
+        for name, boundary in zip(DOUBLE, (cavity, envelope), strict=True)
     )
     return inwards, outwards
 
 
 def domain_of(lens: Lens, name: str) -> Domain:
     """Part of the chart where the face of that name bounds the body of ``lens``."""
-    return next(face.domain for each in lens_boundaries(lens) for face in each.of_material if face.name == name)
+    return next(
+        face.domain
+        for lens_boundary in lens_boundaries(lens)
+        for face in lens_boundary.of_material
+        if face.name == name
+    )
 
 
 def boundaries(body: Body) -> Pair[Surface]:
@@ -273,24 +278,26 @@ def boundaries(body: Body) -> Pair[Surface]:
 
 def of_shapes(pair: Pair[Shape], shapes: Mapping[str, Other]) -> Pair[Other]:
     """The same boundaries of other shapes by the names of their faces; each is close to the one before."""
-    cavity, envelope = (each.of([shapes[face.name] for face in each.faces]) for each in pair)
+    cavity, envelope = (boundary.of([shapes[face.name] for face in boundary.faces]) for boundary in pair)
     return (cavity, envelope) if pair[0].opening is None else _around_opening(cavity, envelope)
 
 
 def _around_opening(cavity: Boundary[Shape], envelope: Boundary[Shape]) -> Pair[Shape]:
     """Boundaries whose first face is the same opening, which is a ring of the body between their creases."""
     (first, *inside) = cavity.faces
-    (other, *outside) = envelope.faces
-    rims = [face.domain.outside for face in (first, other)]
-    if first.name != other.name or None in rims:
-        raise InputError(f"faces {first.name} and {other.name}: an opening must be met by the axis, and be one alone")
+    (next_face, *outside) = envelope.faces
+    rims = [face.domain.outside for face in (first, next_face)]
+    if first.name != next_face.name or None in rims:
+        raise InputError(
+            f"faces {first.name} and {next_face.name}: an opening must be met by the axis, and be one alone"
+        )
     inner, outer = (rim.radius(_azimuths()) for rim in rims if rim is not None)
     if not (outer - inner).min() > 0.0:
         raise InputError(
             f"face {first.name}: {cavity.faces[1].name} and {envelope.faces[1].name} meet in it; no wall is left at "
             "its rim"
         )
-    ring = replace(other, domain=Domain(rims[0], rims[1]), is_open=True)
+    ring = replace(next_face, domain=Domain(rims[0], rims[1]), is_open=True)
     return Boundary((replace(first, is_open=True), *inside)), Boundary((ring, *outside))
 
 
@@ -305,7 +312,7 @@ def _boundary(faces: tuple[Face, ...]) -> Boundary[Surface]:
         return Boundary((TrimmedFace(faces[0].name, faces[0].surface),))
     azimuths = _azimuths()
     steps = np.linspace(0.0, 1.0, _STEPS)
-    turns, radii = (each.ravel() for each in np.meshgrid(azimuths, steps, indexing="ij"))
+    turns, radii = (mesh.ravel() for mesh in np.meshgrid(azimuths, steps, indexing="ij"))
     directions = to_sphere(_on_chart(turns, radii))
     lengths = np.stack([face.surface.radius(directions) for face in faces])
     nearest = lengths.argmin(axis=0).reshape(_AZIMUTHS, _STEPS)
@@ -320,7 +327,7 @@ def _boundary(faces: tuple[Face, ...]) -> Boundary[Surface]:
         raise _not_nested(faces, float(np.degrees(azimuths[wrong])), nearest[wrong])
     ordered = [faces[k] for k in order]
     last = [np.sum(places <= k, axis=1) - 1 for k in range(len(faces) - 1)]
-    brackets = [(steps[each], steps[each + 1]) for each in last]
+    brackets = [(steps[index], steps[index + 1]) for index in last]
     return _nested(ordered, [face.surface for face in ordered], brackets)
 
 
@@ -347,33 +354,33 @@ def _nested(
     return Boundary(tuple(TrimmedFace(of.name, shape, domain, False, of.is_flange) for of, shape, domain in trimmed))
 
 
-def _crease(names: Sequence[str], one: StarShaped, other: StarShaped, low: _Values, high: _Values) -> Crease:
+def _crease(names: Sequence[str], inner: StarShaped, outer: StarShaped, low: _Values, high: _Values) -> Crease:
     from scipy.interpolate import make_interp_spline
     from scipy.optimize.elementwise import find_root
 
     azimuths = _azimuths()
-    found = find_root(lambda radius, turn: _gap(one, other, turn, radius), (low, high), args=(azimuths,))
-    ahead, back = (_gap(one, other, azimuths, found.x + step) for step in (_SLOPE_STEP, -_SLOPE_STEP))
+    root = find_root(lambda radius, turn: _gap(inner, outer, turn, radius), (low, high), args=(azimuths,))
+    ahead, back = (_gap(inner, outer, azimuths, root.x + step) for step in (_SLOPE_STEP, -_SLOPE_STEP))
     slope = (ahead - back) / (2.0 * _SLOPE_STEP)
     if (
-        not found.success.all()
-        or slope.min() < _LEAST_SLOPE * one.radius(to_sphere(_on_chart(azimuths, found.x))).max()
+        not root.success.all()
+        or slope.min() < _LEAST_SLOPE * inner.radius(to_sphere(_on_chart(azimuths, root.x))).max()
     ):
         raise InputError(
             f"faces {names[0]} and {names[1]}: almost touch along their crease; let them meet at 1 degree or more"
         )
-    table = np.stack([found.x, slope], axis=1)
+    table = np.stack([root.x, slope], axis=1)
     return Crease(
-        one,
-        other,
+        inner,
+        outer,
         make_interp_spline(np.append(azimuths, FULL_TURN), np.concatenate([table, table[:1]]), k=5, bc_type="periodic"),
     )
 
 
-def _gap(one: StarShaped, other: StarShaped, azimuths: _Values, radius: _Values) -> _Values:
-    """Distance (mm) by which ``one`` is farther than ``other`` at chart points."""
+def _gap(inner: StarShaped, outer: StarShaped, azimuths: _Values, radius: _Values) -> _Values:
+    """Distance (mm) by which ``inner`` is farther than ``outer`` at chart points."""
     directions = to_sphere(_on_chart(azimuths, radius))
-    return one.radius(directions) - other.radius(directions)
+    return inner.radius(directions) - outer.radius(directions)
 
 
 def _azimuths() -> _Values:

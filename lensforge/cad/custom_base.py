@@ -85,10 +85,10 @@ def _require_solids(part: Product, path: Path) -> None:
     for solid in parts_of(part.shape, "SOLID"):
         TopExp.MapShapes_s(solid, of_solids)
     shells, faces = (
-        [each for each in parts_of(part.shape, kind) if not of_solids.Contains(each)] for kind in ("SHELL", "FACE")
+        [shape for shape in parts_of(part.shape, kind) if not of_solids.Contains(shape)] for kind in ("SHELL", "FACE")
     )
     if faces:
-        closed = sum(each.Closed() for each in shells)
+        closed = sum(shell.Closed() for shell in shells)
         raise InputError(
             f"{path}: {part.name[:_MOST_SHOWN]!r} has faces that bound no solid and would not count: {len(faces)}, in "
             f"shells: {len(shells)}, of which closed: {closed}; make solids of them in CAD, or leave them out"
@@ -121,7 +121,7 @@ def join_base(body: Solid, base: CustomBase) -> Solid:
 
 
 def _name_of(face: Any, base: Solid) -> str:
-    return next((name for name, each in base.faces.items() if each.IsSame(face)), BASE)
+    return next((name for name, base_face in base.faces.items() if base_face.IsSame(face)), BASE)
 
 
 def _pieces(union: Any, face: Any) -> list[Any]:

@@ -157,7 +157,7 @@ def _centres(boundary: Boundary[Patch], spec: Spec, offset_mm: float) -> tuple[L
             low, high = face.domain.radii(azimuths)
             chart = ((low + (high - low) * share)[..., None] * around).reshape(-1, 2)
             centres.append(ball_centres_mm(face.shape.points(chart), face.shape.normals(chart), offset_mm))
-    distance, height = (np.concatenate(each) for each in zip(*centres, strict=True))
+    distance, height = (np.concatenate(parts) for parts in zip(*centres, strict=True))
     return distance, height
 
 

@@ -121,17 +121,17 @@ def _at_rim(patch: Patch, azimuths: Float[np.ndarray, " n"]) -> Float[np.ndarray
 def _on_both(patches: tuple[Patch, Patch], chart: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, "n 7"]:
     """Chart points of two patches where they meet, near ``chart`` points, and points (mm) there."""
     radius = np.linalg.norm(chart, axis=1)
-    other = chart.copy()
+    chart_behind = chart.copy()
     outwards = chart / radius[:, None]
     for _ in range(_NEWTON_STEPS):
         point, by_x, by_y = patches[0].tangents(radius[:, None] * outwards)
-        there, *across = patches[1].tangents(other)
+        there, *across = patches[1].tangents(chart_behind)
         slopes = np.stack([by_x * outwards[:, :1] + by_y * outwards[:, 1:], -across[0], -across[1]], axis=-1)
         step = np.linalg.solve(slopes, (there - point)[..., None])[..., 0]
         radius = radius + step[:, 0]
-        other = other + step[:, 1:]
+        chart_behind = chart_behind + step[:, 1:]
     place = radius[:, None] * outwards
-    return np.concatenate([place, other, patches[0].points(place)], axis=1)
+    return np.concatenate([place, chart_behind, patches[0].points(place)], axis=1)
 
 
 def _columns(spline: BSpline, first: int, count: int) -> BSpline:
@@ -246,7 +246,10 @@ def walls_between(edges: Chain, foot: Any) -> list[Any]:
     made.AddWire(foot)
     made.Perform()
     faces = [_flattened(face) for face in parts_of(made.Shell(), "FACE")]
-    return [next(face for face in faces if any(edge.IsSame(own) for own in parts_of(face, "EDGE"))) for edge in edges]
+    return [
+        next(face for face in faces if any(edge.IsSame(face_edge) for face_edge in parts_of(face, "EDGE")))
+        for edge in edges
+    ]
 
 
 def _flattened(face: Any) -> Any:

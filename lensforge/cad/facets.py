@@ -99,7 +99,7 @@ def refined_azimuths(
         middle = (azimuths + ahead) / 2.0
         far = np.zeros(len(azimuths), dtype=bool)
         for curve in curves:
-            start, end, between = (curve(each) for each in (azimuths, ahead, middle))
+            start, end, between = (curve(turn) for turn in (azimuths, ahead, middle))
             chord = (end - start) / np.linalg.norm(end - start, axis=1, keepdims=True)
             far |= np.linalg.norm(np.cross(between - start, chord), axis=1) > _AIM * chord_mm
         if not far.any():
@@ -199,8 +199,8 @@ def _children(
     a, b, c = triangles[rows, turn].T
     middle, right, left = new[rows, turn].T
     parts = []
-    for one, two, between in ((b, c, right), (c, a, left)):
+    for first, two, between in ((b, c, right), (c, a, left)):
         whole = between < 0
-        parts.append(np.stack([middle, one, np.where(whole, two, between)], axis=1))
+        parts.append(np.stack([middle, first, np.where(whole, two, between)], axis=1))
         parts.append(np.stack([middle, between, two], axis=1)[~whole])
     return np.concatenate(parts)

@@ -69,28 +69,29 @@ def ring_of(lens: Lens, envelope: StarShaped | None = None) -> FlangeRing | None
 
     Raises :class:`InputError` where wall and exit leave too low a cylinder for it.
     """
-    own = lens.spec.lens.rim_flange
-    if own is None:
+    section = lens.spec.lens.rim_flange
+    if section is None:
         return None
     boundary = lens_boundaries(lens)[1] if envelope is None else envelope
     assert isinstance(boundary, Boundary)
     low, high = flange_heights_mm(boundary)
     (cylinder,) = (face.surface for face in lens.body.faces if face.is_flange)
     radius = float(cylinder.radius(np.array([[1.0, 0.0, 0.0]]))[0])
-    return _ring(own, radius, low, high, lens.spec.manufacture.draft_deg(own.draft_deg))
+    return _ring(section, radius, low, high, lens.spec.manufacture.draft_deg(section.draft_deg))
 
 
-def _ring(own: FlangeSection, radius_mm: float, low_mm: float, high_mm: float, draft_deg: float) -> FlangeRing:
-    top = high_mm - own.setback_mm
-    if not top - own.thickness_mm > low_mm:
+def _ring(section: FlangeSection, radius_mm: float, low_mm: float, high_mm: float, draft_deg: float) -> FlangeRing:
+    top = high_mm - section.setback_mm
+    if not top - section.thickness_mm > low_mm:
         raise InputError(
-            f"lens.flange.thickness_mm = {own.thickness_mm:g}: wall and exit leave {high_mm - low_mm:.4g} mm for it "
-            f"and its setbacks, {own.room_mm:g} are needed; design again with more steps, or lower it"
+            f"lens.flange.thickness_mm = {section.thickness_mm:g}: "
+            f"wall and exit leave {high_mm - low_mm:.4g} mm for it "
+            f"and its setbacks, {section.room_mm:g} are needed; design again with more steps, or lower it"
         )
-    outer = own.diameter_mm / 2.0
-    foot = outer - own.thickness_mm * tan(radians(draft_deg))
+    outer = section.diameter_mm / 2.0
+    foot = outer - section.thickness_mm * tan(radians(draft_deg))
     if not foot > radius_mm:
         raise InputError(
             f"lens.flange.draft_deg = {draft_deg:g}: leaves nothing of its underside; take less, or raise diameter_mm"
         )
-    return FlangeRing(radius_mm, outer, foot, top - own.thickness_mm, top)
+    return FlangeRing(radius_mm, outer, foot, top - section.thickness_mm, top)

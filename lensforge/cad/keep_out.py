@@ -121,21 +121,21 @@ def keep_out_distance(mesh: BodyMesh, keep_out: KeepOut, error_mm: float) -> Kee
     )
 
 
-def _between_vertices(one: Float[np.ndarray, "n 3"], other: Float[np.ndarray, "m 3"]) -> float:
+def _between_vertices(first: Float[np.ndarray, "n 3"], second: Float[np.ndarray, "m 3"]) -> float:
     """Least distance (mm) between two sets of vertices: the meshes are no further apart."""
     from scipy.spatial import cKDTree
 
-    return float(cKDTree(one).query(other)[0].min())
+    return float(cKDTree(first).query(second)[0].min())
 
 
 def _places(mesh: BodyMesh, solid: KeepOutSolid) -> tuple[Float[np.ndarray, " 3"], Float[np.ndarray, " 3"]]:
     """Closest places of body and solid: a vertex of one, and the nearest point of the other."""
     body = (mesh.vertices, mesh.triangles)
-    other = (solid.vertices, solid.triangles)
+    keep_out = (solid.vertices, solid.triangles)
     least_mm = _between_vertices(mesh.vertices, solid.vertices)
-    there, here, one = _nearest(other, body, least_mm)
-    back, forth, another = _nearest(body, other, least_mm)
-    return (here, there) if one <= another else (back, forth)
+    there, here, points = _nearest(keep_out, body, least_mm)
+    back, forth, another = _nearest(body, keep_out, least_mm)
+    return (here, there) if points <= another else (back, forth)
 
 
 def _nearest(

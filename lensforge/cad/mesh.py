@@ -98,7 +98,7 @@ def _last_rings(boundary: Boundary[Patch], rings: int) -> list[int]:
     """Number of the first ring, and of the last of each face: that of a crease by its mean angle from the axis."""
     turns = np.linspace(0.0, FULL_TURN, 6 * rings)
     opening = boundary.opening
-    creases = [each.domain.outside for each in boundary.of_material[:-1]]
+    creases = [face.domain.outside for face in boundary.of_material[:-1]]
     shares = [
         float(2.0 * np.arctan(crease.radius(turns)).mean() / (np.pi / 2)) for crease in (opening, *creases) if crease
     ]
@@ -248,7 +248,7 @@ def build_mesh(plan: Plan[Patch], rings: int, chord_mm: float | None = None) -> 
     rim = rim_azimuths(6 * rings, plan.breaks)
     if chord_mm is not None:
         rim = refined_azimuths(
-            tuple(_line(each.faces[-1].shape, None) for each in (plan.cavity, plan.envelope)), rim, chord_mm
+            tuple(_line(boundary.faces[-1].shape, None) for boundary in (plan.cavity, plan.envelope)), rim, chord_mm
         )
     dome = dome_rings(plan.envelope, rings, rim, chord_mm, plan.rim_flange)
     hollow = dome_rings(plan.cavity, rings, rim, chord_mm)
@@ -289,11 +289,11 @@ def _refined(mesh: BodyMesh, plan: Plan[Patch], chord_mm: float) -> BodyMesh:
     vertices = mesh.vertices
     triangles = mesh.triangles
     face = mesh.face
-    for each in plan.faces:
-        if each.is_flange:
+    for plan_face in plan.faces:
+        if plan_face.is_flange:
             continue
-        number = mesh.names.index(each.label)
-        vertices, split = refined_dome(each.shape, vertices, triangles[face == number], chord_mm)
+        number = mesh.names.index(plan_face.label)
+        vertices, split = refined_dome(plan_face.shape, vertices, triangles[face == number], chord_mm)
         triangles = np.concatenate([triangles[face != number], split])
         face = np.concatenate([face[face != number], np.full(len(split), number)])
     return BodyMesh(vertices, triangles, face, mesh.names, mesh.rings)

@@ -33,6 +33,7 @@ from lensforge.cad.plate_result import (
     plate_facts,
 )
 from lensforge.errors import InputError
+from lensforge.public import public
 from lensforge.results import (
     BodySize,
     Box,
@@ -126,14 +127,14 @@ def _turned(part: "Part") -> str:
     return f"{largest}; {moved}{seen}"
 
 
-def _untrimmed_limit(of: str, asked: str, words: str) -> Criterion:
+def _untrimmed_limit(of: str, asked: str, cause: str) -> Criterion:
     """The limit on an error of the untrimmed faces: that which is ``asked`` of the faces of the part."""
     return Criterion(
         "<=",
         lambda part: None if part.untrimmed_surfaces is None else getattr(part.face_tolerance, asked),
-        f"{words} of the untrimmed faces in their file",
+        f"{cause} of the untrimmed faces in their file",
         "raise the number of nodes, or lower the extension",
-        name=f"surfaces_{words.replace(' ', '_')}",
+        name=f"surfaces_{cause.replace(' ', '_')}",
         of=of,
     )
 
@@ -153,6 +154,7 @@ def _mesh_volume_limit(part: "Part") -> float:
     return mesh_volume_limit(part.area_mesh_mm2, 1e-3 * part.triangulation.chord_error_um, part.volume_mm3)
 
 
+@public
 class Part(StageResult):
     """Lens as a solid: the bytes of STEP, STL and 3MF, and their errors against the exact surfaces.
 
@@ -266,8 +268,8 @@ class Part(StageResult):
     @property
     def exported(self) -> dict[str, bytes]:
         """Bytes of every file of the part that there is, by its name."""
-        each = ((name, getattr(self, field)) for field, _, name in self._files(self.stage))
-        return {name: content for name, content in each if content is not None}
+        files = ((name, getattr(self, field)) for field, _, name in self._files(self.stage))
+        return {name: content for name, content in files if content is not None}
 
     @property
     @figure(Criterion("<=", _mesh_volume_limit, "volume of the mesh (lens.stl), against the solid", MORE_RINGS))
@@ -349,11 +351,13 @@ def part_facts(part: Part) -> list[Group]:
     """One group on solid and files, and one on the plate."""
     facts = list(facts_in(part, part.criteria))
     of_plate = [fact for fact in facts if fact.key.startswith("plate_")]
-    own: Iterable[Fact] = (fact for fact in facts if fact not in of_plate)
+    lens_facts: Iterable[Fact] = (fact for fact in facts if fact not in of_plate)
     spec = part.lens.spec
     if spec.plate is not None or not spec.all_lamps.is_single or spec.photometry.lenses > 1:
-        own = (replace(fact, label=f"{fact.label} of a lens") if fact.key in _ALONE else fact for fact in own)
-    groups = [Group("files", "Files as read back", (*own, *_mould(part), *_plate_elsewhere(part.lens)))]
+        lens_facts = (
+            replace(fact, label=f"{fact.label} of a lens") if fact.key in _ALONE else fact for fact in lens_facts
+        )
+    groups = [Group("files", "Files as read back", (*lens_facts, *_mould(part), *_plate_elsewhere(part.lens)))]
     if part.plate is not None:
         sizes = {name: part.files[name].bytes for name in PLATE_FILES if name in part.files}
         groups.append(plate_facts(of_plate, sizes))

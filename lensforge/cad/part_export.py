@@ -80,8 +80,8 @@ def build_part(
     proof = prove(body, step, stl, threemf)
     form = worst(list(proof.form.values()))
     keep_out = _keep_out(lens, body)
-    own = LensOfPlate(body.plan, form.form_max_nm, proof.solid.volume_mm3)
-    plate = build_plate(lens, own, nodes, tolerance, schema, date)
+    lens_of_plate = LensOfPlate(body.plan, form.form_max_nm, proof.solid.volume_mm3)
+    plate = build_plate(lens, lens_of_plate, nodes, tolerance, schema, date)
     files = {STEP_FILE: step, STL_FILE: stl, THREEMF_FILE: threemf} | ({} if plate is None else dict(plate.files))
     if surfaces_step is not None:
         files[SURFACES_FILE] = surfaces_step
@@ -165,8 +165,8 @@ def _untrimmed(
         product = f"{lens.spec.name} surfaces of the mould, the lens scaled by {scale:.12g}"
     content = parts_bytes(untrimmed_faces(patches, envelope), {}, product, schema, header, ())
     faces = parse_surfaces(content)
-    each = [(face.label, face.domain) for face in optical]
-    form = worst([face_error(surfaces[label], faces[label], domain=domain) for label, domain in each])
+    domains = [(face.label, face.domain) for face in optical]
+    form = worst([face_error(surfaces[label], faces[label], domain=domain) for label, domain in domains])
     untrimmed = UntrimmedSurfaces(
         extension_deg=extension_deg, scale=scale, form_error_nm=form.form_max_nm, normal_error_mrad=form.normal_max_mrad
     )

@@ -107,18 +107,18 @@ def _fields(spec: Spec, measured: KeepOutDistance) -> str:
     base = spec.base_made
     margin = spec.constraints.keep_out_margin_mm
     (x, y, z) = measured.body_point_mm
-    other = measured.keep_out_point_mm
+    keep_out_point = measured.keep_out_point_mm
     overlap = measured.distance_mm < 0.0
-    across = float(np.hypot(*other[:2]))
-    below = z - other[2]
+    across = float(np.hypot(*keep_out_point[:2]))
+    below = z - keep_out_point[2]
     outwards = across - float(np.hypot(x, y))
     at_bottom = base.kind != "none" and z <= _RIM_MM - base.height_mm
     stands = at_bottom and measured.distance_mm <= _RIM_MM  # the base stands on it
     side = base.side_mm if base.kind == "square" else base.diameter_mm
     through = overlap and 2.0 * (across + margin) >= side  # no pocket of this width leaves a wall
-    under = (other[2] < 0.0 and (at_bottom or not through)) if overlap else below > abs(outwards) or stands
+    under = (keep_out_point[2] < 0.0 and (at_bottom or not through)) if overlap else below > abs(outwards) or stands
     deep = base.height_mm - below + z + margin  # of a pocket whose top is clear
-    in_lens = z > _RIM_MM or (overlap and other[2] > _RIM_MM)
+    in_lens = z > _RIM_MM or (overlap and keep_out_point[2] > _RIM_MM)
     if in_lens or (z >= -_RIM_MM and not under and (outwards <= 0.0 or base.kind == "none")):
         return f"raise lens.{spec.lens.names[0]}.offset_mm, or lower constraints.keep_out_margin_mm"
     if base.kind == "step" and (z < -_RIM_MM or not under):

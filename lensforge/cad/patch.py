@@ -177,9 +177,9 @@ class Patch:
         orders = _JET_ORDERS[chosen]
         places = np.ascontiguousarray(chart, dtype=np.float64).reshape(-1, 2)
         basis = np.empty((2, 1 + orders.max(), DEGREE + 1))
-        found = np.empty((len(orders), len(places), 3))
-        spline_points(self.knots, np.ascontiguousarray(self.control), DEGREE, orders, places, basis, found)
-        return found.reshape(len(orders), *chart.shape[:-1], 3)
+        derivatives = np.empty((len(orders), len(places), 3))
+        spline_points(self.knots, np.ascontiguousarray(self.control), DEGREE, orders, places, basis, derivatives)
+        return derivatives.reshape(len(orders), *chart.shape[:-1], 3)
 
 
 def default_nodes(detail_rad: float, least: int = LEAST_NODES, per_sigma: float = NODES_PER_SIGMA) -> int:

@@ -235,10 +235,10 @@ def _require_room_for_draft(plan: Plan[Any]) -> None:
     turns = sampled_azimuths()
     base = plan.base
     room = {"feet": MIN_BASE_WALL_MM if base.feet is None else base.foot_radii_mm[1]}
-    for one, other in pairwise(base_corners(plan)):
-        if one.face in (BOTTOM, POCKET_TOP, FLANGE_TOP):
-            inwards = one.radius(turns) - other.radius(turns)
-            room[one.face] = float((-inwards if one.face == FLANGE_TOP else inwards).min())
+    for corner, next_corner in pairwise(base_corners(plan)):
+        if corner.face in (BOTTOM, POCKET_TOP, FLANGE_TOP):
+            inwards = corner.radius(turns) - next_corner.radius(turns)
+            room[corner.face] = float((-inwards if corner.face == FLANGE_TOP else inwards).min())
     if (lacks := next((name for name, wide_mm in room.items() if wide_mm < MIN_BASE_WALL_MM), None)) is not None:
         raise InputError(f"base.draft_deg = {base.draft_deg:g}: leaves no {lacks}; take less, or a wider base")
 
@@ -345,6 +345,6 @@ def _drafted(plan: Plan[Any], top: Radius, way: float, length_mm: float) -> Radi
 def foot_scale(plan: Plan[Any], face: str) -> float:
     """Factor from the top of the wall ``face`` to its foot."""
     corners = [*base_corners(plan), Corner(rim_radius(plan.cavity), 0.0, "")]
-    ends = next(each for each in pairwise(corners) if each[0].face == face)
+    ends = next(corner_pair for corner_pair in pairwise(corners) if corner_pair[0].face == face)
     top, foot = (float(end.radius(np.zeros(1))[0]) for end in sorted(ends, key=lambda end: end.depth_mm))
     return foot / top

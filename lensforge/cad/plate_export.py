@@ -88,20 +88,20 @@ class BuiltPlate:
 
 
 def build_plate(
-    lens: Lens, own: LensOfPlate, nodes: int | None, tolerance: FaceTolerance, schema: Schema, date: str | None
+    lens: Lens, first_lens: LensOfPlate, nodes: int | None, tolerance: FaceTolerance, schema: Schema, date: str | None
 ) -> BuiltPlate | None:
     """Make the plate of the spec; None where no plate is made with ``lens``.
 
-    ``own``: ``lens`` as exported by itself; ``nodes``, ``tolerance``: of its faces and of those of further kinds.
+    ``first_lens``: ``lens`` as exported by itself. ``nodes``, ``tolerance``: of the faces of all kinds.
     Raises :class:`InputError` for lenses that overlap, a pin in a cavity, and a file that would be too large.
     """
     start = time.perf_counter()
     layout = layout_of(lens)
     if layout is None or not lens.makes_plate:
         return None
-    kinds = [own, *(LensOfPlate.fitted(each, nodes, tolerance) for each in lens.kinds[1:])]
-    plans = [each.plan for each in kinds]
-    volumes = [each.volume_mm3 for each in kinds]
+    kinds = [first_lens, *(LensOfPlate.fitted(kind, nodes, tolerance) for kind in lens.kinds[1:])]
+    plans = [kind.plan for kind in kinds]
+    volumes = [kind.volume_mm3 for kind in kinds]
     product = f"{lens.spec.name} plate"
     openings = [rim_points(plan.cavity) for plan in plans]
     _require_walls(layout, openings)
@@ -118,7 +118,7 @@ def build_plate(
     read = parse_step(step)
     closed = check_closed(*parse_stl(stl, PLATE_FILES[1]))
     in_3mf = check_closed(*parse_3mf(threemf, PLATE_FILES[2]))
-    form_nm = max(each.form_error_nm for each in kinds) + copies_off_mm(read.faces, plans, layout) * _NM_PER_MM
+    form_nm = max(kind.form_error_nm for kind in kinds) + copies_off_mm(read.faces, plans, layout) * _NM_PER_MM
     figures = Plate(
         lenses=len(layout.lenses),
         gap_mm=gap_mm,
@@ -137,7 +137,7 @@ def build_plate(
         genus_difference=abs(closed.genus - read.genus),
         faces=len(parts_of(read.shape, "FACE")),
         triangles=len(mesh.triangles),
-        chord_error_um=1e3 * max(mesh_error(*each) for each in zip(facets, plans, strict=True)),
+        chord_error_um=1e3 * max(mesh_error(*facets_and_plan) for facets_and_plan in zip(facets, plans, strict=True)),
         seconds=round(time.perf_counter() - start, 3),
         invalid_faces=read.faults,
     )
@@ -168,7 +168,7 @@ def room_on_plate(lens: Lens, pair: Pair[Patch]) -> tuple[float | None, PlateWal
     layout = layout_of(lens)
     if layout is None or not lens.makes_plate:
         return None, None
-    plans = tuple(lay_out(*each, _BARE) for each in (pair, *map(fit_lens, lens.kinds[1:])))
+    plans = tuple(lay_out(*fitted, _BARE) for fitted in (pair, *map(fit_lens, lens.kinds[1:])))
     facets, _ = lens_meshes(plans, layout.lenses.kind_of_each)
     return least_gap_mm(facets, layout), layout.thinnest_wall([rim_points(plan.cavity) for plan in plans])
 
@@ -179,13 +179,13 @@ def volume_of_mm3(faces: Shapes, layout: PlateLayout, lenses_mm3: Sequence[float
     ``lenses_mm3``: through the faces of a lens of each kind, the same at each place, since they close a body with a
     level. A level is taken by its area. There is no flux through z = 0.
     """
-    found = sum(layout.of_each(lenses_mm3))
+    volume_mm3 = sum(layout.of_each(lenses_mm3))
     for name, face in faces.items():
         if name.startswith((PLATE_BOTTOM, PIN_END, BOSS_ROOF)):
-            found -= _down_to_zero_mm3(face) / 3.0
+            volume_mm3 -= _down_to_zero_mm3(face) / 3.0
         elif name.startswith((PLATE_SIDE, PLATE_BORE, PLATE_HOLE, PIN_SIDE, BOSS_BORE)):
-            found += _to_origin_mm3(face)
-    return found
+            volume_mm3 += _to_origin_mm3(face)
+    return volume_mm3
 
 
 def _to_origin_mm3(wall: Any) -> float:
@@ -237,15 +237,15 @@ def least_gap_mm(kinds: Sequence[BodyMesh], layout: PlateLayout) -> float | None
     """
     bodies = [manifold_of(lens.vertices, lens.triangles) for lens in kinds]
     gaps = list[float]()
-    for way, turn, (own, other) in _neighbours(layout):
+    for way, turn, (kind, neighbour_kind) in _neighbours(layout):
         beside = replace(layout, lenses=Lamps.level([way], [turn]))
-        vertices = beside.placed(kinds[other].vertices, 0)
-        if (bodies[own] ^ manifold_of(vertices, kinds[other].triangles)).volume() > 0.0:
+        vertices = beside.placed(kinds[neighbour_kind].vertices, 0)
+        if (bodies[kind] ^ manifold_of(vertices, kinds[neighbour_kind].triangles)).volume() > 0.0:
             raise InputError(
                 f"plate: two lenses, {np.hypot(*way):.4g} mm apart, overlap; raise the pitch of lamps, or lower "
                 "constraints.max_radius_mm and design again"
             )
-        gaps.append(_between_mm(vertices, kinds[own]))
+        gaps.append(_between_mm(vertices, kinds[kind]))
     return min(gaps, default=None)
 
 
@@ -271,12 +271,12 @@ def _neighbours(layout: PlateLayout) -> Iterator[tuple[Place, float, tuple[int, 
     seen = set[tuple[float, float, float, int, int]]()
     places = np.array([lens.place_mm for lens in lenses.lamps])
     turns = np.array(lenses.turns_deg)
-    for one, lens in enumerate(lenses.lamps):
+    for number, lens in enumerate(lenses.lamps):
         ways = lens.pose.own_points(places)
         near = np.flatnonzero(np.hypot(*ways.T[:2]) <= _NEIGHBOURS * lenses.nearest_mm())
-        for other in near[near != one]:
-            x, y, turned = np.round((*ways[other, :2], (turns[other] - lens.turn_deg) % 360.0), 6).tolist()
-            found = x, y, turned, kinds[one], kinds[other]
-            if found not in seen:
-                seen.add(found)
-                yield (x, y), turned, found[3:]
+        for neighbour in near[near != number]:
+            x, y, turned = np.round((*ways[neighbour, :2], (turns[neighbour] - lens.turn_deg) % 360.0), 6).tolist()
+            neighbours = x, y, turned, kinds[number], kinds[neighbour]
+            if neighbours not in seen:
+                seen.add(neighbours)
+                yield (x, y), turned, neighbours[3:]

@@ -107,7 +107,7 @@ class PlateLayout:
             on_side = (x * half[0], centre[1])
             on_end = (centre[0], y * half[1])
             arcs.append(LoopEdge(*((on_side, on_end) if x * y > 0.0 else (on_end, on_side)), centre))
-        lines = [LoopEdge(one.end, other.start) for one, other in zip(arcs, [*arcs[1:], arcs[0]], strict=True)]
+        lines = [LoopEdge(arc.end, next_arc.start) for arc, next_arc in zip(arcs, [*arcs[1:], arcs[0]], strict=True)]
         chain = [edge for pair in zip(arcs, lines, strict=True) for edge in pair]
         return tuple(
             edge for edge in chain if hypot(edge.end[0] - edge.start[0], edge.end[1] - edge.start[1]) > _SAME_MM
@@ -190,27 +190,29 @@ class PlateLayout:
 
         None where it has none of them.
         """
-        bores = self.of_each([self.bore_scale(each) * each for each in openings])  # at the bottom, where all is widest
+        bores = self.of_each(
+            [self.bore_scale(opening) * opening for opening in openings]
+        )  # at the bottom, where all is widest
         plate = self.plate
         axes = np.array(self.lenses.places_mm)
-        largest = max(float(np.hypot(*each.T).max()) for each in bores)
+        largest = max(float(np.hypot(*bore.T).max()) for bore in bores)
         widened = {name: self._at_bottom_mm(mark) for name, mark in plate.marks}
-        found = list[PlateWall]()
+        walls = list[PlateWall]()
         for number, (name, mark) in enumerate(plate.marks):
             away = np.hypot(*(axes - mark.place_mm).T)
             near = np.flatnonzero(away <= away.min() + 2.0 * largest)
             gaps = {"the cavity of a lens": min(self._gap_mm(bores[k], int(k), mark.place_mm) for k in near)}
             gaps["the edge"] = plate.to_edge_mm(mark.place_mm, self.size_mm) - self.inset_mm
-            for other, one in plate.marks[:number]:
-                gaps[other] = mark.away_mm(one.place_mm) - widened[other]
-            found += [PlateWall(gap - widened[name], f"{name} and {other}") for other, gap in gaps.items()]
+            for mark_name, one in plate.marks[:number]:
+                gaps[mark_name] = mark.away_mm(one.place_mm) - widened[mark_name]
+            walls += [PlateWall(gap - widened[name], f"{name} and {neighbour}") for neighbour, gap in gaps.items()]
             if isinstance(mark, PlateBoss):
                 bore = self._bore(mark)
                 assert bore is not None
-                found.append(PlateWall(self._pin(mark).foot_mm - bore.foot_mm, f"{name} and its bore"))
+                walls.append(PlateWall(self._pin(mark).foot_mm - bore.foot_mm, f"{name} and its bore"))
                 roof_mm = plate.thickness_mm + mark.height_mm - mark.bore_depth_mm
-                found.append(PlateWall(roof_mm, f"the bore of {name} and the top of the plate"))
-        return min(found, key=lambda wall: wall.thickness_mm, default=None)
+                walls.append(PlateWall(roof_mm, f"the bore of {name} and the top of the plate"))
+        return min(walls, key=lambda wall: wall.thickness_mm, default=None)
 
     def _at_bottom_mm(self, mark: PlateMark) -> float:
         return mark.radius_mm + (self.plate.slope * self.plate.thickness_mm if isinstance(mark, PlateHole) else 0.0)

@@ -66,18 +66,18 @@ class MeshParts:
         """Add the plane face within ``outline``, without ``openings``; all loops run counter-clockwise."""
         import manifold3d
 
-        loops = [outline, *(each[::-1] for each in openings)]
+        loops = [outline, *(opening[::-1] for opening in openings)]
         ids = np.concatenate(loops)
         places = np.concatenate(self.vertices)[:, :2]
-        found = ids[np.asarray(manifold3d.triangulate([np.ascontiguousarray(places[loop]) for loop in loops]))]
-        self.add_facets(name, found if up else found[:, ::-1])
+        triangles = ids[np.asarray(manifold3d.triangulate([np.ascontiguousarray(places[loop]) for loop in loops]))]
+        self.add_facets(name, triangles if up else triangles[:, ::-1])
 
     def mesh(self, rings: int) -> BodyMesh:
         """Collect the mesh; faces in the order of their names."""
         names = sorted(self.triangles)
-        each = [np.concatenate(self.triangles[name]) for name in names]
-        face = np.repeat(np.arange(len(names)), [len(triangles) for triangles in each])
-        return BodyMesh(np.concatenate(self.vertices), np.concatenate(each), face, tuple(names), rings)
+        triangles = [np.concatenate(self.triangles[name]) for name in names]
+        face = np.repeat(np.arange(len(names)), [len(triangles) for triangles in triangles])
+        return BodyMesh(np.concatenate(self.vertices), np.concatenate(triangles), face, tuple(names), rings)
 
 
 @lru_cache(maxsize=1)  # export and check ask for it
@@ -154,7 +154,7 @@ def _wall(
 ) -> tuple[_Ids, _Ids]:
     """Add the wall between two loops at depths below z = 0; return the numbers of the vertices on them."""
     points = points_on(loops[0], chord_mm), np.concatenate(list(_at_foot(*loops, chord_mm)))
-    top, foot = (parts.add_points(each, -depth) for each, depth in zip(points, ends_mm, strict=True))
+    top, foot = (parts.add_points(point, -depth) for point, depth in zip(points, ends_mm, strict=True))
     parts.add_wall(name, *((top, foot) if outwards else (top[::-1], foot[::-1])))
     return top, foot
 
@@ -171,5 +171,5 @@ def _rim_of(lens: BodyMesh, boundary: Boundary[Patch]) -> _Ids:
     ids = np.unique(lens.part(boundary.faces[-1].label))
     ids = ids[lens.vertices[ids, 2] == 0.0]
     x, y = lens.vertices[ids, :2].T
-    found: _Ids = ids[np.argsort(np.arctan2(y, x), kind="stable")]
-    return found
+    rim: _Ids = ids[np.argsort(np.arctan2(y, x), kind="stable")]
+    return rim

@@ -130,7 +130,7 @@ def _loop_edges(loop: Loop, depth_mm: float) -> list[Any]:
         if edge.centre is None:
             edges.append(BRepBuilderAPI_MakeEdge(start, end).Edge())
         else:
-            ends = (-each if edge.clockwise else each for each in edge.azimuths)
+            ends = (-azimuth if edge.clockwise else azimuth for azimuth in edge.azimuths)
             edges.append(BRepBuilderAPI_MakeEdge(_circle(edge, depth_mm), start, end, *ends).Edge())
     return edges
 

@@ -35,7 +35,7 @@ def body_outlines(lens: Lens, azimuth_deg: float) -> list[Curve]:
     corners = [] if base.file is not None else base_corners(plan)[1:]  # the first is the outer rim itself
     if plan.cavity.opening is not None:
         return [*_around_opening(plan, corners, azimuth), *of_file]
-    inner, outer = (profile(each, across) for each in (plan.cavity, plan.envelope))
+    inner, outer = (profile(boundary, across) for boundary in (plan.cavity, plan.envelope))
     if (ring := ring_of(lens)) is not None:
         outer = ring.around(outer)
     if base.file is not None:
@@ -49,7 +49,7 @@ def _cut_feet(base: BaseSection, azimuth_deg: float) -> list[Float[np.ndarray, "
     if base.feet is None:
         return []
     turn = np.radians(azimuth_deg)
-    found = list[np.ndarray]()
+    outlines = list[np.ndarray]()
     ends = [(-base.height_mm, base.foot_radii_mm[0]), (-base.seat_mm, base.foot_radii_mm[1])]
     for x, y in base.feet.places_mm:
         across = x * np.cos(turn) + y * np.sin(turn)
@@ -57,21 +57,23 @@ def _cut_feet(base: BaseSection, azimuth_deg: float) -> list[Float[np.ndarray, "
         if abs(away) < base.foot_radii_mm[0]:
             halves = [(z, sqrt(max(radius**2 - away**2, 0.0))) for z, radius in ends]
             left, right = ([(across + sign * half, z) for z, half in halves] for sign in (-1.0, 1.0))
-            found.append(np.array([left[0], *right, left[1]]))
-    return found
+            outlines.append(np.array([left[0], *right, left[1]]))
+    return outlines
 
 
 def _around_opening(plan: Plan[Surface], corners: list[Corner], azimuth: float) -> Iterator[Curve]:
     """An outline on each side of the axis, from the rim of the opening around the base and back."""
     for sign, turn in ((1.0, azimuth), (-1.0, azimuth + np.pi)):
-        inner, outer = (_from_opening(each, turn) for each in (plan.cavity, plan.envelope))
+        inner, outer = (_from_opening(boundary, turn) for boundary in (plan.cavity, plan.envelope))
         yield np.concatenate([outer, _at(corners, turn), inner[::-1]]) * (sign, 1.0)
 
 
 def _from_opening(boundary: Boundary[Surface], azimuth: float, count: int = 181) -> Curve:
     """The curve at one azimuth from the opening to the rim: (distance from the axis, z) in mm."""
     turn = np.array([azimuth])
-    rims = [2.0 * np.arctan(each.radius(turn)) for each in (boundary.opening, *boundary.creases) if each is not None]
+    rims = [
+        2.0 * np.arctan(crease.radius(turn)) for crease in (boundary.opening, *boundary.creases) if crease is not None
+    ]
     polar = np.unique(np.concatenate([np.linspace(float(rims[0][0]), 0.5 * np.pi, count), *rims]))
     plane = np.column_stack([np.sin(polar), np.cos(polar)])
     plane[-1, 1] = 0.0  # the rim lies in z = 0 exactly
@@ -83,10 +85,10 @@ def other_section_deg(lens: Lens) -> float | None:
     """Azimuth (degrees) of a second section that differs from the one at 0; None of a part that is round about z."""
     first = body_outlines(lens, 0.0)
     for azimuth_deg in (90.0, 45.0):
-        other = body_outlines(lens, azimuth_deg)
-        if [each.shape for each in other] != [each.shape for each in first]:
+        outlines = body_outlines(lens, azimuth_deg)
+        if [outline.shape for outline in outlines] != [outline.shape for outline in first]:
             return azimuth_deg
-        if any(np.abs(a - b).max() > _DRAWN_MM for a, b in zip(first, other, strict=True)):
+        if any(np.abs(a - b).max() > _DRAWN_MM for a, b in zip(first, outlines, strict=True)):
             return azimuth_deg
     return None
 
@@ -94,7 +96,7 @@ def other_section_deg(lens: Lens) -> float | None:
 def _at(corners: list[Corner], azimuth: float) -> Curve:
     """Distance from the axis and z of corners of the base on one side of the section."""
     turn = np.array([azimuth])
-    return np.array([(float(each.radius(turn)[0]), -each.depth_mm) for each in corners]).reshape(-1, 2)
+    return np.array([(float(corner.radius(turn)[0]), -corner.depth_mm) for corner in corners]).reshape(-1, 2)
 
 
 def profile(boundary: Boundary[Surface], across: Float[np.ndarray, " 3"], count: int = 361) -> Curve:

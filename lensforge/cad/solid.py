@@ -137,16 +137,16 @@ def _pocket(plan: Plan[Patch], bore_foot: Any) -> tuple[Named, Any]:
 
 
 def _feet(plan: Plan[Patch]) -> tuple[Named, Chain]:
-    own = plan.base.feet
+    feet = plan.base.feet
     faces = Named()
     tops = Chain()
-    if own is None:
+    if feet is None:
         return faces, tops
     root, tip = plan.base.foot_radii_mm
     rim = _circle(circle(root), plan.base.height_mm)
-    sides, end = walls_below(FOOT_SIDE, rim, own.height_mm, tip / root)
+    sides, end = walls_below(FOOT_SIDE, rim, feet.height_mm, tip / root)
     made = [(name, facing(face, AWAY)) for name, face in sides] + [(FOOT_END, facing(planar_face(end), DOWN))]
-    for place in own.places_mm:
+    for place in feet.places_mm:
         *there, top = copies_at([*(face for _, face in made), wire(rim)], moved(place))
         faces += [(name, TopoDS.Face_s(face)) for (name, _), face in zip(made, there, strict=True)]
         tops.append(TopoDS.Wire_s(top))
@@ -296,11 +296,11 @@ def optical_faces(
     if opening is not None:
         surfaces[0] = opening.plane if within[0].is_ring else opening.beside
     pairs = zip(pairwise(patches), pairwise(surfaces), strict=True)
-    inner = [each.domain.outside for each in within[:-1] if each.domain.outside is not None]
+    inner = [face.domain.outside for face in within[:-1] if face.domain.outside is not None]
     creases = [crease_edges(crease, *sides) for crease, sides in zip(inner, pairs, strict=True)]
     rim = rim_edges(patches[-1], surfaces[-1], arcs, split=split)
     outlines = [*creases, [edge for chain in rim for edge in chain]]
-    holes = [[], *([each] for each in creases)]
+    holes = [[], *([crease] for crease in creases)]
     if opening is not None:
         holes[0] = [opening.edges]
     faces = []
@@ -326,7 +326,7 @@ def _with_ring(face: TrimmedFace[Patch], surface: Any, ends: tuple[Any, Any], ri
     )
     return [
         *((face.label, facing(band, FROM_ORIGIN, face.domain)) for band in bands),
-        *((name, facing(each, AWAY)) for name, each in sides),
+        *((name, facing(side, AWAY)) for name, side in sides),
         *((name, facing(plane, outward)) for name, plane, outward in planes),
     ]
 
@@ -349,8 +349,8 @@ def _within(surface: Any, boundary: Any, *holes: Any) -> Any:
 
 def facing(face: Any, outward: str, domain: Domain | None = None) -> Any:
     """``face`` with the orientation that makes its normal point outwards, judged in the middle or in its ``domain``."""
-    inside = None if domain is None else (sum(float(each[0]) for each in domain.radii(np.zeros(1))) / 2.0, 0.0)
-    (x, y, z), normal = (each.Coord() for each in normal_at(face, inside))
+    inside = None if domain is None else (sum(float(radius[0]) for radius in domain.radii(np.zeros(1))) / 2.0, 0.0)
+    (x, y, z), normal = (point.Coord() for point in normal_at(face, inside))
     radial = normal[0] * x + normal[1] * y
     ahead = radial + normal[2] * z
     up = normal[2]

@@ -54,8 +54,8 @@ from lensforge.version import __version__
 def sign(model: Any, product: str, header: Signature) -> None:
     """Fill in the header of a STEP ``model``: product, time stamp, author, organisation, program and version."""
 
-    def text(words: str) -> Any:
-        return TCollection_HAsciiString(step_text(words))
+    def text(content: str) -> Any:
+        return TCollection_HAsciiString(step_text(content))
 
     made = APIHeaderSection_MakeHeader(model)
     made.SetName(text(product))
@@ -66,8 +66,8 @@ def sign(model: Any, product: str, header: Signature) -> None:
     made.SetDescriptionValue(1, text(product))
 
 
-def step_text(words: str) -> str:
-    """``words`` as ISO 10303-21 writes them: ASCII, all other characters by their code; the kernel doubles quotes."""
+def step_text(content: str) -> str:
+    """``content`` as ISO 10303-21 writes them: ASCII, all other characters by their code; the kernel doubles quotes."""
 
     def coded(character: str) -> str:
         code = ord(character)
@@ -75,7 +75,7 @@ def step_text(words: str) -> str:
             return character
         return f"\\X2\\{code:04X}\\X0\\" if code < 0x10000 else f"\\X4\\{code:08X}\\X0\\"
 
-    return "".join(map(coded, words))
+    return "".join(map(coded, content))
 
 
 _DATUM = "A"
@@ -274,7 +274,7 @@ def parse_step(content: bytes, origin: str = "lens.step") -> Solid:
 def parse_surfaces(content: bytes, origin: str = "lens_surfaces.step") -> Shapes:
     """The loose faces (TopoDS_Face) of a STEP file's bytes by name. Raises :class:`InputError`."""
     faces = {part.name: parts_of(part.shape, "FACE") for part in _parse(content, origin)}
-    return {name: each[0] for name, each in faces.items() if len(each) == 1}
+    return {name: face[0] for name, face in faces.items() if len(face) == 1}
 
 
 def _parse(content: bytes, origin: str) -> list[Product]:

@@ -57,12 +57,12 @@ def thinnest(cavity: Patch | Boundary[Patch], envelope: Patch | Boundary[Patch])
     crossing = _radial(inwards, outwards, -1.0)
     if crossing.thickness_mm <= 0.0:
         return crossing
-    samples = [[_Samples.of(face) for face in each.faces if not face.is_open] for each in (inwards, outwards)]
+    samples = [[_Samples.of(face) for face in boundary.faces if not face.is_open] for boundary in (inwards, outwards)]
     pairs = _nearest(*samples)
-    found = Span(np.inf, np.zeros(3), np.zeros(3))
-    for pair in sorted(pairs, key=lambda each: float(each[2].min())):
-        found = _shorter(found, *pair)
-    return found
+    shortest = Span(np.inf, np.zeros(3), np.zeros(3))
+    for pair in sorted(pairs, key=lambda pair: float(pair[2].min())):
+        shortest = _shorter(shortest, *pair)
+    return shortest
 
 
 def thinnest_of(lens: Lens) -> Span:
@@ -106,40 +106,42 @@ def _nearest(inner: list[_Samples], outer: list[_Samples]) -> list[_Nearest]:
     """
     from scipy.spatial import cKDTree
 
-    trees = [cKDTree(other.points) for other in outer]
-    least = min(tree.query(one.points[::_FIRST])[0].min() for one, tree in product(inner, trees))
+    trees = [cKDTree(outer_sampleses.points) for outer_sampleses in outer]
+    least = min(
+        tree.query(inner_samplesples.points[::_FIRST])[0].min() for inner_samplesples, tree in product(inner, trees)
+    )
     pairs = []
-    for one, (other, tree) in product(inner, zip(outer, trees, strict=True)):
-        most = np.hypot(least, one.reach_mm.max() + other.reach_mm.max()) * (1.0 + _ROUNDING)
-        distance, nearest = tree.query(one.points, distance_upper_bound=most)
-        pairs.append((one, other, distance, np.minimum(nearest, len(other.points) - 1)))
+    for inner_samples, (outer_samples, tree) in product(inner, zip(outer, trees, strict=True)):
+        most = np.hypot(least, inner_samples.reach_mm.max() + outer_samples.reach_mm.max()) * (1.0 + _ROUNDING)
+        distance, nearest = tree.query(inner_samples.points, distance_upper_bound=most)
+        pairs.append((inner_samples, outer_samples, distance, np.minimum(nearest, len(outer_samples.points) - 1)))
     return pairs
 
 
 def _shorter(
-    known: Span, one: _Samples, other: _Samples, distance: Float[np.ndarray, " k"], nearest: Int[np.ndarray, " k"]
+    known: Span, inner: _Samples, outer: _Samples, distance: Float[np.ndarray, " k"], nearest: Int[np.ndarray, " k"]
 ) -> Span:
     """The shortest line between two faces, or the ``known`` one where that is as short.
 
-    ``distance`` (mm), ``nearest``: of each sample of ``one`` to the nearest of the ``other``. A line has samples beside
+    ``distance`` (mm), ``nearest``: of each sample of ``inner`` to the nearest of ``outer``. A line has samples beside
     both of its ends, which are beside it by their reach, and across it, since the shortest is normal to both faces, or
     to the edges on which it ends: where a line would be longer than the shortest so far even so, none is sought.
     """
     best = int(distance.argmin())
-    places = one.places
-    far = other.places[nearest]
-    least = distance**2 - (one.reach_mm + other.reach_mm[nearest]) ** 2
-    found = min(known, Span(float(distance[best]), one.points[best], other.points[nearest[best]]), key=_thickness)
+    places = inner.places
+    far = outer.places[nearest]
+    least = distance**2 - (inner.reach_mm + outer.reach_mm[nearest]) ** 2
+    shortest = min(known, Span(float(distance[best]), inner.points[best], outer.points[nearest[best]]), key=_thickness)
     for _ in range(_STARTS):
-        if not (least[np.isfinite(distance)] < found.thickness_mm**2).any():
+        if not (least[np.isfinite(distance)] < shortest.thickness_mm**2).any():
             break
         k = int(distance.argmin())
-        if least[k] < found.thickness_mm**2:
-            found = min(
-                found, _shortest_near(one.face, other.face, np.concatenate([places[k], far[k]])), key=_thickness
+        if least[k] < shortest.thickness_mm**2:
+            shortest = min(
+                shortest, _shortest_near(inner.face, outer.face, np.concatenate([places[k], far[k]])), key=_thickness
             )
         distance[np.linalg.norm(places - places[k], axis=1) < _APART * _STEP] = np.inf
-    return found
+    return shortest
 
 
 def _thickness(span: Span) -> float:
@@ -152,8 +154,8 @@ def _samples(domain: Domain = WHOLE) -> Float[np.ndarray, "k 2"]:
     around = np.stack([np.cos(azimuth), np.sin(azimuth)], axis=1)
     inside = grid[np.sum(grid**2, axis=-1) < 1.0]
     edges = [radius[:, None] * around for radius in domain.radii(azimuth)[0 if domain.inside else 1 :]]
-    own = np.abs(domain.within(inside) - inside).max(axis=1) < _SAME
-    return np.concatenate([inside[own], *edges])
+    is_inside = np.abs(domain.within(inside) - inside).max(axis=1) < _SAME
+    return np.concatenate([inside[is_inside], *edges])
 
 
 def _radial(cavity: Boundary[Patch], envelope: Boundary[Patch], sign: float) -> Span:
@@ -165,46 +167,46 @@ def _radial(cavity: Boundary[Patch], envelope: Boundary[Patch], sign: float) -> 
         return np.where(cavity.closed(directions), sign * thickness, -_FAR)
 
     turn = np.linspace(0.0, 2.0 * np.pi, _RIM, endpoint=False)
-    creases = [each for side in (cavity, envelope) for each in side.creases if each is not side.opening]
-    places = np.concatenate([_samples(), *(each.chart(turn) for each in creases)])
+    creases = [crease for side in (cavity, envelope) for crease in side.creases if crease is not side.opening]
+    places = np.concatenate([_samples(), *(crease.chart(turn) for crease in creases)])
     place, most = refined_maximum(figure, places, figure(places), _STEP)
-    return Span(sign * most, *(points_in(each, to_sphere(place[None]))[0] for each in (cavity, envelope)))
+    return Span(sign * most, *(points_in(boundary, to_sphere(place[None]))[0] for boundary in (cavity, envelope)))
 
 
-def _shortest_near(one: TrimmedFace[Patch], other: TrimmedFace[Patch], start: Float[np.ndarray, "4"]) -> Span:
+def _shortest_near(inner: TrimmedFace[Patch], outer: TrimmedFace[Patch], start: Float[np.ndarray, "4"]) -> Span:
     from scipy.optimize import minimize
 
-    size = float(np.sum((other.shape.points(start[2:]) - one.shape.points(start[:2])) ** 2))
+    size = float(np.sum((outer.shape.points(start[2:]) - inner.shape.points(start[:2])) ** 2))
 
     def squared(at: Float[np.ndarray, "4"]) -> tuple[float, Float[np.ndarray, "4"]]:
-        (near, *back) = one.shape.tangents(at[:2])
-        (far, *ahead) = other.shape.tangents(at[2:])
+        (near, *back) = inner.shape.tangents(at[:2])
+        (far, *ahead) = outer.shape.tangents(at[2:])
         line = far - near
         along = np.stack([-back[0], -back[1], *ahead])
         return float(line @ line) / size, 2.0 * along @ line / size
 
     options = {"ftol": _PRECISION, "maxiter": 100}
-    within = {"type": "ineq", **_inside(one.domain, other.domain)}
+    within = {"type": "ineq", **_inside(inner.domain, outer.domain)}
     best = minimize(squared, start, jac=True, bounds=[(-1.0, 1.0)] * 4, constraints=within, options=options).x
-    near = one.shape.points(one.domain.within(best[:2]))
-    far = other.shape.points(other.domain.within(best[2:]))
+    near = inner.shape.points(inner.domain.within(best[:2]))
+    far = outer.shape.points(outer.domain.within(best[2:]))
     return Span(float(np.linalg.norm(far - near)), near, far)
 
 
-def _inside(one: Domain, other: Domain) -> dict[str, Callable[[Float[np.ndarray, "4"]], Any]]:
+def _inside(inner: Domain, outer: Domain) -> dict[str, Callable[[Float[np.ndarray, "4"]], Any]]:
     """Numbers at least 0 where both chart points lie in the domains of their faces; slopes where they are known."""
-    if not (one.edges or other.edges):
+    if not (inner.edges or outer.edges):
         of_face = np.repeat(np.eye(2), 2, axis=1)  # 1 - X^2 - Y^2 of each face is at least 0 within its rim
         return {"fun": lambda at: 1.0 - of_face @ at**2, "jac": lambda at: -2.0 * of_face * at}
 
     def room(at: Float[np.ndarray, "4"]) -> Float[np.ndarray, " k"]:
-        found = []
-        for domain, place in ((one, at[:2]), (other, at[2:])):
+        margins = []
+        for domain, place in ((inner, at[:2]), (outer, at[2:])):
             azimuth = np.arctan2(place[1:], place[:1])
             squared = place @ place
-            found.append((domain.outside.tabulated(azimuth) ** 2 if domain.outside else 1.0) - squared)
-            found.append(squared - (domain.inside.tabulated(azimuth) ** 2 if domain.inside else 0.0))
-        return np.concatenate([np.atleast_1d(each) for each in found])
+            margins.append((domain.outside.tabulated(azimuth) ** 2 if domain.outside else 1.0) - squared)
+            margins.append(squared - (domain.inside.tabulated(azimuth) ** 2 if domain.inside else 0.0))
+        return np.concatenate([np.atleast_1d(margin) for margin in margins])
 
     return {"fun": room}
 
@@ -220,7 +222,7 @@ def largest_ball(sections: _Sections) -> tuple[float, _Point]:
     points = sections.reshape(-1, 3)
     starts = _places_within(sections)
     cells = [np.round(points / (share * np.ptp(points[:, 0]))).astype(int) for share in _SPACINGS]
-    trees = [cKDTree(points[np.unique(each, axis=0, return_index=True)[1]]) for each in cells]
+    trees = [cKDTree(points[np.unique(needed, axis=0, return_index=True)[1]]) for needed in cells]
     centre = starts[np.argmax(trees[0].query(starts)[0])]
     for tree in trees:
         centre = _grown(tree, centre)

@@ -98,7 +98,7 @@ class _Group(click.Group):
             rows = [(name, command.get_short_help_str(limit)) for name, command in commands if command is not None]
             if rows:
                 with formatter.section(title):
-                    formatter.write_dl([(name.ljust(11), words) for name, words in rows])
+                    formatter.write_dl([(name.ljust(11), summary) for name, summary in rows])
 
 
 @click.group(
@@ -157,33 +157,33 @@ def main(interrupts: Interrupts | None = None, arguments: Sequence[str] | None =
     """
     open_standard_streams()
     _show_own_warnings_in_a_line()
-    own = Interrupts().install() if interrupts is None else interrupts
+    handler = Interrupts().install() if interrupts is None else interrupts
     try:
         with lasting_streams() as stdout_failure:
-            code = _run(own, arguments)
+            code = _run(handler, arguments)
             failure = stdout_failure()
             if failure is not None and code == 0:
                 code = _say(
                     f"stdout: cannot be written ({failure.strerror}); the command is done, and its files are written", 2
                 )
-        if own.received is not None and code == own.exit_code:
+        if handler.received is not None and code == handler.exit_code:
             _end_at_once(code)
     finally:
-        own.uninstall(at_exit=interrupts is not None)
+        handler.uninstall(at_exit=interrupts is not None)
     sys.exit(code)
 
 
 def _show_own_warnings_in_a_line() -> None:
-    others = warnings.showwarning
-    said = set[str]()
+    show_warning = warnings.showwarning
+    shown = set[str]()
 
     def show(message: Warning | str, category: type[Warning], *place: Any, **more: Any) -> None:
         if issubclass(category, FileWarning):
-            if str(message) not in said:  # a file may be read again by the next stage
+            if str(message) not in shown:  # a file may be read again by the next stage
                 click.echo(warning_line(str(message)), err=True)
-            said.add(str(message))
+            shown.add(str(message))
         else:
-            others(message, category, *place, **more)
+            show_warning(message, category, *place, **more)
 
     warnings.showwarning = show
 

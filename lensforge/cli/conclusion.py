@@ -9,7 +9,7 @@ import click
 
 from lensforge.cad.part import Part
 from lensforge.cli.output import Block, Output, Row, warning_line
-from lensforge.errors import CriterionMissed
+from lensforge.errors import CriterionMissed, shortened
 from lensforge.light.evaluation_result import Light
 from lensforge.light.light_facts import place_groups
 from lensforge.light.photometry_result import IES_FILE, LDT_FILE, LUMINAIRE_FILES, TM25_FILE, TM33_FILE, Photometry
@@ -23,7 +23,6 @@ from lensforge.results import Fact, Group, ResultByLed, StageResult
 from lensforge.results.criteria import require
 from lensforge.results.fact import cells_of, columns_of
 from lensforge.results.record import State
-from lensforge.results.validation import shortened
 from lensforge.results.verdict import TITLES, Verdict
 from lensforge.search.design_result import Design
 from lensforge.shop.check_facts import shape_facts
@@ -67,11 +66,11 @@ def finish(
     blocks = [] if renewed is None else [Block(f"A lens made for it, in {renewed.folder}", preview_rows(renewed))]
     output.show(
         lambda: {**document(run, *results), **beside},
-        lambda: [*(block for each in results for block in blocks_of(each, run)), *blocks],
+        lambda: [*(block for result in results for block in blocks_of(result, run)), *blocks],
     )
     for result in results:
         _tell_conditions(result)
-    require(criterion for each in results for criterion in each.deciding_criteria())
+    require(criterion for result in results for criterion in result.deciding_criteria())
     if decides and conditions_of(results[0]) is None:
         _require_pass(run, decides)
 
@@ -145,21 +144,22 @@ def table_of(groups: Sequence[Group]) -> Iterator[str]:
 
 def document(run: Run, *results: StageResult) -> dict[str, object]:
     """Folder and verdict of ``run``, facts of ``results``, and each of them as its file holds it, by its stem."""
-    stems = {stem_of(each): each for each in results}
+    stems = {stem_of(result): result for result in results}
     head = {"folder": str(run.folder), "verdict": run.verdict.model_dump(mode="json")}
-    facts = {stem: [group.plain() for group in run.facts(each)] for stem, each in stems.items()}
-    return {**head, "facts": facts, **{stem: each.plain() for stem, each in stems.items()}}
+    facts = {stem: [group.plain() for group in run.facts(result)] for stem, result in stems.items()}
+    return {**head, "facts": facts, **{stem: result.plain() for stem, result in stems.items()}}
 
 
 def _tell_conditions(result: StageResult) -> None:
     conditions = conditions_of(result)
     if conditions is None:
         return
-    for words in conditions.warnings:
-        click.echo(warning_line(words), err=True)
-    own = stem_of(result.changed(conditions=None))
+    for warning in conditions.warnings:
+        click.echo(warning_line(warning), err=True)
+    nominal_stem = stem_of(result.changed(conditions=None))
     click.echo(
-        f"{stem_of(result)}.json: not at nominal conditions ({conditions}), so {own}.json and the verdict stay as "
+        f"{stem_of(result)}.json: not at nominal conditions ({conditions}), "
+        f"so {nominal_stem}.json and the verdict stay as "
         "they are",
         err=True,
     )
@@ -238,10 +238,10 @@ def _title(part: str, state: State, groups: Sequence[Group] = (), under: str = "
 def _kinds(run: Run) -> Iterator[Row]:
     """The kind of this lens, of several, and the folders of the others."""
     every = kinds(run, linked=False)
-    here = [f"{each.name}, of {each.lamps} lamps" for each in every if each.here]
-    others = [f"{each.name} of {each.lamps}" for each in every if not each.here]
+    here = [f"{kind.name}, of {kind.lamps} lamps" for kind in every if kind.here]
+    elsewhere = [f"{kind.name} of {kind.lamps}" for kind in every if not kind.here]
     if here:
-        yield "Kind", f"{here[0]}; in folders of their names: {', '.join(others)}"
+        yield "Kind", f"{here[0]}; in folders of their names: {', '.join(elsewhere)}"
 
 
 def preview_rows(run: Run) -> list[Row]:
@@ -255,12 +255,12 @@ def _row(fact: Fact) -> Row:
 
 
 def _limit_rows(group: Group) -> Iterator[Row]:
-    others = [fact for fact in group.facts if not fact.holds]
-    yield "Limits", f"{len(group.facts) - len(others)} of {len(group.facts)} met"
-    for fact in others[:_MOST_LIMITS]:
+    missed = [fact for fact in group.facts if not fact.holds]
+    yield "Limits", f"{len(group.facts) - len(missed)} of {len(group.facts)} met"
+    for fact in missed[:_MOST_LIMITS]:
         yield f"  {fact.outcome}", "; ".join(filter(None, (f"{fact.label}: {fact.sentence}", fact.advice)))
-    if len(others) > _MOST_LIMITS:
-        yield "", f"and {len(others) - _MOST_LIMITS} more, in evaluate.json"
+    if len(missed) > _MOST_LIMITS:
+        yield "", f"and {len(missed) - _MOST_LIMITS} more, in evaluate.json"
 
 
 def _judged(result: StageResult, run: Run) -> tuple[str, list[Row]]:
@@ -270,7 +270,7 @@ def _judged(result: StageResult, run: Run) -> tuple[str, list[Row]]:
     judged = run.verdict
     under = ""
     if conditions_of(result) is not None:
-        part = {stem: each for stem, each in run.found.items() if stem == Part.stage}
+        part = {stem: result for stem, result in run.found.items() if stem == Part.stage}
         judged = Results(run.lens, {**part, result.stage: result}).verdict
         under = " under other conditions"
     if isinstance(result, Light):
@@ -324,12 +324,12 @@ def _manufacture(run: Run) -> Iterator[Row]:
         for fact in group.facts
         if fact.state == "fail" and fact.key not in ("cutter", "nose")
     ]
-    of_kinds = [(each.name, why) for each in kinds(run, linked=False) for why in run.verdict.reasons_of("cutting")]
-    others = [(name, why) for name, why in of_kinds if why.startswith(f"{name}: ")]
-    if missed or others:
-        yield "Not met", "; ".join((*missed, *(why for _, why in others)))
+    of_kinds = [(kind.name, why) for kind in kinds(run, linked=False) for why in run.verdict.reasons_of("cutting")]
+    further = [(name, why) for name, why in of_kinds if why.startswith(f"{name}: ")]
+    if missed or further:
+        yield "Not met", "; ".join((*missed, *(why for _, why in further)))
     if run.verdict.cutting != "pass":
-        at = "" if missed or not others else f" {run.folder / others[0][0]}"
+        at = "" if missed or not further else f" {run.folder / further[0][0]}"
         yield "Remedy", f"see `lensforge check{at}`"
 
 
@@ -339,6 +339,8 @@ def _written(run: Run) -> str:
     names = [] if part is None else list(part.files)
     names += [] if photometry is None else [IES_FILE, LDT_FILE, TM33_FILE, TM25_FILE]
     names += [*LUMINAIRE_FILES.values()] if photometry is not None and photometry.luminaire else []
-    names += [] if photometry is None else [f"{_STEM}_{each.led}.ies" for each in photometry.others]
+    names += (
+        [] if photometry is None else [f"{_STEM}_{lamp_photometry.led}.ies" for lamp_photometry in photometry.others]
+    )
     pairs = zip([Path(), *map(Path, names)], map(Path, names), strict=False)  # "lens.step, .stl, .3mf"
     return ", ".join(path.suffix if path.stem == before.stem else path.name for before, path in pairs)

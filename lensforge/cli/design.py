@@ -122,8 +122,8 @@ def _design_several(
 
     Raises :class:`FailedDesigns` when all have ended, :class:`InputError` before the first.
     """
-    if (words := alike(content.name for content in contents)) is not None:
-        raise InputError(f"SPEC: {words}, and would go to one folder; rename one")
+    if (duplicate := alike(content.name for content in contents)) is not None:
+        raise InputError(f"SPEC: {duplicate}, and would go to one folder; rename one")
     for given, option in ((out, "--out"), (resume, "--resume"), (shown, "--open")):
         if given:
             raise InputError(f"{option}: goes with one SPEC, {len(contents)} are given; design that one by itself")
@@ -143,8 +143,8 @@ def _design_several(
 
 def _spec_and_leds(specs: Sequence[Path], files: Sequence[str]) -> tuple[Path, list[str]]:
     """The one spec, and all files of LEDs: of a pattern, a shell puts all but the first among the specs."""
-    spec = next((each for each in specs if each.suffix == ".toml"), specs[0])
-    return spec, [*files, *(str(each) for each in specs if each is not spec)]
+    spec = next((spec for spec in specs if spec.suffix == ".toml"), specs[0])
+    return spec, [*files, *(str(file) for file in specs if file is not spec)]
 
 
 class _Looks:
@@ -163,8 +163,8 @@ class _Looks:
 
     def at(self, lens: Lens, rays: int | None = None) -> Light:
         """Look at ``lens``; the first picture is shown, if asked, as soon as it is there. ``rays``: on the way."""
-        own = preset_of(lens.accuracy)
-        coarse = own.replace("look", table_error=False, evaluate_nodes_per_sigma=own.nodes_per_sigma)
+        preset = preset_of(lens.accuracy)
+        coarse = preset.replace("look", table_error=False, evaluate_nodes_per_sigma=preset.nodes_per_sigma)
         light = evaluate(lens, rays=rays, accuracy=None if rays is None else coarse)
         light.save(self._picture)
         if self._to_show:

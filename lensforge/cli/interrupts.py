@@ -42,12 +42,12 @@ class Interrupts:
     @property
     def words(self) -> str:
         """Words for the user: the end, and how to continue, only where there is something to continue from."""
-        what = "interrupted" if self.received is None else _WORDS[self.received.name]
+        cause = "interrupted" if self.received is None else _WORDS[self.received.name]
         if self.resumable is None:
-            return what
+            return cause
         if not self.resumable():
-            return f"{what}; there is nothing to resume yet: run the same command again"
-        return f"{what}; the same command {self.how}"
+            return f"{cause}; there is nothing to resume yet: run the same command again"
+        return f"{cause}; the same command {self.how}"
 
     @property
     def exit_code(self) -> int:

@@ -98,11 +98,13 @@ def _line(text: str) -> str:
     return printable(" ".join(text.split()))
 
 
-def warning_line(words: str) -> str:
+def warning_line(message: str) -> str:
     """A warning as one line."""
-    return f"warning: {_line(words)}"
+    return f"warning: {_line(message)}"
 
 
 def printable(text: str) -> str:
     """``text`` with escapes for characters that steer a terminal: names in a file may come from anywhere."""
-    return "".join(each if each.isprintable() or each == "\t" else ascii(each)[1:-1] for each in text)
+    return "".join(
+        character if character.isprintable() or character == "\t" else ascii(character)[1:-1] for character in text
+    )

@@ -103,19 +103,19 @@ class StageClock:
         self._end_expected = time.monotonic() + seconds
         self._at_least = "at least " if at_least else ""
 
-    def head(self, words: str) -> None:
+    def head(self, title: str) -> None:
         """End the stage that runs, and write a line on the stages that follow."""
         self.end()
-        self.note(words)
+        self.note(title)
 
-    def note(self, words: str) -> None:
+    def note(self, message: str) -> None:
         """Write a line above the clock."""
         if not self._quiet:
-            self._console.print(printable(words), soft_wrap=True, markup=False)
+            self._console.print(printable(message), soft_wrap=True, markup=False)
 
-    def warn(self, words: str) -> None:
+    def warn(self, message: str) -> None:
         """Write a warning as one line, also where progress is not asked for."""
-        self._console.print(warning_line(words), soft_wrap=True, markup=False)
+        self._console.print(warning_line(message), soft_wrap=True, markup=False)
 
     def _time_left(self, task: Task) -> str:
         left = self._end_expected - time.monotonic()
@@ -153,8 +153,8 @@ def _line(task: Task, seconds: float | None = None) -> str:
 
 
 def _worded(name: str, seconds: float, detail: str) -> str:
-    words = f"{printable(name):<{_NAME_COLUMNS}} {duration(seconds):>{_TIME_COLUMNS}}  {printable(detail)}"
-    return words.rstrip()
+    line = f"{printable(name):<{_NAME_COLUMNS}} {duration(seconds):>{_TIME_COLUMNS}}  {printable(detail)}"
+    return line.rstrip()
 
 
 def duration(seconds: float) -> str:
@@ -229,17 +229,17 @@ class DesignProgress:
             f"NMSE {step.nmse:.4f} with ray noise  efficiency {step.efficiency:.3f}"
         )
 
-    def on_stage(self, words: str) -> None:
+    def on_stage(self, message: str) -> None:
         """Begin a stage, maybe beside another; other words, on one of several searches, are a line of their own."""
-        if words not in _NAMES:
-            self._clock.note(words)
+        if message not in _NAMES:
+            self._clock.note(message)
             return
         if self._searching:
             self._clock.end()  # the search, which tells its end by no other words
             self._searching = False
             if self._last is not None:
                 self._clock.expect(_later(self._last) * self._last.seconds)
-        self._clock.begin(words, beside=True)
+        self._clock.begin(message, beside=True)
 
     def on_end(self, name: str, seconds: float) -> None:
         """End a stage."""

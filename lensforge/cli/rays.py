@@ -1,6 +1,7 @@
 """``rays``: a ray file or a photometric file summarised, drawn, or converted."""
 
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -12,9 +13,13 @@ from lensforge.results import Record
 from lensforge.results.figure import Figure, figures_at
 from lensforge.results.files import require_regular_file, require_writable
 from lensforge.results.numerals import NOTHING, unit_suffix, with_unit
+from lensforge.sources.light_files import holds_far_field, read_rayfile
 from lensforge.sources.photometric.ies_labels import NEWEST, require_ies_version
-from lensforge.sources.photometric.photometric_io import convert_photometric
-from lensforge.sources.photometric.photometric_summary import holds_far_field, summarise_photometric
+from lensforge.sources.photometric.photometric_io import PhotometricConversion, convert_photometric
+from lensforge.sources.photometric_summary import summarise_photometric
+
+if TYPE_CHECKING:
+    from lensforge.sources.rayfiles.ray_file_io import Conversion
 
 _PLOT_SUFFIXES = (".png", ".svg", ".pdf")
 
@@ -62,23 +67,31 @@ def rays(
         raise InputError("--model with --to FILE needs --rays N, which is for these two alone")
     if model and (only_header or holds_far_field(file)):
         raise InputError(f"--model {file}: of the rays of a ray file; leave it out for a header or a photometric file")
+    summary: Record | Conversion | PhotometricConversion
     if model:
         summary = _model(file, to, format_name, plot, count)
     elif holds_far_field(file):
         summary = _far_field(file, to, format_name, ies_version, plot)
     else:
         summary = _rays(file, only_header, to, format_name, plot)
-    content = summary.model_dump(mode="json", exclude={"inputs", "version"})
+    content = _content(summary)
     if output.json:
         print_json(content)
     elif output.screen:
         content.get("header", {}).pop("spectral_tables", None)
-        texts = [(name, each) for name in ("lost", "warnings") for each in content.pop(name, None) or ()]
+        texts = [(name, text) for name in ("lost", "warnings") for text in content.pop(name, None) or ()]
         unit = str((content.get("flux") or {}).pop("unit", ""))
-        figures = figures_at(type(summary))
+        figures = figures_at(type(summary)) if isinstance(summary, Record) else {}
         told = [row for row in rows(content) if row.value.strip() not in ("", NOTHING)]
         listed = [_row(row, figures.get(row.path), unit) for row in told]
         print_screen([Block(str(file), [*listed, *texts])])
+
+
+def _content(summary: "Record | Conversion | PhotometricConversion") -> dict[str, Any]:
+    """Entries of a summary, or of the account of a conversion, as JSON holds them."""
+    if isinstance(summary, Record):
+        return summary.model_dump(mode="json", exclude={"inputs", "version"})
+    return {name: list(value) if isinstance(value, tuple) else value for name, value in vars(summary).items()}
 
 
 def _row(row: TableRow, figure: Figure | None, flux_unit: str) -> Row:
@@ -91,10 +104,12 @@ def _row(row: TableRow, figure: Figure | None, flux_unit: str) -> Row:
     return str(figure.label), with_unit(value, unit)
 
 
-def _rays(file: Path, only_header: bool, to: Path | None, format_name: str | None, plot: Path | None) -> Record:
-    from lensforge.sources.rayfiles.ray_file_io import convert, read_rayfile
-    from lensforge.sources.rayfiles.ray_file_statistics import describe, outline
-    from lensforge.sources.rayfiles.ray_file_summary import draw
+def _rays(
+    file: Path, only_header: bool, to: Path | None, format_name: str | None, plot: Path | None
+) -> "Record | Conversion":
+    from lensforge.sources.ray_file_statistics import describe, outline
+    from lensforge.sources.ray_file_summary import draw
+    from lensforge.sources.rayfiles.ray_file_io import convert
 
     if plot:
         draw(read_rayfile(file), plot)
@@ -104,9 +119,9 @@ def _rays(file: Path, only_header: bool, to: Path | None, format_name: str | Non
 
 
 def _model(file: Path, to: Path | None, format_name: str | None, plot: Path | None, count: int | None) -> Record:
-    from lensforge.sources.rayfiles.model_of_file import draw_model, drawn_file, model_of
-    from lensforge.sources.rayfiles.ray_file_io import read_rayfile, write_rayfile
-    from lensforge.sources.rayfiles.ray_file_statistics import describe
+    from lensforge.sources.model_of_file import draw_model, drawn_file, model_of
+    from lensforge.sources.ray_file_statistics import describe
+    from lensforge.sources.rayfiles.ray_file_io import write_rayfile
 
     if plot and plot.suffix.lower() not in _PLOT_SUFFIXES:
         raise InputError(f"{plot}: its suffix must be one of {', '.join(_PLOT_SUFFIXES)}")
@@ -122,7 +137,7 @@ def _model(file: Path, to: Path | None, format_name: str | None, plot: Path | No
 
 def _far_field(
     file: Path, to: Path | None, format_name: str | None, ies_version: int | None, plot: Path | None
-) -> Record:
+) -> Record | PhotometricConversion:
     if format_name:
         raise InputError(
             f"--format {format_name}: {file} is photometric; the suffix of --to, .ies, .ldt or .iesxml, is enough"

@@ -12,8 +12,8 @@ from lensforge.cli.output import Block, Output, warning_line, with_output
 from lensforge.errors import CriterionMissed, InputError
 from lensforge.light.road_lighting import RoadJudgement, road_facts, spacing_fact, with_remedies
 from lensforge.results import Group
+from lensforge.sources.light_files import read_photometric
 from lensforge.sources.photometric.photometric_file import coarse_for_roads, cut_below, far_field_warnings
-from lensforge.sources.photometric.photometric_io import read_photometric
 from lensforge.spec.road_section import load_roads, names_of
 
 _BETTER = 1.2  # a lamp that lights both sides alike is within a few per cent
@@ -48,12 +48,12 @@ def road(file: Path, roads: Path, street_c: float, spacing: bool, output: Output
 
     lamp = read_photometric(file)
     wanted = load_roads(roads)
-    if (words := cut_below(lamp)) is not None:
-        raise InputError(f"{file}: {words}: too narrow for the row and its glare; export it up to gamma = 90 degrees")
+    if (warning := cut_below(lamp)) is not None:
+        raise InputError(f"{file}: {warning}: too narrow for the row and its glare; export it up to gamma = 90 degrees")
     lights = [of_file(lamp, street_c, each.lamp_lm) for each in wanted]
     found = [judge_road(*each) for each in zip(wanted, lights, names_of(wanted), strict=True)]
-    for words in (*far_field_warnings(lamp), *coarse_for_roads(lamp)):
-        click.echo(warning_line(words), err=True)
+    for warning in (*far_field_warnings(lamp), *coarse_for_roads(lamp)):
+        click.echo(warning_line(warning), err=True)
     groups = [road_facts(*each) for each in zip(found, wanted, strict=True)]
     if spacing:
         held = (held_spacing(*each) for each in zip(wanted, lights, strict=True))

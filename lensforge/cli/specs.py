@@ -99,8 +99,8 @@ def new(
         click.echo(why, err=True)
 
 
-def _told(words: str) -> None:
-    click.echo(f"lensforge: {words}", err=True)
+def _told(message: str) -> None:
+    click.echo(f"lensforge: {message}", err=True)
 
 
 def _suitable(advice: "LensAdvice") -> tuple[str, str]:
@@ -117,10 +117,10 @@ def _suitable(advice: "LensAdvice") -> tuple[str, str]:
     return advice.advised, f"lensforge: lens: {advice.words}; {advice.why}; --lens selects another"
 
 
-def _asked(option: str, words: str, read: Callable[[str], Any], default: str | None = None) -> Any:
+def _asked(option: str, question: str, read: Callable[[str], Any], default: str | None = None) -> Any:
     """An answer of the person at the terminal, until ``read`` takes it. Raises :class:`InputError` without one."""
     if not _at_terminal():
-        raise InputError(f"{option}: is missing; give the {words}")
+        raise InputError(f"{option}: is missing; give the {question}")
 
     def checked(answer: str) -> Any:
         try:
@@ -128,7 +128,7 @@ def _asked(option: str, words: str, read: Callable[[str], Any], default: str | N
         except InputError as error:
             raise click.UsageError(str(error)) from None
 
-    return click.prompt(words[:1].upper() + words[1:], value_proc=checked, default=default, err=True)
+    return click.prompt(question[:1].upper() + question[1:], value_proc=checked, default=default, err=True)
 
 
 def _at_terminal() -> bool:

@@ -125,8 +125,8 @@ def handover(
                 drawing=drawing,
                 process=other,
             )
-            for words in made.notes:
-                clock.warn(words)
+            for note in made.notes:
+                clock.warn(note)
             made.save(folder)
             here.renew()
         finish_handover(output, here, made, folder)

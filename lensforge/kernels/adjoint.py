@@ -111,9 +111,9 @@ def adjoint_memory(events: int, precision: Precision = DOUBLE_PRECISION) -> Adjo
 def same_way(met: Int[np.ndarray, "n e"]) -> SameWay:
     """Rays that have ``met`` the same, together."""
     numbers = np.lexsort(met.T[::-1])
-    other = (met[numbers[1:]] != met[numbers[:-1]]).any(axis=1)
+    differs = (met[numbers[1:]] != met[numbers[:-1]]).any(axis=1)
     first = [0] if len(met) else []  # no rays, no group
-    return SameWay(numbers, np.concatenate([np.array(first, dtype=np.intp), np.flatnonzero(other) + 1, [len(met)]]))
+    return SameWay(numbers, np.concatenate([np.array(first, dtype=np.intp), np.flatnonzero(differs) + 1, [len(met)]]))
 
 
 @inline
@@ -291,9 +291,9 @@ def store_by_rays(packet, count, placement, by_rays):
                 by_rays.by_points[k, axis] = e[axis] if smooth else 0.0
                 by_rays.by_directions[k, axis] = f[axis] if smooth else 0.0
             for part in range(4):
-                own = turned_back(placement, INTO, three(packet, BY_E + part * FIELD + lane))
+                local = turned_back(placement, INTO, three(packet, BY_E + part * FIELD + lane))
                 for axis in range(3):
-                    by_rays.by_fields[k, 3 * part + axis] = own[axis] if smooth else 0.0
+                    by_rays.by_fields[k, 3 * part + axis] = local[axis] if smooth else 0.0
 
 
 @inline

@@ -130,9 +130,9 @@ def _add(directions, centre, sigma, reach, weight, sums):
     if reach <= NEAR:
         for k in range(len(x)):
             squared = (x[k] - cx) ** 2 + (y[k] - cy) ** 2 + (z[k] - cz) ** 2
-            own = min(squared, reach)
-            value = weight * decay(angle_squared(own) * inverse) if squared <= reach else 0.0
-            slope = value * angle_per_sine(own) * (2.0 * inverse)
+            clipped = min(squared, reach)
+            value = weight * decay(angle_squared(clipped) * inverse) if squared <= reach else 0.0
+            slope = value * angle_per_sine(clipped) * (2.0 * inverse)
             values[k] += value
             sx[k] += slope * cx
             sy[k] += slope * cy

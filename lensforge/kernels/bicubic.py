@@ -185,16 +185,16 @@ def refine(coarse, halfway, fine):
         first = r // 2
         line = halfway[r]
         if r % 2:
-            one = coarse[first]
+            row = coarse[first]
             two = coarse[first + 1]
             three = coarse[first + 2]
             for c in range(len(line)):
-                line[c] = 0.125 * (one[c] + three[c]) + 0.75 * two[c]
+                line[c] = 0.125 * (row[c] + three[c]) + 0.75 * two[c]
         else:
-            one = coarse[first]
+            row = coarse[first]
             two = coarse[first + 1]
             for c in range(len(line)):
-                line[c] = 0.5 * (one[c] + two[c])
+                line[c] = 0.5 * (row[c] + two[c])
         for c in range(len(fine) // 2):
             fine[r, 2 * c] = 0.5 * (line[c] + line[c + 1])
             fine[r, 2 * c + 1] = 0.125 * (line[c] + line[c + 2]) + 0.75 * line[c + 1]
@@ -207,16 +207,16 @@ def refine_adjoint(by_fine, halfway, by_coarse):
     by_coarse[:] = 0.0
     for r in range(len(by_fine)):
         line = halfway[r]
-        own = by_fine[r]
+        row = by_fine[r]
         line[:] = 0.0
-        for c in range(len(own) // 2):
-            even = 0.5 * own[2 * c]
-            odd = own[2 * c + 1]
+        for c in range(len(row) // 2):
+            even = 0.5 * row[2 * c]
+            odd = row[2 * c + 1]
             line[c] += even + 0.125 * odd
             line[c + 1] += even + 0.75 * odd
             line[c + 2] += 0.125 * odd
-        line[len(line) - 2] += 0.5 * own[len(own) - 1]
-        line[len(line) - 1] += 0.5 * own[len(own) - 1]
+        line[len(line) - 2] += 0.5 * row[len(row) - 1]
+        line[len(line) - 1] += 0.5 * row[len(row) - 1]
         first = r // 2
         if r % 2:
             _add(by_coarse[first], 0.125, line)
@@ -271,7 +271,7 @@ class FaceBounds(NamedTuple):
     @staticmethod
     def of(bounds: Sequence[SurfaceBounds]) -> "FaceBounds":
         """The bounds of each surface, together."""
-        least, most, tiles = (np.array([each[number] for each in bounds]) for number in range(3))
+        least, most, tiles = (np.array([bound[number] for bound in bounds]) for number in range(3))
         return FaceBounds(least, most, tiles, bounds[0].per_unit, bounds[0].tan_reach)
 
 

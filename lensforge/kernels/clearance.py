@@ -182,13 +182,13 @@ class PointsToFind(NamedTuple):
 
 
 @kernel
-def nearest_points(table, origin, step, nodes, reach, found):
+def nearest_points(table, origin, step, nodes, reach, out):
     """Fill the feet of points with the nearest chart point, NaN where none is within ``reach`` mm.
 
-    ``nodes``: a :class:`SurfaceNodes`; ``found``: a :class:`PointsToFind`, with the columns and shares of the table's
+    ``nodes``: a :class:`SurfaceNodes`; ``out``: a :class:`PointsToFind`, with the columns and shares of the table's
     coefficients at the feet.
     """
-    points, radial, feet, columns, shares = found
+    points, radial, feet, columns, shares = out
     count = len(nodes.places)
     first = origin + step
     apart = nodes.apart
@@ -217,9 +217,9 @@ def nearest_points(table, origin, step, nodes, reach, found):
         )
         if row >= 0:
             near = row, column  # of the next point, which is likely to be beside this one
-        own = abs(radial[k]) <= ball and radial[k] * radial[k] <= best
-        if own or row >= 0:
-            if not own:
+        is_near = abs(radial[k]) <= ball and radial[k] * radial[k] <= best
+        if is_near or row >= 0:
+            if not is_near:
                 X, Y = within(first + row * apart, first + column * apart)
             X, Y = foot(table, grid, (px, py, pz), X, Y)
             feet[k, 0] = X
@@ -255,7 +255,7 @@ def nearest_on_table(
     ``reach_mm``, and of those beyond the surface, their ``radial_mm`` below 0; of some of the others.
     """
     diagonals = nodes[1:, 1:] - nodes[:-1, :-1], nodes[1:, :-1] - nodes[:-1, 1:]
-    spare = _SPARE * max(float(np.sqrt(np.einsum("ijk,ijk->ij", each, each).max())) for each in diagonals)
+    spare = _SPARE * max(float(np.sqrt(np.einsum("ijk,ijk->ij", diagonal, diagonal).max())) for diagonal in diagonals)
     surface = SurfaceNodes(nodes, _boxes(nodes), apart, spare)
     count = len(points)
     feet = np.full((count, 2), np.nan)
@@ -263,8 +263,8 @@ def nearest_on_table(
     shares = np.empty((count, 16))
 
     def work(rows: slice) -> None:
-        found = PointsToFind(points[rows], radial_mm[rows], feet[rows], columns[rows], shares[rows])
-        nearest_points(table, origin, step, surface, reach_mm, found)
+        batch = PointsToFind(points[rows], radial_mm[rows], feet[rows], columns[rows], shares[rows])
+        nearest_points(table, origin, step, surface, reach_mm, batch)
 
     in_pieces(work, count, worth=_WORTH_SHARING)
     at = np.flatnonzero(~np.isnan(feet[:, 0]))
@@ -273,7 +273,10 @@ def nearest_on_table(
 
 def _boxes(nodes: Float[np.ndarray, "n n 3"]) -> Float[np.ndarray, "b b 2 3"]:
     starts = np.arange(0, len(nodes), _BLOCK)
-    ends = [each.reduceat(each.reduceat(nodes, starts, axis=0), starts, axis=1) for each in (np.minimum, np.maximum)]
+    ends = [
+        extremum.reduceat(extremum.reduceat(nodes, starts, axis=0), starts, axis=1)
+        for extremum in (np.minimum, np.maximum)
+    ]
     return np.stack(ends, axis=2)
 
 
@@ -287,20 +290,20 @@ def ball_exit(ux, uy, uz, corner, growth):
 
 
 @inline
-def cylinder_exit(ux, uy, uz, one, other, growth):
-    """Distance at which a ray leaves the cylinder about the edge from ``one`` to ``other``; -1 where beside it."""
-    ex, ey, ez = other[0] - one[0], other[1] - one[1], other[2] - one[2]
+def cylinder_exit(ux, uy, uz, half_x, half_y, growth):
+    """Distance at which a ray leaves the cylinder about the edge from ``half_x`` to ``half_y``; -1 where beside it."""
+    ex, ey, ez = half_y[0] - half_x[0], half_y[1] - half_x[1], half_y[2] - half_x[2]
     length = sqrt(ex * ex + ey * ey + ez * ez)
     if length < _TINY:
         return -1.0
     ex, ey, ez = ex / length, ey / length, ez / length
     turned = ux * ex + uy * ey + uz * ez
-    start = one[0] * ex + one[1] * ey + one[2] * ez
+    start = half_x[0] * ex + half_x[1] * ey + half_x[2] * ez
     across = 1.0 - turned * turned
     if across < 1e-24:  # along the axis of the cylinder: it leaves through the ball at an end
         return -1.0
-    middle = ux * one[0] + uy * one[1] + uz * one[2] - turned * start
-    squared = one[0] * one[0] + one[1] * one[1] + one[2] * one[2] - start * start
+    middle = ux * half_x[0] + uy * half_x[1] + uz * half_x[2] - turned * start
+    squared = half_x[0] * half_x[0] + half_x[1] * half_x[1] + half_x[2] * half_x[2] - start * start
     under = middle * middle - across * (squared - growth * growth)
     if under < 0.0:
         return -1.0

@@ -81,14 +81,14 @@ class _SharedCache(FunctionCache):
 
     def load_overload(self, signature: Any, target: Any) -> Any:
         """The kernel, compiled before or meanwhile by another process; None where this one is to compile it."""
-        found = super().load_overload(signature, target)
-        if found is None:
+        overload = super().load_overload(signature, target)
+        if overload is None:
             with suppress(OSError):  # no locks on this file system, or no end: compiled once more
                 self._lock.acquire()
-            found = super().load_overload(signature, target)
-            if found is not None:
+            overload = super().load_overload(signature, target)
+            if overload is not None:
                 self._lock.release(force=True)
-        return found
+        return overload
 
     def save_overload(self, signature: Any, compiled: Any) -> None:
         """Keep a kernel that this process has compiled, and let others load it."""

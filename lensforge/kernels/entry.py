@@ -54,14 +54,14 @@ def begin_fields(packet, lane, k, d, fields, placement, sides):
         packet[CLEAR + lane] = 1.0
         if fields is not None:
             for part in range(0, 12, 3):
-                own = turned(placement, INTO, (fields[k, part], fields[k, part + 1], fields[k, part + 2]))
-                write(packet, FIELDS + part * SIZE + lane, own)
+                local = turned(placement, INTO, (fields[k, part], fields[k, part + 1], fields[k, part + 2]))
+                write(packet, FIELDS + part * SIZE + lane, local)
         else:
-            one, other = unpolarised(d)
-            write(packet, FIELDS + lane, one)
-            write(packet, FIELDS + 3 * SIZE + lane, scaled(0.0, one))
-            write(packet, FIELDS + 6 * SIZE + lane, other)
-            write(packet, FIELDS + 9 * SIZE + lane, scaled(0.0, one))
+            first, second = unpolarised(d)
+            write(packet, FIELDS + lane, first)
+            write(packet, FIELDS + 3 * SIZE + lane, scaled(0.0, first))
+            write(packet, FIELDS + 6 * SIZE + lane, second)
+            write(packet, FIELDS + 9 * SIZE + lane, scaled(0.0, first))
 
 
 @inline

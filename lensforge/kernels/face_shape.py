@@ -73,8 +73,8 @@ def eigenvalue_parts(product):
 
 
 @kernel
-def least_curvatures(rho, derivatives, places, sign, found):
-    """Fill ``found`` (k,) with the smaller principal curvature (1/mm) seen from the air: negative where concave.
+def least_curvatures(rho, derivatives, places, sign, out):
+    """Fill ``out`` (k,) with the smaller principal curvature (1/mm) seen from the air: negative where concave.
 
     ``sign``: 1 where the air is outside of the face, -1 where it is inside.
     """
@@ -82,7 +82,7 @@ def least_curvatures(rho, derivatives, places, sign, found):
         slopes, hessian = log_jet(rho, derivatives, k, places)
         v, _, product = stretched(slopes[0] / places.scale[k], slopes[1] / places.scale[k], hessian)
         half, _, deviator = eigenvalue_parts(product)
-        found[k] = (sign * (1.0 - half) - deviator) / (rho[k] * v)
+        out[k] = (sign * (1.0 - half) - deviator) / (rho[k] * v)
 
 
 @inline
@@ -145,15 +145,15 @@ def least_curvatures_adjoint(by, rho, derivatives, places, sign, by_rho, by_deri
 
 
 @kernel
-def draft_sines(rho, derivatives, places, sign, found):
-    """Fill ``found`` (k,) with the sine of the draft angle, ``sign`` times ``n . z`` of the outward normal."""
+def draft_sines(rho, derivatives, places, sign, out):
+    """Fill ``out`` (k,) with the sine of the draft angle, ``sign`` times ``n . z`` of the outward normal."""
     for k in range(len(rho)):
         x = places.x[k]
         y = places.y[k]
         scale = places.scale[k]
         wx, wy = derivatives[0, k] / rho[k], derivatives[1, k] / rho[k]
         gx, gy = wx / scale, wy / scale
-        found[k] = sign * (scale - 1.0 + x * wx + y * wy) / sqrt(1.0 + gx * gx + gy * gy)
+        out[k] = sign * (scale - 1.0 + x * wx + y * wy) / sqrt(1.0 + gx * gx + gy * gy)
 
 
 @kernel

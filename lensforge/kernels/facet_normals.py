@@ -21,10 +21,10 @@ def drawn_slope(k, face, times, noise, keys, slopes):
     rms = slopes[face]
     if times == 0:
         return rms * noise[k, 2 * face], rms * noise[k, 2 * face + 1]
-    one, other = drawn(keys[k], face, times)
+    uniform, second_uniform = drawn(keys[k], face, times)
     # Box and Muller, 1958
-    length = rms * sqrt(-2.0 * log1p(-one))
-    turn = 2.0 * pi * other
+    length = rms * sqrt(-2.0 * log1p(-uniform))
+    turn = 2.0 * pi * second_uniform
     return length * cos(turn), length * sin(turn)
 
 

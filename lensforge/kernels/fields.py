@@ -27,12 +27,16 @@ def unpolarised(d):
     """Two unit vectors across the direction d and each other."""
     x, y, z = abs(d[0]), abs(d[1]), abs(d[2])
     if x <= y and x <= z:
-        one = unit((0.0, d[2], -d[1]))
+        first = unit((0.0, d[2], -d[1]))
     elif y <= z:
-        one = unit((-d[2], 0.0, d[0]))
+        first = unit((-d[2], 0.0, d[0]))
     else:
-        one = unit((d[1], -d[0], 0.0))
-    return one, (d[1] * one[2] - d[2] * one[1], d[2] * one[0] - d[0] * one[2], d[0] * one[1] - d[1] * one[0])
+        first = unit((d[1], -d[0], 0.0))
+    return first, (
+        d[1] * first[2] - d[2] * first[1],
+        d[2] * first[0] - d[0] * first[2],
+        d[0] * first[1] - d[1] * first[0],
+    )
 
 
 @inline
@@ -62,7 +66,7 @@ def reflecting(c, ratio):
     over = 1.0 / (r * r - 1.0)
     P = c * c + r * r * Q * Q
     by_P = 2.0 * c * (1.0 - r * r * r * r)
-    one = c * c - Q * Q
+    real_part = c * c - Q * Q
     by_one = 2.0 * c * (1.0 + r * r)
     two = c * Q
     by_two = Q + c * by_Q
@@ -70,9 +74,9 @@ def reflecting(c, ratio):
     imaginary = 2.0 * r * (r * r + 1.0) / P
     return (
         ((r * r * c * c - Q * Q) * over, -2.0 * r * two * over),
-        (real * one, imaginary * two),
+        (real * real_part, imaginary * two),
         (4.0 * r * r * c * over, -2.0 * r * by_two * over),
-        (real * (by_one - one * by_P / P), imaginary * (by_two - two * by_P / P)),
+        (real * (by_one - real_part * by_P / P), imaginary * (by_two - two * by_P / P)),
     )
 
 
@@ -116,8 +120,8 @@ def turn_vector(y, face):
 @inline
 def field_behind(real, imaginary, face):
     """A field behind a face, its real and its imaginary part; ``face``: a :class:`FieldTurn`."""
-    one, other, _, _ = _before_turn(real, imaginary, face)
-    return turn_vector(one, face), turn_vector(other, face)
+    along, across, _, _ = _before_turn(real, imaginary, face)
+    return turn_vector(along, face), turn_vector(across, face)
 
 
 @inline
@@ -151,9 +155,9 @@ def field_adjoint(real, imaginary, g, h, face):
     k = face.k
     n = face.n
     u = face.u
-    one, other, p, q = _before_turn(real, imaginary, face)
-    g, by_n, by_d, by_b = turn_vector_adjoint(one, g, face)
-    h, also_n, also_d, also_b = turn_vector_adjoint(other, h, face)
+    along, across, p, q = _before_turn(real, imaginary, face)
+    g, by_n, by_d, by_b = turn_vector_adjoint(along, g, face)
+    h, also_n, also_d, also_b = turn_vector_adjoint(across, h, face)
     w, v = dot(n, real), dot(n, imaginary)
     on_p = dot(u, g)
     on_q = dot(u, h)

@@ -59,21 +59,21 @@ FIELD = 3 * SIZE  # from one part of a field to the next
 
 
 @inline
-def begin_forward(packet, count, own, placement):
-    """Fields with which all rays begin, their ``own`` or those of unpolarised light; nothing is absorbed yet."""
+def begin_forward(packet, count, local_fields, placement):
+    """Fields with which all rays begin: their ``local_fields``, or unpolarised light; nothing is absorbed yet."""
     for lane in range(count):
         packet[CLEAR + lane] = 1.0
         packet[SMOOTH + lane] = 1.0
-        if own is None:
-            one, other = unpolarised(three(packet, FIRST_EVENT + D + lane))
-            write(packet, E + lane, one)
-            write(packet, E + FIELD + lane, scaled(0.0, one))
-            write(packet, E + 2 * FIELD + lane, other)
-            write(packet, E + 3 * FIELD + lane, scaled(0.0, one))
+        if local_fields is None:
+            first, second = unpolarised(three(packet, FIRST_EVENT + D + lane))
+            write(packet, E + lane, first)
+            write(packet, E + FIELD + lane, scaled(0.0, first))
+            write(packet, E + 2 * FIELD + lane, second)
+            write(packet, E + 3 * FIELD + lane, scaled(0.0, first))
         else:
             k = int(packet[RAY + lane])
             for part in range(4):
-                field = own[k, 3 * part], own[k, 3 * part + 1], own[k, 3 * part + 2]
+                field = local_fields[k, 3 * part], local_fields[k, 3 * part + 1], local_fields[k, 3 * part + 2]
                 write(packet, E + part * FIELD + lane, turned(placement, INTO, field))
 
 
@@ -98,9 +98,9 @@ def refract_all_at(packet, count, face, rays):
 
 
 @inline
-def put_amplitudes(packet, k, found):
+def put_amplitudes(packet, k, amplitudes):
     """Write amplitudes and their derivatives."""
-    (packet[A + k], packet[A + SIZE + k]), (packet[K + k], packet[K + SIZE + k]), by_a, by_k = found
+    (packet[A + k], packet[A + SIZE + k]), (packet[K + k], packet[K + SIZE + k]), by_a, by_k = amplitudes
     packet[A_BY_C + k], packet[A_BY_C + SIZE + k] = by_a
     packet[K_BY_C + k], packet[K_BY_C + SIZE + k] = by_k
 

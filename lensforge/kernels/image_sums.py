@@ -30,7 +30,7 @@ class RaysAtReceiver(NamedTuple):
 
     def part(self, part: slice) -> "RaysAtReceiver":
         """Some of the rays."""
-        return RaysAtReceiver(*(each[part] for each in self))
+        return RaysAtReceiver(*(column[part] for column in self))
 
 
 class ByRaysAtReceiver(NamedTuple):
@@ -47,7 +47,7 @@ class ByRaysAtReceiver(NamedTuple):
 
     def part(self, part: slice) -> "ByRaysAtReceiver":
         """Sensitivities to some of the rays."""
-        return ByRaysAtReceiver(*(each[part] for each in self))
+        return ByRaysAtReceiver(*(column[part] for column in self))
 
 
 @inline

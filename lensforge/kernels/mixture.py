@@ -27,13 +27,13 @@ class SeenRays(NamedTuple):
 
     def take(self, rows: slice | Int[np.ndarray, " k"]) -> "SeenRays":
         """Some of the rays."""
-        return SeenRays(*(each[rows] for each in self))
+        return SeenRays(*(column[rows] for column in self))
 
 
 @_reordered
-def densities(rays, place, angle, found):
-    """Put the density of each ray into ``found``."""
-    for ray in range(len(found)):
+def densities(rays, place, angle, out):
+    """Put the density of each ray into ``out``."""
+    for ray in range(len(out)):
         total = np.float32(0.0)
         cell = rays.cells[ray]
         nodes = rays.nodes
@@ -49,14 +49,14 @@ def densities(rays, place, angle, found):
         for k in range(place.shape[1]):
             at_angle = a * angle[first, k] + b * angle[second, k] + c * angle[third, k] + d * angle[last, k]
             total += at_angle * place[cell, k]
-        found[ray] = total
+        out[ray] = total
 
 
 @_reordered
-def expect(rays, found, place, angle, by_place, by_angle):
+def expect(rays, density, place, angle, by_place, by_angle):
     """Add the expected weight of each factor, over its own, in each cell to ``by_place`` and of each function to
-    ``by_angle``, of rays of densities ``found``."""
-    for ray in range(len(found)):
+    ``by_angle``, of rays of densities ``density``."""
+    for ray in range(len(density)):
         cell = rays.cells[ray]
         nodes = rays.nodes
         shares = rays.shares
@@ -64,7 +64,7 @@ def expect(rays, found, place, angle, by_place, by_angle):
         second = nodes[ray, 1]
         third = nodes[ray, 2]
         last = nodes[ray, 3]
-        ratio = rays.weights[ray] / found[ray]
+        ratio = rays.weights[ray] / density[ray]
         a = ratio * shares[ray, 0]
         b = ratio * shares[ray, 1]
         c = ratio * shares[ray, 2]

@@ -101,10 +101,10 @@ def least_bend(table, i, j, origin, step):
     xx = xx + (2.0 * X * x - along) / per
     yy = yy + (2.0 * Y * y - along) / per
     xy = xy + (X * y + Y * x) / per
-    one = 2.0 * x * x / rho - xx
-    other = 2.0 * y * y / rho - yy
-    mean = 0.5 * (one + other)
-    apart = 0.5 * (one - other)
+    bend_x = 2.0 * x * x / rho - xx
+    bend_y = 2.0 * y * y / rho - yy
+    mean = 0.5 * (bend_x + bend_y)
+    apart = 0.5 * (bend_x - bend_y)
     across = 2.0 * x * y / rho - xy
     return (rho + per * per * (mean - sqrt(apart * apart + across * across))) / (rho * rho), rho
 
@@ -117,23 +117,23 @@ def hollow(table, origin, step, ball, bends):
     """
     side = table.shape[0]
     rim = 1.0 + step
-    found = 0.0
+    hollowest = 0.0
     for i in range(1, side - 1):
-        own = bends[i % 2]
+        bend = bends[i % 2]
         before = bends[(i + 1) % 2]
         for j in range(1, side - 1):
-            own[j, 0], own[j, 1] = least_bend(table, i, j, origin, step)
+            bend[j, 0], bend[j, 1] = least_bend(table, i, j, origin, step)
             if i == 1 or j == 1:
                 continue
             X = nearest(origin, step, i - 1, i)
             Y = nearest(origin, step, j - 1, j)
-            radius = min(min(own[j, 1], own[j - 1, 1]), min(before[j, 1], before[j - 1, 1]))
+            radius = min(min(bend[j, 1], bend[j - 1, 1]), min(before[j, 1], before[j - 1, 1]))
             if rim * rim < X * X + Y * Y or radius > ball * (1.0 + step):
                 continue
-            lowest = min(min(own[j, 0], own[j - 1, 0]), min(before[j, 0], before[j - 1, 0]))
-            highest = max(max(own[j, 0], own[j - 1, 0]), max(before[j, 0], before[j - 1, 0]))
-            found = max(found, highest - 2.0 * lowest)
-    return found
+            lowest = min(min(bend[j, 0], bend[j - 1, 0]), min(before[j, 0], before[j - 1, 0]))
+            highest = max(max(bend[j, 0], bend[j - 1, 0]), max(before[j, 0], before[j - 1, 0]))
+            hollowest = max(hollowest, highest - 2.0 * lowest)
+    return hollowest
 
 
 def chain_bounds(
@@ -144,7 +144,7 @@ def chain_bounds(
     step: float,
 ) -> FaceBounds:
     """The ``bounds`` with those that a chain needs, of faces with these media ``before`` them."""
-    balls = [farthest_nearest(tables, np.flatnonzero(before == own), origin, step) for own in before]
+    balls = [farthest_nearest(tables, np.flatnonzero(before == medium), origin, step) for medium in before]
     memory = np.empty((2, tables.shape[1], 2))
     hollows = [hollow(table, origin, step, ball, memory) for table, ball in zip(tables, balls, strict=True)]
     return bounds._replace(balls=np.array(balls), hollows=np.array(hollows))

@@ -87,13 +87,13 @@ def in_parallel(work: Callable[[int], Any], count: int, *, shared: bool = True) 
         for number in numbers:  # each is given to one thread
             work(number)
 
-    others = [_pool(threads).submit(take_turns) for _ in range(min(threads, count) - 1)]
+    futures = [_pool(threads).submit(take_turns) for _ in range(min(threads, count) - 1)]
     try:
         take_turns()
     finally:
-        for other in others:
-            if not other.cancel():  # it has begun
-                other.result()
+        for future in futures:
+            if not future.cancel():  # it has begun
+                future.result()
 
 
 def in_parallel_map(work: Callable[[_Item], _Result], items: Sequence[_Item]) -> list[_Result]:

@@ -209,8 +209,8 @@ def keep_fields(packet, lane, placement, fields):
     if fields is not None:
         k = int(packet[RAY + lane])
         for part in range(4):
-            own = turned(placement, BACK, three(packet, FIELDS + 3 * part * SIZE + lane))
-            fields[k, 3 * part], fields[k, 3 * part + 1], fields[k, 3 * part + 2] = own
+            local = turned(placement, BACK, three(packet, FIELDS + 3 * part * SIZE + lane))
+            fields[k, 3 * part], fields[k, 3 * part + 1], fields[k, 3 * part + 2] = local
 
 
 @inline

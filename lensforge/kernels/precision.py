@@ -38,7 +38,7 @@ def in_single(function: Function) -> Function:
     code = _code_in_single(plain.__code__)
     name = f"{plain.__qualname__}_in_single"
     known = {**vars(builtins), "float": np.float32, **plain.__globals__}
-    names = {each: _in_single(known[each]) for each in (*code.co_names, "__name__") if each in known}
+    names = {name: _in_single(known[name]) for name in (*code.co_names, "__name__") if name in known}
     copy = FunctionType(code, names, name)
     copy.__qualname__ = name
     options = cast(Dispatcher, function).targetoptions
@@ -46,7 +46,7 @@ def in_single(function: Function) -> Function:
 
 
 def _code_in_single(code: CodeType) -> CodeType:
-    return code.replace(co_consts=tuple(_in_single(each) for each in code.co_consts))
+    return code.replace(co_consts=tuple(_in_single(constant) for constant in code.co_consts))
 
 
 def _in_single(value: Any) -> Any:
@@ -77,8 +77,8 @@ class Precision:
         if isinstance(values, np.ndarray):
             return values.astype(self.kind) if values.dtype == np.float64 else values
         if isinstance(values, tuple):
-            found = map(self.of, values)
-            return type(values)(*found) if hasattr(values, "_fields") else tuple(found)
+            converted = map(self.of, values)
+            return type(values)(*converted) if hasattr(values, "_fields") else tuple(converted)
         return self.kind(values) if isinstance(values, float) else values
 
 

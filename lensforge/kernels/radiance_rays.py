@@ -81,21 +81,22 @@ def emit(points, sums, places, directions):
             planes = sums.by_square[row, column, first, rises - 1], sums.by_square[row, column, second, rises - 1]
             between = _linear(planes[0], planes[1], rest)
             azimuth = sums.azimuths[first] + between * (sums.azimuths[second] - sums.azimuths[first])
-        own = 1.0 - between
+        weight = 1.0 - between
         low = 0
         high = rises - 1
-        wanted = own * sums.by_square[row, column, first, high] + between * sums.by_square[row, column, second, high]
+        wanted = weight * sums.by_square[row, column, first, high] + between * sums.by_square[row, column, second, high]
         wanted *= points[ray, 2]
         while high - low > 1:
             middle = (low + high) // 2
             here = (
-                own * sums.by_square[row, column, first, middle] + between * sums.by_square[row, column, second, middle]
+                weight * sums.by_square[row, column, first, middle]
+                + between * sums.by_square[row, column, second, middle]
             )
             low, high = (low, middle) if here > wanted else (middle, high)
-        before = own * sums.by_square[row, column, first, low] + between * sums.by_square[row, column, second, low]
-        after = own * sums.by_square[row, column, first, high] + between * sums.by_square[row, column, second, high]
-        inner = own * sums.radiance[row, column, first, low] + between * sums.radiance[row, column, second, low]
-        outer = own * sums.radiance[row, column, first, high] + between * sums.radiance[row, column, second, high]
+        before = weight * sums.by_square[row, column, first, low] + between * sums.by_square[row, column, second, low]
+        after = weight * sums.by_square[row, column, first, high] + between * sums.by_square[row, column, second, high]
+        inner = weight * sums.radiance[row, column, first, low] + between * sums.radiance[row, column, second, low]
+        outer = weight * sums.radiance[row, column, first, high] + between * sums.radiance[row, column, second, high]
         rise = _linear(inner, outer, _within(before, after - before, wanted))
         square = sums.squares[low] + rise * (sums.squares[high] - sums.squares[low])
         sine = sqrt(square)

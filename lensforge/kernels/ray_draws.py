@@ -9,8 +9,10 @@ from jaxtyping import Float, UInt64
 
 from lensforge.kernels.compiled import inline, kernel
 
-_GOLDEN, _FIRST, _SECOND = (np.uint64(each) for each in (0x9E3779B97F4A7C15, 0xBF58476D1CE4E5B9, 0x94D049BB133111EB))
-_27, _30, _31, _11 = (np.uint64(each) for each in (27, 30, 31, 11))
+_GOLDEN, _FIRST, _SECOND = (
+    np.uint64(constant) for constant in (0x9E3779B97F4A7C15, 0xBF58476D1CE4E5B9, 0x94D049BB133111EB)
+)
+_27, _30, _31, _11 = (np.uint64(count) for count in (27, 30, 31, 11))
 _ULP = 2.0**-53
 _FACES = 256  # more than those that scatter
 
@@ -50,7 +52,7 @@ def draw_all(keys, face, times, numbers):
 
 def keys_of(origins: Float[np.ndarray, "n 3"], directions: Float[np.ndarray, "n 3"]) -> UInt64[np.ndarray, " n"]:
     """Keys of rays that begin at these points along these directions."""
-    starts, ways = (np.ascontiguousarray(each).view(np.uint64) for each in (origins, directions))
+    starts, ways = (np.ascontiguousarray(vectors).view(np.uint64) for vectors in (origins, directions))
     keys = np.empty(len(starts), np.uint64)
     fill_keys(starts, ways, keys)
     return keys

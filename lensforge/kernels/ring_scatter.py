@@ -91,9 +91,9 @@ def shift_at(k, face, times, c, shifts, keys):
     """The shift of ray k at a face that it has met so many ``times`` before; whether there is any, too."""
     if shifts.sizes[face, 0] == 0:
         return Shift(0.0, 0.0, 1.0, (1.0, 0.0), 0.0), False
-    one, other = numbers_at(k, face, times, shifts, keys)
-    amount, slope = amount_at(one, face, c, shifts)
-    x, y = cos(2.0 * pi * other), sin(2.0 * pi * other)
+    uniform, second_uniform = numbers_at(k, face, times, shifts, keys)
+    amount, slope = amount_at(uniform, face, c, shifts)
+    x, y = cos(2.0 * pi * second_uniform), sin(2.0 * pi * second_uniform)
     keep = shifts.follows[face] if amount > 0.0 else 1.0
     return Shift(amount * x, amount * y, keep, (x, y), slope), amount > 0.0
 
@@ -144,10 +144,10 @@ def spread_adjoint(b, shift, face, g):
 
 
 @inline
-def turn_between(one, other):
+def turn_between(before, behind):
     """The turn of fields from one direction to another, about their common normal."""
     none = (0.0, 0.0)
-    return FieldTurn(none, none, one, one, one, other, False)
+    return FieldTurn(none, none, before, before, before, behind, False)
 
 
 @inline

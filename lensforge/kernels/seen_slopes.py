@@ -72,17 +72,17 @@ def added_slope(rms, c, along):
     """
     sign = 1.0 if c > 0.0 else -1.0
     cosine = sign * c
-    own = sign * along
+    slope = sign * along
     squared = max(1.0 - c * c, 0.0)
     sine = sqrt(squared)
     if rms * sine <= _ALONG * cosine:
         per = rms * rms / cosine
-        a = own / cosine
+        a = slope / cosine
         rest = a * a - rms * rms * squared / (cosine * cosine)
         added = per * (1.0 - 0.5 * a + rest / 3.0)
         by_c = per / cosine * (a - 1.0 - rest + 2.0 / 3.0 * rms * rms)
         return sign * added, by_c, per / cosine * (2.0 / 3.0 * a - 0.5)
-    a = own / (rms * sine)
+    a = slope / (rms * sine)
     x, by_a, by_k = seen_number(a, cosine / (rms * sine))
     by_c = by_k / (squared * squared) + rms * cosine / (squared * sine) * ((by_a - 1.0) * a + x - a)
     return sign * rms * (x - a) / sine, by_c, (by_a - 1.0) / squared

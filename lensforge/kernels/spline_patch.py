@@ -10,8 +10,8 @@ from lensforge.kernels.compiled import as_written
 
 
 @as_written
-def spline_points(knots, control, degree, orders, places, basis, found):
-    """Fill ``found`` (k, n, 3) with the derivatives of k ``orders`` (k, 2) by both parameters at ``places`` (n, 2).
+def spline_points(knots, control, degree, orders, places, basis, out):
+    """Fill ``out`` (k, n, 3) with the derivatives of k ``orders`` (k, 2) by both parameters at ``places`` (n, 2).
 
     ``knots`` of both, ``control`` points (m, m, 3); ``basis``: workspace of (2, 1 + highest order, degree + 1). Beyond
     the knots the outermost polynomials go on.
@@ -20,7 +20,7 @@ def spline_points(knots, control, degree, orders, places, basis, found):
     for row in range(len(places)):
         u, v = places[row, 0], places[row, 1]
         if not abs(u) + abs(v) < np.inf:
-            found[:, row] = np.nan
+            out[:, row] = np.nan
             continue
         first_u, first_v = _interval(knots, degree, last, u), _interval(knots, degree, last, v)
         for order in range(basis.shape[1]):
@@ -36,9 +36,9 @@ def spline_points(knots, control, degree, orders, places, basis, found):
                     x += near[i, j, 0] * weight
                     y += near[i, j, 1] * weight
                     z += near[i, j, 2] * weight
-            found[k, row, 0] = x
-            found[k, row, 1] = y
-            found[k, row, 2] = z
+            out[k, row, 0] = x
+            out[k, row, 1] = y
+            out[k, row, 2] = z
 
 
 @as_written
@@ -56,20 +56,20 @@ def _interval(knots, degree, last, place):
 
 
 @as_written
-def _functions(knots, place, degree, interval, order, found):
+def _functions(knots, place, degree, interval, order, out):
     """Derivatives of an ``order`` of the functions that are not 0 in an interval (de Boor, with ``_deBoor_D``)."""
-    found[0] = 1.0
+    out[0] = 1.0
     for rising in range(1, degree + 1):
         carried = 0.0
         for n in range(rising):
             above = knots[interval + n + 1]
             below = knots[interval + n + 1 - rising]
-            share = 0.0 if above == below else found[n] / (above - below)
+            share = 0.0 if above == below else out[n] / (above - below)
             if rising > degree - order:
-                share = 0.0 if above == below else rising * found[n] / (above - below)
-                found[n] = carried - share
+                share = 0.0 if above == below else rising * out[n] / (above - below)
+                out[n] = carried - share
                 carried = share
             else:
-                found[n] = carried + share * (above - place)
+                out[n] = carried + share * (above - place)
                 carried = share * (place - below)
-        found[rising] = carried
+        out[rising] = carried

@@ -20,20 +20,20 @@ from lensforge.kernels.traced_body import index_in
 def choose_nearest(packet, count, rays, body):
     """Take what :func:`meet_nearest` has found as the crossing of each ray, with the media on both sides."""
     for lane in range(count):
-        found = packet[NEXT_STATUS + lane] == FOUND
+        is_met = packet[NEXT_STATUS + lane] == FOUND
         face = int(packet[FACE + lane])
         medium = packet[MEDIUM + lane]
         packet[STATUS + lane] = packet[NEXT_STATUS + lane]
-        packet[LENGTH + lane] = packet[NEXT + lane] if found else 0.0
+        packet[LENGTH + lane] = packet[NEXT + lane] if is_met else 0.0
         packet[RHO_X + lane] = packet[NEXT_X + lane]
         packet[RHO_Y + lane] = packet[NEXT_Y + lane]
-        if found:
+        if is_met:
             k = int(packet[RAY + lane])
             before = body.sides.before[face]
             behind = body.sides.behind[face]
             packet[SIDE + lane] = 1.0 if medium == before else -1.0
-            other = behind if medium == before else before
-            packet[RATIO + lane] = index_in(medium, k, rays, body) / index_in(other, k, rays, body)
+            medium_behind = behind if medium == before else before
+            packet[RATIO + lane] = index_in(medium, k, rays, body) / index_in(medium_behind, k, rays, body)
 
 
 @inline

@@ -55,10 +55,14 @@ class RaysIn(NamedTuple):
 
     def part(self, part: slice) -> "RaysIn":
         """Some of the rays."""
-        indices, absorptions, films = (part_of(each, part) for each in (self.indices, self.absorptions, self.film_rows))
-        noise, fields, keys = (None if each is None else each[part] for each in (self.noise, self.fields, self.keys))
+        indices, absorptions, films = (
+            part_of(table, part) for table in (self.indices, self.absorptions, self.film_rows)
+        )
+        noise, fields, keys = (
+            None if by_ray is None else by_ray[part] for by_ray in (self.noise, self.fields, self.keys)
+        )
         shifts = None if self.shifts is None else self.shifts.part(part)
-        origins, directions, emitted = (each[part] for each in (self.origins, self.directions, self.emitted))
+        origins, directions, emitted = (by_ray[part] for by_ray in (self.origins, self.directions, self.emitted))
         return RaysIn(origins, directions, emitted, indices, absorptions, films, noise, fields, shifts, keys)
 
 

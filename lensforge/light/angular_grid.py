@@ -170,7 +170,7 @@ class AngularGrid:
         ``flux`` of each cone: typical nodes are those where the light is.
 
         What a sample changes has two parts: its own values, and how far those of all are drawn. With the second by the
-        jackknife the scatter is up to 1.5 times too large, without it 1.4 times too small: half of it is taken.
+        jackknife errors are up to 1.5 times what they scatter by, without it 0.5 to 0.9: two thirds of it are taken.
         """
         total = float(flux.sum())
         if not total > 0.0:
@@ -183,7 +183,8 @@ class AngularGrid:
             return drawn
         rest = [self._drawn_to_parabolas(np.delete(means, k, axis=0), most).mean(axis=0) for k in range(count)]
         influences = (count - 1) * (np.mean(rest, axis=0) - rest)
-        return drawn.mean(axis=0) + 0.5 * (drawn - drawn.mean(axis=0) + influences)
+        mean = drawn.mean(axis=0)
+        return mean + (1.0 - _JACKKNIFE) * (drawn - mean) + _JACKKNIFE * influences
 
     def _drawn_to_parabolas(self, means: Float[np.ndarray, "p g"], most: int) -> Float[np.ndarray, "p g"]:
         """``means`` with the first 3 to ``most`` cones drawn to their parabolas, one after the other.
@@ -242,6 +243,7 @@ class AngularGrid:
         return TabulatedIntensity(np.append(self.c_deg, 360.0), self.gamma_deg, closed)
 
 
+_JACKKNIFE = 2.0 / 3.0  # share in the errors of cones about the axis
 _POLE_NODES = 4.0  # typical nodes whose solid angle the cones about the axis hold together
 _FADING_STEPS = 4  # of gamma before the horizon
 _FINEST_PLANES = 576  # every 0.625 degrees

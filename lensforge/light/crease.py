@@ -163,7 +163,7 @@ class OnFaces:
 
     def take(self, rows: Int[np.ndarray, " k"]) -> "OnFaces":
         """Select some of the places."""
-        return OnFaces(*(getattr(self, each.name)[rows] for each in fields(self)))
+        return OnFaces(*(getattr(self, field.name)[rows] for field in fields(self)))
 
     def add(self, by_radius: _Values, total: Tables) -> None:
         """Add derivatives by the radius at each place to those by the coefficients of the tables."""

@@ -214,8 +214,8 @@ def evaluate_traced(
     receivers, limits = receivers_of(spec, side), [limit for limit in limits if not limit.of_road]
     zones = [zones_on(number, limits) for number in range(len(receivers))]
     regions = [
-        (drawn_target(section.targets, receiver), *own)
-        for section, receiver, own in zip(spec.all_receivers, receivers, zones, strict=True)
+        (drawn_target(section.targets, receiver), *eyee)
+        for section, receiver, eyee in zip(spec.all_receivers, receivers, zones, strict=True)
     ]
     views = eye_views(spec) if any(limit.of_view for limit in limits) else ()
     simulation = simulate(
@@ -231,8 +231,8 @@ def evaluate_traced(
     )
     eyes = tuple(_seen(traced, source, seed, zip(views, seen, strict=True)))
     images = [gaussian3(each.images, variance) for each in looked_at] if limits else []
-    for view, received, own in zip(views, seen, eyes, strict=True):
-        images.append(received.images / (own.outline_mm2 or np.inf) if view.of_mean else received.images)
+    for view, received, eye in zip(views, seen, eyes, strict=True):
+        images.append(received.images / (eye.outline_mm2 or np.inf) if view.of_mean else received.images)
     losses = [_losses(received, simulation.by_way) for received in looked_at] if limits else []
     shares = [each.in_regions[:, 1:] / simulation.emitted_w for each in looked_at]
     names = [each.name for each in lit] + [""] * len(views)

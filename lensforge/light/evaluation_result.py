@@ -10,6 +10,7 @@ from pydantic import Field
 from lensforge.light.light_ways import LightWay
 from lensforge.light.receiver_light import Flux, MissedByCause, Picture, Possible, RawMetrics, ReceiverLight
 from lensforge.light.seen_lens import SeenLens
+from lensforge.public import public
 from lensforge.results import Count, Fact, Image, Metric, NotNegative, Positive, Record, ResultByLed, Text, stated
 from lensforge.results.arguments import require_choice
 from lensforge.results.chart import light_unit
@@ -75,6 +76,7 @@ class FittedLight(Record):
 MetricName = Literal["nmse", "uniformity", "rsd", "efficiency", "share_in_target"]
 
 
+@public
 class Light(ResultByLed):
     """Light of a lens on its receivers, simulated with independent replicates of rays.
 
@@ -219,7 +221,9 @@ class Light(ResultByLed):
 
     def __str__(self) -> str:
         several = len(self.receivers) > 1
-        figures = "; ".join(f"{each.name}: {_figures(each)}" if several else _figures(each) for each in self.receivers)
+        figures = "; ".join(
+            f"{receiver.name}: {_figures(receiver)}" if several else _figures(receiver) for receiver in self.receivers
+        )
         figures += "".join(f"; with {other.led}: {_figures(other.receivers[0])}" for other in self.others)
         where = "" if self.conditions is None else f" under other conditions ({self.conditions})"
         rows, columns = self.map.shape
@@ -233,7 +237,7 @@ class Light(ResultByLed):
         Raises :class:`InputError` for an unknown map or receiver.
         """
         require_choice("which", which, get_args(Picture))
-        named = {each.name: each for each in self.receivers}
+        named = {receiver.name: receiver for receiver in self.receivers}
         if receiver is not None:
             require_choice("receiver", receiver, named)
         shown = self.first if receiver is None else named[receiver]

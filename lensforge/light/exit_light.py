@@ -125,7 +125,7 @@ def trace_exit_light(
     for number in range(_ROUNDS):
         count = min(-(-(wanted - sums.rays) // PARTS), _MOST_AT_ONCE)
         own_seeds = (seeds.of_far_field(seed, PARTS * _ROUNDS, number * PARTS + part) for part in range(PARTS))
-        sums.add(source.sample(count, own) for own in own_seeds)
+        sums.add(source.sample(count, seed) for seed in own_seeds)
         if sums.rays < wanted:
             continue
         light = sums.light()
@@ -184,7 +184,7 @@ class _Sums:
         grid = self._grid
         assert grid is not None
         samples, zones, by_fate = (
-            np.stack([each / weight for each, weight in zip(sums, self._weights, strict=True)])
+            np.stack([sum / weight for sum, weight in zip(sums, self._weights, strict=True)])
             for sums in (self._deposits, self._zones, self._by_fate)
         )
         coarsest = COARSEST_OF_ROADS if self._meter.for_roads else COARSEST

@@ -40,7 +40,7 @@ def judged_limits(
 
     ``losses``: flux (W) by cause of its loss, ``shares``: of the flux in each zone of a limit on it, likewise.
     """
-    in_zones = [iter(each.T) for each in shares]
+    in_zones = [iter(share.T) for share in shares]
 
     def value(limit: LightLimit) -> Metric:
         if limit.region is not None and shares:
@@ -100,8 +100,8 @@ def colours_left_out(
     if section is None:
         return
     found = distances_left_out(pictures, section.level)
-    for words in section.bounds:
-        yield np.array([(_NO_COLOUR if each is None else each[words]).value for each in found])
+    for bound in section.bounds:
+        yield np.array([(_NO_COLOUR if each is None else each[bound]).value for each in found])
 
 
 _OF_COLOUR = "take a larger lens, a softer edge of the target, or a face that scatters"

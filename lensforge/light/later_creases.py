@@ -141,7 +141,7 @@ class _Changes:
 
     def take(self, rows: np.ndarray) -> "_Changes":
         """Select some."""
-        return _Changes(*(getattr(self, each.name)[rows] for each in fields(self)))
+        return _Changes(*(getattr(self, field.name)[rows] for field in fields(self)))
 
     def narrowed(self, fans: Fans, trace: _Trace) -> "_Changes":
         """Narrow each interval down to the first change in it."""

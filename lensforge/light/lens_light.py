@@ -9,8 +9,9 @@ from lensforge.errors import InputError
 from lensforge.kernels.parallel import kernel_threads
 from lensforge.light.evaluation_result import Light
 from lensforge.light.photometry_result import Photometry
+from lensforge.public import public
 from lensforge.results import Conditions
-from lensforge.results.arguments import count_of, number_of, require
+from lensforge.results.arguments import count_of, number_of, require, with_known_names
 from lensforge.results.record import MOST_PIXELS
 from lensforge.scene.lens import Lens
 from lensforge.scene.lens_at_temperature import at_temperature
@@ -27,6 +28,8 @@ from lensforge.spec.source_list import source_with_file
 from lensforge.spec.spec_files import input_hashes, section_sha256
 
 
+@public
+@with_known_names
 def evaluate(
     lens: Lens,
     *,
@@ -91,6 +94,8 @@ def evaluate(
     return light.changed(**update, place=place)
 
 
+@public
+@with_known_names
 def photometry(
     lens: Lens,
     *,

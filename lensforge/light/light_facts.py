@@ -18,6 +18,7 @@ from lensforge.light.receiver_light import METRICS, REGIONS, ReceiverLight, judg
 from lensforge.light.road_lighting import RoadFigures, road_facts, with_remedies, worst_on_roads
 from lensforge.light.seen_lens import seen_groups
 from lensforge.optics.fundamental_limits import BY_SYMMETRY, LEVELS, transmittance_of
+from lensforge.public import public
 from lensforge.results import Fact, Group, Metric
 from lensforge.results.chart import LightUnit, light_unit
 from lensforge.results.criteria import missed
@@ -32,6 +33,7 @@ from lensforge.spec.light_limits import BeamAngleLimit
 from lensforge.spec.road_section import names_of
 
 
+@public
 class Attainable(NamedTuple):
     """Most light that physics allows, and the law that says so."""
 

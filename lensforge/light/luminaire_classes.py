@@ -49,7 +49,7 @@ class LampLight:
         Of one sample alone the first.
         """
         total, count = self.samples.sum(axis=0), len(self.samples)
-        rest = [(total - one) / (count - 1) for one in self.samples] if count > 1 else []
+        rest = [(total - sample) / (count - 1) for sample in self.samples] if count > 1 else []
         tables = [self.grid.table(each).values[:-1] for each in (total / count, *rest) if each.sum() > 0.0]
         return replace(self, samples=np.stack(tables))
 

@@ -24,7 +24,7 @@ def luminous_opening(lens: Lens, lamps: Lamps) -> LuminousOpening:
 
     It is as high as the highest point by which light leaves, given bodies included, lies above the lowest rim.
     """
-    exits = {each.kind: _exit(each) for each in lens.kinds}
+    exits = {kind.kind: _exit(kind) for kind in lens.kinds}
     if lamps.is_single:
         points, rim = exits[lens.kind]
         across = 2.0 * float(np.hypot(points[:, 0], points[:, 1]).max())
@@ -35,7 +35,7 @@ def luminous_opening(lens: Lens, lamps: Lamps) -> LuminousOpening:
     for number, lamp in enumerate(lamps.lamps):
         key = kind_of.get(number, lens.kind), lamp.axis, lamp.turn_deg
         if key not in turned:
-            points, rim = (lamp.pose.points(each) - lamp.place_mm for each in exits[key[0]])
+            points, rim = (lamp.pose.points(exit_mm) - lamp.place_mm for exit_mm in exits[key[0]])
             turned[key] = np.stack([points.min(axis=0), points.max(axis=0), rim.min(axis=0)])
         ends[number] = turned[key] + lamp.place_mm
     low, high, rims = ends[:, 0].min(axis=0), ends[:, 1].max(axis=0), ends[:, 2].min(axis=0)
@@ -63,7 +63,7 @@ def _exit(lens: Lens) -> tuple[_Points, _Points]:
         sine = np.sin(polars)
         directions = np.stack([sine * np.cos(_AZIMUTHS), sine * np.sin(_AZIMUTHS), np.cos(polars)], axis=-1)
         which, flat = nearest(faces, directions), directions.reshape(-1, 3)
-        radius = np.min([faces[each].surface.radius(flat) for each in numbers], axis=0).reshape(polars.shape)
+        radius = np.min([faces[number].surface.radius(flat) for number in numbers], axis=0).reshape(polars.shape)
         return np.isin(which, numbers), radius[..., None] * directions
 
     lit, points = seen(np.tile(_POLARS, (len(_AZIMUTHS), 1)))

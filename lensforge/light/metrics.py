@@ -30,6 +30,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from lensforge.results import Image, Metric
+from lensforge.results.replicate_pairs import error_over_pairs, mean_over_pairs
 
 
 def jackknife_metric(
@@ -40,7 +41,7 @@ def jackknife_metric(
     value = statistic(total / count)
     if count < 2:
         return Metric(value=value, unit=unit)
-    error = jackknife_error(np.array([statistic((total - one) / (count - 1)) for one in replicates]))
+    error = jackknife_error(np.array([statistic((total - replicate) / (count - 1)) for replicate in replicates]))
     return Metric(value=value, unit=unit, standard_error=error)
 
 
@@ -195,32 +196,9 @@ def _ratio_of_squares(
 ) -> tuple[float, Float[np.ndarray, "r r"]]:
     """``|E errors|^2 / (E scales)^2`` without noise, and how far each pair of replicates is from it."""
     squares, norms = errors @ errors.T, np.outer(scales, scales)
-    norm = _over_pairs(norms)
-    value = _over_pairs(squares) / norm
+    norm = mean_over_pairs(norms)
+    value = mean_over_pairs(squares) / norm
     return value, (squares - value * norms) / norm
-
-
-def _over_pairs(products: Float[np.ndarray, "r r"]) -> float:
-    count = len(products)
-    return float((products.sum() - np.trace(products)) / (count * (count - 1)))
-
-
-def error_over_pairs(products: Float[np.ndarray, "r r"]) -> float:
-    """Standard error of the mean of ``products`` over all pairs of different replicates.
-
-    A product is the mean, an effect of either replicate, and an interaction of the two, whose variance is z. The
-    jackknife gives 4 z / (r (r - 2)) for the interactions, of which it is 2 z / (r (r - 1)): twice too much where noise
-    outweighs the square, so the difference is taken off (Efron & Stein 1981).
-    """
-    count = len(products)
-    mean = _over_pairs(products)
-    sums = products.sum(axis=1) - np.diag(products)
-    effects = (sums - (count - 1) * mean) / (count - 2)
-    rest = products - mean - effects[:, None] - effects[None, :]
-    z = (np.sum(rest**2) - np.sum(np.diag(rest) ** 2)) / (count * (count - 3))
-    own = 2.0 * z / (count * (count - 1))
-    jackknife = 4.0 * np.sum(effects**2) / (count * (count - 1))
-    return float(np.sqrt(max(jackknife - 4.0 * z / (count * (count - 2)), 0.0) + own))
 
 
 _REPLICATES = 16

@@ -17,6 +17,7 @@ from jaxtyping import Float
 from lensforge.light.angular_grid import FittedIntensity
 from lensforge.light.metrics import jackknife_error, largest_without_noise
 from lensforge.light.road_lighting import RoadFigures, RoadJudgement
+from lensforge.public import public
 from lensforge.results import (
     Array,
     Count,
@@ -35,7 +36,8 @@ from lensforge.results import (
 from lensforge.results.criteria import Criteria, at_most
 from lensforge.results.files import MIB
 from lensforge.results.plots import plot_curves
-from lensforge.sources.intensity import BEAM_SHARE, FIELD_SHARE, TabulatedIntensity, plane_profile, width_above
+from lensforge.sources.intensity import BEAM_SHARE, FIELD_SHARE, plane_profile, width_above
+from lensforge.sources.photometric.candela_table import CandelaTable
 from lensforge.sources.photometric.photometric_file import turned_over
 
 if TYPE_CHECKING:
@@ -72,8 +74,8 @@ class CandelaTables:
     ``samples``: of each sample alone, with values below 0 where they have noise.
     """
 
-    whole: TabulatedIntensity
-    left_out: Sequence[TabulatedIntensity]
+    whole: CandelaTable
+    left_out: Sequence[CandelaTable]
     samples: Float[np.ndarray, "p c g"]
 
     @staticmethod
@@ -81,12 +83,12 @@ class CandelaTables:
         """Tables of ``light``; ``per_watt``: lumens of a watt of the source."""
         values, count = light.samples * per_watt, len(light.samples)
         total = values.sum(axis=0)
-        rest = [(total - one) / (count - 1) for one in values] if count > 1 else []
+        rest = [(total - value) / (count - 1) for value in values] if count > 1 else []
         left_out = [turned_over(light.grid.table(each)) for each in rest if each.sum() > 0.0]
         closed = np.concatenate([values, values[:, :1]], axis=1)[:, ::-1]
         return CandelaTables(turned_over(light.grid.table(total / count)), left_out, closed)
 
-    def figure(self, read: Callable[[TabulatedIntensity], float], unit: str) -> Metric:
+    def figure(self, read: Callable[[CandelaTable], float], unit: str) -> Metric:
         """Figure that ``read`` takes from a table, with its standard error; none from fewer than two samples."""
         value = read(self.whole)
         if len(self.left_out) < 2:
@@ -122,13 +124,13 @@ class CandelaTables:
         """Angle between the table's ends: no width errs by more, where lobes come and go with the noise."""
         return 2.0 * float(self.whole.gamma_deg[-1])
 
-    def _with(self, values: Float[np.ndarray, "c g"]) -> TabulatedIntensity:
-        return TabulatedIntensity(self.whole.c_deg, self.whole.gamma_deg, values)
+    def _with(self, values: Float[np.ndarray, "c g"]) -> CandelaTable:
+        return CandelaTable(self.whole.c_deg, self.whole.gamma_deg, values)
 
     def _angle(self, c_deg: float, peak: Metric, share: float) -> Metric | None:
         """Width of the beam at ``share`` of its ``peak``, whose own error is a part of that of the width."""
 
-        def width(table: TabulatedIntensity, level: float) -> float:
+        def width(table: CandelaTable, level: float) -> float:
             return width_above(*plane_profile(table, c_deg), level) or 0.0
 
         angle = self.figure(lambda table: width(table, share * peak.value), "°")
@@ -191,6 +193,7 @@ class LostFlux(Record):
 _FILE_NAMES = {"ies": IES_FILE, "ldt": LDT_FILE, "tm33": TM33_FILE, "tm25ray": TM25_FILE}
 
 
+@public
 class Photometry(ResultByLed):
     """Light that leaves the lens upwards, in watts, lumens and candela; of several lamps that of the whole.
 

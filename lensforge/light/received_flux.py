@@ -93,14 +93,14 @@ class ReceivedFlux:
 
         Pixels that lie partly in a region count by that part.
         """
-        images = lamps.added([each.images for each in rasters])
-        landed = lamps.mean([each.window + each.outside for each in rasters])
-        window = images.sum(axis=(1, 2)) if lamps.widened else lamps.mean([each.window for each in rasters])
+        images = lamps.added([raster.images for raster in rasters])
+        landed = lamps.mean([raster.window + raster.outside for raster in rasters])
+        window = images.sum(axis=(1, 2)) if lamps.widened else lamps.mean([raster.window for raster in rasters])
         in_regions = np.zeros((len(images), len(regions)))
         for k, region in enumerate(regions):
             in_regions[:, k] = (rebinned(images, region.grid) * region.coverage).sum(axis=(1, 2))
-        by_fate = lamps.mean([each.by_fate for each in rasters])
-        seen = [each.colours for each in rasters if each.colours is not None]
+        by_fate = lamps.mean([raster.by_fate for raster in rasters])
+        seen = [raster.colours for raster in rasters if raster.colours is not None]
         colours = lamps.added(seen) if seen else None
         return ReceivedFlux(images, by_fate, window, np.maximum(landed - window, 0.0), in_regions, regions, colours)
 

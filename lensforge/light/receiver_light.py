@@ -25,6 +25,7 @@ from lensforge.light.metrics import (
     nmse,
     ratio_of,
 )
+from lensforge.public import public
 from lensforge.results import Fact, Image, Irradiance, Metric, NotNegative, Number, Positive, Record, Share, Text
 from lensforge.results.chart import Chart
 from lensforge.results.numerals import percent
@@ -138,6 +139,7 @@ class EstimatedLight(Record):
     nmse: NotNegative
 
 
+@public
 class Possible(Record):
     """Bounds that physics sets to light on the same pixels from any lens that keeps the largest radius.
 

@@ -58,7 +58,7 @@ class ReferenceBody:
         Raises :class:`InputError` for a radius that is not positive.
         """
         bounds = checked_bounds(tables.detach().numpy(), scene)
-        faces = [TableFace.of(table, scene.grid, own, device) for table, own in zip(tables, bounds, strict=True)]
+        faces = [TableFace.of(table, scene.grid, bound, device) for table, bound in zip(tables, bounds, strict=True)]
         return ReferenceBody.of_lens(faces, scene, device)
 
     @staticmethod

@@ -119,13 +119,15 @@ def trace_reference(
 
 def as_arrays(exits: ExitRays) -> ExitRays:
     """Exit rays, tensors, as NumPy arrays."""
-    tensors = {each.name: getattr(exits, each.name) for each in fields(exits)}
-    return ExitRays(**{name: each.detach().cpu().numpy() for name, each in tensors.items() if each is not None})
+    tensors = {field.name: getattr(exits, field.name) for field in fields(exits)}
+    return ExitRays(**{name: tensor.detach().cpu().numpy() for name, tensor in tensors.items() if tensor is not None})
 
 
 def _exits(light: RaysInBody, absorbs: bool = False) -> ExitRays:
     """Exit rays; points and directions of those that have not left are 0."""
-    points, directions = (torch.where(light.left[:, None], each, 0.0) for each in (light.points, light.directions))
+    points, directions = (
+        torch.where(light.left[:, None], vectors, 0.0) for vectors in (light.points, light.directions)
+    )
     absorbed = light.absorbed if absorbs else None
     return ExitRays(
         points, directions, light.flux, light.sin2_exit, light.fates, absorbed, met=light.last[:, None].to(torch.int8)
@@ -188,9 +190,9 @@ class _Passage:
                     onward[behind].append(some)
             ended += onward.pop(_ENDED, []) + onward.pop(OUTSIDE, [])
             media = {medium: RaysInBody.joined(parts) for medium, parts in onward.items()}
-        found = RaysInBody.joined(ended + [rays.ended(Fate.EVENT_LIMIT) for rays in media.values()])
-        found = found.take(torch.argsort(found.numbers))
-        return found if place is None else found.placed(place.back, place.factor_out)
+        ended_rays = RaysInBody.joined(ended + [rays.ended(Fate.EVENT_LIMIT) for rays in media.values()])
+        ended_rays = ended_rays.take(torch.argsort(ended_rays.numbers))
+        return ended_rays if place is None else ended_rays.placed(place.back, place.factor_out)
 
     def _entered(self, light: RaysInBody) -> tuple[RaysInBody, list[RaysInBody]]:
         """The rays that come into the cavity, at its opening if from below z = 0; and the others."""
@@ -309,8 +311,10 @@ class _Passage:
 
     def _ratio(self, numbers: Int[Tensor, " n"], before: str, behind: str) -> Float[Tensor, " n"]:
         own, media = self.indices[numbers], self.body.media
-        one, other = (own if medium == BODY else media.around(medium) + 0.0 * own for medium in (before, behind))
-        return one / other
+        index_before, index_behind = (
+            own if medium == BODY else media.around(medium) + 0.0 * own for medium in (before, behind)
+        )
+        return index_before / index_behind
 
     def _turned(self, light: RaysInBody, at: Incidence, number: int, mirrored: bool) -> RaysInBody:
         """Rays as one face lets them pass, or reflects them."""

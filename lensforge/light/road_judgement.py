@@ -147,7 +147,7 @@ def _least_seen(drivers: tuple[SeenRoad, ...]) -> tuple[float, float, float]:
 
 def best_class(drivers: tuple[SeenRoad, ...], edges: tuple[Metric, Metric]) -> str:
     """Best class M whose numbers all ``drivers`` and both ``edges`` have."""
-    edge = min(each.value for each in edges)
+    edge = min(edge.value for edge in edges)
     mean, uniformity, along = _least_seen(drivers)
     glare = max(driver.glare_percent.value for driver in drivers if driver.glare_percent is not None)
     for name, asked in M_CLASSES.items():
@@ -232,7 +232,7 @@ def of_file(file: PhotometricFile, street_c_deg: float, lamp_lm: float | None) -
     ``lamp_lm``: of its sources; None: as the file states. An absolute file states the light that leaves the lamp.
     """
     stated = file.rated_lumens
-    return of_table(file.intensity, street_c_deg, 1.0 if lamp_lm is None else lamp_lm / stated)
+    return of_table(TabulatedIntensity.of(file.intensity), street_c_deg, 1.0 if lamp_lm is None else lamp_lm / stated)
 
 
 def of_table(table: TabulatedIntensity, street_c_deg: float, factor: float) -> Candela:

@@ -158,7 +158,7 @@ def _flux_remedy(limits: Sequence[Fact]) -> str:
     """
 
     def factors(sense: Sense) -> list[float]:
-        lit = [(each.bound, each.metric.value) for each in limits if (each.note, each.sense) == ("light", sense)]
+        lit = [(limit.bound, limit.metric.value) for limit in limits if (limit.note, limit.sense) == ("light", sense)]
         return [bound / value if value > 1e-9 * bound else np.inf for bound, value in lit]
 
     least, most = max(factors(">="), default=1.0), min(factors("<="), default=np.inf)
@@ -169,7 +169,7 @@ def _flux_remedy(limits: Sequence[Fact]) -> str:
     factor = three_digits(least, ceil) if least > 1.0 else three_digits(most, floor)
     words = f"so lit the road needs × {factor:g} lumens, or × {three_digits(1.0 / factor):g} the spacing of poles"
     grown = factor ** (1.0 - glare_law("threshold_increment", 1.0)[1])
-    glaring = [each for each in limits if each.note == _TI and each.metric.value * grown > each.bound]
+    glaring = [limit for limit in limits if limit.note == _TI and limit.metric.value * grown > limit.bound]
     if least > 1.0 and glaring:
         worst = max(glaring, key=lambda each: each.metric.value)
         words += f"; with so many its glare TI is {worst.metric.value * grown:.3g} %, above {worst.bound:g} %"

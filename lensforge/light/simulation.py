@@ -80,7 +80,7 @@ class TracedLens:
         """Tabulate all surfaces from the exact sum; the tables' error against it is measured at once."""
         if not lens.others:
             return TracedLens._of_one(lens, nodes_per_sigma)
-        kinds = {each.kind: TracedLens._of_one(each, nodes_per_sigma) for each in lens.kinds}
+        kinds = {kind.kind: TracedLens._of_one(kind, nodes_per_sigma) for kind in lens.kinds}
         return replace(kinds[lens.kind], kinds=tuple(kinds.values()))
 
     @staticmethod
@@ -122,15 +122,15 @@ class TracedLens:
 
     def trace(self, rays: RayBundle) -> ExitRays:
         """Send ``rays`` through the lens."""
-        return self.trace_in_lens_frame(rays, lambda own: trace_tables(self.tables, self.scene, own))
+        return self.trace_in_lens_frame(rays, lambda local_rays: trace_tables(self.tables, self.scene, local_rays))
 
     def trace_in_lens_frame(self, rays: RayBundle, trace: Callable[[RayBundle], ExitRays]) -> ExitRays:
         """Exit rays of ``rays`` by a ``trace`` about the lens's own origin."""
         if self.raised_mm == 0.0:
             return trace(rays)
         up = np.array([0.0, 0.0, self.raised_mm])
-        found = trace(replace(rays, origins=rays.origins - up))
-        return replace(found, points=found.points + up)
+        exit_rays = trace(replace(rays, origins=rays.origins - up))
+        return replace(exit_rays, points=exit_rays.points + up)
 
 
 def _is_nearest(faces: tuple[Face, ...], number: int, directions: Float[np.ndarray, "n 3"]) -> Bool[np.ndarray, " n"]:
@@ -170,12 +170,14 @@ def simulate(
     lamps, bodies = [LampPictures.of(receiver) for receiver in receivers], len(lens.scene.media.bodies)
     deposits = [
         [
-            ReceivedFlux.none_yet(each, replicates, own if board.is_single else (), coloured=coloured, bodies=bodies)
-            for each in board.receivers
+            ReceivedFlux.none_yet(
+                receiver, replicates, countded if board.is_single else (), coloured=coloured, bodies=bodies
+            )
+            for receiver in board.receivers
         ]
-        for board, own in zip(lamps, counted, strict=True)
+        for board, countded in zip(lamps, counted, strict=True)
     ]
-    looked_at = any(isinstance(each, EyeView) for each in receivers)
+    looked_at = any(isinstance(receiver, EyeView) for receiver in receivers)
     facets = lens.scene.media.scattering if looked_at else 0  # a ray that is turned to an eye meets the same ones
     measured = looked_at and rays_of_file(source).ray_count is not None
     by_way, traced = FluxByWay.none_yet(lens.scene.chain, replicates), 0
@@ -184,15 +186,15 @@ def simulate(
         exit_rays, colours = lens.trace(bundle), bundle.colours if coloured else None
         waist = waist_mm(bundle.take(bundle.directions[:, 2] > _LEVEL)) if measured else None
         by_way.add(replicate, share, exit_rays)
-        for board, own in zip(lamps, deposits, strict=True):
-            for receiver, deposit in zip(board.receivers, own, strict=True):
+        for board, landed in zip(lamps, deposits, strict=True):
+            for receiver, deposit in zip(board.receivers, landed, strict=True):
                 deposit.add(
                     replicate, share, receiver, exit_rays, _landed(lens, bundle, exit_rays, receiver, waist), colours
                 )
         traced += len(bundle)
     received = tuple(
-        own[0] if board.is_single else ReceivedFlux.mean_of_lamps(board, own, wanted)
-        for board, own, wanted in zip(lamps, deposits, counted, strict=True)
+        deposit[0] if board.is_single else ReceivedFlux.mean_of_lamps(board, deposit, wanted)
+        for board, deposit, wanted in zip(lamps, deposits, counted, strict=True)
     )
     return Simulation(received, source.flux_w, traced, by_way)
 
@@ -222,17 +224,17 @@ def _simulate_kinds(
     lamps, found = receivers[0].lamps, []
     shares = [len(kind.numbers) / len(lamps) for kind in lamps.kinds]
     for number, (kind, lens, share) in enumerate(zip(lamps.kinds, kinds, lamps.shares_of_rays, strict=True)):
-        own = tuple(replace(each, lamps=each.lamps.of_kind(kind)) for each in receivers)
+        receivers_of_kind = tuple(replace(receiver, lamps=receiver.lamps.of_kind(kind)) for receiver in receivers)
         measured = source.ray_count is not None
         count = rays if measured else max(round(share * rays), min(rays, REPLICATES))
         own_seed = seed if measured else seeds.of_kind(seed, number)
-        found.append(simulate(lens, source, own, count, own_seed, regions, coloured=coloured))
-    received = zip(*(each.received for each in found), strict=True)
-    by_way = np.sum([share * each.by_way.flux for share, each in zip(shares, found, strict=True)], axis=0)
+        found.append(simulate(lens, source, receivers_of_kind, count, own_seed, regions, coloured=coloured))
+    received = zip(*(simulation.received for simulation in found), strict=True)
+    by_way = np.sum([share * simulation.by_way.flux for share, simulation in zip(shares, found, strict=True)], axis=0)
     return Simulation(
-        tuple(ReceivedFlux.mean(each, shares) for each in received),
+        tuple(ReceivedFlux.mean(of_kinds, shares) for of_kinds in received),
         source.flux_w,
-        sum(each.rays for each in found),
+        sum(simulation.rays for simulation in found),
         replace(found[0].by_way, flux=by_way),
     )
 

@@ -15,6 +15,7 @@ from jaxtyping import Float
 
 from lensforge.errors import InputError
 from lensforge.optics.colorimetry import efficacy_at
+from lensforge.sources.light_files import read_rayfile
 from lensforge.sources.ray_bundle import blocks_of
 from lensforge.sources.source_flux import chip_fluxes
 from lensforge.sources.source_spectrum import Spectrum, spectrum_of
@@ -82,7 +83,9 @@ def spectrum_of_source(spec: EmitterSection, summary: SourceSummary) -> Spectrum
             light = waves, np.ones(len(waves)) if flux is None else flux
             return _of_rays(lambda: [light])
         case ChipsSource(spectra=spectra) if spectra and None not in spectra:
-            return _mixed([spectrum_of(each) for each in spectra if each], [flux.flux_w for flux in chip_fluxes(spec)])
+            return _mixed(
+                [spectrum_of(spectrum) for spectrum in spectra if spectrum], [flux.flux_w for flux in chip_fluxes(spec)]
+            )
         case _:
             return None
 
@@ -90,8 +93,7 @@ def spectrum_of_source(spec: EmitterSection, summary: SourceSummary) -> Spectrum
 def _of_file(part: RayfilePart) -> Spectrum | None:
     if part.spectrum is not None:
         return spectrum_of(part.spectrum)
-    from lensforge.sources.rayfiles.ray_file_io import read_rayfile  # loaded where a scene asks for it
-    from lensforge.sources.rayfiles.stored_rays import StoredRays
+    from lensforge.sources.stored_rays import StoredRays  # loaded where a scene asks for it
 
     rayfile = read_rayfile(part.file)
     tables = rayfile.spectral_tables

@@ -61,7 +61,7 @@ class Scene:
         if self.chain is not None:
             return self.chain.packed(self.media)
         media = self.media
-        spread = any(isinstance(each.model, RingScatter) and each.face != DOUBLE[-1] for each in media.scatter)
+        spread = any(isinstance(scatter.model, RingScatter) and scatter.face != DOUBLE[-1] for scatter in media.scatter)
         return TWO_FACES.packed(media) if media.bodies or spread or (media.has_rings and media.cover_glass) else None
 
     @property

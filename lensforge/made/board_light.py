@@ -95,7 +95,7 @@ def designed_pictures(
 ) -> list[list[Channels]]:
     """Light of one lamp as designed on the rasters of each receiver, in replicates."""
     count, channels = min(REPLICATES, rays, source.ray_count or rays), 1 if colour is None else 4
-    found = [[np.zeros((channels, count, *each.grid.shape)) for each in board.receivers] for board in boards]
+    found = [[np.zeros((channels, count, *receiver.grid.shape)) for receiver in board.receivers] for board in boards]
     for replicate, share, bundle in bundles(source, rays, count, seed):
         exits = lens.trace(bundle)
         for board, pictures in zip(boards, found, strict=True):
@@ -115,12 +115,12 @@ def on_patch(limit: LightLimit, grid: tuple[int, int], periods: tuple[int, int])
     if limit.of_losses or limit.region is not None:
         return limit
     (height, width), (columns, rows) = grid, periods
-    own = sparse.coo_array(limit.readings)
-    values = columns * rows * own.data
-    y, x = np.divmod(own.col, width)
-    shape = own.shape[0], columns * rows * height * width
+    readings = sparse.coo_array(limit.readings)
+    values = columns * rows * readings.data
+    y, x = np.divmod(readings.col, width)
+    shape = readings.shape[0], columns * rows * height * width
     each = [
-        sparse.csr_array((values, (own.row, (y + j * height) * columns * width + x + i * width)), shape=shape)
+        sparse.csr_array((values, (readings.row, (y + j * height) * columns * width + x + i * width)), shape=shape)
         for j in range(rows)
         for i in range(columns)
     ]
@@ -169,8 +169,8 @@ class BoardLight(PartLight):
         limits = light.limits
         if periods != (1, 1):
             limits = tuple(
-                each if each.of_view else on_patch(each, light.receivers[each.receiver].grid.shape, periods)
-                for each in limits
+                limit if limit.of_view else on_patch(limit, light.receivers[limit.receiver].grid.shape, periods)
+                for limit in limits
             )
         return BoardLight(light.spec, light.nominal, receivers, limits, light.held, kinds, periods, designed, light)
 
@@ -218,9 +218,9 @@ class BoardLight(PartLight):
     def _with_losses(self, parts: Sequence[MadePart] | None, lit: Iterable[ReceivedImages]) -> Iterator[ReceivedImages]:
         """The light on each receiver, and the mean flux of a lamp by the cause of its loss."""
         by_cause: list[Float[np.ndarray, "r k"]] = []
-        for lens, own, part in zip(self._lens_of_lamp, self._shares, parts or repeat(None), strict=False):
-            exits, flux = rays_behind(lens, part, own.rays), 1.0 if part is None else part.flux
-            by_cause.append(flux_by_cause(lens, exits, own, flux))
+        for lens, share, part in zip(self._lens_of_lamp, self._shares, parts or repeat(None), strict=False):
+            exits, flux = rays_behind(lens, part, share.rays), 1.0 if part is None else part.flux
+            by_cause.append(flux_by_cause(lens, exits, share, flux))
         for received in lit:
             losses = with_beside(np.sum(by_cause, axis=0), received.window * received.emitted_w)
             yield replace(received, losses=losses)
@@ -246,19 +246,19 @@ class BoardLight(PartLight):
     def targets(self) -> tuple[list[DrawnTarget], list[Bool[np.ndarray, "_ _"] | None]]:
         """Target and region of one period, again in every period of a patch."""
         times, (targets, masks) = self.periods[::-1], self.one.targets
-        return [replace(each, light=np.tile(each.light, times)) for each in targets], [
+        return [replace(target, light=np.tile(target.light, times)) for target in targets], [
             None if mask is None else np.tile(mask, times) for mask in masks
         ]
 
 
-def in_plate(found: Deviations, lamp: Lamp) -> Deviations:
+def in_plate(deviations: Deviations, lamp: Lamp) -> Deviations:
     """Deviations of one lens of a plate, in its own frame, from those of the plate about its middle.
 
     A plate that shrinks or tilts moves its lenses, each as far as it stands from the middle.
     """
     none, (x, y, _) = np.zeros(2), lamp.place_mm
-    about_x, about_y = found.get("lens_tilt_deg", none).tolist()
-    moved = found.get("lens_shift_mm", none) + float(found.get("shrinkage", none)[0]) * np.array([x, y])
-    raised = float(found.get("lens_height_mm", none)[0]) + about_x * y - about_y * x
+    about_x, about_y = deviations.get("lens_tilt_deg", none).tolist()
+    moved = deviations.get("lens_shift_mm", none) + float(deviations.get("shrinkage", none)[0]) * np.array([x, y])
+    raised = float(deviations.get("lens_height_mm", none)[0]) + about_x * y - about_y * x
     shift, tilt = lamp.pose.own_directions(np.array([[*moved, raised], [about_x, about_y, 0.0]]))
-    return {**found, "lens_shift_mm": shift[:2], "lens_height_mm": shift[2:], "lens_tilt_deg": tilt[:2]}
+    return {**deviations, "lens_shift_mm": shift[:2], "lens_height_mm": shift[2:], "lens_tilt_deg": tilt[:2]}

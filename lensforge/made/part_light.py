@@ -61,7 +61,7 @@ class ReplicateRays:
         self, inside: Sequence[Bool[np.ndarray, " n"]], flux: Float[np.ndarray, " n"]
     ) -> Float[np.ndarray, "k r"]:
         """``flux`` (W) of the rays in each of several regions, in every replicate."""
-        return np.array([np.bincount(self.replicate[own], flux[own], minlength=self.replicates) for own in inside])
+        return np.array([np.bincount(self.replicate[rows], flux[rows], minlength=self.replicates) for rows in inside])
 
     def shared_out(self, lamps: int) -> "list[ReplicateRays]":
         """Rays for each of several lamps: at random, from every replicate as many, and its share of the flux."""
@@ -180,8 +180,8 @@ class PartLight:
             emitted_w = flux * held.emitted_w
             window, lit, *in_zones = held.flux_in(inside, carried) / emitted_w
             raw = [
-                bin_replicates(hits, each, receiver.grid, held.replicate, held.replicates)
-                for each in in_channels(carried, held.rays, colour)
+                bin_replicates(hits, channel_rays, receiver.grid, held.replicate, held.replicates)
+                for channel_rays in in_channels(carried, held.rays, colour)
             ]
             smooth = gaussian3(np.stack(raw), self.spec.evaluate.filter_variance)
             losses = None if by_cause is None else with_beside(by_cause, window * emitted_w)
@@ -210,10 +210,10 @@ class PartLight:
     def measured(self, received: tuple[ReceivedImages, ...]) -> "MeasuredPart":
         """Metrics of one part by its replicates."""
         metrics, shares = [], []
-        for found, target, mask in zip(received, *self.targets, strict=False):
-            images = found.images
-            metrics.append(ReplicateMetrics.of(images, target.light, lit_mask(mask, images), found.window))
-            shares.append(found.in_target)
+        for light, target, mask in zip(received, *self.targets, strict=False):
+            images = light.images
+            metrics.append(ReplicateMetrics.of(images, target.light, lit_mask(mask, images), light.window))
+            shares.append(light.in_target)
         return MeasuredPart(tuple(metrics), tuple(shares), tuple(self._limits(received)))
 
     def _limits(self, received: tuple[ReceivedImages, ...]) -> Iterator[Float[np.ndarray, " v"]]:
@@ -222,9 +222,9 @@ class PartLight:
         for seen, matrix in self._readings.items():  # all limits at once: to read pixels takes longer than to judge
             light = received[seen.receiver].light(seen)
             asked = [limit for limit in self.limits if limit.region is None and _SeenByLimit.by(limit) == seen]
-            ends = np.cumsum([each.readings.shape[0] for each in asked])[:-1]
+            ends = np.cumsum([limit.readings.shape[0] for limit in asked])[:-1]
             read[seen] = iter(np.split(matrix @ light.reshape(len(light), -1).T, ends))
-        in_zones = [iter(each.in_zones) for each in received]
+        in_zones = [iter(light.in_zones) for light in received]
         for limit in self.limits:
             if limit.region is not None:
                 yield means_left_out(next(in_zones[limit.receiver]))
@@ -242,7 +242,7 @@ class PartLight:
         for limit in self.limits:
             if limit.region is None:  # else it is counted by ray
                 rows.setdefault(_SeenByLimit.by(limit), []).append(limit.readings)
-        return {seen: sparse.csr_array(sparse.vstack(own)) for seen, own in rows.items()}
+        return {seen: sparse.csr_array(sparse.vstack(row)) for seen, row in rows.items()}
 
     @cached_property
     def zones(self) -> list[tuple[Region, ...]]:
@@ -253,8 +253,8 @@ class PartLight:
     def targets(self) -> tuple[list[DrawnTarget], list[Bool[np.ndarray, "_ _"] | None]]:
         """Target of each receiver, and its region of uniform light, if any."""
         pairs = list(zip((section.targets for section in self.spec.all_receivers), self.receivers, strict=True))
-        targets = [drawn_target(own, receiver) for own, receiver in pairs]
-        return targets, [uniform_region(own, each) for own, each in pairs]
+        targets = [drawn_target(section, receiver) for section, receiver in pairs]
+        return targets, [uniform_region(section, receiver) for section, receiver in pairs]
 
 
 @dataclass(frozen=True, eq=False)
@@ -287,7 +287,7 @@ class MeasuredPart:
 
     def limit_changes(self, before: "MeasuredPart") -> Iterator[Metric]:
         """Difference of what decides on each limit from ``before``, by the same rays."""
-        for own, other in zip(self.limits, before.limits, strict=True):
-            difference = own - other
+        for limit, limit_before in zip(self.limits, before.limits, strict=True):
+            difference = limit - limit_before
             error = jackknife_error(difference[1:]) if len(difference) > 1 else None
             yield Metric(value=float(difference[0]), standard_error=error)

@@ -101,7 +101,7 @@ class PartStudy:
     @cached_property
     def boards(self) -> tuple[LampPictures, ...]:
         """Each receiver, of an infinite lattice that of a patch."""
-        return tuple(pictures_of(each, periods_of(self.spec)) for each in self.receivers)
+        return tuple(pictures_of(receiver, periods_of(self.spec)) for receiver in self.receivers)
 
     @cached_property
     def lamps(self) -> Lamps:
@@ -114,21 +114,21 @@ class PartStudy:
         """The lens of each kind with its lamps, one where all lamps have the same."""
         traced = TracedLens.of(self.recipe.lens, preset_of(self.recipe.lens.accuracy).nodes_per_sigma)
         found, lamps = [], self.lamps
-        for kind, lens, own in zip(
+        for kind, lens, lamps_of_kind in zip(
             lamps.kinds or [None], self.recipe.lens.kinds, traced.kinds or [traced], strict=True
         ):
             boards, numbers = self.boards, tuple(range(len(lamps)))
             if kind is not None:
-                alone = (replace(each, lamps=lamps.of_kind(kind)) for each in self.receivers)
+                alone = (replace(receiver, lamps=lamps.of_kind(kind)) for receiver in self.receivers)
                 boards, numbers = tuple(map(LampPictures.of, alone)), kind.numbers
-            maker = PartMaker.of(lens.spec, lens.surfaces, own.scene.grid, self.factors)
-            found.append(LensOnBoard(lens, own, maker, numbers, boards))
+            maker = PartMaker.of(lens.spec, lens.surfaces, lamps_of_kind.scene.grid, self.factors)
+            found.append(LensOnBoard(lens, lamps_of_kind, maker, numbers, boards))
         return tuple(found)
 
     @cached_property
     def leds(self) -> "tuple[LedStudy, ...]":
         """The study with each LED."""
-        names = [each.name for each in self.spec.sources] if len(self.spec.sources) > 1 else [""]
+        names = [source.name for source in self.spec.sources] if len(self.spec.sources) > 1 else [""]
         every = zip(self.spec.each_source, names, strict=True)
         return tuple(LedStudy(self, emitter, name) for emitter, name in every)
 
@@ -149,11 +149,11 @@ class PartStudy:
 
     def with_rays(self, rays: int) -> "PartStudy":
         """Study with other ``rays`` for each part; what does not depend on them is kept."""
-        other = PartStudy(replace(self.recipe, rays=rays))
-        other.__dict__.update({name: getattr(self, name) for name in _OF_ANY_RAYS})
-        for led, again in zip(self.leds, other.leds, strict=True):
+        study = PartStudy(replace(self.recipe, rays=rays))
+        study.__dict__.update({name: getattr(self, name) for name in _OF_ANY_RAYS})
+        for led, again in zip(self.leds, study.leds, strict=True):
             again.__dict__.update({name: getattr(led, name) for name in _OF_ANY_RAYS_BY_LED})
-        return other
+        return study
 
     def deviations(self, number: int, scales: Scales | None = None) -> list[Deviations]:
         """Deviations of one part, some of them scaled: of the lens of each of its lamps."""
@@ -161,8 +161,8 @@ class PartStudy:
 
     def measure(self, number: int, scales: Scales | None = None) -> Float[np.ndarray, "m 2"]:
         """Metrics of one part, in the order of ``names``, and the standard error of each one's change by its errors."""
-        found = self.deviations(number, scales)
-        return np.concatenate([led.measure(found) for led in self.leds])
+        deviations = self.deviations(number, scales)
+        return np.concatenate([led.measure(deviations) for led in self.leds])
 
     def excess(self, values: Float[np.ndarray, "*n m"]) -> Float[np.ndarray, "*n b"]:
         """Distance of the metrics from each bound, above 0 on its wrong side."""
@@ -250,15 +250,17 @@ class LedStudy:
     def of_design(self) -> dict[str, Metric]:
         """Metrics of the lens as designed, by many rays: of the first receiver, of others with theirs, of limits."""
         *receivers, _ = self._changes(self.designed)
-        found: dict[str, Metric] = {}
-        for prefix, each, light in zip(self._prefixes, receivers, self.designed_light.receivers, strict=True):
-            found |= {f"{prefix}{name}": getattr(light, name) or Metric(value=0.0) for name in each}
-        return found | dict(zip(self._limit_names, (each.metric for each in self.designed_light.limits), strict=True))
+        metrics: dict[str, Metric] = {}
+        for prefix, receiver, light in zip(self._prefixes, receivers, self.designed_light.receivers, strict=True):
+            metrics |= {f"{prefix}{name}": getattr(light, name) or Metric(value=0.0) for name in receiver}
+        return metrics | dict(
+            zip(self._limit_names, (limit.metric for limit in self.designed_light.limits), strict=True)
+        )
 
     @property
     def _prefixes(self) -> list[str]:
-        _, *others = self.designed_light.receivers
-        return [self.prefix, *(f"{self.prefix}{light.name}: " for light in others)]
+        _, *further = self.designed_light.receivers
+        return [self.prefix, *(f"{self.prefix}{light.name}: " for light in further)]
 
     @property
     def _limit_names(self) -> list[str]:
@@ -267,8 +269,8 @@ class LedStudy:
         sides = [f"{name} ({_SIDES[limit.sense]})" for name, limit in zip(plain, judged, strict=True)]
         for number, (name, side) in enumerate(zip(plain, sides, strict=True)):
             alike = sides[:number].count(side)  # limits may share their name
-            own = side if plain.count(name) > 1 else name
-            found.append(f"{self.prefix}{own} {alike + 1}" if alike else f"{self.prefix}{own}")
+            label = side if plain.count(name) > 1 else name
+            found.append(f"{self.prefix}{label} {alike + 1}" if alike else f"{self.prefix}{label}")
         return found
 
     def _plain(self, number: int, limit: Fact) -> str:
@@ -282,8 +284,8 @@ class LedStudy:
         light = self.designed_light
         asked = list(zip(self._limit_names, light.limits, strict=True))
         if not asked:
-            for prefix, each in zip(self._prefixes, light.receivers, strict=True):
-                judged = judged_figures(each, transmittance_of(self.study.recipe.lens.media))
+            for prefix, receiver in zip(self._prefixes, light.receivers, strict=True):
+                judged = judged_figures(receiver, transmittance_of(self.study.recipe.lens.media))
                 asked += [(f"{prefix}{name}", figure) for name, figure in judged.items()]
         powers = chain((limit.flux_power for limit in self.limits), repeat(0.0))  # of none but these the bound is light
         return tuple(
@@ -296,37 +298,39 @@ class LedStudy:
         if not part.limits:
             return
         judged = zip(self._limit_names, self.designed_light.limits, part.limits, strict=True)
-        for (name, limit, found), change in zip(judged, part.limit_changes(self.designed), strict=True):
-            value = Metric(value=float(found[0]), unit=limit.metric.unit)
+        for (name, limit, reading), change in zip(judged, part.limit_changes(self.designed), strict=True):
+            value = Metric(value=float(reading[0]), unit=limit.metric.unit)
             yield LimitChange(name=name, value=value, change=change.changed(unit=value.unit))
 
-    def made(self, found: Sequence[Deviations]) -> tuple[MadePart, ...]:
+    def made(self, deviations: Sequence[Deviations]) -> tuple[MadePart, ...]:
         """The lenses of a part with these deviations, one for each lamp; the LED turns about its own place.
 
         Those of a plate are about its middle.
         """
         if self.study.spec.plate is not None:
-            found = [in_plate(each, lamp) for each, lamp in zip(found, self.study.lamps.lamps, strict=True)]
+            deviations = [
+                in_plate(deviation, lamp) for deviation, lamp in zip(deviations, self.study.lamps.lamps, strict=True)
+            ]
         every, place = self.study.kinds, self.emitter.position_mm
         makers = {number: replace(kind.maker, source_mm=place) for kind in every for number in kind.numbers}
-        return tuple(makers[number].part(each) for number, each in enumerate(found))
+        return tuple(makers[number].part(deviation) for number, deviation in enumerate(deviations))
 
-    def measure(self, found: Sequence[Deviations]) -> Float[np.ndarray, "m 2"]:
+    def measure(self, deviations: Sequence[Deviations]) -> Float[np.ndarray, "m 2"]:
         """Metrics of a part, in the order of ``of_design``, and the standard error of the change of each."""
-        part = self.light.measured(self.light.received(self.made(found)))
-        changes = [each for group in self._changes(part) for each in group.values()]
+        part = self.light.measured(self.light.received(self.made(deviations)))
+        changes = [change for group in self._changes(part) for change in group.values()]
         designed = [metric.value for metric in self.of_design.values()]
         errors = [change.standard_error or 0.0 for change in changes]
         return np.array([[value + change.value for value, change in zip(designed, changes, strict=True)], errors]).T
 
     def _changes(self, part: MeasuredPart) -> list[dict[str, Metric]]:
         """Changes from the lens as designed: of a luminance the relative one, which coarse views show."""
-        found = part.change_from(self.designed, self.study.recipe.rays, self.designed_light.receivers)
+        changes = part.change_from(self.designed, self.study.recipe.rays, self.designed_light.receivers)
         for number, (limit, light) in enumerate(zip(self.limits, self.designed_light.limits, strict=False)):
             seen = self.designed.limits[number][0]
             if limit.of_view and seen > 0.0:
-                found[-1][str(number)] = scaled(found[-1][str(number)], light.value / seen, light.unit)
-        return found
+                changes[-1][str(number)] = scaled(changes[-1][str(number)], light.value / seen, light.unit)
+        return changes
 
 
 _MOST_NUMBERS = 2**27  # 1 GiB

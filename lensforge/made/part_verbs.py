@@ -7,8 +7,9 @@ from pathlib import Path
 from lensforge import seeds
 from lensforge.light.lens_light import judging_source, rays_of, unless_own
 from lensforge.made.tolerance_result import MOST_PARTS, Sensitivity, Yield
+from lensforge.public import public
 from lensforge.results import Conditions
-from lensforge.results.arguments import count_of, path_of, require, threads_of_torch
+from lensforge.results.arguments import count_of, path_of, require, threads_of_torch, with_known_names
 from lensforge.results.cluster import connected
 from lensforge.scene.lens import Lens
 from lensforge.spec.accuracy import preset_of
@@ -18,6 +19,8 @@ from lensforge.spec.tolerances_section import PartTolerances, TolerancesSection,
 _LEAST_PARTS = 40  # two in each block by which the shares of the variance have their errors
 
 
+@public
+@with_known_names
 def sensitivity(
     lens: Lens,
     *,
@@ -48,6 +51,8 @@ def sensitivity(
     return result.changed(conditions=conditions)
 
 
+@public
+@with_known_names
 def tolerance(
     lens: Lens,
     *,
@@ -95,8 +100,8 @@ def tolerance(
         tolerances = PartTolerances.of(tolerances, faces, lens.spec.lens.roles)
     parts = count_of("parts", parts, least=_LEAST_PARTS, most=MOST_PARTS) or parts
     count, seed = count_of("rays", rays), count_of("seed", seed, least=0, most=seeds.MOST) or 0
-    other = tolerances if tolerances is not None and tolerances != lens.spec.part_tolerances else None
-    drawn = lens if other is None else replace(lens, spec=lens.spec.with_tolerances(other))
+    own_tolerances = tolerances if tolerances is not None and tolerances != lens.spec.part_tolerances else None
+    drawn = lens if own_tolerances is None else replace(lens, spec=lens.spec.with_tolerances(own_tolerances))
     with threads_of_torch(threads), connected(scheduler) as workers:
         study = measure_yield(
             drawn,
@@ -110,8 +115,8 @@ def tolerance(
             announce=announce,
         )
     conditions = Conditions.of(
-        tolerances=None if other is None else _name_of(other),
-        tolerances_sha256=None if other is None else section_sha256(other),
+        tolerances=None if own_tolerances is None else _name_of(own_tolerances),
+        tolerances_sha256=None if own_tolerances is None else section_sha256(own_tolerances),
         seed=unless_own(seed, 0),
     )
     return study.changed(inputs={"lens": lens.sha256}, conditions=conditions)

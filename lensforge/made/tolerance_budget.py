@@ -170,17 +170,17 @@ def _endangered(
     """The parts in the order in which they begin to fail where ``factors`` grow and the metric is linear in them."""
     width = excess.std(axis=0)
     margin = -(excess / np.where(width > 0.0, width, 1.0)).max(axis=1)
-    size = sum((parts.study.draws.numbers[each.name][: len(margin)] ** 2).mean(axis=1) for each in factors) ** 0.5
+    size = sum((parts.study.draws.numbers[factor.name][: len(margin)] ** 2).mean(axis=1) for factor in factors) ** 0.5
     return np.argsort(margin / np.maximum(size, 1e-9), kind="stable")
 
 
-def _row(search: ScaleSearch, name: str, words: str, unit: str, amount: float) -> BudgetRow:
+def _row(search: ScaleSearch, name: str, description: str, unit: str, amount: float) -> BudgetRow:
     low, high = search.bracket()
     roots = None if low is None or high is None else search.root(low, high)
-    at_most, least, most = (None, None, None) if roots is None else (each * amount for each in roots)
+    at_most, least, most = (None, None, None) if roots is None else (root * amount for root in roots)
     return BudgetRow(
         tolerance=name,
-        words=words,
+        words=description,
         unit=unit,
         specified=amount,
         at_most=at_most,
@@ -204,12 +204,12 @@ def flux_needed(bounds: Sequence[MetricBound], values: Float[np.ndarray, "n b"],
     if not any(bound.flux_power for bound in bounds):
         return None
     least, most = np.zeros(len(values)), np.full(len(values), np.inf)
-    for bound, own in zip(bounds, values.T, strict=True):
+    for bound, parts in zip(bounds, values.T, strict=True):
         if not bound.flux_power:
-            least[~bound.kept_by(own)] = np.inf
+            least[~bound.kept_by(parts)] = np.inf
             continue
         with np.errstate(divide="ignore", over="ignore"):
-            factor = (bound.bound / np.maximum(own, 0.0)) ** (1.0 / bound.flux_power)
+            factor = (bound.bound / np.maximum(parts, 0.0)) ** (1.0 / bound.flux_power)
         least, most = (least, np.minimum(most, factor)) if bound.sense == "<=" else (np.maximum(least, factor), most)
     kept = np.isfinite(least) & (least <= most)
     begin, end = np.sort(least[kept]), np.sort(most[kept])

@@ -14,6 +14,7 @@ from pydantic import Field
 
 from lensforge.errors import InputError
 from lensforge.light.evaluation_result import LightMetrics
+from lensforge.public import public
 from lensforge.results import (
     Array,
     Count,
@@ -61,6 +62,7 @@ class ErrorRow(Record):
     limits: tuple[LimitChange, ...] = ()
 
 
+@public
 class Sensitivity(ResultByLed):
     """Tolerances of the spec, one at a time at its end, and the change of the light by each.
 
@@ -87,8 +89,8 @@ class Sensitivity(ResultByLed):
             raise InputError(f"metric = {metric!r}: the spec names no region of uniform light; plot nmse or efficiency")
         changes = {
             f"{row.name} {row.amount:g} {row.unit}{f', {led}' if led else ''}": getattr(row.change, metric)
-            for led, own in self.by_led.items()
-            for row in own.rows
+            for led, sensitivity in self.by_led.items()
+            for row in sensitivity.rows
         }
         values = {name: 0.0 if change is None else change.value for name, change in changes.items()}
         errors = [0.0 if change is None else change.standard_error or 0.0 for change in changes.values()]
@@ -184,7 +186,7 @@ class Variance(Record):
     @property
     def certain(self) -> tuple[CauseShare, ...]:
         """The causes that stand out of the noise of the parts, the surest first: the others are not shown."""
-        return tuple(each for each in self.causes if each.share > CERTAIN * each.standard_error)
+        return tuple(cause for cause in self.causes if cause.share > CERTAIN * cause.standard_error)
 
 
 def drawn_to_mean(values: Float[np.ndarray, " n"], spread: float) -> Float[np.ndarray, " n"]:
@@ -300,6 +302,7 @@ class ToleranceAmount(Record):
         )
 
 
+@public
 class Yield(SimulatedResult):
     """Parts drawn from the tolerances of the spec, and their light.
 
@@ -379,6 +382,6 @@ class Yield(SimulatedResult):
         """
         first = next(iter(self.metrics))
         metric = require_choice("metric", first if metric is None else metric, self.metrics)
-        bound = next((each.bound for each in self.bounds if each.metric == metric), None)
+        bound = next((bound.bound for bound in self.bounds if bound.metric == metric), None)
         designed = self.metrics[metric].designed.value
         return plot_distribution(self.column(metric), metric, axes, designed=designed, bound=bound)

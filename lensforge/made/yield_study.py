@@ -81,11 +81,11 @@ def features(factor: Factor, numbers: Float[np.ndarray, "n k"], lamps: int = 1) 
         pairs = [first[:, i : i + 1] * first[:, i + 1 :] for i in range(dimensions - 1 if few else 0)]
         return np.concatenate([first, second, *pairs], axis=1)
     single = orthonormal(factor, numbers, _DEGREE)
-    found = [single[:, k] for k in range(dimensions)]
+    columns = [single[:, k] for k in range(dimensions)]
     if dimensions == 2:
         degrees = [(i, j) for i in range(_DEGREE) for j in range(_DEGREE) if i + j + 2 <= _DEGREE]
-        found.append(np.stack([single[:, 0, i] * single[:, 1, j] for i, j in degrees], axis=1))
-    return np.concatenate(found, axis=1).reshape(count, -1)
+        columns.append(np.stack([single[:, 0, i] * single[:, 1, j] for i, j in degrees], axis=1))
+    return np.concatenate(columns, axis=1).reshape(count, -1)
 
 
 def _left_out(each: Float[np.ndarray, "n *b"], blocks: np.ndarray) -> Float[np.ndarray, "s *b"]:
@@ -192,17 +192,17 @@ def measure_yield(
     )
 
 
-def _with_enough_rays(found: MeasuredParts, pilot: int) -> MeasuredParts:
+def _with_enough_rays(measured: MeasuredParts, pilot: int) -> MeasuredParts:
     """Parts measured by as many rays as the judged metrics need, judged by the first ``pilot`` parts."""
-    most = preset_of(found.study.recipe.lens.accuracy).studies.part_rays[1]
-    while found.study.recipe.rays < most and not _is_certain(found.study, found.of(range(pilot))):
-        found = found.with_rays(2 * found.study.recipe.rays)
-    return found
+    most = preset_of(measured.study.recipe.lens.accuracy).studies.part_rays[1]
+    while measured.study.recipe.rays < most and not _is_certain(measured.study, measured.of(range(pilot))):
+        measured = measured.with_rays(2 * measured.study.recipe.rays)
+    return measured
 
 
-def _for_budget(found: MeasuredParts, measured: Float[np.ndarray, "n m 2"]) -> MeasuredParts:
+def _for_budget(parts: MeasuredParts, measured: Float[np.ndarray, "n m 2"]) -> MeasuredParts:
     """Parts measured by as few rays as tell whether they pass: a third of what separates metrics and bounds."""
-    study, rays = found.study, found.study.recipe.rays
+    study, rays = parts.study, parts.study.recipe.rays
     least = max(preset_of(study.recipe.lens.accuracy).studies.budget_rays, 2 * REPLICATES * len(study.lamps))
     columns = [study.names.index(bound.metric) for bound in study.bounds]
     errors = np.median(measured[:, columns, 1], axis=0)
@@ -210,7 +210,7 @@ def _for_budget(found: MeasuredParts, measured: Float[np.ndarray, "n m 2"]) -> M
     scale = np.maximum(apart, [_true_spread(measured[:, column]) for column in columns])
     while rays > least and np.all(np.sqrt(2.0) * errors <= _LARGEST_BUDGET_ERROR * scale):
         rays, errors = rays // 2, np.sqrt(2.0) * errors
-    return found.with_rays(rays)
+    return parts.with_rays(rays)
 
 
 def _is_certain(study: PartStudy, values: Float[np.ndarray, "n m 2"]) -> bool:
@@ -295,7 +295,7 @@ def _worst_maps(study: PartStudy, worst: Sequence[WorstPart], names: Sequence[st
     rays = max(preset_of(study.recipe.lens.accuracy).studies.worst_rays, study.recipe.rays)
     finer = {led.led: led for led in study.with_rays(rays).leds}  # of lamps, their share of the rays is new as well
     leds = [finer[name] for name in names]
-    parts = [led.made(study.deviations(each.part)) for each, led in zip(worst, leds, strict=True)]
+    parts = [led.made(study.deviations(worst_part.part)) for worst_part, led in zip(worst, leds, strict=True)]
     images = [led.light.received(part)[0].images.mean(axis=0) for part, led in zip(parts, leds, strict=True)]
     return np.stack(images) / leds[0].light.receivers[0].pixel_measure
 
@@ -329,22 +329,22 @@ def _without_limits(study: PartStudy) -> str:
 
 
 def _notes(study: PartStudy, metrics: dict[str, MetricSpread]) -> tuple[str, ...]:
-    found = [] if study.lamps.is_single else [_of_lamps(study)]
+    notes = [] if study.lamps.is_single else [_of_lamps(study)]
     if len(study.leds) > 1:
         names = ", ".join(led.led for led in study.leds)
-        found.append(f"each part is measured with every LED ({names}), whose place, size and flux are off alike")
+        notes.append(f"each part is measured with every LED ({names}), whose place, size and flux are off alike")
     for name, error in study.kinds[0].maker.errors.items():
         if error.slope > 0.0 and study.spec.part_tolerances.given(name) is not None:  # nobody has chosen a preset's
-            words = next(factor.words for factor in study.factors if factor.name == name)
-            found.append(f"{words}: finer parts than the tables resolve are taken as roughness")
+            factor_name = next(factor.words for factor in study.factors if factor.name == name)
+            notes.append(f"{factor_name}: finer parts than the tables resolve are taken as roughness")
     for bound in study.bounds:
         spread = metrics[bound.metric]
         if spread.undecided:
             why = f"a part's standard error of {spread.standard_error:.2g} outweighs the spread over the parts"
-            found.append(f"{bound.metric}: undecided which parts pass: {why}; take more rays")
+            notes.append(f"{bound.metric}: undecided which parts pass: {why}; take more rays")
         elif spread.standard_error is not None and spread.standard_error > _LARGEST_ERROR * spread.spread:
             share = spread.standard_error / spread.spread
-            found.append(f"{bound.metric}: a part's standard error is {share:.2g} of the spread over the parts")
+            notes.append(f"{bound.metric}: a part's standard error is {share:.2g} of the spread over the parts")
     if not any(led.designed_light.limits for led in study.leds):
-        found.append(_without_limits(study))
-    return tuple(found)
+        notes.append(_without_limits(study))
+    return tuple(notes)

@@ -224,9 +224,9 @@ class CoatedFace:
 def coated_faces(media: Media) -> dict[str, CoatedFace]:
     """The faces with a film by name, both of the cover glass last, as GLASS; a mirror is none."""
     faces = {
-        each.face: CoatedFace(each.coating, media.around(each.around))
-        for each in media.coatings
-        if not isinstance(each.coating, Mirror)
+        coating.face: CoatedFace(coating.coating, media.around(coating.around))
+        for coating in media.coatings
+        if not isinstance(coating.coating, Mirror)
     }
     glass = media.cover_glass
     if glass is not None and glass.coating is not None:
@@ -250,10 +250,10 @@ def coating_tables(media: Media, span_nm: Span) -> CoatingTables:
     Raises :class:`InputError` for layers too thick for a table.
     """
     curves = {name: face.reflectance(span_nm) for name, face in coated_faces(media).items()}
-    nodes = np.unique(np.concatenate([each.nodes_nm for each in curves.values()]))
+    nodes = np.unique(np.concatenate([curve.nodes_nm for curve in curves.values()]))
     single = span_nm[0] == span_nm[1] or len(nodes) == 0
     waves = np.array(span_nm[:1]) if single else nodes
-    return CoatingTables(waves, {name: _coefficients(each, waves) for name, each in curves.items()})
+    return CoatingTables(waves, {name: _coefficients(curve, waves) for name, curve in curves.items()})
 
 
 def least_reflectances(media: Media, span_nm: Span | None) -> dict[str, float]:

@@ -82,15 +82,17 @@ def unpolarised_fields(directions: Float[Array, "n 3"]) -> Float[Array, "n 2 3"]
     xp = module_of(directions)
     sideways = abs(directions[:, 0]) < 0.9
     axes = like(directions, np.eye(3))
-    one = xp.linalg.cross(directions, xp.where(sideways[:, None], axes[0], axes[1]))
-    one = one / lengths(one)[:, None]
-    return xp.stack([one, xp.linalg.cross(directions, one)], 1)
+    first = xp.linalg.cross(directions, xp.where(sideways[:, None], axes[0], axes[1]))
+    first = first / lengths(first)[:, None]
+    return xp.stack([first, xp.linalg.cross(directions, first)], 1)
 
 
 def passing_amplitudes(transmittances: Transmittances, ratio: Ratio) -> Amplitudes:
     """Amplitudes of light that passes: roots of both shares, which differ by excess and both sines over their sum."""
     xp = module_of(transmittances[0])
-    root_s, root_p = (xp.sqrt(xp.where(each > _DARK, each, _DARK)) for each in transmittances[:2])
+    root_s, root_p = (
+        xp.sqrt(xp.where(transmittance > _DARK, transmittance, _DARK)) for transmittance in transmittances[:2]
+    )
     return root_s, transmittances[2] / (ratio * (root_s + root_p))
 
 
@@ -121,15 +123,15 @@ def fields_behind(
     def onto(vectors: Float[Array, "n 3"]) -> Inexact[Array, "n 2"]:
         return xp.einsum("nfi,ni->nf", fields, like(fields, vectors))
 
-    cosine, inside = ((each * normals).sum(1)[:, None] for each in (before, behind))
+    cosine, inside = ((vectors * normals).sum(1)[:, None] for vectors in (before, behind))
     # in the plane, as long as the sines
-    one = normals - cosine * before
-    other = normals - inside * behind
+    along_before = normals - cosine * before
+    along_behind = normals - inside * behind
     if reflected:
         turned = fields - (2.0 * onto(normals))[:, :, None] * normals[:, None, :]
-        other = -other
+        along_behind = -along_behind
     else:
         turn = onto(behind) / (1.0 + (before * behind).sum(1))[:, None]
         turned = fields - turn[:, :, None] * (before + behind)[:, None, :]
-    stretch = more[:, None] * onto(one)
-    return across[:, None, None] * turned + stretch[:, :, None] * other[:, None, :]
+    stretch = more[:, None] * onto(along_before)
+    return across[:, None, None] * turned + stretch[:, :, None] * along_behind[:, None, :]

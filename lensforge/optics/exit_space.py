@@ -134,9 +134,9 @@ class ExitColumn:
         if np.allclose(normals[..., 2], 1.0, atol=1e-9) and np.allclose(middles[..., 2], height, atol=1e-9):
             radii, known = _on_level(self, height)
             away = np.hypot(middles[..., 0], middles[..., 1])
-            return np.asarray([np.interp(away, radii, each) * areas for each in known])
-        found = self.projected_sr(middles.reshape(-1, 3), normals.reshape(-1, 3))
-        return np.asarray(found.reshape(-1, *areas.shape) * areas)
+            return np.asarray([np.interp(away, radii, known_row) * areas for known_row in known])
+        projected = self.projected_sr(middles.reshape(-1, 3), normals.reshape(-1, 3))
+        return np.asarray(projected.reshape(-1, *areas.shape) * areas)
 
     def _shown(self, directions: Float[np.ndarray, "h w 3"]) -> Images:
         """Area (mm^2) across each direction; of light that leaves a disc it does not depend on its height."""
@@ -149,11 +149,11 @@ class ExitColumn:
 
     def projected_sr(self, points: _Points, normals: _Points) -> Float[np.ndarray, "k n"]:
         """Projected solid angle (sr) of each slab, from ``points`` (mm) of surfaces of these ``normals``."""
-        found = np.empty((len(self.slabs_mm), len(points)))
+        projected = np.empty((len(self.slabs_mm), len(points)))
         beside = np.hypot(points[:, 0], points[:, 1]) > _BESIDE * self.radius_mm
         for rows, azimuths in ((beside, _FEW), (~beside, _AZIMUTHS)):
-            found[:, rows] = self._summed(points[rows], normals[rows], azimuths)
-        return np.minimum(found, pi)
+            projected[:, rows] = self._summed(points[rows], normals[rows], azimuths)
+        return np.minimum(projected, pi)
 
     def _summed(self, points: _Points, normals: _Points, azimuths: int) -> Float[np.ndarray, "k n"]:
         """Sum over half-planes, in each of which a slab is a rectangle that polar angles of its corners bound."""

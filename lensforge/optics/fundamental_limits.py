@@ -51,12 +51,12 @@ def best_transmittance(
         return once * once
     # once for all rays of one index that need not turn: in a scene they are most of all
     pairs, places = np.unique(np.stack([turn.ravel(), index.ravel()]), axis=1, return_inverse=True)
-    turns, first, second = pairs[0], *(_ratio(pairs[1], each) for each in (cavity_index, outside_index))
+    turns, first, second = pairs[0], *(_ratio(pairs[1], index) for index in (cavity_index, outside_index))
     bound: Turns = np.zeros_like(turns)
     for k in range(_SPLITS):
-        one = _at_most(k / _SPLITS * turns, first, least[0])
-        other = _at_most((1.0 - (k + 1) / _SPLITS) * turns, second, least[1])
-        bound = np.maximum(bound, one * other)
+        at_first = _at_most(k / _SPLITS * turns, first, least[0])
+        at_second = _at_most((1.0 - (k + 1) / _SPLITS) * turns, second, least[1])
+        bound = np.maximum(bound, at_first * at_second)
     return bound[places.ravel()].reshape(turn.shape)
 
 
@@ -66,7 +66,7 @@ def least_by_way(media: Media, span_nm: Span | None) -> Least:
     Mirrors are none of them. ``span_nm`` None: at any wavelength.
     """
     coated = least_reflectances(media, span_nm)
-    mirrors = {each.face for each in media.coatings if isinstance(each.coating, Mirror)}
+    mirrors = {coating.face for coating in media.coatings if isinstance(coating.coating, Mirror)}
     entering, leaving = (
         tuple(coated.get(face.name) for face in bounding(media.faces, medium) if face.name not in mirrors)
         for medium in (CAVITY, BODY)
@@ -134,8 +134,8 @@ def transmittance_of(media: Media) -> float:
         return behind
     index = np.full(1, media.body.refractive_index)
     sides = zip(least_by_way(media, None), (media.cavity_index, media.outside_index), strict=True)
-    one, other = (float(_at_most(np.zeros(1), _ratio(index, around), ways)[0]) for ways, around in sides)
-    return one * other * behind
+    inner, outer = (float(_at_most(np.zeros(1), _ratio(index, around), ways)[0]) for ways, around in sides)
+    return inner * outer * behind
 
 
 def cell_solid_angles(corners: Float[np.ndarray, "m n 3"]) -> Float[np.ndarray, "k l"]:

@@ -47,24 +47,24 @@ def read_agf(path: Path, glass: str) -> Material:
     different data, and for one without its lines. A :class:`FileWarning` says where n_d or v_d contradict coefficients.
     """
     lines = _lines_of(path, glass)
-    words = {tag: line.text.split()[1:] for line in lines for tag in [line.text[:2].upper()] if tag in _TAGS}
-    missing = [tag for tag in ("CD", "LD") if tag not in words]
-    if missing or len(words["NM"]) < 2:
+    entries = {tag: line.text.split()[1:] for line in lines for tag in [line.text[:2].upper()] if tag in _TAGS}
+    missing = [tag for tag in ("CD", "LD") if tag not in entries]
+    if missing or len(entries["NM"]) < 2:
         raise InputError(f"{path}: {glass} has no line {missing[0] if missing else 'NM that names its formula'}")
-    number = int(_number(words["NM"][1], path, glass))
-    (low, high) = _two(words["LD"], path, glass)
+    number = int(_number(entries["NM"][1], path, glass))
+    (low, high) = _two(entries["LD"], path, glass)
     if f"agf {number}" not in COEFFICIENTS:
         raise InputError(f"{path}: {glass} has the dispersion formula {number}, known are 1 to 13")
     material = Material(
-        name=words["NM"][0],
-        dispersion=_formula(number, tuple(_number(word, path, glass) for word in words["CD"]), path, glass),
+        name=entries["NM"][0],
+        dispersion=_formula(number, tuple(_number(word, path, glass) for word in entries["CD"]), path, glass),
         range_nm=(1e3 * low, 1e3 * high),
-        source=f"{path.name}: {words['NM'][0]}",
+        source=f"{path.name}: {entries['NM'][0]}",
         extrapolation_error=None,
         absorption=absorption_of(sorted(_absorptions(lines, path, glass))),
-        temperature=_temperature_law(_known(words.get("TD", [])), _known(words.get("ED", [])), path, glass),
+        temperature=_temperature_law(_known(entries.get("TD", [])), _known(entries.get("ED", [])), path, glass),
     )
-    for contradiction in _contradictions(material, words["NM"][3:5]):
+    for contradiction in _contradictions(material, entries["NM"][3:5]):
         warnings.warn(f"{path}: {glass}: {contradiction}", FileWarning, stacklevel=1)
     return material
 
@@ -94,14 +94,14 @@ def _number_or_0(word: str) -> float:
 
 def _formula(number: int, coefficients: tuple[float, ...], path: Path, glass: str) -> Formula:
     name = f"agf {number}"
-    found = len(coefficients)
+    count = len(coefficients)
     expected = COEFFICIENTS[name]
     if any(coefficients[expected:]):
-        words = f"{found} coefficients in its line CD, formula {number} has {expected}"
-        raise InputError(f"{path}: {glass} has {words}: is one cut in two? Export the catalogue again")
-    if found < expected:
-        words = f"{found} of the {expected} coefficients of formula {number} in its line CD: the others are taken as 0"
-        warnings.warn(f"{path}: {glass} has {words}", FileWarning, stacklevel=1)
+        fault = f"{count} coefficients in its line CD, formula {number} has {expected}"
+        raise InputError(f"{path}: {glass} has {fault}: is one cut in two? Export the catalogue again")
+    if count < expected:
+        fault = f"{count} of the {expected} coefficients of formula {number} in its line CD: the others are taken as 0"
+        warnings.warn(f"{path}: {glass} has {fault}", FileWarning, stacklevel=1)
     return Formula(name, coefficients)
 
 
@@ -111,11 +111,11 @@ def _lines_of(path: Path, glass: str) -> list[Line]:
     blocks: dict[str, list[list[Line]]] = {}
     current: list[Line] = []
     for line in lines_of(decoded_text(content, str(path)), comments_behind=False):
-        words = line.text.split()
-        if words[0].upper() == "NM" and len(words) > 1:
+        entries = line.text.split()
+        if entries[0].upper() == "NM" and len(entries) > 1:
             current = []
-            blocks.setdefault(words[1].upper(), []).append(current)
-        if current and _is_number(words[0]):
+            blocks.setdefault(entries[1].upper(), []).append(current)
+        if current and _is_number(entries[0]):
             current[-1] = Line(current[-1].number, f"{current[-1].text} {line.text}")
         else:
             current.append(line)
@@ -128,10 +128,10 @@ def _lines_of(path: Path, glass: str) -> list[Line]:
         close = get_close_matches(glass.upper(), blocks, 3, 0.5)
         hint = f"closest: {', '.join(map(repr, close))}" if close else "lens.material must be one of its names"
         raise InputError(f"{path}: no glass {glass!r} among its {len(blocks)}; {hint}")
-    first, *others = blocks[glass.upper()]
-    for other in others:
-        if [line.text.split() for line in other] != [line.text.split() for line in first]:
-            places = f"lines {first[0].number} and {other[0].number}"
+    first, *further = blocks[glass.upper()]
+    for block in further:
+        if [line.text.split() for line in block] != [line.text.split() for line in first]:
+            places = f"lines {first[0].number} and {block[0].number}"
             raise InputError(f"{path}: {glass} is there twice, in {places}, with different data; delete one")
     return first
 
@@ -139,10 +139,10 @@ def _lines_of(path: Path, glass: str) -> list[Line]:
 def _absorptions(lines: list[Line], path: Path, glass: str) -> list[tuple[float, float]]:
     absorptions = []
     for line in lines:
-        words = line.text.split()[1:]
-        if line.text[:2].upper() != "IT" or len(words) < 3:
+        entries = line.text.split()[1:]
+        if line.text[:2].upper() != "IT" or len(entries) < 3:
             continue
-        um, transmittance, thickness = (_number(word, path, glass) for word in words[:3])
+        um, transmittance, thickness = (_number(word, path, glass) for word in entries[:3])
         if thickness > 0.0:
             if not 0.0 <= transmittance <= 1.0:
                 raise InputError(f"{path}: {glass} has an internal transmittance of {transmittance:g}, must be 0 to 1")
@@ -151,8 +151,8 @@ def _absorptions(lines: list[Line], path: Path, glass: str) -> list[tuple[float,
 
 
 def _temperature_law(td: list[str], ed: list[str], path: Path, glass: str) -> TemperatureLaw:
-    words = [*td, *["0"] * (SCHOTT_COEFFICIENTS - len(td)), str(REFERENCE_C)][: SCHOTT_COEFFICIENTS + 1]
-    *schott, reference_c = (_number(word, path, glass) for word in words)
+    entries = [*td, *["0"] * (SCHOTT_COEFFICIENTS - len(td)), str(REFERENCE_C)][: SCHOTT_COEFFICIENTS + 1]
+    *schott, reference_c = (_number(word, path, glass) for word in entries)
     known = any(schott[:-1])
     if not known and reference_c == 0.0:
         reference_c = REFERENCE_C
@@ -165,15 +165,15 @@ def _temperature_law(td: list[str], ed: list[str], path: Path, glass: str) -> Te
     return TemperatureLaw(reference_c, tuple(schott) if known else (), expansion_per_k=per_k if per_k > 0.0 else None)
 
 
-def _known(words: list[str]) -> list[str]:
-    """``words`` with 0 for the dashes that some catalogues write for what is not known."""
-    return ["0" if word in ("-", "_") else word for word in words]
+def _known(entries: list[str]) -> list[str]:
+    """``entries`` with 0 for the dashes that some catalogues write for what is not known."""
+    return ["0" if word in ("-", "_") else word for word in entries]
 
 
-def _two(words: list[str], path: Path, glass: str) -> tuple[float, float]:
-    if len(words) < 2:
+def _two(entries: list[str], path: Path, glass: str) -> tuple[float, float]:
+    if len(entries) < 2:
         raise InputError(f"{path}: {glass} has no two wavelengths in its line LD")
-    return _number(words[0], path, glass), _number(words[1], path, glass)
+    return _number(entries[0], path, glass), _number(entries[1], path, glass)
 
 
 def _number(word: str, path: Path, glass: str) -> float:

@@ -68,7 +68,7 @@ def read_picture(path: Path | str, *, missing: str, orientation: int | None = No
     there is no file.
     """
     content = read_file(path, missing=missing, most_bytes=MOST_BYTES)
-    read = next((each for begin, each in _READERS.items() if content.startswith(begin)), None)
+    read = next((reader for begin, reader in _READERS.items() if content.startswith(begin)), None)
     if read is None:
         raise InputError(f"{path}: not a readable image, must be PNG, TIFF, JPEG or BMP; convert it")
     try:

@@ -124,7 +124,7 @@ class Formula:
         """The refractive index at each wavelength; NaN where the formula gives none."""
         kind = _KINDS[self.name]
         zeros = (0.0 for _ in range(kind.least - len(self.coefficients)))
-        given = [np.float64(each) for each in (*self.coefficients, *zeros)]  # whose powers raise no error
+        given = [np.float64(coefficient) for coefficient in (*self.coefficients, *zeros)]  # whose powers raise no error
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             value = kind.value(given, 1e-3 * np.asarray(wavelengths_nm, dtype=np.float64))
             return np.sqrt(value) if kind.squared else value

@@ -17,6 +17,7 @@ from lensforge.optics.material import Material
 from lensforge.optics.pose import IN_PLACE, Pose
 from lensforge.optics.scattering import GaussianFacets
 from lensforge.optics.scattering import RingScatter as RingScatter  # the proof reads it here
+from lensforge.public import public
 
 
 @dataclass(frozen=True)
@@ -162,9 +163,9 @@ class Medium:
     def absorption(self, waves: Wavelengths | None) -> Float[np.ndarray, " k"]:
         """Absorption (1/mm) for each ray, or one for all; empty where the medium is clear."""
         if waves is not None and self.material is not None:
-            own = waves.values_of(self.material)[1]
-            if own is not None:
-                return own
+            of_material = waves.values_of(self.material)[1]
+            if of_material is not None:
+                return of_material
         return np.full(int(self.absorption_per_mm > 0.0), self.absorption_per_mm)
 
     def indices(self, waves: Wavelengths | None, count: int) -> Float[np.ndarray, " n"]:
@@ -198,6 +199,7 @@ class FaceScatter:
     model: GaussianFacets | RingScatter
 
 
+@public
 @runtime_checkable
 class Surface(Protocol):
     """A star-shaped surface about its own origin, by its radius and gradient alone: all else follows from them.
@@ -288,32 +290,34 @@ class Media:
     def __post_init__(self) -> None:
         """Raise :class:`ValueError` for a coating of a face that is none of the body's: nothing would ask for it."""
         names = {face.name for face in self.faces}
-        if not {each.face for each in self.coatings} <= names:
-            raise ValueError(f"coatings of {[each.face for each in self.coatings]}, and the faces are {sorted(names)}")
+        if not {coating.face for coating in self.coatings} <= names:
+            raise ValueError(
+                f"coatings of {[coating.face for coating in self.coatings]}, and the faces are {sorted(names)}"
+            )
 
     def coating(self, face: str) -> Coating | None:
         """Coating of the face of this name; None for a bare one."""
-        return next((each.coating for each in self.coatings if each.face == face), None)
+        return next((coating.coating for coating in self.coatings if coating.face == face), None)
 
     def scattering_of(self, faces: Sequence[str]) -> tuple[GaussianFacets | RingScatter | None, ...] | None:
         """Scatter of each of these faces; None where all are polished."""
-        known = {each.face: each.model for each in self.scatter}
+        known = {scatter.face: scatter.model for scatter in self.scatter}
         return tuple(map(known.get, faces)) if known else None
 
     @property
     def has_rings(self) -> bool:
         """True where a face of the body scatters by rings."""
-        return any(isinstance(each.model, RingScatter) for each in self.scatter)
+        return any(isinstance(scatter.model, RingScatter) for scatter in self.scatter)
 
     @property
     def spreads(self) -> bool:
         """True where rings turn light that passes a face of the body, farther than it can be refracted."""
-        mirrors = {each.face for each in self.coatings if isinstance(each.coating, Mirror)}
-        return any(isinstance(each.model, RingScatter) and each.face not in mirrors for each in self.scatter)
+        mirrors = {coating.face for coating in self.coatings if isinstance(coating.coating, Mirror)}
+        return any(isinstance(scatter.model, RingScatter) and scatter.face not in mirrors for scatter in self.scatter)
 
     def scattering_before(self, body: int) -> int:
         """Number of faces that scatter on the lens and on the bodies before that of this number."""
-        return len(self.scatter) + sum(len(each.scatter) for each in self.bodies[:body])
+        return len(self.scatter) + sum(len(optic.scatter) for optic in self.bodies[:body])
 
     @property
     def scattering(self) -> int:
@@ -332,7 +336,7 @@ class Media:
         if not any(face.is_open for face in self.faces):
             return None
         coatings = (self.coating(face.name) for face in bounding(self.faces, CAVITY))
-        return next((each for each in coatings if isinstance(each, Mirror)), None)
+        return next((coating for coating in coatings if isinstance(coating, Mirror)), None)
 
     def around(self, medium: str) -> float:
         """Index of what lies around the body: CAVITY or OUTSIDE."""
@@ -345,7 +349,7 @@ class Media:
     @property
     def coated(self) -> bool:
         """True where a face carries a film, those of the cover glass too; a mirror is none."""
-        films = [each for each in self.coatings if not isinstance(each.coating, Mirror)]
+        films = [coating for coating in self.coatings if not isinstance(coating.coating, Mirror)]
         glass = self.cover_glass
         return bool(films) or (glass is not None and glass.coating is not None)
 
@@ -358,9 +362,9 @@ class Media:
     @property
     def spread_rad(self) -> float:
         """Angle, rms along a line, by which the lens spreads light by its roughest face; 0 where all are polished."""
-        models = [each.model for each in self.scatter]
+        models = [scatter.model for scatter in self.scatter]
         power = self.largest_turning_power
-        spreads = (each.rms if isinstance(each, RingScatter) else power * each.slope for each in models)
+        spreads = (model.rms if isinstance(model, RingScatter) else power * model.slope for model in models)
         return max(spreads, default=0.0)
 
     @property

@@ -38,7 +38,7 @@ class Pose:
     @staticmethod
     def of_axes(axes: Float[np.ndarray, "3 3"], origin_mm: _Three = ORIGIN) -> "Pose":
         """The frame with the unit vectors x, y, z in the rows of ``axes``."""
-        x, y, z, origin = (_vector(each) for each in (*axes, origin_mm))
+        x, y, z, origin = (_vector(axis) for axis in (*axes, origin_mm))
         return Pose(origin, (x, y, z))
 
     @staticmethod
@@ -129,9 +129,9 @@ class Pose:
         """The frame that stands in this one as ``inner`` says, in coordinates of what this one stands in."""
         return Pose.of_axes(self.directions(np.array(inner.axes)), self.points(np.array(inner.origin_mm)))
 
-    def seen_from(self, other: "Pose") -> "Pose":
+    def seen_from(self, frame: "Pose") -> "Pose":
         """The same frame in coordinates of another one that stands in the same."""
-        return Pose.of_axes(other.own_directions(np.array(self.axes)), other.own_points(np.array(self.origin_mm)))
+        return Pose.of_axes(frame.own_directions(np.array(self.axes)), frame.own_points(np.array(self.origin_mm)))
 
     @property
     def inverse(self) -> "Pose":
@@ -177,12 +177,12 @@ def _about(axis: int, angle_deg: float) -> _Matrix:
     if angle_deg % 90.0 == 0.0:
         cosine = round(cosine)
         sine = round(sine)
-    one = (axis + 1) % 3
-    other = (axis + 2) % 3
+    first = (axis + 1) % 3
+    second = (axis + 2) % 3
     rotation = np.eye(3)
-    rotation[one, one] = rotation[other, other] = cosine
-    rotation[other, one] = sine
-    rotation[one, other] = -sine
+    rotation[first, first] = rotation[second, second] = cosine
+    rotation[second, first] = sine
+    rotation[first, second] = -sine
     return rotation
 
 

@@ -110,16 +110,16 @@ _COMPARED = 50  # wavelengths
 
 def _index(blocks: dict[str, dict[str, Any]], path: Path) -> _Index:
     """The first index of the file; one that is there besides is compared with it."""
-    indices = {kind: found for kind, block in blocks.items() if (found := _index_of(kind, block, path)) is not None}
+    indices = {kind: index for kind, block in blocks.items() if (index := _index_of(kind, block, path)) is not None}
     if not indices:
         only = ", only tabulated k" if "tabulated k" in blocks else ""
         raise InputError(f"{path}: has no index{only}; give a file with n or a formula")
-    first, *others = indices
-    for other in others:
-        apart = _largest_difference(indices[first], indices[other])
+    first, *further = indices
+    for kind in further:
+        apart = _largest_difference(indices[first], indices[kind])
         if apart > _SAME_INDEX:
-            words = f"{first} is taken, {other} beside it has an index that differs by up to {apart:.2g}; leave out one"
-            warnings.warn(f"{path}: {words}", FileWarning, stacklevel=1)
+            doubt = f"{first} is taken, {kind} beside it has an index that differs by up to {apart:.2g}; leave out one"
+            warnings.warn(f"{path}: {doubt}", FileWarning, stacklevel=1)
     return indices[first]
 
 
@@ -135,14 +135,14 @@ def _index_of(kind: str, block: dict[str, Any], path: Path) -> _Index | None:
     return None
 
 
-def _largest_difference(first: _Index, other: _Index) -> float:
+def _largest_difference(first: _Index, second: _Index) -> float:
     """Largest difference of two indices where both are known; 0 where none of their wavelengths is common."""
-    low = max(first[1][0], other[1][0])
-    high = min(first[1][1], other[1][1])
+    low = max(first[1][0], second[1][0])
+    high = min(first[1][1], second[1][1])
     if not low <= high:
         return 0.0
     waves = np.linspace(low, high, _COMPARED)
-    return float(np.abs(first[0].index(waves) - other[0].index(waves)).max())
+    return float(np.abs(first[0].index(waves) - second[0].index(waves)).max())
 
 
 _FIXED_COUNTS = {"formula 7": (3, 6), "formula 8": (4, 4), "formula 9": (6, 6)}  # of 7 the last ones may be left out
@@ -158,8 +158,8 @@ def _coefficients(kind: str, block: dict[str, Any], path: Path) -> tuple[float, 
     cut = kind not in _FIXED_COUNTS and len(numbers) % 2 == 0
     if cut or (kind == "formula 4" and len(numbers) < 9 and (len(numbers) - 1) % 4):
         count = "as 1 + 4 + 4 and then in pairs" if kind == "formula 4" else "1 and then pairs, an odd number"
-        words = f"{len(numbers)} coefficients, {kind} has them {count}"
-        raise InputError(f"{path}: {words}: is the last one missing? Download it again")
+        fault = f"{len(numbers)} coefficients, {kind} has them {count}"
+        raise InputError(f"{path}: {fault}: is the last one missing? Download it again")
     return tuple(numbers)
 
 
@@ -171,13 +171,13 @@ def _absorption(blocks: dict[str, dict[str, Any]], path: Path) -> list[list[floa
             table = _table(blocks[kind], path, columns)
             waves = 1e3 * table[:, 0]
             tables.append(np.column_stack([waves, absorption_per_mm(table[:, columns - 1], waves)]))
-    for other in tables[1:]:
+    for further in tables[1:]:
         first = tables[0]
-        common = other[(other[:, 0] >= first[0, 0]) & (other[:, 0] <= first[-1, 0])]
+        common = further[(further[:, 0] >= first[0, 0]) & (further[:, 0] <= first[-1, 0])]
         taken = np.interp(common[:, 0], first[:, 0], first[:, 1])
         if (np.abs(taken - common[:, 1]) > _SAME_ABSORPTION * np.abs(taken)).any():
-            words = "tabulated k is taken, tabulated nk beside it has another k; leave out one"
-            warnings.warn(f"{path}: {words}", FileWarning, stacklevel=1)
+            doubt = "tabulated k is taken, tabulated nk beside it has another k; leave out one"
+            warnings.warn(f"{path}: {doubt}", FileWarning, stacklevel=1)
     return tables[0].tolist() if tables else []
 
 
@@ -192,18 +192,18 @@ def _table(block: dict[str, Any], path: Path, columns: int) -> Float[np.ndarray,
     rows = np.unique(table, axis=0)  # those that are there twice count once
     twice = np.flatnonzero(np.diff(rows[:, 0]) == 0.0)
     if len(twice):
-        one, other = (" ".join(f"{number:g}" for number in rows[at, 1:]) for at in (twice[0], twice[0] + 1))
-        raise InputError(f"{name}: {one} and {other} at one wavelength, {rows[twice[0], 0]:g} um; leave out one")
+        row, next_row = (" ".join(f"{number:g}" for number in rows[at, 1:]) for at in (twice[0], twice[0] + 1))
+        raise InputError(f"{name}: {row} and {next_row} at one wavelength, {rows[twice[0], 0]:g} um; leave out one")
     return rows
 
 
 def _numbers(block: dict[str, Any], name: str, path: Path, least: int, most: int = MOST_COEFFICIENTS) -> list[float]:
-    words = str(block.get(name, "")).split()
+    numerals = str(block.get(name, "")).split()
     try:
-        numbers = [number_in(word) for word in words]
+        numbers = [number_in(word) for word in numerals]
     except ValueError:
         numbers = []
     if not least <= len(numbers) <= most or not np.isfinite(numbers).all():
         count = f"{least}" if least == most else f"{least} to {most}"
-        raise InputError(f"{path}: {name}: {shown(' '.join(words))}, must be {count} numbers; download it again")
+        raise InputError(f"{path}: {name}: {shown(' '.join(numerals))}, must be {count} numbers; download it again")
     return numbers

@@ -14,7 +14,8 @@ from lensforge.light.evaluation_result import Light
 from lensforge.light.lens_light import evaluate, inputs_of, judging_source, rays_of
 from lensforge.proof.proof_result import Proof, StrayLight
 from lensforge.proof.sandboxed_casts import stray_in_sandbox, verify_in_sandbox
-from lensforge.results.arguments import count_of, require
+from lensforge.public import public
+from lensforge.results.arguments import count_of, require, with_known_names
 from lensforge.results.child_pool import IN_TURN, ChildPool
 from lensforge.scene.lens import Lens
 from lensforge.sources.measured_rays import rays_of_file
@@ -28,6 +29,8 @@ if TYPE_CHECKING:
     from lensforge.proof.part_comparison import Expected
 
 
+@public
+@with_known_names
 def verify(part: Part, light: Light, *, rays: int | None = None, threads: int | None = None) -> Proof:
     """Cast rays through the STL and STEP files of a part, and compare their landings with the design's.
 
@@ -65,8 +68,8 @@ def verify_with(second: ChildPool, part: Part, light: Light, rays: int | None = 
     inputs = {"lens": lens.sha256, "export": part.sha256, "evaluate": light.sha256}
     first = next(iter(lenses))
     proofs = {
-        name: _verified(part, (own, by_led[name]), rays, inputs, second, measured=name == first)
-        for name, own in lenses.items()
+        name: _verified(part, (lens, by_led[name]), rays, inputs, second, measured=name == first)
+        for name, lens in lenses.items()
     }
     return Proof.joined(proofs).changed(altered_files=part.altered)
 
@@ -187,6 +190,8 @@ def _of_first_lamp(lens: Lens) -> Spec:
     return seen_by_lamp(lens.spec, lens.first_lamp) if lens.spec.all_lamps.posed else lens.spec.of_one_lamp
 
 
+@public
+@with_known_names
 def stray_light(
     part: Part, *, rays: int | None = None, base: Literal["polished", "black"] = "polished", threads: int | None = None
 ) -> StrayLight:

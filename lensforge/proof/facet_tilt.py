@@ -56,7 +56,7 @@ class FaceNumbers(NamedTuple):
         if models is None:
             return FaceNumbers(np.zeros((len(rays), 0)), np.zeros(len(rays), dtype=np.uint64))
         if seed is None:
-            rough = np.array([each is not None for each in models])
+            rough = np.array([model is not None for model in models])
             return FaceNumbers(_even(rays, rough, before), _keys(rays))
         own = np.random.default_rng([seed, before])
         return FaceNumbers(
@@ -81,7 +81,9 @@ class FaceNumbers(NamedTuple):
 def facet_slopes(media: Media, names: Sequence[str]) -> Float[np.ndarray, " f"]:
     """Rms slope of the facets of each face, 0 of one without; the last, of the index -1, is that of no face."""
     models = media.scattering_of(names) or (None,) * len(names)
-    return np.array([0.0 if each is None or isinstance(each, RingScatter) else each.slope for each in (*models, None)])
+    return np.array(
+        [0.0 if model is None or isinstance(model, RingScatter) else model.slope for model in (*models, None)]
+    )
 
 
 def _even(rays: RayBundle, rough: Bool[np.ndarray, " f"], before: int) -> Numbers:

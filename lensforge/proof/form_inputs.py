@@ -162,7 +162,7 @@ class _Made:
             found.append(Levels(_numbered(list(self.levels.values())), np.array(list(self.levels))))
         if self.walls:
             names, pieces, drafts = zip(*self.walls, strict=True)
-            owners = np.repeat(np.arange(len(names)), [len(each) for each in pieces])
+            owners = np.repeat(np.arange(len(names)), [len(piece) for piece in pieces])
             found.append(StandingWalls(_numbered(list(names)), np.concatenate(pieces), owners, np.concatenate(drafts)))
         return found
 
@@ -177,13 +177,13 @@ def _of_base(plan: Plan[Surface]) -> _Made:
     """Planes and walls below the rims, from corner to corner."""
     made, corners = _Made(), base_corners(plan)
     turns = np.linspace(0.0, 2.0 * np.pi, _PIECES, endpoint=False)
-    for one, other in zip(corners, [*corners[1:], Corner(rim_radius(plan.cavity), 0.0, "")], strict=True):
-        if one.depth_mm != other.depth_mm:
-            grown = float(other.radius(turns[:1])[0] / one.radius(turns[:1])[0]) - 1.0
-            draft = 0.0, 0.0, -one.depth_mm, grown / (other.depth_mm - one.depth_mm)
-            made.add_wall(one.face, _around(one.radius, plan.outline.corners if plan.has_base else ()), draft)
-        elif np.abs(one.radius(turns) - other.radius(turns)).max() > _NO_AREA_MM:
-            made.add_level(one.face, -one.depth_mm)
+    for corner, other in zip(corners, [*corners[1:], Corner(rim_radius(plan.cavity), 0.0, "")], strict=True):
+        if corner.depth_mm != other.depth_mm:
+            grown = float(other.radius(turns[:1])[0] / corner.radius(turns[:1])[0]) - 1.0
+            draft = 0.0, 0.0, -corner.depth_mm, grown / (other.depth_mm - corner.depth_mm)
+            made.add_wall(corner.face, _around(corner.radius, plan.outline.corners if plan.has_base else ()), draft)
+        elif np.abs(corner.radius(turns) - other.radius(turns)).max() > _NO_AREA_MM:
+            made.add_level(corner.face, -corner.depth_mm)
     feet = plan.base.feet
     if feet is not None:
         made.add_level(FOOT_END, -plan.base.height_mm - feet.height_mm)
@@ -196,7 +196,7 @@ def designed_plate(lens: Lens, layout: PlateLayout) -> DesignedBody:
     """The plate with all its lenses."""
     made, thick, lamps = _Made(), layout.plate.thickness_mm, layout.lenses
     lenses = PlateOfLenses(np.array(lamps.places_mm), np.radians(lamps.turns_deg), None, lamps.kind_of_each)
-    cavities = [lens_boundaries(each)[0] for each in lens.kinds]
+    cavities = [lens_boundaries(kind)[0] for kind in lens.kinds]
     growths = [(layout.bore_scale(rim_points(cavity)) - 1.0) / thick for cavity in cavities]
     mouths = [_around(rim_radius(cavity), ()) for cavity in cavities]
     made.add_level(PLATE_TOP, 0.0)

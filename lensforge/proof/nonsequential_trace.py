@@ -338,7 +338,7 @@ class _Light:
             far_field=screen.is_far,
             flux=flux,
             balance_error=abs(sum(flux.model_dump().values()) - 1.0),
-            detected_stray_by_cause=StrayByCause(**{each: shares[f"by {each}"] for each in StrayByCause.model_fields}),
+            detected_stray_by_cause=StrayByCause(**{name: shares[f"by {name}"] for name in StrayByCause.model_fields}),
             misplaced_flux=misplaced_w / (count * self.emitted_w),
             nmse_vs_sequential=nmse(whole, reference) if reference.any() else None,
             peak_of_mean=float(stray.max() / reference.mean()) if reference.any() else None,

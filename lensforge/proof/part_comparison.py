@@ -12,7 +12,6 @@ import numpy as np
 from jaxtyping import Bool, Float, Int, Shaped
 
 from lensforge.errors import InputError
-from lensforge.light.metrics import error_over_pairs
 from lensforge.optics.media import Media
 from lensforge.proof.acceptance import BLOCKS, LEAST_RAYS
 from lensforge.proof.cast_results import Agreement, FatePair, PartFlux
@@ -23,6 +22,7 @@ from lensforge.proof.proof_result import IndependentRays, LampsTogether
 from lensforge.proof.receiver_screen import Screen, squared_norm
 from lensforge.proof.sequential_cast import CastFate, LandedRays, Passage, send_through
 from lensforge.results import Metric
+from lensforge.results.replicate_pairs import error_over_pairs, mean_over_pairs
 from lensforge.sources.ray_bundle import RayBundle
 
 
@@ -228,8 +228,7 @@ def _nmse_less_noise(landed: LandedRays, expected: Expected, noise: float | None
     )
     errors = np.stack([picture - expected.irradiance for picture in pictures]).reshape(BLOCKS, -1)
     products = errors @ errors.T / squared_norm(expected.irradiance)
-    mean = (products.sum() - np.trace(products)) / (BLOCKS * (BLOCKS - 1))
-    return Metric(value=float(mean) - noise, standard_error=error_over_pairs(products))
+    return Metric(value=mean_over_pairs(products) - noise, standard_error=error_over_pairs(products))
 
 
 @dataclass(frozen=True, eq=False)

@@ -25,8 +25,8 @@ from lensforge.scene.body import Body, radii
 from lensforge.scene.lens import Lens
 from lensforge.scene.pixel_grid import Window
 from lensforge.scene.receiver_shapes import receivers_of
+from lensforge.sources.light_files import read_photometric
 from lensforge.sources.measured_rays import RefittedSource
-from lensforge.sources.photometric import read_photometric
 from lensforge.sources.radiance_emitter import read_radiance
 from lensforge.sources.ray_bundle import RayBundle, Rays, Source, blocks_of
 from lensforge.sources.ray_set import RaySetEmitter
@@ -74,7 +74,7 @@ def plate_of(lamps: Lamps) -> PlateOfLenses:
 
 def optical_on(plate: PlateOfLenses, lens: Lens) -> OpticalFaces:
     """The faces of a ``plate`` that is made with ``lens``."""
-    kinds = tuple(optical_of(each.body, each.events) for each in lens.kinds)
+    kinds = tuple(optical_of(kind.body, kind.events) for kind in lens.kinds)
     return replace(kinds[0], plate=plate, of_kinds=kinds)
 
 

@@ -41,6 +41,7 @@ from lensforge.proof.cast_results import (
 )
 from lensforge.proof.file_form import FileForm
 from lensforge.proof.remedies import FINER, Evidence, form_of_mesh
+from lensforge.public import public
 from lensforge.results import (
     Count,
     Extent,
@@ -260,6 +261,7 @@ _OF_FACETS = {*_LANDING, "nmse_same_rays", *(f"mitsuba_{name}" for name in (*_LA
 _BEHIND_FACETS = {"nmse_vs_design", "own_rays_efficiency", "own_rays_nmse", "lamps_nmse_vs_sum", "plate_nmse_vs_sum"}
 
 
+@public
 class Proof(ResultByLed):
     """Rays through the exported part, against the same rays through the design, on every receiver.
 
@@ -554,6 +556,7 @@ LEAK_SHARE = 1e-3  # light that passes through the mesh at an edge
 DIM_SHARE = 1e-2  # rays below the flux cut-off: the most that they could still change
 
 
+@public
 class StrayLight(ResultByLed):
     """Stray light, which the sequential design leaves out: reflections, the base, absorption; on every receiver.
 
@@ -662,7 +665,7 @@ class StrayLight(ResultByLed):
         Raises :class:`InputError` for an unknown part or receiver.
         """
         require_choice("which", which, get_args(LightPath))
-        named = {each.name: each for each in self.receivers}
+        named = {receiver.name: receiver for receiver in self.receivers}
         if receiver is not None:
             require_choice("receiver", receiver, named)
         shown = self.first if receiver is None else named[receiver]

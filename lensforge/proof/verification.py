@@ -147,7 +147,7 @@ def verify_part(
     )
     sizes = None if exported is None else _sizes(part, cast, exported, files.chord_mm)
     known = {files.stl: part.mesh} | plates
-    forms = mesh_forms(files.designed, known) | {name: each.result() for name, each in solids.items()}
+    forms = mesh_forms(files.designed, known) | {name: solid.result() for name, solid in solids.items()}
     if cast is not None and cast.form is not None:
         forms[cast.form.name] = cast.form
     heights = np.abs(passage.facets_um)

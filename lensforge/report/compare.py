@@ -70,9 +70,9 @@ def folder_names(folders: Sequence[Path]) -> list[str]:
 
 def number_lines(designs: Sequence[Results]) -> list[Group]:
     """The main facts of all designs, by their labels; the note of the best is "best", where one is and they differ."""
-    by_design = [{fact.label: fact for fact in (*required_facts(each), *further_facts(each))} for each in designs]
-    first, *others = (design.spec.all_receivers for design in designs)
-    same_target = all(each == first for each in others)
+    by_design = [{fact.label: fact for fact in (*required_facts(design), *further_facts(design))} for design in designs]
+    first, *further = (design.spec.all_receivers for design in designs)
+    same_target = all(target == first for target in further)
     lines = []
     for label in dict.fromkeys(label for labelled in by_design for label in labelled):
         facts = [labelled.get(label, Fact("", label, None)) for labelled in by_design]
@@ -136,9 +136,9 @@ class ComparedPictures:
         lights = [(name, design, light) for name, design, light in candidates if light is not None]
         lumens_known = all(light.lumens_per_watt is not None for _, _, light in lights)
         shown = [
-            (f"{name}, {each.light.name}" if each.several else name, each.light, light)
+            (f"{name}, {receiver.light.name}" if receiver.several else name, receiver.light, light)
             for name, design, light in lights
-            for each in receivers_in(light, design.spec)
+            for receiver in receivers_in(light, design.spec)
         ]
         self._lit = [
             _Lit(
@@ -176,9 +176,11 @@ class ComparedPictures:
     def _map(self, lit: _Lit) -> Figure:
         shown = self._lit if self.one_scale else [lit]
         frame = Chart(
-            max(each.chart.width for each in shown), max(each.chart.height for each in shown), lit.chart.far_field
+            max(receiver.chart.width for receiver in shown),
+            max(receiver.chart.height for receiver in shown),
+            lit.chart.far_field,
         )
-        top = max(each.peak for each in shown) or 1.0
+        top = max(receiver.peak for receiver in shown) or 1.0
         width = WIDE if len(self._lit) <= 2 else NARROW
         figure = irradiance_map(
             lit.light.map, lit.chart, top / lit.unit.per_watt, unit=lit.unit, width=width, frame=frame

@@ -222,29 +222,29 @@ def exported_files(results: Results) -> list[FileRow]:
     return [FileRow(name, size(stamp.bytes), stamp.sha256, _purpose(name)) for name, stamp in stamps.items()]
 
 
-def folder_files(folder: Path, own: Collection[str], linked: bool) -> list[FileRow]:
-    """Files in ``folder`` but report and hidden ones, ``linked`` or not; those called as one of ``own`` with a hash.
+def folder_files(folder: Path, part_files: Collection[str], linked: bool) -> list[FileRow]:
+    """Files in ``folder`` but report and hidden ones, ``linked`` or not; those named in ``part_files`` with a hash.
 
     Nobody knows the others: they may have any size, and stand with it alone. A link is named and not followed, so that
     no file of another folder gets onto the page. Raises :class:`InputError` if unreadable.
     """
     with refused(folder, "cannot be read (…)", OSError), os.scandir(folder) as entries:
-        files = (each for each in entries if each.is_symlink() or each.is_file(follow_symlinks=False))
-        shown = (each for each in files if each.name != REPORT_FILE and not each.name.startswith("."))
-        first = nsmallest(_MOST_FILES + 1, shown, key=lambda each: (each.name not in own, each.name))
-    paths = sorted(Path(each) for each in first[:_MOST_FILES])
-    rows = [_file_row(path, path.name in own, linked) for path in paths]
+        files = (entry for entry in entries if entry.is_symlink() or entry.is_file(follow_symlinks=False))
+        shown = (file for file in files if file.name != REPORT_FILE and not file.name.startswith("."))
+        first = nsmallest(_MOST_FILES + 1, shown, key=lambda path: (path.name not in part_files, path.name))
+    paths = sorted(Path(path) for path in first[:_MOST_FILES])
+    rows = [_file_row(path, path.name in part_files, linked) for path in paths]
     return rows if len(first) <= _MOST_FILES else [*rows, FileRow("further files", "", "", "")]
 
 
-def _file_row(path: Path, own: bool, linked: bool) -> FileRow:
+def _file_row(path: Path, of_part: bool, linked: bool) -> FileRow:
     name = printable(os.fsencode(path.name).decode(errors="replace"))
     if path.is_symlink():
         return FileRow(name, "a link", "", "")
     with refused(path, "cannot be read (…)", OSError):
         length = path.stat(follow_symlinks=False).st_size
         digest = ""
-        if own and length <= _MOST_HASHED_BYTES:
+        if of_part and length <= _MOST_HASHED_BYTES:
             with path.open("rb") as file:
                 digest = hashlib.file_digest(file, "sha256").hexdigest()
     return FileRow(name, size(length), digest, _purpose(name), quote(os.fsencode(path.name)) if linked else "")

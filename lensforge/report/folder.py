@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TypeVar
 
 from lensforge.errors import InputError, refused
+from lensforge.public import public
 from lensforge.report.headline import further_facts, headline, required_facts
 from lensforge.report.results import REPORT_FILE, Results, conditions_of, stem_of
 from lensforge.report.stored import (
@@ -24,6 +25,7 @@ from lensforge.report.stored import (
     verdicts_of_kinds,
 )
 from lensforge.results import StageResult
+from lensforge.results.arguments import with_known_names
 from lensforge.results.files import is_free_or_own, require_own, require_writable
 from lensforge.results.folder_lock import locked
 from lensforge.results.notebook_html import table_text
@@ -35,11 +37,20 @@ from lensforge.surfaces.imported_face import LENS_FILE
 _Result = TypeVar("_Result", bound=StageResult)
 
 
+@public
 @dataclass(frozen=True, eq=False)
 class Run(Results):
     """All results in a folder.
 
-    ``folder``: result folder.
+    Fields:
+        lens (Lens): The lens.
+        found (mapping of str to StageResult): Results by the stem of their files.
+        outdated (mapping of str): The reason for each stage whose files belong to another lens, part or version;
+            such a stage counts as not run.
+        others (mapping of str to SimulatedResult): Results under other conditions than the nominal, by the stem
+            of their files; neither verdict nor any stage uses them.
+        seconds (float or None, s): Of the whole command that has made them, where one has, up to its report.
+        folder (Path): Result folder.
     """
 
     folder: Path = Path()
@@ -93,6 +104,8 @@ class Run(Results):
         return results_html(self)
 
 
+@public
+@with_known_names
 def load(folder: Path | str) -> Run:
     """Read a result folder: the object that :func:`run` returned.
 

@@ -102,13 +102,13 @@ def _whole(states: Mapping[str, State], results: Results) -> Shown:
 def _in_words(states: Mapping[str, State], results: Results) -> str:
     """Verdicts as sentences, the worst first: "Photometry fails. CAD files and manufacture pass."""
     sentences = []
-    for state, (one, several) in _VERBS.items():
+    for state, (singular, plural) in _VERBS.items():
         names = [name for name, judged in states.items() if judged == state]
         allowed = names == ["cutting"] and state == "fail" and not results.spec.manufacture.required
         if names:
-            verb = one if names in (["light"], ["cutting"]) else several
-            words = _listed([TITLES[name] for name in names]).replace(" Manu", " manu")
-            sentences.append(f"{words} {verb}{' (not required)' if allowed else ''}.")
+            verb = singular if names in (["light"], ["cutting"]) else plural
+            subject = _listed([TITLES[name] for name in names]).replace(" Manu", " manu")
+            sentences.append(f"{subject} {verb}{' (not required)' if allowed else ''}.")
     return " ".join(sentences)
 
 
@@ -123,7 +123,8 @@ def _on_criteria(results: Results) -> str:
         verb = "is" if len(failed) == 1 else "are"
         proof = results.find(Proof)
         facets = () if proof is None else proof.facet_misses
-        alone = " (of the mesh alone, the STEP file decides)" if all(each in facets for each in failed) else ""
+        of_mesh = all(criterion in facets for criterion in failed)
+        alone = " (of the mesh alone, the STEP file decides)" if of_mesh else ""
         return f"{len(failed)} of {len(criteria)} {noun} {of} {verb} not met: {names}{alone}."
     if not criteria:
         return "No criterion has been evaluated."
@@ -138,7 +139,7 @@ def _waiting(results: Results) -> str:
     never = [stage for stage in results.missing if stage not in results.outdated]
     again = [stage_name(stem) for stem in results.outdated]
     return "".join(
-        f" {words}: {', '.join(names)}." for words, names in (("Not run yet", never), ("Out of date", again)) if names
+        f" {state}: {', '.join(names)}." for state, names in (("Not run yet", never), ("Out of date", again)) if names
     )
 
 
@@ -177,12 +178,14 @@ class KindLink:
 
 def kinds(results: Results, linked: bool) -> list[KindLink]:
     """The kinds of lens of the lamps, the first of which has its page above those of the others; none for one."""
-    own = results.lens.kind
+    first_kind = results.lens.kind
     every = results.spec.all_lamps.kinds
-    up = "" if not every or own == every[0].name else "../"
+    up = "" if not every or first_kind == every[0].name else "../"
     pages = [f"{up}{REPORT_FILE}" if kind is every[0] else f"{up}{kind.name}/{REPORT_FILE}" for kind in every]
     return [
-        KindLink(kind.name, len(kind.numbers), page if linked and kind.name != own else None, kind.name == own)
+        KindLink(
+            kind.name, len(kind.numbers), page if linked and kind.name != first_kind else None, kind.name == first_kind
+        )
         for kind, page in zip(every, pages, strict=True)
     ]
 
@@ -231,8 +234,8 @@ def _selected(groups: list[Group], keys: tuple[str, ...]) -> list[Fact]:
 
 def times(results: Results) -> str | None:
     """Sentence on the seconds of each stage and of the whole command, where they ran; None without any."""
-    timed = [(words, result.seconds) for kind, words in _TIMED.items() if (result := results.find(kind)) is not None]
-    parts = [f"{words} {quantity(seconds, 's', digits=3)}" for words, seconds in timed]
+    timed = [(stage, result.seconds) for kind, stage in _TIMED.items() if (result := results.find(kind)) is not None]
+    parts = [f"{stage} {quantity(seconds, 's', digits=3)}" for stage, seconds in timed]
     if not parts or results.seconds is None:
         return f"Time: {', '.join(parts)}." if parts else None
     beside = " (stages can run side by side)" if sum(seconds for _, seconds in timed) > results.seconds else ""

@@ -90,7 +90,7 @@ def _draw_further_bodies(axes: Axes, lens: Lens, across: Float[np.ndarray, " 3"]
     points = place[None, :, None] * across + place[:, None, None] * np.array([0.0, 0.0, 1.0])
     flat = points.reshape(-1, 3)
     for number, body in enumerate(lens.media.bodies):
-        outer, inner = (depths(body, flat, inner=each) for each in (False, True))
+        outer, inner = (depths(body, flat, inner=is_inner) for is_inner in (False, True))
         height = body.pose.own_points(flat)[:, 2]
         within = np.where(height > 0.0, np.minimum(np.minimum(outer, -inner), height), height)
         within = within.reshape(_CUT_NODES, _CUT_NODES)

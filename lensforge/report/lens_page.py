@@ -83,7 +83,7 @@ def _context(results: Results, folder: Path | None, beside: bool) -> dict[str, o
         "times": headline.times(results),
         "facts": _facts(results),
         "left_by_tool": words_of(results.spec).left,
-        "far_proof": proof is not None and any(each.far_field for each in proof.receivers),
+        "far_proof": proof is not None and any(receiver.far_field for receiver in proof.receivers),
         "photometry": _photometry_sentence(results),
         "first": pictures.pop("first"),
         "pictures": pictures,
@@ -91,7 +91,7 @@ def _context(results: Results, folder: Path | None, beside: bool) -> dict[str, o
         "seen_at_once": FIRST,
         "yields": yield_sections(results),
         "other_lights": lights,
-        "other_conditions": sum(isinstance(each, Light) for each in results.others.values()),
+        "other_conditions": sum(isinstance(result, Light) for result in results.others.values()),
         "other_results": light_section.other_results(results),
         "outline_known": exported_part.source_outline(results) is not None,
         "files": exported_part.exported_files(results)

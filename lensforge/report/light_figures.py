@@ -283,8 +283,8 @@ def label_radii(axes: Axes, chart: Chart, reach: float) -> None:
     _label_lengths(axes, chart, reach, far if chart.far_field else near)
 
 
-def _label_lengths(axes: Axes, chart: Chart, reach: float, words: str) -> None:
-    axes.set_xlabel(words)
+def _label_lengths(axes: Axes, chart: Chart, reach: float, title: str) -> None:
+    axes.set_xlabel(title)
     chart.label_metres(axes.xaxis)
     if chart.far_field:
         chart.label_angles(axes, x=reach)
@@ -361,13 +361,13 @@ def losses(flux: Flux, missed: MissedByCause, bodies: Mapping[str, float] | None
     ``bodies``: the losses in further bodies by their names.
     """
     shares = {**missed.model_dump(), **flux.model_dump()}
-    found = []
-    for name, words in _WORDS.items():
+    rows = []
+    for name, label in _WORDS.items():
         if name == "bodies":
-            found += [(f"lost in the {body}", share) for body, share in (bodies or {}).items()]
+            rows += [(f"lost in the {body}", share) for body, share in (bodies or {}).items()]
         elif shares[name] > 0.0:
-            found.append((words, shares[name]))
-    return found
+            rows.append((label, shares[name]))
+    return rows
 
 
 def flux_budget(flux: Flux, missed: MissedByCause, bodies: Mapping[str, float] | None = None) -> Figure:

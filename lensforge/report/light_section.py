@@ -141,9 +141,11 @@ def possible_limits(spec: Spec) -> dict[tuple[str, float], Attainable]:
         return {}
     _, limits = light_requirements(spec, build_source(spec.source))
     return {
-        (each.name, each.required): Attainable(each.possible, "étendue" if each.bounds is None else each.bounds.law)
-        for each in limits
-        if not each.estimated
+        (limit.name, limit.required): Attainable(
+            limit.possible, "étendue" if limit.bounds is None else limit.bounds.law
+        )
+        for limit in limits
+        if not limit.estimated
     }
 
 
@@ -181,12 +183,14 @@ def _seen_by_eyes(results: Results) -> Iterator[ReceiverPictures]:
     drawn = [
         picture(
             numbered("seen", index),
-            light_figures.seen_lens(seen, radiance_unit(own.lumens_per_watt)),
+            light_figures.seen_lens(seen, radiance_unit(light_of_led.lumens_per_watt)),
             f"{seen.name}, {led}" if led else seen.name,
             f"Each pixel: the mean over the spot of {number(seen.spot_mm, 2)} mm about it. Circle: the brightest.",
         )
-        for index, (led, own, seen) in enumerate(
-            (led, own, seen) for led, own in (light.by_led if light else {}).items() for seen in own.seen
+        for index, (led, light_of_led, seen) in enumerate(
+            (led, light_of_led, seen)
+            for led, light_of_led in (light.by_led if light else {}).items()
+            for seen in light_of_led.seen
         )
     ]
     if drawn:
@@ -273,8 +277,8 @@ def line_pictures(
     """Cross-sections of two images; ``name``: makes the name of a picture unique on the page."""
     draw = light_figures.line_comparison
     return [
-        picture(name(f"line{index}"), draw(line, *images, chart, unit, labels), f"Along {words}")
-        for index, (words, line) in enumerate(light_figures.profile_lines(images[0], chart))
+        picture(name(f"line{index}"), draw(line, *images, chart, unit, labels), f"Along {title}")
+        for index, (title, line) in enumerate(light_figures.profile_lines(images[0], chart))
     ]
 
 
@@ -296,37 +300,37 @@ def _flux(shown: ShownReceiver) -> list[PagePicture]:
 
 def photometry_pictures(results: Results) -> list[PagePicture]:
     """Polar and isocandela diagram, and of a lamp for an area or a road the light on the ground, with each LED."""
-    found = results.find(Photometry)
-    if found is None:
+    photometry = results.find(Photometry)
+    if photometry is None:
         return []
     return [
-        replace(drawn, title=f"{drawn.title}, {led}" if found.others else drawn.title)
-        for index, (led, of_led) in enumerate(found.by_led.items())
+        replace(drawn, title=f"{drawn.title}, {led}" if photometry.others else drawn.title)
+        for index, (led, of_led) in enumerate(photometry.by_led.items())
         for drawn in _photometry_of_led(of_led, results, index)
     ]
 
 
-def _photometry_of_led(found: Photometry, results: Results, led: int) -> list[PagePicture]:
+def _photometry_of_led(photometry: Photometry, results: Results, led: int) -> list[PagePicture]:
     section = results.spec.photometry
-    polar = study_figures.polar_diagram(found)
-    isocandela = study_figures.isocandela_diagram(found)
+    polar = study_figures.polar_diagram(photometry)
+    isocandela = study_figures.isocandela_diagram(photometry)
     drawn = [
         picture(numbered("polar", led), polar, "Polar diagram", "Intensity (cd); gamma = 0 is the axis of the lens."),
         picture(numbered("isocandela", led), isocandela, "Isocandela", "C around, gamma outwards, as in the files."),
     ]
-    if found.road is not None:
+    if photometry.road is not None:
         height_m = results.spec.roads[0].pole_height_m if results.spec.roads else None
-        ground = study_figures.ground_diagram(found, section.street_side_deg, section.lenses, height_m)
+        ground = study_figures.ground_diagram(photometry, section.street_side_deg, section.lenses, height_m)
         caption = "One lamp at the centre; above the line is the street."
         drawn.append(picture(numbered("ground", led), ground, "On the ground", caption))
-    for index, judged in enumerate(found.roads):
-        view = study_figures.road_from_above(found, index, results.spec)
+    for index, judged in enumerate(photometry.roads):
+        view = study_figures.road_from_above(photometry, index, results.spec)
         road = results.spec.roads[index]
         words = _FROM_ABOVE_BY_RP8 if road.by_rp8 else _FROM_ABOVE
         name = judged.name.capitalize()
         drawn.append(picture(numbered(f"road-{index}", led), view, name, words))
         if road.by_luminance:
-            night = study_figures.road_by_night(found, index, results.spec)
+            night = study_figures.road_by_night(photometry, index, results.spec)
             drawn.append(picture(numbered(f"night-{index}", led), night, f"{name} by night", _BY_NIGHT))
     return drawn
 
@@ -346,7 +350,7 @@ def other_pictures(results: Results) -> list[PagePicture]:
     return [
         picture(
             shown.picture_name(f"other-{index}"),
-            _map(shown, [each for _, _, _, each in entries]),
+            _map(shown, [receiver for _, _, _, receiver in entries]),
             f"{name}, {shown.light.name}" if shown.several else name,
             "" if light.conditions is None else str(light.conditions),
         )
@@ -360,12 +364,14 @@ def other_results(results: Results) -> list[Group]:
     for stem, result in results.others.items():
         if not isinstance(result, Light):
             main = [line for group in results.facts(result) if (line := _main_line(result, group))]
-            missed = [str(each) for each in criteria_of(result) if not each.holds]
+            missed = [str(criterion) for criterion in criteria_of(result) if not criterion.holds]
             facts = [
                 Fact("conditions", "Conditions", str(result.conditions)),
                 Fact("figures", "Figures", "; ".join(main)),
             ]
-            rows.append(Group("other", f"{stem}.json", tuple(facts), "; ".join(f"missed: {each}" for each in missed)))
+            rows.append(
+                Group("other", f"{stem}.json", tuple(facts), "; ".join(f"missed: {criterion}" for criterion in missed))
+            )
     return rows
 
 
@@ -378,10 +384,10 @@ def _compared(results: Results) -> dict[str, Light]:
     """The lens's own light before every other; none where there is no other."""
     lights = (light for light in results.others.values() if isinstance(light, Light))
     others = {OWN if light.conditions is None else light.conditions.name: light for light in lights}
-    own = results.find(Light)
-    if own is None or not (others or own.others):
+    nominal = results.find(Light)
+    if nominal is None or not (others or nominal.others):
         return others
-    (first, alone), *rest = own.by_led.items()
+    (first, alone), *rest = nominal.by_led.items()
     return {f"{OWN}, {first}" if rest else OWN: alone, **dict(rest), **others}
 
 
@@ -392,7 +398,11 @@ def _light_rows(results: Results, name: str, light: Light) -> Iterator[Group]:
     notes = ()
     if conditions is not None:  # the reasons against the own light stand at the top of the page
         warm = () if conditions.temperature_c is None else (f"lens at {conditions.temperature_c:g} °C",)
-        notes = (*warm, *(words for _, words in reasons), *(f"warning: {words}" for words in conditions.warnings))
+        notes = (
+            *warm,
+            *(warning for _, warning in reasons),
+            *(f"warning: {warning}" for warning in conditions.warnings),
+        )
         source = conditions.source or source
     lit = [group for group in results.facts(light) if group.key == "light"]
     simulated = next(group for group in results.facts(light) if group.key == "simulation").select("rays")
@@ -409,8 +419,8 @@ def _light_rows(results: Results, name: str, light: Light) -> Iterator[Group]:
         yield Group("light", title, facts, "" if index else "; ".join(notes), state)
 
 
-def _map(shown: ShownReceiver, others: Sequence[ShownReceiver]) -> Figure:
-    alike = [each for each in others if each.light.name == shown.light.name]
-    one_unit = len({each.unit for each in alike}) == 1
-    top = top_of(each.light.map for each in (alike if one_unit else [shown]))
+def _map(shown: ShownReceiver, receivers: Sequence[ShownReceiver]) -> Figure:
+    alike = [candidate for candidate in receivers if candidate.light.name == shown.light.name]
+    one_unit = len({receiver.unit for receiver in alike}) == 1
+    top = top_of(receiver.light.map for receiver in (alike if one_unit else [shown]))
     return light_figures.irradiance_map(shown.light.map, shown.light.chart, top, unit=shown.unit)

@@ -60,7 +60,10 @@ class NewScene:
     @staticmethod
     def of(name: str, light: Tables, source: Tables, max_radius_mm: float) -> "NewScene":
         """The scene of these tables; the cavity around a ray file is measured. Raises :class:`InputError`."""
-        known = "".join(each if each.isascii() and (each.isalnum() or each in "-_") else "_" for each in name)[:64]
+        known = "".join(
+            character if character.isascii() and (character.isalnum() or character in "-_") else "_"
+            for character in name
+        )[:64]
         constraints: Tables = {"max_radius_mm": max_radius_mm}
         if source["kind"] == "rayfile":
             constraints |= cavity_around(RayfileSource(**deepcopy(source)))
@@ -159,8 +162,8 @@ class NewScene:
             warn("manufacture.shrinkage is not given: ask the moulder for that of the plastic, such as 0.005")
         scene = SceneCheck.of(made, source_of(made))
         scene.require_light(force=force)
-        for words in (*scene.warnings(), *_unsuited(type(made.lens), shape)):
-            warn(words)
+        for warning in (*scene.warnings(), *_unsuited(type(made.lens), shape)):
+            warn(warning)
         reasons = _with_derived(content, made)
         lit = content.get("target") or content["receivers"][0]["targets"][0]
         section = made.all_receivers[0]
@@ -243,5 +246,5 @@ _OF_TWO_FACES: dict[LightShape, str] = {"beside": "light to one side", "picture"
 def _unsuited(kind: type[LensShape], shape: LightShape) -> Iterator[str]:
     """A line where another kind of lens suits light of that ``shape`` better."""
     if shape in _OF_TWO_FACES and shape not in kind.draws:
-        words = f"{_OF_TWO_FACES[shape]} takes two faces, --lens {LensShape.usual_kind}"
-        yield f"lens: {words}; a {kind.title} has a larger error there"
+        fault = f"{_OF_TWO_FACES[shape]} takes two faces, --lens {LensShape.usual_kind}"
+        yield f"lens: {fault}; a {kind.title} has a larger error there"

@@ -24,13 +24,21 @@ from lensforge.light.lens_light import evaluate, photometry, searched_source
 from lensforge.light.photometry_result import Photometry
 from lensforge.proof.casts import verify, verify_with
 from lensforge.proof.proof_result import Proof
+from lensforge.public import public
 from lensforge.report.folder import Run, RunFolder, existing, folder_of, opened
 from lensforge.report.results import REPORT_FILE, Results
 from lensforge.report.sweep import Sweep, sweep_of
 from lensforge.report.tradeoff import Tradeoff
 from lensforge.report.variation import AnyVariation, sources_of, variation_of
 from lensforge.results import StageResult
-from lensforge.results.arguments import count_of, number_of, require, threads_of_torch
+from lensforge.results.arguments import (
+    count_of,
+    number_of,
+    require,
+    threads_of_torch,
+    with_known_names,
+    with_options_of,
+)
 from lensforge.results.child_pool import ChildPool, child_pool
 from lensforge.results.file_bounds import remembered
 from lensforge.results.files import require_own
@@ -53,6 +61,8 @@ from lensforge.surfaces.imported_face import LENS_FILE
 _Result = TypeVar("_Result", bound=StageResult)
 
 
+@public
+@with_known_names
 def build(
     lens: Lens,
     *,
@@ -104,6 +114,8 @@ def build(
     )
 
 
+@public
+@with_known_names
 def check(part: Part | Lens, *, process: Process | None = None) -> Check:
     """Check whether a part can be made: best-fit sphere, curvature, cutter, wall, draft.
 
@@ -141,6 +153,8 @@ class Listener:
         self.ended(name, time.perf_counter() - started)
 
 
+@public
+@with_options_of(design)
 def run(
     spec: Spec,
     folder: Path | str,
@@ -279,7 +293,7 @@ def write_kinds(first: Run, heard: Listener) -> None:
 
     Its light is that of all lamps, its search that of all lenses: both are the first one's.
     """
-    for lens in (each for each in first.lens.kinds if each.kind != first.lens.kind):
+    for lens in (kind for kind in first.lens.kinds if kind.kind != first.lens.kind):
         with heard.timed(lens.kind), opened(first.folder / lens.kind, create=True) as there:
             there.write(_of_lens(first.design, lens).changed(lens=lens))
             light = there.write(_of_lens(first.light, lens))
@@ -314,6 +328,8 @@ def write_comparison(folders: Sequence[Path], page: Path) -> None:
     write_page(render_comparison([existing(folder).to_show() for folder in folders], names), page)
 
 
+@public
+@with_known_names
 def sweep(
     spec: Spec,
     field: str | None = None,
@@ -363,13 +379,15 @@ def _run_in_memory(made: Design, threads: int | None) -> Iterator[Results]:
     """Evaluate, build, check and verify the lens of each kind: the stages of a run, without a folder."""
     evaluated = evaluate(made.lens, threads=threads)
     for lens in made.lens.kinds:
-        found = _of_lens(made, lens).changed(lens=lens)
+        result = _of_lens(made, lens).changed(lens=lens)
         light = _of_lens(evaluated, lens)
         part = build(lens)
-        results: tuple[StageResult, ...] = (found, light, part, check(part), verify(part, light, threads=threads))
+        results: tuple[StageResult, ...] = (result, light, part, check(part), verify(part, light, threads=threads))
         yield Results(lens, {result.stage: result for result in results})
 
 
+@public
+@with_known_names
 def tradeoff(
     spec: Spec,
     *,

@@ -82,8 +82,8 @@ def _behind(lens: Lens, name: str, points: Points, along: Points, met: np.ndarra
     normals = lens.surfaces[name].normal(points / np.linalg.norm(points, axis=1, keepdims=True))
     normals = np.where(from_behind, -normals, normals)
     face = lens.body.face(name)
-    one, other = (_index(lens.media, medium) for medium in (face.before, face.behind))
-    ratio = np.where(from_behind[:, 0], other / one, one / other)
+    index_before, index_behind = (_index(lens.media, medium) for medium in (face.before, face.behind))
+    ratio = np.where(from_behind[:, 0], index_behind / index_before, index_before / index_behind)
     cosine = (along * normals).sum(axis=1, keepdims=True)
     reflected = (met % 4 >= REFLECTED)[:, None]
     with np.errstate(invalid="ignore"):  # totally reflected: NaN

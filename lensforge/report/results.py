@@ -16,8 +16,9 @@ from lensforge.made.tolerance_result import Sensitivity, Yield
 from lensforge.made.yield_facts import sensitivity_facts, yield_facts
 from lensforge.proof.proof_facts import proof_facts, stray_facts
 from lensforge.proof.proof_result import Proof, StrayLight
+from lensforge.public import public
 from lensforge.results import Conditions, Fact, Group, SimulatedResult, StageResult
-from lensforge.results.arguments import require
+from lensforge.results.arguments import require, with_known_names
 from lensforge.results.criteria import criteria_of, missed
 from lensforge.results.stage_result import OF_FOLDERS
 from lensforge.results.verdict import Reason, Verdict
@@ -39,14 +40,19 @@ STAGES: tuple[type[StageResult], ...] = (Design, Light, Part, Check, Proof, Phot
 _Result = TypeVar("_Result", bound=StageResult)
 
 
+@public
 @dataclass(frozen=True, eq=False)
 class Results:
     """A lens and the results of its stages.
 
-    ``lens``: the lens. ``found``: results by the stem of their files. ``outdated``: the reason for each stage whose
-    files belong to another lens, part or version; such a stage counts as not run. ``others``: results under other
-    conditions than the nominal, by the stem of their files; neither verdict nor any stage uses them. ``seconds``: of
-    the whole command that has made them, where one has, up to its report.
+    Fields:
+        lens (Lens): The lens.
+        found (mapping of str to StageResult): Results by the stem of their files.
+        outdated (mapping of str): The reason for each stage whose files belong to another lens, part or version;
+            such a stage counts as not run.
+        others (mapping of str to SimulatedResult): Results under other conditions than the nominal, by the stem
+            of their files; neither verdict nor any stage uses them.
+        seconds (float or None, s): Of the whole command that has made them, where one has, up to its report.
     """
 
     lens: Lens
@@ -233,6 +239,8 @@ def conditions_of(result: StageResult) -> Conditions | None:
     return result.conditions if isinstance(result, SimulatedResult) else None
 
 
+@public
+@with_known_names
 def handover(
     run: Results,
     *,
@@ -263,10 +271,10 @@ def handover(
     from lensforge.shop.shop_files import made_by, make_handover
 
     require(run, Results, "handover")
-    words = read_drawing(Path(drawing)) if isinstance(drawing, Path | str) else drawing
+    section = read_drawing(Path(drawing)) if isinstance(drawing, Path | str) else drawing
     request = GridRequest(spacing_mm, error_nm, interpolation)
     part = run.part
     check = run.check
     if process is not None and process != part.lens.spec.manufacture.process:
         part, check = made_by(part, process), check_made_by(part.lens, process)
-    return make_handover(part, check, run.yield_facts, request, words)
+    return make_handover(part, check, run.yield_facts, request, section)

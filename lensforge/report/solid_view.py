@@ -80,11 +80,11 @@ def solid_views(stl: bytes, optics_radius_mm: float, plate_stl: bytes | None = N
                 (folder / name).write_bytes(content)
         (folder / _RADIUS).write_text(json.dumps(optics_radius_mm), encoding="utf-8")
         with Child(Path(__file__).resolve(), folder, _LIMITS) as child:
-            ending, words = child.wait()
+            ending, message = child.wait()
         if ending is Ending.REFUSED:
-            raise InputError(words)
+            raise InputError(message)
         if ending in (Ending.TIME, Ending.MEMORY):
-            return SolidViews({}, problem=f"No 3-D picture: the renderer {words}.")
+            return SolidViews({}, problem=f"No 3-D picture: the renderer {message}.")
         if ending is not Ending.DONE:
             return SolidViews({}, problem="No 3-D picture: this machine has no off-screen renderer (OpenGL).")
         bounds = json.loads((folder / "bounds.json").read_text(encoding="utf-8"))
@@ -136,7 +136,9 @@ def _triangle_mesh(points: Float[np.ndarray, "n 3"], triangles: Int[np.ndarray, 
     mesh = vtkPolyData()
     places.SetData(numpy_to_vtk(points, deep=True))
     ends = np.arange(0, triangles.size + 1, 3, dtype=np.int64)
-    cells.SetData(*(numpy_to_vtkIdTypeArray(each, deep=True) for each in (ends, triangles.astype(np.int64).ravel())))
+    cells.SetData(
+        *(numpy_to_vtkIdTypeArray(indices, deep=True) for indices in (ends, triangles.astype(np.int64).ravel()))
+    )
     mesh.SetPoints(places)
     mesh.SetPolys(cells)
     return mesh
@@ -345,18 +347,18 @@ def _nearest_normals(coarse: Any, fine: Any) -> Float[np.ndarray, "n 3"]:
     from vtkmodules.vtkCommonCore import vtkIdList
     from vtkmodules.vtkCommonDataModel import vtkStaticPointLocator
 
-    own, full = (_array(each.GetPointData().GetNormals()) for each in (coarse, fine))
+    normals, full = (_array(mesh.GetPointData().GetNormals()) for mesh in (coarse, fine))
     count = min(_CANDIDATES, len(full))
-    found = vtkIdList()
+    nearest_ids = vtkIdList()
     near = vtkStaticPointLocator()
     near.SetDataSet(fine)
     near.BuildLocator()
-    candidates = np.empty((len(own), count, 3))
+    candidates = np.empty((len(normals), count, 3))
     for row, point in enumerate(_points(coarse).tolist()):
-        near.FindClosestNPoints(count, point, found)
-        candidates[row] = full[[found.GetId(number) for number in range(count)]]
-    best = np.argmax(np.einsum("nkc,nc->nk", candidates, own), axis=1)
-    return np.asarray(candidates[np.arange(len(own)), best])
+        near.FindClosestNPoints(count, point, nearest_ids)
+        candidates[row] = full[[nearest_ids.GetId(number) for number in range(count)]]
+    best = np.argmax(np.einsum("nkc,nc->nk", candidates, normals), axis=1)
+    return np.asarray(candidates[np.arange(len(normals)), best])
 
 
 def _points(mesh: Any) -> Float[np.ndarray, "n 3"]:

@@ -111,10 +111,10 @@ def _files_in(folder: Path, kind_by_stem: Mapping[str, type[StageResult]]) -> It
             yield stem, kind
     for stem, kind in kind_by_stem.items():
         if issubclass(kind, SimulatedResult):
-            others = nsmallest(_MOST_OTHERS + 1, folder.glob(f"{stem}_*.json"))
-            if len(others) > _MOST_OTHERS:
+            files = nsmallest(_MOST_OTHERS + 1, folder.glob(f"{stem}_*.json"))
+            if len(files) > _MOST_OTHERS:
                 raise InputError(f"{folder}: more than {_MOST_OTHERS} files {stem}_*.json are not read; move some away")
-            yield from ((path.stem, kind) for path in others)
+            yield from ((path.stem, kind) for path in files)
 
 
 def _foreign_conditions(result: StageResult, stem: str, is_own: bool) -> str:
@@ -204,13 +204,13 @@ def verdicts_of_kinds(folder: Path, lens: Lens) -> dict[str, Verdict]:
     A folder that is missing, or of another lens, leaves files and cutting of its kind undecided.
     """
     verdicts = dict[str, Verdict]()
-    for other in lens.kinds[1:] if lens.kind == lens.kinds[0].kind else ():
-        why = f"the folder {other.kind} has no part of this lens; run `lensforge design` again, or with --resume"
-        verdicts[other.kind] = Verdict.of([], [("undecided", why)], [("undecided", why)])
+    for kind in lens.kinds[1:] if lens.kind == lens.kinds[0].kind else ():
+        why = f"the folder {kind.kind} has no part of this lens; run `lensforge design` again, or with --resume"
+        verdicts[kind.kind] = Verdict.of([], [("undecided", why)], [("undecided", why)])
         with suppress(InputError):
-            record = RunRecord.read(folder / other.kind)
-            if record is not None and load_lens(folder / other.kind / LENS_FILE) == other:
-                verdicts[other.kind] = record.verdict
+            record = RunRecord.read(folder / kind.kind)
+            if record is not None and load_lens(folder / kind.kind / LENS_FILE) == kind:
+                verdicts[kind.kind] = record.verdict
     return verdicts
 
 

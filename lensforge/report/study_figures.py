@@ -58,12 +58,12 @@ _DIAGONAL = 0.5**0.5  # between the labels of C
 
 
 @in_report_style
-def polar_diagram(found: Photometry) -> Figure:
+def polar_diagram(photometry: Photometry) -> Figure:
     """Intensity over gamma in the principal planes, gamma = 0 downwards, as data sheets have it."""
     figure, axes = new_figure(NARROW, 0.68 * NARROW)
-    profiles = {c_deg: plane_profile(_table(found), c_deg) for c_deg in _PLANES}
+    profiles = {c_deg: plane_profile(_table(photometry), c_deg) for c_deg in _PLANES}
     largest = max(float(values.max()) for _, values in profiles.values()) or 1.0
-    rings = [each for each in MaxNLocator(_RINGS, steps=_ROUND).tick_values(0.0, largest) if each > 0.0]
+    rings = [level for level in MaxNLocator(_RINGS, steps=_ROUND).tick_values(0.0, largest) if level > 0.0]
     top = float(rings[-1])
     for radius in rings:
         _ring(axes, radius, from_deg=180.0)
@@ -85,13 +85,13 @@ def polar_diagram(found: Photometry) -> Figure:
 
 
 @in_report_style
-def isocandela_diagram(found: Photometry) -> Figure:
+def isocandela_diagram(photometry: Photometry) -> Figure:
     """Lines of equal intensity over C, counted counterclockwise from the right, and gamma from the centre."""
     figure, axes = new_figure(NARROW, NARROW)
-    reach = _reach(found)
+    reach = _reach(photometry)
     x, y = np.meshgrid(*2 * [np.linspace(-reach, reach, _PIXELS)])
-    light = _at(_table(found), np.rad2deg(np.arctan2(y, x)), np.hypot(x, y))
-    levels = [share * found.peak_cd.value for share in ISO_SHARES]
+    light = _at(_table(photometry), np.rad2deg(np.arctan2(y, x)), np.hypot(x, y))
+    levels = [share * photometry.peak_cd.value for share in ISO_SHARES]
     colours = list(ISO_SHARES.values())
     axes.contour(x, y, light, levels=levels, colors=colours, linewidths=0.9)
     for (share, colour), level in zip(ISO_SHARES.items(), levels, strict=True):
@@ -109,7 +109,7 @@ def isocandela_diagram(found: Photometry) -> Figure:
 
 
 @in_report_style
-def ground_diagram(found: Photometry, street_deg: float, lenses: int, height_m: float | None) -> Figure:
+def ground_diagram(photometry: Photometry, street_deg: float, lenses: int, height_m: float | None) -> Figure:
     """Illuminance on the ground under one lamp, over places in mounting heights, the street upwards.
 
     In lux at ``height_m``, or where there is none as a share of the largest.
@@ -119,13 +119,13 @@ def ground_diagram(found: Photometry, street_deg: float, lenses: int, height_m: 
     away = np.hypot(along, across)
     lateral = np.rad2deg(np.arctan2(along, across))
     c_deg = -(lateral + street_deg)  # the file counts C the other way than the lens its azimuth
-    light = lenses * _at(_table(found), c_deg, np.rad2deg(np.arctan(away))) / (1.0 + away**2) ** 1.5
+    light = lenses * _at(_table(photometry), c_deg, np.rad2deg(np.arctan(away))) / (1.0 + away**2) ** 1.5
     scale, unit = (1.0 / float(light.max()), "of the maximum") if height_m is None else (height_m**-2, "lx")
     top = float(scale * light.max())
     for share, colour in zip((0.01, 0.05, 0.2, 0.5), ("#6a4fc4", "#2f7fd1", "#1f9e89", "#d18a1f"), strict=True):
         axes.contour(along, across, scale * light, levels=[share * top], colors=[colour], linewidths=0.9)
-        words = f"{percent(share, 0)} {unit}" if height_m is None else f"{number(share * top, 2)} {unit}"
-        axes.plot([], [], color=colour, label=words)
+        label = f"{percent(share, 0)} {unit}" if height_m is None else f"{number(share * top, 2)} {unit}"
+        axes.plot([], [], color=colour, label=label)
     axes.axhline(0.0, color=INK, linewidth=0.5)
     axes.set(aspect="equal", xlabel="along the road (mounting heights)", ylabel="towards the street")
     axes.grid(True)
@@ -134,12 +134,12 @@ def ground_diagram(found: Photometry, street_deg: float, lenses: int, height_m: 
 
 
 @in_report_style
-def road_from_above(found: Photometry, index: int, spec: Spec) -> Figure:
+def road_from_above(photometry: Photometry, index: int, spec: Spec) -> Figure:
     """A road from above: in the luminance that each driver sees, the left lane first; of a class P or C in lux."""
     road = spec.roads[index]
-    judged = found.roads[index]
+    judged = photometry.roads[index]
     readings = RoadReadings.of(spec.roads[index])
-    candela = _kept_candela(found, road, spec)
+    candela = _kept_candela(photometry, road, spec)
     unit = "lx"
     lights = [(lux_across(0.0, road.width_m), readings.illuminance)]
     drivers = sorted(judged.drivers, key=lambda driver: -road.from_right(driver.lane - 1))
@@ -149,8 +149,8 @@ def road_from_above(found: Photometry, index: int, spec: Spec) -> Figure:
         by_driver = dict(zip((driver.lane for driver in judged.drivers), of_drivers, strict=True))
         lights = [by_driver[driver.lane] for driver in drivers]
     seen = [light.of(candela(light)).reshape(len(rows), -1) for rows, light in lights]
-    least = min(float(each.min()) for each in seen)
-    top = max(float(each.max()) for each in seen) or 1.0
+    least = min(float(field.min()) for field in seen)
+    top = max(float(field.max()) for field in seen) or 1.0
     figure = Figure(figsize=(WIDE, 0.5 + 1.3 * len(seen)), layout="constrained")
     views = figure.subplots(len(seen), 1, sharex=True, squeeze=False)[:, 0]
     levels = MaxNLocator(_ISOLINES).tick_values(least, top)
@@ -167,22 +167,22 @@ def road_from_above(found: Photometry, index: int, spec: Spec) -> Figure:
     return figure
 
 
-def _kept_candela(found: Photometry, road: RoadSection, spec: Spec) -> Candela:
-    factor = lenses_in(road, spec, found.source_lm) * road.maintenance_factor
-    return of_table(_table(found), -spec.photometry.street_side_deg, factor)
+def _kept_candela(photometry: Photometry, road: RoadSection, spec: Spec) -> Candela:
+    factor = lenses_in(road, spec, photometry.source_lm) * road.maintenance_factor
+    return of_table(_table(photometry), -spec.photometry.street_side_deg, factor)
 
 
 @in_report_style
-def road_by_night(found: Photometry, index: int, spec: Spec) -> Figure:
+def road_by_night(photometry: Photometry, index: int, spec: Spec) -> Figure:
     """A road of a class M from the eye of each driver, the left lane first, in its luminance, with its lamps."""
     road = spec.roads[index]
-    candela = _kept_candela(found, spec.roads[index], spec)
+    candela = _kept_candela(photometry, spec.roads[index], spec)
     views = [DriverView(road, lane) for lane in sorted(range(road.lanes), key=road.from_right, reverse=True)]
     away = 1.0 / np.linspace(1.0 / _NEAR_M, 1.0 / _FAR_M, _ROWS)  # even steps in the picture
     away, y = np.meshgrid(away, np.linspace(0.0, road.width_m, _PER_LANE * road.lanes + 1))
     lights = [view.luminance(view.place(away.ravel() - BEFORE_M), y.ravel()) for view in views]
     seen = [light.of(candela(light)).reshape(y.shape) for light in lights]
-    top = max(float(each.max()) for each in seen) or 1.0
+    top = max(float(field.max()) for field in seen) or 1.0
     roof = min(_ABOVE_LAMPS * road.pole_height_m / BEFORE_M, _MOST_UP)
     tall = WIDE * (roof + _DOWN) / (2.0 * _ASIDE)
     figure = Figure(figsize=(WIDE, 0.2 + (0.15 + 0.85 * tall) * len(seen)), layout="constrained")
@@ -250,8 +250,8 @@ def _road_view(
     axes.set(ylabel="across (m)", xlim=extent[:2], ylim=(0.0, road.width_m))
 
 
-def _table(found: Photometry) -> TabulatedIntensity:
-    return TabulatedIntensity(found.c_deg, found.gamma_deg, found.candela)
+def _table(photometry: Photometry) -> TabulatedIntensity:
+    return TabulatedIntensity(photometry.c_deg, photometry.gamma_deg, photometry.candela)
 
 
 def _at(
@@ -263,10 +263,12 @@ def _at(
     return read(np.stack([c_deg % 360.0, gamma_deg], axis=-1))
 
 
-def _reach(found: Photometry) -> float:
+def _reach(photometry: Photometry) -> float:
     """Angle (deg) that the isocandela diagram shows: somewhat more than half the wider field angle."""
     widths = [
-        beam.field_angle_deg.value for beam in (found.beam_c0, found.beam_c90) if beam.field_angle_deg is not None
+        beam.field_angle_deg.value
+        for beam in (photometry.beam_c0, photometry.beam_c90)
+        if beam.field_angle_deg is not None
     ]
     return min(90.0, _FURTHER * 0.5 * max(widths, default=180.0))
 
@@ -298,7 +300,7 @@ def distribution(
     figure, axes = new_figure(NARROW, _HEIGHT)
     ordered = np.sort(values)
     axes.step(ordered, 100.0 * np.arange(1, len(values) + 1) / len(values), where="post", color=BLUE, label="parts")
-    near = [each.bound for each in bounds if not beyond(values, each.bound)]
+    near = [bound.bound for bound in bounds if not beyond(values, bound.bound)]
     if not beyond(values, designed):
         axes.axvline(designed, color=INK, linewidth=1.0, linestyle=DASHED, label="as designed")
         near.append(designed)
@@ -306,10 +308,10 @@ def distribution(
     margin = 0.04 * float(np.ptp(ends)) or 0.01 * abs(float(ends[0])) or 1.0
     left = float(ends.min()) - margin
     right = float(ends.max()) + margin
-    for index, each in enumerate(each for each in bounds if not beyond(values, each.bound)):
-        wrong = (each.bound, right) if each.sense == "<=" else (left, each.bound)
+    for index, near_bound in enumerate(bound for bound in bounds if not beyond(values, bound.bound)):
+        wrong = (near_bound.bound, right) if near_bound.sense == "<=" else (left, near_bound.bound)
         axes.axvspan(*wrong, color=RED, alpha=0.1, linewidth=0.0)
-        axes.axvline(each.bound, color=RED, label="bound" if index == 0 else None)
+        axes.axvline(near_bound.bound, color=RED, label="bound" if index == 0 else None)
     axes.set(xlim=(left, right), ylim=(0.0, 101.0), xlabel=label, ylabel="cumulative share of the parts (%)")
     axes.xaxis.set_major_locator(MaxNLocator(5))
     if share:

@@ -10,6 +10,7 @@ from pydantic import Field, model_validator
 
 from lensforge.light.evaluation_result import LightMetrics, MetricName
 from lensforge.light.receiver_light import METRICS
+from lensforge.public import public
 from lensforge.report.results import Results
 from lensforge.report.variation import ONE_FOR_ALL, AnyVariation, Variant, Variation
 from lensforge.results import (
@@ -63,6 +64,7 @@ class SweepRow(Record):
     by_led: dict[Text, LightMetrics] = Field(default_factory=dict)
 
 
+@public
 class Sweep(StageResult):
     """Designs by the value of a field, smallest first, or by the LED, in their order.
 
@@ -104,8 +106,8 @@ class Sweep(StageResult):
         """The varied field in words, with its unit: ``roads.0: pole spacing (m)``."""
         section, _, field = self.vary.rpartition(".")
         unit = unit_in(field)
-        words = field.removesuffix(unit_suffix(unit)).replace("_", " ") if unit else field.replace("_", " ")
-        return f"{section}: " * bool(section) + words + f" ({unit})" * bool(unit)
+        title = field.removesuffix(unit_suffix(unit)).replace("_", " ") if unit else field.replace("_", " ")
+        return f"{section}: " * bool(section) + title + f" ({unit})" * bool(unit)
 
     @property
     def criteria(self) -> Criteria:
@@ -123,14 +125,14 @@ class Sweep(StageResult):
         for name, with_all in ({} if common is None else common.by_led).items():
             if name not in rows:
                 continue
-            own = rows[name]
-            lost = 1.0 - with_all.efficiency.value / own.efficiency.value
-            more = with_all.nmse.value / own.nmse.value
+            row = rows[name]
+            lost = 1.0 - with_all.efficiency.value / row.efficiency.value
+            more = with_all.nmse.value / row.nmse.value
             facts = (
-                Fact.share("own_efficiency", "Efficiency, own lens", own.efficiency),
+                Fact.share("own_efficiency", "Efficiency, own lens", row.efficiency),
                 Fact.share("efficiency", "With one for all", with_all.efficiency),
                 Fact("lost", "Lost", 100.0 * lost, "%", digits=2),
-                Fact.measured("own_nmse", "NMSE, own lens", own.nmse, is_square=True),
+                Fact.measured("own_nmse", "NMSE, own lens", row.nmse, is_square=True),
                 Fact.measured("nmse", "NMSE with one for all", with_all.nmse, is_square=True),
                 Fact("more", "Ratio", more, digits=3),
             )
@@ -138,7 +140,7 @@ class Sweep(StageResult):
 
     def _row(self, row: SweepRow) -> Group:
         missed = [criterion.key for criterion in row.criteria if not criterion.holds]
-        names = [name for name in METRICS if any(getattr(each, name) is not None for each in self.designs)]
+        names = [name for name in METRICS if any(getattr(design, name) is not None for design in self.designs)]
         facts = (
             *(Fact(field, field, value) for field, value in row.changes.items()),
             *(_metric(name, getattr(row, name)) for name in names),
@@ -230,11 +232,11 @@ def sweep_of(spec: Spec, variation: AnyVariation, finished: Sequence[tuple[Varia
 
 
 def _row(variant: Variant, kinds: Sequence[Results]) -> SweepRow:
-    first, *others = kinds
+    first, *further = kinds
     light = first.light
     design = first.design
-    own = [criterion for _, criterion in first.criteria()]
-    others_own = [under(each.lens.kind, criterion) for each in others for _, criterion in each.criteria()]
+    criteria = [criterion for _, criterion in first.criteria()]
+    others_own = [under(merit.lens.kind, criterion) for merit in further for _, criterion in merit.criteria()]
     return SweepRow(
         value=variant.value,
         folder=variant.spec.name,
@@ -245,7 +247,7 @@ def _row(variant: Variant, kinds: Sequence[Results]) -> SweepRow:
         steps=design.steps,
         seconds=design.seconds,
         constraints=design.constraints,
-        criteria=(*own, *others_own),
-        cutting=first.verdict.with_parts({each.lens.kind: each.verdict for each in others}).cutting,
+        criteria=(*criteria, *others_own),
+        cutting=first.verdict.with_parts({design.lens.kind: design.verdict for design in further}).cutting,
         by_led=LightMetrics.of_leds(light),
     )

@@ -56,7 +56,7 @@ def files_of_run(options: Mapping[str, Any], spec: Spec) -> Files | str:
 def write_run(files: Files, folder: Path) -> None:
     """Write the files of a run into its folder, those last that name the hashes of others."""
     with locked(folder, create=True):
-        for name in sorted(files, key=lambda each: (each.endswith("run.json"), each.endswith(".json"))):
+        for name in sorted(files, key=lambda name: (name.endswith("run.json"), name.endswith(".json"))):
             write_file(folder / name, files[name])
 
 
@@ -169,8 +169,8 @@ def _joined(spec: Spec, variation: AnyVariation, made: Iterator[Made], directory
         if why:
             failed[variant.words] = why
             continue
-        one = sweep_of(spec, variation, [(variant, load_kinds(directory / variant.spec.name))])
-        sweep = one if sweep is None else sweep.joined(one)
+        part = sweep_of(spec, variation, [(variant, load_kinds(directory / variant.spec.name))])
+        sweep = part if sweep is None else sweep.joined(part)
         sweep.write(directory)
     if sweep is None:
         raise InputError(next(iter(failed.values())))
@@ -196,7 +196,7 @@ def _finished(directory: Path, spec: Spec, variation: AnyVariation, accuracy: An
     if not path.exists():
         return None
     sweep = Sweep.read(directory)
-    for words, stored, wanted in (
+    for field, stored, wanted in (
         ("spec, or file that it names", sweep.spec_sha256, section_sha256(spec)),
         ("field", sweep.vary, variation.field),
         ("scaled fields", sweep.scale, variation.scaled),
@@ -205,7 +205,7 @@ def _finished(directory: Path, spec: Spec, variation: AnyVariation, accuracy: An
         ("version of lensforge", sweep.version, __version__),
     ):
         if stored != wanted:
-            raise InputError(f"{path}: a sweep with another {words}; start again without resume")
+            raise InputError(f"{path}: a sweep with another {field}; start again without resume")
     leds = {led.name: led.source for led in variation.sources} if isinstance(variation, SourceVariation) else {}
     for row in sweep.designs:
         folder = directory / row.folder

@@ -5,6 +5,7 @@ from typing import ClassVar, Literal, get_args
 from pydantic import Field
 
 from lensforge.light.evaluation_result import LightMetrics
+from lensforge.public import public
 from lensforge.results import Count, Fact, Group, Metric, NotNegative, Record, StageResult, Text
 from lensforge.results.arguments import require_choice
 from lensforge.results.plots import Axes, plot_curves
@@ -14,6 +15,7 @@ Series = Literal["search", "rays", "presets"]
 TradedError = Literal["nmse", "efficiency"]
 
 
+@public
 class TradeoffRow(Record):
     """One setting of a series: its cost, and the light that it finds on the first receiver.
 
@@ -65,6 +67,7 @@ class TradeoffRow(Record):
         return metric.value if name == "nmse" else 1.0 - metric.value
 
 
+@public
 class Tradeoff(StageResult):
     """Accuracy against computing time on one scene.
 

@@ -184,7 +184,7 @@ _NOT_OF_THE_SCENE = ("name", "optimise", "evaluate", "base", "plate", "manufactu
 def _hashes(spec: Spec, section: str) -> list[str]:
     content = getattr(spec, section)
     sections = content if isinstance(content, tuple) else () if content is None else (content,)
-    return [section_sha256(each) for each in sections]
+    return [section_sha256(section) for section in sections]
 
 
 _HEIGHT = 3.0

@@ -48,35 +48,35 @@ class YieldSection:
 
 def yield_sections(results: Results) -> list[YieldSection]:
     """Sections on the study of ``results``, and on those under other conditions: other tolerances, seeds, rays."""
-    own = results.find(Yield)
-    studies = results.others if own is None else {stem_of(own): own, **results.others}
+    nominal = results.find(Yield)
+    studies = results.others if nominal is None else {stem_of(nominal): nominal, **results.others}
     return [_section(stem, result, results) for stem, result in studies.items() if isinstance(result, Yield)]
 
 
-def _section(stem: str, found: Yield, results: Results) -> YieldSection:
-    names = list(dict.fromkeys([*failing_first(found), *found.metrics]))[:_MOST_PLOTS]  # those with bounds first
-    varied = [name for name in names if name in found.variance and found.variance[name].certain]
+def _section(stem: str, study: Yield, results: Results) -> YieldSection:
+    names = list(dict.fromkeys([*failing_first(study), *study.metrics]))[:_MOST_PLOTS]  # those with bounds first
+    varied = [name for name in names if name in study.variance and study.variance[name].certain]
     return YieldSection(
         stem=stem,
-        result=found,
-        facts=results.facts(found),
-        sentence=pass_sentence(found),
-        budget=budget_sentence(found),
-        distributions=[_distribution(found, name, f"{stem}-{index}") for index, name in enumerate(names)],
+        result=study,
+        facts=results.facts(study),
+        sentence=pass_sentence(study),
+        budget=budget_sentence(study),
+        distributions=[_distribution(study, name, f"{stem}-{index}") for index, name in enumerate(names)],
         causes=[
-            picture(f"{stem}-causes{index}", cause_bars(found.variance[name]), metric_words(name))
-            for index, name in enumerate([name for name in varied if name in judged_metrics(found)] or varied)
+            picture(f"{stem}-causes{index}", cause_bars(study.variance[name]), metric_words(name))
+            for index, name in enumerate([name for name in varied if name in judged_metrics(study)] or varied)
         ],
-        worst=_worst_pictures(stem, found, results),
-        drawn=drawn_rows(found),
+        worst=_worst_pictures(stem, study, results),
+        drawn=drawn_rows(study),
     )
 
 
-def _distribution(found: Yield, name: str, on_page: str) -> PagePicture:
+def _distribution(study: Yield, name: str, on_page: str) -> PagePicture:
     """The parts by one metric; a bound far from all of them is said, not drawn."""
-    values = found.without_noise(name)
-    spread = found.metrics[name]
-    bounds = [bound for bound in found.bounds if bound.metric == name]
+    values = study.without_noise(name)
+    spread = study.metrics[name]
+    bounds = [bound for bound in study.bounds if bound.metric == name]
     label = with_unit(metric_words(name), f"({spread.unit})" if spread.unit else "")
     figure = distribution(values, spread.designed.value, bounds, label, share=is_share(name))
     far = [bound_words(bound) for bound in bounds if beyond(values, bound.bound)]
@@ -86,7 +86,7 @@ def _distribution(found: Yield, name: str, on_page: str) -> PagePicture:
     return picture(on_page, figure, metric_words(name), caption)
 
 
-def _worst_pictures(stem: str, found: Yield, results: Results) -> list[PagePicture]:
+def _worst_pictures(stem: str, study: Yield, results: Results) -> list[PagePicture]:
     """Light of the lens as designed, where it was evaluated, and of the worst parts, with the same colours.
 
     Of a lens for several LEDs that of each with which a part is worst.
@@ -97,14 +97,14 @@ def _worst_pictures(stem: str, found: Yield, results: Results) -> list[PagePictu
     width, height = section.size
     chart = Chart(columns * width, rows * height, section.is_far_field)
     lights = {} if light is None else light.by_led
-    maps = list(_worst_maps(found))
+    maps = list(_worst_maps(study))
     designed = [
         (led, f"As designed{f', {led}' if led else ''}", "", np.tile(lights[led].first.map, (rows, columns)))
-        for led in dict.fromkeys(found.worst_leds or ("",))
+        for led in dict.fromkeys(study.worst_leds or ("",))
         if led in lights
     ]
     top = top_of(image for *_, image in (designed or maps))
-    units = {led: light_unit(own.lumens_per_watt, far_field=section.is_far_field) for led, own in lights.items()}
+    units = {led: light_unit(light.lumens_per_watt, far_field=section.is_far_field) for led, light in lights.items()}
     found_units = [units.get(led, unit_of_light(results)) for led, *_ in (*designed, *maps)]
     return [
         picture(f"{stem}-worst{index}", irradiance_map(image, chart, top, unit=unit), title, caption)
@@ -112,8 +112,8 @@ def _worst_pictures(stem: str, found: Yield, results: Results) -> list[PagePictu
     ]
 
 
-def _worst_maps(found: Yield) -> Iterator[tuple[str, str, str, np.ndarray]]:
-    leds = found.worst_leds or ("",) * len(found.worst)
-    for worst, led, image in zip(found.worst, leds, found.worst_maps, strict=True):
+def _worst_maps(study: Yield) -> Iterator[tuple[str, str, str, np.ndarray]]:
+    leds = study.worst_leds or ("",) * len(study.worst)
+    for worst, led, image in zip(study.worst, leds, study.worst_maps, strict=True):
         state = f"{f', {led}' if led else ''}: {'passes' if worst.passes else 'fails'}"
-        yield led, f"Part {worst.part}{state}", f"{worst_words(found, worst)}.", image
+        yield led, f"Part {worst.part}{state}", f"{worst_words(study, worst)}.", image

@@ -1,7 +1,6 @@
 """Arguments of a verb: validated with one-line errors, and converted."""
 
 import inspect
-import re
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from difflib import get_close_matches
@@ -28,33 +27,23 @@ _MAKES = {
 }
 
 
-class ShownType(str):
-    """A type as ``help`` shows it in a signature: without the modules of the package in which its classes stand."""
-
-    __slots__ = ()
-    __repr__ = str.__str__
-
-    @staticmethod
-    def of(annotation: object) -> "ShownType":
-        """The words of an annotation."""
-        return ShownType(re.sub(r"\blensforge\.(\w+\.)*(?=\w)", "", inspect.formatannotation(annotation)))
-
-
 class UnknownArgument(InputError, TypeError):
     """A keyword that a verb does not take."""
 
 
-def with_known_names(
-    verb: Callable[_Given, _Kind], handed_on_to: Callable[..., object] | None = None
-) -> Callable[_Given, _Kind]:
-    """``verb``, which says for a keyword that it does not take which one was meant: :class:`UnknownArgument`.
+def with_known_names(verb: Callable[_Given, _Kind]) -> Callable[_Given, _Kind]:
+    """``verb``, which says for a keyword that it does not take which one was meant: :class:`UnknownArgument`."""
+    return _knowing(verb, _keywords_of(verb))
 
-    ``handed_on_to``: the verb that takes what stands for ``**options`` of this one.
-    """
-    known = _keywords_of(verb)
-    if handed_on_to is not None and _takes_any(verb):
-        known = [*known, *(name for name in _keywords_of(handed_on_to) if name not in known)]
 
+def with_options_of(
+    other: Callable[..., object],
+) -> Callable[[Callable[_Given, _Kind]], Callable[_Given, _Kind]]:
+    """:func:`with_known_names` of a verb whose ``**options`` are keywords of an ``other`` one."""
+    return lambda verb: _knowing(verb, list(dict.fromkeys([*_keywords_of(verb), *_keywords_of(other)])))
+
+
+def _knowing(verb: Callable[_Given, _Kind], known: list[str]) -> Callable[_Given, _Kind]:
     @wraps(verb)
     def called(*args: _Given.args, **kwargs: _Given.kwargs) -> _Kind:
         for name in kwargs:
@@ -68,11 +57,11 @@ def with_known_names(
 
 
 def _keywords_of(verb: Callable[..., object]) -> list[str]:
-    return [each.name for each in inspect.signature(verb).parameters.values() if each.kind is not each.VAR_KEYWORD]
-
-
-def _takes_any(verb: Callable[..., object]) -> bool:
-    return any(each.kind is each.VAR_KEYWORD for each in inspect.signature(verb).parameters.values())
+    return [
+        parameter.name
+        for parameter in inspect.signature(verb).parameters.values()
+        if parameter.kind is not parameter.VAR_KEYWORD
+    ]
 
 
 def count_of(name: str, value: object, least: int = 1, most: int = LARGEST_COUNT) -> int | None:

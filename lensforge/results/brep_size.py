@@ -100,7 +100,7 @@ class _Sectors:
         if self._surface.IsURational() or self._surface.IsVRational():
             weight = point[..., 3:]
             point = point[..., :3] / weight
-            by_u, by_v = ((each[..., :3] - point * each[..., 3:]) / weight for each in (by_u, by_v))
+            by_u, by_v = ((derivative[..., :3] - point * derivative[..., 3:]) / weight for derivative in (by_u, by_v))
         return point, np.cross(by_u, by_v)
 
     @cached_property
@@ -115,7 +115,7 @@ class _Sectors:
     def _homogeneous(self) -> NdBSpline:
         """The surface as a spline of scipy: its points, times their weights where it has any, and the weights."""
         surface = self._surface
-        knots = tuple(np.array(list(each)) for each in (surface.UKnotSequence(), surface.VKnotSequence()))
+        knots = tuple(np.array(list(sequence)) for sequence in (surface.UKnotSequence(), surface.VKnotSequence()))
         poles = spline_poles(surface)
         if surface.IsURational() or surface.IsVRational():
             rows, columns = (range(1, count + 1) for count in poles.shape[:2])
@@ -150,11 +150,11 @@ def _points_along(edge: Any, at: Float[np.ndarray, " p"]) -> tuple[Float[np.ndar
     """Points of a curve in the plane of parameters, and their derivatives."""
     point = gp_Pnt2d()
     along = gp_Vec2d()
-    found = []
+    points = []
     for parameter in at.tolist():
         edge.D1(parameter, point, along)
-        found.append((point.X(), point.Y(), along.X(), along.Y()))
-    both = np.array(found)
+        points.append((point.X(), point.Y(), along.X(), along.Y()))
+    both = np.array(points)
     return both[:, :2], both[:, 2:]
 
 

@@ -97,8 +97,8 @@ class Chart:
             if reach > 0.0:
                 positive = angles_to(reach)
                 angles = [*(-angle for angle in reversed(positive)), 0.0, *positive]
-                words = [f"{angle:g}".replace("-", "−") for angle in angles]
-                axis.set_ticks([on_chart(angle) for angle in angles], words)
+                labels = [f"{angle:g}".replace("-", "−") for angle in angles]
+                axis.set_ticks([on_chart(angle) for angle in angles], labels)
 
     def labelled(self, length: float) -> float:
         """A distance from the centre as it is labelled: in mm, or as the angle from a far field's axis in degrees."""

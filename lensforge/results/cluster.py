@@ -181,8 +181,8 @@ def _connected_by_dask(address: str) -> Iterator[Cluster]:
             client = Client(address, timeout=_SECONDS, set_as_default=False)
         except Exception as error:  # of sockets, of TLS, of whatever else speaks at that port
             first = (str(error).splitlines() or [type(error).__name__])[0][:120]
-            words = f"no Dask scheduler answers ({first}); `dask scheduler` starts one"
-            raise InputError(f"scheduler = {address}: {words}") from None
+            fault = f"no Dask scheduler answers ({first}); `dask scheduler` starts one"
+            raise InputError(f"scheduler = {address}: {fault}") from None
         with client:
             yield Cluster(client, address)
 

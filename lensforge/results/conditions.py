@@ -7,6 +7,7 @@ from typing import Annotated, Any
 from pydantic import Field
 
 from lensforge.errors import InputError
+from lensforge.public import public
 from lensforge.results.record import Count, Number, Positive, Record, Sha256, Text
 
 _ALLOWED = r"^\w[\w.-]{0,119}$"  # part of a file's name, on every system
@@ -15,6 +16,7 @@ _LONGEST_SOURCE = 80  # characters of a source in a name: the rest of the name m
 Name = Annotated[str, Field(strict=True, pattern=_ALLOWED)]
 
 
+@public
 class Conditions(Record):
     """Conditions that differ from the nominal; None for each that does not.
 

@@ -111,7 +111,7 @@ def named(criteria: Iterable[Fact], name: str) -> Fact | None:
 
 def state_of(criteria: Iterable[Fact], *names: str) -> FactState:
     """The state of all ``criteria`` called ``names`` together; ``""`` where there is none of them."""
-    states = [each.state for each in criteria if each.key in names and each.state != ""]
+    states = [criterion.state for criterion in criteria if criterion.key in names and criterion.state != ""]
     return worst(states) if states else ""
 
 

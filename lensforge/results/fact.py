@@ -11,6 +11,7 @@ from typing import Any, Literal
 from pydantic import GetCoreSchemaHandler
 from pydantic_core import CoreSchema, core_schema
 
+from lensforge.public import public
 from lensforge.results.numerals import NOTHING, anything, converted, limit_text, quantity, square
 from lensforge.results.record import Metric, NotNegative, Number, Sense, State, Text, agree
 from lensforge.results.verdict import judge
@@ -35,19 +36,31 @@ class Change:
         return f"{self.field} = {self.value}{self.then}"
 
 
+@public
 @dataclass(frozen=True)
 class Fact:
     """One value of a result, and the judgement on it.
 
-    ``key``: name by which a page or a screen selects it. ``label``: its name in words. ``value``: in ``unit``; None
-    where it could not be measured; text where it is no number. ``unit``: "%" for a share, "" for a pure number.
-    ``standard_error``: of the value; None for an exact one. ``sense``: side of the limit on which the value must be.
-    ``limit``: bound of the value; None for none. ``possible``: the best that physics allows. ``state``: of the
-    judgement, "" where there is none. ``note``: words beside the value. ``remedy``: what to try where it fails.
-    ``digits``: significant digits that are shown. ``tolerance``: by which its measure may miss the limit. ``place``:
-    the face or the receiver that it is on. ``limit_note``, ``possible_note``: words beside limit and bound. ``notice``:
-    why it deserves a look though no limit judges it, shown in amber. ``is_square``: a mean square, of which the noise
-    that is taken off may leave less than nothing. ``changes``: of the spec that the remedy names; no file keeps them.
+    Fields:
+        key (str): Name by which a page or a screen selects it.
+        label (str): Its name in words.
+        value (float or str or None): In ``unit``; None where it could not be measured; text where it is no number.
+        unit (str): "%" for a share, "" for a pure number.
+        standard_error (float or None): Of the value; None for an exact one.
+        sense ('<=' or '>='): Side of the limit on which the value must be.
+        limit (float or None): Bound of the value; None for none.
+        possible (float or None): The best that physics allows.
+        state ('pass' or 'fail' or 'undecided' or ''): Of the judgement, "" where there is none.
+        note (str): Words beside the value.
+        remedy (str): What to try where it fails.
+        digits (int): Significant digits that are shown.
+        tolerance (float): By which its measure may miss the limit.
+        place (str): The face or the receiver that it is on.
+        limit_note (str): Words beside limit and bound.
+        possible_note (str): Words beside limit and bound.
+        notice (str): Why it deserves a look though no limit judges it, shown in amber.
+        is_square (bool): A mean square, of which the noise that is taken off may leave less than nothing.
+        changes (list of Change): Changes of the spec that the remedy names; no file keeps them.
     """
 
     key: Text
@@ -275,6 +288,7 @@ class StoredAs:
         return fact
 
 
+@public
 @dataclass(frozen=True)
 class Group:
     """Facts under a title: a block of a screen, a table of a page, or one row of a table whose columns are labels.

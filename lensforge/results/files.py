@@ -94,8 +94,8 @@ def _create(path: Path, temporary: Path) -> None:
 
 def _written(path: Path) -> AbstractContextManager[None]:
     shown = str(path) if len(str(path)) <= _LONGEST_SHOWN else f"{str(path)[:_SHOWN]}..."
-    words = "cannot be written (…); give another folder or name"
-    return refused(shown, words, OSError, ValueError)  # ValueError: a NUL in the path
+    fault = "cannot be written (…); give another folder or name"
+    return refused(shown, fault, OSError, ValueError)  # ValueError: a NUL in the path
 
 
 def _temporary_name(path: Path) -> Path:

@@ -108,7 +108,7 @@ def _write_holder(path: Path) -> None:
     name = "lensforge" if Path(program).name in ("lensforge", "__main__.py") else Path(program).name or "python"
     since = datetime.now().astimezone().isoformat(" ", "seconds")
     lines = str(os.getpid()), node(), shlex.join([name, *arguments])[:_SHOWN], since
-    text = "\n".join("".join(each if each.isprintable() else "?" for each in line) for line in lines)
+    text = "\n".join("".join(character if character.isprintable() else "?" for character in line) for line in lines)
     with refused(path, _NOT_WRITTEN, OSError):
         path.write_text(text, encoding="utf-8", errors="replace")
 
@@ -120,13 +120,16 @@ def _holder(path: Path) -> str:
             text = file.read(_MOST_BYTES).decode(errors="replace")
     except OSError:
         return "another process"  # it has ended meanwhile
-    lines = ["".join(each if each.isprintable() else "?" for each in line)[:_SHOWN] for line in text.splitlines()]
+    lines = [
+        "".join(character if character.isprintable() else "?" for character in line)[:_SHOWN]
+        for line in text.splitlines()
+    ]
     if len(lines) < 2:
         return "another process"
     process, machine, *details = lines
     if (process, machine) == (str(os.getpid()), node()):
         return "another thread of this process"
-    words = f"process {process} on {machine}"
+    holder = f"process {process} on {machine}"
     if len(details) == 2:
-        words += f" (`{details[0]}`, since {details[1]})"
-    return words if machine == node() else f"{words}; if it is gone, delete {path.name} there"
+        holder += f" (`{details[0]}`, since {details[1]})"
+    return holder if machine == node() else f"{holder}; if it is gone, delete {path.name} there"

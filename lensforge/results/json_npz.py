@@ -80,7 +80,7 @@ def require_forms(arrays: Mapping[str, np.ndarray], forms: Mapping[str, Form]) -
         if array.ndim != len(known) or any(size not in (own, -1) for own, size in zip(array.shape, known, strict=True)):
             wanted = ", ".join(str(axis if size < 0 else size) for axis, size in zip(form.axes, known, strict=True))
             raise ValueError(f"array {name!r} has the shape {array.shape}, must be ({wanted})")
-        sizes |= {axis: own for axis, own in zip(form.axes, array.shape, strict=True) if isinstance(axis, str)}
+        sizes |= {axis: size for axis, size in zip(form.axes, array.shape, strict=True) if isinstance(axis, str)}
         wrong = array[~((array >= form.least) & (array <= form.most))]  # NaN is neither
         if wrong.size:
             raise ValueError(f"array {name!r} holds {wrong[0]:.3g}, must be from {form.least:g} to {form.most:g}")

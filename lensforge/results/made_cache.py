@@ -51,7 +51,7 @@ def made_once(
     with suppress(InputError, OSError):  # a full disk, or none to write on
         if lasting(made):
             _keep(path, key, adapter.dump_json(made))
-        for oldest in sorted(path.parent.iterdir(), key=lambda each: each.lstat().st_mtime)[:-_MOST_KEPT]:
+        for oldest in sorted(path.parent.iterdir(), key=lambda file: file.lstat().st_mtime)[:-_MOST_KEPT]:
             oldest.unlink()
     return made
 
@@ -80,8 +80,11 @@ def _digest(key: str, content: bytes) -> bytes:
 
 def _key(of: Sequence[object]) -> str:
     """Name of what is made ``of`` these by this program."""
-    words = [hashlib.sha256(each).hexdigest() if isinstance(each, bytes) else repr(each) for each in of]
-    return hashlib.sha256(repr((_sources(), words)).encode()).hexdigest()
+    parts = [
+        hashlib.sha256(ingredient).hexdigest() if isinstance(ingredient, bytes) else repr(ingredient)
+        for ingredient in of
+    ]
+    return hashlib.sha256(repr((_sources(), parts)).encode()).hexdigest()
 
 
 @cache

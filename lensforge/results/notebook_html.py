@@ -10,13 +10,14 @@ from functools import cached_property
 from html import escape
 from inspect import Parameter, Signature
 from types import FunctionType
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from jaxtyping import Float
 from pydantic import BaseModel
 
-from lensforge.results.validation import shortened
+from lensforge.errors import shortened
+from lensforge.results.field_help import class_help
 
 if TYPE_CHECKING:
     from pydantic._internal._model_construction import ModelMetaclass as _Metaclass
@@ -81,16 +82,12 @@ _MEMBERS = (FunctionType, classmethod, staticmethod, property, cached_property)
 
 
 class Shown(_Metaclass):
-    """Lets ``help`` and completion show of a class the words of its fields, and the members that a script uses.
-
-    ``help_of``: those words with the class's own; a room above knows them.
-    """
-
-    help_of: ClassVar[Callable[[type], str | None]] = lambda cls: vars(cls)["__doc__"]
+    """Lets ``help`` and completion show of a class its fields with their descriptions, and the members for scripts."""
 
     @property
     def __doc__(cls) -> str | None:  # type: ignore[override]  # noqa: N805
-        return Shown.help_of(cls)
+        """Made when it is asked for: for all classes it would take a second of every start."""
+        return class_help(cls)
 
     @property
     def __signature__(cls) -> Signature:  # noqa: N805
@@ -103,7 +100,7 @@ class Shown(_Metaclass):
     def __dir__(cls) -> list[str]:  # noqa: N805
         of_all = frozenset(dir(BaseModel))
         members = (item for base in cls.__mro__ for item in vars(base).items() if item[0] not in of_all)
-        return [name for name, each in members if isinstance(each, _MEMBERS) and not _MACHINERY.fullmatch(name)]
+        return [name for name, member in members if isinstance(member, _MEMBERS) and not _MACHINERY.fullmatch(name)]
 
 
 def section_html(title: str, outline: Float[np.ndarray, "n 2"], facts: Mapping[str, str]) -> str:

@@ -148,7 +148,7 @@ def unit_in(name: str) -> str:
 
 def unit_suffix(unit: str) -> str:
     """The end of a field's name that says ``unit``; empty for a pure number."""
-    return next((suffix for suffix, each in _SUFFIXES.items() if each == unit), "")
+    return next((suffix for suffix, unit_of_suffix in _SUFFIXES.items() if unit_of_suffix == unit), "")
 
 
 _POWERS_OF_A_METRE = {"nm": -9, "um": -6, "µm": -6, "mm": -3, "m": 0}

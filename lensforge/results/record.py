@@ -26,6 +26,7 @@ from pydantic.fields import FieldInfo
 from pydantic.main import IncEx
 from pydantic_core import CoreSchema, core_schema
 
+from lensforge.public import public
 from lensforge.results.files import MIB
 from lensforge.results.notebook_html import Brief, Shown, table_html
 from lensforge.results.numerals import quantity
@@ -151,6 +152,7 @@ def read_only(array: np.ndarray, gaps: bool = False) -> np.ndarray:
     return array
 
 
+@public
 class Record(BaseModel, metaclass=Shown):
     """Base of all records: frozen, fields typed and within their ranges, unknown fields refused."""
 
@@ -272,7 +274,7 @@ def marker(field: FieldInfo, kind: type[_Mark]) -> _Mark | None:
     marks = [each for each in field.metadata if isinstance(each, kind)]
     for part in get_args(field.annotation):
         if get_origin(part) is Annotated:
-            marks += [each for each in get_args(part)[1:] if isinstance(each, kind)]
+            marks += [argument for argument in get_args(part)[1:] if isinstance(argument, kind)]
     return marks[0] if marks else None
 
 
@@ -385,6 +387,7 @@ Image = Annotated[Float[np.ndarray, "h w"], Array("h", "w")]
 Irradiance = Annotated[Float[np.ndarray, "h w"], Array("h", "w", least=0.0)]
 
 
+@public
 class Metric(Record):
     """A number with its unit and its standard error.
 

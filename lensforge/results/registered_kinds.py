@@ -14,8 +14,10 @@ from pydantic import BaseModel, ConfigDict, Field, GetCoreSchemaHandler
 from pydantic_core import CoreSchema, core_schema
 
 from lensforge.errors import InputError
+from lensforge.public import public
 
 
+@public
 class OfSeveralKinds(BaseModel):
     """A class that has this one among its bases is the base of several kinds, ``kinds`` by their names.
 
@@ -116,7 +118,7 @@ def _build_again(model: type[BaseModel], kinds: dict[str, type[Any]], known: dic
     if model not in known:
         known[model] = False  # of a class within itself
         annotations = [field.annotation for field in model.model_fields.values()]
-        of_base = any(vars(each).get("kinds") is kinds for part in annotations for each in _named_in(part))
+        of_base = any(vars(model_in).get("kinds") is kinds for part in annotations for model_in in _named_in(part))
         within = [_build_again(each, kinds, known) for part in annotations for each in models_in(part)]
         known[model] = of_base or any(within)
         if known[model] and model.__pydantic_complete__:

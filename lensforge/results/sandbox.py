@@ -74,10 +74,10 @@ class Child(ChildProcess):
 
     def _words(self) -> str:
         try:
-            words = (self._folder / _WORDS_FILE).read_text(encoding="utf-8", errors="replace")
+            message = (self._folder / _WORDS_FILE).read_text(encoding="utf-8", errors="replace")
         except OSError:
             return "stopped its reader"
-        return " ".join(words.split())[:_MOST_WORDS]
+        return " ".join(message.split())[:_MOST_WORDS]
 
 
 def work_in_child(script: Path, folder: Path, limits: ChildLimits, *, origin: str, remedy: str) -> None:
@@ -87,11 +87,11 @@ def work_in_child(script: Path, folder: Path, limits: ChildLimits, *, origin: st
     ended; ``origin`` names the file, ``remedy`` what to try.
     """
     with Child(script, folder, limits) as child:
-        ending, words = child.wait()
+        ending, message = child.wait()
     if ending is Ending.REFUSED:
-        raise InputError(words)
+        raise InputError(message)
     if ending is not Ending.DONE:
-        raise InputError(f"{origin}: {words}; {remedy}")
+        raise InputError(f"{origin}: {message}; {remedy}")
 
 
 def serve(work: Callable[[Path], None]) -> None:
@@ -103,17 +103,17 @@ def serve(work: Callable[[Path], None]) -> None:
     try:
         work(folder)
         code = 0
-        words = ""
+        message = ""
     except MemoryError:
         code = _MEMORY
-        words = ""
+        message = ""
     except InputError as error:
         code = _REFUSED
-        words = str(error)
+        message = str(error)
     except Exception as error:  # C++ libraries raise many kinds; the cause is always the file
         code = _FAILED
-        words = f"stopped its reader ({type(error).__name__}: {error})"
-    (folder / _WORDS_FILE).write_text(words, encoding="utf-8", errors="replace")
+        message = f"stopped its reader ({type(error).__name__}: {error})"
+    (folder / _WORDS_FILE).write_text(message, encoding="utf-8", errors="replace")
     os._exit(code)
 
 

@@ -18,6 +18,7 @@ import numpy as np
 from pydantic import Field, ValidationError, model_serializer, model_validator
 
 from lensforge.errors import InputError, OutdatedResult, refused
+from lensforge.public import public
 from lensforge.results.conditions import Conditions
 from lensforge.results.criteria import criteria_of
 from lensforge.results.fact import Fact
@@ -141,6 +142,7 @@ class OnPage(NamedTuple):
     in_row: tuple[str, ...] = ()
 
 
+@public
 class StageResult(Record):
     """Result of one stage. A class that names a ``stage`` of its own, of a lens, is one that result folders have.
 
@@ -421,6 +423,7 @@ def _judgement(fact: Fact | None) -> tuple[object, ...]:
     return fact.key, fact.place, fact.value, fact.standard_error, fact.sense, fact.limit, fact.unit, fact.tolerance
 
 
+@public
 class SimulatedResult(StageResult):
     """Result under nominal conditions, or others.
 
@@ -430,6 +433,7 @@ class SimulatedResult(StageResult):
     conditions: Conditions | None = None
 
 
+@public
 class ResultByLed(SimulatedResult):
     """Result with each of the LEDs that a lens is for.
 
@@ -483,9 +487,9 @@ def _keeps_arrays(cls: type[Record]) -> bool:
     """True for records with an array of their own, or in the entries of a list."""
     fields = cls.model_fields.values()
     own = any(marker(info, Array) is not None for info in fields)
-    entries = (each for info in fields for each in get_args(info.annotation))
+    entries = (argument for info in fields for argument in get_args(info.annotation))
     return own or any(
-        _keeps_arrays(each)
-        for each in entries
-        if isinstance(each, type) and issubclass(each, Record) and each is not cls
+        _keeps_arrays(entry)
+        for entry in entries
+        if isinstance(entry, type) and issubclass(entry, Record) and entry is not cls
     )

@@ -126,8 +126,8 @@ class Column:
         if self.beside is not None:
             cell = self.beside.sub(" ", cell)
         for name in sorted(self.names, key=len, reverse=True):
-            words = r"[\W_]*".join(map(re.escape, re.findall(r"[^\W_]+", _spelt(name))))
-            match = re.match(rf"(\W*){words}(?![^\W_])", cell)
+            pattern = r"[\W_]*".join(map(re.escape, re.findall(r"[^\W_]+", _spelt(name))))
+            match = re.match(rf"(\W*){pattern}(?![^\W_])", cell)
             if match is not None and not _SUM.match(cell, match.end()):
                 return cell[match.end() :] + ("%" if "%" in match[1] else "")
         joined = re.fullmatch(rf"({'|'.join(map(re.escape, self.names))})([^\W\d_]+)", cell)  # as in xmm
@@ -138,7 +138,7 @@ class Column:
         if callable(self.units):
             return self.units(unit)
         spellings = (_canonical(unit), _canonical(unit.removeprefix("/")))
-        return next((self.units[each] for each in spellings if each in self.units), nan)
+        return next((self.units[spelling] for spelling in spellings if spelling in self.units), nan)
 
 
 Places = dict[int, tuple[int, float]]  # by the number of a wanted column: its place in the table, and its factor
@@ -195,8 +195,8 @@ class Names:
     def left_over(self, places: Places, read: Sequence[int] = ()) -> str:
         """Words for columns beside those of ``places`` and those ``read`` otherwise; "" if there are none."""
         used = {*read, *(place for place, _ in places.values())}
-        others = [shown(cell) for place, cell in enumerate(self.cells) if place not in used and cell]
-        return f"columns that are not used: {', '.join(others[:_MOST_SHOWN])}" if others else ""
+        unused = [shown(cell) for place, cell in enumerate(self.cells) if place not in used and cell]
+        return f"columns that are not used: {', '.join(unused[:_MOST_SHOWN])}" if unused else ""
 
     def _factor(self, column: Column, place: int) -> float | None:
         return column.factor_of(self.cells[place], self.units[place] if place < len(self.units) else "")
@@ -262,8 +262,8 @@ class Heading:
                 return
             if mark != " ":
                 raise InputError(f"{where}: names not known: {there}; must be {titles}; put # in front of a title")
-            words = f"{where}: {there}: taken as a title, and the columns as {titles}"
-            warnings.warn(words, FileWarning, stacklevel=1)
+            fault = f"{where}: {there}: taken as a title, and the columns as {titles}"
+            warnings.warn(fault, FileWarning, stacklevel=1)
 
 
 def _is_named(cells: Sequence[str], wanted: Sequence[Column]) -> bool:
@@ -313,5 +313,5 @@ def header_cells(line: Line, dialect: Dialect, name: str) -> list[str]:
 def doubt_degrees(angles_deg: Sequence[float], where: str, title: str) -> None:
     """Say where angles of incidence end so early that they may be radians; ``title``: how a column of such is named."""
     if 0.0 < max(angles_deg) < QUARTER_TURN_RAD:
-        words = f"its angles end at {max(angles_deg):.4g} degrees: in radians the column is {title}"
-        warnings.warn(f"{where}: {words}", FileWarning, stacklevel=1)
+        doubt = f"its angles end at {max(angles_deg):.4g} degrees: in radians the column is {title}"
+        warnings.warn(f"{where}: {doubt}", FileWarning, stacklevel=1)

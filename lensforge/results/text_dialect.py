@@ -68,13 +68,13 @@ def lines_of(text: str, *, comments_behind: bool = True) -> list[Line]:
 
     ``comments_behind``: the latter, too; names may have such a mark.
     """
-    found = []
+    lines = []
     for number, line in enumerate(_LINE_END.split(text), start=1):
         if "#" in line and (comments_behind or line.lstrip().startswith("#")):
             line = _COMMENT.sub("", line)
         if line.strip('\t;," '):  # a spreadsheet writes its empty rows as marks alone
-            found.append(Line(number, line.strip(" ")))
-    return found
+            lines.append(Line(number, line.strip(" ")))
+    return lines
 
 
 def remarks_above(text: str, row: Line) -> list[Line]:
@@ -99,10 +99,10 @@ _EITHER = rf"{_GROUPS}(?![\d.,eE])"
 
 
 def _has(pattern: str, mark: str, text: str) -> bool:
-    other = "," if mark == "." else "."
+    separator = "," if mark == "." else "."
     if mark not in text or (pattern == _THOUSANDS and not re.search(rf"{re.escape(mark)}\d\d\d[.,]", text)):
         return False  # a tenth of the time
-    return re.search(pattern.replace("m", re.escape(mark)).replace("o", re.escape(other)), text) is not None
+    return re.search(pattern.replace("m", re.escape(mark)).replace("o", re.escape(separator)), text) is not None
 
 
 _LETTERS = str.maketrans({"−": "-", "\xa0": " ", "\u202f": " ", "\u2009": " ", "’": "'"})
@@ -131,15 +131,15 @@ class Dialect:
         two ways.
         """
         text = "\n".join(line.text for line in rows)
-        found = Dialect(separator or _separator(rows, _QUOTED.sub('""', text) if '"' in text else text, name))
+        dialect = Dialect(separator or _separator(rows, _QUOTED.sub('""', text) if '"' in text else text, name))
         if "," not in text:
-            return found
-        if found.separator == ",":
+            return dialect
+        if dialect.separator == ",":
             if '"' not in text:
                 _doubt_commas(rows, text, name)
-                return found
-            text = "\n".join(";".join(found.cells(line, name)) for line in rows)
-        return found.with_signs_of(text, name)
+                return dialect
+            text = "\n".join(";".join(dialect.cells(line, name)) for line in rows)
+        return dialect.with_signs_of(text, name)
 
     def with_signs_of(self, text: str, name: str) -> "Dialect":
         """This dialect with the decimal sign by which numbers in ``text`` are written."""
@@ -175,7 +175,7 @@ class Dialect:
     def number(self, word: str) -> float:
         """The finite number that a cell holds. Raises :class:`ValueError`, with the reason."""
         plain = word.translate(_LETTERS)
-        plain = _SPACED.sub(lambda found: found[0].replace(found[1], ""), plain)
+        plain = _SPACED.sub(lambda match: match[0].replace(match[1], ""), plain)
         mark = "." if self.decimal == "," else ","
         if mark in plain and self.thousands and re.fullmatch(_grouped(mark), plain):
             plain = plain.replace(mark, "")
@@ -225,8 +225,8 @@ def _separator(rows: Sequence[Line], text: str, name: str) -> str:
         return " "
     if padded and "." not in text and re.search(r"\d,\d", text):
         number = _first_with(r"\d,\d", rows)
-        words = "commas with blanks beside them and without; separate its numbers by semicolons"
-        raise InputError(f"{name}, line {number}: {words}")
+        fault = "commas with blanks beside them and without; separate its numbers by semicolons"
+        raise InputError(f"{name}, line {number}: {fault}")
     return ","
 
 
@@ -239,14 +239,14 @@ _LEADING_ZERO = r"(?m)(?:^|,)[ \t]*([-+]?\d+,0\d+)(?=,|\s|$)"
 
 def _doubt_commas(rows: Sequence[Line], text: str, name: str) -> None:
     """Refuse commas that seem to separate and to be decimal signs at once (0,05,0,1); warn where they may be."""
-    found = None if "." in text else re.search(_LEADING_ZERO, text)
-    if found:
+    match = None if "." in text else re.search(_LEADING_ZERO, text)
+    if match:
         raise InputError(
-            f"{name}, line {_first_with(_LEADING_ZERO, rows)}: {shown(found[1])}: commas between numbers and in them "
+            f"{name}, line {_first_with(_LEADING_ZERO, rows)}: {shown(match[1])}: commas between numbers and in them "
             "cannot be told apart; separate the numbers by semicolons"
         )
     pairs = "." not in text and all(line.count(",") % 2 for line in text.split("\n"))
     cells = [cell.strip() for cell in text.replace("\n", ",").split(",")] if pairs else []
     if pairs and set(cells[::2]) <= {"0", "1"} and not set(cells[1::2]) <= {"0", "1"}:
-        words = "its commas are taken to separate numbers; separate numbers with decimal commas by semicolons"
-        warnings.warn(f"{name}: no number has a decimal point: {words}", FileWarning, stacklevel=1)
+        doubt = "its commas are taken to separate numbers; separate numbers with decimal commas by semicolons"
+        warnings.warn(f"{name}: no number has a decimal point: {doubt}", FileWarning, stacklevel=1)

@@ -69,10 +69,10 @@ class TextTable:
         remarks = remarks_above(text, rows[0])
         return TextTable(name, lines[:begin], rows, Dialect.of(rows, name, separator), count, remarks)
 
-    def refuse(self, row: int, column: int | None, words: str) -> InputError:
+    def refuse(self, row: int, column: int | None, fault: str) -> InputError:
         """The error at a row and a column, counted from 0."""
         place = "" if column is None else f", column {column + 1}"
-        return InputError(f"{self.name}, line {self.rows[row].number}{place}: {words}")
+        return InputError(f"{self.name}, line {self.rows[row].number}{place}: {fault}")
 
     @cached_property
     def cells(self) -> list[list[str]]:
@@ -166,14 +166,14 @@ class TextTable:
         ``of``: both in words, each. Raises :class:`InputError` where not each pair has one row.
         """
         table = self.columns(columns)
-        (one, rows), (other, places) = (np.unique(each, return_inverse=True) for each in table.T[:2])
+        (x_nodes, rows), (y_nodes, places) = (np.unique(column, return_inverse=True) for column in table.T[:2])
         pairs = {*zip(rows.tolist(), places.tolist(), strict=True)}
-        if not len(pairs) == len(table) == len(one) * len(other):
-            counts = f"{len(one)} {of[0]} and {len(other)} {of[1]}"
+        if not len(pairs) == len(table) == len(x_nodes) * len(y_nodes):
+            counts = f"{len(x_nodes)} {of[0]} and {len(y_nodes)} {of[1]}"
             raise InputError(f"{self.name}: {len(table)} rows for {counts}; must be one a pair")
-        values = np.empty((len(one), len(other)))
+        values = np.empty((len(x_nodes), len(y_nodes)))
         values[rows, places] = table[:, 2]
-        return one.tolist(), other.tolist(), values.tolist()
+        return x_nodes.tolist(), y_nodes.tolist(), values.tolist()
 
     def columns(
         self, wanted: Sequence[Column], *, further: bool = False, read: Sequence[int] = ()
@@ -207,8 +207,8 @@ class TextTable:
             return None
         places = names.places(wanted)
         names.require(places, wanted)
-        if words := names.left_over(places, read):
-            warnings.warn(f"{names.where}: {words}", FileWarning, stacklevel=1)
+        if unknown := names.left_over(places, read):
+            warnings.warn(f"{names.where}: {unknown}", FileWarning, stacklevel=1)
         return places
 
     def _by_place(self, wanted: Sequence[Column], further: bool) -> Places:
@@ -223,15 +223,15 @@ class TextTable:
     def _require_points(self) -> None:
         """Refuse commas that may be decimal signs, where nobody knows how many columns there should be."""
         if self.dialect.separator == "," and not any("." in line.text for line in self.rows):
-            words = "separate the numbers by semicolons, or write decimal points"
-            raise self.refuse(0, None, f"commas between numbers and in them cannot be told apart; {words}")
+            advice = "separate the numbers by semicolons, or write decimal points"
+            raise self.refuse(0, None, f"commas between numbers and in them cannot be told apart; {advice}")
 
     def _require_words(self, line: Line, cells: Sequence[str]) -> None:
         """Refuse a damaged first row: it would be lost as a header."""
-        words = [cell for cell in cells if not self._is_number(cell)]
-        if len(cells) > len(words) == 1 and re.search(r"\d", words[0]):
-            column = list(cells).index(words[0]) + 1
-            raise InputError(f"{self.name}, line {line.number}, column {column}: {shown(words[0])} is no number")
+        texts = [cell for cell in cells if not self._is_number(cell)]
+        if len(cells) > len(texts) == 1 and re.search(r"\d", texts[0]):
+            column = list(cells).index(texts[0]) + 1
+            raise InputError(f"{self.name}, line {line.number}, column {column}: {shown(texts[0])} is no number")
 
     def _is_number(self, cell: str) -> bool:
         try:

@@ -9,10 +9,9 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, GetCoreSchemaHandler, ValidationError, create_model
 from pydantic_core import CoreSchema
 
-from lensforge.errors import InputError
+from lensforge.errors import InputError, shortened
 from lensforge.results.registered_kinds import models_in
 
-_MOST_CHARACTERS = 80  # of a value in a message
 _MOST_OF_MESSAGE = 600  # of what is wrong with it, which may name what is allowed
 _MOST_BITS = 256  # of a whole number in a message; Python refuses to print more than 4300 digits
 
@@ -70,11 +69,11 @@ def input_error(error: ValidationError, origin: str, *, remedy: str = "", unions
     ``unions``: fields that hold one of several records by ``kind``; pydantic adds the kind to the path of a field.
     """
     errors = error.errors(include_url=False)
-    causes = [each for each in errors if each["type"] != "too_short"] or errors  # a list whose only entry is wrong
+    causes = [error for error in errors if error["type"] != "too_short"] or errors  # a list whose only entry is wrong
     first = causes[0]
     location = first["loc"]
     before = zip((None, None, *location), (None, *location), location, strict=False)
-    field = ".".join(str(part) for two, one, part in before if not _is_kind(two, one, part, unions))
+    field = ".".join(str(part) for two, part_before, part in before if not _is_kind(two, part_before, part, unions))
     field = shortened(field)
     message = shortened(" ".join(plain(first["msg"]).split()), _MOST_OF_MESSAGE)
     more = f" (and {len(causes) - 1} more)" if len(causes) > 1 else ""
@@ -112,8 +111,8 @@ _PLAIN = (
     ("a valid string", "text"),
     ("Input is not a valid path for <class 'pathlib.Path'>", "must be the name of a file, in quotes"),
     *(
-        (f"String should match pattern '{pattern}'", f"must be {words}")
-        for pattern, words in (
+        (f"String should match pattern '{pattern}'", f"must be {rule}")
+        for pattern, rule in (
             (r"^[A-Za-z0-9_-]{1,64}$", "up to 64 letters, digits, _ and -"),
             (r"^[A-Za-z0-9_-]{1,32}$", "up to 32 letters, digits, _ and -"),
             (r"^[a-z][a-z0-9_]{0,15}$", "a small letter and up to 15 more, digits and _"),
@@ -125,14 +124,8 @@ _PLAIN = (
 
 def plain(message: str) -> str:
     """Words of pydantic as lensforge says them: "must be at least 0"."""
-    own = message.removeprefix("Value error, ")
-    return own if own != message else reduce(lambda text, pair: text.replace(*pair), _PLAIN, message)
-
-
-def shortened(text: str, most: int = _MOST_CHARACTERS) -> str:
-    """``text`` as part of a message: what cannot be printed as "?", and no more than ``most`` characters."""
-    text = "".join(character if character.isprintable() else "?" for character in text[: most + 1])
-    return text if len(text) <= most else f"{text[: most - 3]}..."
+    text = message.removeprefix("Value error, ")
+    return text if text != message else reduce(lambda text, pair: text.replace(*pair), _PLAIN, message)
 
 
 def its_type(value: object) -> str:
@@ -141,17 +134,17 @@ def its_type(value: object) -> str:
     return f"{'an' if name[0] in 'aeiouAEIOU' else 'a'} {name}"
 
 
-def same(one: Any, other: Any) -> bool:
+def same(first: Any, second: Any) -> bool:
     """True where two values are equal, arrays bit for bit; NaN equals NaN in an array."""
-    if isinstance(one, np.ndarray) or isinstance(other, np.ndarray):
+    if isinstance(first, np.ndarray) or isinstance(second, np.ndarray):
         return (
-            isinstance(one, np.ndarray)
-            and isinstance(other, np.ndarray)
-            and one.dtype == other.dtype
-            and np.array_equal(one, other, equal_nan=one.dtype.kind == "f")
+            isinstance(first, np.ndarray)
+            and isinstance(second, np.ndarray)
+            and first.dtype == second.dtype
+            and np.array_equal(first, second, equal_nan=first.dtype.kind == "f")
         )
-    if isinstance(one, tuple) and isinstance(other, tuple):
-        return len(one) == len(other) and all(map(same, one, other))
-    if isinstance(one, Mapping) and isinstance(other, Mapping):
-        return list(one) == list(other) and all(same(one[key], other[key]) for key in one)
-    return bool(one == other)
+    if isinstance(first, tuple) and isinstance(second, tuple):
+        return len(first) == len(second) and all(map(same, first, second))
+    if isinstance(first, Mapping) and isinstance(second, Mapping):
+        return list(first) == list(second) and all(same(first[key], second[key]) for key in first)
+    return bool(first == second)

@@ -6,6 +6,7 @@ Stages give the reasons: a state with its words for each figure that does not pa
 from collections.abc import Iterable, Mapping, Sequence
 
 from lensforge.errors import CriterionMissed
+from lensforge.public import public
 from lensforge.results.record import Record, Sense, State, Text
 
 TITLES = {"light": "Photometry", "files": "CAD files", "cutting": "Manufacture"}  # of the parts of a verdict
@@ -53,6 +54,7 @@ class Reasons(Record):
     cutting: tuple[Text, ...]
 
 
+@public
 class Verdict(Record):
     """Verdict on a run: each "pass", "fail" or "undecided".
 

@@ -70,10 +70,10 @@ class Chain:
     def packed(self, media: Media) -> FaceMedia:
         """Media before and behind the faces by number, and what mirrors reflect, as the kernels take them."""
         before, behind = (
-            np.array([MEDIA.index(each) for each in sides], dtype=np.int8) for sides in (self.before, self.behind)
+            np.array([MEDIA.index(side) for side in sides], dtype=np.int8) for sides in (self.before, self.behind)
         )
         coatings = [media.coating(name) for name in self.names]
-        mirrors = np.array([each.reflectance if isinstance(each, Mirror) else -1.0 for each in coatings])
+        mirrors = np.array([coating.reflectance if isinstance(coating, Mirror) else -1.0 for coating in coatings])
         return FaceMedia(before, behind, mirrors)
 
 
@@ -95,8 +95,8 @@ class Body:
 
     def bounding(self, medium: str) -> tuple[Face, ...]:
         """The faces that bound ``medium`` on the side away from the origin, openings last."""
-        own = (face for face in self.faces if face.before == medium and not face.is_open)
-        return (*own, *(face for face in self.faces if face.is_open))
+        closed = (face for face in self.faces if face.before == medium and not face.is_open)
+        return (*closed, *(face for face in self.faces if face.is_open))
 
     @cached_property
     def cavity(self) -> tuple[Face, ...]:
@@ -173,9 +173,10 @@ def _require_whole(faces: tuple[Face, ...], numbers: Int[np.ndarray, "n n"], ins
     for number, face in enumerate(faces):
         pieces = label((numbers == number) & inside)[1]
         if pieces != 1 and not face.is_flange:  # that is a band narrower than the grid's step
-            others = ", ".join(each.name for each in faces if each is not face)
-            words = "nowhere the nearest" if pieces == 0 else f"cut into {pieces} pieces"
+            neighbours = ", ".join(neighbour.name for neighbour in faces if neighbour is not face)
+            fault = "nowhere the nearest" if pieces == 0 else f"cut into {pieces} pieces"
             raise InputError(
-                f"{face.name}: {words} seen from the origin, by {others}: must be one piece without a hole; move one "
+                f"{face.name}: {fault} seen from the origin, by {neighbours}: "
+                "must be one piece without a hole; move one "
                 "of these faces, or leave it out"
             )

@@ -47,12 +47,12 @@ class ExitRays:
     def joined(parts: "Sequence[ExitRays]") -> "ExitRays":
         """The rays of all ``parts``, NumPy arrays, one after another."""
         first = {name: value for name, value in vars(parts[0]).items() if value is not None}
-        return ExitRays(**{name: np.concatenate([getattr(each, name) for each in parts]) for name in first})
+        return ExitRays(**{name: np.concatenate([getattr(part, name) for part in parts]) for name in first})
 
     def take(self, rows: Int[np.ndarray, " k"]) -> "ExitRays":
         """Exit of some of the rays as NumPy arrays: places, directions, flux and fates."""
         columns = (self.points, self.directions, self.flux, self.sin2_exit, self.fates)
-        return ExitRays(*(each[rows] for each in columns))
+        return ExitRays(*(column[rows] for column in columns))
 
     @property
     def left_lens(self) -> Bool[Array, " n"]:

@@ -185,8 +185,8 @@ class RingView(EyeView):
         first = eyes[0]
         count = len(eyes)
         grid = replace(first.grid, height=count * first.grid.height, rows=count * first.grid.rows)
-        own = {each.name: getattr(first, each.name) for each in fields(first)}
-        return RingView(**{**own, "grid": grid, "label": label, "eyes": eyes})
+        values = {field.name: getattr(first, field.name) for field in fields(first)}
+        return RingView(**{**values, "grid": grid, "label": label, "eyes": eyes})
 
     @property
     def members(self) -> tuple[EyeView, ...]:
@@ -195,10 +195,10 @@ class RingView(EyeView):
 
     def land_by_arrays(self, rays: ExitRays) -> Landings:
         """Land ``rays``, each on the picture of the eye that it comes near; NumPy or torch."""
-        first, *others = (self._landed(number, rays) for number in range(len(self.eyes)))
+        first, *further = (self._landed(number, rays) for number in range(len(self.eyes)))
         hits = first.hits
         flux = first.flux
-        for landed in others:
+        for landed in further:
             hits = module_of(flux).where((landed.flux > 0.0)[:, None], landed.hits, hits)
             flux = flux + landed.flux
         return replace(first, hits=hits, flux=flux)
@@ -221,10 +221,10 @@ class RingView(EyeView):
         of_flux = np.zeros_like(by_flux)
         for number, eye in enumerate(self.eyes):
             near = self._landed(number, rays).arrived
-            by, own = eye.adjoint(rays, by_hits * near[:, None], by_flux * near)
+            by, by_flux_of_eye = eye.adjoint(rays, by_hits * near[:, None], by_flux * near)
             points += by.by_points
             directions += by.by_directions
-            of_flux += own
+            of_flux += by_flux_of_eye
         return Sensitivities(points, directions), of_flux
 
     def spots(self) -> sparse.csr_array:
@@ -246,10 +246,10 @@ def _sums_about(shape: tuple[int, int], shares: Float[np.ndarray, "m m"]) -> spa
     columns = []
     values = []
     for (down, across), share in np.ndenumerate(shares):
-        others = around[down : down + shape[0], across : across + shape[1]].ravel()
-        inside = np.flatnonzero(others >= 0) if share else np.zeros(0, dtype=int)
+        neighbours = around[down : down + shape[0], across : across + shape[1]].ravel()
+        inside = np.flatnonzero(neighbours >= 0) if share else np.zeros(0, dtype=int)
         rows.append(inside)
-        columns.append(others[inside])
+        columns.append(neighbours[inside])
         values.append(np.full(len(inside), share))
     entries = np.concatenate(values), (np.concatenate(rows), np.concatenate(columns))
     return sparse.csr_array(entries, shape=(numbers.size, numbers.size))
@@ -261,7 +261,7 @@ def eye_views(spec: Spec, *, searched: bool = False) -> tuple[EyeView, ...]:
     ``searched``: as coarse as the few rays of a step need it. Raises :class:`InputError` for an eye within the space of
     the lens, and for spots too fine for a picture of it.
     """
-    limits = [(number, each) for number, each in enumerate(spec.limits) if isinstance(each, LuminanceLimit)]
+    limits = [(number, limit) for number, limit in enumerate(spec.limits) if isinstance(limit, LuminanceLimit)]
     if not limits:
         return ()
     reach = max(spec.lens.extent_mm(spec.constraints), reach_mm(spec.media.bodies))

@@ -44,14 +44,14 @@ class PeriodPlane(Plane):
         """:meth:`land` in NumPy or in torch."""
         return self._within(super().land_by_arrays(rays))
 
-    def _within(self, found: Landings) -> Landings:
+    def _within(self, landings: Landings) -> Landings:
         period = self.lamps.period_mm
         assert period is not None
         hits = [
-            found.hits[:, k] - side * module_of(found.hits).round(found.hits[:, k] / side)
+            landings.hits[:, k] - side * module_of(landings.hits).round(landings.hits[:, k] / side)
             for k, side in enumerate(period)
         ]
-        return replace(found, hits=module_of(found.hits).stack(hits, 1))
+        return replace(landings, hits=module_of(landings.hits).stack(hits, 1))
 
 
 @dataclass(frozen=True)
@@ -125,13 +125,13 @@ class LampPictures:
     def spread(self, by_picture: _Image) -> list[_Image]:
         """Sensitivities to the pictures of one lamp from those to :meth:`added`: its adjoint."""
         shape = self.receiver.grid.shape
-        found = []
+        pictures = []
         for raster in self.rasters:
             by_raster = np.zeros(raster.receiver.grid.shape)
             for there, here in raster.overlaps(shape):
                 by_raster[there] += by_picture[here]
-            found.append(by_raster / len(self.receiver.lamps))
-        return found
+            pictures.append(by_raster / len(self.receiver.lamps))
+        return pictures
 
     def mean(self, amounts: Sequence[Array]) -> Array:
         """Mean over the lamps of an amount that belongs to each raster."""
@@ -147,7 +147,7 @@ class LampPictures:
         period = self.receiver.lamps.period_mm
         count = len(self.receiver.lamps)
         if period is None:
-            return self.added([amounts(each) for each in self.receivers])
+            return self.added([amounts(receiver) for receiver in self.receivers])
         around = np.arange(-_CELLS, _CELLS + 1)
         pose = self.receiver.pose
         total = np.zeros((len(whole), *self.receiver.grid.shape))
@@ -159,7 +159,7 @@ class LampPictures:
 
     def regions(self, pixels: Bool[np.ndarray, "_ _"]) -> list[Bool[np.ndarray, "_ _"]]:
         """Pixels of each raster that are one of ``pixels`` for one of its lamps at least."""
-        return [pixels] if self.is_single else [each > 0.0 for each in self.spread(pixels.astype(np.float64))]
+        return [pixels] if self.is_single else [picture > 0.0 for picture in self.spread(pixels.astype(np.float64))]
 
 
 @lru_cache(maxsize=32)
@@ -170,15 +170,15 @@ def _pictures(receiver: PosedReceiver) -> LampPictures:
         return LampPictures(receiver, (Raster(receiver, 1),))
     moves = np.array(lamps.places_mm) @ receiver.pose.rotation[:2, :2] / receiver.grid.pixel
     level = receiver.is_flat and not any(receiver.pose.axis[:2]) and not lamps.posed
-    for own in _alike(receiver, moves, level):
+    for members in _alike(receiver, moves, level):
         if lamps.period_mm is not None:
-            rasters.append(_period(receiver, own[0]))
+            rasters.append(_period(receiver, members[0]))
         elif level:
-            rasters.append(_wider(receiver, own, moves[own]))
+            rasters.append(_wider(receiver, members, moves[members]))
         else:
-            pose = receiver.pose.seen_from(lamps.lamps[own[0]].pose)
+            pose = receiver.pose.seen_from(lamps.lamps[members[0]].pose)
             seen = replace(receiver, pose=pose, lamps=ALONE)
-            rasters.append(Raster(seen, len(own), ((0, 0),) * len(own), tuple(own)))
+            rasters.append(Raster(seen, len(members), ((0, 0),) * len(members), tuple(members)))
     return LampPictures(receiver, tuple(rasters))
 
 
@@ -197,8 +197,8 @@ def _alike(receiver: PosedReceiver, moves: Float[np.ndarray, "n 2"], level: bool
     return list(groups.values())
 
 
-def _wider(receiver: PosedReceiver, own: list[int], moves: Float[np.ndarray, "k 2"]) -> Raster:
-    """The plane so wide that it holds the receiver as each of the lamps ``own`` sees it; ``moves`` in pixels."""
+def _wider(receiver: PosedReceiver, members: list[int], moves: Float[np.ndarray, "k 2"]) -> Raster:
+    """The plane so wide that it holds the receiver as each of the lamps ``members`` sees it; ``moves`` in pixels."""
     low = moves.min(axis=0)
     high = moves.max(axis=0)
     grid = receiver.grid
@@ -210,15 +210,15 @@ def _wider(receiver: PosedReceiver, own: list[int], moves: Float[np.ndarray, "k 
             f'{_MOST_PIXELS}; take fewer pixels (evaluate.pixels, optimise.pixels), fewer lamps, or kind = "endless"'
         )
     x, y = (-0.5 * (high + low) * pixel).tolist()
-    turned = receiver.lamps.lamps[own[0]]._replace(place_mm=ORIGIN)
+    turned = receiver.lamps.lamps[members[0]]._replace(place_mm=ORIGIN)
     pose = receiver.pose.after(Pose((x, y, 0.0))).seen_from(turned.pose)
     wide = PixelGrid(columns * float(pixel[0]), rows * float(pixel[1]), columns, rows)
     corners = np.round(high - moves).astype(int)
     return Raster(
         replace(receiver, pose=pose, grid=wide, lamps=ALONE),
-        len(own),
+        len(members),
         tuple((row, column) for column, row in corners.tolist()),
-        tuple(own),
+        tuple(members),
     )
 
 

@@ -20,7 +20,9 @@ from lensforge.errors import InputError, WrongFields
 from lensforge.optics.face_roles import DOUBLE
 from lensforge.optics.material import Material
 from lensforge.optics.media import Media
+from lensforge.public import public, with_shown_types
 from lensforge.results import Count, Record, Text
+from lensforge.results.arguments import with_known_names
 from lensforge.results.files import json_in, read_json_bytes, write_json
 from lensforge.results.notebook_html import section_html, table_text
 from lensforge.results.stage_result import CHECKSUM, require_checksum, validated, with_checksum, without_schema
@@ -40,16 +42,22 @@ _WORDS = {"Asphere": "asphere", "Biconic": "biconic"}
 _DIRECTIONS = 200
 
 
+@public
 @dataclass(frozen=True, eq=False)
 class Lens:
     """A body of named surfaces, freeform or fixed: of the double lens ``inner`` and ``outer``.
 
-    Of lamps with lenses of several kinds it is that of the first of ``kinds``; all else that takes one lens, takes that
-    one. The light is that of all.
+    Of lamps with lenses of several kinds it is that of the first of ``kinds``; all else that takes one lens, takes
+    that one. The light is that of all.
 
-    ``surfaces``: by name, in order from the source on; lengths in mm. ``spec``: by which it was designed. ``seed``: of
-    its search. ``accuracy``: preset of its search, and of the stages after it. ``version``: of the program that
-    designed it. ``others``: surfaces of the further kinds, by name.
+    Fields:
+        surfaces (mapping of str to Surface): By name, in order from the source on; lengths in mm.
+        spec (Spec): By which it was designed.
+        seed (int): Of its search.
+        accuracy ('draft' or 'standard' or 'reference' or Preset): Preset of its search, and of the stages after
+            it.
+        version (str): Of the program that designed it.
+        others (mapping of str to mapping of str to Surface): Surfaces of the further kinds, by name.
     """
 
     surfaces: Mapping[str, Surface]
@@ -60,6 +68,7 @@ class Lens:
     others: Mapping[str, Mapping[str, Surface]] = field(default_factory=dict)
 
     @staticmethod
+    @with_shown_types
     def double(
         inner: Surface, outer: Surface, spec: Spec, seed: int, accuracy: AnyAccuracy, version: str = __version__
     ) -> "Lens":
@@ -69,18 +78,18 @@ class Lens:
     @property
     def kind(self) -> str:
         """Name of its kind, of several; empty where all lamps have the same lens."""
-        return next((each.name for each in self.spec.all_lamps.kinds if each.name not in self.others), "")
+        return next((kind.name for kind in self.spec.all_lamps.kinds if kind.name not in self.others), "")
 
     @property
     def kinds(self) -> "tuple[Lens, ...]":
         """Lens of each kind in the order of ``spec.all_lamps``, each with the others behind it; itself for one."""
-        return tuple(map(self.of_kind, (each.name for each in self.spec.all_lamps.kinds))) or (self,)
+        return tuple(map(self.of_kind, (kind.name for kind in self.spec.all_lamps.kinds))) or (self,)
 
     def of_kind(self, name: str) -> "Lens":
         """Select the lens of the kind ``name``, with the others behind it. Raises :class:`InputError` for no such."""
         every = {self.kind: self.surfaces, **self.others}
         if name not in every:
-            known = ", ".join(repr(each.name) for each in self.spec.all_lamps.kinds) or "none, all lamps have one lens"
+            known = ", ".join(repr(kind.name) for kind in self.spec.all_lamps.kinds) or "none, all lamps have one lens"
             raise InputError(f"kind = {name!r}: no lens of that name; known: {known}")
         return self if name == self.kind else replace(self, surfaces=every.pop(name), others=every)
 
@@ -95,7 +104,7 @@ class Lens:
     @property
     def first_lamp(self) -> int:
         """Number of the first of the lamps that have this lens."""
-        return next((each.numbers[0] for each in self.spec.all_lamps.kinds if each.name == self.kind), 0)
+        return next((kind.numbers[0] for kind in self.spec.all_lamps.kinds if kind.name == self.kind), 0)
 
     @property
     def lamp_words(self) -> str:
@@ -125,10 +134,10 @@ class Lens:
     @property
     def of_own_lamps(self) -> "Lens":
         """This lens with those lamps alone that have it: itself, where all have."""
-        own = next((each for each in self.spec.all_lamps.kinds if each.name == self.kind), None)
-        if own is None or self.spec.lamps is None:
+        kind = next((kind for kind in self.spec.all_lamps.kinds if kind.name == self.kind), None)
+        if kind is None or self.spec.lamps is None:
             return self
-        apart = {"lamps": self.spec.lamps.of_numbers(own.numbers), "plate": None, "base": self.spec.base_made}
+        apart = {"lamps": self.spec.lamps.of_numbers(kind.numbers), "plate": None, "base": self.spec.base_made}
         return replace(self, spec=self.spec.changed(**apart), others={})
 
     @cached_property
@@ -185,9 +194,9 @@ class Lens:
     @property
     def symmetry(self) -> str:
         """Largest mirror group of all surfaces and of the bodies behind them, a name of ``surfaces.mirror_group``."""
-        own = [surface.symmetry for surface in self.surfaces.values()]
+        symmetries = [surface.symmetry for surface in self.surfaces.values()]
         bodies = self.media.bodies
-        return shared_symmetry(own, lambda name: all(has_mirrors(body, name) for body in bodies))
+        return shared_symmetry(symmetries, lambda name: all(has_mirrors(body, name) for body in bodies))
 
     def to_json(self) -> dict[str, JsonValue]:
         """Content of ``lens.json``, all digits of every weight."""
@@ -224,7 +233,7 @@ class Lens:
             "material": f"{spec.lens.material}, n = {self.refractive_index:g}",
             "source": spec.source.title,
             "receiver": "; ".join(receiver.title for receiver in spec.all_receivers),
-            "surfaces": ", ".join(f"{name}: {_describe(each)}" for name, each in self.surfaces.items()),
+            "surfaces": ", ".join(f"{name}: {_describe(surface)}" for name, surface in self.surfaces.items()),
             "made by": f"lensforge {self.version}, {self.accuracy}, seed {self.seed}",
         }
 
@@ -242,7 +251,7 @@ class Lens:
 
 
 def _faces_record(surfaces: Mapping[str, Surface]) -> dict[str, JsonValue]:
-    return {name: surface_record(each).model_dump(mode="json") for name, each in surfaces.items()}
+    return {name: surface_record(surface).model_dump(mode="json") for name, surface in surfaces.items()}
 
 
 def _describe(surface: Surface) -> str:
@@ -252,6 +261,8 @@ def _describe(surface: Surface) -> str:
     return f"fixed, {_WORDS.get(type(surface).__name__, 'given')}"
 
 
+@public
+@with_known_names
 def load_lens(path: Path | str) -> Lens:
     """Read what :meth:`Lens.save` wrote.
 
@@ -282,13 +293,13 @@ def _lens_in(file: bytes, path: Path) -> Lens:
         raise InputError(f'{path}: spec.lens.levels = "auto", must be the numbers of its lens; {_REMEDY}')
     try:
         surfaces = _faces_in(record.faces, spec)
-        others = {k: _faces_in(each, spec) for k, each in record.others.items()}
-        _require_kinds(spec, surfaces, others)
+        further = {k: _faces_in(faces, spec) for k, faces in record.others.items()}
+        _require_kinds(spec, surfaces, further)
     except InputError as error:
         raise InputError(f"{path}: {error}; {_REMEDY}") from None
     if hashed is not None:
         require_checksum(hashed, path, _REMEDY)
-    return Lens(surfaces, spec, record.seed, record.accuracy, record.version, others)
+    return Lens(surfaces, spec, record.seed, record.accuracy, record.version, further)
 
 
 def _faces_in(record: Mapping[str, SurfaceRecord], spec: Spec) -> dict[str, Surface]:
@@ -298,12 +309,12 @@ def _faces_in(record: Mapping[str, SurfaceRecord], spec: Spec) -> dict[str, Surf
     return surfaces
 
 
-def _require_kinds(spec: Spec, own: Mapping[str, Surface], others: Mapping[str, Mapping[str, Surface]]) -> None:
-    names = {each.name for each in spec.all_lamps.kinds}
-    if not (set(others) <= names and len(others) == max(0, len(names) - 1)):
-        raise InputError(f"others: lenses {sorted(others)}, must be all but one of the kinds {sorted(names)}")
-    if any(list(faces) != list(own) for faces in others.values()):
-        raise InputError(f"others: the lens of each kind must have the faces {', '.join(own)}")
+def _require_kinds(spec: Spec, first: Mapping[str, Surface], further: Mapping[str, Mapping[str, Surface]]) -> None:
+    names = {kind.name for kind in spec.all_lamps.kinds}
+    if not (set(further) <= names and len(further) == max(0, len(names) - 1)):
+        raise InputError(f"others: lenses {sorted(further)}, must be all but one of the kinds {sorted(names)}")
+    if any(list(faces) != list(first) for faces in further.values()):
+        raise InputError(f"others: the lens of each kind must have the faces {', '.join(first)}")
 
 
 def _require_size(name: str, surface: Surface, most_mm: float) -> None:

@@ -93,7 +93,7 @@ def at_temperature(lens: Lens, celsius: float) -> Lens:
     if celsius == law.reference_c:
         return lens
     known = {"index_per_k": law.knows_index, "expansion_per_k": law.expansion_per_k is not None}
-    missing = [words for name, words in _FIELDS.items() if not known[name]]
+    missing = [description for name, description in _FIELDS.items() if not known[name]]
     if missing:
         raise InputError(
             f"temperature_c = {celsius:g}: nothing is known of how {lens.spec.lens.material} changes with it; give "
@@ -103,7 +103,8 @@ def at_temperature(lens: Lens, celsius: float) -> Lens:
     warm = LensAtTemperature(
         surfaces={name: scaled(surface, scale) for name, surface in lens.surfaces.items()},
         others={
-            kind: {name: scaled(surface, scale) for name, surface in own.items()} for kind, own in lens.others.items()
+            kind: {name: scaled(surface, scale) for name, surface in surfaces.items()}
+            for kind, surfaces in lens.others.items()
         },
         spec=lens.spec,
         seed=lens.seed,

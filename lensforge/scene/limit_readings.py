@@ -128,7 +128,9 @@ def light_limits(
     for number, limit in enumerate(spec.limits):
         if isinstance(limit, LuminanceLimit):
             scale = _scale(limit.unit or "", f"limits.{number}", lumens_per_watt)
-            judged += [each for _ in limit.labels(number) for each in _of_view(limit, scale, *next(seen))]
+            judged += [
+                judged_limit for _ in limit.labels(number) for judged_limit in _of_view(limit, scale, *next(seen))
+            ]
             continue
         index = 0 if limit.receiver is None else names.index(limit.receiver)
         where = f"limits.{number}"
@@ -200,11 +202,11 @@ def _bounds_of(
     for quantity in limit.quantities():
         scale = _scale(quantity, where, lumens_per_watt)
         kind = _kind(quantity)
-        own = readings
+        bound_readings = readings
         region = None
         if quantity == "share" and isinstance(limit, ZoneLimit):
             region = ZoneOfLimit(limit, receiver)
-            own = sparse.csr_array(readings.sum(axis=0)[None, :] * (receiver.pixel_measure / flux_w))
+            bound_readings = sparse.csr_array(readings.sum(axis=0)[None, :] * (receiver.pixel_measure / flux_w))
         angles = None
         level = 1.0
         if isinstance(limit, BeamAngleLimit):
@@ -213,7 +215,7 @@ def _bounds_of(
         for sense, bound in zip(_SENSES, limit.bounds(quantity), strict=True):
             if bound is not None:
                 unit = _UNITS.get(quantity, "")
-                read = sparse.csr_array(scale * own)
+                read = sparse.csr_array(scale * bound_readings)
                 yield LightLimit(name, index, kind, sense, bound, unit, read, angles, level, region=region)
 
 

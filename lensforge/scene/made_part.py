@@ -72,7 +72,7 @@ class AsMade:
         source = self.source.seen_from(self.lens).at((self.lens.own_points(emitted) - up) / self.scale)
         faces = [self.faces.get(name, IN_PLACE) for name in self.names]
         last = faces[-1].at(self.scale * np.array(faces[-1].origin_mm) + up)
-        between = tuple(one.seen_from(other) for one, other in pairwise(faces))
+        between = tuple(face.seen_from(next_face) for face, next_face in pairwise(faces))
         into = source.seen_from(faces[0])
         back = self.lens.after(last)
         return FacePoses(into, between, back, self.source_size / self.scale, self.scale)
@@ -188,7 +188,7 @@ def displaced(face: FaceNodes, surface: Surface) -> dict[str, ErrorField]:
     normals = surface.normal(face.directions)
     turned = np.cross(face.points, normals)  # (w x p) . n = w . (p x n)
     fields = {"shift_mm": normals[:, :2], "gap_mm": normals[:, 2:], "tilt_deg": turned[:, :2]}
-    return {name: face.table(each) for name, each in fields.items()}
+    return {name: face.table(field) for name, field in fields.items()}
 
 
 _SEED = 5  # of the shapes of waviness: any number; those of two faces differ
@@ -246,13 +246,13 @@ class PartMaker:
         band = section.waviness_shortest_mm, section.waviness_longest_mm
         errors: dict[str, ErrorField] = {}
         for number, (face, surface) in enumerate(surfaces.items()):
-            form, waves, rings = own = [factor_name(roles, face, kind) for kind in _FIELDS]
+            form, waves, rings = names = [factor_name(roles, face, kind) for kind in _FIELDS]
             placed = {kind: factor_name(roles, face, kind) for kind in PLACEMENT if in_chain}
-            if wanted.isdisjoint([*own, *placed.values()]):
+            if wanted.isdisjoint([*names, *placed.values()]):
                 continue
             sampled = FaceNodes.of(grid, surface)
             if not wanted.isdisjoint(placed.values()):
-                errors |= {placed[kind]: each for kind, each in displaced(sampled, surface).items()}
+                errors |= {placed[kind]: displacement for kind, displacement in displaced(sampled, surface).items()}
             if form in wanted:
                 errors[form] = low_order(sampled)
             if waves in wanted:

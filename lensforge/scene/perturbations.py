@@ -44,8 +44,8 @@ def orthonormal(factor: Factor, values: Float[np.ndarray, "*n"], degree: int) ->
     nodes, weights = _quadrature(factor)
     _, triangle = np.linalg.qr(np.vander(nodes, degree + 1, increasing=True) * np.sqrt(weights)[:, None])
     powers = values[..., None] ** np.arange(degree + 1)
-    found: Float[np.ndarray, "*n d"] = np.linalg.solve(triangle.T, powers.reshape(-1, degree + 1).T).T
-    return found.reshape(*values.shape, degree + 1)[..., 1:]
+    polynomials: Float[np.ndarray, "*n d"] = np.linalg.solve(triangle.T, powers.reshape(-1, degree + 1).T).T
+    return polynomials.reshape(*values.shape, degree + 1)[..., 1:]
 
 
 def _quadrature(factor: Factor) -> tuple[Float[np.ndarray, " q"], Float[np.ndarray, " q"]]:
@@ -141,7 +141,7 @@ class Draws:
     def mirrored(self) -> "Draws":
         """The parts whose deviations to both sides and form errors are the opposite."""
         signs = {factor.name: 1.0 if factor.kind == "one-sided" else -1.0 for factor in self.factors}
-        return replace(self, numbers={name: signs[name] * each for name, each in self.numbers.items()})
+        return replace(self, numbers={name: signs[name] * number for name, number in self.numbers.items()})
 
 
 def _sobol(dimensions: int, count: int, seed: int) -> Float[np.ndarray, "n d"]:

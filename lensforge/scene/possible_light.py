@@ -90,11 +90,11 @@ WITHOUT_EXTENT = EtendueCurve(np.zeros(1), np.ones(1), estimated=False)  # of wh
 def _curve(volume: Float[np.ndarray, " c"], flux: Float[np.ndarray, " c"], *, estimated: bool) -> EtendueCurve:
     without_extent = volume <= 0.0
     extended = volume[~without_extent]
-    found = flux[~without_extent]
-    order = np.argsort(extended / np.where(found > 0.0, found, np.finfo(float).tiny))
+    curve_flux = flux[~without_extent]
+    order = np.argsort(extended / np.where(curve_flux > 0.0, curve_flux, np.finfo(float).tiny))
     first = flux[without_extent].sum()
     total = flux.sum()
-    share = np.concatenate([[first], first + np.cumsum(found[order])]) / total
+    share = np.concatenate([[first], first + np.cumsum(curve_flux[order])]) / total
     return EtendueCurve(np.concatenate([[0.0], np.cumsum(extended[order])]), share, estimated)
 
 
@@ -106,9 +106,9 @@ def _cells(rays: RayBundle, chosen: Bool[np.ndarray, " n"]) -> tuple[Float[np.nd
     if count < 2 * _RAYS_PER_CELL:
         return np.zeros(1), np.array([flux.sum()])
     points = _phase_space(rays.take(chosen))
-    each = count >> levels
-    left_over = flux[each << levels :].sum()  # fewer than there are cells: spread over them
-    members = np.arange(each << levels)[None, :]
+    cells = count >> levels
+    left_over = flux[cells << levels :].sum()  # fewer than there are cells: spread over them
+    members = np.arange(cells << levels)[None, :]
     extent = np.ptp(points, axis=0)
     scale = np.where(extent > 0.0, extent, 1.0)
     for _ in range(levels):
@@ -116,7 +116,7 @@ def _cells(rays: RayBundle, chosen: Bool[np.ndarray, " n"]) -> tuple[Float[np.nd
         order = np.argsort(points[members, widest[:, None]], axis=1)
         members = np.take_along_axis(members, order, axis=1).reshape(2 * len(members), -1)
     # the box of m uniform points is smaller than their cell by (m - 1)/(m + 1) along each side
-    volume = np.prod(np.ptp(points[members], axis=1) * (each + 1) / (each - 1), axis=1)
+    volume = np.prod(np.ptp(points[members], axis=1) * (cells + 1) / (cells - 1), axis=1)
     shares = flux[members].sum(axis=1)
     return volume, shares * (1.0 + left_over / max(float(shares.sum()), np.finfo(float).tiny))
 
@@ -202,10 +202,10 @@ class SourceLight:
         """Sample ``source``, whose light goes through any ``lens`` of that kind, by default one of two faces."""
         count = min(count, source.ray_count or count)
         rays = source.sample(count, _SEED)
-        found = SourceLight.of_rays(rays, EtendueCurve.of_source(source, rays, _SEED), media)
+        light = SourceLight.of_rays(rays, EtendueCurve.of_source(source, rays, _SEED), media)
         round_by = REVOLUTION if is_round(source) else source.symmetry
         kept = lens is not None and lens.is_round and not media.bodies
-        return replace(found, reflects=lens is not None and lens.reflects, round_by=round_by if kept else None)
+        return replace(light, reflects=lens is not None and lens.reflects, round_by=round_by if kept else None)
 
     @staticmethod
     def of_rays(rays: RayBundle, curve: EtendueCurve, media: Media) -> "SourceLight":
@@ -292,8 +292,8 @@ class PossibleLight:
         rows, columns = receiver.grid.shape
         times = self._exit.finer(max(rows, columns))
         fine = replace(receiver, grid=receiver.grid.finer(times)).corners()
-        found = self._exit.etendues(fine, far=receiver.is_far)
-        return np.asarray(found.reshape(-1, rows, times, columns, times).sum(axis=(2, 4)))
+        etendues = self._exit.etendues(fine, far=receiver.is_far)
+        return np.asarray(etendues.reshape(-1, rows, times, columns, times).sum(axis=(2, 4)))
 
     @cached_property
     def on_pixels(self) -> Image:
@@ -316,10 +316,10 @@ class PossibleLight:
         if self.receiver.lamps.period_mm is not None:  # some of it lies in every direction
             return LargestShare(held, most, by, estimated=estimated)
         regions = list(zip(self._lamps.receivers, self._corners, self._lamps.regions(pixels > 0.0), strict=True))
-        refracted = float(self._lamps.mean([self._refracted(*each) for each in regions]))
+        refracted = float(self._lamps.mean([self._refracted(*region) for region in regions]))
         if self.light.round_by is None:
             return LargestShare(held, refracted, by, estimated=estimated)
-        images = [images_in_common(self.light.round_by, *self._arc(*each)) for each in regions]
+        images = [images_in_common(self.light.round_by, *self._arc(*region)) for region in regions]
         return LargestShare(held, refracted, by, most * float(self._lamps.mean(images)), estimated)
 
     def _refracted(
@@ -337,7 +337,7 @@ class PossibleLight:
         if self.light.round_by is None or self.receiver.lamps.period_mm is not None or not pixels.any():
             return False
         arcs = zip(self._lamps.receivers, self._corners, self._lamps.regions(pixels > 0.0), strict=True)
-        return all(self._arc(*each)[1] < 0.5 * np.pi for each in arcs)
+        return all(self._arc(*arc)[1] < 0.5 * np.pi for arc in arcs)
 
     def _arc(
         self, receiver: PosedReceiver, corners: Float[np.ndarray, "m n 3"], pixels: Bool[np.ndarray, "h w"]
@@ -364,13 +364,13 @@ class PossibleLight:
         middles = replace(self.receiver, grid=self.receiver.grid.finer(2)).corners()[1::2, 1::2]
         weights = of(middles.reshape(-1, 3)).reshape(middles.shape[:2])
         step = float(weights.max()) / _LAYERS
-        found = 0.0
+        bound = 0.0
         joint = 1.0
         for layer in range(_LAYERS):
             region = weights > layer * step
             joint = self.in_region(region).value if layer % _JOINT == 0 else joint
-            found += step * min(joint, self.by_etendue(region))
-        return found
+            bound += step * min(joint, self.by_etendue(region))
+        return bound
 
     def in_window(self) -> LargestShare:
         """Largest share in the receiver's window, which may be wider than its pixels."""

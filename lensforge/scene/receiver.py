@@ -45,7 +45,7 @@ class Landings:
 
     def take(self, rows: Int[Array, " k"] | slice) -> "Landings":
         """Landings of some of the rays."""
-        return Landings(*(each[rows] for each in (self.hits, self.flux, self.landed, self.missed_receiver)))
+        return Landings(*(column[rows] for column in (self.hits, self.flux, self.landed, self.missed_receiver)))
 
 
 Kernel = Callable[..., Any]
@@ -134,13 +134,13 @@ class PosedReceiver(ABC):
         """:meth:`sensitivities` by torch, through :meth:`land_by_arrays`."""
         import torch
 
-        points, directions = (torch.tensor(each, requires_grad=True) for each in (rays.points, rays.directions))
+        points, directions = (torch.tensor(vectors, requires_grad=True) for vectors in (rays.points, rays.directions))
         flux = torch.tensor(rays.flux)
         fates = torch.tensor(rays.fates)
         with torch.enable_grad():  # a search asks for them from within its own step backwards
             hits = self.land_by_arrays(ExitRays(points, directions, flux, flux, fates)).hits
         by = torch.autograd.grad(hits, (points, directions), torch.tensor(by_hits), materialize_grads=True)
-        return Sensitivities(*(each.numpy() for each in by))
+        return Sensitivities(*(gradient.numpy() for gradient in by))
 
     @abstractmethod
     def _reached(self, points: Float[Array, "n 3"], directions: Float[Array, "n 3"]) -> Bool[Array, " n"]:

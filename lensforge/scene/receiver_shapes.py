@@ -170,7 +170,7 @@ def receivers_of(spec: Spec, pixels: int) -> tuple[PosedReceiver, ...]:
     """The receivers of ``spec``, with ``pixels`` along the longer side of each."""
     built = [build_receiver(section, pixels) for section in spec.all_receivers]
     if not spec.all_lamps.is_single:
-        built = [with_all_lamps(each, spec.all_lamps) for each in built]
+        built = [with_all_lamps(receiver, spec.all_lamps) for receiver in built]
     side = spec.evaluate.window_mm
     if side is not None and spec.target is not None:
         built = [replace(built[0], window=Window(side, side))]
@@ -182,7 +182,7 @@ def receivers_of(spec: Spec, pixels: int) -> tuple[PosedReceiver, ...]:
 def seen_by_lamp(spec: Spec, number: int) -> Spec:
     """The spec of one of its lamps at the origin, with the receivers where that lamp sees them."""
     lamp = spec.all_lamps.lamps[number].pose
-    sections = tuple(_alone(each).posed(each.pose.seen_from(lamp)) for each in spec.all_receivers)
+    sections = tuple(_alone(section).posed(section.pose.seen_from(lamp)) for section in spec.all_receivers)
     return spec.of_one_lamp.changed(target=None, receivers=sections)
 
 

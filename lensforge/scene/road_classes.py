@@ -45,13 +45,15 @@ class FieldMean:
         along = high * aside / down
         across = high * (np.sin(tilt) * units[:, 2] + np.cos(tilt) * street) / down
         half = 0.5 * (rows[1] - rows[0])
-        found = np.zeros(len(units))
+        lumens = np.zeros(len(units))
         low, top = (0.0, road.width_m) if self.seen is None else (rows[0] - half, rows[-1] + half)
         for start, beside, facing in rows_of_lamps(road):
             y = beside + facing * across
             on = (y >= low) & (y <= top) & (np.abs(along) <= _MOST_HEIGHTS * high)
-            found[on] += self._q((start + facing * along[on]) % road.pole_spacing_m, y[on], -facing * along[on], beside)
-        return road.maintenance_factor / (road.pole_spacing_m * (top - low)) * found
+            lumens[on] += self._q(
+                (start + facing * along[on]) % road.pole_spacing_m, y[on], -facing * along[on], beside
+            )
+        return road.maintenance_factor / (road.pole_spacing_m * (top - low)) * lumens
 
     def _q(self, x: Points, y: Points, along: Points, beside: float) -> Points:
         """Light of places by one lux of a lamp that is so far ``along`` from them, at the y ``beside``."""

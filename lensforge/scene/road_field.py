@@ -162,12 +162,12 @@ class _Lamps:
     def between(road: RoadSection, low_m: float, high_m: float) -> "_Lamps":
         """All lamps from ``low_m`` to ``high_m``."""
         spacing = road.pole_spacing_m
-        found = [
+        lamps = [
             (x, np.full_like(x, y), np.full_like(x, facing))
             for start, y, facing in rows_of_lamps(road)
             for x in [start + spacing * np.arange(ceil((low_m - start) / spacing), (high_m - start) // spacing + 1)]
         ]
-        return _Lamps(road, *(np.concatenate(each) for each in zip(*found, strict=True)))
+        return _Lamps(road, *(np.concatenate(columns) for columns in zip(*lamps, strict=True)))
 
     @property
     def foot_y(self) -> Points:
@@ -219,7 +219,7 @@ class RoadReadings:
         wet = RoadSurface.of(road.wet_surface or "", road.wet_surface_file) if road.has_wet_surface else None
         (views, rows) = _views(road)
         along = steps_along(road)
-        grids = ((each.ravel() for each in np.meshgrid(along, y)) for y in rows)
+        grids = ((coordinates.ravel() for coordinates in np.meshgrid(along, y)) for y in rows)
         seen = tuple((view, *points) for view, points in zip(views, grids, strict=True))
         return RoadReadings(road, rows, RoadSurface.of(road.surface, road.surface_file, road.surface_q0), wet, seen)
 
@@ -238,7 +238,7 @@ class RoadReadings:
     def veiling(self) -> tuple[CandelaSum, ...]:
         """Veiling luminance (cd/m^2) for each observer: on the way through the field, by RP-8 from each eye."""
         by_rp8 = self.road.by_rp8
-        return tuple(_veiling_of_points(*each) if by_rp8 else _veiling_on_the_way(each[0]) for each in self.seen)
+        return tuple(_veiling_of_points(*view) if by_rp8 else _veiling_on_the_way(view[0]) for view in self.seen)
 
     @cached_property
     def seen_lux(self) -> tuple[CandelaSum, ...]:
@@ -389,7 +389,7 @@ def reduced_luminance(
 
 
 def _illuminance(road: RoadSection, low_m: float, high_m: float) -> CandelaSum:
-    x, y = (each.ravel() for each in np.meshgrid(steps_along(road), lux_across(low_m, high_m)))
+    x, y = (coordinates.ravel() for coordinates in np.meshgrid(steps_along(road), lux_across(low_m, high_m)))
     height = road.pole_height_m
     reach = AROUND * road.pole_height_m
     lamps = _Lamps.between(road, -reach, road.pole_spacing_m + reach)

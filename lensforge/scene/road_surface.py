@@ -178,19 +178,19 @@ def _beta_of_header(table: TextTable) -> Float[np.ndarray, " b"] | None:
                     return None
                 raise InputError(f"{table.name}, line {line.number}, column {place}: beta: {error}") from None
         if _GAMMA_ITSELF.match(first):
-            words = f"{shown(first)}: rows must be those of tan gamma, not of gamma; export it so"
-            raise InputError(f"{table.name}, line {line.number}: {words}")
+            fault = f"{shown(first)}: rows must be those of tan gamma, not of gamma; export it so"
+            raise InputError(f"{table.name}, line {line.number}: {fault}")
         if numbers and (line in table.header or len(numbers) == table.width - 1):
             return np.array(numbers)
     return None
 
 
 def _require_places(beta: Float[np.ndarray, " b"], tan_gamma: Float[np.ndarray, " g"], name: str) -> None:
-    for nodes, words, step in ((beta, "beta", _LEAST_STEP_DEG), (tan_gamma, "tan gamma", _LEAST_STEP_TAN)):
+    for nodes, title, step in ((beta, "beta", _LEAST_STEP_DEG), (tan_gamma, "tan gamma", _LEAST_STEP_TAN)):
         if nodes[0] != 0.0 or (np.diff(nodes) < step).any():
             bad = int(np.argmax(np.diff(nodes) < step)) if nodes[0] == 0.0 else 0
             raise InputError(
-                f"{name}: {words} must begin with 0 and rise, by {step:g} at least; found {nodes[bad]:g}, "
+                f"{name}: {title} must begin with 0 and rise, by {step:g} at least; found {nodes[bad]:g}, "
                 f"{nodes[bad + 1]:g}"
             )
     if beta[-1] != 180.0:

@@ -54,7 +54,7 @@ def roughness(
         rough = rough._replace(noise=noise[first:], slopes=made.slopes_of_faces)
     if models is None:
         return rough
-    rms = np.array([each.slope if isinstance(each, GaussianFacets) else 0.0 for each in models])
+    rms = np.array([model.slope if isinstance(model, GaussianFacets) else 0.0 for model in models])
     if rms.any():
         slopes = facet_slopes(rays, models, before)
         if rough.noise is not None and rough.slopes is not None:
@@ -95,7 +95,7 @@ def ring_shifts(rays: RayBundle, faces: Sequence[Scatter | None], before: int = 
     numbers = np.zeros((len(rays), 2 * len(faces)))
     for face, _, two in _at_each(rays, faces, before):
         numbers[:, 2 * face : 2 * face + 2] = two
-    return _tables(tuple(each if isinstance(each, RingScatter) else None for each in faces))._replace(numbers=numbers)
+    return _tables(tuple(face if isinstance(face, RingScatter) else None for face in faces))._replace(numbers=numbers)
 
 
 def numbers_again(keys: Keys, face: int, times: Int[np.ndarray, " n"]) -> Numbers:

@@ -22,8 +22,8 @@ from lensforge.results.record import LARGEST
 from lensforge.results.text_dialect import shown
 from lensforge.results.text_table import TextTable
 from lensforge.scene.pixel_grid import PixelGrid
-from lensforge.sources.intensity import TabulatedIntensity
-from lensforge.sources.photometric import read_photometric
+from lensforge.sources.light_files import read_photometric
+from lensforge.sources.photometric.candela_table import CandelaTable
 from lensforge.sources.photometric.photometric_file import far_field_warnings, turned_over
 from lensforge.spec import ArrayTarget, ImageTarget, TableTarget, TargetSection, TextTarget
 from lensforge.spec.far_field_targets import PhotometricTarget
@@ -60,8 +60,8 @@ def _(target: PictureTarget, grid: PixelGrid) -> LightAt:
 def _(target: PhotometricTarget, grid: PixelGrid) -> LightAt:
     with remedy("correct target.file"):
         file = read_photometric(target.file)
-    for words in far_field_warnings(file):
-        warnings.warn(f"{target.file}: {words}", FileWarning, stacklevel=1)
+    for warning in far_field_warnings(file):
+        warnings.warn(f"{target.file}: {warning}", FileWarning, stacklevel=1)
     return partial(photometric, turned_over(file.intensity))
 
 
@@ -87,7 +87,7 @@ def _(target: TableTarget) -> Float[np.ndarray, "h w"]:
         return read_table(target.file)
 
 
-def photometric(intensity: TabulatedIntensity, x: Places, y: Places) -> Places:
+def photometric(intensity: CandelaTable, x: Places, y: Places) -> Places:
     """A table of intensities, bilinear over C and gamma, 0 beyond its last gamma."""
     gamma = np.hypot(x, y)
     azimuth = np.degrees(np.arctan2(y, x)) % 360.0

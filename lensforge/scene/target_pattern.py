@@ -171,7 +171,7 @@ def _require_uniform_lit(target: TargetSection, receiver: PosedReceiver, drawn: 
         return
     within = 1.5 * max(drawn.fine.pixel) * (180.0 / np.pi if receiver.is_far else 1.0)  # what sub-pixels know
     along = np.linspace(-0.5, 0.5, _PLACES)
-    x, y = (each.ravel() for each in np.meshgrid(*(max(side - within, 0.0) * along for side in sides)))
+    x, y = (coordinates.ravel() for coordinates in np.meshgrid(*(max(side - within, 0.0) * along for side in sides)))
     places = (x + 1j * y) * np.exp(1j * np.radians(target.rotation_deg)) + complex(*target.centre)
     dark = ~drawn.contains(np.stack(receiver.chart_coordinates(places.real, places.imag), axis=1))
     if dark.any():

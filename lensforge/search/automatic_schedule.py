@@ -260,8 +260,10 @@ def _judged(gain: Gain, least: float) -> str:
 def preset_for(spec: Spec, accuracy: AnyAccuracy, *, preview: bool = False) -> Preset:
     """Settings of a search for ``spec``; one of the table takes rays enough for limits that read places."""
     preset = preset_of(accuracy)
-    read = (each for each in spec.limits if not isinstance(each, LossLimit | LuminanceLimit))
-    if isinstance(accuracy, str) and (spec.roads or {kind for each in read for kind in each.quantities()} - {"share"}):
+    read = (limit for limit in spec.limits if not isinstance(limit, LossLimit | LuminanceLimit))
+    if isinstance(accuracy, str) and (
+        spec.roads or {kind for limit in read for kind in limit.quantities()} - {"share"}
+    ):
         preset = for_places(preset, spec.optimise.pixels)
     return for_preview(preset) if preview else preset
 

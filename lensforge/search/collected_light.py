@@ -122,7 +122,7 @@ def collected(
         )
 
     image, sums = summed(landings.flux)
-    colours = None if weights is None else torch.stack([summed(landings.flux * each)[0] for each in weights])
+    colours = None if weights is None else torch.stack([summed(landings.flux * weight)[0] for weight in weights])
     return Collected(image, sums[0], sums[1], sums[2], colours)
 
 
@@ -149,7 +149,9 @@ def collected_on_device(
         in_window=flux[in_window].sum(),
         outside_receiver=(emitted[landed] * _bounded(outside)).sum() + emitted[~landed].sum(),
         total_reflection=(emitted * _bounded(over)).sum(),
-        colours=None if weights is None else torch.stack([_splat(hits, flux * each[landed], grid) for each in weights]),
+        colours=None
+        if weights is None
+        else torch.stack([_splat(hits, flux * weight[landed], grid) for weight in weights]),
     )
 
 
@@ -196,17 +198,17 @@ def mean_of_lamps(lamps: LampPictures, by_raster: Sequence[Collected]) -> Collec
     """
     if lamps.is_single:
         return by_raster[0]
-    image = _added(lamps, [each.image for each in by_raster])
+    image = _added(lamps, [collected.image for collected in by_raster])
     colours = None
     if by_raster[0].colours is not None:
-        pairs = zip(*(each.colours for each in by_raster if each.colours is not None), strict=True)
+        pairs = zip(*(collected.colours for collected in by_raster if collected.colours is not None), strict=True)
         colours = torch.stack([_added(lamps, pictures) for pictures in pairs])
-    in_window = image.sum() if lamps.widened else lamps.mean([each.in_window for each in by_raster])
-    outside = lamps.mean([each.outside_receiver for each in by_raster])
+    in_window = image.sum() if lamps.widened else lamps.mean([collected.in_window for collected in by_raster])
+    outside = lamps.mean([collected.outside_receiver for collected in by_raster])
     losses = None
     if by_raster[0].losses is not None:
-        in_windows = lamps.mean([each.in_window for each in by_raster])
-        losses = _more_beside(lamps.mean([each.losses for each in by_raster]), in_windows - in_window)
+        in_windows = lamps.mean([collected.in_window for collected in by_raster])
+        losses = _more_beside(lamps.mean([collected.losses for collected in by_raster]), in_windows - in_window)
     return Collected(image, in_window, outside, by_raster[0].total_reflection, colours, losses)
 
 

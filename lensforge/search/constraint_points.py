@@ -86,13 +86,13 @@ def nearest_of(jets: Sequence[RadiusJet]) -> RadiusJet:
     """The nearest of some faces that bound one medium; itself where there is one. Of several, ``tables`` are kept."""
     if len(jets) == 1:
         return jets[0]
-    rho = torch.stack([each.rho for each in jets])
+    rho = torch.stack([jet.rho for jet in jets])
     first = rho.argmin(dim=0, keepdim=True)
-    derivatives = torch.stack([each.derivatives for each in jets])
-    own = (
+    derivatives = torch.stack([jet.derivatives for jet in jets])
+    derivatives_there = (
         derivatives.gather(0, first.expand(len(derivatives[0]), -1)[None])[0] if derivatives.numel() else derivatives[0]
     )
-    return RadiusJet(rho.gather(0, first)[0], own, tuple(table for each in jets for table in each.tables))
+    return RadiusJet(rho.gather(0, first)[0], derivatives_there, tuple(table for jet in jets for table in jet.tables))
 
 
 @dataclass(frozen=True)
@@ -115,7 +115,7 @@ class ChartOperator:
         """Radius and derivatives of each table; differentiable by its coefficients."""
         columns = tables.reshape(len(tables), -1).T
         values = (self.operator @ columns).T.reshape(len(tables), -1, len(self.points.x))
-        return [RadiusJet(each[0], each[1:], (table,)) for each, table in zip(values, tables, strict=True)]
+        return [RadiusJet(value[0], value[1:], (table,)) for value, table in zip(values, tables, strict=True)]
 
 
 def constraint_points(grid: TableGrid, symmetry: str, *, every_node: int | None = None) -> Float[np.ndarray, "k 2"]:
@@ -226,7 +226,7 @@ class KeepOutExtent:
     def along(self, directions: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, " n"]:
         """Extent along unit ``directions``; 0 where there is nothing."""
         corners, balls, groups = _in_groups(self._corners_inside(), self.growth_mm)
-        found = np.zeros(len(directions))
+        reach = np.zeros(len(directions))
         for image in group(self.symmetry):
             turned = np.ascontiguousarray(directions @ image)
             extents = np.zeros(len(directions))
@@ -235,8 +235,8 @@ class KeepOutExtent:
                 grown_extents(turned[rows], corners, balls, groups, _GROUP, self.growth_mm, extents[rows])
 
             in_chunks(work, len(directions))
-            found = np.maximum(found, extents)
-        return found
+            reach = np.maximum(reach, extents)
+        return reach
 
     def _corners_inside(self) -> Float[np.ndarray, "t 3 3"]:
         """Triangles of the solids that are not beside the lens, those that reach above z = 0 when grown."""
@@ -279,12 +279,14 @@ def _nearest_mm(corners: Float[np.ndarray, "t 3 3"]) -> float:
 @lru_cache(maxsize=8)
 def _extent_at(extent: KeepOutExtent, points: ChartPoints) -> Float[Tensor, " k"]:
     places = np.stack([points.x.numpy(), points.y.numpy()], axis=1)
-    found = extent.along(surface.to_sphere(places))
+    along_places = extent.along(surface.to_sphere(places))
     if points.spacing > 0.0:
         around, values = _outline(extent)
         near = cKDTree(around).query_ball_point(places, points.spacing + _SPACING)
-        found = np.array([max(own, values[k].max(initial=0.0)) for own, k in zip(found, near, strict=True)])
-    return torch.from_numpy(found)
+        along_places = np.array(
+            [max(least, values[k].max(initial=0.0)) for least, k in zip(along_places, near, strict=True)]
+        )
+    return torch.from_numpy(along_places)
 
 
 @lru_cache(maxsize=2)

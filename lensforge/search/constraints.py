@@ -78,8 +78,8 @@ class Constraint(Limit):
         if self.kind in (EDGE, FLANGE_ROOM, OPENING_ROOM):
             return self.field([jets[name] for name in self.names], points)
         if self.of_one_face:
-            own, *others = (jets[name] for name in self.names)
-            return self._visible(self.field(own, points), own, others)
+            nearest, *hiding = (jets[name] for name in self.names)
+            return self._visible(self.field(nearest, points), nearest, hiding)
         openings = [jets[face.name] for face in self.faces if face.is_open]
         closed = [face for face in self.faces if not face.is_open]
         groups = [[jets[face.name] for face in closed if face.before == medium] for medium in (CAVITY, BODY)]
@@ -89,9 +89,9 @@ class Constraint(Limit):
         inside, outside = map(nearest_of, groups)
         return self._visible(self.field(inside, outside, points), inside, openings)
 
-    def _visible(self, field: Float[Tensor, " k"], own: RadiusJet, others: Sequence[RadiusJet]) -> Float[Tensor, " k"]:
-        """The field where ``own`` is nearer than all ``others``; elsewhere far from its limit."""
-        hidden = [own.rho.detach() > other.rho.detach() for other in others]
+    def _visible(self, field: Float[Tensor, " k"], jet: RadiusJet, hiding: Sequence[RadiusJet]) -> Float[Tensor, " k"]:
+        """The field where ``jet`` is nearer than all ``hiding``; elsewhere far from its limit."""
+        hidden = [jet.rho.detach() > hider.rho.detach() for hider in hiding]
         return field if not hidden else torch.where(torch.stack(hidden).any(dim=0), _FAR / self.factor, field)
 
     def tightened(self, by: float) -> "Constraint":
@@ -191,7 +191,7 @@ class _BesideCrease:
     def of(rho: Float[Tensor, "2 k"], derivatives: Float[Tensor, "d 2 k"], points: ChartPoints) -> "_BesideCrease":
         """The faces of these radii (mm) and derivatives at ``points``."""
         by_x, by_y, xx, xy, yy = derivatives
-        gap, along_x, along_y = (each[1] - each[0] for each in (rho, by_x, by_y))
+        gap, along_x, along_y = (ends[1] - ends[0] for ends in (rho, by_x, by_y))
         steep = torch.clamp(along_x**2 + along_y**2, min=torch.finfo(gap.dtype).tiny)
         here = gap.detach().abs() <= points.spacing / PER_NODE * torch.sqrt(steep.detach())
         step = torch.where(here, -gap / steep, 0.0)
@@ -206,13 +206,13 @@ def _edge_left(limit_deg: float, jets: Sequence[RadiusJet], points: ChartPoints)
     rho = torch.stack([jet.rho for jet in jets])
     derivatives = torch.stack([jet.derivatives for jet in jets], dim=1)
     first = rho.detach().topk(2, dim=0, largest=False).indices
-    found = _BesideCrease.of(
+    crease = _BesideCrease.of(
         rho.gather(0, first), derivatives.gather(1, first.expand(len(derivatives), -1, -1)), points
     )
-    g_x, g_y = (each / (found.scale * found.radius) for each in found.slopes)
+    g_x, g_y = (slope / (crease.scale * crease.radius) for slope in crease.slopes)
     cosine = (1.0 + g_x[0] * g_x[1] + g_y[0] * g_y[1]) * torch.rsqrt((1.0 + g_x**2 + g_y**2).prod(dim=0))
     angle = 180.0 - torch.rad2deg(torch.acos(torch.clamp(cosine, -1.0 + 1e-9, 1.0 - 1e-9)))
-    return torch.where(found.here, angle - limit_deg, 180.0)
+    return torch.where(crease.here, angle - limit_deg, 180.0)
 
 
 def _room_left(needed_mm: float, jets: Sequence[RadiusJet], points: ChartPoints) -> Float[Tensor, " k"]:
@@ -221,12 +221,14 @@ def _room_left(needed_mm: float, jets: Sequence[RadiusJet], points: ChartPoints)
     """
     wall, flange, above = jets
 
-    def height(one: RadiusJet, other: RadiusJet) -> tuple[Bool[Tensor, " k"], Float[Tensor, " k"]]:
-        rho, derivatives = (torch.stack([getattr(jet, of) for jet in (one, other)], dim=k) for k, of in enumerate(_JET))
-        found = _BesideCrease.of(rho, derivatives, points)
-        outwards = [by_x[1] - by_x[0] for by_x in found.slopes]  # beyond its reach a face may cross another again
+    def height(inner: RadiusJet, outer: RadiusJet) -> tuple[Bool[Tensor, " k"], Float[Tensor, " k"]]:
+        rho, derivatives = (
+            torch.stack([getattr(jet, of) for jet in (inner, outer)], dim=k) for k, of in enumerate(_JET)
+        )
+        crease = _BesideCrease.of(rho, derivatives, points)
+        outwards = [by_x[1] - by_x[0] for by_x in crease.slopes]  # beyond its reach a face may cross another again
         nearer_inside = (points.x * outwards[0] + points.y * outwards[1]).detach() > 0.0
-        return found.here & nearer_inside, found.radius[0] * (found.scale - 1.0)
+        return crease.here & nearer_inside, crease.radius[0] * (crease.scale - 1.0)
 
     (at_exit, top) = height(flange, above)
     (at_wall, foot) = height(wall, flange)
@@ -298,7 +300,7 @@ class AugmentedLagrangian:
 
     def tightened(self, by: Mapping[str, float]) -> "AugmentedLagrangian":
         """The constraints with limits that are stricter by what ``by`` has under their keys, in the unit of each."""
-        constraints = tuple(each.tightened(by.get(each.key, 0.0)) for each in self.constraints)
+        constraints = tuple(constraint.tightened(by.get(constraint.key, 0.0)) for constraint in self.constraints)
         return replace(self, constraints=constraints)
 
     def at_nearest(self, before: "AugmentedLagrangian", multipliers: Float[Tensor, "c j"]) -> Float[Tensor, "c k"]:
@@ -307,8 +309,8 @@ class AugmentedLagrangian:
         The force on a length, an angle or a curvature stays the same, whatever the factors of both.
         """
         here, there = (
-            np.stack([each.points.x.numpy(), each.points.y.numpy()], axis=1)
-            for each in (self.chart_operator, before.chart_operator)
+            np.stack([operator.points.x.numpy(), operator.points.y.numpy()], axis=1)
+            for operator in (self.chart_operator, before.chart_operator)
         )
         nearest = multipliers[:, torch.from_numpy(cKDTree(there).query(here)[1])]
         return nearest * before._factor / self._factor
@@ -319,7 +321,7 @@ class AugmentedLagrangian:
         every = self.chart_operator.jets(tables)
         for first in range(0, len(every), len(self.names)):
             jets = dict(zip(self.names, every[first : first + len(self.names)], strict=True))
-            values += (each.of(jets, self.chart_operator.points) for each in self.constraints)
+            values += (constraint.of(jets, self.chart_operator.points) for constraint in self.constraints)
         return self._factor * torch.stack(values)
 
     def least(self, fields: Float[Tensor, "c k"]) -> dict[str, float]:

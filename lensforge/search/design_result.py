@@ -17,6 +17,7 @@ from jaxtyping import Float
 from pydantic import Field
 
 from lensforge.optics.face_roles import BODY, CAVITY, FaceRole, bounding
+from lensforge.public import public
 from lensforge.results import (
     Count,
     Fact,
@@ -77,19 +78,19 @@ class Margins(Record):
     @staticmethod
     def of(measured: Mapping["Limit", float]) -> "Margins":
         """The margins of the limits that were ``measured``."""
-        found: dict[str, Any] = {}
+        margins: dict[str, Any] = {}
         for limit, margin in measured.items():
             if limit.of_one_face:
-                found.setdefault(limit.kind, {})[limit.names[0]] = margin
+                margins.setdefault(limit.kind, {})[limit.names[0]] = margin
             else:
-                found[limit.kind] = margin
-        return Margins.model_validate(found)
+                margins[limit.kind] = margin
+        return Margins.model_validate(margins)
 
     def at(self, limit: "Limit") -> float:
         """The margin of ``limit``; NaN where it was not measured."""
-        found = getattr(self, limit.kind)
-        found = found.get(limit.names[0]) if limit.of_one_face else found
-        return nan if found is None else float(found)
+        margin = getattr(self, limit.kind)
+        margin = margin.get(limit.names[0]) if limit.of_one_face else margin
+        return nan if margin is None else float(margin)
 
 
 class Level(Record):
@@ -129,6 +130,7 @@ class Start(Record):
         return f"NMSE {self.nmse}, efficiency {self.efficiency}{missed}"
 
 
+@public
 class Design(StageResult):
     """A finished search.
 
@@ -214,17 +216,27 @@ class Design(StageResult):
         return plot_curves(curves, ("step", quantity), axes, (False, quantity == "nmse"))
 
 
+@public
 @dataclass(frozen=True)
 class Progress:
     """State of a search after a gradient step.
 
-    ``level``: number of the level, from 0. ``step``: number of the step in it. ``steps_done``: of all levels.
-    ``steps_total``: of all levels; of automatic ones until the end of this stage. ``nmse``, ``efficiency``: by the rays
-    of this step. ``functions``: number per face that move in this level. ``level_done``: this was its last step, and
-    the level is kept; ``lens()`` is then the best of it. ``seconds``: of the search so far, set-up included.
-    ``accuracy``: that of the search. ``lens``: a function that builds the lens of the current parameters. ``images``:
-    flux (W) on the pixels of each receiver by the rays of this step, [row y, column x]; of several LEDs the first's.
-    ``tables``: a function that makes the tables of the faces of ``lens()``, as the search traces them, and their grid.
+    Fields:
+        level (int): Number of the level, from 0.
+        step (int): Number of the step in it.
+        steps_done (int): Of all levels.
+        steps_total (int): Of all levels; of automatic ones until the end of this stage.
+        nmse (float): By the rays of this step.
+        efficiency (float): By the rays of this step.
+        functions (int): Number per face that move in this level.
+        level_done (bool): This was its last step, and the level is kept; ``lens()`` is then the best of it.
+        seconds (float, s): Of the search so far, set-up included.
+        accuracy ('draft' or 'standard' or 'reference' or Preset): That of the search.
+        lens (Callable): A function that builds the lens of the current parameters.
+        images (tuple of array [_, _]): Flux (W) on the pixels of each receiver by the rays of this step, [row y,
+            column x]; of several LEDs the first's.
+        tables (Callable or None): A function that makes the tables of the faces of ``lens()``, as the search traces
+            them, and their grid.
     """
 
     level: int
@@ -322,19 +334,19 @@ _LIMITS = (
 def limits_of(spec: Spec) -> tuple[Limit, ...]:
     """The limits of ``spec``: the paper's three, and the optional ones that it has."""
     limits = []
-    own = spec.constraints
+    constraints = spec.constraints
     for kind, faces, field, remedy in _limits_of_faces(spec.lens):
         if (given := attrgetter(field)(spec)) is None:
             continue
         unit = "mm"
-        tolerance = own.tolerance_mm
+        tolerance = constraints.tolerance_mm
         if kind == CURVATURE:
             unit = "1/mm"
             tolerance = _CURVATURE_TOLERANCE / given
         elif kind in (DRAFT, EDGE):
             unit = "deg"
             tolerance = _ANGLE_TOLERANCE_DEG
-        value = own.keep_out_margin_mm if field.endswith("keep_out") else given
+        value = constraints.keep_out_margin_mm if field.endswith("keep_out") else given
         limits.append(Limit(kind, faces, unit, tolerance, remedy, value))
     return tuple(limits)
 
@@ -350,9 +362,9 @@ def _limits_of_faces(lens: LensShape) -> Iterator[tuple[str, tuple[FaceRole, ...
             yield kind, faces, field, remedy.format(*_first_faces(lens, media), field=field)
             continue
         for role in lens.roles:
-            others = (other for other in bounding(lens.body_roles, role.before) if other != role)
+            neighbours = (neighbour for neighbour in bounding(lens.body_roles, role.before) if neighbour != role)
             own_field = field.format(role.name)
-            yield kind, (role, *others), own_field, remedy.format(role.name, field=own_field)
+            yield kind, (role, *neighbours), own_field, remedy.format(role.name, field=own_field)
 
 
 def _first_faces(lens: LensShape, media: tuple[str, ...]) -> list[str]:

@@ -34,7 +34,7 @@ class SearchEnd:
 
     def is_no_worse(self, merits: tuple[float, ...]) -> bool:
         """True where any of its merits is as low: what is traded for evenness is no loss."""
-        return any(own <= other for own, other in zip(self.merits, merits, strict=True))
+        return any(merit <= bound for merit, bound in zip(self.merits, merits, strict=True))
 
 
 @dataclass(frozen=True)
@@ -48,14 +48,14 @@ class Candidates:
 
     def better(self, begun: Outcome, start: tuple[Problem, Parameters], end: tuple[Problem, Parameters]) -> SearchEnd:
         """The feasible lens of ``end``, or of the ``start``, judged in ``begun``, where that one is the better."""
-        found = self._feasible(*end)
+        feasible = self._feasible(*end)
         if _same(start[1], end[1]):
-            return replace(found, why=f"{_NOT_BETTER}, of merit {found.merits[-1]:.4g}; {_TRY}")
-        if found.is_no_worse(self._merits(begun.light, begun.even)):
-            return found
+            return replace(feasible, why=f"{_NOT_BETTER}, of merit {feasible.merits[-1]:.4g}; {_TRY}")
+        if feasible.is_no_worse(self._merits(begun.light, begun.even)):
+            return feasible
         kept = self._feasible(*start)
-        words = f"{_NOT_BETTER}, of merit {kept.merits[-1]:.4g}: the end has {found.merits[-1]:.4g}; {_TRY}"
-        return found if found.is_no_worse(kept.merits) else replace(kept, why=words)
+        reason = f"{_NOT_BETTER}, of merit {kept.merits[-1]:.4g}: the end has {feasible.merits[-1]:.4g}; {_TRY}"
+        return feasible if feasible.is_no_worse(kept.merits) else replace(kept, why=reason)
 
     def _feasible(self, problem: Problem, parameters: Parameters) -> SearchEnd:
         lens, margins, moved = feasible_lens(problem, parameters, self.seed, self.accuracy)
@@ -66,5 +66,5 @@ class Candidates:
         return (light.merit,) if even is None or not self.even else (light.merit, even.merit)
 
 
-def _same(one: Parameters, other: Parameters) -> bool:
-    return len(one.weights) == len(other.weights) and all(map(torch.equal, one, other))
+def _same(first: Parameters, second: Parameters) -> bool:
+    return len(first.weights) == len(second.weights) and all(map(torch.equal, first, second))

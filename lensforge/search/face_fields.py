@@ -72,13 +72,13 @@ class _OfJet(torch.autograd.Function):
 
     @staticmethod
     def forward(ctx: Any, rho: Tensor, derivatives: Tensor, kernels: Any, points: ChartPoints, sign: float) -> Tensor:
-        jet = [np.ascontiguousarray(each.detach().numpy()) for each in (rho, derivatives)]
+        jet = [np.ascontiguousarray(tensor.detach().numpy()) for tensor in (rho, derivatives)]
         places = ChartPlaces(points.x.numpy(), points.y.numpy(), points.scale.numpy())
         ctx.adjoint = kernels[1]
         ctx.places = (*jet, places, sign)
-        found = np.empty_like(jet[0])
-        kernels[0](*ctx.places, found)
-        return torch.from_numpy(found)
+        gradients = np.empty_like(jet[0])
+        kernels[0](*ctx.places, gradients)
+        return torch.from_numpy(gradients)
 
     @staticmethod
     def backward(ctx: Any, *gradients: Tensor) -> Any:
@@ -97,8 +97,8 @@ def wall_mm(inside: RadiusJet, outside: RadiusJet, points: ChartPoints, reach_mm
     """
     radial = outside.rho - inside.rho
     walls: list[Tensor] = [
-        _ToTable.apply(inside.rho, each, radial, points, reach_mm)  # type: ignore[no-untyped-call]  # as torch has it
-        for each in outside.tables
+        _ToTable.apply(inside.rho, table, radial, points, reach_mm)  # type: ignore[no-untyped-call]  # as torch has it
+        for table in outside.tables
     ]
     return walls[0] if len(walls) == 1 else torch.stack(walls).amin(dim=0)
 

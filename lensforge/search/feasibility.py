@@ -48,8 +48,8 @@ def measure_constraints(lens: Lens, directions: int = DIRECTIONS) -> Margins:
     Lengths: by the exact sum, over a Fibonacci grid of the hemisphere and its rim, one of mirror images each. The wall:
     between the splines that an export would write. Edges: of the faces all along their creases.
     """
-    of_kinds = [_measured(each, directions) for each in lens.kinds]
-    least = map(min, zip(*(found.values() for found in of_kinds), strict=True))
+    of_kinds = [_measured(kind, directions) for kind in lens.kinds]
+    least = map(min, zip(*(limits.values() for limits in of_kinds), strict=True))
     return Margins.of(dict(zip(of_kinds[0], least, strict=True)))
 
 
@@ -60,26 +60,28 @@ def _measured(lens: Lens, directions: int) -> dict[Limit, float]:
 
     constraints = constraints_of(lens.spec)
     points, exact = _exact_radii(lens, directions)
-    found: dict[Limit, float] = {}
-    for each in constraints:
-        if each.kind == WALL:
+    least: dict[Limit, float] = {}
+    for constraint in constraints:
+        if constraint.kind == WALL:
             wall = thinnest_of(lens)
-            found[each] = wall.thickness_mm - each.given
-        elif each.kind == EDGE:
+            least[constraint] = wall.thickness_mm - constraint.given
+        elif constraint.kind == EDGE:
             edges = (edge for side in lens_boundaries(lens) for edge in sharpest_edges(side))
-            found[each] = min(edge.angle_deg for edge in edges if set(edge.faces) <= set(each.names)) - each.given
-        elif each.kind == FLANGE_ROOM:
+            least[constraint] = (
+                min(edge.angle_deg for edge in edges if set(edge.faces) <= set(constraint.names)) - constraint.given
+            )
+        elif constraint.kind == FLANGE_ROOM:
             low, high = flange_heights_mm(lens_boundaries(lens)[1])
-            found[each] = high - low - each.given
-        elif not each.derivatives:
-            found[each] = float(each.of(exact, points).min())
-    of_shape = [each for each in constraints if each not in found]
+            least[constraint] = high - low - constraint.given
+        elif not constraint.derivatives:
+            least[constraint] = float(constraint.of(exact, points).min())
+    of_shape = [constraint for constraint in constraints if constraint not in least]
     if of_shape:
         grid = grid_for(lens.detail_rad, _NODES_PER_SIGMA)
         tables = {name: torch.from_numpy(tabulate(grid, surface)) for name, surface in lens.surfaces.items()}
         everywhere = ChartOperator.of(grid, constraint_points(grid, lens.symmetry), derivatives=True)
-        found |= {each: _least(each, grid, everywhere, tables) for each in of_shape}
-    return found
+        least |= {limit: _least(limit, grid, everywhere, tables) for limit in of_shape}
+    return least
 
 
 def _exact_radii(lens: Lens, directions: int) -> tuple[ChartPoints, dict[str, RadiusJet]]:
@@ -88,7 +90,7 @@ def _exact_radii(lens: Lens, directions: int) -> tuple[ChartPoints, dict[str, Ra
     u = np.concatenate([fibonacci_hemisphere(directions), rim])
     u = u[first_images(u, lens.symmetry)]
     nothing = torch.empty(0, len(u), dtype=torch.float64)
-    exact = {name: RadiusJet(torch.from_numpy(each.radius(u)), nothing) for name, each in lens.surfaces.items()}
+    exact = {name: RadiusJet(torch.from_numpy(surface.radius(u)), nothing) for name, surface in lens.surfaces.items()}
     return ChartPoints.of(chart.to_chart(u)), exact
 
 
@@ -128,12 +130,12 @@ def feasible_lens(
         parameters = Parameters(*project_to_feasible(parametrisation, constraints.tightened(stricter), *found))
         lens = problem.parametrisation.lens(*parameters, problem.spec, seed, accuracy)
         margins = measure_constraints(lens)
-        tried.append((max(-margins.at(each) / each.tolerance for each in limits), (lens, margins, parameters)))
-        missed = [each for each in limits if -margins.at(each) > each.tolerance]
+        tried.append((max(-margins.at(limit) / limit.tolerance for limit in limits), (lens, margins, parameters)))
+        missed = [limit for limit in limits if -margins.at(limit) > limit.tolerance]
         if not missed:
             break
         seen = constraints.least(constraints.fields(parametrisation.tables(*parameters)))
-        stricter |= {each.key: seen[each.key] - margins.at(each) for each in missed}
+        stricter |= {limit.key: seen[limit.key] - margins.at(limit) for limit in missed}
     return min(tried, key=itemgetter(0))[1]
 
 
@@ -177,9 +179,9 @@ def require_feasible_start(problems: Iterable[Problem]) -> None:
                 return
     least = constraints.least(constraints.fields(parametrisation.tables(weights + moved[1:], offsets + moved[0])))
     given = ", ".join(f"{name} = {value}" for name, value in _given(spec).items())
-    missed = [each for each in constraints.constraints if least[each.key] < -each.tolerance]
-    words = "; ".join(f"{each.name} {least[each.key]:.3g} {each.unit}: {each.remedy}" for each in missed)
-    raise InputError(f"constraints: no lens meets all of {given}; the closest has {words}")
+    missed = [constraint for constraint in constraints.constraints if least[constraint.key] < -constraint.tolerance]
+    missed_limits = "; ".join(f"{limit.name} {least[limit.key]:.3g} {limit.unit}: {limit.remedy}" for limit in missed)
+    raise InputError(f"constraints: no lens meets all of {given}; the closest has {missed_limits}")
 
 
 def _given(spec: Spec) -> dict[str, str]:
@@ -187,8 +189,8 @@ def _given(spec: Spec) -> dict[str, str]:
     limits = spec.constraints
     values = limits.model_dump(exclude_none=True, exclude={"keep_out_margin_mm"} if limits.keep_out is None else None)
     for name, face in spec.lens.faces.items():
-        own = face.model_dump(exclude_none=True, include={"concave_radius_mm", "draft_deg"})
-        values |= {f"lens.{name}.{field}": value for field, value in own.items()}
+        fields = face.model_dump(exclude_none=True, include={"concave_radius_mm", "draft_deg"})
+        values |= {f"lens.{name}.{field}": value for field, value in fields.items()}
     return {name: f"{value:g}" if isinstance(value, float) else str(value) for name, value in values.items()}
 
 

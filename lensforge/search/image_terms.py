@@ -194,11 +194,11 @@ class ColourTerm:
 
     def error(self, first: Colours, second: Colours) -> Float[Tensor, ""]:
         """The term by the colours of two samples; of one alone, given twice, with the noise of its rays."""
-        each = [
-            share * torch.sum(blurred(one) * blurred(other)) / torch.sum(wanted**2)
-            for one, other, wanted, share in zip(first, second, self.wanted, self.shares, strict=True)
+        errors = [
+            share * torch.sum(blurred(colours) * blurred(other_colours)) / torch.sum(wanted**2)
+            for colours, other_colours, wanted, share in zip(first, second, self.wanted, self.shares, strict=True)
         ]
-        return self.weight * torch.stack(each).sum()
+        return self.weight * torch.stack(errors).sum()
 
 
 def blurred(pictures: Float[Tensor, "2 h w"]) -> Float[Tensor, "2 h w"]:

@@ -48,10 +48,10 @@ class KindsParameters(Parametrisation):
     @staticmethod
     def of(members: dict[str, Parametrisation]) -> "KindsParameters":
         """The parametrisation of all kinds; ``members``: by their names."""
-        names = tuple(f"{kind}.{name}" for kind, own in members.items() for name in own.names)
-        fixed = tuple(each for own in members.values() for each in own.fixed)
-        each = tuple(members.values())
-        return KindsParameters(tuple(members), each, each[0].grid, names, fixed)
+        names = tuple(f"{kind}.{name}" for kind, member in members.items() for name in member.names)
+        fixed = tuple(parametrisationsace for member in members.values() for parametrisationsace in member.fixed)
+        parametrisations = tuple(members.values())
+        return KindsParameters(tuple(members), parametrisations, parametrisations[0].grid, names, fixed)
 
     @property
     def levels(self) -> tuple[int, ...]:
@@ -63,13 +63,13 @@ class KindsParameters(Parametrisation):
         """The faces of all kinds from which a search starts."""
         return {
             f"{kind}.{name}": face
-            for kind, own in zip(self.kinds, self.members, strict=True)
-            for name, face in own.start_surfaces.items()
+            for kind, member in zip(self.kinds, self.members, strict=True)
+            for name, face in member.start_surfaces.items()
         }
 
     def refined(self) -> "KindsParameters":
         """Parametrisation whose tables have half the step, of the same splines."""
-        finer = tuple(own.refined() for own in self.members)
+        finer = tuple(member.refined() for member in self.members)
         return replace(self, members=finer, grid=finer[0].grid)
 
     def _of_each(
@@ -80,15 +80,15 @@ class KindsParameters(Parametrisation):
 
     def tables(self, weights: Float[Tensor, "k f"], offsets: Float[Tensor, " f"]) -> Float[Tensor, "f side side"]:
         """Tables (mm) of the faces of all kinds from the first ``k`` relative weights; differentiable."""
-        return torch.cat([own.tables(*columns) for own, *columns in self._of_each(weights, offsets)])
+        return torch.cat([member.tables(*columns) for member, *columns in self._of_each(weights, offsets)])
 
     def parameters_of(self, lens: Lens) -> tuple[Float[Tensor, "m f"], Float[Tensor, " f"]]:
         """Relative weights and offsets that give the free faces of ``lens``; where it is one lens, for all kinds."""
-        found = [
-            own.parameters_of(lens.of_kind(kind) if lens.others else lens)
-            for kind, own in zip(self.kinds, self.members, strict=True)
+        parameters = [
+            member.parameters_of(lens.of_kind(kind) if lens.others else lens)
+            for kind, member in zip(self.kinds, self.members, strict=True)
         ]
-        weights, offsets = zip(*found, strict=True)
+        weights, offsets = zip(*parameters, strict=True)
         return torch.cat(weights, dim=1), torch.cat(offsets)
 
     def surfaces(self, weights: Float[Tensor, "m f"], offsets: Float[Tensor, " f"]) -> dict[str, Surface]:
@@ -100,8 +100,8 @@ class KindsParameters(Parametrisation):
         }
 
     def _faces(self, weights: Float[Tensor, "m f"], offsets: Float[Tensor, " f"]) -> dict[str, dict[str, Surface]]:
-        each = zip(self.kinds, self._of_each(weights, offsets), strict=True)
-        return {kind: own.surfaces(*columns) for kind, (own, *columns) in each}
+        members = zip(self.kinds, self._of_each(weights, offsets), strict=True)
+        return {kind: member.surfaces(*columns) for kind, (member, *columns) in members}
 
     def lens(
         self, weights: Float[Tensor, "m f"], offsets: Float[Tensor, " f"], spec: Spec, seed: int, accuracy: AnyAccuracy
@@ -122,15 +122,16 @@ class LightOfKinds:
     def of(path: LightPath, lamps: Lamps) -> "LightOfKinds":
         """The same ``path`` for the lens of each kind, to the receivers as its lamps see them."""
         receivers = [
-            tuple(replace(each, lamps=each.lamps.of_kind(kind)) for each in path.receivers) for kind in lamps.kinds
+            tuple(replace(receiver, lamps=receiver.lamps.of_kind(kind)) for receiver in path.receivers)
+            for kind in lamps.kinds
         ]
-        return LightOfKinds(tuple(replace(path, receivers=own) for own in receivers), lamps)
+        return LightOfKinds(tuple(replace(path, receivers=receiver) for receiver in receivers), lamps)
 
     def collect(self, tables: Float[Tensor, "f side side"], rays: RayBundle) -> tuple[Collected, ...]:
         """Trace ``rays`` through the tables of all kinds and collect the mean light of a lamp; differentiable."""
         every = zip(self.paths, tables.chunk(len(self.paths)), self._dealt(rays), strict=True)
-        found = [path.collect(own, some) for path, own, some in every if len(some)]
-        return tuple(_sum(same) for same in zip(*found, strict=True))
+        collected = [path.collect(member_tables, some) for path, member_tables, some in every if len(some)]
+        return tuple(_sum(same) for same in zip(*collected, strict=True))
 
     def over_outlines(
         self, images: Sequence[Tensor], tables: Float[Tensor, "f side side"], rays: RayBundle
@@ -144,14 +145,14 @@ class LightOfKinds:
         shares = np.cumsum(self.lamps.shares_of_rays)
         number = np.searchsorted(shares / shares[-1], (strips + 0.5) * _GOLDEN % 1.0, side="right")
         emitted_w = float(rays.flux.sum())
-        found = []
+        dealt = []
         for k, kind in enumerate(self.lamps.kinds):
             some = rays.take(number == k)
             own_w = emitted_w * len(kind.numbers) / len(self.lamps)
-            found.append(replace(some, flux=some.flux * (own_w / some.flux.sum())) if len(some) else some)
-        return found
+            dealt.append(replace(some, flux=some.flux * (own_w / some.flux.sum())) if len(some) else some)
+        return dealt
 
 
 def _sum(parts: Sequence[Collected]) -> Collected:
     fields = (name for name, value in vars(parts[0]).items() if value is not None)
-    return Collected(**{name: torch.stack([getattr(each, name) for each in parts]).sum(dim=0) for name in fields})
+    return Collected(**{name: torch.stack([getattr(part, name) for part in parts]).sum(dim=0) for name in fields})

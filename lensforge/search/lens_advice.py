@@ -65,17 +65,17 @@ class LensAdvice:
             kind: LensOption(type(spec.lens), _turned(light_requirements(spec, source)[0][0]))
             for kind, spec in specs.items()
         }
-        suitable = {kind: each for kind, each in options.items() if shape in each.kind.draws} or options
-        most = max(each.possible for each in suitable.values())
-        shares = {kind: each.possible / most if most > 0.0 else 1.0 for kind, each in suitable.items()}
+        suitable = {kind: option for kind, option in options.items() if shape in option.kind.draws} or options
+        most = max(option.possible for option in suitable.values())
+        shares = {kind: option.possible / most if most > 0.0 else 1.0 for kind, option in suitable.items()}
         advised = next(kind for kind, share in shares.items() if share >= _NEAR)
         return LensAdvice(options, advised, shares)
 
     @property
     def words(self) -> str:
         """The bounds of all kinds in words, the largest first."""
-        ordered = sorted(self.options.values(), key=lambda each: -each.possible)
-        return f"upper bound {', '.join(each.words for each in ordered)}"
+        ordered = sorted(self.options.values(), key=lambda option: -option.possible)
+        return f"upper bound {', '.join(option.words for option in ordered)}"
 
     @property
     def why(self) -> str:

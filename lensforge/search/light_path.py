@@ -67,7 +67,7 @@ class _AtCreases(torch.autograd.Function):
         ctx.source = source
         ctx.receivers = receivers
         ctx.flux = flux
-        return tuple(each.clone() for each in sums)
+        return tuple(sum.clone() for sum in sums)
 
     @staticmethod
     def backward(ctx: Any, *by: Tensor) -> Any:
@@ -75,11 +75,11 @@ class _AtCreases(torch.autograd.Function):
             dict(zip(_OF_CREASES, by[first : first + len(_OF_CREASES)], strict=True))
             for first in range(0, len(by), len(_OF_CREASES))
         ]
-        images = [each["image"].contiguous().numpy() for each in seen]
-        sums = [np.array([float(each[name]) for name in _OF_CREASES[1:]]) for each in seen]
+        images = [gradients["image"].contiguous().numpy() for gradients in seen]
+        sums = [np.array([float(gradients[name]) for name in _OF_CREASES[1:]]) for gradients in seen]
         places = ctx.tables, ctx.scene, ctx.source, adjoint_on(ctx.receivers, images, sums)
-        found = crease_gradients(*places) + later_crease_gradients(*places, _FANS, _RAYS_OF_FAN)
-        return ctx.flux * torch.from_numpy(found), None, None, None, None, *by
+        by_creases = crease_gradients(*places) + later_crease_gradients(*places, _FANS, _RAYS_OF_FAN)
+        return ctx.flux * torch.from_numpy(by_creases), None, None, None, None, *by
 
 
 class EndedRays(NamedTuple):
@@ -119,13 +119,13 @@ class LightPath:
     @cached_property
     def seen(self) -> tuple[PosedReceiver, ...]:
         """The receivers of one lamp's light: of all pictures."""
-        return tuple(each for own in self.lamps for each in own.receivers)
+        return tuple(receiver for lamp in self.lamps for receiver in lamp.receivers)
 
     def through(self, tables: Float[Tensor, "f side side"], rays: RayBundle, part: MadePart) -> tuple[Collected, ...]:
         """Light through one part of the lens with these tables; its source has a flux of its own."""
         scene = replace(self.scene, media=part.media(self.scene.media), made=part.made)
-        own = replace(rays, flux=part.flux * rays.flux)
-        return replace(self, scene=scene).collect(part.tables(tables), own)
+        part_rays = replace(rays, flux=part.flux * rays.flux)
+        return replace(self, scene=scene).collect(part.tables(tables), part_rays)
 
     def collect(self, tables: Float[Tensor, "f side side"], rays: RayBundle) -> tuple[Collected, ...]:
         """Trace ``rays`` through tables on the CPU and collect the mean light of a lamp; differentiable in the tables.
@@ -145,13 +145,13 @@ class LightPath:
         else:
             bodies = ReferenceBody.by_tables(tables, self.scene, self.device)
             parts = [self._part(bodies, rays, start, self.device) for start in range(0, len(rays), self.chunk)]
-            sums = [torch.stack(each).sum(dim=0).cpu() for each in zip(*parts, strict=True)]
-            each = len(sums) // len(self.seen)
+            sums = [torch.stack(amountsreceiver).sum(dim=0).cpu() for amountsreceiver in zip(*parts, strict=True)]
+            per_receiver = len(sums) // len(self.seen)
             counted = {"colours": self.colour is not None, "losses": self.losses > 0}
-            names = [each.name for each in fields(Collected) if counted.get(each.name, True)]
+            names = [field.name for field in fields(Collected) if counted.get(field.name, True)]
             found = tuple(
-                Collected(**dict(zip(names, sums[first : first + each], strict=True)))
-                for first in range(0, len(sums), each)
+                Collected(**dict(zip(names, sums[first : first + per_receiver], strict=True)))
+                for first in range(0, len(sums), per_receiver)
             )
         return self._together(found if self.source is None else self._with_creases(tables, rays, found))
 
@@ -161,27 +161,27 @@ class LightPath:
         """Pictures of eyes whose mean counts, over the area (mm²) of the outline of the lens, a constant; others as
         they are."""
         areas = [1.0] * len(images)
-        if any(isinstance(each, EyeView) and each.of_mean for each in self.receivers):
+        if any(isinstance(receiver, EyeView) and receiver.of_mean for receiver in self.receivers):
             exits = trace_tables(tables.detach().numpy(), self.scene, rays.take(slice(_RAYS_OF_OUTLINE)))
-            for number, each in enumerate(self.receivers):
-                if isinstance(each, EyeView) and each.of_mean:
-                    areas[number] = each.outline_mm2(exits)
+            for number, seen_receiver in enumerate(self.receivers):
+                if isinstance(seen_receiver, EyeView) and seen_receiver.of_mean:
+                    areas[number] = seen_receiver.outline_mm2(exits)
         return [image / area for image, area in zip(images, areas, strict=True)]
 
     def _with_losses(self, light: Collected, exits: EndedRays) -> Collected:
         return light.with_losses(exits.flux, exits.causes, self.losses) if self.losses else light
 
-    def _together(self, found: tuple[Collected, ...]) -> tuple[Collected, ...]:
-        rest = iter(found)
+    def _together(self, collected: tuple[Collected, ...]) -> tuple[Collected, ...]:
+        rest = iter(collected)
         return tuple(mean_of_lamps(lamps, [next(rest) for _ in lamps.rasters]) for lamps in self.lamps)
 
-    def _with_creases(self, tables: Tensor, rays: RayBundle, found: tuple[Collected, ...]) -> tuple[Collected, ...]:
+    def _with_creases(self, tables: Tensor, rays: RayBundle, collected: tuple[Collected, ...]) -> tuple[Collected, ...]:
         assert self.source is not None
-        sums = [getattr(own, name) for own in found for name in _OF_CREASES]
+        sums = [getattr(light, name) for light in collected for name in _OF_CREASES]
         places = self.scene, self.source, self.seen, float(rays.flux.sum()) / self.source.flux_w
         same = _AtCreases.apply(tables, *places, *sums)  # type: ignore[no-untyped-call]  # as torch has it
         rest = iter(same)
-        return tuple(replace(own, **{name: next(rest) for name in _OF_CREASES}) for own in found)
+        return tuple(replace(light, **{name: next(rest) for name in _OF_CREASES}) for light in collected)
 
     def _part(
         self, bodies: tuple[ReferenceBody, ...], bundle: RayBundle, start: int, device: torch.device
@@ -201,9 +201,9 @@ class LightPath:
             for receiver in self.seen:
                 landings = receiver.land_by_arrays(exit_rays)
                 places = (receiver.grid, receiver.window)
-                found = collected_on_device(landings, exit_rays.sin2_exit, emitted, *places, weights)
+                collected = collected_on_device(landings, exit_rays.sin2_exit, emitted, *places, weights)
                 ended = EndedRays(exit_rays.sin2_exit, exit_rays.flux, cause_numbers(exit_rays, self.scene.chain))
-                sums += (each for each in vars(self._with_losses(found, ended)).values() if each is not None)
+                sums += (total for total in vars(self._with_losses(collected, ended)).values() if total is not None)
             return tuple(sums)
 
         return checkpoint(light, use_reentrant=False, preserve_rng_state=False)
@@ -219,8 +219,8 @@ def landed_through(
     sin2_exit, flux, causes, *landed = _Landing.apply(  # type: ignore[no-untyped-call]  # as torch has it
         tables, scene, rays, receivers
     )
-    each = [Landings(*landed[first : first + 4]) for first in range(0, len(landed), 4)]
-    return each, EndedRays(sin2_exit, flux, causes)
+    landings = [Landings(*landed[first : first + 4]) for first in range(0, len(landed), 4)]
+    return landings, EndedRays(sin2_exit, flux, causes)
 
 
 class _Landing(torch.autograd.Function):
@@ -230,7 +230,7 @@ class _Landing(torch.autograd.Function):
         landed = [receiver.land(traced.exits) for receiver in receivers]
         ctx.traced = traced
         ctx.receivers = receivers
-        ctx.missed = [each.missed_receiver for each in landed]
+        ctx.missed = [landings.missed_receiver for landings in landed]
         parts = [
             torch.from_numpy(field)
             for each in landed
@@ -249,9 +249,9 @@ class _Landing(torch.autograd.Function):
         for k, (receiver, missed) in enumerate(zip(ctx.receivers, ctx.missed, strict=True)):
             by_hits, by_flux = by_fields[4 * k : 4 * k + 2]
             if missed.any():  # their hit and flux are constants; those of rays lost in the lens never count
-                own = torch.from_numpy(missed)
-                by_hits = by_hits.masked_fill(own[:, None], 0.0)
-                by_flux = by_flux.masked_fill(own, 0.0)
+                missed_rays = torch.from_numpy(missed)
+                by_hits = by_hits.masked_fill(missed_rays[:, None], 0.0)
+                by_flux = by_flux.masked_fill(missed_rays, 0.0)
             by, of_flux = receiver.adjoint(exits, by_hits.contiguous().numpy(), by_flux.contiguous().numpy())
             total = by if total is None else Sensitivities(*(a + b for a, b in zip(total, by, strict=True)))
             total_flux = total_flux + of_flux
@@ -318,5 +318,5 @@ class SearchParts:
         return tuple(self._made((draws, draws.mirrored()), number) for number in range(count))
 
     def _made(self, draws: tuple[Draws, Draws], number: int) -> Pair:
-        first, second = (self.maker.part(each.deviations(number)) for each in draws)
+        first, second = (self.maker.part(draw.deviations(number)) for draw in draws)
         return first, second

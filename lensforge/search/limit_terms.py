@@ -144,8 +144,8 @@ class RoadTerms:
 
     def loss(self, images: Images, losses: Losses = ()) -> Float[Tensor, ""]:
         """Sum of the losses of all limits."""
-        each = zip(self.members, self.excesses(images), strict=True)
-        return torch.stack([term.of_excess(excess) for term, excess in each]).sum()
+        excesses = zip(self.members, self.excesses(images), strict=True)
+        return torch.stack([term.of_excess(excess) for term, excess in excesses]).sum()
 
     def excesses(self, images: Images, losses: Losses = ()) -> tuple[Float[Tensor, " _"], ...]:
         """Excess at the places of each limit."""

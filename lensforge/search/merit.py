@@ -59,15 +59,15 @@ class PairLight(NamedTuple):
 
     def times(self, factor: float) -> "PairLight":
         """The pair with ``factor`` times the light."""
-        return PairLight(*(tuple(factor * each for each in own) for own in self))
+        return PairLight(*(tuple(factor * tensor for tensor in tensors) for tensors in self))
 
     def mean(self, other: "PairLight") -> "PairLight":
         """The mean with the same pair by other rays."""
-        return PairLight(*(_added(own, same) for own, same in zip(self, other, strict=True))).times(0.5)
+        return PairLight(*(_added(first, second) for first, second in zip(self, other, strict=True))).times(0.5)
 
 
 def _added(first: tuple[Tensor, ...], second: tuple[Tensor, ...], factor: float = 1.0) -> tuple[Tensor, ...]:
-    return tuple(one + factor * other for one, other in zip(first, second, strict=True))
+    return tuple(base + factor * added for base, added in zip(first, second, strict=True))
 
 
 @dataclass(frozen=True)
@@ -102,17 +102,17 @@ class SampledLight:
         """The light of all ``parts``, in proportion, as a sample of ``emitted_w``."""
         share = emitted_w / sum(part.emitted_w for part in parts)
         images = tuple(share * torch.stack(same).sum(dim=0) for same in zip(*(p.images for p in parts), strict=True))
-        pairs = [each.times(emitted_w / part.emitted_w) for part in parts for each in part.pairs]
+        pairs = [pair.times(emitted_w / part.emitted_w) for part in parts for pair in part.pairs]
         terms = share * torch.stack([part.terms for part in parts]).sum()
         colours = [share * torch.stack(same).sum(dim=0) for same in zip(*(p.colours for p in parts), strict=True)]
         losses = [share * torch.stack(same).sum(dim=0) for same in zip(*(p.losses for p in parts), strict=True)]
         return SampledLight(images, terms, emitted_w, tuple(pairs), colours, tuple(losses))
 
     @staticmethod
-    def mean(one: "SampledLight", other: "SampledLight") -> "SampledLight":
+    def mean(first: "SampledLight", second: "SampledLight") -> "SampledLight":
         """The mean of two samples of the same flux, of the same parts."""
-        both = SampledLight.joined((one, other), one.emitted_w)
-        pairs = [first.mean(second) for first, second in zip(one.pairs, other.pairs, strict=True)]
+        both = SampledLight.joined((first, second), first.emitted_w)
+        pairs = [first.mean(second) for first, second in zip(first.pairs, second.pairs, strict=True)]
         return replace(both, pairs=tuple(pairs))
 
 
@@ -218,7 +218,7 @@ class MeritFunction(Merit[SampledLight]):
         light = LightPath(scene, places, device, source=crossing, losses=losses)
         if colour is not None and colour.weight > 0.0:
             light = replace(light, colour=SourceColour.of(source))
-            wanted, shares = zip(*((each.wanted, each.share) for each in terms), strict=True)
+            wanted, shares = zip(*((term.wanted, term.share) for term in terms), strict=True)
             term = ColourTerm(colour.weight, wanted, shares)
         path = LightOfKinds.of(light, spec.all_lamps) if spec.all_lamps.kinds else light
         share = spec.optimise.share
@@ -253,25 +253,30 @@ class MeritFunction(Merit[SampledLight]):
         emitted_w = float(rays.flux.sum())
         if len(pairs) > 1:
             slices = zip(rays.divided(len(pairs)), pairs, strict=True)
-            return SampledLight.joined([self.light_of(tables, own, (pair,)) for own, pair in slices], emitted_w)
+            return SampledLight.joined([self.light_of(tables, sample, (pair,)) for sample, pair in slices], emitted_w)
         if not pairs:
             light = self.light.collect(tables, rays)
-            images = self._mirrored(self.light.over_outlines([each.image for each in light], tables, rays))
+            images = self._mirrored(self.light.over_outlines([collected.image for collected in light], tables, rays))
             colours = self._colours((light,))
             losses = _losses((light,))
             return SampledLight(images, self._flux_term(light), emitted_w, (), colours, losses)
         assert isinstance(self.light, LightPath), "a robust search has one lens"
-        one, other = (self.light.through(tables, rays, part) for part in pairs[0])
-        lit = (self.light.over_outlines([each.image for each in light], tables, rays) for light in (one, other))
+        light_of_part, light_of_opposite = (self.light.through(tables, rays, part) for part in pairs[0])
+        lit = (
+            self.light.over_outlines([collected.image for collected in light], tables, rays)
+            for light in (light_of_part, light_of_opposite)
+        )
         both = list(zip(*lit, strict=True))
         # only the mean over all parts has the symmetry of the scene: each part alone has none
         images = self._mirrored([0.5 * (a + b) for a, b in both])
-        losses = _losses((one, other))
-        apart = _added(_losses((one,)), _losses((other,)), -1.0)
+        losses = _losses((light_of_part, light_of_opposite))
+        apart = _added(_losses((light_of_part,)), _losses((light_of_opposite,)), -1.0)
         halves = tuple(0.5 * (a - b) for a, b in both), tuple(0.5 * each for each in apart)
-        found = PairLight(*halves)
-        flux = 0.5 * (self._flux_term(one) + self._flux_term(other))
-        return SampledLight(images, flux, emitted_w, (found,), self._colours((one, other)), losses)
+        pair_light = PairLight(*halves)
+        flux = 0.5 * (self._flux_term(light_of_part) + self._flux_term(light_of_opposite))
+        return SampledLight(
+            images, flux, emitted_w, (pair_light,), self._colours((light_of_part, light_of_opposite)), losses
+        )
 
     def judge(self, first: SampledLight, second: SampledLight, uniform: bool) -> tuple[float, float]:
         """Merit without constraints from two independent samples, without their noise, and its part of the images.
@@ -281,7 +286,9 @@ class MeritFunction(Merit[SampledLight]):
         """
         both = SampledLight.mean(first, second)
         parts = zip(first.of_parts(), second.of_parts(), strict=True)
-        error = torch.stack([self._judged(one, other, uniform) for (one, _), (other, _) in parts]).mean()
+        error = torch.stack(
+            [self._judged(images, second_images, uniform) for (images, _), (second_images, _) in parts]
+        ).mean()
         of_limits = self._limit_term(both)
         of_flux = both.terms / both.emitted_w
         of_images = self._judged(first.images, second.images, uniform) if both.pairs else error
@@ -290,12 +297,14 @@ class MeritFunction(Merit[SampledLight]):
 
     def _judged(self, first: Images, second: Images, uniform: bool) -> Float[Tensor, ""]:
         receivers = zip(self.terms, first, second, strict=False)
-        return torch.stack([terms.share * terms.judge(one, other, uniform) for terms, one, other in receivers]).sum()
+        return torch.stack(
+            [terms.share * terms.judge(image, second_image, uniform) for terms, image, second_image in receivers]
+        ).sum()
 
     def _mirrored(self, images: Sequence[Tensor]) -> Images:
         """The images with the mirrors of the scene; behind those of receivers come the views of eyes, as they are."""
-        own = len(self.terms)
-        return (*(terms.mirrored(each) for terms, each in zip(self.terms, images, strict=False)), *images[own:])
+        receivers = len(self.terms)
+        return (*(terms.mirrored(image) for terms, image in zip(self.terms, images, strict=False)), *images[receivers:])
 
     def _weighted(self, images: Images, value: Callable[[ImageTerms, Image], float]) -> float:
         """Mean of ``value`` over the receivers by their shares."""
@@ -312,28 +321,34 @@ class MeritFunction(Merit[SampledLight]):
         parts = light.of_parts()
         if self.share is None:
             return torch.stack([limit.loss(*part) for part in parts for limit in self.limits]).sum() / len(parts)
-        each = [[excess for limit in self.limits for excess in limit.excesses(*part)] for part in parts]
+        excesses = [[excess for limit in self.limits for excess in limit.excesses(*part)] for part in parts]
         noise = [term.noise for limit in self.limits for term in limit.members]
-        return share_term([torch.stack(same) for same in zip(*each, strict=True)], noise, self.share)
+        return share_term([torch.stack(same) for same in zip(*excesses, strict=True)], noise, self.share)
 
     def _colours(self, parts: Sequence[tuple[Collected, ...]]) -> Colours:
         colours = []
         for terms, *same in zip(self.terms, *parts, strict=False):
-            own = [each.colours for each in same if each.colours is not None]
-            if own:
-                colours.append(torch.stack([terms.mirrored(each) for each in torch.stack(own).mean(dim=0)]))
+            colours_of_parts = [collected.colours for collected in same if collected.colours is not None]
+            if colours_of_parts:
+                colours.append(
+                    torch.stack(
+                        [terms.mirrored(colour_image) for colour_image in torch.stack(colours_of_parts).mean(dim=0)]
+                    )
+                )
         return tuple(colours)
 
     def _flux_term(self, light: tuple[Collected, ...]) -> Float[Tensor, ""]:
         """Flux (W) that has no gradient in the images."""
         even = any(terms.mask is not None for terms in self.terms)
         lost = (_UNIFORM_TOTAL_REFLECTION if even else _TOTAL_REFLECTION) * light[0].total_reflection
-        received = [terms.share * terms.flux_term(each) for terms, each in zip(self.terms, light, strict=False)]
+        received = [
+            terms.share * terms.flux_term(collected) for terms, collected in zip(self.terms, light, strict=False)
+        ]
         return lost + torch.stack(received).sum()
 
 
 def _losses(parts: Sequence[tuple[Collected, ...]]) -> Losses:
     """Mean flux by cause on each receiver over parts; none where no limit asks for it."""
-    each = zip(*parts, strict=True)
-    counted = [[light.losses for light in same if light.losses is not None] for same in each]
+    by_receiver = zip(*parts, strict=True)
+    counted = [[light.losses for light in same if light.losses is not None] for same in by_receiver]
     return tuple(torch.stack(same).mean(dim=0) for same in counted if same)

@@ -57,21 +57,25 @@ class MeritOfSources(Merit[LightOfSources]):
     ) -> "MeritOfSources":
         """The merit for all sources of ``spec``; each asks for the same targets and limits with its own flux."""
         pairs = zip(spec.of_each_source, source.sources, strict=True)
-        members = tuple(MeritFunction.of(own, led, parametrisation, device, single) for own, led in pairs)
-        total = sum(each.share for each in spec.sources)
-        shares = tuple(each.share / total for each in spec.sources)
+        members = tuple(MeritFunction.of(led_spec, led, parametrisation, device, single) for led_spec, led in pairs)
+        total = sum(source.share for source in spec.sources)
+        shares = tuple(source.share / total for source in spec.sources)
         return MeritOfSources(parametrisation, source, members, shares, spec.optimise.over_sources == "worst")
 
     def light_of(self, tables: Float[Tensor, "f side side"], rays: RayBundle, pairs: Pairs = ()) -> LightOfSources:
         """The light of ``rays``, each LED's by itself, through the lens with these tables, or ``pairs`` of parts."""
-        own = zip(self.members, self.source.shared_out(rays), strict=True)
-        return LightOfSources(tuple(merit.light_of(tables, some, pairs) for merit, some in own))
+        shared_out = zip(self.members, self.source.shared_out(rays), strict=True)
+        return LightOfSources(tuple(merit.light_of(tables, some, pairs) for merit, some in shared_out))
 
     def assessed(self, light: LightOfSources, uniform: bool) -> Assessed:
         """The loss by one sample; NMSE and efficiency for the history are means by the shares."""
-        by_source = [merit.assessed(own, uniform) for merit, own in zip(self.members, light.lights, strict=True)]
-        losses = torch.stack([each.loss for each in by_source])
-        nmse, efficiency = (self._mean([getattr(each, name) for each in by_source]) for name in ("nmse", "efficiency"))
+        by_source = [
+            merit.assessed(led_light, uniform) for merit, led_light in zip(self.members, light.lights, strict=True)
+        ]
+        losses = torch.stack([assessed.loss for assessed in by_source])
+        nmse, efficiency = (
+            self._mean([getattr(assessed, name) for assessed in by_source]) for name in ("nmse", "efficiency")
+        )
         weights = losses.new_tensor(self.shares)
         if self.worst:
             weights = torch.softmax(losses.detach() / (_SMOOTH * nmse), dim=0)
@@ -80,7 +84,7 @@ class MeritOfSources(Merit[LightOfSources]):
     def judge(self, first: LightOfSources, second: LightOfSources, uniform: bool) -> tuple[float, float]:
         """Merit without constraints from two independent samples, without their noise, and its part of the images."""
         both = zip(self.members, first.lights, second.lights, strict=True)
-        merits = [merit.judge(one, other, uniform) for merit, one, other in both]
+        merits = [merit.judge(led_light, second_light, uniform) for merit, led_light, second_light in both]
         if self.worst:
             return max(merits)
         return self._mean([merit for merit, _ in merits]), self._mean([image for _, image in merits])
@@ -88,9 +92,9 @@ class MeritOfSources(Merit[LightOfSources]):
     def joined(self, parts: Sequence[LightOfSources], emitted_w: float) -> LightOfSources:
         """The light of all ``parts``, in proportion, as a sample of ``emitted_w``."""
         factor = emitted_w / sum(part.emitted_w for part in parts)
-        own = list(zip(*(part.lights for part in parts), strict=True))
+        by_led = list(zip(*(part.lights for part in parts), strict=True))
         return LightOfSources(
-            tuple(SampledLight.joined(same, factor * sum(each.emitted_w for each in same)) for same in own)
+            tuple(SampledLight.joined(same, factor * sum(part.emitted_w for part in same)) for same in by_led)
         )
 
     def _mean(self, values: Sequence[float]) -> float:

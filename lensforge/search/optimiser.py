@@ -100,11 +100,13 @@ class Descent:
         stage = self.schedule.next_stage(self.state.outcomes).stage
         if stage is not None:
             problem = self.problems.of(stage.levels)
-            weights, offsets = (each.clone().requires_grad_() for each in (self.state.weights, self.state.offsets))
-            one = self.source.sample(1, 0)
+            weights, offsets = (
+                parameter.clone().requires_grad_() for parameter in (self.state.weights, self.state.offsets)
+            )
+            ray = self.source.sample(1, 0)
             pairs = self._pairs(problem, 0)[:1]
             begun = time.perf_counter()
-            problem.merit.evaluate(weights, offsets, one, problem.constraints, stage.uniform, pairs).loss.backward()
+            problem.merit.evaluate(weights, offsets, ray, problem.constraints, stage.uniform, pairs).loss.backward()
             self.begun += time.perf_counter() - begun
 
     def _pairs(self, problem: Problem, step: int) -> Pairs:
@@ -151,7 +153,7 @@ class Descent:
             yield
 
     def _after_step(self, stage: Stage, step: int, problem: Problem, optimiser: Adam, result: Evaluated) -> SearchState:
-        weights, offsets = (each.detach() for each in optimiser.parameters)
+        weights, offsets = (parameter.detach() for parameter in optimiser.parameters)
         every_weight = self.state.weights.clone()
         every_weight[: stage.functions] = weights
         return replace(
@@ -365,9 +367,9 @@ def search(
     last = stages[-1]
     state = replace(descent.state, seconds=descent.seconds)
     moved = "" if state.steps_done == 0 else ending.why  # of faces that are all given nothing moves
-    found = _design(ending.lens, ending.margins, source, state, last.rays, warnings)
-    ended = "; ".join(words for words in (moved, why) if words) or None
-    return found.changed(ended=ended, kept_start=bool(moved))
+    result = _design(ending.lens, ending.margins, source, state, last.rays, warnings)
+    ended = "; ".join(reason for reason in (moved, why) if reason) or None
+    return result.changed(ended=ended, kept_start=bool(moved))
 
 
 def require_start(spec: Spec, source: Source, accuracy: AnyAccuracy, start: Lens | None) -> None:
@@ -394,8 +396,8 @@ def _ending(descent: Descent, stages: list[Stage], start: Lens | None) -> Search
 
 
 def _parameters_of(problem: Problem, start: Lens | None) -> Parameters:
-    own = problem.parametrisation
-    return Parameters(*(own.start() if start is None else own.parameters_of(start)))
+    parametrisation = problem.parametrisation
+    return Parameters(*(parametrisation.start() if start is None else parametrisation.parameters_of(start)))
 
 
 def _design(
@@ -406,7 +408,7 @@ def _design(
     summary = summarise(source, lens.spec.source)
     directions = fibonacci_hemisphere(_SIZE_DIRECTIONS)
     directions = directions if lens.others else directions[first_images(directions, lens.symmetry)]
-    radius = np.max([radii(each.body.envelope, directions).min(axis=0) for each in lens.kinds], axis=0)
+    radius = np.max([radii(kind.body.envelope, directions).min(axis=0) for kind in lens.kinds], axis=0)
     across = np.hypot(directions[:, 0], directions[:, 1]) if lens.spec.lens.radius_about_axis else 1.0
     return Design(
         inputs={"lens": lens.sha256, "spec": section_sha256(lens.spec), **input_hashes(lens.spec)},

@@ -174,8 +174,8 @@ class SphereParameters(Parametrisation):
         free = ((sums_of(weights, self.basis_tables).permute(2, 1, 0) + offsets) * self.scale_mm).unbind(dim=-1)
         return torch.stack(
             [
-                mirror_mean(own.T, self.basis.symmetry) if fixed is None else fixed
-                for own, fixed in zip(free, self.fixed_tables, strict=True)
+                mirror_mean(free_table.T, self.basis.symmetry) if fixed is None else fixed
+                for free_table, fixed in zip(free, self.fixed_tables, strict=True)
             ]
         )
 
@@ -188,8 +188,8 @@ class SphereParameters(Parametrisation):
         for face, (name, fixed) in enumerate(zip(self.names, self.fixed, strict=True)):
             if fixed is None:
                 surface = lens.surfaces[name]
-                own = isinstance(surface, SrbfSurface) and surface.basis == self.basis
-                fitted = cast("SrbfSurface", surface) if own else fit_surface(self.basis, surface)
+                has_same_basis = isinstance(surface, SrbfSurface) and surface.basis == self.basis
+                fitted = cast("SrbfSurface", surface) if has_same_basis else fit_surface(self.basis, surface)
                 scale = self.scale_mm[face]
                 weights[:, face] = torch.from_numpy(fitted.weights_mm) / scale
                 offsets[face] = fitted.offset_mm / scale
@@ -243,14 +243,14 @@ def settled_symmetry(spec: Spec, source: Source) -> Spec:
     """
     name = spec.lens.symmetry
     if name == "auto":
-        symmetry = next(each for each in reversed(NAMES) if each != "diagonal" and _has_symmetry(spec, source, each))
+        symmetry = next(name for name in reversed(NAMES) if name != "diagonal" and _has_symmetry(spec, source, name))
         return spec.changed(lens=spec.lens.changed(symmetry=symmetry))
-    for own in _groups(spec, name):
-        if not contains(source.symmetry, own):
-            raise InputError(f"lens.symmetry = {own!r}: the source has only {source.symmetry!r}; use that, or 'auto'")
-        lacking = _in_fixed(spec, own)
+    for group in _groups(spec, name):
+        if not contains(source.symmetry, group):
+            raise InputError(f"lens.symmetry = {group!r}: the source has only {source.symmetry!r}; use that, or 'auto'")
+        lacking = _in_fixed(spec, group)
         if lacking is not None:
-            raise InputError(f"lens.symmetry = {own!r}: {lacking} is not symmetric in this way; use 'auto'")
+            raise InputError(f"lens.symmetry = {group!r}: {lacking} is not symmetric in this way; use 'auto'")
     if not _in_targets(spec, name):
         raise InputError(f"lens.symmetry = {name!r}: the target is not symmetric in this way; use 'auto'")
     return spec
@@ -262,8 +262,10 @@ def _groups(spec: Spec, name: str) -> list[str]:
 
 
 def _has_symmetry(spec: Spec, source: Source, name: str) -> bool:
-    own = all(contains(source.symmetry, each) and _in_fixed(spec, each) is None for each in _groups(spec, name))
-    return own and _in_targets(spec, name)
+    is_of_scene = all(
+        contains(source.symmetry, group) and _in_fixed(spec, group) is None for group in _groups(spec, name)
+    )
+    return is_of_scene and _in_targets(spec, name)
 
 
 def _in_fixed(spec: Spec, name: str) -> str | None:
@@ -281,7 +283,9 @@ def _in_targets(spec: Spec, name: str) -> bool:
     """True where the targets have the symmetry, and the places of each limit."""
     receivers = receivers_of(spec, spec.optimise.pixels)
     every = [chart_mirrors(receiver, name) for receiver in receivers]
-    wanted = [target_light(section.targets, each) for section, each in zip(spec.all_receivers, receivers, strict=True)]
+    wanted = [
+        target_light(section.targets, receiver) for section, receiver in zip(spec.all_receivers, receivers, strict=True)
+    ]
     pictures = list(enumerate(wanted))
     for limit in light_limits(spec, receivers, 1.0, 1.0):  # whatever the lumens: only the places count
         if limit.of_losses or limit.of_view:  # mirrored, a lens looks the same to a mirrored eye
@@ -294,8 +298,8 @@ def _in_targets(spec: Spec, name: str) -> bool:
 def _has_mirrors(picture: Float[np.ndarray, "h w"], mirrors: ChartMirrors | None) -> bool:
     if mirrors is None:
         return False
-    own = torch.from_numpy(picture)
-    return torch.allclose(mirrored_light(own, mirrors), own, rtol=1e-6, atol=1e-6 * float(own.max()))
+    image = torch.from_numpy(picture)
+    return torch.allclose(mirrored_light(image, mirrors), image, rtol=1e-6, atol=1e-6 * float(image.max()))
 
 
 def chart_mirrors(receiver: PosedReceiver, name: str) -> ChartMirrors | None:

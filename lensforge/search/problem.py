@@ -83,8 +83,10 @@ PARAMETRISATIONS: dict[str, Callable[[Spec, float], Parametrisation]] = {
 def parameters_of(spec: Spec, nodes_per_sigma: float) -> Parametrisation:
     """The parametrisation of the faces of ``spec``, as its lens names it; of lenses by place, of all of them."""
     if spec.all_lamps.kinds:
-        each = spec_of_each_kind(spec).items()
-        return KindsParameters.of({name: parameters_of(own.of_one_lamp, nodes_per_sigma) for name, own in each})
+        specs = spec_of_each_kind(spec).items()
+        return KindsParameters.of(
+            {name: parameters_of(kind_spec.of_one_lamp, nodes_per_sigma) for name, kind_spec in specs}
+        )
     return PARAMETRISATIONS[spec.lens.parametrisation](spec, nodes_per_sigma)
 
 
@@ -159,9 +161,9 @@ class ValidationRays:
             tables = merit.parametrisation.tables(weights, offsets)
             missing = float(constraints.penalty_alone(constraints.fields(tables)))
             parts = problem.parts  # of a robust search; the same for both samples
-            pairs = [()] * SLICES if parts is None else [(each,) for each in parts.of_validation(self.seed, SLICES)]
+            pairs = [()] * SLICES if parts is None else [(pair,) for pair in parts.of_validation(self.seed, SLICES)]
             lights = [
-                [merit.light_of(tables, part, own) for part, own in zip(sample.divided(SLICES), pairs, strict=True)]
+                [merit.light_of(tables, part, pair) for part, pair in zip(sample.divided(SLICES), pairs, strict=True)]
                 for sample in self.samples
             ]
             judged = [_judgement(merit, lights, missing, uniform) for uniform in ([False, True] if even else [False])]

@@ -181,7 +181,9 @@ class ProfileParameters(Parametrisation):
         if self.srbf is None or self.srbf_tables is None or not len(weights):
             return None
         tables = sums_of(weights, self.srbf_tables).unbind()
-        return torch.stack([self._sampled @ mirror_mean(each, self.srbf.symmetry) @ self._sampled.T for each in tables])
+        return torch.stack(
+            [self._sampled @ mirror_mean(table, self.srbf.symmetry) @ self._sampled.T for table in tables]
+        )
 
     @cached_property
     def _nodes(self) -> Float[np.ndarray, "n 3"]:
@@ -263,7 +265,7 @@ def _parameters(body: Body, name: str, count: int, srbf: SrbfBasis | None) -> Fa
     high = min(1.0, own[:, 2].max() + _BEYOND)
     reciprocals = np.abs(face.surface.reciprocal(own)[0])
     basis = ProfileBasis(low, high, count)
-    if not any(each.is_open for each in faces):
+    if not any(face.is_open for face in faces):
         scale = float(reciprocals.mean())
         return FaceParameters(face.surface, basis, scale, np.full(count, scale), srbf)
     scale = float(reciprocals.min())

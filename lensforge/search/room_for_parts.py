@@ -36,7 +36,7 @@ def _require_feasible(lens: Lens, factors: Sequence[Factor]) -> None:
     reach = float(envelope.radius(fibonacci_hemisphere(_DIRECTIONS)).max())
     roles = lens.spec.lens.roles
     nearest = " or ".join(face.name for face in lens.body.cavity)
-    of_faces = [factor_name(roles, role.name, each) for role in roles for each in _OF_FACE]
+    of_faces = [factor_name(roles, role.name, field) for role in roles for field in _OF_FACE]
     bounds = [(of_faces, wall, reach, f"the faces are {wall:.3g} mm apart at their closest")]
     for emitter in lens.spec.each_source:
         points = build_source(emitter, lens.dispersion).outline()
@@ -52,13 +52,13 @@ def _require_feasible(lens: Lens, factors: Sequence[Factor]) -> None:
             middle = lens.spec.plate.lenses(lens.spec.lamps).reach_mm
             bounds.append((["shrinkage", "lens_tilt_deg"], room, middle, from_source))
     for factor in factors:
-        for names, left, arm, words in bounds:
+        for names, left, arm, cause in bounds:
             moved = displacement(factor, arm)
             if factor.name in names and moved >= left > 0.0:
                 most = factor.amount * left / moved
                 raise InputError(
                     f"tolerances.{factor.name} = {factor.amount:g}: parts at its end move by {moved:.3g} mm, but "
-                    f"{words}; at most {most:.2g}"
+                    f"{cause}; at most {most:.2g}"
                 )
 
 

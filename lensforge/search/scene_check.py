@@ -78,13 +78,13 @@ class Requirement:
     @property
     def possible_words(self) -> str:
         """The bound in words, or what is an estimate and none."""
-        what = "upper bound"
+        bound = "upper bound"
         if self.estimated:
-            what = "by an estimate of the source's luminance, which is no bound, at most about"
+            bound = "by an estimate of the source's luminance, which is no bound, at most about"
         if self.bounds is None:
             law = "lumens and area of the road" if self.of_road else "étendue"
-            return f"{what} {self.possible:.3g} {self.unit} ({law})"
-        return f"{what} {self.bounds}"
+            return f"{bound} {self.possible:.3g} {self.unit} ({law})"
+        return f"{bound} {self.bounds}"
 
     @property
     def required_words(self) -> str:
@@ -94,21 +94,21 @@ class Requirement:
     def remedies(self) -> str:
         """Changes that would raise the bound."""
         bounds = self.bounds
-        words = "a smaller source or a larger target"
+        advice = "a smaller source or a larger target"
         if self.of_road:
             return "more lumens, poles nearer to each other, or a lower class"
         if bounds is None:
-            words = "a smaller or brighter source, or a lower bound"
+            advice = "a smaller or brighter source, or a lower bound"
         elif bounds.by_symmetry < min(bounds.by_etendue, bounds.by_refraction):
             return LEVELS
         elif bounds.by_etendue > bounds.by_refraction:
             return "a larger lens.refractive_index, or a target nearer to the source's axis"
-        return f"a larger lens (>= {rounded_up(self.radius_mm)} mm), {words}" if isfinite(self.radius_mm) else words
+        return f"a larger lens (>= {rounded_up(self.radius_mm)} mm), {advice}" if isfinite(self.radius_mm) else advice
 
 
 def angles_that_may_be_radians(spec: Spec) -> Iterator[str]:
     """Words on each width of a target in the far field that is so small that it may be in radians."""
-    targets = [each for receiver in spec.all_receivers for each in receiver.targets]
+    targets = [target for receiver in spec.all_receivers for target in receiver.targets]
     for name, value in (field for target in targets for field in _angular_widths(target)):
         if value < QUARTER_TURN_RAD:
             yield f"{name} = {value:g}: angles are in degrees, {value:g} rad are {np.degrees(value):.4g}"
@@ -131,17 +131,19 @@ def light_requirements(spec: Spec, source: Source) -> tuple[tuple[Requirement, .
     receivers = receivers_of(spec, spec.evaluate.pixels)
     space = spec.lens.exit_space(spec.constraints)
     physics = [PossibleLight(light, receiver, space) for receiver in receivers]
-    wanted = [target_light(section.targets, each) for section, each in zip(spec.all_receivers, receivers, strict=True)]
+    wanted = [
+        target_light(section.targets, receiver) for section, receiver in zip(spec.all_receivers, receivers, strict=True)
+    ]
     targets = tuple(_of_target(pattern, each, spec) for pattern, each in zip(wanted, physics, strict=True))
     lumens_per_watt = summarise(source, spec.source).lumens_per_watt if spec.has_limits else None
     limits = light_limits(spec, receivers, lumens_per_watt, source.flux_w)
     limited = [
-        _of_view(each, light, source.flux_w)
-        if each.of_view
-        else _of_limit(each, physics[each.receiver], source.flux_w, spec)
-        for each in limits
+        _of_view(limit, light, source.flux_w)
+        if limit.of_view
+        else _of_limit(limit, physics[limit.receiver], source.flux_w, spec)
+        for limit in limits
     ]
-    return targets, tuple(each for each in limited if each is not None)
+    return targets, tuple(requirement for requirement in limited if requirement is not None)
 
 
 def _of_view(limit: LightLimit, light: SourceLight, flux_w: float) -> Requirement | None:
@@ -287,7 +289,7 @@ class SceneCheck:
         lines = lines or list(self._blur(stroke))
         return (
             *lines,
-            *(f"target: {words}" for words in angles_that_may_be_radians(self.spec) if lines),
+            *(f"target: {warning}" for warning in angles_that_may_be_radians(self.spec) if lines),
             *self._raster(stroke),
         )
 
@@ -336,7 +338,7 @@ class SceneCheck:
         main = _MAIN_CAUSE * (1.0 - self.entering)
         for fate, share in sorted(self.lost.items(), key=lambda item: -item[1]):
             if share > main and fate == Fate.BACKWARD:
-                mean = ", ".join(f"{each:.2f}" for each in self.mean_direction)
+                mean = ", ".join(f"{component:.2f}" for component in self.mean_direction)
                 turn = [f"source.{name}" for name in ("axis", "tilt_deg") if name in fields]
                 yield f"{' or '.join(turn)} (the mean direction is ({mean}) in the lens, it should be near +z)"
             elif share > main:
@@ -426,7 +428,7 @@ def source_clearance_warnings(spec: Spec, source: Source) -> tuple[str, ...]:
 def _above_plane(outline_mm: Float[np.ndarray, "k 3"]) -> Float[np.ndarray, "m 3"]:
     """Corners of the part of a polygon with z >= 0, those where its edges cross the plane z = 0 included."""
     corners = [corner for corner in outline_mm if corner[2] >= 0.0]
-    for one, other in zip(outline_mm, np.roll(outline_mm, -1, axis=0), strict=True):
-        if one[2] * other[2] < 0.0:
-            corners.append(one + one[2] / (one[2] - other[2]) * (other - one))
+    for corner, next_corner in zip(outline_mm, np.roll(outline_mm, -1, axis=0), strict=True):
+        if corner[2] * next_corner[2] < 0.0:
+            corners.append(corner + corner[2] / (corner[2] - next_corner[2]) * (next_corner - corner))
     return np.array(corners).reshape(-1, 3)

@@ -223,9 +223,9 @@ def fixed_schedule(spec: Spec, preset: Preset, *, last_only: bool, measured: boo
         functions += count
         rate = preset.effort.learning_rate * _FINEST_RATE_SHARE ** (level / max(1, last))
         rates = _profile_rates(spec) if level == 0 and spec.lens.has_creases else (1.0,)
-        for number, own in enumerate(rates):
+        for number, level_rate in enumerate(rates):
             part = (steps[level] + number) // len(rates)
-            stages.append(Stage(level, of_basis, functions, part, rays, own * rate))
+            stages.append(Stage(level, of_basis, functions, part, rays, level_rate * rate))
     return FixedSchedule(tuple(stages[-1:] if last_only else stages))
 
 
@@ -259,8 +259,8 @@ class UsefulLevels:
             if count > finest:
                 return UsefulLevels(tuple(counts), f"finest level of this accuracy: {counts[-1]} functions")
             if level_sigma(count, spec.lens.sigma_c) < narrowest_rad:
-                words = f"functions narrower than {narrowest_rad:.2g} rad would not show: {reason}"
-                return UsefulLevels(tuple(counts), words)
+                limit = f"functions narrower than {narrowest_rad:.2g} rad would not show: {reason}"
+                return UsefulLevels(tuple(counts), limit)
             counts.append(count)
         return UsefulLevels(tuple(counts), f"finest level there is: {counts[-1]} functions")
 
@@ -273,17 +273,17 @@ class UsefulLevels:
 def _limits(spec: Spec, source: Source) -> list[tuple[float, str]]:
     """Widths (rad) below which a function is useless, each with its reason."""
     radius_mm = spec.constraints.max_radius_mm
-    found = []
+    limits = []
     outline = source.outline()
     width_mm = float(np.ptp(outline[:, :2], axis=0).max()) if len(outline) else 0.0
-    found.append((_OF_SOURCE * width_mm / radius_mm, f"a fifth of the angle of the source, {width_mm:.3g} mm wide"))
+    limits.append((_OF_SOURCE * width_mm / radius_mm, f"a fifth of the angle of the source, {width_mm:.3g} mm wide"))
     pixel_rad = min(receiver.pixel_rad(spec.evaluate.pixels) for receiver in spec.all_receivers)
     for name, face in spec.lens.faces.items():
         limit_mm = face.concave_radius_mm
         ball_mm = spec.manufacture.cutter_radius_mm if limit_mm is None else limit_mm
-        words = f"what a ball of {ball_mm:g} mm reaches in the {name} face moves the light by less than a pixel"
-        found.append((_width_of_ball(spec, ball_mm, pixel_rad), words))
-    return found
+        limit = f"what a ball of {ball_mm:g} mm reaches in the {name} face moves the light by less than a pixel"
+        limits.append((_width_of_ball(spec, ball_mm, pixel_rad), limit))
+    return limits
 
 
 def _width_of_ball(spec: Spec, ball_mm: float, pixel_rad: float) -> float:

@@ -53,8 +53,8 @@ class Adam:
         self.steps = steps
         self._betas = betas
         self._least_gradient = least_gradient
-        fresh = (torch.zeros_like(each).detach() for each in (weights, weights, offsets, offsets))
-        self._moments = Moments(*(fresh if moments is None else (each.clone() for each in moments)))
+        fresh = (torch.zeros_like(parameter).detach() for parameter in (weights, weights, offsets, offsets))
+        self._moments = Moments(*(fresh if moments is None else (moment.clone() for moment in moments)))
 
     @property
     def moments(self) -> Moments:
@@ -63,8 +63,8 @@ class Adam:
 
     def zero_grad(self) -> None:
         """Forget the gradients of the step before."""
-        for each in self.parameters:
-            each.grad = None
+        for parameter in self.parameters:
+            parameter.grad = None
 
     @torch.no_grad()
     def step(self, rate: float) -> None:
@@ -74,12 +74,12 @@ class Adam:
         length = rate / (1.0 - first**self.steps)
         spread = (1.0 - second**self.steps) ** 0.5
         pairs = self._moments[:2], self._moments[2:]
-        for each, (mean, square) in zip(self.parameters, pairs, strict=True):
-            if each.grad is None:
+        for parameter, (mean, square) in zip(self.parameters, pairs, strict=True):
+            if parameter.grad is None:
                 continue
-            mean.lerp_(each.grad, 1.0 - first)
-            square.mul_(second).addcmul_(each.grad, each.grad, value=1.0 - second)
-            each.addcdiv_(mean, (square.sqrt() / spread).add_(self._least_gradient), value=-length)
+            mean.lerp_(parameter.grad, 1.0 - first)
+            square.mul_(second).addcmul_(parameter.grad, parameter.grad, value=1.0 - second)
+            parameter.addcdiv_(mean, (square.sqrt() / spread).add_(self._least_gradient), value=-length)
 
 
 class Parameters(NamedTuple):
@@ -254,11 +254,11 @@ class _Past:
         steps = self.steps_of_moments + head.step
         if head.steps_of_moments != steps:
             raise ValueError(f"steps_of_moments = {head.steps_of_moments}, must be {steps}")
-        found = tuple((own.level, own.functions, len(own.loss)) for own in head.history)
-        if found != _with_steps(self.steps, self.last, head.step):
+        stages = tuple((level.level, level.functions, len(level.loss)) for level in head.history)
+        if stages != _with_steps(self.steps, self.last, head.step):
             raise ValueError("its history is not that of its stages")
         for level in head.history:
-            counts = {len(each) for each in (level.loss, level.nmse, level.efficiency, *level.constraints.values())}
+            counts = {len(series) for series in (level.loss, level.nmse, level.efficiency, *level.constraints.values())}
             if len(counts) != 1 or set(level.constraints) != set(constraints.keys):
                 raise ValueError(f"the history of level {level.level} lacks values, or has other constraints")
 

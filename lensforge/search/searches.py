@@ -12,7 +12,8 @@ from lensforge.errors import InputError, SourceWarning, remedy
 from lensforge.light.evaluation_result import Light
 from lensforge.light.lens_light import name_of_source, other_source, searched_source, source_of
 from lensforge.light.source_photometry import SourceLumens
-from lensforge.results.arguments import count_of, path_of, require, threads_of_torch
+from lensforge.public import public
+from lensforge.results.arguments import count_of, path_of, require, threads_of_torch, with_known_names, with_options_of
 from lensforge.results.cluster import connected
 from lensforge.scene.lens import Lens, load_lens
 from lensforge.search.design_result import Design, Observer, Start
@@ -53,6 +54,8 @@ class SearchOptions(TypedDict, total=False):
     preview: bool
 
 
+@public
+@with_known_names
 def design(
     spec: Spec,
     *,
@@ -128,6 +131,8 @@ def require_searchable(spec: Spec, *, accuracy: AnyAccuracy = "standard", force:
     require_start(first, source, accuracy, start)
 
 
+@public
+@with_options_of(design)
 def redesign(lens: Lens, source: EmitterSection | Path | str, **options: Unpack[SearchOptions]) -> Design:
     """Search for a lens for another LED, from a finished lens on, on automatic levels.
 
@@ -196,27 +201,27 @@ def _checked_scene(
     remarks = [*spec.lens.warnings, *held]
     of_scene = tuple[str, ...]()
     leds = [led.name for led in spec.sources] or [""]
-    for led, own in zip(leds, spec.of_each_source, strict=True):
-        source = source_of(own)
-        summary = summarise(source, own.source)
-        SourceLumens.of(None, summary).require_known(own.photometry)  # not after a search
-        room = source_clearance_warnings(own, source)
-        scene = SceneCheck.of(own, source, start)
+    for led, led_spec in zip(leds, spec.of_each_source, strict=True):
+        source = source_of(led_spec)
+        summary = summarise(source, led_spec.source)
+        SourceLumens.of(None, summary).require_known(led_spec.photometry)  # not after a search
+        room = source_clearance_warnings(led_spec, source)
+        scene = SceneCheck.of(led_spec, source, start)
         name = f"{led}: " if led else ""
         with remedy(f"the LED is {led}") if led else nullcontext():
             scene.require_light(force=force)
-        lenses = own.photometry.lenses * len(own.all_lamps)
-        stated = (*scene.warnings(), *road_warnings(own.roads, own.all_receivers, lenses, summary.flux_lm))
-        of_scene += tuple(f"{name}{words}" for words in stated)
-        remarks += [f"{name}{words}" for words in (*summary.warnings, *stated, *room)]
+        lenses = led_spec.photometry.lenses * len(led_spec.all_lamps)
+        stated = (*scene.warnings(), *road_warnings(led_spec.roads, led_spec.all_receivers, lenses, summary.flux_lm))
+        of_scene += tuple(f"{name}{warning}" for warning in stated)
+        remarks += [f"{name}{remarkng}" for remarkng in (*summary.warnings, *stated, *room)]
     wanted = searched_source(spec)
     if isinstance(wanted, SeveralSources):
         remarks += _led_warnings(wanted, leds)
-    for words in remarks:
+    for remark in remarks:
         if warn is None:
-            warnings.warn(words, SourceWarning, stacklevel=3)
+            warnings.warn(remark, SourceWarning, stacklevel=3)
         else:
-            warn(words)
+            warn(remark)
     return wanted, of_scene
 
 
@@ -256,7 +261,7 @@ class SeededSearch:
         lights = _light_by_other_rays(design.lens, self.rays_seed)
         missed = sum(not criterion.holds for criterion in design.criteria)
         missed += sum(limit.state == "fail" for light in lights for limit in light.limits)
-        errors = [each.nmse.value for light in lights for each in light.receivers if each.nmse is not None]
+        errors = [receiver.nmse.value for light in lights for receiver in light.receivers if receiver.nmse is not None]
         return design, Start(
             seed=seed,
             nmse=lights[0].nmse,
@@ -267,6 +272,8 @@ class SeededSearch:
         )
 
 
+@public
+@with_options_of(design)
 def best_design(
     spec: Spec,
     *,
@@ -307,8 +314,8 @@ def best_design(
     seeded = SeededSearch(spec, accuracy, warned, progress, seeds.of_choice(first))
     made: dict[int, tuple[Design, Start]] = {}
     with threads_of_torch(options.get("threads")), connected(scheduler) as workers:
-        for number, (found, start) in workers.map(SeededSearch.made, seeded, range(first, first + count)):
-            made[number] = found, start
+        for number, (design_made, start) in workers.map(SeededSearch.made, seeded, range(first, first + count)):
+            made[number] = design_made, start
             if announce is not None:
                 announce(f"start {len(made)} of {count}: seed {start.seed}, {start.words}")
     ordered = [made[number] for number in range(count)]
@@ -332,9 +339,9 @@ def _light_by_other_rays(lens: Lens, seed: int) -> list[Light]:
         efficacy = summarise(source, spec.source).lumens_per_watt
         limits = light_limits(spec, receivers_of(spec, spec.evaluate.pixels), efficacy, source.flux_w)
         rays = spec.evaluate.rays or preset.evaluate_rays
-        own = smoothed(searched(source))
-        on_roads = tuple(road_limits(replace(lens, spec=spec), own, preset, efficacy, rays=None, seed=seed))
+        judged_source = smoothed(searched(source))
+        on_roads = tuple(road_limits(replace(lens, spec=spec), judged_source, preset, efficacy, rays=None, seed=seed))
         lights.append(
-            evaluate_traced(traced, spec, own, rays, seed, limits=limits, on_roads=on_roads, bounds_by=source)
+            evaluate_traced(traced, spec, judged_source, rays, seed, limits=limits, on_roads=on_roads, bounds_by=source)
         )
     return lights

@@ -65,13 +65,13 @@ def _turns(spec: Spec, start: Lens | None) -> Iterator[Turn]:
     yield Turn("lenses of all kinds", spec)
 
 
-def _turns_of_one_lens(spec: Spec, start: Lens | None, words: str) -> Iterator[Turn]:
+def _turns_of_one_lens(spec: Spec, start: Lens | None, description: str) -> Iterator[Turn]:
     if start is None and scatters_about_the_light(spec):
         half = with_half_of_the_time(spec)
         yield Turn("polished", polished(half), wanted=half)
-        yield Turn(words, half)
+        yield Turn(description, half)
     else:
-        yield Turn(words, spec)
+        yield Turn(description, spec)
 
 
 def with_half_of_the_time(spec: Spec) -> Spec:

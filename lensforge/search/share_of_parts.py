@@ -28,7 +28,7 @@ def share_term(excess: Sequence[Float[Tensor, "p _"]], noise: Sequence[float], s
 
 def deviations_beyond(excess: Sequence[Float[Tensor, "p _"]], noise: Sequence[float]) -> Float[Tensor, ""]:
     """Standard deviations by which the parts lie beyond all their limits, below 0 where most of them hold all."""
-    each = [_held(own, scatter) for own, scatter in zip(excess, noise, strict=True)]
+    each = [_held(excess_of_part, scatter) for excess_of_part, scatter in zip(excess, noise, strict=True)]
     held = torch.stack(each).sum().clamp(max=_ALL)
     value = float(held.detach())
     beyond = -float(ndtri_exp(value))

@@ -9,6 +9,7 @@ from pydantic import ConfigDict, Field, model_validator
 
 from lensforge.cad.plate_layout import PlateWall
 from lensforge.optics.face_roles import CAVITY
+from lensforge.public import public
 from lensforge.results import Array, Fact, Given, NotNegative, Number, Positive, Text
 from lensforge.results.arguments import require_choice
 from lensforge.results.criteria import Criteria
@@ -39,6 +40,7 @@ def _place(wall: Wall) -> str:
     return ", ".join(quantity(round(value, 6) + 0.0, digits=4) for value in wall.cavity_point_mm)  # no "-0"
 
 
+@public
 class Check(SimulatedResult):
     """Manufacturing check. Beside its fields it has one for each face, by its name.
 

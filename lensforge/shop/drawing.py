@@ -99,7 +99,11 @@ def _is_moulded(lens: Lens) -> bool:
 
 def _open_findings(lens: Lens, check: Check) -> list[str]:
     """The findings that do not hold; of a moulded part none that ask for a tool."""
-    missed = [each for each in check.verdicts if not each.holds and not (_is_moulded(lens) and each.key in _ON_TOOLS)]
+    missed = [
+        verdict
+        for verdict in check.verdicts
+        if not verdict.holds and not (_is_moulded(lens) and verdict.key in _ON_TOOLS)
+    ]
     named = [
         f"{'' if each.place == BODY else f'{each.place} face, '}{each.label.lower()}: no, {each.text} (required "
         f"{each.required})"
@@ -178,7 +182,7 @@ def title_block(lens: Lens, part: Part, words: DrawingSection, *, of_plate: bool
     spec, signature, general = lens.spec, part.signature, words.general_tolerances or f"{_NONE}, to be agreed"
     body: Part | Plate = part
     file, name = STEP_FILE, words.part_name or spec.name
-    pages, mass, kinds = "1 of 1", "", [each.kind for each in lens.kinds]
+    pages, mass, kinds = "1 of 1", "", [kind.kind for kind in lens.kinds]
     if part.plate is not None and of_plate:
         body, file, name = part.plate, PLATE_STEP_FILE, f"{name}, plate of {quantity(part.plate.lenses, 'lenses')}"
         pages = f"1 of {1 + len(kinds)}, {PLATE_PDF_FILE}"
@@ -218,9 +222,9 @@ def draw_title_block(block: TitleBlock, corner: tuple[float, float], unit: float
     rows = {**block, "scale": (f"Scale: {scale_words(scale)}", f"First angle; {sheet}, {block['scale'][0]}")}
     top = bottom + HEIGHT * unit
     marks = Marks()
-    for number, each in enumerate(rows.values()):
-        low, wide = top - (number + 1) * height, WIDTH * unit / len(each)
-        for k, text in enumerate(each):
+    for number, row in enumerate(rows.values()):
+        low, wide = top - (number + 1) * height, WIDTH * unit / len(row)
+        for k, text in enumerate(row):
             marks.add(cell((left + k * wide, low, left + (k + 1) * wide, low + height), text, unit))
     marks.strokes.append(frame_of((left, bottom, corner[0], top), "outline"))
     return marks

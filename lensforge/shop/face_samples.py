@@ -184,7 +184,7 @@ class FaceSamples:
     ) -> float:
         """The largest ``figure``, between the samples and at the creases too; ``values``: it at the samples."""
         domain = self.face.domain
-        edges = [each.chart(np.linspace(0.0, 2.0 * np.pi, _ALONG_EDGE, endpoint=False)) for each in domain.edges]
+        edges = [edge.chart(np.linspace(0.0, 2.0 * np.pi, _ALONG_EDGE, endpoint=False)) for edge in domain.edges]
         places = np.concatenate([self.chart, *edges])
         known = np.concatenate([values, *map(figure, edges)])
         return refined_maximum(figure, places, known, self.grid.step, within=domain.within)[1]

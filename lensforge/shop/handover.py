@@ -7,6 +7,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, PlainSerializer
 
+from lensforge.public import public
 from lensforge.results import Count, Fact, Group, NotNegative, Positive, Record, Sha256, Text
 from lensforge.results.files import require_own, write_file
 from lensforge.results.numerals import quantity
@@ -46,6 +47,7 @@ class PointGrid(Record):
     content: FileBytes
 
 
+@public
 class Handover(Record):
     """Page with drawings and verdicts, drawings as PDF and DXF, tables of points, as the bytes of files.
 

@@ -120,7 +120,7 @@ def pieces_of(
     outside = [piece for face in plan.envelope.of_material for piece in _pieces_of_face(face, plan, turn, along, 1)]
     inside = [piece for face in plan.cavity.of_material for piece in _pieces_of_face(face, plan, turn, along, -1)]
     corners = plate or base_corners(plan)[1:]
-    chain = [outside[-1].points[:, -1:], *(_corner(each, turn) for each in corners), inside[-1].points[:, -1:]]
+    chain = [outside[-1].points[:, -1:], *(_corner(corner, turn) for corner in corners), inside[-1].points[:, -1:]]
     name = PLATE if plate else BASE
     return [*outside, _upright(name, _filled(chain)), *(_turned_back(piece) for piece in reversed(inside))]
 
@@ -133,12 +133,14 @@ def _pieces_of_face(
     low, high = face.domain.radii(turn)
     radius = low[:, None] + (high - low)[:, None] * shares
     chart = radius[..., None] * rim_directions(turn)[:, None, :2]
-    points, along_x, along_y = (each.reshape(*radius.shape, 3) for each in face.shape.tangents(chart.reshape(-1, 2)))
+    points, along_x, along_y = (
+        tangent.reshape(*radius.shape, 3) for tangent in face.shape.tangents(chart.reshape(-1, 2))
+    )
     normal = np.cross(along_x, along_y)
     element = np.linalg.norm(normal, axis=-1)
     if face.is_flange and plan.rim_flange is not None:
         corners = (Corner(circle(radius_mm).radius, -z, "") for radius_mm, z in plan.rim_flange.corners.tolist())
-        yield _upright(FLANGE, _filled([points[:, :1], *(_corner(each, turn) for each in corners), points[:, -1:]]))
+        yield _upright(FLANGE, _filled([points[:, :1], *(_corner(corner, turn) for corner in corners), points[:, -1:]]))
         return
     areas = element * radius * (high - low)[:, None]
     areas[:, [0, -1]] = 0.0  # the ends alone stand for nothing
@@ -176,7 +178,7 @@ class TwoHalves:
     @staticmethod
     def of(pieces: list[SectionPiece]) -> "TwoHalves":
         """The sections of ``pieces``, and what each half sees of them."""
-        across, height = (np.concatenate([getattr(each, name) for each in pieces], axis=1) for name in _OF_SECTION)
+        across, height = (np.concatenate([getattr(piece, name) for piece in pieces], axis=1) for name in _OF_SECTION)
         top, bottom = (np.stack(each) for each in zip(*map(_extremes, across, height), strict=True))
         ends = np.cumsum([piece.points.shape[1] for piece in pieces])[:-1]
         above, below = (np.split(each, ends, axis=1) for each in (height > top - _SAME_MM, height < bottom + _SAME_MM))
@@ -193,12 +195,14 @@ class TwoHalves:
 
     def parting(self) -> PartingLine:
         """The line in which the halves meet: where the body is widest; of an upright side, all of its height."""
-        across, height = (np.concatenate([getattr(each, name) for each in self.pieces], axis=1) for name in _OF_SECTION)
+        across, height = (
+            np.concatenate([getattr(piece, name) for piece in self.pieces], axis=1) for name in _OF_SECTION
+        )
         names = np.concatenate([[piece.name] * piece.points.shape[1] for piece in self.pieces])
         widest = across >= across.max(axis=1, keepdims=True) - _SAME_MM
         at = dict.fromkeys(names[np.flatnonzero(widest.any(axis=0))].tolist())
         heights = [_widest_heights(*section, names) for section in zip(across, height, widest, strict=True)]
-        low, high = float(min(each[0] for each in heights)), float(max(each[1] for each in heights))
+        low, high = float(min(height[0] for height in heights)), float(max(height[1] for height in heights))
         return PartingLine(places=tuple(at), radius_mm=float(across.max()), low_mm=low, high_mm=high)
 
 

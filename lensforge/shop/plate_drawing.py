@@ -97,9 +97,9 @@ def pattern_of(lenses: Lamps) -> Pattern | None:
     places = np.array(lenses.places_mm)
     levels = np.unique(np.round(places[:, 1], 6))
     rows = [np.sort(places[np.abs(places[:, 1] - level) < _SAME_MM, 0]) for level in levels]
-    steps = np.concatenate([np.diff(each) for each in rows])
+    steps = np.concatenate([np.diff(row) for row in rows])
     if _alike(steps) and _alike(np.diff(levels)):
-        longest = int(np.argmax([len(each) for each in rows]))
+        longest = int(np.argmax([len(row) for row in rows]))
         pitch = tuple(float(each.mean()) if len(each) else 0.0 for each in (steps, np.diff(levels)))
         first = float(rows[longest][0]), float(levels[0])
         return Pattern((pitch[0], pitch[1]), (len(rows[longest]), len(levels)), first, float(levels[longest]))
@@ -161,9 +161,9 @@ def plate_sheet(lens: Lens, part: Part, layout: PlateLayout, words: DrawingSecti
         rows if len(rows) <= _MOST_ROWS else [*rows[: _MOST_ROWS - 1], PlaceRow("…", what="more on manufacturing.html")]
     )
     band = (HEIGHT + 4.0) * unit + sum(row_height(each, widths, unit) for each in drawn)
-    lines, middle = [LensLines.of(each, layout.lenses.turns_deg) for each in lens.kinds], right - (WIDTH + 4.0) * unit
+    lines, middle = [LensLines.of(kind, layout.lenses.turns_deg) for kind in lens.kinds], right - (WIDTH + 4.0) * unit
     notes = paragraphs_in((left + gap, bottom - top, middle, 0.0), plate_notes(lens, layout, words), unit)
-    high = gap - min(box_of(each)[1] for each in notes)
+    high = gap - min(box_of(note)[1] for note in notes)
     room = left + gap, bottom + high + gap, middle, top - gap
     beside = middle + 3.0 * gap, bottom + band + gap, right - gap, top - 4.0 * gap
     wide = [layout.box_mm[1][0] - layout.box_mm[0][0], 2.0 * lines[0].reach_mm]
@@ -178,7 +178,7 @@ def plate_sheet(lens: Lens, part: Part, layout: PlateLayout, words: DrawingSecti
     title = f"{layout.counted[0]}, its section along x, {scale_words(closer.scale)}; faces as in {STEP_FILE}"
     marks.words.append(Words((0.5 * (beside[0] + beside[2]), top - 2.0 * gap), title, LETTERS * unit, "center"))
     marks.add(draw_rows(drawn, right - WIDTH * unit, bottom + band, widths, unit))
-    marks.words += [replace(each, at=(each.at[0], each.at[1] + bottom + high)) for each in notes]
+    marks.words += [replace(note, at=(note.at[0], note.at[1] + bottom + high)) for note in notes]
     return Sheet(name, SIZES[name], unit, view.scale, f"{title_of(lens, words)}, plate", view.origin, marks)
 
 
@@ -283,8 +283,8 @@ def _datum_at(mark: PlateMark, letter: str, lines: Sequence[LensLines], layout: 
     centre, radius = view.at([mark.place_mm])[0], view.scale * mark.radius_mm
     domes = [view.scale * float(np.hypot(*own.dome.T).max()) for own in layout.of_each(lines)]
     others = [each for _, each in labelled(layout) if each is not mark]
-    places = view.at([*layout.lenses.places_mm, *(each.place_mm for each in others)])
-    taken = np.array([*domes, *(view.scale * each.radius_mm for each in others)])
+    places = view.at([*layout.lenses.places_mm, *(other.place_mm for other in others)])
+    taken = np.array([*domes, *(view.scale * other.radius_mm for other in others)])
 
     def symbol(way: Place, further_mm: float) -> Marks:
         foot = centre + radius * np.array(way)
@@ -321,7 +321,7 @@ def _whole(lines: Sequence[LensLines], layout: PlateLayout, gate: Place | None, 
         marks.strokes += [view.line(circle, pen, closed=True), *_cross(view, mark.place_mm, mark.radius_mm)]
         inside = view.scale * mark.radius_mm > _INSIDE * unit
         marks.words.append(_label(view, label, mark.place_mm, 0.0 if inside else 0.75 * mark.radius_mm))
-        for datum in (each for each in datums.datums if each.dimension == label):
+        for datum in (datum for datum in datums.datums if datum.dimension == label):
             marks.add(_datum_at(mark, datum.letter, lines, layout, view))
     if gate is not None:
         (tip,) = view.at([gate])
@@ -405,7 +405,7 @@ def _front(lines: Sequence[LensLines], layout: PlateLayout, view: PaperView) -> 
     columns += [
         view.dimension("height below the plate", (x, foot), (x, low), 90) for foot, x in sorted(heights.items())
     ]
-    over_all = (end, -_below_mm(layout)), (end, max(own.top_mm for own in lines))
+    over_all = (end, -_below_mm(layout)), (end, max(line.top_mm for line in lines))
     columns.append(view.dimension("height over all", *over_all, 90, "(", ")"))
     marks.dimensions += placed(columns, float(view.at([(end, 0.0)])[0, 0]) + FIRST * view.unit, ROW * view.unit)
     return marks

@@ -42,7 +42,7 @@ def equation(surface: Surface) -> str | None:
         case Asphere(vertex_mm=vertex, radius_mm=radius, conic=conic, coefficients=series):
             if not (conic or series):
                 return f"{_stated('sphere', R=abs(radius))}, {_stated('centre', z=vertex + radius)}"
-            powers = {f"A{2 * k + 4}": each for k, each in enumerate(series)}
+            powers = {f"A{2 * k + 4}": coefficient for k, coefficient in enumerate(series)}
             return _stated("asphere", z_v=vertex, R=radius, k=conic, **powers)
         case Biconic(vertex, radius_x, radius_y, conic_x, conic_y):
             return _stated("biconic", z_v=vertex, Rx=radius_x, Ry=radius_y, kx=conic_x, ky=conic_y)

@@ -56,10 +56,10 @@ def sheet_figure(sheet: Sheet) -> Figure:
     axes = figure.add_axes((0.0, 0.0, 1.0, 1.0), xlim=(0.0, width), ylim=(0.0, height), aspect="equal")
     axes.set_axis_off()
     marks = sheet.marks
-    strokes = [*marks.strokes, *(stroke for each in marks.dimensions for stroke in strokes_of(each))]
+    strokes = [*marks.strokes, *(stroke for dimension in marks.dimensions for stroke in strokes_of(dimension))]
     _add_lines(axes, strokes, sheet.unit_mm)
-    for words in (*marks.words, *map(words_of_dimension, marks.dimensions)):
-        _write_words(axes, words)
+    for word in (*marks.words, *map(words_of_dimension, marks.dimensions)):
+        _write_words(axes, word)
     return figure
 
 
@@ -127,8 +127,8 @@ def _document(sheet: Sheet) -> "Drawing":
     _add_styles(document, sheet)
     for stroke in sheet.marks.strokes:
         _add_stroke(document, sheet, stroke)
-    for words in sheet.marks.words:
-        _add_words(document, sheet, words)
+    for word in sheet.marks.words:
+        _add_words(document, sheet, word)
     for dimension in sheet.marks.dimensions:
         _add_dimension(document, sheet, dimension)
     _add_layout(document, sheet)

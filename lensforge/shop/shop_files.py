@@ -133,7 +133,7 @@ def _tables(
 
 
 def _plate_tables(lens: Lens, layout: PlateLayout, plate: Sheet, words: DrawingSection) -> list[Table]:
-    sizes = [(each.name, each.text) for each in plate.marks.dimensions]
+    sizes = [(dimension.name, dimension.text) for dimension in plate.marks.dimensions]
     notes = [f"{number}. {note}" for number, note in enumerate(plate_notes(lens, layout, words), 1)]
     places = Table("Places on the plate", place_rows(layout), ("", "x (mm)", "y (mm)", ""))
     return [

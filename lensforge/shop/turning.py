@@ -50,7 +50,7 @@ class Meridian:
     @staticmethod
     def of(face: OpticalFace, count: int) -> "Meridian":
         """``count`` points of ``face``, evenly along the meridian, its ends among them."""
-        low, high = (float(each[0]) for each in face.domain.radii(np.zeros(1)))
+        low, high = (float(radius[0]) for radius in face.domain.radii(np.zeros(1)))
         even = np.linspace(low, high, _FINE)
         way = way_along(face.patch.points(_on_meridian(even)))
         chart = np.interp(np.linspace(0.0, way[-1], count), way, even)

@@ -97,14 +97,14 @@ class ViewContent:
 
     def drawn(self, view: ViewName) -> list[Dimension]:
         """Dimensions that are drawn in ``view``."""
-        return [each for each in self.dimensions if each.ends is not None and each.view == view]
+        return [dimension for dimension in self.dimensions if dimension.ends is not None and dimension.view == view]
 
 
 def room_of(marks: Marks) -> Box:
     """The room on paper that all of it needs."""
     boxes = [_box(stroke.points) for stroke in marks.strokes]
-    boxes += [box_of(words) for words in marks.words]
-    boxes += [box_of(words_of_dimension(each)) for each in marks.dimensions]
+    boxes += [box_of(word) for word in marks.words]
+    boxes += [box_of(words_of_dimension(dimension)) for dimension in marks.dimensions]
     for each in marks.dimensions:
         low, high = occupied(each)
         boxes.append((*each.at(low, each.line_mm), *each.at(high, each.line_mm)))
@@ -194,13 +194,13 @@ def _section_marks(content: ViewContent, section: SectionView, view: PaperView, 
     marked = () if plane is None or plane.z_mm is None else (x + view.scale * plane.z_mm,)
     columns = placed(_on_paper(beside, view), x + low - FIRST * unit, -ROW * unit)
     columns += placed(_on_paper(beyond, view), x + high + (FIRST + 2.0) * unit, ROW * unit)
-    below = min([y + bottom, *(occupied(each)[0] for each in columns)])
+    below = min([y + bottom, *(occupied(column)[0] for column in columns)])
     rows = placed(
         _on_paper([each for each in mine if not each.upright], view), below - FIRST * unit, -ROW * unit, marked
     )
     marks.dimensions += [*rows, *columns]
     if name == "S":
-        lowest = min([each.line_mm for each in rows], default=y + bottom)
+        lowest = min([row.line_mm for row in rows], default=y + bottom)
         _add_plane(marks, content.datums, view, y + bottom, lowest)
         add_centres(marks, content.datums, columns, unit)
         for text, place in content.mould.items():
@@ -242,7 +242,9 @@ def _base_marks(content: ViewContent, view: PaperView, above: float, lowest: flo
     add_centres(marks, content.datums, rows, unit)
     flat = content.datums.find("C")
     if flat is not None and not flat.dimension:
-        flat_mm = next(each.value_mm for each in content.dimensions if each.name.startswith("clocking flat"))
+        flat_mm = next(
+            dimension.value_mm for dimension in content.dimensions if dimension.name.startswith("clocking flat")
+        )
         marks.add(datum_symbol((x + 0.25 * right, y + view.scale * flat_mm), (0.0, 1.0), "C", unit))
     marks.add(axes_mark((x + right - 6.0 * unit, above + 12.0 * unit), "y", "x", unit))
     return marks
@@ -251,8 +253,8 @@ def _base_marks(content: ViewContent, view: PaperView, above: float, lowest: flo
 def _dome_marks(content: ViewContent, view: PaperView, above: float) -> Marks:
     marks, (left, bottom, _, _) = _line_marks(content.dome, content.dome_box, view)
     (x, y), unit, sizes = view.origin, view.unit, content.drawn("dome")
-    for each in sizes:
-        circle = 0.5 * view.scale * each.value_mm * np.column_stack([np.cos(_CIRCLE), np.sin(_CIRCLE)])
+    for size in sizes:
+        circle = 0.5 * view.scale * size.value_mm * np.column_stack([np.cos(_CIRCLE), np.sin(_CIRCLE)])
         marks.strokes.append(Stroke(circle + view.origin, "phantom"))
     marks.dimensions += placed(_on_paper(sizes, view), y + bottom - FIRST * unit, -ROW * unit)
     marks.add(axes_mark((x + left + 6.0 * unit, above + 12.0 * unit), "y", "x", unit, towards=-1.0))
@@ -271,15 +273,15 @@ def _line_marks(lines: list[ViewLine], box: Box, view: PaperView) -> tuple[Marks
 
 def _on_paper(dimensions: list[Dimension], view: PaperView) -> list[LinearDimension]:
     found = []
-    for each in dimensions:
-        assert each.ends is not None
-        before, after = each.sign, " general"
-        if each.is_auxiliary:
+    for dimension in dimensions:
+        assert dimension.ends is not None
+        before, after = dimension.sign, " general"
+        if dimension.is_auxiliary:
             before, after = f"({before}", ")"
-        elif each.tolerance_mm is not None:
-            after = f" ±{shown(each.tolerance_mm)}"
-        made = view.dimension(each.name, *each.ends, 90 if each.upright else 0, before, after)
-        found.append(replace(made, length_mm=each.value_mm))
+        elif dimension.tolerance_mm is not None:
+            after = f" ±{shown(dimension.tolerance_mm)}"
+        made = view.dimension(dimension.name, *dimension.ends, 90 if dimension.upright else 0, before, after)
+        found.append(replace(made, length_mm=dimension.value_mm))
     return found
 
 
@@ -352,7 +354,7 @@ def _is_free(candidate: LinearDimension, number: int, rows: list[list[LinearDime
     if any(_within(end, text_span(candidate), gap) for end in coming if end not in own):
         return False
     low, high = occupied(candidate)
-    beside = [occupied(other) for other in rows[number]] if number < len(rows) else []
+    beside = [occupied(row) for row in rows[number]] if number < len(rows) else []
     if any(low < end + gap and start < high + gap for start, end in beside):
         return False
     for k, row in enumerate(rows):

@@ -108,7 +108,7 @@ def end_lines(lens: Lens) -> list[ViewLine]:
         return [*(ViewLine(loop) for loop in outlines), ViewLine(_loop(turn, dome), pen="hidden"), *inside]
     circles = [_loop(turn, circle.radius(turn)) for circle in (plan.bore, plan.pocket) if circle is not None]
     found = [*(ViewLine(each) for each in (opening, *circles, outlines[-1])), *inside]
-    found += [ViewLine(each, pen="hidden") for each in outlines[:-1]]
+    found += [ViewLine(outline, pen="hidden") for outline in outlines[:-1]]
     if base.feet is not None:
         round_it = _loop(turn, np.full_like(turn, base.feet.diameter_mm / 2.0))
         found += [ViewLine(round_it + np.array([y, x])) for x, y in base.feet.places_mm]

@@ -89,8 +89,8 @@ class PlacedSource(ChangedSource):
         """True where a mirror leaves the place as it is and is, for the source itself, one of its own."""
         if not np.array_equal(mirror @ self.pose.origin_mm, self.pose.origin_mm):
             return False
-        own = self.pose.own_map(mirror)
-        return any(np.allclose(own, image, rtol=0.0, atol=_SAME) for image in group(self.source.symmetry))
+        local_mirror = self.pose.own_map(mirror)
+        return any(np.allclose(local_mirror, image, rtol=0.0, atol=_SAME) for image in group(self.source.symmetry))
 
     @property
     def is_round(self) -> bool:
@@ -151,7 +151,7 @@ def build_source(
         emitter = PlacedSource(emitter, pose)
     if material is not None and isinstance(spec, ChipsSource) and spec.spectra:
         parts = zip(spec.spectra, chip_fluxes(spec), strict=True)
-        known = [(spectrum_of(each), flux.flux_w) for each, flux in parts if each is not None]
+        known = [(spectrum_of(emitter), flux.flux_w) for emitter, flux in parts if emitter is not None]
         emitter = ColouredSource.of_parts(emitter, known, material)
     elif material is not None and spec.spectrum is not None:
         emitter = ColouredSource.of(emitter, spectrum_of(spec.spectrum), material)

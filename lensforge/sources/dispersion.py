@@ -109,14 +109,14 @@ def index_of_spectrum(spectrum: Spectrum, material: Material) -> IndexRange:
 def joined_range(parts: Sequence[tuple[IndexRange, float]]) -> IndexRange:
     """Least and largest wavelength of all parts, the indices there, and shares of the flux (W) that each comes with."""
     ends = sorted(
-        end for each, _ in parts for end in zip(each.wavelengths_nm or (), each.refractive_indices or (), strict=True)
+        end for part, _ in parts for end in zip(part.wavelengths_nm or (), part.refractive_indices or (), strict=True)
     )
     total = sum(flux for _, flux in parts)
     return IndexRange(
         wavelengths_nm=(ends[0][0], ends[-1][0]),
         refractive_indices=(ends[0][1], ends[-1][1]),
-        extrapolated_index_share=sum((each.extrapolated_index_share or 0.0) * flux for each, flux in parts) / total,
-        clamped_index_share=sum((each.clamped_index_share or 0.0) * flux for each, flux in parts) / total,
+        extrapolated_index_share=sum((part.extrapolated_index_share or 0.0) * flux for part, flux in parts) / total,
+        clamped_index_share=sum((part.clamped_index_share or 0.0) * flux for part, flux in parts) / total,
     )
 
 

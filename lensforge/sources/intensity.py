@@ -12,6 +12,7 @@ from jaxtyping import Float, Int
 
 from lensforge.results import Number, Record
 from lensforge.sources.inverse_cdf import choose, choose_each, linear_inverse
+from lensforge.sources.photometric.candela_table import CandelaTable, flux_up_to
 from lensforge.surfaces.mirror_group import largest_symmetry
 
 _SAME = 1e-9  # rad, at the ends of a table
@@ -36,50 +37,13 @@ class CosinePower:
         return share * (directions[:, 2] > 0.0)
 
 
-@dataclass(frozen=True, eq=False)
-class TabulatedIntensity:
-    """Intensity at ``gamma_deg`` in half-planes ``c_deg``, bilinear in between, none beyond the first and last gamma.
+class TabulatedIntensity(CandelaTable):
+    """A table from which rays are drawn."""
 
-    ``c_deg`` runs from 0 to 360, both included, or is the single number 0 for a distribution of revolution.
-    """
-
-    c_deg: Float[np.ndarray, " c"]
-    gamma_deg: Float[np.ndarray, " g"]
-    values: Float[np.ndarray, "c g"]
-
-    @cached_property
-    def plane_fluxes(self) -> Float[np.ndarray, " c"]:
-        """Integral of ``I sin(gamma) dgamma`` in each half-plane (W/rad or lm/rad)."""
-        return flux_up_to(np.deg2rad(self.gamma_deg), self.values)[:, -1]
-
-    def flux(self) -> float:
-        """Integral over all directions, exact for the bilinear interpolation."""
-        if len(self.c_deg) == 1:
-            return float(2.0 * np.pi * self.plane_fluxes.item())
-        return float(np.trapezoid(self.plane_fluxes, np.deg2rad(self.c_deg)))
-
-    def share_up_to_90(self) -> float:
-        """Share of the flux at gamma up to 90 degrees, exact for the bilinear interpolation."""
-        below = self.gamma_deg < 90.0
-        if below.all() or not below.any():
-            return float(below.all())
-        at_90 = np.array([[np.interp(90.0, self.gamma_deg, plane)] for plane in self.values])
-        values = np.concatenate([self.values[:, below], at_90], axis=1)
-        part = TabulatedIntensity(self.c_deg, np.append(self.gamma_deg[below], 90.0), values)
-        return min(part.flux() / self.flux(), 1.0)
-
-    def pole_mean(self, gamma_deg: float) -> float:
-        """Mean intensity over the half-planes at the first or last gamma, each half-plane once."""
-        column = 0 if gamma_deg == self.gamma_deg[0] else -1
-        return float(self.values[: max(len(self.c_deg) - 1, 1), column].mean())
-
-    def at(self, c_deg: float) -> Float[np.ndarray, " g"]:
-        """Interpolate the half-plane at ``c_deg``, any angle."""
-        if len(self.c_deg) == 1:
-            return np.asarray(self.values[0])
-        place = np.interp(c_deg % 360.0, self.c_deg, np.arange(len(self.c_deg)))
-        low = min(int(place), len(self.c_deg) - 2)
-        return np.asarray(self.values[low] + (place - low) * (self.values[low + 1] - self.values[low]))
+    @classmethod
+    def of(cls, table: CandelaTable) -> "TabulatedIntensity":
+        """The intensities of ``table``."""
+        return cls(table.c_deg, table.gamma_deg, table.values)
 
     @property
     def symmetry(self) -> str:
@@ -130,8 +94,8 @@ class TabulatedIntensity:
             return np.asarray(planes[0] / self.flux())
         place = np.interp(turn, np.deg2rad(self.c_deg), np.arange(len(self.c_deg)))
         low = np.minimum(place.astype(int), len(self.c_deg) - 2)
-        each = np.arange(len(gamma))
-        between = planes[low, each] + (place - low) * (planes[low + 1, each] - planes[low, each])
+        rows = np.arange(len(gamma))
+        between = planes[low, rows] + (place - low) * (planes[low + 1, rows] - planes[low, rows])
         return np.asarray(between / self.flux())
 
     @cached_property
@@ -150,18 +114,6 @@ class TabulatedIntensity:
         sectors = 0.5 * (fluxes[1:] + fluxes[:-1]) * np.diff(np.deg2rad(self.c_deg))
         low, rest = choose(np.cumsum(sectors), numbers)
         return low, linear_inverse(fluxes[low], fluxes[low + 1], rest)
-
-
-def flux_up_to(gamma: Float[np.ndarray, " g"], values: Float[np.ndarray, "c g"]) -> Float[np.ndarray, "c g"]:
-    """Integrate the flux per radian of azimuth up to each gamma (rad), exact for an intensity linear in gamma."""
-    low = gamma[:-1]
-    high = gamma[1:]
-    cos_low = np.cos(low)
-    cos_high = np.cos(high)
-    slope = np.diff(values, axis=1) / (high - low)
-    # Integral of (a + b (gamma - low)) sin(gamma), with differences of sines and cosines kept apart.
-    cells = values[:, :-1] * cos_low - values[:, 1:] * cos_high + slope * (np.sin(high) - np.sin(low))
-    return np.concatenate([np.zeros((len(values), 1)), np.cumsum(np.maximum(cells, 0.0), axis=1)], axis=1)
 
 
 def _directions(cosine: Float[np.ndarray, " n"], azimuth: Float[np.ndarray, " n"]) -> Float[np.ndarray, "n 3"]:
@@ -186,7 +138,7 @@ class PlaneBeam(Record):
     field_angle_deg: Number | None
 
 
-def beam_in_plane(table: TabulatedIntensity, c_deg: float) -> PlaneBeam:
+def beam_in_plane(table: CandelaTable, c_deg: float) -> PlaneBeam:
     """Measure the beam of ``table`` (cd) in one plane, intensities linear between the angles."""
     gamma, profile = plane_profile(table, c_deg)
     peak = float(profile.max())
@@ -198,7 +150,7 @@ def beam_in_plane(table: TabulatedIntensity, c_deg: float) -> PlaneBeam:
     )
 
 
-def plane_profile(table: TabulatedIntensity, c_deg: float) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
+def plane_profile(table: CandelaTable, c_deg: float) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
     """Angles (deg) and intensities of a plane: gamma of the half-plane at ``c_deg``, -gamma of that at its back."""
     gamma = table.gamma_deg
     front = table.at(c_deg)

@@ -66,8 +66,8 @@ def _refracted(
     """Directions behind a surface with the normal ahead, and the square of their cosine, below 0 where none leaves."""
     cosine = np.sum(along * normal, axis=1)
     square = 1.0 - ratio**2 * (1.0 - cosine**2)
-    found = ratio * along + (np.sqrt(np.maximum(square, 0.0)) - ratio * cosine)[:, None] * normal
-    return found / np.linalg.norm(found, axis=1, keepdims=True), square
+    refracted = ratio * along + (np.sqrt(np.maximum(square, 0.0)) - ratio * cosine)[:, None] * normal
+    return refracted / np.linalg.norm(refracted, axis=1, keepdims=True), square
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,7 +126,7 @@ class LightSurface:
 
         height = float(plane.heights[0]) / size
         firsts = [(nearest([1.6, height, height], [0.5, 0.2, 0.2], index), index) for index in _INDICES]
-        first, index = min(firsts, key=lambda each: float(each[0].fun))
+        first, index = min(firsts, key=lambda hit: float(hit[0].fun))
         best = nearest([*first.x, index], [0.1, 0.05, 0.05, 0.05])
         return dome(*best.x.tolist())._around(rays) if best.fun < plane._spread(some) else None
 
@@ -135,13 +135,13 @@ class LightSurface:
         places = self.inward(rays.take(self.holds(rays)))[0][:, :2]
         middle = np.average(places, axis=0, weights=rays.flux[self.holds(rays)])
         half = np.maximum(self.high - middle, middle - self.low)
-        half = np.full(2, half.max()) if any(each[0, 0] == 0.0 for each in generators(mirrors)) else half
+        half = np.full(2, half.max()) if any(generator[0, 0] == 0.0 for generator in generators(mirrors)) else half
         return replace(self, low=middle - half, high=middle + half, mirrors=mirrors)
 
     @property
     def corner(self) -> Float[np.ndarray, " 2"]:
         """Lower corner (mm) of the part onto which all images fall; the upper one is ``high``."""
-        halved = [any(each[axis, axis] == -1.0 for each in generators(self.mirrors)) for axis in (0, 1)]
+        halved = [any(generator[axis, axis] == -1.0 for generator in generators(self.mirrors)) for axis in (0, 1)]
         return np.where(halved, 0.5 * (self.low + self.high), self.low)
 
     @property
@@ -165,12 +165,12 @@ class LightSurface:
         """Points (mm) and directions on the surface, each as the one of its images that stands for all."""
         points, along = self.inward(rays)
         middle = np.append(0.5 * (self.low + self.high), 0.0)
-        own = points - middle
+        local = points - middle
         for mirror in generators(self.mirrors):
-            beyond = ((own @ mirror - own)[:, :2] @ _FIRST > 0.0)[:, None]
-            own = np.where(beyond, own @ mirror, own)
+            beyond = ((local @ mirror - local)[:, :2] @ _FIRST > 0.0)[:, None]
+            local = np.where(beyond, local @ mirror, local)
             along = np.where(beyond, along @ mirror, along)
-        return own + middle, along
+        return local + middle, along
 
     def height(self, along: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, " n"]:
         """Height (mm) of the surface for light into each direction there."""
@@ -216,13 +216,13 @@ class LightSurface:
         low, high = np.quantile(points[:, :2], (_BEYOND, 1.0 - _BEYOND), axis=0)
         if (high <= low).any():
             return np.inf
-        own = replace(self, low=low, high=high)
-        found = np.log(float(np.prod(high - low)) * np.pi * self.square_index)
+        fitted = replace(self, low=low, high=high)
+        entropy = np.log(float(np.prod(high - low)) * np.pi * self.square_index)
         for sides in ((_CELLS, 1, 1), (1, _RINGS, _AZIMUTHS)):
-            share = np.bincount(own.blocks(points, along, sides)) / len(points)
+            share = np.bincount(fitted.blocks(points, along, sides)) / len(points)
             lit = share[share > 0.0]
-            found -= float(np.sum(lit * np.log(lit))) + np.log(np.prod(sides) * sides[0])
-        return float(found + 10.0 * max(1.0 - upwards.mean() - _MOST_LOST, 0.0))
+            entropy -= float(np.sum(lit * np.log(lit))) + np.log(np.prod(sides) * sides[0])
+        return float(entropy + 10.0 * max(1.0 - upwards.mean() - _MOST_LOST, 0.0))
 
 
 def _waist(rays: RayBundle) -> float:
@@ -232,9 +232,9 @@ def _waist(rays: RayBundle) -> float:
     weight = rays.flux
     height = 0.0
     for _ in range(3):
-        own = place - np.average(place, axis=0, weights=weight), slope - np.average(slope, axis=0, weights=weight)
-        spread = float(np.sum(weight[:, None] * own[1] ** 2))
-        height = -float(np.sum(weight[:, None] * own[0] * own[1])) / spread if spread > 0.0 else 0.0
+        centred = place - np.average(place, axis=0, weights=weight), slope - np.average(slope, axis=0, weights=weight)
+        spread = float(np.sum(weight[:, None] * centred[1] ** 2))
+        height = -float(np.sum(weight[:, None] * centred[0] * centred[1])) / spread if spread > 0.0 else 0.0
         at_waist = place + height * slope
         distance = np.linalg.norm(at_waist - np.median(at_waist, axis=0), axis=1)
         near = distance <= np.quantile(distance, _CORE)

@@ -140,18 +140,22 @@ class TurnedRays(ChangedSource):
         rays = self.source.sample(len(targets), seed)
         pose = self.source.pose
         variance = self.sigma_rad**2
-        own = rays.seen_from(pose)
-        along = own.directions
-        rise = own.directions[:, 2:]
+        local_rays = rays.seen_from(pose)
+        along = local_rays.directions
+        rise = local_rays.directions[:, 2:]
         steep = np.abs(rise) > _LEAST_RISE
-        crossings = np.where(steep, own.origins - own.origins[:, 2:] / np.where(steep, rise, 1.0) * along, own.origins)
+        crossings = np.where(
+            steep,
+            local_rays.origins - local_rays.origins[:, 2:] / np.where(steep, rise, 1.0) * along,
+            local_rays.origins,
+        )
 
         def density(turned: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, " n"]:
             square = np.maximum((turned * along).sum(axis=1), 0.0) ** 2
             lobe: Float[np.ndarray, " n"] = (1.0 + square / variance) * np.exp((square - 1.0) / (2.0 * variance))
             return lobe / (2.0 * np.pi)
 
-        start = replace(own, origins=crossings)
+        start = replace(local_rays, origins=crossings)
         return aimed(start, pose.own_points(targets), density).placed(pose)
 
 

@@ -128,9 +128,9 @@ class ModelledRays:
         Stray rays are turned as those of a file are, and so are all from a dome.
         """
         rays, places = self._drawn(len(targets), seed)
-        own = self.file.pose.own_points(targets)
+        local_targets = self.file.pose.own_points(targets)
         lit = np.isfinite(places[:, 0]) & (self.radiance.surface.dome is None)
-        away = own - places
+        away = local_targets - places
         along = np.where(lit[:, None], away / np.linalg.norm(away, axis=1, keepdims=True), rays.directions)
         share = np.where(lit, self._emitter.table.intensity(np.where(lit[:, None], places, 0.0), along), 0.0)
         aimed = replace(
@@ -138,7 +138,7 @@ class ModelledRays:
         )
         if not lit.all():
             turned = smoothed(RaySetEmitter(rays.take(~lit), float(rays.flux[~lit].sum())))
-            far = towards(turned, own[~lit], seed)
+            far = towards(turned, local_targets[~lit], seed)
             for name in ("origins", "directions", "flux"):
                 getattr(aimed, name)[~lit] = getattr(far, name)
         return aimed.placed(self.file.pose)
@@ -220,10 +220,10 @@ class _Content:
     def of(file: RaySetEmitter) -> "_Content":
         """The file, with a digest of a million of its rays and of their place."""
         rays = _some(file, _FITTED)
-        found = sha256(f"{len(file)} {file.flux_w} {file.pose}".encode())
+        digest = sha256(f"{len(file)} {file.flux_w} {file.pose}".encode())
         for column in (rays.origins, rays.directions, rays.flux, rays.wavelengths_nm, rays.tristimulus):
-            found.update(b"none" if column is None else np.ascontiguousarray(column).tobytes())
-        return _Content(file, found.hexdigest())
+            digest.update(b"none" if column is None else np.ascontiguousarray(column).tobytes())
+        return _Content(file, digest.hexdigest())
 
 
 def modelled(file: RaySetEmitter, wanted: str) -> RaySetEmitter | ModelledRays:
@@ -233,13 +233,13 @@ def modelled(file: RaySetEmitter, wanted: str) -> RaySetEmitter | ModelledRays:
     """
     if wanted == "rays":
         return file
-    found = _best(_Content.of(file))
-    if isinstance(found, ModelledRays):
-        return replace(found, file=file)
+    model = _best(_Content.of(file))
+    if isinstance(model, ModelledRays):
+        return replace(model, file=file)
     if wanted == "radiance":
-        raise InputError(f'source.model = "radiance": {found}; set source.model = "rays", or "auto"')
+        raise InputError(f'source.model = "radiance": {model}; set source.model = "rays", or "auto"')
     summary = file.summary
-    return file if summary is None else replace(file, summary=summary.changed(model=f"rays: {found}"))
+    return file if summary is None else replace(file, summary=summary.changed(model=f"rays: {model}"))
 
 
 @lru_cache(maxsize=4)
@@ -274,15 +274,15 @@ def _surfaces(rays: RayBundle) -> list[LightSurface] | str:
     """Surfaces that rays may come from; why there is none."""
     if np.ptp(rays.directions[:, :2], axis=0).max() < 0.1:
         return "parallel rays do not tell where they come from"
-    found = []
+    surfaces = []
     for curved in (False, True):
         surface = LightSurface.of(rays, curved=curved)
         stray = 1.0 - float(rays.flux[surface.holds(rays)].sum() / rays.flux.sum())
         if stray <= _MOST_STRAY and (surface.high - surface.low).min() > _LEAST_WIDTH_MM:
-            found.append(surface)
-    dome = LightSurface.in_dome(rays.take(found[0].holds(rays)), found[0]) if found else None
-    if found:
-        return found if dome is None else [*found, dome]
+            surfaces.append(surface)
+    dome = LightSurface.in_dome(rays.take(surfaces[0].holds(rays)), surfaces[0]) if surfaces else None
+    if surfaces:
+        return surfaces if dome is None else [*surfaces, dome]
     if (surface.high - surface.low).min() <= _LEAST_WIDTH_MM:
         return "its rays come from a point or a line, which has no radiance"
     return f"{100.0 * stray:.2g} % of the flux comes from no common surface: at most {100.0 * _MOST_STRAY:.0f} %"
@@ -298,9 +298,9 @@ def _likeliest(judging: RayBundle, fitting: RayBundle, surfaces: list[LightSurfa
     held = [np.all([surface.holds(rays) for surface in surfaces], axis=0) for rays in (judging, fitting)]
     judging = judging.take(held[0])
     fitting = fitting.take(held[1])
-    best, *others = (FittedRadiance.of(fitting, surface, Detail(), _STEPS_OF_CHOICE) for surface in surfaces)
-    for other in others:
-        best = other if _better(judging, other, best) else best
+    best, *further = (FittedRadiance.of(fitting, surface, Detail(), _STEPS_OF_CHOICE) for surface in surfaces)
+    for candidate in further:
+        best = candidate if _better(judging, candidate, best) else best
     return best.surface
 
 
@@ -316,11 +316,11 @@ def _with_images(surface: LightSurface, rays: RayBundle) -> LightSurface:
         images = middle + (points - middle) @ mirror
         for sides in _SIDES_OF_IMAGES:
             rows = wide.blocks(points, along, sides), wide.blocks(images, along @ mirror, sides)
-            sums = [[np.bincount(each, weights**power, sides[0] * prod(sides)) for power in (1, 2)] for each in rows]
-            (own, noise), (image, other) = sums
-            lit = noise + other > 0.0  # each difference is there twice, so that its sum has twice the variance
-            found = float(((own - image)[lit] ** 2 / (noise + other)[lit]).sum())
-            if found > lit.sum() + 6.0 * np.sqrt(lit.sum()):
+            sums = [[np.bincount(row, weights**power, sides[0] * prod(sides)) for power in (1, 2)] for row in rows]
+            (counts, noise), (image, image_noise) = sums
+            lit = noise + image_noise > 0.0  # each difference is there twice, so that its sum has twice the variance
+            deviationof_group = float(((counts - image)[lit] ** 2 / (noise + image_noise)[lit]).sum())
+            if deviationof_group > lit.sum() + 6.0 * np.sqrt(lit.sum()):
                 return False
         return True
 
@@ -328,10 +328,13 @@ def _with_images(surface: LightSurface, rays: RayBundle) -> LightSurface:
     names = (
         name
         for name in reversed(NAMES)
-        if all(any(np.array_equal(each, one) for one in same) for each in generators(name))
+        if all(
+            any(np.array_equal(generator, known_generator) for known_generator in same)
+            for generator in generators(name)
+        )
     )
-    found = next(names)
-    return surface if found == "none" else surface.mirrored(rays, found)
+    name_of_group = next(names)
+    return surface if name_of_group == "none" else surface.mirrored(rays, name_of_group)
 
 
 def _chosen(judging: RayBundle, fitting: RayBundle, surface: LightSurface) -> FittedRadiance:
@@ -340,7 +343,9 @@ def _chosen(judging: RayBundle, fitting: RayBundle, surface: LightSurface) -> Fi
     fitting = fitting.take(surface.holds(fitting))
     best = FittedRadiance.of(fitting, surface, Detail(), _STEPS_OF_CHOICE)
     tried = {best.detail}
-    while (detail := next((each for each in _finer(best.detail) if each not in tried), None)) is not None:
+    while (
+        detail := next((detail_tried for detail_tried in _finer(best.detail) if detail_tried not in tried), None)
+    ) is not None:
         tried.add(detail)
         new = FittedRadiance.of(fitting, surface, detail, _STEPS_OF_CHOICE)
         best = new if _better(judging, new, best) else best
@@ -370,6 +375,6 @@ def _apart(model: FittedRadiance, judging: RayBundle) -> float:
     blocks = _BLOCKS
     seen = np.bincount(numbers, weights, blocks)
     square = np.bincount(numbers, weights**2, blocks)
-    own = np.bincount(model.surface.blocks(places, directions, _SIDES), minlength=blocks) / _DRAWN
-    scale = np.maximum(0.5 * (seen + own), 1e-3 / blocks)
-    return float((((own - seen) ** 2 - square) / scale).sum())
+    drawn = np.bincount(model.surface.blocks(places, directions, _SIDES), minlength=blocks) / _DRAWN
+    scale = np.maximum(0.5 * (seen + drawn), 1e-3 / blocks)
+    return float((((drawn - seen) ** 2 - square) / scale).sum())

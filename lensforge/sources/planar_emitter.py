@@ -11,7 +11,7 @@ from lensforge.optics.image_reading import read_light
 from lensforge.seeds import sobol
 from lensforge.sources.emitting_area import Area, Disc, LuminanceImage, Rectangles
 from lensforge.sources.intensity import CosinePower, TabulatedIntensity
-from lensforge.sources.photometric import read_photometric
+from lensforge.sources.light_files import read_photometric
 from lensforge.sources.photometric.photometric_file import far_field_warnings, turned_over
 from lensforge.sources.ray_bundle import RayBundle, aimed
 from lensforge.sources.ray_colours import ChipColours
@@ -115,7 +115,7 @@ def _(spec: ChipsSource) -> Area:
     centres = np.array([[chip.x_mm, chip.y_mm] for chip in spec.chips])
     sides = np.array([[chip.width_mm, chip.height_mm] for chip in spec.chips])
     kinds = list(dict.fromkeys(spec.spectra))
-    numbers = np.array([kinds.index(each) for each in spec.spectra], dtype=np.int64)
+    numbers = np.array([kinds.index(spectrum) for spectrum in spec.spectra], dtype=np.int64)
     return Rectangles(centres, sides, flux / flux.sum(), numbers)
 
 
@@ -134,4 +134,4 @@ def _profile(spec: IntensitySpec) -> tuple[CosinePower | TabulatedIntensity, tup
     with remedy("correct source.intensity.file"):
         file = read_photometric(spec.file)
     warnings = tuple(f"{spec.file.name}: {warning}" for warning in far_field_warnings(file))
-    return turned_over(file.intensity), warnings
+    return TabulatedIntensity.of(turned_over(file.intensity)), warnings

@@ -115,8 +115,8 @@ class RadianceTable:
         signs = mirror.sum(axis=1).astype(int)
         edges = (self.y_mm, self.x_mm) if swapped else (self.x_mm, self.y_mm)
         width = float(np.ptp(self.x_mm) + np.ptp(self.y_mm))
-        for own, image, sign in zip((self.x_mm, self.y_mm), edges, signs[:2], strict=True):
-            if len(own) != len(image) or np.abs(own - sign * image[::sign]).max() > _SAME * width:
+        for nodes, image, sign in zip((self.x_mm, self.y_mm), edges, signs[:2], strict=True):
+            if len(nodes) != len(image) or np.abs(nodes - sign * image[::sign]).max() > _SAME * width:
                 return False
         by_x = np.swapaxes(self._turned(mirror), 0, 1)
         by_x = (np.swapaxes(by_x, 0, 1) if swapped else by_x)[:: signs[0], :: signs[1]]
@@ -156,8 +156,8 @@ def read_radiance(path: Path) -> RadianceTable:
     table = RadianceTable(**arrays)
     if not _LEAST_W < table.flux() < _MOST_W:
         raise InputError(f"{path}: its flux is {table.flux():g} W: radiances must not be all dark, or huge")
-    for words in _doubts(table):
-        warnings.warn(f"{path}: {words}", FileWarning, stacklevel=1)
+    for doubt in _doubts(table):
+        warnings.warn(f"{path}: {doubt}", FileWarning, stacklevel=1)
     return table
 
 

@@ -101,8 +101,8 @@ class Angles:
             around = turns * count
             before = np.floor(around).astype(np.int64)
             second = (around - before)[:, None]
-            own = values[start : start + count]
-            rings.append((1.0 - second) * own[before % count] + second * own[(before + 1) % count])
+            cell_values = values[start : start + count]
+            rings.append((1.0 - second) * cell_values[before % count] + second * cell_values[(before + 1) % count])
         return np.stack(rings, axis=1)
 
 
@@ -138,12 +138,12 @@ class FittedRadiance:
         seen = seen.take(np.argsort(seen.cells, kind="stable"))
         light = np.bincount(seen.cells, seen.weights, len(model.place))
         for step in range(steps):
-            found = _densities(model, seen)
+            density = _densities(model, seen)
             if step % 10 == 0:
-                before, logarithm = logarithm, float(seen.weights @ np.log(found, dtype=float))
+                before, logarithm = logarithm, float(seen.weights @ np.log(density, dtype=float))
                 if logarithm - before < _LEAST_GAIN:
                     break
-            model = _stepped(model, seen, found, light)
+            model = _stepped(model, seen, density, light)
         return model
 
     def logarithms(self, rays: RayBundle) -> Float[np.ndarray, " n"]:
@@ -151,8 +151,8 @@ class FittedRadiance:
         surface = self.surface
         seen = _seen(rays, self)
         area, cell = (float(np.prod(surface.high - low)) for low in (surface.low, surface.corner))
-        found = _densities(self, seen).astype(float) * (len(self.place) / cell / len(group(surface.mirrors)))
-        return np.log(((1.0 - _UNIFORM) * found + _UNIFORM / (np.pi * area)) / surface.square_index)
+        density = _densities(self, seen).astype(float) * (len(self.place) / cell / len(group(surface.mirrors)))
+        return np.log(((1.0 - _UNIFORM) * density + _UNIFORM / (np.pi * area)) / surface.square_index)
 
     def table(self) -> RadianceTable:
         """The model as a table of radiance on its surface, of 1 W, with all images."""
@@ -211,9 +211,9 @@ def _start(rays: RayBundle, surface: LightSurface, detail: Detail) -> FittedRadi
 
 
 def _stepped(
-    model: FittedRadiance, seen: SeenRays, found: Float[np.ndarray, " n"], light: Float[np.ndarray, " c"]
+    model: FittedRadiance, seen: SeenRays, density: Float[np.ndarray, " n"], light: Float[np.ndarray, " c"]
 ) -> FittedRadiance:
-    """The model after one step, from the densities ``found`` of rays in the order of their cells.
+    """The model after one step, from the densities ``density`` of rays in the order of their cells.
 
     The mixture in a cell becomes that of the cells around, its ``light`` that of the rays.
     """
@@ -221,14 +221,14 @@ def _stepped(
     angle = model.angle.astype(np.float32)
     by_place = np.zeros_like(place)
     by_angle = np.zeros((CHUNKS, *angle.shape), np.float32)
-    ends = np.searchsorted(seen.cells, seen.cells[len(found) * np.arange(1, CHUNKS) // CHUNKS])
-    parts = [slice(*edges) for edges in pairwise([0, *ends, len(found)])]  # no cell is in two
+    ends = np.searchsorted(seen.cells, seen.cells[len(density) * np.arange(1, CHUNKS) // CHUNKS])
+    parts = [slice(*edges) for edges in pairwise([0, *ends, len(density)])]  # no cell is in two
 
     def add(chunk: int) -> None:
         part = parts[chunk]
-        expect(seen.take(part), found[part], place, angle, by_place, by_angle[chunk])
+        expect(seen.take(part), density[part], place, angle, by_place, by_angle[chunk])
 
-    in_parallel(add, CHUNKS, shared=len(found) >= _WORTH)
+    in_parallel(add, CHUNKS, shared=len(density) >= _WORTH)
     angle = model.angle * by_angle.sum(axis=0)
     mixture = _blurred((model.place * by_place).reshape(*model.shape, -1), model.detail.blur).reshape(by_place.shape)
     place = mixture * (light / np.maximum(mixture.sum(axis=1), 1e-300))[:, None]
@@ -253,6 +253,6 @@ def _blurred(values: Float[np.ndarray, "r c k"], cells: float) -> Float[np.ndarr
 def _densities(model: FittedRadiance, seen: SeenRays) -> Float[np.ndarray, " n"]:
     place = model.place.astype(np.float32)
     angle = model.angle.astype(np.float32)
-    found = np.empty(len(seen.cells), np.float32)
-    in_chunks(lambda _, part: densities(seen.take(part), place, angle, found[part]), len(found), worth=_WORTH)
-    return np.maximum(found, _DARK)
+    density = np.empty(len(seen.cells), np.float32)
+    in_chunks(lambda _, part: densities(seen.take(part), place, angle, density[part]), len(density), worth=_WORTH)
+    return np.maximum(density, _DARK)

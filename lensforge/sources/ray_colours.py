@@ -106,7 +106,7 @@ class ChipColours:
         spectra = {spec: spectrum_of(spec) for spec in dict.fromkeys(known)}
         tristimulus = None
         if coloured:
-            tristimulus = np.array([tristimulus_of_spectrum(*each) for each in zip(known, names, strict=True)])
+            tristimulus = np.array([tristimulus_of_spectrum(*spectrum) for spectrum in zip(known, names, strict=True)])
         return ChipColours(tuple(spectra[spec] for spec in known), None if disperses else tristimulus, disperses)
 
     def given(self, rays: RayBundle, chips: Int[np.ndarray, " n"], seed: int) -> RayBundle:

@@ -130,8 +130,8 @@ def placed(rays: RayBundle, origin_mm: Float[np.ndarray, " 3"], placement: Place
     """Transform ``rays`` of a file to lens coordinates; ``origin_mm``, a point of the file, becomes the lens origin."""
     matrix = np.diag(_MIRROR[placement.mirror]) @ _TO_LENS_AXIS[placement.axis]
     origins = _turned(placement.scale * (rays.origins - origin_mm), matrix)
-    own = replace(rays, origins=origins, directions=_turned(rays.directions, matrix))
-    return own.placed(placement.pose)
+    moved = replace(rays, origins=origins, directions=_turned(rays.directions, matrix))
+    return moved.placed(placement.pose)
 
 
 def _turned(vectors: Float[np.ndarray, "n 3"], matrix: Float[np.ndarray, "3 3"]) -> Float[np.ndarray, "n 3"]:

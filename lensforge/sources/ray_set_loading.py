@@ -15,13 +15,12 @@ from lensforge.errors import InputError, remedy
 from lensforge.optics.material import Material
 from lensforge.results import Point
 from lensforge.sources.dispersion import coloured, index_warnings, joined_range
+from lensforge.sources.light_files import read_rayfile
 from lensforge.sources.ray_bundle import RayBundle, Rays, changed, joined
 from lensforge.sources.ray_colours import coloured_set
+from lensforge.sources.ray_file_statistics import RaySums, efficacy_of, file_warnings, ray_set_warnings
 from lensforge.sources.ray_set import RaySetEmitter, placed
 from lensforge.sources.rayfiles.ray_file import RayFile, no_usable_ray
-from lensforge.sources.rayfiles.ray_file_io import read_rayfile
-from lensforge.sources.rayfiles.ray_file_statistics import RaySums, efficacy_of, file_warnings, ray_set_warnings
-from lensforge.sources.rayfiles.stored_rays import StoredRays
 from lensforge.sources.source_flux import (
     OwnFlux,
     SourceFlux,
@@ -39,6 +38,7 @@ from lensforge.sources.source_summary import (
     SourceSummary,
     as_point,
 )
+from lensforge.sources.stored_rays import StoredRays
 from lensforge.spec.emitter_section import EmitterSection, FluxSection, SpectrumSpec
 from lensforge.spec.source_sections import (
     Placement,
@@ -98,7 +98,9 @@ def load_ray_set(spec: RaySetSource, material: Material | None = None, *, colour
             parts = [_load_file(part, spec, asked) for part in spec.files]
             _require_same_dispersion(parts)
             named = (tuple(f"{part.name}: {warning}" for warning in part.warnings) for part in parts)
-            return _emitter([replace(part, warnings=words) for part, words in zip(parts, named, strict=True)], spec)
+            return _emitter(
+                [replace(part, warnings=warnings) for part, warnings in zip(parts, named, strict=True)], spec
+            )
         case RaySource():
             relative = np.ones(len(spec.positions_mm)) if spec.ray_flux is None else spec.ray_flux
             given = RayFile(spec.positions_mm, spec.directions, relative, "W", spec.wavelengths_nm, path="source.rays")
@@ -203,12 +205,16 @@ def _flux(
     total = rayfile.stated_flux or sums.flux
     trusted = rayfile.header_role != "ignored"
     if rayfile.flux_unit == "W":
-        own = OwnFlux(total, rayfile.header_flux_lm if trusted else None, file_lm_per_w)
+        own_flux = OwnFlux(total, rayfile.header_flux_lm if trusted else None, file_lm_per_w)
     else:
-        own = OwnFlux(rayfile.header_flux_w if trusted else None, total, file_lm_per_w)
+        own_flux = OwnFlux(rayfile.header_flux_w if trusted else None, total, file_lm_per_w)
     spectral = spectral_efficacy(spectrum)
-    settled = settled_flux(stated, None if isinstance(spec, RayfilesSource) else efficacy, spectral, own)
-    return settled_flux(stated, efficacy, spectral, own) if settled.efficacy is None or settled.least_power else settled
+    settled = settled_flux(stated, None if isinstance(spec, RayfilesSource) else efficacy, spectral, own_flux)
+    return (
+        settled_flux(stated, efficacy, spectral, own_flux)
+        if settled.efficacy is None or settled.least_power
+        else settled
+    )
 
 
 def _require_same_dispersion(parts: Sequence[_Loaded]) -> None:
@@ -224,10 +230,10 @@ def _require_same_dispersion(parts: Sequence[_Loaded]) -> None:
 def _emitter(parts: Sequence[_Loaded], spec: RaySetSource) -> RaySetEmitter:
     """Join ``parts``, with the power of ``spec`` if it states one, and place them in lens coordinates."""
     names = [f"source.files[{number}] ({part.name})" for number, part in enumerate(parts)]
-    own = [part.flux for part in parts]
-    flux = joined_flux(spec, own, spec.luminous_efficacy_lm_per_w, names)
-    flux = with_spectrum_compared(flux, spec, spectral_efficacy(spec.spectrum), own)
-    total = sum(part.flux_w for part in own)
+    fluxes = [part.flux for part in parts]
+    flux = joined_flux(spec, fluxes, spec.luminous_efficacy_lm_per_w, names)
+    flux = with_spectrum_compared(flux, spec, spectral_efficacy(spec.spectrum), fluxes)
+    total = sum(part.flux_w for part in fluxes)
     flux_w = flux.flux_w
     for name, part in zip(names, parts, strict=True):
         if part.flux.flux_w < _LEAST_SHARE * total:

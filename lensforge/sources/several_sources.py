@@ -48,8 +48,8 @@ class SeveralSources:
         of_each = -(-count // several)
         parts = [source.sample(of_each, seed) for source in self.sources]
         if any(part.waves is not None for part in parts):
-            own = np.full(of_each, self.wavelength_nm)
-            parts = [part.with_wavelengths(own) if part.waves is None else part for part in parts]
+            waves_nm = np.full(of_each, self.wavelength_nm)
+            parts = [part.with_wavelengths(waves_nm) if part.waves is None else part for part in parts]
         rays = RayBundle.joined(parts)
         numbers = np.repeat(np.arange(several, dtype=np.int16), of_each)
         in_turn = np.arange(several * of_each).reshape(several, of_each).T.ravel()
@@ -73,7 +73,7 @@ class SeveralSources:
     def outline(self) -> Float[np.ndarray, "k 3"]:
         """Outline (mm) of the smallest: it shows the finest shapes of a lens."""
         outlines = [source.outline() for source in self.sources]
-        return min(outlines, key=lambda each: float(np.ptp(each, axis=0).max()) if len(each) else 0.0)
+        return min(outlines, key=lambda outline: float(np.ptp(outline, axis=0).max()) if len(outline) else 0.0)
 
 
 def each_of(source: Source) -> tuple[Source, ...]:

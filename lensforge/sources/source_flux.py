@@ -62,21 +62,21 @@ class OwnFlux:
 
 
 def settled_flux(
-    stated: FluxSection, efficacy: float | None = None, spectral: float | None = None, own: OwnFlux = OwnFlux()
+    stated: FluxSection, efficacy: float | None = None, spectral: float | None = None, own_flux: OwnFlux = OwnFlux()
 ) -> SourceFlux:
     """Settle power and efficacy by what the spec says: the fluxes ``stated``, ``efficacy`` and ``spectral`` (lm/W).
 
     Efficacy: the ratio of both stated fluxes, or ``efficacy``, or that of the spec's spectrum, or the ratio of the
-    file's ``own`` totals, or that of its spectrum. Power: as stated, or by stated lumens and the efficacy, or the
+    file's ``own_flux`` totals, or that of its spectrum. Power: as stated, or by stated lumens and the efficacy, or the
     file's own, or by its own lumens, or 1 W. Lumens without any efficacy give the least power that they can have, and
     a warning. Raises :class:`InputError` for lumens of an invisible spectrum.
     """
-    ratio, warnings = _own_ratio(own)
-    candidates = (stated.stated_lm_per_w, efficacy, spectral, ratio, own.spectral_lm_per_w)
-    known = next((each for each in candidates if each is not None), None)
+    ratio, warnings = _own_ratio(own_flux)
+    candidates = (stated.stated_lm_per_w, efficacy, spectral, ratio, own_flux.spectral_lm_per_w)
+    known = next((candidate for candidate in candidates if candidate is not None), None)
     is_stated = stated.flux_w is not None or stated.flux_lm is not None
-    power, lumens = (stated.flux_w, stated.flux_lm) if is_stated else (own.flux_w, own.flux_lm)
-    in_lumens = not (stated.flux_lm is None and efficacy is None and own.flux_lm is None)
+    power, lumens = (stated.flux_w, stated.flux_lm) if is_stated else (own_flux.flux_w, own_flux.flux_lm)
+    in_lumens = not (stated.flux_lm is None and efficacy is None and own_flux.flux_lm is None)
     if power is not None or lumens is None:
         fixed = stated.flux_lm is not None
         power = DEFAULT_FLUX_W if power is None else power
@@ -88,16 +88,16 @@ def settled_flux(
     return SourceFlux(lumens / known, known, True, warnings=warnings, fixed_lm=True)
 
 
-def _own_ratio(own: OwnFlux) -> tuple[float | None, tuple[str, ...]]:
+def _own_ratio(flux: OwnFlux) -> tuple[float | None, tuple[str, ...]]:
     """Luminous efficacy (lm/W) by both totals of a file; a warning where no light can have it."""
-    if own.flux_w is None or own.flux_lm is None:
+    if flux.flux_w is None or flux.flux_lm is None:
         return None, ()
-    ratio = own.flux_lm / own.flux_w
+    ratio = flux.flux_lm / flux.flux_w
     if _NO_LIGHT_LM_PER_W <= ratio <= LARGEST_LM_PER_W * (1.0 + _ROUNDING):
         return min(ratio, LARGEST_LM_PER_W), ()
     wrong = "no light has more than 683" if ratio > 1.0 else "that is no visible light"
     return None, (
-        f"source: its file states {own.flux_lm:.4g} lm and {own.flux_w:.4g} W, {ratio:.4g} lm/W, and {wrong}: lm not "
+        f"source: its file states {flux.flux_lm:.4g} lm and {flux.flux_w:.4g} W, {ratio:.4g} lm/W, and {wrong}: lm not "
         "used; give flux_lm",
     )
 
@@ -120,7 +120,7 @@ def joined_flux(
     own_w = None if all(dim) else sum(part.flux_w for part in parts)
     if efficacy and seen and any(part.fixed_lm and part.efficacy != efficacy for part in parts):
         own_w = None
-    joined = settled_flux(stated, efficacy, own=OwnFlux(own_w, seen))
+    joined = settled_flux(stated, efficacy, own_flux=OwnFlux(own_w, seen))
     warnings = dict.fromkeys(warning for part in parts for warning in part.warnings if warning != _LEAST_POWER)
     in_lumens = stated.flux_lm is not None or efficacy is not None or any(part.in_lumens for part in parts)
     return replace(joined, in_lumens=in_lumens, warnings=(*warnings, *joined.warnings))
@@ -140,7 +140,9 @@ def emitter_flux(spec: EmitterSection, own_w: float = DEFAULT_FLUX_W) -> SourceF
         parts = chip_fluxes(spec)
         settled = joined_flux(spec, parts, spec.luminous_efficacy_lm_per_w, names)
         if settled.least_power:  # lumens are what data sheets of chips state: nothing to doubt
-            settled = replace(settled, warnings=tuple(each for each in settled.warnings if each != _LEAST_POWER))
+            settled = replace(
+                settled, warnings=tuple(warning for warning in settled.warnings if warning != _LEAST_POWER)
+            )
     else:
         settled = settled_flux(spec, spec.luminous_efficacy_lm_per_w, spectral, OwnFlux(own_w))
     return with_spectrum_compared(settled, spec, spectral, parts)
@@ -153,16 +155,16 @@ def with_spectrum_compared(
 
     Without that it is compared with that of all ``parts`` together.
     """
-    said = spec.stated_lm_per_w or spec.luminous_efficacy_lm_per_w
+    stated = spec.stated_lm_per_w or spec.luminous_efficacy_lm_per_w
     whose = "spectrum has"
     if spectral is None and parts and not any(part.least_power for part in parts):
         lumens = _total_lm(parts)
         whose = "parts have"
         spectral = None if lumens is None else lumens / sum(part.flux_w for part in parts)
-    if said is None or not spectral or abs(said / spectral - 1.0) <= _SPECTRUM_TOLERANCE:
+    if stated is None or not spectral or abs(stated / spectral - 1.0) <= _SPECTRUM_TOLERANCE:
         return flux
     warning = (
-        f"source: {said:.4g} lm/W stated, its {whose} {spectral:.4g} lm/W; lm per W of light are meant, not per W of "
+        f"source: {stated:.4g} lm/W stated, its {whose} {spectral:.4g} lm/W; lm per W of light are meant, not per W of "
         "electric power"
     )
     return replace(flux, warnings=(*flux.warnings, warning))
@@ -171,9 +173,11 @@ def with_spectrum_compared(
 def chip_fluxes(spec: ChipsSource) -> list[SourceFlux]:
     """Settle the flux of each chip, of 1 W if nothing is stated."""
     spectra = spec.spectra or [spec.spectrum] * len(spec.chips)
-    spectral = {each: spectral_efficacy(each) for each in dict.fromkeys(spectra)}
+    spectral = {spectrum: spectral_efficacy(spectrum) for spectrum in dict.fromkeys(spectra)}
     efficacy = None if spec.spectra else spec.luminous_efficacy_lm_per_w
-    return [settled_flux(chip, efficacy, spectral[each]) for chip, each in zip(spec.chips, spectra, strict=True)]
+    return [
+        settled_flux(chip, efficacy, spectral[spectrum]) for chip, spectrum in zip(spec.chips, spectra, strict=True)
+    ]
 
 
 def spectral_efficacy(spec: SpectrumSpec | None) -> float | None:

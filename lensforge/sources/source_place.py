@@ -51,9 +51,9 @@ class SourcePlace(Record):
         """The place of the source of a spec; None for an emitting area that stands as it is described."""
         file = None
         if isinstance(section, Placement) and summary.placement is not None:
-            found: Origin = section.origin if isinstance(section.origin, str) else "point"
+            origin: Origin = section.origin if isinstance(section.origin, str) else "point"
             stated = {name: getattr(section, name) for name in ("axis", "scale", "mirror")}
-            file = FileOrigin(found=found, at_mm=summary.placement.origin_mm, **stated)
+            file = FileOrigin(found=origin, at_mm=summary.placement.origin_mm, **stated)
         elif not section.pose.moves:
             return None
         pose = {name: getattr(section, name) for name in ("rotate_z_deg", "tilt_deg", "position_mm")}

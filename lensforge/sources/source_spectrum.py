@@ -77,19 +77,19 @@ def read_spectrum_file(path: Path) -> Columns:
             "cause; multiply them by 1000"
         )
     density, noise = not_below_zero(table[:, 1:], str(path), "power densities", "")
-    for words in noise:
-        warnings.warn(f"{path}: {words}", FileWarning, stacklevel=1)
+    for warning in noise:
+        warnings.warn(f"{path}: {warning}", FileWarning, stacklevel=1)
     return table[:, 0], density[:, 0]
 
 
-def _require_continuous(found: TextTable) -> None:
+def _require_continuous(table: TextTable) -> None:
     """Refuse a file whose header says that its rows are no continuous spectrum, or does not say how many they are."""
-    for line in found.header:
+    for line in table.header:
         if _ANOTHER_KIND.match(line.text):
-            words = "only continuous, radiometric spectra are read; export it so"
-            raise InputError(f"{found.name}, line {line.number}: {shown(line.text)}: {words}")
-    if found.count is None and found.header and found.header[0].text.upper().startswith("OPTIS"):
-        raise InputError(f"{found.name}: line 3 of an OPTIS spectrum is the number of its samples; export it again")
+            advice = "only continuous, radiometric spectra are read; export it so"
+            raise InputError(f"{table.name}, line {line.number}: {shown(line.text)}: {advice}")
+    if table.count is None and table.header and table.header[0].text.upper().startswith("OPTIS"):
+        raise InputError(f"{table.name}: line 3 of an OPTIS spectrum is the number of its samples; export it again")
 
 
 _LIGHT_NM = 1.0, 1e7  # from X-rays to 1 cm: other wavelengths come from a damaged file

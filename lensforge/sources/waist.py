@@ -12,7 +12,7 @@ def waist_mm(rays: RayBundle) -> float:
     weights = (rays.flux * rays.directions[:, 2] ** 4)[:, None]  # rays near the horizon cross every plane far out
     total = max(float(weights.sum()), np.finfo(float).tiny)
     crossings = rays.origins[:, :2] - rays.origins[:, 2:] * slopes
-    apart, turned = (each - (weights * each).sum(axis=0) / total for each in (crossings, slopes))
+    apart, turned = (values - (weights * values).sum(axis=0) / total for values in (crossings, slopes))
     spread = float((weights * turned**2).sum())
     return 0.0 if spread == 0.0 else -float((weights * apart * turned).sum()) / spread
 

@@ -15,6 +15,8 @@ from typing import Annotated, Any, Literal
 from pydantic import Discriminator, Field, JsonValue, Tag
 
 from lensforge.errors import InputError
+from lensforge.public import public
+from lensforge.results.arguments import with_known_names
 from lensforge.spec.spec_section import Section, check, section_of
 
 Accuracy = Literal["draft", "standard", "reference"]
@@ -50,7 +52,7 @@ class SearchEffort(Section):
         Rays of a file are drawn at random, with more noise than as many of a low-discrepancy sequence: with twice the
         number a draft of led_rayfile from 24,000 rays ends at an NMSE of 0.014 instead of 0.018 to 0.020.
         """
-        first, most = (each if count is None else min(2 * each, count) for each in self.rays)
+        first, most = (ray if count is None else min(2 * ray, count) for ray in self.rays)
         return self.changed(rays=(first, most))
 
 
@@ -89,6 +91,7 @@ class StudyEffort(Section):
 PRESETS: "dict[Accuracy, Preset]" = {}
 
 
+@public
 class Preset(Section):
     """Settings of an accuracy.
 
@@ -187,7 +190,7 @@ def for_places(preset: Preset, pixels: int) -> Preset:
     """The ``preset`` with rays enough where limits read places on pictures of ``pixels`` along a side."""
     least = min(1 << (_RAYS_PER_PIXEL * pixels**2 - 1).bit_length(), _MOST_FOR_PIXELS)  # as sequences are even
     effort = preset.effort
-    rays = tuple(max(each, least) for each in preset.effort.rays)
+    rays = tuple(max(ray, least) for ray in preset.effort.rays)
     seen = effort.changed(rays=rays, validation_rays=max(effort.validation_rays, least))
     return preset.changed(design_rays=max(preset.design_rays, least), effort=seen)
 
@@ -222,6 +225,8 @@ def stated(accuracy: AnyAccuracy) -> JsonValue:
     return settled.model_dump(mode="json") if isinstance(settled, Preset) else settled
 
 
+@public
+@with_known_names
 def preset_of(accuracy: AnyAccuracy) -> Preset:
     """Settings of an accuracy.
 

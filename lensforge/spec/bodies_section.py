@@ -18,6 +18,7 @@ from lensforge.optics.material import MATERIALS, Material, by_abbe_number
 from lensforge.optics.media import FaceCoating, FaceScatter, Media, Medium, SecondaryOptic
 from lensforge.optics.pose import Pose
 from lensforge.optics.scattering import FacetTurn
+from lensforge.public import public
 from lensforge.spec.coating_section import CoatingSection
 from lensforge.spec.emitter_section import Degrees, Turn
 from lensforge.spec.fixed_surface import FixedSurface
@@ -35,17 +36,18 @@ _DIRECTIONS = 4000  # in which bodies are compared: 2 degrees apart
 _Points = Float[np.ndarray, "n 3"]
 
 
+@public
 class ShellFace(Section):
     """A face of a further body: its shape, about the origin of the body, and its coating."""
 
-    fixed: FixedSurface
-    """Surface, in the coordinates of the body: its origin lies within."""
-    coating: CoatingSection | None = None
-    """Coating of the face."""
-    scatter: AnyScatter | None = None
-    """How the face spreads the light that passes it; left out, it is polished."""
+    fixed: FixedSurface = Field(description="Surface, in the coordinates of the body: its origin lies within.")
+    coating: CoatingSection | None = Field(None, description="Coating of the face.")
+    scatter: AnyScatter | None = Field(
+        None, description="How the face spreads the light that passes it; left out, it is polished."
+    )
 
 
+@public
 class BodySection(OfMaterial):
     """A given body in the light behind the lens: a dome, a cover, a second optic.
 
@@ -56,39 +58,43 @@ class BodySection(OfMaterial):
     one, too; temperature and tolerances leave it as it is.
     """
 
-    name: Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]{1,64}$")]
-    """Name, by which the light that is lost there is stated."""
-    refractive_index: Annotated[float, Field(ge=1.0, le=4.0)] | None = None
-    """Index at all wavelengths; or leave it out for a dispersive material."""
-    material: Label | None = None
-    """Name in the catalogue; beside ``refractive_index`` or other data only a label."""
-    material_file: FilePath | None = None
-    """File of the material, read into ``optical_data`` as the spec is; as of the lens."""
-    optical_data: OpticalData | None = None
-    """Index and absorption of a custom material."""
-    abbe_number: Annotated[float, Field(ge=10.0, le=200.0)] | None = None
-    """Abbe number of a material whose n_d is ``refractive_index``: makes it dispersive."""
-    absorption_per_mm: Annotated[float, Field(ge=0.0, le=10.0)] = 0.0
-    """Absorption (Beer and Lambert), if the material itself states none."""
-    centre_mm: tuple[Coordinate, Coordinate, Coordinate] = (0.0, 0.0, 0.0)
-    """Place of its origin in the coordinates of the lens."""
-    tilt_deg: tuple[Degrees, Degrees] = (0.0, 0.0)
-    """Tilt of its axis from +z: about x, then about y."""
-    rotate_z_deg: Turn = 0.0
-    """Turn about its own axis, before the tilt."""
-    inner: ShellFace
-    """Face towards the lens, which bounds its cavity."""
-    outer: ShellFace
-    """Face towards the receivers."""
+    name: Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]{1,64}$")] = Field(
+        description="Name, by which the light that is lost there is stated."
+    )
+    refractive_index: Annotated[float, Field(ge=1.0, le=4.0)] | None = Field(
+        None, description="Index at all wavelengths; or leave it out for a dispersive material."
+    )
+    material: Label | None = Field(
+        None, description="Name in the catalogue; beside `refractive_index` or other data only a label."
+    )
+    material_file: FilePath | None = Field(
+        None, description="File of the material, read into `optical_data` as the spec is; as of the lens."
+    )
+    optical_data: OpticalData | None = Field(None, description="Index and absorption of a custom material.")
+    abbe_number: Annotated[float, Field(ge=10.0, le=200.0)] | None = Field(
+        None, description="Abbe number of a material whose n_d is `refractive_index`: makes it dispersive."
+    )
+    absorption_per_mm: Annotated[float, Field(ge=0.0, le=10.0)] = Field(
+        0.0, description="Absorption (Beer and Lambert), if the material itself states none."
+    )
+    centre_mm: tuple[Coordinate, Coordinate, Coordinate] = Field(
+        (0.0, 0.0, 0.0), description="Place of its origin in the coordinates of the lens."
+    )
+    tilt_deg: tuple[Degrees, Degrees] = Field(
+        (0.0, 0.0), description="Tilt of its axis from +z: about x, then about y."
+    )
+    rotate_z_deg: Turn = Field(0.0, description="Turn about its own axis, before the tilt.")
+    inner: ShellFace = Field(description="Face towards the lens, which bounds its cavity.")
+    outer: ShellFace = Field(description="Face towards the receivers.")
 
     @check
     def _has_one_index(self) -> None:
-        own = self.optical_data is not None
-        if own and (self.refractive_index is not None or self.abbe_number is not None):
+        has_data = self.optical_data is not None
+        if has_data and (self.refractive_index is not None or self.abbe_number is not None):
             raise ValueError("refractive_index, abbe_number: the optical_data have their own; leave them out")
         if self.abbe_number is not None and self.refractive_index is None:
             raise ValueError("abbe_number needs refractive_index, the n_d of the same material")
-        if not own and self.refractive_index is None and self.material not in MATERIALS:
+        if not has_data and self.refractive_index is None and self.material not in MATERIALS:
             given = "missing" if self.material is None else f"{self.material!r} is unknown"
             raise ValueError(f"material: {given}; one of {', '.join(MATERIALS)}, or give refractive_index")
         material = self._material
@@ -179,8 +185,8 @@ def require_bodies(sections: Sequence[BodySection], lens: LensShape, limits: Con
     with fault_of("bodies"):
         bodies = media_with(sections, lens).bodies
     _require_within(bodies[0], _largest_lens(lens, limits), "the lens", "lower constraints.max_radius_mm")
-    for one, other in pairwise(bodies):
-        _require_within(other, outside_of(one), f"body {one.name!r}", "give the bodies from the lens on")
+    for one, next_body in pairwise(bodies):
+        _require_within(next_body, outside_of(one), f"body {one.name!r}", "give the bodies from the lens on")
     for body in bodies:
         _require_before_glass(body, lens)
         _require_beside_others(body, lamps)
@@ -208,14 +214,15 @@ def _require_beside_others(body: SecondaryOptic, lamps: Lamps) -> None:
         )
 
 
-def _require_within(body: SecondaryOptic, points: _Points, what: str, remedy: str) -> None:
+def _require_within(body: SecondaryOptic, points: _Points, object_name: str, remedy: str) -> None:
     """Raise ``ValueError`` where a point beyond the plane in which the body ends lies out of its cavity."""
     depth = depths(body, points, inner=True)
     worst = int(np.argmin(depth))
     if depth[worst] < 0.0:
         x, y, z = points[worst]
         raise ValueError(
-            f"body {body.name!r}: {what} may reach {-depth[worst]:.3g} mm out of its cavity, at ({x:.3g}, {y:.3g}, "
+            f"body {body.name!r}: {object_name} may reach {-depth[worst]:.3g} mm out of its cavity, "
+            f"at ({x:.3g}, {y:.3g}, "
             f"{z:.3g}) mm; make it larger, move it, or {remedy}"
         )
 

@@ -15,6 +15,7 @@ from pydantic import BeforeValidator, Field
 
 from lensforge.optics.material import MATERIALS, Material
 from lensforge.optics.media import CoatingLayer, CoverGlass, Film, IndexCurve, LayerStack, ReflectanceTable
+from lensforge.public import public
 from lensforge.results.files import MIB
 from lensforge.results.table_names import DEGREES, NANOMETRES, SHARE, Column, doubt_degrees
 from lensforge.results.text_table import TextTable
@@ -42,7 +43,7 @@ _Wavelength = Annotated[float, Field(ge=_LIGHT_NM[0], le=_LIGHT_NM[1])]
 def _as_rows(value: Any) -> Any:
     if isinstance(value, int | float) and not isinstance(value, bool):
         return [[value]]
-    if isinstance(value, list | tuple) and value and not any(isinstance(each, list | tuple) for each in value):
+    if isinstance(value, list | tuple) and value and not any(isinstance(row, list | tuple) for row in value):
         return [value]
     return value
 
@@ -55,15 +56,15 @@ _Rows = Annotated[
 ]
 
 
+@public
 class LayerSection(Section):
     """A layer that absorbs nothing: ``refractive_index`` at all wavelengths, or ``material`` of the catalogue."""
 
-    refractive_index: _Index | None = None
-    """Index at all wavelengths; or give ``material``."""
-    material: Label | None = None
-    """Material of the catalogue, its index by wavelength; or give ``refractive_index``."""
-    thickness_nm: Annotated[float, Field(gt=0.0, le=100_000.0)]
-    """Thickness of the layer."""
+    refractive_index: _Index | None = Field(None, description="Index at all wavelengths; or give `material`.")
+    material: Label | None = Field(
+        None, description="Material of the catalogue, its index by wavelength; or give `refractive_index`."
+    )
+    thickness_nm: Annotated[float, Field(gt=0.0, le=100_000.0)] = Field(description="Thickness of the layer.")
 
     @check
     def _one_index(self) -> None:
@@ -75,8 +76,8 @@ class LayerSection(Section):
     @property
     def title(self) -> str:
         """Its index or material, and its thickness."""
-        what = self.material or f"n = {self.refractive_index:g}"
-        return f"{what}, {self.thickness_nm:g} nm"
+        material = self.material or f"n = {self.refractive_index:g}"
+        return f"{material}, {self.thickness_nm:g} nm"
 
     @property
     def dispersion(self) -> Material | None:
@@ -84,24 +85,32 @@ class LayerSection(Section):
         return None if self.material is None else MATERIALS[self.material]
 
 
+@public
 class CoatingSection(OfTableFile):
     """Reflectance of a face below total reflection, in place of Fresnel's; what is not reflected passes.
 
     One of ``reflectance``, ``file`` and ``layers``. Up to 90 degrees a table goes on to 1.
     """
 
-    reflectance: _Rows = ()
-    """Share of the light that is reflected: a number for all angles and wavelengths, a row of them at ``angle_deg``, or
-    such a row for each of ``wavelength_nm``.
-    """
-    angle_deg: Annotated[tuple[Annotated[float, Field(ge=0.0, le=90.0)], ...], Field(max_length=_MOST_ANGLES)] = ()
-    """Angles of incidence of the table, rising from 0, in the less dense medium: the air."""
-    wavelength_nm: Annotated[tuple[_Wavelength, ...], Field(max_length=_MOST_WAVELENGTHS)] = ()
-    """Wavelengths of the table's rows, rising."""
-    layers: Annotated[tuple[LayerSection, ...], Field(max_length=_MOST_LAYERS)] = ()
-    """Thin layers, of which the first lies next to what surrounds the body."""
-    file: FilePath | None = None
-    """Table with columns angle_deg, wavelength_nm and reflectance, read into these fields as the spec is."""
+    reflectance: _Rows = Field(
+        (),
+        description="Share of the light that is reflected: a number for all angles and wavelengths, a row of them "
+        "at `angle_deg`, or such a row for each of `wavelength_nm`.",
+    )
+    angle_deg: Annotated[tuple[Annotated[float, Field(ge=0.0, le=90.0)], ...], Field(max_length=_MOST_ANGLES)] = Field(
+        (), description="Angles of incidence of the table, rising from 0, in the less dense medium: the air."
+    )
+    wavelength_nm: Annotated[tuple[_Wavelength, ...], Field(max_length=_MOST_WAVELENGTHS)] = Field(
+        (), description="Wavelengths of the table's rows, rising."
+    )
+    layers: Annotated[tuple[LayerSection, ...], Field(max_length=_MOST_LAYERS)] = Field(
+        (), description="Thin layers, of which the first lies next to what surrounds the body."
+    )
+    file: FilePath | None = Field(
+        None,
+        description="Table with columns angle_deg, wavelength_nm and reflectance, read into these fields as the "
+        "spec is.",
+    )
 
     @classmethod
     def read(cls, path: Path) -> Mapping[str, object]:
@@ -180,22 +189,24 @@ def _curve(index: float | Material | None) -> IndexCurve:
     return IndexCurve((index,))
 
 
+@public
 class CoverGlassSection(Section):
     """A plate across the axis, as wide as the light, in what surrounds the lens.
 
     What its faces reflect goes back and is followed no further.
     """
 
-    refractive_index: Annotated[float, Field(ge=1.0, le=4.0)]
-    """Index of the plate at all wavelengths."""
-    thickness_mm: Millimetres
-    """Thickness of the plate."""
-    distance_mm: Millimetres
-    """Height of its near face above z = 0, beyond the whole lens."""
-    absorption_per_mm: Annotated[float, Field(ge=0.0, le=10.0)] = 0.0
-    """Absorption of the plate: light loses exp(-absorption times path) (Beer and Lambert)."""
-    coating: CoatingSection | None = None
-    """Coating of both faces, its ``layers`` counted from outside the glass."""
+    refractive_index: Annotated[float, Field(ge=1.0, le=4.0)] = Field(
+        description="Index of the plate at all wavelengths."
+    )
+    thickness_mm: Millimetres = Field(description="Thickness of the plate.")
+    distance_mm: Millimetres = Field(description="Height of its near face above z = 0, beyond the whole lens.")
+    absorption_per_mm: Annotated[float, Field(ge=0.0, le=10.0)] = Field(
+        0.0, description="Absorption of the plate: light loses exp(-absorption times path) (Beer and Lambert)."
+    )
+    coating: CoatingSection | None = Field(
+        None, description="Coating of both faces, its `layers` counted from outside the glass."
+    )
 
     @property
     def glass(self) -> CoverGlass:

@@ -12,6 +12,8 @@ from pydantic import Field, model_validator
 
 from lensforge.errors import InputError, refused
 from lensforge.optics.media import Media
+from lensforge.public import public
+from lensforge.results.arguments import with_known_names
 from lensforge.results.files import write_file
 from lensforge.results.validation import its_type
 from lensforge.spec.bodies_section import BodySection, media_with, require_bodies
@@ -66,54 +68,73 @@ _MOST_BODIES = 8
 _OF_GIVEN_LEVELS = ("steps_per_level", "rays")  # fields of optimise
 
 
-def _unless(_other: str) -> Any:
+def _unless(_other: str, description: str) -> Any:
     """A field without a default that a type checker lets out, as another one may be given in its place."""
-    return Field()
+    return Field(description=description)
 
 
+@public
 class Spec(Section):
     """One design: source, starting lens, constraints and target, and the settings of every stage."""
 
-    name: Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]{1,64}$")] = "lens"
-    """Name of the design, by default the name of the file. Its results go to cad_out/NAME."""
-    source: EmitterSection = _unless("sources")
-    """The LED: where light starts, how much, and in which directions; or give ``sources``."""
-    sources: Annotated[tuple[NamedSource, ...], Field(max_length=_MOST_SOURCES)] = ()
-    """LEDs that one lens is for, in the place of ``source``. Figures are stated with each."""
-    lens: LensShape = Field(default_factory=LensSection)
-    """Material, and the two surfaces from which the search starts."""
-    bodies: Annotated[tuple[BodySection, ...], Field(max_length=_MOST_BODIES)] = ()
-    """Given optics that the light passes behind the lens, in this order: domes, covers."""
-    constraints: ConstraintsSection
-    """Limits that every lens of the search keeps: room for the LED, wall, size, and what can be made."""
-    target: TargetSection | None = None
-    """The light that is wanted, with the receiver that it names; or give ``receivers``."""
-    receivers: Annotated[tuple[ReceiverSection, ...], Field(max_length=_MOST_RECEIVERS)] = ()
-    """Surfaces that the light falls on, each with its targets; or give ``target`` alone."""
-    lamps: AnyLamps | None = None
-    """Lamps whose light every receiver sees together; by default one at the origin."""
-    limits: Annotated[tuple[LightLimitSpec, ...], Field(max_length=_MOST_LIMITS)] = ()
-    """Light that must be at least, or at most, so much."""
-    roads: Annotated[tuple[RoadSection, ...], Field(max_length=MOST_ROADS)] = ()
-    """Roads that rows of lamps with the lens light, each with its class: limits on the light, too."""
-    colour: ColourSection | None = None
-    """Colour of the beam; by default it is not computed."""
-    optimise: OptimiseSection = Field(default_factory=OptimiseSection)
-    """Settings of the search."""
-    evaluate: EvaluateSection = Field(default_factory=EvaluateSection)
-    """Settings of the simulation of the finished lens."""
-    base: BaseSection = Field(default_factory=BaseSection)
-    """The clamping base, which holds the lens below z = 0."""
-    plate: PlateSection | None = None
-    """The plate that carries the lenses of ``lamps`` in one piece; by default none is made."""
-    manufacture: ManufactureSection = Field(default_factory=ManufactureSection)
-    """Equipment of the shop, and names for its files."""
-    drawing: DrawingSection = Field(default_factory=DrawingSection)
-    """Title block and notes of the drawing for the shop."""
-    tolerances: TolerancesSection = Field(default_factory=TolerancesSection)
-    """Errors of part, mounting and LED, for ``lensforge yield`` and for a robust search."""
-    photometry: PhotometrySection = Field(default_factory=PhotometrySection)
-    """Lighting that the lens is for: general, or of an area or a road."""
+    name: Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]{1,64}$")] = Field(
+        "lens", description="Name of the design, by default the name of the file. Its results go to cad_out/NAME."
+    )
+    source: EmitterSection = _unless(
+        "sources", "The LED: where light starts, how much, and in which directions; or give `sources`."
+    )
+    sources: Annotated[tuple[NamedSource, ...], Field(max_length=_MOST_SOURCES)] = Field(
+        (), description="LEDs that one lens is for, in the place of `source`. Figures are stated with each."
+    )
+    lens: LensShape = Field(
+        default_factory=LensSection, description="Material, and the two surfaces from which the search starts."
+    )
+    bodies: Annotated[tuple[BodySection, ...], Field(max_length=_MOST_BODIES)] = Field(
+        (), description="Given optics that the light passes behind the lens, in this order: domes, covers."
+    )
+    constraints: ConstraintsSection = Field(
+        description="Limits that every lens of the search keeps: room for the LED, wall, size, and what can be made."
+    )
+    target: TargetSection | None = Field(
+        None, description="The light that is wanted, with the receiver that it names; or give `receivers`."
+    )
+    receivers: Annotated[tuple[ReceiverSection, ...], Field(max_length=_MOST_RECEIVERS)] = Field(
+        (), description="Surfaces that the light falls on, each with its targets; or give `target` alone."
+    )
+    lamps: AnyLamps | None = Field(
+        None, description="Lamps whose light every receiver sees together; by default one at the origin."
+    )
+    limits: Annotated[tuple[LightLimitSpec, ...], Field(max_length=_MOST_LIMITS)] = Field(
+        (), description="Light that must be at least, or at most, so much."
+    )
+    roads: Annotated[tuple[RoadSection, ...], Field(max_length=MOST_ROADS)] = Field(
+        (), description="Roads that rows of lamps with the lens light, each with its class: limits on the light, too."
+    )
+    colour: ColourSection | None = Field(None, description="Colour of the beam; by default it is not computed.")
+    optimise: OptimiseSection = Field(default_factory=OptimiseSection, description="Settings of the search.")
+    evaluate: EvaluateSection = Field(
+        default_factory=EvaluateSection, description="Settings of the simulation of the finished lens."
+    )
+    base: BaseSection = Field(
+        default_factory=BaseSection, description="The clamping base, which holds the lens below z = 0."
+    )
+    plate: PlateSection | None = Field(
+        None, description="The plate that carries the lenses of `lamps` in one piece; by default none is made."
+    )
+    manufacture: ManufactureSection = Field(
+        default_factory=ManufactureSection, description="Equipment of the shop, and names for its files."
+    )
+    drawing: DrawingSection = Field(
+        default_factory=DrawingSection, description="Title block and notes of the drawing for the shop."
+    )
+    tolerances: TolerancesSection = Field(
+        default_factory=TolerancesSection,
+        description="Errors of part, mounting and LED, for `lensforge yield` and for a robust search.",
+    )
+    photometry: PhotometrySection = Field(
+        default_factory=PhotometrySection,
+        description="Lighting that the lens is for: general, or of an area or a road.",
+    )
 
     @model_validator(mode="before")
     @classmethod
@@ -129,8 +150,8 @@ class Spec(Section):
     def _sources_are_told_apart(self) -> None:
         if not self.sources:
             return
-        if (words := alike(each.name for each in self.sources)) is not None:
-            raise ValueError(f"sources: {words}; give each its own")
+        if (duplicate := alike(source.name for source in self.sources)) is not None:
+            raise ValueError(f"sources: {duplicate}; give each its own")
         if self.source != self.sources[0].source:
             raise ValueError("source and sources: both are given; give the one LED, or all of them as sources")
 
@@ -214,7 +235,7 @@ class Spec(Section):
         missing = " and ".join(f"constraints.{name}" for name in self.constraints.missing)
         if not missing:
             return
-        kind = next(each.kind for each in self.each_source if each.extent_mm is None)
+        kind = next(source.kind for source in self.each_source if source.extent_mm is None)
         needed = f"{missing}: missing: room for the LED, which a source of kind {kind!r} does not state; give it"
         raise ValueError(f"{needed} (`lensforge new` measures it in a ray file)")
 
@@ -237,14 +258,14 @@ class Spec(Section):
     @property
     def each_source(self) -> tuple[EmitterSection, ...]:
         """The LEDs that the lens is for: one, unless ``sources`` has more."""
-        return tuple(each.source for each in self.sources) or (self.source,)
+        return tuple(source.source for source in self.sources) or (self.source,)
 
     @property
     def of_each_source(self) -> "tuple[Spec, ...]":
         """The spec with each of its LEDs alone, all else as it is."""
         if not self.sources:
             return (self,)
-        return tuple(self.changed(source=each.source, sources=()) for each in self.sources)
+        return tuple(self.changed(source=source.source, sources=()) for source in self.sources)
 
     @property
     def base_made(self) -> BaseSection:
@@ -270,8 +291,8 @@ class Spec(Section):
             lenses = self.photometry.lenses
             receivers = self.all_receivers
             require_together(self.all_lamps, self.constraints, self.base_made, receivers, lenses)
-            others = {"sources": bool(self.sources), "optimise.robust": bool(self.optimise.robust)}
-            require_kinds(self.lamps, receivers, others, self.limits)
+            unfit = {"sources": bool(self.sources), "optimise.robust": bool(self.optimise.robust)}
+            require_kinds(self.lamps, receivers, unfit, self.limits)
             if self.evaluate.window_mm is not None:
                 raise ValueError("evaluate.window_mm: of lamps together the whole receiver counts; leave it out")
 
@@ -311,13 +332,13 @@ class Spec(Section):
         """All tolerances: ``[tolerances]``, and those of the faces."""
         return PartTolerances.of(self.tolerances, self.lens.faces, self.lens.roles)
 
-    def with_tolerances(self, other: PartTolerances) -> "Spec":
-        """The spec with the tolerances of ``other``. Raises :class:`InputError` for those of another lens's faces."""
-        given = PartTolerances.of(other, other.faces, self.lens.roles)
+    def with_tolerances(self, tolerances: PartTolerances) -> "Spec":
+        """The spec with these ``tolerances``. Raises :class:`InputError` for those of another lens's faces."""
+        given = PartTolerances.of(tolerances, tolerances.faces, self.lens.roles)
         none = FaceTolerances()
         faces = {name: face.with_tolerances(given.faces.get(name, none)) for name, face in self.lens.faces.items()}
-        own = TolerancesSection(**given.model_dump(exclude_unset=True, exclude={"faces"}))
-        return self.changed(lens=self.lens.changed(**faces), tolerances=own)
+        section = TolerancesSection(**given.model_dump(exclude_unset=True, exclude={"faces"}))
+        return self.changed(lens=self.lens.changed(**faces), tolerances=section)
 
     def is_cut(self, face: str) -> bool:
         """True for a face that is designed for the cutter of ``[manufacture]``: the base gives it room there.
@@ -340,7 +361,7 @@ class Spec(Section):
     @property
     def has_uniform_region(self) -> bool:
         """True where a target names a region of uniform light."""
-        return any(target.pair("uniform") is not None for each in self.all_receivers for target in each.targets)
+        return any(target.pair("uniform") is not None for section in self.all_receivers for target in section.targets)
 
     @check
     def _settings_match_levels(self) -> None:
@@ -381,6 +402,8 @@ class Spec(Section):
         require_feasible(self.lens, self.constraints, self.manufacture)
 
 
+@public
+@with_known_names
 def load_spec(path: Path | str) -> Spec:
     """Read a spec from a TOML file.
 

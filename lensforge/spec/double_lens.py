@@ -6,6 +6,7 @@ from typing import Literal
 from pydantic import Field
 
 from lensforge.optics.face_roles import SHELL
+from lensforge.public import public
 from lensforge.spec.derived_values import WHY, LensSizes, three_digits
 from lensforge.spec.face_section import FaceSection
 from lensforge.spec.lens_section import LensShape, StartConditions
@@ -22,16 +23,18 @@ WHY["lens.inner.offset_mm"] = f"{_INNER:g} x max_radius_mm, the inner hemisphere
 WHY["lens.outer.offset_mm"] = f"{_OUTER:g} x max_radius_mm, the outer hemisphere of the start"
 
 
+@public
 class LensSection(LensShape):
     """Double-freeform lens: an inner face towards the source, an outer one towards the target."""
 
     roles = SHELL
     title = "double-freeform lens"
     kind: Literal["double"] = "double"
-    inner: FaceSection = Field(default_factory=FaceSection)
-    """Face towards the source: it bounds the cavity, and the others are placed against it."""
-    outer: FaceSection = Field(default_factory=FaceSection)
-    """Face towards the light that is wanted."""
+    inner: FaceSection = Field(
+        default_factory=FaceSection,
+        description="Face towards the source: it bounds the cavity, and the others are placed against it.",
+    )
+    outer: FaceSection = Field(default_factory=FaceSection, description="Face towards the light that is wanted.")
 
     @check
     def _no_mirror(self) -> None:

@@ -7,6 +7,7 @@ from pydantic import Field
 
 from lensforge.optics.colorimetry import LARGEST_LM_PER_W
 from lensforge.optics.pose import Pose
+from lensforge.public import public
 from lensforge.results.registered_kinds import OfSeveralKinds
 from lensforge.spec.spec_section import Coordinate, FilePath, Lumens, Section, Watts, Weight, check
 
@@ -17,12 +18,12 @@ LEAST_PEAK = 1e-30  # of a table in any unit: what has less is dark
 Nanometres = Annotated[float, Field(ge=100.0, le=20_000.0)]
 
 
+@public
 class CosineIntensity(Section):
     """Intensity in proportion to ``cos(gamma)^power``; power 1 is Lambertian."""
 
     kind: Literal["cosine"] = "cosine"
-    power: Annotated[float, Field(ge=0.0, le=1e4)] = 1.0
-    """Power of the cosine; 1 is Lambertian."""
+    power: Annotated[float, Field(ge=0.0, le=1e4)] = Field(1.0, description="Power of the cosine; 1 is Lambertian.")
 
 
 def _require_function(
@@ -34,69 +35,76 @@ def _require_function(
         raise ValueError(f"{of_values} must be {len(places)} numbers, one for each {name}, not all zero")
 
 
+@public
 class TableIntensity(Section):
     """Intensity (W/sr or relative) at angles ``gamma_deg`` from the axis, linear in between, none beyond them."""
 
     kind: Literal["table"] = "table"
-    gamma_deg: Annotated[tuple[Annotated[float, Field(ge=0.0, le=180.0)], ...], Field(max_length=MOST_ENTRIES)]
-    """Angles from the axis, rising."""
-    intensity: Annotated[tuple[Weight, ...], Field(max_length=MOST_ENTRIES)]
-    """Intensity (W/sr or relative) at each of these angles."""
+    gamma_deg: Annotated[tuple[Annotated[float, Field(ge=0.0, le=180.0)], ...], Field(max_length=MOST_ENTRIES)] = Field(
+        description="Angles from the axis, rising."
+    )
+    intensity: Annotated[tuple[Weight, ...], Field(max_length=MOST_ENTRIES)] = Field(
+        description="Intensity (W/sr or relative) at each of these angles."
+    )
 
     @check
     def _is_a_function(self) -> None:
         _require_function(self.gamma_deg, "gamma_deg", _FINEST_DEG, self.intensity, "intensity")
 
 
+@public
 class PhotometricIntensity(Section):
     """Far field in an IES LM-63 or EULUMDAT file; its gamma = 0 is the lens axis, C = 0 +x, C = 90 -y."""
 
     kind: Literal["photometric"] = "photometric"
-    file: FilePath
-    """IES LM-63 or EULUMDAT file."""
+    file: FilePath = Field(description="IES LM-63 or EULUMDAT file.")
 
 
 IntensitySpec = Annotated[CosineIntensity | TableIntensity | PhotometricIntensity, Field(discriminator="kind")]
 
 
+@public
 class LineSpectrum(Section):
     """Light of one wavelength."""
 
     kind: Literal["line"] = "line"
-    wavelength_nm: Nanometres
-    """Wavelength of all light."""
+    wavelength_nm: Nanometres = Field(description="Wavelength of all light.")
 
 
+@public
 class TableSpectrum(Section):
     """Power density (relative, per nm) at each wavelength, linear in between, none beyond them."""
 
     kind: Literal["table"] = "table"
-    wavelength_nm: Annotated[tuple[Nanometres, ...], Field(max_length=MOST_ENTRIES)]
-    """Wavelengths, rising."""
-    weight: Annotated[tuple[Weight, ...], Field(max_length=MOST_ENTRIES)]
-    """Power density (relative, per nm) at each wavelength."""
+    wavelength_nm: Annotated[tuple[Nanometres, ...], Field(max_length=MOST_ENTRIES)] = Field(
+        description="Wavelengths, rising."
+    )
+    weight: Annotated[tuple[Weight, ...], Field(max_length=MOST_ENTRIES)] = Field(
+        description="Power density (relative, per nm) at each wavelength."
+    )
 
     @check
     def _is_a_function(self) -> None:
         _require_function(self.wavelength_nm, "wavelength_nm", _FINEST_NM, self.weight, "weight")
 
 
+@public
 class FileSpectrum(Section):
     """Spectral table as a text file: wavelength (nm) and relative power density in two columns, OPTIS or LightTools."""
 
     kind: Literal["file"] = "file"
-    file: FilePath
-    """Text file of wavelength (nm) and relative power density in two columns, OPTIS or LightTools."""
+    file: FilePath = Field(
+        description="Text file of wavelength (nm) and relative power density in two columns, OPTIS or LightTools."
+    )
 
 
+@public
 class GaussianSpectrum(Section):
     """Normal distribution of power over wavelength, as of a chip without a phosphor."""
 
     kind: Literal["gaussian"] = "gaussian"
-    peak_nm: Nanometres
-    """Wavelength of the largest power density."""
-    fwhm_nm: Annotated[float, Field(ge=0.1, le=2000.0)]
-    """Full width at half of that."""
+    peak_nm: Nanometres = Field(description="Wavelength of the largest power density.")
+    fwhm_nm: Annotated[float, Field(ge=0.1, le=2000.0)] = Field(description="Full width at half of that.")
 
 
 SpectrumSpec = Annotated[LineSpectrum | TableSpectrum | FileSpectrum | GaussianSpectrum, Field(discriminator="kind")]
@@ -109,13 +117,12 @@ Turn = Annotated[float, Field(ge=-36_000.0, le=36_000.0)]  # degrees; beyond 100
 LumensPerWatt = Annotated[float, Field(ge=1e-9, le=LARGEST_LM_PER_W)]  # light of 830 nm, where V ends, has 3e-4
 
 
+@public
 class FluxSection(Section):
     """Flux of a source or of a part of it; both fluxes together state its lm/W."""
 
-    flux_w: Watts | None = None
-    """Radiant flux."""
-    flux_lm: Lumens | None = None
-    """Luminous flux."""
+    flux_w: Watts | None = Field(None, description="Radiant flux.")
+    flux_lm: Lumens | None = Field(None, description="Luminous flux.")
 
     @check
     def _lumens_fit_the_watts(self) -> None:
@@ -132,6 +139,7 @@ class FluxSection(Section):
         return None if self.flux_w is None or self.flux_lm is None else self.flux_lm / self.flux_w
 
 
+@public
 class EmitterSection(OfSeveralKinds, FluxSection):
     """Fields of every source. A kind of source is a class that extends this one: it registers itself.
 
@@ -145,19 +153,24 @@ class EmitterSection(OfSeveralKinds, FluxSection):
     words: ClassVar[str]  # for the source, by its fields
     in_a_word: ClassVar[tuple[str, ...]] = ()  # fields that `lensforge new` takes in one, rectangle:WIDTHxHEIGHT
 
-    luminous_efficacy_lm_per_w: LumensPerWatt | None = None
-    """Luminous efficacy of the light: with it, with both fluxes or with a spectrum reports show lux, without it W/m^2.
-    """
-    spectrum: SpectrumSpec | None = None
-    """Spectrum, used where the lens material is dispersive, for colour, and for the luminous efficacy; for a ray file
-    it replaces the file's own.
-    """
-    rotate_z_deg: Turn = 0.0
-    """Turn about the z axis, before the tilt."""
-    tilt_deg: tuple[Degrees, Degrees] = (0.0, 0.0)
-    """Tilt about the x axis, then about the y axis, each about the lens origin by the right-hand rule."""
-    position_mm: tuple[Coordinate, Coordinate, Coordinate] = (0.0, 0.0, 0.0)
-    """Shift (x, y, z), after turn and tilt."""
+    luminous_efficacy_lm_per_w: LumensPerWatt | None = Field(
+        None,
+        description="Luminous efficacy of the light: with it, with both fluxes or with a spectrum reports show "
+        "lux, without it W/m^2.",
+    )
+    spectrum: SpectrumSpec | None = Field(
+        None,
+        description="Spectrum, used where the lens material is dispersive, for colour, and for the luminous "
+        "efficacy; for a ray file it replaces the file's own.",
+    )
+    rotate_z_deg: Turn = Field(0.0, description="Turn about the z axis, before the tilt.")
+    tilt_deg: tuple[Degrees, Degrees] = Field(
+        (0.0, 0.0),
+        description="Tilt about the x axis, then about the y axis, each about the lens origin by the right-hand rule.",
+    )
+    position_mm: tuple[Coordinate, Coordinate, Coordinate] = Field(
+        (0.0, 0.0, 0.0), description="Shift (x, y, z), after turn and tilt."
+    )
 
     @check
     def _efficacy_is_that_of_the_fluxes(self) -> None:

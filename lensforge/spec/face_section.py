@@ -6,6 +6,7 @@ from pydantic import Field
 
 from lensforge.errors import InputError
 from lensforge.optics.face_roles import BODY, CAVITY, DOUBLE, OUTSIDE, RIM_FLANGE, FaceRole, bounding
+from lensforge.public import public
 from lensforge.spec.coating_section import CoatingSection
 from lensforge.spec.fixed_surface import FixedSurface
 from lensforge.spec.scatter_section import AnyScatter
@@ -14,25 +15,36 @@ from lensforge.spec.tolerances_section import FaceTolerances, lets_light_in, ref
 from lensforge.surfaces.surface import Surface
 
 
+@public
 class _DesignedFace(Section):
-    offset_mm: Millimetres | None = None
-    """Place of the face where the search starts: of a double lens the radius of a hemisphere; of cap, exit and mouth,
-    which lie across the axis, the height there; of side, wall and cup, which lie around it, the radius at z = 0.
-    """
-    fixed: FixedSurface | None = None
-    """Surface that the search does not change, in place of ``offset_mm``."""
-    coating: CoatingSection | None = None
-    """Coating of the face."""
-    mirror: Annotated[float, Field(gt=0.0, le=1.0)] | None = None
-    """Share of the light that a metal film on the face reflects at every angle, in place of a coating; the rest is
-    absorbed. Of a face of a lens for total internal reflection.
-    """
-    scatter: AnyScatter | None = None
-    """How the face spreads the light that passes it, or that its mirror reflects; left out, it is polished."""
-    concave_radius_mm: Millimetres | None = None
-    """Least concave radius: of the ball that mills the face, or of the meridian, for the nose that turns it."""
-    draft_deg: Annotated[float, Field(ge=0.0, le=25.0)] | None = None
-    """Minimum draft along the axis, the direction in which the mould of the face opens."""
+    offset_mm: Millimetres | None = Field(
+        None,
+        description="Place of the face where the search starts: of a double lens the radius of a hemisphere; of "
+        "cap, exit and mouth, which lie across the axis, the height there; of side, wall and cup, "
+        "which lie around it, the radius at z = 0.",
+    )
+    fixed: FixedSurface | None = Field(
+        None, description="Surface that the search does not change, in place of `offset_mm`."
+    )
+    coating: CoatingSection | None = Field(None, description="Coating of the face.")
+    mirror: Annotated[float, Field(gt=0.0, le=1.0)] | None = Field(
+        None,
+        description="Share of the light that a metal film on the face reflects at every angle, in place of a "
+        "coating; the rest is absorbed. Of a face of a lens for total internal reflection.",
+    )
+    scatter: AnyScatter | None = Field(
+        None,
+        description="How the face spreads the light that passes it, or that its mirror reflects; left out, it is "
+        "polished.",
+    )
+    concave_radius_mm: Millimetres | None = Field(
+        None,
+        description="Least concave radius: of the ball that mills the face, or of the meridian, for the nose that "
+        "turns it.",
+    )
+    draft_deg: Annotated[float, Field(ge=0.0, le=25.0)] | None = Field(
+        None, description="Minimum draft along the axis, the direction in which the mould of the face opens."
+    )
 
     @check
     def _starts_once(self) -> None:
@@ -47,36 +59,45 @@ class _DesignedFace(Section):
         return self.offset_mm if self.fixed is None else self.fixed.apex_mm
 
 
+@public
 class FaceSection(FaceTolerances, _DesignedFace):  # in the file, the face stands before its errors
     """A face of the lens: the hemisphere from which its search starts, or the surface that it is; coating, limits that
     the search keeps, and tolerances.
     """
 
-    def with_tolerances(self, other: FaceTolerances) -> "FaceSection":
-        """The face with the tolerances of ``other`` in place of its own."""
-        own = self.changed(**{name: getattr(other, name) for name in FaceTolerances.model_fields})
-        own.model_fields_set.difference_update(FaceTolerances.model_fields.keys() - other.model_fields_set)
-        return own
+    def with_tolerances(self, tolerances: FaceTolerances) -> "FaceSection":
+        """The face with the tolerances of ``tolerances`` in place of its own."""
+        face = self.changed(**{name: getattr(tolerances, name) for name in FaceTolerances.model_fields})
+        face.model_fields_set.difference_update(FaceTolerances.model_fields.keys() - tolerances.model_fields_set)
+        return face
 
 
+@public
 class FlangeSection(Section):
     """Flange at the exit's rim of a lens for total internal reflection: a ring, by which a holder takes the lens.
 
     A ring around the exit, joined by a cylinder of the lens's diameter. Light that meets that cylinder is absorbed.
     """
 
-    diameter_mm: Millimetres
-    """Outer diameter; it must exceed that of the lens, twice ``constraints.max_radius_mm``."""
-    thickness_mm: Millimetres
-    """Thickness along the axis."""
-    setback_mm: Millimetres = 0.1
-    """Height of the exit's rim over the flange's top, and the least height of its underside over the wall."""
-    tolerance_mm: Millimetres | None = None
-    """Tolerance of its diameter and thickness, of the height of its underside, and of the cavity's cap against it,
-    either way; left out, the general one.
-    """
-    draft_deg: DraftOrNone = None
-    """Draft of its side, which is as wide as stated at its top; left out, 1 where the part is moulded, else 0."""
+    diameter_mm: Millimetres = Field(
+        description="Outer diameter; it must exceed that of the lens, twice `constraints.max_radius_mm`."
+    )
+    thickness_mm: Millimetres = Field(description="Thickness along the axis.")
+    setback_mm: Millimetres = Field(
+        0.1,
+        description="Height of the exit's rim over the flange's top, and the least height of its underside over "
+        "the wall.",
+    )
+    tolerance_mm: Millimetres | None = Field(
+        None,
+        description="Tolerance of its diameter and thickness, of the height of its underside, and of the cavity's "
+        "cap against it, either way; left out, the general one.",
+    )
+    draft_deg: DraftOrNone = Field(
+        None,
+        description="Draft of its side, which is as wide as stated at its top; left out, 1 where the part is "
+        "moulded, else 0.",
+    )
 
     @property
     def room_mm(self) -> float:
@@ -84,6 +105,7 @@ class FlangeSection(Section):
         return self.thickness_mm + 2.0 * self.setback_mm
 
 
+@public
 class FacesSection(Section):
     """The faces of a lens by name, from the source on: each has a table, and one of the ``roles``."""
 

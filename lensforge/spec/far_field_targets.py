@@ -5,6 +5,7 @@ from typing import Annotated, ClassVar, Literal
 import numpy as np
 from pydantic import Field
 
+from lensforge.public import public
 from lensforge.spec.spec_section import FilePath, check
 from lensforge.spec.target_sections import Places, SoftTarget, TargetSection
 
@@ -12,6 +13,7 @@ BeamAngle = Annotated[float, Field(ge=0.1, le=170.0)]
 _HORIZON = 89.0  # degrees: no plane is lit beyond
 
 
+@public
 class FarFieldTarget(TargetSection):
     """Lengths are angles, whatever is given."""
 
@@ -23,6 +25,7 @@ class FarFieldTarget(TargetSection):
         return "deg"
 
 
+@public
 class BeamTarget(FarFieldTarget, SoftTarget):
     """A beam by its full width at half maximum."""
 
@@ -32,13 +35,15 @@ class BeamTarget(FarFieldTarget, SoftTarget):
     is_round: ClassVar[bool] = True
 
     kind: Literal["beam"] = "beam"
-    fwhm_deg: BeamAngle | tuple[BeamAngle, BeamAngle] | None = None
-    """Full width at half maximum, one for both directions or along x and along y."""
-    profile: Literal["gaussian", "cosine", "flat"] = "gaussian"
-    """Course of the intensity: "gaussian", "cosine" (a power of the cosine of the angle from the axis; between x and y
-    the width follows an ellipse), or "flat" up to the half width and dark beyond it, with soft edges by
-    ``edge_deg``.
-    """
+    fwhm_deg: BeamAngle | tuple[BeamAngle, BeamAngle] | None = Field(
+        None, description="Full width at half maximum, one for both directions or along x and along y."
+    )
+    profile: Literal["gaussian", "cosine", "flat"] = Field(
+        "gaussian",
+        description='Course of the intensity: "gaussian", "cosine" (a power of the cosine of the angle from the '
+        'axis; between x and y the width follows an ellipse), or "flat" up to the half width and dark '
+        "beyond it, with soft edges by `edge_deg`.",
+    )
 
     def light(self, x: Places, y: Places) -> Places:
         """Intensity at angles: full widths at half maximum are those of the target, along x and along y."""
@@ -60,6 +65,7 @@ class BeamTarget(FarFieldTarget, SoftTarget):
             raise ValueError(f'edge_deg = {self.edge:g} goes with profile = "flat"; leave it out')
 
 
+@public
 class BatwingTarget(FarFieldTarget, SoftTarget):
     """Even illuminance on a plane at right angles to the axis: intensity as 1 / cos^3 of the angle.
 
@@ -74,8 +80,9 @@ class BatwingTarget(FarFieldTarget, SoftTarget):
     has_own_edge: ClassVar[bool] = True
 
     kind: Literal["batwing"] = "batwing"
-    to_deg: Annotated[float, Field(ge=0.1, le=85.0)] | None = None
-    """Angle from the axis up to which the light is even."""
+    to_deg: Annotated[float, Field(ge=0.1, le=85.0)] | None = Field(
+        None, description="Angle from the axis up to which the light is even."
+    )
 
     @property
     def bounds(self) -> tuple[float, float]:
@@ -93,6 +100,7 @@ class BatwingTarget(FarFieldTarget, SoftTarget):
         return np.where(within, lit / np.cos(np.radians(np.where(within, gamma, 0.0))) ** 3, 0.0)
 
 
+@public
 class PhotometricTarget(FarFieldTarget):
     """Intensity in an IES LM-63 or EULUMDAT file; its gamma = 0 is the receiver's axis, C = 0 +x, C = 90 -y.
 
@@ -102,5 +110,4 @@ class PhotometricTarget(FarFieldTarget):
     words: ClassVar[str] = "intensity of {0.file.name}"
 
     kind: Literal["photometric"] = "photometric"
-    file: FilePath
-    """IES LM-63 or EULUMDAT file."""
+    file: FilePath = Field(description="IES LM-63 or EULUMDAT file.")

@@ -9,6 +9,7 @@ from typing import Annotated, ClassVar, Literal
 
 from pydantic import AfterValidator, Field
 
+from lensforge.public import public
 from lensforge.results.registered_kinds import OfSeveralKinds
 from lensforge.spec.spec_section import Coordinate, FilePath, Label, Millimetres, Section, check, fault_of
 from lensforge.surfaces.asphere import Asphere, Biconic, SurfaceShape
@@ -18,6 +19,7 @@ from lensforge.surfaces.reciprocal import ConicFace
 from lensforge.surfaces.surface import Surface, SurfaceRecord, surface_record
 
 
+@public
 class FixedFace(OfSeveralKinds, Section):
     """A surface that the search does not change. A kind of it is a class that extends this one: it registers itself."""
 
@@ -62,6 +64,7 @@ _Conic = Annotated[float, Field(ge=-1e3, le=1e3)]
 _Series = Annotated[tuple[Coordinate, ...], Field(max_length=10)]
 
 
+@public
 class _ByFormula(FixedFace):
     """A surface that a formula gives; it must be star-shaped about the origin."""
 
@@ -71,16 +74,17 @@ class _ByFormula(FixedFace):
             _ = self.surface
 
 
+@public
 class FixedSphere(_ByFormula):
     """Sphere with its centre on the axis; the origin, where the source is, must lie inside."""
 
     is_round: ClassVar[bool] = True
 
     kind: Literal["sphere"] = "sphere"
-    radius_mm: Millimetres
-    """Radius."""
-    centre_z_mm: Coordinate = 0.0
-    """Height of the centre above z = 0; the origin must lie inside the sphere."""
+    radius_mm: Millimetres = Field(description="Radius.")
+    centre_z_mm: Coordinate = Field(
+        0.0, description="Height of the centre above z = 0; the origin must lie inside the sphere."
+    )
 
     @property
     def surface(self) -> Surface:
@@ -88,20 +92,17 @@ class FixedSphere(_ByFormula):
         return Asphere(self.centre_z_mm + self.radius_mm, -self.radius_mm)
 
 
+@public
 class FixedAsphere(_ByFormula):
     """Even asphere by the sag of ISO 10110-12."""
 
     is_round: ClassVar[bool] = True
 
     kind: Literal["asphere"] = "asphere"
-    vertex_z_mm: Millimetres
-    """Height of the vertex above z = 0."""
-    radius_mm: Coordinate
-    """Radius of curvature at the vertex, below 0 for a dome over the source."""
-    conic_constant: _Conic = 0.0
-    """Conic constant: 0 a sphere, -1 a paraboloid."""
-    coefficients: _Series = ()
-    """Coefficients A_4, A_6, A_8, ... in mm^-3, mm^-5, mm^-7, ..."""
+    vertex_z_mm: Millimetres = Field(description="Height of the vertex above z = 0.")
+    radius_mm: Coordinate = Field(description="Radius of curvature at the vertex, below 0 for a dome over the source.")
+    conic_constant: _Conic = Field(0.0, description="Conic constant: 0 a sphere, -1 a paraboloid.")
+    coefficients: _Series = Field((), description="Coefficients A_4, A_6, A_8, ... in mm^-3, mm^-5, mm^-7, ...")
 
     @property
     def surface(self) -> Surface:
@@ -109,20 +110,16 @@ class FixedAsphere(_ByFormula):
         return Asphere(self.vertex_z_mm, self.radius_mm, self.conic_constant, self.coefficients)
 
 
+@public
 class FixedBiconic(_ByFormula):
     """Biconic (ISO 10110-12): radii and conic constants in the x-z and in the y-z plane; below 0 for a dome."""
 
     kind: Literal["biconic"] = "biconic"
-    vertex_z_mm: Millimetres
-    """Height of the vertex above z = 0."""
-    radius_x_mm: Coordinate
-    """Radius of curvature in the x-z plane."""
-    radius_y_mm: Coordinate
-    """Radius of curvature in the y-z plane."""
-    conic_x: _Conic = 0.0
-    """Conic constant in the x-z plane."""
-    conic_y: _Conic = 0.0
-    """Conic constant in the y-z plane."""
+    vertex_z_mm: Millimetres = Field(description="Height of the vertex above z = 0.")
+    radius_x_mm: Coordinate = Field(description="Radius of curvature in the x-z plane.")
+    radius_y_mm: Coordinate = Field(description="Radius of curvature in the y-z plane.")
+    conic_x: _Conic = Field(0.0, description="Conic constant in the x-z plane.")
+    conic_y: _Conic = Field(0.0, description="Conic constant in the y-z plane.")
 
     @property
     def surface(self) -> Surface:
@@ -136,6 +133,7 @@ _FARTHEST = 64.0  # reach of a paraboloid over its vertex
 _ROOM = 1.1  # of an ellipsoid over its farthest point
 
 
+@public
 class FixedFocalConic(_ByFormula):
     """Conic of revolution with a focus at the origin, where the LED is, and its vertex below: a reflector's cup.
 
@@ -145,10 +143,13 @@ class FixedFocalConic(_ByFormula):
     is_round: ClassVar[bool] = True
 
     kind: Literal["focal_conic"] = "focal_conic"
-    vertex_mm: Millimetres
-    """Distance of the vertex below the focus: the focal length of a paraboloid, whose radius at z = 0 is twice that."""
-    second_focus_mm: Millimetres | None = None
-    """Height of the other focus of an ellipsoid; without it a paraboloid."""
+    vertex_mm: Millimetres = Field(
+        description="Distance of the vertex below the focus: the focal length of a paraboloid, whose radius at z "
+        "= 0 is twice that."
+    )
+    second_focus_mm: Millimetres | None = Field(
+        None, description="Height of the other focus of an ellipsoid; without it a paraboloid."
+    )
 
     @property
     def surface(self) -> Surface:
@@ -164,6 +165,7 @@ _Shift = tuple[Coordinate, Coordinate, Coordinate]
 _FaceName = Annotated[int, Field(ge=1, le=100_000)] | Annotated[str, Field(min_length=1, max_length=200)]
 
 
+@public
 class _OfFile(FixedFace):
     @property
     def surface(self) -> Surface:
@@ -180,37 +182,39 @@ class _OfFile(FixedFace):
         raise NotImplementedError
 
 
+@public
 class FixedLensFace(_OfFile):
     """A face of another result. It is that face exactly."""
 
     kind: Literal["lens"] = "lens"
-    file: Annotated[FilePath, AfterValidator(lens_file)]
-    """Result folder, or its lens.json."""
-    face: Annotated[str, Field(min_length=1, max_length=200)]
-    """Face of that lens by its name, such as inner, outer, or exit."""
+    file: Annotated[FilePath, AfterValidator(lens_file)] = Field(description="Result folder, or its lens.json.")
+    face: Annotated[str, Field(min_length=1, max_length=200)] = Field(
+        description="Face of that lens by its name, such as inner, outer, or exit."
+    )
 
     def _read(self) -> GivenFace:
         return face_of_lens(self.file, self.face)
 
 
+@public
 class FixedCadFace(_OfFile):
     """A face of a STEP or IGES file in the coordinates of the lens; any unit."""
 
     kind: Literal["cad"] = "cad"
-    file: FilePath
-    """STEP or IGES file."""
-    face: _FaceName | Annotated[tuple[_FaceName, ...], Field(min_length=1, max_length=100)] = "first"
-    """Face by its name, by its number in the file from 1, or "first": the face that the axis meets first above the
-    origin. Several where the face comes in parts.
-    """
-    shift_mm: _Shift = (0.0, 0.0, 0.0)
-    """Shift of the file's face along x, y and z."""
+    file: FilePath = Field(description="STEP or IGES file.")
+    face: _FaceName | Annotated[tuple[_FaceName, ...], Field(min_length=1, max_length=100)] = Field(
+        "first",
+        description='Face by its name, by its number in the file from 1, or "first": the face that the axis meets '
+        "first above the origin. Several where the face comes in parts.",
+    )
+    shift_mm: _Shift = Field((0.0, 0.0, 0.0), description="Shift of the file's face along x, y and z.")
 
     def _read(self) -> GivenFace:
         faces = self.face if isinstance(self.face, tuple) else (self.face,)
         return face_of_cad(self.file, faces, self.shift_mm)
 
 
+@public
 class FixedPoints(_OfFile):
     """A face through the points of a text file, a grid or a cloud, in the coordinates of the lens.
 
@@ -218,14 +222,13 @@ class FixedPoints(_OfFile):
     """
 
     kind: Literal["points"] = "points"
-    file: FilePath
-    """Text file of points, one in each line."""
-    coordinates: Literal["cartesian", "polar"] = "cartesian"
-    """Columns: "cartesian", x, y, z in mm, or "polar", the angle from the axis and the azimuth in degrees and the
-    distance from the origin in mm.
-    """
-    shift_mm: _Shift = (0.0, 0.0, 0.0)
-    """Shift of the points along x, y and z."""
+    file: FilePath = Field(description="Text file of points, one in each line.")
+    coordinates: Literal["cartesian", "polar"] = Field(
+        "cartesian",
+        description='Columns: "cartesian", x, y, z in mm, or "polar", the angle from the axis and the azimuth in '
+        "degrees and the distance from the origin in mm.",
+    )
+    shift_mm: _Shift = Field((0.0, 0.0, 0.0), description="Shift of the points along x, y and z.")
 
     def _read(self) -> GivenFace:
         return face_of_points(self.file, self.coordinates, self.shift_mm)
@@ -236,6 +239,7 @@ _EXPORTED_NM = 1.0
 _EXPORTED_URAD = 20.0
 
 
+@public
 class GivenSurface(FixedFace):
     """A face as it was read: its ``surface``, where it comes from, and its largest errors against that.
 
@@ -243,16 +247,15 @@ class GivenSurface(FixedFace):
     """
 
     kind: Literal["given"] = "given"
-    origin: Label = ""
-    """Origin of the face, in words."""
-    form_error_nm: Annotated[float, Field(ge=0.0)] = 0.0
-    """Largest distance of the surface from the face that was read."""
-    normal_error_urad: Annotated[float, Field(ge=0.0)] = 0.0
-    """Largest angle between the normals of both."""
-    unit: Label = "mm"
-    """Unit of the file that was read."""
-    face: SurfaceRecord
-    """The surface itself, as a record."""
+    origin: Label = Field("", description="Origin of the face, in words.")
+    form_error_nm: Annotated[float, Field(ge=0.0)] = Field(
+        0.0, description="Largest distance of the surface from the face that was read."
+    )
+    normal_error_urad: Annotated[float, Field(ge=0.0)] = Field(
+        0.0, description="Largest angle between the normals of both."
+    )
+    unit: Label = Field("mm", description="Unit of the file that was read.")
+    face: SurfaceRecord = Field(description="The surface itself, as a record.")
 
     @property
     def title(self) -> str:

@@ -10,6 +10,7 @@ from pydantic import Field
 
 from lensforge.errors import InputError
 from lensforge.optics.face_roles import BODY, CAVITY, OUTSIDE, RIM_FLANGE, FaceRole
+from lensforge.public import public
 from lensforge.spec.face_section import FaceSection, FlangeSection
 from lensforge.spec.lens_section import Beam, LightShape, ProfiledShape, StartConditions
 from lensforge.spec.spec_section import check
@@ -22,11 +23,15 @@ _DRAFT_DEG = 2.0  # of the side of a cavity, where the spec does not say
 _WIDEST_BEAM = 3.0  # over the narrowest of this source and radius: wider ones fit any cavity, and the exit makes them
 
 
+@public
 class ExitFace(FaceSection):
     """A face that may be kept a plane."""
 
-    flat: bool = False
-    """Keep it a plane across the axis: the search moves its height alone, and the other faces carry the shape."""
+    flat: bool = Field(
+        False,
+        description="Keep it a plane across the axis: the search moves its height alone, and the other faces "
+        "carry the shape.",
+    )
 
     @check
     def _flat_is_not_fixed(self) -> None:
@@ -34,6 +39,7 @@ class ExitFace(FaceSection):
             raise ValueError("give one of flat, a plane whose height the search finds, and fixed, a surface that stays")
 
 
+@public
 class TirSection(ProfiledShape):
     """A lens for total internal reflection: cap and side of the cavity, the reflecting wall, and the exit.
 
@@ -49,18 +55,24 @@ class TirSection(ProfiledShape):
     )
     title = "lens for total internal reflection"
     kind: Literal["tir"] = "tir"
-    cap: FaceSection = Field(default_factory=FaceSection)
-    """Face of the cavity over the source; ``offset_mm``: its height on the axis."""
-    side: FaceSection = Field(default_factory=FaceSection)
-    """Face of the cavity around the source: a cone with its draft, 2 degrees by default; ``offset_mm``: its radius at
-    z = 0.
-    """
-    wall: FaceSection = Field(default_factory=FaceSection)
-    """Face around the cavity, which reflects totally, or by a mirror; ``offset_mm``: its radius at z = 0."""
-    exit: ExitFace = Field(default_factory=ExitFace)
-    """Face towards the light that is wanted; ``offset_mm``: its height on the axis."""
-    flange: FlangeSection | None = None
-    """Flange at the exit's rim; by default there is none."""
+    cap: FaceSection = Field(
+        default_factory=FaceSection,
+        description="Face of the cavity over the source; `offset_mm`: its height on the axis.",
+    )
+    side: FaceSection = Field(
+        default_factory=FaceSection,
+        description="Face of the cavity around the source: a cone with its draft, 2 degrees by default; "
+        "`offset_mm`: its radius at z = 0.",
+    )
+    wall: FaceSection = Field(
+        default_factory=FaceSection,
+        description="Face around the cavity, which reflects totally, or by a mirror; `offset_mm`: its radius at z = 0.",
+    )
+    exit: ExitFace = Field(
+        default_factory=ExitFace,
+        description="Face towards the light that is wanted; `offset_mm`: its height on the axis.",
+    )
+    flange: FlangeSection | None = Field(None, description="Flange at the exit's rim; by default there is none.")
 
     @classmethod
     def first_tables(cls, shape: LightShape) -> dict[str, dict[str, object]]:

@@ -74,7 +74,7 @@ def kinds_of(
     for place, name in zip(places, names, strict=bool(names)):
         nearest[name] = min(nearest[name], round(hypot(*place), 6))
     ordered = sorted(nearest, key=lambda name: nearest[name])
-    numbers = {name: tuple(k for k, each in enumerate(names) if each == name) for name in ordered}
+    numbers = {name: tuple(k for k, lamp_kind in enumerate(names) if lamp_kind == name) for name in ordered}
     return tuple(LampKind(name, numbers[name], mirror_of[name]) for name in ordered)
 
 

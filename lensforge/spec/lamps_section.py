@@ -15,6 +15,7 @@ from jaxtyping import Float
 from pydantic import Field
 
 from lensforge.optics.pose import ALONG_Z, ORIGIN, Vector
+from lensforge.public import public
 from lensforge.spec.emitter_section import Turn
 from lensforge.spec.lamp_places import KindOfPlace, Lamp, LampKind, aimed_from, in_grid, in_hexagon, kinds_of
 from lensforge.spec.spec_section import Coordinate, Millimetres, Section, check
@@ -44,7 +45,7 @@ class Lamps:
         places = tuple(places_mm)
         turns = tuple(turns_deg) or (0.0,) * len(places)
         return Lamps(
-            tuple(Lamp((*each, 0.0), ALONG_Z, turn) for each, turn in zip(places, turns, strict=True)), period_mm
+            tuple(Lamp((*place, 0.0), ALONG_Z, turn) for place, turn in zip(places, turns, strict=True)), period_mm
         )
 
     def __len__(self) -> int:
@@ -123,13 +124,13 @@ class Lamps:
         return all(self._is_mirrored(kind, group) for kind in self.kinds or (LampKind("", tuple(range(len(self)))),))
 
     def _is_mirrored(self, kind: LampKind, group: str) -> bool:
-        own = self.of_kind(kind).lamps
-        places = np.array([lamp.place_mm for lamp in own])
-        axes = np.array([lamp.axis for lamp in own])
-        as_it_is = self._as_rows(places, axes, [lamp.turn_deg for lamp in own])
+        lamps = self.of_kind(kind).lamps
+        places = np.array([lamp.place_mm for lamp in lamps])
+        axes = np.array([lamp.axis for lamp in lamps])
+        as_it_is = self._as_rows(places, axes, [lamp.turn_deg for lamp in lamps])
         for mirror in generators(group):
             axis_deg = 0.5 * degrees(atan2(mirror[1, 0], mirror[0, 0]))
-            turns = [kind.mirrored_deg(lamp.turn_deg, axis_deg) for lamp in own]
+            turns = [kind.mirrored_deg(lamp.turn_deg, axis_deg) for lamp in lamps]
             if not np.array_equal(self._as_rows(places @ mirror.T, axes @ mirror.T, turns), as_it_is):
                 return False
         return True
@@ -172,6 +173,7 @@ _Rings = Annotated[int, Field(ge=1, le=3)]
 _KindName = Annotated[str, Field(pattern="^[a-z][a-z0-9_]{0,15}$")]
 
 
+@public
 class LampsSection(Section):
     """Fields of every arrangement."""
 
@@ -201,9 +203,9 @@ class LampsSection(Section):
         return TableLamps(places_mm=places, aims_mm=aims, turns_deg=tuple(np.subtract(turns, sides).tolist()))
 
 
-def _by_place(places: Sequence[Place], found: Sequence[KindOfPlace]) -> Lamps:
+def _by_place(places: Sequence[Place], kinds_of_places: Sequence[KindOfPlace]) -> Lamps:
     """Lamps whose lenses differ by place. Raises ``ValueError`` where all places are of one kind."""
-    names, turns, mirrors = (tuple(each) for each in zip(*found, strict=True))
+    names, turns, mirrors = (tuple(values) for values in zip(*kinds_of_places, strict=True))
     if len(set(names)) == 1:
         raise ValueError(f'kinds = "place": all {len(places)} lamps are of the kind {names[0]!r}; leave it out')
     return replace(Lamps.level(places, turns), kinds=kinds_of(places, names, mirrors))
@@ -213,25 +215,28 @@ def _pair(pitch: Side) -> tuple[float, float]:
     return pitch if isinstance(pitch, tuple) else (pitch, pitch)
 
 
+@public
 class LampsWithRim(LampsSection):
     """Lamps in an arrangement with a rim, along which they may have other lenses."""
 
-    kinds: _Kinds = "one"
-    """Lenses: "one" for all lamps, or "place": other ones along the rim and at the corners, turned to face outwards."""
-    rim_rings: _Rings = 1
-    """Rings of places, from the rim inwards, with a lens of their own for sides and one for corners."""
+    kinds: _Kinds = Field(
+        "one",
+        description='Lenses: "one" for all lamps, or "place": other ones along the rim and at the corners, turned '
+        "to face outwards.",
+    )
+    rim_rings: _Rings = Field(
+        1, description="Rings of places, from the rim inwards, with a lens of their own for sides and one for corners."
+    )
 
 
+@public
 class GridLamps(LampsWithRim):
     """Rows and columns about the origin."""
 
     kind: Literal["grid"] = "grid"
-    columns: _Number
-    """Lamps along x."""
-    rows: _Number
-    """Lamps along y."""
-    pitch_mm: Side
-    """Distance of neighbouring axes; one number, or along x and along y."""
+    columns: _Number = Field(description="Lamps along x.")
+    rows: _Number = Field(description="Lamps along y.")
+    pitch_mm: Side = Field(description="Distance of neighbouring axes; one number, or along x and along y.")
 
     @property
     def lamps(self) -> Lamps:
@@ -239,7 +244,7 @@ class GridLamps(LampsWithRim):
         across, up = _pair(self.pitch_mm)
         x = [across * (number - 0.5 * (self.columns - 1)) for number in range(self.columns)]
         y = [up * (number - 0.5 * (self.rows - 1)) for number in range(self.rows)]
-        places = [(each, other) for other in y for each in x]
+        places = [(column_x, row_y) for row_y in y for column_x in x]
         if self.kinds == "one":
             return Lamps.level(places)
         size = self.columns, self.rows
@@ -248,14 +253,13 @@ class GridLamps(LampsWithRim):
         )
 
 
+@public
 class HexagonLamps(LampsWithRim):
     """A lamp at the origin, and hexagons of them around it: 7 with one ring, 19 with two."""
 
     kind: Literal["hexagon"] = "hexagon"
-    rings: Annotated[int, Field(ge=1, le=25)]
-    """Hexagons around the middle lamp."""
-    pitch_mm: Millimetres
-    """Distance of neighbouring axes, along x and at 60 degrees to it."""
+    rings: Annotated[int, Field(ge=1, le=25)] = Field(description="Hexagons around the middle lamp.")
+    pitch_mm: Millimetres = Field(description="Distance of neighbouring axes, along x and at 60 degrees to it.")
 
     @property
     def lamps(self) -> Lamps:
@@ -269,23 +273,24 @@ class HexagonLamps(LampsWithRim):
         return _by_place(places, [in_hexagon(i, j, rings, self.rim_rings) for i, j in steps])
 
 
+@public
 class RingLamps(LampsSection):
     """A ring about the origin; its first lamp is on +x."""
 
     kind: Literal["ring"] = "ring"
-    count: _Number
-    """Lamps in the ring."""
-    diameter_mm: Millimetres
-    """Diameter of the circle of their axes."""
-    turned: bool = True
-    """Turn each lamp with its place, so that its +x points away from the origin."""
+    count: _Number = Field(description="Lamps in the ring.")
+    diameter_mm: Millimetres = Field(description="Diameter of the circle of their axes.")
+    turned: bool = Field(True, description="Turn each lamp with its place, so that its +x points away from the origin.")
 
     @property
     def lamps(self) -> Lamps:
         """Places and turns."""
         turns = [360.0 * number / self.count for number in range(self.count)]
         directions = [complex(np.exp(1j * pi * turn / 180.0)) for turn in turns]
-        places = [(0.5 * self.diameter_mm * each.real, 0.5 * self.diameter_mm * each.imag) for each in directions]
+        places = [
+            (0.5 * self.diameter_mm * direction.real, 0.5 * self.diameter_mm * direction.imag)
+            for direction in directions
+        ]
         return Lamps.level(places, turns if self.turned else ())
 
 
@@ -293,20 +298,25 @@ _TablePlace = tuple[Coordinate, Coordinate] | tuple[Coordinate, Coordinate, Coor
 _Point = tuple[Coordinate, Coordinate, Coordinate]
 
 
+@public
 class TableLamps(LampsSection):
     """Places and turns one by one; also lamps on poles, each with its height and aim."""
 
     kind: Literal["table"] = "table"
-    places_mm: Annotated[tuple[_TablePlace, ...], Field(min_length=1, max_length=_MOST)]
-    """Place (x, y) or (x, y, z) of each lamp; z, along which lamps shine, is 0 where it is left out."""
-    aims_mm: Annotated[tuple[_Point, ...], Field(max_length=_MOST)] = ()
-    """Point (x, y, z) at which the axis of each lamp is aimed; by default all axes are along z. A tilted lamp is
-    turned so that its +x lies in the tilt direction.
-    """
-    turns_deg: Annotated[tuple[Turn, ...], Field(max_length=_MOST)] = ()
-    """Turn of each lamp about its axis, from x towards y, from there on; by default none is turned."""
-    kinds: Annotated[tuple[_KindName, ...], Field(max_length=_MOST)] = ()
-    """Lens of each lamp, by a name such as "wide"; by default all have one lens."""
+    places_mm: Annotated[tuple[_TablePlace, ...], Field(min_length=1, max_length=_MOST)] = Field(
+        description="Place (x, y) or (x, y, z) of each lamp; z, along which lamps shine, is 0 where it is left out."
+    )
+    aims_mm: Annotated[tuple[_Point, ...], Field(max_length=_MOST)] = Field(
+        (),
+        description="Point (x, y, z) at which the axis of each lamp is aimed; by default all axes are along z. A "
+        "tilted lamp is turned so that its +x lies in the tilt direction.",
+    )
+    turns_deg: Annotated[tuple[Turn, ...], Field(max_length=_MOST)] = Field(
+        (), description="Turn of each lamp about its axis, from x towards y, from there on; by default none is turned."
+    )
+    kinds: Annotated[tuple[_KindName, ...], Field(max_length=_MOST)] = Field(
+        (), description='Lens of each lamp, by a name such as "wide"; by default all have one lens.'
+    )
 
     @property
     def lamps(self) -> Lamps:
@@ -328,9 +338,9 @@ class TableLamps(LampsSection):
             ("aims_mm", self.aims_mm, "points"),
             ("kinds", self.kinds, "names"),
         )
-        for field, given, words in lists:
+        for field, given, description in lists:
             if given and len(given) != len(self.places_mm):
-                raise ValueError(f"{field} has {len(given)} {words}, places_mm {len(self.places_mm)} places")
+                raise ValueError(f"{field} has {len(given)} {description}, places_mm {len(self.places_mm)} places")
         for number, (aim, place) in enumerate(zip(self.aims_mm, self.places_mm, strict=False)):
             if aim == (*place, 0.0)[:3]:
                 raise ValueError(f"aims_mm.{number} = {aim}: is the place of the lamp; give a point that it shines at")
@@ -338,6 +348,7 @@ class TableLamps(LampsSection):
             raise ValueError(f"kinds: {len(set(self.kinds))} names; give 2 to {_MOST_KINDS}, or leave them out for one")
 
 
+@public
 class EndlessLamps(LampsSection):
     """An infinite lattice, as of a large backlight; its receivers are planes above it of one period each.
 
@@ -346,10 +357,12 @@ class EndlessLamps(LampsSection):
     """
 
     kind: Literal["endless"] = "endless"
-    lattice: Literal["rectangle", "hexagon"] = "rectangle"
-    """Lattice: rows and columns, or each lamp with six neighbours."""
-    pitch_mm: Side
-    """Distance of neighbouring axes; one number, or of a rectangle along x and along y."""
+    lattice: Literal["rectangle", "hexagon"] = Field(
+        "rectangle", description="Lattice: rows and columns, or each lamp with six neighbours."
+    )
+    pitch_mm: Side = Field(
+        description="Distance of neighbouring axes; one number, or of a rectangle along x and along y."
+    )
 
     @property
     def lamps(self) -> Lamps:

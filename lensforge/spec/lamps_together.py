@@ -55,7 +55,7 @@ def _require_seen_by(receiver: ReceiverSection, lamps: Lamps, limits: Constraint
     for place, _, _ in lamps.lamps:
         away_mm = receiver.clear_mm(place)
         if away_mm <= limits.max_radius_mm:
-            at = ", ".join(f"{each:.4g}" for each in place[: 3 if place[2] else 2])
+            at = ", ".join(f"{coordinate:.4g}" for coordinate in place[: 3 if place[2] else 2])
             raise ValueError(
                 f"receivers: {receiver.name or receiver.kind!r} is between the lamps: that at ({at}) mm has "
                 f"{away_mm:.4g} mm to it, its lens needs more than constraints.max_radius_mm = "
@@ -78,16 +78,16 @@ def _require_period(receiver: ReceiverSection, period: tuple[float, float]) -> N
 def require_kinds(
     section: LampsSection,
     receivers: Sequence[ReceiverSection],
-    others: Mapping[str, bool],
+    unfit: Mapping[str, bool],
     limits: Sequence[LimitSection],
 ) -> None:
-    """Raise ``ValueError`` where lenses of several kinds cannot be: with any of the fields ``others``, seen by eyes."""
+    """Raise ``ValueError`` where lenses of several kinds cannot be: with any of the fields ``unfit``, seen by eyes."""
     kinds = section.lamps.kinds
-    others = {**others, "a limit of kind luminance": any(limit.kind == "luminance" for limit in limits)}
-    given = next((name for name, is_given in others.items() if is_given), None)
+    unfit = {**unfit, "a limit of kind luminance": any(limit.kind == "luminance" for limit in limits)}
+    given = next((name for name, is_given in unfit.items() if is_given), None)
     if kinds and given is not None:
         raise ValueError(f"lamps.kinds: {given} goes with lamps of one lens; leave out one of the two")
-    if any(kind.mirrors for kind in kinds) and all(each.is_far_field for each in receivers):
+    if any(kind.mirrors for kind in kinds) and all(receiver.is_far_field for receiver in receivers):
         raise ValueError(
             f'lamps.kinds = "place": in the far field all {len(section.lamps)} lamps are at one place; take a near '
             "receiver, kinds by name in a table, or leave it out"

@@ -34,6 +34,7 @@ from lensforge.optics.material import (
 from lensforge.optics.material_files import read_material
 from lensforge.optics.media import FaceCoating, FaceScatter, Media, Medium, Mirror
 from lensforge.optics.scattering import FacetTurn
+from lensforge.public import public
 from lensforge.spec.coating_section import CoverGlassSection
 from lensforge.spec.face_section import FacesSection
 from lensforge.spec.spec_files import full_path
@@ -51,38 +52,45 @@ _LARGEST_INDEX = 4.0
 _CHECKED = 400  # wavelengths of the range at which a formula is tried
 
 
+@public
 class OpticalData(Section):
     """Index of a material: ``formula`` with ``coefficients``, or ``refractive_index`` at ``wavelength_nm``."""
 
-    source: Label = ""
-    """Origin of the numbers, in words."""
-    formula: Annotated[str, Field(max_length=40)] | None = None
-    """Name of a dispersion formula, such as "sellmeier" (pairs b, c in um^2: n^2 - 1 = sum b w^2 / (w^2 - c)) or
-    "cauchy" (n = a + b / w^2 + ...), wavelength w in um.
-    """
-    coefficients: Annotated[tuple[_Coefficient, ...], Field(max_length=MOST_COEFFICIENTS)] = ()
-    """Coefficients of the formula."""
-    range_nm: tuple[_Wavelength, _Wavelength] | None = None
-    """Wavelengths over which the formula holds."""
-    wavelength_nm: _Wavelengths = ()
-    """Wavelengths of a table of the index, rising; between them it is linear."""
-    refractive_index: Annotated[tuple[float, ...], Field(max_length=_MOST_ROWS)] = ()
-    """Index at each of these wavelengths."""
-    absolute: bool = False
-    """True where the index is that against vacuum: it is divided by that of air at 20 °C."""
-    absorption_nm: _Wavelengths = ()
-    """Wavelengths of a table of the absorption, rising; without it the material is clear."""
+    source: Label = Field("", description="Origin of the numbers, in words.")
+    formula: Annotated[str, Field(max_length=40)] | None = Field(
+        None,
+        description='Name of a dispersion formula, such as "sellmeier" (pairs b, c in um^2: n^2 - 1 = sum b w^2 / '
+        '(w^2 - c)) or "cauchy" (n = a + b / w^2 + ...), wavelength w in um.',
+    )
+    coefficients: Annotated[tuple[_Coefficient, ...], Field(max_length=MOST_COEFFICIENTS)] = Field(
+        (), description="Coefficients of the formula."
+    )
+    range_nm: tuple[_Wavelength, _Wavelength] | None = Field(
+        None, description="Wavelengths over which the formula holds."
+    )
+    wavelength_nm: _Wavelengths = Field(
+        (), description="Wavelengths of a table of the index, rising; between them it is linear."
+    )
+    refractive_index: Annotated[tuple[float, ...], Field(max_length=_MOST_ROWS)] = Field(
+        (), description="Index at each of these wavelengths."
+    )
+    absolute: bool = Field(
+        False, description="True where the index is that against vacuum: it is divided by that of air at 20 °C."
+    )
+    absorption_nm: _Wavelengths = Field(
+        (), description="Wavelengths of a table of the absorption, rising; without it the material is clear."
+    )
     absorption_per_mm: Annotated[
         tuple[Annotated[float, Field(ge=0.0, le=100.0)], ...], Field(max_length=_MOST_ROWS)
-    ] = ()
-    """Absorption at each of these wavelengths."""
+    ] = Field((), description="Absorption at each of these wavelengths.")
 
-    schott_coefficients: tuple[_Schott, _Schott, _Schott, _Schott, _Schott, _Schott] | None = None
-    """Coefficients [D0, D1, D2, E0, E1, pole] of the index against temperature (SCHOTT)."""
-    reference_temperature_c: Celsius = REFERENCE_C
-    """Temperature at which the index is the one above."""
-    expansion_per_k: Expansion | None = None
-    """Linear expansion of every length with temperature."""
+    schott_coefficients: tuple[_Schott, _Schott, _Schott, _Schott, _Schott, _Schott] | None = Field(
+        None, description="Coefficients [D0, D1, D2, E0, E1, pole] of the index against temperature (SCHOTT)."
+    )
+    reference_temperature_c: Celsius = Field(
+        REFERENCE_C, description="Temperature at which the index is the one above."
+    )
+    expansion_per_k: Expansion | None = Field(None, description="Linear expansion of every length with temperature.")
 
     @check
     def _usable(self) -> None:
@@ -132,6 +140,7 @@ class OpticalData(Section):
         return Material(name, self._dispersion, self._span, self.source or "the spec", None, absorption, law)
 
 
+@public
 class OfMaterial(Section):
     """A section that may name the file of its material, whose data it has in place of that file: it needs it no more.
 
@@ -195,7 +204,7 @@ _PUBLISHED = {  # densities by source: grades of one plastic differ by 2 %, of s
     "SCHOTT data sheet": {"N-BK7": 2.51, "B270": 2.56, "borosilicate 3.3": 2.23},
     "Corning HPFS 7980 data sheet": {"fused silica": 2.2},
 }
-DENSITIES = {name: Density(each, source) for source, table in _PUBLISHED.items() for name, each in table.items()}
+DENSITIES = {name: Density(density, source) for source, table in _PUBLISHED.items() for name, density in table.items()}
 
 # Wavelengths of any light.
 _SHORTEST_NM = 1.0
@@ -205,6 +214,7 @@ _SAME_INDEX = 1e-9  # tolerance between a material's index and the one stored be
 _Index = Annotated[float, Field(ge=1.0, le=4.0)]
 
 
+@public
 class LensMaterial(OfMaterial, FacesSection):
     """Material of the body, and what lies on its faces and around it.
 
@@ -212,40 +222,53 @@ class LensMaterial(OfMaterial, FacesSection):
     ``optics.material.MATERIALS``, one with ``optical_data`` or a ``material_file``, or one with ``abbe_number``.
     """
 
-    refractive_index: _Index = 1.4936
-    """Index at all wavelengths, ``material`` being only a label, no name of the catalogue; or leave it out for a
-    dispersive material.
-    """
-    material: Label = "PMMA at 564 nm"
-    """Name in the catalogue, which is dispersive; beside ``refractive_index`` or other data only a label."""
-    material_file: FilePath | None = None
-    """A Zemax catalogue, of which ``material`` names the glass, a file of refractiveindex.info, or a table; read into
-    ``optical_data`` as the spec is.
-    """
-    optical_data: OpticalData | None = None
-    """Index and absorption of a custom material."""
-    abbe_number: Annotated[float, Field(ge=10.0, le=200.0)] | None = None
-    """Abbe number of a material whose n_d is ``refractive_index``: makes it dispersive."""
-    cavity_index: _Index = 1.0
-    """Index of what fills the cavity, such as a gel that couples the LED to the lens."""
-    outside_index: _Index = 1.0
-    """Index of what surrounds the lens, such as water."""
-    cover_glass: CoverGlassSection | None = None
-    """Plate in front of the lens."""
-    design_wavelength_nm: Annotated[float, Field(ge=100.0, le=20_000.0)] = D_LINE_NM
-    """Wavelength of the index where a single number is needed, and for a source without wavelengths."""
-    absorption_per_mm: Annotated[float, Field(ge=0.0, le=10.0)] = 0.0
-    """Absorption of the body (Beer and Lambert), if the material itself states none."""
-    density_g_per_cm3: Annotated[float, Field(ge=0.1, le=30.0)] | None = None
-    """Density of the grade that is ordered, which gives the part its mass; left out, that of the plastic or glass that
-    ``material`` names, if it is known.
-    """
-    index_per_k: Annotated[float, Field(ge=-1e-3, le=1e-3)] | None = None
-    """Change of the index relative to air with temperature, for a material that does not state its own."""
-    expansion_per_k: Expansion | None = None
-    """Linear expansion with temperature, for a material that does not state its own."""
-    reference_temperature_c: Celsius | None = None
-    """Temperature at which the lens has its index and its size; by default 20, or as the material states."""
+    refractive_index: _Index = Field(
+        1.4936,
+        description="Index at all wavelengths, `material` being only a label, no name of the catalogue; or leave "
+        "it out for a dispersive material.",
+    )
+    material: Label = Field(
+        "PMMA at 564 nm",
+        description="Name in the catalogue, which is dispersive; beside `refractive_index` or other data only a label.",
+    )
+    material_file: FilePath | None = Field(
+        None,
+        description="A Zemax catalogue, of which `material` names the glass, a file of refractiveindex.info, or a "
+        "table; read into `optical_data` as the spec is.",
+    )
+    optical_data: OpticalData | None = Field(None, description="Index and absorption of a custom material.")
+    abbe_number: Annotated[float, Field(ge=10.0, le=200.0)] | None = Field(
+        None, description="Abbe number of a material whose n_d is `refractive_index`: makes it dispersive."
+    )
+    cavity_index: _Index = Field(
+        1.0, description="Index of what fills the cavity, such as a gel that couples the LED to the lens."
+    )
+    outside_index: _Index = Field(1.0, description="Index of what surrounds the lens, such as water.")
+    cover_glass: CoverGlassSection | None = Field(None, description="Plate in front of the lens.")
+    design_wavelength_nm: Annotated[float, Field(ge=100.0, le=20_000.0)] = Field(
+        D_LINE_NM,
+        description="Wavelength of the index where a single number is needed, and for a source without wavelengths.",
+    )
+    absorption_per_mm: Annotated[float, Field(ge=0.0, le=10.0)] = Field(
+        0.0, description="Absorption of the body (Beer and Lambert), if the material itself states none."
+    )
+    density_g_per_cm3: Annotated[float, Field(ge=0.1, le=30.0)] | None = Field(
+        None,
+        description="Density of the grade that is ordered, which gives the part its mass; left out, that of the "
+        "plastic or glass that `material` names, if it is known.",
+    )
+    index_per_k: Annotated[float, Field(ge=-1e-3, le=1e-3)] | None = Field(
+        None,
+        description="Change of the index relative to air with temperature, for a material that does not state its own.",
+    )
+    expansion_per_k: Expansion | None = Field(
+        None, description="Linear expansion with temperature, for a material that does not state its own."
+    )
+    reference_temperature_c: Celsius | None = Field(
+        None,
+        description="Temperature at which the lens has its index and its size; by default 20, or as the material "
+        "states.",
+    )
 
     @check
     def _one_source_of_the_index(self) -> None:
@@ -281,12 +304,12 @@ class LensMaterial(OfMaterial, FacesSection):
     @check
     def _one_source_of_the_change_with_temperature(self) -> None:
         known = UNKNOWN if self.dispersion is None else self.dispersion.temperature
-        for name, own in (
+        for name, value in (
             ("index_per_k", known.knows_index),
             ("reference_temperature_c", known.knows_index),
             ("expansion_per_k", known.expansion_per_k is not None),
         ):
-            if own and getattr(self, name) is not None:
+            if value and getattr(self, name) is not None:
                 raise ValueError(f"{name}: {self.material} has its own; leave it out, or name the material otherwise")
 
     @property
@@ -370,7 +393,7 @@ class LensMaterial(OfMaterial, FacesSection):
     def _chromatic(self) -> bool:
         coatings = [face.coating for face in self.faces.values()]
         glass = None if self.cover_glass is None else self.cover_glass.coating
-        return any(each is not None and each.chromatic for each in (*coatings, glass))
+        return any(coating is not None and coating.chromatic for coating in (*coatings, glass))
 
     @property
     def _own_or_catalogued(self) -> Material | None:

@@ -10,6 +10,7 @@ from pydantic import AfterValidator, Discriminator, Field, Tag
 from lensforge.errors import InputError
 from lensforge.optics.exit_space import ExitBall, ExitColumn, ExitSpace
 from lensforge.optics.face_roles import BODY, MOST_EVENTS
+from lensforge.public import public
 from lensforge.results.registered_kinds import OfSeveralKinds
 from lensforge.spec.derived_values import LensSizes
 from lensforge.spec.lens_material import LensMaterial
@@ -74,6 +75,7 @@ class StartConditions:
         return half_mm * sqrt(2.0)
 
 
+@public
 class LensShape(OfSeveralKinds, LensMaterial):
     """Material of a lens of any kind, and the SRBFs that will shape the faces that are free.
 
@@ -91,16 +93,24 @@ class LensShape(OfSeveralKinds, LensMaterial):
     may_be_round: ClassVar[bool] = False
     radius_about_axis: ClassVar[bool] = False
     kind: str
-    levels: Levels = "auto"
-    """Functions of each level, coarse to fine, that shape each free surface; "auto": as many as they gain."""
-    sigma_c: Annotated[float, Field(ge=1e-6, le=1e6)] = 1.75
-    """Factor of the width of every level's functions, Eq. (3)."""
-    symmetry: Symmetry = "auto"
-    """Mirror symmetry of both surfaces; "auto": the largest that source and target share, which the record of a lens
-    names.
-    """
-    start: Annotated[FilePath, AfterValidator(lens_file)] | None = None
-    """Result folder, or its lens.json, from whose lens the search goes on instead of from the hemispheres."""
+    levels: Levels = Field(
+        "auto",
+        description='Functions of each level, coarse to fine, that shape each free surface; "auto": as many as '
+        "they gain.",
+    )
+    sigma_c: Annotated[float, Field(ge=1e-6, le=1e6)] = Field(
+        1.75, description="Factor of the width of every level's functions, Eq. (3)."
+    )
+    symmetry: Symmetry = Field(
+        "auto",
+        description='Mirror symmetry of both surfaces; "auto": the largest that source and target share, which '
+        "the record of a lens names.",
+    )
+    start: Annotated[FilePath, AfterValidator(lens_file)] | None = Field(
+        None,
+        description="Result folder, or its lens.json, from whose lens the search goes on instead of from the "
+        "hemispheres.",
+    )
 
     @classmethod
     def first_tables(cls, shape: LightShape) -> dict[str, dict[str, object]]:
@@ -119,7 +129,7 @@ class LensShape(OfSeveralKinds, LensMaterial):
     def warnings(self) -> tuple[str, ...]:
         """Lines on fixed surfaces and on levels that a user should know of before the search."""
         fixed = {name: face.fixed for name, face in self.faces.items() if face.fixed is not None}
-        faces = tuple(f"lens.{name}.fixed: {words}" for name, face in fixed.items() for words in face.warnings)
+        faces = tuple(f"lens.{name}.fixed: {warning}" for name, face in fixed.items() for warning in face.warnings)
         if self.levels == "auto" or not self.levels or max(self.levels) >= _FEW_FUNCTIONS:
             return faces
         return (
@@ -228,6 +238,7 @@ class LensShape(OfSeveralKinds, LensMaterial):
         return "none" if self.symmetry == "auto" else self.symmetry
 
 
+@public
 class ProfiledShape(LensShape):
     """A lens of faces of revolution, which meet in creases; with ``levels`` SRBFs shape them beyond that."""
 
@@ -235,14 +246,17 @@ class ProfiledShape(LensShape):
     may_be_round = radius_about_axis = True
     draws = frozenset({"round", "patch"})
 
-    levels: _Numbers = ()
-    """Functions of each level, coarse to fine, that shape the free faces beyond their profiles; none: faces of
-    revolution.
-    """
-    profile: Annotated[int, Field(ge=LEAST_COEFFICIENTS, le=64)] = 12
-    """Coefficients of the profile of each free face."""
-    events: Annotated[int, Field(ge=3, le=MOST_EVENTS)] = 6
-    """Largest number of faces that a ray meets; what goes on then is counted as its own fate."""
+    levels: _Numbers = Field(
+        (),
+        description="Functions of each level, coarse to fine, that shape the free faces beyond their profiles; "
+        "none: faces of revolution.",
+    )
+    profile: Annotated[int, Field(ge=LEAST_COEFFICIENTS, le=64)] = Field(
+        12, description="Coefficients of the profile of each free face."
+    )
+    events: Annotated[int, Field(ge=3, le=MOST_EVENTS)] = Field(
+        6, description="Largest number of faces that a ray meets; what goes on then is counted as its own fate."
+    )
 
     @classmethod
     def first_tables(cls, shape: LightShape) -> dict[str, dict[str, object]]:

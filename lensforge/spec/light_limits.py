@@ -11,6 +11,7 @@ from typing import Annotated, ClassVar, Literal, get_args
 from pydantic import Field
 
 from lensforge.optics.pose import ORIGIN
+from lensforge.public import public
 from lensforge.results.record import Sense
 from lensforge.spec.receiver_fields import ReceiverSection, require_on
 from lensforge.spec.search_section import ConstraintsSection
@@ -39,6 +40,7 @@ _OF_RECEIVERS = ("distance_mm", "receiver_mm", "half_angle_deg")
 _OF_PICTURES = ("level", "uniform_mm", "uniform_deg", "edge_mm", "edge_deg")
 
 
+@public
 class LimitSection(InOneUnit):
     """Fields of every limit.
 
@@ -48,18 +50,17 @@ class LimitSection(InOneUnit):
     others: ClassVar[tuple[str, ...]] = ()  # quantities besides the light that may be bounded
 
     kind: str
-    name: Label | None = None
-    """Name in records and on pages."""
-    receiver: Annotated[str, Field(max_length=64)] | None = None
-    """Name of the receiver, by default the first."""
-    at_least: Amount | None = None
-    """Minimum light, in ``unit``."""
-    at_most: Amount | None = None
-    """Maximum light, in ``unit``."""
-    unit: LightUnitName | None = None
-    """Unit of both: irradiance or illuminance on surfaces, intensity in the far field, radiance or luminance for eyes,
-    or "relative" to the maximum on the receiver.
-    """
+    name: Label | None = Field(None, description="Name in records and on pages.")
+    receiver: Annotated[str, Field(max_length=64)] | None = Field(
+        None, description="Name of the receiver, by default the first."
+    )
+    at_least: Amount | None = Field(None, description="Minimum light, in `unit`.")
+    at_most: Amount | None = Field(None, description="Maximum light, in `unit`.")
+    unit: LightUnitName | None = Field(
+        None,
+        description="Unit of both: irradiance or illuminance on surfaces, intensity in the far field, radiance or "
+        'luminance for eyes, or "relative" to the maximum on the receiver.',
+    )
 
     @property
     def places(self) -> tuple[tuple[float, float], ...]:
@@ -96,6 +97,7 @@ class LimitSection(InOneUnit):
                 raise ValueError(f"at least {least:g} {name} is above at most {most:g}: no light is both")
 
 
+@public
 class PointsLimit(LimitSection):
     """Light at each of some points (x, y)."""
 
@@ -103,9 +105,8 @@ class PointsLimit(LimitSection):
 
     kind: Literal["points"] = "points"
     at_mm: Annotated[tuple[tuple[Coordinate, Coordinate], ...], Field(min_length=1, max_length=_MOST_POINTS)] | None = (
-        None
+        Field(None, description="Places (x, y) on a surface.")
     )
-    """Places (x, y) on a surface."""
     at_deg: (
         Annotated[tuple[tuple[DegreesOff, DegreesOff], ...], Field(min_length=1, max_length=_MOST_POINTS)] | None
     ) = None
@@ -116,36 +117,37 @@ class PointsLimit(LimitSection):
         return self.length("at")
 
 
+@public
 class LineLimit(LimitSection):
     """Light everywhere on a line between two places."""
 
     needs: ClassVar[tuple[str, ...]] = ("from", "to")
 
     kind: Literal["line"] = "line"
-    from_mm: tuple[Coordinate, Coordinate] | None = None
-    """First end on a surface."""
-    to_mm: tuple[Coordinate, Coordinate] | None = None
-    """Second end on a surface."""
+    from_mm: tuple[Coordinate, Coordinate] | None = Field(None, description="First end on a surface.")
+    to_mm: tuple[Coordinate, Coordinate] | None = Field(None, description="Second end on a surface.")
     from_deg: tuple[DegreesOff, DegreesOff] | None = None
     to_deg: tuple[DegreesOff, DegreesOff] | None = None
 
 
+@public
 class ZoneLimit(LimitSection):
     """Light in a zone: everywhere in it, how even it is, and its share."""
 
     others: ClassVar[tuple[str, ...]] = ("min_over_mean", "min_over_max", "share")
 
     kind: Literal["zone"] = "zone"
-    zone: Annotated[_ZONES, Field(discriminator="kind")] | None = None
-    """Shape of the zone; by default the whole window of the receiver."""
-    at_least_min_over_mean: Fraction | None = None
-    """Smallest allowed min/mean of the light in the zone."""
-    at_least_min_over_max: Fraction | None = None
-    """Smallest allowed min/max of the light in the zone."""
-    at_least_share: Fraction | None = None
-    """Least share of the flux of the source."""
-    at_most_share: Fraction | None = None
-    """Largest share of the flux of the source."""
+    zone: Annotated[_ZONES, Field(discriminator="kind")] | None = Field(
+        None, description="Shape of the zone; by default the whole window of the receiver."
+    )
+    at_least_min_over_mean: Fraction | None = Field(
+        None, description="Smallest allowed min/mean of the light in the zone."
+    )
+    at_least_min_over_max: Fraction | None = Field(
+        None, description="Smallest allowed min/max of the light in the zone."
+    )
+    at_least_share: Fraction | None = Field(None, description="Least share of the flux of the source.")
+    at_most_share: Fraction | None = Field(None, description="Largest share of the flux of the source.")
 
     @property
     def given_unit(self) -> Unit | None:
@@ -168,14 +170,16 @@ class ZoneLimit(LimitSection):
                 raise ValueError(f"zone.{name}: a zone is a shape on the limit's receiver; leave it out")
 
 
+@public
 class GlareLimit(LimitSection):
     """Intensity in all directions of the far field at ``from_deg`` and more from its axis: at most so much."""
 
     needs: ClassVar[tuple[str, ...]] = ("from",)
 
     kind: Literal["glare"] = "glare"
-    from_deg: Annotated[float, Field(ge=0.0, le=180.0)]
-    """Angle from the receiver's axis from which on the limit holds."""
+    from_deg: Annotated[float, Field(ge=0.0, le=180.0)] = Field(
+        description="Angle from the receiver's axis from which on the limit holds."
+    )
 
     @property
     def places(self) -> tuple[tuple[float, float], ...]:
@@ -188,6 +192,7 @@ class GlareLimit(LimitSection):
             raise ValueError("glare has a largest intensity, no least one; give at_most")
 
 
+@public
 class BeamAngleLimit(LimitSection):
     """Full angle in the far field over which the intensity is above a level, in one plane.
 
@@ -197,14 +202,12 @@ class BeamAngleLimit(LimitSection):
     others: ClassVar[tuple[str, ...]] = ("deg",)
 
     kind: Literal["beam_angle"] = "beam_angle"
-    azimuth_deg: Azimuth = 0.0
-    """Azimuth of the plane through the axis, from x towards y."""
-    level: Annotated[float, Field(ge=0.01, le=0.99)] = 0.5
-    """Level that bounds the beam, relative to the maximum."""
-    at_least_deg: Annotated[float, Field(gt=0.0, le=180.0)] | None = None
-    """Least full angle."""
-    at_most_deg: Annotated[float, Field(gt=0.0, le=180.0)] | None = None
-    """Largest full angle."""
+    azimuth_deg: Azimuth = Field(0.0, description="Azimuth of the plane through the axis, from x towards y.")
+    level: Annotated[float, Field(ge=0.01, le=0.99)] = Field(
+        0.5, description="Level that bounds the beam, relative to the maximum."
+    )
+    at_least_deg: Annotated[float, Field(gt=0.0, le=180.0)] | None = Field(None, description="Least full angle.")
+    at_most_deg: Annotated[float, Field(gt=0.0, le=180.0)] | None = Field(None, description="Largest full angle.")
 
     @check
     def _bounds_the_angle(self) -> None:
@@ -212,20 +215,21 @@ class BeamAngleLimit(LimitSection):
             raise ValueError("a beam angle is bounded by at_least_deg and at_most_deg")
 
 
+@public
 class LossLimit(LimitSection):
     """Light of no use: the share of the flux of the source that ends by one cause."""
 
     others: ClassVar[tuple[str, ...]] = ("share",)
 
     kind: Literal["loss"] = "loss"
-    cause: Annotated[str, Field(max_length=64)]
-    """"beside": leaves the lens, and reaches no window of the receiver. "opening": starts outside the cavity, or goes
-    back through its opening. "base": in the body, down through z = 0. "flange": at the flange. "total_reflection": at
-    a face that lets light out. "trapped": still in the body after all its events. Or the name of a face by which light
-    is not to leave, such as "wall". The search lowers light beside, by faces and by total reflection.
-    """
-    at_most_share: Fraction
-    """Largest share of the flux of the source."""
+    cause: Annotated[str, Field(max_length=64)] = Field(
+        description='"beside": leaves the lens, and reaches no window of the receiver. "opening": starts outside '
+        'the cavity, or goes back through its opening. "base": in the body, down through z = 0. '
+        '"flange": at the flange. "total_reflection": at a face that lets light out. "trapped": still '
+        "in the body after all its events. Or the name of a face by which light is not to leave, such "
+        'as "wall". The search lowers light beside, by faces and by total reflection.'
+    )
+    at_most_share: Fraction = Field(description="Largest share of the flux of the source.")
 
     @check
     def _bounds_the_share(self) -> None:
@@ -242,6 +246,7 @@ _RING_STEP_DEG = 15.0
 _MOST_RING_BLUR_DEG = 5.0
 
 
+@public
 class LuminanceLimit(LimitSection):
     """Luminance of the lens as eyes see it: at most so much over any spot, or its mean. Each eye is judged alone, those
     of a ring together.
@@ -250,28 +255,40 @@ class LuminanceLimit(LimitSection):
     """
 
     kind: Literal["luminance"] = "luminance"
-    of: Literal["peak", "mean"] = "peak"
-    """The largest mean over a spot, or the mean over the outline of all places that light leaves."""
-    eyes_mm: Annotated[tuple[_Point, ...], Field(min_length=1, max_length=_MOST_EYES)] | None = None
-    """Places (x, y, z) of the eyes, outside of the lens."""
+    of: Literal["peak", "mean"] = Field(
+        "peak",
+        description="The largest mean over a spot, or the mean over the outline of all places that light leaves.",
+    )
+    eyes_mm: Annotated[tuple[_Point, ...], Field(min_length=1, max_length=_MOST_EYES)] | None = Field(
+        None, description="Places (x, y, z) of the eyes, outside of the lens."
+    )
     eyes_deg: (
         Annotated[tuple[tuple[DegreesOff, DegreesOff], ...], Field(min_length=1, max_length=_MOST_EYES)] | None
-    ) = None
-    """Directions (x, y) from the axis of eyes far away; or give ``eyes_mm``."""
-    from_deg: Annotated[float, Field(ge=_LEAST_RING_DEG, le=85.0)] | None = None
-    """Angle from the axis from which on eyes look from all around, far away: the brightest that any sees is judged."""
-    spot_deg: _Angle | None = None
-    """Diameter of the spot at ``eyes_mm``; by default a minute of arc, 1/60, the finest that eyes resolve."""
-    spot_mm: Annotated[float, Field(ge=1e-3, le=1e3)] | None = None
-    """Diameter of the spot on the lens, for ``eyes_deg``: 0.58 is a minute of arc 2 m away."""
-    blur_deg: Annotated[float, Field(ge=0.1, le=30.0)] = 2.0
-    """Largest angle at which a ray counts that does not just meet the eye: less is sharper, and has more noise."""
+    ) = Field(None, description="Directions (x, y) from the axis of eyes far away; or give `eyes_mm`.")
+    from_deg: Annotated[float, Field(ge=_LEAST_RING_DEG, le=85.0)] | None = Field(
+        None,
+        description="Angle from the axis from which on eyes look from all around, far away: the brightest that "
+        "any sees is judged.",
+    )
+    spot_deg: _Angle | None = Field(
+        None,
+        description="Diameter of the spot at `eyes_mm`; by default a minute of arc, 1/60, the finest that eyes "
+        "resolve.",
+    )
+    spot_mm: Annotated[float, Field(ge=1e-3, le=1e3)] | None = Field(
+        None, description="Diameter of the spot on the lens, for `eyes_deg`: 0.58 is a minute of arc 2 m away."
+    )
+    blur_deg: Annotated[float, Field(ge=0.1, le=30.0)] = Field(
+        2.0,
+        description="Largest angle at which a ray counts that does not just meet the eye: less is sharper, and "
+        "has more noise.",
+    )
 
     def eyes(self) -> Iterator[tuple[str, tuple[float, ...]]]:
         """Words for each eye, and its place (mm), or its direction (degrees)."""
         unit = "°" if self.eyes_mm is None else "mm"
         for eye in self.eyes_mm or self.eyes_deg or self._ring():
-            yield f"({', '.join(f'{each:g}' for each in eye)}) {unit}".replace(" °", "°"), eye
+            yield f"({', '.join(f'{coordinate:g}' for coordinate in eye)}) {unit}".replace(" °", "°"), eye
 
     def _ring(self) -> Iterator[tuple[float, float]]:
         """Directions (degrees) all around, about as far apart as angles from the axis: multiples of eight of each."""
@@ -285,7 +302,7 @@ class LuminanceLimit(LimitSection):
 
     def eye_labels(self, number: int) -> list[str]:
         """Name with the place of each eye."""
-        return [f"{self.name or f'limits.{number}'}, seen from {words}" for words, _ in self.eyes()]
+        return [f"{self.name or f'limits.{number}'}, seen from {place}" for place, _ in self.eyes()]
 
     def labels(self, number: int) -> list[str]:
         """Name with the place of each eye, or with the angle of a ring of them."""
@@ -295,7 +312,7 @@ class LuminanceLimit(LimitSection):
 
     @check
     def _is_seen(self) -> None:
-        if sum(each is not None for each in (self.eyes_mm, self.eyes_deg, self.from_deg)) != 1:
+        if sum(eyes is not None for eyes in (self.eyes_mm, self.eyes_deg, self.from_deg)) != 1:
             raise ValueError(
                 "give one of eyes_mm, places (x, y, z), eyes_deg, directions (x, y) of eyes far away, and from_deg, "
                 "the angle from which on they look from all around"
@@ -333,6 +350,7 @@ def bounds_of(limits: Sequence[LimitSection]) -> Iterator[tuple[str, Sense, floa
             yield from ((name, sense, bound) for name in names for sense, bound in bounds.items() if bound is not None)
 
 
+@public
 class ColourSection(Section):
     """Colour of the beam, and limits on how far it is from its mean.
 
@@ -340,14 +358,16 @@ class ColourSection(Section):
     their differences are distances in u', v' (CIE 1976).
     """
 
-    within: Literal["fwhm", "tenth"] = "fwhm"
-    """Level that bounds the beam: half of the peak, or a tenth."""
-    max_rms_delta_uv: Fraction | None = None
-    """Largest root mean square of the distances from the beam's mean colour."""
-    max_delta_uv: Fraction | None = None
-    """Largest distance from the beam's mean colour."""
-    weight: Annotated[float, Field(ge=0.0, le=1e4)] = 0.0
-    """Factor of colour in the merit of the search, where the error of the pattern has 1; 0: none."""
+    within: Literal["fwhm", "tenth"] = Field(
+        "fwhm", description="Level that bounds the beam: half of the peak, or a tenth."
+    )
+    max_rms_delta_uv: Fraction | None = Field(
+        None, description="Largest root mean square of the distances from the beam's mean colour."
+    )
+    max_delta_uv: Fraction | None = Field(None, description="Largest distance from the beam's mean colour.")
+    weight: Annotated[float, Field(ge=0.0, le=1e4)] = Field(
+        0.0, description="Factor of colour in the merit of the search, where the error of the pattern has 1; 0: none."
+    )
 
     @property
     def level(self) -> float:
@@ -397,7 +417,7 @@ def require_limits_fit(
     for number, limit in enumerate(limits):
         name = limit.receiver or next(iter(by_name))
         if name not in by_name:
-            known = ", ".join(str(each) for each in by_name)
+            known = ", ".join(str(name) for name in by_name)
             raise ValueError(f"limits.{number}.receiver = {name!r}: there is none of that name; known: {known}")
         if isinstance(limit, LuminanceLimit):
             continue
@@ -410,15 +430,19 @@ def require_limits_fit(
 _FAR = 5.0  # widths of a lamp: there 1/r^2 errs by less than 1 % (five-times rule, CIE S 025)
 
 
+@public
 class PhotometrySection(Section):
     """Lighting that a lens is for."""
 
-    use: Literal["general", "area"] = "general"
-    """Lighting: "general"; "area" adds the IES distribution type, the BUG rating and the class of glare."""
-    street_side_deg: Azimuth = 90.0
-    """Direction from the lens towards the street, from its +x to its +y."""
-    lenses: Annotated[int, Field(ge=1, le=100_000)] = 1
-    """Equal lenses in a lamp."""
+    use: Literal["general", "area"] = Field(
+        "general",
+        description='Lighting: "general"; "area" adds the IES distribution type, the BUG rating and the class of '
+        "glare.",
+    )
+    street_side_deg: Azimuth = Field(
+        90.0, description="Direction from the lens towards the street, from its +x to its +y."
+    )
+    lenses: Annotated[int, Field(ge=1, le=100_000)] = Field(1, description="Equal lenses in a lamp.")
 
 
 def require_seen_from_afar(
@@ -426,7 +450,7 @@ def require_seen_from_afar(
 ) -> None:
     """Raise ``ValueError`` where a lamp for an area has no receiver far enough to be designed for it."""
     far_mm = _FAR * 2.0 * limits.max_radius_mm
-    if section.use == "general" or any(each.clear_mm(ORIGIN) >= far_mm for each in receivers):
+    if section.use == "general" or any(receiver.clear_mm(ORIGIN) >= far_mm for receiver in receivers):
         return
     raise ValueError(
         f'photometry.use = "{section.use}" is answered by the far field, but every receiver is nearer than {far_mm:g} '

@@ -47,42 +47,42 @@ TARGETS = (
 )
 
 
-def source_in(words: str) -> dict[str, Any]:
-    """The ``[source]`` that ``words`` stand for. Raises :class:`InputError`."""
-    kind, _, size = words.partition(":")
+def source_in(text: str) -> dict[str, Any]:
+    """The ``[source]`` that ``text`` stand for. Raises :class:`InputError`."""
+    kind, _, size = text.partition(":")
     if kind in _SOURCE_FIELDS and size:
-        return {"kind": kind, **_sizes("--source", words, size, _SOURCE_FIELDS[kind])}
-    if not Path(words).is_file():
-        raise InputError(f"--source {words}: neither a kind with its size nor a file that is there; give {SOURCES}")
-    return {"kind": "rayfile", "file": words, "origin": "virtual_focus"}
+        return {"kind": kind, **_sizes("--source", text, size, _SOURCE_FIELDS[kind])}
+    if not Path(text).is_file():
+        raise InputError(f"--source {text}: neither a kind with its size nor a file that is there; give {SOURCES}")
+    return {"kind": "rayfile", "file": text, "origin": "virtual_focus"}
 
 
-def target_in(words: str) -> dict[str, Any]:
-    """The ``[target]`` that ``words`` stand for. Raises :class:`InputError`."""
-    if Path(words).suffix.lower() in _PHOTOMETRIC:
-        if not Path(words).is_file():
-            raise InputError(f"--target {words}: there is no such file; give {TARGETS}")
-        return {"kind": "photometric", "file": words}
-    kind, _, rest = words.partition(":")
+def target_in(text: str) -> dict[str, Any]:
+    """The ``[target]`` that ``text`` stand for. Raises :class:`InputError`."""
+    if Path(text).suffix.lower() in _PHOTOMETRIC:
+        if not Path(text).is_file():
+            raise InputError(f"--target {text}: there is no such file; give {TARGETS}")
+        return {"kind": "photometric", "file": text}
+    kind, _, rest = text.partition(":")
     if kind == "beam":
-        angles = list(_sizes("--target", words, rest, ("A", "B")).values())
+        angles = list(_sizes("--target", text, rest, ("A", "B")).values())
         return {"kind": kind, "fwhm_deg": angles}
     size, at, distance = rest.rpartition("@")
     if not at or kind not in (*_TARGET_FIELDS, *_DRAWN):
-        raise InputError(f"--target {words}: not understood; give {TARGETS}")
-    away = _sizes("--target", words, distance, ("distance_mm",))
+        raise InputError(f"--target {text}: not understood; give {TARGETS}")
+    away = _sizes("--target", text, distance, ("distance_mm",))
     if kind not in _DRAWN:
-        sizes = _sizes("--target", words, size, _TARGET_FIELDS[kind])
+        sizes = _sizes("--target", text, size, _TARGET_FIELDS[kind])
         if kind == "line":  # a rectangle, by lengths of its own
             kind = "rectangle"
             sizes = dict(zip(_TARGET_FIELDS["rectangle"], sizes.values(), strict=True))
         return {"kind": kind, **sizes, **away}
     drawn, _, width = size.rpartition(":")
     if not drawn:
-        raise InputError(f"--target {words}: give its {_DRAWN[kind]} and width, such as {kind}:LF:200@150")
+        raise InputError(f"--target {text}: give its {_DRAWN[kind]} and width, such as {kind}:LF:200@150")
     if kind == "image" and not Path(drawn).is_file():
-        raise InputError(f"--target {words}: there is no file {drawn}; give {TARGETS}")
-    return {"kind": kind, _DRAWN[kind]: drawn, **_sizes("--target", words, width, ("width_mm",)), **away}
+        raise InputError(f"--target {text}: there is no file {drawn}; give {TARGETS}")
+    return {"kind": kind, _DRAWN[kind]: drawn, **_sizes("--target", text, width, ("width_mm",)), **away}
 
 
 def receiver_beside(target: Mapping[str, Any], off_axis_deg: float = 0.0, tilt_deg: float = 0.0) -> Mapping[str, Any]:
@@ -106,15 +106,15 @@ def receiver_beside(target: Mapping[str, Any], off_axis_deg: float = 0.0, tilt_d
     }
 
 
-def _sizes(option: str, words: str, given: str, names: tuple[str, ...]) -> dict[str, float]:
+def _sizes(option: str, text: str, given: str, names: tuple[str, ...]) -> dict[str, float]:
     """Numbers of ``given``, separated by ``x``; one stands for a width and a height."""
     numbers = re.split("[xX×]", given)
-    if any(re.fullmatch(r"\d+,\d+", each.strip()) for each in numbers):
-        raise InputError(f"{option} {words}: a number has a decimal point; write {given.replace(',', '.')}")
+    if any(re.fullmatch(r"\d+,\d+", number.strip()) for number in numbers):
+        raise InputError(f"{option} {text}: a number has a decimal point; write {given.replace(',', '.')}")
     if len(numbers) == 1 and names in (("width_mm", "height_mm"), ("A", "B")):
         numbers *= 2
     try:
-        values = [float(each) for each in numbers]
+        values = [float(number) for number in numbers]
     except ValueError:
         values = []
     if len(values) != len(names) or not all(0.0 < value < 1e9 for value in values):
@@ -123,7 +123,7 @@ def _sizes(option: str, words: str, given: str, names: tuple[str, ...]) -> dict[
         if names == ("A", "B"):
             expected = "A or AxB in degrees"
             example = "10 or 60x25"
-        raise InputError(f"{option} {words}: {given!r} must be {expected}, above 0, such as {example}")
+        raise InputError(f"{option} {text}: {given!r} must be {expected}, above 0, such as {example}")
     return dict(zip(names, values, strict=True))
 
 
@@ -183,7 +183,7 @@ def new_text(
     ``of_lens``: what its lens may have besides, a commented line each.
     """
     first = next((face for face, fields in content["lens"].items() if isinstance(fields, Mapping)), "")
-    notes = _NOTES | {f"lens.{first}.{field}": words for field, words in _OF_FACES.items()}
+    notes = _NOTES | {f"lens.{first}.{field}": note for field, note in _OF_FACES.items()}
     shape = LensShape.kinds[content["lens"].get("kind", LensShape.usual_kind)]
     notes["constraints.max_radius_mm"] = _RADIUS[shape.radius_about_axis]
     notes["lens.levels"] = _LEVELS[content["lens"].get("levels") == "auto"]
@@ -205,7 +205,7 @@ def _sections(
 
 
 def _tables(value: object) -> list[Mapping[str, Any]]:
-    return [each for each in (value if isinstance(value, list) else [value]) if isinstance(each, Mapping)]
+    return [table for table in (value if isinstance(value, list) else [value]) if isinstance(table, Mapping)]
 
 
 def _section(
@@ -223,7 +223,7 @@ def _section(
         elif not _tables(value):
             yield _line(field, value, notes.get(name, ""))
     far = section == "target" and "distance_mm" not in table
-    yield from (f"# {words}" for words in options.get(section, ()) if not far)
+    yield from (f"# {note}" for note in options.get(section, ()) if not far)
     yield from _sections({f"{section}.{name}": value for name, value in table.items()}, derived, notes, options)
 
 

@@ -7,6 +7,7 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from lensforge.errors import InputError
+from lensforge.public import public
 from lensforge.spec.spec_files import NamedFrom, read_toml
 from lensforge.spec.spec_section import (
     CalendarDate,
@@ -27,19 +28,17 @@ _MOST_FEET = 32
 _MOST_SHRINKAGE = 0.1  # several times that of any optical plastic: PMMA, PC and PS shrink by 0.002 to 0.008
 
 
+@public
 class FeetSection(Section):
     """Round feet below a base, all alike, evenly on a circle about the axis: the part stands on them."""
 
-    number: Annotated[int, Field(ge=1, le=_MOST_FEET)] = 3
-    """Number of feet."""
-    diameter_mm: Millimetres
-    """Diameter of a foot."""
-    height_mm: Millimetres
-    """Height of a foot, below the base."""
-    circle_diameter_mm: Millimetres
-    """Diameter of the circle on which their axes stand."""
-    first_deg: Annotated[float, Field(ge=-360.0, le=360.0)] = 0.0
-    """Azimuth of the first, from +x towards +y."""
+    number: Annotated[int, Field(ge=1, le=_MOST_FEET)] = Field(3, description="Number of feet.")
+    diameter_mm: Millimetres = Field(description="Diameter of a foot.")
+    height_mm: Millimetres = Field(description="Height of a foot, below the base.")
+    circle_diameter_mm: Millimetres = Field(description="Diameter of the circle on which their axes stand.")
+    first_deg: Annotated[float, Field(ge=-360.0, le=360.0)] = Field(
+        0.0, description="Azimuth of the first, from +x towards +y."
+    )
 
     @property
     def places_mm(self) -> tuple[tuple[float, float], ...]:
@@ -59,6 +58,7 @@ class FeetSection(Section):
             )
 
 
+@public
 class BaseSection(Section):
     """Clamping base: the paper's one-inch cylinder, a square, your own STEP file, or none.
 
@@ -66,38 +66,42 @@ class BaseSection(Section):
     and 0 elsewhere. A STEP file has all lengths itself.
     """
 
-    kind: Literal["cylinder", "square", "step", "none"] = "cylinder"
-    """Shape of the base; "step": the body in ``file``. With ``[plate]`` no base is made."""
-    file: FilePath | None = None
-    """STEP file of one solid in the lens's coordinates, its top in z = 0."""
-    diameter_mm: Millimetres = 25.4
-    """Diameter of a cylinder."""
-    side_mm: Millimetres = 25.4
-    """Side of a square."""
-    height_mm: Millimetres = 2.0
-    """Total height."""
-    relief_step_mm: MillimetresOrZero | None = None
-    """Depth of the base's top below the rim, so that a cutter reaches the rim."""
-    relief_setback_mm: MillimetresOrZero | None = None
-    """Least distance of the step's wall, a circle, inside the rim; with 0 the wall follows the rim straight down."""
-    bore_setback_mm: MillimetresOrZero | None = None
-    """Least distance of the bore, a circle, outside the cavity's rim; with 0 it follows the rim straight down."""
-    flat_mm: Millimetres | None = None
-    """Distance of a clocking flat, across +x, from the axis."""
-    pocket_diameter_mm: Millimetres | None = None
-    """Diameter of a wider bore from below, for the LED."""
-    pocket_depth_mm: Millimetres = 1.0
-    """Depth of that bore."""
-    flange_diameter_mm: Millimetres | None = None
-    """Diameter of a wider ring at the bottom."""
-    flange_height_mm: Millimetres = 0.5
-    """Height of that ring."""
-    feet: FeetSection | None = None
-    """Feet below its bottom; by default there are none."""
-    draft_deg: DraftOrNone = None
-    """Draft of its sides, bore and feet; left out, 1 where the part is moulded, else 0. All are as wide as stated at
-    their tops, and narrower below but for bore, pocket, and a side on a flange.
-    """
+    kind: Literal["cylinder", "square", "step", "none"] = Field(
+        "cylinder", description='Shape of the base; "step": the body in `file`. With `[plate]` no base is made.'
+    )
+    file: FilePath | None = Field(
+        None, description="STEP file of one solid in the lens's coordinates, its top in z = 0."
+    )
+    diameter_mm: Millimetres = Field(25.4, description="Diameter of a cylinder.")
+    side_mm: Millimetres = Field(25.4, description="Side of a square.")
+    height_mm: Millimetres = Field(2.0, description="Total height.")
+    relief_step_mm: MillimetresOrZero | None = Field(
+        None, description="Depth of the base's top below the rim, so that a cutter reaches the rim."
+    )
+    relief_setback_mm: MillimetresOrZero | None = Field(
+        None,
+        description="Least distance of the step's wall, a circle, inside the rim; with 0 the wall follows the rim "
+        "straight down.",
+    )
+    bore_setback_mm: MillimetresOrZero | None = Field(
+        None,
+        description="Least distance of the bore, a circle, outside the cavity's rim; with 0 it follows the rim "
+        "straight down.",
+    )
+    flat_mm: Millimetres | None = Field(None, description="Distance of a clocking flat, across +x, from the axis.")
+    pocket_diameter_mm: Millimetres | None = Field(
+        None, description="Diameter of a wider bore from below, for the LED."
+    )
+    pocket_depth_mm: Millimetres = Field(1.0, description="Depth of that bore.")
+    flange_diameter_mm: Millimetres | None = Field(None, description="Diameter of a wider ring at the bottom.")
+    flange_height_mm: Millimetres = Field(0.5, description="Height of that ring.")
+    feet: FeetSection | None = Field(None, description="Feet below its bottom; by default there are none.")
+    draft_deg: DraftOrNone = Field(
+        None,
+        description="Draft of its sides, bore and feet; left out, 1 where the part is moulded, else 0. All are as "
+        "wide as stated at their tops, and narrower below but for bore, pocket, and a side on a "
+        "flange.",
+    )
 
     @check
     def _feet_stand_below(self) -> None:
@@ -131,10 +135,10 @@ class BaseSection(Section):
         for width, length in (("pocket_diameter_mm", "pocket_depth_mm"), ("flange_diameter_mm", "flange_height_mm")):
             if getattr(self, width) is None and self._given(length):
                 raise ValueError(f"{length} = {getattr(self, length):g} goes with {width}; give both, or neither")
-        for kind, other, width in (("cylinder", "square", "side_mm"), ("square", "cylinder", "diameter_mm")):
+        for kind, other_kind, width in (("cylinder", "square", "side_mm"), ("square", "cylinder", "diameter_mm")):
             if self.kind == kind and self._given(width):
                 stated = f"{width} = {getattr(self, width):g}"
-                raise ValueError(f'{stated} goes with kind = "{other}", not "{kind}"; leave it out')
+                raise ValueError(f'{stated} goes with kind = "{other_kind}", not "{kind}"; leave it out')
 
     def _given(self, *names: str) -> list[str]:
         return [name for name in names if getattr(self, name) != type(self).model_fields[name].default]
@@ -196,69 +200,78 @@ def usual_flat_mm(base: BaseSection) -> float:
     return round(_FLAT * base.diameter_mm / 2.0, 2)
 
 
+@public
 class Tool(Section):
     """A ball-end mill: ball, a cylindrical shank of ``length_mm`` from the ball's centre, then the holder's cone."""
 
-    name: Annotated[Label, Field(min_length=1)]
-    """Name of the tool in verdicts."""
-    radius_mm: Millimetres
-    """Radius of the ball."""
-    shank_radius_mm: Millimetres
-    """Radius of the shank."""
-    length_mm: Millimetres
-    """Length of the shank, from the ball's centre."""
-    holder_half_angle_deg: Annotated[float, Field(ge=0.0, lt=90.0)] = 45.0
-    """Half angle of the holder's cone."""
+    name: Annotated[Label, Field(min_length=1)] = Field(description="Name of the tool in verdicts.")
+    radius_mm: Millimetres = Field(description="Radius of the ball.")
+    shank_radius_mm: Millimetres = Field(description="Radius of the shank.")
+    length_mm: Millimetres = Field(description="Length of the shank, from the ball's centre.")
+    holder_half_angle_deg: Annotated[float, Field(ge=0.0, lt=90.0)] = Field(
+        45.0, description="Half angle of the holder's cone."
+    )
 
 
 _MOULDED_DRAFT_DEG = 1.0  # as of plate.draft_deg
 
 
+@public
 class ManufactureSection(Section):
     """Process by which the lens is made, and the equipment of the shop: a ball cutter, further mills with shank and
     holder, and a turning tool.
     """
 
-    cutter_radius_mm: Millimetres = 1.0
-    """Radius of the ball cutter."""
-    tools: Annotated[tuple[Tool, ...], Field(max_length=100)] = ()
-    """Further ball-end mills."""
-    process: Process | None = None
-    """Process by which the lens is made: milled or turned itself, moulded between inserts that are, or printed. By
-    default a lens whose faces are all of revolution is turned, a ``[plate]`` moulded, any other lens milled.
-    """
-    shrinkage: Annotated[float, Field(ge=0.0, le=_MOST_SHRINKAGE)] = 0.0
-    """Shrinkage of the moulded lens, as a share; the insert's faces are the lens's times 1 + shrinkage."""
-    nose_radius_mm: Millimetres = 0.02
-    """Radius of the nose of the turning tool, the smallest that there is."""
-    included_angle_deg: Annotated[float, Field(ge=0.0, le=150.0)] = 35.0
-    """Angle between the two flanks of the turning tool."""
-    clearance_deg: Annotated[float, Field(ge=0.0, le=60.0)] = 2.0
-    """Least angle between a flank of the turning tool and the face that it cuts."""
-    shank_width_mm: Millimetres = 1.5
-    """Width of the turning tool in a bore, from its nose across: there its shank runs along the axis."""
-    layer_um: Annotated[float, Field(ge=1e-3, le=1e4)] | None = None
-    """Height of the layers of a print, along the axis."""
-    form_tolerance_um: Annotated[float, Field(ge=1e-3, le=1e4)] | None = None
-    """Full width of the zone, half of it on each side of the face along its normal, in which every point of an optical
-    face must lie.
-    """
-    form_nm: Annotated[float, Field(ge=0.1, le=1e4)] | None = None
-    """Largest form error of the optical faces in the STEP file; 50 where it is left out."""
-    normal_mrad: Annotated[float, Field(ge=1e-3, le=10.0)] | None = None
-    """Largest error of their normals; left out, 0.2 or less, so that light moves by no more than a twentieth of the
-    LED's image.
-    """
-    required: bool = False
-    """Count a part that cannot be cut as a failure of the run."""
-    max_tilt_deg: Annotated[float, Field(ge=0.0, le=120.0)] = 90.0
-    """Largest angle between a tool's axis and the lens axis."""
-    author: Label = ""
-    """Author of the files for the shop."""
-    organisation: Label = ""
-    """Organisation in the files for the shop."""
-    date: CalendarDate | None = None
-    """Date of the files for the shop, which never take one from the clock."""
+    cutter_radius_mm: Millimetres = Field(1.0, description="Radius of the ball cutter.")
+    tools: Annotated[tuple[Tool, ...], Field(max_length=100)] = Field((), description="Further ball-end mills.")
+    process: Process | None = Field(
+        None,
+        description="Process by which the lens is made: milled or turned itself, moulded between inserts that "
+        "are, or printed. By default a lens whose faces are all of revolution is turned, a `[plate]` "
+        "moulded, any other lens milled.",
+    )
+    shrinkage: Annotated[float, Field(ge=0.0, le=_MOST_SHRINKAGE)] = Field(
+        0.0,
+        description="Shrinkage of the moulded lens, as a share; the insert's faces are the lens's times 1 + shrinkage.",
+    )
+    nose_radius_mm: Millimetres = Field(
+        0.02, description="Radius of the nose of the turning tool, the smallest that there is."
+    )
+    included_angle_deg: Annotated[float, Field(ge=0.0, le=150.0)] = Field(
+        35.0, description="Angle between the two flanks of the turning tool."
+    )
+    clearance_deg: Annotated[float, Field(ge=0.0, le=60.0)] = Field(
+        2.0, description="Least angle between a flank of the turning tool and the face that it cuts."
+    )
+    shank_width_mm: Millimetres = Field(
+        1.5,
+        description="Width of the turning tool in a bore, from its nose across: there its shank runs along the axis.",
+    )
+    layer_um: Annotated[float, Field(ge=1e-3, le=1e4)] | None = Field(
+        None, description="Height of the layers of a print, along the axis."
+    )
+    form_tolerance_um: Annotated[float, Field(ge=1e-3, le=1e4)] | None = Field(
+        None,
+        description="Full width of the zone, half of it on each side of the face along its normal, in which every "
+        "point of an optical face must lie.",
+    )
+    form_nm: Annotated[float, Field(ge=0.1, le=1e4)] | None = Field(
+        None, description="Largest form error of the optical faces in the STEP file; 50 where it is left out."
+    )
+    normal_mrad: Annotated[float, Field(ge=1e-3, le=10.0)] | None = Field(
+        None,
+        description="Largest error of their normals; left out, 0.2 or less, so that light moves by no more than a "
+        "twentieth of the LED's image.",
+    )
+    required: bool = Field(False, description="Count a part that cannot be cut as a failure of the run.")
+    max_tilt_deg: Annotated[float, Field(ge=0.0, le=120.0)] = Field(
+        90.0, description="Largest angle between a tool's axis and the lens axis."
+    )
+    author: Label = Field("", description="Author of the files for the shop.")
+    organisation: Label = Field("", description="Organisation in the files for the shop.")
+    date: CalendarDate | None = Field(
+        None, description="Date of the files for the shop, which never take one from the clock."
+    )
 
     @check
     def _only_a_mould_shrinks(self) -> None:
@@ -313,36 +326,37 @@ class ManufactureSection(Section):
         return 1.0 + self.shrinkage
 
 
+@public
 class DrawingSection(Section):
     """Title block and notes of the drawing that ``lensforge handover`` makes; author and date are of [manufacture].
 
     What is left out is "not stated" on the drawing: nothing is made up.
     """
 
-    part_name: Label = ""
-    """Name of the part; left out, the name of the design."""
-    part_number: Label = ""
-    """Number of the part or of the drawing."""
-    revision: Label = ""
-    """Revision of the drawing."""
-    checked_by: Label = ""
-    """Name of who has checked the drawing."""
-    sheet: Literal["A3", "A4"] | None = None
-    """Size of the sheet; left out, A3."""
-    general_tolerances: Label = ""
-    """Tolerances of dimensions without one of their own, such as "ISO 2768-m"."""
-    material_grade: Label = ""
-    """Grade of the material that is ordered, such as "PMMA, moulding compound 8N"."""
-    edge_break_mm: Annotated[float, Field(ge=1e-3, le=10.0)] | None = None
-    """Largest break of the edges outside the optical faces, a radius or a chamfer."""
-    optical_edge_mm: Annotated[float, Field(ge=1e-3, le=10.0)] | None = None
-    """Largest radius of the rims and creases of the optical faces."""
-    finish: Label = ""
-    """Surface class of all other faces, such as "VDI 3400, class 18"."""
-    roughness_nm: Annotated[float, Field(ge=1e-3, le=1e5)] | None = None
-    """Largest roughness of the optical faces, rms of height (Rq)."""
-    imperfections: Label = ""
-    """Imperfections allowed on the optical faces, such as "5 x 0.16": number and grade."""
+    part_name: Label = Field("", description="Name of the part; left out, the name of the design.")
+    part_number: Label = Field("", description="Number of the part or of the drawing.")
+    revision: Label = Field("", description="Revision of the drawing.")
+    checked_by: Label = Field("", description="Name of who has checked the drawing.")
+    sheet: Literal["A3", "A4"] | None = Field(None, description="Size of the sheet; left out, A3.")
+    general_tolerances: Label = Field(
+        "", description='Tolerances of dimensions without one of their own, such as "ISO 2768-m".'
+    )
+    material_grade: Label = Field(
+        "", description='Grade of the material that is ordered, such as "PMMA, moulding compound 8N".'
+    )
+    edge_break_mm: Annotated[float, Field(ge=1e-3, le=10.0)] | None = Field(
+        None, description="Largest break of the edges outside the optical faces, a radius or a chamfer."
+    )
+    optical_edge_mm: Annotated[float, Field(ge=1e-3, le=10.0)] | None = Field(
+        None, description="Largest radius of the rims and creases of the optical faces."
+    )
+    finish: Label = Field("", description='Surface class of all other faces, such as "VDI 3400, class 18".')
+    roughness_nm: Annotated[float, Field(ge=1e-3, le=1e5)] | None = Field(
+        None, description="Largest roughness of the optical faces, rms of height (Rq)."
+    )
+    imperfections: Label = Field(
+        "", description='Imperfections allowed on the optical faces, such as "5 x 0.16": number and grade.'
+    )
 
 
 def read_drawing(path: Path) -> DrawingSection:

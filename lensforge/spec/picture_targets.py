@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 from pydantic import AfterValidator, Field
 
 from lensforge.optics.image import Luminance
+from lensforge.public import public
 from lensforge.spec.spec_section import FilePath, Numbers, check
 from lensforge.spec.target_sections import Places, SizedTarget, SoftTarget
 
@@ -29,14 +30,18 @@ def _visible(text: str) -> str:
     return text
 
 
+@public
 class PictureTarget(SizedTarget, SoftTarget):
     """A picture, by its width."""
 
     needs: ClassVar[tuple[str, ...]] = ("width",)
     takes: ClassVar[tuple[str, ...]] = (*SoftTarget.takes, "height")
 
-    mirrored: bool = False
-    """Turn left and right about, for eyes on the lens's side of a wall: without it, it is read from behind a screen."""
+    mirrored: bool = Field(
+        False,
+        description="Turn left and right about, for eyes on the lens's side of a wall: without it, it is read "
+        "from behind a screen.",
+    )
 
     @property
     def description(self) -> str:
@@ -61,14 +66,16 @@ class PictureTarget(SizedTarget, SoftTarget):
         return framed[row, column]
 
 
+@public
 class TextTarget(PictureTarget):
     """One line of glyphs, uniform on a dark ground, read from behind the screen unless it is ``mirrored``."""
 
     words: ClassVar[str] = "“{0.text}”, {width} wide"
 
     kind: Literal["text"] = "text"
-    text: Annotated[str, Field(min_length=1, max_length=40), AfterValidator(_visible)]
-    """One line of visible characters."""
+    text: Annotated[str, Field(min_length=1, max_length=40), AfterValidator(_visible)] = Field(
+        description="One line of visible characters."
+    )
 
     @property
     def bounds(self) -> tuple[float, float]:
@@ -77,20 +84,23 @@ class TextTarget(PictureTarget):
         return width, self.length("height") or _GLYPH * width / len(self.text)
 
 
+@public
 class ImageTarget(PictureTarget):
     """A PNG, TIFF, JPEG or BMP file; the light that it stands for is what is wanted. What is transparent is dark."""
 
     words: ClassVar[str] = "{0.file.name}, {width} wide"
 
     kind: Literal["image"] = "image"
-    file: FilePath
-    """PNG, TIFF, JPEG or BMP file."""
-    luminance: Luminance = "as_stored"
-    """Light that a value stands for: "as_stored" takes the values themselves, half the value for half the light, and of
-    colours their luma; "srgb" what a screen would show, decoded by the sRGB curve.
-    """
+    file: FilePath = Field(description="PNG, TIFF, JPEG or BMP file.")
+    luminance: Luminance = Field(
+        "as_stored",
+        description='Light that a value stands for: "as_stored" takes the values themselves, half the value for '
+        'half the light, and of colours their luma; "srgb" what a screen would show, decoded by the '
+        "sRGB curve.",
+    )
 
 
+@public
 class ArrayTarget(PictureTarget):
     """Light (relative) given as an array [row, column]; row 0 is the top, as in a picture."""
 
@@ -98,8 +108,9 @@ class ArrayTarget(PictureTarget):
     words: ClassVar[str] = "given pattern, {width} wide"
 
     kind: Literal["array"] = "array"
-    values: Annotated[Float[np.ndarray, "h w"], Numbers(2)]
-    """Light (relative), row by row from the top."""
+    values: Annotated[Float[np.ndarray, "h w"], Numbers(2)] = Field(
+        description="Light (relative), row by row from the top."
+    )
 
     if TYPE_CHECKING:  # the arguments of the class; the fields themselves are validated as everywhere
 
@@ -118,11 +129,11 @@ class ArrayTarget(PictureTarget):
             raise ValueError("values: must be 0 or above, and not 0 everywhere")
 
 
+@public
 class TableTarget(PictureTarget):
     """Light (relative) in a table: CSV, a line for each row from the top, or npz with one array [row, column]."""
 
     words: ClassVar[str] = "{0.file.name}, {width} wide"
 
     kind: Literal["table"] = "table"
-    file: FilePath
-    """CSV, a line for each row from the top, or npz with one array."""
+    file: FilePath = Field(description="CSV, a line for each row from the top, or npz with one array.")

@@ -14,6 +14,7 @@ from typing import Annotated, Literal
 
 from pydantic import AfterValidator, Field
 
+from lensforge.public import public
 from lensforge.results.file_bounds import MOST_STEP_MIB, require_small_step
 from lensforge.results.files import MIB, read_file, temporary_folder, write_json
 from lensforge.results.sandbox import ChildLimits, work_in_child
@@ -57,17 +58,16 @@ _Bulge = Annotated[float, Field(ge=-1e6, le=1e6)]
 _Corners = Annotated[tuple[tuple[Coordinate, Coordinate, _Bulge], ...], Field(min_length=2, max_length=MOST_CORNERS)]
 
 
+@public
 class DrawnOutline(Section):
     """An outline as it was read: a spec that names a file becomes this one, and needs the file no more."""
 
-    origin: Label = ""
-    """Name of its file."""
-    sha256: Label = ""
-    """SHA-256 of that file."""
-    loops_mm: Annotated[tuple[_Corners, ...], Field(min_length=1, max_length=plane_loop.MOST_LOOPS)]
-    """Outline, then the openings, each counter-clockwise: corners x and y in mm, and the bulge of the edge to the next
-    corner, the tangent of a quarter of its arc's angle, 0 for a line.
-    """
+    origin: Label = Field("", description="Name of its file.")
+    sha256: Label = Field("", description="SHA-256 of that file.")
+    loops_mm: Annotated[tuple[_Corners, ...], Field(min_length=1, max_length=plane_loop.MOST_LOOPS)] = Field(
+        description="Outline, then the openings, each counter-clockwise: corners x and y in mm, and the bulge of "
+        "the edge to the next corner, the tangent of a quarter of its arc's angle, 0 for a line."
+    )
 
     @check
     def _run_counter_clockwise(self) -> None:
@@ -83,8 +83,8 @@ class DrawnOutline(Section):
     @property
     def circles(self) -> tuple[tuple[Place, float], ...]:
         """Centres (mm) and radii (mm) of the round openings."""
-        found = map(circle_of, self.loops_mm[1:])
-        return tuple(circle for circle in found if circle is not None)
+        circles = map(circle_of, self.loops_mm[1:])
+        return tuple(circle for circle in circles if circle is not None)
 
     @property
     def slots(self) -> tuple[Loop, ...]:
@@ -116,17 +116,18 @@ def _read_outline(content: bytes, path: Path) -> DrawnOutline:
     return DrawnOutline(origin=path.name[:200], sha256=hashlib.sha256(content).hexdigest(), loops_mm=loops)
 
 
+@public
 class PlateMark(Section):
     """Common fields of holes and pins."""
 
-    place_mm: tuple[Coordinate, Coordinate]
-    """Place (x, y) of its axis."""
-    diameter_mm: Millimetres
-    """Diameter."""
-    tolerance_mm: Millimetres | None = None
-    """Tolerance of the diameter, either way; left out, the general one."""
-    place_tolerance_mm: Millimetres | None = None
-    """Diameter of the zone in which its axis must lie; left out, the general tolerances hold."""
+    place_mm: tuple[Coordinate, Coordinate] = Field(description="Place (x, y) of its axis.")
+    diameter_mm: Millimetres = Field(description="Diameter.")
+    tolerance_mm: Millimetres | None = Field(
+        None, description="Tolerance of the diameter, either way; left out, the general one."
+    )
+    place_tolerance_mm: Millimetres | None = Field(
+        None, description="Diameter of the zone in which its axis must lie; left out, the general tolerances hold."
+    )
 
     @property
     def radius_mm(self) -> float:
@@ -138,24 +139,24 @@ class PlateMark(Section):
         return hypot(self.place_mm[0] - place[0], self.place_mm[1] - place[1])
 
 
+@public
 class PlateHole(PlateMark):
     """A round hole through the plate, as for a screw."""
 
 
+@public
 class PlatePin(PlateMark):
     """A round pin below the plate, which finds its place on the board."""
 
-    height_mm: Millimetres
-    """Length below the plate."""
+    height_mm: Millimetres = Field(description="Length below the plate.")
 
 
+@public
 class PlateBoss(PlatePin):
     """A screw dome: a pin with a blind bore from its end. It keeps clear of the lenses, on which it would sink."""
 
-    bore_diameter_mm: Millimetres
-    """Diameter of its bore."""
-    bore_depth_mm: Millimetres
-    """Depth of its bore from its end, which may reach into the plate."""
+    bore_diameter_mm: Millimetres = Field(description="Diameter of its bore.")
+    bore_depth_mm: Millimetres = Field(description="Depth of its bore from its end, which may reach into the plate.")
 
     @check
     def _has_a_wall(self) -> None:
@@ -165,15 +166,17 @@ class PlateBoss(PlatePin):
             )
 
 
+@public
 class PlateGate(Section):
     """Gate at the edge of the plate, where it is filled: a mark on the drawing, and no part of the solid."""
 
-    place_mm: tuple[Coordinate, Coordinate]
-    """Place (x, y) of its middle, on the outline."""
-    width_mm: Millimetres
-    """Width along the outline."""
-    clear_mm: MillimetresOrZero = 3.0
-    """Distance from its middle that lenses as wide as ``constraints.max_radius_mm``, holes, pins and bosses keep."""
+    place_mm: tuple[Coordinate, Coordinate] = Field(description="Place (x, y) of its middle, on the outline.")
+    width_mm: Millimetres = Field(description="Width along the outline.")
+    clear_mm: MillimetresOrZero = Field(
+        3.0,
+        description="Distance from its middle that lenses as wide as `constraints.max_radius_mm`, holes, pins and "
+        "bosses keep.",
+    )
 
 
 def _drawn(outline: Path | DrawnOutline | None) -> DrawnOutline | None:
@@ -182,48 +185,51 @@ def _drawn(outline: Path | DrawnOutline | None) -> DrawnOutline | None:
         return read_outline(outline) if isinstance(outline, Path) else outline
 
 
+@public
 class PlateSection(Section):
     """One moulded plate for all lenses of [lamps], its top in z = 0; without [lamps] it has one lens. Lenses for total
     internal reflection have a flange instead: no mould releases a wall that widens above a plate.
     """
 
-    kind: Literal["rectangle", "round", "step"] = "rectangle"
-    """Outline, about the origin; "step": as drawn in a file."""
-    outline: Annotated[FilePath | DrawnOutline | None, AfterValidator(_drawn)] = None
-    """STEP file of the outline, in the coordinates of the lamps: one face or wires of lines and arcs in a plane of one
-    z, or a flat body, whose top counts. Its openings become holes of the plate.
-    """
-    thickness_mm: Millimetres
-    """Thickness, from z = 0 downwards."""
-    draft_deg: Annotated[float, Field(ge=0.0, le=10.0)] = 1.0
-    """Draft of the lenses' bores, of sides, holes, pins and bosses, which the lower half of a mould makes: sides and
-    holes are as wide as stated in z = 0, a pin at its root, the bore of a boss at its closed end. A drawn outline and
-    its slots stand upright.
-    """
-    margin_mm: MillimetresOrZero | None = None
-    """Distance of the edge from lenses as wide as ``constraints.max_radius_mm``; 2 where neither it nor a size is
-    given.
-    """
-    width_mm: Millimetres | None = None
-    """Width of a rectangle along x; left out, by ``margin_mm``."""
-    height_mm: Millimetres | None = None
-    """Height of a rectangle along y; left out, by ``margin_mm``."""
-    diameter_mm: Millimetres | None = None
-    """Diameter of a round plate; left out, by ``margin_mm``."""
-    corner_radius_mm: MillimetresOrZero = 0.0
-    """Radius of the corners of a rectangle."""
-    columns: _Lines | None = None
-    """Lenses along x; of lamps of kind "endless", whose plate has so many."""
-    rows: _Lines | None = None
-    """Lenses along y; of lamps of kind "endless"."""
-    holes: Annotated[tuple[PlateHole, ...], Field(max_length=_MOST_MARKS)] = ()
-    """Holes through the plate, beside the lenses."""
-    pins: Annotated[tuple[PlatePin, ...], Field(max_length=_MOST_MARKS)] = ()
-    """Pins below the plate, beside the cavities."""
-    bosses: Annotated[tuple[PlateBoss, ...], Field(max_length=_MOST_MARKS)] = ()
-    """Screw domes below the plate, beside the lenses."""
-    gate: PlateGate | None = None
-    """The gate of the mould; by default none is drawn."""
+    kind: Literal["rectangle", "round", "step"] = Field(
+        "rectangle", description='Outline, about the origin; "step": as drawn in a file.'
+    )
+    outline: Annotated[FilePath | DrawnOutline | None, AfterValidator(_drawn)] = Field(
+        None,
+        description="STEP file of the outline, in the coordinates of the lamps: one face or wires of lines and "
+        "arcs in a plane of one z, or a flat body, whose top counts. Its openings become holes of the "
+        "plate.",
+    )
+    thickness_mm: Millimetres = Field(description="Thickness, from z = 0 downwards.")
+    draft_deg: Annotated[float, Field(ge=0.0, le=10.0)] = Field(
+        1.0,
+        description="Draft of the lenses' bores, of sides, holes, pins and bosses, which the lower half of a "
+        "mould makes: sides and holes are as wide as stated in z = 0, a pin at its root, the bore of "
+        "a boss at its closed end. A drawn outline and its slots stand upright.",
+    )
+    margin_mm: MillimetresOrZero | None = Field(
+        None,
+        description="Distance of the edge from lenses as wide as `constraints.max_radius_mm`; 2 where neither it "
+        "nor a size is given.",
+    )
+    width_mm: Millimetres | None = Field(None, description="Width of a rectangle along x; left out, by `margin_mm`.")
+    height_mm: Millimetres | None = Field(None, description="Height of a rectangle along y; left out, by `margin_mm`.")
+    diameter_mm: Millimetres | None = Field(None, description="Diameter of a round plate; left out, by `margin_mm`.")
+    corner_radius_mm: MillimetresOrZero = Field(0.0, description="Radius of the corners of a rectangle.")
+    columns: _Lines | None = Field(
+        None, description='Lenses along x; of lamps of kind "endless", whose plate has so many.'
+    )
+    rows: _Lines | None = Field(None, description='Lenses along y; of lamps of kind "endless".')
+    holes: Annotated[tuple[PlateHole, ...], Field(max_length=_MOST_MARKS)] = Field(
+        (), description="Holes through the plate, beside the lenses."
+    )
+    pins: Annotated[tuple[PlatePin, ...], Field(max_length=_MOST_MARKS)] = Field(
+        (), description="Pins below the plate, beside the cavities."
+    )
+    bosses: Annotated[tuple[PlateBoss, ...], Field(max_length=_MOST_MARKS)] = Field(
+        (), description="Screw domes below the plate, beside the lenses."
+    )
+    gate: PlateGate | None = Field(None, description="The gate of the mould; by default none is drawn.")
 
     @check
     def _sizes_go_with_the_outline(self) -> None:
@@ -265,9 +271,9 @@ class PlateSection(Section):
     @property
     def marks(self) -> tuple[tuple[str, PlateMark], ...]:
         """Holes, pins and bosses, each with its name in the spec."""
-        own: dict[str, tuple[PlateMark, ...]] = {"holes": self.holes, "pins": self.pins, "bosses": self.bosses}
+        marks: dict[str, tuple[PlateMark, ...]] = {"holes": self.holes, "pins": self.pins, "bosses": self.bosses}
         drawn = ((f"hole {number} of plate.outline", hole) for number, hole in enumerate(self._drawn_holes, 1))
-        return *drawn, *((f"plate.{kind}.{number}", each) for kind in own for number, each in enumerate(own[kind]))
+        return *drawn, *((f"plate.{kind}.{number}", mark) for kind in marks for number, mark in enumerate(marks[kind]))
 
     @property
     def _drawn_holes(self) -> tuple[PlateHole, ...]:
@@ -333,8 +339,8 @@ def require_plate(plate: PlateSection, lamps: LampsSection | None, limits: Const
     """
     endless = isinstance(lamps, EndlessLamps)
     if endless != (plate.columns is not None):
-        words = "an infinite lattice needs them" if endless else 'they go with lamps of kind = "endless"'
-        raise ValueError(f"plate.columns and plate.rows: {words}; {'give both' if endless else 'leave them out'}")
+        reason = "an infinite lattice needs them" if endless else 'they go with lamps of kind = "endless"'
+        raise ValueError(f"plate.columns and plate.rows: {reason}; {'give both' if endless else 'leave them out'}")
     lenses = plate.lenses(lamps)
     lens_mm = limits.max_radius_mm
     if lenses.posed:
@@ -375,16 +381,18 @@ def _require_clear(plate: PlateSection, size: tuple[float, float], lenses: Lamps
     """Raise ``ValueError`` for a hole or a pin across the edge, another one, a lens, or a cavity."""
     for number, (name, mark) in enumerate(plate.marks):
         beside = isinstance(mark, PlateHole | PlateBoss)  # a boss is so thick that the face above it would sink
-        around, what = (limits.max_radius_mm, "a lens") if beside else (limits.cavity_radius_mm, "a cavity")
+        around, neighbour = (limits.max_radius_mm, "a lens") if beside else (limits.cavity_radius_mm, "a cavity")
         stated = f"{name}: a diameter of {mark.diameter_mm:g} mm at ({mark.place_mm[0]:g}, {mark.place_mm[1]:g}) mm"
         if plate.to_edge_mm(mark.place_mm, size) <= mark.radius_mm:
             raise ValueError(f"{stated} crosses the edge of the plate; move it inwards, or make the plate larger")
         away = min(mark.away_mm(place) for place in lenses.places_mm)
         if away <= mark.radius_mm + around:
-            raise ValueError(f"{stated} meets {what} of {around:g} mm radius, {away:.4g} mm away; move it between them")
-        for other, one in plate.marks[:number]:
-            if mark.away_mm(one.place_mm) <= mark.radius_mm + one.radius_mm:
-                raise ValueError(f"{stated} meets {other}; move one of the two")
+            raise ValueError(
+                f"{stated} meets {neighbour} of {around:g} mm radius, {away:.4g} mm away; move it between them"
+            )
+        for mark_name, mark_before in plate.marks[:number]:
+            if mark.away_mm(mark_before.place_mm) <= mark.radius_mm + mark_before.radius_mm:
+                raise ValueError(f"{stated} meets {mark_name}; move one of the two")
 
 
 def _require_gate(
@@ -397,8 +405,8 @@ def _require_gate(
         raise ValueError(f"plate.gate.place_mm = ({x:g}, {y:g}): {off:.4g} mm inside the outline; move it onto that")
     near = [(hypot(at[0] - x, at[1] - y) - lens_mm, "a lens") for at in lenses.places_mm]
     near += [(mark.away_mm(gate.place_mm) - mark.radius_mm, name) for name, mark in plate.marks]
-    away, what = min(near)
+    away, neighbour = min(near)
     if away < gate.clear_mm:
         raise ValueError(
-            f"plate.gate: {away:.4g} mm from {what}, but clear_mm = {gate.clear_mm:g}; move it along the edge"
+            f"plate.gate: {away:.4g} mm from {neighbour}, but clear_mm = {gate.clear_mm:g}; move it along the edge"
         )

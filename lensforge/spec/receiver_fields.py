@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Self
 from pydantic import Field
 
 from lensforge.optics.pose import ORIGIN, Pose, Vector
+from lensforge.public import public
 from lensforge.results.registered_kinds import OfSeveralKinds
 from lensforge.spec.emitter_section import Turn
 from lensforge.spec.lens_section import LensShape
@@ -24,6 +25,7 @@ _Number = Annotated[float, Field(ge=-1e6, le=1e6)]
 Direction = tuple[_Number, _Number, _Number]
 
 
+@public
 class ReceiverSection(OfSeveralKinds, Section):
     """Fields of every receiver; receivers are transparent, each sees every ray that leaves the lens.
 
@@ -46,14 +48,16 @@ class ReceiverSection(OfSeveralKinds, Section):
             """Direction of its normal there, away from the lens."""
 
     kind: str
-    name: Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]{1,64}$")] | None = None
-    """Name of the receiver, by default its kind."""
-    targets: Annotated[tuple[TargetSection, ...], Field(min_length=1, max_length=_MOST_TARGETS)]
-    """Targets on it, which add up."""
-    share: Annotated[float, Field(ge=1e-6, le=1e6)] = 1.0
-    """Weight in the merit, relative to the other receivers."""
-    rotation_deg: Turn = 0.0
-    """Turn about the direction that the receiver faces, from x towards y."""
+    name: Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]{1,64}$")] | None = Field(
+        None, description="Name of the receiver, by default its kind."
+    )
+    targets: Annotated[tuple[TargetSection, ...], Field(min_length=1, max_length=_MOST_TARGETS)] = Field(
+        description="Targets on it, which add up."
+    )
+    share: Annotated[float, Field(ge=1e-6, le=1e6)] = Field(
+        1.0, description="Weight in the merit, relative to the other receivers."
+    )
+    rotation_deg: Turn = Field(0.0, description="Turn about the direction that the receiver faces, from x towards y.")
 
     @property
     def size(self) -> tuple[float, float]:
@@ -155,12 +159,14 @@ def require_target_fits(receiver: ReceiverSection, endless: bool) -> None:
         turn = rect(1.0 - _SAME, radians(target.rotation_deg))
         for place in () if endless else target.outline:
             at = complex(*target.centre) + place * turn
-            what = f"target: {target.description}: its edge at"
-            require_on(what, (at.real, at.imag), unit, receiver.extent, "the receiver")
+            subject = f"target: {target.description}: its edge at"
+            require_on(subject, (at.real, at.imag), unit, receiver.extent, "the receiver")
 
 
-def require_on(what: str, place: tuple[float, float], unit: Unit, extent: tuple[float, float], receiver: str) -> None:
-    """Raise ``ValueError`` for a place off a receiver, whose ``extent`` is in the same unit; ``what``: its words."""
+def require_on(
+    subject: str, place: tuple[float, float], unit: Unit, extent: tuple[float, float], receiver: str
+) -> None:
+    """Raise ``ValueError`` for a place off a receiver, whose ``extent`` is in the same unit; ``subject``: its words."""
     (x, y) = place
     half_width = 0.5 * extent[0]
     half_height = 0.5 * extent[1]
@@ -168,7 +174,7 @@ def require_on(what: str, place: tuple[float, float], unit: Unit, extent: tuple[
     if off:
         reach = f"{half_width:g} deg" if unit == "deg" else f"{half_width:g} in x and {half_height:g} in y"
         raise ValueError(
-            f"{what} ({x:g}, {y:g}) is off {receiver}, which reaches {reach}; move it, or make {receiver} larger"
+            f"{subject} ({x:g}, {y:g}) is off {receiver}, which reaches {reach}; move it, or make {receiver} larger"
         )
 
 
@@ -184,14 +190,14 @@ def named(receivers: tuple[ReceiverSection, ...]) -> tuple[ReceiverSection, ...]
     with_names: list[ReceiverSection] = []
     for receiver in receivers:
         for target in receiver.targets:
-            own = next((name for name in OF_RECEIVER if getattr(target, name) is not None), None)
-            if own is not None:
-                words = "a target in [[receivers]] lies on that receiver; leave it out"
-                raise ValueError(f"receivers.targets.{own}: {words}")
-        alike = [each for each in receivers if each.kind == receiver.kind]
-        number = next(k for k, each in enumerate(alike, start=1) if each is receiver)
+            field = next((name for name in OF_RECEIVER if getattr(target, name) is not None), None)
+            if field is not None:
+                advice = "a target in [[receivers]] lies on that receiver; leave it out"
+                raise ValueError(f"receivers.targets.{field}: {advice}")
+        alike = [candidate for candidate in receivers if candidate.kind == receiver.kind]
+        number = next(k for k, candidate in enumerate(alike, start=1) if candidate is receiver)
         name = receiver.name or (receiver.kind if len(alike) == 1 else f"{receiver.kind}_{number}")
-        if any(name == each.name for each in with_names):
+        if any(name == receiver.name for receiver in with_names):
             raise ValueError(f"receivers: two are called {name!r}; give each a name of its own")
         with_names.append(receiver.changed(name=name))
     return tuple(with_names)

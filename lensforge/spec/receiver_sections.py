@@ -10,6 +10,7 @@ from pydantic import Field
 
 from lensforge.errors import InputError
 from lensforge.optics.pose import ORIGIN, Pose, Vector
+from lensforge.public import public
 from lensforge.spec.emitter_section import Degrees
 from lensforge.spec.lens_section import LensShape
 from lensforge.spec.receiver_fields import Direction, ReceiverSection, largest_of
@@ -20,6 +21,7 @@ from lensforge.spec.target_sections import HalfAngle, TargetSection, Unit
 _LEAST_ACROSS = 1e-3  # sine of the angle at which a plane may be seen from the lens: 0.06 degrees
 
 
+@public
 class PlaneReceiver(ReceiverSection):
     """A rectangle in a plane in any pose.
 
@@ -30,18 +32,17 @@ class PlaneReceiver(ReceiverSection):
     faces_by: ClassVar[str] = "normal"
 
     kind: Literal["plane"] = "plane"
-    centre_mm: tuple[Coordinate, Coordinate, Coordinate]
-    """Centre (x, y, z)."""
-    normal: Direction | None = None
-    """Direction (x, y, z) of the normal; or give ``tilt_deg``."""
-    tilt_deg: tuple[Degrees, Degrees] | None = None
-    """Tilt of the normal from +z: about x, then about y."""
-    width_mm: Millimetres
-    """Width."""
-    height_mm: Millimetres
-    """Height."""
-    window_mm: tuple[Millimetres, Millimetres] | None = None
-    """Width and height of the centred rectangle in which flux counts as detected; by default all of it."""
+    centre_mm: tuple[Coordinate, Coordinate, Coordinate] = Field(description="Centre (x, y, z).")
+    normal: Direction | None = Field(None, description="Direction (x, y, z) of the normal; or give `tilt_deg`.")
+    tilt_deg: tuple[Degrees, Degrees] | None = Field(
+        None, description="Tilt of the normal from +z: about x, then about y."
+    )
+    width_mm: Millimetres = Field(description="Width.")
+    height_mm: Millimetres = Field(description="Height.")
+    window_mm: tuple[Millimetres, Millimetres] | None = Field(
+        None,
+        description="Width and height of the centred rectangle in which flux counts as detected; by default all of it.",
+    )
 
     @property
     def size(self) -> tuple[float, float]:
@@ -98,6 +99,7 @@ class PlaneReceiver(ReceiverSection):
         return f"centred at ({', '.join(f'{value:g}' for value in self.centre_mm)}) mm{tilt}"
 
 
+@public
 class FarFieldReceiver(ReceiverSection):
     """Intensity by direction, around an axis."""
 
@@ -108,10 +110,8 @@ class FarFieldReceiver(ReceiverSection):
     faces_by: ClassVar[str] = "axis"
 
     kind: Literal["far_field"] = "far_field"
-    axis: Direction = (0.0, 0.0, 1.0)
-    """Direction (x, y, z) of its centre."""
-    half_angle_deg: HalfAngle
-    """Largest angle from the axis."""
+    axis: Direction = Field((0.0, 0.0, 1.0), description="Direction (x, y, z) of its centre.")
+    half_angle_deg: HalfAngle = Field(description="Largest angle from the axis.")
 
     @property
     def size(self) -> tuple[float, float]:
@@ -142,15 +142,17 @@ class FarFieldReceiver(ReceiverSection):
         _require_ahead(self.facing, self.half_angle_deg, True)
 
 
+@public
 class _CurvedReceiver(ReceiverSection):
     """A screen around the lens, whose chart is centred on the direction ``facing``."""
 
-    centre_mm: tuple[Coordinate, Coordinate, Coordinate] = (0.0, 0.0, 0.0)
-    """Centre (x, y, z) of the screen's curvature."""
-    facing: Direction = (0.0, 0.0, 1.0)
-    """Direction (x, y, z) from the centre to the middle of the chart."""
-    radius_mm: Millimetres
-    """Radius of the screen."""
+    centre_mm: tuple[Coordinate, Coordinate, Coordinate] = Field(
+        (0.0, 0.0, 0.0), description="Centre (x, y, z) of the screen's curvature."
+    )
+    facing: Direction = Field(
+        (0.0, 0.0, 1.0), description="Direction (x, y, z) from the centre to the middle of the chart."
+    )
+    radius_mm: Millimetres = Field(description="Radius of the screen.")
 
     def pixel_rad(self, pixels: int) -> float:
         """Angle of a pixel seen from the centre."""
@@ -161,6 +163,7 @@ class _CurvedReceiver(ReceiverSection):
         return self.radius_mm - dist(self.centre_mm, place_mm)
 
 
+@public
 class CylinderReceiver(_CurvedReceiver):
     """A cylindrical screen, unrolled.
 
@@ -171,10 +174,8 @@ class CylinderReceiver(_CurvedReceiver):
     words: ClassVar[str] = "on a cylinder of radius {0.radius_mm:g} mm"
 
     kind: Literal["cylinder"] = "cylinder"
-    width_mm: Millimetres
-    """Width along the arc."""
-    height_mm: Millimetres
-    """Height along the axis of the cylinder."""
+    width_mm: Millimetres = Field(description="Width along the arc.")
+    height_mm: Millimetres = Field(description="Height along the axis of the cylinder.")
 
     @property
     def size(self) -> tuple[float, float]:
@@ -190,6 +191,7 @@ class CylinderReceiver(_CurvedReceiver):
             )
 
 
+@public
 class SphereReceiver(_CurvedReceiver):
     """A spherical screen up to ``half_angle_deg`` from the direction that it faces, seen from its centre.
 
@@ -200,8 +202,9 @@ class SphereReceiver(_CurvedReceiver):
     is_round: ClassVar[bool] = True
 
     kind: Literal["sphere"] = "sphere"
-    half_angle_deg: Annotated[float, Field(ge=0.01, le=150.0)]
-    """Largest angle from the direction that it faces, seen from its centre."""
+    half_angle_deg: Annotated[float, Field(ge=0.01, le=150.0)] = Field(
+        description="Largest angle from the direction that it faces, seen from its centre."
+    )
 
     @property
     def size(self) -> tuple[float, float]:

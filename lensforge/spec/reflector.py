@@ -10,6 +10,7 @@ from pydantic import Field
 from lensforge.errors import InputError
 from lensforge.optics.exit_space import ExitColumn, ExitSpace
 from lensforge.optics.face_roles import BODY, CAVITY, OUTSIDE, FaceRole
+from lensforge.public import public
 from lensforge.spec.face_section import FaceSection
 from lensforge.spec.lens_section import Beam, LightShape, ProfiledShape, StartConditions
 from lensforge.spec.search_section import ConstraintsSection
@@ -29,13 +30,16 @@ _THICKER = 1.15  # a back over the minimum wall: the wall varies as the cup move
 _BESIDE = 0.5  # of the half width of light beside the axis: its middle is so far off
 
 
+@public
 class CupSection(FaceSection):
     """Mirror of a reflector."""
 
-    mirror: Annotated[float, Field(gt=0.0, le=1.0)] = _ALUMINISED
-    """Share of the light that it reflects at every angle; the rest is absorbed."""
+    mirror: Annotated[float, Field(gt=0.0, le=1.0)] = Field(
+        _ALUMINISED, description="Share of the light that it reflects at every angle; the rest is absorbed."
+    )
 
 
+@public
 class ReflectorSection(ProfiledShape):
     """A reflector: a cup about the source, whose inside is a mirror, open at its mouth.
 
@@ -51,14 +55,18 @@ class ReflectorSection(ProfiledShape):
     title = "reflector"
     draws = frozenset()
     kind: Literal["reflector"] = "reflector"
-    material: Label = "metallised plastic"
-    """Material of the body, a label: no light enters it."""
-    cup: CupSection = Field(default_factory=CupSection)
-    """Mirror around the source; ``offset_mm``: its radius at z = 0."""
-    back: FaceSection = Field(default_factory=FaceSection)
-    """Face behind the mirror, at the minimum wall and a little more; it has no fields of its own."""
-    mouth: FaceSection = Field(default_factory=FaceSection)
-    """Plane in which the reflector ends and light leaves; ``offset_mm``, its height, is its only field."""
+    material: Label = Field("metallised plastic", description="Material of the body, a label: no light enters it.")
+    cup: CupSection = Field(
+        default_factory=CupSection, description="Mirror around the source; `offset_mm`: its radius at z = 0."
+    )
+    back: FaceSection = Field(
+        default_factory=FaceSection,
+        description="Face behind the mirror, at the minimum wall and a little more; it has no fields of its own.",
+    )
+    mouth: FaceSection = Field(
+        default_factory=FaceSection,
+        description="Plane in which the reflector ends and light leaves; `offset_mm`, its height, is its only field.",
+    )
 
     @classmethod
     def first_tables(cls, shape: LightShape) -> dict[str, dict[str, object]]:

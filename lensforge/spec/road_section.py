@@ -11,6 +11,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
+from lensforge.public import public
 from lensforge.spec.receiver_fields import ReceiverSection
 from lensforge.spec.receiver_sections import FarFieldReceiver, PlaneReceiver
 from lensforge.spec.spec_files import NamedFrom, read_toml
@@ -99,6 +100,7 @@ _OF_M = ("uniformity_along", "glare_percent", "wet_surface", "wet_surface_file",
 _BY_LUMINANCE = ("mean_cd_per_m2", "uniformity", "luminance_per_lux", *_OF_M)
 
 
+@public
 class RoadSection(Section):
     """A straight road, its lamps, and the class of EN 13201-2 or of RP-8 that it is to reach.
 
@@ -106,71 +108,100 @@ class RoadSection(Section):
     the field in the middle of each lane; for a class of RP-8 there is one 83.07 m before each point.
     """
 
-    name: Label | None = None
-    """Name in records and on pages."""
-    share: Annotated[float, Field(ge=1e-12, le=1000.0)] = 1.0
-    """Weight in the search of what its class lacks, beside those of other roads; the classes of all must be held."""
-    lighting_class: ClassName
-    """Class of EN 13201-2: M by luminance, C and P by illuminance; or of RP-8 by luminance: highways, and streets by
-    how many pedestrians there are.
-    """
-    edition: Edition | None = None
-    """Edition of RP-8 by whose law glare is summed; by default "RP-8-14", whose law later ones have, too."""
-    width_m: Width
-    """Width of the road."""
-    lanes: Annotated[int, Field(ge=1, le=12)] = 2
-    """Lanes side by side, the first at the edge of ``driving_side``."""
-    driving_side: Literal["left", "right"] = "right"
-    """Side of the road on which one drives."""
-    oncoming_lanes: Annotated[int, Field(ge=0, le=11)] = 0
-    """Lanes whose drivers come the other way: the last of ``lanes``, at the edge opposite to ``driving_side``."""
-    surface: Surface = "R3"
-    """Class of the surface by the CIE."""
-    surface_file: FilePath | None = None
-    """CSV file with a table of its own in place of the class: a row of beta, then rows of tan gamma and 10^4 r."""
-    surface_q0: Annotated[float, Field(ge=LEAST_Q0, le=MOST_Q0)] | None = None
-    """Average luminance coefficient to which the table is scaled; by default the nominal one of the class."""
-    wet_surface: WetSurface | None = None
-    """Class of the surface when it is wet, for which a class M requires uniformity, too; by default it is dry."""
-    wet_surface_file: FilePath | None = None
-    """CSV file of a wet surface in place of its class."""
-    pole_height_m: Height
-    """Height of the lamps above the road."""
-    pole_spacing_m: Annotated[float, Field(ge=0.2, le=1200.0)]
-    """Distance between the lamps of a row, from a tenth of the pole height to 12 of it."""
-    overhang_m: Annotated[float, Field(ge=-100.0, le=100.0)] = 0.0
-    """Distance of a lamp from the edge beside which it stands, over the road; below 0 beside it."""
-    tilt_deg: Annotated[float, Field(ge=-45.0, le=45.0)] = 0.0
-    """Tilt of a lamp, upwards on the side of the road."""
-    arrangement: Arrangement = "right"
-    """Rows of lamps: at the left or at the right edge, at both edges "opposite" each other or "staggered" by half the
-    spacing, or two on poles in a "median" opposite to ``driving_side``, of which the second lights the other
-    carriageway.
-    """
-    median_m: Annotated[float, Field(ge=0.0, le=100.0)] = 0.0
-    """Width of the median, in whose middle the poles stand."""
-    mean_cd_per_m2: Annotated[float, Field(ge=1e-9, le=1000.0)] | None = None
-    """Minimum mean luminance; by default of the class, as the four that follow."""
-    uniformity: Share | None = None
-    """Minimum of the overall uniformity U0, min/mean luminance."""
-    wet_uniformity: Share | None = None
-    """Minimum U0 of the wet road; by default 0.15, as every class M requires."""
-    uniformity_along: Share | None = None
-    """Minimum of the longitudinal uniformity Ul, min/max luminance on the middle of a lane."""
-    glare_percent: Annotated[float, Field(ge=1e-9, le=1000.0)] | None = None
-    """Maximum threshold increment TI."""
-    luminance_per_lux: Annotated[float, Field(ge=1e-9, le=1.0)] | None = None
-    """Minimum mean luminance/mean illuminance Q; by default none."""
-    edge_ratio: Share | None = None
-    """Least ratio of the illuminance beside an edge to that within; by default of a class M, for C and P none."""
-    maintenance_factor: Share = 1.0
-    """Share of the light that dirt and age leave; glare is that of new lamps."""
-    lamp_lm: Annotated[float, Field(ge=1e-9, le=1e9)] | None = None
-    """Luminous flux of the sources of a lamp; by default of the source times photometry.lenses, or as a file states."""
-    lamp_w: Annotated[float, Field(ge=1e-9, le=1e6)] | None = None
-    """Electrical power of a lamp; with it the power density and the yearly energy are stated."""
-    hours: Annotated[float, Field(ge=1e-9, le=8784.0)] = 4000.0
-    """Hours of full light in a year."""
+    name: Label | None = Field(None, description="Name in records and on pages.")
+    share: Annotated[float, Field(ge=1e-12, le=1000.0)] = Field(
+        1.0,
+        description="Weight in the search of what its class lacks, beside those of other roads; the classes of "
+        "all must be held.",
+    )
+    lighting_class: ClassName = Field(
+        description="Class of EN 13201-2: M by luminance, C and P by illuminance; or of RP-8 by luminance: "
+        "highways, and streets by how many pedestrians there are."
+    )
+    edition: Edition | None = Field(
+        None,
+        description='Edition of RP-8 by whose law glare is summed; by default "RP-8-14", whose law later ones '
+        "have, too.",
+    )
+    width_m: Width = Field(description="Width of the road.")
+    lanes: Annotated[int, Field(ge=1, le=12)] = Field(
+        2, description="Lanes side by side, the first at the edge of `driving_side`."
+    )
+    driving_side: Literal["left", "right"] = Field("right", description="Side of the road on which one drives.")
+    oncoming_lanes: Annotated[int, Field(ge=0, le=11)] = Field(
+        0,
+        description="Lanes whose drivers come the other way: the last of `lanes`, at the edge opposite to "
+        "`driving_side`.",
+    )
+    surface: Surface = Field("R3", description="Class of the surface by the CIE.")
+    surface_file: FilePath | None = Field(
+        None,
+        description="CSV file with a table of its own in place of the class: a row of beta, then rows of tan "
+        "gamma and 10^4 r.",
+    )
+    surface_q0: Annotated[float, Field(ge=LEAST_Q0, le=MOST_Q0)] | None = Field(
+        None,
+        description="Average luminance coefficient to which the table is scaled; by default the nominal one of "
+        "the class.",
+    )
+    wet_surface: WetSurface | None = Field(
+        None,
+        description="Class of the surface when it is wet, for which a class M requires uniformity, too; by "
+        "default it is dry.",
+    )
+    wet_surface_file: FilePath | None = Field(None, description="CSV file of a wet surface in place of its class.")
+    pole_height_m: Height = Field(description="Height of the lamps above the road.")
+    pole_spacing_m: Annotated[float, Field(ge=0.2, le=1200.0)] = Field(
+        description="Distance between the lamps of a row, from a tenth of the pole height to 12 of it."
+    )
+    overhang_m: Annotated[float, Field(ge=-100.0, le=100.0)] = Field(
+        0.0, description="Distance of a lamp from the edge beside which it stands, over the road; below 0 beside it."
+    )
+    tilt_deg: Annotated[float, Field(ge=-45.0, le=45.0)] = Field(
+        0.0, description="Tilt of a lamp, upwards on the side of the road."
+    )
+    arrangement: Arrangement = Field(
+        "right",
+        description='Rows of lamps: at the left or at the right edge, at both edges "opposite" each other or '
+        '"staggered" by half the spacing, or two on poles in a "median" opposite to `driving_side`, '
+        "of which the second lights the other carriageway.",
+    )
+    median_m: Annotated[float, Field(ge=0.0, le=100.0)] = Field(
+        0.0, description="Width of the median, in whose middle the poles stand."
+    )
+    mean_cd_per_m2: Annotated[float, Field(ge=1e-9, le=1000.0)] | None = Field(
+        None, description="Minimum mean luminance; by default of the class, as the four that follow."
+    )
+    uniformity: Share | None = Field(None, description="Minimum of the overall uniformity U0, min/mean luminance.")
+    wet_uniformity: Share | None = Field(
+        None, description="Minimum U0 of the wet road; by default 0.15, as every class M requires."
+    )
+    uniformity_along: Share | None = Field(
+        None, description="Minimum of the longitudinal uniformity Ul, min/max luminance on the middle of a lane."
+    )
+    glare_percent: Annotated[float, Field(ge=1e-9, le=1000.0)] | None = Field(
+        None, description="Maximum threshold increment TI."
+    )
+    luminance_per_lux: Annotated[float, Field(ge=1e-9, le=1.0)] | None = Field(
+        None, description="Minimum mean luminance/mean illuminance Q; by default none."
+    )
+    edge_ratio: Share | None = Field(
+        None,
+        description="Least ratio of the illuminance beside an edge to that within; by default of a class M, for C "
+        "and P none.",
+    )
+    maintenance_factor: Share = Field(
+        1.0, description="Share of the light that dirt and age leave; glare is that of new lamps."
+    )
+    lamp_lm: Annotated[float, Field(ge=1e-9, le=1e9)] | None = Field(
+        None,
+        description="Luminous flux of the sources of a lamp; by default of the source times photometry.lenses, or "
+        "as a file states.",
+    )
+    lamp_w: Annotated[float, Field(ge=1e-9, le=1e6)] | None = Field(
+        None, description="Electrical power of a lamp; with it the power density and the yearly energy are stated."
+    )
+    hours: Annotated[float, Field(ge=1e-9, le=8784.0)] = Field(4000.0, description="Hours of full light in a year.")
 
     @property
     def by_rp8(self) -> bool:
@@ -284,12 +315,12 @@ def names_of(roads: Sequence[RoadSection]) -> tuple[str, ...]:
 
 def require_all_below(roads: Sequence[RoadSection], receivers: Sequence[ReceiverSection]) -> None:
     """Raise ``ValueError`` for roads without a far field that has all light below a lamp."""
-    far = next((each for each in receivers if isinstance(each, FarFieldReceiver)), None)
+    far = next((receiver for receiver in receivers if isinstance(receiver, FarFieldReceiver)), None)
     if roads and (far is None or far.half_angle_deg < _ALL_BELOW):
-        found = "there is none" if far is None else f"the first has half_angle_deg = {far.half_angle_deg:g}"
+        far_fields = "there is none" if far is None else f"the first has half_angle_deg = {far.half_angle_deg:g}"
         raise ValueError(
             f"roads: their far lamps and their glare are light at up to {_ALL_BELOW:g} degrees from the axis, on a "
-            f"receiver of kind far_field; {found}; give it half_angle_deg = {_ALL_BELOW:g}"
+            f"receiver of kind far_field; {far_fields}; give it half_angle_deg = {_ALL_BELOW:g}"
         )
 
 
@@ -312,12 +343,14 @@ def road_warnings(
                 "leave out lamp_lm"
             )
     heights = {road.pole_height_m for road in roads if not road.tilt_deg}
-    planes = [each for each in receivers if isinstance(each, PlaneReceiver) and each.facing[:2] == (0.0, 0.0)]
+    planes = [
+        receiver for receiver in receivers if isinstance(receiver, PlaneReceiver) and receiver.facing[:2] == (0.0, 0.0)
+    ]
     if not planes or len(heights) != 1:
         return
     height = max(heights)
-    away = [1e-3 * each.distance_mm for each in planes]
-    if all(abs(each / height - 1.0) > _SAME for each in away):
+    away = [1e-3 * plane.distance_mm for plane in planes]
+    if all(abs(distance / height - 1.0) > _SAME for distance in away):
         yield (
             f"receivers: {planes[0].name} lies {away[0]:g} m below the lamps, pole_height_m of roads is {height:g}; "
             f"give it centre_mm with z = {1e3 * height:g}, unless another plane is meant"
@@ -327,8 +360,9 @@ def road_warnings(
 class RoadFile(Section):
     """File of roads: those of a spec, without the rest."""
 
-    roads: Annotated[tuple[RoadSection, ...], Field(min_length=1, max_length=MOST_ROADS)]
-    """Roads, each with its class."""
+    roads: Annotated[tuple[RoadSection, ...], Field(min_length=1, max_length=MOST_ROADS)] = Field(
+        description="Roads, each with its class."
+    )
 
 
 def load_roads(path: Path) -> tuple[RoadSection, ...]:

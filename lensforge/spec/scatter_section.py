@@ -12,6 +12,7 @@ from jaxtyping import Float
 from pydantic import Field
 
 from lensforge.optics.scattering import FacetTurn, GaussianFacets, RingScatter, gaussian, lambertian, shares_within
+from lensforge.public import public
 from lensforge.results.files import MIB
 from lensforge.results.table_names import DEGREES, Column, doubt_degrees
 from lensforge.results.text_table import TextTable
@@ -23,26 +24,28 @@ Values = Float[np.ndarray, " n"]
 _MOST_BACK = 0.5  # of the light along the normal: with more the face is no lens any more
 
 
+@public
 class GaussianScatter(Section):
     """A frosted, etched or finely machined face: facets whose slopes are normally distributed."""
 
     kind: Literal["gaussian"] = "gaussian"
-    sigma_deg: Annotated[float, Field(ge=1e-4, le=45.0)]
-    """Rms angle, along any line, by which the face spreads light that comes along its normal: of the transmitted light
-    behind the face, of a mirror of the reflected light. An etched face has 1 to 10, a fine print 0.5 to 2.
-    """
+    sigma_deg: Annotated[float, Field(ge=1e-4, le=45.0)] = Field(
+        description="Rms angle, along any line, by which the face spreads light that comes along its normal: of "
+        "the transmitted light behind the face, of a mirror of the reflected light. An etched face "
+        "has 1 to 10, a fine print 0.5 to 2."
+    )
 
     def model(self, turn: FacetTurn) -> GaussianFacets:
         """Facets whose rms slope turns light by that angle."""
         sigma = radians(self.sigma_deg)
-        found = gaussian(sigma, turn) if sigma < turn.most_rad else None
-        back = 1.0 if found is None else _turned_back(found.slope, turn)
-        if found is None or back > _MOST_BACK:
+        facets = gaussian(sigma, turn) if sigma < turn.most_rad else None
+        back = 1.0 if facets is None else _turned_back(facets.slope, turn)
+        if facets is None or back > _MOST_BACK:
             raise ValueError(
                 f"sigma_deg = {self.sigma_deg:g}: {100.0 * back:.0f} % of the light along the normal would be turned "
                 "back; take a smaller angle, on both faces if need be"
             )
-        return found
+        return facets
 
 
 def _turned_back(slope: float, turn: FacetTurn) -> float:
@@ -53,12 +56,16 @@ def _turned_back(slope: float, turn: FacetTurn) -> float:
     return exp(-0.5 * (steepest / slope) ** 2)
 
 
+@public
 class LambertianScatter(Section):
     """A face that sends a share of its light to all sides alike, as opal material or white paint does."""
 
     kind: Literal["lambertian"]
-    share: Annotated[float, Field(gt=0.0, le=1.0)] = 1.0
-    """Share of the light that passes, or that its mirror reflects; the rest goes on as from a polished face."""
+    share: Annotated[float, Field(gt=0.0, le=1.0)] = Field(
+        1.0,
+        description="Share of the light that passes, or that its mirror reflects; the rest goes on as from a "
+        "polished face.",
+    )
 
     def model(self, turn: FacetTurn) -> RingScatter:
         """The share, about the normal."""
@@ -70,18 +77,18 @@ _FINEST = 1e-7  # a finer scatter is none
 _OF_INTERVAL = 16  # rings between two angles of a table
 
 
+@public
 class AbgScatter(Section):
     """A finely rough face by the ABg model (Harvey and Shack): a / (b + s^g) per steradian, where s is the distance of
     the direction cosines from the polished direction, up to 1. It scatters its integral; the rest goes on as polished.
     """
 
     kind: Literal["abg"]
-    a: Annotated[float, Field(gt=0.0, le=1e6)]
-    """Amplitude."""
-    b: Annotated[float, Field(ge=1e-15, le=1e6)]
-    """Roll-off: b^(1/g) is the distance from which the light falls."""
-    g: Annotated[float, Field(ge=0.0, le=10.0)]
-    """Slope: of polished glass 1 to 3."""
+    a: Annotated[float, Field(gt=0.0, le=1e6)] = Field(description="Amplitude.")
+    b: Annotated[float, Field(ge=1e-15, le=1e6)] = Field(
+        description="Roll-off: b^(1/g) is the distance from which the light falls."
+    )
+    g: Annotated[float, Field(ge=0.0, le=10.0)] = Field(description="Slope: of polished glass 1 to 3.")
 
     def model(self, turn: FacetTurn) -> RingScatter:
         """Rings whose shares are those of the model."""
@@ -112,6 +119,7 @@ def _density(angles_rad: Values, bsdf_per_sr: Values, radii: Values) -> Values:
     return density
 
 
+@public
 class TableScatter(OfTableFile):
     """A face whose scatter function (BSDF) was measured, the same all around the polished direction.
 
@@ -120,14 +128,19 @@ class TableScatter(OfTableFile):
     """
 
     kind: Literal["table"]
-    incidence_deg: _Angles = ()
-    """Angles of incidence, before the face, rising from 0."""
-    scattering_deg: _Angles = ()
-    """Angles from the polished direction, rising from 0; their sine is the distance of the direction cosines."""
-    bsdf_per_sr: Annotated[tuple[_Row, ...], Field(max_length=_MOST_ROWS)] = ()
-    """Scatter function (1/sr), a row for each of ``incidence_deg``."""
-    file: FilePath | None = None
-    """Table with columns incidence_deg, scattering_deg and bsdf, read into these fields as the spec is."""
+    incidence_deg: _Angles = Field((), description="Angles of incidence, before the face, rising from 0.")
+    scattering_deg: _Angles = Field(
+        (),
+        description="Angles from the polished direction, rising from 0; their sine is the distance of the "
+        "direction cosines.",
+    )
+    bsdf_per_sr: Annotated[tuple[_Row, ...], Field(max_length=_MOST_ROWS)] = Field(
+        (), description="Scatter function (1/sr), a row for each of `incidence_deg`."
+    )
+    file: FilePath | None = Field(
+        None,
+        description="Table with columns incidence_deg, scattering_deg and bsdf, read into these fields as the spec is.",
+    )
 
     @classmethod
     def read(cls, path: Path) -> Mapping[str, object]:

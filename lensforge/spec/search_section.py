@@ -4,6 +4,7 @@ from typing import Annotated, Literal
 
 from pydantic import BeforeValidator, Field
 
+from lensforge.public import public
 from lensforge.spec.spec_section import (
     LEFT_OUT,
     DerivedMillimetres,
@@ -23,36 +24,42 @@ LARGEST = 10.0  # over the largest radius: a lens may miss that, but not by far;
 KEEP_OUT_MARGIN_MM = 0.1  # a placed package may be off by 0.05 mm, and so may a lens on its board
 
 
+@public
 class ConstraintsSection(Section):
     """Feasible lenses, Eqs. (10) to (14). Optional limits, of each face too, are for manufacture and assembly."""
 
-    cavity_height_mm: DerivedMillimetres = LEFT_OUT
-    """Height of the paraboloid that stays inside the cavity: room for the LED. A source whose size its section does not
-    state, such as a ray file, needs it given.
-    """
-    cavity_radius_mm: DerivedMillimetres = LEFT_OUT
-    """Radius of that paraboloid at z = 0. A source whose size its section does not state, such as a ray file,
-    needs it given.
-    """
-    min_thickness_mm: DerivedMillimetresOrZero = LEFT_OUT
-    """Minimum wall along the normal: the shortest distance between the two faces."""
-    max_radius_mm: Millimetres
-    """Outer radius: two freeform faces stay within this distance of the origin, which bounds their height, too; a lens
-    for total internal reflection or a reflector, within this distance of the axis.
-    """
-    max_wall_mm: Millimetres | None = None
-    """Largest wall, along rays from the origin, for sink marks and cycle time."""
-    max_height_mm: Millimetres | None = None
-    """Largest height of the outer face above z = 0."""
-    min_edge_angle_deg: Annotated[float, Field(ge=1.0, le=150.0)] | None = None
-    """Least angle of the edges in which faces of a lens for total internal reflection meet: at its rim that of the
-    lens, at its cavity that of the mould's core.
-    """
-    keep_out: FilePath | None = None
-    """STEP file of solids in the lens's coordinates (LED package, bond wires, board) that lens and base stay away from.
-    """
-    keep_out_margin_mm: MillimetresOrZero = KEEP_OUT_MARGIN_MM
-    """Distance from these solids."""
+    cavity_height_mm: DerivedMillimetres = Field(
+        LEFT_OUT,
+        description="Height of the paraboloid that stays inside the cavity: room for the LED. A source whose size "
+        "its section does not state, such as a ray file, needs it given.",
+    )
+    cavity_radius_mm: DerivedMillimetres = Field(
+        LEFT_OUT,
+        description="Radius of that paraboloid at z = 0. A source whose size its section does not state, such as "
+        "a ray file, needs it given.",
+    )
+    min_thickness_mm: DerivedMillimetresOrZero = Field(
+        LEFT_OUT, description="Minimum wall along the normal: the shortest distance between the two faces."
+    )
+    max_radius_mm: Millimetres = Field(
+        description="Outer radius: two freeform faces stay within this distance of the origin, which bounds their "
+        "height, too; a lens for total internal reflection or a reflector, within this distance of the axis."
+    )
+    max_wall_mm: Millimetres | None = Field(
+        None, description="Largest wall, along rays from the origin, for sink marks and cycle time."
+    )
+    max_height_mm: Millimetres | None = Field(None, description="Largest height of the outer face above z = 0.")
+    min_edge_angle_deg: Annotated[float, Field(ge=1.0, le=150.0)] | None = Field(
+        None,
+        description="Least angle of the edges in which faces of a lens for total internal reflection meet: at its "
+        "rim that of the lens, at its cavity that of the mould's core.",
+    )
+    keep_out: FilePath | None = Field(
+        None,
+        description="STEP file of solids in the lens's coordinates (LED package, bond wires, board) that lens and "
+        "base stay away from.",
+    )
+    keep_out_margin_mm: MillimetresOrZero = Field(KEEP_OUT_MARGIN_MM, description="Distance from these solids.")
 
     @property
     def tolerance_mm(self) -> float:
@@ -124,33 +131,44 @@ def _share_of_parts(value: object) -> object:
     )
 
 
+@public
 class OptimiseSection(Section):
     """Settings of the search; omitted ones come from the accuracy preset.
 
     ``steps_per_level`` and ``rays`` belong to levels that are given.
     """
 
-    steps_per_level: Annotated[tuple[Steps, ...], Field(max_length=MOST_LEVELS)] | None = None
-    """Gradient steps of each level."""
-    rays: Annotated[int, Field(ge=64, le=2**24)] | None = None
-    """Rays of a gradient step."""
-    pixels: Annotated[int, Field(ge=4, le=1024)] = 64
-    """Pixels along a side of the receiver in the search."""
-    aim: Literal["pattern", "share"] = "pattern"
-    """What counts: "pattern", light as the targets say; "share", as much light in them as possible, however it lies."""
-    over_sources: Literal["mean", "worst"] = "mean"
-    """Of several ``sources``: the "mean" error over them by their shares, or the error of the "worst"."""
-    seconds: Annotated[float, Field(ge=1.0, le=1e6)] | None = None
-    """Time that the search with automatic levels may take, with its set-up but without the kernels that are compiled
-    once on a machine; by default it goes on for as long as it gains.
-    """
-    robust: Annotated[_Robust, BeforeValidator(_share_of_parts)] = False
-    """Search by made parts: every gradient step sees others, drawn from the tolerances. true: for the lens whose parts
-    are best on average; "yield": for that of whose parts 0.95 hold the limits, or the share that is given. Without it
-    the tolerances have no effect on the lens.
-    """
-    fresnel: bool = True
-    """Count what both surfaces and a cover glass reflect in the search; the evaluation always does."""
+    steps_per_level: Annotated[tuple[Steps, ...], Field(max_length=MOST_LEVELS)] | None = Field(
+        None, description="Gradient steps of each level."
+    )
+    rays: Annotated[int, Field(ge=64, le=2**24)] | None = Field(None, description="Rays of a gradient step.")
+    pixels: Annotated[int, Field(ge=4, le=1024)] = Field(
+        64, description="Pixels along a side of the receiver in the search."
+    )
+    aim: Literal["pattern", "share"] = Field(
+        "pattern",
+        description='What counts: "pattern", light as the targets say; "share", as much light in them as '
+        "possible, however it lies.",
+    )
+    over_sources: Literal["mean", "worst"] = Field(
+        "mean",
+        description='Of several `sources`: the "mean" error over them by their shares, or the error of the "worst".',
+    )
+    seconds: Annotated[float, Field(ge=1.0, le=1e6)] | None = Field(
+        None,
+        description="Time that the search with automatic levels may take, with its set-up but without the kernels "
+        "that are compiled once on a machine; by default it goes on for as long as it gains.",
+    )
+    robust: Annotated[_Robust, BeforeValidator(_share_of_parts)] = Field(
+        False,
+        description="Search by made parts: every gradient step sees others, drawn from the tolerances. true: for "
+        'the lens whose parts are best on average; "yield": for that of whose parts 0.95 hold the '
+        "limits, or the share that is given. Without it the tolerances have no effect on the lens.",
+    )
+    fresnel: bool = Field(
+        True,
+        description="Count what both surfaces and a cover glass reflect in the search; the evaluation always does.",
+    )
 
     @property
     def share(self) -> float | None:
@@ -166,14 +184,19 @@ class OptimiseSection(Section):
             )
 
 
+@public
 class EvaluateSection(Section):
     """Settings of the evaluation."""
 
-    rays: Annotated[int, Field(ge=1, le=2**28)] | None = None
-    """Rays; by default as many as the accuracy preset has."""
-    pixels: Annotated[int, Field(ge=2, le=2048)] = 128
-    """Pixels along the longer side of the picture."""
-    window_mm: Millimetres | None = None
-    """Side of the square in which flux counts as detected; by default the whole receiver."""
-    filter_variance: Annotated[float, Field(ge=0.0, le=1e8)] = 1.0
-    """Variance of the Gaussian filter of the picture, in pixels squared; 0: none."""
+    rays: Annotated[int, Field(ge=1, le=2**28)] | None = Field(
+        None, description="Rays; by default as many as the accuracy preset has."
+    )
+    pixels: Annotated[int, Field(ge=2, le=2048)] = Field(
+        128, description="Pixels along the longer side of the picture."
+    )
+    window_mm: Millimetres | None = Field(
+        None, description="Side of the square in which flux counts as detected; by default the whole receiver."
+    )
+    filter_variance: Annotated[float, Field(ge=0.0, le=1e8)] = Field(
+        1.0, description="Variance of the Gaussian filter of the picture, in pixels squared; 0: none."
+    )

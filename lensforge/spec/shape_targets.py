@@ -6,6 +6,7 @@ import numpy as np
 from jaxtyping import Bool
 from pydantic import Field
 
+from lensforge.public import public
 from lensforge.spec.spec_section import Coordinate, Millimetres, check
 from lensforge.spec.target_sections import DegreesOff, DegreesWide, Places, SizedTarget, SoftTarget, TargetSection
 
@@ -15,6 +16,7 @@ _MOST_SPOTS = 1000
 _LEAST_SPREAD = 1e-12  # of a polygon's corners about a line, squared: below, they lie on it
 
 
+@public
 class ShapeTarget(SoftTarget):
     """A shape: one level of light inside, none outside."""
 
@@ -27,6 +29,7 @@ class ShapeTarget(SoftTarget):
         return self.contains(x, y).astype(np.float64)
 
 
+@public
 class FlatTopTarget(SizedTarget):
     """A rectangular super-Gaussian, ``exp(-|2 x / width|^p - |2 y / height|^p)``; square without a height."""
 
@@ -35,8 +38,9 @@ class FlatTopTarget(SizedTarget):
     words: ClassVar[str] = "flat top, {width} × {height}"
 
     kind: Literal["flat_top"] = "flat_top"
-    exponent: Annotated[float, Field(ge=2.0, le=200.0)] = 18.0
-    """Power p: the larger, the steeper the edges."""
+    exponent: Annotated[float, Field(ge=2.0, le=200.0)] = Field(
+        18.0, description="Power p: the larger, the steeper the edges."
+    )
 
     def pair(self, name: str) -> tuple[float, float] | None:
         """Length ``name`` along x and along y; without a height that is the width."""
@@ -52,6 +56,7 @@ class FlatTopTarget(SizedTarget):
         return along_y * along_x
 
 
+@public
 class RectangleTarget(SizedTarget, ShapeTarget):
     """A rectangle."""
 
@@ -65,6 +70,7 @@ class RectangleTarget(SizedTarget, ShapeTarget):
         return _in_rectangle(x, y, self.size("width"), self.size("height"))
 
 
+@public
 class DiscTarget(ShapeTarget):
     """A disc."""
 
@@ -75,8 +81,7 @@ class DiscTarget(ShapeTarget):
     is_round: ClassVar[bool] = True
 
     kind: Literal["disc"] = "disc"
-    diameter_mm: Millimetres | None = None
-    """Diameter on a surface."""
+    diameter_mm: Millimetres | None = Field(None, description="Diameter on a surface.")
     diameter_deg: DegreesWide | None = None
 
     def contains(self, x: Places, y: Places) -> Lit:
@@ -84,6 +89,7 @@ class DiscTarget(ShapeTarget):
         return _in_ellipse(x, y, self.size("diameter"), self.size("diameter"))
 
 
+@public
 class EllipseTarget(SizedTarget, ShapeTarget):
     """An ellipse with its axes along x and y."""
 
@@ -98,6 +104,7 @@ class EllipseTarget(SizedTarget, ShapeTarget):
         return _in_ellipse(x, y, self.size("width"), self.size("height"))
 
 
+@public
 class RingTarget(ShapeTarget):
     """A ring between two circles."""
 
@@ -108,10 +115,8 @@ class RingTarget(ShapeTarget):
     is_round: ClassVar[bool] = True
 
     kind: Literal["ring"] = "ring"
-    outer_diameter_mm: Millimetres | None = None
-    """Diameter of the outer circle on a surface."""
-    inner_diameter_mm: Millimetres | None = None
-    """Diameter of the inner circle on a surface."""
+    outer_diameter_mm: Millimetres | None = Field(None, description="Diameter of the outer circle on a surface.")
+    inner_diameter_mm: Millimetres | None = Field(None, description="Diameter of the inner circle on a surface.")
     outer_diameter_deg: DegreesWide | None = None
     inner_diameter_deg: DegreesWide | None = None
 
@@ -130,14 +135,16 @@ class RingTarget(ShapeTarget):
             )
 
 
+@public
 class PolygonTarget(ShapeTarget):
     """A closed polygon; where it crosses itself, by even and odd."""
 
     needs: ClassVar[tuple[str, ...]] = ("corners",)
 
     kind: Literal["polygon"] = "polygon"
-    corners_mm: Annotated[tuple[tuple[Coordinate, Coordinate], ...], Field(max_length=_MOST_CORNERS)] | None = None
-    """Corners (x, y) about the target's centre, on a surface."""
+    corners_mm: Annotated[tuple[tuple[Coordinate, Coordinate], ...], Field(max_length=_MOST_CORNERS)] | None = Field(
+        None, description="Corners (x, y) about the target's centre, on a surface."
+    )
     corners_deg: Annotated[tuple[tuple[DegreesOff, DegreesOff], ...], Field(max_length=_MOST_CORNERS)] | None = None
 
     @property
@@ -168,7 +175,7 @@ class PolygonTarget(ShapeTarget):
     def _has_an_area(self) -> None:
         if len(self.corners) < 3:
             raise ValueError(f"corners_{self.unit}: {len(self.corners)} corners, a polygon has three at least")
-        x, y = (np.array(each) - np.mean(each) for each in zip(*self.corners, strict=True))
+        x, y = (np.array(coordinates) - np.mean(coordinates) for coordinates in zip(*self.corners, strict=True))
         xx = float(x @ x)
         yy = float(y @ y)
         xy = float(x @ y)
@@ -176,6 +183,7 @@ class PolygonTarget(ShapeTarget):
             raise ValueError(f"corners_{self.unit}: all lie on a line; a polygon has an area")
 
 
+@public
 class CrossTarget(ShapeTarget):
     """An upright cross of equal arms."""
 
@@ -185,10 +193,8 @@ class CrossTarget(ShapeTarget):
     has_word: ClassVar[bool] = True
 
     kind: Literal["cross"] = "cross"
-    length_mm: Millimetres | None = None
-    """Length from end to end on a surface."""
-    stroke_mm: Millimetres | None = None
-    """Width of an arm on a surface."""
+    length_mm: Millimetres | None = Field(None, description="Length from end to end on a surface.")
+    stroke_mm: Millimetres | None = Field(None, description="Width of an arm on a surface.")
     length_deg: DegreesWide | None = None
     stroke_deg: DegreesWide | None = None
 
@@ -199,6 +205,7 @@ class CrossTarget(ShapeTarget):
         return np.asarray(_in_rectangle(x, y, length, stroke) | _in_rectangle(x, y, stroke, length))
 
 
+@public
 class SpotsTarget(ShapeTarget):
     """A line or a grid of discs."""
 
@@ -206,15 +213,11 @@ class SpotsTarget(ShapeTarget):
     words: ClassVar[str] = "{0.columns} × {0.rows} spots, {pitch} apart"
 
     kind: Literal["spots"] = "spots"
-    columns: Annotated[int, Field(ge=1, le=_MOST_SPOTS)]
-    """Discs along x."""
-    rows: Annotated[int, Field(ge=1, le=_MOST_SPOTS)] = 1
-    """Discs along y."""
-    diameter_mm: Millimetres | None = None
-    """Diameter of a disc on a surface."""
+    columns: Annotated[int, Field(ge=1, le=_MOST_SPOTS)] = Field(description="Discs along x.")
+    rows: Annotated[int, Field(ge=1, le=_MOST_SPOTS)] = Field(1, description="Discs along y.")
+    diameter_mm: Millimetres | None = Field(None, description="Diameter of a disc on a surface.")
     diameter_deg: DegreesWide | None = None
-    pitch_mm: Millimetres | None = None
-    """Distance of neighbouring centres on a surface."""
+    pitch_mm: Millimetres | None = Field(None, description="Distance of neighbouring centres on a surface.")
     pitch_deg: DegreesWide | None = None
 
     @property

@@ -31,8 +31,8 @@ def shipped_specs() -> dict[str, Path]:
 def first_sentence(spec: Path) -> str:
     """The first sentence of a spec's comment: what it is."""
     lines = spec.read_text(encoding="utf-8").split('name = "')[0].splitlines()
-    words = " ".join(line.lstrip("# ") for line in lines)
-    return _END.split(words)[0].rstrip(".")
+    text = " ".join(line.lstrip("# ") for line in lines)
+    return _END.split(text)[0].rstrip(".")
 
 
 def named_files(spec: Path) -> list[Path]:

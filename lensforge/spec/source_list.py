@@ -36,28 +36,28 @@ class _SourceList(Section):
     sources: tuple[NamedSource, ...]
 
 
-def read_sources(given: Sequence[Path | str], own: EmitterSection) -> tuple[NamedSource, ...]:
+def read_sources(given: Sequence[Path | str], settings: EmitterSection) -> tuple[NamedSource, ...]:
     """The LEDs that ``given`` names, in their order.
 
     Each is a ray file, a pattern of such (``leds/*.ray``), a CSV table with a column file, and those of name, flux_lm,
     flux_w, luminous_efficacy_lm_per_w and share that are known, or a TOML file with ``[[sources]]``. A ray file takes
-    the place of the spec's ``own`` source. Raises :class:`InputError`.
+    the place of the spec's ``settings`` source. Raises :class:`InputError`.
     """
-    return tuple(led for each in given for led in _read(str(each), own))
+    return tuple(led for name in given for led in _read(str(name), settings))
 
 
-def _read(given: str, own: EmitterSection) -> Iterator[NamedSource]:
+def _read(given: str, settings: EmitterSection) -> Iterator[NamedSource]:
     if not given.isprintable():
         raise InputError(f"sources: {_shown(given)}: holds a character that cannot be printed; rename the file")
     if _PATTERN.search(given) and not _is_there(given):
-        yield from (_of_file(file, own) for file in _files_of(given))
+        yield from (_of_file(file, settings) for file in _files_of(given))
     elif given.lower().endswith(".toml"):
         yield from _of_toml(Path(given))
     elif given.lower().endswith(".csv"):
         entries = read_list(Path(given), _COLUMNS, missing="give a table with a column file", most_bytes=_MOST_BYTES)
-        yield from (_of_entry(entry, Path(given).parent, own) for entry in entries)
+        yield from (_of_entry(entry, Path(given).parent, settings) for entry in entries)
     else:
-        yield _of_file(Path(given), own)
+        yield _of_file(Path(given), settings)
 
 
 def _is_there(name: str) -> bool:
@@ -79,31 +79,31 @@ def _files_of(pattern: str) -> list[Path]:
         raise InputError(f"sources: {_shown(pattern)}: ** may stand {_MOST_DEPTHS} times; name the folders")
     try:
         matches = Path(root or ".").glob(shorter.removeprefix(root))
-        found = sorted(islice(filter(Path.is_file, matches), MOST_SOURCES + 1))
+        files = sorted(islice(filter(Path.is_file, matches), MOST_SOURCES + 1))
     except (OSError, ValueError, RecursionError) as error:
-        words = "it has too many parts" if isinstance(error, RecursionError) else error
-        raise InputError(f"sources: {_shown(pattern)}: not usable as a pattern ({words}); {_ADVICE}") from None
-    if not found:
+        reason = "it has too many parts" if isinstance(error, RecursionError) else error
+        raise InputError(f"sources: {_shown(pattern)}: not usable as a pattern ({reason}); {_ADVICE}") from None
+    if not files:
         raise InputError(f"sources: {_shown(pattern)}: no file of this pattern; {_ADVICE}")
-    if len(found) > MOST_SOURCES:
+    if len(files) > MOST_SOURCES:
         raise InputError(f"sources: {_shown(pattern)}: more than {MOST_SOURCES} files; narrow the pattern")
-    return found
+    return files
 
 
-def source_with_file(own: EmitterSection, file: Path, **changes: object) -> EmitterSection:
-    """The source ``own`` with ``file`` as its ray file, and with the fields of ``changes``.
+def source_with_file(settings: EmitterSection, file: Path, **changes: object) -> EmitterSection:
+    """The source ``settings`` with ``file`` as its ray file, and with the fields of ``changes``.
 
     Another source is replaced by the file with its virtual focus at the origin, placed as the source was, and with the
     flux that the spec states. Raises :class:`InputError` for fields that do not fit.
     """
-    placed = isinstance(own, RayfileSource)
+    placed = isinstance(settings, RayfileSource)
     kept: dict[str, object] = {} if placed else {"origin": "virtual_focus"}
-    kept |= {name: getattr(own, name) for name in (own.model_fields_set if placed else _KEPT)}
+    kept |= {name: getattr(settings, name) for name in (settings.model_fields_set if placed else _KEPT)}
     return RayfileSource(**{**kept, "file": file, **changes})
 
 
-def _of_file(file: Path, own: EmitterSection) -> NamedSource:
-    source = source_with_file(own, file)
+def _of_file(file: Path, settings: EmitterSection) -> NamedSource:
+    source = source_with_file(settings, file)
     require_regular_file(file, missing=_ADVICE)
     return NamedSource(name=_name(file), source=source)
 
@@ -119,7 +119,7 @@ def _of_toml(path: Path) -> tuple[NamedSource, ...]:
     return section_of(_SourceList, content, str(path), NamedFrom(path.parent, there=True)).sources
 
 
-def _of_entry(entry: Entry, folder: Path, own: EmitterSection) -> NamedSource:
+def _of_entry(entry: Entry, folder: Path, settings: EmitterSection) -> NamedSource:
     """The LED in a row of a table; its file counts from the ``folder`` of the table."""
     if "file" not in entry.words:
         raise InputError(f"{entry.where}: must have a file")
@@ -128,7 +128,7 @@ def _of_entry(entry: Entry, folder: Path, own: EmitterSection) -> NamedSource:
     share = numbers.pop("share", 1.0)
     stated = dict.fromkeys(FluxSection.model_fields) if numbers.keys() & FluxSection.model_fields.keys() else {}
     try:  # of what the spec states of its own LED not half
-        source = source_with_file(own, file, **{**stated, **numbers})
+        source = source_with_file(settings, file, **{**stated, **numbers})
         require_regular_file(file, missing="its name counts from the folder of the table")
         return NamedSource(name=entry.words.get("name", _name(file)), share=share, source=source)
     except InputError as error:
@@ -141,6 +141,6 @@ def require_told_apart(sources: Sequence[NamedSource]) -> tuple[NamedSource, ...
     if not 2 <= len(names) <= MOST_SOURCES:
         given = ", ".join(names) if 0 < len(names) < 2 else len(names)
         raise InputError(f"sources: {given} given; a study of LEDs takes 2 to {MOST_SOURCES}")
-    if (words := alike(names)) is not None:
-        raise InputError(f"sources: {words}; give each its own, by a .csv table or a .toml file")
+    if (duplicate := alike(names)) is not None:
+        raise InputError(f"sources: {duplicate}; give each its own, by a .csv table or a .toml file")
     return tuple(sources)

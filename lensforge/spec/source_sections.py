@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 from pydantic import Field, model_validator
 
 from lensforge.optics.image import Luminance
+from lensforge.public import public
 from lensforge.spec.emitter_section import CosineIntensity, EmitterSection, FluxSection, IntensitySpec, SpectrumSpec
 from lensforge.spec.spec_section import (
     Coordinate,
@@ -24,14 +25,14 @@ from lensforge.spec.spec_section import (
 )
 
 
+@public
 class SquareSource(EmitterSection):
     """A square Lambertian emitter, centred on the axis in the plane z = 0 and emitting towards +z unless placed."""
 
     in_a_word: ClassVar[tuple[str, ...]] = ("side_mm",)
 
     kind: Literal["square"] = "square"
-    side_mm: MillimetresOrZero
-    """Side of the square; 0 for a point source."""
+    side_mm: MillimetresOrZero = Field(description="Side of the square; 0 for a point source.")
 
     @property
     def extent_mm(self) -> float:
@@ -50,53 +51,66 @@ Scale = Annotated[float, Field(ge=1e-9, le=1e9)]  # from a file in nm or km to m
 Model = Literal["rays", "radiance", "auto"]
 
 
+@public
 class Placement(EmitterSection):
     """Placement of a ray set in lens coordinates: its own fields in their order, then the fields of every source."""
 
-    origin: Literal["file", "virtual_focus"] | tuple[Coordinate, Coordinate, Coordinate] = "file"
-    """Point that is put at the lens origin: the file's own origin, its virtual focus, or a point (mm) of the file."""
-    scale: Scale = 1.0
-    """Factor of all lengths."""
-    axis: Literal["+x", "-x", "+y", "-y", "+z", "-z"] = "+z"
-    """Direction in the file that becomes the lens axis +z."""
-    mirror: Literal["none", "x", "y"] = "none"
-    """Mirror image: "x" maps x to -x."""
-    model: Model = "rays"
-    """Rays of the design: those of the set, or as many as wanted by a radiance fitted to them, or what suits better."""
+    origin: Literal["file", "virtual_focus"] | tuple[Coordinate, Coordinate, Coordinate] = Field(
+        "file",
+        description="Point that is put at the lens origin: the file's own origin, its virtual focus, or a point "
+        "(mm) of the file.",
+    )
+    scale: Scale = Field(1.0, description="Factor of all lengths.")
+    axis: Literal["+x", "-x", "+y", "-y", "+z", "-z"] = Field(
+        "+z", description="Direction in the file that becomes the lens axis +z."
+    )
+    mirror: Literal["none", "x", "y"] = Field("none", description='Mirror image: "x" maps x to -x.')
+    model: Model = Field(
+        "rays",
+        description="Rays of the design: those of the set, or as many as wanted by a radiance fitted to them, or "
+        "what suits better.",
+    )
 
 
+@public
 class RayfileSource(Placement):
     """Ray file of a vendor."""
 
     words: ClassVar[str] = "ray file {0.file.name}"
 
     kind: Literal["rayfile"] = "rayfile"
-    file: FilePath
-    """Ray file: TM-25, IES, Zemax, LightTools, SPEOS and others."""
-    model: Model = "auto"
-    """Rays of the design: those of the file, or as many as wanted by a radiance fitted to them, or what is better."""
+    file: FilePath = Field(description="Ray file: TM-25, IES, Zemax, LightTools, SPEOS and others.")
+    model: Model = Field(
+        "auto",
+        description="Rays of the design: those of the file, or as many as wanted by a radiance fitted to them, or "
+        "what is better.",
+    )
 
 
+@public
 class RayfilePart(FluxSection):
     """One of several ray files: its flux, else the flux of the file.
 
     With ``source.flux_w`` or ``source.flux_lm`` only the ratio counts.
     """
 
-    file: FilePath
-    """Ray file."""
-    spectrum: SpectrumSpec | None = None
-    """Spectrum in place of the file's own."""
+    file: FilePath = Field(description="Ray file.")
+    spectrum: SpectrumSpec | None = Field(None, description="Spectrum in place of the file's own.")
 
 
+@public
 class RayfilesSource(Placement):
     """Several ray files in one coordinate system as one source, such as the blue and yellow light of a white LED."""
 
     kind: Literal["rayfiles"] = "rayfiles"
-    files: Annotated[tuple[RayfilePart, ...], Field(min_length=1, max_length=100)]
-    """The ray files, in one coordinate system."""
-    model: Model = "auto"
-    """Rays of the design: those of the files, or as many as wanted by a radiance fitted to them, or what is better."""
+    files: Annotated[tuple[RayfilePart, ...], Field(min_length=1, max_length=100)] = Field(
+        description="The ray files, in one coordinate system."
+    )
+    model: Model = Field(
+        "auto",
+        description="Rays of the design: those of the files, or as many as wanted by a radiance fitted to them, "
+        "or what is better.",
+    )
 
     @property
     def description(self) -> str:
@@ -104,13 +118,16 @@ class RayfilesSource(Placement):
         return f"ray files {', '.join(part.file.name for part in self.files)}"
 
 
+@public
 class PlanarSource(EmitterSection):
     """An emitting area, in the plane z = 0 unless placed, the same intensity profile at each of its points."""
 
-    intensity: IntensitySpec = Field(default_factory=CosineIntensity)
-    """Intensity by angle; by default Lambertian."""
+    intensity: IntensitySpec = Field(
+        default_factory=CosineIntensity, description="Intensity by angle; by default Lambertian."
+    )
 
 
+@public
 class RectangleSource(PlanarSource):
     """A uniform rectangle, centred on the axis."""
 
@@ -118,10 +135,8 @@ class RectangleSource(PlanarSource):
     in_a_word: ClassVar[tuple[str, ...]] = ("width_mm", "height_mm")
 
     kind: Literal["rectangle"] = "rectangle"
-    width_mm: Millimetres
-    """Width along x."""
-    height_mm: Millimetres
-    """Height along y."""
+    width_mm: Millimetres = Field(description="Width along x.")
+    height_mm: Millimetres = Field(description="Height along y.")
 
     @property
     def extent_mm(self) -> float:
@@ -129,6 +144,7 @@ class RectangleSource(PlanarSource):
         return 0.5 * hypot(self.width_mm, self.height_mm)
 
 
+@public
 class DiscSource(PlanarSource):
     """A uniform disc, centred on the axis."""
 
@@ -136,8 +152,7 @@ class DiscSource(PlanarSource):
     in_a_word: ClassVar[tuple[str, ...]] = ("diameter_mm",)
 
     kind: Literal["disc"] = "disc"
-    diameter_mm: Millimetres
-    """Diameter."""
+    diameter_mm: Millimetres = Field(description="Diameter.")
 
     @property
     def extent_mm(self) -> float:
@@ -145,30 +160,28 @@ class DiscSource(PlanarSource):
         return 0.5 * self.diameter_mm
 
 
+@public
 class Chip(FluxSection):
     """A uniform rectangle with its centre at (x, y), of 1 W unless its flux is given.
 
     With ``source.flux_w`` or ``source.flux_lm`` only the ratio of the chips' fluxes counts.
     """
 
-    x_mm: Coordinate
-    """Centre along x."""
-    y_mm: Coordinate
-    """Centre along y."""
-    width_mm: Millimetres
-    """Width along x."""
-    height_mm: Millimetres
-    """Height along y."""
-    spectrum: SpectrumSpec | None = None
-    """Spectrum of this chip, in place of the spectrum of ``source``: its colour."""
+    x_mm: Coordinate = Field(description="Centre along x.")
+    y_mm: Coordinate = Field(description="Centre along y.")
+    width_mm: Millimetres = Field(description="Width along x.")
+    height_mm: Millimetres = Field(description="Height along y.")
+    spectrum: SpectrumSpec | None = Field(
+        None, description="Spectrum of this chip, in place of the spectrum of `source`: its colour."
+    )
 
 
+@public
 class ChipsSource(PlanarSource):
     """Several chips, each with its position, size and flux; ``flux_w``, ``flux_lm``: of all of them together."""
 
     kind: Literal["chips"] = "chips"
-    chips: Annotated[tuple[Chip, ...], Field(min_length=1, max_length=10_000)]
-    """The chips."""
+    chips: Annotated[tuple[Chip, ...], Field(min_length=1, max_length=10_000)] = Field(description="The chips.")
 
     @property
     def description(self) -> str:
@@ -183,26 +196,22 @@ class ChipsSource(PlanarSource):
     @property
     def spectra(self) -> tuple[SpectrumSpec | None, ...]:
         """Spectrum of each chip, its own or that of all; empty where none has one of its own."""
-        own = [chip.spectrum for chip in self.chips]
-        return tuple(each or self.spectrum for each in own) if any(own) else ()
+        spectra = [chip.spectrum for chip in self.chips]
+        return tuple(spectrum or self.spectrum for spectrum in spectra) if any(spectra) else ()
 
 
+@public
 class ChipArraySource(PlanarSource):
     """Equal chips in rows and columns, centred on the axis."""
 
     words: ClassVar[str] = "source of {0.columns} × {0.rows} chips"
 
     kind: Literal["chip_array"] = "chip_array"
-    columns: Annotated[int, Field(ge=1, le=100)]
-    """Chips along x."""
-    rows: Annotated[int, Field(ge=1, le=100)]
-    """Chips along y."""
-    width_mm: Millimetres
-    """Width of a chip."""
-    height_mm: Millimetres
-    """Height of a chip."""
-    pitch_mm: tuple[Millimetres, Millimetres]
-    """Distance of neighbouring centres, in x and y."""
+    columns: Annotated[int, Field(ge=1, le=100)] = Field(description="Chips along x.")
+    rows: Annotated[int, Field(ge=1, le=100)] = Field(description="Chips along y.")
+    width_mm: Millimetres = Field(description="Width of a chip.")
+    height_mm: Millimetres = Field(description="Height of a chip.")
+    pitch_mm: tuple[Millimetres, Millimetres] = Field(description="Distance of neighbouring centres, in x and y.")
 
     @property
     def extent_mm(self) -> float:
@@ -211,47 +220,49 @@ class ChipArraySource(PlanarSource):
         return 0.5 * hypot((self.columns - 1) * across + self.width_mm, (self.rows - 1) * up + self.height_mm)
 
 
+@public
 class LuminanceSource(PlanarSource):
     """A picture of the lit source, centred on the axis: a pixel's flux follows its light."""
 
     words: ClassVar[str] = "source of the luminance picture {0.file.name}"
 
     kind: Literal["luminance"] = "luminance"
-    file: FilePath
-    """PNG, TIFF, JPEG or BMP file."""
-    width_mm: Millimetres
-    """Width of the picture."""
-    luminance: Luminance = "as_stored"
-    """Light that its values stand for, as in a target's picture."""
+    file: FilePath = Field(description="PNG, TIFF, JPEG or BMP file.")
+    width_mm: Millimetres = Field(description="Width of the picture.")
+    luminance: Luminance = Field("as_stored", description="Light that its values stand for, as in a target's picture.")
 
 
+@public
 class RadianceSource(EmitterSection):
     """Radiance by position and direction, from a NumPy archive (docs/sources.md); a given flux replaces its own."""
 
     words: ClassVar[str] = "source of the radiance table {0.file.name}"
 
     kind: Literal["radiance"] = "radiance"
-    file: FilePath
-    """NumPy archive (docs/sources.md)."""
+    file: FilePath = Field(description="NumPy archive (docs/sources.md).")
 
 
+@public
 class RaySource(Placement):
     """Ray set given as arrays, for example from another program."""
 
     positional: ClassVar[str] = "rays"
 
     kind: Literal["rays"] = "rays"
-    positions_mm: Annotated[Float[np.ndarray, "n 3"], Numbers(2, 3)]
-    """Start points (x, y, z)."""
-    directions: Annotated[Float[np.ndarray, "n 3"], Numbers(2, 3)]
-    """Directions; they need not have length 1."""
-    ray_flux: Annotated[Float[np.ndarray, " n"], Numbers(1)] | None = None
-    """Flux of each ray in W, or relative where ``flux_w`` or ``flux_lm`` says how much all of them carry; without it
-    all rays have the same.
-    """
-    wavelengths_nm: Annotated[Float[np.ndarray, " n"], Numbers(1)] | None = None
-    """Wavelength of each ray, used where the lens material is dispersive, for colour, and for the luminous efficacy.
-    """
+    positions_mm: Annotated[Float[np.ndarray, "n 3"], Numbers(2, 3)] = Field(description="Start points (x, y, z).")
+    directions: Annotated[Float[np.ndarray, "n 3"], Numbers(2, 3)] = Field(
+        description="Directions; they need not have length 1."
+    )
+    ray_flux: Annotated[Float[np.ndarray, " n"], Numbers(1)] | None = Field(
+        None,
+        description="Flux of each ray in W, or relative where `flux_w` or `flux_lm` says how much all of them "
+        "carry; without it all rays have the same.",
+    )
+    wavelengths_nm: Annotated[Float[np.ndarray, " n"], Numbers(1)] | None = Field(
+        None,
+        description="Wavelength of each ray, used where the lens material is dispersive, for colour, and for the "
+        "luminous efficacy.",
+    )
 
     if TYPE_CHECKING:  # the arguments of the class; the fields themselves are validated as everywhere
 
@@ -298,12 +309,14 @@ class RaySource(Placement):
 RaySetSource = RayfileSource | RayfilesSource | RaySource
 
 
+@public
 class NamedSource(Section):
     """One of the LEDs that a lens is for."""
 
-    name: Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]{1,32}$")]
-    """Name of the LED, in tables, pictures and folders."""
-    share: Annotated[float, Field(ge=1e-6, le=1e6)] = 1.0
-    """Weight of its light in the mean over all, relative."""
-    source: EmitterSection
-    """Where its light starts, how much, and in which directions."""
+    name: Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]{1,32}$")] = Field(
+        description="Name of the LED, in tables, pictures and folders."
+    )
+    share: Annotated[float, Field(ge=1e-6, le=1e6)] = Field(
+        1.0, description="Weight of its light in the mean over all, relative."
+    )
+    source: EmitterSection = Field(description="Where its light starts, how much, and in which directions.")

@@ -1,44 +1,43 @@
-"""Fields of sections and records: their words, types, units and ranges, as ``help``, pages and messages show them.
+"""Fields of sections: description, unit, range and default, as ``help``, pages and messages show them."""
 
-Words stand below a field, or in the docstring of its class as "``name``: words." pydantic can read the former
-itself (``use_attribute_docstrings``), but reads all of them as the classes are made: a second of every start. Here they
-are read when a page, a schema or a message asks for them.
-"""
-
-import ast
 import inspect
 import re
-import sys
-from collections.abc import Iterable, Iterator, Mapping
-from functools import cache
-from itertools import pairwise
-from textwrap import fill
-from types import UnionType
-from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_type_hints
+from collections.abc import Iterable, Mapping
+from typing import Annotated, get_args, get_origin, get_type_hints
 
+from annotated_types import Ge, Gt, Le, Lt
 from pydantic import BaseModel
+from pydantic.fields import FieldInfo
 
-from lensforge.results import Record
-from lensforge.results.arguments import ShownType
-from lensforge.results.notebook_html import Shown
+from lensforge.public import ShownType
+from lensforge.results.field_help import described_fields, field_line, plain_paragraphs, private_fields, short_type
 from lensforge.results.numerals import unit_in
+from lensforge.results.record import Record
 from lensforge.results.registered_kinds import kind_of, models_in
 from lensforge.spec.derived_values import WHY
 
 
-def words_of(section: type[BaseModel], name: str) -> str:
-    """Words and unit of a field: ``Side of the square; 0 for a point source. [mm]``.
+def field_description(section: type[BaseModel], name: str) -> str:
+    """Description and unit of a field: ``Side of the square; 0 for a point source. [mm]``.
 
-    A length that has a field in mm and one in degrees has its words below the first.
+    A length that has a field in mm and one in degrees is described at the first.
     """
-    below = _words(section) if name in section.model_fields else {}
-    twin = below.get(f"{name.removesuffix('_deg')}_mm", "").replace("on a surface", "in the far field")
-    words = below.get(name, "") or twin
-    if name == "kind" and not words:
+    twin = _declared(section, f"{name.removesuffix('_deg')}_mm").replace("on a surface", "in the far field")
+    description = _declared(section, name) or twin
+    if name == "kind" and not description:
         first_line = summary_of(section).split("\n\n")[0].replace("\n", " ")
-        words = f"Kind: {first_line}"
+        description = f"Kind: {first_line}"
     unit = unit_in(name)
-    return f"{words} [{unit}]" if unit and words else words
+    return f"{description} [{unit}]" if unit and description else description
+
+
+def _declared(section: type[BaseModel], name: str) -> str:
+    """Description at the field, or at that of the same name in a class that the section extends; "" if none has one."""
+    for base in section.__mro__:
+        field = base.model_fields.get(name) if issubclass(base, BaseModel) else None
+        if field is not None and field.description:
+            return field.description
+    return ""
 
 
 def summary_of(section: type[BaseModel]) -> str:
@@ -47,15 +46,15 @@ def summary_of(section: type[BaseModel]) -> str:
 
 
 def default_of(section: type[BaseModel], name: str) -> str:
-    """Words on a field that is left out: its default, or from what its value follows; "" for neither."""
+    """Sentence on a field that is left out: its default, or from what its value follows; "" for neither."""
     field = section.model_fields[name]
     if field.default_factory is not None:
         return f"Default {getattr(field.default_factory, '__name__', '')}()."
     if field.default is None:
-        why = "; ".join(words for key, words in WHY.items() if key.rpartition(".")[2] == name)
+        why = "; ".join(reason for key, reason in WHY.items() if key.rpartition(".")[2] == name)
         return f"Left out, derived: {why}." if why else ""
-    made = f"{type(field.default).__name__}()" if isinstance(field.default, BaseModel) else repr(field.default)
-    return "" if field.is_required() else f"Default {made}."
+    default = f"{type(field.default).__name__}()" if isinstance(field.default, BaseModel) else repr(field.default)
+    return "" if field.is_required() else f"Default {default}."
 
 
 def arguments_of(section: type[BaseModel]) -> list[str]:
@@ -65,68 +64,33 @@ def arguments_of(section: type[BaseModel]) -> list[str]:
     return sorted(names, key=lambda name: not fields[name].is_required())
 
 
-def help_of(cls: type[Any]) -> str:
-    """Docstring of a class, and its fields: of a section the arguments, of any other what it holds."""
-    fields = cls.model_fields if issubclass(cls, BaseModel) else {}
-    if fields and not issubclass(cls, Record):
-        return "\n".join([*_without_entries(cls), "Args:", *(_argument(cls, name) for name in arguments_of(cls))])
-    types = {name: field.annotation for name, field in fields.items()} or get_type_hints(cls, include_extras=True)
-    said = _entries(cls)
-    units = {name: unit_in(name) for name, each in types.items() if short_type(each) != "bool"}
-    own = (
-        _entry(name, (short_type(each), units.get(name, "")), said.get(name, ""), _has(each))
-        for name, each in types.items()
-    )
-    return "\n".join([*_without_entries(cls), "Fields:", *own])
-
-
-Shown.help_of = staticmethod(help_of)
+def section_help(section: type[BaseModel]) -> str:
+    """Docstring of a section, and its fields as arguments; of a base without fields the docstring alone."""
+    lines = [_argument(section, name) for name in arguments_of(section)]
+    return "\n".join([*plain_paragraphs(section), "Args:" if section.model_fields else "Fields:", *lines])
 
 
 def _argument(section: type[BaseModel], name: str) -> str:
     field = section.model_fields[name]
     unit = unit_in(name)
-    words = words_of(section, name).removesuffix(f" [{unit}]") or _entries(section).get(name, "")
-    needed = "needed" if field.is_required() else ""
-    reach = range_words(_bounds(field.annotation, field.metadata))
-    reach = re.sub(r"e\+?(-?)0*", r"e\1", re.sub(r"\d{9,}", lambda large: f"{int(large[0]):.3g}", reach))
-    kind = (short_type(field.annotation), unit, reach, needed)
-    return _entry(name, kind, words, _has(field.annotation), default_of(section, name))
+    description = field_description(section, name).removesuffix(f" [{unit}]") or described_fields(section).get(name, "")
+    marks = (short_type(field.annotation), unit, _short_range(field), "needed" if field.is_required() else "")
+    return field_line(name, marks, description, private_fields(field.annotation), default_of(section, name))
 
 
-def _has(annotation: Any) -> str:
-    """The fields of a class that no script names, and that a page shows with the field that holds it."""
-    private = [each for each in models_in(annotation) if each.__module__ != "lensforge"]
-    return f"Has {', '.join(private[0].model_fields)}." if len(private) == 1 else ""
+def _short_range(field: FieldInfo) -> str:
+    """Range of a number, large bounds by their powers of ten."""
+    text = range_words(_bounds(field.annotation, field.metadata))
+    text = re.sub(r"\d{9,}", lambda large: f"{int(large[0]):.3g}", text)
+    return re.sub(r"e\+?(-?)0*", r"e\1", text)
 
 
-def short_type(annotation: Any) -> str:
-    """A type in words: "float", "Metric or None", "tuple of Metric"."""
-    origin = get_origin(annotation)
-    inner = get_args(annotation)
-    if annotation is type(None):
-        return "None"
-    if origin is Annotated:
-        return short_type(inner[0])
-    if origin in (Union, UnionType):
-        return " or ".join(dict.fromkeys(short_type(each) for each in inner))
-    if origin is Literal:
-        return " or ".join(repr(each) for each in inner)
-    if origin in (tuple, list, Mapping, dict):
-        kinds = dict.fromkeys(short_type(each) for each in inner if each is not Ellipsis)
-        return f"{origin.__name__.lower()} of {(' and ' if origin in (tuple, list) else ' to ').join(kinds)}"
-    if hasattr(annotation, "dim_str"):
-        return f"array [{annotation.dim_str.strip().replace(' ', ', ')}]"
-    if isinstance(annotation, str):  # of a class of its own module
-        return annotation
-    named = models_in(annotation) or (annotation,)  # of a base all of its kinds
-    return " or ".join(str(getattr(each, "__name__", each)).split(".")[-1] for each in named)
-
-
-def range_words(schema: Mapping[str, Any]) -> str:
+def range_words(schema: Mapping[str, float]) -> str:
     """Numbers that a JSON schema allows: ``0 to 4``, ``above 0``, ``at least 1``; "" for any."""
-    low, high = (schema.get(name) for name in ("minimum", "maximum"))
-    above, below = (schema.get(name) for name in ("exclusiveMinimum", "exclusiveMaximum"))
+    low = schema.get("minimum")
+    high = schema.get("maximum")
+    above = schema.get("exclusiveMinimum")
+    below = schema.get("exclusiveMaximum")
     start = f"above {above:g}" if above is not None else _short(low)
     end = f"below {below:g}" if below is not None else _short(high)
     return f"{start} to {end}" if start and end else f"at least {start}" if low is not None else start or end
@@ -136,49 +100,30 @@ def _short(value: float | None) -> str:
     return "" if value is None else str(value) if isinstance(value, int) else f"{value:g}"
 
 
-_BOUNDS = {"ge": "minimum", "le": "maximum", "gt": "exclusiveMinimum", "lt": "exclusiveMaximum"}
-
-
-def _bounds(annotation: Any, marks: Iterable[Any]) -> dict[str, float]:
+def _bounds(annotation: object, marks: Iterable[object]) -> dict[str, float]:
     """Bounds of a number among the marks of its field, or of the first type in it that has some, as JSON says them."""
-    marks = [part for mark in marks for part in (mark, *getattr(mark, "metadata", ()))]
-    found = {name: getattr(mark, key) for mark in marks for key, name in _BOUNDS.items() if hasattr(mark, key)}
+    bounds = _bounds_in(marks)
+    if bounds:
+        return bounds
     inner = get_args(annotation)
-    within = [(inner[0], inner[1:])] if get_origin(annotation) is Annotated else [(each, ()) for each in inner]
-    return found or next(filter(None, (_bounds(each, others) for each, others in within)), {})
+    within = [(inner[0], inner[1:])] if get_origin(annotation) is Annotated else [(part, ()) for part in inner]
+    return next(filter(None, (_bounds(part, part_marks) for part, part_marks in within)), {})
 
 
-def _entry(name: str, kind: Iterable[str], *words: str) -> str:
-    """The line of a field: name, type, unit and range, and words; those of a docstring begin with a capital."""
-    text = " ".join(filter(None, words))
-    line = f"{name} ({', '.join(filter(None, kind))}): {text[:1].upper()}{text[1:]}"
-    return fill(line, 110, initial_indent=" " * 4, subsequent_indent=" " * 8, break_on_hyphens=False)
-
-
-_NAMED = re.compile(r"(?:^|(?<=[.;] ))((?:``\w+``(?:, | and )?)+): ")  # "``a``, ``b``: words"
-
-
-def _paragraphs(cls: type[Any]) -> list[str]:
-    return [" ".join(each.split()) for each in inspect.cleandoc(vars(cls)["__doc__"] or "").split("\n\n")]
-
-
-def _entries(cls: type[Any]) -> dict[str, str]:
-    """Words on fields in the docstrings of a class and of those that it extends."""
-    entries: dict[str, str] = {}
-    for base in reversed(cls.__mro__):
-        for paragraph in _paragraphs(base) if base.__module__.startswith("lensforge") else ():
-            _, *parts = _NAMED.split(paragraph)
-            for names, words in zip(parts[::2], parts[1::2], strict=True):
-                sentence = words.strip().rstrip(".;").replace("``", "`") + "."
-                entries |= dict.fromkeys(re.findall(r"\w+", names), sentence)
-    return entries
-
-
-def _without_entries(cls: type[Any]) -> Iterator[str]:
-    """The other sentences of a docstring, each paragraph and an empty line."""
-    for paragraph in _paragraphs(cls):
-        if words := _NAMED.split(paragraph)[0].rstrip(" ;").replace("``", "`"):
-            yield from (fill(words, 110), "")
+def _bounds_in(marks: Iterable[object]) -> dict[str, float]:
+    bounds: dict[str, object] = {}
+    for mark in marks:
+        for part in (mark, *getattr(mark, "metadata", ())):
+            match part:
+                case Ge(ge=bound):
+                    bounds["minimum"] = bound
+                case Le(le=bound):
+                    bounds["maximum"] = bound
+                case Gt(gt=bound):
+                    bounds["exclusiveMinimum"] = bound
+                case Lt(lt=bound):
+                    bounds["exclusiveMaximum"] = bound
+    return {name: bound for name, bound in bounds.items() if isinstance(bound, int | float)}
 
 
 def signature_of(section: type[BaseModel]) -> inspect.Signature:
@@ -189,15 +134,15 @@ def signature_of(section: type[BaseModel]) -> inspect.Signature:
     for name in arguments_of(section):
         field = section.model_fields[name]
         kind = inspect.Parameter.POSITIONAL_OR_KEYWORD if name == first else inspect.Parameter.KEYWORD_ONLY
-        made = ... if field.default_factory is not None else field.default
-        default = inspect.Parameter.empty if field.is_required() else made
+        shown = ... if field.default_factory is not None else field.default
+        default = inspect.Parameter.empty if field.is_required() else shown
         arguments.append(inspect.Parameter(name, kind, default=default, annotation=ShownType.of(types[name])))
-    return inspect.Signature(sorted(arguments, key=lambda each: each.kind))
+    return inspect.Signature(sorted(arguments, key=lambda argument: argument.kind))
 
 
-def sections_in(annotation: Any) -> tuple[type[BaseModel], ...]:
+def sections_in(annotation: object) -> tuple[type[BaseModel], ...]:
     """The sections that a field may hold, one or several."""
-    return tuple(each for each in models_in(annotation) if not issubclass(each, Record))
+    return tuple(model for model in models_in(annotation) if not issubclass(model, Record))
 
 
 def all_sections(root: type[BaseModel]) -> tuple[type[BaseModel], ...]:
@@ -205,33 +150,5 @@ def all_sections(root: type[BaseModel]) -> tuple[type[BaseModel], ...]:
     sections = [root]
     for section in sections:  # grows
         for field in section.model_fields.values():
-            sections += [each for each in sections_in(field.annotation) if each not in sections]
+            sections += [inner for inner in sections_in(field.annotation) if inner not in sections]
     return tuple(sections)
-
-
-@cache
-def _words(section: type[BaseModel]) -> dict[str, str]:
-    """Words below the fields of a class and of those that it extends."""
-    words: dict[str, str] = {}
-    for base in reversed(section.__mro__):
-        if issubclass(base, BaseModel) and base.model_fields:
-            words |= _module_words(vars(base).get("_written_in", base.__module__)).get(base.__name__, {})
-    return words
-
-
-@cache
-def _module_words(module: str) -> dict[str, dict[str, str]]:
-    """Texts that stand directly below a field, by class and field; none of classes typed into a console."""
-    try:
-        tree = ast.parse(inspect.getsource(sys.modules[module]))
-    except (OSError, TypeError, KeyError):
-        return {}
-    classes = (node for node in tree.body if isinstance(node, ast.ClassDef))
-    return {each.name: dict(_below_fields(each.body)) for each in classes}
-
-
-def _below_fields(body: list[ast.stmt]) -> Iterator[tuple[str, str]]:
-    for field, text in pairwise(body):
-        if isinstance(field, ast.AnnAssign) and isinstance(field.target, ast.Name) and isinstance(text, ast.Expr):
-            words = text.value.value if isinstance(text.value, ast.Constant) else ""
-            yield field.target.id, " ".join(str(words).split()).replace("``", "`")

@@ -52,9 +52,9 @@ _OTHER_FILES = {
 def _require_toml(content: bytes, path: Path) -> None:
     """Raise :class:`InputError` for a file that begins as another kind of file does."""
     start = content[:64].removeprefix(b"\xef\xbb\xbf").lstrip()
-    other = next((words for mark, words in _OTHER_FILES.items() if start.startswith(mark)), None)
-    if other is not None:
-        raise InputError(f"{path}: this is {other}; give the spec, a TOML file such as that of `lensforge new`")
+    kind_of_file = next((description for mark, description in _OTHER_FILES.items() if start.startswith(mark)), None)
+    if kind_of_file is not None:
+        raise InputError(f"{path}: this is {kind_of_file}; give the spec, a TOML file such as that of `lensforge new`")
 
 
 def _decoded(content: bytes, path: Path) -> str:
@@ -66,8 +66,8 @@ def _decoded(content: bytes, path: Path) -> str:
     except UnicodeDecodeError as error:
         line = content.count(b"\n", 0, error.start) + 1
         byte = content[error.start]
-        words = f"line {line}: the byte 0x{byte:02x} is no UTF-8"
-        raise InputError(f"{path}: not readable as TOML ({words}); save it as UTF-8") from None
+        fault = f"line {line}: the byte 0x{byte:02x} is no UTF-8"
+        raise InputError(f"{path}: not readable as TOML ({fault}); save it as UTF-8") from None
 
 
 def short(value: object) -> str:
@@ -171,13 +171,13 @@ def full_path(path: Path, info: ValidationInfo) -> Path:
     if named is None:
         return path.absolute()
     try:
-        found = Path(named.folder, path).resolve()
-        lacks = named.there and not found.exists()
+        full = Path(named.folder, path).resolve()
+        lacks = named.there and not full.exists()
     except (OSError, RuntimeError) as error:  # links in a circle
         raise ValueError(f"{error}; name the file itself") from None
     if lacks:
-        raise ValueError(f"no such file in {found.parent}")
-    return found
+        raise ValueError(f"no such file in {full.parent}")
+    return full
 
 
 def input_hashes(section: BaseModel) -> dict[str, str]:

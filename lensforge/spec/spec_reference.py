@@ -14,7 +14,7 @@ from lensforge.results.numerals import unit_in
 from lensforge.results.registered_kinds import kind_of
 from lensforge.spec.derived_values import WHY
 from lensforge.spec.design_spec import Spec
-from lensforge.spec.spec_fields import all_sections, range_words, sections_in, summary_of, words_of
+from lensforge.spec.spec_fields import all_sections, field_description, range_words, sections_in, summary_of
 
 SCHEMA_FILE = "lensforge.schema.json"
 
@@ -27,7 +27,7 @@ def spec_schema() -> dict[str, Any]:
         table = objects[section.__name__]
         table["description"] = summary_of(section)
         for name, field in table["properties"].items():
-            field["description"] = words_of(section, name)
+            field["description"] = field_description(section, name)
         usual = getattr(section, "usual_kind", None)
         if kind_of(section) not in (None, usual):  # it chooses among several, so a file has to name it
             table["required"] = ["kind", *(name for name in table.get("required", ()) if name != "kind")]
@@ -44,7 +44,7 @@ def _plain(value: Any) -> Any:
     if not isinstance(value, dict):
         return value
     kept = {key: _plain(entry) for key, entry in value.items() if not _is_of_python(key, entry)}
-    kinds = [each for each in kept.get("anyOf", ()) if each != {"type": "null"}]
+    kinds = [kind for kind in kept.get("anyOf", ()) if kind != {"type": "null"}]
     if len(kinds) == 1:
         return {**kinds[0], **{key: entry for key, entry in kept.items() if key != "anyOf"}}
     return {**kept, "anyOf": kinds} if kinds else kept
@@ -64,11 +64,15 @@ def allowed_words(schema: Mapping[str, Any]) -> str:
     if "const" in schema:
         return f'"{schema["const"]}"'
     if "enum" in schema:
-        return _either([f'"{each}"' for each in schema["enum"]])
+        return _either([f'"{choice}"' for choice in schema["enum"]])
     kinds = schema.get("anyOf") or schema.get("oneOf")
     if kinds:
-        words = list(dict.fromkeys(allowed_words(each) for each in kinds))
-        return "table of its kind" if len(words) == 1 and words[0] == "table" and len(kinds) > 1 else _either(words)
+        alternatives = list(dict.fromkeys(allowed_words(kind) for kind in kinds))
+        return (
+            "table of its kind"
+            if len(alternatives) == 1 and alternatives[0] == "table" and len(kinds) > 1
+            else _either(alternatives)
+        )
     match schema.get("type"):
         case "number":
             return range_words(schema) or "number"
@@ -84,7 +88,7 @@ def allowed_words(schema: Mapping[str, Any]) -> str:
 
 
 def _list_words(schema: Mapping[str, Any]) -> str:
-    entries = [allowed_words(each) for each in schema.get("prefixItems", ())]
+    entries = [allowed_words(entry) for entry in schema.get("prefixItems", ())]
     if entries:
         alike = len(set(entries)) == 1
         return f"[{', '.join(entries)}]" if not alike else f"list of {len(entries)}, each {entries[0]}"
@@ -92,8 +96,8 @@ def _list_words(schema: Mapping[str, Any]) -> str:
     return f"list of{most}: {allowed_words(schema.get('items', {}))}"
 
 
-def _either(words: list[str]) -> str:
-    return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} or {words[-1]}"
+def _either(alternatives: list[str]) -> str:
+    return alternatives[0] if len(alternatives) == 1 else f"{', '.join(alternatives[:-1])} or {alternatives[-1]}"
 
 
 _HEAD = """# The spec, field by field
@@ -128,12 +132,12 @@ def _tables(section: type[BaseModel], path: str) -> Iterator[tuple[str, tuple[ty
         holder, place = waiting.pop(0)
         nested = []
         for name, field in holder.model_fields.items():
-            inside = tuple(each for each in sections_in(field.annotation) if each not in seen)
+            inside = tuple(inner for inner in sections_in(field.annotation) if inner not in seen)
             if inside:
                 seen |= set(inside)
-                alike = [key for key, each in holder.model_fields.items() if each.default_factory is inside[0]]
-                yield _AND.join(f"{place}{each}" for each in alike or [name]), inside
-                nested += [(each, f"{place}{name}.") for each in inside]
+                alike = [key for key, field in holder.model_fields.items() if field.default_factory is inside[0]]
+                yield _AND.join(f"{place}{key}" for key in alike or [name]), inside
+                nested += [(inner, f"{place}{name}.") for inner in inside]
         waiting = nested + waiting
 
 
@@ -145,19 +149,19 @@ def _section_words(title: str, sections: Sequence[type[BaseModel]]) -> Iterator[
         yield _field_table(sections[0], list(sections[0].model_fields), title)
         return
     shared = [name for name in sections[0].model_fields if name != "kind" and _is_shared(name, sections)]
-    yield f"One of the kinds {', '.join(f'`{kind_of(each)}`' for each in sections)}."
+    yield f"One of the kinds {', '.join(f'`{kind_of(section)}`' for section in sections)}."
     if shared:
         yield f"Every kind has these fields:\n\n{_field_table(sections[0], shared, title)}"
     for section in sections:
         yield f'### `{title}`, `kind = "{kind_of(section)}"`\n\n{summary_of(section)}\n'
-        own = [name for name in section.model_fields if name not in shared and name != "kind"]
-        if own:
-            yield _field_table(section, own)
+        names = [name for name in section.model_fields if name not in shared and name != "kind"]
+        if names:
+            yield _field_table(section, names)
 
 
 def _is_shared(name: str, sections: Sequence[type[BaseModel]]) -> bool:
-    texts = {words_of(each, name) for each in sections if name in each.model_fields}
-    return len(texts) == 1 and all(name in each.model_fields for each in sections)
+    texts = {field_description(section, name) for section in sections if name in section.model_fields}
+    return len(texts) == 1 and all(name in section.model_fields for section in sections)
 
 
 def _field_table(section: type[BaseModel], names: Sequence[str], place: str = "") -> str:
@@ -171,10 +175,10 @@ def _field_table(section: type[BaseModel], names: Sequence[str], place: str = ""
 def _row(section: type[BaseModel], name: str, schema: dict[str, Any], needed: bool, place: str) -> str:
     unit = unit_in(name)
     default = f"`{json.dumps(schema['default'], ensure_ascii=False)}`" if "default" in schema else ""
-    derived = "; ".join(WHY[key] for each in place.split(_AND) if (key := f"{each}.{name}") in WHY)
+    derived = "; ".join(WHY[key] for table in place.split(_AND) if (key := f"{table}.{name}") in WHY)
     default = f"derived: {derived}" if derived and not default else default
-    words = words_of(section, name).removesuffix(f" [{unit}]")
-    cells = (f"`{name}`", unit, allowed_words(schema), "needed" if needed else default, words)
+    description = field_description(section, name).removesuffix(f" [{unit}]")
+    cells = (f"`{name}`", unit, allowed_words(schema), "needed" if needed else default, description)
     return f"| {' | '.join(cell.replace('|', chr(92) + '|') for cell in cells)} |"
 
 

@@ -29,11 +29,12 @@ from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema, core_schema
 
 from lensforge.errors import InputError, refused
+from lensforge.public import public
 from lensforge.results.notebook_html import Shown
 from lensforge.results.record import read_only, real_numbers
 from lensforge.results.validation import same, with_changes
 from lensforge.spec.number_fields import with_numbers_only
-from lensforge.spec.spec_fields import signature_of
+from lensforge.spec.spec_fields import section_help, signature_of
 from lensforge.spec.spec_files import NamedFrom, full_path
 from lensforge.spec.wrong_fields import spec_error
 
@@ -46,7 +47,9 @@ class _Checked(Shown):
     # for a table within a table pydantic calls it, too, and what it raises has lost its place. Nor would a hook for
     # new classes, where a signature must be there at once.
 
-    __doc__ = vars(Shown)["__doc__"]
+    @property
+    def __doc__(cls: Any) -> str | None:  # type: ignore[override]  # noqa: N805
+        return section_help(cls)
 
     def __call__(cls: Any, *args: Any, **kwargs: Any) -> Any:  # noqa: N805
         name: str | None = getattr(cls, "positional", None)
@@ -76,7 +79,7 @@ class _Checked(Shown):
 if TYPE_CHECKING:  # a type checker knows no metaclass without a name, and of this one it needs nothing
     _Model = BaseModel
 else:
-    _Model = _Checked("_Model", (BaseModel,), {"__module__": __name__})
+    _Model = public(_Checked("_Model", (BaseModel,), {"__module__": __name__}))
 
 
 _Section = TypeVar("_Section", bound=BaseModel)
@@ -101,6 +104,7 @@ def fault_of(field: str = "") -> Iterator[None]:
         raise ValueError(": ".join(filter(None, (field, str(error))))) from None
 
 
+@public
 class Section(_Model):
     """Immutable; a field that is not known, or a number that is not finite, is refused: :class:`InputError`."""
 
@@ -166,10 +170,10 @@ def rounded_up(value: float, digits: int = 4) -> str:
     return f"{ceil(value / unit * (1.0 - 1e-12)) * unit:.{digits}g}"
 
 
-def _printable(words: str) -> str:
-    if not words.isprintable():
+def _printable(text: str) -> str:
+    if not text.isprintable():
         raise ValueError("holds a character that cannot be printed, such as a line break; leave it out")
-    return words
+    return text
 
 
 def iso_date(value: Any) -> str:

@@ -7,10 +7,12 @@ from typing import Any
 
 from pydantic import ValidationInfo, model_validator
 
+from lensforge.public import public
 from lensforge.spec.spec_files import full_path
 from lensforge.spec.spec_section import Section, fault_of
 
 
+@public
 class OfTableFile(Section):
     """A section that has ``file`` in place of all fields but its kind."""
 

@@ -11,6 +11,7 @@ import numpy as np
 from jaxtyping import Float
 from pydantic import Field
 
+from lensforge.public import public
 from lensforge.results.registered_kinds import OfSeveralKinds
 from lensforge.spec.emitter_section import Turn
 from lensforge.spec.spec_section import Coordinate, Millimetres, Section, check
@@ -29,6 +30,7 @@ Side = Millimetres | tuple[Millimetres, Millimetres]
 SideDegrees = DegreesWide | tuple[DegreesWide, DegreesWide]
 
 
+@public
 class InOneUnit(Section):
     """Lengths, each with a field in mm and one in degrees: ``diameter_mm``, ``diameter_deg``; all are in one unit."""
 
@@ -62,6 +64,7 @@ class InOneUnit(Section):
                 raise ValueError(f"{name}_{unit}: missing; give it, in {'mm' if unit == 'mm' else 'degrees'}")
 
 
+@public
 class TargetSection(OfSeveralKinds, InOneUnit):
     """Light wanted on a receiver: a pattern of irradiance, or of intensity on the far field.
 
@@ -82,21 +85,26 @@ class TargetSection(OfSeveralKinds, InOneUnit):
     has_word: ClassVar[bool] = False  # `lensforge new` takes what it needs in a word, ring:OUTERxINNER
 
     kind: str
-    distance_mm: Millimetres | None = None
-    """Distance of the plane from the origin."""
-    receiver_mm: Millimetres | None = None
-    """Side of the square receiver in that plane."""
-    half_angle_deg: HalfAngle | None = None
-    """Largest angle of the receiver in the far field from its axis."""
-    centre_mm: tuple[Coordinate, Coordinate] | None = None
-    """Centre of the pattern on a surface."""
+    distance_mm: Millimetres | None = Field(None, description="Distance of the plane from the origin.")
+    receiver_mm: Millimetres | None = Field(None, description="Side of the square receiver in that plane.")
+    half_angle_deg: HalfAngle | None = Field(
+        None, description="Largest angle of the receiver in the far field from its axis."
+    )
+    centre_mm: tuple[Coordinate, Coordinate] | None = Field(None, description="Centre of the pattern on a surface.")
     centre_deg: tuple[DegreesOff, DegreesOff] | None = None
-    rotation_deg: Turn = 0.0
-    """Turn of the pattern about its centre, from x towards y: counter-clockwise, seen from behind the receiver."""
-    level: Annotated[float, Field(ge=1e-9, le=1e9)] = 1.0
-    """Peak of the pattern, relative to the other targets of the receiver."""
-    uniform_mm: Side | None = None
-    """Side, or width and height, of the rectangle about its centre whose uniformity counts, on a surface."""
+    rotation_deg: Turn = Field(
+        0.0,
+        description="Turn of the pattern about its centre, from x towards y: counter-clockwise, seen from behind "
+        "the receiver.",
+    )
+    level: Annotated[float, Field(ge=1e-9, le=1e9)] = Field(
+        1.0, description="Peak of the pattern, relative to the other targets of the receiver."
+    )
+    uniform_mm: Side | None = Field(
+        None,
+        description="Side, or width and height, of the rectangle about its centre whose uniformity counts, on a "
+        "surface.",
+    )
     uniform_deg: SideDegrees | None = None
 
     @check
@@ -199,13 +207,16 @@ class TargetSection(OfSeveralKinds, InOneUnit):
         return self.pair("centre") or (0.0, 0.0)
 
 
+@public
 class SoftTarget(TargetSection):
     """A target with sharp edges that a Gaussian softens."""
 
     takes: ClassVar[tuple[str, ...]] = (*TargetSection.takes, "edge")
 
-    edge_mm: Annotated[float, Field(ge=0.0, le=1e9)] | None = None
-    """Standard deviation of the Gaussian that softens edges, on a surface; by default they are sharp."""
+    edge_mm: Annotated[float, Field(ge=0.0, le=1e9)] | None = Field(
+        None,
+        description="Standard deviation of the Gaussian that softens edges, on a surface; by default they are sharp.",
+    )
     edge_deg: DegreesOrZero | None = None
 
     @property
@@ -215,14 +226,17 @@ class SoftTarget(TargetSection):
         return value if isinstance(value, float) else 0.0
 
 
+@public
 class SizedTarget(TargetSection):
     """A target by its width and height."""
 
     needs: ClassVar[tuple[str, ...]] = ("width", "height")
 
-    width_mm: Millimetres | None = None
-    """Whole width, along x, on a surface."""
-    height_mm: Millimetres | None = None
-    """Whole height, along y, on a surface; by default as the width of a flat top, in proportion of a picture."""
+    width_mm: Millimetres | None = Field(None, description="Whole width, along x, on a surface.")
+    height_mm: Millimetres | None = Field(
+        None,
+        description="Whole height, along y, on a surface; by default as the width of a flat top, in proportion of "
+        "a picture.",
+    )
     width_deg: DegreesWide | None = None
     height_deg: DegreesWide | None = None

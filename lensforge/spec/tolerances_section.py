@@ -21,6 +21,7 @@ from pydantic import BeforeValidator, Field, SerializerFunctionWrapHandler, mode
 
 from lensforge.errors import InputError
 from lensforge.optics.face_roles import BODY, CAVITY, SHELL, FaceRole
+from lensforge.public import public
 from lensforge.results.numerals import percent, quantity
 from lensforge.spec.spec_files import read_toml
 from lensforge.spec.spec_section import Section, check, section_of
@@ -64,10 +65,10 @@ def factor_name(roles: Sequence[FaceRole], face: str, field: str) -> str:
 def _causes(roles: tuple[FaceRole, ...]) -> dict[str, _Cause]:
     """The tolerances of a lens with these faces in the order in which parts are drawn: their numbers depend on it."""
 
-    def of_faces(names: Sequence[str], words: str, field: str, cause: _Cause) -> dict[str, _Cause]:
+    def of_faces(names: Sequence[str], description: str, field: str, cause: _Cause) -> dict[str, _Cause]:
         return {
             factor_name(roles, face, field): cause._replace(
-                words=words.format(cause=cause.words, face=face), face=face, field=field
+                words=description.format(cause=cause.words, face=face), face=face, field=field
             )
             for face in names
         }
@@ -103,15 +104,17 @@ _PRESETS: tuple[TolerancePreset, ...] = get_args(TolerancePreset)
 Distribution = Literal["uniform", "normal", "truncated"]
 
 
+@public
 class ToleranceSpec(Section):
     """One tolerance, and how parts are spread over it."""
 
-    amount: Annotated[float, Field(ge=0.0)]
-    """Amount either way, in the unit of the tolerance."""
-    distribution: Distribution = "truncated"
-    """Spread: "uniform", anywhere within the amount; "normal", Gaussian, 95 % of the parts within it (its standard
-    deviation is half the amount); "truncated", the same without the parts beyond it, which inspection has sorted out.
-    """
+    amount: Annotated[float, Field(ge=0.0)] = Field(description="Amount either way, in the unit of the tolerance.")
+    distribution: Distribution = Field(
+        "truncated",
+        description='Spread: "uniform", anywhere within the amount; "normal", Gaussian, 95 % of the parts within '
+        'it (its standard deviation is half the amount); "truncated", the same without the parts '
+        "beyond it, which inspection has sorted out.",
+    )
 
     @check
     def _has_a_width(self) -> None:
@@ -121,7 +124,7 @@ class ToleranceSpec(Section):
     @model_serializer(mode="wrap")
     def _as_given(self, write: SerializerFunctionWrapHandler) -> dict[str, object]:
         """The record without a distribution that was not given: an amount of 0 and a face's error may have none."""
-        return {name: each for name, each in write(self).items() if name in self.model_fields_set}
+        return {name: value for name, value in write(self).items() if name in self.model_fields_set}
 
 
 def _from_number(value: Any) -> Any:
@@ -159,6 +162,7 @@ def amount_words(name: str, value: float, unit: str) -> str:
     return percent(value) if name in _IN_PER_CENT else quantity(value, _SYMBOLS.get(unit, unit), digits=3)
 
 
+@public
 class _Amounts(Section):
     @check
     def _are_small(self) -> None:
@@ -168,27 +172,29 @@ class _Amounts(Section):
             if tolerance.amount > (most := _unit_of(name)[2]):
                 raise ValueError(f"{name} = {tolerance.amount:g}: must be at most {most:g}")
             if name.endswith("_um") and "distribution" in tolerance.model_fields_set:
-                words = "a face's error is Gaussian, and its amount the rms over all parts; leave out distribution"
-                raise ValueError(f"{name}: {words}")
+                advice = "a face's error is Gaussian, and its amount the rms over all parts; leave out distribution"
+                raise ValueError(f"{name}: {advice}")
 
 
+@public
 class FaceTolerances(_Amounts):
     """Tolerances of a face, and of its place against the first face: those left out come from the preset."""
 
-    form_um: _Tolerance | None = None
-    """Error of form as wide as astigmatism and coma, rms over parts and face."""
-    waviness_um: _Tolerance | None = None
-    """Finer errors of form, rms over parts and face."""
-    ripple_um: _Tolerance | None = None
-    """Rings of the cutter about the axis, peak to valley."""
-    roughness_mrad: _Tolerance | None = None
-    """Slope of the roughness along any line, rms."""
-    shift_mm: _Tolerance | None = None
-    """Shift of the face against the first one, in x and in y: of the outer face, of the wall, or of the exit."""
-    gap_mm: _Tolerance | None = None
-    """Shift of that face against the first one along z."""
-    tilt_deg: _Tolerance | None = None
-    """Tilt of that face against the first one, about x and about y."""
+    form_um: _Tolerance | None = Field(
+        None, description="Error of form as wide as astigmatism and coma, rms over parts and face."
+    )
+    waviness_um: _Tolerance | None = Field(None, description="Finer errors of form, rms over parts and face.")
+    ripple_um: _Tolerance | None = Field(None, description="Rings of the cutter about the axis, peak to valley.")
+    roughness_mrad: _Tolerance | None = Field(None, description="Slope of the roughness along any line, rms.")
+    shift_mm: _Tolerance | None = Field(
+        None,
+        description="Shift of the face against the first one, in x and in y: of the outer face, of the wall, or "
+        "of the exit.",
+    )
+    gap_mm: _Tolerance | None = Field(None, description="Shift of that face against the first one along z.")
+    tilt_deg: _Tolerance | None = Field(
+        None, description="Tilt of that face against the first one, about x and about y."
+    )
 
 
 def lets_light_in(roles: Sequence[FaceRole]) -> bool:
@@ -202,10 +208,13 @@ def refuse_placement(roles: Sequence[FaceRole], faces: Mapping[str, FaceToleranc
     for role in roles:
         for name in PLACEMENT if role.name in faces and not role.is_placed else ():
             if getattr(faces[role.name], name) is not None:
-                other = f"what the next is placed against; give {placed[0]}.{name}" if placed else "alone; leave it out"
-                raise ValueError(f"{role.name}.{name}: this face is {other}")
+                advice = (
+                    f"what the next is placed against; give {placed[0]}.{name}" if placed else "alone; leave it out"
+                )
+                raise ValueError(f"{role.name}.{name}: this face is {advice}")
 
 
+@public
 class TolerancesSection(_Amounts):
     """Tolerances: a number, or ``{ amount = 0.05, distribution = "normal" }``; 0 for none.
 
@@ -214,34 +223,32 @@ class TolerancesSection(_Amounts):
     part.
     """
 
-    preset: TolerancePreset = "standard"
-    """Amounts of the tolerances that are left out (docs/definitions.md, section 16)."""
-    source_shift_mm: _Tolerance | None = None
-    """Shift of the LED against its place in the spec, in x and in y."""
-    source_height_mm: _Tolerance | None = None
-    """Shift of the LED along z."""
-    source_tilt_deg: _Tolerance | None = None
-    """Tilt of the LED about x and about y."""
-    source_flux: _Tolerance | None = None
-    """Error of the LED's flux, as a share."""
-    source_size: _Tolerance | None = None
-    """Error of the LED's size, as a share."""
-    lens_shift_mm: _Tolerance | None = None
-    """Shift of the whole lens against LED and receivers, in x and in y."""
-    lens_height_mm: _Tolerance | None = None
-    """Shift of the whole lens along z."""
-    lens_tilt_deg: _Tolerance | None = None
-    """Tilt of the whole lens about x and about y."""
-    index: _Tolerance | None = None
-    """Error of the index, of the batch."""
-    shrinkage: _Tolerance | None = None
-    """Change of all lengths, as a share."""
-    waviness_shortest_mm: Annotated[float, Field(ge=0.01, le=100.0)] = 0.5
-    """Shortest period of the waviness."""
-    waviness_longest_mm: Annotated[float, Field(ge=0.01, le=100.0)] = 5.0
-    """Longest period of the waviness."""
-    ripple_period_mm: Annotated[float, Field(ge=1e-3, le=10.0)] = 0.1
-    """Distance of the rings that the cutter leaves about the axis."""
+    preset: TolerancePreset = Field(
+        "standard", description="Amounts of the tolerances that are left out (docs/definitions.md, section 16)."
+    )
+    source_shift_mm: _Tolerance | None = Field(
+        None, description="Shift of the LED against its place in the spec, in x and in y."
+    )
+    source_height_mm: _Tolerance | None = Field(None, description="Shift of the LED along z.")
+    source_tilt_deg: _Tolerance | None = Field(None, description="Tilt of the LED about x and about y.")
+    source_flux: _Tolerance | None = Field(None, description="Error of the LED's flux, as a share.")
+    source_size: _Tolerance | None = Field(None, description="Error of the LED's size, as a share.")
+    lens_shift_mm: _Tolerance | None = Field(
+        None, description="Shift of the whole lens against LED and receivers, in x and in y."
+    )
+    lens_height_mm: _Tolerance | None = Field(None, description="Shift of the whole lens along z.")
+    lens_tilt_deg: _Tolerance | None = Field(None, description="Tilt of the whole lens about x and about y.")
+    index: _Tolerance | None = Field(None, description="Error of the index, of the batch.")
+    shrinkage: _Tolerance | None = Field(None, description="Change of all lengths, as a share.")
+    waviness_shortest_mm: Annotated[float, Field(ge=0.01, le=100.0)] = Field(
+        0.5, description="Shortest period of the waviness."
+    )
+    waviness_longest_mm: Annotated[float, Field(ge=0.01, le=100.0)] = Field(
+        5.0, description="Longest period of the waviness."
+    )
+    ripple_period_mm: Annotated[float, Field(ge=1e-3, le=10.0)] = Field(
+        0.1, description="Distance of the rings that the cutter leaves about the axis."
+    )
 
     @check
     def _band_is_a_band(self) -> None:
@@ -252,13 +259,16 @@ class TolerancesSection(_Amounts):
             )
 
 
+@public
 class PartTolerances(TolerancesSection):
     """All tolerances of a part: the ``[tolerances]`` of a spec, and those of its ``faces`` by their names."""
 
-    faces: dict[str, FaceTolerances] = Field(default_factory=dict)
-    """Tolerances of faces; those of a face that is left out come from the preset."""
-    roles: tuple[FaceRole, ...] = Field(default=SHELL, exclude=True)
-    """The faces of the lens, once it is known; till then two."""
+    faces: dict[str, FaceTolerances] = Field(
+        default_factory=dict, description="Tolerances of faces; those of a face that is left out come from the preset."
+    )
+    roles: tuple[FaceRole, ...] = Field(
+        default=SHELL, exclude=True, description="The faces of the lens, once it is known; till then two."
+    )
 
     @check
     def _first_is_the_reference(self) -> None:
@@ -277,14 +287,15 @@ class PartTolerances(TolerancesSection):
             name: FaceTolerances(**{field: value for field in fields if (value := getattr(face, field)) is not None})
             for name, face in faces.items()
         }
-        own = {name: face for name, face in given.items() if face.model_fields_set}
+        of_faces = {name: face for name, face in given.items() if face.model_fields_set}
         names = [role.name for role in roles]
-        if not set(own) <= set(names):
+        if not set(of_faces) <= set(names):
             raise InputError(
-                f"tolerances of the faces {', '.join(own)}: this lens has {', '.join(names)}; give those of its faces"
+                f"tolerances of the faces {', '.join(of_faces)}: this lens has {', '.join(names)}; "
+                "give those of its faces"
             )
         kept = section.model_dump(exclude_unset=True, exclude={"faces"})
-        return PartTolerances(**kept, faces=own, roles=roles)
+        return PartTolerances(**kept, faces=of_faces, roles=roles)
 
     def given(self, name: str) -> ToleranceSpec | None:
         """The tolerance of the factor ``name`` where it is given; None for that of the preset."""
@@ -327,15 +338,15 @@ class Factor:
 
 def factors_of(tolerances: PartTolerances) -> tuple[Factor, ...]:
     """All ``tolerances`` that are not 0. Raises :class:`InputError` where all are 0."""
-    found = []
+    factors = []
     for name, cause in _causes(tolerances.roles).items():
-        own = tolerances.tolerance(name)
+        tolerance = tolerances.tolerance(name)
         (unit, to_internal, _) = _unit_of(name)
-        stated = (cause.words, unit, to_internal, own.amount, cause.kind, own.distribution, cause.numbers)
-        found += [Factor(name, *stated)] if own.amount > 0.0 else []
-    if not found:
+        stated = (cause.words, unit, to_internal, tolerance.amount, cause.kind, tolerance.distribution, cause.numbers)
+        factors += [Factor(name, *stated)] if tolerance.amount > 0.0 else []
+    if not factors:
         raise InputError("tolerances: all of them are 0: every part is as designed; raise one, or leave out the zeros")
-    return tuple(found)
+    return tuple(factors)
 
 
 def read_tolerances(name: str, roles: tuple[FaceRole, ...] = SHELL) -> PartTolerances:
@@ -353,10 +364,10 @@ def read_tolerances(name: str, roles: tuple[FaceRole, ...] = SHELL) -> PartToler
             raise InputError(f"{name}: lens.{face}: the faces of this lens are {', '.join(names)}; give these")
     if not isinstance(section := content.get("tolerances", {} if any(faces.values()) else None), dict):
         raise InputError(f"{name}: has no [tolerances]; give {', '.join(_PRESETS)}, or a file that has")
-    found = section_of(TolerancesSection, section, f"{name}: tolerances")
-    own = {face: section_of(FaceTolerances, table, f"{name}: lens.{face}") for face, table in faces.items()}
+    section_read = section_of(TolerancesSection, section, f"{name}: tolerances")
+    of_faces = {face: section_of(FaceTolerances, table, f"{name}: lens.{face}") for face, table in faces.items()}
     try:
-        return PartTolerances.of(found, own, roles)
+        return PartTolerances.of(section_read, of_faces, roles)
     except InputError as error:
         raise InputError(str(error).replace(PartTolerances.__name__, f"{name}: lens", 1)) from None
 

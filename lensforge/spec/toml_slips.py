@@ -10,9 +10,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from lensforge.errors import InputError, WrongFields
+from lensforge.errors import InputError, WrongFields, shortened
 from lensforge.results.numerals import unit_in
-from lensforge.results.validation import shortened
 from lensforge.spec.toml_bounds import TooLarge, bounded_tables
 
 _MOST_SLIPS = 20  # in a message
@@ -91,7 +90,7 @@ def tables_of(text: str, path: Path) -> dict[str, Any]:
 
 def _wrong(slips: list[_Slip], path: Path) -> WrongFields:
     places = (f"{path}: line {slip.number}, column {slip.column}: {slip.words}" for slip in slips)
-    error = WrongFields("\n".join(" ".join(each.split()) for each in places))
+    error = WrongFields("\n".join(" ".join(place.split()) for place in places))
     if path.suffix.lower() == ".toml":  # the content of a file that was given by mistake is nobody's business
         error.beneath = tuple(slip.marked for slip in slips)
         error.add_note("\n".join(error.beneath))
@@ -106,12 +105,14 @@ def _slip(lines: list[str], message: str) -> _Slip:
     problem = _PLACE.sub("", message)
     if _TWICE.match(problem):
         return _repeated(lines, number)
-    for each in (number, number - 1):
-        line = lines[each - 1] if 1 <= each <= len(lines) else ""
+    for line_number in (number, number - 1):
+        line = lines[line_number - 1] if 1 <= line_number <= len(lines) else ""
         curable = line.strip() and len(line) <= _LONGEST_CURED and not _reads(line)
         cure = _cure(line) if curable else None
         if cure is not None:
-            return _Slip(each, min(column, len(line) + 1) if each == number else len(line) + 1, line, *cure)
+            return _Slip(
+                line_number, min(column, len(line) + 1) if line_number == number else len(line) + 1, line, *cure
+            )
     line = lines[number - 1] if number <= len(lines) else ""
     return _Slip(number, column, line, f"not readable as TOML ({problem[:1].lower()}{problem[1:]})")
 
@@ -121,7 +122,7 @@ def _repeated(lines: list[str], number: int) -> _Slip:
     line = lines[number - 1]
     name = line.split("=")[0].strip() if not line.lstrip().startswith("[") else line.split("#")[0].strip()
     same = re.compile(rf"\s*{re.escape(name)}\s*(?:=|#|$)")
-    earlier = [k for k, each in enumerate(lines[: number - 1], start=1) if same.match(each)]
+    earlier = [k for k, line in enumerate(lines[: number - 1], start=1) if same.match(line)]
     where = f"stands in line {earlier[-1]}, too" if earlier else "is given twice"
     meant = None if name.startswith("[") else ""  # the fields of a second section would be read as another's
     return _Slip(number, len(line) - len(line.lstrip()) + 1, line, f"{shortened(name)} {where}; keep one", meant)
@@ -132,12 +133,14 @@ def _cure(line: str) -> tuple[str, str] | None:
     straight = line.translate(_STRAIGHT)
     if straight != line and _reads(straight):
         return f"quotes and blanks must be plain ones; write {shortened(straight.strip())}", straight
-    for pattern, words, meant in _LINES:
-        found = pattern.sub(meant, line) if pattern.match(line) else ""
-        if found and _reads(found):
-            return f"{words}; write {shortened(found.strip())}", found
-        if found and (within := _cured_entry(found)) and _reads(within.meant):  # a second slip in the same line
-            return f"{words}, and {within.words}", within.meant
+    for pattern, correction, meant in _LINES:
+        cured_line = pattern.sub(meant, line) if pattern.match(line) else ""
+        if cured_line and _reads(cured_line):
+            return f"{correction}; write {shortened(cured_line.strip())}", cured_line
+        if (
+            cured_line and (within := _cured_entry(cured_line)) and _reads(within.meant)
+        ):  # a second slip in the same line
+            return f"{correction}, and {within.words}", within.meant
     blanks = _BLANKS.match(line)
     if blanks and _reads(joined := f"{re.sub('[ -]+', '_', blanks[1])}{blanks[2]}"):
         return f"a name has no blanks; write {shortened(joined)}", joined
@@ -147,12 +150,12 @@ def _cure(line: str) -> tuple[str, str] | None:
 
 def _cured_entry(line: str) -> Cure | None:
     entry = _ENTRY.match(line)
-    found = cured_value(entry[1].split("=")[0].strip(), entry[2]) if entry else None
-    if entry is None or found is None:
+    cure = cured_value(entry[1].split("=")[0].strip(), entry[2]) if entry else None
+    if entry is None or cure is None:
         return None
-    meant = f"{entry[1]}{found.meant}" if found.meant else ""
-    write = f"; write {shortened(meant.strip())}" if meant and not found.told else ""
-    return Cure(f"{found.words}{write}", meant)
+    meant = f"{entry[1]}{cure.meant}" if cure.meant else ""
+    write = f"; write {shortened(meant.strip())}" if meant and not cure.told else ""
+    return Cure(f"{cure.words}{write}", meant)
 
 
 def _reads(line: str) -> bool:
@@ -195,23 +198,23 @@ def cured_value(name: str, value: str) -> Cure | None:
 
 def cured_number(name: str, text: str) -> Cure | None:
     """The cure of a number with a comma, thousands marks or a unit; None for what is no number."""
-    found = _NUMERAL.fullmatch(text)
-    if found is None:
+    match = _NUMERAL.fullmatch(text)
+    if match is None:
         return None
-    sign, digits, power, unit = (each or "" for each in found.groups())
+    sign, digits, power, unit = (group or "" for group in match.groups())
     digits = re.sub(r"['’\s]", "", digits)
     marks = [mark for mark in digits if mark in ".,"]
-    words = "a number has a decimal point, and no other marks"
+    rule = "a number has a decimal point, and no other marks"
     if marks == [","] and re.fullmatch(r"[1-9]\d{0,2},\d{3}", digits) and not unit:
         whole = digits.replace(",", "")
         point = digits.replace(",", ".")
-        return Cure(f"{words}; write {sign}{whole}, or {sign}{point}", f"{sign}{whole}", told=True)
+        return Cure(f"{rule}; write {sign}{whole}, or {sign}{point}", f"{sign}{whole}", told=True)
     number = f"{sign}{_plain(digits)}{power}"
     if not unit:
-        return Cure(words, number) if number != text else None
-    own = unit_in(name)
-    if own and unit != own:
-        return Cure(f"{name} is in {own}; write the number of {own}, without a unit", number, told=True)
+        return Cure(rule, number) if number != text else None
+    field_unit = unit_in(name)
+    if field_unit and unit != field_unit:
+        return Cure(f"{name} is in {field_unit}; write the number of {field_unit}, without a unit", number, told=True)
     return Cure("a number stands without its unit", number)
 
 
@@ -235,8 +238,8 @@ def _quoted(value: str) -> Cure | None:
     if closed and "\\" in closed[1] and mark == '"':
         path = closed[1].replace("\\\\", "\\")
         forward = path.replace("\\", "/")
-        words = "in double quotes a backslash begins an escape; paths may have / as well"
-        return Cure(words, f"'{path}'" if "'" not in path else f'"{forward}"')
+        rule = "in double quotes a backslash begins an escape; paths may have / as well"
+        return Cure(rule, f"'{path}'" if "'" not in path else f'"{forward}"')
     if value.count(mark) == 1:
         return Cure(f"the closing {mark} is missing", f"{value.split('#')[0].rstrip()}{mark}")
     behind = re.fullmatch(rf"({mark}[^{mark}]*{mark})\s*[,;]\s*(?:#.*)?", value)
@@ -251,7 +254,7 @@ def _list(name: str, text: str) -> Cure | None:
     inside = text.strip("[]()").strip()
     part = r"\s*;\s*" if ";" in inside else r"\s*,\s*" if re.search(r",\s|,[^\d]", inside) else r"\s+"
     part = r"\s*,\s*" if "," in inside and part == r"\s+" and not re.search(r"\s", inside) else part
-    entries = [each for each in re.split(part, inside) if each]
+    entries = [entry for entry in re.split(part, inside) if entry]
     cured = [entry if _is_value(entry) or not (cure := cured_value(name, entry)) else cure.meant for entry in entries]
     return Cure("a list is [value, value]", f"[{', '.join(cured)}]")
 
@@ -261,20 +264,20 @@ def _is_value(entry: str) -> bool:
 
 
 def _date(text: str) -> Cure | None:
-    found = _DATE.fullmatch(text)
-    if found is None:
+    match = _DATE.fullmatch(text)
+    if match is None:
         return None
-    first, mark, second, third = found.groups()
-    words = "a date is year-month-day"
+    first, mark, second, third = match.groups()
+    rule = "a date is year-month-day"
     if len(first) == 4:
-        return Cure(words, f"{first}-{second:>02}-{third:>02}")
+        return Cure(rule, f"{first}-{second:>02}-{third:>02}")
     if len(third) != 4:
         return None
     if mark == "/" and int(first) <= 12 and int(second) <= 12:  # the American order, or the British one
         either = [f"{third}-{a:>02}-{b:>02}" for a, b in ((first, second), (second, first))]
-        return Cure(f"{words}; write {' or '.join(dict.fromkeys(either))}", either[0], told=True)
+        return Cure(f"{rule}; write {' or '.join(dict.fromkeys(either))}", either[0], told=True)
     day, month = (second, first) if int(second) > 12 else (first, second)
-    return Cure(words, f"{third}-{month:>02}-{day:>02}")
+    return Cure(rule, f"{third}-{month:>02}-{day:>02}")
 
 
 def _words(text: str) -> Cure | None:

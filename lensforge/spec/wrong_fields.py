@@ -9,12 +9,12 @@ from typing import Any, get_args, get_origin
 from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
-from lensforge.errors import WrongFields
+from lensforge.errors import WrongFields, shortened
 from lensforge.optics.face_roles import DOUBLE
 from lensforge.results.numerals import unit_in
 from lensforge.results.registered_kinds import kind_of
-from lensforge.results.validation import given_words, plain, shortened
-from lensforge.spec.spec_fields import all_sections, sections_in, words_of
+from lensforge.results.validation import given_words, plain
+from lensforge.spec.spec_fields import all_sections, field_description, sections_in
 from lensforge.spec.toml_slips import cured_number
 
 _MOST_LINES = 20  # of a message; a list of a thousand wrong numbers has one cause
@@ -65,15 +65,15 @@ class _FieldPlace:
     @property
     def known(self) -> list[str]:
         """Names of the fields beside it."""
-        return list(dict.fromkeys(name for each in self.holders for name in each.model_fields))
+        return list(dict.fromkeys(name for holder in self.holders for name in holder.model_fields))
 
 
 def spec_error(error: ValidationError, origin: str, root: type[BaseModel]) -> WrongFields:
     """All wrong fields of what ``origin`` names, a table that ``root`` describes."""
     errors = error.errors(include_url=False)
-    every = [each for each in errors if each["type"] != "too_short"] or errors  # a list whose only entry is wrong
+    every = [error for error in errors if error["type"] != "too_short"] or errors  # a list whose only entry is wrong
     entries = every[:_MOST_ERRORS]
-    unknown = [each for each in entries if each["type"] == "extra_forbidden"]
+    unknown = [entry for entry in entries if entry["type"] == "extra_forbidden"]
     meant = set[str]()
     lines = list[str]()
     for number, entry in enumerate(unknown):
@@ -86,22 +86,26 @@ def spec_error(error: ValidationError, origin: str, root: type[BaseModel]) -> Wr
     groups = _by_place([entry for entry in entries if entry["type"] != "extra_forbidden"], root)
     within = {".".join(place.name.split(".")[:-1]) for place, _ in groups}  # of these a part is wrong, not the shape
     for place, group in groups:
-        fitting = [each for each in group if each["type"] not in _SHAPES]
+        fitting = [error_entry for error_entry in group if error_entry["type"] not in _SHAPES]
         if place.name in within and not fitting:
             continue
         if not (group[0]["type"] == "missing" and place.name in meant):
-            words = " or ".join(dict.fromkeys(_problem(each, place) for each in fitting or group))
+            problem = " or ".join(dict.fromkeys(_problem(error_entry, place) for error_entry in fitting or group))
             name = f"{place.name}.kind".lstrip(".") if group[0]["type"] == _KINDS[0] else place.name
             value = group[0]["ctx"]["tag"] if group[0]["type"] == _KINDS[0] else group[0]["input"]
-            lines.append(_line(origin, name, None if group[0]["type"] == "missing" else value, words))
+            lines.append(_line(origin, name, None if group[0]["type"] == "missing" else value, problem))
     left = len(lines) - _MOST_LINES + len(every) - len(entries)
     more = [f"{origin}: {left} more wrong fields"] if len(lines) > _MOST_LINES else []
     return WrongFields("\n".join([*lines[:_MOST_LINES], *more]))
 
 
-def _line(origin: str, name: str, value: object, words: str) -> str:
+def _line(origin: str, name: str, value: object, problem: str) -> str:
     given = "" if value is None else given_words(value)
-    parts = (origin, f"{shortened(name)}{given}" if name else "", shortened(" ".join(words.split()), _MOST_CHARACTERS))
+    parts = (
+        origin,
+        f"{shortened(name)}{given}" if name else "",
+        shortened(" ".join(problem.split()), _MOST_CHARACTERS),
+    )
     return " ".join(": ".join(part for part in parts if part).split())
 
 
@@ -118,22 +122,23 @@ def _problem(error: ErrorDetails, place: _FieldPlace) -> str:
     """Words for what is wrong with a known field, with the value that was meant."""
     context = error.get("ctx", {})
     if error["type"] == "missing":
-        words = next((words_of(each, place.last) for each in place.holders if place.last in each.model_fields), "")
-        return f"missing: {words[0].lower()}{words[1:]}" if words else "missing"
+        holders = (holder for holder in place.holders if place.last in holder.model_fields)
+        description = next((field_description(holder, place.last) for holder in holders), "")
+        return f"missing: {description[0].lower()}{description[1:]}" if description else "missing"
     if error["type"] in _KINDS:
         kinds = re.findall(r"'([^']*)'", str(context.get("expected_tags", ""))) or _kinds_of(place)
         near = _nearest(str(context.get("tag", "")), kinds)
         either = f"must be one of {', '.join(kinds)}" + (f"; did you mean {near}?" if near else "")
         return either if error["type"] == _KINDS[0] else f"kind is missing; it {either}"
-    words = _shape_wanted(error, place) or _length_wanted(error) or plain(error["msg"])
+    problem = _shape_wanted(error, place) or _length_wanted(error) or plain(error["msg"])
     given = error["input"] if isinstance(error["input"], str) else ""
     cure = cured_number(place.last, given.strip()) if error["type"] in _NUMBERS else None
     if cure is not None:
-        return f"{words}; {cure.words}" + ("" if cure.told else f"; write {cure.meant}")
+        return f"{problem}; {cure.words}" + ("" if cure.told else f"; write {cure.meant}")
     if error["type"] in _NUMBERS and re.fullmatch(r"[-+]?\d+(\.\d*)?([eE][-+]?\d+)?", given.strip()):
-        return f"{words}, without quotes; write {given.strip()}"
+        return f"{problem}, without quotes; write {given.strip()}"
     near = _nearest(given, re.findall(r"'([^']*)'", str(context.get("expected", ""))))
-    return f"did you mean {near}? It {words}" if near and error["type"] == "literal_error" else words
+    return f"did you mean {near}? It {problem}" if near and error["type"] == "literal_error" else problem
 
 
 def _shape_wanted(error: ErrorDetails, place: _FieldPlace) -> str:
@@ -150,8 +155,8 @@ def _shape_wanted(error: ErrorDetails, place: _FieldPlace) -> str:
 
 def _takes_one(place: _FieldPlace) -> bool:
     """True where a list of the field may have a single entry."""
-    lists = [each for holder in place.holders for each in _tuples_in(holder.model_fields.get(place.last))]
-    return any(Ellipsis in get_args(each) for each in lists)
+    lists = [tuple_type for holder in place.holders for tuple_type in _tuples_in(holder.model_fields.get(place.last))]
+    return any(Ellipsis in get_args(kind) for kind in lists)
 
 
 def _tuples_in(annotation: Any) -> Iterator[Any]:
@@ -177,8 +182,8 @@ def _entries(count: int) -> str:
 
 
 def _kinds_of(place: _FieldPlace) -> list[str]:
-    fields = [each.model_fields[place.last] for each in place.holders if place.last in each.model_fields]
-    return [kind for field in fields for each in sections_in(field.annotation) if (kind := kind_of(each))]
+    fields = [holder.model_fields[place.last] for holder in place.holders if place.last in holder.model_fields]
+    return [kind for field in fields for section in sections_in(field.annotation) if (kind := kind_of(section))]
 
 
 def _hint(place: _FieldPlace, root: type[BaseModel]) -> tuple[str, str]:
@@ -192,15 +197,15 @@ def _hint(place: _FieldPlace, root: type[BaseModel]) -> tuple[str, str]:
     if near:
         return f"did you mean {near}?", f"{before}.{near}".lstrip(".")
     having = {
-        name: [each for each in sections_in(field.annotation) if place.last in each.model_fields]
+        name: [section for section in sections_in(field.annotation) if place.last in section.model_fields]
         for name, field in root.model_fields.items()
     }
-    own = ", ".join(str(kind_of(each)) for each in having.pop(before.partition(".")[0], []))
-    others = " or ".join(f"[{name}]" for name, sections in having.items() if sections)
-    if own or others:
-        ways = (f"goes with kind = {own}" if own else "", f"belongs to {others}" if others else "")
+    kinds = ", ".join(str(kind_of(section)) for section in having.pop(before.partition(".")[0], []))
+    tables = " or ".join(f"[{name}]" for name, sections in having.items() if sections)
+    if kinds or tables:
+        ways = (f"goes with kind = {kinds}" if kinds else "", f"belongs to {tables}" if tables else "")
         return f"it {', or '.join(filter(None, ways))}", ""
-    names = [name for each in all_sections(root) for name in each.model_fields]
+    names = [name for section in all_sections(root) for name in section.model_fields]
     elsewhere = _nearest(place.last, names)
     known = f"{_NO_HINT}{', '.join(place.known)}"
     return (f"{known}; elsewhere there is {elsewhere}" if elsewhere and len(place.last) > 2 else known), ""
@@ -208,7 +213,11 @@ def _hint(place: _FieldPlace, root: type[BaseModel]) -> tuple[str, str]:
 
 def _nearest(name: str, known: Sequence[str]) -> str | None:
     """The known name that was meant: the same with its unit, or one that differs by a few letters."""
-    with_unit = [each for each in known if unit_in(each) and each == f"{name}_{each.removeprefix(f'{name}_')}"]
+    with_unit = [
+        candidate
+        for candidate in known
+        if unit_in(candidate) and candidate == f"{name}_{candidate.removeprefix(f'{name}_')}"
+    ]
     return next(iter(with_unit or get_close_matches(name, known, n=1, cutoff=_LIKENESS)), None)
 
 
@@ -219,8 +228,8 @@ def _place(location: tuple[int | str, ...], root: type[BaseModel]) -> _FieldPlac
     parts = list[str]()
     annotation: Any = None
     for number, part in enumerate(location):
-        tagged = tuple(each for each in inside if kind_of(each) == part)
-        fields = [each.model_fields[part] for each in inside if part in each.model_fields]
+        tagged = tuple(section for section in inside if kind_of(section) == part)
+        fields = [section.model_fields[part] for section in inside if part in section.model_fields]
         if isinstance(part, int):
             parts.append(str(part))
         elif len(inside) > 1 and tagged:
@@ -235,7 +244,7 @@ def _place(location: tuple[int | str, ...], root: type[BaseModel]) -> _FieldPlac
         elif not _is_branch(part) and ((inside and number == len(location) - 1) or _holds_names(annotation)):
             holders = inside
             parts.append(part)
-    return _FieldPlace(".".join(parts), holders, next((each for each in reversed(parts) if not each.isdigit()), ""))
+    return _FieldPlace(".".join(parts), holders, next((part for part in reversed(parts) if not part.isdigit()), ""))
 
 
 def _is_branch(part: str) -> bool:
@@ -244,4 +253,4 @@ def _is_branch(part: str) -> bool:
 
 
 def _holds_names(annotation: Any) -> bool:
-    return get_origin(annotation) is dict or any(get_origin(each) is dict for each in get_args(annotation))
+    return get_origin(annotation) is dict or any(get_origin(argument) is dict for argument in get_args(annotation))

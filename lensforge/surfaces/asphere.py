@@ -102,10 +102,10 @@ class ImplicitSurface(Surface):
         along = low + (place - row)[:, None] * (high - low)  # a column for each meridian
         turn = np.arctan2(directions[:, 1], directions[:, 0]) / (2.0 * np.pi) % 1.0 * self.meridians
         first = turn.astype(int) % self.meridians
-        each = np.arange(len(directions))
-        one = along[each, first]
-        next_one = along[each, (first + 1) % self.meridians]
-        return one + (turn - np.floor(turn)) * (next_one - one)
+        rows = np.arange(len(directions))
+        nearest = along[rows, first]
+        next_one = along[rows, (first + 1) % self.meridians]
+        return nearest + (turn - np.floor(turn)) * (next_one - nearest)
 
     @cached_property
     def _profile(self) -> tuple[Float[np.ndarray, " k"], Float[np.ndarray, "k m"]]:
@@ -178,9 +178,9 @@ def _raised(directions: _Vectors) -> tuple[_Vectors, _Values, _Values]:
         bend = 1.0 + (height / -_LEAST_HEIGHT) ** _SOFTNESS
         raised = -height * bend ** (-1.0 / _SOFTNESS)
         off_axis = np.maximum(np.hypot(directions[below, 0], directions[below, 1]), np.finfo(float).tiny)
-        own = np.sqrt(1.0 - raised**2)
-        along[below] = bend ** (-1.0 / _SOFTNESS - 1.0) * off_axis / own
-        around[below] = own / off_axis
+        cosine = np.sqrt(1.0 - raised**2)
+        along[below] = bend ** (-1.0 / _SOFTNESS - 1.0) * off_axis / cosine
+        around[below] = cosine / off_axis
         moved[below] = np.column_stack([directions[below, :2] * around[below, None], raised])
     return moved, along, around
 
@@ -363,8 +363,8 @@ class SurfaceShape:
     def _moved(self, along: Float[np.ndarray, "n 3"]) -> tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, "n 3"]]:
         """Derivatives (per rad) of the points and of the normals."""
         ends = [np.cos(_STEP) * self._directions + sign * np.sin(_STEP) * along for sign in (1.0, -1.0)]
-        points = [self.surface.radius(each)[:, None] * each for each in ends]
-        normals = [self.surface.normal(each) for each in ends]
+        points = [self.surface.radius(direction)[:, None] * direction for direction in ends]
+        normals = [self.surface.normal(direction) for direction in ends]
         return (points[0] - points[1]) / (2.0 * _STEP), (normals[0] - normals[1]) / (2.0 * _STEP)
 
     @property

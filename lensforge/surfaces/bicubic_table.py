@@ -178,7 +178,7 @@ def dyadic_grid(details_rad: Sequence[float], nodes_per_sigma: float) -> tuple[T
     cells = [grid_for(sigma, nodes_per_sigma).nodes - 1 for sigma in details_rad]
     most = max(0, int(np.log2(max(cells) / min(cells))))
     finest = -(-max(cells) // 2**most) * 2**most
-    halvings = [max(k for k in range(most + 1) if k == 0 or finest >> k >= each) for each in cells]
+    halvings = [max(k for k in range(most + 1) if k == 0 or finest >> k >= needed) for needed in cells]
     return TableGrid(finest + 1), halvings
 
 
@@ -208,17 +208,17 @@ class BasisTables:
         """The table, first index X, of one surface."""
         side = self.levels[0].grid.side
         table = np.zeros((side, side))
-        for level, own in self._moving(len(weights)):
+        for level, level_weights in self._moving(len(weights)):
             table = _finer(table, level.grid.side)
-            add_patches(level.boxes, level.starts, level.values, weights[own], table)
+            add_patches(level.boxes, level.starts, level.values, weights[level_weights], table)
         return _finer(table, self.side)
 
     def by_weights(self, by_table: Float[np.ndarray, "side side"], count: int) -> Float[np.ndarray, " k"]:
         """Adjoint of :meth:`table`: the gradient by the first ``count`` weights."""
         by_weights = np.empty(count)
-        for level, own in reversed(list(self._moving(count))):
+        for level, level_weights in reversed(list(self._moving(count))):
             by_table = _coarser(by_table, level.grid.side)
-            patch_sums(level.boxes, level.starts, level.values, by_table, by_weights[own])
+            patch_sums(level.boxes, level.starts, level.values, by_table, by_weights[level_weights])
         return by_weights
 
     def _moving(self, count: int) -> Iterator[tuple[LevelPatches, slice]]:

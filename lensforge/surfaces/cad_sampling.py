@@ -61,7 +61,7 @@ def _faces_in(path: Path, iges: bool, origin: str) -> tuple[list[NamedFace], str
         every = [] if shape.IsNull() else parts_of(shape, "FACE")
         alone = name if len(every) == 1 else ""  # a face that is a product of its own
         for face in every:
-            own = next((known for known, one in named.items() if one.IsSame(face)), alone)
+            own = next((known for known, named_face in named.items() if named_face.IsSame(face)), alone)
             faces.append(NamedFace(face, own, len(faces) + 1))
     if not 1 <= len(faces) <= _MOST_FACES:
         raise InputError(f"{origin}: {len(faces)} faces, 1 to {_MOST_FACES} are read; {_REMEDY}")
@@ -117,9 +117,9 @@ class FaceCast:
         radius, normals = self._beside(directions)
         lost = np.flatnonzero(np.isnan(radius))
         first = [min(crossings, default=None) for crossings in self._crossings(directions[lost])]
-        met = np.array([each is not None for each in first], dtype=bool)
+        met = np.array([crossing is not None for crossing in first], dtype=bool)
         if met.any():
-            crossings = np.array([each for each in first if each is not None])
+            crossings = np.array([crossing for crossing in first if crossing is not None])
             radius[lost[met]], normals[lost[met]], *_ = self._exact(directions[lost[met]], crossings, _NEWTON_STEPS)
         return radius, normals
 
@@ -243,10 +243,10 @@ def _sample_face(folder: Path) -> None:
     faces, unit = _faces_in(folder / job["file"], job["iges"], job["origin"])
     shift = np.array(job["shift_mm"])
     chosen = _selected(faces, job["faces"], job["origin"], shift)
-    cast = FaceCast([each.face for each in chosen], shift)
-    sampled = sampled_face(cast, f"{job['origin']}: {' and '.join(each.words for each in chosen)}")
+    cast = FaceCast([chosen_face.face for chosen_face in chosen], shift)
+    sampled = sampled_face(cast, f"{job['origin']}: {' and '.join(chosen_face.words for chosen_face in chosen)}")
     np.savez(folder / SPLINE, axis=sampled.axis, radius=sampled.radius)
-    described = {"unit": unit, "names": [each.words for each in chosen]}
+    described = {"unit": unit, "names": [chosen_face.words for chosen_face in chosen]}
     errors = {"form_error_nm": sampled.form_error_nm, "normal_error_urad": sampled.normal_error_urad}
     write_json(folder / FOUND, {**described, **errors})
 
@@ -254,22 +254,22 @@ def _sample_face(folder: Path) -> None:
 def _selected(
     faces: list[NamedFace], wanted: list[str | int], origin: str, shift_mm: Float[np.ndarray, "3"]
 ) -> list[NamedFace]:
-    names = [each.name for each in faces if each.name]
+    names = [face.name for face in faces if face.name]
     chosen = []
-    for each in wanted:
-        if each == FIRST:
+    for name in wanted:
+        if name == FIRST:
             chosen.append(_first_on_axis(faces, origin, shift_mm))
-        elif isinstance(each, int):
-            if not 1 <= each <= len(faces):
-                raise InputError(f"{origin}: face = {each}: it has faces 1 to {len(faces)}")
-            chosen.append(faces[each - 1])
+        elif isinstance(name, int):
+            if not 1 <= name <= len(faces):
+                raise InputError(f"{origin}: face = {name}: it has faces 1 to {len(faces)}")
+            chosen.append(faces[name - 1])
         else:
-            same = [face for face in faces if face.name == each]
+            same = [face for face in faces if face.name == name]
             if len(same) != 1:
-                near = get_close_matches(each, names, 3, 0.3) or names[:5]
+                near = get_close_matches(name, names, 3, 0.3) or names[:5]
                 known = f"names of faces: {', '.join(near)}" if near else "its faces have no names; give a number"
                 count = f"{len(same)} faces have this name" if same else "no such face"
-                raise InputError(f"{origin}: face = {each!r}: {count}; {known}, or 'first'")
+                raise InputError(f"{origin}: face = {name!r}: {count}; {known}, or 'first'")
             chosen.append(same[0])
     return chosen
 
@@ -277,23 +277,23 @@ def _selected(
 def _first_on_axis(faces: list[NamedFace], origin: str, shift_mm: Float[np.ndarray, "3"]) -> NamedFace:
     """The face that the axis meets first above the origin; tried a little beside it, where no face has its pole."""
     beside = np.array([[1e-6, 1e-6, 1.0]])
-    met = [(min(FaceCast([each.face], shift_mm).all_mm(beside)[0], default=np.inf), each) for each in faces]
-    distance, first = min(met, key=lambda one: one[0])
+    met = [(min(FaceCast([face.face], shift_mm).all_mm(beside)[0], default=np.inf), face) for face in faces]
+    distance, first = min(met, key=lambda crossing: crossing[0])
     if not np.isfinite(distance):
         raise InputError(f"{origin}: the axis meets no face above z = 0; move the file by shift_mm, or name the face")
     return first
 
 
-def sampled_face(cast: FaceCast, words: str) -> SampledFace:
+def sampled_face(cast: FaceCast, title: str) -> SampledFace:
     """The spline through the faces of ``cast``, with as many nodes as its measured error needs.
 
     Raises :class:`InputError` where they are not met just once from the origin, and where they are not smooth.
     """
     tested = np.concatenate([fibonacci_hemisphere(_TESTED), _around(0.5 * np.pi, _RIM)])
-    radius, normals = _met_once(cast, tested, words)
+    radius, normals = _met_once(cast, tested, title)
     nodes = _NODES
     while True:
-        axis, values = _on_grid(cast, nodes, words)
+        axis, values = _on_grid(cast, nodes, title)
         spline = ChartSpline.through(axis, values)
         cosine = np.sum(normals * tested, axis=1)
         form_nm = np.abs(spline.radius(tested) - radius) * cosine * 1e6
@@ -305,7 +305,7 @@ def sampled_face(cast: FaceCast, words: str) -> SampledFace:
     if form_nm.max() > _MOST_NM or turned_urad.max() > _MOST_URAD:
         worst = int((form_nm / _MOST_NM + turned_urad / _MOST_URAD).argmax())
         raise InputError(
-            f"{words}: not smooth {place_of(tested[worst])}: a spline of {nodes} nodes misses it by "
+            f"{title}: not smooth {place_of(tested[worst])}: a spline of {nodes} nodes misses it by "
             f"{form_nm[worst]:.3g} nm and {turned_urad[worst]:.3g} urad, at most {_MOST_NM:g} and {_MOST_URAD:g}; "
             "close the seam or the kink in CAD"
         )
@@ -313,21 +313,22 @@ def sampled_face(cast: FaceCast, words: str) -> SampledFace:
 
 
 def _met_once(
-    cast: FaceCast, directions: Float[np.ndarray, "n 3"], words: str
+    cast: FaceCast, directions: Float[np.ndarray, "n 3"], title: str
 ) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, "n 3"]]:
     """Radius (mm) and outward normals in ``directions``, each of which must meet the faces once."""
     met = cast.begin_at(directions)
     for direction, distances in zip(directions, met, strict=True):
         if len(distances) != 1:
-            what = f"meets it {len(distances)} times" if distances else "does not meet it: a hole, or its edge"
+            fault = f"meets it {len(distances)} times" if distances else "does not meet it: a hole, or its edge"
             raise InputError(
-                f"{words}: a ray from the origin, {place_of(direction)}, {what}; a face must be star-shaped, and reach "
+                f"{title}: a ray from the origin, {place_of(direction)}, {fault}; "
+                "a face must be star-shaped, and reach "
                 "down to z = 0: take all its parts (face = [...]), or extend it in CAD"
             )
     return cast.points(directions)
 
 
-def _on_grid(cast: FaceCast, nodes: int, words: str) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, "n n"]]:
+def _on_grid(cast: FaceCast, nodes: int, title: str) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, "n n"]]:
     """Chart axis, even in angle, and the radii (mm) on its grid."""
     half = np.arctan(HALF_WIDTH)
     axis = np.tan(np.linspace(-half, half, nodes))
@@ -341,7 +342,7 @@ def _on_grid(cast: FaceCast, nodes: int, words: str) -> tuple[Float[np.ndarray, 
     values[~inside] = _continued(cast, azimuth, beyond)
     if not np.isfinite(values).all():
         raise InputError(
-            f"{words}: the CAD kernel finds no point {place_of(to_sphere(chart[~np.isfinite(values)])[0])}"
+            f"{title}: the CAD kernel finds no point {place_of(to_sphere(chart[~np.isfinite(values)])[0])}"
         )
     return axis, values.reshape(nodes, nodes)
 

@@ -65,10 +65,10 @@ class ChartSpline(ByContent, Surface):
     def symmetry(self) -> str:
         """Largest mirror group under which it changes by no more than a nanometre."""
         directions = fibonacci_hemisphere(_MIRRORED)
-        own = self.radius(directions)
+        radii = self.radius(directions)
 
         def unchanged(mirror: Float[np.ndarray, "3 3"]) -> bool:
-            return bool(np.abs(self.radius(directions @ mirror) - own).max() < _SAME_MM)
+            return bool(np.abs(self.radius(directions @ mirror) - radii).max() < _SAME_MM)
 
         return largest_symmetry(unchanged)
 

@@ -169,7 +169,7 @@ def _places_from_the_centre() -> Float[np.ndarray, "2 k"]:
     Half of the square, whose other half turns rays by as much.
     """
     place = (np.arange(_PLACES) + 0.5) / _PLACES - 0.5
-    x, y = (each.reshape(-1, 1) for each in np.meshgrid(place[: _PLACES // 2], place))
+    x, y = (coordinates.reshape(-1, 1) for coordinates in np.meshgrid(place[: _PLACES // 2], place))
     turn = np.pi * (np.arange(4) + 0.5) / 8.0
     return np.stack([x * np.cos(turn) - y * np.sin(turn), x * np.sin(turn) + y * np.cos(turn)]).reshape(2, -1)
 
@@ -203,15 +203,15 @@ def best_collimator(
     low = np.array([least, least])
     high = np.array([radius_mm, _TALLEST_CAP * radius_mm])
     for _ in range(_ROUNDS):
-        for each in _scanned(smallest, np.geomspace(low, high, _TRIED)):
-            share = each.share(half_angle_rad, side_mm) if each.height_mm <= most_height_mm else -1.0
+        for candidate in _scanned(smallest, np.geomspace(low, high, _TRIED)):
+            share = candidate.share(half_angle_rad, side_mm) if candidate.height_mm <= most_height_mm else -1.0
             if share > most:
-                best = each
+                best = candidate
                 most = share
-        found = np.array([best.cavity_mm, best.cap_mm])
+        optimum = np.array([best.cavity_mm, best.cap_mm])
         step = (high / low) ** (1.5 / _TRIED)
-        low = np.maximum(found / step, least)
-        high = found * step
+        low = np.maximum(optimum / step, least)
+        high = optimum * step
     return best
 
 

@@ -72,7 +72,7 @@ def face_of_lens(path: Path, name: str) -> GivenFace:
     """
     content = read_json(path, _LENS_REMEDY)
     faces = content.get("faces") if isinstance(content, dict) else None
-    names = [each for each, face in faces.items() if isinstance(face, dict)] if isinstance(faces, dict) else []
+    names = [name for name, face in faces.items() if isinstance(face, dict)] if isinstance(faces, dict) else []
     if not isinstance(content, dict) or not isinstance(faces, dict) or not names:
         raise InputError(f"{path}: not a lens file; {_LENS_REMEDY}")
     if name not in names:

@@ -56,8 +56,8 @@ def contains(larger: str, smaller: str) -> bool:
 
 def shared_symmetry(names: Sequence[str], allowed: Callable[[str], bool] = lambda _: True) -> str:
     """Largest mirror group that all groups of these ``names`` contain, of those ``allowed``."""
-    shared = (each for each in reversed(NAMES) if all(contains(larger, each) for larger in names))
-    return next(each for each in shared if allowed(each))
+    shared = (name for name in reversed(NAMES) if all(contains(larger, name) for larger in names))
+    return next(name for name in shared if allowed(name))
 
 
 def largest_symmetry(unchanged: Callable[[Float[np.ndarray, "3 3"]], bool]) -> str:
@@ -90,18 +90,18 @@ def first_images(points: Float[np.ndarray, "k d"], name: str) -> Bool[np.ndarray
 
 def shortest_arc(azimuths_rad: Float[np.ndarray, " n"]) -> tuple[float, float]:
     """Middle and half width (rad) of the shortest arc that holds all azimuths."""
-    found = np.sort(azimuths_rad)
-    gaps = np.diff(np.append(found, found[0] + 2.0 * np.pi))
+    azimuths = np.sort(azimuths_rad)
+    gaps = np.diff(np.append(azimuths, azimuths[0] + 2.0 * np.pi))
     widest = int(gaps.argmax())
     half = np.pi - 0.5 * float(gaps[widest])
-    return float(found[widest] + gaps[widest]) + half, half
+    return float(azimuths[widest] + gaps[widest]) + half, half
 
 
 def images_in_common(name: str, middle_rad: float, half_rad: float) -> float:
     """Largest share of the images of an arc, under a group or ``REVOLUTION``, that have an azimuth in common."""
     if name == REVOLUTION:
         return min(1.0, half_rad / np.pi)
-    middles = np.array([each[:2, :2] @ (np.cos(middle_rad), np.sin(middle_rad)) for each in group(name)])
+    middles = np.array([element[:2, :2] @ (np.cos(middle_rad), np.sin(middle_rad)) for element in group(name)])
     azimuths = np.arctan2(middles[:, 1], middles[:, 0])
     beyond = np.mod(azimuths - azimuths[:, None] + _SAME, 2.0 * np.pi)  # an arc's end lies in all that begin in it
     return float((beyond <= 2.0 * half_rad + 2.0 * _SAME).sum(axis=1).max() / len(middles))

@@ -20,13 +20,13 @@ _Points = Float[np.ndarray, "n 3"]
 
 def depths(body: SecondaryOptic, points: _Points, *, inner: bool) -> Float[np.ndarray, " n"]:
     """Depth (mm) of points within the inner or the outer face of a body; infinite below the plane in which it ends."""
-    own = body.pose.own_points(points)
+    local = body.pose.own_points(points)
     face = body.inner if inner else body.outer
-    radii = np.maximum(np.linalg.norm(own, axis=1), 1e-12)
-    above = own[:, 2] > 0.0
-    found = np.full(len(points), np.inf)
-    found[above] = face.radius(own[above] / radii[above, None]) - radii[above]
-    return found
+    radii = np.maximum(np.linalg.norm(local, axis=1), 1e-12)
+    above = local[:, 2] > 0.0
+    depth = np.full(len(points), np.inf)
+    depth[above] = face.radius(local[above] / radii[above, None]) - radii[above]
+    return depth
 
 
 def outside_of(body: SecondaryOptic) -> _Points:
@@ -40,11 +40,15 @@ def has_mirrors(body: SecondaryOptic, symmetry: str) -> bool:
     centre = np.array(body.pose.origin_mm)
     u = fibonacci_hemisphere(_DIRECTIONS // 10)
     for mirror in group(symmetry):
-        own = body.pose.own_map(mirror)
-        if not (np.allclose(mirror @ centre, centre, atol=_SAME) and np.allclose(own[2], [0.0, 0.0, 1.0], atol=_SAME)):
+        local_mirror = body.pose.own_map(mirror)
+        if not (
+            np.allclose(mirror @ centre, centre, atol=_SAME)
+            and np.allclose(local_mirror[2], [0.0, 0.0, 1.0], atol=_SAME)
+        ):
             return False
         if not all(
-            np.allclose(each.radius(u), each.radius(u @ own.T), rtol=_SAME) for each in (body.inner, body.outer)
+            np.allclose(surface.radius(u), surface.radius(u @ local_mirror.T), rtol=_SAME)
+            for surface in (body.inner, body.outer)
         ):
             return False
     return True

@@ -134,12 +134,14 @@ def circle_at(place: Place, radius_mm: float) -> Loop:
 
 def loop_of(corners: Sequence[Corner]) -> Loop:
     """The loop through ``corners``."""
-    return tuple(_edge(one, other) for one, other in zip(corners, (*corners[1:], corners[0]), strict=True))
+    return tuple(
+        _edge(corner, next_corner) for corner, next_corner in zip(corners, (*corners[1:], corners[0]), strict=True)
+    )
 
 
-def _edge(one: Corner, other: Corner) -> LoopEdge:
-    (x0, y0, bulge) = one
-    (x1, y1, _) = other
+def _edge(start: Corner, end: Corner) -> LoopEdge:
+    (x0, y0, bulge) = start
+    (x1, y1, _) = end
     if bulge == 0.0:
         return LoopEdge((x0, y0), (x1, y1))
     across = (1.0 / bulge - bulge) / 4.0  # of the chord, from its middle to the left

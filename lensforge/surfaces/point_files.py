@@ -87,8 +87,8 @@ def _in_text(table: TextTable, coordinates: Coordinates, of: FaceOfPart | None) 
     furthest = np.abs(cloud).max(axis=1)
     row = int(furthest.argmax())
     if furthest[row] > _FURTHEST_MM:
-        words = f"a coordinate of {furthest[row]:.4g} mm, must be at most {_FURTHEST_MM:g}; remove it"
-        raise table.refuse(row, int(np.abs(cloud[row]).argmax()), words)
+        fault = f"a coordinate of {furthest[row]:.4g} mm, must be at most {_FURTHEST_MM:g}; remove it"
+        raise table.refuse(row, int(np.abs(cloud[row]).argmax()), fault)
     return cloud
 
 
@@ -114,8 +114,8 @@ def _rows_of(table: TextTable, title: str, place: int, of: FaceOfPart) -> TextTa
     rows = [line for line, label in zip(table.rows, labels, strict=True) if label == of.name.lower()]
     if not rows:
         there = ", ".join(map(shown, list(dict.fromkeys(labels))[:_MOST_SHOWN]))
-        words = f"no row of {title.strip()} {of.name!r}; found {there}"
-        raise InputError(f"{table.name}: {words}; give the face that was measured")
+        fault = f"no row of {title.strip()} {of.name!r}; found {there}"
+        raise InputError(f"{table.name}: {fault}; give the face that was measured")
     return replace(table, rows=rows)
 
 

@@ -201,7 +201,7 @@ def _meridian(face: Surface, cosines: _Values) -> _Values:
 def around(polar_rad: _Values) -> Float[np.ndarray, "k 3"]:
     """Directions at these angles from the axis, each on all meridians in turn."""
     azimuth = 2.0 * np.pi * np.arange(_MERIDIANS) / _MERIDIANS
-    across = [np.outer(np.sin(polar_rad), each).ravel() for each in (np.cos(azimuth), np.sin(azimuth))]
+    across = [np.outer(np.sin(polar_rad), component).ravel() for component in (np.cos(azimuth), np.sin(azimuth))]
     return np.stack([*across, np.repeat(np.cos(polar_rad), _MERIDIANS)], axis=1)
 
 
@@ -213,7 +213,7 @@ def shrunk(face: ReciprocalSurface, factor: float) -> ReciprocalSurface:
         case PlaneFace():
             return replace(face, height_mm=face.height_mm / factor)
     assert isinstance(face, ProfileFace)
-    return replace(face, coefficients=tuple(factor * each for each in face.coefficients))
+    return replace(face, coefficients=tuple(factor * coefficient for coefficient in face.coefficients))
 
 
 class SrbfFunctions(Record):

@@ -200,7 +200,7 @@ def best_leaning_cup(
         )
         for focus in _FOCI
     ]
-    best = min(tried, key=lambda each: float(each.fun))
+    best = min(tried, key=lambda trial: float(trial.fun))
     return cup_of(best.x) if best.fun < 0.0 else None
 
 
@@ -225,16 +225,16 @@ def best_cup(
     focal_mm = np.geomspace(least, max(0.5 * radius_mm, least), _TRIED).tolist()
     radii_mm = np.geomspace(_NARROWEST * radius_mm, radius_mm, _TRIED).tolist()
     tried = [ParabolicCup(*sizes, wall_mm) for sizes in product(focal_mm, radii_mm)]
-    fitting = [each for each in tried if 0.0 < _FLATTEST * each.rim_mm <= each.height_mm <= most_height_mm]
+    fitting = [cup for cup in tried if 0.0 < _FLATTEST * cup.rim_mm <= cup.height_mm <= most_height_mm]
     if not fitting:
         raise InputError(
             f"reflector: radius = {radius_mm:.4g} mm leaves no room for a cup of {2.0 * least:.4g} mm at least at "
             f"z = 0, a wall of {wall_mm:.3g} mm, and a height of {most_height_mm:.4g} mm at most; raise the radius or "
             "the height, or take a smaller source"
         )
-    shares = [each.share(half_angle_rad, side_mm, least_rad) for each in fitting]
-    best = (each for each, share in zip(fitting, shares, strict=True) if share >= _ENOUGH * max(shares))
-    return min(best, key=lambda each: each.height_mm)
+    shares = [cup.share(half_angle_rad, side_mm, least_rad) for cup in fitting]
+    best = (cup for cup, share in zip(fitting, shares, strict=True) if share >= _ENOUGH * max(shares))
+    return min(best, key=lambda cup: cup.height_mm)
 
 
 def reflector_faces(
@@ -251,8 +251,8 @@ def reflector_faces(
     and no higher than ``most_height_mm``. ``shaped``: functions by which the back follows a cup that leans; without
     them it is round. Raises :class:`InputError` where the mouth does not meet the cup.
     """
-    polar, each = _behind(cup, wall_mm)
-    behind = each.max(axis=1)
+    polar, radii = _behind(cup, wall_mm)
+    behind = radii.max(axis=1)
     across = behind * np.sin(polar)
     heights = behind * np.cos(polar)
     if height_mm is None:
@@ -272,7 +272,7 @@ def reflector_faces(
     known = np.cos(polar) <= basis.high
     back = ProfileFace(reach, basis.low, basis.high, basis.nearest(np.cos(polar[known]), 1.0 / behind[known]))
     if shaped is not None:
-        back = FormedFace.nearest(around(polar), 1.0 / each.ravel(), basis, shaped, reach)
+        back = FormedFace.nearest(around(polar), 1.0 / radii.ravel(), basis, shaped, reach)
     if isinstance(cup, ReciprocalSurface):  # a conic has no reach of its own
         cup = replace(cup, reach_mm=min(reach, cup.reach_mm))
     return {"cup": cup, "back": back, "mouth": PlaneFace(reach, height_mm)}

@@ -109,7 +109,7 @@ def parse_apart(content: bytes, origin: str, remedy: str, *, to_be_joined: bool 
         with temporary_file(binary, "part.bin") as path:
             BinTools.Read_s(shape, str(path))
         all_faces = parts_of(shape, "FACE")
-        products.append(Product(name, shape, {each: all_faces[index] for each, index in faces.items()}))
+        products.append(Product(name, shape, {face_name: all_faces[index] for face_name, index in faces.items()}))
     return products
 
 
@@ -123,7 +123,7 @@ def _tested(content: bytes, origin: str, remedy: str, to_be_joined: bool) -> lis
         write_json(folder / _JOB, {"origin": origin, "remedy": remedy, "to_be_joined": to_be_joined})
         work_in_child(Path(__file__).resolve(), folder, limits, origin=origin, remedy=remedy)
         entries = json.loads((folder / _PRODUCTS).read_text(encoding="utf-8"))
-        return [(each["name"], (folder / f"{k}.bin").read_bytes(), each["faces"]) for k, each in enumerate(entries)]
+        return [(entry["name"], (folder / f"{k}.bin").read_bytes(), entry["faces"]) for k, entry in enumerate(entries)]
 
 
 def shapes_in(reader: Any, path: Path, refusal: str) -> list[tuple[str, Any, dict[str, Any]]]:
@@ -185,9 +185,10 @@ def _write_products(folder: Path) -> None:
         BinTools.Write_s(shape, str(folder / f"{number}.bin"))  # before the tests, which may add triangles to it
         _require_usable(shape, len(faces), origin, remedy, job["to_be_joined"])
         places = {
-            each: next((k for k, face in enumerate(faces) if face.IsSame(one)), -1) for each, one in named.items()
+            face_name: next((k for k, face in enumerate(faces) if face.IsSame(named_face)), -1)
+            for face_name, named_face in named.items()
         }
-        records.append({"name": name, "faces": {each: place for each, place in places.items() if place >= 0}})
+        records.append({"name": name, "faces": {face_name: place for face_name, place in places.items() if place >= 0}})
     write_json(folder / _PRODUCTS, records)
 
 

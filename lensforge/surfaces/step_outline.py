@@ -78,10 +78,10 @@ def _is_simple(loops: list[list[Corner]]) -> bool:
     import manifold3d
 
     chords = [points_on(loop_of(corners), _CHORD_MM) for corners in loops]
-    chords = [chords[0], *(each[::-1] for each in chords[1:])]
-    own = [np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y) / 2.0 for x, y in (each.T for each in chords)]
+    chords = [chords[0], *(chord[::-1] for chord in chords[1:])]
+    areas = [np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y) / 2.0 for x, y in (chord.T for chord in chords)]
     within = manifold3d.CrossSection(chords, manifold3d.FillRule.Positive).area()
-    return bool(abs(within - sum(own)) <= _SHARE * within)
+    return bool(abs(within - sum(areas)) <= _SHARE * within)
 
 
 def _top(faces: list[Any], of_body: bool, origin: str, remedy: str) -> Any:
@@ -100,11 +100,11 @@ def _top(faces: list[Any], of_body: bool, origin: str, remedy: str) -> Any:
             f"and {remedy}"
         )
     top = max(z for z, _ in level)
-    found = [face for z, face in level if not of_body or z >= top - _FLAT_MM]
-    if len(found) > 1:
+    tops = [face for z, face in level if not of_body or z >= top - _FLAT_MM]
+    if len(tops) > 1:
         where = f"at its top, z = {top:.6g} mm" if of_body else "of one z"
-        raise InputError(f"{origin}: holds {len(found)} plane faces {where}, an outline is one; export the one alone")
-    return found[0]
+        raise InputError(f"{origin}: holds {len(tops)} plane faces {where}, an outline is one; export the one alone")
+    return tops[0]
 
 
 def _free_wires(shapes: list[Any], origin: str, remedy: str) -> list[Any]:
@@ -188,7 +188,7 @@ def _arcs(edge: Any, origin: str) -> Iterator[tuple[_Point, _Point, float]]:
 
 def _point(curve: Any, at: float, origin: str) -> _Point:
     x, y, z = curve.Value(at).Coord()
-    if not all(abs(each) <= MOST_MM for each in (x, y, z)):
+    if not all(abs(coordinate) <= MOST_MM for coordinate in (x, y, z)):
         raise InputError(f"{origin}: its outline reaches beyond {MOST_MM:g} mm; export it in its own unit")
     return x, y, z
 

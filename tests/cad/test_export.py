@@ -110,6 +110,12 @@ def test_untrimmed_faces_are_judged_as_those_of_the_part(twice):
     assert {"form_error", "surfaces_form_error"} <= set(failed(coarse))
 
 
+def test_a_mesh_has_at_least_the_rings_that_light_asks_for():
+    parts = [build_part(make_lens(0.8, 2.45), least_rings=least) for least in (5, 97)]
+    assert parts[0].triangulation.rings < 97 == parts[1].triangulation.rings
+    assert len(parts[1].stl) > len(parts[0].stl)
+
+
 @pytest.mark.parametrize("extension_deg", [0.0, -3.0, 45.0])
 def test_an_extension_out_of_range_is_refused(extension_deg):
     with pytest.raises(InputError, match=f"extension = {extension_deg:g} degrees"):

@@ -127,15 +127,20 @@ def test_the_search_sees_the_room_that_the_faces_leave(levels: list[int]) -> Non
     constraints = AugmentedLagrangian.of(spec, parameters.grid)
     constraint = constraints.constraints[constraints.keys.index("flange_margin_mm")]
 
-    def room(step: float | torch.Tensor) -> torch.Tensor:
+    def rooms(step: float | torch.Tensor) -> torch.Tensor:
         operator = constraints.chart_operator
         jets = dict(
             zip(constraints.names, operator.jets(parameters.tables(weights + step * along, offsets)), strict=True)
         )
-        return constraint.of(jets, operator.points).min()
+        return constraint.of(jets, operator.points)
+
+    def room(step: float | torch.Tensor) -> torch.Tensor:
+        return rooms(step).min()
 
     measured = margins_but_for_the_wall(parameters.lens(weights, offsets, spec, 0, "draft")).flange_margin_mm
     assert room(0.0).item() == pytest.approx(measured, abs=2e-3)
+    least, second = rooms(0.0).sort().values[:2]
+    assert second.item() == pytest.approx(least.item(), abs=1e-9), "at the lowest exit, and at the highest wall"
     moving, step = torch.zeros((), dtype=torch.float64, requires_grad=True), 1e-6
     (exact,) = torch.autograd.grad(room(moving), moving)
     assert exact.item() == pytest.approx((room(step) - room(-step)).item() / (2.0 * step), rel=1e-3)

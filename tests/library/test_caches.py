@@ -49,7 +49,7 @@ from lensforge.surfaces.srbf import fibonacci_hemisphere
 U = fibonacci_hemisphere(50)
 NO_NUMBER = {  # pools, compiled functions, folders, words; and what is keyed by the object itself
     "kernels.compiled._folder_of", "kernels.parallel._pool", "kernels.precision.in_single",
-    "spec.spec_fields._module_words", "spec.spec_fields._words", "cad.plate_mesh.lens_meshes",
+    "cad.plate_mesh.lens_meshes",
     "results.validation._alone", "search.constraint_points._extent_at", "search.constraint_points._outline",
 }  # fmt: skip
 BY_CONTENT = {

@@ -150,3 +150,19 @@ def test_mirror_images_of_the_deposits_are_those_of_the_rays(name):
     images = [grid.deposit(_rays(turned.directions @ image.T, turned.flux)) for image in group(name)]
     found = grid.images_mean(grid.deposit(turned)[None], name)[0]
     np.testing.assert_allclose(found, np.mean(images, axis=0), atol=1e-12)
+
+
+@pytest.mark.parametrize("dip", [0.0, 0.03, 0.1])
+def test_the_axis_scatters_by_its_stated_error_whether_or_not_it_lies_on_a_parabola(dip):
+    """A dip about the axis, of its noise and more. A choice of axis or parabola scatters by 1.5 to 2.2 of its error."""
+    grid, axis, errors = AngularGrid(36, np.linspace(0.0, 90.0, 61)), [], []
+    truth = 1.0 - dip * np.exp(-((grid.gamma_deg / 1.5) ** 2))
+    even = grid._gram @ truth * (2.0 * np.pi / 36)
+    for seed in range(150):
+        noise = np.random.default_rng(seed).normal(size=(16, 36, 61)) * 5e-3 * np.sqrt(grid.solid_angles)
+        values = grid.fitted(even + noise)[:, 0, 0]
+        axis.append(values.mean())
+        errors.append(values.std(ddof=1) / 4.0)
+    stated = np.sqrt(np.mean(np.square(errors)))
+    assert 0.8 < np.std(axis, ddof=1) / stated < 1.25  # known to 6 %
+    assert np.sqrt(np.mean((np.array(axis) - truth[0]) ** 2)) < 1.5 * stated  # drawn towards the parabola, too

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from lens_meshes import DISTANCE, INDEX, INNER, OUTER, Quadric, lambertian, oracle, right
+from lens_meshes import DISTANCE, INDEX, INNER, OUTER, Quadric, lambertian, oracle, right, sphere
 
 from lensforge.errors import InputError
 from lensforge.optics.media import Media, Medium
@@ -44,6 +44,15 @@ def test_mitsuba_lands_rays_where_the_closed_form_does():
     coarse, fine = deviation(30), deviation(60)
     assert fine < 0.05
     assert coarse / fine > 3.0  # second order in the edge length, as interpolated normals are
+
+
+def test_the_body_absorbs_along_the_way_within_it_and_the_cavity_nothing():
+    """Between spheres about the LED's point every ray goes 5 mm through the body, after 3 mm in the cavity."""
+    rays, mesh = lambertian(300, 1e-9, seed=5), part_mesh_of(right(60, inner=sphere(3.0), outer=sphere(8.0), base=None))
+    clear, dim = (send_through_mitsuba(mesh, rays, Media(Medium(INDEX, per_mm)))[1] for per_mm in (0.0, 0.04))
+    landed = clear.fates == CastFate.LANDED
+    assert landed.mean() > 0.95
+    np.testing.assert_allclose(dim.flux[landed] / clear.flux[landed], np.exp(-0.04 * 5.0), rtol=1e-3)
 
 
 def test_a_right_lens_holds_within_the_noise_and_a_wrong_one_does_not():

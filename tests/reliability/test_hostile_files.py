@@ -32,7 +32,7 @@ from lensforge.sources.intensity import TabulatedIntensity
 from lensforge.sources.photometric import PhotometricFile
 from lensforge.sources.photometric.photometric_file import LampSet
 from lensforge.sources.photometric.photometric_io import _FORMATS as PHOTOMETRIC
-from lensforge.sources.photometric.photometric_summary import rays
+from lensforge.sources.photometric_summary import rays
 from lensforge.sources.radiance_emitter import read_radiance
 from lensforge.sources.rayfiles.ray_file_io import FORMATS, read_rayfile
 from lensforge.sources.source_spectrum import read_spectrum_file

@@ -7,7 +7,7 @@ import lensforge as lf
 from lensforge.errors import InputError
 from lensforge.sources.build_source import build_source, summarise
 from lensforge.sources.photometric import read_photometric
-from lensforge.sources.photometric.photometric_summary import rays
+from lensforge.sources.photometric_summary import rays
 
 
 def _ies(head="1 1000 1 3 1 1 2 0 0 0 1 1 10", angles="0 45 90 0", candela="300 200 0", tilt="NONE") -> str:

@@ -16,8 +16,8 @@ import lensforge as lf
 from lensforge.cli.cli import cli
 from lensforge.errors import InputError
 from lensforge.sources.build_source import build_source
+from lensforge.sources.ray_file_statistics import describe
 from lensforge.sources.rayfiles.ray_file_io import read_rayfile
-from lensforge.sources.rayfiles.ray_file_statistics import describe
 
 CSV = "x_mm,y_mm,z_mm,kx,ky,kz,flux_w\n"
 TM25_TABLES = 36_288

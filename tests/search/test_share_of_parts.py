@@ -103,9 +103,11 @@ def test_the_second_of_two_limits_decides_and_the_gradient_is_that_of_difference
     [
         ({"optimise__robust": "yield"}, "asks for parts that hold limits, and there are none"),
         ({"optimise__robust": 1.0, "limits": [EVEN]}, "robust = 1.0: must be true, false"),
+        ({"optimise__robust": 0.9991, "limits": [EVEN]}, "robust = 0.9991: must be true, false"),
+        ({"optimise__robust": 0.4999, "limits": [EVEN]}, "robust = 0.4999: must be true, false"),
         ({"optimise__robust": "most", "limits": [EVEN]}, "robust = 'most': must be true, false"),
     ],
-    ids=["no limits", "all parts", "no share"],
+    ids=["no limits", "all parts", "nearly all parts", "less than half", "no share"],
 )
 def test_a_share_that_no_search_can_have_is_refused(changes: dict[str, Any], words: str) -> None:
     with pytest.raises(InputError, match=words) as error:
@@ -114,8 +116,9 @@ def test_a_share_that_no_search_can_have_is_refused(changes: dict[str, Any], wor
 
 
 def test_a_yield_is_the_share_that_a_budget_asks_for() -> None:
-    shares = [small_spec(optimise__robust=each, limits=[EVEN]).optimise.share for each in (True, "yield", 0.8)]
-    assert shares == [None, PASS_RATE, 0.8]
+    given = (True, "yield", 0.8, 0.5, 0.999)  # the last two are the least and the most
+    shares = [small_spec(optimise__robust=each, limits=[EVEN]).optimise.share for each in given]
+    assert shares == [None, PASS_RATE, 0.8, 0.5, 0.999]
 
 
 @pytest.mark.nightly("two searches of 260 steps")

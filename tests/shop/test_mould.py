@@ -134,6 +134,14 @@ def test_a_flange_is_the_widest_and_a_place_for_the_gate() -> None:
     assert found.faces["wall"].lower_fraction == pytest.approx(1.0) == found.faces["exit"].upper_fraction
 
 
+def test_a_mould_fills_the_flange_before_the_base() -> None:
+    spec = spot(flange={"diameter_mm": 20.0, "thickness_mm": 1.2}).replace(
+        base={"kind": "cylinder", "diameter_mm": 7.0}
+    )
+    lens = spot_lens(spec)
+    assert mould_of(lens, fit_lens(lens)).gate == "flange"
+
+
 def revolved(*corners: tuple[float, float]) -> np.ndarray:
     """Points of a section at all azimuths, 160 along each of its sides."""
     along = (np.arange(160) / 160)[:, None]

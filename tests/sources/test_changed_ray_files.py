@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 from lensforge.errors import InputError
+from lensforge.sources import stored_rays
 from lensforge.sources.build_source import SquareEmitter
-from lensforge.sources.rayfiles import stored_rays
 from lensforge.sources.rayfiles.ray_file import RayFile
 from lensforge.sources.rayfiles.ray_file_io import read_rayfile, write_rayfile
-from lensforge.sources.rayfiles.stored_rays import StoredRays
+from lensforge.sources.stored_rays import StoredRays
 
 FIRST = slice(0, 50)
 

@@ -252,7 +252,7 @@ def test_a_ray_file_in_lumens_has_the_power_of_each_ray_by_its_wavelength(loaded
     [(1e-6, 1e-6), (0.99e-6, None), (683.002, 683.002), (683.002 * 1.00009, 683.002), (683.002 * 1.0002, None)],
 )
 def test_both_totals_of_a_file_have_a_ratio_that_light_can_have(lumens: float, efficacy: float | None) -> None:
-    found = settled_flux(FluxSection(), own=OwnFlux(1.0, lumens))
+    found = settled_flux(FluxSection(), own_flux=OwnFlux(1.0, lumens))
     assert found.efficacy == (None if efficacy is None else pytest.approx(efficacy, rel=1e-12))
     assert found.flux_w == 1.0 and found.in_lumens and len(found.warnings) == (efficacy is None)
     if efficacy is None:

@@ -13,13 +13,12 @@ from lensforge.light.simulation import bundles
 from lensforge.light.source_photometry import spectrum_of_source
 from lensforge.optics.material import MATERIALS
 from lensforge.proof.proof_inputs import independent_rays
-from lensforge.sources import ray_bundle
+from lensforge.sources import ray_bundle, stored_rays
 from lensforge.sources.build_source import SquareEmitter
 from lensforge.sources.measured_rays import divided, smoothed
 from lensforge.sources.ray_bundle import RayBundle
 from lensforge.sources.ray_set import RaySetEmitter
 from lensforge.sources.ray_set_loading import load_ray_set
-from lensforge.sources.rayfiles import stored_rays
 from lensforge.sources.rayfiles.ray_file import RayFile
 from lensforge.sources.rayfiles.ray_file_io import write_rayfile
 from lensforge.spec.source_sections import RayfilePart, RayfileSource, RayfilesSource, RaySource

@@ -17,7 +17,7 @@ from lensforge.sources.intensity import TabulatedIntensity
 from lensforge.sources.photometric import PhotometricFile, write_photometric
 from lensforge.sources.photometric.photometric_file import LampSet
 from lensforge.sources.photometric.photometric_io import convert_photometric
-from lensforge.sources.photometric.photometric_summary import PhotometricSummary
+from lensforge.sources.photometric_summary import PhotometricSummary
 
 GAMMA = np.linspace(0.0, 180.0, 361)
 
@@ -76,6 +76,22 @@ def test_an_off_axis_beam_is_measured_between_its_outermost_directions(tmp_path)
     assert found.beam_c0.beam_angle_deg == pytest.approx(90.0)
     assert found.beam_c0.field_angle_deg == pytest.approx(98.0)
     assert (found.axis_cd, found.peak.gamma_deg) == (0.0, 40.0)
+
+
+def test_the_angles_of_a_plane_are_shares_of_its_own_peak(tmp_path):
+    """In C 0 100 cd at 30 degrees; in C 90 20 cd on the axis, falling to none at 60 degrees."""
+    ring = np.interp(GAMMA, [0.0, 30.0, 60.0], [20.0, 100.0, 0.0])
+    cone = np.interp(GAMMA, [0.0, 60.0], [20.0, 0.0])
+    planes = np.linspace(0.0, 360.0, 5)
+
+    def two_beams(c, gamma):
+        return ring if abs(np.cos(c)) > 0.5 else cone
+
+    found = lf.rays(saved(tmp_path / "x.ies", two_beams, c_deg=planes))
+    beams = [found.beam_c0, found.beam_c90]
+    assert [beam.peak_cd for beam in beams] == [100.0, 20.0]
+    assert [beam.beam_angle_deg for beam in beams] == pytest.approx([90.0, 60.0])
+    assert [beam.field_angle_deg for beam in beams] == pytest.approx([114.0, 108.0])
 
 
 def test_odd_files_are_warned_of(tmp_path):

@@ -10,6 +10,7 @@ from other_readers import by_element, by_photompy
 
 import lensforge as lf
 from lensforge.sources.build_source import build_source
+from lensforge.sources.intensity import TabulatedIntensity
 from lensforge.sources.photometric import read_photometric, write_photometric
 from lensforge.sources.photometric.opening import LuminousOpening
 from lensforge.sources.photometric.photometric_file import SIMULATED, UNDEFINED, generation_code, generation_title
@@ -216,7 +217,7 @@ def test_tm_33_of_other_programs(tmp_path):
     (tmp_path / "x.dat").write_text(text, encoding="utf-16")
     found = read_photometric(tmp_path / "x.dat")
     assert (found.format, found.edition, found.lamp_lumens) == ("tm33", "TM-33-18", 200.0)
-    assert found.intensity.symmetry == "rectangle" and len(found.intensity.c_deg) == 9
+    assert TabulatedIntensity.of(found.intensity).symmetry == "rectangle" and len(found.intensity.c_deg) == 9
     np.testing.assert_allclose(
         found.intensity.values[:3], [[180.0, 90.0, 0.0], [1080.0, 990.0, 900.0], [1980.0, 1890.0, 1800.0]]
     )

@@ -9,9 +9,9 @@ import pytest
 from rayfile_samples import SHARED, rays
 
 from lensforge.errors import InputError
+from lensforge.sources.ray_file_statistics import RaySums
 from lensforge.sources.ray_set_loading import load_ray_set
 from lensforge.sources.rayfiles.ray_file_io import write_rayfile
-from lensforge.sources.rayfiles.ray_file_statistics import RaySums
 from lensforge.spec import load_spec
 from lensforge.spec.source_sections import RayfileSource, RayfilesSource
 

@@ -10,8 +10,8 @@ from lensforge.search.problem import ValidationRays
 from lensforge.sources.build_source import PlacedSource, SquareEmitter
 from lensforge.sources.measured_rays import TurnedRays, divided, held_back, searched, smoothed
 from lensforge.sources.ray_bundle import LazyRays, RayBundle, blocks_of, changed, chosen, joined, total_flux, with_flux
+from lensforge.sources.ray_file_statistics import RaySums
 from lensforge.sources.ray_set import RaySetEmitter, placed
-from lensforge.sources.rayfiles.ray_file_statistics import RaySums
 from lensforge.spec.source_sections import Placement
 
 COUNT = 7

@@ -7,11 +7,11 @@ import pytest
 from rayfile_samples import CASES, encoded, image, rays
 
 from lensforge.errors import InputError
+from lensforge.sources.ray_file_statistics import describe
 from lensforge.sources.rayfiles import ray_file as rayfile_module
 from lensforge.sources.rayfiles import ray_file_rows
 from lensforge.sources.rayfiles.ray_file_io import FORMATS, decode, read_rayfile, write_rayfile
 from lensforge.sources.rayfiles.ray_file_rows import HEAD_BYTES
-from lensforge.sources.rayfiles.ray_file_statistics import describe
 
 NAMED_CASES = [(name, index) for name, cases in CASES.items() for index in range(len(cases))]
 # LightTools' convention: its ray fluxes add up to the number of rays times the header's flux.

@@ -7,10 +7,10 @@ import pytest
 from rayfile_samples import encoded, image, rays, with_spectrum_numbers
 
 from lensforge.errors import InputError
+from lensforge.sources.ray_file_statistics import describe
+from lensforge.sources.ray_file_summary import Histograms
 from lensforge.sources.ray_set_loading import load_ray_set
 from lensforge.sources.rayfiles.ray_file_io import FORMATS, convert, decode, read_rayfile
-from lensforge.sources.rayfiles.ray_file_statistics import describe
-from lensforge.sources.rayfiles.ray_file_summary import Histograms
 from lensforge.spec.source_sections import RayfileSource
 
 TABLE = {"wavelength_nm": [530.0, 550.0, 570.0], "weight": [0.0, 1.0, 0.0]}

@@ -11,9 +11,9 @@ from rayfile_samples import rays
 
 from lensforge.cli.cli import cli
 from lensforge.errors import InputError
+from lensforge.sources.ray_file_statistics import describe
+from lensforge.sources.ray_file_summary import Histograms, draw
 from lensforge.sources.rayfiles.ray_file_io import write_rayfile
-from lensforge.sources.rayfiles.ray_file_statistics import describe
-from lensforge.sources.rayfiles.ray_file_summary import Histograms, draw
 
 
 def _lambertian(count=200_000):

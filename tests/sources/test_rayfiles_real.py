@@ -6,8 +6,8 @@ from rayfile_samples import SHARED, encoded, image
 
 from lensforge.errors import InputError
 from lensforge.optics.colorimetry import luminous_efficacy
+from lensforge.sources.ray_file_statistics import describe
 from lensforge.sources.rayfiles.ray_file_io import decode, read_rayfile, write_rayfile
-from lensforge.sources.rayfiles.ray_file_statistics import describe
 
 pytestmark = pytest.mark.skipif(not SHARED.is_dir(), reason="../shared/rayfiles is not here")
 OSRAM = SHARED / "osram" / "rayfile_LERTDUW_S2WP_blue_100k_20161013_IES_TM25.TM25RAY"

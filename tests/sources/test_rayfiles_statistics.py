@@ -9,10 +9,10 @@ from scipy.optimize import minimize
 
 from lensforge.errors import InputError
 from lensforge.sources.ray_bundle import RayBundle
+from lensforge.sources.ray_file_statistics import RaySums, describe, outline
+from lensforge.sources.ray_file_summary import Box, RayFileSummary, WavelengthRange
 from lensforge.sources.rayfiles.ray_file import RayFile
-from lensforge.sources.rayfiles.ray_file_statistics import RaySums, describe, outline
-from lensforge.sources.rayfiles.ray_file_summary import Box, RayFileSummary, WavelengthRange
-from lensforge.sources.rayfiles.stored_rays import StoredRays
+from lensforge.sources.stored_rays import StoredRays
 
 
 def point_source(point, count=500, seed=3):

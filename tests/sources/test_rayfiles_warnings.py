@@ -8,8 +8,8 @@ from rayfile_samples import encoded, rays, with_tables
 from scenes import small_spec
 
 from lensforge.sources.build_source import build_source, summarise
+from lensforge.sources.ray_file_statistics import FEWEST_EFFECTIVE_RAYS, RaySums, describe, ray_set_warnings
 from lensforge.sources.rayfiles.ray_file_io import read_rayfile
-from lensforge.sources.rayfiles.ray_file_statistics import FEWEST_EFFECTIVE_RAYS, RaySums, describe, ray_set_warnings
 
 COUNT = FEWEST_EFFECTIVE_RAYS + 2000
 

@@ -16,7 +16,7 @@ from lensforge.results.numerals import unit_in
 from lensforge.results.registered_kinds import kind_of
 from lensforge.spec import Spec
 from lensforge.spec.lens_section import LensShape
-from lensforge.spec.spec_fields import all_sections, words_of
+from lensforge.spec.spec_fields import all_sections, field_description
 from lensforge.spec.spec_reference import spec_schema
 
 ROOT = Path(__file__).parents[2]
@@ -44,7 +44,7 @@ def schema() -> dict[str, Any]:
 
 def test_every_field_has_words_and_every_number_a_unit(schema: dict[str, Any]) -> None:
     for section, name in FIELDS:
-        words, where = words_of(section, name), f"{section.__name__}.{name}"
+        words, where = field_description(section, name), f"{section.__name__}.{name}"
         assert len(words) >= 5 and words.removesuffix(f" [{unit_in(name)}]").endswith("."), f"{where}: no sentence"
         field = {**schema["$defs"], "Spec": schema}[section.__name__]["properties"][name]
         assert field["description"] == words, where
@@ -100,7 +100,7 @@ def test_help_and_signature_have_every_argument_with_words_unit_and_default() ->
             field, given = section.model_fields[name], arguments[name].default
             assert field.is_required() == (given is inspect.Parameter.empty)
             assert given == field.default or field.default_factory is not None or field.is_required()
-            assert words_of(section, name).split(" ")[0] in (section.__doc__ or "")
+            assert field_description(section, name).split(" ")[0] in (section.__doc__ or "")
     assert "Left out, derived: 0.6 x cavity_radius_mm." in (lf.ConstraintsSection.__doc__ or "")
     assert "diameter_mm (float, mm, 1e-6 to 1e9, needed): Diameter." in (lf.DiscSource.__doc__ or "")
     assert str(inspect.signature(lf.DiscSource)).startswith("(*, diameter_mm: float")

@@ -209,7 +209,7 @@ class ArealFilter:
         along, value = self._bending
         root = np.full(len(self.places), (self.wavelength_mm / (2.0 * np.pi)) ** 2)
         stiff = sparse.diags_array(root if stiffness is None else root * np.sqrt(stiffness))
-        penalty = sum((stiff @ each).T @ (stiff @ each) for each in along)
+        penalty = sum((stiff @ matrix).T @ (stiff @ matrix) for matrix in along)
         matrix = (self._fitted + penalty + _FADE * (value.T @ value)).tocsc()
         solver = splu(matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
         return FilteredPoints(self, solver, solver.solve(self.loads(self.points.deviations)))

@@ -113,8 +113,8 @@ def corrected_step(lens: Lens, side: str, corrected: Surface) -> CorrectedStep:
     step = signed_step(solid, lens.spec, f"{lens.spec.name} corrected {side}", schema).content
     read = parse_step(step)
     change = abs(read.default_volume_mm3 / solid.default_volume_mm3 - 1.0)
-    errors = [face_error(body.face(each.name).surface, read.faces[each.label], domain=each.domain) for each in fitted]
-    nodes = {each.name: each.shape.nodes for each in fitted}
+    errors = [face_error(body.face(face.name).surface, read.faces[face.label], domain=face.domain) for face in fitted]
+    nodes = {face.name: face.shape.nodes for face in fitted}
     return CorrectedStep(step, schema, nodes, worst(errors), change)
 
 

@@ -103,8 +103,8 @@ def longest_fitting(points: PointDeviations, span: FilterRange, finest: TriedFil
     """
     count = 1 + int(np.floor(np.log(span.longest_mm / span.shortest_mm) / np.log(_STEP)))
     tried = [finest, *(TriedFilter.of(points, span.shortest_mm * _STEP**step) for step in range(1, count))]
-    allowed = min(each.score for each in tried) * (1.0 + np.sqrt(2.0 / len(points.directions)))
-    return [each.filtered for each in tried if each.score <= allowed][-1]
+    allowed = min(trial.score for trial in tried) * (1.0 + np.sqrt(2.0 / len(points.directions)))
+    return [trial.filtered for trial in tried if trial.score <= allowed][-1]
 
 
 _MOST_GAIN = 2.0  # beyond, errors grow from cut to cut

@@ -171,9 +171,9 @@ class _Pair:
         gain = self._weights(light)[0]
         slopes = gain * self._slopes(parameters, self.spline)
         apart = self._slopes(parameters, spline_filter(self.residual(parameters).reshape(self.grid.shape)))
-        own = np.array([_apart_from(slopes[:, k], np.delete(slopes, k, axis=1), light) for k in range(4)])
+        shares = np.array([_apart_from(slopes[:, k], np.delete(slopes, k, axis=1), light) for k in range(4)])
         least = np.maximum(_SLOPES * np.sum(apart**2, axis=0), _ROUND * np.sum(slopes**2, axis=0).max())
-        return np.asarray(own > least)
+        return np.asarray(shares > least)
 
     def errors(self, parameters: Float[np.ndarray, "4"], fitted: Bool[np.ndarray, "4"]) -> Float[np.ndarray, "4"]:
         """Standard errors by the jackknife over blocks of the picture, in the linear model around the fit."""
@@ -205,7 +205,7 @@ class _Pair:
         """Derivatives of the transformed picture by the parameters, in their units, by central differences."""
         steps = 1e-3 * np.diag(self._units())
         pairs = [(self._moved(parameters + step, spline), self._moved(parameters - step, spline)) for step in steps]
-        return np.stack([(one - other) / 2e-3 for one, other in pairs], axis=1)
+        return np.stack([(above - below) / 2e-3 for above, below in pairs], axis=1)
 
 
 def _apart_from(slope: Float[np.ndarray, " n"], *others: Float[np.ndarray, "n _"]) -> float:

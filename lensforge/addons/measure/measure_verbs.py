@@ -15,7 +15,16 @@ from lensforge.addons.measure.measurement_result import (
 from lensforge.errors import InputError
 from lensforge.light.evaluation_result import Light
 from lensforge.light.lens_light import unless_own
-from lensforge.results.arguments import count_of, number_of, path_of, require, require_choice, threads_of_torch
+from lensforge.public import public
+from lensforge.results.arguments import (
+    count_of,
+    number_of,
+    path_of,
+    require,
+    require_choice,
+    threads_of_torch,
+    with_known_names,
+)
 from lensforge.scene.lens import Lens
 
 if TYPE_CHECKING:
@@ -43,6 +52,8 @@ def compare(
 ) -> SurfaceComparison: ...
 
 
+@public
+@with_known_names
 def compare(
     measured: Light | Lens,
     *,
@@ -160,6 +171,8 @@ def _uniform(light: Light, lens: Lens | None) -> "Bool[np.ndarray, 'h w'] | None
     return uniform_region(lens.spec.all_receivers[0].targets, receivers_of(lens.spec, light.pixels)[0])
 
 
+@public
+@with_known_names
 def correct(
     lens: Lens,
     *,

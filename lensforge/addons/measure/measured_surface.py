@@ -95,7 +95,10 @@ class ChangedLens:
         """Simulation by rays that judge ``lens``, and its conditions; by default as many as evaluate it, if the preset
         compares by so many.
         """
-        preset, leds = preset_of(lens.accuracy), {led: judging_source(own.spec) for led, own in lens.by_led.items()}
+        preset, leds = (
+            preset_of(lens.accuracy),
+            {led: judging_source(lens_of_led.spec) for led, lens_of_led in lens.by_led.items()},
+        )
         usual = min(lens.spec.evaluate.rays or preset.evaluate_rays, preset.studies.compared_rays)
         count, conditions = min((rays_of(rays, usual, source) for source in leds.values()), key=lambda each: each[0])
         return ChangedLens(lens, side, leds, preset.evaluate_nodes_per_sigma, count), conditions
@@ -108,20 +111,24 @@ class ChangedLens:
         scene = Scene(self.lens.media, grid, chain=Chain.of_lens(self.lens.spec.lens))
         kinds, lenses = self._of_all_kinds(), []
         for change in changes:
-            own = dict(tables)
+            free_tables = dict(tables)
             if change is not None:
-                own[self.side] = own[self.side] + tabulate(grid, change)  # tables are linear in the radius
-            one = TracedLens(scene, np.stack([*own.values()]), {})
-            lenses.append(replace(one, kinds=tuple((kinds | {self.lens.kind: one}).values())) if kinds else one)
+                free_tables[self.side] = free_tables[self.side] + tabulate(
+                    grid, change
+                )  # tables are linear in the radius
+            traced = TracedLens(scene, np.stack([*free_tables.values()]), {})
+            lenses.append(
+                replace(traced, kinds=tuple((kinds | {self.lens.kind: traced}).values())) if kinds else traced
+            )
         return {
-            led: [traced_light(each, self.lens.spec, source, self.rays, self.lens.seed) for each in lenses]
+            led: [traced_light(lens, self.lens.spec, source, self.rays, self.lens.seed) for lens in lenses]
             for led, source in self.leds.items()
         }
 
     def _of_all_kinds(self) -> dict[str, TracedLens]:
         """The lens of each kind as designed, by its name; none where all lamps have the same."""
         traced = TracedLens.of(self.lens, self.nodes_per_sigma).kinds if self.lens.others else ()
-        return {each.kind: own for each, own in zip(self.lens.kinds, traced, strict=bool(traced))}
+        return {kind.kind: traced_lens for kind, traced_lens in zip(self.lens.kinds, traced, strict=bool(traced))}
 
     def by_led(self, lights: Mapping[str, Sequence[TracedLight]]) -> dict[str, MeasuredLight]:
         """Metrics of :meth:`lights`: as designed, with the measured face, and with the corrected one; by the LED."""
@@ -153,7 +160,7 @@ def compare_surface(
     cut = FirstCut.of(surface, patch, cloud, Request(registration=registration), domain)
     form = cut.likeliest
     lights = traced.lights(None, form.change)
-    (first, (before, after)), *others = lights.items()
+    (first, (before, after)), *further = lights.items()
     by_led = traced.by_led(lights)
     distance_um = 1e3 * distances(patch, cut.placed.points)[0]
     section, receiver = lens.spec.all_receivers[0], receivers_of(lens.spec, lens.spec.evaluate.pixels)[0]
@@ -179,7 +186,7 @@ def compare_surface(
         design=by_led[first].design,
         measured=by_led[first].measured,
         change=by_led[first].change,
-        by_led=by_led if others else {},
+        by_led=by_led if further else {},
         nmse_between=relative_square(np.stack([after.map, before.map])),
         points=cut.placed.points,
         distance_um=distance_um,

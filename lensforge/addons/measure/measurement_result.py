@@ -12,6 +12,7 @@ from lensforge.cad.face_tolerance import FINEST_MRAD, FINEST_NM
 from lensforge.cad.part import FileStamp, SplineNodes
 from lensforge.cad.part_limits import round_trip_limit, step_face_limit
 from lensforge.light.evaluation_result import LightMetrics
+from lensforge.public import public
 from lensforge.results import (
     Array,
     Count,
@@ -120,6 +121,7 @@ class Evenness(Record):
     rsd: Number | None
 
 
+@public
 class PhotoComparison(StageResult):
     """A photograph of the part's light against the simulation, both scaled to a mean of 1.
 
@@ -269,6 +271,7 @@ class MeasuredLight(Record):
 FaceMap = Annotated[Float[np.ndarray, "m m"], Array("m", "m", gaps=True)]
 
 
+@public
 class MeasuredFace(SimulatedResult):
     """Result on a measured face: maps over its chart [Y, X], NaN outside.
 
@@ -323,10 +326,11 @@ class MeasuredFace(SimulatedResult):
 
     def plot(self, axes: "Axes | None" = None) -> "Axes":
         """Plot the form deviation, or the correction, over the chart of the surface."""
-        field, words = self.plotted
-        return plot_face(getattr(self, field).T, float(self.chart[-1]), f"{self.surface}: {words} (µm)", axes)
+        field, title = self.plotted
+        return plot_face(getattr(self, field).T, float(self.chart[-1]), f"{self.surface}: {title} (µm)", axes)
 
 
+@public
 class SurfaceComparison(MeasuredFace):
     """A measured surface against the design's, and the light of the lens with it.
 
@@ -408,6 +412,7 @@ class CutterLimit(Record):
     cut_back_um: Extent
 
 
+@public
 class Correction(MeasuredFace):
     """A face corrected by the mirrored deviation of a first cut, in a STEP file for the second one.
 

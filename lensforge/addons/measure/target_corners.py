@@ -66,9 +66,9 @@ def _without_each_edge(outline: Float[np.ndarray, "k 2"]) -> tuple[Float[np.ndar
     turn = _cross(before, after)
     gap = end - start
     with np.errstate(divide="ignore", invalid="ignore"):
-        reach, other = _cross(gap, after) / turn, _cross(gap, before) / turn
+        reach, behind = _cross(gap, after) / turn, _cross(gap, before) / turn
         tips = start + reach[:, None] * before
-        meets = np.isfinite(reach) & (reach > 0.0) & (other > 0.0)
+        meets = np.isfinite(reach) & (reach > 0.0) & (behind > 0.0)
     area = 0.5 * np.abs(_cross(tips - start, gap))
     return tips, np.where(meets, area, np.inf)
 
@@ -139,17 +139,17 @@ def _edge(
 
 
 def _meeting(
-    one: tuple[Float[np.ndarray, "2"], Float[np.ndarray, "2"]],
-    other: tuple[Float[np.ndarray, "2"], Float[np.ndarray, "2"]],
+    first: tuple[Float[np.ndarray, "2"], Float[np.ndarray, "2"]],
+    second: tuple[Float[np.ndarray, "2"], Float[np.ndarray, "2"]],
 ) -> Float[np.ndarray, "2"]:
-    turn = float(_cross(one[1], other[1]))
+    turn = float(_cross(first[1], second[1]))
     if turn == 0.0:
         return np.full(2, np.nan)
-    return np.asarray(one[0] + float(_cross(other[0] - one[0], other[1])) / turn * one[1])
+    return np.asarray(first[0] + float(_cross(second[0] - first[0], second[1])) / turn * first[1])
 
 
-def _cross(one: Float[np.ndarray, "*n 2"], other: Float[np.ndarray, "*n 2"]) -> Float[np.ndarray, "*n"]:
-    return np.asarray(one[..., 0] * other[..., 1] - one[..., 1] * other[..., 0])
+def _cross(first: Float[np.ndarray, "*n 2"], second: Float[np.ndarray, "*n 2"]) -> Float[np.ndarray, "*n"]:
+    return np.asarray(first[..., 0] * second[..., 1] - first[..., 1] * second[..., 0])
 
 
 _COARSE = 400  # pixels of the longer side of the reduced picture in which regions are found
@@ -182,9 +182,9 @@ def locate(
     rolled one is seen: nothing is guessed.
     """
     light = on if off is None else on - off
-    squares = [each for each in _found(on, off, light) if _holds(each.corners, light)]
-    squares = [_with_lit(each, light, border_share) for each in squares]
-    panels, lit = ([each for each in squares if each.located.lit == seen] for seen in (False, True))
+    squares = [square for square in _found(on, off, light) if _holds(square.corners, light)]
+    squares = [_with_lit(panel, light, border_share) for panel in squares]
+    panels, lit = ([panel for panel in squares if panel.located.lit == seen] for seen in (False, True))
     chosen = _one(panels) if panels or not lit else _one(lit)
     if chosen.located.lit and not lit_square:
         raise InputError(
@@ -208,8 +208,8 @@ def _found(
                 located = Located(seen_in=name, lit=name == "the light", edge_rms_px=rms, edge_bow_px=bow)
                 seen.append(Square(clockwise(sides.corners), located))
     distinct: list[Square] = []
-    for square in sorted(seen, key=lambda one: one.located.edge_rms_px):
-        if not any(_same(square.corners, other.corners) for other in distinct):
+    for square in sorted(seen, key=lambda square: square.located.edge_rms_px):
+        if not any(_same(square.corners, kept.corners) for kept in distinct):
             distinct.append(square)
     return distinct
 
@@ -226,7 +226,7 @@ def _rough(picture: Float[np.ndarray, "h w"]) -> Iterator[Float[np.ndarray, "4 2
             corners = enclosing(region)
             if corners is None or region.sum() < _FILLED * area(corners):
                 continue
-            if not any(_same(corners, other) for other in known):
+            if not any(_same(corners, known_corners) for known_corners in known):
                 known.append(corners)
                 yield (corners + 0.5) * factor - 0.5
 
@@ -260,8 +260,8 @@ def _refined(picture: Float[np.ndarray, "h w"], rough: Float[np.ndarray, "4 2"])
     return sides if inside.all() and sides.rms.max() < _SCATTER else None
 
 
-def _same(one: Float[np.ndarray, "4 2"], other: Float[np.ndarray, "4 2"]) -> bool:
-    return bool(np.abs(one - other).max() < _SAME * np.sqrt(area(one)))
+def _same(first: Float[np.ndarray, "4 2"], second: Float[np.ndarray, "4 2"]) -> bool:
+    return bool(np.abs(first - second).max() < _SAME * np.sqrt(area(first)))
 
 
 def _holds(corners: Float[np.ndarray, "4 2"], light: Float[np.ndarray, "h w"]) -> bool:
@@ -292,8 +292,8 @@ def _one(squares: list[Square]) -> Square:
             "give corners, or a second photograph, off, with some room light on the target"
         )
     if len(squares) > 1:
-        by_size = sorted(squares, key=lambda each: -area(each.corners))[:3]
-        listing = "; or ".join(listed(each.corners) for each in by_size)
+        by_size = sorted(squares, key=lambda square: -area(square.corners))[:3]
+        listing = "; or ".join(listed(square.corners) for square in by_size)
         raise InputError(f"on: {len(squares)} squares are seen around the light; give the target's corners: {listing}")
     return squares[0]
 

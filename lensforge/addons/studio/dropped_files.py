@@ -13,7 +13,7 @@ from typing import Any, Literal
 
 from lensforge.errors import InputError, refused
 from lensforge.optics.image_reading import read_picture
-from lensforge.sources.photometric.photometric_summary import PhotometricSummary, rays
+from lensforge.sources.photometric_summary import PhotometricSummary, rays
 
 DROPPED = "dropped"  # the folder in the results
 _PICTURES = {".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff"}

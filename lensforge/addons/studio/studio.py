@@ -10,6 +10,8 @@ from lensforge.addon import require_libraries
 from lensforge.addons.studio.door import Door
 from lensforge.addons.studio.search_job import SearchJob
 from lensforge.errors import InputError
+from lensforge.public import public
+from lensforge.results.arguments import with_known_names
 from lensforge.results.validation import its_type
 from lensforge.scene.lens import load_lens
 from lensforge.spec import Spec
@@ -35,6 +37,7 @@ class _Opened:
     is_file: bool = False
 
 
+@public
 class Studio:
     """A page on one design, open until :meth:`close` or the end of the program.
 
@@ -99,6 +102,8 @@ class Studio:
         return f"Studio({str(self.folder)!r}, {self.address})"
 
 
+@public
+@with_known_names
 def studio(spec: Spec | Path | str | None = None, *, port: int = 0, browser: bool = True) -> Studio:
     """Open a page in the browser on which a spec is written and its light is seen while a lens is searched.
 

@@ -19,7 +19,7 @@ import numpy as np
 from jaxtyping import Float
 
 from lensforge.errors import InputError
-from lensforge.sources.intensity import TabulatedIntensity
+from lensforge.sources.photometric.candela_table import CandelaTable
 from lensforge.sources.photometric.half_planes import tabulated
 from lensforge.sources.photometric.opening import LuminousOpening
 from lensforge.sources.photometric.photometric_file import (
@@ -103,11 +103,13 @@ def decode(text: str, name: str) -> PhotometricFile:
         raise InputError(
             f"{name}: its header promises {needed} numbers, at most {MOST_NUMBERS} are read; export it again"
         )
-    words = words_of("\n".join(lines[body:]))
-    require_promised(len(words), needed, name, f" below line {body}")
-    of_lamps = [lines[at + each].strip() for at in range(_HEADER_LINES, body, 6) for each in (_COUNT, _LUMENS, _WATTS)]
-    _require_one_reading([*(lines[i].strip() for i in _NUMBERS), *of_lamps, *words], name)
-    numbers = np.array([_number(word, name) for word in words])
+    tokens = words_of("\n".join(lines[body:]))
+    require_promised(len(tokens), needed, name, f" below line {body}")
+    of_lamps = [
+        lines[at + entry].strip() for at in range(_HEADER_LINES, body, 6) for entry in (_COUNT, _LUMENS, _WATTS)
+    ]
+    _require_one_reading([*(lines[i].strip() for i in _NUMBERS), *of_lamps, *tokens], name)
+    numbers = np.array([_number(word, name) for word in tokens])
     lamps = tuple(_lamps(lines[at : at + _LINES_PER_SET], name) for at in range(_HEADER_LINES, body, _LINES_PER_SET))
     absolute = _number_or_0(lines[_HEADER_LINES + _COUNT]) < 0.0  # the number of lamps
     lumens = lamps[0].lumens
@@ -142,7 +144,7 @@ def decode(text: str, name: str) -> PhotometricFile:
         warnings=(
             *doubled,
             *warnings,
-            *_warnings(lines, lamps, c_deg, words[_RATIOS + planes + gammas :]),
+            *_warnings(lines, lamps, c_deg, tokens[_RATIOS + planes + gammas :]),
             *steps,
             *down,
         ),
@@ -170,7 +172,7 @@ def _steps(lines: list[str], place: int, name: str, angles: Float[np.ndarray, " 
         yield f"{asked}, its angles have {actual}: these are taken"
 
 
-def _downward(line: str, intensity: TabulatedIntensity) -> Iterator[str]:
+def _downward(line: str, intensity: CandelaTable) -> Iterator[str]:
     """Words on a share of the light that goes down other than that of the intensities."""
     actual = 100.0 * intensity.share_up_to_90()
     stated = _number_or_0(line)
@@ -269,15 +271,15 @@ def _step(angles: np.ndarray) -> str:
     return f"{steps[0]:.6g}" if len(steps) and np.allclose(steps, steps[0]) else "0"
 
 
-def _require_one_reading(words: list[str], name: str) -> None:
+def _require_one_reading(tokens: list[str], name: str) -> None:
     """Raise :class:`InputError` where points and commas both occur, and one of them may separate thousands.
 
     A file with decimal commas only is common; beside decimal points, 1,234 can be either number.
     """
-    if not all(any(mark in word for word in words) for mark in ".,"):
+    if not all(any(mark in word for word in tokens) for mark in ".,"):
         return
     for mark in ".,":
-        marked = [word.lstrip("+-") for word in words if mark in word]
+        marked = [word.lstrip("+-") for word in tokens if mark in word]
         if all(_THOUSANDS.fullmatch(word) for word in marked):
             raise InputError(
                 f"{name}: {marked[0]!r} beside numbers with a {'comma' if mark == '.' else 'point'}: in thousands, or "
@@ -292,8 +294,8 @@ def _warnings(
     if lamps[0].lumens is None:
         yield "it states no lumens of its lamps: its intensities are taken as they stand, per 1000 lm of the lamps"
     if len(lamps) > 1:
-        each = ", ".join(f"{lamp.lumens or 0.0:.6g}" for lamp in lamps)
-        yield f"{len(lamps)} sets of lamps, of {each} lm, one of which is in it: the first is taken"
+        lumens = ", ".join(f"{lamp.lumens or 0.0:.6g}" for lamp in lamps)
+        yield f"{len(lamps)} sets of lamps, of {lumens} lm, one of which is in it: the first is taken"
     if tilt := _number_or_0(lines[_TILT]):
         yield f"tilted by {tilt:g} degrees during its measurement: its angles are taken as those of no tilt"
     if _number_or_0(lines[_SYMMETRY]) == 0.0 and len(c_deg) == 1:

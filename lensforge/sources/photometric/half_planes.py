@@ -21,7 +21,7 @@ import numpy as np
 from jaxtyping import Float
 
 from lensforge.errors import InputError
-from lensforge.sources.intensity import TabulatedIntensity, flux_up_to
+from lensforge.sources.photometric.candela_table import CandelaTable, flux_up_to
 from lensforge.sources.photometric.photometric_file import HUGE, MOST_GAMMAS, MOST_PLANES, SMALLEST
 
 # Share of the largest intensity. Goniophotometers leave some 0.1 % of it below 0 where stray light is taken off (-0.02
@@ -35,7 +35,7 @@ _WIDEST_GAP = 90.0  # degrees that a file may leave open before C 360; wider tha
 
 def tabulated(
     c_deg: Float[np.ndarray, " c"], gamma_deg: Float[np.ndarray, " g"], candela: Float[np.ndarray, "c g"], name: str
-) -> tuple[TabulatedIntensity, tuple[str, ...]]:
+) -> tuple[CandelaTable, tuple[str, ...]]:
     """Make the table, and the warnings on it; ``name`` is the file in errors.
 
     Raises :class:`InputError` for angles that do not rise within a turn, or leave part of it out, and for intensities
@@ -56,13 +56,13 @@ def tabulated(
         line = f"its half-planes C 0 and C 360, which are one, differ by {seam:.2g} of the largest: their mean is taken"
         warnings = (*warnings, line)
     c_deg, candela = _whole_turn(c_deg, candela, name)
-    table = TabulatedIntensity(c_deg, gamma_deg, candela)
+    table = CandelaTable(c_deg, gamma_deg, candela)
     if not table.flux() > SMALLEST:
         raise InputError(f"{name}: its intensities hold no flux, gamma {gamma_deg[0]:g} to {gamma_deg[-1]:g}")
     return table, (*warnings, *_pole_warnings(table))
 
 
-def _pole_warnings(table: TabulatedIntensity) -> Iterator[str]:
+def _pole_warnings(table: CandelaTable) -> Iterator[str]:
     """Words on gamma 0 and 180, each one direction, where the half-planes have different intensities for it."""
     for gamma, values in ((0.0, table.values[:, 0]), (180.0, table.values[:, -1])):
         if gamma in table.gamma_deg and np.ptp(values) > _SAME_POLE * table.values.max():
@@ -174,9 +174,7 @@ V = Float[np.ndarray, " v"]  # angles in degrees
 H = Float[np.ndarray, " h"]
 
 
-def converted(
-    kind: Kind, v_deg: V, h_deg: H, candela: Float[np.ndarray, "h v"], name: str
-) -> tuple[TabulatedIntensity, str]:
+def converted(kind: Kind, v_deg: V, h_deg: H, candela: Float[np.ndarray, "h v"], name: str) -> tuple[CandelaTable, str]:
     """Intensity over C and gamma, and a line on the errors of the conversion. ``name`` is the file in errors.
 
     A range of angles that begins at 0 is mirrored there (LM-63: laterally symmetric); outside its range the file has no
@@ -220,9 +218,7 @@ def _flux(kind: Kind, v_deg: V, h_deg: H, candela: Float[np.ndarray, "h v"]) -> 
     return float(np.trapezoid(flux_up_to(np.deg2rad(latitude + 90.0), rows)[:, -1], np.deg2rad(longitude)))
 
 
-def _on_half_planes(
-    kind: Kind, v_deg: V, h_deg: H, candela: Float[np.ndarray, "h v"], step_deg: float
-) -> TabulatedIntensity:
+def _on_half_planes(kind: Kind, v_deg: V, h_deg: H, candela: Float[np.ndarray, "h v"], step_deg: float) -> CandelaTable:
     """Table with ``step_deg`` in gamma, as far as the file has light, and in C at its end; bilinear in V and H."""
     from scipy.interpolate import RegularGridInterpolator  # for the few files that are not of type C
 
@@ -245,10 +241,10 @@ def _on_half_planes(
         h = -np.arctan2(j, k)
     at = RegularGridInterpolator((h_deg, v_deg), candela, bounds_error=False, fill_value=0.0)
     places = np.stack([np.rad2deg(h), np.rad2deg(v)], axis=-1)
-    return TabulatedIntensity(c_deg, gamma_deg, at(np.round(places, 9)))  # so that those on an edge are within
+    return CandelaTable(c_deg, gamma_deg, at(np.round(places, 9)))  # so that those on an edge are within
 
 
-def _read_at(kind: Kind, v_deg: V, h_deg: H, table: TabulatedIntensity) -> Float[np.ndarray, "h v"]:
+def _read_at(kind: Kind, v_deg: V, h_deg: H, table: CandelaTable) -> Float[np.ndarray, "h v"]:
     from scipy.interpolate import RegularGridInterpolator
 
     v = np.deg2rad(v_deg)[None]

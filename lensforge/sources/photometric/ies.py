@@ -19,7 +19,7 @@ from jaxtyping import Float
 
 from lensforge.errors import InputError, refused
 from lensforge.results.text_dialect import number_in
-from lensforge.sources.intensity import TabulatedIntensity
+from lensforge.sources.photometric.candela_table import CandelaTable
 from lensforge.sources.photometric.half_planes import converted, not_below_zero, tabulated
 from lensforge.sources.photometric.ies_labels import NEWEST, IesVersion, Labels, label_lines, read_labels
 from lensforge.sources.photometric.opening import LuminousOpening
@@ -77,13 +77,13 @@ def decode(text: str, name: str) -> PhotometricFile:
 
 def _decode_numbers(body: str, tilt: str, name: str, head: str) -> PhotometricFile:
     """The far field by the numbers below TILT=, ``body``; the labels above, ``head``, say what it is."""
-    words = _words(body, name)
-    stream = _numbers(words, name)
+    tokens = _words(body, name)
+    stream = _numbers(tokens, name)
     if tilt.split()[0].upper() == _INCLUDED:
         pairs = count_in(stream[1] if len(stream) > 1 else np.nan, 1, name)
-        tilt = " ".join((_INCLUDED, *words[: 2 + 2 * pairs]))
+        tilt = " ".join((_INCLUDED, *tokens[: 2 + 2 * pairs]))
         stream = stream[2 + 2 * pairs :]
-        words = words[2 + 2 * pairs :]
+        tokens = tokens[2 + 2 * pairs :]
     if len(stream) < _FIXED:
         raise InputError(f"{name}: truncated: {len(stream)} numbers below TILT=, the header alone has {_FIXED}")
     lamps, lumens, multiplier, _, _, kind, unit, *sizes, ballast, _, watts = stream[:_FIXED]
@@ -91,7 +91,7 @@ def _decode_numbers(body: str, tilt: str, name: str, head: str) -> PhotometricFi
         raise InputError(f"{name}: photometric type {kind:g}: 1 (C), 2 (B) or 3 (A); export it again")
     v_deg, h_deg, table = _split(stream, name)
     labels = read_labels(head)
-    factor, warnings = _factor(words[_CHANGED], labels)
+    factor, warnings = _factor(tokens[_CHANGED], labels)
     intensity, more = _far_field(_TYPES[kind], h_deg, v_deg, table * (multiplier * ballast * factor), name)
     lamp_lumens = stated_or_none(lamps * lumens) if lumens > 0.0 else None
     metres = 1000.0 if unit == _METRES else 304.8
@@ -113,7 +113,7 @@ def _decode_numbers(body: str, tilt: str, name: str, head: str) -> PhotometricFi
     return PhotometricFile(
         intensity=intensity,
         lamps=(lamp,),
-        generated=generation_title(words[_CHANGED]) if labels.year >= NEWEST else UNDEFINED,
+        generated=generation_title(tokens[_CHANGED]) if labels.year >= NEWEST else UNDEFINED,
         edition=f"LM-63-{labels.year}",
         opening=opening,
         lamp_tilt=tilt,
@@ -153,7 +153,7 @@ def _factor(word: str, labels: Labels) -> tuple[float, tuple[str, ...]]:
 
 def _far_field(
     kind: _Type, h_deg: Float[np.ndarray, " h"], v_deg: Float[np.ndarray, " v"], candela: np.ndarray, name: str
-) -> tuple[TabulatedIntensity, tuple[str, ...]]:
+) -> tuple[CandelaTable, tuple[str, ...]]:
     """Intensity over C and gamma by the horizontal and vertical angles of the file, and warnings."""
     if kind == "C":
         table, warnings = tabulated(h_deg, v_deg, candela, name)
@@ -189,20 +189,20 @@ def encode(photometric: PhotometricFile, version: IesVersion = NEWEST) -> str:
     return "\r\n".join(lines) + "\r\n"
 
 
-def _number_lines(words: list[str]) -> list[str]:
-    return [" ".join(words[start : start + _PER_LINE]) for start in range(0, len(words), _PER_LINE)]
+def _number_lines(tokens: list[str]) -> list[str]:
+    return [" ".join(tokens[start : start + _PER_LINE]) for start in range(0, len(tokens), _PER_LINE)]
 
 
 def _words(text: str, name: str) -> list[str]:
-    words = words_of(text.replace(",", " "))
-    if len(words) > 2 * MOST_NUMBERS:
+    tokens = words_of(text.replace(",", " "))
+    if len(tokens) > 2 * MOST_NUMBERS:
         raise InputError(f"{name}: more than {2 * MOST_NUMBERS} numbers; not a photometric file")
-    return words
+    return tokens
 
 
-def _numbers(words: list[str], name: str) -> Float[np.ndarray, " n"]:
+def _numbers(tokens: list[str], name: str) -> Float[np.ndarray, " n"]:
     with refused(name, "not all that follows TILT= are numbers; export it again", ValueError):
-        numbers = np.array([number_in(word) for word in words])
+        numbers = np.array([number_in(word) for word in tokens])
     if not np.all(np.abs(numbers) < HUGE):
         raise InputError(f"{name}: its numbers are not all finite and below {HUGE:g}; export it again")
     return numbers

@@ -18,9 +18,8 @@ from typing import Any, Literal
 import numpy as np
 
 from lensforge.errors import InputError
-from lensforge.optics.colorimetry import LARGEST_LM_PER_W
 from lensforge.results.text_dialect import number_in
-from lensforge.sources.intensity import TabulatedIntensity
+from lensforge.sources.photometric.candela_table import CandelaTable
 from lensforge.sources.photometric.opening import NO_OPENING, LuminousOpening
 from lensforge.version import __version__
 
@@ -61,11 +60,11 @@ def generation_code(title: str) -> str:
     return _CODES.get(title, _CODES[UNDEFINED])
 
 
-def turned_over(table: TabulatedIntensity) -> TabulatedIntensity:
+def turned_over(table: CandelaTable) -> CandelaTable:
     """Table with C counted the other way: from a file's frame to the lens's, where C runs from +x to +y, or back."""
     if len(table.c_deg) == 1:
         return table
-    return TabulatedIntensity(np.ascontiguousarray(360.0 - table.c_deg[::-1]), table.gamma_deg, table.values[::-1])
+    return CandelaTable(np.ascontiguousarray(360.0 - table.c_deg[::-1]), table.gamma_deg, table.values[::-1])
 
 
 MOST_NUMBERS = 10**6  # of intensities: 721 x 361 is the finest seen; more comes from a damaged header
@@ -96,8 +95,8 @@ def finite_number(word: str, place: str, name: str, *, commas: bool = False) -> 
 
 def words_of(text: str) -> list[str]:
     """The words of a stream of numbers, without the END that some programs write behind it."""
-    words = text.split()
-    return words[:-1] if words and words[-1].upper() == "END" else words
+    tokens = text.split()
+    return tokens[:-1] if tokens and tokens[-1].upper() == "END" else tokens
 
 
 def count_in(number: float, least: int, name: str) -> int:
@@ -107,18 +106,18 @@ def count_in(number: float, least: int, name: str) -> int:
     return int(number)
 
 
-def require_promised(found: int, needed: int, name: str, where: str = "") -> None:
+def require_promised(count: int, needed: int, name: str, where: str = "") -> None:
     """Raise :class:`InputError` unless a file holds as many numbers as its header says, ``where`` in words."""
-    promise = f"{found} numbers{where}, its header promises {needed}"
-    if found < needed:
+    promise = f"{count} numbers{where}, its header promises {needed}"
+    if count < needed:
         raise InputError(f"{name}: truncated: {promise}")
-    if found > needed:
-        raise InputError(f"{name}: {promise}: {found - needed} too many; export it again")
+    if count > needed:
+        raise InputError(f"{name}: {promise}: {count - needed} too many; export it again")
 
 
-def _stated(default: Any, words: str) -> Any:
-    """A field that a file states, and the ``words`` by which an account of a conversion calls it."""
-    return field(default=default, metadata={"words": words})
+def _stated(default: Any, label: str) -> Any:
+    """A field that a file states, and the ``label`` by which an account of a conversion calls it."""
+    return field(default=default, metadata={"words": label})
 
 
 @dataclass(frozen=True)
@@ -162,7 +161,7 @@ class PhotometricFile:
     and text: keywords of LM-63, elements of TM-33 by their path.
     """
 
-    intensity: TabulatedIntensity
+    intensity: CandelaTable
     lamps: tuple[LampSet, ...] = (LampSet(),)
     stated_lumens: float | None = _stated(None, "stated lumens of the luminaire")
     title: str = _stated("", "name of the luminaire")
@@ -220,6 +219,10 @@ def single_line(text: str) -> str:
     return " ".join("".join(mark if mark.isprintable() else " " for mark in text).split())
 
 
+class UnknownFormat(InputError):
+    """A file whose content is none of the known formats."""
+
+
 @dataclass(frozen=True)
 class PhotometricFormat:
     """A format: ``matches`` a text by its content, ``decode`` a text and its file's name, ``encode`` a far field.
@@ -236,6 +239,7 @@ class PhotometricFormat:
 
 
 ROAD_STEP_DEG = 2.5  # of gamma, for roads: CIE 140
+_LARGEST_LM_PER_W = 683.002  # of light at 555 nm, the peak of V
 _FLUX_TOLERANCE = 0.01  # integral and stated flux of real files agree this well
 # Sides of a luminous opening or a luminaire.
 _SMALLEST_MM = 1.0
@@ -256,7 +260,7 @@ def _contradictions(file: PhotometricFile) -> Iterator[str]:
         yield f"its intensities integrate to {lumens:.6g} lm, the file states {stated:.6g} lm"
     if file.lamp_lumens and lumens > file.lamp_lumens * (1.0 + _FLUX_TOLERANCE):
         yield f"its light has {lumens:.6g} lm, its lamps only {file.lamp_lumens:.6g} lm: check its factors"
-    if watts > 0.0 and lumens > LARGEST_LM_PER_W * watts:
+    if watts > 0.0 and lumens > _LARGEST_LM_PER_W * watts:
         yield f"{lumens / watts:.4g} lm per W, no light has more than 683: check its lumens and watts"
 
 
@@ -295,7 +299,7 @@ def coarse_for_roads(file: PhotometricFile) -> Iterator[str]:
 
 def _cut(file: PhotometricFile) -> Iterator[str]:
     first = float(file.intensity.gamma_deg[0])
-    if (words := cut_below(file)) is not None:
-        yield f"{words}: light beyond is not in the file"
+    if (notice := cut_below(file)) is not None:
+        yield f"{notice}: light beyond is not in the file"
     if first > 0.0:
         yield f"its first gamma is {first:g} degrees: no light is taken within that"

@@ -6,22 +6,26 @@ record: what a format states, and the other has no place for, is listed.
 
 import re
 from collections.abc import Iterator
-from dataclasses import fields, replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 
 import numpy as np
 
-from lensforge.errors import InputError
-from lensforge.results import Count, Record, Text
+from lensforge.errors import InputError, shortened
 from lensforge.results.files import MIB, read_file, write_file
 from lensforge.results.text_dialect import decoded
-from lensforge.results.validation import shortened
 from lensforge.sources.photometric import ies
 from lensforge.sources.photometric.eulumdat import FORMAT as EULUMDAT
 from lensforge.sources.photometric.ies import FORMAT as IES
 from lensforge.sources.photometric.ies_labels import NEWEST, IesVersion
 from lensforge.sources.photometric.opening import NO_OPENING, LuminousOpening
-from lensforge.sources.photometric.photometric_file import UNDEFINED, LampSet, PhotometricFile, PhotometricFormat
+from lensforge.sources.photometric.photometric_file import (
+    UNDEFINED,
+    LampSet,
+    PhotometricFile,
+    PhotometricFormat,
+    UnknownFormat,
+)
 from lensforge.sources.photometric.tm33 import FORMAT as TM33
 from lensforge.sources.photometric.tm33_document import INDEX, KELVIN, whole_in
 
@@ -62,14 +66,7 @@ def photometric_of(content: bytes, name: str) -> PhotometricFile:
         if entry.matches(text):
             file = entry.decode(text, name)
             return replace(file, warnings=(*warnings, *file.warnings))
-    # loaded where a file is none of these: few that read them need the formats of rays
-    from lensforge.sources.rayfiles.formats import format_of
-    from lensforge.sources.rayfiles.ray_file_rows import FileImage, as_plain_text
-
-    image = FileImage(Path(name), np.frombuffer(content, dtype=np.uint8))
-    if (rays := format_of(as_plain_text(image))) is not None:
-        raise InputError(f'{name}: a ray file ({rays.title}): use it as a source of kind "rayfile"')
-    raise InputError(f"{name}: neither IES LM-63 nor EULUMDAT nor TM-33; export one of these")
+    raise UnknownFormat(f"{name}: neither IES LM-63 nor EULUMDAT nor TM-33; export one of these")
 
 
 def photometric_format(path: Path) -> PhotometricFormat | None:
@@ -102,16 +99,17 @@ _SAME = 1e-6  # relative: numbers are written with seven digits
 _SAME_STATED = 1e-4  # of numbers of a header
 
 
-class PhotometricConversion(Record):
+@dataclass(frozen=True)
+class PhotometricConversion:
     """Conversion of a photometric file: formats, size of the table, and what the new file lost."""
 
-    from_format: Text
-    to_format: Text
-    planes: Count
-    gammas: Count
-    bytes: Count
-    lost: tuple[Text, ...]
-    warnings: tuple[Text, ...]
+    from_format: str
+    to_format: str
+    planes: int
+    gammas: int
+    bytes: int
+    lost: tuple[str, ...]
+    warnings: tuple[str, ...]
 
 
 def convert_photometric(path_in: Path, path_out: Path, *, ies_version: IesVersion = NEWEST) -> PhotometricConversion:
@@ -148,15 +146,15 @@ def convert_photometric(path_in: Path, path_out: Path, *, ies_version: IesVersio
 
 def _same_intensities(before: PhotometricFile, after: PhotometricFile) -> bool:
     """True where both have the same table, to the digits written."""
-    one = before.intensity
-    other = after.intensity
-    if one.values.shape != other.values.shape:
+    first = before.intensity
+    second = after.intensity
+    if first.values.shape != second.values.shape:
         return False
-    peak = float(one.values.max())
+    peak = float(first.values.max())
     return bool(
-        np.allclose(one.gamma_deg, other.gamma_deg, rtol=_SAME, atol=1e-9)
-        and np.allclose(one.c_deg, other.c_deg, rtol=_SAME, atol=1e-9)
-        and np.allclose(one.values, other.values, rtol=0.0, atol=_SAME * peak)
+        np.allclose(first.gamma_deg, second.gamma_deg, rtol=_SAME, atol=1e-9)
+        and np.allclose(first.c_deg, second.c_deg, rtol=_SAME, atol=1e-9)
+        and np.allclose(first.values, second.values, rtol=0.0, atol=_SAME * peak)
     )
 
 
@@ -167,9 +165,9 @@ def _lost(before: PhotometricFile, after: PhotometricFile) -> Iterator[str]:
     after = replace(after, stated_lumens=after.stated_lumens or after.intensity.flux())
     yield from _differences(before, after)
     yield from _differences(before.lamps[0], after.lamps[0])
-    others = before.lamps[1:]
-    if others != after.lamps[1:]:
-        yield f"{len(others)} other sets of lamps ({'; '.join(map(str, others))})"
+    further = before.lamps[1:]
+    if further != after.lamps[1:]:
+        yield f"{len(further)} other sets of lamps ({'; '.join(map(str, further))})"
     left = list(after.others)
     for entry in before.others:
         if entry in left:
@@ -183,19 +181,19 @@ def _lost(before: PhotometricFile, after: PhotometricFile) -> Iterator[str]:
 def _differences(before: PhotometricFile | LampSet, after: PhotometricFile | LampSet) -> Iterator[str]:
     """Statements of the fields of ``before``, by their words, where those of ``after`` state another thing."""
     for field in fields(before):
-        words = field.metadata.get("words")
+        label = field.metadata.get("words")
         had = getattr(before, field.name)
         has = getattr(after, field.name)
-        if not words or not had or had in (UNDEFINED, _UNSTATED.get(field.name)) or _same(had, has, field.name):
+        if not label or not had or had in (UNDEFINED, _UNSTATED.get(field.name)) or _same(had, has, field.name):
             continue
         if isinstance(had, tuple) and isinstance(had[0], str):
-            yield from (f"{words} ({shortened(each)})" for each in had if each not in has)
+            yield from (f"{label} ({shortened(entry)})" for entry in had if entry not in has)
         elif isinstance(had, tuple):
-            yield f"{words} ({', '.join(f'{each:.6g}' for each in had)})"
+            yield f"{label} ({', '.join(f'{number:.6g}' for number in had)})"
         elif had is True:
-            yield words
+            yield label
         else:
-            yield f"{words} ({had:.6g})" if isinstance(had, float) else f"{words} ({had})"
+            yield f"{label} ({had:.6g})" if isinstance(had, float) else f"{label} ({had})"
 
 
 # Values of fields that state nothing.

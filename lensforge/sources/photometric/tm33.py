@@ -17,7 +17,7 @@ import numpy as np
 from jaxtyping import Float
 
 from lensforge.errors import InputError, refused
-from lensforge.sources.intensity import TabulatedIntensity
+from lensforge.sources.photometric.candela_table import CandelaTable
 from lensforge.sources.photometric.half_planes import tabulated
 from lensforge.sources.photometric.ies_labels import NOT_STATED
 from lensforge.sources.photometric.opening import LuminousOpening
@@ -86,7 +86,7 @@ def decode(text: str, name: str) -> PhotometricFile:
     intensity, more = _intensity(emitter, name)
     lamp, absolute, of_lamp = _lamp(root, emitter, name)
     labels, remarks = _labels(root)
-    own = dict(reversed(labels))
+    keywords = dict(reversed(labels))
     issued = _text(root, "Header/ReportDate")
     simulated = _is_true(emitter, "DataGeneration/Simulation")
     return PhotometricFile(
@@ -98,15 +98,15 @@ def decode(text: str, name: str) -> PhotometricFile:
         catalogue=_text(root, "Header/CatalogNumber"),
         test=_text(root, "Header/ReportNumber"),
         laboratory=_text(root, "Header/Laboratory"),
-        issued=own.get(ISSUED, "") if issued == NO_DATE else issued,
-        generated=own.get(GENERATED, SIMULATED if simulated else UNDEFINED),
-        method=own.get(METHOD, ""),
+        issued=keywords.get(ISSUED, "") if issued == NO_DATE else issued,
+        generated=keywords.get(GENERATED, SIMULATED if simulated else UNDEFINED),
+        method=keywords.get(METHOD, ""),
         edition=_EDITIONS.get(root.tag, root.tag),
         opening=_opening(emitter, name),
         housing_mm=_housing_mm(root, name),
         format="tm33",
         remarks=remarks,
-        others=(*(each for each in labels if each[0] not in (ISSUED, GENERATED, METHOD)), *_others(root, emitter)),
+        others=(*(label for label in labels if label[0] not in (ISSUED, GENERATED, METHOD)), *_others(root, emitter)),
         warnings=(*warnings, *of_lamp, *more, *_of_symmetry(emitter, intensity)),
     )
 
@@ -142,7 +142,9 @@ def _labels(root: Element) -> tuple[list[tuple[str, str]], tuple[str, ...]]:
     texts = [single_line(comment.text or "") for comment in root.findall("Header/Comment")]
     labels = [label.groups() for text in texts if (label := _LABEL.fullmatch(text)) is not None]
     remarks = (text for text in texts if text not in ("", DATE_UNKNOWN, WATTS_UNKNOWN))
-    return [(keyword, text) for keyword, text in labels], tuple(each for each in remarks if not _LABEL.fullmatch(each))
+    return [(keyword, text) for keyword, text in labels], tuple(
+        remark for remark in remarks if not _LABEL.fullmatch(remark)
+    )
 
 
 def _others(root: Element, emitter: Element) -> Iterator[tuple[str, str]]:
@@ -216,10 +218,10 @@ def _emitter(root: ElementTree.Element, name: str) -> tuple[ElementTree.Element,
     return lit[0], (f"{unused} emitters without luminous intensities are left out",) * bool(unused)
 
 
-def _intensity(emitter: ElementTree.Element, name: str) -> tuple[TabulatedIntensity, tuple[str, ...]]:
+def _intensity(emitter: ElementTree.Element, name: str) -> tuple[CandelaTable, tuple[str, ...]]:
     """Intensity over C and gamma, from a list that has every pair of its angles once, in any order."""
     entries = emitter.findall(f"{_INTENSITY}/IntData")
-    rows = np.array([_datum(each, name) for each in entries]).reshape(-1, 3)
+    rows = np.array([_datum(entry, name) for entry in entries]).reshape(-1, 3)
     h_deg = np.unique(rows[:, 0])
     v_deg = np.unique(rows[:, 1])
     promised = [_number(emitter, f"{_INTENSITY}/{count}", name) for count in ("NumberHorz", "NumberVert")]
@@ -245,11 +247,11 @@ _REVOLUTION = "full"
 _SAME_IMAGE = 0.02  # of the largest intensity
 
 
-def _of_symmetry(emitter: ElementTree.Element, intensity: TabulatedIntensity) -> Iterator[str]:
+def _of_symmetry(emitter: ElementTree.Element, intensity: CandelaTable) -> Iterator[str]:
     """Words on a symmetry that the file states, and its intensities or its angles h do not have."""
     stated = _text(emitter, f"{_INTENSITY}/Symm")
     word = stated.lower().removeprefix("symm").strip("_ ")
-    h_deg = np.unique([float(each.get("h", "nan")) for each in emitter.findall(f"{_INTENSITY}/IntData")])
+    h_deg = np.unique([float(element.get("h", "nan")) for element in emitter.findall(f"{_INTENSITY}/IntData")])
     first = float(h_deg[0])
     last = float(h_deg[-1])
     if word not in (*_SYMMETRIES, _REVOLUTION):
@@ -266,7 +268,7 @@ def _of_symmetry(emitter: ElementTree.Element, intensity: TabulatedIntensity) ->
         yield f"Symm = {stated!r}, but its intensities have not that symmetry: they are taken as they stand"
 
 
-def _has_images(intensity: TabulatedIntensity, about: tuple[bool, bool], revolution: bool) -> bool:
+def _has_images(intensity: CandelaTable, about: tuple[bool, bool], revolution: bool) -> bool:
     """True where the table is its own mirror image ``about`` C 0 and C 90, as far as asked, or of ``revolution``."""
     if len(intensity.c_deg) == 1:
         return True

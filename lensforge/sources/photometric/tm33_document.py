@@ -50,8 +50,8 @@ ORDER = {
 
 def whole_in(text: str, pattern: re.Pattern[str]) -> str:
     """The whole number that all of ``text`` says by ``pattern``; empty where it says another thing."""
-    found = pattern.fullmatch(text.strip())
-    return "" if found is None else found.group(1)
+    match = pattern.fullmatch(text.strip())
+    return "" if match is None else match.group(1)
 
 
 def document(photometric: PhotometricFile) -> str:
@@ -103,7 +103,7 @@ def _texts(photometric: PhotometricFile) -> dict[str, str]:
 
 def _comments(photometric: PhotometricFile) -> Iterator[tuple[str, str]]:
     """Statements that have no element of their own: keywords of LM-63 with their text, then remarks."""
-    labels = [(METHOD, photometric.method), *(each for each in photometric.others if "/" not in each[0])]
+    labels = [(METHOD, photometric.method), *(label for label in photometric.others if "/" not in label[0])]
     if photometric.generated not in (SIMULATED, UNDEFINED):
         labels.append((GENERATED, photometric.generated))
     if photometric.issued and not _date(photometric):
@@ -134,14 +134,14 @@ def _housing(housing_mm: tuple[float, float, float]) -> dict[str, str]:
     }
 
 
-def _generation(words: str) -> dict[str, str]:
-    """Generation of the data by the ``words`` of LM-63-2019; nothing where that is undefined."""
+def _generation(keyword: str) -> dict[str, str]:
+    """Generation of the data by the ``keyword`` of LM-63-2019; nothing where that is undefined."""
     says = {
-        "Simulation": words == SIMULATED,
-        "IntensityScaling": "scaled" in words,
-        "AngleInterpolation": "interpolated" in words,
+        "Simulation": keyword == SIMULATED,
+        "IntensityScaling": "scaled" in keyword,
+        "AngleInterpolation": "interpolated" in keyword,
     }
-    return {f"Emitter/DataGeneration/{name}": _boolean(each) for name, each in says.items() if words != UNDEFINED}
+    return {f"Emitter/DataGeneration/{name}": _boolean(text) for name, text in says.items() if keyword != UNDEFINED}
 
 
 def _faces(opening: LuminousOpening) -> dict[str, str]:
@@ -169,14 +169,14 @@ def _insert(root: Element, path: str, text: str) -> None:
     """Add an element at ``path``, where the schema has its name among those beside it; what is there stays."""
     parent = root
     for name in path.split("/"):
-        found = parent.find(name)
-        if found is None or name == path.rpartition("/")[2]:
+        child = parent.find(name)
+        if child is None or name == path.rpartition("/")[2]:
             order = ORDER.get(parent.tag, ())
             later = order[order.index(name) + 1 :] if name in order else ()
             place = next((k for k, child in enumerate(parent) if child.tag in later), len(parent))
-            found = Element(name)
-            parent.insert(place, found)
-        parent = found
+            child = Element(name)
+            parent.insert(place, child)
+        parent = child
     parent.text = single_line(text)
 
 

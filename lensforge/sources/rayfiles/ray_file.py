@@ -8,8 +8,6 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from lensforge.errors import InputError
-from lensforge.optics.media import Wavelengths
-from lensforge.sources.ray_bundle import RayBundle
 from lensforge.sources.rayfiles.ray_file_rows import CHUNK_ROWS, HUGE, SMALLEST, FileImage, as_float64, release_pages
 
 FluxUnit = Literal["W", "lm"]
@@ -162,11 +160,11 @@ class RayFile:
         return float(self.wavelengths_nm[0])
 
 
-def column_product(one: Float[np.ndarray, "n k"], other: Float[np.ndarray, "n k"]) -> Float[np.ndarray, " n"]:
+def column_product(first: Float[np.ndarray, "n k"], second: Float[np.ndarray, "n k"]) -> Float[np.ndarray, " n"]:
     """Scalar products of the rows, summed from left to right; five times as fast as a sum along the short axis."""
-    products: Float[np.ndarray, " n"] = one[:, 0] * other[:, 0]
-    for axis in range(1, one.shape[1]):
-        products += one[:, axis] * other[:, axis]
+    products: Float[np.ndarray, " n"] = first[:, 0] * second[:, 0]
+    for axis in range(1, first.shape[1]):
+        products += first[:, axis] * second[:, axis]
     return products
 
 
@@ -187,24 +185,6 @@ def usable_rows(rayfile: RayFile) -> tuple[Rows, dict[str, int]]:
         "zero_direction": int(np.count_nonzero(finite & ~directed)),
         "no_flux": int(np.count_nonzero(finite & directed & ~bright)),
     }
-
-
-def as_bundle(rayfile: RayFile) -> RayBundle:
-    """Copy rays that can all be traced as float64, directions normalised; their flux is that stored, in its unit."""
-    directions = as_float64(rayfile.directions)
-    return RayBundle(
-        origins=as_float64(rayfile.positions_mm),
-        directions=directions / np.sqrt(column_product(directions, directions))[:, None],
-        flux=as_float64(rayfile.flux),
-        waves=None if rayfile.wavelengths_nm is None else Wavelengths(as_float64(rayfile.wavelengths_nm)),
-    )
-
-
-def usable_blocks(rayfile: RayFile) -> Iterator[tuple[RayBundle, dict[str, int]]]:
-    """Yield the usable rays block by block, and the number of the others by cause."""
-    for block in rayfile.blocks():
-        keep, dropped = usable_rows(block)
-        yield as_bundle(block.rows(keep)), dropped
 
 
 def _faultless(rayfile: RayFile) -> tuple[Rows, Rows, Rows]:
@@ -243,6 +223,10 @@ class Format:
     matches: Callable[[bytes, int], bool]
     decode: Callable[[FileImage], RayFile]
     encode: Callable[[RayFile], Iterator[bytes]]
+
+
+class UnknownFormat(InputError):
+    """A file whose content is none of the known formats."""
 
 
 FORMATS: dict[str, Format] = {}  # by name; files are offered to them in this order

@@ -1,19 +1,17 @@
 """Reading, writing and conversion of ray files; the format is recognised by the content, never by the name."""
 
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 from jaxtyping import UInt8
 
 from lensforge.errors import InputError
-from lensforge.results import Count, Record, Text
 from lensforge.results.files import replacing
-from lensforge.sources.photometric.photometric_io import photometric_format
 from lensforge.sources.rayfiles.formats import FORMATS, format_of
 from lensforge.sources.rayfiles.formats.zemax import NM_PER_MICRON
-from lensforge.sources.rayfiles.ray_file import SAME_FLUX, FluxUnit, Format, RayFile, column_product
+from lensforge.sources.rayfiles.ray_file import SAME_FLUX, FluxUnit, Format, RayFile, UnknownFormat, column_product
 from lensforge.sources.rayfiles.ray_file_rows import FileImage, as_float64, as_plain_text, release_pages, scaled
 
 _MICRONS_BELOW = 100.0  # no light has a wavelength of less than 100 nm here; such a number is in µm
@@ -43,16 +41,12 @@ def decode(image: FileImage) -> RayFile:
     text = as_plain_text(image)
     layout = format_of(text)
     if layout is None:
-        if (photometric := photometric_format(image.path)) is not None:
-            raise image.refuse(
-                f"a photometric file ({photometric.title}), without rays: use it as the intensity of a source or as "
-                'a target, each of kind "photometric"'
-            )
         titles = ", ".join(entry.title for entry in FORMATS.values())
-        raise image.refuse(
+        refused = image.refuse(
             f"its content is none of the known formats ({titles}); the layouts of other programs are not public: "
             "export TM-25 (.tm25ray), LightTools or Zemax from there"
         )
+        raise UnknownFormat(str(refused))
     rayfile = _with_checked_directions(replace(_in_nanometres(layout.decode(text)), path=str(image.path)))
     object.__setattr__(rayfile, "verbatim", image.data)
     return rayfile
@@ -82,15 +76,16 @@ def _bytes(content: UInt8[np.ndarray, " bytes"]) -> Iterator[memoryview]:
         release_pages(content)
 
 
-class Conversion(Record):
+@dataclass(frozen=True)
+class Conversion:
     """Conversion of a ray file: formats, size, and the data that the new format could not hold."""
 
-    from_format: Text
-    to_format: Text
-    rays: Count
-    bytes: Count
-    lost: tuple[Text, ...]
-    warnings: tuple[Text, ...]
+    from_format: str
+    to_format: str
+    rays: int
+    bytes: int
+    lost: tuple[str, ...]
+    warnings: tuple[str, ...]
 
 
 def convert(path_in: Path, path_out: Path, format: str | None = None) -> Conversion:
@@ -186,8 +181,8 @@ def _with_checked_directions(rayfile: RayFile) -> RayFile:
     if not len(lengths) or np.mean(np.abs(lengths - 1.0) > _UNIT_LENGTH) <= _UNIT_LENGTH:
         return rayfile
     low, typical, high = np.quantile(lengths, (0.01, 0.5, 0.99))
-    words = f"its direction cosines have lengths of {low:.4g} to {high:.4g}, must be 1"
+    fault = f"its direction cosines have lengths of {low:.4g} to {high:.4g}, must be 1"
     alike = high - low < _UNIT_LENGTH * typical
     if not (alike or _VECTORS[0] <= typical <= _VECTORS[1]):
-        raise InputError(f"{rayfile.path}: {words}: are they angles? Export direction cosines")
-    return replace(rayfile, warnings=(*rayfile.warnings, f"{words}: taken for the directions of such vectors"))
+        raise InputError(f"{rayfile.path}: {fault}: are they angles? Export direction cosines")
+    return replace(rayfile, warnings=(*rayfile.warnings, f"{fault}: taken for the directions of such vectors"))

@@ -256,7 +256,7 @@ def _numbers(image: FileImage, body: bytes, line: int, dialect: Dialect) -> Floa
             pass
         else:
             return rows
-    lines = [Line(line + each.number - 1, each.text) for each in lines_of(body.decode("latin-1"))]
+    lines = [Line(line + text_line.number - 1, text_line.text) for text_line in lines_of(body.decode("latin-1"))]
     return TextTable(str(image.path), (), lines, dialect).numbers() if lines else None
 
 
@@ -269,8 +269,8 @@ def cut_warnings(image: FileImage) -> tuple[str, ...]:
     Nothing else shows that a file was cut there; many programs leave out the last end of line.
     """
     tail = image.part(max(image.size - HEAD_BYTES, 0), image.size)
-    *others, last = [len(_BETWEEN.split(line.strip())[-1]) for line in tail.splitlines()[1:] if line.strip()] or [0]
-    if tail.endswith(b"\n") or (others and last >= min(others)):
+    *lengths, last = [len(_BETWEEN.split(line.strip())[-1]) for line in tail.splitlines()[1:] if line.strip()] or [0]
+    if tail.endswith(b"\n") or (lengths and last >= min(lengths)):
         return ()
     return ("its last line has no line end: if the file was cut there, its last number is wrong",)
 

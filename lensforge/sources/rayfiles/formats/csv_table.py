@@ -72,7 +72,7 @@ def _decode(image: FileImage) -> RayFile:
     order = [*range(6), _FLUX[units[0]], *([_WAVELENGTH] if _WAVELENGTH in columns else [])]
     places = [columns[at][0] for at in order]
     line = table.rows[0].number
-    begin = sum(len(each) for each in head.splitlines(keepends=True)[: line - 1])
+    begin = sum(len(text_line) for text_line in head.splitlines(keepends=True)[: line - 1])
     rows = parse_rows(image, begin, image.size, line, table.dialect, places, width=len(names.cells))
     factors = np.array([columns[at][1] for at in order])
     if (factors != 1.0).any():

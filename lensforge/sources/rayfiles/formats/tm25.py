@@ -74,7 +74,7 @@ class _Fields(NamedTuple):
     def column(self, name: str) -> int:
         """Index of the first column of ``name``."""
         before = list(_WIDTHS)[: list(_WIDTHS).index(name)]
-        return sum(_WIDTHS[other] for other in before if self.flags[other])
+        return sum(_WIDTHS[name_before] for name_before in before if self.flags[name_before])
 
 
 def _matches(head: bytes, size: int) -> bool:

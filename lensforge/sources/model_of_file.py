@@ -6,13 +6,13 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Bool, Float
 
+from lensforge.errors import shortened
 from lensforge.results.files import replacing
-from lensforge.results.validation import shortened
 from lensforge.sources.modelled_rays import ModelledRays, modelled
 from lensforge.sources.ray_bundle import RayBundle
 from lensforge.sources.ray_set import RaySetEmitter
 from lensforge.sources.rayfiles.ray_file import RayFile, no_usable_ray
-from lensforge.sources.rayfiles.stored_rays import StoredRays
+from lensforge.sources.stored_rays import StoredRays
 
 _SEED = 0
 _DRAWN = 2**20
@@ -28,9 +28,9 @@ def model_of(rayfile: RayFile) -> ModelledRays:
     stored = StoredRays.of(rayfile)
     if len(stored) == 0:
         raise no_usable_ray(rayfile, stored.dropped)
-    found = modelled(RaySetEmitter(stored.loaded(), rayfile.total_flux()), "radiance")
-    assert isinstance(found, ModelledRays)
-    return found
+    model = modelled(RaySetEmitter(stored.loaded(), rayfile.total_flux()), "radiance")
+    assert isinstance(model, ModelledRays)
+    return model
 
 
 def drawn_file(rayfile: RayFile, model: ModelledRays, count: int) -> RayFile:

@@ -4,7 +4,7 @@ A wavelength is the ray's own, or drawn from a table.
 """
 
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TypeAlias
@@ -13,8 +13,9 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from lensforge.errors import InputError
+from lensforge.optics.media import Wavelengths
 from lensforge.sources.ray_bundle import BLOCK_RAYS, RayBundle, Rays, block_slices
-from lensforge.sources.rayfiles.ray_file import RayFile, SpectralTable, as_bundle, usable_rows
+from lensforge.sources.rayfiles.ray_file import RayFile, SpectralTable, column_product, usable_rows
 from lensforge.sources.rayfiles.ray_file_rows import FileState, as_float64
 from lensforge.sources.source_spectrum import Spectrum, WavelengthDraw
 
@@ -22,6 +23,24 @@ LOADED_RAYS = 2**20  # rays of a file that are loaded (60 MB); those of a larger
 WAVELENGTH_SEED = 11  # of the wavelengths drawn: they belong to the rays, whatever is then sampled from these
 # Wavelengths (nm) of the next rays of a file, by their numbers; called with part after part of them, in their order.
 _NextWavelengths: TypeAlias = Callable[[slice], Float[np.ndarray, " n"]]
+
+
+def as_bundle(rayfile: RayFile) -> RayBundle:
+    """Copy rays that can all be traced as float64, directions normalised; their flux is that stored, in its unit."""
+    directions = as_float64(rayfile.directions)
+    return RayBundle(
+        origins=as_float64(rayfile.positions_mm),
+        directions=directions / np.sqrt(column_product(directions, directions))[:, None],
+        flux=as_float64(rayfile.flux),
+        waves=None if rayfile.wavelengths_nm is None else Wavelengths(as_float64(rayfile.wavelengths_nm)),
+    )
+
+
+def usable_blocks(rayfile: RayFile) -> Iterator[tuple[RayBundle, dict[str, int]]]:
+    """Yield the usable rays block by block, and the number of the others by cause."""
+    for block in rayfile.blocks():
+        keep, dropped = usable_rows(block)
+        yield as_bundle(block.rows(keep)), dropped
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,15 +13,19 @@ from jaxtyping import Float
 from pydantic import PrivateAttr
 
 from lensforge.errors import InputError
+from lensforge.public import public
 from lensforge.results import Count, NotNegative, Number, Record, Share, StageResult, Text
+from lensforge.results.arguments import with_known_names
 from lensforge.results.figure import Figure
 from lensforge.results.plots import Axes, new_axes
 from lensforge.sources.intensity import PlaneBeam, TabulatedIntensity, beam_in_plane, plane_profile
+from lensforge.sources.light_files import holds_far_field, read_photometric, read_rayfile
+from lensforge.sources.photometric.candela_table import CandelaTable
 from lensforge.sources.photometric.photometric_file import far_field_warnings
-from lensforge.sources.photometric.photometric_io import TITLES, photometric_format, read_photometric
+from lensforge.sources.photometric.photometric_io import TITLES
 
 if TYPE_CHECKING:
-    from lensforge.sources.rayfiles.ray_file_summary import RayFileSummary
+    from lensforge.sources.ray_file_summary import RayFileSummary
 
 
 _COLOURS = ("#c0392b", "#2f7fd1")
@@ -70,6 +74,7 @@ class FarFieldPeak(Record):
     gamma_deg: Annotated[Number, Figure("and at gamma")]
 
 
+@public
 class PhotometricSummary(StageResult):
     """Summary of a photometric file. What its format does not have is None, 0 or empty.
 
@@ -116,7 +121,7 @@ class PhotometricSummary(StageResult):
     opening_mm: Annotated[tuple[NotNegative, NotNegative, NotNegative], Figure("its sizes")]
     lamps: tuple[Text, ...]
     warnings: tuple[Text, ...]
-    _intensity: TabulatedIntensity | None = PrivateAttr(None)
+    _intensity: CandelaTable | None = PrivateAttr(None)
 
     def plot(self, axes: "Axes | None" = None) -> "Axes":
         """Draw the polar diagram in both planes, gamma = 0 downwards as in data sheets.
@@ -151,7 +156,7 @@ def summarise_photometric(path: Path) -> PhotometricSummary:
         format=file.format,
         title=TITLES[file.format],
         luminaire=file.title,
-        symmetry="revolution" if len(table.c_deg) == 1 else table.symmetry,
+        symmetry="revolution" if len(table.c_deg) == 1 else TabulatedIntensity.of(table).symmetry,
         angles=FarFieldAngles(
             planes=max(len(table.c_deg) - 1, 1),
             gammas=len(table.gamma_deg),
@@ -181,18 +186,8 @@ def summarise_photometric(path: Path) -> PhotometricSummary:
     return summary
 
 
-_SUFFIXES = (".ies", ".ldt", ".iesxml")
-
-
-def holds_far_field(path: Path) -> bool:
-    """True for a photometric file, whatever its name, and for one that is only named so and holds no rays."""
-    from lensforge.sources.rayfiles.ray_file_io import is_rayfile
-
-    if not path.is_file() or is_rayfile(path):
-        return False
-    return photometric_format(path) is not None or path.suffix.lower() in _SUFFIXES
-
-
+@public
+@with_known_names
 def rays(file: Path | str) -> "RayFileSummary | PhotometricSummary":
     """Summarise a file of light: statistics of a ray file, or beam and flux of a photometric file.
 
@@ -204,8 +199,7 @@ def rays(file: Path | str) -> "RayFileSummary | PhotometricSummary":
         >>> summary = lf.rays("cad_out/quickstart/lens.ies")
         >>> print(summary.lumens, summary.beam_c0)
     """
-    from lensforge.sources.rayfiles.ray_file_io import read_rayfile
-    from lensforge.sources.rayfiles.ray_file_statistics import describe
+    from lensforge.sources.ray_file_statistics import describe
 
     if not isinstance(file, Path | str):
         raise InputError(f"rays: {type(file).__name__} given; give the path of a ray file")

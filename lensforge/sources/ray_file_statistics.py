@@ -15,12 +15,13 @@ from lensforge.errors import InputError
 from lensforge.optics.colorimetry import LARGEST_LM_PER_W, luminous_efficacy
 from lensforge.results import Point
 from lensforge.sources.ray_bundle import RayBundle, Rays, blocks_of, total_of
+from lensforge.sources.ray_file_summary import Box, FileFlux, RayFileSummary, WavelengthRange
 from lensforge.sources.rayfiles.formats import FORMATS
-from lensforge.sources.rayfiles.ray_file import RayFile, causes, column_product, no_usable_ray, usable_blocks
+from lensforge.sources.rayfiles.ray_file import RayFile, causes, column_product, no_usable_ray
 from lensforge.sources.rayfiles.ray_file_rows import HUGE
-from lensforge.sources.rayfiles.ray_file_summary import Box, FileFlux, RayFileSummary, WavelengthRange
 from lensforge.sources.source_spectrum import ColourSums
 from lensforge.sources.source_summary import RaysDropped, as_point
+from lensforge.sources.stored_rays import usable_blocks
 
 _PARALLEL = 1e-9  # smallest over largest eigenvalue below which rays count as parallel
 
@@ -145,7 +146,7 @@ def file_warnings(rayfile: RayFile, sums: RaySums, given_flux: bool = False) -> 
     if sums.rays < len(rayfile):
         yield f"{len(rayfile) - sums.rays} of {len(rayfile)} rays dropped: {causes(sums.dropped)}"
     expected = {"scale": (), "mean": (1, len(rayfile))}.get(rayfile.header_role, (1,))
-    if header and expected and all(abs(sums.flux / (each * header) - 1.0) > _FLUX_TOLERANCE for each in expected):
+    if header and expected and all(abs(sums.flux / (flux * header) - 1.0) > _FLUX_TOLERANCE for flux in expected):
         used = "sum over the rays" if rayfile.header_role == "ignored" else "header"
         used = "given flux" if given_flux else used
         yield f"rays add up to {sums.flux:.6g} {unit}, the header says {header:.6g} {unit}: the {used} is used"
@@ -198,12 +199,12 @@ def ray_set_warnings(sums: RaySums, placed: bool) -> Iterator[str]:
     elif not _PLAUSIBLE_MM[0] <= side_mm <= _PLAUSIBLE_MM[1]:
         yield f"rays start within {side_mm:.3g} mm: check the length unit{', source.scale' if placed else ''}"
     if sums.backward > _BACKWARD_SHARE * sums.flux:
-        words = f"{100.0 * sums.backward / sums.flux:.3g} % of the flux goes towards -z"
+        notice = f"{100.0 * sums.backward / sums.flux:.3g} % of the flux goes towards -z"
         if placed:
             lost = 100.0 * sums.lost / sums.flux
-            yield f"{words}, {lost:.3g} % from z = 0 or below and so lost: check source.axis"
+            yield f"{notice}, {lost:.3g} % from z = 0 or below and so lost: check source.axis"
         else:
-            yield f"{words}, away from a lens on +z: check the axes"
+            yield f"{notice}, away from a lens on +z: check the axes"
     if sums.effective_rays < FEWEST_EFFECTIVE_RAYS:
         yield (
             f"{sums.effective_rays:.0f} effective rays: with fewer than {FEWEST_EFFECTIVE_RAYS} a lens fits their "

@@ -11,17 +11,18 @@ import numpy as np
 from jaxtyping import Float
 from pydantic import PrivateAttr
 
-from lensforge.errors import InputError
+from lensforge.errors import InputError, shortened
+from lensforge.public import public
 from lensforge.results import Count, NotNegative, Number, Point, Record, Share, StageResult, Text
 from lensforge.results.arguments import require_choice
 from lensforge.results.figure import Figure
 from lensforge.results.files import replacing
 from lensforge.results.plots import Axes, new_axes
-from lensforge.results.validation import shortened
 from lensforge.sources.ray_bundle import RayBundle
-from lensforge.sources.rayfiles.ray_file import FluxUnit, HeaderValue, RayFile, no_usable_ray, usable_blocks
+from lensforge.sources.rayfiles.ray_file import FluxUnit, HeaderValue, RayFile, no_usable_ray
 from lensforge.sources.rayfiles.ray_file_rows import HUGE, as_float64
 from lensforge.sources.source_summary import RaysDropped
+from lensforge.sources.stored_rays import usable_blocks
 
 Panel = Literal["front", "side", "directions", "intensity"]
 _PIXELS = 160
@@ -170,6 +171,7 @@ class Box(Record):
     max: Annotated[Point, Figure("start points to")]
 
 
+@public
 class RayFileSummary(StageResult):
     """Summary of a ray file. What only the rays can say is None where the header alone was read.
 
