@@ -225,7 +225,9 @@ class Part(StageResult):
             tolerance=_keep_out_tolerance,
         ),
     ] = None
-    volume_mm3: Annotated[Number, Figure("Volume", lambda part: f"of the solid{held_by(part.lens.spec)}", digits=5)]
+    volume_mm3: Annotated[
+        Number, Figure("Volume", lambda part: f"of the solid{included_holders(part.lens.spec)}", digits=5)
+    ]
     volume_mesh_mm3: Number
     mass_g: Annotated[NotNegative | None, Figure("Mass", "volume times density", key="mass", unit="g")] = None
     area_mm2: NotNegative
@@ -286,8 +288,8 @@ class Part(StageResult):
 
     @property
     @figure(Figure("Mesh", "{triangulation.triangles} facets, genus {genus}", key="mesh"))
-    def closed_or_not(self) -> str:
-        """State of the mesh in words."""
+    def mesh_state(self) -> str:
+        """Closed, open, or not made: the state of the mesh."""
         return state_of_mesh(self.watertight)
 
     @property
@@ -340,8 +342,8 @@ class Part(StageResult):
         return plotter
 
 
-def held_by(spec: Spec) -> str:
-    """Words on what holds the lens and counts as part of its solid; empty where nothing does."""
+def included_holders(spec: Spec) -> str:
+    """Base and flange that the solid includes, as a note; "" without either."""
     holders = {"base": spec.base_made.kind != "none", "flange": spec.lens.rim_flange is not None}
     there = " and ".join(name for name, is_there in holders.items() if is_there)
     return f", {there} included" if there else ""

@@ -262,7 +262,7 @@ def _between_mm(points: Float[np.ndarray, "n 3"], lens: BodyMesh) -> float:
 
 
 def _neighbours(layout: PlateLayout) -> Iterator[tuple[Place, float, tuple[int, int]]]:
-    """Places (mm) and turns (degrees) of lenses as near ones see them in their own coordinates, each once.
+    """Places (mm) and turns (degrees) of lenses in local coordinates of a neighbour, each once.
 
     With the kinds of both, that of the near one first.
     """
@@ -272,7 +272,7 @@ def _neighbours(layout: PlateLayout) -> Iterator[tuple[Place, float, tuple[int, 
     places = np.array([lens.place_mm for lens in lenses.lamps])
     turns = np.array(lenses.turns_deg)
     for number, lens in enumerate(lenses.lamps):
-        ways = lens.pose.own_points(places)
+        ways = lens.pose.to_local_points(places)
         near = np.flatnonzero(np.hypot(*ways.T[:2]) <= _NEIGHBOURS * lenses.nearest_mm())
         for neighbour in near[near != number]:
             x, y, turned = np.round((*ways[neighbour, :2], (turns[neighbour] - lens.turn_deg) % 360.0), 6).tolist()

@@ -180,7 +180,7 @@ class PlateLayout:
         return float(pi * np.mean(np.sum(opening**2, axis=1)) * (1.0 + scale + scale**2) / 3.0)
 
     def placed(self, points: Float[np.ndarray, "n d"], number: int) -> Float[np.ndarray, "n d"]:
-        """Points (mm) of the lens, in its own coordinates, at the place and turn of lens ``number``; d is 2 or 3."""
+        """Transform points (mm) from local coordinates of lens ``number`` to those of the plate; d is 2 or 3."""
         pose = self.lenses.lamps[number].pose
         width = points.shape[1]
         return np.asarray(points @ pose.rotation[:width, :width].T + pose.origin_mm[:width])

@@ -96,7 +96,7 @@ class TracedBody(NamedTuple):
 
 
 class Ways(NamedTuple):
-    """Path (mm) of each ray to each of its events, and what it met there.
+    """Path length (mm) of each ray to each of its events, and the face that it met there.
 
     ``met``: four times the number of the face; 2 more where the ray was reflected, 1 more where it came from behind the
     face; below 0 where there was none. None for a double-freeform lens in unpolarised light.

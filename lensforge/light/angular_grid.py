@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from lensforge.light.metrics import largest_without_noise
+from lensforge.light.metrics import debiased_maximum
 from lensforge.results import Extent, Metric
 from lensforge.sources.intensity import TabulatedIntensity
 from lensforge.sources.ray_bundle import RayBundle
@@ -312,7 +312,7 @@ class FittedIntensity:
     @cached_property
     def peak(self) -> Metric:
         """Largest intensity (W/sr), noise taken off."""
-        largest = largest_without_noise(self.samples.reshape(len(self.samples), -1))
+        largest = debiased_maximum(self.samples.reshape(len(self.samples), -1))
         return largest.changed(unit="W/sr")
 
 

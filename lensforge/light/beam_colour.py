@@ -14,7 +14,7 @@ from typing import Annotated
 import numpy as np
 from jaxtyping import Float
 
-from lensforge.light.metrics import jackknife_metric, largest_without_noise, root_estimate
+from lensforge.light.metrics import debiased_maximum, jackknife_metric, root_estimate
 from lensforge.optics.colorimetry import ColourTemperature, away_from, colour_temperature, denominator, uv_of
 from lensforge.results import Count, Metric, Record, Share
 from lensforge.results.figure import Figure
@@ -93,7 +93,7 @@ def _in_beam(pictures: Pictures, level: float) -> Light | None:
     luminous, replicates = pictures[1], pictures.shape[1]
     if not (luminous.sum(axis=(1, 2)) > 0.0).all():
         return None
-    peak = largest_without_noise(luminous.reshape(replicates, -1)).value
+    peak = debiased_maximum(luminous.reshape(replicates, -1)).value
     light: Light = np.moveaxis(pictures[:, :, luminous.mean(axis=0) >= level * peak], 0, -1)
     return light if (light[..., 1].sum(axis=1) > 0.0).all() else None
 
@@ -121,4 +121,4 @@ def _worst(away: Float[np.ndarray, "r n 2"], rms: Metric, pixels: int = _MOST_PI
         away = away[:, np.argpartition(seen, -pixels)[-pixels:]]
     angles = 2.0 * np.pi * np.arange(_DIRECTIONS) / _DIRECTIONS
     along = away @ np.stack([np.cos(angles), np.sin(angles)])
-    return largest_without_noise(along.reshape(len(away), -1), least=rms.value)
+    return debiased_maximum(along.reshape(len(away), -1), least=rms.value)

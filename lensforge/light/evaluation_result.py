@@ -96,7 +96,7 @@ class Light(ResultByLed):
 
     stage: ClassVar[str] = "evaluate"
     made_from: ClassVar[tuple[str, ...]] = ("lens", "source")
-    told_if_any: ClassVar[tuple[str, ...]] = ("ways", "seen", "place")
+    omit_if_empty: ClassVar[tuple[str, ...]] = ("ways", "seen", "place")
     judged_in: ClassVar[tuple[str, ...]] = ("criteria", "limits")
 
     receivers: Annotated[tuple[ReceiverLight, ...], Field(min_length=1)]

@@ -18,10 +18,10 @@ from pydantic import AfterValidator, Field, model_validator
 
 from lensforge.light.beam_colour import BeamColour
 from lensforge.light.metrics import (
+    debiased_maximum,
+    debiased_minimum,
     jackknife_metric,
-    largest_without_noise,
     least_over_mean,
-    least_without_noise,
     nmse,
     ratio_of,
 )
@@ -65,14 +65,14 @@ class RegionLight(Record):
         means = readings.mean(axis=1)
         if not (means > 0.0).all():
             return None
-        least, largest = least_without_noise(readings), largest_without_noise(readings)
+        least, largest = debiased_minimum(readings), debiased_maximum(readings)
         scaled = images * (target.sum() / target.max() / images.sum(axis=(1, 2)))[:, None, None]
         return RegionLight(
             region="bright" if mask is None else "uniform",
             mean=jackknife_metric(means, float, unit),
             u0=least_over_mean(readings).metric(),
             u1=ratio_of(least, largest),
-            peak=largest_without_noise(scaled.reshape(len(images), -1)),
+            peak=debiased_maximum(scaled.reshape(len(images), -1)),
         )
 
 

@@ -13,7 +13,7 @@ from jaxtyping import Float
 
 from lensforge.light.evaluation_result import JudgedLimits
 from lensforge.light.luminaire_classes import BugRating, DistributionType, LampLight, ZoneLumens, distribution_type
-from lensforge.light.metrics import largest_without_noise, scaled
+from lensforge.light.metrics import debiased_maximum, scaled
 from lensforge.results import Count, Fact, Group, Metric, NotNegative, Positive, Record, Sense, Text
 from lensforge.results.figure import Figure, facts_in
 from lensforge.scene.road_classes import glare_law
@@ -54,7 +54,7 @@ def glare_intensities(lamp: LampLight, lumens: float) -> GlareIntensities:
 def _largest_from(lamp: LampLight, gamma_deg: float, scale: float) -> Metric:
     nodes = np.append(gamma_deg, lamp.grid.gamma_deg[lamp.grid.gamma_deg > gamma_deg])
     lateral, gamma = (each.ravel() for each in np.meshgrid(lamp.grid.c_deg - lamp.street_deg, nodes, indexing="ij"))
-    found = largest_without_noise(scale * lamp.intensities(lateral, gamma))
+    found = debiased_maximum(scale * lamp.intensities(lateral, gamma))
     return found.changed(value=max(found.value, 0.0), unit="cd/klm")
 
 

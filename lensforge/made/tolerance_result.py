@@ -145,7 +145,8 @@ class MetricSpread(Record):
     """Distribution of a metric over the parts; ``designed``: of the lens as designed, by its own many rays.
 
     ``p5``, ``p50``, ``p95``: percentiles; ``mean`` and ``spread`` (standard deviation, without ray noise) of the parts.
-    ``standard_error``: of one part's change from the designed lens, the median over the parts.
+    ``standard_error``: of one part's change from the designed lens, the median over the parts. That of ``mean`` is by
+    the parts and by the rays.
     """
 
     unit: Text
@@ -321,7 +322,7 @@ class Yield(SimulatedResult):
     """
 
     stage: ClassVar[str] = "yield"
-    told_if_any: ClassVar[tuple[str, ...]] = ("leds", "worst_leds")
+    omit_if_empty: ClassVar[tuple[str, ...]] = ("leds", "worst_leds")
 
     parts: Annotated[Count, Field(ge=2, le=MOST_PARTS)]
     lamps: Count = 1

@@ -331,8 +331,8 @@ class Media:
         return replace(self, scatter=(), bodies=bodies)
 
     @property
-    def open_mirror(self) -> Mirror | None:
-        """The mirror of an open body, by which light leaves that does not leave directly; None for a lens."""
+    def exit_mirror(self) -> Mirror | None:
+        """Mirror of a reflector, by which light leaves that does not leave directly; None for a lens."""
         if not any(face.is_open for face in self.faces):
             return None
         coatings = (self.coating(face.name) for face in bounding(self.faces, CAVITY))

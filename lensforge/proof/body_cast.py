@@ -92,7 +92,7 @@ def _through_bodies(beam: _Beam, media: Media, waves: _Values, plate: PlateOfLen
 
 def _through(body: SecondaryOptic, media: Media, beam: _Beam, waves: _Values, rough: FaceNumbers) -> None:
     rows = np.flatnonzero(np.isfinite(beam.points[:, 0]))
-    points, along = body.pose.own_points(beam.points[rows]), body.pose.own_directions(beam.directions[rows])
+    points, along = body.pose.to_local_points(beam.points[rows]), body.pose.to_local_directions(beam.directions[rows])
     enters, points = _from_the_rim(points, along)
     beam.end(rows[~enters])
     rows, points, along = rows[enters], points[enters], along[enters]
@@ -114,7 +114,7 @@ def _through(body: SecondaryOptic, media: Media, beam: _Beam, waves: _Values, ro
         numbers = rough.take(rows).at(np.full(len(rows), number), np.zeros(len(rows), dtype=np.int64))
         rms = np.full(len(rows), facet_slopes(own, DOUBLE)[number])
         normals = tilted(Arrival(points, normals, along), rms, numbers)
-        at = AtFace.of(refracting, along, normals, body.pose.own_directions(beam.fields[rows]))
+        at = AtFace.of(refracting, along, normals, body.pose.to_local_directions(beam.fields[rows]))
         if isinstance(model, RingScatter):
             at = at.spread(Spreading.of(model, numbers, Arrival(points, normals, along)), False)
         beam.share[rows] *= at.transmittance

@@ -104,7 +104,7 @@ class PlateOfLenses:
         return lit
 
     def placed(self, rays: RayBundle, numbers: Int[np.ndarray, " n"]) -> RayBundle:
-        """Rays of one lens in its own coordinates, each at the lens of its number, in those of the plate."""
+        """Transform rays from the local coordinates of the lens of their number to those of the plate."""
         origins, directions = rays.origins.copy(), rays.directions.copy()
         for number, (place, turn) in enumerate(zip(self.places, self.turns, strict=True)):
             rows, turned = numbers == number, _turned(turn).T

@@ -352,7 +352,7 @@ class Proof(ResultByLed):
             yield from (under(lamps.name, criterion) for criterion in criteria_in(self, lamps))
 
     def deciding_criteria(self) -> Iterator[Fact]:
-        """The criteria by which files pass or fail: all but :attr:`facet_misses`."""
+        """The criteria by which files pass or fail: all but ``facet_misses``."""
         facets = self.facet_misses
         yield from (criterion for criterion in criteria_of(self) if criterion not in facets)
 

@@ -67,10 +67,10 @@ class Screen(ABC):
 
     @abstractmethod
     def _landed(self, away: _Rows, along: _Rows) -> _Places:
-        """Places on the chart of rays from ``away`` (mm) in directions ``along``, in its own axes; NaN for none."""
+        """Places on the chart of rays from ``away`` (mm) in directions ``along``, in local axes; NaN for none."""
 
     def _surface(self, x: _Coordinates, y: _Coordinates) -> tuple[_Vectors, _Vectors]:
-        """Points (mm) at places of the chart, and the normals there, in its own axes."""
+        """Points (mm) at places of the chart, and the normals there, in local axes."""
         raise NotImplementedError(f"{type(self).__name__}: directions have no surface")
 
     @property

@@ -91,7 +91,7 @@ def _draw_further_bodies(axes: Axes, lens: Lens, across: Float[np.ndarray, " 3"]
     flat = points.reshape(-1, 3)
     for number, body in enumerate(lens.media.bodies):
         outer, inner = (depths(body, flat, inner=is_inner) for is_inner in (False, True))
-        height = body.pose.own_points(flat)[:, 2]
+        height = body.pose.to_local_points(flat)[:, 2]
         within = np.where(height > 0.0, np.minimum(np.minimum(outer, -inner), height), height)
         within = within.reshape(_CUT_NODES, _CUT_NODES)
         colour = (GREY, GREEN)[number % 2]

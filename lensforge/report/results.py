@@ -175,6 +175,7 @@ class Results:
             case Yield():
                 return yield_facts(result)
             case _:
+                load_records()
                 return facts_of(result)
 
     @property
@@ -214,10 +215,15 @@ def facts_of(result: StageResult) -> list[Group]:
     return []
 
 
-def kinds_of_results() -> tuple[type[StageResult], ...]:
-    """Classes of all results that a folder may have: those of a whole run, then others, which are made from these."""
+def load_records() -> None:
+    """Load the records of add-ons, with the facts of each."""
     for addon in addons():
         addon.records()
+
+
+def kinds_of_results() -> tuple[type[StageResult], ...]:
+    """Classes of all results that a folder may have: those of a whole run, then others, which are made from these."""
+    load_records()
     others = (kind for _, kind in sorted(OF_FOLDERS.items()) if kind not in STAGES)
     return (*STAGES, *others)
 

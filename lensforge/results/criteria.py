@@ -32,7 +32,7 @@ def declare_words(name: str, words: str) -> None:
     _WORDS[name] = words
 
 
-def words_of(name: str) -> str:
+def label_of(name: str) -> str:
     """Words for a criterion's name, which may begin with its face or file, or with its receiver."""
     receiver, colon, short = name.rpartition(": ")
     face, _, of_face = short.partition(" ")
@@ -46,7 +46,7 @@ def _completed(criterion: Fact) -> Fact:
     if criterion.limit is None:
         raise ValueError("limit: must be a number")
     name = criterion.key
-    return replace(criterion, label=words_of(name), note=name.replace("_", " ")).judged(criterion.standard_error or 0.0)
+    return replace(criterion, label=label_of(name), note=name.replace("_", " ")).judged(criterion.standard_error or 0.0)
 
 
 _NAMES = {name: name for name in ("value", "standard_error", "sense", "limit", "unit", "tolerance")}

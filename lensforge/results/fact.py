@@ -24,6 +24,7 @@ _ANSWERS = {"pass": "yes", "fail": "no", "undecided": "undecided"}
 _OUTCOMES = {"pass": "held", "fail": "missed", "undecided": "undecided"}
 
 
+@public
 @dataclass(frozen=True)
 class Change:
     """A field of the spec, dotted, and the ``value`` that would help; ``then``: words behind it in a sentence."""
@@ -43,24 +44,24 @@ class Fact:
 
     Fields:
         key (str): Name by which a page or a screen selects it.
-        label (str): Its name in words.
+        label (str): Name that is shown.
         value (float or str or None): In ``unit``; None where it could not be measured; text where it is no number.
         unit (str): "%" for a share, "" for a pure number.
-        standard_error (float or None): Of the value; None for an exact one.
+        standard_error (float or None): Standard error of the value; None for an exact one.
         sense ('<=' or '>='): Side of the limit on which the value must be.
-        limit (float or None): Bound of the value; None for none.
+        limit (float or None): Bound of the value; None if it is not judged.
         possible (float or None): The best that physics allows.
-        state ('pass' or 'fail' or 'undecided' or ''): Of the judgement, "" where there is none.
-        note (str): Words beside the value.
-        remedy (str): What to try where it fails.
+        state ('pass' or 'fail' or 'undecided' or ''): Result of the judgement, "" if there is no limit.
+        note (str): Text shown beside the value.
+        remedy (str): Advice if the value misses its limit.
         digits (int): Significant digits that are shown.
-        tolerance (float): By which its measure may miss the limit.
-        place (str): The face or the receiver that it is on.
-        limit_note (str): Words beside limit and bound.
-        possible_note (str): Words beside limit and bound.
-        notice (str): Why it deserves a look though no limit judges it, shown in amber.
-        is_square (bool): A mean square, of which the noise that is taken off may leave less than nothing.
-        changes (list of Change): Changes of the spec that the remedy names; no file keeps them.
+        tolerance (float): Amount by which the measured value may miss the limit.
+        place (str): Face or receiver of the value.
+        limit_note (str): Text shown beside the limit.
+        possible_note (str): Text shown beside the bound.
+        notice (str): Reason why the value deserves a look though no limit judges it, shown in amber.
+        is_square (bool): True for a mean square; the noise that is taken off may leave it below zero.
+        changes (tuple of Change): Fields of the spec that would help, with values; the remedy says them in a sentence.
     """
 
     key: Text

@@ -147,7 +147,7 @@ class TextTable:
         return max(map(len, self.cells))
 
     def number(self, row: int, column: int) -> float:
-        """The finite number of a cell. Raises :class:`InputError` for what is none."""
+        """Number in a cell. Raises :class:`InputError` if the cell is not a finite number."""
         try:
             return self.dialect.number(self.cells[row][column])
         except ValueError as error:

@@ -310,7 +310,7 @@ def chart_mirrors(receiver: PosedReceiver, name: str) -> ChartMirrors | None:
     centre = np.array(receiver.pose.origin_mm)
     for mirror in generators(name):
         moved = np.linalg.norm(mirror @ centre - centre)
-        action = receiver.pose.own_map(mirror)
+        action = receiver.pose.to_local_map(mirror)
         signs = np.round(action[:2, :2])
         swaps = signs[0, 0] == 0.0
         whole = np.block([[signs, np.zeros((2, 1))], [np.zeros((1, 2)), 1.0]])

@@ -95,16 +95,18 @@ class RayBundle:
         return RayBundle(self.origins[rows], self.directions[rows], self.flux[rows], waves, numbers, colours, facets)
 
     def placed(self, pose: Pose) -> "RayBundle":
-        """Rays of the coordinates of a thing in those of what it stands in."""
+        """Transform rays from local to parent coordinates."""
         if not pose.moves:
             return self
         return replace(self, origins=pose.points(self.origins), directions=pose.directions(self.directions))
 
     def seen_from(self, pose: Pose) -> "RayBundle":
-        """Rays in the coordinates of a thing that stands among them."""
+        """Transform rays from parent to local coordinates."""
         if not pose.moves:
             return self
-        return replace(self, origins=pose.own_points(self.origins), directions=pose.own_directions(self.directions))
+        return replace(
+            self, origins=pose.to_local_points(self.origins), directions=pose.to_local_directions(self.directions)
+        )
 
     def divided(self, parts: int) -> list["RayBundle"]:
         """Consecutive parts: those of a low-discrepancy sample are such samples themselves."""

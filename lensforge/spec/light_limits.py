@@ -408,9 +408,9 @@ def _require_limit_fits(limit: LimitSection, unit: Unit, extent: tuple[float, fl
 def require_limits_fit(
     limits: Sequence[LimitSection], receivers: Sequence[ReceiverSection], leaks: Sequence[str]
 ) -> None:
-    """Raise ``ValueError`` for limits on receivers that there are not, or that they do not fit.
+    """Raise ``ValueError`` for limits that name an unknown or incompatible receiver.
 
-    ``leaks``: names of the faces by which light can leave that is not to.
+    ``leaks``: names of the faces through which light can be lost.
     """
     causes = (*get_args(LossCause), *leaks)
     by_name = {receiver.name: receiver for receiver in receivers}

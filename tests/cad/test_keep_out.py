@@ -137,6 +137,7 @@ def test_what_only_touches_is_free_without_a_margin(tmp_path: Path) -> None:
         ("cylinder", -0.01, (2.9, 0.0, -1.0), (3.0, 0.0, -0.5), "beside the base: lower base.diameter_mm"),
         ("cylinder", -0.1, (1.0, 0.0, -2.0), (1.2, 0.0, -1.5), "depth_mm = 0.6 with pocket_diameter_mm = 2.6"),
         ("cylinder", -0.1, (3.0, 0.0, -2.0), (3.0, 0.0, -1.5), "lower base.height_mm, or move the keep-out"),
+        ("cylinder", 0.05, (1.0, 0.0, -1.0), (0.95, 0.0, -1.0), "base.pocket_diameter_mm must be above 2.1"),
         ("cylinder", 0.05, (0.8, 0.0, 0.0), (0.75, 0.0, 0.0), "raise lens.inner.offset_mm"),
         ("cylinder", -0.01, (0.8, 0.0, -0.1), (0.9, 0.0, 0.1), "raise lens.inner.offset_mm"),
     ],

@@ -142,6 +142,7 @@ def test_a_number_alone_before_the_rows_is_their_count():
     assert table("2\n1 2 3\n4 5 6\n", counted=True).count == 2
     with pytest.raises(InputError, match="line 1: 3 rows announced, 2 found"):
         table("3\n1 2 3\n4 5 6\n", counted=True)
+    assert table("x_mm y_mm z_mm\n2\n1 2 3\n4 5 6\n", counted=True).count == 2, "below the names"
     assert table("3\n4\n", counted=True).numbers().tolist() == [[3.0], [4.0]]
 
 

@@ -115,7 +115,7 @@ def test_faces_of_a_body_of_four_are_met_each_in_its_own_frame() -> None:
     assert frames.shape == (5, 3, 4)
     centre = np.array(made.source_centre_mm)
     world = made.source.points(centre + 1.05 * ([0.1, 0.2, 0.3] - centre))
-    raised = made.lens.own_points(world)
+    raised = made.lens.to_local_points(world)
     in_body = (raised - [0.0, 0.0, 1.5 * (0.98 - 1.0)]) / 0.98
     point = into * frames[0, :, :3] @ [0.1, 0.2, 0.3] + frames[0, :, 3]
     assert np.allclose(point, in_body, atol=1e-15)

@@ -6,7 +6,7 @@ from scipy import sparse
 
 from lensforge.light.evaluation_result import LightMetrics
 from lensforge.light.judged_limits import limit_value
-from lensforge.light.metrics import LeastEstimate, PairEstimate, RootEstimate, least_without_noise, uniformity
+from lensforge.light.metrics import LeastEstimate, PairEstimate, RootEstimate, debiased_minimum, uniformity
 from lensforge.light.receiver_light import RegionLight, bright_region
 from lensforge.light.simulation import ReplicateMetrics
 from lensforge.results import Metric
@@ -118,4 +118,4 @@ def test_metrics_of_replicates_are_those_in_the_mask() -> None:
     assert found.efficiency == Metric(value=0.25, standard_error=0.0)
     alone = ReplicateMetrics.of(images, target, None, np.full(5, 0.25)).metrics()
     assert alone.uniformity is None and alone.rsd is None and alone.nmse == found.nmse
-    assert least_without_noise(images[:, mask]).value == pytest.approx(images.mean(axis=0)[mask].min())
+    assert debiased_minimum(images[:, mask]).value == pytest.approx(images.mean(axis=0)[mask].min())

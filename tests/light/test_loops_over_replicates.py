@@ -13,11 +13,11 @@ from lensforge.light.metrics import (
     _halves,
     _quarters,
     _Slope,
+    debiased_maximum,
+    debiased_minimum,
     error_over_pairs,
     jackknife_error,
-    largest_without_noise,
     least_over_mean,
-    least_without_noise,
     nmse,
     nmse_estimate,
     relative_deviation,
@@ -175,14 +175,14 @@ def test_the_least_reading_is_on_the_line_through_both_levels_of_noise(noise: fl
     optimism = (v4 - u4) - (v8 - u8)
     slope = min(max((u8 - u4) / optimism, 0.0), 1.0) if optimism > 1e-12 * abs(v8) else 1.0
     mean = readings.mean(axis=0)
-    least, value = least_without_noise(readings), min(max(u8 + slope * (v8 - u8), mean.min()), mean.mean())
+    least, value = debiased_minimum(readings), min(max(u8 + slope * (v8 - u8), mean.min()), mean.mean())
     assert least.value == pytest.approx(value, rel=1e-9)
     assert least.standard_error == pytest.approx(error_by_weights_and_left_out(readings, slope), rel=1e-4)
-    largest = largest_without_noise(-readings)
+    largest = debiased_maximum(-readings)
     assert largest.value == -least.value and largest.standard_error == least.standard_error
     images = readings.reshape(16, *SHAPE)
     relative = images[:, MASK] / images[:, MASK].mean(axis=1, keepdims=True)
-    assert least_over_mean(images[:, MASK]).metric() == least_without_noise(relative)
+    assert least_over_mean(images[:, MASK]).metric() == debiased_minimum(relative)
 
 
 def error_by_weights_and_left_out(readings: np.ndarray, slope: float) -> float:
@@ -234,9 +234,9 @@ def test_pixels_that_are_equally_dark_are_read_together() -> None:
 @pytest.mark.parametrize("count", [3, 16])
 def test_a_bound_holds_where_the_readings_are_beyond_it(count: int) -> None:
     readings = pictures(count, 0.02).reshape(count, -1)
-    least, largest = least_without_noise(readings).value, largest_without_noise(readings).value
-    assert [least_without_noise(readings, most).value for most in (0.5 * least, 2.0 * largest)] == [0.5 * least, least]
-    found = [largest_without_noise(readings, bound).value for bound in (0.5 * least, 2.0 * largest)]
+    least, largest = debiased_minimum(readings).value, debiased_maximum(readings).value
+    assert [debiased_minimum(readings, most).value for most in (0.5 * least, 2.0 * largest)] == [0.5 * least, least]
+    found = [debiased_maximum(readings, bound).value for bound in (0.5 * least, 2.0 * largest)]
     assert found == [largest, 2.0 * largest]
 
 
@@ -244,9 +244,9 @@ def test_a_bound_holds_where_the_readings_are_beyond_it(count: int) -> None:
 def test_other_than_sixteen_replicates_have_the_least_of_their_mean(count: int) -> None:
     readings = pictures(count, 0.3).reshape(count, -1)
     means = [sum(column) / count for column in readings.T]
-    assert least_without_noise(readings).value == pytest.approx(min(means), rel=1e-12)
-    assert largest_without_noise(readings).value == pytest.approx(max(means), rel=1e-12)
-    assert least_without_noise(readings).standard_error is None
+    assert debiased_minimum(readings).value == pytest.approx(min(means), rel=1e-12)
+    assert debiased_maximum(readings).value == pytest.approx(max(means), rel=1e-12)
+    assert debiased_minimum(readings).standard_error is None
 
 
 def test_what_no_extrapolation_tells_is_a_part_of_the_error() -> None:
@@ -256,5 +256,5 @@ def test_what_no_extrapolation_tells_is_a_part_of_the_error() -> None:
     both = 0.5 * (jackknife_error(left_out) + np.sqrt(16.0 / 15.0) * np.linalg.norm(influences - influences.mean()))
     assert error == pytest.approx(np.hypot(both, 0.04), rel=1e-12)
     assert LeastEstimate(0.5).metric() == Metric(value=0.5)
-    found = least_without_noise(np.random.default_rng(0).poisson(0.1, (16, 4000)).astype(float))
+    found = debiased_minimum(np.random.default_rng(0).poisson(0.1, (16, 4000)).astype(float))
     assert (found.value, found.standard_error) == (0.0, pytest.approx(0.1, rel=0.1)), "each block has dark pixels"

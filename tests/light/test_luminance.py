@@ -79,7 +79,7 @@ def radiance_backwards(points: np.ndarray, directions: np.ndarray, spec: Spec) -
     d, first = passed(d, -normals, 1.0 / INDEX)
     p, normals, cavity = to_sphere(p, d, np.zeros(3), INNER, -1.0)
     d, second = passed(d, -normals, INDEX)
-    own, along = pose.own_points(p), pose.own_directions(d)
+    own, along = pose.to_local_points(p), pose.to_local_directions(d)
     hits = own[:, :2] - (own[:, 2] / along[:, 2])[:, None] * along[:, :2]
     lit = met & cavity & (along[:, 2] < 0.0) & (np.abs(hits) < 0.5 * spec.source.side_mm).all(axis=1)
     return np.where(lit, RADIANCE * first * second, 0.0)

@@ -65,15 +65,15 @@ def test_a_displacement_turns_about_its_centre_by_a_rotation_vector() -> None:
 
 def test_crooked_poses_go_there_and_back_and_are_chained() -> None:
     fields, inverse, chained = POINTS + 1j * POINTS[::-1], CROOKED.inverse, CROOKED.after(OTHER)
-    np.testing.assert_allclose(CROOKED.own_points(CROOKED.points(POINTS)), POINTS, atol=1e-14)
-    np.testing.assert_allclose(CROOKED.own_directions(CROOKED.directions(fields)), fields, atol=1e-14)
-    np.testing.assert_allclose(inverse.points(POINTS), CROOKED.own_points(POINTS), atol=1e-14)
+    np.testing.assert_allclose(CROOKED.to_local_points(CROOKED.points(POINTS)), POINTS, atol=1e-14)
+    np.testing.assert_allclose(CROOKED.to_local_directions(CROOKED.directions(fields)), fields, atol=1e-14)
+    np.testing.assert_allclose(inverse.points(POINTS), CROOKED.to_local_points(POINTS), atol=1e-14)
     np.testing.assert_allclose(chained.points(POINTS), CROOKED.points(OTHER.points(POINTS)), atol=1e-13)
     np.testing.assert_allclose(chained.seen_from(CROOKED).frame, OTHER.frame, atol=1e-14)
     mirror, rotation = np.diag([-1.0, 1.0, 1.0]), CROOKED.rotation
-    np.testing.assert_allclose(CROOKED.own_map(mirror), rotation.T @ mirror @ rotation, atol=1e-15)
+    np.testing.assert_allclose(CROOKED.to_local_map(mirror), rotation.T @ mirror @ rotation, atol=1e-15)
     tensor = torch.from_numpy(POINTS).float().requires_grad_()
-    found = CROOKED.own_points(CROOKED.points(tensor))
+    found = CROOKED.to_local_points(CROOKED.points(tensor))
     torch.autograd.backward(found.sum())
     assert found.dtype == torch.float32 and torch.allclose(tensor.grad, torch.ones(3, 3), atol=1e-6)
 

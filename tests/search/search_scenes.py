@@ -65,7 +65,7 @@ class Step:
         elif light:
             merit = replace(merit, light=replace(merit.light, **light))
         moved = (own + step * way for own, step, way in zip(self.parameters, by, self.ways, strict=True))
-        return merit.evaluate(*moved, self.rays, self.problem.constraints, True, self.pairs).loss
+        return merit.step_loss(*moved, self.rays, self.problem.constraints, True, self.pairs).loss
 
     def values(self, **light: Any) -> tuple[torch.Tensor, ...]:
         """The merit and its gradient."""

@@ -161,7 +161,7 @@ def test_validation_rays_judge_without_the_noise_of_their_number() -> None:
     error = np.std(few) / np.sqrt(len(few))
     many = ValidationRays.of(source, 2**16, 99)[0].judge(problem, weights, offsets, False)[0].image
     assert abs(np.mean(few) - many) < 4.0 * error
-    noisy = problem.merit.evaluate(weights, offsets, source.sample(2**9, 5), problem.constraints, False).nmse
+    noisy = problem.merit.step_loss(weights, offsets, source.sample(2**9, 5), problem.constraints, False).nmse
     assert noisy > many + 4.0 * error, "what the noise of as many rays adds"
 
 

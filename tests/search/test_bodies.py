@@ -58,7 +58,7 @@ def test_the_slope_of_the_merit_by_a_weight_is_that_of_differences(scene: str) -
 
     def loss(weights: torch.Tensor) -> torch.Tensor:
         tables = parametrisation.tables(weights, torch.ones(2, dtype=torch.float64))
-        return merit.assessed(merit.light_of(tables, rays, pairs), uniform=False).loss
+        return merit.training_loss(merit.light_of(tables, rays, pairs), uniform=False).loss
 
     some = torch.tensor(np.random.default_rng(1).normal(size=(9, 2)) * 0.02).requires_grad_()
     loss(some).backward()

@@ -69,7 +69,7 @@ def test_a_step_of_any_body_is_that_of_the_kernels(name: str, device: str) -> No
     values = []
     for place in (None, torch.device(device)):
         merit = MeritFunction.of(spec, source, parameters, place)
-        loss = merit.assessed(merit.light_of(parameters.tables(*own), source.sample(2**10, 3)), uniform=False).loss
+        loss = merit.training_loss(merit.light_of(parameters.tables(*own), source.sample(2**10, 3)), uniform=False).loss
         values.append((loss.detach(), *torch.autograd.grad(loss, own)))
     for one, other in zip(*values, strict=True):
         assert torch.linalg.norm(one - other) <= 1e-8 * torch.linalg.norm(other)

@@ -75,7 +75,7 @@ def test_rays_of_a_step_see_the_limits_of_a_road_as_many_more_do(examples: Path,
     merit, tables = own.merit, own.parametrisation.tables(*own.parametrisation.start())
 
     def loss(rays: int) -> float:
-        return float(merit.assessed(merit.light_of(tables, source.sample(rays, 1)), uniform=False).loss)
+        return float(merit.training_loss(merit.light_of(tables, source.sample(rays, 1)), uniform=False).loss)
 
     assert preset.effort.rays[0] == preset.design_rays == preset.effort.validation_rays == 2**17
     exact = loss(2**20)

@@ -69,7 +69,7 @@ def test_the_merit_is_the_sum_of_its_terms(symmetry: str, uniform: bool, fresnel
     weights = torch.from_numpy(np.random.default_rng(0).normal(size=(parametrisation.basis.size, 2)) * scale)
     offsets, rays = torch.ones(2, dtype=torch.float64), source.sample(4096, 1)
     constraints = AugmentedLagrangian.of(spec, parametrisation.grid)
-    found = merit.evaluate(weights, offsets, rays, constraints, uniform)
+    found = merit.step_loss(weights, offsets, rays, constraints, uniform)
     (light,) = merit.light.collect(parametrisation.tables(weights, offsets), rays)
     image, wanted = _mirrored(light.image.numpy(), symmetry), _wanted(merit, 1.0, fresnel)
     in_window, outside, reflected = (

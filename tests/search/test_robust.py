@@ -38,7 +38,7 @@ class RobustStep(Step):
 
     def designed(self) -> torch.Tensor:
         """The merit of the lens as designed."""
-        return self.merit.evaluate(*self.parameters, self.rays, self.problem.constraints, True).loss
+        return self.merit.step_loss(*self.parameters, self.rays, self.problem.constraints, True).loss
 
 
 def test_without_deviations_it_is_the_merit_of_the_lens_as_designed() -> None:

@@ -108,11 +108,11 @@ def test_the_merit_is_the_mean_by_shares_or_the_worst(over: str, changes: dict[s
     offsets, rays = torch.tensor([1.0, 1.05], dtype=torch.float64), source.sample(4096, 1)
     constraints = AugmentedLagrangian.of(spec, parametrisation.grid)
     pairs = SearchParts.of(spec, parametrisation).of_step(0, 3) if spec.optimise.robust else ()
-    found = merit.evaluate(weights, offsets, rays, constraints, False, pairs)
+    found = merit.step_loss(weights, offsets, rays, constraints, False, pairs)
     alone = []
     for own in spec.of_each_source:
         led = source_of(own)
-        alone.append(MeritFunction.of(own, led, parametrisation).evaluate(
+        alone.append(MeritFunction.of(own, led, parametrisation).step_loss(
             weights, offsets, led.sample(2048, 1), constraints, False, pairs
         ))  # fmt: skip
     term = constraints.term(found.fields)

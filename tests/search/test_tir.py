@@ -76,11 +76,11 @@ def test_a_lens_with_levels_is_taken_up_from_a_start_with_other_bounds() -> None
     parameters, above = begun(4, 9), fibonacci_hemisphere(4000)
     found = parameters.lens(*moved(parameters, 0.01), spot(levels=[4, 9]), 0, "draft")
     other = ProfileParameters.of(spot(levels=[4, 9]).replace(constraints={"max_radius_mm": 8.3}), 2.5)
-    assert other.own[0].basis != parameters.own[0].basis
+    assert other.parameters[0].basis != parameters.parameters[0].basis
     again = other.surfaces(*other.parameters_of(found))
     for name in ("cap", "wall"):
-        own = parameters.own[parameters.names.index(name)].basis
-        there = other.own[parameters.names.index(name)].basis
+        own = parameters.parameters[parameters.names.index(name)].basis
+        there = other.parameters[parameters.names.index(name)].basis
         seen = above[(above[:, 2] > max(own.low, there.low, 0.0)) & (above[:, 2] < min(own.high, there.high))]
         was, now = found.surfaces[name].radius(seen), again[name].radius(seen)
         assert np.abs(now - was)[was < 9.0].max() < 0.02, name  # mm, where it may bound the lens
@@ -152,7 +152,7 @@ def test_the_derivative_through_made_parts_counts_it_too(along: list[float]) -> 
     assert abs(pairs[0][0].made.source.origin_mm[0]) > 0.03 and pairs[0][0].flux != 1.0
 
     def loss(moved: torch.Tensor, own: MeritFunction = merit) -> torch.Tensor:
-        return own.assessed(own.light_of(parameters.tables(weights, moved), rays, pairs), False).loss
+        return own.training_loss(own.light_of(parameters.tables(weights, moved), rays, pairs), False).loss
 
     step, direction = 8e-3, torch.tensor(along, dtype=torch.float64)
     found = float(loss(offsets + step * direction) - loss(offsets - step * direction)) / (2.0 * step)
@@ -189,7 +189,7 @@ def test_the_derivative_of_a_share_of_the_parts_counts_it_once(along: list[float
 
     def term(moved: torch.Tensor) -> torch.Tensor:
         light = merit.light_of(parameters.tables(weights, moved), rays, pairs)
-        return merit.assessed(replace(light, terms=0.0 * light.terms), False).loss
+        return merit.training_loss(replace(light, terms=0.0 * light.terms), False).loss
 
     step, direction, moving = 1.6e-2, torch.tensor(along, dtype=torch.float64), offsets.clone().requires_grad_()
     found = float(term(offsets + step * direction) - term(offsets - step * direction)) / (2.0 * step)

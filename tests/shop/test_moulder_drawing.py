@@ -30,10 +30,11 @@ from lensforge.shop.handover import Handover
 from lensforge.shop.mould_facts import mould_facts
 from lensforge.shop.mould_halves import mould_of
 from lensforge.shop.profile_table import equation
-from lensforge.shop.sheet import Sheet
+from lensforge.shop.sheet import Marks, Sheet, box_of
+from lensforge.shop.sheet_marks import words_of_dimension
 from lensforge.shop.sheet_tables import optical_table, tolerance_table
 from lensforge.shop.sheet_writers import sheet_dxf
-from lensforge.shop.view_drawing import PARTING_LINE
+from lensforge.shop.view_drawing import PARTING_LINE, room_of
 from lensforge.surfaces.asphere import Asphere, Biconic
 from lensforge.surfaces.reciprocal import ConeFace, ConicFace, PlaneFace
 from lensforge.surfaces.step_file import parts_of
@@ -350,6 +351,13 @@ def test_what_the_flange_leaves_of_its_cylinder_has_no_draft_and_is_said() -> No
     assert f"Without draft: {words}." in notes
     bare = mould_of(spot_lens(), fit_lens(spot_lens()))
     assert bare.upright == () and "upright" not in {fact.key for fact in mould_facts(bare, check)}
+
+
+def test_the_room_of_a_dimension_holds_its_text() -> None:
+    for dimension in drawn()[2].marks.dimensions:
+        left, bottom, right, top = room_of(Marks(dimensions=[dimension]))
+        text = box_of(words_of_dimension(dimension))
+        assert left <= text[0] and bottom <= text[1] and text[2] <= right and text[3] <= top, dimension.name
 
 
 def test_the_parting_line_is_where_the_section_along_x_is_widest() -> None:

@@ -116,6 +116,11 @@ def test_each_place_has_its_kind_and_each_lens_its_sheet() -> None:
     widths = [np.ptp(each[:, 0]) / sheet.scale for each in round_ones]
     assert [widths[k] for k in (0, 1, 4, 5)] == pytest.approx([11.0, 5.0, 11.0, 5.0], abs=1e-3)
     assert widths[2] > 11.5 and widths[3] > 5.5
+    angles = np.linspace(-0.5 * np.pi, 0.5 * np.pi, 4001)
+    along_x = np.column_stack([np.sin(angles), np.zeros(4001), np.cos(angles)])
+    top_mm = float((lens.kinds[0].surfaces["outer"].radius(along_x) * along_x[:, 2]).max())
+    told = {dimension.name: dimension.text for dimension in sheet.marks.dimensions}["height of lens middle"]
+    assert float(told.strip("()")) == pytest.approx(top_mm, abs=1e-3) and abs(top_mm - 5.5) > 0.1
 
 
 def test_frames_of_datums_lie_on_no_lens_and_a_moulded_plate_shows_where_it_is_filled(part: Part) -> None:

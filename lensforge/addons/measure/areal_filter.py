@@ -257,7 +257,7 @@ class FilteredPoints:
         """Other ``values`` (mm) at the same points through the same filter."""
         return self.areal.change(self.solver.solve(self.areal.loads(values)))
 
-    def left_of_noise(self) -> tuple[float, float]:
+    def residual_noise(self) -> tuple[float, float]:
         """Shares of n that the filter leaves: of the degrees of freedom, and of the variance of noise in the residual.
 
         1 - tr A / n, and the mean square along the normal of (I - A) z for random signs z along it (Hutchinson 1990).

@@ -135,7 +135,7 @@ class PhotoComparison(StageResult):
     images [row y, column x].
     """
 
-    told_if_any: ClassVar[tuple[str, ...]] = ("led",)
+    omit_if_empty: ClassVar[tuple[str, ...]] = ("led",)
     stage: ClassVar[str] = "compare"
     on_page: ClassVar[OnPage] = OnPage("photograph", further=("ssim",))
     command: ClassVar[str] = "compare --on"
@@ -282,7 +282,7 @@ class MeasuredFace(SimulatedResult):
     ``chart``: places of their samples along either axis. ``area_mm2``: area of the face at each sample.
     """
 
-    told_if_any: ClassVar[tuple[str, ...]] = ("by_led",)
+    omit_if_empty: ClassVar[tuple[str, ...]] = ("by_led",)
     plotted: ClassVar[tuple[str, str]]  # field of the map that is plotted, and its name
 
     surface: Text

@@ -93,7 +93,7 @@ def finite_number(word: str, place: str, name: str, *, commas: bool = False) -> 
     return number
 
 
-def words_of(text: str) -> list[str]:
+def tokens_of(text: str) -> list[str]:
     """The words of a stream of numbers, without the END that some programs write behind it."""
     tokens = text.split()
     return tokens[:-1] if tokens and tokens[-1].upper() == "END" else tokens
@@ -219,7 +219,7 @@ def single_line(text: str) -> str:
     return " ".join("".join(mark if mark.isprintable() else " " for mark in text).split())
 
 
-class UnknownFormat(InputError):
+class UnknownFarField(InputError):
     """A file whose content is none of the known formats."""
 
 

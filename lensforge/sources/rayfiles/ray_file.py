@@ -225,7 +225,7 @@ class Format:
     encode: Callable[[RayFile], Iterator[bytes]]
 
 
-class UnknownFormat(InputError):
+class UnknownRayFormat(InputError):
     """A file whose content is none of the known formats."""
 
 
