@@ -163,8 +163,8 @@ class Part(StageResult):
     ``lens``: of which it is made. ``face_tolerance``: largest errors allowed of the optical faces in the STEP.
     ``form_error_nm``, ``normal_error_mrad``: errors of these faces as read back. ``step_valid``,
     ``step_volume_change``: of the solid in the STEP as read back, the change relative. ``volume_mm3``, ``area_mm2``: of
-    the solid. ``volume_mesh_mm3``, ``area_mesh_mm2``: of the mesh. ``mass_g``: None where the density is not known.
-    ``keep_out``: distance to the solids to be kept clear of; None where the spec has none, or the mesh is not closed.
+    the solid. ``volume_mesh_mm3``, ``area_mesh_mm2``: of the mesh. ``mass_g``: None if the density is not known.
+    ``keep_out``: distance to the solids to be kept clear of; None if the spec has none, or the mesh is not closed.
     ``bounds_mm``: least and largest corner of the box around the mesh; its vertices lie on the solid, whose box is
     larger by the chord error at most. ``watertight``, ``watertight_3mf``: the mesh is closed. ``genus``: its handles, 0
     for a lens. ``genus_difference``: from that of the solid. ``faces``: of the solid as read back. ``nodes``: of the
@@ -282,7 +282,7 @@ class Part(StageResult):
     @property
     @figure(Figure("Density", lambda part: f"by {part.lens.spec.lens.density.source}", unit="g/cm³"))
     def density(self) -> float | None:
-        """Density of the material (g/cm³); None where it is not known."""
+        """Density of the material (g/cm³); None if it is not known."""
         stated = self.lens.spec.lens.density
         return None if stated is None else stated.g_per_cm3
 

@@ -90,7 +90,7 @@ class BuiltPlate:
 def build_plate(
     lens: Lens, first_lens: LensOfPlate, nodes: int | None, tolerance: FaceTolerance, schema: Schema, date: str | None
 ) -> BuiltPlate | None:
-    """Make the plate of the spec; None where no plate is made with ``lens``.
+    """Make the plate of the spec; None if no plate is made with ``lens``.
 
     ``first_lens``: ``lens`` as exported by itself. ``nodes``, ``tolerance``: of the faces of all kinds.
     Raises :class:`InputError` for lenses that overlap, a pin in a cavity, and a file that would be too large.
@@ -225,7 +225,7 @@ def copies_off_mm(faces: Shapes, plans: Sequence[Plan[Patch]], layout: PlateLayo
 
 
 def _poles_of(face: Any) -> Float[np.ndarray, "n n 3"] | None:
-    """Poles (mm) of the spline on which a face lies, at its place; None where it lies on no spline."""
+    """Poles (mm) of the spline on which a face lies, at its place; None if it lies on no spline."""
     surface = BRep_Tool.Surface_s(face)
     return spline_poles(surface) if isinstance(surface, Geom_BSplineSurface) else None
 

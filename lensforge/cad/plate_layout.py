@@ -188,7 +188,7 @@ class PlateLayout:
     def thinnest_wall(self, openings: Sequence[_Around]) -> PlateWall | None:
         """The thinnest wall at its holes, pins and bosses; ``openings``: points (mm) around cavities of each kind.
 
-        None where it has none of them.
+        None if it has none of them.
         """
         bores = self.of_each(
             [self.bore_scale(opening) * opening for opening in openings]
@@ -226,7 +226,7 @@ class PlateLayout:
 
 
 def layout_of(lens: Lens) -> PlateLayout | None:
-    """The plate of the spec of ``lens``; None where it has none."""
+    """The plate of the spec of ``lens``; None if it has none."""
     plate = lens.spec.plate
     spec = lens.spec
     if plate is None:

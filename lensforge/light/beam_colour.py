@@ -60,9 +60,11 @@ class BeamColour(Record):
         light = _in_beam(pictures, level)
         if light is None:
             return None
-        totals, away = light.sum(axis=1), _away(light)
+        totals = light.sum(axis=1)
+        away = _away(light)
         mean = uv_of(totals.mean(axis=0))
-        temperature, rms = colour_temperature(mean), _rms(away)
+        temperature = colour_temperature(mean)
+        rms = _rms(away)
         return BeamColour(
             level=level,
             pixels=light.shape[1],
@@ -80,7 +82,8 @@ def distances_left_out(pictures: Pictures, level: float) -> list[dict[str, Metri
 
     None in the dark. The pixels of the beam are those of all replicates; the worst is sought among fewer of them.
     """
-    light, rows = _in_beam(pictures, level), np.arange(pictures.shape[1])
+    light = _in_beam(pictures, level)
+    rows = np.arange(pictures.shape[1])
     kept = [rows, *(rows[rows != k] for k in rows if len(rows) > 1)]
     if light is None:
         return [None] * len(kept)
@@ -90,7 +93,8 @@ def distances_left_out(pictures: Pictures, level: float) -> list[dict[str, Metri
 
 def _in_beam(pictures: Pictures, level: float) -> Light | None:
     """Light of the pixels above ``level`` of the peak; None in the dark, and where a replicate is dark there."""
-    luminous, replicates = pictures[1], pictures.shape[1]
+    luminous = pictures[1]
+    replicates = pictures.shape[1]
     if not (luminous.sum(axis=(1, 2)) > 0.0).all():
         return None
     peak = debiased_maximum(luminous.reshape(replicates, -1)).value

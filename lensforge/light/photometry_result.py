@@ -58,7 +58,7 @@ class PlaneFigures(Record):
     """Beam in the plane of the half-planes ``c_deg`` and ``c_deg`` + 180.
 
     ``beam_angle_deg`` and ``field_angle_deg``: between the outermost directions with a half and a tenth of the largest
-    intensity of this plane, ``peak_cd`` (CIE S 017, ANSI/IES LS-1); None where it has no light.
+    intensity of this plane, ``peak_cd`` (CIE S 017, ANSI/IES LS-1); None if it has no light.
     """
 
     c_deg: Number

@@ -111,7 +111,7 @@ class RoadJudgement(Record):
     ``drivers``: by their lanes. ``s1``: None of a table that ends before tan gamma = 2.
     ``edges``: ratio of the illuminance beside the road to that within, at the right and at the left edge. ``mean_lx``,
     ``least_lx``, ``uniformity_lx``: horizontal illuminance of the road. ``power_density`` (W per lx and m^2, D_P) and
-    ``yearly_energy`` (kWh per m^2, AECI): None where the power of a lamp is not known.
+    ``yearly_energy`` (kWh per m^2, AECI): None if the power of a lamp is not known.
     """
 
     name: Text
@@ -180,7 +180,7 @@ def _flux_remedy(limits: Sequence[Fact]) -> str:
 class HeldSpacing:
     """Spacings (m) of poles at which a class is held, from ``least`` to ``largest``; ``beyond``: what is missed there.
 
-    ``beyond``: None where the largest is 12 pole heights, the most that a road may have.
+    ``beyond``: None if the largest is 12 pole heights, the most that a road may have.
     """
 
     least: float

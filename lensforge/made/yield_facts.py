@@ -187,7 +187,7 @@ def pass_sentence(study: Yield) -> str:
 
 
 def budget_sentence(study: Yield) -> str:
-    """A sentence on the meaning of the budget; empty where there is none."""
+    """A sentence on the meaning of the budget; empty if there is none."""
     if study.budget is None:
         return ""
     wanted, parts = percent(study.budget.pass_rate), quantity(study.budget.parts)

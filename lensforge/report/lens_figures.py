@@ -46,7 +46,7 @@ def lens_section(
     reach: float | None = None,
     traced: TracedLens | None = None,
 ) -> Figure:
-    """The section at ``azimuth_deg``; ``outline_mm`` is the source's, None where it is not known.
+    """The section at ``azimuth_deg``; ``outline_mm`` is the source's, None if it is not known.
 
     ``reach``: half the width of the drawing (mm), by default from the size of the lens. Also drawn: the paraboloid that
     must fit into the cavity, the maximum radius, and rays, through ``traced`` where their tables are made already.

@@ -67,7 +67,7 @@ class Results:
         return self.lens.spec
 
     def find(self, kind: type[_Result], stem: str | None = None) -> _Result | None:
-        """Find the result of class ``kind``; None where that stage has not run."""
+        """Find the result of class ``kind``; None if that stage has not run."""
         result = self.found.get(stem or kind.stage)
         return result if isinstance(result, kind) else None
 
@@ -180,7 +180,7 @@ class Results:
 
     @property
     def yield_facts(self) -> list[Group]:
-        """Facts of the yield; empty where it has not been computed."""
+        """Facts of the yield; empty if it has not been computed."""
         study = self.find(Yield)
         return [] if study is None else self.facts(study)
 

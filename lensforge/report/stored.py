@@ -128,7 +128,7 @@ def _foreign_conditions(result: StageResult, stem: str, is_own: bool) -> str:
 
 
 def _mismatch(result: StageResult, lens: Lens, accepted: Mapping[str, StageResult], outdated: Mapping[str, str]) -> str:
-    """The reason why ``result`` belongs to another lens, part or light; empty where it does not."""
+    """The reason why ``result`` belongs to another lens, part or light; empty if it does not."""
     for name in result.made_from:
         if name in accepted and accepted[name].sha256 != result.inputs[name]:
             return f"it was made from another {name}"
@@ -215,7 +215,7 @@ def verdicts_of_kinds(folder: Path, lens: Lens) -> dict[str, Verdict]:
 
 
 def unrecorded(hashes: Mapping[str, str] | None, stem: str, result: StageResult) -> str:
-    """The reason why ``result`` is not that of the recorded ``hashes``; empty where it is. None: nothing is recorded.
+    """The reason why ``result`` is not that of the recorded ``hashes``; empty if it is. None: nothing is recorded.
 
     A part whose files were altered stays: casts of its files judge it, and until then its files fail.
     """

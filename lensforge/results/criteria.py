@@ -59,7 +59,7 @@ def at_most(
 ) -> Fact:
     """The criterion ``value <= limit``, to ``tolerance``; a value that is not finite counts as not measured.
 
-    ``error``: standard error of the value, None where it is exact; within two of the limit nothing is decided.
+    ``error``: standard error of the value, None if it is exact; within two of the limit nothing is decided.
     """
     measured = float(value) if isfinite(value) else None
     criterion = Fact(name, "", measured, unit, error, limit=float(limit), remedy=remedy, tolerance=float(tolerance))
@@ -105,7 +105,7 @@ def missed(criteria: Iterable[Fact]) -> Iterator[Reason]:
 
 
 def named(criteria: Iterable[Fact], name: str) -> Fact | None:
-    """The criterion called ``name``; None where there is none."""
+    """The criterion called ``name``; None if there is none."""
     return next((criterion for criterion in criteria if criterion.key == name), None)
 
 

@@ -45,7 +45,7 @@ class Fact:
     Fields:
         key (str): Name by which a page or a screen selects it.
         label (str): Name that is shown.
-        value (float or str or None): In ``unit``; None where it could not be measured; text where it is no number.
+        value (float or str or None): In ``unit``; None if it could not be measured; text where it is no number.
         unit (str): "%" for a share, "" for a pure number.
         standard_error (float or None): Standard error of the value; None for an exact one.
         sense ('<=' or '>='): Side of the limit on which the value must be.
@@ -86,7 +86,7 @@ class Fact:
 
     @staticmethod
     def measured(key: str, label: str, metric: Metric | None, note: str = "", **more: Any) -> "Fact":
-        """Make the fact of a ``metric``, judged where ``more`` has a limit; None where it has no meaning."""
+        """Make the fact of a ``metric``, judged where ``more`` has a limit; None if it has no meaning."""
         if metric is None:
             return Fact(key, label, None, note=note, **more)
         fact = Fact(key, label, metric.value, metric.unit, metric.standard_error, note=note, **more)
@@ -99,7 +99,7 @@ class Fact:
         return Fact.measured(key, label, metric, note, **more).in_percent
 
     def judged(self, error: float | None = 0.0) -> "Fact":
-        """Judge the fact by its limit; ``error``: standard error, 0 for an exact value, None where it is not known."""
+        """Judge the fact by its limit; ``error``: standard error, 0 for an exact value, None if it is not known."""
         value = None if isinstance(self.value, str) else self.value
         return replace(self, state=judge(value, self.sense, self.limit, error, self.tolerance))
 
@@ -188,7 +188,7 @@ class Fact:
 
     @property
     def reason(self) -> str:
-        """Reason why it does not pass, with what to try; empty where it passes or nothing judges it."""
+        """Reason why it does not pass, with what to try; empty if it passes or nothing judges it."""
         if self.state in ("pass", ""):
             return ""
         ends = f": {self.advice}" if self.advice else ""
@@ -231,7 +231,7 @@ class Fact:
 
     @property
     def _doubt(self) -> str:
-        """Words on why nothing is decided; empty where something is."""
+        """Words on why nothing is decided; empty if something is."""
         if self.state != "undecided":
             return ""
         return ", too close to tell" if self.standard_error else ", without standard error: too few rays"

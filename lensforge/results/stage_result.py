@@ -427,7 +427,7 @@ def _judgement(fact: Fact | None) -> tuple[object, ...]:
 class SimulatedResult(StageResult):
     """Result under nominal conditions, or others.
 
-    ``conditions``: those that are not nominal; None where all are.
+    ``conditions``: those that are not nominal; None if all are.
     """
 
     conditions: Conditions | None = None

@@ -170,7 +170,7 @@ class Merit(ABC, Generic[_Light]):
 class MeritFunction(Merit[SampledLight]):
     """The scene of a design with one LED: its light path, and the terms of each receiver.
 
-    ``share``: of the parts that are to hold the limits; None where each part is to hold them by their own margins.
+    ``share``: of the parts that are to hold the limits; None if each part is to hold them by their own margins.
     """
 
     spec: Spec

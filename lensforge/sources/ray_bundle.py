@@ -53,10 +53,10 @@ def _first_half(count: int) -> int:
 class RayBundle:
     """Rays: start points ``origins`` (mm), unit directions, and the flux each carries (W). NumPy, float64.
 
-    ``waves``: wavelength of each, at which media answer their index; None where that does not count, or is not known.
+    ``waves``: wavelength of each, at which media answer their index; None if that does not count, or is not known.
     ``of_source``: number of the LED of each, where a lens is for several. ``tristimulus``: X, Y, Z (lm) per W of each;
-    None where nobody asks for colour. ``facets``: two numbers in [0, 1) of each ray for every face that scatters, as
-    many as its source has drawn; None where none has.
+    None if nobody asks for colour. ``facets``: two numbers in [0, 1) of each ray for every face that scatters, as
+    many as its source has drawn; None if none has.
     """
 
     origins: Float[np.ndarray, "n 3"]
@@ -72,7 +72,7 @@ class RayBundle:
 
     @property
     def wavelengths_nm(self) -> Float[np.ndarray, " n"] | None:
-        """Wavelength (nm) of each; None where that does not count."""
+        """Wavelength (nm) of each; None if that does not count."""
         return None if self.waves is None else self.waves.nm
 
     @property
@@ -160,7 +160,7 @@ class Source(Protocol):
 
     @property
     def ray_count(self) -> int | None:
-        """Number of distinct rays of a measured source; None where a sample may be of any size."""
+        """Number of distinct rays of a measured source; None if a sample may be of any size."""
         ...
 
     def sample(self, count: int, seed: int) -> RayBundle:

@@ -72,7 +72,7 @@ class LimitSection(InOneUnit):
         return [self.name or f"limits.{number}"]
 
     def bounds(self, quantity: str) -> tuple[float | None, float | None]:
-        """Least and largest value of ``quantity``, a unit of light or one of ``others``; None where it has no bound."""
+        """Least and largest value of ``quantity``, a unit of light or one of ``others``; None if it has no bound."""
         if quantity in LIGHT_UNITS:
             return (self.at_least, self.at_most) if quantity == self.unit else (None, None)
         return getattr(self, f"at_least_{quantity}", None), getattr(self, f"at_most_{quantity}", None)

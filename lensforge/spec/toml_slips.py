@@ -176,7 +176,7 @@ _NOTHING = ("none", "null", "nil", "n/a", "-", "?")
 
 
 def cured_value(name: str, value: str) -> Correction | None:
-    """The cure of the text ``value`` of the field ``name``, as it stands behind ``=``; None where none is known."""
+    """The cure of the text ``value`` of the field ``name``, as it stands behind ``=``; None if none is known."""
     if value[:1] in ('"', "'"):
         return _quoted(value)
     text = value.split("#")[0].strip()

@@ -39,7 +39,8 @@ def spec_of(apart_mm: float, weight: float = 20.0, **changes: Any) -> Spec:
 
 
 def merit_of(spec: Spec) -> tuple[MeritFunction, Any]:
-    source, parameters = build_source(spec.source, coloured=True), SphereParameters.of(spec, 4.0)
+    source = build_source(spec.source, coloured=True)
+    parameters = SphereParameters.of(spec, 4.0)
     tables = parameters.tables(torch.zeros((parameters.basis.size, 2), dtype=torch.float64), ONE)
     return MeritFunction.of(spec, source, parameters), lambda rays: (tables, source.sample(rays, 5))
 
