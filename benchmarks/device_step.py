@@ -22,7 +22,7 @@ def gradients(step: Step, merit: MeritFunction) -> list[torch.Tensor]:
     """The loss, and its gradients by weights and offsets, on the CPU: the device has finished."""
     parameters = step.weights, step.offsets
     # in the uniformity stage light outweighs the constraints, so that the agreement is that of the light
-    loss = merit.evaluate(*parameters, step.bundle, step.constraints, uniform=True).loss
+    loss = merit.step_loss(*parameters, step.bundle, step.constraints, uniform=True).loss
     return [loss.detach(), *torch.autograd.grad(loss, parameters)]
 
 

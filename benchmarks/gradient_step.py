@@ -71,7 +71,7 @@ class Step:
             self.evaluate()
 
     def evaluate(self) -> torch.Tensor:
-        return self.merit.evaluate(self.weights, self.offsets, self.bundle, self.constraints, False).loss
+        return self.merit.step_loss(self.weights, self.offsets, self.bundle, self.constraints, False).loss
 
     def gradient(self) -> None:
         self.evaluate().backward()

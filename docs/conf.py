@@ -50,7 +50,7 @@ nitpick_ignore_regex = [
         r"Axes|ndarray|Figure|Path|date|Callable|Sequence|Unpack|SearchOptions|products|drawn_to_mean|None|NoneType",
     ),
     ("py:.*", r"(?!lensforge\.[A-Z])\w+\..*"),
-    ("py:class", r"tuple\[~lensforge\.results\.fact\.Annotated.*"),  # criteria: the annotation says how JSON holds them
+    ("py:class", r"tuple\[~lensforge\.(results\.fact\.)?Annotated.*"),  # criteria, with how JSON holds them
     ("py:class", rf"(lensforge\.)?({'|'.join(UNLISTED.keys() - public_names().keys())})"),
 ]
 

@@ -25,7 +25,7 @@ GROUP = "lensforge.addons"
 
 @dataclass(frozen=True)
 class Addon:
-    """What an add-on adds; each function is called when its room is loaded.
+    """Declaration of an add-on: what it adds, each function called when its room is loaded.
 
     ``name``: of its package, and of the extra that installs its libraries. ``names``: public names of the library, and
     what they name. ``commands``: of the command line. ``heading``: that of these in the help; empty for none.

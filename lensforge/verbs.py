@@ -37,7 +37,7 @@ from lensforge.report.results import Results, handover, stem_of
 from lensforge.report.sweep import Sweep
 from lensforge.report.tradeoff import Tradeoff, TradeoffRow
 from lensforge.results import Conditions, Fact, Metric, StageResult
-from lensforge.results.fact import Group
+from lensforge.results.fact import Change, Group
 from lensforge.results.verdict import Verdict
 from lensforge.scene.lens import Lens, load_lens
 from lensforge.search.design_result import Design, Progress
@@ -134,7 +134,7 @@ def _beside(names: Mapping[str, object], *further: type) -> dict[str, type]:
     return {cls.__name__: cls for cls in (*further, *bases) if cls.__module__ == "lensforge"}
 
 
-UNLISTED = _beside(NAMES, Attainable, Group, Surface, TradeoffRow)  # methods take or return the last four
+UNLISTED = _beside(NAMES, Attainable, Change, Group, Surface, TradeoffRow)  # fields and methods have these
 
 
 @cache

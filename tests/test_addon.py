@@ -3,13 +3,14 @@
 import os
 import subprocess
 import sys
+from importlib.metadata import entry_points
 from pathlib import Path
 
 import pytest
 from scenes import small_spec, sphere
 
 import lensforge as lf
-from lensforge.addon import Addon, addons, require_libraries
+from lensforge.addon import Addon, _installed, addons, require_libraries
 from lensforge.verbs import NAMES, public_names
 
 SHIPPED = Path(lf.__file__).parent / "addons"
@@ -73,7 +74,7 @@ def test_each_package_of_the_folder_is_an_add_on_of_its_name() -> None:
 def test_an_add_on_that_is_installed_adds_its_names_and_commands(tmp_path: Path) -> None:
     environment = installed(tmp_path, OF_ANYBODY)
     code = "import lensforge as lf; print(lf.Glow.__module__, 'Glow' in dir(lf), lf.Glow.__doc__)"
-    assert ended(environment, "-c", code) == (0, "lensforge True Nothing but a name.\n", "")
+    assert ended(environment, "-c", code) == (0, "acme_lenses True Nothing but a name.\n", "")
     assert ended(environment, "-m", "lensforge", "glow") == (0, "glowing\n", "")
     shown = ended(environment, "-m", "lensforge", "--help")[1]
     assert (
@@ -97,16 +98,31 @@ def test_the_record_of_an_add_on_is_one_of_a_result_folder(tmp_path: Path) -> No
     ("import nowhere", "add-on acme: cannot be loaded (No module named 'nowhere'); install or remove it"),
     ("", "add-on acme: cannot be loaded (module 'acme_lenses' has no attribute 'ADDON'); install or remove it"),
     ("ADDON = 3", "add-on acme: its ADDON is no lensforge.addon.Addon"),
-    ("from lensforge.addon import Addon\nADDON = Addon('acme', names=lambda: {'design': 3})",
-     "add-on acme: design is a name that the library has; take another"),
 ])  # fmt: skip
-def test_an_add_on_that_cannot_be_used_is_refused_in_a_line(tmp_path: Path, module: str, words: str) -> None:
-    environment = installed(tmp_path, module)
-    code = "import lensforge as lf\ntry:\n    lf.no_such_name\nexcept lf.InputError as error:\n    print(error)"
-    assert ended(environment, "-c", code) == (0, f"{words}\n", "")
-    assert ended(environment, "-m", "lensforge", "examples")[0] == 0, "the core goes on"
-    if "design" not in words:
-        assert ended(environment, "-m", "lensforge", "glow") == (2, "", f"lensforge: {words}\n")
+def test_an_add_on_that_cannot_be_used_is_refused_in_a_line(
+    tmp_path: Path, module: str, words: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    installed(tmp_path, module)
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.delitem(sys.modules, "acme_lenses", raising=False)
+    (point,) = entry_points(group="lensforge.addons")
+    with pytest.raises(lf.InputError) as caught:
+        _installed(point)
+    assert str(caught.value) == words
+    sys.modules.pop("acme_lenses", None)
+
+
+def test_the_core_goes_on_beside_an_add_on_that_cannot_be_used(tmp_path: Path) -> None:
+    """A command of the core runs, one that nobody knows ends in a line, and no name of the library is taken."""
+    environment = installed(tmp_path, "ADDON = 3")
+    assert ended(environment, "-m", "lensforge", "examples")[0] == 0
+    refused = "lensforge: add-on acme: its ADDON is no lensforge.addon.Addon\n"
+    assert ended(environment, "-m", "lensforge", "glow") == (2, "", refused)
+    declared = "from lensforge.addon import Addon\nADDON = Addon('acme', names=lambda: {'design': 3})"
+    (tmp_path / "acme_lenses.py").write_text(declared, encoding="utf-8")
+    code = "import lensforge as lf\ntry:\n    lf.glow\nexcept lf.InputError as error:\n    print(error)"
+    taken = "add-on acme: design is a name that the library has; take another\n"
+    assert ended(environment, "-c", code) == (0, taken, "")
 
 
 def test_a_missing_library_is_named_with_the_remedy() -> None:

@@ -64,14 +64,17 @@ def test_docstrings_name_what_there_is() -> None:
     assert stale == []
 
 
-@pytest.mark.parametrize("room", sorted(path.parent.name for path in PACKAGE.glob("*/__init__.py")))
+ROOMS = sorted(str(path.parent.relative_to(PACKAGE)) for path in PACKAGE.glob("**/__init__.py"))
+
+
+@pytest.mark.parametrize("room", [room for room in ROOMS if "/" not in room or room.startswith("addons/")][1:])
 def test_a_room_asks_its_question_and_names_its_public_things(room: str) -> None:
     """Each name is ``module`` or ``module.name`` of the room; the specification's are those that it exports."""
     tree = _tree(PACKAGE / room / "__init__.py")
     words = ast.get_docstring(tree) or ""
     assert "?" in words.split("\n\n")[0]
     named = re.findall(r"^- ``([\w.]+)``: \w", words, re.MULTILINE)
-    assert 5 <= len(named) <= 15 or any(isinstance(node, ast.Assign) for node in tree.body)
+    assert room == "addons" or 5 <= len(named) <= 15 or any(isinstance(node, ast.Assign) for node in tree.body)
     for name in named:
         module, _, member = name.rpartition(".") if "." in name else (name, "", "")
         path = PACKAGE.joinpath(room, *module.split("."))

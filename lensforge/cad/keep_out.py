@@ -90,7 +90,7 @@ _Triangles = tuple[Float[np.ndarray, "_ 3"], Int[np.ndarray, "_ 3"]]  # vertices
 def keep_out_distance(mesh: BodyMesh, keep_out: KeepOut, error_mm: float) -> KeepOutDistance | None:
     """Measure the smallest distance from ``mesh`` to the solids of ``keep_out``; ``error_mm``: of both meshes' facets.
 
-    None where ``mesh`` is not closed, which a criterion of its own says. Raises :class:`InputError` where a mesh of the
+    None if ``mesh`` is not closed, which a criterion of its own says. Raises :class:`InputError` where a mesh of the
     solids is not closed.
     """
     import manifold3d

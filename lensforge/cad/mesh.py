@@ -345,7 +345,7 @@ def _collect(stack: list[Ring], triangles: Int[np.ndarray, "t 3"], labels: np.nd
 def manifold_of(
     vertices: Float[np.ndarray, "v 3"], triangles: Int[np.ndarray, "t 3"], faces: Int[np.ndarray, " t"] | None = None
 ) -> Any:
-    """The ``manifold3d.Manifold`` of a mesh whose neighbouring triangles share vertices, empty where it is not closed.
+    """The ``manifold3d.Manifold`` of a mesh whose neighbouring triangles share vertices, empty if it is not closed.
 
     ``faces``: numbers that its triangles keep through a union.
     """

@@ -163,8 +163,8 @@ class Part(StageResult):
     ``lens``: of which it is made. ``face_tolerance``: largest errors allowed of the optical faces in the STEP.
     ``form_error_nm``, ``normal_error_mrad``: errors of these faces as read back. ``step_valid``,
     ``step_volume_change``: of the solid in the STEP as read back, the change relative. ``volume_mm3``, ``area_mm2``: of
-    the solid. ``volume_mesh_mm3``, ``area_mesh_mm2``: of the mesh. ``mass_g``: None where the density is not known.
-    ``keep_out``: distance to the solids to be kept clear of; None where the spec has none, or the mesh is not closed.
+    the solid. ``volume_mesh_mm3``, ``area_mesh_mm2``: of the mesh. ``mass_g``: None if the density is not known.
+    ``keep_out``: distance to the solids to be kept clear of; None if the spec has none, or the mesh is not closed.
     ``bounds_mm``: least and largest corner of the box around the mesh; its vertices lie on the solid, whose box is
     larger by the chord error at most. ``watertight``, ``watertight_3mf``: the mesh is closed. ``genus``: its handles, 0
     for a lens. ``genus_difference``: from that of the solid. ``faces``: of the solid as read back. ``nodes``: of the
@@ -225,7 +225,9 @@ class Part(StageResult):
             tolerance=_keep_out_tolerance,
         ),
     ] = None
-    volume_mm3: Annotated[Number, Figure("Volume", lambda part: f"of the solid{held_by(part.lens.spec)}", digits=5)]
+    volume_mm3: Annotated[
+        Number, Figure("Volume", lambda part: f"of the solid{included_holders(part.lens.spec)}", digits=5)
+    ]
     volume_mesh_mm3: Number
     mass_g: Annotated[NotNegative | None, Figure("Mass", "volume times density", key="mass", unit="g")] = None
     area_mm2: NotNegative
@@ -280,14 +282,14 @@ class Part(StageResult):
     @property
     @figure(Figure("Density", lambda part: f"by {part.lens.spec.lens.density.source}", unit="g/cm³"))
     def density(self) -> float | None:
-        """Density of the material (g/cm³); None where it is not known."""
+        """Density of the material (g/cm³); None if it is not known."""
         stated = self.lens.spec.lens.density
         return None if stated is None else stated.g_per_cm3
 
     @property
     @figure(Figure("Mesh", "{triangulation.triangles} facets, genus {genus}", key="mesh"))
-    def closed_or_not(self) -> str:
-        """State of the mesh in words."""
+    def mesh_state(self) -> str:
+        """Closed, open, or not made: the state of the mesh."""
         return state_of_mesh(self.watertight)
 
     @property
@@ -340,8 +342,8 @@ class Part(StageResult):
         return plotter
 
 
-def held_by(spec: Spec) -> str:
-    """Words on what holds the lens and counts as part of its solid; empty where nothing does."""
+def included_holders(spec: Spec) -> str:
+    """Base and flange that the solid includes, as a note; "" without either."""
     holders = {"base": spec.base_made.kind != "none", "flange": spec.lens.rim_flange is not None}
     there = " and ".join(name for name, is_there in holders.items() if is_there)
     return f", {there} included" if there else ""

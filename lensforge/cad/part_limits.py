@@ -49,7 +49,7 @@ class UntrimmedSurfaces(Record):
 
 
 def mass_g(spec: Spec, volume_mm3: float) -> float | None:
-    """Mass (g) of a part of ``volume_mm3`` (mm^3); None where the density is not known."""
+    """Mass (g) of a part of ``volume_mm3`` (mm^3); None if the density is not known."""
     density = spec.lens.density
     return None if density is None else 1e-3 * density.g_per_cm3 * volume_mm3
 
@@ -70,7 +70,7 @@ class Signature(Record):
 class FormTolerance(Record):
     """The surface profile on ``face`` in the STEP file: ``width_um`` of its zone, half of it on each side of the face.
 
-    ``datum_faces``: the faces that are datum A, in z = 0 or of a flange; empty where the body has none.
+    ``datum_faces``: the faces that are datum A, in z = 0 or of a flange; empty if the body has none.
     """
 
     face: Text

@@ -159,7 +159,7 @@ def rim_points(face: StarShaped) -> Float[np.ndarray, "n 2"]:
 
 
 def _bore(cavity: StarShaped, base: BaseSection, outline: Outline) -> Outline | None:
-    """The bore's circle; None where it is extruded from the cavity's rim."""
+    """The bore's circle; None if it is extruded from the cavity's rim."""
     if not base.bore_setback_mm:
         return None
     azimuths = sampled_azimuths()
@@ -176,7 +176,7 @@ def _bore(cavity: StarShaped, base: BaseSection, outline: Outline) -> Outline | 
 
 
 def _relief_ring(opening: StarShaped | Outline, envelope: StarShaped, base: BaseSection) -> Outline | None:
-    """The wall of a step that is set back from the outer rim; None where it is extruded from the rim itself."""
+    """The wall of a step that is set back from the outer rim; None if it is extruded from the rim itself."""
     if not base.relief_setback_mm:
         return None
     azimuths = sampled_azimuths()

@@ -90,7 +90,7 @@ class BuiltPlate:
 def build_plate(
     lens: Lens, first_lens: LensOfPlate, nodes: int | None, tolerance: FaceTolerance, schema: Schema, date: str | None
 ) -> BuiltPlate | None:
-    """Make the plate of the spec; None where no plate is made with ``lens``.
+    """Make the plate of the spec; None if no plate is made with ``lens``.
 
     ``first_lens``: ``lens`` as exported by itself. ``nodes``, ``tolerance``: of the faces of all kinds.
     Raises :class:`InputError` for lenses that overlap, a pin in a cavity, and a file that would be too large.
@@ -225,7 +225,7 @@ def copies_off_mm(faces: Shapes, plans: Sequence[Plan[Patch]], layout: PlateLayo
 
 
 def _poles_of(face: Any) -> Float[np.ndarray, "n n 3"] | None:
-    """Poles (mm) of the spline on which a face lies, at its place; None where it lies on no spline."""
+    """Poles (mm) of the spline on which a face lies, at its place; None if it lies on no spline."""
     surface = BRep_Tool.Surface_s(face)
     return spline_poles(surface) if isinstance(surface, Geom_BSplineSurface) else None
 
@@ -262,7 +262,7 @@ def _between_mm(points: Float[np.ndarray, "n 3"], lens: BodyMesh) -> float:
 
 
 def _neighbours(layout: PlateLayout) -> Iterator[tuple[Place, float, tuple[int, int]]]:
-    """Places (mm) and turns (degrees) of lenses as near ones see them in their own coordinates, each once.
+    """Places (mm) and turns (degrees) of lenses in local coordinates of a neighbour, each once.
 
     With the kinds of both, that of the near one first.
     """
@@ -272,7 +272,7 @@ def _neighbours(layout: PlateLayout) -> Iterator[tuple[Place, float, tuple[int, 
     places = np.array([lens.place_mm for lens in lenses.lamps])
     turns = np.array(lenses.turns_deg)
     for number, lens in enumerate(lenses.lamps):
-        ways = lens.pose.own_points(places)
+        ways = lens.pose.to_local_points(places)
         near = np.flatnonzero(np.hypot(*ways.T[:2]) <= _NEIGHBOURS * lenses.nearest_mm())
         for neighbour in near[near != number]:
             x, y, turned = np.round((*ways[neighbour, :2], (turns[neighbour] - lens.turn_deg) % 360.0), 6).tolist()

@@ -180,7 +180,7 @@ class PlateLayout:
         return float(pi * np.mean(np.sum(opening**2, axis=1)) * (1.0 + scale + scale**2) / 3.0)
 
     def placed(self, points: Float[np.ndarray, "n d"], number: int) -> Float[np.ndarray, "n d"]:
-        """Points (mm) of the lens, in its own coordinates, at the place and turn of lens ``number``; d is 2 or 3."""
+        """Transform points (mm) from local coordinates of lens ``number`` to those of the plate; d is 2 or 3."""
         pose = self.lenses.lamps[number].pose
         width = points.shape[1]
         return np.asarray(points @ pose.rotation[:width, :width].T + pose.origin_mm[:width])
@@ -188,7 +188,7 @@ class PlateLayout:
     def thinnest_wall(self, openings: Sequence[_Around]) -> PlateWall | None:
         """The thinnest wall at its holes, pins and bosses; ``openings``: points (mm) around cavities of each kind.
 
-        None where it has none of them.
+        None if it has none of them.
         """
         bores = self.of_each(
             [self.bore_scale(opening) * opening for opening in openings]
@@ -226,7 +226,7 @@ class PlateLayout:
 
 
 def layout_of(lens: Lens) -> PlateLayout | None:
-    """The plate of the spec of ``lens``; None where it has none."""
+    """The plate of the spec of ``lens``; None if it has none."""
     plate = lens.spec.plate
     spec = lens.spec
     if plate is None:

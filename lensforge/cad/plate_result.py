@@ -102,7 +102,7 @@ class Plate(Record):
     @figure(
         Figure("Mesh of the plate", "{triangles} facets within {chord_error_um:2}, genus {genus}", key="plate_mesh")
     )
-    def closed_or_not(self) -> str:
+    def mesh_state(self) -> str:
         """The state of the mesh in words."""
         return state_of_mesh(self.watertight)
 

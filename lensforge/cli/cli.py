@@ -76,7 +76,7 @@ class _Group(click.Group):
         return sorted(all_commands())
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
-        """The command of a name; None where there is none."""
+        """The command of a name; None if there is none."""
         return self.commands.get(cmd_name) or all_commands().get(cmd_name)
 
     def invoke(self, context: click.Context) -> Any:

@@ -142,13 +142,13 @@ def _design_several(
 
 
 def _spec_and_leds(specs: Sequence[Path], files: Sequence[str]) -> tuple[Path, list[str]]:
-    """The one spec, and all files of LEDs: of a pattern, a shell puts all but the first among the specs."""
+    """The spec apart from the files of LEDs: a shell expands ``--sources *.ray`` into positional arguments."""
     spec = next((spec for spec in specs if spec.suffix == ".toml"), specs[0])
     return spec, [*files, *(str(file) for file in specs if file is not spec)]
 
 
-class _Looks:
-    """Looks at a lens on its way: each renews ``picture``."""
+class PreviewPicture:
+    """Evaluates the current lens during a search, and overwrites the ``picture`` with its light."""
 
     def __init__(self, picture: Path, *, shown: bool) -> None:
         self._picture = picture
@@ -156,7 +156,7 @@ class _Looks:
         self._next = 0.0
 
     def on_step(self, step: Progress) -> None:
-        """Look at the end of a level, but not twice in a second."""
+        """Evaluate at the end of a level, but not twice in a second."""
         if step.level_done and monotonic() > self._next:
             lens = step.lens()
             self.at(lens, min(_LEVEL_RAYS, lens.spec.evaluate.rays or _LEVEL_RAYS))
@@ -201,7 +201,7 @@ def preview(spec: Path, out: Path | None, shown: bool, output: Output, **options
         if second.runs:
             second.call(compile_search_kernels, content)
         heard = DesignProgress(clock, content)
-        looks = _Looks(picture, shown=shown)
+        looks = PreviewPicture(picture, shown=shown)
 
         def on_step(step: Progress) -> None:
             heard.on_step(step)

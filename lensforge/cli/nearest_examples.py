@@ -50,7 +50,7 @@ def _target(content: Mapping[str, Any]) -> Mapping[str, Any]:
 
 
 def _width_deg(content: Mapping[str, Any]) -> float | None:
-    """Full angle of the first target's width from the LED; None where its fields do not tell."""
+    """Full angle of the first target's width from the LED; None if its fields do not tell."""
     target = _target(content)
     for name in _WIDTHS:
         angle = target.get(f"{name}_deg")

@@ -190,7 +190,7 @@ OPTIONS: dict[str, Callable[[Command], Command]] = {
 
 
 with_force = click.option(
-    "--force", is_flag=True, help="Go on even where the upper bound is below half of what a target requires."
+    "--force", is_flag=True, help="Search even if the upper bound is below half of what a target requires."
 )
 
 

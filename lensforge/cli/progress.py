@@ -114,7 +114,7 @@ class StageClock:
             self._console.print(printable(message), soft_wrap=True, markup=False)
 
     def warn(self, message: str) -> None:
-        """Write a warning as one line, also where progress is not asked for."""
+        """Print a warning on one line, even with --quiet."""
         self._console.print(warning_line(message), soft_wrap=True, markup=False)
 
     def _time_left(self, task: Task) -> str:

@@ -54,19 +54,9 @@ def rays(
     Ray files of many formats, and photometric files: IES LM-63, EULUMDAT and TM-33.
     """
     require_regular_file(file, missing="give the path of a ray file or a photometric file")
-    for option, path in (("--to", to), ("--plot", plot)):
-        if path is not None:
-            require_writable(path)
-        if path is not None and path.exists() and path.samefile(file):
-            raise InputError(f"{option} {path}: is the input file; give another name")
-    if format_name and not to:
-        raise InputError(f"--format {format_name}: give --to FILE with it")
-    if ies_version and (to is None or to.suffix.lower() != ".ies"):
-        raise InputError(f"--ies-version {ies_version}: give --to FILE.ies with it; other files have no such version")
-    if (count is None) == (model and to is not None):
-        raise InputError("--model with --to FILE needs --rays N, which is for these two alone")
-    if model and (only_header or holds_far_field(file)):
-        raise InputError(f"--model {file}: of the rays of a ray file; leave it out for a header or a photometric file")
+    _require_other_files(file, to, plot)
+    _require_fitting(to, format_name, ies_version)
+    _require_fit_of_rays(file, to, model, only_header, count)
     summary: Record | Conversion | PhotometricConversion
     if model:
         summary = _model(file, to, format_name, plot, count)
@@ -116,6 +106,31 @@ def _rays(
     if to:
         return convert(file, to, format_name)
     return outline(read_rayfile(file)) if only_header else describe(read_rayfile(file))
+
+
+def _require_other_files(file: Path, to: Path | None, plot: Path | None) -> None:
+    """Raise :class:`InputError` for a file to write that cannot be written, or that is the input."""
+    for option, path in (("--to", to), ("--plot", plot)):
+        if path is not None:
+            require_writable(path)
+        if path is not None and path.exists() and path.samefile(file):
+            raise InputError(f"{option} {path}: is the input file; give another name")
+
+
+def _require_fitting(to: Path | None, format_name: str | None, ies_version: int | None) -> None:
+    """Raise :class:`InputError` for a format or a version without a file of that kind."""
+    if format_name and not to:
+        raise InputError(f"--format {format_name}: give --to FILE with it")
+    if ies_version and (to is None or to.suffix.lower() != ".ies"):
+        raise InputError(f"--ies-version {ies_version}: give --to FILE.ies with it; other files have no such version")
+
+
+def _require_fit_of_rays(file: Path, to: Path | None, model: bool, only_header: bool, count: int | None) -> None:
+    """Raise :class:`InputError` for a model of what has no rays, or that writes an unknown number of them."""
+    if (count is None) == (model and to is not None):
+        raise InputError("--model with --to FILE needs --rays N, which is for these two alone")
+    if model and (only_header or holds_far_field(file)):
+        raise InputError(f"--model {file}: of the rays of a ray file; leave it out for a header or a photometric file")
 
 
 def _model(file: Path, to: Path | None, format_name: str | None, plot: Path | None, count: int | None) -> Record:

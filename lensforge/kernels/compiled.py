@@ -80,7 +80,7 @@ class _SharedCache(FunctionCache):
     """numba's cache of a kernel; while one process compiles it, others that need it wait."""
 
     def load_overload(self, signature: Any, target: Any) -> Any:
-        """The kernel, compiled before or meanwhile by another process; None where this one is to compile it."""
+        """The kernel, compiled before or meanwhile by another process; None if this one is to compile it."""
         overload = super().load_overload(signature, target)
         if overload is None:
             with suppress(OSError):  # no locks on this file system, or no end: compiled once more

@@ -231,9 +231,9 @@ def close_in(rays, count):
 
 @inline
 def advance(rays, count, closing, least, most, tan_reach, among, outside):
-    """A step of every ray, of which ``closing`` have a bracket, but not all.
+    """Advance every ray by one step; ``closing`` of them, but not all, already bracket the root.
 
-    Where some have one both steps are computed for each ray, and one is chosen: to write under a condition, which
+    Where some do both steps are computed for each ray, and one is chosen: to write under a condition, which
     becomes a store by masks, costs some processors more than all else here.
     """
     if closing == 0:

@@ -27,9 +27,9 @@ class GlassPlate(NamedTuple):
 
 @inline
 def _passed(c, plate, row):
-    """Distance (mm) by which a ray of cosine ``c`` seems to start nearer, and its slope; what passes, and its slopes.
+    """Apparent shift (mm) of the plate for a ray of cosine ``c``, and its transmittance, both with derivatives by c.
 
-    Of the flux, and of the flux along z. ``row``: its place among the rows of the film.
+    The transmittance is of the flux, and of the flux along z. ``row``: of the ray in the tables of the film.
     """
     ratio = plate.ratio
     thickness = plate.thickness_mm

@@ -169,7 +169,7 @@ def depth(table, bounds, grid, p, enough):
 
 @inline
 def bulge(hollow, least, outward, distance_squared, length):
-    """Most by which G exceeds a chord within a path of ``length`` from a point at that distance from the origin."""
+    """Upper bound of G less its chord over a segment of ``length``, from a point at that distance from the origin."""
     impact = max(distance_squared - outward * outward, 0.0)
     nearest = max(sqrt(distance_squared if outward >= 0.0 else impact), DEEP * least)
     return 0.5 * hollow * impact * length * length / (nearest * nearest * nearest)

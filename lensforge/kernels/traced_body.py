@@ -26,7 +26,7 @@ _Record = TypeVar("_Record", bound=NamedTuple)
 
 
 def some_of(record: _Record, part: slice) -> _Record:
-    """The record of some of the rays, of which each field has a row for each; None where nobody asks."""
+    """The record of some of the rays, of which each field has a row for each; None if nobody asks."""
     return record._make(None if values is None else values[part] for values in record)
 
 
@@ -36,7 +36,7 @@ class RaysIn(NamedTuple):
     ``emitted``: flux (W). ``indices``: the body's refractive index for each ray, or one for all; ``absorptions`` its
     absorption (1/mm) likewise, or nothing where the body is clear. ``film_rows``: place of each ray among the rows of
     the tables of films, or one for all. ``noise`` (n, 2 f): slopes of the facet that each ray meets at each face, along
-    two lines and over the slope of the face, the first time; None where all faces are polished. ``fields`` (n, 12): of
+    two lines and over the slope of the face, the first time; None if all faces are polished. ``fields`` (n, 12): of
     polarised light those with which each ray begins (``kernels.fields``: real and imaginary parts of both), in the
     frame of the faces; None as from a source. ``shifts``: of light at faces that scatter by rings; None without any.
     ``keys``: of the numbers that each ray draws at a rough face which it meets again.
@@ -80,7 +80,7 @@ class TracedBody(NamedTuple):
     None: of a double lens in unpolarised light, two faces that are met in their order, whose polarisation has a closed
     form. Else polarised light is followed by its fields. Its faces are met in their order, once each, and light that
     is reflected is lost; or, where the ``bounds`` have balls, in any order, as ``kernels.nearest_face`` finds them.
-    ``slopes``: of each face, by which the noise of the rays is multiplied; None where all are polished.
+    ``slopes``: of each face, by which the noise of the rays is multiplied; None if all are polished.
     """
 
     tables: Float[np.ndarray, "f side side"]
@@ -96,7 +96,7 @@ class TracedBody(NamedTuple):
 
 
 class Ways(NamedTuple):
-    """Path (mm) of each ray to each of its events, and what it met there.
+    """Path length (mm) of each ray to each of its events, and the face that it met there.
 
     ``met``: four times the number of the face; 2 more where the ray was reflected, 1 more where it came from behind the
     face; below 0 where there was none. None for a double-freeform lens in unpolarised light.
@@ -114,8 +114,8 @@ class RaysOut(NamedTuple):
     """Rays behind a body: what ``kernels.trace`` fills, see ``scene.exit_rays``.
 
     ``points``, ``directions`` and ``absorbed`` come as zeros, and stay so where a ray does not leave or is not
-    absorbed; ``absorbed`` is empty where nothing absorbs. ``axial``: None but for a cover glass. ``fields``: filled as
-    those of :class:`RaysIn`, in the frame of the receivers; None where nobody asks.
+    absorbed; ``absorbed`` is empty if nothing absorbs. ``axial``: None but for a cover glass. ``fields``: filled as
+    those of :class:`RaysIn`, in the frame of the receivers; None if nobody asks.
     """
 
     points: Float[np.ndarray, "n 3"]

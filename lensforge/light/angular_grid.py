@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from lensforge.light.metrics import largest_without_noise
+from lensforge.light.metrics import debiased_maximum
 from lensforge.results import Extent, Metric
 from lensforge.sources.intensity import TabulatedIntensity
 from lensforge.sources.ray_bundle import RayBundle
@@ -277,7 +277,7 @@ class FittedIntensity:
     """Intensity tables (W/sr) of independent samples on ``grid``, each of all the flux; their mean is the result.
 
     ``interpolation_error``: rms, relative to the peak, of what a table of half the steps adds where the light is
-    brighter than a tenth of the peak, and one standard error of that; None where so few samples cannot tell.
+    brighter than a tenth of the peak, and one standard error of that; None if so few samples cannot tell.
     """
 
     grid: AngularGrid
@@ -291,7 +291,7 @@ class FittedIntensity:
 
     @property
     def standard_errors(self) -> Float[np.ndarray, "c g"] | None:
-        """Standard error (W/sr) at each node, by the spread of the samples; None where there is one alone."""
+        """Standard error (W/sr) at each node, by the spread of the samples; None if there is one alone."""
         count = len(self.samples)
         if count < 2:
             return None
@@ -312,7 +312,7 @@ class FittedIntensity:
     @cached_property
     def peak(self) -> Metric:
         """Largest intensity (W/sr), noise taken off."""
-        largest = largest_without_noise(self.samples.reshape(len(self.samples), -1))
+        largest = debiased_maximum(self.samples.reshape(len(self.samples), -1))
         return largest.changed(unit="W/sr")
 
 
@@ -362,7 +362,7 @@ def _before(level: Level) -> tuple[Level, Axis]:
 
 
 def _worthwhile(pyramid: _Pyramid, level: Level) -> Level | None:
-    """The finer level that gains most; None where none gains structure beyond its noise."""
+    """The finer level that gains most; None if none gains structure beyond its noise."""
     c, gamma = level
     best, gain = None, 0.0
     for finer in ((c - 1, gamma), (c, gamma - 1), (c - 1, gamma - 1)):

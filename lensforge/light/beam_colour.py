@@ -14,7 +14,7 @@ from typing import Annotated
 import numpy as np
 from jaxtyping import Float
 
-from lensforge.light.metrics import jackknife_metric, largest_without_noise, root_estimate
+from lensforge.light.metrics import debiased_maximum, jackknife_metric, root_estimate
 from lensforge.optics.colorimetry import ColourTemperature, away_from, colour_temperature, denominator, uv_of
 from lensforge.results import Count, Metric, Record, Share
 from lensforge.results.figure import Figure
@@ -60,9 +60,11 @@ class BeamColour(Record):
         light = _in_beam(pictures, level)
         if light is None:
             return None
-        totals, away = light.sum(axis=1), _away(light)
+        totals = light.sum(axis=1)
+        away = _away(light)
         mean = uv_of(totals.mean(axis=0))
-        temperature, rms = colour_temperature(mean), _rms(away)
+        temperature = colour_temperature(mean)
+        rms = _rms(away)
         return BeamColour(
             level=level,
             pixels=light.shape[1],
@@ -80,7 +82,8 @@ def distances_left_out(pictures: Pictures, level: float) -> list[dict[str, Metri
 
     None in the dark. The pixels of the beam are those of all replicates; the worst is sought among fewer of them.
     """
-    light, rows = _in_beam(pictures, level), np.arange(pictures.shape[1])
+    light = _in_beam(pictures, level)
+    rows = np.arange(pictures.shape[1])
     kept = [rows, *(rows[rows != k] for k in rows if len(rows) > 1)]
     if light is None:
         return [None] * len(kept)
@@ -90,10 +93,11 @@ def distances_left_out(pictures: Pictures, level: float) -> list[dict[str, Metri
 
 def _in_beam(pictures: Pictures, level: float) -> Light | None:
     """Light of the pixels above ``level`` of the peak; None in the dark, and where a replicate is dark there."""
-    luminous, replicates = pictures[1], pictures.shape[1]
+    luminous = pictures[1]
+    replicates = pictures.shape[1]
     if not (luminous.sum(axis=(1, 2)) > 0.0).all():
         return None
-    peak = largest_without_noise(luminous.reshape(replicates, -1)).value
+    peak = debiased_maximum(luminous.reshape(replicates, -1)).value
     light: Light = np.moveaxis(pictures[:, :, luminous.mean(axis=0) >= level * peak], 0, -1)
     return light if (light[..., 1].sum(axis=1) > 0.0).all() else None
 
@@ -121,4 +125,4 @@ def _worst(away: Float[np.ndarray, "r n 2"], rms: Metric, pixels: int = _MOST_PI
         away = away[:, np.argpartition(seen, -pixels)[-pixels:]]
     angles = 2.0 * np.pi * np.arange(_DIRECTIONS) / _DIRECTIONS
     along = away @ np.stack([np.cos(angles), np.sin(angles)])
-    return largest_without_noise(along.reshape(len(away), -1), least=rms.value)
+    return debiased_maximum(along.reshape(len(away), -1), least=rms.value)

@@ -90,13 +90,15 @@ def _places(waves: Float[np.ndarray, " n"], nodes: Float[np.ndarray, " k"]) -> F
 
 
 def _require_known(rays: RayBundle, media: Media, origin: str) -> None:
-    waves, total = rays.wavelengths_nm, float(rays.flux.sum())
+    waves = rays.wavelengths_nm
+    total = float(rays.flux.sum())
     for name, face in coated_faces(media).items():
         if face.known_nm is None:
             continue
         low, high = face.known_nm
         if waves is None:
-            share, light = float(not low <= media.wavelength_nm <= high), f"light of {media.wavelength_nm:g} nm"
+            share = float(not low <= media.wavelength_nm <= high)
+            light = f"light of {media.wavelength_nm:g} nm"
         else:
             share = float(rays.flux[(waves < low) | (waves > high)].sum()) / total
             light = f"light from {waves.min():g} to {waves.max():g} nm"
@@ -113,7 +115,9 @@ def behind_glass(rays: ExitRays, media: Media, fresnel: bool = True, coatings: R
     """``rays``, NumPy arrays, as they are behind the cover glass of ``media``; themselves where there is none."""
     if media.cover_glass is None:
         return rays
-    plate, out, lost = _plate(media.cover_glass, media, fresnel, coatings), _copied(rays), np.empty(len(rays.flux))
+    plate = _plate(media.cover_glass, media, fresnel, coatings)
+    out = _copied(rays)
+    lost = np.empty(len(rays.flux))
 
     def work(_: int, part: slice) -> None:
         behind_plate(out.part(part), plate, part_of(coatings.rows, part), lost[part])
@@ -131,7 +135,8 @@ def before_glass(
     """
     if media.cover_glass is None:
         return by
-    plate, count = _plate(media.cover_glass, media, fresnel, coatings), len(rays.flux)
+    plate = _plate(media.cover_glass, media, fresnel, coatings)
+    count = len(rays.flux)
     before = by._replace(by_directions=by.by_directions.copy(), by_flux=by.by_flux.copy(), by_axial=np.empty(count))
     out = _copied(rays)
 
@@ -150,5 +155,6 @@ def _copied(rays: ExitRays) -> RaysOut:
 
 
 def _plate(glass: CoverGlass, media: Media, fresnel: bool, coatings: RayCoatings) -> GlassPlate:
-    film, ratio = _compiled(coatings.faces.get(GLASS)), media.outside_index / glass.refractive_index
+    film = _compiled(coatings.faces.get(GLASS))
+    ratio = media.outside_index / glass.refractive_index
     return GlassPlate(fresnel, ratio, glass.thickness_mm, glass.absorption_per_mm, film)

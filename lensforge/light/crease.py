@@ -86,7 +86,7 @@ def _seen_from_source(scene: Scene, points: _Vectors) -> _Vectors:
     if scene.made is None:
         return points
     placed = scene.made.placed
-    return placed.into.own_points(points) / placed.factor_in
+    return placed.into.to_local_points(points) / placed.factor_in
 
 
 def adjoint_on(
@@ -259,7 +259,7 @@ def _gain(
     """
     across = crossing.across(in_lens(scene, rays).directions)
     if scene.made is not None:
-        across = scene.made.placed.into.own_directions(across)
+        across = scene.made.placed.into.to_local_directions(across)
     beside = []
     for sign in (1.0, -1.0):
         directions = rays.directions + sign * BESIDE * across

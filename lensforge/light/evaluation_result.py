@@ -88,15 +88,15 @@ class Light(ResultByLed):
     ``seen``: the lens as eyes of limits see it. ``place``: of the LED, where it is from a ray file or is moved.
     ``replicates``: independent samples, whose scatter gives the standard errors. ``pixels``: along the longer side of a
     map as required; lamps together may need somewhat more or fewer. ``filter``: the filter of the maps, in words.
-    ``lumens_per_watt``: efficacy of the light; None where nothing states it. ``table_nodes``: across the tables by
+    ``lumens_per_watt``: efficacy of the light; None if nothing states it. ``table_nodes``: across the tables by
     which faces are traced. ``table_error_nm``: their largest error, by face. ``preset_error``: their effect on the
-    light; None where it was not measured. ``fitted``: figures by the rays of the search.
+    light; None if it was not measured. ``fitted``: figures by the rays of the search.
     ``by_file``: of a model of a file, figures by rays of the file that it was not fitted to.
     """
 
     stage: ClassVar[str] = "evaluate"
     made_from: ClassVar[tuple[str, ...]] = ("lens", "source")
-    told_if_any: ClassVar[tuple[str, ...]] = ("ways", "seen", "place")
+    omit_if_empty: ClassVar[tuple[str, ...]] = ("ways", "seen", "place")
     judged_in: ClassVar[tuple[str, ...]] = ("criteria", "limits")
 
     receivers: Annotated[tuple[ReceiverLight, ...], Field(min_length=1)]
@@ -253,7 +253,7 @@ def _figures(light: ReceiverLight) -> str:
 
 
 class LightMetrics(Record):
-    """The metrics of one lens among several; None where a metric has no meaning."""
+    """The metrics of one lens among several; None if a metric has no meaning."""
 
     nmse: Metric
     uniformity: Metric | None
@@ -267,5 +267,5 @@ class LightMetrics(Record):
 
     @staticmethod
     def of_leds(light: Light) -> "dict[str, LightMetrics]":
-        """Metrics with each LED by its name; empty where there is one."""
+        """Metrics with each LED by its name; empty if there is one."""
         return {name: LightMetrics.of(own) for name, own in light.by_led.items()} if light.others else {}

@@ -8,10 +8,10 @@ from jaxtyping import Float
 
 from lensforge.light.beam_colour import distances_left_out
 from lensforge.light.metrics import (
+    debiased_maximum,
+    debiased_minimum,
     jackknife_metric,
-    largest_without_noise,
     least_over_mean,
-    least_without_noise,
     ratio_of,
     scaled,
     with_error,
@@ -179,7 +179,7 @@ def _glare(quantity: Quantity, unit: str, readings: Readings) -> Metric:
     if not mean.value > 0.0:
         return Metric(value=DARK, unit=unit, standard_error=0.0)
     factor, power = glare_law(quantity, mean.value)
-    found = scaled(largest_without_noise(readings[:, :-1]), factor / mean.value**power, unit)
+    found = scaled(debiased_maximum(readings[:, :-1]), factor / mean.value**power, unit)
     return with_error(found, power * found.value * (mean.standard_error or 0.0) / mean.value)
 
 
@@ -191,7 +191,7 @@ def _inverse(ratio: Metric) -> Metric:
 
 def _extreme(readings: Readings, sense: Sense) -> Metric:
     """The least reading for a lower bound, the largest for an upper one, without the noise that would choose it."""
-    return least_without_noise(readings) if sense == ">=" else largest_without_noise(readings)
+    return debiased_minimum(readings) if sense == ">=" else debiased_maximum(readings)
 
 
 def beam_angle(limit: LightLimit, light: Float[np.ndarray, " k"]) -> float:

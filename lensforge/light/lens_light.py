@@ -56,7 +56,7 @@ def evaluate(
         temperature_c: of the lens and the air around it, at which its index and its size are others.
         name: ends the name of the file of a light under other conditions; None: made from what differs.
         threads: number of threads, from 1; None: all cores.
-    Returns: The light; its ``conditions`` are those that are not nominal, None where all are.
+    Returns: The light; its ``conditions`` are those that are not nominal, None if all are.
     Raises: :class:`InputError` for an argument that is not allowed, or a file that cannot be read.
     Example:
         >>> lens = lf.load("cad_out/quickstart").lens
@@ -161,7 +161,7 @@ def _conditions(
     asked: Mapping[str, Any],
     preset: Preset,
 ) -> Conditions | None:
-    """Conditions ``asked`` that are not those of ``lens``; None where every one is. ``warnings``: on the ``source``."""
+    """Conditions ``asked`` that are not those of ``lens``; None if every one is. ``warnings``: on the ``source``."""
     evaluate, law = lens.spec.evaluate, lens.spec.lens.temperature_law
     rays = evaluate.rays or preset.evaluate_rays
     own: dict[str, Any] = {"accuracy": str(lens.accuracy), "rays": rays, "pixels": evaluate.pixels, "seed": lens.seed}
@@ -240,7 +240,7 @@ def photometry_conditions(
 
 
 def unless_own(value: _Value | None, own: _Value) -> _Value | None:
-    """``value``, or None where it is None or the lens's ``own``."""
+    """``value``, or None if it is None or the lens's ``own``."""
     return None if value == own else value
 
 

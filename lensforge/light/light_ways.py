@@ -68,7 +68,8 @@ class FluxByWay:
         """The brightest ways to the exit, what leaves by each other face to the outside, and all other light."""
         if self.chain is None:
             return ()
-        shares, names = self.flux / emitted_w, self.chain.names
+        shares = self.flux / emitted_w
+        names = self.chain.names
         brightest = np.argsort(-shares.sum(axis=0), kind="stable").tolist()
         to_exit = [number for number in brightest if number >= len(names) and shares[:, number].any()]
         sides = zip(names[:-1], self.chain.behind, strict=False)

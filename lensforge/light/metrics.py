@@ -251,7 +251,7 @@ class LeastEstimate:
 
 
 def least_over_mean(readings: Float[np.ndarray, "r k"]) -> LeastEstimate:
-    """Least over mean of the values at ``k`` places, at most 1, without noise: as :func:`least_without_noise`.
+    """Least over mean of the values at ``k`` places, at most 1, without noise: as :func:`debiased_minimum`.
 
     With a replicate without light, too, that of the mean, with its noise; 0 without any.
     """
@@ -262,8 +262,10 @@ def least_over_mean(readings: Float[np.ndarray, "r k"]) -> LeastEstimate:
     return LeastEstimate(float(mean.min() / mean.mean()) if mean.mean() > 0.0 else 0.0)
 
 
-def least_without_noise(readings: Float[np.ndarray, "r k"], most: float | None = None) -> Metric:
-    """Least of the values at ``k`` places, of which each replicate is an unbiased reading with noise.
+def debiased_minimum(readings: Float[np.ndarray, "r k"], most: float | None = None) -> Metric:
+    """Minimum over ``k`` places, corrected for the bias that noise gives the least of several readings.
+
+    Each replicate of ``readings`` is an unbiased reading of all places.
 
     It is at most ``most``, by default the mean of all readings.
 
@@ -276,12 +278,12 @@ def least_without_noise(readings: Float[np.ndarray, "r k"], most: float | None =
     return _least(readings, most).metric()
 
 
-def largest_without_noise(readings: Float[np.ndarray, "r k"], least: float | None = None) -> Metric:
-    """Largest of the values at ``k`` places: as :func:`least_without_noise`, which would be too large with noise.
+def debiased_maximum(readings: Float[np.ndarray, "r k"], least: float | None = None) -> Metric:
+    """Largest of the values at ``k`` places: as :func:`debiased_minimum`, which would be too large with noise.
 
     It is at least ``least``, by default the mean of all readings.
     """
-    negative = least_without_noise(-readings, None if least is None else -least)
+    negative = debiased_minimum(-readings, None if least is None else -least)
     return negative.changed(value=-negative.value)
 
 

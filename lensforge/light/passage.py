@@ -63,7 +63,8 @@ class BodyPassage:
 
         ``axial`` and ``fields``: whether these are kept of the rays that leave.
         """
-        count, sides = len(rays.emitted), body.sides
+        count = len(rays.emitted)
+        sides = body.sides
         absorbs = len(rays.absorptions) > 0 or (sides is not None and bool((sides.mirrors > 0.0).any()))
         ways = Ways(np.empty((count, events)), None if sides is None else np.full((count, events), -1, dtype=np.int8))
         exits = RaysOut(
@@ -103,7 +104,8 @@ class BodyPassage:
             run = self.precision.kernel(adjoint_of_pairs)
 
             def work(chunk: int, part: slice) -> None:
-                ways, packet = self.ways.part(part), _kept(adjoint_memory, 0, self.precision).packet
+                ways = self.ways.part(part)
+                packet = _kept(adjoint_memory, 0, self.precision).packet
                 run(self.rays.part(part), self.body, ways, self.exits.fates[part], by.part(part), totals[chunk], packet)
 
             in_chunks(work, len(self.rays.emitted), worth=_WORTH_SHARING)
@@ -119,7 +121,8 @@ class BodyPassage:
         return before
 
     def _back(self, by: ByRaysOut, totals: Float[np.ndarray, "c f side side"] | None, before: ByRaysIn | None) -> None:
-        events, met = self.ways.lengths.shape[1], self.met
+        events = self.ways.lengths.shape[1]
+        met = self.met
 
         def work(chunk: int, part: slice) -> None:
             gradients = BodyGradients(

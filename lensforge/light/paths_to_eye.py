@@ -20,8 +20,10 @@ from lensforge.scene.receiver import Landings
 from lensforge.sources.ray_bundle import RayBundle
 from lensforge.sources.waist import at_height
 
-_TURN_RAD, _MOST_RAD = 1e-5, 0.1  # of a difference quotient, and of a step
-_STEPS, _FLAT = 4, 1e-9  # of Newton's method; a determinant of slopes that turns nothing
+_TURN_RAD = 1e-5  # of a difference quotient
+_MOST_RAD = 0.1  # of a step
+_STEPS = 4  # of Newton's method
+_FLAT = 1e-9  # a determinant of slopes that turns nothing
 _CLOSE = 0.05  # of the blur: a ray that passes the eye so near is turned far enough
 
 Trace = Callable[[RayBundle], ExitRays]
@@ -89,7 +91,9 @@ def _seen_at(trace: Trace, pivots: Pivots, exits: ExitRays, view: EyeView) -> Fl
         places, beside = view.passed(exits)
         nearer = exits.left_lens & (np.linalg.norm(beside, axis=1) < nearest[going])
         going = going[nearer]
-        pivots, places, beside = pivots.take(nearer), places[nearer], beside[nearer]
+        pivots = pivots.take(nearer)
+        places = places[nearer]
+        beside = beside[nearer]
         nearest[going] = np.linalg.norm(beside, axis=1)
         close = nearest[going] < _CLOSE * view.blur_rad
         moved[going[close]] = places[close]

@@ -95,7 +95,8 @@ def read_back(contents: dict[str, bytes], exit_w: float, lumens_per_watt: float)
     exit_lm = exit_w * lumens_per_watt
     files = {key: _read_back(contents[name], name, exit_lm) for key, name in _FAR_FIELDS.items()}
     rayfile = decode(FileImage(Path(TM25_FILE), np.frombuffer(contents[TM25_FILE], dtype=np.uint8)))
-    watts, lumens = float(rayfile.ray_sum()), rayfile.header_flux_lm
+    watts = float(rayfile.ray_sum())
+    lumens = rayfile.header_flux_lm
     error = float(np.abs(watts / exit_w - 1.0))
     tm25 = WrittenFile(rays=len(rayfile), watts=watts, lumens=lumens, relative_error=error)
     return WrittenFiles(**files, tm25ray=tm25)
@@ -112,7 +113,8 @@ def _of_luminaire(
     """The files of a lamp of so many equal lenses that shine alike, with ``remarks``, by format; none of one lens."""
     if lenses == 1:
         return {}
-    light, led = replace(lens.intensity, values=lenses * lens.intensity.values), lens.lamps[0]
+    light = replace(lens.intensity, values=lenses * lens.intensity.values)
+    led = lens.lamps[0]
     lamps = (replace(led, lumens=lenses * (led.lumens or 0.0), count=lenses * led.count),)
     remarks = (*remarks, f"{lenses} equal lenses; their places are not known, the opening is that of one")
     whole = replace(lens, intensity=light, lamps=lamps, title=f"{lens.title}, {lenses} lenses", remarks=remarks)
@@ -148,17 +150,21 @@ def measure_photometry(
         raise InputError(f"lumens = {lumens:g}: must be above 0 and finite; leave it out to take those of the spec")
     started = time.perf_counter()
     summary = summarise(source, lens.spec.source)
-    bright, section = SourceLumens.of(lumens, summary), lens.spec.photometry
+    bright = SourceLumens.of(lumens, summary)
+    section = lens.spec.photometry
     bright.require_known(section)
     lamps = lamps_of_files(lens.spec)
     if not bright.per_1000_lm:
         bright = replace(bright, lumens=len(lamps) * bright.lumens)
     source_w = len(lamps) * source.flux_w
     light = trace_far_field(lens, source, preset, rays=rays, seed=lens.seed if seed is None else seed)
-    per_watt, fitted = bright.lumens / source_w, light.intensity
+    per_watt = bright.lumens / source_w
+    fitted = light.intensity
     tables = CandelaTables.of(fitted, per_watt)
-    candela, exit_lm = tables.whole, scaled(light.exit_w, per_watt, "lm")
-    errors, warnings = fitted.standard_errors, tuple(_warnings(bright, source, light, lens.spec))
+    candela = tables.whole
+    exit_lm = scaled(light.exit_w, per_watt, "lm")
+    errors = fitted.standard_errors
+    warnings = tuple(_warnings(bright, source, light, lens.spec))
     photometric = PhotometricFile(
         candela,
         (LampSet(bright.lumens, count=len(lamps), kind="LED"),),
@@ -167,10 +173,13 @@ def measure_photometry(
         remarks=(*warnings, *_remarks(light, per_watt)),
         issued=lens.spec.manufacture.date or "",
     )
-    lamp, lost_w = lamp_light(fitted, per_watt, section.street_side_deg), named_flux(light.by_fate_w)
-    known_lm, spectrum = None if bright.per_1000_lm else exit_lm.value, spectrum_of_source(lens.spec.source, summary)
+    lamp = lamp_light(fitted, per_watt, section.street_side_deg)
+    lost_w = named_flux(light.by_fate_w)
+    known_lm = None if bright.per_1000_lm else exit_lm.value
+    spectrum = spectrum_of_source(lens.spec.source, summary)
     contents = photometric_files(photometric, light.sample, known_lm, spectrum, ies_version)
-    files, all_lenses = read_back(contents, light.exit_w.value, per_watt), section.lenses
+    files = read_back(contents, light.exit_w.value, per_watt)
+    all_lenses = section.lenses
     of_all = _of_luminaire(photometric, all_lenses, (*warnings, *_remarks(light, all_lenses * per_watt)), ies_version)
     all_lm = all_lenses * exit_lm.value
     wholes = {key: _read_back(content, LUMINAIRE_FILES[key], all_lm) for key, content in of_all.items()}
@@ -237,7 +246,9 @@ def _warnings(bright: SourceLumens, source: Source, light: ExitLight, spec: Spec
 
 
 def _remarks(light: ExitLight, per_watt: float) -> Iterator[str]:
-    peak, error, fitted = light.intensity.peak, light.intensity.node_error, light.intensity
+    peak = light.intensity.peak
+    error = light.intensity.node_error
+    fitted = light.intensity
     if error is None:
         return
     yield (

@@ -15,7 +15,7 @@ import numpy as np
 from jaxtyping import Float
 
 from lensforge.light.angular_grid import FittedIntensity
-from lensforge.light.metrics import jackknife_error, largest_without_noise
+from lensforge.light.metrics import debiased_maximum, jackknife_error
 from lensforge.light.road_lighting import RoadFigures, RoadJudgement
 from lensforge.public import public
 from lensforge.results import (
@@ -58,7 +58,7 @@ class PlaneFigures(Record):
     """Beam in the plane of the half-planes ``c_deg`` and ``c_deg`` + 180.
 
     ``beam_angle_deg`` and ``field_angle_deg``: between the outermost directions with a half and a tenth of the largest
-    intensity of this plane, ``peak_cd`` (CIE S 017, ANSI/IES LS-1); None where it has no light.
+    intensity of this plane, ``peak_cd`` (CIE S 017, ANSI/IES LS-1); None if it has no light.
     """
 
     c_deg: Number
@@ -111,7 +111,7 @@ class CandelaTables:
     def plane(self, c_deg: float) -> PlaneFigures:
         """Beam in the plane of C = ``c_deg`` and its opposite."""
         profiles = np.stack([plane_profile(self._with(sample), c_deg)[1] for sample in self.samples])
-        peak = largest_without_noise(profiles)
+        peak = debiased_maximum(profiles)
         return PlaneFigures(
             c_deg=c_deg,
             peak_cd=peak.changed(unit="cd"),
@@ -216,7 +216,7 @@ class Photometry(ResultByLed):
     ``ies``, ``ldt``, ``tm33``, ``tm25``: content of the files.
     """
 
-    told_if_any: ClassVar[tuple[str, ...]] = ("led", "others", "luminaire")
+    omit_if_empty: ClassVar[tuple[str, ...]] = ("led", "others", "luminaire")
 
     stage: ClassVar[str] = "photometry"
 

@@ -25,7 +25,7 @@ class ReceivedFlux:
 
     The fates are those of :class:`~lensforge.kernels.fate.Fate`, where ``LEFT_LENS`` holds what landed, and
     ``MISSED_RECEIVER``, ``ABSORBED`` and ``IN_GLASS``; then each of the further bodies. ``in_regions``: in each of the
-    ``regions`` (k). ``colours``: X, Y and Z (lm) per pixel; None where nobody asks for colour.
+    ``regions`` (k). ``colours``: X, Y and Z (lm) per pixel; None if nobody asks for colour.
     """
 
     images: Float[np.ndarray, "r h w"]

@@ -18,10 +18,10 @@ from pydantic import AfterValidator, Field, model_validator
 
 from lensforge.light.beam_colour import BeamColour
 from lensforge.light.metrics import (
+    debiased_maximum,
+    debiased_minimum,
     jackknife_metric,
-    largest_without_noise,
     least_over_mean,
-    least_without_noise,
     nmse,
     ratio_of,
 )
@@ -65,14 +65,14 @@ class RegionLight(Record):
         means = readings.mean(axis=1)
         if not (means > 0.0).all():
             return None
-        least, largest = least_without_noise(readings), largest_without_noise(readings)
+        least, largest = debiased_minimum(readings), debiased_maximum(readings)
         scaled = images * (target.sum() / target.max() / images.sum(axis=(1, 2)))[:, None, None]
         return RegionLight(
             region="bright" if mask is None else "uniform",
             mean=jackknife_metric(means, float, unit),
             u0=least_over_mean(readings).metric(),
             u1=ratio_of(least, largest),
-            peak=largest_without_noise(scaled.reshape(len(images), -1)),
+            peak=debiased_maximum(scaled.reshape(len(images), -1)),
         )
 
 
@@ -120,7 +120,7 @@ class MissedByCause(Record):
 
 class RawMetrics(Record):
     """Metrics of the picture as it was binned and filtered: with ray noise, which raises NMSE and RSD, and darkens the
-    darkest pixel. ``uniformity`` and ``rsd`` are None where the spec names no mask.
+    darkest pixel. ``uniformity`` and ``rsd`` are None if the spec names no mask.
     """
 
     nmse: NotNegative
@@ -145,7 +145,7 @@ class Possible(Record):
 
     ``efficiency``, ``share_in_target``: at most. ``nmse``: at least, of the light that arrives. ``law``: the law that
     sets the share. ``estimate``: where the luminance of the source is known by its rays alone, what étendue may leave,
-    which the bounds leave out; None where the luminance is known.
+    which the bounds leave out; None if the luminance is known.
     """
 
     efficiency: Share
@@ -189,17 +189,17 @@ class ReceiverLight(Record):
     before it, and of the target, scaled to the flux there. ``nmse``: Eq. (7) with the target scaled to the flux that
     arrives. ``efficiency``: share of the emitted flux in the window; ``share_in_target``: where the target is above a
     tenth of its largest pixel, by ray. ``uniformity``, ``rsd``: min/mean, and standard deviation/mean, in
-    the region of ``uniform_mm`` or ``uniform_deg``; None where the spec names none. ``in_region``: mean light and
-    evenness there, or where the target is bright, and the peak; None where one of the replicates is dark.
+    the region of ``uniform_mm`` or ``uniform_deg``; None if the spec names none. ``in_region``: mean light and
+    evenness there, or where the target is bright, and the peak; None if one of the replicates is dark.
 
     ``lost_in_bodies``: flux lost in each of the further bodies, by its name, as shares of the emitted flux.
 
     ``nmse``, ``uniformity`` and ``rsd`` are those of the light, without ray noise; ``raw``: those of ``map``, with it.
     Where the replicates are too few to tell light from noise, both are the same, and there is no standard error.
     ``nmse_of_noise``: the NMSE of the noise in ``map``, about as much as it adds to that of ``raw``.
-    ``nmse_of_raster``: the NMSE less that on half as many pixels; None where it was not measured.
+    ``nmse_of_raster``: the NMSE less that on half as many pixels; None if it was not measured.
 
-    ``colour``: of the beam, ``tristimulus_map``: X, Y and Z (lx, or cd), filtered; None where nobody asks for colour,
+    ``colour``: of the beam, ``tristimulus_map``: X, Y and Z (lx, or cd), filtered; None if nobody asks for colour,
     and the first in the dark.
     """
 
@@ -311,7 +311,7 @@ METRICS = {
 def judged_figures(receiver: ReceiverLight, transmittance: float) -> dict[str, Fact]:
     """NMSE and share in the target on ``receiver``, judged; ``transmittance``: of both faces."""
     most, what = possible_share(receiver, transmittance)
-    nmse = Fact.measured("nmse", METRICS["nmse"], receiver.nmse, limit=LARGEST_NMSE)
+    nmse = Fact.measured("nmse", METRICS["nmse"], receiver.nmse, limit=LARGEST_NMSE, is_square=True)
     share = Fact.measured(
         "share_in_target",
         METRICS["share_in_target"],

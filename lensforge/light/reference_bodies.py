@@ -81,7 +81,7 @@ class ReferenceBody:
         return [number for number, (before, other) in sides if before == medium and other in behind]
 
     def mirror(self, number: int) -> float | None:
-        """Reflectance of the mirror on a face; None where it has none."""
+        """Reflectance of the mirror on a face; None if it has none."""
         coating = self.media.coating(self.chain.names[number])
         return coating.reflectance if isinstance(coating, Mirror) else None
 

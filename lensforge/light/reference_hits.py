@@ -38,7 +38,8 @@ CPU = torch.device("cpu")
 _SIZE_DIRECTIONS = 1000  # over the hemisphere, at which the reach of a surface is sampled
 _STEPS_AT_ONCE = 32  # of a scan
 _BACKED_OFF = 1e-9  # of the way: a scan starts so far from the face that a ray has just met
-_GOING, _BRACKETED = 3, 5  # states of a search besides the kernel's; of the second the next root is the only one ahead
+_GOING = 3  # states of a search besides the kernel's
+_BRACKETED = 5  # of the second the next root is the only one ahead
 
 OfDirections = Callable[[Float[Tensor, "n 3"]], Float[Tensor, "n *k"]]
 
@@ -150,7 +151,8 @@ class ExactFace(TracedFace):
     def next_crossing(self, rays: Approach) -> Crossing:
         """First crossings, by the scan or the guide, moved onto the face."""
         paths, found, lost = self._scanned(rays) if self.guide is None else self.guide.next_crossing(rays)
-        met, ends = rays.take(found), paths[found]
+        met = rays.take(found)
+        ends = paths[found]
         for _ in range(self.newton_steps):
             ends, _ = self.hit(met.points, met.directions, ends, met.sense)
         return Crossing(paths.index_put((found,), ends), found, lost)
@@ -158,9 +160,11 @@ class ExactFace(TracedFace):
     def _scanned(self, rays: Approach) -> Crossing:
         """First change of the sign of F; a ray that starts beyond the face is lost."""
         ends = torch.minimum(rays.limits_mm, rays.to_plane_mm).clamp(max=self.reach_mm)
-        low, high = torch.where(rays.on_face, _BACKED_OFF * ends, 0.0), ends.clone()
+        low = torch.where(rays.on_face, _BACKED_OFF * ends, 0.0)
+        high = ends.clone()
         begun = rays.on_face | self._before(rays, 0.0 * ends)
-        found, going = torch.zeros_like(begun), torch.nonzero(begun)[:, 0]
+        found = torch.zeros_like(begun)
+        going = torch.nonzero(begun)[:, 0]
         shares = torch.arange(1, self.steps + 1, device=ends.device) / self.steps
         for block in shares.to(ends).split(_STEPS_AT_ONCE):
             edges = torch.cat([low[going, None], ends[going, None] * block], dim=1)
@@ -171,11 +175,14 @@ class ExactFace(TracedFace):
             high[going] = edges.gather(1, (count + 1).clamp(max=len(block)))[:, 0]
             found[going] = count[:, 0] < len(block)
             going = going[~found[going]]
-        some, first, last = rays.take(found), low[found], high[found]
+        some = rays.take(found)
+        first = low[found]
+        last = high[found]
         for _ in range(self.bisections):
             middle = 0.5 * (first + last)
             before = self._before(some, middle)
-            first, last = torch.where(before, middle, first), torch.where(before, last, middle)
+            first = torch.where(before, middle, first)
+            last = torch.where(before, last, middle)
         return Crossing(torch.zeros_like(low).index_put((found,), 0.5 * (first + last)), found, ~begun)
 
     def _before(self, rays: Approach, paths_mm: Float[Tensor, " n"]) -> Bool[Tensor, " n"]:
@@ -229,7 +236,8 @@ class TableFace(TracedFace):
 
     def _gap_and_normal(self, points: Float[Tensor, "n 3"]) -> tuple[Float[Tensor, " n"], Float[Tensor, "n 3"]]:
         x, y, z = points.unbind(dim=1)
-        r, per_shift = torch.linalg.norm(points, dim=1), _per_shift(points)
+        r = torch.linalg.norm(points, dim=1)
+        per_shift = _per_shift(points)
         rho, rho_x, rho_y = self._value_and_slopes(x * per_shift, y * per_shift)
         radial = (rho_x * x + rho_y * y) * per_shift * per_shift
         along = (1.0 + radial) / r
@@ -245,11 +253,13 @@ class TableFace(TracedFace):
         # the second of the four coefficients that act, kept inside the table
         i, j = (at.detach().to(torch.int64).clamp(1, self.grid.side - 3) for at in (u, v))
         four = torch.arange(-1, 3, device=i.device)
-        rows, columns = (i + four[:, None])[:, None], (j + four[:, None])[None, :]
+        rows = (i + four[:, None])[:, None]
+        columns = (j + four[:, None])[None, :]
         # by one index: its backward pass adds in a fixed order, on a GPU too
         block = self.coefficients.reshape(-1)[rows * self.grid.side + columns]
         (wx, dx), (wy, dy) = (map(torch.stack, uniform_cubic(f)[:2]) for f in (u - i, v - j))
-        along, across = (block * wy).sum(dim=1), (block * dy).sum(dim=1)
+        along = (block * wy).sum(dim=1)
+        across = (block * dy).sum(dim=1)
         return (wx * along).sum(dim=0), (dx * along).sum(dim=0) * per_step, (wx * across).sum(dim=0) * per_step
 
     @torch.no_grad()
@@ -275,9 +285,11 @@ class TableFace(TracedFace):
         to that ball. Elsewhere to a root, before the only one, or a step of the parabola.
         """
         points = rays.at(t)
-        r, outward = torch.linalg.norm(points, dim=1), (points * rays.directions).sum(dim=1)
+        r = torch.linalg.norm(points, dim=1)
+        outward = (points * rays.directions).sum(dim=1)
         inside = rays.sense > 0.0
-        in_ball, far = inside & (r < self.bounds.least), ~inside & (r > self.bounds.most * (1.0 + NEAR))
+        in_ball = inside & (r < self.bounds.least)
+        far = ~inside & (r > self.bounds.most * (1.0 + NEAR))
         leaps = in_ball | far
         gap, slope = self._along(rays, t)
         only, move = self._safe_move(points, outward / r, outward, gap, slope)
@@ -302,7 +314,8 @@ class TableFace(TracedFace):
         self, r: Float[Tensor, " n"], outward: Float[Tensor, " n"], inside: Bool[Tensor, " n"]
     ) -> Float[Tensor, " n"]:
         """Path (mm) out of the ball of the least radius, or to that of the largest; infinite where it is missed."""
-        least, most = self.bounds.least, self.bounds.most
+        least = self.bounds.least
+        most = self.bounds.most
         ball = torch.where(inside, torch.full_like(r, least), most)
         square = outward**2 - (r - ball) * (r + ball)
         root = torch.sqrt(square.clamp(min=0.0))
@@ -323,21 +336,25 @@ class TableFace(TracedFace):
         the reach of the bounds nearby. After a path s the ray has turned by ``atan(s sine / (r + s cosine))``: it is
         within while ``s turning <= room``.
         """
-        r, per_shift, least = torch.linalg.norm(points, dim=1), _per_shift(points), self.bounds.least
+        r = torch.linalg.norm(points, dim=1)
+        per_shift = _per_shift(points)
+        least = self.bounds.least
         i, j = (
             ((at * per_shift - self.grid.origin) * self.bounds.per_unit).to(torch.int64).clamp(0, len(self.tiles) - 1)
             for at in points[:, :2].unbind(dim=1)
         )
         _, most_slope, most_hessian = self.tiles[i, j].unbind(dim=1)
         sine = torch.sqrt((1.0 - cosine * cosine).clamp(min=0.0))
-        turning, room = sine - self.bounds.tan_reach * cosine, r * self.bounds.tan_reach
+        turning = sine - self.bounds.tan_reach * cosine
+        room = r * self.bounds.tan_reach
         twist = torch.where(sine < cosine, 2.0 * sine * cosine, 1.0)
         bend_out = (sine * sine * (1.0 + most_hessian / r) + most_slope * twist / r) / r
         nearest = (r * sine).clamp(min=least)
         bend_in = (1.0 + (most_hessian + most_slope) / nearest) / nearest
         to_ball = -outward - torch.sqrt((outward**2 - (r - least) * (r + least)).clamp(min=0.0)) + NEAR * r
         rises = cosine >= 0.0
-        bend, path = torch.where(rises, bend_out, bend_in), torch.where(rises | (r * sine >= least), torch.inf, to_ball)
+        bend = torch.where(rises, bend_out, bend_in)
+        path = torch.where(rises | (r * sine >= least), torch.inf, to_ball)
         farthest = -2.0 * gap / slope
         only = (slope < 0.0) & (2.0 * bend * gap <= slope * slope)
         only &= (farthest * turning <= room) & (farthest <= path)
@@ -351,14 +368,18 @@ class TableFace(TracedFace):
         It converges: ``2 C F <= F'^2`` with a bound C of ``|F''|`` is the condition of Kantorovich. The search ends at
         the plane z = 0.
         """
-        roots, states = t.clone(), torch.full_like(t, LOST, dtype=torch.int8)
+        roots = t.clone()
+        states = torch.full_like(t, LOST, dtype=torch.int8)
         going = torch.arange(len(t), device=t.device)
         for _ in range(MAX_CLOSING):
             if len(going) == 0:
                 break
-            some, path = rays.take(going), roots[going]
+            some = rays.take(going)
+            path = roots[going]
             gap, slope = self._along(some, path)
-            r, plane, newton = torch.linalg.norm(some.at(path), dim=1), some.to_plane_mm, -gap / slope
+            r = torch.linalg.norm(some.at(path), dim=1)
+            plane = some.to_plane_mm
+            newton = -gap / slope
             converged = (newton.abs() <= TOLERANCE * r) | (gap.abs() <= ROUNDING * r)
             below = ~converged & (gap > 0.0) & (path >= plane)
             ahead = torch.minimum(path + newton, plane)

@@ -66,9 +66,11 @@ class ReferenceRoughness:
         if self.facet is None:
             return unit
         noise, slopes = self.facet
-        rms, normal = slopes[met.face], noise[met.numbers, 2 * met.face : 2 * met.face + 2]
+        rms = slopes[met.face]
+        normal = noise[met.numbers, 2 * met.face : 2 * met.face + 2]
         again = self._again(met)
-        length, turn = torch.sqrt(-2.0 * torch.log1p(-again[:, 0])), 2.0 * torch.pi * again[:, 1]
+        length = torch.sqrt(-2.0 * torch.log1p(-again[:, 0]))
+        turn = 2.0 * torch.pi * again[:, 1]
         later = torch.stack([length * torch.cos(turn), length * torch.sin(turn)], dim=1)
         drawn = rms * torch.where(met.times[:, None] > 0, later, normal)
         tilt = _on_face(torch.complex(drawn[:, 0], drawn[:, 1]), unit)
@@ -83,9 +85,11 @@ class ReferenceRoughness:
         model = self.models[met.face]
         if self.rings is None or not isinstance(model, RingScatter):
             return directions, fields
-        first, n = self.rings[met.numbers, 2 * met.face : 2 * met.face + 2], ahead.normals
+        first = self.rings[met.numbers, 2 * met.face : 2 * met.face + 2]
+        n = ahead.normals
         numbers = torch.where(met.times[:, None] > 0, self._again(met), first)
-        shift, keep = _amount(model, numbers[:, 0], ahead.cosine)[:, None], float(model.follows)
+        shift = _amount(model, numbers[:, 0], ahead.cosine)[:, None]
+        keep = float(model.follows)
         turn = 2.0 * torch.pi * numbers[:, 1]
         shifted = shift * _on_face(torch.complex(torch.cos(turn), torch.sin(turn)), ahead.outward)
         t = shifted + keep * (directions - (directions * n).sum(dim=1, keepdim=True) * n)
@@ -101,7 +105,8 @@ class ReferenceRoughness:
         drawn = torch.zeros((len(met.numbers), 2), dtype=torch.float64)
         rows = torch.nonzero(met.times.cpu() > 0)[:, 0]
         if self.keys is not None and len(rows):
-            keys, times = self.keys[met.numbers.cpu()[rows].numpy()], met.times.cpu()[rows].numpy()
+            keys = self.keys[met.numbers.cpu()[rows].numpy()]
+            times = met.times.cpu()[rows].numpy()
             drawn[rows] = torch.from_numpy(numbers_again(keys, met.face, times))
         return drawn.to(met.numbers.device)
 
@@ -120,7 +125,8 @@ def _seen(rms: Float[Tensor, ""], c: Float[Tensor, "n 1"], along: Float[Tensor, 
     the same share of the density (k + x) exp(-x^2/2) lies.
     """
     sign = torch.where(c > 0.0, 1.0, -1.0).to(c.dtype)
-    cosine, drawn = sign * c, sign * along
+    cosine = sign * c
+    drawn = sign * along
     squared = (1.0 - c**2).clamp(min=0.0)
     nearly = rms * torch.sqrt(squared) <= _NEARLY_ALONG * cosine
     a, w = (torch.where(nearly, each, 0.0) / torch.where(nearly, cosine, 1.0) for each in (drawn, 0.0 * c + rms))
@@ -128,18 +134,21 @@ def _seen(rms: Float[Tensor, ""], c: Float[Tensor, "n 1"], along: Float[Tensor, 
     sine = torch.sqrt(torch.where(nearly, 1.0, squared))
     width = rms * torch.where(nearly, 1.0, sine)
     width = torch.where(width > 0.0, width, 1.0)
-    number, cotangent = torch.where(nearly, 0.0, drawn) / width, torch.where(nearly, 1.0, cosine) / width
+    number = torch.where(nearly, 0.0, drawn) / width
+    cotangent = torch.where(nearly, 1.0, cosine) / width
     return sign * torch.where(nearly, series, rms * (_seen_number(number, cotangent) - number) / sine)
 
 
 def _seen_number(a: Float[Tensor, "n 1"], k: Float[Tensor, "n 1"]) -> Float[Tensor, "n 1"]:
     """The number x that is seen, by halving; its derivatives are those of one step of Newton's."""
     with torch.no_grad():
-        low, high = torch.maximum(a, -k), a.clamp(min=0.0) + _WIDEST
+        low = torch.maximum(a, -k)
+        high = a.clamp(min=0.0) + _WIDEST
         for _ in range(_HALVINGS):
             x = 0.5 * (low + high)
             less = _missing(x, a, k) > 0.0
-            low, high = torch.where(less, x, low), torch.where(less, high, x)
+            low = torch.where(less, x, low)
+            high = torch.where(less, high, x)
         density = (k + x) * _bell(x)
     return x + _missing(x, a, k) / density
 

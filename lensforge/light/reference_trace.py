@@ -235,7 +235,7 @@ class _Passage:
         return self._back_into_cavity(rays, light.last, hits) if back else hits
 
     def _back_into_cavity(self, rays: Approach, last: Int[Tensor, " n"], hits: Hits) -> Hits:
-        """Hits on the way of rays in the body back into the cavity, the intersection of what its faces hold.
+        """Crossings where rays in the body enter the cavity again, which is the intersection of all its faces' insides.
 
         A ray outside of one of them is followed to where it enters that one, until it is in all: it cannot have been in
         the cavity before.

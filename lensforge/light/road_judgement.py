@@ -176,7 +176,7 @@ def held_spacing(road: RoadSection, candela: Candela, most_steps: int = 120) -> 
     """The largest spacing at which lamps of these intensities hold the class of ``road``, all else as it is.
 
     By steps of a tenth of the pole height, from ``most_steps`` of them down to a half of it, and to 1 mm at both ends;
-    None where no step holds it.
+    None if no step holds it.
     """
     read = _Reader(candela)
 

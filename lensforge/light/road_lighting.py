@@ -13,7 +13,7 @@ from jaxtyping import Float
 
 from lensforge.light.evaluation_result import JudgedLimits
 from lensforge.light.luminaire_classes import BugRating, DistributionType, LampLight, ZoneLumens, distribution_type
-from lensforge.light.metrics import largest_without_noise, scaled
+from lensforge.light.metrics import debiased_maximum, scaled
 from lensforge.results import Count, Fact, Group, Metric, NotNegative, Positive, Record, Sense, Text
 from lensforge.results.figure import Figure, facts_in
 from lensforge.scene.road_classes import glare_law
@@ -54,7 +54,7 @@ def glare_intensities(lamp: LampLight, lumens: float) -> GlareIntensities:
 def _largest_from(lamp: LampLight, gamma_deg: float, scale: float) -> Metric:
     nodes = np.append(gamma_deg, lamp.grid.gamma_deg[lamp.grid.gamma_deg > gamma_deg])
     lateral, gamma = (each.ravel() for each in np.meshgrid(lamp.grid.c_deg - lamp.street_deg, nodes, indexing="ij"))
-    found = largest_without_noise(scale * lamp.intensities(lateral, gamma))
+    found = debiased_maximum(scale * lamp.intensities(lateral, gamma))
     return found.changed(value=max(found.value, 0.0), unit="cd/klm")
 
 
@@ -111,7 +111,7 @@ class RoadJudgement(Record):
     ``drivers``: by their lanes. ``s1``: None of a table that ends before tan gamma = 2.
     ``edges``: ratio of the illuminance beside the road to that within, at the right and at the left edge. ``mean_lx``,
     ``least_lx``, ``uniformity_lx``: horizontal illuminance of the road. ``power_density`` (W per lx and m^2, D_P) and
-    ``yearly_energy`` (kWh per m^2, AECI): None where the power of a lamp is not known.
+    ``yearly_energy`` (kWh per m^2, AECI): None if the power of a lamp is not known.
     """
 
     name: Text
@@ -180,7 +180,7 @@ def _flux_remedy(limits: Sequence[Fact]) -> str:
 class HeldSpacing:
     """Spacings (m) of poles at which a class is held, from ``least`` to ``largest``; ``beyond``: what is missed there.
 
-    ``beyond``: None where the largest is 12 pole heights, the most that a road may have.
+    ``beyond``: None if the largest is 12 pole heights, the most that a road may have.
     """
 
     least: float

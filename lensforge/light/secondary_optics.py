@@ -27,7 +27,9 @@ from lensforge.sources.ray_bundle import RayBundle
 from lensforge.surfaces.bicubic_table import TableGrid, table_error, tabulate
 
 TWO_FACES = Chain(DOUBLE, ("cavity", "body"), ("body", "outside"), 2)
-_FEWEST_NODES, _MOST_NODES, _TABLE_ERROR_MM = 49, 769, 1e-6  # a nanometre
+_FEWEST_NODES = 49
+_MOST_NODES = 769
+_TABLE_ERROR_MM = 1e-6  # a nanometre
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,7 +45,8 @@ class TabledOptic:
 @lru_cache(maxsize=32)
 def tabled(optic: SecondaryOptic) -> TabledOptic:
     """Tables of an optic within a nanometre of its faces, or as fine as tables are."""
-    nodes, faces = _FEWEST_NODES, (optic.inner, optic.outer)
+    nodes = _FEWEST_NODES
+    faces = (optic.inner, optic.outer)
     while True:
         grid = TableGrid(nodes)
         tables = np.stack([tabulate(grid, face) for face in faces])
@@ -85,7 +88,9 @@ def _passage(
 ) -> BodyPassage:
     if exits.fields is None or exits.carried is None:
         raise ValueError("light that comes to an optic has its polarisation")
-    media, place, waves = optic.media(around), tabled(optic), rays.waves
+    media = optic.media(around)
+    place = tabled(optic)
+    waves = rays.waves
     coatings = RayCoatings.of(replace(rays, flux=exits.carried), media, fresnel, f"body {optic.name!r}: ")
     body = TracedBody(
         tables=place.tables,

@@ -22,7 +22,7 @@ class SeenLens(Record):
 
     ``label``: of the limit. ``side_mm``: of the square picture, at the lens; ``spot_mm``: diameter of a spot. ``map``:
     radiance (W/(m² sr)), [row y, column x], of the spot about each pixel. ``outline``: corners (mm) of the convex
-    outline of all places that light leaves, and ``mean`` the radiance over it; None where no light leaves.
+    outline of all places that light leaves, and ``mean`` the radiance over it; None if no light leaves.
     """
 
     label: Text

@@ -285,7 +285,7 @@ def bundles(source: Source, rays: int, replicates: int, seed: int) -> Iterator[t
 
 @dataclass(frozen=True)
 class ReplicateMetrics:
-    """Metrics on one receiver before they are records; None where the spec names no mask.
+    """Metrics on one receiver before they are records; None if the spec names no mask.
 
     ``efficiency``: share of the emitted flux in the window, of each replicate.
     """
@@ -362,7 +362,7 @@ def traced_light(traced: TracedLens, spec: Spec, source: Source, rays: int, seed
 
 
 def lit_mask(mask: Bool[np.ndarray, "h w"] | None, images: Images) -> Bool[np.ndarray, "h w"] | None:
-    """``mask``; None where there is none, no pixel lies in it, or no light falls anywhere."""
+    """``mask``; None if there is none, no pixel lies in it, or no light falls anywhere."""
     return mask if mask is not None and mask.any() and images.sum() > 0.0 else None
 
 

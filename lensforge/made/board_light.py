@@ -252,7 +252,7 @@ class BoardLight(PartLight):
 
 
 def in_plate(deviations: Deviations, lamp: Lamp) -> Deviations:
-    """Deviations of one lens of a plate, in its own frame, from those of the plate about its middle.
+    """Deviations of one lens of a plate, in its local frame, from those of the plate about its middle.
 
     A plate that shrinks or tilts moves its lenses, each as far as it stands from the middle.
     """
@@ -260,5 +260,5 @@ def in_plate(deviations: Deviations, lamp: Lamp) -> Deviations:
     about_x, about_y = deviations.get("lens_tilt_deg", none).tolist()
     moved = deviations.get("lens_shift_mm", none) + float(deviations.get("shrinkage", none)[0]) * np.array([x, y])
     raised = float(deviations.get("lens_height_mm", none)[0]) + about_x * y - about_y * x
-    shift, tilt = lamp.pose.own_directions(np.array([[*moved, raised], [about_x, about_y, 0.0]]))
+    shift, tilt = lamp.pose.to_local_directions(np.array([[*moved, raised], [about_x, about_y, 0.0]]))
     return {**deviations, "lens_shift_mm": shift[:2], "lens_height_mm": shift[2:], "lens_tilt_deg": tilt[:2]}

@@ -144,12 +144,14 @@ class MeasuredParts:
 
     def of(self, parts: Iterable[int], scales: Scales | None = None) -> Float[np.ndarray, "n m 2"]:
         """Metrics of ``parts`` with some of their deviations scaled."""
-        known, rays = self.kept.known, self.study.recipe.rays
+        known = self.kept.known
+        rays = self.study.recipe.rays
         scaled = tuple(sorted((name, factor) for name, factor in (scales or {}).items() if factor != 1.0))
         jobs = [(number, scaled) for number in parts]
         missing = [job for job in jobs if (rays, job) not in known]
         chunks = [tuple(missing[first : first + _CHUNK]) for first in range(0, len(missing), _CHUNK)]
-        saved, done = time.monotonic(), len(jobs) - len(missing)
+        saved = time.monotonic()
+        done = len(jobs) - len(missing)
         try:
             for number, values in self._measured(chunks) if chunks else ():
                 known.update(zip(((rays, job) for job in chunks[number]), values, strict=True))

@@ -41,7 +41,8 @@ def measure_sensitivity(lens: Lens, *, rays: int, progress: Callable[[int, int],
     standard error of a change is that of what is left. ``progress`` is called after each lens with the number of lenses
     traced and of all.
     """
-    announce, steps = progress or (lambda done, total: None), count(1)
+    announce = progress or (lambda done, total: None)
+    steps = count(1)
     study = PartStudy(Recipe(lens, 1, rays, lens.seed, rays))
     require_feasible_tolerances(lens, study.factors)
     errors = [error for factor in study.factors for error in single_errors(study, factor)]
@@ -51,8 +52,11 @@ def measure_sensitivity(lens: Lens, *, rays: int, progress: Callable[[int, int],
 
 def _with(led: LedStudy, errors: Sequence[SingleError], announce: Callable[[], object]) -> Sensitivity:
     """The change of the light of one LED by each of ``errors``; ``announce``: called after each lens."""
-    started, lens, rows = time.perf_counter(), led.study.recipe.lens, list[ErrorRow]()
-    designed, rays = led.designed.metrics[0], len(led.light.held)
+    started = time.perf_counter()
+    lens = led.study.recipe.lens
+    rows = list[ErrorRow]()
+    designed = led.designed.metrics[0]
+    rays = len(led.light.held)
     announce()
     for error in errors:
         part = led.light.measured(led.light.received(led.made(error.deviations)))
@@ -72,7 +76,9 @@ def _with(led: LedStudy, errors: Sequence[SingleError], announce: Callable[[], o
 
 def single_errors(study: PartStudy, factor: Factor) -> Iterator[SingleError]:
     """A tolerance at its end: to both sides or, in two directions, along each; a form error in one random shape."""
-    amount, unit, lamps = factor.amount, factor.unit, len(study.lamps)
+    amount = factor.amount
+    unit = factor.unit
+    lamps = len(study.lamps)
     if factor.kind == "field":
         shapes = {number: {factor.name: _shape(kind, factor)} for kind in study.kinds for number in kind.numbers}
         yield SingleError(factor.words, amount, unit, tuple(shapes[number] for number in range(lamps)))
@@ -92,10 +98,12 @@ def single_errors(study: PartStudy, factor: Factor) -> Iterator[SingleError]:
 def _shape(kind: LensOnBoard, factor: Factor) -> Float[np.ndarray, " k"]:
     """Numbers (mm) of a random shape of which the rms along the normal, over the face, is the amount."""
     numbers = np.random.default_rng([_SHAPE_SEED, *factor.name.encode()]).standard_normal(factor.numbers)
-    amount, tables = factor.amount * factor.to_internal, kind.maker.errors[factor.name].tables
+    amount = factor.amount * factor.to_internal
+    tables = kind.maker.errors[factor.name].tables
     if not len(tables):  # too fine for the tables: its slope counts, by the rms of its numbers
         return amount * numbers / float(np.sqrt(np.mean(numbers**2)))
-    body, u = kind.lens.body, fibonacci_hemisphere(_SAMPLES)
+    body = kind.lens.body
+    u = fibonacci_hemisphere(_SAMPLES)
     face = next(face for face in body.faces if factor.name.startswith(f"{face.name}_"))
     beside = body.bounding(face.before)
     u = u[nearest(beside, u) == beside.index(face)]

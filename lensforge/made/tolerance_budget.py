@@ -197,7 +197,7 @@ def _error(share: float, count: int) -> float:
 
 
 def flux_needed(bounds: Sequence[MetricBound], values: Float[np.ndarray, "n b"], wanted: float) -> FluxNeeded | None:
-    """Least flux of the LED at which a share ``wanted`` of the parts keeps all ``bounds``; None where none asks for it.
+    """Least flux of the LED at which a share ``wanted`` of the parts keeps all ``bounds``; None if none asks for it.
 
     ``values``: of the bounded metrics, which are known at any flux as each grows by a power of it.
     """

@@ -145,7 +145,8 @@ class MetricSpread(Record):
     """Distribution of a metric over the parts; ``designed``: of the lens as designed, by its own many rays.
 
     ``p5``, ``p50``, ``p95``: percentiles; ``mean`` and ``spread`` (standard deviation, without ray noise) of the parts.
-    ``standard_error``: of one part's change from the designed lens, the median over the parts.
+    ``standard_error``: of one part's change from the designed lens, the median over the parts. That of ``mean`` is by
+    the parts and by the rays.
     """
 
     unit: Text
@@ -203,7 +204,7 @@ class RoadYield(Record):
 
     The margin of a part is the least distance of all that the class asks for to its bound, relative to that, and below
     0 beyond one. ``nearest``: the metric from which most parts have it, ``nearest_share`` of them; ``variance``: causes
-    of the margin, None where the rays' noise outweighs its spread.
+    of the margin, None if the rays' noise outweighs its spread.
     """
 
     name: Text
@@ -252,7 +253,7 @@ class Budget(Record):
     def cheapest(self) -> BudgetRow | None:
         """The tolerance that reaches the share alone, by the least change relative to what is specified.
 
-        None where none does, and where none needs to.
+        None if none does, and where none needs to.
         """
         tight = [row for row in self.alone if row.at_most is not None and 0.0 < row.at_most < row.specified]
         return max(tight, key=lambda row: (row.at_most or 0.0) / row.specified, default=None)
@@ -313,7 +314,7 @@ class Yield(SimulatedResult):
     spec leaves out. ``tolerances``: amount and distribution of each. ``bounds``: what a part must keep. ``pass_rate``:
     share of the parts that do, with its interval. ``metrics``: spread of each metric over the parts. ``variance``:
     shares of its variance by cause. ``roads``: those of the spec. ``budget``: largest amount of each tolerance; None
-    where it was not sought. ``flux``: that of the LED at which enough parts pass; None where no bound depends on it.
+    where it was not sought. ``flux``: that of the LED at which enough parts pass; None if no bound depends on it.
     ``worst``: the worst parts. ``worst_leds``: LED with which each of them is worst.
     ``notes``: remarks on the study. ``columns``: names of the numbers drawn and of the metrics. ``table``: a row for
     each part; numbers in the unit of the spec, those of each of several lamps left out. ``worst_maps``: light of the
@@ -321,7 +322,7 @@ class Yield(SimulatedResult):
     """
 
     stage: ClassVar[str] = "yield"
-    told_if_any: ClassVar[tuple[str, ...]] = ("leds", "worst_leds")
+    omit_if_empty: ClassVar[tuple[str, ...]] = ("leds", "worst_leds")
 
     parts: Annotated[Count, Field(ge=2, le=MOST_PARTS)]
     lamps: Count = 1

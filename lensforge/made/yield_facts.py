@@ -187,7 +187,7 @@ def pass_sentence(study: Yield) -> str:
 
 
 def budget_sentence(study: Yield) -> str:
-    """A sentence on the meaning of the budget; empty where there is none."""
+    """A sentence on the meaning of the budget; empty if there is none."""
     if study.budget is None:
         return ""
     wanted, parts = percent(study.budget.pass_rate), quantity(study.budget.parts)
@@ -334,4 +334,4 @@ def _of_limits(named: Iterable[tuple[str, Metric]]) -> Iterator[Fact]:
 def _change(row: ErrorRow, end: str) -> Group:
     size = Fact("amount", "Amount", row.amount, _UNITS.get(row.unit, row.unit), digits=3)
     limits = _of_limits((each.name, each.change) for each in row.limits)
-    return Group("error", f"{row.name}{end}", (size, *limits, *metric_facts(row.change)))
+    return Group("error", f"{row.name}{end}", (size, *limits, *metric_facts(row.change, changes=True)))

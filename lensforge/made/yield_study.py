@@ -116,6 +116,7 @@ _MOST_OF_LAMPS = 2**24  # of one of several lamps as designed, whose pictures ar
 _PILOT = 32
 _LARGEST_ERROR = 0.1  # of a part's metric, as a share of the spread over the parts
 _OF_DISTANCE, _LARGEST_BUDGET_ERROR = 0.1, 0.3
+_IN_COMMON = 0.5  # of the variance by the rays of a part's change: all parts have it, measured 0.4 to 0.6
 _LEAST_SPREAD = 0.01  # of the metric: nobody needs to know a smaller spread to a tenth of it
 _WORST = 3
 
@@ -232,9 +233,15 @@ def _true_spread(values: Float[np.ndarray, "n 2"]) -> float:
 
 
 def _spread(designed: Metric, values: Float[np.ndarray, "n 2"]) -> MetricSpread:
-    """Distribution of one metric, without the scatter that ray noise adds."""
+    """Distribution of one metric, without the scatter that ray noise adds.
+
+    The mean is uncertain by the choice of the parts, by the light of the lens as designed, from which all of them are
+    changes, and by what the changes have in common of the noise of the rays, which are the same for all.
+    """
     spread, scatter = _true_spread(values), float(values[:, 0].std(ddof=1))
-    mean = float(values[:, 0].mean())
+    mean, noise = float(values[:, 0].mean()), float(np.sqrt(np.mean(values[:, 1] ** 2)))
+    of_parts, of_rays = scatter / float(np.sqrt(len(values))), float(np.sqrt(_IN_COMMON)) * noise
+    error = float(np.linalg.norm([of_parts, designed.standard_error or 0.0, of_rays]))
     p5, p50, p95 = np.percentile(drawn_to_mean(values[:, 0], spread), [5.0, 50.0, 95.0]).tolist()
     return MetricSpread(
         unit=designed.unit,
@@ -242,7 +249,7 @@ def _spread(designed: Metric, values: Float[np.ndarray, "n 2"]) -> MetricSpread:
         p5=p5,
         p50=p50,
         p95=p95,
-        mean=Metric(value=mean, unit=designed.unit, standard_error=scatter / float(np.sqrt(len(values)))),
+        mean=Metric(value=mean, unit=designed.unit, standard_error=error),
         spread=spread,
         standard_error=float(np.median(values[:, 1])),
     )

@@ -156,7 +156,7 @@ class ExitColumn:
         return np.minimum(projected, pi)
 
     def _summed(self, points: _Points, normals: _Points, azimuths: int) -> Float[np.ndarray, "k n"]:
-        """Sum over half-planes, in each of which a slab is a rectangle that polar angles of its corners bound."""
+        """Integrate over the azimuth: in each half-plane a slab is a rectangle, bound by angles of its corners."""
         turns, weights, near, beyond = self._half_planes(np.hypot(points[:, 0], points[:, 1]), azimuths)
         towards = np.arctan2(-points[:, 1], -points[:, 0])[:, None] + turns
         slope = normals[:, :1] * np.cos(towards) + normals[:, 1:2] * np.sin(towards)

@@ -130,7 +130,7 @@ def transmittance_of(media: Media) -> float:
     Light leaves a reflector without any loss where it leaves directly: 1. Bodies behind the lens count likewise.
     """
     behind = prod((transmittance_of(body.media(media)) for body in media.bodies), start=1.0)
-    if media.open_mirror is not None:
+    if media.exit_mirror is not None:
         return behind
     index = np.full(1, media.body.refractive_index)
     sides = zip(least_by_way(media, None), (media.cavity_index, media.outside_index), strict=True)

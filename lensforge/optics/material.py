@@ -272,8 +272,8 @@ class Material:
     """A lens material: its formula, the range (nm) in which it was measured, and its publication.
 
     ``extrapolation_error``: by how much other formulas fitted to the same numbers differ from it at the ends of the
-    trusted range, measured by `benchmarks/extrapolation.py`; None where nothing is known of that, and the index is not
-    used beyond the range. ``absorption`` is None where nothing is known of it: then the material is clear.
+    trusted range, measured by `benchmarks/extrapolation.py`; None if nothing is known of that, and the index is not
+    used beyond the range. ``absorption`` is None if nothing is known of it: then the material is clear.
     ``temperature``: its change with temperature, where that is known.
     """
 

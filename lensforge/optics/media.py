@@ -161,7 +161,7 @@ class Medium:
         return indices if self.index_error == 0.0 else indices + self.index_error
 
     def absorption(self, waves: Wavelengths | None) -> Float[np.ndarray, " k"]:
-        """Absorption (1/mm) for each ray, or one for all; empty where the medium is clear."""
+        """Absorption (1/mm) for each ray, or one for all; empty if the medium is clear."""
         if waves is not None and self.material is not None:
             of_material = waves.values_of(self.material)[1]
             if of_material is not None:
@@ -300,7 +300,7 @@ class Media:
         return next((coating.coating for coating in self.coatings if coating.face == face), None)
 
     def scattering_of(self, faces: Sequence[str]) -> tuple[GaussianFacets | RingScatter | None, ...] | None:
-        """Scatter of each of these faces; None where all are polished."""
+        """Scatter of each of these faces; None if all are polished."""
         known = {scatter.face: scatter.model for scatter in self.scatter}
         return tuple(map(known.get, faces)) if known else None
 
@@ -331,8 +331,8 @@ class Media:
         return replace(self, scatter=(), bodies=bodies)
 
     @property
-    def open_mirror(self) -> Mirror | None:
-        """The mirror of an open body, by which light leaves that does not leave directly; None for a lens."""
+    def exit_mirror(self) -> Mirror | None:
+        """Mirror of a reflector, by which light leaves that does not leave directly; None for a lens."""
         if not any(face.is_open for face in self.faces):
             return None
         coatings = (self.coating(face.name) for face in bounding(self.faces, CAVITY))

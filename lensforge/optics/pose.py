@@ -1,9 +1,9 @@
 """Poses: where a thing stands and how it is turned, the same for a source, a lamp, a body, a receiver and a made part.
 
-A thing has right-handed axes of its own. It is turned about its z axis, from x towards y, then its z axis is tilted:
-by angles about the fixed axes x and then y of what it stands in, by the right-hand rule; or the shortest way into a
-direction, and about y by half a turn into -z, to which all ways are as short. Last it is shifted. Angles of a spec are
-in degrees, and quarter turns are exact. A small displacement is one rotation vector (rad) instead.
+A local frame is right-handed. It is turned about its z axis, from x towards y, then its z axis is tilted: by angles
+about the fixed axes x and then y of the parent frame, by the right-hand rule; or the shortest way into a direction, and
+about y by half a turn into -z, to which all ways are as short. Last it is shifted. Angles of a spec are in degrees, and
+quarter turns are exact. A small displacement is one rotation vector (rad) instead.
 """
 
 from dataclasses import dataclass
@@ -27,9 +27,9 @@ _STRAIGHT_BACK = -1.0 + 1e-12  # z of a unit vector, as straight as numbers of 1
 
 @dataclass(frozen=True)
 class Pose:
-    """A right-handed frame in another: its ``origin_mm`` and its unit ``axes`` x, y, z, in coordinates of that other.
+    """A local frame in its parent: its ``origin_mm`` and its unit ``axes`` x, y, z, in coordinates of the parent.
 
-    The module says in which order a thing is turned, tilted and shifted. Its own coordinates are ``own``.
+    With the axes as the columns of R, ``parent = R local + origin``.
     """
 
     origin_mm: Vector = ORIGIN
@@ -72,7 +72,7 @@ class Pose:
 
     @property
     def rotation(self) -> _Matrix:
-        """Matrix that takes directions of its own to those of what it stands in: the axes are its columns."""
+        """Matrix from local to parent directions: the axes are its columns."""
         return np.array(self.axes).T
 
     @property
@@ -97,45 +97,47 @@ class Pose:
         """The frame moved to this origin."""
         return Pose(_vector(origin_mm), self.axes)
 
-    def points(self, own: Float[Array, "*n 3"], factor: float = 1.0) -> Float[Array, "*n 3"]:
-        """Points (mm) of its own coordinates in those of what it stands in; NumPy or torch, as all that follow.
+    def points(self, local: Float[Array, "*n 3"], factor: float = 1.0) -> Float[Array, "*n 3"]:
+        """Transform points (mm) from local to parent coordinates; NumPy or torch, as all that follow.
 
-        ``factor``: of lengths, where those of its own are in another measure.
+        ``factor``: parent lengths over local ones.
         """
-        placed = own @ like(own, self.axes)
+        placed = local @ like(local, self.axes)
         if factor != 1.0:
             placed *= factor
-        placed += like(own, self.origin_mm)
+        placed += like(local, self.origin_mm)
         return placed
 
-    def directions(self, own: Inexact[Array, "*n 3"]) -> Inexact[Array, "*n 3"]:
-        """Directions, or fields, of its own coordinates in those of what it stands in."""
-        return own @ like(own, self.axes)
+    def directions(self, local: Inexact[Array, "*n 3"]) -> Inexact[Array, "*n 3"]:
+        """Rotate directions or fields from local to parent coordinates."""
+        return local @ like(local, self.axes)
 
-    def own_points(self, points: Float[Array, "*n 3"]) -> Float[Array, "*n 3"]:
-        """Points (mm) in its own coordinates."""
+    def to_local_points(self, points: Float[Array, "*n 3"]) -> Float[Array, "*n 3"]:
+        """Transform points (mm) from parent to local coordinates."""
         return (points - like(points, self.origin_mm)) @ like(points, self.axes).T
 
-    def own_directions(self, directions: Inexact[Array, "*n 3"]) -> Inexact[Array, "*n 3"]:
-        """Directions, or fields, in its own coordinates."""
+    def to_local_directions(self, directions: Inexact[Array, "*n 3"]) -> Inexact[Array, "*n 3"]:
+        """Rotate directions or fields from parent to local coordinates."""
         return directions @ like(directions, self.axes).T
 
-    def own_map(self, linear: _Matrix) -> _Matrix:
-        """A linear map of directions, such as a mirror, in its own coordinates."""
+    def to_local_map(self, linear: _Matrix) -> _Matrix:
+        """A linear map of parent directions, such as a mirror, in local coordinates."""
         axes = np.array(self.axes)
         return np.asarray(axes @ linear @ axes.T)
 
     def after(self, inner: "Pose") -> "Pose":
-        """The frame that stands in this one as ``inner`` says, in coordinates of what this one stands in."""
+        """Compose: ``inner``, whose parent is this frame, in coordinates of this frame's parent."""
         return Pose.of_axes(self.directions(np.array(inner.axes)), self.points(np.array(inner.origin_mm)))
 
     def seen_from(self, frame: "Pose") -> "Pose":
-        """The same frame in coordinates of another one that stands in the same."""
-        return Pose.of_axes(frame.own_directions(np.array(self.axes)), frame.own_points(np.array(self.origin_mm)))
+        """The same frame in coordinates of ``frame``, which has the same parent."""
+        return Pose.of_axes(
+            frame.to_local_directions(np.array(self.axes)), frame.to_local_points(np.array(self.origin_mm))
+        )
 
     @property
     def inverse(self) -> "Pose":
-        """The frame of what it stands in, in its own coordinates."""
+        """Inverse transform: from parent to local."""
         return IN_PLACE.seen_from(self)
 
     @property
@@ -148,10 +150,10 @@ IN_PLACE = Pose()
 
 
 class FacePoses(NamedTuple):
-    """Frames of the faces of a body, as rays pass them.
+    """Frames of the faces of a body, in the order in which rays pass them.
 
-    ``into``: the frame of the rays in that of the first face; ``between``: that of each face in that of the next one;
-    ``back``: that of the last face in that of the rays. ``factor_in``, ``factor_out``: of lengths into and back.
+    ``into``: from the frame of the rays to that of the first face. ``between``: from a face to the next. ``back``: from
+    the last face to the frame of the rays. ``factor_in``, ``factor_out``: of lengths into and back.
     """
 
     into: Pose

@@ -13,7 +13,8 @@ from lensforge.proof.remedies import FINER, Evidence, form_of_mesh, form_of_step
 from lensforge.results import BodySize, Fact
 from lensforge.results.criteria import at_most, declare_words
 
-_MESH, _STEP = "mesh (lens.stl)", "STEP file"
+_MESH = "mesh (lens.stl)"
+_STEP = "STEP file"
 _FILES = {"": _MESH, "brep_": _STEP, "mitsuba_": f"{_MESH} in Mitsuba"}  # by the beginning of a criterion's name
 _WORDS = {
     "deviation_rms": "ray displacement by the {}",
@@ -78,7 +79,7 @@ def size_criteria(sizes: Sizes | None) -> Iterator[Fact]:
 
 
 def other_body(sizes: Sizes | None, name: str) -> str:
-    """Words on how the body in the file ``name`` differs in size from the export; empty where it does not."""
+    """Words on how the body in the file ``name`` differs in size from the export; empty if it does not."""
     file = None if sizes is None else sizes.step if name == "lens.step" else sizes.mesh
     if sizes is None or file is None or all(each.holds for each in _file_criteria(sizes, file, "", "")):
         return ""
@@ -86,7 +87,8 @@ def other_body(sizes: Sizes | None, name: str) -> str:
 
 
 def _file_criteria(sizes: Sizes, file: SizedFile, prefix: str, remedy: str) -> Iterator[Fact]:
-    exported, in_file = sizes.exported, file.size
+    exported = sizes.exported
+    in_file = file.size
     moved_mm3 = REWRITTEN_MM * exported.area_mm2
     volume = (min(file.facets_mm3, MOST_CHORD_MM * exported.area_mm2) + moved_mm3) / exported.volume_mm3
     # Faces moved by d change volume by A d, and area by the same share at most.
@@ -106,7 +108,7 @@ def _box_changes(exported: BodySize, in_file: BodySize) -> list[float]:
 
 
 def _scale(exported: BodySize, in_file: BodySize) -> float | None:
-    """Ratio of all lengths, which the light may be too blunt to see; None where volume and area say otherwise."""
+    """Ratio of all lengths, which the light may be too blunt to see; None if volume and area say otherwise."""
     here, there = ([high - low for low, high in zip(*size.bounds_mm, strict=True)] for size in (exported, in_file))
     ratios = [side / before if before > 0.0 else 0.0 for before, side in zip(here, there, strict=True)]
     scale = sum(ratios) / 3.0
@@ -121,7 +123,8 @@ def _scale(exported: BodySize, in_file: BodySize) -> float | None:
 
 def _other(exported: BodySize, file: SizedFile, name: str) -> str:
     """Words on a scale, or on the volume and the side of the box that differs most."""
-    in_file, changes = file.size, _box_changes(exported, file.size)
+    in_file = file.size
+    changes = _box_changes(exported, file.size)
     if in_file.volume_mm3 < 0.0:
         return f"{name}: {INWARDS}"
     scale = _scale(exported, in_file)
@@ -146,7 +149,8 @@ DEVIATION_RAD = 1e-4
 OF_SPREAD = 0.01
 FATE_SHARE = FLUX_SHARE  # of rays that end otherwise
 # With the same rays the irradiance may change by a tenth of what other rays would change, or by 1 % rms of itself.
-SAME_RAYS_FLOORS, SAME_RAYS_ALLOWANCE = 0.1, 1e-4
+SAME_RAYS_FLOORS = 0.1
+SAME_RAYS_ALLOWANCE = 1e-4
 # The difference from the design's irradiance may be noise only: that of both, if the design has no fewer rays.
 NOISE_FLOORS = 2.5
 FINE_FACETS_UM = 1.0  # rms height of the faces over their facets, 0.34 as exported: such facets land rays right
@@ -208,7 +212,8 @@ def brep_criteria(cast: BrepCast, reach_mm: float, fault: str = "", same_form: b
 def brep_evidence(cast: BrepCast, reach_mm: float, fault: str = "", same_form: bool = False) -> Evidence:
     """Agreement of the STEP file with the design, and its limits; arguments as of :func:`brep_criteria`."""
     form = form_of_step(same_form)
-    limit, fates = BREP_DEVIATION_RAD * reach_mm, BREP_FATE_RAYS / BREP_RAYS
+    limit = BREP_DEVIATION_RAD * reach_mm
+    fates = BREP_FATE_RAYS / BREP_RAYS
     return Evidence(cast.against_design, limit, BREP_FLUX_SHARE, fates, form, fault, fine=True)
 
 
@@ -217,8 +222,10 @@ def mitsuba_criteria(cast: MitsubaCast, reach_mm: float, fault: str = "", *, fin
 
     ``fault``: of the mesh; ``fine``: its facets are not the cause of what differs.
     """
-    design, floor = cast.against_design, noise_limit(cast.noise_floor_nmse)
-    limit, form = MITSUBA_DEVIATION_RAD * reach_mm, form_of_mesh(0, None, fine=fine)
+    design = cast.against_design
+    floor = noise_limit(cast.noise_floor_nmse)
+    limit = MITSUBA_DEVIATION_RAD * reach_mm
+    form = form_of_mesh(0, None, fine=fine)
     seen = Evidence(design, limit, MITSUBA_FLUX_SHARE, MITSUBA_FATE_SHARE, form, fault, fine)
     nmse = at_most("mitsuba_nmse_vs_design", cast.nmse_vs_design, floor, "", seen.of_pixels())
     return [nmse, *cast_criteria("mitsuba_", seen)]

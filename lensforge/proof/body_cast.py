@@ -18,7 +18,8 @@ from lensforge.proof.optical_faces import PlateOfLenses
 from lensforge.proof.refraction import AtFace, Fields, RefractingFace, through_glass, unpolarised
 from lensforge.proof.ring_spread import Spreading
 
-_SCANNED, _STEPS = 24, 60  # places along a ray among which its first crossing lies; halvings from there
+_SCANNED = 24  # places along a ray among which its first crossing lies
+_STEPS = 60  # halvings from there
 _DIRECTIONS = 2000  # by which the size of a face is known
 _ROOM = 1.05
 
@@ -38,7 +39,9 @@ class _Beam:
 
     def end(self, rows: Int[np.ndarray, " k"]) -> None:
         """Lose some of the rays."""
-        self.points[rows], self.directions[rows], self.share[rows] = np.nan, np.nan, 0.0
+        self.points[rows] = np.nan
+        self.directions[rows] = np.nan
+        self.share[rows] = 0.0
 
 
 class BehindOptics(NamedTuple):
@@ -82,27 +85,37 @@ def _through_bodies(beam: _Beam, media: Media, waves: _Values, plate: PlateOfLen
     own, numbers = plate.at_own(beam.points[rows])
     turns = plate.turns_to(numbers)
     ways = np.einsum("nij,nj->ni", turns, beam.directions[rows])
-    fields, rough = np.einsum("nij,nkj->nki", turns, beam.fields[rows]), [each.take(rows) for each in beam.rough]
+    fields = np.einsum("nij,nkj->nki", turns, beam.fields[rows])
+    rough = [each.take(rows) for each in beam.rough]
     alone = _Beam(own, ways, fields, beam.share[rows], rough)
     _through_bodies(alone, media, waves[rows], None)
     beam.points[rows] = plate.from_own_points(alone.points, numbers)
     beam.directions[rows] = np.einsum("nji,nj->ni", turns, alone.directions)
-    beam.fields[rows], beam.share[rows] = np.einsum("nji,nkj->nki", turns, alone.fields), alone.share
+    beam.fields[rows] = np.einsum("nji,nkj->nki", turns, alone.fields)
+    beam.share[rows] = alone.share
 
 
 def _through(body: SecondaryOptic, media: Media, beam: _Beam, waves: _Values, rough: FaceNumbers) -> None:
     rows = np.flatnonzero(np.isfinite(beam.points[:, 0]))
-    points, along = body.pose.own_points(beam.points[rows]), body.pose.own_directions(beam.directions[rows])
+    points = body.pose.to_local_points(beam.points[rows])
+    along = body.pose.to_local_directions(beam.directions[rows])
     enters, points = _from_the_rim(points, along)
     beam.end(rows[~enters])
-    rows, points, along = rows[enters], points[enters], along[enters]
-    inside, own = media.outside_index, body.media(media)
+    rows = rows[enters]
+    points = points[enters]
+    along = along[enters]
+    inside = media.outside_index
+    own = body.media(media)
     for face, shape in (("inner", body.inner), ("outer", body.outer)):
         paths, met = _first_crossing(shape, points, along)
         beam.end(rows[~met])
-        rows, along, starts, paths = rows[met], along[met], points[met], paths[met]
+        rows = rows[met]
+        along = along[met]
+        starts = points[met]
+        paths = paths[met]
         points = starts + paths[:, None] * along
-        here, leaving = Wavelengths(waves[rows]), face == "outer"
+        here = Wavelengths(waves[rows])
+        leaving = face == "outer"
         indices = body.medium.indices(here, len(rows))
         if leaving:
             beam.share[rows] *= np.exp(-body.medium.absorptions(here, len(rows)) * paths)
@@ -110,24 +123,29 @@ def _through(body: SecondaryOptic, media: Media, beam: _Beam, waves: _Values, ro
         before, behind = (indices, around) if leaving else (around, indices)
         refracting = RefractingFace(before, behind, own.coating(face), here.nm, not leaving)
         normals = shape.normal(points / np.linalg.norm(points, axis=1, keepdims=True))
-        number, (model,) = DOUBLE.index(face), own.scattering_of([face]) or (None,)
+        number = DOUBLE.index(face)
+        (model,) = own.scattering_of([face]) or (None,)
         numbers = rough.take(rows).at(np.full(len(rows), number), np.zeros(len(rows), dtype=np.int64))
         rms = np.full(len(rows), facet_slopes(own, DOUBLE)[number])
         normals = tilted(Arrival(points, normals, along), rms, numbers)
-        at = AtFace.of(refracting, along, normals, body.pose.own_directions(beam.fields[rows]))
+        at = AtFace.of(refracting, along, normals, body.pose.to_local_directions(beam.fields[rows]))
         if isinstance(model, RingScatter):
             at = at.spread(Spreading.of(model, numbers, Arrival(points, normals, along)), False)
         beam.share[rows] *= at.transmittance
         beam.fields[rows] = body.pose.directions(at.passed)
         passes = at.transmittance > 0.0
         beam.end(rows[~passes])
-        rows, points, along = rows[passes], points[passes], at.bent[passes]
-    beam.points[rows], beam.directions[rows] = body.pose.points(points), body.pose.directions(along)
+        rows = rows[passes]
+        points = points[passes]
+        along = at.bent[passes]
+    beam.points[rows] = body.pose.points(points)
+    beam.directions[rows] = body.pose.directions(along)
 
 
 def _from_the_rim(points: _Vectors, along: _Vectors) -> tuple[Bool[np.ndarray, " n"], _Vectors]:
     """True for rays that come to the plane in which the body ends, or start above; their points there."""
-    below, rises = points[:, 2] < 0.0, along[:, 2] > 0.0
+    below = points[:, 2] < 0.0
+    rises = along[:, 2] > 0.0
     path = np.where(below & rises, -points[:, 2] / np.where(rises, along[:, 2], 1.0), 0.0)
     started = points + path[:, None] * along
     return ~below | rises, started
@@ -141,7 +159,9 @@ def _first_crossing(shape: Surface, points: _Vectors, along: _Vectors) -> tuple[
     ends = np.sqrt(np.maximum(middle**2 + far**2 - np.sum(points**2, axis=1), 0.0)) - middle
     down = along[:, 2] < 0.0
     ends = np.minimum(ends, np.where(down, -points[:, 2] / np.where(down, along[:, 2], 1.0), np.inf))
-    low, high, found = np.zeros(len(points)), np.zeros(len(points)), np.zeros(len(points), dtype=bool)
+    low = np.zeros(len(points))
+    high = np.zeros(len(points))
+    found = np.zeros(len(points), dtype=bool)
     for step in range(1, _SCANNED + 1):
         path = ends * (step / _SCANNED)
         new = ~found & (_depths(shape, points + path[:, None] * along) < 0.0)
@@ -151,7 +171,8 @@ def _first_crossing(shape: Surface, points: _Vectors, along: _Vectors) -> tuple[
     for _ in range(_STEPS):
         half = 0.5 * (low + high)
         out = _depths(shape, points + half[:, None] * along) < 0.0
-        low, high = np.where(out, low, half), np.where(out, half, high)
+        low = np.where(out, low, half)
+        high = np.where(out, half, high)
     return 0.5 * (low + high), found & (depth > 0.0)
 
 

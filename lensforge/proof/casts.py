@@ -184,7 +184,7 @@ def _of_own_lamps(lens: Lens, light: Light) -> tuple[Lens, Light]:
 
 
 def _of_first_lamp(lens: Lens) -> Spec:
-    """The spec of one lamp at the origin, of those with heights and aims the first with ``lens``, and what it sees."""
+    """Reduce the scene to one lamp at the origin: of posed lamps the first that carries ``lens``."""
     from lensforge.scene.receiver_shapes import seen_by_lamp
 
     return seen_by_lamp(lens.spec, lens.first_lamp) if lens.spec.all_lamps.posed else lens.spec.of_one_lamp

@@ -71,7 +71,8 @@ class DesignedFace:
 
     def within(self, extent: tuple[float, float], points: _Points) -> Bool[np.ndarray, " n"]:
         """True for points in whose direction the distance from the chart's centre is within ``extent``."""
-        sine, cosine = np.hypot(points[:, 0], points[:, 1]), np.linalg.norm(points, axis=1) + points[:, 2]
+        sine = np.hypot(points[:, 0], points[:, 1])
+        cosine = np.linalg.norm(points, axis=1) + points[:, 2]
         return np.asarray((sine >= extent[0] * cosine) & (sine <= extent[1] * cosine))
 
 
@@ -187,7 +188,7 @@ Designed = DesignedFace | PlacedFace | Levels | StandingWalls
 
 @dataclass(frozen=True, eq=False)
 class DesignedBody:
-    """Faces ``above`` z = 0 and those ``below``, at and under it; None where those of a base are not known.
+    """Faces ``above`` z = 0 and those ``below``, at and under it; None if those of a base are not known.
 
     A flange's are among the former.
     """

@@ -51,7 +51,8 @@ MARGIN = 2.0  # of the limits, which other rays and the faces as read back use o
 _RAYS = 4096
 _ROUNDS = 8
 _AIM = 0.8  # of what is allowed, by the power of the step below
-_SMALLEST_STEP, _LARGEST_STEP = 1.15, 2.5
+_SMALLEST_STEP = 1.15
+_LARGEST_STEP = 2.5
 _RINGS_POWER = 2.0  # by which the displacement through a mesh falls with its rings, 2 to 4
 _LEAST_GAIN = 0.9  # of what was used before: what finer files do not lessen is not theirs
 _MOST_TRIANGLES = 600_000  # of a mesh on trial: one of a million takes minutes and 2 GB to read and cast
@@ -133,7 +134,7 @@ def _settled_rings(lens: Lens, pair: Pair[Patch], trials: "list[_Trial]") -> int
 
 
 def _mesh_on_trial(plan: Plan[Patch], rings: int) -> BodyMesh | None:
-    """The mesh of so many ``rings``; None where it has too many triangles."""
+    """The mesh of so many ``rings``; None if it has too many triangles."""
     if 12 * rings**2 > _MOST_TRIANGLES:  # of two faces, before any facet is split
         return None
     try:
@@ -166,7 +167,8 @@ class _Trial:
     def used_by_faces(self, pair: Pair[Patch]) -> float:
         """Largest share of a limit that the fitted faces use as those of a STEP file."""
         fitted = {face.name: face for boundary in pair for face in boundary.faces if not face.is_open}
-        tables, grid = self._traced.tables.copy(), self._traced.scene.grid
+        tables = self._traced.tables.copy()
+        grid = self._traced.scene.grid
         for table, name in zip(tables, self._traced.scene.names, strict=True):
             if name in fitted:
                 table += tabulate(grid, _FormError(self._lens.surfaces[name], fitted[name]))
@@ -174,7 +176,8 @@ class _Trial:
 
     def used_by_mesh(self, mesh: BodyMesh) -> float:
         """Largest share of a limit that ``mesh`` uses as that of an STL file."""
-        part, media = read_part_mesh(stl_bytes(mesh), self._optical), self._lens.media
+        part = read_part_mesh(stl_bytes(mesh), self._optical)
+        media = self._lens.media
         passage = send_through(part, Grid(part.mesh), self._rays, media.polished, thread_count())
         landed = [passage.landed(expected.screen) for expected in self._expected]
         limit_rad = DEVIATION_RAD + OF_SPREAD * media.spread_rad

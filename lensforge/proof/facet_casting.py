@@ -21,7 +21,8 @@ MAX_CELLS = 4e6  # about this many cells at most: bounds the memory
 # Bounds for meshes that somebody has changed, whose triangles may span the whole part. The boxes of all triangles of a
 # usual mesh have 3 million cells, and a triangle shares its cells with 70 others; of a lens on a plate of a hundred
 # times its width, with 1,000.
-_BOX_CELLS, _BOX_CELLS_EACH = 2e7, 16
+_BOX_CELLS = 2e7
+_BOX_CELLS_EACH = 16
 MOST_TOGETHER = 5000.0
 
 
@@ -71,7 +72,8 @@ class Grid:
     def __init__(self, mesh: trimesh.Trimesh) -> None:
         self.triangles = np.asarray(mesh.triangles, dtype=np.float64)
         self.normals = np.asarray(mesh.face_normals, dtype=np.float64)
-        low, high = self.triangles.min(axis=1), self.triangles.max(axis=1)
+        low = self.triangles.min(axis=1)
+        high = self.triangles.max(axis=1)
         extent = high.max(axis=0) - low.min(axis=0)
         edge = float(np.sqrt(2.0 * np.median(mesh.area_faces)))
         least = float(extent.max()) / MAX_CELLS  # where half of the triangles have no area
@@ -102,7 +104,8 @@ class Grid:
         span = np.floor((high - self.corner + pad) / self.cell).astype(np.int64) - first + 1
         reach = 0.5 * self.cell * np.abs(self.normals).sum(axis=1) + pad
         boxed = FacetMesh(self.triangles, self.normals), FacetBoxes(first, span, reach)
-        grid, counts = CellGrid(self.corner, self.cell, self.shape), np.zeros(int(self.shape.prod()), dtype=np.int64)
+        grid = CellGrid(self.corner, self.cell, self.shape)
+        counts = np.zeros(int(self.shape.prod()), dtype=np.int64)
         sort_into_cells(*boxed, grid, counts, np.empty(0, dtype=np.int64))
         self.starts = np.concatenate([[0], np.cumsum(counts)])
         self.members = np.empty(self.starts[-1], dtype=np.int64)
@@ -112,13 +115,16 @@ class Grid:
         """First hit of each ray."""
         from lensforge.proof.grid_walk import CellGrid, FacetMesh, walk
 
-        numbers, distances = np.empty(len(leg.origins), dtype=np.int64), np.empty(len(leg.origins))
+        numbers = np.empty(len(leg.origins), dtype=np.int64)
+        distances = np.empty(len(leg.origins))
         rays = Leg(*(np.ascontiguousarray(values, dtype=np.float64) for values in leg))
-        mesh, grid = FacetMesh(self.triangles, self.normals), CellGrid(self.corner, self.cell, self.shape)
+        mesh = FacetMesh(self.triangles, self.normals)
+        grid = CellGrid(self.corner, self.cell, self.shape)
         walk(rays, mesh, grid, self.starts, self.members, numbers, distances)
         hits = FacetHits(numbers, distances, np.zeros((len(numbers), 3)))
         rows = np.nonzero(hits.found)[0]
-        facets, ways = self.triangles[numbers[rows]], (leg.origins[rows], leg.directions[rows])
+        facets = self.triangles[numbers[rows]]
+        ways = (leg.origins[rows], leg.directions[rows])
         points, _, distances[rows] = planes_lines(
             facets[:, 0], self.normals[numbers[rows]], *ways, return_distance=True
         )

@@ -94,7 +94,9 @@ class Farthest:
         worst = int(off_mm.argmax())
         if not self.face or off_mm[worst] > self.off_mm:
             x, y, z = points[worst].tolist()
-            self.off_mm, self.face, self.at_mm = float(off_mm[worst]), face.names[numbers[worst]], (x, y, z)
+            self.off_mm = float(off_mm[worst])
+            self.face = face.names[numbers[worst]]
+            self.at_mm = (x, y, z)
 
     def look(self, face: Designed, points: _Points) -> None:
         """Take note of ``points`` that should lie on that face."""
@@ -118,7 +120,8 @@ class Farthest:
 def open_edges(triangles: Int[np.ndarray, "t 3"], count: int) -> int:
     """Edges that do not join exactly two triangles of the same sense; ``count``: of the vertices."""
     starts, ends = (each.astype(np.int64).ravel() for each in (triangles, np.roll(triangles, -1, axis=1)))
-    forth, back = np.sort(starts * count + ends), np.sort(ends * count + starts)
+    forth = np.sort(starts * count + ends)
+    back = np.sort(ends * count + starts)
     if (forth == back).all() and (forth[1:] != forth[:-1]).all():
         return 0  # of one in ten of the time
     senses, times = np.unique(forth, return_counts=True)

@@ -62,17 +62,24 @@ def _distance(origin, direction, triangle, normal):
     distance = _dot(_difference(triangle[0], origin), normal) / cosine
     away = _difference(origin, triangle[0])
     point = away[0] + distance * direction[0], away[1] + distance * direction[1], away[2] + distance * direction[2]
-    one, other = _difference(triangle[1], triangle[0]), _difference(triangle[2], triangle[0])
-    aa, ab, bb, a, b = _dot(one, one), _dot(one, other), _dot(other, other), _dot(one, point), _dot(other, point)
+    one = _difference(triangle[1], triangle[0])
+    other = _difference(triangle[2], triangle[0])
+    aa = _dot(one, one)
+    ab = _dot(one, other)
+    bb = _dot(other, other)
+    a = _dot(one, point)
+    b = _dot(other, point)
     area = aa * bb - ab * ab
-    second, third = (bb * a - ab * b) / area, (aa * b - ab * a) / area
+    second = (bb * a - ab * b) / area
+    third = (aa * b - ab * a) / area
     return distance if min(second, third, 1.0 - second - third) >= INSIDE else inf
 
 
 @inline
 def _within(origin, slope, corner, width):
     """Distances at which a ray enters and leaves the grid, by one component."""
-    one, other = (corner - origin) / slope, (corner + width - origin) / slope
+    one = (corner - origin) / slope
+    other = (corner + width - origin) / slope
     return min(one, other), max(one, other)
 
 
@@ -97,9 +104,14 @@ def sort_into_cells(facets, boxes, grid, places, members):
 
     The places of the cells move behind the last one; with no ``members`` they alone do, so that zeros become counts.
     """
-    first, span, corner, cell, shape = boxes.first, boxes.span, grid.corner, grid.cell, grid.shape
+    first = boxes.first
+    span = boxes.span
+    corner = grid.corner
+    cell = grid.cell
+    shape = grid.shape
     for t in range(len(facets.triangles)):
-        vertex, normal = facets.triangles[t, 0], facets.normals[t]
+        vertex = facets.triangles[t, 0]
+        normal = facets.normals[t]
         for i in range(first[t, 0], first[t, 0] + span[t, 0]):
             x = (corner[0] + (i + 0.5) * cell - vertex[0]) * normal[0]
             for j in range(first[t, 1], first[t, 1] + span[t, 1]):
@@ -119,10 +131,15 @@ def walk(rays, facets, grid, starts, members, found, distances):
 
     The facets of the cell ``c`` of the ``grid`` are ``members[starts[c]:starts[c + 1]]``.
     """
-    corner, cell, shape = grid.corner, grid.cell, grid.shape
+    corner = grid.corner
+    cell = grid.cell
+    shape = grid.shape
     for ray in range(len(found)):
-        found[ray], distances[ray] = -1, inf
-        origin, direction, beyond = rays.origins[ray], rays.directions[ray], rays.beyond[ray]
+        found[ray] = -1
+        distances[ray] = inf
+        origin = rays.origins[ray]
+        direction = rays.directions[ray]
+        beyond = rays.beyond[ray]
         dx, dy, dz = _slope(direction[0]), _slope(direction[1]), _slope(direction[2])
         x_in, x_out = _within(origin[0], dx, corner[0], shape[0] * cell)
         y_in, y_out = _within(origin[1], dy, corner[1], shape[1] * cell)
@@ -140,19 +157,25 @@ def walk(rays, facets, grid, starts, members, found, distances):
         )
         while 0 <= i < shape[0] and 0 <= j < shape[1] and 0 <= k < shape[2]:
             number = (i * shape[1] + j) * shape[2] + k
-            nearest, candidate = inf, -1
+            nearest = inf
+            candidate = -1
             for place in range(starts[number], starts[number + 1]):
                 facet = members[place]
                 distance = _distance(origin, direction, facets.triangles[facet], facets.normals[facet])
                 if beyond < distance <= nearest and distance < inf:
-                    nearest, candidate = distance, facet
+                    nearest = distance
+                    candidate = facet
             if nearest < distances[ray]:
-                distances[ray], found[ray] = nearest, candidate
+                distances[ray] = nearest
+                found[ray] = candidate
             if distances[ray] <= min(x, y, z):
                 break
             if x <= y and x <= z:
-                i, x = i + (1 if dx > 0.0 else -1), x + cell / abs(dx)
+                i = i + (1 if dx > 0.0 else -1)
+                x = x + cell / abs(dx)
             elif y <= z:
-                j, y = j + (1 if dy > 0.0 else -1), y + cell / abs(dy)
+                j = j + (1 if dy > 0.0 else -1)
+                y = y + cell / abs(dy)
             else:
-                k, z = k + (1 if dz > 0.0 else -1), z + cell / abs(dz)
+                k = k + (1 if dz > 0.0 else -1)
+                z = z + cell / abs(dz)

@@ -92,7 +92,9 @@ def of_radiance(
 
     Its flux is ``R / 2 dA dC d(sin^2 gamma)``.
     """
-    (x, y), rows, columns = edges_mm, len(radiance), radiance.shape[1]
+    (x, y) = edges_mm
+    rows = len(radiance)
+    columns = radiance.shape[1]
     turns, values = _whole_turn(c_deg, radiance.reshape(rows * columns, *radiance.shape[2:]))
     squares = np.sin(np.radians(gamma_deg)) ** 2
     areas = (np.diff(y)[:, None] * np.diff(x)).reshape(-1, 1, 1)
@@ -144,13 +146,15 @@ def wavelengths(
     if len(nodes_nm) == 1:
         return np.full(count, nodes_nm[0])
     sums = (density[1:] + density[:-1]) * np.diff(nodes_nm)
-    cell, both = random.choice(len(sums), count, p=sums / sums.sum()), np.sort(random.random((2, count)), axis=0)
+    cell = random.choice(len(sums), count, p=sums / sums.sum())
+    both = np.sort(random.random((2, count)), axis=0)
     falls = random.random(count) * (density[cell] + density[cell + 1]) < density[cell]
     return nodes_nm[cell] + np.where(falls, *both) * np.diff(nodes_nm)[cell]
 
 
 def _accepted(count: int, draw: Callable[[int], tuple[np.ndarray, np.ndarray]]) -> np.ndarray:
-    accepted, some = [], 0
+    accepted = []
+    some = 0
     while some < count:
         rows, kept = draw(max(2 * (count - some), _BATCH))
         accepted.append(rows[kept])

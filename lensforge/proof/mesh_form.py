@@ -60,8 +60,10 @@ def _are_same(one: Float[np.ndarray, "t 3 3"], other: Float[np.ndarray, "u 3 3"]
 
 def mesh_form(file: DesignedFile, vertices: _Points, triangles: _Triangles) -> FileForm:
     """Form of the mesh read from ``file``; neighbouring triangles share their vertices."""
-    body, chords = file.body, file.chords
-    seen, higher = Farthest(), (vertices[:, 2] > ABOVE_MM)[triangles].any(axis=1)
+    body = file.body
+    chords = file.chords
+    seen = Farthest()
+    higher = (vertices[:, 2] > ABOVE_MM)[triangles].any(axis=1)
     for facets, faces in ((triangles[higher], body.above), (triangles[~higher], body.below)):
         if faces is not None and len(facets):
             _see_facets(seen, vertices, facets, faces, chords)
@@ -74,9 +76,11 @@ def _see_facets(
     """Each facet on the face from which its corners are least off together."""
     used = np.zeros(len(vertices), dtype=bool)
     used[facets] = True
-    places, rows = vertices[used], (np.cumsum(used) - 1)[facets]
+    places = vertices[used]
+    rows = (np.cumsum(used) - 1)[facets]
     away = [face.off_mm(places) for face in faces]
-    middles, mixed = places[rows].mean(axis=1), any(isinstance(face, Levels) for face in faces)
+    middles = places[rows].mean(axis=1)
+    mixed = any(isinstance(face, Levels) for face in faces)
     sums = []
     for face, (off, owners) in zip(faces, away, strict=True):
         one = np.ptp(owners[rows], axis=1) == 0

@@ -47,11 +47,15 @@ def cast_mitsuba(
     rows = drawn(count, len(rays))
     some = rays.take(rows)
     version, passage = send_through_mitsuba(part, some, media)
-    seconds, casts = perf_counter() - start, []
+    seconds = perf_counter() - start
+    casts = []
     for receiver in expected:
-        landed, design, screen = passage.landed(receiver.screen), receiver.take(rows), receiver.screen
+        landed = passage.landed(receiver.screen)
+        design = receiver.take(rows)
+        screen = receiver.screen
         # The irradiance of the drawn rays is scaled to the flux of all of them.
-        flux, design_flux = landed.flux / share(rays, some.flux), design.flux / share(rays, some.flux)
+        flux = landed.flux / share(rays, some.flux)
+        design_flux = design.flux / share(rays, some.flux)
         image, off, noise_floor = screen.against(landed.landings, flux, receiver.irradiance)
         cast = MitsubaCast(
             version=version,
@@ -78,10 +82,12 @@ def send_through_mitsuba(part: PartMesh, rays: RayBundle, media: Media) -> tuple
         before = mi.variant()
         mi.set_variant(VARIANT)
     try:
-        caster, passage = _Caster(mi, part, media), Passage.of(rays, part.optical.events)
+        caster = _Caster(mi, part, media)
+        passage = Passage.of(rays, part.optical.events)
         whole = LitRays.of(rays, media, part.optical.names)
         met: list[list[tuple[int, _Met]]] = [[] for _ in range(part.optical.events)]
-        drawn, rows = FaceNumbers(whole.numbers, whole.keys), np.arange(len(rays))[:, None]
+        drawn = FaceNumbers(whole.numbers, whole.keys)
+        rows = np.arange(len(rays))[:, None]
         index = media.body.indices(rays.waves, len(rays))
         steps = np.column_stack([index / media.cavity_index, index / media.outside_index])
         table = zip(rays.origins.tolist(), rays.directions.tolist(), steps.tolist(), strict=True)
@@ -132,8 +138,13 @@ class _Caster:
     """A ray at a time through ``part``, by Mitsuba's own casting, refraction and reflection."""
 
     def __init__(self, mi: Any, part: PartMesh, media: Media) -> None:
-        self.mi, self.faces, self.scene, optical = mi, part.faces, _scene(mi, part), part.optical
-        self.mirrors, self.opening, self.flange = mirrors(optical, media), optical.opening, optical.flange
+        self.mi = mi
+        self.faces = part.faces
+        self.scene = _scene(mi, part)
+        optical = part.optical
+        self.mirrors = mirrors(optical, media)
+        self.opening = optical.opening
+        self.flange = optical.flange
         self.rms = facet_slopes(media, optical.names)
         self.goes_on = [optical.goes_on(event) for event in range(optical.events)]
 
@@ -144,7 +155,9 @@ class _Caster:
 
         ``indices``: of the body against what fills the cavity, and what surrounds it; ``drawn``: for its facets.
         """
-        mi, met, inside = self.mi, list[_Met](), False
+        mi = self.mi
+        met = list[_Met]()
+        inside = False
         ray = mi.Ray3f(mi.Point3f(origin), mi.Vector3f(direction))
         for event, goes_on in enumerate(self.goes_on):
             hit = self.scene.ray_intersect(ray, mi.RayFlags.All, False, True)

@@ -69,7 +69,8 @@ class PlateOfLenses:
     ) -> tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, "n 3"]]:
         """Points and normals, from those of the lit lens into the coordinates of the nearest one."""
         own, numbers = self.at_own(points)
-        ahead, lit = normals.copy(), 0.0 if self.lit is None else self.turns[self.lit]
+        ahead = normals.copy()
+        lit = 0.0 if self.lit is None else self.turns[self.lit]
         for number in np.unique(numbers):
             rows = numbers == number
             ahead[rows] = normals[rows] @ _turned(lit - self.turns[number]).T
@@ -79,14 +80,15 @@ class PlateOfLenses:
         self, points: Float[np.ndarray, "n 3"], numbers: Int[np.ndarray, " n"] | None = None
     ) -> tuple[Float[np.ndarray, "n 3"], Int[np.ndarray, " n"]]:
         """Points, from the coordinates of the lit lens into those of the nearest one, or of ``numbers``; its number."""
-        numbers, lit = (
-            self.nearest(points) if numbers is None else numbers,
-            0.0 if self.lit is None else self.turns[self.lit],
-        )
-        own, turns = points - np.column_stack([self._seen, np.zeros(len(self.places))])[numbers], lit - self.turns
-        cosine, sine = np.cos(turns)[numbers], np.sin(turns)[numbers]
+        numbers = self.nearest(points) if numbers is None else numbers
+        lit = 0.0 if self.lit is None else self.turns[self.lit]
+        own = points - np.column_stack([self._seen, np.zeros(len(self.places))])[numbers]
+        turns = lit - self.turns
+        cosine = np.cos(turns)[numbers]
+        sine = np.sin(turns)[numbers]
         x, y = own[:, 0].copy(), own[:, 1].copy()
-        own[:, 0], own[:, 1] = cosine * x - sine * y, sine * x + cosine * y
+        own[:, 0] = cosine * x - sine * y
+        own[:, 1] = sine * x + cosine * y
         return own, numbers
 
     def turns_to(self, numbers: Int[np.ndarray, " n"]) -> Float[np.ndarray, "n 3 3"]:
@@ -104,10 +106,12 @@ class PlateOfLenses:
         return lit
 
     def placed(self, rays: RayBundle, numbers: Int[np.ndarray, " n"]) -> RayBundle:
-        """Rays of one lens in its own coordinates, each at the lens of its number, in those of the plate."""
-        origins, directions = rays.origins.copy(), rays.directions.copy()
+        """Transform rays from the local coordinates of the lens of their number to those of the plate."""
+        origins = rays.origins.copy()
+        directions = rays.directions.copy()
         for number, (place, turn) in enumerate(zip(self.places, self.turns, strict=True)):
-            rows, turned = numbers == number, _turned(turn).T
+            rows = numbers == number
+            turned = _turned(turn).T
             origins[rows] = rays.origins[rows] @ turned + np.array([*place, 0.0])
             directions[rows] = rays.directions[rows] @ turned
         return replace(rays, origins=origins, directions=directions)
@@ -182,8 +186,10 @@ class OpticalFaces:
         """
         if self.plate is not None:
             return self._sorted_on(self.plate, points, normals)
-        above, away = points[:, 2] > 0.0, faces_away(points, normals)
-        numbers, apart = np.full(len(points), NO_FACE), np.zeros(len(points))
+        above = points[:, 2] > 0.0
+        away = faces_away(points, normals)
+        numbers = np.full(len(points), NO_FACE)
+        apart = np.zeros(len(points))
         for side in (False, True):
             own = np.array([k for k, each in enumerate(self.away) if each == side and k != self.opening])
             rows = np.nonzero(above & (away == side))[0]
@@ -195,16 +201,19 @@ class OpticalFaces:
                 apart[rows] = found.min(axis=0) * slant
         if self.flange_mm is not None:
             beyond = above & (np.hypot(points[:, 0], points[:, 1]) > self.flange_mm + _AT_FLANGE_MM)
-            numbers[beyond], apart[beyond] = self.flange, 0.0
+            numbers[beyond] = self.flange
+            apart[beyond] = 0.0
         return numbers, apart
 
     def _sorted_on(
         self, plate: PlateOfLenses, points: Float[np.ndarray, "n 3"], normals: Float[np.ndarray, "n 3"]
     ) -> tuple[Int[np.ndarray, " n"], Float[np.ndarray, " n"]]:
         """The same on a plate: by the faces of the lens to which each point is nearest."""
-        kinds, nearest = self.of_kinds or (replace(self, plate=None),), plate.nearest(points)
+        kinds = self.of_kinds or (replace(self, plate=None),)
+        nearest = plate.nearest(points)
         points, normals = plate.from_own(points, normals)
-        numbers, apart = np.full(len(points), NO_FACE), np.zeros(len(points))
+        numbers = np.full(len(points), NO_FACE)
+        apart = np.zeros(len(points))
         for kind, rows in plate.of_kinds(nearest):
             numbers[rows], apart[rows] = kinds[kind].sorted(points[rows], normals[rows])
         return numbers, apart
@@ -214,7 +223,8 @@ class OpticalFaces:
         from scipy.ndimage import map_coordinates
 
         assert self.inverse_radii is not None
-        radius, last = np.linalg.norm(points, axis=1), self.inverse_radii.shape[1] - 1
+        radius = np.linalg.norm(points, axis=1)
+        last = self.inverse_radii.shape[1] - 1
         place = 0.5 * last * (1.0 + points[:, :2] / (radius + points[:, 2])[:, None])
         found = np.stack([map_coordinates(table, place.T, order=1, mode="nearest") for table in self.inverse_radii])
         gaps: Float[np.ndarray, "f n"] = np.abs(1.0 / np.maximum(found, _FARTHEST) - radius)

@@ -32,7 +32,7 @@ class Expected:
 
     ``fates``: name of the fate of each ray; None: those that do not land are "lost". ``met``: number of the face that a
     ray meets at each event; beside a crease it may meet the other one in the part, lands far away, and counts as a ray
-    of another fate. None where there is one way only.
+    of another fate. None if there is one way only.
     """
 
     screen: Screen
@@ -170,7 +170,7 @@ RAYS = 2**14  # as many as the grid casts in the five seconds that this may take
 class IndependentLight:
     """Rays (of the same flux each) that verification has drawn, and the design's light on each receiver.
 
-    That is its efficiency, and the NMSE of its map that is noise, None where unknown. ``seed``: of the facets that the
+    That is its efficiency, and the NMSE of its map that is noise, None if unknown. ``seed``: of the facets that the
     rays meet.
     """
 

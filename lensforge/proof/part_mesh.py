@@ -30,7 +30,8 @@ from lensforge.results.file_bounds import MOST_TRIANGLES, made_here, stl_corners
 CREASE_RAD = np.deg2rad(30.0)
 LEVEL_MM = 1e-4  # what is nearer to z = 0 lies there, in single precision too
 NEIGHBOURS = 48  # for 20 terms: fewer leave an irregular mesh undetermined, more reach over the surface's own detail
-_LEANS, _MOST_LEANING = 1e-4, 0.5  # z of the normals of a wall with draft; a face that is round both ways has more
+_LEANS = 1e-4  # z of the normals of a wall with draft
+_MOST_LEANING = 0.5  # a face that is round both ways has more
 _EVEN = 4.0  # the broadest facet of a round wall over the narrowest: 1.2 of a design's, hundreds at flat sides
 
 
@@ -50,12 +51,14 @@ class VertexFit:
 
     def __post_init__(self) -> None:
         self._shapes = np.zeros((len(self.places), 13))
-        order, ends = np.argsort(self.faces, kind="stable"), np.cumsum(np.bincount(self.faces))[:-1]
+        order = np.argsort(self.faces, kind="stable")
+        ends = np.cumsum(np.bincount(self.faces))[:-1]
         # A few facets, such as those of a box, keep the mean of their normals.
         groups = {k: rows for k, rows in enumerate(np.split(order, ends)) if k not in self.walls}
         self._members = {k: rows for k, rows in groups.items() if len(rows) >= NEIGHBOURS}
         self._left = np.isin(self.faces, list(self._members))
-        self._trees, self._lock = dict[int, cKDTree](), Lock()
+        self._trees = dict[int, cKDTree]()
+        self._lock = Lock()
 
     def at(self, rows: Int[np.ndarray, "*n"]) -> tuple[Float[np.ndarray, "*n 3"], Float[np.ndarray, "*n 13"]]:
         """Unit normals at some of the vertices, and their shapes.
@@ -77,7 +80,8 @@ class VertexFit:
     def _fit(self, rows: Int[np.ndarray, " n"]) -> None:
         from lensforge.proof.vertex_fit import fit_polynomials, fit_space
 
-        space, numbers = fit_space(NEIGHBOURS), self.faces[rows]
+        space = fit_space(NEIGHBOURS)
+        numbers = self.faces[rows]
         for number in np.unique(numbers).tolist():
             members = self._members[number]
             if number not in self._trees:
@@ -125,7 +129,9 @@ class PartMesh:
         away = flat[:, None] - corners
         heights = np.einsum("nki,nki->nk", -away, normals)
         points = flat + 0.5 * np.einsum("nk,nk,nki->ni", barycentric, heights, normals)
-        f, g, (xx, xy, yy, xxx, xxy, xyy, yyy) = shapes[..., :3], shapes[..., 3:6], np.moveaxis(shapes[..., 6:], -1, 0)
+        f = shapes[..., :3]
+        g = shapes[..., 3:6]
+        (xx, xy, yy, xxx, xxy, xyy, yyy) = np.moveaxis(shapes[..., 6:], -1, 0)
         x, y = np.sum(away * f, axis=-1), np.sum(away * g, axis=-1)
         along = (2.0 * (xx * x + xy * y) + 0.5 * (xxx * x * x + 2.0 * xxy * x * y + xyy * y * y)) / 3.0
         across = (2.0 * (xy * x + yy * y) + 0.5 * (xxy * x * x + 2.0 * xyy * x * y + yyy * y * y)) / 3.0
@@ -166,7 +172,8 @@ def part_mesh_of(mesh: trimesh.Trimesh, optical: OpticalFaces = USUAL_LENS) -> P
         np.maximum.at(highest, faces, np.abs(mesh.face_normals[:, 2]))
         bare &= ((highest > _LEANS) & (highest < _MOST_LEANING))[faces]
     even = _evenly_broad(mesh, faces)
-    flat, walls = bare & ~even, frozenset(faces[bare & even].tolist())
+    flat = bare & ~even
+    walls = frozenset(faces[bare & even].tolist())
     faces[flat] = faces.max() + 1 + np.arange(np.count_nonzero(flat))
     keys, corners = np.unique(mesh.faces.astype(np.int64) * (faces.max() + 1) + faces[:, None], return_inverse=True)
     corners = corners.reshape(-1, 3)
@@ -197,7 +204,8 @@ def _evenly_broad(mesh: trimesh.Trimesh, faces: Int[np.ndarray, " t"]) -> Bool[n
     """
     x, y = mesh.face_normals[:, :2].T
     breadths = np.ptp(np.einsum("tki,ti->tk", mesh.triangles[:, :, :2], np.column_stack([-y, x])), axis=1)
-    narrowest, broadest = np.full(faces.max() + 1, np.inf), np.zeros(faces.max() + 1)
+    narrowest = np.full(faces.max() + 1, np.inf)
+    broadest = np.zeros(faces.max() + 1)
     np.minimum.at(narrowest, faces, breadths)
     np.maximum.at(broadest, faces, breadths)
     return ((narrowest > 0.0) & (broadest < _EVEN * narrowest))[faces]
@@ -215,7 +223,8 @@ def facet_average(vertices: Float[np.ndarray, "k 3"], triangles: Int[np.ndarray,
         right = corners[:, (corner + 2) % 3] - corners[:, corner]
         lengths = np.sum(left * left, axis=1) * np.sum(right * right, axis=1)
         weighted[:, corner] = np.cross(left, right) / np.maximum(lengths, np.finfo(float).tiny)[:, None]
-    columns, rows = weighted.transpose(2, 1, 0).reshape(3, -1), triangles.T.ravel()
+    columns = weighted.transpose(2, 1, 0).reshape(3, -1)
+    rows = triangles.T.ravel()
     total = np.stack([np.bincount(rows, column, len(vertices)) for column in columns], axis=1)
     lengths = np.linalg.norm(total, axis=1, keepdims=True)
     return total / np.maximum(lengths, np.finfo(float).tiny)
@@ -237,10 +246,12 @@ def sized_mesh(mesh: trimesh.Trimesh) -> SizedFile:
     ends = mesh.vertices[mesh.face_adjacency_edges]
     between = (np.abs(ends[:, :, 2]) < LEVEL_MM).all(axis=1)  # at z = 0 lens and base meet, at any angle
     smooth = (mesh.face_adjacency_angles < CREASE_RAD) & ~between
-    pairs, angles = mesh.face_adjacency[smooth], mesh.face_adjacency_angles[smooth]
+    pairs = mesh.face_adjacency[smooth]
+    angles = mesh.face_adjacency_angles[smooth]
     lengths = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
     heights = 2.0 * mesh.area_faces[pairs] / np.maximum(lengths[smooth], np.finfo(float).tiny)[:, None]
-    rises, turns = np.zeros(len(mesh.faces)), np.zeros(len(mesh.faces))
+    rises = np.zeros(len(mesh.faces))
+    turns = np.zeros(len(mesh.faces))
     np.maximum.at(rises, pairs, angles[:, None] * heights / 3.0)
     np.maximum.at(turns, pairs, angles[:, None])
     at_rims = rises[mesh.face_adjacency[~smooth]].max(axis=1)

@@ -113,7 +113,8 @@ def _stray(lit: "LitReceiver", lamps: str) -> Iterator[Fact]:
 
 def stray_budget(receiver: ReceiverStray) -> tuple[list[tuple[str, float]], list[tuple[str, float]]]:
     """Losses by their ends and detected light by its cause: names with shares of the emitted flux above 0."""
-    flux, causes = receiver.flux, receiver.detected_stray_by_cause.model_dump()
+    flux = receiver.flux
+    causes = receiver.detected_stray_by_cause.model_dump()
     lost = [(words, getattr(flux, name)) for name, words in _ENDS.items() if getattr(flux, name) > 0.0]
     stray = [(f"stray: {_CAUSES.get(name, name)}", share) for name, share in causes.items() if share > 0.0]
     return lost, [("detected as designed", flux.detected_direct), *stray]
@@ -130,7 +131,8 @@ def _tracer(lit: LitReceiver, title: str, facts: tuple[Fact, ...], says: str, na
 
 
 def _tracers(lit: LitReceiver) -> Iterator[Group]:
-    proof, receiver = lit.result, lit.result.receivers[lit.index]
+    proof = lit.result
+    receiver = lit.result.receivers[lit.index]
     noise = f"NMSE {number(receiver.nmse_vs_design, 2)}, ray noise alone {number(receiver.noise_floor_nmse, 2)}"
     names = ("deviation_rms", "nmse_same_rays", "nmse_vs_design", "flux_deviation")
     facts = (_rays(proof.rays), *_gaps(receiver.against_design))

@@ -71,7 +71,7 @@ class IndependentRays(Record):
     """Light of rays that verification has drawn from the description of the source, not by the design's sampler.
 
     Sent through the mesh, against the light of the design: ``efficiency`` in the window, with ``efficiency_design``;
-    ``nmse_less_noise`` of the picture against the design's, without the noise of either, None where that of the
+    ``nmse_less_noise`` of the picture against the design's, without the noise of either, None if that of the
     design's is not known. Every ray counts in ``flux``.
     """
 
@@ -115,7 +115,7 @@ class IndependentRays(Record):
 
     @property
     def nmse_limit(self) -> float | None:
-        """The largest NMSE that noise explains; None where it is not known."""
+        """The largest NMSE that noise explains; None if it is not known."""
         seen = self.nmse_less_noise
         return None if seen is None else NOISE_ALLOWANCE + ERRORS * (seen.standard_error or 0.0)
 
@@ -269,8 +269,8 @@ class Proof(ResultByLed):
 
     ``receivers``: the rays on each receiver, in the order of the spec. ``triangles``: of the mesh. ``open_edges``: of
     the mesh; 0 for a closed one. ``volume_mm3``: of the mesh. ``sizes``: of each file, beside the size as exported;
-    None where that was not given. ``emission_apart``: largest difference of a moment of the design's rays, as they
-    leave the source, from that of rays which verification has drawn, in standard errors; None where it has drawn none.
+    None if that was not given. ``emission_apart``: largest difference of a moment of the design's rays, as they
+    leave the source, from that of rays which verification has drawn, in standard errors; None if it has drawn none.
     ``facet_height_um``: of the mesh's vertices over the design. ``far_facets``: optical facets of the mesh far from
     every face of the design, of a body of more than two. ``altered_files``: those whose content was not what
     export.json describes when the rays were cast. ``plain_cast``: first hits by trimesh's own cast against these.
@@ -352,7 +352,7 @@ class Proof(ResultByLed):
             yield from (under(lamps.name, criterion) for criterion in criteria_in(self, lamps))
 
     def deciding_criteria(self) -> Iterator[Fact]:
-        """The criteria by which files pass or fail: all but :attr:`facet_misses`."""
+        """The criteria by which files pass or fail: all but ``facet_misses``."""
         facets = self.facet_misses
         yield from (criterion for criterion in criteria_of(self) if criterion not in facets)
 
@@ -377,7 +377,7 @@ class Proof(ResultByLed):
         )
     )
     def print_mesh(self) -> str | None:
-        """What the facets of the mesh miss, in words; None where they miss nothing, or decide."""
+        """What the facets of the mesh miss, in words; None if they miss nothing, or decide."""
         return "too coarse for the light" if self.facet_misses else None
 
     @property
@@ -459,7 +459,7 @@ def _mesh_evidence(proof: "Proof", receiver: "ReceiverProof") -> Evidence:
 
 
 def _other_mesh(proof: "Proof") -> str:
-    """Words on how the body of the mesh is another than that of the export; empty where it is not."""
+    """Words on how the body of the mesh is another than that of the export; empty if it is not."""
     return INWARDS if proof.volume_mm3 < 0.0 else other_body(proof.sizes, "lens.stl")
 
 
@@ -504,7 +504,7 @@ class ReceiverStray(OnReceiver):
 
     ``sequential``, ``direct``, ``stray``: irradiance (W/m^2) or intensity (W/sr)
     [row y, column x]. ``misplaced_flux``: flux that lands on other pixels than by the sequential trace, as a share of
-    the emitted flux. ``peak_of_mean``: largest stray light over the mean of the sequential light; None where that is 0.
+    the emitted flux. ``peak_of_mean``: largest stray light over the mean of the sequential light; None if that is 0.
     """
 
     flux: Annotated[
@@ -546,7 +546,7 @@ class ReceiverStray(OnReceiver):
 
     @property
     def misplaced_words(self) -> str:
-        """The NMSE that the misplaced flux makes; empty where it is not known."""
+        """The NMSE that the misplaced flux makes; empty if it is not known."""
         nmse = self.nmse_vs_sequential
         return "" if nmse is None else f"an NMSE of {number(nmse, 2)}"
 

@@ -56,7 +56,8 @@ class Screen(ABC):
     mm_per_unit: ClassVar[float] = 1.0  # millimetres of a unit of the chart
 
     def __init_subclass__(cls, kind: str) -> None:
-        cls.kind, Screen.kinds[kind] = kind, cls
+        cls.kind = kind
+        Screen.kinds[kind] = cls
 
     @staticmethod
     def square(distance_mm: float, side_mm: float, pixels: int, filter_variance: float = 1.0) -> "Screen":
@@ -67,10 +68,10 @@ class Screen(ABC):
 
     @abstractmethod
     def _landed(self, away: _Rows, along: _Rows) -> _Places:
-        """Places on the chart of rays from ``away`` (mm) in directions ``along``, in its own axes; NaN for none."""
+        """Places on the chart of rays from ``away`` (mm) in directions ``along``, in local axes; NaN for none."""
 
     def _surface(self, x: _Coordinates, y: _Coordinates) -> tuple[_Vectors, _Vectors]:
-        """Points (mm) at places of the chart, and the normals there, in its own axes."""
+        """Points (mm) at places of the chart, and the normals there, in local axes."""
         raise NotImplementedError(f"{type(self).__name__}: directions have no surface")
 
     @property
@@ -97,7 +98,8 @@ class Screen(ABC):
             self.height * ((np.arange(rows) + 0.5) / rows - 0.5),
         )
         points, normals = self._surface(x, y)
-        points, normals = points @ self.axes + self.centre_mm, normals @ self.axes
+        points = points @ self.axes + self.centre_mm
+        normals = normals @ self.axes
         paths = np.linalg.norm(points, axis=-1)
         cosines = np.abs(np.sum(points * normals, axis=-1)) / paths
         reach = paths / np.maximum(cosines, _FLATTEST)
@@ -149,7 +151,8 @@ class Screen(ABC):
         self, landings: Float[np.ndarray, "n 2"], flux: Float[np.ndarray, " n"], reference: Float[np.ndarray, "h w"]
     ) -> tuple[Float[np.ndarray, "rows columns"], float, float]:
         """:meth:`irradiance`, its NMSE against a ``reference``, and the NMSE that :meth:`noise` alone makes."""
-        image, variance = self.irradiance(landings, flux), self.noise(landings, flux)
+        image = self.irradiance(landings, flux)
+        variance = self.noise(landings, flux)
         return image, nmse(image, reference), float(variance.sum()) / squared_norm(reference)
 
     @property
@@ -213,7 +216,8 @@ class CylinderScreen(Screen, kind="cylinder"):
     """A cylinder about its own y axis, unrolled."""
 
     def _landed(self, away: _Rows, along: _Rows) -> _Places:
-        radius_mm, flat = self.numbers["radius_mm"], np.array([1.0, 0.0, 1.0])
+        radius_mm = self.numbers["radius_mm"]
+        flat = np.array([1.0, 0.0, 1.0])
         across = np.linalg.norm(along * flat, axis=1)
         steps = _out_of(away * flat, along * flat / across[:, None], radius_mm) / across
         ends = away + steps[:, None] * along

@@ -52,10 +52,12 @@ class LitRays(RayRows):
 
         ``seed``: of numbers for faces that scatter which are not those of the design.
         """
-        count, body = len(rays), media.body
+        count = len(rays)
+        body = media.body
         in_body = body.indices(rays.waves, count), body.absorptions(rays.waves, count)
         waves = media.wavelengths(rays.wavelengths_nm, count)
-        outside, times = np.zeros(count, dtype=bool), np.zeros((count, len(names)), dtype=np.int64)
+        outside = np.zeros(count, dtype=bool)
+        times = np.zeros((count, len(names)), dtype=np.int64)
         drawn = FaceNumbers.of(rays, media, names, seed=seed)
         return LitRays(rays.directions, unpolarised(rays.directions), outside, *in_body, waves, *drawn, times)
 
@@ -98,7 +100,8 @@ class RefractingFace:
             r_s = np.sqrt(np.maximum(of_table, 0.0)).astype(complex)
             r_p = -r_s
         else:
-            r_s, r_p = self._of_layers(self.coating, along, "s"), -self._of_layers(self.coating, along, "p")
+            r_s = self._of_layers(self.coating, along, "s")
+            r_p = -self._of_layers(self.coating, along, "p")
         whole = [each / np.where(each == 0.0, 1.0, np.abs(each)) for each in (r_s, r_p)]
         return np.where(passes, r_s, whole[0]), np.where(passes, r_p, whole[1])
 
@@ -124,7 +127,8 @@ def _step(one: Complex[np.ndarray, " n"], other: Complex[np.ndarray, " n"]) -> C
 
 
 def _of_table(table: ReflectanceTable, cosines: PerRay, wavelengths_nm: PerRay) -> PerRay:
-    angles, rows = list(table.angles_deg), [list(row) for row in table.reflectance]
+    angles = list(table.angles_deg)
+    rows = [list(row) for row in table.reflectance]
     if angles[-1] < 90.0:
         angles.append(90.0)
         rows = [[*row, 1.0] for row in rows]
@@ -175,11 +179,13 @@ class AtFace:
         passes = passes & (mirror is None)
         mirrored = directions - 2.0 * along[:, None] * normals
         across = np.cross(directions, normals)
-        steep, s = np.linalg.norm(across, axis=1) < 1e-12, _unit(across)
+        steep = np.linalg.norm(across, axis=1) < 1e-12
+        s = _unit(across)
         s[steep] = unpolarised(directions[steep])[:, 0].real
         parts = [np.einsum("nfi,ni->nf", fields, each) for each in (s, np.cross(directions, s))]
         amplitudes = face.reflected(np.abs(along), passes)
-        passed, returned = np.zeros_like(fields), np.zeros_like(fields)
+        passed = np.zeros_like(fields)
+        returned = np.zeros_like(fields)
         for part, amplitude, axes in zip(
             parts, amplitudes, ((s, s), (np.cross(bent, s), np.cross(mirrored, s))), strict=True
         ):
@@ -197,7 +203,8 @@ class AtFace:
     def spread(self, at: Spreading, by_mirror: bool) -> "AtFace":
         """The light of a face that scatters by rings: what passes, or what a mirror reflects, is spread."""
         one = self.mirrored if by_mirror else self.bent
-        other, fields = spread(one, at), self.returned if by_mirror else self.passed
+        other = spread(one, at)
+        fields = self.returned if by_mirror else self.passed
         fields = turned(fields, one, other)
         if by_mirror:
             return replace(self, mirrored=other, returned=fields)
@@ -231,7 +238,8 @@ def through_glass(
 
     ``fields`` None: of unpolarised light.
     """
-    glass, rising = media.cover_glass, directions[:, 2] > 0.0
+    glass = media.cover_glass
+    rising = directions[:, 2] > 0.0
     if glass is None:
         return points, directions, np.ones(len(points))
     normal = np.tile([0.0, 0.0, 1.0], (int(rising.sum()), 1))
@@ -245,8 +253,11 @@ def through_glass(
     inside = first.bent
     lengths = glass.thickness_mm / inside[:, 2]
     second = AtFace.of(other, inside, normal, first.passed)
-    ends, ways, share = points.copy(), directions.copy(), np.ones(len(points))
-    ends[rising], ways[rising] = near + lengths[:, None] * inside, second.bent
+    ends = points.copy()
+    ways = directions.copy()
+    share = np.ones(len(points))
+    ends[rising] = near + lengths[:, None] * inside
+    ways[rising] = second.bent
     share[rising] = first.transmittance * np.exp(-glass.absorption_per_mm * lengths) * second.transmittance
     return ends, ways, share
 

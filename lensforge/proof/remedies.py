@@ -97,7 +97,7 @@ class Evidence:
 def form_of_mesh(open_edges: int, step_lands_alike: bool | None, other_body: str = "", *, fine: bool = False) -> str:
     """Remedy of a mesh whose rays land elsewhere; ``step_lands_alike``: those of the STEP file, None: not cast.
 
-    ``other_body``: words on how its size differs from that of the export; empty where it does not. ``fine``: its facets
+    ``other_body``: words on how its size differs from that of the export; empty if it does not. ``fine``: its facets
     are not the cause.
     """
     if open_edges > 0:

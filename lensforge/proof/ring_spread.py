@@ -46,7 +46,8 @@ def spread(directions: Vectors, at: Spreading) -> Vectors:
 
 def _amounts(at: Spreading) -> tuple[PerRay, Bool[np.ndarray, " n"]]:
     """Shift of each ray by rings chosen at the incidences on both sides of its own; whether it is scattered at all."""
-    squares, nodes = np.array(at.model.radii) ** 2, np.array(at.model.cosines)
+    squares = np.array(at.model.radii) ** 2
+    nodes = np.array(at.model.cosines)
     columns = []
     for row in map(np.array, at.model.shares):
         share = at.numbers[:, 0] - (1.0 - row[-1])  # the first numbers are of light that is not scattered
@@ -62,5 +63,6 @@ def _amounts(at: Spreading) -> tuple[PerRay, Bool[np.ndarray, " n"]]:
 
 def turned(fields: Complex[np.ndarray, "n 2 3"], one: Vectors, other: Vectors) -> Complex[np.ndarray, "n 2 3"]:
     """Fields turned from one direction to another about their common normal (Rodrigues)."""
-    axis, cosine = np.cross(one, other)[:, None, :], np.sum(one * other, axis=1)[:, None, None]
+    axis = np.cross(one, other)[:, None, :]
+    cosine = np.sum(one * other, axis=1)[:, None, None]
     return fields + np.cross(axis, fields) + np.cross(axis, np.cross(axis, fields)) / (1.0 + cosine)

@@ -22,9 +22,12 @@ if TYPE_CHECKING:
     from lensforge.proof.verification import FilesOfPart, LightOfDesign, Referees
 
 # A mesh of 115,200 triangles takes 0.6 GiB with the libraries, and so do hostile files of its size.
-_MEMORY_MIB, _MEMORY_KIB_PER_TRIANGLE, _STL_RECORD = 1536, 4, 50
+_MEMORY_MIB = 1536
+_MEMORY_KIB_PER_TRIANGLE = 4
+_STL_RECORD = 50
 # Many times what is usual, since the machine may be slow and shared: 2**14 rays take 50 s where six others compute.
-_SECONDS, _SECONDS_PER_RAY = 180.0, 0.01
+_SECONDS = 180.0
+_SECONDS_PER_RAY = 0.01
 _CALL = "call.pickle"  # of the parent to the child, never back
 
 _Result = TypeVar("_Result", bound=SimulatedResult)

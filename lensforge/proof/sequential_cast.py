@@ -87,7 +87,8 @@ class Passage:
 
     def landed(self, screen: Screen) -> "LandedRays":
         """Land the rays that left the lens."""
-        landings, fates = np.full((len(self.flux), 2), np.nan), self.fates.copy()
+        landings = np.full((len(self.flux), 2), np.nan)
+        fates = self.fates.copy()
         left = np.nonzero(self.fates == CastFate.LANDED)[0]
         landings[left] = screen.land(self.points[left], self.directions[left])
         fates[left[np.isnan(landings[left, 0])]] = CastFate.MISSED_RECEIVER
@@ -191,7 +192,8 @@ class MeshBody:
         """
         if inside is not None:
             leg = leg._replace(beyond=np.minimum(leg.beyond, SKIN_MM))
-        hits, count = self.grid.first_hits(leg), len(leg.origins)
+        hits = self.grid.first_hits(leg)
+        count = len(leg.origins)
         for _ in range(0 if inside is None else _SIDES):
             wrong = np.nonzero(hits.found & (self._leaving(leg, hits) != inside))[0]
             if len(wrong) == 0:
@@ -200,12 +202,17 @@ class MeshBody:
             again = self.grid.first_hits(Leg(leg.origins[wrong], leg.directions[wrong], beyond))
             for name, values in vars(again).items():
                 getattr(hits, name)[wrong] = values
-        no, place, zero = np.zeros(count, dtype=bool), np.zeros((count, 3)), np.zeros(count)
+        no = np.zeros(count, dtype=bool)
+        place = np.zeros((count, 3))
+        zero = np.zeros(count)
         none = np.full(count, NO_FACE)
         on_surface = SurfaceHits(hits.found, place, place.copy(), no, no.copy(), none, zero, zero.copy())
         rows = np.nonzero(hits.found)[0]
-        leg, hits, part = leg.take(rows), hits.take(rows), self.part
-        flat, facing = leg.origins + hits.distances[:, None] * leg.directions, part.mesh.face_normals[hits.triangles]
+        leg = leg.take(rows)
+        hits = hits.take(rows)
+        part = self.part
+        flat = leg.origins + hits.distances[:, None] * leg.directions
+        facing = part.mesh.face_normals[hits.triangles]
         on_surface.points[rows], on_surface.normals[rows] = meet(part, leg, hits)
         on_surface.leaving[rows] = self._leaving(leg, hits)
         on_surface.away[rows] = self.optical.away_at(flat, facing)
@@ -226,8 +233,10 @@ def at_faces(optical: OpticalFaces, media: Media, light: LitRays, hits: SurfaceH
 
     On their other side than the body is the cavity where they face the origin; where no optical face is, no coating.
     """
-    names, split = optical.names, np.empty((2, *light.fields.shape), dtype=complex)
-    models, numbers = media.scattering_of(names) or (None,) * len(names), light.numbers_at(hits.faces)
+    names = optical.names
+    split = np.empty((2, *light.fields.shape), dtype=complex)
+    models = media.scattering_of(names) or (None,) * len(names)
+    numbers = light.numbers_at(hits.faces)
     rms = facet_slopes(media, names)[hits.faces]
     normals = tilted(Arrival(hits.points, hits.normals, light.directions), rms, numbers)
     at_face = AtFace(*np.empty((2, *hits.points.shape)), *np.empty((2, len(hits.points))), *split)
@@ -236,7 +245,8 @@ def at_faces(optical: OpticalFaces, media: Media, light: LitRays, hits: SurfaceH
         if len(rows):
             around = media.outside_index if away else media.cavity_index
             coating = None if number == NO_FACE else media.coating(names[number])
-            own, other = light.indices[rows], np.full(len(rows), around)
+            own = light.indices[rows]
+            other = np.full(len(rows), around)
             before, behind = (own, other) if inside else (other, own)
             face = RefractingFace(before, behind, coating, light.wavelengths_nm[rows], not inside)
             some = AtFace.of(face, light.directions[rows], normals[rows], light.fields[rows])
@@ -251,7 +261,8 @@ def at_faces(optical: OpticalFaces, media: Media, light: LitRays, hits: SurfaceH
 def meet(part: PartMesh, leg: Leg, hits: FacetHits) -> tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, "n 3"]]:
     """Points (mm) and unit normals at which rays, all of which hit a facet, meet the curved surface over it."""
     facets = part.mesh.triangles[hits.triangles]
-    points, barycentric = leg.origins + hits.distances[:, None] * leg.directions, hits.barycentric
+    points = leg.origins + hits.distances[:, None] * leg.directions
+    barycentric = hits.barycentric
     # An oblique ray meets the curved surface not over its flat hit but near it: the second round corrects this.
     for _ in range(2):
         curved, normals = part.curved(hits.triangles, barycentric)
@@ -307,21 +318,25 @@ def send_through(
 def send_through_body(body: CastBody, rays: RayBundle, media: Media, seed: int | None = None) -> Passage:
     """Cast every ray into ``body`` and out of it, with as many events as its light has at most."""
     optical = body.optical
-    passage, light = Passage.of(rays, optical.events), LitRays.of(rays, media, optical.names, seed)
-    rows, leg = np.arange(len(rays)), outside_leg(rays)
+    passage = Passage.of(rays, optical.events)
+    light = LitRays.of(rays, media, optical.names, seed)
+    rows = np.arange(len(rays))
+    leg = outside_leg(rays)
     for event in range(optical.events):
         # Sides count behind a reflection, which may graze; before, the skin of the facet just left is enough.
         known = event > (1 if optical.opening is None else 0)
         hits = body.surface_hits(leg, light.inside if known else None)
-        fates, free = (
-            _fates(hits, light.inside, bool(optical.goes_on(event)), optical.flange),
-            _leaves_freely(optical, leg, light, hits),
-        )
+        fates = _fates(hits, light.inside, bool(optical.goes_on(event)), optical.flange)
+        free = _leaves_freely(optical, leg, light, hits)
         passage.fates[rows] = np.where(free, CastFate.LANDED, fates)
-        passage.points[rows[free]], passage.directions[rows[free]] = leg.origins[free], leg.directions[free]
+        passage.points[rows[free]] = leg.origins[free]
+        passage.directions[rows[free]] = leg.directions[free]
         passage.met[rows[free], event] = NO_FACE if optical.opening is None else optical.opening
         met = np.nonzero((fates == CastFate.LANDED) & ~free)[0]
-        rows, leg, light, hits = rows[met], leg.take(met), light.take(met), hits.take(met)
+        rows = rows[met]
+        leg = leg.take(met)
+        light = light.take(met)
+        hits = hits.take(met)
         lengths = np.linalg.norm(hits.points - leg.origins, axis=1)
         absorb(passage, rows, lengths, np.where(light.inside, light.absorptions, 0.0))
         passage.facets_um[rows, event] = 1e3 * hits.heights
@@ -329,9 +344,11 @@ def send_through_body(body: CastBody, rays: RayBundle, media: Media, seed: int |
         at = at_faces(optical, media, light, hits)
         passes = at.transmittance > 0.0
         dim(passage, rows, at, passes)
-        ways, inside = np.where(passes[:, None], at.bent, at.mirrored), light.inside != passes
+        ways = np.where(passes[:, None], at.bent, at.mirrored)
+        inside = light.inside != passes
         out = passes & light.inside & hits.away
-        passage.points[rows[out]], passage.directions[rows[out]] = hits.points[out], ways[out]
+        passage.points[rows[out]] = hits.points[out]
+        passage.directions[rows[out]] = ways[out]
         enters = passes & ~light.inside & (event + 1 < optical.events)
         goes_on = ~out & (enters | optical.goes_on(event))
         whole = ~passes & ~np.isin(hits.faces, mirrors(optical, media))
@@ -340,7 +357,9 @@ def send_through_body(body: CastBody, rays: RayBundle, media: Media, seed: int |
         times = light.times_after(hits.faces)
         light = replace(light, directions=ways, fields=passage.fields[rows], inside=inside, times=times)
         going = np.nonzero(goes_on)[0]
-        rows, leg, light = rows[going], Leg(hits.points, ways, hits.skins).take(going), light.take(going)
+        rows = rows[going]
+        leg = Leg(hits.points, ways, hits.skins).take(going)
+        light = light.take(going)
     return behind_lens(passage, rays, media, optical.plate, seed)
 
 
@@ -356,5 +375,6 @@ def _fates(hits: SurfaceHits, inside: Bool[np.ndarray, " n"], back: bool, flange
     none = [CastFate.NO_HIT, CastFate.STARTS_INSIDE, CastFate.OPENING, CastFate.STARTS_OUTSIDE]
     leaving = [~hits.found, hits.base, hits.faces == flange, ~(hits.away | back)]
     lost = [CastFate.NO_HIT, CastFate.BASE, CastFate.FLANGE, CastFate.BACK_INTO_CAVITY]
-    from_body, from_cavity = np.select(leaving, lost, CastFate.LANDED), np.select(entering, none, CastFate.LANDED)
+    from_body = np.select(leaving, lost, CastFate.LANDED)
+    from_cavity = np.select(entering, none, CastFate.LANDED)
     return np.where(inside, from_body, from_cavity)

@@ -48,12 +48,16 @@ from lensforge.results.refined_maximum import NODES, refined_maximum
 _TOP_TOLERANCE_MM = 1e-6  # what the box of a face exceeds that of the edges by rounding
 # Points along u and v: as many as the knots of a spline, whose bumps are three knots wide. About so many of their tops
 # the window is halved as often: a top is then missed by 1e-5 of its height above its neighbours.
-_LEAST_COARSE, _MOST_COARSE, _TOPS, _ROUNDS = 48, 400, 64, 8
+_LEAST_COARSE = 48
+_MOST_COARSE = 400
+_TOPS = 64
+_ROUNDS = 8
 
 
 def bounds_mm(shape: Any, faces: Sequence[Any]) -> tuple[list[float], list[float]]:
     """Least and largest corner of the box around ``shape``, whose ``faces`` (TopoDS_Face) are given."""
-    edges, box = TopTools_IndexedMapOfShape(), Bnd_Box()
+    edges = TopTools_IndexedMapOfShape()
+    box = Bnd_Box()
     TopExp.MapShapes_s(shape, TopAbs_ShapeEnum.TopAbs_EDGE, edges)
     for k in range(1, edges.Extent() + 1):
         BRepBndLib.AddOptimal_s(edges.FindKey(k), box, False, False)
@@ -77,7 +81,8 @@ def _reach(face: Any, axis: int, sign: float, known: float) -> float:
 
     Every sample above its neighbours is a start: the highest of a wavy face may lie beside another top.
     """
-    surface, trim = BRepAdaptor_Surface(face), BRepTopAdaptor_FClass2d(face, 1e-9)
+    surface = BRepAdaptor_Surface(face)
+    trim = BRepTopAdaptor_FClass2d(face, 1e-9)
     low = np.array([surface.FirstUParameter(), surface.FirstVParameter()])
     sides = np.array([surface.LastUParameter(), surface.LastVParameter()]) - low
 
@@ -97,7 +102,8 @@ def _reach(face: Any, axis: int, sign: float, known: float) -> float:
                     break
         return heights
 
-    along, read = np.linspace(0.0, 1.0, _samples(surface)), ReadFace(face)
+    along = np.linspace(0.0, 1.0, _samples(surface))
+    read = ReadFace(face)
     places = np.stack(np.meshgrid(along, along, indexing="ij"), axis=-1).reshape(-1, 2)
     values = sign * read.on_grid(*(low[:, None] + sides[:, None] * along))[:, axis]
     heights = values.reshape(len(along), -1)
@@ -147,7 +153,10 @@ class _Pieces:
     @staticmethod
     def of(faces: Sequence[Any]) -> "_Pieces":
         """All of ``faces`` (TopoDS_Face), splines cut into pieces of some knots, planes without their edges."""
-        numbers, boxes, cast, trims = list[int](), list[Any](), list[Any](), list[Any]()
+        numbers = list[int]()
+        boxes = list[Any]()
+        cast = list[Any]()
+        trims = list[Any]()
         for number, face in enumerate(faces):
             pieces = _cut(face)
             trims.append(None if pieces[0] is face else BRepTopAdaptor_FClass2d(face, _TOLERANCE_MM))
@@ -160,7 +169,8 @@ class _Pieces:
         """Pieces whose boxes a ray meets, nearest first: how far away (mm) that is, and the number of the piece."""
         slopes = np.where(np.abs(direction) < _FLAT, _FLAT, direction)
         ends = (self.boxes - origin) / slopes
-        enters, leaves = ends.min(axis=1).max(axis=1), ends.max(axis=1).min(axis=1)
+        enters = ends.min(axis=1).max(axis=1)
+        leaves = ends.max(axis=1).min(axis=1)
         met = np.flatnonzero(leaves >= np.maximum(enters, 0.0))
         met = met[np.argsort(enters[met], kind="stable")]
         return zip(enters[met].tolist(), met.tolist(), strict=True)
@@ -176,11 +186,14 @@ def _cut(face: Any) -> list[Any]:
 
     Other faces stay whole. The kernel's intersector takes 1.4 ms for a place in a plane whose edge is a spline.
     """
-    kind, surface, pieces = BRepAdaptor_Surface(face), BRep_Tool.Surface_s(face), []
+    kind = BRepAdaptor_Surface(face)
+    surface = BRep_Tool.Surface_s(face)
+    pieces = []
     spline = kind.GetType() == GeomAbs_SurfaceType.GeomAbs_BSplineSurface
     if not spline and kind.GetType() != GeomAbs_SurfaceType.GeomAbs_Plane:
         return [face]
-    bounds, knots = ReadFace(face).bounds, (kind.NbUKnots(), kind.NbVKnots()) if spline else (1, 1)
+    bounds = ReadFace(face).bounds
+    knots = (kind.NbUKnots(), kind.NbVKnots()) if spline else (1, 1)
     along_u, along_v = (
         np.linspace(low, high, 1 + -(-count // _KNOTS_OF_PIECE)).tolist()
         for low, high, count in zip(bounds[::2], bounds[1::2], knots, strict=True)
@@ -232,17 +245,21 @@ class StepBody:
         points, normals = np.zeros((2, count, 3))
         for row in range(count):
             if (hit := self._first_hit(leg, row)) is not None:
-                faces[row], found[row], leaving[row] = hit[0], True, hit[1]
+                faces[row] = hit[0]
+                found[row] = True
+                leaving[row] = hit[1]
                 points[row], normals[row] = self._point_and_normal(hit[0], *hit[2:])
         outwards = np.where((np.sum(normals * leg.directions, axis=1) > 0.0) == leaving, 1.0, -1.0)[:, None]
-        away, numbers = faces_away(points, outwards * normals), self._sorted(faces, points, outwards * normals)
+        away = faces_away(points, outwards * normals)
+        numbers = self._sorted(faces, points, outwards * normals)
         return SurfaceHits(found, points, normals, leaving, away, numbers, np.full(count, _SKIN_MM), np.zeros(count))
 
     def _sorted(
         self, faces: Int[np.ndarray, " n"], points: Float[np.ndarray, "n 3"], normals: Float[np.ndarray, "n 3"]
     ) -> Int[np.ndarray, " n"]:
         """Number of the optical face on which each hit lies: by the name of the file's face, else by its place."""
-        numbers, named = self.optical.sorted(points, normals)[0], self._numbers[faces]
+        numbers = self.optical.sorted(points, normals)[0]
+        named = self._numbers[faces]
         return np.where((named != NO_FACE) & (numbers != NO_FACE), named, numbers)
 
     def _first_hit(self, leg: Leg, row: int) -> tuple[int, bool, float, float] | None:
@@ -253,7 +270,8 @@ class StepBody:
         for enters, piece in self._pieces.met(leg.origins[row], leg.directions[row]):
             if enters > nearest:
                 break
-            face, crossings = self._pieces.faces[piece], self._pieces.intersectors[piece]
+            face = self._pieces.faces[piece]
+            crossings = self._pieces.intersectors[piece]
             crossings.Perform(line, float(leg.beyond[row]), _FAR_MM)
             for k in range(1, crossings.NbPnt() + 1):
                 place = crossings.UParameter(k), crossings.VParameter(k)
@@ -264,7 +282,9 @@ class StepBody:
         return hit
 
     def _point_and_normal(self, face: int, u: float, v: float) -> tuple[np.ndarray, np.ndarray]:
-        point, along_u, along_v = gp_Pnt(), gp_Vec(), gp_Vec()
+        point = gp_Pnt()
+        along_u = gp_Vec()
+        along_v = gp_Vec()
         self._surfaces[face].D1(u, v, point, along_u, along_v)
         normal = along_u.Crossed(along_v)
         unit = np.array([normal.X(), normal.Y(), normal.Z()]) / normal.Magnitude()

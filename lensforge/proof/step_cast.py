@@ -97,11 +97,14 @@ def judge_brep(
 
     ``rays``, ``expected`` and ``mesh`` hold all of the rays; the quantiles of the gaps are from the design.
     """
-    rows, judged = cast.rows, []
+    rows = cast.rows
+    judged = []
     some = rays.take(rows)
     for receiver in expected:
-        landed, by_mesh = cast.passage.landed(receiver.screen), mesh.landed(receiver.screen)
-        design, names = receiver.take(rows), by_mesh.fate_names[rows]
+        landed = cast.passage.landed(receiver.screen)
+        by_mesh = mesh.landed(receiver.screen)
+        design = receiver.take(rows)
+        names = by_mesh.fate_names[rows]
         met = None if receiver.met is None else by_mesh.met[rows]
         reference = Expected(
             receiver.screen, receiver.irradiance, by_mesh.landings[rows], by_mesh.flux[rows], names, met

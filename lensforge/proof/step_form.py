@@ -190,13 +190,15 @@ class _Seen:
 
     def see(self, read: ReadFace) -> None:
         """Look at all of one face, as the face of the design that most of it is next to."""
-        probes, below = read.probes(), self.file.body.below
+        probes = read.probes()
+        below = self.file.body.below
         if below is None and float(probes[:, 2].max()) <= ABOVE_MM:
             return
         designed = [*self.file.body.above, *(below or ())]
         found = [each.off_mm(probes) for each in designed]
         chosen = int(np.argmin([off.mean() for off, _ in found]))
-        face, owner = designed[chosen], int(np.median(found[chosen][1]))
+        face = designed[chosen]
+        owner = int(np.median(found[chosen][1]))
         self.farthest.meet(face, np.array([owner]))
         if self.file.trimmed:
             is_copy = self._is_copy(read, face, owner)
@@ -211,7 +213,8 @@ class _Seen:
         places, points = read.grid()
         if not isinstance(face, Levels | StandingWalls):
             known = _known(face, points)
-            places, points = places[known], points[known]
+            places = places[known]
+            points = points[known]
         away = np.flatnonzero(face.off_mm(points)[0] > self.file.limit_um * _MM_PER_UM)
         kept = np.ones(len(points), dtype=bool)
         kept[away] = read.inside(places[away])
@@ -230,7 +233,8 @@ class _Seen:
         if not isinstance(face, PlacedFace) or read.spline is None:
             return False
         poles = face.own(read.spline.poles.reshape(-1, 3), lens).reshape(read.spline.poles.shape)
-        own, of_kind = replace(read.spline, poles=poles), face.of_lens(lens)
+        own = replace(read.spline, poles=poles)
+        of_kind = face.of_lens(lens)
         return self.known.setdefault(of_kind, own) is not own and self.known[of_kind].is_same(own)
 
 
@@ -259,7 +263,8 @@ def _knots_of(curve: Any) -> int:
 
 def _open_edges(faces: Sequence[Any]) -> int:
     """Edges that do not join two faces, or the two ends of one."""
-    edges, uses = TopTools_IndexedMapOfShape(), list[int]()
+    edges = TopTools_IndexedMapOfShape()
+    uses = list[int]()
     for face in faces:
         for edge in map(TopoDS.Edge_s, explored(face, TopAbs_ShapeEnum.TopAbs_EDGE)):
             if not BRep_Tool.Degenerated_s(edge):

@@ -18,7 +18,8 @@ from lensforge.proof.sequential_cast import MeshBody, at_faces, outside_leg
 from lensforge.results.child_pool import IN_TURN, ChildPool
 from lensforge.sources.ray_bundle import RayBundle
 
-_BALLS, _ROUNDING = 1.0 + 1e-6, 1e-12  # of the radii, and of the size of the mesh, both squared
+_BALLS = 1.0 + 1e-6  # of the radii, squared
+_ROUNDING = 1e-12  # of the size of the mesh, squared
 _BLOCK = 64  # triangles near each other, around which a ball is looked at first: of 256 a cast takes half longer
 AGREE_MM = 1e-6  # both compute the same plane intersection; only the last digits may differ
 
@@ -31,7 +32,8 @@ def cast_plain(
     trimesh casts them in ``second``, where there is one; the function that is returned waits for it.
     """
     rows = np.unique(np.linspace(0, len(rays) - 1, min(count, len(rays))).astype(np.int64))
-    outside, light = outside_leg(rays).take(rows), LitRays.of(rays, media, part.optical.names).take(rows)
+    outside = outside_leg(rays).take(rows)
+    light = LitRays.of(rays, media, part.optical.names).take(rows)
     entry = MeshBody(part, grid).surface_hits(outside)
     entered = np.nonzero(entry.found)[0]
     entry = entry.take(entered)
@@ -68,8 +70,10 @@ class PlainCaster:
     """
 
     def __init__(self, mesh: trimesh.Trimesh) -> None:
-        self._triangles, self._normals = np.asarray(mesh.triangles), np.asarray(mesh.face_normals)
-        self._bounds, self._centres = mesh.bounds, self._triangles.mean(axis=1)
+        self._triangles = np.asarray(mesh.triangles)
+        self._normals = np.asarray(mesh.face_normals)
+        self._bounds = mesh.bounds
+        self._centres = self._triangles.mean(axis=1)
         self._reach = np.linalg.norm(self._triangles - self._centres[:, None], axis=2).max(axis=1)
         order = cKDTree(self._centres).indices  # neighbours stand together
         self._blocks = np.pad(order, (0, -len(order) % _BLOCK), mode="edge").reshape(-1, _BLOCK)
@@ -81,7 +85,8 @@ class PlainCaster:
         """Distance (mm) of each ray's first hit; infinite where there is none."""
         nearest = np.full(len(leg.origins), np.inf)
         for row in range(len(nearest)):
-            origin, direction = leg.origins[row : row + 1], leg.directions[row : row + 1]
+            origin = leg.origins[row : row + 1]
+            direction = leg.directions[row : row + 1]
             near = self._blocks[self._met(self._middles, self._around, origin, direction)].ravel()
             near = near[self._met(self._centres[near], self._reach[near], origin, direction)]
             listed = _Listed(near, self._bounds)

@@ -17,14 +17,18 @@ from lensforge.kernels.compiled import kernel
 _DEGREE = 5
 LANES = 64  # vertices side by side, in vector instructions: 8 take twice as long, more leave the cache
 _POWERS = [(degree - k, k) for degree in range(1, _DEGREE + 1) for k in range(degree + 1)]
-_TERMS, _SUMS = len(_POWERS), 2 * _DEGREE + 1
+_TERMS = len(_POWERS)
+_SUMS = 2 * _DEGREE + 1
 _OF_X, _OF_Y = (np.array(powers) for powers in zip(*_POWERS, strict=True))
 # A term that the neighbours do not determine goes to the lower degree: the ridge grows with the degree. At a rim 48
 # neighbours are five rows deep; with 1e-7 for the fifth degree the normals there are wrong by 1 mrad.
 _RIDGE = np.array([(0.0, 1e-12, 1e-9, 1e-6, 1e-4, 1e-3)[i + j] for i, j in _POWERS])
 _LEAST_WEIGHT = 1e-3  # of the farthest neighbour: near ones count more, which takes 0.64 of the error of the normals
 _STEEPEST = 0.999  # height of the farthest neighbours over their distance: a dome's are at a tenth
-_ACROSS, _SIZE, _FITS = 6, 6, 7  # numbers of the two vectors of a frame, and rows behind them
+# Numbers of the two vectors of a frame, and rows behind them.
+_ACROSS = 6
+_SIZE = 6
+_FITS = 7
 
 
 class FitSpace(NamedTuple):
@@ -53,7 +57,8 @@ def fit_polynomials(vertices, rows, near, normals, shapes, space):
     are a line or a heap: a mesh of the program's own has none, one that somebody has changed may. ``space``: of
     :func:`fit_space`.
     """
-    frames, coefficients = space.frames, space.coefficients
+    frames = space.frames
+    coefficients = space.coefficients
     for start in range(0, len(rows), LANES):
         count = min(LANES, len(rows) - start)
         for lane in range(LANES):
@@ -82,13 +87,20 @@ def _place(vertices, row, near, normal, lane, frames, places):
     gx, gy, gz = ny * fz - nz * fy, nz * fx - nx * fz, nx * fy - ny * fx
     for number, component in enumerate((fx, fy, fz, gx, gy, gz)):
         frames[number, lane] = component
-    total, farthest, highest, own = 0.0, 0.0, 0.0, vertices[row]
+    total = 0.0
+    farthest = 0.0
+    highest = 0.0
+    own = vertices[row]
     for k in range(len(near)):
         other = vertices[near[k]]
         x, y, z = other[0] - own[0], other[1] - own[1], other[2] - own[2]
-        squared, height = x * x + y * y + z * z, x * nx + y * ny + z * nz
-        total, farthest, highest = total + squared, max(farthest, squared), max(highest, abs(height))
-        places[0, k, lane], places[1, k, lane] = x * fx + y * fy + z * fz, x * gx + y * gy + z * gz
+        squared = x * x + y * y + z * z
+        height = x * nx + y * ny + z * nz
+        total = total + squared
+        farthest = max(farthest, squared)
+        highest = max(highest, abs(height))
+        places[0, k, lane] = x * fx + y * fy + z * fz
+        places[1, k, lane] = x * gx + y * gy + z * gz
         places[2, k, lane] = height
     size = sqrt(total / len(near))
     for k in range(len(near)):
@@ -109,9 +121,12 @@ def _add_up(places, products, sums):
     All moments of the monomials are among them: 66 sums for a matrix of 20 by 20.
     """
     sums[:] = 0.0
-    of_x, product = products[0], products[1]
+    of_x = products[0]
+    product = products[1]
     for k in range(places.shape[1]):
-        x, y, height = places[0, k], places[1, k], places[2, k]
+        x = places[0, k]
+        y = places[1, k]
+        height = places[2, k]
         for lane in range(LANES):
             of_x[lane] = places[3, k, lane]
         for i in range(_SUMS):
@@ -119,7 +134,8 @@ def _add_up(places, products, sums):
                 product[lane] = of_x[lane]
                 of_x[lane] *= x[lane]
             for j in range(_SUMS - i):
-                alone, with_height = sums[0, i, j], sums[1, i, j]
+                alone = sums[0, i, j]
+                with_height = sums[1, i, j]
                 if i + j <= _DEGREE:
                     for lane in range(LANES):
                         with_height[lane] += product[lane] * height[lane]
@@ -132,7 +148,8 @@ def _add_up(places, products, sums):
 def _solve(sums, moments, coefficients, frames):
     """Coefficients of the monomials by Cholesky's factors of their moments, whose diagonal holds its inverse."""
     for a in range(_TERMS):
-        own, answer = moments[a], coefficients[a]
+        own = moments[a]
+        answer = coefficients[a]
         for b in range(a + 1):
             moment = sums[0, _OF_X[a] + _OF_X[b], _OF_Y[a] + _OF_Y[b]]
             for lane in range(LANES):
@@ -163,14 +180,19 @@ def _solve(sums, moments, coefficients, frames):
 @kernel
 def _shape(frame, coefficients, normal, shape):
     """The normal, and the ``shape`` around it: two vectors across, second and third derivatives of the height."""
-    by_x, by_y, size, total = coefficients[0], coefficients[1], frame[_SIZE], 0.0
+    by_x = coefficients[0]
+    by_y = coefficients[1]
+    size = frame[_SIZE]
+    total = 0.0
     for i in range(3):
         normal[i] -= frame[i] * by_x + frame[3 + i] * by_y
         total += normal[i] * normal[i]
-        shape[i], shape[3 + i] = frame[i], frame[3 + i]
+        shape[i] = frame[i]
+        shape[3 + i] = frame[3 + i]
     for i in range(3):
         normal[i] /= sqrt(total)
     for term in range(2, 9):
-        i, j = _OF_X[term], _OF_Y[term]
+        i = _OF_X[term]
+        j = _OF_Y[term]
         factor = (6.0 if max(i, j) == 3 else 2.0 if max(i, j) == 2 else 1.0) / size ** (i + j - 1)
         shape[_ACROSS + term - 2] = factor * coefficients[term]

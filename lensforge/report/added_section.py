@@ -21,8 +21,8 @@ class Place:
 
 
 @dataclass(frozen=True)
-class Shown:
-    """Where a result is shown, and its rows of pictures."""
+class OnPlace:
+    """Place at which a result is shown, and its rows of pictures."""
 
     place: Place
     rows: list[list[PagePicture]]
@@ -37,8 +37,8 @@ class AddedSection:
 
 
 @singledispatch
-def shown_on_page(result: StageResult, results: Results) -> Shown | None:
-    """What the page shows of one of the ``results``; an add-on registers the function for its own class."""
+def shown_on_page(result: StageResult, results: Results) -> OnPlace | None:
+    """Place and pictures of a result on the page, None for none; an add-on registers the function for its class."""
     return None
 
 

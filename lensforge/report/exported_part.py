@@ -52,7 +52,7 @@ _MOST_HASHED_BYTES = 1024 * MIB  # of a file; no reader takes a larger one
 
 @dataclass(frozen=True)
 class FileRow:
-    """One file: its name, size and SHA-256; hash, ``purpose`` and ``link`` are empty where there is none."""
+    """One file: its name, size and SHA-256; hash, ``purpose`` and ``link`` are empty if there is none."""
 
     name: str
     size: str

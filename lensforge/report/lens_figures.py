@@ -46,7 +46,7 @@ def lens_section(
     reach: float | None = None,
     traced: TracedLens | None = None,
 ) -> Figure:
-    """The section at ``azimuth_deg``; ``outline_mm`` is the source's, None where it is not known.
+    """The section at ``azimuth_deg``; ``outline_mm`` is the source's, None if it is not known.
 
     ``reach``: half the width of the drawing (mm), by default from the size of the lens. Also drawn: the paraboloid that
     must fit into the cavity, the maximum radius, and rays, through ``traced`` where their tables are made already.
@@ -91,7 +91,7 @@ def _draw_further_bodies(axes: Axes, lens: Lens, across: Float[np.ndarray, " 3"]
     flat = points.reshape(-1, 3)
     for number, body in enumerate(lens.media.bodies):
         outer, inner = (depths(body, flat, inner=is_inner) for is_inner in (False, True))
-        height = body.pose.own_points(flat)[:, 2]
+        height = body.pose.to_local_points(flat)[:, 2]
         within = np.where(height > 0.0, np.minimum(np.minimum(outer, -inner), height), height)
         within = within.reshape(_CUT_NODES, _CUT_NODES)
         colour = (GREY, GREEN)[number % 2]

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from lensforge.cad.boundary import lens_boundaries
-from lensforge.cad.part import Part, held_by
+from lensforge.cad.part import Part, included_holders
 from lensforge.light.evaluation_result import Light
 from lensforge.light.light_facts import place_groups
 from lensforge.light.photometry_result import Photometry
@@ -67,7 +67,7 @@ def _context(results: Results, folder: Path | None, beside: bool) -> dict[str, o
     return {
         "lens": lens,
         "subtitle": task(lens.spec),
-        "held_by": held_by(lens.spec),
+        "included_holders": included_holders(lens.spec),
         "places": place_groups(results.light) if results.find(Light) else [],
         "headline": headline.headline(results),
         "outdated": headline.outdated(results),

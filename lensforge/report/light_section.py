@@ -67,7 +67,7 @@ class ShownReceiver:
 
     @property
     def heading(self) -> str:
-        """Heading of its pictures; empty where it is the only one."""
+        """Heading of its pictures; empty if it is the only one."""
         return f"{self.light.name}, {self.light.place}" if self.several else ""
 
     def picture_name(self, name: str) -> str:
@@ -75,7 +75,7 @@ class ShownReceiver:
         return numbered(name, self.index)
 
     def mask(self, pixels: int) -> Bool[np.ndarray, "h w"] | None:
-        """Its region of uniform light on ``pixels`` along the longer side; None where it has none."""
+        """Its region of uniform light on ``pixels`` along the longer side; None if it has none."""
         sections = self.spec.all_receivers
         if self.index >= len(sections):
             return None
@@ -259,7 +259,7 @@ def _maps(shown: ShownReceiver, whole: Light) -> list[PagePicture]:
 
 
 def _as_means(light: ReceiverLight) -> str:
-    """A sentence on pixels that are finer than what is drawn; empty where all are drawn."""
+    """A sentence on pixels that are finer than what is drawn; empty if all are drawn."""
     rows, columns = light.map.shape
     if max(rows, columns) <= light_figures.MOST_DRAWN:
         return ""
@@ -376,7 +376,7 @@ def other_results(results: Results) -> list[Group]:
 
 
 def _main_line(result: StageResult, group: Group) -> str:
-    """The facts of a group that stand for it in one row; empty where it has none."""
+    """The facts of a group that stand for it in one row; empty if it has none."""
     return group.select(*(result.on_page.in_row or _MAIN.get(group.key, ()))).line
 
 

@@ -67,7 +67,7 @@ class Results:
         return self.lens.spec
 
     def find(self, kind: type[_Result], stem: str | None = None) -> _Result | None:
-        """Find the result of class ``kind``; None where that stage has not run."""
+        """Find the result of class ``kind``; None if that stage has not run."""
         result = self.found.get(stem or kind.stage)
         return result if isinstance(result, kind) else None
 
@@ -175,11 +175,12 @@ class Results:
             case Yield():
                 return yield_facts(result)
             case _:
+                load_records()
                 return facts_of(result)
 
     @property
     def yield_facts(self) -> list[Group]:
-        """Facts of the yield; empty where it has not been computed."""
+        """Facts of the yield; empty if it has not been computed."""
         study = self.find(Yield)
         return [] if study is None else self.facts(study)
 
@@ -214,10 +215,15 @@ def facts_of(result: StageResult) -> list[Group]:
     return []
 
 
-def kinds_of_results() -> tuple[type[StageResult], ...]:
-    """Classes of all results that a folder may have: those of a whole run, then others, which are made from these."""
+def load_records() -> None:
+    """Load the records of add-ons, with the facts of each."""
     for addon in addons():
         addon.records()
+
+
+def kinds_of_results() -> tuple[type[StageResult], ...]:
+    """Classes of all results that a folder may have: those of a whole run, then others, which are made from these."""
+    load_records()
     others = (kind for _, kind in sorted(OF_FOLDERS.items()) if kind not in STAGES)
     return (*STAGES, *others)
 

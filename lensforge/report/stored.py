@@ -118,7 +118,7 @@ def _files_in(folder: Path, kind_by_stem: Mapping[str, type[StageResult]]) -> It
 
 
 def _foreign_conditions(result: StageResult, stem: str, is_own: bool) -> str:
-    """The reason why ``result`` is not what its file's name says: the lens's own, of a surface, under conditions."""
+    """Why the file name does not match its content: nominal, of a surface, or under conditions; "" if it does."""
     conditions = conditions_of(result)
     if is_own and conditions is not None:
         return f"it was made under other than nominal conditions ({conditions})"
@@ -128,7 +128,7 @@ def _foreign_conditions(result: StageResult, stem: str, is_own: bool) -> str:
 
 
 def _mismatch(result: StageResult, lens: Lens, accepted: Mapping[str, StageResult], outdated: Mapping[str, str]) -> str:
-    """The reason why ``result`` belongs to another lens, part or light; empty where it does not."""
+    """The reason why ``result`` belongs to another lens, part or light; empty if it does not."""
     for name in result.made_from:
         if name in accepted and accepted[name].sha256 != result.inputs[name]:
             return f"it was made from another {name}"
@@ -215,7 +215,7 @@ def verdicts_of_kinds(folder: Path, lens: Lens) -> dict[str, Verdict]:
 
 
 def unrecorded(hashes: Mapping[str, str] | None, stem: str, result: StageResult) -> str:
-    """The reason why ``result`` is not that of the recorded ``hashes``; empty where it is. None: nothing is recorded.
+    """The reason why ``result`` is not that of the recorded ``hashes``; empty if it is. None: nothing is recorded.
 
     A part whose files were altered stays: casts of its files judge it, and until then its files fail.
     """

@@ -73,7 +73,7 @@ def _section(stem: str, study: Yield, results: Results) -> YieldSection:
 
 
 def _distribution(study: Yield, name: str, on_page: str) -> PagePicture:
-    """The parts by one metric; a bound far from all of them is said, not drawn."""
+    """Histogram of the parts by one metric; bounds outside the plot range go to the caption."""
     values = study.without_noise(name)
     spread = study.metrics[name]
     bounds = [bound for bound in study.bounds if bound.metric == name]

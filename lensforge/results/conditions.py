@@ -43,7 +43,7 @@ class Conditions(Record):
 
     @classmethod
     def of(cls, source_name: str = "", **differing: Any) -> "Conditions | None":
-        """Conditions by those ``differing`` from the lens's own, None where none does; ``source_name``: in the name."""
+        """Conditions by those ``differing`` from the lens's own, None if none does; ``source_name``: in the name."""
         given = {key: value for key, value in differing.items() if value is not None}
         if not given:
             return None

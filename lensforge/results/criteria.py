@@ -32,7 +32,7 @@ def declare_words(name: str, words: str) -> None:
     _WORDS[name] = words
 
 
-def words_of(name: str) -> str:
+def label_of(name: str) -> str:
     """Words for a criterion's name, which may begin with its face or file, or with its receiver."""
     receiver, colon, short = name.rpartition(": ")
     face, _, of_face = short.partition(" ")
@@ -46,7 +46,7 @@ def _completed(criterion: Fact) -> Fact:
     if criterion.limit is None:
         raise ValueError("limit: must be a number")
     name = criterion.key
-    return replace(criterion, label=words_of(name), note=name.replace("_", " ")).judged(criterion.standard_error or 0.0)
+    return replace(criterion, label=label_of(name), note=name.replace("_", " ")).judged(criterion.standard_error or 0.0)
 
 
 _NAMES = {name: name for name in ("value", "standard_error", "sense", "limit", "unit", "tolerance")}
@@ -59,7 +59,7 @@ def at_most(
 ) -> Fact:
     """The criterion ``value <= limit``, to ``tolerance``; a value that is not finite counts as not measured.
 
-    ``error``: standard error of the value, None where it is exact; within two of the limit nothing is decided.
+    ``error``: standard error of the value, None if it is exact; within two of the limit nothing is decided.
     """
     measured = float(value) if isfinite(value) else None
     criterion = Fact(name, "", measured, unit, error, limit=float(limit), remedy=remedy, tolerance=float(tolerance))
@@ -105,7 +105,7 @@ def missed(criteria: Iterable[Fact]) -> Iterator[Reason]:
 
 
 def named(criteria: Iterable[Fact], name: str) -> Fact | None:
-    """The criterion called ``name``; None where there is none."""
+    """The criterion called ``name``; None if there is none."""
     return next((criterion for criterion in criteria if criterion.key == name), None)
 
 

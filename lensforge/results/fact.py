@@ -20,11 +20,11 @@ FactState = State | Literal[""]  # "": nothing is required, or it is not judged 
 _OPPOSITE: dict[Sense, Sense] = {"<=": ">=", ">=": "<="}
 _BOUNDS: dict[Sense, str] = {"<=": "lower bound", ">=": "upper bound"}  # that physics sets on the other side
 _DIGITS = 4  # significant digits of a number without standard error
-_SQUARE = "nmse", "setting"  # ends of the keys of mean squares, which noise may have left below 0
 _ANSWERS = {"pass": "yes", "fail": "no", "undecided": "undecided"}
 _OUTCOMES = {"pass": "held", "fail": "missed", "undecided": "undecided"}
 
 
+@public
 @dataclass(frozen=True)
 class Change:
     """A field of the spec, dotted, and the ``value`` that would help; ``then``: words behind it in a sentence."""
@@ -44,22 +44,24 @@ class Fact:
 
     Fields:
         key (str): Name by which a page or a screen selects it.
-        label (str): Its name in words.
-        value (float or str or None): In ``unit``; None where it could not be measured; text where it is no number.
+        label (str): Name that is shown.
+        value (float or str or None): In ``unit``; None if it could not be measured; text where it is no number.
         unit (str): "%" for a share, "" for a pure number.
-        standard_error (float or None): Of the value; None for an exact one.
+        standard_error (float or None): Standard error of the value; None for an exact one.
         sense ('<=' or '>='): Side of the limit on which the value must be.
-        limit (float or None): Bound of the value; None for none.
+        limit (float or None): Bound of the value; None if it is not judged.
         possible (float or None): The best that physics allows.
-        state ('pass' or 'fail' or 'undecided' or ''): Of the judgement, "" where there is none.
-        note (str): Words beside the value.
-        remedy (str): What to try where it fails.
+        state ('pass' or 'fail' or 'undecided' or ''): Result of the judgement, "" if there is no limit.
+        note (str): Text shown beside the value.
+        remedy (str): Advice if the value misses its limit.
         digits (int): Significant digits that are shown.
-        tolerance (float): By which its measure may miss the limit.
-        place (str): The face or the receiver that it is on.
-        limit_note (str): Words beside limit and bound.
-        possible_note (str): Words beside limit and bound.
-        notice (str): Why it deserves a look though no limit judges it, shown in amber.
+        tolerance (float): Amount by which the measured value may miss the limit.
+        place (str): Face or receiver of the value.
+        limit_note (str): Text shown beside the limit.
+        possible_note (str): Text shown beside the bound.
+        notice (str): Reason why the value deserves a look though no limit judges it, shown in amber.
+        is_square (bool): True for a mean square; the noise that is taken off may leave it below zero.
+        changes (tuple of Change): Fields of the spec that would help, with values; the remedy says them in a sentence.
     """
 
     key: Text
@@ -79,11 +81,12 @@ class Fact:
     limit_note: Text = ""
     possible_note: Text = ""
     notice: Text = ""
+    is_square: bool = False
     changes: tuple[Change, ...] = field(default=(), compare=False)
 
     @staticmethod
     def measured(key: str, label: str, metric: Metric | None, note: str = "", **more: Any) -> "Fact":
-        """Make the fact of a ``metric``, judged where ``more`` has a limit; None where it has no meaning."""
+        """Make the fact of a ``metric``, judged where ``more`` has a limit; None if it has no meaning."""
         if metric is None:
             return Fact(key, label, None, note=note, **more)
         fact = Fact(key, label, metric.value, metric.unit, metric.standard_error, note=note, **more)
@@ -96,7 +99,7 @@ class Fact:
         return Fact.measured(key, label, metric, note, **more).in_percent
 
     def judged(self, error: float | None = 0.0) -> "Fact":
-        """Judge the fact by its limit; ``error``: standard error, 0 for an exact value, None where it is not known."""
+        """Judge the fact by its limit; ``error``: standard error, 0 for an exact value, None if it is not known."""
         value = None if isinstance(self.value, str) else self.value
         return replace(self, state=judge(value, self.sense, self.limit, error, self.tolerance))
 
@@ -152,7 +155,7 @@ class Fact:
             return NOTHING if self.limit is None else "not measured"
         if isinstance(self.value, str | bool):
             return anything(self.value)
-        if self.key.endswith(_SQUARE):
+        if self.is_square:
             return square(self.value, self.standard_error, self.digits)
         return quantity(self.value, self.unit, self.standard_error, self.digits)
 
@@ -185,7 +188,7 @@ class Fact:
 
     @property
     def reason(self) -> str:
-        """Reason why it does not pass, with what to try; empty where it passes or nothing judges it."""
+        """Reason why it does not pass, with what to try; empty if it passes or nothing judges it."""
         if self.state in ("pass", ""):
             return ""
         ends = f": {self.advice}" if self.advice else ""
@@ -228,7 +231,7 @@ class Fact:
 
     @property
     def _doubt(self) -> str:
-        """Words on why nothing is decided; empty where something is."""
+        """Words on why nothing is decided; empty if something is."""
         if self.state != "undecided":
             return ""
         return ", too close to tell" if self.standard_error else ", without standard error: too few rays"

@@ -70,7 +70,7 @@ class Criterion:
 
     Attributes:
         sense: side of the bound on which the value must be.
-        bound: the limit; None where the result asks for none, and then there is no criterion.
+        bound: the limit; None if the result asks for none, and then there is no criterion.
         words: the criterion in words.
         remedy: what to change where it is missed.
         name: by which scripts know the criterion; by default the path of the field without its unit. As in a
@@ -129,7 +129,7 @@ class _Declared(Generic[_Mark]):
 
     @property
     def value(self) -> Any:
-        """The value that is declared; None where an entry on the way is."""
+        """The value that is declared; None if an entry on the way is."""
         return entry_at(self.holder, ".".join(filter(None, (self.path[-1], self.mark.of))))
 
     @property
@@ -228,7 +228,8 @@ def _with_told(
 ) -> dict[str, Any]:
     read = dict(content)
     for name, info in kind.model_fields.items():
-        judged, told = marker(info, Criterion), marker(info, InCriterion)
+        judged = marker(info, Criterion)
+        told = marker(info, InCriterion)
         if told is not None and name not in content:
             criterion = told.name or (judged and judged.name) or _name([*path, name])
             if criterion in criteria:
@@ -240,7 +241,7 @@ def _with_told(
 
 
 def entry_at(record: Any, place: str) -> Any:
-    """The entry at the dotted ``place`` of ``record``; None where an entry on the way is."""
+    """The entry at the dotted ``place`` of ``record``; None if an entry on the way is."""
     for step in place.split("."):
         if record is not None:
             record = record[step] if isinstance(record, Mapping) else getattr(record, step)
@@ -274,7 +275,8 @@ def _fact(declared: _Declared[Figure], held: Sequence[Fact]) -> Fact | None:
     value: Any = mark.missing if declared.value is None else declared.value
     if value is None:
         return None
-    label, note = declared.text(mark.label), declared.text(mark.note)
+    label = declared.text(mark.label)
+    note = declared.text(mark.note)
     key = declared.text(mark.key) or declared.name
     if mark.unit == "%":
         fact = Fact.share(key, label, value, note)

@@ -391,7 +391,7 @@ Irradiance = Annotated[Float[np.ndarray, "h w"], Array("h", "w", least=0.0)]
 class Metric(Record):
     """A number with its unit and its standard error.
 
-    ``value``: the number. ``unit``: its unit, "" for a ratio. ``standard_error``: of one standard deviation; None where
+    ``value``: the number. ``unit``: its unit, "" for a ratio. ``standard_error``: of one standard deviation; None if
     there was only one sample.
     """
 

@@ -81,7 +81,7 @@ def _is_base(model: type[BaseModel]) -> bool:
 
 
 def kind_of(model: type[BaseModel]) -> str | None:
-    """The ``kind`` that names a class among others; None where it is alone."""
+    """The ``kind`` that names a class among others; None if it is alone."""
     field = model.model_fields.get("kind")
     named = None if field is None else get_args(field.annotation)
     return named[0] if named and len(named) == 1 else None

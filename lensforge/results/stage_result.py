@@ -131,7 +131,7 @@ _Content = MutableMapping[str, Any]  # of a file, or of a result within it
 
 
 class OnPage(NamedTuple):
-    """How pages tell of the results of a stage.
+    """Words of pages on the results of a stage.
 
     ``title``: name, with {} for that of a face; empty for the stage's. ``further``: keys of facts that follow those by
     which a design is judged. ``in_row``: keys of facts that tell of a result in one row.
@@ -154,7 +154,7 @@ class StageResult(Record):
     stage: ClassVar[str]
     command: ClassVar[str] = ""  # the command that makes it, where not named like the stage
     made_from: ClassVar[tuple[str, ...]] = ("lens",)  # inputs whose hashes a record must state
-    told_if_any: ClassVar[tuple[str, ...]] = ()  # fields that a record leaves out where they are empty
+    omit_if_empty: ClassVar[tuple[str, ...]] = ()  # fields that a record leaves out where they are empty
     judged_in: ClassVar[tuple[str, ...]] = ("criteria",)  # fields that hold judgements
     of_face: ClassVar[str] = ""  # beginning of the names of its files, which a face ends; empty for the whole lens
     on_page: ClassVar[OnPage] = OnPage()
@@ -220,8 +220,8 @@ class StageResult(Record):
             require_same_judgements(field, sorted(vars(self)[field], key=_named), sorted(made, key=_named))
 
     @model_serializer(mode="wrap")
-    def _what_there_is(self, dumped: Callable[[object], dict[str, object]]) -> dict[str, object]:
-        return {name: each for name, each in dumped(self).items() if each or name not in self.told_if_any}
+    def _drop_empty(self, dumped: Callable[[object], dict[str, object]]) -> dict[str, object]:
+        return {name: each for name, each in dumped(self).items() if each or name not in self.omit_if_empty}
 
     @classmethod
     def schema_name(cls) -> str:
@@ -272,8 +272,8 @@ class StageResult(Record):
         return copy
 
     def _entries(self, whole: bool = False) -> Iterator[tuple[str, Scalar]]:
-        untold = [name for name in self.told_if_any if not getattr(self, name)]
-        elsewhere = (*self.stored_elsewhere(), *untold)
+        omitted = [name for name in self.omit_if_empty if not getattr(self, name)]
+        elsewhere = (*self.stored_elsewhere(), *omitted)
         return ((key, value) for key, value in super()._entries(whole) if key.split(".")[0] not in elsewhere)
 
     def __str__(self) -> str:
@@ -427,7 +427,7 @@ def _judgement(fact: Fact | None) -> tuple[object, ...]:
 class SimulatedResult(StageResult):
     """Result under nominal conditions, or others.
 
-    ``conditions``: those that are not nominal; None where all are.
+    ``conditions``: those that are not nominal; None if all are.
     """
 
     conditions: Conditions | None = None
@@ -441,7 +441,7 @@ class ResultByLed(SimulatedResult):
     LEDs.
     """
 
-    told_if_any: ClassVar[tuple[str, ...]] = ("led", "others")
+    omit_if_empty: ClassVar[tuple[str, ...]] = ("led", "others")
 
     led: Annotated[str, Field(strict=True, pattern=f"^{_LED}$")] = ""
     others: "tuple[ResultByLed, ...]" = ()

@@ -112,7 +112,7 @@ class Column:
     def factor_of(self, cell: str, below: str = "") -> float | None:
         """The factor of the unit in the name ``cell``, or in the row of units ``below`` it.
 
-        NaN for one that is not known, and for two that differ; None where the cell names another quantity.
+        NaN for one that is not known, and for two that differ; None if the cell names another quantity.
         """
         behind = self._behind_name(_spelt(cell))
         if behind is None:
@@ -122,7 +122,7 @@ class Column:
         return factors[0] if all(factor == factors[0] for factor in factors) else nan
 
     def _behind_name(self, cell: str) -> str | None:
-        """The rest of ``cell`` behind its name, or a % before it; None where the cell does not begin with a name."""
+        """The rest of ``cell`` behind its name, or a % before it; None if the cell does not begin with a name."""
         if self.beside is not None:
             cell = self.beside.sub(" ", cell)
         for name in sorted(self.names, key=len, reverse=True):
@@ -217,7 +217,7 @@ class Heading:
     width: int
 
     def names(self, wanted: Sequence[Column], *, further: bool = False) -> Names | None:
-        """The names of the columns; None where no line has any. ``further``: the last columns may have none.
+        """The names of the columns; None if no line has any. ``further``: the last columns may have none.
 
         Raises :class:`InputError` for names that are all unknown, for another number of them, and for a row below
         them that is none of units.

@@ -32,7 +32,7 @@ _MARKS = {",": "commas", ";": "semicolons", "\t": "tabs", " ": "blanks"}
 class TextTable:
     """Rows of the file ``name``, with the lines of words before them as its ``header``, and ``remarks`` behind a #.
 
-    ``count``: the number of rows that the file announces, alone in the line before the first; None where it does not.
+    ``count``: the number of rows that the file announces, alone in the line before the first; None if it does not.
     """
 
     name: str
@@ -147,7 +147,7 @@ class TextTable:
         return max(map(len, self.cells))
 
     def number(self, row: int, column: int) -> float:
-        """The finite number of a cell. Raises :class:`InputError` for what is none."""
+        """Number in a cell. Raises :class:`InputError` if the cell is not a finite number."""
         try:
             return self.dialect.number(self.cells[row][column])
         except ValueError as error:
@@ -195,7 +195,7 @@ class TextTable:
         return table
 
     def names(self, wanted: Sequence[Column], *, further: bool = False) -> Names | None:
-        """The names above the rows, of which some are ``wanted``; None where there are none."""
+        """The names above the rows, of which some are ``wanted``; None if there are none."""
         if self.header:
             self._require_words(self.header[-1], header_cells(self.header[-1], self.dialect, self.name))
         heading = Heading(self.name, self.header, self.remarks, self.dialect, self.width)
@@ -271,7 +271,7 @@ class Entry:
     dialect: Dialect
 
     def number(self, title: str) -> float | None:
-        """The finite number under ``title``; None where there is none. Raises :class:`InputError` for a word."""
+        """The finite number under ``title``; None if there is none. Raises :class:`InputError` for a word."""
         word = self.words.get(title)
         if word is None:
             return None

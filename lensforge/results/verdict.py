@@ -32,7 +32,7 @@ def judge(
 ) -> State:
     """State of a ``value`` that must be ``sense`` ``limit``: the judgement behind every verdict.
 
-    ``error``: standard error; 0 for an exact value, None where it is not known, and then nothing is decided. A value
+    ``error``: standard error; 0 for an exact value, None if it is not known, and then nothing is decided. A value
     within two standard errors of its limit is undecided. ``tolerance``: as of :func:`within`.
     """
     if error is None or (error > 0.0 and None not in (value, limit) and abs(value - limit) <= CERTAIN * error):  # type: ignore[operator]
@@ -47,7 +47,7 @@ def worst(states: Iterable[State]) -> State:
 
 
 class Reasons(Record):
-    """Reasons why light, files or cutting do not pass; empty where they do."""
+    """Reasons why light, files or cutting do not pass; empty if they do."""
 
     light: tuple[Text, ...]
     files: tuple[Text, ...]

@@ -67,8 +67,8 @@ class EyeView(Plane):
     def land_by_arrays(self, rays: ExitRays) -> Landings:
         """Land ``rays``, with their flux times the kernel; NumPy or torch."""
         rows = self._near(rays)
-        points = self.pose.own_points(rays.points[rows])
-        directions = self.pose.own_directions(rays.directions[rows])
+        points = self.pose.to_local_points(rays.points[rows])
+        directions = self.pose.to_local_directions(rays.directions[rows])
         on_chart = self._chart(points, directions)
         hits = replaced(module_of(on_chart).zeros_like(rays.points[:, :2]), rows, on_chart)
         lines, _, rest, scale = self._terms(on_chart, directions)
@@ -78,8 +78,8 @@ class EyeView(Plane):
 
     def passed(self, rays: ExitRays) -> tuple[Float[np.ndarray, "n 2"], Float[np.ndarray, "n 2"]]:
         """Places of ``rays`` on the plane, and what their directions have across the lines from there to the eye."""
-        points = self.pose.own_points(rays.points)
-        directions = self.pose.own_directions(rays.directions)
+        points = self.pose.to_local_points(rays.points)
+        directions = self.pose.to_local_directions(rays.directions)
         left = rays.left_lens
         places = np.zeros((len(left), 2))
         beside = np.zeros((len(left), 2))
@@ -115,8 +115,8 @@ class EyeView(Plane):
     ) -> tuple[Sensitivities, Float[np.ndarray, " n"]]:
         """Sensitivities to exit rays and to their flux from those to their hits and to the flux that lands."""
         rows = self._near(rays)
-        directions = self.pose.own_directions(rays.directions[rows])
-        hits = self._chart(self.pose.own_points(rays.points[rows]), directions)
+        directions = self.pose.to_local_directions(rays.directions[rows])
+        hits = self._chart(self.pose.to_local_points(rays.points[rows]), directions)
         lines, distances, rest, scale = self._terms(hits, directions)
         towards = (2.0 * scale * rest / (lines[:, 2] * self._width))[:, None]  # of the kernel, by d along e
         by_lines = towards * directions - (scale * (rest / lines[:, 2]) ** 2)[:, None] * np.array([0.0, 0.0, 1.0])
@@ -132,7 +132,7 @@ class EyeView(Plane):
 
     def outline(self, rays: ExitRays) -> Float[np.ndarray, "k 2"]:
         """Corners (mm), as the eye sees them, of the convex outline of all places that light leaves to any side."""
-        points = self.pose.own_points(rays.points[rays.left_lens & (rays.flux > 0.0)])
+        points = self.pose.to_local_points(rays.points[rays.left_lens & (rays.flux > 0.0)])
         seen = points[:, :2] / (1.0 - points[:, 2:] / self.distance_mm)
         return np.asarray(seen[ConvexHull(seen).vertices]) if len(seen) > 2 else np.zeros((0, 2))
 
@@ -269,7 +269,9 @@ def eye_views(spec: Spec, *, searched: bool = False) -> tuple[EyeView, ...]:
     views: list[EyeView] = []
     for number, limit in limits:
         labelled = zip(limit.eye_labels(number), limit.eyes(), strict=True)
-        eyes = tuple(_view(limit, label, lamp.own_points(_place(eye)), reach, searched) for label, (_, eye) in labelled)
+        eyes = tuple(
+            _view(limit, label, lamp.to_local_points(_place(eye)), reach, searched) for label, (_, eye) in labelled
+        )
         views += eyes if limit.from_deg is None else [RingView.of(eyes, *limit.labels(number))]
     return tuple(views)
 

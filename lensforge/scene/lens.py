@@ -77,7 +77,7 @@ class Lens:
 
     @property
     def kind(self) -> str:
-        """Name of its kind, of several; empty where all lamps have the same lens."""
+        """Name of its kind, of several; empty if all lamps have the same lens."""
         return next((kind.name for kind in self.spec.all_lamps.kinds if kind.name not in self.others), "")
 
     @property
@@ -108,7 +108,7 @@ class Lens:
 
     @property
     def lamp_words(self) -> str:
-        """Words on the one of several lamps whose rays are followed one by one; empty where there is one alone."""
+        """Words on the one of several lamps whose rays are followed one by one; empty if there is one alone."""
         lamps = self.spec.all_lamps
         kind = f" with the lens {self.kind}" if self.kind else ""
         if not lamps.posed:
@@ -117,7 +117,7 @@ class Lens:
 
     @property
     def own_lamps_words(self) -> str:
-        """Words on all lamps that have this lens, whose light is told together; empty where there is one alone."""
+        """Words on all lamps that have this lens, whose light is told together; empty if there is one alone."""
         apart = ", each apart from its plate" if self.spec.plate is not None and not self.makes_plate else ""
         return self.of_own_lamps.spec.all_lamps.whole + (f" with the lens {self.kind}" if self.kind else "") + apart
 

@@ -164,7 +164,7 @@ def _of_road(
     scale = lamp_lm / flux_w / receiver.pixel_measure
     for ask in asked_of(RoadReadings.of(road)):
         units = ask.light.directions(spec.photometry.street_side_deg)
-        pixels = _bilinear(receiver, *equal_area(receiver.pose.own_directions(units)).T)
+        pixels = _bilinear(receiver, *equal_area(receiver.pose.to_local_directions(units)).T)
         readings = sparse.csr_array(scale * (ask.light.weights * (units[:, 2] >= 0.0)) @ pixels)
         limit = LightLimit(f"{name}: {ask.name}", index, ask.quantity, ask.sense, ask.bound, ask.unit, readings)
         yield replace(limit, road=number, share=road.share, field=ask.field, lamp_lm=lamp_lm * len(receiver.lamps))

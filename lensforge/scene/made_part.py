@@ -69,7 +69,7 @@ class AsMade:
         centre = np.array(self.source_centre_mm)
         up = np.array([0.0, 0.0, self.seat_mm * (self.scale - 1.0)])
         emitted = self.source.directions(centre) * (1.0 - self.source_size) + np.array(self.source.origin_mm)
-        source = self.source.seen_from(self.lens).at((self.lens.own_points(emitted) - up) / self.scale)
+        source = self.source.seen_from(self.lens).at((self.lens.to_local_points(emitted) - up) / self.scale)
         faces = [self.faces.get(name, IN_PLACE) for name in self.names]
         last = faces[-1].at(self.scale * np.array(faces[-1].origin_mm) + up)
         between = tuple(face.seen_from(next_face) for face, next_face in pairwise(faces))

@@ -222,7 +222,7 @@ class SourceLight:
         """Largest transmittance of two faces that turn each of the rays by at least so much, or with a reflection."""
         if self.media.bodies or self.media.spreads:  # they may turn it, too
             turns_rad = np.zeros_like(turns_rad)
-        mirror = self.media.open_mirror
+        mirror = self.media.exit_mirror
         if mirror is not None:  # what need not turn leaves directly, all else by one reflection at least
             return np.where(turns_rad > 0.0, mirror.reflectance, 1.0)
         turns_rad = np.zeros_like(turns_rad) if self.reflects else turns_rad
@@ -312,7 +312,7 @@ class PossibleLight:
         held = self.by_etendue(pixels)
         most = self.light.transmittance
         estimated = self.light.curve.estimated
-        by = "two refractions" if self.light.media.open_mirror is None else "a mirror"
+        by = "two refractions" if self.light.media.exit_mirror is None else "a mirror"
         if self.receiver.lamps.period_mm is not None:  # some of it lies in every direction
             return LargestShare(held, most, by, estimated=estimated)
         regions = list(zip(self._lamps.receivers, self._corners, self._lamps.regions(pixels > 0.0), strict=True))
@@ -414,7 +414,7 @@ class PossibleLight:
         if receiver.is_flat:  # between the corners it may be nearer
             nearest_mm = abs(float(np.dot(receiver.pose.axis, receiver.pose.origin_mm)))
         off_mm = np.array([self._exit.radius_mm])
-        if self.light.media.open_mirror is not None:
+        if self.light.media.exit_mirror is not None:
             glass = self.light.media.cover_glass
             off_mm = np.linalg.norm(np.cross(self.light.rays.origins, self.light.rays.directions), axis=1)
             off_mm += 0.0 if glass is None else glass.thickness_mm

@@ -122,8 +122,8 @@ class PosedReceiver(ABC):
 
     def land_by_arrays(self, rays: ExitRays) -> Landings:
         """:meth:`land` in NumPy or in torch, on any device and in any precision; there differentiable."""
-        points = self.pose.own_points(rays.points)
-        directions = self.pose.own_directions(rays.directions)
+        points = self.pose.to_local_points(rays.points)
+        directions = self.pose.to_local_directions(rays.directions)
         landed = rays.left_lens & self._reached(points, directions)
         rows = rows_of(landed)
         none = module_of(points).zeros_like(points[:, :2])

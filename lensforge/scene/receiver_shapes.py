@@ -241,7 +241,7 @@ def _require_outside_bodies(spec: Spec, receivers: Sequence[PosedReceiver]) -> N
     """Refuse receivers that lie in part within a body of a lamp: light meets them first."""
     near = [receiver.corners().reshape(-1, 3) for receiver in receivers if not receiver.is_far]
     for body, corners, lamp in product(spec.media.bodies, near, spec.all_lamps.lamps):
-        depth = depths(body, lamp.pose.own_points(corners), inner=False)
+        depth = depths(body, lamp.pose.to_local_points(corners), inner=False)
         inside = np.isfinite(depth) & (depth > 0.0)
         if inside.any():
             x, y, z = corners[int(np.argmax(inside))]

@@ -166,7 +166,7 @@ def _grid(table: TextTable) -> tuple[Float[np.ndarray, " b"], Float[np.ndarray, 
 
 
 def _beta_of_header(table: TextTable) -> Float[np.ndarray, " b"] | None:
-    """Numbers behind the first word of the last line above the rows, in a remark, too; None where there are none."""
+    """Numbers behind the first word of the last line above the rows, in a remark, too; None if there are none."""
     for line in sorted((*table.header, *table.remarks))[-1:]:
         first, *cells = header_cells(line, table.dialect, table.name) or [""]
         numbers: list[float] = []

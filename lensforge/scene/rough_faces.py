@@ -27,7 +27,7 @@ Numbers = Float[np.ndarray, "n 2"]
 class Roughness(NamedTuple):
     """Roughness that each ray meets: slopes of facets along two lines, over that of the face, and shifts.
 
-    None where no face has facets, or none shifts light. They are those of the first time that a ray meets a face;
+    None if no face has facets, or none shifts light. They are those of the first time that a ray meets a face;
     ``keys`` are of the numbers that it draws later, as :func:`numbers_again` has them.
     """
 

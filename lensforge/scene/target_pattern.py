@@ -42,7 +42,7 @@ class DrawnTarget:
     """The targets of a receiver: ``light`` on its pixels [row y, column x], relative, with sum 1.
 
     ``inside``: sub-pixels of ``fine`` in which they are above a tenth of their largest pixel. ``contains_exactly``:
-    the same of places on the chart, where no edge is soft; None where one is.
+    the same of places on the chart, where no edge is soft; None if one is.
     """
 
     light: TargetImage
@@ -244,7 +244,7 @@ def _block_means(image: TargetImage, times: int) -> Means:
 def uniform_region(
     targets: Targets, receiver: PosedReceiver, wider_by_pixels: float = 0.0
 ) -> Bool[np.ndarray, "h w"] | None:
-    """Pixels whose centres lie in the region of uniform light of any of ``targets``; None where none has one."""
+    """Pixels whose centres lie in the region of uniform light of any of ``targets``; None if none has one."""
     grid = receiver.grid
     region = None
     for target in targets:

@@ -100,10 +100,10 @@ _IMPROVED = NextStage(None, "current", improved=True)  # how a search goes on fr
 
 
 @dataclass
-class _Course:
-    """A search on its way: the ``best`` outcome so far, the ``level`` of its lens, and the stage that ended ``last``.
+class ScheduleState:
+    """State of an automatic schedule: the ``best`` outcome so far, the ``level`` of its lens, and the ``last`` stage.
 
-    It goes on from there as ``how`` says.
+    ``how``: from which lens the next stage begins.
     """
 
     level: int
@@ -145,7 +145,7 @@ class AutomaticSchedule(Schedule):
         start = self.stages.start_level
         judged = replace(self.stages.level_stage(start), steps=0)
         outcome = yield NextStage(judged)
-        course = _Course(start, outcome, _Ended(judged, outcome, 0.0))
+        course = ScheduleState(start, outcome, _Ended(judged, outcome, 0.0))
         why = (yield from self._broad_functions(course)) or (yield from self._levels(course))
         # those of a finished lens have been in a first long stage before: larger steps would lead away from it
         before = 1 if start > 0 else 0
@@ -155,7 +155,7 @@ class AutomaticSchedule(Schedule):
             end = yield from self._long_stages(course, self.stages.uniform_stage, 0, 0.0)
         yield replace(course.how, why=f"{why}; {end}")
 
-    def _broad_functions(self, course: _Course) -> _Phase:
+    def _broad_functions(self, course: ScheduleState) -> _Phase:
         """Move the functions of each level below that of a finished lens once; what loses is taken back."""
         level = self.stages.start_level
         steps: int | None = None
@@ -167,7 +167,7 @@ class AutomaticSchedule(Schedule):
                 return f"{self._budget.words} leaves no time for all levels"
         return ""
 
-    def _levels(self, course: _Course) -> _Phase:
+    def _levels(self, course: ScheduleState) -> _Phase:
         """Add one level after another, until one is left out, or there is no finer one, or no time for it."""
         start = self.stages.start_level
         counts = self.stages.levels.counts
@@ -182,7 +182,7 @@ class AutomaticSchedule(Schedule):
                 return why
         return self.stages.levels.why
 
-    def _level(self, course: _Course, level: int, steps: int | None) -> _Phase:
+    def _level(self, course: ScheduleState, level: int, steps: int | None) -> _Phase:
         """Try one level, at most twice; where it returns a reason, no finer one follows.
 
         The finest functions of a finished lens are near their best: they take smaller steps from the first one on, and
@@ -202,7 +202,7 @@ class AutomaticSchedule(Schedule):
                 return self._too_little(gain, course.last, level)
             again = True
 
-    def _long_stages(self, course: _Course, make: _MakeStage, before: int, kept: float) -> _Phase:
+    def _long_stages(self, course: ScheduleState, make: _MakeStage, before: int, kept: float) -> _Phase:
         """Move all functions, stage after stage, as long as each gains; the first comes after ``before`` others.
 
         A share of the time is ``kept`` for what follows.

@@ -38,7 +38,7 @@ class Collected:
     widths and heights, infinite for one that lands nowhere. ``total_reflection``: flux whose squared exit sine exceeds
     0.97, likewise bounded: its gradient brings totally reflected rays back and keeps others from it. The last two count
     the flux with which a ray left the source, as a constant. ``colours``: as ``image``, of the flux times two weights
-    of each ray; ``losses``: the flux by cause, as ``scene.light_ends`` orders them; both None where they do not count.
+    of each ray; ``losses``: the flux by cause, as ``scene.light_ends`` orders them; both None if they do not count.
     """
 
     image: Float[Tensor, "h w"]

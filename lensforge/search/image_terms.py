@@ -51,7 +51,7 @@ class ImageTerms:
     """Light wanted on one receiver: the flux (W) on each pixel, the mask of uniform light, and its mirrors.
 
     ``share``: of all receivers' terms, which add up to 1. ``worth``: of the light on each pixel, 1 within the target,
-    where all that counts is how much there is; None where its picture does.
+    where all that counts is how much there is; None if its picture does.
     """
 
     wanted: Image

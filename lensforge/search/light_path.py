@@ -97,9 +97,9 @@ _CHUNK = 2**19  # rays; their graph takes 2.5 GiB
 class LightPath:
     """Path of the light through the lens and to the receivers, each of which sees every exit ray.
 
-    ``source``: where faces meet in creases, for the light that crosses these; None where there is no such light, or
+    ``source``: where faces meet in creases, for the light that crosses these; None if there is no such light, or
     where the source cannot say how much it is. ``colour``: of the source, from which the colours of its rays are
-    collected; None where they do not count. ``losses``: causes whose flux counts; 0: none. The gradient of both is
+    collected; None if they do not count. ``losses``: causes whose flux counts; 0: none. The gradient of both is
     without the light that crosses creases.
     """
 

@@ -38,8 +38,8 @@ _UNIFORM_TOTAL_REFLECTION = 0.1  # the same in scenes with a region of uniform l
 
 
 @dataclass(frozen=True)
-class Evaluated:
-    """One evaluation: the loss to minimise, constraints included, and its parts for the history.
+class StepLoss:
+    """Loss of a gradient step, constraints included, and its parts for the history.
 
     ``nmse``, ``efficiency``: of several receivers the mean by their shares. ``images``: on each, as its light was.
     """
@@ -117,8 +117,8 @@ class SampledLight:
 
 
 @dataclass(frozen=True)
-class Assessed:
-    """The light of one sample: the loss without constraints, its parts for the history, and the images."""
+class SampleLoss:
+    """Loss of one sample of rays, without constraints, its parts for the history, and the images."""
 
     loss: Float[Tensor, ""]
     nmse: float
@@ -139,18 +139,18 @@ class Merit(ABC, Generic[_Light]):
         """The light of ``rays`` through the lens with these tables, or through ``pairs`` of its parts."""
 
     @abstractmethod
-    def assessed(self, light: _Light, uniform: bool) -> Assessed:
-        """The loss by one sample; ``uniform`` puts the uniformity of the masks before the images."""
+    def training_loss(self, light: _Light, uniform: bool) -> SampleLoss:
+        """Loss by one sample, biased by its noise; ``uniform`` puts the uniformity of the masks before the images."""
 
     @abstractmethod
-    def judge(self, first: _Light, second: _Light, uniform: bool) -> tuple[float, float]:
+    def unbiased_merit(self, first: _Light, second: _Light, uniform: bool) -> tuple[float, float]:
         """Merit without constraints from two independent samples, without their noise, and its part of the images."""
 
     @abstractmethod
     def joined(self, parts: Sequence[_Light], emitted_w: float) -> _Light:
         """The light of all ``parts``, in proportion, as a sample of ``emitted_w``."""
 
-    def evaluate(
+    def step_loss(
         self,
         weights: Float[Tensor, "k f"],
         offsets: Float[Tensor, " f"],
@@ -158,19 +158,19 @@ class Merit(ABC, Generic[_Light]):
         constraints: AugmentedLagrangian,
         uniform: bool,
         pairs: Pairs = (),
-    ) -> Evaluated:
+    ) -> StepLoss:
         """Trace ``rays`` and add the constraints; with ``pairs`` of opposite parts by all of these."""
         tables = self.parametrisation.tables(weights, offsets)
-        light = self.assessed(self.light_of(tables, rays, pairs), uniform)
+        light = self.training_loss(self.light_of(tables, rays, pairs), uniform)
         fields = constraints.fields(tables)
-        return Evaluated(light.loss + constraints.term(fields), light.nmse, light.efficiency, fields, light.images)
+        return StepLoss(light.loss + constraints.term(fields), light.nmse, light.efficiency, fields, light.images)
 
 
 @dataclass(frozen=True)
 class MeritFunction(Merit[SampledLight]):
     """The scene of a design with one LED: its light path, and the terms of each receiver.
 
-    ``share``: of the parts that are to hold the limits; None where each part is to hold them by their own margins.
+    ``share``: of the parts that are to hold the limits; None if each part is to hold them by their own margins.
     """
 
     spec: Spec
@@ -225,8 +225,8 @@ class MeritFunction(Merit[SampledLight]):
         limits = limit_terms(asked, by_parts=share is not None)
         return MeritFunction(spec, parametrisation, path, terms, limits, term, share)
 
-    def assessed(self, light: SampledLight, uniform: bool) -> Assessed:
-        """The loss by one sample; ``uniform`` puts the uniformity of the masks before the images."""
+    def training_loss(self, light: SampledLight, uniform: bool) -> SampleLoss:
+        """Loss by one sample, biased by its noise; ``uniform`` puts the uniformity of the masks before the images."""
         efficiency = self._weighted(light.images, lambda terms, image: float(image.detach().sum())) / light.emitted_w
         parts = light.of_parts()
         nmse = mean(
@@ -237,7 +237,7 @@ class MeritFunction(Merit[SampledLight]):
         loss = loss + light.terms / light.emitted_w + self._limit_term(light)
         if self.colour is not None:
             loss = loss + self.colour.error(light.colours, light.colours)
-        return Assessed(loss, nmse, efficiency, tuple(image.detach() for image in light.images))
+        return SampleLoss(loss, nmse, efficiency, tuple(image.detach() for image in light.images))
 
     def joined(self, parts: Sequence[SampledLight], emitted_w: float) -> SampledLight:
         """The light of all ``parts``, in proportion, as a sample of ``emitted_w``."""
@@ -278,7 +278,7 @@ class MeritFunction(Merit[SampledLight]):
             images, flux, emitted_w, (pair_light,), self._colours((light_of_part, light_of_opposite)), losses
         )
 
-    def judge(self, first: SampledLight, second: SampledLight, uniform: bool) -> tuple[float, float]:
+    def unbiased_merit(self, first: SampledLight, second: SampledLight, uniform: bool) -> tuple[float, float]:
         """Merit without constraints from two independent samples, without their noise, and its part of the images.
 
         Of a robust search the error of the mean image: gains are relative to it, and no lens lowers the spread of its
@@ -287,15 +287,15 @@ class MeritFunction(Merit[SampledLight]):
         both = SampledLight.mean(first, second)
         parts = zip(first.of_parts(), second.of_parts(), strict=True)
         error = torch.stack(
-            [self._judged(images, second_images, uniform) for (images, _), (second_images, _) in parts]
+            [self._unbiased_image_error(images, second_images, uniform) for (images, _), (second_images, _) in parts]
         ).mean()
         of_limits = self._limit_term(both)
         of_flux = both.terms / both.emitted_w
-        of_images = self._judged(first.images, second.images, uniform) if both.pairs else error
+        of_images = self._unbiased_image_error(first.images, second.images, uniform) if both.pairs else error
         of_colours = 0.0 if self.colour is None else float(self.colour.error(first.colours, second.colours))
         return float(error + of_limits + of_flux) + of_colours, float(of_images + of_limits) + of_colours
 
-    def _judged(self, first: Images, second: Images, uniform: bool) -> Float[Tensor, ""]:
+    def _unbiased_image_error(self, first: Images, second: Images, uniform: bool) -> Float[Tensor, ""]:
         receivers = zip(self.terms, first, second, strict=False)
         return torch.stack(
             [terms.share * terms.judge(image, second_image, uniform) for terms, image, second_image in receivers]

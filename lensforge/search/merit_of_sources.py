@@ -12,7 +12,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from lensforge.search.light_path import Pairs
-from lensforge.search.merit import Assessed, Merit, MeritFunction, SampledLight
+from lensforge.search.merit import Merit, MeritFunction, SampledLight, SampleLoss
 from lensforge.search.parameters import Parametrisation
 from lensforge.sources.ray_bundle import RayBundle
 from lensforge.sources.several_sources import SeveralSources
@@ -67,10 +67,10 @@ class MeritOfSources(Merit[LightOfSources]):
         shared_out = zip(self.members, self.source.shared_out(rays), strict=True)
         return LightOfSources(tuple(merit.light_of(tables, some, pairs) for merit, some in shared_out))
 
-    def assessed(self, light: LightOfSources, uniform: bool) -> Assessed:
+    def training_loss(self, light: LightOfSources, uniform: bool) -> SampleLoss:
         """The loss by one sample; NMSE and efficiency for the history are means by the shares."""
         by_source = [
-            merit.assessed(led_light, uniform) for merit, led_light in zip(self.members, light.lights, strict=True)
+            merit.training_loss(led_light, uniform) for merit, led_light in zip(self.members, light.lights, strict=True)
         ]
         losses = torch.stack([assessed.loss for assessed in by_source])
         nmse, efficiency = (
@@ -79,12 +79,12 @@ class MeritOfSources(Merit[LightOfSources]):
         weights = losses.new_tensor(self.shares)
         if self.worst:
             weights = torch.softmax(losses.detach() / (_SMOOTH * nmse), dim=0)
-        return Assessed((losses * weights).sum(), nmse, efficiency, by_source[0].images)
+        return SampleLoss((losses * weights).sum(), nmse, efficiency, by_source[0].images)
 
-    def judge(self, first: LightOfSources, second: LightOfSources, uniform: bool) -> tuple[float, float]:
+    def unbiased_merit(self, first: LightOfSources, second: LightOfSources, uniform: bool) -> tuple[float, float]:
         """Merit without constraints from two independent samples, without their noise, and its part of the images."""
         both = zip(self.members, first.lights, second.lights, strict=True)
-        merits = [merit.judge(led_light, second_light, uniform) for merit, led_light, second_light in both]
+        merits = [merit.unbiased_merit(led_light, second_light, uniform) for merit, led_light, second_light in both]
         if self.worst:
             return max(merits)
         return self._mean([merit for merit, _ in merits]), self._mean([image for _, image in merits])

@@ -28,7 +28,7 @@ from lensforge.search.design_result import ENOUGH, Design, Level, Margins, Obser
 from lensforge.search.ending import Candidates, SearchEnd
 from lensforge.search.feasibility import require_feasible_start
 from lensforge.search.light_path import Pairs
-from lensforge.search.merit import Evaluated
+from lensforge.search.merit import StepLoss
 from lensforge.search.parameters import settled_symmetry
 from lensforge.search.problem import Problem, Problems, ValidationRays
 from lensforge.search.schedule import NextStage, Outcome, Schedule, Stage, rays_ahead, stages_of
@@ -106,7 +106,7 @@ class Descent:
             ray = self.source.sample(1, 0)
             pairs = self._pairs(problem, 0)[:1]
             begun = time.perf_counter()
-            problem.merit.evaluate(weights, offsets, ray, problem.constraints, stage.uniform, pairs).loss.backward()
+            problem.merit.step_loss(weights, offsets, ray, problem.constraints, stage.uniform, pairs).loss.backward()
             self.begun += time.perf_counter() - begun
 
     def _pairs(self, problem: Problem, step: int) -> Pairs:
@@ -135,7 +135,7 @@ class Descent:
             with remedy(f"raise {' or '.join(f'lens.{name}.offset_mm' for name in problem.spec.lens.names)}"):
                 every = torch.cat([weights, still]) if still.any() else weights
                 pairs = self._pairs(problem, earlier + step)
-                result = problem.merit.evaluate(every, offsets, rays, problem.constraints, stage.uniform, pairs)
+                result = problem.merit.step_loss(every, offsets, rays, problem.constraints, stage.uniform, pairs)
             optimiser.zero_grad()
             result.loss.backward()
             unmoved = Parameters(weights.detach().clone(), offsets.detach().clone())
@@ -152,7 +152,7 @@ class Descent:
                 raise Cancelled(f"{self.problems.spec.name}: cancelled after step {following.steps_done}")
             yield
 
-    def _after_step(self, stage: Stage, step: int, problem: Problem, optimiser: Adam, result: Evaluated) -> SearchState:
+    def _after_step(self, stage: Stage, step: int, problem: Problem, optimiser: Adam, result: StepLoss) -> SearchState:
         weights, offsets = (parameter.detach() for parameter in optimiser.parameters)
         every_weight = self.state.weights.clone()
         every_weight[: stage.functions] = weights
@@ -225,7 +225,7 @@ class Descent:
         weights[:kept] = state.weights[:kept]
         return replace(state, weights=weights, best=Parameters(weights, state.offsets))
 
-    def _progress(self, state: SearchState, stage: Stage, most_steps: int, result: Evaluated) -> Progress:
+    def _progress(self, state: SearchState, stage: Stage, most_steps: int, result: StepLoss) -> Progress:
         problem = self.problems.of(stage.levels)
         at_end = self._ends_level(stage, state)
         parameters = at_end or Parameters(state.weights, state.offsets)
@@ -287,7 +287,7 @@ def _kept(following: NextStage, state: SearchState) -> _Kept:
 
 
 def _with_step(
-    history: tuple[Level, ...], stage: Stage, result: Evaluated, least: dict[str, float]
+    history: tuple[Level, ...], stage: Stage, result: StepLoss, least: dict[str, float]
 ) -> tuple[Level, ...]:
     if history and history[-1].level == stage.level:
         earlier = history[:-1]

@@ -269,7 +269,7 @@ def _has_symmetry(spec: Spec, source: Source, name: str) -> bool:
 
 
 def _in_fixed(spec: Spec, name: str) -> str | None:
-    """Field of a fixed surface, or name of a body, that lacks the symmetry; None where all have it."""
+    """Field of a fixed surface, or name of a body, that lacks the symmetry; None if all have it."""
     lacking = (
         f"lens.{face}.fixed"
         for face, surface in spec.lens.fixed.items()
@@ -303,14 +303,14 @@ def _has_mirrors(picture: Float[np.ndarray, "h w"], mirrors: ChartMirrors | None
 
 
 def chart_mirrors(receiver: PosedReceiver, name: str) -> ChartMirrors | None:
-    """Action of a mirror group's generators on a receiver's chart; None where its mirror image is another receiver."""
+    """Action of a mirror group's generators on a receiver's chart; None if its mirror image is another receiver."""
     if not receiver.lamps.has_mirrors(name):
         return None
     mirrors = []
     centre = np.array(receiver.pose.origin_mm)
     for mirror in generators(name):
         moved = np.linalg.norm(mirror @ centre - centre)
-        action = receiver.pose.own_map(mirror)
+        action = receiver.pose.to_local_map(mirror)
         signs = np.round(action[:2, :2])
         swaps = signs[0, 0] == 0.0
         whole = np.block([[signs, np.zeros((2, 1))], [np.zeros((1, 2)), 1.0]])

@@ -176,7 +176,7 @@ def _judgement(merit: Merit[Any], lights: list[list[Any]], missing: float, unifo
     def judged(left_out: int | None) -> tuple[float, float]:
         kept = ([part for k, part in enumerate(parts) if k != left_out] for parts in lights)
         first, second = (merit.joined(parts, emitted_w) for parts, emitted_w in zip(kept, flux_w, strict=True))
-        return merit.judge(first, second, uniform)
+        return merit.unbiased_merit(first, second, uniform)
 
     value, image = judged(None)
     without = tuple(missing + judged(k)[0] for k in range(SLICES))

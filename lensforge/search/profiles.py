@@ -47,21 +47,21 @@ class FaceParameters:
     srbf: SrbfBasis | None = None
 
     @cached_property
-    def begins(self) -> ProfileFace:
+    def start_profile(self) -> ProfileFace:
         """The start by these functions."""
         return self.shaped(self.start)
 
     @property
     def first(self) -> Float[np.ndarray, " c"]:
         """Coefficients of the start's profile."""
-        return np.array(self.begins.coefficients)
+        return np.array(self.start_profile.coefficients)
 
     def shaped(self, surface: Surface) -> ProfileFace:
         """``surface`` by these functions: itself where it has them, else in least squares; of no revolution by both."""
         basis = self.basis
         reach_mm = self.start.reach_mm
-        others = isinstance(surface, FormedFace) and surface.srbf != self.srbf
-        if isinstance(surface, ProfileFace) and surface.basis == basis and not others:
+        has_other_functions = isinstance(surface, FormedFace) and surface.srbf != self.srbf
+        if isinstance(surface, ProfileFace) and surface.basis == basis and not has_other_functions:
             return surface
         is_round = surface.symmetry == "square" and not isinstance(surface, FormedFace)
         if self.srbf is None or is_round or not isinstance(surface, ReciprocalSurface):
@@ -86,7 +86,7 @@ class ProfileParameters(Parametrisation):
     grid: TableGrid
     names: tuple[str, ...]
     fixed: tuple[Surface | None, ...]
-    own: tuple[FaceParameters | ReciprocalSurface | None, ...]
+    parameters: tuple[FaceParameters | ReciprocalSurface | None, ...]
     columns: tuple[int, ...]
     profile: int
     srbf: SrbfBasis | None = None
@@ -101,17 +101,17 @@ class ProfileParameters(Parametrisation):
         body = Body.of(start, lens.body_roles)
         leaders = {role.name: role.follows for role in lens.body_roles}
         fixed = {name: None if name in lens.free else surface for name, surface in start.items()}
-        own: list[FaceParameters | ReciprocalSurface | None] = []
+        parameters: list[FaceParameters | ReciprocalSurface | None] = []
         srbf = lens.basis if lens.levels else None
         for face in body.faces:
             if fixed[face.name] is not None:
-                own.append(None)
+                parameters.append(None)
             elif isinstance(face.surface, ConeFace | PlaneFace):
-                own.append(face.surface)
+                parameters.append(face.surface)
             elif (leader := leaders[face.name]) is not None:
-                own.append(_following(face, own[lens.body_names.index(leader)]))
+                parameters.append(_following(face, parameters[lens.body_names.index(leader)]))
             else:
-                own.append(_parameters(body, face.name, lens.profile, srbf))
+                parameters.append(_parameters(body, face.name, lens.profile, srbf))
         with remedy("take a lower accuracy, or coarser lens.levels"):
             details = [surface.detail_rad for surface in start.values()]
             sigmas = [] if srbf is None else [level_sigma(count, srbf.sigma_c) for count in srbf.levels]
@@ -120,7 +120,7 @@ class ProfileParameters(Parametrisation):
         names = lens.body_names
         given = tuple(fixed.values())
         columns = tuple(names.index(leaders[name] or name) for name in names)
-        return ProfileParameters(grid, names, given, tuple(own), columns, lens.profile, srbf, sums)
+        return ProfileParameters(grid, names, given, tuple(parameters), columns, lens.profile, srbf, sums)
 
     @property
     def levels(self) -> tuple[int, ...]:
@@ -140,41 +140,41 @@ class ProfileParameters(Parametrisation):
 
     def tables(self, weights: Float[Tensor, "k f"], offsets: Float[Tensor, " f"]) -> Float[Tensor, "f side side"]:
         """Tables (mm) of the faces from the first ``k`` relative weights; differentiable."""
-        weights, offsets = self._of_each(weights, offsets)
-        found = []
+        weights, offsets = self._by_face(weights, offsets)
+        tables = []
         sums = self._sums(weights[self.profile :])
-        for face, own in enumerate(self.own):
+        for face, shape in enumerate(self.parameters):
             table = self.fixed_tables[face]
             if table is not None:
-                found.append(table)
+                tables.append(table)
                 continue
-            assert own is not None
-            values = self._reciprocal(own, face, weights, sums) / offsets[face]
-            reach = own.start.reach_mm if isinstance(own, FaceParameters) else own.reach_mm
+            assert shape is not None
+            values = self._reciprocal(shape, face, weights, sums) / offsets[face]
+            reach = shape.start.reach_mm if isinstance(shape, FaceParameters) else shape.reach_mm
             samples = (1.0 / bent(values, reach)).reshape(len(self._filter[0]), -1)
-            found.append(self._filter @ samples @ self._filter.T)
-        return torch.stack(found)
+            tables.append(self._filter @ samples @ self._filter.T)
+        return torch.stack(tables)
 
-    def _of_each(
+    def _by_face(
         self, weights: Float[Tensor, "k f"], offsets: Float[Tensor, " f"]
     ) -> tuple[Float[Tensor, "k f"], Float[Tensor, " f"]]:
         columns = list(self.columns)
-        own = list(range(len(columns)))
-        if columns == own:
+        unchanged = list(range(len(columns)))
+        if columns == unchanged:
             return weights, offsets
-        return weights[:, columns], torch.where(torch.tensor(columns) == torch.tensor(own), 1.0, offsets) * offsets[
-            columns
-        ]
+        return weights[:, columns], torch.where(
+            torch.tensor(columns) == torch.tensor(unchanged), 1.0, offsets
+        ) * offsets[columns]
 
     def _reciprocal(
-        self, own: FaceParameters | ReciprocalSurface, face: int, weights: Tensor, sums: Tensor | None
+        self, shape: FaceParameters | ReciprocalSurface, face: int, weights: Tensor, sums: Tensor | None
     ) -> Tensor:
         """``1/rho`` (1/mm) at the nodes, before the offset."""
-        if isinstance(own, ReciprocalSurface):
-            return torch.from_numpy(own.reciprocal(self._nodes)[0])
-        column = torch.from_numpy(own.first) + torch.from_numpy(own.steps) * weights[: self.profile, face]
-        values = self._profiles[face] @ column + self._begun[face]
-        return values if sums is None else values + own.scale * sums[face].reshape(-1)
+        if isinstance(shape, ReciprocalSurface):
+            return torch.from_numpy(shape.reciprocal(self._nodes)[0])
+        column = torch.from_numpy(shape.first) + torch.from_numpy(shape.steps) * weights[: self.profile, face]
+        values = self._profiles[face] @ column + self._start_sums[face]
+        return values if sums is None else values + shape.scale * sums[face].reshape(-1)
 
     def _sums(self, weights: Float[Tensor, "k f"]) -> Float[Tensor, "f n n"] | None:
         """Sums of the SRBFs of each face at the nodes; None without any."""
@@ -192,18 +192,22 @@ class ProfileParameters(Parametrisation):
     @cached_property
     def _profiles(self) -> list[Tensor]:
         return [
-            torch.from_numpy(own.basis.matrix(self._nodes[:, 2])) if isinstance(own, FaceParameters) else torch.empty(0)
-            for own in self.own
+            torch.from_numpy(shape.basis.matrix(self._nodes[:, 2]))
+            if isinstance(shape, FaceParameters)
+            else torch.empty(0)
+            for shape in self.parameters
         ]
 
     @cached_property
-    def _begun(self) -> list[Tensor | float]:
-        """Sums of the SRBFs with which each face begins, at the nodes; 0 of one of revolution."""
-        found: list[Tensor | float] = [0.0] * len(self.own)
-        for face, own in enumerate(self.own):
-            if isinstance(own, FaceParameters) and isinstance(own.begins, FormedFace):
-                found[face] = torch.from_numpy(own.begins.srbf.evaluate(self._nodes) @ own.begins.weights_per_mm)
-        return found
+    def _start_sums(self) -> list[Tensor | float]:
+        """Sums of the SRBFs of the start of each face, at the nodes; 0 for a face of revolution."""
+        sums: list[Tensor | float] = [0.0] * len(self.parameters)
+        for face, shape in enumerate(self.parameters):
+            if isinstance(shape, FaceParameters) and isinstance(shape.start_profile, FormedFace):
+                sums[face] = torch.from_numpy(
+                    shape.start_profile.srbf.evaluate(self._nodes) @ shape.start_profile.weights_per_mm
+                )
+        return sums
 
     @cached_property
     def _sampled(self) -> Float[Tensor, "n side"]:
@@ -220,38 +224,40 @@ class ProfileParameters(Parametrisation):
     def parameters_of(self, lens: Lens) -> tuple[Float[Tensor, "m f"], Float[Tensor, " f"]]:
         """Relative weights and offsets that give the free faces of ``lens``; its profiles in least squares."""
         weights, offsets = self.start()
-        for face, (name, own) in enumerate(zip(self.names, self.own, strict=True)):
+        for face, (name, shape) in enumerate(zip(self.names, self.parameters, strict=True)):
             surface = lens.surfaces[name]
-            if isinstance(own, ConeFace | PlaneFace):
-                towards = HORIZON if isinstance(own, ConeFace) else AXIS
-                offsets[face] = surface.radius(towards)[0] / own.radius(towards)[0]
-            elif isinstance(own, FaceParameters) and self.columns[face] == face:
-                shaped = own.shaped(surface)
-                begins = own.begins
-                moved = (np.array(shaped.coefficients) - own.first) / own.steps
+            if isinstance(shape, ConeFace | PlaneFace):
+                towards = HORIZON if isinstance(shape, ConeFace) else AXIS
+                offsets[face] = surface.radius(towards)[0] / shape.radius(towards)[0]
+            elif isinstance(shape, FaceParameters) and self.columns[face] == face:
+                shaped = shape.shaped(surface)
+                start_profile = shape.start_profile
+                moved = (np.array(shaped.coefficients) - shape.first) / shape.steps
                 weights[: self.profile, face] = torch.from_numpy(moved)
-                functions = (own.weights_of(shaped) - own.weights_of(begins)) / own.scale
+                functions = (shape.weights_of(shaped) - shape.weights_of(start_profile)) / shape.scale
                 weights[self.profile :, face] = torch.from_numpy(functions)
         return weights, offsets
 
     def surfaces(self, weights: Float[Tensor, "m f"], offsets: Float[Tensor, " f"]) -> dict[str, Surface]:
         """The faces of these parameters."""
-        found: dict[str, Surface] = {}
-        weights, offsets = self._of_each(weights, offsets)
-        for face, (name, fixed, own) in enumerate(zip(self.names, self.fixed, self.own, strict=True)):
+        surfaces: dict[str, Surface] = {}
+        weights, offsets = self._by_face(weights, offsets)
+        for face, (name, fixed, shape) in enumerate(zip(self.names, self.fixed, self.parameters, strict=True)):
             factor = 1.0 / float(offsets[face])
             if fixed is not None:
-                found[name] = fixed
-            elif isinstance(own, ConeFace | PlaneFace):
-                found[name] = shrunk(own, factor)
-            elif isinstance(own, FaceParameters):
-                moved = own.first + own.steps * weights[: self.profile, face].numpy()
-                profile = own.start.reach_mm, own.basis.low, own.basis.high, tuple((factor * moved).tolist())
-                functions = factor * (own.weights_of(own.begins) + own.scale * weights[self.profile :, face].numpy())
-                found[name] = ProfileFace(*profile)
+                surfaces[name] = fixed
+            elif isinstance(shape, ConeFace | PlaneFace):
+                surfaces[name] = shrunk(shape, factor)
+            elif isinstance(shape, FaceParameters):
+                moved = shape.first + shape.steps * weights[: self.profile, face].numpy()
+                profile = shape.start.reach_mm, shape.basis.low, shape.basis.high, tuple((factor * moved).tolist())
+                functions = factor * (
+                    shape.weights_of(shape.start_profile) + shape.scale * weights[self.profile :, face].numpy()
+                )
+                surfaces[name] = ProfileFace(*profile)
                 if self.srbf is not None and functions.any():
-                    found[name] = FormedFace(*profile, self.srbf, functions)
-        return found
+                    surfaces[name] = FormedFace(*profile, self.srbf, functions)
+        return surfaces
 
 
 def _parameters(body: Body, name: str, count: int, srbf: SrbfBasis | None) -> FaceParameters:
@@ -260,17 +266,17 @@ def _parameters(body: Body, name: str, count: int, srbf: SrbfBasis | None) -> Fa
     assert isinstance(face.surface, ReciprocalSurface)
     faces = body.bounding(face.before)
     directions = fibonacci_hemisphere(_DIRECTIONS)
-    own = directions[nearest(faces, directions) == faces.index(face)]
-    low = max(_LOWEST, own[:, 2].min() - _BEYOND)
-    high = min(1.0, own[:, 2].max() + _BEYOND)
-    reciprocals = np.abs(face.surface.reciprocal(own)[0])
+    bounding = directions[nearest(faces, directions) == faces.index(face)]
+    low = max(_LOWEST, bounding[:, 2].min() - _BEYOND)
+    high = min(1.0, bounding[:, 2].max() + _BEYOND)
+    reciprocals = np.abs(face.surface.reciprocal(bounding)[0])
     basis = ProfileBasis(low, high, count)
     if not any(face.is_open for face in faces):
         scale = float(reciprocals.mean())
         return FaceParameters(face.surface, basis, scale, np.full(count, scale), srbf)
     scale = float(reciprocals.min())
-    found = FaceParameters(face.surface, basis, scale, np.full(count, scale), srbf)
-    return replace(found, steps=np.maximum(np.abs(found.first), scale))
+    parameters = FaceParameters(face.surface, basis, scale, np.full(count, scale), srbf)
+    return replace(parameters, steps=np.maximum(np.abs(parameters.first), scale))
 
 
 def _following(face: Face, leader: FaceParameters | ReciprocalSurface | None) -> FaceParameters:

@@ -167,7 +167,7 @@ def forms_of_search(schedule: Schedule, problems: Problems) -> FormsOf:
 
     They raise :class:`ValueError` for a head that no such search can have.
     """
-    return lambda head, arrays: _Past.of(head, schedule, problems).forms(head, arrays, problems)
+    return lambda head, arrays: ResumePoint.of(head, schedule, problems).forms(head, arrays, problems)
 
 
 _LARGEST = 1e6  # of parameters, which are relative to the start: in sound searches they are a few
@@ -175,8 +175,8 @@ _Steps = tuple[tuple[int, int, int], ...]  # of a history: level, its functions,
 
 
 @dataclass(frozen=True)
-class _Past:
-    """A search up to the ``following`` stage: what it then has of its past, whatever its arrays hold.
+class ResumePoint:
+    """Metadata of a checkpoint before the ``following`` stage, without its arrays.
 
     ``last``: the stage at hand, at the end the one before. ``steps``: by level, with the functions that began it.
     ``steps_of_moments``: without those of the stage at hand. ``best``, ``accepted``: True where they are kept.
@@ -190,13 +190,13 @@ class _Past:
     accepted: bool = False
 
     @staticmethod
-    def of(head: CheckpointHead, schedule: Schedule, problems: Problems) -> "_Past":
+    def of(head: CheckpointHead, schedule: Schedule, problems: Problems) -> "ResumePoint":
         """The course of a search that has come as far as ``head``. Raises :class:`ValueError` where none has."""
         phases = schedule.phases()
         following = next(phases)
         wanted = {"light", "even"} if problems.spec.has_uniform_region else {"light"}
         assert following.stage is not None, "a spec has levels"
-        course = _Past(following, following.stage, ())
+        course = ResumePoint(following, following.stage, ())
         for number, outcome in enumerate(head.outcomes):
             stage = course.following.stage
             if stage is None:
@@ -210,13 +210,13 @@ class _Past:
             course = course._after(stage, outcome, phases.send(outcome))
         return course
 
-    def _after(self, stage: Stage, outcome: Outcome, following: NextStage) -> "_Past":
+    def _after(self, stage: Stage, outcome: Outcome, following: NextStage) -> "ResumePoint":
         coming = following.stage
         best = self.best or following.improved
         new = coming is not None and coming.levels != stage.levels
         moved = None if coming is None else (coming.functions, coming.uniform)
         goes_on = following.begin == "current" and moved == (stage.functions, stage.uniform)
-        return _Past(
+        return ResumePoint(
             following,
             coming or stage,
             _with_steps(self.steps, stage, outcome.steps),

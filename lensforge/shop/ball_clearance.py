@@ -26,7 +26,8 @@ from lensforge.shop.face_samples import AirSide, FaceSamples, OpticalFace
 _CLEAR_MM = 1e-6 * FINEST_NM
 _RIM_POINTS = 4096
 _BASE_CHORD_MM = 1e-3  # between the mesh and the curved faces of a custom base
-_BASE_POINTS, _SEED = 4000, 0
+_BASE_POINTS = 4000
+_SEED = 0
 
 
 @dataclass(frozen=True)
@@ -113,7 +114,8 @@ def _at_step(plan: Plan[Patch], face: MilledFace) -> StepClearance:
     def missing(base_mm: float, present_mm: float) -> Float[np.ndarray, " k"]:
         return np.maximum(needed_step_mm(distance, height, cutter_mm, base_mm) - present_mm, 0.0)
 
-    base, present = plan.base, plan.relief_mm
+    base = plan.base
+    present = plan.relief_mm
     step = missing(base.widest_mm / 2.0, present)
     step = np.where(step > _CLEAR_MM, step + present, 0.0)
     flange = np.zeros(len(step))

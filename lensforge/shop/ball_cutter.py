@@ -62,14 +62,16 @@ def largest_ball_mm(samples: TouchedFace, part: Float[np.ndarray, "m 3"] | None 
 
 def _shrink(radius: Float[np.ndarray, " k"], samples: TouchedFace, obstacles: Float[np.ndarray, "m 3"]) -> None:
     """Shrink the balls in place until no obstacle is deeper inside than the tolerance."""
-    points, normals = samples.points, samples.normals
+    points = samples.points
+    normals = samples.normals
     tree = cKDTree(obstacles, leafsize=LEAF)
     active = np.arange(len(points))
     for _ in range(_ROUNDS):
         centres = points[active] + radius[active, None] * normals[active]
         distance, nearest = nearest_points(tree, centres)
         gouging = distance < radius[active] - _GOUGE_MM
-        active, nearest = active[gouging], nearest[gouging]
+        active = active[gouging]
+        nearest = nearest[gouging]
         if not len(active):
             return
         chord = obstacles[nearest] - points[active]
@@ -131,7 +133,8 @@ def _edge_centres(
     nodes = samples.grid.to_map(samples.chart)
     crossings = []
     for field, chart in ((tightness, nodes), (tightness.T, nodes.transpose(1, 0, 2))):
-        before, after = field[:-1], field[1:]
+        before = field[:-1]
+        after = field[1:]
         crossed = before * after < 0.0
         part = (before[crossed] / (before[crossed] - after[crossed]))[:, None]
         crossings.append((1.0 - part) * chart[:-1][crossed] + part * chart[1:][crossed])

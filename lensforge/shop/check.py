@@ -29,7 +29,8 @@ from lensforge.shop.turning import LatheTool, Points, turned_face
 from lensforge.spec.accuracy import preset_of
 from lensforge.spec.part_section import Process
 
-_RINGS, _DECIMALS = 401, 2  # points of base and flange for a turning tool; of as many as are alike to 0.01 mm, one
+_RINGS = 401  # points of base and flange for a turning tool
+_DECIMALS = 2  # of as many as are alike to 0.01 mm, one
 
 
 def check_lens(lens: Lens, nodes: SplineNodes | None = None) -> Check:
@@ -91,7 +92,8 @@ def _room_on_plate(lens: Lens, pair: Pair[Patch]) -> dict[str, Any]:
 
 def _fixture(lens: Lens, plan: Plan[Patch], custom: CustomBaseMesh | None) -> Points:
     """Distances from the axis and heights (mm) of what a lens that is turned has beside its faces: base and flange."""
-    parts, ring = [np.empty((0, 2))], ring_of(lens, plan.envelope)
+    parts = [np.empty((0, 2))]
+    ring = ring_of(lens, plan.envelope)
     if custom is not None or plan.has_base:
         points = points_on_base(plan, _RINGS) if custom is None else custom.points()
         swept = np.column_stack([np.hypot(points[:, 0], points[:, 1]), points[:, 2]])
@@ -107,8 +109,10 @@ def _faces(lens: Lens, pair: Pair[Patch], fixture: Points | None) -> dict[str, F
 
     ``fixture``: what a lens has beside its faces, None of what is no lens.
     """
-    manufacture, nodes = lens.spec.manufacture, preset_of(lens.accuracy).part.check_nodes
-    found, at_lathe = dict[str, FaceCheck](), np.empty((0, 2)) if fixture is None else fixture
+    manufacture = lens.spec.manufacture
+    nodes = preset_of(lens.accuracy).part.check_nodes
+    found = dict[str, FaceCheck]()
+    at_lathe = np.empty((0, 2)) if fixture is None else fixture
     for boundary in pair:
         faces = {}
         for face in (each for each in boundary.faces if lens.body.face(each.name).is_optical):

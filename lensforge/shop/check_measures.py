@@ -9,7 +9,10 @@ from lensforge.cad.part_limits import ANGLE_TOLERANCE_DEG
 from lensforge.results import Array, NotNegative, Number, Point, Positive, Record, Share, Text
 from lensforge.results.figure import Criterion, Figure
 
-BASE, FLANGE, PLATE = "base", "flange", "plate"  # what stands around the optical faces of a moulded part
+# Parts around the optical faces of a moulded part.
+BASE = "base"
+FLANGE = "flange"
+PLATE = "plate"
 FLAT_MM = 1e6  # a radius beyond it is that of a plane
 
 
@@ -22,7 +25,7 @@ class _FaceClearance(Record):
 
     @property
     def needed_mm(self) -> float | None:
-        """The largest of what must give way to the ball; None where the ball reaches nothing."""
+        """The largest of what must give way to the ball; None if the ball reaches nothing."""
         lengths = [getattr(self, name) for name in self.needs]
         return None if None in lengths else max(lengths)
 
@@ -69,7 +72,7 @@ class BallClearance(Record):
     def beyond_shop(self, largest_mm: float | None, shop_mm: float, face: str) -> str:
         """Words behind a face's largest ball, where it is larger than the shop's and there is a base to meet.
 
-        ``largest_mm``: None where any ball reaches the face.
+        ``largest_mm``: None if any ball reaches the face.
         """
         larger = largest_mm is None or largest_mm > shop_mm
         return f" (base: {shop_mm:g} mm ball)" if face in self.faces and larger else ""
@@ -94,7 +97,7 @@ class Sphere(Record):
 
 
 class Curvature(Record):
-    """Principal curvatures seen from the air, concave negative; the radius is None where no point is concave."""
+    """Principal curvatures seen from the air, concave negative; the radius is None if no point is concave."""
 
     kappa_min_per_mm: Number
     kappa_max_per_mm: Number
@@ -107,8 +110,8 @@ _FLAT_FOR_TIPS_MM = 1e3  # a radius beyond it is that of a plane for every tip
 class Cutter(Record):
     """The ball of ``radius_mm`` on a face, or the nose of a turning tool.
 
-    ``largest_radius_mm``: None where one of any radius reaches the whole face. ``residual_mm``: material left
-    uncut; None where the cutter reaches nothing. ``tip``, ``tool``: words for it. ``finding``: name of that on its
+    ``largest_radius_mm``: None if one of any radius reaches the whole face. ``residual_mm``: material left
+    uncut; None if the cutter reaches nothing. ``tip``, ``tool``: words for it. ``finding``: name of that on its
     radius. ``largest_words``: on the largest radius.
     """
 
@@ -340,7 +343,7 @@ class MouldedFace(Record):
     """An optical face by the two halves of a mould that opens along the axis.
 
     Shares of its area that each half releases, and that neither does; heights (mm) between which that lies.
-    ``draft_deg``: the minimum over what is released, from the half that does; None where nothing is.
+    ``draft_deg``: the minimum over what is released, from the half that does; None if nothing is.
     """
 
     upper_fraction: Share
@@ -383,7 +386,7 @@ class Mould(Record):
 
     ``upright``: what the flange leaves of the cylinder at which it begins, below its underside and above its top.
 
-    ``gate``: the piece at whose side it can be filled, away from optical faces; None where it has none. ``cooling_s``:
+    ``gate``: the piece at whose side it can be filled, away from optical faces; None if it has none. ``cooling_s``:
     estimate for a slab as thick as the ball; None for a material that cures, or whose heat is not known.
     """
 

@@ -57,7 +57,7 @@ class Check(SimulatedResult):
     __pydantic_extra__: dict[str, FaceResult]
     model_config = ConfigDict(extra="allow")
     stage: ClassVar[str] = "check"
-    told_if_any: ClassVar[tuple[str, ...]] = ("edges", "mould", "conditions")
+    omit_if_empty: ClassVar[tuple[str, ...]] = ("edges", "mould", "conditions")
     judged_in: ClassVar[tuple[str, ...]] = ("criteria", "verdicts")
 
     lens: Annotated[Lens, Given()]

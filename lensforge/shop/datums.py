@@ -25,7 +25,8 @@ from lensforge.spec.plate_section import PlateBoss, PlateHole, PlateMark, PlateP
 from lensforge.surfaces.surface import Surface
 
 Letter = Literal["A", "B", "C"]
-PLATE_SIZES, ROUND_PLATE = ("width of the plate", "height of the plate"), "diameter of the plate"
+PLATE_SIZES = ("width of the plate", "height of the plate")
+ROUND_PLATE = "diameter of the plate"
 
 
 @dataclass(frozen=True)
@@ -50,7 +51,7 @@ class DatumScheme:
     lines: tuple[str, ...]
 
     def find(self, letter: Letter) -> Datum | None:
-        """The datum of that letter; None where the part has none."""
+        """The datum of that letter; None if the part has none."""
         return next((datum for datum in self.datums if datum.letter == letter), None)
 
     @staticmethod
@@ -64,7 +65,8 @@ def datum_scheme(lens: Lens, part: Part) -> DatumScheme:
     plan = lens_plan(lens)
     base = plan.base
     found = _plane(lens, plan, part), _centre(lens, base), _turn(base)
-    datums, missing = [datum for datum in found if datum is not None], list[str]()
+    datums = [datum for datum in found if datum is not None]
+    missing = list[str]()
     if lens.spec.plate is not None:
         missing.append("The axis z of each lens, and its +x, stand where the drawing of the plate has them")
         return DatumScheme.of(datums, missing)

@@ -26,9 +26,11 @@ from lensforge.spec import BaseSection
 from lensforge.surfaces.srbf import fibonacci_hemisphere
 from lensforge.surfaces.surface import Surface, to_chart, to_sphere
 
-FLANGE_WIDTH, RIM_WIDTH = "diameter of the rim's flange", "outer rim in z = 0, along x"
+FLANGE_WIDTH = "diameter of the rim's flange"
+RIM_WIDTH = "outer rim in z = 0, along x"
 _SAME_MM = 1e-3  # the last digit of a drawing
-_SAMPLES, _REACH = 5_000, 0.02  # samples 1.8 degrees apart, in the chart as here
+_SAMPLES = 5_000  # samples 1.8 degrees apart
+_REACH = 0.02  # in the chart as here
 _ALONG_CREASE = 3601  # azimuths: 0.1 degrees apart
 _AXIS = np.array([[0.0, 0.0, 1.0]])
 
@@ -53,7 +55,7 @@ class Dimension:
     """One dimension (mm) with its name, and ``scope``: of which places it is.
 
     ``ends``: two places in ``view``: (z, across) in a section, (y, x) seen from the base, (-y, x) in the view of the
-    dome; None where it is not drawn. ``upright``: it is measured across the axis in a section. ``sign``: "⌀" or "□"
+    dome; None if it is not drawn. ``upright``: it is measured across the axis in a section. ``sign``: "⌀" or "□"
     before it. ``tolerance_mm``: either way.
     """
 
@@ -123,7 +125,8 @@ def _lens_dimensions(lens: Lens) -> Iterator[Dimension]:
         f"width of the {'dome' if envelope.faces[0].name == DOUBLE[-1] else 'lens'}", widest_mm(envelope), "largest"
     )
     sign = "⌀" if is_round(lens) else ""
-    second_deg, sections = other_section_deg(lens), list[tuple[float, ViewName]]([(0.0, "S")])
+    second_deg = other_section_deg(lens)
+    sections = list[tuple[float, ViewName]]([(0.0, "S")])
     if second_deg is not None:
         sections.append((second_deg, "T"))
     for name, boundary in (("outer rim", envelope), ("opening of the cavity", cavity)):
@@ -150,10 +153,15 @@ def _on_axis(lens: Lens, cavity: Boundary[Surface], envelope: Boundary[Surface])
 
 def _flange_dimensions(lens: Lens) -> Iterator[Dimension]:
     """Sizes of the flange at the exit's rim, and its heights over z = 0 and the cavity."""
-    ring, flange = ring_of(lens), lens.spec.lens.rim_flange
+    ring = ring_of(lens)
+    flange = lens.spec.lens.rim_flange
     if ring is None or flange is None:
         return
-    side, foot, low, high, stated = ring.outer_mm, ring.foot_mm, ring.low_mm, ring.high_mm, flange.tolerance_mm
+    side = ring.outer_mm
+    foot = ring.foot_mm
+    low = ring.low_mm
+    high = ring.high_mm
+    stated = flange.tolerance_mm
     cap = float(lens_boundaries(lens)[0].radius(_AXIS)[0])
     for name, length_mm, ends in (
         ("thickness of the rim's flange", high - low, ((low, -foot), (high, -side))),
@@ -185,8 +193,10 @@ def _rim_in_section(name: str, surface: StarShaped, azimuth_deg: float, view: Vi
 
 def _crease_in_section(name: str, crease: Crease, azimuth_deg: float, view: ViewName) -> Iterator[Dimension]:
     points = crease.points(np.radians(azimuth_deg) + np.array([0.0, np.pi]))
-    (high, low), (right, left) = points[:, 2].tolist(), np.hypot(points[:, 0], points[:, 1]).tolist()
-    words, scope = f"{name}, {_along(azimuth_deg)}", _SCOPE_OF[view]
+    (high, low) = points[:, 2].tolist()
+    (right, left) = np.hypot(points[:, 0], points[:, 1]).tolist()
+    words = f"{name}, {_along(azimuth_deg)}"
+    scope = _SCOPE_OF[view]
     yield Dimension(words, left + right, scope, ((low, -left), (high, right)), view, upright=True)
     yield Dimension(f"{words}, above z = 0", high, scope, ((0.0, right), (high, right)), view)
 
@@ -197,18 +207,23 @@ def _along(azimuth_deg: float) -> str:
 
 def _part_dimensions(lens: Lens) -> Iterator[Dimension]:
     """Length and width of the part with its base, the length from the bottom to the highest point of the dome."""
-    base, envelope = lens_plan(lens).base, lens_boundaries(lens)[1]
+    base = lens_plan(lens).base
+    envelope = lens_boundaries(lens)[1]
     across, _, highest = highest_point_mm(envelope).tolist()
-    bottom, side, wide = 0.0, -float(rim_radius(envelope)(np.array([np.pi]))[0]), widest_mm(envelope)
+    bottom = 0.0
+    side = -float(rim_radius(envelope)(np.array([np.pi]))[0])
+    wide = widest_mm(envelope)
     if base.file is not None:
         from lensforge.cad.custom_base import mesh_of_base
 
         vertices, _ = mesh_of_base(base.file)
         lowest = vertices[np.argmin(vertices[:, 2])]
-        bottom, side = float(lowest[2]), float(lowest[0])
+        bottom = float(lowest[2])
+        side = float(lowest[0])
         wide = max(wide, 2.0 * float(np.hypot(vertices[:, 0], vertices[:, 1]).max()))
     elif base.kind != "none":
-        bottom, side = -base.seat_mm, -_half_width(base)
+        bottom = -base.seat_mm
+        side = -_half_width(base)
         wide = max(wide, (2.0**0.5 if base.kind == "square" else 1.0) * 2.0 * _half_width(base))
         wide = max(wide, base.flange_diameter_mm or 0.0)
     wide = max(wide, 0.0 if (ring := ring_of(lens)) is None else 2.0 * ring.outer_mm)
@@ -239,7 +254,8 @@ def _farthest(surface: StarShaped, measured: Measured, domain: Domain = WHOLE) -
         along = crease.points(np.linspace(0.0, FULL_TURN, _ALONG_CREASE))
         best = int(np.argmax(measured(along)))
         if measured(along)[best] > most:
-            farthest, most = along[best], float(measured(along)[best])
+            farthest = along[best]
+            most = float(measured(along)[best])
     return np.asarray(farthest)
 
 
@@ -252,7 +268,9 @@ def _base_dimensions(lens: Lens) -> list[Dimension]:
 
 def _depths(plan: Plan[Surface]) -> Iterator[Dimension]:
     """Lengths of a built-in base along the axis."""
-    base, bottom, half = plan.base, -plan.base.height_mm, _half_width(plan.base)
+    base = plan.base
+    bottom = -plan.base.height_mm
+    half = _half_width(plan.base)
     yield Dimension("height of the base below z = 0", base.height_mm, "base", ((bottom, -half), (0.0, -half)))
     if plan.relief_mm > 0.0:
         ends = (-plan.relief_mm, -half), (0.0, -half)
@@ -270,7 +288,8 @@ def _feet(base: BaseSection) -> Iterator[Dimension]:
     if (feet := base.feet) is None:
         return
     x, y = feet.places_mm[0]
-    half, reach = feet.diameter_mm / 2.0, feet.circle_diameter_mm / 2.0
+    half = feet.diameter_mm / 2.0
+    reach = feet.circle_diameter_mm / 2.0
     words = "feet" if feet.number == 1 else f"{feet.number} feet"
     yield Dimension(f"height of the {words}", feet.height_mm, "base")
     ends = (y - half, x), (y + half, x)
@@ -284,7 +303,9 @@ def _half_width(base: BaseSection) -> float:
 
 
 def _widths(plan: Plan[Surface]) -> Iterator[Dimension]:
-    base, half, upright = plan.base, _half_width(plan.base), not plan.base.draft_deg
+    base = plan.base
+    half = _half_width(plan.base)
+    upright = not plan.base.draft_deg
     foot = -plan.shoulder_mm if upright else -plan.relief_mm  # where a drafted side is as wide as stated
     if base.kind == "square":
         yield Dimension(
@@ -316,7 +337,8 @@ def _in_section_of_file(lens: Lens) -> Iterator[Dimension]:
         return
     below = np.concatenate(outlines)
     low = below[np.argmin(below[:, 1])]
-    left, right = below[np.argmin(below[:, 0])], below[np.argmax(below[:, 0])]
+    left = below[np.argmin(below[:, 0])]
+    right = below[np.argmax(below[:, 0])]
     ends = (float(low[1]), float(low[0])), (0.0, float(low[0]))
     yield Dimension("base below z = 0, in the section", -ends[0][0], "section", ends)
     across = (float(left[1]), float(left[0])), (float(right[1]), float(right[0]))

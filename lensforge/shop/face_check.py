@@ -33,7 +33,7 @@ class FaceCheck:
 
     @property
     def cutter(self) -> Cutter | None:
-        """The record of what cuts it; None where nothing does."""
+        """The record of what cuts it; None if nothing does."""
         return None
 
     @property
@@ -79,7 +79,8 @@ class MilledFace(FaceCheck):
 def measured_face(face: OpticalFace, nodes: int = SAMPLE_NODES) -> FaceCheck:
     """Measure ``face`` on a chart grid of ``nodes`` x ``nodes``."""
     samples = sample_face(face, nodes)
-    lowest, highest = samples.lowest_curvature(), samples.highest_curvature()
+    lowest = samples.lowest_curvature()
+    highest = samples.highest_curvature()
     return FaceCheck(samples, best_fit_sphere(samples), lowest, highest, np.zeros(len(samples.points)))
 
 
@@ -96,8 +97,10 @@ def face_result(check: FaceCheck, layer_um: float | None = None) -> FaceResult:
     """The record of a measured face; an infinite number is None. ``layer_um``: of a print, whose steps are the highest
     where the face is the most level.
     """
-    samples, draft_deg = check.samples, float(np.degrees(least_draft_rad(check.samples)))
-    curvatures, to_map = samples.curvatures, samples.grid.to_map
+    samples = check.samples
+    draft_deg = float(np.degrees(least_draft_rad(check.samples)))
+    curvatures = samples.curvatures
+    to_map = samples.grid.to_map
     return FaceResult(
         best_fit_sphere=check.sphere,
         curvature=Curvature(
@@ -126,13 +129,14 @@ def _most_level(samples: FaceSamples) -> float:
 
 
 def bounded(value: float) -> float | None:
-    """``value``, or None where it is infinite or not a number."""
+    """``value``, or None if it is infinite or not a number."""
     return float(value) if np.isfinite(value) else None
 
 
 def best_fit_sphere(samples: FaceSamples) -> Sphere:
     """Fit the sphere to a face; its extreme departures are searched for between the samples too."""
-    area, patch = samples.area, samples.face.patch
+    area = samples.area
+    patch = samples.face.patch
     centre = _least_squares_centre(area)
     from_area = np.linalg.norm(area.points - centre, axis=1)
     radius = float(area.shares @ from_area)
@@ -141,7 +145,8 @@ def best_fit_sphere(samples: FaceSamples) -> Sphere:
         return np.asarray(np.linalg.norm(patch.points(points) - centre, axis=1) - radius)
 
     at_samples = np.linalg.norm(samples.points - centre, axis=1) - radius
-    highest, lowest = samples.largest(beyond, at_samples), -samples.largest(lambda c: -beyond(c), -at_samples)
+    highest = samples.largest(beyond, at_samples)
+    lowest = -samples.largest(lambda c: -beyond(c), -at_samples)
     return Sphere(
         radius_mm=radius,
         centre_mm=tuple(centre.tolist()),
@@ -152,7 +157,9 @@ def best_fit_sphere(samples: FaceSamples) -> Sphere:
 
 def _least_squares_centre(area: FaceArea) -> Float[np.ndarray, "3"]:
     """Centre on the axis (variable projection: for any centre the best radius is the mean distance over the area)."""
-    axis, shares, root = np.array([[0.0, 0.0, 1.0]]), area.shares, np.sqrt(area.shares)
+    axis = np.array([[0.0, 0.0, 1.0]])
+    shares = area.shares
+    root = np.sqrt(area.shares)
 
     def residual(height: Float[np.ndarray, "1"]) -> Float[np.ndarray, " q"]:
         distance = np.linalg.norm(area.points - height @ axis, axis=1)

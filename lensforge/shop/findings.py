@@ -75,7 +75,8 @@ Findings = tuple[Annotated[Fact, _STORED], ...]
 GOOD_DRAFT_DEG = 2.0
 SHARE_TOLERANCE = 1e-9  # of the whole face: areas of its cells add up to rounding
 _LEAST_WALL_MM = 1e-3  # a thinner one is none
-_MOST_TILT_DEG, _MOST_DRAFT_DEG = 120.0, 25.0  # of manufacture.max_tilt_deg and of the draft_deg of a face
+_MOST_TILT_DEG = 120.0  # of manufacture.max_tilt_deg
+_MOST_DRAFT_DEG = 25.0  # of the draft_deg of a face
 
 
 def check_findings(
@@ -194,8 +195,10 @@ def _step_remedy(relief: StepClearance, base: BaseSection) -> str:
     """Fields that clear the ball; the flange lies at the bottom, and some of the base must remain above it."""
     fields = {"relief_step_mm": relief.smallest_step_mm, "relief_setback_mm": relief.step_clearance_mm}
     needed = [f"base.{name} = {_up(value, 4)}" for name, value in fields.items() if value]
-    lower, flange = relief.flange_clearance_mm or 0.0, 0.0 if base.flange_diameter_mm is None else base.flange_height_mm
-    height, least = base.height_mm + lower, (relief.smallest_step_mm or 0.0) + flange
+    lower = relief.flange_clearance_mm or 0.0
+    flange = 0.0 if base.flange_diameter_mm is None else base.flange_height_mm
+    height = base.height_mm + lower
+    least = (relief.smallest_step_mm or 0.0) + flange
     if relief.smallest_step_mm and least >= height:
         needed.append(f"base.height_mm above {_up(least, 4)}")
     elif lower > 0.0:
@@ -211,7 +214,8 @@ def tilt_finding(surface: str, slope_deg: float, spec: Spec) -> Fact:
     """Tilt of a tool that is held normal to the face everywhere; a search for less, or a machine that tilts farther."""
     allowed_deg = spec.manufacture.max_tilt_deg
     changes = list[Change | None]()
-    draft_deg, holds = 90.0 - allowed_deg, within(slope_deg, "<=", allowed_deg, ANGLE_TOLERANCE_DEG)
+    draft_deg = 90.0 - allowed_deg
+    holds = within(slope_deg, "<=", allowed_deg, ANGLE_TOLERANCE_DEG)
     if 0.0 <= draft_deg <= _MOST_DRAFT_DEG:
         changes.append(design_again("draft_deg", draft_deg, spec, surface))
     if slope_deg < _MOST_TILT_DEG:
@@ -229,21 +233,26 @@ def wall_finding(wall_mm: float, spec: Spec) -> Fact:
     tolerance = spec.constraints.tolerance_mm
     changes = list[str | Change]()
     holds = within(wall_mm, ">=", required_mm, tolerance)
-    inwards, outwards, fixed = spec.lens.names[0], spec.lens.outward, spec.lens.fixed
+    inwards = spec.lens.names[0]
+    outwards = spec.lens.outward
+    fixed = spec.lens.fixed
     if fixed[outwards] is None:
         changes.append(f"a larger lens.{outwards}.offset_mm and design again")
     elif fixed[inwards] is None:
         changes.append(f"a smaller lens.{inwards}.offset_mm and design again")
     if wall_mm >= _LEAST_WALL_MM:
         changes.append(Change("constraints.min_thickness_mm", rounded_down_mm(wall_mm), " where that is enough"))
-    word, thinnest = "at least" if holds else "less than", quantity(wall_mm, "mm", digits=4)
+    word = "at least" if holds else "less than"
+    thinnest = quantity(wall_mm, "mm", digits=4)
     reason = f"the thinnest wall is {thinnest}, {word} constraints.min_thickness_mm = {required_mm:g}"
     return finding_on("wall", BODY, wall_mm, required_mm, reason, changes, tolerance)
 
 
 def plate_findings(spec: Spec, gap_mm: float | None, wall: "PlateWall | None") -> Iterator[Fact]:
     """Room for the ball between the lenses of the plate, where these are cut, and the thinnest wall of the plate."""
-    shop, required_mm, tolerance = spec.manufacture, spec.constraints.min_thickness_mm, spec.constraints.tolerance_mm
+    shop = spec.manufacture
+    required_mm = spec.constraints.min_thickness_mm
+    tolerance = spec.constraints.tolerance_mm
     if gap_mm is not None and shop.cuts == "lens":
         wide = 2.0 * shop.cutter_radius_mm
         fits = "fits" if within(wide, "<=", gap_mm, tolerance) else "does not fit"
@@ -261,7 +270,8 @@ def plate_findings(spec: Spec, gap_mm: float | None, wall: "PlateWall | None") -
 
 def undercut_finding(surface: str, face: MouldedFace, spec: Spec) -> Fact:
     """Share of a face that neither half of the mould releases."""
-    share, heights = face.undercut_fraction, face.undercut_heights_mm
+    share = face.undercut_fraction
+    heights = face.undercut_heights_mm
     if heights is None:
         reason = (
             f"{drawn_by(face)} of the mould {'release' if 'both' in drawn_by(face) else 'releases'} the {surface} face"
@@ -289,7 +299,8 @@ def drawn_by(face: MouldedFace) -> str:
 
 def draft_finding(surface: str, face: FaceResult, spec: Spec, moulded: MouldedFace | None = None) -> Fact:
     """Draft: what the spec requires, else what a mould needs; of a ``moulded`` face, of what the halves release."""
-    least_deg, undercut = face.draft_deg.min, face.undercut_fraction
+    least_deg = face.draft_deg.min
+    undercut = face.undercut_fraction
     stated_deg = spec.lens.faces[surface].draft_deg
     wanted_deg = GOOD_DRAFT_DEG if stated_deg is None else stated_deg
     again = design_again("draft_deg", wanted_deg, spec, surface)
@@ -297,7 +308,8 @@ def draft_finding(surface: str, face: FaceResult, spec: Spec, moulded: MouldedFa
         if moulded.draft_deg is None:
             reason = f"neither half of the mould releases any of the {surface} face"
             return finding_on("draft", surface, None, wanted_deg, reason, [again])
-        least_deg, undercut = moulded.draft_deg, 0.0
+        least_deg = moulded.draft_deg
+        undercut = 0.0
     if undercut > 0.0:
         down = quantity(least_deg, "deg", digits=3)
         reason = f"{percent(undercut)} of the {surface} face is undercut, down to a draft of {down}"
@@ -310,7 +322,9 @@ def draft_finding(surface: str, face: FaceResult, spec: Spec, moulded: MouldedFa
 
 def tool_finding(tool: ToolResult, surface: str, reach: ToolReach, largest_mm: float | None) -> Fact:
     """Reach of a tool on a face, and what limits it; ``largest_mm``: the largest ball that reaches the whole face."""
-    ball, whole, changes = reach.ball_reachable_fraction, reach.reachable_fraction, []
+    ball = reach.ball_reachable_fraction
+    whole = reach.reachable_fraction
+    changes = []
     reason = f"{tool.name} reaches {percent(whole)} of the {surface} face"
     if not within(whole, ">=", ball, SHARE_TOLERANCE):
         reason += f"; its ball alone reaches {percent(ball)}: shank or holder collides, a longer tool may help"

@@ -71,7 +71,8 @@ def mould_facts(mould: Mould, check: Check) -> Iterator[Fact]:
             "upright", "Without draft", upright_words(mould), note="keep it short, or agree on it with the moulder"
         )
     yield _inner_corners(check, mould, spec)
-    thickest, thinnest = mould.thickest.diameter_mm, check.min_wall_mm
+    thickest = mould.thickest.diameter_mm
+    thinnest = check.min_wall_mm
     yield Fact("thickest_ball", "Thickest place", thickest, "mm", note="diameter of the largest inscribed ball")
     if thinnest > 0.0:
         sinks = "risk of sink marks and voids at its thickest place" if thickest > MOST_RATIO * thinnest else ""
@@ -82,7 +83,8 @@ def mould_facts(mould: Mould, check: Check) -> Iterator[Fact]:
 
 def thick_line(mould: Mould, check: Check) -> str:
     """The note of a drawing on what a moulder prices first: the thickest place, and how long it cools."""
-    place, cooling = mould.thickest, _cooling(mould, check.spec.lens.material)
+    place = mould.thickest
+    cooling = _cooling(mould, check.spec.lens.material)
     where = ", ".join(f"{round(value, 1) + 0.0:g}" for value in place.centre_mm)
     wall = f"{quantity(check.min_wall_mm, 'mm', digits=3)}, the thinnest wall" if check.min_wall_mm > 0.0 else "no wall"
     thick = f"a ball of {quantity(place.diameter_mm, 'mm', digits=3)} about ({where}), beside {wall}"
@@ -92,7 +94,8 @@ def thick_line(mould: Mould, check: Check) -> str:
 
 def mould_line(mould: Mould, spec: Spec) -> str:
     """The note of a drawing on parting line and gate, by their labels there."""
-    parting, gate = _parting(mould.parting), _gate(mould, spec)
+    parting = _parting(mould.parting)
+    gate = _gate(mould, spec)
     where = ", ".join(filter(None, (gate.text, gate.note)))
     return f"PL, parting line: {parting.text}, {parting.note}. G, gate: {where}."
 

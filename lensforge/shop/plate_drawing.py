@@ -93,7 +93,7 @@ class Pattern:
 
 
 def pattern_of(lenses: Lamps) -> Pattern | None:
-    """The pattern of ``lenses``; None where they are in neither rows of one pitch nor an even ring."""
+    """The pattern of ``lenses``; None if they are in neither rows of one pitch nor an even ring."""
     places = np.array(lenses.places_mm)
     levels = np.unique(np.round(places[:, 1], 6))
     rows = [np.sort(places[np.abs(places[:, 1] - level) < _SAME_MM, 0]) for level in levels]

@@ -29,7 +29,8 @@ if TYPE_CHECKING:
 
 POINT_COLUMNS = "surface,x_mm,y_mm,z_mm,nx,ny,nz,polar_deg,azimuth_deg,departure_mm"
 COLUMNS = "x_mm,y_mm,z_mm,nx,ny,nz,polar_deg,azimuth_deg"
-_POLAR_DEG, _AZIMUTH_DEG = np.arange(2.5, 90.1, 2.5), np.arange(0.0, 360.0, 5.0)
+_POLAR_DEG = np.arange(2.5, 90.1, 2.5)
+_AZIMUTH_DEG = np.arange(0.0, 360.0, 5.0)
 
 _WORDS: dict[Interpolation, str] = {
     "bicubic": "bicubic, the polynomial through the 4 x 4 nearest nodes",
@@ -44,8 +45,11 @@ _MIDDLE: dict[Interpolation, tuple[float, ...]] = {
 }
 
 MOST_POINTS = 400_000  # of one table: 40 MB of text
-_TRIED, _MEASURED = 4_000, 100_000  # middles of cells and sides at which a trial, and the table, are measured
-_FIRST_CELLS, _TRIALS, _WIDER = 40, 8, 4.0  # cells across the first trial; trials; most from one to a wider one
+_TRIED = 4_000  # middles of cells and sides at which a trial is measured
+_MEASURED = 100_000  # the same for the table that is chosen
+_FIRST_CELLS = 40  # cells across the first trial
+_TRIALS = 8  # trials
+_WIDER = 4.0  # most from one to a wider one
 _TRIED_DEG = 181  # polar angles at which the length of a face is measured
 _MARGIN = 0.95  # of the spacing that the power law gives
 _ROUNDING_NM = 1e-3  # of the files
@@ -102,7 +106,8 @@ class FaceToCut:
     def lengths_mm(self) -> tuple[float, float]:
         """Largest length (mm) per radian along a meridian, and around the axis; of a whole face its size is both."""
         begin, end = self.ends_deg
-        turn, polar = np.array([0.0, 90.0, 180.0, 270.0]), np.linspace(begin, end, _TRIED_DEG)
+        turn = np.array([0.0, 90.0, 180.0, 270.0])
+        polar = np.linspace(begin, end, _TRIED_DEG)
         points, _ = self.at(np.stack(np.meshgrid(polar, turn, indexing="ij"), axis=-1).reshape(-1, 2))
         if self.domain is None:
             size = float(np.linalg.norm(points.reshape(_TRIED_DEG, 4, 3)[[0, -1]], axis=2).max())
@@ -118,7 +123,8 @@ class FaceToCut:
         angles = np.concatenate([np.zeros((1, 2)), np.stack([polar.ravel(), azimuth.ravel()], axis=-1)])
         if self.domain is None:
             return angles
-        radius, (low, high) = np.tan(0.5 * np.radians(angles[:, 0])), self.domain.radii(np.radians(angles[:, 1]))
+        radius = np.tan(0.5 * np.radians(angles[:, 0]))
+        (low, high) = self.domain.radii(np.radians(angles[:, 1]))
         return angles[(radius >= low) & (radius <= high + 1e-12)]
 
     def at(self, angles_deg: Float[np.ndarray, "n 2"]) -> tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, "n 3"]]:
@@ -159,7 +165,8 @@ def points_table(lens: Lens, check: Check, head: list[str]) -> str:
 
 def origin_lines(lens: Lens, part: Part) -> list[str]:
     """Lines on the lens, its files, and who has made them."""
-    signature, shop = part.signature, lens.spec.manufacture
+    signature = part.signature
+    shop = lens.spec.manufacture
     scale = "shrinkage: none; the points are those of the lens itself"
     if shop.cuts == "inserts":
         scale = f"shrinkage: {shop.shrinkage:.12g}; the points are those of the mould, the lens times {shop.scale:.12g}"
@@ -195,7 +202,9 @@ class DenseTable:
         """x, y, z (mm), unit normal, polar angle and azimuth (degrees) of each node; the apex once."""
         turns = self.values.shape[1]
         polar, azimuth = np.meshgrid(self.polar_deg, self.azimuths_deg, indexing="ij")
-        turn, r, z = np.radians(azimuth), self.values[..., 0], self.values[..., 1]
+        turn = np.radians(azimuth)
+        r = self.values[..., 0]
+        z = self.values[..., 1]
         places = np.stack([r * np.cos(turn), r * np.sin(turn), z], axis=-1)
         angles = np.stack([polar, azimuth], axis=-1)
         rows = np.concatenate([places, self.normals, angles], axis=-1).reshape(-1, 8)
@@ -219,13 +228,16 @@ class DenseTable:
         middles = middles[:: max(1, -(-len(middles) // most))]
         azimuth = np.radians(middles[:, 1])
         points, normals = self.face.at(middles[:, :2])
-        across, up = middles[:, 2] - np.linalg.norm(points[:, :2], axis=1), middles[:, 3] - points[:, 2]
+        across = middles[:, 2] - np.linalg.norm(points[:, :2], axis=1)
+        up = middles[:, 3] - points[:, 2]
         outwards = normals[:, 0] * np.cos(azimuth) + normals[:, 1] * np.sin(azimuth)
         return np.asarray(1e6 * np.abs(across * outwards + up * normals[:, 2]))
 
     def _middles(self, scheme: Interpolation) -> Float[np.ndarray, "k 4"]:
         """Polar angle, azimuth, and interpolated R and Z in the middle of every cell and side of the face."""
-        beyond, turns, begin = _BEYOND[scheme], len(self.azimuths_deg), self.begin
+        beyond = _BEYOND[scheme]
+        turns = len(self.azimuths_deg)
+        begin = self.begin
         rings = self.values[begin - beyond :] if begin else self.values
         if not begin:  # the ring before the apex is the first one seen from the other side; the azimuths go around
             rings = np.concatenate([np.roll(rings[1 : 1 + beyond], turns // 2, axis=1) * [-1.0, 1.0], rings])
@@ -233,7 +245,8 @@ class DenseTable:
         around = _halfway(_wrapped(self.values[begin : self.rim + 1], beyond), 1, scheme)
         both = _halfway(_wrapped(along, beyond), 1, scheme)
         at = self.polar_deg[begin : self.rim + 1]
-        half_ring, half_turn = at[:-1] + 0.5 * self.step_deg, self.azimuths_deg + 0.5 * self.azimuths_deg[1]
+        half_ring = at[:-1] + 0.5 * self.step_deg
+        half_turn = self.azimuths_deg + 0.5 * self.azimuths_deg[1]
         middles = []
         for polar, azimuth, values in (
             (half_ring, self.azimuths_deg, along),
@@ -283,7 +296,8 @@ def _grid(table: DenseTable, errors: Float[np.ndarray, " k"], head: list[str], r
 
 def _found(face: FaceToCut, request: GridRequest) -> tuple[DenseTable, Float[np.ndarray, " k"]]:
     """The table of the spacing that is given, or of about the widest that keeps the error; and its errors (nm)."""
-    span, scheme = np.radians(face.ends_deg[1] - face.ends_deg[0]), request.interpolation
+    span = np.radians(face.ends_deg[1] - face.ends_deg[0])
+    scheme = request.interpolation
     along, around = face.lengths_mm if face.domain else 2 * (float(face.at(np.zeros((1, 2)))[0][0, 2]),)
 
     def make(spacing_mm: float) -> DenseTable:
@@ -312,9 +326,11 @@ def _found(face: FaceToCut, request: GridRequest) -> tuple[DenseTable, Float[np.
 def _require_count(points: float, face: FaceToCut, request: GridRequest) -> None:
     if points <= MOST_POINTS:
         return
-    name, asked = "error", f"error = {request.error_nm:g} nm"
+    name = "error"
+    asked = f"error = {request.error_nm:g} nm"
     if request.spacing_mm is not None:
-        name, asked = "spacing", f"spacing = {request.spacing_mm:g} mm"
+        name = "spacing"
+        asked = f"spacing = {request.spacing_mm:g} mm"
     other = ", or bicubic interpolation" if request.interpolation == "linear" else ""
     raise InputError(
         f"{asked}: the table of the {face.name} face would have {points:.2g} points, at most {MOST_POINTS}; give a "
@@ -325,11 +341,14 @@ def _require_count(points: float, face: FaceToCut, request: GridRequest) -> None
 def make_table(face: FaceToCut, spacing_mm: float, scheme: Interpolation) -> DenseTable:
     """Rings and azimuths about ``spacing_mm`` apart at the widest, over the face and as far as ``scheme`` needs."""
     begin_deg, end_deg = face.ends_deg
-    (along, around), span = face.lengths_mm, end_deg - begin_deg
+    (along, around) = face.lengths_mm
+    span = end_deg - begin_deg
     count = max(int(np.ceil(span / _MOST_STEP_DEG)), int(np.ceil(np.radians(span) * along / spacing_mm)))
     turns = 2 * max(4, int(np.ceil(np.pi * around / spacing_mm)))
     begin = _BEYOND[scheme] if begin_deg > 0.0 else 0
-    step, rim, azimuths = span / count, begin + count, 360.0 / turns * np.arange(turns)
+    step = span / count
+    rim = begin + count
+    azimuths = 360.0 / turns * np.arange(turns)
     first_deg = begin_deg - begin * step
     polar = first_deg + step * np.arange(rim + 1 + _BEYOND[scheme])
     polar[rim] = end_deg
@@ -349,16 +368,25 @@ def _table_text(table: DenseTable, head: list[str]) -> str:
 
 def _table_lines(table: DenseTable, request: GridRequest, error_nm: float, measured: int) -> list[str]:
     """Lines on the face, the nodes, the interpolation, and its error at ``measured`` places."""
-    turns, side = len(table.azimuths_deg), "away from" if table.face.air > 0 else "towards"
-    beyond, first = _BEYOND[request.interpolation], table.first_deg
-    begins, apex, before = f"b + i p with b = {first:.15g} degrees and", "", ""
-    extent, where = f", from ring {table.begin}, which reaches its crease", "at either end"
+    turns = len(table.azimuths_deg)
+    side = "away from" if table.face.air > 0 else "towards"
+    beyond = _BEYOND[request.interpolation]
+    first = table.first_deg
+    begins = f"b + i p with b = {first:.15g} degrees and"
+    apex = ""
+    before = ""
+    extent = f", from ring {table.begin}, which reaches its crease"
+    where = "at either end"
     if not table.begin:
-        begins, apex, extent, where = "i p with", "the apex once; ", "", "beyond it"
+        begins = "i p with"
+        apex = "the apex once; "
+        extent = ""
+        where = "beyond it"
         before = "; the ring before the apex is the first one from the other side, r with the other sign"
     rim = "reaches its crease"
     if table.face.ends_deg[1] == _RIM_DEG:
-        rim, where = "is the rim", where if table.begin else "below it"
+        rim = "is the rim"
+        where = where if table.begin else "below it"
     return [
         f"face: {table.face.name}; its air, where the tool is, lies {side} the origin",
         f"nodes: rings of polar angle {begins} p = {table.step_deg:.15g} degrees, seen from the origin; {turns} "

@@ -15,7 +15,8 @@ class ProcessWords(NamedTuple):
     left: str
 
 
-_ON_OPTICS, _OF_TOOLS = "marks of gate, ejector or parting line", "what the tools leave of the inserts"
+_ON_OPTICS = "marks of gate, ejector or parting line"
+_OF_TOOLS = "what the tools leave of the inserts"
 _WORDS: dict[Process, ProcessWords] = {
     "milled": ProcessWords("the cavity", "burr", "marks", "what the mill leaves"),
     "turned": ProcessWords("the cavity", "burr", "marks", "what the turning tool leaves"),

@@ -158,7 +158,8 @@ def points_of(height_mm: float) -> float:
 
 def box_of(words: Words) -> Box:
     """The rectangle on paper (mm) that a text needs."""
-    width, half = width_of(words.text, words.height_mm), 0.5 * _ROOM * words.height_mm
+    width = width_of(words.text, words.height_mm)
+    half = 0.5 * _ROOM * words.height_mm
     start = {"left": 0.0, "center": -0.5 * width, "right": -width}[words.anchor]
     x, y = words.at
     if words.turned_deg == 0:

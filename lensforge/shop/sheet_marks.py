@@ -19,7 +19,10 @@ from lensforge.shop.sheet import (
     wrapped,
 )
 
-_TRIANGLE, _BOX, _LEADER = 2.6, 5.0, 2.0  # mm on A3
+# mm on A3
+_TRIANGLE = 2.6
+_BOX = 5.0
+_LEADER = 2.0
 
 
 def datum_symbol(at: Place, towards: Place, letter: str, unit: float, further_mm: float = 0.0) -> Marks:
@@ -27,11 +30,14 @@ def datum_symbol(at: Place, towards: Place, letter: str, unit: float, further_mm
 
     ``further_mm``: length of the leader beyond the usual one.
     """
-    foot, out = np.array(at), np.array(towards)
+    foot = np.array(at)
+    out = np.array(towards)
     along = np.array([-out[1], out[0]])
-    size, half = unit * _TRIANGLE, 0.5 * unit * _BOX
+    size = unit * _TRIANGLE
+    half = 0.5 * unit * _BOX
     triangle = np.array([foot + 0.5 * size * along, foot - 0.5 * size * along, foot + 0.87 * size * out])
-    start, end = foot + 0.87 * size * out, foot + (0.87 * size + unit * _LEADER + further_mm) * out
+    start = foot + 0.87 * size * out
+    end = foot + (0.87 * size + unit * _LEADER + further_mm) * out
     centre = end + half * out
     corners = centre + half * np.array([(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)])
     strokes = [Stroke(triangle, closed=True, filled=True), Stroke(np.array([start, end])), Stroke(corners, closed=True)]
@@ -44,8 +50,10 @@ def _letters(at: np.ndarray, text: str, unit: float) -> Words:
 
 def axes_mark(at: Place, level: str, up: str, unit: float, towards: float = 1.0) -> Marks:
     """Two arrows that name the axes of a view, their corner at ``at``; the level one to the right, or left with -1."""
-    corner, length = np.array(at), 7.0 * unit
-    strokes, words = [], []
+    corner = np.array(at)
+    length = 7.0 * unit
+    strokes = []
+    words = []
     for name, out in ((level, np.array([towards, 0.0])), (up, np.array([0.0, 1.0]))):
         tip = corner + length * out
         strokes += [Stroke(np.array([corner, tip])), arrow_head(tip, out, 2.0 * unit)]
@@ -64,7 +72,8 @@ def arrow_head(tip: np.ndarray, out: np.ndarray, size: float) -> Stroke:
 def section_plane(centre: Place, azimuth_deg: float, half_mm: float, letter: str, unit: float) -> Marks:
     """The plane of a section in the view from the base: a chain line, thick at its ends, with arrows of the sight."""
     turn = np.radians(azimuth_deg)
-    along, sight = np.array([np.sin(turn), np.cos(turn)]), np.array([-np.cos(turn), np.sin(turn)])
+    along = np.array([np.sin(turn), np.cos(turn)])
+    sight = np.array([-np.cos(turn), np.sin(turn)])
     middle = np.array(centre)
     strokes = [Stroke(np.array([middle - half_mm * along, middle + half_mm * along]), "axis")]
     words = []
@@ -86,7 +95,8 @@ def hatch(outlines: list[Points], spacing_mm: float) -> list[Stroke]:
     """Lines ``spacing_mm`` apart inside all ``outlines`` together, inside being what an odd number of them encloses."""
     chains = [np.vstack([outline, outline[:1]]) @ _ALONG_HATCH.T for outline in outlines]
     across = np.concatenate([chain[:, 1] for chain in chains])
-    first, last = np.ceil(across.min() / spacing_mm), np.floor(across.max() / spacing_mm)
+    first = np.ceil(across.min() / spacing_mm)
+    last = np.floor(across.max() / spacing_mm)
     found = []
     for level in spacing_mm * (np.arange(first, last + 1.0) + 0.37):  # off the places where corners are likely
         cuts = np.sort(np.concatenate([_cuts(chain, level) for chain in chains]))
@@ -98,7 +108,8 @@ def hatch(outlines: list[Points], spacing_mm: float) -> list[Stroke]:
 def _cuts(chain: Points, level: float) -> np.ndarray:
     above = chain[:, 1] > level
     changes = np.flatnonzero(above[1:] != above[:-1])
-    start, end = chain[changes], chain[changes + 1]
+    start = chain[changes]
+    end = chain[changes + 1]
     share = (level - start[:, 1]) / (end[:, 1] - start[:, 1])
     return np.asarray(start[:, 0] + share * (end[:, 0] - start[:, 0]))
 
@@ -116,7 +127,8 @@ def frame_of(box: Box, pen: PenName = "thin") -> Stroke:
 def cell(box: Box, text: str, unit: float) -> Marks:
     """A ruled cell with a line of text, which ends in an ellipsis where it does not fit."""
     left, bottom, right, top = box
-    height, room = LETTERS * unit, right - left - 2.0 * _MARGIN * unit
+    height = LETTERS * unit
+    room = right - left - 2.0 * _MARGIN * unit
     words = Words((left + _MARGIN * unit, 0.5 * (bottom + top)), shortened(text, height, room), height)
     return Marks([frame_of(box)], [words])
 
@@ -135,7 +147,8 @@ def row_height(texts: Sequence[str], widths: Sequence[float], unit: float) -> fl
 
 def row(left: float, top: float, texts: Sequence[str], widths: Sequence[float], unit: float) -> Marks:
     """A row of cells from left to right, as high as its longest text needs."""
-    height, bottom = LETTERS * unit, top - row_height(texts, widths, unit)
+    height = LETTERS * unit
+    bottom = top - row_height(texts, widths, unit)
     strokes: list[Stroke] = []
     words: list[Words] = []
     x = left
@@ -159,8 +172,10 @@ def draw_rows(rows: Sequence[Sequence[str]], left: float, top: float, widths: Se
 def paragraphs_in(box: Box, paragraphs: list[str], unit: float) -> list[Words]:
     """Numbered paragraphs from the top of ``box``; what is too long is left out, and the last line says so."""
     left, bottom, right, top = box
-    height, lines = LETTERS * unit, []
-    indent, most = width_of("00. ", height), int((top - bottom) / (PITCH * height))
+    height = LETTERS * unit
+    lines = []
+    indent = width_of("00. ", height)
+    most = int((top - bottom) / (PITCH * height))
     for number, paragraph in enumerate(paragraphs, start=1):
         first, *others = wrapped(paragraph, height, right - left - indent)
         lines += [(0.0, f"{number}. {first}"), *((indent, line) for line in others)]
@@ -171,7 +186,10 @@ def paragraphs_in(box: Box, paragraphs: list[str], unit: float) -> list[Words]:
     ]
 
 
-ARROW, BEYOND, ABOVE, TAIL = 1.0, 0.6, 0.85, 2.0  # in heights of the text: head, extension beyond, text above, tail
+ARROW = 1.0  # in heights of the text: head
+BEYOND = 0.6  # extension beyond
+ABOVE = 0.85  # text above
+TAIL = 2.0  # tail
 
 
 def text_span(dimension: LinearDimension) -> tuple[float, float]:
@@ -202,12 +220,15 @@ def words_of_dimension(dimension: LinearDimension) -> Words:
 
 def strokes_of(dimension: LinearDimension) -> list[Stroke]:
     """Extension lines, dimension line and arrows."""
-    size, line = dimension.height_mm, dimension.line_mm
+    size = dimension.height_mm
+    line = dimension.line_mm
     low, high = dimension.ends_mm
     wide = is_wide(high - low, size)
     first, last = (low, high) if wide else occupied(dimension)
     text_low, text_high = text_span(dimension)
-    first, last = min(first, text_low), max(last, text_high)  # the line goes on below a text outside
+    # the line goes on below a text outside
+    first = min(first, text_low)
+    last = max(last, text_high)
     found = [_line(dimension, (first, line), (last, line))]
     for along, across in (dimension.at(*dimension.start), dimension.at(*dimension.end)):
         past = line + np.sign(line - across) * BEYOND * size

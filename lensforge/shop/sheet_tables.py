@@ -31,7 +31,8 @@ MATERIAL = "material"  # its column
 _WIDTH = 38.0  # of that, mm on A3
 
 _OF_ASSEMBLY = ("source_", "lens_")
-_RMS, _PEAK = ("_form_um", "_waviness_um"), ("_ripple_um",)
+_RMS = ("_form_um", "_waviness_um")
+_PEAK = ("_ripple_um",)
 _TEXT = dict[str, str]  # lines of a column by their keys
 
 
@@ -121,14 +122,16 @@ def _coating(name: str, lens: Lens) -> str:
 def _shape(name: str, lens: Lens, check: Check) -> str:
     """The equation of a known form; of others the best-fit sphere, of the part and not of what is cut."""
     sphere = check.faces[name].best_fit_sphere
-    radius_mm, pv_mm = sphere.radius_mm / check.scale, sphere.pv_mm / check.scale
+    radius_mm = sphere.radius_mm / check.scale
+    pv_mm = sphere.pv_mm / check.scale
     fitted = f"R {radius_mm:.3f}" if sphere.radius_mm < FLAT_MM else "plane"
     form = "of revolution, profile in the table" if lens.spec.lens.is_revolved(name) else "freeform"
     return equation(lens.surfaces[name]) or f"{form}; best-fit {fitted}, PV {pv_mm:.3f}"
 
 
 def _form(name: str, lens: Lens) -> str:
-    form, waves = _amount(lens, name, "form_um"), _amount(lens, name, "waviness_um")
+    form = _amount(lens, name, "form_um")
+    waves = _amount(lens, name, "waviness_um")
     words = f"3/ RMS form {form:g} µm" if form else f"3/ {NOTHING}"
     return f"{words}; waviness {waves:g} µm" if waves else words
 
@@ -158,12 +161,14 @@ def _centring(name: str, lens: Lens) -> str:
 
 
 def _centred(name: str, lens: Lens) -> list[str]:
-    tilt, shift = _amount(lens, name, "tilt_deg"), _amount(lens, name, "shift_mm")
+    tilt = _amount(lens, name, "tilt_deg")
+    shift = _amount(lens, name, "shift_mm")
     return ([f"±{tilt:g}°"] if tilt else []) + ([f"±{shift:g} mm"] if shift else [])
 
 
 def _texture(name: str, lens: Lens, height: float | None) -> str:
-    slope, ripple = _amount(lens, name, "roughness_mrad"), _amount(lens, name, "ripple_um")
+    slope = _amount(lens, name, "roughness_mrad")
+    ripple = _amount(lens, name, "ripple_um")
     words = ["polished"]
     words += [f"Rq {height:g} nm"] if height else []
     words += [f"RΔq {slope:g} mrad"] if slope else []

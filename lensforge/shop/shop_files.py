@@ -56,7 +56,7 @@ def make_handover(
 ) -> Handover:
     """Make the files that go to the shop with the STEP.
 
-    ``studied``: facts of the yield, empty where it has not been computed. ``request``: of the dense tables. ``words``:
+    ``studied``: facts of the yield, empty if it has not been computed. ``request``: of the dense tables. ``words``:
     of title block and notes; None: the spec's. Raises :class:`InputError` for tables that cannot be made so.
     """
     lens, request = part.lens, request or GridRequest()

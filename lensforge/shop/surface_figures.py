@@ -57,7 +57,8 @@ def curvature_map(kappa_min: ChartMap, tip_radius_mm: float | None) -> Figure:
     if exceeded:
         reach = max(reach, -1.05 * limit)  # where the limit is exceeded, the scale includes it
     shown = _show(axes, kappa_min, "PuOr_r", -reach, reach)
-    low, high = bool(inside.min() < -reach), bool(inside.max() > reach)
+    low = bool(inside.min() < -reach)
+    high = bool(inside.max() > reach)
     extend = {(True, True): "both", (True, False): "min", (False, True): "max"}.get((low, high), "neither")
     scale = add_colour_bar(bar, shown, "smaller curvature (1/mm)", extend)
     if exceeded:

@@ -27,8 +27,10 @@ _CLEARANCE = 1e-9  # mm: a shank that touches is clear
 _TILT_STEP_RAD = np.deg2rad(15.0)
 _AZIMUTHS = 12
 _CHUNK = 256
-_CONTACT_NODES, _OBSTACLE_NODES = 41, 61
-_AROUND, _RINGS = 96, 9  # points around the base, and rings between two of its corners
+_CONTACT_NODES = 41
+_OBSTACLE_NODES = 61
+_AROUND = 96  # points around the base
+_RINGS = 9  # rings between two of its corners
 
 
 def tool_reach(
@@ -80,7 +82,9 @@ def _is_clear(
     """True for a ball centre from which shank and holder, along ``axis``, are clear of every obstacle."""
     slope = float(np.tan(np.deg2rad(tool.holder_half_angle_deg)))
     first, second = _across(axis)
-    along, x, y = obstacles @ axis, obstacles @ first, obstacles @ second
+    along = obstacles @ axis
+    x = obstacles @ first
+    y = obstacles @ second
     clear = np.empty(len(centres), dtype=bool)
     for start in range(0, len(centres), _CHUNK):
         some = centres[start : start + _CHUNK]
@@ -146,7 +150,8 @@ def points_on_base(plan: Plan[Patch], count: int = _RINGS) -> Float[np.ndarray, 
     across = np.stack([np.cos(turn), np.sin(turn)], axis=-1)
     rings = []
     for corner, following in pairwise(base_corners(plan)):
-        start, end = corner.radius(turn), following.radius(turn)
+        start = corner.radius(turn)
+        end = following.radius(turn)
         for share in np.linspace(0.0, 1.0, count):
             radius = (1.0 - share) * start + share * end
             depth = (1.0 - share) * corner.depth_mm + share * following.depth_mm

@@ -40,8 +40,10 @@ def _of_no_revolution(name: str, spec: Spec) -> Fact:
 
 
 def _nose(name: str, tool: TurningTool, spec: Spec) -> Fact:
-    radius_mm, largest_mm = tool.radius_mm, tool.largest_radius_mm
-    nose, tolerance = quantity(radius_mm, "mm"), 0.0 if largest_mm is None else FIT_TOLERANCE * largest_mm
+    radius_mm = tool.radius_mm
+    largest_mm = tool.largest_radius_mm
+    nose = quantity(radius_mm, "mm")
+    tolerance = 0.0 if largest_mm is None else FIT_TOLERANCE * largest_mm
     if largest_mm is None:
         reason = f"the meridian of the {name} face has no concave part: a nose of any radius fits"
     else:
@@ -73,7 +75,8 @@ def _slope(name: str, tool: TurningTool, spec: Spec) -> Fact:
 def _reach(name: str, tool: TurningTool, spec: Spec) -> Fact:
     """Reach of the whole tool, but for fillets in corners; where it is less than all, what is in its way."""
     share, bare = (min(each + tool.corner_fraction, 1.0) for each in (tool.reachable_fraction, tool.bare_fraction))
-    shop, tilted = spec.manufacture, f"tilted by {quantity(abs(tool.tilt_deg), 'deg', digits=3)}"
+    shop = spec.manufacture
+    tilted = f"tilted by {quantity(abs(tool.tilt_deg), 'deg', digits=3)}"
     changes = []
     if within(share, ">=", 1.0, SHARE_TOLERANCE):
         but = " but its corners" if tool.corner_fraction > 0.0 else ""
@@ -91,7 +94,8 @@ def _reach(name: str, tool: TurningTool, spec: Spec) -> Fact:
 
 def _corner(name: str, tool: TurningTool) -> Fact:
     """The fillets that the nose leaves where the face meets another in a concave corner."""
-    share, radius_mm = tool.corner_fraction, tool.radius_mm
+    share = tool.corner_fraction
+    radius_mm = tool.radius_mm
     left = "" if tool.residual_mm is None else f", up to {quantity(tool.residual_mm, 'mm', digits=2)} high"
     reason = (
         f"a nose of {quantity(radius_mm, 'mm')} radius leaves a fillet on {percent(share)} of the {name} face{left}, "
@@ -112,7 +116,8 @@ def _of_width(share: float) -> float:
 
 def layer_findings(spec: Spec, faces: Mapping[str, FaceResult]) -> Iterator[Fact]:
     """The steps between the layers of a print against half of the zone of form, where the spec has both."""
-    width_um, layer_um = spec.manufacture.form_tolerance_um, spec.manufacture.layer_um
+    width_um = spec.manufacture.form_tolerance_um
+    layer_um = spec.manufacture.layer_um
     if width_um is None or layer_um is None:
         return
     for name, face in faces.items():

@@ -89,7 +89,7 @@ class PlacedSource(ChangedSource):
         """True where a mirror leaves the place as it is and is, for the source itself, one of its own."""
         if not np.array_equal(mirror @ self.pose.origin_mm, self.pose.origin_mm):
             return False
-        local_mirror = self.pose.own_map(mirror)
+        local_mirror = self.pose.to_local_map(mirror)
         return any(np.allclose(local_mirror, image, rtol=0.0, atol=_SAME) for image in group(self.source.symmetry))
 
     @property
@@ -103,7 +103,7 @@ class PlacedSource(ChangedSource):
 
     def towards(self, targets: Float[np.ndarray, "n 3"], seed: int) -> RayBundle:
         """The rays of a sample, each turned to its target (mm); their flux is W/sr there."""
-        return super().towards(self.pose.own_points(targets), seed)
+        return super().towards(self.pose.to_local_points(targets), seed)
 
     def outline(self) -> Float[np.ndarray, "k 3"]:
         """Outline (mm) of the source itself, moved."""

@@ -136,7 +136,7 @@ def _require_few(clamped: float, low: float, high: float, material: Material, na
 
 @dataclass(frozen=True, eq=False)
 class ColouredSource(ChangedSource):
-    """Source that emits ``spectrum`` from every point in every direction; None where its rays have their wavelengths.
+    """Source that emits ``spectrum`` from every point in every direction; None if its rays have their wavelengths.
 
     ``index_range`` and ``warnings``: what is known of the lens's index at its wavelengths.
     """

@@ -58,7 +58,7 @@ class Disc:
 class Rectangles:
     """Uniform rectangles: centres and sides (mm), the share of the flux of each, and the number of its spectrum.
 
-    ``spectra``: empty where all have the same.
+    ``spectra``: empty if all have the same.
     """
 
     centres: Float[np.ndarray, "k 2"]

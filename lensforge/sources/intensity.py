@@ -129,7 +129,7 @@ class PlaneBeam(Record):
     """Beam in the plane of the half-planes ``c_deg`` and ``c_deg`` + 180.
 
     ``beam_angle_deg`` and ``field_angle_deg``: between the outermost directions with a half and a tenth of the largest
-    intensity of this plane, ``peak_cd``; None where it has no light.
+    intensity of this plane, ``peak_cd``; None if it has no light.
     """
 
     c_deg: Number
@@ -162,7 +162,7 @@ def plane_profile(table: CandelaTable, c_deg: float) -> tuple[Float[np.ndarray, 
 def width_above(gamma: Float[np.ndarray, " n"], profile: Float[np.ndarray, " n"], level: float) -> float | None:
     """Angle between the outermost crossings of ``level``, linear between the angles; to their ends where it is above.
 
-    None where nothing is above it, or it is not above 0.
+    None if nothing is above it, or it is not above 0.
     """
     above = np.flatnonzero(profile >= level)
     if not level > 0.0 or not len(above):

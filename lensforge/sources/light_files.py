@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 from lensforge.errors import InputError
 from lensforge.sources.photometric import photometric_io
-from lensforge.sources.photometric.photometric_file import PhotometricFile, UnknownFormat
+from lensforge.sources.photometric.photometric_file import PhotometricFile, UnknownFarField
 
 if TYPE_CHECKING:
     from lensforge.sources.rayfiles.ray_file import RayFile
@@ -22,7 +22,7 @@ def read_rayfile(path: Path) -> "RayFile":
 
     try:
         return ray_file_io.read_rayfile(path)
-    except ray_file.UnknownFormat:
+    except ray_file.UnknownRayFormat:
         far_field = photometric_io.photometric_format(path)
         if far_field is None:
             raise
@@ -36,7 +36,7 @@ def read_photometric(path: Path) -> PhotometricFile:
     """Read the photometric file ``path``. Raises :class:`InputError`, one line, if it cannot be used."""
     try:
         return photometric_io.read_photometric(path)
-    except UnknownFormat:
+    except UnknownFarField:
         from lensforge.sources.rayfiles.formats import format_of
         from lensforge.sources.rayfiles.ray_file_rows import FileImage, as_plain_text
 

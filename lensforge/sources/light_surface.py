@@ -100,7 +100,7 @@ class LightSurface:
     def in_dome(rays: RayBundle, plane: "LightSurface") -> "LightSurface | None":
         """The plane in a dome, found from one without, on which light is nearest to a product of place and angle.
 
-        None where rays by all domes that were tried are farther from it.
+        None if rays by all domes that were tried are farther from it.
         """
         from scipy.optimize import minimize
 

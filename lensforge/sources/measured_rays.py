@@ -156,7 +156,7 @@ class TurnedRays(ChangedSource):
             return lobe / (2.0 * np.pi)
 
         start = replace(local_rays, origins=crossings)
-        return aimed(start, pose.own_points(targets), density).placed(pose)
+        return aimed(start, pose.to_local_points(targets), density).placed(pose)
 
 
 def _turned(rays: RayBundle, turns: Float[np.ndarray, "n 3"]) -> RayBundle:

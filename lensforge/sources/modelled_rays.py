@@ -128,7 +128,7 @@ class ModelledRays:
         Stray rays are turned as those of a file are, and so are all from a dome.
         """
         rays, places = self._drawn(len(targets), seed)
-        local_targets = self.file.pose.own_points(targets)
+        local_targets = self.file.pose.to_local_points(targets)
         lit = np.isfinite(places[:, 0]) & (self.radiance.surface.dome is None)
         away = local_targets - places
         along = np.where(lit[:, None], away / np.linalg.norm(away, axis=1, keepdims=True), rays.directions)
@@ -271,7 +271,7 @@ def _best(content: _Content) -> ModelledRays | str:
 
 
 def _surfaces(rays: RayBundle) -> list[LightSurface] | str:
-    """Surfaces that rays may come from; why there is none."""
+    """Candidate emitting surfaces, or the reason for rejecting all."""
     if np.ptp(rays.directions[:, :2], axis=0).max() < 0.1:
         return "parallel rays do not tell where they come from"
     surfaces = []

@@ -186,7 +186,15 @@ def _arrays(path: Path) -> dict[str, np.ndarray]:
 
 
 def _problem(arrays: dict[str, np.ndarray]) -> str:
-    x, y, c, gamma, radiance = arrays.values()
+    """Why the arrays are no radiance table; "" if they are one."""
+    return (
+        _problem_of_nodes(arrays)
+        or _problem_of_angles(arrays["c_deg"], arrays["gamma_deg"])
+        or _problem_of_cells(arrays)
+    )
+
+
+def _problem_of_nodes(arrays: dict[str, np.ndarray]) -> str:
     for name, values in list(arrays.items())[:4]:
         revolution = name == "c_deg" and values.shape == (1,)
         if values.ndim != 1 or not np.isfinite(values).all() or (len(values) < 2 and not revolution):
@@ -196,10 +204,19 @@ def _problem(arrays: dict[str, np.ndarray]) -> str:
     for name, values in list(arrays.items())[:4]:
         if len(values) > _MOST_NODES or np.abs(values).max() > _FARTHEST:
             return f"{name} has {len(values)} numbers up to {np.abs(values).max():g}: {_MOST_NODES} up to {_FARTHEST:g}"
+    return ""
+
+
+def _problem_of_angles(c: Float[np.ndarray, " c"], gamma: Float[np.ndarray, " g"]) -> str:
     if gamma[0] < 0.0 or gamma[-1] > 90.0:
         return f"gamma_deg = {gamma[0]:g} to {gamma[-1]:g}: within 0 to 90"
     if c[0] != 0.0 or (len(c) > 1 and c[-1] != 360.0):
         return "c_deg must run from 0 to 360, both included, or be the single number 0"
+    return ""
+
+
+def _problem_of_cells(arrays: dict[str, np.ndarray]) -> str:
+    x, y, c, gamma, radiance = arrays.values()
     wanted = (len(y) - 1, len(x) - 1, len(c), len(gamma))
     if radiance.shape != wanted:
         return f"radiance has the shape {radiance.shape}; cells in y and x, azimuths, polar angles make {wanted}"

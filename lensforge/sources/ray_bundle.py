@@ -53,10 +53,10 @@ def _first_half(count: int) -> int:
 class RayBundle:
     """Rays: start points ``origins`` (mm), unit directions, and the flux each carries (W). NumPy, float64.
 
-    ``waves``: wavelength of each, at which media answer their index; None where that does not count, or is not known.
+    ``waves``: wavelength of each, at which media answer their index; None if that does not count, or is not known.
     ``of_source``: number of the LED of each, where a lens is for several. ``tristimulus``: X, Y, Z (lm) per W of each;
-    None where nobody asks for colour. ``facets``: two numbers in [0, 1) of each ray for every face that scatters, as
-    many as its source has drawn; None where none has.
+    None if nobody asks for colour. ``facets``: two numbers in [0, 1) of each ray for every face that scatters, as
+    many as its source has drawn; None if none has.
     """
 
     origins: Float[np.ndarray, "n 3"]
@@ -72,7 +72,7 @@ class RayBundle:
 
     @property
     def wavelengths_nm(self) -> Float[np.ndarray, " n"] | None:
-        """Wavelength (nm) of each; None where that does not count."""
+        """Wavelength (nm) of each; None if that does not count."""
         return None if self.waves is None else self.waves.nm
 
     @property
@@ -95,16 +95,18 @@ class RayBundle:
         return RayBundle(self.origins[rows], self.directions[rows], self.flux[rows], waves, numbers, colours, facets)
 
     def placed(self, pose: Pose) -> "RayBundle":
-        """Rays of the coordinates of a thing in those of what it stands in."""
+        """Transform rays from local to parent coordinates."""
         if not pose.moves:
             return self
         return replace(self, origins=pose.points(self.origins), directions=pose.directions(self.directions))
 
     def seen_from(self, pose: Pose) -> "RayBundle":
-        """Rays in the coordinates of a thing that stands among them."""
+        """Transform rays from parent to local coordinates."""
         if not pose.moves:
             return self
-        return replace(self, origins=pose.own_points(self.origins), directions=pose.own_directions(self.directions))
+        return replace(
+            self, origins=pose.to_local_points(self.origins), directions=pose.to_local_directions(self.directions)
+        )
 
     def divided(self, parts: int) -> list["RayBundle"]:
         """Consecutive parts: those of a low-discrepancy sample are such samples themselves."""
@@ -158,7 +160,7 @@ class Source(Protocol):
 
     @property
     def ray_count(self) -> int | None:
-        """Number of distinct rays of a measured source; None where a sample may be of any size."""
+        """Number of distinct rays of a measured source; None if a sample may be of any size."""
         ...
 
     def sample(self, count: int, seed: int) -> RayBundle:

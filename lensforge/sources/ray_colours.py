@@ -92,7 +92,7 @@ class ChipColours:
 
     @staticmethod
     def of(specs: Sequence[SpectrumSpec | None], *, disperses: bool, coloured: bool) -> "ChipColours | None":
-        """Colours of chips with these spectra; None where nothing asks for them.
+        """Colours of chips with these spectra; None if nothing asks for them.
 
         Raises :class:`InputError` for a chip without a spectrum, and where colour is asked for an invisible one.
         """

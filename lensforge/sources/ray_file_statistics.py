@@ -121,7 +121,7 @@ class RaySums:
 
     @property
     def focus_mm(self) -> Point | None:
-        """Virtual focus; None where the rays are parallel."""
+        """Virtual focus; None if the rays are parallel."""
         eigenvalues = np.linalg.eigvalsh(self.matrix)
         if not eigenvalues[0] > _PARALLEL * eigenvalues[2]:
             return None

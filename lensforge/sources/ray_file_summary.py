@@ -157,7 +157,7 @@ class FileFlux(Record):
 
 
 class WavelengthRange(Record):
-    """Wavelengths (nm); ``mean``: by flux, None where the shares of several spectral tables are unknown."""
+    """Wavelengths (nm); ``mean``: by flux, None if the shares of several spectral tables are unknown."""
 
     min: Annotated[Number, Figure("shortest wavelength")]
     max: Annotated[Number, Figure("longest wavelength")]
@@ -173,7 +173,7 @@ class Box(Record):
 
 @public
 class RayFileSummary(StageResult):
-    """Summary of a ray file. What only the rays can say is None where the header alone was read.
+    """Summary of a ray file. What only the rays can say is None if the header alone was read.
 
     ``format``: of the file. ``title``: by its header. ``rays``: in the file. ``rays_used``: that carry flux.
     ``rays_dropped``: the others, by cause. ``effective_rays``: number of rays of equal flux that would have the same

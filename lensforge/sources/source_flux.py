@@ -39,14 +39,14 @@ class SourceFlux:
 
     @property
     def flux_lm(self) -> float | None:
-        """Luminous flux (lm); None where the efficacy is not known."""
+        """Luminous flux (lm); None if the efficacy is not known."""
         return None if self.efficacy is None else self.flux_w * self.efficacy
 
     @property
     def lumens_per_watt(self) -> float | None:
         """Efficacy by which lux and candela are shown.
 
-        None where it is not known, and where it is next to 0 by the spectrum and nothing speaks of lumens.
+        None if it is not known, and where it is next to 0 by the spectrum and nothing speaks of lumens.
         """
         shown = self.efficacy is not None and (self.in_lumens or self.efficacy >= _LEAST_LM_PER_W)
         return self.efficacy if shown else None
@@ -181,7 +181,7 @@ def chip_fluxes(spec: ChipsSource) -> list[SourceFlux]:
 
 
 def spectral_efficacy(spec: SpectrumSpec | None) -> float | None:
-    """Luminous efficacy (lm/W) of a spectrum of the spec, 0 where all of it is invisible; None where there is none."""
+    """Luminous efficacy (lm/W) of a spectrum of the spec, 0 where all of it is invisible; None if there is none."""
     if spec is None:
         return None
     spectrum = spectrum_of(spec)

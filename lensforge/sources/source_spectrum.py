@@ -214,7 +214,7 @@ class ColourSums:
 
     @property
     def mean_nm(self) -> float | None:
-        """Mean wavelength by flux; None where no ray has a usable one."""
+        """Mean wavelength by flux; None if no ray has a usable one."""
         return self.flux_nm / self.coloured if self.coloured > 0.0 else None
 
     def luminous_efficacy(self, in_watts: bool) -> float | None:

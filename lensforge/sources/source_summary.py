@@ -11,7 +11,7 @@ Range = tuple[Positive, Positive]
 class IndexRange(Record):
     """Least and largest wavelength (nm) of some light, and the refractive index of the lens at each.
 
-    None where one index is taken for all light. ``extrapolated_index_share`` of the flux has wavelengths beyond those
+    None if one index is taken for all light. ``extrapolated_index_share`` of the flux has wavelengths beyond those
     at which the index was measured, ``clamped_index_share`` even beyond the trusted range, or none that is usable; its
     rays have the index at the end of that range, or at the mean wavelength.
     """
@@ -65,9 +65,9 @@ class AppliedPlacement(Record):
 class SourceSummary(IndexRange):
     """Source of a design: its power, its mirror symmetry, and for a ray set the files and their placement.
 
-    ``lumens_per_watt``: its luminous efficacy, None where that is not known.
-    ``rays``: of all files, dropped ones included; None where a sample may be of any size. ``model``: the radiance that
-    draws rays in their place, or why there is none; None where none was asked for.
+    ``lumens_per_watt``: its luminous efficacy, None if that is not known.
+    ``rays``: of all files, dropped ones included; None if a sample may be of any size. ``model``: the radiance that
+    draws rays in their place, or why there is none; None if none was asked for.
     """
 
     title: Text
@@ -84,7 +84,7 @@ class SourceSummary(IndexRange):
 
     @property
     def flux_lm(self) -> float | None:
-        """Luminous flux (lm); None where the efficacy is not known."""
+        """Luminous flux (lm); None if the efficacy is not known."""
         return None if self.lumens_per_watt is None else self.flux_w * self.lumens_per_watt
 
 

@@ -47,7 +47,7 @@ def usable_blocks(rayfile: RayFile) -> Iterator[tuple[RayBundle, dict[str, int]]
 class StoredRays:
     """Rays of ``rayfile`` that can be traced, in its order; ``skipped``: rows of the others, ``dropped``: by cause.
 
-    ``state``: of a file whose numbers are mapped; None where they are copies. ``drawn_nm``: a wavelength for each ray
+    ``state``: of a file whose numbers are mapped; None if they are copies. ``drawn_nm``: a wavelength for each ray
     in place of the file's own.
     """
 
@@ -117,7 +117,7 @@ class StoredRays:
         return numbers + np.searchsorted(before, numbers, side="right")
 
     def _of_file(self) -> _NextWavelengths | None:
-        """Wavelengths drawn from the tables of the file; None where the rays have their own, or there are no tables."""
+        """Wavelengths drawn from the tables of the file; None if the rays have their own, or there are no tables."""
         rayfile = self.rayfile
         tables = self.rayfile.spectral_tables
         if rayfile.wavelengths_nm is not None:

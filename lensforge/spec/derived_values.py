@@ -86,7 +86,7 @@ def _reach_mm(source: Any) -> float | None:
 
 
 def receiver_of(target: Any) -> dict[str, float]:
-    """The receiver of a target that has none, by its field; empty where the size of the pattern is not known."""
+    """The receiver of a target that has none, by its field; empty if the size of the pattern is not known."""
     if target.distance_mm is not None:
         across = _pattern_mm(target)
         return {} if across is None else {"receiver_mm": rounded_length(_RECEIVER * across)}

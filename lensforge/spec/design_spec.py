@@ -350,7 +350,7 @@ class Spec(Section):
         return self.manufacture.cuts == "lens" and (designed or self.manufacture.required)
 
     def cutting(self, face: str) -> Cutting | None:
-        """Process by which a face is cut, of the lens or of an insert; None where it is printed."""
+        """Process by which a face is cut, of the lens or of an insert; None if it is printed."""
         return self.lens.cutting(face, self.manufacture.process)
 
     @property

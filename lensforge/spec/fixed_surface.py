@@ -32,7 +32,7 @@ class FixedFace(OfSeveralKinds, Section):
 
     @property
     def title(self) -> str:
-        """Words for it."""
+        """Display name of the surface."""
         return self.kind.replace("_", " ")
 
     @property
@@ -259,7 +259,7 @@ class GivenSurface(FixedFace):
 
     @property
     def title(self) -> str:
-        """Words for its origin, and how well it is met."""
+        """Display name: the file of the surface, and how well it is approximated."""
         if self.form_error_nm == 0.0 == self.normal_error_urad:
             return self.origin
         return f"{self.origin}, to {self.form_error_nm:.2g} nm and {self.normal_error_urad:.2g} µrad"

@@ -55,7 +55,7 @@ class Beam(NamedTuple):
 class StartConditions:
     """Conditions that the first faces of a search are to suit: limits, source, and ``beam``, which takes a moment.
 
-    ``extent_mm``: radius of a circle that holds the source; None where its section does not state it.
+    ``extent_mm``: radius of a circle that holds the source; None if its section does not state it.
     """
 
     limits: ConstraintsSection
@@ -160,7 +160,7 @@ class LensShape(OfSeveralKinds, LensMaterial):
         return self.is_round if fixed is None else fixed.is_round
 
     def cutting(self, face: str, process: Process | None) -> Cutting | None:
-        """Process by which a face of a lens that is made by ``process`` is cut; None where it is printed.
+        """Process by which a face of a lens that is made by ``process`` is cut; None if it is printed.
 
         An insert of its mould is turned where the face is of revolution, else milled.
         """
@@ -178,7 +178,7 @@ class LensShape(OfSeveralKinds, LensMaterial):
 
     @property
     def opening_mm(self) -> float | None:
-        """Distance that the search keeps a mirror from closing over its opening; None where it cannot close."""
+        """Distance that the search keeps a mirror from closing over its opening; None if it cannot close."""
         return None
 
     @property

@@ -72,7 +72,7 @@ class LimitSection(InOneUnit):
         return [self.name or f"limits.{number}"]
 
     def bounds(self, quantity: str) -> tuple[float | None, float | None]:
-        """Least and largest value of ``quantity``, a unit of light or one of ``others``; None where it has no bound."""
+        """Least and largest value of ``quantity``, a unit of light or one of ``others``; None if it has no bound."""
         if quantity in LIGHT_UNITS:
             return (self.at_least, self.at_most) if quantity == self.unit else (None, None)
         return getattr(self, f"at_least_{quantity}", None), getattr(self, f"at_most_{quantity}", None)
@@ -408,9 +408,9 @@ def _require_limit_fits(limit: LimitSection, unit: Unit, extent: tuple[float, fl
 def require_limits_fit(
     limits: Sequence[LimitSection], receivers: Sequence[ReceiverSection], leaks: Sequence[str]
 ) -> None:
-    """Raise ``ValueError`` for limits on receivers that there are not, or that they do not fit.
+    """Raise ``ValueError`` for limits that name an unknown or incompatible receiver.
 
-    ``leaks``: names of the faces by which light can leave that is not to.
+    ``leaks``: names of the faces through which light can be lost.
     """
     causes = (*get_args(LossCause), *leaks)
     by_name = {receiver.name: receiver for receiver in receivers}

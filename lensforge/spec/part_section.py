@@ -315,7 +315,7 @@ class ManufactureSection(Section):
 
     @property
     def cuts(self) -> Literal["lens", "inserts"] | None:
-        """Body that tools cut: the lens itself, or the inserts of its mould; None where it is printed."""
+        """Body that tools cut: the lens itself, or the inserts of its mould; None if it is printed."""
         if self.process == "printed":
             return None
         return "inserts" if self.process == "moulded" else "lens"

@@ -149,7 +149,7 @@ class ReflectorSection(ProfiledShape):
             raise InputError(f"lens: {str(error).removeprefix('reflector: ')} (lens.kind = 'reflector')") from None
 
     def _leaning(self, conditions: StartConditions, beam: Beam, wall_mm: float, most_mm: float) -> LeaningCup | None:
-        """The cup that leans towards light beside the axis, where levels can shape one; None where none has room."""
+        """The cup that leans towards light beside the axis, where levels can shape one; None if none has room."""
         limits = conditions.limits
         if not self.levels or self.cup.offset_mm is not None or beam.off_rad <= _BESIDE * beam.half_rad:
             return None

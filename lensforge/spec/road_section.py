@@ -220,7 +220,7 @@ class RoadSection(Section):
 
     @property
     def least_edge_ratio(self) -> float | None:
-        """Required edge ratio; None where none is."""
+        """Required edge ratio; None if none is."""
         of_class = M_CLASSES.get(self.lighting_class)
         return self.edge_ratio or (None if of_class is None else of_class.edge_ratio)
 

@@ -172,7 +172,7 @@ class OptimiseSection(Section):
 
     @property
     def share(self) -> float | None:
-        """Share of the parts that is to hold the limits; None where the search does not ask for it."""
+        """Share of the parts that is to hold the limits; None if the search does not ask for it."""
         return None if isinstance(self.robust, bool) else _YIELD if self.robust == "yield" else self.robust
 
     def require_limits(self, given: bool) -> None:

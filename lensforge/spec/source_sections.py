@@ -195,7 +195,7 @@ class ChipsSource(PlanarSource):
 
     @property
     def spectra(self) -> tuple[SpectrumSpec | None, ...]:
-        """Spectrum of each chip, its own or that of all; empty where none has one of its own."""
+        """Spectrum of each chip, its own or that of all; empty if none has one of its own."""
         spectra = [chip.spectrum for chip in self.chips]
         return tuple(spectrum or self.spectrum for spectrum in spectra) if any(spectra) else ()
 

@@ -49,7 +49,7 @@ class InOneUnit(Section):
         return next((unit for unit in _UNITS if any(self.length(name, unit) is not None for name in names)), None)
 
     def length(self, name: str, unit: Unit | None = None) -> Any:
-        """Length ``name`` in ``unit``, by default the section's own; None where it is not given."""
+        """Length ``name`` in ``unit``, by default the section's own; None if it is not given."""
         return getattr(self, f"{name}_{unit or self.in_unit}", None)
 
     @check
@@ -132,7 +132,7 @@ class TargetSection(OfSeveralKinds, InOneUnit):
 
     @property
     def on_receiver(self) -> Unit | None:
-        """Unit of lengths on the receiver that the target itself names; None where it names none."""
+        """Unit of lengths on the receiver that the target itself names; None if it names none."""
         return "deg" if self.half_angle_deg is not None else "mm" if self.distance_mm is not None else None
 
     def size(self, name: str) -> float:

@@ -36,8 +36,8 @@ _STRAIGHT = str.maketrans({**dict.fromkeys("“”„‟«»", '"'), **dict.from
 
 
 @dataclass(frozen=True)
-class Cure:
-    """``words`` on what is wrong with a value, and the value ``meant``; ``told``: the words say what to write."""
+class Correction:
+    """What is wrong with a value (``words``), and the value ``meant``; ``told``: the words say what to write."""
 
     words: str
     meant: str
@@ -148,14 +148,14 @@ def _cure(line: str) -> tuple[str, str] | None:
     return (entry.words, entry.meant) if entry is not None and _reads(entry.meant) else None
 
 
-def _cured_entry(line: str) -> Cure | None:
+def _cured_entry(line: str) -> Correction | None:
     entry = _ENTRY.match(line)
     cure = cured_value(entry[1].split("=")[0].strip(), entry[2]) if entry else None
     if entry is None or cure is None:
         return None
     meant = f"{entry[1]}{cure.meant}" if cure.meant else ""
     write = f"; write {shortened(meant.strip())}" if meant and not cure.told else ""
-    return Cure(f"{cure.words}{write}", meant)
+    return Correction(f"{cure.words}{write}", meant)
 
 
 def _reads(line: str) -> bool:
@@ -175,28 +175,28 @@ _TRUTH = {**dict.fromkeys(("true", "yes", "on"), "true"), **dict.fromkeys(("fals
 _NOTHING = ("none", "null", "nil", "n/a", "-", "?")
 
 
-def cured_value(name: str, value: str) -> Cure | None:
-    """The cure of the text ``value`` of the field ``name``, as it stands behind ``=``; None where none is known."""
+def cured_value(name: str, value: str) -> Correction | None:
+    """The cure of the text ``value`` of the field ``name``, as it stands behind ``=``; None if none is known."""
     if value[:1] in ('"', "'"):
         return _quoted(value)
     text = value.split("#")[0].strip()
     if not text:
-        return Cure("its value is missing", "", told=True)
+        return Correction("its value is missing", "", told=True)
     if text[-1] in ",;":
         rest = text[:-1].strip()
-        return cured_value(name, rest) or Cure(f"a value ends without {text[-1]!r}", rest)
+        return cured_value(name, rest) or Correction(f"a value ends without {text[-1]!r}", rest)
     if text[0] in "[(":
         return _list(name, text)
     if _SEVERAL.fullmatch(text) and not _NUMERAL.fullmatch(text):
-        return Cure("several values stand in brackets", f"[{text}]")
+        return Correction("several values stand in brackets", f"[{text}]")
     if text.lower() in _TRUTH:
-        return Cure("it is true or false", _TRUTH[text.lower()])
+        return Correction("it is true or false", _TRUTH[text.lower()])
     if text.lower() in _NOTHING:
-        return Cure("a field without a value is left out", "", told=True)
+        return Correction("a field without a value is left out", "", told=True)
     return _date(text) or cured_number(name, text) or _words(text)
 
 
-def cured_number(name: str, text: str) -> Cure | None:
+def cured_number(name: str, text: str) -> Correction | None:
     """The cure of a number with a comma, thousands marks or a unit; None for what is no number."""
     match = _NUMERAL.fullmatch(text)
     if match is None:
@@ -208,14 +208,16 @@ def cured_number(name: str, text: str) -> Cure | None:
     if marks == [","] and re.fullmatch(r"[1-9]\d{0,2},\d{3}", digits) and not unit:
         whole = digits.replace(",", "")
         point = digits.replace(",", ".")
-        return Cure(f"{rule}; write {sign}{whole}, or {sign}{point}", f"{sign}{whole}", told=True)
+        return Correction(f"{rule}; write {sign}{whole}, or {sign}{point}", f"{sign}{whole}", told=True)
     number = f"{sign}{_plain(digits)}{power}"
     if not unit:
-        return Cure(rule, number) if number != text else None
+        return Correction(rule, number) if number != text else None
     field_unit = unit_in(name)
     if field_unit and unit != field_unit:
-        return Cure(f"{name} is in {field_unit}; write the number of {field_unit}, without a unit", number, told=True)
-    return Cure("a number stands without its unit", number)
+        return Correction(
+            f"{name} is in {field_unit}; write the number of {field_unit}, without a unit", number, told=True
+        )
+    return Correction("a number stands without its unit", number)
 
 
 def _plain(digits: str) -> str:
@@ -231,7 +233,7 @@ def _plain(digits: str) -> str:
     return f"{whole}.{decimals or '0'}" if last >= 0 and digits.count(digits[last]) == 1 else whole
 
 
-def _quoted(value: str) -> Cure | None:
+def _quoted(value: str) -> Correction | None:
     """The cure of a text that has a backslash, no end, or something behind its end."""
     mark = value[0]
     closed = re.fullmatch(rf"{mark}([^{mark}]*){mark}\s*(?:#.*)?", value)
@@ -239,50 +241,50 @@ def _quoted(value: str) -> Cure | None:
         path = closed[1].replace("\\\\", "\\")
         forward = path.replace("\\", "/")
         rule = "in double quotes a backslash begins an escape; paths may have / as well"
-        return Cure(rule, f"'{path}'" if "'" not in path else f'"{forward}"')
+        return Correction(rule, f"'{path}'" if "'" not in path else f'"{forward}"')
     if value.count(mark) == 1:
-        return Cure(f"the closing {mark} is missing", f"{value.split('#')[0].rstrip()}{mark}")
+        return Correction(f"the closing {mark} is missing", f"{value.split('#')[0].rstrip()}{mark}")
     behind = re.fullmatch(rf"({mark}[^{mark}]*{mark})\s*[,;]\s*(?:#.*)?", value)
     if behind:
-        return Cure(f"a value ends without {value.split('#')[0].rstrip()[-1]!r}", behind[1])
+        return Correction(f"a value ends without {value.split('#')[0].rstrip()[-1]!r}", behind[1])
     several = re.fullmatch(rf"{mark}[^{mark}]*{mark}(?:\s*,\s*{mark}[^{mark}]*{mark})+", value)
-    return Cure("several values stand in brackets", f"[{value}]") if several else None
+    return Correction("several values stand in brackets", f"[{value}]") if several else None
 
 
-def _list(name: str, text: str) -> Cure | None:
+def _list(name: str, text: str) -> Correction | None:
     """The cure of a list with other brackets, with semicolons, blanks, decimal commas or words without quotes."""
     inside = text.strip("[]()").strip()
     part = r"\s*;\s*" if ";" in inside else r"\s*,\s*" if re.search(r",\s|,[^\d]", inside) else r"\s+"
     part = r"\s*,\s*" if "," in inside and part == r"\s+" and not re.search(r"\s", inside) else part
     entries = [entry for entry in re.split(part, inside) if entry]
     cured = [entry if _is_value(entry) or not (cure := cured_value(name, entry)) else cure.meant for entry in entries]
-    return Cure("a list is [value, value]", f"[{', '.join(cured)}]")
+    return Correction("a list is [value, value]", f"[{', '.join(cured)}]")
 
 
 def _is_value(entry: str) -> bool:
     return bool(re.fullmatch(r"[+-]?\d+(\.\d+)?([eE][+-]?\d+)?|true|false|\"[^\"\\]*\"|'[^']*'", entry))
 
 
-def _date(text: str) -> Cure | None:
+def _date(text: str) -> Correction | None:
     match = _DATE.fullmatch(text)
     if match is None:
         return None
     first, mark, second, third = match.groups()
     rule = "a date is year-month-day"
     if len(first) == 4:
-        return Cure(rule, f"{first}-{second:>02}-{third:>02}")
+        return Correction(rule, f"{first}-{second:>02}-{third:>02}")
     if len(third) != 4:
         return None
     if mark == "/" and int(first) <= 12 and int(second) <= 12:  # the American order, or the British one
         either = [f"{third}-{a:>02}-{b:>02}" for a, b in ((first, second), (second, first))]
-        return Cure(f"{rule}; write {' or '.join(dict.fromkeys(either))}", either[0], told=True)
+        return Correction(f"{rule}; write {' or '.join(dict.fromkeys(either))}", either[0], told=True)
     day, month = (second, first) if int(second) > 12 else (first, second)
-    return Cure(rule, f"{third}-{month:>02}-{day:>02}")
+    return Correction(rule, f"{third}-{month:>02}-{day:>02}")
 
 
-def _words(text: str) -> Cure | None:
+def _words(text: str) -> Correction | None:
     text = text.rstrip("\"'")
     if not re.match(r"[^\W\d_]|[/.~_]", text) or '"' in text:
         return None
     mark = "'" if "\\" in text and "'" not in text else '"'
-    return Cure("text needs quotes", f"{mark}{text}{mark}")
+    return Correction("text needs quotes", f"{mark}{text}{mark}")

@@ -1,6 +1,6 @@
 """Given bodies in their places: depth of points within them, their mirrors, and how far they reach.
 
-A body is star-shaped about its own origin, and ends in the plane z = 0 of its own frame.
+A body is star-shaped about its local origin, and ends in the local plane z = 0.
 """
 
 from collections.abc import Sequence
@@ -20,7 +20,7 @@ _Points = Float[np.ndarray, "n 3"]
 
 def depths(body: SecondaryOptic, points: _Points, *, inner: bool) -> Float[np.ndarray, " n"]:
     """Depth (mm) of points within the inner or the outer face of a body; infinite below the plane in which it ends."""
-    local = body.pose.own_points(points)
+    local = body.pose.to_local_points(points)
     face = body.inner if inner else body.outer
     radii = np.maximum(np.linalg.norm(local, axis=1), 1e-12)
     above = local[:, 2] > 0.0
@@ -40,7 +40,7 @@ def has_mirrors(body: SecondaryOptic, symmetry: str) -> bool:
     centre = np.array(body.pose.origin_mm)
     u = fibonacci_hemisphere(_DIRECTIONS // 10)
     for mirror in group(symmetry):
-        local_mirror = body.pose.own_map(mirror)
+        local_mirror = body.pose.to_local_map(mirror)
         if not (
             np.allclose(mirror @ centre, centre, atol=_SAME)
             and np.allclose(local_mirror[2], [0.0, 0.0, 1.0], atol=_SAME)

@@ -178,7 +178,7 @@ def best_leaning_cup(
     """The leaning cup that sends the most light within ``half_rad`` of a direction ``off_rad`` from the axis.
 
     ``radius_mm``: of its mirror, at most; ``clearance_mm``: its least radius at z = 0; ``draft_rad``: by which it
-    widens upwards at least. All rays within ``OPEN_RAD`` of the axis meet its mouth. None where none has room.
+    widens upwards at least. All rays within ``OPEN_RAD`` of the axis meet its mouth. None if none has room.
     """
     from scipy.optimize import minimize
 

@@ -59,7 +59,8 @@ def plan_of(inner: Surface, outer: Surface, base: BaseSection | None = None, nod
 def exact_volume(inner: SrbfSurface, outer: SrbfSurface, base: BaseSection) -> float:
     """Volume of the body from the surfaces alone: integrals of rho^3/3 over the hemisphere and rho^2/2 over the rim."""
     node, weight = np.polynomial.legendre.leggauss(96)
-    height, weight = (node + 1.0) / 2.0, weight / 2.0
+    height = (node + 1.0) / 2.0
+    weight = weight / 2.0
     azimuth = np.linspace(0.0, 2.0 * np.pi, 256, endpoint=False)
     z, phi = np.meshgrid(height, azimuth, indexing="ij")
     s = np.sqrt(1.0 - z**2)

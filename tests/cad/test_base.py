@@ -26,7 +26,8 @@ DISC = np.pi * 25.4**2 / 4.0
 SEGMENT = 12.7**2 * np.arccos(11.0 / 12.7) - 11.0 * np.sqrt(12.7**2 - 11.0**2)
 PLAIN = {"OPTICAL_INNER", "OPTICAL_OUTER", "BASE_SIDE", "BASE_BOTTOM", "BASE_BORE", "BASE_TOP"}
 SQUARE = PLAIN - {"BASE_SIDE"} | {f"BASE_SIDE_{k}" for k in (1, 2, 3, 4)}
-FLANGE, POCKET = {"FLANGE_TOP", "FLANGE_SIDE"}, {"POCKET_TOP", "POCKET_SIDE"}
+FLANGE = {"FLANGE_TOP", "FLANGE_SIDE"}
+POCKET = {"POCKET_TOP", "POCKET_SIDE"}
 RELIEF = {0.0: set(), 0.7: {"BASE_RELIEF"}}
 
 # What each base has instead of, or besides, the plain cylinder: keys of the spec, its faces, volume below z = 0
@@ -89,7 +90,8 @@ def frustum(top, foot, height):
 @pytest.mark.parametrize("kind", ["cylinder", "square", "flange and pocket"])
 def test_a_drafted_base_is_of_frusta_as_wide_as_stated_at_their_tops(kind):
     """Between concentric spheres; 3.4 mm high, the flange 0.9 and the pocket 1.1 of it, with 2.3 degrees."""
-    slope, pi = np.tan(np.radians(2.3)), np.pi
+    slope = np.tan(np.radians(2.3))
+    pi = np.pi
     sizes = {"height_mm": 3.4, "draft_deg": 2.3}
     if kind == "square":
         sizes |= {"kind": "square", "side_mm": 7.0}
@@ -132,7 +134,8 @@ def test_draft_that_leaves_nothing_of_a_base_is_refused(sizes, lacks):
 def test_every_base_is_one_closed_named_body_of_its_closed_form(name, relief):
     keys, faces, below = BASES[name]
     base = BaseSection(**keys, relief_step_mm=relief)
-    inner, outer = random_surface(6.0, 0.02, 3), random_surface(10.2, 0.01, 4)
+    inner = random_surface(6.0, 0.02, 3)
+    outer = random_surface(10.2, 0.01, 4)
     plan = plan_of(inner, outer, base)
     volume = closed_form(inner, outer, base, below, relief)
     solid, fine = sound(plan, volume)
@@ -144,7 +147,8 @@ def test_every_base_is_one_closed_named_body_of_its_closed_form(name, relief):
 
 @pytest.mark.parametrize("width", first_by_day(1, [25.4, 15.0]))
 def test_a_step_that_stands_back_from_the_rim_is_a_circle_all_around(width):
-    inner, outer = random_surface(6.0, 0.02, 3), random_surface(10.2, 0.01, 4)
+    inner = random_surface(6.0, 0.02, 3)
+    outer = random_surface(10.2, 0.01, 4)
     base = BaseSection(diameter_mm=width, relief_step_mm=0.7, relief_setback_mm=0.3)
     plan = plan_of(inner, outer, base)
     rim = outer.radius(rim_directions(np.linspace(0.0, 2.0 * np.pi, 720)))
@@ -263,7 +267,8 @@ def test_walls_that_stand_back_go_round_the_farthest_and_the_nearest_place_of_ri
     """A cavity 0.5 mm aside reaches 2.5 mm, an outer sphere 1 mm aside comes as near as 5 mm; each limit from both
     sides.
     """
-    inner, outer = sphere_at(2.0, (0.3, -0.4, 0.0)), sphere_at(6.0, (-0.6, 0.8, 0.0))
+    inner = sphere_at(2.0, (0.3, -0.4, 0.0))
+    outer = sphere_at(6.0, (-0.6, 0.8, 0.0))
     sizes = {"diameter_mm": 25.4, "height_mm": 2.0, "relief_step_mm": 0.5, "bore_setback_mm": 0.2}
     plan = lay_out(inner, outer, BaseSection(**sizes, relief_setback_mm=0.3))
     turn = np.linspace(0.0, 6.0, 9)

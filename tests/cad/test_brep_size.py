@@ -66,6 +66,7 @@ def rippled_strip(height_mm, per_mm, knots):
 
 
 def test_ripples_as_fine_as_the_knots_have_their_area():
-    height_mm, per_mm = 0.004, 150.0
+    height_mm = 0.004
+    per_mm = 150.0
     area, _ = quad(lambda x: np.hypot(1.0, height_mm * per_mm * np.cos(per_mm * x)), -1.0, 1.0, limit=500)
     assert volume_and_area(rippled_strip(height_mm, per_mm, 400))[1] == pytest.approx(area, rel=1e-5)

@@ -50,7 +50,8 @@ FREE = body(
 def volume_by_radii(faces: tuple[Face, Face]) -> float:
     """Integral of ``rho^3/3`` of the nearer face over the hemisphere, with a root sought on each meridian."""
     node, weight = np.polynomial.legendre.leggauss(40)
-    total, count = 0.0, 60
+    total = 0.0
+    count = 60
     for azimuth in 2.0 * np.pi / count * np.arange(count):
 
         def radii(polar: Float[np.ndarray, " n"], azimuth: float = azimuth) -> Float[np.ndarray, "f n"]:
@@ -99,7 +100,8 @@ def test_bodies_of_four_faces_are_joined_by_a_plate(free_body: BuiltBody) -> Non
     read = parse_step(step_bytes(build_plate_solid([free_body.plan], layout), "two bodies"))
     assert read.valid and copies_off_mm(read.faces, [free_body.plan], layout) < 1e-9
     opening = rim_points(free_body.plan.cavity)
-    around, scale = float(np.pi * np.mean(np.sum(opening**2, axis=1))), layout.bore_scale(opening)
+    around = float(np.pi * np.mean(np.sum(opening**2, axis=1)))
+    scale = layout.bore_scale(opening)
     bore = 1.5 * around * (1.0 + scale + scale**2) / 3.0
     foot = 15.0 - 1.5 * np.tan(np.radians(plate.draft_deg))
     expected = 2.0 * (free_body.solid.volume_mm3 - bore) + 0.5 * np.pi * (15.0**2 + 15.0 * foot + foot**2)
@@ -239,7 +241,8 @@ def test_walls_are_measured_between_the_faces_where_they_bound_the_body(free_bod
         u = to_sphere(chart_samples(count))
         return boundary.radius(u)[:, None] * u
 
-    near, far = points(plan.cavity), points(plan.envelope)
+    near = points(plan.cavity)
+    far = points(plan.envelope)
     found = thinnest(plan.cavity, plan.envelope)
     shortest = cKDTree(far).query(points(plan.cavity, 2**11))[0].min()
     assert shortest - 5e-3 < found.thickness_mm <= shortest
@@ -249,13 +252,15 @@ def test_walls_are_measured_between_the_faces_where_they_bound_the_body(free_bod
 
 def test_the_wall_at_a_corner_of_the_cavity_is_on_the_crease() -> None:
     """Both balls of the cavity come nearer to the envelope towards the circle in which they meet, and beyond it."""
-    (cap, side), radius = (sphere(4.5, (0.2, 0.0, -2.0)), sphere(2.6, (0.0, 0.0, 0.8))), 5.0
+    (cap, side) = (sphere(4.5, (0.2, 0.0, -2.0)), sphere(2.6, (0.0, 0.0, 0.8)))
+    radius = 5.0
     pair = boundaries(body({"cap": cap, "side": side}, {"wall": sphere(radius)}))
     fits = {face.name: fit_to_form(face.shape, domain=face.domain) for each in pair for face in each.faces}
     between = np.array(side.centre) - np.array(cap.centre)
     away = np.linalg.norm(between)
     along = (away**2 + cap.axes[0] ** 2 - side.axes[0] ** 2) / (2.0 * away)
-    middle, axis = np.array(cap.centre) + along * between / away, between / away
+    middle = np.array(cap.centre) + along * between / away
+    axis = between / away
     off_axis = np.linalg.norm(middle - (middle @ axis) * axis)
     farthest = np.hypot(middle @ axis, np.sqrt(cap.axes[0] ** 2 - along**2) + off_axis)
     assert thinnest(*of_shapes(pair, fits)).thickness_mm == pytest.approx(radius - farthest, abs=1e-5)

@@ -16,7 +16,8 @@ from lensforge.errors import InputError
 from lensforge.spec import BaseSection, load_spec
 from lensforge.surfaces.step_file import parts_of
 
-INNER_MM, OUTER_MM = 0.8, 2.45
+INNER_MM = 0.8
+OUTER_MM = 2.45
 HERE = pytest.mark.usefixtures("cad_read_here")
 NIGHTLY_TOO = pytest.mark.nightly("a case like another one")
 

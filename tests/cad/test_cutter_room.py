@@ -13,7 +13,8 @@ from lensforge.cad.plan import make_plan
 from lensforge.scene.lens import Lens
 from lensforge.spec import Spec
 
-INNER_MM, OUTER_MM = 6.0, 13.7
+INNER_MM = 6.0
+OUTER_MM = 13.7
 
 
 def cut_lens(wall_mm: float, relative: float = 0.0, **base: object) -> Lens:

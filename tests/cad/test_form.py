@@ -33,7 +33,8 @@ def face_of(patch):
 
 
 def test_a_patch_has_the_bits_of_scipys_spline():
-    rng, knots = np.random.default_rng(0), np.repeat(np.linspace(-1.2, 1.2, 24), [8, *[1] * 22, 8])
+    rng = np.random.default_rng(0)
+    knots = np.repeat(np.linspace(-1.2, 1.2, 24), [8, *[1] * 22, 8])
     patch = Patch(rng.normal(size=(30, 30, 3)), knots)
     chart = np.concatenate([rng.uniform(-1.3, 1.3, (500, 2)), knots[[[4, 9], [30, 7]]], [[np.nan, 0.0]]])
     for found, order in zip(vars(patch.jet(chart)).values(), _JET_ORDERS, strict=True):
@@ -89,7 +90,8 @@ def test_a_large_surface_gets_the_nodes_that_its_form_needs():
 @pytest.mark.parametrize("seed", [0, 1])
 def test_a_symmetric_face_keeps_its_tolerance_at_all_its_images(seed):
     """The samples of one image alone miss a tenth of the largest error of seed 0: 48 nodes were kept there."""
-    surface, chart = random_surface(2.45, 0.05, seed, (9, 25, 81), "square"), chart_samples(2**15, seed=3)
+    surface = random_surface(2.45, 0.05, seed, (9, 25, 81), "square")
+    chart = chart_samples(2**15, seed=3)
     too_few = fit_patch(surface, 48)
     beyond = form_error(surface, too_few.points(chart), too_few.normals(chart)).normal_max_mrad
     tolerance = FaceTolerance(normal_mrad=0.98 * beyond)
@@ -100,7 +102,8 @@ def test_a_symmetric_face_keeps_its_tolerance_at_all_its_images(seed):
 
 def test_the_largest_errors_are_sought_between_the_samples():
     """A bump that is narrower than the samples' spacing, at a place in closed form, is measured at its peak."""
-    peak, width = np.array([0.31, 0.42]), 0.03
+    peak = np.array([0.31, 0.42])
+    width = 0.03
 
     def bumpy(chart):
         directions = to_sphere(chart)
@@ -109,7 +112,8 @@ def test_the_largest_errors_are_sought_between_the_samples():
         return points, SURFACE.normal(directions)
 
     chart = chart_samples(1024)
-    sampled, found = form_error(SURFACE, *bumpy(chart)), largest_errors(SURFACE, bumpy, chart)
+    sampled = form_error(SURFACE, *bumpy(chart))
+    found = largest_errors(SURFACE, bumpy, chart)
     tilt = SURFACE.normal(to_sphere(peak[None]))[0] @ to_sphere(peak)
     assert found.form_max_nm == pytest.approx(5.0 * tilt, rel=1e-4)
     assert sampled.form_max_nm < 0.95 * found.form_max_nm
@@ -128,7 +132,8 @@ def test_the_largest_errors_of_a_spline_are_those_of_dense_samples():
 
 def test_a_coarse_spline_has_its_own_points_in_their_directions():
     """They lie off the directions of their parameters by up to 18 nm; what is left is of second order."""
-    patch, chart = fit_patch(random_surface(2.45, 0.05, seed=5, levels=(9, 25, 81)), 24), 0.95 * off_grid_chart(3000)
+    patch = fit_patch(random_surface(2.45, 0.05, seed=5, levels=(9, 25, 81)), 24)
+    chart = 0.95 * off_grid_chart(3000)
     points = patch.points(chart)
     radius = np.linalg.norm(points, axis=1)
     directions = points / radius[:, None]
@@ -138,7 +143,8 @@ def test_a_coarse_spline_has_its_own_points_in_their_directions():
 
 
 def patch_error(surface, nodes=None, reach=1.0):
-    patch, chart = fit_patch(surface, nodes), reach * off_grid_chart(3000)
+    patch = fit_patch(surface, nodes)
+    chart = reach * off_grid_chart(3000)
     return form_error(surface, patch.points(chart), patch.normals(chart))
 
 

@@ -19,7 +19,8 @@ NONE = BaseSection(kind="none")
 def edges_pair_up(triangles):
     """Every directed edge once, and its reverse once: closed, oriented, two-sided; no library asked."""
     edges = np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]])
-    keys, back = edges[:, 0] * 2**32 + edges[:, 1], edges[:, 1] * 2**32 + edges[:, 0]
+    keys = edges[:, 0] * 2**32 + edges[:, 1]
+    back = edges[:, 1] * 2**32 + edges[:, 0]
     return len(np.unique(keys)) == len(keys) and np.array_equal(np.sort(keys), np.sort(back))
 
 
@@ -48,7 +49,8 @@ def test_volume_of_a_shell_converges_to_its_closed_form_with_order_two(radii, ba
 
 @pytest.mark.parametrize("seed", range(4))
 def test_volume_of_a_crossing_freeform_matches_the_integral(seed):
-    inner, outer = random_surface(6.0, 0.02, seed), random_surface(12.7, 0.02, seed + 50)
+    inner = random_surface(6.0, 0.02, seed)
+    outer = random_surface(12.7, 0.02, seed + 50)
     plan = plan_of(inner, outer, BaseSection())
     coarse, fine = (build_mesh(plan, rings).volume() for rings in (32, 64))
     extrapolated = (4.0 * fine - coarse) / 3.0
@@ -60,7 +62,8 @@ def test_volume_of_a_crossing_freeform_matches_the_integral(seed):
     seed=st.integers(0, 10_000), relative=st.floats(0.0, 0.03), excess=st.floats(-0.05, 0.05), rings=st.integers(3, 24)
 )
 def test_every_body_is_closed_however_the_rim_crosses_the_cylinder(seed, relative, excess, rings):
-    inner, outer = random_surface(1.0, relative, seed), random_surface(2.45, relative, seed + 1)
+    inner = random_surface(1.0, relative, seed)
+    outer = random_surface(2.45, relative, seed + 1)
     radius = 2.45 * (1.0 + excess * relative / 0.03)
     for base in (NONE, BaseSection(diameter_mm=2.0 * radius)):
         mesh = build_mesh(plan_of(inner, outer, base), rings)
@@ -111,7 +114,8 @@ def densely_measured(plan, mesh):
     """Distance at 45 points of every facet of the optical faces; no search."""
     distance = 0.0
     for face in plan.faces:
-        patch, corners = face.shape, mesh.vertices[mesh.part(face.label)]
+        patch = face.shape
+        corners = mesh.vertices[mesh.part(face.label)]
         normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
         normals /= np.linalg.norm(normals, axis=1, keepdims=True)
         for i in range(9):
@@ -138,7 +142,8 @@ def test_the_error_of_a_mesh_is_the_largest_anywhere_on_its_facets(chord_mm):
 @pytest.mark.parametrize("chord_mm", [0.02, 0.008])
 def test_split_facets_keep_the_tolerance_and_the_body_closed(base, chord_mm):
     plan = rough_plan(base)
-    mesh, equal = build_mesh(plan, 20, chord_mm), build_mesh(plan, 20)
+    mesh = build_mesh(plan, 20, chord_mm)
+    equal = build_mesh(plan, 20)
     assert densely_measured(plan, mesh) <= chord_mm < mesh_error(equal, plan)
     for vertices, triangles in ((mesh.vertices, mesh.triangles), as_stl(mesh)):
         assert edges_pair_up(triangles)
@@ -150,7 +155,8 @@ def test_one_rough_place_costs_few_triangles():
     basis = SrbfBasis((9, 25, 81, 289), 1.75)
     bump = SrbfSurface(basis, np.where(np.arange(basis.size) == 250, 0.6, 0.0), 13.7)
     plan = plan_of(random_surface(6.0, 0.0, 1), bump, NONE)
-    mesh, equal = build_mesh(plan, 40, 0.004), build_mesh(plan, 40)
+    mesh = build_mesh(plan, 40, 0.004)
+    equal = build_mesh(plan, 40)
     rings = 40 * np.sqrt(mesh_error(equal, plan) / 0.004)  # the distance falls as rings^-2
     assert len(mesh.triangles) < 0.5 * len(equal.triangles) * (rings / 40) ** 2
 
@@ -159,7 +165,8 @@ def test_splitting_keeps_vertices_on_the_faces_and_angles_from_collapsing():
     plan = rough_plan()
     mesh = build_mesh(plan, 20, 0.002)
     for face in plan.faces:
-        patch, triangles = face.shape, mesh.part(face.label)
+        patch = face.shape
+        triangles = mesh.part(face.label)
         points = mesh.vertices[np.unique(triangles)]
         radius = np.linalg.norm(points, axis=1)
         assert np.abs(radius - patch.radius(points / radius[:, None])).max() < 1e-12

@@ -24,7 +24,9 @@ from lensforge.spec.tolerances_section import factors_of
 from lensforge.surfaces.asphere import sphere
 from lensforge.surfaces.reciprocal import ConicFace, PlaneFace
 
-FOCAL, HEIGHT, REACH = 2.0, 8.0, 20.0
+FOCAL = 2.0
+HEIGHT = 8.0
+REACH = 20.0
 
 
 def cup_lens(**lens: Any) -> Lens:
@@ -63,7 +65,8 @@ def enclosed(lens: Lens, name: str) -> float:
     def at(polar: float) -> float:
         return float(radius(np.array([[np.sin(polar), 0.0, np.cos(polar)]]))[0])
 
-    low, high = 0.1, 0.5 * np.pi
+    low = 0.1
+    high = 0.5 * np.pi
     for _ in range(60):
         middle = 0.5 * (low + high)
         low, high = (middle, high) if at(middle) * np.cos(middle) > HEIGHT else (low, middle)

@@ -37,7 +37,8 @@ from lensforge.surfaces.step_file import parts_of
 
 DRAFT_DEG = 1.7
 SLOPE = np.tan(np.radians(DRAFT_DEG))
-INNER, OUTER = 0.8, 2.45  # mm; constraints.max_radius_mm is twice the outer
+INNER = 0.8  # mm
+OUTER = 2.45  # constraints.max_radius_mm is twice the outer
 RING = {"kind": "ring", "count": 3, "diameter_mm": 14.0}
 SCREW = {"place_mm": [0.0, 0.0], "diameter_mm": 1.0}
 PIN = {"place_mm": [-3.0, 0.0], "diameter_mm": 1.2, "height_mm": 1.5}
@@ -107,15 +108,19 @@ def of_two_kinds(places: list[list[float]], turns: list[float], kinds: list[str]
 
 def test_each_place_of_a_plate_has_the_lens_of_its_kind() -> None:
     """Faces read back from the STEP against the exact ones, and the volume against the sum by quadrature."""
-    places, turns, kinds = [[-8.0, 1.0], [0.5, -1.0], [6.0, 7.5]], [20.0, 130.0, -75.0], ["tall", "wide", "tall"]
+    places = [[-8.0, 1.0], [0.5, -1.0], [6.0, 7.5]]
+    turns = [20.0, 130.0, -75.0]
+    kinds = ["tall", "wide", "tall"]
     lens = of_two_kinds(places, turns, kinds, {"width_mm": 25.0, "height_mm": 24.0})
     part = build_part(lens, rings=16)
     assert failed(part) == [] and part.plate is not None
-    solid, around = parse_step(part.plate_step or b""), np.linspace(0.0, 2.0 * np.pi, 1024, endpoint=False)
+    solid = parse_step(part.plate_step or b"")
+    around = np.linspace(0.0, 2.0 * np.pi, 1024, endpoint=False)
     z, weights = np.polynomial.legendre.leggauss(200)
     across = np.sqrt(1.0 - (0.5 + 0.5 * z) ** 2)[:, None]
     u = np.stack([across * np.cos(around), across * np.sin(around), np.tile(0.5 + 0.5 * z[:, None], 1024)], axis=-1)
-    some, volume = u[::60, ::300].reshape(-1, 3), 25.0 * 24.0
+    some = u[::60, ::300].reshape(-1, 3)
+    volume = 25.0 * 24.0
     for number, (place, turn, kind) in enumerate(zip(places, np.radians(turns), kinds, strict=True)):
         own = lens.of_kind(kind)
         cubes = [face.radius(u.reshape(-1, 3)).reshape(u.shape[:2]) ** 3 for face in (own.outer, own.inner)]
@@ -162,7 +167,8 @@ def frustum(radius: float, length: float, way: float = 1.0) -> float:
 
 def test_a_plate_of_turned_lenses_has_the_volume_of_its_parts(ring: Part) -> None:
     assert failed(ring) == [] and ring.plate is not None
-    solid, layout = parse_step(ring.plate_step or b""), layout_of(ring.lens)
+    solid = parse_step(ring.plate_step or b"")
+    layout = layout_of(ring.lens)
     assert layout is not None
     assert len(parts_of(solid.shape, "FACE")) == ring.plate.faces == len(solid.faces)
     assert (solid.valid, solid.genus, ring.plate.genus) == (True, 1, 1)
@@ -222,7 +228,8 @@ def test_a_plate_is_kept_with_its_files_and_goes_with_them(ring: Part, tmp_path:
 
 def test_the_least_gap_of_turned_freeform_lenses_is_that_of_their_points() -> None:
     """Of lenses of two kinds, each turned by hand; the nearest two of three decide, not the nearest axes."""
-    places, turns = np.array([[0.0, 0.0], [8.1, 1.0], [-1.5, 8.2]]), np.radians([20.0, 130.0, -75.0])
+    places = np.array([[0.0, 0.0], [8.1, 1.0], [-1.5, 8.2]])
+    turns = np.radians([20.0, 130.0, -75.0])
     lens = of_two_kinds(places.tolist(), np.degrees(turns).tolist(), ["wide", "wide", "tall"], {})
     gap_mm, _ = room_on_plate(lens, fitted(0.05))
     azimuth, polar = (

@@ -47,7 +47,8 @@ def test_a_shell_has_its_faces_and_the_volume_of_its_closed_form(radii, base, na
 
 @pytest.mark.parametrize("seed", first_by_day(1, range(4)))
 def test_a_rim_that_crosses_the_cylinder_gives_a_valid_solid_of_the_right_volume(seed):
-    inner, outer = random_surface(6.0, 0.02, seed), random_surface(12.7, 0.02, seed + 50)
+    inner = random_surface(6.0, 0.02, seed)
+    outer = random_surface(12.7, 0.02, seed + 50)
     solid = solid_of(inner, outer, BaseSection())
     assert solid.valid
     assert sum(name.startswith("OPTICAL") for name in solid.faces) == 2
@@ -104,9 +105,11 @@ def test_other_cad_programs_find_the_volume_the_centroid_and_the_box(base):
     from OCP.BRepGProp import BRepGProp
     from OCP.GProp import GProp_GProps
 
-    inner, outer = random_surface(6.0, 0.08, 3, (9, 25, 81)), random_surface(11.0, 0.05, 4, (9, 25, 81))
+    inner = random_surface(6.0, 0.08, 3, (9, 25, 81))
+    outer = random_surface(11.0, 0.05, 4, (9, 25, 81))
     part = parse_step(step_bytes(solid_of(inner, outer, base), "read elsewhere"))
-    default, exact = GProp_GProps(), GProp_GProps()
+    default = GProp_GProps()
+    exact = GProp_GProps()
     BRepGProp.VolumeProperties_s(part.shape, default)
     BRepGProp.VolumeProperties_s(part.shape, exact, 1e-8)
     assert default.Mass() == pytest.approx(exact.Mass(), rel=1e-6)
@@ -132,7 +135,8 @@ def test_a_coarse_spline_is_trimmed_where_it_crosses_the_plane_and_keeps_its_vol
 
 def gaps_mm(face, edge):
     """Largest distance (mm) of an edge's curve from its place on a face, at places between its nodes, too."""
-    curve, on_face = BRepAdaptor_Curve(edge), BRep_Tool.CurveOnSurface_s(edge, face, 0.0, 0.0)
+    curve = BRepAdaptor_Curve(edge)
+    on_face = BRep_Tool.CurveOnSurface_s(edge, face, 0.0, 0.0)
     surface = BRep_Tool.Surface_s(face)
     apart = []
     for at in np.linspace(curve.FirstParameter(), curve.LastParameter(), 4001).tolist():
@@ -143,7 +147,8 @@ def gaps_mm(face, edge):
 
 def test_no_edge_of_few_nodes_is_farther_from_its_face_than_its_tolerance():
     """A rough rim crosses a square base: of its arcs the one with the largest gap is neither the first nor the last."""
-    inner, outer = random_surface(3.0, 0.01, 3), random_surface(6.0, 0.1, 9, levels=ALL_LEVELS)
+    inner = random_surface(3.0, 0.01, 3)
+    outer = random_surface(6.0, 0.1, 9, levels=ALL_LEVELS)
     face = solid_of(inner, outer, BaseSection(kind="square", side_mm=11.0), nodes=30).faces["OPTICAL_OUTER"]
     edges = parts_of(face, "EDGE")
     gaps = [gaps_mm(face, edge) for edge in edges]

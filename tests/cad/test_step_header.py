@@ -58,7 +58,8 @@ def header(content: bytes) -> str:
 
 
 def test_the_header_states_date_author_and_organisation_of_the_spec(signed):
-    part, lens = signed, signed.lens
+    part = signed
+    lens = signed.lens
     for content in (part.step, part.surfaces_step):
         text = header(content)
         assert "'2026-03-31T00:00:00'" in text
@@ -83,7 +84,8 @@ BASES = [
 
 @pytest.mark.parametrize("base", first_by_day(1, [1, 0, *range(2, len(BASES))]))
 def test_ap242_carries_the_form_tolerance_on_the_optical_faces(base):
-    part, datum = tolerated(base), BASES[base][1]
+    part = tolerated(base)
+    datum = BASES[base][1]
     found = read_tolerances(part.step)
     assert {each.face for each in found} == {"OPTICAL_OUTER", "OPTICAL_INNER"}
     for each in found:
@@ -95,7 +97,8 @@ def test_ap242_carries_the_form_tolerance_on_the_optical_faces(base):
 
 
 def test_without_a_date_the_time_stamp_is_empty_and_the_kernel_reads_the_file(tmp_path):
-    part, path = tolerated(1), tmp_path / "undated.step"
+    part = tolerated(1)
+    path = tmp_path / "undated.step"
     assert part.signature.date is None
     assert re.search(r"FILE_NAME\('[^']*',\s*'',\s*\(", header(part.step))
     path.write_bytes(part.step)
@@ -157,7 +160,8 @@ def test_the_untrimmed_faces_of_an_insert_are_the_lens_s_times_one_plus_shrinkag
     assert part.untrimmed_surfaces.scale == 1.0 + shrinkage
     assert part.untrimmed_surfaces.form_error_nm < 1.0
     assert f"scaled by {1 + shrinkage:.12g}" in header(part.surfaces_step)
-    faces, before = parse_surfaces(part.surfaces_step), parse_surfaces(moulded.surfaces_step)
+    faces = parse_surfaces(part.surfaces_step)
+    before = parse_surfaces(moulded.surfaces_step)
     chart = off_grid_chart(500)
     for name, face in faces.items():
         points, normals = face_points(face, chart)

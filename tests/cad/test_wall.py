@@ -11,7 +11,8 @@ from lensforge.cad.patch import fit_patch
 from lensforge.cad.wall import Span, thickest, thinnest
 from lensforge.surfaces.surface import Surface
 
-SMALL, LARGE = 0.8, 2.45
+SMALL = 0.8
+LARGE = 2.45
 
 
 def span(inner: Surface, outer: Surface) -> Span:
@@ -23,8 +24,10 @@ def distance_of_points(inner: Surface, outer: Surface, count: int = 20_000) -> t
     u = hemisphere_directions(count)
     azimuth = np.linspace(0.0, 2.0 * np.pi, 2000)
     u = np.concatenate([u, np.stack([np.cos(azimuth), np.sin(azimuth), 0.0 * azimuth], axis=1)])
-    a, b = inner.radius(u), outer.radius(u)
-    ends, least = cKDTree(b[:, None] * u, leafsize=64), float((b - a).min())
+    a = inner.radius(u)
+    b = outer.radius(u)
+    ends = cKDTree(b[:, None] * u, leafsize=64)
+    least = float((b - a).min())
     return float(ends.query(a[:, None] * u, distance_upper_bound=least + 0.1)[0].min()), least
 
 
@@ -34,7 +37,8 @@ def test_concentric_hemispheres_have_one_thickness() -> None:
 
 
 def test_the_wall_between_decentred_spheres_is_on_the_line_of_their_centres() -> None:
-    c_in, c_out = np.array([0.1, 0.0, 0.2]), np.array([-0.3, 0.2, -0.1])
+    c_in = np.array([0.1, 0.0, 0.2])
+    c_out = np.array([-0.3, 0.2, -0.1])
     found = span(sphere(SMALL, tuple(c_in)), sphere(LARGE, tuple(c_out)))
     shift = c_in - c_out
     assert found.thickness_mm == pytest.approx(LARGE - SMALL - np.linalg.norm(shift), abs=1e-8)
@@ -55,15 +59,19 @@ def test_below_the_rim_there_is_no_face() -> None:
 
 def test_a_steep_cavity_has_its_wall_in_the_body_and_not_behind_it() -> None:
     """A line along the normal of this cavity, sought by secants, ended 12.3 mm behind its start, beyond the cavity."""
-    inner, outer = Ellipsoid((3.5, 6.4, 6.0), (-2.7, 0.0, 0.0)), Ellipsoid((13.5, 7.0, 7.0), (2.0, 0.0, 0.0))
-    found, (shortest, _) = span(inner, outer), distance_of_points(inner, outer)
+    inner = Ellipsoid((3.5, 6.4, 6.0), (-2.7, 0.0, 0.0))
+    outer = Ellipsoid((13.5, 7.0, 7.0), (2.0, 0.0, 0.0))
+    found = span(inner, outer)
+    (shortest, _) = distance_of_points(inner, outer)
     assert 0.1 < found.thickness_mm <= shortest < found.thickness_mm + 5e-3
 
 
 @pytest.mark.parametrize("seed", first_by_day(1, range(3)))
 def test_the_thinnest_wall_is_the_shortest_way_through(seed: int) -> None:
-    inner, outer = random_surface(seed, 3.0, 0.06, (9, 25)), random_surface(seed + 10, 5.0, 0.06, (9, 25))
-    found, (shortest, radial) = span(inner, outer), distance_of_points(inner, outer)
+    inner = random_surface(seed, 3.0, 0.06, (9, 25))
+    outer = random_surface(seed + 10, 5.0, 0.06, (9, 25))
+    found = span(inner, outer)
+    (shortest, radial) = distance_of_points(inner, outer)
     assert shortest - 5e-3 < found.thickness_mm <= shortest
     assert found.thickness_mm < radial + 1e-9
     line = (found.envelope_mm - found.cavity_mm) / found.thickness_mm

@@ -67,7 +67,8 @@ def profile(face, u):
 
 
 def formed(face, u):
-    (value, slope), (more, also) = profile(face["profile"], u), face["sums"].mean(u)
+    (value, slope) = profile(face["profile"], u)
+    (more, also) = face["sums"].mean(u)
     return value + more, slope + also
 
 
@@ -82,11 +83,14 @@ class Face:
     """A face; far from it, its radius is that of a table, whose error is measured at random directions."""
 
     def __init__(self, name, record):
-        self.name, (self.before, self.behind) = name, SIDES[name]
+        self.name = name
+        (self.before, self.behind) = SIDES[name]
         if record["kind"] == "formed":
             sums = Functions(record["functions"], record["functions"]["weights"])
             record = record | {"reach_mm": record["profile"]["reach_mm"], "sums": sums}
-        self.record, self.reach, self.kind = record, record["reach_mm"], KINDS[record["kind"]]
+        self.record = record
+        self.reach = record["reach_mm"]
+        self.kind = KINDS[record["kind"]]
 
     def exact(self, u):
         """Radius (mm) and normal of the directions."""
@@ -103,13 +107,15 @@ class Face:
         """Radii on the chart, and four times the largest error between the nodes."""
         axis = np.linspace(-REACH, REACH, NODES)
         table = self.exact(from_chart(*(a.ravel() for a in np.meshgrid(axis, axis, indexing="ij"))))[0]
-        table, (x, y) = table.reshape(NODES, NODES), np.random.default_rng(0).uniform(-1, 1, (2, 20_000))
+        table = table.reshape(NODES, NODES)
+        (x, y) = np.random.default_rng(0).uniform(-1, 1, (2, 20_000))
         u = from_chart(x, y)
         return table, 4 * abs(self.exact(u)[0] - map_coordinates(table, to_chart(u), order=1)).max()
 
     def room(self, p):
         """rho - |p|: above 0 on the side of the origin; exact near the face."""
-        u, far = unit(p), np.linalg.norm(p, axis=1)
+        u = unit(p)
+        far = np.linalg.norm(p, axis=1)
         if len(p) < FEW:
             return self.exact(u)[0] - far
         table, error = self.table
@@ -195,7 +201,8 @@ def fields_behind(fields, d, on, n, a_s, a_p, reflected):
     p_behind = np.where(reflected[:, None], p_before - 2 * (p_before * n).sum(axis=1)[:, None] * n, np.cross(on, s))
     found = np.empty_like(fields)
     for k in (0, 1):
-        in_s, in_p = (fields[:, k] * s).sum(axis=1), (fields[:, k] * p_before).sum(axis=1)
+        in_s = (fields[:, k] * s).sum(axis=1)
+        in_p = (fields[:, k] * p_before).sum(axis=1)
         found[:, k] = (a_s * in_s)[:, None] * s + (a_p * in_p)[:, None] * p_behind
     return found
 
@@ -204,7 +211,8 @@ def meet(light, face, medium, rows, t, media, section, nm, event):
     """Light at one face; returns the medium of those that go on, and their numbers."""
     back = face.before != medium
     beyond = face.before if back else face.behind
-    d, at = light.d[rows], light.p[rows] + t[:, None] * light.d[rows]
+    d = light.d[rows]
+    at = light.p[rows] + t[:, None] * light.d[rows]
     if face.name == "flange":
         light.fate[rows] = FLANGE
         return []
@@ -220,7 +228,8 @@ def meet(light, face, medium, rows, t, media, section, nm, event):
     n = n * (-1 if back else 1)
     c = (d * n).sum(axis=1)
     mirror = section[face.name].get("mirror") if face.name in section else None
-    before, behind = media[medium][rows], media[beyond][rows]
+    before = media[medium][rows]
+    behind = media[beyond][rows]
     q2 = 1 - (before / behind) ** 2 * (1 - c**2)
     reflected = np.full(len(rows), True) if mirror is not None else q2 <= 0
     q = np.sqrt(np.where(reflected, 0, q2))
@@ -232,7 +241,8 @@ def meet(light, face, medium, rows, t, media, section, nm, event):
     else:
         amplitudes = refracting(section, face.name, medium, before, behind, c, nm[rows], reflected)
     light.fields[rows] = fields_behind(light.fields[rows], d, on, n, *amplitudes, reflected)
-    light.p[rows], light.d[rows] = at, on
+    light.p[rows] = at
+    light.d[rows] = on
     if event + 1 == section["events"]:
         inside = reflected if beyond == "outside" else np.full(len(rows), True)
         total = reflected & (mirror is None)
@@ -253,15 +263,19 @@ def facet(n, d, slopes, s):
     axis = np.stack([-n[:, 1], n[:, 0], np.zeros(len(n))], axis=1)
     flat = np.column_stack([slopes, np.zeros(len(n))])
     v = n[:, 2:] * flat + np.cross(axis, flat) + (axis * flat).sum(axis=1)[:, None] * axis / (1.0 + n[:, 2:])
-    c, t = (d * n).sum(axis=1), np.cross(n, np.cross(d, n))
+    c = (d * n).sum(axis=1)
+    t = np.cross(n, np.cross(d, n))
     sine = np.linalg.norm(t, axis=1)
     e = np.sign(c)[:, None] * t / np.where(sine > 0, sine, 1)[:, None]
-    y, k = (v * e).sum(axis=1) / s, np.minimum(abs(c) / np.maximum(s * sine, 1e-300), 1e8)
-    low, high = np.maximum(y, -k), np.maximum(y, 0) + 1.2
+    y = (v * e).sum(axis=1) / s
+    k = np.minimum(abs(c) / np.maximum(s * sine, 1e-300), 1e8)
+    low = np.maximum(y, -k)
+    high = np.maximum(y, 0) + 1.2
     for _ in range(60):
         w = (low + high) / 2
         above = (k * ndtr(-w) + bell(w)) / (k * ndtr(k) + bell(k)) > ndtr(-y)
-        low, high = np.where(above, w, low), np.where(above, high, w)
+        low = np.where(above, w, low)
+        high = np.where(above, high, w)
     return unit(n + v + s * (w - y)[:, None] * e)
 
 
@@ -295,7 +309,9 @@ def drawn(keys, i):
 
 def leave_chain(lens, faces, p, d, nm=None, turns=None):
     """As :func:`page_tracer.leave`, of a lens of more than two faces; and the faces that each ray met, in order."""
-    section, d, count = lens["spec"]["lens"], unit(d), len(p)
+    section = lens["spec"]["lens"]
+    d = unit(d)
+    count = len(p)
     media = {"body": refractive_index(lens, nm, count)}
     media |= {medium: np.full(count, section[f"{medium}_index"]) for medium in ("cavity", "outside")}
     nm = np.full(count, section["design_wavelength_nm"]) if nm is None else nm
@@ -305,7 +321,8 @@ def leave_chain(lens, faces, p, d, nm=None, turns=None):
     times = {name: np.zeros(count, int) for name in turns or {}}
     light = Light(p, d.copy(), fields, np.ones(count), np.zeros(count), fate, turns or {}, times)
     ways = [()] * count
-    going, out = {"cavity": np.flatnonzero(fate == LANDED)}, []
+    going = {"cavity": np.flatnonzero(fate == LANDED)}
+    out = []
     for event in range(section["events"]):
         onward = {"cavity": [], "body": [], "outside": out}
         for medium, rows in going.items():
@@ -322,17 +339,20 @@ def leave_chain(lens, faces, p, d, nm=None, turns=None):
                 ):
                     onward[behind].append(others)
         going = {medium: np.concatenate([[], *onward[medium]]).astype(int) for medium in ("cavity", "body")}
-    left, flux = np.concatenate([[], *out]).astype(int), light.flux(slice(None))
+    left = np.concatenate([[], *out]).astype(int)
+    flux = light.flux(slice(None))
     return left, light.p, light.d, light.fate, flux, light.absorbed, nm, as_stokes(light, left), ways
 
 
 def as_stokes(light, rows):
     """Q and U of a flux of 1, and the direction to which they refer."""
-    d, fields = light.d[rows], light.fields[rows]
+    d = light.d[rows]
+    fields = light.fields[rows]
     s = unit(np.cross(d, np.where(abs(d[:, :1]) < 0.9, [1.0, 0.0, 0.0], [0.0, 1.0, 0.0])))
     one, other = ((fields * axis[:, None]).sum(axis=2) for axis in (s, np.cross(d, s)))
     i = (abs(one) ** 2 + abs(other) ** 2).sum(axis=1)
-    q, u = (abs(one) ** 2 - abs(other) ** 2).sum(axis=1) / i, 2 * (one * other.conj()).real.sum(axis=1) / i
+    q = (abs(one) ** 2 - abs(other) ** 2).sum(axis=1) / i
+    u = 2 * (one * other.conj()).real.sum(axis=1) / i
     return [q, u, s]
 
 

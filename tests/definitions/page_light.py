@@ -14,7 +14,8 @@ from scipy import ndimage
 
 def hard_bins(lens, place, flux):
     """Flux of the pixels, [row, column]."""
-    n, side = lens["spec"]["evaluate"]["pixels"], lens["spec"]["target"]["receiver_mm"]
+    n = lens["spec"]["evaluate"]["pixels"]
+    side = lens["spec"]["target"]["receiver_mm"]
     j, i = np.floor((place / side + 0.5) * n).astype(int).T
     on = (j >= 0) & (j < n) & (i >= 0) & (i < n)
     return np.bincount(i[on] * n + j[on], weights=flux[on], minlength=n * n).reshape(n, n)
@@ -53,7 +54,8 @@ def pattern(target, x, y, folder):
         return np.exp(-(abs(2.0 * x / target["width_mm"]) ** target["exponent"])
                       - abs(2.0 * y / target["width_mm"]) ** target["exponent"])  # fmt: skip
     if kind == "cross":
-        long, short = target["length_mm"] / 2, target["stroke_mm"] / 2
+        long = target["length_mm"] / 2
+        short = target["stroke_mm"] / 2
         return ((abs(x) <= long) & (abs(y) <= short) | (abs(x) <= short) & (abs(y) <= long)).astype(float)
     picture = glyphs(target["text"]) if kind == "text" else luma(Path(folder) / target["file"])
     h, w = picture.shape
@@ -76,7 +78,8 @@ def blurred(image, q):
 
 def target_image(lens, folder):
     """T, whose pixels add up to 1, and the sub-pixels in which it is above a tenth of its largest pixel."""
-    target, n = lens["spec"]["target"], lens["spec"]["evaluate"]["pixels"]
+    target = lens["spec"]["target"]
+    n = lens["spec"]["evaluate"]["pixels"]
     k = max(1, min(max(8, 512 // n), 4096 // n))
     centres = ((np.arange(n * k) + 0.5) / (n * k) - 0.5) * target["receiver_mm"]
     fine = pattern(target, centres[None, :], centres[:, None], folder)
@@ -116,7 +119,9 @@ def budget(lens, fate, place, flux, absorbed, in_glass):
 
 def light(lens, pair, rays, folder="."):
     """Figures of the replicates, each a tuple (positions, directions, wavelengths) of rays in the lens's frame."""
-    (t, inside), bins, budgets = target_image(lens, folder), [], []
+    (t, inside) = target_image(lens, folder)
+    bins = []
+    budgets = []
     follow = trace if lens["spec"]["lens"]["kind"] == "double" else trace_chain
     for p, d, nm in rays:
         fate, place, flux, absorbed, in_glass = follow(lens, pair, p, d, nm)

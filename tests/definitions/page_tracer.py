@@ -8,7 +8,9 @@ import numpy as np
 from scipy import interpolate, ndimage
 from scipy.stats import qmc
 
-NODES, REACH = 129, 1.2  # nodes of the chart (X, Y) along each axis, and the largest |X|: the horizon is at 1
+# nodes of the chart (X, Y) along each axis, and the largest |X|: the horizon is at 1
+NODES = 129
+REACH = 1.2
 FATES = [
     "landed", "backward", "outside_cavity", "surfaces_intersect", "base", "total_reflection", "missed_receiver",
     "event_limit", "flange",
@@ -33,19 +35,24 @@ def mirror_images(symmetry):
 
 class Functions:
     def __init__(self, record, weights):
-        self.weights, self.group = np.array(weights), mirror_images(record["symmetry"])
-        centres, sigmas = [], []
+        self.weights = np.array(weights)
+        self.group = mirror_images(record["symmetry"])
+        centres = []
+        sigmas = []
         for m in record["levels"]:
             j = np.arange(m)
-            z, phi = 1 - (j + 0.5) / m, j * np.pi * (3 - np.sqrt(5))
+            z = 1 - (j + 0.5) / m
+            phi = j * np.pi * (3 - np.sqrt(5))
             ring = np.sqrt(1 - z**2)
             centres.append(np.column_stack([ring * np.cos(phi), ring * np.sin(phi), z]))
             sigmas.append(np.full(m, record["sigma_c"] * np.arccos(1 - 1 / m)))
-        self.centres, self.sigmas = np.concatenate(centres), np.concatenate(sigmas)
+        self.centres = np.concatenate(centres)
+        self.sigmas = np.concatenate(sigmas)
 
     def one_sum(self, u):
         """Sum over the functions without mirror images, and its tangential gradient."""
-        values, gradients = np.empty(len(u)), np.empty((len(u), 3))
+        values = np.empty(len(u))
+        gradients = np.empty((len(u), 3))
         for block in np.array_split(np.arange(len(u)), len(u) // 512 + 1):
             cosine = np.clip(u[block] @ self.centres.T, -1, 1)
             chord = np.sqrt(2 - 2 * cosine)
@@ -67,7 +74,8 @@ class Functions:
 
 class Freeform:
     def __init__(self, record):
-        self.offset, self.functions = record["offset_mm"], Functions(record, record["weights_mm"])
+        self.offset = record["offset_mm"]
+        self.functions = Functions(record, record["weights_mm"])
         group = self.functions.group
         axis = np.linspace(-REACH, REACH, NODES)
         x, y = (a.ravel() for a in np.meshgrid(axis, axis, indexing="ij"))
@@ -107,7 +115,9 @@ class Freeform:
 
 class Asphere:
     def __init__(self, record):
-        self.vertex, self.curvature, self.k = record["vertex_mm"], 1 / record["radius_mm"], record["conic"]
+        self.vertex = record["vertex_mm"]
+        self.curvature = 1 / record["radius_mm"]
+        self.k = record["conic"]
         self.terms = [(4 + 2 * i, a) for i, a in enumerate(record["coefficients"])]
         self.theta = np.linspace(0, np.pi / 2 + 0.3, 2001)
         self.sheet = [self.vertex]
@@ -158,12 +168,15 @@ class ByEquation:
         steps = np.linspace(0.01, 1, 400) * self.reach
         inside = np.array([self.f(step * u) > 0 for step in steps])
         first = np.argmin(inside, axis=0)
-        low, high = steps[first - 1], steps[first]
+        low = steps[first - 1]
+        high = steps[first]
         for _ in range(60):
             middle = (low + high) / 2
             before = self.f(middle[:, None] * u) > 0
-            low, high = np.where(before, middle, low), np.where(before, high, middle)
-        p, h = low[:, None] * u, 1e-6
+            low = np.where(before, middle, low)
+            high = np.where(before, high, middle)
+        p = low[:, None] * u
+        h = 1e-6
         slope = [self.f(p + h * e) - self.f(p - h * e) for e in np.eye(3)]
         return low, unit(-np.column_stack(slope))
 
@@ -178,7 +191,8 @@ class ChartSpline:
         )
 
     def exact(self, u):
-        rho, h = self.spline(u[:, :2] / (1 + u[:, 2:])), 1e-5
+        rho = self.spline(u[:, :2] / (1 + u[:, 2:]))
+        h = 1e-5
         grad = np.zeros_like(u)
         for e in np.eye(3):
             t = e - (u @ e)[:, None] * u  # along the sphere
@@ -212,7 +226,9 @@ PMMA = {0: 2.1778, 2: 6.1209e-3, 4: -1.5004e-3, -2: 2.3678e-2, -4: -4.2137e-3, -
 def refractive_index(lens, nm, rays):
     """Index of every ray; nm: its wavelengths, or None."""
     section = lens["spec"]["lens"]
-    n_d, abbe, name = section["refractive_index"], section["abbe_number"], section["material"]
+    n_d = section["refractive_index"]
+    abbe = section["abbe_number"]
+    name = section["material"]
     if nm is None or (abbe is None and name != "PMMA" and name not in SELLMEIER):
         return np.full(rays, n_d)
     low, high = (400, 1000) if abbe else (420, 1620) if name == "PMMA" else SELLMEIER[name][1:]
@@ -237,16 +253,20 @@ def inverse_share(x, density, u):
 def emitted(source, rays, seed):
     """Start points (mm), directions, wavelengths (nm, or None) of rays of equal flux, about the source's own origin."""
     u = qmc.Sobol(6, seed=seed).random(rays)
-    a, b, kind = u[:, 0] - 0.5, u[:, 1] - 0.5, source["kind"]
+    a = u[:, 0] - 0.5
+    b = u[:, 1] - 0.5
+    kind = source["kind"]
     if kind == "square":
         x, y = a * source["side_mm"], b * source["side_mm"]
     elif kind == "rectangle":
         x, y = a * source["width_mm"], b * source["height_mm"]
     elif kind == "disc":
-        r, turn = np.sqrt(u[:, 0]) * source["diameter_mm"] / 2, 2 * np.pi * u[:, 1]
+        r = np.sqrt(u[:, 0]) * source["diameter_mm"] / 2
+        turn = 2 * np.pi * u[:, 1]
         x, y = r * np.cos(turn), r * np.sin(turn)
     elif kind == "chip_array":
-        column, row = np.floor(u[:, 4] * source["columns"]), np.floor(u[:, 5] * source["rows"])
+        column = np.floor(u[:, 4] * source["columns"])
+        row = np.floor(u[:, 5] * source["rows"])
         x = (column - (source["columns"] - 1) / 2) * source["pitch_mm"][0] + a * source["width_mm"]
         y = (row - (source["rows"] - 1) / 2) * source["pitch_mm"][1] + b * source["height_mm"]
     else:
@@ -263,7 +283,8 @@ def emitted(source, rays, seed):
         intensity = np.interp(dense, np.radians(profile["gamma_deg"]), profile["intensity"])
         gamma = inverse_share(dense, intensity * np.sin(dense), u[:, 2])
     phi = 2 * np.pi * u[:, 3]
-    nm, spectrum = None, source.get("spectrum")
+    nm = None
+    spectrum = source.get("spectrum")
     if spectrum and spectrum["kind"] == "line":
         nm = np.full(rays, spectrum["wavelength_nm"])
     elif spectrum:
@@ -324,17 +345,24 @@ def first_crossing(surface, p, d):
 def first_root(inside, end, steps):
     """Where inside(t, rows) first falls below 0, at t up to ``end``, of which so many steps are looked at; else nan."""
     count = len(end)
-    low, f_low = np.zeros(count), inside(np.zeros(count))
-    high, f_high, found = np.full(count, np.nan), np.full(count, np.nan), np.zeros(count, dtype=bool)
+    low = np.zeros(count)
+    f_low = inside(np.zeros(count))
+    high = np.full(count, np.nan)
+    f_high = np.full(count, np.nan)
+    found = np.zeros(count, dtype=bool)
     for share in np.arange(1, steps + 1) / steps:
         rows = np.flatnonzero(~found)
         f = inside(share * end[rows], rows)
         out = f < 0
-        found[rows[out]], high[rows[out]], f_high[rows[out]] = True, share * end[rows[out]], f[out]
-        low[rows[~out]], f_low[rows[~out]] = share * end[rows[~out]], f[~out]
+        found[rows[out]] = True
+        high[rows[out]] = share * end[rows[out]]
+        f_high[rows[out]] = f[out]
+        low[rows[~out]] = share * end[rows[~out]]
+        f_low[rows[~out]] = f[~out]
     rows = np.flatnonzero(found)
     low, high, f_low, f_high = (values[rows] for values in (low, high, f_low, f_high))
-    side, t = np.zeros(len(rows)), high
+    side = np.zeros(len(rows))
+    t = high
     for _ in range(20):  # regula falsi (Illinois)
         t = (low * f_high - high * f_low) / (f_high - f_low)
         f = inside(t, rows)
@@ -342,8 +370,10 @@ def first_root(inside, end, steps):
             break
         now = np.where(f < 0, -1, 1)
         weight = np.where(side == now, 0.5, 1.0)
-        low, high = np.where(now > 0, t, low), np.where(now < 0, t, high)
-        f_low, f_high = np.where(now > 0, f, f_low * weight), np.where(now < 0, f, f_high * weight)
+        low = np.where(now > 0, t, low)
+        high = np.where(now < 0, t, high)
+        f_low = np.where(now > 0, f, f_low * weight)
+        f_high = np.where(now < 0, f, f_high * weight)
         side = now
     distance = np.full(count, np.nan)
     distance[rows] = t
@@ -359,12 +389,14 @@ def layers_reflect(layers, nm, before, behind, c):
         for layer in layers:
             index = layer["refractive_index"]
             normal = np.sqrt(index**2 - along**2 + 0j)
-            eta, phase = normal / index**p, 2 * np.pi * layer["thickness_nm"] * normal / nm
+            eta = normal / index**p
+            phase = 2 * np.pi * layer["thickness_nm"] * normal / nm
             each = [[np.cos(phase), -1j * np.sin(phase) / eta], [-1j * np.sin(phase) * eta, np.cos(phase)]]
             whole = whole @ np.moveaxis(np.array(each), 2, 0)
         first, last = (np.sqrt(index**2 - along**2) / index**p for index in (before, behind))
         (a, b), (e, g) = np.moveaxis(whole, 0, 2)
-        into, out = (a + b * last) * first, e + g * last
+        into = (a + b * last) * first
+        out = e + g * last
         found.append(abs((into - out) / (into + out)) ** 2)
     return np.array(found)
 
@@ -375,10 +407,12 @@ def coated(coating, nm, before, behind, c, outwards=False):
         return 1 - layers_reflect(coating["layers"][:: -1 if outwards else 1], nm, before, behind, c)
     low = np.minimum(before, behind)
     mu = np.sqrt(np.maximum(1 - (before / low) ** 2 * (1 - c**2), 0))
-    angles, rows = coating["angle_deg"] or [0, 90], coating["reflectance"]
+    angles = coating["angle_deg"] or [0, 90]
+    rows = coating["reflectance"]
     rows = rows if coating["angle_deg"] else [row * 2 for row in rows]
     if angles[-1] < 90:
-        angles, rows = [*angles, 90], [[*row, 1] for row in rows]
+        angles = [*angles, 90]
+        rows = [[*row, 1] for row in rows]
     places = np.cos(np.radians(angles))[::-1]
     each = np.array([interpolate.PchipInterpolator(places, row[::-1])(mu) for row in rows])
     waves = coating["wavelength_nm"] or [0]
@@ -388,7 +422,8 @@ def coated(coating, nm, before, behind, c, outwards=False):
 
 def fresnel(c, q, ratio):
     """T_s and T_p of a bare face."""
-    r_s, r_p = (ratio * c - q) / (ratio * c + q), (c - ratio * q) / (c + ratio * q)
+    r_s = (ratio * c - q) / (ratio * c + q)
+    r_p = (c - ratio * q) / (c + ratio * q)
     return 1 - np.array([r_s, r_p]) ** 2
 
 
@@ -400,7 +435,8 @@ def stokes_behind(stokes, d, n, t):
     own = unit(np.where(flat[:, None], s, own))
     x, y = (own * s).sum(axis=1), (own * np.cross(d, s)).sum(axis=1)  # cosine and sine of the angle from s to own
     q, u = q * (x * x - y * y) + u * 2 * x * y, u * (x * x - y * y) - q * 2 * x * y
-    mean, half = (t[0] + t[1]) / 2, (t[0] - t[1]) / 2
+    mean = (t[0] + t[1]) / 2
+    half = (t[0] - t[1]) / 2
     i = mean + half * q
     return i, ((half + mean * q) / i, np.sqrt(t[0] * t[1]) * u / i, own)
 
@@ -428,7 +464,8 @@ def behind_glass(section, p, d, nm, stokes):
     p = p + ((glass["distance_mm"] - p[:, 2]) / d[:, 2])[:, None] * d
     inside = np.column_stack([ratio * d[:, :2], np.sqrt(1 - ratio**2 * (1 - d[:, 2] ** 2))])
     path = glass["thickness_mm"] / inside[:, 2]
-    c, q = d[:, 2], inside[:, 2]
+    c = d[:, 2]
+    q = inside[:, 2]
     t = fresnel(c, q, ratio)
     if glass.get("coating") is not None:
         before, behind = (np.full(len(p), each) for each in (section["outside_index"], glass["refractive_index"]))
@@ -439,7 +476,8 @@ def behind_glass(section, p, d, nm, stokes):
 
 def enter(p, d, inside):
     """Fates of rays that do not come into the cavity, and where the others start."""
-    fate, p = np.full(len(p), LANDED), p.copy()
+    fate = np.full(len(p), LANDED)
+    p = p.copy()
     fate[(d[:, 2] <= 0) & (p[:, 2] <= 0)] = BACKWARD
     below = (p[:, 2] < 0) & (fate == LANDED)
     p[below] -= (p[below, 2] / d[below, 2])[:, None] * d[below]
@@ -450,12 +488,16 @@ def enter(p, d, inside):
 
 def to_receiver(lens, left, p, d, fate, flux, nm, stokes):
     """Flux, places on the receiver's plane (mm), and flux that the glass took, of rays ``left`` behind the lens."""
-    in_glass, place = np.zeros(len(p)), np.full((len(p), 2), np.nan)
+    in_glass = np.zeros(len(p))
+    place = np.full((len(p), 2), np.nan)
     up = d[left, 2] > 1e-12
     fate[left[~up]] = MISSED
-    rows, p, stokes = left[up], p.copy(), [part[up] for part in stokes]
+    rows = left[up]
+    p = p.copy()
+    stokes = [part[up] for part in stokes]
     p[rows], share = behind_glass(lens["spec"]["lens"], p[rows], d[rows], nm[rows], stokes)
-    in_glass[rows], flux[rows] = flux[rows] * (1 - share), flux[rows] * share
+    in_glass[rows] = flux[rows] * (1 - share)
+    flux[rows] = flux[rows] * share
     to_plane = (lens["spec"]["target"]["distance_mm"] - p[rows, 2]) / d[rows, 2]
     place[rows] = p[rows, :2] + to_plane[:, None] * d[rows, :2]
     return flux, place, in_glass
@@ -472,16 +514,20 @@ def leave(lens, pair, p, d, nm=None, polarised=None):
     """Numbers of the rays that leave the lens; all rays behind it, their fate, flux, what was absorbed, wavelengths;
     and Q, U and their direction of those that leave."""
     inner, outer = pair
-    n, d, section = refractive_index(lens, nm, len(p)), unit(d), lens["spec"]["lens"]
+    n = refractive_index(lens, nm, len(p))
+    d = unit(d)
+    section = lens["spec"]["lens"]
     nm = np.full(len(p), section["design_wavelength_nm"]) if nm is None else nm
     cavity, outside = (np.full(len(p), section[name]) for name in ("cavity_index", "outside_index"))
-    flux, absorbed = np.ones(len(p)), np.zeros(len(p))
+    flux = np.ones(len(p))
+    absorbed = np.zeros(len(p))
     fate, p = enter(p, d, lambda points: np.linalg.norm(points, axis=1) < inner.radius(unit(points)))
 
     live = np.flatnonzero(fate == LANDED)
     t = first_crossing(inner, p[live], d[live])
     fate[live[np.isnan(t)]] = BACKWARD
-    live, t = live[~np.isnan(t)], t[~np.isnan(t)]
+    live = live[~np.isnan(t)]
+    t = t[~np.isnan(t)]
     p[live] += t[:, None] * d[live]
     sideways = unit(np.cross(d, np.where(abs(d[:, :1]) < 0.9, [1.0, 0.0, 0.0], [0.0, 1.0, 0.0])))
     stokes = [np.array(part) for part in polarised or (np.zeros(len(p)), np.zeros(len(p)), sideways)]
@@ -496,15 +542,18 @@ def leave(lens, pair, p, d, nm=None, polarised=None):
     live = live[fate[live] == LANDED]
     t = first_crossing(outer, p[live], d[live])
     fate[live[np.isnan(t)]] = BASE
-    live, t = live[~np.isnan(t)], t[~np.isnan(t)]
+    live = live[~np.isnan(t)]
+    t = t[~np.isnan(t)]
     p[live] += t[:, None] * d[live]
     left = flux[live] * np.exp(-section["absorption_per_mm"] * t)
-    absorbed[live], flux[live] = flux[live] - left, left
+    absorbed[live] = flux[live] - left
+    flux[live] = left
     rest = section.get("outer", {}).get("coating"), nm[live], True, [part[live] for part in stokes]
     d[live], passed, behind = refracted(outer, p[live], d[live], n[live], outside[live], *rest)
     for whole, part in zip(stokes, behind, strict=True):
         whole[live] = part
     fate[live[np.isnan(passed)]] = TOTAL
-    live, passed = live[~np.isnan(passed)], passed[~np.isnan(passed)]
+    live = live[~np.isnan(passed)]
+    passed = passed[~np.isnan(passed)]
     flux[live] *= passed
     return live, p, d, fate, flux, absorbed, nm, [part[live] for part in stokes]

@@ -157,7 +157,8 @@ def test_numbers_of_a_formed_face_on_the_page() -> None:
 def test_radius_and_normal(folder: Path, name: str) -> None:
     lens = scene(folder, name)
     rng = np.random.default_rng(1)
-    z, phi = rng.random(200), 2 * np.pi * rng.random(200)
+    z = rng.random(200)
+    phi = 2 * np.pi * rng.random(200)
     u = np.column_stack([np.sqrt(1 - z**2) * np.cos(phi), np.sqrt(1 - z**2) * np.sin(phi), z])
     for page, library in zip(lens.pair, (lens.lens.inner, lens.lens.outer), strict=True):
         rho, n = page.exact(u)
@@ -179,7 +180,8 @@ def test_radius_and_normal_of_every_kind_of_fixed_surface(kind: str) -> None:
     library = KINDS[kind]
     page = page_tracer.surface(json.loads(surface_record(library).model_dump_json()))
     rng = np.random.default_rng(1)
-    z, phi = 0.01 + 0.98 * rng.random(200), 2 * np.pi * rng.random(200)
+    z = 0.01 + 0.98 * rng.random(200)
+    phi = 2 * np.pi * rng.random(200)
     u = np.column_stack([np.sqrt(1 - z**2) * np.cos(phi), np.sqrt(1 - z**2) * np.sin(phi), z])
     rho, n = page.exact(u)
     np.testing.assert_allclose(rho, library.radius(u), rtol=0, atol=1e-12)
@@ -202,7 +204,8 @@ def test_radius_and_normal_of_every_face_by_its_reciprocal_radius(kind: str) -> 
     library = RECIPROCALS[kind]
     page = page_chain.Face("wall", json.loads(surface_record(library).model_dump_json()))
     rng = np.random.default_rng(1)
-    z, phi = 1.1 * rng.random(400) - 0.1, 2 * np.pi * rng.random(400)
+    z = 1.1 * rng.random(400) - 0.1
+    phi = 2 * np.pi * rng.random(400)
     u = np.column_stack([np.sqrt(1 - z**2) * np.cos(phi), np.sqrt(1 - z**2) * np.sin(phi), z])
     rho, n = page.exact(u)
     np.testing.assert_allclose(rho, library.radius(u), rtol=1e-13)
@@ -293,7 +296,8 @@ def test_every_ray_through_more_than_two_faces(folder: Path, case: str) -> None:
     for own, library in ((absorbed, exits.absorbed), (in_glass, exits.lost_in_glass)):
         np.testing.assert_allclose(own, 0.0 if library is None else library, atol=1e-4)
     landed = fate == page_tracer.LANDED
-    points, ways = exits.points[landed], exits.directions[landed]
+    points = exits.points[landed]
+    ways = exits.directions[landed]
     steps = (at.record["spec"]["target"]["distance_mm"] - points[:, 2]) / ways[:, 2]
     away = np.linalg.norm((points + steps[:, None] * ways)[:, :2] - place[landed], axis=1)
     assert np.median(away) < 1e-3 and np.quantile(away, 0.9) < 1e-2  # three reflections enlarge the error of a table

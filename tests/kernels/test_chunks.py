@@ -23,7 +23,8 @@ from lensforge.results.arguments import threads_of_torch
 @pytest.mark.parametrize("threads", [1, 2, 5])
 def test_every_ray_is_in_one_chunk(threads: int) -> None:
     for count in (0, 1, 7, CHUNKS, 1001):
-        seen, chunks = [0] * count, []
+        seen = [0] * count
+        chunks = []
 
         def work(chunk: int, rays: slice, seen: list[int] = seen, chunks: list[int] = chunks) -> None:
             chunks.append(chunk)
@@ -52,7 +53,8 @@ def test_every_ray_is_in_one_piece_of_at_least_half_of_what_is_worth_sharing(
 
 @pytest.mark.parametrize(("count", "names"), [(99, 1), (100, 2)])
 def test_few_rays_are_left_to_this_thread(count: int, names: int) -> None:
-    both, seen = threading.Barrier(2, timeout=60.0), set()
+    both = threading.Barrier(2, timeout=60.0)
+    seen = set()
 
     def work(chunk: int, _: slice) -> None:
         seen.add(threading.current_thread().name)
@@ -125,7 +127,8 @@ def test_an_error_is_raised_when_all_work_has_ended(wrong: int) -> None:
 
 
 def test_an_error_in_another_thread_is_raised_in_this_one() -> None:
-    here, both = threading.current_thread(), threading.Barrier(2, timeout=60.0)
+    here = threading.current_thread()
+    both = threading.Barrier(2, timeout=60.0)
 
     def work(number: int) -> None:
         both.wait()  # so that each thread has one

@@ -15,9 +15,11 @@ from lensforge.surfaces.surface import grid, to_sphere
 
 @pytest.mark.parametrize("rough", [0.0, 0.7])  # without it many nodes are equally far
 def test_the_nearest_node_of_a_window_is_that_of_a_look_at_all(rough: float) -> None:
-    rng, find = np.random.default_rng(7), alone(clearance.nearest_node)
+    rng = np.random.default_rng(7)
+    find = alone(clearance.nearest_node)
     nodes = np.stack([*np.mgrid[0:21, 0:21], np.zeros((21, 21))], axis=-1) + rough * rng.normal(size=(21, 21, 3))
-    boxes, missed = clearance._boxes(nodes), 0
+    boxes = clearance._boxes(nodes)
+    missed = 0
     for _ in range(1000):
         point = rng.integers(-4, 50, size=3) * (0.5, 0.5, 0.1)
         (a, b), (c, d) = (np.sort(rng.choice(22, size=2, replace=False)) for _ in range(2))

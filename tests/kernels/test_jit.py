@@ -15,7 +15,8 @@ from lensforge.kernels.fate import Fate
 
 PACKAGE = Path(lensforge.__file__).parent
 KERNELS = PACKAGE / "kernels"
-COMPILER, PROOF = KERNELS / "compiled.py", PACKAGE / "proof"
+COMPILER = KERNELS / "compiled.py"
+PROOF = PACKAGE / "proof"
 SOURCES = sorted(path for path in KERNELS.glob("*.py") if path != COMPILER)
 
 

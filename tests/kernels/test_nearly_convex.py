@@ -27,7 +27,8 @@ def test_a_sphere_and_a_plane_bend_as_they_must() -> None:
 
 @pytest.mark.parametrize("noise", [0.0, 1e-4, 1e-2])
 def test_a_gauge_exceeds_no_chord_by_more_than_its_hollow_says(noise: float) -> None:
-    rng, most = np.random.default_rng(3), 0.0
+    rng = np.random.default_rng(3)
+    most = 0.0
     for number in range(20):
         table = tabulate(GRID, collimator(0.1).faces[number % 4].surface)
         table = table * (1.0 + noise * rng.normal(size=table.shape))
@@ -35,7 +36,8 @@ def test_a_gauge_exceeds_no_chord_by_more_than_its_hollow_says(noise: float) -> 
         ends = rng.normal(size=(2, 2000, 3)) * 4.0
         ends[1] = ends[0] + 0.05 * ends[1]
         ends[..., 2] = np.abs(ends[..., 2])
-        length, middle = np.linalg.norm(ends[1] - ends[0], axis=1), ends.mean(axis=0)
+        length = np.linalg.norm(ends[1] - ends[0], axis=1)
+        middle = ends.mean(axis=0)
         one, other, centre = (
             np.linalg.norm(p, axis=1) / evaluate_table(GRID, table, p / np.linalg.norm(p, axis=1)[:, None])
             for p in (*ends, middle)
@@ -49,9 +51,12 @@ def test_a_gauge_exceeds_no_chord_by_more_than_its_hollow_says(noise: float) -> 
 
 
 def test_proven_crossings_are_those_of_the_search_without_proof(monkeypatch: pytest.MonkeyPatch) -> None:
-    body, rays = collimator(0.05), upwards(4000, 3, 0.5)
-    tables, scene = tables_of(body, GRID), Scene(clear(), GRID, True, None, body.chain(6))
-    quick, bounds = TracedBundle.of(tables, scene, rays), table_trace.chain_bounds
+    body = collimator(0.05)
+    rays = upwards(4000, 3, 0.5)
+    tables = tables_of(body, GRID)
+    scene = Scene(clear(), GRID, True, None, body.chain(6))
+    quick = TracedBundle.of(tables, scene, rays)
+    bounds = table_trace.chain_bounds
 
     def hopeless(*arguments: object) -> object:
         found = bounds(*arguments)

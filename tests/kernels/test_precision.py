@@ -44,7 +44,8 @@ def test_all_numbers_of_a_kernel_are_single_also_in_those_that_it_calls(
     monkeypatch.setattr("lensforge.kernels.compiled._folder_of", lambda _: tmp_path)
     double = kernel(_sum_of_thirds)
     values = np.array([0.1, 0.7, 1.3])
-    exact, single = np.float32(0.0), values.astype(np.float32)
+    exact = np.float32(0.0)
+    single = values.astype(np.float32)
     for k, value in enumerate(single):
         exact = exact + (np.float32(5.0) * (value / np.float32(3.0)) + np.float32(k))
     assert in_single(double)(single) == pytest.approx(float(exact), rel=2e-7)
@@ -76,15 +77,20 @@ def _both(tables: np.ndarray, scene: Scene, rays: RayBundle) -> tuple[TracedBund
 @pytest.mark.parametrize("roughness", [0.003, 0.02, 0.08])
 def test_rays_through_rough_lenses_of_any_size_have_the_same_fates(roughness: float) -> None:
     """One in a million ends elsewhere: it passes an edge within rounding."""
-    rng, different, count, errors = np.random.default_rng(7), 0, 0, []
+    rng = np.random.default_rng(7)
+    different = 0
+    count = 0
+    errors = []
     for number in range(scaled(12)):
         scale = 10.0 ** rng.uniform(-3.0, 3.0)
         faces = [random_surface(2 * number + k, (1.0, 1.8)[k] * scale, roughness, (25, 81)) for k in range(2)]
-        tables, rays = np.stack([tabulate(GRID, face) for face in faces]), _rays(rng, 4096, scale)
+        tables = np.stack([tabulate(GRID, face) for face in faces])
+        rays = _rays(rng, 4096, scale)
         double, single = _both(tables, Scene(Media(Medium(1.4936)), GRID), rays)
         fates = double.at_lens.fates, single.at_lens.fates
         assert not (fates[1] == Fate.NOT_CONVERGED).any()
-        different, count = different + int((fates[0] != fates[1]).sum()), count + len(rays)
+        different = different + int((fates[0] != fates[1]).sum())
+        count = count + len(rays)
         left = (fates[0] == Fate.LEFT_LENS) & (fates[1] == Fate.LEFT_LENS)
         errors.append(np.abs(double.exits.points - single.exits.points)[left].max(axis=1) / scale)
     assert different <= 2e-5 * count
@@ -117,7 +123,8 @@ CASES += [(name, coloured) for name in SCENES for coloured in (False, True) if (
 
 @pytest.mark.parametrize(("name", "coloured"), first_by_day(2, CASES))
 def test_rays_and_gradients_of_every_scene_are_those_in_double(name: str, coloured: bool) -> None:
-    rng, scene = np.random.default_rng(3), SCENES[name]
+    rng = np.random.default_rng(3)
+    scene = SCENES[name]
     tables = np.stack([tabulate(GRID, random_surface(k, (3.0, 6.0)[k], 0.01, (25, 81))) for k in range(2)])
     rays = upwards(2000, 5, 0.5)
     rays = rays.with_wavelengths(rng.uniform(400.0, 700.0, len(rays))) if coloured else rays

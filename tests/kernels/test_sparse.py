@@ -29,7 +29,8 @@ def test_a_factor_need_not_be_contiguous() -> None:
 
 
 def test_the_bits_do_not_depend_on_the_threads() -> None:
-    rng, found = np.random.default_rng(0), []
+    rng = np.random.default_rng(0)
+    found = []
     matrix = SparseMatrix(csr_matrix(random_array((1200, 1100), density=0.4, rng=rng)))
     dense = torch.from_numpy(rng.normal(size=(1100, 2))).requires_grad_()
     for count in (1, 3):

@@ -6,7 +6,8 @@ import pytest
 from lensforge.kernels.bicubic import surface_bounds
 from lensforge.surfaces.bicubic_table import TableGrid
 
-GRID, BEND = TableGrid(81), 6.0
+GRID = TableGrid(81)
+BEND = 6.0
 
 
 def saddle(directions: np.ndarray) -> np.ndarray:
@@ -19,7 +20,8 @@ def test_the_bend_of_a_saddle_is_bounded_by_its_mixed_derivative() -> None:
     """Along great circles through random points; at the pole, where X is half the angle, it is 6/4 mm/rad^2."""
     along = GRID.origin + GRID.step * np.arange(GRID.side)
     bounds = surface_bounds(10.0 + BEND * np.multiply.outer(along, along), GRID.origin, GRID.step)
-    rng, step = np.random.default_rng(1), 1e-3
+    rng = np.random.default_rng(1)
+    step = 1e-3
     points = rng.normal(size=(4000, 3)) * [1.0, 1.0, 0.7]
     points[0] = 0.0, 0.0, 1.0
     points[:, 2] = np.abs(points[:, 2])

@@ -6,6 +6,7 @@ import pickle
 import pydoc
 import re
 import shutil
+from dataclasses import fields, is_dataclass
 from pathlib import Path
 
 import pytest
@@ -47,3 +48,9 @@ def test_help_is_enough_to_go_on(name: str) -> None:
     if inspect.isfunction(PUBLIC[name]):
         assert [each.split(":")[0] for each in listed] == list(inspect.signature(PUBLIC[name]).parameters)
         assert "\nReturns: " in words and "\nRaises: " in words and "\nExample:\n" in words
+
+
+@pytest.mark.parametrize("name", [name for name, named in PUBLIC.items() if is_dataclass(named)])
+def test_the_docstring_of_a_dataclass_has_all_of_its_fields(name: str) -> None:
+    listed = re.findall(r"\n {4}(\w+) \(", (inspect.getdoc(PUBLIC[name]) or "").partition("\nFields:")[2])
+    assert listed == [field.name for field in fields(PUBLIC[name])]

@@ -51,8 +51,11 @@ def through_spheres(rays: RayBundle, radii: tuple[float, float], index: float = 
     Angles and Fresnel's laws of sines and tangents, of either half of the light: both spheres have one plane of
     incidence. Nothing is shared with the tracers but the fates' names.
     """
-    points, directions, halves = rays.origins, rays.directions, np.tile(0.5 * rays.flux, (2, 1))
-    down, height = directions[:, 2] <= 0.0, points[:, 2]
+    points = rays.origins
+    directions = rays.directions
+    halves = np.tile(0.5 * rays.flux, (2, 1))
+    down = directions[:, 2] <= 0.0
+    height = points[:, 2]
     with np.errstate(divide="ignore", invalid="ignore"):
         rise = np.where(height < 0.0, -height / directions[:, 2], 0.0)[:, None]
         points = points + np.where(np.isfinite(rise), rise, 0.0) * directions

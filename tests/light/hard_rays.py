@@ -30,7 +30,8 @@ def all_hits(
 
 def approach(starts: np.ndarray, directions: np.ndarray, sense: float = 1.0, device: str = "cpu") -> Approach:
     """These rays on their way to a face, from inside or, with a ``sense`` of -1, from outside."""
-    points, along = torch.from_numpy(starts).to(device), torch.from_numpy(directions).to(device)
+    points = torch.from_numpy(starts).to(device)
+    along = torch.from_numpy(directions).to(device)
     one = torch.ones_like(points[:, 0])
     return Approach(points, along, sense * one, one < 0.0, torch.inf * one)
 

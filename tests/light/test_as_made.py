@@ -21,7 +21,8 @@ from lensforge.sources.build_source import SquareEmitter
 from lensforge.sources.ray_bundle import RayBundle
 from lensforge.surfaces.bicubic_table import TableGrid
 
-N, Z = 1.4936, 1000.0
+N = 1.4936
+Z = 1000.0
 GRID = TableGrid(121)
 BUMPY = random_surface(1, 0.8, 0.01), random_surface(2, 2.45, 0.008)
 TABLES = [table_of(surface, GRID) for surface in BUMPY]
@@ -95,7 +96,8 @@ def test_a_smaller_lens_on_a_smaller_source_is_the_same_lens_but_for_scale() -> 
 
 
 def test_a_lens_that_shrinks_keeps_its_seat() -> None:
-    seat, scale = 2.0, 0.95
+    seat = 2.0
+    scale = 0.95
     raised = seat * (scale - 1.0)
     shrunk = trace_tables(TABLES, _scene(AsMade(scale=scale, seat_mm=seat)), RAYS)
     up = np.array([0.0, 0.0, raised])
@@ -109,18 +111,20 @@ def test_a_lens_that_shrinks_keeps_its_seat() -> None:
 
 def test_faces_of_a_body_of_four_are_met_each_in_its_own_frame() -> None:
     """A point goes through the frames as by hand: into the lens, from face to face by where they lie, and out."""
-    names, moves = ("cap", "side", "wall", "exit"), [ODD.source, ODD.lens, ODD.faces["outer"]]
+    names = ("cap", "side", "wall", "exit")
+    moves = [ODD.source, ODD.lens, ODD.faces["outer"]]
     made = replace(ODD, names=names, faces=dict(zip(names[1:], moves, strict=True)), slopes={"wall": 1e-3})
     frames, into, out = made.placed.packed()
     assert frames.shape == (5, 3, 4)
     centre = np.array(made.source_centre_mm)
     world = made.source.points(centre + 1.05 * ([0.1, 0.2, 0.3] - centre))
-    raised = made.lens.own_points(world)
+    raised = made.lens.to_local_points(world)
     in_body = (raised - [0.0, 0.0, 1.5 * (0.98 - 1.0)]) / 0.98
     point = into * frames[0, :, :3] @ [0.1, 0.2, 0.3] + frames[0, :, 3]
     assert np.allclose(point, in_body, atol=1e-15)
     for frame, name in zip(frames[1:], names[1:], strict=False):
-        point, face = frame[:, :3] @ point + frame[:, 3], made.faces[name]
+        point = frame[:, :3] @ point + frame[:, 3]
+        face = made.faces[name]
         assert np.allclose(face.points(point), in_body, atol=1e-15)
     assert np.allclose(out * frames[4, :, :3] @ point + frames[4, :, 3], world, atol=1e-15)
     assert made.rough(7).shape == (7, 8) and made.slopes_of_faces.tolist() == [0.0, 0.0, 1e-3, 0.0]
@@ -143,10 +147,12 @@ def test_spheres_about_another_centre_refract_as_closed_forms_say() -> None:
 
 
 def test_rays_below_the_plane_of_a_raised_outer_face_enter_it_through_that_plane_or_the_base() -> None:
-    raised, media = AsMade(faces={"outer": Pose.displaced((0.0, 0.0, 0.3))}), Media(Medium(1.0))
+    raised = AsMade(faces={"outer": Pose.displaced((0.0, 0.0, 0.3))})
+    media = Media(Medium(1.0))
     along = np.array([[1.0, 0.0, 0.05], [1.0, 0.0, 0.3], [1.0, 0.0, 0.2]])
     along /= np.linalg.norm(along, axis=1)[:, None]
-    rays, balls = RayBundle(np.zeros((3, 3)), along, np.ones(3)), [sphere(r) for r in (1.0, 2.0)]
+    rays = RayBundle(np.zeros((3, 3)), along, np.ones(3))
+    balls = [sphere(r) for r in (1.0, 2.0)]
     in_torch = trace_exact(*map(ExactSurface.of, balls), media, rays, raised)
     in_kernels = trace_tables([table_of(ball, GRID) for ball in balls], _scene(raised, media), rays)
     for found in (in_kernels, in_torch):
@@ -157,7 +163,8 @@ def test_rays_below_the_plane_of_a_raised_outer_face_enter_it_through_that_plane
 
 def test_roughness_is_a_convolution_and_loses_no_light() -> None:
     """A face of small rms slope s spreads rays at normal incidence by s (n - 1) along any line."""
-    slope, count = 1e-3, 100_000
+    slope = 1e-3
+    count = 100_000
     up = np.repeat(np.array([[0.0, 0.0, 1.0]]), count, axis=0)
     rays = RayBundle(np.zeros((count, 3)), up, np.full(count, 1.0 / count))
     spheres = [table_of(sphere(r), GRID) for r in (1.0, 3.0)]

@@ -20,11 +20,10 @@ from lensforge.sources.source_spectrum import spectrum_of
 from lensforge.spec import Spec
 from lensforge.spec.emitter_section import GaussianSpectrum
 
-WARM, COOL = np.array([60.0, 50.0, 20.0]), np.array([50.0, 52.0, 60.0])
-RED, BLUE = (
-    {"kind": "gaussian", "peak_nm": 630.0, "fwhm_nm": 20.0},
-    {"kind": "gaussian", "peak_nm": 455.0, "fwhm_nm": 24.0},
-)
+WARM = np.array([60.0, 50.0, 20.0])
+COOL = np.array([50.0, 52.0, 60.0])
+RED = {"kind": "gaussian", "peak_nm": 630.0, "fwhm_nm": 20.0}
+BLUE = {"kind": "gaussian", "peak_nm": 455.0, "fwhm_nm": 24.0}
 
 
 def pictures(light: np.ndarray, noise: float = 0.0, seed: int = 0) -> np.ndarray:
@@ -37,7 +36,8 @@ def pictures(light: np.ndarray, noise: float = 0.0, seed: int = 0) -> np.ndarray
 def halves(side: int = 20) -> np.ndarray:
     """A square of two colours, the left half warm, in the dark."""
     light = np.zeros((side, side, 3))
-    light[4:-4, 4 : side // 2], light[4:-4, side // 2 : -4] = WARM, COOL
+    light[4:-4, 4 : side // 2] = WARM
+    light[4:-4, side // 2 : -4] = COOL
     return light
 
 
@@ -168,7 +168,8 @@ def _reasons(light: Light, lens: Lens) -> Sequence[str]:
 
 
 def test_limits_on_colour_are_judged_by_the_verdict() -> None:
-    chips, alike = (chip(-0.5, RED), chip(0.5, BLUE)), (chip(-0.5, RED), chip(0.5, RED))
+    chips = (chip(-0.5, RED), chip(0.5, BLUE))
+    alike = (chip(-0.5, RED), chip(0.5, RED))
     strict = {"within": "tenth", "max_rms_delta_uv": 0.005, "max_delta_uv": 0.9}
     lens = spheres(*chips, colour=strict)
     light = lit(lens)
@@ -186,7 +187,8 @@ def test_limits_on_colour_are_judged_by_the_verdict() -> None:
 
 def test_a_light_with_colours_is_kept_and_one_without_has_none(tmp_path: Path) -> None:
     chips = chip(-0.5, RED), chip(0.5, BLUE)
-    light, plain = lit(spheres(*chips, colour={})), lit(spheres(*chips))
+    light = lit(spheres(*chips, colour={}))
+    plain = lit(spheres(*chips))
     light.write(tmp_path)
     assert Light.read(tmp_path) == light
     assert (plain.first.colour, plain.first.tristimulus_map) == (None, None)

@@ -8,7 +8,8 @@ from lensforge.light.photometry_result import CandelaTables, Direction
 from lensforge.results import Metric
 from lensforge.sources.intensity import TabulatedIntensity
 
-PEAK_CD, EDGE_DEG = 100.0, 50.0
+PEAK_CD = 100.0
+EDGE_DEG = 50.0
 C_DEG = np.linspace(0.0, 360.0, 9)
 SCALES = (0.98, 1.0, 1.03)
 
@@ -69,7 +70,8 @@ def test_the_peak_is_where_the_table_has_it():
     assert CandelaTables(whole, [], values[None]).peak_direction == Direction(c_deg=135.0, gamma_deg=10.0)
     values[3, 0] = 600.0 * (1.0 + 1e-12)  # on the axis, where rounding tells the half-planes apart
     assert CandelaTables(whole, [], values[None]).peak_direction == Direction(c_deg=0.0, gamma_deg=0.0)
-    values[:], values[8, 4] = 0.0, 1.0
+    values[:] = 0.0
+    values[8, 4] = 1.0
     assert CandelaTables(whole, [], values[None]).peak_direction == Direction(c_deg=0.0, gamma_deg=40.0)
 
 
@@ -80,7 +82,8 @@ def samples_of(count):
 
 @pytest.mark.parametrize("count", [1, 2, 5])
 def test_tables_of_all_samples_and_of_all_but_one_are_in_candela_and_turned_over(count):
-    grid, samples = AngularGrid(8, np.array([0.0, 20.0, 50.0, 90.0])), samples_of(count)
+    grid = AngularGrid(8, np.array([0.0, 20.0, 50.0, 90.0]))
+    samples = samples_of(count)
     found = CandelaTables.of(FittedIntensity(grid, samples, None), 300.0)
 
     def expected(some):

@@ -45,7 +45,8 @@ LED = PlacedSource(PlanarEmitter(Disc(1.0), CosinePower(1.5)), ASKEW)
 
 def pocket(height: float = 4.0, radius: float = 3.0, slope: float = 0.0, tilt: float = 0.0) -> Body:
     """A cap and a side in a ball."""
-    cap, side = PlaneFace(REACH, height, (tilt, 0.4 * tilt, 1.0)), ConeFace(REACH, radius, slope)
+    cap = PlaneFace(REACH, height, (tilt, 0.4 * tilt, 1.0))
+    side = ConeFace(REACH, radius, slope)
     inside = Face("cap", cap, CAVITY, BODY), Face("side", side, CAVITY, BODY)
     return Body((*inside, Face("ball", sphere(11.0), BODY, OUTSIDE)))
 
@@ -71,7 +72,8 @@ def at_cap(height: float, radius: float, disc: float) -> float:
 @pytest.mark.parametrize("disc", [0.0, 1.0, 2.5])
 def test_flux_through_the_cap_changes_as_view_factors_do(disc: float) -> None:
     source = PlanarEmitter(Disc(disc), CosinePower()) if disc else SquareEmitter(0.0)
-    tables, base = tables_of(pocket(), GRID), {"height": 4.0, "radius": 3.0}
+    tables = tables_of(pocket(), GRID)
+    base = {"height": 4.0, "radius": 3.0}
     found = crease_gradients(tables, scene(pocket()), source, lambda traced: 1.0 * (traced.met[:, 0] < 4), 2**12, 1)
     for name in base:
         more, less = (at_cap(**(base | {name: base[name] + sign * SMALL}), disc=disc) for sign in (1.0, -1.0))
@@ -80,7 +82,8 @@ def test_flux_through_the_cap_changes_as_view_factors_do(disc: float) -> None:
 
 
 def mixed(traced: TracedBundle) -> np.ndarray:
-    flux, (x, _, z) = traced.exits.flux * traced.exits.left_lens, traced.exits.directions.T
+    flux = traced.exits.flux * traced.exits.left_lens
+    (x, _, z) = traced.exits.directions.T
     return flux * (x + z**2 + 0.05 * traced.exits.points[:, 1])
 
 
@@ -109,14 +112,16 @@ STEPS = [(pocket, "height", 0.06), (pocket, "radius", 0.06), (pocket, "slope", 0
 def test_rays_that_change_their_first_face_are_the_slope(make, name: str, step: float) -> None:
     """Differences of the light of those rays alone; their error is that of counting them."""
     base, events, source = BASES[make]
-    body, rays = make(**base), source.sample(2**18 if name == "tilt" else 2**17, 5)
+    body = make(**base)
+    rays = source.sample(2**18 if name == "tilt" else 2**17, 5)
     ends = [tables_of(make(**(base | {name: base[name] + sign * step})), GRID) for sign in (1.0, -1.0)]
     first, other = (TracedBundle.of(tables, scene(body, 1), rays).met[:, 0] for tables in ends)
     crossing = rays.take(first != other)
     more, less = (mixed(TracedBundle.of(tables, scene(body, events), crossing)) for tables in ends)
     shares = (more - less) / (2.0 * step)
     gradients = crease_gradients(tables_of(body, GRID), scene(body, events), source, mixed, 2**12, 3)
-    slope, error = float((gradients * by_parameter(make, base, name)).sum()), float(np.sqrt((shares**2).sum()))
+    slope = float((gradients * by_parameter(make, base, name)).sum())
+    error = float(np.sqrt((shares**2).sum()))
     assert error < 0.07 * abs(slope)
     assert abs(slope - shares.sum()) < 3.0 * error
 
@@ -128,7 +133,8 @@ def forward(traced: TracedBundle) -> np.ndarray:
 def trumpet(slope: float, height: float) -> Body:
     """A collimator from whose side light reaches the crease of wall and exit."""
     inside = Face("cap", PlaneFace(16.0, 4.0), CAVITY, BODY), Face("side", ConeFace(16.0, 3.2, slope), CAVITY, BODY)
-    wall, leaves = ConicFace(16.0, 5.0, 1.0), PlaneFace(16.0, height)
+    wall = ConicFace(16.0, 5.0, 1.0)
+    leaves = PlaneFace(16.0, height)
     return Body((*inside, Face("wall", wall, BODY, OUTSIDE), Face("exit", leaves, BODY, OUTSIDE)))
 
 
@@ -143,15 +149,19 @@ LATER = [
 @pytest.mark.parametrize(("make", "base", "name", "step", "worth"), first_by_day(2, LATER))
 def test_rays_that_change_a_later_face_are_the_slope(make, base, name: str, step: float, worth) -> None:
     """Differences of the light of those rays alone; their error is that of counting them."""
-    here, rays = scene(make(**base), 4), LED.sample(2**19, 5)
+    here = scene(make(**base), 4)
+    rays = LED.sample(2**19, 5)
     ends = [tables_of(make(**(base | {name: base[name] + sign * step})), GRID) for sign in (1.0, -1.0)]
     more, less = (TracedBundle.of(tables, here, rays) for tables in ends)
-    row, event = np.arange(len(rays)), (more.met != less.met).argmax(axis=1)
-    one, other = more.met[row, event], less.met[row, event]
+    row = np.arange(len(rays))
+    event = (more.met != less.met).argmax(axis=1)
+    one = more.met[row, event]
+    other = less.met[row, event]
     crossing = (event > 0) & (one >= 0) & (other >= 0) & (one >> 2 != other >> 2)
     shares = ((worth(more) - worth(less)) / (2.0 * step))[crossing]
     gradients = later_crease_gradients(tables_of(make(**base), GRID), here, LED, worth, 2**9, 64, 1)
-    slope, error = float((gradients * by_parameter(make, base, name)).sum()), float(np.sqrt((shares**2).sum()))
+    slope = float((gradients * by_parameter(make, base, name)).sum())
+    error = float(np.sqrt((shares**2).sum()))
     assert error < 0.05 * abs(slope)
     assert abs(slope - shares.sum()) < 3.0 * error
 
@@ -159,7 +169,8 @@ def test_rays_that_change_a_later_face_are_the_slope(make, base, name: str, step
 def test_crease_and_adjoint_together_are_the_slope_of_an_image_error() -> None:
     """Differences of the error of a far-field picture by the same rays, those that change faces included."""
     base = BASES[pocket][0]
-    tables, here = tables_of(pocket(**base), GRID), scene(pocket(**base))
+    tables = tables_of(pocket(**base), GRID)
+    here = scene(pocket(**base))
     receiver = FarField(Pose.facing((0.1, 0.0, 1.0), (0.0, 0.0, 0.0)), PixelGrid(1.2, 1.0, 9, 7))
     wanted = torch.from_numpy(np.random.default_rng(1).uniform(0.0, 0.02, receiver.grid.shape))
     way = sum(step * by_parameter(pocket, base, name) for _, name, step in STEPS)  # of all parameters together
@@ -169,9 +180,11 @@ def test_crease_and_adjoint_together_are_the_slope_of_an_image_error() -> None:
         found = collected(landings, exits.sin2_exit, torch.from_numpy(rays.flux), receiver.grid, receiver.window)
         return nmse_loss(found.image, wanted) + 3.0 * found.outside_receiver - 2.0 * found.in_window, found.image
 
-    apart, alone = [], []
+    apart = []
+    alone = []
     for seed in range(4):
-        rays, given = LED.sample(2**16, seed), torch.from_numpy(tables).requires_grad_()
+        rays = LED.sample(2**16, seed)
+        given = torch.from_numpy(tables).requires_grad_()
         value, image = loss(given, rays)
         (by_image,) = torch.autograd.grad(nmse_loss(image, wanted), image, retain_graph=True)
         value.backward()
@@ -194,12 +207,14 @@ def test_a_cavity_without_a_crease_has_none(body: Body) -> None:
 
 
 def test_what_is_not_known_is_refused() -> None:
-    tables, here = tables_of(pocket(), GRID), scene(pocket())
+    tables = tables_of(pocket(), GRID)
+    here = scene(pocket())
     with pytest.raises(InputError, match="RaySetEmitter: the light into a direction is not known; turn its rays"):
         crease_gradients(tables, here, RaySetEmitter(upwards(99, 1), 1.0), mixed)
 
 
-PLANES, CELLS = np.array([0.0, 90.0, 200.0, 360.0]), np.array([-1.0, 0.3, 1.0])
+PLANES = np.array([0.0, 90.0, 200.0, 360.0])
+CELLS = np.array([-1.0, 0.3, 1.0])
 GAMMAS = np.array([5.0, 30.0, 60.0, 80.0])
 VALUES = np.random.default_rng(2).uniform(0.2, 1.0, (2, 2, 4, 4))
 VALUES[:, :, 3] = VALUES[:, :, 0]
@@ -217,7 +232,9 @@ SOURCES: dict[str, Source] = {
 @pytest.mark.parametrize("name", SOURCES)
 def test_light_into_directions_is_the_light_of_a_sample(name: str) -> None:
     """On a rectangle above the source; of a point (mm) of it the solid angle is cos dA / d^2."""
-    source, corner, sides = SOURCES[name], np.array([0.5, -1.0, 3.0]), np.array([2.0, 1.5, 0.0])
+    source = SOURCES[name]
+    corner = np.array([0.5, -1.0, 3.0])
+    sides = np.array([2.0, 1.5, 0.0])
     rays = source.sample(2**17, 1)
     hits = rays.origins + ((3.0 - rays.origins[:, 2]) / rays.directions[:, 2])[:, None] * rays.directions
     inside = ((hits - corner)[:, :2] > 0.0).all(1) & ((hits - corner)[:, :2] < sides[:2]).all(1)
@@ -233,7 +250,8 @@ def test_light_into_directions_is_the_light_of_a_sample(name: str) -> None:
 def test_the_crease_of_a_part_with_its_led_out_of_place_is_that_of_a_led_that_stands_there() -> None:
     """Tilted and shifted by the tolerances of the part, or by its own pose: the same light and the same gradient."""
     made = Pose.displaced((0.2, -0.3, 0.15), (0.06, -0.09, 0.0))
-    tables, here = tables_of(pocket(**BASES[pocket][0]), GRID), scene(pocket(**BASES[pocket][0]))
+    tables = tables_of(pocket(**BASES[pocket][0]), GRID)
+    here = scene(pocket(**BASES[pocket][0]))
     own = PlanarEmitter(Disc(1.0), CosinePower(1.5))
     there = PlacedSource(own, made)
     wanted = crease_gradients(tables, here, there, mixed, 2**10, 3)

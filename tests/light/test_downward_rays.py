@@ -40,9 +40,11 @@ TRACERS = ["kernels", "device", "exact", "guided by tables"]
 @pytest.mark.parametrize("tracer", TRACERS)
 def test_concentric_spheres_in_closed_form(tracer: str) -> None:
     """Every fate, exit point, direction and flux, from all over the cavity; a third of the light goes on upwards."""
-    radii, rays = (40.0, 70.0), downward_rays(4000, 1, 41.0)
+    radii = (40.0, 70.0)
+    rays = downward_rays(4000, 1, 41.0)
     rays.origins[::13, 2] *= -1.0  # some start below the plane
-    expected, found = through_spheres(rays, radii), _by_tracer(tracer, [sphere(r) for r in radii], rays, 40)
+    expected = through_spheres(rays, radii)
+    found = _by_tracer(tracer, [sphere(r) for r in radii], rays, 40)
     assert np.array_equal(found.fates.numpy(), expected.fates)
     assert set(expected.fates.tolist()) == {Fate.LEFT_LENS, Fate.BACKWARD, Fate.OUTSIDE_CAVITY, Fate.BASE}
     np.testing.assert_allclose(found.points.numpy(), expected.points, rtol=0.0, atol=1e-9)
@@ -55,9 +57,12 @@ def test_concentric_spheres_in_closed_form(tracer: str) -> None:
 @pytest.mark.parametrize("seed", [1, 2])
 def test_no_crossing_near_the_rim_is_missed(seed: int) -> None:
     """Rays that come down to the rim of a wavy wall, where the table ends a hair below: against a dense scan."""
-    grid, count, rng = TableGrid(300), 1500, np.random.default_rng(seed)
+    grid = TableGrid(300)
+    count = 1500
+    rng = np.random.default_rng(seed)
     table = tabulate(grid, random_surface(seed, 2.0, 0.1, levels=(25, 81)))
-    azimuth, fall = rng.random(count) * 2.0 * np.pi, 10.0 ** rng.uniform(-4.0, -0.3, count)
+    azimuth = rng.random(count) * 2.0 * np.pi
+    fall = 10.0 ** rng.uniform(-4.0, -0.3, count)
     rim = np.stack([np.cos(azimuth), np.sin(azimuth), fall * rng.uniform(-1.0, 1.0, count)], axis=1)
     starts = np.stack([np.cos(azimuth + 0.4), np.sin(azimuth + 0.4), fall], axis=1)
     starts *= rng.uniform(0.3, 0.95, (count, 1)) * (1.0 + gap(starts, table, grid)[:, None])
@@ -98,7 +103,8 @@ class Flared(Surface):
 def test_a_scan_ends_at_the_plane() -> None:
     """Across the wall at z = 0.01, a step later below the plane and inside of what is no wall any more."""
     way = np.array([[1.0, 0.0, -0.19]]) / np.hypot(1.0, 0.19)
-    start, face = np.array([[0.0, 0.0, 0.2]]), replace(ExactFace.of(Flared()), steps=8, bisections=50)
+    start = np.array([[0.0, 0.0, 0.2]])
+    face = replace(ExactFace.of(Flared()), steps=8, bisections=50)
     crossing = face.next_crossing(approach(start, way))
     assert crossing.found.tolist() == [True]
     assert np.linalg.norm(start + crossing.paths_mm.numpy() * way) == pytest.approx(1.0, abs=1e-12)

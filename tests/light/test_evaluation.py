@@ -75,7 +75,9 @@ def test_the_picture_is_that_of_the_rays_under_the_gaussian_asked_for(variance: 
     """Weights of a pixel and its eight neighbours by their distance; the edge is repeated outwards."""
     spec = small_spec(evaluate__filter_variance=variance)
     light = _evaluate(Lens.double(sphere(3.0), sphere(6.0), spec, 0, FEW))
-    padded, total, weight = np.pad(light.raw_map, 1, mode="edge"), np.zeros((16, 16)), 0.0
+    padded = np.pad(light.raw_map, 1, mode="edge")
+    total = np.zeros((16, 16))
+    weight = 0.0
     for row, column in np.ndindex(3, 3):
         squared = (row - 1) ** 2 + (column - 1) ** 2
         share = float(np.exp(-squared / (2.0 * variance))) if variance else float(squared == 0)
@@ -101,7 +103,8 @@ def test_the_figures_of_few_rays_are_those_of_many_but_for_their_errors() -> Non
     lens = Lens.double(sphere(3.0), sphere(6.0), spec, 0, FEW)
     few, many = (_evaluate(lens, rays=rays) for rays in (2**14, 2**20))
     for name, worse_by in (("nmse", 5.0), ("rsd", 5.0), ("uniformity", 1.0)):  # standard errors
-        rough, fine = getattr(few, name), getattr(many, name)
+        rough = getattr(few, name)
+        fine = getattr(many, name)
         error = np.hypot(rough.standard_error, fine.standard_error)
         assert abs(rough.value - fine.value) < 3.0 * error, name
         assert abs(getattr(few.raw, name) - fine.value) > worse_by * error, name

@@ -74,7 +74,9 @@ def scene(body: Body, media, made=None, events: int = 6, grid: TableGrid = GRID,
 
 
 def test_a_paraboloid_sends_the_light_of_its_focus_along_the_axis() -> None:
-    body, rays, grid = reflector(5.0, 1.0, 8.0), upwards(4000, 1), TableGrid(301)
+    body = reflector(5.0, 1.0, 8.0)
+    rays = upwards(4000, 1)
+    grid = TableGrid(301)
     media = clear(coatings=mirrors(0.9, mirror=CAVITY))
     found = TracedBundle.of(tables_of(body, grid), scene(body, media, events=2, grid=grid), rays)
     assert (found.exits.fates == Fate.LEFT_LENS).all()
@@ -99,7 +101,9 @@ def fine_tables() -> np.ndarray:
     first_by_day(len(CASES) + 1, [*((case, True) for case in CASES), ("glass", False), ("two mirrors", False)]),
 )
 def test_the_kernels_agree_with_the_reference_tracer_on_exact_faces(case: str, fresnel: bool) -> None:
-    (media, made), body, events = CASES[case], collimator(0.05), 2 if case == "two mirrors" else 6
+    (media, made) = CASES[case]
+    body = collimator(0.05)
+    events = 2 if case == "two mirrors" else 6
     rays = upwards(60, 3, 0.5)
     here = scene(body, media, made, events, FINE, fresnel)
     found = TracedBundle.of(fine_tables(), here, rays).exits
@@ -116,7 +120,8 @@ def test_the_kernels_agree_with_the_reference_tracer_on_exact_faces(case: str, f
 
 @pytest.mark.parametrize("case", CASES)
 def test_the_adjoint_is_the_slope_of_every_face(case: str) -> None:
-    (media, made), body = CASES[case], collimator(0.05)
+    (media, made) = CASES[case]
+    body = collimator(0.05)
     light = MixedLight(tables_of(body, GRID), scene(body, media, made), upwards(500, 4, 0.5), 5)
     assert (light.base.met >= 0).sum(1).max() >= 3
     for face in range(4):
@@ -129,8 +134,12 @@ def test_the_adjoint_is_the_slope_of_every_face(case: str) -> None:
 
 def test_a_few_rays_have_the_gradient_that_they_have_among_many() -> None:
     """Of most chunks of so few rays there is none."""
-    (media, made), body, rays = CASES["mirror"], collimator(0.05), upwards(500, 4, 0.5)
-    tables, here, by = tables_of(body, GRID), scene(body, media, made), np.zeros((500, 8))
+    (media, made) = CASES["mirror"]
+    body = collimator(0.05)
+    rays = upwards(500, 4, 0.5)
+    tables = tables_of(body, GRID)
+    here = scene(body, media, made)
+    by = np.zeros((500, 8))
     by[:3] = np.random.default_rng(1).normal(size=(3, 8))
     few, many = (
         TracedBundle.of(tables, here, rays.take(some)).gradients(
@@ -143,32 +152,41 @@ def test_a_few_rays_have_the_gradient_that_they_have_among_many() -> None:
 
 def test_the_adjoint_holds_in_random_scenes() -> None:
     """Up to six events; a crease that is crossed is counted, as is a ray that grazes: its slope has a large error."""
-    rng, crossed, events, traced = np.random.default_rng(6), 0, set(), 0
+    rng = np.random.default_rng(6)
+    crossed = 0
+    events = set()
+    traced = 0
     for number in range(20_000 if NIGHTLY else 12):
         body = collimator(rng.uniform(0.0, 0.1), rng.uniform(0.0, 0.1), rng.uniform(0.6, 0.95))
         coated = {name: side for name, side in (("wall", OUTSIDE), ("side", CAVITY)) if rng.random() < 0.5}
         media = clear(rng.uniform(1.4, 1.7), mirrors(rng.uniform(0.5, 1.0), **coated), rng.uniform(0.0, 0.05))
-        grid, rays = TableGrid(48), upwards(48, number, rng.uniform(0.0, 1.0))
+        grid = TableGrid(48)
+        rays = upwards(48, number, rng.uniform(0.0, 1.0))
         light = MixedLight(tables_of(body, grid), scene(body, media, None, 6, grid), rays, number)
         slope = light.slope(rng.normal(size=light.tables.shape), 1e-8)
         assert slope.differences == pytest.approx(slope.adjoint, abs=10.0 * slope.error), number
-        crossed, traced = crossed + slope.crossed, traced + len(rays)
+        crossed = crossed + slope.crossed
+        traced = traced + len(rays)
         events |= set((light.base.met >= 0).sum(1).tolist())
     assert crossed < 0.01 * traced and {2, 3, 4, 5, 6} <= events
 
 
 def test_the_skewness_of_a_ray_is_kept_by_a_rotational_body() -> None:
     """Bouguer: n times the moment about the axis of rotation is the same before and behind any chain of its faces."""
-    body, rays, grid = collimator(), upwards(3000, 7, 0.7), TableGrid(401)
+    body = collimator()
+    rays = upwards(3000, 7, 0.7)
+    grid = TableGrid(401)
     found = TracedBundle.of(tables_of(body, grid), scene(body, clear(1.49, mirrors(0.9, side=CAVITY)), grid=grid), rays)
-    exits, left = found.exits, found.exits.fates == Fate.LEFT_LENS
+    exits = found.exits
+    left = found.exits.fates == Fate.LEFT_LENS
     skew = [np.cross(*way)[left, 2] for way in ((rays.origins, rays.directions), (exits.points, exits.directions))]
     assert (found.met[left] >= 0).sum(1).max() >= 4
     assert np.abs(skew[0] - skew[1]).max() < 7e-5  # of the tables; it falls with the third power of their step
 
 
 def test_no_flux_is_lost_without_a_cause() -> None:
-    body, rays = collimator(0.05), upwards(3000, 8, 0.5)
+    body = collimator(0.05)
+    rays = upwards(3000, 8, 0.5)
     tables = tables_of(body, GRID)
     plain = TracedBundle.of(tables, scene(body, clear(absorption=0.05), fresnel=False), rays).exits
     assert plain.flux + plain.absorbed == pytest.approx(rays.flux, rel=1e-12)
@@ -183,9 +201,11 @@ def test_no_flux_is_lost_without_a_cause() -> None:
 
 def test_light_that_a_facet_sends_through_its_own_face_is_trapped() -> None:
     """Steep facets do so; no search for a face behind which it already is gives up, and the light is counted."""
-    body, rays = collimator(0.05), upwards(20_000, 8, 0.5)
+    body = collimator(0.05)
+    rays = upwards(20_000, 8, 0.5)
     media = replace(clear(), scatter=tuple(FaceScatter(name, GaussianFacets(0.3)) for name in ("wall", "exit")))
-    few, found = rays.take(slice(0, 2000)), TracedBundle.of(tables_of(body, FINE), scene(body, media, grid=FINE), rays)
+    few = rays.take(slice(0, 2000))
+    found = TracedBundle.of(tables_of(body, FINE), scene(body, media, grid=FINE), rays)
     assert not (found.exits.fates == Fate.NOT_CONVERGED).any()
     after_two = (found.exits.fates == Fate.EVENT_LIMIT) & (found.met[:, 2] < 0)
     assert 0.001 < after_two.mean() < 0.1
@@ -195,7 +215,9 @@ def test_light_that_a_facet_sends_through_its_own_face_is_trapped() -> None:
 
 @pytest.mark.parametrize("events", [1, 2, 3, 6])
 def test_a_mirror_absorbs_what_it_does_not_reflect_at_the_last_event_too(events: int) -> None:
-    media, body, rays = clear(coatings=mirrors(0.7, wall=OUTSIDE, side=CAVITY)), collimator(0.05), upwards(3000, 8, 0.5)
+    media = clear(coatings=mirrors(0.7, wall=OUTSIDE, side=CAVITY))
+    body = collimator(0.05)
+    rays = upwards(3000, 8, 0.5)
     found = TracedBundle.of(tables_of(body, GRID), scene(body, media, events=events, fresnel=False), rays)
     left = 0.7 ** np.isin(found.met // 4, [NAMES.index("side"), NAMES.index("wall")]).sum(axis=1)
     assert (found.exits.fates[left < 1.0] == Fate.EVENT_LIMIT).sum() > (900 if events < 3 else 0)
@@ -206,8 +228,10 @@ def test_a_mirror_absorbs_what_it_does_not_reflect_at_the_last_event_too(events:
 @pytest.mark.parametrize("behind", [None, STEEP, lambertian(0.3)])
 def test_the_usual_lens_is_a_chain_of_two_faces(behind: RingScatter | None) -> None:
     """The loop of the nearest face does as the sequence does, where no ray comes back; light spread behind it, too."""
-    body, rays = Body.of({"inner": sphere(3.0), "outer": sphere(6.0, 0.5)}), upwards(2000, 9, 0.5)
-    tables, media = tables_of(body, GRID), clear(absorption=0.02)
+    body = Body.of({"inner": sphere(3.0), "outer": sphere(6.0, 0.5)})
+    rays = upwards(2000, 9, 0.5)
+    tables = tables_of(body, GRID)
+    media = clear(absorption=0.02)
     if behind is not None:
         media = replace(media, scatter=(FaceScatter("inner", GaussianFacets(0.05)), FaceScatter("outer", behind)))
     one = TracedBundle.of(tables, Scene(media, GRID), rays)
@@ -216,7 +240,8 @@ def test_the_usual_lens_is_a_chain_of_two_faces(behind: RingScatter | None) -> N
     assert np.array_equal(one.exits.fates, other.exits.fates)
     for name in ("points", "directions", "flux", "sin2_exit", "absorbed"):
         assert getattr(one.exits, name) == pytest.approx(getattr(other.exits, name), rel=1e-12, abs=1e-14), name
-    by, seen = np.random.default_rng(1).normal(size=(2000, 3)), np.random.default_rng(2).normal(size=2000)
+    by = np.random.default_rng(1).normal(size=(2000, 3))
+    seen = np.random.default_rng(2).normal(size=2000)
     first, second = (traced.gradients(Sensitivities(by, by), seen, seen) for traced in (one, other))
     assert first == pytest.approx(second, rel=1e-9, abs=1e-12 * np.abs(first).max())
 

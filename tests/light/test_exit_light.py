@@ -18,7 +18,9 @@ from lensforge.sources.ray_set import RaySetEmitter
 from lensforge.spec.lamps_section import Lamps
 from lensforge.surfaces.mirror_group import shared_symmetry
 
-SEED, PARTS, ROUNDS = 3, 16, 32
+SEED = 3
+PARTS = 16
+ROUNDS = 32
 LENS = object.__new__(TracedLens)  # never looked at
 
 
@@ -52,7 +54,8 @@ def measured(
 
 def agrees(found: ExitLight, parts: list[list[RayBundle]]) -> None:
     """``parts``: of each sample its bundles, each of all the flux; weights are their numbers of rays."""
-    exits, fates = [], []
+    exits = []
+    fates = []
     for bundles in parts:
         weights = np.array([len(bundle) for bundle in bundles], dtype=float)
         exits.append(weights @ [behind(bundle).flux.sum() for bundle in bundles] / weights.sum())
@@ -163,10 +166,8 @@ def test_light_has_the_mirrors_that_source_and_lens_share(source: str, lens: str
 
 
 def test_rays_inside_a_sphere_leave_it_ahead_of_them() -> None:
-    points, ways = (
-        np.array([[3.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, 3.0, 5.0]]),
-        np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]]),
-    )
+    points = np.array([[3.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, 3.0, 5.0]])
+    ways = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
     found = _on_sphere(points, ways, 5.0)
     np.testing.assert_allclose(found, [[3.0, 0.0, 4.0], [np.sqrt(24.0), 0.0, 1.0], [0.0, 3.0, -4.0]], atol=1e-12)
     beside = _on_sphere(np.array([[6.0, 0.0, 2.0]]), np.array([[0.0, 0.0, 1.0]]), 5.0)
@@ -179,7 +180,8 @@ def test_rays_are_dealt_to_lamps_evenly_and_carry_the_flux_of_all() -> None:
             up = np.tile([0.0, 0.0, 1.0], (len(rays), 1))
             return ExitRays(0.0 * up, up, rays.flux, np.zeros(len(rays)), np.zeros(len(rays), dtype=np.int8))
 
-    lamps, rays = Lamps.level(((-3.0, 0.0), (1.0, 0.0), (2.0, 5.0)), (0.0, 30.0, 60.0)), bundle_of(12)
+    lamps = Lamps.level(((-3.0, 0.0), (1.0, 0.0), (2.0, 5.0)), (0.0, 30.0, 60.0))
+    rays = bundle_of(12)
     found = exit_light._of_lamps(object.__new__(Upwards), rays, lamps)
     for x, _ in lamps.places_mm:
         assert np.count_nonzero(found.points[:, 0] == x) == 4

@@ -23,7 +23,8 @@ def _wrong(seed: int, roughness: float, count: int) -> tuple[int, int]:
 
     # quadratically denser near the start, where tangent rays cross
     t = 2.2 * bounds.most * np.linspace(0, 1, SCAN) ** 2
-    first, several = np.full(count, np.inf), 0
+    first = np.full(count, np.inf)
+    several = 0
     for part in np.array_split(np.arange(count), max(1, count // 1000)):
         points = starts[part, None] + t[None, :, None] * directions[part, None]
         above = points[..., 2] >= 0.0
@@ -64,11 +65,13 @@ def test_bounds_hold_as_far_as_they_reach() -> None:
     u = centre + rng.random((len(centre), 1)) * bounds.tan_reach * aside
     u /= np.linalg.norm(u, axis=1, keepdims=True)
     above = u[:, 2] >= 0.0
-    centre, u = centre[above], u[above]
+    centre = centre[above]
+    u = u[above]
     chart = centre[:, :2] / (1.0 + centre[:, 2:])
     least, slope, bend = bounds.tiles[tuple(((chart - grid.origin) * bounds.per_unit).astype(int).T)].T
 
-    rho, gradient = surface.radius(u), np.linalg.norm(surface.gradient(u), axis=1)
+    rho = surface.radius(u)
+    gradient = np.linalg.norm(surface.gradient(u), axis=1)
     assert bounds.least <= rho.min() and rho.max() <= bounds.most
     assert np.all(least <= rho) and np.all(gradient <= slope)
     along = np.cross(u, rng.normal(size=u.shape))
@@ -84,17 +87,21 @@ def test_bounds_hold_as_far_as_they_reach() -> None:
 @pytest.mark.parametrize("seed", range(4))
 def test_bounds_see_every_coefficient_that_acts_within_their_reach(seed: int) -> None:
     """Lone dents one node wide, of which a tile sees none but by the coefficients at the very end of its reach."""
-    grid, rng = TableGrid(80), np.random.default_rng(seed)
+    grid = TableGrid(80)
+    rng = np.random.default_rng(seed)
     table = np.where(rng.random((grid.side, grid.side)) < 3e-3, 1.0, 2.0)
     bounds = surface_bounds(table, grid.origin, grid.step)
-    azimuth, height = rng.uniform(0.0, 2.0 * np.pi, 200_000), rng.uniform(0.0, 0.3, 200_000)
+    azimuth = rng.uniform(0.0, 2.0 * np.pi, 200_000)
+    height = rng.uniform(0.0, 0.3, 200_000)
     sine = np.sqrt(1.0 - height**2)
     centre = np.stack([sine * np.cos(azimuth), sine * np.sin(azimuth), height], axis=1)
     aside = np.cross(centre, rng.normal(size=centre.shape))
     u = centre + bounds.tan_reach * aside / np.linalg.norm(aside, axis=1, keepdims=True)
     u /= np.linalg.norm(u, axis=1, keepdims=True)
-    centre, u = centre[u[:, 2] >= 0.0], u[u[:, 2] >= 0.0]
+    centre = centre[u[:, 2] >= 0.0]
+    u = u[u[:, 2] >= 0.0]
     tile = ((centre[:, :2] / (1.0 + centre[:, 2:]) - grid.origin) * bounds.per_unit).astype(int)
-    least, rho = bounds.tiles[tile[:, 0], tile[:, 1], 0], evaluate_table(grid, table, u)
+    least = bounds.tiles[tile[:, 0], tile[:, 1], 0]
+    rho = evaluate_table(grid, table, u)
     assert (least <= rho + 1e-12).all()
     assert (rho < 1.9).any() and (least == 2.0).mean() > 0.1, "there are dents, and tiles without"

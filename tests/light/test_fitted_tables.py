@@ -20,7 +20,8 @@ GAMMA_DEG = np.array([0.0, 4.0, 10.0, 25.0, 40.0, 60.0, 75.0, 90.0])
 
 
 def ways(c_deg, gamma_deg):
-    c, gamma = np.deg2rad(c_deg), np.deg2rad(gamma_deg)
+    c = np.deg2rad(c_deg)
+    gamma = np.deg2rad(gamma_deg)
     return np.stack([np.sin(gamma) * np.cos(c), np.sin(gamma) * np.sin(c), np.cos(gamma)], axis=-1)
 
 
@@ -30,7 +31,8 @@ def hat(node, gamma_deg):
 
 def test_a_ray_is_shared_by_the_four_nodes_around_it():
     grid = AngularGrid(8, GAMMA_DEG)
-    c_deg, gamma_deg = np.array([10.0, 350.0, 315.0, 200.0, 0.0]), np.array([7.0, 30.0, 90.0, 2.0, 85.0])
+    c_deg = np.array([10.0, 350.0, 315.0, 200.0, 0.0])
+    gamma_deg = np.array([7.0, 30.0, 90.0, 2.0, 85.0])
     rays = RayBundle(np.zeros((5, 3)), ways(c_deg, gamma_deg), np.arange(1.0, 6.0))
     expected = np.zeros((8, 8))
     for number, (c, gamma) in enumerate(zip(c_deg, gamma_deg, strict=True), start=1):
@@ -51,7 +53,8 @@ def _bilinear(values, c_deg, gamma_deg):
 
 def gram():
     """Integrals of the products of two functions of gamma with its sine, by adaptive quadrature."""
-    found, nodes = np.zeros((8, 8)), range(8)
+    found = np.zeros((8, 8))
+    nodes = range(8)
     for one in nodes:
         for other in nodes:
             edges = [GAMMA_DEG[k] for k in nodes if abs(k - one) <= 1 and abs(k - other) <= 1]
@@ -78,14 +81,16 @@ def test_the_fit_is_the_mean_of_the_nearest_table_and_of_the_averages(planes):
     """Along C by a circulant matrix, along gamma node by node; each wave from the first cone that resolves it."""
     grid = AngularGrid(planes, GAMMA_DEG)
     deposits = np.random.default_rng(planes).uniform(0.5, 1.0, (2, planes, 8))
-    step, mass = 2.0 * np.pi / planes, gram()
+    step = 2.0 * np.pi / planes
+    mass = gram()
     beside = np.roll(np.eye(planes), 1, axis=0) + np.roll(np.eye(planes), -1, axis=0)
     around = 0.5 * (np.eye(planes) / step + np.linalg.inv(step / 6.0 * (4.0 * np.eye(planes) + beside)))
     firsts = first_cones(planes)
     assert len(set(firsts)) > 2, "waves that begin at several cones"
     for deposit, found in zip(deposits, grid.fitted(deposits), strict=True):
         turned = around @ deposit
-        angles, expected = step * np.arange(planes), np.zeros((planes, 8))
+        angles = step * np.arange(planes)
+        expected = np.zeros((planes, 8))
         for wave, first in enumerate(firsts):
             for part in (np.cos(wave * angles), np.sin(wave * angles)):
                 size = part @ part
@@ -135,7 +140,8 @@ def test_the_square_of_what_samples_have_in_common_is_the_mean_over_pairs():
 
 def pyramid(samples):
     """Deposits of a beam off the axis, of which each sample has few rays."""
-    finest, parts = finest_grid(42.0), []
+    finest = finest_grid(42.0)
+    parts = []
     for seed in range(samples):
         some = np.random.default_rng(seed).normal(size=(3000, 3)) * [0.2, 0.1, 0.05] + [0.3, 0.0, 1.0]
         some /= np.linalg.norm(some, axis=1, keepdims=True)
@@ -143,7 +149,8 @@ def pyramid(samples):
     return _Pyramid(finest, np.stack(parts))
 
 
-LEVEL, FINER = (3, 3), (2, 2)
+LEVEL = (3, 3)
+FINER = (2, 2)
 
 
 def mean_square(added, weights):
@@ -155,7 +162,8 @@ def mean_square(added, weights):
 @pytest.mark.parametrize("count", [3, 6])
 def test_the_error_of_interpolation_is_the_root_of_the_mean_square_and_one_standard_error(count):
     made = pyramid(count)
-    added, grid = made.difference(LEVEL, FINER), made.grid(FINER)
+    added = made.difference(LEVEL, FINER)
+    grid = made.grid(FINER)
     coarse = made.table(LEVEL).mean(axis=0)
     refined = grid.refined(grid.coarser("gamma").refined(coarse[None], "c"), "gamma")[0]
     weights = grid.solid_angles * (refined > 0.1 * refined.max())
@@ -186,9 +194,11 @@ def test_samples_that_have_nothing_in_common_have_no_error_of_interpolation():
 def test_the_axis_is_as_well_known_as_the_light_beside_it() -> None:
     """Its cell is the smallest of all: rays of a Lambertian source, few enough for their noise to tell."""
     grid = AngularGrid(12, np.linspace(0.0, 90.0, 37))
-    rays, random = [], np.random.default_rng(0)
+    rays = []
+    random = np.random.default_rng(0)
     for _ in range(16):
-        square, turn = random.random(2**10), 2.0 * np.pi * random.random(2**10)
+        square = random.random(2**10)
+        turn = 2.0 * np.pi * random.random(2**10)
         side = np.sqrt(square)
         directions = np.column_stack([side * np.cos(turn), side * np.sin(turn), np.sqrt(1.0 - square)])
         rays.append(RayBundle(0.0 * directions, directions, np.full(2**10, 2.0**-10)))

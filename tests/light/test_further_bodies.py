@@ -87,7 +87,8 @@ def test_a_body_of_faces_of_a_file_sends_light_as_the_spheres_that_the_file_hold
     axis = np.tan(np.linspace(-1.0, 1.0, 80) * np.arctan(HALF_WIDTH))
     places = to_sphere(np.stack(np.meshgrid(axis, axis, indexing="ij"), axis=-1))
     given = {name: ChartSpline.through(axis, getattr(DOME, name).radius_on_grid(places)) for name in ("inner", "outer")}
-    rays, lens = upwards(2000, 6, 1.0), tables(sphere(3.0, 0.5), sphere(6.0, -1.0))
+    rays = upwards(2000, 6, 1.0)
+    lens = tables(sphere(3.0, 0.5), sphere(6.0, -1.0))
     found, exact = (TracedBundle.of(lens, scene(body), rays).exits for body in (replace(DOME, **given), DOME))
     out = exact.left_lens
     assert 0.6 < out.mean() < 1.0 and (found.left_lens == out).all()
@@ -99,7 +100,8 @@ def test_a_body_of_faces_of_a_file_sends_light_as_the_spheres_that_the_file_hold
 def test_the_flux_that_leaves_the_lens_is_kept_or_lost_by_body() -> None:
     rays = upwards(3000, 4, 1.5)
     traced = TracedBundle.of(tables(sphere(3.0, 0.5), sphere(6.0, -1.0)), scene(DOME, BOWL), rays)
-    at_lens, exits = traced.at_lens, traced.exits
+    at_lens = traced.at_lens
+    exits = traced.exits
     kept = exits.flux + exits.lost_in_bodies.sum(axis=0)
     assert kept == pytest.approx(at_lens.flux, rel=1e-13)
     ended = at_lens.left_lens & ~exits.left_lens
@@ -131,11 +133,13 @@ def test_gradients_through_tilted_bodies_are_those_of_differences(kind: str) -> 
     if kind == "behind a glass":
         media = replace(media, cover_glass=CoverGlass(1.52, 3.0, 40.0, 2e-3))
     if kind != "tir":
-        own, made = tables(sphere(3.0, 0.5), sphere(6.0, -1.0)), MADE if kind == "as made" else None
+        own = tables(sphere(3.0, 0.5), sphere(6.0, -1.0))
+        made = MADE if kind == "as made" else None
         here = Scene(media, GRID, made=made)
     else:
         body = collimator(0.03)
-        own, here = tables_of(body, GRID), Scene(media, GRID, chain=body.chain(6))
+        own = tables_of(body, GRID)
+        here = Scene(media, GRID, chain=body.chain(6))
     if kind in ("frosted", "opal"):
         few = upwards(60, 6, 0.8)
         same = as_arrays(trace_reference(ReferenceBody.by_tables(torch.from_numpy(own), here), few))
@@ -149,7 +153,8 @@ def test_gradients_through_tilted_bodies_are_those_of_differences(kind: str) -> 
 
 def test_the_lens_as_made_polarises_as_the_designed_one_does() -> None:
     """Where nothing is displaced the fields from the directions are those of the kernel; and rays follow the lens."""
-    rays, bumpy = upwards(1500, 11, 1.0), tables(sphere(3.0, 0.5), sphere(6.0, -1.0))
+    rays = upwards(1500, 11, 1.0)
+    bumpy = tables(sphere(3.0, 0.5), sphere(6.0, -1.0))
     film = ReflectanceTable((0.0, 30.0, 60.0), ((0.01, 0.02, 0.2),))
     plain = scene(DOME, BOWL)
     media = replace(plain.media, coatings=(FaceCoating("outer", "outside", film),))

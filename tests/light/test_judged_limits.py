@@ -91,7 +91,8 @@ def test_no_noise_lifts_a_ratio_to_the_largest_above_one(noise: float) -> None:
         for quantity in ("min_over_max", "min_over_mean"):
             assert figure_of(quantity, ">=", "", readings).value <= 1.0
         assert figure_of("max_over_min", "<=", "", readings).value >= 1.0
-    above, below = Metric(value=1.2, standard_error=0.1), Metric(value=1.0, standard_error=0.05)
+    above = Metric(value=1.2, standard_error=0.1)
+    below = Metric(value=1.0, standard_error=0.05)
     found = ratio_of(above, below)
     assert (found.value, found.standard_error) == (1.0, pytest.approx(np.hypot(0.1, 0.06)))
 

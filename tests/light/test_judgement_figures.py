@@ -6,7 +6,7 @@ from scipy import sparse
 
 from lensforge.light.evaluation_result import LightMetrics
 from lensforge.light.judged_limits import limit_value
-from lensforge.light.metrics import LeastEstimate, PairEstimate, RootEstimate, least_without_noise, uniformity
+from lensforge.light.metrics import LeastEstimate, PairEstimate, RootEstimate, debiased_minimum, uniformity
 from lensforge.light.receiver_light import RegionLight, bright_region
 from lensforge.light.simulation import ReplicateMetrics
 from lensforge.results import Metric
@@ -52,7 +52,8 @@ def test_a_region_is_bright_above_half_of_the_maximum_and_not_where_it_has_just_
 
 
 def test_light_of_a_region_is_that_of_its_pixels() -> None:
-    images, target = np.array([[[1.0, 2.0, 9.0]], [[2.0, 6.0, 9.0]]]) / 10.0, np.array([[1.0, 0.8, 0.1]])
+    images = np.array([[[1.0, 2.0, 9.0]], [[2.0, 6.0, 9.0]]]) / 10.0
+    target = np.array([[1.0, 0.8, 0.1]])
     found = RegionLight.of(images, target, None, "lx")
     assert found is not None and found.mean.value == pytest.approx(0.275) and found.mean.unit == "lx"
     assert found.mean.standard_error == pytest.approx(np.std([0.15, 0.4], ddof=1) / np.sqrt(2.0))
@@ -90,10 +91,12 @@ def test_the_peak_is_that_of_known_light() -> None:
 
 def test_errors_of_a_change_include_that_of_one_ray() -> None:
     shares = np.array([0.1, 0.2, 0.3, 0.2])
-    apart, even = np.diag(np.full(4, 0.1)), LeastEstimate(0.5, np.full(4, 0.5))
+    apart = np.diag(np.full(4, 0.1))
+    even = LeastEstimate(0.5, np.full(4, 0.5))
     before = ReplicateMetrics(PairEstimate(0.1, apart), even, RootEstimate(0.2, 2.0 * apart), shares)
     after = ReplicateMetrics(PairEstimate(0.4, apart), even, RootEstimate(0.3, 2.0 * apart), shares + 0.1)
-    noise, change = before.metrics(), after.change_from(before, 100)
+    noise = before.metrics()
+    change = after.change_from(before, 100)
     assert isinstance(noise, LightMetrics) and noise.efficiency.value == pytest.approx(0.2)
     for name, value in (("nmse", 0.3), ("rsd", 0.1), ("efficiency", 0.1)):
         assert getattr(change, name).value == pytest.approx(value)
@@ -112,10 +115,11 @@ def test_errors_of_a_change_include_that_of_one_ray() -> None:
 
 def test_metrics_of_replicates_are_those_in_the_mask() -> None:
     images = np.random.default_rng(1).uniform(0.5, 1.5, (5, 2, 3))
-    mask, target = np.array([[True, True, False], [True, False, False]]), np.ones((2, 3))
+    mask = np.array([[True, True, False], [True, False, False]])
+    target = np.ones((2, 3))
     found = ReplicateMetrics.of(images, target, mask, np.full(5, 0.25)).metrics()
     assert found.uniformity is not None and found.uniformity.value == uniformity(images.mean(axis=0), mask)
     assert found.efficiency == Metric(value=0.25, standard_error=0.0)
     alone = ReplicateMetrics.of(images, target, None, np.full(5, 0.25)).metrics()
     assert alone.uniformity is None and alone.rsd is None and alone.nmse == found.nmse
-    assert least_without_noise(images[:, mask]).value == pytest.approx(images.mean(axis=0)[mask].min())
+    assert debiased_minimum(images[:, mask]).value == pytest.approx(images.mean(axis=0)[mask].min())

@@ -35,7 +35,8 @@ def require_same(found: lf.Light, wanted: lf.Light, larger: float = 1.0) -> None
 
 def test_the_reference_temperature_gives_the_same_bits() -> None:
     lens = lens_of(small_spec(**PLASTIC, lens__reference_temperature_c=25.0))
-    plain, found = lf.evaluate(lens), lf.evaluate(lens, temperature_c=25.0)
+    plain = lf.evaluate(lens)
+    found = lf.evaluate(lens, temperature_c=25.0)
     assert found.conditions is None and found.sha256 == plain.sha256
     unknown = lens_of(small_spec())
     assert lf.evaluate(unknown, temperature_c=20).conditions is None, "nothing of its change needs to be known"
@@ -54,7 +55,8 @@ def test_the_index_alone_is_that_of_another_material() -> None:
 )
 def test_expansion_alone_conserves_the_light_of_a_scene_that_is_as_much_smaller(base: dict[str, object]) -> None:
     """Lens, source and receiver of one scale have one light; the seat stays, and the source is nearer to it."""
-    e, depth = 5e-4 * 100.0, 2.5 if "height_mm" in base else 0.0
+    e = 5e-4 * 100.0
+    depth = 2.5 if "height_mm" in base else 0.0
     fields = {"lens__index_per_k": 0.0, "lens__expansion_per_k": 5e-4}
     warm = lf.evaluate(lens_of(small_spec(base=base, target=TARGET, **fields), WITH_TABLE_ERROR), temperature_c=120.0)
     small = {name: value / (1.0 + e) for name, value in TARGET.items() if name != "kind"}
@@ -63,7 +65,8 @@ def test_expansion_alone_conserves_the_light_of_a_scene_that_is_as_much_smaller(
     cold = lf.evaluate(lens_of(small_spec(base=base, target=small, source=source), WITH_TABLE_ERROR))
     require_same(warm, cold, 1.0 + e)
     assert warm.preset_error is not None and cold.preset_error is not None
-    error, same = warm.preset_error.evaluation, cold.preset_error.evaluation
+    error = warm.preset_error.evaluation
+    same = cold.preset_error.evaluation
     assert error.hit_max_mm == pytest.approx(same.hit_max_mm * (1.0 + e), rel=1e-3), "both tracers see the shift"
     if not depth:
         assert warm.possible.efficiency == pytest.approx(cold.possible.efficiency, rel=1e-9)
@@ -73,7 +76,8 @@ def test_expansion_alone_conserves_the_light_of_a_scene_that_is_as_much_smaller(
 
 def test_rays_with_an_index_of_their_own_have_that_of_their_wavelength() -> None:
     """A blue line through N-BK7 at 85 C, against one index with constants that give the same index and size."""
-    glass, wave = MATERIALS["N-BK7"], np.array([450.0])
+    glass = MATERIALS["N-BK7"]
+    wave = np.array([450.0])
     cold, hot = (float(glass.at(glass.temperature, celsius).index(wave)[0]) for celsius in (20.0, 85.0))
     lens = lens_of(small_spec(lens__material="N-BK7", source__spectrum=LINE))
     warm = at_temperature(lens, 85.0)

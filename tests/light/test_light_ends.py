@@ -65,7 +65,9 @@ def test_each_cause_is_the_share_of_a_trace_of_its_own(some: str) -> None:
     spec = lens.spec
     rays = [bundle for *_, bundle in bundles(build_source(spec.source), 2**10, 16, 0)]
     traced = TracedLens.of(lens, FEW.evaluate_nodes_per_sigma)
-    receiver, sums, whole = receivers_of(spec, 64)[0], dict.fromkeys(CAUSES, 0.0), 0.0
+    receiver = receivers_of(spec, 64)[0]
+    sums = dict.fromkeys(CAUSES, 0.0)
+    whole = 0.0
     for bundle in rays:
         body = ReferenceBody.by_tables(torch.from_numpy(traced.tables), traced.scene)
         exits = as_arrays(trace_reference(body, bundle))
@@ -118,7 +120,8 @@ def test_the_fate_decides_and_for_light_that_leaves_the_last_face() -> None:
     ends = [*((fate, 2) for fate in Fate), (Fate.LEFT_LENS, 4), (Fate.LEFT_LENS, 1)]
     met = np.array([[0, face, -1] for _, face in ends], dtype=np.int8)
     fates = np.array([fate for fate, _ in ends], dtype=np.int8)
-    nowhere, none = np.zeros((len(ends), 3)), np.zeros(len(ends))
+    nowhere = np.zeros((len(ends), 3))
+    none = np.zeros(len(ends))
     numbers = cause_numbers(ExitRays(nowhere, nowhere, none, none, fates, met=met), chain)
     names = [loss_names(chain)[number] if number >= 0 else "" for number in numbers]
     assert names == [
@@ -143,8 +146,10 @@ def test_causes_of_two_faces_are_those_without_a_leak() -> None:
 
 def test_the_search_counts_the_flux_of_each_cause_and_lowers_what_leaks() -> None:
     spec = crooked(*CAUSES, share=1e-3)
-    source, parameters = build_source(spec.source), ProfileParameters.of(spec.replace(lens=NEEDED), 2.5)
-    merit, rays = MeritFunction.of(spec, source, parameters), source.sample(2**10, 3)
+    source = build_source(spec.source)
+    parameters = ProfileParameters.of(spec.replace(lens=NEEDED), 2.5)
+    merit = MeritFunction.of(spec, source, parameters)
+    rays = source.sample(2**10, 3)
     weights, offsets = parameters.start()
 
     tables = parameters.tables(weights, offsets)
@@ -181,7 +186,8 @@ def test_the_search_counts_the_light_beside_of_all_lamps(lamps: dict[str, Any]) 
     plane = {"kind": "plane", "centre_mm": [10.0, -5.0, 120.0], "width_mm": 90.0, "height_mm": 60.0}
     disc = [{"kind": "disc", "diameter_mm": 50.0}]
     spec = crooked("beside", target=None, receivers=[plane | {"targets": disc}], lamps=lamps)
-    source, parameters = build_source(spec.source), ProfileParameters.of(spec.replace(lens=NEEDED), 2.5)
+    source = build_source(spec.source)
+    parameters = ProfileParameters.of(spec.replace(lens=NEEDED), 2.5)
     merit = MeritFunction.of(spec, source, parameters)
     light = merit.light_of(parameters.tables(*parameters.start()), source.sample(2**13, 3))
     (limit,) = lf.evaluate(made(spec), rays=2**13).limits
@@ -204,7 +210,8 @@ def test_a_board_loses_the_mean_of_its_lamps() -> None:
     grid = {"kind": "grid", "columns": 2, "rows": 1, "pitch_mm": 40.0}
     spec = crooked("opening", "wall").replace(tolerances={"source_shift_mm": 0.3}, lamps=grid)
     study = PartStudy(Recipe(made(spec), 4, 2**10, 0, 2**10))
-    light, lamps = study.leds[0].light, study.leds[0].made(study.deviations(1))
+    light = study.leds[0].light
+    lamps = study.leds[0].made(study.deviations(1))
     one, other, both = (
         light.received([lamps[number] for number in which])[0].losses for which in ((0, 0), (1, 1), (0, 1))
     )

@@ -96,7 +96,8 @@ def test_rays_pixels_and_seed_are_those_given_or_those_of_spec_and_lens(
     monkeypatch.setattr(evaluation, "evaluate_traced", lambda *own, **named: asked.append((own, named)) or light)
     monkeypatch.setattr(evaluation, "measure_preset", lambda *own: asked.append(own) or None)
     monkeypatch.setattr(evaluation.TracedLens, "of", lambda lens, nodes: nodes)
-    source, preset = build_source(spec.source), PRESETS["draft"]
+    source = build_source(spec.source)
+    preset = PRESETS["draft"]
     found = evaluation.evaluate_lens(lens, source, preset, lumens_per_watt=250.0, **given)
     ((traced, *own, rays, seed), named), measured = asked
     assert (rays, named["pixels"], seed) == wanted and own == [lens.spec, source]

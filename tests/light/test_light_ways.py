@@ -30,7 +30,8 @@ MET = [*TOLD, (1, 2), (1, 3, 2), (1, 3, 2, 3, 2, 3), (0, 3, 2, 3, 3), (1, 2, 3)]
 
 def test_long_and_faint_ways_count_together() -> None:
     met = np.array([[*way, *[-1] * (6 - len(way))] for way in MET], dtype=np.int8)
-    flux, nowhere = 2.0 ** -np.arange(13.0), np.zeros((13, 3))
+    flux = 2.0 ** -np.arange(13.0)
+    nowhere = np.zeros((13, 3))
     fates = np.array([0] * 12 + [4], dtype=np.int8)
     by_way = FluxByWay.none_yet(collimator().chain(6), 1)
     by_way.add(0, 3.0, ExitRays(nowhere, nowhere, flux, np.zeros(13), fates, met=met))
@@ -121,7 +122,8 @@ def test_shares_that_limits_bound_are_in_per_cent_and_what_is_missed_names_what_
     lost = Fact.measured("beside", "beside", flux, "lost share of the flux", limit=0.2, place=receiver.name)
     dim = min((each for each in light.limits if each.note == "light"), key=lambda each: each.metric.value / each.bound)
     shown = light_facts(light.model_copy(update={"receivers": (receiver,), "limits": (lost, *light.limits)}), start)
-    figures, limits = shown[0], next(group for group in shown if group.key == "limits")
+    figures = shown[0]
+    limits = next(group for group in shown if group.key == "limits")
     assert (figures.fact("nmse").remedy, figures.fact("share_in_target").remedy) == (LEVELS, LEVELS)
     rows = [words for _, words in _limit_rows(limits)]
     assert rows[1].replace("\u2009", " ").startswith("beside: 25.00 ± 0.10 % (required ≤ 20 %); lost share")

@@ -13,11 +13,11 @@ from lensforge.light.metrics import (
     _halves,
     _quarters,
     _Slope,
+    debiased_maximum,
+    debiased_minimum,
     error_over_pairs,
     jackknife_error,
-    largest_without_noise,
     least_over_mean,
-    least_without_noise,
     nmse,
     nmse_estimate,
     relative_deviation,
@@ -39,7 +39,8 @@ def pictures(count: int, noise: float, scale: float = 0.01, seed: int = 0) -> np
 
 
 def test_metrics_of_a_picture_are_their_sums_over_pixels() -> None:
-    image, target = pictures(1, 0.2)[0], np.arange(1.0, 13.0).reshape(SHAPE)
+    image = pictures(1, 0.2)[0]
+    target = np.arange(1.0, 13.0).reshape(SHAPE)
     share = sum(image.flat) / sum(target.flat)
     above = sum((one - share * other) ** 2 for one, other in zip(image.flat, target.flat, strict=True))
     assert nmse(image, target) == pytest.approx(above / sum((share * each) ** 2 for each in target.flat), rel=1e-12)
@@ -54,7 +55,8 @@ def test_metrics_of_a_picture_are_their_sums_over_pixels() -> None:
 
 
 def test_a_dark_picture_has_the_largest_error_and_no_uniformity() -> None:
-    dark, light = np.zeros(SHAPE), np.ones(SHAPE)
+    dark = np.zeros(SHAPE)
+    light = np.ones(SHAPE)
     assert nmse(dark, light) == 1.0
     assert uniformity(dark, MASK) == relative_deviation(dark, MASK) == 0.0
     assert relative_square(np.stack([light, dark])) == 0.0
@@ -63,7 +65,8 @@ def test_a_dark_picture_has_the_largest_error_and_no_uniformity() -> None:
 @pytest.mark.parametrize("own", [0.0, 3.0])
 def test_theerror_over_pairs_is_the_jackknife_less_what_it_counts_twice(own: float) -> None:
     """Products with effects of their replicates, and without, where noise outweighs them."""
-    chance, count = np.random.default_rng(3), 6
+    chance = np.random.default_rng(3)
+    count = 6
     apart = chance.normal(size=(count, count))
     products = apart + apart.T + own * np.add.outer(*2 * (chance.normal(size=count),))
     pairs = list(permutations(range(count), 2))
@@ -92,7 +95,8 @@ def pair_means(first: list[np.ndarray], scales: list[float]) -> tuple[float, flo
 
 @pytest.mark.parametrize("count", [4, 7])
 def test_the_nmse_of_each_pair_and_its_distance_from_the_estimate(count: int) -> None:
-    images, target = pictures(count, 0.1), np.arange(2.0, 14.0).reshape(SHAPE)
+    images = pictures(count, 0.1)
+    target = np.arange(2.0, 14.0).reshape(SHAPE)
     scales = [image.sum() / target.sum() for image in images]
     errors = [image - scale * target for image, scale in zip(images, scales, strict=True)]
     norms = [scale * np.sqrt(np.sum(target**2)) for scale in scales]
@@ -141,8 +145,11 @@ def test_four_replicates_with_light_are_enough_whatever_the_others() -> None:
 
 
 def test_a_change_has_the_error_of_the_differences_of_pairs() -> None:
-    images, other, target = pictures(6, 0.1), pictures(6, 0.1, seed=5), np.ones(SHAPE)
-    before, after = nmse_estimate(images, target), nmse_estimate(other, target)
+    images = pictures(6, 0.1)
+    other = pictures(6, 0.1, seed=5)
+    target = np.ones(SHAPE)
+    before = nmse_estimate(images, target)
+    after = nmse_estimate(other, target)
     change = after.change_from(before)
     assert change.value == pytest.approx(after.value - before.value)
     assert change.standard_error == error_over_pairs(after.deviations - before.deviations)  # type: ignore[operator]
@@ -159,7 +166,8 @@ def darkest_by_blocks(readings: np.ndarray, size: int) -> tuple[float, float]:
     else:
         parities = [[bin(row & k).count("1") % 2 for k in vectors] for row in range(1, 16)]
         blocks = [tuple(k for k in vectors if each[k] == odd) for each in parities for odd in (0, 1)]
-    least, read = [], []
+    least = []
+    read = []
     for block in blocks:
         light = readings[list(block)].mean(axis=0)
         place = int(light.argmin())
@@ -175,14 +183,15 @@ def test_the_least_reading_is_on_the_line_through_both_levels_of_noise(noise: fl
     optimism = (v4 - u4) - (v8 - u8)
     slope = min(max((u8 - u4) / optimism, 0.0), 1.0) if optimism > 1e-12 * abs(v8) else 1.0
     mean = readings.mean(axis=0)
-    least, value = least_without_noise(readings), min(max(u8 + slope * (v8 - u8), mean.min()), mean.mean())
+    least = debiased_minimum(readings)
+    value = min(max(u8 + slope * (v8 - u8), mean.min()), mean.mean())
     assert least.value == pytest.approx(value, rel=1e-9)
     assert least.standard_error == pytest.approx(error_by_weights_and_left_out(readings, slope), rel=1e-4)
-    largest = largest_without_noise(-readings)
+    largest = debiased_maximum(-readings)
     assert largest.value == -least.value and largest.standard_error == least.standard_error
     images = readings.reshape(16, *SHAPE)
     relative = images[:, MASK] / images[:, MASK].mean(axis=1, keepdims=True)
-    assert least_over_mean(images[:, MASK]).metric() == least_without_noise(relative)
+    assert least_over_mean(images[:, MASK]).metric() == debiased_minimum(relative)
 
 
 def error_by_weights_and_left_out(readings: np.ndarray, slope: float) -> float:
@@ -192,14 +201,16 @@ def error_by_weights_and_left_out(readings: np.ndarray, slope: float) -> float:
         levels = []
         for blocks in (_halves(), _quarters()):
             values = _darkest(blocks, readings)
-            own, rest = blocks * weights, (1.0 - blocks) * weights
+            own = blocks * weights
+            rest = (1.0 - blocks) * weights
             means = [np.sum(part * values, axis=1) / part.sum(axis=1) for part in (own, rest)]
             levels.append([float(mean.mean()) for mean in means])
         (u8, v8), (u4, v4) = levels
         own_slope = (u8 - u4) / ((v4 - u4) - (v8 - u8)) if held is None else held
         return u8 + own_slope * (v8 - u8)
 
-    step, free = 1e-5, None if 0.0 < slope < 1.0 else slope
+    step = 1e-5
+    free = None if 0.0 < slope < 1.0 else slope
     ends = [[extrapolated(1.0 + sign * step * np.eye(16)[k], free) for sign in (1.0, -1.0)] for k in range(16)]
     changes = np.array([(high - low) / (2.0 * step) for high, low in ends])
     by_weights = float(np.sqrt(16.0 / 15.0 * np.sum((changes - changes.mean()) ** 2)))
@@ -234,9 +245,10 @@ def test_pixels_that_are_equally_dark_are_read_together() -> None:
 @pytest.mark.parametrize("count", [3, 16])
 def test_a_bound_holds_where_the_readings_are_beyond_it(count: int) -> None:
     readings = pictures(count, 0.02).reshape(count, -1)
-    least, largest = least_without_noise(readings).value, largest_without_noise(readings).value
-    assert [least_without_noise(readings, most).value for most in (0.5 * least, 2.0 * largest)] == [0.5 * least, least]
-    found = [largest_without_noise(readings, bound).value for bound in (0.5 * least, 2.0 * largest)]
+    least = debiased_minimum(readings).value
+    largest = debiased_maximum(readings).value
+    assert [debiased_minimum(readings, most).value for most in (0.5 * least, 2.0 * largest)] == [0.5 * least, least]
+    found = [debiased_maximum(readings, bound).value for bound in (0.5 * least, 2.0 * largest)]
     assert found == [largest, 2.0 * largest]
 
 
@@ -244,17 +256,18 @@ def test_a_bound_holds_where_the_readings_are_beyond_it(count: int) -> None:
 def test_other_than_sixteen_replicates_have_the_least_of_their_mean(count: int) -> None:
     readings = pictures(count, 0.3).reshape(count, -1)
     means = [sum(column) / count for column in readings.T]
-    assert least_without_noise(readings).value == pytest.approx(min(means), rel=1e-12)
-    assert largest_without_noise(readings).value == pytest.approx(max(means), rel=1e-12)
-    assert least_without_noise(readings).standard_error is None
+    assert debiased_minimum(readings).value == pytest.approx(min(means), rel=1e-12)
+    assert debiased_maximum(readings).value == pytest.approx(max(means), rel=1e-12)
+    assert debiased_minimum(readings).standard_error is None
 
 
 def test_what_no_extrapolation_tells_is_a_part_of_the_error() -> None:
     """Of pixels that no ray of a block has met nothing is known but what the others have there."""
-    left_out, influences = np.linspace(0.4, 0.6, 16), np.linspace(-0.03, 0.01, 16)
+    left_out = np.linspace(0.4, 0.6, 16)
+    influences = np.linspace(-0.03, 0.01, 16)
     error = LeastEstimate(0.5, left_out, influences, 0.04).metric().standard_error
     both = 0.5 * (jackknife_error(left_out) + np.sqrt(16.0 / 15.0) * np.linalg.norm(influences - influences.mean()))
     assert error == pytest.approx(np.hypot(both, 0.04), rel=1e-12)
     assert LeastEstimate(0.5).metric() == Metric(value=0.5)
-    found = least_without_noise(np.random.default_rng(0).poisson(0.1, (16, 4000)).astype(float))
+    found = debiased_minimum(np.random.default_rng(0).poisson(0.1, (16, 4000)).astype(float))
     assert (found.value, found.standard_error) == (0.0, pytest.approx(0.1, rel=0.1)), "each block has dark pixels"

@@ -29,11 +29,18 @@ from lensforge.spec import Spec
 from lensforge.surfaces.asphere import sphere
 from lensforge.surfaces.bicubic_table import grid_for, tabulate
 
-SIDE, INNER, OUTER, RAISED, INDEX = 1.6, 2.2, 6.0, 1.5, 1.5  # mm; the outer sphere magnifies the LED
+# mm; the outer sphere magnifies the LED
+SIDE = 1.6
+INNER = 2.2
+OUTER = 6.0
+RAISED = 1.5
+INDEX = 1.5
 SOURCE = {"kind": "square", "side_mm": SIDE, "flux_w": 2.0, "position_mm": [0.5, -0.3, 0.5], "tilt_deg": [20.0, -12.0]}
 RADIANCE = 2.0 / (np.pi * (1e-3 * SIDE) ** 2)  # of a Lambertian square
 LIMIT = {"kind": "luminance", "at_most": 0.5 * RADIANCE, "unit": "w_per_m2_sr"}
-NEAR, BESIDE, FAR = (-20.0, 14.0, 30.0), (6.0, -25.0, 3.0), (30.0, 10.0)
+NEAR = (-20.0, 14.0, 30.0)
+BESIDE = (6.0, -25.0, 3.0)
+FAR = (30.0, 10.0)
 
 
 def crooked(*limits: dict[str, object], **more: object) -> Spec:
@@ -74,12 +81,14 @@ def to_sphere(p: np.ndarray, d: np.ndarray, centre: np.ndarray, radius: float, s
 
 def radiance_backwards(points: np.ndarray, directions: np.ndarray, spec: Spec) -> np.ndarray:
     """Radiance along lines: from the eye into the balls, through the cavity, and down to the LED or beside it."""
-    d, pose = -directions, spec.source.pose
+    d = -directions
+    pose = spec.source.pose
     p, normals, met = to_sphere(points, d, np.array([0.0, 0.0, RAISED]), OUTER, -1.0)
     d, first = passed(d, -normals, 1.0 / INDEX)
     p, normals, cavity = to_sphere(p, d, np.zeros(3), INNER, -1.0)
     d, second = passed(d, -normals, INDEX)
-    own, along = pose.own_points(p), pose.own_directions(d)
+    own = pose.to_local_points(p)
+    along = pose.to_local_directions(d)
     hits = own[:, :2] - (own[:, 2] / along[:, 2])[:, None] * along[:, :2]
     lit = met & cavity & (along[:, 2] < 0.0) & (np.abs(hits) < 0.5 * spec.source.side_mm).all(axis=1)
     return np.where(lit, RADIANCE * first * second, 0.0)
@@ -87,7 +96,8 @@ def radiance_backwards(points: np.ndarray, directions: np.ndarray, spec: Spec) -
 
 def seen_backwards(view: EyeView, spec: Spec, times: int = 400) -> np.ndarray:
     """Radiance of each pixel towards the eye: means over lines from places in it."""
-    rng, grid = np.random.default_rng(1), view.grid
+    rng = np.random.default_rng(1)
+    grid = view.grid
     picture = np.zeros(grid.shape)
     for row, y in enumerate(grid.y()):
         x = np.repeat(grid.x(), times)
@@ -103,7 +113,8 @@ def seen_backwards(view: EyeView, spec: Spec, times: int = 400) -> np.ndarray:
 def brightest_disc(view: EyeView, spec: Spec) -> float:
     """Largest mean over a disc as wide as a spot, about any of many places."""
     fine = replace(view, grid=view.grid.finer(4))
-    picture, pixel = seen_backwards(fine, spec, 9), fine.grid.pixel[0]
+    picture = seen_backwards(fine, spec, 9)
+    pixel = fine.grid.pixel[0]
     reach = int(np.ceil(0.5 * view.spot_mm / pixel))
     across = np.arange(-reach, reach + 1) * pixel
     disc = np.hypot(across, across[:, None]) <= 0.5 * view.spot_mm
@@ -139,17 +150,20 @@ def test_the_image_of_a_small_led_is_as_bright_as_it_is(blur_deg: float) -> None
 def test_a_surface_of_one_luminance_to_all_sides_keeps_it_exactly(blur: float) -> None:
     """An element of any tilt in the plane of the picture, by Gauss's rule over the cap of the kernel."""
     (view,) = eye_views(crooked({"eyes_mm": [NEAR], "blur_deg": blur, "spot_mm": 1.0}))
-    place, normal = np.array([2.0, -3.0, 0.0]), np.array([0.3, -0.2, 0.9])
+    place = np.array([2.0, -3.0, 0.0])
+    normal = np.array([0.3, -0.2, 0.9])
     e = np.array([0.0, 0.0, view.distance_mm]) - place
     e /= np.linalg.norm(e)
-    h, (nodes, weights) = 1.0 - np.cos(view.blur_rad), np.polynomial.legendre.leggauss(4)
+    h = 1.0 - np.cos(view.blur_rad)
+    (nodes, weights) = np.polynomial.legendre.leggauss(4)
     one = np.cross(e, normal) / np.linalg.norm(np.cross(e, normal))
     cosine, turn = (each.ravel() for each in np.meshgrid(1.0 - 0.5 * h * (nodes + 1.0), 0.25 * np.pi * np.arange(8)))
     d = cosine[:, None] * e + np.sqrt(1.0 - cosine**2)[:, None] * (
         np.cos(turn)[:, None] * one + np.sin(turn)[:, None] * np.cross(e, one)
     )
     flux = 3.0 * d @ normal * np.tile(0.5 * h * weights, 8) * 0.25 * np.pi  # of an area of 1, L = 3
-    there, fates = np.tile(view.pose.points(place), (32, 1)), np.full(32, Fate.LEFT_LENS, dtype=np.int8)
+    there = np.tile(view.pose.points(place), (32, 1))
+    fates = np.full(32, Fate.LEFT_LENS, dtype=np.int8)
     landed = view.land(ExitRays(there, view.pose.directions(d), flux, flux, fates))
     assert landed.flux.sum() == pytest.approx(3.0 * (normal @ e) / e[2], rel=1e-9), "L times the area that is covered"
     assert np.allclose(landed.hits, place[:2], atol=1e-9) and landed.arrived.all()
@@ -160,9 +174,11 @@ def test_the_picture_is_upright_and_a_spot_is_the_mean_over_a_disc() -> None:
     """From the right of the lens its +y is to the right, its axis up; of several lamps the first one is seen."""
     beside = crooked({"eyes_deg": [(60.0, 0.0)], "spot_mm": 2.5})
     (view,) = eye_views(beside)
-    sine, cosine = 0.5 * 3.0**0.5, 0.5
+    sine = 0.5 * 3.0**0.5
+    cosine = 0.5
     assert np.allclose(view.pose.axes, [[0.0, 1.0, 0.0], [-cosine, 0.0, sine], [sine, 0.0, cosine]])
-    spots, pixel = view.spots(), view.grid.pixel[0]
+    spots = view.spots()
+    pixel = view.grid.pixel[0]
     middle = spots[view.grid.columns * (view.grid.rows // 2) + view.grid.columns // 2]
     assert middle.sum() == pytest.approx(1.0)
     centres = np.stack(np.meshgrid(view.grid.x(), view.grid.y()), axis=-1).reshape(-1, 2)
@@ -218,7 +234,8 @@ def test_eyes_all_around_are_judged_by_the_one_that_sees_most() -> None:
     angles = [np.degrees(np.arccos(eye.pose.axis[2])) for eye in ring.eyes]
     assert np.allclose(angles, [65.0] * 24 + [80.0] * 24)
     assert np.allclose(ring.eyes[6].pose.axis, [0.0, np.sin(np.radians(65.0)), np.cos(np.radians(65.0))], atol=1e-6)
-    ((limit,), (seen,)) = (light := lf.evaluate(balls(spec), accuracy=FEW)).limits, light.seen
+    (limit,) = (light := lf.evaluate(balls(spec), accuracy=FEW)).limits
+    (seen,) = light.seen
     assert limit.key == "room, seen from 65° up, all around" and limit.note == "luminance of the brightest spot"
     exact = [(eye.spots() @ seen_backwards(eye, spec, 1).ravel()).max() for eye in ring.eyes]
     assert limit.value == pytest.approx(max(exact), abs=3.0 * limit.standard_error)
@@ -231,16 +248,19 @@ def test_eyes_all_around_are_judged_by_the_one_that_sees_most() -> None:
 def test_the_picture_of_a_ring_holds_those_of_its_eyes() -> None:
     """Pictures, spots and the slope of the search are those of each eye alone, the second one above the first."""
     spec = crooked(RING)
-    ring, rays = around(spec), build_source(spec.source).sample(2**14, 3)
+    ring = around(spec)
+    rays = build_source(spec.source).sample(2**14, 3)
     grid = grid_for(0.4, 8.0)
     faces = [tabulate(grid, face) for face in balls(spec).surfaces.values()]
     exits = trace_tables(faces, Scene(spec.lens.media, grid), rays)
     landed = ring.land(exits)
     parts = np.split(bin_flux(landed.hits, landed.flux, ring.grid), len(ring.eyes))
     rng = np.random.default_rng(4)
-    by_hits, by_flux = rng.normal(size=landed.hits.shape), rng.normal(size=len(rays))
+    by_hits = rng.normal(size=landed.hits.shape)
+    by_flux = rng.normal(size=len(rays))
     found, of_flux = ring.adjoint(exits, by_hits, by_flux)
-    points, fluxes = np.zeros_like(exits.points), np.zeros(len(rays))
+    points = np.zeros_like(exits.points)
+    fluxes = np.zeros(len(rays))
     for eye, part in zip(ring.eyes, parts, strict=True):
         own = eye.land(exits)
         np.testing.assert_allclose(part, bin_flux(own.hits, own.flux, eye.grid), atol=1e-12)
@@ -257,7 +277,8 @@ def test_the_mean_is_judged_and_none_is_asked_above_that_of_the_source() -> None
     """Of a bound on both sides of it; a lens loses two faces' reflections at least."""
     eyes = {"eyes_deg": [FAR], "spot_mm": 1.5, "of": "mean", "at_most": 1e9}
     light = lf.evaluate(balls(crooked(eyes)), accuracy=FEW)
-    (limit,), (seen,) = light.limits, light.seen
+    (limit,) = light.limits
+    (seen,) = light.seen
     assert limit.value == pytest.approx(seen.mean.value, rel=1e-9) and limit.note == "mean luminance over the outline"
     for factor, states in ((0.8, ["pass", "pass"]), (1.2, ["fail", "pass"])):
         spec = crooked(eyes | {"at_least": factor * limit.value})
@@ -271,8 +292,10 @@ def test_the_mean_is_judged_and_none_is_asked_above_that_of_the_source() -> None
 
 def test_the_search_sees_the_mean_over_the_outline_of_the_lens_of_each_step() -> None:
     """The intensity of its eye over the area that a trace of the same faces finds."""
-    spec, seen = crooked({"eyes_deg": [FAR], "spot_mm": 1.5, "of": "mean"}), []
-    source, parameters = build_source(spec.source), SphereParameters.of(spec, 4.0)
+    spec = crooked({"eyes_deg": [FAR], "spot_mm": 1.5, "of": "mean"})
+    seen = []
+    source = build_source(spec.source)
+    parameters = SphereParameters.of(spec, 4.0)
     for of in ("mean", "peak"):
         merit = MeritFunction.of(
             spec.replace(limits=[LIMIT | {"eyes_deg": [FAR], "spot_mm": 1.5, "of": of}]), source, parameters
@@ -313,7 +336,8 @@ def test_the_search_pays_for_spots_above_the_bound_alone() -> None:
     views = eye_views(spec, searched=True)
     (limit,) = light_limits(spec, (), None, 1.0, views)
     assert views[0].spot_mm == pytest.approx(views[0].grid.width / 16.0) and views[0].blur_rad == np.radians(5.0)
-    term, ones = LimitTerm.of(limit), torch.full(views[0].grid.shape, views[0].pixel_measure, dtype=torch.float64)
+    term = LimitTerm.of(limit)
+    ones = torch.full(views[0].grid.shape, views[0].pixel_measure, dtype=torch.float64)
     inside = np.isclose(limit.of(ones.numpy()[None]), 1.0)  # at the edge a spot is in part beyond the picture
     assert inside.mean() > 0.7
     images = (ones, 9.3 * ones)

@@ -18,7 +18,9 @@ from lensforge.spec.lamps_section import ALONE, Lamps
 from lensforge.surfaces.reciprocal import ConeFace, ConicFace, PlaneFace
 
 DOME = lf.Lens.double(sphere(3.0), sphere(6.0), small_spec(), seed=0, accuracy="draft")
-RIM_MM, EXIT_MM = 5.0 + 0.6 * 8.0, 8.0  # where the wall of the collimator meets its exit
+# where the wall of the collimator meets its exit
+RIM_MM = 5.0 + 0.6 * 8.0
+EXIT_MM = 8.0
 COLLIMATOR = lf.Lens(
     {
         "cap": sphere(4.0),
@@ -94,7 +96,9 @@ def test_each_of_two_oblong_lenses_is_as_wide_as_it_is_turned(turned: tuple[floa
     lens = lf.Lens.double(sphere(2.0), outer, small_spec(), 0, FEW)
     lamps = Lamps(tuple(Lamp((x, 0.0, 0.0), ALONG_Z, turn) for x, turn in zip((-15.0, 15.0), turned, strict=True)))
     units = hemisphere_directions(400_000)
-    points, low, high = outer.radius(units)[:, None] * units, [], []
+    points = outer.radius(units)[:, None] * units
+    low = []
+    high = []
     for x, turn in zip((-15.0, 15.0), turned, strict=True):
         across = points[:, :1] * [cos(radians(turn)), sin(radians(turn))]
         across = across + points[:, 1:2] * [-sin(radians(turn)), cos(radians(turn))] + [x, 0.0]

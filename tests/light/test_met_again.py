@@ -19,7 +19,8 @@ from lensforge.surfaces.asphere import sphere
 from lensforge.surfaces.bicubic_table import TableGrid
 from lensforge.surfaces.reciprocal import PlaneFace
 
-GRID, EVENTS = TableGrid(301), 6
+GRID = TableGrid(301)
+EVENTS = 6
 BALL = Body((Face("cup", sphere(10.0), CAVITY, "body"), Face("mouth", PlaneFace(REACH, 8.0), CAVITY, OUTSIDE)))
 WHITE = replace(clear(coatings=mirrors(0.9, cup=CAVITY)), scatter=(FaceScatter("cup", lambertian(1.0)),))
 
@@ -32,7 +33,8 @@ def test_light_in_a_white_sphere_ends_as_its_closed_form_says() -> None:
     """
     rays = build_source(SquareSource(side_mm=0.0), facets=1).sample(2**17, 3)
     found = TracedBundle.of(tables_of(BALL, GRID), Scene(WHITE, GRID, chain=BALL.chain(EVENTS)), rays)
-    exits, met = found.exits, (found.met >= 0).sum(axis=1)
+    exits = found.exits
+    met = (found.met >= 0).sum(axis=1)
     times = np.arange(1, EVENTS)
     wanted = 0.64 * 0.9**times * 0.4 ** (times - 1)
     for number, share in zip(times, wanted, strict=True):
@@ -53,7 +55,8 @@ def test_facets_of_a_mirror_that_is_met_again_are_others() -> None:
         for each in (media, replace(media, scatter=(FaceScatter("cup", GaussianFacets(1e-9)),)))
     )
     assert (rough.met >= 0).sum(axis=1).max() == 3 and not np.array_equal(rough.met, steep.met)
-    keys, numbers = roughness(media, ("cup", "mouth"), rays).keys, []
+    keys = roughness(media, ("cup", "mouth"), rays).keys
+    numbers = []
     for face in (0, 1):
         numbers += [numbers_again(keys, face, np.full(len(rays), times)) for times in (1, 2, 3)]
     assert np.abs(np.corrcoef(np.column_stack(numbers).T) - np.eye(12)).max() < 0.025

@@ -32,7 +32,8 @@ def bumpy(side: int, deviation: float, seed: int = 0) -> np.ndarray:
 
 def noisy(truth: np.ndarray, noise: float, rng: np.random.Generator) -> np.ndarray:
     """Replicates whose mean has noise of standard deviation ``noise`` in each pixel, neighbours correlated."""
-    white, point = rng.normal(size=(REPLICATES, *truth.shape)), np.zeros((5, 5))
+    white = rng.normal(size=(REPLICATES, *truth.shape))
+    point = np.zeros((5, 5))
     point[2, 2] = 1.0
     kept = np.linalg.norm(gaussian3(point, 1.0))
     filtered = np.stack([gaussian3(image, 1.0) for image in white]) / kept
@@ -89,7 +90,8 @@ def test_too_few_replicates_leave_the_noise_in_and_have_no_error(lit: int) -> No
     for few in (images[: max(lit, 1)], np.where(np.arange(16)[:, None, None] < lit, images, 0.0)):
         if lit == 0:
             few = np.zeros_like(few)
-        found, even = nmse_estimate(few, TARGET).metric(), rsd_estimate(few, EVERYWHERE).metric()
+        found = nmse_estimate(few, TARGET).metric()
+        even = rsd_estimate(few, EVERYWHERE).metric()
         assert found.value == nmse(few.mean(axis=0), TARGET)
         assert even.value == relative_deviation(few.mean(axis=0), EVERYWHERE)
         assert found.standard_error is None and even.standard_error is None
@@ -122,7 +124,10 @@ def _spot(depth: float, width: float = 3.0) -> np.ndarray:
     ids=["flat", "bumps, little noise", "bumps", "bumps, much noise", "spot, little noise", "spot", "dark edge"],
 )
 def test_the_bias_is_within_one_standard_error_which_is_that_of_the_scatter(truth: np.ndarray, noise: float) -> None:
-    rng, values, errors, raw = np.random.default_rng(2), [], [], []
+    rng = np.random.default_rng(2)
+    values = []
+    errors = []
+    raw = []
     for _ in range(50):
         images = noisy(truth, noise, rng)
         metric = least_over_mean(images[:, WHOLE]).metric()
@@ -140,7 +145,9 @@ def test_the_bias_is_within_one_standard_error_which_is_that_of_the_scatter(trut
 
 def test_two_pixels_follow_clark_and_stein() -> None:
     """Two pixels, one darker by d: the minimum and the value of the chosen one have closed forms (Clark 1961)."""
-    d, spread, rng = 0.02, 0.1, np.random.default_rng(8)
+    d = 0.02
+    spread = 0.1
+    rng = np.random.default_rng(8)
     found = []
     for _ in range(500):
         choices = _Choices.of(np.array([1.0, 1.0 + d]) + spread * rng.normal(size=(16, 2)), _halves())
@@ -151,7 +158,8 @@ def test_two_pixels_follow_clark_and_stein() -> None:
     chosen = 1.0 + d * norm.cdf(-d / theta)
     by_variance = -norm.pdf(d / theta) / theta  # of the minimum, by t
     assert chosen == pytest.approx(minimum - 2.0 * t * by_variance, rel=1e-12)
-    means, errors = np.mean(found, axis=0), np.std(found, axis=0) / np.sqrt(len(found))
+    means = np.mean(found, axis=0)
+    errors = np.std(found, axis=0) / np.sqrt(len(found))
     assert abs(means[0] - minimum) < 4.0 * errors[0]
     assert abs(means[1] - chosen) < 4.0 * errors[1]
 
@@ -161,7 +169,8 @@ def test_values_with_one_replicate_left_out_are_those_of_the_others() -> None:
     for blocks in (_halves(), _quarters()):
         left_out = _Choices.of(images, blocks).left_out(0.7)
         for k in range(16):
-            least, readings = [], []
+            least = []
+            readings = []
             for block in blocks:
                 inside = [j for j in range(16) if block[j]]
                 if k not in inside:
@@ -181,7 +190,8 @@ def test_places_read_twice_change_no_least_value() -> None:
 
 
 def test_relative_errors_of_a_ratio_add_in_squares() -> None:
-    above, below = Metric(value=3.0, standard_error=0.3), Metric(value=4.0, standard_error=0.2)
+    above = Metric(value=3.0, standard_error=0.3)
+    below = Metric(value=4.0, standard_error=0.2)
     ratio = ratio_of(above, below)
     assert ratio.value == 0.75
     assert ratio.standard_error / ratio.value == pytest.approx(np.hypot(0.1, 0.05))

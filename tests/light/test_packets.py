@@ -25,7 +25,8 @@ def _rays() -> RayBundle:
     """From everywhere to everywhere, so that rays of all fates lie beside each other."""
     rng = np.random.default_rng(0)
     led = SquareEmitter(0.8).sample(COUNT, 0)
-    origins, directions = led.origins.copy(), led.directions.copy()
+    origins = led.origins.copy()
+    directions = led.directions.copy()
     origins[::5] = rng.normal(size=origins[::5].shape) * 0.6
     directions[::5] = rng.normal(size=directions[::5].shape)
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
@@ -39,7 +40,8 @@ def _fields(exits: ExitRays) -> tuple[np.ndarray, ...]:
 
 @pytest.mark.parametrize("size", [1, WIDTH - 1, WIDTH + 1, SIZE - 1, SIZE, SIZE + 1])
 def test_parts_of_a_bundle_are_traced_as_the_whole(size: int) -> None:
-    tables, rays = _tables(), _rays()
+    tables = _tables()
+    rays = _rays()
     whole = _fields(TracedBundle.of(tables, SCENE, rays).exits)
     assert len(set(whole[-1].tolist())) >= 4, "rays of several fates"
     starts = range(0, COUNT, size) if size > WIDTH + 1 else range(0, 6 * size, size)
@@ -50,11 +52,17 @@ def test_parts_of_a_bundle_are_traced_as_the_whole(size: int) -> None:
 
 
 def test_gradients_are_the_sum_of_those_of_the_parts() -> None:
-    tables, rays, rng = _tables(), _rays(), np.random.default_rng(1)
+    tables = _tables()
+    rays = _rays()
+    rng = np.random.default_rng(1)
     by = Sensitivities(rng.normal(size=(COUNT, 3)), rng.normal(size=(COUNT, 3)))
-    by_flux, by_sin2 = rng.normal(size=COUNT), rng.normal(size=COUNT)
-    by_flux[::3], by_sin2[::3] = 0.0, 0.0
-    by.by_points[::3], by.by_directions[::3] = 0.0, 0.0  # these matter to nothing: their places are others'
+    by_flux = rng.normal(size=COUNT)
+    by_sin2 = rng.normal(size=COUNT)
+    by_flux[::3] = 0.0
+    by_sin2[::3] = 0.0
+    # these matter to nothing: their places are others'
+    by.by_points[::3] = 0.0
+    by.by_directions[::3] = 0.0
     whole = TracedBundle.of(tables, SCENE, rays).gradients(by, by_flux, by_sin2)
     total = [np.zeros_like(each) for each in whole]
     for start in range(0, COUNT, 101):

@@ -46,7 +46,8 @@ def test_exit_rays_go_where_the_tracer_says():
     out = exit_rays(traced, rays, 7.0)
     third = _plane_at(321.0).land(traced.trace(rays))
     arrived = third.landed
-    start, way = out.rays.origins, out.rays.directions
+    start = out.rays.origins
+    way = out.rays.directions
     landed = start + way * ((321.0 - start[:, 2]) / way[:, 2])[:, None]
     np.testing.assert_allclose(landed[:, :2], third.hits[arrived], rtol=1e-10, atol=1e-8)
     np.testing.assert_allclose(np.linalg.norm(start, axis=1), 7.0, rtol=1e-9)
@@ -114,11 +115,13 @@ def test_the_ray_file_is_the_light_that_the_tracer_sees(tmp_path):
     """Means over the receiver's plane of the file's rays, and of the tracer's for other rays of the same source."""
     measured(ROUGH, rays=2**14).save(tmp_path / "lens.tm25ray")
     rayfile = read_rayfile(tmp_path / "lens.tm25ray")
-    start, way = rayfile.positions_mm.astype(float), rayfile.directions.astype(float)
+    start = rayfile.positions_mm.astype(float)
+    way = rayfile.directions.astype(float)
     landed = (start + way * ((100.0 - start[:, 2]) / way[:, 2])[:, None])[:, :2]
     exits = TracedLens.of(ROUGH, 6.0).trace(build_source(ROUGH.spec.source).sample(2**15, 77))
     seen_there = _plane_at(100.0).land(exits)
-    hits, flux = seen_there.hits, seen_there.flux
+    hits = seen_there.hits
+    flux = seen_there.flux
     for axis in (0, 1):
         seen = np.tanh(hits[:, axis] / 80.0 + 0.3) @ flux
         assert np.tanh(landed[:, axis] / 80.0 + 0.3) @ rayfile.flux == pytest.approx(seen, abs=2e-3)

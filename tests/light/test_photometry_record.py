@@ -19,7 +19,8 @@ from lensforge.spec.accuracy import PRESETS
 
 GRID = AngularGrid(8, np.array([0.0, 10.0, 30.0, 50.0, 90.0]))
 FALL = np.array([1.0, 0.8, 0.45, 0.2, 0.0])
-FLUX_W, LM_PER_W = 2.0, 300.0
+FLUX_W = 2.0
+LM_PER_W = 300.0
 SPEC = small_spec(source__luminous_efficacy_lm_per_w=LM_PER_W, source__flux_w=FLUX_W, manufacture__date="2026-03-01")
 LENS = Lens.double(sphere(3.0), sphere(6.0), SPEC, seed=5, accuracy="draft")
 
@@ -58,7 +59,8 @@ def measured(lens: Lens = LENS, **options: object) -> Photometry:
 
 
 def test_every_field_is_that_of_the_light(asked: dict) -> None:
-    found, given = measured(rays=1000), light()
+    found = measured(rays=1000)
+    given = light()
     assert (asked["rays"], asked["by_itself"], asked["seed"]) == (1000, PRESETS["draft"].photometry_rays, 5)
     assert asked["meter"].sphere_mm == pytest.approx(1.001 * 6.0) and asked["meter"].symmetry == "none"
     assert found.inputs == {"lens": LENS.sha256} and (found.rays, found.source_w, found.source_lm) == (640, 2.0, 600.0)

@@ -19,9 +19,12 @@ from lensforge.sources.build_source import SquareEmitter
 from lensforge.sources.ray_bundle import RayBundle
 from lensforge.surfaces.bicubic_table import TableGrid
 
-transmittances, coated_transmittances = alone(fresnel.transmittances), alone(fresnel.coated_transmittances)
-axial_share, polarised_share = alone(fresnel.axial_share), alone(fresnel.polarised_share)
-N, GRID = 1.4936, TableGrid(64)
+transmittances = alone(fresnel.transmittances)
+coated_transmittances = alone(fresnel.coated_transmittances)
+axial_share = alone(fresnel.axial_share)
+polarised_share = alone(fresnel.polarised_share)
+N = 1.4936
+GRID = TableGrid(64)
 RNG = np.random.default_rng(7)
 GLASS = CoverGlass(1.52, 4.0, 10.0)
 
@@ -42,7 +45,8 @@ def ray_matrix(d, n, ratio):
     if i < 1e-7:
         r_s = r_p = (1.0 - ratio) / (1.0 + ratio)
     else:
-        r_s, r_p = np.sin(i - t) / np.sin(i + t), np.tan(i - t) / np.tan(i + t)
+        r_s = np.sin(i - t) / np.sin(i + t)
+        r_p = np.tan(i - t) / np.tan(i + t)
     into, out = (np.column_stack([s, np.cross(way, s), way]) for way in (d, b))
     return out @ np.diag([np.sqrt(1.0 - r_s**2), np.sqrt(1.0 - r_p**2), 1.0]) @ into.T, b
 
@@ -76,7 +80,8 @@ def two_faces(angles=(1.3, 0.6), count=40):
 
 def of_two(d, m, within, n):
     """By the formulas of the kernels: the shares that pass, and with their field along z, of a unit flux."""
-    c, e = d @ m, within @ n
+    c = d @ m
+    e = within @ n
     t_s, t_p, excess = transmittances(c, within @ m, 1.0 / N)[0]
     first = t_s, t_p, excess * N**2
     second, _ = transmittances(e, snell(within, n, N) @ n, N)
@@ -139,7 +144,9 @@ def test_skew_rays_through_spheres_transmit_as_their_matrices_say(glass):
     found = trace_tables(tables, Scene(media, GRID), rays)
     assert found.left_lens.sum() > 50
     for k in np.nonzero(found.left_lens.numpy() & (found.directions[:, 2].numpy() > 0.05))[0]:
-        p, d, faces = rays.origins[k], rays.directions[k], []
+        p = rays.origins[k]
+        d = rays.directions[k]
+        faces = []
         way = d
         for radius, ratio in ((0.8, 1.0 / N), (1.3, N)):
             along = p @ way
@@ -175,7 +182,8 @@ def test_gradients_at_nearly_normal_incidence_are_those_of_differences(glass):
     """Through nearly concentric spheres all light of a point passes at nearly normal incidence."""
     tables = [table_of(random_surface(k, radius, 0.02), GRID) for k, radius in ((3, 0.8), (4, 2.45))]
     rays = SquareEmitter(1e-6).sample(256, 2)
-    scene, by_flux = Scene(Media(Medium(N), cover_glass=glass), GRID), torch.from_numpy(RNG.normal(size=256))
+    scene = Scene(Media(Medium(N), cover_glass=glass), GRID)
+    by_flux = torch.from_numpy(RNG.normal(size=256))
 
     def value(*moved):
         return (1e3 * by_flux * by_kernels(list(moved), scene, rays, 1e4).flux).sum()

@@ -57,7 +57,8 @@ def test_the_tables_of_broad_functions_with_large_weights_resolve_their_shape(so
     inner, outer = (
         random_surface(seed, radius, rough, (9,)) for seed, radius, rough in ((3, 3.0, 0.1), (4, 6.0, 0.05))
     )
-    broad, rays = Lens.double(inner, outer, small_spec(), 0, "draft"), source.sample(4096, 1)
+    broad = Lens.double(inner, outer, small_spec(), 0, "draft")
+    rays = source.sample(4096, 1)
     coarse, fine = (
         _landed(broad, TracedLens.of(broad, nodes).trace(rays))
         for nodes in (PRESETS["draft"].evaluate_nodes_per_sigma, 64.0)

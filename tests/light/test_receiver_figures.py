@@ -30,7 +30,8 @@ def lit(images: np.ndarray, spec: Spec, emitted_w: float = 2.0) -> tuple[Receive
     receiver = receivers_of(spec, 6)[0]
     by_fate = np.zeros((len(images), CAUSES))
     by_fate[:, Fate.LEFT_LENS] = images.sum(axis=(1, 2))
-    whole, drawn = images.sum(axis=(1, 2)), drawn_target(spec.all_receivers[0].targets, receiver)
+    whole = images.sum(axis=(1, 2))
+    drawn = drawn_target(spec.all_receivers[0].targets, receiver)
     received = ReceivedFlux(images, by_fate, 0.7 * whole, 0.3 * whole, 0.4 * whole[:, None], (drawn,))
     light = SourceLight.of(SquareEmitter(1.0), Media(Medium(1.5)), 256)
     found = receiver_light(
@@ -45,7 +46,9 @@ def test_the_light_on_a_receiver_is_that_of_its_pictures(uniform_mm: list[float]
     images = np.random.default_rng(0).uniform(0.5, 1.5, (5, 4, 6)) / 40.0
     smooth = np.stack([gaussian3(image, 1.0) for image in images])
     found, target = lit(images, spec)
-    measure, mean = 1e-4, smooth.mean(axis=0)  # pixels of 10 mm
+    # pixels of 10 mm
+    measure = 1e-4
+    mean = smooth.mean(axis=0)
     np.testing.assert_allclose(found.map, mean / measure)
     np.testing.assert_allclose(found.raw_map, images.mean(axis=0) / measure)
     np.testing.assert_allclose(found.target_map, target * mean.sum() / measure)

@@ -22,7 +22,8 @@ from lensforge.surfaces import surface as chart
 from lensforge.surfaces.bicubic_table import TableGrid
 from lensforge.surfaces.surface import Surface
 
-N, FAR = 1.4936, 30.0
+N = 1.4936
+FAR = 30.0
 LENS = random_surface(1, 0.8, 0.01, (9, 25)), random_surface(2, 2.45, 0.01, (9, 25))
 GRID = TableGrid(48)
 
@@ -55,7 +56,9 @@ def _enter(surface: Surface, points: np.ndarray, directions: np.ndarray, reach: 
         distance = np.linalg.norm(at, axis=1)
         return (at[:, 2] > -0.1) & (distance < surface.radius(at / distance[:, None]))
 
-    low, high, found = np.zeros(len(points)), np.full(len(points), np.inf), np.zeros(len(points), dtype=bool)
+    low = np.zeros(len(points))
+    high = np.full(len(points), np.inf)
+    found = np.zeros(len(points), dtype=bool)
     for t in np.linspace(1e-3, reach, 600):
         here = inside(np.full(len(points), t)) & ~found
         high[here] = t
@@ -65,7 +68,8 @@ def _enter(surface: Surface, points: np.ndarray, directions: np.ndarray, reach: 
     for _ in range(60):
         middle = 0.5 * (low + high)
         below = inside(middle)
-        low, high = np.where(below, low, middle), np.where(below, middle, high)
+        low = np.where(below, low, middle)
+        high = np.where(below, middle, high)
     return points + low[:, None] * directions
 
 
@@ -73,12 +77,15 @@ def _back(lens: tuple[Surface, Surface], hits: np.ndarray, directions: np.ndarra
     """Points in the plane z = 0, directions there, and the transmitted share, of rays from the receiver."""
     inner, outer = lens
     t = (hits[:, 2] - 4.0) / -directions[:, 2]
-    points, fields = hits + t[:, None] * directions, dielectric.unpolarised_fields(torch.from_numpy(directions))
+    points = hits + t[:, None] * directions
+    fields = dielectric.unpolarised_fields(torch.from_numpy(directions))
     for surface, ratio, reach in ((outer, 1.0 / N, 8.0), (inner, N, 5.0)):
         points = _enter(surface, points, directions, reach)
         normals = -surface.normal(points / np.linalg.norm(points, axis=1, keepdims=True))
-        d, n = torch.from_numpy(directions), torch.from_numpy(normals)
-        behind, found = dielectric.refract(d, n, ratio), dielectric.fresnel_transmittances((d * n).sum(dim=1), ratio)
+        d = torch.from_numpy(directions)
+        n = torch.from_numpy(normals)
+        behind = dielectric.refract(d, n, ratio)
+        found = dielectric.fresnel_transmittances((d * n).sum(dim=1), ratio)
         fields = dielectric.fields_behind(fields, d, behind, n, dielectric.passing_amplitudes(found, ratio))
         directions = behind.numpy()
     carried = 0.5 * (fields**2).sum(dim=(1, 2)).numpy()

@@ -25,7 +25,8 @@ from lensforge.surfaces.asphere import sphere
 from lensforge.surfaces.bicubic_table import TableGrid, tabulate
 
 GRID = TableGrid(64)
-SCENE, DISTANCE = Scene(Media(Medium(1.4936)), GRID), 100.0
+SCENE = Scene(Media(Medium(1.4936)), GRID)
+DISTANCE = 100.0
 pytestmark = pytest.mark.parametrize("device", DEVICES)
 
 
@@ -46,19 +47,23 @@ def _agree(kernels: Landed, found: Landed) -> None:
     assert torch.allclose(found.carried, kernels.carried, rtol=1e-10, atol=0.0)
     assert torch.allclose(found.sin2_exit, kernels.sin2_exit, rtol=0.0, atol=1e-11)
     gentle = kernels.sin2_exit < 0.99  # nearer to the critical angle, rounding grows on the way to the receiver
-    apart, far = (found.hits - kernels.hits).norm(dim=1), kernels.hits.norm(dim=1)
+    apart = (found.hits - kernels.hits).norm(dim=1)
+    far = kernels.hits.norm(dim=1)
     assert (apart <= 1e-9 + 5e-10 * far)[gentle].all()
     assert torch.allclose(found.hits, kernels.hits, rtol=1e-7, atol=1e-7)
 
 
 def test_every_fate_is_that_of_the_kernels(device: str) -> None:
     """From everywhere to everywhere, through lenses that reflect, and whose surfaces cross."""
-    rng, count = np.random.default_rng(0), 4000
+    rng = np.random.default_rng(0)
+    count = 4000
     directions = rng.normal(size=(count, 3))
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
     origins = rng.normal(size=(count, 3)) * 0.5
-    origins[:10], directions[10:20] = 0.0, [0.0, 0.0, 1.0]
-    origins[20], directions[21] = np.nan, np.nan
+    origins[:10] = 0.0
+    directions[10:20] = [0.0, 0.0, 1.0]
+    origins[20] = np.nan
+    directions[21] = np.nan
     rays = RayBundle(origins, directions, rng.random(count))
     seen: set[int | str] = set()
     for seed, roughness, radii in ((1, 0.06, (0.8, 1.6)), (3, 0.15, (1.0, 1.3)), (5, 0.0, (1.0, 0.5))):
@@ -100,7 +105,8 @@ CHAINS = {  # a body, its media, how it was made, events of a chain, Fresnel's l
 def test_chains_of_events_and_their_gradients_are_those_of_the_kernels(name: str, device: str) -> None:
     body, media, made, events, fresnel = CHAINS[name]
     tables = torch.from_numpy(tables_of(body, GRID)).requires_grad_()
-    chain, rays = None if events is None else body.chain(events), upwards(1500, 3, 0.5)
+    chain = None if events is None else body.chain(events)
+    rays = upwards(1500, 3, 0.5)
     scene = Scene(media, GRID, fresnel, made, chain)
     kernels, found = _both(device, list(tables), rays, scene)
     _agree(kernels, found)
@@ -116,7 +122,8 @@ def test_chains_of_events_and_their_gradients_are_those_of_the_kernels(name: str
 
 @pytest.mark.parametrize(("seed", "roughness"), [(1, 0.01), (2, 0.03), (3, 0.06)])
 def test_hard_rays_cross_where_the_kernel_says(device: str, seed: int, roughness: float) -> None:
-    count, grid = 4000, TableGrid(100)
+    count = 4000
+    grid = TableGrid(100)
     table = tabulate(grid, random_surface(seed, 2.0, roughness, levels=(25, 81, 289)))
     starts, directions = hard_rays(table, grid, count, seed)
     lengths, hit, lost = all_hits(starts, directions, table, grid)
@@ -131,7 +138,9 @@ def test_hard_rays_cross_where_the_kernel_says(device: str, seed: int, roughness
 
 def test_rays_from_outside_come_in_where_a_dense_scan_says(device: str) -> None:
     """From far and from a hair above the face, past it and through it, down to the plane z = 0."""
-    count, grid, rng = 1500, TableGrid(100), np.random.default_rng(4)
+    count = 1500
+    grid = TableGrid(100)
+    rng = np.random.default_rng(4)
     table = tabulate(grid, random_surface(1, 2.0, 0.06, levels=(25, 81)))
     u = rng.normal(size=(count, 3))
     u[:, 2] = np.abs(u[:, 2])
@@ -147,7 +156,8 @@ def test_rays_from_outside_come_in_where_a_dense_scan_says(device: str) -> None:
     ways = np.minimum(fall, 15.0)[:, None] * np.linspace(0.0, 1.0, 2000)
     inside = gap(starts[:, None] + ways[..., None] * directions[:, None], table, grid) > 0.0
     first = np.where(inside.any(axis=1), ways[np.arange(count), inside.argmax(axis=1)], np.inf)
-    enters, step = found.found.cpu().numpy(), ways[:, 1]
+    enters = found.found.cpu().numpy()
+    step = ways[:, 1]
     assert not found.lost.any() and 300 < enters.sum() < count - 300
     assert not (~enters & np.isfinite(first)).any()
     at = starts[enters] + paths[enters, None] * directions[enters]

@@ -135,7 +135,9 @@ def test_there_are_up_to_sixteen_replicates_and_none_without_a_ray(rays, of_file
 
 def test_flux_is_counted_by_its_fate_and_by_what_took_it() -> None:
     fates = np.array([0, 0, 1, 6, 3, 0], dtype=np.int8)
-    flux, taken, glass = np.arange(1.0, 7.0), np.full(6, 0.25), np.full(6, 0.5)
+    flux = np.arange(1.0, 7.0)
+    taken = np.full(6, 0.25)
+    glass = np.full(6, 0.5)
     none = np.zeros((6, 3))
     exits = ExitRays(none, none, flux, np.zeros(6), fates, taken, glass)
     missed = np.array([False, True, False, False, False, True])
@@ -159,7 +161,8 @@ def exit_rays(shift: float = 0.0, count: int = 16) -> ExitRays:
 
 
 def test_a_lens_that_was_raised_is_met_higher_and_sends_its_light_from_there() -> None:
-    rays, seen = upwards(3), []
+    rays = upwards(3)
+    seen = []
     lens = straight()
 
     def trace(own: RayBundle) -> ExitRays:

@@ -62,12 +62,14 @@ def test_zones_of_a_lambertian_lamp(street_deg: float) -> None:
 
 def test_an_edge_of_light_between_two_zones_is_theirs_by_the_ray() -> None:
     """A cone of even intensity to 61.7 degrees about the axis, with light to +y alone: no table's step blurs it."""
-    rays, end = _lambertian_rays(2**18), np.deg2rad(61.7)
+    rays = _lambertian_rays(2**18)
+    end = np.deg2rad(61.7)
     z = 1.0 - (1.0 - np.cos(end)) * (1.0 - rays.directions[:, 2] ** 2)  # even over solid angle
     side = np.sqrt((1.0 - z**2) / (1.0 - rays.directions[:, 2] ** 2))
     x, y = (side * rays.directions[:, axis] for axis in (0, 1))
     cone = RayBundle(rays.origins, np.column_stack([x, np.abs(y), z]), rays.flux)
-    low, mid = 1.0 - np.cos(np.deg2rad(30.0)), np.cos(np.deg2rad(30.0)) - 0.5
+    low = 1.0 - np.cos(np.deg2rad(30.0))
+    mid = np.cos(np.deg2rad(30.0)) - 0.5
     expected = np.array([low, mid, 0.5 - np.cos(end), 0.0]) / (1.0 - np.cos(end))
     np.testing.assert_allclose(zone_flux(cone, 90.0, "none"), [expected, np.zeros(4)], atol=1e-4)
     np.testing.assert_allclose(zone_flux(cone, -90.0, "none"), [np.zeros(4), expected], atol=1e-4)
@@ -187,8 +189,10 @@ def test_glare_classes_ask_for_both_angles(at_70: float, at_80: float, wanted: s
 
 
 def test_a_lamp_of_many_lenses_has_their_light() -> None:
-    lamp, section = _lambertian(10.0), PhotometrySection(use="area", lenses=48)
-    one, zones_lm = Metric(value=10.0 * np.pi, unit="lm", standard_error=0.1), np.full((16, 2, 4), 10.0 * np.pi / 8.0)
+    lamp = _lambertian(10.0)
+    section = PhotometrySection(use="area", lenses=48)
+    one = Metric(value=10.0 * np.pi, unit="lm", standard_error=0.1)
+    zones_lm = np.full((16, 2, 4), 10.0 * np.pi / 8.0)
     found = RoadFigures.of(section, lamp, one, zones_lm)
     assert found is not None
     assert found.lumens.value == pytest.approx(480.0 * np.pi)

@@ -78,7 +78,8 @@ def test_a_lens_and_its_file_are_judged_alike(fields, tmp_path) -> None:
     road = RoadSection(**fields)
     by_table = judge_road(road, of_lens(_lamp(), 1.0))
     assert _figures(by_table) == pytest.approx(_figures(judge_road(road, of_file(_file(), 270.0, None))), rel=1e-9)
-    path, roads = tmp_path / "lens.ies", tmp_path / "roads.toml"
+    path = tmp_path / "lens.ies"
+    roads = tmp_path / "roads.toml"
     write_photometric(path, _file())
     roads.write_text("[[roads]]\n" + "\n".join(f"{name} = {json.dumps(value)}" for name, value in fields.items()))
     done = lensforge("road", path, "--road", roads, "--street-c", "270", "--json")
@@ -93,7 +94,8 @@ def test_a_lens_and_its_file_are_judged_alike(fields, tmp_path) -> None:
 
 @pytest.mark.parametrize(("bright", "factor", "power"), [(1.0, 65.0, 0.8), (20.0, 95.0, 1.05)])
 def test_glare_by_its_law_up_to_5_cd_per_m2_and_above(bright: float, factor: float, power: float) -> None:
-    road, candela = RoadSection(**ROAD, maintenance_factor=0.5), of_lens(_lamp(), bright)
+    road = RoadSection(**ROAD, maintenance_factor=0.5)
+    candela = of_lens(_lamp(), bright)
     readings = RoadReadings.of(road)
     for driver, seen, veiling in zip(
         judge_road(road, candela).drivers, readings.luminance, readings.veiling, strict=True
@@ -108,8 +110,10 @@ def test_glare_by_its_law_up_to_5_cd_per_m2_and_above(bright: float, factor: flo
 @pytest.mark.parametrize("bright", [0.4, 1.0])
 def test_ratios_of_rp_8_are_stated_as_it_states_them(bright: float) -> None:
     """Mean over least, largest over least, veiling over mean; the classes that the road has, and those only."""
-    road, candela = RoadSection(**RP8, maintenance_factor=0.8), of_lens(_lamp(), bright)
-    found, readings = judge_road(road, candela), RoadReadings.of(road)
+    road = RoadSection(**RP8, maintenance_factor=0.8)
+    candela = of_lens(_lamp(), bright)
+    found = judge_road(road, candela)
+    readings = RoadReadings.of(road)
     seen, veil = (light[0].of(candela(light[0])).mean(axis=0) for light in (readings.luminance, readings.veiling))
     figures = 0.8 * seen.mean(), seen.mean() / seen.min(), seen.max() / seen.min(), veil.max() / seen.mean()
     assert _figures(found) == pytest.approx(figures, rel=1e-6)
@@ -138,7 +142,8 @@ def test_the_evaluation_the_photometry_and_the_file_have_one_figure(tmp_path) ->
     spec = spec.replace(roads=[*(road.model_dump() for road in spec.roads), RP8 | {"lamp_lm": 4000.0, "name": "wide"}])
     preset = FEW.replace("roads", photometry_rays=(2**12, 2**12))
     lens = lf.Lens.double(random_surface(1, 3.0), random_surface(2, 6.0), spec, 3, preset)
-    light, far = lf.evaluate(lens), lf.photometry(lens)
+    light = lf.evaluate(lens)
+    far = lf.photometry(lens)
     by_light = [(limit.label, limit.value, limit.standard_error) for limit in light.limits]
     named = [(f"{road.name}: {limit.label}", limit) for road in far.roads for limit in road.limits]
     by_table = [(name, limit.value, limit.standard_error) for name, limit in named]
@@ -187,7 +192,8 @@ _OF_M = "mean_cd_per_m2", "uniformity", "uniformity_along", "glare_percent"
 @pytest.mark.parametrize("name", _EN_13201_2)
 def test_each_figure_of_each_driver_and_edge_decides_the_class_that_is_reached(name) -> None:
     """At its bound it is held; a little beyond, by one of two drivers or at one edge, a lower class is reached."""
-    (first, *_), any_edge = judge_road(RoadSection(**ROAD), of_lens(_lamp(), 1.0)).drivers, Metric(value=9.0)
+    (first, *_) = judge_road(RoadSection(**ROAD), of_lens(_lamp(), 1.0)).drivers
+    any_edge = Metric(value=9.0)
     asked = dict(zip(_OF_M, _EN_13201_2[name], strict=False))
 
     def driver(**figures):
@@ -198,7 +204,8 @@ def test_each_figure_of_each_driver_and_edge_decides_the_class_that_is_reached(n
         return best_class(drivers, tuple(any_edge.model_copy(update={"value": each}) for each in edges))
 
     least = _EN_13201_2[name][4]
-    at, far = driver(**asked), driver(mean_cd_per_m2=9.0, uniformity=0.9, uniformity_along=0.9, glare_percent=1.0)
+    at = driver(**asked)
+    far = driver(mean_cd_per_m2=9.0, uniformity=0.9, uniformity_along=0.9, glare_percent=1.0)
     assert reached((far, at), (least, least)) == name
     beyond = [driver(**{**asked, field: asked[field] * (1.001 if "glare" in field else 0.999)}) for field in _OF_M]
     tried = [((far, each), (9.0, 9.0)) for each in beyond] + [((each, far), (9.0, 9.0)) for each in beyond]
@@ -221,7 +228,8 @@ def test_each_figure_of_each_driver_and_edge_decides_the_class_that_is_reached(n
 
 def test_each_road_has_its_own_lamp_and_its_own_spacing(tmp_path) -> None:
     """Two roads but for the lumens of their lamps: all light in proportion, and poles farther apart."""
-    path, roads = tmp_path / "lens.ies", tmp_path / "roads.toml"
+    path = tmp_path / "lens.ies"
+    roads = tmp_path / "roads.toml"
     write_photometric(path, _file())
     fields = "".join(f"{name} = {json.dumps(value)}\n" for name, value in {**ROAD, "lighting_class": "P5"}.items())
     roads.write_text("".join(f"[[roads]]\n{fields}lamp_lm = {lumens}\n" for lumens in (1500.0, 4000.0)))
@@ -272,14 +280,16 @@ def test_the_merit_begins_6_percent_inside_of_each_bound(own) -> None:
 
 @pytest.mark.parametrize("own", [{"uniformity_along": 0.95, "glare_percent": 0.5}, RP8])
 def test_the_merit_falls_along_its_gradient_and_is_zero_where_the_class_is_held(own) -> None:
-    spec, of_ratios = _spec(**own, **_MISSED), {"max_over_min": 1.05, "veiling_ratio": 1e-3}
+    spec = _spec(**own, **_MISSED)
+    of_ratios = {"max_over_min": 1.05, "veiling_ratio": 1e-3}
     receivers = receivers_of(spec, 32)
     limits = [
         replace(each, bound=of_ratios.get(each.quantity, each.bound))
         for each in light_limits(spec, receivers, None, 1.0)
     ]
     picture = torch.from_numpy(np.random.default_rng(2).uniform(0.5, 1.5, receivers[0].grid.shape)) * 1e-4
-    ask, step = picture.clone().requires_grad_(), torch.from_numpy(np.random.default_rng(3).normal(size=picture.shape))
+    ask = picture.clone().requires_grad_()
+    step = torch.from_numpy(np.random.default_rng(3).normal(size=picture.shape))
     for limit in limits:
         if limit.quantity in ("min_over_max", "max_over_min"):
             continue  # its largest light is held: the slope is that of the darkest places
@@ -344,7 +354,8 @@ _NOT_TOO_MUCH = ROAD | {"lighting_class": "P3"}  # at most 1.5 times its mean: p
     "fields", first_by_day(1, [_NOT_TOO_MUCH, ROAD | {"glare_percent": 90.0, "edge_ratio": 0.1}, RP8])
 )
 def test_the_largest_spacing_is_where_a_class_ceases_to_be_held(fields, tmp_path, monkeypatch) -> None:
-    road, candela = RoadSection(**fields), of_file(_file(), 270.0, None)
+    road = RoadSection(**fields)
+    candela = of_file(_file(), 270.0, None)
     found = held_spacing(road, candela)
 
     def held(spacing_m: float) -> bool:
@@ -357,7 +368,8 @@ def test_the_largest_spacing_is_where_a_class_ceases_to_be_held(fields, tmp_path
     assert not any(held(spacing) for spacing in np.linspace(found.largest + 0.9, 108.0, 4))
     assert held(0.5 * (found.least + found.largest)) and found.beyond.outcome == "missed"
     assert held_spacing(road.model_copy(update={"maintenance_factor": 1e-9}), candela, most_steps=15) is None
-    path, roads = tmp_path / "lens.ies", tmp_path / "roads.toml"
+    path = tmp_path / "lens.ies"
+    roads = tmp_path / "roads.toml"
     write_photometric(path, _file())
     roads.write_text("[[roads]]\n" + "\n".join(f"{name} = {json.dumps(value)}" for name, value in fields.items()))
     asked = []
@@ -394,7 +406,8 @@ def test_the_flux_and_the_spacing_that_are_named_keep_the_mean_of_the_class(tmp_
     uneven = replace(judged(1.0)[0], sense="<=", limit=0.5, key="largest").judged()
     for limits in ((uneven, judged(0.05)[0]), judged(0.0)):
         assert next(with_remedies(limits)).remedy == "no luminous flux meets all limits: the light must be more uniform"
-    path, roads = tmp_path / "lens.ies", tmp_path / "roads.toml"
+    path = tmp_path / "lens.ies"
+    roads = tmp_path / "roads.toml"
     write_photometric(path, _file())
     roads.write_text(
         "[[roads]]\n" + "\n".join(f"{name} = {json.dumps(each)}" for name, each in ROAD.items()) + "\nlamp_lm = 9.0"
@@ -413,14 +426,17 @@ def test_tables_in_steps_of_5_degrees_of_gamma_are_a_tenth_off_in_glare_and_name
         found = judge_road(road, of_file(file, 270.0, 3000.0))
         return found.drivers[0].glare_percent.value, list(coarse_for_roads(file))
 
-    (finest, _), (of_cie, quiet), (coarse, named) = glare(1), glare(5), glare(10)
+    (finest, _) = glare(1)
+    (of_cie, quiet) = glare(5)
+    (coarse, named) = glare(10)
     assert quiet == [] and "its steps of gamma are up to 5 degrees" in named[0]
     assert of_cie == pytest.approx(finest, rel=0.05) and abs(coarse / finest - 1.0) > 0.1
 
 
 def test_a_class_may_be_held_at_any_spacing_or_at_none() -> None:
     easy = {"mean_cd_per_m2": 1e-9, "uniformity": 1e-9, "uniformity_along": 1e-9, "glare_percent": 900.0}
-    road, candela = RoadSection(**ROAD, **easy, edge_ratio=1e-9, lanes=1), of_file(_file(), 270.0, None)
+    road = RoadSection(**ROAD, **easy, edge_ratio=1e-9, lanes=1)
+    candela = of_file(_file(), 270.0, None)
     found = held_spacing(road, candela)
     assert (found.least, found.largest, found.beyond) == (4.5, 108.0, None)
     assert spacing_fact(found).note == "class met from 4.5 m up"
@@ -430,7 +446,8 @@ def test_a_class_may_be_held_at_any_spacing_or_at_none() -> None:
 
 def test_lamps_together_share_the_lumens_of_a_road() -> None:
     """Two lenses have twice the light of one; where the lumens of the lamp are given, they have the same."""
-    pair, far = {"lamps": {"kind": "table", "places_mm": [[-20.0, 0.0], [20.0, 0.0]]}, "base": {"kind": "none"}}, 64
+    pair = {"lamps": {"kind": "table", "places_mm": [[-20.0, 0.0], [20.0, 0.0]]}, "base": {"kind": "none"}}
+    far = 64
 
     def readings(spec: Spec) -> np.ndarray:
         return light_limits(spec, receivers_of(spec, far), 300.0, 1.5)[0].readings.toarray()

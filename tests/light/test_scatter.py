@@ -28,8 +28,10 @@ from lensforge.spec.source_sections import SquareSource
 from lensforge.surfaces.asphere import sphere
 from lensforge.surfaces.bicubic_table import TableGrid, tabulate
 
-SEEN, ADDED = alone(seen_number), alone(added_slope)
-N, GRID = 1.49, TableGrid(161)
+SEEN = alone(seen_number)
+ADDED = alone(added_slope)
+N = 1.49
+GRID = TableGrid(161)
 SPHERES = np.stack([tabulate(GRID, sphere(radius)) for radius in (1.0, 3.0)])
 RAYS = replace(
     upwards(200_000, 1), flux=np.full(200_000, 5e-6)
@@ -65,10 +67,12 @@ def test_a_frosted_face_spreads_light_along_its_normal_as_gaussian_facets_do(sig
 def test_a_frosted_face_lets_through_what_its_facets_do(face: str, sigma_deg: float) -> None:
     """Fresnel's transmittance over the distribution of the slopes, at the facets alone: the other face is met later."""
     media = frosted(face, sigma_deg)
-    slope, ratio = media.scatter[0].model.slope, (1.0 / N if face == "inner" else N)
+    slope = media.scatter[0].model.slope
+    ratio = 1.0 / N if face == "inner" else N
 
     def passed(m: float) -> float:
-        c, s = np.cos(m), ratio * np.sin(m)
+        c = np.cos(m)
+        s = ratio * np.sin(m)
         if s >= 1.0:
             return 0.0
         q = np.sqrt(1.0 - s * s)
@@ -109,7 +113,8 @@ def test_light_sees_the_facets_that_face_it(a: float, k: float) -> None:
 @pytest.mark.parametrize("rms", [1e-4, 0.3])
 def test_what_is_seen_changes_with_the_incidence_as_its_derivatives_say(rms: float, cosine: float) -> None:
     """By differences, also beside the place from which a series is summed; light from behind sees the other slopes."""
-    along, step = 0.8 * rms * np.sqrt(1.0 - cosine**2), min(1e-5, 0.3 * (1.0 - abs(cosine)))
+    along = 0.8 * rms * np.sqrt(1.0 - cosine**2)
+    step = min(1e-5, 0.3 * (1.0 - abs(cosine)))
     found = ADDED(rms, cosine, along)
     by_c = [ADDED(rms, cosine + sign * step, along)[0] for sign in (1.0, -1.0)]
     assert found[1] == pytest.approx((by_c[0] - by_c[1]) / (2.0 * step), rel=2e-3, abs=1e-9)
@@ -129,9 +134,11 @@ def test_oblique_light_goes_on_as_the_facets_that_it_sees_send_it(
 
     A mean slope alone had from air at 85 degrees 1 % of the light reflected totally, and twice the spread.
     """
-    turn, (radius, ratio) = np.radians(angle_deg), {"inner": (2.0, 1.0 / N), "outer": (3.0, N)}[face]
+    turn = np.radians(angle_deg)
+    (radius, ratio) = {"inner": (2.0, 1.0 / N), "outer": (3.0, N)}[face]
     other = {"outer": {"cavity_index": N}, "inner": {"outside_index": N}}[face]  # the other face bends nothing
-    media, count = replace(frosted(face, sigma_deg), **other), len(RAYS)
+    media = replace(frosted(face, sigma_deg), **other)
+    count = len(RAYS)
     place = np.tile([radius * np.sin(turn), 0.0, 0.1], (count, 1))
     numbers = np.random.default_rng(1).random((count, 2))
     rays = replace(RAYS, origins=place, directions=np.tile([0.0, 0.0, 1.0], (count, 1)), facets=numbers)
@@ -144,7 +151,8 @@ def test_oblique_light_goes_on_as_the_facets_that_it_sees_send_it(
     weights = weights * np.maximum(way[2] + x * way[0], 0.0)
     c = facets @ way
     q = np.sqrt(np.maximum(1.0 - ratio**2 * (1.0 - c**2), 0.0))
-    behind, passes = ratio * way + (q - ratio * c)[..., None] * facets, weights * (q > 0.0)
+    behind = ratio * way + (q - ratio * c)[..., None] * facets
+    passes = weights * (q > 0.0)
     share = passes.sum() / weights.sum()
     met = exits.fates != Fate.TOTAL_REFLECTION
     assert met.mean() == pytest.approx(share, abs=3e-3 if face == "outer" else 1e-12)
@@ -160,8 +168,10 @@ def test_oblique_light_goes_on_as_the_facets_that_it_sees_send_it(
 
 
 def test_a_ray_meets_the_same_facets_alone_and_among_others() -> None:
-    media, rays = frosted("outer", 4.0), upwards(3000, 2, 0.4)
-    scene, order = Scene(media, GRID), np.random.default_rng(3).permutation(3000)
+    media = frosted("outer", 4.0)
+    rays = upwards(3000, 2, 0.4)
+    scene = Scene(media, GRID)
+    order = np.random.default_rng(3).permutation(3000)
     whole = TracedBundle.of(SPHERES, scene, rays).exits.directions
     some = TracedBundle.of(SPHERES, scene, rays.take(order[:700])).exits.directions
     assert np.array_equal(some, whole[order[:700]])
@@ -185,7 +195,9 @@ def test_a_polished_face_costs_no_bits_and_one_face_does_not_scatter_for_another
 def test_the_proof_draws_facets_of_its_own_with_the_same_light() -> None:
     media = frosted("outer", 8.0)
     own, design = (FaceNumbers.of(with_facets(RAYS, 1), media, ("inner", "outer"), seed=seed) for seed in (7, None))
-    normals, faces, rms = RAYS.directions, np.ones(len(RAYS), dtype=int), np.full(len(RAYS), 0.25)
+    normals = RAYS.directions
+    faces = np.ones(len(RAYS), dtype=int)
+    rms = np.full(len(RAYS), 0.25)
     numbers = [each.at(faces, np.full(len(RAYS), times)) for each in (own, design) for times in (0, 1, 2)]
     assert np.abs(np.corrcoef(np.column_stack(numbers).T) - np.eye(12)).max() < 0.012, "each time that a face is met"
     facets = [tilted(Arrival(*[normals] * 3), rms, each) for each in numbers]
@@ -211,7 +223,8 @@ def test_a_drawn_sample_has_quasi_random_facets_for_two_faces() -> None:
 
 
 def test_facets_of_a_made_part_add_to_those_of_the_design() -> None:
-    made, media = AsMade(slopes={"outer": 0.08, "inner": 0.0}), frosted("outer", 2.0)
+    made = AsMade(slopes={"outer": 0.08, "inner": 0.0})
+    media = frosted("outer", 2.0)
     both = roughness(media, ("inner", "outer"), RAYS, made)
     assert not both.noise[:, :2].any()
     rms = np.hypot(0.08, media.scatter[0].model.slope)
@@ -225,17 +238,18 @@ def test_the_proof_meets_the_facets_of_the_design_on_the_lens_and_on_a_body() ->
 
     Light comes at 40 degrees.
     """
-    rays, names = with_facets(upwards(500, 4, 0.4), 3), ("inner", "outer")
-    facets, faces = (GaussianFacets(0.05), GaussianFacets(0.1)), np.tile([0, 1], 250)
-    normals, (cosine, sine) = rays.directions, (np.cos(np.radians(40.0)), np.sin(np.radians(40.0)))
+    rays = with_facets(upwards(500, 4, 0.4), 3)
+    names = ("inner", "outer")
+    facets = (GaussianFacets(0.05), GaussianFacets(0.1))
+    faces = np.tile([0, 1], 250)
+    normals = rays.directions
+    (cosine, sine) = (np.cos(np.radians(40.0)), np.sin(np.radians(40.0)))
     sideways = np.cross(normals, [0.6, 0.8, 0.0])
     sideways /= np.linalg.norm(sideways, axis=1)[:, None]
     for before, kinds in ((0, facets), (2, (None, facets[0]))):
         seen = replace(clear(N), scatter=tuple(FaceScatter(n, f) for n, f in zip(names, kinds, strict=True) if f))
-        draws, rms = (
-            FaceNumbers.of(rays, seen, names, before),
-            np.array([0.0 if f is None else f.slope for f in kinds])[faces],
-        )
+        draws = FaceNumbers.of(rays, seen, names, before)
+        rms = np.array([0.0 if f is None else f.slope for f in kinds])[faces]
         keys = roughness(seen, names, rays, before=before).keys
         for times, sign in ((0, 1.0), (1, 1.0), (2, -1.0), (300, -1.0)):
             numbers = draws.at(faces, np.full(500, times))
@@ -344,7 +358,9 @@ def test_the_proof_spreads_each_ray_as_the_design_does(model: RingScatter) -> No
         TracedBundle.of(tables, Scene(media, GRID), rays).exits for media in (clear(N), opal("outer", model))
     )
     left = plain.left_lens
-    points, ways, wanted = plain.points[left], plain.directions[left], rough.directions[left]
+    points = plain.points[left]
+    ways = plain.directions[left]
+    wanted = rough.directions[left]
     normals = (points - [0.0, 0.0, -2.5]) / 6.0
     met = Arrival(points, -normals, refracted(ways, normals))
     found = spread(ways, Spreading.of(model, rays.facets[left], met))

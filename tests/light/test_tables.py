@@ -16,7 +16,8 @@ from lensforge.sources.build_source import SquareEmitter
 from lensforge.sources.ray_bundle import RayBundle
 from lensforge.surfaces.bicubic_table import TableGrid, tabulate
 
-N, Z = 1.4936, 1000.0
+N = 1.4936
+Z = 1000.0
 
 
 def _fused(surfaces, rays: RayBundle, nodes: int, index: float = N, distance: float = Z) -> Landed:
@@ -53,7 +54,8 @@ def test_the_flux_of_lost_rays_is_a_constant() -> None:
 
 def test_sensitivities_to_a_point_and_to_a_direction_are_those_of_differences() -> None:
     """With respect to the exit point, and to the direction; where along the ray the point lies does not count."""
-    grid, rays = TableGrid(64), SquareEmitter(0.9).sample(200, 1)
+    grid = TableGrid(64)
+    rays = SquareEmitter(0.9).sample(200, 1)
     tables = np.stack([tabulate(grid, s) for s in (random_surface(3, 0.8, 0.03), random_surface(4, 2.45, 0.02))])
     light = MixedLight(tables, Scene(Media(Medium(N)), grid), rays, 2)
     for face in (0, 1):
@@ -110,7 +112,8 @@ def test_a_surface_through_the_origin_is_refused_in_one_line() -> None:
 
 def test_without_fresnel_rays_keep_their_flux_and_their_way() -> None:
     surfaces = random_surface(3, 0.8, 0.03), random_surface(4, 2.45, 0.02)
-    grid, rays = TableGrid(64), SquareEmitter(0.9).sample(2048, 1)
+    grid = TableGrid(64)
+    rays = SquareEmitter(0.9).sample(2048, 1)
     tables = [table_of(s, grid).requires_grad_() for s in surfaces]
     full, bare = (by_kernels(tables, Scene(Media(Medium(N)), grid, fresnel), rays, Z) for fresnel in (True, False))
     assert torch.equal(full.hits, bare.hits) and torch.equal(full.fates, bare.fates)

@@ -42,9 +42,14 @@ from lensforge.sources.build_source import SquareEmitter
 from lensforge.sources.ray_bundle import RayBundle
 from lensforge.surfaces.bicubic_table import TableGrid
 
-N, GEL, WATER, Z, GRID = 1.4936, 1.41, 1.333, 1000.0, TableGrid(64)
+N = 1.4936
+GEL = 1.41
+WATER = 1.333
+Z = 1000.0
+GRID = TableGrid(64)
 TABLES = [table_of(each, GRID) for each in (random_surface(3, 0.8, 0.03), random_surface(8, 2.45, 0.05))]
-RAYS, RNG = SquareEmitter(0.9).sample(512, 1), np.random.default_rng(3)
+RAYS = SquareEmitter(0.9).sample(512, 1)
+RNG = np.random.default_rng(3)
 LOSING, LOSES = with_own(RAYS, Medium(N, 0.21), absorptions=RNG.uniform(0.0, 0.5, 512))
 BENDING, BENDS = with_own(RAYS, Medium(N), indices=RNG.uniform(1.3, 1.7, 512))
 COLOURED = RAYS.with_wavelengths(RNG.uniform(420.0, 680.0, 512))
@@ -63,7 +68,8 @@ def constant(share: float) -> ReflectanceTable:
 BROAD = ReflectanceTable(
     (0.0, 20.0, 40.0, 60.0, 75.0), ((0.002, 0.003, 0.012, 0.06, 0.2), (0.02, 0.018, 0.02, 0.08, 0.3)), (420.0, 680.0)
 )
-STACK, OTHER = stack((1.38, 95.0)), stack((1.46, 80.0), (2.1, 110.0), (1.62, 70.0))
+STACK = stack((1.38, 95.0))
+OTHER = stack((1.46, 80.0), (2.1, 110.0), (1.62, 70.0))
 CLEAR, DIM, EACH_LOSES, EACH_BENDS = (Scene(Media(each), GRID) for each in (Medium(N), Medium(N, 0.21), LOSES, BENDS))
 WET = Scene(Media(Medium(N, 0.1), GEL, WATER), GRID)
 GLASS = CoverGlass(1.52, 40.0, 10.0, 0.003)
@@ -103,10 +109,12 @@ LOSSLESS = ("coated", False), ("gel and water", False)
 @pytest.mark.parametrize("device", DEVICES)
 @pytest.mark.parametrize(("name", "fresnel"), cases(SCENES, *((name, True) for name in SCENES), *LOSSLESS))
 def test_the_tracer_in_torch_and_its_gradients_are_those_of_the_kernels(name: str, device: str, fresnel: bool) -> None:
-    scene, rays = replace(SCENES[name][0], fresnel=fresnel), SCENES[name][1]
+    scene = replace(SCENES[name][0], fresnel=fresnel)
+    rays = SCENES[name][1]
     tables = [each.clone().requires_grad_() for each in TABLES]
     found = on_device(tables, scene, rays, device)
-    twin, kernels = in_torch(found, Z), by_kernels(tables, scene, rays, Z)
+    twin = in_torch(found, Z)
+    kernels = by_kernels(tables, scene, rays, Z)
     assert torch.equal(twin.fates, kernels.fates)
     gentle = kernels.sin2_exit < 0.99  # nearer to the critical angle, rounding grows on the way to the receiver
     assert torch.allclose(twin.hits[gentle], kernels.hits[gentle], rtol=1e-8, atol=1e-6)
@@ -123,7 +131,8 @@ def test_the_tracer_in_torch_and_its_gradients_are_those_of_the_kernels(name: st
     ("name", "fresnel"), cases(SCENES, ("coated, coloured", True), ("out of place", True), ("gel and water", False))
 )
 def test_gradients_are_those_of_finite_differences(name: str, fresnel: bool) -> None:
-    scene, rays = replace(SCENES[name][0], fresnel=fresnel), SCENES[name][1]
+    scene = replace(SCENES[name][0], fresnel=fresnel)
+    rays = SCENES[name][1]
     tables = [each.clone().requires_grad_() for each in TABLES]
     before = by_kernels(tables, scene, rays, Z)
     assert before.landed.sum() > 100
@@ -191,8 +200,10 @@ def paths(rays: RayBundle) -> torch.Tensor:
 
 @pytest.mark.parametrize(("scene", "rays"), [(DIM, RAYS), (EACH_LOSES, LOSING)], ids=["one for all", "of each ray"])
 def test_each_ray_loses_by_its_own_path_and_nothing_else_changes(scene: Scene, rays: RayBundle) -> None:
-    clear, dim = trace_tables(TABLES, CLEAR, RAYS), trace_tables(TABLES, scene, rays)
-    out, length = clear.left_lens, paths(RAYS)
+    clear = trace_tables(TABLES, CLEAR, RAYS)
+    dim = trace_tables(TABLES, scene, rays)
+    out = clear.left_lens
+    length = paths(RAYS)
     assert torch.equal(dim.fates, clear.fates) and torch.equal(dim.points, clear.points)
     assert out.sum() > 400
     left = torch.exp(-torch.from_numpy(scene.media.body.absorptions(rays.waves, len(rays))) * length)
@@ -247,7 +258,8 @@ def test_rays_from_a_point_are_shifted_and_dimmed_as_a_plate_does() -> None:
     wanted = GLASS.thickness_mm * np.sin(a - b) / np.cos(b)
     np.testing.assert_allclose(np.linalg.norm(across, axis=1), wanted, rtol=1e-9, atol=1e-9)
     np.testing.assert_allclose(found.directions.numpy(), bare.directions.numpy(), atol=1e-15)
-    r_s, r_p = np.sin(a - b) / np.sin(a + b), np.tan(a - b) / np.tan(a + b)
+    r_s = np.sin(a - b) / np.sin(a + b)
+    r_p = np.tan(a - b) / np.tan(a + b)
     share = 0.5 * ((1.0 - r_s**2) ** 2 + (1.0 - r_p**2) ** 2) * np.exp(-0.003 * GLASS.thickness_mm / np.cos(b))
     np.testing.assert_allclose(found.flux.numpy(), bare.flux.numpy() * share, rtol=1e-8)
     assert found.lost_in_glass is not None
@@ -256,9 +268,13 @@ def test_rays_from_a_point_are_shifted_and_dimmed_as_a_plate_does() -> None:
 
 def by_referee(rays: RayBundle, media: Media) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Points and directions behind lens and glass, and flux, of the spheres, by the sums of the verification."""
-    radii, flux, fields = (0.8, 2.45), rays.flux, unpolarised(rays.directions)
-    points, directions = rays.origins, rays.directions
-    light, count = LitRays.of(rays, media, ("inner", "outer")), len(rays)
+    radii = (0.8, 2.45)
+    flux = rays.flux
+    fields = unpolarised(rays.directions)
+    points = rays.origins
+    directions = rays.directions
+    light = LitRays.of(rays, media, ("inner", "outer"))
+    count = len(rays)
     waves = light.wavelengths_nm
     faces = (
         RefractingFace(np.full(count, media.cavity_index), light.indices, media.coating("inner"), waves, True),
@@ -271,7 +287,9 @@ def by_referee(rays: RayBundle, media: Media) -> tuple[np.ndarray, np.ndarray, n
             flux = flux * np.exp(-media.body.absorptions(rays.waves, len(rays)) * lengths)
         points = points + lengths[:, None] * directions
         at = AtFace.of(face, directions, points / radius, fields)
-        directions, fields, flux = at.bent, at.passed, flux * at.transmittance
+        directions = at.bent
+        fields = at.passed
+        flux = flux * at.transmittance
     points, directions, in_glass = through_glass(
         points, directions, media, media.wavelengths(rays.wavelengths_nm, len(rays)), fields
     )

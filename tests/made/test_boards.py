@@ -101,7 +101,8 @@ def test_a_lamp_that_is_moved_as_a_whole_moves_its_own_picture(lamps: dict[str, 
     """Whole pixels: the change is that of the picture as designed, within the noise of the lamp's share of the rays."""
     amounts = {"source_shift_mm": 1.0, "lens_shift_mm": 1.0}
     study = study_of(amounts, lamps, target=PERIOD, evaluate__pixels=10, rays=2**17)
-    light, step = study.leds[0].light, study.leds[0].light.one.receivers[0].grid.pixel[0]
+    light = study.leds[0].light
+    step = study.leds[0].light.one.receivers[0].grid.pixel[0]
     assert isinstance(light, BoardLight)
     still = {name: np.zeros(2) for name in ("source_shift_mm", "lens_shift_mm")}
     moved = {name: np.array([2.0 * step, -2.0 * step]) for name in still}
@@ -144,7 +145,9 @@ def test_lamps_are_drawn_apart_and_their_mean_scatters_as_that_of_independent_on
 
 def test_lenses_of_a_plate_move_with_it_as_one_body() -> None:
     """Points of a lens, moved in its own frame and then placed, against those of the plate, to first order."""
-    place, turn, shrinkage = (40.0, -25.0), 35.0, 1e-5
+    place = (40.0, -25.0)
+    turn = 35.0
+    shrinkage = 1e-5
     plate = {"lens_shift_mm": np.array([0.01, -0.02]), "lens_height_mm": np.array([0.03]), "index": np.array([1e-3])}
     plate |= {"lens_tilt_deg": np.array([2e-5, -3e-5]), "shrinkage": np.array([shrinkage])}
     lamp = Lamp((*place, 0.0), turn_deg=turn)
@@ -166,7 +169,8 @@ def test_causes_of_boards_are_those_of_a_known_sum() -> None:
     spread = {"unit": "", "to_internal": 1.0, "amount": 1.0, "kind": "spread", "numbers": 1}
     factors = tuple(Factor(name=name, words=name, distribution="uniform", **spread) for name in ("own", "index"))  # type: ignore[arg-type]
     draws = Draws.of(factors, 4096, 0, 4, frozenset({"index"}))
-    own, common = np.sqrt(3.0) * draws.numbers["own"], np.sqrt(3.0) * draws.numbers["index"][:, 0]
+    own = np.sqrt(3.0) * draws.numbers["own"]
+    common = np.sqrt(3.0) * draws.numbers["index"][:, 0]
     assert own.shape == (4096, 4)
     found = contributions(draws, 3.0 * own.mean(axis=1) + own[:, 0] * own[:, 2] + np.sqrt(2.0) * common, 0.0)
     shares = {cause.tolerance: cause for cause in found.causes}

@@ -11,7 +11,8 @@ from lensforge.made.tolerance_result import PASS_RATE, MetricBound
 from lensforge.spec.accuracy import PRESETS
 from lensforge.spec.tolerances_section import Factor
 
-COUNT, PARTS = 1000, PRESETS["draft"].studies.budget_parts
+COUNT = 1000
+PARTS = PRESETS["draft"].studies.budget_parts
 
 
 class KnownParts:
@@ -127,7 +128,8 @@ def test_few_parts_tell_the_amount_where_half_of_them_do_not_mind(bound: float) 
 def test_a_tolerance_that_cannot_matter_costs_one_look_and_those_that_do_less_than_three_times_the_parts() -> None:
     """Rounds are told with their number, those that follow, too."""
     names = [f"harmless {k}" for k in range(12)]
-    known, said = KnownParts(3.0, {"one": 0.5, **dict.fromkeys(names, 1e-4)}), list[str]()
+    known = KnownParts(3.0, {"one": 0.5, **dict.fromkeys(names, 1e-4)})
+    said = list[str]()
     before = KnownParts(3.0, {"one": 0.5})
     budget(before, before.excess, lambda _: None)
     budget(known, known.excess, said.append)
@@ -167,7 +169,8 @@ def test_the_flux_is_the_least_at_which_so_many_parts_pass(wanted: float) -> Non
         return float(passes.mean())
 
     shares = np.array([share(factor) for factor in factors])
-    found, error = flux_needed(bounds, values, wanted), np.sqrt(wanted * (1.0 - wanted) / 300)
+    found = flux_needed(bounds, values, wanted)
+    error = np.sqrt(wanted * (1.0 - wanted) / 300)
     assert found is not None and found.most == pytest.approx(shares.max(), abs=0.004)
     assert found.best == pytest.approx(factors[shares >= found.most - 1e-9][0], abs=2e-5)
     for own, asked in ((found.factor, wanted), (found.low, wanted - error), (found.high, wanted + error)):

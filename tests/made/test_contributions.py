@@ -60,11 +60,14 @@ def test_a_form_error_is_one_cause_with_all_products_of_its_numbers() -> None:
     """y = z'A z + b'z of 32 normal numbers: variance 2 |A|^2 + |b|^2."""
     draws = _draws(2000, inner_waviness_um=1.0, inner_form_um=1.0, gap_mm=0.1)
     rng = np.random.default_rng(1)
-    a, b = rng.normal(size=(32, 32)), rng.normal(size=9)
-    a, b = (a + a.T) / np.sqrt(8.0 * 32.0), b / np.linalg.norm(b) * 8.0
+    a = rng.normal(size=(32, 32))
+    b = rng.normal(size=9)
+    a = (a + a.T) / np.sqrt(8.0 * 32.0)
+    b = b / np.linalg.norm(b) * 8.0
     z, w = draws.numbers["inner_waviness_um"], draws.numbers["inner_form_um"]
     values = np.einsum("ni,ij,nj->n", z, a, z) + w @ b
-    of_waviness, of_form = 2.0 * np.sum(a**2), 64.0
+    of_waviness = 2.0 * np.sum(a**2)
+    of_form = 64.0
     total = of_waviness + of_form
     _agree(
         _shares(draws, values),
@@ -77,7 +80,8 @@ def test_what_is_certain_leads_and_not_what_is_large() -> None:
     by_value = 0
     for seed in range(40):
         draws = _draws(200, seed, inner_waviness_um=1.0, gap_mm=0.1, index=0.1)
-        gap, noise = np.sqrt(3.0) * draws.numbers["gap_mm"][:, 0], np.random.default_rng(seed).normal(size=200)
+        gap = np.sqrt(3.0) * draws.numbers["gap_mm"][:, 0]
+        noise = np.random.default_rng(seed).normal(size=200)
         found = contributions(draws, np.sqrt(0.2) * gap + np.sqrt(0.8) * noise, 0.0).causes
         by_value += max(found, key=lambda cause: cause.share).tolerance == "inner_waviness_um"
         sure = [max(cause.share - 2.0 * cause.standard_error, 0.0) for cause in found]

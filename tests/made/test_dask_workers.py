@@ -65,7 +65,8 @@ def one_killed(cluster):
 
 @pytest.mark.nightly("workers that are killed")
 def test_one_worker_four_and_one_killed_give_the_bits_of_this_process(cluster, short):
-    here, address = study(), cluster.scheduler_address
+    here = study()
+    address = cluster.scheduler_address
     assert study(scheduler=address) == here
     cluster.scale(4)
     cluster.wait_for_workers(4)

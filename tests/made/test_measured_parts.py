@@ -23,7 +23,8 @@ def _parts(study, file=None, progress=None) -> MeasuredParts:
 
 
 def test_an_interrupted_study_goes_on_to_the_same_bits(tmp_path) -> None:
-    study, file = study_of(rays=256), tmp_path / "parts.npz"
+    study = study_of(rays=256)
+    file = tmp_path / "parts.npz"
     whole = _parts(study).of(range(20))
     with pytest.raises(Cancelled):
         _parts(study, file, lambda done, expected: done < 8).of(range(20))
@@ -47,9 +48,11 @@ def test_parts_of_another_study_do_not_count(tmp_path) -> None:
 
 def test_parts_by_other_rays_are_kept_beside_each_other(tmp_path) -> None:
     """A study begins with few rays and may take more: begun again, it must not lose those of more."""
-    file, measured = tmp_path / "parts.npz", []
+    file = tmp_path / "parts.npz"
+    measured = []
     few = _parts(study_of(rays=256), file)
-    first, second = few.of(range(4)), few.with_rays(512).of(range(4))
+    first = few.of(range(4))
+    second = few.with_rays(512).of(range(4))
     assert not (first == second).all()
     again = _parts(study_of(rays=256), file, lambda done, expected: measured.append(done))
     assert (again.of(range(4)) == first).all()
@@ -60,7 +63,9 @@ def test_parts_by_other_rays_are_kept_beside_each_other(tmp_path) -> None:
 
 def test_a_study_that_chooses_its_rays_goes_on_after_an_interrupt(tmp_path) -> None:
     fewer = FEW.replace("fewer", studies={"part_rays": (64, 256)})
-    lens, file, measured = lens_with({"gap_mm": 0.1}, accuracy=fewer), tmp_path / "parts.npz", []
+    lens = lens_with({"gap_mm": 0.1}, accuracy=fewer)
+    file = tmp_path / "parts.npz"
+    measured = []
     whole = measure_yield(lens, parts=40, with_budget=False)
     assert whole.rays == 256
 
@@ -91,7 +96,8 @@ def test_a_damaged_file_is_one_line(tmp_path) -> None:
 @pytest.mark.parametrize("name", ["rays", "numbers", "scales", "values", "head"])
 def test_other_numbers_than_those_that_were_measured_are_refused(tmp_path, name: str, rewritten: bool) -> None:
     """One entry of each array is changed, or all hashes with it: then the numbers must still be those of a study."""
-    study, file = study_of(rays=256), tmp_path / "parts.npz"
+    study = study_of(rays=256)
+    file = tmp_path / "parts.npz"
     _parts(study, file).of(range(3), {"gap_mm": 2.0})
     with np.load(file) as found:
         arrays = {key: found[key].copy() for key in found.files}
@@ -128,7 +134,8 @@ def test_a_pipe_and_a_device_are_no_parts(tmp_path) -> None:
 def test_threads_do_not_change_a_bit() -> None:
     import torch
 
-    study, before = study_of(rays=512), torch.get_num_threads()
+    study = study_of(rays=512)
+    before = torch.get_num_threads()
     found = []
     try:
         for threads in (1, 2):

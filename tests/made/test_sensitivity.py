@@ -26,7 +26,8 @@ def square_lens():
 @pytest.fixture(scope="module")
 def changes():
     """Changes of each metric (value, standard error) by decentres and the index, each by the rays of several seeds."""
-    lens, found = square_lens(), {}
+    lens = square_lens()
+    found = {}
     wanted = {"decentre in x": ("outer_shift_mm", 0), "decentre in y": ("outer_shift_mm", 1), "index": ("index", 1)}
     for seed in range(scaled(16, by_day=8)):
         study = PartStudy(Recipe(replace(lens, seed=seed), 1, RAYS, seed, RAYS))
@@ -104,7 +105,8 @@ def test_common_rays_leave_little_noise(changes):
 
 
 def test_the_table_is_the_same_when_read_back_and_says_how_far_it_is(tmp_path):
-    lens, steps = lens_with(), []
+    lens = lens_with()
+    steps = []
     found = measure_sensitivity(lens, rays=1024, progress=lambda done, total: steps.append((done, total)))
     found.write(tmp_path)
     assert Sensitivity.read(tmp_path) == found

@@ -51,10 +51,12 @@ def test_a_part_that_is_turned_turns_the_light_of_each_led_about_its_own_place()
     angle = np.radians(3.0)
     turn = np.array([[1, 0, 0], [0, np.cos(angle), -np.sin(angle)], [0, np.sin(angle), np.cos(angle)]])
     for led, source in zip(study.leds, (NEAR, FAR), strict=True):
-        (part,), rays = led.made([{"source_tilt_deg": np.array([angle, 0.0])}]), led.light.held.rays
+        (part,) = led.made([{"source_tilt_deg": np.array([angle, 0.0])}])
+        rays = led.light.held.rays
         middle = np.array(source.get("position_mm", [0.0, 0.0, 0.0]))
         turned = replace(rays, origins=middle + (rays.origins - middle) @ turn.T, directions=rays.directions @ turn.T)
-        found, wanted = led.light.exit_rays(part), led.light.nominal.trace(turned)
+        found = led.light.exit_rays(part)
+        wanted = led.light.nominal.trace(turned)
         both = found.left_lens & wanted.left_lens
         assert both.mean() > 0.9
         for name in ("points", "directions"):
@@ -126,7 +128,8 @@ def test_distances_of_two_colours_side_by_side_are_those_of_their_mixture() -> N
     weights = halves @ [1.0, 15.0, 3.0]
     uv = np.stack([4.0 * halves[:, 0], 9.0 * halves[:, 1]], axis=1) / weights[:, None]
     away = np.linalg.norm(uv - weights @ uv / weights.sum(), axis=1)
-    found, whole = distances_left_out(pictures, 0.5), BeamColour.of(pictures, 0.5)
+    found = distances_left_out(pictures, 0.5)
+    whole = BeamColour.of(pictures, 0.5)
     assert len(found) == 17 and whole is not None
     for each in [*found, {"rms": whole.rms, "worst": whole.worst}]:
         assert each is not None
@@ -148,7 +151,8 @@ def test_chips_that_stand_farther_apart_mix_less_and_miss_the_limit_on_their_col
     """Distances of colours are as the distance of the chips, to first order; the flux of the LED changes none."""
     bound = evaluate(coloured(0.05), rays=2**15, seed=0).limits[0].metric
     found = measure_yield(coloured(bound.value), parts=60, rays=2**14, with_budget=False)
-    rms, grown = found.column(RMS), 1.0 + found.column("source_size")
+    rms = found.column(RMS)
+    grown = 1.0 + found.column("source_size")
     assert [each.metric for each in found.bounds] == [RMS, RMS.replace("rms", "worst")]
     assert found.metrics[RMS].designed.value == pytest.approx(bound.value, abs=3.0 * (bound.standard_error or 0.0))
     np.testing.assert_allclose(rms, found.metrics[RMS].designed.value * grown, rtol=0.1)
@@ -175,7 +179,9 @@ def test_light_of_one_colour_keeps_any_bound_on_each_receiver_of_a_board() -> No
 
 
 def test_a_board_of_two_kinds_is_the_sum_of_its_lamps_each_with_its_own_lens_and_flux() -> None:
-    tolerances, rays, fluxes = {"lens_shift_mm": 0.3}, 2**17, (2.0, 0.4, 1.0)
+    tolerances = {"lens_shift_mm": 0.3}
+    rays = 2**17
+    fluxes = (2.0, 0.4, 1.0)
     study = PartStudy(Recipe(board(tolerances), 4, rays, 0, rays))
     (led,) = study.leds
     parts = [replace(part, flux=flux) for part, flux in zip(led.made(study.deviations(2)), fluxes, strict=True)]
@@ -234,7 +240,8 @@ def test_lamps_seen_from_afar_change_as_one_of_them_does(kinds: tuple[str, ...])
     for row, other in zip(one.rows, together.rows, strict=True):
         assert (row.name, row.amount) == (other.name, other.amount)
         for name in ("nmse", "efficiency", "rsd"):
-            change, seen = getattr(row.change, name), getattr(other.change, name)
+            change = getattr(row.change, name)
+            seen = getattr(other.change, name)
             error = np.hypot(change.standard_error, seen.standard_error)
             assert abs(change.value - seen.value) < 4.0 * error, (row.name, name)
             sure += abs(change.value) > 8.0 * error

@@ -26,9 +26,11 @@ from lensforge.surfaces.reciprocal import ConeFace, ConicFace, PlaneFace
 from lensforge.surfaces.srbf import fibonacci_hemisphere
 from lensforge.surfaces.surface import Surface
 
-TURN, STEP = 2e-3, 0.02
+TURN = 2e-3
+STEP = 0.02
 ALONG = (0.0, -np.sin(TURN), np.cos(TURN))  # the axis of a face tilted about x by the right hand
-CONIC, BALL = ConicFace(REACH, 5.0, 0.8), ball(9.0, (0.0, 0.0, 2.0))
+CONIC = ConicFace(REACH, 5.0, 0.8)
+BALL = ball(9.0, (0.0, 0.0, 2.0))
 # Deviations, the wall as designed, and what is moved: a conic about the origin stays one as it is tilted about it.
 MOVED = {
     "wall_tilt_deg": ([TURN, 0.0], CONIC, {"wall": ConicFace(REACH, 5.0, 0.8, ALONG)}),
@@ -51,12 +53,16 @@ def traced(wall: Surface) -> TracedLens:
 @pytest.mark.parametrize("name", MOVED)
 def test_the_light_of_a_face_out_of_place_is_that_of_the_moved_body(name: str) -> None:
     deviation, wall, moved = MOVED[name]
-    faces, rays, spec = faces_with(wall), upwards(2000, 1, 0.5), spot()
-    designed, other = traced(wall), TracedLens.of_body(Body.of({**faces, **moved}, TirSection.roles), clear(), 6, 12.0)
+    faces = faces_with(wall)
+    rays = upwards(2000, 1, 0.5)
+    spec = spot()
+    designed = traced(wall)
+    other = TracedLens.of_body(Body.of({**faces, **moved}, TirSection.roles), clear(), 6, 12.0)
     factors = tuple(factor for factor in factors_of(spec.part_tolerances) if factor.name == name)
     part = PartMaker.of(spec, faces, designed.scene.grid, factors).part({name: np.array(deviation)})
     found = trace_tables(part.tables(designed.tables), replace(designed.scene, made=part.made), rays)
-    before, wanted = designed.trace(rays), other.trace(rays)
+    before = designed.trace(rays)
+    wanted = other.trace(rays)
     same = wanted.left_lens & found.left_lens & before.left_lens
     same &= (found.met == wanted.met).all(axis=1) & (found.met == before.met).all(axis=1)
     assert same.mean() > 0.7
@@ -78,7 +84,8 @@ def test_a_part_has_the_tolerances_of_its_faces_by_their_names() -> None:
 
 def test_a_form_error_has_its_rms_over_the_part_of_the_face_that_light_meets() -> None:
     lens = spot_lens()
-    study, u = PartStudy(Recipe(lens, 1, 256, 0, 256)), fibonacci_hemisphere(20_000)
+    study = PartStudy(Recipe(lens, 1, 256, 0, 256))
+    u = fibonacci_hemisphere(20_000)
     factors = {factor.name: factor for factor in study.factors}
     for number, name in enumerate(TIR):
         (error,) = single_errors(study, factors[f"{name}_form_um"])

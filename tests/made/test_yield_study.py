@@ -8,6 +8,7 @@ import pytest
 from nightly import NIGHTLY, scaled
 from parts import lens_with, part_of, study_of
 
+import lensforge as lf
 from lensforge.errors import InputError
 from lensforge.light.judged_limits import limit_value
 from lensforge.light.lens_light import evaluate
@@ -18,6 +19,7 @@ from lensforge.made.part_verbs import _name_of
 from lensforge.made.tolerance_result import PassRate, Yield
 from lensforge.made.yield_facts import cause_rows, judged_metrics, metric_words, spread_rows, worst_words
 from lensforge.made.yield_study import measure_yield
+from lensforge.results import Metric
 from lensforge.scene.pixel_grid import PixelGrid, splat_flux
 
 SMALL = {
@@ -443,3 +445,25 @@ def test_shapes_finer_than_the_tables_are_told_where_the_spec_states_them_not_of
         study = measure_yield(lens_with(tolerances), parts=40, rays=128, with_budget=False)
         notes = [note for note in study.notes if "taken as roughness" in note]
         assert len(notes) == told and all(note.startswith("waviness, ") for note in notes)
+
+
+def test_the_mean_of_the_parts_is_uncertain_by_parts_by_the_design_and_by_the_rays_that_all_share() -> None:
+    """By hand: variance of 1, 2, 6 over 3, squares of 0.5 and of half the mean of 0.1, 0.2 and 0.4 squared."""
+    values = np.array([[1.0, 0.1], [2.0, 0.2], [6.0, 0.4]])
+    found = yield_study._spread(Metric(value=2.5, unit="lx", standard_error=0.5), values)
+    assert (found.mean.value, found.mean.unit) == (3.0, "lx")
+    assert found.mean.standard_error == pytest.approx(np.sqrt(7.0 / 3.0 + 0.25 + 0.5 * 0.21 / 3.0), rel=1e-12)
+    exact = yield_study._spread(Metric(value=2.5), values * [1.0, 0.0])
+    assert exact.mean.standard_error == pytest.approx(np.sqrt(7.0 / 3.0), rel=1e-12)
+
+
+@pytest.mark.nightly("a minute: the yield of twenty seeds")
+def test_the_mean_of_the_parts_scatters_over_the_seeds_by_its_error() -> None:
+    """By few rays, whose noise all parts share: the scatter of the parts over the root of their number is a fifth."""
+    lens, found = lens_with(), []
+    for seed in range(20):
+        found.append(lf.tolerance(replace(lens, seed=seed), parts=40, rays=2048, seed=seed, budget=False))
+    for name in ("nmse", "efficiency", "share_in_target"):
+        means = [each.metrics[name].mean for each in found]
+        stated = np.sqrt(np.mean([(mean.standard_error or 0.0) ** 2 for mean in means]))
+        assert 0.6 < np.std([mean.value for mean in means], ddof=1) / stated < 1.5, name  # known to 16 %

@@ -75,7 +75,8 @@ def test_light_that_nobody_sees_has_no_colour() -> None:
 
 
 def test_distance_from_a_colour_is_linear_and_nothing_for_that_colour() -> None:
-    one, other = np.array([3.0, 2.0, 5.0]), np.array([1.0, 4.0, 2.0])
+    one = np.array([3.0, 2.0, 5.0])
+    other = np.array([1.0, 4.0, 2.0])
     uv = uv_of(one)
     assert away_from(uv, one) == pytest.approx([0.0, 0.0], abs=1e-12)
     assert away_from(uv, 2.0 * one + 3.0 * other) == pytest.approx(3.0 * away_from(uv, other))

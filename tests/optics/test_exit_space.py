@@ -25,7 +25,8 @@ def within(corners: np.ndarray, radius_mm: float) -> np.ndarray:
 )
 def test_between_coaxial_discs_it_is_that_of_their_view_factor(mouth_mm, apart_mm, disc_mm) -> None:
     """Howell's catalogue, C-41; the disc's area by pixels, to their squares."""
-    first, second = mouth_mm / apart_mm, disc_mm / apart_mm
+    first = mouth_mm / apart_mm
+    second = disc_mm / apart_mm
     x = 1.0 + (1.0 + second**2) / first**2
     factor = 0.5 * (x - math.sqrt(x**2 - 4.0 * (second / first) ** 2))
     corners = level(2.0 * disc_mm, 300, 7.0 + apart_mm)
@@ -41,12 +42,15 @@ def lines_that_meet(space: ExitColumn, point: np.ndarray, normal: np.ndarray) ->
     along = rng.normal(size=(400_000, 3))
     along /= np.linalg.norm(along, axis=1, keepdims=True)
     along *= np.sign(along @ normal)[:, None]  # light goes away from the side on which the lens is
-    (low, high), flat = space.slabs_mm[0], along[:, :2]
-    square, half = (flat**2).sum(1), flat @ point[:2]
+    (low, high) = space.slabs_mm[0]
+    flat = along[:, :2]
+    square = (flat**2).sum(1)
+    half = flat @ point[:2]
     root = half**2 - square * (point[:2] @ point[:2] - space.radius_mm**2)
     reach = np.sqrt(np.maximum(root, 0.0))
     ends = np.sort([(low - point[2]) / along[:, 2], (high - point[2]) / along[:, 2]], axis=0)
-    first, last = np.maximum((-half - reach) / square, ends[0]), np.minimum((-half + reach) / square, ends[1])
+    first = np.maximum((-half - reach) / square, ends[0])
+    last = np.minimum((-half + reach) / square, ends[1])
     met = (root > 0.0) & (last >= first) & ((along[:, 2] > 0.0) | (not space.upward))
     return float(2.0 * math.pi * (np.abs(along @ normal) * met).mean())
 
@@ -63,13 +67,15 @@ def lines_that_meet(space: ExitColumn, point: np.ndarray, normal: np.ndarray) ->
     ],
 )
 def test_lines_through_a_point_that_meet_a_column(slab, point, normal, upward) -> None:
-    space, unit = ExitColumn(7.0, (slab,), upward), np.array(normal) / np.linalg.norm(normal)
+    space = ExitColumn(7.0, (slab,), upward)
+    unit = np.array(normal) / np.linalg.norm(normal)
     found = float(space.projected_sr(np.array([point]), unit[None])[0, 0])
     assert found == pytest.approx(lines_that_meet(space, np.array(point), unit), rel=0.02, abs=1e-3)
 
 
 def test_a_level_plane_and_a_tilted_one_that_is_level_again_get_the_same() -> None:
-    space, corners = ExitColumn(7.0, ((2.0, 9.0), (9.0, 16.0)), True), level(60.0, 12, 30.0, 11.0)
+    space = ExitColumn(7.0, ((2.0, 9.0), (9.0, 16.0)), True)
+    corners = level(60.0, 12, 30.0, 11.0)
     hair = corners + np.array([0.0, 0.0, 1e-6]) * corners[..., :1]  # not level to its bits
     np.testing.assert_allclose(space.etendues(corners, far=False), space.etendues(hair, far=False), rtol=2e-3)
 
@@ -90,13 +96,17 @@ def test_all_light_crosses_an_endless_plane(space) -> None:
 
 def test_in_the_far_field_a_column_shows_its_end_and_its_side() -> None:
     """A cell at 50 degrees from the axis; of a mouth the end alone, and none of it from below."""
-    polar, azimuth = np.radians([[49.9], [50.1]]), np.radians([[29.9, 30.1]])
+    polar = np.radians([[49.9], [50.1]])
+    azimuth = np.radians([[29.9, 30.1]])
     corners = np.stack(
         np.broadcast_arrays(np.sin(polar) * np.cos(azimuth), np.sin(polar) * np.sin(azimuth), np.cos(polar)), axis=-1
     )
-    solid, at = float(cell_solid_angles(corners)[0, 0]), math.radians(50.0)
-    end, side = math.pi * 49.0 * math.cos(at), 2.0 * 7.0 * 20.0 * math.sin(at)
-    column, mouth = ExitColumn(7.0, ((0.0, 20.0),)), ExitColumn.of_mouth(7.0, 20.0)
+    solid = float(cell_solid_angles(corners)[0, 0])
+    at = math.radians(50.0)
+    end = math.pi * 49.0 * math.cos(at)
+    side = 2.0 * 7.0 * 20.0 * math.sin(at)
+    column = ExitColumn(7.0, ((0.0, 20.0),))
+    mouth = ExitColumn.of_mouth(7.0, 20.0)
     assert float(column.etendues(corners, far=True)[0, 0, 0]) == pytest.approx((end + side) * solid, rel=1e-4)
     assert float(mouth.etendues(corners, far=True).max()) == pytest.approx(end * solid, rel=1e-4)
     down = corners * np.array([1.0, 1.0, -1.0])

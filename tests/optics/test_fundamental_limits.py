@@ -43,10 +43,14 @@ def test_solid_angles_of_cells_add_up_and_have_closed_forms() -> None:
 
 def test_etendue_of_a_ball_against_an_integral_over_its_rays() -> None:
     """Rays from points of the plane in all directions below it: those that meet the ball, by their projected angle."""
-    radius, distance, rng = 3.0, 8.0, np.random.default_rng(5)
+    radius = 3.0
+    distance = 8.0
+    rng = np.random.default_rng(5)
     count = 400_000
     x, y = rng.uniform(2.0, 6.0, count), rng.uniform(-4.0, 4.0, count)
-    sine, azimuth = np.sqrt(rng.random(count)), 2.0 * pi * rng.random(count)  # Lambertian: pi sr of projected angle
+    # Lambertian: pi sr of projected angle
+    sine = np.sqrt(rng.random(count))
+    azimuth = 2.0 * pi * rng.random(count)
     directions = np.stack([sine * np.cos(azimuth), sine * np.sin(azimuth), -np.sqrt(1.0 - sine**2)], axis=1)
     points = np.stack([x, y, np.full(count, distance)], axis=1)
     nearest = np.linalg.norm(np.cross(points, directions), axis=1)
@@ -76,7 +80,8 @@ def s_and_p(turned: np.ndarray, index: float) -> np.ndarray:
     air = np.arctan2(index * np.sin(turned), np.maximum(index * np.cos(turned) - 1.0, 0.0))
     within = air - turned
     with np.errstate(invalid="ignore", divide="ignore"):
-        r_s, r_p = np.sin(turned) / np.sin(air + within), np.tan(turned) / np.tan(air + within)
+        r_s = np.sin(turned) / np.sin(air + within)
+        r_p = np.tan(turned) / np.tan(air + within)
     normal = (index - 1.0) / (index + 1.0)
     r_s, r_p = (np.where(turned > 0.0, each, normal) for each in (r_s, r_p))
     return np.where(possible, 1.0 - np.array([r_s, r_p]) ** 2, 0.0)
@@ -108,9 +113,11 @@ def rms(cosines: np.ndarray, ratio: float) -> np.ndarray:
 
 @pytest.mark.parametrize("index", INDICES)
 def test_no_split_of_the_turn_transmits_more_than_halves(index: float) -> None:
-    turns, parts = np.linspace(0.0, largest_deviation_rad(index), 101), np.linspace(0.0, 1.0, 1001)
+    turns = np.linspace(0.0, largest_deviation_rad(index), 101)
+    parts = np.linspace(0.0, 1.0, 1001)
     every = [(s_and_p(parts * turn, index) * s_and_p((1.0 - parts) * turn, index)).mean(axis=0) for turn in turns]
-    found, best = np.max(every, axis=1), best_transmittance(turns, index)
+    found = np.max(every, axis=1)
+    best = best_transmittance(turns, index)
     more = np.maximum.accumulate(found[::-1])[::-1]  # a ray may be turned further than it must be
     assert (best >= more - 1e-9).all()
     assert np.abs(best - more)[:-1].max() < (1e-9 if index < 2.5 else 1e-3)
@@ -126,7 +133,8 @@ def test_no_split_of_the_turn_transmits_more_than_halves(index: float) -> None:
 def test_two_faces_that_differ_have_a_bound_that_no_split_passes_and_some_nearly_reaches(cavity, outside):
     index = 1.4936
     first, second = (max(index / each, each / index) for each in (cavity, outside))
-    turns, parts = np.linspace(0.0, 0.9, 31), np.linspace(0.0, 1.0, 4001)
+    turns = np.linspace(0.0, 0.9, 31)
+    parts = np.linspace(0.0, 1.0, 4001)
     brute = np.array([
         (s_and_p(parts * turn, first) * s_and_p((1.0 - parts) * turn, second)).mean(axis=0).max()
         for turn in turns

@@ -109,7 +109,8 @@ def test_another_program_has_the_same_indices(name):
 
 def test_missing_coefficients_are_0_and_unknown_names_are_refused():
     waves = np.array([550.0])
-    two, six = (2.27, -0.01), (2.27, -0.01, 0.0, 0.0, 0.0, 0.0)
+    two = (2.27, -0.01)
+    six = (2.27, -0.01, 0.0, 0.0, 0.0, 0.0)
     short, whole = (Formula("agf 1", each).index(waves)[0] for each in (two, six))
     assert short == whole == pytest.approx(sqrt(2.27 - 0.01 * W**2))
     with pytest.raises(InputError, match="dispersion formula 'agf 14': must be one of sellmeier, cauchy, agf 1"):
@@ -213,7 +214,8 @@ def air(nm: float, celsius: float) -> float:
 @pytest.mark.parametrize("celsius", [-40.0, 85.0])
 @pytest.mark.parametrize("um", [0.45, 0.656])
 def test_the_index_is_schotts_formula_by_hand(um: float, celsius: float) -> None:
-    squared, kelvin = um * um, celsius - 20.0
+    squared = um * um
+    kelvin = celsius - 20.0
     n = sqrt(
         1.0
         + 1.03961212 * squared / (squared - 0.00600069867)

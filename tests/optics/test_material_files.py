@@ -87,11 +87,13 @@ def test_the_same_file_by_another_program(tmp_path):
     from optiland.materials import MaterialFile
 
     path = written(tmp_path, "e48r.yml", NK.replace("        0.600 1.0E-7\n", "") + "        0.600 1.0E-7\n")
-    found, other = read_material(path, None), MaterialFile(str(path))
+    found = read_material(path, None)
+    other = MaterialFile(str(path))
     for nm in np.linspace(440.0, 590.0, 31):
         assert found.index_at(nm) == pytest.approx(np.asarray(other.n(1e-3 * nm)).item(), rel=1e-12)
         wanted = 4 * pi * np.asarray(other.k(1e-3 * nm)).item() / (1e-6 * nm)
-        waves, per_mm = np.array(found.absorption.wavelengths_nm), np.array(found.absorption.per_mm)
+        waves = np.array(found.absorption.wavelengths_nm)
+        per_mm = np.array(found.absorption.per_mm)
         assert np.interp(nm, waves, per_mm * waves) / nm == pytest.approx(wanted, rel=1e-12)
 
 
@@ -146,7 +148,8 @@ def test_an_index_against_vacuum_becomes_that_against_air(tmp_path, kind):
 )
 def test_a_table_of_a_spreadsheet_is_the_same_table(tmp_path, text):
     (tmp_path / "t.csv").write_text(text, encoding="utf-16", newline="")
-    found, wanted = read_material(tmp_path / "t.csv", None), read_material(written(tmp_path, "u.csv", TABLE), None)
+    found = read_material(tmp_path / "t.csv", None)
+    wanted = read_material(written(tmp_path, "u.csv", TABLE), None)
     assert found.dispersion.indices == wanted.dispersion.indices
     np.testing.assert_allclose(found.dispersion.wavelengths_nm, wanted.dispersion.wavelengths_nm, rtol=1e-15)
     np.testing.assert_allclose(found.absorption.per_mm, wanted.absorption.per_mm, atol=1e-15)

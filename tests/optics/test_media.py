@@ -29,7 +29,8 @@ def test_a_bundle_carries_wavelengths_and_no_index() -> None:
 
 
 def test_one_medium_is_the_same_for_every_ray_and_another_by_its_material() -> None:
-    plain, smoked = Medium(1.4, 0.01), Medium(1.51, 0.02, SMOKED)
+    plain = Medium(1.4, 0.01)
+    smoked = Medium(1.51, 0.02, SMOKED)
     for waves in (None, OF_RAYS):
         assert plain.index(waves).tolist() == [1.4] and plain.absorption(waves).tolist() == [0.01]
         assert plain.indices(waves, 40).tolist() == [1.4] * 40 and plain.absorptions(waves, 40).tolist() == [0.01] * 40
@@ -40,7 +41,8 @@ def test_one_medium_is_the_same_for_every_ray_and_another_by_its_material() -> N
 
 
 def test_an_error_of_the_index_is_added_at_every_wavelength() -> None:
-    smoked, made = Medium(1.51, 0.0, SMOKED), Medium(1.51, 0.0, SMOKED, 0.003)
+    smoked = Medium(1.51, 0.0, SMOKED)
+    made = Medium(1.51, 0.0, SMOKED, 0.003)
     assert made.index(None).tolist() == [1.51 + 0.003]
     assert made.index(OF_RAYS).tolist() == (smoked.index(OF_RAYS) + 0.003).tolist()
 
@@ -57,7 +59,8 @@ def test_an_answer_has_the_bits_of_the_material_whoever_was_asked_before(name: s
 
 
 def test_the_same_rays_are_bent_and_dimmed_by_what_each_medium_answers() -> None:
-    grid, rays = TableGrid(32), SquareEmitter(0.5).sample(256, 1)
+    grid = TableGrid(32)
+    rays = SquareEmitter(0.5).sample(256, 1)
     coloured = rays.with_wavelengths(np.linspace(420.0, 680.0, 256))
     tables = [table_of(sphere(radius), grid).numpy() for radius in (1.0, 2.0)]
     found = [

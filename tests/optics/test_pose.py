@@ -48,7 +48,9 @@ def test_to_face_a_direction_it_is_tilted_the_shortest_way_and_turned(direction,
 
 def test_straight_back_is_reached_about_the_y_axis_and_quarter_turns_are_exact() -> None:
     x, y, z = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
-    left, right, down = (-1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (0.0, 0.0, -1.0)
+    left = (-1.0, 0.0, 0.0)
+    right = (0.0, -1.0, 0.0)
+    down = (0.0, 0.0, -1.0)
     for direction in (down, (0.0, 0.0, -5.0), (1e-8, 0.0, -1.0)):  # the last is as straight as 16 digits can tell
         assert Pose.facing(direction).axes == (left, y, down)
     assert Pose.facing(z, PLACE, 270.0).axes == (right, x, z) and Pose.of_tilts(turn_deg=90.0).axes == (y, left, z)
@@ -58,22 +60,27 @@ def test_straight_back_is_reached_about_the_y_axis_and_quarter_turns_are_exact()
 
 
 def test_a_displacement_turns_about_its_centre_by_a_rotation_vector() -> None:
-    vector, centre, shift = np.array([0.3, -0.4, 1.2]), np.array([1.0, -2.0, 0.5]), np.array([0.1, 0.2, -0.3])
+    vector = np.array([0.3, -0.4, 1.2])
+    centre = np.array([1.0, -2.0, 0.5])
+    shift = np.array([0.1, 0.2, -0.3])
     by_hand = [rotated(point - centre, vector / 1.3, 1.3) + centre + shift for point in POINTS]
     np.testing.assert_allclose(Pose.displaced(shift, vector, tuple(centre)).points(POINTS), by_hand, atol=1e-14)
 
 
 def test_crooked_poses_go_there_and_back_and_are_chained() -> None:
-    fields, inverse, chained = POINTS + 1j * POINTS[::-1], CROOKED.inverse, CROOKED.after(OTHER)
-    np.testing.assert_allclose(CROOKED.own_points(CROOKED.points(POINTS)), POINTS, atol=1e-14)
-    np.testing.assert_allclose(CROOKED.own_directions(CROOKED.directions(fields)), fields, atol=1e-14)
-    np.testing.assert_allclose(inverse.points(POINTS), CROOKED.own_points(POINTS), atol=1e-14)
+    fields = POINTS + 1j * POINTS[::-1]
+    inverse = CROOKED.inverse
+    chained = CROOKED.after(OTHER)
+    np.testing.assert_allclose(CROOKED.to_local_points(CROOKED.points(POINTS)), POINTS, atol=1e-14)
+    np.testing.assert_allclose(CROOKED.to_local_directions(CROOKED.directions(fields)), fields, atol=1e-14)
+    np.testing.assert_allclose(inverse.points(POINTS), CROOKED.to_local_points(POINTS), atol=1e-14)
     np.testing.assert_allclose(chained.points(POINTS), CROOKED.points(OTHER.points(POINTS)), atol=1e-13)
     np.testing.assert_allclose(chained.seen_from(CROOKED).frame, OTHER.frame, atol=1e-14)
-    mirror, rotation = np.diag([-1.0, 1.0, 1.0]), CROOKED.rotation
-    np.testing.assert_allclose(CROOKED.own_map(mirror), rotation.T @ mirror @ rotation, atol=1e-15)
+    mirror = np.diag([-1.0, 1.0, 1.0])
+    rotation = CROOKED.rotation
+    np.testing.assert_allclose(CROOKED.to_local_map(mirror), rotation.T @ mirror @ rotation, atol=1e-15)
     tensor = torch.from_numpy(POINTS).float().requires_grad_()
-    found = CROOKED.own_points(CROOKED.points(tensor))
+    found = CROOKED.to_local_points(CROOKED.points(tensor))
     torch.autograd.backward(found.sum())
     assert found.dtype == torch.float32 and torch.allclose(tensor.grad, torch.ones(3, 3), atol=1e-6)
 

@@ -14,7 +14,8 @@ from PIL import Image, ImageCms, ImageOps
 from lensforge.errors import InputError
 from lensforge.optics.image_reading import read_picture
 
-LUMA, REC709 = np.array([0.299, 0.587, 0.114]), np.array([0.2126, 0.7152, 0.0722])
+LUMA = np.array([0.299, 0.587, 0.114])
+REC709 = np.array([0.2126, 0.7152, 0.0722])
 
 
 def srgb(v):
@@ -34,8 +35,10 @@ def _full(values, depth):
 
 @pytest.mark.parametrize("kind", ["uint8", "uint16"])
 def test_colours_of_png(light, kind):
-    full, depth = np.iinfo(kind).max, 8 * np.dtype(kind).itemsize
-    colours, clear = numbers(kind, 3), numbers(kind, 1)
+    full = np.iinfo(kind).max
+    depth = 8 * np.dtype(kind).itemsize
+    colours = numbers(kind, 3)
+    clear = numbers(kind, 1)
     stored = colours / full
     file = png(colours, "rgb", depth)
     np.testing.assert_allclose(light(file), stored @ LUMA, rtol=0, atol=1e-5)  # its weights are n/65536
@@ -47,7 +50,8 @@ def test_colours_of_png(light, kind):
 
 @pytest.mark.parametrize("kind", ["uint8", "uint16"])
 def test_transparent_grey_is_dark(light, kind):
-    both, full = numbers(kind, 2), np.iinfo(kind).max
+    both = numbers(kind, 2)
+    full = np.iinfo(kind).max
     depth = 8 * np.dtype(kind).itemsize
     expected = both[..., 0] / full * (both[..., 1] / full)
     np.testing.assert_allclose(light(png(both, "grey_alpha", depth)), expected, rtol=1e-14)
@@ -90,7 +94,8 @@ def test_tiff(light, order, options, kind, channels):
 
 @pytest.mark.parametrize("kind", ["uint8", "uint16"])
 def test_white_is_zero(light, kind):
-    values, full = numbers(kind, 1), np.iinfo(kind).max
+    values = numbers(kind, 1)
+    full = np.iinfo(kind).max
     np.testing.assert_array_equal(light(tiff(values, photometric="miniswhite")), (full - values[..., 0]) / full)
 
 

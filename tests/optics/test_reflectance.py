@@ -83,7 +83,8 @@ def test_the_verification_sums_the_same_from_either_side(face, inwards):
 
 
 def test_closed_forms():
-    normal, waves = np.ones(1), np.array([500.0, 550.0, 620.0])
+    normal = np.ones(1)
+    waves = np.array([500.0, 550.0, 620.0])
     for body in (1.44, 1.7, 2.25):
         root = np.sqrt(body)
         quarter = stack([(IndexCurve((root,)), 550.0 / 4.0 / root)], body)
@@ -117,7 +118,9 @@ def test_tables_err_by_less_than_a_hundred_thousandth(face):
 
 
 def test_a_table_is_its_own_interpolation():
-    angles, rows, waves = (0.0, 30.0, 55.0, 80.0), ((0.01, 0.008, 0.02, 0.3), (0.0, 0.002, 0.05, 0.25)), (450.0, 600.0)
+    angles = (0.0, 30.0, 55.0, 80.0)
+    rows = ((0.01, 0.008, 0.02, 0.3), (0.0, 0.002, 0.05, 0.25))
+    waves = (450.0, 600.0)
     table = ReflectanceTable(angles, rows, waves)
     exact = reflectance_of(table, 1.0, (400.0, 700.0))
     np.testing.assert_allclose(exact.at(np.array(waves), np.cos(np.radians(angles)))[..., 0], rows, atol=1e-15)

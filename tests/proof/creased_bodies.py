@@ -88,14 +88,19 @@ def body_of(cap, side, wall, exit):
     return Body(tuple(Face(*each) for each in (*sides, ("exit", exit, BODY, OUTSIDE))))
 
 
-CAP, SIDE, EXIT = plane(2.5), sphere(3.0), plane(10.0)
-CONE, PARABOLOID, BALL = cone(6.0, 1.0), paraboloid(3.0), sphere(8.0, 4.0)
+CAP = plane(2.5)
+SIDE = sphere(3.0)
+EXIT = plane(10.0)
+CONE = cone(6.0, 1.0)
+PARABOLOID = paraboloid(3.0)
+BALL = sphere(8.0, 4.0)
 OF_CONE, OF_PARABOLOID, OF_BALL = (body_of(CAP, SIDE, each, EXIT) for each in (CONE, PARABOLOID, BALL))
 
 
 def crease(inner, outer):
     """Polar angle at which the two faces have the same radius."""
-    low, high = 1e-3, 0.5 * np.pi - 1e-3
+    low = 1e-3
+    high = 0.5 * np.pi - 1e-3
 
     def nearer(theta):
         u = np.array([[np.sin(theta), 0.0, np.cos(theta)]])
@@ -111,7 +116,9 @@ def crease(inner, outer):
 def mesh_of(body, count):
     """A closed mesh, with a ring of vertices along each crease, and a flat rim at z = 0."""
     directions, dome = rings(count)
-    size, rim, vertices = len(directions), np.arange(len(directions) - 6 * count, len(directions)), []
+    size = len(directions)
+    rim = np.arange(len(directions) - 6 * count, len(directions))
+    vertices = []
     theta = np.arccos(np.clip(directions[:, 2], 0.0, 1.0))
     for own in (body.envelope, body.cavity):
         first, second = (face.surface for face in own)
@@ -159,7 +166,8 @@ OPTICAL = {name: f"OPTICAL_{name.upper()}" for name in ("cap", "side", "wall", "
 def rays_from(count, side, seed=0, height=0.0):
     """Rays of 1 W in all over the hemisphere, from a square of ``side`` mm."""
     random = np.random.default_rng(seed)
-    z, phi = random.uniform(0.02, 1.0, count), random.uniform(0.0, 2.0 * np.pi, count)
+    z = random.uniform(0.02, 1.0, count)
+    phi = random.uniform(0.0, 2.0 * np.pi, count)
     sine = np.sqrt(1.0 - z**2)
     directions = np.stack([sine * np.cos(phi), sine * np.sin(phi), z], axis=1)
     origins = np.column_stack([random.uniform(-0.5, 0.5, (count, 2)) * side, np.full(count, height)])
@@ -180,15 +188,20 @@ class Followed:
 
 def follow_exactly(body, rays, events, index=INDEX, mirrors=None, absorption=0.0):
     """Every ray by closed forms, one after the other: ``mirrors`` has the reflectance of faces by name."""
-    count, mirrors = len(rays), mirrors or {}
+    count = len(rays)
+    mirrors = mirrors or {}
     found = Followed(*np.full((2, count, 3), np.nan), *np.zeros((2, count)), np.zeros(count, dtype=bool), [])
     for k in range(count):
-        p, d = rays.origins[k], rays.directions[k]
-        coherency, medium, chain = 0.5 * (np.eye(3) - np.outer(d, d)).astype(complex), CAVITY, ""
+        p = rays.origins[k]
+        d = rays.directions[k]
+        coherency = 0.5 * (np.eye(3) - np.outer(d, d)).astype(complex)
+        medium = CAVITY
+        chain = ""
         for _ in range(events):
             faces = body.cavity if medium == CAVITY else body.envelope
             lengths = [face.surface.hit(p[None], d[None])[0] for face in faces]
-            face, length = faces[int(np.argmin(lengths))], min(lengths)
+            face = faces[int(np.argmin(lengths))]
+            length = min(lengths)
             hit = p + length * d
             above = min(length, -p[2] / d[2] if d[2] < 0.0 else np.inf)  # as far as the base
             if medium == BODY and np.isfinite(above) and _meets_cavity(body, p, d, above):
@@ -208,7 +221,8 @@ def follow_exactly(body, rays, events, index=INDEX, mirrors=None, absorption=0.0
             if passes:
                 medium = OUTSIDE if medium == BODY else BODY
             if medium == OUTSIDE:
-                found.points[k], found.directions[k] = p, d
+                found.points[k] = p
+                found.directions[k] = d
                 break
         found.inside[k] = medium != OUTSIDE and chain[-1:] not in ("x", "c")
         found.flux[k] = rays.flux[k] * np.trace(coherency).real
@@ -230,15 +244,21 @@ def _at(d, n, ratio, coherency, mirror):
     sine = min(np.sqrt(max(1.0 - cosine**2, 0.0)), 1.0)
     back = d - 2.0 * cosine * n
     if mirror is not None:
-        ways, parts, ahead = back, (np.sqrt(mirror), -np.sqrt(mirror)), False
+        ways = back
+        parts = (np.sqrt(mirror), -np.sqrt(mirror))
+        ahead = False
     elif ratio * sine >= 1.0:  # (60) of Born and Wolf, 1.5.4
         ratio = 1.0 / ratio
         phase = 2.0 * np.arctan2(cosine * np.sqrt(sine**2 - ratio**2), sine**2)
-        ways, parts, ahead = back, (1.0, np.exp(1j * phase)), False
+        ways = back
+        parts = (1.0, np.exp(1j * phase))
+        ahead = False
     else:
-        before, after = np.arcsin(sine), np.arcsin(ratio * sine)
+        before = np.arcsin(sine)
+        after = np.arcsin(ratio * sine)
         tangent = (d - cosine * n) * ratio
-        ways, ahead = tangent + np.cos(after) * n, True
+        ways = tangent + np.cos(after) * n
+        ahead = True
         if before < 1e-6:
             parts = (np.sqrt(4.0 * ratio / (1.0 + ratio) ** 2),) * 2
         else:

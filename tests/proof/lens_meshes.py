@@ -25,8 +25,11 @@ class Quadric:
 
     def far_hit(self, origins, directions):
         """Distance to the far side: the one that a ray from inside meets."""
-        p, d = (origins - np.array(self.centre)) * self.inverse, directions * self.inverse
-        a, b, c = (d * d).sum(1), (p * d).sum(1), (p * p).sum(1) - 1.0
+        p = (origins - np.array(self.centre)) * self.inverse
+        d = directions * self.inverse
+        a = (d * d).sum(1)
+        b = (p * d).sum(1)
+        c = (p * p).sum(1) - 1.0
         return (-b + np.sqrt(b * b - a * c)) / a
 
     def radius(self, u):
@@ -63,9 +66,11 @@ def sphere(radius, centre=(0.0, 0.0, 0.0)):
 @cache
 def rings(count):
     """Directions on the hemisphere in ``count`` rings of 6, 12, 18 ... points, and their triangles."""
-    points, first = [np.array([[0.0, 0.0, 1.0]])], [0, 1]
+    points = [np.array([[0.0, 0.0, 1.0]])]
+    first = [0, 1]
     for ring in range(1, count + 1):
-        theta, phi = 0.5 * np.pi * ring / count, np.arange(6 * ring) * np.pi / (3 * ring)
+        theta = 0.5 * np.pi * ring / count
+        phi = np.arange(6 * ring) * np.pi / (3 * ring)
         z = 0.0 if ring == count else np.cos(theta)
         points.append(np.stack([np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi), 0 * phi + z], axis=1))
         first.append(first[-1] + 6 * ring)
@@ -83,17 +88,20 @@ def rings(count):
 
 def band(lower, upper):
     """Triangles between two loops of equally many vertices, outside to the right of lower to upper, anticlockwise."""
-    after_lower, after_upper = np.roll(lower, -1), np.roll(upper, -1)
+    after_lower = np.roll(lower, -1)
+    after_upper = np.roll(upper, -1)
     return np.concatenate([np.stack([lower, after_lower, upper], 1), np.stack([after_lower, after_upper, upper], 1)])
 
 
 def lens_mesh(inner: Radius, outer: Radius, count: int, base=None) -> trimesh.Trimesh:
     """A closed lens; ``base`` = (radius, height) of a cylinder below z = 0 with the cavity's opening through it."""
     directions, dome = rings(count)
-    size, rim = len(directions), np.arange(len(directions) - 6 * count, len(directions))
+    size = len(directions)
+    rim = np.arange(len(directions) - 6 * count, len(directions))
     vertices = [directions * outer(directions)[:, None], directions * inner(directions)[:, None]]
     faces = [dome, dome[:, ::-1] + size]
-    outer_rim, inner_rim = rim, rim + size
+    outer_rim = rim
+    inner_rim = rim + size
     if base is None:
         faces.append(band(outer_rim, inner_rim)[:, ::-1])
     else:
@@ -110,7 +118,8 @@ def lens_mesh(inner: Radius, outer: Radius, count: int, base=None) -> trimesh.Tr
 def lambertian(count, side, seed=0, height=0.0):
     """Rays of 1 W in all from a square of ``side`` mm at z = ``height``."""
     u = np.random.default_rng(seed).random((4, count))
-    sine, phi = np.sqrt(u[2]), 2 * np.pi * u[3]
+    sine = np.sqrt(u[2])
+    phi = 2 * np.pi * u[3]
     directions = np.stack([sine * np.cos(phi), sine * np.sin(phi), np.sqrt(1.0 - u[2])], axis=1)
     origins = np.stack([(u[0] - 0.5) * side, (u[1] - 0.5) * side, np.full(count, height)], axis=1)
     return RayBundle(origins, directions, np.full(count, 1.0 / count))
@@ -149,7 +158,9 @@ def oracle(inner: Quadric, outer: Quadric, rays: RayBundle, index: float, distan
     planes = [np.cross(first, face.normal(each)) for face, each in ((inner, points), (outer, ends))]
     product = np.linalg.norm(planes[0], axis=1) * np.linalg.norm(planes[1], axis=1)
     cosine = np.sum(planes[0] * planes[1], axis=1) / np.where(product > 0.0, product, 1.0)
-    (one_s, one_p), (other_s, other_p) = one, other  # of what s and p carry, the part that stays s and p
+    # of what s and p carry, the part that stays s and p
+    (one_s, one_p) = one
+    (other_s, other_p) = other
     differ = 0.25 * (2.0 * cosine**2 - 1.0) * (one_s - one_p) * (other_s - other_p)
     share = 0.25 * (one_s + one_p) * (other_s + other_p) + differ
     lost = (other_s == 0.0) | (points[:, 2] <= 0.0) | (ends[:, 2] <= 0.0) | ~(second[:, 2] > 0.0)
@@ -159,7 +170,9 @@ def oracle(inner: Quadric, outer: Quadric, rays: RayBundle, index: float, distan
 
 
 # Two ellipsoids off the axis on a cylindrical base, which most of these tests cast rays through.
-INDEX, DISTANCE, BASE = 1.4936, 150.0, (16.0, 2.0)
+INDEX = 1.4936
+DISTANCE = 150.0
+BASE = (16.0, 2.0)
 INNER = Quadric((0.3, -0.2, 0.1), (6.0, 6.5, 5.5))
 OUTER = Quadric((-0.4, 0.3, -0.5), (13.7, 13.0, 14.0))
 

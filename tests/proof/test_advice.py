@@ -45,8 +45,12 @@ def verified(part, rays=RAYS, hits=HITS, flux=FLUX, fates=FATES):
 
 def test_light_that_only_the_design_loses_is_named_with_its_flux():
     lost = np.nonzero((np.abs(HITS) < 100.0).all(axis=1))[0][:120]
-    hits, flux, fates = HITS.copy(), FLUX.copy(), FATES.copy()
-    hits[lost], flux[lost], fates[lost] = np.nan, 0.0, "backward"
+    hits = HITS.copy()
+    flux = FLUX.copy()
+    fates = FATES.copy()
+    hits[lost] = np.nan
+    flux[lost] = 0.0
+    fates[lost] = "backward"
     remedies, result = failed(right(), hits=hits, flux=flux, fates=fates)
     assert remedies["fate_disagreement_flux"].startswith("3.00% of the flux: design backward, part landed")
     assert MESH not in remedies["fate_disagreement_flux"]
@@ -66,7 +70,8 @@ def test_light_that_the_base_cuts_off_asks_for_another_base():
     up = rays.origins[:, :2] + 9.0 * rays.directions[:, :2] / rays.directions[:, 2:]
     across = np.linalg.norm(up, axis=1)
     passes = INNER.radius(np.column_stack([up / across[:, None], np.zeros(4000)])) > across
-    hits[~passes], flux[~passes] = np.nan, 0.0
+    hits[~passes] = np.nan
+    flux[~passes] = 0.0
     fates = np.where(passes, "base", "outside_cavity")
     remedies, result = failed(right(base=(16.0, 8.0)), rays, hits, flux, fates)
     assert (
@@ -120,7 +125,8 @@ def test_fine_facets_are_not_blamed_for_a_shifted_face_or_a_void():
 def test_facets_are_blamed_however_fine_where_the_step_file_lands_its_rays(of_limit, says):
     """Low facets may still have normals that are too coarse: then no face has moved. The STEP has half the limit."""
     proof = verified(right(80, outer=replace(OUTER, centre=(-0.34, 0.3, -0.5))))
-    rms, none = 0.5 * of_limit * proof.first.deviation_limit_mm, {"flux": 0.0, "fates": 0, "fates_flux": 0.0}
+    rms = 0.5 * of_limit * proof.first.deviation_limit_mm
+    none = {"flux": 0.0, "fates": 0, "fates_flux": 0.0}
     alike = Agreement(compared=9, rms=rms, p99=1.0, max=1.0, **none)
     cast = BrepCast(rays=9, seconds=0.0, against_design=alike, against_mesh=alike)
     with_step = proof.changed(receivers=(proof.first.changed(brep=cast),))
@@ -148,7 +154,9 @@ def landed_rays(rays, landings, **fields):
 )
 def test_every_pair_of_fates_has_its_advice(design, fate):
     """Both ways; the mesh is blamed for light at a limit only, never for light that starts somewhere else."""
-    nowhere, there, ones = np.full((2, 2), np.nan), np.zeros((2, 2)), np.ones(2)
+    nowhere = np.full((2, 2), np.nan)
+    there = np.zeros((2, 2))
+    ones = np.ones(2)
     rays = lambertian(2, 0.0)
     for landed in (False, True):
         fates = np.full(2, CastFate.LANDED if landed else fate, dtype=np.int64)
@@ -167,8 +175,11 @@ def test_every_pair_of_fates_has_its_advice(design, fate):
 
 def test_rays_that_met_other_faces_count_as_of_another_fate():
     """However near they land; those of the same faces count however far apart they land."""
-    rays, ones, fates = lambertian(3, 0.0), np.ones(3), np.full(3, CastFate.LANDED, dtype=np.int64)
-    design, part = np.array([[0, 3], [0, 3], [1, 2]]), np.array([[0, 3], [0, 2], [1, 2]])
+    rays = lambertian(3, 0.0)
+    ones = np.ones(3)
+    fates = np.full(3, CastFate.LANDED, dtype=np.int64)
+    design = np.array([[0, 3], [0, 3], [1, 2]])
+    part = np.array([[0, 3], [0, 2], [1, 2]])
     places = np.array([[0.0, 0.5], [1.0, 0.0], [0.0, 0.0]])
     landed = landed_rays(rays, places + np.array([[0.0, 0.0], [0.0, 0.0], [0.0, 3.0]]), fates=fates, met=part)
     one_way = Expected(Screen.square(DISTANCE, 10.0, 2), np.ones((2, 2)), places, ones)
@@ -183,7 +194,8 @@ def test_rays_that_met_other_faces_count_as_of_another_fate():
 def test_gaps_are_mm_on_the_receiver_and_of_directions_those_at_a_metre(kind, unit):
     """Of three rays: 0.005 and 0.013 units of the chart, the third lands nowhere in the part."""
     screen = Screen.kinds[kind]((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), 0.0, 1.5, 1.0, 8, 4, (None, None, None))
-    rays, places = lambertian(3, 0.0), np.array([[0.1, 0.2], [-0.3, 0.1], [0.2, 0.2]])
+    rays = lambertian(3, 0.0)
+    places = np.array([[0.1, 0.2], [-0.3, 0.1], [0.2, 0.2]])
     fates = np.array([CastFate.LANDED, CastFate.LANDED, CastFate.NO_HIT], dtype=np.int64)
     off = np.array([[3e-3, -4e-3], [5e-3, 12e-3], [np.nan, 0.0]])
     landed = landed_rays(rays, places + off, fates=fates)
@@ -245,8 +257,10 @@ def test_the_flux_budget_of_a_few_rays_by_hand():
 @pytest.mark.parametrize("uneven", [0.0, 0.5])
 def test_a_picture_without_the_noise_of_its_rays_scatters_by_its_stated_error(uneven):
     """Of light as designed, where the blocks' products are noise alone, and of light that is off."""
-    count, values = 8 * LEAST_RAYS, []
-    rays, screen = replace(lambertian(count, 0.0), flux=np.ones(count)), Screen.square(DISTANCE, 10.0, 8, 0.0)
+    count = 8 * LEAST_RAYS
+    values = []
+    rays = replace(lambertian(count, 0.0), flux=np.ones(count))
+    screen = Screen.square(DISTANCE, 10.0, 8, 0.0)
     wanted = np.full((8, 8), count / 100e-6)  # W/m2 of rays of 1 W on 10 x 10 mm
     wanted[:, :4] *= 1.0 + uneven
     fates = np.full(count, CastFate.LANDED, dtype=np.int64)
@@ -264,9 +278,12 @@ def test_a_picture_without_the_noise_of_its_rays_scatters_by_its_stated_error(un
 
 def test_the_error_of_a_picture_without_the_noise_of_its_rays_by_pairs_of_blocks():
     """The mean product of the errors of each two blocks, less the noise of the design; not known without that."""
-    random, count = np.random.default_rng(3), LEAST_RAYS
-    rays, screen = replace(lambertian(count, 0.0), flux=np.full(count, 2.0)), Screen.square(DISTANCE, 10.0, 3, 0.0)
-    places, flux = random.uniform(-5.0, 5.0, (count, 2)), random.uniform(0.5, 1.5, count)
+    random = np.random.default_rng(3)
+    count = LEAST_RAYS
+    rays = replace(lambertian(count, 0.0), flux=np.full(count, 2.0))
+    screen = Screen.square(DISTANCE, 10.0, 3, 0.0)
+    places = random.uniform(-5.0, 5.0, (count, 2))
+    flux = random.uniform(0.5, 1.5, count)
     up = {"points": np.column_stack([places, np.zeros(count)]), "directions": np.tile([0.0, 0.0, 1.0], (count, 1))}
     fates = np.full(count, CastFate.LANDED, dtype=np.int64)
     passage = replace(Passage.of(rays, 2), **up, flux=flux, fates=fates)
@@ -298,7 +315,8 @@ def judged(proof, **changes):
 def test_a_mesh_with_coarse_facets_fails_nothing_beside_a_step_file_that_is_right():
     """Also on the second of two receivers; a file of another form, or a STEP file that is not cast, decides."""
     proof = verified(right(rings=8))
-    limit_mm, none = proof.first.deviation_limit_mm, {"flux": 0.0, "fates": 0, "fates_flux": 0.0}
+    limit_mm = proof.first.deviation_limit_mm
+    none = {"flux": 0.0, "fates": 0, "fates_flux": 0.0}
     casts = [
         BrepCast(rays=9, seconds=0.0, against_design=each, against_mesh=each)
         for each in (Agreement(compared=9, rms=of * limit_mm, p99=1.0, max=1.0, **none) for of in (0.4, 0.6))

@@ -23,7 +23,8 @@ from lensforge.surfaces.bicubic_table import TableGrid, tabulate
 
 
 def test_displaced_shells_refract_polarise_and_absorb_as_written_by_hand() -> None:
-    media, rays = replace(clear(), bodies=(DOME, SECOND)), upwards(1500, 1, 3.0)
+    media = replace(clear(), bodies=(DOME, SECOND))
+    rays = upwards(1500, 1, 3.0)
     points, along, share, _ = behind_optics(rays.origins, rays.directions, media, np.full(len(rays), 550.0))
     out = share > 0.0
     assert 0.5 < out.mean() < 1.0 and np.isnan(points[~out]).all()
@@ -63,7 +64,8 @@ def test_kernels_and_cast_agree_on_the_light_behind_bodies_and_the_cover_glass(s
     """Light that a lens of displaced, rough faces, out of place, has polarised; through faces that scatter it, too."""
     grid = TableGrid(161)
     tables = np.stack([tabulate(grid, each) for each in (sphere(3.0, 0.5), sphere(6.0, -1.0))])
-    media, rays = replace(clear(absorption=0.01), bodies=(DOME, SECOND), cover_glass=GLASS), upwards(2000, 4, 0.8)
+    media = replace(clear(absorption=0.01), bodies=(DOME, SECOND), cover_glass=GLASS)
+    rays = upwards(2000, 4, 0.8)
     rough: list[FaceNumbers] = []
     if scatters:
         each = (
@@ -71,12 +73,14 @@ def test_kernels_and_cast_agree_on_the_light_behind_bodies_and_the_cover_glass(s
             (FaceScatter("inner", GaussianFacets(0.05)), FaceScatter("outer", STEEP)),
         )
         bodies = (replace(body, scatter=own) for body, own in zip((DOME, SECOND), each, strict=True))
-        media, rays = replace(media, bodies=tuple(bodies)), with_facets(rays, 3)
+        media = replace(media, bodies=tuple(bodies))
+        rays = with_facets(rays, 3)
         met = [(rays, body.media(media), DOUBLE, media.scattering_before(k)) for k, body in enumerate(media.bodies)]
         rough = [FaceNumbers.of(*own) for own in met]
     made = AsMade(lens=Pose.displaced((0.1, -0.2, 0.0), (0.02, -0.03, 0.0)), slopes={"inner": 2e-3}, scale=1.01)
     traced = TracedBundle.of(tables, Scene(media, grid, made=made), rays)
-    lens, exits = traced.at_lens, traced.exits
+    lens = traced.at_lens
+    exits = traced.exits
     fields = lens.fields.reshape(-1, 2, 2, 3)[:, :, 0]
     fields = fields / np.sqrt(0.5 * (fields**2).sum((1, 2)) + 1e-300)[:, None, None]
     behind = behind_optics(lens.points, lens.directions, media, np.full(2000, 550.0), fields + 0j, rough=rough)
@@ -94,9 +98,12 @@ def test_kernels_and_cast_agree_on_the_light_behind_bodies_and_the_cover_glass(s
 
 def test_each_lens_of_a_plate_has_bodies_of_its_own() -> None:
     """Rays of lenses that are turned and shifted, as those of the first turned and shifted behind its bodies."""
-    media, rays = replace(clear(), bodies=(DOME, SECOND)), upwards(900, 6, 2.0)
-    numbers, waves = np.arange(900) % 3, np.full(900, 550.0)
-    places, turns = np.array([[0.0, 0.0], [80.0, 10.0], [-20.0, 90.0]]), np.array([0.3, 1.9, -2.5])
+    media = replace(clear(), bodies=(DOME, SECOND))
+    rays = upwards(900, 6, 2.0)
+    numbers = np.arange(900) % 3
+    waves = np.full(900, 550.0)
+    places = np.array([[0.0, 0.0], [80.0, 10.0], [-20.0, 90.0]])
+    turns = np.array([0.3, 1.9, -2.5])
     alone = behind_optics(rays.origins, rays.directions, media, waves)
     for lit in (None, 1):
         plate = PlateOfLenses(places, turns, lit)

@@ -51,7 +51,8 @@ def test_both_casters_find_the_first_hits_among_all_triangles(name, share):
     expected = np.full(300, np.inf)
     beyond = distance > share * size
     np.minimum.at(expected, ray[beyond], distance[beyond])
-    plain, hits = PlainCaster(mesh).distances(leg), Grid(mesh).first_hits(leg)
+    plain = PlainCaster(mesh).distances(leg)
+    hits = Grid(mesh).first_hits(leg)
     assert np.array_equal(np.isfinite(plain), hits.found) and np.array_equal(np.isfinite(expected), hits.found)
     assert 20 < hits.found.sum() < 300 or name == "soup"  # both kinds are there
     np.testing.assert_allclose(plain[hits.found], expected[hits.found], rtol=0, atol=1e-9)
@@ -81,7 +82,8 @@ def test_no_ray_slips_between_triangles():
 
 def test_a_grid_that_is_wrong_is_noticed(monkeypatch):
     part = part_mesh_of(lens_mesh(sphere(6.0).radius, sphere(13.7).radius, 10))
-    grid, rays = Grid(part.mesh), lambertian(400, 1.0)
+    grid = Grid(part.mesh)
+    rays = lambertian(400, 1.0)
     found = cast_plain(part, grid, rays, Media(Medium(1.5)), 50)()
     assert (found.rays, found.casts, found.disagreements) == (50, 100, 0)
     honest = Grid.first_hits

@@ -55,7 +55,8 @@ SILVERED = (FaceCoating("wall", OUTSIDE, Mirror(0.8)),)
 SCREEN = Screen.square(150.0, 300.0, 8)
 NO_MITSUBA = pytest.mark.skipif(find_spec("mitsuba") is None, reason="Mitsuba is not installed")
 CONE_FACES = PlaneFace(24.0, 2.5), asphere.sphere(3.0), ConeFace(24.0, 6.0, 1.0), PlaneFace(24.0, 10.0)
-CONE, BRIGHT_BALL = (OF_CONE, (), None), (OF_BALL, SILVERED, {"wall": 0.8})
+CONE = (OF_CONE, (), None)
+BRIGHT_BALL = (OF_BALL, SILVERED, {"wall": 0.8})
 
 
 @cache
@@ -86,7 +87,8 @@ def test_the_oracle_sees_every_kind_of_chain():
 def test_the_ways_of_the_light_are_those_of_every_ray(coatings, events):
     """The share of each way, and of all that leaves by the wall, with their errors."""
     lens = TracedLens.of_body(body_of(*CONE_FACES), clear(INDEX, coatings), events, 12.0)
-    found, shares = FluxByWay.none_yet(lens.scene.chain, 4), Counter()
+    found = FluxByWay.none_yet(lens.scene.chain, 4)
+    shares = Counter()
     for k, rays in enumerate(RAYS.take(slice(first, first + 50)) for first in (0, 50, 100, 150)):
         for half in (0.5, 0.5):
             found.add(k, half, lens.trace(rays))
@@ -112,7 +114,8 @@ def test_the_ways_of_the_light_are_those_of_every_ray(coatings, events):
     ),
 )
 def test_the_kernel_sends_every_ray_along_its_chain(name, events, absorption):
-    wanted, (body, coatings, _) = exact(name, events, absorption), {"cone": CONE, "ball": BRIGHT_BALL}[name]
+    wanted = exact(name, events, absorption)
+    (body, coatings, _) = {"cone": CONE, "ball": BRIGHT_BALL}[name]
     media = clear(INDEX, coatings, absorption)
     found = send_through_body(StepBody(step_of(name), optical_of(body, events)), RAYS, media)
     out = np.isfinite(wanted.points[:, 0])
@@ -150,8 +153,10 @@ def test_light_ends_at_a_flange_with_what_the_face_before_has_left():
 
 @pytest.mark.parametrize(("name", "events", "precision"), [("cone", 3, 3e-3), ("ball", 4, 2e-5)])
 def test_facets_send_every_ray_along_its_chain(name, events, precision):
-    wanted, media = exact(name, events), clear(INDEX, {"cone": (), "ball": SILVERED}[name])
-    out, errors = np.isfinite(wanted.points[:, 0]), []
+    wanted = exact(name, events)
+    media = clear(INDEX, {"cone": (), "ball": SILVERED}[name])
+    out = np.isfinite(wanted.points[:, 0])
+    errors = []
     for count in (30, 60):
         part, grid = part_of(name, count, events)
         assert part.far == 0 and part.open_edges == 0
@@ -167,7 +172,9 @@ def test_facets_send_every_ray_along_its_chain(name, events, precision):
 def test_rays_that_meet_a_rough_face_again_go_as_in_the_design(model):
     """Facets and rings about a mirror, ray by ray by the numbers of the design; those of the proof's own are others."""
     rough = FaceScatter("exit", GaussianFacets(0.05)), FaceScatter("wall", model)
-    media, rays, optical = replace(clear(INDEX, SILVERED), scatter=rough), with_facets(RAYS, 2), optical_of(OF_CONE, 6)
+    media = replace(clear(INDEX, SILVERED), scatter=rough)
+    rays = with_facets(RAYS, 2)
+    optical = optical_of(OF_CONE, 6)
     design = TracedLens.of_body(body_of(*CONE_FACES), media, 6, 12.0).trace(rays)
     again = (design.met == optical.names.index("wall")).sum(axis=1) > 1
     assert again.mean() > 0.05, "by which this is seen"
@@ -208,7 +215,8 @@ def test_bouguers_invariant_holds_along_the_chain(name):
     def invariant(points, directions):
         return points[:, 0] * directions[:, 1] - points[:, 1] * directions[:, 0]
 
-    before, behind = invariant(RAYS.origins, RAYS.directions), invariant(found.points, found.directions)
+    before = invariant(RAYS.origins, RAYS.directions)
+    behind = invariant(found.points, found.directions)
     np.testing.assert_allclose(behind[out], before[out], rtol=0.0, atol=1e-12)
 
 
@@ -217,7 +225,8 @@ def test_all_flux_is_accounted_for_and_the_path_of_the_cast_is_no_stray_light(na
     part, grid = part_of(name, 30, 4)
     media = clear(INDEX, {"cone": (), "ball": SILVERED}[name], 0.01)
     budget = follow(PartBody(part, grid, media), RAYS, Limits(cut_off=1e-6, depth=40))
-    escaped, passage = budget.escaped(), send_through(part, grid, RAYS, media)
+    escaped = budget.escaped()
+    passage = send_through(part, grid, RAYS, media)
     total = escaped.flux.sum() + budget.absorbed + budget.base + budget.cut_off + budget.leaked
     assert total == pytest.approx(1.0, abs=1e-12) and budget.base == 0.0
     sequential = escaped.flux[escaped.causes == Cause.SEQUENTIAL].sum()
@@ -240,7 +249,8 @@ def test_the_event_limit_is_a_fate_of_their_own_with_its_flux():
 
 
 def test_names_in_the_file_say_which_face_it_is_and_shapes_where_there_are_none():
-    media, optical = clear(INDEX, SILVERED), optical_of(OF_BALL, 4)
+    media = clear(INDEX, SILVERED)
+    optical = optical_of(OF_BALL, 4)
     rays = RAYS.take(slice(0, 60))
     swapped = OPTICAL | {"wall": "OPTICAL_EXIT", "exit": "OPTICAL_WALL"}
     named, bare, other = (
@@ -260,7 +270,8 @@ def test_facets_of_another_body_are_counted():
 
 def test_a_shallow_crease_is_no_smooth_face():
     body = body_of(CAP, SIDE, BALL, sphere(12.0, -0.5))
-    mesh, optical = mesh_of(body, 40), optical_of(body)
+    mesh = mesh_of(body, 40)
+    optical = optical_of(body)
     part = part_mesh_of(mesh, optical)
     assert len(np.unique(smooth_faces(mesh))) == len(np.unique(part.faces)) - 1
     for number, face in enumerate(body.faces):
@@ -291,7 +302,8 @@ def test_a_mirror_takes_what_it_does_not_reflect_and_a_table_splits_the_light():
     """Of the outer face, from the middle of a ball: once the mirror, once a coating of the same reflectance."""
     part = part_mesh_of(right(30), OpticalFaces(events=4))
     ray = RayBundle(np.zeros((1, 3)), np.array([[0.0, 0.0, 1.0]]), np.ones(1))
-    silver, table = Mirror(0.3), ReflectanceTable((0.0, 90.0), ((0.3, 0.3),))
+    silver = Mirror(0.3)
+    table = ReflectanceTable((0.0, 90.0), ((0.3, 0.3),))
     first, second = (
         send_through(part, Grid(part.mesh), ray, Media(Medium(INDEX), coatings=(FaceCoating("outer", OUTSIDE, each),)))
         for each in (silver, table)
@@ -305,7 +317,8 @@ def test_a_mirror_takes_what_it_does_not_reflect_and_a_table_splits_the_light():
 
 @pytest.mark.parametrize("mitsuba_rays", [0, pytest.param(200, marks=NO_MITSUBA)])
 def test_every_referee_verifies_a_body_of_four_faces(mitsuba_rays):
-    wanted, optical = exact("cone", 3), optical_of(OF_CONE, 3)
+    wanted = exact("cone", 3)
+    optical = optical_of(OF_CONE, 3)
     hits = SCREEN.land(wanted.points, wanted.directions)
     expected = Expected(SCREEN, SCREEN.irradiance(hits, wanted.flux), hits, wanted.flux)
     stl = mesh_of(OF_CONE, 60).export(file_type="stl")
@@ -325,7 +338,8 @@ def test_every_referee_verifies_a_body_of_four_faces(mitsuba_rays):
 @NO_MITSUBA
 @pytest.mark.parametrize("name", ["cone", "ball"])
 def test_mitsuba_sends_every_ray_along_its_chain(name):
-    wanted, media = exact(name, 4), clear(INDEX, {"cone": (), "ball": SILVERED}[name])
+    wanted = exact(name, 4)
+    media = clear(INDEX, {"cone": (), "ball": SILVERED}[name])
     found = send_through_mitsuba(part_of(name, 60, 4)[0], RAYS, media)[1]
     out = np.isfinite(wanted.points[:, 0])
     assert np.mean((found.fates == CastFate.LANDED) != out) < 0.02

@@ -25,9 +25,11 @@ from lensforge.sources.build_source import build_source
 from lensforge.spec import BaseSection
 from lensforge.surfaces.bicubic_table import TableGrid
 
-BODY, EVENTS = collimator(0.05), 4
+BODY = collimator(0.05)
+EVENTS = 4
 MEDIA = {"totally reflecting": clear(absorption=0.01), "silvered": clear(coatings=mirrors(0.9, wall=OUTSIDE))}
-RAYS, GRID = upwards(250, 11, 0.5), TableGrid(601)
+RAYS = upwards(250, 11, 0.5)
+GRID = TableGrid(601)
 TABLES = tables_of(BODY, GRID)
 # By the STEP file to the error of the design's tables, by the mesh to that of its facets, 0.9 um: point (mm),
 # direction, flux (W).
@@ -58,7 +60,8 @@ def design_of(kind: str) -> TracedBundle:
 @pytest.mark.parametrize("file", ["step", "stl"])
 @pytest.mark.parametrize("kind", MEDIA)
 def test_the_exported_body_sends_every_ray_where_the_design_does(kind: str, file: str) -> None:
-    design, found = design_of(kind), send_through_body(cast_body(file), RAYS, MEDIA[kind])
+    design = design_of(kind)
+    found = send_through_body(cast_body(file), RAYS, MEDIA[kind])
     left = design.exits.fates == Fate.LEFT_LENS
     assert left.sum() > 220 and np.array_equal(found.fates == CastFate.LANDED, left)
     assert (design.met[left, 2] >= 0).mean() > 0.1, "three events and more"
@@ -71,7 +74,8 @@ def test_the_exported_body_sends_every_ray_where_the_design_does(kind: str, file
 
 def test_the_way_of_the_design_is_told_by_the_faces_of_the_part() -> None:
     """Light that lands has passed cap and exit, or the side, the wall, which reflects it, and the exit."""
-    lens, light = spot_lens(), SimpleNamespace(pixels=8, receivers=[SimpleNamespace(map=np.ones((8, 8)))])
+    lens = spot_lens()
+    light = SimpleNamespace(pixels=8, receivers=[SimpleNamespace(map=np.ones((8, 8)))])
     optical = optical_of(Body(lens.body.faces[::-1]), lens.events)  # in another order than the design has them
     rays = build_source(lens.spec.source, None).sample(1000, 3)
     (found,) = expected_of(lens, light, rays, optical)  # type: ignore[arg-type]  # of which no more is asked

@@ -29,7 +29,9 @@ from lensforge.results.figure import criteria_in
 from lensforge.scene.lens import Lens
 from lensforge.surfaces.srbf import SrbfBasis, SrbfSurface
 
-INNER, OUTER, UM = 1.0, 3.0, 1e-3
+INNER = 1.0
+OUTER = 3.0
+UM = 1e-3
 FEET = {"number": 3, "diameter_mm": 1.0, "height_mm": 0.5, "circle_diameter_mm": 7.5}
 BASES: dict[str, dict[str, Any]] = {
     "flange, pocket and feet": {
@@ -145,11 +147,13 @@ def extra(vertices: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.n
 
 
 def turned(deg: float, axis: str = "z") -> np.ndarray:
-    c, s = np.cos(np.radians(deg)), np.sin(np.radians(deg))
+    c = np.cos(np.radians(deg))
+    s = np.sin(np.radians(deg))
     return np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]] if axis == "z" else [[1, 0, 0], [0, c, -s], [0, s, c]])
 
 
-DOME, SIDE = np.array([1.0, 0.5, 2.8]), np.array([2.8, 0.5, 0.5])
+DOME = np.array([1.0, 0.5, 2.8])
+SIDE = np.array([2.8, 0.5, 0.5])
 MESHES = {
     "a vertex of the dome 1 um in": moved(DOME, -UM * DOME / np.linalg.norm(DOME)),
     "a vertex of the cavity 1 um out": moved(np.array([0.0, 0.0, 1.0]), np.array([0.0, 0.0, UM])),
@@ -254,7 +258,8 @@ def transformed(step: bytes, matrix: np.ndarray, shift: tuple[float, float, floa
     from OCP.BRepBuilderAPI import BRepBuilderAPI_Transform
     from OCP.gp import gp_Trsf
 
-    move, rows = gp_Trsf(), np.column_stack([matrix, shift])
+    move = gp_Trsf()
+    rows = np.column_stack([matrix, shift])
     move.SetValues(*rows.ravel().tolist())
     return step_bytes(Solid(BRepBuilderAPI_Transform(parse_step(step).shape, move, True).Shape(), {}), "forged")
 
@@ -317,7 +322,8 @@ def test_of_every_pair_a_copy_in_the_place_of_another_body_fails_it_alone(place:
 
 
 def test_bodies_and_faces_too_many_are_refused() -> None:
-    file, solid = designed(plated)["lens.step"], parse_step(plated().step)
+    file = designed(plated)["lens.step"]
+    solid = parse_step(plated().step)
     for shapes, words in (
         ([solid.shape, solid.shape], "holds 2 solids"),
         ([solid.shape, solid.faces["RIM"]], "beside its solid"),
@@ -335,7 +341,8 @@ def _together(shapes: list[Any]) -> Any:
     from OCP.BRepBuilderAPI import BRepBuilderAPI_Copy
     from OCP.TopoDS import TopoDS_Compound
 
-    builder, compound = BRep_Builder(), TopoDS_Compound()
+    builder = BRep_Builder()
+    compound = TopoDS_Compound()
     builder.MakeCompound(compound)
     for shape in shapes:
         builder.Add(compound, BRepBuilderAPI_Copy(shape).Shape())
@@ -369,7 +376,8 @@ def _scaled_item(vertices: np.ndarray, triangles: np.ndarray) -> bytes:
 
 
 def test_a_face_that_a_body_lacks_is_named() -> None:
-    file, solid = designed(based)["lens.step"], parse_step(based().step)
+    file = designed(based)["lens.step"]
+    solid = parse_step(based().step)
     faces = [face for name, face in solid.faces.items() if name != "OPTICAL_INNER"]
     from lensforge.proof.step_form import step_form
 
@@ -384,7 +392,8 @@ def test_distances_are_those_of_closed_forms() -> None:
     chart = np.stack(np.meshgrid(axis, axis, indexing="ij"), axis=-1)
     squared = (chart**2).sum(axis=-1)
     ways = np.concatenate([2.0 * chart, 1.0 - squared[..., None]], axis=-1) / (1.0 + squared)[..., None]
-    centre, radius = np.array([0.3, -0.2, 0.5]), 4.0
+    centre = np.array([0.3, -0.2, 0.5])
+    radius = 4.0
     along = ways @ centre
     face = DesignedFace(
         "A", axis, 1.0 / (along + np.sqrt(along**2 + radius**2 - centre @ centre)), (0.0, 1.0), (0.0, 1.0)

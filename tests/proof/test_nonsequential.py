@@ -44,7 +44,8 @@ def places(budget):
 
 
 def landed(budget, cause=None):
-    escaped, reached = budget.escaped(), ~np.isnan(places(budget)[:, 0])
+    escaped = budget.escaped()
+    reached = ~np.isnan(places(budget)[:, 0])
     return escaped.flux[reached if cause is None else reached & (escaped.causes == cause)].sum()
 
 
@@ -90,7 +91,8 @@ def test_a_coated_window_transmits_as_the_series_of_its_echoes_and_its_bare_base
 
 
 def test_echoes_in_a_slanted_window_land_side_by_side():
-    thickness, slant = 2.0, 0.3
+    thickness = 2.0
+    slant = 0.3
     bent = np.arcsin(np.sin(slant) / INDEX)
     ray = RayBundle(np.zeros((1, 3)), np.array([[np.sin(slant), 0.0, np.cos(slant)]]), np.ones(1))
     budget = follow(window(thickness), ray, EVERYTHING)
@@ -136,7 +138,8 @@ def test_what_the_cut_off_leaves_out_falls_with_it():
 
 
 def test_threads_and_chunks_of_rays_lose_none_and_change_no_bit():
-    rays, part = lambertian(400, 2.0, seed=6), PartBody(LENS, GRID, Media(Medium(INDEX, 0.01)), "black")
+    rays = lambertian(400, 2.0, seed=6)
+    part = PartBody(LENS, GRID, Media(Medium(INDEX, 0.01)), "black")
     one, two = (follow(part, rays, Limits(), threads, chunk=150) for threads in (1, 2))
     assert total(one) == pytest.approx(1.0, abs=1e-9) and one.base > 0.0
     for name in ("absorbed", "base", "cut_off", "leaked"):

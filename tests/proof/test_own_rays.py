@@ -51,7 +51,9 @@ def test_a_table_of_a_cosine_is_that_cosine_and_its_half_planes_lie_where_they_s
 
 
 def test_a_radiance_is_even_in_its_cells_and_lambertian_where_it_is_constant() -> None:
-    x, y, gamma = np.array([0.0, 1.0, 3.0]), np.array([-1.0, 0.0]), np.array([0.0, 45.0, 90.0])
+    x = np.array([0.0, 1.0, 3.0])
+    y = np.array([-1.0, 0.0])
+    gamma = np.array([0.0, 45.0, 90.0])
     radiance = np.array([1.0, 2.0])[None, :, None, None] * np.ones((1, 2, 1, 3))
     rows = independent_draws.of_radiance(random(), COUNT, (x, y), np.zeros(1), gamma, radiance)
     right = rows[:, 0] > 1.0
@@ -60,7 +62,8 @@ def test_a_radiance_is_even_in_its_cells_and_lambertian_where_it_is_constant() -
 
 
 def test_wavelengths_follow_a_density_that_is_linear_between_nodes() -> None:
-    nodes, density = np.array([400.0, 500.0, 700.0]), np.array([0.0, 1.0, 0.0])
+    nodes = np.array([400.0, 500.0, 700.0])
+    density = np.array([0.0, 1.0, 0.0])
     waves = independent_draws.wavelengths(random(), COUNT, nodes, density)
     assert near(waves, (400.0 + 500.0 + 700.0) / 3.0)
     assert near((waves < 500.0).astype(float), 1.0 / 3.0)
@@ -98,7 +101,8 @@ def test_the_design_draws_the_same_light(name: str) -> None:
     """First and second moments of position and direction, within the noise of independent rays."""
     spec = spec_of(SOURCES[name])
     source = source_of(spec)
-    own, design = independent_rays(spec, source, COUNT, 1), source.sample(2**16, 2)
+    own = independent_rays(spec, source, COUNT, 1)
+    design = source.sample(2**16, 2)
     assert own.flux.sum() == pytest.approx(source.flux_w, rel=1e-12)
     columns, wanted = (np.column_stack([rays.origins, rays.directions]) for rays in (own, design))
     for k in range(6):
@@ -141,7 +145,8 @@ TRUE_SAMPLE = SquareEmitter.sample
 
 @pytest.mark.parametrize("broken", [TwiceAsLarge, Narrower])
 def test_a_broken_sampler_is_many_standard_errors_off(broken: type) -> None:
-    emitter, spec = SquareEmitter(2.0, 3.0), spec_of(SOURCES["square"])
+    emitter = SquareEmitter(2.0, 3.0)
+    spec = spec_of(SOURCES["square"])
     own = independent_rays(spec, emitter, RAYS, 1)
     assert emission_difference(own, emitter.sample(RAYS, 2)) < MOST_APART
     assert emission_difference(own, broken.sample(emitter, RAYS, 2)) > 3.0 * MOST_APART
@@ -201,7 +206,8 @@ def test_a_disc_is_round_and_even() -> None:
 
 
 def test_rectangles_share_the_flux() -> None:
-    centres, sides = np.array([[-1.0, 0.0], [2.0, 3.0]]), np.array([[1.0, 2.0], [0.5, 0.25]])
+    centres = np.array([[-1.0, 0.0], [2.0, 3.0]])
+    sides = np.array([[1.0, 2.0], [0.5, 0.25]])
     points = independent_draws.in_rectangles(random(), COUNT, centres, sides, np.array([3.0, 1.0]))
     first = points[:, 0] < 0.0
     assert near(first.astype(float), 0.75)

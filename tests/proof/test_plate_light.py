@@ -37,7 +37,10 @@ from lensforge.spec.lamps_section import Lamps
 from lensforge.surfaces.srbf import SrbfBasis, SrbfSurface
 
 Floats = Float[np.ndarray, "..."]
-INNER, OUTER, APART, INDEX = 1.0, 3.0, 8.0, 1.5
+INNER = 1.0
+OUTER = 3.0
+APART = 8.0
+INDEX = 1.5
 RAYS = lambertian(2000, 0.01, seed=3)
 SCREEN = Screen.square(100.0, 400.0, 16, 0.0)
 
@@ -66,7 +69,8 @@ def stl_of(lens: Lens, layout: PlateLayout) -> bytes:
 def cast(lens: Lens, rays: RayBundle = RAYS, base: Base = "polished") -> StrayLight:
     layout = layout_of(lens)
     assert layout is not None
-    optical, stl = OpticalFaces(plate=plate_of(layout.lenses)), stl_of(lens, layout)
+    optical = OpticalFaces(plate=plate_of(layout.lenses))
+    stl = stl_of(lens, layout)
     return trace_stray(stl, rays=rays, media=Media(Medium(INDEX)), screens=[SCREEN], optical=optical, base=base)
 
 
@@ -76,9 +80,12 @@ def test_a_neighbour_meets_what_its_solid_angle_asks_for() -> None:
     Howell, A Catalog of Radiation Heat Transfer Configuration Factors, B-41: a plane element and a sphere whose centre
     is in its plane.
     """
-    half, count = 0.45, 90  # rad: the neighbour is seen under 0.384
+    # rad: the neighbour is seen under 0.384
+    half = 0.45
+    count = 90
     up, beside = np.meshgrid((np.arange(count) + 0.5) / count, (np.arange(2 * count) + 0.5) / count - 1.0)
-    up, beside = half * up.ravel(), half * beside.ravel()
+    up = half * up.ravel()
+    beside = half * beside.ravel()
     ways = np.stack([np.cos(up) * np.cos(beside), np.cos(up) * np.sin(beside), np.sin(up)], axis=1)
     flux = np.sin(up) * np.cos(up) * (half / count) ** 2 / np.pi
     rays = RayBundle(np.zeros_like(ways), ways, flux)
@@ -114,7 +121,8 @@ def test_walls_with_draft_have_the_normals_of_cones_and_planes() -> None:
     plate = lens_on({"kind": "rectangle", "corner_radius_mm": 3.0, "draft_deg": 2.0}, [[0.0, 0.0]], [])
     layout = layout_of(plate)
     assert layout is not None
-    optical, slope = OpticalFaces(plate=plate_of(layout.lenses)), float(np.tan(np.radians(2.0)))
+    optical = OpticalFaces(plate=plate_of(layout.lenses))
+    slope = float(np.tan(np.radians(2.0)))
     broad, points, normals = leaning_walls(read_part_mesh(stl_of(plate, layout), optical), slope)
     bore = np.hypot(*points.T[:2]) < 2.0 * INNER
     assert bore.sum() > 100 and (broad > 3.0).sum() == 8
@@ -145,7 +153,8 @@ def test_a_plate_may_be_turned_and_any_of_its_lenses_lit() -> None:
 def test_a_point_of_any_lens_is_found_in_its_own_coordinates() -> None:
     turns = np.array([0.3, -1.1, 2.0])
     plate = plate_of(Lamps.level([(4.0, 1.0), (-3.0, 2.0), (3.0, -8.0)], np.degrees(turns).tolist()))
-    point, normal = np.array([[1.0, -0.5, 0.7]]), np.array([[0.6, 0.0, 0.8]])
+    point = np.array([[1.0, -0.5, 0.7]])
+    normal = np.array([[0.6, 0.0, 0.8]])
     for place, turn in zip(plate.places, turns, strict=True):
         there, ahead = (
             np.array([[np.cos(turn) * x - np.sin(turn) * y, np.sin(turn) * x + np.cos(turn) * y, z]])
@@ -160,9 +169,12 @@ def test_a_point_of_any_lens_is_found_in_its_own_coordinates() -> None:
 
 def test_the_light_of_all_lamps_is_the_sum_of_each_moved_by_hand() -> None:
     """The same rays through the lens of each kind, its light turned and moved with its lamp, on a tilted plane."""
-    places, turns = [[-5.0, 1.0], [4.0, -2.0], [3.0, 7.0]], [0.0, 70.0, 200.0]
+    places = [[-5.0, 1.0], [4.0, -2.0], [3.0, 7.0]]
+    turns = [0.0, 70.0, 200.0]
     lens = lens_on({}, places, turns, 0.03, ["small", "large", "small"])
-    layout, light, rays = layout_of(lens), evaluate(lens, rays=1024), lambertian(6000, 1.0, seed=5)
+    layout = layout_of(lens)
+    light = evaluate(lens, rays=1024)
+    rays = lambertian(6000, 1.0, seed=5)
     assert layout is not None
     lamps = lamps_together(stl_of(lens, layout), (lens, light), rays)
     assert isinstance(lamps, LampsOnPlate)
@@ -175,7 +187,8 @@ def test_the_light_of_all_lamps_is_the_sum_of_each_moved_by_hand() -> None:
     for number, ((x, y), turn) in enumerate(zip(places, np.radians(turns), strict=True)):
         around = np.array([[np.cos(turn), np.sin(turn), 0], [-np.sin(turn), np.cos(turn), 0], [0, 0, 1]])
         passage = passages[number % 2 == 0]
-        points, ways = passage.points @ around + [x, y, 0.0], passage.directions @ around
+        points = passage.points @ around + [x, y, 0.0]
+        ways = passage.directions @ around
         own = replace(passage, points=points, directions=ways)
         landed = own.landed(screen)
         total += screen.irradiance(landed.landings, np.where(drawn == number, 3.0, 0.0) * landed.flux)
@@ -206,7 +219,8 @@ def test_the_part_makes_the_light_of_an_endless_lattice() -> None:
     spec = small_spec(lamps=lamps, target=None, receivers=receivers, base={"kind": "none"}, **WIDE)
     alone = lens_on({}, [[0.0, 0.0]], [], 0.03)
     lens = Lens(alone.surfaces, spec, 0, FEW)
-    light, rays = evaluate(lens, rays=2**15), build_source(spec.source).sample(2**12, 5)
+    light = evaluate(lens, rays=2**15)
+    rays = build_source(spec.source).sample(2**12, 5)
     plan = lay_out(*fit_lens(alone), BaseSection(kind="none"))
     stl = stl_bytes(*lens_meshes((plan,), (0,))[0])
     part = read_part_mesh(stl)

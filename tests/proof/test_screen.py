@@ -39,7 +39,8 @@ SKEWED = {
 def built(name, variance=1.0):
     """The screen and the design's receiver of the same section."""
     spec = small_spec(target=None, receivers=[SKEWED[name]], evaluate__filter_variance=variance)
-    (screen,), (receiver,) = screens_of(spec, PIXELS), receivers_of(spec, PIXELS)
+    (screen,) = screens_of(spec, PIXELS)
+    (receiver,) = receivers_of(spec, PIXELS)
     return screen, receiver
 
 
@@ -65,7 +66,8 @@ def by_design(receiver, points, ways):
 def test_screen_and_receiver_land_every_ray_alike(name):
     screen, receiver = built(name)
     points, ways = exit_rays(20_000)
-    seen, expected = screen.land(points, ways), by_design(receiver, points, ways)
+    seen = screen.land(points, ways)
+    expected = by_design(receiver, points, ways)
     reached = np.isfinite(expected[:, 0])
     np.testing.assert_array_equal(np.isfinite(seen).all(axis=1), reached)
     assert 0.4 < reached.mean() < 0.6 if screen.kind == "plane" else reached.all()
@@ -79,7 +81,8 @@ def test_rays_along_the_axes_of_a_screen_land_alike(name):
     screen, receiver = built(name)
     ways = np.concatenate([screen.axes, -screen.axes])
     points = np.full((6, 3), 0.5) if screen.kind == "plane" else np.tile(screen.centre_mm, (6, 1))
-    seen, expected = screen.land(points, ways), by_design(receiver, points, ways)
+    seen = screen.land(points, ways)
+    expected = by_design(receiver, points, ways)
     reached = np.isfinite(expected[:, 0])
     np.testing.assert_allclose(seen[reached], expected[reached], atol=1e-9 * screen.width)
     assert not screen.on_pixels(seen[~reached]).any()
@@ -115,9 +118,11 @@ def moved_by_a_radian(screen, ways):
 
 @pytest.mark.parametrize("name", [name for name in SKEWED if "plane" in name or "cylinder" in name])
 def test_reach_is_how_far_light_moves_on_the_screen_for_a_turn_at_the_lens(name):
-    screen, ways = replace(built(name, 0.0)[0], columns=150, rows=150), exit_rays(40_000, seed=5)[1]
+    screen = replace(built(name, 0.0)[0], columns=150, rows=150)
+    ways = exit_rays(40_000, seed=5)[1]
     ways = ways / np.linalg.norm(ways, axis=1, keepdims=True)
-    flux, hits = np.random.default_rng(6).random(len(ways)), screen.land(np.zeros_like(ways), ways)
+    flux = np.random.default_rng(6).random(len(ways))
+    hits = screen.land(np.zeros_like(ways), ways)
     seen = screen.on_pixels(hits)
     moved = moved_by_a_radian(screen, ways[seen])
     rms = np.sqrt(np.average(moved**2, weights=flux[seen]))
@@ -144,14 +149,19 @@ def test_a_window_is_a_rectangle_a_circle_or_where_both_overlap():
 
 
 def test_landed_rays_have_the_fates_of_the_passage_and_miss_the_receiver_where_they_go_back():
-    points, ways = np.tile([0.0, 0.0, 5.0], (5, 1)), np.array([[0.0, 0.6, 0.8]] * 5)
-    ways[1], points[2:4], ways[2:4] = [0.6, 0.0, -0.8], np.nan, np.nan
+    points = np.tile([0.0, 0.0, 5.0], (5, 1))
+    ways = np.array([[0.0, 0.6, 0.8]] * 5)
+    ways[1] = [0.6, 0.0, -0.8]
+    points[2:4] = np.nan
+    ways[2:4] = np.nan
     points[4, 2] = 120.0  # beyond the plane
     fates = [CastFate.LANDED, CastFate.LANDED, CastFate.TOTAL_REFLECTION, CastFate.NO_HIT, CastFate.LANDED]
     flux = np.arange(1.0, 6.0)
-    lost, facets = np.zeros(5), np.zeros((5, 2))
+    lost = np.zeros(5)
+    facets = np.zeros((5, 2))
     ends = np.array(fates, dtype=np.int64)
-    fields, met = unpolarised(np.nan_to_num(ways)), np.arange(10).reshape(5, 2)
+    fields = unpolarised(np.nan_to_num(ways))
+    met = np.arange(10).reshape(5, 2)
     passage = Passage(points, ways, flux, lost, lost.copy(), ends, facets, fields, met, lost)
     landed = passage.landed(Screen.square(100.0, 10.0, 4))
     names = ["landed", "missed_receiver", "total_reflection", "no_hit", "missed_receiver"]
@@ -171,7 +181,9 @@ def test_pixels_need_not_be_square():
     image = screen.irradiance(landings, np.array([1.0, 2.0, 4.0, 8.0, 16.0]))
     assert screen.pixel_measure == pytest.approx(20.0 * 20.0 * 1e-6)
     expected = np.zeros((5, 3))
-    expected[2, 2], expected[4, 0], expected[0, 1] = 1.0, 2.0, 4.0
+    expected[2, 2] = 1.0
+    expected[4, 0] = 2.0
+    expected[0, 1] = 4.0
     np.testing.assert_allclose(image * screen.pixel_measure, expected, atol=1e-15)
 
 
@@ -191,7 +203,8 @@ def test_noise_floor_is_the_error_that_independent_rays_make(variance):
     rows, columns = np.mgrid[:24, :24]
     centres = (np.stack([columns.ravel(), rows.ravel()], axis=1) + 0.5) * (100.0 / 24) - 50.0
     reference = receiver.irradiance(centres, chance[:-1])
-    errors, floors = [], []
+    errors = []
+    floors = []
     for seed in range(40):
         place, flux = draw(seed, 3000)
         errors.append(nmse(receiver.irradiance(place, flux), reference))

@@ -24,10 +24,12 @@ from lensforge.proof.step_body import StepBody
 from lensforge.proof.step_cast import cast_step, judge_brep
 from lensforge.sources.ray_bundle import RayBundle
 
-INDEX, DISTANCE = 1.4936, 150.0
+INDEX = 1.4936
+DISTANCE = 150.0
 SCREEN = Screen.square(DISTANCE, 300.0, 8)
 # Neither centre is on the seam or the pole of the kernel's spheres as rays see them: both lie off the axis.
-INNER, OUTER = sphere(6.0, (0.3, -0.2, 0.0)), sphere(13.0, (-0.4, 0.3, 0.0))
+INNER = sphere(6.0, (0.3, -0.2, 0.0))
+OUTER = sphere(13.0, (-0.4, 0.3, 0.0))
 RAYS = lambertian(300, 2.0, seed=3)
 HITS, WEIGHTS, _ = oracle(INNER, OUTER, RAYS, INDEX, DISTANCE)
 
@@ -71,7 +73,8 @@ def cast_of(step_bytes):
 def test_a_step_is_held_against_the_way_in_the_mesh(lens_step):
     """A ray that met other faces there is of another fate; so is one that did in the design."""
     mesh = send_through(PART, Grid(PART.mesh), RAYS, Media(Medium(INDEX)))
-    other, way = mesh.met.copy(), np.tile([0, 1], (len(RAYS), 1))
+    other = mesh.met.copy()
+    way = np.tile([0, 1], (len(RAYS), 1))
     first, second, third = np.flatnonzero(SCREEN.on_pixels(HITS))[:3]
     other[first, 1] = way[second, 0] = way[third, 1] = -1
     expected = Expected(SCREEN, np.ones((8, 8)), HITS, WEIGHTS, met=way)
@@ -108,14 +111,17 @@ def test_rays_lose_by_their_paths_in_the_body_what_the_law_says(caster, own):
     send, precision = caster
     entered = RAYS.origins + INNER.far_hit(RAYS.origins, RAYS.directions)[:, None] * RAYS.directions
     once = snell(RAYS.directions, INNER.normal(entered), 1.0 / INDEX)[1]
-    rays, body = RAYS, Medium(INDEX, 0.05)
+    rays = RAYS
+    body = Medium(INDEX, 0.05)
     if own is not None:
         rays, body = with_own(RAYS, body, absorptions=own)
-    clear, found = send(RAYS, Media(Medium(INDEX))), send(rays, Media(body))
+    clear = send(RAYS, Media(Medium(INDEX)))
+    found = send(rays, Media(body))
     left = clear.fates == CastFate.LANDED
     lost = -np.expm1(-(0.05 if own is None else own) * np.linalg.norm(clear.points - entered, axis=1))
     np.testing.assert_allclose(found.flux[left], (clear.flux * (1.0 - lost))[left], rtol=precision)
-    absorbed, rough = (RAYS.flux * once * lost)[left], max(1e-4, 10.0 * precision)
+    absorbed = (RAYS.flux * once * lost)[left]
+    rough = max(1e-4, 10.0 * precision)
     np.testing.assert_allclose(found.absorbed[left], absorbed, rtol=rough, atol=rough * absorbed.max())
     assert not clear.absorbed.any() and not found.absorbed[found.fates == CastFate.BASE].any()
     assert flux_budget(RAYS, found.landed(SCREEN), SCREEN).absorbed == pytest.approx(
@@ -148,7 +154,8 @@ def test_coated_faces_let_pass_what_they_do_not_reflect(caster):
     waves = np.random.default_rng(1).uniform(400.0, 600.0, len(RAYS))
     rays = RAYS.with_wavelengths(waves)
     at_lens = rays.flux * (0.9 - 0.2 * (waves - 400.0) / 200.0) * 0.95
-    found, was = send(rays, media), send(rays, bare)
+    found = send(rays, media)
+    was = send(rays, bare)
     np.testing.assert_array_equal(found.fates, was.fates)
     np.testing.assert_array_equal(found.points, was.points)
     left = found.fates == CastFate.LANDED
@@ -162,7 +169,8 @@ def test_rays_with_an_index_each_go_as_if_the_lens_had_it(caster):
     rays, body = with_own(RAYS, Medium(INDEX), own)
     mixed = send(rays, Media(body))
     for index in (1.45, 1.55):
-        alone, rows = send(RAYS, Media(Medium(index))), own == index
+        alone = send(RAYS, Media(Medium(index)))
+        rows = own == index
         for name in ("points", "directions", "flux"):
             np.testing.assert_array_equal(getattr(mixed, name)[rows], getattr(alone, name)[rows])
 
@@ -198,7 +206,8 @@ def test_a_step_whose_faces_another_program_has_split_casts_the_same(tmp_path, l
     """Split at y = 0, where rays cross from one half of a face to the other."""
     half = cq.Workplane().box(100.0, 50.0, 100.0)
     one, other = (body_of().intersect(half.translate((0.0, side, 0.0))) for side in (25.0, -25.0))
-    whole, split = StepBody(lens_step), StepBody(written(one.union(other, clean=False), tmp_path / "split.step"))
+    whole = StepBody(lens_step)
+    split = StepBody(written(one.union(other, clean=False), tmp_path / "split.step"))
     np.testing.assert_allclose(split.size().volume_mm3, whole.size().volume_mm3, rtol=1e-7)
     np.testing.assert_allclose(split.size().bounds_mm, whole.size().bounds_mm, rtol=0.0, atol=1e-5)
     found, wanted = (send_through_body(body, RAYS, Media(Medium(INDEX))) for body in (split, whole))

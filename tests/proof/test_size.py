@@ -18,7 +18,9 @@ from lensforge.proof.part_mesh import sized_mesh
 from lensforge.proof.step_body import StepBody, bounds_mm
 from lensforge.results import BodySize
 
-RADIUS, BASE, HEIGHT = 13.0, 16.0, 2.0
+RADIUS = 13.0
+BASE = 16.0
+HEIGHT = 2.0
 
 
 def dome(height=HEIGHT, radius=RADIUS, scale=1.0):
@@ -51,7 +53,8 @@ def failed(mesh=None, step=None):
 
 
 def test_the_size_of_a_step_is_that_of_the_closed_form(tmp_path):
-    size, wanted = step_of(dome(), tmp_path / "dome.step"), exact()
+    size = step_of(dome(), tmp_path / "dome.step")
+    wanted = exact()
     assert size.volume_mm3 == pytest.approx(wanted.volume_mm3, rel=1e-7)
     assert size.area_mm2 == pytest.approx(wanted.area_mm2, rel=1e-7)
     np.testing.assert_allclose(size.bounds_mm, wanted.bounds_mm, rtol=0.0, atol=1e-5)
@@ -64,7 +67,9 @@ def wavy(x, y):
 
 @pytest.mark.nightly("three seconds")
 def test_the_top_of_a_wavy_face_is_that_of_its_highest_bump():
-    middle, radius, along = (0.15, -0.2), 0.7, np.linspace(-1.02, 1.02, 180)
+    middle = (0.15, -0.2)
+    radius = 0.7
+    along = np.linspace(-1.02, 1.02, 180)
     x, y = np.meshgrid(along, along, indexing="ij")
     lines = make_interp_spline(along, np.stack([x, y, wavy(x, y)], axis=-1), k=5)
     columns = make_interp_spline(along, lines.c.transpose(1, 0, 2), k=5)
@@ -84,7 +89,8 @@ def test_the_top_of_a_wavy_face_is_that_of_its_highest_bump():
 def test_facets_of_a_sphere_change_no_more_than_their_angles_say(rows):
     mesh = trimesh.creation.icosphere(subdivisions=rows, radius=10.0).apply_translation([0.0, 0.0, 20.0])
     bounds = sized_mesh(mesh)
-    volume, area = 4.0 / 3.0 * np.pi * 1e3 - mesh.volume, 400.0 * np.pi - mesh.area
+    volume = 4.0 / 3.0 * np.pi * 1e3 - mesh.volume
+    area = 400.0 * np.pi - mesh.area
     assert volume <= bounds.facets_mm3 <= 3.0 * volume
     assert area <= bounds.facets_mm2 <= 4.0 * area
 

@@ -7,7 +7,8 @@ from lensforge.proof.nonsequential_trace import Limits, trace_stray
 from lensforge.proof.proof_result import BALANCE
 from lensforge.proof.receiver_screen import Screen
 
-SIDE, PIXELS = 300.0, 32
+SIDE = 300.0
+PIXELS = 32
 RAYS = lambertian(1500, 2.0, seed=7)
 SCREEN = Screen.square(DISTANCE, SIDE, PIXELS, 0.0)
 STL = right(30).export(file_type="stl")

@@ -22,7 +22,8 @@ from lensforge.proof.verification import FilesOfPart, LightOfDesign, Referees, v
 from lensforge.results import Metric
 from lensforge.scene.rough_faces import with_facets
 
-SIDE, PIXELS = 300.0, 64
+SIDE = 300.0
+PIXELS = 64
 RAYS = lambertian(8000, 2.0, seed=1)
 HITS, WEIGHTS, _ = oracle(INNER, OUTER, RAYS, INDEX, DISTANCE)
 SCREEN = Screen.square(DISTANCE, SIDE, PIXELS)
@@ -106,7 +107,8 @@ def test_rays_of_a_lens_that_scatters_are_compared_one_by_one_where_it_is_polish
 def test_own_rays_meet_the_rough_faces_of_a_part_by_facets_of_their_own():
     """The light of a frosted lens by other rays and other facets is that of the design; a polished one has another."""
     media = Media(Medium(INDEX), scatter=(FaceScatter("outer", GaussianFacets(0.6)),))
-    screen, mesh = Screen.square(DISTANCE, SIDE, 12), right().export(file_type="stl")
+    screen = Screen.square(DISTANCE, SIDE, 12)
+    mesh = right().export(file_type="stl")
     part = read_part_mesh(mesh, USUAL_LENS)
     many = send_through(part, Grid(part.mesh), with_facets(lambertian(40_000, 2.0, seed=5), 1), media).landed(screen)
     seen = with_facets(RAYS, 1)
@@ -182,7 +184,8 @@ def test_gaps_of_directions_are_mm_at_one_metre(verify):
     wrong = moved(OUTER, 1, -0.002)
     _, flux, ways = oracle(INNER, OUTER, RAYS, INDEX, DISTANCE)
     _, _, others = oracle(INNER, wrong, RAYS, INDEX, DISTANCE)
-    here, there = directions_of(ways), directions_of(others)
+    here = directions_of(ways)
+    there = directions_of(others)
     both = (abs(here).max(axis=1) < chart / 2) & (abs(there).max(axis=1) < chart / 2)
     gaps = 1000.0 * np.linalg.norm(here - there, axis=1)[both]
     light = far.irradiance(here, flux)
@@ -203,11 +206,14 @@ def test_a_wrong_index_fails(verify):
 def test_light_that_meets_the_wall_of_the_opening_is_lost_at_the_base(verify):
     """A thousand rays go level half a millimetre below z = 0, where the base's opening has its wall."""
     turn = np.linspace(0.0, 2.0 * np.pi, 1000)
-    origins, directions = RAYS.origins.copy(), RAYS.directions.copy()
+    origins = RAYS.origins.copy()
+    directions = RAYS.directions.copy()
     origins[:1000, 2] = -0.5
     directions[:1000] = np.stack([np.cos(turn), np.sin(turn), 0.0 * turn], axis=1)
-    hits, flux = HITS.copy(), WEIGHTS.copy()
-    hits[:1000], flux[:1000] = np.nan, 0.0
+    hits = HITS.copy()
+    flux = WEIGHTS.copy()
+    hits[:1000] = np.nan
+    flux[:1000] = 0.0
     rays = replace(RAYS, origins=origins, directions=directions)
     first = verify(right(), landings=hits, flux=flux, plain_rays=1, rays=rays).first
     assert first.flux.missed == pytest.approx(0.125, abs=2e-3)  # others meet it as they did

@@ -61,7 +61,9 @@ def test_a_tolerance_has_its_amount_in_the_unit_of_its_name() -> None:
 
 def test_parts_are_the_first_of_an_endless_row_and_other_seeds_give_others() -> None:
     factors = factors_of(PartTolerances())
-    few, many, other = Draws.of(factors, 100, 3), Draws.of(factors, 1000, 3), Draws.of(factors, 100, 4)
+    few = Draws.of(factors, 100, 3)
+    many = Draws.of(factors, 1000, 3)
+    other = Draws.of(factors, 100, 4)
     for name, numbers in few.numbers.items():
         assert (numbers == many.numbers[name][:100]).all()
         assert not (numbers == other.numbers[name]).any()

@@ -77,11 +77,14 @@ def test_what_is_too_fine_counts_by_its_slope() -> None:
 @pytest.mark.nightly("two seconds")
 def test_tables_hold_a_wave_that_counts_as_fitting() -> None:
     """The narrowest field that a table takes, against its values between the nodes: by a table twice as fine."""
-    surface, grid, finer = sphere(5.0), TableGrid(101), TableGrid(201)
+    surface = sphere(5.0)
+    grid = TableGrid(101)
+    finer = TableGrid(201)
     limit = 2.0 * 2.0 * grid.step * 5.0 * 2.0 * np.pi / np.sqrt(2.0)  # wavelength of the limiting width
     own = waviness(FaceNodes.of(grid, surface), limit * 1.001, limit * 1.01, 0).tables[0]
     true = waviness(FaceNodes.of(finer, surface), limit * 1.001, limit * 1.01, 0).tables[0]
-    one, other = evaluate_table(grid, own, U), evaluate_table(finer, true, U)
+    one = evaluate_table(grid, own, U)
+    other = evaluate_table(finer, true, U)
     assert np.std(one - other) < 0.01 * np.std(other)
 
 
@@ -89,7 +92,9 @@ def test_a_face_is_as_rough_as_its_finish_and_what_is_too_fine_for_its_table() -
     """Squares of slopes add up: of a finish of 2 mrad, and of waves by the mean square of their numbers."""
     band = {"waviness_shortest_mm": 0.1, "waviness_longest_mm": 0.2}
     spec = small_spec(tolerances=band, lens__outer__waviness_um=0.5)
-    grid, outer, factors = TableGrid(41), sphere(5.0), factors_of(spec.part_tolerances)
+    grid = TableGrid(41)
+    outer = sphere(5.0)
+    factors = factors_of(spec.part_tolerances)
     maker = PartMaker.of(spec, {"inner": sphere(3.0), "outer": outer}, grid, factors)
     numbers = np.array([3e-4, -4e-4])
     part = maker.part({"outer_waviness_um": numbers, "outer_roughness_mrad": np.array([2e-3])})

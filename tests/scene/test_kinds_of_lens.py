@@ -40,7 +40,8 @@ def lens_of(lamps: dict[str, Any], outer: Surface, *others: Surface, **changes: 
 
 
 def light_of(lens: Lens, rays: int = 2**16, seed: int = 0) -> ReceivedFlux:
-    receivers, source = receivers_of(lens.spec, 18), build_source(lens.spec.source, None)
+    receivers = receivers_of(lens.spec, 18)
+    source = build_source(lens.spec.source, None)
     found = simulate(TracedLens.of(lens, 3.0), source, receivers, rays, seed)
     assert found.rays == pytest.approx(rays, rel=1e-3)
     return found.received[0]
@@ -93,7 +94,8 @@ def test_a_cast_shows_the_first_lamp_of_the_kind_of_its_lens() -> None:
 def test_every_kind_of_lens_expands() -> None:
     law = {"lens__index_per_k": 0.0, "lens__expansion_per_k": 1e-4}
     lens = lens_of(TABLE, uneven(0), uneven(1), **law)
-    warm, u = at_temperature(lens, 120.0), hemisphere_directions(20)
+    warm = at_temperature(lens, 120.0)
+    u = hemisphere_directions(20)
     for before, after in ((lens.surfaces, warm.surfaces), (lens.others["wide"], warm.others["wide"])):
         for name, face in before.items():
             assert after[name].radius(u) == pytest.approx((1.0 + 1e-4 * 100.0) * face.radius(u), rel=1e-12)

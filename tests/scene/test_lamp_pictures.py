@@ -79,7 +79,8 @@ def about_z(angle: float) -> np.ndarray:
 def panned_and_tilted(place: np.ndarray, aim: list[float] | None, turn_deg: float) -> np.ndarray:
     """From the axes of a lamp to those of the scene: its own turn, a tilt of its +x downwards, and a pan."""
     x, y, z = (0.0, 0.0, 1.0) if aim is None else np.subtract(aim, place)
-    pan, tilt = atan2(y, x) if hypot(x, y) > 0.0 else 0.0, atan2(hypot(x, y), z)
+    pan = atan2(y, x) if hypot(x, y) > 0.0 else 0.0
+    tilt = atan2(hypot(x, y), z)
     tilted = np.array([[cos(tilt), 0.0, sin(tilt)], [0.0, 1.0, 0.0], [-sin(tilt), 0.0, cos(tilt)]])
     return about_z(pan) @ tilted @ about_z(np.radians(turn_deg))
 
@@ -100,7 +101,8 @@ def moved_by_hand(lamps: dict[str, Any], found: Any) -> list[tuple[np.ndarray, n
 def test_the_sum_is_that_of_rays_moved_one_lamp_after_another(
     lamps: dict[str, Any], receiver: dict[str, Any], pictures: int, deposit: Any
 ) -> None:
-    found, rays = receivers_of(together(lamps, receiver), 32)[0], exits()
+    found = receivers_of(together(lamps, receiver), 32)[0]
+    rays = exits()
     board = LampPictures.of(found)
     assert len(board.rasters) == pictures
     total = np.zeros(found.grid.shape)
@@ -111,7 +113,8 @@ def test_the_sum_is_that_of_rays_moved_one_lamp_after_another(
     own = [deposit(each.hits, each.flux, r.grid) for r in board.receivers for each in [r.land(rays)]]
     np.testing.assert_allclose(len(found.lamps) * board.added(own), total, atol=1e-9 * total.max())
     rng = np.random.default_rng(1)
-    forth, back = [rng.random(each.shape) for each in own], rng.random(total.shape)
+    forth = [rng.random(each.shape) for each in own]
+    back = rng.random(total.shape)
     moved_back = sum(np.vdot(a, b) for a, b in zip(forth, board.spread(back), strict=True))
     assert np.vdot(board.added(forth), back) == pytest.approx(moved_back, rel=1e-12)
 
@@ -146,8 +149,10 @@ def test_a_period_holds_all_light_and_moves_round() -> None:
     """No flux is lost at its edge, and rays from three pixels further make the same picture three pixels further."""
     period = {**SHEET, "centre_mm": [0.0, 0.0, 60.0], "width_mm": 20.0, "height_mm": 20.0 * 3.0**0.5, "targets": DISC}
     lamps = {"kind": "endless", "lattice": "hexagon", "pitch_mm": 20.0}
-    found, rays = receivers_of(together(lamps, period), 32)[0], exits()
-    board, (width, height) = LampPictures.of(found), found.grid.pixel
+    found = receivers_of(together(lamps, period), 32)[0]
+    rays = exits()
+    board = LampPictures.of(found)
+    (width, height) = found.grid.pixel
     pictures = []
     for move in (0.0, 3.0):
         moved = replace(rays, points=rays.points + np.array([move * width, move * height, 0.0]))
@@ -223,7 +228,8 @@ def test_two_lamps_superpose_and_one_is_the_lens() -> None:
 
 def test_what_is_possible_from_afar_is_that_of_one_lamp() -> None:
     far = {"target": None, "receivers": [FAR], "source__side_mm": 2.0}
-    alone, many = light_of(2**12, **far), light_of(2**12, lamps=GRID, **far)
+    alone = light_of(2**12, **far)
+    many = light_of(2**12, lamps=GRID, **far)
     assert many.possible == alone.possible and many.efficiency == alone.efficiency
     np.testing.assert_allclose(many.map, 12.0 * alone.map, rtol=1e-12)
 
@@ -243,7 +249,8 @@ def irradiance(place: list[float], aim: list[float], height: float, centres: np.
 def test_aimed_lambertian_lamps_light_a_plane_as_their_closed_form_says() -> None:
     """Two floodlights at heights of their own, aimed across: the sum, against the same lens straight above."""
     sheet = {"kind": "plane", "centre_mm": [0.0, 0.0, 80.0], "width_mm": 100.0, "height_mm": 100.0, "targets": DISC}
-    places, aims = [[-90.0, 10.0, 20.0], [60.0, -60.0, -10.0]], [[20.0, 0.0, 80.0], [-30.0, 40.0, 80.0]]
+    places = [[-90.0, 10.0, 20.0], [60.0, -60.0, -10.0]]
+    aims = [[20.0, 0.0, 80.0], [-30.0, 40.0, 80.0]]
     lamps = {"kind": "table", "places_mm": places, "aims_mm": aims}
     lit, above = (light_of(**DIRECT, receivers=[sheet], **each) for each in ({"lamps": lamps}, {}))
     centres = 100.0 * ((np.arange(50) + 0.5) / 50.0 - 0.5)

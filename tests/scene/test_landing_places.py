@@ -15,7 +15,8 @@ from lensforge.scene.pixel_grid import PixelGrid, Window, bin_flux, flux_in, gau
 from lensforge.scene.receiver import PosedReceiver
 from lensforge.scene.receiver_shapes import Cylinder, FarField, Plane, SphericalReceiver, chart_radius, receivers_of
 
-AWRY, CENTRE = (0.3, -0.5, 0.8), (4.0, -7.0, 9.0)
+AWRY = (0.3, -0.5, 0.8)
+CENTRE = (4.0, -7.0, 9.0)
 POSE = Pose.facing(AWRY, CENTRE, 33.0)
 GRID = PixelGrid(90.0, 40.0, 6, 4)
 UPRIGHT = Pose.facing((0.0, 0.0, 1.0), (0.0, 0.0, 0.0))
@@ -30,7 +31,8 @@ def by_hand(receiver: PosedReceiver, x: float, y: float) -> np.ndarray:
         arc = x / receiver.radius_mm
         return np.array(CENTRE) + receiver.radius_mm * (math.sin(arc) * along_x + math.cos(arc) * along_z) + y * along_y
     radius = receiver.radius_mm if isinstance(receiver, SphericalReceiver) else 1.0
-    polar, azimuth = 2.0 * math.asin(math.hypot(x, y) / (2.0 * radius)), math.atan2(y, x)
+    polar = 2.0 * math.asin(math.hypot(x, y) / (2.0 * radius))
+    azimuth = math.atan2(y, x)
     across = math.cos(azimuth) * along_x + math.sin(azimuth) * along_y
     unit = math.cos(polar) * along_z + math.sin(polar) * across
     return unit if receiver.is_far else np.array(CENTRE) + radius * unit
@@ -56,14 +58,16 @@ def test_corners_of_pixels_lie_on_the_surface_in_rows_from_below(receiver: Posed
 
 
 def rays(points: np.ndarray, directions: np.ndarray) -> ExitRays:
-    fates, flux = np.full(len(points), int(Fate.LEFT_LENS), dtype=np.int8), np.ones(len(points))
+    fates = np.full(len(points), int(Fate.LEFT_LENS), dtype=np.int8)
+    flux = np.ones(len(points))
     return ExitRays(*(np.ascontiguousarray(each) for each in (points, directions, flux, 0.0 * flux, fates)))
 
 
 def both_landings(receiver: PosedReceiver, points: np.ndarray, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Hits and whether they landed; the compiled landing and that by arrays agree."""
     exits = rays(points, directions)
-    one, other = receiver.land(exits), receiver.land_by_arrays(exits)
+    one = receiver.land(exits)
+    other = receiver.land_by_arrays(exits)
     assert np.array_equal(one.landed, other.landed) and np.array_equal(one.missed_receiver, other.missed_receiver)
     assert np.array_equal(one.missed_receiver, ~one.landed) and np.array_equal(one.flux, other.flux)
     assert np.array_equal(one.arrived, one.landed), "all have flux"

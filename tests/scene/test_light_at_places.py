@@ -62,8 +62,10 @@ def test_a_batwing_is_even_on_a_plane_up_to_its_edge_and_dark_at_the_horizon() -
 
 def by_loops(table: TabulatedIntensity, x: float, y: float) -> float:
     """Bilinear light of one direction: the sector and the cell in which it lies are looked for."""
-    gamma, azimuth = math.hypot(x, y), math.degrees(math.atan2(y, x)) % 360.0
-    angles, planes = table.gamma_deg, table.c_deg
+    gamma = math.hypot(x, y)
+    azimuth = math.degrees(math.atan2(y, x)) % 360.0
+    angles = table.gamma_deg
+    planes = table.c_deg
     if not angles[0] <= gamma <= angles[-1]:
         return 0.0
     row = next(k for k in range(len(angles) - 1) if gamma <= angles[k + 1])

@@ -61,7 +61,8 @@ def test_rays_land_where_their_lines_meet_it(receiver: PosedReceiver) -> None:
     assert np.array_equal(landings.missed_receiver, rays.left_lens & ~landed)
     assert np.array_equal(landings.flux, np.where(landed, rays.flux, 0.0))
     found = receiver.places(*landings.hits[landed].T)
-    points, directions = rays.points[landed], rays.directions[landed]
+    points = rays.points[landed]
+    directions = rays.directions[landed]
     if receiver.is_far:
         assert np.allclose(found, directions, atol=1e-9)
         return
@@ -91,7 +92,8 @@ def test_its_chart_keeps_areas(receiver: PosedReceiver) -> None:
 def test_the_twin_in_torch_lands_them_alike(receiver: PosedReceiver, device: str, dtype: torch.dtype) -> None:
     rays = exits()
     wanted = receiver.land(rays)
-    rows, tensors = ~rays.left_lens | (rays.directions @ receiver.pose.axes[2] > 1e-2), as_tensors(rays)
+    rows = ~rays.left_lens | (rays.directions @ receiver.pose.axes[2] > 1e-2)
+    tensors = as_tensors(rays)
     there = [
         tensor.to(device, dtype) for tensor in (tensors.points, tensors.directions, tensors.flux, tensors.sin2_exit)
     ]

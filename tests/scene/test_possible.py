@@ -39,7 +39,8 @@ RAYS = SQUARE.sample(2**14, 0)
 def straight_up(index: float, indices: np.ndarray | None = None) -> SourceLight:
     """The rays of the square, all of them along the axis."""
     up = np.zeros_like(RAYS.directions) + np.array([0.0, 0.0, 1.0])
-    rays, body = RayBundle(RAYS.origins, up, RAYS.flux), Medium(index)
+    rays = RayBundle(RAYS.origins, up, RAYS.flux)
+    body = Medium(index)
     if indices is not None:
         rays, body = with_own(rays, body, indices)
     return SourceLight.of_rays(rays, EtendueCurve.of(rays), Media(body))
@@ -137,7 +138,8 @@ def test_the_bound_of_a_window_is_that_of_a_receiver_of_its_size(width_mm: float
     pose = Pose.facing((0.2, -0.1, 1.0), (60.0, -40.0, 500.0))
     receiver = Plane(pose, PixelGrid(200.0, 120.0, 40, 24), Window(width_mm, 0.4 * width_mm))
     own = Plane(pose, PixelGrid(width_mm, 0.4 * width_mm, 40, 24))
-    found, expected = possible(receiver, 9.0, 1.5).in_window(), largest_share(whole(own), own, 9.0, 1.5)
+    found = possible(receiver, 9.0, 1.5).in_window()
+    expected = largest_share(whole(own), own, 9.0, 1.5)
     assert found.by_etendue == pytest.approx(expected.by_etendue, rel=1e-9)
     assert found.by_refraction == pytest.approx(expected.by_refraction, rel=1e-9)
 
@@ -148,7 +150,8 @@ def test_the_bound_of_a_round_window_is_that_of_its_disc() -> None:
     receiver = Plane(pose, PixelGrid(200.0, 120.0, 40, 24), Window(math.inf, math.inf, 70.0))
     own = Plane(pose, PixelGrid.square(140.0, 56))
     disc = np.hypot(*np.meshgrid(own.grid.x(), own.grid.y())) <= 70.0
-    found, expected = possible(receiver, 9.0, 1.5).in_window(), largest_share(disc, own, 9.0, 1.5)
+    found = possible(receiver, 9.0, 1.5).in_window()
+    expected = largest_share(disc, own, 9.0, 1.5)
     assert found.by_etendue == pytest.approx(expected.by_etendue, rel=0.02)
 
 
@@ -346,7 +349,8 @@ KINDS = ("batwing", "curved_screen", "coated_cover_glass", "two_distances")  # t
 def require_possible(light: lf.Light) -> None:
     for each in light.receivers:
         for name in ("efficiency", "share_in_target"):
-            found, most = getattr(each, name), getattr(each.possible, name)
+            found = getattr(each, name)
+            most = getattr(each.possible, name)
             assert found.value <= most + 3.0 * (found.standard_error or 0.0), f"{each.name}: {name}"
         assert each.nmse.value >= each.possible.nmse - 3.0 * (each.nmse.standard_error or 0.0), each.name
 
@@ -358,7 +362,8 @@ def hot_rays(count: int) -> RaySource:
     """Rays of a small bright square within a wide one, as a file has them."""
     chance = np.random.default_rng(5)
     side = np.where(chance.random(count) < HOT[0][1], HOT[0][0], HOT[1][0])[:, None]
-    turn, sine = 2.0 * np.pi * chance.random(count), np.sqrt(chance.random(count))
+    turn = 2.0 * np.pi * chance.random(count)
+    sine = np.sqrt(chance.random(count))
     return RaySource(
         positions_mm=np.column_stack([(chance.random((count, 2)) - 0.5) * side, np.zeros(count)]),
         directions=np.column_stack([sine * np.cos(turn), sine * np.sin(turn), np.sqrt(1.0 - sine**2)]),
@@ -437,8 +442,10 @@ def test_an_estimate_of_the_luminance_is_no_bound_and_refuses_nothing() -> None:
         "lens": {"refractive_index": 1.4936, "inner": {"offset_mm": 1.5}, "outer": {"offset_mm": 2.5}},
         "target": {"kind": "disc", "diameter_deg": 2.0, "half_angle_deg": 10.0},
     }  # fmt: skip
-    chips, rays = spec_of(source=HOT_CHIPS, **sections), spec_of(source=hot_rays(2**12), **sections)
-    known, found = share_of(chips), share_of(rays)
+    chips = spec_of(source=HOT_CHIPS, **sections)
+    rays = spec_of(source=hot_rays(2**12), **sections)
+    known = share_of(chips)
+    found = share_of(rays)
     transmitted = normal_transmittance(1.4936) ** 2
     radiance = 0.9 / (math.pi * 0.2**2) + 0.1 / (math.pi * 2.0**2)  # of the place where both are
     etendue = math.pi * 3.0**2 * math.pi * math.sin(math.radians(1.0)) ** 2

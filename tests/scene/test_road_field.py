@@ -18,7 +18,8 @@ _S1 = {"R1": 0.25, "R2": 0.58, "R3": 1.11, "R4": 1.55, "C1": 0.24, "C2": 0.97, "
 
 def _candela(azimuth_deg, gamma_deg):
     """A lamp without any symmetry, down to 0 at 95 degrees."""
-    turn, gamma = np.radians(azimuth_deg), np.radians(gamma_deg)
+    turn = np.radians(azimuth_deg)
+    gamma = np.radians(gamma_deg)
     wide = 1.0 + 0.6 * np.cos(turn - 0.4) * np.sin(gamma) + 0.3 * np.sin(2.0 * turn + 0.2) * np.sin(gamma) ** 2
     return 1000.0 * wide * np.clip((95.0 - gamma_deg) / 95.0, 0.0, None) ** 0.4
 
@@ -30,7 +31,9 @@ def _of(light: CandelaSum, mirror: float = 1.0) -> np.ndarray:
 
 def _lamps(road: RoadSection):
     """(x, y, +1 or -1) of all lamps near the field, one after the other."""
-    width, over, spacing = road.width_m, road.overhang_m, road.pole_spacing_m
+    width = road.width_m
+    over = road.overhang_m
+    spacing = road.pole_spacing_m
     for k in range(-25, 40):
         if road.arrangement in ("right", "opposite", "staggered"):
             yield k * spacing, over, 1
@@ -47,9 +50,12 @@ def _intensity(road: RoadSection, lamp, x: float, y: float, z: float) -> float:
     lx, ly, facing = lamp
     to = np.array([x - lx, y - ly, z - road.pole_height_m])
     t = radians(road.tilt_deg)
-    street, axis = np.array([0.0, facing * cos(t), sin(t)]), np.array([0.0, facing * sin(t), -cos(t)])
+    street = np.array([0.0, facing * cos(t), sin(t)])
+    axis = np.array([0.0, facing * sin(t), -cos(t)])
     along = np.cross(axis, street)
-    a, b, c = to @ street, to @ along, to @ axis
+    a = to @ street
+    b = to @ along
+    c = to @ axis
     return float(_candela(degrees(atan2(b, a)), degrees(atan2(hypot(a, b), c))))
 
 
@@ -71,7 +77,8 @@ def _plain_luminance(road: RoadSection, surface: RoadSurface, eye_y: float) -> l
 
 
 def _plain_luminance_at(road: RoadSection, surface: RoadSurface, eye_y: float, x: float, y: float) -> float:
-    total, high = 0.0, road.pole_height_m
+    total = 0.0
+    high = road.pole_height_m
     for lamp in _lamps(road):
         dx, dy = lamp[0] - x, lamp[1] - y
         if not (-5.0 * high <= dx <= 12.0 * high and abs(dy) <= 5.0 * high):
@@ -84,16 +91,19 @@ def _plain_luminance_at(road: RoadSection, surface: RoadSurface, eye_y: float, x
 
 
 def _plain_veil(road: RoadSection, eye_y: float) -> list[float]:
-    count, found = max(10, ceil(road.pole_spacing_m / 3.0)), []
+    count = max(10, ceil(road.pole_spacing_m / 3.0))
+    found = []
     for step in range(count):
-        x, total = step * road.pole_spacing_m / count - 2.75 * (road.pole_height_m - 1.5), 0.0
+        x = step * road.pole_spacing_m / count - 2.75 * (road.pole_height_m - 1.5)
+        total = 0.0
         for lamp in _lamps(road):
             to = np.array([lamp[0] - x, lamp[1] - eye_y, road.pole_height_m - 1.5])
             if not 0.0 < to[0] <= 500.0 or to[2] > tan(radians(20.0)) * to[0]:
                 continue
             away = sqrt(to @ to)
             cosine = to @ [cos(radians(1.0)), 0.0, -sin(radians(1.0))] / away
-            theta, eye_lx = degrees(np.arccos(cosine)), _intensity(road, lamp, x, eye_y, 1.5) * cosine / away**2
+            theta = degrees(np.arccos(cosine))
+            eye_lx = _intensity(road, lamp, x, eye_y, 1.5) * cosine / away**2
             if theta >= 1.5:
                 total += 9.86 * (1.0 + (23.0 / 66.4) ** 4) * eye_lx / theta**2 if theta <= 60.0 else 0.0
             else:
@@ -103,8 +113,10 @@ def _plain_veil(road: RoadSection, eye_y: float) -> list[float]:
 
 
 def _plain_mean_lux(road: RoadSection, low: float, high: float, step_m: float = 3.0) -> float:
-    along, across = max(10, ceil(road.pole_spacing_m / step_m)), max(3, ceil((high - low) / 1.5 - 1e-9))
-    total, up = 0.0, road.pole_height_m
+    along = max(10, ceil(road.pole_spacing_m / step_m))
+    across = max(3, ceil((high - low) / 1.5 - 1e-9))
+    total = 0.0
+    up = road.pole_height_m
     for x in (np.arange(along) + 0.5) * road.pole_spacing_m / along:
         for y in low + (np.arange(across) + 0.5) * (high - low) / across:
             for lamp in _lamps(road):
@@ -158,7 +170,8 @@ def test_a_road_as_plain_loops_have_it(arrangement, overhang_m, tilt_deg, lanes,
 def test_the_mean_of_a_field_is_the_sum_over_directions(more) -> None:
     """Both are one integral: by points of the standard, and by directions of a lamp whose street is at 40 degrees."""
     road = RoadSection(**ROAD | {"lanes": 2, "maintenance_factor": 0.7, "pole_spacing_m": 12.0} | more)
-    z, turn = (np.arange(1000) + 0.5) / 1000, 2.0 * np.pi * (np.arange(2000) + 0.5) / 2000
+    z = (np.arange(1000) + 0.5) / 1000
+    turn = 2.0 * np.pi * (np.arange(2000) + 0.5) / 2000
     z, turn = (each.ravel() for each in np.meshgrid(z, turn))
     units = np.stack([np.sqrt(1.0 - z * z) * np.cos(turn), np.sqrt(1.0 - z * z) * np.sin(turn), z], axis=1)
     lumens = _candela(np.degrees(turn) - 40.0, np.degrees(np.arccos(z))) * 2.0 * np.pi / len(z)
@@ -177,14 +190,19 @@ _VEIL = {
 
 def _by_rp8(road: RoadSection, ways) -> list[tuple[np.ndarray, np.ndarray]]:
     """Luminance and veiling luminance of all points of each direction, (heading, lanes from the right)."""
-    table, found, count = RoadSurface.of(road.surface), [], max(10, ceil(road.pole_spacing_m / 5.0))
+    table = RoadSurface.of(road.surface)
+    found = []
+    count = max(10, ceil(road.pole_spacing_m / 5.0))
     for heading, lanes in ways:
-        light, veil = [], []
+        light = []
+        veil = []
         for y in [(lane + quarter) * road.lane_m for lane in lanes for quarter in (0.25, 0.75)]:
             for x in (np.arange(count) + 0.5) * road.pole_spacing_m / count:
-                total, high = 0.0, road.pole_height_m
+                total = 0.0
+                high = road.pole_height_m
                 for lamp in _lamps(road):
-                    ahead, aside = heading * (lamp[0] - x), lamp[1] - y
+                    ahead = heading * (lamp[0] - x)
+                    aside = lamp[1] - y
                     r = _r(table, degrees(abs(atan2(aside, ahead))), hypot(ahead, aside) / high)
                     total += _intensity(road, lamp, x, y, 0.0) * r / high**2
                 light.append(total)
@@ -220,7 +238,8 @@ def _rp8_veil(road: RoadSection, heading: float, x: float, y: float) -> float:
 )  # fmt: skip
 def test_a_road_by_rp_8_as_plain_loops_have_it(fields, ways) -> None:
     road = RoadSection(**ROAD | {"lighting_class": "collector low", "overhang_m": 0.8, "tilt_deg": 6.0} | fields)
-    readings, wanted = RoadReadings.of(road), _by_rp8(road, ways)
+    readings = RoadReadings.of(road)
+    wanted = _by_rp8(road, ways)
     assert len(readings.luminance) == len(readings.veiling) == len(ways)
     for seen, veiling, lux, rows, (light, veil), (_, lanes) in zip(
         readings.luminance, readings.veiling, readings.seen_lux, readings.rows, wanted, ways, strict=True
@@ -300,7 +319,8 @@ def test_the_mirror_image_of_a_road_has_the_mirror_image_of_its_figures(arrangem
     one = RoadReadings.of(RoadSection(**fields, arrangement=arrangement))
     other = RoadReadings.of(RoadSection(**fields, arrangement=image, driving_side="left"))
     for lane in range(3):
-        seen, mirrored = _of(one.luminance[lane]).reshape(9, -1), _of(other.luminance[lane], -1.0).reshape(9, -1)
+        seen = _of(one.luminance[lane]).reshape(9, -1)
+        mirrored = _of(other.luminance[lane], -1.0).reshape(9, -1)
         np.testing.assert_allclose(mirrored[::-1], seen, rtol=1e-9)
         np.testing.assert_allclose(_of(other.veiling[lane], -1.0), _of(one.veiling[lane]), rtol=1e-9)
         middle, wanted = (each.luminance[lane].places(each.middle(lane)) for each in (other, one))
@@ -317,14 +337,16 @@ def test_who_comes_the_other_way_sees_the_road_turned_by_half_a_turn(driving_sid
     """Their driver, in the last lane, has the lamps of the right edge at the left; the lamps stay as they are."""
     fields = ROAD | {"overhang_m": 0.6, "tilt_deg": 5.0, "driving_side": driving_side}
     road = RoadSection(**fields, arrangement="right", oncoming_lanes=1)
-    both, turned = RoadReadings.of(road), RoadReadings.of(RoadSection(**fields, arrangement="left"))
+    both = RoadReadings.of(road)
+    turned = RoadReadings.of(RoadSection(**fields, arrangement="left"))
     np.testing.assert_allclose(_of(both.luminance[1])[::-1], _of(turned.luminance[0]), rtol=1e-9)
     np.testing.assert_allclose(_of(both.veiling[1]), _of(turned.veiling[0]), rtol=1e-9)
     alone = RoadReadings.of(RoadSection(**fields, arrangement="right"))
     np.testing.assert_array_equal(_of(both.luminance[0]), _of(alone.luminance[0]))
     assert abs(_of(both.veiling[1]).max() / _of(alone.veiling[1]).max() - 1.0) > 0.01
     x, y, z = np.array([20.0]), np.array([2.0]), np.array([6.0])
-    there, here = DriverView(road, 1), DriverView(turned.road, 0)
+    there = DriverView(road, 1)
+    here = DriverView(turned.road, 0)
     np.testing.assert_allclose(there.seen(33.0 - x, 7.0 - y, z), here.seen(x, y, z))
     np.testing.assert_allclose(_of(there.luminance(33.0 - x, 7.0 - y)), _of(here.luminance(x, y)))
     for one, other in zip(there.lamps(10.0, 100.0)[1:], here.lamps(10.0, 100.0)[1:], strict=True):
@@ -333,7 +355,9 @@ def test_who_comes_the_other_way_sees_the_road_turned_by_half_a_turn(driving_sid
 
 def test_an_even_lamp_over_a_surface_that_looks_alike_from_everywhere(tmp_path) -> None:
     """r = q cos^3: the luminance is q times the illuminance, here of lamps of 500 cd in all directions."""
-    tan_gamma, beta, q = np.append(np.linspace(0.0, 12.0, 2401), 13.0), [0.0, 90.0, 180.0], 0.08
+    tan_gamma = np.append(np.linspace(0.0, 12.0, 2401), 13.0)
+    beta = [0.0, 90.0, 180.0]
+    q = 0.08
     rows = [f"{t},{','.join(3 * [str(1e4 * q * (1.0 + t * t) ** -1.5)])}" for t in tan_gamma]
     path = tmp_path / "alike.csv"
     path.write_text("\n".join([f"tan_gamma,{','.join(map(str, beta))}", *rows]))
@@ -391,7 +415,8 @@ def test_a_class_asks_of_every_observer() -> None:
         ("threshold_increment", "<=", 15.0, "%"),
     ]
     np.testing.assert_allclose(_of(asks[2].light), 0.8 * _of(readings.luminance[0])[readings.middle(0)])
-    mean, glare = _of(asks[0].light).item(), _of(asks[3].light)
+    mean = _of(asks[0].light).item()
+    glare = _of(asks[3].light)
     assert mean == pytest.approx(0.8 * glare[-1])  # glare is that of new lamps
     per_lux = RoadReadings.of(RoadSection(**ROAD, maintenance_factor=0.8, luminance_per_lux=0.08))
     (light,) = (each.light for each in asked_of(per_lux) if each.name == "lane 1: per lux Q")
@@ -465,7 +490,8 @@ def test_a_table_of_any_program_is_the_same(content: str, tmp_path) -> None:
 
 def test_a_table_in_another_unit_is_no_road_unless_it_is_scaled(tmp_path) -> None:
     """Without the factor 10^4, and in mcd; Q0 of a surface that looks alike from everywhere is its r below a lamp."""
-    path, tan_gamma = tmp_path / "alike.csv", np.linspace(0.0, 3.0, 301)
+    path = tmp_path / "alike.csv"
+    tan_gamma = np.linspace(0.0, 3.0, 301)
 
     def written(q: float, unit: float) -> None:
         rows = [f"{t},{','.join(3 * [str(unit * q * (1.0 + t * t) ** -1.5)])}" for t in tan_gamma]

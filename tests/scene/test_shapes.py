@@ -104,7 +104,8 @@ FAR = {"kind": "far_field", "half_angle_deg": 80.0}
 
 def along(light: np.ndarray, receiver: PosedReceiver) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Angles and light along x and along y through the middle of a far field, relative to the peak."""
-    grid, middle = receiver.grid, len(light) // 2
+    grid = receiver.grid
+    middle = len(light) // 2
     zero = np.zeros(len(light))
     along_x = receiver.target_coordinates(grid.x(), zero)[0], 0.5 * (light[middle - 1] + light[middle])
     along_y = receiver.target_coordinates(zero, grid.y())[1], 0.5 * (light[:, middle - 1] + light[:, middle])
@@ -113,7 +114,8 @@ def along(light: np.ndarray, receiver: PosedReceiver) -> tuple[np.ndarray, np.nd
 
 def test_a_photometric_file_is_wanted_as_it_stands(tmp_path: Path) -> None:
     """C = 90 is -y of the lens: more light to C 0 and C 90 is more light to +x and to -y; then turned and tilted."""
-    c, gamma = np.arange(0.0, 361.0, 15.0), np.arange(0.0, 91.0, 2.5)
+    c = np.arange(0.0, 361.0, 15.0)
+    gamma = np.arange(0.0, 91.0, 2.5)
     shape = 1.0 + 0.6 * np.cos(np.radians(c - 30.0))[:, None] * np.sin(np.radians(gamma))
     values = 100.0 * shape * np.cos(np.radians(gamma)) ** 2
     write_photometric(
@@ -225,7 +227,8 @@ def test_light_in_the_target_is_told_by_its_own_shape_on_any_raster(columns: int
     hits = np.random.default_rng(0).uniform((-70.0, -50.0), (70.0, 50.0), (20_000, 2))
     away = np.hypot(*(hits - (17.0, 28.0)).T)
     expected = (away <= 25.0) & (away > 10.5) & (np.abs(hits) <= (60.0, 40.0)).all(axis=1)
-    drawn, half = drawn_target((ring,), receiver), coarser_target((ring,), receiver)
+    drawn = drawn_target((ring,), receiver)
+    half = coarser_target((ring,), receiver)
     assert (drawn.contains(hits) != expected).mean() < 2e-3
     assert (half.contains(hits) != expected).mean() < 4e-3
     assert half.light.shape == tuple(max(1, side // 2) for side in drawn.light.shape)

@@ -93,7 +93,8 @@ def test_letters_with_marks_and_from_right_to_left(monkeypatch):
         # e and an accent are the letter é, one mark at the same place, and Hebrew's first letter is its rightmost
         assert unicodedata.normalize("NFC", "e\u0301") == "é"
         np.testing.assert_allclose(drawn_text("e\u0301").mean(), drawn_text("é").mean(), rtol=0.01)
-        first, both = drawn_text("ש"), drawn_text("שו")
+        first = drawn_text("ש")
+        both = drawn_text("שו")
         np.testing.assert_array_equal(both[-first.shape[0] :, -first.shape[1] :], first)
     plain = drawn_text("LF")
     monkeypatch.setattr(features, "check", lambda name: False)
@@ -170,7 +171,8 @@ def test_what_is_no_table_is_refused_with_its_place_and_few_of_its_words(tmp_pat
 
 def far_field(half_deg: float) -> FarField:
     radius = 2.0 * np.sin(np.radians(0.5 * half_deg))
-    grid, pose = PixelGrid.square(2.0 * radius, 64), Pose.facing((0.0, 0.0, 1.0), (0.0, 0.0, 0.0))
+    grid = PixelGrid.square(2.0 * radius, 64)
+    pose = Pose.facing((0.0, 0.0, 1.0), (0.0, 0.0, 0.0))
     return FarField(pose, grid, Window(radius=radius))
 
 

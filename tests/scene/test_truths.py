@@ -32,16 +32,19 @@ def exit_rays(count: int = 2**15) -> ExitRays:
 
 def test_intensity_is_irradiance_a_hundred_thousand_radii_away_times_the_square_of_the_distance() -> None:
     """Pixels of a far field, and the same directions on a plane: I = E D^2 / cos^3."""
-    rays, distance_mm = exit_rays(), 1e5 * OUTER_MM
+    rays = exit_rays()
+    distance_mm = 1e5 * OUTER_MM
     far = FarField(UPRIGHT, PixelGrid.square(2.0 * chart_radius(60.0), 64))
     plane = Plane(Pose.facing((0.0, 0.0, 1.0), (0.0, 0.0, distance_mm)), PixelGrid.square(1e12, 2))
-    directions, landed = far.land(rays), plane.land(rays)
+    directions = far.land(rays)
+    landed = plane.land(rays)
     both = directions.landed & landed.landed
     radius = np.hypot(*landed.hits[both].T) / distance_mm  # tan gamma
     seen = np.hypot(*directions.hits[both].T)
     gamma = np.arctan(radius)
     assert both.sum() > 10_000 and np.abs(seen - 2.0 * np.sin(0.5 * gamma)).max() < 2e-5
-    low, high = np.radians(25.0), np.radians(26.0)
+    low = np.radians(25.0)
+    high = np.radians(26.0)
     in_cone = (seen > 2.0 * np.sin(0.5 * low)) & (seen < 2.0 * np.sin(0.5 * high))
     intensity = directions.flux[both][in_cone].sum()
     intensity /= 2.0 * np.pi * (np.cos(low) - np.cos(high))
@@ -91,7 +94,9 @@ def test_a_lambertian_source_without_a_lens_has_cos_and_cos4(bare: lf.Light) -> 
     """Per W I = cos(gamma) / pi; E = cos^4 / (pi D^2) on a plane across the axis, cos / (pi R^2) on a sphere."""
     spec = bare_spec()
     for number, power, scale in ((0, 1, 1.0), (1, 4, 0.1**-2), (2, 1, 0.1**-2)):
-        light, receiver, cosine = bare.receivers[number], receivers_of(spec, 32)[number], cosines(number, spec)
+        light = bare.receivers[number]
+        receiver = receivers_of(spec, 32)[number]
+        cosine = cosines(number, spec)
         expected = scale * cosine**power / np.pi
         window = receiver.window.pixels(receiver.grid) & (cosine > 0.25)
         lit = np.pad(window, 1)

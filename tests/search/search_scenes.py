@@ -45,7 +45,8 @@ class Step:
     """Merit of one step from a lens that is not round and too large, so that constraints count, too."""
 
     def __init__(self, changes: dict[str, Any], *, single: bool = False) -> None:
-        spec, rng = small_spec(**changes), np.random.default_rng(0)
+        spec = small_spec(**changes)
+        rng = np.random.default_rng(0)
         source = searched_source(spec)
         self.problem = Problems(spec, source, 3.0, None, single).of((9, 25))
         parts = self.problem.parts
@@ -65,7 +66,7 @@ class Step:
         elif light:
             merit = replace(merit, light=replace(merit.light, **light))
         moved = (own + step * way for own, step, way in zip(self.parameters, by, self.ways, strict=True))
-        return merit.evaluate(*moved, self.rays, self.problem.constraints, True, self.pairs).loss
+        return merit.step_loss(*moved, self.rays, self.problem.constraints, True, self.pairs).loss
 
     def values(self, **light: Any) -> tuple[torch.Tensor, ...]:
         """The merit and its gradient."""

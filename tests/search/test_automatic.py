@@ -36,7 +36,9 @@ class Followed:
     ) -> None:
         self.stages: list[Stage] = []
         self.outcomes: list[Outcome] = []
-        kept, following, seconds = dict.fromkeys(("current", "best", "accepted"), (1.0, (9,))), plan.next_stage([]), 0.0
+        kept = dict.fromkeys(("current", "best", "accepted"), (1.0, (9,)))
+        following = plan.next_stage([])
+        seconds = 0.0
         while following.stage is not None and len(self.stages) < MOST_STAGES:
             stage = following.stage
             self.stages.append(stage)
@@ -53,7 +55,8 @@ class Followed:
             kept["current"] = kept[following.begin]
             if following.begin != "current":
                 kept["best"] = kept["current"]
-        self.why, (self.merit, self.levels) = following.why, kept["current"]
+        self.why = following.why
+        (self.merit, self.levels) = kept["current"]
 
     @property
     def long(self) -> list[Stage]:
@@ -205,9 +208,11 @@ def test_the_same_judgements_lead_to_the_same_stages(seed: int) -> None:
 def test_the_error_of_a_gain_is_that_of_many_pairs_of_samples() -> None:
     """Of a mean over slices the jackknife's error is the usual one; what both judgements share does not count."""
     draw = np.random.default_rng(5)
-    shares, errors = [], []
+    shares = []
+    errors = []
     for _ in range(2000):
-        shared, own = draw.normal(size=SLICES), 0.01 * draw.normal(size=(2, SLICES))
+        shared = draw.normal(size=SLICES)
+        own = 0.01 * draw.normal(size=(2, SLICES))
         slices = np.array([1.0, 0.8])[:, None] + shared + own
         before, after = (
             Judgement(merit=float(each.mean()), image=2.0, without=tuple(((each.sum() - each) / (SLICES - 1)).tolist()))

@@ -64,7 +64,8 @@ def measured(spec: Spec) -> Source:
 def test_the_same_bits_after_an_interrupt(
     light: Callable[[Spec], Source], changes: dict[str, object], stop_at: int, tmp_path: Path
 ) -> None:
-    spec, path = automatic(**changes), tmp_path / "checkpoint.bin"
+    spec = automatic(**changes)
+    path = tmp_path / "checkpoint.bin"
     source = light(spec)
     whole = search(spec, source, accuracy=FEW_STEPS)
     assert whole.ended and whole.steps >= stop_at
@@ -76,7 +77,8 @@ def test_a_level_that_is_left_out_at_the_very_end_leaves_its_functions_out(
 ) -> None:
     seconds = iter(range(0, 10_000, 20))
     monkeypatch.setattr("lensforge.search.optimiser.time.perf_counter", lambda: float(next(seconds)))
-    spec, path = automatic(optimise__seconds=700.0, target__uniform_mm=None), tmp_path / "checkpoint.bin"
+    spec = automatic(optimise__seconds=700.0, target__uniform_mm=None)
+    path = tmp_path / "checkpoint.bin"
     for resume in (False, True):
         judge_as(monkeypatch, 1.0, 0.5, 0.51, 0.49)
         found = search(spec, build_source(spec.source), accuracy=FEW_STEPS, checkpoint=path, resume=resume)
@@ -124,7 +126,8 @@ def test_the_force_of_a_constraint_is_the_same_on_the_next_level() -> None:
     """Curvature and draft are scaled by the width of the narrowest function: their multipliers go the other way."""
     spec = automatic(lens__outer__concave_radius_mm=3.0, lens__outer__draft_deg=5.0, lens__symmetry="square")
     problems = Problems(spec, build_source(spec.source), 3.4, None)
-    coarse, fine = problems.of((9, 25)), problems.of((9, 25, 81))
+    coarse = problems.of((9, 25))
+    fine = problems.of((9, 25, 81))
     before = torch.ones_like(coarse.constraints.multipliers)
     after = fine.constraints.at_nearest(coarse.constraints, before)
     forces = [c.constraints._factor * m.mean(dim=1, keepdim=True) for c, m in ((coarse, before), (fine, after))]
@@ -161,7 +164,7 @@ def test_validation_rays_judge_without_the_noise_of_their_number() -> None:
     error = np.std(few) / np.sqrt(len(few))
     many = ValidationRays.of(source, 2**16, 99)[0].judge(problem, weights, offsets, False)[0].image
     assert abs(np.mean(few) - many) < 4.0 * error
-    noisy = problem.merit.evaluate(weights, offsets, source.sample(2**9, 5), problem.constraints, False).nmse
+    noisy = problem.merit.step_loss(weights, offsets, source.sample(2**9, 5), problem.constraints, False).nmse
     assert noisy > many + 4.0 * error, "what the noise of as many rays adds"
 
 
@@ -193,8 +196,10 @@ def test_no_search_ends_above_what_validation_rays_have_accepted(seed: int, monk
 
 
 def test_a_machine_that_becomes_slower_keeps_the_budget(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    clock, levels = [0.0], []
-    compiling, evaluate = [0.0], MeritFunction.evaluate
+    clock = [0.0]
+    levels = []
+    compiling = [0.0]
+    evaluate = MeritFunction.evaluate
     monkeypatch.setattr("lensforge.search.optimiser.time.perf_counter", lambda: clock[0] + compiling[0])
 
     def compiled(merit: MeritFunction, weights: Any, offsets: Any, rays: RayBundle, *more: Any) -> Any:
@@ -212,7 +217,8 @@ def test_a_machine_that_becomes_slower_keeps_the_budget(monkeypatch: pytest.Monk
 
     monkeypatch.setattr("lensforge.search.optimiser.rays_ahead", slow)
     monkeypatch.setattr(MeritFunction, "evaluate", compiled)
-    spec, path = automatic(optimise__seconds=50.0), tmp_path / "checkpoint.bin"
+    spec = automatic(optimise__seconds=50.0)
+    path = tmp_path / "checkpoint.bin"
     found = search(spec, build_source(spec.source), accuracy=FEW_STEPS, progress=observe, checkpoint=path)
     assert found.seconds == 4.0 + 2 * 30.0, "the step that goes beyond the budget is the last"
     assert compiling[0] == 1000.0, "is no time of the search"

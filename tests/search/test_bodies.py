@@ -53,12 +53,13 @@ def test_the_slope_of_the_merit_by_a_weight_is_that_of_differences(scene: str) -
     spec = settled_symmetry(spec, source)
     assert spec.lens.symmetry == "none"
     parametrisation = SphereParameters.of(spec, 4.0)
-    merit, rays = MeritFunction.of(spec, source, parametrisation), source.sample(2**12, 3)
+    merit = MeritFunction.of(spec, source, parametrisation)
+    rays = source.sample(2**12, 3)
     pairs = SearchParts.of(spec, parametrisation).of_step(0, 3) if spec.optimise.robust else ()
 
     def loss(weights: torch.Tensor) -> torch.Tensor:
         tables = parametrisation.tables(weights, torch.ones(2, dtype=torch.float64))
-        return merit.assessed(merit.light_of(tables, rays, pairs), uniform=False).loss
+        return merit.training_loss(merit.light_of(tables, rays, pairs), uniform=False).loss
 
     some = torch.tensor(np.random.default_rng(1).normal(size=(9, 2)) * 0.02).requires_grad_()
     loss(some).backward()
@@ -73,7 +74,8 @@ def test_the_slope_of_the_merit_by_a_weight_is_that_of_differences(scene: str) -
 
 
 def test_bounds_allow_for_the_size_of_the_bodies_and_for_what_they_turn() -> None:
-    spec, alone = spec_with(), spec_with(bodies=[])
+    spec = spec_with()
+    alone = spec_with(bodies=[])
     light, bare = (SourceLight.of(build_source(spec.source), each.media) for each in (spec, alone))
     (receiver,) = receivers_of(spec, 16)
     with_it, without = (PossibleLight(each, receiver, ExitBall(7.0)) for each in (light, bare))

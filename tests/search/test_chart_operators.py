@@ -106,7 +106,10 @@ def by_tangents(place: np.ndarray, rho: float, derivatives: np.ndarray) -> tuple
         )
         return np.asarray((4.0 * near - far) / 3.0)
 
-    r_x, r_y, r_xx, r_yy = first((1, 0), (-1, 0)), first((0, 1), (0, -1)), second(1, 0), second(0, 1)
+    r_x = first((1, 0), (-1, 0))
+    r_y = first((0, 1), (0, -1))
+    r_xx = second(1, 0)
+    r_yy = second(0, 1)
     r_xy = (second(1, 1) - second(1, -1)) / 4.0
     normal = np.cross(r_x, r_y)
     normal /= np.linalg.norm(normal)

@@ -74,7 +74,8 @@ def test_a_state_comes_back_bit_for_bit(state: SearchState, tmp_path: Path) -> N
 
 
 def test_every_flipped_bit_and_every_cut_is_refused_in_one_line(saved: Path) -> None:
-    content, draw = saved.read_bytes(), np.random.default_rng(16)
+    content = saved.read_bytes()
+    draw = np.random.default_rng(16)
     for place in (*range(0, 120, 7), *draw.integers(0, len(content), 60)):
         flipped = bytearray(content)
         flipped[place] ^= 1 << int(draw.integers(8))
@@ -91,7 +92,8 @@ def test_every_flipped_bit_and_every_cut_is_refused_in_one_line(saved: Path) -> 
     [b"", b"[]", b"{}", b"\xff\xfe", b"[" * 4000, b'{"step": 1e999}', json.dumps({"key": KEY, "step": -1}).encode()],
 )
 def test_a_hostile_head_with_a_right_checksum_is_one_line(head: bytes, tmp_path: Path) -> None:
-    content, path = head + b"\n", tmp_path / CHECKPOINT
+    content = head + b"\n"
+    path = tmp_path / CHECKPOINT
     path.write_bytes(checkpoint._FORMAT + hashlib.sha256(content).hexdigest().encode() + b"\n" + content)
     with pytest.raises(InputError) as caught:
         SearchState.load(path, KEY, as_they_are)
@@ -145,7 +147,8 @@ def test_a_search_that_starts_anew_drops_the_checkpoint_of_an_earlier_one(tmp_pa
     def stop(_: object) -> None:
         raise Stop
 
-    spec, path = small_spec(), tmp_path / CHECKPOINT
+    spec = small_spec()
+    path = tmp_path / CHECKPOINT
     path.write_bytes(b"of an earlier version")
     with pytest.raises(Stop):
         search(spec, build_source(spec.source), accuracy="draft", checkpoint=path, progress=stop)

@@ -28,9 +28,11 @@ class Rays:
     def at_random(count: int, seed: int = 0) -> "Rays":
         """On the receiver and outside it, some of them not landed."""
         rng = np.random.default_rng(seed)
-        emitted, landed = rng.random(count), rng.random(count) < 0.6
+        emitted = rng.random(count)
+        landed = rng.random(count) < 0.6
         hits = rng.uniform(-280.0, 280.0, (count, 2)) * landed[:, None]
-        flux, sin2_exit = emitted * rng.uniform(0.8, 0.95, count) * landed, rng.uniform(0.0, 1.3, count)
+        flux = emitted * rng.uniform(0.8, 0.95, count) * landed
+        sin2_exit = rng.uniform(0.0, 1.3, count)
         hits, flux, sin2_exit = (torch.from_numpy(array).requires_grad_() for array in (hits, flux, sin2_exit))
         lands = torch.from_numpy(landed)
         return Rays(Landings(hits, flux, lands, ~lands), sin2_exit, torch.from_numpy(emitted))
@@ -97,7 +99,8 @@ def test_gradients_of_the_image_are_its_differences() -> None:
 def test_lost_rays_are_drawn_back_and_none_outvotes_the_rest() -> None:
     hits = torch.tensor([[0.0, 0.0], [300.0, 0.0], [0.0, -1e9]], dtype=torch.float64, requires_grad=True)
     sines = torch.tensor([0.5, 1.07, 1e3], dtype=torch.float64, requires_grad=True)
-    ones, every = torch.ones(3, dtype=torch.float64), torch.ones(3, dtype=torch.bool)
+    ones = torch.ones(3, dtype=torch.float64)
+    every = torch.ones(3, dtype=torch.bool)
     light = Rays(Landings(hits, ones, every, ~every), sines, ones).collected()
     assert light.outside_receiver.item() == pytest.approx(0.0 + 0.5 + 1.0)
     pull = torch.autograd.grad(light.outside_receiver, hits, retain_graph=True)[0]

@@ -39,7 +39,8 @@ def spec_of(apart_mm: float, weight: float = 20.0, **changes: Any) -> Spec:
 
 
 def merit_of(spec: Spec) -> tuple[MeritFunction, Any]:
-    source, parameters = build_source(spec.source, coloured=True), SphereParameters.of(spec, 4.0)
+    source = build_source(spec.source, coloured=True)
+    parameters = SphereParameters.of(spec, 4.0)
     tables = parameters.tables(torch.zeros((parameters.basis.size, 2), dtype=torch.float64), ONE)
     return MeritFunction.of(spec, source, parameters), lambda rays: (tables, source.sample(rays, 5))
 
@@ -64,7 +65,7 @@ def test_the_term_is_that_of_the_pictures_by_hand() -> None:
     assert merit.colour is not None
     assert merit.colour.error(light.colours, light.colours).item() == pytest.approx(20.0 * by_hand, rel=2e-3)
     without = MeritFunction(merit.spec, merit.parametrisation, merit.light, merit.terms, merit.limits)
-    more = merit.assessed(light, False).loss - without.assessed(light, False).loss
+    more = merit.training_loss(light, False).loss - without.training_loss(light, False).loss
     assert more.item() == pytest.approx(20.0 * by_hand, rel=2e-3)
 
 
@@ -80,8 +81,10 @@ def test_two_samples_judge_without_the_noise_of_their_rays() -> None:
     pairs = np.array([term.error(a.colours, b.colours).item() for a, b in zip(lights[::2], lights[1::2], strict=True)])
     assert abs(pairs.mean()) < 3.0 * pairs.std(ddof=1) / np.sqrt(len(pairs)) < 0.5 * squares
     first, second = lights[:2]
-    judged = merit.judge(first, second, False)[0]
-    without = MeritFunction(merit.spec, merit.parametrisation, merit.light, merit.terms).judge(first, second, False)[0]
+    judged = merit.unbiased_merit(first, second, False)[0]
+    without = MeritFunction(merit.spec, merit.parametrisation, merit.light, merit.terms).unbiased_merit(
+        first, second, False
+    )[0]
     assert judged - without == pytest.approx(term.error(first.colours, second.colours).item())
 
 

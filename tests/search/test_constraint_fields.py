@@ -42,7 +42,8 @@ def test_fields_of_all_constraints_are_their_definitions(process: str) -> None:
     inner, outer, points = jets()
     faces = {"inner": inner, "outer": outer}
     found = {each.key: each.of(faces, points).numpy() for each in constraints_of(spec) if each.key != WALL}
-    a, b = inner.rho.numpy(), outer.rho.numpy()
+    a = inner.rho.numpy()
+    b = outer.rho.numpy()
     cosine = points.cosine.numpy()
     sign = 1 if process == "milled" else -1
     drafts = [np.degrees(np.arcsin(np.clip(draft_sine(each, points).numpy(), -1.0, 0.5))) for each in (inner, outer)]
@@ -63,8 +64,10 @@ def test_fields_of_all_constraints_are_their_definitions(process: str) -> None:
 
 def test_a_face_that_is_turned_has_the_curvature_of_its_meridian() -> None:
     """By differences along the meridians of crooked faces, on the axis too, and with derivatives."""
-    grid, surface = TableGrid(129), random_surface(3, 4.0, 0.05, (9, 25))
-    polar, turn = np.array([0.0, 0.3, 0.8, 1.2]), np.array([0.0, 0.4, 2.0, 5.0])
+    grid = TableGrid(129)
+    surface = random_surface(3, 4.0, 0.05, (9, 25))
+    polar = np.array([0.0, 0.3, 0.8, 1.2])
+    turn = np.array([0.0, 0.4, 2.0, 5.0])
     places = np.tan(0.5 * polar)[:, None] * np.column_stack([np.cos(turn), np.sin(turn)])
     operator = ChartOperator.of(grid, places, derivatives=True)
     (jet,) = operator.jets(table_of(surface, grid)[None])
@@ -72,7 +75,8 @@ def test_a_face_that_is_turned_has_the_curvature_of_its_meridian() -> None:
     at = polar[:, None] + step * np.array([-1.0, 0.0, 1.0])
     u = np.stack([np.sin(at) * np.cos(turn)[:, None], np.sin(at) * np.sin(turn)[:, None], np.cos(at)], axis=-1)
     below, rho, above = surface.radius(u.reshape(-1, 3)).reshape(at.shape).T
-    first, second = (above - below) / (2.0 * step), (above - 2.0 * rho + below) / step**2
+    first = (above - below) / (2.0 * step)
+    second = (above - 2.0 * rho + below) / step**2
     wanted = (rho**2 + 2.0 * first**2 - rho * second) / (rho**2 + first**2) ** 1.5
     for air in (1, -1):
         np.testing.assert_allclose(meridian_curvature(jet, operator.points, air), air * wanted, atol=2e-4)
@@ -96,7 +100,9 @@ def decentred(radius: float, centre: tuple[float, float, float], grid: TableGrid
 @pytest.mark.parametrize(("limit_mm", "bound"), [(2.0, True), (0.05, False)])
 def test_the_wall_is_the_distance_to_the_outer_face_where_it_may_bind(limit_mm: float, bound: bool) -> None:
     """To a sphere of 6 mm about (0.9, 0.4, 0.2); below z = 0 there is no face, and on the ray it is farther."""
-    spec, grid, centre = small_spec(constraints__min_thickness_mm=limit_mm), TableGrid(97), np.array([0.9, 0.4, 0.2])
+    spec = small_spec(constraints__min_thickness_mm=limit_mm)
+    grid = TableGrid(97)
+    centre = np.array([0.9, 0.4, 0.2])
     operator = ChartOperator.of(grid, constraint_points(grid, "none", every_node=4), derivatives=False)
     inner, outer = operator.jets(
         torch.stack([decentred(4.2, (-0.2, 0.0, 0.1), grid), decentred(6.0, (0.9, 0.4, 0.2), grid)])
@@ -104,7 +110,8 @@ def test_the_wall_is_the_distance_to_the_outer_face_where_it_may_bind(limit_mm: 
     found = constraints_of(spec)[1].field(inner, outer, operator.points).numpy() + limit_mm
     start = (inner.rho[:, None] * operator.points.directions).numpy()
     away = start - centre
-    wall, radial = 6.0 - np.linalg.norm(away, axis=1), (outer.rho - inner.rho).numpy()
+    wall = 6.0 - np.linalg.norm(away, axis=1)
+    radial = (outer.rho - inner.rho).numpy()
     above = (centre + 6.0 * away / np.linalg.norm(away, axis=1, keepdims=True))[:, 2] > 0.01
     thin = above & (wall < limit_mm)
     assert thin.any() == bound and (found <= radial + 1e-12).all()
@@ -186,7 +193,9 @@ def known(fields: int = 2) -> tuple[AugmentedLagrangian, np.ndarray, np.ndarray,
 
 def test_the_terms_are_means_over_the_solid_angle_of_the_points() -> None:
     own, values, area, margins, multipliers = known()
-    fields, total, alone = torch.from_numpy(values), 0.0, 0.0
+    fields = torch.from_numpy(values)
+    total = 0.0
+    alone = 0.0
     updated = np.zeros((2, 3))
     for c, k in np.ndindex(2, 3):
         missing = margins[c, 0] - values[c, k]
@@ -232,7 +241,8 @@ def test_spheres_have_the_constraints_that_geometry_gives() -> None:
     found = measure_constraints(Lens.double(sphere(3.0), sphere(6.0), spec, 0, "draft"))
     limits = spec.constraints
     # on a sphere of radius r, (a/b^2) r^2 sin^2 + r cos - a is least at the rim or at the pole
-    a, b = limits.cavity_height_mm, limits.cavity_radius_mm
+    a = limits.cavity_height_mm
+    b = limits.cavity_radius_mm
     assert found.cavity_clearance_mm == pytest.approx(min(a / b**2 * 9.0 - a, 3.0 - a), abs=1e-4)
     assert found.wall_margin_mm == pytest.approx(6.0 - 3.0 - limits.min_thickness_mm, abs=2e-6)
     assert found.radius_margin_mm == pytest.approx(limits.max_radius_mm - 6.0, abs=1e-12)
@@ -241,7 +251,8 @@ def test_spheres_have_the_constraints_that_geometry_gives() -> None:
 
 def test_the_term_is_a_mean_over_the_solid_angle() -> None:
     """Of a violation that is a share of the cosine: over the hemisphere the mean of its square is a third."""
-    grid, share = TableGrid(100), 0.1
+    grid = TableGrid(100)
+    share = 0.1
     radius = 7.0 * (1.0 + share * grid.sample_directions()[:, 2])
     outer = torch.from_numpy(grid.coefficients(radius[:, None]).reshape(grid.side, grid.side))
     constraints = AugmentedLagrangian.of(small_spec(), grid)

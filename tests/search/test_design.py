@@ -74,7 +74,8 @@ def test_the_first_steps_of_profiles_are_as_large_as_their_light_bears() -> None
 
 def test_a_search_is_as_precise_as_its_preset_says() -> None:
     assert [name for name, preset in PRESETS.items() if not preset.single] == ["reference"]
-    spec, found = small_spec(optimise__steps_per_level=[1, 1]), []
+    spec = small_spec(optimise__steps_per_level=[1, 1])
+    found = []
     for single in (True, False):
         accuracy = FEW.replace("own", single=single)
         found.append(search(spec, build_source(spec.source), accuracy=accuracy).lens.outer.weights_mm)
@@ -90,7 +91,8 @@ def test_a_search_from_a_lens_begins_with_that_lens() -> None:
     further = search(spec, source, accuracy=still, start=first.lens, progress=lambda step: begun.append(step.lens()))
     assert [level.level for level in further.history] == [1], "all functions move from the first step on"
     for side in ("inner", "outer"):
-        before, after = getattr(first.lens, side), getattr(begun[0], side)
+        before = getattr(first.lens, side)
+        after = getattr(begun[0], side)
         assert np.allclose(after.weights_mm, before.weights_mm, rtol=0.0, atol=1e-9)
     assert further.history[0].nmse[0] == pytest.approx(first.history[-1].nmse[-1], rel=0.2)
 
@@ -106,7 +108,8 @@ def test_a_lens_of_other_functions_is_fitted_as_a_start() -> None:
 
 def test_a_search_has_the_same_bits_on_any_number_of_threads() -> None:
     """Of a lens whose tables torch multiplies and adds up."""
-    spec, found = spot(), set[str]()
+    spec = spot()
+    found = set[str]()
     source = build_source(spec.source)
 
     def keep_second(step: Progress) -> bool:
@@ -124,7 +127,9 @@ def test_an_observer_that_has_enough_ends_the_search_and_its_checkpoint_goes_on_
     tmp_path: Path,
 ) -> None:
     """Its pictures are those of the merit: the share of the flux on the pixels is the efficiency."""
-    spec, kept, shown = small_spec(), tmp_path / "checkpoint.bin", list[Progress]()
+    spec = small_spec()
+    kept = tmp_path / "checkpoint.bin"
+    shown = list[Progress]()
 
     def three_steps(step: Progress) -> object:
         shown.append(step)

@@ -36,7 +36,8 @@ def test_a_design_ends_where_the_kernels_end(device: str) -> None:
 
 def test_a_checkpoint_is_not_resumed_on_another_device(tmp_path: Path) -> None:
     spec = small_spec(optimise__steps_per_level=[1, 1], optimise__rays=256)
-    source, given = build_source(spec.source), {"accuracy": FEW_STEPS, "checkpoint": tmp_path / FILE_NAME}
+    source = build_source(spec.source)
+    given = {"accuracy": FEW_STEPS, "checkpoint": tmp_path / FILE_NAME}
     search(spec, source, **given, device=CPU)
     search(spec, source, **given, device=CPU, resume=True)
     with pytest.raises(InputError, match="start or device"):
@@ -61,15 +62,17 @@ BODIES: dict[str, Callable[[], Spec]] = {
 @pytest.mark.parametrize("name", BODIES)
 def test_a_step_of_any_body_is_that_of_the_kernels(name: str, device: str) -> None:
     """Its merit and the gradient, light that crosses creases included."""
-    spec, rng = BODIES[name](), np.random.default_rng(5)
-    source, parameters = build_source(spec.source, spec.lens.dispersion), parameters_of(spec, 2.5)
+    spec = BODIES[name]()
+    rng = np.random.default_rng(5)
+    source = build_source(spec.source, spec.lens.dispersion)
+    parameters = parameters_of(spec, 2.5)
     weights, offsets = parameters.start()
     own = [(weights + 0.003 * torch.from_numpy(rng.normal(size=weights.shape))).requires_grad_()]
     own.append((offsets + 0.003).requires_grad_())
     values = []
     for place in (None, torch.device(device)):
         merit = MeritFunction.of(spec, source, parameters, place)
-        loss = merit.assessed(merit.light_of(parameters.tables(*own), source.sample(2**10, 3)), uniform=False).loss
+        loss = merit.training_loss(merit.light_of(parameters.tables(*own), source.sample(2**10, 3)), uniform=False).loss
         values.append((loss.detach(), *torch.autograd.grad(loss, own)))
     for one, other in zip(*values, strict=True):
         assert torch.linalg.norm(one - other) <= 1e-8 * torch.linalg.norm(other)

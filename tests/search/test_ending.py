@@ -91,7 +91,8 @@ def test_a_search_that_goes_on_from_a_checkpoint_keeps_the_same_lens(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Stopped where the first level, which loses, has been taken back."""
-    spec, path = spec_of_few_steps(), tmp_path / "checkpoint.bin"
+    spec = spec_of_few_steps()
+    path = tmp_path / "checkpoint.bin"
     source = build_source(spec.source)
     judge_as(monkeypatch, 0.5, 0.9, 0.4, 0.4)
     whole = search(spec, source, accuracy=FEW)

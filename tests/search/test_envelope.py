@@ -21,7 +21,9 @@ from lensforge.sources.build_source import build_source
 from lensforge.spec import Spec
 from lensforge.surfaces import step_file as step_reading
 
-BALL_MM, CENTRE, MARGIN_MM = 1.0, np.array([0.5, 0.0, 0.8]), 0.2
+BALL_MM = 1.0
+CENTRE = np.array([0.5, 0.0, 0.8])
+MARGIN_MM = 0.2
 GROWTH_MM = MARGIN_MM + 2e-3  # and the error of the mesh
 
 
@@ -71,7 +73,8 @@ def test_the_extent_of_a_grown_ball_is_a_larger_ball(ball_file: Path, tmp_path: 
 
 
 def test_the_extent_of_a_grown_box_has_round_edges_and_corners(tmp_path: Path) -> None:
-    half, centre = np.array([0.8, 0.5, 0.3]), np.array([0.6, -0.2, 0.7])
+    half = np.array([0.8, 0.5, 0.3])
+    centre = np.array([0.6, -0.2, 0.7])
     spec = kept_out(step_file(tmp_path / "led.step", box(tuple(2.0 * half), tuple(centre))), lens__symmetry="none")
     u = hemisphere_directions(150, seed=3)
     assert np.abs(KeepOutExtent.of(spec).along(u) - box_extent(u, half, centre, GROWTH_MM)).max() < 1e-3
@@ -92,8 +95,10 @@ def test_height_and_largest_wall_of_a_freeform_are_those_of_its_points() -> None
     spec = small_spec(constraints__max_wall_mm=2.5, constraints__max_height_mm=5.0)
     lens = Lens.double(random_surface(1, 3.0, 0.05), random_surface(2, 6.0, 0.05), spec, 0, "draft")
     u = hemisphere_directions(20_000)
-    inner, outer = lens.inner.radius(u), lens.outer.radius(u)
-    height, wall = float((outer * u[:, 2]).max()), float((outer - inner).max())
+    inner = lens.inner.radius(u)
+    outer = lens.outer.radius(u)
+    height = float((outer * u[:, 2]).max())
+    wall = float((outer - inner).max())
     assert height < outer.max() - 0.1, "the furthest point is not the highest"
     found = measure_constraints(lens)
     assert found.height_margin_mm == pytest.approx(5.0 - height, abs=2e-3)
@@ -117,7 +122,8 @@ def test_a_search_that_starts_outside_its_envelope_ends_inside(tmp_path: Path) -
     found = search(spec, build_source(spec.source), accuracy=FAR)
     assert all(criterion.holds for criterion in found.criteria), [str(criterion) for criterion in found.criteria]
     u = hemisphere_directions(3000)
-    inner, outer = found.lens.inner.radius(u), found.lens.outer.radius(u)
+    inner = found.lens.inner.radius(u)
+    outer = found.lens.outer.radius(u)
     assert (outer - inner).max() <= 2.6 and (outer * u[:, 2]).max() <= 5.7
     beyond = np.maximum(np.abs(inner[:, None] * u - [0.3, 0.0, 1.4]) - [0.75, 0.5, 1.7], 0.0)
     assert np.linalg.norm(beyond, axis=1).min() >= 0.1

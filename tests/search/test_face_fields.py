@@ -24,7 +24,8 @@ def random(*shape: int, seed: int = 0) -> Tensor:
 @pytest.mark.parametrize("sign", [1, -1])
 def test_curvature_and_draft_have_the_slopes_of_differences(field: Callable[..., Tensor], sign: int) -> None:
     """By radius and all derivatives, at the apex and on the rim too, with sensitivities that differ; one is 0."""
-    points, by = ChartPoints.of(PLACES), torch.tensor([1.0, -2.0, 0.5, 0.0, 3.0], dtype=torch.float64)
+    points = ChartPoints.of(PLACES)
+    by = torch.tensor([1.0, -2.0, 0.5, 0.0, 3.0], dtype=torch.float64)
 
     def weighed(rho: Tensor, derivatives: Tensor) -> Tensor:
         return field(RadiusJet(rho, derivatives), points, sign) * by
@@ -35,7 +36,8 @@ def test_curvature_and_draft_have_the_slopes_of_differences(field: Callable[...,
 
 def test_the_curvature_of_a_sphere_has_finite_slopes() -> None:
     """Both curvatures are the same there: the root of their difference has no slope."""
-    rho, derivatives = torch.full((5,), 4.0, dtype=torch.float64), torch.zeros(5, 5, dtype=torch.float64)
+    rho = torch.full((5,), 4.0, dtype=torch.float64)
+    derivatives = torch.zeros(5, 5, dtype=torch.float64)
     jet = RadiusJet(rho.requires_grad_(), derivatives.requires_grad_())
     found = least_curvature(jet, ChartPoints.of(PLACES), 1)
     np.testing.assert_allclose(found.detach().numpy(), 0.25, rtol=1e-9)

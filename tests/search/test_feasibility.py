@@ -82,7 +82,8 @@ def test_a_limit_is_made_stricter_by_all_that_its_points_see_too_much(
     gap_mm: float, rounds: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A sphere 0.03 mm too large, which the points of the projection see smaller by the gap."""
-    problem, measured = problem_of(small_spec(lens__symmetry="square"), (9,)), list[float]()
+    problem = problem_of(small_spec(lens__symmetry="square"), (9,))
+    measured = list[float]()
 
     def with_gap(lens: Lens) -> Margins:
         margins = measure_constraints(lens)
@@ -108,7 +109,8 @@ def test_where_limits_exclude_each_other_the_worst_of_them_is_lessened() -> None
 
 
 def test_of_lenses_that_all_miss_a_limit_the_one_that_misses_least_is_kept(monkeypatch: pytest.MonkeyPatch) -> None:
-    problem, misses = problem_of(small_spec(), (9,)), iter([0.02, 0.01, 0.05, 0.03])
+    problem = problem_of(small_spec(), (9,))
+    misses = iter([0.02, 0.01, 0.05, 0.03])
 
     def measured(_: Lens) -> Margins:
         return Margins(cavity_clearance_mm=0.1, wall_margin_mm=0.0, radius_margin_mm=-next(misses))

@@ -56,7 +56,8 @@ def test_rays_refract_at_the_sphere_itself() -> None:
     lens = SphereParameters.of(spec, 2.5).lens(torch.zeros(34, 2).double(), torch.ones(2).double(), spec, 0, "draft")
     rays = build_source(spec.source).sample(2048, 3)
     found = receivers_of(spec, 16)[0].land(TracedLens.of(lens, 12.0).trace(rays))
-    at, along = rays.origins, rays.directions
+    at = rays.origins
+    along = rays.directions
     for centre, radius, ratio in ((-1.0, 3.0, 1.0 / 1.4936), (0.0, 6.0, 1.4936)):
         from_centre = at - np.array([0.0, 0.0, centre])
         half = np.sum(from_centre * along, axis=1)

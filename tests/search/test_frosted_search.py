@@ -23,7 +23,9 @@ SPEC = small_spec(lens__outer__scatter=FROST, **_SEARCH)
 
 def test_a_frosted_search_goes_on_from_the_polished_lens(tmp_path: Path) -> None:
     """Interrupted when frosted, it goes on to the same bits; its observer sees frosted lenses from the first step."""
-    source, path, heard = build_source(SPEC.source, facets=1), tmp_path / "search.bin", list[Progress]()
+    source = build_source(SPEC.source, facets=1)
+    path = tmp_path / "search.bin"
+    heard = list[Progress]()
 
     def stop(now: Progress) -> None:
         heard.append(now)

@@ -105,7 +105,8 @@ def close(one: tuple[torch.Tensor, ...], other: tuple[torch.Tensor, ...]) -> boo
 @pytest.mark.parametrize("changes", SPECS.values(), ids=SPECS)
 def test_the_gradient_is_that_of_differences(changes: dict[str, Any]) -> None:
     """Through constraints, image and tracer, for weights and offsets of both surfaces."""
-    step, by = Step(changes), 1e-8
+    step = Step(changes)
+    by = 1e-8
     _, *gradients = step.values()
     for which, (gradient, way) in enumerate(zip(gradients, step.ways, strict=True)):
         move = (by, 0.0) if which == 0 else (0.0, by)
@@ -127,7 +128,8 @@ IN_SINGLE = ["free", "lamps without an end", "all receivers", "robust, large"]
 @pytest.mark.parametrize("name", first_by_day(4, IN_SINGLE + [name for name in SPECS if name not in IN_SINGLE]))
 def test_loss_and_gradient_in_single_precision_are_those_in_double(name: str) -> None:
     """Lamps without an end are traced in double precision: rays that graze their plane come from far."""
-    found, wanted = Step(SPECS[name], single=True).values(), Step(SPECS[name]).values()
+    found = Step(SPECS[name], single=True).values()
+    wanted = Step(SPECS[name]).values()
     errors = [torch.linalg.norm(a - b) / torch.linalg.norm(b) for a, b in zip(found, wanted, strict=True)]
     assert max(errors) == 0.0 if "without an end" in name else 1e-9 < max(errors) < 2e-5
 
@@ -149,7 +151,8 @@ def test_every_ray_has_its_own_noise_at_a_rough_face_in_chunks_too() -> None:
 
 def test_receivers_count_by_their_shares() -> None:
     """Each alone, and both together with shares of 3 to 1; the light near total reflection counts once."""
-    first, second = RECEIVERS["far field"], RECEIVERS["sphere"]
+    first = RECEIVERS["far field"]
+    second = RECEIVERS["sphere"]
     alone = [Step({"target": None, "receivers": [each]}).loss().item() for each in (first, second)]
     both = Step({"target": None, "receivers": [{**first, "share": 3.0}, second]})
     assert both.loss().item() == pytest.approx(0.75 * alone[0] + 0.25 * alone[1], rel=1e-9)

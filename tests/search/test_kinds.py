@@ -50,7 +50,8 @@ def light_on(problem: Problem, weights: torch.Tensor, offsets: torch.Tensor, ray
 
 
 def test_equal_kinds_have_the_light_and_the_constraints_of_one_lens() -> None:
-    one, three = problem_of(spec_of("one")), problem_of(spec_of())
+    one = problem_of(spec_of("one"))
+    three = problem_of(spec_of())
     weights = 0.02 * torch.from_numpy(np.random.default_rng(0).normal(size=(34, 2)))
     offsets = torch.tensor([1.0, 1.1], dtype=torch.float64)
     # of one function that has all mirrors by itself, so that the lens is the same in every kind
@@ -86,7 +87,9 @@ ROW = {"lamps": {**GRID, "rows": 1, "kinds": "place"}, "target__height_mm": 20.0
 
 def test_a_search_from_one_lens_lights_the_ends_better(tmp_path: Path) -> None:
     """Interrupted among the kinds, it goes on to the same bits."""
-    spec, path, heard = spec_of(**ONE_LEVEL, **ROW), tmp_path / "search.bin", list[int]()
+    spec = spec_of(**ONE_LEVEL, **ROW)
+    path = tmp_path / "search.bin"
+    heard = list[int]()
     source = build_source(spec.source, None)
 
     def stop(now: Progress) -> None:
@@ -106,11 +109,13 @@ def test_a_search_from_one_lens_lights_the_ends_better(tmp_path: Path) -> None:
 
 
 def test_the_margins_are_the_least_of_all_kinds() -> None:
-    inner, outer = (2.4, 2.6, 2.5), (6.0, 6.2, 6.4)
+    inner = (2.4, 2.6, 2.5)
+    outer = (6.0, 6.2, 6.4)
     faces = [{"inner": sphere(one), "outer": sphere(other)} for one, other in zip(inner, outer, strict=True)]
     spec = spec_of(lens__symmetry="square", constraints__max_radius_mm=6.3)
     lens = Lens(faces[0], spec, 0, "draft", others={"edge": faces[1], "corner": faces[2]})
-    found, limits = measure_constraints(lens, 500), spec.constraints
+    found = measure_constraints(lens, 500)
+    limits = spec.constraints
     assert found.wall_margin_mm == pytest.approx(3.6 - limits.min_thickness_mm, abs=1e-6)
     assert found.radius_margin_mm == pytest.approx(6.3 - 6.4)
     alone = measure_constraints(replace(lens, others={}, spec=spec_of("one")), 500)

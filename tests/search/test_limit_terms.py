@@ -70,12 +70,14 @@ def test_limits_that_are_held_with_the_margin_cost_nothing() -> None:
 @pytest.mark.parametrize(("road", "height_m"), [("road_m3", 9.0), ("road_wide", 12.0), ("road_luminance", 10.0)])
 def test_rays_of_a_step_see_the_limits_of_a_road_as_many_more_do(examples: Path, road: str, height_m: float) -> None:
     spec = load_spec(examples / f"{road}.toml").replace({"roads.0.pole_height_m": height_m})
-    source, preset = build_source(spec.source), preset_for(spec, "draft")
+    source = build_source(spec.source)
+    preset = preset_for(spec, "draft")
     own = Problems(spec, source, 2.5, None).of((9,))
-    merit, tables = own.merit, own.parametrisation.tables(*own.parametrisation.start())
+    merit = own.merit
+    tables = own.parametrisation.tables(*own.parametrisation.start())
 
     def loss(rays: int) -> float:
-        return float(merit.assessed(merit.light_of(tables, source.sample(rays, 1)), uniform=False).loss)
+        return float(merit.training_loss(merit.light_of(tables, source.sample(rays, 1)), uniform=False).loss)
 
     assert preset.effort.rays[0] == preset.design_rays == preset.effort.validation_rays == 2**17
     exact = loss(2**20)

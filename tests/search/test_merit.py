@@ -16,7 +16,10 @@ from lensforge.search.merit import MeritFunction
 from lensforge.search.parameters import SphereParameters
 from lensforge.sources.build_source import SquareEmitter, build_source
 
-SIDE, PIXELS, REGION, N = 60.0, 16, 32.0, 1.5
+SIDE = 60.0
+PIXELS = 16
+REGION = 32.0
+N = 1.5
 ROUGHNESS = {"square": 0.8, "none": 0.3}  # of the outer face: some light is reflected totally
 TARGETS = {"square": {"width_mm": 40.0, "uniform_mm": REGION}, "none": {"width_mm": 40.0, "uniform_mm": None}}
 
@@ -39,7 +42,9 @@ def _mirrored(image: np.ndarray, symmetry: str) -> np.ndarray:
 
 def _smoothed(image: np.ndarray) -> np.ndarray:
     """Mean of each pixel and its neighbours by a Gaussian of one pixel; those of the edge are repeated outwards."""
-    padded, total, weight = np.pad(image, 1, mode="edge"), np.zeros_like(image), 0.0
+    padded = np.pad(image, 1, mode="edge")
+    total = np.zeros_like(image)
+    weight = 0.0
     for row in range(3):
         for column in range(3):
             share = np.exp(-0.5 * ((row - 1) ** 2 + (column - 1) ** 2))
@@ -63,15 +68,18 @@ def _wanted(merit: MeritFunction, flux_w: float, fresnel: bool) -> np.ndarray:
 @pytest.mark.parametrize("symmetry", ["square", "none"])
 def test_the_merit_is_the_sum_of_its_terms(symmetry: str, uniform: bool, fresnel: bool) -> None:
     spec = _spec(symmetry, fresnel)
-    source, parametrisation = build_source(spec.source), SphereParameters.of(spec, 4.0)
+    source = build_source(spec.source)
+    parametrisation = SphereParameters.of(spec, 4.0)
     merit = MeritFunction.of(spec, source, parametrisation)
     scale = np.array([0.1, 1.0]) * ROUGHNESS[symmetry]
     weights = torch.from_numpy(np.random.default_rng(0).normal(size=(parametrisation.basis.size, 2)) * scale)
-    offsets, rays = torch.ones(2, dtype=torch.float64), source.sample(4096, 1)
+    offsets = torch.ones(2, dtype=torch.float64)
+    rays = source.sample(4096, 1)
     constraints = AugmentedLagrangian.of(spec, parametrisation.grid)
-    found = merit.evaluate(weights, offsets, rays, constraints, uniform)
+    found = merit.step_loss(weights, offsets, rays, constraints, uniform)
     (light,) = merit.light.collect(parametrisation.tables(weights, offsets), rays)
-    image, wanted = _mirrored(light.image.numpy(), symmetry), _wanted(merit, 1.0, fresnel)
+    image = _mirrored(light.image.numpy(), symmetry)
+    wanted = _wanted(merit, 1.0, fresnel)
     in_window, outside, reflected = (
         each.item() for each in (light.in_window, light.outside_receiver, light.total_reflection)
     )
@@ -85,7 +93,8 @@ def test_the_merit_is_the_sum_of_its_terms(symmetry: str, uniform: bool, fresnel
         # all pixels that the region meets, in part or whole
         meets = np.abs((np.arange(PIXELS) + 0.5) * SIDE / PIXELS - 0.5 * SIDE) <= 0.5 * (REGION + SIDE / PIXELS)
         mask = np.outer(meets, meets)
-        even, smooth = image[mask] / image[mask].mean(), _smoothed(image)[mask]
+        even = image[mask] / image[mask].mean()
+        smooth = _smoothed(image)[mask]
         shortfall = np.maximum(0.97 - smooth / smooth.mean(), 0.0)
         if uniform:
             expected += 10.0 * np.mean((even - 1.0) ** 2) + 300.0 * np.mean(shortfall**2)

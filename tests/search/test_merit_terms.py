@@ -26,7 +26,8 @@ def tensor(values: Any) -> torch.Tensor:
 
 
 def smooth(image: np.ndarray) -> np.ndarray:
-    padded, weights = np.pad(image, 1, mode="edge"), np.exp(-0.5 * np.add.outer(*2 * (np.array([1.0, 0.0, 1.0]),)))
+    padded = np.pad(image, 1, mode="edge")
+    weights = np.exp(-0.5 * np.add.outer(*2 * (np.array([1.0, 0.0, 1.0]),)))
     found = [
         [np.sum(weights * padded[r : r + 3, c : c + 3]) for c in range(image.shape[1])] for r in range(image.shape[0])
     ]
@@ -55,7 +56,9 @@ def test_the_cost_of_a_limit_is_a_mean_over_its_places(quantity: str, sense: str
         "beam_angle": 20.0 if sense == ">=" else 8.0,
         "relative": 0.6 if sense == ">=" else 0.3,
     }
-    light, bound, level = READ @ even.ravel(), bounds.get(quantity, 0.9), 0.8
+    light = READ @ even.ravel()
+    bound = bounds.get(quantity, 0.9)
+    level = 0.8
     scale = {
         "relative": even.max() * READ.sum(axis=1).max(), "min_over_mean": light.mean(), "min_over_max": light.max(),
         "beam_angle": light.max(),
@@ -76,7 +79,8 @@ def test_the_cost_of_a_limit_is_a_mean_over_its_places(quantity: str, sense: str
 
 
 def test_losses_of_a_dim_picture_are_sums_over_its_pixels() -> None:
-    image, wanted = 0.01 * PICTURE, np.full((3, 4), 0.012)
+    image = 0.01 * PICTURE
+    wanted = np.full((3, 4), 0.012)
     apart = sum((a - b) ** 2 for a, b in zip(image.flat, wanted.flat, strict=True))
     assert nmse_loss(tensor(image), tensor(wanted)).item() == pytest.approx(apart / (12 * 0.012**2))
     inside = image[MASK.numpy()]
@@ -104,11 +108,14 @@ def test_a_dark_picture_is_as_bad_as_one_whose_scale_is_1() -> None:
 
 
 def test_two_pictures_are_judged_by_the_product_of_their_errors() -> None:
-    first, second, wanted = PICTURE, PICTURE[::-1].copy(), np.ones((3, 4))
+    first = PICTURE
+    second = PICTURE[::-1].copy()
+    wanted = np.ones((3, 4))
     terms = ImageTerms(tensor(wanted), MASK, (), 1.0)
     product = np.sum((first - wanted) * (second - wanted)) / 12.0
     assert terms.judge(tensor(first), tensor(second), False).item() == pytest.approx(product)
-    ones, others = first[MASK.numpy()], second[MASK.numpy()]
+    ones = first[MASK.numpy()]
+    others = second[MASK.numpy()]
     uneven = np.mean((ones / ones.mean() - 1.0) * (others / others.mean() - 1.0))
     short = shortfall_loss(tensor(0.5 * (first + second)), MASK, 0.03).item()
     judged = terms.judge(tensor(first), tensor(second), True).item()
@@ -118,7 +125,8 @@ def test_two_pictures_are_judged_by_the_product_of_their_errors() -> None:
 @pytest.mark.parametrize("symmetry", ["none", "mirror_x", "square"])
 def test_the_wanted_light_its_mask_and_its_mirrors_are_those_of_the_scene(symmetry: str) -> None:
     spec = small_spec(lens__symmetry=symmetry)
-    (receiver,), (section,) = receivers_of(spec, 10), spec.all_receivers
+    (receiver,) = receivers_of(spec, 10)
+    (section,) = spec.all_receivers
     terms = ImageTerms.of(section.targets, receiver, 2.5, symmetry, 0.75)
     np.testing.assert_allclose(terms.wanted.numpy(), 2.5 * target_light(section.targets, receiver))
     centres = np.abs(receiver.grid.x()) <= 0.5 * (100.0 + 20.0)  # half a pixel of 20 mm more on each side
@@ -137,7 +145,8 @@ INSIDE[1:4, 2:6] = True
 
 def test_noise_that_differs_between_two_pictures_leaves_the_mean_of_their_judgements() -> None:
     """Two signs of noise in either picture: all four pairs have on average the error of the picture without noise."""
-    image, noise = 1.2 * BRIGHT, 0.1 * torch.from_numpy(np.random.default_rng(2).normal(size=BRIGHT.shape))
+    image = 1.2 * BRIGHT
+    noise = 0.1 * torch.from_numpy(np.random.default_rng(2).normal(size=BRIGHT.shape))
     both = (image + noise, image - noise)
     judged = [ImageTerms(BRIGHT, None, (), 1.0).judge(one, other, False).item() for one in both for other in both]
     assert np.mean(judged) == pytest.approx(0.2**2)

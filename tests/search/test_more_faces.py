@@ -17,7 +17,8 @@ SCALE_MM = torch.tensor([3.0, 3.5, 6.0, 6.5], dtype=torch.float64)
 
 def four() -> tuple[SphereParameters, torch.Tensor, torch.Tensor]:
     """Four faces, the third of them fixed, and parameters that are not round."""
-    usual, rng = SphereParameters.of(small_spec(), 2.5), np.random.default_rng(0)
+    usual = SphereParameters.of(small_spec(), 2.5)
+    rng = np.random.default_rng(0)
     faces = replace(usual, names=NAMES, scale_mm=SCALE_MM, fixed=(None, None, sphere(6.2), None))
     weights = torch.from_numpy(rng.normal(size=(usual.basis.size, 4)) * 0.01)
     return faces, weights, torch.tensor([1.0, 1.1, 1.0, 0.9], dtype=torch.float64)
@@ -25,7 +26,8 @@ def four() -> tuple[SphereParameters, torch.Tensor, torch.Tensor]:
 
 def of_one(faces: SphereParameters, number: int) -> SphereParameters:
     """The parameters of one face alone."""
-    scale_mm, fixed = faces.scale_mm[number : number + 1], faces.fixed[number : number + 1]
+    scale_mm = faces.scale_mm[number : number + 1]
+    fixed = faces.fixed[number : number + 1]
     return replace(faces, names=faces.names[number : number + 1], scale_mm=scale_mm, fixed=fixed)
 
 

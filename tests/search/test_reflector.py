@@ -36,7 +36,9 @@ BEAM: dict[str, Any] = {
     "base": {"kind": "none"},
     "optimise": {"aim": "share", "steps_per_level": [25], "rays": 4096},
 }
-FOCAL, HEIGHT, MIRROR = 2.5, 15.0, 0.88
+FOCAL = 2.5
+HEIGHT = 15.0
+MIRROR = 0.88
 GLASS = {"refractive_index": 1.5, "thickness_mm": 2.0}
 RIM = 2.0 * np.sqrt(FOCAL * (HEIGHT + FOCAL))  # radius of the paraboloid at its mouth
 DIRECT = RIM**2 / (RIM**2 + HEIGHT**2)  # of Lambertian light from the focus: squared sine of the angle to the rim
@@ -58,7 +60,8 @@ def traced_exactly(lens: Lens, rays: Any) -> Any:
 
 
 def test_a_paraboloid_sends_the_light_of_its_focus_along_the_axis() -> None:
-    lens, rays = given(), upwards(800, 3)
+    lens = given()
+    rays = upwards(800, 3)
     exits = traced_exactly(lens, rays)
     tabled = TracedLens.of(lens, 8.0).trace(rays)
     turned = np.hypot(rays.directions[:, 0], rays.directions[:, 1]) * HEIGHT > RIM * rays.directions[:, 2]
@@ -72,7 +75,8 @@ def test_a_paraboloid_sends_the_light_of_its_focus_along_the_axis() -> None:
 
 
 def test_an_ellipsoid_sends_the_light_of_one_focus_to_the_other() -> None:
-    lens, rays = given(60.0), upwards(400, 5)
+    lens = given(60.0)
+    rays = upwards(400, 5)
     exits = traced_exactly(lens, rays)
     turned = np.abs(exits.directions - rays.directions).max(axis=1) > 1e-9
     assert exits.left_lens.all() and 0.3 < turned.mean() < 0.9
@@ -99,17 +103,20 @@ def test_along_the_axis_a_lambertian_chip_fills_the_mirror_with_its_luminance() 
     exits = TracedLens.of(lens, 8.0).trace(rays)
     narrow = np.sin(np.radians(0.3))  # so small that the chip is seen in 99 % of the mirror: at its foot it is edge-on
     within = exits.left_lens & (np.hypot(exits.directions[:, 0], exits.directions[:, 1]) < narrow)
-    share, count = exits.flux[within].sum() / rays.flux.sum(), within.sum()
+    share = exits.flux[within].sum() / rays.flux.sum()
+    count = within.sum()
     lit_mm2 = MIRROR * np.pi * (RIM**2 - (2.0 * FOCAL) ** 2) + 1.0  # the mirror, and the chip of 1 mm^2 itself
     assert share == pytest.approx(lit_mm2 * narrow**2, rel=0.01 + 3.0 / np.sqrt(count))
 
 
 def test_light_passes_a_cover_window_after_the_reflector() -> None:
     glass = {**GLASS, "distance_mm": HEIGHT + 1.0}
-    open_cup, rays = given(), upwards(400, 3)
+    open_cup = given()
+    rays = upwards(400, 3)
     spec = open_cup.spec.replace({"lens.cover_glass": glass})
     lens = Lens(open_cup.surfaces, spec, 0, FEW)
-    exits, behind = traced_exactly(open_cup, rays), traced_exactly(lens, rays)
+    exits = traced_exactly(open_cup, rays)
+    behind = traced_exactly(lens, rays)
     along = exits.directions[:, 2] > 1.0 - 1e-12
     assert behind.flux[along] == pytest.approx(exits.flux[along] * (1.0 - 0.2**2) ** 2, rel=1e-9)
     assert behind.directions == pytest.approx(exits.directions, abs=1e-12)
@@ -119,24 +126,29 @@ def test_light_passes_a_cover_window_after_the_reflector() -> None:
 def test_rays_that_fall_back_are_counted_with_their_fates() -> None:
     lens = given(30.0, source={"kind": "square", "side_mm": 4.0})
     rays = build_source(lens.spec.source, None).sample(2**11, 2)
-    exits, exact = TracedLens.of(lens, 8.0).trace(rays), traced_exactly(lens, rays)
+    exits = TracedLens.of(lens, 8.0).trace(rays)
+    exact = traced_exactly(lens, rays)
     assert (exits.fates != Fate.LEFT_LENS).sum() <= 2 + (exact.fates != Fate.LEFT_LENS).sum()
     assert np.mean(exits.fates == exact.fates) > 0.998
     assert (exits.met[:, 2] >= 0).any(), "some are reflected twice"
 
 
 def moved(parameters: ProfileParameters) -> tuple[torch.Tensor, torch.Tensor]:
-    rng, (weights, offsets) = np.random.default_rng(5), parameters.start()
+    rng = np.random.default_rng(5)
+    (weights, offsets) = parameters.start()
     return weights + 0.003 * torch.from_numpy(rng.normal(size=weights.shape)), offsets + 0.003
 
 
 @pytest.mark.parametrize("along", [[1.0, 0.0, 0.0], [0.0, 0.0, 1.0]], ids=["cup", "mouth"])
 def test_the_derivative_of_the_merit_is_that_of_differences(along: list[float]) -> None:
     spec = reflector()
-    source, parameters = build_source(spec.source, None), ProfileParameters.of(spec, 2.5)
+    source = build_source(spec.source, None)
+    parameters = ProfileParameters.of(spec, 2.5)
     merit = MeritFunction.of(spec, source, parameters)
     weights, offsets = moved(parameters)
-    direction, rays, step = torch.tensor(along, dtype=torch.float64), source.sample(2**16, 3), 1.6e-2
+    direction = torch.tensor(along, dtype=torch.float64)
+    rays = source.sample(2**16, 3)
+    step = 1.6e-2
 
     def loss(moved: torch.Tensor) -> torch.Tensor:
         return merit.terms[0].loss(merit.light_of(parameters.tables(weights, moved), rays).images[0], False)
@@ -157,9 +169,11 @@ def test_the_offset_of_a_cup_is_its_radius_in_the_plane_of_the_led(offset_mm: fl
 
 def test_the_back_of_an_oval_cup_is_a_wall_away_on_every_side() -> None:
     """Round, and so a wall away where the cup reaches farthest, and more elsewhere."""
-    cup, wall = ConicFace(16.0, 5.0, 0.8, (0.1, -0.05, 1.0)), 0.8
+    cup = ConicFace(16.0, 5.0, 0.8, (0.1, -0.05, 1.0))
+    wall = 0.8
     back = reflector_faces(cup, 12.0, wall, 9.0)["back"]
-    polar, azimuth = np.radians(np.linspace(50.0, 88.0, 20)), np.linspace(0.0, 2.0 * np.pi, 361)
+    polar = np.radians(np.linspace(50.0, 88.0, 20))
+    azimuth = np.linspace(0.0, 2.0 * np.pi, 361)
     for angle in polar:
         u = np.column_stack(
             [np.sin(angle) * np.cos(azimuth), np.sin(angle) * np.sin(azimuth), np.full_like(azimuth, np.cos(angle))]
@@ -169,7 +183,9 @@ def test_the_back_of_an_oval_cup_is_a_wall_away_on_every_side() -> None:
 
 
 def test_a_mouth_is_where_the_back_has_its_radius_and_no_higher_than_allowed() -> None:
-    cup, radius_mm, wall_mm = ConicFace(16.0, 5.0, 0.8, (0.1, -0.05, 1.0)), 8.0, 0.8
+    cup = ConicFace(16.0, 5.0, 0.8, (0.1, -0.05, 1.0))
+    radius_mm = 8.0
+    wall_mm = 0.8
 
     def height_mm(most_mm: float) -> float:
         mouth = reflector_faces(cup, radius_mm, wall_mm, most_height_mm=most_mm)["mouth"]
@@ -185,7 +201,8 @@ def test_a_mouth_is_where_the_back_has_its_radius_and_no_higher_than_allowed() -
 def test_the_back_follows_the_cup() -> None:
     parameters = ProfileParameters.of(reflector(), 2.5)
     weights, offsets = moved(parameters)
-    start, now = parameters.start_surfaces, parameters.surfaces(weights, offsets)
+    start = parameters.start_surfaces
+    now = parameters.surfaces(weights, offsets)
     polar = np.linspace(np.arctan2(9.0, 13.0), 0.5 * np.pi, 40)
     directions = np.column_stack([np.sin(polar), np.zeros(40), np.cos(polar)])
     walls = [each["back"].radius(directions) - each["cup"].radius(directions) for each in (start, now)]
@@ -288,7 +305,8 @@ def test_a_cup_for_a_wall_beside_its_axis_lets_the_light_through_to_it() -> None
         },
         "washer",
     )
-    mouth, rim = start_faces(spec)["mouth"], np.radians(55.0)
+    mouth = start_faces(spec)["mouth"]
+    rim = np.radians(55.0)
     assert float(mouth.radius(np.array([[np.sin(rim), 0.0, np.cos(rim)]]))[0]) < float(
         start_faces(spec)["cup"].radius(np.array([[np.sin(rim), 0.0, np.cos(rim)]]))[0]
     ), "light at 55 degrees passes the mouth before it meets the cup"
@@ -331,7 +349,8 @@ def test_a_leaning_cup_keeps_its_sizes_and_lets_a_tool_in(room_mm: float, draft_
     """Measured at points of the conic: its radius, its narrowest place, its slope, and its height over the axis."""
     cup = best_leaning_cup(room_mm, 1.0, *WALL, MIRROR, 0.85, 12.0, np.radians(draft_deg))
     assert cup is not None and cup.height_mm <= 12.0
-    face, mouth = cup.face(60.0, 0.7), cup.height_mm
+    face = cup.face(60.0, 0.7)
+    mouth = cup.height_mm
     polar, azimuth = (
         each.ravel() for each in np.meshgrid(np.linspace(0.0, np.pi / 2, 400), np.linspace(0.0, 6.28, 91))
     )

@@ -23,9 +23,11 @@ def disc(region_mm: float | None) -> lf.Spec:
 def test_a_bright_square_in_a_disc_is_no_gain() -> None:
     """Even light in the square that costs an NMSE of a few hundredths is worse than the disc as it is wanted."""
     spec = small_spec(target={**DISC, "uniform_mm": 280.0})
-    (receiver,), (section,) = receivers_of(spec, 64), spec.all_receivers
+    (receiver,) = receivers_of(spec, 64)
+    (section,) = spec.all_receivers
     terms = ImageTerms.of(section.targets, receiver, 1.0, "none", 1.0)
-    mask, wanted = terms.mask, terms.wanted
+    mask = terms.mask
+    wanted = terms.wanted
     assert mask is not None and uniformity_loss(wanted, mask).sqrt() < 0.02
     wider = torch.nn.functional.max_pool2d(mask.double()[None], 3, stride=1, padding=1)[0] > 0.0  # seen blurred
     square = torch.where(wider, 1.15 * wanted[mask].mean(), 0.9 * wanted)

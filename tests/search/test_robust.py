@@ -38,7 +38,7 @@ class RobustStep(Step):
 
     def designed(self) -> torch.Tensor:
         """The merit of the lens as designed."""
-        return self.merit.evaluate(*self.parameters, self.rays, self.problem.constraints, True).loss
+        return self.merit.step_loss(*self.parameters, self.rays, self.problem.constraints, True).loss
 
 
 def test_without_deviations_it_is_the_merit_of_the_lens_as_designed() -> None:
@@ -108,7 +108,8 @@ def test_a_spec_without_deviations_is_refused_in_one_line() -> None:
 @pytest.mark.parametrize("levels", first_by_day(1, [[9, 25], "auto"], "three seconds"))
 def test_an_interrupted_search_goes_on_to_the_same_bits(levels: Any, tmp_path: Path) -> None:
     given = {"optimise__steps_per_level": None, "optimise__rays": None} if levels == "auto" else {}
-    spec, path = robust(lens__levels=levels, **tolerance_changes(LARGE), **given), tmp_path / "checkpoint.bin"
+    spec = robust(lens__levels=levels, **tolerance_changes(LARGE), **given)
+    path = tmp_path / "checkpoint.bin"
     source = build_source(spec.source)
     whole = search(spec, source, accuracy=FEW_STEPS, seed=3)
     require_same_bits_after(5, spec, source, path, whole, 3, FEW_STEPS)

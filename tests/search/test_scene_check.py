@@ -261,7 +261,9 @@ def road_bounds(spec: Spec) -> dict[str, float]:
 
 def test_a_road_that_scatters_evenly_has_no_more_than_its_lumens_over_its_area(examples: Path, tmp_path: Path) -> None:
     """q = rho / pi: luminance is at most q m T lm / (s w), where all that two faces transmit lands on the road."""
-    tan_gamma, q, surface = np.linspace(0.0, 12.0, 2401), 0.2 / np.pi, tmp_path / "alike.csv"
+    tan_gamma = np.linspace(0.0, 12.0, 2401)
+    q = 0.2 / np.pi
+    surface = tmp_path / "alike.csv"
     rows = [f"{t},{','.join(3 * [str(1e4 * q * (1.0 + t * t) ** -1.5)])}" for t in tan_gamma]
     surface.write_text("\n".join(["tan_gamma,0,90,180", *rows]))
     spec = load_spec(examples / "road_m3.toml").replace({"roads.0.surface_file": surface})

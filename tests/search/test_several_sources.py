@@ -101,18 +101,20 @@ OF_PARTS = {"optimise__robust": "yield", "limits": [HALF], **tolerance_changes(L
 )
 def test_the_merit_is_the_mean_by_shares_or_the_worst(over: str, changes: dict[str, Any]) -> None:
     spec = _spec(**{"optimise__over_sources": over, **changes})
-    source, parametrisation = searched_source(spec), SphereParameters.of(spec, 3.0)
+    source = searched_source(spec)
+    parametrisation = SphereParameters.of(spec, 3.0)
     merit = MeritOfSources.of(spec, source, parametrisation)
     rng = np.random.default_rng(0)
     weights = torch.from_numpy(rng.normal(size=(parametrisation.basis.size, 2)) * 0.02).requires_grad_()
-    offsets, rays = torch.tensor([1.0, 1.05], dtype=torch.float64), source.sample(4096, 1)
+    offsets = torch.tensor([1.0, 1.05], dtype=torch.float64)
+    rays = source.sample(4096, 1)
     constraints = AugmentedLagrangian.of(spec, parametrisation.grid)
     pairs = SearchParts.of(spec, parametrisation).of_step(0, 3) if spec.optimise.robust else ()
-    found = merit.evaluate(weights, offsets, rays, constraints, False, pairs)
+    found = merit.step_loss(weights, offsets, rays, constraints, False, pairs)
     alone = []
     for own in spec.of_each_source:
         led = source_of(own)
-        alone.append(MeritFunction.of(own, led, parametrisation).evaluate(
+        alone.append(MeritFunction.of(own, led, parametrisation).step_loss(
             weights, offsets, led.sample(2048, 1), constraints, False, pairs
         ))  # fmt: skip
     term = constraints.term(found.fields)
@@ -166,7 +168,8 @@ def test_files_of_rays_are_divided_each_by_itself(examples: Path) -> None:
     sizes = ({"side_mm": 1.0}, {"side_mm": 0.3}, {"side_mm": 2.0})
     squares = [source_of(small_spec(source={"kind": "square", **size})) for size in sizes]
     assert np.ptp(SeveralSources(tuple(squares), 550.0).outline(), axis=0)[:2] == pytest.approx([0.3, 0.3])
-    steps, judging = searched(source), held_back(source)
+    steps = searched(source)
+    judging = held_back(source)
     assert isinstance(steps, SeveralSources) and isinstance(judging, SeveralSources)
     assert [led.ray_count for led in (*steps.sources, *judging.sources)] == [14000, 14000, 6000, 6000]
     turned = smoothed(steps)
@@ -175,9 +178,11 @@ def test_files_of_rays_are_divided_each_by_itself(examples: Path) -> None:
 
 def test_the_pictures_of_two_leds_add_up_to_that_of_their_joint_rays() -> None:
     spec = _spec()
-    source, parametrisation = searched_source(spec), SphereParameters.of(spec, 3.0)
+    source = searched_source(spec)
+    parametrisation = SphereParameters.of(spec, 3.0)
     assert isinstance(source, SeveralSources)
-    rays, tables = source.sample(6000, 5), parametrisation.tables(*parametrisation.start())
+    rays = source.sample(6000, 5)
+    tables = parametrisation.tables(*parametrisation.start())
     merit = MeritOfSources.of(spec, source, parametrisation)
     columns = rays.origins, rays.directions, rays.flux[:, None]
     joint = spec.replace(source=lf.RaySource(np.hstack(columns)), sources=())

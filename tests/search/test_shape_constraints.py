@@ -22,7 +22,8 @@ from lensforge.spec import Spec
 from lensforge.surfaces import surface as chart
 from lensforge.surfaces.bicubic_table import TableGrid
 
-OUTSIDE, INSIDE = 1, -1
+OUTSIDE = 1
+INSIDE = -1
 
 
 def watched(surface: Any, nodes: int) -> tuple[np.ndarray, ChartOperator, RadiusJet]:

@@ -19,7 +19,8 @@ from lensforge.surfaces.surface import Surface
 def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A result folder that holds a lens."""
     folder = tmp_path_factory.mktemp("finished")
-    inner, outer = random_surface(1, 3.0, 0.03, (9, 25)), random_surface(2, 6.0, 0.03, (9, 25))
+    inner = random_surface(1, 3.0, 0.03, (9, 25))
+    outer = random_surface(2, 6.0, 0.03, (9, 25))
     Lens.double(inner, outer, small_spec(), 0, "draft").save(folder / "lens.json")
     return folder
 
@@ -54,7 +55,8 @@ def test_other_levels_index_and_target_start_from_the_same_surfaces(finished: Pa
     seen: list[lf.Progress] = []
     with pytest.raises(lf.Cancelled):
         lf.design(spec, accuracy=FEW, progress=lambda step: seen.append(step) or False)
-    start, begun = load_lens(finished / "lens.json"), seen[0].lens()
+    start = load_lens(finished / "lens.json")
+    begun = seen[0].lens()
     u = fibonacci_hemisphere(500)
     for before, after in ((start.inner, begun.inner), (start.outer, begun.outer)):
         moved = np.abs(after.radius(u) - before.radius(u)).max()
@@ -77,7 +79,8 @@ def test_automatic_levels_move_the_broad_functions_of_the_lens_first_and_keep_th
     with pytest.raises(lf.Cancelled):
         lf.design(spec, accuracy=FEW, progress=lambda step: seen.append(step) or len(seen) < 3)
     assert [step.functions for step in seen] == [9, 9, 9]
-    start, found = load_lens(finished / "lens.json"), seen[-1].lens()
+    start = load_lens(finished / "lens.json")
+    found = seen[-1].lens()
     for before, after in ((start.inner, found.inner), (start.outer, found.outer)):
         assert isinstance(before, SrbfSurface) and isinstance(after, SrbfSurface)
         moved = np.abs(after.weights_mm - before.weights_mm)

@@ -24,7 +24,8 @@ def test_the_rate_falls_by_half_a_cosine_to_a_twentieth(steps: int) -> None:
     assert found == pytest.approx([0.2 * share for share in shares], rel=1e-12)
 
 
-BETAS, EPS = (0.9, 0.99), 1e-7
+BETAS = (0.9, 0.99)
+EPS = 1e-7
 ADAM_STEPS = 40
 
 
@@ -43,8 +44,10 @@ def _rate(step: int) -> float:
 
 
 def test_the_steps_are_those_of_torch_to_the_last_bit() -> None:
-    ours, theirs = _start(), _start()
-    optimiser, reference = Adam(*ours, BETAS, EPS), torch.optim.Adam(theirs, betas=BETAS, eps=EPS)
+    ours = _start()
+    theirs = _start()
+    optimiser = Adam(*ours, BETAS, EPS)
+    reference = torch.optim.Adam(theirs, betas=BETAS, eps=EPS)
     for step in range(ADAM_STEPS):
         for group in reference.param_groups:
             group["lr"] = _rate(step)

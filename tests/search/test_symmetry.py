@@ -16,7 +16,9 @@ from lensforge.sources.planar_emitter import planar_emitter
 from lensforge.spec.source_sections import RectangleSource
 from lensforge.surfaces.mirror_group import generators
 
-UP, SQUARE, OBLONG = (0.0, 0.0, 1.0), PixelGrid(60.0, 60.0, 6, 6), PixelGrid(60.0, 40.0, 6, 5)
+UP = (0.0, 0.0, 1.0)
+SQUARE = PixelGrid(60.0, 60.0, 6, 6)
+OBLONG = PixelGrid(60.0, 40.0, 6, 5)
 
 
 def pose(rotation_deg: float = 0.0, centre: tuple[float, float, float] = (0.0, 0.0, 50.0), facing=UP) -> Pose:

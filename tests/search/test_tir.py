@@ -42,7 +42,8 @@ def begun(*levels: int) -> ProfileParameters:
 
 def moved(parameters: ProfileParameters, size: float) -> tuple[torch.Tensor, torch.Tensor]:
     """Parameters beside the start, the same for every test."""
-    rng, (weights, offsets) = np.random.default_rng(5), parameters.start()
+    rng = np.random.default_rng(5)
+    (weights, offsets) = parameters.start()
     return weights + size * torch.from_numpy(rng.normal(size=weights.shape)), offsets + size
 
 
@@ -59,7 +60,8 @@ def test_tables_are_those_of_the_faces_in_the_record(levels: list[int]) -> None:
     assert parameters.levels == (8, *levels)
     weights, offsets = moved(parameters, 0.01)
     tables = parameters.tables(weights, offsets)
-    grid, above = parameters.grid, fibonacci_hemisphere(2000)
+    grid = parameters.grid
+    above = fibonacci_hemisphere(2000)
     for table, (name, surface) in zip(tables, parameters.surfaces(weights, offsets).items(), strict=True):
         exact = tabulate(grid, surface)
         if not levels:
@@ -73,16 +75,18 @@ def test_tables_are_those_of_the_faces_in_the_record(levels: list[int]) -> None:
 
 def test_a_lens_with_levels_is_taken_up_from_a_start_with_other_bounds() -> None:
     """A start that has moved has profiles over other angles: they and the functions are fitted, and count once."""
-    parameters, above = begun(4, 9), fibonacci_hemisphere(4000)
+    parameters = begun(4, 9)
+    above = fibonacci_hemisphere(4000)
     found = parameters.lens(*moved(parameters, 0.01), spot(levels=[4, 9]), 0, "draft")
     other = ProfileParameters.of(spot(levels=[4, 9]).replace(constraints={"max_radius_mm": 8.3}), 2.5)
-    assert other.own[0].basis != parameters.own[0].basis
+    assert other.parameters[0].basis != parameters.parameters[0].basis
     again = other.surfaces(*other.parameters_of(found))
     for name in ("cap", "wall"):
-        own = parameters.own[parameters.names.index(name)].basis
-        there = other.own[parameters.names.index(name)].basis
+        own = parameters.parameters[parameters.names.index(name)].basis
+        there = other.parameters[parameters.names.index(name)].basis
         seen = above[(above[:, 2] > max(own.low, there.low, 0.0)) & (above[:, 2] < min(own.high, there.high))]
-        was, now = found.surfaces[name].radius(seen), again[name].radius(seen)
+        was = found.surfaces[name].radius(seen)
+        now = again[name].radius(seen)
         assert np.abs(now - was)[was < 9.0].max() < 0.02, name  # mm, where it may bound the lens
 
 
@@ -120,7 +124,8 @@ def test_the_radius_of_a_freeform_lens_is_held_where_wall_and_exit_meet() -> Non
 
 
 def test_the_derivative_of_the_merit_counts_light_that_crosses_creases() -> None:
-    spec, parameters = spot(), begun()
+    spec = spot()
+    parameters = begun()
     source = build_source(spec.source, None)
     merit = MeritFunction.of(spec, source, parameters)
     without = MeritFunction(spec, parameters, type(merit.light)(merit.light.scene, merit.light.receivers), merit.terms)
@@ -131,7 +136,8 @@ def test_the_derivative_of_the_merit_counts_light_that_crosses_creases() -> None
     def loss(moved: torch.Tensor, own: MeritFunction = merit) -> torch.Tensor:
         return own.terms[0].loss(own.light_of(parameters.tables(weights, moved), rays).images[0], False)
 
-    step, slopes = 3.2e-2, []
+    step = 3.2e-2
+    slopes = []
     found = (loss(offsets + step * along) - loss(offsets - step * along)).item() / (2.0 * step)
     for own in (merit, without):
         moving = offsets.clone().requires_grad_()
@@ -146,15 +152,19 @@ def test_the_derivative_through_made_parts_counts_it_too(along: list[float]) -> 
     """Of parts whose LED is out of place, tilted, and of another size: the creases are seen from there."""
     amounts = {"source_shift_mm": 0.2, "source_height_mm": 0.1, "source_size": 0.05, "source_flux": 0.2}
     spec = spot().replace(optimise={"robust": True}, tolerances={**amounts, "lens_tilt_deg": 0.5})
-    source, parameters = build_source(spec.source, None), begun()
-    merit, pairs = MeritFunction.of(spec, source, parameters), SearchParts.of(spec, parameters).of_step(0, 3)
-    (weights, offsets), rays = parameters.start(), source.sample(2**15, 3)
+    source = build_source(spec.source, None)
+    parameters = begun()
+    merit = MeritFunction.of(spec, source, parameters)
+    pairs = SearchParts.of(spec, parameters).of_step(0, 3)
+    (weights, offsets) = parameters.start()
+    rays = source.sample(2**15, 3)
     assert abs(pairs[0][0].made.source.origin_mm[0]) > 0.03 and pairs[0][0].flux != 1.0
 
     def loss(moved: torch.Tensor, own: MeritFunction = merit) -> torch.Tensor:
-        return own.assessed(own.light_of(parameters.tables(weights, moved), rays, pairs), False).loss
+        return own.training_loss(own.light_of(parameters.tables(weights, moved), rays, pairs), False).loss
 
-    step, direction = 8e-3, torch.tensor(along, dtype=torch.float64)
+    step = 8e-3
+    direction = torch.tensor(along, dtype=torch.float64)
     found = float(loss(offsets + step * direction) - loss(offsets - step * direction)) / (2.0 * step)
     slopes = []
     for own in (merit, replace(merit, light=replace(merit.light, source=None))):
@@ -166,10 +176,13 @@ def test_the_derivative_through_made_parts_counts_it_too(along: list[float]) -> 
 
 def test_rays_of_half_the_flux_have_half_the_derivative() -> None:
     """Slices of a sample, lenses of one kind of several, and parts whose LED is brighter have other fluxes."""
-    spec, parameters = spot(), begun()
+    spec = spot()
+    parameters = begun()
     source = build_source(spec.source, None)
-    light, (weights, offsets) = MeritFunction.of(spec, source, parameters).light, parameters.start()
-    rays, slopes = source.sample(2**12, 3), []
+    light = MeritFunction.of(spec, source, parameters).light
+    (weights, offsets) = parameters.start()
+    rays = source.sample(2**12, 3)
+    slopes = []
     for some in (rays, replace(rays, flux=0.5 * rays.flux)):
         moving = offsets.clone().requires_grad_()
         light.collect(parameters.tables(weights, moving), some)[0].image[24:40].sum().backward()
@@ -183,15 +196,20 @@ def test_the_derivative_of_a_share_of_the_parts_counts_it_once(along: list[float
     limits = [{**SPOT["limits"][0], "at_least_share": 0.95}]
     amounts = {"source_shift_mm": 0.2, "source_flux": 0.2}
     spec = spot().replace(optimise={"robust": 0.9}, tolerances=amounts, limits=limits)
-    source, parameters = build_source(spec.source, None), begun()
-    merit, pairs = MeritFunction.of(spec, source, parameters), SearchParts.of(spec, parameters).of_step(0, 3)
-    (weights, offsets), rays = parameters.start(), source.sample(2**15, 3)
+    source = build_source(spec.source, None)
+    parameters = begun()
+    merit = MeritFunction.of(spec, source, parameters)
+    pairs = SearchParts.of(spec, parameters).of_step(0, 3)
+    (weights, offsets) = parameters.start()
+    rays = source.sample(2**15, 3)
 
     def term(moved: torch.Tensor) -> torch.Tensor:
         light = merit.light_of(parameters.tables(weights, moved), rays, pairs)
-        return merit.assessed(replace(light, terms=0.0 * light.terms), False).loss
+        return merit.training_loss(replace(light, terms=0.0 * light.terms), False).loss
 
-    step, direction, moving = 1.6e-2, torch.tensor(along, dtype=torch.float64), offsets.clone().requires_grad_()
+    step = 1.6e-2
+    direction = torch.tensor(along, dtype=torch.float64)
+    moving = offsets.clone().requires_grad_()
     found = float(term(offsets + step * direction) - term(offsets - step * direction)) / (2.0 * step)
     term(moving).backward()
     assert len(pairs) == 4 and float((moving.grad * direction).sum()) == pytest.approx(found, rel=0.25)
@@ -208,7 +226,8 @@ def test_a_robust_search_takes_parts_in_its_steps() -> None:
 
 
 def test_limits_of_four_faces_are_those_of_the_body() -> None:
-    spec, parameters = spot(), begun()
+    spec = spot()
+    parameters = begun()
     weights, offsets = moved(parameters, 0.01)
     constraints = AugmentedLagrangian.of(spec, parameters.refined().grid)
     least = constraints.least(constraints.fields(parameters.refined().tables(weights, offsets)))
@@ -237,7 +256,8 @@ def test_a_flat_exit_stays_a_plane_and_only_its_height_moves(levels: list[int]) 
 
 @pytest.mark.parametrize("levels", first_by_day(1, [[9], []]))
 def test_edges_in_the_search_are_those_of_the_faces_and_have_their_derivative(levels: list[int]) -> None:
-    spec, parameters = spot(levels=levels).replace(constraints={"min_edge_angle_deg": 70.0}), begun(*levels)
+    spec = spot(levels=levels).replace(constraints={"min_edge_angle_deg": 70.0})
+    parameters = begun(*levels)
     weights, offsets = moved(parameters, 0.01)
     constraints = AugmentedLagrangian.of(spec, parameters.grid)
     margins = margins_but_for_the_wall(parameters.lens(weights, offsets, spec, 0, "draft")).edge_margin_deg
@@ -248,7 +268,8 @@ def test_edges_in_the_search_are_those_of_the_faces_and_have_their_derivative(le
         fields = constraints.fields(parameters.tables(weights + size * along, offsets))
         return torch.stack([fields[number].min() / constraints.constraints[number].factor for number in numbers])
 
-    none, step = torch.zeros((), dtype=torch.float64), torch.tensor(1e-5, dtype=torch.float64)
+    none = torch.zeros((), dtype=torch.float64)
+    step = torch.tensor(1e-5, dtype=torch.float64)
     assert edges(none).numpy() == pytest.approx(np.array(list(margins.values())), abs=0.01)
     found = (edges(step) - edges(-step)) / (2.0 * step)
     assert torch.autograd.functional.jacobian(edges, none).numpy() == pytest.approx(found.numpy(), rel=1e-5)
@@ -290,7 +311,8 @@ def test_a_short_search_gains_light_and_keeps_the_limits(tmp_path: object) -> No
 
 
 def test_a_search_starts_at_the_offsets_that_are_given() -> None:
-    up, aside = np.array([[0.0, 0.0, 1.0]]), np.array([[1.0, 0.0, 0.0]])
+    up = np.array([[0.0, 0.0, 1.0]])
+    aside = np.array([[1.0, 0.0, 0.0]])
     given = {"cap": (2.5, up), "side": (1.6, aside), "wall": (3.1, aside), "exit": (9.2, up)}
     start = start_faces(spot(**{name: {"offset_mm": offset_mm} for name, (offset_mm, _) in given.items()}))
     for name, (offset_mm, direction) in given.items():
@@ -301,7 +323,8 @@ def test_a_silvered_wall_keeps_its_share_of_the_light_that_it_turns() -> None:
     through = []
     for wall in ({}, {"mirror": 0.9}):
         spec = spot(wall=wall)
-        source, parameters = build_source(spec.source, None), ProfileParameters.of(spec, 2.5)
+        source = build_source(spec.source, None)
+        parameters = ProfileParameters.of(spec, 2.5)
         scene = MeritFunction.of(spec, source, parameters).light.scene
         tables = parameters.tables(*parameters.start()).numpy()
         through.append(TracedBundle.of(tables, scene, source.sample(2**12, 1)))

@@ -59,15 +59,19 @@ def between_nodes(head, rows, count):
         for words in (r"; (\d+) azimuths", r"ring (\d+) (?:is|reaches its crease,)")
     )
     begin = int(found.group(1)) if (found := re.search(r"from ring (\d+),", head)) else 0
-    rings, shift = (rows if begin else rows[1:]).reshape(-1, turns, 8), 0 if begin else 1
+    rings = (rows if begin else rows[1:]).reshape(-1, turns, 8)
+    shift = 0 if begin else 1
     on_face = rings[begin : rim + 1 - shift]
     if not begin:  # the apex, and the first ring from the other side before it
         rings = np.concatenate([np.roll(rings[:1], turns // 2, axis=1), np.tile(rows[0], (1, turns, 1)), rings])
     values = np.stack([np.linalg.norm(rings[..., :2], axis=-1), rings[..., 2]], axis=-1)
     values[0] *= 1.0 if begin else np.array([-1.0, 1.0])
-    rng, around = np.random.default_rng(4), np.arange(count) - (count // 2 - 1)
-    t, turn = begin + (rim - begin) * rng.random(400) ** 0.5, turns * rng.random(400)
-    cell, sector = np.minimum(np.floor(t).astype(int), rim - 1), np.floor(turn).astype(int)
+    rng = np.random.default_rng(4)
+    around = np.arange(count) - (count // 2 - 1)
+    t = begin + (rim - begin) * rng.random(400) ** 0.5
+    turn = turns * rng.random(400)
+    cell = np.minimum(np.floor(t).astype(int), rim - 1)
+    sector = np.floor(turn).astype(int)
     near = values[(cell[:, None] + around + shift)[:, :, None], ((sector[:, None] + around) % turns)[:, None, :]]
     r, z = np.einsum("nabc,na,nb->cn", near, _lagrange(t - cell, count), _lagrange(turn - sector, count))
     azimuth = 2.0 * np.pi / turns * turn

@@ -39,7 +39,8 @@ CUT = [path for path in sorted(EXAMPLES.glob("*.toml")) if _required(path)]
 
 def designed_for_the_ball(**base: float) -> Lens:
     """A cavity that narrows upwards, and a dome that overhangs its rim a little: both rims need room."""
-    inner, outer = sphere(1.6, -0.35), sphere(2.7, 0.15)
+    inner = sphere(1.6, -0.35)
+    outer = sphere(2.7, 0.15)
     spec = small_spec(
         lens__inner={"offset_mm": 1.4, "concave_radius_mm": BALL},
         lens__outer={"offset_mm": 3.0, "concave_radius_mm": BALL},
@@ -62,7 +63,8 @@ def tried(lens: Lens, mesh: trimesh.Trimesh) -> dict[str, float]:
         directions = to_sphere(
             (np.tan(polar / 2.0)[..., None] * np.stack([np.cos(turn), np.sin(turn)], -1)).reshape(-1, 2)
         )
-        radius, normals = surface.radius(directions), surface.normal(directions)
+        radius = surface.radius(directions)
+        normals = surface.normal(directions)
         area = radius**2 * np.sin(polar).ravel() / np.sum(normals * directions, axis=1)
         area[np.isclose(polar.ravel(), np.pi / 2.0)] *= 0.5  # the last ring is half a ring
         clear = tree.query(radius[:, None] * directions + side * BALL * normals)[0] > BALL - GOUGE
@@ -108,7 +110,8 @@ def test_a_base_that_says_nothing_gives_the_cutter_room(base: dict[str, float]) 
 )
 def test_a_base_in_the_way_costs_as_much_as_the_check_says(base: dict[str, float]) -> None:
     lens = designed_for_the_ball(**base)
-    relief, found = check_lens(lens).relief, tried(lens, part_mesh(lens))
+    relief = check_lens(lens).relief
+    found = tried(lens, part_mesh(lens))
     assert min(found.values()) < 0.99, "a case in which nothing is in the way"
     assert {name: each.flush_fraction for name, each in relief.faces.items()} == pytest.approx(found, abs=0.02)
 

@@ -25,7 +25,8 @@ from lensforge.shop.findings import clearance_findings
 from lensforge.spec import BaseSection
 from lensforge.surfaces import surface as chart
 
-INNER_MM, OUTER_MM = 0.8, 2.45
+INNER_MM = 0.8
+OUTER_MM = 2.45
 
 
 def lens(inner, outer, cutter_mm=1.0, wall_mm=0.5, base="cylinder"):
@@ -57,13 +58,16 @@ def test_the_faces_measured_are_those_of_the_step_file(rough):
     from OCP.GeomLProp import GeomLProp_SLProps
 
     part = build_part(rough[0], tolerance=CHECKED, rings=16)
-    check, solid = check_lens(part.lens), parse_step(part.step)
-    axis, rng = check.chart_axis, np.random.default_rng(0)
+    check = check_lens(part.lens)
+    solid = parse_step(part.step)
+    axis = check.chart_axis
+    rng = np.random.default_rng(0)
     x, y = np.meshgrid(axis, axis, indexing="ij")
     places = rng.permutation(np.argwhere(np.hypot(x, y) <= 1.0))[:200]
     for name, surface, air in ((INNER, "inner", -1.0), (OUTER, "outer", 1.0)):
         kernel = BRep_Tool.Surface_s(solid.faces[name])
-        sphere, away = check.faces[surface].best_fit_sphere, []
+        sphere = check.faces[surface].best_fit_sphere
+        away = []
         for i, j in places:
             at = GeomLProp_SLProps(kernel, axis[i], axis[j], 2, 1e-9)
             point = np.array(at.Value().Coord())
@@ -109,7 +113,8 @@ def test_the_criterion_is_the_wall_that_the_spec_promises(plain, rough):
     (held,) = check.criteria
     assert held.holds
     u = hemisphere_directions(20_000)
-    inner, outer = part.inner.radius(u), part.outer.radius(u)
+    inner = part.inner.radius(u)
+    outer = part.outer.radius(u)
     shortest = cKDTree(outer[:, None] * u).query((inner[:, None] * u)[::8])[0].min()
     assert shortest - 5e-3 < held.value <= shortest
     assert check.min_wall_mm == check.walls.thinnest.thickness_mm == held.value < (outer - inner).min()

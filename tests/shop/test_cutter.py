@@ -10,7 +10,8 @@ from lensforge.shop.face_check import milled_face
 from lensforge.shop.face_samples import AirSide
 from lensforge.surfaces import surface as chart
 
-A, C = 1.0, 1.5  # a prolate cavity: its medial axis is a stretch of the axis, so every largest ball is known
+A = 1.0  # a prolate cavity: its medial axis is a stretch of the axis
+C = 1.5  # so every largest ball is known
 THICK = 0.85  # a ball that rests on a ring of it
 
 

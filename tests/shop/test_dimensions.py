@@ -11,7 +11,8 @@ from shop_lenses import BASE, OfSpheres, small_lens
 
 from lensforge.shop.dimensions import dimensions, highest_point_mm
 
-INNER, OUTER = sphere(3.0, (0.3, -0.2, 0.4)), sphere(7.0, (-0.5, 0.4, 0.8))
+INNER = sphere(3.0, (0.3, -0.2, 0.4))
+OUTER = sphere(7.0, (-0.5, 0.4, 0.8))
 
 
 def sizes(lens):

@@ -107,7 +107,8 @@ def test_the_dxf_read_back_has_no_errors_and_the_sizes_of_the_table(drawings, na
 def test_the_same_sheet_is_the_same_dxf_in_whatever_order_a_set_is_walked_through(drawings, monkeypatch):
     """The order of a set of words is another one in every process."""
     _, sheet = drawings["full"]
-    used, found = EntityDB.dxf_types_in_use, set()
+    used = EntityDB.dxf_types_in_use
+    found = set()
     for order in (sorted, lambda names: sorted(names, reverse=True)):
         monkeypatch.setattr(EntityDB, "dxf_types_in_use", lambda database, order=order: order(used(database)))
         found.add(sheet_dxf(sheet))
@@ -146,7 +147,8 @@ def test_the_scale_is_one_of_iso_5455_and_the_views_have_it(parts, drawings):
     for name, (content, sheet) in drawings.items():
         assert sheet.scale in {2.0, 5.0, 10.0}, name
         points = np.concatenate(content.views.sections[0].outlines)
-        low, high = points[:, 0].min(), points[:, 0].max()
+        low = points[:, 0].min()
+        high = points[:, 0].max()
         lengths = [
             np.ptp(stroke.points[:, 0]) for stroke in sheet.marks.strokes if stroke.pen == "outline" and stroke.closed
         ]
@@ -239,7 +241,8 @@ def test_arrows_name_the_axes_and_margins_of_a_smaller_sheet_are_smaller(drawing
 
 def test_texts_of_a_dimension_are_tried_in_its_middle_near_both_ends_and_beyond_both(drawings):
     dimension = replace(drawings["full"][1].marks.dimensions[0], start=(0.0, 0.0), end=(80.0, 80.0))
-    found, (low, high) = list(_candidates(dimension, 0.0, [])), sorted(dimension.ends_mm)
+    found = list(_candidates(dimension, 0.0, []))
+    (low, high) = sorted(dimension.ends_mm)
     middle, right, left, above, below = (sum(text_span(each)) / 2.0 for each in found)
     assert middle == pytest.approx(0.5 * (low + high)) and right - middle == pytest.approx(middle - left)
     assert all(low < end < high for each in found[:3] for end in text_span(each)) and left < middle - 0.1 * (high - low)
@@ -325,7 +328,8 @@ def test_the_second_section_is_cut_where_the_part_differs_and_named_where_it_is_
         z, across = np.concatenate(section.outlines).T
         upper = (z > 1e-6) & (across > 0.1)
         directions = np.zeros((upper.sum(), 3))
-        directions[:, 2], directions[:, axis] = z[upper], across[upper]
+        directions[:, 2] = z[upper]
+        directions[:, axis] = across[upper]
         distance = np.linalg.norm(directions, axis=1)
         radii = [face.radius(directions / distance[:, None]) for face in (lens.inner, lens.outer)]
         assert np.minimum(*(np.abs(radius - distance) for radius in radii)).max() < 1e-9

@@ -14,7 +14,8 @@ from lensforge.surfaces import surface as chart
 
 def off_node_points(count: int, seed: int = 0) -> np.ndarray:
     rng = np.random.default_rng(seed)
-    radius, azimuth = np.sqrt(rng.random(count)), 2.0 * np.pi * rng.random(count)
+    radius = np.sqrt(rng.random(count))
+    azimuth = 2.0 * np.pi * rng.random(count)
     return radius[:, None] * np.stack([np.cos(azimuth), np.sin(azimuth)], axis=-1)
 
 
@@ -54,7 +55,9 @@ def test_a_random_surface_agrees_with_finite_differences_of_its_exact_normals(se
     u = chart.to_sphere(points)
     first = np.cross(u, [0.36, 0.48, 0.8])
     first /= np.linalg.norm(first, axis=1, keepdims=True)
-    step, turned, moved = 1e-4, [], []
+    step = 1e-4
+    turned = []
+    moved = []
     for tangent in (first, np.cross(u, first)):
         ahead, behind = (np.cos(step) * u + sign * np.sin(step) * tangent for sign in (1.0, -1.0))
         moved.append(surface.radius(ahead)[:, None] * ahead - surface.radius(behind)[:, None] * behind)
@@ -80,7 +83,9 @@ def test_the_tightest_hollow_is_found_between_the_samples():
 
 def test_the_area_of_an_ellipsoid_with_three_axes():
     """Its half, by the incomplete elliptic integrals of the standard closed form."""
-    a, b, c = 1.5, 1.2, 0.9
+    a = 1.5
+    b = 1.2
+    c = 0.9
     phi = np.arccos(c / a)
     m = a**2 * (b**2 - c**2) / (b**2 * (a**2 - c**2))
     full = (
@@ -93,7 +98,8 @@ def test_the_area_of_an_ellipsoid_with_three_axes():
 
 def test_the_steepest_and_the_most_curved_place_are_found_between_the_samples():
     surface = random_surface(2.45, 0.05, 3)
-    coarse, fine = sampled(surface, AirSide.OUTSIDE, 61), sampled(surface, AirSide.OUTSIDE, 801)
+    coarse = sampled(surface, AirSide.OUTSIDE, 61)
+    fine = sampled(surface, AirSide.OUTSIDE, 801)
     steep = np.arcsin(fine.outward[:, 2].min())
     assert steep - 1e-5 < least_draft_rad(coarse) < steep + 1e-9
     assert np.arcsin(coarse.outward[:, 2].min()) > steep + 1e-6
@@ -114,21 +120,26 @@ def test_samples_reach_the_rim_and_the_map_holds_the_inner_ones():
 
 @pytest.mark.parametrize("air", list(AirSide))
 def test_a_raised_sphere_is_undercut_below_its_equator(air):
-    radius, height = 2.0, 0.5
+    radius = 2.0
+    height = 0.5
     samples = sampled(sphere(radius, (0.0, 0.0, height)), air, 161)
     assert abs(least_draft_rad(samples) - np.arcsin(-height / radius)) < 1e-6
     # Archimedes: the area of a zone is proportional to its height.
     assert abs(samples.area.undercut_fraction - height / (radius + height)) < 1e-4
 
 
-A, C = 1.0, 1.2  # the prolate spheroid below: semi-axes across and along z
+# the prolate spheroid below: semi-axes across and along z
+A = 1.0
+C = 1.2
 
 
 def test_least_squares_is_weighted_by_area():
     """The oracle integrates over the spheroid with Gauss-Legendre nodes in its height instead of the chart."""
     m, weight = np.polynomial.legendre.leggauss(60)
-    m, weight = (m + 1.0) / 2.0, weight / 2.0
-    across, along = A * np.sqrt(1.0 - m**2), C * m
+    m = (m + 1.0) / 2.0
+    weight = weight / 2.0
+    across = A * np.sqrt(1.0 - m**2)
+    along = C * m
     weight = weight * A * np.sqrt(C**2 * (1.0 - m**2) + A**2 * m**2)
 
     def cost(parameters):

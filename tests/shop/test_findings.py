@@ -65,22 +65,23 @@ def test_a_ball_up_to_the_largest_reaches_all_but_for_rounding(radius_mm, larges
 
 def test_tilt_has_the_tolerance_of_angles_and_the_wall_that_of_the_search() -> None:
     spec = small_spec(constraints__min_thickness_mm=2.0)
-    degrees, mm = ANGLE_TOLERANCE_DEG, spec.constraints.tolerance_mm
-    within, beyond = (
-        tilt_finding("outer", 90.0 + 0.99 * degrees, spec),
-        tilt_finding("outer", 90.0 + 1.01 * degrees, spec),
-    )
+    degrees = ANGLE_TOLERANCE_DEG
+    mm = spec.constraints.tolerance_mm
+    within = tilt_finding("outer", 90.0 + 0.99 * degrees, spec)
+    beyond = tilt_finding("outer", 90.0 + 1.01 * degrees, spec)
     assert within.holds and "stays within manufacture.max_tilt_deg = 90" in within.note
     assert not beyond.holds and "would exceed" in beyond.note and "the outer face is up to 90.02 deg" in beyond.note
     assert (within.place, within.sense, within.unit) == ("outer", "<=", "deg")
-    thin, enough = wall_finding(2.0 - 1.01 * mm, spec), wall_finding(2.0 - 0.99 * mm, spec)
+    thin = wall_finding(2.0 - 1.01 * mm, spec)
+    enough = wall_finding(2.0 - 0.99 * mm, spec)
     assert not thin.holds and "less than constraints.min_thickness_mm = 2" in thin.note
     assert enough.holds and "at least constraints" in enough.note and enough.sense == ">="
 
 
 @pytest.mark.parametrize(("largest_mm", "larger"), [(None, True), (0.51, True), (0.5, False), (0.3, False)])
 def test_a_larger_ball_than_the_shops_names_the_ball_for_which_the_base_is_checked(largest_mm, larger) -> None:
-    words, ball = " (base: 0.5 mm ball)", cutter(0.5, largest_mm)
+    words = " (base: 0.5 mm ball)"
+    ball = cutter(0.5, largest_mm)
     for surface, relief in (
         ("outer", BallClearance(faces={"outer": outer()})),
         ("inner", BallClearance(faces={"inner": inner(0.0, 0.0)})),
@@ -99,7 +100,8 @@ def criteria_on(walls: Walls, spec: Spec) -> list[Fact]:
 
 
 def test_both_walls_have_the_tolerance_of_the_search() -> None:
-    spec, walls = small_spec(constraints__min_thickness_mm=1.5), Walls(thinnest=WALL, thickest=THICK)
+    spec = small_spec(constraints__min_thickness_mm=1.5)
+    walls = Walls(thinnest=WALL, thickest=THICK)
     allowed = spec.constraints.tolerance_mm
     (least,) = criteria_on(walls, spec)
     assert (
@@ -356,7 +358,8 @@ def test_every_limit_is_kept_to_the_tolerance_of_its_measure(beyond: float, hold
 
 
 def test_one_tool_that_reaches_a_face_is_enough_for_it_and_none_for_another() -> None:
-    inner, outer = ("fail", "too short"), ("fail", "too thick")
+    inner = ("fail", "too short")
+    outer = ("fail", "too thick")
     tools = [("inner", *inner), ("inner", "pass", ""), ("outer", *outer), ("outer", "fail", "blunt")]
     verdicts = [Fact("tool", "tool", 0.5, "mm", state=state, note=note, place=face) for face, state, note in tools]
     check = SimpleNamespace(faces={"inner": None, "outer": None}, verdicts=verdicts, cut_body="lens")

@@ -135,7 +135,8 @@ def require_faces(lens, handed, scale, into_air):
     """Assert that points of each face lie on it times ``scale``, and its normals away from the axis (1) or to it."""
     for name, sign in into_air.items():
         values = numbers_of(table(handed.points_csv), name)
-        points, normals = values[:, :3], values[:, 3:6]
+        points = values[:, :3]
+        normals = values[:, 3:6]
         radius = np.linalg.norm(points, axis=1)
         assert np.abs(radius - scale * getattr(lens, name).radius(points / radius[:, None])).max() < 5e-9
         assert (sign * np.sum(points * normals, axis=1) > 0.0).all()
@@ -143,7 +144,8 @@ def require_faces(lens, handed, scale, into_air):
 
 def test_a_prototype_of_a_moulded_lens_has_the_sheet_and_the_tables_of_its_own_process(moulded):
     """Turned it is the lens itself: of its size, its normals into its own air, and no faces that a mould would have."""
-    handed, lens = handover(moulded, process="turned", spacing_mm=0.4), moulded.lens
+    handed = handover(moulded, process="turned", spacing_mm=0.4)
+    lens = moulded.lens
     assert handed.scale is None and handed.notes == ()
     require_faces(lens, handed, 1.0, {"inner": -1.0, "outer": 1.0})
     for name in ("points.csv", *(grid.file for grid in handed.grids)):
@@ -158,7 +160,9 @@ def test_a_prototype_of_a_moulded_lens_has_the_sheet_and_the_tables_of_its_own_p
 
 
 def test_page_and_tables_name_author_date_tolerance_and_shrinkage(moulded):
-    lens, part, handed = moulded.lens, moulded.part, files_of(moulded)
+    lens = moulded.lens
+    part = moulded.part
+    handed = files_of(moulded)
     text = unescape(handed.html.decode("utf-8"))
     for words in ("0.0125;", "the lens times 1.0125", "0.0025"):
         assert words in text

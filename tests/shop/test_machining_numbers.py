@@ -49,7 +49,8 @@ def clear_by_hand(centre: np.ndarray, axis: np.ndarray, obstacles: np.ndarray) -
 def test_a_tool_is_clear_where_no_obstacle_is_in_its_shank_or_holder(axis: list[float]) -> None:
     """For 600 ball centres, which are taken in several parts."""
     random = np.random.default_rng(4)
-    centres, obstacles = random.uniform(-3.0, 3.0, (600, 3)), random.uniform(-4.0, 4.0, (12, 3))
+    centres = random.uniform(-3.0, 3.0, (600, 3))
+    obstacles = random.uniform(-4.0, 4.0, (12, 3))
     found = _is_clear(centres, np.array(axis), TOOL, obstacles)
     assert found.tolist() == [clear_by_hand(centre, np.array(axis), obstacles) for centre in centres]
     assert 50 < found.sum() < 550
@@ -72,7 +73,8 @@ def test_a_tool_that_touches_is_clear(point: list[float], clear: bool) -> None:
 def test_a_tool_reaches_what_any_of_its_axes_reaches_and_its_ball_fits() -> None:
     samples = sampled(sphere(3.0), AirSide.INSIDE, 15)
     fits = samples.points[:, 0] > -1.0
-    down, most = np.array([0.0, 0.0, -1.0]), np.deg2rad(20.0)
+    down = np.array([0.0, 0.0, -1.0])
+    most = np.deg2rad(20.0)
     ceiling = np.random.default_rng(1).uniform(-2.5, 2.5, (40, 3)) * [1.0, 1.0, 0.1] - [0.0, 0.0, 1.0]
     found = tool_reach(samples, fits, TOOL, down, most, ceiling)
     centres = samples.points + 0.5 * samples.normals
@@ -102,9 +104,11 @@ def test_the_share_below_a_limit_is_that_of_the_disc_inside_a_circle(limit: floa
 )
 def test_the_base_is_an_obstacle_by_rings_between_its_corners(make: dict) -> None:
     """Nine rings of 96 points from each corner of its section to the next, the first one at the azimuth of +x."""
-    inner, outer = exported(sphere(1.0), AirSide.INSIDE), exported(sphere(2.5), AirSide.OUTSIDE)
+    inner = exported(sphere(1.0), AirSide.INSIDE)
+    outer = exported(sphere(2.5), AirSide.OUTSIDE)
     plan = lay_out(inner.patch, outer.patch, BaseSection(**make))
-    corners, turn = base_corners(plan), np.deg2rad(3.75) * np.arange(96)
+    corners = base_corners(plan)
+    turn = np.deg2rad(3.75) * np.arange(96)
     expected = []
     for corner, following in pairwise(corners):
         for ring in range(9):
@@ -162,12 +166,16 @@ def test_a_mould_insert_swaps_hollow_and_bump():
 def test_a_thick_shank_stops_where_it_meets_the_wall():
     # In a cavity of radius a, a ball of radius R touches at polar angle t with its centre (a - R) sin t off the axis;
     # the shank of radius s > R meets the wall at once where (a - R) sin t + s exceeds the radius at that height.
-    a, ball, shank = 3.0, 0.5, 1.5
+    a = 3.0
+    ball = 0.5
+    shank = 1.5
     samples = sampled(sphere(a), AirSide.INSIDE, nodes=81)
     polar = np.arccos(np.minimum(samples.points[:, 2] / a, 1.0))
-    off, height = (a - ball) * np.sin(polar), (a - ball) * np.cos(polar)
+    off = (a - ball) * np.sin(polar)
+    height = (a - ball) * np.cos(polar)
     clear = off + shank <= np.sqrt(a**2 - height**2)
     assert 0.0 < samples.fraction(clear) < 1.0
-    everywhere, down = np.ones(len(samples.points), dtype=bool), np.array([0.0, 0.0, -1.0])
+    everywhere = np.ones(len(samples.points), dtype=bool)
+    down = np.array([0.0, 0.0, -1.0])
     found = tool_reach(samples, everywhere, mill(ball, shank, 50.0), down, 0.0, samples.points)
     assert found.reachable_fraction_untilted == pytest.approx(samples.fraction(clear), abs=0.02)

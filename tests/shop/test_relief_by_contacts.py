@@ -22,11 +22,10 @@ from lensforge.spec import BaseSection
 
 BALL = 0.7
 CLEAR_MM = 1e-6  # what lacks less than the error of the faces' form clears the ball
-INNER, OUTER = (
-    exported(sphere(1.2, (0.0, 0.0, -0.3)), AirSide.INSIDE),
-    exported(sphere(2.7, (0.0, 0.0, 0.4)), AirSide.OUTSIDE),
-)
-RIM_IN, RIM_OUT = sqrt(1.2**2 - 0.3**2), sqrt(2.7**2 - 0.4**2)
+INNER = exported(sphere(1.2, (0.0, 0.0, -0.3)), AirSide.INSIDE)
+OUTER = exported(sphere(2.7, (0.0, 0.0, 0.4)), AirSide.OUTSIDE)
+RIM_IN = sqrt(1.2**2 - 0.3**2)
+RIM_OUT = sqrt(2.7**2 - 0.4**2)
 
 
 @pytest.fixture(scope="module")
@@ -63,7 +62,8 @@ def beyond(value: float) -> float:
 
 def judged(face: MilledFace, *needs: list[float]) -> tuple[list[float], float]:
     """The largest of each need over what the ball reaches, and the share of the area that needs nothing."""
-    reached, areas = face.reached, face.samples.areas
+    reached = face.reached
+    areas = face.samples.areas
     clear = reached & (np.max(needs, axis=0) == 0.0)
     assert reached.any()
     return [max(np.array(need)[reached]) for need in needs], float(areas[clear].sum() / areas.sum())
@@ -88,7 +88,8 @@ OUTER_BASES = [
 def test_the_dome_needs_a_step_and_a_wall_and_a_low_flange(sizes: dict[str, float], faces) -> None:
     plan = lay_out(INNER.patch, OUTER.patch, BaseSection(**sizes))
     found = check_ball_clearance(plan, None, by_name(faces)).faces["outer"]
-    present, contacts = sizes.get("relief_step_mm", 0.0), centres(faces[1])
+    present = sizes.get("relief_step_mm", 0.0)
+    contacts = centres(faces[1])
     steps = [beyond(step(*each, sizes["diameter_mm"] / 2.0) - present) for each in contacts]
     steps = [each + present if each > 0.0 else 0.0 for each in steps]
     flange = [0.0] * len(contacts)
@@ -127,7 +128,8 @@ def test_the_cavity_needs_a_bore_and_a_pocket(sizes: dict[str, float], aside: tu
     RIM_IN = sqrt(1.2**2 - 0.3**2) + hypot(*aside)
     plan = lay_out(faces[0].samples.face.patch, OUTER.patch, BaseSection(height_mm=3.0, **sizes))
     found = check_ball_clearance(plan, None, by_name(faces)).faces["inner"]
-    contacts, pocket_mm = centres(faces[0]), sizes.get("pocket_diameter_mm")
+    contacts = centres(faces[0])
+    pocket_mm = sizes.get("pocket_diameter_mm")
     depth = 3.0 - sizes.get("pocket_depth_mm", 0.0)
     if sizes["bore_setback_mm"] > 0.0:
         own = RIM_IN + sizes["bore_setback_mm"]

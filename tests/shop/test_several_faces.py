@@ -14,7 +14,9 @@ from lensforge.shop.face_check import face_result, milled_face
 from lensforge.shop.face_samples import AirSide, OpticalFace, all_points, sample_face
 
 # The cap and the side of a cavity, two spheres that meet in a circle at z = 0.51: 4 - (z + 0.5)^2 = 1.8^2 - z^2.
-CAP, SIDE, MET_MM = sphere(2.0, (0.0, 0.0, -0.5)), sphere(1.8), 0.51
+CAP = sphere(2.0, (0.0, 0.0, -0.5))
+SIDE = sphere(1.8)
+MET_MM = 0.51
 
 
 @pytest.fixture(scope="module")

@@ -19,8 +19,10 @@ from lensforge.shop.check_result import Check
 # Spheres by radius and height of their centre, and the height at which wall and exit meet. One wall widens all the way
 # up: 144 - (z - 6)^2 = 1600 - (z + 35)^2. The other narrows above z = 2: 25 - (z - 2)^2 = 144 - (z + 6)^2.
 CAVITY = ((2.0, -0.5), (1.8, 0.0))
-OPEN, OPEN_MM = ((12.0, 6.0), (40.0, -35.0)), 267.0 / 82.0
-SHUT, SHUT_MM = ((5.0, 2.0), (12.0, -6.0)), 87.0 / 16.0
+OPEN = ((12.0, 6.0), (40.0, -35.0))
+OPEN_MM = 267.0 / 82.0
+SHUT = ((5.0, 2.0), (12.0, -6.0))
+SHUT_MM = 87.0 / 16.0
 
 
 def checked(envelope: tuple, **sections: object) -> tuple[Check, Lens]:
@@ -78,7 +80,8 @@ def test_what_lies_over_the_base_is_drawn_by_neither_half_and_a_mould_says_so() 
 
 def test_an_edge_has_the_angle_of_the_spheres_that_meet_there(bare: tuple[Check, Lens]) -> None:
     """By the law of cosines: of the lines from a point of both spheres to their centres."""
-    (found, _), wanted = bare, {}
+    (found, _) = bare
+    wanted = {}
     for names, ((one, low), (other, high)) in (((TIR[0], TIR[1]), CAVITY), ((TIR[3], TIR[2]), OPEN[::-1])):
         turned = np.degrees(np.arccos((one**2 + other**2 - (low - high) ** 2) / (2.0 * one * other)))
         wanted[names] = 180.0 - turned
@@ -94,7 +97,8 @@ def test_an_edge_has_the_angle_of_the_spheres_that_meet_there(bare: tuple[Check,
 def test_the_search_keeps_the_draft_of_the_wall_from_below() -> None:
     spec = spot(wall={"draft_deg": 5.0})
     parameters = ProfileParameters.of(spec, 2.5)
-    grid, tables = parameters.refined().grid, parameters.refined().tables(*parameters.start())
+    grid = parameters.refined().grid
+    tables = parameters.refined().tables(*parameters.start())
     constraints = AugmentedLagrangian.of(spec, grid)
     found = constraints.least(constraints.fields(tables))
     (least,) = (value for key, value in found.items() if "draft" in key)

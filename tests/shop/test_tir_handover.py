@@ -31,7 +31,8 @@ WIDTH = {
 @pytest.fixture(scope="module")
 def handed():
     """The lens and its files."""
-    (part, found), lens = bare_part(), spot_lens()
+    (part, found) = bare_part()
+    lens = spot_lens()
     twice = {name: found.faces["inner" if name in ("cap", "side") else "outer"] for name in TIR}
     fields = {name: getattr(found, name) for name in type(found).model_fields}
     check = type(found).model_construct(**{**fields, **twice})
@@ -49,7 +50,8 @@ def domain_of(lens, name, polar):
 def test_a_table_from_crease_to_rim_read_back_and_interpolated_is_within_its_stated_error(handed):
     lens, made = handed
     for name, grid in zip(TIR, made.grids, strict=True):
-        (head, rows), surface = rows_of(grid), lens.surfaces[name]
+        (head, rows) = rows_of(grid)
+        surface = lens.surfaces[name]
         between, rings = between_nodes(head, rows, 4)
         begin, rim = np.radians(rings[[0, -1], 0, 6])
         own = domain_of(lens, name, np.linspace(begin if name in ("side", "wall") else 0.0, rim, 400))

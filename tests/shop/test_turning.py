@@ -82,7 +82,8 @@ def test_a_cone_is_turned_where_its_draft_is_that_of_the_flank(draft_deg: float,
 @pytest.mark.parametrize("radius_mm", [0.05, 0.2])
 def test_a_nose_leaves_its_fillet_in_a_corner(radius_mm: float) -> None:
     """A disc that ends at a cylinder: the nose stops a radius before it."""
-    disc, wall = line((0.0, 4.0), (2.0, 4.0), (0.0, -1.0)), line((2.0, 4.0), (2.0, 0.0), (-1.0, 0.0), 4001)
+    disc = line((0.0, 4.0), (2.0, 4.0), (0.0, -1.0))
+    wall = line((2.0, 4.0), (2.0, 0.0), (-1.0, 0.0), 4001)
     corner = tool(radius_mm, 10.0).nose_enters(disc, wall.points)
     np.testing.assert_array_equal(corner, disc.points[:, 0] > 2.0 - radius_mm + 1e-3)
     assert not tool(radius_mm, 10.0).nose_enters(disc, NOTHING).any()
@@ -91,7 +92,8 @@ def test_a_nose_leaves_its_fillet_in_a_corner(radius_mm: float) -> None:
 @pytest.mark.parametrize(("width_mm", "whole"), [(1.7, True), (2.3, False)])
 def test_a_shank_must_have_room_beside_the_axis(width_mm: float, whole: bool) -> None:
     """In a bore of 2 mm, the shank beside a nose that is at the axis."""
-    disc, wall = line((0.0, 4.0), (2.0, 4.0), (0.0, -1.0)), line((2.0, 4.0), (2.0, 0.0), (-1.0, 0.0), 4001)
+    disc = line((0.0, 4.0), (2.0, 4.0), (0.0, -1.0))
+    wall = line((2.0, 4.0), (2.0, 0.0), (-1.0, 0.0), 4001)
     both = np.concatenate([wall.points, wall.points * (-1.0, 1.0)])
     found = tool(0.01, 40.0, width_mm=width_mm).is_clear(disc, -1.0, np.deg2rad(-40.0), both)
     inside = disc.points[:, 0] < 2.0 - 0.01
@@ -100,7 +102,8 @@ def test_a_shank_must_have_room_beside_the_axis(width_mm: float, whole: bool) ->
 
 def by_rays(face: Meridian, lathe: LatheTool, axis: np.ndarray, obstacles: np.ndarray, k: int) -> bool:
     """True where no obstacle is in the tool at contact ``k``: a fan of rays from the nose, each as thick as it."""
-    centre, turn = face.points[k] + lathe.radius_mm * face.normals[k], np.linspace(-1.0, 1.0, 2001) * lathe.flank_rad
+    centre = face.points[k] + lathe.radius_mm * face.normals[k]
+    turn = np.linspace(-1.0, 1.0, 2001) * lathe.flank_rad
     rays = np.stack(
         [np.cos(turn) * axis[0] - np.sin(turn) * axis[1], np.sin(turn) * axis[0] + np.cos(turn) * axis[1]], 1
     )
@@ -112,7 +115,8 @@ def by_rays(face: Meridian, lathe: LatheTool, axis: np.ndarray, obstacles: np.nd
 
 
 def test_a_crooked_profile_is_reached_where_no_ray_of_the_tool_is_in_the_way() -> None:
-    rng, lathe = np.random.default_rng(3), tool(0.15, 25.0)
+    rng = np.random.default_rng(3)
+    lathe = tool(0.15, 25.0)
     r = np.linspace(0.0, 4.0, 161)
     z = 5.0 + sum(
         a * np.cos(k * r + p) for k, a, p in zip((1, 2, 5), (0.8, 0.5, 0.3), rng.uniform(0, 6, 3), strict=True)
@@ -132,7 +136,9 @@ def test_the_hollows_of_the_meridian_count_alone() -> None:
     """A dome with a ring of a hollow, rho = 4 + 0.25 cos(6 polar angle)."""
     grooved = OfRadius(lambda u: 4.0 + 0.25 * np.cos(6.0 * np.arccos(np.clip(u[:, 2], -1.0, 1.0))))
     polar = np.linspace(0.0, np.pi / 2.0, 200_001)
-    rho, first, second = 4.0 + 0.25 * np.cos(6.0 * polar), -1.5 * np.sin(6.0 * polar), -9.0 * np.cos(6.0 * polar)
+    rho = 4.0 + 0.25 * np.cos(6.0 * polar)
+    first = -1.5 * np.sin(6.0 * polar)
+    second = -9.0 * np.cos(6.0 * polar)
     kappa = (rho**2 + 2.0 * first**2 - rho * second) / (rho**2 + first**2) ** 1.5
     found = turned(grooved, AirSide.OUTSIDE, tool(0.1, 20.0))
     assert found.largest_radius_mm == pytest.approx(-1.0 / kappa.min(), rel=2e-4)
@@ -146,7 +152,9 @@ def test_what_stands_around_the_work_is_in_the_way_and_is_told_apart() -> None:
     assert found.reachable_fraction == pytest.approx(1.0 - 0.5 / 3.5, abs=5e-3), "a zone's area is its height"
 
 
-CAVITY, WALL, EXIT = ((2.0, -0.5), (1.8, 0.0)), (12.0, 6.0), (40.0, -35.0)
+CAVITY = ((2.0, -0.5), (1.8, 0.0))
+WALL = (12.0, 6.0)
+EXIT = (40.0, -35.0)
 
 
 def of_spheres(**sections: object) -> Lens:
@@ -201,7 +209,8 @@ def test_a_lens_that_is_turned_says_what_its_nose_leaves() -> None:
 @pytest.mark.parametrize(("radius_mm", "left"), [(0.5, 1.0 - 0.75**2), (0.2, 1.0 - 0.9**2)])
 def test_the_nose_that_is_advised_leaves_fillets_within_the_limit(radius_mm: float, left: float) -> None:
     """In a disc of 2 mm that ends at a wall; the nose of the advice is put in the place of the first."""
-    disc, wall = line((0.0, 4.0), (2.0, 4.0), (0.0, -1.0), 8001), line((2.0, 4.0), (2.0, 0.0), (-1.0, 0.0), 8001)
+    disc = line((0.0, 4.0), (2.0, 4.0), (0.0, -1.0), 8001)
+    wall = line((2.0, 4.0), (2.0, 0.0), (-1.0, 0.0), 8001)
 
     def share(nose_mm: float) -> float:
         return float(disc.areas[tool(nose_mm, 10.0).nose_enters(disc, wall.points)].sum() / disc.areas.sum())
@@ -241,7 +250,8 @@ def test_a_given_face_has_the_curvature_of_its_meridian() -> None:
     surface = Asphere(4.0, -3.0, -0.5)
     u = np.column_stack([np.sin(polar), np.zeros_like(polar), np.cos(polar)])
     r, z = (surface.radius(u)[:, None] * u)[:, ::2].T
-    dr, dz = np.gradient(r, polar), np.gradient(z, polar)
+    dr = np.gradient(r, polar)
+    dz = np.gradient(z, polar)
     tightest = np.max(((-np.gradient(dz, polar) * dr + np.gradient(dr, polar) * dz) / np.hypot(dr, dz) ** 3)[5:-5])
     given = small_spec(lens__inner={"fixed": shape}).lens.faces["inner"].fixed.shape
     assert given.meridian_curvatures_per_mm[1] == pytest.approx(tightest, rel=1e-4)

@@ -39,7 +39,7 @@ def test_a_body_stands_where_it_is_put() -> None:
     apex = body.pose.points(np.array([[0.0, 0.0, 22.0]]))[0]
     tilt = np.radians(10.0)
     assert apex == pytest.approx([0.0, 3.0 - 22.0 * np.sin(tilt), -2.0 + 22.0 * np.cos(tilt)])
-    assert body.pose.own_points(apex[None])[0] == pytest.approx([0.0, 0.0, 22.0])
+    assert body.pose.to_local_points(apex[None])[0] == pytest.approx([0.0, 0.0, 22.0])
     assert body.medium.refractive_index == pytest.approx(1.585, abs=2e-3)
     assert body.medium.material is not None, "dispersive"
 

@@ -118,7 +118,8 @@ class Case:
         sources = self.lens["spec"]["sources"]
         if not sources:
             return self
-        name, folder = sources[led]["name"], self.folder.parent / f"with_{led}"
+        name = sources[led]["name"]
+        folder = self.folder.parent / f"with_{led}"
         if not folder.exists():
             folder.mkdir()
             for path in self.folder.iterdir():
@@ -180,7 +181,8 @@ def _of_led(path: Path, led: int) -> bytes:
         content = json.loads(path.read_text(encoding="utf-8"))
         others = content.pop("others", [])
         return json.dumps(content | (others[led - 1] if led else {})).encode()
-    start, file = f"others.{led - 1}.", io.BytesIO()
+    start = f"others.{led - 1}."
+    file = io.BytesIO()
     arrays = {name: values for name, values in np.load(path).items() if led or not name.startswith("others.")}
     np.savez(file, **{name.removeprefix(start): values for name, values in arrays.items() if not led or start in name})
     return file.getvalue()
@@ -192,12 +194,14 @@ def led_rays(name: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     a, b, c, e = np.random.default_rng(len(name)).random((4, count))
     shift, along = ((3.0, 0.5, -0.4), 2.0) if name == "near" else ((0.1, -0.2, 0.05), 1.4)
     x, y = along * (a**1.2 - 0.5), 0.4 * (b - 0.5)
-    sine, turn = np.sqrt(c), 2 * np.pi * e
+    sine = np.sqrt(c)
+    turn = 2 * np.pi * e
     own = np.stack([sine * np.cos(turn), sine * np.sin(turn) * (0.6 + 0.4 * a), np.sqrt(1 - c) + 0.05], axis=1)
     own /= np.linalg.norm(own, axis=1)[:, None]
     p = np.stack([x, y, 0.1 * a], axis=1)
     if name == "near":  # its light goes along +x of the file
-        p, own = p[:, [2, 0, 1]], own[:, [2, 0, 1]]
+        p = p[:, [2, 0, 1]]
+        own = own[:, [2, 0, 1]]
     flux = (0.5 + a * c) / count * (0.37 if name == "near" else 0.81)
     return (p + shift).astype("f4"), own.astype("f4"), flux.astype("f4")
 
@@ -224,8 +228,11 @@ def spec_of(name: str, folder: Path, changes: dict[str, Any] | None = None) -> l
 
 def measured(run: Any, registration: str) -> Path:
     """A file of points of the inner face with errors of form and noise; a cone is left out, some lie beyond the rim."""
-    face, count, rng = run.lens.surfaces["inner"], 430, np.random.default_rng(8)
-    z, turn = 1 - 1.17 * (np.arange(count) + 0.5) / count, np.arange(count) * 2.4
+    face = run.lens.surfaces["inner"]
+    count = 430
+    rng = np.random.default_rng(8)
+    z = 1 - 1.17 * (np.arange(count) + 0.5) / count
+    turn = np.arange(count) * 2.4
     u = np.stack([np.sqrt(1 - z**2) * np.cos(turn), np.sqrt(1 - z**2) * np.sin(turn), z], axis=1)
     u = u[(u @ [0.8, 0.36, 0.48] < 0.9) & ((z > 0) | (z < -0.13))]
     x, y, z = u.T
@@ -240,14 +247,17 @@ def measured(run: Any, registration: str) -> Path:
 
 def photographed(run: Any) -> Path:
     """Photographs of the light on the first receiver, 4 % larger, turned by 2.5 degrees, shifted; a few pixels clip."""
-    light, wide, high = run.light.map, run.light.first.width, run.light.first.height
+    light = run.light.map
+    wide = run.light.first.width
+    high = run.light.first.height
     corners = np.array([[-wide, high], [wide, high], [wide, -high], [-wide, -high]]) / 2
     i, j = np.indices((350, 490))
     from skimage.transform import ProjectiveTransform
 
     to_mm = ProjectiveTransform.from_estimate(np.array(SHOT["corners"]), corners)
     x, y = (to_mm(np.stack([j.ravel(), i.ravel()], axis=1)) - [0.02 * wide, -0.03 * high]).T
-    c, s = np.cos(np.radians(2.5)) / 1.04, np.sin(np.radians(2.5)) / 1.04
+    c = np.cos(np.radians(2.5)) / 1.04
+    s = np.sin(np.radians(2.5)) / 1.04
     at = [((c * y - s * x) / high + 0.5) * len(light) - 0.5, ((c * x + s * y) / wide + 0.5) * light.shape[1] - 0.5]
     seen = map_coordinates(light / light.max(), at, order=1, mode="nearest").reshape(i.shape)
     dark = 0.04 + 0.05 * j / 490 + 0.03 * i / 350
@@ -261,7 +271,8 @@ class Record:
     """Rays that the stages draw, and the tables of the far field that they make of them, by the name of the stage."""
 
     def __init__(self) -> None:
-        self.stage, self.rays = "design", dict[str, list[Any]]()
+        self.stage = "design"
+        self.rays = dict[str, list[Any]]()
 
     def begins(self, stage: str) -> None:
         """From now on they are of this stage."""
@@ -274,7 +285,10 @@ class Record:
         from lensforge.made import part_light
         from lensforge.proof import casts
 
-        drawn, sent, fitted, exact = simulation.bundles, exit_light.exit_rays, exit_light.fit, evaluation._through_exact
+        drawn = simulation.bundles
+        sent = exit_light.exit_rays
+        fitted = exit_light.fit
+        exact = evaluation._through_exact
         cast = casts.stray_in_sandbox
 
         def bundles(*arguments: Any) -> Iterator[Any]:
@@ -324,7 +338,8 @@ def made(name: str, folder: Path) -> Case:
     from lensforge.report.folder import opened
 
     record = Record()
-    spec, start = spec_of(name, folder / "spec"), lf.load_lens(stored(name, folder / "spec"))
+    spec = spec_of(name, folder / "spec")
+    start = lf.load_lens(stored(name, folder / "spec"))
     with record.kept(), undrawn(), threads_of_torch(1):
         run = lf.run(
             spec,

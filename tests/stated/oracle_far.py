@@ -44,7 +44,9 @@ def leaving(case):
 
     Of lamps with aims each ray is of one, drawn by chance, as many of each.
     """
-    lens, found, turns = case.lens, [], lamps_of(case.lens["spec"])[1]
+    lens = case.lens
+    found = []
+    turns = lamps_of(case.lens["spec"])[1]
     aimed = bool((lens["spec"]["lamps"] or {}).get("aims_mm"))
     kinds = lamps_of(lens["spec"])[2]
     others = lens.get("others") or {}
@@ -53,9 +55,13 @@ def leaving(case):
     traced = {kind: list(exits_of_each(lens, own, bundles)) for kind, own in faces.items()}
     for number, (_, _, flux, _) in enumerate(case.rays["photometry"]):
         flux = flux * together(case)
-        upward, on, of_ray, fates = 0.0, [], [], {}
+        upward = 0.0
+        on = []
+        of_ray = []
+        fates = {}
         for kind, samples in traced.items():
-            share, behind = kinds.count(kind) / len(kinds), samples[number]
+            share = kinds.count(kind) / len(kinds)
+            behind = samples[number]
             if aimed:
                 lamp = np.random.default_rng(len(flux)).permutation(len(flux)) % len(turns)
                 behind = replace(behind, d=np.einsum("nij,nj->ni", turns[lamp], behind.d))
@@ -97,7 +103,8 @@ def solid_angles(c_deg, gamma_deg):
 
 def above_zero(values, weights):
     """Values below 0 as 0: the others of their cone become less, then all, so that the flux stays."""
-    flux, positive = (values * weights).sum(), np.maximum(values, 0)
+    flux = (values * weights).sum()
+    positive = np.maximum(values, 0)
     for k in range(values.shape[1]):
         if positive[:, k].sum() > 0:
             positive[:, k] *= max(values[:, k].sum(), 0) / positive[:, k].sum()
@@ -110,7 +117,9 @@ class Tables:
     def __init__(self, case):
         azimuth, gamma, samples = case.rays["tables"]
         watts, source_lm, _ = lumens(case)
-        self.azimuth, self.gamma, self.samples = azimuth, gamma, samples * source_lm / watts
+        self.azimuth = azimuth
+        self.gamma = gamma
+        self.samples = samples * source_lm / watts
         weights = solid_angles(azimuth, gamma)
         self.weights = weights
         self.whole = above_zero(self.samples.mean(axis=0), weights)
@@ -127,7 +136,8 @@ def bilinear(azimuth, gamma, values, at, down):
     step = 360 / len(azimuth)
     i = np.floor(at / step).astype(int)
     a = at / step - i
-    i, k = i % len(azimuth), np.clip(np.searchsorted(gamma, down, side="right") - 1, 0, len(gamma) - 2)
+    i = i % len(azimuth)
+    k = np.clip(np.searchsorted(gamma, down, side="right") - 1, 0, len(gamma) - 2)
     j = (i + 1) % len(azimuth)
     b = (down - gamma[k]) / (gamma[k + 1] - gamma[k])
     low = values[..., i, k] * (1 - a) + values[..., j, k] * a
@@ -168,10 +178,13 @@ def plane_record(tables, c_deg):
 def photometry(case):
     """The record of the far field."""
     watts, source_lm, known = lumens(case)
-    per_watt, tables, samples = source_lm / watts, once(case, Tables), once(case, leaving)
+    per_watt = source_lm / watts
+    tables = once(case, Tables)
+    samples = once(case, leaving)
     up = jackknife([each[0] for each in samples])
     # Lamps take rays by chance, as many each: of kinds that differ the flux is that of a mean ray within its noise.
-    near, count = (4.0 if kinds_in(case) > 1 else 0.02), sum(len(each[2]) for each in case.rays["photometry"])
+    near = 4.0 if kinds_in(case) > 1 else 0.02
+    count = sum(len(each[2]) for each in case.rays["photometry"])
     fates = {name: np.mean([each[3][name] for each in samples]) for name in samples[0][3]}
     lost = {name: plain(fates[name], floor=near * up[1]) for name in (*LOST, "missed_receiver")}
     lost |= {"not_converged": 0.0, "bodies": plain(sum(v for k, v in fates.items() if k.startswith("body")))}
@@ -180,7 +193,8 @@ def photometry(case):
     exit_lm = scaled(up, per_watt)
     errors = tables.samples.std(axis=0, ddof=1) / 4
     bright = tables.samples.mean(axis=0) > 0.1 * tables.samples.mean(axis=0).max()
-    relative, weights = (errors / tables.samples.mean(axis=0))[bright], (0 * errors + tables.weights)[bright]
+    relative = (errors / tables.samples.mean(axis=0))[bright]
+    weights = (0 * errors + tables.weights)[bright]
     written = {"watts": None, "rays": None, "lumens": metric(exit_lm, near=near)["value"], "relative_error": ...}
     known_lm = written["lumens"] if known else None
     return {
@@ -236,13 +250,16 @@ def area(case, exit_lm):
     if section["use"] == "general":
         return None
     watts, source_lm, _ = lumens(case)
-    tables, zones, side = once(case, Tables), {}, np.radians(section["street_side_deg"])
+    tables = once(case, Tables)
+    zones = {}
+    side = np.radians(section["street_side_deg"])
     street = np.array([np.cos(side), np.sin(side)])
     for row, name in enumerate(("forward", "back")):
         for low, high, zone in zip((0, 30, 60, 80), (30, 60, 80, 90.001), ZONES, strict=True):
             each = []
             for _, d, flux, _ in once(case, leaving):
-                gamma, ahead = np.degrees(np.arccos(d[:, 2])), d[:, :2] @ street > 0
+                gamma = np.degrees(np.arccos(d[:, 2]))
+                ahead = d[:, :2] @ street > 0
                 each.append(flux[(gamma >= low) & (gamma < high) & (ahead == (row == 0))].sum() * source_lm / watts)
             zones[f"{name}_{zone}"] = metric(jackknife(each), "lm")
     ratings = {
@@ -258,10 +275,12 @@ def area(case, exit_lm):
 
 
 def distribution(tables, street_deg):
-    turns, gammas = np.arange(360.0), np.arange(0, 89, 0.1)
+    turns = np.arange(360.0)
+    gammas = np.arange(0, 89, 0.1)
     lateral, gamma = (each.ravel() for each in np.meshgrid(turns, gammas, indexing="ij"))
     far = np.tan(np.radians(gamma))
-    along, across = abs(far * np.sin(np.radians(lateral))), far * np.cos(np.radians(lateral))
+    along = abs(far * np.sin(np.radians(lateral)))
+    across = far * np.cos(np.radians(lateral))
 
     def read(azimuth, gammas, values):
         return bilinear(azimuth, gammas, values, lateral + street_deg, gamma)
@@ -271,11 +290,13 @@ def distribution(tables, street_deg):
 
     samples = read(tables.azimuth, tables.gamma, tables.samples)
     roundness = jackknife(samples, lambda light: reaches(light).min() / reaches(light).max())
-    everywhere, peak = roundness[0] >= 2 / 3, samples.mean(axis=0).argmax()
+    everywhere = roundness[0] >= 2 / 3
+    peak = samples.mean(axis=0).argmax()
     at = far[peak] if everywhere else along[peak]
     longitudinal = next(name for name, end in ALONG.items() if at < end)
     ends = [0.0, *ALONG.values()]
-    low, high = ends[list(ALONG).index(longitudinal)], ALONG[longitudinal]
+    low = ends[list(ALONG).index(longitudinal)]
+    high = ALONG[longitudinal]
 
     def reach(sign):
         def of(light):
@@ -285,7 +306,8 @@ def distribution(tables, street_deg):
         value, error = jackknife(samples, of)
         return value, np.hypot(error, np.radians(0.05) * (1 + value**2))
 
-    street, house = reach(1), reach(-1)
+    street = reach(1)
+    house = reach(-1)
     lateral_type = "V" if everywhere else next(name for name, end in ACROSS.items() if street[0] <= end)
     return {
         "lateral": lateral_type, "longitudinal": longitudinal, "along_mh": plain(at),
@@ -312,8 +334,10 @@ def near_horizon(tables, exit_lm):
 
 def road_record(case, road):
     """Figures and limits of one road by the table of the files."""
-    spec, tables = case.lens["spec"], once(case, Tables)
-    source_lm, side = lumens(case)[1], spec["photometry"]["street_side_deg"]
+    spec = case.lens["spec"]
+    tables = once(case, Tables)
+    source_lm = lumens(case)[1]
+    side = spec["photometry"]["street_side_deg"]
     factor = road["lamp_lm"] / source_lm if road["lamp_lm"] else spec["photometry"]["lenses"]
 
     in_file = np.array([tables.whole, *tables.left_out])
@@ -356,9 +380,12 @@ def road_record(case, road):
 def ies(text):
     """C, gamma and candela of an IES file by its numbers alone."""
     numbers = [float(each) for each in text.split("TILT=NONE")[1].split()]
-    gammas, planes, factor = int(numbers[3]), int(numbers[4]), numbers[2] * numbers[10]
+    gammas = int(numbers[3])
+    planes = int(numbers[4])
+    factor = numbers[2] * numbers[10]
     at = 13
-    gamma, c = numbers[at : at + gammas], numbers[at + gammas : at + gammas + planes]
+    gamma = numbers[at : at + gammas]
+    c = numbers[at + gammas : at + gammas + planes]
     values = np.array(numbers[at + gammas + planes :][: gammas * planes]).reshape(planes, gammas)
     return (
         np.array(c),
@@ -371,7 +398,9 @@ def ies(text):
 def ldt(text):
     """C, gamma and candela (cd per 1000 lm in the file) of an EULUMDAT file."""
     lines = text.splitlines()
-    planes, gammas, sets = int(lines[3]), int(lines[5]), int(lines[25])
+    planes = int(lines[3])
+    gammas = int(lines[5])
+    sets = int(lines[25])
     at = 26 + 6 * sets + 10
     c = np.array([float(each) for each in lines[at : at + planes]])
     gamma = np.array([float(each) for each in lines[at + planes : at + planes + gammas]])
@@ -390,7 +419,8 @@ def tm33(text):
     for each in ET.fromstring(text).iter():
         if each.tag.split("}")[-1] == "IntData":
             found[float(each.get("h")), float(each.get("v"))] = float(each.text)
-    c, gamma = sorted({h for h, _ in found}), sorted({v for _, v in found})
+    c = sorted({h for h, _ in found})
+    gamma = sorted({v for _, v in found})
     return np.array(c), np.array(gamma), np.array([[found[h, v] for v in gamma] for h in c])
 
 
@@ -402,7 +432,8 @@ def recorded(case):
 
 
 def stated(entry, **more):
-    (value, within), (error, near) = entry["value"], entry["standard_error"]
+    (value, within) = entry["value"]
+    (error, near) = entry["standard_error"]
     return Expected(value, within, entry["unit"], error, near, **more)
 
 

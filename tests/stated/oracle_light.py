@@ -45,7 +45,8 @@ MISSED = ("backward", "outside_cavity", "base", "missed_receiver", "surfaces_int
 
 def traced(case, calls, warm):
     """Receivers, what each gets in each replicate, of each kind of lens, and flux (W) by the faces that it met."""
-    (lens, raised), spec = at_temperature(case.lens, HOT_C) if warm else (case.lens, 0.0), case.lens["spec"]
+    (lens, raised) = at_temperature(case.lens, HOT_C) if warm else (case.lens, 0.0)
+    spec = case.lens["spec"]
     places, turns, kinds = lamps_of(spec)
     others = lens.get("others") or {}
     own_kinds = [*(kind for kind in dict.fromkeys(kinds) if kind not in others), *others]
@@ -53,7 +54,8 @@ def traced(case, calls, warm):
     targets = [target_light(each)[1] for each in receivers]
     found = {}
     for kind, call in zip(own_kinds, calls, strict=True):
-        faces, share = faces_of(lens, others.get(kind, lens["faces"])), kinds.count(kind) / len(kinds)
+        faces = faces_of(lens, others.get(kind, lens["faces"]))
+        share = kinds.count(kind) / len(kinds)
         lamps = [(p, r) for p, r, k in zip(places, turns, kinds, strict=True) if k == kind]
         traced_at_once = exits_of_each(lens, faces, [(p, d, nm) for _, _, p, d, _, nm in call], raised)
         for (replicate, factor, _, _, flux, nm), behind in zip(call, traced_at_once, strict=True):
@@ -82,7 +84,9 @@ def light_of(case, calls, source, warm):
     watts, efficacy = flux_and_efficacy(source, case.files)
     receivers, found = traced(case, calls, warm)
     count = len(calls[0])
-    lit, images, raw = [], [], []
+    lit = []
+    images = []
+    raw = []
     for number, receiver in enumerate(receivers):
         means = [mean_of(found[number, k]) for k in range(count)]
         record, pictures = receiver_record(spec, receiver, means, watts, number)
@@ -104,7 +108,9 @@ def receiver_record(spec, receiver, means, watts, number):
     variance = spec["evaluate"]["filter_variance"]
     images = [filtered(got["image"], variance) for got, _ in means]
     target, inside = target_light(receiver)
-    mean, mask, lamps = np.mean(images, axis=0), mask_of(receiver), len(lamps_of(spec)[0]) > 1 or spec["lamps"]
+    mean = np.mean(images, axis=0)
+    mask = mask_of(receiver)
+    lamps = len(lamps_of(spec)[0]) > 1 or spec["lamps"]
     efficiency = [got["window"] / watts for got, _ in means]
     half = tuple(max(1, n // 2) for n in receiver.shape)
     coarse_target = target_light(receiver, half)[0]
@@ -146,7 +152,8 @@ def receiver_record(spec, receiver, means, watts, number):
     }  # fmt: skip
     if mask is not None:
         values = [image[mask] for image in images]
-        record["uniformity"], record["rsd"] = metric(least_over_mean(values), near=RAY), metric(rsd(values), near=RAY)
+        record["uniformity"] = metric(least_over_mean(values), near=RAY)
+        record["rsd"] = metric(rsd(values), near=RAY)
         own = mean[mask]
         record["raw"] |= {"uniformity": plain(own.min() / own.mean(), 1e-3), "rsd": plain(own.std() / own.mean(), 1e-3)}
     if spec["colour"]:
@@ -206,7 +213,8 @@ def ways_of(lens, replicates, watts):
 
 def limits_of(case, receivers, images, raw, efficacy, watts, lit):
     spec = case.lens["spec"]
-    found, named = [], [receiver.name for receiver in receivers]
+    found = []
+    named = [receiver.name for receiver in receivers]
     for limit in spec["limits"] or []:
         number = named.index(limit["receiver"]) if limit["receiver"] else 0
         pictures = images[number], raw[number]
@@ -245,7 +253,8 @@ def share_of(limit, receiver, raw, watts):
 def own_limits(limit, receiver, images, raw, efficacy, watts, lamps):
     """One entry for each bound of a limit."""
     photometric = efficacy if limit.get("unit") in ("lx", "cd") else 1.0
-    per_flux, unit = photometric * lamps / receiver.measure, {"lx": "lx", "cd": "cd"}.get(limit.get("unit"), "")
+    per_flux = photometric * lamps / receiver.measure
+    unit = {"lx": "lx", "cd": "cd"}.get(limit.get("unit"), "")
     x, y = receiver.to_target(*receiver.centres())
     if limit["kind"] == "points":
         places = np.array(limit["at_mm"] or limit["at_deg"]).T
@@ -257,7 +266,8 @@ def own_limits(limit, receiver, images, raw, efficacy, watts, lamps):
         places = (ends[0] + np.linspace(0, 1, steps)[:, None] * (ends[1] - ends[0])).T
     elif limit["kind"] == "beam_angle":
         half = np.degrees(2 * np.arcsin(receiver.window[0] / 2))
-        angles, turn = np.linspace(-half, half, 2 * max(receiver.shape) + 1), np.radians(limit["azimuth_deg"])
+        angles = np.linspace(-half, half, 2 * max(receiver.shape) + 1)
+        turn = np.radians(limit["azimuth_deg"])
         places = np.array([angles * np.cos(turn), angles * np.sin(turn)])
     else:
         inside = receiver.in_window(*receiver.centres())
@@ -323,9 +333,12 @@ OF_THE_FIRST = ("nmse", "efficiency", "share_in_target", "uniformity", "rsd", "p
 
 
 def evaluated(case, stage):
-    spec, calls, kinds = case.lens["spec"], list(case.rays[stage]), kinds_in(case)
+    spec = case.lens["spec"]
+    calls = list(case.rays[stage])
+    kinds = kinds_in(case)
     leds = [(led["name"], led["source"]) for led in spec["sources"] or []] or [("", spec["source"])]
-    records, pictures = [], None
+    records = []
+    pictures = None
     for name, source in leds:
         own, images = light_of(case, calls[:kinds], source, stage == "warm")
         calls = calls[kinds:]
@@ -388,7 +401,8 @@ def place_of(case, place):
 
 def stated(entry, factor=1.0, unit=None, **more):
     """A figure of a record as a fact."""
-    (value, within), (error, error_within) = entry["value"], entry["standard_error"]
+    (value, within) = entry["value"]
+    (error, error_within) = entry["standard_error"]
     unit = entry["unit"] if unit is None else unit
     return Expected(value * factor, within * factor, unit, error * factor, error_within * factor, **more)
 
@@ -400,7 +414,8 @@ def judged(entry, sense, bound):
 
 def least_share(case, place):
     """Of the light where the spec sets no limits: section 19."""
-    spec, record = case.lens["spec"], case.json("evaluate")
+    spec = case.lens["spec"]
+    record = case.json("evaluate")
     if spec["limits"] or spec["roads"] or (spec["colour"] or {}).get("max_delta_uv"):
         return None
     led, number = divmod(place.group, len(receivers_of(spec)))
@@ -419,7 +434,8 @@ def transmitted(spec):
         ways = (("cap", "side"), ("wall", "exit")) if body.get("kind") == "tir" else (("inner",), ("outer",))
         for faces, beside in zip(ways, ("cavity_index", "outside_index"), strict=True):
             coatings = [(body.get(name) or {}).get("coating") for name in faces if not mirrored(body.get(name))]
-            n, around = body["refractive_index"], body.get(beside, spec["lens"]["outside_index"])
+            n = body["refractive_index"]
+            around = body.get(beside, spec["lens"]["outside_index"])
             bare = ((n - around) / (n + around)) ** 2
             found *= 1 - min(np.min(coating["reflectance"]) if coating else bare for coating in coatings)
     return found

@@ -5,7 +5,10 @@ from itertools import combinations
 import numpy as np
 from crooked import Expected
 
-BLOCKS, LEAST, CERTAIN, Z = 20, 0.005, 2.0, 1.959963984540054
+BLOCKS = 20
+LEAST = 0.005
+CERTAIN = 2.0
+Z = 1.959963984540054
 SHARES = ("efficiency", "share_in_target")
 
 
@@ -17,7 +20,10 @@ class Parts:
 
         ``numbers``: columns of each tolerance, truncated at the ``amounts``.
         """
-        self.table, self.bounds, self.errors, self.designed = table, bounds, errors, designed
+        self.table = table
+        self.bounds = bounds
+        self.errors = errors
+        self.designed = designed
         self.numbers = {
             name: np.column_stack([table[column] for column in columns]) / amounts[name]
             for name, columns in numbers.items()
@@ -42,7 +48,8 @@ class Parts:
         """Share of the variance of ``values`` by each tolerance with its standard error, the most certain first."""
         y = values - values.mean()
         block = np.arange(self.count) % BLOCKS
-        found, sums = {}, np.zeros(BLOCKS + 1)
+        found = {}
+        sums = np.zeros(BLOCKS + 1)
         without = [np.ones(self.count, dtype=bool)] + [block != k for k in range(BLOCKS)]
         total = np.array([(y[rows] ** 2).mean() * self.count / (self.count - 1) for rows in without])
         total -= (np.array(errors) ** 2).mean()
@@ -76,7 +83,8 @@ def jackknife(values):
 
 def wilson(passed, count):
     p = passed / count
-    middle, wide = p + Z**2 / 2 / count, Z * np.sqrt(p * (1 - p) / count + Z**2 / 4 / count**2)
+    middle = p + Z**2 / 2 / count
+    wide = Z * np.sqrt(p * (1 - p) / count + Z**2 / 4 / count**2)
     return p, (middle - wide) / (1 + Z**2 / count), (middle + wide) / (1 + Z**2 / count)
 
 

@@ -28,13 +28,16 @@ def below_mm(case):
 
 def inside(case, q):
     """True for points (mm) in the material of the lens, its base or its plate."""
-    body, (depth, wide) = body_of(case), below_mm(case)
-    away, across = np.linalg.norm(q, axis=-1), np.hypot(q[..., 0], q[..., 1])
+    body = body_of(case)
+    (depth, wide) = below_mm(case)
+    away = np.linalg.norm(q, axis=-1)
+    across = np.hypot(q[..., 0], q[..., 1])
     u = unit(np.where(q[..., 2:] > 0, q, [0.0, 0, 1]).reshape(-1, 3))
     low, high = (body.radius(parts, u).reshape(away.shape) for parts in (body.cavity, body.envelope))
     turn = np.arctan2(q[..., 1], q[..., 0]) / (2 * np.pi) % 1 * len(body.rim)
     bore = np.interp(turn, np.arange(len(body.rim) + 1), np.append(body.rim, body.rim[0]))
-    bore, wide = bore * (1 - (bore_scale(case) - 1) * q[..., 2] / depth), wide + slope_of(case) * q[..., 2]
+    bore = bore * (1 - (bore_scale(case) - 1) * q[..., 2] / depth)
+    wide = wide + slope_of(case) * q[..., 2]
     foot = (q[..., 2] < 0) & (q[..., 2] > -depth) & (across > bore) & (across < wide)
     return ((q[..., 2] > 0) & (away > low) & (away < high)) | foot
 
@@ -57,7 +60,8 @@ def halves(case, name):
     p, n, areas = part.area
     facing = out * n[:, 2]
     above, below = (free(case, p + 1e-4 * out * n, way) for way in (1, -1))
-    up, down = above & (facing > -UPRIGHT), below & (facing < UPRIGHT)
+    up = above & (facing > -UPRIGHT)
+    down = below & (facing < UPRIGHT)
     hidden = ~(up | down) & (abs(facing) > UPRIGHT)
     upper = up & ((facing > 0) | ~down)
     shares = [areas[each].sum() / areas.sum() for each in (upper, ~upper & ~hidden)]
@@ -74,7 +78,8 @@ def parting(case):
     """Of a plate the edge of its top; else the crease at which wall and exit are widest."""
     if case.lens["spec"]["plate"]:
         return {"places": ("plate",), "radius_mm": None, "low_mm": 0.0, "high_mm": 0.0}
-    body, phi = body_of(case), 2 * np.pi * np.arange(1440) / 1440
+    body = body_of(case)
+    phi = 2 * np.pi * np.arange(1440) / 1440
     leaving = body.parts["exit"]
     u = directions(leaving.ends(phi)[1], phi)
     p = leaving.exact(u)[0][:, None] * u
@@ -89,20 +94,22 @@ def ball(case):
 
 
 def sought_ball(case):
-    body, (depth, wide), rng = body_of(case), below_mm(case), np.random.default_rng(1)
+    body = body_of(case)
+    (depth, wide) = below_mm(case)
+    rng = np.random.default_rng(1)
     share, phi = np.meshgrid(np.linspace(0, 1, 150), 2 * np.pi * np.arange(400) / 400)
     faces = [part.at(share, phi)[0].reshape(-1, 3) for part in (*body.cavity, *body.envelope)]
-    turn, rim = 2 * np.pi * np.arange(720) / 720, body.rim
-    wide, outer = min(wide, body.outer_rim.max() + 4.0), body.outer_rim
+    turn = 2 * np.pi * np.arange(720) / 720
+    rim = body.rim
+    wide = min(wide, body.outer_rim.max() + 4.0)
+    outer = body.outer_rim
     axes = np.stack([np.cos(turn), np.sin(turn)], axis=1)
 
     def within(q):
         return inside(case, q) & (np.hypot(q[..., 0], q[..., 1]) < wide)
 
-    foot, narrow = (
-        rim * bore_scale(case),
-        wide + 0 * rim - (0.0 if wide < below_mm(case)[1] else slope_of(case) * depth),
-    )
+    foot = rim * bore_scale(case)
+    narrow = wide + 0 * rim - (0.0 if wide < below_mm(case)[1] else slope_of(case) * depth)
     levels = [(foot, narrow, -depth), (np.minimum(wide, outer), np.maximum(wide, outer), 0.0)]
     for low, high, z in levels:
         across = low + np.linspace(0, 1, 80)[:, None] * (high - low)
@@ -111,18 +118,21 @@ def sought_ball(case):
         down = np.linspace(0, 1, 40)[:, None, None]
         around = (top + down[..., 0] * (end - top))[..., None] * axes
         faces.append(np.dstack([around, np.broadcast_to(-depth * down, (40, 720, 1))]).reshape(-1, 3))
-    tree, size = cKDTree(np.concatenate(faces)), np.concatenate(faces)
+    tree = cKDTree(np.concatenate(faces))
+    size = np.concatenate(faces)
     places = rng.uniform(size.min(axis=0), size.max(axis=0), (20_000, 3))
     places = places[within(places)]
     best = places[np.argsort(tree.query(places)[0])[-12:]]
-    radii, step = tree.query(best)[0], 0.3
+    radii = tree.query(best)[0]
+    step = 0.3
     for _ in range(60):
         tried = best[:, None] + step * rng.normal(size=(1, 80, 3))
         found = np.where(within(tried), tree.query(tried)[0], 0.0)
         better = found.argmax(axis=1)
         wins = found.max(axis=1) > radii
         best = np.where(wins[:, None], tried[np.arange(len(best)), better], best)
-        radii, step = np.where(wins, found.max(axis=1), radii), step * 0.9
+        radii = np.where(wins, found.max(axis=1), radii)
+        step = step * 0.9
     return 2 * radii.max()
 
 

@@ -94,7 +94,8 @@ def normal_error(case, place):
 def is_cut(case, name):
     """True of a face that is designed for the ball: of a part, not of a mould."""
     spec = case.lens["spec"]
-    shop, hollow = spec["manufacture"], spec["lens"][name].get("concave_radius_mm")
+    shop = spec["manufacture"]
+    hollow = spec["lens"][name].get("concave_radius_mm")
     return shop["process"] in ("milled", "turned") and (
         shop["required"]
         or (hollow or 0.0) >= shop["nose_radius_mm" if shop["process"] == "turned" else "cutter_radius_mm"]
@@ -112,8 +113,10 @@ def base_of(case):
 
 
 def with_room(case):
-    spec, body = case.lens["spec"], body_of(case)
-    base, r = dict(spec["base"]), spec["manufacture"]["cutter_radius_mm"]
+    spec = case.lens["spec"]
+    body = body_of(case)
+    base = dict(spec["base"])
+    r = spec["manufacture"]["cutter_radius_mm"]
     if base["kind"] == "none":
         return base
     share, phi = np.meshgrid(np.linspace(0, 1, 241), 2 * np.pi * np.arange(720) / 720)
@@ -143,15 +146,19 @@ def with_room(case):
 
 def base_mm3(case):
     """Volume below z = 0: a prism, or a frustum of a moulded part, less its bore, narrower down to the step."""
-    base, body = base_of(case), body_of(case)
+    base = base_of(case)
+    body = body_of(case)
     if base["kind"] == "none":
         return 0.0
-    height, opening, radius = base["height_mm"], bore_mm2(case), base["diameter_mm"] / 2
+    height = base["height_mm"]
+    opening = bore_mm2(case)
+    radius = base["diameter_mm"] / 2
     area = base["side_mm"] ** 2 if base["kind"] == "square" else np.pi * radius**2
     if base["flat_mm"] is not None:
         half = np.arccos(base["flat_mm"] / radius)
         area -= radius**2 * (half - np.sin(half) * np.cos(half))
-    scale, wider = 1 - slope_of(case) * height / radius, bore_scale(case)
+    scale = 1 - slope_of(case) * height / radius
+    wider = bore_scale(case)
     volume = height * (area * (1 + scale + scale**2) - opening * (1 + wider + wider**2)) / 3
     if base["relief_step_mm"]:
         circle = np.pi * (body.outer_rim.min() - base["relief_setback_mm"]) ** 2
@@ -168,7 +175,8 @@ def base_mm3(case):
 
 def bore_mm2(case):
     """Area of the bore: the cavity's rim, or a circle about it."""
-    body, setback = body_of(case), base_of(case)["bore_setback_mm"]
+    body = body_of(case)
+    setback = base_of(case)["bore_setback_mm"]
     return np.pi * (body.rim.max() + setback) ** 2 if setback else body.opening_mm2
 
 
@@ -248,26 +256,30 @@ def own_places(case, points):
 
 def gap_mm(case):
     """The least distance of any two envelopes at their places, each above z = 0."""
-    body, (places, turns) = body_of(case), lamps_of(case)
+    body = body_of(case)
+    (places, turns) = lamps_of(case)
 
     def points(x, k):
         u = directions(np.clip(x[:, 0], 0, np.pi / 2), x[:, 1])
         return placed(body.radius(body.envelope, u)[:, None] * u, places[k], turns[k])
 
     one = np.linspace(-1, 1, 9)
-    around, found = np.stack(np.meshgrid(one, one), axis=-1).reshape(-1, 2), []
+    around = np.stack(np.meshgrid(one, one), axis=-1).reshape(-1, 2)
+    found = []
     theta, phi = np.meshgrid(np.linspace(0, np.pi / 2, 16), 2 * np.pi * np.arange(60) / 60)
     every = np.stack([theta, phi], axis=-1).reshape(-1, 2)
     for i, j in combinations(range(len(places)), 2):
         clouds = [points(every, k) for k in (i, j)]
         apart = np.array([np.linalg.norm(clouds[1] - p, axis=1) for p in clouds[0]])
         a, b = np.unravel_index(apart.argmin(), apart.shape)
-        ends, step = [every[a], every[b]], 0.1
+        ends = [every[a], every[b]]
+        step = 0.1
         for _ in range(32):
             near = [end + step * around for end in ends]
             apart = np.linalg.norm(points(near[0], i)[:, None] - points(near[1], j)[None], axis=2)
             a, b = np.unravel_index(apart.argmin(), apart.shape)
-            ends, step = [near[0][a], near[1][b]], step / 1.7
+            ends = [near[0][a], near[1][b]]
+            step = step / 1.7
         found.append(apart.min())
     return min(found)
 
@@ -281,7 +293,8 @@ def plate_gap(case, place):
 
 
 def plate_sides(case):
-    plate, (places, _) = case.lens["spec"]["plate"], lamps_of(case)
+    plate = case.lens["spec"]["plate"]
+    (places, _) = lamps_of(case)
     beyond = case.lens["spec"]["constraints"]["max_radius_mm"] + (
         2.0 if plate["margin_mm"] is None else plate["margin_mm"]
     )
@@ -294,7 +307,8 @@ def plate_sides(case):
 
 def plate_size(case, place):
     """Sides of the box; its height from the ends of the longest pins, or its bottom, to the top of the lenses."""
-    plate, body = case.lens["spec"]["plate"], body_of(case)
+    plate = case.lens["spec"]["plate"]
+    body = body_of(case)
     top = max(part.extreme(lambda s, f, part=part: part.at(s, f)[0][..., 2]) for part in body.envelope)
     down = plate["thickness_mm"] + max((pin["height_mm"] for pin in (*plate["pins"], *plate["bosses"])), default=0.0)
     box = mesh_of(case.folder / "plate.stl").extents
@@ -304,7 +318,9 @@ def plate_size(case, place):
 
 def plate_form_error(case, place):
     """The lens's own, and how far any pole of its copies is from where the lens at its place has it."""
-    own, copies, (places, turns) = splines_of(case, "lens.step"), splines_of(case, "plate.step"), lamps_of(case)
+    own = splines_of(case, "lens.step")
+    copies = splines_of(case, "plate.step")
+    (places, turns) = lamps_of(case)
     off = 0.0
     for name, spline in own.items():
         for k, (at, turn) in enumerate(zip(places, turns, strict=True)):
@@ -315,9 +331,12 @@ def plate_form_error(case, place):
 
 
 def plate_mm3(case):
-    plate, count = case.lens["spec"]["plate"], len(lamps_of(case)[0])
+    plate = case.lens["spec"]["plate"]
+    count = len(lamps_of(case)[0])
     wide, high = plate_sides(case)
-    thick, scale, corner = plate["thickness_mm"], bore_scale(case), plate["corner_radius_mm"]
+    thick = plate["thickness_mm"]
+    scale = bore_scale(case)
+    corner = plate["corner_radius_mm"]
     inset = slope_of(case) * thick * (np.arange(4000) + 0.5) / 4000
     rectangle = (wide - 2 * inset) * (high - 2 * inset) - (4 - np.pi) * (corner - inset) ** 2
     area = (np.pi * (wide / 2 - inset) ** 2 if plate["kind"] == "round" else rectangle).mean()
@@ -337,7 +356,8 @@ def slope_of(case):
 
 def depth_mm(case):
     """Length of the bore."""
-    plate, base = case.lens["spec"]["plate"], case.lens["spec"]["base"]
+    plate = case.lens["spec"]["plate"]
+    base = case.lens["spec"]["base"]
     return plate["thickness_mm"] if plate else base["height_mm"]
 
 
@@ -349,7 +369,8 @@ def cone_mm3(case, radius, length, way):
 
 def bore_scale(case):
     """From a cavity's rim to its bore's foot: the tangent of the rim that is nearest to the axis has the draft."""
-    rim, turns = body_of(case).rim, 2 * np.pi / len(body_of(case).rim)
+    rim = body_of(case).rim
+    turns = 2 * np.pi / len(body_of(case).rim)
     along = (np.roll(rim, -1) - np.roll(rim, 1)) / (2 * turns)
     return 1 + slope_of(case) * depth_mm(case) / (rim**2 / np.hypot(rim, along)).min()
 

@@ -9,7 +9,10 @@ from PIL import Image
 from scipy.ndimage import gaussian_filter, map_coordinates, spline_filter
 from scipy.optimize import least_squares
 
-NEAR, CORNER_PX, BLOCKS, FINE = 0.01, 0.2, 5, 16
+NEAR = 0.01
+CORNER_PX = 0.2
+BLOCKS = 5
+FINE = 16
 UNITS = ("", "deg", "mm", "mm")
 NAMES = ("scale", "rotation_deg", "displacement_x_mm", "displacement_y_mm")
 
@@ -17,7 +20,8 @@ NAMES = ("scale", "rotation_deg", "displacement_x_mm", "displacement_y_mm")
 def rectified(case, receiver):
     """The light of the photograph on the receiver's pixels, its mean 1, and the share of pixels at full scale."""
     on, off = (np.asarray(Image.open(case.folder / f"{name}.png"), dtype=float) / 65535 for name in ("on", "off"))
-    (a, b), rows = np.array(receiver.size) / 2, []
+    (a, b) = np.array(receiver.size) / 2
+    rows = []
     for (x, y), (u, v) in zip([(-a, b), (a, b), (a, -b), (-a, -b)], SHOT["corners"], strict=True):
         rows += [[x, y, 1, 0, 0, 0, -u * x, -u * y, -u], [0, 0, 0, x, y, 1, -v * x, -v * y, -v]]
     to_pixel = np.linalg.svd(np.array(rows))[2][-1].reshape(3, 3)
@@ -36,9 +40,14 @@ def ssim(one, other):
     def mean(image):
         return gaussian_filter(image, 1.5, truncate=3.5)
 
-    a, b, span = mean(one), mean(other), np.ptp(other)
-    aa, bb, ab = mean(one**2) - a**2, mean(other**2) - b**2, mean(one * other) - a * b
-    c, d = (0.01 * span) ** 2, (0.03 * span) ** 2
+    a = mean(one)
+    b = mean(other)
+    span = np.ptp(other)
+    aa = mean(one**2) - a**2
+    bb = mean(other**2) - b**2
+    ab = mean(one * other) - a * b
+    c = (0.01 * span) ** 2
+    d = (0.03 * span) ** 2
     return ((2 * a * b + c) * (2 * ab + d) / ((a**2 + b**2 + c) * (aa + bb + d)))[5:-5, 5:-5].mean()
 
 
@@ -49,7 +58,8 @@ class Aligned:
         (self.rows, self.columns), (self.width, self.height) = measured.shape, receiver.size
         self.x, self.y = (each.ravel() for each in receiver.centres())
         self.seen, light = (gaussian_filter(image, 1.0, mode="nearest") for image in (measured, simulated))
-        self.spline, self.units = spline_filter(light), np.array([1.0, 1.0, self.width, self.height])
+        self.spline = spline_filter(light)
+        self.units = np.array([1.0, 1.0, self.width, self.height])
         self.best = least_squares(self.residual, np.zeros(4), x_scale=0.01, xtol=1e-12, ftol=1e-12).x
 
     def read(self, spline, x, y):
@@ -60,7 +70,10 @@ class Aligned:
 
     def moved(self, parameters):
         log_s, turn, tx, ty = parameters * self.units
-        c, s, x, y = np.cos(turn), np.sin(turn), self.x - tx, self.y - ty
+        c = np.cos(turn)
+        s = np.sin(turn)
+        x = self.x - tx
+        y = self.y - ty
         return self.read(self.spline, np.exp(-log_s) * (c * x + s * y), np.exp(-log_s) * (c * y - s * x))
 
     def fitted(self, parameters):
@@ -75,7 +88,8 @@ class Aligned:
         """The jackknife over blocks of the picture, in the linear model about the fit."""
         light, (gain, _) = self.fitted(self.best)
         slopes = [(self.moved(self.best + h) - self.moved(self.best - h)) * gain / 2e-3 for h in 1e-3 * np.eye(4)]
-        design, left = np.column_stack([*slopes, light]), self.residual(self.best)
+        design = np.column_stack([*slopes, light])
+        left = self.residual(self.best)
         i, j = np.indices((self.rows, self.columns))
         block = ((i * BLOCKS // self.rows) * BLOCKS + j * BLOCKS // self.columns).ravel()
         out = np.array([np.linalg.lstsq(design[block != k], left[block != k], rcond=None)[0] for k in range(BLOCKS**2)])
@@ -83,7 +97,8 @@ class Aligned:
 
     def undone(self, image):
         log_s, turn, tx, ty = self.best * self.units
-        c, s = np.exp(log_s) * np.cos(turn), np.exp(log_s) * np.sin(turn)
+        c = np.exp(log_s) * np.cos(turn)
+        s = np.exp(log_s) * np.sin(turn)
         back = self.read(spline_filter(image), c * self.x - s * self.y + tx, s * self.x + c * self.y + ty)
         return back.reshape(image.shape) / back.mean()
 
@@ -91,14 +106,18 @@ class Aligned:
 def by_corners(receiver):
     """Of ln s, the angle and both shifts, by corners that scatter."""
     sides = np.linalg.norm(np.roll(SHOT["corners"], -1, axis=0) - SHOT["corners"], axis=1)
-    wide, high = (sides[0] + sides[2]) / 2, (sides[1] + sides[3]) / 2
+    wide = (sides[0] + sides[2]) / 2
+    high = (sides[1] + sides[3]) / 2
     turn = CORNER_PX / np.hypot(wide, high)
     return np.array([turn, turn, CORNER_PX / 2 * receiver.size[0] / wide, CORNER_PX / 2 * receiver.size[1] / high])
 
 
 def photo_record(case):
-    receiver, light = receivers_of(case.lens["spec"])[0], arrays(case, "evaluate")["receivers.0.map"]
-    (measured, clipped), simulated, mask = rectified(case, receiver), light / light.mean(), mask_of(receiver)
+    receiver = receivers_of(case.lens["spec"])[0]
+    light = arrays(case, "evaluate")["receivers.0.map"]
+    (measured, clipped) = rectified(case, receiver)
+    simulated = light / light.mean()
+    mask = mask_of(receiver)
     for name, image in (("measured", measured), ("simulated", simulated)):
         assert abs(arrays(case, "compare")[name] - image).max() < NEAR * image.max(), name
     fit = Aligned(measured, simulated, receiver)
@@ -107,7 +126,8 @@ def photo_record(case):
     errors = np.hypot(fit.errors(), by_corners(receiver)) * [np.exp(log_s), np.degrees(1), 1, 1]
     alignment = {name: {"value": (value, 0.1 * error), "unit": unit, "standard_error": near(error, 0.1)}
                  for name, value, error, unit in zip(NAMES, values, errors, UNITS, strict=True)}  # fmt: skip
-    aligned, regions = fit.undone(measured), (measured[mask], simulated[mask])
+    aligned = fit.undone(measured)
+    regions = (measured[mask], simulated[mask])
     evenness = [{"uniformity": near(own.min() / own.mean(), 0.02), "rsd": near(own.std() / own.mean(), 0.02)}
                 for own in regions]  # fmt: skip
     return {

@@ -22,8 +22,13 @@ from scipy.sparse.linalg import splu
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
-FACE, NODES_PER_WAVE, WIDEST, FADE, RIM = "inner", 4.0, np.tan(np.radians(56)), 1e-3, 1.02
-NEAR, NOISY = 0.03, 0.15  # of figures of the filter; of what noise drawn anew decides
+FACE = "inner"
+NODES_PER_WAVE = 4.0
+WIDEST = np.tan(np.radians(56))
+FADE = 1e-3
+RIM = 1.02
+NEAR = 0.03  # of figures of the filter
+NOISY = 0.15  # of what noise drawn anew decides
 # Of a standard error: one of 1024 rays that a shape 0.2 % off moves over the edge of a pixel makes a twelfth.
 BY_TWO_RAYS = 0.2
 FIGURES = ("nmse", "uniformity", "rsd", "efficiency")
@@ -48,7 +53,8 @@ class Filter:
         matrix = FADE * self.square(sparse.kron(by[0], by[0]), area)
         for i, j, times in ((2, 0, 1), (1, 1, 2), (0, 2, 1)):
             matrix += times * (wavelength_mm / 2 / np.pi) ** 4 * self.square(sparse.kron(by[i], by[j]), area / m**4)
-        self.values, self.weights = self.rows(u), areas(face, u) * self.c**2
+        self.values = self.rows(u)
+        self.weights = areas(face, u) * self.c**2
         self.solver = splu((matrix + self.square(self.values, self.weights)).tocsc())
 
     @staticmethod
@@ -101,7 +107,9 @@ class Measured:
         for _ in range(3 if registration == "rigid" else 0):
             self.motion = least_squares(lambda m, own=over: self.distance(placed(m)[own]), self.motion, xtol=1e-14).x
             over = self.over(placed(self.motion))
-        self.count, self.points, self.used = len(cloud), placed(self.motion)[over], over.mean()
+        self.count = len(cloud)
+        self.points = placed(self.motion)[over]
+        self.used = over.mean()
         self.u = unit(self.points)
         self.d = np.linalg.norm(self.points, axis=1) - self.face.exact(self.u)[0]
         self.radius = self.face.exact(hemisphere(2000))[0].max()
@@ -152,11 +160,14 @@ def map_of(measured, own, control):
     """Of a change over the chart, along the normal (um), and areas (mm^2); nan beyond the rim."""
     axis = np.linspace(-1, 1, 201)
     x, y = (each.ravel() for each in np.meshgrid(axis, axis))
-    inside, found, area = x**2 + y**2 <= 1, np.full(201**2, np.nan), np.full(201**2, np.nan)
+    inside = x**2 + y**2 <= 1
+    found = np.full(201**2, np.nan)
+    area = np.full(201**2, np.nan)
     u = from_chart(x[inside], y[inside])
     rho, n = measured.face.exact(u)
     c = (n * u).sum(axis=1)
-    found[inside], area[inside] = 1e3 * c * own.at(u, control), (rho * (1 + u[:, 2]) * 0.01) ** 2 / c
+    found[inside] = 1e3 * c * own.at(u, control)
+    area[inside] = (rho * (1 + u[:, 2]) * 0.01) ** 2 / c
     return found.reshape(201, 201), area.reshape(201, 201)
 
 
@@ -171,17 +182,18 @@ def near(value, part=NEAR):
 
 def light(case, face, call):
     """Figures of one light of a stage, with another face."""
-    spec, faces = case.lens["spec"], faces_of(case.lens, case.lens["faces"])
-    receiver, images, window = receivers_of(spec)[0], [], []
+    spec = case.lens["spec"]
+    faces = faces_of(case.lens, case.lens["faces"])
+    receiver = receivers_of(spec)[0]
+    images = []
+    window = []
     flux = np.concatenate([factor * each for _, factor, _, _, each, _ in call])
     number = np.concatenate([np.full(len(each), k) for k, _, _, _, each, _ in call])
     p, d, nm = (np.concatenate([each[k] for each in call]) for k in (2, 3, 5))
     behind = exits(case.lens, [face or faces[0], *faces[1:]], p, d, nm)
-    at, flux, number = (
-        receiver.land(behind.p[behind.left], behind.d[behind.left]),
-        (behind.flux * flux)[behind.left],
-        number[behind.left],
-    )
+    at = receiver.land(behind.p[behind.left], behind.d[behind.left])
+    flux = (behind.flux * flux)[behind.left]
+    number = number[behind.left]
     for k in range(16):
         rows = (number == k) & ~np.isnan(at[:, 0])
         images.append(filtered(receiver.bins(at[rows], flux[rows]), spec["evaluate"]["filter_variance"]))
@@ -204,10 +216,13 @@ def motion_errors(measured):
 
     Lensforge takes means over cells of neighbours: within a third.
     """
-    u, (rho, n) = measured.u, measured.face.exact(measured.u)
+    u = measured.u
+    (rho, n) = measured.face.exact(measured.u)
     slopes = np.hstack([np.cross(rho[:, None] * u, n), n])
     some = np.random.default_rng(0).permutation(len(u))[:1000]  # products of all are as many as their square
-    slopes, left, cosines = slopes[some], (measured.d * (n * u).sum(axis=1))[some], u[some] @ u[some].T
+    slopes = slopes[some]
+    left = (measured.d * (n * u).sum(axis=1))[some]
+    cosines = u[some] @ u[some].T
     fit = np.linalg.pinv(slopes)
     without = np.eye(len(some)) - slopes @ fit
     kernels = [np.eye(len(some)), *(np.exp((cosines - 1) / s**2) for s in (0.1, 0.2, 0.4, 0.8))]
@@ -222,7 +237,8 @@ def motion_errors(measured):
 
 def pose_record(measured):
     """Of each parameter of the motion the value and its standard error; none is fitted to points that stay."""
-    found, errors = {}, motion_errors(measured)
+    found = {}
+    errors = motion_errors(measured)
     for k, axis in enumerate("xyz"):
         found[f"rotation_{axis}_deg"] = np.degrees(measured.motion[k]), np.degrees(errors[k]), "deg"
         found[f"translation_{axis}_mm"] = measured.motion[3 + k], errors[3 + k], "mm"
@@ -258,7 +274,8 @@ def settled(case, registration):
     """The points with the filter that they ask for; the spacing is that of correct.json, which is the oracle's, too."""
 
     def make():
-        measured, found = Measured(case, registration), case.json("correct_inner")["point_spacing_mm"]
+        measured = Measured(case, registration)
+        found = case.json("correct_inner")["point_spacing_mm"]
         measured.spacing_mm = found if registration == "none" else measured.spacing()
         measured.settle(measured.spacing_mm)
         return measured
@@ -268,15 +285,19 @@ def settled(case, registration):
 
 def compare_record(case):
     measured = settled(case, "rigid")
-    own, receiver = measured.form, receivers_of(case.lens["spec"])[0]
+    own = measured.form
+    receiver = receivers_of(case.lens["spec"])[0]
     control = own.through(measured.d)
     form, area = map_of(measured, own, control)
-    distance, residual = 1e3 * measured.d * own.c, own.mean_square(measured.d - own.passed(measured.d))
+    distance = 1e3 * measured.d * own.c
+    residual = own.mean_square(measured.d - own.passed(measured.d))
     calls = case.rays["compare_inner"]
     faces = zip((None, changed(measured, own, control)), calls, strict=True)
     (before, designed), (after, found) = (light(case, face, call) for face, call in faces)
-    covered, rays = (measured.covered(measured.spacing_mm), 0.005), count_of(calls[0])
-    mean, maps = (before.mean(axis=0), after.mean(axis=0)), arrays(case, "compare_inner")
+    covered = (measured.covered(measured.spacing_mm), 0.005)
+    rays = count_of(calls[0])
+    mean = (before.mean(axis=0), after.mean(axis=0))
+    maps = arrays(case, "compare_inner")
     assert np.nanmax(abs(maps["deviation_um"] - form)) < 0.1 * np.nanmax(abs(form))
     for name, own in zip(("irradiance_design", "irradiance_measured"), mean, strict=True):
         assert abs(maps[name] * receiver.measure - own).max() < 0.05 * own.max(), name
@@ -296,9 +317,13 @@ def compare_record(case):
 
 
 def correct_record(case):
-    spec, measured, found = case.lens["spec"], settled(case, "none"), case.json("correct_inner")
-    chosen, gain = Filter(measured.face, measured.u, found["wavelength_mm"]), found["gain"]
-    control, likeliest = chosen.through(measured.d), measured.form.through(measured.d)
+    spec = case.lens["spec"]
+    measured = settled(case, "none")
+    found = case.json("correct_inner")
+    chosen = Filter(measured.face, measured.u, found["wavelength_mm"])
+    gain = found["gain"]
+    control = chosen.through(measured.d)
+    likeliest = measured.form.through(measured.d)
     deviation, area = map_of(measured, measured.form, likeliest)
     passed, _ = map_of(measured, chosen, control)
     noise = measured.noise * np.random.default_rng(7).normal(size=len(measured.u)) / chosen.c
@@ -307,8 +332,10 @@ def correct_record(case):
     left = Changed(measured.face, lambda u: measured.form.at(u, likeliest) - gain * chosen.at(u, again))
     calls = zip((None, changed(measured, measured.form, likeliest), left), case.rays["correct_inner"], strict=True)
     designed, first, second = (light(case, face, call)[1] for face, call in calls)
-    rays, covered = count_of(case.rays["correct_inner"][0]), (measured.covered(measured.spacing_mm), 0.005)
-    content, (hollow, hollow_near) = (case.folder / "lens_corrected_inner.step").read_bytes(), hollow_mm(case, FACE)
+    rays = count_of(case.rays["correct_inner"][0])
+    covered = (measured.covered(measured.spacing_mm), 0.005)
+    content = (case.folder / "lens_corrected_inner.step").read_bytes()
+    (hollow, hollow_near) = hollow_mm(case, FACE)
     cut = Part(FACE, changed(measured, chosen, -gain * control), "cavity", "body")
     lowest = cut.extreme(lambda share, phi: -cut.curvatures(share, phi)[1], -1)
     small = {"max": (0.5, 0.5), "rms": (0.5, 0.5)}

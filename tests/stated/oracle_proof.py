@@ -9,9 +9,12 @@ from oracle_part import body_of, kept_of, lamps_of, mesh_of, own_places, placed,
 from page_scene import receivers_of
 from page_tracer import unit
 
-DEVIATION, NOISE_FLOORS, NOISE_ALLOWANCE = 1e-4, 2.5, 1e-3
+DEVIATION = 1e-4
+NOISE_FLOORS = 2.5
+NOISE_ALLOWANCE = 1e-3
 # Of the table that stands for the design there: it aims at 2, a face of tir has 2.6; and the limit on a form.
-TABLE_NM, FORM_NM = 3.0, 70.0
+TABLE_NM = 3.0
+FORM_NM = 70.0
 
 
 def record(case):
@@ -58,8 +61,10 @@ def reach_mm(case, index):
     about = np.cross([0, 0, 1.0], z)  # its axes: the lens's after the shortest turn
     cross = np.array([[0, -about[2], about[1]], [about[2], 0, -about[0]], [-about[1], about[0], 0]])
     turn = np.eye(3) + cross + cross @ cross / (1 + z[2])
-    c, s = np.cos(np.radians(turn_deg)), np.sin(np.radians(turn_deg))
-    across, up = c * turn[:, 0] + s * turn[:, 1], c * turn[:, 1] - s * turn[:, 0]
+    c = np.cos(np.radians(turn_deg))
+    s = np.sin(np.radians(turn_deg))
+    across = c * turn[:, 0] + s * turn[:, 1]
+    up = c * turn[:, 1] - s * turn[:, 0]
     places = x[None, :, None] * across + y[:, None, None] * up + centre - first_pole(case)
     away = np.linalg.norm(places, axis=-1)
     return np.sqrt((light * (away**2 / abs(places @ z)) ** 2).sum() / light.sum())
@@ -105,7 +110,8 @@ def same_rays_limit(receiver):
 
 
 def part_efficiency(case, place):
-    designed, rays = case.json("evaluate")["receivers"][place.group]["efficiency"]["value"], record(case)["rays"]
+    designed = case.json("evaluate")["receivers"][place.group]["efficiency"]["value"]
+    rays = record(case)["rays"]
     return Expected(100 * designed, 400 * np.sqrt(designed * (1 - designed) / rays) + 0.05, "%")
 
 
@@ -170,9 +176,11 @@ def of_mesh(file):
 
 def of_step(file):
     def form(case, place):
-        own, off = splines_of(case, "lens.step"), 0.0
+        own = splines_of(case, "lens.step")
+        off = 0.0
         if file == "plate.step":
-            copies, lamps = splines_of(case, file), list(enumerate(zip(*lamps_of(case), strict=True), 1))
+            copies = splines_of(case, file)
+            lamps = list(enumerate(zip(*lamps_of(case), strict=True), 1))
             apart = [copies[f"{name}_{k}"].poles - placed(own[name].poles, *lamp) for name in own for k, lamp in lamps]
             off = max(np.linalg.norm(each, axis=2).max() for each in apart)
         value = worst_errors(case)[0] + 1e6 * off
@@ -190,8 +198,10 @@ def lit(case, place):
 
 def floor_of(case, index):
     """Noise of independent rays: of a pixel's flux F in rays of f each, f F - F^2/n, through the squared taps."""
-    light, spec = arrays(case, "evaluate")[f"receivers.{index}.map"], case.lens["spec"]
-    one, receiver = record(case)["receivers"][index], receivers_of(spec)[index]
+    light = arrays(case, "evaluate")[f"receivers.{index}.map"]
+    spec = case.lens["spec"]
+    one = record(case)["receivers"][index]
+    receiver = receivers_of(spec)[index]
     e = np.exp(-1 / (2 * spec["evaluate"]["filter_variance"]))
     taps = np.array([e, 1, e]) / (1 + 2 * e)
     landed = np.prod(receiver.size) * (1 if receiver.kind == "far_field" else 1e-6) / light.size * light

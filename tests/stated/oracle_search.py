@@ -25,7 +25,8 @@ class Solid:
     """Radii of the cavity and of the body in each of some directions: the least of the faces that bound them."""
 
     def __init__(self, case, u):
-        lens, kind = case.lens, case.lens["spec"]["lens"]["kind"]
+        lens = case.lens
+        kind = case.lens["spec"]["lens"]["kind"]
         self.faces = dict(zip(lens["faces"], faces_of(lens, lens["faces"]), strict=True))
         sides = {"double": (["inner"], ["outer"]), "tir": (["cap", "side"], ["wall", "flange", "exit"]),
                  "reflector": (["cup", "mouth"], ["back", "mouth"])}[kind]  # fmt: skip
@@ -78,14 +79,19 @@ def found(case):
 
 
 def found_of(case):
-    spec, u = case.lens["spec"], directions(20_000)
-    limits, solid = spec["constraints"], Solid(case, u)
-    z, kind = u[:, 2], spec["lens"]["kind"]
-    h, r = limits["cavity_height_mm"], limits["cavity_radius_mm"]
+    spec = case.lens["spec"]
+    u = directions(20_000)
+    limits = spec["constraints"]
+    solid = Solid(case, u)
+    z = u[:, 2]
+    kind = spec["lens"]["kind"]
+    h = limits["cavity_height_mm"]
+    r = limits["cavity_radius_mm"]
     clear = (h / r**2 * solid.cavity**2 * (1 - z**2) + solid.cavity * z - h).min()
     from_axis = solid.body * (1 if kind == "double" else np.sqrt(1 - z**2))
     near = 4e-3  # between the directions at which the program looks
-    largest, height = (from_axis.max(), near), ((solid.body * z).max(), near)
+    largest = (from_axis.max(), near)
+    height = ((solid.body * z).max(), near)
     margins = {
         "cavity_clearance_mm": (clear, near), "radius_margin_mm": (limits["max_radius_mm"] - largest[0], near),
         "wall_margin_mm": (thinnest(case) - limits["min_thickness_mm"], 1e-4) if kind == "double" else ...,
@@ -97,7 +103,8 @@ def found_of(case):
         margins["largest_wall_margin_mm"] = limits["max_wall_mm"] - (solid.body - solid.cavity).max(), near
     if limits["max_height_mm"]:
         margins["height_margin_mm"] = limits["max_height_mm"] - height[0], near
-    functions, steps = sum(spec["lens"]["levels"]), sum(spec["optimise"]["steps_per_level"][-1:])
+    functions = sum(spec["lens"]["levels"])
+    steps = sum(spec["optimise"]["steps_per_level"][-1:])
     return {
         "rays_per_step": spec["optimise"]["rays"], "steps": ..., "max_radius_mm": largest, "height_mm": height,
         "constraints": margins, "source": source(case), "source_outline_mm": ..., "history": ..., "ended": ...,
@@ -107,7 +114,8 @@ def found_of(case):
 
 def opening(case, solid, u):
     """Room of a cup that levels shape over its mouth; None of any other lens."""
-    spec, about = case.lens["spec"], u[u[:, 2] > np.cos(0.3)]
+    spec = case.lens["spec"]
+    about = u[u[:, 2] > np.cos(0.3)]
     if spec["lens"]["kind"] != "reflector" or not spec["lens"]["levels"] or spec["lens"]["cup"]["fixed"]:
         return None
     room = (solid.faces["cup"].exact(about)[0] - solid.faces["mouth"].exact(about)[0]).min()
@@ -144,7 +152,8 @@ def size(key, limit, margin):
     """A length with its limit, which is kept where its margin is not below 0 but for the tolerance."""
 
     def oracle(case, _place):
-        own, limits = design(case), case.lens["spec"]["constraints"]
+        own = design(case)
+        limits = case.lens["spec"]["constraints"]
         value, near = own[key] if key in own else own["constraints"][key]
         bound = 0.0 if limit is None else limits[limit]
         if bound is None:

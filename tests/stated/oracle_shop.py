@@ -10,7 +10,10 @@ from oracle_part import base_of, body_of, bore_scale, kept_of, lamps_of, plate_s
 from page_body import directions
 from scipy.optimize import minimize_scalar
 
-ANGLE_DEG, FIT, PLANE_MM, GOOD_DRAFT_DEG = 0.02, 1e-6, 1e6, 2.0
+ANGLE_DEG = 0.02
+FIT = 1e-6
+PLANE_MM = 1e6
+GOOD_DRAFT_DEG = 2.0
 NEARLY_FLAT_MM = 1e4  # splines within 1 nm of a face that is flat along one way have hollows of such radii
 FACES = ("inner", "outer", "cap", "side", "wall", "exit", "cup", "back")
 FROM_BELOW = ("wall", "cup", "back")
@@ -21,8 +24,10 @@ class CutFace:
     """A face as it is cut: ``scale`` times as large and seen from the air; a mould insert has air where the lens is."""
 
     def __init__(self, case, name):
-        spec, body = case.lens["spec"], body_of(case)
-        self.part, shop = body.parts[name], spec["manufacture"]
+        spec = case.lens["spec"]
+        body = body_of(case)
+        self.part = body.parts[name]
+        shop = spec["manufacture"]
         self.scale = 1 + shop["shrinkage"] if shop["process"] == "moulded" else 1.0
         self.cutter = shop["cutter_radius_mm"]
         self.air = (-1 if self.part.before == "cavity" else 1) * (-1 if shop["process"] == "moulded" else 1)
@@ -57,7 +62,8 @@ class CutFace:
     def sphere(self):
         """Radius, departure from peak to valley and rms (mm) of the best-fit sphere, and the height of its centre."""
         p, _, areas = self.part.area
-        p, share = self.scale * p, areas / areas.sum()
+        p = self.scale * p
+        share = areas / areas.sum()
 
         def spread(c):
             distance = np.linalg.norm(p - [0, 0, c], axis=1)
@@ -84,7 +90,8 @@ class CutFace:
         areas = (high - low) * np.hypot(u[..., 0], u[..., 1]) * (p**2).sum(axis=-1) / (n * u).sum(axis=-1)
         areas[-1] /= 2
         kappa = self.least_curvature(share, phi).ravel()
-        p, a = self.scale * p.reshape(-1, 3), self.air * n.reshape(-1, 3)
+        p = self.scale * p.reshape(-1, 3)
+        a = self.air * n.reshape(-1, 3)
         others = np.concatenate([p, *(self.scale * each.at(share, phi)[0].reshape(-1, 3) for each in self.beside)])
         found = np.where(kappa < -1 / PLANE_MM, -1 / np.minimum(kappa, -1e-12), np.inf)
         for k, (place, normal) in enumerate(zip(p, a, strict=True)):
@@ -112,7 +119,8 @@ def asked_draft(case, name):
 
 def draft_state(case, name):
     """The draft of a cut face from the side of its tool, of a moulded one from the half that draws it."""
-    wanted, moulded = asked_draft(case, name), is_moulded(case)
+    wanted = asked_draft(case, name)
+    moulded = is_moulded(case)
     if wanted is None and not moulded:
         return ""
     least = half(case, name)[3] if moulded else face_of(case, name).draft_deg
@@ -163,7 +171,8 @@ def reached_share(case, name):
 
 def ball(case, name):
     value, within = ball_mm(case, name)
-    limit, state = (">=", face_of(case, name).cutter), cutter_state(case, name)
+    limit = (">=", face_of(case, name).cutter)
+    state = cutter_state(case, name)
     return Expected("any" if value is None else value, within, "mm", limit=limit, state=state)
 
 
@@ -232,7 +241,8 @@ def thinnest(case, place):
 
 
 def thickest(case, place):
-    most, value = case.lens["spec"]["constraints"]["max_wall_mm"], body_of(case).thickest
+    most = case.lens["spec"]["constraints"]["max_wall_mm"]
+    value = body_of(case).thickest
     if most is None:
         return Expected(value, slack_mm(case), "mm")
     return Expected(
@@ -242,7 +252,8 @@ def thickest(case, place):
 
 def edge_deg(case, one, other):
     """The least angle of the wedge in which two faces meet, over 1440 azimuths."""
-    body, phi = body_of(case), 2 * np.pi * np.arange(1440) / 1440
+    body = body_of(case)
+    phi = 2 * np.pi * np.arange(1440) / 1440
     parts = next(p for p in (body.envelope, body.cavity) if {one, other} <= {part.name for part in p})
     first, last = (next(part for part in parts if part.name == name) for name in (one, other))
     u = directions(first.ends(phi)[1], phi)
@@ -258,7 +269,8 @@ def edge(name):
         body = body_of(case)
         pairs = [pair for parts in (body.cavity, body.envelope) for pair in pairwise([part.name for part in parts])]
         one, other = next(pair for pair in pairs if name == pair[1 if pair[0] == "mouth" else 0])
-        least, value = case.lens["spec"]["constraints"]["min_edge_angle_deg"], edge_deg(case, one, other)
+        least = case.lens["spec"]["constraints"]["min_edge_angle_deg"]
+        value = edge_deg(case, one, other)
         if least is None:
             return Expected(value, 0.01, "°")
         state = "pass" if value >= least - ANGLE_DEG else "fail"
@@ -284,14 +296,16 @@ def circle_wall(case, name):
 
 def relief(case, name):
     """Clearances (mm) that the ball lacks of the base, the largest over what it reaches; the share that needs none."""
-    base, face = base_of(case), face_of(case, name)
+    base = base_of(case)
+    face = face_of(case, name)
     share, phi = np.meshgrid(1 - (1 - np.arange(1, 81) / 80) ** 2, 2 * np.pi * np.arange(180) / 180, indexing="ij")
     p, n, u = face.part.at(share, phi)
     low, high = face.part.ends(phi)
     wide = np.gradient(share[:, 0])[:, None] * (high - low)
     areas = (wide * np.hypot(u[..., 0], u[..., 1]) * (p**2).sum(axis=-1) / (n * u).sum(axis=-1)).ravel()
     b = (p + face.cutter * face.air * n).reshape(-1, 3)
-    r, across = face.cutter, np.hypot(b[:, 0], b[:, 1])
+    r = face.cutter
+    across = np.hypot(b[:, 0], b[:, 1])
     rim, around = circle_wall(case, name)
 
     def needed(depth):
@@ -315,7 +329,8 @@ def relief(case, name):
         found = {"bore_clearance_mm": bore, "pocket_diameter_mm": 0 * bore}
     else:
         disc = base["diameter_mm"] / 2
-        present, aside = base["relief_step_mm"] or 0.0, np.maximum(across - disc, 0)
+        present = base["relief_step_mm"] or 0.0
+        aside = np.maximum(across - disc, 0)
         step = beyond(np.where(aside < r, needed(aside) - b[:, 2] - present, 0.0))
         step = np.where(step > 0, step + present, 0.0)
         if base["relief_setback_mm"]:
@@ -349,16 +364,20 @@ def on_face(place):
 
 def plate_wall_mm(case):
     """The least distance, at the bottom, between a hole or a pin and a bore, the edge, or another of them."""
-    plate, (places, turns), rim = case.lens["spec"]["plate"], lamps_of(case), body_of(case).rim * bore_scale(case)
+    plate = case.lens["spec"]["plate"]
+    (places, turns) = lamps_of(case)
+    rim = body_of(case).rim * bore_scale(case)
     wider = slope_of(case) * plate["thickness_mm"]
     marks = [(np.array(mark["place_mm"]), mark["diameter_mm"] / 2 + (wider if kind == "holes" else 0.0))
              for kind in ("holes", "pins", "bosses") for mark in plate[kind]]  # fmt: skip
-    phi, walls = 2 * np.pi * np.arange(len(rim)) / len(rim), []
+    phi = 2 * np.pi * np.arange(len(rim)) / len(rim)
+    walls = []
     for at, turn in zip(places, turns, strict=True):
         a = phi + np.radians(turn)
         cavity = at + rim[:, None] * np.column_stack([np.cos(a), np.sin(a)])
         walls += [np.linalg.norm(cavity - mark, axis=1).min() - radius for mark, radius in marks]
-    half, corner = np.array(plate_sides(case)) / 2, plate["corner_radius_mm"]
+    half = np.array(plate_sides(case)) / 2
+    corner = plate["corner_radius_mm"]
     for k, (mark, radius) in enumerate(marks):
         beyond = abs(mark) - (half - corner)
         walls.append(corner - np.linalg.norm(np.maximum(beyond, 0)) - min(beyond.max(), 0) - radius - wider)

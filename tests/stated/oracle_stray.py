@@ -13,10 +13,16 @@ from page_light import filtered
 from page_scene import exits, faces_of, lamps_of, receivers_of, through
 from page_tracer import behind_glass, coated, refractive_index, unit
 
-CUT_OFF, DEPTH, SKIN_MM, STEPS, HALVINGS = 1e-4, 32, 1e-6, 64, 24
+CUT_OFF = 1e-4
+DEPTH = 32
+SKIN_MM = 1e-6
+STEPS = 64
+HALVINGS = 24
 CAUSES = ("sequential", "inner_reflection", "outer_reflection", "total_reflection", "base", "met_again")
 SEQUENTIAL, INNER, OUTER, TOTAL, BASE, MET_AGAIN = range(6)
-NEAR, FEW, PIXEL = 0.03, 3e-5, 0.3  # of a share; of all light; of what single dim rays decide
+NEAR = 0.03  # of a share
+FEW = 3e-5  # of all light
+PIXEL = 0.3  # of what single dim rays decide
 LIMITS = {"stray_balance": 1e-9, "stray_leaked": 1e-3, "stray_too_dim": 1e-2}
 
 
@@ -27,8 +33,12 @@ class Solid:
     """
 
     def __init__(self, case):
-        self.case, self.spec, self.faces = case, case.lens["spec"], faces_of(case.lens, case.lens["faces"])
-        self.body, self.lenses, self.to_plate = body_of(case), [(np.zeros(2), 0.0)], (np.zeros(2), 0.0)
+        self.case = case
+        self.spec = case.lens["spec"]
+        self.faces = faces_of(case.lens, case.lens["faces"])
+        self.body = body_of(case)
+        self.lenses = [(np.zeros(2), 0.0)]
+        self.to_plate = (np.zeros(2), 0.0)
         self.double = self.spec["lens"]["kind"] == "double"
         if self.spec["plate"]:
             places, turns = plate_lamps(case)
@@ -81,11 +91,13 @@ class Solid:
             assert not base["bore_setback_mm"] and not base["relief_step_mm"], "a plain base"
             side = base["diameter_mm"] / 2 + slope_of(self.case) * p[:, 2] - np.hypot(p[:, 0], p[:, 1])
             return np.min([p[:, 2] - self.low, side, bores], axis=0)
-        plate, (wide, high) = self.spec["plate"], plate_sides(self.case)
+        plate = self.spec["plate"]
+        (wide, high) = plate_sides(self.case)
         q = placed(p, *self.to_plate)
         corner = plate["corner_radius_mm"]
         beyond = np.maximum(abs(q[:, :2]) - [wide / 2 - corner, high / 2 - corner], 0)
-        down, root = slope_of(self.case) * p[:, 2], -slope_of(self.case) * plate["thickness_mm"]
+        down = slope_of(self.case) * p[:, 2]
+        root = -slope_of(self.case) * plate["thickness_mm"]
         holes = [np.hypot(*(q[:, :2] - hole["place_mm"]).T) - hole["diameter_mm"] / 2 + down for hole in plate["holes"]]
         slab = np.min([p[:, 2] + plate["thickness_mm"], corner + down - np.hypot(*beyond.T), bores, *holes], axis=0)
         pins = [
@@ -94,7 +106,8 @@ class Solid:
         return np.where(p[:, 2] > -plate["thickness_mm"], slab, np.max(pins, axis=0))
 
     def inside(self, p):
-        value, up = np.full(len(p), -1.0), p[:, 2] > 0
+        value = np.full(len(p), -1.0)
+        up = p[:, 2] > 0
         value[~up] = self.below(p[~up])
         value[(p[:, 2] < self.low)] = -1.0
         for number in range(len(self.lenses)):
@@ -106,7 +119,8 @@ class Solid:
 
     def normals(self, p):
         """Out of the material; and the number of the face of the lens, -1 at or below z = 0."""
-        n, face = np.zeros_like(p), np.full(len(p), -1)
+        n = np.zeros_like(p)
+        face = np.full(len(p), -1)
         near = self.nearest(p)
         for number, (_, turn) in enumerate(self.lenses):
             rows = np.flatnonzero((near == number) & (p[:, 2] > 1e-7))
@@ -137,21 +151,25 @@ class Solid:
 
     def hit(self, p, d, inside):
         """Path to the next surface; nan where the ray leaves."""
-        along, sign = (p * d).sum(axis=1), np.where(inside, 1.0, -1.0)
+        along = (p * d).sum(axis=1)
+        sign = np.where(inside, 1.0, -1.0)
         end = np.sqrt(np.maximum(along**2 - (p**2).sum(axis=1) + self.reach**2, 0)) - along
         for level, way in ((self.high, d[:, 2] > 0), (self.low, d[:, 2] < 0)):
             end[way] = np.minimum(end[way], np.maximum((level - p[way, 2]) / d[way, 2], 0) + 1e-3)
-        low, high = np.full(len(p), SKIN_MM), np.full(len(p), np.nan)
+        low = np.full(len(p), SKIN_MM)
+        high = np.full(len(p), np.nan)
         for share in np.arange(1, STEPS + 1) / STEPS:
             rows = np.flatnonzero(np.isnan(high))
             t = SKIN_MM + share * end[rows]
             out = sign[rows] * self.inside(p[rows] + t[:, None] * d[rows]) < 0
-            high[rows[out]], low[rows[~out]] = t[out], t[~out]
+            high[rows[out]] = t[out]
+            low[rows[~out]] = t[~out]
         rows = np.flatnonzero(~np.isnan(high))
         for _ in range(HALVINGS):
             middle = (low[rows] + high[rows]) / 2
             out = sign[rows] * self.inside(p[rows] + middle[:, None] * d[rows]) < 0
-            high[rows], low[rows] = np.where(out, middle, high[rows]), np.where(out, low[rows], middle)
+            high[rows] = np.where(out, middle, high[rows])
+            low[rows] = np.where(out, low[rows], middle)
         return high
 
 
@@ -184,8 +202,10 @@ def joined(parts):
 
 def emitted(case, solid):
     p, d, flux, nm = case.rays["stray"][0]
-    count, one = len(p), unit(np.cross(d, np.where(abs(d[:, :1]) < 0.9, [1.0, 0, 0], [0, 1.0, 0])))
-    e, none = np.stack([one, np.cross(d, one)], axis=1).astype(complex), np.zeros(count, dtype=int)
+    count = len(p)
+    one = unit(np.cross(d, np.where(abs(d[:, :1]) < 0.9, [1.0, 0, 0], [0, 1.0, 0])))
+    e = np.stack([one, np.cross(d, one)], axis=1).astype(complex)
+    none = np.zeros(count, dtype=int)
     index = refractive_index(case.lens, nm, count)
     waves = np.full(count, solid.spec["lens"]["design_wavelength_nm"]) if nm is None else nm
     inside = solid.inside(p) > 0  # of a file, some rays may start in the material
@@ -202,10 +222,12 @@ def amplitudes(solid, light, face, n):
     c = abs((light.d * n).sum(axis=1))
     ahead = n * np.sign((light.d * n).sum(axis=1))[:, None]
     around = np.full(len(c), solid.spec["lens"]["outside_index"])
-    before, behind = np.where(light.inside, light.index, around), np.where(light.inside, around, light.index)
+    before = np.where(light.inside, light.index, around)
+    behind = np.where(light.inside, around, light.index)
     r = before / behind
     q2 = 1 - r**2 * (1 - c**2)
-    total, q = q2 <= 0, np.sqrt(q2 + 0j)
+    total = q2 <= 0
+    q = np.sqrt(q2 + 0j)
     back = np.array([(r * c - q) / (r * c + q), -(c - r * q) / (c + r * q)])
     for k in np.unique(face[face >= 0]):
         coating = (solid.spec["lens"].get(solid.name(k)) or {}).get("coating")
@@ -239,7 +261,8 @@ def step(solid, light, least, ends):
     gone = np.isnan(t)
     ends["escaped"].append(light.take(gone & ~light.inside))
     ends["leaked"] += light.flux[gone & light.inside].sum()
-    light, t = light.take(~gone), t[~gone]
+    light = light.take(~gone)
+    t = t[~gone]
     left = np.where(light.inside, np.exp(-solid.spec["lens"]["absorption_per_mm"] * t), 1.0)
     ends["absorbed"] += (light.flux * (1 - left)).sum()
     light = light.but(p=light.p + t[:, None] * light.d, flux=light.flux * left)
@@ -272,11 +295,10 @@ def step(solid, light, least, ends):
 def followed(case):
     """All light until it has left the part."""
     solid = Solid(case)
-    light, ends = (
-        emitted(case, solid),
-        {"escaped": [], **dict.fromkeys(("leaked", "absorbed", "neighbours", "too_dim"), 0.0)},
-    )
-    least, watts = CUT_OFF * light.flux.mean(), light.flux.sum()
+    light = emitted(case, solid)
+    ends = {"escaped": [], **dict.fromkeys(("leaked", "absorbed", "neighbours", "too_dim"), 0.0)}
+    least = CUT_OFF * light.flux.mean()
+    watts = light.flux.sum()
     for _ in range(DEPTH):
         light = step(solid, light, least, ends)
         if not len(light.flux):
@@ -290,7 +312,8 @@ def followed(case):
 
 def behind(case, solid, light):
     """Behind the further bodies and the cover glass: places, directions, and the shares that both let through."""
-    section, count = solid.spec["lens"], len(light.flux)
+    section = solid.spec["lens"]
+    count = len(light.flux)
     s = unit(np.cross(light.d, np.where(abs(light.d[:, :1]) < 0.9, [1.0, 0, 0], [0, 1.0, 0])))
     one, other = ((light.e * axis[:, None]).sum(axis=2) for axis in (s, np.cross(light.d, s)))
     whole = (abs(one) ** 2 + abs(other) ** 2).sum(axis=1)
@@ -299,10 +322,14 @@ def behind(case, solid, light):
         2 * (one * other.conj()).real.sum(axis=1) / whole,
         s,
     ]
-    left, p, d, share = np.arange(count), light.p.copy(), light.d.copy(), np.ones(count)
+    left = np.arange(count)
+    p = light.p.copy()
+    d = light.d.copy()
+    share = np.ones(count)
     for body in solid.spec["bodies"] or []:
         left, stokes, _ = through(body, section, left, p, d, share, light.nm, stokes)
-    glass, up = np.ones(count), d[left, 2] > 0
+    glass = np.ones(count)
+    up = d[left, 2] > 0
     rows = left[up]
     p[rows], glass[rows] = behind_glass(section, p[rows], d[rows], light.nm[rows], [part[up] for part in stokes])
     return left, p, d, share, glass
@@ -314,16 +341,25 @@ def light_at(case):
     Each lamp has the same light, at its place and with its axes.
     """
     solid, ends = followed(case)
-    light, spec = ends["escaped"], case.lens["spec"]
+    light = ends["escaped"]
+    spec = case.lens["spec"]
     left, p, d, share, glass = behind(case, solid, light)
-    rays, flux = case.rays["stray"][0], light.flux * share * glass
+    rays = case.rays["stray"][0]
+    flux = light.flux * share * glass
     direct = exits(case.lens, solid.faces, *rays[:2], rays[3])
     lamps = list(zip(*lamps_of(spec)[:2], strict=True))
-    watts, stray, rows = len(lamps) * ends["watts"], light.cause != SEQUENTIAL, direct.left
-    own_flux, variance = (direct.flux * rays[2])[rows], spec["evaluate"]["filter_variance"]
+    watts = len(lamps) * ends["watts"]
+    stray = light.cause != SEQUENTIAL
+    rows = direct.left
+    own_flux = (direct.flux * rays[2])[rows]
+    variance = spec["evaluate"]["filter_variance"]
     found = []
     for receiver in receivers_of(spec):
-        sums, by_cause, images, plain, undivided = Counter(), Counter(), [0, 0], 0, 0.0
+        sums = Counter()
+        by_cause = Counter()
+        images = [0, 0]
+        plain = 0
+        undivided = 0.0
         for place, turn in lamps:
             shift = 0 if receiver.kind == "far_field" else place
             at = np.full((len(flux), 2), np.nan)
@@ -361,7 +397,8 @@ def near(value, part=NEAR):
 
 def receiver_record(case, number):
     receiver, flux, by_cause, direct, stray, plain, sequential = of_case(case)[0][number]
-    watts, whole = len(lamps_of(case.lens["spec"])[0]) * case.rays["stray"][0][2].sum(), direct + stray
+    watts = len(lamps_of(case.lens["spec"])[0]) * case.rays["stray"][0][2].sum()
+    whole = direct + stray
     area = np.prod(receiver.size) / direct.size * (1 if receiver.kind == "far_field" else 1e-6)
     for name, image in (("direct", direct), ("stray", stray), ("sequential", plain)):
         found = arrays(case, "stray")[f"receivers.{number}.{name}"] * area
@@ -379,7 +416,8 @@ def receiver_record(case, number):
 
 
 def stray_record(case):
-    spec, found = case.lens["spec"], [receiver_record(case, k) for k in range(len(of_case(case)[0]))]
+    spec = case.lens["spec"]
+    found = [receiver_record(case, k) for k in range(len(of_case(case)[0]))]
     values = [0.0, *(found[0]["flux"][name] for name in ("leaked", "too_dim"))]
     criteria = [
         {"name": name, "value": (0.0, 1e-9) if name == "stray_balance" else value, "sense": "<=", "limit": limit,

@@ -53,7 +53,8 @@ def rows_of(case):
     """Name, amount, unit and tolerance with its numbers (mm, rad or 1) of every row."""
     for name, (words, way) in kinds_of(case.lens["spec"]["lens"]).items():
         unit = name.rpartition("_")[2] if name.rpartition("_")[2] in UNITS else ""
-        amount, factor = amount_of(case.lens["spec"], name), UNITS.get(unit, 1.0)
+        amount = amount_of(case.lens["spec"], name)
+        factor = UNITS.get(unit, 1.0)
         if way == "±":
             for sign in (1.0, -1.0):
                 yield words, sign * amount, unit, name, sign * amount * factor
@@ -66,7 +67,8 @@ def rows_of(case):
 
 def amount_of(spec, name):
     """As the spec has it: of a face in its own table."""
-    face, field = face_of(spec["lens"], name), name
+    face = face_of(spec["lens"], name)
+    field = name
     table = spec["tolerances"] if face is None else spec["lens"][face]
     return table[field if face is None else field.removeprefix(f"{face}_")]["amount"]
 
@@ -88,7 +90,10 @@ class Moved:
     """A face turned about the origin, then shifted."""
 
     def __init__(self, face, turn, shift):
-        self.face, self.turn, self.shift, self.largest = face, turn, np.array(shift), face.largest + 1.0
+        self.face = face
+        self.turn = turn
+        self.shift = np.array(shift)
+        self.largest = face.largest + 1.0
 
     def own(self, p):
         return (p - self.shift) @ self.turn
@@ -108,13 +113,17 @@ class Bent:
     """A face with an error e(u) along its normal; normals by differences."""
 
     def __init__(self, face, error):
-        self.face, self.error, self.largest = face, error, face.largest + 1.0
+        self.face = face
+        self.error = error
+        self.largest = face.largest + 1.0
 
     def radius(self, u):
         return self.face.radius(u) + self.error(u) / (self.face.normal(u) * u).sum(axis=1)
 
     def normal(self, u):
-        rho, slope, h = self.radius(u), np.zeros_like(u), 1e-5
+        rho = self.radius(u)
+        slope = np.zeros_like(u)
+        h = 1e-5
         for e in np.eye(3):
             t = e - (u @ e)[:, None] * u
             slope += ((self.radius(unit(u + h * t)) - self.radius(unit(u - h * t))) / (2 * h))[:, None] * e
@@ -125,7 +134,11 @@ class Rough:
     """A face with facets of this rms slope and noise, those that the rays meet which come to it."""
 
     def __init__(self, face, rms, noise):
-        self.face, self.rms, self.slopes, self.radius, self.largest = face, rms, rms * noise, face.radius, face.largest
+        self.face = face
+        self.rms = rms
+        self.slopes = rms * noise
+        self.radius = face.radius
+        self.largest = face.largest
 
     def seen(self, u, d):
         return facet(self.face.normal(u), d, self.slopes, self.rms)
@@ -135,8 +148,12 @@ class BentFace:
     """A face of a chain with an error e(u, rho, n) along its normal; it counts near the face alone."""
 
     def __init__(self, face, error):
-        self.face, self.error, self.name, self.reach = face, error, face.name, face.reach + 1.0
-        self.before, self.behind = face.before, face.behind
+        self.face = face
+        self.error = error
+        self.name = face.name
+        self.reach = face.reach + 1.0
+        self.before = face.before
+        self.behind = face.behind
 
     def radius(self, u):
         rho, n = self.face.exact(u)
@@ -163,7 +180,8 @@ def displaced(name, value):
 
 def hemisphere(count):
     j = np.arange(count)
-    z, phi = 1 - (j + 0.5) / count, j * np.pi * (3 - np.sqrt(5))
+    z = 1 - (j + 0.5) / count
+    phi = j * np.pi * (3 - np.sqrt(5))
     return np.column_stack([np.sqrt(1 - z**2) * np.cos(phi), np.sqrt(1 - z**2) * np.sin(phi), z])
 
 
@@ -173,7 +191,8 @@ def shape_of(name, amount, own=lambda u: np.full(len(u), True)):
     ``own``: directions in which the face bounds its medium.
     """
     numbers = np.random.default_rng([11, *name.encode()]).standard_normal(9)
-    functions, u = Functions({"levels": [9], "sigma_c": 1.75, "symmetry": "none"}, numbers), hemisphere(4000)
+    functions = Functions({"levels": [9], "sigma_c": 1.75, "symmetry": "none"}, numbers)
+    u = hemisphere(4000)
     rms = np.sqrt((functions.mean(u[own(u)])[0] ** 2).mean())
     return lambda u: amount * functions.mean(u)[0] / rms
 
@@ -183,7 +202,8 @@ def fine_slope(spec, name, amount):
     tolerances = spec["tolerances"]
     if "ripple" in name:
         return amount * np.pi / 2 / tolerances["ripple_period_mm"]
-    longest, shortest = tolerances["waviness_longest_mm"], tolerances["waviness_shortest_mm"]
+    longest = tolerances["waviness_longest_mm"]
+    shortest = tolerances["waviness_shortest_mm"]
     widths = np.sqrt(2) / (2 * np.pi) * longest * (shortest / longest) ** ((np.arange(384) + 0.5) / 384)
     return amount * np.sqrt((1 / widths**2).mean())
 
@@ -191,8 +211,13 @@ def fine_slope(spec, name, amount):
 def light_with(case, led, name="", value=None):
     """Pictures (W) of each replicate on the first receiver, and shares in its window, with one error and one LED."""
     spec = case.lens["spec"]
-    source, receiver = spec["sources"][led]["source"] if spec["sources"] else spec["source"], receivers_of(spec)[0]
-    lens_at, source_at, scale, size, section = STILL, STILL, 1.0, 1.0, spec["lens"]
+    source = spec["sources"][led]["source"] if spec["sources"] else spec["source"]
+    receiver = receivers_of(spec)[0]
+    lens_at = STILL
+    source_at = STILL
+    scale = 1.0
+    size = 1.0
+    section = spec["lens"]
     if name == "index":
         section = section | {"refractive_index": section["refractive_index"] + value}
     elif name == "shrinkage":
@@ -204,21 +229,27 @@ def light_with(case, led, name="", value=None):
         source_at = motion(name, value)
     elif name.startswith("lens_"):
         lens_at = motion(name, value)
-    (turn, shift), up = lens_at, np.array([0, 0, (spec["base"]["height_mm"] or 0.0) * (scale - 1)])
+    (turn, shift) = lens_at
+    up = np.array([0, 0, (spec["base"]["height_mm"] or 0.0) * (scale - 1)])
     number, p, d, flux, nm = rays_of(case, led)
-    noise, keys = noise_of(d, 2 * len(case.lens["faces"])), keys_of(p, d)
-    p, d = (
-        source["position_mm"] + size * (p - source["position_mm"]) @ source_at[0].T + source_at[1],
-        d @ source_at[0].T,
-    )
+    noise = noise_of(d, 2 * len(case.lens["faces"]))
+    keys = keys_of(p, d)
+    p = source["position_mm"] + size * (p - source["position_mm"]) @ source_at[0].T + source_at[1]
+    d = d @ source_at[0].T
     own = ((p - shift) @ turn - up) / scale, d @ turn
     behind = behind_double if section["kind"] == "double" else behind_chain
     left, p, d, share, nm, (q, u, s) = behind(case, section, own, nm, (noise, keys), name, value)
-    p, d, stokes = (scale * p + up) @ turn.T + shift, d @ turn.T, (q, u, s @ turn.T)
+    p = (scale * p + up) @ turn.T + shift
+    d = d @ turn.T
+    stokes = (q, u, s @ turn.T)
     for body in spec["bodies"]:
         left, stokes, _ = through(body, spec["lens"], left, p, d, share, nm, stokes)
-    at, flux, number = receiver.land(p[left], d[left]), (share * flux)[left], number[left]
-    seen, images, window = receiver.in_window(*at.T), [], []
+    at = receiver.land(p[left], d[left])
+    flux = (share * flux)[left]
+    number = number[left]
+    seen = receiver.in_window(*at.T)
+    images = []
+    window = []
     for k in range(16):
         images.append(filtered(receiver.bins(at[number == k], flux[number == k]), spec["evaluate"]["filter_variance"]))
         window.append(flux[seen & (number == k)].sum() / flux_and_efficacy(source, case.files)[0])
@@ -243,7 +274,8 @@ def behind_double(case, section, own, nm, numbers, name, value):
 
 def behind_chain(case, section, own, nm, numbers, name, value):
     """As :func:`behind_double`, of a lens of more faces, which a ray may meet again; each begins with a key."""
-    faces, turns = list(faces_of(case.lens, case.lens["faces"])), {}
+    faces = list(faces_of(case.lens, case.lens["faces"]))
+    turns = {}
     face = next((each for each in faces if each.name == face_of(section, name)), None)
     if face is not None and name.endswith(ROUGH):
         number = [each.name for each in faces].index(face.name)
@@ -251,9 +283,11 @@ def behind_chain(case, section, own, nm, numbers, name, value):
         slopes = [noise[:, 2 * number : 2 * number + 2]]
         for times in range(1, section["events"]):
             one, other = drawn(keys, 256 * times + number)
-            length, turn = np.sqrt(-2 * np.log(1 - one)), 2 * np.pi * other
+            length = np.sqrt(-2 * np.log(1 - one))
+            turn = 2 * np.pi * other
             slopes.append(length[:, None] * np.column_stack([np.cos(turn), np.sin(turn)]))
-        slopes, rms = np.stack(slopes, axis=1), slope_of(case, name, value)
+        slopes = np.stack(slopes, axis=1)
+        rms = slope_of(case, name, value)
         turns = {face.name: (rms * slopes, rms)}
     elif face is not None:
         beside = [each for each in faces if each.before == face.before]
@@ -281,7 +315,8 @@ def rays_of(case, led):
 
 def noise_of(d, width):
     """Numbers by which normals are turned, at each face: those of lensforge, whose rays are in order of direction."""
-    order, found = np.lexsort((d[:, 1], np.floor(32 * d[:, 0]))), np.empty((len(d), width))
+    order = np.lexsort((d[:, 1], np.floor(32 * d[:, 0])))
+    found = np.empty((len(d), width))
     found[order] = np.random.default_rng(2029).standard_normal((len(d), width))
     return found
 
@@ -299,7 +334,8 @@ def motion(name, value):
 def figures(case, images, window):
     """What the changes are made of: value and its pairs of each figure by pairs, least and its parts, shares."""
     receiver = receivers_of(case.lens["spec"])[0]
-    target, mask = target_light(receiver)[0], mask_of(receiver)
+    target = target_light(receiver)[0]
+    mask = mask_of(receiver)
     scales = images.sum(axis=(1, 2))
     errors = images - scales[:, None, None] * target / target.sum()
     nmse = apart_of(errors, scales * np.sqrt((target**2).sum()) / target.sum())
@@ -330,9 +366,11 @@ def by_left_out(left):
 
 def change_of(found, before, rays):
     """The difference of each figure, with the error of what the noise of both has not in common, and of one ray."""
-    noise, changes = metrics_of(before), {}
+    noise = metrics_of(before)
+    changes = {}
     for name in [name for name in ("nmse", "rsd") if name in found]:
-        (value, apart), (other, others) = found[name], before[name]
+        (value, apart) = found[name]
+        (other, others) = before[name]
         changes[name] = value - other, np.hypot(error_over_pairs(apart - others), noise[name][1] / np.sqrt(rays))
     value, error = jackknife(found["efficiency"] - before["efficiency"])
     changes["efficiency"] = value, np.hypot(error, noise["efficiency"][1] / np.sqrt(rays))
@@ -350,7 +388,8 @@ def change_of(found, before, rays):
 
 def study(case, led):
     """Figures as designed with one LED, and those and their changes of every row."""
-    before, rows = figures(case, *light_with(case, led)), []
+    before = figures(case, *light_with(case, led))
+    rows = []
     for *words, name, value in rows_of(case):
         found = figures(case, *light_with(case, led, name, value))
         rows.append((words, metrics_of(found), change_of(found, before, len(rays_of(case, led)[0]))))
@@ -372,7 +411,8 @@ def within(figure):
     At a bound of the slope the error jumps, and exact faces need not have it on the side of tables.
     """
     value, error, *others = figure
-    low, high = min(error, *others, error), max(error, *others, error)
+    low = min(error, *others, error)
+    high = max(error, *others, error)
     return (value, NEAR * error + CLOSE * abs(value)), (0.5 * (low + high), 0.5 * (high - low) + NEAR * error)
 
 

@@ -9,7 +9,11 @@ from page_tracer import Functions, unit
 from scipy.interpolate import RectBivariateSpline
 
 NEAR = 0.01  # of an error by tables, and of its standard error
-HALF, BEYOND, WIDEST, NARROWED = 1.02, 24, 0.5, 0.4  # of the chart; nodes beyond it; rad: of any face, of two faces
+# of the chart; nodes beyond it; rad: of any face, of two faces
+HALF = 1.02
+BEYOND = 24
+WIDEST = 0.5
+NARROWED = 0.4
 NODES = {"design": "nodes_per_sigma", "evaluation": "evaluate_nodes_per_sigma"}
 SCRAMBLES = 8
 
@@ -23,7 +27,8 @@ class Tabulated:
         axis = -HALF + step * np.arange(-BEYOND, nodes + BEYOND)
         u = from_chart(*(each.ravel() for each in np.meshgrid(axis, axis, indexing="ij")))
         rho = face.exact(u)[0].reshape(len(axis), -1)
-        self.spline, self.largest = RectBivariateSpline(axis, axis, rho), rho.max()
+        self.spline = RectBivariateSpline(axis, axis, rho)
+        self.largest = rho.max()
         self.reach = getattr(face, "reach", None)
 
     def at(self, u, dx=0, dy=0):
@@ -53,7 +58,8 @@ def width_rad(record):
     if record["kind"] == "srbf":
         functions = Functions(record, record["weights_mm"])
         return functions.sigmas[functions.weights != 0].min()
-    polar, turn = np.linspace(0, np.arccos(-0.5), 721)[:, None], 2 * np.pi * np.arange(24) / 24
+    polar = np.linspace(0, np.arccos(-0.5), 721)[:, None]
+    turn = 2 * np.pi * np.arange(24) / 24
     u = np.stack([np.sin(polar) * np.cos(turn), np.sin(polar) * np.sin(turn), np.cos(polar) + 0 * turn], axis=-1)
     rho = Face("exit", record).exact(u.reshape(-1, 3))[0].reshape(721, 24)
     bend = abs(np.diff(rho, 2, axis=0)).max() / polar[1, 0] ** 2
@@ -72,9 +78,11 @@ def nodes_of(lens, stage):
 def largest_nm(lens, faces, tables):
     """The largest distance of each table from its face, at 4096 random directions in which the face bounds a medium."""
     rng = np.random.default_rng(0)
-    z, turn = rng.random(4096), 2 * np.pi * rng.random(4096)
+    z = rng.random(4096)
+    turn = 2 * np.pi * rng.random(4096)
     u = np.column_stack([np.sqrt(1 - z**2) * np.cos(turn), np.sqrt(1 - z**2) * np.sin(turn), z])
-    rho, found = [face.exact(u)[0] for face in faces], {}
+    rho = [face.exact(u)[0] for face in faces]
+    found = {}
     for number, (name, face) in enumerate(zip(lens["faces"], faces, strict=True)):
         beside = [each for each, other in zip(rho, faces, strict=True) if other is face or together(face, other)]
         rows = rho[number] <= np.min(beside, axis=0)
@@ -101,7 +109,8 @@ def shared(receiver, place, flux):
     rows, columns = receiver.shape
     image = np.zeros((rows + 2, columns + 2))
     x, y = np.clip((place / receiver.size + 0.5) * (columns, rows) + 0.5, 0, (columns + 1 - 1e-9, rows + 1 - 1e-9)).T
-    j, i = x.astype(int), y.astype(int)
+    j = x.astype(int)
+    i = y.astype(int)
     for (di, dj), share in (((0, 0), (1 - x + j) * (1 - y + i)), ((0, 1), (x - j) * (1 - y + i)),
                             ((1, 0), (1 - x + j) * (y - i)), ((1, 1), (x - j) * (y - i))):  # fmt: skip
         np.add.at(image, (i + di, j + dj), share * flux)
@@ -112,14 +121,18 @@ def landings(case, lens, faces, raised, receiver):
     """Places, flux, and where it lands, of all rays of the scrambles."""
     p, d, flux, nm = case.rays["warm tables" if raised else "evaluate tables"][0]
     behind = exits(lens, faces, p + np.array([0, 0, raised]), d, nm, raised)
-    place, left = np.full((len(p), 2), np.nan), behind.left
+    place = np.full((len(p), 2), np.nan)
+    left = behind.left
     place[left] = receiver.land(behind.p[left], behind.d[left])
     return place, np.where(np.isnan(place[:, 0]), 0, behind.flux * flux)
 
 
 def stage_error(both, receiver, watts):
     """Of landings by the tables and by the exact faces."""
-    squares, pictures, lost, most = [], [], [], 0.0
+    squares = []
+    pictures = []
+    lost = []
+    most = 0.0
     for rows in np.split(np.arange(len(both[0][1])), SCRAMBLES):
         (by_table, flux), (exact, other) = ((place[rows], own[rows]) for place, own in both)
         on = (flux > 0) & (other > 0) & (abs(exact) <= np.array(receiver.size) / 2).all(axis=1)
@@ -141,10 +154,12 @@ def stage_error(both, receiver, watts):
 def tables_record(case, watts, warm):
     """What an evaluation says of its tables, and of those of the search."""
     lens, raised = at_temperature(case.lens, HOT_C) if warm else (case.lens, 0.0)
-    spec, faces = lens["spec"], faces_of(lens, lens["faces"])
+    spec = lens["spec"]
+    faces = faces_of(lens, lens["faces"])
     pixels = {"evaluate": spec["evaluate"] | {"pixels": spec["optimise"]["pixels"]}}
     receiver = receivers_of(spec | pixels)[0]
-    exact, found = landings(case, lens, faces, raised, receiver), {}
+    exact = landings(case, lens, faces, raised, receiver)
+    found = {}
     for stage in NODES:
         tables = [Tabulated(face, nodes_of(lens, stage)) for face in faces]
         off = largest_nm(lens, faces, tables)

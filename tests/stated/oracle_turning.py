@@ -13,7 +13,8 @@ RUB_MM = 1e-4
 def is_turned(case, name):
     """True of a face of revolution that is moulded, and of all faces of a lens that is turned."""
     spec = case.lens["spec"]
-    lens, process = spec["lens"], spec["manufacture"]["process"]
+    lens = spec["lens"]
+    process = spec["manufacture"]["process"]
     fixed = lens[name]["fixed"] if name in lens else None
     stays = lens["kind"] == "tir" and name == "side" and not fixed
     round_one = stays or (lens["kind"] != "double" and not lens["levels"] and not fixed)
@@ -24,12 +25,16 @@ class TurnedFace:
     """One meridian of a face, and the tool at the tilt from which its normals are farthest by the least."""
 
     def __init__(self, case, name):
-        face, shop = face_of(case, name), case.lens["spec"]["manufacture"]
-        self.face, self.nose, self.shank = face, shop["nose_radius_mm"], shop["shank_width_mm"]
+        face = face_of(case, name)
+        shop = case.lens["spec"]["manufacture"]
+        self.face = face
+        self.nose = shop["nose_radius_mm"]
+        self.shank = shop["shank_width_mm"]
         self.flank_deg = shop["included_angle_deg"] / 2 + shop["clearance_deg"]
         self.up = face.sense * face.air
         p, n, _ = face.part.at(np.linspace(0, 1, 401), np.zeros(401))
-        self.p, self.n = face.scale * p[:, ::2], face.air * n[:, ::2]
+        self.p = face.scale * p[:, ::2]
+        self.n = face.air * n[:, ::2]
         rest = [face.scale * each.at(np.linspace(0, 1, 401), np.zeros(401))[0][:, ::2] for each in face.beside]
         self.beside = np.concatenate([np.empty((0, 2)), *rest])
         slopes = np.degrees(np.arctan2(self.n[:, 0], self.up * self.n[:, 1]))
@@ -70,7 +75,8 @@ def largest_mm(case, name):
 
 def cutter_record(case, name):
     """The record of the tool; where it does not reach all at the middle tilt, its best is not sought here."""
-    found, whole = turned(case, name), turned(case, name).reaches_all
+    found = turned(case, name)
+    whole = turned(case, name).reaches_all
     share = 1.0 if whole else ...
     return {
         "radius_mm": found.nose, "largest_radius_mm": largest_mm(case, name), "reachable_fraction": share,
@@ -81,7 +87,8 @@ def cutter_record(case, name):
 
 def states(case, name):
     """Whether the nose fits, the flanks clear, and the tool reaches all; the limits of the first two."""
-    found, (largest, within) = turned(case, name), largest_mm(case, name)
+    found = turned(case, name)
+    (largest, within) = largest_mm(case, name)
     fits = largest is None or found.nose <= largest * (1 + FIT)
     return {
         "nose": (found.nose, None if largest is None else (largest, within), fits),

@@ -10,7 +10,8 @@ from page_tracer import surface, unit
 from scipy.fft import irfft, rfft
 from scipy.interpolate import CubicSpline
 
-TURNS, ALONG = 192, 48  # azimuths, and Gauss-Legendre angles from the axis of each face
+TURNS = 192  # azimuths
+ALONG = 48  # Gauss-Legendre angles from the axis of each face
 ROUND = 2 * np.pi * np.arange(TURNS) / TURNS
 
 
@@ -64,7 +65,8 @@ class Part:
         """Least and largest principal curvature, positive where the face is convex seen from outside."""
         flat = self.at(share, phi)[2].reshape(-1, 3)
         one = unit(np.cross(flat, np.where(abs(flat[:, 2:]) < 0.9, [0.0, 0, 1], [1.0, 0, 0])))
-        tangents, h = (one, np.cross(flat, one)), 1e-4
+        tangents = (one, np.cross(flat, one))
+        h = 1e-4
         slopes = []
         for along in tangents:
             ends = [unit(flat + sign * h * along) for sign in (1, -1)]
@@ -102,7 +104,8 @@ def refined(figure, starts, step):
     for _ in range(12):
         places = starts[:, None] + step * around
         values = figure(places)
-        starts, step = places[np.arange(len(starts)), values.argmax(axis=1)], step / 3
+        starts = places[np.arange(len(starts)), values.argmax(axis=1)]
+        step = step / 3
     return float(values.max())
 
 
@@ -110,7 +113,8 @@ class PageBody:
     """Faces of the cavity and of the envelope, from the axis to the rim."""
 
     def __init__(self, lens):
-        self.lens, self.spec = lens, lens["spec"]
+        self.lens = lens
+        self.spec = lens["spec"]
         faces = lens["faces"]
         if set(faces) == {"inner", "outer"}:
             sides = {"inner": ("cavity", "body"), "outer": ("body", "outside")}
@@ -182,7 +186,8 @@ class PageBody:
                 points.append(self.radius(parts, u)[:, None] * u)
             apart = np.linalg.norm(points[0][:, None] - points[1][None], axis=2)
             i, j = np.unravel_index(apart.argmin(), apart.shape)
-            ends, step = [places[0][i], places[1][j]], step / 1.7
+            ends = [places[0][i], places[1][j]]
+            step = step / 1.7
         return apart.min()
 
     def material(self, parts):
@@ -208,17 +213,20 @@ def crease(one, other):
     """Angle from the axis at which two faces meet, over azimuths: by bisection."""
 
     def angle(phi):
-        shape, flat = np.shape(phi), np.ravel(phi)
+        shape = np.shape(phi)
+        flat = np.ravel(phi)
         places = np.linspace(1e-6, np.pi / 2, 361)
         u = directions(places[:, None], flat[None, :])
         gap = one.exact(u)[0] - other.exact(u)[0]  # below 0 on the side of the axis
         last = len(places) - 1 - np.argmax(gap[::-1] <= 0, axis=0)  # beyond their reach faces may meet again
-        low, high = places[last], places[np.minimum(last + 1, len(places) - 1)]
+        low = places[last]
+        high = places[np.minimum(last + 1, len(places) - 1)]
         for _ in range(45):
             middle = (low + high) / 2
             u = directions(middle, flat)
             beyond = one.exact(u)[0] > other.exact(u)[0]
-            low, high = np.where(beyond, low, middle), np.where(beyond, middle, high)
+            low = np.where(beyond, low, middle)
+            high = np.where(beyond, middle, high)
         return ((low + high) / 2).reshape(shape)
 
     known = angle(ROUND)

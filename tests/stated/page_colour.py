@@ -83,7 +83,8 @@ def colour_temperature(at):
     k = int(np.argmin(away))
     if k in (0, len(kelvin) - 1) or away[k] > 0.05:
         return None
-    left, right = line[k - 1], line[k + 1]
+    left = line[k - 1]
+    right = line[k + 1]
     along = (right - left) / np.hypot(*(right - left))
     part = np.dot(np.array([u, v]) - left, along) / np.hypot(*(right - left))
     foot = left + part * (right - left)

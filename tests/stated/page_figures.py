@@ -10,7 +10,8 @@ EIGHTS = [[k for k in range(16) if (k & q).bit_count() % 2 == odd] for q in rang
 
 def jackknife(values, figure=None):
     """A figure of the mean over the replicates, and its standard error."""
-    values, figure = np.array(values), figure or float
+    values = np.array(values)
+    figure = figure or float
     count = len(values)
     left_out = np.array([figure(np.delete(values, k, axis=0).mean(axis=0)) for k in range(count)])
     return figure(values.mean(axis=0)), np.sqrt((count - 1) / count * ((left_out - left_out.mean()) ** 2).sum())
@@ -18,10 +19,13 @@ def jackknife(values, figure=None):
 
 def apart_of(errors, scales):
     """Mean over pairs k != l of E_k E_l over that of s_k s_l, and how far each pair is from it."""
-    r, products, norms = len(errors), np.zeros((len(errors),) * 2), np.zeros((len(errors),) * 2)
+    r = len(errors)
+    products = np.zeros((len(errors),) * 2)
+    norms = np.zeros((len(errors),) * 2)
     for k in range(r):
         for m in range(r):
-            products[k, m], norms[k, m] = (errors[k] * errors[m]).sum(), scales[k] * scales[m]
+            products[k, m] = (errors[k] * errors[m]).sum()
+            norms[k, m] = scales[k] * scales[m]
     norm = (norms.sum() - np.trace(norms)) / (r * (r - 1))
     value = (products.sum() - np.trace(products)) / (r * (r - 1)) / norm
     return value, (products - value * norms) / norm
@@ -95,7 +99,9 @@ def least_parts(values, most=None, nudge=0.0):
 
     def read(found, weights, without=None):
         """u and v by weighted replicates; without one those of the blocks that do not have it."""
-        darkest, others, counted = [], 0.0, 0.0
+        darkest = []
+        others = 0.0
+        counted = 0.0
         for block, light in found:
             if without in block:
                 continue
@@ -106,15 +112,19 @@ def least_parts(values, most=None, nudge=0.0):
             counted += len(rest)
         return np.mean(darkest), others / counted
 
-    halves, quarters, alike = choices(EIGHTS), choices(FOURS), np.ones(16)
+    halves = choices(EIGHTS)
+    quarters = choices(FOURS)
+    alike = np.ones(16)
 
     def slope(weights):
-        (u_8, v_8), (u_4, v_4) = read(halves, weights), read(quarters, weights)
+        (u_8, v_8) = read(halves, weights)
+        (u_4, v_4) = read(quarters, weights)
         below = (v_4 - u_4) - (v_8 - u_8)
         return (u_8 - u_4) / below + nudge if below > 1e-12 * abs(v_8) else 1.0
 
     u_8, v_8 = read(halves, alike)
-    h, free = float(np.clip(slope(alike), 0, 1)), 0 < slope(alike) < 1
+    h = float(np.clip(slope(alike), 0, 1))
+    free = 0 < slope(alike) < 1
     mean = values.mean(axis=0)
     value = min(max(u_8 + h * (v_8 - u_8), mean.min()), mean.mean() if most is None else most)
 
@@ -152,8 +162,10 @@ def scaled(figure, factor):
 def width_above(at, light, level):
     """Between the outermost places at ``level``, linear in between."""
     above = np.flatnonzero(light >= level)
-    first, last = above[0], above[-1]
-    low, high = at[first], at[last]
+    first = above[0]
+    last = above[-1]
+    low = at[first]
+    high = at[last]
     if first > 0:
         low = np.interp(level, [light[first - 1], light[first]], [at[first - 1], at[first]])
     if last + 1 < len(light):
@@ -164,7 +176,8 @@ def width_above(at, light, level):
 # -- Figures as a record has them, and how near the program must come ---------------------------------------------
 
 # A ray or two may land beside an edge by the tables of the faces; a hit is off by less than 0.1 µm in a lens.
-NEAR, RAY = 0.02, 0.1  # of a standard error; of that of an extreme, which one ray may move
+NEAR = 0.02  # of a standard error
+RAY = 0.1  # of that of an extreme, which one ray may move
 CLOSE = 1e-4  # of a figure, by wavelength and polarisation
 
 

@@ -34,8 +34,11 @@ def reduced(table, beta, tan_gamma):
 
 def lamps_along(road):
     """x, y and +1 where the street is towards +y, -1 elsewhere."""
-    w, over, s = road["width_m"], road["overhang_m"], road["pole_spacing_m"]
-    reach, near_right = 500 + 13 * road["pole_height_m"], road["driving_side"] == "right"
+    w = road["width_m"]
+    over = road["overhang_m"]
+    s = road["pole_spacing_m"]
+    reach = 500 + 13 * road["pole_height_m"]
+    near_right = road["driving_side"] == "right"
     rows = {
         "right": [(0, over, 1)], "left": [(0, w - over, -1)], "opposite": [(0, over, 1), (0, w - over, -1)],
         "staggered": [(0 if near_right else s / 2, over, 1), (s / 2 if near_right else 0, w - over, -1)],
@@ -48,18 +51,26 @@ class Road:
     """Each sum has a row for each place, of pairs of a weight and a direction in the lamp (lateral, gamma)."""
 
     def __init__(self, road):
-        self.road, self.lamps, self.high = road, lamps_along(road), road["pole_height_m"]
-        self.s, self.lanes, self.lane_m = road["pole_spacing_m"], road["lanes"], road["width_m"] / road["lanes"]
+        self.road = road
+        self.lamps = lamps_along(road)
+        self.high = road["pole_height_m"]
+        self.s = road["pole_spacing_m"]
+        self.lanes = road["lanes"]
+        self.lane_m = road["width_m"] / road["lanes"]
         self.n = max(10, ceil(self.s / 3 - 1e-9))
         self.x = (np.arange(self.n) + 0.5) * self.s / self.n
         self.y = (np.arange(3 * self.lanes) + 0.5) * road["width_m"] / (3 * self.lanes)
 
     def toward(self, lamp, x, y, z):
         """Lateral angle and gamma (degrees) of a point in a lamp."""
-        t, facing = np.radians(self.road["tilt_deg"]), lamp[2]
+        t = np.radians(self.road["tilt_deg"])
+        facing = lamp[2]
         to = np.array([x - lamp[0], y - lamp[1], z - self.high])
-        street, axis = np.array([0, facing * np.cos(t), np.sin(t)]), np.array([0, facing * np.sin(t), -np.cos(t)])
-        a, b, c = to @ street, to @ np.cross(axis, street), to @ axis
+        street = np.array([0, facing * np.cos(t), np.sin(t)])
+        axis = np.array([0, facing * np.sin(t), -np.cos(t)])
+        a = to @ street
+        b = to @ np.cross(axis, street)
+        c = to @ axis
         return np.degrees(np.arctan2(b, a)), np.degrees(np.arctan2(np.hypot(a, b), c))
 
     def from_right(self, lane):
@@ -70,13 +81,16 @@ class Road:
 
     def luminance(self, lane, table):
         """Rows from the right edge, and along each."""
-        heading, eye_y = self.comes(lane), (self.from_right(lane) + 0.5) * self.lane_m
-        eye_x, found = (-60.0 if heading > 0 else self.s + 60.0), []
+        heading = self.comes(lane)
+        eye_y = (self.from_right(lane) + 0.5) * self.lane_m
+        eye_x = -60.0 if heading > 0 else self.s + 60.0
+        found = []
         for y in self.y:
             for x in self.x:
                 row = []
                 for lamp in self.lamps:
-                    ahead, aside = heading * (lamp[0] - x), heading * (lamp[1] - y)
+                    ahead = heading * (lamp[0] - x)
+                    aside = heading * (lamp[1] - y)
                     if not (-5 * self.high <= ahead <= 12 * self.high and abs(aside) <= 5 * self.high):
                         continue
                     sight = np.arctan2(heading * (y - eye_y), heading * (x - eye_x))
@@ -88,10 +102,13 @@ class Road:
         return found
 
     def veiling(self, lane):
-        heading, y, found = self.comes(lane), (self.from_right(lane) + 0.5) * self.lane_m, []
+        heading = self.comes(lane)
+        y = (self.from_right(lane) + 0.5) * self.lane_m
+        found = []
         for k in range(self.n):
             ahead_of_start = k * self.s / self.n - 2.75 * (self.high - 1.5)
-            x, row = (ahead_of_start if heading > 0 else self.s - ahead_of_start), []
+            x = ahead_of_start if heading > 0 else self.s - ahead_of_start
+            row = []
             for lamp in self.lamps:
                 to = np.array([heading * (lamp[0] - x), lamp[1] - y, self.high - 1.5])
                 if not 0 < to[0] <= 500 or to[2] > np.tan(np.radians(20)) * to[0]:
@@ -105,7 +122,8 @@ class Road:
         return found
 
     def lux(self, low, high):
-        across, found = max(3, ceil((high - low) / 1.5 - 1e-9)), []
+        across = max(3, ceil((high - low) / 1.5 - 1e-9))
+        found = []
         for y in low + (np.arange(across) + 0.5) * (high - low) / across:
             for x in self.x:
                 row = []
@@ -118,7 +136,8 @@ class Road:
 
     def edges(self):
         """Outside and inside of the right and of the left edge."""
-        w, lane = self.road["width_m"], self.lane_m
+        w = self.road["width_m"]
+        lane = self.lane_m
         return [(self.lux(-lane, 0), self.lux(0, lane)), (self.lux(w, w + lane), self.lux(w - lane, w))]
 
 
@@ -146,12 +165,15 @@ def increment(row):
 
 def figures(road, candela):
     """All figures of a road, each a value and its error; of each lane, and of the whole."""
-    own, m = Road(road), road["maintenance_factor"]
+    own = Road(road)
+    m = road["maintenance_factor"]
     lux = m * light(own.lux(0, road["width_m"]), candela)
-    table, lanes = surface("R3"), []
+    table = surface("R3")
+    lanes = []
     for lane in range(own.lanes):
         seen = light(own.luminance(lane, table), candela)
-        veil, middle = light(own.veiling(lane), candela), 3 * own.from_right(lane) + 1
+        veil = light(own.veiling(lane), candela)
+        middle = 3 * own.from_right(lane) + 1
         mean = seen.mean(axis=1)[:, None]
         found = {
             "mean": figure(m * mean, np.mean), "uniformity": figure(seen, lambda row: row.min() / row.mean()),
@@ -182,7 +204,8 @@ def figures(road, candela):
 def reached(road, found):
     """The best class of the kind that is asked for."""
     if road["lighting_class"] in P_CLASSES:
-        mean, lowest = found["mean_lx"][0], found["least_lx"][0]
+        mean = found["mean_lx"][0]
+        lowest = found["least_lx"][0]
         met = (name for name, (a, b) in P_CLASSES.items() if a <= mean <= 1.5 * a and lowest >= b)
         return next(met, "none")
     for name, (mean, uniformity, along_lane, glare, edge) in M_CLASSES.items():
@@ -219,7 +242,8 @@ def asked(road, found):
 
 def worst_on(roads, limits):
     """Of each figure that classes ask for, and each side of its limit, the road, lane or edge nearest to that."""
-    names, worst = tuple(f"{road['name']}: " for road in roads), {}
+    names = tuple(f"{road['name']}: " for road in roads)
+    worst = {}
     for entry in limits:
         if entry["name"].startswith(names):
             figure = "edge ratio" if entry["name"].endswith("edge ratio") else entry["name"].rpartition(": ")[2]

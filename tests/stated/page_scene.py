@@ -35,7 +35,8 @@ def faces_of(lens, faces):
 
 def at_temperature(lens, celsius):
     """lens.json of a double lens at a temperature, and the height by which it is raised: section 5."""
-    section, base = lens["spec"]["lens"], lens["spec"]["base"]
+    section = lens["spec"]["lens"]
+    base = lens["spec"]["base"]
     warmer = celsius - section["reference_temperature_c"]
     larger = 1 + section["expansion_per_k"] * warmer
     warm = section | {"refractive_index": section["refractive_index"] + section["index_per_k"] * warmer}
@@ -66,7 +67,8 @@ def exits(lens, faces, p, d, nm=None, raised=0.0):
         rows = left[up]
         at, share = page_tracer.behind_glass(section, p[rows], d[rows], nm[rows], [part[up] for part in stokes])
         behind.p[rows] = at
-        behind.in_glass[rows], behind.flux[rows] = flux[rows] * (1 - share), flux[rows] * share
+        behind.in_glass[rows] = flux[rows] * (1 - share)
+        behind.flux[rows] = flux[rows] * share
     return behind
 
 
@@ -75,7 +77,8 @@ def exits_of_each(lens, faces, bundles, raised=0.0):
     sizes = [len(p) for p, _, _ in bundles]
     p, d = (np.concatenate([bundle[k] for bundle in bundles]) for k in (0, 1))
     nm = None if bundles[0][2] is None else np.concatenate([bundle[2] for bundle in bundles])
-    every, first = exits(lens, faces, p, d, nm, raised), 0
+    every = exits(lens, faces, p, d, nm, raised)
+    first = 0
     for size in sizes:
         rows = slice(first, first + size)
         left = every.left[(every.left >= first) & (every.left < first + size)] - first
@@ -89,7 +92,8 @@ class Sphere:
     """A face of a body, |p - (0, 0, c)| = a."""
 
     def __init__(self, fixed):
-        self.c, self.a = fixed.get("centre_z_mm") or 0.0, fixed["radius_mm"]
+        self.c = fixed.get("centre_z_mm") or 0.0
+        self.a = fixed["radius_mm"]
         self.largest = self.a + abs(self.c)
 
     def radius(self, u):
@@ -102,7 +106,8 @@ class Sphere:
 
 def through(body, section, left, p, d, flux, nm, stokes):
     """Rays ``left`` through one body, in place; the numbers and Stokes numbers of those that leave it, and the loss."""
-    turn, origin = turn_of(body["tilt_deg"], body["rotate_z_deg"]), np.array(body["centre_mm"])
+    turn = turn_of(body["tilt_deg"], body["rotate_z_deg"])
+    origin = np.array(body["centre_mm"])
     outside = section["outside_index"]
     inner, outer = ({"coating": (body[face] or {}).get("coating")} for face in ("inner", "outer"))
     own = {
@@ -122,7 +127,8 @@ def through(body, section, left, p, d, flux, nm, stokes):
     lost[left] = before - after
     flux[left] = after
     rows = left[out]
-    p[rows], d[rows] = at[out] @ turn.T + origin, on[out] @ turn.T
+    p[rows] = at[out] @ turn.T + origin
+    d[rows] = on[out] @ turn.T
     gone = np.setdiff1d(left, rows)
     flux[gone] = 0.0
     q, u, s = behind
@@ -145,7 +151,8 @@ def lamps_of(spec):
         if lamps["aims_mm"]:
             axis = np.array(lamps["aims_mm"][number]) - place
             axis /= np.linalg.norm(axis)
-        tilt, pan = np.degrees(np.arccos(axis[2])), np.degrees(np.arctan2(axis[1], axis[0]))
+        tilt = np.degrees(np.arccos(axis[2]))
+        pan = np.degrees(np.arctan2(axis[1], axis[0]))
         pan = pan if tilt > 0 else 0.0
         rotations.append(turn_of([0, 0], pan) @ turn_of([0, tilt]) @ turn_of([0, 0], np.degrees(turn)))
     return places, np.array(rotations), list(lamps["kinds"] or [""] * len(places))
@@ -154,11 +161,13 @@ def lamps_of(spec):
 def axes_of(normal, rotation_deg):
     """Rows x, y, z of a receiver: the lens's own after the shortest turn of z to ``normal``, then turned about it."""
     n = np.array(normal) / np.linalg.norm(normal)
-    cross, cosine = np.cross([0, 0, 1.0], n), n[2]
+    cross = np.cross([0, 0, 1.0], n)
+    cosine = n[2]
     skew = np.array([[0, -cross[2], cross[1]], [cross[2], 0, -cross[0]], [-cross[1], cross[0], 0]])
     shortest = np.eye(3) + skew + skew @ skew / (1 + cosine)
     x, y, z = shortest.T
-    c, s = np.cos(np.radians(rotation_deg)), np.sin(np.radians(rotation_deg))
+    c = np.cos(np.radians(rotation_deg))
+    s = np.sin(np.radians(rotation_deg))
     return np.array([c * x + s * y, c * y - s * x, z])
 
 
@@ -212,16 +221,19 @@ class Receiver:
 
     def land(self, p, d):
         """Places on the chart; nan where a ray does not land."""
-        p, d = (p - self.centre) @ self.axes.T, d @ self.axes.T
+        p = (p - self.centre) @ self.axes.T
+        d = d @ self.axes.T
         if self.kind == "plane":
-            lands, t = d[:, 2] > 1e-12, -p[:, 2] / np.where(d[:, 2] > 1e-12, d[:, 2], 1)
+            lands = d[:, 2] > 1e-12
+            t = -p[:, 2] / np.where(d[:, 2] > 1e-12, d[:, 2], 1)
             place = p[:, :2] + t[:, None] * d[:, :2]
         elif self.kind == "far_field":
             lands = d[:, 2] > -1
             place = d[:, :2] * np.sqrt(2 / (1 + np.where(lands, d[:, 2], 0)))[:, None]
         else:
             use = [0, 2] if self.kind == "cylinder" else [0, 1, 2]
-            a, b = (d[:, use] ** 2).sum(axis=1), (p[:, use] * d[:, use]).sum(axis=1)
+            a = (d[:, use] ** 2).sum(axis=1)
+            b = (p[:, use] * d[:, use]).sum(axis=1)
             c = (p[:, use] ** 2).sum(axis=1) - self.radius**2
             root = b**2 - a * c
             t = (-b + np.sqrt(np.maximum(root, 0))) / a
@@ -254,25 +266,37 @@ def read_at(receiver, image, x, y):
     rows, columns = receiver.shape
     column = np.clip((x / receiver.size[0] + 0.5) * columns - 0.5, 0, columns - 1)
     row = np.clip((y / receiver.size[1] + 0.5) * rows - 0.5, 0, rows - 1)
-    j, i = np.minimum(column.astype(int), columns - 2), np.minimum(row.astype(int), rows - 2)
-    a, b = column - j, row - i
-    low, high = image[i, j] * (1 - a) + image[i, j + 1] * a, image[i + 1, j] * (1 - a) + image[i + 1, j + 1] * a
+    j = np.minimum(column.astype(int), columns - 2)
+    i = np.minimum(row.astype(int), rows - 2)
+    a = column - j
+    b = row - i
+    low = image[i, j] * (1 - a) + image[i, j + 1] * a
+    high = image[i + 1, j] * (1 - a) + image[i + 1, j + 1] * a
     return low * (1 - b) + high * b
 
 
 def receivers_of(spec):
-    pixels, found = spec["evaluate"]["pixels"], []
+    pixels = spec["evaluate"]["pixels"]
+    found = []
     sections = spec["receivers"] or [spec["target"]]
     for section in sections:
-        kind, targets = section["kind"], section.get("targets") or [section]
-        centre, rotation, radius, level = np.zeros(3), section.get("rotation_deg", 0.0), 0.0, False
+        kind = section["kind"]
+        targets = section.get("targets") or [section]
+        centre = np.zeros(3)
+        rotation = section.get("rotation_deg", 0.0)
+        radius = 0.0
+        level = False
         if not spec["receivers"]:
-            kind, rotation = ("plane" if section["distance_mm"] else "far_field"), 0.0
+            kind = "plane" if section["distance_mm"] else "far_field"
+            rotation = 0.0
         if kind == "plane":
             if not spec["receivers"]:
-                centre, normal, size = np.array([0, 0, section["distance_mm"]]), [0, 0, 1], [section["receiver_mm"]] * 2
+                centre = np.array([0, 0, section["distance_mm"]])
+                normal = [0, 0, 1]
+                size = [section["receiver_mm"]] * 2
             else:
-                centre, size = np.array(section["centre_mm"]), [section["width_mm"], section["height_mm"]]
+                centre = np.array(section["centre_mm"])
+                size = [section["width_mm"], section["height_mm"]]
                 normal = section["normal"] or turn_of(section["tilt_deg"] or [0, 0])[:, 2]
                 normal = np.array(normal) * np.sign(np.dot(normal, centre))
             level = abs(np.array(normal)[:2]).max() == 0
@@ -280,15 +304,20 @@ def receivers_of(spec):
             window = (side, side) if side else tuple(section.get("window_mm") or size)
         elif kind == "far_field":
             radius = 2 * np.sin(np.radians(section["half_angle_deg"]) / 2)
-            normal, size, window = section.get("axis") or [0, 0, 1], [2 * radius] * 2, (radius,)
+            normal = section.get("axis") or [0, 0, 1]
+            size = [2 * radius] * 2
+            window = (radius,)
         else:
-            centre, normal, radius = np.array(section["centre_mm"]), section["facing"], section["radius_mm"]
+            centre = np.array(section["centre_mm"])
+            normal = section["facing"]
+            radius = section["radius_mm"]
             if kind == "cylinder":
                 size = [section["width_mm"], section["height_mm"]]
                 window = tuple(size)
             else:
                 chart = 2 * radius * np.sin(np.radians(section["half_angle_deg"]) / 2)
-                size, window = [2 * chart] * 2, (chart,)
+                size = [2 * chart] * 2
+                window = (chart,)
         shape = side_counts(size, pixels)
         axes = axes_of(normal, rotation)
         if level and spec["lamps"]:
@@ -318,7 +347,8 @@ def even_pixels(size, shape, places):
 def own_place(target, x, y):
     """Places about the centre of a target, turned into its axes."""
     cx, cy = target.get("centre_mm") or target.get("centre_deg") or (0.0, 0.0)
-    c, s = np.cos(np.radians(target["rotation_deg"])), np.sin(np.radians(target["rotation_deg"]))
+    c = np.cos(np.radians(target["rotation_deg"]))
+    s = np.sin(np.radians(target["rotation_deg"]))
     x, y = x - cx, y - cy
     return c * x + s * y, c * y - s * x
 
@@ -331,7 +361,8 @@ def in_shape(target, x, y):
     x, y = own_place(target, x, y)
     if target["kind"] == "disc":
         return np.hypot(x, y) <= length(target, "diameter") / 2
-    w, h = length(target, "width") / 2, length(target, "height") / 2
+    w = length(target, "width") / 2
+    h = length(target, "height") / 2
     if target["kind"] == "rectangle":
         return (abs(x) <= w) & (abs(y) <= h)
     assert target["kind"] == "ellipse"
@@ -356,7 +387,8 @@ def drawn(receiver, shape):
     own = Receiver(**{**receiver.__dict__, "shape": (rows, columns)})
     x, y = own.to_target(*own.centres(k))
     within = own.in_window(*own.centres(k)) if receiver.kind == "far_field" else np.full(x.shape, True)
-    total, fine_total = np.zeros((rows, columns)), np.zeros(x.shape)
+    total = np.zeros((rows, columns))
+    fine_total = np.zeros(x.shape)
     for target in receiver.targets:
         edge = length(target, "edge")
         if receiver.kind == "far_field" and edge:
@@ -441,7 +473,8 @@ def receive(receiver, target, lamps, behind, flux_w, tristimulus=None):
         if receiver.kind == "plane" and len(lamps) > 1:
             ahead = behind.p[rows] @ turn.T + place - receiver.centre
             lands &= ahead @ receiver.axes[2] < 0
-        at, own = at[lands], flux[lands]
+        at = at[lands]
+        own = flux[lands]
         inside = receiver.in_window(*at.T)
         total.image += receiver.bins(at, own)
         total.window += own[inside].sum()

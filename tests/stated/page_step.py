@@ -22,7 +22,8 @@ class StepSpline:
 
     def at(self, x, y, pairs=False):
         """Points (mm) and unit normals at all pairs of two rows of parameters, or at ``pairs`` of them one by one."""
-        ends, rows = "ai,aic->ac" if pairs else "bi,aic->bac", []
+        ends = "ai,aic->ac" if pairs else "bi,aic->bac"
+        rows = []
         for p, q in ((0, 0), (1, 0), (0, 1)):
             across = np.einsum("ijc,aj->aic", self.poles, self.basis(1, y, q), optimize=True)
             rows.append(np.einsum(ends, self.basis(0, x, p), across, optimize=True))
@@ -42,7 +43,8 @@ def spline_faces(text):
     for kind, body in kinds.values():
         if kind != "ADVANCED_FACE":
             continue
-        name, surface = re.match(r"\s*'([^']*)'", body)[1], re.findall(r"#(\d+)", body)[-1]
+        name = re.match(r"\s*'([^']*)'", body)[1]
+        surface = re.findall(r"#(\d+)", body)[-1]
         if kinds.get(surface, ("", ""))[0] != "B_SPLINE_SURFACE_WITH_KNOTS":
             continue
         groups = re.findall(r"\(([^()]*)\)", kinds[surface][1])

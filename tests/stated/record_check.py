@@ -41,7 +41,8 @@ def wall_record(case, found, thickness):
 def face_record(case, name):
     face = face_of(case, name)
     radius, pv, rms, centre = face.sphere
-    least, most = face.kappa, face.highest
+    least = face.kappa
+    most = face.highest
     hollow = hollow_mm(case, name)
     hollow = None if hollow[0] is None else hollow
     return {
@@ -61,8 +62,10 @@ def face_record(case, name):
 
 
 def mill_record(case, name):
-    (reached, within), ball = reached_share(case, name), ball_mm(case, name)
-    largest, left = None if ball[0] is None else ball, 0.0 if reached == 1 else ...
+    (reached, within) = reached_share(case, name)
+    ball = ball_mm(case, name)
+    largest = None if ball[0] is None else ball
+    left = 0.0 if reached == 1 else ...
     return {"radius_mm": face_of(case, name).cutter, "reachable_fraction": (reached, within),
             "largest_radius_mm": largest, "residual_mm": left}  # fmt: skip
 
@@ -83,7 +86,8 @@ def mould_record(case, names):
         shares = {"upper_fraction": upper, "lower_fraction": lower, "undercut_fraction": 1 - upper - lower}
         shares = {key: (share, 0.015) for key, share in shares.items()}
         faces[name] = {**shares, "draft_deg": (draft_deg, 0.02), **hidden}
-    line, diameter = parting(case), ball(case)
+    line = parting(case)
+    diameter = ball(case)
     seconds = cooling_s(case)
     return {
         "faces": faces, "parting": {key: list(each) if key == "places" else each for key, each in line.items()},
@@ -101,11 +105,16 @@ def judged(name, value, sense, limit, unit, tolerance, **more):
 
 
 def check_record(case):
-    spec, body, found = case.lens["spec"], body_of(case), case.json("check")
-    limits, shop, slack = spec["constraints"], spec["manufacture"], slack_mm(case)
+    spec = case.lens["spec"]
+    body = body_of(case)
+    found = case.json("check")
+    limits = spec["constraints"]
+    shop = spec["manufacture"]
+    slack = slack_mm(case)
     names = [part.name for part in body.parts.values() if part.name not in ("mouth", "flange")]
     names.sort(key=list(case.lens["faces"]).index)
-    thin, thick = (body.thinnest, 1e-4), body.thickest
+    thin = (body.thinnest, 1e-4)
+    thick = body.thickest
     criteria = [judged("thinnest wall", thin, ">=", limits["min_thickness_mm"], "mm", slack, passed=...)]
     if limits["max_wall_mm"] is not None:
         criteria.append(
@@ -138,12 +147,10 @@ def check_record(case):
 def verdicts(case, names, each, thin):
     """The findings in their order: value, limit and tolerance of each."""
     spec = case.lens["spec"]
-    limits, shop, slack, cut = (
-        spec["constraints"],
-        spec["manufacture"],
-        slack_mm(case),
-        spec["manufacture"]["process"] != "moulded",
-    )
+    limits = spec["constraints"]
+    shop = spec["manufacture"]
+    slack = slack_mm(case)
+    cut = spec["manufacture"]["process"] != "moulded"
 
     def said(name, surface, value, sense, limit, unit, tolerance, state):
         return judged(name, value, sense, limit, unit, tolerance, surface=surface, reason=..., holds=state == "pass")
@@ -175,7 +182,8 @@ def verdicts(case, names, each, thin):
     yield from turning.findings(case, lathe, said)
     if spec["plate"] is not None:
         if cut:
-            wide, gap = 2 * shop["cutter_radius_mm"], (gap_mm(case), 0.004)
+            wide = 2 * shop["cutter_radius_mm"]
+            gap = (gap_mm(case), 0.004)
             yield said("gap", "body", wide, "<=", gap, "mm", slack, "pass" if wide <= gap[0] + slack else "fail")
         least = (plate_wall_mm(case), 1e-4)
         state = "pass" if least[0] >= limits["min_thickness_mm"] - slack else "fail"

@@ -29,20 +29,24 @@ from page_tracer import unit
 
 def area_mm2(case):
     """Of all faces of the solid, on a base without relief that is wider than the lens, or none."""
-    body, base = body_of(case), base_of(case)
+    body = body_of(case)
+    base = base_of(case)
     sums = {sign: [(part.name, part.area[2].sum()) for part in parts]
             for sign, parts in ((1, body.envelope), (-1, body.cavity))}  # fmt: skip
     total = sum(value for name, value in sums[1]) + sum(
         value * (-1 if name == "mouth" else 1) for name, value in sums[-1]
     )
-    rim, opening = np.pi * (body.outer_rim**2).mean(), body.opening_mm2
+    rim = np.pi * (body.outer_rim**2).mean()
+    opening = body.opening_mm2
     if base["kind"] == "none":
         total += rim - opening
     else:
         radius = base["diameter_mm"] / 2
         disc = np.pi * radius**2
         around = 2 * np.sqrt(np.pi * bore_mm2(case)) if base["bore_setback_mm"] else length_mm(body.rim)
-        scale, wider, high = 1 - slope_of(case) * base["height_mm"] / radius, bore_scale(case), base["height_mm"]
+        scale = 1 - slope_of(case) * base["height_mm"] / radius
+        wider = bore_scale(case)
+        high = base["height_mm"]
         slant = np.hypot(high, radius * (1 - scale))
         total += disc * (1 + scale**2) - rim - opening * wider**2 + np.pi * radius * (1 + scale) * slant
         total += lateral_mm2(body.rim, wider, high) if wider != 1.0 else around * high
@@ -54,7 +58,8 @@ def area_mm2(case):
             total += 2 * (rim - narrow) + (along - np.pi * base["diameter_mm"]) * base["relief_step_mm"]
     flange = case.lens["spec"]["lens"].get("flange")
     if flange:
-        inner, outer = 0.9994 * case.lens["spec"]["constraints"]["max_radius_mm"], flange["diameter_mm"] / 2
+        inner = 0.9994 * case.lens["spec"]["constraints"]["max_radius_mm"]
+        outer = flange["diameter_mm"] / 2
         total += 2 * np.pi * (outer**2 - inner**2) + 2 * np.pi * (outer - inner) * flange["thickness_mm"]
     return total
 
@@ -75,8 +80,10 @@ def length_mm(rim):
 
 def box_mm(case):
     """Least and largest corner of the box around the solid."""
-    spec, body = case.lens["spec"], body_of(case)
-    base, flange = spec["base"], spec["lens"].get("flange")
+    spec = case.lens["spec"]
+    body = body_of(case)
+    base = spec["base"]
+    flange = spec["lens"].get("flange")
 
     def reach(axis, sign):
         def place(part, s, f):
@@ -84,16 +91,19 @@ def box_mm(case):
 
         return max(part.extreme(partial(place, part)) for part in body.envelope)
 
-    low, high = -np.array([reach(axis, -1) for axis in range(3)]), np.array([reach(axis, 1) for axis in range(3)])
+    low = -np.array([reach(axis, -1) for axis in range(3)])
+    high = np.array([reach(axis, 1) for axis in range(3)])
     wide = max(0.0 if base["kind"] == "none" else base["diameter_mm"] / 2, flange["diameter_mm"] / 2 if flange else 0.0)
-    low[:2], high[:2] = np.minimum(low[:2], -wide), np.maximum(high[:2], wide)
+    low[:2] = np.minimum(low[:2], -wide)
+    high[:2] = np.maximum(high[:2], wide)
     low[2] = 0.0 if base["kind"] == "none" else -base["height_mm"]
     return np.array([low, high])
 
 
 def chord_um(case, path, own=lambda p: p):
     """The largest distance of the middles of facets and of their sides from the face on which all corners lie."""
-    mesh, most = mesh_of(path), 0.0
+    mesh = mesh_of(path)
+    most = 0.0
     corners = own(np.asarray(mesh.triangles).reshape(-1, 3)).reshape(-1, 3, 3)
     corners = corners[(corners[..., 2] > -1e-5).all(axis=1) & (corners[..., 2] > 1e-5).any(axis=1)]
     for part in body_of(case).parts.values():
@@ -141,7 +151,9 @@ def criteria_of(start, form, more, mesh_mm3, solid_mm3):
 
 def tolerance_record(case):
     spec = case.lens["spec"]
-    source, n, kind = spec["source"], spec["lens"]["refractive_index"], spec["lens"].get("kind", "double")
+    source = spec["source"]
+    n = spec["lens"]["refractive_index"]
+    kind = spec["lens"].get("kind", "double")
     last, turn = {"tir": ("exit", 4 * n - 2), "reflector": ("cup", 2.0)}.get(kind, ("outer", 2 * n - 2))
     image = None
     if source["kind"] in ("rectangle", "chips"):
@@ -158,11 +170,16 @@ def reach_mm(chip):
 
 
 def export_record(case):
-    spec, found, stl = case.lens["spec"], case.json("export"), case.folder / "lens.stl"
-    (form, normal), density = worst_errors(case), density_of(case)
-    solid, (volume_mm3, area, closed_, genus, facets, corners) = volume(case, None).value, mesh_figures(stl)
+    spec = case.lens["spec"]
+    found = case.json("export")
+    stl = case.folder / "lens.stl"
+    (form, normal) = worst_errors(case)
+    density = density_of(case)
+    solid = volume(case, None).value
+    (volume_mm3, area, closed_, genus, facets, corners) = mesh_figures(stl)
     names = sorted(re.findall(r"ADVANCED_FACE\s*\(\s*'([^']*)'", (case.folder / "lens.step").read_text()))
-    chord, angle = chord_um(case, stl), judged("normal_error", near(normal, 0.1), "<=", normal_mrad(case), "mrad")
+    chord = chord_um(case, stl)
+    angle = judged("normal_error", near(normal, 0.1), "<=", normal_mrad(case), "mrad")
     files = {name: (case.folder / name).read_bytes() for name in found["files"]}
     record = {
         "face_tolerance": tolerance_record(case), "keep_out": None,
@@ -189,7 +206,9 @@ def export_record(case):
 
 def plate_record(case):
     volume_mm3, _, closed_, genus, facets, _ = mesh_figures(case.folder / "plate.stl")
-    solid, form, box = plate_mm3(case), plate_form_error(case, None), mesh_of(case.folder / "plate.stl").bounds
+    solid = plate_mm3(case)
+    form = plate_form_error(case, None)
+    box = mesh_of(case.folder / "plate.stl").bounds
     density = density_of(case)
     criteria = criteria_of("plate_", (form.value, form.within), [], volume_mm3, solid)
     criteria.insert(3, judged("plate_volume_error", (0.0, 1e-6), "<=", 1e-6))

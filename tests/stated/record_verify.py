@@ -16,7 +16,9 @@ from oracle_proof import (
 )
 from record_export import area_mm2, box_mm, mesh_figures, near, volume
 
-MOVED_MM, MOST_CHORD_MM, MOST_AREA = 0.002, 0.05, 0.01
+MOVED_MM = 0.002
+MOST_CHORD_MM = 0.05
+MOST_AREA = 0.01
 GAPS = ("rms", "p99", "max")
 
 
@@ -40,23 +42,31 @@ def same_light(found):
 
 def budget_of(designed):
     """Shares of the design's light by the fates of the part's."""
-    flux, more = designed["flux"], designed["missed_by_cause"]["event_limit"]
+    flux = designed["flux"]
+    more = designed["missed_by_cause"]["event_limit"]
     names = ("detected", "outside", "total_reflection", "absorbed", "cover_glass", "bodies", "reflected")
     return {name: flux[name] for name in names} | {"missed": flux["missed"] - more, "event_limit": more}
 
 
 def receiver_record(case, index):
-    found, designed = record(case)["receivers"][index], case.json("evaluate")["receivers"][index]
-    maps, rays, kind = arrays(case, "verify"), record(case)["rays"], screens(case)[index][0]
+    found = record(case)["receivers"][index]
+    designed = case.json("evaluate")["receivers"][index]
+    maps = arrays(case, "verify")
+    rays = record(case)["rays"]
+    kind = screens(case)[index][0]
     part, design = (maps[f"receivers.{index}.{name}"] for name in ("irradiance", "design_irradiance"))
-    share, budget = designed["efficiency"]["value"], found["flux"]
+    share = designed["efficiency"]["value"]
+    budget = found["flux"]
     noise = 4 * np.sqrt(share * (1 - share) / rays) + 5e-4
     assert abs(sum(budget.values()) - 1) < 1e-9 and budget["detected"] == found["efficiency"]
-    reach, own = reach_mm(case, index), found["own_rays"]
-    redrawn, error = own["efficiency_design"]["value"], np.sqrt(share * (1 - share) / own["rays"])
+    reach = reach_mm(case, index)
+    own = found["own_rays"]
+    redrawn = own["efficiency_design"]["value"]
+    error = np.sqrt(share * (1 - share) / own["rays"])
     together = np.hypot(*(own[key]["standard_error"] for key in ("efficiency", "efficiency_design")))
     assert sorted(own["flux"]) == sorted(budget) and abs(sum(own["flux"].values()) - 1) < 1e-9
-    brep, gaps_step = found["brep"], maps[f"receivers.{index}.gaps_step_mm"]
+    brep = found["brep"]
+    gaps_step = maps[f"receivers.{index}.gaps_step_mm"]
     return {
         "name": designed["name"], "width": designed["width"], "height": designed["height"],
         "far_field": kind == "far_field", "nmse_vs_design": (((part - design) ** 2).sum() / (design**2).sum(), 1e-9),
@@ -82,7 +92,9 @@ def receiver_record(case, index):
 
 def sizes_record(case):
     """Volume, area and box of each file by its own facets, or exact; what flat facets may change is taken as stated."""
-    found, export, stl = record(case)["sizes"], case.json("export"), case.folder / "lens.stl"
+    found = record(case)["sizes"]
+    export = case.json("export")
+    stl = case.folder / "lens.stl"
     volume_mm3, area, *_ = mesh_figures(stl)
     mesh = {"volume_mm3": near(volume_mm3, 1e-6), "area_mm2": near(area, 1e-6),
             "bounds_mm": [[(each, 1e-5) for each in corner] for corner in mesh_of(stl).bounds]}  # fmt: skip
@@ -100,7 +112,8 @@ def sizes_record(case):
 
 
 def verify_record(case):
-    found, every = record(case), [receiver_record(case, k) for k in range(len(record(case)["receivers"]))]
+    found = record(case)
+    every = [receiver_record(case, k) for k in range(len(record(case)["receivers"]))]
     volume_mm3, _, _, _, facets, _ = mesh_figures(case.folder / "lens.stl")
     assert found["emission_apart"] <= 5.5 and 200 <= found["plain_cast"]["casts"] <= 400
     together = [
@@ -121,7 +134,8 @@ def verify_record(case):
 
 
 def form_record(case, name):
-    off, limit = ORACLES[f"verify.form {name}"](case, None), 0.07
+    off = ORACLES[f"verify.form {name}"](case, None)
+    limit = 0.07
     if not name.endswith("step"):
         limit += np.sqrt(3) * np.spacing(np.float32(abs(mesh_of(case.folder / f"{name[:-4]}.stl").bounds).max())) * 1e3
     return {"name": name, "off_um": (1e-3 * off.value, 1e-3 * off.within), "face": ..., "at_mm": [...] * 3,
@@ -135,16 +149,19 @@ def lamps_in(case):
 def limits(case):
     """The largest value of each criterion, by the end of its name; those of sizes by what is stated of the facets."""
     found = record(case)
-    one, sizes = found["receivers"], found["sizes"]
+    one = found["receivers"]
+    sizes = found["sizes"]
     known = {"open_edges": 0.0, "plain_cast_disagreements": 0.0, "own_rays_emission": 5.5, "gaps": 0.0}
     for start, file in (("", sizes["mesh"]), ("brep_", sizes["step"])) if sizes else ():
-        volume_mm3, area = sizes["exported"]["volume_mm3"], sizes["exported"]["area_mm2"]
+        volume_mm3 = sizes["exported"]["volume_mm3"]
+        area = sizes["exported"]["area_mm2"]
         moved = MOVED_MM * area / volume_mm3
         known[f"{start}volume_change"] = min(file["facets_mm3"], MOST_CHORD_MM * area) / volume_mm3 + moved
         known[f"{start}area_change"] = min(file["facets_mm2"] / area, MOST_AREA) + moved
         known[f"{start}box_change"] = min(file["chord_mm"], MOST_CHORD_MM) + sizes["chord_mm"] + MOVED_MM
     for index, each in enumerate(one):
-        start, floor = f"{each['name']}: " if index else "", each["noise_floor_nmse"]
+        start = f"{each['name']}: " if index else ""
+        floor = each["noise_floor_nmse"]
         own = each["own_rays"]
         error = np.hypot(*(own[key]["standard_error"] for key in ("efficiency", "efficiency_design")))
         less = own["nmse_less_noise"]
@@ -181,7 +198,8 @@ def values(case):
 
 
 def criterion_record(case, found):
-    name, limit = found["name"], limits(case)[found["name"]]
+    name = found["name"]
+    limit = limits(case)[found["name"]]
     return {
         "name": name, "value": values(case).get(name, ...), "sense": "<=", "limit": near(limit, 1e-9), "unit": ...,
         "tolerance": 0.0, "remedy": ..., "passed": found["value"] <= limit,

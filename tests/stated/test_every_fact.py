@@ -69,7 +69,8 @@ def name_of(place: Place, fact: Fact) -> str:
 @pytest.mark.parametrize("name", NAMES)
 def test_every_fact(case: Callable[[str], Case], name: str) -> None:
     """Value, unit, standard error, limit, bound and state of each."""
-    own, wrong = case(name), []
+    own = case(name)
+    wrong = []
     for place, fact in own.stated():
         key = name_of(place, fact)
         if key not in ORACLES:

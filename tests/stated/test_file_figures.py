@@ -33,7 +33,8 @@ def modelled(tmp_path_factory: pytest.TempPathFactory) -> Case:
     content["spec"] |= {"source": LED | {"file": str(folder / "far.tm25ray")}, "sources": []}
     content["spec"]["optimise"].pop("over_sources")
     (folder / "lens.json").write_text(json.dumps(content), encoding="utf-8")
-    lens, record = lf.load_lens(folder / "lens.json"), Record()
+    lens = lf.load_lens(folder / "lens.json")
+    record = Record()
     with record.kept():
         record.begins("evaluate")
         light = lf.evaluate(lens, accuracy=FEW_RAYS, seed=3)
@@ -53,7 +54,8 @@ def held_back(case: Case) -> Any:
 
 def test_they_are_those_of_the_light_of_these_rays(modelled: Case) -> None:
     record, _ = light_of(modelled, [held_back(modelled)], modelled.lens["spec"]["source"], warm=False)
-    oracle, said = record["receivers"][0], facts(modelled)
+    oracle = record["receivers"][0]
+    said = facts(modelled)
     wrong = [*differences(said["file_nmse"], stated(oracle["nmse"]))]
     wrong += differences(said["file_efficiency"], stated(oracle["efficiency"], 100.0, "%"))
     assert not wrong, "\n".join(wrong)

@@ -33,7 +33,8 @@ def test_rays_of_a_planar_source(case: Callable[[str], Case], name: str) -> None
         assert abs(p[:, 2]).max() < 1e-12 and d[:, 2].min() >= 0
         for _, factor, _, _, flux, _ in call:
             assert (factor * flux).sum() == pytest.approx(watts, rel=1e-4)
-        power, count = POWER.get(name, 1.0), len(p)
+        power = POWER.get(name, 1.0)
+        count = len(p)
         for values, mean, variance in (
             (d[:, 2] ** (power + 1), 0.5, 1 / 12), (d[:, 0], 0.0, 0.25), (d[:, 1], 0.0, 0.25),
             (d[:, 0] * d[:, 1], 0.0, 0.05), (d[:, 0] ** 2 - d[:, 1] ** 2, 0.0, 0.2),
@@ -70,7 +71,9 @@ def test_rays_of_files_are_those_of_the_files(case: Callable[[str], Case]) -> No
     own = case("leds")
     calls = iter(own.rays["evaluate"])
     for led in own.lens["spec"]["sources"]:
-        source, rows, parts = led["source"], [], []
+        source = led["source"]
+        rows = []
+        parts = []
         for stem, part in zip(OF_LEDS[led["name"]], source.get("files") or [{"flux_w": None}], strict=True):
             p, d, flux = (each.astype(float) for each in led_rays(stem))
             rows.append((p, d / np.linalg.norm(d, axis=1)[:, None]))
@@ -110,7 +113,8 @@ def test_pictures_of_each_receiver(case: Callable[[str], Case], name: str) -> No
 def test_table_of_the_far_field_has_the_light_of_the_rays(case: Callable[[str], Case], name: str) -> None:
     """Flux, and means of products of the components of the direction."""
     for own in case(name).of_leds():
-        tables, samples = oracle_far.once(own, oracle_far.Tables), oracle_far.once(own, oracle_far.leaving)
+        tables = oracle_far.once(own, oracle_far.Tables)
+        samples = oracle_far.once(own, oracle_far.leaving)
         watts, source_lm, _ = oracle_far.lumens(own)
         flux = sum(each[0] for each in samples) / 16 * source_lm / watts
         turned = oracle_far.together(own) > 1  # by angles that the moments do not know
@@ -134,9 +138,12 @@ def test_table_of_the_far_field_has_the_light_of_the_rays(case: Callable[[str], 
 def test_files_of_the_far_field_hold_its_table(case: Callable[[str], Case], name: str) -> None:
     """By readers of a few lines each; the rays of the TM-25 file leave a sphere about the lens."""
     for own in case(name).of_leds():
-        tables, (_, source_lm, known) = oracle_far.once(own, oracle_far.Tables), oracle_far.lumens(own)
+        tables = oracle_far.once(own, oracle_far.Tables)
+        (_, source_lm, known) = oracle_far.lumens(own)
         arrays = np.load(own.folder / "photometry.npz")
-        c, gamma, candela = arrays["c_deg"], arrays["gamma_deg"], arrays["candela"]
+        c = arrays["c_deg"]
+        gamma = arrays["gamma_deg"]
+        candela = arrays["candela"]
         turned = oracle_far.bilinear(
             tables.azimuth, tables.gamma, tables.whole, *np.meshgrid(-c % 360, gamma, indexing="ij")
         )

@@ -22,8 +22,10 @@ TIR = Path(__file__).parents[1] / "definitions" / "lenses" / "tir.json"
 
 def dimensions_of(lens: dict) -> Iterator[tuple[str, float]]:
     """Every size of a lens on a base without relief, by its name on the drawing."""
-    spec, body = lens["spec"], PageBody(lens)
-    base, flange = spec["base"], spec["lens"].get("flange")
+    spec = lens["spec"]
+    body = PageBody(lens)
+    base = spec["base"]
+    flange = spec["lens"].get("flange")
     top = max(part.extreme(lambda s, f, part=part: part.at(s, f)[0][..., 2]) for part in body.envelope)
     wide = 2 * max(across_mm(part) for part in body.envelope)
     axis = np.array([[0.0, 0.0, 1.0]])
@@ -47,10 +49,12 @@ def dimensions_of(lens: dict) -> Iterator[tuple[str, float]]:
                 yield f"{words}, above z = 0", p[0, 2]
     height = 0.0
     if base["kind"] != "none":
-        height, wide = base["height_mm"], max(wide, base["diameter_mm"])
+        height = base["height_mm"]
+        wide = max(wide, base["diameter_mm"])
         yield from (("height of the base below z = 0", height), ("diameter of the base", base["diameter_mm"]))
     if flange:
-        exit_, phi = body.parts["exit"], 2 * np.pi * np.arange(1440) / 1440
+        exit_ = body.parts["exit"]
+        phi = 2 * np.pi * np.arange(1440) / 1440
         u = directions(exit_.ends(phi)[1], phi)
         low = (exit_.exact(u)[0] * u[:, 2]).min() - flange["setback_mm"] - flange["thickness_mm"]
         yield "thickness of the rim's flange", flange["thickness_mm"]
@@ -67,7 +71,8 @@ def across_mm(part) -> float:
 
 @pytest.mark.parametrize("file", [TIR, DESIGNS / "cup" / "lens.json", DESIGNS / "plate" / "lens.json"], ids=str)
 def test_every_dimension(file: Path) -> None:
-    expected, found = dict(dimensions_of(json.loads(file.read_text(encoding="utf-8")))), dimensions(lf.load_lens(file))
+    expected = dict(dimensions_of(json.loads(file.read_text(encoding="utf-8"))))
+    found = dimensions(lf.load_lens(file))
     assert {each.name: each.value_mm for each in found} == {
         name: pytest.approx(value, abs=5e-4 if "crease" in name or "flange" in name else 2e-5)
         for name, value in expected.items()
@@ -82,15 +87,20 @@ def test_every_dimension(file: Path) -> None:
 def test_faces_on_the_drawing(case: Callable[[str], Case], name: str) -> None:
     """Sphere, departure, aperture between the creases, and area of each face of the part, whatever is cut."""
     own = case(name)
-    check, part, lens = own.results["check"], own.results["export"], lf.load_lens(own.folder / "lens.json")
-    body, told = PageBody(own.lens), 0
+    check = own.results["check"]
+    part = own.results["export"]
+    lens = lf.load_lens(own.folder / "lens.json")
+    body = PageBody(own.lens)
+    told = 0
     for face, column in optical_table(lens, part, check, lens.spec.drawing).columns.items():
         if face not in body.parts:
             continue
-        told, words = told + 1, " ".join(column.values())
+        told = told + 1
+        words = " ".join(column.values())
         assert column["title"].lower().startswith(f"{face} face")
         stated = {key: float(re.search(rf"{key} ?(-?[\d.]+)", words)[1]) for key in ("best-fit R", "PV", "aperture: ⌀")}
-        record, scale = own.json("check")[face], own.json("check")["scale"]
+        record = own.json("check")[face]
+        scale = own.json("check")["scale"]
         assert stated["best-fit R"] == pytest.approx(record["best_fit_sphere"]["radius_mm"] / scale, abs=6e-4)
         assert stated["PV"] == pytest.approx(record["best_fit_sphere"]["pv_mm"] / scale, abs=6e-4)
         assert stated["aperture: ⌀"] == pytest.approx(2.0 * across_mm(body.parts[face]), abs=6e-4)
@@ -102,14 +112,19 @@ def test_faces_on_the_drawing(case: Callable[[str], Case], name: str) -> None:
 def test_points_of_the_tables(case: Callable[[str], Case], name: str) -> None:
     """Points and normals into the air of the exact faces, times the scale of a mould; departures from the sphere."""
     own = case(name)
-    body, shop, check = PageBody(own.lens), own.lens["spec"]["manufacture"], own.json("check")
+    body = PageBody(own.lens)
+    shop = own.lens["spec"]["manufacture"]
+    check = own.json("check")
     insert = shop["process"] == "moulded"
-    scale, lens = (1.0 + shop["shrinkage"] if insert else 1.0), lf.load_lens(own.folder / "lens.json")
+    scale = 1.0 + shop["shrinkage"] if insert else 1.0
+    lens = lf.load_lens(own.folder / "lens.json")
     text = points_table(lens, own.results["check"], [])
     rows = list(csv.reader(line for line in text.splitlines() if not line.startswith("#")))[1:]
     for face in (each for each in body.parts if each in check):
         values = np.array([row[1:] for row in rows if row[0] == face], dtype=float)
-        points, air, (polar, azimuth, away) = values[:, :3], values[:, 3:6], values[:, 6:9].T
+        points = values[:, :3]
+        air = values[:, 3:6]
+        (polar, azimuth, away) = values[:, 6:9].T
         u = directions(np.radians(polar), np.radians(azimuth))
         rho, n = body.parts[face].exact(u)
         np.testing.assert_allclose(points, scale * rho[:, None] * u, rtol=0, atol=2e-8)
@@ -125,11 +140,14 @@ def test_points_of_the_tables(case: Callable[[str], Case], name: str) -> None:
 def test_dense_tables_say_their_error(case: Callable[[str], Case]) -> None:
     """Between the nodes bilinear interpolation over the angles is off by what is stated, found anew in the middles."""
     own = case("plate")
-    lens, scale, body = lf.load_lens(own.folder / "lens.json"), 1.007, PageBody(own.lens)
+    lens = lf.load_lens(own.folder / "lens.json")
+    scale = 1.007
+    body = PageBody(own.lens)
     for grid in dense_tables(lens, [], GridRequest(spacing_mm=0.3, interpolation="linear")):
         lines = [line for line in grid.content.decode().splitlines() if line and not line.startswith("#")]
         table = np.array([line.split(",")[-8:] for line in lines[1:]], dtype=float)
-        rings, turns = np.unique(table[:, 6]), np.unique(table[:, 7])
+        rings = np.unique(table[:, 6])
+        turns = np.unique(table[:, 7])
         every = np.concatenate([np.repeat(table[:1], len(turns), axis=0), table[1:]])  # the apex stands there once
         height, across = (
             each.reshape(len(rings), len(turns)) for each in (every[:, 2], np.hypot(every[:, 0], every[:, 1]))
@@ -150,7 +168,8 @@ def middles(height, across, rings, turns) -> Iterator[tuple[np.ndarray, ...]]:
     height, across = (np.column_stack([each, each[:, :1]]) for each in (height, across))
     theta = np.radians(rings)
     for a, b in ((1, 0), (0, 1), (1, 1)):
-        rows, columns = len(theta) - a, len(turned) - b
+        rows = len(theta) - a
+        columns = len(turned) - b
         mean = [sum(each[i : i + rows, j : j + columns] for i in {0, a} for j in {0, b}) / (1 + a) / (1 + b)
                 for each in (height, across)]  # fmt: skip
         yield *mean, theta[:rows, None], ((turned[:columns] + turned[b : columns + b]) / 2)[None, :]

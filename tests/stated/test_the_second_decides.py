@@ -143,7 +143,8 @@ def test_cup_begins_with_the_radius_that_is_given(tmp_path: Path) -> None:
 def test_back_of_a_reflector_moves_by_its_own_offset(tmp_path: Path) -> None:
     parameters = ProfileParameters.of(spec_of("cup", tmp_path), 2.5)
     weights, offsets = parameters.start()
-    both, moved = parameters.tables(weights, offsets), offsets.clone()
+    both = parameters.tables(weights, offsets)
+    moved = offsets.clone()
     moved[1] *= 1.03
     ratio = parameters.tables(weights, moved) / both
     middle = ratio.shape[1] // 2
@@ -159,7 +160,8 @@ def test_far_field_of_a_square_lens_has_the_symmetry_of_its_led_alone(turn_deg: 
     spec = parse_spec(content | {"lens": {"levels": [9, 25], "symmetry": "none"}}, "square")
     faces = {name: SrbfSurface(SrbfBasis((4,), 1.75, "square"), np.zeros(4), mm) for name, mm in DOME.items()}
     found = lf.photometry(lf.Lens(faces, spec, 0, "draft"), rays=2**12)
-    by_c, planes = found.candela[:-1], len(found.candela) - 1
+    by_c = found.candela[:-1]
+    planes = len(found.candela) - 1
     mirrored = {
         "x": np.roll(by_c[::-1], planes // 2 + 1, axis=0), "y": np.roll(by_c[::-1], 1, axis=0),
         "diagonal": np.roll(by_c[::-1], planes // 4 + 1, axis=0),

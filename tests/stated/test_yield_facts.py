@@ -29,7 +29,8 @@ ROAD = {"width_m": 7.0, "pole_height_m": 9.0, "pole_spacing_m": 30.0, "lamp_lm":
 ROADS = [ROAD | {"mean_cd_per_m2": 0.2, "glare_percent": 1e3}]
 ROADS += [ROAD | {"pole_spacing_m": 37.0, "lighting_class": "M5", "mean_cd_per_m2": 0.165, "glare_percent": 20.0}]
 GLARE = {"kind": "glare", "from_deg": 60.0, "at_most": 0.55, "unit": "relative"}
-PARTS, RAYS = 60, 2048
+PARTS = 60
+RAYS = 2048
 NEAR = 1e-4  # per cent, of a share of the variance
 FAR = {
     "kind": "rectangle", "width_mm": 0.4, "height_mm": 1.1, "position_mm": [0.2, -0.1, 0.05], "tilt_deg": [14.0, -9.0]
@@ -81,13 +82,15 @@ GLARE_WORDS = "glare TI: threshold increment"
 
 def expected_of(study: Any, group: Group, number: int, fact: Fact) -> Expected:
     """By the group of the fact, and its number among those of one kind."""
-    parts, metrics = study.parts, study.record["metrics"]
+    parts = study.parts
+    metrics = study.record["metrics"]
     if group.key == "yield":
         return expected_first(study, fact, group)
     if group.key == "road_yield":
         return expected_road(study, number, fact)
     name = parts.bounds[number]["metric"] if group.key == "bound" else list(metrics)[number]
-    unit, designed = metrics[name]["unit"], parts.designed[name]
+    unit = metrics[name]["unit"]
+    designed = parts.designed[name]
     if fact.key == "designed":
         return made.value_of(name, designed, 1e-12, unit)
     if group.key == "bound":
@@ -103,7 +106,8 @@ def expected_of(study: Any, group: Group, number: int, fact: Fact) -> Expected:
 
 def expected_flux(study: Any) -> Expected:
     """The least of all fluxes at which a part begins to pass, with which 95 % of them do."""
-    ratios, fluxes = {}, []
+    ratios = {}
+    fluxes = []
     for number, bound in enumerate(study.parts.bounds):
         words = bound["metric"].rpartition(": ")[2]
         power = {"light": 1.0, "threshold increment": 0.2}.get(words, 0.0)
@@ -150,7 +154,9 @@ def expected_cause(study: Any, fact: Fact, group: Group) -> Expected:
 
 def expected_road(study: Any, number: int, fact: Fact) -> Expected:
     led, number = divmod(number, len(ROADS))
-    road, parts, name = ROADS[number], study.parts, f"{study.prefixes[led]}road {number + 1}: "
+    road = ROADS[number]
+    parts = study.parts
+    name = f"{study.prefixes[led]}road {number + 1}: "
     bounds = [bound for bound in parts.bounds if bound["metric"].startswith(name)]
     margins = [(1.0 if bound["sense"] == ">=" else -1.0) * (parts.table[bound["metric"]] / bound["bound"] - 1.0)
                for bound in bounds]  # fmt: skip
@@ -178,14 +184,17 @@ MAIN = {"source_flux": "source, flux, ", "source_shift_mm": "source, shift, ", "
 
 
 def test_every_fact_of_a_yield(study: Any) -> None:
-    seen, wrong, told = {}, [], 0
+    seen = {}
+    wrong = []
+    told = 0
     for group in study.facts:
         number = seen[group.key] = seen.get(group.key, -1) + 1
         if group.key == "causes":
             wrong += list(wrong_causes(study, group))
             continue
         for fact in group.facts:
-            expected, told = expected_of(study, group, number, fact), told + 1
+            expected = expected_of(study, group, number, fact)
+            told = told + 1
             wrong += [f"{group.key}, {group.title}, {fact.key}: {words}" for words in differences(fact, expected)]
     assert not wrong, "\n".join(wrong)
     assert told > 150 and {"yield", "road_yield", "bound", "spread", "causes"} <= set(seen)

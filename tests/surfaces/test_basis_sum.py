@@ -23,13 +23,16 @@ def _at(surface: SrbfSurface, angles: np.ndarray) -> tuple[np.ndarray, np.ndarra
     centre = surface.basis.centres[0]
     across = np.cross(centre, [0.0, 1.0, 0.0])
     across /= np.linalg.norm(across)
-    cosine, sine = np.cos(angles)[:, None], np.sin(angles)[:, None]
+    cosine = np.cos(angles)[:, None]
+    sine = np.sin(angles)[:, None]
     return cosine * centre + sine * across, sine * centre - cosine * across
 
 
 @pytest.mark.parametrize("sigma", SIGMAS)
 def test_one_function_is_its_closed_form(sigma: float) -> None:
-    surface, angles = _single(sigma), np.linspace(0.0, 3.0, 4001)  # opposite the centre a direction's rounding grows
+    # opposite the centre a direction's rounding grows
+    surface = _single(sigma)
+    angles = np.linspace(0.0, 3.0, 4001)
     directions, towards = _at(surface, angles)
     exact = np.exp(-((angles / sigma) ** 2))
     rounding = 1e-15 * (2.0 + 1.0 / sigma)  # of the directions
@@ -43,7 +46,8 @@ def test_one_function_is_its_closed_form(sigma: float) -> None:
 def test_opposite_the_centre_a_function_is_finite_and_flat() -> None:
     basis = SrbfBasis((289,), 20.0)
     for own, centre in zip(np.eye(289)[::17], basis.centres[::17], strict=True):
-        surface, opposite = SrbfSurface(basis, own, 0.0), -centre[None]
+        surface = SrbfSurface(basis, own, 0.0)
+        opposite = -centre[None]
         assert surface.radius(opposite) == pytest.approx(np.exp(-((np.pi / basis.sigmas[0]) ** 2)), rel=1e-5)
         assert np.abs(surface.gradient(opposite)).max() < 1e-6
 
@@ -59,7 +63,8 @@ def test_the_sums_are_those_of_plain_arithmetic() -> None:
 def test_a_direction_has_the_same_bits_in_any_company() -> None:
     surface = random_surface(7, 6.0, levels=(9, 81, 289))
     u = hemisphere_directions(20 * BLOCK + 5)
-    radius, gradient = surface.radius(u), surface.gradient(u)
+    radius = surface.radius(u)
+    gradient = surface.gradient(u)
     some = np.random.default_rng(3).permutation(len(u))[:41]
     assert np.array_equal(surface.radius(u[some]), radius[some])
     assert np.array_equal(surface.gradient(u[some]), gradient[some])

@@ -29,7 +29,8 @@ def random_weights(count: int) -> torch.Tensor:
 @pytest.mark.parametrize("nodes_per_sigma", first_by_day(2, [2.5, 3.4, 5.0], "more nodes"))
 def test_tables_are_no_worse_than_those_of_the_exact_sum(symmetry: str, nodes_per_sigma: float) -> None:
     ours = parametrisation(nodes_per_sigma, lens__symmetry=symmetry)
-    weights, offsets = random_weights(ours.basis.size), torch.tensor([1.0, 1.1], dtype=torch.float64)
+    weights = random_weights(ours.basis.size)
+    offsets = torch.tensor([1.0, 1.1], dtype=torch.float64)
     for face, table in enumerate(ours.tables(weights, offsets)):
         scale = float(ours.scale_mm[face])
         surface = SrbfSurface(ours.basis, weights[:, face].numpy() * scale, float(offsets[face]) * scale)
@@ -40,10 +41,13 @@ def test_tables_are_no_worse_than_those_of_the_exact_sum(symmetry: str, nodes_pe
 @pytest.mark.parametrize("levels", [(1,), (4,), (60,), (1, 9, 49, 200), (49, 9), (81, 25, 1)])
 @pytest.mark.parametrize("sigma_c", first_by_day(2, [1.75, 30.0, 1.0, 3.0], "more widths"))
 def test_any_levels_of_any_width_in_any_order_are_tables(levels: tuple[int, ...], sigma_c: float) -> None:
-    basis, rng = SrbfBasis(levels, sigma_c), np.random.default_rng(1)
+    basis = SrbfBasis(levels, sigma_c)
+    rng = np.random.default_rng(1)
     grid, halvings = dyadic_grid([level_sigma(count, sigma_c) for count in levels], 3.4)
-    tables, weights = BasisTables.of(basis, grid, halvings), rng.normal(size=basis.size) * 0.01
-    surface, table = SrbfSurface(basis, weights, 1.0), tables.table(weights)
+    tables = BasisTables.of(basis, grid, halvings)
+    weights = rng.normal(size=basis.size) * 0.01
+    surface = SrbfSurface(basis, weights, 1.0)
+    table = tables.table(weights)
     assert table_error(grid, 1.0 + table, surface) < 1.5 * table_error(grid, tabulate(grid, surface), surface)
     by_table = rng.normal(size=table.shape)
     along = np.sum(tables.by_weights(by_table, basis.size) * weights)
@@ -52,7 +56,8 @@ def test_any_levels_of_any_width_in_any_order_are_tables(levels: tuple[int, ...]
 
 @pytest.mark.parametrize("count", first_by_day(2, [9, 34, 115, 404]))
 def test_the_first_levels_alone_are_the_same_as_zeros_in_the_others(count: int) -> None:
-    ours, weights = parametrisation(3.4), random_weights(404)
+    ours = parametrisation(3.4)
+    weights = random_weights(404)
     weights[count:] = 0.0
     offsets = torch.ones(2, dtype=torch.float64)
     for few, all_of_them in zip(ours.tables(weights[:count], offsets), ours.tables(weights, offsets), strict=True):
@@ -60,7 +65,8 @@ def test_the_first_levels_alone_are_the_same_as_zeros_in_the_others(count: int) 
 
 
 def test_the_gradient_is_that_of_a_linear_map() -> None:
-    ours, weights = parametrisation(3.4), random_weights(404).requires_grad_()
+    ours = parametrisation(3.4)
+    weights = random_weights(404).requires_grad_()
     offsets = torch.ones(2, dtype=torch.float64, requires_grad=True)
     by_tables = [torch.from_numpy(np.random.default_rng(k).normal(size=(ours.grid.side,) * 2)) for k in (0, 1)]
 
@@ -77,9 +83,12 @@ def test_the_gradient_is_that_of_a_linear_map() -> None:
 
 
 def test_a_refined_table_is_the_same_spline() -> None:
-    coarse, fine = TableGrid(12), TableGrid(23)
+    coarse = TableGrid(12)
+    fine = TableGrid(23)
     rng = np.random.default_rng(1)
-    table, halfway, finer = rng.normal(size=(14, 14)), np.empty((25, 14)), np.empty((25, 25))
+    table = rng.normal(size=(14, 14))
+    halfway = np.empty((25, 14))
+    finer = np.empty((25, 25))
     refine(table, halfway, finer)
     assert coarse.side == 14 and fine.side == 25
 
@@ -89,7 +98,8 @@ def test_a_refined_table_is_the_same_spline() -> None:
 
     assert np.allclose(at_nodes(finer)[::2, ::2], at_nodes(table), rtol=0.0, atol=1e-14)
     assert np.allclose(at_nodes(finer)[1::2, ::2], _between(table), rtol=0.0, atol=1e-14)
-    by_finer, by_table = rng.normal(size=(25, 25)), np.empty((14, 14))
+    by_finer = rng.normal(size=(25, 25))
+    by_table = np.empty((14, 14))
     refine_adjoint(by_finer, halfway, by_table)
     assert np.sum(by_table * table) == pytest.approx(np.sum(by_finer * finer), rel=1e-12)
 

@@ -20,7 +20,9 @@ from lensforge.surfaces.collimator import Collimator, best_collimator
 
 INDEX = 1.4936
 SIDES = {"cap": (CAVITY, BODY), "side": (CAVITY, BODY), "wall": (BODY, OUTSIDE), "exit": (BODY, OUTSIDE)}
-BY_CAP, BY_WALL = [0, 12, -1, -1], [4, 8 + 2, 12, -1]  # faces times four, 2 more where they reflect
+# faces times four, 2 more where they reflect
+BY_CAP = [0, 12, -1, -1]
+BY_WALL = [4, 8 + 2, 12, -1]
 
 
 def body_of(collimator: Collimator) -> Body:
@@ -37,8 +39,10 @@ LENSES = {
 @pytest.mark.parametrize("name", LENSES)
 def test_all_light_of_a_point_leaves_along_the_axis(name: str) -> None:
     """Within 1e-4 rad, of the tables; no light is lost but by what faces reflect."""
-    lens, rays = LENSES[name], upwards(20_000, 1)
-    body, media = body_of(lens), clear(lens.index)
+    lens = LENSES[name]
+    rays = upwards(20_000, 1)
+    body = body_of(lens)
+    media = clear(lens.index)
     body.require_sound()
     grid = TableGrid(401)
     scenes = [Scene(media, grid, fresnel, chain=body.chain(4)) for fresnel in (True, False)]
@@ -58,7 +62,9 @@ def test_all_light_of_a_point_leaves_along_the_axis(name: str) -> None:
 
 
 def test_the_faces_themselves_turn_it_to_a_hundredth_of_a_milliradian() -> None:
-    lens, media, rays = LENSES["wide"], clear(INDEX), upwards(300, 2)
+    lens = LENSES["wide"]
+    media = clear(INDEX)
+    rays = upwards(300, 2)
     body = body_of(lens)
     found = exactly(lens.faces, Scene(media, TableGrid(24), chain=body.chain(4)), rays)
     assert (found.fates == Fate.LEFT_LENS).all()
@@ -67,7 +73,8 @@ def test_the_faces_themselves_turn_it_to_a_hundredth_of_a_milliradian() -> None:
 
 def test_all_paths_from_the_source_to_the_exit_are_equally_long() -> None:
     """By the distances between points that the faces have, not by those of the construction."""
-    lens, polar = LENSES["wide"], np.linspace(0.5, 1.5, 50)
+    lens = LENSES["wide"]
+    polar = np.linspace(0.5, 1.5, 50)
     outwards = np.column_stack([np.sin(polar), 0.0 * polar, np.cos(polar)])
     starts = (lens.faces["side"].radius(outwards)[:, None] * outwards)[:, [0, 2]]
     points = lens.wall(polar)
@@ -93,7 +100,8 @@ def test_the_best_sends_most_light_of_a_chip_into_its_beam(radius_mm: float, hal
     twice = replace(lens, radius_mm=2.0 * radius_mm, cavity_mm=2.0 * lens.cavity_mm, cap_mm=2.0 * lens.cap_mm)
     assert twice.share(half, 2.0) == pytest.approx(lens.share(half, 1.0), abs=1e-6), "light has no length of its own"
     smaller = Collimator(INDEX, radius_mm, 0.7 * lens.cavity_mm, 0.7 * lens.cap_mm)
-    found, less = traced(lens), traced(smaller)
+    found = traced(lens)
+    less = traced(smaller)
     assert found == pytest.approx(share, abs=0.003)
     assert lens.share(half, 1.0) == pytest.approx(found / 0.905, abs=0.01)  # two faces pass 0.905
     assert less < found - 0.01 and smaller.share(half, 1.0) < lens.share(half, 1.0) - 0.01

@@ -10,7 +10,9 @@ from lensforge.surfaces.reciprocal import ConicFace
 
 
 def test_distances_from_both_foci_of_a_tilted_ellipsoid_add_up_to_its_length() -> None:
-    u, axis, length = hemisphere_directions(200), np.array([2.0, 3.0, 6.0]) / 7.0, 2.0 * 6.0 / (1.0 - 0.7**2)
+    u = hemisphere_directions(200)
+    axis = np.array([2.0, 3.0, 6.0]) / 7.0
+    length = 2.0 * 6.0 / (1.0 - 0.7**2)
     points = u * ConicFace(21.0, 6.0, 0.7, (2.0, 3.0, 6.0)).radius(u)[:, None]
     one, other = (np.linalg.norm(points - focus * axis, axis=1) for focus in (0.0, 0.7 * length))
     assert np.allclose(one + other, length, rtol=1e-13)
@@ -18,7 +20,8 @@ def test_distances_from_both_foci_of_a_tilted_ellipsoid_add_up_to_its_length() -
 
 @pytest.mark.parametrize("centre", [0.0, 3.0, -4.0, -5.9])
 def test_a_sphere_is_a_sphere(centre: float) -> None:
-    surface, u = sphere(6.0, centre), hemisphere_directions(2000)
+    surface = sphere(6.0, centre)
+    u = hemisphere_directions(2000)
     expected = centre * u[:, 2] + np.sqrt(36.0 - centre**2 * (1.0 - u[:, 2] ** 2))
     assert np.allclose(surface.radius(u), expected, rtol=1e-13)
     from_centre = u * surface.radius(u)[:, None] - np.array([0.0, 0.0, centre])

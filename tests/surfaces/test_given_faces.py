@@ -22,7 +22,8 @@ from lensforge.surfaces.chart_spline import ChartSpline
 from lensforge.surfaces.srbf import fibonacci_hemisphere
 from lensforge.surfaces.surface import Surface, to_chart
 
-RADIUS, CENTRE = 3.0, 0.4
+RADIUS = 3.0
+CENTRE = 0.4
 HERE = pytest.mark.usefixtures("cad_read_here")
 U = np.concatenate([hemisphere_directions(3000), [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]])
 

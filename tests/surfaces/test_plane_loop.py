@@ -40,7 +40,8 @@ def test_areas_and_boxes_are_those_by_hand() -> None:
 
 @pytest.mark.parametrize("corners", [L_SHAPE, reversed_corners(L_SHAPE), SECTOR], ids=["L", "clockwise", "sector"])
 def test_distances_are_those_of_many_points_along_the_loop(corners: list[tuple[float, float, float]]) -> None:
-    loop, random = loop_of(corners), np.random.default_rng(3)
+    loop = loop_of(corners)
+    random = np.random.default_rng(3)
     chain = points_on(loop, 1e-3)
     chain = np.concatenate([np.linspace(a, b, 300) for a, b in zip(chain, np.roll(chain, -1, axis=0), strict=True)])
     low, high = (np.array(each) for each in box_of_loop(loop))

@@ -38,9 +38,11 @@ def slopes_of(basis: ProfileBasis, cosines: np.ndarray) -> np.ndarray:
 
 
 def test_the_functions_are_quintic_b_splines_with_four_derivatives() -> None:
-    basis, h = ProfileBasis(-0.2, 0.8, 11), 1e-6
+    basis = ProfileBasis(-0.2, 0.8, 11)
+    h = 1e-6
     u = np.linspace(-1.0, 1.0, 1301)
-    matrix, slopes = basis.matrix(u), slopes_of(basis, u)
+    matrix = basis.matrix(u)
+    slopes = slopes_of(basis, u)
     assert np.abs(matrix.sum(axis=1) - 1.0).max() < 1e-14
     assert basis.matrix(basis.averages[5:6])[0, 2:9] * 120.0 == pytest.approx([0, 1, 26, 66, 26, 1, 0], abs=1e-12)
     found = (basis.matrix(u + h) - basis.matrix(u - h)) / (2.0 * h)
@@ -109,7 +111,9 @@ def test_what_is_no_profile_is_one_line(low: float, high: float, coefficients: t
 @pytest.mark.parametrize("end", [-0.2, 0.8])
 def test_a_profile_goes_on_with_the_bend_of_its_end_and_then_straight(end: float) -> None:
     """A jump of the curvature spoils the spline of an exported face whose edge lies near the end."""
-    basis, h, out = ProfileBasis(-0.2, 0.8, 11), 1e-5, np.sign(end - 0.3)
+    basis = ProfileBasis(-0.2, 0.8, 11)
+    h = 1e-5
+    out = np.sign(end - 0.3)
     before, behind = (
         (slopes_of(basis, np.array([end + h * side])) - slopes_of(basis, np.array([end]))) / (h * side)
         for side in (-out, out)

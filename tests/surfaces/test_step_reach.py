@@ -12,7 +12,8 @@ from lensforge.surfaces.step_file import _require_usable
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_a_shape_that_reaches_too_far_in_any_direction_is_refused(axis: int, sign: float) -> None:
     for reach_mm, allowed in ((9_990.0, True), (10_010.0, False)):
-        low, high = [-1.0, -1.0, -1.0], [1.0, 1.0, 1.0]
+        low = [-1.0, -1.0, -1.0]
+        high = [1.0, 1.0, 1.0]
         (high if sign > 0.0 else low)[axis] = sign * reach_mm
         box = BRepPrimAPI_MakeBox(gp_Pnt(*low), gp_Pnt(*high)).Shape()
         if allowed:

@@ -119,7 +119,8 @@ def test_a_surface_of_the_same_numbers_is_the_same_key_of_a_cache(surface: Surfa
 
 
 def test_surfaces_that_differ_in_one_number_of_an_array_are_two_keys() -> None:
-    freeform, given = CASES["freeform"], CASES["given face"]
+    freeform = CASES["freeform"]
+    given = CASES["given face"]
     profile = CASES["profile"]
     numbers = vars(profile) | {"srbf": freeform.basis, "weights_per_mm": 1e-4 * freeform.weights_mm}
     formed = FormedFace(**{field.name: numbers[field.name] for field in fields(FormedFace)})

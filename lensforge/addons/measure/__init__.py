@@ -1,7 +1,7 @@
 """What did the machined part become, and how is it cut again? Photographs, points on faces, a second cut.
 
 - ``measure_verbs``: the verbs ``compare`` and ``correct``
-- ``stages``: their stages of a result folder, and their commands
+- ``measure_stages``: their stages of a result folder, and their commands
 - ``measurement_result``: their records
 - ``measured_facts``, ``measured_section``: what screen and page show of them
 - ``photo_comparison``: a photograph and the simulated light
@@ -33,7 +33,7 @@ def _names() -> Mapping[str, object]:
 
 
 def _commands() -> "Sequence[click.Command]":
-    from lensforge.addons.measure.stages import COMMANDS
+    from lensforge.addons.measure.measure_stages import COMMANDS
 
     return COMMANDS
 

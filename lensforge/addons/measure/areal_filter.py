@@ -16,7 +16,7 @@ Lengths are along a sphere of the local radius: on a face inclined to it by t, w
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from jaxtyping import Float
@@ -235,12 +235,19 @@ class ArealFilter:
         return RadialChange(along_x.t, np.ascontiguousarray(along_y.c.T), detail)
 
 
+class Factorised(Protocol):
+    """Factors of a sparse matrix, as SciPy's ``SuperLU`` has them."""
+
+    def solve(self, rhs: Float[np.ndarray, "m *k"], /) -> Float[np.ndarray, "m *k"]:
+        """Solution of the equations for one right-hand side, or for several columns."""
+
+
 @dataclass(frozen=True)
 class FilteredPoints:
     """A filtered deviation: the filter, its solved equations, and the coefficients of its spline."""
 
     areal: ArealFilter
-    solver: Any
+    solver: Factorised
     control: Float[np.ndarray, " m"]
 
     @cached_property
@@ -253,11 +260,11 @@ class FilteredPoints:
         """The filtered deviation over the whole face."""
         return self.areal.change(self.control)
 
-    def again(self, values: Float[np.ndarray, " n"]) -> RadialChange:
-        """Other ``values`` (mm) at the same points through the same filter."""
+    def refilter(self, values: Float[np.ndarray, " n"]) -> RadialChange:
+        """Filter other ``values`` (mm) at the same points."""
         return self.areal.change(self.solver.solve(self.areal.loads(values)))
 
-    def left_of_noise(self) -> tuple[float, float]:
+    def residual_noise(self) -> tuple[float, float]:
         """Shares of n that the filter leaves: of the degrees of freedom, and of the variance of noise in the residual.
 
         1 - tr A / n, and the mean square along the normal of (I - A) z for random signs z along it (Hutchinson 1990).

@@ -188,7 +188,7 @@ def _expected(cut: FirstCut, made: CutFace, gain: float) -> ChangedSurface:
     parametric bootstrap: Efron & Tibshirani 1993).
     """
     noise = cut.noise_mm * np.random.default_rng(_SEED).normal(size=len(cut.points.deviations)) / cut.points.cosines
-    measured_again = made.filtered.again(cut.likeliest.values + noise)
+    measured_again = made.filtered.refilter(cut.likeliest.values + noise)
     return ChangedSurface(cut.likeliest.change, measured_again.times(-gain))
 
 

@@ -89,7 +89,7 @@ class TriedFilter:
     def of(points: PointDeviations, wavelength_mm: float) -> "TriedFilter":
         """Filter ``points``. The score is the error (mm^2) at points that were not measured (Golub et al. 1979)."""
         filtered = ArealFilter(points, wavelength_mm).solve()
-        freedom, noise = filtered.left_of_noise()
+        freedom, noise = filtered.residual_noise()
         square = points.mean_square(points.deviations - filtered.values)
         return TriedFilter(filtered, float(np.sqrt(square / noise)), square / freedom**2)
 

@@ -9,7 +9,8 @@ from lensforge.errors import InputError
 from lensforge.scene.lens import Lens
 from lensforge.surfaces.point_files import FaceOfPart, read_cloud
 
-_FITS, _FITS_NOT = (0.8, 1.25), (0.5, 2.0)  # median distance of the points over the face's; beyond the second: not it
+_FITS = (0.8, 1.25)  # median distance of the points over the face's
+_FITS_NOT = (0.5, 2.0)  # beyond the second: not it
 
 
 def measured_points(path: Path, lens: Lens, side: str) -> Float[np.ndarray, "n 3"]:

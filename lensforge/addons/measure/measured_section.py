@@ -5,7 +5,7 @@ import numpy as np
 from lensforge.addons.measure.measurement_result import Correction, PhotoComparison, SurfaceComparison
 from lensforge.optics.face_roles import CAVITY
 from lensforge.report import light_figures
-from lensforge.report.added_section import Place, Shown, shown_on_page
+from lensforge.report.added_section import OnPlace, Place, shown_on_page
 from lensforge.report.light_section import line_pictures, top_of, unit_of_light
 from lensforge.report.page import PagePicture, picture
 from lensforge.report.results import Results
@@ -21,21 +21,21 @@ MEASURED = Place("measured", "Measured part", "The measured part")
 
 
 @shown_on_page.register
-def _photo_on_page(photo: PhotoComparison, results: Results) -> Shown:
+def _photo_on_page(photo: PhotoComparison, results: Results) -> OnPlace:
     lit = (photo.simulated, photo.measured)
     labels = ("simulated", "photographed")
     lines = line_pictures(lambda name: f"photo-{name}", lit, photo.chart, RELATIVE, labels)
-    return Shown(MEASURED, [photo_pictures(photo), lines])
+    return OnPlace(MEASURED, [photo_pictures(photo), lines])
 
 
 @shown_on_page.register
-def _surface_on_page(surface: SurfaceComparison, results: Results) -> Shown:
-    return Shown(MEASURED, [_surface_pictures(results, surface)])
+def _surface_on_page(surface: SurfaceComparison, results: Results) -> OnPlace:
+    return OnPlace(MEASURED, [_surface_pictures(results, surface)])
 
 
 @shown_on_page.register
-def _correction_on_page(made: Correction, results: Results) -> Shown:
-    return Shown(MEASURED, [correction_pictures(made)])
+def _correction_on_page(made: Correction, results: Results) -> OnPlace:
+    return OnPlace(MEASURED, [correction_pictures(made)])
 
 
 def photo_pictures(photo: PhotoComparison) -> list[PagePicture]:

@@ -115,7 +115,7 @@ class Similarity(Record):
 
 
 class Evenness(Record):
-    """Uniformity and RSD within the spec's region of uniform light; None where it has none."""
+    """Uniformity and RSD within the spec's region of uniform light; None if it has none."""
 
     uniformity: Number | None
     rsd: Number | None
@@ -126,7 +126,7 @@ class PhotoComparison(StageResult):
     """A photograph of the part's light against the simulation, both scaled to a mean of 1.
 
     ``led``: in the photographs, of a lens for several. ``on``, ``off``: names of the photographs. ``corners``: pixels
-    (column, row) of the target, clockwise from the top left. ``corners_located``: how they were found; None where they
+    (column, row) of the target, clockwise from the top left. ``corners_located``: how they were found; None if they
     were given. ``target_mm``: width and height of the rectangle that they bound. ``width_mm``, ``height_mm``: of the
     images. ``gamma``: exponent of the camera. ``pixels``: along the longer side of the images. ``ssim``: structural
     similarity, 1 for equal images. ``nmse``: of the images. ``alignment``: shift, turn and scale from the simulated to
@@ -135,7 +135,7 @@ class PhotoComparison(StageResult):
     images [row y, column x].
     """
 
-    told_if_any: ClassVar[tuple[str, ...]] = ("led",)
+    omit_if_empty: ClassVar[tuple[str, ...]] = ("led",)
     stage: ClassVar[str] = "compare"
     on_page: ClassVar[OnPage] = OnPage("photograph", further=("ssim",))
     command: ClassVar[str] = "compare --on"
@@ -194,7 +194,7 @@ class PhotoComparison(StageResult):
 
     @stated
     def likely_cause(self) -> str:
-        """Likely causes of what the alignment says beyond doubt, in words; empty where it says nothing."""
+        """Likely causes of what the alignment says beyond doubt, in words; empty if it says nothing."""
         return "; ".join(self.alignment.causes())
 
     @property
@@ -282,7 +282,7 @@ class MeasuredFace(SimulatedResult):
     ``chart``: places of their samples along either axis. ``area_mm2``: area of the face at each sample.
     """
 
-    told_if_any: ClassVar[tuple[str, ...]] = ("by_led",)
+    omit_if_empty: ClassVar[tuple[str, ...]] = ("by_led",)
     plotted: ClassVar[tuple[str, str]]  # field of the map that is plotted, and its name
 
     surface: Text
@@ -393,7 +393,7 @@ def _least_radius_mm(made: Any) -> float | None:
 
 
 class CutterLimit(Record):
-    """The ball cutter's limit on a correction; radii are the smallest concave ones, None where there is none.
+    """The ball cutter's limit on a correction; radii are the smallest concave ones, None if there is none.
 
     ``smoothed_more_share``: of the area, where the wavelength was made longer for the cutter; ``cut_back_um``: how much
     of the correction that took away, along the normal.
@@ -495,7 +495,7 @@ class Correction(MeasuredFace):
         )
     )
     def cut_back_rms_um(self) -> float | None:
-        """Part of the correction that the cutter took away; None where it took none."""
+        """Part of the correction that the cutter took away; None if it took none."""
         return self.cutter.cut_back_um.rms if self.cutter.smoothed_more_share > 0.0 else None
 
     def products(self) -> dict[str, bytes]:

@@ -210,13 +210,15 @@ def compare_photo(
 def _corner_error(corners: Float[np.ndarray, "4 2"], target_mm: Size) -> Float[np.ndarray, "4"]:
     """Standard errors of ln s, rotation (rad) and shifts (mm) by the target's corners: a rectangle fitted."""
     sides = np.linalg.norm(np.roll(corners, -1, axis=0) - corners, axis=1)
-    width, height = 0.5 * (sides[0] + sides[2]), 0.5 * (sides[1] + sides[3])
+    width = 0.5 * (sides[0] + sides[2])
+    height = 0.5 * (sides[1] + sides[3])
     relative = _CORNER_PX / float(np.hypot(width, height))
     return np.array([relative, relative, *(0.5 * _CORNER_PX * np.array(target_mm) / (width, height))])
 
 
 def _alignment(fit: SimilarityFit, by_corners: Float[np.ndarray, "4"]) -> Alignment:
-    scale, errors = float(np.exp(fit.parameters[0])), np.hypot(fit.errors, by_corners)
+    scale = float(np.exp(fit.parameters[0]))
+    errors = np.hypot(fit.errors, by_corners)
     units = np.array([scale, np.degrees(1.0), 1.0, 1.0])
     values = [scale, float(np.degrees(fit.parameters[1])), *map(float, fit.parameters[2:])]
     size, rotation, x, y = (

@@ -49,7 +49,9 @@ def motion_errors(
     eigenvalues, vectors = np.linalg.eigh(scaled.T @ scaled)
     free = vectors[:, eigenvalues < _DETERMINED * eigenvalues[-1]]  # motions that change no distance
     counts, means = _over_cells(directions, np.concatenate([directions, residuals[:, None], scaled], axis=1))
-    places, left, design = means[:, :3], means[:, 3], means[:, 4:]
+    places = means[:, :3]
+    left = means[:, 3]
+    design = means[:, 4:]
     weighted = design * counts[:, None]
     fit = np.linalg.pinv(weighted.T @ design, rcond=_DETERMINED, hermitian=True) @ weighted.T
     kernels = _kernels(places, counts)
@@ -88,7 +90,8 @@ def _amounts(expected: Float[np.ndarray, "q c c"], left: Float[np.ndarray, " c"]
     """Variances, none below 0, with which the products of the residuals ``left`` are closest to the ``expected``."""
     flat = expected.reshape(len(expected), -1)
     norms = np.linalg.norm(flat, axis=1)
-    unit, products = flat / norms[:, None], np.einsum("qij,i,j->q", expected, left, left) / norms
+    unit = flat / norms[:, None]
+    products = np.einsum("qij,i,j->q", expected, left, left) / norms
     return np.asarray(nnls(unit @ unit.T, products)[0] / norms)
 
 
@@ -147,7 +150,8 @@ def registered(patch: Patch, cloud: Float[np.ndarray, "k 3"], registration: Regi
     return Registered(motion, placed[on], float(on.mean()))
 
 
-_NEIGHBOURS, _UNLIKE = 12, 0.75  # points around each, of which a quarter may be off, too
+_NEIGHBOURS = 12  # points around each
+_UNLIKE = 0.75  # a quarter of them may be off, too
 _SIGMAS = 20.0  # of the median deviation: no noise, and no form error that is alike nearby, reaches it
 _STEPS = 4.0  # from the middle of the neighbours, in those that they have among themselves
 _LEAST_STEP_MM = 0.02  # off the neighbours: less is told from form error by no rule
@@ -259,7 +263,8 @@ def _require_size(patch: Patch, points: Float[np.ndarray, "n 3"]) -> None:
     if not len(over):
         return
     lengths = np.linalg.norm(over, axis=1)
-    face, measured = float(np.median(patch.radius(over / lengths[:, None]))), float(np.median(lengths))
+    face = float(np.median(patch.radius(over / lengths[:, None])))
+    measured = float(np.median(lengths))
     if not _SIZES[0] * face <= measured <= _SIZES[1] * face:
         unit = min(_UNITS, key=lambda name: abs(np.log(measured / face / _UNITS[name])))
         raise InputError(
@@ -289,7 +294,8 @@ def _settled(
     Each counts those of the one before and those that came over the surface by it. The last counts what is over the
     surface alone, so that points of other faces do not draw on the motion. None for a start that leads to too few.
     """
-    motion, counted = start, over_surface(moved(points, start))
+    motion = start
+    counted = over_surface(moved(points, start))
     for _ in range(_ROUNDS):
         if counted.sum() < LEAST_POINTS:
             return None
@@ -337,7 +343,8 @@ def _gaps_and_slopes(
     """
     place = moved(points, motion)
     over = over_surface(place)
-    gaps, normals = np.zeros(len(points)), np.zeros((len(points), 3))
+    gaps = np.zeros(len(points))
+    normals = np.zeros((len(points), 3))
     gaps[over], normals[over] = distances(patch, place[over])
     across = place[~over, :2]
     rim = HALF_WIDTH * across / np.maximum(np.linalg.norm(across, axis=1, keepdims=True), np.finfo(float).tiny)
@@ -355,7 +362,8 @@ def _left_jacobian(vector: Float[np.ndarray, "3"]) -> Float[np.ndarray, "3 3"]:
     cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
     if angle < 1e-6:
         return np.eye(3) + 0.5 * cross
-    first, second = (1.0 - np.cos(angle)) / angle**2, (angle - np.sin(angle)) / angle**3
+    first = (1.0 - np.cos(angle)) / angle**2
+    second = (angle - np.sin(angle)) / angle**3
     return np.asarray(np.eye(3) + first * cross + second * cross @ cross)
 
 

@@ -93,7 +93,7 @@ def area(corners: Float[np.ndarray, "4 2"]) -> float:
 def fit_sides(picture: Float[np.ndarray, "h w"], corners: Float[np.ndarray, "4 2"], reach: float) -> Sides | None:
     """Fit lines through the steepest descents from bright inside to dark outside, up to ``reach`` pixels off the sides.
 
-    Robust: Theil and Sen's slope first, then least squares of the points on that line. None where an edge has no points
+    Robust: Theil and Sen's slope first, then least squares of the points on that line. None if an edge has no points
     or two lines do not meet.
     """
     lines, quality = [], []

@@ -10,7 +10,8 @@ from contextlib import suppress
 
 from aiohttp import web
 
-MOST, MOST_STRANGERS = 128, 32
+MOST = 128
+MOST_STRANGERS = 32
 STRANGER_S = 10.0  # for the head of a request; after it a connection may be kept, and wait as long
 _PAUSE_S = 0.1  # where the system has no more connections
 
@@ -20,7 +21,8 @@ class Connections:
 
     def __init__(self, listener: socket.socket, server: web.Server) -> None:
         listener.setblocking(False)
-        self._listener, self._server = listener, server
+        self._listener = listener
+        self._server = server
         self._open = dict[asyncio.BaseProtocol, asyncio.Transport]()  # the oldest first
         self._known = set[asyncio.BaseProtocol]()
         self._accepting = asyncio.get_running_loop().create_task(self._accept())

@@ -26,7 +26,8 @@ def cure_of(title: str, run: Run) -> Fields | None:
 
 
 def _of_light(run: Run) -> Iterator[Fields]:
-    names, accuracy = [*map(str, PRESETS)], str(run.lens.accuracy)
+    names = [*map(str, PRESETS)]
+    accuracy = str(run.lens.accuracy)
     if accuracy in names[:-1]:
         better = names[names.index(accuracy) + 1]
         yield {"words": f"Search with accuracy {better}", "do": "search", "content": {"accuracy": better}}

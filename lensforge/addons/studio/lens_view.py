@@ -24,10 +24,14 @@ from lensforge.sources.ray_bundle import RayBundle
 from lensforge.surfaces.bicubic_table import TableGrid, evaluate_table
 from lensforge.surfaces.surface import Surface, gradient_on_sphere, to_chart, to_sphere
 
-_RINGS, _SPOKES, _PROFILE = np.linspace(0.0, 1.0, 25), np.linspace(0.0, 2.0 * np.pi, 73), np.linspace(-1.0, 1.0, 121)
+_RINGS = np.linspace(0.0, 1.0, 25)
+_SPOKES = np.linspace(0.0, 2.0 * np.pi, 73)
+_PROFILE = np.linspace(-1.0, 1.0, 121)
 _FAN_RAD = np.radians(np.linspace(-75.0, 75.0, 21))
 _NODES_PER_SIGMA = 2.0  # of the tables that rays of a drawing pass: a pixel, not a micrometre
-_REACH, _RAYS, _SEED = 1.6, 240, 1  # of rays beyond the lens, relative to its radius; rays in space
+_REACH = 1.6  # of rays beyond the lens, relative to its radius
+_RAYS = 240  # in space
+_SEED = 1
 _STEP = 1e-4  # of the chart, by which the slope of a table is found
 Arrays = dict[str, np.ndarray]
 Net = Float[np.ndarray, "r s 3"]
@@ -52,7 +56,8 @@ class _Tabulated(Surface):
 
     def gradient(self, directions: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
         """Tangential gradient of ``rho`` (mm/rad), by differences."""
-        chart, steps = to_chart(directions), _STEP * np.eye(2)
+        chart = to_chart(directions)
+        steps = _STEP * np.eye(2)
         both = [[self.radius(to_sphere(chart + sign * step)) for sign in (1.0, -1.0)] for step in steps]
         return gradient_on_sphere(chart, np.stack([0.5 * (one - other) / _STEP for one, other in both], axis=1))
 
@@ -91,14 +96,16 @@ class Side:
     @cached_property
     def curvatures(self) -> PrincipalCurvatures:
         """Principal curvatures (1/mm) at the nodes, seen from the air: by the first and second fundamental forms."""
-        (u, v), (du, dv) = _slopes(self.net), _slopes(self.air * self.outward)
+        (u, v) = _slopes(self.net)
+        (du, dv) = _slopes(self.air * self.outward)
         e, f, g, of_u, of_uv, of_v = (
             np.sum(a * b, axis=-1) for a, b in ((u, u), (u, v), (v, v), (du, u), (du, v), (dv, v))
         )
         area = np.where(e * g > f * f, e * g - f * f, 1.0)
         mean = 0.5 * (of_u * g - 2.0 * of_uv * f + of_v * e) / area
         spread = np.sqrt(np.maximum(mean**2 - (of_u * of_v - of_uv**2) / area, 0.0))
-        mean[0], spread[0] = mean[1, :-1].mean(), spread[1, :-1].mean()
+        mean[0] = mean[1, :-1].mean()
+        spread[0] = spread[1, :-1].mean()
         return PrincipalCurvatures((mean - spread).ravel(), (mean + spread).ravel())
 
     @property
@@ -142,7 +149,8 @@ def drawn(lens: Lens, figure: str, traced: TracedLens | None = None, *, whole: b
 
     Of a ``whole`` lens the section of its part, and rays of the LED in space with their fates.
     """
-    outer, inner = Side(lens.body.envelope, 1), Side(lens.body.cavity, -1)
+    outer = Side(lens.body.envelope, 1)
+    inner = Side(lens.body.cavity, -1)
     arrays: Arrays = {}
     for name, side, other in (("outer", outer, inner), ("inner", inner, outer)):
         arrays |= {name: side.net, f"{name}_normal": side.outward, f"{name}_figure": side.figure(figure, other)}

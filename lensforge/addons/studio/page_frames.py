@@ -15,7 +15,9 @@ Fields = MutableMapping[str, Any]  # of JSON
 
 def packed(head: Mapping[str, object], arrays: Mapping[str, np.ndarray]) -> bytes:
     """The bytes of a frame."""
-    parts, places, start = list[bytes](), dict[str, object](), 0
+    parts = list[bytes]()
+    places = dict[str, object]()
+    start = 0
     for name, array in arrays.items():
         content = np.ascontiguousarray(array, dtype="<f4").tobytes()
         places[name] = {"start": start, "shape": list(array.shape)}

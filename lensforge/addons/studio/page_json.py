@@ -15,7 +15,8 @@ from lensforge.results.json_npz import parse_json
 from lensforge.results.validation import input_error
 
 _MOST_STEPS = 16  # to a field of a spec
-_EXACT_BITS, _DECIMAL_BITS = 53, 256  # of whole numbers that a browser keeps; that are written in decimals
+_EXACT_BITS = 53  # of whole numbers that a browser keeps
+_DECIMAL_BITS = 256  # that are written in decimals
 
 
 def json_text(value: object) -> str:

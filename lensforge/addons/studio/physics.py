@@ -18,7 +18,9 @@ from lensforge.spec.spec_files import plain
 
 def wanted(spec: Spec) -> bytes:
     """Frame of the light that is wanted on each receiver, with the width of the LED's image there."""
-    pixels, heads, arrays = spec.evaluate.pixels, list[dict[str, object]](), dict[str, np.ndarray]()
+    pixels = spec.evaluate.pixels
+    heads = list[dict[str, object]]()
+    arrays = dict[str, np.ndarray]()
     for number, (section, receiver) in enumerate(zip(spec.all_receivers, receivers_of(spec, pixels), strict=True)):
         image = image_rad(spec) / section.pixel_rad(pixels) * max(section.size) / pixels
         heads.append({**chart_head(section, receiver.grid.width, receiver.grid.height), "image": image})

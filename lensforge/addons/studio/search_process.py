@@ -60,7 +60,8 @@ from lensforge.spec.feasible import require_base_around_cavity
 
 _START_FILE = "studio_start.json"  # the lens from which a search has begun
 _PHOTOMETRIC = (".ies", ".ldt", ".iesxml", ".tm25ray")
-_BETWEEN_S, _SHARE = (0.25, 0.9), 0.04  # looks: seconds between them, and their share of the time of one core
+_BETWEEN_S = (0.25, 0.9)  # from one look to the next
+_SHARE = 0.04  # of the time of one core for looks
 _MEMORY = 0.8  # of the mean picture of the steps of a level, that stays at each step
 _MOST_REPORT_BYTES = 256 * MIB
 _ENDINGS = {"": None, "enough": ENOUGH}  # what an observer answers to a wish; False to any other
@@ -70,8 +71,11 @@ class Worker:
     """Jobs in their order, and the pipe to the studio; ``asked`` of the job that runs, "" for nothing."""
 
     def __init__(self) -> None:
-        self.asked, self.figure, self._interruptible = "", "sag", False
-        self._jobs, self._lock = SimpleQueue[Fields | None](), threading.Lock()
+        self.asked = ""
+        self.figure = "sag"
+        self._interruptible = False
+        self._jobs = SimpleQueue[Fields | None]()
+        self._lock = threading.Lock()
         self._pipe = os.fdopen(os.dup(1), "wb")
         os.dup2(2, 1)  # what libraries print
         self._latest: Lens | None = None  # from which another search may go on
@@ -116,15 +120,18 @@ class Worker:
         kinds |= {"warm": self._warm, "judge": self._judge}
         while (job := self._jobs.get()) is not None:
             self._interruptible = job["job"] in ("part", "look")
-            how, lines = "done", list[str]()
+            how = "done"
+            lines = list[str]()
             try:
                 kinds[job["job"]](job)
             except (Cancelled, KeyboardInterrupt):
                 how = self.asked or "stop"
             except LensforgeError as error:
-                how, lines = "refused", str(error).splitlines()
+                how = "refused"
+                lines = str(error).splitlines()
             except Exception as error:  # a bug: the page says so, and the next job begins
-                how, lines = "refused", [f"internal error: {type(error).__name__}: {error}"]
+                how = "refused"
+                lines = [f"internal error: {type(error).__name__}: {error}"]
             self._interruptible = False
             if job["job"] not in ("warm", "judge"):
                 self.send("ended", job=job["job"], how=how, lines=lines)
@@ -150,7 +157,9 @@ class Worker:
 
         A search that is refused leaves nothing: what was there before may still go on.
         """
-        folder, spec, begins_from_lens = Path(job["folder"]), _spec_of(job), job["start"]
+        folder = Path(job["folder"])
+        spec = _spec_of(job)
+        begins_from_lens = job["start"]
         with opened(folder, create=True) as here:
             if not job["resume"]:
                 _require_searchable(spec, job)
@@ -214,7 +223,8 @@ class Worker:
 
     def _show(self, run: Run, place: str) -> None:
         """Send a finished lens with its light, its search and its figures."""
-        arrays, heads = dict[str, np.ndarray](), list[dict[str, object]]()
+        arrays = dict[str, np.ndarray]()
+        heads = list[dict[str, object]]()
         levels = run.design.history if "design" in run.found else ()
         for name in ("nmse", "efficiency"):
             arrays[name] = np.array([value for level in levels for value in getattr(level, name)])
@@ -292,7 +302,9 @@ class _Watch:
     """An observer of a search: it keeps the mean picture and the figures of all steps, and looks at the lens."""
 
     def __init__(self, worker: Worker, spec: Spec) -> None:
-        self._worker, self._steps, self._light = worker, list[tuple[float, float]](), tuple[np.ndarray, ...]()
+        self._worker = worker
+        self._steps = list[tuple[float, float]]()
+        self._light = tuple[np.ndarray, ...]()
         pairs = list(zip(spec.all_receivers, receivers_of(spec, spec.optimise.pixels), strict=True))
         first = spec.of_each_source[0]
         lumens = summarise(source_of(first), first.source).lumens_per_watt
@@ -300,7 +312,8 @@ class _Watch:
         self._measures = [each.pixel_measure / (lumens or 1.0) for _, each in pairs]
         self._targets = [target_light(section.targets, each) for section, each in pairs]
         self._last: Progress | None = None
-        self._new, self._over = threading.Event(), threading.Event()
+        self._new = threading.Event()
+        self._over = threading.Event()
         self._looking = threading.Thread(target=self._look_on, daemon=True)
         self._looking.start()
 

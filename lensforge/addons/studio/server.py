@@ -121,7 +121,10 @@ class Server:
     """The server of a session on ``port``, 0 for any that is free; ``address`` once it has started."""
 
     def __init__(self, session: Session, port: int) -> None:
-        self.session, self.port, self.address, self._secret = session, port, "", secrets.token_urlsafe(24)
+        self.session = session
+        self.port = port
+        self.address = ""
+        self._secret = secrets.token_urlsafe(24)
         self._ending = False
 
     async def start(self) -> None:
@@ -154,7 +157,8 @@ class Server:
 
     async def _events(self, request: web.Request) -> web.StreamResponse:
         """The state of the session, now and after every change, as server-sent events."""
-        response, queue = web.StreamResponse(headers={"Content-Type": "text/event-stream"}), asyncio.Queue[None]()
+        response = web.StreamResponse(headers={"Content-Type": "text/event-stream"})
+        queue = asyncio.Queue[None]()
         await response.prepare(request)
         self.session.listeners.add(queue)
         try:
@@ -170,7 +174,9 @@ class Server:
 
     async def _named(self, request: web.Request) -> web.StreamResponse:
         """A part of the page, a picture of the session, or a file of the folder."""
-        place, name, session = request.match_info["place"], request.match_info["name"], self.session
+        place = request.match_info["place"]
+        name = request.match_info["name"]
+        session = self.session
         if place == "frame":
             frame = session.frames.get(name, b"")
             return web.Response(body=frame, content_type="application/octet-stream", status=200 if frame else 404)
@@ -206,7 +212,8 @@ class Server:
                 return lambda text: text.with_text(whole)
 
     async def _do(self, request: web.Request) -> web.StreamResponse:
-        session, content = self.session, await _body(request) or b"{}"
+        session = self.session
+        content = await _body(request) or b"{}"
         match request.match_info["what"]:
             case "search":
                 session.search(**request_of(content, SearchSettings).model_dump())

@@ -29,8 +29,10 @@ from lensforge.search.checkpoint import CHECKPOINT
 from lensforge.spec.accuracy import PRESETS
 from lensforge.surfaces.imported_face import LENS_FILE
 
-_PROCESS, _PACKAGES = Path(__file__).with_name("search_process.py"), Path(__file__).resolve().parents[3]
-_SETTLED_S, _ENDING_S = 0.35, 20.0  # after a change, before a search goes on with it; for the process to end
+_PROCESS = Path(__file__).with_name("search_process.py")
+_PACKAGES = Path(__file__).resolve().parents[3]
+_SETTLED_S = 0.35  # after a change, before a search goes on with it
+_ENDING_S = 20.0  # for the process to end
 _READING_S = 10.0  # for the text of a spec; the bounds of its reader let it take a second
 FIGURES = ("sag", "slope", "curvature", "wall", "ball")
 RESULTS = Path("cad_out")
@@ -46,14 +48,17 @@ class Session:
 
     def __init__(self, text: SpecText, folder: Path | None = None, *, is_file: bool = False) -> None:
         self._follows_name = folder is None
-        self.text, self.folder = text, folder or RESULTS / _name_of(text)
-        self.listeners, self.frames = set[asyncio.Queue[None]](), dict[str, bytes]()
+        self.text = text
+        self.folder = folder or RESULTS / _name_of(text)
+        self.listeners = set[asyncio.Queue[None]]()
+        self.frames = dict[str, bytes]()
         self.state: Fields = {"phase": "idle", "stage": "", "folder": str(self.folder), "frames": {}, "version": 0}
         self.state.update(warnings=[], refused=[], accuracy="draft", seed=0, force=False, asks=False)
         self.state.update(judged={"version": -1, "lines": []}, saved=str(text.path))
         self.dropped = dict[str, DroppedFile]()
         self._is_file = is_file
-        self._thread, self._reader = ThreadPoolExecutor(1), ThreadPoolExecutor(1)
+        self._thread = ThreadPoolExecutor(1)
+        self._reader = ThreadPoolExecutor(1)
         self._changing = asyncio.Lock()
         self._process: Process | None = None
         self._following: asyncio.TimerHandle | None = None
@@ -68,7 +73,8 @@ class Session:
 
     def _show_folder(self) -> None:
         """Tell what the folder holds: a search that may go on with its settings, and a lens that is to be kept."""
-        settings, damage = dict[str, object](), list[str]()
+        settings = dict[str, object]()
+        damage = list[str]()
         try:
             job = SearchJob.read(self.folder)
             settings = {} if job is None else job.model_dump(include={"accuracy", "seed", "force"})
@@ -356,7 +362,7 @@ class Session:
         return {"name": file.path.name, "plot": file.plot.name, "words": file.words, "fits": file.fits}
 
     def dropped_plot(self, name: str) -> Path | None:
-        """The plot ``name`` of a file that was dropped in, None where there is none."""
+        """The plot ``name`` of a file that was dropped in, None if there is none."""
         return next((file.plot for file in self.dropped.values() if file.plot.name == name), None)
 
     def use(self, name: str, place: Use) -> Callable[[SpecText], SpecText]:

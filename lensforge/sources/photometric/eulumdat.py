@@ -35,7 +35,7 @@ from lensforge.sources.photometric.photometric_file import (
     require_promised,
     single_line,
     stated_or_none,
-    words_of,
+    tokens_of,
 )
 
 _HEADER_LINES = 26
@@ -103,7 +103,7 @@ def decode(text: str, name: str) -> PhotometricFile:
         raise InputError(
             f"{name}: its header promises {needed} numbers, at most {MOST_NUMBERS} are read; export it again"
         )
-    tokens = words_of("\n".join(lines[body:]))
+    tokens = tokens_of("\n".join(lines[body:]))
     require_promised(len(tokens), needed, name, f" below line {body}")
     of_lamps = [
         lines[at + entry].strip() for at in range(_HEADER_LINES, body, 6) for entry in (_COUNT, _LUMENS, _WATTS)

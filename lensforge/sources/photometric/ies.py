@@ -35,7 +35,7 @@ from lensforge.sources.photometric.photometric_file import (
     generation_title,
     require_promised,
     stated_or_none,
-    words_of,
+    tokens_of,
 )
 
 _Type = Literal["A", "B", "C"]
@@ -194,7 +194,7 @@ def _number_lines(tokens: list[str]) -> list[str]:
 
 
 def _words(text: str, name: str) -> list[str]:
-    tokens = words_of(text.replace(",", " "))
+    tokens = tokens_of(text.replace(",", " "))
     if len(tokens) > 2 * MOST_NUMBERS:
         raise InputError(f"{name}: more than {2 * MOST_NUMBERS} numbers; not a photometric file")
     return tokens

@@ -75,7 +75,7 @@ SMALLEST = 1e-30  # below any real candela, lumen or watt but 0
 
 
 def stated_or_none(value: float) -> float | None:
-    """A number of lumens or watts, or None where it is a way of writing unknown: 0, negative, absurd."""
+    """A number of lumens or watts, or None if it is a way of writing unknown: 0, negative, absurd."""
     return value if SMALLEST < value < HUGE else None
 
 
@@ -93,7 +93,7 @@ def finite_number(word: str, place: str, name: str, *, commas: bool = False) -> 
     return number
 
 
-def words_of(text: str) -> list[str]:
+def tokens_of(text: str) -> list[str]:
     """The words of a stream of numbers, without the END that some programs write behind it."""
     tokens = text.split()
     return tokens[:-1] if tokens and tokens[-1].upper() == "END" else tokens
@@ -124,7 +124,7 @@ def _stated(default: Any, label: str) -> Any:
 class LampSet:
     """Lamps of a luminaire: lumens and watts (with ballast) of all ``count`` together.
 
-    ``lumens``: None where the file states none; ``count``: 0 where it states none. ``colour``, the appearance or the
+    ``lumens``: None if the file states none; ``count``: 0 where it states none. ``colour``, the appearance or the
     colour temperature, and ``rendering``, a group or an index, are texts in EULUMDAT.
     """
 
@@ -150,11 +150,11 @@ class PhotometricFile:
     ``intensity`` in cd for the ``lamp_lumens``, over C and gamma, whatever the ``photometric_type`` of the angles in
     the file. ``lamps``: sets of lamps, the first that of the intensities, others instead of it. Its lumens are None
     where the file is absolute, or gives ``per_1000_lm`` of lamps whose lumens it does not state. ``stated_lumens``: the
-    luminaire's flux by the file itself, None where it states none. ``warnings``: whatever was not taken as it stands,
+    luminaire's flux by the file itself, None if it states none. ``warnings``: whatever was not taken as it stands,
     one line each. ``remarks``: lines on the data, such as its noise, for whoever opens the file.
 
     ``generated``: by simulation or measurement, in the words of LM-63-2019; ``method``: more on that. ``issued``: date
-    of the data, empty where nothing states one: it is never that of the clock. ``edition``: of the standard that the
+    of the data, empty if nothing states one: it is never that of the clock. ``edition``: of the standard that the
     file follows, by its own words. ``housing_mm``: length, width (0: round) and height of the luminaire. ``tilt_deg``:
     of the luminaire during the measurement. ``lamp_tilt``: what stands behind TILT= in LM-63, in words; its factors and
     the ``ballast_factor`` are LM-63's, the latter is in the intensities. ``others``: what no other field holds, by name
@@ -190,7 +190,7 @@ class PhotometricFile:
 
     @property
     def lamp_lumens(self) -> float | None:
-        """Lumens of the lamps for which the intensities are; None where they are not known."""
+        """Lumens of the lamps for which the intensities are; None if they are not known."""
         return self.lamps[0].lumens
 
     @property
@@ -219,7 +219,7 @@ def single_line(text: str) -> str:
     return " ".join("".join(mark if mark.isprintable() else " " for mark in text).split())
 
 
-class UnknownFormat(InputError):
+class UnknownFarField(InputError):
     """A file whose content is none of the known formats."""
 
 
@@ -277,7 +277,7 @@ def _strange_sizes(file: PhotometricFile) -> Iterator[str]:
 
 
 def cut_below(file: PhotometricFile) -> str | None:
-    """Words for a last gamma at which there is light, so that some is not in the file; None where it is complete."""
+    """Words for a last gamma at which there is light, so that some is not in the file; None if it is complete."""
     table = file.intensity
     last = float(table.gamma_deg[-1])
     at_last = float(table.values[:, -1].max() / table.values.max())

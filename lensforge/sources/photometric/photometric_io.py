@@ -24,7 +24,7 @@ from lensforge.sources.photometric.photometric_file import (
     LampSet,
     PhotometricFile,
     PhotometricFormat,
-    UnknownFormat,
+    UnknownFarField,
 )
 from lensforge.sources.photometric.tm33 import FORMAT as TM33
 from lensforge.sources.photometric.tm33_document import INDEX, KELVIN, whole_in
@@ -66,7 +66,7 @@ def photometric_of(content: bytes, name: str) -> PhotometricFile:
         if entry.matches(text):
             file = entry.decode(text, name)
             return replace(file, warnings=(*warnings, *file.warnings))
-    raise UnknownFormat(f"{name}: neither IES LM-63 nor EULUMDAT nor TM-33; export one of these")
+    raise UnknownFarField(f"{name}: neither IES LM-63 nor EULUMDAT nor TM-33; export one of these")
 
 
 def photometric_format(path: Path) -> PhotometricFormat | None:

@@ -49,7 +49,7 @@ ORDER = {
 
 
 def whole_in(text: str, pattern: re.Pattern[str]) -> str:
-    """The whole number that all of ``text`` says by ``pattern``; empty where it says another thing."""
+    """The whole number that all of ``text`` says by ``pattern``; empty if it says another thing."""
     match = pattern.fullmatch(text.strip())
     return "" if match is None else match.group(1)
 
@@ -115,7 +115,7 @@ def _comments(photometric: PhotometricFile) -> Iterator[tuple[str, str]]:
 
 
 def _date(photometric: PhotometricFile) -> str:
-    """Date as the schema has it; empty where none is stated, or in another way than ISO 8601, such as 7/8/2021."""
+    """Date as the schema has it; empty if none is stated, or in another way than ISO 8601, such as 7/8/2021."""
     try:
         return date.fromisoformat(photometric.issued).isoformat()
     except ValueError:

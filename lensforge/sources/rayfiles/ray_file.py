@@ -37,7 +37,7 @@ class RayFile:
     ``header_role``, relative; ``spectrum_numbers`` count the header's ``spectral_tables`` from 1. The arrays are
     read-only float32 views of the mapped file wherever its layout allows, so that a file of any size opens at once.
 
-    ``header_flux_w`` and ``header_flux_lm`` are the totals that the header states, None where it states none.
+    ``header_flux_w`` and ``header_flux_lm`` are the totals that the header states, None if it states none.
     ``header_role`` says what such a total is: the ``total`` that ray fluxes should add up to (it outranks their sum),
     their ``mean`` as well (LightTools does not divide by the number of rays), the ``scale`` of ray fluxes that are
     relative by design (SPEOS), or a number that is ``ignored`` by the program whose format it is (Zemax).
@@ -67,12 +67,12 @@ class RayFile:
 
     @property
     def header_flux(self) -> float | None:
-        """Total of the header in ``flux_unit``; None where it states none."""
+        """Total of the header in ``flux_unit``; None if it states none."""
         return self.header_flux_w if self.flux_unit == "W" else self.header_flux_lm
 
     @property
     def stated_flux(self) -> float | None:
-        """Total of the header where it outranks the sum over the rays; None where that sum counts."""
+        """Total of the header where it outranks the sum over the rays; None if that sum counts."""
         return None if self.header_role == "ignored" else self.header_flux
 
     @property
@@ -133,7 +133,7 @@ class RayFile:
         return self.stated_flux or (self.ray_sum() if ray_sum is None else ray_sum)
 
     def flux_in(self, unit: FluxUnit, ray_sum: float | None = None) -> float | None:
-        """Flux of the source in ``unit``; None where that is not the unit of its rays and the header states none."""
+        """Flux of the source in ``unit``; None if that is not the unit of its rays and the header states none."""
         if unit == self.flux_unit:
             return self.total_flux(ray_sum)
         return self.header_flux_w if unit == "W" else self.header_flux_lm
@@ -225,7 +225,7 @@ class Format:
     encode: Callable[[RayFile], Iterator[bytes]]
 
 
-class UnknownFormat(InputError):
+class UnknownRayFormat(InputError):
     """A file whose content is none of the known formats."""
 
 

@@ -11,7 +11,7 @@ from lensforge.errors import InputError
 from lensforge.results.files import replacing
 from lensforge.sources.rayfiles.formats import FORMATS, format_of
 from lensforge.sources.rayfiles.formats.zemax import NM_PER_MICRON
-from lensforge.sources.rayfiles.ray_file import SAME_FLUX, FluxUnit, Format, RayFile, UnknownFormat, column_product
+from lensforge.sources.rayfiles.ray_file import SAME_FLUX, FluxUnit, Format, RayFile, UnknownRayFormat, column_product
 from lensforge.sources.rayfiles.ray_file_rows import FileImage, as_float64, as_plain_text, release_pages, scaled
 
 _MICRONS_BELOW = 100.0  # no light has a wavelength of less than 100 nm here; such a number is in µm
@@ -46,7 +46,7 @@ def decode(image: FileImage) -> RayFile:
             f"its content is none of the known formats ({titles}); the layouts of other programs are not public: "
             "export TM-25 (.tm25ray), LightTools or Zemax from there"
         )
-        raise UnknownFormat(str(refused))
+        raise UnknownRayFormat(str(refused))
     rayfile = _with_checked_directions(replace(_in_nanometres(layout.decode(text)), path=str(image.path)))
     object.__setattr__(rayfile, "verbatim", image.data)
     return rayfile

@@ -131,7 +131,7 @@ def as_float64(values: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
 
 
 def known(value: float) -> float | None:
-    """A header number, or None where it is a way of writing unknown: 0, negative, absurd, NaN, byte-swapped NaN."""
+    """A header number, or None if it is a way of writing unknown: 0, negative, absurd, NaN, byte-swapped NaN."""
     return float(value) if _LEAST_KNOWN < value < HUGE else None
 
 

@@ -12,7 +12,7 @@ from scenes import hemisphere_directions, small_spec, sphere
 from test_measured_page import same_where_known
 
 import lensforge as lf
-from lensforge.addons.measure.stages import COMPARE, CORRECT
+from lensforge.addons.measure.measure_stages import COMPARE, CORRECT
 
 LENS = lf.Lens.double(sphere(3.0), sphere(6.0), small_spec(), 0, "draft")
 

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from in_this_process import lensforge
 from measured_lenses import lens, probed
 from PIL import Image
 
@@ -61,7 +62,8 @@ def test_a_photograph_with_the_second_led_is_compared_with_its_light(tmp_path: P
     corners = seen_straight_on(light.by_led["two"].map, tmp_path / "on.png")
     first, second = (lf.compare(light, on=tmp_path / "on.png", corners=corners, led=led) for led in (None, "two"))
     assert (first.led, second.led, second.inputs["evaluate"]) == ("one", "two", light.sha256)
-    assert second.nmse < 0.01 * first.nmse and photo_facts(second).facts[0].note == "with the LED two"
+    (shown,) = photo_facts(second)
+    assert second.nmse < 0.01 * first.nmse and shown.facts[0].note == "with the LED two"
     with pytest.raises(InputError, match=r"^led = 'three': must be one of one, two"):
         lf.compare(light, on=tmp_path / "on.png", led="three")
 
@@ -133,5 +135,5 @@ def test_a_corner_is_two_numbers(folder: Path) -> None:
 
 
 def test_a_comparison_with_nothing_is_refused_in_the_words_of_the_command(small_run: lf.Run) -> None:
-    result = in_this_process.lensforge("compare", small_run.folder)
+    result = lensforge("compare", small_run.folder)
     assert result.code == 2 and "--on PHOTO" in result.stderr and "--points FILE --surface FACE" in result.stderr

@@ -1,6 +1,7 @@
 """What pages and plots show of the machined part: maps with x to the right, along the axis."""
 
 import numpy as np
+import pytest
 from measured_records import make_correction, make_surface
 from result_folders import small_lens
 

@@ -88,8 +88,8 @@ _OPTIONS = {
         "--wavelength",
         "wavelength_mm",
         type=Number(0.0, min_open=True),
-        help="Shortest wave of the deviation that is corrected (mm); default: by the noise of the points.",
+        help="Cut-off wavelength of the filter of the deviation (mm); default: by the noise of the points.",
     ),
-    "gain": click.option("--gain", type=Number(), default=1.0, help="Share of the deviation that is mirrored."),
+    "gain": click.option("--gain", type=Number(), default=1.0, help="Fraction of the deviation to correct."),
 }
 COMMANDS = tuple(command_of(stage, _OPTIONS) for stage in (COMPARE, CORRECT))
