@@ -74,7 +74,7 @@ def test_each_package_of_the_folder_is_an_add_on_of_its_name() -> None:
 def test_an_add_on_that_is_installed_adds_its_names_and_commands(tmp_path: Path) -> None:
     environment = installed(tmp_path, OF_ANYBODY)
     code = "import lensforge as lf; print(lf.Glow.__module__, 'Glow' in dir(lf), lf.Glow.__doc__)"
-    assert ended(environment, "-c", code) == (0, "lensforge True Nothing but a name.\n", "")
+    assert ended(environment, "-c", code) == (0, "acme_lenses True Nothing but a name.\n", "")
     assert ended(environment, "-m", "lensforge", "glow") == (0, "glowing\n", "")
     shown = ended(environment, "-m", "lensforge", "--help")[1]
     assert (

@@ -126,11 +126,12 @@ def limit_facts(
             yield fact.in_percent if limit.note.endswith("share of the flux") else fact
 
 
-def metric_facts(metrics: LightMetrics, note: str = "") -> tuple[Fact, ...]:
-    """Facts of the metrics that have a meaning."""
-    named = {"nmse": metrics.nmse, "uniformity": metrics.uniformity, "rsd": metrics.rsd}
+def metric_facts(metrics: LightMetrics, note: str = "", *, changes: bool = False) -> tuple[Fact, ...]:
+    """Facts of the metrics that have a meaning; ``changes``: they are differences, also of the mean square."""
+    nmse = Fact.measured("nmse", METRICS["nmse"], metrics.nmse, note, is_square=not changes)
+    named = {"uniformity": metrics.uniformity, "rsd": metrics.rsd}
     facts = [Fact.measured(key, METRICS[key], metric, note) for key, metric in named.items() if metric is not None]
-    return (*facts, Fact.share("efficiency", METRICS["efficiency"], metrics.efficiency, note))
+    return (nmse, *facts, Fact.share("efficiency", METRICS["efficiency"], metrics.efficiency, note))
 
 
 def change_facts(change: LightMetrics) -> tuple[Fact, ...]:
@@ -138,7 +139,7 @@ def change_facts(change: LightMetrics) -> tuple[Fact, ...]:
     note = "change from the design, by the same rays"
     return tuple(
         replace(fact, key=f"{fact.key}_change", label=f"Change of {METRICS[fact.key]}", note=note)
-        for fact in metric_facts(change)
+        for fact in metric_facts(change, changes=True)
     )
 
 
@@ -200,7 +201,7 @@ def _figures(light: Light, index: int, lens: Lens) -> Iterator[Fact]:
 
 def _error_of_pattern(receiver: ReceiverLight, judged: Fact | None) -> Fact:
     possible = receiver.possible
-    fact = judged or Fact.measured("nmse", METRICS["nmse"], receiver.nmse)
+    fact = judged or Fact.measured("nmse", METRICS["nmse"], receiver.nmse, is_square=True)
     return replace(
         fact,
         note=f"mean square deviation over the target’s mean square{_by_pixels(receiver)}",
@@ -284,16 +285,16 @@ def _simulation(light: Light, lens: Lens) -> Iterator[Fact]:
         yield Fact("raw_nmse", "NMSE with ray noise", light.raw.nmse, note="before the noise is subtracted")
     if (fitted := light.fitted) is not None:
         note = f"by the {number(fitted.rays)} rays of the search, to which the lens is fitted"
-        yield Fact.measured("fitted_nmse", "NMSE of fitted rays", fitted.nmse, note)
+        yield Fact.measured("fitted_nmse", "NMSE of fitted rays", fitted.nmse, note, is_square=True)
         yield Fact.share("fitted_efficiency", "Efficiency, fitted rays", fitted.efficiency, note)
     if (by_file := light.by_file) is not None:
         note = f"by {number(by_file.rays)} rays of the file, which the model of the LED was not fitted to"
-        yield Fact.measured("file_nmse", "NMSE, file’s own rays", by_file.nmse, note)
+        yield Fact.measured("file_nmse", "NMSE, file’s own rays", by_file.nmse, note, is_square=True)
         yield Fact.share("file_efficiency", "Efficiency, file’s own rays", by_file.efficiency, note)
     if light.preset_error is not None:
         left, chart = light.preset_error.evaluation, light.first.chart
         note = f"NMSE of the tables of --accuracy {lens.accuracy} against the exact surfaces"
-        yield Fact.measured("table_nmse", "Simulation error", left.irradiance_nmse, note)
+        yield Fact.measured("table_nmse", "Simulation error", left.irradiance_nmse, note, is_square=True)
         off = chart.labelled(left.hit_mm.value)
         yield Fact("table_hits", "Error of hit points", off, chart.unit, note="rms, of the same tables", digits=2)
         if light.first.nmse_of_noise is not None:

@@ -311,7 +311,7 @@ METRICS = {
 def judged_figures(receiver: ReceiverLight, transmittance: float) -> dict[str, Fact]:
     """NMSE and share in the target on ``receiver``, judged; ``transmittance``: of both faces."""
     most, what = possible_share(receiver, transmittance)
-    nmse = Fact.measured("nmse", METRICS["nmse"], receiver.nmse, limit=LARGEST_NMSE)
+    nmse = Fact.measured("nmse", METRICS["nmse"], receiver.nmse, limit=LARGEST_NMSE, is_square=True)
     share = Fact.measured(
         "share_in_target",
         METRICS["share_in_target"],

@@ -334,4 +334,4 @@ def _of_limits(named: Iterable[tuple[str, Metric]]) -> Iterator[Fact]:
 def _change(row: ErrorRow, end: str) -> Group:
     size = Fact("amount", "Amount", row.amount, _UNITS.get(row.unit, row.unit), digits=3)
     limits = _of_limits((each.name, each.change) for each in row.limits)
-    return Group("error", f"{row.name}{end}", (size, *limits, *metric_facts(row.change)))
+    return Group("error", f"{row.name}{end}", (size, *limits, *metric_facts(row.change, changes=True)))

@@ -132,8 +132,8 @@ class Sweep(StageResult):
                 Fact.share("own_efficiency", "Efficiency, own lens", row.efficiency),
                 Fact.share("efficiency", "With one for all", with_all.efficiency),
                 Fact("lost", "Lost", 100.0 * lost, "%", digits=2),
-                Fact.measured("own_nmse", "NMSE, own lens", row.nmse),
-                Fact.measured("nmse", "NMSE with one for all", with_all.nmse),
+                Fact.measured("own_nmse", "NMSE, own lens", row.nmse, is_square=True),
+                Fact.measured("nmse", "NMSE with one for all", with_all.nmse, is_square=True),
                 Fact("more", "Ratio", more, digits=3),
             )
             yield Group("loss", f"{name} in one lens for all", facts)
@@ -207,7 +207,9 @@ def _without_design(failed: tuple[str, str]) -> Group:
 
 def _metric(name: str, metric: Metric | None) -> Fact:
     shares = ("efficiency", "share_in_target")
-    return Fact.share(name, METRICS[name], metric) if name in shares else Fact.measured(name, METRICS[name], metric)
+    if name in shares:
+        return Fact.share(name, METRICS[name], metric)
+    return Fact.measured(name, METRICS[name], metric, is_square=name == "nmse")
 
 
 def sweep_of(spec: Spec, variation: AnyVariation, finished: Sequence[tuple[Variant, Sequence[Results]]]) -> Sweep:

@@ -44,7 +44,7 @@ class TradeoffRow(Record):
         facts = (
             Fact("seconds", "Time", self.seconds, "s", digits=2),
             Fact("rays", "Rays", self.rays),
-            Fact.measured("nmse", "NMSE", self.nmse),
+            Fact.measured("nmse", "NMSE", self.nmse, is_square=True),
             Fact.share("efficiency", "Efficiency", self.efficiency),
             Fact("noise", "Ray noise, NMSE", self.noise_nmse, digits=2),
             Fact("steps", "Steps", self.steps),
@@ -57,7 +57,7 @@ class TradeoffRow(Record):
         """The setting in one line: its NMSE, and behind it efficiency, time and rays."""
         named = {fact.key: fact.text for fact in self.facts.facts}
         note = f"efficiency {named['efficiency']}, {named['seconds']}, {named['rays']} rays"
-        return Fact.measured("setting", self.setting, self.nmse, note=note)
+        return Fact.measured("setting", self.setting, self.nmse, note=note, is_square=True)
 
     def error(self, name: TradedError) -> float:
         """NMSE, or lost light, of a stage of the search; the standard error of an evaluation, 0 where it is unknown."""

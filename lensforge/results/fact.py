@@ -20,7 +20,6 @@ FactState = State | Literal[""]  # "": nothing is required, or it is not judged 
 _OPPOSITE: dict[Sense, Sense] = {"<=": ">=", ">=": "<="}
 _BOUNDS: dict[Sense, str] = {"<=": "lower bound", ">=": "upper bound"}  # that physics sets on the other side
 _DIGITS = 4  # significant digits of a number without standard error
-_SQUARE = "nmse", "setting"  # ends of the keys of mean squares, which noise may have left below 0
 _ANSWERS = {"pass": "yes", "fail": "no", "undecided": "undecided"}
 _OUTCOMES = {"pass": "held", "fail": "missed", "undecided": "undecided"}
 
@@ -61,6 +60,7 @@ class Fact:
         limit_note (str): Text shown beside the limit.
         possible_note (str): Text shown beside the bound.
         notice (str): Reason why the value deserves a look though no limit judges it, shown in amber.
+        is_square (bool): True for a mean square; the noise that is taken off may leave it below zero.
         changes (tuple of Change): Fields of the spec that would help, with values; the remedy says them in a sentence.
     """
 
@@ -81,6 +81,7 @@ class Fact:
     limit_note: Text = ""
     possible_note: Text = ""
     notice: Text = ""
+    is_square: bool = False
     changes: tuple[Change, ...] = field(default=(), compare=False)
 
     @staticmethod
@@ -154,7 +155,7 @@ class Fact:
             return NOTHING if self.limit is None else "not measured"
         if isinstance(self.value, str | bool):
             return anything(self.value)
-        if self.key.endswith(_SQUARE):
+        if self.is_square:
             return square(self.value, self.standard_error, self.digits)
         return quantity(self.value, self.unit, self.standard_error, self.digits)
 

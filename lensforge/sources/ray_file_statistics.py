@@ -208,7 +208,7 @@ def ray_set_warnings(sums: RaySums, placed: bool) -> Iterator[str]:
     if sums.effective_rays < FEWEST_EFFECTIVE_RAYS:
         yield (
             f"{sums.effective_rays:.0f} effective rays: with fewer than {FEWEST_EFFECTIVE_RAYS} a lens fits their "
-            'noise, and is worse with other rays of the LED; ask for a larger file, or try source.model = "auto"'
+            'noise, and is worse with other rays of the LED; ask for a larger file, and leave source.model at "auto"'
         )
 
 

@@ -10,6 +10,8 @@ from shown_folders import FOLDERS, folder_of
 
 from lensforge.cad.part import part_facts
 from lensforge.errors import CriterionMissed
+from lensforge.light.evaluation_result import LightMetrics
+from lensforge.light.light_facts import change_facts, metric_facts
 from lensforge.results import Fact, Group, Metric, Record
 from lensforge.results.criteria import Criteria, at_least, at_most, missed, require
 from lensforge.results.record import values_of
@@ -137,6 +139,14 @@ def test_values_are_judged_in_one_place(value, error, state):
 def test_a_failure_outweighs_a_doubt():
     found = [worst(states) for states in (("pass", "undecided"), ("undecided", "fail"), ())]
     assert found == ["undecided", "fail", "pass"]
+
+
+def test_a_mean_square_below_nothing_is_at_most_its_error_and_a_change_is_what_it_is() -> None:
+    below = Metric(value=-0.0012, standard_error=0.0031)
+    nmse = LightMetrics(nmse=below, uniformity=None, rsd=None, efficiency=Metric(value=0.8, standard_error=0.01))
+    assert next(fact.text for fact in metric_facts(nmse)) == "≤ 0.0031"
+    changed = [next(fact.text for fact in facts) for facts in (metric_facts(nmse, changes=True), change_facts(nmse))]
+    assert changed == ["−0.0012 ± 0.0031"] * 2
 
 
 def test_a_fact_says_value_limit_and_reason():

@@ -8,7 +8,7 @@ from scenes import small_spec
 
 from lensforge.kernels.bicubic import refine, refine_adjoint
 from lensforge.search.parameters import SphereParameters
-from lensforge.surfaces.bicubic_table import BasisTables, TableGrid, dyadic_grid, grid_for, table_error, tabulate
+from lensforge.surfaces.bicubic_table import BasisTables, TableGrid, dyadic_grid, table_error, tabulate
 from lensforge.surfaces.srbf import SrbfBasis, SrbfSurface, level_sigma
 
 LEVELS = [9, 25, 81, 289]
@@ -36,14 +36,6 @@ def test_tables_are_no_worse_than_those_of_the_exact_sum(symmetry: str, nodes_pe
         surface = SrbfSurface(ours.basis, weights[:, face].numpy() * scale, float(offsets[face]) * scale)
         best = table_error(ours.grid, tabulate(ours.grid, surface), surface)
         assert table_error(ours.grid, table.numpy(), surface) < 1.5 * best + 3e-5 * 0.01 * scale
-
-
-@pytest.mark.parametrize("nodes_per_sigma", [2.5, 3.4, 6.0])
-@pytest.mark.parametrize("sigma_rad", [0.04, 0.11, 0.3])
-def test_a_grid_has_as_many_nodes_as_its_step_needs_and_no_more(sigma_rad: float, nodes_per_sigma: float) -> None:
-    grid = grid_for(sigma_rad, nodes_per_sigma)
-    step_rad, coarser_rad = (2.0 * each.step for each in (grid, TableGrid(grid.nodes - 1)))  # at the apex
-    assert step_rad <= sigma_rad / nodes_per_sigma < coarser_rad
 
 
 @pytest.mark.parametrize("levels", [(1,), (4,), (60,), (1, 9, 49, 200), (49, 9), (81, 25, 1)])
