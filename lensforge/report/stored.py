@@ -118,7 +118,7 @@ def _files_in(folder: Path, kind_by_stem: Mapping[str, type[StageResult]]) -> It
 
 
 def _foreign_conditions(result: StageResult, stem: str, is_own: bool) -> str:
-    """Reason why the file name does not match its content: nominal, of a surface, or under conditions; "" if it does."""
+    """Reason why the file name does not fit its content: nominal, of a surface, or under conditions; "" if it does."""
     conditions = conditions_of(result)
     if is_own and conditions is not None:
         return f"it was made under other than nominal conditions ({conditions})"
