@@ -107,11 +107,11 @@ def test_numbers_read_well(value, text):
     ],
 )
 def test_a_mean_square_below_nothing_is_at_most_its_error(value: float, error: float, text: str) -> None:
-    """Its record keeps the number; facts of an NMSE alone are such squares."""
+    """Its record keeps the number; a change of such a square is shown as it is."""
     assert square(value, error) == text
     metric = Metric(value=value, standard_error=error)
-    assert Fact.measured("fitted_nmse", "NMSE", metric).text == text
-    assert Fact.measured("nmse", "NMSE", metric).plain()["value"] == value
+    assert Fact.measured("fitted_nmse", "NMSE", metric, is_square=True).text == text
+    assert Fact.measured("nmse", "NMSE", metric, is_square=True).plain()["value"] == value
     assert "≤" not in Fact.measured("nmse_change", "Change of NMSE", metric).text
 
 

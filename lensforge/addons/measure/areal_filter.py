@@ -16,7 +16,7 @@ Lengths are along a sphere of the local radius: on a face inclined to it by t, w
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Protocol
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Float
@@ -235,6 +235,7 @@ class ArealFilter:
         return RadialChange(along_x.t, np.ascontiguousarray(along_y.c.T), detail)
 
 
+@runtime_checkable
 class Factorised(Protocol):
     """Factors of a sparse matrix, which solve its equations."""
 
