@@ -8,7 +8,7 @@ from page_text import text_of
 from result_folders import criterion, evaluate_arrays, finding, make_folder, make_results, small_lens, text_target
 from tir_lenses import spot
 
-from lensforge.cad.part import held_by
+from lensforge.cad.part import included_holders
 from lensforge.cli.conclusion import _manufacture, _of_mould, _title
 from lensforge.report.headline import headline, required_facts
 from lensforge.report.stored import load_results
@@ -109,7 +109,7 @@ def test_a_limit_that_is_kept_by_its_tolerance_alone_shows_it():
 def test_only_a_base_that_there_is_counts_as_included(base, flange, words):
     spec = spot(**({"flange": {"diameter_mm": 20.0, "thickness_mm": 1.0}} if flange else {}))
     made = {"kind": base} if base == "none" else {"kind": base, "diameter_mm": 14.0, "height_mm": 2.0}
-    assert held_by(spec.replace(base=made)) == words
+    assert included_holders(spec.replace(base=made)) == words
 
 
 @pytest.mark.parametrize(("aim", "shown"), [("pattern", ["nmse", "share_in_target"]), ("share", ["share_in_target"])])

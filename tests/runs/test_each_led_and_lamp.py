@@ -16,6 +16,7 @@ from lensforge.proof.independent_draws import stand
 from lensforge.report.results import Results
 from lensforge.results.criteria import criteria_of
 from lensforge.scene.receiver_shapes import seen_by_lamp
+from lensforge.sources.intensity import TabulatedIntensity
 from lensforge.sources.photometric.photometric_io import photometric_of
 from lensforge.surfaces.srbf import fibonacci_hemisphere
 
@@ -118,7 +119,8 @@ def test_candela_of_poles_are_the_sum_of_each_turned(lens: lf.Lens, whole: lf.Ph
 
 def moment(found: lf.Photometry, turned: np.ndarray = LEVEL) -> np.ndarray:
     """Integral of intensity times direction above the horizon, of a lamp that is ``turned``; files are turned over."""
-    table, over = photometric_of(found.ies, "lens.ies").intensity, np.array([1.0, -1.0, 1.0])
+    table = TabulatedIntensity.of(photometric_of(found.ies, "lens.ies").intensity)
+    over = np.array([1.0, -1.0, 1.0])
     z, turn = (each.ravel() for each in np.meshgrid((np.arange(400) + 0.5) / 400, np.arange(0, 360, 2) * np.pi / 180))
     u = np.stack([np.sqrt(1 - z**2) * np.cos(turn), np.sqrt(1 - z**2) * np.sin(turn), z], axis=1)
     integral: np.ndarray = (table.intensity((u @ turned) * over)[:, None] * u).mean(axis=0)

@@ -199,7 +199,7 @@ def test_a_machine_that_becomes_slower_keeps_the_budget(monkeypatch: pytest.Monk
     clock = [0.0]
     levels = []
     compiling = [0.0]
-    evaluate = MeritFunction.evaluate
+    evaluate = MeritFunction.step_loss
     monkeypatch.setattr("lensforge.search.optimiser.time.perf_counter", lambda: clock[0] + compiling[0])
 
     def compiled(merit: MeritFunction, weights: Any, offsets: Any, rays: RayBundle, *more: Any) -> Any:
@@ -216,7 +216,7 @@ def test_a_machine_that_becomes_slower_keeps_the_budget(monkeypatch: pytest.Monk
             levels.append(step.functions)
 
     monkeypatch.setattr("lensforge.search.optimiser.rays_ahead", slow)
-    monkeypatch.setattr(MeritFunction, "evaluate", compiled)
+    monkeypatch.setattr(MeritFunction, "step_loss", compiled)
     spec = automatic(optimise__seconds=50.0)
     path = tmp_path / "checkpoint.bin"
     found = search(spec, build_source(spec.source), accuracy=FEW_STEPS, progress=observe, checkpoint=path)

@@ -35,7 +35,7 @@ def handed():
     lens = spot_lens()
     twice = {name: found.faces["inner" if name in ("cap", "side") else "outer"] for name in TIR}
     fields = {name: getattr(found, name) for name in type(found).model_fields}
-    check = type(found).model_construct(**{**fields, **twice})
+    check = type(found).model_construct(**{**fields, **twice, "lens": lens})
     return lens, make_handover(part.model_copy(update={"lens": lens}), check, [])
 
 

@@ -11,7 +11,7 @@ import pytest
 import lensforge as lf
 
 PACKAGE = Path(lf.__file__).parent
-BENEATH = ("errors", "version", *(f"results/{name}" for name in (
+BENEATH = ("errors", "public", "version", *(f"results/{name}" for name in (
     "files", "json_npz", "table_names", "text_dialect", "text_table",
 )))  # fmt: skip
 RAYS = """

@@ -34,7 +34,7 @@ def test_real_ies_files():
         "square",
     )
     np.testing.assert_array_equal(absolute.intensity.values[5, :3], [3500.0, 3450.0, 3300.0])
-    half = read_photometric(FILES / "LLIA001477-002.ies").intensity
+    half = TabulatedIntensity.of(read_photometric(FILES / "LLIA001477-002.ies").intensity)
     assert half.symmetry == "mirror_y"
     assert (len(half.c_deg), half.values[0, 0], half.values[16, 0]) == (17, 27.55, 27.55)
 

@@ -44,7 +44,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_record_and_step_are_written_and_read_again(folder: Path) -> None:
     content = json.loads((folder / "correct_inner.json").read_text(encoding="utf-8"))
-    made = lf.load(folder).corrections["inner"]
+    made = lf.load(folder).of_faces(lf.Correction)["inner"]
     assert made.wavelength_mm == content["wavelength_mm"] == 2.5
     printed = (folder / "printed.txt").read_text("utf-8")
     assert printed.startswith("The inner face, corrected for a second cut\n")
@@ -68,7 +68,7 @@ def test_other_rays_have_files_of_their_own(folder: Path) -> None:
     assert done.exit_code == 0, done.output
     assert {"correct_inner_64rays.json", "lens_corrected_inner_64rays.step"} <= {each.name for each in folder.iterdir()}
     assert "lens_corrected_inner_64rays.step" in done.stdout and "lens_corrected_inner.step" not in done.stdout
-    assert lf.load(folder).corrections["inner"].wavelength_mm == 2.5
+    assert lf.load(folder).of_faces(lf.Correction)["inner"].wavelength_mm == 2.5
 
 
 def test_another_step_is_refused(folder: Path) -> None:
