@@ -41,9 +41,9 @@ class ShellFace(Section):
     """A face of a further body: its shape, about the origin of the body, and its coating."""
 
     fixed: FixedSurface = Field(description="Surface, in the coordinates of the body: its origin lies within.")
-    coating: CoatingSection | None = Field(None, description="Coating of the face.")
+    coating: CoatingSection | None = Field(default=None, description="Coating of the face.")
     scatter: AnyScatter | None = Field(
-        None, description="How the face spreads the light that passes it; left out, it is polished."
+        default=None, description="How the face spreads the light that passes it; left out, it is polished."
     )
 
 
@@ -62,28 +62,28 @@ class BodySection(OfMaterial):
         description="Name, by which the light that is lost there is stated."
     )
     refractive_index: Annotated[float, Field(ge=1.0, le=4.0)] | None = Field(
-        None, description="Index at all wavelengths; or leave it out for a dispersive material."
+        default=None, description="Index at all wavelengths; or leave it out for a dispersive material."
     )
     material: Label | None = Field(
-        None, description="Name in the catalogue; beside `refractive_index` or other data only a label."
+        default=None, description="Name in the catalogue; beside `refractive_index` or other data only a label."
     )
     material_file: FilePath | None = Field(
-        None, description="File of the material, read into `optical_data` as the spec is; as of the lens."
+        default=None, description="File of the material, read into `optical_data` as the spec is; as of the lens."
     )
-    optical_data: OpticalData | None = Field(None, description="Index and absorption of a custom material.")
+    optical_data: OpticalData | None = Field(default=None, description="Index and absorption of a custom material.")
     abbe_number: Annotated[float, Field(ge=10.0, le=200.0)] | None = Field(
-        None, description="Abbe number of a material whose n_d is `refractive_index`: makes it dispersive."
+        default=None, description="Abbe number of a material whose n_d is `refractive_index`: makes it dispersive."
     )
     absorption_per_mm: Annotated[float, Field(ge=0.0, le=10.0)] = Field(
-        0.0, description="Absorption (Beer and Lambert), if the material itself states none."
+        default=0.0, description="Absorption (Beer and Lambert), if the material itself states none."
     )
     centre_mm: tuple[Coordinate, Coordinate, Coordinate] = Field(
-        (0.0, 0.0, 0.0), description="Place of its origin in the coordinates of the lens."
+        default=(0.0, 0.0, 0.0), description="Place of its origin in the coordinates of the lens."
     )
     tilt_deg: tuple[Degrees, Degrees] = Field(
-        (0.0, 0.0), description="Tilt of its axis from +z: about x, then about y."
+        default=(0.0, 0.0), description="Tilt of its axis from +z: about x, then about y."
     )
-    rotate_z_deg: Turn = Field(0.0, description="Turn about its own axis, before the tilt.")
+    rotate_z_deg: Turn = Field(default=0.0, description="Turn about its own axis, before the tilt.")
     inner: ShellFace = Field(description="Face towards the lens, which bounds its cavity.")
     outer: ShellFace = Field(description="Face towards the receivers.")
 

@@ -60,9 +60,9 @@ _Rows = Annotated[
 class LayerSection(Section):
     """A layer that absorbs nothing: ``refractive_index`` at all wavelengths, or ``material`` of the catalogue."""
 
-    refractive_index: _Index | None = Field(None, description="Index at all wavelengths; or give `material`.")
+    refractive_index: _Index | None = Field(default=None, description="Index at all wavelengths; or give `material`.")
     material: Label | None = Field(
-        None, description="Material of the catalogue, its index by wavelength; or give `refractive_index`."
+        default=None, description="Material of the catalogue, its index by wavelength; or give `refractive_index`."
     )
     thickness_nm: Annotated[float, Field(gt=0.0, le=100_000.0)] = Field(description="Thickness of the layer.")
 
@@ -93,21 +93,21 @@ class CoatingSection(OfTableFile):
     """
 
     reflectance: _Rows = Field(
-        (),
+        default=(),
         description="Share of the light that is reflected: a number for all angles and wavelengths, a row of them "
         "at `angle_deg`, or such a row for each of `wavelength_nm`.",
     )
     angle_deg: Annotated[tuple[Annotated[float, Field(ge=0.0, le=90.0)], ...], Field(max_length=_MOST_ANGLES)] = Field(
-        (), description="Angles of incidence of the table, rising from 0, in the less dense medium: the air."
+        default=(), description="Angles of incidence of the table, rising from 0, in the less dense medium: the air."
     )
     wavelength_nm: Annotated[tuple[_Wavelength, ...], Field(max_length=_MOST_WAVELENGTHS)] = Field(
-        (), description="Wavelengths of the table's rows, rising."
+        default=(), description="Wavelengths of the table's rows, rising."
     )
     layers: Annotated[tuple[LayerSection, ...], Field(max_length=_MOST_LAYERS)] = Field(
-        (), description="Thin layers, of which the first lies next to what surrounds the body."
+        default=(), description="Thin layers, of which the first lies next to what surrounds the body."
     )
     file: FilePath | None = Field(
-        None,
+        default=None,
         description="Table with columns angle_deg, wavelength_nm and reflectance, read into these fields as the "
         "spec is.",
     )
@@ -202,10 +202,10 @@ class CoverGlassSection(Section):
     thickness_mm: Millimetres = Field(description="Thickness of the plate.")
     distance_mm: Millimetres = Field(description="Height of its near face above z = 0, beyond the whole lens.")
     absorption_per_mm: Annotated[float, Field(ge=0.0, le=10.0)] = Field(
-        0.0, description="Absorption of the plate: light loses exp(-absorption times path) (Beer and Lambert)."
+        default=0.0, description="Absorption of the plate: light loses exp(-absorption times path) (Beer and Lambert)."
     )
     coating: CoatingSection | None = Field(
-        None, description="Coating of both faces, its `layers` counted from outside the glass."
+        default=None, description="Coating of both faces, its `layers` counted from outside the glass."
     )
 
     @property

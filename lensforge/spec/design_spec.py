@@ -78,39 +78,41 @@ class Spec(Section):
     """One design: source, starting lens, constraints and target, and the settings of every stage."""
 
     name: Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]{1,64}$")] = Field(
-        "lens", description="Name of the design, by default the name of the file. Its results go to cad_out/NAME."
+        default="lens",
+        description="Name of the design, by default the name of the file. Its results go to cad_out/NAME.",
     )
     source: EmitterSection = _unless(
         "sources", "The LED: where light starts, how much, and in which directions; or give `sources`."
     )
     sources: Annotated[tuple[NamedSource, ...], Field(max_length=_MOST_SOURCES)] = Field(
-        (), description="LEDs that one lens is for, in the place of `source`. Figures are stated with each."
+        default=(), description="LEDs that one lens is for, in the place of `source`. Figures are stated with each."
     )
     lens: LensShape = Field(
         default_factory=LensSection, description="Material, and the two surfaces from which the search starts."
     )
     bodies: Annotated[tuple[BodySection, ...], Field(max_length=_MOST_BODIES)] = Field(
-        (), description="Given optics that the light passes behind the lens, in this order: domes, covers."
+        default=(), description="Given optics that the light passes behind the lens, in this order: domes, covers."
     )
     constraints: ConstraintsSection = Field(
         description="Limits that every lens of the search keeps: room for the LED, wall, size, and what can be made."
     )
     target: TargetSection | None = Field(
-        None, description="The light that is wanted, with the receiver that it names; or give `receivers`."
+        default=None, description="The light that is wanted, with the receiver that it names; or give `receivers`."
     )
     receivers: Annotated[tuple[ReceiverSection, ...], Field(max_length=_MOST_RECEIVERS)] = Field(
-        (), description="Surfaces that the light falls on, each with its targets; or give `target` alone."
+        default=(), description="Surfaces that the light falls on, each with its targets; or give `target` alone."
     )
     lamps: AnyLamps | None = Field(
-        None, description="Lamps whose light every receiver sees together; by default one at the origin."
+        default=None, description="Lamps whose light every receiver sees together; by default one at the origin."
     )
     limits: Annotated[tuple[LightLimitSpec, ...], Field(max_length=_MOST_LIMITS)] = Field(
-        (), description="Light that must be at least, or at most, so much."
+        default=(), description="Light that must be at least, or at most, so much."
     )
     roads: Annotated[tuple[RoadSection, ...], Field(max_length=MOST_ROADS)] = Field(
-        (), description="Roads that rows of lamps with the lens light, each with its class: limits on the light, too."
+        default=(),
+        description="Roads that rows of lamps with the lens light, each with its class: limits on the light, too.",
     )
-    colour: ColourSection | None = Field(None, description="Colour of the beam; by default it is not computed.")
+    colour: ColourSection | None = Field(default=None, description="Colour of the beam; by default it is not computed.")
     optimise: OptimiseSection = Field(default_factory=OptimiseSection, description="Settings of the search.")
     evaluate: EvaluateSection = Field(
         default_factory=EvaluateSection, description="Settings of the simulation of the finished lens."
@@ -119,7 +121,7 @@ class Spec(Section):
         default_factory=BaseSection, description="The clamping base, which holds the lens below z = 0."
     )
     plate: PlateSection | None = Field(
-        None, description="The plate that carries the lenses of `lamps` in one piece; by default none is made."
+        default=None, description="The plate that carries the lenses of `lamps` in one piece; by default none is made."
     )
     manufacture: ManufactureSection = Field(
         default_factory=ManufactureSection, description="Equipment of the shop, and names for its files."

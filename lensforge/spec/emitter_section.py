@@ -23,7 +23,9 @@ class CosineIntensity(Section):
     """Intensity in proportion to ``cos(gamma)^power``; power 1 is Lambertian."""
 
     kind: Literal["cosine"] = "cosine"
-    power: Annotated[float, Field(ge=0.0, le=1e4)] = Field(1.0, description="Power of the cosine; 1 is Lambertian.")
+    power: Annotated[float, Field(ge=0.0, le=1e4)] = Field(
+        default=1.0, description="Power of the cosine; 1 is Lambertian."
+    )
 
 
 def _require_function(
@@ -121,8 +123,8 @@ LumensPerWatt = Annotated[float, Field(ge=1e-9, le=LARGEST_LM_PER_W)]  # light o
 class FluxSection(Section):
     """Flux of a source or of a part of it; both fluxes together state its lm/W."""
 
-    flux_w: Watts | None = Field(None, description="Radiant flux.")
-    flux_lm: Lumens | None = Field(None, description="Luminous flux.")
+    flux_w: Watts | None = Field(default=None, description="Radiant flux.")
+    flux_lm: Lumens | None = Field(default=None, description="Luminous flux.")
 
     @check
     def _lumens_fit_the_watts(self) -> None:
@@ -154,22 +156,22 @@ class EmitterSection(OfSeveralKinds, FluxSection):
     in_a_word: ClassVar[tuple[str, ...]] = ()  # fields that `lensforge new` takes in one, rectangle:WIDTHxHEIGHT
 
     luminous_efficacy_lm_per_w: LumensPerWatt | None = Field(
-        None,
+        default=None,
         description="Luminous efficacy of the light: with it, with both fluxes or with a spectrum reports show "
         "lux, without it W/m^2.",
     )
     spectrum: SpectrumSpec | None = Field(
-        None,
+        default=None,
         description="Spectrum, used where the lens material is dispersive, for colour, and for the luminous "
         "efficacy; for a ray file it replaces the file's own.",
     )
-    rotate_z_deg: Turn = Field(0.0, description="Turn about the z axis, before the tilt.")
+    rotate_z_deg: Turn = Field(default=0.0, description="Turn about the z axis, before the tilt.")
     tilt_deg: tuple[Degrees, Degrees] = Field(
-        (0.0, 0.0),
+        default=(0.0, 0.0),
         description="Tilt about the x axis, then about the y axis, each about the lens origin by the right-hand rule.",
     )
     position_mm: tuple[Coordinate, Coordinate, Coordinate] = Field(
-        (0.0, 0.0, 0.0), description="Shift (x, y, z), after turn and tilt."
+        default=(0.0, 0.0, 0.0), description="Shift (x, y, z), after turn and tilt."
     )
 
     @check

@@ -18,32 +18,32 @@ from lensforge.surfaces.surface import Surface
 @public
 class _DesignedFace(Section):
     offset_mm: Millimetres | None = Field(
-        None,
+        default=None,
         description="Place of the face where the search starts: of a double lens the radius of a hemisphere; of "
         "cap, exit and mouth, which lie across the axis, the height there; of side, wall and cup, "
         "which lie around it, the radius at z = 0.",
     )
     fixed: FixedSurface | None = Field(
-        None, description="Surface that the search does not change, in place of `offset_mm`."
+        default=None, description="Surface that the search does not change, in place of `offset_mm`."
     )
-    coating: CoatingSection | None = Field(None, description="Coating of the face.")
+    coating: CoatingSection | None = Field(default=None, description="Coating of the face.")
     mirror: Annotated[float, Field(gt=0.0, le=1.0)] | None = Field(
-        None,
+        default=None,
         description="Share of the light that a metal film on the face reflects at every angle, in place of a "
         "coating; the rest is absorbed. Of a face of a lens for total internal reflection.",
     )
     scatter: AnyScatter | None = Field(
-        None,
+        default=None,
         description="How the face spreads the light that passes it, or that its mirror reflects; left out, it is "
         "polished.",
     )
     concave_radius_mm: Millimetres | None = Field(
-        None,
+        default=None,
         description="Least concave radius: of the ball that mills the face, or of the meridian, for the nose that "
         "turns it.",
     )
     draft_deg: Annotated[float, Field(ge=0.0, le=25.0)] | None = Field(
-        None, description="Minimum draft along the axis, the direction in which the mould of the face opens."
+        default=None, description="Minimum draft along the axis, the direction in which the mould of the face opens."
     )
 
     @check
@@ -84,17 +84,17 @@ class FlangeSection(Section):
     )
     thickness_mm: Millimetres = Field(description="Thickness along the axis.")
     setback_mm: Millimetres = Field(
-        0.1,
+        default=0.1,
         description="Height of the exit's rim over the flange's top, and the least height of its underside over "
         "the wall.",
     )
     tolerance_mm: Millimetres | None = Field(
-        None,
+        default=None,
         description="Tolerance of its diameter and thickness, of the height of its underside, and of the cavity's "
         "cap against it, either way; left out, the general one.",
     )
     draft_deg: DraftOrNone = Field(
-        None,
+        default=None,
         description="Draft of its side, which is as wide as stated at its top; left out, 1 where the part is "
         "moulded, else 0.",
     )

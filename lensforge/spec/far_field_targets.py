@@ -36,10 +36,10 @@ class BeamTarget(FarFieldTarget, SoftTarget):
 
     kind: Literal["beam"] = "beam"
     fwhm_deg: BeamAngle | tuple[BeamAngle, BeamAngle] | None = Field(
-        None, description="Full width at half maximum, one for both directions or along x and along y."
+        default=None, description="Full width at half maximum, one for both directions or along x and along y."
     )
     profile: Literal["gaussian", "cosine", "flat"] = Field(
-        "gaussian",
+        default="gaussian",
         description='Course of the intensity: "gaussian", "cosine" (a power of the cosine of the angle from the '
         'axis; between x and y the width follows an ellipse), or "flat" up to the half width and dark '
         "beyond it, with soft edges by `edge_deg`.",
@@ -81,7 +81,7 @@ class BatwingTarget(FarFieldTarget, SoftTarget):
 
     kind: Literal["batwing"] = "batwing"
     to_deg: Annotated[float, Field(ge=0.1, le=85.0)] | None = Field(
-        None, description="Angle from the axis up to which the light is even."
+        default=None, description="Angle from the axis up to which the light is even."
     )
 
     @property

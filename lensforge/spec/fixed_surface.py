@@ -83,7 +83,7 @@ class FixedSphere(_ByFormula):
     kind: Literal["sphere"] = "sphere"
     radius_mm: Millimetres = Field(description="Radius.")
     centre_z_mm: Coordinate = Field(
-        0.0, description="Height of the centre above z = 0; the origin must lie inside the sphere."
+        default=0.0, description="Height of the centre above z = 0; the origin must lie inside the sphere."
     )
 
     @property
@@ -101,8 +101,8 @@ class FixedAsphere(_ByFormula):
     kind: Literal["asphere"] = "asphere"
     vertex_z_mm: Millimetres = Field(description="Height of the vertex above z = 0.")
     radius_mm: Coordinate = Field(description="Radius of curvature at the vertex, below 0 for a dome over the source.")
-    conic_constant: _Conic = Field(0.0, description="Conic constant: 0 a sphere, -1 a paraboloid.")
-    coefficients: _Series = Field((), description="Coefficients A_4, A_6, A_8, ... in mm^-3, mm^-5, mm^-7, ...")
+    conic_constant: _Conic = Field(default=0.0, description="Conic constant: 0 a sphere, -1 a paraboloid.")
+    coefficients: _Series = Field(default=(), description="Coefficients A_4, A_6, A_8, ... in mm^-3, mm^-5, mm^-7, ...")
 
     @property
     def surface(self) -> Surface:
@@ -118,8 +118,8 @@ class FixedBiconic(_ByFormula):
     vertex_z_mm: Millimetres = Field(description="Height of the vertex above z = 0.")
     radius_x_mm: Coordinate = Field(description="Radius of curvature in the x-z plane.")
     radius_y_mm: Coordinate = Field(description="Radius of curvature in the y-z plane.")
-    conic_x: _Conic = Field(0.0, description="Conic constant in the x-z plane.")
-    conic_y: _Conic = Field(0.0, description="Conic constant in the y-z plane.")
+    conic_x: _Conic = Field(default=0.0, description="Conic constant in the x-z plane.")
+    conic_y: _Conic = Field(default=0.0, description="Conic constant in the y-z plane.")
 
     @property
     def surface(self) -> Surface:
@@ -148,7 +148,7 @@ class FixedFocalConic(_ByFormula):
         "= 0 is twice that."
     )
     second_focus_mm: Millimetres | None = Field(
-        None, description="Height of the other focus of an ellipsoid; without it a paraboloid."
+        default=None, description="Height of the other focus of an ellipsoid; without it a paraboloid."
     )
 
     @property
@@ -203,11 +203,11 @@ class FixedCadFace(_OfFile):
     kind: Literal["cad"] = "cad"
     file: FilePath = Field(description="STEP or IGES file.")
     face: _FaceName | Annotated[tuple[_FaceName, ...], Field(min_length=1, max_length=100)] = Field(
-        "first",
+        default="first",
         description='Face by its name, by its number in the file from 1, or "first": the face that the axis meets '
         "first above the origin. Several where the face comes in parts.",
     )
-    shift_mm: _Shift = Field((0.0, 0.0, 0.0), description="Shift of the file's face along x, y and z.")
+    shift_mm: _Shift = Field(default=(0.0, 0.0, 0.0), description="Shift of the file's face along x, y and z.")
 
     def _read(self) -> GivenFace:
         faces = self.face if isinstance(self.face, tuple) else (self.face,)
@@ -224,11 +224,11 @@ class FixedPoints(_OfFile):
     kind: Literal["points"] = "points"
     file: FilePath = Field(description="Text file of points, one in each line.")
     coordinates: Literal["cartesian", "polar"] = Field(
-        "cartesian",
+        default="cartesian",
         description='Columns: "cartesian", x, y, z in mm, or "polar", the angle from the axis and the azimuth in '
         "degrees and the distance from the origin in mm.",
     )
-    shift_mm: _Shift = Field((0.0, 0.0, 0.0), description="Shift of the points along x, y and z.")
+    shift_mm: _Shift = Field(default=(0.0, 0.0, 0.0), description="Shift of the points along x, y and z.")
 
     def _read(self) -> GivenFace:
         return face_of_points(self.file, self.coordinates, self.shift_mm)
@@ -247,14 +247,14 @@ class GivenSurface(FixedFace):
     """
 
     kind: Literal["given"] = "given"
-    origin: Label = Field("", description="Origin of the face, in words.")
+    origin: Label = Field(default="", description="Origin of the face, in words.")
     form_error_nm: Annotated[float, Field(ge=0.0)] = Field(
-        0.0, description="Largest distance of the surface from the face that was read."
+        default=0.0, description="Largest distance of the surface from the face that was read."
     )
     normal_error_urad: Annotated[float, Field(ge=0.0)] = Field(
-        0.0, description="Largest angle between the normals of both."
+        default=0.0, description="Largest angle between the normals of both."
     )
-    unit: Label = Field("mm", description="Unit of the file that was read.")
+    unit: Label = Field(default="mm", description="Unit of the file that was read.")
     face: SurfaceRecord = Field(description="The surface itself, as a record.")
 
     @property

@@ -28,7 +28,7 @@ class ExitFace(FaceSection):
     """A face that may be kept a plane."""
 
     flat: bool = Field(
-        False,
+        default=False,
         description="Keep it a plane across the axis: the search moves its height alone, and the other faces "
         "carry the shape.",
     )
@@ -72,7 +72,9 @@ class TirSection(ProfiledShape):
         default_factory=ExitFace,
         description="Face towards the light that is wanted; `offset_mm`: its height on the axis.",
     )
-    flange: FlangeSection | None = Field(None, description="Flange at the exit's rim; by default there is none.")
+    flange: FlangeSection | None = Field(
+        default=None, description="Flange at the exit's rim; by default there is none."
+    )
 
     @classmethod
     def first_tables(cls, shape: LightShape) -> dict[str, dict[str, object]]:

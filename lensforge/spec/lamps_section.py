@@ -220,12 +220,13 @@ class LampsWithRim(LampsSection):
     """Lamps in an arrangement with a rim, along which they may have other lenses."""
 
     kinds: _Kinds = Field(
-        "one",
+        default="one",
         description='Lenses: "one" for all lamps, or "place": other ones along the rim and at the corners, turned '
         "to face outwards.",
     )
     rim_rings: _Rings = Field(
-        1, description="Rings of places, from the rim inwards, with a lens of their own for sides and one for corners."
+        default=1,
+        description="Rings of places, from the rim inwards, with a lens of their own for sides and one for corners.",
     )
 
 
@@ -280,7 +281,9 @@ class RingLamps(LampsSection):
     kind: Literal["ring"] = "ring"
     count: _Number = Field(description="Lamps in the ring.")
     diameter_mm: Millimetres = Field(description="Diameter of the circle of their axes.")
-    turned: bool = Field(True, description="Turn each lamp with its place, so that its +x points away from the origin.")
+    turned: bool = Field(
+        default=True, description="Turn each lamp with its place, so that its +x points away from the origin."
+    )
 
     @property
     def lamps(self) -> Lamps:
@@ -307,15 +310,16 @@ class TableLamps(LampsSection):
         description="Place (x, y) or (x, y, z) of each lamp; z, along which lamps shine, is 0 where it is left out."
     )
     aims_mm: Annotated[tuple[_Point, ...], Field(max_length=_MOST)] = Field(
-        (),
+        default=(),
         description="Point (x, y, z) at which the axis of each lamp is aimed; by default all axes are along z. A "
         "tilted lamp is turned so that its +x lies in the tilt direction.",
     )
     turns_deg: Annotated[tuple[Turn, ...], Field(max_length=_MOST)] = Field(
-        (), description="Turn of each lamp about its axis, from x towards y, from there on; by default none is turned."
+        default=(),
+        description="Turn of each lamp about its axis, from x towards y, from there on; by default none is turned.",
     )
     kinds: Annotated[tuple[_KindName, ...], Field(max_length=_MOST)] = Field(
-        (), description='Lens of each lamp, by a name such as "wide"; by default all have one lens.'
+        default=(), description='Lens of each lamp, by a name such as "wide"; by default all have one lens.'
     )
 
     @property
@@ -358,7 +362,7 @@ class EndlessLamps(LampsSection):
 
     kind: Literal["endless"] = "endless"
     lattice: Literal["rectangle", "hexagon"] = Field(
-        "rectangle", description="Lattice: rows and columns, or each lamp with six neighbours."
+        default="rectangle", description="Lattice: rows and columns, or each lamp with six neighbours."
     )
     pitch_mm: Side = Field(
         description="Distance of neighbouring axes; one number, or of a rectangle along x and along y."

@@ -56,41 +56,43 @@ _CHECKED = 400  # wavelengths of the range at which a formula is tried
 class OpticalData(Section):
     """Index of a material: ``formula`` with ``coefficients``, or ``refractive_index`` at ``wavelength_nm``."""
 
-    source: Label = Field("", description="Origin of the numbers, in words.")
+    source: Label = Field(default="", description="Origin of the numbers, in words.")
     formula: Annotated[str, Field(max_length=40)] | None = Field(
-        None,
+        default=None,
         description='Name of a dispersion formula, such as "sellmeier" (pairs b, c in um^2: n^2 - 1 = sum b w^2 / '
         '(w^2 - c)) or "cauchy" (n = a + b / w^2 + ...), wavelength w in um.',
     )
     coefficients: Annotated[tuple[_Coefficient, ...], Field(max_length=MOST_COEFFICIENTS)] = Field(
-        (), description="Coefficients of the formula."
+        default=(), description="Coefficients of the formula."
     )
     range_nm: tuple[_Wavelength, _Wavelength] | None = Field(
-        None, description="Wavelengths over which the formula holds."
+        default=None, description="Wavelengths over which the formula holds."
     )
     wavelength_nm: _Wavelengths = Field(
-        (), description="Wavelengths of a table of the index, rising; between them it is linear."
+        default=(), description="Wavelengths of a table of the index, rising; between them it is linear."
     )
     refractive_index: Annotated[tuple[float, ...], Field(max_length=_MOST_ROWS)] = Field(
-        (), description="Index at each of these wavelengths."
+        default=(), description="Index at each of these wavelengths."
     )
     absolute: bool = Field(
-        False, description="True where the index is that against vacuum: it is divided by that of air at 20 °C."
+        default=False, description="True where the index is that against vacuum: it is divided by that of air at 20 °C."
     )
     absorption_nm: _Wavelengths = Field(
-        (), description="Wavelengths of a table of the absorption, rising; without it the material is clear."
+        default=(), description="Wavelengths of a table of the absorption, rising; without it the material is clear."
     )
     absorption_per_mm: Annotated[
         tuple[Annotated[float, Field(ge=0.0, le=100.0)], ...], Field(max_length=_MOST_ROWS)
-    ] = Field((), description="Absorption at each of these wavelengths.")
+    ] = Field(default=(), description="Absorption at each of these wavelengths.")
 
     schott_coefficients: tuple[_Schott, _Schott, _Schott, _Schott, _Schott, _Schott] | None = Field(
-        None, description="Coefficients [D0, D1, D2, E0, E1, pole] of the index against temperature (SCHOTT)."
+        default=None, description="Coefficients [D0, D1, D2, E0, E1, pole] of the index against temperature (SCHOTT)."
     )
     reference_temperature_c: Celsius = Field(
-        REFERENCE_C, description="Temperature at which the index is the one above."
+        default=REFERENCE_C, description="Temperature at which the index is the one above."
     )
-    expansion_per_k: Expansion | None = Field(None, description="Linear expansion of every length with temperature.")
+    expansion_per_k: Expansion | None = Field(
+        default=None, description="Linear expansion of every length with temperature."
+    )
 
     @check
     def _usable(self) -> None:
@@ -223,49 +225,49 @@ class LensMaterial(OfMaterial, FacesSection):
     """
 
     refractive_index: _Index = Field(
-        1.4936,
+        default=1.4936,
         description="Index at all wavelengths, `material` being only a label, no name of the catalogue; or leave "
         "it out for a dispersive material.",
     )
     material: Label = Field(
-        "PMMA at 564 nm",
+        default="PMMA at 564 nm",
         description="Name in the catalogue, which is dispersive; beside `refractive_index` or other data only a label.",
     )
     material_file: FilePath | None = Field(
-        None,
+        default=None,
         description="A Zemax catalogue, of which `material` names the glass, a file of refractiveindex.info, or a "
         "table; read into `optical_data` as the spec is.",
     )
-    optical_data: OpticalData | None = Field(None, description="Index and absorption of a custom material.")
+    optical_data: OpticalData | None = Field(default=None, description="Index and absorption of a custom material.")
     abbe_number: Annotated[float, Field(ge=10.0, le=200.0)] | None = Field(
-        None, description="Abbe number of a material whose n_d is `refractive_index`: makes it dispersive."
+        default=None, description="Abbe number of a material whose n_d is `refractive_index`: makes it dispersive."
     )
     cavity_index: _Index = Field(
-        1.0, description="Index of what fills the cavity, such as a gel that couples the LED to the lens."
+        default=1.0, description="Index of what fills the cavity, such as a gel that couples the LED to the lens."
     )
-    outside_index: _Index = Field(1.0, description="Index of what surrounds the lens, such as water.")
-    cover_glass: CoverGlassSection | None = Field(None, description="Plate in front of the lens.")
+    outside_index: _Index = Field(default=1.0, description="Index of what surrounds the lens, such as water.")
+    cover_glass: CoverGlassSection | None = Field(default=None, description="Plate in front of the lens.")
     design_wavelength_nm: Annotated[float, Field(ge=100.0, le=20_000.0)] = Field(
-        D_LINE_NM,
+        default=D_LINE_NM,
         description="Wavelength of the index where a single number is needed, and for a source without wavelengths.",
     )
     absorption_per_mm: Annotated[float, Field(ge=0.0, le=10.0)] = Field(
-        0.0, description="Absorption of the body (Beer and Lambert), if the material itself states none."
+        default=0.0, description="Absorption of the body (Beer and Lambert), if the material itself states none."
     )
     density_g_per_cm3: Annotated[float, Field(ge=0.1, le=30.0)] | None = Field(
-        None,
+        default=None,
         description="Density of the grade that is ordered, which gives the part its mass; left out, that of the "
         "plastic or glass that `material` names, if it is known.",
     )
     index_per_k: Annotated[float, Field(ge=-1e-3, le=1e-3)] | None = Field(
-        None,
+        default=None,
         description="Change of the index relative to air with temperature, for a material that does not state its own.",
     )
     expansion_per_k: Expansion | None = Field(
-        None, description="Linear expansion with temperature, for a material that does not state its own."
+        default=None, description="Linear expansion with temperature, for a material that does not state its own."
     )
     reference_temperature_c: Celsius | None = Field(
-        None,
+        default=None,
         description="Temperature at which the lens has its index and its size; by default 20, or as the material "
         "states.",
     )

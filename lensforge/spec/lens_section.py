@@ -94,20 +94,20 @@ class LensShape(OfSeveralKinds, LensMaterial):
     radius_about_axis: ClassVar[bool] = False
     kind: str
     levels: Levels = Field(
-        "auto",
+        default="auto",
         description='Functions of each level, coarse to fine, that shape each free surface; "auto": as many as '
         "they gain.",
     )
     sigma_c: Annotated[float, Field(ge=1e-6, le=1e6)] = Field(
-        1.75, description="Factor of the width of every level's functions, Eq. (3)."
+        default=1.75, description="Factor of the width of every level's functions, Eq. (3)."
     )
     symmetry: Symmetry = Field(
-        "auto",
+        default="auto",
         description='Mirror symmetry of both surfaces; "auto": the largest that source and target share, which '
         "the record of a lens names.",
     )
     start: Annotated[FilePath, AfterValidator(lens_file)] | None = Field(
-        None,
+        default=None,
         description="Result folder, or its lens.json, from whose lens the search goes on instead of from the "
         "hemispheres.",
     )
@@ -247,15 +247,15 @@ class ProfiledShape(LensShape):
     draws = frozenset({"round", "patch"})
 
     levels: _Numbers = Field(
-        (),
+        default=(),
         description="Functions of each level, coarse to fine, that shape the free faces beyond their profiles; "
         "none: faces of revolution.",
     )
     profile: Annotated[int, Field(ge=LEAST_COEFFICIENTS, le=64)] = Field(
-        12, description="Coefficients of the profile of each free face."
+        default=12, description="Coefficients of the profile of each free face."
     )
     events: Annotated[int, Field(ge=3, le=MOST_EVENTS)] = Field(
-        6, description="Largest number of faces that a ray meets; what goes on then is counted as its own fate."
+        default=6, description="Largest number of faces that a ray meets; what goes on then is counted as its own fate."
     )
 
     @classmethod

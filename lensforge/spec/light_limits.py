@@ -50,14 +50,14 @@ class LimitSection(InOneUnit):
     others: ClassVar[tuple[str, ...]] = ()  # quantities besides the light that may be bounded
 
     kind: str
-    name: Label | None = Field(None, description="Name in records and on pages.")
+    name: Label | None = Field(default=None, description="Name in records and on pages.")
     receiver: Annotated[str, Field(max_length=64)] | None = Field(
-        None, description="Name of the receiver, by default the first."
+        default=None, description="Name of the receiver, by default the first."
     )
-    at_least: Amount | None = Field(None, description="Minimum light, in `unit`.")
-    at_most: Amount | None = Field(None, description="Maximum light, in `unit`.")
+    at_least: Amount | None = Field(default=None, description="Minimum light, in `unit`.")
+    at_most: Amount | None = Field(default=None, description="Maximum light, in `unit`.")
     unit: LightUnitName | None = Field(
-        None,
+        default=None,
         description="Unit of both: irradiance or illuminance on surfaces, intensity in the far field, radiance or "
         'luminance for eyes, or "relative" to the maximum on the receiver.',
     )
@@ -105,7 +105,7 @@ class PointsLimit(LimitSection):
 
     kind: Literal["points"] = "points"
     at_mm: Annotated[tuple[tuple[Coordinate, Coordinate], ...], Field(min_length=1, max_length=_MOST_POINTS)] | None = (
-        Field(None, description="Places (x, y) on a surface.")
+        Field(default=None, description="Places (x, y) on a surface.")
     )
     at_deg: (
         Annotated[tuple[tuple[DegreesOff, DegreesOff], ...], Field(min_length=1, max_length=_MOST_POINTS)] | None
@@ -124,8 +124,8 @@ class LineLimit(LimitSection):
     needs: ClassVar[tuple[str, ...]] = ("from", "to")
 
     kind: Literal["line"] = "line"
-    from_mm: tuple[Coordinate, Coordinate] | None = Field(None, description="First end on a surface.")
-    to_mm: tuple[Coordinate, Coordinate] | None = Field(None, description="Second end on a surface.")
+    from_mm: tuple[Coordinate, Coordinate] | None = Field(default=None, description="First end on a surface.")
+    to_mm: tuple[Coordinate, Coordinate] | None = Field(default=None, description="Second end on a surface.")
     from_deg: tuple[DegreesOff, DegreesOff] | None = None
     to_deg: tuple[DegreesOff, DegreesOff] | None = None
 
@@ -138,16 +138,16 @@ class ZoneLimit(LimitSection):
 
     kind: Literal["zone"] = "zone"
     zone: Annotated[_ZONES, Field(discriminator="kind")] | None = Field(
-        None, description="Shape of the zone; by default the whole window of the receiver."
+        default=None, description="Shape of the zone; by default the whole window of the receiver."
     )
     at_least_min_over_mean: Fraction | None = Field(
-        None, description="Smallest allowed min/mean of the light in the zone."
+        default=None, description="Smallest allowed min/mean of the light in the zone."
     )
     at_least_min_over_max: Fraction | None = Field(
-        None, description="Smallest allowed min/max of the light in the zone."
+        default=None, description="Smallest allowed min/max of the light in the zone."
     )
-    at_least_share: Fraction | None = Field(None, description="Least share of the flux of the source.")
-    at_most_share: Fraction | None = Field(None, description="Largest share of the flux of the source.")
+    at_least_share: Fraction | None = Field(default=None, description="Least share of the flux of the source.")
+    at_most_share: Fraction | None = Field(default=None, description="Largest share of the flux of the source.")
 
     @property
     def given_unit(self) -> Unit | None:
@@ -202,12 +202,16 @@ class BeamAngleLimit(LimitSection):
     others: ClassVar[tuple[str, ...]] = ("deg",)
 
     kind: Literal["beam_angle"] = "beam_angle"
-    azimuth_deg: Azimuth = Field(0.0, description="Azimuth of the plane through the axis, from x towards y.")
+    azimuth_deg: Azimuth = Field(default=0.0, description="Azimuth of the plane through the axis, from x towards y.")
     level: Annotated[float, Field(ge=0.01, le=0.99)] = Field(
-        0.5, description="Level that bounds the beam, relative to the maximum."
+        default=0.5, description="Level that bounds the beam, relative to the maximum."
     )
-    at_least_deg: Annotated[float, Field(gt=0.0, le=180.0)] | None = Field(None, description="Least full angle.")
-    at_most_deg: Annotated[float, Field(gt=0.0, le=180.0)] | None = Field(None, description="Largest full angle.")
+    at_least_deg: Annotated[float, Field(gt=0.0, le=180.0)] | None = Field(
+        default=None, description="Least full angle."
+    )
+    at_most_deg: Annotated[float, Field(gt=0.0, le=180.0)] | None = Field(
+        default=None, description="Largest full angle."
+    )
 
     @check
     def _bounds_the_angle(self) -> None:
@@ -256,30 +260,30 @@ class LuminanceLimit(LimitSection):
 
     kind: Literal["luminance"] = "luminance"
     of: Literal["peak", "mean"] = Field(
-        "peak",
+        default="peak",
         description="The largest mean over a spot, or the mean over the outline of all places that light leaves.",
     )
     eyes_mm: Annotated[tuple[_Point, ...], Field(min_length=1, max_length=_MOST_EYES)] | None = Field(
-        None, description="Places (x, y, z) of the eyes, outside of the lens."
+        default=None, description="Places (x, y, z) of the eyes, outside of the lens."
     )
     eyes_deg: (
         Annotated[tuple[tuple[DegreesOff, DegreesOff], ...], Field(min_length=1, max_length=_MOST_EYES)] | None
-    ) = Field(None, description="Directions (x, y) from the axis of eyes far away; or give `eyes_mm`.")
+    ) = Field(default=None, description="Directions (x, y) from the axis of eyes far away; or give `eyes_mm`.")
     from_deg: Annotated[float, Field(ge=_LEAST_RING_DEG, le=85.0)] | None = Field(
-        None,
+        default=None,
         description="Angle from the axis from which on eyes look from all around, far away: the brightest that "
         "any sees is judged.",
     )
     spot_deg: _Angle | None = Field(
-        None,
+        default=None,
         description="Diameter of the spot at `eyes_mm`; by default a minute of arc, 1/60, the finest that eyes "
         "resolve.",
     )
     spot_mm: Annotated[float, Field(ge=1e-3, le=1e3)] | None = Field(
-        None, description="Diameter of the spot on the lens, for `eyes_deg`: 0.58 is a minute of arc 2 m away."
+        default=None, description="Diameter of the spot on the lens, for `eyes_deg`: 0.58 is a minute of arc 2 m away."
     )
     blur_deg: Annotated[float, Field(ge=0.1, le=30.0)] = Field(
-        2.0,
+        default=2.0,
         description="Largest angle at which a ray counts that does not just meet the eye: less is sharper, and "
         "has more noise.",
     )
@@ -359,14 +363,15 @@ class ColourSection(Section):
     """
 
     within: Literal["fwhm", "tenth"] = Field(
-        "fwhm", description="Level that bounds the beam: half of the peak, or a tenth."
+        default="fwhm", description="Level that bounds the beam: half of the peak, or a tenth."
     )
     max_rms_delta_uv: Fraction | None = Field(
-        None, description="Largest root mean square of the distances from the beam's mean colour."
+        default=None, description="Largest root mean square of the distances from the beam's mean colour."
     )
-    max_delta_uv: Fraction | None = Field(None, description="Largest distance from the beam's mean colour.")
+    max_delta_uv: Fraction | None = Field(default=None, description="Largest distance from the beam's mean colour.")
     weight: Annotated[float, Field(ge=0.0, le=1e4)] = Field(
-        0.0, description="Factor of colour in the merit of the search, where the error of the pattern has 1; 0: none."
+        default=0.0,
+        description="Factor of colour in the merit of the search, where the error of the pattern has 1; 0: none.",
     )
 
     @property
@@ -435,14 +440,14 @@ class PhotometrySection(Section):
     """Lighting that a lens is for."""
 
     use: Literal["general", "area"] = Field(
-        "general",
+        default="general",
         description='Lighting: "general"; "area" adds the IES distribution type, the BUG rating and the class of '
         "glare.",
     )
     street_side_deg: Azimuth = Field(
-        90.0, description="Direction from the lens towards the street, from its +x to its +y."
+        default=90.0, description="Direction from the lens towards the street, from its +x to its +y."
     )
-    lenses: Annotated[int, Field(ge=1, le=100_000)] = Field(1, description="Equal lenses in a lamp.")
+    lenses: Annotated[int, Field(ge=1, le=100_000)] = Field(default=1, description="Equal lenses in a lamp.")
 
 
 def require_seen_from_afar(

@@ -32,12 +32,12 @@ _MOST_SHRINKAGE = 0.1  # several times that of any optical plastic: PMMA, PC and
 class FeetSection(Section):
     """Round feet below a base, all alike, evenly on a circle about the axis: the part stands on them."""
 
-    number: Annotated[int, Field(ge=1, le=_MOST_FEET)] = Field(3, description="Number of feet.")
+    number: Annotated[int, Field(ge=1, le=_MOST_FEET)] = Field(default=3, description="Number of feet.")
     diameter_mm: Millimetres = Field(description="Diameter of a foot.")
     height_mm: Millimetres = Field(description="Height of a foot, below the base.")
     circle_diameter_mm: Millimetres = Field(description="Diameter of the circle on which their axes stand.")
     first_deg: Annotated[float, Field(ge=-360.0, le=360.0)] = Field(
-        0.0, description="Azimuth of the first, from +x towards +y."
+        default=0.0, description="Azimuth of the first, from +x towards +y."
     )
 
     @property
@@ -67,37 +67,39 @@ class BaseSection(Section):
     """
 
     kind: Literal["cylinder", "square", "step", "none"] = Field(
-        "cylinder", description='Shape of the base; "step": the body in `file`. With `[plate]` no base is made.'
+        default="cylinder", description='Shape of the base; "step": the body in `file`. With `[plate]` no base is made.'
     )
     file: FilePath | None = Field(
-        None, description="STEP file of one solid in the lens's coordinates, its top in z = 0."
+        default=None, description="STEP file of one solid in the lens's coordinates, its top in z = 0."
     )
-    diameter_mm: Millimetres = Field(25.4, description="Diameter of a cylinder.")
-    side_mm: Millimetres = Field(25.4, description="Side of a square.")
-    height_mm: Millimetres = Field(2.0, description="Total height.")
+    diameter_mm: Millimetres = Field(default=25.4, description="Diameter of a cylinder.")
+    side_mm: Millimetres = Field(default=25.4, description="Side of a square.")
+    height_mm: Millimetres = Field(default=2.0, description="Total height.")
     relief_step_mm: MillimetresOrZero | None = Field(
-        None, description="Depth of the base's top below the rim, so that a cutter reaches the rim."
+        default=None, description="Depth of the base's top below the rim, so that a cutter reaches the rim."
     )
     relief_setback_mm: MillimetresOrZero | None = Field(
-        None,
+        default=None,
         description="Least distance of the step's wall, a circle, inside the rim; with 0 the wall follows the rim "
         "straight down.",
     )
     bore_setback_mm: MillimetresOrZero | None = Field(
-        None,
+        default=None,
         description="Least distance of the bore, a circle, outside the cavity's rim; with 0 it follows the rim "
         "straight down.",
     )
-    flat_mm: Millimetres | None = Field(None, description="Distance of a clocking flat, across +x, from the axis.")
-    pocket_diameter_mm: Millimetres | None = Field(
-        None, description="Diameter of a wider bore from below, for the LED."
+    flat_mm: Millimetres | None = Field(
+        default=None, description="Distance of a clocking flat, across +x, from the axis."
     )
-    pocket_depth_mm: Millimetres = Field(1.0, description="Depth of that bore.")
-    flange_diameter_mm: Millimetres | None = Field(None, description="Diameter of a wider ring at the bottom.")
-    flange_height_mm: Millimetres = Field(0.5, description="Height of that ring.")
-    feet: FeetSection | None = Field(None, description="Feet below its bottom; by default there are none.")
+    pocket_diameter_mm: Millimetres | None = Field(
+        default=None, description="Diameter of a wider bore from below, for the LED."
+    )
+    pocket_depth_mm: Millimetres = Field(default=1.0, description="Depth of that bore.")
+    flange_diameter_mm: Millimetres | None = Field(default=None, description="Diameter of a wider ring at the bottom.")
+    flange_height_mm: Millimetres = Field(default=0.5, description="Height of that ring.")
+    feet: FeetSection | None = Field(default=None, description="Feet below its bottom; by default there are none.")
     draft_deg: DraftOrNone = Field(
-        None,
+        default=None,
         description="Draft of its sides, bore and feet; left out, 1 where the part is moulded, else 0. All are as "
         "wide as stated at their tops, and narrower below but for bore, pocket, and a side on a "
         "flange.",
@@ -209,7 +211,7 @@ class Tool(Section):
     shank_radius_mm: Millimetres = Field(description="Radius of the shank.")
     length_mm: Millimetres = Field(description="Length of the shank, from the ball's centre.")
     holder_half_angle_deg: Annotated[float, Field(ge=0.0, lt=90.0)] = Field(
-        45.0, description="Half angle of the holder's cone."
+        default=45.0, description="Half angle of the holder's cone."
     )
 
 
@@ -222,55 +224,55 @@ class ManufactureSection(Section):
     holder, and a turning tool.
     """
 
-    cutter_radius_mm: Millimetres = Field(1.0, description="Radius of the ball cutter.")
-    tools: Annotated[tuple[Tool, ...], Field(max_length=100)] = Field((), description="Further ball-end mills.")
+    cutter_radius_mm: Millimetres = Field(default=1.0, description="Radius of the ball cutter.")
+    tools: Annotated[tuple[Tool, ...], Field(max_length=100)] = Field(default=(), description="Further ball-end mills.")
     process: Process | None = Field(
-        None,
+        default=None,
         description="Process by which the lens is made: milled or turned itself, moulded between inserts that "
         "are, or printed. By default a lens whose faces are all of revolution is turned, a `[plate]` "
         "moulded, any other lens milled.",
     )
     shrinkage: Annotated[float, Field(ge=0.0, le=_MOST_SHRINKAGE)] = Field(
-        0.0,
+        default=0.0,
         description="Shrinkage of the moulded lens, as a share; the insert's faces are the lens's times 1 + shrinkage.",
     )
     nose_radius_mm: Millimetres = Field(
-        0.02, description="Radius of the nose of the turning tool, the smallest that there is."
+        default=0.02, description="Radius of the nose of the turning tool, the smallest that there is."
     )
     included_angle_deg: Annotated[float, Field(ge=0.0, le=150.0)] = Field(
-        35.0, description="Angle between the two flanks of the turning tool."
+        default=35.0, description="Angle between the two flanks of the turning tool."
     )
     clearance_deg: Annotated[float, Field(ge=0.0, le=60.0)] = Field(
-        2.0, description="Least angle between a flank of the turning tool and the face that it cuts."
+        default=2.0, description="Least angle between a flank of the turning tool and the face that it cuts."
     )
     shank_width_mm: Millimetres = Field(
-        1.5,
+        default=1.5,
         description="Width of the turning tool in a bore, from its nose across: there its shank runs along the axis.",
     )
     layer_um: Annotated[float, Field(ge=1e-3, le=1e4)] | None = Field(
-        None, description="Height of the layers of a print, along the axis."
+        default=None, description="Height of the layers of a print, along the axis."
     )
     form_tolerance_um: Annotated[float, Field(ge=1e-3, le=1e4)] | None = Field(
-        None,
+        default=None,
         description="Full width of the zone, half of it on each side of the face along its normal, in which every "
         "point of an optical face must lie.",
     )
     form_nm: Annotated[float, Field(ge=0.1, le=1e4)] | None = Field(
-        None, description="Largest form error of the optical faces in the STEP file; 50 where it is left out."
+        default=None, description="Largest form error of the optical faces in the STEP file; 50 where it is left out."
     )
     normal_mrad: Annotated[float, Field(ge=1e-3, le=10.0)] | None = Field(
-        None,
+        default=None,
         description="Largest error of their normals; left out, 0.2 or less, so that light moves by no more than a "
         "twentieth of the LED's image.",
     )
-    required: bool = Field(False, description="Count a part that cannot be cut as a failure of the run.")
+    required: bool = Field(default=False, description="Count a part that cannot be cut as a failure of the run.")
     max_tilt_deg: Annotated[float, Field(ge=0.0, le=120.0)] = Field(
-        90.0, description="Largest angle between a tool's axis and the lens axis."
+        default=90.0, description="Largest angle between a tool's axis and the lens axis."
     )
-    author: Label = Field("", description="Author of the files for the shop.")
-    organisation: Label = Field("", description="Organisation in the files for the shop.")
+    author: Label = Field(default="", description="Author of the files for the shop.")
+    organisation: Label = Field(default="", description="Organisation in the files for the shop.")
     date: CalendarDate | None = Field(
-        None, description="Date of the files for the shop, which never take one from the clock."
+        default=None, description="Date of the files for the shop, which never take one from the clock."
     )
 
     @check
@@ -333,29 +335,29 @@ class DrawingSection(Section):
     What is left out is "not stated" on the drawing: nothing is made up.
     """
 
-    part_name: Label = Field("", description="Name of the part; left out, the name of the design.")
-    part_number: Label = Field("", description="Number of the part or of the drawing.")
-    revision: Label = Field("", description="Revision of the drawing.")
-    checked_by: Label = Field("", description="Name of who has checked the drawing.")
-    sheet: Literal["A3", "A4"] | None = Field(None, description="Size of the sheet; left out, A3.")
+    part_name: Label = Field(default="", description="Name of the part; left out, the name of the design.")
+    part_number: Label = Field(default="", description="Number of the part or of the drawing.")
+    revision: Label = Field(default="", description="Revision of the drawing.")
+    checked_by: Label = Field(default="", description="Name of who has checked the drawing.")
+    sheet: Literal["A3", "A4"] | None = Field(default=None, description="Size of the sheet; left out, A3.")
     general_tolerances: Label = Field(
-        "", description='Tolerances of dimensions without one of their own, such as "ISO 2768-m".'
+        default="", description='Tolerances of dimensions without one of their own, such as "ISO 2768-m".'
     )
     material_grade: Label = Field(
-        "", description='Grade of the material that is ordered, such as "PMMA, moulding compound 8N".'
+        default="", description='Grade of the material that is ordered, such as "PMMA, moulding compound 8N".'
     )
     edge_break_mm: Annotated[float, Field(ge=1e-3, le=10.0)] | None = Field(
-        None, description="Largest break of the edges outside the optical faces, a radius or a chamfer."
+        default=None, description="Largest break of the edges outside the optical faces, a radius or a chamfer."
     )
     optical_edge_mm: Annotated[float, Field(ge=1e-3, le=10.0)] | None = Field(
-        None, description="Largest radius of the rims and creases of the optical faces."
+        default=None, description="Largest radius of the rims and creases of the optical faces."
     )
-    finish: Label = Field("", description='Surface class of all other faces, such as "VDI 3400, class 18".')
+    finish: Label = Field(default="", description='Surface class of all other faces, such as "VDI 3400, class 18".')
     roughness_nm: Annotated[float, Field(ge=1e-3, le=1e5)] | None = Field(
-        None, description="Largest roughness of the optical faces, rms of height (Rq)."
+        default=None, description="Largest roughness of the optical faces, rms of height (Rq)."
     )
     imperfections: Label = Field(
-        "", description='Imperfections allowed on the optical faces, such as "5 x 0.16": number and grade.'
+        default="", description='Imperfections allowed on the optical faces, such as "5 x 0.16": number and grade.'
     )
 
 

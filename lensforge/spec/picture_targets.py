@@ -38,7 +38,7 @@ class PictureTarget(SizedTarget, SoftTarget):
     takes: ClassVar[tuple[str, ...]] = (*SoftTarget.takes, "height")
 
     mirrored: bool = Field(
-        False,
+        default=False,
         description="Turn left and right about, for eyes on the lens's side of a wall: without it, it is read "
         "from behind a screen.",
     )
@@ -93,7 +93,7 @@ class ImageTarget(PictureTarget):
     kind: Literal["image"] = "image"
     file: FilePath = Field(description="PNG, TIFF, JPEG or BMP file.")
     luminance: Luminance = Field(
-        "as_stored",
+        default="as_stored",
         description='Light that a value stands for: "as_stored" takes the values themselves, half the value for '
         'half the light, and of colours their luma; "srgb" what a screen would show, decoded by the '
         "sRGB curve.",

@@ -62,8 +62,8 @@ _Corners = Annotated[tuple[tuple[Coordinate, Coordinate, _Bulge], ...], Field(mi
 class DrawnOutline(Section):
     """An outline as it was read: a spec that names a file becomes this one, and needs the file no more."""
 
-    origin: Label = Field("", description="Name of its file.")
-    sha256: Label = Field("", description="SHA-256 of that file.")
+    origin: Label = Field(default="", description="Name of its file.")
+    sha256: Label = Field(default="", description="SHA-256 of that file.")
     loops_mm: Annotated[tuple[_Corners, ...], Field(min_length=1, max_length=plane_loop.MOST_LOOPS)] = Field(
         description="Outline, then the openings, each counter-clockwise: corners x and y in mm, and the bulge of "
         "the edge to the next corner, the tangent of a quarter of its arc's angle, 0 for a line."
@@ -123,10 +123,11 @@ class PlateMark(Section):
     place_mm: tuple[Coordinate, Coordinate] = Field(description="Place (x, y) of its axis.")
     diameter_mm: Millimetres = Field(description="Diameter.")
     tolerance_mm: Millimetres | None = Field(
-        None, description="Tolerance of the diameter, either way; left out, the general one."
+        default=None, description="Tolerance of the diameter, either way; left out, the general one."
     )
     place_tolerance_mm: Millimetres | None = Field(
-        None, description="Diameter of the zone in which its axis must lie; left out, the general tolerances hold."
+        default=None,
+        description="Diameter of the zone in which its axis must lie; left out, the general tolerances hold.",
     )
 
     @property
@@ -173,7 +174,7 @@ class PlateGate(Section):
     place_mm: tuple[Coordinate, Coordinate] = Field(description="Place (x, y) of its middle, on the outline.")
     width_mm: Millimetres = Field(description="Width along the outline.")
     clear_mm: MillimetresOrZero = Field(
-        3.0,
+        default=3.0,
         description="Distance from its middle that lenses as wide as `constraints.max_radius_mm`, holes, pins and "
         "bosses keep.",
     )
@@ -192,44 +193,50 @@ class PlateSection(Section):
     """
 
     kind: Literal["rectangle", "round", "step"] = Field(
-        "rectangle", description='Outline, about the origin; "step": as drawn in a file.'
+        default="rectangle", description='Outline, about the origin; "step": as drawn in a file.'
     )
     outline: Annotated[FilePath | DrawnOutline | None, AfterValidator(_drawn)] = Field(
-        None,
+        default=None,
         description="STEP file of the outline, in the coordinates of the lamps: one face or wires of lines and "
         "arcs in a plane of one z, or a flat body, whose top counts. Its openings become holes of the "
         "plate.",
     )
     thickness_mm: Millimetres = Field(description="Thickness, from z = 0 downwards.")
     draft_deg: Annotated[float, Field(ge=0.0, le=10.0)] = Field(
-        1.0,
+        default=1.0,
         description="Draft of the lenses' bores, of sides, holes, pins and bosses, which the lower half of a "
         "mould makes: sides and holes are as wide as stated in z = 0, a pin at its root, the bore of "
         "a boss at its closed end. A drawn outline and its slots stand upright.",
     )
     margin_mm: MillimetresOrZero | None = Field(
-        None,
+        default=None,
         description="Distance of the edge from lenses as wide as `constraints.max_radius_mm`; 2 where neither it "
         "nor a size is given.",
     )
-    width_mm: Millimetres | None = Field(None, description="Width of a rectangle along x; left out, by `margin_mm`.")
-    height_mm: Millimetres | None = Field(None, description="Height of a rectangle along y; left out, by `margin_mm`.")
-    diameter_mm: Millimetres | None = Field(None, description="Diameter of a round plate; left out, by `margin_mm`.")
-    corner_radius_mm: MillimetresOrZero = Field(0.0, description="Radius of the corners of a rectangle.")
-    columns: _Lines | None = Field(
-        None, description='Lenses along x; of lamps of kind "endless", whose plate has so many.'
+    width_mm: Millimetres | None = Field(
+        default=None, description="Width of a rectangle along x; left out, by `margin_mm`."
     )
-    rows: _Lines | None = Field(None, description='Lenses along y; of lamps of kind "endless".')
+    height_mm: Millimetres | None = Field(
+        default=None, description="Height of a rectangle along y; left out, by `margin_mm`."
+    )
+    diameter_mm: Millimetres | None = Field(
+        default=None, description="Diameter of a round plate; left out, by `margin_mm`."
+    )
+    corner_radius_mm: MillimetresOrZero = Field(default=0.0, description="Radius of the corners of a rectangle.")
+    columns: _Lines | None = Field(
+        default=None, description='Lenses along x; of lamps of kind "endless", whose plate has so many.'
+    )
+    rows: _Lines | None = Field(default=None, description='Lenses along y; of lamps of kind "endless".')
     holes: Annotated[tuple[PlateHole, ...], Field(max_length=_MOST_MARKS)] = Field(
-        (), description="Holes through the plate, beside the lenses."
+        default=(), description="Holes through the plate, beside the lenses."
     )
     pins: Annotated[tuple[PlatePin, ...], Field(max_length=_MOST_MARKS)] = Field(
-        (), description="Pins below the plate, beside the cavities."
+        default=(), description="Pins below the plate, beside the cavities."
     )
     bosses: Annotated[tuple[PlateBoss, ...], Field(max_length=_MOST_MARKS)] = Field(
-        (), description="Screw domes below the plate, beside the lenses."
+        default=(), description="Screw domes below the plate, beside the lenses."
     )
-    gate: PlateGate | None = Field(None, description="The gate of the mould; by default none is drawn.")
+    gate: PlateGate | None = Field(default=None, description="The gate of the mould; by default none is drawn.")
 
     @check
     def _sizes_go_with_the_outline(self) -> None:

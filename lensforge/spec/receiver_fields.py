@@ -49,15 +49,17 @@ class ReceiverSection(OfSeveralKinds, Section):
 
     kind: str
     name: Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]{1,64}$")] | None = Field(
-        None, description="Name of the receiver, by default its kind."
+        default=None, description="Name of the receiver, by default its kind."
     )
     targets: Annotated[tuple[TargetSection, ...], Field(min_length=1, max_length=_MOST_TARGETS)] = Field(
         description="Targets on it, which add up."
     )
     share: Annotated[float, Field(ge=1e-6, le=1e6)] = Field(
-        1.0, description="Weight in the merit, relative to the other receivers."
+        default=1.0, description="Weight in the merit, relative to the other receivers."
     )
-    rotation_deg: Turn = Field(0.0, description="Turn about the direction that the receiver faces, from x towards y.")
+    rotation_deg: Turn = Field(
+        default=0.0, description="Turn about the direction that the receiver faces, from x towards y."
+    )
 
     @property
     def size(self) -> tuple[float, float]:

@@ -33,14 +33,14 @@ class PlaneReceiver(ReceiverSection):
 
     kind: Literal["plane"] = "plane"
     centre_mm: tuple[Coordinate, Coordinate, Coordinate] = Field(description="Centre (x, y, z).")
-    normal: Direction | None = Field(None, description="Direction (x, y, z) of the normal; or give `tilt_deg`.")
+    normal: Direction | None = Field(default=None, description="Direction (x, y, z) of the normal; or give `tilt_deg`.")
     tilt_deg: tuple[Degrees, Degrees] | None = Field(
-        None, description="Tilt of the normal from +z: about x, then about y."
+        default=None, description="Tilt of the normal from +z: about x, then about y."
     )
     width_mm: Millimetres = Field(description="Width.")
     height_mm: Millimetres = Field(description="Height.")
     window_mm: tuple[Millimetres, Millimetres] | None = Field(
-        None,
+        default=None,
         description="Width and height of the centred rectangle in which flux counts as detected; by default all of it.",
     )
 
@@ -110,7 +110,7 @@ class FarFieldReceiver(ReceiverSection):
     faces_by: ClassVar[str] = "axis"
 
     kind: Literal["far_field"] = "far_field"
-    axis: Direction = Field((0.0, 0.0, 1.0), description="Direction (x, y, z) of its centre.")
+    axis: Direction = Field(default=(0.0, 0.0, 1.0), description="Direction (x, y, z) of its centre.")
     half_angle_deg: HalfAngle = Field(description="Largest angle from the axis.")
 
     @property
@@ -147,10 +147,10 @@ class _CurvedReceiver(ReceiverSection):
     """A screen around the lens, whose chart is centred on the direction ``facing``."""
 
     centre_mm: tuple[Coordinate, Coordinate, Coordinate] = Field(
-        (0.0, 0.0, 0.0), description="Centre (x, y, z) of the screen's curvature."
+        default=(0.0, 0.0, 0.0), description="Centre (x, y, z) of the screen's curvature."
     )
     facing: Direction = Field(
-        (0.0, 0.0, 1.0), description="Direction (x, y, z) from the centre to the middle of the chart."
+        default=(0.0, 0.0, 1.0), description="Direction (x, y, z) from the centre to the middle of the chart."
     )
     radius_mm: Millimetres = Field(description="Radius of the screen.")
 

@@ -35,7 +35,7 @@ class CupSection(FaceSection):
     """Mirror of a reflector."""
 
     mirror: Annotated[float, Field(gt=0.0, le=1.0)] = Field(
-        _ALUMINISED, description="Share of the light that it reflects at every angle; the rest is absorbed."
+        default=_ALUMINISED, description="Share of the light that it reflects at every angle; the rest is absorbed."
     )
 
 
@@ -55,7 +55,9 @@ class ReflectorSection(ProfiledShape):
     title = "reflector"
     draws = frozenset()
     kind: Literal["reflector"] = "reflector"
-    material: Label = Field("metallised plastic", description="Material of the body, a label: no light enters it.")
+    material: Label = Field(
+        default="metallised plastic", description="Material of the body, a label: no light enters it."
+    )
     cup: CupSection = Field(
         default_factory=CupSection, description="Mirror around the source; `offset_mm`: its radius at z = 0."
     )

@@ -108,9 +108,9 @@ class RoadSection(Section):
     the field in the middle of each lane; for a class of RP-8 there is one 83.07 m before each point.
     """
 
-    name: Label | None = Field(None, description="Name in records and on pages.")
+    name: Label | None = Field(default=None, description="Name in records and on pages.")
     share: Annotated[float, Field(ge=1e-12, le=1000.0)] = Field(
-        1.0,
+        default=1.0,
         description="Weight in the search of what its class lacks, beside those of other roads; the classes of "
         "all must be held.",
     )
@@ -119,89 +119,98 @@ class RoadSection(Section):
         "highways, and streets by how many pedestrians there are."
     )
     edition: Edition | None = Field(
-        None,
+        default=None,
         description='Edition of RP-8 by whose law glare is summed; by default "RP-8-14", whose law later ones '
         "have, too.",
     )
     width_m: Width = Field(description="Width of the road.")
     lanes: Annotated[int, Field(ge=1, le=12)] = Field(
-        2, description="Lanes side by side, the first at the edge of `driving_side`."
+        default=2, description="Lanes side by side, the first at the edge of `driving_side`."
     )
-    driving_side: Literal["left", "right"] = Field("right", description="Side of the road on which one drives.")
+    driving_side: Literal["left", "right"] = Field(default="right", description="Side of the road on which one drives.")
     oncoming_lanes: Annotated[int, Field(ge=0, le=11)] = Field(
-        0,
+        default=0,
         description="Lanes whose drivers come the other way: the last of `lanes`, at the edge opposite to "
         "`driving_side`.",
     )
-    surface: Surface = Field("R3", description="Class of the surface by the CIE.")
+    surface: Surface = Field(default="R3", description="Class of the surface by the CIE.")
     surface_file: FilePath | None = Field(
-        None,
+        default=None,
         description="CSV file with a table of its own in place of the class: a row of beta, then rows of tan "
         "gamma and 10^4 r.",
     )
     surface_q0: Annotated[float, Field(ge=LEAST_Q0, le=MOST_Q0)] | None = Field(
-        None,
+        default=None,
         description="Average luminance coefficient to which the table is scaled; by default the nominal one of "
         "the class.",
     )
     wet_surface: WetSurface | None = Field(
-        None,
+        default=None,
         description="Class of the surface when it is wet, for which a class M requires uniformity, too; by "
         "default it is dry.",
     )
-    wet_surface_file: FilePath | None = Field(None, description="CSV file of a wet surface in place of its class.")
+    wet_surface_file: FilePath | None = Field(
+        default=None, description="CSV file of a wet surface in place of its class."
+    )
     pole_height_m: Height = Field(description="Height of the lamps above the road.")
     pole_spacing_m: Annotated[float, Field(ge=0.2, le=1200.0)] = Field(
         description="Distance between the lamps of a row, from a tenth of the pole height to 12 of it."
     )
     overhang_m: Annotated[float, Field(ge=-100.0, le=100.0)] = Field(
-        0.0, description="Distance of a lamp from the edge beside which it stands, over the road; below 0 beside it."
+        default=0.0,
+        description="Distance of a lamp from the edge beside which it stands, over the road; below 0 beside it.",
     )
     tilt_deg: Annotated[float, Field(ge=-45.0, le=45.0)] = Field(
-        0.0, description="Tilt of a lamp, upwards on the side of the road."
+        default=0.0, description="Tilt of a lamp, upwards on the side of the road."
     )
     arrangement: Arrangement = Field(
-        "right",
+        default="right",
         description='Rows of lamps: at the left or at the right edge, at both edges "opposite" each other or '
         '"staggered" by half the spacing, or two on poles in a "median" opposite to `driving_side`, '
         "of which the second lights the other carriageway.",
     )
     median_m: Annotated[float, Field(ge=0.0, le=100.0)] = Field(
-        0.0, description="Width of the median, in whose middle the poles stand."
+        default=0.0, description="Width of the median, in whose middle the poles stand."
     )
     mean_cd_per_m2: Annotated[float, Field(ge=1e-9, le=1000.0)] | None = Field(
-        None, description="Minimum mean luminance; by default of the class, as the four that follow."
+        default=None, description="Minimum mean luminance; by default of the class, as the four that follow."
     )
-    uniformity: Share | None = Field(None, description="Minimum of the overall uniformity U0, min/mean luminance.")
+    uniformity: Share | None = Field(
+        default=None, description="Minimum of the overall uniformity U0, min/mean luminance."
+    )
     wet_uniformity: Share | None = Field(
-        None, description="Minimum U0 of the wet road; by default 0.15, as every class M requires."
+        default=None, description="Minimum U0 of the wet road; by default 0.15, as every class M requires."
     )
     uniformity_along: Share | None = Field(
-        None, description="Minimum of the longitudinal uniformity Ul, min/max luminance on the middle of a lane."
+        default=None,
+        description="Minimum of the longitudinal uniformity Ul, min/max luminance on the middle of a lane.",
     )
     glare_percent: Annotated[float, Field(ge=1e-9, le=1000.0)] | None = Field(
-        None, description="Maximum threshold increment TI."
+        default=None, description="Maximum threshold increment TI."
     )
     luminance_per_lux: Annotated[float, Field(ge=1e-9, le=1.0)] | None = Field(
-        None, description="Minimum mean luminance/mean illuminance Q; by default none."
+        default=None, description="Minimum mean luminance/mean illuminance Q; by default none."
     )
     edge_ratio: Share | None = Field(
-        None,
+        default=None,
         description="Least ratio of the illuminance beside an edge to that within; by default of a class M, for C "
         "and P none.",
     )
     maintenance_factor: Share = Field(
-        1.0, description="Share of the light that dirt and age leave; glare is that of new lamps."
+        default=1.0, description="Share of the light that dirt and age leave; glare is that of new lamps."
     )
     lamp_lm: Annotated[float, Field(ge=1e-9, le=1e9)] | None = Field(
-        None,
+        default=None,
         description="Luminous flux of the sources of a lamp; by default of the source times photometry.lenses, or "
         "as a file states.",
     )
     lamp_w: Annotated[float, Field(ge=1e-9, le=1e6)] | None = Field(
-        None, description="Electrical power of a lamp; with it the power density and the yearly energy are stated."
+        default=None,
+        description="Electrical power of a lamp; with it the power density and the yearly energy are stated.",
     )
-    hours: Annotated[float, Field(ge=1e-9, le=8784.0)] = Field(4000.0, description="Hours of full light in a year.")
+    hours: Annotated[float, Field(ge=1e-9, le=8784.0)] = Field(
+        default=4000.0, description="Hours of full light in a year."
+    )
 
     @property
     def by_rp8(self) -> bool:

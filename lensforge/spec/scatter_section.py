@@ -62,7 +62,7 @@ class LambertianScatter(Section):
 
     kind: Literal["lambertian"]
     share: Annotated[float, Field(gt=0.0, le=1.0)] = Field(
-        1.0,
+        default=1.0,
         description="Share of the light that passes, or that its mirror reflects; the rest goes on as from a "
         "polished face.",
     )
@@ -128,17 +128,17 @@ class TableScatter(OfTableFile):
     """
 
     kind: Literal["table"]
-    incidence_deg: _Angles = Field((), description="Angles of incidence, before the face, rising from 0.")
+    incidence_deg: _Angles = Field(default=(), description="Angles of incidence, before the face, rising from 0.")
     scattering_deg: _Angles = Field(
-        (),
+        default=(),
         description="Angles from the polished direction, rising from 0; their sine is the distance of the "
         "direction cosines.",
     )
     bsdf_per_sr: Annotated[tuple[_Row, ...], Field(max_length=_MOST_ROWS)] = Field(
-        (), description="Scatter function (1/sr), a row for each of `incidence_deg`."
+        default=(), description="Scatter function (1/sr), a row for each of `incidence_deg`."
     )
     file: FilePath | None = Field(
-        None,
+        default=None,
         description="Table with columns incidence_deg, scattering_deg and bsdf, read into these fields as the spec is.",
     )
 

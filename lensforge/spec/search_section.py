@@ -29,37 +29,37 @@ class ConstraintsSection(Section):
     """Feasible lenses, Eqs. (10) to (14). Optional limits, of each face too, are for manufacture and assembly."""
 
     cavity_height_mm: DerivedMillimetres = Field(
-        LEFT_OUT,
+        default=LEFT_OUT,
         description="Height of the paraboloid that stays inside the cavity: room for the LED. A source whose size "
         "its section does not state, such as a ray file, needs it given.",
     )
     cavity_radius_mm: DerivedMillimetres = Field(
-        LEFT_OUT,
+        default=LEFT_OUT,
         description="Radius of that paraboloid at z = 0. A source whose size its section does not state, such as "
         "a ray file, needs it given.",
     )
     min_thickness_mm: DerivedMillimetresOrZero = Field(
-        LEFT_OUT, description="Minimum wall along the normal: the shortest distance between the two faces."
+        default=LEFT_OUT, description="Minimum wall along the normal: the shortest distance between the two faces."
     )
     max_radius_mm: Millimetres = Field(
         description="Outer radius: two freeform faces stay within this distance of the origin, which bounds their "
         "height, too; a lens for total internal reflection or a reflector, within this distance of the axis."
     )
     max_wall_mm: Millimetres | None = Field(
-        None, description="Largest wall, along rays from the origin, for sink marks and cycle time."
+        default=None, description="Largest wall, along rays from the origin, for sink marks and cycle time."
     )
-    max_height_mm: Millimetres | None = Field(None, description="Largest height of the outer face above z = 0.")
+    max_height_mm: Millimetres | None = Field(default=None, description="Largest height of the outer face above z = 0.")
     min_edge_angle_deg: Annotated[float, Field(ge=1.0, le=150.0)] | None = Field(
-        None,
+        default=None,
         description="Least angle of the edges in which faces of a lens for total internal reflection meet: at its "
         "rim that of the lens, at its cavity that of the mould's core.",
     )
     keep_out: FilePath | None = Field(
-        None,
+        default=None,
         description="STEP file of solids in the lens's coordinates (LED package, bond wires, board) that lens and "
         "base stay away from.",
     )
-    keep_out_margin_mm: MillimetresOrZero = Field(KEEP_OUT_MARGIN_MM, description="Distance from these solids.")
+    keep_out_margin_mm: MillimetresOrZero = Field(default=KEEP_OUT_MARGIN_MM, description="Distance from these solids.")
 
     @property
     def tolerance_mm(self) -> float:
@@ -139,34 +139,34 @@ class OptimiseSection(Section):
     """
 
     steps_per_level: Annotated[tuple[Steps, ...], Field(max_length=MOST_LEVELS)] | None = Field(
-        None, description="Gradient steps of each level."
+        default=None, description="Gradient steps of each level."
     )
-    rays: Annotated[int, Field(ge=64, le=2**24)] | None = Field(None, description="Rays of a gradient step.")
+    rays: Annotated[int, Field(ge=64, le=2**24)] | None = Field(default=None, description="Rays of a gradient step.")
     pixels: Annotated[int, Field(ge=4, le=1024)] = Field(
-        64, description="Pixels along a side of the receiver in the search."
+        default=64, description="Pixels along a side of the receiver in the search."
     )
     aim: Literal["pattern", "share"] = Field(
-        "pattern",
+        default="pattern",
         description='What counts: "pattern", light as the targets say; "share", as much light in them as '
         "possible, however it lies.",
     )
     over_sources: Literal["mean", "worst"] = Field(
-        "mean",
+        default="mean",
         description='Of several `sources`: the "mean" error over them by their shares, or the error of the "worst".',
     )
     seconds: Annotated[float, Field(ge=1.0, le=1e6)] | None = Field(
-        None,
+        default=None,
         description="Time that the search with automatic levels may take, with its set-up but without the kernels "
         "that are compiled once on a machine; by default it goes on for as long as it gains.",
     )
     robust: Annotated[_Robust, BeforeValidator(_share_of_parts)] = Field(
-        False,
+        default=False,
         description="Search by made parts: every gradient step sees others, drawn from the tolerances. true: for "
         'the lens whose parts are best on average; "yield": for that of whose parts 0.95 hold the '
         "limits, or the share that is given. Without it the tolerances have no effect on the lens.",
     )
     fresnel: bool = Field(
-        True,
+        default=True,
         description="Count what both surfaces and a cover glass reflect in the search; the evaluation always does.",
     )
 
@@ -189,14 +189,14 @@ class EvaluateSection(Section):
     """Settings of the evaluation."""
 
     rays: Annotated[int, Field(ge=1, le=2**28)] | None = Field(
-        None, description="Rays; by default as many as the accuracy preset has."
+        default=None, description="Rays; by default as many as the accuracy preset has."
     )
     pixels: Annotated[int, Field(ge=2, le=2048)] = Field(
-        128, description="Pixels along the longer side of the picture."
+        default=128, description="Pixels along the longer side of the picture."
     )
     window_mm: Millimetres | None = Field(
-        None, description="Side of the square in which flux counts as detected; by default the whole receiver."
+        default=None, description="Side of the square in which flux counts as detected; by default the whole receiver."
     )
     filter_variance: Annotated[float, Field(ge=0.0, le=1e8)] = Field(
-        1.0, description="Variance of the Gaussian filter of the picture, in pixels squared; 0: none."
+        default=1.0, description="Variance of the Gaussian filter of the picture, in pixels squared; 0: none."
     )

@@ -39,7 +39,7 @@ class FlatTopTarget(SizedTarget):
 
     kind: Literal["flat_top"] = "flat_top"
     exponent: Annotated[float, Field(ge=2.0, le=200.0)] = Field(
-        18.0, description="Power p: the larger, the steeper the edges."
+        default=18.0, description="Power p: the larger, the steeper the edges."
     )
 
     def pair(self, name: str) -> tuple[float, float] | None:
@@ -81,7 +81,7 @@ class DiscTarget(ShapeTarget):
     is_round: ClassVar[bool] = True
 
     kind: Literal["disc"] = "disc"
-    diameter_mm: Millimetres | None = Field(None, description="Diameter on a surface.")
+    diameter_mm: Millimetres | None = Field(default=None, description="Diameter on a surface.")
     diameter_deg: DegreesWide | None = None
 
     def contains(self, x: Places, y: Places) -> Lit:
@@ -115,8 +115,12 @@ class RingTarget(ShapeTarget):
     is_round: ClassVar[bool] = True
 
     kind: Literal["ring"] = "ring"
-    outer_diameter_mm: Millimetres | None = Field(None, description="Diameter of the outer circle on a surface.")
-    inner_diameter_mm: Millimetres | None = Field(None, description="Diameter of the inner circle on a surface.")
+    outer_diameter_mm: Millimetres | None = Field(
+        default=None, description="Diameter of the outer circle on a surface."
+    )
+    inner_diameter_mm: Millimetres | None = Field(
+        default=None, description="Diameter of the inner circle on a surface."
+    )
     outer_diameter_deg: DegreesWide | None = None
     inner_diameter_deg: DegreesWide | None = None
 
@@ -143,7 +147,7 @@ class PolygonTarget(ShapeTarget):
 
     kind: Literal["polygon"] = "polygon"
     corners_mm: Annotated[tuple[tuple[Coordinate, Coordinate], ...], Field(max_length=_MOST_CORNERS)] | None = Field(
-        None, description="Corners (x, y) about the target's centre, on a surface."
+        default=None, description="Corners (x, y) about the target's centre, on a surface."
     )
     corners_deg: Annotated[tuple[tuple[DegreesOff, DegreesOff], ...], Field(max_length=_MOST_CORNERS)] | None = None
 
@@ -193,8 +197,8 @@ class CrossTarget(ShapeTarget):
     has_word: ClassVar[bool] = True
 
     kind: Literal["cross"] = "cross"
-    length_mm: Millimetres | None = Field(None, description="Length from end to end on a surface.")
-    stroke_mm: Millimetres | None = Field(None, description="Width of an arm on a surface.")
+    length_mm: Millimetres | None = Field(default=None, description="Length from end to end on a surface.")
+    stroke_mm: Millimetres | None = Field(default=None, description="Width of an arm on a surface.")
     length_deg: DegreesWide | None = None
     stroke_deg: DegreesWide | None = None
 
@@ -214,10 +218,10 @@ class SpotsTarget(ShapeTarget):
 
     kind: Literal["spots"] = "spots"
     columns: Annotated[int, Field(ge=1, le=_MOST_SPOTS)] = Field(description="Discs along x.")
-    rows: Annotated[int, Field(ge=1, le=_MOST_SPOTS)] = Field(1, description="Discs along y.")
-    diameter_mm: Millimetres | None = Field(None, description="Diameter of a disc on a surface.")
+    rows: Annotated[int, Field(ge=1, le=_MOST_SPOTS)] = Field(default=1, description="Discs along y.")
+    diameter_mm: Millimetres | None = Field(default=None, description="Diameter of a disc on a surface.")
     diameter_deg: DegreesWide | None = None
-    pitch_mm: Millimetres | None = Field(None, description="Distance of neighbouring centres on a surface.")
+    pitch_mm: Millimetres | None = Field(default=None, description="Distance of neighbouring centres on a surface.")
     pitch_deg: DegreesWide | None = None
 
     @property

@@ -56,17 +56,17 @@ class Placement(EmitterSection):
     """Placement of a ray set in lens coordinates: its own fields in their order, then the fields of every source."""
 
     origin: Literal["file", "virtual_focus"] | tuple[Coordinate, Coordinate, Coordinate] = Field(
-        "file",
+        default="file",
         description="Point that is put at the lens origin: the file's own origin, its virtual focus, or a point "
         "(mm) of the file.",
     )
-    scale: Scale = Field(1.0, description="Factor of all lengths.")
+    scale: Scale = Field(default=1.0, description="Factor of all lengths.")
     axis: Literal["+x", "-x", "+y", "-y", "+z", "-z"] = Field(
-        "+z", description="Direction in the file that becomes the lens axis +z."
+        default="+z", description="Direction in the file that becomes the lens axis +z."
     )
-    mirror: Literal["none", "x", "y"] = Field("none", description='Mirror image: "x" maps x to -x.')
+    mirror: Literal["none", "x", "y"] = Field(default="none", description='Mirror image: "x" maps x to -x.')
     model: Model = Field(
-        "rays",
+        default="rays",
         description="Rays of the design: those of the set, or as many as wanted by a radiance fitted to them, or "
         "what suits better.",
     )
@@ -81,7 +81,7 @@ class RayfileSource(Placement):
     kind: Literal["rayfile"] = "rayfile"
     file: FilePath = Field(description="Ray file: TM-25, IES, Zemax, LightTools, SPEOS and others.")
     model: Model = Field(
-        "auto",
+        default="auto",
         description="Rays of the design: those of the file, or as many as wanted by a radiance fitted to them, or "
         "what is better.",
     )
@@ -95,7 +95,7 @@ class RayfilePart(FluxSection):
     """
 
     file: FilePath = Field(description="Ray file.")
-    spectrum: SpectrumSpec | None = Field(None, description="Spectrum in place of the file's own.")
+    spectrum: SpectrumSpec | None = Field(default=None, description="Spectrum in place of the file's own.")
 
 
 @public
@@ -107,7 +107,7 @@ class RayfilesSource(Placement):
         description="The ray files, in one coordinate system."
     )
     model: Model = Field(
-        "auto",
+        default="auto",
         description="Rays of the design: those of the files, or as many as wanted by a radiance fitted to them, "
         "or what is better.",
     )
@@ -172,7 +172,7 @@ class Chip(FluxSection):
     width_mm: Millimetres = Field(description="Width along x.")
     height_mm: Millimetres = Field(description="Height along y.")
     spectrum: SpectrumSpec | None = Field(
-        None, description="Spectrum of this chip, in place of the spectrum of `source`: its colour."
+        default=None, description="Spectrum of this chip, in place of the spectrum of `source`: its colour."
     )
 
 
@@ -229,7 +229,9 @@ class LuminanceSource(PlanarSource):
     kind: Literal["luminance"] = "luminance"
     file: FilePath = Field(description="PNG, TIFF, JPEG or BMP file.")
     width_mm: Millimetres = Field(description="Width of the picture.")
-    luminance: Luminance = Field("as_stored", description="Light that its values stand for, as in a target's picture.")
+    luminance: Luminance = Field(
+        default="as_stored", description="Light that its values stand for, as in a target's picture."
+    )
 
 
 @public
@@ -254,12 +256,12 @@ class RaySource(Placement):
         description="Directions; they need not have length 1."
     )
     ray_flux: Annotated[Float[np.ndarray, " n"], Numbers(1)] | None = Field(
-        None,
+        default=None,
         description="Flux of each ray in W, or relative where `flux_w` or `flux_lm` says how much all of them "
         "carry; without it all rays have the same.",
     )
     wavelengths_nm: Annotated[Float[np.ndarray, " n"], Numbers(1)] | None = Field(
-        None,
+        default=None,
         description="Wavelength of each ray, used where the lens material is dispersive, for colour, and for the "
         "luminous efficacy.",
     )
@@ -317,6 +319,6 @@ class NamedSource(Section):
         description="Name of the LED, in tables, pictures and folders."
     )
     share: Annotated[float, Field(ge=1e-6, le=1e6)] = Field(
-        1.0, description="Weight of its light in the mean over all, relative."
+        default=1.0, description="Weight of its light in the mean over all, relative."
     )
     source: EmitterSection = Field(description="Where its light starts, how much, and in which directions.")

@@ -85,23 +85,25 @@ class TargetSection(OfSeveralKinds, InOneUnit):
     has_word: ClassVar[bool] = False  # `lensforge new` takes what it needs in a word, ring:OUTERxINNER
 
     kind: str
-    distance_mm: Millimetres | None = Field(None, description="Distance of the plane from the origin.")
-    receiver_mm: Millimetres | None = Field(None, description="Side of the square receiver in that plane.")
+    distance_mm: Millimetres | None = Field(default=None, description="Distance of the plane from the origin.")
+    receiver_mm: Millimetres | None = Field(default=None, description="Side of the square receiver in that plane.")
     half_angle_deg: HalfAngle | None = Field(
-        None, description="Largest angle of the receiver in the far field from its axis."
+        default=None, description="Largest angle of the receiver in the far field from its axis."
     )
-    centre_mm: tuple[Coordinate, Coordinate] | None = Field(None, description="Centre of the pattern on a surface.")
+    centre_mm: tuple[Coordinate, Coordinate] | None = Field(
+        default=None, description="Centre of the pattern on a surface."
+    )
     centre_deg: tuple[DegreesOff, DegreesOff] | None = None
     rotation_deg: Turn = Field(
-        0.0,
+        default=0.0,
         description="Turn of the pattern about its centre, from x towards y: counter-clockwise, seen from behind "
         "the receiver.",
     )
     level: Annotated[float, Field(ge=1e-9, le=1e9)] = Field(
-        1.0, description="Peak of the pattern, relative to the other targets of the receiver."
+        default=1.0, description="Peak of the pattern, relative to the other targets of the receiver."
     )
     uniform_mm: Side | None = Field(
-        None,
+        default=None,
         description="Side, or width and height, of the rectangle about its centre whose uniformity counts, on a "
         "surface.",
     )
@@ -214,7 +216,7 @@ class SoftTarget(TargetSection):
     takes: ClassVar[tuple[str, ...]] = (*TargetSection.takes, "edge")
 
     edge_mm: Annotated[float, Field(ge=0.0, le=1e9)] | None = Field(
-        None,
+        default=None,
         description="Standard deviation of the Gaussian that softens edges, on a surface; by default they are sharp.",
     )
     edge_deg: DegreesOrZero | None = None
@@ -232,9 +234,9 @@ class SizedTarget(TargetSection):
 
     needs: ClassVar[tuple[str, ...]] = ("width", "height")
 
-    width_mm: Millimetres | None = Field(None, description="Whole width, along x, on a surface.")
+    width_mm: Millimetres | None = Field(default=None, description="Whole width, along x, on a surface.")
     height_mm: Millimetres | None = Field(
-        None,
+        default=None,
         description="Whole height, along y, on a surface; by default as the width of a flat top, in proportion of "
         "a picture.",
     )

@@ -110,7 +110,7 @@ class ToleranceSpec(Section):
 
     amount: Annotated[float, Field(ge=0.0)] = Field(description="Amount either way, in the unit of the tolerance.")
     distribution: Distribution = Field(
-        "truncated",
+        default="truncated",
         description='Spread: "uniform", anywhere within the amount; "normal", Gaussian, 95 % of the parts within '
         'it (its standard deviation is half the amount); "truncated", the same without the parts '
         "beyond it, which inspection has sorted out.",
@@ -181,19 +181,21 @@ class FaceTolerances(_Amounts):
     """Tolerances of a face, and of its place against the first face: those left out come from the preset."""
 
     form_um: _Tolerance | None = Field(
-        None, description="Error of form as wide as astigmatism and coma, rms over parts and face."
+        default=None, description="Error of form as wide as astigmatism and coma, rms over parts and face."
     )
-    waviness_um: _Tolerance | None = Field(None, description="Finer errors of form, rms over parts and face.")
-    ripple_um: _Tolerance | None = Field(None, description="Rings of the cutter about the axis, peak to valley.")
-    roughness_mrad: _Tolerance | None = Field(None, description="Slope of the roughness along any line, rms.")
+    waviness_um: _Tolerance | None = Field(default=None, description="Finer errors of form, rms over parts and face.")
+    ripple_um: _Tolerance | None = Field(
+        default=None, description="Rings of the cutter about the axis, peak to valley."
+    )
+    roughness_mrad: _Tolerance | None = Field(default=None, description="Slope of the roughness along any line, rms.")
     shift_mm: _Tolerance | None = Field(
-        None,
+        default=None,
         description="Shift of the face against the first one, in x and in y: of the outer face, of the wall, or "
         "of the exit.",
     )
-    gap_mm: _Tolerance | None = Field(None, description="Shift of that face against the first one along z.")
+    gap_mm: _Tolerance | None = Field(default=None, description="Shift of that face against the first one along z.")
     tilt_deg: _Tolerance | None = Field(
-        None, description="Tilt of that face against the first one, about x and about y."
+        default=None, description="Tilt of that face against the first one, about x and about y."
     )
 
 
@@ -224,30 +226,30 @@ class TolerancesSection(_Amounts):
     """
 
     preset: TolerancePreset = Field(
-        "standard", description="Amounts of the tolerances that are left out (docs/definitions.md, section 16)."
+        default="standard", description="Amounts of the tolerances that are left out (docs/definitions.md, section 16)."
     )
     source_shift_mm: _Tolerance | None = Field(
-        None, description="Shift of the LED against its place in the spec, in x and in y."
+        default=None, description="Shift of the LED against its place in the spec, in x and in y."
     )
-    source_height_mm: _Tolerance | None = Field(None, description="Shift of the LED along z.")
-    source_tilt_deg: _Tolerance | None = Field(None, description="Tilt of the LED about x and about y.")
-    source_flux: _Tolerance | None = Field(None, description="Error of the LED's flux, as a share.")
-    source_size: _Tolerance | None = Field(None, description="Error of the LED's size, as a share.")
+    source_height_mm: _Tolerance | None = Field(default=None, description="Shift of the LED along z.")
+    source_tilt_deg: _Tolerance | None = Field(default=None, description="Tilt of the LED about x and about y.")
+    source_flux: _Tolerance | None = Field(default=None, description="Error of the LED's flux, as a share.")
+    source_size: _Tolerance | None = Field(default=None, description="Error of the LED's size, as a share.")
     lens_shift_mm: _Tolerance | None = Field(
-        None, description="Shift of the whole lens against LED and receivers, in x and in y."
+        default=None, description="Shift of the whole lens against LED and receivers, in x and in y."
     )
-    lens_height_mm: _Tolerance | None = Field(None, description="Shift of the whole lens along z.")
-    lens_tilt_deg: _Tolerance | None = Field(None, description="Tilt of the whole lens about x and about y.")
-    index: _Tolerance | None = Field(None, description="Error of the index, of the batch.")
-    shrinkage: _Tolerance | None = Field(None, description="Change of all lengths, as a share.")
+    lens_height_mm: _Tolerance | None = Field(default=None, description="Shift of the whole lens along z.")
+    lens_tilt_deg: _Tolerance | None = Field(default=None, description="Tilt of the whole lens about x and about y.")
+    index: _Tolerance | None = Field(default=None, description="Error of the index, of the batch.")
+    shrinkage: _Tolerance | None = Field(default=None, description="Change of all lengths, as a share.")
     waviness_shortest_mm: Annotated[float, Field(ge=0.01, le=100.0)] = Field(
-        0.5, description="Shortest period of the waviness."
+        default=0.5, description="Shortest period of the waviness."
     )
     waviness_longest_mm: Annotated[float, Field(ge=0.01, le=100.0)] = Field(
-        5.0, description="Longest period of the waviness."
+        default=5.0, description="Longest period of the waviness."
     )
     ripple_period_mm: Annotated[float, Field(ge=1e-3, le=10.0)] = Field(
-        0.1, description="Distance of the rings that the cutter leaves about the axis."
+        default=0.1, description="Distance of the rings that the cutter leaves about the axis."
     )
 
     @check
