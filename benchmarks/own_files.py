@@ -71,7 +71,8 @@ def main() -> None:
     parser.add_argument("count", type=int, nargs="?", default=20)
     parser.add_argument("--first", type=int, default=0)
     parser.add_argument("--kind", choices=KINDS, action="append")
-    options, failed = parser.parse_args(), 0
+    options = parser.parse_args()
+    failed = 0
     for number, part, proof in verified(range(options.first, options.first + options.count), options.kind or KINDS):
         facts = [*part.criteria, *proof.deciding_criteria()]
         missed = [fact.key for fact in facts if fact.state == "fail"]

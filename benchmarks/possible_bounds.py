@@ -121,13 +121,15 @@ def bounds_of(spec: lf.Spec, efficiencies: list[float]) -> Iterator[tuple[float,
     space = spec.lens.exit_space(spec.constraints)
     receivers = receivers_of(spec, spec.evaluate.pixels)
     for section, receiver, arriving in zip(spec.all_receivers, receivers, efficiencies, strict=False):
-        physics, target = PossibleLight(light, receiver, space).certain, drawn_target(section.targets, receiver)
+        physics = PossibleLight(light, receiver, space).certain
+        target = drawn_target(section.targets, receiver)
         yield physics.in_window().value, physics.least_nmse(target.light, target.coverage > 0.0, arriving)
 
 
 def compare_shipped() -> int:
     """Print a row for each receiver of each stored light, and count the bounds that are exceeded."""
-    broken, specs = 0, shipped_specs()
+    broken = 0
+    specs = shipped_specs()
     print("| spec | design | efficiency | possible | NMSE | possible |\n|---|---|---|---|---|---|")
     for name, (kind, efficiencies, errors) in stored_light():
         if name not in specs:

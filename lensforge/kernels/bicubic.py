@@ -140,9 +140,9 @@ def add_patches(boxes, starts, values, weights, table):
         begin = starts[j]
         for r in range(rows):
             line = table[row + r, column : column + columns]
-            own = values[begin : begin + columns]
+            patch = values[begin : begin + columns]
             for c in range(columns):
-                line[c] += weight * own[c]
+                line[c] += weight * patch[c]
             begin += columns
 
 
@@ -162,18 +162,18 @@ def patch_sums(boxes, starts, values, table, by_weights):
         s0 = s1 = s2 = s3 = s4 = s5 = s6 = s7 = 0.0
         for r in range(rows):
             line = table[row + r, column : column + columns]
-            own = values[begin : begin + columns]
+            patch = values[begin : begin + columns]
             for c in range(0, eights, 8):
-                s0 += own[c] * line[c]
-                s1 += own[c + 1] * line[c + 1]
-                s2 += own[c + 2] * line[c + 2]
-                s3 += own[c + 3] * line[c + 3]
-                s4 += own[c + 4] * line[c + 4]
-                s5 += own[c + 5] * line[c + 5]
-                s6 += own[c + 6] * line[c + 6]
-                s7 += own[c + 7] * line[c + 7]
+                s0 += patch[c] * line[c]
+                s1 += patch[c + 1] * line[c + 1]
+                s2 += patch[c + 2] * line[c + 2]
+                s3 += patch[c + 3] * line[c + 3]
+                s4 += patch[c + 4] * line[c + 4]
+                s5 += patch[c + 5] * line[c + 5]
+                s6 += patch[c + 6] * line[c + 6]
+                s7 += patch[c + 7] * line[c + 7]
             for c in range(eights, columns):
-                s0 += own[c] * line[c]
+                s0 += patch[c] * line[c]
             begin += columns
         by_weights[j] = ((s0 + s1) + (s2 + s3)) + ((s4 + s5) + (s6 + s7))
 

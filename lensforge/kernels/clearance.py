@@ -197,13 +197,11 @@ def nearest_points(table, origin, step, nodes, reach, out):
     for k in range(len(points)):
         px, py, pz = points[k, 0], points[k, 1], points[k, 2]
         radius = sqrt(px * px + py * py + pz * pz)
-        X = px / (radius + pz)
-        Y = py / (radius + pz)
+        X, Y = px / (radius + pz), py / (radius + pz)
         ball = max(min(abs(radial[k]), reach), -radial[k]) + nodes.spare_mm
         angle = asin(ball / radius) if ball < radius else 0.5 * np.pi
         wide = (sqrt(2.0 * (1.0 + X * X + Y * Y)) * sin(0.5 * angle)) / apart
-        i = (X - first) / apart
-        j = (Y - first) / apart
+        i, j = (X - first) / apart, (Y - first) / apart
         rows = max(0, int(i - wide)), min(count, int(i + wide) + 2)
         best, row, column = nearest_node(
             nodes.places,
@@ -292,7 +290,9 @@ def ball_exit(ux, uy, uz, corner, growth):
 @inline
 def cylinder_exit(ux, uy, uz, half_x, half_y, growth):
     """Distance at which a ray leaves the cylinder about the edge from ``half_x`` to ``half_y``; -1 where beside it."""
-    ex, ey, ez = half_y[0] - half_x[0], half_y[1] - half_x[1], half_y[2] - half_x[2]
+    ex = half_y[0] - half_x[0]
+    ey = half_y[1] - half_x[1]
+    ez = half_y[2] - half_x[2]
     length = sqrt(ex * ex + ey * ey + ez * ez)
     if length < _TINY:
         return -1.0

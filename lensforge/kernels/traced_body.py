@@ -26,7 +26,7 @@ _Record = TypeVar("_Record", bound=NamedTuple)
 
 
 def some_of(record: _Record, part: slice) -> _Record:
-    """The record of some of the rays, of which each field has a row for each; None if nobody asks."""
+    """Rows ``part`` of every field of a record; a field that is None stays None."""
     return record._make(None if values is None else values[part] for values in record)
 
 

@@ -178,7 +178,8 @@ class AngularGrid:
         typical = float(flux @ self.solid_angles) / total
         most = int(np.searchsorted(self.planes * np.cumsum(self.solid_angles), _POLE_NODES * typical)) + 1
         most = min(max(most, 3), len(self.gamma_deg))
-        drawn, count = self._drawn_to_parabolas(means, most), len(means)
+        drawn = self._drawn_to_parabolas(means, most)
+        count = len(means)
         if count < _LEAST_SAMPLES:
             return drawn
         rest = [self._drawn_to_parabolas(np.delete(means, k, axis=0), most).mean(axis=0) for k in range(count)]
@@ -192,14 +193,17 @@ class AngularGrid:
         What they differ by is drawn by the share of its square that noise makes (James & Stein 1961). A single sample
         has no known noise, and is drawn to the last parabola.
         """
-        parts, values = len(means), means
+        parts = len(means)
+        values = means
         for count in range(3, most + 1):
             weights, places = self.solid_angles[:count], np.stack([np.ones(count), self.gamma_deg[:count] ** 2], axis=1)
             normal = places.T @ (weights[:, None] * places)
             parabola = means[:, :count] @ (weights[:, None] * places) @ np.linalg.inv(normal) @ places.T
-            off, share = means[:, :count] - parabola, 1.0
+            off = means[:, :count] - parabola
+            share = 1.0
             if parts > 1:
-                square, noise = weights @ off.mean(axis=0) ** 2, weights @ off.var(axis=0, ddof=1) / parts
+                square = weights @ off.mean(axis=0) ** 2
+                noise = weights @ off.var(axis=0, ddof=1) / parts
                 share = min(noise / square, 1.0) if square > 0.0 else 1.0
             values = np.concatenate(
                 [values[:, :count] + share * (parabola - values[:, :count]), means[:, count:]], axis=1

@@ -99,9 +99,9 @@ def colours_left_out(
     """
     if section is None:
         return
-    found = distances_left_out(pictures, section.level)
+    distances = distances_left_out(pictures, section.level)
     for bound in section.bounds:
-        yield np.array([(_NO_COLOUR if each is None else each[bound]).value for each in found])
+        yield np.array([(_NO_COLOUR if distance is None else distance[bound]).value for distance in distances])
 
 
 _OF_COLOUR = "take a larger lens, a softer edge of the target, or a face that scatters"
@@ -179,8 +179,8 @@ def _glare(quantity: Quantity, unit: str, readings: Readings) -> Metric:
     if not mean.value > 0.0:
         return Metric(value=DARK, unit=unit, standard_error=0.0)
     factor, power = glare_law(quantity, mean.value)
-    found = scaled(debiased_maximum(readings[:, :-1]), factor / mean.value**power, unit)
-    return with_error(found, power * found.value * (mean.standard_error or 0.0) / mean.value)
+    glare = scaled(debiased_maximum(readings[:, :-1]), factor / mean.value**power, unit)
+    return with_error(glare, power * glare.value * (mean.standard_error or 0.0) / mean.value)
 
 
 def _inverse(ratio: Metric) -> Metric:

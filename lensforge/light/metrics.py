@@ -180,7 +180,8 @@ def root_estimate(errors: Float[np.ndarray, "r n"], scales: Float[np.ndarray, " 
         mean = float(np.linalg.norm(errors.mean(axis=0)))
         return RootEstimate(mean / float(scales.mean()) if mean > 0.0 else 0.0)
     squared, apart = _ratio_of_squares(errors, scales)
-    value, error = np.sqrt(max(squared, 0.0)), error_over_pairs(apart)
+    value = np.sqrt(max(squared, 0.0))
+    error = error_over_pairs(apart)
     # the slope of the root where the square is as large as its own error: half of such squares are below 0, and
     # count as 0, so that the root scatters by half of that of the error, whatever it is
     slopes = apart / (2.0 * max(value, np.sqrt(error) or 1.0))

@@ -65,7 +65,8 @@ class RegionLight(Record):
         means = readings.mean(axis=1)
         if not (means > 0.0).all():
             return None
-        least, largest = debiased_minimum(readings), debiased_maximum(readings)
+        least = debiased_minimum(readings)
+        largest = debiased_maximum(readings)
         scaled = images * (target.sum() / target.max() / images.sum(axis=(1, 2)))[:, None, None]
         return RegionLight(
             region="bright" if mask is None else "uniform",

@@ -163,7 +163,7 @@ class ExactFace(TracedFace):
         low = torch.where(rays.on_face, _BACKED_OFF * ends, 0.0)
         high = ends.clone()
         begun = rays.on_face | self._before(rays, 0.0 * ends)
-        found = torch.zeros_like(begun)
+        crosses = torch.zeros_like(begun)
         going = torch.nonzero(begun)[:, 0]
         shares = torch.arange(1, self.steps + 1, device=ends.device) / self.steps
         for block in shares.to(ends).split(_STEPS_AT_ONCE):
@@ -173,17 +173,17 @@ class ExactFace(TracedFace):
             count = before.cumprod(dim=1).sum(dim=1, keepdim=True)  # steps before the first change
             low[going] = edges.gather(1, count)[:, 0]
             high[going] = edges.gather(1, (count + 1).clamp(max=len(block)))[:, 0]
-            found[going] = count[:, 0] < len(block)
-            going = going[~found[going]]
-        some = rays.take(found)
-        first = low[found]
-        last = high[found]
+            crosses[going] = count[:, 0] < len(block)
+            going = going[~crosses[going]]
+        some = rays.take(crosses)
+        first = low[crosses]
+        last = high[crosses]
         for _ in range(self.bisections):
             middle = 0.5 * (first + last)
             before = self._before(some, middle)
             first = torch.where(before, middle, first)
             last = torch.where(before, last, middle)
-        return Crossing(torch.zeros_like(low).index_put((found,), 0.5 * (first + last)), found, ~begun)
+        return Crossing(torch.zeros_like(low).index_put((crosses,), 0.5 * (first + last)), crosses, ~begun)
 
     def _before(self, rays: Approach, paths_mm: Float[Tensor, " n"]) -> Bool[Tensor, " n"]:
         """True where the rays are still on their side of the face."""

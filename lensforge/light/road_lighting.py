@@ -54,8 +54,8 @@ def glare_intensities(lamp: LampLight, lumens: float) -> GlareIntensities:
 def _largest_from(lamp: LampLight, gamma_deg: float, scale: float) -> Metric:
     nodes = np.append(gamma_deg, lamp.grid.gamma_deg[lamp.grid.gamma_deg > gamma_deg])
     lateral, gamma = (each.ravel() for each in np.meshgrid(lamp.grid.c_deg - lamp.street_deg, nodes, indexing="ij"))
-    found = debiased_maximum(scale * lamp.intensities(lateral, gamma))
-    return found.changed(value=max(found.value, 0.0), unit="cd/klm")
+    largest = debiased_maximum(scale * lamp.intensities(lateral, gamma))
+    return largest.changed(value=max(largest.value, 0.0), unit="cd/klm")
 
 
 class RoadFigures(Record):

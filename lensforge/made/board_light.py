@@ -95,15 +95,17 @@ def designed_pictures(
 ) -> list[list[Channels]]:
     """Light of one lamp as designed on the rasters of each receiver, in replicates."""
     count, channels = min(REPLICATES, rays, source.ray_count or rays), 1 if colour is None else 4
-    found = [[np.zeros((channels, count, *receiver.grid.shape)) for receiver in board.receivers] for board in boards]
+    pictures_of_boards = [
+        [np.zeros((channels, count, *receiver.grid.shape)) for receiver in board.receivers] for board in boards
+    ]
     for replicate, share, bundle in bundles(source, rays, count, seed):
         exits = lens.trace(bundle)
-        for board, pictures in zip(boards, found, strict=True):
+        for board, pictures in zip(boards, pictures_of_boards, strict=True):
             for receiver, picture in zip(board.receivers, pictures, strict=True):
                 landings = receiver.land(exits)
                 for number, carried in enumerate(in_channels(landings.flux * share, bundle, colour)):
                     picture[number, replicate] += bin_flux(landings.hits, carried, receiver.grid)
-    return found
+    return pictures_of_boards
 
 
 def on_patch(limit: LightLimit, grid: tuple[int, int], periods: tuple[int, int]) -> LightLimit:
@@ -219,7 +221,8 @@ class BoardLight(PartLight):
         """The light on each receiver, and the mean flux of a lamp by the cause of its loss."""
         by_cause: list[Float[np.ndarray, "r k"]] = []
         for lens, share, part in zip(self._lens_of_lamp, self._shares, parts or repeat(None), strict=False):
-            exits, flux = rays_behind(lens, part, share.rays), 1.0 if part is None else part.flux
+            exits = rays_behind(lens, part, share.rays)
+            flux = 1.0 if part is None else part.flux
             by_cause.append(flux_by_cause(lens, exits, share, flux))
         for received in lit:
             losses = with_beside(np.sum(by_cause, axis=0), received.window * received.emitted_w)

@@ -203,7 +203,8 @@ def _with_enough_rays(measured: MeasuredParts, pilot: int) -> MeasuredParts:
 
 def _for_budget(parts: MeasuredParts, measured: Float[np.ndarray, "n m 2"]) -> MeasuredParts:
     """Parts measured by as few rays as tell whether they pass: a third of what separates metrics and bounds."""
-    study, rays = parts.study, parts.study.recipe.rays
+    study = parts.study
+    rays = parts.study.recipe.rays
     least = max(preset_of(study.recipe.lens.accuracy).studies.budget_rays, 2 * REPLICATES * len(study.lamps))
     columns = [study.names.index(bound.metric) for bound in study.bounds]
     errors = np.median(measured[:, columns, 1], axis=0)
@@ -239,8 +240,10 @@ def _spread(designed: Metric, values: Float[np.ndarray, "n 2"]) -> MetricSpread:
     changes, and by what the changes have in common of the noise of the rays, which are the same for all.
     """
     spread, scatter = _true_spread(values), float(values[:, 0].std(ddof=1))
-    mean, noise = float(values[:, 0].mean()), float(np.sqrt(np.mean(values[:, 1] ** 2)))
-    of_parts, of_rays = scatter / float(np.sqrt(len(values))), float(np.sqrt(_IN_COMMON)) * noise
+    mean = float(values[:, 0].mean())
+    noise = float(np.sqrt(np.mean(values[:, 1] ** 2)))
+    of_parts = scatter / float(np.sqrt(len(values)))
+    of_rays = float(np.sqrt(_IN_COMMON)) * noise
     error = float(np.linalg.norm([of_parts, designed.standard_error or 0.0, of_rays]))
     p5, p50, p95 = np.percentile(drawn_to_mean(values[:, 0], spread), [5.0, 50.0, 95.0]).tolist()
     return MetricSpread(

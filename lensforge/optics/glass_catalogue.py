@@ -166,7 +166,7 @@ def _temperature_law(td: list[str], ed: list[str], path: Path, glass: str) -> Te
 
 
 def _known(entries: list[str]) -> list[str]:
-    """``entries`` with 0 for the dashes that some catalogues write for what is not known."""
+    """``entries`` with dashes, the mark of unknown values in some catalogues, replaced by 0."""
     return ["0" if word in ("-", "_") else word for word in entries]
 
 

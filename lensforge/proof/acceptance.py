@@ -78,8 +78,8 @@ def size_criteria(sizes: Sizes | None) -> Iterator[Fact]:
         yield from _file_criteria(sizes, sizes.step, "brep_", _other(sizes.exported, sizes.step, "lens.step"))
 
 
-def other_body(sizes: Sizes | None, name: str) -> str:
-    """Words on how the body in the file ``name`` differs in size from the export; empty if it does not."""
+def size_mismatch(sizes: Sizes | None, name: str) -> str:
+    """Difference in size between the body in the file ``name`` and the export, as a sentence; "" if they agree."""
     file = None if sizes is None else sizes.step if name == "lens.step" else sizes.mesh
     if sizes is None or file is None or all(each.holds for each in _file_criteria(sizes, file, "", "")):
         return ""

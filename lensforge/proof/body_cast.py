@@ -82,12 +82,12 @@ def _through_bodies(beam: _Beam, media: Media, waves: _Values, plate: PlateOfLen
             _through(body, media, beam, waves, beam.rough[number] if beam.rough else none)
         return
     rows = np.flatnonzero(np.isfinite(beam.points[:, 0]))
-    own, numbers = plate.at_own(beam.points[rows])
+    points, numbers = plate.at_own(beam.points[rows])
     turns = plate.turns_to(numbers)
     ways = np.einsum("nij,nj->ni", turns, beam.directions[rows])
     fields = np.einsum("nij,nkj->nki", turns, beam.fields[rows])
-    rough = [each.take(rows) for each in beam.rough]
-    alone = _Beam(own, ways, fields, beam.share[rows], rough)
+    rough = [numbers_of_body.take(rows) for numbers_of_body in beam.rough]
+    alone = _Beam(points, ways, fields, beam.share[rows], rough)
     _through_bodies(alone, media, waves[rows], None)
     beam.points[rows] = plate.from_own_points(alone.points, numbers)
     beam.directions[rows] = np.einsum("nji,nj->ni", turns, alone.directions)
@@ -105,7 +105,7 @@ def _through(body: SecondaryOptic, media: Media, beam: _Beam, waves: _Values, ro
     points = points[enters]
     along = along[enters]
     inside = media.outside_index
-    own = body.media(media)
+    media_of_body = body.media(media)
     for face, shape in (("inner", body.inner), ("outer", body.outer)):
         paths, met = _first_crossing(shape, points, along)
         beam.end(rows[~met])
@@ -121,12 +121,12 @@ def _through(body: SecondaryOptic, media: Media, beam: _Beam, waves: _Values, ro
             beam.share[rows] *= np.exp(-body.medium.absorptions(here, len(rows)) * paths)
         around = np.full(len(rows), inside)
         before, behind = (indices, around) if leaving else (around, indices)
-        refracting = RefractingFace(before, behind, own.coating(face), here.nm, not leaving)
+        refracting = RefractingFace(before, behind, media_of_body.coating(face), here.nm, not leaving)
         normals = shape.normal(points / np.linalg.norm(points, axis=1, keepdims=True))
         number = DOUBLE.index(face)
-        (model,) = own.scattering_of([face]) or (None,)
+        (model,) = media_of_body.scattering_of([face]) or (None,)
         numbers = rough.take(rows).at(np.full(len(rows), number), np.zeros(len(rows), dtype=np.int64))
-        rms = np.full(len(rows), facet_slopes(own, DOUBLE)[number])
+        rms = np.full(len(rows), facet_slopes(media_of_body, DOUBLE)[number])
         normals = tilted(Arrival(points, normals, along), rms, numbers)
         at = AtFace.of(refracting, along, normals, body.pose.to_local_directions(beam.fields[rows]))
         if isinstance(model, RingScatter):
@@ -161,19 +161,19 @@ def _first_crossing(shape: Surface, points: _Vectors, along: _Vectors) -> tuple[
     ends = np.minimum(ends, np.where(down, -points[:, 2] / np.where(down, along[:, 2], 1.0), np.inf))
     low = np.zeros(len(points))
     high = np.zeros(len(points))
-    found = np.zeros(len(points), dtype=bool)
+    crossed = np.zeros(len(points), dtype=bool)
     for step in range(1, _SCANNED + 1):
         path = ends * (step / _SCANNED)
-        new = ~found & (_depths(shape, points + path[:, None] * along) < 0.0)
+        new = ~crossed & (_depths(shape, points + path[:, None] * along) < 0.0)
         high = np.where(new, path, high)
-        found |= new
-        low = np.where(found, low, path)
+        crossed |= new
+        low = np.where(crossed, low, path)
     for _ in range(_STEPS):
         half = 0.5 * (low + high)
         out = _depths(shape, points + half[:, None] * along) < 0.0
         low = np.where(out, low, half)
         high = np.where(out, half, high)
-    return 0.5 * (low + high), found & (depth > 0.0)
+    return 0.5 * (low + high), crossed & (depth > 0.0)
 
 
 def _size(shape: Surface) -> float:

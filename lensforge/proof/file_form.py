@@ -70,7 +70,7 @@ class FileForm(Record):
 
     @property
     def is_right(self) -> bool:
-        """True where the form is that of the design."""
+        """True if the form agrees with the design."""
         return all(criterion.holds for criterion in criteria_in(self))
 
 

@@ -177,12 +177,12 @@ def _of_base(plan: Plan[Surface]) -> _Made:
     """Planes and walls below the rims, from corner to corner."""
     made, corners = _Made(), base_corners(plan)
     turns = np.linspace(0.0, 2.0 * np.pi, _PIECES, endpoint=False)
-    for corner, other in zip(corners, [*corners[1:], Corner(rim_radius(plan.cavity), 0.0, "")], strict=True):
-        if corner.depth_mm != other.depth_mm:
-            grown = float(other.radius(turns[:1])[0] / corner.radius(turns[:1])[0]) - 1.0
-            draft = 0.0, 0.0, -corner.depth_mm, grown / (other.depth_mm - corner.depth_mm)
+    for corner, following in zip(corners, [*corners[1:], Corner(rim_radius(plan.cavity), 0.0, "")], strict=True):
+        if corner.depth_mm != following.depth_mm:
+            grown = float(following.radius(turns[:1])[0] / corner.radius(turns[:1])[0]) - 1.0
+            draft = 0.0, 0.0, -corner.depth_mm, grown / (following.depth_mm - corner.depth_mm)
             made.add_wall(corner.face, _around(corner.radius, plan.outline.corners if plan.has_base else ()), draft)
-        elif np.abs(corner.radius(turns) - other.radius(turns)).max() > _NO_AREA_MM:
+        elif np.abs(corner.radius(turns) - following.radius(turns)).max() > _NO_AREA_MM:
             made.add_level(corner.face, -corner.depth_mm)
     feet = plan.base.feet
     if feet is not None:

@@ -62,13 +62,13 @@ def _distance(origin, direction, triangle, normal):
     distance = _dot(_difference(triangle[0], origin), normal) / cosine
     away = _difference(origin, triangle[0])
     point = away[0] + distance * direction[0], away[1] + distance * direction[1], away[2] + distance * direction[2]
-    one = _difference(triangle[1], triangle[0])
-    other = _difference(triangle[2], triangle[0])
-    aa = _dot(one, one)
-    ab = _dot(one, other)
-    bb = _dot(other, other)
-    a = _dot(one, point)
-    b = _dot(other, point)
+    first_edge = _difference(triangle[1], triangle[0])
+    second_edge = _difference(triangle[2], triangle[0])
+    aa = _dot(first_edge, first_edge)
+    ab = _dot(first_edge, second_edge)
+    bb = _dot(second_edge, second_edge)
+    a = _dot(first_edge, point)
+    b = _dot(second_edge, point)
     area = aa * bb - ab * ab
     second = (bb * a - ab * b) / area
     third = (aa * b - ab * a) / area
@@ -78,9 +78,9 @@ def _distance(origin, direction, triangle, normal):
 @inline
 def _within(origin, slope, corner, width):
     """Distances at which a ray enters and leaves the grid, by one component."""
-    one = (corner - origin) / slope
-    other = (corner + width - origin) / slope
-    return min(one, other), max(one, other)
+    at_low = (corner - origin) / slope
+    at_high = (corner + width - origin) / slope
+    return min(at_low, at_high), max(at_low, at_high)
 
 
 @inline

@@ -82,14 +82,14 @@ class PlateOfLenses:
         """Points, from the coordinates of the lit lens into those of the nearest one, or of ``numbers``; its number."""
         numbers = self.nearest(points) if numbers is None else numbers
         lit = 0.0 if self.lit is None else self.turns[self.lit]
-        own = points - np.column_stack([self._seen, np.zeros(len(self.places))])[numbers]
+        local = points - np.column_stack([self._seen, np.zeros(len(self.places))])[numbers]
         turns = lit - self.turns
         cosine = np.cos(turns)[numbers]
         sine = np.sin(turns)[numbers]
-        x, y = own[:, 0].copy(), own[:, 1].copy()
-        own[:, 0] = cosine * x - sine * y
-        own[:, 1] = sine * x + cosine * y
-        return own, numbers
+        x, y = local[:, 0].copy(), local[:, 1].copy()
+        local[:, 0] = cosine * x - sine * y
+        local[:, 1] = sine * x + cosine * y
+        return local, numbers
 
     def turns_to(self, numbers: Int[np.ndarray, " n"]) -> Float[np.ndarray, "n 3 3"]:
         """Rotations from the coordinates of the lit lens into those of the lenses of these ``numbers``."""

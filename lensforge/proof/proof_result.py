@@ -26,8 +26,8 @@ from lensforge.proof.acceptance import (
     cast_criteria,
     mitsuba_criteria,
     noise_limit,
-    other_body,
     size_criteria,
+    size_mismatch,
 )
 from lensforge.proof.cast_results import (
     Agreement,
@@ -336,7 +336,7 @@ class Proof(ResultByLed):
     @classmethod
     def _criteria_tell_whether_on_a_plate(cls, content: Any) -> Any:
         stated = content.get("criteria") if isinstance(content, Mapping) else None
-        names = [str(each.get("name")) for each in stated or () if isinstance(each, Mapping)]
+        names = [str(criterion.get("name")) for criterion in stated or () if isinstance(criterion, Mapping)]
         return {**content, "on_plate": True} if any(name.endswith("plate_nmse_vs_sum") for name in names) else content
 
     def judge(self) -> Iterator[Fact]:
@@ -439,28 +439,30 @@ class Proof(ResultByLed):
 
 def _receiver_criteria(proof: "Proof", receiver: "ReceiverProof") -> Iterator[Fact]:
     """Criteria of the casts on one receiver; the reach of its light follows from the limit of the deviation."""
-    reach_mm, other = receiver.reach_mm, other_body(proof.sizes, "lens.step")
+    reach_mm = receiver.reach_mm
+    mismatch = size_mismatch(proof.sizes, "lens.step")
     yield from cast_criteria("", _mesh_evidence(proof, receiver))
     yield from criteria_in(proof, receiver)
     if receiver.brep is not None:
-        yield from brep_criteria(receiver.brep, reach_mm, other, proof.has_form("lens.step"))
+        yield from brep_criteria(receiver.brep, reach_mm, mismatch, proof.has_form("lens.step"))
     if receiver.mitsuba is not None:
-        yield from mitsuba_criteria(receiver.mitsuba, reach_mm, _other_mesh(proof), fine=proof.has_fine_facets)
+        yield from mitsuba_criteria(receiver.mitsuba, reach_mm, _mesh_mismatch(proof), fine=proof.has_fine_facets)
 
 
 def _mesh_evidence(proof: "Proof", receiver: "ReceiverProof") -> Evidence:
     """Figures of the rays through the mesh, beside those through the STEP file and the size of the body."""
     step_alike = None if receiver.brep is None else brep_evidence(receiver.brep, receiver.reach_mm).lands_alike
-    other, fine = _other_mesh(proof), proof.has_fine_facets
-    form = form_of_mesh(proof.open_edges, step_alike, other, fine=fine and not step_alike)
-    fault = other if proof.open_edges == 0 else ""
+    mesh_mismatch = _mesh_mismatch(proof)
+    fine = proof.has_fine_facets
+    form = form_of_mesh(proof.open_edges, step_alike, mesh_mismatch, fine=fine and not step_alike)
+    fault = mesh_mismatch if proof.open_edges == 0 else ""
     limit_mm = receiver.deviation_limit_mm
     return Evidence(receiver.against_design, limit_mm, FLUX_SHARE, FATE_SHARE, form, fault, fine)
 
 
-def _other_mesh(proof: "Proof") -> str:
-    """Words on how the body of the mesh is another than that of the export; empty if it is not."""
-    return INWARDS if proof.volume_mm3 < 0.0 else other_body(proof.sizes, "lens.stl")
+def _mesh_mismatch(proof: "Proof") -> str:
+    """Difference between the body of the mesh and the export, as a sentence; "" if they agree."""
+    return INWARDS if proof.volume_mm3 < 0.0 else size_mismatch(proof.sizes, "lens.stl")
 
 
 def _noise_or_mesh(proof: "Proof", receiver: "ReceiverProof") -> str:

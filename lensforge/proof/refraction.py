@@ -202,13 +202,13 @@ class AtFace:
 
     def spread(self, at: Spreading, by_mirror: bool) -> "AtFace":
         """The light of a face that scatters by rings: what passes, or what a mirror reflects, is spread."""
-        one = self.mirrored if by_mirror else self.bent
-        other = spread(one, at)
+        polished = self.mirrored if by_mirror else self.bent
+        spread_directions = spread(polished, at)
         fields = self.returned if by_mirror else self.passed
-        fields = turned(fields, one, other)
+        fields = turned(fields, polished, spread_directions)
         if by_mirror:
-            return replace(self, mirrored=other, returned=fields)
-        return replace(self, bent=other, passed=fields)
+            return replace(self, mirrored=spread_directions, returned=fields)
+        return replace(self, bent=spread_directions, passed=fields)
 
 
 def _bent(

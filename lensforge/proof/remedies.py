@@ -94,16 +94,16 @@ class Evidence:
         )
 
 
-def form_of_mesh(open_edges: int, step_lands_alike: bool | None, other_body: str = "", *, fine: bool = False) -> str:
+def form_of_mesh(open_edges: int, step_lands_alike: bool | None, mismatch: str = "", *, fine: bool = False) -> str:
     """Remedy of a mesh whose rays land elsewhere; ``step_lands_alike``: those of the STEP file, None: not cast.
 
-    ``other_body``: words on how its size differs from that of the export; empty if it does not. ``fine``: its facets
+    ``mismatch``: difference of its size from the export, as a sentence; "" if they agree. ``fine``: its facets
     are not the cause.
     """
     if open_edges > 0:
         return "export again: the mesh is not closed"
-    if other_body:
-        return other_body
+    if mismatch:
+        return mismatch
     if step_lands_alike is False:
         return "lens.step displaces its rays, too, so the mesh is not the cause: the files are another lens; export"
     if fine:

@@ -245,9 +245,9 @@ def at_faces(optical: OpticalFaces, media: Media, light: LitRays, hits: SurfaceH
         if len(rows):
             around = media.outside_index if away else media.cavity_index
             coating = None if number == NO_FACE else media.coating(names[number])
-            own = light.indices[rows]
-            other = np.full(len(rows), around)
-            before, behind = (own, other) if inside else (other, own)
+            of_body = light.indices[rows]
+            beside_body = np.full(len(rows), around)
+            before, behind = (of_body, beside_body) if inside else (beside_body, of_body)
             face = RefractingFace(before, behind, coating, light.wavelengths_nm[rows], not inside)
             some = AtFace.of(face, light.directions[rows], normals[rows], light.fields[rows])
             if number != NO_FACE and isinstance(model := models[number], RingScatter):

@@ -233,9 +233,9 @@ class _Seen:
         if not isinstance(face, PlacedFace) or read.spline is None:
             return False
         poles = face.own(read.spline.poles.reshape(-1, 3), lens).reshape(read.spline.poles.shape)
-        own = replace(read.spline, poles=poles)
+        spline = replace(read.spline, poles=poles)
         of_kind = face.of_lens(lens)
-        return self.known.setdefault(of_kind, own) is not own and self.known[of_kind].is_same(own)
+        return self.known.setdefault(of_kind, spline) is not spline and self.known[of_kind].is_same(spline)
 
 
 def _known(face: Any, points: _Points) -> Bool[np.ndarray, " n"]:

@@ -90,10 +90,10 @@ def _place(vertices, row, near, normal, lane, frames, places):
     total = 0.0
     farthest = 0.0
     highest = 0.0
-    own = vertices[row]
+    vertex = vertices[row]
     for k in range(len(near)):
-        other = vertices[near[k]]
-        x, y, z = other[0] - own[0], other[1] - own[1], other[2] - own[2]
+        neighbour = vertices[near[k]]
+        x, y, z = neighbour[0] - vertex[0], neighbour[1] - vertex[1], neighbour[2] - vertex[2]
         squared = x * x + y * y + z * z
         height = x * nx + y * ny + z * nz
         total = total + squared
@@ -148,27 +148,27 @@ def _add_up(places, products, sums):
 def _solve(sums, moments, coefficients, frames):
     """Coefficients of the monomials by Cholesky's factors of their moments, whose diagonal holds its inverse."""
     for a in range(_TERMS):
-        own = moments[a]
+        factors = moments[a]
         answer = coefficients[a]
         for b in range(a + 1):
             moment = sums[0, _OF_X[a] + _OF_X[b], _OF_Y[a] + _OF_Y[b]]
             for lane in range(LANES):
-                own[b, lane] = moment[lane] + (_RIDGE[a] if a == b else 0.0)
+                factors[b, lane] = moment[lane] + (_RIDGE[a] if a == b else 0.0)
         for lane in range(LANES):
             answer[lane] = sums[1, _OF_X[a], _OF_Y[a], lane]
         for b in range(a + 1):
-            other = moments[b]
+            factors_above = moments[b]
             for c in range(b):
                 for lane in range(LANES):
-                    own[b, lane] -= own[c, lane] * other[c, lane]
+                    factors[b, lane] -= factors[c, lane] * factors_above[c, lane]
             if b < a:
                 for lane in range(LANES):
-                    own[b, lane] *= other[b, lane]
-                    answer[lane] -= own[b, lane] * coefficients[b, lane]
+                    factors[b, lane] *= factors_above[b, lane]
+                    answer[lane] -= factors[b, lane] * coefficients[b, lane]
         for lane in range(LANES):
-            frames[_FITS, lane] = frames[_FITS, lane] if own[a, lane] > 0.0 else 0.0  # the neighbours are a line
-            own[a, lane] = 1.0 / sqrt(own[a, lane])
-            answer[lane] *= own[a, lane]
+            frames[_FITS, lane] = frames[_FITS, lane] if factors[a, lane] > 0.0 else 0.0  # the neighbours are a line
+            factors[a, lane] = 1.0 / sqrt(factors[a, lane])
+            answer[lane] *= factors[a, lane]
     for a in range(_TERMS - 1, -1, -1):
         for c in range(a + 1, _TERMS):
             for lane in range(LANES):

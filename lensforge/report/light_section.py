@@ -326,9 +326,9 @@ def _photometry_of_led(photometry: Photometry, results: Results, led: int) -> li
     for index, judged in enumerate(photometry.roads):
         view = study_figures.road_from_above(photometry, index, results.spec)
         road = results.spec.roads[index]
-        words = _FROM_ABOVE_BY_RP8 if road.by_rp8 else _FROM_ABOVE
+        caption_of_road = _FROM_ABOVE_BY_RP8 if road.by_rp8 else _FROM_ABOVE
         name = judged.name.capitalize()
-        drawn.append(picture(numbered(f"road-{index}", led), view, name, words))
+        drawn.append(picture(numbered(f"road-{index}", led), view, name, caption_of_road))
         if road.by_luminance:
             night = study_figures.road_by_night(photometry, index, results.spec)
             drawn.append(picture(numbered(f"night-{index}", led), night, f"{name} by night", _BY_NIGHT))

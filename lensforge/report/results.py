@@ -43,17 +43,7 @@ _Result = TypeVar("_Result", bound=StageResult)
 @public
 @dataclass(frozen=True, eq=False)
 class Results:
-    """A lens and the results of its stages.
-
-    Fields:
-        lens (Lens): The lens.
-        found (mapping of str to StageResult): Results by the stem of their files.
-        outdated (mapping of str): The reason for each stage whose files belong to another lens, part or version;
-            such a stage counts as not run.
-        others (mapping of str to SimulatedResult): Results under other conditions than the nominal, by the stem
-            of their files; neither verdict nor any stage uses them.
-        seconds (float or None, s): Of the whole command that has made them, where one has, up to its report.
-    """
+    """A lens and the results of its stages; the public :class:`Run`, of a folder, describes the fields."""
 
     lens: Lens
     found: Mapping[str, StageResult] = field(default_factory=dict)
@@ -116,8 +106,8 @@ class Results:
 
     def of_faces(self, kind: type[_Result]) -> dict[str, _Result]:
         """Results of class ``kind``, which is one of a face, by the name of the face."""
-        found = ((face, self.find(kind, kind.stems([face])[0])) for face in self.lens.surfaces)
-        return {face: result for face, result in found if result is not None}
+        results = ((face, self.find(kind, kind.stems([face])[0])) for face in self.lens.surfaces)
+        return {face: result for face, result in results if result is not None}
 
     @property
     def verdict(self) -> Verdict:

@@ -78,14 +78,14 @@ class _Sectors:
         """Volume between the origin and a sector, and its area, below 0 where the edge runs clockwise."""
         length, reach = self._cells(edge)
         (places, weights) = _gauss(length)
-        (shares, own) = _gauss(reach)
+        (shares, weights_of_shares) = _gauss(reach)
         first = edge.FirstParameter()
         span = edge.LastParameter() - edge.FirstParameter()
         at, along = _points_along(edge, first + places * span)
         away = at - self._middle
         turned = weights * span * (away[:, 0] * along[:, 1] - away[:, 1] * along[:, 0])
         point, normal = self._surface_at(self._middle + shares[:, None, None] * away)
-        size = (own * shares)[:, None] * turned
+        size = (weights_of_shares * shares)[:, None] * turned
         area = float(np.sum(size * np.linalg.norm(normal, axis=-1)))
         return float(np.sum(size * np.sum(point * normal, axis=-1))) / 3.0, area
 

@@ -80,8 +80,8 @@ def under(start: str, criterion: Fact) -> Fact:
 
 def under_name(criteria: Iterable[Fact], start: str) -> list[Fact]:
     """The ``criteria`` whose names :func:`under` begins with ``start``, without that."""
-    own = (criterion for criterion in criteria if criterion.key.startswith(f"{start}: "))
-    return [replace(criterion, key=criterion.key.removeprefix(f"{start}: ")) for criterion in own]
+    named = (criterion for criterion in criteria if criterion.key.startswith(f"{start}: "))
+    return [replace(criterion, key=criterion.key.removeprefix(f"{start}: ")) for criterion in named]
 
 
 def criteria_of(result: object) -> Iterator[Fact]:

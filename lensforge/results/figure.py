@@ -291,7 +291,11 @@ def _fact(declared: _Declared[Figure], held: Sequence[Fact]) -> Fact | None:
     if limit is None:
         return fact
     judged_by = declared.text(mark.judged_by)
-    why = [each.note for each in held if each.key == judged_by and each.value is None and each.state == "fail"]
+    why = [
+        criterion.note
+        for criterion in held
+        if criterion.key == judged_by and criterion.value is None and criterion.state == "fail"
+    ]
     state = state_of(held, judged_by)  # for another reason than this value where the judgement has none
     return replace(fact, limit=limit, state=state, note="; ".join(filter(None, [note, *why])))
 

@@ -221,7 +221,7 @@ class StageResult(Record):
 
     @model_serializer(mode="wrap")
     def _drop_empty(self, dumped: Callable[[object], dict[str, object]]) -> dict[str, object]:
-        return {name: each for name, each in dumped(self).items() if each or name not in self.omit_if_empty}
+        return {name: value for name, value in dumped(self).items() if value or name not in self.omit_if_empty}
 
     @classmethod
     def schema_name(cls) -> str:

@@ -53,7 +53,7 @@ class DrawnTarget:
     def contains(self, hits: Float[np.ndarray, "n 2"]) -> Bool[np.ndarray, " n"]:
         """True for hits in the target: exactly, but for a soft edge, which is known to a sub-pixel."""
         grid = self.fine
-        found = np.empty(len(hits), dtype=bool)
+        is_inside = np.empty(len(hits), dtype=bool)
 
         def work(part: slice) -> None:
             column, row = np.floor((hits[part] / grid.size + 0.5) * (grid.columns, grid.rows)).T
@@ -64,10 +64,10 @@ class DrawnTarget:
                 divided = self._divided[places]
                 inside[divided] = self.contains_exactly(hits[part][within][divided])
             within[within] = inside
-            found[part] = within
+            is_inside[part] = within
 
         in_pieces(work, len(hits), worth=_WORTH_SHARING)
-        return found
+        return is_inside
 
     @property
     def grid(self) -> PixelGrid:

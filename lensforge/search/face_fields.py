@@ -115,21 +115,21 @@ class _ToTable(torch.autograd.Function):
         grid = TableGrid(len(outside) - 2)
         ways = points.directions.numpy()
         starts = rho.detach().numpy()[:, None] * ways
-        found = radial.detach().numpy().copy()
+        distances = radial.detach().numpy().copy()
         feet = nearest_on_table(
-            table, grid.origin, grid.step, _places(grid, table), _EVERY * grid.step, starts, found, reach_mm
+            table, grid.origin, grid.step, _places(grid, table), _EVERY * grid.step, starts, distances, reach_mm
         )
         ahead = surface.to_sphere(feet.chart)
         radius = (table.reshape(-1)[feet.columns] * feet.shares).sum(axis=1)
         lines = radius[:, None] * ahead - starts[feet.points]
         length = np.linalg.norm(lines, axis=1)
-        sign = np.sign(found[feet.points])
+        sign = np.sign(distances[feet.points])
         unit = lines * (sign / np.where(length > 0.0, length, np.inf))[:, None]
-        found[feet.points] = length * sign
+        distances[feet.points] = length * sign
         ctx.feet = feet
         ctx.side = table.shape
         ctx.slopes = -(unit * ways[feet.points]).sum(axis=1), (unit * ahead).sum(axis=1)
-        return torch.from_numpy(found)
+        return torch.from_numpy(distances)
 
     @staticmethod
     def backward(ctx: Any, *gradients: Tensor) -> Any:

@@ -28,8 +28,8 @@ def share_term(excess: Sequence[Float[Tensor, "p _"]], noise: Sequence[float], s
 
 def deviations_beyond(excess: Sequence[Float[Tensor, "p _"]], noise: Sequence[float]) -> Float[Tensor, ""]:
     """Standard deviations by which the parts lie beyond all their limits, below 0 where most of them hold all."""
-    each = [_held(excess_of_part, scatter) for excess_of_part, scatter in zip(excess, noise, strict=True)]
-    held = torch.stack(each).sum().clamp(max=_ALL)
+    held_by_limit = [_held(excess_of_part, scatter) for excess_of_part, scatter in zip(excess, noise, strict=True)]
+    held = torch.stack(held_by_limit).sum().clamp(max=_ALL)
     value = float(held.detach())
     beyond = -float(ndtri_exp(value))
     # the derivative of log Phi(-v) is -phi(v)/Phi(-v), by its logarithm: both may be too small for a number

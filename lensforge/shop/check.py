@@ -111,27 +111,29 @@ def _faces(lens: Lens, pair: Pair[Patch], fixture: Points | None) -> dict[str, F
     """
     manufacture = lens.spec.manufacture
     nodes = preset_of(lens.accuracy).part.check_nodes
-    found = dict[str, FaceCheck]()
+    measured = dict[str, FaceCheck]()
     at_lathe = np.empty((0, 2)) if fixture is None else fixture
     for boundary in pair:
         faces = {}
-        for face in (each for each in boundary.faces if lens.body.face(each.name).is_optical):
-            cut = replace(face.shape, control=manufacture.scale * face.shape.control)
-            sense = -1 if lens.spec.lens.role(face.name).widens else 1
-            air = air_side(lens.body.face(face.name), manufacture)
-            faces[face.name] = OpticalFace(cut, air, face.domain, sense=sense)
-        for name, own in faces.items():
+        for trimmed in boundary.faces:
+            if not lens.body.face(trimmed.name).is_optical:
+                continue
+            cut = replace(trimmed.shape, control=manufacture.scale * trimmed.shape.control)
+            sense = -1 if lens.spec.lens.role(trimmed.name).widens else 1
+            air = air_side(lens.body.face(trimmed.name), manufacture)
+            faces[trimmed.name] = OpticalFace(cut, air, trimmed.domain, sense=sense)
+        for name, face in faces.items():
             whole = manufacture.cuts == "lens"  # each half of a mould has faces of its own
-            others = (other for each, other in faces.items() if each != name and (whole or other.sense == own.sense))
-            cut_face = replace(own, beside=tuple(others))
+            beside = (other for other in faces.values() if other is not face and (whole or other.sense == face.sense))
+            cut_face = replace(face, beside=tuple(beside))
             match lens.spec.cutting(name):
                 case "milled":
-                    found[name] = milled_face(cut_face, manufacture.cutter_radius_mm, nodes)
+                    measured[name] = milled_face(cut_face, manufacture.cutter_radius_mm, nodes)
                 case "turned" if lens.spec.lens.is_revolved(name):
-                    found[name] = turned_face(measured_face(cut_face, nodes), LatheTool.of(manufacture), at_lathe)
+                    measured[name] = turned_face(measured_face(cut_face, nodes), LatheTool.of(manufacture), at_lathe)
                 case _:
-                    found[name] = measured_face(cut_face, nodes)
-    return {name: found[name] for name in lens.surfaces if name in found}
+                    measured[name] = measured_face(cut_face, nodes)
+    return {name: measured[name] for name in lens.surfaces if name in measured}
 
 
 def _walls(pair: Pair[Patch]) -> Walls:

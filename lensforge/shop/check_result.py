@@ -30,7 +30,8 @@ from lensforge.spec.part_section import Process
 
 def _change_of_wall(check: "Check", which: Literal["thinnest", "thickest"]) -> str:
     """The face to move, the outermost for a thicker wall, the innermost for a thinner one, and the place."""
-    lens, wall = check.spec.lens, getattr(check.walls, which)
+    lens = check.spec.lens
+    wall = getattr(check.walls, which)
     moved = lens.outward if which == "thinnest" else lens.names[0]
     again = "or give the last level more steps"
     return f"raise lens.{moved}.offset_mm {again}; the wall is {which} at ({_place(wall)}) mm"
@@ -142,8 +143,8 @@ class Check(SimulatedResult):
 
     def face_of(self, edge: Edge) -> str:
         """The face by which an edge is known: its first, of an open one the other."""
-        first, other = edge.faces
-        return other if self.spec.lens.role(first).is_open else first
+        first, second = edge.faces
+        return second if self.spec.lens.role(first).is_open else first
 
     def follows(self) -> Iterator[tuple[str, float, float]]:
         """The thinnest wall by its place."""

@@ -195,10 +195,10 @@ def _crease_in_section(name: str, crease: Crease, azimuth_deg: float, view: View
     points = crease.points(np.radians(azimuth_deg) + np.array([0.0, np.pi]))
     (high, low) = points[:, 2].tolist()
     (right, left) = np.hypot(points[:, 0], points[:, 1]).tolist()
-    words = f"{name}, {_along(azimuth_deg)}"
+    label = f"{name}, {_along(azimuth_deg)}"
     scope = _SCOPE_OF[view]
-    yield Dimension(words, left + right, scope, ((low, -left), (high, right)), view, upright=True)
-    yield Dimension(f"{words}, above z = 0", high, scope, ((0.0, right), (high, right)), view)
+    yield Dimension(label, left + right, scope, ((low, -left), (high, right)), view, upright=True)
+    yield Dimension(f"{label}, above z = 0", high, scope, ((0.0, right), (high, right)), view)
 
 
 def _along(azimuth_deg: float) -> str:

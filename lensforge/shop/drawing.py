@@ -182,7 +182,9 @@ def title_block(lens: Lens, part: Part, words: DrawingSection, *, of_plate: bool
     spec, signature, general = lens.spec, part.signature, words.general_tolerances or f"{_NONE}, to be agreed"
     body: Part | Plate = part
     file, name = STEP_FILE, words.part_name or spec.name
-    pages, mass, kinds = "1 of 1", "", [kind.kind for kind in lens.kinds]
+    pages = "1 of 1"
+    mass = ""
+    kinds = [kind.kind for kind in lens.kinds]
     if part.plate is not None and of_plate:
         body, file, name = part.plate, PLATE_STEP_FILE, f"{name}, plate of {quantity(part.plate.lenses, 'lenses')}"
         pages = f"1 of {1 + len(kinds)}, {PLATE_PDF_FILE}"
@@ -223,7 +225,8 @@ def draw_title_block(block: TitleBlock, corner: tuple[float, float], unit: float
     top = bottom + HEIGHT * unit
     marks = Marks()
     for number, row in enumerate(rows.values()):
-        low, wide = top - (number + 1) * height, WIDTH * unit / len(row)
+        low = top - (number + 1) * height
+        wide = WIDTH * unit / len(row)
         for k, text in enumerate(row):
             marks.add(cell((left + k * wide, low, left + (k + 1) * wide, low + height), text, unit))
     marks.strokes.append(frame_of((left, bottom, corner[0], top), "outline"))

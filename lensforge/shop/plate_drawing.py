@@ -161,7 +161,8 @@ def plate_sheet(lens: Lens, part: Part, layout: PlateLayout, words: DrawingSecti
         rows if len(rows) <= _MOST_ROWS else [*rows[: _MOST_ROWS - 1], PlaceRow("…", what="more on manufacturing.html")]
     )
     band = (HEIGHT + 4.0) * unit + sum(row_height(each, widths, unit) for each in drawn)
-    lines, middle = [LensLines.of(kind, layout.lenses.turns_deg) for kind in lens.kinds], right - (WIDTH + 4.0) * unit
+    lines = [LensLines.of(kind, layout.lenses.turns_deg) for kind in lens.kinds]
+    middle = right - (WIDTH + 4.0) * unit
     notes = paragraphs_in((left + gap, bottom - top, middle, 0.0), plate_notes(lens, layout, words), unit)
     high = gap - min(box_of(note)[1] for note in notes)
     room = left + gap, bottom + high + gap, middle, top - gap
@@ -281,10 +282,10 @@ _FURTHER = np.arange(0.0, 121.0, 3.0)  # mm on A3
 def _datum_at(mark: PlateMark, letter: str, lines: Sequence[LensLines], layout: PlateLayout, view: PaperView) -> Marks:
     """The symbol of a datum at a hole or pin, its letter where no lens and no other mark is, as near as that goes."""
     centre, radius = view.at([mark.place_mm])[0], view.scale * mark.radius_mm
-    domes = [view.scale * float(np.hypot(*own.dome.T).max()) for own in layout.of_each(lines)]
-    others = [each for _, each in labelled(layout) if each is not mark]
-    places = view.at([*layout.lenses.places_mm, *(other.place_mm for other in others)])
-    taken = np.array([*domes, *(view.scale * other.radius_mm for other in others)])
+    domes = [view.scale * float(np.hypot(*lines_of_lens.dome.T).max()) for lines_of_lens in layout.of_each(lines)]
+    others = [beside for _, beside in labelled(layout) if beside is not mark]
+    places = view.at([*layout.lenses.places_mm, *(neighbour.place_mm for neighbour in others)])
+    taken = np.array([*domes, *(view.scale * neighbour.radius_mm for neighbour in others)])
 
     def symbol(way: Place, further_mm: float) -> Marks:
         foot = centre + radius * np.array(way)

@@ -53,13 +53,13 @@ def axes_mark(at: Place, level: str, up: str, unit: float, towards: float = 1.0)
     corner = np.array(at)
     length = 7.0 * unit
     strokes = []
-    words = []
+    letters = []
     for name, out in ((level, np.array([towards, 0.0])), (up, np.array([0.0, 1.0]))):
         tip = corner + length * out
         strokes += [Stroke(np.array([corner, tip])), arrow_head(tip, out, 2.0 * unit)]
         place = tip + 2.0 * unit * out
-        words.append(_letters(place, name, unit))
-    return Marks(strokes, words)
+        letters.append(_letters(place, name, unit))
+    return Marks(strokes, letters)
 
 
 def arrow_head(tip: np.ndarray, out: np.ndarray, size: float) -> Stroke:

@@ -107,13 +107,13 @@ def end_lines(lens: Lens) -> list[ViewLine]:
     if base.file is not None:
         return [*(ViewLine(loop) for loop in outlines), ViewLine(_loop(turn, dome), pen="hidden"), *inside]
     circles = [_loop(turn, circle.radius(turn)) for circle in (plan.bore, plan.pocket) if circle is not None]
-    found = [*(ViewLine(each) for each in (opening, *circles, outlines[-1])), *inside]
-    found += [ViewLine(outline, pen="hidden") for outline in outlines[:-1]]
+    lines = [*(ViewLine(curve) for curve in (opening, *circles, outlines[-1])), *inside]
+    lines += [ViewLine(outline, pen="hidden") for outline in outlines[:-1]]
     if base.feet is not None:
         round_it = _loop(turn, np.full_like(turn, base.feet.diameter_mm / 2.0))
-        found += [ViewLine(round_it + np.array([y, x])) for x, y in base.feet.places_mm]
+        lines += [ViewLine(round_it + np.array([y, x])) for x, y in base.feet.places_mm]
     widest = plan.outline if plan.flange is None else plan.flange
-    return [*found, *_pieces(_loop(turn, dome), dome > widest.radius(turn), "outline", "hidden")]
+    return [*lines, *_pieces(_loop(turn, dome), dome > widest.radius(turn), "outline", "hidden")]
 
 
 def dome_lines(lens: Lens) -> list[ViewLine]:

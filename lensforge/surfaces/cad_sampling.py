@@ -61,8 +61,8 @@ def _faces_in(path: Path, iges: bool, origin: str) -> tuple[list[NamedFace], str
         every = [] if shape.IsNull() else parts_of(shape, "FACE")
         alone = name if len(every) == 1 else ""  # a face that is a product of its own
         for face in every:
-            own = next((known for known, named_face in named.items() if named_face.IsSame(face)), alone)
-            faces.append(NamedFace(face, own, len(faces) + 1))
+            face_name = next((known for known, named_face in named.items() if named_face.IsSame(face)), alone)
+            faces.append(NamedFace(face, face_name, len(faces) + 1))
     if not 1 <= len(faces) <= _MOST_FACES:
         raise InputError(f"{origin}: {len(faces)} faces, 1 to {_MOST_FACES} are read; {_REMEDY}")
     if iges:

@@ -252,7 +252,8 @@ def test_walls_are_measured_between_the_faces_where_they_bound_the_body(free_bod
 
 def test_the_wall_at_a_corner_of_the_cavity_is_on_the_crease() -> None:
     """Both balls of the cavity come nearer to the envelope towards the circle in which they meet, and beyond it."""
-    (cap, side) = (sphere(4.5, (0.2, 0.0, -2.0)), sphere(2.6, (0.0, 0.0, 0.8)))
+    cap = sphere(4.5, (0.2, 0.0, -2.0))
+    side = sphere(2.6, (0.0, 0.0, 0.8))
     radius = 5.0
     pair = boundaries(body({"cap": cap, "side": side}, {"wall": sphere(radius)}))
     fits = {face.name: fit_to_form(face.shape, domain=face.domain) for each in pair for face in each.faces}

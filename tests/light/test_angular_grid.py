@@ -155,7 +155,9 @@ def test_mirror_images_of_the_deposits_are_those_of_the_rays(name):
 @pytest.mark.parametrize("dip", [0.0, 0.03, 0.1])
 def test_the_axis_scatters_by_its_stated_error_whether_or_not_it_lies_on_a_parabola(dip):
     """A dip about the axis, of its noise and more. A choice of axis or parabola scatters by 1.5 to 2.2 of its error."""
-    grid, axis, errors = AngularGrid(36, np.linspace(0.0, 90.0, 61)), [], []
+    grid = AngularGrid(36, np.linspace(0.0, 90.0, 61))
+    axis = []
+    errors = []
     truth = 1.0 - dip * np.exp(-((grid.gamma_deg / 1.5) ** 2))
     even = grid._gram @ truth * (2.0 * np.pi / 36)
     for seed in range(150):

@@ -243,7 +243,8 @@ def test_the_proof_meets_the_facets_of_the_design_on_the_lens_and_on_a_body() ->
     facets = (GaussianFacets(0.05), GaussianFacets(0.1))
     faces = np.tile([0, 1], 250)
     normals = rays.directions
-    (cosine, sine) = (np.cos(np.radians(40.0)), np.sin(np.radians(40.0)))
+    cosine = np.cos(np.radians(40.0))
+    sine = np.sin(np.radians(40.0))
     sideways = np.cross(normals, [0.6, 0.8, 0.0])
     sideways /= np.linalg.norm(sideways, axis=1)[:, None]
     for before, kinds in ((0, facets), (2, (None, facets[0]))):

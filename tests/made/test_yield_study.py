@@ -460,7 +460,8 @@ def test_the_mean_of_the_parts_is_uncertain_by_parts_by_the_design_and_by_the_ra
 @pytest.mark.nightly("a minute: the yield of twenty seeds")
 def test_the_mean_of_the_parts_scatters_over_the_seeds_by_its_error() -> None:
     """By few rays, whose noise all parts share: the scatter of the parts over the root of their number is a fifth."""
-    lens, found = lens_with(), []
+    lens = lens_with()
+    found = []
     for seed in range(20):
         found.append(lf.tolerance(replace(lens, seed=seed), parts=40, rays=2048, seed=seed, budget=False))
     for name in ("nmse", "efficiency", "share_in_target"):

@@ -48,7 +48,8 @@ def test_mitsuba_lands_rays_where_the_closed_form_does():
 
 def test_the_body_absorbs_along_the_way_within_it_and_the_cavity_nothing():
     """Between spheres about the LED's point every ray goes 5 mm through the body, after 3 mm in the cavity."""
-    rays, mesh = lambertian(300, 1e-9, seed=5), part_mesh_of(right(60, inner=sphere(3.0), outer=sphere(8.0), base=None))
+    rays = lambertian(300, 1e-9, seed=5)
+    mesh = part_mesh_of(right(60, inner=sphere(3.0), outer=sphere(8.0), base=None))
     clear, dim = (send_through_mitsuba(mesh, rays, Media(Medium(INDEX, per_mm)))[1] for per_mm in (0.0, 0.04))
     landed = clear.fates == CastFate.LANDED
     assert landed.mean() > 0.95

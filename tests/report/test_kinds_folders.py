@@ -113,7 +113,8 @@ def test_a_row_of_a_sweep_counts_the_part_of_every_kind() -> None:
 
 def test_results_in_the_folder_of_a_kind_are_of_its_lens_and_of_the_same_source() -> None:
     lens = three_kinds()
-    corner, light = lens.of_kind("corner"), lf.evaluate(lens, rays=256, pixels=8)
+    corner = lens.of_kind("corner")
+    light = lf.evaluate(lens, rays=256, pixels=8)
     inputs = _of_lens(light, corner).inputs
     assert inputs["lens"] == corner.sha256 != light.inputs["lens"] == lens.sha256
     assert inputs["source"] == section_sha256(lens.spec.source)

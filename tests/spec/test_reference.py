@@ -44,7 +44,8 @@ def schema() -> dict[str, Any]:
 
 def test_every_field_has_words_and_every_number_a_unit(schema: dict[str, Any]) -> None:
     for section, name in FIELDS:
-        words, where = field_description(section, name), f"{section.__name__}.{name}"
+        words = field_description(section, name)
+        where = f"{section.__name__}.{name}"
         assert len(words) >= 5 and words.removesuffix(f" [{unit_in(name)}]").endswith("."), f"{where}: no sentence"
         field = {**schema["$defs"], "Spec": schema}[section.__name__]["properties"][name]
         assert field["description"] == words, where

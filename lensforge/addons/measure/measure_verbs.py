@@ -1,4 +1,4 @@
-"""The verbs on a machined part, of which there is a photograph, or points on a face: ``compare`` and ``correct``."""
+"""Verbs on a measured part, by a photograph of its light or points on a face: ``compare`` and ``correct``."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -150,7 +150,8 @@ def _compare_photo(
     side = number_of("target_mm", target_mm)
     camera = number_of("gamma", gamma)
     shot = Shot(on, off, given, side, 1.0 if camera is None else camera)
-    first, (rows, columns) = light.first, light.map.shape
+    first = light.first
+    (rows, columns) = light.map.shape
     if first.kind != "plane":
         raise InputError(
             f"receivers: the first, {first.name!r}, is a {first.kind}, must be a plane for a photograph; give the spec "

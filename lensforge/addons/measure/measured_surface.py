@@ -95,10 +95,8 @@ class ChangedLens:
         """Simulation by rays that judge ``lens``, and its conditions; by default as many as evaluate it, if the preset
         compares by so many.
         """
-        preset, leds = (
-            preset_of(lens.accuracy),
-            {led: judging_source(lens_of_led.spec) for led, lens_of_led in lens.by_led.items()},
-        )
+        preset = preset_of(lens.accuracy)
+        leds = {led: judging_source(lens_of_led.spec) for led, lens_of_led in lens.by_led.items()}
         usual = min(lens.spec.evaluate.rays or preset.evaluate_rays, preset.studies.compared_rays)
         count, conditions = min((rays_of(rays, usual, source) for source in leds.values()), key=lambda each: each[0])
         return ChangedLens(lens, side, leds, preset.evaluate_nodes_per_sigma, count), conditions

@@ -66,7 +66,8 @@ def _without_each_edge(outline: Float[np.ndarray, "k 2"]) -> tuple[Float[np.ndar
     turn = _cross(before, after)
     gap = end - start
     with np.errstate(divide="ignore", invalid="ignore"):
-        reach, behind = _cross(gap, after) / turn, _cross(gap, before) / turn
+        reach = _cross(gap, after) / turn
+        behind = _cross(gap, before) / turn
         tips = start + reach[:, None] * before
         meets = np.isfinite(reach) & (reach > 0.0) & (behind > 0.0)
     area = 0.5 * np.abs(_cross(tips - start, gap))

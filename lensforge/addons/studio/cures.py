@@ -36,7 +36,7 @@ def _of_light(run: Run) -> Iterator[Fields]:
 def _of_files(run: Run) -> Iterator[Fields]:
     remedies = [criterion.remedy for _, criterion in run.criteria() if not criterion.holds]
     part = run.find(Part)
-    if part is not None and any(words in remedy for words in _RINGS for remedy in remedies):
+    if part is not None and any(asked in remedy for asked in _RINGS for remedy in remedies):
         rings = min(_FINER * part.triangulation.rings, _MOST_RINGS)
         yield {"words": f"Export with a finer mesh ({rings} rings)", "do": "finer", "content": {"rings": rings}}
     elif any("export" in remedy for remedy in remedies) or set(run.missing) & {"export", "verify"}:

@@ -68,9 +68,9 @@ class SpecText:
         have leave their table. Raises :class:`InputError` for a text that is no TOML.
         """
         changed = self.with_text(edited(self._plain, place, _value(given)))
-        for name, words in changed.lines if place[-1] == "kind" else ():
+        for name, problem in changed.lines if place[-1] == "kind" else ():
             table, _, field = name.rpartition(".")
-            if table == ".".join(map(str, place[:-1])) and ": unknown" in words:
+            if table == ".".join(map(str, place[:-1])) and ": unknown" in problem:
                 changed = changed.with_text(edited(changed._plain, (*place[:-1], field), None))
         return changed
 

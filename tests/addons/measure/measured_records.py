@@ -46,7 +46,8 @@ def make_photo(lens, **changes):
 
 
 def make_surface(lens, **changes):
-    light, axis = evaluate_arrays(), np.linspace(-1.0, 1.0, NODES)
+    light = evaluate_arrays()
+    axis = np.linspace(-1.0, 1.0, NODES)
     x, y = np.meshgrid(axis, axis)
     content = {
         "inputs": {"lens": lens.sha256},

@@ -21,7 +21,8 @@ def measure_part(run: lf.Run, folder: Path) -> None:
     """Compare with a photograph of the simulated light itself, and with points of the design's own inner surface."""
     light = run.light.map
     seen = np.kron(light[::-1] / light.max(), np.ones((8, 8)))  # 8 pixels of the camera for each, row 0 on top
-    photo, cloud = folder.with_name("on.png"), folder.with_name("cloud.csv")
+    photo = folder.with_name("on.png")
+    cloud = folder.with_name("cloud.csv")
     Image.fromarray(np.round(60000 * np.pad(seen, 10)).astype(np.uint16)).save(photo)
     low, high = 9.5, 9.5 + 8 * len(light)
     COMPARE.run(folder, on=photo, off=None, corners=[(low, low), (high, low), (high, high), (low, high)])

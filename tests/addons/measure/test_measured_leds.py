@@ -23,7 +23,9 @@ def lens_for(leds: dict[str, Any]) -> Lens:
 
 def test_a_measured_face_changes_the_light_of_each_led() -> None:
     """As through the lens for that LED alone; the page names each, and the top of the record is the first."""
-    both, rays, dent = lens_for(BOTH), 2**12, sphere(0.05)
+    both = lens_for(BOTH)
+    rays = 2**12
+    dent = sphere(0.05)
     cuts, _ = ChangedLens.of(both, "inner", rays)
     found = cuts.by_led(cuts.lights(None, dent, sphere(0.02)))
     for led, source in (("near", NEAR), ("far", FAR)):
