@@ -43,7 +43,17 @@ _Result = TypeVar("_Result", bound=StageResult)
 @public
 @dataclass(frozen=True, eq=False)
 class Results:
-    """A lens and the results of its stages; the public :class:`Run`, of a folder, describes the fields."""
+    """A lens and the results of its stages.
+
+    Fields:
+        lens (Lens): The lens.
+        found (mapping of str to StageResult): Results by the stem of their files.
+        outdated (mapping of str): The reason for each stage whose files belong to another lens, part or version;
+            such a stage counts as not run.
+        others (mapping of str to SimulatedResult): Results under other conditions than the nominal, by the stem
+            of their files; neither verdict nor any stage uses them.
+        seconds (float or None, s): Of the whole command that has made them, where one has, up to its report.
+    """
 
     lens: Lens
     found: Mapping[str, StageResult] = field(default_factory=dict)
