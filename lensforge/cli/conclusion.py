@@ -23,7 +23,7 @@ from lensforge.results import Fact, Group, ResultByLed, StageResult
 from lensforge.results.criteria import require
 from lensforge.results.fact import cells_of, columns_of
 from lensforge.results.record import State
-from lensforge.results.verdict import TITLES, Verdict
+from lensforge.results.verdict import TITLES, Verdict, said
 from lensforge.search.design_result import Design
 from lensforge.shop.check_facts import shape_facts
 from lensforge.shop.check_result import Check
@@ -232,7 +232,7 @@ def _title(part: str, state: State, groups: Sequence[Group] = (), under: str = "
     """A part of the verdict; where it passes with the names of those facts that deserve a look all the same."""
     labels = dict.fromkeys(fact.label.lower() for group in groups for fact in group.facts if fact.notice)
     look = f"; look at: {', '.join(labels)}" if labels and state == "pass" else ""
-    return f"{TITLES[part]}{under}: {state}{look}"
+    return f"{TITLES[part]}{under}: {said(state)}{look}"
 
 
 def _kinds(run: Run) -> Iterator[Row]:
@@ -328,7 +328,7 @@ def _manufacture(run: Run) -> Iterator[Row]:
     further = [(name, why) for name, why in of_kinds if why.startswith(f"{name}: ")]
     if missed or further:
         yield "Not met", "; ".join((*missed, *(why for _, why in further)))
-    if run.verdict.cutting != "pass":
+    if run.verdict.cutting not in ("pass", "none"):
         at = "" if missed or not further else f" {run.folder / further[0][0]}"
         yield "Remedy", f"see `lensforge check{at}`"
 

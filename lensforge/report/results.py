@@ -28,7 +28,8 @@ from lensforge.shop.check_facts import check_facts, cutting_reasons
 from lensforge.shop.check_result import Check
 from lensforge.shop.point_tables import GridRequest
 from lensforge.spec import DrawingSection, Spec
-from lensforge.spec.part_section import Process, read_drawing
+from lensforge.spec.part_section import read_drawing
+from lensforge.spec.processes import Process
 
 if TYPE_CHECKING:
     from lensforge.shop.handover import Handover

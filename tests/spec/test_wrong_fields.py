@@ -66,7 +66,7 @@ def lines_of(changes: dict[str, Any]) -> tuple[str, ...]:
         ({"photometry": {"use": "road"}}, "photometry.use = 'road': must be 'general' or 'area'"),
         (
             {"manufacture.process": "mould"},
-            "manufacture.process = 'mould': did you mean moulded? It must be 'milled', 'turned', 'moulded' ",
+            "manufacture.process = 'mould': did you mean moulded? It must be 'milled', 'turned', 'moulded', ",
         ),
         (
             {"manufacture.make": "insert"},
