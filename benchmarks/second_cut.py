@@ -129,7 +129,7 @@ def row(lens: lf.Lens, side: Any, options: argparse.Namespace) -> tuple[str, ...
     again = cut_from(made.step, side, of, error)
     cuts = ChangedLens(lens, side, build_source(lens.spec.source, lens.spec.lens.dispersion), 6.0, options.rays)
     design, *cut = cuts.lights(None, RadialError(error), RadialError(again))
-    first, second = (each.replicates.change_from(design.replicates, options.rays) for each in cut)
+    first, second = (each.replicates.change_from(design.replicates) for each in cut)
     return (
         side,
         f"{made.wavelength_mm:.2f}",

@@ -21,7 +21,7 @@ from lensforge.cad.boundary import Boundary, Crease, TrimmedFace
 from lensforge.cad.facets import Curve, facet_error, points_in, refined_azimuths, refined_dome
 from lensforge.cad.flange import FlangeRing
 from lensforge.cad.outline import FULL_TURN
-from lensforge.cad.patch import Patch
+from lensforge.cad.patch import Patch, even_angles
 from lensforge.cad.plan import (
     RIM,
     RIM_FLANGE_BOTTOM,
@@ -112,7 +112,11 @@ def _last_rings(boundary: Boundary[Patch], rings: int) -> list[int]:
 def _face_rings(
     face: TrimmedFace[Patch], first: int, last: int, rim: Float[np.ndarray, " n"], chord_mm: float | None
 ) -> list[Ring]:
-    """Rings ``first`` + 1 to ``last``, at the edge of the face; ring k has 6 k vertices, or those of ``rim``."""
+    """Rings ``first`` + 1 to ``last``, at the edge of the face; ring k has 6 k vertices, or those of ``rim``.
+
+    They lie as the nodes of the spline do: at even angles those at the mouth of a long cup were 2 mm apart, their
+    vertices 0.2 mm, so that the neighbours by which a normal is found lay on one or two of them.
+    """
     azimuths = [np.arange(6 * k) * (FULL_TURN / (6 * k)) for k in range(first + 1, last + 1)]
     crease = face.domain.outside
     if crease is None:
@@ -122,7 +126,7 @@ def _face_rings(
     directions = []
     for k, turns in enumerate(azimuths, start=1):
         low, high = (2.0 * np.arctan(radius) for radius in face.domain.radii(turns))
-        directions.append(_cone(low + k * (high - low) / (last - first), turns))
+        directions.append(_cone(even_angles(low, high, k, last - first, face.domain.extent[0]), turns))
     if crease is None:
         directions[-1] = rim_directions(rim)
     points = np.split(

@@ -106,6 +106,7 @@ _SMOOTH = 6.0  # how smoothly
 _AROUND = 64
 _WHOLE = (0.0, 1.0)
 Extent = tuple[float, float]
+_Angles = float | Float[np.ndarray, " n"]  # rad
 _MAX_REACH_DEG = 110.0  # along an axis; the corners are then at 127 degrees
 
 
@@ -193,15 +194,23 @@ def node_axis(count: int, apron: int = 0, half_width: float = HALF_WIDTH, hole: 
     They are even in angle; around a ``hole``, given by the chart coordinate of its edge, denser towards it.
     """
     span = _spaced(np.arctan(half_width), hole)
-    return np.tan(_angle(2.0 * span / (count - 1) * np.arange(-apron, count + apron) - span, hole))
+    return np.asarray(np.tan(_angle(2.0 * span / (count - 1) * np.arange(-apron, count + apron) - span, hole)))
 
 
-def _spaced(angle: float, hole: float) -> float:
+def even_angles(
+    low: Float[np.ndarray, " n"], high: Float[np.ndarray, " n"], part: int, parts: int, hole: float = 0.0
+) -> Float[np.ndarray, " n"]:
+    """Angles (rad) from the axis after one ``part`` of so many ``parts`` between two others, as even as nodes are."""
+    start, end = (_spaced(0.5 * edge, hole) for edge in (low, high))
+    return np.asarray(2.0 * _angle(start + part * (end - start) / parts, hole))
+
+
+def _spaced(angle: _Angles, hole: float) -> _Angles:
     """The coordinate in which nodes are even, of half an ``angle`` (rad) from the axis."""
-    return angle if hole == 0.0 else float(np.arcsinh(angle / _dense_rad(hole)))
+    return angle if hole == 0.0 else np.arcsinh(angle / _dense_rad(hole))
 
 
-def _angle(spaced: Float[np.ndarray, " n"], hole: float) -> Float[np.ndarray, " n"]:
+def _angle(spaced: _Angles, hole: float) -> _Angles:
     return spaced if hole == 0.0 else _dense_rad(hole) * np.sinh(spaced)
 
 

@@ -117,6 +117,13 @@ class PairEstimate:
         error = None if self.deviations is None else error_over_pairs(self.deviations)
         return Metric(value=self.value, standard_error=error)
 
+    @property
+    def by_replicate(self) -> Float[np.ndarray, " r"]:
+        """What each replicate adds to the noise, but for a factor; nothing of too few."""
+        if self.deviations is None:
+            return np.zeros(0)
+        return np.asarray(self.deviations.sum(axis=1) - np.diag(self.deviations))
+
     def change_from(self, before: "PairEstimate") -> Metric:
         """Difference from ``before``, of another lens by the same rays."""
         if self.deviations is None or before.deviations is None:
@@ -234,18 +241,17 @@ class LeastEstimate:
         error = 0.5 * (jackknife_error(self.left_out) + influence_error(self.influences))
         return Metric(value=self.value, standard_error=float(np.hypot(error, self.unsure)))
 
-    def change_from(self, before: "LeastEstimate") -> Metric:
-        """Difference from ``before``, of another lens by the same rays.
+    @property
+    def by_replicate(self) -> Float[np.ndarray, " r"]:
+        """What each replicate adds to the noise, but for a factor; nothing of other than 16."""
+        return np.zeros(0) if self.left_out is None else self.left_out
 
-        A small change moves no ray across an edge of the darkest pixels, and all replicates agree on none: the error is
-        at least that of one ray. n rays have a relative noise of 1/sqrt(n), so one of them is its square.
-        """
+    def change_from(self, before: "LeastEstimate") -> Metric:
+        """Difference from ``before``, of another lens by the same rays."""
         value = self.value - before.value
         if self.left_out is None or before.left_out is None or self.influences is None or before.influences is None:
             return LeastEstimate(value).metric()
-        noise = jackknife_error(before.left_out)
-        one_ray = noise**2 / (max(before.value, noise) or 1.0)
-        unsure = float(np.hypot(self.unsure - before.unsure, one_ray))
+        unsure = abs(self.unsure - before.unsure)
         return LeastEstimate(
             value, self.left_out - before.left_out, self.influences - before.influences, unsure
         ).metric()

@@ -24,7 +24,6 @@ from lensforge.light.metrics import (
     least_over_mean,
     nmse_estimate,
     rsd_estimate,
-    with_error,
 )
 from lensforge.light.paths_to_eye import landed_at_eye
 from lensforge.light.received_flux import MISSED_RECEIVER, ReceivedFlux
@@ -50,6 +49,7 @@ from lensforge.spec import Spec
 from lensforge.surfaces.bicubic_table import TableGrid, grid_for, table_error, tabulate
 
 REPLICATES = 16
+_ROUNDING = 1e-12  # of ratios
 _LEVEL = 1e-3  # of a direction: flatter rays tell no waist
 _MOST_RAYS_AT_ONCE = 2**20  # bounds the memory: about 200 MB of rays and hits
 
@@ -316,24 +316,27 @@ class ReplicateMetrics:
             efficiency=jackknife_metric(self.efficiency, float),
         )
 
-    def change_from(self, before: "ReplicateMetrics", rays: int, *, designed_rsd: float | None = None) -> LightMetrics:
+    @property
+    def by_replicate(self) -> list[Float[np.ndarray, " r"]]:
+        """What each replicate adds to the noise of every metric that there is, in their order, but for a factor."""
+        estimates = (self.nmse, self.uniformity, self.rsd)
+        return [*(estimate.by_replicate for estimate in estimates if estimate is not None), self.efficiency]
+
+    def change_from(self, before: "ReplicateMetrics", *, designed_rsd: float | None = None) -> LightMetrics:
         """Differences from ``before``, replicate by replicate: what both have of the noise cancels in their errors.
 
         ``designed_rsd``: RSD of ``before`` by many rays, to which the change is to be added.
-
-        Of few rays a small change moves none to another pixel, and all replicates agree on none. Errors are at least
-        those of one ray: the noise of all ``rays`` over their root.
         """
-        least, even, noise = before.uniformity, before.rsd, before.metrics()
-        efficiency = jackknife_metric(self.efficiency - before.efficiency, float)
+        least, even = before.uniformity, before.rsd
         deviation = None
         if self.rsd is not None and even is not None:
             deviation = self.rsd.change_from(even) if designed_rsd is None else self.rsd.change_of(designed_rsd, even)
+        uniformity = None if self.uniformity is None or least is None else self.uniformity.change_from(least)
         return LightMetrics(
-            nmse=_with_one_ray(self.nmse.change_from(before.nmse), noise.nmse, rays),
-            uniformity=None if self.uniformity is None or least is None else self.uniformity.change_from(least),
-            rsd=None if deviation is None else _with_one_ray(deviation, noise.rsd, rays),
-            efficiency=_with_one_ray(efficiency, noise.efficiency, rays),
+            nmse=_beyond_rounding(self.nmse.change_from(before.nmse)),
+            uniformity=None if uniformity is None else _beyond_rounding(uniformity),
+            rsd=None if deviation is None else _beyond_rounding(deviation),
+            efficiency=_beyond_rounding(jackknife_metric(self.efficiency - before.efficiency, float)),
         )
 
 
@@ -366,7 +369,8 @@ def lit_mask(mask: Bool[np.ndarray, "h w"] | None, images: Images) -> Bool[np.nd
     return mask if mask is not None and mask.any() and images.sum() > 0.0 else None
 
 
-def _with_one_ray(change: Metric, noisy: Metric | None, rays: int) -> Metric:
-    if noisy is None or noisy.standard_error is None:
+def _beyond_rounding(change: Metric) -> Metric:
+    """``change`` of a ratio; nothing where it and its error are rounding, as of the shape of light by its flux."""
+    if max(abs(change.value), change.standard_error or 0.0) > _ROUNDING:
         return change
-    return with_error(change, noisy.standard_error / np.sqrt(rays))
+    return change.changed(value=0.0, standard_error=None if change.standard_error is None else 0.0)

@@ -265,9 +265,7 @@ class MeasuredPart:
     shares: tuple[Float[np.ndarray, " r"], ...]
     limits: tuple[Float[np.ndarray, " k"], ...]
 
-    def change_from(
-        self, before: "MeasuredPart", rays: int, designed: Sequence[ReceiverLight]
-    ) -> list[dict[str, Metric]]:
+    def change_from(self, before: "MeasuredPart", designed: Sequence[ReceiverLight]) -> list[dict[str, Metric]]:
         """Differences from ``before``, the lens as designed by the same rays: of each receiver, then of the limits.
 
         ``designed``: the light of that lens by many rays, to which they are to be added.
@@ -276,7 +274,7 @@ class MeasuredPart:
         parts = zip(self.metrics, before.metrics, self.shares, before.shares, strict=True)
         for light, (own, other, share, other_share) in zip(designed, parts, strict=True):
             rsd = None if light.rsd is None else light.rsd.value
-            changes = own.change_from(other, rays, designed_rsd=rsd)
+            changes = own.change_from(other, designed_rsd=rsd)
             change = {name: value for name, value in changes if value is not None}
             if light.uniformity is not None and "uniformity" in change:
                 ratio, moved = light.uniformity.value, change["uniformity"]  # within 0 and 1, however few the rays
@@ -284,6 +282,13 @@ class MeasuredPart:
                 change["uniformity"] = moved.changed(value=within)
             found.append({**change, "share_in_target": jackknife_metric(share - other_share, float)})
         return [*found, {str(number): change for number, change in enumerate(self.limit_changes(before))}]
+
+    @property
+    def by_replicate(self) -> list[Float[np.ndarray, " r"]]:
+        """What each replicate adds to the noise of every value, in the order of their changes, but for a factor."""
+        receivers = zip(self.metrics, self.shares, strict=True)
+        on_receivers = [row for metrics, share in receivers for row in (*metrics.by_replicate, share)]
+        return [*on_receivers, *(limit[1:] for limit in self.limits)]
 
     def limit_changes(self, before: "MeasuredPart") -> Iterator[Metric]:
         """Difference of what decides on each limit from ``before``, by the same rays."""

@@ -16,6 +16,7 @@ import numpy as np
 from jaxtyping import Float
 
 from lensforge.errors import InputError
+from lensforge.kernels.parallel import in_parallel_map
 from lensforge.light.evaluation import evaluate_traced
 from lensforge.light.evaluation_result import Light
 from lensforge.light.far_field import road_limits
@@ -163,6 +164,19 @@ class PartStudy:
         """Metrics of one part, in the order of ``names``, and the standard error of each one's change by its errors."""
         deviations = self.deviations(number, scales)
         return np.concatenate([led.measure(deviations) for led in self.leds])
+
+    def noise_in_common(self, parts: int) -> Float[np.ndarray, " m"]:
+        """Share of the variance by the rays of a part's change that all parts have, of each metric, by the first parts.
+
+        Parts have the same rays, and what these make of the noise has two causes: that of the lens as designed, which
+        is in every change, and that of the part, alike in others as far as they are alike. Of the mean over n parts
+        without anything in common the noise would be 1/n.
+        """
+        noise = in_parallel_map(lambda number: self._noise(self.deviations(number)), range(parts))
+        return np.array([_in_common(np.stack(rows)) for rows in zip(*noise, strict=True)])
+
+    def _noise(self, deviations: list[Deviations]) -> list[Float[np.ndarray, " r"]]:
+        return [row for led in self.leds for row in led.noise(deviations)]
 
     def excess(self, values: Float[np.ndarray, "*n m"]) -> Float[np.ndarray, "*n b"]:
         """Distance of the metrics from each bound, above 0 on its wrong side."""
@@ -323,9 +337,15 @@ class LedStudy:
         errors = [change.standard_error or 0.0 for change in changes]
         return np.array([[value + change.value for value, change in zip(designed, changes, strict=True)], errors]).T
 
+    def noise(self, deviations: Sequence[Deviations]) -> list[Float[np.ndarray, " r"]]:
+        """What each replicate adds to the noise of every change, in the order of ``of_design``, but for a factor."""
+        part = self.light.measured(self.light.received(self.made(deviations)))
+        pairs = zip(part.by_replicate, self.designed.by_replicate, strict=True)
+        return [own - before for own, before in pairs]
+
     def _changes(self, part: MeasuredPart) -> list[dict[str, Metric]]:
         """Changes from the lens as designed: of a luminance the relative one, which coarse views show."""
-        changes = part.change_from(self.designed, self.study.recipe.rays, self.designed_light.receivers)
+        changes = part.change_from(self.designed, self.designed_light.receivers)
         for number, (limit, light) in enumerate(zip(self.limits, self.designed_light.limits, strict=False)):
             seen = self.designed.limits[number][0]
             if limit.of_view and seen > 0.0:
@@ -334,3 +354,12 @@ class LedStudy:
 
 
 _MOST_NUMBERS = 2**27  # 1 GiB
+
+
+def _in_common(noise: Float[np.ndarray, "n r"]) -> float:
+    """Share of the variance over the replicates that all of n parts have."""
+    count, whole = len(noise), noise.var(axis=1).mean() if noise.size else 0.0
+    if not whole > 0.0:
+        return 0.0
+    of_mean = noise.mean(axis=0).var() / whole
+    return float(np.clip((count * of_mean - 1.0) / (count - 1.0), 0.0, 1.0))

@@ -60,7 +60,7 @@ def _with(led: LedStudy, errors: Sequence[SingleError], announce: Callable[[], o
     announce()
     for error in errors:
         part = led.light.measured(led.light.received(led.made(error.deviations)))
-        change: LightMetrics = part.metrics[0].change_from(designed, rays)
+        change: LightMetrics = part.metrics[0].change_from(designed)
         stated = {"name": error.name, "amount": error.amount, "unit": error.unit, "metrics": part.metrics[0].metrics()}
         rows.append(ErrorRow(**stated, change=change, limits=tuple(led.limit_changes(part))))
         announce()

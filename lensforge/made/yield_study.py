@@ -116,7 +116,6 @@ _MOST_OF_LAMPS = 2**24  # of one of several lamps as designed, whose pictures ar
 _PILOT = 32
 _LARGEST_ERROR = 0.1  # of a part's metric, as a share of the spread over the parts
 _OF_DISTANCE, _LARGEST_BUDGET_ERROR = 0.1, 0.3
-_IN_COMMON = 0.5  # of the variance by the rays of a part's change: all parts have it, measured 0.4 to 0.6
 _LEAST_SPREAD = 0.01  # of the metric: nobody needs to know a smaller spread to a tenth of it
 _WORST = 3
 
@@ -153,7 +152,11 @@ def measure_yield(
     study = found.study
     announce("parts")
     measured = found.of(range(parts))
-    metrics = {name: _spread(study.of_design[name], measured[:, number]) for number, name in enumerate(study.names)}
+    in_common = study.noise_in_common(min(_PILOT, parts))
+    metrics = {
+        name: _spread(study.of_design[name], measured[:, number], in_common[number])
+        for number, name in enumerate(study.names)
+    }
     excess = study.excess(measured[..., 0])
     passes: Bool[np.ndarray, " n"] = np.all(excess <= 0.0, axis=1)
     variance = {
@@ -233,17 +236,17 @@ def _true_spread(values: Float[np.ndarray, "n 2"]) -> float:
     return float(np.sqrt(max(variance, 0.0)))
 
 
-def _spread(designed: Metric, values: Float[np.ndarray, "n 2"]) -> MetricSpread:
+def _spread(designed: Metric, values: Float[np.ndarray, "n 2"], in_common: float) -> MetricSpread:
     """Distribution of one metric, without the scatter that ray noise adds.
 
     The mean is uncertain by the choice of the parts, by the light of the lens as designed, from which all of them are
-    changes, and by what the changes have in common of the noise of the rays, which are the same for all.
+    changes, and by what the changes have ``in_common`` of the variance of the rays, which are the same for all.
     """
     spread, scatter = _true_spread(values), float(values[:, 0].std(ddof=1))
     mean = float(values[:, 0].mean())
     noise = float(np.sqrt(np.mean(values[:, 1] ** 2)))
     of_parts = scatter / float(np.sqrt(len(values)))
-    of_rays = float(np.sqrt(_IN_COMMON)) * noise
+    of_rays = float(np.sqrt(in_common)) * noise
     error = float(np.linalg.norm([of_parts, designed.standard_error or 0.0, of_rays]))
     p5, p50, p95 = np.percentile(drawn_to_mean(values[:, 0], spread), [5.0, 50.0, 95.0]).tolist()
     return MetricSpread(

@@ -10,9 +10,12 @@ from scipy.integrate import quad
 
 import lensforge as lf
 from lensforge.cad.body_export import BuiltBody, build_body, prove
+from lensforge.cad.mesh_files import stl_bytes
 from lensforge.cad.section import body_outlines
 from lensforge.cad.wall import thinnest_of
 from lensforge.optics.face_roles import BODY, CAVITY, OUTSIDE
+from lensforge.proof.part_mesh import read_part_mesh
+from lensforge.proof.proof_inputs import optical_of
 from lensforge.report.headline import task
 from lensforge.scene.body import Body, Face
 from lensforge.scene.lens import Lens
@@ -91,6 +94,21 @@ def test_the_solid_is_a_ring_of_the_volume_between_its_faces(
     shared = built.mesh.vertices[np.intersect1d(rim, cup)]
     assert len(shared) > 100 and shared[:, 2] == pytest.approx(HEIGHT, abs=1e-6)
     assert np.hypot(shared[:, 0], shared[:, 1]) == pytest.approx(2.0 * np.sqrt(FOCAL * (HEIGHT + FOCAL)), abs=5e-5)
+
+
+def test_facets_at_the_mouth_of_a_long_cup_have_the_normals_of_its_paraboloid() -> None:
+    """A mouth that is 30 focal lengths from the LED: rings at even angles from it were 700 mrad off there."""
+    focal = 0.4
+    fixed = {"kind": "focal_conic", "vertex_mm": focal}
+    lens = cup_lens(cup={"fixed": fixed}, mouth={"offset_mm": 25.0})
+    part = read_part_mesh(stl_bytes(build_body(lens.body, rings=80).mesh), optical_of(lens.body, lens.events))
+    across, height = np.hypot(*part.mesh.triangles_center[:, :2].T), part.mesh.triangles_center[:, 2]
+    on_cup = np.flatnonzero((np.abs(across - 2.0 * np.sqrt(focal * (height + focal))) < 0.05) & (height < 24.99))
+    points, normals = part.curved(on_cup, np.full((len(on_cup), 3), 1.0 / 3.0))
+    exact = points * [1.0, 1.0, 0.0] - [0.0, 0.0, 2.0 * focal]
+    sines = np.linalg.norm(np.cross(normals, exact), axis=1) / np.linalg.norm(exact, axis=1)
+    assert np.count_nonzero(points[:, 2] > 24.0) > 50 and sines.max() < 0.01
+    assert np.sqrt(np.mean(sines[points[:, 2] < 22.0] ** 2)) < 1e-4
 
 
 def test_the_section_has_an_outline_on_each_side(lens: Lens) -> None:

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from scipy import sparse
 
-from lensforge.light.evaluation_result import LightMetrics
 from lensforge.light.judged_limits import limit_value
 from lensforge.light.metrics import LeastEstimate, PairEstimate, RootEstimate, debiased_minimum, uniformity
 from lensforge.light.receiver_light import RegionLight, bright_region
@@ -89,28 +88,43 @@ def test_the_peak_is_that_of_known_light() -> None:
     assert abs(found.peak.value - peak) <= abs(mean.max() / mean.sum() * target.sum() - peak)
 
 
-def test_errors_of_a_change_include_that_of_one_ray() -> None:
+def test_the_error_of_a_change_is_that_of_what_both_lenses_do_not_share() -> None:
+    """By each replicate as much more is a change without error; rounding is none."""
     shares = np.array([0.1, 0.2, 0.3, 0.2])
     apart = np.diag(np.full(4, 0.1))
-    even = LeastEstimate(0.5, np.full(4, 0.5))
+    even = LeastEstimate(0.5, np.full(4, 0.5), np.zeros(4))
     before = ReplicateMetrics(PairEstimate(0.1, apart), even, RootEstimate(0.2, 2.0 * apart), shares)
     after = ReplicateMetrics(PairEstimate(0.4, apart), even, RootEstimate(0.3, 2.0 * apart), shares + 0.1)
-    noise = before.metrics()
-    change = after.change_from(before, 100)
-    assert isinstance(noise, LightMetrics) and noise.efficiency.value == pytest.approx(0.2)
-    for name, value in (("nmse", 0.3), ("rsd", 0.1), ("efficiency", 0.1)):
+    change = after.change_from(before)
+    for name, value in (("nmse", 0.3), ("rsd", 0.1), ("efficiency", 0.1), ("uniformity", 0.0)):
         assert getattr(change, name).value == pytest.approx(value)
-        expected = getattr(noise, name).standard_error / 10.0
-        assert getattr(change, name).standard_error == pytest.approx(expected, abs=1e-15)
-    assert change.uniformity == even.change_from(even)
+        assert getattr(change, name).standard_error == pytest.approx(0.0, abs=1e-15)
+    rounded = ReplicateMetrics(PairEstimate(0.1 + 1e-16, apart), None, None, shares + np.array([1e-16, 0.0, 0.0, 0.0]))
+    for metric in (rounded.change_from(before).nmse, rounded.change_from(before).efficiency):
+        assert metric == Metric(value=0.0, standard_error=0.0)
     scattered = ReplicateMetrics(PairEstimate(0.4), None, None, shares[::-1] * np.array([1.0, 2.0, 1.0, 1.0]))
-    other = scattered.change_from(before, 100)
-    difference = scattered.efficiency - shares
-    own = difference.std(ddof=1) / 2.0
-    assert other.efficiency.standard_error == pytest.approx(np.hypot(own, noise.efficiency.standard_error / 10.0))  # type: ignore[operator]
+    other = scattered.change_from(before)
+    assert other.efficiency.standard_error == pytest.approx((scattered.efficiency - shares).std(ddof=1) / 2.0)
     assert other.nmse.standard_error is None and other.uniformity is None and other.rsd is None
-    assert before.change_from(scattered, 100).nmse == Metric(value=0.1 - 0.4)
-    assert before.change_from(scattered, 100).uniformity is None and before.change_from(scattered, 100).rsd is None
+    assert before.change_from(scattered).nmse == Metric(value=0.1 - 0.4)
+    assert before.change_from(scattered).uniformity is None and before.change_from(scattered).rsd is None
+
+
+def test_changes_by_common_rays_scatter_by_what_is_stated_however_noisy_both_lights_are() -> None:
+    """The noise of either is 4,000 times that of the change, of which there are 16 replicates."""
+    chance = np.random.default_rng(2)
+    dark = PairEstimate(0.0), None, None
+    found = []
+    for _ in range(200):
+        before = chance.normal(0.9, 4e-3, 16)
+        after = before + chance.normal(1e-4, 1e-6, 16)
+        change = ReplicateMetrics(*dark, after).change_from(ReplicateMetrics(*dark, before)).efficiency
+        found.append((change.value, change.standard_error))
+    values, stated = np.array(found).T
+    truth = 1e-6 / np.sqrt(16.0)
+    # The scatter of 200 is known to 5 %, the stated rms to 1.3 %.
+    assert values.std(ddof=1) == pytest.approx(truth, rel=0.2)
+    assert np.sqrt(np.mean(stated**2)) == pytest.approx(truth, rel=0.05)
 
 
 def test_metrics_of_replicates_are_those_in_the_mask() -> None:

@@ -13,7 +13,7 @@ from lensforge.errors import InputError
 from lensforge.light.judged_limits import limit_value
 from lensforge.light.lens_light import evaluate
 from lensforge.light.metrics import rsd_estimate
-from lensforge.made import yield_study
+from lensforge.made import part_study, yield_study
 from lensforge.made.part_study import PartStudy, Recipe
 from lensforge.made.part_verbs import _name_of
 from lensforge.made.tolerance_result import PassRate, Yield
@@ -448,22 +448,49 @@ def test_shapes_finer_than_the_tables_are_told_where_the_spec_states_them_not_of
 
 
 def test_the_mean_of_the_parts_is_uncertain_by_parts_by_the_design_and_by_the_rays_that_all_share() -> None:
-    """By hand: variance of 1, 2, 6 over 3, squares of 0.5 and of half the mean of 0.1, 0.2 and 0.4 squared."""
+    """By hand: variance of 1, 2, 6 over 3, squares of 0.5 and of a quarter of the mean of 0.1, 0.2 and 0.4 squared."""
     values = np.array([[1.0, 0.1], [2.0, 0.2], [6.0, 0.4]])
-    found = yield_study._spread(Metric(value=2.5, unit="lx", standard_error=0.5), values)
+    found = yield_study._spread(Metric(value=2.5, unit="lx", standard_error=0.5), values, 0.25)
     assert (found.mean.value, found.mean.unit) == (3.0, "lx")
-    assert found.mean.standard_error == pytest.approx(np.sqrt(7.0 / 3.0 + 0.25 + 0.5 * 0.21 / 3.0), rel=1e-12)
-    exact = yield_study._spread(Metric(value=2.5), values * [1.0, 0.0])
+    assert found.mean.standard_error == pytest.approx(np.sqrt(7.0 / 3.0 + 0.25 + 0.25 * 0.21 / 3.0), rel=1e-12)
+    exact = yield_study._spread(Metric(value=2.5), values * [1.0, 0.0], 0.25)
     assert exact.mean.standard_error == pytest.approx(np.sqrt(7.0 / 3.0), rel=1e-12)
 
 
-@pytest.mark.nightly("a minute: the yield of twenty seeds")
-def test_the_mean_of_the_parts_scatters_over_the_seeds_by_its_error() -> None:
+@pytest.mark.parametrize("share", [0.0, 0.2, 0.8, 1.0])
+def test_noise_that_all_parts_have_is_told_from_that_of_each(share: float) -> None:
+    """Of 32 parts by 16 replicates: noise of known variance that is in all, and noise of each part's own."""
+    chance = np.random.default_rng(5)
+    found = []
+    for _ in range(100):
+        common = chance.standard_normal(16)
+        alone = chance.standard_normal((32, 16))
+        found.append(part_study._in_common(np.sqrt(share) * common + np.sqrt(1.0 - share) * alone))
+    assert np.mean(found) == pytest.approx(share, abs=0.05)  # each scatters by up to 0.2, and is 0 at least
+    assert part_study._in_common(np.zeros((32, 16))) == part_study._in_common(np.zeros((32, 0))) == 0.0
+
+
+def test_what_replicates_add_to_the_noise_of_a_part_is_in_the_order_of_its_metrics() -> None:
+    """The jackknife of those that are means, efficiency and flux in the target, is the error of the change."""
+    study = study_of(parts=40, rays=1024)
+    (led,) = study.leds
+    deviations = study.deviations(3)
+    errors = led.measure(deviations)[:, 1]
+    noise = led.noise(deviations)
+    assert len(noise) == len(study.names) == len(study.noise_in_common(4))
+    for name in ("efficiency", "share_in_target"):
+        number = study.names.index(name)
+        assert noise[number].std(ddof=1) / 4.0 == pytest.approx(errors[number], rel=1e-9)
+
+
+@pytest.mark.nightly("minutes: the yield of twenty seeds")
+@pytest.mark.parametrize("rays", [256, 2048])
+def test_the_mean_of_the_parts_scatters_over_the_seeds_by_its_error(rays: int) -> None:
     """By few rays, whose noise all parts share: the scatter of the parts over the root of their number is a fifth."""
     lens = lens_with()
     found = []
     for seed in range(20):
-        found.append(lf.tolerance(replace(lens, seed=seed), parts=40, rays=2048, seed=seed, budget=False))
+        found.append(lf.tolerance(replace(lens, seed=seed), parts=40, rays=rays, seed=seed, budget=False))
     for name in ("nmse", "efficiency", "share_in_target"):
         means = [each.metrics[name].mean for each in found]
         stated = np.sqrt(np.mean([(mean.standard_error or 0.0) ** 2 for mean in means]))

@@ -360,26 +360,25 @@ def metrics_of(found):
     return pairs | {"efficiency": jackknife(found["efficiency"])}
 
 
-def by_left_out(left):
-    return np.sqrt((len(left) - 1) * np.var(left))
+def change_of(found, before):
+    """The difference of each figure, with the error of what the noise of both has not in common; rounding is none."""
+    changes = difference_of(found, before)
+    rounding = {name for name, figure in changes.items() if max(map(abs, figure)) <= 1e-12}
+    return {name: (0.0,) * len(figure) if name in rounding else figure for name, figure in changes.items()}
 
 
-def change_of(found, before, rays):
-    """The difference of each figure, with the error of what the noise of both has not in common, and of one ray."""
-    noise = metrics_of(before)
+def difference_of(found, before):
     changes = {}
     for name in [name for name in ("nmse", "rsd") if name in found]:
         (value, apart) = found[name]
         (other, others) = before[name]
-        changes[name] = value - other, np.hypot(error_over_pairs(apart - others), noise[name][1] / np.sqrt(rays))
-    value, error = jackknife(found["efficiency"] - before["efficiency"])
-    changes["efficiency"] = value, np.hypot(error, noise["efficiency"][1] / np.sqrt(rays))
+        changes[name] = value - other, error_over_pairs(apart - others)
+    changes["efficiency"] = jackknife(found["efficiency"] - before["efficiency"])
     if "uniformity" not in found:
         return changes
     other, lefts, by_weights, offs = before["uniformity"][0]
-    one_ray = by_left_out(lefts) ** 2 / (max(other, by_left_out(lefts)) or 1.0)
     errors = [
-        np.linalg.norm([by_both(left - lefts, by_weight - by_weights), off - offs, one_ray])
+        np.hypot(by_both(left - lefts, by_weight - by_weights), off - offs)
         for _, left, by_weight, off in found["uniformity"]
     ]
     changes["uniformity"] = found["uniformity"][0][0] - other, *errors
@@ -392,7 +391,7 @@ def study(case, led):
     rows = []
     for *words, name, value in rows_of(case):
         found = figures(case, *light_with(case, led, name, value))
-        rows.append((words, metrics_of(found), change_of(found, before, len(rays_of(case, led)[0]))))
+        rows.append((words, metrics_of(found), change_of(found, before)))
     return metrics_of(before), rows
 
 

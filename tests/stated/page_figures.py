@@ -41,7 +41,8 @@ def error_over_pairs(apart):
     effect = [(np.delete(apart[k], k).sum() - (r - 1) * whole) / (r - 2) for k in range(r)]
     z = sum((apart[k, m] - whole - effect[k] - effect[m]) ** 2 for k in range(r) for m in range(r) if k != m)
     z /= r * (r - 3)
-    return np.sqrt(max(squared - 4 * z / (r * (r - 2)), 0) + 2 * z / (r * (r - 1)))
+    interactions = 2 * z / (r * (r - 1))
+    return np.sqrt(max(squared - 4 * z / (r * (r - 2)) + interactions, interactions / 2))
 
 
 def over_pairs(errors, scales):

@@ -137,7 +137,7 @@ class ChangedLens:
                 design=design.metrics,
                 measured=measured.metrics,
                 corrected=last.metrics if corrected else None,
-                change=last.replicates.change_from(design.replicates, self.rays),
+                change=last.replicates.change_from(design.replicates),
             )
         return found
 

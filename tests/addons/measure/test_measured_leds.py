@@ -35,7 +35,7 @@ def test_a_measured_face_changes_the_light_of_each_led() -> None:
             design=design.metrics,
             measured=measured.metrics,
             corrected=corrected.metrics,
-            change=corrected.replicates.change_from(design.replicates, rays),
+            change=corrected.replicates.change_from(design.replicates),
         )
         assert found[led] == wanted and wanted.change.efficiency.value != 0.0
     assert list(found) == ["near", "far"] and found["near"] != found["far"]

@@ -78,7 +78,7 @@ def test_the_second_cut_has_the_light_of_the_design(corrected, side):
     leds = {"": build_source(LENS.spec.source)}
     cuts = ChangedLens(LENS, side, leds, PRESETS["draft"].evaluate_nodes_per_sigma, rays)
     design, first, second = cuts.lights(None, OfRadius(error, 0.05), again)[""]
-    changes = [each.replicates.change_from(design.replicates, cuts.rays) for each in (first, second)]
+    changes = [each.replicates.change_from(design.replicates) for each in (first, second)]
     uncorrected, left, lost = changes[0].nmse, changes[1].nmse, changes[1].efficiency
     assert abs(uncorrected.value) > 3.0 * uncorrected.standard_error
     assert abs(left.value) <= 2.0 * design.metrics.nmse.standard_error
