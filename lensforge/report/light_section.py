@@ -18,7 +18,6 @@ from lensforge.report.page import PagePicture, picture
 from lensforge.report.results import Results
 from lensforge.results import Fact, Group, Image, StageResult
 from lensforge.results.chart import Chart, LightUnit, light_unit
-from lensforge.results.criteria import criteria_of
 from lensforge.results.numerals import number, percent
 from lensforge.results.verdict import worst
 from lensforge.scene.receiver_shapes import receivers_of
@@ -364,7 +363,7 @@ def other_results(results: Results) -> list[Group]:
     for stem, result in results.others.items():
         if not isinstance(result, Light):
             main = [line for group in results.facts(result) if (line := _main_line(result, group))]
-            missed = [str(criterion) for criterion in criteria_of(result) if not criterion.holds]
+            missed = [str(criterion) for criterion in result.all_criteria() if not criterion.holds]
             facts = [
                 Fact("conditions", "Conditions", str(result.conditions)),
                 Fact("figures", "Figures", "; ".join(main)),

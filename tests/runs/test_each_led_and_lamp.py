@@ -14,7 +14,6 @@ from lensforge.light.lens_light import judging_source
 from lensforge.optics.pose import Pose
 from lensforge.proof.independent_draws import stand
 from lensforge.report.results import Results
-from lensforge.results.criteria import criteria_of
 from lensforge.scene.receiver_shapes import seen_by_lamp
 from lensforge.sources.intensity import TabulatedIntensity
 from lensforge.sources.photometric.photometric_io import photometric_of
@@ -74,8 +73,8 @@ def test_the_second_of_two_leds_fails_the_files(lens: lf.Lens, light: lf.Light, 
     wrong = light.changed(others=(light.others[0].changed(receivers=(turned, *rest)),))
     good, bad = (lf.verify(part, each, rays=2**11) for each in (light, wrong))
     assert list(good.by_led) == ["even", "aside"]
-    assert [str(each) for each in criteria_of(good) if not each.holds] == []
-    missed = [each.key for each in criteria_of(bad) if not each.holds]
+    assert [str(each) for each in good.all_criteria() if not each.holds] == []
+    missed = [each.key for each in bad.all_criteria() if not each.holds]
     assert missed == ["aside: wall: lamps_nmse_vs_sum"] and all(each.holds for each in bad.criteria)
     verdict = Results(lens, {each.stage: each for each in (wrong, part, bad)}).verdict
     assert verdict.files == "fail" and "aside" in str(verdict.reasons_of("files"))

@@ -1,0 +1,71 @@
+"""A case: a result with one LED and on one receiver, and how titles, criteria and files tell it from the others."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import Any, Generic, TypeVar
+
+from lensforge.results.criteria import under
+from lensforge.results.fact import Fact
+from lensforge.results.figure import facts_in
+from lensforge.results.record import Record
+
+_Result = TypeVar("_Result", bound=Record)
+
+
+@dataclass(frozen=True, eq=False)
+class Case(Generic[_Result]):
+    """A result with one of its LEDs and, where one of its receivers is meant, the record of that.
+
+    Attributes:
+        result: with this LED.
+        record: of this receiver; None for the whole result.
+        led: name of the LED; empty where there is one alone.
+        receiver: name of the receiver; empty where there is one alone.
+        key: by which names of criteria and files tell it; empty for the first, which they do not name.
+    """
+
+    result: _Result
+    record: Any = None
+    led: str = ""
+    receiver: str = ""
+    key: str = ""
+
+    def among(self, field: str) -> "Iterator[Case[_Result]]":
+        """Take each record in a ``field`` of the result, such as "receivers"."""
+        records = getattr(self.result, field)
+        for number, record in enumerate(records):
+            receiver = record.name if len(records) > 1 else ""
+            yield replace(self, record=record, receiver=receiver, key=record.name if number else "")
+
+    @property
+    def is_first(self) -> bool:
+        """True for the first one, beside which figures of all are told."""
+        return not self.key
+
+    @property
+    def suffix(self) -> str:
+        """End of the names of its files."""
+        return f"_{self.key}" if self.key else ""
+
+    def title(self, text: str) -> str:
+        """Title ``text`` with the names of LED and receiver."""
+        return ", ".join(filter(None, (text, self.led, self.receiver)))
+
+    def named(self, criterion: Fact) -> Fact:
+        """One of its criteria, by its name among those of all."""
+        return under(self.key, criterion) if self.key else criterion
+
+    @property
+    def criteria(self) -> list[Fact]:
+        """Criteria on it without its name; beside the first also those on the whole result."""
+        criteria = list[Fact](getattr(self.result, "criteria", ()))
+        if self.record is None:
+            return criteria
+        start = f"{self.record.name}: "
+        named = (criterion for criterion in criteria if criterion.key.startswith(start))
+        alone = [replace(criterion, key=criterion.key.removeprefix(start)) for criterion in named]
+        return [*alone, *criteria] if self.is_first else alone
+
+    def facts(self, *given: Any) -> Iterator[Fact]:
+        """Make its figures; ``given``: what their functions get behind result and record."""
+        return facts_in(self.result, self.criteria, self.record, *given)
