@@ -48,7 +48,7 @@ def proof_facts(proof: Proof, lamp: str = "", lamps: str = "") -> list[Group]:
 def _part(case: Case[Proof], lamp: str) -> Iterator[Fact]:
     """Light on one receiver; beside that on the first, the number of rays and whether the mesh is for prints alone."""
     yield from case.facts()
-    if case.is_first:
+    if case.number == 0:
         yield from (replace(fact, note=lamp) if fact.key == "part_rays" else fact for fact in facts_in(case.result))
 
 
@@ -139,7 +139,7 @@ def _independent_rays(case: Case[Proof], independent: IndependentRays) -> Group:
     if independent.nmse_less_noise is not None:
         less_noise = independent.nmse_less_noise
         says += f"; NMSE less noise {square(less_noise.value, less_noise.standard_error)}"
-    names = ("own_rays_efficiency", "own_rays_nmse", *(["own_rays_emission"] if case.is_first else []))
+    names = ("own_rays_efficiency", "own_rays_nmse", *([] if case.number else ["own_rays_emission"]))
     return _tracer(case, "Independent rays of the LED", (_rays(independent.rays),), says, names)
 
 

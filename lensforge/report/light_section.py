@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from typing import cast
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -17,6 +18,7 @@ from lensforge.report import colour_figures, light_figures, study_figures
 from lensforge.report.page import PagePicture, picture
 from lensforge.report.results import Results
 from lensforge.results import Fact, Group, Image, StageResult
+from lensforge.results.case import Case
 from lensforge.results.chart import Chart, LightUnit, light_unit
 from lensforge.results.numerals import number, percent
 from lensforge.results.verdict import worst
@@ -51,34 +53,38 @@ _MAIN = {
 
 @dataclass(frozen=True)
 class ShownReceiver:
-    """The light on receiver number ``index`` of a spec, in ``unit``; ``several``: it is one of many."""
+    """The light on one receiver of a ``spec``, in ``unit``."""
 
-    light: ReceiverLight
+    case: Case[Light]
     unit: LightUnit
     spec: Spec
-    index: int
-    several: bool
+
+    @property
+    def light(self) -> ReceiverLight:
+        """The light on it."""
+        return cast(ReceiverLight, self.case.record)
 
     @property
     def place(self) -> str:
         """Place of the receiver; among several with its name."""
-        return f"{self.light.place} ({self.light.name})" if self.several else self.light.place
+        return f"{self.light.place} ({self.case.receiver})" if self.case.receiver else self.light.place
 
     @property
     def heading(self) -> str:
         """Heading of its pictures; empty if it is the only one."""
-        return f"{self.light.name}, {self.light.place}" if self.several else ""
+        return f"{self.case.receiver}, {self.light.place}" if self.case.receiver else ""
 
     def picture_name(self, name: str) -> str:
         """Name of one of its pictures, unique on the page; pictures of the first receiver have ``name`` itself."""
-        return numbered(name, self.index)
+        return numbered(name, self.case.number)
 
     def mask(self, pixels: int) -> Bool[np.ndarray, "h w"] | None:
         """Its region of uniform light on ``pixels`` along the longer side; None if it has none."""
         sections = self.spec.all_receivers
-        if self.index >= len(sections):
+        number = self.case.number
+        if number >= len(sections):
             return None
-        return uniform_region(sections[self.index].targets, receivers_of(self.spec, pixels)[self.index])
+        return uniform_region(sections[number].targets, receivers_of(self.spec, pixels)[number])
 
 
 @dataclass(frozen=True)
@@ -97,12 +103,8 @@ def shown_receivers(results: Results) -> list[ShownReceiver]:
 
 
 def receivers_in(light: Light, spec: Spec) -> list[ShownReceiver]:
-    """The receivers of ``light``."""
-    several = len(light.receivers) > 1
-    return [
-        ShownReceiver(receiver, unit_on(light, receiver), spec, index, several)
-        for index, receiver in enumerate(light.receivers)
-    ]
+    """The receivers of ``light``, of several LEDs with the first."""
+    return [ShownReceiver(case, unit_on(light, case.record), spec) for case in Case(light).among("receivers")]
 
 
 def unit_of_light(results: Results, *, far_field: bool | None = None, led: str = "") -> LightUnit:
@@ -182,14 +184,12 @@ def _seen_by_eyes(results: Results) -> Iterator[ReceiverPictures]:
     drawn = [
         picture(
             numbered("seen", index),
-            light_figures.seen_lens(seen, radiance_unit(light_of_led.lumens_per_watt)),
-            f"{seen.name}, {led}" if led else seen.name,
+            light_figures.seen_lens(seen, radiance_unit(case.result.lumens_per_watt)),
+            case.title(seen.name),
             f"Each pixel: the mean over the spot of {number(seen.spot_mm, 2)} mm about it. Circle: the brightest.",
         )
-        for index, (led, light_of_led, seen) in enumerate(
-            (led, light_of_led, seen)
-            for led, light_of_led in (light.by_led if light else {}).items()
-            for seen in light_of_led.seen
+        for index, (case, seen) in enumerate(
+            (case, seen) for case in (light.cases() if light else ()) for seen in case.result.seen
         )
     ]
     if drawn:
@@ -204,7 +204,7 @@ def _of_receiver(shown: ShownReceiver, whole: Light) -> ReceiverPictures:
     rest = [lines, _flux(shown)]
     if light.colour is not None and light.tristimulus_map is not None:
         rest.insert(0, _colours(shown, light.colour, light.tristimulus_map))
-    if not shown.several:
+    if not shown.case.receiver:
         return ReceiverPictures(shown.heading, maps, tuple(rest))
     wanted, lit, difference = maps
     return ReceiverPictures(shown.heading, [replace(lit, title=shown.heading)], ([wanted, difference], *rest))
@@ -241,7 +241,7 @@ def _maps(shown: ShownReceiver, whole: Light) -> list[PagePicture]:
     top = top_of([target, reached])
     mask = shown.mask(light_figures.MOST_DRAWN)
     has_mask = mask is not None and bool(mask.any())
-    dashed = f" Dashed: the mask {mask_words(shown.spec, shown.index)}." if has_mask else ""
+    dashed = f" Dashed: the mask {mask_words(shown.spec, shown.case.number)}." if has_mask else ""
     rows, columns = light.map.shape
     filtered = whole.filter.replace("pixel^2", "pixel²").replace("3x3", "3 × 3")
     simulated = f"{number(whole.rays)} rays, {columns} × {rows} pixels. {filtered}.{_as_means(light)}"
@@ -303,9 +303,9 @@ def photometry_pictures(results: Results) -> list[PagePicture]:
     if photometry is None:
         return []
     return [
-        replace(drawn, title=f"{drawn.title}, {led}" if photometry.others else drawn.title)
-        for index, (led, of_led) in enumerate(photometry.by_led.items())
-        for drawn in _photometry_of_led(of_led, results, index)
+        replace(drawn, title=case.title(drawn.title))
+        for case in photometry.cases()
+        for drawn in _photometry_of_led(case.result, results, case.number)
     ]
 
 
@@ -350,7 +350,7 @@ def other_pictures(results: Results) -> list[PagePicture]:
         picture(
             shown.picture_name(f"other-{index}"),
             _map(shown, [receiver for _, _, _, receiver in entries]),
-            f"{name}, {shown.light.name}" if shown.several else name,
+            shown.case.title(name),
             "" if light.conditions is None else str(light.conditions),
         )
         for index, name, light, shown in entries

@@ -21,26 +21,25 @@ class Case(Generic[_Result]):
         record: of this receiver; None for the whole result.
         led: name of the LED; empty where there is one alone.
         receiver: name of the receiver; empty where there is one alone.
-        key: by which names of criteria and files tell it; empty for the first, which they do not name.
+        number: of this receiver or, for the whole result, of this LED; beside the first, 0, figures of all are told.
     """
 
     result: _Result
     record: Any = None
     led: str = ""
     receiver: str = ""
-    key: str = ""
+    number: int = 0
 
     def among(self, field: str) -> "Iterator[Case[_Result]]":
         """Take each record in a ``field`` of the result, such as "receivers"."""
         records = getattr(self.result, field)
         for number, record in enumerate(records):
-            receiver = record.name if len(records) > 1 else ""
-            yield replace(self, record=record, receiver=receiver, key=record.name if number else "")
+            yield replace(self, record=record, receiver=record.name if len(records) > 1 else "", number=number)
 
     @property
-    def is_first(self) -> bool:
-        """True for the first one, beside which figures of all are told."""
-        return not self.key
+    def key(self) -> str:
+        """Name by which criteria and files tell it; empty for the first, which they do not name."""
+        return (self.receiver or self.led) if self.number else ""
 
     @property
     def suffix(self) -> str:
@@ -64,7 +63,7 @@ class Case(Generic[_Result]):
         start = f"{self.record.name}: "
         named = (criterion for criterion in criteria if criterion.key.startswith(start))
         alone = [replace(criterion, key=criterion.key.removeprefix(start)) for criterion in named]
-        return [*alone, *criteria] if self.is_first else alone
+        return alone if self.number else [*alone, *criteria]
 
     def facts(self, *given: Any) -> Iterator[Fact]:
         """Make its figures; ``given``: what their functions get behind result and record."""

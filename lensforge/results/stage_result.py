@@ -458,9 +458,8 @@ class ResultByLed(SimulatedResult):
 
     def cases(self, among: str = "") -> Iterator[Case[Self]]:
         """Take the result with each of its LEDs, as that of any stage does."""
-        for result in (self, *cast("tuple[Self, ...]", self.others)):
-            led = result.led if self.others else ""
-            case = Case(result, led=led, key="" if result is self else led)
+        for number, result in enumerate((self, *cast("tuple[Self, ...]", self.others))):
+            case = Case(result, led=result.led if self.others else "", number=number)
             yield from case.among(among) if among else (case,)
 
     @classmethod
