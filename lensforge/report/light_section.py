@@ -114,12 +114,11 @@ def unit_of_light(results: Results, *, far_field: bool | None = None, led: str =
     """
     light = results.find(Light)
     design = results.find(Design)
-    if light is not None and led:
-        light = light.by_led.get(led, light)
     if far_field is None:
         far_field = results.spec.all_receivers[0].is_far_field
     if light is not None:
-        return light_unit(light.lumens_per_watt, far_field=far_field)
+        with_led = next((case.result for case in light.cases() if case.led == led), light)
+        return light_unit(with_led.lumens_per_watt, far_field=far_field)
     return light_unit(None if design is None else design.source.lumens_per_watt, far_field=far_field)
 
 

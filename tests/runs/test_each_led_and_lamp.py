@@ -11,9 +11,12 @@ from scipy.spatial.transform import Rotation
 
 import lensforge as lf
 from lensforge.light.lens_light import judging_source
+from lensforge.light.light_facts import light_facts, light_reasons
+from lensforge.light.receiver_light import LARGEST_NMSE
 from lensforge.optics.pose import Pose
 from lensforge.proof.independent_draws import stand
 from lensforge.report.results import Results
+from lensforge.results import Metric
 from lensforge.scene.receiver_shapes import seen_by_lamp
 from lensforge.sources.intensity import TabulatedIntensity
 from lensforge.sources.photometric.photometric_io import photometric_of
@@ -64,6 +67,34 @@ def part(lens: lf.Lens) -> lf.Part:
 @pytest.fixture(scope="module")
 def whole(lens: lf.Lens) -> lf.Photometry:
     return lf.photometry(lens, rays=MOST_RAYS)
+
+
+def test_figures_and_reasons_tell_led_and_receiver(light: lf.Light) -> None:
+    """Every figure is of its case, and the second LED's light on the second receiver fails by its own name alone."""
+    of_no_road = lens_with()
+    by_title = {group.title: group for group in light_facts(light, of_no_road) if group.key == "light"}
+    cases = [(led, receiver) for led in ("even", "aside") for receiver in ("wall", "sky")]
+    assert list(by_title) == [f"{receiver}, {led}" for led, receiver in cases]
+    for led, receiver in cases:
+        on = next(each for each in light.by_led[led].receivers if each.name == receiver)
+        told = by_title[f"{receiver}, {led}"]
+        assert (told.fact("efficiency").value, told.fact("nmse").value) == (100.0 * on.efficiency.value, on.nmse.value)
+    exact = Metric(value=LARGEST_NMSE, standard_error=0.0)
+    above = exact.changed(value=1.001 * LARGEST_NMSE)
+    whole = exact.changed(value=1.0)
+    for changed, missed in ({}, []), ({("aside", "sky"): above}, ["Pattern error (NMSE), aside, sky"]):
+        leds = {
+            led: alone.changed(
+                limits=(),
+                receivers=[
+                    receiver.changed(nmse=changed.get((led, receiver.name), exact), share_in_target=whole)
+                    for receiver in alone.receivers
+                ],
+            )
+            for led, alone in light.by_led.items()
+        }
+        reasons = light_reasons(lf.Light.joined(leds), of_no_road)
+        assert [words.partition(" = ")[0] for _, words in reasons] == missed
 
 
 def test_the_second_of_two_leds_fails_the_files(lens: lf.Lens, light: lf.Light, part: lf.Part) -> None:
