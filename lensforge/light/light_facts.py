@@ -14,7 +14,7 @@ from lensforge.light.evaluation_result import Light, LightMetrics
 from lensforge.light.light_ways import leak_facts, way_facts
 from lensforge.light.metrics import scaled
 from lensforge.light.photometry_result import Photometry
-from lensforge.light.receiver_light import METRICS, REGIONS, ReceiverLight, judged_figures
+from lensforge.light.receiver_light import METRICS, ReceiverLight, judged_figures
 from lensforge.light.road_lighting import RoadFigures, road_facts, with_remedies, worst_on_roads
 from lensforge.light.seen_lens import seen_groups
 from lensforge.optics.fundamental_limits import BY_SYMMETRY, LEVELS, transmittance_of
@@ -259,11 +259,9 @@ def _in_region(receiver: ReceiverLight, unit: LightUnit, one: str) -> Iterator[F
         note = f"largest of a pixel, {receiver.place}"
         yield Fact("level", f"Peak {unit.quantity}{of}", peak, unit.symbol, note=note, digits=3)
         return
-    where, mean = REGIONS[region.region], scaled(region.mean, unit.per_watt, unit.symbol)
-    yield Fact.measured("level", f"Mean {unit.quantity}{of}", mean, where)
-    yield Fact.measured("u0", "U0", region.u0, f"min/mean of the light {where}")
-    yield Fact.measured("u1", "U1", region.u1, f"min/max of the light {where}")
-    yield Fact.measured("peak", "Peak/target peak", region.peak, "max. light/max. of the target, at equal flux")
+    mean = scaled(region.mean, unit.per_watt, unit.symbol)
+    yield Fact.measured("level", f"Mean {unit.quantity}{of}", mean, region.where)
+    yield from facts_in(region)
 
 
 def _colour(colour: BeamColour | None) -> Iterator[Fact]:
