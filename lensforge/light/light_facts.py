@@ -68,7 +68,7 @@ def _with_led(led: Case[Light], lens: Lens, possible: LimitBounds) -> Iterator[G
     for case in led.among("receivers"):
         lost = (case.record.missed_by_cause, case.record.flux)
         leaks = () if case.number else leak_facts(lens.spec.lens, light.ways, *lost)
-        yield Group("light", case.receiver or "Light", (*_figures(case, lens), *leaks))
+        yield Group("light", case.name or "Light", (*_figures(case, lens), *leaks))
     if light.ways:
         yield way_facts(light.ways)
     yield from seen_groups(light.seen, light.lumens_per_watt)

@@ -67,12 +67,12 @@ class ShownReceiver:
     @property
     def place(self) -> str:
         """Place of the receiver; among several with its name."""
-        return f"{self.light.place} ({self.case.receiver})" if self.case.receiver else self.light.place
+        return f"{self.light.place} ({self.case.name})" if self.case.name else self.light.place
 
     @property
     def heading(self) -> str:
         """Heading of its pictures; empty if it is the only one."""
-        return f"{self.case.receiver}, {self.light.place}" if self.case.receiver else ""
+        return f"{self.case.name}, {self.light.place}" if self.case.name else ""
 
     def picture_name(self, name: str) -> str:
         """Name of one of its pictures, unique on the page; pictures of the first receiver have ``name`` itself."""
@@ -203,7 +203,7 @@ def _of_receiver(shown: ShownReceiver, whole: Light) -> ReceiverPictures:
     rest = [lines, _flux(shown)]
     if light.colour is not None and light.tristimulus_map is not None:
         rest.insert(0, _colours(shown, light.colour, light.tristimulus_map))
-    if not shown.case.receiver:
+    if not shown.case.name:
         return ReceiverPictures(shown.heading, maps, tuple(rest))
     wanted, lit, difference = maps
     return ReceiverPictures(shown.heading, [replace(lit, title=shown.heading)], ([wanted, difference], *rest))

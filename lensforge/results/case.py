@@ -14,32 +14,32 @@ _Result = TypeVar("_Result", bound=Record)
 
 @dataclass(frozen=True, eq=False)
 class Case(Generic[_Result]):
-    """A result with one of its LEDs and, where one of its receivers is meant, the record of that.
+    """A result with one of its LEDs and, where one of its records is meant, such as that of a receiver, this record.
 
     Attributes:
-        result: with this LED.
-        record: of this receiver; None for the whole result.
+        result: with this LED; that with the first LED has the others, too.
+        record: of the receiver; None for the whole result.
         led: name of the LED; empty where there is one alone.
-        receiver: name of the receiver; empty where there is one alone.
-        number: of this receiver or, for the whole result, of this LED; beside the first, 0, figures of all are told.
+        name: of the record; empty where there is one alone.
+        number: of the record or, for the whole result, of the LED; beside the first, 0, figures of the whole are told.
     """
 
     result: _Result
     record: Any = None
     led: str = ""
-    receiver: str = ""
+    name: str = ""
     number: int = 0
 
     def among(self, field: str) -> "Iterator[Case[_Result]]":
         """Take each record in a ``field`` of the result, such as "receivers"."""
         records = getattr(self.result, field)
         for number, record in enumerate(records):
-            yield replace(self, record=record, receiver=record.name if len(records) > 1 else "", number=number)
+            yield replace(self, record=record, name=record.name if len(records) > 1 else "", number=number)
 
     @property
     def key(self) -> str:
         """Name by which criteria and files tell it; empty for the first, which they do not name."""
-        return (self.receiver or self.led) if self.number else ""
+        return (self.name or self.led) if self.number else ""
 
     @property
     def suffix(self) -> str:
@@ -47,8 +47,8 @@ class Case(Generic[_Result]):
         return f"_{self.key}" if self.key else ""
 
     def title(self, text: str) -> str:
-        """Title ``text`` with the names of LED and receiver."""
-        return ", ".join(filter(None, (text, self.led, self.receiver)))
+        """Title ``text`` with the names of LED and record."""
+        return ", ".join(filter(None, (text, self.led, self.name)))
 
     def named(self, criterion: Fact) -> Fact:
         """One of its criteria, by its name among those of all."""
@@ -65,6 +65,6 @@ class Case(Generic[_Result]):
         alone = [replace(criterion, key=criterion.key.removeprefix(start)) for criterion in named]
         return alone if self.number else [*alone, *criteria]
 
-    def facts(self, *given: Any) -> Iterator[Fact]:
-        """Make its figures; ``given``: what their functions get behind result and record."""
-        return facts_in(self.result, self.criteria, self.record, *given)
+    def facts(self) -> Iterator[Fact]:
+        """Make its figures."""
+        return facts_in(self.result, self.criteria, self.record)

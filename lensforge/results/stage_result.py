@@ -168,7 +168,7 @@ class StageResult(Record):
         return criteria_in(self)
 
     def cases(self, among: str = "") -> Iterator[Case[Self]]:
-        """Take the result with each of its LEDs; ``among``: and of each receiver, whose records this field holds."""
+        """Take the result with each of its LEDs; ``among``: and each record in this field, such as "receivers"."""
         return Case(self).among(among) if among else iter([Case(self)])
 
     def all_criteria(self) -> Iterator[Fact]:
