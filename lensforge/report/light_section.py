@@ -379,14 +379,15 @@ def _main_line(result: StageResult, group: Group) -> str:
 
 
 def _compared(results: Results) -> dict[str, Light]:
-    """The lens's own light before every other; none where there is no other."""
-    lights = (light for light in results.others.values() if isinstance(light, Light))
-    others = {OWN if light.conditions is None else light.conditions.name: light for light in lights}
+    """The lens's own light before every other, with each LED alone; none where there is no other."""
     nominal = results.find(Light)
-    if nominal is None or not (others or nominal.others):
-        return others
-    (first, alone), *rest = nominal.by_led.items()
-    return {f"{OWN}, {first}" if rest else OWN: alone, **dict(rest), **others}
+    others = [light for light in results.others.values() if isinstance(light, Light)]
+    named = {} if nominal is None else {OWN: nominal}
+    named |= {OWN if light.conditions is None else light.conditions.name: light for light in others}
+    with_leds = {
+        f"{name}, {led}" if led else name: alone for name, light in named.items() for led, alone in light.by_led.items()
+    }
+    return with_leds if others or len(with_leds) > 1 else {}
 
 
 def _light_rows(results: Results, name: str, light: Light) -> Iterator[Group]:
@@ -404,17 +405,16 @@ def _light_rows(results: Results, name: str, light: Light) -> Iterator[Group]:
         source = conditions.source or source
     lit = [group for group in results.facts(light) if group.key == "light"]
     simulated = next(group for group in results.facts(light) if group.key == "simulation").select("rays")
-    for index, group in enumerate(lit):
-        columns, rows = light.receivers[index].map.shape[::-1]
+    for case, group in zip(light.cases("receivers"), lit, strict=True):
+        columns, rows = case.record.map.shape[::-1]
         facts = (
             Fact("source", "Source", source),
             *simulated.facts,
             Fact("pixels", "Pixels", f"{columns} × {rows}"),
             *group.select(*list(METRICS)[:4]).facts,
         )
-        title = f"{name}, {group.title}" if len(lit) > 1 else name
         state = worst(state for state, _ in reasons)
-        yield Group("light", title, facts, "" if index else "; ".join(notes), state)
+        yield Group("light", case.title(name), facts, "" if case.number else "; ".join(notes), state)
 
 
 def _map(shown: ShownReceiver, receivers: Sequence[ShownReceiver]) -> Figure:
