@@ -339,8 +339,6 @@ def _written(run: Run) -> str:
     names = [] if part is None else list(part.files)
     names += [] if photometry is None else [IES_FILE, LDT_FILE, TM33_FILE, TM25_FILE]
     names += [*LUMINAIRE_FILES.values()] if photometry is not None and photometry.luminaire else []
-    names += (
-        [] if photometry is None else [f"{_STEM}_{lamp_photometry.led}.ies" for lamp_photometry in photometry.others]
-    )
+    names += [] if photometry is None else [f"{_STEM}{case.suffix}.ies" for case in photometry.cases() if case.number]
     pairs = zip([Path(), *map(Path, names)], map(Path, names), strict=False)  # "lens.step, .stl, .3mf"
     return ", ".join(path.suffix if path.stem == before.stem else path.name for before, path in pairs)

@@ -268,4 +268,4 @@ class LightMetrics(Record):
     @staticmethod
     def of_leds(light: Light) -> "dict[str, LightMetrics]":
         """Metrics with each LED by its name; empty if there is one."""
-        return {name: LightMetrics.of(own) for name, own in light.by_led.items()} if light.others else {}
+        return {case.led: LightMetrics.of(case.result) for case in light.cases() if case.led}

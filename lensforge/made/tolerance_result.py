@@ -88,9 +88,9 @@ class Sensitivity(ResultByLed):
         if getattr(self.nominal, metric) is None:
             raise InputError(f"metric = {metric!r}: the spec names no region of uniform light; plot nmse or efficiency")
         changes = {
-            f"{row.name} {row.amount:g} {row.unit}{f', {led}' if led else ''}": getattr(row.change, metric)
-            for led, sensitivity in self.by_led.items()
-            for row in sensitivity.rows
+            case.title(f"{row.name} {row.amount:g} {row.unit}"): getattr(row.change, metric)
+            for case in self.cases()
+            for row in case.result.rows
         }
         values = {name: 0.0 if change is None else change.value for name, change in changes.items()}
         errors = [0.0 if change is None else change.standard_error or 0.0 for change in changes.values()]

@@ -18,6 +18,7 @@ from lensforge.made.tolerance_result import (
     Yield,
 )
 from lensforge.results import Fact, Group, Metric
+from lensforge.results.case import Case
 from lensforge.results.numerals import NOTHING, limit_text, percent, quantity
 from lensforge.results.verdict import CERTAIN
 from lensforge.spec.tolerances_section import amount_words
@@ -54,17 +55,17 @@ def sensitivity_facts(study: Sensitivity) -> list[Group]:
     apart.
     """
     designed, changes = [], []
-    for name, led in study.by_led.items():
-        end = f", {name}" if name else ""
+    for case in study.cases():
+        led = case.result
         before = [
             (each.name, each.change.changed(value=each.value.value - each.change.value, standard_error=None))
             for row in led.rows[:1]
             for each in row.limits
         ]
         facts = (*_of_limits(before), *metric_facts(led.nominal), Fact("rays", "Rays", led.rays))
-        designed.append(Group("nominal", f"As designed{end}", facts))
+        designed.append(Group("nominal", case.title("As designed"), facts))
         rows = sorted(led.rows, key=_effect, reverse=True)
-        changes += [_change(row, end) for row in rows]
+        changes += [_change(case, row) for row in rows]
     return [*designed, *changes]
 
 
@@ -331,7 +332,7 @@ def _of_limits(named: Iterable[tuple[str, Metric]]) -> Iterator[Fact]:
         yield fact(f"limit_{number}", metric_words(name), metric)
 
 
-def _change(row: ErrorRow, end: str) -> Group:
+def _change(case: Case[Sensitivity], row: ErrorRow) -> Group:
     size = Fact("amount", "Amount", row.amount, _UNITS.get(row.unit, row.unit), digits=3)
     limits = _of_limits((each.name, each.change) for each in row.limits)
-    return Group("error", f"{row.name}{end}", (size, *limits, *metric_facts(row.change, changes=True)))
+    return Group("error", case.title(row.name), (size, *limits, *metric_facts(row.change, changes=True)))

@@ -78,19 +78,6 @@ def under(start: str, criterion: Fact) -> Fact:
     return _completed(replace(criterion, key=f"{start}: {criterion.key}"))
 
 
-def under_name(criteria: Iterable[Fact], start: str) -> list[Fact]:
-    """The ``criteria`` whose names :func:`under` begins with ``start``, without that."""
-    named = (criterion for criterion in criteria if criterion.key.startswith(f"{start}: "))
-    return [replace(criterion, key=criterion.key.removeprefix(f"{start}: ")) for criterion in named]
-
-
-def criteria_of(result: object) -> Iterator[Fact]:
-    """Criteria of a result, those with a further LED under its name; most results have none."""
-    yield from getattr(result, "criteria", ())
-    for other in getattr(result, "others", ()):
-        yield from (under(other.led, criterion) for criterion in getattr(other, "criteria", ()))
-
-
 def shown(criterion: Fact) -> Fact:
     """The ``criterion`` as a page shows it; one that asks a question by its answer."""
     question = criterion.label.removesuffix(_YES)

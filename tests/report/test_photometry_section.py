@@ -8,6 +8,7 @@ from result_folders import make_results, small_lens
 from shown_folders import REGION, ROAD
 
 from lensforge.light.light_facts import photometry_facts
+from lensforge.light.photometry_result import Photometry, WrittenFarFields, WrittenFile
 from lensforge.report import study_figures
 from lensforge.report.lens_page import _photometry_sentence
 from lensforge.report.light_section import photometry_pictures
@@ -34,6 +35,21 @@ def facts_of(lens, **changes):
 
 def test_relative_candela_are_said():
     assert "flux is not stated" in facts_of(small_lens(), per_1000_lm=True)["Luminous flux"].note
+
+
+def test_files_of_lamps_are_told_by_the_names_that_they_have_of_the_second_led_too():
+    lens, file = road_lens(lenses=3), WrittenFile(lumens=1000.0, relative_error=1e-9)
+    luminaire = WrittenFarFields(ies=file, ldt=file, tm33=file)
+    leds = {led: make_photometry(lens, luminaire=luminaire, led=led) for led in ("near", "far")}
+    made = Photometry.joined(leds)
+    told = {
+        group.title: group.fact("luminaire").text for group in photometry_facts(made, lens.spec) if group.key == "lamp"
+    }
+    assert told == {
+        "Lamp, all 3 lenses, near": "luminaire.ies, .ldt, .iesxml",
+        "Lamp, all 3 lenses, far": "luminaire_far.ies, .ldt, .iesxml",
+    }
+    assert {"luminaire.ies", "luminaire_far.ies"} <= made.file_names("photometry")
 
 
 def test_light_of_a_receiver_in_its_unit():

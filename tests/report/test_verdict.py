@@ -261,7 +261,7 @@ def test_the_light_on_each_receiver_decides(number: int, field: str, good: float
         states.append(Results(results.lens, {"evaluate": light}).verdict)
     assert [each.light for each in states] == ["pass", "fail"]
     (reason,) = states[1].reasons.light
-    assert f" on {receivers[number].name}" in reason and receivers[1 - number].name not in reason
+    assert f", {receivers[number].name} = " in reason and receivers[1 - number].name not in reason
 
 
 @pytest.mark.parametrize(

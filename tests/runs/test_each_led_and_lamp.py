@@ -11,10 +11,12 @@ from scipy.spatial.transform import Rotation
 
 import lensforge as lf
 from lensforge.light.lens_light import judging_source
+from lensforge.light.light_facts import light_facts, light_reasons
+from lensforge.light.receiver_light import LARGEST_NMSE
 from lensforge.optics.pose import Pose
 from lensforge.proof.independent_draws import stand
 from lensforge.report.results import Results
-from lensforge.results.criteria import criteria_of
+from lensforge.results import Metric
 from lensforge.scene.receiver_shapes import seen_by_lamp
 from lensforge.sources.intensity import TabulatedIntensity
 from lensforge.sources.photometric.photometric_io import photometric_of
@@ -67,6 +69,34 @@ def whole(lens: lf.Lens) -> lf.Photometry:
     return lf.photometry(lens, rays=MOST_RAYS)
 
 
+def test_figures_and_reasons_tell_led_and_receiver(light: lf.Light) -> None:
+    """Every figure is of its case, and the second LED's light on the second receiver fails by its own name alone."""
+    of_no_road = lens_with()
+    by_title = {group.title: group for group in light_facts(light, of_no_road) if group.key == "light"}
+    cases = [(led, receiver) for led in ("even", "aside") for receiver in ("wall", "sky")]
+    assert list(by_title) == [f"{receiver}, {led}" for led, receiver in cases]
+    for led, receiver in cases:
+        on = next(each for each in light.by_led[led].receivers if each.name == receiver)
+        told = by_title[f"{receiver}, {led}"]
+        assert (told.fact("efficiency").value, told.fact("nmse").value) == (100.0 * on.efficiency.value, on.nmse.value)
+    exact = Metric(value=LARGEST_NMSE, standard_error=0.0)
+    above = exact.changed(value=1.001 * LARGEST_NMSE)
+    whole = exact.changed(value=1.0)
+    for changed, missed in ({}, []), ({("aside", "sky"): above}, ["Pattern error (NMSE), aside, sky"]):
+        leds = {
+            led: alone.changed(
+                limits=(),
+                receivers=[
+                    receiver.changed(nmse=changed.get((led, receiver.name), exact), share_in_target=whole)
+                    for receiver in alone.receivers
+                ],
+            )
+            for led, alone in light.by_led.items()
+        }
+        reasons = light_reasons(lf.Light.joined(leds), of_no_road)
+        assert [words.partition(" = ")[0] for _, words in reasons] == missed
+
+
 def test_the_second_of_two_leds_fails_the_files(lens: lf.Lens, light: lf.Light, part: lf.Part) -> None:
     """Its light as the design has it, and then with its picture the other way around."""
     wall, *rest = light.others[0].receivers
@@ -74,8 +104,8 @@ def test_the_second_of_two_leds_fails_the_files(lens: lf.Lens, light: lf.Light, 
     wrong = light.changed(others=(light.others[0].changed(receivers=(turned, *rest)),))
     good, bad = (lf.verify(part, each, rays=2**11) for each in (light, wrong))
     assert list(good.by_led) == ["even", "aside"]
-    assert [str(each) for each in criteria_of(good) if not each.holds] == []
-    missed = [each.key for each in criteria_of(bad) if not each.holds]
+    assert [str(each) for each in good.all_criteria() if not each.holds] == []
+    missed = [each.key for each in bad.all_criteria() if not each.holds]
     assert missed == ["aside: wall: lamps_nmse_vs_sum"] and all(each.holds for each in bad.criteria)
     verdict = Results(lens, {each.stage: each for each in (wrong, part, bad)}).verdict
     assert verdict.files == "fail" and "aside" in str(verdict.reasons_of("files"))
