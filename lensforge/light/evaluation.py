@@ -211,7 +211,7 @@ def evaluate_traced(
     """
     started = time.perf_counter()
     side = pixels or spec.evaluate.pixels
-    receivers, limits = receivers_of(spec, side), [limit for limit in limits if not limit.of_road]
+    receivers, limits = receivers_of(spec, side), [limit for limit in limits if not limit.by_intensities]
     zones = [zones_on(number, limits) for number in range(len(receivers))]
     regions = [
         (drawn_target(section.targets, receiver), *eyee)

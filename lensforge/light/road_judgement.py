@@ -16,8 +16,9 @@ from lensforge.light.luminaire_classes import LampLight
 from lensforge.light.metrics import jackknife_error, scaled
 from lensforge.light.road_lighting import HeldSpacing, RoadJudgement, SeenRoad
 from lensforge.results import Fact, Metric, Sense
-from lensforge.scene.road_classes import asked_of
-from lensforge.scene.road_field import CandelaSum, RoadReadings
+from lensforge.scene.intensity_limit import CandelaSum, GlareLaw
+from lensforge.scene.road_classes import THRESHOLD_INCREMENT, VEILING_RATIO, asked_of
+from lensforge.scene.road_field import RoadReadings
 from lensforge.scene.road_surface import RoadSurface
 from lensforge.sources.intensity import TabulatedIntensity
 from lensforge.sources.photometric.photometric_file import PhotometricFile
@@ -80,7 +81,7 @@ class _Reader:
 
     candela: Candela
 
-    def figure(self, quantity: Quantity, sense: Sense, unit: str, light: CandelaSum) -> Metric:
+    def figure(self, quantity: Quantity | GlareLaw, sense: Sense, unit: str, light: CandelaSum) -> Metric:
         """The ``quantity`` of ``light``."""
         whole, *left_out = (figure_of(quantity, sense, unit, row[None]) for row in light.of(self.candela(light)))
         error = jackknife_error(np.array([each.value for each in left_out])) if left_out else 0.0
@@ -103,9 +104,9 @@ def _drivers(readings: RoadReadings, read: _Reader) -> Iterator[SeenRoad]:
             mean_cd_per_m2=read.figure("light", ">=", "cd/m²", kept.mean()),
             uniformity=read.figure("min_over_mean", ">=", "", kept),
             uniformity_along=read.figure("min_over_max", ">=", "", along),
-            glare_percent=None if road.by_rp8 else read.figure("threshold_increment", "<=", "%", glaring),
+            glare_percent=None if road.by_rp8 else read.figure(THRESHOLD_INCREMENT, "<=", "%", glaring),
             luminance_per_lux=read.figure("ratio", ">=", "cd/m²/lx", CandelaSum.joined((seen.mean(), lux))),
-            veiling_ratio=read.figure("veiling_ratio", "<=", "", glaring) if road.by_rp8 else None,
+            veiling_ratio=read.figure(VEILING_RATIO, "<=", "", glaring) if road.by_rp8 else None,
         )
 
 

@@ -16,7 +16,7 @@ from lensforge.light.luminaire_classes import BugRating, DistributionType, LampL
 from lensforge.light.metrics import debiased_maximum, scaled
 from lensforge.results import Count, Fact, Group, Metric, NotNegative, Positive, Record, Sense, Text
 from lensforge.results.figure import Figure, facts_in
-from lensforge.scene.road_classes import glare_law
+from lensforge.scene.road_classes import THRESHOLD_INCREMENT, VEILING_RATIO
 from lensforge.spec.derived_values import three_digits
 from lensforge.spec.light_limits import PhotometrySection
 from lensforge.spec.road_section import M_CLASSES, RP8_CLASSES, RoadSection, names_of
@@ -145,8 +145,7 @@ def with_remedies(limits: Sequence[Fact]) -> Iterator[Fact]:
         yield replace(limit, remedy=remedy) if limit.state == "fail" else limit
 
 
-_TI = "threshold increment"
-_GLARE = (_TI, "veiling/mean luminance")
+_GLARE = (THRESHOLD_INCREMENT.name, VEILING_RATIO.name)
 _OF_GLARE = "less light near the horizon, or higher poles; the flux hardly changes it"
 _OF_EVENNESS = "another pattern, higher poles, or poles nearer to each other; the flux does not change it"
 
@@ -168,8 +167,9 @@ def _flux_remedy(limits: Sequence[Fact]) -> str:
         return ""
     factor = three_digits(least, ceil) if least > 1.0 else three_digits(most, floor)
     words = f"so lit the road needs × {factor:g} lumens, or × {three_digits(1.0 / factor):g} the spacing of poles"
-    grown = factor ** (1.0 - glare_law("threshold_increment", 1.0)[1])
-    glaring = [limit for limit in limits if limit.note == _TI and limit.metric.value * grown > limit.bound]
+    grown = factor ** (1.0 - THRESHOLD_INCREMENT.at(1.0)[1])
+    of_glare = (limit for limit in limits if limit.note == THRESHOLD_INCREMENT.name)
+    glaring = [limit for limit in of_glare if limit.metric.value * grown > limit.bound]
     if least > 1.0 and glaring:
         worst = max(glaring, key=lambda each: each.metric.value)
         words += f"; with so many its glare TI is {worst.metric.value * grown:.3g} %, above {worst.bound:g} %"

@@ -13,10 +13,11 @@ from lensforge.errors import InputError
 from lensforge.results import Sense
 from lensforge.scene.body import Chain
 from lensforge.scene.eye_view import EyeView, eye_views
+from lensforge.scene.intensity_limit import GlareLaw, LumensBound
 from lensforge.scene.light_ends import loss_names
 from lensforge.scene.receiver import PosedReceiver, equal_area
 from lensforge.scene.region import Region, ZoneOfLimit
-from lensforge.scene.road_classes import FieldMean, asked_of, glare_law
+from lensforge.scene.road_classes import asked_of
 from lensforge.scene.road_field import RoadReadings
 from lensforge.spec import Spec
 from lensforge.spec.light_limits import (
@@ -44,19 +45,19 @@ class LightLimit:
     """One bound on the light of ``receiver``, by its index: the ``quantity`` is ``sense`` ``bound``, in ``unit``.
 
     ``readings``: matrix from the flux (W) on each pixel to the light at each place, in ``unit``; relative light and
-    angles in W/m² or W/sr. ``angles_deg``: of the places of a beam angle, whose half side counts at ``level``. Of a
-    threshold increment the last place is the mean luminance (cd/m²), the others are veiling luminance; of a ratio the
-    first place is over the second. Of a loss the readings are of the flux (W) by cause, as ``scene.light_ends`` orders
-    them. Of a luminance they are spots on the view of an eye, of a mean its sum over the area (mm²) of the outline;
-    views are numbered behind the receivers; ``coarser`` are these spots by half as many pixels. ``road``: number of the
-    road whose class asks for it, ``share`` its weight; ``field`` times ``lamp_lm``: its most. ``blurred``: share of the
-    value by which the blur of a view may change it. ``eyes``: number of those that are judged together.
-    ``region``: of a share of the flux, the zone in which it is judged by ray.
+    angles in W/m² or W/sr. ``angles_deg``: of the places of a beam angle, whose half side counts at ``level``. Of
+    glare, whose quantity is its law, the last place is the mean luminance (cd/m²), the others are veiling luminance; of
+    a ratio the first place is over the second. Of a loss the readings are of the flux (W) by cause, as
+    ``scene.light_ends`` orders them. Of a luminance they are spots on the view of an eye, of a mean its sum over the
+    area (mm²) of the outline; views are numbered behind the receivers; ``coarser`` are these spots by half as many
+    pixels. ``road``: number of the road whose class asks for it, ``share`` its weight; ``most`` times ``lamp_lm``: its
+    most. ``blurred``: share of the value by which the blur of a view may change it. ``eyes``: number of those that are
+    judged together. ``region``: of a share of the flux, the zone in which it is judged by ray.
     """
 
     name: str
     receiver: int
-    quantity: Quantity
+    quantity: Quantity | GlareLaw
     sense: Sense
     bound: float
     unit: str
@@ -65,7 +66,7 @@ class LightLimit:
     level: float = 1.0
     road: int | None = None
     share: float = 1.0
-    field: FieldMean | None = None
+    most: LumensBound | None = None
     lamp_lm: float = 0.0
     coarser: sparse.csr_array | None = None
     blurred: float = 0.0
@@ -73,8 +74,8 @@ class LightLimit:
     region: Region | None = None
 
     @property
-    def of_road(self) -> bool:
-        """True for a limit by the class of a road: each of its few places decides, however many there are."""
+    def by_intensities(self) -> bool:
+        """True where the intensities that files hold judge it, and a picture only in a search: at few places."""
         return self.road is not None
 
     @property
@@ -94,9 +95,9 @@ class LightLimit:
 
     @property
     def flux_power(self) -> float:
-        """Power of the flux of the source by which its value grows; of a threshold increment that up to 5 cd/m²."""
-        if self.quantity == "threshold_increment":
-            return 1.0 - glare_law(self.quantity, 0.0)[1]
+        """Power of the flux of the source by which its value grows; of glare that in the dark."""
+        if isinstance(self.quantity, GlareLaw):
+            return 1.0 - self.quantity.at(0.0)[1]
         return 1.0 if self.quantity in ("light", "luminance", "mean_luminance") else 0.0
 
     def of(self, images: Float[np.ndarray, "r *_"]) -> Float[np.ndarray, "r k"]:
@@ -167,7 +168,7 @@ def _of_road(
         pixels = _bilinear(receiver, *equal_area(receiver.pose.to_local_directions(units)).T)
         readings = sparse.csr_array(scale * (ask.light.weights * (units[:, 2] >= 0.0)) @ pixels)
         limit = LightLimit(f"{name}: {ask.name}", index, ask.quantity, ask.sense, ask.bound, ask.unit, readings)
-        yield replace(limit, road=number, share=road.share, field=ask.field, lamp_lm=lamp_lm * len(receiver.lamps))
+        yield replace(limit, road=number, share=road.share, most=ask.most, lamp_lm=lamp_lm * len(receiver.lamps))
 
 
 def _of_loss(limit: LossLimit, name: str, index: int, spec: Spec, flux_w: float) -> LightLimit:

@@ -21,6 +21,7 @@ from lensforge.made.yield_facts import cause_rows, judged_metrics, metric_words,
 from lensforge.made.yield_study import measure_yield
 from lensforge.results import Metric
 from lensforge.scene.pixel_grid import PixelGrid, splat_flux
+from lensforge.scene.road_classes import THRESHOLD_INCREMENT
 
 SMALL = {
     "source_shift_mm": 2e-3, "source_height_mm": 2e-3, "source_tilt_deg": 0.1, "source_size": 2e-3,
@@ -393,7 +394,7 @@ def test_limits_read_at_once_are_those_read_one_by_one() -> None:
     light = PartStudy(Recipe(lens_with({"source_flux": 0.05}, **wanted), 2, 4096, 0, 4096)).leds[0].light
     received = light.received(None)
     images = received[0].images
-    assert {limit.quantity for limit in light.limits} >= {"relative", "ratio", "threshold_increment", "min_over_max"}
+    assert {limit.quantity for limit in light.limits} >= {"relative", "ratio", THRESHOLD_INCREMENT, "min_over_max"}
     for limit, found in zip(light.limits, light.measured(received).limits, strict=True):
         kept = [images, *(np.delete(images, k, axis=0) for k in range(len(images)))]
         np.testing.assert_array_equal(found, [limit_value(limit, each).value for each in kept], err_msg=limit.name)

@@ -256,7 +256,7 @@ def test_warnings_stand_in_the_record_of_the_design() -> None:
 def road_bounds(spec: Spec) -> dict[str, float]:
     """Most light of each limit of a road."""
     _, limits = light_requirements(spec, build_source(spec.source))
-    return {each.name: each.possible for each in limits if each.of_road}
+    return {each.name: each.possible for each in limits if each.by_lumens is not None}
 
 
 def test_a_road_that_scatters_evenly_has_no_more_than_its_lumens_over_its_area(examples: Path, tmp_path: Path) -> None:
