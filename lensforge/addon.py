@@ -6,6 +6,7 @@ of its own kind, when it needs it: to find an add-on loads none of its modules.
 """
 
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache
 from importlib import import_module
@@ -30,7 +31,8 @@ class Addon:
     ``name``: of its package, and of the extra that installs its libraries. ``names``: public names of the library, and
     what they name. ``commands``: of the command line. ``heading``: that of these in the help; empty for none.
     ``records``: loads the classes of results that its stages leave in a folder, and their facts. ``pages``: loads what
-    a report shows of them.
+    a report shows of them. ``applications``: classes of entries of its tables in a spec. ``light``: by these, what
+    judges the light of each.
     """
 
     name: str
@@ -39,14 +41,32 @@ class Addon:
     heading: str = ""
     records: Callable[[], object] = tuple
     pages: Callable[[], object] = tuple
+    applications: Callable[[], Sequence[type]] = tuple
+    light: Callable[[], Mapping[type, type]] = dict
 
 
 @cache
 def addons() -> tuple[Addon, ...]:
-    """All add-ons that are there: those of the package by name, then installed ones."""
+    """All add-ons that are there: those of the package by name, then installed ones.
+
+    Raises :class:`InputError` for one that cannot be used.
+    """
+    return (*_shipped(), *map(_installed, entry_points(group=GROUP)))
+
+
+@cache
+def usable_addons() -> tuple[Addon, ...]:
+    """All but those that cannot be used: of these spec and records have no fields, and who asks for more is refused."""
+    found = [*_shipped()]
+    for point in entry_points(group=GROUP):
+        with suppress(InputError):
+            found.append(_installed(point))
+    return tuple(found)
+
+
+def _shipped() -> tuple[Addon, ...]:
     folder = Path(__file__).with_name("addons")
-    shipped = [import_module(f"{GROUP}.{module.name}").ADDON for module in iter_modules([str(folder)])]
-    return (*shipped, *map(_installed, entry_points(group=GROUP)))
+    return tuple(import_module(f"{GROUP}.{module.name}").ADDON for module in iter_modules([str(folder)]))
 
 
 def require_libraries(name: str, *libraries: str) -> None:

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, get_args
 
 import pytest
-from addon_rows import addon_rows
+from addon_rows import addon_rows, has_addon
 from presets import FEW_STEPS
 from scenes import small_spec
 from undrawn import undrawn
@@ -68,7 +68,7 @@ SCENES: dict[str, dict[str, Any]] = {
         "plate": {"thickness_mm": 2.0},
         "base": {"kind": "none"},
     },
-    "roads": on(**FAR) | {"roads": [ROAD]},
+    **({"roads": on(**FAR) | {"roads": [ROAD]}} if has_addon("road") else {}),
     "several LEDs": {
         "source": None,
         "sources": [

@@ -9,13 +9,13 @@ from dataclasses import replace
 from itertools import groupby
 from typing import NamedTuple
 
+from lensforge.light.area_lamp import AreaLamp
 from lensforge.light.beam_colour import BeamColour
 from lensforge.light.evaluation_result import Light, LightMetrics
 from lensforge.light.light_ways import leak_facts, way_facts
 from lensforge.light.metrics import scaled
 from lensforge.light.photometry_result import Photometry
 from lensforge.light.receiver_light import METRICS, REGIONS, ReceiverLight, judged_figures
-from lensforge.light.road_lighting import RoadFigures, road_facts, with_remedies, worst_on_roads
 from lensforge.light.seen_lens import seen_groups
 from lensforge.optics.fundamental_limits import BY_SYMMETRY, LEVELS, transmittance_of
 from lensforge.public import public
@@ -25,12 +25,13 @@ from lensforge.results.criteria import missed
 from lensforge.results.figure import facts_in
 from lensforge.results.numerals import number, percent, quantity, square
 from lensforge.results.verdict import Reason
+from lensforge.scene.application_light import light_in
 from lensforge.scene.lens import Lens
 from lensforge.sources.intensity import BEAM_SHARE
 from lensforge.spec import Spec
+from lensforge.spec.application import Application, names_of
 from lensforge.spec.far_field_targets import BeamTarget
 from lensforge.spec.light_limits import BeamAngleLimit
-from lensforge.spec.road_section import names_of
 
 
 @public
@@ -65,10 +66,10 @@ def light_facts(light: Light, lens: Lens, possible: LimitBounds | None = None) -
             groups.append(replace(way_facts(led_light.ways), title=f"Flux by path{end}"))
         groups += seen_groups(led_light.seen, led_light.lumens_per_watt, end)
         if led_light.limits:
-            facts = limit_facts(led_light, names_of(lens.spec.roads), possible or {}, end)
+            facts = limit_facts(led_light, lens.spec.applications, possible or {}, end)
             groups.append(Group("limits", f"Limits{end}", tuple(facts)))
-        if lens.spec.roads and led_light.limits:
-            groups.append(worst_on_roads(led_light.limits, lens.spec.roads, end))
+        if led_light.limits:
+            groups += _worst(led_light.limits, lens.spec.applications, end)
     groups += place_groups(light)
     return [*groups, Group("simulation", "Simulation", tuple(_simulation(light, lens)))]
 
@@ -97,7 +98,7 @@ def _reasons_with(light: Light, lens: Lens, led: str) -> Iterator[Reason]:
     elif not light.limits:
         yield "undecided", "the limits of the spec have not been judged in this light"
     else:
-        yield from reasons_of(limit_facts(light, names_of(lens.spec.roads)), led)
+        yield from reasons_of(limit_facts(light, lens.spec.applications), led)
 
 
 def reasons_of(facts: Iterator[Fact] | Sequence[Fact], where: str = "") -> Iterator[Reason]:
@@ -108,22 +109,29 @@ def reasons_of(facts: Iterator[Fact] | Sequence[Fact], where: str = "") -> Itera
 
 
 def limit_facts(
-    light: Light, roads: Sequence[str], possible: LimitBounds | None = None, end: str = ""
+    light: Light, applications: Sequence[Application], possible: LimitBounds | None = None, end: str = ""
 ) -> Iterator[Fact]:
-    """A fact for each limit of the spec; ``roads``: names of its roads, ``end``: of each label."""
+    """A fact for each limit of the spec; ``applications``: those of the spec, ``end``: of each label."""
+    entries = dict(zip(names_of(applications), applications, strict=True))
 
-    def road_of(limit: Fact) -> str:
-        return next((road for road in roads if limit.label.startswith(f"{road}: ")), "")
+    def named(limit: Fact) -> str:
+        return next((name for name in entries if limit.label.startswith(f"{name}: ")), "")
 
-    for road, limits in groupby(light.limits, key=road_of):
-        for limit in with_remedies([*limits]) if road else limits:
+    for name, limits in groupby(light.limits, key=named):
+        for limit in light_in(entries[name]).with_remedies([*limits]) if name else limits:
             on = f", on {limit.place}" if len(light.receivers) > 1 and limit.place else ""
-            on += ", by the intensities of the file" if road else ""
+            on += ", by the intensities of the file" if name else ""
             quantity = _LIGHT.get(limit.unit, "light") if limit.note == "light" else limit.note
             fact = replace(limit, key="limit", label=f"{limit.label}{end}", note=f"{quantity}{on}")
             most = (possible or {}).get((limit.label, limit.bound))
             fact = fact if most is None else replace(fact, possible=most.value, possible_note=most.law)
             yield fact.in_percent if limit.note.endswith("share of the flux") else fact
+
+
+def _worst(limits: Sequence[Fact], applications: Sequence[Application], end: str) -> list[Group]:
+    """A group for each table of applications: what is required there, where it is worst."""
+    tables = [[*entries] for _, entries in groupby(applications, key=type)]
+    return [light_in(table[0]).worst(table, limits, end) for table in tables]
 
 
 def metric_facts(metrics: LightMetrics, note: str = "", *, changes: bool = False) -> tuple[Fact, ...]:
@@ -193,7 +201,7 @@ def _figures(light: Light, index: int, lens: Lens) -> Iterator[Fact]:
         )
     if receiver.rsd is not None:
         yield Fact.measured("rsd", METRICS["rsd"], receiver.rsd, f"standard deviation/mean {mask}")
-    if not lens.spec.roads:  # which judge the light of all lenses of their lamps
+    if not lens.spec.applications:  # which judge the light of all lenses of their lamps
         yield from _in_region(receiver, unit_on(light, receiver), _of_lenses(lens.spec))
     if receiver.tristimulus_map is not None:
         yield from _colour(receiver.colour)
@@ -327,8 +335,8 @@ def _photometry_of_led(photometry: Photometry, spec: Spec) -> list[Group]:
     one = _of_lenses(spec) or spec.all_lamps.whole.replace("of all lamps", "one lamp")
     beside = f", {one}" if one else ""
     far = Group("far_field", f"Far field{beside}", tuple(_far_field(photometry, spec, one)))
-    roads = zip(photometry.roads, spec.roads, strict=True)
-    groups = [far, *(road_facts(*each, with_limits=False) for each in roads)]
+    judged = zip(spec.applications, photometry.judgements_of(spec.applications), strict=True)
+    groups = [far, *(light_in(entry).facts(found, with_limits=False) for entry, found in judged)]
     if photometry.road is None:
         return groups
     whole = f", all {lenses} lenses" if lenses > 1 else beside
@@ -386,7 +394,7 @@ def _far_field(photometry: Photometry, spec: Spec, whose: str) -> Iterator[Fact]
     yield Fact("photometry_rays", "Rays", photometry.rays, note=noise)
 
 
-def _lamp(photometry: Photometry, road: RoadFigures, lenses: int) -> Iterator[Fact]:
+def _lamp(photometry: Photometry, road: AreaLamp, lenses: int) -> Iterator[Fact]:
     shape, glare, several = road.distribution, road.glare, f"all {lenses} lenses" if lenses > 1 else ""
     led = f"_{photometry.led}" if photometry.others else ""
     yield Fact("lenses", "Lenses", lenses)

@@ -18,7 +18,7 @@ from jaxtyping import Float
 from lensforge.errors import InputError
 from lensforge.light.evaluation import evaluate_traced
 from lensforge.light.evaluation_result import Light
-from lensforge.light.far_field import road_limits
+from lensforge.light.far_field import limits_by_intensities
 from lensforge.light.metrics import scaled
 from lensforge.light.receiver_light import judged_figures
 from lensforge.light.simulation import TracedLens
@@ -236,7 +236,7 @@ class LedStudy:
             recipe.designed_rays,
             recipe.seed,
             limits=self.limits,
-            on_roads=tuple(road_limits(lens, judging, preset, efficacy, rays=None, seed=recipe.seed)),
+            by_intensities=tuple(limits_by_intensities(lens, judging, preset, efficacy, rays=None, seed=recipe.seed)),
             bounds_by=self._source,
             colour=judged_colour(spec),
         )

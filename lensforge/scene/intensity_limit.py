@@ -1,6 +1,7 @@
 """Limits on light that is linear in the intensities of a lamp, as standards ask for it: at places, by equal lamps."""
 
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, ClassVar
 
@@ -61,6 +62,10 @@ class CandelaSum:
             np.concatenate([part.gamma_deg for part in parts]),
             sparse.csr_array(sparse.block_diag([part.weights for part in parts])),
         )
+
+
+# Intensities (cd) of a lamp: first those of its file, then those with one of the samples of rays left out each.
+Candela = Callable[[CandelaSum], Float[np.ndarray, "p n"]]
 
 
 @dataclass(frozen=True)

@@ -14,9 +14,9 @@ from oracle_far import bilinear, ies
 from scenes import small_spec
 
 import lensforge as lf
+from lensforge.addons.road.road_judgement import best_class
+from lensforge.addons.road.road_record import SeenRoad
 from lensforge.light.lens_light import searched_source
-from lensforge.light.road_judgement import best_class
-from lensforge.light.road_lighting import SeenRoad
 from lensforge.results import Metric
 from lensforge.search.profiles import ProfileParameters
 from lensforge.sources.photometric.photometric_io import photometric_of

@@ -8,9 +8,8 @@ from typing import ClassVar
 import numpy as np
 from jaxtyping import Float
 
-from lensforge.scene.intensity_limit import CandelaSum, GlareLaw, IntensityLimit, LumensBound
-from lensforge.scene.road_field import AROUND, Points, RoadReadings, reduced_luminance, rows_of_lamps
-from lensforge.spec.road_section import (
+from lensforge.addons.road.road_field import AROUND, Points, RoadReadings, reduced_luminance, rows_of_lamps
+from lensforge.addons.road.road_section import (
     C_CLASSES,
     C_UNIFORMITY,
     M_CLASSES,
@@ -19,6 +18,7 @@ from lensforge.spec.road_section import (
     RP8_CLASSES,
     WET_UNIFORMITY,
 )
+from lensforge.scene.intensity_limit import CandelaSum, GlareLaw, IntensityLimit, LumensBound
 
 # Of EN 13201-3, 8.5, in per cent; and of RP-8.
 THRESHOLD_INCREMENT = GlareLaw("threshold increment", ((5.0, 65.0, 0.8), (inf, 95.0, 1.05)))

@@ -5,12 +5,12 @@ from math import atan2, ceil, cos, degrees, hypot, radians, sin, sqrt, tan
 import numpy as np
 import pytest
 
+from lensforge.addons.road.road_classes import THRESHOLD_INCREMENT, VEILING_RATIO, asked_of
+from lensforge.addons.road.road_field import DriverView, RoadReadings
+from lensforge.addons.road.road_section import STANDARD_SURFACES, RoadSection
+from lensforge.addons.road.road_surface import RoadSurface, read_surface
 from lensforge.errors import InputError
 from lensforge.scene.intensity_limit import CandelaSum, IntensityLimit
-from lensforge.scene.road_classes import THRESHOLD_INCREMENT, VEILING_RATIO, asked_of
-from lensforge.scene.road_field import DriverView, RoadReadings
-from lensforge.scene.road_surface import RoadSurface, read_surface
-from lensforge.spec.road_section import STANDARD_SURFACES, RoadSection
 
 ROAD = {"lighting_class": "M3", "width_m": 7.0, "pole_height_m": 9.0, "pole_spacing_m": 33.0}
 # Specular factors S1 as published: CIE 144:2001; of W4 that of its table, within the limits of its class, 9.8 and 12.

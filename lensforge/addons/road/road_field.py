@@ -16,9 +16,9 @@ from math import ceil
 import numpy as np
 from jaxtyping import Float
 
+from lensforge.addons.road.road_section import RoadSection
+from lensforge.addons.road.road_surface import RoadSurface
 from lensforge.scene.intensity_limit import CandelaSum
-from lensforge.scene.road_surface import RoadSurface
-from lensforge.spec.road_section import RoadSection
 
 Points = Float[np.ndarray, " k"]
 _Places = Float[np.ndarray, "*_"]

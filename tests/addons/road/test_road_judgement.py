@@ -14,33 +14,33 @@ from presets import FEW
 from scenes import random_surface, small_spec
 
 import lensforge as lf
-from lensforge.errors import InputError
-from lensforge.light import road_judgement
-from lensforge.light.angular_grid import AngularGrid
-from lensforge.light.judged_limits import judged_limits, limit_value
-from lensforge.light.luminaire_classes import LampLight
-from lensforge.light.road_judgement import (
+from lensforge.addons.road import road_judgement
+from lensforge.addons.road.road_classes import VEILING_RATIO
+from lensforge.addons.road.road_command import coarse_for_roads
+from lensforge.addons.road.road_facts import spacing_fact, with_remedies, worst_on_roads
+from lensforge.addons.road.road_field import RoadReadings
+from lensforge.addons.road.road_judgement import (
     best_class,
     c_class,
     classes_held,
     held_spacing,
     judge_road,
-    of_file,
-    of_lens,
     p_class,
 )
-from lensforge.light.road_lighting import spacing_fact, with_remedies, worst_on_roads
+from lensforge.addons.road.road_section import RP8_CLASSES, RoadSection
+from lensforge.errors import InputError
+from lensforge.light.angular_grid import AngularGrid
+from lensforge.light.by_intensities import of_file, of_lens
+from lensforge.light.judged_limits import judged_limits, limit_value
+from lensforge.light.luminaire_classes import LampLight
 from lensforge.results import Fact, Metric, Sense
 from lensforge.scene.limit_readings import light_limits
 from lensforge.scene.receiver_shapes import receivers_of
-from lensforge.scene.road_classes import VEILING_RATIO
-from lensforge.scene.road_field import RoadReadings
 from lensforge.search.limit_terms import JoinedTerms, LimitTerm, smoothed
 from lensforge.sources.intensity import TabulatedIntensity
-from lensforge.sources.photometric.photometric_file import PhotometricFile, coarse_for_roads, turned_over
+from lensforge.sources.photometric.photometric_file import PhotometricFile, turned_over
 from lensforge.sources.photometric.photometric_io import read_photometric, write_photometric
 from lensforge.spec import Spec
-from lensforge.spec.road_section import RP8_CLASSES, RoadSection
 
 ROAD = {"lighting_class": "M3", "width_m": 7.0, "pole_height_m": 9.0, "pole_spacing_m": 30.0, "overhang_m": 0.5}
 RP8 = ROAD | {"lighting_class": "collector medium"}
