@@ -36,8 +36,7 @@ def half_square(table, grid, p, X, Y):
     share = 1.0 / (1.0 + X * X + Y * Y)
     w = 2.0 * (px * X + py * Y + pz) * share
     wx, wy = 2.0 * (px - X * w) * share, 2.0 * (py - Y * w) * share
-    wxx = -2.0 * (w + 2.0 * X * wx) * share
-    wyy = -2.0 * (w + 2.0 * Y * wy) * share
+    wxx, wyy = -2.0 * (w + 2.0 * X * wx) * share, -2.0 * (w + 2.0 * Y * wy) * share
     wxy = -2.0 * (X * wy + Y * wx) * share
     along = w - pz  # p.u
     beyond = rho - along
@@ -98,9 +97,7 @@ def foot(table, grid, p, X, Y):
             sx, sy = 0.5 * sx, 0.5 * sy
         if not lower:
             break
-        X = nx
-        Y = ny
-        at = new
+        X, Y, at = nx, ny, new
     return X, Y
 
 
@@ -108,8 +105,7 @@ def foot(table, grid, p, X, Y):
 def take_shares(side, grid, X, Y, columns, shares):
     """Fill in the sixteen coefficients that act at a chart point, and the share of each in ``rho``."""
     px, py = (X - grid.origin) * grid.inverse_step, (Y - grid.origin) * grid.inverse_step
-    i = index_at(px - 1.0, side - 4.0)
-    j = index_at(py - 1.0, side - 4.0)
+    i, j = index_at(px - 1.0, side - 4.0), index_at(py - 1.0, side - 4.0)
     wx, _, _ = cubic_splines(px - (i + 1.0))
     wy, _, _ = cubic_splines(py - (j + 1.0))
     for a in range(4):
@@ -135,9 +131,7 @@ def nearest_node(nodes, boxes, px, py, pz, window, farthest, guess):
     (b, b, 2, 3): least and largest coordinates of blocks of ``nodes`` (n, n, 3). ``guess``: row and column of a node
     that is likely to be near, which leaves fewer blocks to look into.
     """
-    best = farthest
-    row = -1
-    column = -1
+    best, row, column = farthest, -1, -1  # the nearest node so far
     first_row, end_row, first_column, end_column = window
     if first_row <= guess[0] < end_row and first_column <= guess[1] < end_column:
         dx, dy, dz = nodes[guess][0] - px, nodes[guess][1] - py, nodes[guess][2] - pz
@@ -220,8 +214,7 @@ def nearest_points(table, origin, step, nodes, reach, out):
             if not is_near:
                 X, Y = within(first + row * apart, first + column * apart)
             X, Y = foot(table, grid, (px, py, pz), X, Y)
-            feet[k, 0] = X
-            feet[k, 1] = Y
+            feet[k, 0], feet[k, 1] = X, Y
             take_shares(len(table), grid, X, Y, columns[k], shares[k])
 
 
@@ -288,22 +281,22 @@ def ball_exit(ux, uy, uz, corner, growth):
 
 
 @inline
-def cylinder_exit(ux, uy, uz, half_x, half_y, growth):
-    """Distance at which a ray leaves the cylinder about the edge from ``half_x`` to ``half_y``; -1 where beside it."""
-    ex = half_y[0] - half_x[0]
-    ey = half_y[1] - half_x[1]
-    ez = half_y[2] - half_x[2]
+def cylinder_exit(ux, uy, uz, tail, head, growth):
+    """Distance at which a ray leaves the cylinder about the edge from ``tail`` to ``head``; -1 where beside it."""
+    ex = head[0] - tail[0]
+    ey = head[1] - tail[1]
+    ez = head[2] - tail[2]
     length = sqrt(ex * ex + ey * ey + ez * ez)
     if length < _TINY:
         return -1.0
     ex, ey, ez = ex / length, ey / length, ez / length
     turned = ux * ex + uy * ey + uz * ez
-    start = half_x[0] * ex + half_x[1] * ey + half_x[2] * ez
+    start = tail[0] * ex + tail[1] * ey + tail[2] * ez
     across = 1.0 - turned * turned
     if across < 1e-24:  # along the axis of the cylinder: it leaves through the ball at an end
         return -1.0
-    middle = ux * half_x[0] + uy * half_x[1] + uz * half_x[2] - turned * start
-    squared = half_x[0] * half_x[0] + half_x[1] * half_x[1] + half_x[2] * half_x[2] - start * start
+    middle = ux * tail[0] + uy * tail[1] + uz * tail[2] - turned * start
+    squared = tail[0] * tail[0] + tail[1] * tail[1] + tail[2] * tail[2] - start * start
     under = middle * middle - across * (squared - growth * growth)
     if under < 0.0:
         return -1.0
