@@ -2,6 +2,10 @@
 
 from typing import TYPE_CHECKING
 
+from lensforge.spec.shape_targets import CrossTarget, FlatTopTarget, RectangleTarget
+
+# Kinds stand on pages and in messages as they are registered: shapes before others.
+# isort: split
 from lensforge.spec.accuracy import Accuracy, AnyAccuracy, Preset
 from lensforge.spec.double_lens import LensSection
 from lensforge.spec.face_section import FaceSection, FlangeSection
@@ -12,7 +16,6 @@ from lensforge.spec.picture_targets import ArrayTarget, ImageTarget, TableTarget
 from lensforge.spec.receiver_fields import ReceiverSection
 from lensforge.spec.reflector import CupSection, ReflectorSection
 from lensforge.spec.search_section import ConstraintsSection, EvaluateSection, OptimiseSection
-from lensforge.spec.shape_targets import CrossTarget, FlatTopTarget, RectangleTarget
 from lensforge.spec.target_sections import TargetSection
 
 if TYPE_CHECKING:
