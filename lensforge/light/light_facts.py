@@ -68,7 +68,6 @@ def light_facts(light: Light, lens: Lens, possible: LimitBounds | None = None) -
         if led_light.limits:
             facts = limit_facts(led_light, lens.spec.applications, possible or {}, end)
             groups.append(Group("limits", f"Limits{end}", tuple(facts)))
-        if led_light.limits:
             groups += _worst(led_light.limits, lens.spec.applications, end)
     groups += place_groups(light)
     return [*groups, Group("simulation", "Simulation", tuple(_simulation(light, lens)))]
@@ -336,7 +335,7 @@ def _photometry_of_led(photometry: Photometry, spec: Spec) -> list[Group]:
     beside = f", {one}" if one else ""
     far = Group("far_field", f"Far field{beside}", tuple(_far_field(photometry, spec, one)))
     judged = zip(spec.applications, photometry.judgements_of(spec.applications), strict=True)
-    groups = [far, *(light_in(entry).facts(found, with_limits=False) for entry, found in judged)]
+    groups = [far, *(light_in(entry).facts(found) for entry, found in judged)]
     if photometry.road is None:
         return groups
     whole = f", all {lenses} lenses" if lenses > 1 else beside

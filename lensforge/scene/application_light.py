@@ -53,8 +53,8 @@ class ApplicationLight(ABC, Generic[_Entry, _Judgement]):
         """The judged limits of the entry, those that are missed with what would keep them."""
 
     @abstractmethod
-    def facts(self, judgement: _Judgement, *, with_limits: bool = True) -> Group:
-        """The group of the entry; ``with_limits``: not where the light states what its class requires."""
+    def facts(self, judgement: _Judgement) -> Group:
+        """The group of the entry beside its limits, which the light states."""
 
     @classmethod
     @abstractmethod

@@ -31,9 +31,9 @@ class RoadLight(ApplicationLight[RoadSection, RoadJudgement]):
         """Its limits, with what would keep them, as far as that follows from the flux."""
         return with_remedies(limits)
 
-    def facts(self, judgement: RoadJudgement, *, with_limits: bool = True) -> Group:
-        """Its class, what that requires for every driver, and other figures."""
-        return road_facts(judgement, self.entry, with_limits=with_limits)
+    def facts(self, judgement: RoadJudgement) -> Group:
+        """Its class, its traffic, and figures that the class does not ask for."""
+        return road_facts(judgement, self.entry, with_limits=False)
 
     @classmethod
     def worst(cls, entries: Sequence[RoadSection], limits: Sequence[Fact], end: str) -> Group:
