@@ -10,7 +10,8 @@ from in_this_process import lensforge
 
 import lensforge as lf
 from lensforge.errors import WrongFields
-from lensforge.spec import load_spec, parse_spec
+from lensforge.spec import BaseSection, load_spec, parse_spec
+from lensforge.spec.spec_section import Section, section_of
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "rectangle.toml"
 
@@ -143,3 +144,15 @@ def test_levels_that_shape_nothing_are_named_before_the_search() -> None:
 def test_objects_of_a_script_say_the_same() -> None:
     with pytest.raises(lf.InputError, match=r"^DiscSource: diametre_mm = 2.0: unknown; did you mean diameter_mm\?$"):
         lf.DiscSource(diametre_mm=2.0)
+
+
+def test_a_table_of_an_add_on_that_is_not_installed_names_it() -> None:
+    """Elsewhere in a spec it is a name as any other."""
+
+    class WithoutAddons(Section):
+        base: BaseSection | None = None
+
+    with pytest.raises(WrongFields, match=r'^t.toml: roads = .*: unknown; it needs pip install "lensforge\[road\]"$'):
+        section_of(WithoutAddons, {"roads": [{"width_m": 7.0}]}, "t.toml")
+    with pytest.raises(WrongFields, match=r"^t.toml: base.roads: unknown; known here: kind, "):
+        section_of(WithoutAddons, {"base": {"roads": 1}}, "t.toml")
