@@ -5,11 +5,10 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar, Generic, TypeVar
 
-from pydantic.fields import FieldInfo
-
 from lensforge.addon import usable_addons
 from lensforge.results import Fact, Group, Record, Text
 from lensforge.results.criteria import JudgedLimits
+from lensforge.results.registered_kinds import add_list
 from lensforge.scene.intensity_limit import Candela, IntensityLimit
 from lensforge.spec.application import Application
 
@@ -69,9 +68,8 @@ def light_in(entry: Application) -> ApplicationLight[Any, Any]:
 
 def with_judgements(record: type[_Record]) -> type[_Record]:
     """A record with a field more for each table of applications that an add-on brings: its entries, judged."""
-    several: Any = tuple
     for entry, kind in _kinds().items():
-        record.model_fields[entry.table] = FieldInfo(annotation=several[kind.judgement, ...], default=())
+        add_list(record, entry.table, kind.judgement, ())
     return record
 
 

@@ -6,12 +6,12 @@ them.
 
 from collections.abc import Iterator, Sequence
 from itertools import groupby
-from typing import Annotated, Any, ClassVar, Self, TypeVar
+from typing import Annotated, ClassVar, Self, TypeVar
 
 from pydantic import Field
-from pydantic.fields import FieldInfo
 
 from lensforge.addon import usable_addons
+from lensforge.results.registered_kinds import add_list
 from lensforge.spec.receiver_fields import ReceiverSection
 from lensforge.spec.receiver_sections import FarFieldReceiver
 from lensforge.spec.spec_section import Label, Section
@@ -19,7 +19,6 @@ from lensforge.spec.spec_section import Label, Section
 MOST_APPLICATIONS = 32  # of one table
 _ALL_BELOW = 90.0  # degrees from the axis: all that is below a lamp
 _SAME = 0.01  # relative: what is stated twice agrees this well
-
 
 _Spec = TypeVar("_Spec", bound=Section)
 
@@ -70,10 +69,9 @@ def kinds_of_addons() -> tuple[type[Application], ...]:
 
 def with_tables(spec: type[_Spec]) -> type[_Spec]:
     """A spec with a field more for each table of applications that an add-on brings."""
-    several: Any = tuple
     for kind in kinds_of_addons():
         field = Field(default=(), max_length=MOST_APPLICATIONS, description=kind.of_table)
-        spec.model_fields[kind.table] = FieldInfo.from_annotated_attribute(several[kind, ...], field)
+        add_list(spec, kind.table, kind, field)
     return spec
 
 
