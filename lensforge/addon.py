@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     import click
 
 GROUP = "lensforge.addons"
+TABLES = {"roads": "road"}  # of specs and records, by the shipped add-ons that fill them: empty without these
 
 
 @dataclass(frozen=True)
@@ -64,6 +65,16 @@ def usable_addons() -> tuple[Addon, ...]:
     return tuple(found)
 
 
+def absent_tables() -> dict[str, str]:
+    """Tables of shipped add-ons that are not there, each with what they need: a file may still have an empty one."""
+    there = {addon.name for addon in usable_addons()}
+    return {table: f'needs pip install "{_extra(name)}"' for table, name in TABLES.items() if name not in there}
+
+
+def _extra(name: str) -> str:
+    return f"lensforge[{name}]"
+
+
 def _shipped() -> tuple[Addon, ...]:
     folder = Path(__file__).with_name("addons")
     return tuple(import_module(f"{GROUP}.{module.name}").ADDON for module in iter_modules([str(folder)]))
@@ -73,7 +84,7 @@ def require_libraries(name: str, *libraries: str) -> None:
     """Raise :class:`InputError` where one of the ``libraries`` of the add-on ``name`` is not installed."""
     missing = ", ".join(library for library in libraries if find_spec(library) is None)
     if missing:
-        raise InputError(f'{name}: needs {missing}; pip install "lensforge[{name}]"')
+        raise InputError(f'{name}: needs {missing}; pip install "{_extra(name)}"')
 
 
 def _installed(point: EntryPoint) -> Addon:

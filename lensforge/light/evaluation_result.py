@@ -107,7 +107,7 @@ class Light(ResultByLed):
     criteria: Criteria = ()
 
     def judgements_on(self, lens: Any) -> Mapping[str, Iterable[Fact]]:
-        """Judge by the bounds that the spec of ``lens`` states; those of roads and colours are taken as stated."""
+        """Judge by the bounds that the spec of ``lens`` states; others are taken as stated."""
         return {"limits": self._limits_of(lens.spec)}
 
     def _limits_of(self, spec: Spec) -> Iterator[Fact]:

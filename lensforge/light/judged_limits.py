@@ -68,7 +68,7 @@ _QUANTITIES = {
 
 
 def judged(limit: LightLimit | IntensityLimit, receiver: str, value: Metric) -> Fact:
-    """The limit judged on ``receiver``, or what the class of a road of this name requires.
+    """The limit judged on ``receiver``, or what the class of an application of this name requires.
 
     ``value``: of the place that decides, that with the least light or the most.
     """

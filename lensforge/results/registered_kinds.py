@@ -10,7 +10,7 @@ from inspect import get_annotations
 from operator import or_
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, get_args, get_origin
 
-from pydantic import BaseModel, ConfigDict, Field, GetCoreSchemaHandler
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, GetCoreSchemaHandler
 from pydantic.fields import FieldInfo
 from pydantic_core import CoreSchema, core_schema
 
@@ -93,6 +93,19 @@ def add_list(model: type[BaseModel], name: str, entry: type[BaseModel], field: A
     several: Any = tuple
     model.__annotations__[name] = several[entry, ...]
     model.model_fields[name] = FieldInfo.from_annotated_attribute(several[entry, ...], field)
+
+
+def add_empty_list(model: type[BaseModel], name: str, fault: str) -> None:
+    """Give such a class a list that must be empty: for any entry it is refused with this ``fault``."""
+
+    def refuse(given: Any) -> Any:
+        if given:
+            raise ValueError(fault)
+        return ()
+
+    empty: Any = Annotated[tuple[()], BeforeValidator(refuse)]
+    model.__annotations__[name] = empty
+    model.model_fields[name] = FieldInfo.from_annotated_attribute(empty, Field(default=(), description=f"Empty: {fault}."))
 
 
 def models_in(annotation: Any) -> tuple[type[BaseModel], ...]:

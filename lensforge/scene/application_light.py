@@ -5,10 +5,10 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar, Generic, TypeVar
 
-from lensforge.addon import usable_addons
+from lensforge.addon import absent_tables, usable_addons
 from lensforge.results import Fact, Group, Record, Text
 from lensforge.results.criteria import JudgedLimits
-from lensforge.results.registered_kinds import add_list
+from lensforge.results.registered_kinds import add_empty_list, add_list
 from lensforge.scene.intensity_limit import Candela, IntensityLimit
 from lensforge.spec.application import Application
 
@@ -70,6 +70,8 @@ def with_judgements(record: type[_Record]) -> type[_Record]:
     """A record with a field more for each table of applications that an add-on brings: its entries, judged."""
     for entry, kind in _kinds().items():
         add_list(record, entry.table, kind.judgement, ())
+    for table, fault in absent_tables().items():
+        add_empty_list(record, table, fault)
     return record
 
 

@@ -10,8 +10,8 @@ from typing import Annotated, ClassVar, Self, TypeVar
 
 from pydantic import Field
 
-from lensforge.addon import usable_addons
-from lensforge.results.registered_kinds import add_list
+from lensforge.addon import absent_tables, usable_addons
+from lensforge.results.registered_kinds import add_empty_list, add_list
 from lensforge.spec.receiver_fields import ReceiverSection
 from lensforge.spec.receiver_sections import FarFieldReceiver
 from lensforge.spec.spec_section import Label, Section
@@ -72,6 +72,8 @@ def with_tables(spec: type[_Spec]) -> type[_Spec]:
     for kind in kinds_of_addons():
         field = Field(default=(), max_length=MOST_APPLICATIONS, description=kind.of_table)
         add_list(spec, kind.table, kind, field)
+    for table, fault in absent_tables().items():
+        add_empty_list(spec, table, fault)
     return spec
 
 

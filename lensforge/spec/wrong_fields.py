@@ -33,7 +33,6 @@ _MOVED = {
     **{f"fixed_{face}": f"lens.{face}.fixed" for face in DOUBLE},
     **{f"{face}_{name}": f"lens.{face}.{name}" for face in DOUBLE for name in (*_OF_FACES, *_ERRORS_OF_FACES)},
 }
-_OF_ADDONS = {"roads": "road"}  # tables of shipped add-ons, for where one of them is not installed
 _GONE = {
     "make": 'it is process now: "moulded" in place of "insert", "milled" or "turned" in place of "part"',
     **dict.fromkeys(("half_width_mm", "half_width_deg"), "it is width now, the whole of it"),
@@ -192,8 +191,6 @@ def _hint(place: _FieldPlace, root: type[BaseModel]) -> tuple[str, str]:
     before = place.name.rpartition(".")[0]
     if place.last in _MOVED:
         return f"it is {_MOVED[place.last]} now", _MOVED[place.last]
-    if place.name in _OF_ADDONS:
-        return f'it needs pip install "lensforge[{_OF_ADDONS[place.name]}]"', ""
     if place.last in _GONE:
         return _GONE[place.last], ""
     near = _nearest(place.last, place.known)

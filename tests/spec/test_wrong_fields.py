@@ -1,6 +1,7 @@
 """Wrong fields of a spec: all of them, a complete line for each, unknown names first, with the name that was meant."""
 
 import copy
+import json
 import tomllib
 from pathlib import Path
 from typing import Any
@@ -9,8 +10,10 @@ import pytest
 from in_this_process import lensforge
 
 import lensforge as lf
+from lensforge import addon
 from lensforge.errors import WrongFields
-from lensforge.spec import BaseSection, load_spec, parse_spec
+from lensforge.spec import application, load_spec, parse_spec
+from lensforge.spec.application import with_tables
 from lensforge.spec.spec_section import Section, section_of
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "rectangle.toml"
@@ -146,13 +149,15 @@ def test_objects_of_a_script_say_the_same() -> None:
         lf.DiscSource(diametre_mm=2.0)
 
 
-def test_a_table_of_an_add_on_that_is_not_installed_names_it() -> None:
-    """Elsewhere in a spec it is a name as any other."""
+def test_a_table_of_an_add_on_that_is_not_installed_is_empty_or_names_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Specs and records that were written with it have an empty one, and keep it: their hashes count it."""
+    monkeypatch.setattr(addon, "usable_addons", tuple)
 
-    class WithoutAddons(Section):
-        base: BaseSection | None = None
+    class Without(Section):
+        name: str = "a"
 
-    with pytest.raises(WrongFields, match=r'^t.toml: roads = .*: unknown; it needs pip install "lensforge\[road\]"$'):
-        section_of(WithoutAddons, {"roads": [{"width_m": 7.0}]}, "t.toml")
-    with pytest.raises(WrongFields, match=r"^t.toml: base.roads: unknown; known here: kind, "):
-        section_of(WithoutAddons, {"base": {"roads": 1}}, "t.toml")
+    monkeypatch.setattr(application, "usable_addons", tuple)
+    found = section_of(with_tables(Without), {"roads": []}, "t.toml")
+    assert json.loads(found.model_dump_json()) == json.loads(Without().model_dump_json()) == {"name": "a", "roads": []}
+    with pytest.raises(WrongFields, match=r'^t.toml: roads.*: needs pip install "lensforge\[road\]"$'):
+        section_of(Without, {"roads": [{"width_m": 7.0}]}, "t.toml")
