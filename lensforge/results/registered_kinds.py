@@ -105,7 +105,8 @@ def add_empty_list(model: type[BaseModel], name: str, fault: str) -> None:
 
     empty: Any = Annotated[tuple[()], BeforeValidator(refuse)]
     model.__annotations__[name] = empty
-    model.model_fields[name] = FieldInfo.from_annotated_attribute(empty, Field(default=(), description=f"Empty: {fault}."))
+    field = Field(default=(), description=f"Empty: {fault}.")
+    model.model_fields[name] = FieldInfo.from_annotated_attribute(empty, field)
 
 
 def models_in(annotation: Any) -> tuple[type[BaseModel], ...]:
