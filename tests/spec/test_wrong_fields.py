@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from addon_rows import addon_rows
 from in_this_process import lensforge
 
 import lensforge as lf
@@ -66,7 +67,6 @@ def lines_of(changes: dict[str, Any]) -> tuple[str, ...]:
             {"limits": [{"kind": "zone", "unit": "cd", "at_least": 1.0, "at_most_cd": 3.0}]},
             'limits.0.at_most_cd = 3.0: unknown; it is at_most now, with unit = "cd"',
         ),
-        ({"photometry": {"use": "area", "pole_height_m": 8.0}}, "photometry.pole_height_m = 8.0: unknown; it belongs"),
         ({"photometry": {"use": "road"}}, "photometry.use = 'road': must be 'general' or 'area'"),
         (
             {"manufacture.process": "mould"},
@@ -94,7 +94,7 @@ def lines_of(changes: dict[str, Any]) -> tuple[str, ...]:
         ({"evaluate.rays": False}, "evaluate.rays = False: must be a whole number"),
         ({"evaluate.rays": "4096"}, "evaluate.rays = '4096': must be a whole number, without quotes; write 4096"),
         ({"lens.outer.gap_mm": {"amount": True}}, "lens.outer.gap_mm.amount = True: must be a number"),
-        ({"roads": {"name": "x"}}, "roads: must be a list of tables: write [[roads]]"),
+        *addon_rows("WRONG_FIELDS").values(),
         ({"source": [{"kind": "square"}]}, "source = list: must be one table: write [source]"),
         ({"constraints": 3}, "constraints = 3: must be a table"),
         ({"lens.levels": ["a"]}, "lens.levels.0 = 'a': must be a whole number"),

@@ -80,6 +80,13 @@ def wet_surface(name: str) -> Case:
     return added, {0.15}
 
 
+WRONG_FIELDS = {  # changes of a spec, and the line that they make
+    "field": (
+        {"photometry": {"use": "area", "pole_height_m": 8.0}},
+        "photometry.pole_height_m = 8.0: unknown; it belongs",
+    ),
+    "table": ({"roads": {"name": "x"}}, "roads: must be a list of tables: write [[roads]]"),
+}
 CHOICES = {
     "arrangement": arrangement,
     "lighting_class": lighting_class,
