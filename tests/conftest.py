@@ -30,6 +30,7 @@ collect_garbage_seldom()
 
 _PACKAGES = [
     "surfaces", "optics", "sources", "scene", "light", "search", "cad", "shop", "proof", "made", "addons/measure",
+    "addons/road",
 ]  # fmt: skip
 _FOLDER = Path(lensforge.__file__).parent
 _UNCHECKED = {  # compiled by numba, which cannot compile what is wrapped; verbs, which refuse wrong types themselves

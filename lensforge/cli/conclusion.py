@@ -39,9 +39,9 @@ _WIDEST_CELL = 24
 _WIDEST_TABLE = 120
 _DESIGN = "design"  # group of a study
 _VERDICTS = ("criteria", "cutting")  # columns of every group
-_WHOLE = ("ways", "of_roads", "limits")  # groups of a whole run; of others some facts
+_WHOLE = ("ways", "applications", "limits")  # groups of a whole run; of others some facts
 # Groups that are rows of a table, a line each even where there is one alone.
-_LINES = ("ways", "place", "road_yield", "bound", "spread", "causes", "budget", "error", "failed", "preset")
+_LINES = ("ways", "place", "application", "bound", "spread", "causes", "budget", "error", "failed", "preset")
 # Facts of a whole run, by its blocks; a stage shows all that it has.
 _ON_RECEIVER = ("nmse", "share_in_target", "efficiency", "uniformity", "level", "cct", "rms_delta_uv")
 _LIGHT = (*_ON_RECEIVER, "leak", "rays", "fitted_nmse", "file_nmse", "file_efficiency")
@@ -214,7 +214,8 @@ def summary(run: Run) -> list[Block]:
     lens = _selected(run, _LENS, Design)
     design = run.find(Design)
     search = "" if design is None else f": {_search(run, design)}"
-    kept = [key for key in _FAR_FIELD if not (run.spec.roads and key.startswith("beam_"))]  # which no road asks for
+    # No application asks for the angles of a beam.
+    kept = [key for key in _FAR_FIELD if not (run.spec.applications and key.startswith("beam_"))]
     far_field = _selected(run, tuple(kept), Photometry)
     files = _selected(run, _FILES, Part, Proof)
     why = [] if run.spec.has_limits else _because(verdict, "light")[:1]  # limits are lines of their own already
@@ -282,7 +283,7 @@ def _titled(groups: Sequence[Group]) -> list[Block]:
     kinds = dict.fromkeys(group.key for group in groups)
     by_kind = [[group for group in groups if group.key == key] for key in kinds]
     titles = {"bound": "Limits", "spread": "Over all parts", "causes": "Share of the variance", "budget": "Tolerances"}
-    titles["road_yield"] = "Roads"
+    titles["application"] = "Applications"
     titles["error"] = "Change at the end of each tolerance"
     return [Block(titles.get(same[0].key, same[0].title), list(rows_of(same))) for same in by_kind]
 

@@ -9,13 +9,13 @@ from dataclasses import replace
 from itertools import groupby
 from typing import NamedTuple
 
+from lensforge.light.area_lamp import AreaLamp
 from lensforge.light.beam_colour import BeamColour
 from lensforge.light.evaluation_result import Light, LightMetrics
 from lensforge.light.light_ways import leak_facts, way_facts
 from lensforge.light.metrics import scaled
 from lensforge.light.photometry_result import Photometry
 from lensforge.light.receiver_light import METRICS, ReceiverLight, judged_figures
-from lensforge.light.road_lighting import RoadFigures, road_facts, with_remedies, worst_on_roads
 from lensforge.light.seen_lens import seen_groups
 from lensforge.optics.fundamental_limits import BY_SYMMETRY, LEVELS, transmittance_of
 from lensforge.public import public
@@ -26,12 +26,13 @@ from lensforge.results.criteria import missed
 from lensforge.results.figure import facts_in
 from lensforge.results.numerals import number, percent, quantity, square
 from lensforge.results.verdict import Reason
+from lensforge.scene.application_light import light_in
 from lensforge.scene.lens import Lens
 from lensforge.sources.intensity import BEAM_SHARE
 from lensforge.spec import Spec
+from lensforge.spec.application import Application, names_of
 from lensforge.spec.far_field_targets import BeamTarget
 from lensforge.spec.light_limits import BeamAngleLimit
-from lensforge.spec.road_section import names_of
 
 
 @public
@@ -73,9 +74,8 @@ def _with_led(led: Case[Light], lens: Lens, possible: LimitBounds) -> Iterator[G
         yield way_facts(light.ways)
     yield from seen_groups(light.seen, light.lumens_per_watt)
     if light.limits:
-        yield Group("limits", "Limits", tuple(limit_facts(led, names_of(lens.spec.roads), possible)))
-    if lens.spec.roads and light.limits:
-        yield worst_on_roads(light.limits, lens.spec.roads, "")
+        yield Group("limits", "Limits", tuple(limit_facts(led, lens.spec.applications, possible)))
+        yield from _worst(light.limits, lens.spec.applications)
 
 
 def place_groups(light: Light) -> list[Group]:
@@ -92,7 +92,7 @@ def light_reasons(light: Light, lens: Lens) -> Iterator[Reason]:
             for case in led.among("receivers"):
                 yield from _reasons(replace(fact, label=case.title(fact.label)) for fact in _figures(case, lens))
         elif led.result.limits:
-            yield from _reasons(limit_facts(led, names_of(lens.spec.roads)))
+            yield from _reasons(limit_facts(led, lens.spec.applications))
         else:
             yield "undecided", "the limits of the spec have not been judged in this light"
 
@@ -104,21 +104,30 @@ def _reasons(facts: Iterable[Fact]) -> Iterator[Reason]:
             yield fact.state, fact.reason
 
 
-def limit_facts(led: Case[Light], roads: Sequence[str], possible: LimitBounds | None = None) -> Iterator[Fact]:
-    """A fact for each limit of the spec; ``roads``: names of its roads."""
+def limit_facts(
+    led: Case[Light], applications: Sequence[Application], possible: LimitBounds | None = None
+) -> Iterator[Fact]:
+    """A fact for each limit of the spec; ``applications``: those of the spec."""
+    entries = dict(zip(names_of(applications), applications, strict=True))
 
-    def road_of(limit: Fact) -> str:
-        return next((road for road in roads if limit.label.startswith(f"{road}: ")), "")
+    def named(limit: Fact) -> str:
+        return next((name for name in entries if limit.label.startswith(f"{name}: ")), "")
 
-    for road, limits in groupby(led.result.limits, key=road_of):
-        for limit in with_remedies([*limits]) if road else limits:
+    for name, limits in groupby(led.result.limits, key=named):
+        for limit in light_in(entries[name]).with_remedies([*limits]) if name else limits:
             on = f", on {limit.place}" if len(led.result.receivers) > 1 and limit.place else ""
-            on += ", by the intensities of the file" if road else ""
+            on += ", by the intensities of the file" if name else ""
             quantity = _LIGHT.get(limit.unit, "light") if limit.note == "light" else limit.note
             fact = replace(limit, key="limit", label=led.title(limit.label), note=f"{quantity}{on}")
             most = (possible or {}).get((limit.label, limit.bound))
             fact = fact if most is None else replace(fact, possible=most.value, possible_note=most.law)
             yield fact.in_percent if limit.note.endswith("share of the flux") else fact
+
+
+def _worst(limits: Sequence[Fact], applications: Sequence[Application]) -> list[Group]:
+    """A group for each table of applications: what is required there, where it is worst."""
+    tables = [[*entries] for _, entries in groupby(applications, key=type)]
+    return [light_in(table[0]).worst(table, limits) for table in tables]
 
 
 def metric_facts(metrics: LightMetrics, note: str = "", *, changes: bool = False) -> tuple[Fact, ...]:
@@ -188,7 +197,7 @@ def _figures(case: Case[Light], lens: Lens) -> Iterator[Fact]:
         )
     if receiver.rsd is not None:
         yield Fact.measured("rsd", METRICS["rsd"], receiver.rsd, f"standard deviation/mean {mask}")
-    if not lens.spec.roads:  # which judge the light of all lenses of their lamps
+    if not lens.spec.applications:  # which judge the light of all lenses of their lamps
         yield from _in_region(receiver, unit_on(case.result, receiver), _of_lenses(lens.spec))
     if receiver.tristimulus_map is not None:
         yield from _colour(receiver.colour)
@@ -321,8 +330,8 @@ def _photometry_of_led(case: Case[Photometry], spec: Spec) -> list[Group]:
     one = _of_lenses(spec) or spec.all_lamps.whole.replace("of all lamps", "one lamp")
     beside = f", {one}" if one else ""
     far = Group("far_field", f"Far field{beside}", tuple(_far_field(photometry, spec, one)))
-    roads = zip(photometry.roads, spec.roads, strict=True)
-    groups = [far, *(road_facts(*each, with_limits=False) for each in roads)]
+    judged = zip(spec.applications, photometry.judgements_of(spec.applications), strict=True)
+    groups = [far, *(light_in(entry).facts(found) for entry, found in judged)]
     if photometry.road is None:
         return groups
     whole = f", all {lenses} lenses" if lenses > 1 else beside
@@ -380,7 +389,7 @@ def _far_field(photometry: Photometry, spec: Spec, whose: str) -> Iterator[Fact]
     yield Fact("photometry_rays", "Rays", photometry.rays, note=noise)
 
 
-def _lamp(case: Case[Photometry], road: RoadFigures, lenses: int) -> Iterator[Fact]:
+def _lamp(case: Case[Photometry], road: AreaLamp, lenses: int) -> Iterator[Fact]:
     shape, glare, several = road.distribution, road.glare, f"all {lenses} lenses" if lenses > 1 else ""
     yield Fact("lenses", "Lenses", lenses)
     yield Fact.measured("lamp_lm", "Luminous flux, lamp", road.lumens)

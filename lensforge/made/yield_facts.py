@@ -40,7 +40,7 @@ def yield_facts(study: Yield) -> list[Group]:
     """A group of the parts that pass, then rows of bounds, spreads, causes and budget."""
     return [
         Group("yield", "Yield", tuple(_passing(study))),
-        *road_rows(study),
+        *application_rows(study),
         *bound_rows(study),
         *spread_rows(study),
         *cause_rows(study),
@@ -69,24 +69,24 @@ def sensitivity_facts(study: Sensitivity) -> list[Group]:
     return [*designed, *changes]
 
 
-def road_rows(study: Yield) -> list[Group]:
-    """A row for each road: the parts that hold its class, the figure nearest to its bound, and the main cause."""
+def application_rows(study: Yield) -> list[Group]:
+    """A row for each application: parts that hold its class, the figure nearest to its bound, and the main cause."""
     rows = []
-    for road in study.roads:
-        rate, main = road.pass_rate, "undecided: within the ray noise"
-        if road.variance is not None:
-            certain = road.variance.certain[:1]
+    for entry in study.applications:
+        rate, main = entry.pass_rate, "undecided: within the ray noise"
+        if entry.variance is not None:
+            certain = entry.variance.certain[:1]
             named = [f"{cause.words}, {Fact.share('', '', _share(cause)).text}" for cause in certain]
             main = named[0] if named else UNCERTAIN
-        nearest = f"{road.nearest.removeprefix(f'{road.name}: ')}, of {percent(road.nearest_share)} of the parts"
+        nearest = f"{entry.nearest.removeprefix(f'{entry.name}: ')}, of {percent(entry.nearest_share)} of the parts"
         facts = (
-            Fact("road_class", "Class", road.lighting_class),
+            Fact("lighting_class", "Class", entry.lighting_class),
             Fact.share("holds", "Yield", rate.value),
             Fact("confidence", "95\u2009% confidence", f"{percent(rate.low)} to {percent(rate.high)}"),
             Fact("nearest", "Most critical figure", nearest),
             Fact("main", "Main cause", main),
         )
-        rows.append(Group("road_yield", metric_words(road.name), facts))
+        rows.append(Group("application", metric_words(entry.name), facts))
     return rows
 
 

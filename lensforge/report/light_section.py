@@ -15,7 +15,8 @@ from lensforge.light.photometry_result import Photometry
 from lensforge.light.receiver_light import METRICS, ReceiverLight
 from lensforge.light.seen_lens import radiance_unit
 from lensforge.report import colour_figures, light_figures, study_figures
-from lensforge.report.page import PagePicture, picture
+from lensforge.report.added_section import pictures_of_applications
+from lensforge.report.page import PagePicture, numbered, picture
 from lensforge.report.results import Results
 from lensforge.results import Fact, Group, Image, StageResult
 from lensforge.results.case import Case
@@ -29,12 +30,6 @@ from lensforge.search.scene_check import light_requirements
 from lensforge.sources.build_source import build_source
 from lensforge.spec import Spec
 
-_FROM_ABOVE = "One field between two lamps; the arrow is the driver’s lane, the driver 60 m before the field."
-_FROM_ABOVE_BY_RP8 = "One field between two lamps for each direction of travel, each point seen from 83 m away."
-_BY_NIGHT = (
-    "View from 60 m before the field, which lies between the two lines across the road. Poles and lamps are to scale. "
-    "The r-table holds for 60 m and beyond; it is used for the nearer road, too."
-)
 OWN = "nominal"
 _SEEN = "Seen from behind the receiver, towards the lens."
 _FIRST = 4.6  # inches: half of the page
@@ -120,11 +115,6 @@ def unit_of_light(results: Results, *, far_field: bool | None = None, led: str =
         with_led = next((case.result for case in light.cases() if case.led == led), light)
         return light_unit(with_led.lumens_per_watt, far_field=far_field)
     return light_unit(None if design is None else design.source.lumens_per_watt, far_field=far_field)
-
-
-def numbered(name: str, index: int) -> str:
-    """Name of a picture of receiver number ``index``, unique on the page; of the first it is ``name`` itself."""
-    return f"{name}-{index + 1}" if index else name
 
 
 def top_of(images: Iterable[np.ndarray]) -> float:
@@ -317,20 +307,11 @@ def _photometry_of_led(photometry: Photometry, results: Results, led: int) -> li
         picture(numbered("isocandela", led), isocandela, "Isocandela", "C around, gamma outwards, as in the files."),
     ]
     if photometry.road is not None:
-        height_m = results.spec.roads[0].pole_height_m if results.spec.roads else None
+        height_m = next((entry.height_m for entry in results.spec.applications), None)
         ground = study_figures.ground_diagram(photometry, section.street_side_deg, section.lenses, height_m)
         caption = "One lamp at the centre; above the line is the street."
         drawn.append(picture(numbered("ground", led), ground, "On the ground", caption))
-    for index, judged in enumerate(photometry.roads):
-        view = study_figures.road_from_above(photometry, index, results.spec)
-        road = results.spec.roads[index]
-        caption_of_road = _FROM_ABOVE_BY_RP8 if road.by_rp8 else _FROM_ABOVE
-        name = judged.name.capitalize()
-        drawn.append(picture(numbered(f"road-{index}", led), view, name, caption_of_road))
-        if road.by_luminance:
-            night = study_figures.road_by_night(photometry, index, results.spec)
-            drawn.append(picture(numbered(f"night-{index}", led), night, f"{name} by night", _BY_NIGHT))
-    return drawn
+    return [*drawn, *pictures_of_applications(photometry, results.spec, led)]
 
 
 def other_lights(results: Results) -> list[Group]:

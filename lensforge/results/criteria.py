@@ -54,6 +54,18 @@ _STORED = StoredAs(_NAMES | {"name": "key", "remedy": "remedy", "passed": "holds
 Criteria = tuple[Annotated[Fact, _STORED], ...]
 
 
+def _judged(limit: Fact) -> Fact:
+    """The limit with its state: undecided within two standard errors of its bound, and without a standard error."""
+    if limit.limit is None or limit.value is None:
+        raise ValueError("value and bound: must be numbers")
+    return replace(limit, label=limit.key).judged(limit.standard_error)
+
+
+_OF_LIMITS = {"name": "key", "receiver": "place", "quantity": "note", "value": "metric", "sense": "sense"}
+_STORED_LIMIT = StoredAs(_OF_LIMITS | {"bound": "limit", "unit": "unit", "state": "outcome"}, _judged)
+JudgedLimits = tuple[Annotated[Fact, _STORED_LIMIT], ...]
+
+
 def at_most(
     name: str, value: float, limit: float, unit: str, remedy: str, tolerance: float = 0.0, error: float | None = None
 ) -> Fact:

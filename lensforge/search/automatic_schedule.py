@@ -269,7 +269,7 @@ def preset_for(spec: Spec, accuracy: AnyAccuracy, *, preview: bool = False) -> P
     preset = preset_of(accuracy)
     read = (limit for limit in spec.limits if not isinstance(limit, LossLimit | LuminanceLimit))
     if isinstance(accuracy, str) and (
-        spec.roads or {kind for limit in read for kind in limit.quantities()} - {"share"}
+        spec.applications or {kind for limit in read for kind in limit.quantities()} - {"share"}
     ):
         preset = for_places(preset, spec.optimise.pixels)
     return for_preview(preset) if preview else preset

@@ -16,6 +16,7 @@ from lensforge.public import public
 from lensforge.results.arguments import with_known_names
 from lensforge.results.files import write_file
 from lensforge.results.validation import its_type
+from lensforge.spec.application import Application, kinds_of_addons, require_all_below, with_tables
 from lensforge.spec.bodies_section import BodySection, media_with, require_bodies
 from lensforge.spec.derived_values import derived_sizes
 from lensforge.spec.double_lens import LensSection
@@ -42,7 +43,6 @@ from lensforge.spec.plate_section import PlateSection, require_plate
 from lensforge.spec.processes import PROCESSES, Cutting, FaceLimits, Process
 from lensforge.spec.receiver_fields import ReceiverSection, named, require_target_fits
 from lensforge.spec.receiver_sections import implied_receiver
-from lensforge.spec.road_section import MOST_ROADS, RoadSection, require_all_below
 from lensforge.spec.search_section import ConstraintsSection, EvaluateSection, OptimiseSection
 from lensforge.spec.source_sections import NamedSource
 from lensforge.spec.spec_files import NamedFrom, alike, changed, plain, read_toml, short
@@ -81,6 +81,7 @@ def _unless(_other: str, description: str) -> Any:
 
 
 @public
+@with_tables
 class Spec(Section):
     """One design: source, starting lens, constraints and target, and the settings of every stage."""
 
@@ -114,10 +115,6 @@ class Spec(Section):
     )
     limits: Annotated[tuple[LightLimitSpec, ...], Field(max_length=_MOST_LIMITS)] = Field(
         default=(), description="Light that must be at least, or at most, so much."
-    )
-    roads: Annotated[tuple[RoadSection, ...], Field(max_length=MOST_ROADS)] = Field(
-        default=(),
-        description="Roads that rows of lamps with the lens light, each with its class: limits on the light, too.",
     )
     colour: ColourSection | None = Field(default=None, description="Colour of the beam; by default it is not computed.")
     optimise: OptimiseSection = Field(default_factory=OptimiseSection, description="Settings of the search.")
@@ -267,7 +264,7 @@ class Spec(Section):
         require_seen_from_afar(self.photometry, self.all_receivers, self.constraints)
         require_bodies(self.bodies, self.lens, self.constraints, self.all_lamps)
         require_limits_fit(self.limits, self.all_receivers, self.lens.leaks)
-        require_all_below(self.roads, self.all_receivers)
+        require_all_below(self.applications, self.all_receivers)
 
     @property
     def media(self) -> Media:
@@ -386,9 +383,14 @@ class Spec(Section):
         return self.manufacture.making.asks(self.manufacture, self.lens.is_revolved(face)).and_stated(stated)
 
     @property
+    def applications(self) -> tuple[Application, ...]:
+        """The entries of all tables of applications."""
+        return tuple(entry for kind in kinds_of_addons() for entry in getattr(self, kind.table))
+
+    @property
     def has_limits(self) -> bool:
-        """True where the light must keep limits: those of ``limits``, of classes of ``roads``, and on its colour."""
-        return bool(self.limits or self.roads or (self.colour is not None and self.colour.has_limits))
+        """True where the light must keep limits: those of ``limits``, of classes of applications, and on its colour."""
+        return bool(self.limits or self.applications or (self.colour is not None and self.colour.has_limits))
 
     @property
     def has_uniform_region(self) -> bool:
@@ -401,7 +403,7 @@ class Spec(Section):
         if self.optimise.robust and self.lens.is_opaque:
             clear = " or ".join(repr(kind) for kind, section in LensShape.kinds.items() if lets_light_in(section.roles))
             raise ValueError(f"optimise.robust goes with lens.kind = {clear}, not {self.lens.kind!r}; leave it out")
-        self.optimise.require_limits(bool(self.limits or self.roads))
+        self.optimise.require_limits(bool(self.limits or self.applications))
         if self.lens.levels != "auto":
             if self.optimise.seconds is not None:
                 raise ValueError('optimise.seconds goes with lens.levels = "auto"; leave out one of the two')

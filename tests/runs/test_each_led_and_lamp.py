@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from addon_rows import has_addon, needs_addon
 from presets import FEW
 from scenes import random_surface, small_spec
 from scipy.spatial.transform import Rotation
@@ -39,6 +40,7 @@ RECEIVERS = [
      "targets": [{"kind": "disc", "diameter_mm": 120.0}]},
     {"kind": "far_field", "name": "sky", "half_angle_deg": 90.0, "targets": [{"kind": "disc", "diameter_deg": 70.0}]},
 ]  # fmt: skip
+NO_ROADS = {"roads": []} if has_addon("road") else {}
 MOST_RAYS, LEVEL = 2**15, np.eye(3)
 
 
@@ -51,7 +53,7 @@ def lens_with(**changes: object) -> lf.Lens:
 
 @pytest.fixture(scope="module")
 def lens() -> lf.Lens:
-    return lens_with(roads=[ROAD])
+    return lens_with(roads=[ROAD]) if has_addon("road") else lens_with()
 
 
 @pytest.fixture(scope="module")
@@ -173,6 +175,7 @@ def test_opening_holds_all_lamps_and_only_one_lens_is_round(lens: lf.Lens, whole
     assert photometric_of(alone.ies, "lens.ies").opening.shape == "vertical cylinder"
 
 
+@needs_addon("road")
 def test_road_is_lit_by_poles_that_carry_all_lamps(light: lf.Light, whole: lf.Photometry) -> None:
     """By its pixels of the far field, and by the tables of the files: the same road with the same lumens."""
     for led, of_led in light.by_led.items():
@@ -222,6 +225,6 @@ def test_an_led_moved_by_a_known_pose_is_told_and_stands_there(light: lf.Light) 
 
 def test_light_on_the_wall_is_the_mean_of_both_lamps(lens: lf.Lens, light: lf.Light) -> None:
     for led, own in lens.by_led.items():
-        seen = [replace(own, spec=seen_by_lamp(own.spec, number).replace(roads=[])) for number in (0, 1)]
+        seen = [replace(own, spec=seen_by_lamp(own.spec, number).replace(NO_ROADS)) for number in (0, 1)]
         shares = [lf.evaluate(each, rays=MOST_RAYS).efficiency.value for each in seen]
         assert light.by_led[led].efficiency.value == pytest.approx(np.mean(shares), abs=0.01)
