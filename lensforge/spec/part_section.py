@@ -8,6 +8,7 @@ from pydantic import Field
 
 from lensforge.errors import InputError
 from lensforge.public import public
+from lensforge.spec.derived_values import three_digits
 from lensforge.spec.processes import PROCESSES, MakingProcess, Process
 from lensforge.spec.search_section import ConstraintsSection
 from lensforge.spec.spec_files import NamedFrom, read_toml
@@ -205,7 +206,7 @@ class BaseSection(Section):
 
 def usual_ball_mm(limits: ConstraintsSection) -> float:
     """Radius of the ball cutter for a lens within ``limits``, where none is stated."""
-    return min(_BALL_MM, round(_SMALL_BALL * limits.max_radius_mm, 2))
+    return min(_BALL_MM, three_digits(_SMALL_BALL * limits.max_radius_mm))
 
 
 def usual_base(base: BaseSection, shop: "ManufactureSection", limits: ConstraintsSection, hidden: bool) -> Fields:

@@ -126,10 +126,14 @@ def test_a_face_that_follows_another_is_asked_for_nothing() -> None:
     assert follows and all(spec.face_limits(name).concave_radius_mm is None for name in follows)
 
 
-@pytest.mark.parametrize(("radius_mm", "ball_mm"), [(14.0, 0.5), (2.5, 0.5), (2.45, 0.49)])
+@pytest.mark.parametrize(("radius_mm", "ball_mm"), [(14.0, 0.5), (2.5, 0.5), (2.45, 0.49), (1.234e-3, 2.47e-4)])
 def test_a_small_lens_has_a_smaller_ball(radius_mm: float, ball_mm: float) -> None:
     spec = small_spec(
-        constraints={"max_radius_mm": radius_mm, "cavity_radius_mm": 0.8, "cavity_height_mm": 0.2},
+        constraints={
+            "max_radius_mm": radius_mm,
+            "cavity_radius_mm": 0.3 * radius_mm,
+            "cavity_height_mm": 0.1 * radius_mm,
+        },
         lens={"inner": {}, "outer": {}, "levels": [9, 25]},
         target={"kind": "beam", "fwhm_deg": 60.0},
     )
