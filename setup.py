@@ -35,7 +35,7 @@ setup(
             "report/templates/*",
             "shop/templates/*",
             "addons/*/page/*",
-            "scene/road_surfaces/*.csv",
+            "addons/*/road_surfaces/*.csv",
             "py.typed",
         ]
     },

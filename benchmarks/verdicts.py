@@ -5,6 +5,9 @@ python benchmarks/verdicts.py                     the shipped specs, those of pu
 python benchmarks/verdicts.py pi published/street these
 python benchmarks/verdicts.py --show              run nothing; print the table of the kept outcomes
 python benchmarks/verdicts.py --useless           the lenses that no customer would accept: calibrates the bounds
+python benchmarks/verdicts.py --processes batwing spot reflector
+                                                  each of these made by each process, searched for it: can it be made,
+                                                  and its light
 
 Exit code 1 where a command does not end with 0. A spec whose ray file comes from a vendor and is not
 there is named and left out.
@@ -25,6 +28,7 @@ import numpy as np
 
 from lensforge.report.results import Results
 from lensforge.spec import Accuracy
+from lensforge.spec.processes import PROCESSES
 
 sys.path.append(str(Path(__file__).parent))
 from result_tables import table
@@ -134,14 +138,31 @@ def row(name: str, spec: lf.Spec, expected: str, accuracy: Accuracy) -> tuple[st
     return name, *(f"{figure:.3f}" for figure in figures), shown
 
 
+def by_process(name: str) -> Iterator[tuple[str, ...]]:
+    """A row of a shipped spec for each process: its light, its verdict on manufacture, and the first reason."""
+    spec = lf.load_spec(shipped()[name])
+    for process in PROCESSES:
+        made = lf.design(spec.replace({"manufacture": {"process": process}}), accuracy="draft", force=True)
+        light = lf.evaluate(made.lens)
+        check = lf.check(lf.build(made.lens))
+        verdict = Results(made.lens, {"design": made, "evaluate": light, "check": check}).verdict
+        reason = next(iter(verdict.reasons.cutting), "")
+        yield name, process, f"{light.efficiency.value:.4f}", f"{light.nmse.value:.4f}", verdict.cutting, reason
+
+
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("names", nargs="*", help="shipped specs; default: all")
     parser.add_argument("--show", action="store_true", help="run nothing")
     parser.add_argument("--useless", action="store_true", help="the lenses that no customer would accept")
+    parser.add_argument("--processes", action="store_true", help="each of the named specs by each process")
     options = parser.parse_args()
     if options.useless:
         print(table([row(name, spec, "fail", "draft") for name, spec in useless()], COLUMNS))
+        return 0
+    if options.processes:
+        rows = [row for name in options.names for row in by_process(name)]
+        print(table(rows, ("spec", "process", "efficiency", "NMSE", "manufacture", "reason")))
         return 0
     if unknown := [name for name in options.names if name not in shipped()]:
         parser.error(f"no shipped spec {unknown[0]!r}; one of {', '.join(shipped())}")

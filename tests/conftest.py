@@ -18,7 +18,7 @@ import array_checks
 import pytest
 from addon_rows import addon_rows
 from made_once import fcntl, made_once
-from nightly import skip_by_day
+from nightly import leave_out_by_day
 
 import lensforge
 from lensforge.results.worker import collect_garbage_seldom
@@ -30,6 +30,7 @@ collect_garbage_seldom()
 
 _PACKAGES = [
     "surfaces", "optics", "sources", "scene", "light", "search", "cad", "shop", "proof", "made", "addons/measure",
+    "addons/road",
 ]  # fmt: skip
 _FOLDER = Path(lensforge.__file__).parent
 _UNCHECKED = {  # compiled by numba, which cannot compile what is wrapped; verbs, which refuse wrong types themselves
@@ -45,11 +46,11 @@ _MODULES = sorted(
 array_checks.install([".".join(path.relative_to(_FOLDER.parent).with_suffix("").parts) for path in _MODULES])
 
 
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    skip_by_day(items)
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    leave_out_by_day(config, items)
     # Processes take files in this order: at the end there should be none that the others wait for. Those beside this
-    # one are long, and the last folders by name have short ones.
-    items.sort(key=lambda item: len(item.path.parts))
+    # one and of add-ons are long, and the last folders by name have short ones.
+    items.sort(key=lambda item: item.path.parent.parent == Path(__file__).parent)
 
 
 def pytest_collection_finish() -> None:

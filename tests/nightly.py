@@ -1,4 +1,4 @@
-"""Tests that take longer than the suite has: skipped by day, run where LENSFORGE_FUZZ is above 1.
+"""Tests that take longer than the suite has: left out by day, run where LENSFORGE_FUZZ is above 1.
 
 ``@pytest.mark.nightly("two minutes")`` marks a test, or a case of one as ``pytest.param(..., marks=...)``.
 """
@@ -25,10 +25,10 @@ def first_by_day(count: int, cases: Iterable[Any], reason: str = "more cases of 
     return [pytest.param(*case, marks=marked if index >= count else ()) for index, case in enumerate(every)]
 
 
-def skip_by_day(items: Iterable[pytest.Item]) -> None:
-    """Skip the marked tests, unless they are asked for."""
+def leave_out_by_day(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Deselect the marked tests, unless they are asked for: a skip says that this machine lacks something."""
     if NIGHTLY:
         return
-    for item in items:
-        for mark in item.iter_markers("nightly"):
-            item.add_marker(pytest.mark.skip(reason=f"nightly: {mark.args[0]}"))
+    marked = [item for item in items if item.get_closest_marker("nightly")]
+    config.hook.pytest_deselected(items=marked)
+    items[:] = [item for item in items if not item.get_closest_marker("nightly")]

@@ -50,10 +50,60 @@ def _facts(glow: Afterglow) -> list[Group]:
 '''
 
 
-def installed(folder: Path, module: str) -> dict[str, str]:
+SHELF = '''
+from lensforge.addon import Addon
+from lensforge.spec.application import Application
+
+class ShelfSection(Application):
+    """A shelf under a lamp, which needs light on the axis."""
+
+    table = "shelves"
+    of_table = "Shelves."
+    noun = "shelf"
+
+def _light():
+    from acme_record import ShelfLight
+    return {ShelfSection: ShelfLight}
+
+ADDON = Addon("acme", applications=lambda: (ShelfSection,), light=_light)
+'''
+
+
+SHELF_LIGHT = """
+import numpy as np
+from lensforge.results import Fact, Group
+from lensforge.scene.application_light import ApplicationLight, Judgement
+from lensforge.scene.intensity_limit import CandelaSum, IntensityLimit
+
+class ShelfLight(ApplicationLight):
+    judgement = Judgement
+
+    def limits(self):
+        from scipy import sparse
+        axis = CandelaSum(np.zeros(1), np.zeros(1), sparse.csr_array([[1.0]]))
+        yield IntensityLimit("axis", "light", ">=", float(self.entry.lighting_class), "cd", axis)
+
+    def judged(self, candela, name):
+        from lensforge.light.by_intensities import IntensityFigures
+        limits = tuple(IntensityFigures(candela).judged(self.limits(), name))
+        return Judgement(name=name, lighting_class=self.entry.lighting_class, reached="none", limits=limits)
+
+    def with_remedies(self, limits):
+        return iter(limits)
+
+    def facts(self, judgement):
+        return Group("shelf", judgement.name, ())
+
+    @classmethod
+    def worst(cls, entries, limits, end):
+        return Group("shelves", f"Shelves{end}", ())
+"""
+
+
+def installed(folder: Path, module: str, beside: str = RECORD) -> dict[str, str]:
     """Environment of a process in which a package with an entry point is installed, as pip leaves one."""
     (folder / "acme_lenses.py").write_text(module, encoding="utf-8")
-    (folder / "acme_record.py").write_text(RECORD, encoding="utf-8")
+    (folder / "acme_record.py").write_text(beside, encoding="utf-8")
     about = folder / "acme_lenses-1.0.dist-info"
     about.mkdir()
     (about / "METADATA").write_text("Metadata-Version: 2.1\nName: acme-lenses\nVersion: 1.0\n", encoding="utf-8")
@@ -92,6 +142,27 @@ def test_the_record_of_an_add_on_is_one_of_a_result_folder(tmp_path: Path) -> No
     environment = installed(tmp_path, OF_ANYBODY)
     for code, printed in ((write, ""), (f"{read}; {show}", "2.5 afterglow Afterglow 2.5 s\n")):
         assert ended(environment, "-c", f"import sys; {code}", lens.sha256, str(tmp_path)) == (0, printed, "")
+
+
+@pytest.mark.parametrize("first", ["", "import acme_lenses; "])
+def test_an_application_of_an_add_on_is_judged_by_the_intensity_that_files_hold(tmp_path: Path, first: str) -> None:
+    """A table of the spec, a field of the photometry, and a limit of the light, whichever module is loaded first."""
+    far = {"kind": "beam", "fwhm_deg": 60.0, "half_angle_deg": 90.0}
+    lens = lf.Lens.double(sphere(3.0), sphere(6.0), small_spec(target=far), 0, "draft")
+    lens.save(tmp_path / "lens.json")
+    judge = (
+        f"{first}import lensforge as lf, dataclasses; lens = lf.load_lens({str(tmp_path / 'lens.json')!r}); "
+        "spec = lens.spec.replace(shelves=[{'lighting_class': '5', 'lamp_lm': 250.0}]); "
+        "own = dataclasses.replace(lens, spec=spec); lit = lf.photometry(own, rays=2**14); "
+        "(shelf,) = lit.shelves; (limit,) = shelf.limits; (same,) = lf.evaluate(own, rays=2**14).limits; "
+        "print(limit.value / lit.axis_cd.value * lit.source_lm / 250.0, same.label, same.value / limit.value)"
+    )
+    code, printed, said = ended(installed(tmp_path, SHELF, SHELF_LIGHT), "-c", judge)
+    assert (code, said) == (0, "")
+    on_axis, label, by_light = printed.split(" ", 1)[0], printed.split(" ")[1:3], printed.split(" ")[-1]
+    assert (
+        float(on_axis) == pytest.approx(1.0) and label == ["shelf:", "axis"] and float(by_light) == pytest.approx(1.0)
+    )
 
 
 @pytest.mark.parametrize(("module", "words"), [

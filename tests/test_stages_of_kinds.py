@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, get_args
 
 import pytest
-from addon_rows import addon_rows
+from addon_rows import addon_rows, has_addon
 from presets import FEW_STEPS
 from scenes import small_spec
 from undrawn import undrawn
@@ -68,7 +68,7 @@ SCENES: dict[str, dict[str, Any]] = {
         "plate": {"thickness_mm": 2.0},
         "base": {"kind": "none"},
     },
-    "roads": on(**FAR) | {"roads": [ROAD]},
+    **({"roads": on(**FAR) | {"roads": [ROAD]}} if has_addon("road") else {}),
     "several LEDs": {
         "source": None,
         "sources": [
@@ -127,7 +127,8 @@ def cells() -> dict[str, dict[str, str]]:
     """Rows of the table in the docs, by their names, each with its cells by the names of the columns."""
     assert TABLE is not None
     head, _, *rows = ([cell.strip(" `") for cell in line.strip("|").split("|")] for line in TABLE[1].splitlines())
-    return {name: dict(zip(head[1:], row, strict=True)) for name, *row in rows}
+    absent = () if has_addon("road") else ("roads",)
+    return {name: dict(zip(head[1:], row, strict=True)) for name, *row in rows if name not in absent}
 
 
 CELLS = [(row, stage, cell) for row, own in cells().items() for stage, cell in own.items()]

@@ -23,6 +23,7 @@ SPOT = {
     "target": {"kind": "disc", "diameter_deg": 20.0, "half_angle_deg": 30.0},
     "optimise": {"aim": "share", "steps_per_level": [25], "rays": 4096},
     "limits": [{"kind": "zone", "zone": {"kind": "disc", "diameter_deg": 20.0}, "at_least_share": 0.8}],
+    "manufacture": {"required": False},  # as in scenes.py
 }
 
 

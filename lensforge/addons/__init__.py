@@ -1,6 +1,7 @@
 """What does one trade need beside the core? A package each, which nothing of the core imports; ``addon.py`` finds them.
 
 - ``measure``: photographs and measured points of a machined part, and its second cut
+- ``road``: roads of a spec and their classes, and any lamp judged on one
 - ``studio``: a page on which a spec is written and its light is seen
 """
 
@@ -12,5 +13,6 @@ if TYPE_CHECKING:  # for those who check the types of scripts
     from lensforge.addons.measure.measurement_result import Correction as Correction
     from lensforge.addons.measure.measurement_result import PhotoComparison as PhotoComparison
     from lensforge.addons.measure.measurement_result import SurfaceComparison as SurfaceComparison
+    from lensforge.addons.road.road_section import RoadSection as RoadSection
     from lensforge.addons.studio.studio import Studio as Studio
     from lensforge.addons.studio.studio import studio as studio

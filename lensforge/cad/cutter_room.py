@@ -18,7 +18,7 @@ from lensforge.cad.patch import Patch
 from lensforge.cad.plan import MIN_BASE_WALL_MM, Plan, lay_out, rim_radius
 from lensforge.scene.lens import Lens
 from lensforge.spec import BaseSection, Spec
-from lensforge.spec.part_section import Process
+from lensforge.spec.processes import Process
 from lensforge.surfaces.surface import Surface
 
 # Contacts: between them a clearance is larger by less than 2 um on a lens of 14 mm.

@@ -25,7 +25,6 @@ from lensforge.cli.design import design, preview
 from lensforge.cli.interrupts import Interrupts
 from lensforge.cli.output import printable, warning_line
 from lensforge.cli.rays import rays
-from lensforge.cli.road import road
 from lensforge.cli.specs import examples, new, schema
 from lensforge.cli.stages import STAGE_COMMANDS, handover, report
 from lensforge.cli.streams import lasting_streams, open_standard_streams
@@ -126,7 +125,6 @@ for command in (
     report,
     handover,
     rays,
-    road,
     schema,
     examples,
 ):

@@ -23,7 +23,7 @@ from lensforge.results import Fact, Group, ResultByLed, StageResult
 from lensforge.results.criteria import require
 from lensforge.results.fact import cells_of, columns_of
 from lensforge.results.record import State
-from lensforge.results.verdict import TITLES, Verdict
+from lensforge.results.verdict import TITLES, Verdict, said
 from lensforge.search.design_result import Design
 from lensforge.shop.check_facts import shape_facts
 from lensforge.shop.check_result import Check
@@ -39,9 +39,9 @@ _WIDEST_CELL = 24
 _WIDEST_TABLE = 120
 _DESIGN = "design"  # group of a study
 _VERDICTS = ("criteria", "cutting")  # columns of every group
-_WHOLE = ("ways", "of_roads", "limits")  # groups of a whole run; of others some facts
+_WHOLE = ("ways", "applications", "limits")  # groups of a whole run; of others some facts
 # Groups that are rows of a table, a line each even where there is one alone.
-_LINES = ("ways", "place", "road_yield", "bound", "spread", "causes", "budget", "error", "failed", "preset")
+_LINES = ("ways", "place", "application", "bound", "spread", "causes", "budget", "error", "failed", "preset")
 # Facts of a whole run, by its blocks; a stage shows all that it has.
 _ON_RECEIVER = ("nmse", "share_in_target", "efficiency", "uniformity", "level", "cct", "rms_delta_uv")
 _LIGHT = (*_ON_RECEIVER, "leak", "rays", "fitted_nmse", "file_nmse", "file_efficiency")
@@ -214,7 +214,8 @@ def summary(run: Run) -> list[Block]:
     lens = _selected(run, _LENS, Design)
     design = run.find(Design)
     search = "" if design is None else f": {_search(run, design)}"
-    kept = [key for key in _FAR_FIELD if not (run.spec.roads and key.startswith("beam_"))]  # which no road asks for
+    # No application asks for the angles of a beam.
+    kept = [key for key in _FAR_FIELD if not (run.spec.applications and key.startswith("beam_"))]
     far_field = _selected(run, tuple(kept), Photometry)
     files = _selected(run, _FILES, Part, Proof)
     why = [] if run.spec.has_limits else _because(verdict, "light")[:1]  # limits are lines of their own already
@@ -232,7 +233,7 @@ def _title(part: str, state: State, groups: Sequence[Group] = (), under: str = "
     """A part of the verdict; where it passes with the names of those facts that deserve a look all the same."""
     labels = dict.fromkeys(fact.label.lower() for group in groups for fact in group.facts if fact.notice)
     look = f"; look at: {', '.join(labels)}" if labels and state == "pass" else ""
-    return f"{TITLES[part]}{under}: {state}{look}"
+    return f"{TITLES[part]}{under}: {said(state)}{look}"
 
 
 def _kinds(run: Run) -> Iterator[Row]:
@@ -282,7 +283,7 @@ def _titled(groups: Sequence[Group]) -> list[Block]:
     kinds = dict.fromkeys(group.key for group in groups)
     by_kind = [[group for group in groups if group.key == key] for key in kinds]
     titles = {"bound": "Limits", "spread": "Over all parts", "causes": "Share of the variance", "budget": "Tolerances"}
-    titles["road_yield"] = "Roads"
+    titles["application"] = "Applications"
     titles["error"] = "Change at the end of each tolerance"
     return [Block(titles.get(same[0].key, same[0].title), list(rows_of(same))) for same in by_kind]
 
@@ -328,7 +329,7 @@ def _manufacture(run: Run) -> Iterator[Row]:
     further = [(name, why) for name, why in of_kinds if why.startswith(f"{name}: ")]
     if missed or further:
         yield "Not met", "; ".join((*missed, *(why for _, why in further)))
-    if run.verdict.cutting != "pass":
+    if run.verdict.cutting not in ("pass", "none"):
         at = "" if missed or not further else f" {run.folder / further[0][0]}"
         yield "Remedy", f"see `lensforge check{at}`"
 
@@ -339,8 +340,6 @@ def _written(run: Run) -> str:
     names = [] if part is None else list(part.files)
     names += [] if photometry is None else [IES_FILE, LDT_FILE, TM33_FILE, TM25_FILE]
     names += [*LUMINAIRE_FILES.values()] if photometry is not None and photometry.luminaire else []
-    names += (
-        [] if photometry is None else [f"{_STEM}_{lamp_photometry.led}.ies" for lamp_photometry in photometry.others]
-    )
+    names += [] if photometry is None else [f"{_STEM}{case.suffix}.ies" for case in photometry.cases() if case.number]
     pairs = zip([Path(), *map(Path, names)], map(Path, names), strict=False)  # "lens.step, .stl, .3mf"
     return ", ".join(path.suffix if path.stem == before.stem else path.name for before, path in pairs)

@@ -14,7 +14,7 @@ from lensforge.errors import InputError
 from lensforge.sources.photometric.ies_labels import NEWEST, IesVersion
 from lensforge.spec import Spec
 from lensforge.spec.accuracy import PRESETS
-from lensforge.spec.part_section import Process
+from lensforge.spec.processes import PROCESSES
 
 Command = Callable[..., None]
 _FILE = click.Path(path_type=Path)
@@ -166,7 +166,9 @@ OPTIONS: dict[str, Callable[[Command], Command]] = {
     ),
     "date": click.option("--date", metavar="YYYY-MM-DD", help="Date of the files for the shop; default: the spec's."),
     "process": click.option(
-        "--process", type=click.Choice(get_args(Process)), help="Process by which it is made; default: the spec's."
+        "--process",
+        type=click.Choice([name for name, made in PROCESSES.items() if made.is_judged]),
+        help="Process by which it is made; default: the spec's.",
     ),
     "stray": click.option(
         "--stray", is_flag=True, help="Also trace reflections, the base and absorption; writes stray.json."

@@ -19,7 +19,7 @@ from lensforge.report.results import REPORT_FILE
 from lensforge.report.results import handover as make_handover
 from lensforge.results import StageResult
 from lensforge.results.files import require_own, require_writable
-from lensforge.spec.part_section import Process
+from lensforge.spec.processes import Process
 from lensforge.verbs import EVALUATE, STAGES, STRAY, VERIFY, FolderStage
 
 

@@ -1,4 +1,4 @@
-"""What light does a lens make? Tracing, metrics, limits, far field and roads.
+"""What light does a lens make? Tracing, metrics, limits, far field and applications.
 
 - ``lens_light.evaluate``: the light of a finished lens, the verb of the library
 - ``evaluation_result.Light``: its result
@@ -10,5 +10,6 @@
 - ``metrics.jackknife_error``: standard errors
 - ``photometry_result.Photometry``: lumens, candela, beam angles
 - ``luminaire_classes``: distribution type, BUG rating and glare of a lamp
-- ``road_lighting``: light on a road, EN 13201
+- ``area_lamp``: these of a whole lamp, with its lumens
+- ``by_intensities``: figures and limits by the intensities of a lamp, and applications judged
 """

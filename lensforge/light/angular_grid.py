@@ -267,7 +267,7 @@ def finest_grid(beam_deg: float) -> AngularGrid:
 
 
 COARSEST = (4, 6)  # halvings of the finest grid in C and in gamma, where the choice begins: 10 by 10 degrees
-COARSEST_OF_ROADS = (3, 4)  # 5 by 2.5 degrees: CIE 140; by steps of 5 the glare is a tenth off
+COARSEST_TO_HORIZON = (3, 4)  # 5 by 2.5 degrees: CIE 140; by steps of 5 the glare is a tenth off
 _BRIGHT = 0.1  # of the peak: where relative errors are stated
 _LEAST_SAMPLES = 3  # by which an error of interpolation, and the error of that, can be told from noise
 _RICHARDSON = 4.0 / 3.0  # the error of linear interpolation is 4/3 of what halving its steps changes

@@ -17,7 +17,7 @@ from lensforge import seeds
 from lensforge.kernels.fate import Fate
 from lensforge.light.beam_colour import BeamColour
 from lensforge.light.evaluation_result import FittedLight, Light, LightMetrics, PresetError, TableError
-from lensforge.light.far_field import road_limits
+from lensforge.light.far_field import limits_by_intensities
 from lensforge.light.judged_limits import colour_limits, judged_limits
 from lensforge.light.light_ways import FluxByWay
 from lensforge.light.metrics import (
@@ -146,8 +146,8 @@ def evaluate_lens(
     side = pixels or lens.spec.evaluate.pixels
     limits = light_limits(lens.spec, receivers_of(lens.spec, side), lumens_per_watt, source.flux_w)
     seed, judging = lens.seed if seed is None else seed, held_back(source) if searched_with else source
-    on_roads = tuple(road_limits(lens, judging, preset, lumens_per_watt, rays=rays, seed=seed))
-    asked: dict[str, Any] = {"pixels": side, "limits": limits, "on_roads": on_roads}
+    far = tuple(limits_by_intensities(lens, judging, preset, lumens_per_watt, rays=rays, seed=seed))
+    asked: dict[str, Any] = {"pixels": side, "limits": limits, "by_intensities": far}
     light = evaluate_traced(traced, lens.spec, judging, count, seed, bounds_by=source, colour=lens.spec.colour, **asked)
     error = None
     if preset.table_error:
@@ -198,20 +198,19 @@ def evaluate_traced(
     *,
     pixels: int | None = None,
     limits: Sequence[LightLimit] = (),
-    on_roads: Sequence[Fact] = (),
+    by_intensities: Sequence[Fact] = (),
     bounds_by: Source | None = None,
     colour: ColourSection | None = None,
 ) -> Light:
     """Simulate surfaces that are tables already, such as measured ones, under the protocol of ``spec``.
 
-    ``limits`` on pictures of that many ``pixels`` are judged, but for those of roads, which stand judged by intensities
-    in ``on_roads``. The luminous efficacy is left open: it is not one of the
-    emitter. ``bounds_by``: all rays of the source, of which ``source`` may be a part; they tell what is possible.
-    ``colour``: as it is wanted of rays that have their colours.
+    ``limits`` on pictures of that many ``pixels`` are judged, but for those that are judged ``by_intensities`` already.
+    The luminous efficacy is left open: it is not one of the emitter. ``bounds_by``: all rays of the source, of which
+    ``source`` may be a part; they tell what is possible. ``colour``: as it is wanted of rays that have their colours.
     """
     started = time.perf_counter()
     side = pixels or spec.evaluate.pixels
-    receivers, limits = receivers_of(spec, side), [limit for limit in limits if not limit.of_road]
+    receivers, limits = receivers_of(spec, side), [limit for limit in limits if not limit.by_intensities]
     zones = [zones_on(number, limits) for number in range(len(receivers))]
     regions = [
         (drawn_target(section.targets, receiver), *eyee)
@@ -238,7 +237,7 @@ def evaluate_traced(
     names = [each.name for each in lit] + [""] * len(views)
     return Light(
         receivers=lit,
-        limits=(*judged_limits(limits, images, names, losses, shares), *on_roads, *colour_limits(colour, lit)),
+        limits=(*judged_limits(limits, images, names, losses, shares), *by_intensities, *colour_limits(colour, lit)),
         ways=simulation.by_way.ways(simulation.emitted_w),
         seen=eyes,
         rays=simulation.rays,

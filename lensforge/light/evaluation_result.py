@@ -14,8 +14,7 @@ from lensforge.public import public
 from lensforge.results import Count, Fact, Image, Metric, NotNegative, Positive, Record, ResultByLed, Text, stated
 from lensforge.results.arguments import require_choice
 from lensforge.results.chart import light_unit
-from lensforge.results.criteria import Criteria
-from lensforge.results.fact import StoredAs
+from lensforge.results.criteria import Criteria, JudgedLimits
 from lensforge.results.figure import Criterion, figure
 from lensforge.results.numerals import square
 from lensforge.results.plots import plot_map
@@ -26,18 +25,6 @@ from lensforge.spec.light_limits import bounds_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-
-
-def _completed(limit: Fact) -> Fact:
-    """The limit with its state: undecided within two standard errors of its bound, and without a standard error."""
-    if limit.limit is None or limit.value is None:
-        raise ValueError("value and bound: must be numbers")
-    return replace(limit, label=limit.key).judged(limit.standard_error)
-
-
-_NAMES = {"name": "key", "receiver": "place", "quantity": "note", "value": "metric", "sense": "sense"}
-_STORED = StoredAs(_NAMES | {"bound": "limit", "unit": "unit", "state": "outcome"}, _completed)
-JudgedLimits = tuple[Annotated[Fact, _STORED], ...]
 
 
 class TableError(Record):
@@ -120,7 +107,7 @@ class Light(ResultByLed):
     criteria: Criteria = ()
 
     def judgements_on(self, lens: Any) -> Mapping[str, Iterable[Fact]]:
-        """Judge by the bounds that the spec of ``lens`` states; those of roads and colours are taken as stated."""
+        """Judge by the bounds that the spec of ``lens`` states; others are taken as stated."""
         return {"limits": self._limits_of(lens.spec)}
 
     def _limits_of(self, spec: Spec) -> Iterator[Fact]:
@@ -268,4 +255,4 @@ class LightMetrics(Record):
     @staticmethod
     def of_leds(light: Light) -> "dict[str, LightMetrics]":
         """Metrics with each LED by its name; empty if there is one."""
-        return {name: LightMetrics.of(own) for name, own in light.by_led.items()} if light.others else {}
+        return {case.led: LightMetrics.of(case.result) for case in light.cases() if case.led}

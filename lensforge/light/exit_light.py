@@ -8,7 +8,7 @@ from jaxtyping import Float
 
 from lensforge import seeds
 from lensforge.errors import InputError
-from lensforge.light.angular_grid import COARSEST, COARSEST_OF_ROADS, AngularGrid, FittedIntensity, finest_grid, fit
+from lensforge.light.angular_grid import COARSEST, COARSEST_TO_HORIZON, AngularGrid, FittedIntensity, finest_grid, fit
 from lensforge.light.luminaire_classes import zone_flux
 from lensforge.light.received_flux import flux_by_fate
 from lensforge.light.simulation import TracedLens, bundles
@@ -23,14 +23,14 @@ class Goniophotometer:
     """The sphere of a radius (mm) around the ``lamps`` on which exit rays start, and what is read there.
 
     ``symmetry``: mirror group of lens, source and ``lamps``, under which the light is averaged. ``street_deg``: azimuth
-    of the street. ``for_roads``: the table is fine up to the horizon, where a little light makes the glare of roads.
+    of the street. ``to_horizon``: the table is fine up to there, where a little light makes glare.
     """
 
     sphere_mm: float
     symmetry: str
     street_deg: float
     lamps: Lamps = ALONE
-    for_roads: bool = False
+    to_horizon: bool = False
 
 
 @dataclass(frozen=True)
@@ -161,7 +161,7 @@ class _Sums:
         for part, bundle in enumerate(rays):
             out = exit_rays(self._lens, bundle, self._meter.sphere_mm, self._meter.lamps)
             if self._grid is None:
-                self._grid = finest_grid(90.0 if self._meter.for_roads else _reach_deg(out.rays))
+                self._grid = finest_grid(90.0 if self._meter.to_horizon else _reach_deg(out.rays))
             deposit, weight = self._grid.deposit(out.rays), float(len(bundle))
             if part == len(self._weights):
                 self._deposits.append(np.zeros_like(deposit))
@@ -187,7 +187,7 @@ class _Sums:
             np.stack([sum / weight for sum, weight in zip(sums, self._weights, strict=True)])
             for sums in (self._deposits, self._zones, self._by_fate)
         )
-        coarsest = COARSEST_OF_ROADS if self._meter.for_roads else COARSEST
+        coarsest = COARSEST_TO_HORIZON if self._meter.to_horizon else COARSEST
         exits, kept = samples.sum(axis=(1, 2)), RayBundle.joined(self._kept)
         error = float(exits.std(ddof=1) / np.sqrt(len(exits))) if len(exits) > 1 else None
         exit_w = Metric(value=float(exits.mean()), unit="W", standard_error=error)

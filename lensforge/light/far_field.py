@@ -1,12 +1,12 @@
-"""Far field of a lens with its lamps, as its photometric files hold it and as its roads are judged: the same rays."""
+"""Far field of a lens with its lamps, as its photometric files hold it and applications are judged: the same rays."""
 
 from collections.abc import Iterator
 from dataclasses import replace
 
 from lensforge.light.angular_grid import FittedIntensity
+from lensforge.light.by_intensities import limits_judged
 from lensforge.light.exit_light import ExitLight, Goniophotometer, trace_exit_light
 from lensforge.light.luminaire_classes import LampLight
-from lensforge.light.road_judgement import judged_roads
 from lensforge.light.simulation import TracedLens
 from lensforge.results import Fact
 from lensforge.scene.lens import Lens
@@ -18,7 +18,7 @@ from lensforge.surfaces.mirror_group import shared_symmetry
 from lensforge.surfaces.placed_bodies import reach_mm
 
 _SLACK = 1.001  # the sphere on which exit rays start, in radii of the lens
-_LM_PER_1000 = 1000.0  # of a source whose lumens nothing states: then each road states those of its lamps
+_LM_PER_1000 = 1000.0  # of a source whose lumens nothing states: then each application states those of its lamps
 
 
 def lamps_of_files(spec: Spec) -> Lamps:
@@ -38,7 +38,7 @@ def trace_far_field(lens: Lens, source: Source, preset: Preset, *, rays: int | N
             symmetry=shared_symmetry([source.symmetry, lens.symmetry], lamps.in_far_field.has_mirrors),
             street_deg=lens.spec.photometry.street_side_deg,
             lamps=lamps,
-            for_roads=bool(lens.spec.roads),
+            to_horizon=bool(lens.spec.applications),
         ),
         rays=rays,
         by_itself=preset.photometry_rays,
@@ -51,19 +51,17 @@ def lamp_light(light: FittedIntensity, per_watt: float, street_deg: float) -> La
     return LampLight(light.grid, per_watt * light.samples, street_deg)
 
 
-def road_limits(
+def limits_by_intensities(
     lens: Lens, source: Source, preset: Preset, lumens_per_watt: float | None, *, rays: int | None, seed: int
 ) -> Iterator[Fact]:
-    """Limits by the classes of the roads, judged by the intensities that the files of ``lens`` hold."""
+    """Limits by the classes of applications, judged by the intensities that the files of ``lens`` hold."""
     spec = lens.spec
-    if not spec.roads:
+    if not spec.applications:
         return
     source_w = len(lamps_of_files(spec)) * source.flux_w
     source_lm = _LM_PER_1000 if lumens_per_watt is None else lumens_per_watt * source_w
     light = trace_far_field(lens, source, preset, rays=rays, seed=seed)
     lamp = lamp_light(light.intensity, source_lm / source_w, spec.photometry.street_side_deg)
     receiver = next(section.name or section.kind for section in spec.all_receivers if section.unit == "deg")
-    for road in judged_roads(spec, lamp, source_lm):
-        for limit in road.limits:
-            name = f"{road.name}: {limit.label}"
-            yield replace(limit, key=name, label=name, place=receiver)
+    for limit in limits_judged(spec, lamp, source_lm):
+        yield replace(limit, place=receiver)

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
@@ -18,13 +19,13 @@ from lensforge.light.metrics import (
 )
 from lensforge.light.receiver_light import ReceiverLight
 from lensforge.results import Fact, Metric, Sense
+from lensforge.scene.intensity_limit import GlareLaw, IntensityLimit
 from lensforge.scene.limit_readings import LightLimit
-from lensforge.scene.road_classes import Ask, glare_law
 from lensforge.sources.intensity import width_above
 from lensforge.spec.light_limits import ColourSection, Quantity
 
 _OF_PIXELS = 1.0 / 3.0
-DARK = 1e6  # threshold increment (%) of a road without light, its veiling ratio, and what is over light of 0
+DARK = 1e6  # glare where there is no light, and what is over light of 0
 _NO_COLOUR = Metric(value=1.0, standard_error=0.0)  # differences in the dark: larger than any in u', v'
 Readings = Float[np.ndarray, "r k"]
 
@@ -60,20 +61,19 @@ _QUANTITIES = {
     "beam_angle": "beam angle",
     "luminance": "luminance of the brightest spot",
     "mean_luminance": "mean luminance over the outline",
-    "threshold_increment": "threshold increment",
     "ratio": "ratio of means",
     "mean_over_min": "mean/min of the light",
     "max_over_min": "max/min of the light",
-    "veiling_ratio": "veiling/mean luminance",
 }
 
 
-def judged(limit: LightLimit | Ask, receiver: str, value: Metric) -> Fact:
-    """The limit judged on ``receiver``, or what the class of a road of this name requires.
+def judged(limit: LightLimit | IntensityLimit, receiver: str, value: Metric) -> Fact:
+    """The limit judged on ``receiver``, or what the class of an application of this name requires.
 
     ``value``: of the place that decides, that with the least light or the most.
     """
-    given, quantity = {"sense": limit.sense, "limit": float(limit.bound)}, _QUANTITIES[limit.quantity]
+    given: dict[str, Any] = {"sense": limit.sense, "limit": float(limit.bound)}
+    quantity = limit.quantity.name if isinstance(limit.quantity, GlareLaw) else _QUANTITIES[limit.quantity]
     return replace(Fact.measured(limit.name, limit.name, value, quantity, place=receiver, **given), unit=limit.unit)
 
 
@@ -153,7 +153,7 @@ def _value(limit: LightLimit, readings: Readings, images: Float[np.ndarray, "r *
     return figure_of(limit.quantity, limit.sense, limit.unit, readings)
 
 
-def figure_of(quantity: Quantity, sense: Sense, unit: str, readings: Readings) -> Metric:
+def figure_of(quantity: Quantity | GlareLaw, sense: Sense, unit: str, readings: Readings) -> Metric:
     """The ``quantity`` of readings by every replicate, in ``unit``: all that needs no more than these."""
     match quantity:
         case "share" | "loss":
@@ -168,17 +168,17 @@ def figure_of(quantity: Quantity, sense: Sense, unit: str, readings: Readings) -
             return _inverse(least_over_mean(readings).metric())
         case "max_over_min":
             return _inverse(ratio_of(_extreme(readings, ">="), _extreme(readings, "<=")))
-        case "threshold_increment" | "veiling_ratio":
+        case GlareLaw():
             return _glare(quantity, unit, readings)
     return _extreme(readings, sense).changed(unit=unit)
 
 
-def _glare(quantity: Quantity, unit: str, readings: Readings) -> Metric:
+def _glare(law: GlareLaw, unit: str, readings: Readings) -> Metric:
     """Largest glare on the way; its error has in it that of the mean luminance, the last reading."""
     mean = jackknife_metric(readings[:, -1], float)
     if not mean.value > 0.0:
         return Metric(value=DARK, unit=unit, standard_error=0.0)
-    factor, power = glare_law(quantity, mean.value)
+    factor, power = law.at(mean.value)
     glare = scaled(debiased_maximum(readings[:, :-1]), factor / mean.value**power, unit)
     return with_error(glare, power * glare.value * (mean.standard_error or 0.0) / mean.value)
 

@@ -4,33 +4,35 @@ Light is judged by the limits of the spec. Where it sets none, it fails if the p
 little of the light lands there; ``light.receiver_light`` has both bounds.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import groupby
 from typing import NamedTuple
 
+from lensforge.light.area_lamp import AreaLamp
 from lensforge.light.beam_colour import BeamColour
 from lensforge.light.evaluation_result import Light, LightMetrics
 from lensforge.light.light_ways import leak_facts, way_facts
 from lensforge.light.metrics import scaled
 from lensforge.light.photometry_result import Photometry
-from lensforge.light.receiver_light import METRICS, REGIONS, ReceiverLight, judged_figures
-from lensforge.light.road_lighting import RoadFigures, road_facts, with_remedies, worst_on_roads
+from lensforge.light.receiver_light import METRICS, ReceiverLight, judged_figures
 from lensforge.light.seen_lens import seen_groups
 from lensforge.optics.fundamental_limits import BY_SYMMETRY, LEVELS, transmittance_of
 from lensforge.public import public
 from lensforge.results import Fact, Group, Metric
+from lensforge.results.case import Case
 from lensforge.results.chart import LightUnit, light_unit
 from lensforge.results.criteria import missed
 from lensforge.results.figure import facts_in
 from lensforge.results.numerals import number, percent, quantity, square
 from lensforge.results.verdict import Reason
+from lensforge.scene.application_light import light_in
 from lensforge.scene.lens import Lens
 from lensforge.sources.intensity import BEAM_SHARE
 from lensforge.spec import Spec
+from lensforge.spec.application import Application, names_of
 from lensforge.spec.far_field_targets import BeamTarget
 from lensforge.spec.light_limits import BeamAngleLimit
-from lensforge.spec.road_section import names_of
 
 
 @public
@@ -54,76 +56,78 @@ def light_facts(light: Light, lens: Lens, possible: LimitBounds | None = None) -
 
     Of a lens for several LEDs all but the last are those of each, which its name tells apart.
     """
-    groups = []
-    for name, led_light in light.by_led.items():
-        end = f", {name}" if light.others else ""
-        for index, receiver in enumerate(led_light.receivers):
-            title = "Light" if len(led_light.receivers) == 1 else receiver.name
-            leaks = () if index else leak_facts(lens.spec.lens, led_light.ways, receiver.missed_by_cause, receiver.flux)
-            groups.append(Group("light", f"{title}{end}", (*_figures(led_light, index, lens), *leaks)))
-        if led_light.ways:
-            groups.append(replace(way_facts(led_light.ways), title=f"Flux by path{end}"))
-        groups += seen_groups(led_light.seen, led_light.lumens_per_watt, end)
-        if led_light.limits:
-            facts = limit_facts(led_light, names_of(lens.spec.roads), possible or {}, end)
-            groups.append(Group("limits", f"Limits{end}", tuple(facts)))
-        if lens.spec.roads and led_light.limits:
-            groups.append(worst_on_roads(led_light.limits, lens.spec.roads, end))
-    groups += place_groups(light)
-    return [*groups, Group("simulation", "Simulation", tuple(_simulation(light, lens)))]
+    with_leds = [
+        replace(group, title=led.title(group.title))
+        for led in light.cases()
+        for group in _with_led(led, lens, possible or {})
+    ]
+    return [*with_leds, *place_groups(light), Group("simulation", "Simulation", tuple(_simulation(light, lens)))]
+
+
+def _with_led(led: Case[Light], lens: Lens, possible: LimitBounds) -> Iterator[Group]:
+    light = led.result
+    for case in led.among("receivers"):
+        lost = (case.record.missed_by_cause, case.record.flux)
+        leaks = () if case.number else leak_facts(lens.spec.lens, light.ways, *lost)
+        yield Group("light", case.name or "Light", (*_figures(case, lens), *leaks))
+    if light.ways:
+        yield way_facts(light.ways)
+    yield from seen_groups(light.seen, light.lumens_per_watt)
+    if light.limits:
+        yield Group("limits", "Limits", tuple(limit_facts(led, lens.spec.applications, possible)))
+        yield from _worst(light.limits, lens.spec.applications)
 
 
 def place_groups(light: Light) -> list[Group]:
     """A group of the place of each LED that is from a ray file or is moved."""
-    return [
-        led_light.place.group(f", {name}" if light.others else "")
-        for name, led_light in light.by_led.items()
-        if led_light.place is not None
-    ]
+    groups = ((case, case.result.place.group()) for case in light.cases() if case.result.place is not None)
+    return [replace(group, title=case.title(group.title)) for case, group in groups]
 
 
 def light_reasons(light: Light, lens: Lens) -> Iterator[Reason]:
     """Reasons why the light does not pass; limits of the spec are what it must keep: with any, no others count."""
-    for name, led_light in light.by_led.items():
-        yield from _reasons_with(led_light, lens, f" with {name}" if light.others else "")
+    for led in light.cases():
+        yield from missed(led.criteria)
+        if not lens.spec.has_limits:
+            for case in led.among("receivers"):
+                yield from _reasons(replace(fact, label=case.title(fact.label)) for fact in _figures(case, lens))
+        elif led.result.limits:
+            yield from _reasons(limit_facts(led, lens.spec.applications))
+        else:
+            yield "undecided", "the limits of the spec have not been judged in this light"
 
 
-def _reasons_with(light: Light, lens: Lens, led: str) -> Iterator[Reason]:
-    yield from missed(light.criteria)
-    if not lens.spec.has_limits:
-        for index, receiver in enumerate(light.receivers):
-            where = f" on {receiver.name}" if len(light.receivers) > 1 else ""
-            yield from reasons_of(_figures(light, index, lens), f"{where}{led}")
-    elif not light.limits:
-        yield "undecided", "the limits of the spec have not been judged in this light"
-    else:
-        yield from reasons_of(limit_facts(light, names_of(lens.spec.roads)), led)
-
-
-def reasons_of(facts: Iterator[Fact] | Sequence[Fact], where: str = "") -> Iterator[Reason]:
+def _reasons(facts: Iterable[Fact]) -> Iterator[Reason]:
     """A reason for each of ``facts`` that does not pass."""
     for fact in facts:
         if fact.state != "pass" and fact.state != "":
-            yield fact.state, replace(fact, label=f"{fact.label}{where}").reason
+            yield fact.state, fact.reason
 
 
 def limit_facts(
-    light: Light, roads: Sequence[str], possible: LimitBounds | None = None, end: str = ""
+    led: Case[Light], applications: Sequence[Application], possible: LimitBounds | None = None
 ) -> Iterator[Fact]:
-    """A fact for each limit of the spec; ``roads``: names of its roads, ``end``: of each label."""
+    """A fact for each limit of the spec; ``applications``: those of the spec."""
+    entries = dict(zip(names_of(applications), applications, strict=True))
 
-    def road_of(limit: Fact) -> str:
-        return next((road for road in roads if limit.label.startswith(f"{road}: ")), "")
+    def named(limit: Fact) -> str:
+        return next((name for name in entries if limit.label.startswith(f"{name}: ")), "")
 
-    for road, limits in groupby(light.limits, key=road_of):
-        for limit in with_remedies([*limits]) if road else limits:
-            on = f", on {limit.place}" if len(light.receivers) > 1 and limit.place else ""
-            on += ", by the intensities of the file" if road else ""
+    for name, limits in groupby(led.result.limits, key=named):
+        for limit in light_in(entries[name]).with_remedies([*limits]) if name else limits:
+            on = f", on {limit.place}" if len(led.result.receivers) > 1 and limit.place else ""
+            on += ", by the intensities of the file" if name else ""
             quantity = _LIGHT.get(limit.unit, "light") if limit.note == "light" else limit.note
-            fact = replace(limit, key="limit", label=f"{limit.label}{end}", note=f"{quantity}{on}")
+            fact = replace(limit, key="limit", label=led.title(limit.label), note=f"{quantity}{on}")
             most = (possible or {}).get((limit.label, limit.bound))
             fact = fact if most is None else replace(fact, possible=most.value, possible_note=most.law)
             yield fact.in_percent if limit.note.endswith("share of the flux") else fact
+
+
+def _worst(limits: Sequence[Fact], applications: Sequence[Application]) -> list[Group]:
+    """A group for each table of applications: what is required there, where it is worst."""
+    tables = [[*entries] for _, entries in groupby(applications, key=type)]
+    return [light_in(table[0]).worst(table, limits) for table in tables]
 
 
 def metric_facts(metrics: LightMetrics, note: str = "", *, changes: bool = False) -> tuple[Fact, ...]:
@@ -165,8 +169,8 @@ def unit_on(light: Light, receiver: ReceiverLight) -> LightUnit:
     return light_unit(light.lumens_per_watt, far_field=receiver.chart.far_field)
 
 
-def _figures(light: Light, index: int, lens: Lens) -> Iterator[Fact]:
-    receiver, mask = light.receivers[index], f"in the mask {mask_words(lens.spec, index)}"
+def _figures(case: Case[Light], lens: Lens) -> Iterator[Fact]:
+    receiver, mask = case.record, f"in the mask {mask_words(lens.spec, case.number)}"
     judged = {} if lens.spec.has_limits else judged_figures(receiver, transmittance_of(lens.media))
     unjudged = _NOT_JUDGED if lens.spec.has_limits else ""
     if lens.spec.optimise.aim == "pattern":
@@ -193,8 +197,8 @@ def _figures(light: Light, index: int, lens: Lens) -> Iterator[Fact]:
         )
     if receiver.rsd is not None:
         yield Fact.measured("rsd", METRICS["rsd"], receiver.rsd, f"standard deviation/mean {mask}")
-    if not lens.spec.roads:  # which judge the light of all lenses of their lamps
-        yield from _in_region(receiver, unit_on(light, receiver), _of_lenses(lens.spec))
+    if not lens.spec.applications:  # which judge the light of all lenses of their lamps
+        yield from _in_region(receiver, unit_on(case.result, receiver), _of_lenses(lens.spec))
     if receiver.tristimulus_map is not None:
         yield from _colour(receiver.colour)
 
@@ -264,11 +268,9 @@ def _in_region(receiver: ReceiverLight, unit: LightUnit, one: str) -> Iterator[F
         note = f"largest of a pixel, {receiver.place}"
         yield Fact("level", f"Peak {unit.quantity}{of}", peak, unit.symbol, note=note, digits=3)
         return
-    where, mean = REGIONS[region.region], scaled(region.mean, unit.per_watt, unit.symbol)
-    yield Fact.measured("level", f"Mean {unit.quantity}{of}", mean, where)
-    yield Fact.measured("u0", "U0", region.u0, f"min/mean of the light {where}")
-    yield Fact.measured("u1", "U1", region.u1, f"min/max of the light {where}")
-    yield Fact.measured("peak", "Peak/target peak", region.peak, "max. light/max. of the target, at equal flux")
+    mean = scaled(region.mean, unit.per_watt, unit.symbol)
+    yield Fact.measured("level", f"Mean {unit.quantity}{of}", mean, region.where)
+    yield from facts_in(region)
 
 
 def _colour(colour: BeamColour | None) -> Iterator[Fact]:
@@ -316,23 +318,24 @@ _ZONES = {
 def photometry_facts(photometry: Photometry, spec: Spec) -> list[Group]:
     """Groups of the far field with each LED and, of a lamp for an area or a road, of the lamp and its zones."""
     return [
-        replace(group, title=f"{group.title}, {name}" if photometry.others else group.title)
-        for name, of_led in photometry.by_led.items()
-        for group in _photometry_of_led(of_led, spec)
+        replace(group, title=case.title(group.title))
+        for case in photometry.cases()
+        for group in _photometry_of_led(case, spec)
     ]
 
 
-def _photometry_of_led(photometry: Photometry, spec: Spec) -> list[Group]:
+def _photometry_of_led(case: Case[Photometry], spec: Spec) -> list[Group]:
+    photometry = case.result
     lenses = spec.photometry.lenses
     one = _of_lenses(spec) or spec.all_lamps.whole.replace("of all lamps", "one lamp")
     beside = f", {one}" if one else ""
     far = Group("far_field", f"Far field{beside}", tuple(_far_field(photometry, spec, one)))
-    roads = zip(photometry.roads, spec.roads, strict=True)
-    groups = [far, *(road_facts(*each, with_limits=False) for each in roads)]
+    judged = zip(spec.applications, photometry.judgements_of(spec.applications), strict=True)
+    groups = [far, *(light_in(entry).facts(found) for entry, found in judged)]
     if photometry.road is None:
         return groups
     whole = f", all {lenses} lenses" if lenses > 1 else beside
-    lamp = Group("lamp", f"Lamp{whole}", tuple(_lamp(photometry, photometry.road, lenses)))
+    lamp = Group("lamp", f"Lamp{whole}", tuple(_lamp(case, photometry.road, lenses)))
     zones = (Fact.measured(name, words, getattr(photometry.road.bug.zones, name)) for name, words in _ZONES.items())
     return [*groups, lamp, Group("zones", f"Zones{whole}", tuple(zones))]
 
@@ -386,14 +389,13 @@ def _far_field(photometry: Photometry, spec: Spec, whose: str) -> Iterator[Fact]
     yield Fact("photometry_rays", "Rays", photometry.rays, note=noise)
 
 
-def _lamp(photometry: Photometry, road: RoadFigures, lenses: int) -> Iterator[Fact]:
+def _lamp(case: Case[Photometry], road: AreaLamp, lenses: int) -> Iterator[Fact]:
     shape, glare, several = road.distribution, road.glare, f"all {lenses} lenses" if lenses > 1 else ""
-    led = f"_{photometry.led}" if photometry.others else ""
     yield Fact("lenses", "Lenses", lenses)
     yield Fact.measured("lamp_lm", "Luminous flux, lamp", road.lumens)
-    if photometry.luminaire is not None:
-        note = f"hold {quantity(photometry.luminaire.ies.lumens, 'lm', digits=5)} of {several}"
-        yield Fact("luminaire", "Luminaire files", f"luminaire{led}.ies, .ldt, .iesxml", note=note)
+    if (files := case.result.luminaire) is not None:
+        note = f"hold {quantity(files.ies.lumens, 'lm', digits=5)} of {several}"
+        yield Fact("luminaire", "Luminaire files", f"luminaire{case.suffix}.ies, .ldt, .iesxml", note=note)
     yield Fact("distribution", "IES distribution", str(shape).removeprefix("type "))
     yield Fact.measured("street_mh", "Half-peak line reaches", shape.street_mh, "mounting heights towards the street")
     yield Fact("bug", "BUG rating", str(road.bug), note=several)

@@ -14,6 +14,8 @@ import numpy as np
 from jaxtyping import Float
 
 from lensforge.errors import InputError
+from lensforge.light.area_lamp import AreaLamp
+from lensforge.light.by_intensities import judgements
 from lensforge.light.exit_light import ExitLight
 from lensforge.light.far_field import lamp_light, lamps_of_files, trace_far_field
 from lensforge.light.luminous_opening import luminous_opening
@@ -33,8 +35,6 @@ from lensforge.light.photometry_result import (
     WrittenFiles,
 )
 from lensforge.light.received_flux import named_flux
-from lensforge.light.road_judgement import judged_roads
-from lensforge.light.road_lighting import RoadFigures
 from lensforge.light.source_photometry import SourceLumens, spectrum_of_source
 from lensforge.scene.lens import Lens
 from lensforge.sources.build_source import summarise
@@ -201,8 +201,7 @@ def measure_photometry(
         peak_direction=tables.peak_direction,
         beam_c0=tables.plane(PLANES_DEG[0]),
         beam_c90=tables.plane(PLANES_DEG[1]),
-        road=RoadFigures.of(section, lamp, exit_lm, light.zones_w * per_watt),
-        roads=judged_roads(lens.spec, lamp, bright.lumens),
+        road=AreaLamp.of(section, lamp, exit_lm, light.zones_w * per_watt),
         node_error=fitted.node_error,
         interpolation_error=fitted.interpolation_error,
         warnings=warnings,
@@ -217,6 +216,7 @@ def measure_photometry(
         tm33=contents[TM33_FILE],
         tm25=contents[TM25_FILE],
         **{f"luminaire_{key}": content for key, content in of_all.items()},
+        **judgements(lens.spec, lamp, bright.lumens),
         seconds=time.perf_counter() - started,
     )
 

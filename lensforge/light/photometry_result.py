@@ -6,17 +6,18 @@ rays taken off: the largest of many noisy numbers is too large. A standard error
 samples, and has in it the error of the level; what the steps of the table may change is the interpolation error.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import groupby
 from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
 import numpy as np
 from jaxtyping import Float
 
 from lensforge.light.angular_grid import FittedIntensity
+from lensforge.light.area_lamp import AreaLamp
 from lensforge.light.metrics import debiased_maximum, jackknife_error
-from lensforge.light.road_lighting import RoadFigures, RoadJudgement
 from lensforge.public import public
 from lensforge.results import (
     Array,
@@ -36,9 +37,11 @@ from lensforge.results import (
 from lensforge.results.criteria import Criteria, at_most
 from lensforge.results.files import MIB
 from lensforge.results.plots import plot_curves
+from lensforge.scene.application_light import Judgement, with_judgements
 from lensforge.sources.intensity import BEAM_SHARE, FIELD_SHARE, plane_profile, width_above
 from lensforge.sources.photometric.candela_table import CandelaTable
 from lensforge.sources.photometric.photometric_file import turned_over
+from lensforge.spec.application import Application
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -194,6 +197,7 @@ _FILE_NAMES = {"ies": IES_FILE, "ldt": LDT_FILE, "tm33": TM33_FILE, "tm25ray": T
 
 
 @public
+@with_judgements
 class Photometry(ResultByLed):
     """Light that leaves the lens upwards, in watts, lumens and candela; of several lamps that of the whole.
 
@@ -205,13 +209,13 @@ class Photometry(ResultByLed):
     candela are per 1000 lm of the source. ``exit_lm``: flux that leaves upwards. ``axis_cd``: intensity on the axis.
     ``peak_cd``: largest intensity, the noise taken off by which the largest of many numbers is too large.
     ``peak_direction``: node of the table with the largest. ``beam_c0``: beam in the plane C 0 - C 180. ``beam_c90``:
-    beam in the plane C 90 - C 270. ``road``: classes of a lamp for an area or a road, by the spec. ``roads``: each of
-    the spec's roads, judged. ``node_error``: standard error over intensity, where that is above a tenth of the peak:
-    the largest, and the root mean square over solid angle. ``interpolation_error``: rms, relative to the peak, of what
-    a table of half the steps would add. ``files``: each file as read back. ``luminaire``: the same of those of all
-    lenses of a lamp, where the spec says that it has several. ``luminaire_ies``, ``luminaire_ldt``, ``luminaire_tm33``:
-    content of these. ``c_deg``: angle
-    C of the table's rows, 0 at +x and 90 at -y. ``gamma_deg``: angle from the lens axis of its columns. ``candela``:
+    beam in the plane C 90 - C 270. ``road``: classes of a lamp for an area or a road, by the spec. A table of
+    applications in the spec has a field of its name, such as ``roads``: each of its entries, judged. ``node_error``:
+    standard error over intensity, where that is above a tenth of the peak: the largest, and the root mean square over
+    solid angle. ``interpolation_error``: rms, relative to the peak, of what a table of half the steps would add.
+    ``files``: each file as read back. ``luminaire``: the same of those of all lenses of a lamp, where the spec says
+    that it has several. ``luminaire_ies``, ``luminaire_ldt``, ``luminaire_tm33``: content of these. ``c_deg``: angle C
+    of the table's rows, 0 at +x and 90 at -y. ``gamma_deg``: angle from the lens axis of its columns. ``candela``:
     intensities in cd. ``candela_standard_error``: of each of them by independent samples of rays, 0 for a single one.
     ``ies``, ``ldt``, ``tm33``, ``tm25``: content of the files.
     """
@@ -236,8 +240,7 @@ class Photometry(ResultByLed):
     peak_direction: Direction
     beam_c0: PlaneFigures
     beam_c90: PlaneFigures
-    road: RoadFigures | None
-    roads: tuple[RoadJudgement, ...] = ()
+    road: AreaLamp | None
     node_error: Extent | None
     interpolation_error: NotNegative | None
     warnings: tuple[Text, ...] = ()
@@ -265,6 +268,12 @@ class Photometry(ResultByLed):
         for name, file in written.items():
             error, asked = file.relative_error, "please report the lens.json"
             yield at_most(f"flux of {name} as read back", error, _CONSERVED, "relative", asked)
+
+    def judgements_of(self, applications: Iterable[Application]) -> Iterator[Judgement]:
+        """The judgement of each of the spec's applications."""
+        for _, table in groupby(applications, key=lambda entry: entry.table):
+            for number, entry in enumerate(table):
+                yield getattr(self, entry.table)[number]
 
     def products(self) -> dict[str, bytes]:
         """Bytes of the IES, EULUMDAT, TM-33 and TM-25 files, by suffix."""

@@ -28,6 +28,7 @@ from lensforge.light.metrics import (
 from lensforge.public import public
 from lensforge.results import Fact, Image, Irradiance, Metric, NotNegative, Number, Positive, Record, Share, Text
 from lensforge.results.chart import Chart
+from lensforge.results.figure import Figure
 from lensforge.results.numerals import percent
 from lensforge.results.record import Array
 from lensforge.spec.receiver_fields import ReceiverSection
@@ -35,7 +36,7 @@ from lensforge.spec.target_sections import IN_TARGET
 
 Region = Literal["uniform", "bright"]
 _BRIGHT = 0.5  # of the target's largest light: edges that fade are half outside
-REGIONS: dict[Region, str] = {
+_REGIONS: dict[Region, str] = {
     "uniform": "in the region of uniform light",
     "bright": "where the target is above half of its maximum",
 }
@@ -51,9 +52,14 @@ class RegionLight(Record):
 
     region: Region
     mean: Metric
-    u0: Metric
-    u1: Metric
-    peak: Metric
+    u0: Annotated[Metric, Figure("U0", "min/mean of the light {where}")]
+    u1: Annotated[Metric, Figure("U1", "min/max of the light {where}")]
+    peak: Annotated[Metric, Figure("Peak/target peak", "max. light/max. of the target, at equal flux")]
+
+    @property
+    def where(self) -> str:
+        """The region in words."""
+        return _REGIONS[self.region]
 
     @staticmethod
     def of(

@@ -85,8 +85,8 @@ def radiance_unit(lumens_per_watt: float | None) -> LightUnit:
     return LightUnit("luminance", "cd/m²", lumens_per_watt)
 
 
-def seen_groups(seen: Sequence[SeenLens], lumens_per_watt: float | None, end: str) -> list[Group]:
-    """The group of the mean luminance for every eye, none without any; ``end``: of its title."""
+def seen_groups(seen: Sequence[SeenLens], lumens_per_watt: float | None) -> list[Group]:
+    """The group of the mean luminance for every eye, none without any."""
     unit = radiance_unit(lumens_per_watt)
     facts = tuple(
         Fact.measured(
@@ -98,4 +98,4 @@ def seen_groups(seen: Sequence[SeenLens], lumens_per_watt: float | None, end: st
         for each in seen
         if each.mean is not None
     )
-    return [Group("seen", f"The lens as seen{end}", facts)] if facts else []
+    return [Group("seen", "The lens as seen", facts)] if facts else []

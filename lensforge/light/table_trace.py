@@ -90,14 +90,17 @@ class Scene:
         )
 
     def coming(self, rays: RayBundle, rough: Roughness, coatings: RayCoatings) -> RaysIn:
-        """Rays of a source as the kernels take them, with what the lens is for each."""
+        """Rays of a source as the kernels take them, with what the lens is for each.
+
+        In rows, as all others: for arrays in another order numba would compile a kernel of their own, for seconds.
+        """
         medium, waves = self.media.body, rays.waves
         absorptions = medium.absorption(waves)
         if self.made is not None:
             absorptions = absorptions * self.made.scale  # paths are those in the lens as designed
         return RaysIn(
-            rays.origins,
-            rays.directions,
+            np.ascontiguousarray(rays.origins),
+            np.ascontiguousarray(rays.directions),
             rays.flux,
             medium.index(waves),
             absorptions,
@@ -168,7 +171,8 @@ class TracedBundle:
 
         The flux that a lost ray carried counts as a constant.
         """
-        behind = ByRaysOut(by.by_points, by.by_directions, by_flux, by_sin2)
+        by_points, by_directions = (np.ascontiguousarray(places) for places in (by.by_points, by.by_directions))
+        behind = ByRaysOut(by_points, by_directions, by_flux, by_sin2)
         behind = before_glass(self.before_glass, self.scene.media, behind, self.scene.fresnel, self.coatings)
         return self.lens.gradients(before_optics(self.optics, behind))
 

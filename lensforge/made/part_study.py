@@ -19,7 +19,7 @@ from lensforge.errors import InputError
 from lensforge.kernels.parallel import in_parallel_map
 from lensforge.light.evaluation import evaluate_traced
 from lensforge.light.evaluation_result import Light
-from lensforge.light.far_field import road_limits
+from lensforge.light.far_field import limits_by_intensities
 from lensforge.light.metrics import scaled
 from lensforge.light.receiver_light import judged_figures
 from lensforge.light.simulation import TracedLens
@@ -250,7 +250,7 @@ class LedStudy:
             recipe.designed_rays,
             recipe.seed,
             limits=self.limits,
-            on_roads=tuple(road_limits(lens, judging, preset, efficacy, rays=None, seed=recipe.seed)),
+            by_intensities=tuple(limits_by_intensities(lens, judging, preset, efficacy, rays=None, seed=recipe.seed)),
             bounds_by=self._source,
             colour=judged_colour(spec),
         )

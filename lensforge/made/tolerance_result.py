@@ -10,7 +10,7 @@ from typing import Annotated, ClassVar, Literal, get_args
 
 import numpy as np
 from jaxtyping import Bool, Float
-from pydantic import Field
+from pydantic import AliasChoices, Field
 
 from lensforge.errors import InputError
 from lensforge.light.evaluation_result import LightMetrics
@@ -88,9 +88,9 @@ class Sensitivity(ResultByLed):
         if getattr(self.nominal, metric) is None:
             raise InputError(f"metric = {metric!r}: the spec names no region of uniform light; plot nmse or efficiency")
         changes = {
-            f"{row.name} {row.amount:g} {row.unit}{f', {led}' if led else ''}": getattr(row.change, metric)
-            for led, sensitivity in self.by_led.items()
-            for row in sensitivity.rows
+            case.title(f"{row.name} {row.amount:g} {row.unit}"): getattr(row.change, metric)
+            for case in self.cases()
+            for row in case.result.rows
         }
         values = {name: 0.0 if change is None else change.value for name, change in changes.items()}
         errors = [0.0 if change is None else change.standard_error or 0.0 for change in changes.values()]
@@ -199,8 +199,11 @@ def drawn_to_mean(values: Float[np.ndarray, " n"], spread: float) -> Float[np.nd
     return mean + (values - mean) * (spread / scatter if scatter > 0.0 < spread else 1.0)
 
 
-class RoadYield(Record):
-    """Parts that hold the class of one road, and what decides on it: what is nearest to its bound, by tolerances.
+_APPLICATIONS = AliasChoices("applications", "roads")  # records of version 0.2 had no others
+
+
+class ApplicationYield(Record):
+    """Parts that hold the class of an application, and what decides on it: what is nearest to its bound, by tolerances.
 
     The margin of a part is the least distance of all that the class asks for to its bound, relative to that, and below
     0 beyond one. ``nearest``: the metric from which most parts have it, ``nearest_share`` of them; ``variance``: causes
@@ -313,9 +316,9 @@ class Yield(SimulatedResult):
     is measured. ``rays``: of a part, with all LEDs. ``seed``: of the parts. ``preset``: gives the tolerances that the
     spec leaves out. ``tolerances``: amount and distribution of each. ``bounds``: what a part must keep. ``pass_rate``:
     share of the parts that do, with its interval. ``metrics``: spread of each metric over the parts. ``variance``:
-    shares of its variance by cause. ``roads``: those of the spec. ``budget``: largest amount of each tolerance; None
-    where it was not sought. ``flux``: that of the LED at which enough parts pass; None if no bound depends on it.
-    ``worst``: the worst parts. ``worst_leds``: LED with which each of them is worst.
+    shares of its variance by cause. ``applications``: those of the spec, such as its roads. ``budget``: largest amount
+    of each tolerance; None where it was not sought. ``flux``: that of the LED at which enough parts pass; None if no
+    bound depends on it. ``worst``: the worst parts. ``worst_leds``: LED with which each of them is worst.
     ``notes``: remarks on the study. ``columns``: names of the numbers drawn and of the metrics. ``table``: a row for
     each part; numbers in the unit of the spec, those of each of several lamps left out. ``worst_maps``: light of the
     worst parts on the first receiver.
@@ -335,7 +338,7 @@ class Yield(SimulatedResult):
     pass_rate: PassRate
     metrics: dict[Text, MetricSpread]
     variance: dict[Text, Variance]
-    roads: tuple[RoadYield, ...] = ()
+    applications: tuple[ApplicationYield, ...] = Field(default=(), validation_alias=_APPLICATIONS)
     budget: Budget | None
     flux: FluxNeeded | None = None
     worst: tuple[WorstPart, ...]

@@ -18,6 +18,7 @@ from lensforge.made.tolerance_result import (
     Yield,
 )
 from lensforge.results import Fact, Group, Metric
+from lensforge.results.case import Case
 from lensforge.results.numerals import NOTHING, limit_text, percent, quantity
 from lensforge.results.verdict import CERTAIN
 from lensforge.spec.tolerances_section import amount_words
@@ -39,7 +40,7 @@ def yield_facts(study: Yield) -> list[Group]:
     """A group of the parts that pass, then rows of bounds, spreads, causes and budget."""
     return [
         Group("yield", "Yield", tuple(_passing(study))),
-        *road_rows(study),
+        *application_rows(study),
         *bound_rows(study),
         *spread_rows(study),
         *cause_rows(study),
@@ -54,38 +55,38 @@ def sensitivity_facts(study: Sensitivity) -> list[Group]:
     apart.
     """
     designed, changes = [], []
-    for name, led in study.by_led.items():
-        end = f", {name}" if name else ""
+    for case in study.cases():
+        led = case.result
         before = [
             (each.name, each.change.changed(value=each.value.value - each.change.value, standard_error=None))
             for row in led.rows[:1]
             for each in row.limits
         ]
         facts = (*_of_limits(before), *metric_facts(led.nominal), Fact("rays", "Rays", led.rays))
-        designed.append(Group("nominal", f"As designed{end}", facts))
+        designed.append(Group("nominal", case.title("As designed"), facts))
         rows = sorted(led.rows, key=_effect, reverse=True)
-        changes += [_change(row, end) for row in rows]
+        changes += [_change(case, row) for row in rows]
     return [*designed, *changes]
 
 
-def road_rows(study: Yield) -> list[Group]:
-    """A row for each road: the parts that hold its class, the figure nearest to its bound, and the main cause."""
+def application_rows(study: Yield) -> list[Group]:
+    """A row for each application: parts that hold its class, the figure nearest to its bound, and the main cause."""
     rows = []
-    for road in study.roads:
-        rate, main = road.pass_rate, "undecided: within the ray noise"
-        if road.variance is not None:
-            certain = road.variance.certain[:1]
+    for entry in study.applications:
+        rate, main = entry.pass_rate, "undecided: within the ray noise"
+        if entry.variance is not None:
+            certain = entry.variance.certain[:1]
             named = [f"{cause.words}, {Fact.share('', '', _share(cause)).text}" for cause in certain]
             main = named[0] if named else UNCERTAIN
-        nearest = f"{road.nearest.removeprefix(f'{road.name}: ')}, of {percent(road.nearest_share)} of the parts"
+        nearest = f"{entry.nearest.removeprefix(f'{entry.name}: ')}, of {percent(entry.nearest_share)} of the parts"
         facts = (
-            Fact("road_class", "Class", road.lighting_class),
+            Fact("lighting_class", "Class", entry.lighting_class),
             Fact.share("holds", "Yield", rate.value),
             Fact("confidence", "95\u2009% confidence", f"{percent(rate.low)} to {percent(rate.high)}"),
             Fact("nearest", "Most critical figure", nearest),
             Fact("main", "Main cause", main),
         )
-        rows.append(Group("road_yield", metric_words(road.name), facts))
+        rows.append(Group("application", metric_words(entry.name), facts))
     return rows
 
 
@@ -331,7 +332,7 @@ def _of_limits(named: Iterable[tuple[str, Metric]]) -> Iterator[Fact]:
         yield fact(f"limit_{number}", metric_words(name), metric)
 
 
-def _change(row: ErrorRow, end: str) -> Group:
+def _change(case: Case[Sensitivity], row: ErrorRow) -> Group:
     size = Fact("amount", "Amount", row.amount, _UNITS.get(row.unit, row.unit), digits=3)
     limits = _of_limits((each.name, each.change) for each in row.limits)
-    return Group("error", f"{row.name}{end}", (size, *limits, *metric_facts(row.change, changes=True)))
+    return Group("error", case.title(row.name), (size, *limits, *metric_facts(row.change, changes=True)))

@@ -23,10 +23,10 @@ from lensforge.made.part_study import PartStudy, Recipe
 from lensforge.made.tolerance_budget import budget, flux_needed
 from lensforge.made.tolerance_result import (
     PASS_RATE,
+    ApplicationYield,
     CauseShare,
     MetricSpread,
     PassRate,
-    RoadYield,
     ToleranceAmount,
     Variance,
     WorstPart,
@@ -39,7 +39,7 @@ from lensforge.scene.lens import Lens
 from lensforge.scene.perturbations import Draws, orthonormal
 from lensforge.search.room_for_parts import require_feasible_tolerances
 from lensforge.spec.accuracy import preset_of
-from lensforge.spec.road_section import names_of
+from lensforge.spec.application import names_of
 from lensforge.spec.tolerances_section import Factor
 
 _DEGREE = 4
@@ -183,7 +183,7 @@ def measure_yield(
         pass_rate=PassRate.of(int(passes.sum()), parts),
         metrics=metrics,
         variance=variance,
-        roads=tuple(_roads(study, measured)),
+        applications=tuple(_applications(study, measured)),
         budget=limits,
         flux=flux_needed(study.bounds, bounded, wanted),
         worst=worst,
@@ -261,12 +261,14 @@ def _spread(designed: Metric, values: Float[np.ndarray, "n 2"], in_common: float
     )
 
 
-def _roads(study: PartStudy, measured: Float[np.ndarray, "n m 2"]) -> Iterator[RoadYield]:
-    """The share of parts that hold the class of each road, and the causes of the least distance to its bounds."""
-    roads, every, first = study.recipe.lens.spec.roads, study.excess(measured[..., 0]), 0
+def _applications(study: PartStudy, measured: Float[np.ndarray, "n m 2"]) -> Iterator[ApplicationYield]:
+    """The share of parts that hold the class of each application, and the causes of the least distance to a bound."""
+    entries = study.recipe.lens.spec.applications
+    every = study.excess(measured[..., 0])
+    first = 0
     for led in study.leds:
-        for number, (road, name) in enumerate(zip(roads, names_of(roads), strict=True)):
-            asked = [first + row for row, limit in enumerate(led.limits) if limit.road == number]
+        for number, (entry, name) in enumerate(zip(entries, names_of(entries), strict=True)):
+            asked = [first + row for row, limit in enumerate(led.limits) if limit.application == number]
             bounds = [study.bounds[row] for row in asked]
             scale = np.array([bound.bound for bound in bounds])
             beyond = every[:, asked] / scale
@@ -275,9 +277,9 @@ def _roads(study: PartStudy, measured: Float[np.ndarray, "n m 2"]) -> Iterator[R
             margin = np.stack([-beyond.max(axis=1), measured[parts, columns[nearest], 1] / scale[nearest]], axis=1)
             noise, counts = float(np.mean(margin[:, 1] ** 2)), np.bincount(nearest, minlength=len(bounds))
             decided = _true_spread(margin) > float(np.median(margin[:, 1]))
-            yield RoadYield(
+            yield ApplicationYield(
                 name=f"{led.prefix}{name}",
-                lighting_class=road.lighting_class,
+                lighting_class=entry.lighting_class,
                 pass_rate=PassRate.of(int((beyond <= 0.0).all(axis=1).sum()), len(beyond)),
                 nearest=bounds[int(counts.argmax())].metric,
                 nearest_share=float(counts.max() / len(beyond)),

@@ -59,8 +59,9 @@ from lensforge.results import (
     stated,
 )
 from lensforge.results.arguments import require_choice
+from lensforge.results.case import Case
 from lensforge.results.chart import Chart, light_unit
-from lensforge.results.criteria import Criteria, criteria_of, under
+from lensforge.results.criteria import Criteria, under
 from lensforge.results.figure import Criterion, Figure, criteria_in, figure
 from lensforge.results.numerals import number, percent, quantity
 from lensforge.results.plots import Axes, plot_curves, plot_map
@@ -345,16 +346,15 @@ class Proof(ResultByLed):
         yield from size_criteria(self.sizes)
         for form in self.forms:
             yield from (under(form.name, criterion) for criterion in criteria_in(self, form))
-        for receiver in self.receivers:
-            for criterion in _receiver_criteria(self, receiver):
-                yield criterion if receiver is self.first else under(receiver.name, criterion)
+        for case in Case(self).among("receivers"):
+            yield from map(case.named, _receiver_criteria(self, case.record))
         for lamps in self.together:
             yield from (under(lamps.name, criterion) for criterion in criteria_in(self, lamps))
 
     def deciding_criteria(self) -> Iterator[Fact]:
         """The criteria by which files pass or fail: all but ``facet_misses``."""
         facets = self.facet_misses
-        yield from (criterion for criterion in criteria_of(self) if criterion not in facets)
+        yield from (criterion for criterion in self.all_criteria() if criterion not in facets)
 
     @property
     def facet_misses(self) -> tuple[Fact, ...]:
@@ -362,9 +362,9 @@ class Proof(ResultByLed):
 
         Empty where anything else is missed, and where the form of the files or the light of the STEP file is not known.
         """
-        missed = tuple(criterion for criterion in criteria_of(self) if criterion.state == "fail")
+        missed = tuple(criterion for criterion in self.all_criteria() if criterion.state == "fail")
         names = {criterion.key.rpartition(": ")[2] for criterion in missed}
-        by_step = all(receiver.brep is not None for led in self.by_led.values() for receiver in led.receivers)
+        by_step = all(case.record.brep is not None for case in self.cases("receivers"))
         of_facets = bool(names & _OF_FACETS) and names <= _OF_FACETS | _BEHIND_FACETS
         return missed if of_facets and by_step and self.forms else ()
 
@@ -423,7 +423,7 @@ class Proof(ResultByLed):
         return tuple(said.format(name, by[name in lit]) for name in self.altered_files)
 
     def __str__(self) -> str:
-        failed = [str(criterion) for criterion in criteria_of(self) if not criterion.holds]
+        failed = [str(criterion) for criterion in self.all_criteria() if not criterion.holds]
         deviation = f"{self.deviation_mm.rms:.3g} mm rms, {self.deviation_mm.max:.3g} mm at most"
         verdict = "; ".join(failed) or "every criterion is met"
         landing = f"part: {self.rays} rays, displaced by {deviation} against the design; {verdict}"

@@ -1,12 +1,17 @@
-"""Sections of the page that add-ons fill: what they show of their results, beside the facts."""
+"""What add-ons show on the page: sections of their results, and pictures of applications beside the photometry."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import singledispatch
 
 from lensforge.addon import addons
-from lensforge.report.page import PagePicture
+from lensforge.light.photometry_result import Photometry
+from lensforge.report.page import PagePicture, numbered
 from lensforge.report.results import Results
 from lensforge.results import Group, StageResult
+from lensforge.scene.application_light import Judgement
+from lensforge.spec import Spec
+from lensforge.spec.application import Application
 
 FIRST = 4  # facts of a group that a page shows at once
 
@@ -40,6 +45,45 @@ class AddedSection:
 def shown_on_page(result: StageResult, results: Results) -> OnPlace | None:
     """Place and pictures of a result on the page, None for none; an add-on registers the function for its class."""
     return None
+
+
+@dataclass(frozen=True)
+class ShownApplication:
+    """Application number ``index`` of ``spec``, judged in ``photometry`` with LED number ``led``."""
+
+    photometry: Photometry
+    spec: Spec
+    index: int
+    led: int
+
+    @property
+    def entry(self) -> Application:
+        """Its entry in the spec."""
+        return self.spec.applications[self.index]
+
+    @property
+    def judgement(self) -> Judgement:
+        """Its judgement."""
+        return [*self.photometry.judgements_of(self.spec.applications)][self.index]
+
+    def picture_name(self, name: str) -> str:
+        """Name of one of its pictures, unique on the page."""
+        return numbered(f"{name}-{self.index}", self.led)
+
+
+@singledispatch
+def application_pictures(judgement: Judgement, shown: ShownApplication) -> list[PagePicture]:
+    """Pictures of an application; an add-on registers the function for the class of its judgements."""
+    return []
+
+
+def pictures_of_applications(photometry: Photometry, spec: Spec, led: int) -> Iterator[PagePicture]:
+    """Pictures of all applications of ``spec``."""
+    for addon in addons():
+        addon.pages()
+    for index in range(len(spec.applications)):
+        shown = ShownApplication(photometry, spec, index, led)
+        yield from application_pictures(shown.judgement, shown)
 
 
 def added_sections(results: Results) -> list[AddedSection]:

@@ -17,15 +17,15 @@ from lensforge.report.exported_part import source_outline
 from lensforge.report.headline import further_facts, headline, required_facts, task
 from lensforge.report.lens_figures import lens_section, reach_mm
 from lensforge.report.light_figures import along, encircled_share, irradiance_map, label_positions, label_radii
-from lensforge.report.light_section import receivers_in
 from lensforge.report.page import PagePicture, picture, template
 from lensforge.report.record_tables import rows
 from lensforge.report.results import Results
 from lensforge.results import Fact, Group
+from lensforge.results.case import Case
 from lensforge.results.chart import Chart, LightUnit, light_unit
 from lensforge.results.figure_style import COLOURS, NARROW, WIDE, in_report_style, new_figure
 from lensforge.results.numerals import NOTHING
-from lensforge.results.verdict import TITLES
+from lensforge.results.verdict import TITLES, said
 from lensforge.version import __version__
 
 _MOST = 8  # columns: more do not fit on a page
@@ -79,7 +79,7 @@ def number_lines(designs: Sequence[Results]) -> list[Group]:
         best = _best(facts) if same_target else None  # designs with the same text are equally good
         lines.append(_line(label, (replace(fact, note="best" if fact.text == best else "") for fact in facts)))
     judged = [design.verdict.cutting for design in designs]
-    cutting = _line(TITLES["cutting"], (Fact("cutting", TITLES["cutting"], state) for state in judged))
+    cutting = _line(TITLES["cutting"], (Fact("cutting", TITLES["cutting"], said(state)) for state in judged))
     return lines if set(judged) == {"undecided"} else [*lines, cutting]
 
 
@@ -132,13 +132,11 @@ class ComparedPictures:
 
     def __init__(self, names: Sequence[str], designs: Sequence[Results]) -> None:
         self._designs = list(zip(names, designs, strict=True))
-        candidates = ((name, design, design.find(Light)) for name, design in self._designs)
-        lights = [(name, design, light) for name, design, light in candidates if light is not None]
-        lumens_known = all(light.lumens_per_watt is not None for _, _, light in lights)
+        candidates = ((name, design.find(Light)) for name, design in self._designs)
+        lights = [(name, light) for name, light in candidates if light is not None]
+        lumens_known = all(light.lumens_per_watt is not None for _, light in lights)
         shown = [
-            (f"{name}, {receiver.light.name}" if receiver.several else name, receiver.light, light)
-            for name, design, light in lights
-            for receiver in receivers_in(light, design.spec)
+            (case.title(name), case.record, light) for name, light in lights for case in Case(light).among("receivers")
         ]
         self._lit = [
             _Lit(

@@ -14,11 +14,11 @@ from jaxtyping import Float
 from lensforge.cad.form_error import remember_fit
 from lensforge.cad.part import Part
 from lensforge.errors import refused
-from lensforge.proof.proof_facts import lit_receivers, stray_budget
+from lensforge.proof.proof_facts import stray_budget
 from lensforge.proof.proof_result import Proof, ReceiverProof, StrayLight
 from lensforge.report import lens_figures, light_figures, study_figures
-from lensforge.report.light_section import numbered, top_of, unit_of_light
-from lensforge.report.page import PagePicture, picture
+from lensforge.report.light_section import top_of, unit_of_light
+from lensforge.report.page import PagePicture, numbered, picture
 from lensforge.report.ray_fan import fan_tables
 from lensforge.report.results import REPORT_FILE, Results
 from lensforge.results.files import MIB
@@ -138,23 +138,22 @@ def verification_pictures(results: Results) -> list[list[PagePicture]]:
     rows = list[list[PagePicture]]()
     if proof is None:
         return rows
-    for index, lit in enumerate(lit_receivers(proof)):
-        receiver = lit.receiver
-        on = lit.ending
+    for index, case in enumerate(proof.cases("receivers")):
+        receiver = case.record
         chart = receiver.chart
-        unit = unit_of_light(results, far_field=receiver.far_field, led=lit.result.led)
+        unit = unit_of_light(results, far_field=receiver.far_field, led=case.led)
         design = receiver.design_irradiance
         part = receiver.irradiance
         top = top_of([design, part])
-        rays = f"{number(lit.result.rays)} rays cast through the exported mesh."
+        rays = f"{number(case.result.rays)} rays cast through the exported mesh."
         noise = "Where the two agree, only ray noise is left."
         draw = light_figures.irradiance_map
         difference = light_figures.difference_map(part - design, chart, unit)
         rows.append(
             [
-                picture(numbered("design", index), draw(design, chart, top, unit=unit), f"Design{on}"),
-                picture(numbered("part", index), draw(part, chart, top, unit=unit), f"Exported part{on}", rays),
-                picture(numbered("part-minus-design", index), difference, f"Part minus design{on}", noise),
+                picture(numbered("design", index), draw(design, chart, top, unit=unit), case.title("Design")),
+                picture(numbered("part", index), draw(part, chart, top, unit=unit), case.title("Exported part"), rays),
+                picture(numbered("part-minus-design", index), difference, case.title("Part minus design"), noise),
             ]
         )
     return rows
@@ -170,12 +169,12 @@ def gap_pictures(results: Results) -> list[PagePicture]:
         picture(
             numbered("gaps", index),
             study_figures.gap_figure(
-                _quantiles(lit.receiver), lit.receiver.deviation_limit_mm, far_field=lit.receiver.far_field
+                _quantiles(case.record), case.record.deviation_limit_mm, far_field=case.record.far_field
             ),
-            f"Ray displacement{lit.ending}",
+            case.title("Ray displacement"),
             caption,
         )
-        for index, lit in enumerate(lit_receivers(proof))
+        for index, case in enumerate(proof.cases("receivers"))
     ]
 
 
@@ -194,11 +193,10 @@ def stray_pictures(results: Results) -> list[list[PagePicture]]:
     rows = list[list[PagePicture]]()
     if stray is None:
         return rows
-    for index, lit in enumerate(lit_receivers(stray)):
-        receiver = lit.receiver
-        on = lit.ending
+    for index, case in enumerate(stray.cases("receivers")):
+        receiver = case.record
         chart = receiver.chart
-        unit = unit_of_light(results, far_field=receiver.far_field, led=lit.result.led)
+        unit = unit_of_light(results, far_field=receiver.far_field, led=case.led)
         scattered = light_figures.irradiance_map(receiver.stray, chart, top_of([receiver.stray]), unit=unit)
         change = light_figures.difference_map(receiver.direct + receiver.stray - receiver.sequential, chart, unit)
         budget = light_figures.waterfall(*stray_budget(receiver))
@@ -207,9 +205,11 @@ def stray_pictures(results: Results) -> list[list[PagePicture]]:
         less = "Red: the design predicts too little."
         rows.append(
             [
-                picture(numbered("stray-budget", index), budget, f"Flux budget with all reflections{on}", detected),
-                picture(numbered("stray-light", index), scattered, f"Stray light on the receiver{on}", scale),
-                picture(numbered("unmodelled", index), change, f"All light minus the design's model{on}", less),
+                picture(
+                    numbered("stray-budget", index), budget, case.title("Flux budget with all reflections"), detected
+                ),
+                picture(numbered("stray-light", index), scattered, case.title("Stray light on the receiver"), scale),
+                picture(numbered("unmodelled", index), change, case.title("All light minus the design's model"), less),
             ]
         )
     return rows

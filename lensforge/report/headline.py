@@ -14,7 +14,7 @@ from lensforge.report.results import REPORT_FILE, Results, kinds_of_results
 from lensforge.results import Fact, Group, State
 from lensforge.results.criteria import shown
 from lensforge.results.numerals import quantity
-from lensforge.results.verdict import TITLES
+from lensforge.results.verdict import TITLES, said
 from lensforge.search.design_result import Design
 from lensforge.shop.check_facts import shape_facts
 from lensforge.shop.check_result import Check
@@ -23,11 +23,12 @@ from lensforge.spec.lens_section import LensShape
 
 Shown = Literal["pass", "fail", "open"]  # the style of a verdict on the page
 
-SHOWN: dict[State, Shown] = {"pass": "pass", "fail": "fail", "undecided": "open"}
+SHOWN: dict[State, Shown] = {"pass": "pass", "fail": "fail", "undecided": "open", "none": "open"}
 # For one subject, and for several.
 _VERBS: dict[State, tuple[str, str]] = {
     "fail": ("fails", "fail"),
     "undecided": ("is undecided", "are undecided"),
+    "none": ("is not judged", "are not judged"),
     "pass": ("passes", "pass"),
 }
 _TIMED: dict[type[Design | Light | Part | Check | Proof | Photometry], str] = {
@@ -85,7 +86,8 @@ def headline(results: Results) -> Headline:
     verdict = results.verdict
     states = verdict.states
     parts = tuple(
-        VerdictBadge(TITLES[name], state, SHOWN[state], verdict.reasons_of(name)) for name, state in states.items()
+        VerdictBadge(TITLES[name], said(state), SHOWN[state], verdict.reasons_of(name))
+        for name, state in states.items()
     )
     sentence = f"{_in_words(states, results)}{_waiting(results)}"
     return Headline(parts, _whole(states, results), sentence, _on_criteria(results))
@@ -96,7 +98,7 @@ def _whole(states: Mapping[str, State], results: Results) -> Shown:
     counted = ["light", "files", *(["cutting"] if results.spec.manufacture.required else [])]
     if any(states[name] == "fail" for name in counted):
         return "fail"
-    return "pass" if set(states.values()) == {"pass"} and not results.missing else "open"
+    return "pass" if set(states.values()) <= {"pass", "none"} and not results.missing else "open"
 
 
 def _in_words(states: Mapping[str, State], results: Results) -> str:

@@ -31,7 +31,6 @@ from lensforge.results.numerals import number, percent
 from lensforge.search.design_result import Design
 from lensforge.shop.check_facts import finding_groups
 from lensforge.shop.check_result import Check
-from lensforge.shop.process_words import words_of
 from lensforge.surfaces.imported_face import LENS_FILE
 from lensforge.surfaces.srbf import fibonacci_hemisphere
 from lensforge.version import __version__, versions_of
@@ -82,7 +81,7 @@ def _context(results: Results, folder: Path | None, beside: bool) -> dict[str, o
         "search_end": None if design is None else design.ended,
         "times": headline.times(results),
         "facts": _facts(results),
-        "left_by_tool": words_of(results.spec).left,
+        "left_by_tool": results.spec.manufacture.making.words.left,
         "far_proof": proof is not None and any(receiver.far_field for receiver in proof.receivers),
         "photometry": _photometry_sentence(results),
         "first": pictures.pop("first"),

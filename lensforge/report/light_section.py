@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from typing import cast
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -14,11 +15,12 @@ from lensforge.light.photometry_result import Photometry
 from lensforge.light.receiver_light import METRICS, ReceiverLight
 from lensforge.light.seen_lens import radiance_unit
 from lensforge.report import colour_figures, light_figures, study_figures
-from lensforge.report.page import PagePicture, picture
+from lensforge.report.added_section import pictures_of_applications
+from lensforge.report.page import PagePicture, numbered, picture
 from lensforge.report.results import Results
 from lensforge.results import Fact, Group, Image, StageResult
+from lensforge.results.case import Case
 from lensforge.results.chart import Chart, LightUnit, light_unit
-from lensforge.results.criteria import criteria_of
 from lensforge.results.numerals import number, percent
 from lensforge.results.verdict import worst
 from lensforge.scene.receiver_shapes import receivers_of
@@ -28,12 +30,6 @@ from lensforge.search.scene_check import light_requirements
 from lensforge.sources.build_source import build_source
 from lensforge.spec import Spec
 
-_FROM_ABOVE = "One field between two lamps; the arrow is the driver’s lane, the driver 60 m before the field."
-_FROM_ABOVE_BY_RP8 = "One field between two lamps for each direction of travel, each point seen from 83 m away."
-_BY_NIGHT = (
-    "View from 60 m before the field, which lies between the two lines across the road. Poles and lamps are to scale. "
-    "The r-table holds for 60 m and beyond; it is used for the nearer road, too."
-)
 OWN = "nominal"
 _SEEN = "Seen from behind the receiver, towards the lens."
 _FIRST = 4.6  # inches: half of the page
@@ -52,34 +48,38 @@ _MAIN = {
 
 @dataclass(frozen=True)
 class ShownReceiver:
-    """The light on receiver number ``index`` of a spec, in ``unit``; ``several``: it is one of many."""
+    """The light on one receiver of a ``spec``, in ``unit``."""
 
-    light: ReceiverLight
+    case: Case[Light]
     unit: LightUnit
     spec: Spec
-    index: int
-    several: bool
+
+    @property
+    def light(self) -> ReceiverLight:
+        """The light on it."""
+        return cast(ReceiverLight, self.case.record)
 
     @property
     def place(self) -> str:
         """Place of the receiver; among several with its name."""
-        return f"{self.light.place} ({self.light.name})" if self.several else self.light.place
+        return f"{self.light.place} ({self.case.name})" if self.case.name else self.light.place
 
     @property
     def heading(self) -> str:
         """Heading of its pictures; empty if it is the only one."""
-        return f"{self.light.name}, {self.light.place}" if self.several else ""
+        return f"{self.case.name}, {self.light.place}" if self.case.name else ""
 
     def picture_name(self, name: str) -> str:
         """Name of one of its pictures, unique on the page; pictures of the first receiver have ``name`` itself."""
-        return numbered(name, self.index)
+        return numbered(name, self.case.number)
 
     def mask(self, pixels: int) -> Bool[np.ndarray, "h w"] | None:
         """Its region of uniform light on ``pixels`` along the longer side; None if it has none."""
         sections = self.spec.all_receivers
-        if self.index >= len(sections):
+        number = self.case.number
+        if number >= len(sections):
             return None
-        return uniform_region(sections[self.index].targets, receivers_of(self.spec, pixels)[self.index])
+        return uniform_region(sections[number].targets, receivers_of(self.spec, pixels)[number])
 
 
 @dataclass(frozen=True)
@@ -98,12 +98,8 @@ def shown_receivers(results: Results) -> list[ShownReceiver]:
 
 
 def receivers_in(light: Light, spec: Spec) -> list[ShownReceiver]:
-    """The receivers of ``light``."""
-    several = len(light.receivers) > 1
-    return [
-        ShownReceiver(receiver, unit_on(light, receiver), spec, index, several)
-        for index, receiver in enumerate(light.receivers)
-    ]
+    """The receivers of ``light``, of several LEDs with the first."""
+    return [ShownReceiver(case, unit_on(light, case.record), spec) for case in Case(light).among("receivers")]
 
 
 def unit_of_light(results: Results, *, far_field: bool | None = None, led: str = "") -> LightUnit:
@@ -113,18 +109,12 @@ def unit_of_light(results: Results, *, far_field: bool | None = None, led: str =
     """
     light = results.find(Light)
     design = results.find(Design)
-    if light is not None and led:
-        light = light.by_led.get(led, light)
     if far_field is None:
         far_field = results.spec.all_receivers[0].is_far_field
     if light is not None:
-        return light_unit(light.lumens_per_watt, far_field=far_field)
+        with_led = next((case.result for case in light.cases() if case.led == led), light)
+        return light_unit(with_led.lumens_per_watt, far_field=far_field)
     return light_unit(None if design is None else design.source.lumens_per_watt, far_field=far_field)
-
-
-def numbered(name: str, index: int) -> str:
-    """Name of a picture of receiver number ``index``, unique on the page; of the first it is ``name`` itself."""
-    return f"{name}-{index + 1}" if index else name
 
 
 def top_of(images: Iterable[np.ndarray]) -> float:
@@ -183,14 +173,12 @@ def _seen_by_eyes(results: Results) -> Iterator[ReceiverPictures]:
     drawn = [
         picture(
             numbered("seen", index),
-            light_figures.seen_lens(seen, radiance_unit(light_of_led.lumens_per_watt)),
-            f"{seen.name}, {led}" if led else seen.name,
+            light_figures.seen_lens(seen, radiance_unit(case.result.lumens_per_watt)),
+            case.title(seen.name),
             f"Each pixel: the mean over the spot of {number(seen.spot_mm, 2)} mm about it. Circle: the brightest.",
         )
-        for index, (led, light_of_led, seen) in enumerate(
-            (led, light_of_led, seen)
-            for led, light_of_led in (light.by_led if light else {}).items()
-            for seen in light_of_led.seen
+        for index, (case, seen) in enumerate(
+            (case, seen) for case in (light.cases() if light else ()) for seen in case.result.seen
         )
     ]
     if drawn:
@@ -205,7 +193,7 @@ def _of_receiver(shown: ShownReceiver, whole: Light) -> ReceiverPictures:
     rest = [lines, _flux(shown)]
     if light.colour is not None and light.tristimulus_map is not None:
         rest.insert(0, _colours(shown, light.colour, light.tristimulus_map))
-    if not shown.several:
+    if not shown.case.name:
         return ReceiverPictures(shown.heading, maps, tuple(rest))
     wanted, lit, difference = maps
     return ReceiverPictures(shown.heading, [replace(lit, title=shown.heading)], ([wanted, difference], *rest))
@@ -242,7 +230,7 @@ def _maps(shown: ShownReceiver, whole: Light) -> list[PagePicture]:
     top = top_of([target, reached])
     mask = shown.mask(light_figures.MOST_DRAWN)
     has_mask = mask is not None and bool(mask.any())
-    dashed = f" Dashed: the mask {mask_words(shown.spec, shown.index)}." if has_mask else ""
+    dashed = f" Dashed: the mask {mask_words(shown.spec, shown.case.number)}." if has_mask else ""
     rows, columns = light.map.shape
     filtered = whole.filter.replace("pixel^2", "pixel²").replace("3x3", "3 × 3")
     simulated = f"{number(whole.rays)} rays, {columns} × {rows} pixels. {filtered}.{_as_means(light)}"
@@ -304,9 +292,9 @@ def photometry_pictures(results: Results) -> list[PagePicture]:
     if photometry is None:
         return []
     return [
-        replace(drawn, title=f"{drawn.title}, {led}" if photometry.others else drawn.title)
-        for index, (led, of_led) in enumerate(photometry.by_led.items())
-        for drawn in _photometry_of_led(of_led, results, index)
+        replace(drawn, title=case.title(drawn.title))
+        for case in photometry.cases()
+        for drawn in _photometry_of_led(case.result, results, case.number)
     ]
 
 
@@ -319,20 +307,11 @@ def _photometry_of_led(photometry: Photometry, results: Results, led: int) -> li
         picture(numbered("isocandela", led), isocandela, "Isocandela", "C around, gamma outwards, as in the files."),
     ]
     if photometry.road is not None:
-        height_m = results.spec.roads[0].pole_height_m if results.spec.roads else None
+        height_m = next((entry.height_m for entry in results.spec.applications), None)
         ground = study_figures.ground_diagram(photometry, section.street_side_deg, section.lenses, height_m)
         caption = "One lamp at the centre; above the line is the street."
         drawn.append(picture(numbered("ground", led), ground, "On the ground", caption))
-    for index, judged in enumerate(photometry.roads):
-        view = study_figures.road_from_above(photometry, index, results.spec)
-        road = results.spec.roads[index]
-        caption_of_road = _FROM_ABOVE_BY_RP8 if road.by_rp8 else _FROM_ABOVE
-        name = judged.name.capitalize()
-        drawn.append(picture(numbered(f"road-{index}", led), view, name, caption_of_road))
-        if road.by_luminance:
-            night = study_figures.road_by_night(photometry, index, results.spec)
-            drawn.append(picture(numbered(f"night-{index}", led), night, f"{name} by night", _BY_NIGHT))
-    return drawn
+    return [*drawn, *pictures_of_applications(photometry, results.spec, led)]
 
 
 def other_lights(results: Results) -> list[Group]:
@@ -351,7 +330,7 @@ def other_pictures(results: Results) -> list[PagePicture]:
         picture(
             shown.picture_name(f"other-{index}"),
             _map(shown, [receiver for _, _, _, receiver in entries]),
-            f"{name}, {shown.light.name}" if shown.several else name,
+            shown.case.title(name),
             "" if light.conditions is None else str(light.conditions),
         )
         for index, name, light, shown in entries
@@ -364,7 +343,7 @@ def other_results(results: Results) -> list[Group]:
     for stem, result in results.others.items():
         if not isinstance(result, Light):
             main = [line for group in results.facts(result) if (line := _main_line(result, group))]
-            missed = [str(criterion) for criterion in criteria_of(result) if not criterion.holds]
+            missed = [str(criterion) for criterion in result.all_criteria() if not criterion.holds]
             facts = [
                 Fact("conditions", "Conditions", str(result.conditions)),
                 Fact("figures", "Figures", "; ".join(main)),
@@ -381,14 +360,15 @@ def _main_line(result: StageResult, group: Group) -> str:
 
 
 def _compared(results: Results) -> dict[str, Light]:
-    """The lens's own light before every other; none where there is no other."""
-    lights = (light for light in results.others.values() if isinstance(light, Light))
-    others = {OWN if light.conditions is None else light.conditions.name: light for light in lights}
+    """The lens's own light before every other, with each LED alone; none where there is no other."""
     nominal = results.find(Light)
-    if nominal is None or not (others or nominal.others):
-        return others
-    (first, alone), *rest = nominal.by_led.items()
-    return {f"{OWN}, {first}" if rest else OWN: alone, **dict(rest), **others}
+    others = [light for light in results.others.values() if isinstance(light, Light)]
+    named = {} if nominal is None else {OWN: nominal}
+    named |= {OWN if light.conditions is None else light.conditions.name: light for light in others}
+    with_leds = {
+        f"{name}, {led}" if led else name: alone for name, light in named.items() for led, alone in light.by_led.items()
+    }
+    return with_leds if others or len(with_leds) > 1 else {}
 
 
 def _light_rows(results: Results, name: str, light: Light) -> Iterator[Group]:
@@ -406,17 +386,16 @@ def _light_rows(results: Results, name: str, light: Light) -> Iterator[Group]:
         source = conditions.source or source
     lit = [group for group in results.facts(light) if group.key == "light"]
     simulated = next(group for group in results.facts(light) if group.key == "simulation").select("rays")
-    for index, group in enumerate(lit):
-        columns, rows = light.receivers[index].map.shape[::-1]
+    for case, group in zip(light.cases("receivers"), lit, strict=True):
+        columns, rows = case.record.map.shape[::-1]
         facts = (
             Fact("source", "Source", source),
             *simulated.facts,
             Fact("pixels", "Pixels", f"{columns} × {rows}"),
             *group.select(*list(METRICS)[:4]).facts,
         )
-        title = f"{name}, {group.title}" if len(lit) > 1 else name
         state = worst(state for state, _ in reasons)
-        yield Group("light", title, facts, "" if index else "; ".join(notes), state)
+        yield Group("light", case.title(name), facts, "" if case.number else "; ".join(notes), state)
 
 
 def _map(shown: ShownReceiver, receivers: Sequence[ShownReceiver]) -> Figure:

@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Any
 from lensforge.errors import InputError
 from lensforge.light.lens_light import source_of
 from lensforge.optics.material import MATERIALS
-from lensforge.shop.findings import GOOD_DRAFT_DEG
 from lensforge.sources.build_source import cavity_around
 from lensforge.spec import Spec, parse_spec
 from lensforge.spec.derived_values import WHY, rounded_length
@@ -28,9 +27,8 @@ if TYPE_CHECKING:  # torch, which the search needs, takes a second to load
 Tables = dict[str, Any]  # of a spec, by their names
 
 _OF_USUAL_BASE_MM = 24.0  # largest radius of a lens whose cavity the base of 25.4 mm holds with room to spare
-USUAL_CUTTER = "1"  # mm
-_INSERT_BALL = 0.2  # radius of the ball that mills an insert, of the largest radius of a small lens
-CUTTERS = "radius of the shop's ball cutter in mm, which a lens that is turned takes none of, mould, or none"
+USUAL_CUTTER = "0.5"  # mm
+CUTTERS = "radius of the shop's ball cutter in mm, which a lens that is turned takes none of, mould, or none (not made)"
 
 
 def millimetres(given: str, answer: str, allowed: str) -> float:
@@ -99,12 +97,11 @@ class NewScene:
                 yield kind, made
 
     def content(self, kind: str, shop: Tables | None = None, shape: LightShape = "picture") -> Tables:
-        """Tables of a spec with this ``kind`` of lens for light of a ``shape``; ``shop``: a ``face``, and tables."""
+        """Tables of a spec with this ``kind`` of lens for light of a ``shape``; ``shop``: those of its making."""
         section = LensShape.kinds[kind]
-        made_by = shop or {}
         first = section.first_tables(shape)
         shaped = [role.name for role in section.roles if role.follows is None and not role.is_open]
-        faces = {name: {**first["lens"].get(name, {}), **made_by.get("face", {})} for name in shaped}
+        faces = {name: first["lens"].get(name, {}) for name in shaped}
         named = {} if kind == LensShape.usual_kind else {"kind": kind}
         material = {"material": self.material} if self.takes_material(kind) else {}
         radius_mm = self.constraints["max_radius_mm"]
@@ -115,8 +112,7 @@ class NewScene:
             "lens": {**named, **material, **first["lens"], **faces},
             "constraints": self.constraints,
             **self.light,
-            "manufacture": made_by.get("manufacture"),
-            "tolerances": made_by.get("tolerances"),
+            **(shop or {}),
             "base": base,
             "optimise": first.get("optimise"),
         }
@@ -143,18 +139,11 @@ class NewScene:
 
         shape = light_shape(self._spec(self.content(kind)))
         unlimited = self._spec(self.content(kind, shape=shape))
-        process = unlimited.manufacture.process
-        lens = unlimited.lens
-        if cutter is None and process == "milled" and lens.has_creases and not lens.is_opaque:
+        if cutter is None and unlimited.manufacture.process == "moulded":
             warn("no ball reaches the inner edges of this lens: it has the limits of a mould; --cutter selects others")
             cutter = "mould"
-        content = self.content(kind, _limits_of(cutter or USUAL_CUTTER, unlimited), shape)
+        content = self.content(kind, _made_with(cutter, unlimited), shape)
         made = self._spec(content)
-        room_mm = made.manufacture.tool_radius_mm + made.constraints.min_thickness_mm + 0.02  # it is rounded up
-        has_base = made.base.kind not in ("none", "step") and any(map(made.is_cut, made.lens.names))
-        if has_base and made.base.height_mm < room_mm:  # a step as deep as the ball, and a wall under it
-            content["base"] = {**content.get("base", {}), "height_mm": rounded_length(room_mm)}
-            made = self._spec(content)
         if _takes_flat(made):
             content["base"] = {**content.get("base", {}), "flat_mm": usual_flat_mm(made.base)}
             made = self._spec(content)
@@ -180,26 +169,20 @@ class NewScene:
         return parse_spec(deepcopy(content), "new")
 
 
-def _limits_of(cutter: str, unlimited: Spec) -> Tables:
-    """Fields that let ``cutter`` make a lens, as the check would advise: a ``face`` of it, and tables of its spec.
+def _made_with(cutter: str | None, unlimited: Spec) -> Tables:
+    """Tables on the making of a lens; None: by the usual process of its kind, whose limits the search keeps.
 
-    ``unlimited``: the spec without them. The inserts of two freeform faces are milled, by a ball that fits into them.
+    ``unlimited``: the spec without them.
     """
     if cutter == "none":
-        return {}
+        return {"manufacture": {"process": "none"}}
     if cutter == "mould":
-        milled = not unlimited.lens.has_creases and any(
-            unlimited.cutting(face) == "milled" for face in unlimited.lens.names
-        )
-        radius = min(float(USUAL_CUTTER), round(_INSERT_BALL * unlimited.constraints.max_radius_mm, 2))
-        ball = {"concave_radius_mm": radius} if milled else {}
-        tool = {"cutter_radius_mm": radius} if milled else {}
-        moulded: Tables = {"manufacture": {"process": "moulded", **tool}, "tolerances": {"preset": "moulded"}}
-        return {"face": {**ball, "draft_deg": GOOD_DRAFT_DEG}, **moulded}
-    radius = millimetres(f"--cutter {cutter}", cutter, f"the {CUTTERS}")
+        return {"manufacture": {"process": "moulded"}, "tolerances": {"preset": "moulded"}}
     if unlimited.manufacture.process == "turned":
         return {}
-    return {"face": {"concave_radius_mm": radius, "draft_deg": 0.0}, "manufacture": {"cutter_radius_mm": radius}}
+    usual_mm = unlimited.manufacture.cutter_radius_mm
+    radius_mm = usual_mm if cutter is None else millimetres(f"--cutter {cutter}", cutter, f"the {CUTTERS}")
+    return {"manufacture": {"process": "milled", "cutter_radius_mm": radius_mm}}
 
 
 def _takes_flat(made: Spec) -> bool:

@@ -7,7 +7,7 @@ changed alone. What follows from a record alone it compares as it is read.
 from pathlib import Path
 
 from lensforge.errors import InputError
-from lensforge.results import ResultByLed, StageResult
+from lensforge.results import StageResult
 from lensforge.results.stage_result import require_same_judgements
 from lensforge.scene.lens import Lens
 
@@ -20,8 +20,8 @@ def require_own_judgements(result: StageResult, lens: Lens, path: Path) -> None:
     if result.inputs.get("lens") != lens.sha256:
         return
     try:
-        for record in result.by_led.values() if isinstance(result, ResultByLed) else (result,):
-            for field, made in record.judgements_on(lens).items():
-                require_same_judgements(field, getattr(record, field), made)
+        for case in result.cases():
+            for field, made in case.result.judgements_on(lens).items():
+                require_same_judgements(field, getattr(case.result, field), made)
     except ValueError as error:
         raise InputError(f"{path}: {error}; {type(result).rebuild_command()}") from None

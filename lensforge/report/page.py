@@ -59,3 +59,8 @@ def write_page(page: str, path: Path) -> None:
 def _breakable(path: str) -> Markup:
     """A dotted path that may wrap after its dots and underscores, and nowhere else."""
     return Markup("<wbr>").join(re.split(r"(?<=[._])", path))
+
+
+def numbered(name: str, index: int) -> str:
+    """Name of a picture of receiver number ``index``, unique on the page; of the first it is ``name`` itself."""
+    return f"{name}-{index + 1}" if index else name

@@ -53,7 +53,7 @@ from lensforge.spec.accuracy import accuracy_of, preset_of
 from lensforge.spec.design_spec import require_spec
 from lensforge.spec.emitter_section import EmitterSection
 from lensforge.spec.feasible import require_base_around_cavity
-from lensforge.spec.part_section import Process
+from lensforge.spec.processes import Process
 from lensforge.spec.source_sections import NamedSource
 from lensforge.spec.spec_section import date_of
 from lensforge.surfaces.imported_face import LENS_FILE
@@ -333,7 +333,7 @@ def write_comparison(folders: Sequence[Path], page: Path) -> None:
 def sweep(
     spec: Spec,
     field: str | None = None,
-    values: Sequence[float] | None = None,
+    values: Sequence[float | str] | None = None,
     *,
     source: Sequence[NamedSource | EmitterSection | Path | str] | None = None,
     scale: Sequence[str] = (),
@@ -347,7 +347,7 @@ def sweep(
     Args:
         spec: the spec that is varied.
         field: dotted name of the field, such as "constraints.max_radius_mm".
-        values: its values, at least two, in the field's unit.
+        values: its values, at least two: numbers in the field's unit, or words of a choice.
         source: in their place, LEDs: sections, ray files, or :class:`NamedSource`.
         scale: further fields, which keep their ratio to the varied one.
         accuracy: as of :func:`design`, as are ``seed``, ``threads`` and ``progress``.

@@ -19,7 +19,7 @@ from lensforge.proof.proof_result import Proof, StrayLight
 from lensforge.public import public
 from lensforge.results import Conditions, Fact, Group, SimulatedResult, StageResult
 from lensforge.results.arguments import require, with_known_names
-from lensforge.results.criteria import criteria_of, missed
+from lensforge.results.criteria import missed
 from lensforge.results.stage_result import OF_FOLDERS
 from lensforge.results.verdict import Reason, Verdict
 from lensforge.scene.lens import Lens
@@ -28,7 +28,8 @@ from lensforge.shop.check_facts import check_facts, cutting_reasons
 from lensforge.shop.check_result import Check
 from lensforge.shop.point_tables import GridRequest
 from lensforge.spec import DrawingSection, Spec
-from lensforge.spec.part_section import Process, read_drawing
+from lensforge.spec.part_section import read_drawing
+from lensforge.spec.processes import Process
 
 if TYPE_CHECKING:
     from lensforge.shop.handover import Handover
@@ -192,7 +193,7 @@ class Results:
     def criteria(self) -> Iterator[tuple[str, Fact]]:
         """Pairs (stem, criterion) of all results."""
         for stem, result in self.found.items():
-            yield from ((stem, criterion) for criterion in criteria_of(result))
+            yield from ((stem, criterion) for criterion in result.all_criteria())
 
     def __eq__(self, other: object) -> bool:
         """True where lens and results are the same, bit for bit."""

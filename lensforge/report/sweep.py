@@ -12,7 +12,7 @@ from lensforge.light.evaluation_result import LightMetrics, MetricName
 from lensforge.light.receiver_light import METRICS
 from lensforge.public import public
 from lensforge.report.results import Results
-from lensforge.report.variation import ONE_FOR_ALL, AnyVariation, Variant, Variation
+from lensforge.report.variation import ONE_FOR_ALL, AnyVariation, Variant
 from lensforge.results import (
     Count,
     Fact,
@@ -31,7 +31,7 @@ from lensforge.results.arguments import require_choice
 from lensforge.results.criteria import Criteria, under
 from lensforge.results.numerals import unit_in, unit_suffix
 from lensforge.results.plots import Axes, new_axes
-from lensforge.results.verdict import TITLES
+from lensforge.results.verdict import TITLES, said
 from lensforge.search.design_result import Margins
 from lensforge.spec import AnyAccuracy, Spec
 from lensforge.spec.spec_files import section_sha256
@@ -98,7 +98,7 @@ class Sweep(StageResult):
 
     @property
     def values(self) -> tuple[float | str, ...]:
-        """Values of the varied field, smallest first, or names of LEDs."""
+        """Values of the varied field, numbers smallest first, or names of LEDs."""
         return tuple(row.value for row in self.designs)
 
     @property
@@ -148,7 +148,7 @@ class Sweep(StageResult):
             Fact("height", "Height", row.height_mm, "mm"),
             Fact("steps", "Steps", row.steps),
             Fact("criteria", "Criteria", f"missed: {', '.join(missed)}" if missed else "all met"),
-            Fact("cutting", TITLES["cutting"], row.cutting),
+            Fact("cutting", TITLES["cutting"], said(row.cutting)),
         )
         worst = f", worst of {len(row.by_led)} LEDs" if row.by_led else ""
         return Group("design", f"{row.folder}{worst}", facts)
@@ -217,7 +217,7 @@ def sweep_of(spec: Spec, variation: AnyVariation, finished: Sequence[tuple[Varia
     one of them.
     """
     lens = finished[0][1][0].lens
-    if isinstance(variation, Variation):
+    if variation.is_numeric:
         finished = sorted(finished, key=lambda pair: pair[0].value)
     return Sweep(
         inputs={variant.spec.name: kinds[0].lens.sha256 for variant, kinds in finished},

@@ -174,7 +174,7 @@ def _joined(spec: Spec, variation: AnyVariation, made: Iterator[Made], directory
         sweep.write(directory)
     if sweep is None:
         raise InputError(next(iter(failed.values())))
-    if isinstance(variation, SourceVariation):  # workers end in any order
+    if not variation.is_numeric:  # workers end in any order
         order = [variant.value for variant in variation.variants(spec)]
         rows = sorted(sweep.designs, key=lambda row: order.index(row.value) if row.value in order else -1)
         sweep = sweep.changed(designs=tuple(rows))

@@ -92,7 +92,7 @@ def measure(
     rows = []
     for count in ray_counts(most_rays, leds.values()):
         light = _light(traced, lens, leds, count)
-        rows.append(_row("rays", f"{count} rays", light, sum(each.seconds for each in light.by_led.values())))
+        rows.append(_row("rays", f"{count} rays", light, sum(case.result.seconds for case in light.cases())))
     announce("accuracy presets")
     rows += [_preset_row(name, preset, lens, leds, most_rays) for name, preset in PRESETS.items()]
     announce("stages of a search")

@@ -1,5 +1,6 @@
-"""Variations of a sweep: values of a field of the spec, or LEDs; and the spec of every design."""
+"""Variations of a sweep: values of a field of the spec, numbers or words, or LEDs; and the spec of every design."""
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import isfinite
@@ -15,6 +16,7 @@ from lensforge.spec.spec_files import joined_name
 from lensforge.spec.spec_section import Section
 
 MOST_VALUES = 100
+_WORD = r"(?!(nan|inf)$)[A-Za-z][A-Za-z_]{0,30}"  # of a choice, and of a folder
 
 
 @dataclass(frozen=True)
@@ -38,22 +40,32 @@ class Variant:
 
 @dataclass(frozen=True)
 class Variation:
-    """``field`` (dotted path) takes each of ``values``, in order; those of ``scaled`` keep their ratio to it."""
+    """``field`` (dotted path) takes each of ``values``, in order; those of ``scaled`` keep their ratio to it.
+
+    The values are numbers, smallest first, or words of a choice.
+    """
 
     field: str
-    values: tuple[float, ...]
+    values: tuple[float | str, ...]
     scaled: tuple[str, ...] = ()
 
+    @property
+    def is_numeric(self) -> bool:
+        """True for numbers, which have an order of their own."""
+        return not any(isinstance(value, str) for value in self.values)
+
     def variants(self, base: Spec) -> list[Variant]:
-        """The designs, smallest value first.
+        """The designs, in the order of the values.
 
         Raises :class:`InputError` for values that a spec cannot have, and for two whose designs would share a folder.
         """
         return _with_own_folders(self.field, [self._variant(base, value) for value in self.values])
 
-    def _variant(self, base: Spec, value: float) -> Variant:
+    def _variant(self, base: Spec, value: float | str) -> Variant:
         for field in (self.field, *self.scaled):
             _value(base, field)
+        if isinstance(value, str):
+            return Variant(value, {}, base.replace({self.field: value}, name=joined_name(base.name, value)))
         changes = {self.field: value}
         if self.scaled:
             before = _number(base, self.field)
@@ -71,6 +83,7 @@ class SourceVariation:
 
     sources: tuple[NamedSource, ...]
     field: ClassVar[str] = "source"
+    is_numeric: ClassVar[bool] = False
     scaled: ClassVar[tuple[str, ...]] = ()
 
     def variants(self, base: Spec) -> list[Variant]:
@@ -123,12 +136,17 @@ def sources_of(given: Sequence[NamedSource | EmitterSection | Path | str], base:
     return SourceVariation(require_told_apart(sources))
 
 
-def variation_of(field: object, values: Sequence[float], scaled: Sequence[str] = ()) -> Variation:
-    """``field`` at each of ``values``, sorted, each kept once. Raises :class:`InputError` for an invalid variation."""
+def variation_of(field: object, values: Sequence[float | str], scaled: Sequence[str] = ()) -> Variation:
+    """``field`` at each of ``values``, numbers sorted, each kept once.
+
+    Raises :class:`InputError` for an invalid variation.
+    """
     if not isinstance(field, str) or isinstance(scaled, str) or not all(isinstance(name, str) for name in scaled):
         raise InputError(
             f"sweep: field = {field!r}, scale = {scaled!r}: a field's dotted name, and a list of such names"
         )
+    if not isinstance(values, str) and isinstance(values, Sequence) and _are_words(values):
+        return _of_words(field, tuple(dict.fromkeys(map(str, values))), scaled)
     with refused(f"{field} = {str(values)[:60]}", f"give 2 to {MOST_VALUES} numbers", TypeError, ValueError):
         kept = tuple(sorted({float(value) for value in values}))
     if not (2 <= len(kept) <= MOST_VALUES and all(map(isfinite, kept))):
@@ -138,11 +156,26 @@ def variation_of(field: object, values: Sequence[float], scaled: Sequence[str] =
     return Variation(field, kept, tuple(scaled))
 
 
+def _are_words(values: Sequence[float | str]) -> bool:
+    return len(values) > 0 and all(isinstance(value, str) and re.fullmatch(_WORD, value) for value in values)
+
+
+def _of_words(field: str, words: tuple[str, ...], scaled: Sequence[str]) -> Variation:
+    if not 2 <= len(words) <= MOST_VALUES:
+        raise InputError(f"{field}: {len(words)} words; give 2 to {MOST_VALUES} different ones, such as none,milled")
+    if scaled:
+        raise InputError(f"{scaled[0]}: cannot keep its ratio to {field}, whose values are words; leave it out")
+    return Variation(field, words)
+
+
 def parse_variation(text: str, scaled: Sequence[str] = ()) -> Variation:
     """Parse ``section.field=v1,v2,...``. Raises :class:`InputError` for anything else."""
     field, _, listed = text.partition("=")
-    with refused(f"--vary {text}", "give section.field=value,value,... with numbers as values", ValueError):
-        values = [float(part) for part in listed.split(",")]
+    parts = [part.strip() for part in listed.split(",")]
+    if _are_words(parts):
+        return variation_of(field, parts, scaled)
+    with refused(f"--vary {text}", "give section.field=value,value,... with numbers or words as values", ValueError):
+        values = [float(part) for part in parts]
     return variation_of(field, values, scaled)
 
 

@@ -25,7 +25,7 @@ from lensforge.report.page import PagePicture, picture
 from lensforge.report.results import Results, stem_of
 from lensforge.report.study_figures import beyond, cause_bars, distribution
 from lensforge.results import Group
-from lensforge.results.chart import Chart, light_unit
+from lensforge.results.chart import Chart
 from lensforge.results.numerals import with_unit
 
 _MOST_PLOTS = 9  # of distributions: a spec may have hundreds of limits, all of which are in the tables
@@ -96,19 +96,22 @@ def _worst_pictures(stem: str, study: Yield, results: Results) -> list[PagePictu
     light = results.find(Light)
     width, height = section.size
     chart = Chart(columns * width, rows * height, section.is_far_field)
-    lights = {} if light is None else light.by_led
+    cases = {} if light is None else {case.led: case for case in light.cases()}
     maps = list(_worst_maps(study))
     designed = [
-        (led, f"As designed{f', {led}' if led else ''}", "", np.tile(lights[led].first.map, (rows, columns)))
+        (led, cases[led].title("As designed"), "", np.tile(cases[led].result.first.map, (rows, columns)))
         for led in dict.fromkeys(study.worst_leds or ("",))
-        if led in lights
+        if led in cases
     ]
     top = top_of(image for *_, image in (designed or maps))
-    units = {led: light_unit(light.lumens_per_watt, far_field=section.is_far_field) for led, light in lights.items()}
-    found_units = [units.get(led, unit_of_light(results)) for led, *_ in (*designed, *maps)]
     return [
-        picture(f"{stem}-worst{index}", irradiance_map(image, chart, top, unit=unit), title, caption)
-        for index, (unit, (_, title, caption, image)) in enumerate(zip(found_units, (*designed, *maps), strict=True))
+        picture(
+            f"{stem}-worst{index}",
+            irradiance_map(image, chart, top, unit=unit_of_light(results, led=led)),
+            title,
+            caption,
+        )
+        for index, (led, title, caption, image) in enumerate((*designed, *maps))
     ]
 
 

@@ -6,6 +6,7 @@
 - ``record.Metric``: a value with its standard error
 - ``fact.Fact``: the one judged value: limit, state, label, note and remedy; page, screen and JSON show it
 - ``figure.Figure``, ``figure.Criterion``: what is told of a field and what judges it, declared there
+- ``case.Case``: a result with one LED and on one receiver, which tells its titles, criteria and files
 - ``numerals.quantity``: the one formatter of numbers
 - ``criteria.at_most``: the criterion that a value keeps its limit, a ``Fact``, too
 - ``verdict.Verdict``: the judgement on light, files and cutting

@@ -54,6 +54,18 @@ _STORED = StoredAs(_NAMES | {"name": "key", "remedy": "remedy", "passed": "holds
 Criteria = tuple[Annotated[Fact, _STORED], ...]
 
 
+def _judged(limit: Fact) -> Fact:
+    """The limit with its state: undecided within two standard errors of its bound, and without a standard error."""
+    if limit.limit is None or limit.value is None:
+        raise ValueError("value and bound: must be numbers")
+    return replace(limit, label=limit.key).judged(limit.standard_error)
+
+
+_OF_LIMITS = {"name": "key", "receiver": "place", "quantity": "note", "value": "metric", "sense": "sense"}
+_STORED_LIMIT = StoredAs(_OF_LIMITS | {"bound": "limit", "unit": "unit", "state": "outcome"}, _judged)
+JudgedLimits = tuple[Annotated[Fact, _STORED_LIMIT], ...]
+
+
 def at_most(
     name: str, value: float, limit: float, unit: str, remedy: str, tolerance: float = 0.0, error: float | None = None
 ) -> Fact:
@@ -76,19 +88,6 @@ def at_least(
 def under(start: str, criterion: Fact) -> Fact:
     """The ``criterion`` of one of several, whose name ``start`` begins its own."""
     return _completed(replace(criterion, key=f"{start}: {criterion.key}"))
-
-
-def under_name(criteria: Iterable[Fact], start: str) -> list[Fact]:
-    """The ``criteria`` whose names :func:`under` begins with ``start``, without that."""
-    named = (criterion for criterion in criteria if criterion.key.startswith(f"{start}: "))
-    return [replace(criterion, key=criterion.key.removeprefix(f"{start}: ")) for criterion in named]
-
-
-def criteria_of(result: object) -> Iterator[Fact]:
-    """Criteria of a result, those with a further LED under its name; most results have none."""
-    yield from getattr(result, "criteria", ())
-    for other in getattr(result, "others", ()):
-        yield from (under(other.led, criterion) for criterion in getattr(other, "criteria", ()))
 
 
 def shown(criterion: Fact) -> Fact:

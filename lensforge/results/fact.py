@@ -20,8 +20,8 @@ FactState = State | Literal[""]  # "": nothing is required, or it is not judged 
 _OPPOSITE: dict[Sense, Sense] = {"<=": ">=", ">=": "<="}
 _BOUNDS: dict[Sense, str] = {"<=": "lower bound", ">=": "upper bound"}  # that physics sets on the other side
 _DIGITS = 4  # significant digits of a number without standard error
-_ANSWERS = {"pass": "yes", "fail": "no", "undecided": "undecided"}
-_OUTCOMES = {"pass": "held", "fail": "missed", "undecided": "undecided"}
+_ANSWERS = {"pass": "yes", "fail": "no", "undecided": "undecided", "none": "not judged"}
+_OUTCOMES = {"pass": "held", "fail": "missed", "undecided": "undecided", "none": "not judged"}
 
 
 @public

@@ -155,17 +155,18 @@ class _Declared(Generic[_Mark]):
         return bound(*self.given) if callable(bound) else bound
 
 
-def facts_in(result: Record, held: Iterable[Fact] = (), *record: Any) -> Iterator[Fact]:
+def facts_in(result: Record, held: Iterable[Fact] = (), record: Record | None = None, *given: Any) -> Iterator[Fact]:
     """The figures of ``result`` and of the records within it, as facts.
 
     ``held``: criteria of the result: a fact on the value of one has its limit and its state. ``record``: that among
-    several of its kind within ``result`` whose figures alone are told, and its name where it does not state that.
+    several of its kind within ``result`` whose figures alone are told. ``given``: what functions get behind it, such as
+    its name where it does not state that.
     """
     held = tuple(held)
     judged: dict[tuple[tuple[str, ...], str], list[str]] = {}
-    for limit in _all_declared(Criterion, result, *record):
+    for limit in _all_declared(Criterion, result, record, *given):
         judged.setdefault(limit.place, []).append(_criterion_name(limit))
-    for declared in _all_declared(Figure, result, *record):
+    for declared in _all_declared(Figure, result, record, *given):
         fact = _fact(declared, held)
         if fact is not None:
             judged_by = declared.text(declared.mark.judged_by) if declared.mark.limit is None else ""
@@ -185,12 +186,12 @@ def figures_at(kind: type[Record]) -> dict[str, Figure]:
     return {".".join(filter(None, (*path, declared.of))): declared for declared, path in _declared_by(kind, Figure)}
 
 
-def criteria_in(result: Record, *record: Any) -> Iterator[Fact]:
+def criteria_in(result: Record, record: Record | None = None, *given: Any) -> Iterator[Fact]:
     """The limits of ``result`` and of the records within it, as criteria on its figures; flags count as 1 and 0.
 
-    ``record``: as of :func:`facts_in`.
+    ``record``, ``given``: as of :func:`facts_in`.
     """
-    for declared in _all_declared(Criterion, result, *record):
+    for declared in _all_declared(Criterion, result, record, *given):
         limit = declared.mark
         bound = declared.number(limit.bound)
         if bound is None:
@@ -300,12 +301,11 @@ def _fact(declared: _Declared[Figure], held: Sequence[Fact]) -> Fact | None:
     return replace(fact, limit=limit, state=state, note="; ".join(filter(None, [note, *why])))
 
 
-def _all_declared(kind: type[_Mark], *given: Any) -> Iterator[_Declared[_Mark]]:
-    """Marks of ``kind`` in the result, the first of those ``given``, or in the record of several within it, the next.
-
-    All that is given is handed to the functions of these marks.
-    """
-    return _declared(given[min(1, len(given) - 1)], kind, given)
+def _all_declared(kind: type[_Mark], result: Record, record: Record | None, *given: Any) -> Iterator[_Declared[_Mark]]:
+    """Marks of ``kind`` in the ``result``, or in the ``record`` of several within it; functions of these get both."""
+    if record is None:
+        return _declared(result, kind, (result, *given))
+    return _declared(record, kind, (result, record, *given))
 
 
 def _declared(

@@ -75,7 +75,7 @@ class Brief:
 
 # Members by which records are made, read, written and drawn: no part of what a script uses.
 _MACHINERY = re.compile(
-    "_.*|body_at|changed|chart|contents|face_of|file_names|follows|joined|light_chart|of|plain|plotted|products|read|"
+    "_.*|body_at|cases|changed|chart|contents|face_of|file_names|follows|joined|light_chart|of|plain|plotted|products|read|"
     "rebuild_command|renamed|same_as|schema_name|sha256|shown_row|stems|stored_elsewhere|with_parts|with_worst|without_noise|write"
 )
 _MEMBERS = (FunctionType, classmethod, staticmethod, property, cached_property)

@@ -377,7 +377,7 @@ Count = Annotated[int, Field(strict=True, ge=0, le=LARGEST_COUNT)]
 Flag = Annotated[bool, Field(strict=True)]
 Text = Annotated[str, BeforeValidator(printable), Field(strict=True)]
 Sha256 = Annotated[str, Field(strict=True, pattern=r"^[0-9a-f]{64}$")]
-State = Literal["pass", "fail", "undecided"]
+State = Literal["pass", "fail", "undecided", "none"]  # none: not asked
 Sense = Literal["<=", ">="]
 Point = tuple[Number, Number, Number]  # x, y, z in mm
 Box = tuple[Point, Point]  # least and largest corner, in mm

@@ -10,7 +10,8 @@ from inspect import get_annotations
 from operator import or_
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, get_args, get_origin
 
-from pydantic import BaseModel, ConfigDict, Field, GetCoreSchemaHandler
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, GetCoreSchemaHandler
+from pydantic.fields import FieldInfo
 from pydantic_core import CoreSchema, core_schema
 
 from lensforge.errors import InputError
@@ -85,6 +86,27 @@ def kind_of(model: type[BaseModel]) -> str | None:
     field = model.model_fields.get("kind")
     named = None if field is None else get_args(field.annotation)
     return named[0] if named and len(named) == 1 else None
+
+
+def add_list(model: type[BaseModel], name: str, entry: type[BaseModel], field: Any) -> None:
+    """Give a class that nobody has used yet one ``field`` more: a list of any number of entries, as of an add-on."""
+    several: Any = tuple
+    model.__annotations__[name] = several[entry, ...]
+    model.model_fields[name] = FieldInfo.from_annotated_attribute(several[entry, ...], field)
+
+
+def add_empty_list(model: type[BaseModel], name: str, fault: str) -> None:
+    """Give such a class a list that must be empty: for any entry it is refused with this ``fault``."""
+
+    def refuse(given: Any) -> Any:
+        if given:
+            raise ValueError(fault)
+        return ()
+
+    empty: Any = Annotated[tuple[()], BeforeValidator(refuse)]
+    model.__annotations__[name] = empty
+    field = Field(default=(), description=f"Empty: {fault}.")
+    model.model_fields[name] = FieldInfo.from_annotated_attribute(empty, field)
 
 
 def models_in(annotation: Any) -> tuple[type[BaseModel], ...]:

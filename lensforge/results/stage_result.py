@@ -19,8 +19,8 @@ from pydantic import Field, ValidationError, model_serializer, model_validator
 
 from lensforge.errors import InputError, OutdatedResult, refused
 from lensforge.public import public
+from lensforge.results.case import Case
 from lensforge.results.conditions import Conditions
-from lensforge.results.criteria import criteria_of
 from lensforge.results.fact import Fact
 from lensforge.results.figure import criteria_in, declare_criteria, with_told_by_criteria
 from lensforge.results.files import MIB, read_file, read_json, write_file
@@ -167,9 +167,18 @@ class StageResult(Record):
         """Make the criteria of its figures, which are those that its fields declare."""
         return criteria_in(self)
 
+    def cases(self, among: str = "") -> Iterator[Case[Self]]:
+        """Take the result with each of its LEDs; ``among``: and each record in this field, such as "receivers"."""
+        return Case(self).among(among) if among else iter([Case(self)])
+
+    def all_criteria(self) -> Iterator[Fact]:
+        """Its criteria, those with a further LED under its name; most results have none."""
+        for case in self.cases():
+            yield from map(case.named, case.criteria)
+
     def deciding_criteria(self) -> Iterator[Fact]:
         """The criteria by which files pass or fail, those with further LEDs among them."""
-        return criteria_of(self)
+        return self.all_criteria()
 
     def judgements(self) -> Mapping[str, Iterable[Fact]]:
         """Make all judgements of its figures, by the field that holds them."""
@@ -303,7 +312,7 @@ class StageResult(Record):
 
     def _stems(self, stem: str) -> "Iterator[tuple[StageResult, str]]":
         """The results in ``stem``.json, this one first, and what their files are named by in its place."""
-        yield self, stem
+        return ((case.result, f"{stem}{case.suffix}") for case in self.cases())
 
     @classmethod
     def _contents(cls, content: _Content, stem: str) -> Iterator[tuple[_Content, str]]:
@@ -397,7 +406,8 @@ class StageResult(Record):
         result = validated(cls, content, path, cls.rebuild_command())
         with refused(path, f"…; {cls.rebuild_command()}", ValueError):
             require_what_follows(result)
-            result._require_own_judgements()
+            for case in result.cases():
+                case.result._require_own_judgements()
         missing = next((f"inputs.{name}" for name in cls.made_from if name not in result.inputs), "")
         if missing:
             raise InputError(f"{path}: {missing}: missing; {cls.rebuild_command()}")
@@ -446,10 +456,11 @@ class ResultByLed(SimulatedResult):
     led: Annotated[str, Field(strict=True, pattern=f"^{_LED}$")] = ""
     others: "tuple[ResultByLed, ...]" = ()
 
-    def _require_own_judgements(self) -> None:
-        super()._require_own_judgements()
-        for other in self.others:
-            other._require_own_judgements()
+    def cases(self, among: str = "") -> Iterator[Case[Self]]:
+        """Take the result with each of its LEDs, as that of any stage does."""
+        for number, result in enumerate((self, *cast("tuple[Self, ...]", self.others))):
+            case = Case(result, led=result.led if self.others else "", number=number)
+            yield from case.among(among) if among else (case,)
 
     @classmethod
     def joined(cls, by_led: Mapping[str, Self]) -> Self:
@@ -463,10 +474,6 @@ class ResultByLed(SimulatedResult):
         """Result of each LED alone, by its name, the first one's first; "" is the name of the only one."""
         alone = self.changed(others=()) if self.others else self
         return {each.led: each for each in (alone, *cast("tuple[Self, ...]", self.others))}
-
-    def _stems(self, stem: str) -> Iterator[tuple[StageResult, str]]:
-        yield from super()._stems(stem)
-        yield from ((other, f"{stem}_{other.led}") for other in self.others)
 
     @classmethod
     def _contents(cls, content: _Content, stem: str) -> Iterator[tuple[_Content, str]]:

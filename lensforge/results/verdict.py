@@ -13,6 +13,7 @@ TITLES = {"light": "Photometry", "files": "CAD files", "cutting": "Manufacture"}
 CERTAIN = 2.0  # standard errors; within them of a limit, nothing is decided
 
 Reason = tuple[State, str]
+_WORST_FIRST: tuple[State, ...] = ("fail", "undecided", "none", "pass")
 
 
 def within(value: float | None, sense: Sense, limit: float | None, tolerance: float = 0.0) -> bool:
@@ -40,10 +41,15 @@ def judge(
     return "pass" if within(value, sense, limit, tolerance) else "fail"
 
 
+def said(state: State) -> str:
+    """Word for a state on page and screen."""
+    return "not judged" if state == "none" else state
+
+
 def worst(states: Iterable[State]) -> State:
     """The state of several together: a failure outweighs a doubt."""
     present = set(states)
-    return "fail" if "fail" in present else "undecided" if "undecided" in present else "pass"
+    return next((state for state in _WORST_FIRST if state in present), "pass")
 
 
 class Reasons(Record):
@@ -59,7 +65,8 @@ class Verdict(Record):
     """Verdict on a run: each "pass", "fail" or "undecided".
 
     ``light``: by the limits of the spec, else by NMSE and efficiency. ``files``: by constraints, export and
-    verification. ``cutting``: by the manufacturing check. ``reasons``: for each of the three.
+    verification. ``cutting``: by the manufacturing check; "none" of a study of light, of which nothing is made.
+    ``reasons``: for each of the three.
     """
 
     light: State

@@ -11,14 +11,15 @@ from scipy import sparse
 
 from lensforge.errors import InputError
 from lensforge.results import Sense
+from lensforge.scene.application_light import light_in
 from lensforge.scene.body import Chain
 from lensforge.scene.eye_view import EyeView, eye_views
+from lensforge.scene.intensity_limit import GlareLaw, LumensBound
 from lensforge.scene.light_ends import loss_names
 from lensforge.scene.receiver import PosedReceiver, equal_area
 from lensforge.scene.region import Region, ZoneOfLimit
-from lensforge.scene.road_classes import FieldMean, asked_of, glare_law
-from lensforge.scene.road_field import RoadReadings
 from lensforge.spec import Spec
+from lensforge.spec.application import names_of
 from lensforge.spec.light_limits import (
     BeamAngleLimit,
     GlareLimit,
@@ -30,7 +31,6 @@ from lensforge.spec.light_limits import (
     Quantity,
     ZoneLimit,
 )
-from lensforge.spec.road_section import names_of
 
 _UNITS = {"w_per_m2": "W/m²", "lx": "lx", "w_per_sr": "W/sr", "cd": "cd", "deg": "°"}
 _UNITS |= {"w_per_m2_sr": "W/(m² sr)", "cd_per_m2": "cd/m²"}
@@ -44,28 +44,28 @@ class LightLimit:
     """One bound on the light of ``receiver``, by its index: the ``quantity`` is ``sense`` ``bound``, in ``unit``.
 
     ``readings``: matrix from the flux (W) on each pixel to the light at each place, in ``unit``; relative light and
-    angles in W/m² or W/sr. ``angles_deg``: of the places of a beam angle, whose half side counts at ``level``. Of a
-    threshold increment the last place is the mean luminance (cd/m²), the others are veiling luminance; of a ratio the
-    first place is over the second. Of a loss the readings are of the flux (W) by cause, as ``scene.light_ends`` orders
-    them. Of a luminance they are spots on the view of an eye, of a mean its sum over the area (mm²) of the outline;
-    views are numbered behind the receivers; ``coarser`` are these spots by half as many pixels. ``road``: number of the
-    road whose class asks for it, ``share`` its weight; ``field`` times ``lamp_lm``: its most. ``blurred``: share of the
-    value by which the blur of a view may change it. ``eyes``: number of those that are judged together.
-    ``region``: of a share of the flux, the zone in which it is judged by ray.
+    angles in W/m² or W/sr. ``angles_deg``: of the places of a beam angle, whose half side counts at ``level``. Of
+    glare, whose quantity is its law, the last place is the mean luminance (cd/m²), the others are veiling luminance; of
+    a ratio the first place is over the second. Of a loss the readings are of the flux (W) by cause, as
+    ``scene.light_ends`` orders them. Of a luminance they are spots on the view of an eye, of a mean its sum over the
+    area (mm²) of the outline; views are numbered behind the receivers; ``coarser`` are these spots by half as many
+    pixels. ``application``: number of that whose class asks for it, ``share`` its weight; ``most`` times ``lamp_lm``:
+    its most. ``blurred``: share of the value by which the blur of a view may change it. ``eyes``: number of those that
+    are judged together. ``region``: of a share of the flux, the zone in which it is judged by ray.
     """
 
     name: str
     receiver: int
-    quantity: Quantity
+    quantity: Quantity | GlareLaw
     sense: Sense
     bound: float
     unit: str
     readings: sparse.csr_array
     angles_deg: Float[np.ndarray, " k"] | None = None
     level: float = 1.0
-    road: int | None = None
+    application: int | None = None
     share: float = 1.0
-    field: FieldMean | None = None
+    most: LumensBound | None = None
     lamp_lm: float = 0.0
     coarser: sparse.csr_array | None = None
     blurred: float = 0.0
@@ -73,9 +73,9 @@ class LightLimit:
     region: Region | None = None
 
     @property
-    def of_road(self) -> bool:
-        """True for a limit by the class of a road: each of its few places decides, however many there are."""
-        return self.road is not None
+    def by_intensities(self) -> bool:
+        """True where the intensities that files hold judge it, and a picture only in a search: at few places."""
+        return self.application is not None
 
     @property
     def of_losses(self) -> bool:
@@ -94,9 +94,9 @@ class LightLimit:
 
     @property
     def flux_power(self) -> float:
-        """Power of the flux of the source by which its value grows; of a threshold increment that up to 5 cd/m²."""
-        if self.quantity == "threshold_increment":
-            return 1.0 - glare_law(self.quantity, 0.0)[1]
+        """Power of the flux of the source by which its value grows; of glare that in the dark."""
+        if isinstance(self.quantity, GlareLaw):
+            return 1.0 - self.quantity.at(0.0)[1]
         return 1.0 if self.quantity in ("light", "luminance", "mean_luminance") else 0.0
 
     def of(self, images: Float[np.ndarray, "r *_"]) -> Float[np.ndarray, "r k"]:
@@ -138,8 +138,8 @@ def light_limits(
             judged.append(_of_loss(limit, limit.name or where, index, spec, flux_w))
             continue
         judged += _bounds_of(limit, where, index, receivers[index], lumens_per_watt, flux_w)
-    for number in range(len(spec.roads)):
-        judged += _of_road(number, spec, receivers, lumens_per_watt, flux_w)
+    for number in range(len(spec.applications)):
+        judged += _of_application(number, spec, receivers, lumens_per_watt, flux_w)
     return tuple(judged)
 
 
@@ -148,26 +148,28 @@ def zones_on(receiver: int, limits: Sequence[LightLimit]) -> tuple[Region, ...]:
     return tuple(limit.region for limit in limits if limit.region is not None and limit.receiver == receiver)
 
 
-def _of_road(
+def _of_application(
     number: int, spec: Spec, receivers: Sequence[PosedReceiver], lumens_per_watt: float | None, flux_w: float
 ) -> Iterator[LightLimit]:
-    """Limits by the class of a road, on the picture of the first far field: its pixels are intensities of a lamp."""
+    """Limits by the class of an application, on the first far field: its pixels are intensities of a lamp."""
     index = next(index for index, receiver in enumerate(receivers) if receiver.is_far)
     receiver = receivers[index]
-    road = spec.roads[number]
-    name = names_of(spec.roads)[number]
-    if road.lamp_lm is None and lumens_per_watt is None:
+    entry = spec.applications[number]
+    name = names_of(spec.applications)[number]
+    if entry.lamp_lm is None and lumens_per_watt is None:
         raise InputError(f"{name}: lamp_lm is missing, and the source's lumens are not known; give either")
     source_lm = flux_w * (lumens_per_watt or 0.0) * spec.photometry.lenses
     # The picture is that of one of the [lamps] in the measure of all: their lumens are shared out.
-    lamp_lm = source_lm if road.lamp_lm is None else road.lamp_lm / len(receiver.lamps)
+    lamp_lm = source_lm if entry.lamp_lm is None else entry.lamp_lm / len(receiver.lamps)
     scale = lamp_lm / flux_w / receiver.pixel_measure
-    for ask in asked_of(RoadReadings.of(road)):
-        units = ask.light.directions(spec.photometry.street_side_deg)
+    for wanted in light_in(entry).limits():
+        units = wanted.light.directions(spec.photometry.street_side_deg)
         pixels = _bilinear(receiver, *equal_area(receiver.pose.to_local_directions(units)).T)
-        readings = sparse.csr_array(scale * (ask.light.weights * (units[:, 2] >= 0.0)) @ pixels)
-        limit = LightLimit(f"{name}: {ask.name}", index, ask.quantity, ask.sense, ask.bound, ask.unit, readings)
-        yield replace(limit, road=number, share=road.share, field=ask.field, lamp_lm=lamp_lm * len(receiver.lamps))
+        readings = sparse.csr_array(scale * (wanted.light.weights * (units[:, 2] >= 0.0)) @ pixels)
+        label = f"{name}: {wanted.name}"
+        limit = LightLimit(label, index, wanted.quantity, wanted.sense, wanted.bound, wanted.unit, readings)
+        all_lm = lamp_lm * len(receiver.lamps)
+        yield replace(limit, application=number, share=entry.share, most=wanted.most, lamp_lm=all_lm)
 
 
 def _of_loss(limit: LossLimit, name: str, index: int, spec: Spec, flux_w: float) -> LightLimit:

@@ -205,8 +205,10 @@ class AutomaticSchedule(Schedule):
     def _long_stages(self, course: ScheduleState, make: _MakeStage, before: int, kept: float) -> _Phase:
         """Move all functions, stage after stage, as long as each gains; the first comes after ``before`` others.
 
-        A share of the time is ``kept`` for what follows.
+        A share of the time is ``kept`` for what follows. A stage that ends no better than it began has taken too large
+        steps, as beside the limits of a tool: the next, whose steps are half of them, may gain yet. Two of them end it.
         """
+        stuck = False
         while True:
             steps = self._budget.steps_of(make(course.level, before, None), course.last, kept)
             if steps is not None and steps < _FEWEST:
@@ -220,8 +222,13 @@ class AutomaticSchedule(Schedule):
                 course.how = NextStage(None, "best", improved)
                 if self._budget.expired(course.last):
                     return f"{self._budget.words} are used"
+                if not improved and not stuck:
+                    stuck = True
+                    before += 1
+                    continue
                 steps = course.last.outcome.steps
                 return f"the last {steps} steps lowered the error by {_judged(gain, self.step_gain)}"
+            stuck = False
             before += 1
 
     @property
@@ -262,7 +269,7 @@ def preset_for(spec: Spec, accuracy: AnyAccuracy, *, preview: bool = False) -> P
     preset = preset_of(accuracy)
     read = (limit for limit in spec.limits if not isinstance(limit, LossLimit | LuminanceLimit))
     if isinstance(accuracy, str) and (
-        spec.roads or {kind for limit in read for kind in limit.quantities()} - {"share"}
+        spec.applications or {kind for limit in read for kind in limit.quantities()} - {"share"}
     ):
         preset = for_places(preset, spec.optimise.pixels)
     return for_preview(preset) if preview else preset

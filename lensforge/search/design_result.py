@@ -7,7 +7,7 @@ wherever it is read.
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
-from math import nan
+from math import isnan, nan
 from operator import attrgetter
 from statistics import stdev
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, get_args
@@ -264,13 +264,16 @@ DIRECTIONS = 60_000  # over the hemisphere, at which the lengths of a finished l
 # What counts as feasible in the finished lens, relative to the cutter's curvature, and in degrees.
 _CURVATURE_TOLERANCE = 1e-3
 _ANGLE_TOLERANCE_DEG = 0.01
+_SPARES = 3.0  # tolerances of a curvature or a draft by which a search ends inside the limit
 
 
 @dataclass(frozen=True)
 class Limit:
     """A margin of ``faces`` that must be at least 0, but for ``tolerance``; ``kind``: its field of :class:`Margins`.
 
-    ``given``: the value of the spec (mm or degrees), of a keep-out its margin.
+    ``given``: the value of the spec (mm or degrees), of a keep-out its margin. ``spare``: margin with which a search
+    ends, as the manufacturing check looks at other points, of the faces as they are in the file. ``is_stated``: False
+    for what the process asks of a face, which a record of before it was kept does not have.
     """
 
     kind: str
@@ -279,6 +282,12 @@ class Limit:
     tolerance: float
     remedy: str
     given: float
+    spare: float
+    is_stated: bool
+
+    def missed_by(self, margin: float) -> float:
+        """Tolerances by which a search that ends with ``margin`` misses the limit; at most 1 where it is kept."""
+        return (self.spare - margin) / self.tolerance
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -320,8 +329,8 @@ _LIMITS = (
     ),
     ("wall_margin_mm", ON_BOTH, "constraints.min_thickness_mm", "raise lens.{1}.offset_mm or lower {field}"),
     ("radius_margin_mm", ON_ENVELOPE, "constraints.max_radius_mm", "raise {field} or lower lens.{0}.offset_mm"),
-    (CURVATURE, (), "lens.{0}.concave_radius_mm", "lower {field} or raise lens.{0}.offset_mm"),
-    (DRAFT, (), "lens.{0}.draft_deg", _SHARP),
+    (CURVATURE, (), "concave_radius_mm", "lower lens.{0}.{field}, or the tool's radius, or raise lens.{0}.offset_mm"),
+    (DRAFT, (), "draft_deg", "lower lens.{0}.{field} or take more steps"),
     *((EDGE, media, "constraints.min_edge_angle_deg", _SHARP) for media in (ON_CAVITY, ON_ENVELOPE)),
     (FLANGE_ROOM, ON_ENVELOPE, "lens.flange_room_mm", "lower lens.flange.thickness_mm or take more steps"),
     (OPENING_ROOM, ON_CAVITY, "lens.opening_mm", "take more steps, or lower lens.mouth.offset_mm"),
@@ -336,7 +345,9 @@ def limits_of(spec: Spec) -> tuple[Limit, ...]:
     limits = []
     constraints = spec.constraints
     for kind, faces, field, remedy in _limits_of_faces(spec.lens):
-        if (given := attrgetter(field)(spec)) is None:
+        of_face = kind in (CURVATURE, DRAFT)
+        source = spec.face_limits(faces[0].name) if of_face else spec
+        if (given := attrgetter(field)(source)) is None:
             continue
         unit = "mm"
         tolerance = constraints.tolerance_mm
@@ -347,7 +358,9 @@ def limits_of(spec: Spec) -> tuple[Limit, ...]:
             unit = "deg"
             tolerance = _ANGLE_TOLERANCE_DEG
         value = constraints.keep_out_margin_mm if field.endswith("keep_out") else given
-        limits.append(Limit(kind, faces, unit, tolerance, remedy, value))
+        spare = _SPARES * tolerance if of_face and spec.lens.fixed[faces[0].name] is None else 0.0
+        is_stated = not of_face or getattr(spec.lens.faces[faces[0].name], field) is not None
+        limits.append(Limit(kind, faces, unit, tolerance, remedy, value, spare, is_stated))
     return tuple(limits)
 
 
@@ -363,8 +376,7 @@ def _limits_of_faces(lens: LensShape) -> Iterator[tuple[str, tuple[FaceRole, ...
             continue
         for role in lens.roles:
             neighbours = (neighbour for neighbour in bounding(lens.body_roles, role.before) if neighbour != role)
-            own_field = field.format(role.name)
-            yield kind, (role, *neighbours), own_field, remedy.format(role.name, field=own_field)
+            yield kind, (role, *neighbours), field, remedy.format(role.name, field=field)
 
 
 def _first_faces(lens: LensShape, media: tuple[str, ...]) -> list[str]:
@@ -383,6 +395,7 @@ def constraint_criteria(spec: Spec, measured: Margins) -> Criteria:
     return tuple(
         at_least(limit.name, measured.at(limit), 0.0, limit.unit, limit.remedy, limit.tolerance)
         for limit in limits_of(spec)
+        if limit.is_stated or not isnan(measured.at(limit))
     )
 
 

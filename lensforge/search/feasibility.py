@@ -130,12 +130,12 @@ def feasible_lens(
         parameters = Parameters(*project_to_feasible(parametrisation, constraints.tightened(stricter), *found))
         lens = problem.parametrisation.lens(*parameters, problem.spec, seed, accuracy)
         margins = measure_constraints(lens)
-        tried.append((max(-margins.at(limit) / limit.tolerance for limit in limits), (lens, margins, parameters)))
-        missed = [limit for limit in limits if -margins.at(limit) > limit.tolerance]
+        tried.append((max(limit.missed_by(margins.at(limit)) for limit in limits), (lens, margins, parameters)))
+        missed = [limit for limit in limits if not limit.missed_by(margins.at(limit)) <= 1.0]
         if not missed:
             break
         seen = constraints.least(constraints.fields(parametrisation.tables(*parameters)))
-        stricter |= {limit.key: seen[limit.key] - margins.at(limit) for limit in missed}
+        stricter |= {limit.key: seen[limit.key] - margins.at(limit) + limit.spare for limit in missed}
     return min(tried, key=itemgetter(0))[1]
 
 
@@ -186,11 +186,12 @@ def require_feasible_start(problems: Iterable[Problem]) -> None:
 
 def _given(spec: Spec) -> dict[str, str]:
     """The limits of ``spec`` by name, as text: the paper's, and those that it sets."""
-    limits = spec.constraints
-    values = limits.model_dump(exclude_none=True, exclude={"keep_out_margin_mm"} if limits.keep_out is None else None)
-    for name, face in spec.lens.faces.items():
-        fields = face.model_dump(exclude_none=True, include={"concave_radius_mm", "draft_deg"})
-        values |= {f"lens.{name}.{field}": value for field, value in fields.items()}
+    constraints = spec.constraints
+    without = {"keep_out_margin_mm"} if constraints.keep_out is None else None
+    values = constraints.model_dump(exclude_none=True, exclude=without)
+    for name in spec.lens.names:
+        limits = vars(spec.face_limits(name))
+        values |= {f"lens.{name}.{field}": value for field, value in limits.items() if value is not None}
     return {name: f"{value:g}" if isinstance(value, float) else str(value) for name, value in values.items()}
 
 

@@ -12,8 +12,8 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from lensforge.scene.intensity_limit import GlareLaw
 from lensforge.scene.limit_readings import LightLimit
-from lensforge.scene.road_classes import glare_law
 
 Image = Float[Tensor, "h w"]
 Images = tuple[Float[Tensor, "_ _"], ...]  # of receivers, each with a shape of its own
@@ -60,8 +60,8 @@ class LimitTerm:
         places = torch.from_numpy(np.stack([coo.row, coo.col]).astype(np.int64))
         matrix = torch.sparse_coo_tensor(places, torch.from_numpy(coo.data), coo.shape, check_invariants=False)
         factor = _OF_EACH * coo.shape[0]
-        factor = limit.share * factor if limit.of_road else min(factor, limit.eyes * _AT_MOST)
-        margin = _WIDE_MARGIN if limit.of_road or limit.of_view else _MARGIN
+        factor = limit.share * factor if limit.by_intensities else min(factor, limit.eyes * _AT_MOST)
+        margin = _WIDE_MARGIN if limit.by_intensities or limit.of_view else _MARGIN
         return LimitTerm(limit, matrix.coalesce(), factor, margin - _MARGIN if by_parts else margin)
 
     @property
@@ -105,8 +105,8 @@ class LimitTerm:
                 scale = not_dark(light.detach().max())
             case "ratio":
                 light, scale = light[:1], not_dark(light[1])
-            case "threshold_increment" | "veiling_ratio":
-                factor, power = glare_law(limit.quantity, float(light[-1].detach()))
+            case GlareLaw() as law:
+                factor, power = law.at(float(light[-1].detach()))
                 light, scale = light[:-1], not_dark(light[-1]) ** power / factor
             case "beam_angle":
                 return self._beside_the_beam(light)
@@ -130,17 +130,17 @@ class LimitTerm:
 
 
 @dataclass(frozen=True, eq=False)
-class RoadTerms:
-    """The limits of all roads: their picture is smoothed once, and read by one matrix."""
+class JoinedTerms:
+    """Limits on one picture: it is smoothed once, and read by one matrix."""
 
     members: tuple[LimitTerm, ...]
     readings: Tensor
 
     @staticmethod
-    def of(limits: Sequence[LightLimit], by_parts: bool = False) -> "RoadTerms":
+    def of(limits: Sequence[LightLimit], by_parts: bool = False) -> "JoinedTerms":
         """The terms of ``limits``, all on one receiver."""
         terms = tuple(LimitTerm.of(limit, by_parts) for limit in limits)
-        return RoadTerms(terms, torch.cat([term.readings for term in terms]).coalesce())
+        return JoinedTerms(terms, torch.cat([term.readings for term in terms]).coalesce())
 
     def loss(self, images: Images, losses: Losses = ()) -> Float[Tensor, ""]:
         """Sum of the losses of all limits."""
@@ -154,8 +154,8 @@ class RoadTerms:
         return tuple(term.excess(part, picture) for term, part in zip(self.members, light, strict=True))
 
 
-def limit_terms(limits: Sequence[LightLimit], by_parts: bool = False) -> tuple[LimitTerm | RoadTerms, ...]:
-    """The terms of ``limits``; those of roads together."""
-    roads = [limit for limit in limits if limit.of_road]
-    plain = (LimitTerm.of(limit, by_parts) for limit in limits if not limit.of_road)
-    return (*plain, *([RoadTerms.of(roads, by_parts)] if roads else []))
+def limit_terms(limits: Sequence[LightLimit], by_parts: bool = False) -> tuple[LimitTerm | JoinedTerms, ...]:
+    """The terms of ``limits``; of those that intensities judge, which all are on the far field, one together."""
+    joined = [limit for limit in limits if limit.by_intensities]
+    plain = (LimitTerm.of(limit, by_parts) for limit in limits if not limit.by_intensities)
+    return (*plain, *([JoinedTerms.of(joined, by_parts)] if joined else []))

@@ -25,7 +25,7 @@ from lensforge.search.constraints import AugmentedLagrangian
 from lensforge.search.image_terms import Colours, ColourTerm, ImageTerms, SourceColour, nmse_loss
 from lensforge.search.kinds import LightOfKinds
 from lensforge.search.light_path import LightPath, Pairs
-from lensforge.search.limit_terms import Image, Images, LimitTerm, Losses, RoadTerms, limit_terms
+from lensforge.search.limit_terms import Image, Images, JoinedTerms, LimitTerm, Losses, limit_terms
 from lensforge.search.parameters import Parametrisation
 from lensforge.search.share_of_parts import share_term
 from lensforge.sources.build_source import summarise
@@ -177,7 +177,7 @@ class MeritFunction(Merit[SampledLight]):
     parametrisation: Parametrisation
     light: LightPath | LightOfKinds
     terms: tuple[ImageTerms, ...]
-    limits: tuple[LimitTerm | RoadTerms, ...] = ()
+    limits: tuple[LimitTerm | JoinedTerms, ...] = ()
     colour: ColourTerm | None = None
     share: float | None = None
 

@@ -24,6 +24,7 @@ from lensforge.optics.fundamental_limits import LEVELS
 from lensforge.results.table_names import QUARTER_TURN_RAD
 from lensforge.scene.body import Chain
 from lensforge.scene.exit_rays import Sensitivities
+from lensforge.scene.intensity_limit import LumensBound
 from lensforge.scene.lens import Lens
 from lensforge.scene.limit_readings import LightLimit, light_limits
 from lensforge.scene.possible_light import LargestShare, PossibleLight, SourceLight
@@ -50,7 +51,7 @@ class Requirement:
     requires all that two faces transmit into its bright part. Of a limit on light, that at its worst place.
     ``radius_mm``: of the smallest lens whose étendue suffices. ``estimated``: by a luminance that is estimated from the
     rays of the source, which is no bound and stops no search. ``beside``: it lies to one side of the axis of a lens of
-    revolution. ``of_road``: the mean light of a road, by its lumens.
+    revolution. ``by_lumens``: the bound by the lumens of lamps that counts beside étendue, if there is one.
     """
 
     name: str
@@ -61,7 +62,7 @@ class Requirement:
     estimated: bool
     bounds: LargestShare | None = None
     beside: bool = False
-    of_road: bool = False
+    by_lumens: LumensBound | None = None
 
     @property
     def met(self) -> float:
@@ -82,7 +83,7 @@ class Requirement:
         if self.estimated:
             bound = "by an estimate of the source's luminance, which is no bound, at most about"
         if self.bounds is None:
-            law = "lumens and area of the road" if self.of_road else "étendue"
+            law = "étendue" if self.by_lumens is None else self.by_lumens.law
             return f"{bound} {self.possible:.3g} {self.unit} ({law})"
         return f"{bound} {self.bounds}"
 
@@ -95,8 +96,8 @@ class Requirement:
         """Changes that would raise the bound."""
         bounds = self.bounds
         advice = "a smaller source or a larger target"
-        if self.of_road:
-            return "more lumens, poles nearer to each other, or a lower class"
+        if self.by_lumens is not None:
+            return self.by_lumens.remedies
         if bounds is None:
             advice = "a smaller or brighter source, or a lower bound"
         elif bounds.by_symmetry < min(bounds.by_etendue, bounds.by_refraction):
@@ -184,10 +185,10 @@ def _of_limit(limit: LightLimit, physics: PossibleLight, flux_w: float, spec: Sp
     most = least(physics)
     estimated = physics.light.curve.estimated
     radius_mm = _least_radius_mm(spec, physics, limit.bound, least)
-    if limit.field is not None:
-        per_lumen = partial(limit.field.per_lumen, street_deg=spec.photometry.street_side_deg)
+    if limit.most is not None:
+        per_lumen = partial(limit.most.per_lumen, street_deg=spec.photometry.street_side_deg)
         most = min(most, limit.lamp_lm * physics.weighted(per_lumen))
-    return Requirement(limit.name, limit.bound, most, limit.unit, radius_mm, estimated, of_road=limit.of_road)
+    return Requirement(limit.name, limit.bound, most, limit.unit, radius_mm, estimated, by_lumens=limit.most)
 
 
 def _least_radius_mm(

@@ -278,8 +278,8 @@ def _limits(spec: Spec, source: Source) -> list[tuple[float, str]]:
     width_mm = float(np.ptp(outline[:, :2], axis=0).max()) if len(outline) else 0.0
     limits.append((_OF_SOURCE * width_mm / radius_mm, f"a fifth of the angle of the source, {width_mm:.3g} mm wide"))
     pixel_rad = min(receiver.pixel_rad(spec.evaluate.pixels) for receiver in spec.all_receivers)
-    for name, face in spec.lens.faces.items():
-        limit_mm = face.concave_radius_mm
+    for name in spec.lens.names:
+        limit_mm = spec.face_limits(name).concave_radius_mm
         ball_mm = spec.manufacture.cutter_radius_mm if limit_mm is None else limit_mm
         limit = f"what a ball of {ball_mm:g} mm reaches in the {name} face moves the light by less than a pixel"
         limits.append((_width_of_ball(spec, ball_mm, pixel_rad), limit))

@@ -23,10 +23,10 @@ from lensforge.sources.measured_rays import searched, smoothed
 from lensforge.sources.several_sources import SeveralSources
 from lensforge.spec import AnyAccuracy, Spec
 from lensforge.spec.accuracy import accuracy_of, preset_of
+from lensforge.spec.application import application_warnings
 from lensforge.spec.design_spec import require_spec
 from lensforge.spec.emitter_section import EmitterSection
 from lensforge.spec.feasible import base_warnings
-from lensforge.spec.road_section import road_warnings
 from lensforge.spec.spec_files import joined_name
 from lensforge.surfaces.mirror_group import contains
 
@@ -211,7 +211,8 @@ def _checked_scene(
         with remedy(f"the LED is {led}") if led else nullcontext():
             scene.require_light(force=force)
         lenses = led_spec.photometry.lenses * len(led_spec.all_lamps)
-        stated = (*scene.warnings(), *road_warnings(led_spec.roads, led_spec.all_receivers, lenses, summary.flux_lm))
+        twice = application_warnings(led_spec.applications, led_spec.all_receivers, lenses, summary.flux_lm)
+        stated = (*scene.warnings(), *twice)
         of_scene += tuple(f"{name}{warning}" for warning in stated)
         remarks += [f"{name}{remarkng}" for remarkng in (*summary.warnings, *stated, *room)]
     wanted = searched_source(spec)
@@ -326,7 +327,7 @@ def best_design(
 def _light_by_other_rays(lens: Lens, seed: int) -> list[Light]:
     """The light of ``lens`` with each of its LEDs, by rays that judge none: measured ones are the search's, turned."""
     from lensforge.light.evaluation import evaluate_traced
-    from lensforge.light.far_field import road_limits
+    from lensforge.light.far_field import limits_by_intensities
     from lensforge.light.simulation import TracedLens
     from lensforge.scene.limit_readings import light_limits
     from lensforge.scene.receiver_shapes import receivers_of
@@ -340,8 +341,11 @@ def _light_by_other_rays(lens: Lens, seed: int) -> list[Light]:
         limits = light_limits(spec, receivers_of(spec, spec.evaluate.pixels), efficacy, source.flux_w)
         rays = spec.evaluate.rays or preset.evaluate_rays
         judged_source = smoothed(searched(source))
-        on_roads = tuple(road_limits(replace(lens, spec=spec), judged_source, preset, efficacy, rays=None, seed=seed))
+        own = replace(lens, spec=spec)
+        far = tuple(limits_by_intensities(own, judged_source, preset, efficacy, rays=None, seed=seed))
         lights.append(
-            evaluate_traced(traced, spec, judged_source, rays, seed, limits=limits, on_roads=on_roads, bounds_by=source)
+            evaluate_traced(
+                traced, spec, judged_source, rays, seed, limits=limits, by_intensities=far, bounds_by=source
+            )
         )
     return lights

@@ -3,7 +3,6 @@
 - ``check.check_lens``: the check of a lens
 - ``check_result.Check``: its result, with its judgements
 - ``check_measures``: what it measures of faces, walls, edges and moulds
-- ``process_words``: words of milling, turning, moulding and printing
 - ``face_check``: curvature and best-fit sphere of a face
 - ``ball_cutter``: the largest ball that reaches a face
 - ``ball_clearance``: room of a ball beside the base

@@ -27,7 +27,7 @@ from lensforge.shop.mould_halves import mould_of
 from lensforge.shop.tool_reach import check_tools, points_on_base
 from lensforge.shop.turning import LatheTool, Points, turned_face
 from lensforge.spec.accuracy import preset_of
-from lensforge.spec.part_section import Process
+from lensforge.spec.processes import Process
 
 _RINGS = 401  # points of base and flange for a turning tool
 _DECIMALS = 2  # of as many as are alike to 0.01 mm, one

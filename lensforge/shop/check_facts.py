@@ -75,7 +75,10 @@ def finding_groups(check: Check) -> list[Group]:
 
 
 def cutting_reasons(check: Check) -> Iterator[Reason]:
-    """Reasons why the lens cannot be made."""
+    """Reasons why the lens cannot be made, or that it is not to be."""
+    if not check.spec.manufacture.making.is_judged:
+        yield "none", 'manufacture.process = "none": a study of light, of which nothing is made'
+        return
     for finding in check.verdicts:
         of_part = finding.key in ("wall", "plate") and check.cut_body == "mould insert"  # which has none of them
         counts = finding.key != "tool" and not of_part

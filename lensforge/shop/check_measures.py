@@ -235,7 +235,7 @@ class FaceResult(Record):
             "Draft, {name} face",
             key="draft",
             of="min",
-            limit=lambda check, face, name: check.spec.lens.faces[name].draft_deg,
+            limit=lambda check, face, name: check.spec.asked_draft_deg(name),
             sense=">=",
             judged_by="draft",
         ),

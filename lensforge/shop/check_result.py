@@ -22,10 +22,9 @@ from lensforge.results.stage_result import SimulatedResult
 from lensforge.scene.lens import Lens
 from lensforge.shop.check_measures import BallClearance, Edge, FaceResult, Mould, ToolResult, Wall, Walls
 from lensforge.shop.findings import BODY, Findings, check_findings, plate_findings
-from lensforge.shop.process_words import words_of
 from lensforge.shop.turning_findings import layer_findings, turning_findings
 from lensforge.spec import Spec
-from lensforge.spec.part_section import Process
+from lensforge.spec.processes import Process
 
 
 def _change_of_wall(check: "Check", which: Literal["thinnest", "thickest"]) -> str:
@@ -113,6 +112,8 @@ class Check(SimulatedResult):
 
     def _findings(self) -> Iterator[Fact]:
         spec = self.spec
+        if not spec.manufacture.making.is_judged:
+            return
         yield from check_findings(spec, self.faces, self.min_wall_mm, self.relief, self.tools, self.mould)
         yield from turning_findings(spec, self.faces)
         yield from layer_findings(spec, self.faces)
@@ -139,7 +140,7 @@ class Check(SimulatedResult):
     def body_at(self, edge: Edge) -> str:
         """The body whose edge it is, in words: at the cavity that of the tool."""
         first = self.spec.lens.role(edge.faces[0])
-        return words_of(self.spec).inner if first.before == CAVITY and not first.is_open else "the lens"
+        return self.spec.manufacture.making.words.inner if first.before == CAVITY and not first.is_open else "the lens"
 
     def face_of(self, edge: Edge) -> str:
         """The face by which an edge is known: its first, of an open one the other."""

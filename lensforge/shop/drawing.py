@@ -28,7 +28,6 @@ from lensforge.shop.dimensions import Dimension
 from lensforge.shop.findings import BODY, OfLathe, OfMill
 from lensforge.shop.handover import PDF_FILE, PLATE_PDF_FILE
 from lensforge.shop.mould_facts import mould_line, thick_line, upright_words
-from lensforge.shop.process_words import words_of
 from lensforge.shop.profile_table import ASPHERE_NOTE, PROFILE_NOTE, equation, profile_rows, profile_widths
 from lensforge.shop.sheet import Box, Marks, Place, Sheet, box_of
 from lensforge.shop.sheet_marks import cell, draw_rows, frame_of, paragraphs_in, row_height
@@ -141,7 +140,7 @@ def surface_words(lens: Lens, words: DrawingSection) -> list[str]:
     """Notes on edges, and on the finish of optical and other faces."""
     optical, other = words.optical_edge_mm, words.edge_break_mm
     rims = "largest radius not stated" if optical is None else f"R {optical:g} at most"
-    _, burr, traces, _ = words_of(lens.spec)
+    _, burr, traces, _ = lens.spec.manufacture.making.words
     others = "largest break not stated" if other is None else f"radius or chamfer {other:g} at most"
     return [
         f"Rims and creases of the optical faces: {rims}. All other edges: {others}; without {burr}.",

@@ -27,6 +27,7 @@ from lensforge.shop.check_measures import (
     ToolResult,
 )
 from lensforge.spec import BaseSection, Spec
+from lensforge.spec.processes import GOOD_DRAFT_DEG
 
 if TYPE_CHECKING:
     from lensforge.cad.plate_layout import PlateWall
@@ -72,7 +73,6 @@ _STORED = StoredAs(
 )
 Findings = tuple[Annotated[Fact, _STORED], ...]
 
-GOOD_DRAFT_DEG = 2.0
 SHARE_TOLERANCE = 1e-9  # of the whole face: areas of its cells add up to rounding
 _LEAST_WALL_MM = 1e-3  # a thinner one is none
 _MOST_TILT_DEG = 120.0  # of manufacture.max_tilt_deg
@@ -107,7 +107,7 @@ def check_findings(
         *(
             draft_finding(name, face, spec, moulded.get(name))
             for name, face in faces.items()
-            if name in moulded or spec.lens.faces[name].draft_deg is not None
+            if spec.asked_draft_deg(name) is not None
         ),
         *(
             tool_finding(tool, name, tool.faces[name], None if face.cutter is None else face.cutter.largest_radius_mm)
@@ -282,7 +282,7 @@ def undercut_finding(surface: str, face: MouldedFace, spec: Spec) -> Fact:
         f"{percent(share)} of the {surface} face is undercut, from z = {low} to {high} mm: neither half of the mould "
         "releases it, the part itself is in the way"
     )
-    wanted_deg = spec.lens.faces[surface].draft_deg or GOOD_DRAFT_DEG
+    wanted_deg = spec.asked_draft_deg(surface) or GOOD_DRAFT_DEG
     slanted = within(face.draft_deg, ">=", wanted_deg)  # and hidden all the same
     changes: list[str | Change | None] = [] if slanted else [design_again("draft_deg", wanted_deg, spec, surface)]
     if spec.base_made.kind != "none":
@@ -302,7 +302,7 @@ def draft_finding(surface: str, face: FaceResult, spec: Spec, moulded: MouldedFa
     least_deg = face.draft_deg.min
     undercut = face.undercut_fraction
     stated_deg = spec.lens.faces[surface].draft_deg
-    wanted_deg = GOOD_DRAFT_DEG if stated_deg is None else stated_deg
+    wanted_deg = spec.asked_draft_deg(surface) or 0.0
     again = design_again("draft_deg", wanted_deg, spec, surface)
     if moulded is not None:
         if moulded.draft_deg is None:
@@ -344,9 +344,8 @@ def design_again(field: str, value: float, spec: Spec, surface: str) -> Change |
     """
     if followed := spec.lens.role(surface).follows:
         return design_again(field, value, spec, followed) if field == "draft_deg" else None
-    face = spec.lens.faces[surface]
-    stated: float | None = getattr(face, field)
-    if face.fixed is not None or (stated is not None and stated >= value):
+    kept: float | None = getattr(spec.face_limits(surface), field)
+    if spec.lens.fixed[surface] is not None or (kept is not None and kept >= value):
         return None
     return Change(f"lens.{surface}.{field}", f"{value:g}", " and design again")
 

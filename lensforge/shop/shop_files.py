@@ -29,7 +29,7 @@ from lensforge.shop.sheet_tables import ToleranceTable, tolerance_table
 from lensforge.shop.sheet_writers import sheet_dxf, sheet_figure, sheet_pdf
 from lensforge.shop.surface_figures import curvature_map, sag_map
 from lensforge.spec import DrawingSection
-from lensforge.spec.part_section import Process
+from lensforge.spec.processes import Process
 from lensforge.spec.spec_section import rounded_up
 
 _SIZES = "lenses", "size", "volume", "mass"  # of a lens, or of the plate in which it is one of several

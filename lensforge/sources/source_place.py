@@ -59,10 +59,10 @@ class SourcePlace(Record):
         pose = {name: getattr(section, name) for name in ("rotate_z_deg", "tilt_deg", "position_mm")}
         return SourcePlace(file=file, **pose)
 
-    def group(self, ending: str = "") -> Group:
-        """Its facts, with their notes for a line of a screen; ``ending``: of the title, that tells LEDs apart."""
+    def group(self) -> Group:
+        """Its facts, with their notes for a line of a screen."""
         facts = tuple(self._facts())
-        return Group("place", f"Place of the LED{ending}", facts, "; ".join(fact.note for fact in facts if fact.note))
+        return Group("place", "Place of the LED", facts, "; ".join(fact.note for fact in facts if fact.note))
 
     def _facts(self) -> Iterator[Fact]:
         if self.file is not None:

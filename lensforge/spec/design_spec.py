@@ -16,6 +16,7 @@ from lensforge.public import public
 from lensforge.results.arguments import with_known_names
 from lensforge.results.files import write_file
 from lensforge.results.validation import its_type
+from lensforge.spec.application import Application, kinds_of_addons, require_all_below, with_tables
 from lensforge.spec.bodies_section import BodySection, media_with, require_bodies
 from lensforge.spec.derived_values import derived_sizes
 from lensforge.spec.double_lens import LensSection
@@ -31,11 +32,17 @@ from lensforge.spec.light_limits import (
     require_limits_fit,
     require_seen_from_afar,
 )
-from lensforge.spec.part_section import BaseSection, Cutting, DrawingSection, ManufactureSection, Process
+from lensforge.spec.part_section import (
+    BaseSection,
+    DrawingSection,
+    ManufactureSection,
+    usual_ball_mm,
+    usual_base,
+)
 from lensforge.spec.plate_section import PlateSection, require_plate
+from lensforge.spec.processes import PROCESSES, Cutting, FaceLimits, Process
 from lensforge.spec.receiver_fields import ReceiverSection, named, require_target_fits
 from lensforge.spec.receiver_sections import implied_receiver
-from lensforge.spec.road_section import MOST_ROADS, RoadSection, require_all_below
 from lensforge.spec.search_section import ConstraintsSection, EvaluateSection, OptimiseSection
 from lensforge.spec.source_sections import NamedSource
 from lensforge.spec.spec_files import NamedFrom, alike, changed, plain, read_toml, short
@@ -74,6 +81,7 @@ def _unless(_other: str, description: str) -> Any:
 
 
 @public
+@with_tables
 class Spec(Section):
     """One design: source, starting lens, constraints and target, and the settings of every stage."""
 
@@ -107,10 +115,6 @@ class Spec(Section):
     )
     limits: Annotated[tuple[LightLimitSpec, ...], Field(max_length=_MOST_LIMITS)] = Field(
         default=(), description="Light that must be at least, or at most, so much."
-    )
-    roads: Annotated[tuple[RoadSection, ...], Field(max_length=MOST_ROADS)] = Field(
-        default=(),
-        description="Roads that rows of lamps with the lens light, each with its class: limits on the light, too.",
     )
     colour: ColourSection | None = Field(default=None, description="Colour of the beam; by default it is not computed.")
     optimise: OptimiseSection = Field(default_factory=OptimiseSection, description="Settings of the search.")
@@ -161,15 +165,22 @@ class Spec(Section):
     def _with_derived_values(self) -> None:
         """Derive what is left out; it counts as left out, so that it follows when the spec is changed or saved."""
         sizes = derived_sizes(self.each_source, self.lens, self.constraints, self.target)
-        process = self.lens.made_alone if self.plate is None else "moulded"
-        for name, derived in (sizes | {"manufacture": {"process": process}}).items():
-            section: Section | None = getattr(self, name)
-            if section is None:
-                continue
-            try:
-                object.__setattr__(self, name, _filled(section, derived))
-            except InputError as error:
-                raise ValueError(str(error).replace(type(section).__name__, name, 1)) from None
+        for name, derived in sizes.items():
+            self._fill(name, derived)
+        process = self.manufacture.process or (self.lens.made_alone if self.plate is None else "moulded")
+        of_shop = {"cutter_radius_mm": usual_ball_mm(self.constraints), "required": PROCESSES[process].is_judged}
+        self._fill("manufacture", {"process": process, **of_shop})
+        hidden = self.lens.drawn_from_below is not None
+        self._fill("base", usual_base(self.base, self.manufacture, self.constraints, hidden))
+
+    def _fill(self, name: str, derived: Mapping[str, Any]) -> None:
+        section: Section | None = getattr(self, name)
+        if section is None:
+            return
+        try:
+            object.__setattr__(self, name, _filled(section, derived))
+        except InputError as error:
+            raise ValueError(str(error).replace(type(section).__name__, name, 1)) from None
 
     def replace(self, changes: Mapping[str, object] | None = None, /, **sections: object) -> "Spec":
         """Make another spec: ``spec.replace(target={"distance_mm": 200.0})``, or dotted names in ``changes``.
@@ -187,7 +198,7 @@ class Spec(Section):
     def made_by(self, process: Process) -> "Spec":
         """The spec of the same body by another process. Raises :class:`InputError` for a part that it does not make.
 
-        Drafts that follow from the process stay those of the body.
+        Drafts that follow from the process stay those of the body, which was not searched for it.
         """
         shrinkage = self.manufacture.shrinkage if process == "moulded" else 0.0
         layer_um = self.manufacture.layer_um if process == "printed" else None
@@ -196,7 +207,10 @@ class Spec(Section):
             changes = {}
         if (flange := self.lens.rim_flange) is not None:
             changes["lens.flange.draft_deg"] = self.manufacture.draft_deg(flange.draft_deg)
-        return self.replace(changes, manufacture={"process": process, "shrinkage": shrinkage, "layer_um": layer_um})
+        return self.replace(
+            changes,
+            manufacture={"process": process, "shrinkage": shrinkage, "layer_um": layer_um, "required": False},
+        )
 
     def with_levels(self, levels: tuple[int, ...]) -> "Spec":
         """The spec of a lens whose ``lens.levels`` a search has chosen: with these numbers, without a time to keep."""
@@ -250,7 +264,7 @@ class Spec(Section):
         require_seen_from_afar(self.photometry, self.all_receivers, self.constraints)
         require_bodies(self.bodies, self.lens, self.constraints, self.all_lamps)
         require_limits_fit(self.limits, self.all_receivers, self.lens.leaks)
-        require_all_below(self.roads, self.all_receivers)
+        require_all_below(self.applications, self.all_receivers)
 
     @property
     def media(self) -> Media:
@@ -347,18 +361,36 @@ class Spec(Section):
 
         Its concave radius is bounded by the cutter's or more, or the whole part is required to be cut.
         """
-        radius_mm = self.lens.faces[face].concave_radius_mm
+        radius_mm = self.face_limits(face).concave_radius_mm
         designed = radius_mm is not None and radius_mm >= self.manufacture.tool_radius_mm
         return self.manufacture.cuts == "lens" and (designed or self.manufacture.required)
 
     def cutting(self, face: str) -> Cutting | None:
-        """Process by which a face is cut, of the lens or of an insert; None if it is printed."""
-        return self.lens.cutting(face, self.manufacture.process)
+        """Cut of a face, of the lens or of an insert; None if no tool makes one."""
+        return self.manufacture.making.cutting(self.lens.is_revolved(face))
+
+    def asked_draft_deg(self, face: str) -> float | None:
+        """Draft of a face that a check asks for: the stated one, or that of a mould; None without any."""
+        stated_deg = self.lens.faces[face].draft_deg
+        return self.manufacture.making.face_draft_deg if stated_deg is None else stated_deg
+
+    def face_limits(self, face: str) -> FaceLimits:
+        """Limits that a search keeps of a face: those stated, and of a face that it shapes what the process asks."""
+        section = self.lens.faces[face]
+        stated = FaceLimits(section.concave_radius_mm, section.draft_deg)
+        if section.fixed is not None or self.lens.role(face).follows or not self.manufacture.required:
+            return stated
+        return self.manufacture.making.asks(self.manufacture, self.lens.is_revolved(face)).and_stated(stated)
+
+    @property
+    def applications(self) -> tuple[Application, ...]:
+        """The entries of all tables of applications."""
+        return tuple(entry for kind in kinds_of_addons() for entry in getattr(self, kind.table))
 
     @property
     def has_limits(self) -> bool:
-        """True where the light must keep limits: those of ``limits``, of classes of ``roads``, and on its colour."""
-        return bool(self.limits or self.roads or (self.colour is not None and self.colour.has_limits))
+        """True where the light must keep limits: those of ``limits``, of classes of applications, and on its colour."""
+        return bool(self.limits or self.applications or (self.colour is not None and self.colour.has_limits))
 
     @property
     def has_uniform_region(self) -> bool:
@@ -371,7 +403,7 @@ class Spec(Section):
         if self.optimise.robust and self.lens.is_opaque:
             clear = " or ".join(repr(kind) for kind, section in LensShape.kinds.items() if lets_light_in(section.roles))
             raise ValueError(f"optimise.robust goes with lens.kind = {clear}, not {self.lens.kind!r}; leave it out")
-        self.optimise.require_limits(bool(self.limits or self.roads))
+        self.optimise.require_limits(bool(self.limits or self.applications))
         if self.lens.levels != "auto":
             if self.optimise.seconds is not None:
                 raise ValueError('optimise.seconds goes with lens.levels = "auto"; leave out one of the two')

@@ -17,7 +17,8 @@ from lensforge.optics.face_roles import BODY, CAVITY
 from lensforge.spec.face_section import FlangeSection
 from lensforge.spec.fixed_surface import FixedFace
 from lensforge.spec.lens_section import LensShape
-from lensforge.spec.part_section import BaseSection, ManufactureSection, Process
+from lensforge.spec.part_section import BaseSection, ManufactureSection
+from lensforge.spec.processes import PROCESSES, Process
 from lensforge.spec.search_section import ConstraintsSection
 from lensforge.spec.spec_section import rounded_up
 
@@ -123,7 +124,7 @@ def _faults(
     ball = face.concave_radius_mm
     if draft is not None and sin(radians(shape.least_draft_deg)) < sin(radians(draft)) - _SHAPE_TOLERANCE:
         yield f"has a draft of {shape.least_draft_deg:.3g} deg at least, lens.{name}.draft_deg = {draft:g}"
-    turned = lens.cutting(name, manufacture.process) == "turned"
+    turned = manufacture.making.cutting(lens.is_revolved(name)) == "turned"
     least, most = shape.meridian_curvatures_per_mm if turned else shape.curvatures_per_mm
     concave = most if of_cavity == (manufacture.cuts != "inserts") else -least  # of a convex body: where the air is
     if ball is not None and concave * ball > 1.0 + _SHAPE_TOLERANCE:
@@ -177,7 +178,7 @@ def require_drawn_over_plate(lens: LensShape, manufacture: ManufactureSection) -
 def base_warnings(lens: LensShape, limits: ConstraintsSection, base: BaseSection, process: Process | None) -> list[str]:
     """A line on a base as wide as the lens under a face that a half of the mould or a tool reaches from below."""
     hidden = lens.drawn_from_below
-    cut = process in ("turned", "moulded")
+    cut = process is not None and PROCESSES[process].comes_from_below
     if hidden is None or not cut or base.kind in ("none", "step") or base.widest_mm < 2.0 * limits.max_radius_mm:
         return []
     return [

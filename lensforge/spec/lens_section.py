@@ -14,7 +14,7 @@ from lensforge.public import public
 from lensforge.results.registered_kinds import OfSeveralKinds
 from lensforge.spec.derived_values import LensSizes
 from lensforge.spec.lens_material import LensMaterial
-from lensforge.spec.part_section import Cutting, Process
+from lensforge.spec.processes import Process
 from lensforge.spec.search_section import ConstraintsSection
 from lensforge.spec.spec_section import FilePath, check, fault_of
 from lensforge.surfaces.imported_face import lens_file
@@ -159,22 +159,15 @@ class LensShape(OfSeveralKinds, LensMaterial):
         fixed = self.faces[face].fixed
         return self.is_round if fixed is None else fixed.is_round
 
-    def cutting(self, face: str, process: Process | None) -> Cutting | None:
-        """Process by which a face of a lens that is made by ``process`` is cut; None if it is printed.
-
-        An insert of its mould is turned where the face is of revolution, else milled.
-        """
-        match process:
-            case "milled" | "turned":
-                return process
-            case "moulded":
-                return "turned" if self.is_revolved(face) else "milled"
-        return None
-
     @property
-    def made_alone(self) -> Cutting:
-        """Process by which such a lens is made where it is no part of a plate: turned, if all its faces can be."""
-        return "turned" if all(map(self.is_revolved, self.names)) else "milled"
+    def made_alone(self) -> Process:
+        """Process by which such a lens is made where it is no part of a plate.
+
+        It is turned, if all its faces can be; moulded, if no ball reaches the edges of its cavity; else milled.
+        """
+        if all(map(self.is_revolved, self.names)):
+            return "turned"
+        return "moulded" if self.has_creases and not self.is_opaque else "milled"
 
     @property
     def opening_mm(self) -> float | None:

@@ -152,14 +152,13 @@ _NOTES = {
     "lens.material": "its index by wavelength comes from the catalogue",
     "source.origin": "the file's virtual focus lies at the lens origin",
     **dict.fromkeys(("constraints.cavity_radius_mm", "constraints.cavity_height_mm"), _MEASURED),
-    "manufacture.cutter_radius_mm": "of the ball",
-    "manufacture.process": "inserts of a mould are cut, not the lens; shrinkage = 0.005: of its material",
+    "manufacture.cutter_radius_mm": "of the ball, which reaches all of both faces",
+    "manufacture.process": "the search keeps what its tools need; milled, turned, moulded, printed, or none",
     "receivers.centre_mm": "(x, y, z), from the LED",
     **{f"{target}.{field}": _READ for target in ("target", "receivers.targets") for field in _DRAWN.values()},
     "receivers.tilt_deg": "of its normal from the axis, about x, then about y",
     "tolerances.preset": "of parts that are moulded",
     "base.flat_mm": "marks +x: the light is not round",
-    "base.height_mm": "the radius of the ball and a wall, at least",
     "base.diameter_mm": "1.8 x max_radius_mm, around the cavity",
 }
 
@@ -170,7 +169,6 @@ _RADIUS = {  # by whether it is about the axis
 }
 _LEVELS = {True: "refined until the error stops improving", False: "functions that shape its faces further"}  # "auto"
 _OF_FACES = {  # said of the first face alone
-    "concave_radius_mm": "no concave radius below that of the ball that mills it",
     "draft_deg": "no undercut, as seen from the tool or the mould's other half",
 }
 

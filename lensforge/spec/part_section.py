@@ -1,13 +1,15 @@
 """The part and the shop: ``[base]``, which holds the lens below z = 0, ``[manufacture]``, and ``[drawing]``."""
 
-from math import cos, pi, radians, sin, tan, tau
+from math import ceil, cos, pi, radians, sin, tan, tau
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
 from lensforge.errors import InputError
 from lensforge.public import public
+from lensforge.spec.processes import PROCESSES, MakingProcess, Process
+from lensforge.spec.search_section import ConstraintsSection
 from lensforge.spec.spec_files import NamedFrom, read_toml
 from lensforge.spec.spec_section import (
     CalendarDate,
@@ -22,9 +24,13 @@ from lensforge.spec.spec_section import (
     section_of,
 )
 
-Process = Literal["milled", "turned", "moulded", "printed"]
-Cutting = Literal["milled", "turned"]
+Fields = dict[str, Any]
 _MOST_FEET = 32
+_BALL_MM = 0.5
+_SMALL_BALL = 0.2  # radius of a ball, of the largest radius of a lens for which the usual one is too large
+_HEIGHT_MM = 2.0
+_WHOLE_MM = 0.5  # heights are multiples of it
+_SPARE_MM = 0.02  # of a step, whose depth is rounded up
 _MOST_SHRINKAGE = 0.1  # several times that of any optical plastic: PMMA, PC and PS shrink by 0.002 to 0.008
 
 
@@ -74,7 +80,10 @@ class BaseSection(Section):
     )
     diameter_mm: Millimetres = Field(default=25.4, description="Diameter of a cylinder.")
     side_mm: Millimetres = Field(default=25.4, description="Side of a square.")
-    height_mm: Millimetres = Field(default=2.0, description="Total height.")
+    height_mm: Millimetres = Field(
+        default=_HEIGHT_MM,
+        description="Total height; left out, more where a ball mill needs a step and a wall below it.",
+    )
     relief_step_mm: MillimetresOrZero | None = Field(
         default=None, description="Depth of the base's top below the rim, so that a cutter reaches the rim."
     )
@@ -194,6 +203,26 @@ class BaseSection(Section):
         return self.side_mm * 2.0**0.5 if self.kind == "square" else self.diameter_mm
 
 
+def usual_ball_mm(limits: ConstraintsSection) -> float:
+    """Radius of the ball cutter for a lens within ``limits``, where none is stated."""
+    return min(_BALL_MM, round(_SMALL_BALL * limits.max_radius_mm, 2))
+
+
+def usual_base(base: BaseSection, shop: "ManufactureSection", limits: ConstraintsSection, hidden: bool) -> Fields:
+    """Fields of a ``base`` that are left out; under a lens that is cut it has a step as deep as the tool needs.
+
+    ``hidden``: it would lie under a face that widens above it, which neither a tool nor a mould then reaches: without
+    any field there is none.
+    """
+    if hidden and shop.required and shop.making.comes_from_below and not base.model_fields_set:
+        return {"kind": "none"}
+    if base.kind in ("none", "step") or not (shop.required and shop.cuts == "lens"):
+        return {}
+    flange_mm = 0.0 if base.flange_diameter_mm is None else base.flange_height_mm
+    needed_mm = shop.tool_radius_mm + flange_mm + limits.min_thickness_mm + _SPARE_MM
+    return {"height_mm": max(_HEIGHT_MM, _WHOLE_MM * ceil(needed_mm / _WHOLE_MM))}
+
+
 _FLAT = 0.95  # of the radius of a base: a flat as wide as 0.31 of its diameter
 
 
@@ -215,22 +244,23 @@ class Tool(Section):
     )
 
 
-_MOULDED_DRAFT_DEG = 1.0  # as of plate.draft_deg
-
-
 @public
 class ManufactureSection(Section):
     """Process by which the lens is made, and the equipment of the shop: a ball cutter, further mills with shank and
     holder, and a turning tool.
     """
 
-    cutter_radius_mm: Millimetres = Field(default=1.0, description="Radius of the ball cutter.")
+    cutter_radius_mm: Millimetres = Field(
+        default=_BALL_MM,
+        description="Radius of the ball cutter; left out, of a small lens a fifth of its largest radius.",
+    )
     tools: Annotated[tuple[Tool, ...], Field(max_length=100)] = Field(default=(), description="Further ball-end mills.")
     process: Process | None = Field(
         default=None,
-        description="Process by which the lens is made: milled or turned itself, moulded between inserts that "
-        "are, or printed. By default a lens whose faces are all of revolution is turned, a `[plate]` "
-        "moulded, any other lens milled.",
+        description="Process by which the lens is made, whose limits the search keeps: milled or turned itself, "
+        'moulded between inserts that are, or printed; "none": a study of light, of which nothing is made or judged. '
+        "By default a lens whose faces are all of revolution is turned, a `[plate]` and a lens whose edges no ball "
+        "reaches are moulded, any other lens is milled.",
     )
     shrinkage: Annotated[float, Field(ge=0.0, le=_MOST_SHRINKAGE)] = Field(
         default=0.0,
@@ -265,7 +295,11 @@ class ManufactureSection(Section):
         description="Largest error of their normals; left out, 0.2 or less, so that light moves by no more than a "
         "twentieth of the LED's image.",
     )
-    required: bool = Field(default=False, description="Count a part that cannot be cut as a failure of the run.")
+    required: bool = Field(
+        default=True,
+        description="The search keeps the limits of the process, and a part that cannot be made is a failure of the "
+        "run; left out, false where there is no process.",
+    )
     max_tilt_deg: Annotated[float, Field(ge=0.0, le=120.0)] = Field(
         default=90.0, description="Largest angle between a tool's axis and the lens axis."
     )
@@ -276,16 +310,20 @@ class ManufactureSection(Section):
     )
 
     @check
-    def _only_a_mould_shrinks(self) -> None:
-        if self.shrinkage > 0.0 and self.process not in (None, "moulded"):  # None: before it is derived
-            stated = f"shrinkage = {self.shrinkage:g}"
-            raise ValueError(f'{stated} goes with process = "moulded", not "{self.process}"; leave it out')
+    def _fields_go_with_the_process(self) -> None:
+        if self.process is None:  # before it is derived
+            return
+        for process in PROCESSES.values():
+            for name in process.fields if process.name != self.process else ():
+                if value := getattr(self, name):
+                    raise ValueError(
+                        f'{name} = {value:g} goes with process = "{process.name}", not "{self.process}"; leave it out'
+                    )
 
     @check
-    def _only_layers_are_printed(self) -> None:
-        if self.layer_um is not None and self.process not in (None, "printed"):
-            stated = f"layer_um = {self.layer_um:g}"
-            raise ValueError(f'{stated} goes with process = "printed", not "{self.process}"; leave it out')
+    def _only_a_part_is_required(self) -> None:
+        if self.required and self.process == "none" and "required" in self.model_fields_set:
+            raise ValueError('required = true goes with a part, not with process = "none"; leave it out')
 
     @check
     def _flanks_leave_a_nose(self) -> None:
@@ -302,8 +340,13 @@ class ManufactureSection(Section):
 
     def draft_deg(self, stated: float | None) -> float:
         """Draft of a side: as ``stated``, else what the process needs."""
-        moulded_deg = _MOULDED_DRAFT_DEG if self.process == "moulded" else 0.0
-        return moulded_deg if stated is None else stated
+        return self.making.side_draft_deg if stated is None else stated
+
+    @property
+    def making(self) -> MakingProcess:
+        """The process, with what it asks and its words."""
+        assert self.process is not None  # it is derived
+        return PROCESSES[self.process]
 
     @property
     def steepest_deg(self) -> float:
@@ -317,10 +360,8 @@ class ManufactureSection(Section):
 
     @property
     def cuts(self) -> Literal["lens", "inserts"] | None:
-        """Body that tools cut: the lens itself, or the inserts of its mould; None if it is printed."""
-        if self.process == "printed":
-            return None
-        return "inserts" if self.process == "moulded" else "lens"
+        """Body that tools cut: the lens itself, or the inserts of its mould; None if none does."""
+        return self.making.cuts
 
     @property
     def scale(self) -> float:

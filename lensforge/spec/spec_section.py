@@ -11,7 +11,7 @@ from datetime import date, datetime
 from inspect import Signature
 from math import ceil, floor, log10
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Self, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, Self, TypeVar, get_args
 
 import numpy as np
 from pydantic import (
@@ -124,7 +124,8 @@ class Section(_Model):
     @check
     def _kind_is_given(self) -> None:
         """Count the kind as given where it was left to the class: without it a file could not be read again."""
-        if "kind" in type(self).model_fields:
+        field = type(self).model_fields.get("kind")
+        if field is not None and len(get_args(field.annotation)) == 1:  # more: a choice within one class
             self.model_fields_set.add("kind")
 
     def changed(self, **fields: Any) -> Self:

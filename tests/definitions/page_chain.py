@@ -53,13 +53,20 @@ def conic(face, u):
     return 1 / face["parameter_mm"] + u @ slope, np.tile(slope, (len(u), 1))
 
 
+def spline_of(profile):
+    count = len(profile["coefficients"])
+    knots = profile["low"] + step_of(profile) * np.arange(-5, count + 1)
+    return BSpline(knots, profile["coefficients"], 5)
+
+
+def step_of(profile):
+    return (profile["high"] - profile["low"]) / (len(profile["coefficients"]) - 5)
+
+
 def profile(face, u):
-    count = len(face["coefficients"])
-    step = (face["high"] - face["low"]) / (count - 5)
-    knots = face["low"] + step * np.arange(-5, count + 1)
-    spline = BSpline(knots, face["coefficients"], 5)
+    step = step_of(face)
     inside = np.clip(u[:, 2], face["low"], face["high"])
-    value, by, bend = (spline(inside, k) * step**k for k in (0, 1, 2))
+    value, by, bend = (face["spline"](inside, k) * step**k for k in (0, 1, 2))
     s = (u[:, 2] - inside) / step
     slope = np.zeros_like(u)
     slope[:, 2] = (by + np.sign(s) * (1 - np.exp(-abs(s))) * bend) / step
@@ -76,7 +83,7 @@ KINDS = {"plane": plane, "cone": cone, "conic": conic, "profile": profile, "form
 
 
 NODES = 385  # of a table along each axis of the chart (X, Y), up to the horizon and a little beyond
-FEW = 400  # directions for which no table is made
+FEW = 10_000  # directions for which no table is made
 
 
 class Face:
@@ -87,7 +94,10 @@ class Face:
         (self.before, self.behind) = SIDES[name]
         if record["kind"] == "formed":
             sums = Functions(record["functions"], record["functions"]["weights"])
-            record = record | {"reach_mm": record["profile"]["reach_mm"], "sums": sums}
+            rotational = record["profile"] | {"spline": spline_of(record["profile"])}
+            record = record | {"reach_mm": rotational["reach_mm"], "profile": rotational, "sums": sums}
+        if record["kind"] == "profile":
+            record = record | {"spline": spline_of(record)}
         self.record = record
         self.reach = record["reach_mm"]
         self.kind = KINDS[record["kind"]]
@@ -112,11 +122,9 @@ class Face:
         u = from_chart(x, y)
         return table, 4 * abs(self.exact(u)[0] - map_coordinates(table, to_chart(u), order=1)).max()
 
-    def room(self, p):
-        """rho - |p|: above 0 on the side of the origin; exact near the face."""
-        u = unit(p)
-        far = np.linalg.norm(p, axis=1)
-        if len(p) < FEW:
+    def room(self, u, far):
+        """rho - |p| of points by direction and distance: above 0 on the side of the origin; exact near the face."""
+        if len(u) < FEW and "table" not in self.__dict__:
             return self.exact(u)[0] - far
         table, error = self.table
         room = map_coordinates(table, to_chart(u), order=1) - far
@@ -138,10 +146,16 @@ def to_chart(u):
 
 def room_in(faces, medium, p):
     """Above 0 in a medium: within all faces that it has outside of it; in the body not within the cavity."""
-    held = np.min([face.room(p) for face in faces if face.before == medium], axis=0)
+    place = polar(p)
+    held = np.min([face.room(*place) for face in faces if face.before == medium], axis=0)
     if medium == "cavity":
         return held
-    return np.minimum(held, -np.min([face.room(p) for face in faces if face.before == "cavity"], axis=0))
+    return np.minimum(held, -np.min([face.room(*place) for face in faces if face.before == "cavity"], axis=0))
+
+
+def polar(p):
+    """Direction and distance from the origin."""
+    return unit(p), np.linalg.norm(p, axis=1)
 
 
 def way_out(faces, medium, p, d):
@@ -155,7 +169,8 @@ def way_out(faces, medium, p, d):
     ends[down] = np.minimum(ends[down], -p[down, 2] / d[down, 2])
     t = first_root(lambda t, rows=slice(None): room_in(faces, medium, p[rows] + t[:, None] * d[rows]), ends, STEPS)
     at = p + np.where(np.isnan(t), 0, t)[:, None] * d
-    rooms = [abs(f.room(at)) if medium in (f.before, f.behind) else np.full(len(p), np.inf) for f in faces]
+    place = polar(at)
+    rooms = [abs(f.room(*place)) if medium in (f.before, f.behind) else np.full(len(p), np.inf) for f in faces]
     return t + start, np.argmin(rooms, axis=0)
 
 

@@ -342,6 +342,9 @@ def first_crossing(surface, p, d):
     return first_root(inside, end, 24)
 
 
+AT_ONCE = 20_000  # places: fewer cost as many calls of small arrays, more are looked at beyond the root in vain
+
+
 def first_root(inside, end, steps):
     """Where inside(t, rows) first falls below 0, at t up to ``end``, of which so many steps are looked at; else nan."""
     count = len(end)
@@ -349,35 +352,47 @@ def first_root(inside, end, steps):
     f_low = inside(np.zeros(count))
     high = np.full(count, np.nan)
     f_high = np.full(count, np.nan)
-    found = np.zeros(count, dtype=bool)
-    for share in np.arange(1, steps + 1) / steps:
-        rows = np.flatnonzero(~found)
-        f = inside(share * end[rows], rows)
-        out = f < 0
-        found[rows[out]] = True
-        high[rows[out]] = share * end[rows[out]]
-        f_high[rows[out]] = f[out]
-        low[rows[~out]] = share * end[rows[~out]]
-        f_low[rows[~out]] = f[~out]
-    rows = np.flatnonzero(found)
-    low, high, f_low, f_high = (values[rows] for values in (low, high, f_low, f_high))
+    done = 0
+    while done < steps:
+        rows = np.flatnonzero(np.isnan(high))
+        shares = np.arange(done + 1, min(steps, done + max(1, AT_ONCE // max(1, len(rows)))) + 1) / steps
+        done += len(shares)
+        t = np.vstack([low[rows], shares[:, None] * end[rows]])
+        f = np.vstack([f_low[rows], inside(t[1:].ravel(), np.tile(rows, len(shares))).reshape(len(shares), -1)])
+        out = f[1:] < 0
+        falls = out.any(axis=0)
+        last = np.where(falls, out.argmax(axis=0), len(shares))  # before it falls, or at all
+        ray = np.arange(len(rows))
+        low[rows] = t[last, ray]
+        f_low[rows] = f[last, ray]
+        high[rows[falls]] = t[1:][last[falls], ray[falls]]
+        f_high[rows[falls]] = f[1:][last[falls], ray[falls]]
+    rows = np.flatnonzero(~np.isnan(high))
+    distance = np.full(count, np.nan)
+    distance[rows] = regula_falsi(inside, rows, low[rows], high[rows], f_low[rows], f_high[rows])
+    return distance
+
+
+def regula_falsi(inside, rows, low, high, f_low, f_high):
+    """Roots of inside(t, rows) between ``low`` and ``high``, by the Illinois algorithm."""
+    root = high.copy()
     side = np.zeros(len(rows))
-    t = high
-    for _ in range(20):  # regula falsi (Illinois)
-        t = (low * f_high - high * f_low) / (f_high - f_low)
-        f = inside(t, rows)
-        if np.abs(f).max(initial=0) < 1e-11:
-            break
+    going = np.arange(len(rows))
+    for _ in range(20):
+        root[going] = t = (low * f_high - high * f_low) / (f_high - f_low)
+        f = inside(t, rows[going])
         now = np.where(f < 0, -1, 1)
         weight = np.where(side == now, 0.5, 1.0)
         low = np.where(now > 0, t, low)
         high = np.where(now < 0, t, high)
         f_low = np.where(now > 0, f, f_low * weight)
         f_high = np.where(now < 0, f, f_high * weight)
-        side = now
-    distance = np.full(count, np.nan)
-    distance[rows] = t
-    return distance
+        rough = np.abs(f) >= 1e-11
+        if not rough.any():
+            break
+        going = going[rough]
+        low, high, f_low, f_high, side = (values[rough] for values in (low, high, f_low, f_high, now))
+    return root
 
 
 def layers_reflect(layers, nm, before, behind, c):

@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from addon_rows import addon_rows
 from scenes import random_surface, small_spec, sphere
 
 import lensforge
@@ -31,7 +32,6 @@ from lensforge.scene.lamp_pictures import _pictures
 from lensforge.scene.lens import Lens, load_lens
 from lensforge.scene.made_part import _noise
 from lensforge.scene.receiver_shapes import receivers_of
-from lensforge.scene.road_surface import RoadSurface
 from lensforge.scene.rough_faces import _tables
 from lensforge.scene.target_pattern import target_light
 from lensforge.search.face_fields import _directions
@@ -124,7 +124,6 @@ ASKED: dict[str, tuple[Callable[..., Any], list[tuple[Any, ...]]]] = {
     "scene.rough_faces._tables": (
         lambda *all_: [column for shifts in (_tables(tuple(all_)),) for column in shifts],
         [(RINGS, None), (None, RINGS), (replace(RINGS, follows=False), None)]),
-    "scene.road_surface._standard": (lambda name: RoadSurface.of(name, None, None).r, [("R1",), ("R3",), ("C2",)]),
     "scene.target_pattern._drawn": (target, [(90.0, 300.0), (120.0, 300.0), (90.0, 200.0)]),
     "search.face_fields._directions": (_directions, [(TableGrid(9),), (TableGrid(11),)]),
     "shop.face_samples.area_rule": (lambda *all_: area_rule(*all_).weights, [(24, 32), (25, 32), (24, 40)]),
@@ -145,6 +144,7 @@ ASKED: dict[str, tuple[Callable[..., Any], list[tuple[Any, ...]]]] = {
         lambda *sizes: list(vars(best_leaning_cup(*sizes)).values()),
         [(radius, 1.0, 0.4, 0.3, 0.88, 0.9, 20.0, draft) for radius, draft in ((12.0, 0.0), (12.0, 0.1), (9.0, 0.0))],
     ),
+    **addon_rows("CACHES"),
 }  # fmt: skip
 
 

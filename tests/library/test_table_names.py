@@ -11,7 +11,6 @@ from lensforge.errors import FileWarning, InputError
 from lensforge.optics.material_files import read_material
 from lensforge.results.table_names import DEGREES, MILLIMETRES, NANOMETRES, SHARE, Column
 from lensforge.results.text_table import TextTable
-from lensforge.scene.road_surface import read_surface
 from lensforge.sources.source_spectrum import read_spectrum_file
 from lensforge.spec.coating_section import CoatingSection
 from lensforge.spec.scatter_section import TableScatter
@@ -216,16 +215,3 @@ def test_points_take_a_row_of_units_and_tell_what_is_left_over(tmp_path):
     more = lines.replace("\n", ",7\n") + ",7"
     with pytest.warns(FileWarning, match="columns that are not used: 'deviation'"):
         read_cloud(written(tmp_path, f"x,y,z,deviation\n{more}\n"))
-
-
-ROAD = "0,2,180\n0,700,700,700\n1,300,200,100\n"
-
-
-def test_a_road_has_its_angles_in_a_remark_and_no_gamma_for_its_tangent(tmp_path):
-    wanted = read_surface(written(tmp_path, rf"tan_gamma\beta,{ROAD}"))
-    found = read_surface(written(tmp_path, rf"# tan_gamma\beta,{ROAD}"))
-    np.testing.assert_array_equal(found.beta_deg, [0.0, 2.0, 180.0])
-    np.testing.assert_array_equal(found.r, wanted.r)
-    for mark in ("", "# "):
-        with pytest.raises(InputError, match="rows must be those of tan gamma, not of gamma"):
-            read_surface(written(tmp_path, rf"{mark}gamma\beta,{ROAD}"))

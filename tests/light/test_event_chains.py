@@ -10,7 +10,9 @@ from landed import exactly
 from nightly import NIGHTLY, first_by_day
 
 from lensforge.errors import InputError
+from lensforge.kernels.adjoint import adjoint_of_ways
 from lensforge.kernels.fate import Fate
+from lensforge.kernels.trace import trace
 from lensforge.light.table_trace import Scene, TracedBundle
 from lensforge.optics.face_roles import BODY, CAVITY, OUTSIDE
 from lensforge.optics.media import (
@@ -148,6 +150,22 @@ def test_a_few_rays_have_the_gradient_that_they_have_among_many() -> None:
         for some in (slice(3), slice(None))
     )
     assert few == pytest.approx(many, rel=1e-12, abs=1e-15) and many.any()
+
+
+def test_rays_in_any_order_of_memory_go_through_the_kernels_that_are_compiled() -> None:
+    body = collimator(0.05)
+    rays = upwards(60, 4, 0.5)
+    tables = tables_of(body, GRID)
+    by = np.asfortranarray(np.random.default_rng(1).normal(size=(60, 3)))
+    alike = np.ones(60)
+    turned = replace(rays, origins=np.asfortranarray(rays.origins), directions=np.asfortranarray(rays.directions))
+    gradients = []
+    compiled = []
+    for bundle, points in ((rays, by.copy(order="C")), (turned, by)):
+        traced = TracedBundle.of(tables, scene(body, clear()), bundle)
+        gradients.append(traced.gradients(Sensitivities(points, points), alike, alike))
+        compiled.append((len(trace.signatures), len(adjoint_of_ways.signatures)))
+    assert np.array_equal(*gradients) and compiled[0] == compiled[1]
 
 
 def test_the_adjoint_holds_in_random_scenes() -> None:

@@ -91,7 +91,7 @@ def test_rays_are_dealt_to_sixteen_samples_of_the_whole_flux(rays: int, each: in
 
 
 def test_a_table_for_roads_has_steps_of_5_and_2_5_degrees_at_most() -> None:
-    meter = Goniophotometer(sphere_mm=7.0, symmetry="none", street_deg=90.0, for_roads=True)
+    meter = Goniophotometer(sphere_mm=7.0, symmetry="none", street_deg=90.0, to_horizon=True)
     grid = trace_exit_light(LENS, SquareEmitter(1.0, 2.0), meter, rays=64, by_itself=(64, 64), seed=SEED).intensity.grid
     assert grid.planes == 72 and np.diff(grid.gamma_deg) == pytest.approx(2.5)
 

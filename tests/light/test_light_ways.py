@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from addon_rows import needs_addon
 from chains import collimator
 from jinja2 import Environment, PackageLoader
 from presets import FEW
@@ -110,6 +111,7 @@ def test_an_efficiency_below_nine_tenths_of_possible_is_amber(of_possible: float
         assert ("look: below 0.9" in shown and 'badge open"' in shown) == bool(notice)
 
 
+@needs_addon("road")
 def test_shares_that_limits_bound_are_in_per_cent_and_what_is_missed_names_what_helps() -> None:
     """A road more flux; a lens of revolution levels, where its symmetry bounds the light."""
     far = {"kind": "beam", "fwhm_deg": 60.0, "half_angle_deg": 90.0}

@@ -4,6 +4,8 @@ import numpy as np
 from filled import filled
 
 from lensforge.light.angular_grid import AngularGrid
+from lensforge.light.area_lamp import AreaLamp
+from lensforge.light.by_intensities import judgements
 from lensforge.light.luminaire_classes import LampLight
 from lensforge.light.photometry_result import (
     Direction,
@@ -12,8 +14,6 @@ from lensforge.light.photometry_result import (
     WrittenFile,
     WrittenFiles,
 )
-from lensforge.light.road_judgement import judged_roads
-from lensforge.light.road_lighting import RoadFigures
 from lensforge.results import Extent, Metric
 from lensforge.sources.intensity import TabulatedIntensity, plane_profile, width_above
 
@@ -42,8 +42,8 @@ def make_photometry(lens, **changes):
         "peak_direction": Direction(c_deg=0.0, gamma_deg=0.0),
         "beam_c0": _beam(table, 0.0),
         "beam_c90": _beam(table, 90.0),
-        "roads": judged_roads(lens.spec, lamp, 1000.0 / 0.9),
-        "road": RoadFigures.of(lens.spec.photometry, lamp, lumens, zones),
+        **judgements(lens.spec, lamp, 1000.0 / 0.9),
+        "road": AreaLamp.of(lens.spec.photometry, lamp, lumens, zones),
         "node_error": Extent(max=0.03, rms=0.01),
         "interpolation_error": 0.002,
         "files": files,

@@ -3,13 +3,13 @@
 import numpy as np
 
 from lensforge.made.tolerance_result import (
+    ApplicationYield,
     Budget,
     BudgetRow,
     CauseShare,
     MetricBound,
     MetricSpread,
     PassRate,
-    RoadYield,
     ToleranceAmount,
     Variance,
     WorstPart,
@@ -46,8 +46,8 @@ def make_yield(lens):
         pass_rate=_wilson(int((nmse <= 0.0985).sum()), PARTS),
         metrics={name: _spread(values) for name, values in metrics.items()},
         variance={name: _variance(factors) for name in metrics},
-        roads=tuple(
-            RoadYield(
+        applications=tuple(
+            ApplicationYield(
                 name=f"road {number}",
                 lighting_class="M3",
                 pass_rate=_wilson(36, PARTS),

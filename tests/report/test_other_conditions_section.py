@@ -50,6 +50,22 @@ def test_light_under_other_conditions_stands_beside_the_own():
     assert "evaluate_cold_64rays.json" in text
 
 
+def test_light_of_several_leds_under_other_conditions_has_a_row_and_a_picture_of_each():
+    near, dim = make_light(small_lens()), dim_light(conditions=None)
+    own = type(near).joined({"near": near, "far": dim})
+    other = own.changed(conditions=Conditions.of(rays=64), others=(dim.changed(led="far", rays=77),))
+    results = Results(small_lens(), {"evaluate": own}, {}, {"evaluate_64rays": other})
+    rows = other_lights(results)
+    assert [(row.title, row.fact("efficiency").text, row.fact("rays").text, row.state) for row in rows] == [
+        ("nominal, near", "85.000 ± 0.020\u2009%", "65\u2009536", "pass"),
+        ("nominal, far", "0\u2009%", "64", "fail"),
+        ("64rays, near", "85.000 ± 0.020\u2009%", "65\u2009536", "pass"),
+        ("64rays, far", "0\u2009%", "77", "fail"),
+    ]  # fmt: skip
+    drawn = other_pictures(results)
+    assert [each.title for each in drawn] == ["nominal, near", "nominal, far", "64rays, near", "64rays, far"]
+
+
 def test_other_light_changes_nothing_above_its_section():
     own, other = (undrawn_page_of(each) for each in (make_results(), with_others(dim_light())))
     menu = '<a href="#other">Other conditions</a>\n'

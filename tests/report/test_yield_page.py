@@ -14,11 +14,11 @@ from shown_folders import make_sensitivity
 
 from lensforge.made.tolerance_result import FluxNeeded, Variance
 from lensforge.made.yield_facts import (
+    application_rows,
     budget_row,
     budget_rows,
     cause_rows,
     metric_words,
-    road_rows,
     sensitivity_facts,
     spread_rows,
     yield_facts,
@@ -89,7 +89,7 @@ def test_every_tolerance_is_on_the_page_with_its_largest_amount(page, found):
 def test_each_road_is_on_the_page_with_the_parts_that_hold_its_class(page, found):
     words = "90 %, 76.9 % to 96 %, nmse, of 62.5 % of the parts".replace(" %", "\u2009%").split(", ", 2)
     causes = ("source, decentre, 50.0 ± 6.2\u2009%", "undecided: within the ray noise")
-    for number, (row, main) in enumerate(zip(road_rows(found), causes, strict=True), start=1):
+    for number, (row, main) in enumerate(zip(application_rows(found), causes, strict=True), start=1):
         assert [fact.text for fact in row.facts] == ["M3", *words, main]
         assert row.title == f"Road {number}" and folded(main) in page.text and folded(words[2]) in page.text
 

@@ -5,16 +5,19 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from addon_rows import has_addon, needs_addon
 from presets import FEW
 from scenes import random_surface, small_spec
 from scipy.spatial.transform import Rotation
 
 import lensforge as lf
 from lensforge.light.lens_light import judging_source
+from lensforge.light.light_facts import light_facts, light_reasons
+from lensforge.light.receiver_light import LARGEST_NMSE
 from lensforge.optics.pose import Pose
 from lensforge.proof.independent_draws import stand
 from lensforge.report.results import Results
-from lensforge.results.criteria import criteria_of
+from lensforge.results import Metric
 from lensforge.scene.receiver_shapes import seen_by_lamp
 from lensforge.sources.intensity import TabulatedIntensity
 from lensforge.sources.photometric.photometric_io import photometric_of
@@ -37,6 +40,7 @@ RECEIVERS = [
      "targets": [{"kind": "disc", "diameter_mm": 120.0}]},
     {"kind": "far_field", "name": "sky", "half_angle_deg": 90.0, "targets": [{"kind": "disc", "diameter_deg": 70.0}]},
 ]  # fmt: skip
+NO_ROADS = {"roads": []} if has_addon("road") else {}
 MOST_RAYS, LEVEL = 2**15, np.eye(3)
 
 
@@ -49,7 +53,7 @@ def lens_with(**changes: object) -> lf.Lens:
 
 @pytest.fixture(scope="module")
 def lens() -> lf.Lens:
-    return lens_with(roads=[ROAD])
+    return lens_with(roads=[ROAD]) if has_addon("road") else lens_with()
 
 
 @pytest.fixture(scope="module")
@@ -67,6 +71,34 @@ def whole(lens: lf.Lens) -> lf.Photometry:
     return lf.photometry(lens, rays=MOST_RAYS)
 
 
+def test_figures_and_reasons_tell_led_and_receiver(light: lf.Light) -> None:
+    """Every figure is of its case, and the second LED's light on the second receiver fails by its own name alone."""
+    of_no_road = lens_with()
+    by_title = {group.title: group for group in light_facts(light, of_no_road) if group.key == "light"}
+    cases = [(led, receiver) for led in ("even", "aside") for receiver in ("wall", "sky")]
+    assert list(by_title) == [f"{receiver}, {led}" for led, receiver in cases]
+    for led, receiver in cases:
+        on = next(each for each in light.by_led[led].receivers if each.name == receiver)
+        told = by_title[f"{receiver}, {led}"]
+        assert (told.fact("efficiency").value, told.fact("nmse").value) == (100.0 * on.efficiency.value, on.nmse.value)
+    exact = Metric(value=LARGEST_NMSE, standard_error=0.0)
+    above = exact.changed(value=1.001 * LARGEST_NMSE)
+    whole = exact.changed(value=1.0)
+    for changed, missed in ({}, []), ({("aside", "sky"): above}, ["Pattern error (NMSE), aside, sky"]):
+        leds = {
+            led: alone.changed(
+                limits=(),
+                receivers=[
+                    receiver.changed(nmse=changed.get((led, receiver.name), exact), share_in_target=whole)
+                    for receiver in alone.receivers
+                ],
+            )
+            for led, alone in light.by_led.items()
+        }
+        reasons = light_reasons(lf.Light.joined(leds), of_no_road)
+        assert [words.partition(" = ")[0] for _, words in reasons] == missed
+
+
 def test_the_second_of_two_leds_fails_the_files(lens: lf.Lens, light: lf.Light, part: lf.Part) -> None:
     """Its light as the design has it, and then with its picture the other way around."""
     wall, *rest = light.others[0].receivers
@@ -74,8 +106,8 @@ def test_the_second_of_two_leds_fails_the_files(lens: lf.Lens, light: lf.Light, 
     wrong = light.changed(others=(light.others[0].changed(receivers=(turned, *rest)),))
     good, bad = (lf.verify(part, each, rays=2**11) for each in (light, wrong))
     assert list(good.by_led) == ["even", "aside"]
-    assert [str(each) for each in criteria_of(good) if not each.holds] == []
-    missed = [each.key for each in criteria_of(bad) if not each.holds]
+    assert [str(each) for each in good.all_criteria() if not each.holds] == []
+    missed = [each.key for each in bad.all_criteria() if not each.holds]
     assert missed == ["aside: wall: lamps_nmse_vs_sum"] and all(each.holds for each in bad.criteria)
     verdict = Results(lens, {each.stage: each for each in (wrong, part, bad)}).verdict
     assert verdict.files == "fail" and "aside" in str(verdict.reasons_of("files"))
@@ -143,6 +175,7 @@ def test_opening_holds_all_lamps_and_only_one_lens_is_round(lens: lf.Lens, whole
     assert photometric_of(alone.ies, "lens.ies").opening.shape == "vertical cylinder"
 
 
+@needs_addon("road")
 def test_road_is_lit_by_poles_that_carry_all_lamps(light: lf.Light, whole: lf.Photometry) -> None:
     """By its pixels of the far field, and by the tables of the files: the same road with the same lumens."""
     for led, of_led in light.by_led.items():
@@ -192,6 +225,6 @@ def test_an_led_moved_by_a_known_pose_is_told_and_stands_there(light: lf.Light) 
 
 def test_light_on_the_wall_is_the_mean_of_both_lamps(lens: lf.Lens, light: lf.Light) -> None:
     for led, own in lens.by_led.items():
-        seen = [replace(own, spec=seen_by_lamp(own.spec, number).replace(roads=[])) for number in (0, 1)]
+        seen = [replace(own, spec=seen_by_lamp(own.spec, number).replace(NO_ROADS)) for number in (0, 1)]
         shares = [lf.evaluate(each, rays=MOST_RAYS).efficiency.value for each in seen]
         assert light.by_led[led].efficiency.value == pytest.approx(np.mean(shares), abs=0.01)

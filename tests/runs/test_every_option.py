@@ -197,7 +197,6 @@ TILT=NONE
 100 80 60 0
 100 50 20 0
 """
-ROADS = "[[roads]]\nlighting_class = 'P5'\nwidth_m = 6.0\npole_height_m = 5.0\npole_spacing_m = 20.0\nlamp_lm = {}\n"
 LAMP = {"--source": "disc:1", "--target": "rectangle:200x150@300", "--max-radius": "14"}
 
 
@@ -235,27 +234,6 @@ def of_rays(flag: str, here: Path) -> bool:
     return (summary["rays"], printed("rays", led, "--quiet")) == (2, "")
 
 
-def of_road(flag: str, here: Path) -> bool:
-    """Lux of a lamp whose street is at C = 0: twice as many lumens, the street behind it, spacing."""
-    (here / "lamp.ies").write_text(IES)
-    for name, lumens in (("a", 1e3), ("b", 2e3)):
-        (here / f"{name}.toml").write_text(ROADS.format(lumens))
-
-    def lux(*more: object, roads: str = "a") -> float:
-        found = json.loads(printed("road", here / "lamp.ies", "--road", here / f"{roads}.toml", "--json", *more))
-        return float(found["roads"][0]["mean_lx"]["value"])
-
-    match flag:
-        case "--road":
-            return lux(roads="b") == pytest.approx(2.0 * lux(), rel=1e-9)
-        case "--street-c":
-            return lux("--street-c", "0") > 1.1 * lux("--street-c", "180")
-        case "--spacing":
-            words = [printed("road", here / "lamp.ies", "--road", here / "b.toml", *each) for each in ((), (flag,))]
-            return "spacing" in words[1].lower() and "spacing" not in words[0].lower()
-    return printed("road", here / "lamp.ies", "--road", here / "b.toml", "--quiet") == ""
-
-
 def of_new(flag: str, here: Path) -> bool:
     """One field of the spec is another one."""
     other = {
@@ -282,7 +260,6 @@ def of_new(flag: str, here: Path) -> bool:
 
 SHOWN = {
     "rays": (of_rays, ("--header", "--to", "--format", "--ies-version", "--plot", "--model", "--rays", *OUTPUT)),
-    "road": (of_road, ("--road", "--street-c", "--spacing", *OUTPUT)),
     "new": (of_new, (*LAMP, "--off-axis", "--tilt", "--lens", "--material", "--cutter", *FORCE)),
     "schema": (lambda *_: printed("schema", "--page").startswith("#") and printed("schema")[0] == "{", ("--page",)),
     "examples": (None, ()),

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from addon_rows import needs_addon
 from scenes import small_spec
 
 from lensforge.errors import InputError
@@ -148,6 +149,7 @@ def test_each_quantity_has_its_unit_and_only_photometric_ones_the_lumens(quantit
         assert between.light_per_flux == pytest.approx(scale / 1e-4), "bilinear weights add up to 1"
 
 
+@needs_addon("road")
 def test_a_limit_reads_the_receiver_that_it_names_and_a_road_the_lamp_of_all_lenses() -> None:
     """A wall and a far field, 250 lm/W and 2 W; the road's lamp has 24 such LEDs, or the lumens that it states."""
     point = {"kind": "points", "receiver": "sky", "at_deg": [[10.0, 5.0]], "unit": "cd", "at_least": 1.0}

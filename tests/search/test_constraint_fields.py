@@ -181,7 +181,9 @@ def known(fields: int = 2) -> tuple[AugmentedLagrangian, np.ndarray, np.ndarray,
     places = np.array([[0.0, 0.0], [0.5, 0.1], [-0.2, 0.9]])
     operator = ChartOperator.of(TableGrid(24), places, derivatives=False)
     constraints = tuple(
-        Constraint(f"{name}_mm", SHELL[1:], "mm", 1e-3, "", 0.0, lambda face, points: face.rho, factor, margin)
+        Constraint(
+            f"{name}_mm", SHELL[1:], "mm", 1e-3, "", 0.0, 0.0, True, lambda face, points: face.rho, factor, margin
+        )
         for name, factor, margin in (("a", 0.25, 0.4), ("b", 0.5, 0.6))
     )
     own = AugmentedLagrangian(constraints, operator, DOUBLE, 40.0)

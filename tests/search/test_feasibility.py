@@ -98,6 +98,30 @@ def test_a_limit_is_made_stricter_by_all_that_its_points_see_too_much(
     assert 0.3 * margin_mm <= margins.radius_margin_mm + 1e-9 <= margin_mm + 2e-9
 
 
+@pytest.mark.parametrize(
+    ("curvature", "draft_deg", "rounds"), [(2.1e-3, 0.05, 1), (1.9e-3, 0.05, 2), (0.05, 0.021, 1), (0.05, 0.019, 2)]
+)
+def test_a_search_ends_inside_what_a_check_judges(
+    curvature: float, draft_deg: float, rounds: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """By twice the tolerance of a ball's curvature, a thousandth of it, and of a draft, 0.01 degrees."""
+    problem = problem_of(small_spec(lens__symmetry="square", manufacture={}), (9,))
+    measured = list[Margins]()
+
+    def beside_the_limit(lens: Lens) -> Margins:
+        margins = measure_constraints(lens)
+        if not measured:
+            curvatures = {**margins.curvature_margin_per_mm, "outer": curvature}
+            drafts = {**margins.draft_margin_deg, "outer": draft_deg}
+            margins = margins.changed(curvature_margin_per_mm=curvatures, draft_margin_deg=drafts)
+        measured.append(margins)
+        return margins
+
+    monkeypatch.setattr(feasibility, "measure_constraints", beside_the_limit)
+    feasible_lens(problem, Parameters(*problem.parametrisation.start()), 0, "draft")
+    assert len(measured) == rounds
+
+
 def test_where_limits_exclude_each_other_the_worst_of_them_is_lessened() -> None:
     """A radius 5.5 mm less leaves no room for cavity and wall."""
     parametrisation, constraints = problem_of(small_spec(lens__symmetry="square"), (9,)).in_full()

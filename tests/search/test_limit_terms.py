@@ -1,7 +1,5 @@
 """Limits in the merit function: nothing where they are held, gradients by finite differences, and a search for them."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 import torch
@@ -11,10 +9,8 @@ from lensforge.scene.limit_readings import light_limits
 from lensforge.scene.receiver_shapes import receivers_of
 from lensforge.search.automatic_schedule import preset_for
 from lensforge.search.limit_terms import LimitTerm
-from lensforge.search.problem import Problems
-from lensforge.sources.build_source import build_source
-from lensforge.spec import Spec, load_spec
-from lensforge.spec.accuracy import PRESETS, preset_of
+from lensforge.spec import Spec
+from lensforge.spec.accuracy import preset_of
 
 BEAM = {"kind": "beam", "fwhm_deg": 30.0, "half_angle_deg": 60.0}
 LIMITS = [
@@ -65,24 +61,6 @@ def test_limits_that_are_held_with_the_margin_cost_nothing() -> None:
     spec, picture = scene(*held)
     terms = tuple(map(LimitTerm.of, light_limits(spec, receivers_of(spec, 64), None, 1.0)))
     assert len(terms) == 5 and [term.loss((picture,)).item() for term in terms] == [0.0] * 5
-
-
-@pytest.mark.parametrize(("road", "height_m"), [("road_m3", 9.0), ("road_wide", 12.0), ("road_luminance", 10.0)])
-def test_rays_of_a_step_see_the_limits_of_a_road_as_many_more_do(examples: Path, road: str, height_m: float) -> None:
-    spec = load_spec(examples / f"{road}.toml").replace({"roads.0.pole_height_m": height_m})
-    source = build_source(spec.source)
-    preset = preset_for(spec, "draft")
-    own = Problems(spec, source, 2.5, None).of((9,))
-    merit = own.merit
-    tables = own.parametrisation.tables(*own.parametrisation.start())
-
-    def loss(rays: int) -> float:
-        return float(merit.training_loss(merit.light_of(tables, source.sample(rays, 1)), uniform=False).loss)
-
-    assert preset.effort.rays[0] == preset.design_rays == preset.effort.validation_rays == 2**17
-    exact = loss(2**20)
-    assert loss(preset.effort.rays[0]) == pytest.approx(exact, rel=0.25)
-    assert loss(PRESETS["draft"].effort.rays[0]) > 2.0 * exact
 
 
 @pytest.mark.parametrize(("limit", "rays"), [(LIMITS[0], 2**15), (LIMITS[5], 2**13), ({}, 2**13)], ids=str)

@@ -22,7 +22,7 @@ def small_lens(base=BASE, manufacture=None, **sections):
     inner, outer = (random_surface(height, float(height), 0.01, (9, 25)) for height in (3, 6))
     own = {"source__side_mm": 0.5, "lens__refractive_index": 1.49, "lens__material": "<PMMA> & co"}
     own |= {"constraints__cavity_radius_mm": 0.5, "constraints__min_thickness_mm": 0.1, "constraints__max_radius_mm": 8}
-    spec = small_spec(name="shop", **own, base=base, manufacture=manufacture or {}, **sections)
+    spec = small_spec(name="shop", **own, base=base, manufacture={"required": False} | (manufacture or {}), **sections)
     return Lens.double(inner, outer, spec, 0, CHECKED)
 
 

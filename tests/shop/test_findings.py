@@ -362,7 +362,7 @@ def test_one_tool_that_reaches_a_face_is_enough_for_it_and_none_for_another() ->
     outer = ("fail", "too thick")
     tools = [("inner", *inner), ("inner", "pass", ""), ("outer", *outer), ("outer", "fail", "blunt")]
     verdicts = [Fact("tool", "tool", 0.5, "mm", state=state, note=note, place=face) for face, state, note in tools]
-    check = SimpleNamespace(faces={"inner": None, "outer": None}, verdicts=verdicts, cut_body="lens")
+    check = SimpleNamespace(faces={"inner": None, "outer": None}, verdicts=verdicts, cut_body="lens", spec=small_spec())
     assert list(cutting_reasons(check)) == [("fail", "too thick; blunt")]
 
 

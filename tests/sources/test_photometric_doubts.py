@@ -6,7 +6,7 @@ import pytest
 
 import lensforge as lf
 from lensforge.errors import InputError
-from lensforge.light.road_judgement import of_file
+from lensforge.light.by_intensities import of_file
 from lensforge.sources.photometric import read_photometric
 from lensforge.sources.photometric.photometric_file import far_field_warnings
 from lensforge.sources.photometric.photometric_io import convert_photometric
@@ -125,7 +125,7 @@ def test_a_type_b_file_needs_two_angles_of_each_kind(tmp_path):
 
 
 def test_lumens_that_are_not_stated_stay_unknown(tmp_path):
-    """Candela per 1000 lm: a road's own lumens scale them; a format that needs lumens has 1000, and that is said."""
+    """Candela per 1000 lm: stated lumens scale them; a format that needs lumens has 1000, and that is said."""
     (tmp_path / "a.ldt").write_text(_ldt({29: "0"}))
     file = read_photometric(tmp_path / "a.ldt")
     assert (file.lamp_lumens, file.stated_lumens, file.rated_lumens) == (None, None, 1000.0)

@@ -96,9 +96,16 @@ def test_every_warning_of_a_summary_is_one_of_the_source(number, files):
         assert any(warning.split(":")[0].split(", away")[0] in other for other in used.warnings)
 
 
-def loaded(path, **fields):
-    spec = small_spec(source={"kind": "rayfile", "file": str(path), **fields})
+def loaded(path, model="rays", **fields):
+    """The summary of the source of a file: by its rays alone, as a model takes three seconds to fit."""
+    spec = small_spec(source={"kind": "rayfile", "file": str(path), "model": model, **fields})
     return summarise(build_source(spec.source), spec.source)
+
+
+def test_a_model_has_the_warnings_of_its_rays(files):
+    path = files / f"{list(doubtful()).index('the header says')}.ray"
+    fitted = loaded(path, model="radiance")
+    assert fitted.model.startswith("radiance") and fitted.warnings == loaded(path).warnings != ()
 
 
 def test_in_a_design_backward_light_is_that_of_the_placed_source(files):

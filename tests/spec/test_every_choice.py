@@ -9,6 +9,7 @@ from typing import Any, Literal, get_args, get_origin
 
 import numpy as np
 import pytest
+from addon_rows import addon_rows
 from picture_files import png
 from pydantic import BaseModel
 from scenes import small_spec, sphere
@@ -18,8 +19,6 @@ from scipy.stats import truncnorm
 import lensforge as lf
 from lensforge.cad.plate_layout import layout_of
 from lensforge.light.judged_limits import limit_value
-from lensforge.light.road_judgement import judge_road
-from lensforge.light.road_lighting import RoadJudgement
 from lensforge.optics.pose import Pose
 from lensforge.scene.eye_view import eye_views
 from lensforge.scene.lens import Lens
@@ -27,12 +26,10 @@ from lensforge.scene.limit_readings import light_limits
 from lensforge.scene.perturbations import quantiles
 from lensforge.scene.pixel_grid import PixelGrid
 from lensforge.scene.receiver_shapes import FarField, receivers_of
-from lensforge.scene.road_field import RoadReadings
 from lensforge.scene.target_pattern import target_light
 from lensforge.shop.drawing import SIZES
 from lensforge.sources.build_source import build_source
 from lensforge.spec import Spec
-from lensforge.spec.road_section import RoadSection
 from lensforge.spec.spec_reference import all_sections
 from lensforge.spec.tolerances_section import Factor
 from lensforge.surfaces.plane_loop import area_mm2
@@ -40,69 +37,7 @@ from lensforge.surfaces.srbf import SrbfBasis
 
 TESTS = Path(__file__).parents[1]
 Case = tuple[object, object]  # found, and by hand
-ROAD = {"width_m": 6.0, "pole_height_m": 8.0, "pole_spacing_m": 30.0, "lanes": 2}
 PLACE = {"distance_mm": 100.0, "receiver_mm": 300.0}
-
-
-def judged(candela: float = 4000.0, **fields: Any) -> RoadJudgement:
-    """A road lit by lamps of the same intensity in all directions."""
-    road = RoadSection(**{**ROAD, "lighting_class": "M3", **fields})
-    return judge_road(road, lambda light: np.full((1, len(light.azimuth_deg)), candela))
-
-
-def arrangement(name: str) -> Case:
-    """Mean and least lux at 10 x 6 points, I h / d^3 of each lamp of the rows, and the edge that has more light."""
-    rows = {"right": [(0.0, -1.0)], "left": [(0.0, 7.0)], "opposite": [(0.0, -1.0), (0.0, 7.0)],
-            "staggered": [(0.0, -1.0), (15.0, 7.0)], "median": [(0.0, 7.0), (0.0, 9.0)]}[name]  # fmt: skip
-    more = {"median_m": 4.0} if name == "median" else {}
-    x, y = np.meshgrid((np.arange(10) + 0.5) * 3.0, (np.arange(6) + 0.5))
-    total = 0.0 * x
-    for start, across in rows:
-        for number in range(-40, 41):
-            away = (x - start - 30.0 * number) ** 2 + (y - across) ** 2 + 64.0
-            total += np.where(away - 64.0 <= 40.0**2, 4000.0 * 8.0 / away**1.5, 0.0)  # up to 5 heights
-    found = judged(arrangement=name, overhang_m=-1.0, maintenance_factor=1.0, **more)
-    right, left = (each.value for each in found.edges)
-    brighter = {"right": 1, "left": -1, "median": -1}.get(name, 0)
-    figures = found.mean_lx.value, found.least_lx.value, int(np.sign(round(right - left, 9)))
-    return figures, (pytest.approx(total.mean(), rel=2e-3), pytest.approx(total.min(), rel=0.03), brighter)
-
-
-RATIOS = {  # of RP-8-14, table 2: cd/m^2, mean over least, largest over least, veiling
-    "freeway A": (0.6, 3.5, 6.0, 0.3), "freeway B": (0.4, 3.5, 6.0, 0.3), "expressway": (1.0, 3.0, 5.0, 0.3),
-    "major high": (1.2, 3.0, 5.0, 0.3), "major medium": (0.9, 3.0, 5.0, 0.3), "major low": (0.6, 3.5, 6.0, 0.3),
-    "collector high": (0.8, 3.0, 5.0, 0.4), "collector medium": (0.6, 3.5, 6.0, 0.4),
-    "collector low": (0.4, 4.0, 8.0, 0.4), "local high": (0.6, 6.0, 10.0, 0.4), "local medium": (0.5, 6.0, 10.0, 0.4),
-    "local low": (0.3, 6.0, 10.0, 0.4),
-}  # fmt: skip
-LUX = {"C0": 50.0, "C1": 30.0, "C2": 20.0, "C3": 15.0, "C4": 10.0, "C5": 7.5}
-LUMINANCE = {
-    "M1": (2.0, 0.4, 0.7, 10.0, 0.35), "M2": (1.5, 0.4, 0.7, 10.0, 0.35), "M3": (1.0, 0.4, 0.6, 15.0, 0.3),
-    "M4": (0.75, 0.4, 0.6, 15.0, 0.3), "M5": (0.5, 0.35, 0.4, 15.0, 0.3), "M6": (0.3, 0.35, 0.4, 20.0, 0.3),
-}  # fmt: skip
-PATHS = {"P1": (15.0, 3.0), "P2": (10.0, 2.0), "P3": (7.5, 1.5), "P4": (5.0, 1.0), "P5": (3.0, 0.6), "P6": (2.0, 0.4)}
-
-
-def lighting_class(name: str) -> Case:
-    """All bounds that the class asks for, each value once."""
-    bounds = {each.bound for each in judged(lighting_class=name).limits}
-    if name in PATHS:
-        mean, least = PATHS[name]
-        return bounds, {mean, least, 1.5 * mean}
-    if name in LUX:
-        return bounds, {LUX[name], 0.4}
-    return bounds, set(LUMINANCE.get(name) or RATIOS[name])
-
-
-def driving_side(side: str) -> Case:
-    """The eye of the first lane, 1.5 m from the edge on that side."""
-    readings = RoadReadings.of(RoadSection(**ROAD, lighting_class="M3", driving_side=side))
-    return readings.seen[0][0].y, {"right": pytest.approx(1.5), "left": pytest.approx(4.5)}[side]
-
-
-def wet_surface(name: str) -> Case:
-    added = {each.bound for each in judged(wet_surface=name).limits} - {each.bound for each in judged().limits}
-    return added, {0.15}
 
 
 def symmetry(name: str) -> Case:
@@ -244,16 +179,15 @@ def emitting_luminance(name: str, folder: Path) -> Case:
 
 
 CASES = {
-    "arrangement": arrangement, "lighting_class": lighting_class, "driving_side": driving_side,
-    "wet_surface": wet_surface, "symmetry": symmetry,
+    **addon_rows("CHOICES"), "symmetry": symmetry,
     "profile": profile, "distribution": distribution, "preset": preset, "kinds": kinds, "lattice": lattice,
     "BaseSection.kind": base, "PlateSection.kind": plate, "within": within, "unit": unit, "sheet": sheet,
     "ImageTarget.luminance": luminance, "LuminanceSource.luminance": emitting_luminance,
 }  # fmt: skip
 ELSEWHERE = {  # where each value is one of a test's cases
     "axis": "sources/test_ray_set_numbers.py", "mirror": "sources/test_ray_set_numbers.py",
-    "origin": "sources/test_ray_set.py", "surface": "scene/test_road_field.py",
-    "edition": "scene/test_road_field.py", "coordinates": "surfaces/test_given_faces.py",
+    "origin": "sources/test_ray_set.py", "coordinates": "surfaces/test_given_faces.py",
+    **addon_rows("CHOSEN_ELSEWHERE"),
     "process": "spec/test_process.py", "use": "light/test_photometry.py", "aim": "search/test_merit_terms.py",
     "levels": "search/test_automatic_search.py", "over_sources": "search/test_several_sources.py",
     "of": "light/test_luminance.py", "model": "sources/test_modelled_rays.py",

@@ -12,7 +12,6 @@ from pydantic import TypeAdapter, ValidationError
 from pydantic.fields import FieldInfo
 
 import lensforge as lf
-from lensforge.spec.road_section import load_roads
 from lensforge.spec.spec_files import NamedFrom, input_hashes, section_sha256
 from lensforge.spec.spec_section import FilePath, Section, section_of
 
@@ -132,16 +131,6 @@ def test_a_file_in_lists_tables_and_choices_counts_from_its_folder(tmp_path: Pat
     assert found.either == tmp_path / "sub" / "y.csv"
     assert [each.tables[1] for each in found.several] == [{"b": tmp_path / "x.csv"}] * 2
     assert section_of(Inner, given, "script").tables[1]["b"] == Path("../x.csv").absolute()
-
-
-def test_the_wet_surface_of_a_road_is_the_one_beside_its_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    road = 'lighting_class="M3"\nwidth_m=7.0\npole_height_m=9.0\npole_spacing_m=30.0\nwet_surface_file="wet.csv"\n'
-    for folder in ("sub", "other"):
-        (tmp_path / folder).mkdir()
-        (tmp_path / folder / "wet.csv").write_text(folder)
-    (tmp_path / "sub" / "r.toml").write_text(f"[[roads]]\n{road}[[roads]]\n{road}")
-    monkeypatch.chdir(tmp_path / "other")
-    assert [each.wet_surface_file for each in load_roads(Path("../sub/r.toml"))] == [tmp_path / "sub" / "wet.csv"] * 2
 
 
 @pytest.mark.skipif(os.name != "posix", reason="makes a pipe")

@@ -8,6 +8,7 @@ from typing import Any
 
 import jsonschema
 import pytest
+from addon_rows import needs_addon
 from click.testing import CliRunner
 
 import lensforge as lf
@@ -107,6 +108,7 @@ def test_help_and_signature_have_every_argument_with_words_unit_and_default() ->
     assert str(inspect.signature(lf.DiscSource)).startswith("(*, diameter_mm: float")
 
 
+@needs_addon("road")
 def test_the_page_and_the_command_say_what_the_fields_say(schema: dict[str, Any]) -> None:
     page = CliRunner().invoke(cli, ["schema", "--page"])
     assert page.exit_code == 0

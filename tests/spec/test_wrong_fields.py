@@ -1,16 +1,21 @@
 """Wrong fields of a spec: all of them, a complete line for each, unknown names first, with the name that was meant."""
 
 import copy
+import json
 import tomllib
 from pathlib import Path
 from typing import Any
 
 import pytest
+from addon_rows import addon_rows
 from in_this_process import lensforge
 
 import lensforge as lf
+from lensforge import addon
 from lensforge.errors import WrongFields
-from lensforge.spec import load_spec, parse_spec
+from lensforge.spec import application, load_spec, parse_spec
+from lensforge.spec.application import with_tables
+from lensforge.spec.spec_section import Section, section_of
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "rectangle.toml"
 
@@ -62,11 +67,10 @@ def lines_of(changes: dict[str, Any]) -> tuple[str, ...]:
             {"limits": [{"kind": "zone", "unit": "cd", "at_least": 1.0, "at_most_cd": 3.0}]},
             'limits.0.at_most_cd = 3.0: unknown; it is at_most now, with unit = "cd"',
         ),
-        ({"photometry": {"use": "area", "pole_height_m": 8.0}}, "photometry.pole_height_m = 8.0: unknown; it belongs"),
         ({"photometry": {"use": "road"}}, "photometry.use = 'road': must be 'general' or 'area'"),
         (
             {"manufacture.process": "mould"},
-            "manufacture.process = 'mould': did you mean moulded? It must be 'milled', 'turned', 'moulded' ",
+            "manufacture.process = 'mould': did you mean moulded? It must be 'milled', 'turned', 'moulded', ",
         ),
         (
             {"manufacture.make": "insert"},
@@ -90,7 +94,7 @@ def lines_of(changes: dict[str, Any]) -> tuple[str, ...]:
         ({"evaluate.rays": False}, "evaluate.rays = False: must be a whole number"),
         ({"evaluate.rays": "4096"}, "evaluate.rays = '4096': must be a whole number, without quotes; write 4096"),
         ({"lens.outer.gap_mm": {"amount": True}}, "lens.outer.gap_mm.amount = True: must be a number"),
-        ({"roads": {"name": "x"}}, "roads: must be a list of tables: write [[roads]]"),
+        *addon_rows("WRONG_FIELDS").values(),
         ({"source": [{"kind": "square"}]}, "source = list: must be one table: write [source]"),
         ({"constraints": 3}, "constraints = 3: must be a table"),
         ({"lens.levels": ["a"]}, "lens.levels.0 = 'a': must be a whole number"),
@@ -143,3 +147,17 @@ def test_levels_that_shape_nothing_are_named_before_the_search() -> None:
 def test_objects_of_a_script_say_the_same() -> None:
     with pytest.raises(lf.InputError, match=r"^DiscSource: diametre_mm = 2.0: unknown; did you mean diameter_mm\?$"):
         lf.DiscSource(diametre_mm=2.0)
+
+
+def test_a_table_of_an_add_on_that_is_not_installed_is_empty_or_names_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Specs and records that were written with it have an empty one, and keep it: their hashes count it."""
+    monkeypatch.setattr(addon, "usable_addons", tuple)
+
+    class Without(Section):
+        name: str = "a"
+
+    monkeypatch.setattr(application, "usable_addons", tuple)
+    found = section_of(with_tables(Without), {"roads": []}, "t.toml")
+    assert json.loads(found.model_dump_json()) == json.loads(Without().model_dump_json()) == {"name": "a", "roads": []}
+    with pytest.raises(WrongFields, match=r'^t.toml: roads.*: needs pip install "lensforge\[road\]"$'):
+        section_of(Without, {"roads": [{"width_m": 7.0}]}, "t.toml")

@@ -33,7 +33,7 @@ from lensforge.sources.rayfiles.ray_file_io import write_rayfile
 DESIGNS = Path(__file__).parent / "designs"
 # Double on poles with two roads that differ; TIR and reflector with levels; turned lenses of a plate, moulded; kinds by
 # place; several LEDs of unlike files behind which bodies stand; coloured chips.
-NAMES = ("roads", "tir", "cup", "plate", "kinds", "leds", "chips")
+NAMES = (*(("roads",) if has_addon("road") else ()), "tir", "cup", "plate", "kinds", "leds", "chips")
 FILES = {"near": 1800, "far": 700}  # rays in each file
 FILE_EFFICACIES = {"near": 300.0, "far": 240.0}  # lm/W
 FEW_RAYS = WITH_TABLE_ERROR.replace(

@@ -210,7 +210,7 @@ def photometry(case):
             "c_deg": float(-tables.azimuth[c] % 360) if gamma else 0.0, "gamma_deg": tables.gamma[gamma]
         },
         **planes, "road": area(case, exit_lm),
-        "roads": [road_record(case, road) for road in case.lens["spec"]["roads"] or []],
+        "roads": [road_record(case, road) for road in case.lens["spec"].get("roads") or []],
         "node_error": {"max": plain(relative.max()), "rms": plain(np.sqrt((relative**2 @ weights) / weights.sum()))},
         "interpolation_error": ..., "warnings": ..., "criteria": ...,
         "files": {

@@ -237,7 +237,7 @@ def road_limits(case, receivers):
     """What the classes ask for, by the table of the files."""
     from oracle_far import road_record  # which takes from here
 
-    for road in case.lens["spec"]["roads"] or []:
+    for road in case.lens["spec"].get("roads") or []:
         for limit in road_record(case, road)["limits"]:
             sky = next(each.name for each in receivers if each.kind == "far_field")
             yield limit | {"name": f"{road['name']}: {limit['name']}", "receiver": sky}
@@ -416,7 +416,7 @@ def least_share(case, place):
     """Of the light where the spec sets no limits: section 19."""
     spec = case.lens["spec"]
     record = case.json("evaluate")
-    if spec["limits"] or spec["roads"] or (spec["colour"] or {}).get("max_delta_uv"):
+    if spec["limits"] or spec.get("roads") or (spec["colour"] or {}).get("max_delta_uv"):
         return None
     led, number = divmod(place.group, len(receivers_of(spec)))
     target = target_light(receivers_of(spec)[number])[0]

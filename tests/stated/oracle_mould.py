@@ -30,23 +30,29 @@ def inside(case, q):
     """True for points (mm) in the material of the lens, its base or its plate."""
     body = body_of(case)
     (depth, wide) = below_mm(case)
-    away = np.linalg.norm(q, axis=-1)
     across = np.hypot(q[..., 0], q[..., 1])
-    u = unit(np.where(q[..., 2:] > 0, q, [0.0, 0, 1]).reshape(-1, 3))
-    low, high = (body.radius(parts, u).reshape(away.shape) for parts in (body.cavity, body.envelope))
+    above = q[..., 2] > 0
+    away = np.linalg.norm(q[above], axis=-1)
+    u = unit(q[above])
+    lens = np.zeros_like(above)
+    lens[above] = (away > body.radius(body.cavity, u)) & (away < body.radius(body.envelope, u))
     turn = np.arctan2(q[..., 1], q[..., 0]) / (2 * np.pi) % 1 * len(body.rim)
     bore = np.interp(turn, np.arange(len(body.rim) + 1), np.append(body.rim, body.rim[0]))
     bore = bore * (1 - (bore_scale(case) - 1) * q[..., 2] / depth)
     wide = wide + slope_of(case) * q[..., 2]
     foot = (q[..., 2] < 0) & (q[..., 2] > -depth) & (across > bore) & (across < wide)
-    return ((q[..., 2] > 0) & (away > low) & (away < high)) | foot
+    return lens | foot
 
 
 def free(case, p, way):
     """True for points (mm) of the boundary from which the way along z, up or down, meets no material."""
     steps = np.concatenate([[0.003, 0.01, 0.03], np.arange(0.1, 12.0, 0.1)])
-    ahead = p[:, None] + way * steps[None, :, None] * [0.0, 0, 1]
-    return ~inside(case, ahead).any(axis=1)
+    clear = np.full(len(p), True)
+    for some in np.array_split(steps, 20):
+        rows = np.flatnonzero(clear)
+        ahead = p[rows, None] + way * some[:, None] * [0.0, 0, 1]
+        clear[rows] = ~inside(case, ahead).any(axis=1)
+    return clear
 
 
 def half(case, name):
@@ -118,16 +124,20 @@ def sought_ball(case):
         down = np.linspace(0, 1, 40)[:, None, None]
         around = (top + down[..., 0] * (end - top))[..., None] * axes
         faces.append(np.dstack([around, np.broadcast_to(-depth * down, (40, 720, 1))]).reshape(-1, 3))
-    tree = cKDTree(np.concatenate(faces))
-    size = np.concatenate(faces)
-    places = rng.uniform(size.min(axis=0), size.max(axis=0), (20_000, 3))
+    points = np.concatenate(faces)
+    tree = cKDTree(points)
+    coarse = cKDTree(points[::40])  # a ball that is too small by some points is so by all
+    places = rng.uniform(points.min(axis=0), points.max(axis=0), (20_000, 3))
     places = places[within(places)]
     best = places[np.argsort(tree.query(places)[0])[-12:]]
     radii = tree.query(best)[0]
     step = 0.3
     for _ in range(60):
         tried = best[:, None] + step * rng.normal(size=(1, 80, 3))
-        found = np.where(within(tried), tree.query(tried)[0], 0.0)
+        larger = coarse.query(tried)[0] > radii[:, None]
+        larger[larger] = within(tried[larger])
+        found = np.zeros(larger.shape)
+        found[larger] = tree.query(tried[larger])[0]
         better = found.argmax(axis=1)
         wins = found.max(axis=1) > radii
         best = np.where(wins[:, None], tried[np.arange(len(best)), better], best)

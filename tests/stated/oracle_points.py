@@ -358,7 +358,7 @@ def correct_record(case):
         "second_cut": near_light(metrics_of(second), of_error=0.25),
         "change": near_light(change_of(second, designed), 0.3),
         "criteria": [*of_points(measured, covered),
-                     criterion("concave_radius", found["cutter"]["concave_radius_mm"], ">=", near(0.998, 1e-9), "mm"),
+                     criterion("concave_radius", found["cutter"]["concave_radius_mm"], ">=", near(0.499, 1e-9), "mm"),
                      criterion("step_volume_change", found["step_volume_change"], "<=", 1e-9, ""),
                      criterion("form_error", found["form_error_nm"]["max"], "<=", 1.0, "nm"),
                      criterion("normal_error", found["normal_error_mrad"]["max"], "<=", 0.02, "mrad")],
@@ -402,7 +402,7 @@ def told(stage, path, factor=1.0, unit=""):
         error, error_within = entry["standard_error"] if isinstance(entry, dict) else (None, 0.0)
         value, within = entry["value"] if isinstance(entry, dict) else entry if isinstance(entry, tuple) else (entry, 0)
         state = "pass" if place.key in ("form", "concave") else ""
-        limit = (">=", 0.998) if place.key == "concave" else None  # the ball of 1 mm, less two thousandths
+        limit = (">=", 0.499) if place.key == "concave" else None  # the ball of 0.5 mm, less two thousandths
         return Expected(
             factor * value,
             factor * within,

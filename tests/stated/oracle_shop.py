@@ -114,7 +114,8 @@ def face_of(case, name):
 
 
 def asked_draft(case, name):
-    return case.lens["spec"]["lens"][name].get("draft_deg")
+    stated = case.lens["spec"]["lens"][name].get("draft_deg")
+    return GOOD_DRAFT_DEG if stated is None and is_moulded(case) else stated
 
 
 def draft_state(case, name):

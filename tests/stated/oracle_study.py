@@ -162,10 +162,10 @@ class BentFace:
     def exact(self, u):
         return self.radius(u), Bent.normal(self, u)
 
-    def room(self, p):
-        room = self.face.room(p)
+    def room(self, u, far):
+        room = self.face.room(u, far)
         near = abs(room) < 1.0
-        room[near] = self.radius(unit(p[near])) - np.linalg.norm(p[near], axis=1)
+        room[near] = self.radius(u[near]) - far[near]
         return room
 
 

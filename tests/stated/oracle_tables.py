@@ -49,8 +49,8 @@ class Tabulated:
     def exact(self, u):
         return self.radius(u), self.normal(u)
 
-    def room(self, p):
-        return self.radius(unit(p)) - np.linalg.norm(p, axis=1)
+    def room(self, u, far):
+        return self.radius(u) - far
 
 
 def width_rad(record):

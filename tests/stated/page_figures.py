@@ -1,4 +1,4 @@
-"""Figures of replicates with their standard errors by section 10 of docs/definitions.md alone, in plain loops."""
+"""Figures of replicates with their standard errors by section 10 of docs/definitions.md alone."""
 
 from itertools import combinations
 
@@ -92,26 +92,22 @@ def least_parts(values, most=None, nudge=0.0):
     assert len(values) == 16
 
     def choices(blocks):
-        found = []
-        for block in blocks:
-            mean = values[list(block)].mean(axis=0)
-            found.append((set(block), values[:, mean == mean.min()].mean(axis=1)))
-        return found
+        """The replicates of each block, and the light of all where that of the block is least."""
+        inside = np.array([[k in block for k in range(16)] for block in blocks])
+        light = []
+        for own in inside:
+            mean = values[own].mean(axis=0)
+            light.append(values[:, mean == mean.min()].mean(axis=1))
+        return inside, np.array(light)
 
     def read(found, weights, without=None):
         """u and v by weighted replicates; without one those of the blocks that do not have it."""
-        darkest = []
-        others = 0.0
-        counted = 0.0
-        for block, light in found:
-            if without in block:
-                continue
-            own = [k for k in range(16) if k in block]
-            rest = [k for k in range(16) if k not in block and k != without]
-            darkest.append(np.average(light[own], weights=weights[own]))
-            others += np.average(light[rest], weights=weights[rest]) * len(rest)
-            counted += len(rest)
-        return np.mean(darkest), others / counted
+        inside, light = found if without is None else (rows[~found[0][:, without]] for rows in found)
+        rest = ~inside & (np.arange(16) != without)
+        counts = rest.sum(axis=1)
+        darkest = np.average(light, axis=1, weights=inside * weights)
+        others = np.average(light, axis=1, weights=rest * weights)
+        return darkest.mean(), np.average(others, weights=counts)
 
     halves = choices(EIGHTS)
     quarters = choices(FOURS)

@@ -6,7 +6,8 @@ from pathlib import Path
 import numpy as np
 from page_figures import scaled
 
-SURFACES = Path(__file__).parents[2] / "lensforge" / "scene" / "road_surfaces"  # tables of the CIE, as published
+# Tables of the CIE, as published.
+SURFACES = Path(__file__).parents[2] / "lensforge" / "addons" / "road" / "road_surfaces"
 Q0 = {"R3": 0.07, "W4": None}
 M_CLASSES = {
     "M1": (2.0, 0.40, 0.70, 10.0, 0.35), "M2": (1.5, 0.40, 0.70, 10.0, 0.35), "M3": (1.0, 0.40, 0.60, 15.0, 0.30),

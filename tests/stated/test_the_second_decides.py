@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import page_road
 import pytest
+from addon_rows import needs_addon
 from crooked import FILES, Case, spec_of
 from in_this_process import lensforge
 from oracle_far import bilinear, ies
@@ -15,41 +16,13 @@ from scenes import small_spec
 
 import lensforge as lf
 from lensforge.light.lens_light import searched_source
-from lensforge.light.road_judgement import best_class
-from lensforge.light.road_lighting import SeenRoad
-from lensforge.results import Metric
 from lensforge.search.profiles import ProfileParameters
 from lensforge.sources.photometric.photometric_io import photometric_of
 from lensforge.spec import parse_spec
 from lensforge.surfaces.srbf import SrbfBasis, SrbfSurface
 
 
-def metric(value: float) -> Metric:
-    return Metric(value=value)
-
-
-@pytest.mark.parametrize(
-    ("lanes", "edges", "reached"),
-    [
-        (((1.6, 0.5, 0.71, 9.0), (2.1, 0.5, 0.8, 8.0)), (0.36, 0.40), "M2"),  # the mean of the first lane
-        (((2.1, 0.5, 0.8, 8.0), (2.1, 0.41, 0.69, 9.9)), (0.40, 0.36), "M3"),  # the evenness of the second
-        (((2.1, 0.5, 0.8, 8.0), (2.1, 0.5, 0.8, 15.1)), (0.40, 0.36), "M6"),  # the glare of the second
-        (((2.1, 0.5, 0.8, 8.0), (2.1, 0.5, 0.8, 8.0)), (0.40, 0.34), "M3"),  # the left edge
-        (((2.1, 0.5, 0.8, 8.0), (2.1, 0.5, 0.8, 8.0)), (0.40, 0.29), "none"),
-        (((2.1, 0.5, 0.8, 8.0), (2.1, 0.5, 0.8, 8.0)), (0.29, 0.40), "none"),
-    ],
-)
-def test_class_of_a_road_by_its_worst_lane_and_edge(lanes, edges, reached: str) -> None:
-    seen = tuple(
-        SeenRoad(
-            lane=k, mean_cd_per_m2=metric(a), uniformity=metric(b), uniformity_along=metric(c), glare_percent=metric(g),
-            luminance_per_lux=metric(0.07),
-        )
-        for k, (a, b, c, g) in enumerate(lanes)
-    )  # fmt: skip
-    assert best_class(seen, (metric(edges[0]), metric(edges[1]))) == reached
-
-
+@needs_addon("road")
 def test_roads_of_a_file_each_with_its_own_lumens(case: Callable[[str], Case], tmp_path: Path) -> None:
     """``lensforge road``: of an IES file, whose numbers are read anew."""
     own = case("roads")

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import oracle_made as made
 import pytest
+from addon_rows import needs_addon
 from crooked import Expected
 from presets import FEW
 from scenes import NO_TOLERANCES, random_surface, small_spec, tolerance_changes
@@ -35,6 +36,7 @@ NEAR = 1e-4  # per cent, of a share of the variance
 FAR = {
     "kind": "rectangle", "width_mm": 0.4, "height_mm": 1.1, "position_mm": [0.2, -0.1, 0.05], "tilt_deg": [14.0, -9.0]
 }  # fmt: skip
+pytestmark = needs_addon("road")
 LEDS = [{"name": "near", "source": {"kind": "square", "side_mm": 1.0}}, {"name": "far", "source": FAR}]
 
 
@@ -86,7 +88,7 @@ def expected_of(study: Any, group: Group, number: int, fact: Fact) -> Expected:
     metrics = study.record["metrics"]
     if group.key == "yield":
         return expected_first(study, fact, group)
-    if group.key == "road_yield":
+    if group.key == "application":
         return expected_road(study, number, fact)
     name = parts.bounds[number]["metric"] if group.key == "bound" else list(metrics)[number]
     unit = metrics[name]["unit"]
@@ -172,7 +174,7 @@ def expected_road(study: Any, number: int, fact: Fact) -> Expected:
         share = float(fact.value.split(", ")[-1].split(" ")[0].rstrip("%\u2009"))
         assert share == pytest.approx(100.0 * found[certain[0]][0], abs=0.5)
     return {
-        "road_class": Expected(road["lighting_class"]),
+        "lighting_class": Expected(road["lighting_class"]),
         "holds": Expected(100.0 * rate, 1e-9, "%"),
         "confidence": Expected(f"{made.percent(low)} to {made.percent(high)}"),
         "nearest": Expected(f"{words}, of {made.percent(np.mean(nearest == most))} of the parts"),
@@ -197,7 +199,7 @@ def test_every_fact_of_a_yield(study: Any) -> None:
             told = told + 1
             wrong += [f"{group.key}, {group.title}, {fact.key}: {words}" for words in differences(fact, expected)]
     assert not wrong, "\n".join(wrong)
-    assert told > 150 and {"yield", "road_yield", "bound", "spread", "causes"} <= set(seen)
+    assert told > 150 and {"yield", "application", "bound", "spread", "causes"} <= set(seen)
 
 
 def wrong_causes(study: Any, group: Group) -> Iterator[str]:

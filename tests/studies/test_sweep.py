@@ -197,6 +197,19 @@ def test_an_interrupted_sweep_goes_on_within_the_design(tmp_path):
         assert (tmp_path / name / "lens.json").read_bytes() == (straight / name / "lens.json").read_bytes()
 
 
+def test_words_of_a_choice_keep_their_order_and_say_what_each_process_makes_of_the_lens(tmp_path):
+    variation = parse_variation("manufacture.process=printed, none,printed")
+    swept = run_sweep(SPEC, variation, tmp_path, Designer(), **SETTINGS)
+    assert swept.values == ("printed", "none") and Sweep.read(tmp_path) == swept
+    specs = [load_lens(tmp_path / row.folder / "lens.json").spec for row in swept.designs]
+    assert [spec.manufacture.process for spec in specs] == ["printed", "none"]
+    assert [row.folder for row in swept.designs] == ["small-printed", "small-none"]
+    told = [group.fact("cutting").text for group in swept.facts if group.key == "design"]
+    assert told == ["undecided", "undecided"], "not checked yet"
+    study = swept.changed(designs=(swept.designs[0], swept.designs[1].changed(cutting="none")))
+    assert study.facts[1].fact("cutting").text == "not judged"
+
+
 def test_another_sweep_is_not_resumed(swept):
     folder, _ = swept
     vary = parse_variation("constraints.max_radius_mm=6.5,8", SCALED)
@@ -218,7 +231,11 @@ def test_another_sweep_is_not_resumed(swept):
 @pytest.mark.parametrize(
     ("text", "scaled", "message"),
     [
-        ("constraints.max_radius_mm=a,b", (), "with numbers"),
+        ("constraints.max_radius_mm=a,b", (), "max_radius_mm = 'a': must be a number"),
+        ("manufacture.process=none,1", (), "with numbers or words as values"),
+        ("manufacture.process=none,none", (), "1 words; give 2 to 100 different ones"),
+        ("manufacture.process=none,cast", (), "manufacture.process = 'cast': must be 'milled'"),
+        ("manufacture.process=none,milled", ("lens.inner.offset_mm",), "cannot keep its ratio to manufacture.process"),
         ("constraints.max_radius_mm=7", (), "1 values"),
         ("constraints.max_radius_mm=7,inf", (), "finite"),
         ("constraints.max_radius_mm=7,8", ("constraints.max_radius_mm",), "name others"),

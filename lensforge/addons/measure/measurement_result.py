@@ -39,7 +39,7 @@ from lensforge.results.figure import Criterion, Figure, figure
 from lensforge.results.numerals import percent, quantity
 from lensforge.results.plots import Axes, plot_curves, plot_face
 from lensforge.results.stage_result import OnPage
-from lensforge.spec.part_section import Process
+from lensforge.spec.processes import Process
 
 _ERRORS = 3.0  # standard errors from which a cause is named
 

@@ -238,7 +238,6 @@ class PhotometricFormat:
     encoding: str = "latin-1"
 
 
-ROAD_STEP_DEG = 2.5  # of gamma, for roads: CIE 140
 _LARGEST_LM_PER_W = 683.002  # of light at 555 nm, the peak of V
 _FLUX_TOLERANCE = 0.01  # integral and stated flux of real files agree this well
 # Sides of a luminous opening or a luminaire.
@@ -284,17 +283,6 @@ def cut_below(file: PhotometricFile) -> str | None:
     if last in (90.0, 180.0) or at_last <= _CUT_SHARE:
         return None
     return f"its last gamma is {last:g} degrees, with {100.0 * at_last:.3g} % of the largest intensity"
-
-
-def coarse_for_roads(file: PhotometricFile) -> Iterator[str]:
-    """Words for steps of gamma below 90 degrees that are longer than :data:`ROAD_STEP_DEG`."""
-    gamma_deg = file.intensity.gamma_deg
-    step_deg = float(np.diff(gamma_deg[gamma_deg <= 90.0]).max(initial=0.0))
-    if step_deg > ROAD_STEP_DEG * (1.0 + 1e-6):
-        yield (
-            f"its steps of gamma are up to {step_deg:g} degrees, CIE 140 requires {ROAD_STEP_DEG:g} at most: glare may "
-            "be off by a tenth; export it with finer steps"
-        )
 
 
 def _cut(file: PhotometricFile) -> Iterator[str]:

@@ -4,6 +4,7 @@ import contextlib
 import http.client
 import io
 import json
+import shutil
 import socket
 import time
 from collections.abc import Iterator
@@ -27,6 +28,14 @@ def page(tmp_path_factory: pytest.TempPathFactory) -> Iterator[lf.Studio]:
     folder.mkdir()
     (folder / "studio.toml").write_text(small_spec().to_toml(), encoding="utf-8")
     opened = lf.studio(folder, browser=False)
+    yield opened
+    opened.close()
+
+
+@pytest.fixture(scope="module")
+def new_studio(tmp_path_factory: pytest.TempPathFactory) -> Iterator[lf.Studio]:
+    """A studio that has written nothing: its folder is not there."""
+    opened = lf.studio(tmp_path_factory.mktemp("new") / "lens", browser=False)
     yield opened
     opened.close()
 
@@ -138,22 +147,23 @@ def test_a_ray_file_is_drawn_and_becomes_the_source(page: lf.Studio) -> None:
         ("led.ldt", b""),
     ],
 )
-def test_a_refused_file_leaves_nothing_and_the_one_before_stays(name: str, content: bytes, tmp_path: Path) -> None:
-    folder = tmp_path / "lens"
-    opened = lf.studio(folder, browser=False)
+def test_a_refused_file_leaves_nothing_and_the_one_before_stays(
+    name: str, content: bytes, new_studio: lf.Studio
+) -> None:
+    folder = new_studio.folder
+    status, _, lines = ask(new_studio, f"dropped/{name}", content)
+    assert status == 422 and len(json.loads(lines)["lines"]) == 1
+    assert not folder.exists(), "nor the folders that were made for it"
+    kept = folder / "dropped" / name
+    kept.parent.mkdir(parents=True)
     try:
-        status, _, lines = ask(opened, f"dropped/{name}", content)
-        assert status == 422 and len(json.loads(lines)["lines"]) == 1
-        assert not folder.exists(), "nor the folders that were made for it"
-        kept = folder / "dropped" / name
-        kept.parent.mkdir(parents=True)
         kept.write_bytes(b"before")
-        assert ask(opened, f"dropped/{name}", content)[0] == 422
+        assert ask(new_studio, f"dropped/{name}", content)[0] == 422
         assert [(path.name, path.read_bytes()) for path in kept.parent.iterdir()] == [(name, b"before")]
-        status, _, lines = ask(opened, "spec", {"use": name, "as": "source"})
+        status, _, lines = ask(new_studio, "spec", {"use": name, "as": "source"})
         assert (status, json.loads(lines)["lines"]) == (422, [f"{name}: no such file has been dropped in"])
     finally:
-        opened.close()
+        shutil.rmtree(folder)
 
 
 def test_a_file_is_used_as_what_it_is(page: lf.Studio) -> None:

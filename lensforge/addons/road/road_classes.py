@@ -2,14 +2,14 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from math import inf
+from typing import ClassVar
 
 import numpy as np
 from jaxtyping import Float
 
-from lensforge.results import Sense
-from lensforge.scene.road_field import AROUND, CandelaSum, Points, RoadReadings, reduced_luminance, rows_of_lamps
-from lensforge.spec.light_limits import Quantity
-from lensforge.spec.road_section import (
+from lensforge.addons.road.road_field import AROUND, Points, RoadReadings, reduced_luminance, rows_of_lamps
+from lensforge.addons.road.road_section import (
     C_CLASSES,
     C_UNIFORMITY,
     M_CLASSES,
@@ -18,14 +18,21 @@ from lensforge.spec.road_section import (
     RP8_CLASSES,
     WET_UNIFORMITY,
 )
+from lensforge.scene.intensity_limit import CandelaSum, GlareLaw, IntensityLimit, LumensBound
 
+# Of EN 13201-3, 8.5, in per cent; and of RP-8.
+THRESHOLD_INCREMENT = GlareLaw("threshold increment", ((5.0, 65.0, 0.8), (inf, 95.0, 1.05)))
+VEILING_RATIO = GlareLaw("veiling/mean luminance", ((inf, 1.0, 1.0),))
 _LEVEL = 1e-6  # sine above the horizon of light beyond every table
 _MOST_HEIGHTS = 100.0  # tan gamma where tables end
 
 
 @dataclass(frozen=True, eq=False)
-class FieldMean:
+class FieldMean(LumensBound):
     """Mean light over the area of a field: luminance (cd/m^2) for the observer ``seen``, or illuminance (lx)."""
+
+    law: ClassVar[str] = "lumens and area of the road"
+    remedies: ClassVar[str] = "more lumens, poles nearer to each other, or a lower class"
 
     readings: RoadReadings
     seen: int | None = None
@@ -67,20 +74,7 @@ class FieldMean:
         return np.asarray(r * (1.0 + tan_gamma**2) ** 1.5)
 
 
-@dataclass(frozen=True, eq=False)
-class Ask:
-    """A figure of a class: the ``quantity`` of ``light``, by ``field`` at most, is ``sense`` ``bound`` in ``unit``."""
-
-    name: str
-    quantity: Quantity
-    sense: Sense
-    bound: float
-    unit: str
-    light: CandelaSum
-    field: FieldMean | None = None
-
-
-def asked_of(readings: RoadReadings) -> Iterator[Ask]:
+def asked_of(readings: RoadReadings) -> Iterator[IntensityLimit]:
     """All that the class of a road asks for, of every observer; the road's own figures come before those of the class.
 
     The maintenance factor is in the light, but for glare, which is that of new lamps.
@@ -94,25 +88,25 @@ def asked_of(readings: RoadReadings) -> Iterator[Ask]:
     wanted = readings.road.least_edge_ratio
     if wanted is not None:
         for side, edge in zip(("right", "left"), readings.edges, strict=True):
-            yield Ask(f"{side} edge ratio", "ratio", ">=", wanted, "", edge)
+            yield IntensityLimit(f"{side} edge ratio", "ratio", ">=", wanted, "", edge)
 
 
-def _of_illuminance(readings: RoadReadings) -> Iterator[Ask]:
+def _of_illuminance(readings: RoadReadings) -> Iterator[IntensityLimit]:
     name = readings.road.lighting_class
     light = readings.illuminance.times(readings.road.maintenance_factor)
     mean = light.mean()
     field = FieldMean(readings)
     if name in C_CLASSES:
-        yield Ask("mean illuminance", "light", ">=", C_CLASSES[name], "lx", mean, field)
-        yield Ask("uniformity U0", "min_over_mean", ">=", C_UNIFORMITY, "", light)
+        yield IntensityLimit("mean illuminance", "light", ">=", C_CLASSES[name], "lx", mean, field)
+        yield IntensityLimit("uniformity U0", "min_over_mean", ">=", C_UNIFORMITY, "", light)
         return
     least_mean, least = P_CLASSES[name]
-    yield Ask("mean illuminance", "light", ">=", least_mean, "lx", mean, field)
-    yield Ask("maximum mean illuminance", "light", "<=", P_MOST * least_mean, "lx", mean)
-    yield Ask("minimum illuminance", "light", ">=", least, "lx", light, field)
+    yield IntensityLimit("mean illuminance", "light", ">=", least_mean, "lx", mean, field)
+    yield IntensityLimit("maximum mean illuminance", "light", "<=", P_MOST * least_mean, "lx", mean)
+    yield IntensityLimit("minimum illuminance", "light", ">=", least, "lx", light, field)
 
 
-def _of_luminance(readings: RoadReadings) -> Iterator[Ask]:
+def _of_luminance(readings: RoadReadings) -> Iterator[IntensityLimit]:
     road = readings.road
     wanted = M_CLASSES[readings.road.lighting_class]
     least = road.mean_cd_per_m2 or wanted.mean
@@ -123,18 +117,19 @@ def _of_luminance(readings: RoadReadings) -> Iterator[Ask]:
         of = f"lane {lane + 1}: "
         kept = seen.times(road.maintenance_factor)
         mean = seen.mean()
-        yield Ask(f"{of}mean luminance", "light", ">=", least, "cd/m²", kept.mean(), FieldMean(readings, lane))
-        yield Ask(f"{of}uniformity U0", "min_over_mean", ">=", uniformity, "", kept)
+        most = FieldMean(readings, lane)
+        yield IntensityLimit(f"{of}mean luminance", "light", ">=", least, "cd/m²", kept.mean(), most)
+        yield IntensityLimit(f"{of}uniformity U0", "min_over_mean", ">=", uniformity, "", kept)
         if readings.wet:
             even = road.wet_uniformity or WET_UNIFORMITY
-            yield Ask(f"{of}uniformity U0, wet", "min_over_mean", ">=", even, "", readings.wet[lane])
-        yield Ask(f"{of}uniformity Ul", "min_over_max", ">=", along, "", kept.places(readings.middle(lane)))
+            yield IntensityLimit(f"{of}uniformity U0, wet", "min_over_mean", ">=", even, "", readings.wet[lane])
+        yield IntensityLimit(f"{of}uniformity Ul", "min_over_max", ">=", along, "", kept.places(readings.middle(lane)))
         yield from _per_lux(of, readings, lane)
         glaring = CandelaSum.joined((readings.veiling[lane], mean))
-        yield Ask(f"{of}glare TI", "threshold_increment", "<=", glare, "%", glaring)
+        yield IntensityLimit(f"{of}glare TI", THRESHOLD_INCREMENT, "<=", glare, "%", glaring)
 
 
-def _of_ratios(readings: RoadReadings) -> Iterator[Ask]:
+def _of_ratios(readings: RoadReadings) -> Iterator[IntensityLimit]:
     road = readings.road
     wanted = RP8_CLASSES[readings.road.lighting_class]
     least = road.mean_cd_per_m2 or wanted.mean
@@ -142,26 +137,16 @@ def _of_ratios(readings: RoadReadings) -> Iterator[Ask]:
     for number, (of, seen) in enumerate(zip(("", "oncoming: "), readings.luminance, strict=False)):
         mean = seen.mean()
         kept = mean.times(road.maintenance_factor)
-        yield Ask(f"{of}mean luminance", "light", ">=", least, "cd/m²", kept, FieldMean(readings, number))
-        yield Ask(f"{of}uniformity Lavg/Lmin", "mean_over_min", "<=", uneven, "", seen)
-        yield Ask(f"{of}uniformity Lmax/Lmin", "max_over_min", "<=", wanted.largest_over_least, "", seen)
+        yield IntensityLimit(f"{of}mean luminance", "light", ">=", least, "cd/m²", kept, FieldMean(readings, number))
+        yield IntensityLimit(f"{of}uniformity Lavg/Lmin", "mean_over_min", "<=", uneven, "", seen)
+        yield IntensityLimit(f"{of}uniformity Lmax/Lmin", "max_over_min", "<=", wanted.largest_over_least, "", seen)
         yield from _per_lux(of, readings, number)
         glaring = CandelaSum.joined((readings.veiling[number], mean))
-        yield Ask(f"{of}veiling ratio Lv/Lavg", "veiling_ratio", "<=", wanted.veiling, "", glaring)
+        yield IntensityLimit(f"{of}veiling ratio Lv/Lavg", VEILING_RATIO, "<=", wanted.veiling, "", glaring)
 
 
-def _per_lux(of: str, readings: RoadReadings, number: int) -> Iterator[Ask]:
+def _per_lux(of: str, readings: RoadReadings, number: int) -> Iterator[IntensityLimit]:
     wanted = readings.road.luminance_per_lux
     if wanted is not None:
         both = CandelaSum.joined((readings.luminance[number].mean(), readings.seen_lux[number]))
-        yield Ask(f"{of}per lux Q", "ratio", ">=", wanted, "cd/m²/lx", both)
-
-
-_BY_POWER = ((5.0, 65.0, 0.8), (float("inf"), 95.0, 1.05))  # up to this mean luminance: factor and power
-
-
-def glare_law(quantity: Quantity, mean_cd_per_m2: float) -> tuple[float, float]:
-    """Factor and power of glare, factor L_v / L^power, at a mean luminance: (%) EN 13201-3, 8.5; the ratio of RP-8."""
-    if quantity == "veiling_ratio":
-        return 1.0, 1.0
-    return next((factor, power) for most, factor, power in _BY_POWER if mean_cd_per_m2 <= most)
+        yield IntensityLimit(f"{of}per lux Q", "ratio", ">=", wanted, "cd/m²/lx", both)

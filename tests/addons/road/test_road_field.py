@@ -5,11 +5,12 @@ from math import atan2, ceil, cos, degrees, hypot, radians, sin, sqrt, tan
 import numpy as np
 import pytest
 
+from lensforge.addons.road.road_classes import THRESHOLD_INCREMENT, VEILING_RATIO, asked_of
+from lensforge.addons.road.road_field import DriverView, RoadReadings
+from lensforge.addons.road.road_section import STANDARD_SURFACES, RoadSection
+from lensforge.addons.road.road_surface import RoadSurface, read_surface
 from lensforge.errors import InputError
-from lensforge.scene.road_classes import Ask, asked_of
-from lensforge.scene.road_field import CandelaSum, DriverView, RoadReadings
-from lensforge.scene.road_surface import RoadSurface, read_surface
-from lensforge.spec.road_section import STANDARD_SURFACES, RoadSection
+from lensforge.scene.intensity_limit import CandelaSum, IntensityLimit
 
 ROAD = {"lighting_class": "M3", "width_m": 7.0, "pole_height_m": 9.0, "pole_spacing_m": 33.0}
 # Specular factors S1 as published: CIE 144:2001; of W4 that of its table, within the limits of its class, 9.8 and 12.
@@ -175,10 +176,10 @@ def test_the_mean_of_a_field_is_the_sum_over_directions(more) -> None:
     z, turn = (each.ravel() for each in np.meshgrid(z, turn))
     units = np.stack([np.sqrt(1.0 - z * z) * np.cos(turn), np.sqrt(1.0 - z * z) * np.sin(turn), z], axis=1)
     lumens = _candela(np.degrees(turn) - 40.0, np.degrees(np.arccos(z))) * 2.0 * np.pi / len(z)
-    asks = [ask for ask in asked_of(RoadReadings.of(road)) if ask.field is not None]
+    asks = [ask for ask in asked_of(RoadReadings.of(road)) if ask.most is not None]
     assert len(asks) == {"P3": 2, "collector low": 2}.get(road.lighting_class, road.lanes)
     for ask in asks:
-        assert lumens @ ask.field.per_lumen(units, 40.0) == pytest.approx(_of(ask.light).mean(), rel=0.02), ask.name
+        assert lumens @ ask.most.per_lumen(units, 40.0) == pytest.approx(_of(ask.light).mean(), rel=0.02), ask.name
 
 
 # The luminance method of RP-8 as loops: angles from the vectors of sight and light, veiling luminance for each edition.
@@ -265,7 +266,7 @@ _RP8 = {
 def test_a_class_of_rp_8_asks_for_its_ratios(name: str) -> None:
     asks = list(asked_of(RoadReadings.of(RoadSection(**ROAD | {"lighting_class": name, "maintenance_factor": 0.7}))))
     assert [(each.quantity, each.sense) for each in asks] == [
-        ("light", ">="), ("mean_over_min", "<="), ("max_over_min", "<="), ("veiling_ratio", "<=")
+        ("light", ">="), ("mean_over_min", "<="), ("max_over_min", "<="), (VEILING_RATIO, "<=")
     ]  # fmt: skip
     assert tuple(each.bound for each in asks) == _RP8[name]
     assert _of(asks[0].light).item() == pytest.approx(0.7 * _of(asks[1].light).mean())
@@ -406,13 +407,13 @@ def test_a_wet_road_must_be_even_for_every_driver(tmp_path) -> None:
 
 def test_a_class_asks_of_every_observer() -> None:
     readings = RoadReadings.of(RoadSection(**ROAD, lanes=3, maintenance_factor=0.8, uniformity=0.6))
-    asks: list[Ask] = list(asked_of(readings))
+    asks: list[IntensityLimit] = list(asked_of(readings))
     assert len(asks) == 3 * 4 + 2
     assert [(each.quantity, each.sense, each.bound, each.unit) for each in asks[:4]] == [
         ("light", ">=", 1.0, "cd/m²"),
         ("min_over_mean", ">=", 0.6, ""),
         ("min_over_max", ">=", 0.6, ""),
-        ("threshold_increment", "<=", 15.0, "%"),
+        (THRESHOLD_INCREMENT, "<=", 15.0, "%"),
     ]
     np.testing.assert_allclose(_of(asks[2].light), 0.8 * _of(readings.luminance[0])[readings.middle(0)])
     mean = _of(asks[0].light).item()

@@ -9,19 +9,16 @@ street is across the road from the edge where it stands.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from math import ceil
-from typing import TYPE_CHECKING
 
 import numpy as np
 from jaxtyping import Float
 
-from lensforge.scene.road_surface import RoadSurface
-from lensforge.spec.road_section import RoadSection
-
-if TYPE_CHECKING:
-    from scipy import sparse
+from lensforge.addons.road.road_section import RoadSection
+from lensforge.addons.road.road_surface import RoadSurface
+from lensforge.scene.intensity_limit import CandelaSum
 
 Points = Float[np.ndarray, " k"]
 _Places = Float[np.ndarray, "*_"]
@@ -83,55 +80,6 @@ _STANDARDS = {
     "RP-8-14": _Standard(5.0, 2, 1.45, 90.0, 90.0, _veil_of_2014),
 }
 _BEFORE_POINT_M = 83.07  # the eye of RP-8 before each point, from where it looks down on it by 1 degree
-
-
-@dataclass(frozen=True, eq=False)
-class CandelaSum:
-    """Light at ``k`` places, linear in the intensities (cd) in ``n`` directions.
-
-    ``weights``: matrix [k, n]. ``azimuth_deg``: of the directions in a lamp, from its street towards the direction of
-    travel of a driver who has the lamp at the right; ``gamma_deg``: from its axis.
-    """
-
-    azimuth_deg: Float[np.ndarray, " n"]
-    gamma_deg: Float[np.ndarray, " n"]
-    weights: "sparse.csr_array"
-
-    def of(self, candela: Float[np.ndarray, "p n"]) -> Float[np.ndarray, "p k"]:
-        """The light by each sample of intensities in these directions."""
-        return (self.weights @ candela.T).T
-
-    def directions(self, street_deg: float) -> Float[np.ndarray, "n 3"]:
-        """Unit vectors in the frame of a lens whose street is at the azimuth ``street_deg``."""
-        turn = np.radians(self.azimuth_deg + street_deg)
-        gamma = np.radians(self.gamma_deg)
-        aside = np.sin(gamma)
-        return np.stack([aside * np.cos(turn), aside * np.sin(turn), np.cos(gamma)], axis=1)
-
-    def times(self, factor: float) -> "CandelaSum":
-        """The light of lamps so many times as bright."""
-        return replace(self, weights=factor * self.weights)
-
-    def mean(self) -> "CandelaSum":
-        """The mean of all places, as one place."""
-        from scipy import sparse
-
-        return replace(self, weights=sparse.csr_array(self.weights.mean(axis=0).reshape(1, -1)))
-
-    def places(self, chosen: slice) -> "CandelaSum":
-        """Some of the places."""
-        return replace(self, weights=self.weights[chosen])
-
-    @staticmethod
-    def joined(parts: "tuple[CandelaSum, ...]") -> "CandelaSum":
-        """The places of all ``parts``, in their order."""
-        from scipy import sparse
-
-        return CandelaSum(
-            np.concatenate([part.azimuth_deg for part in parts]),
-            np.concatenate([part.gamma_deg for part in parts]),
-            sparse.csr_array(sparse.block_diag([part.weights for part in parts])),
-        )
 
 
 def rows_of_lamps(road: RoadSection) -> tuple[tuple[float, float, float], ...]:

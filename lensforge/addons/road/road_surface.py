@@ -26,12 +26,12 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float
 
+from lensforge.addons.road.road_section import LEAST_Q0, MOST_Q0, STANDARD_SURFACES
 from lensforge.errors import InputError
 from lensforge.results.files import MIB
 from lensforge.results.table_names import header_cells
 from lensforge.results.text_dialect import shown
 from lensforge.results.text_table import TextTable
-from lensforge.spec.road_section import LEAST_Q0, MOST_Q0, STANDARD_SURFACES
 
 _FOLDER = Path(__file__).with_name("road_surfaces")
 _SCALE = 1e-4  # of the numbers in a table

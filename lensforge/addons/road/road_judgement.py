@@ -5,25 +5,13 @@ class of RP-8 those of its luminance method. They are those of the table that th
 independent samples of rays each has a standard error by the jackknife, of a file none.
 """
 
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator
 
-import numpy as np
-from jaxtyping import Float
-
-from lensforge.light.judged_limits import figure_of, judged
-from lensforge.light.luminaire_classes import LampLight
-from lensforge.light.metrics import jackknife_error, scaled
-from lensforge.light.road_lighting import HeldSpacing, RoadJudgement, SeenRoad
-from lensforge.results import Fact, Metric, Sense
-from lensforge.scene.road_classes import asked_of
-from lensforge.scene.road_field import CandelaSum, RoadReadings
-from lensforge.scene.road_surface import RoadSurface
-from lensforge.sources.intensity import TabulatedIntensity
-from lensforge.sources.photometric.photometric_file import PhotometricFile
-from lensforge.spec import Spec
-from lensforge.spec.light_limits import Quantity
-from lensforge.spec.road_section import (
+from lensforge.addons.road.road_classes import THRESHOLD_INCREMENT, VEILING_RATIO, asked_of
+from lensforge.addons.road.road_facts import HeldSpacing
+from lensforge.addons.road.road_field import RoadReadings
+from lensforge.addons.road.road_record import RoadJudgement, SeenRoad
+from lensforge.addons.road.road_section import (
     C_CLASSES,
     C_UNIFORMITY,
     M_CLASSES,
@@ -31,21 +19,22 @@ from lensforge.spec.road_section import (
     P_MOST,
     RP8_CLASSES,
     RoadSection,
-    names_of,
 )
+from lensforge.addons.road.road_surface import RoadSurface
+from lensforge.light.by_intensities import IntensityFigures
+from lensforge.light.metrics import scaled
+from lensforge.results import Fact, Metric
+from lensforge.scene.intensity_limit import Candela, CandelaSum
 
 _NONE = "none"
 _KWH_PER_WH = 1e-3
 _LEAST_STEPS, _END_M = 5, 1e-3  # of a tenth of the pole height, of spacings tried
 
-# Intensities (cd) of a lamp: first those of its file, then those with one of the samples of rays left out each.
-Candela = Callable[[CandelaSum], Float[np.ndarray, "p n"]]
-
 
 def judge_road(road: RoadSection, candela: Candela, name: str = "road") -> RoadJudgement:
     """Judge the light of lamps of these intensities on ``road``. Raises :class:`InputError` for its file."""
     readings, surface = RoadReadings.of(road), RoadSurface.of(road.surface, road.surface_file, road.surface_q0)
-    read = _Reader(candela)
+    read = IntensityFigures(candela)
     kept = readings.illuminance.times(road.maintenance_factor)
     mean_lx = read.figure("light", ">=", "lx", kept.mean())
     drivers = tuple(_drivers(readings, read))
@@ -69,30 +58,12 @@ def judge_road(road: RoadSection, candela: Candela, name: str = "road") -> RoadJ
         yearly_energy=None
         if road.lamp_w is None
         else Metric(value=_KWH_PER_WH * road.lamp_w * road.hours / area, unit="kWh/m²", standard_error=0.0),
-        limits=tuple(read.limits(readings, name)),
+        limits=tuple(read.judged(asked_of(readings), name)),
         standard=road.standard,
     )
 
 
-@dataclass(frozen=True)
-class _Reader:
-    """Figures by the intensities of a lamp; those of a file are taken at their word."""
-
-    candela: Candela
-
-    def figure(self, quantity: Quantity, sense: Sense, unit: str, light: CandelaSum) -> Metric:
-        """The ``quantity`` of ``light``."""
-        whole, *left_out = (figure_of(quantity, sense, unit, row[None]) for row in light.of(self.candela(light)))
-        error = jackknife_error(np.array([each.value for each in left_out])) if left_out else 0.0
-        return whole.changed(unit=unit, standard_error=error)
-
-    def limits(self, readings: RoadReadings, name: str) -> Iterator[Fact]:
-        """Limits by the class of the road, each judged."""
-        for ask in asked_of(readings):
-            yield judged(ask, name, self.figure(ask.quantity, ask.sense, ask.unit, ask.light))
-
-
-def _drivers(readings: RoadReadings, read: _Reader) -> Iterator[SeenRoad]:
+def _drivers(readings: RoadReadings, read: IntensityFigures) -> Iterator[SeenRoad]:
     road, factor = readings.road, readings.road.maintenance_factor
     observers = zip(readings.luminance, readings.veiling, readings.seen_lux, strict=True)
     for number, (seen, veiling, lux) in enumerate(observers):
@@ -103,9 +74,9 @@ def _drivers(readings: RoadReadings, read: _Reader) -> Iterator[SeenRoad]:
             mean_cd_per_m2=read.figure("light", ">=", "cd/m²", kept.mean()),
             uniformity=read.figure("min_over_mean", ">=", "", kept),
             uniformity_along=read.figure("min_over_max", ">=", "", along),
-            glare_percent=None if road.by_rp8 else read.figure("threshold_increment", "<=", "%", glaring),
+            glare_percent=None if road.by_rp8 else read.figure(THRESHOLD_INCREMENT, "<=", "%", glaring),
             luminance_per_lux=read.figure("ratio", ">=", "cd/m²/lx", CandelaSum.joined((seen.mean(), lux))),
-            veiling_ratio=read.figure("veiling_ratio", "<=", "", glaring) if road.by_rp8 else None,
+            veiling_ratio=read.figure(VEILING_RATIO, "<=", "", glaring) if road.by_rp8 else None,
         )
 
 
@@ -178,11 +149,11 @@ def held_spacing(road: RoadSection, candela: Candela, most_steps: int = 120) -> 
     By steps of a tenth of the pole height, from ``most_steps`` of them down to a half of it, and to 1 mm at both ends;
     None if no step holds it.
     """
-    read = _Reader(candela)
+    read = IntensityFigures(candela)
 
     def missed(spacing_m: float) -> Fact | None:
         readings = RoadReadings.of(road.changed(pole_spacing_m=spacing_m))
-        return next((limit for limit in read.limits(readings, "") if not limit.holds), None)
+        return next((limit for limit in read.judged(asked_of(readings), "") if not limit.holds), None)
 
     def end(inside: float, outside: float) -> tuple[float, Fact | None]:
         why = missed(outside)
@@ -200,47 +171,3 @@ def held_spacing(road: RoadSection, candela: Candela, most_steps: int = 120) -> 
     nearer = next((k for k in range(first, len(falling)) if missed(falling[k]) is not None), None)
     least = falling[-1] if nearer is None else end(falling[nearer - 1], falling[nearer])[0]
     return HeldSpacing(least, largest, beyond)
-
-
-def judged_roads(spec: Spec, lens: LampLight, source_lm: float) -> tuple[RoadJudgement, ...]:
-    """The roads of ``spec`` by lamps of a lens with this light of a source of ``source_lm``."""
-    return tuple(
-        judge_road(road, of_lens(lens, lenses_in(road, spec, source_lm)), name)
-        for road, name in zip(spec.roads, names_of(spec.roads), strict=True)
-    )
-
-
-def lenses_in(road: RoadSection, spec: Spec, source_lm: float) -> float:
-    """Lenses in a lamp of ``road``, each over a source of ``source_lm``; as many as its lumens take, where it has."""
-    return float(spec.photometry.lenses) if road.lamp_lm is None else road.lamp_lm / source_lm
-
-
-def of_lens(lamp: LampLight, factor: float) -> Candela:
-    """Intensities of a lamp whose light is ``factor`` times that of ``lamp``; a lens sends none above 90 degrees."""
-    tables = lamp.in_file()
-
-    def candela(light: CandelaSum) -> Float[np.ndarray, "p n"]:
-        found = factor * tables.intensities(light.azimuth_deg, light.gamma_deg)
-        return np.asarray(found * (light.gamma_deg <= 90.0))
-
-    return candela
-
-
-def of_file(file: PhotometricFile, street_c_deg: float, lamp_lm: float | None) -> Candela:
-    """Intensities of the lamp of a photometric file whose C = ``street_c_deg`` is towards the street.
-
-    ``lamp_lm``: of its sources; None: as the file states. An absolute file states the light that leaves the lamp.
-    """
-    stated = file.rated_lumens
-    return of_table(TabulatedIntensity.of(file.intensity), street_c_deg, 1.0 if lamp_lm is None else lamp_lm / stated)
-
-
-def of_table(table: TabulatedIntensity, street_c_deg: float, factor: float) -> Candela:
-    """Intensities of a lamp of ``factor`` times the ``table``, whose C = ``street_c_deg`` is towards the street."""
-
-    def candela(light: CandelaSum) -> Float[np.ndarray, "1 n"]:
-        turn, gamma = np.radians(street_c_deg - light.azimuth_deg), np.radians(light.gamma_deg)
-        units = np.stack([np.sin(gamma) * np.cos(turn), np.sin(gamma) * np.sin(turn), np.cos(gamma)], axis=1)
-        return np.asarray(factor * table.flux() * table.intensity(units)[None])
-
-    return candela

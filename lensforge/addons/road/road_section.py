@@ -7,15 +7,16 @@ a road are equal, and stand in rows at equal steps.
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal, Self
 
 from pydantic import Field
 
 from lensforge.public import public
+from lensforge.spec.application import MOST_APPLICATIONS, Application
 from lensforge.spec.receiver_fields import ReceiverSection
-from lensforge.spec.receiver_sections import FarFieldReceiver, PlaneReceiver
+from lensforge.spec.receiver_sections import PlaneReceiver
 from lensforge.spec.spec_files import NamedFrom, read_toml
-from lensforge.spec.spec_section import FilePath, Label, Section, check, section_of
+from lensforge.spec.spec_section import FilePath, Section, check, section_of
 
 # Nominal average luminance coefficient Q0 (cd/m^2 per lx) of the classes of the CIE: CIE 144:2001; of wet ones CIE 47.
 STANDARD_SURFACES = {"R1": 0.10, "R2": 0.07, "R3": 0.07, "R4": 0.08, "C1": 0.10, "C2": 0.07, "W4": 0.247}
@@ -94,26 +95,25 @@ Arrangement = Literal["left", "right", "opposite", "staggered", "median"]
 Share = Annotated[float, Field(ge=1e-9, le=1.0)]
 _LEAST_SPACING = 0.1  # of the pole height: lamps of a tunnel that nearly touch; work grows by one over it
 _LEAST_LANE_M = 2.0
-MOST_ROADS = 32
-_ALL_BELOW = 90.0  # degrees from the axis: all that is below a lamp
+_SAME = 0.01  # relative: heights that are stated twice agree this well
 _OF_M = ("uniformity_along", "glare_percent", "wet_surface", "wet_surface_file", "wet_uniformity")
 _BY_LUMINANCE = ("mean_cd_per_m2", "uniformity", "luminance_per_lux", *_OF_M)
 
 
 @public
-class RoadSection(Section):
+class RoadSection(Application):
     """A straight road, its lamps, and the class of EN 13201-2 or of RP-8 that it is to reach.
 
     Its field of calculation is the road between two lamps of a row. Its observers are those of EN 13201-3, 60 m before
     the field in the middle of each lane; for a class of RP-8 there is one 83.07 m before each point.
     """
 
-    name: Label | None = Field(default=None, description="Name in records and on pages.")
-    share: Annotated[float, Field(ge=1e-12, le=1000.0)] = Field(
-        default=1.0,
-        description="Weight in the search of what its class lacks, beside those of other roads; the classes of "
-        "all must be held.",
+    table: ClassVar[str] = "roads"
+    of_table: ClassVar[str] = (
+        "Roads that rows of lamps with the lens light, each with its class: limits on the light, too."
     )
+    noun: ClassVar[str] = "road"
+
     lighting_class: ClassName = Field(
         description="Class of EN 13201-2: M by luminance, C and P by illuminance; or of RP-8 by luminance: "
         "highways, and streets by how many pedestrians there are."
@@ -199,11 +199,6 @@ class RoadSection(Section):
     maintenance_factor: Share = Field(
         default=1.0, description="Share of the light that dirt and age leave; glare is that of new lamps."
     )
-    lamp_lm: Annotated[float, Field(ge=1e-9, le=1e9)] | None = Field(
-        default=None,
-        description="Luminous flux of the sources of a lamp; by default of the source times photometry.lenses, or "
-        "as a file states.",
-    )
     lamp_w: Annotated[float, Field(ge=1e-9, le=1e6)] | None = Field(
         default=None,
         description="Electrical power of a lamp; with it the power density and the yearly energy are stated.",
@@ -246,6 +241,31 @@ class RoadSection(Section):
             return lanes
         one_way = "one way" if self.lanes == 1 else "both one way" if self.lanes == 2 else "all one way"
         return f"{lanes}, {f'{self.oncoming_lanes} oncoming' if self.oncoming_lanes else one_way}"
+
+    @property
+    def height_m(self) -> float:
+        """Height of the poles."""
+        return self.pole_height_m
+
+    @property
+    def summary(self) -> str:
+        """Its class and its traffic."""
+        return f"{self.lighting_class}, {self.traffic}"
+
+    @classmethod
+    def warnings(cls, table: Sequence[Self], receivers: Sequence[ReceiverSection]) -> Iterator[str]:
+        """Warn of planes that all lie at another distance than the poles are high."""
+        heights = {road.pole_height_m for road in table if not road.tilt_deg}
+        planes = [plane for plane in receivers if isinstance(plane, PlaneReceiver) and plane.facing[:2] == (0.0, 0.0)]
+        if not planes or len(heights) != 1:
+            return
+        height = max(heights)
+        away = [1e-3 * plane.distance_mm for plane in planes]
+        if all(abs(distance / height - 1.0) > _SAME for distance in away):
+            yield (
+                f"receivers: {planes[0].name} lies {away[0]:g} m below the lamps, pole_height_m of roads is "
+                f"{height:g}; give it centre_mm with z = {1e3 * height:g}, unless another plane is meant"
+            )
 
     @property
     def has_wet_surface(self) -> bool:
@@ -315,61 +335,10 @@ class RoadSection(Section):
             )
 
 
-def names_of(roads: Sequence[RoadSection]) -> tuple[str, ...]:
-    """A name for each road: its own, or its number where there are several."""
-    if len(roads) == 1:
-        return (roads[0].name or "road",)
-    return tuple(road.name or f"road {number}" for number, road in enumerate(roads, start=1))
-
-
-def require_all_below(roads: Sequence[RoadSection], receivers: Sequence[ReceiverSection]) -> None:
-    """Raise ``ValueError`` for roads without a far field that has all light below a lamp."""
-    far = next((receiver for receiver in receivers if isinstance(receiver, FarFieldReceiver)), None)
-    if roads and (far is None or far.half_angle_deg < _ALL_BELOW):
-        far_fields = "there is none" if far is None else f"the first has half_angle_deg = {far.half_angle_deg:g}"
-        raise ValueError(
-            f"roads: their far lamps and their glare are light at up to {_ALL_BELOW:g} degrees from the axis, on a "
-            f"receiver of kind far_field; {far_fields}; give it half_angle_deg = {_ALL_BELOW:g}"
-        )
-
-
-_SAME = 0.01  # relative: what is stated twice agrees this well
-
-
-def road_warnings(
-    roads: Sequence[RoadSection], receivers: Sequence[ReceiverSection], lenses: int, source_lm: float | None
-) -> Iterator[str]:
-    """Warn of what a spec states twice and differently: lumens of a lamp of ``lenses``, and the height of the poles.
-
-    ``source_lm``: lumens of the source of one lens, where they are known; of one lens alone nobody counts them.
-    """
-    for road, name in zip(roads, names_of(roads), strict=True):
-        whole_lm = lenses * (source_lm or 0.0)
-        if road.lamp_lm and whole_lm and lenses > 1 and abs(road.lamp_lm / whole_lm - 1.0) > _SAME:
-            yield (
-                f"roads: {name}: lamp_lm = {road.lamp_lm:g}, but {lenses} lenses over {source_lm:.4g} lm have "
-                f"{whole_lm:.4g} lm: its light is judged with the former, the files have the latter; correct one, or "
-                "leave out lamp_lm"
-            )
-    heights = {road.pole_height_m for road in roads if not road.tilt_deg}
-    planes = [
-        receiver for receiver in receivers if isinstance(receiver, PlaneReceiver) and receiver.facing[:2] == (0.0, 0.0)
-    ]
-    if not planes or len(heights) != 1:
-        return
-    height = max(heights)
-    away = [1e-3 * plane.distance_mm for plane in planes]
-    if all(abs(distance / height - 1.0) > _SAME for distance in away):
-        yield (
-            f"receivers: {planes[0].name} lies {away[0]:g} m below the lamps, pole_height_m of roads is {height:g}; "
-            f"give it centre_mm with z = {1e3 * height:g}, unless another plane is meant"
-        )
-
-
 class RoadFile(Section):
     """File of roads: those of a spec, without the rest."""
 
-    roads: Annotated[tuple[RoadSection, ...], Field(min_length=1, max_length=MOST_ROADS)] = Field(
+    roads: Annotated[tuple[RoadSection, ...], Field(min_length=1, max_length=MOST_APPLICATIONS)] = Field(
         description="Roads, each with its class."
     )
 

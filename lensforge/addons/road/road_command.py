@@ -1,21 +1,25 @@
 """``road``: the photometry of any lamp judged on a road."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
 import click
+import numpy as np
 
+from lensforge.addons.road.road_facts import road_facts, spacing_fact, with_remedies
+from lensforge.addons.road.road_record import RoadJudgement
+from lensforge.addons.road.road_section import load_roads
 from lensforge.cli.conclusion import rows_of
 from lensforge.cli.options import Number
 from lensforge.cli.output import Block, Output, warning_line, with_output
 from lensforge.errors import CriterionMissed, InputError
-from lensforge.light.road_lighting import RoadJudgement, road_facts, spacing_fact, with_remedies
 from lensforge.results import Group
 from lensforge.sources.light_files import read_photometric
-from lensforge.sources.photometric.photometric_file import coarse_for_roads, cut_below, far_field_warnings
-from lensforge.spec.road_section import load_roads, names_of
+from lensforge.sources.photometric.photometric_file import PhotometricFile, cut_below, far_field_warnings
+from lensforge.spec.application import names_of
 
+_STEP_DEG = 2.5  # of gamma: CIE 140
 _BETTER = 1.2  # a lamp that lights both sides alike is within a few per cent
 
 
@@ -44,7 +48,8 @@ def road(file: Path, roads: Path, street_c: float, spacing: bool, output: Output
     Luminance for every driver, glare and edges by EN 13201-3, and the class of the road; of an IES LM-63,
     EULUMDAT or TM-33 file.
     """
-    from lensforge.light.road_judgement import held_spacing, judge_road, of_file
+    from lensforge.addons.road.road_judgement import held_spacing, judge_road
+    from lensforge.light.by_intensities import of_file
 
     lamp = read_photometric(file)
     wanted = load_roads(roads)
@@ -75,6 +80,17 @@ def road(file: Path, roads: Path, street_c: float, spacing: bool, output: Output
     ]
     if missed:
         raise CriterionMissed(f"{file}: {missed[0]}" + (f"; and {len(missed) - 1} more" if missed[1:] else ""))
+
+
+def coarse_for_roads(file: PhotometricFile) -> Iterator[str]:
+    """Words for steps of gamma below 90 degrees that are longer than what CIE 140 requires."""
+    gamma_deg = file.intensity.gamma_deg
+    step_deg = float(np.diff(gamma_deg[gamma_deg <= 90.0]).max(initial=0.0))
+    if step_deg > _STEP_DEG * (1.0 + 1e-6):
+        yield (
+            f"its steps of gamma are up to {step_deg:g} degrees, CIE 140 requires {_STEP_DEG:g} at most: glare may "
+            "be off by a tenth; export it with finer steps"
+        )
 
 
 def _least_lit(found: Sequence[RoadJudgement]) -> float:

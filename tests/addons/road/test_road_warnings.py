@@ -6,7 +6,7 @@ import pytest
 from scenes import small_spec
 
 from lensforge.spec import Spec
-from lensforge.spec.road_section import road_warnings
+from lensforge.spec.application import application_warnings
 
 ROAD = {"lighting_class": "M4", "width_m": 7.0, "pole_height_m": 8.0, "pole_spacing_m": 30.0}
 
@@ -20,7 +20,7 @@ def _spec(height_mm: float = 8000.0, **changes: object) -> Spec:
 
 
 def _said(spec: Spec, lenses: int = 16, source_lm: float | None = 250.0) -> Sequence[str]:
-    return [*road_warnings(spec.roads, spec.all_receivers, lenses, source_lm)]
+    return [*application_warnings(spec.applications, spec.all_receivers, lenses, source_lm)]
 
 
 @pytest.mark.parametrize(("lamp_lm", "said"), [(4000.0, 0), (4039.0, 0), (4041.0, 1), (9000.0, 1), (None, 0)])

@@ -1,13 +1,12 @@
-"""Lamps of a closed form on areas and roads: zones, ratings, distribution types, illuminance and its classes."""
+"""Lamps of a closed form on areas and roads: zones, ratings, distribution types and classes of glare."""
 
 import numpy as np
 import pytest
 from nightly import first_by_day
 
 from lensforge.light.angular_grid import AngularGrid
+from lensforge.light.area_lamp import AreaLamp, glare_intensities
 from lensforge.light.luminaire_classes import BugRating, LampLight, ZoneLumens, distribution_type, zone_flux
-from lensforge.light.road_judgement import c_class, p_class
-from lensforge.light.road_lighting import RoadFigures, glare_intensities
 from lensforge.results import Metric
 from lensforge.sources.build_source import SquareEmitter
 from lensforge.sources.ray_bundle import RayBundle
@@ -149,31 +148,6 @@ def test_the_reach_of_half_the_light_is_that_of_the_lobe() -> None:
     assert found.house_mh.value == 0.0
 
 
-# EN 13201-2:2015, table 4 (mean and minimum illuminance in lx), table 2 (mean), typed again, the strictest first.
-_P = [("P1", 15.0, 3.0), ("P2", 10.0, 2.0), ("P3", 7.5, 1.5), ("P4", 5.0, 1.0), ("P5", 3.0, 0.6), ("P6", 2.0, 0.4)]
-_C = [("C0", 50.0), ("C1", 30.0), ("C2", 20.0), ("C3", 15.0), ("C4", 10.0), ("C5", 7.5)]
-
-
-@pytest.mark.parametrize(("name", "mean", "least"), _P)
-def test_p_classes(name: str, mean: float, least: float) -> None:
-    """Each figure on both sides of its bound, and the mean at most 1.5 times what the class asks for."""
-    easier = next((other for other, lower, low in _P if lower < mean <= 1.5 * lower and low <= least), "none")
-    assert p_class(mean, least) == name
-    assert p_class(1.5 * mean, least) == name
-    assert p_class(mean - 0.01, least) == easier
-    assert p_class(mean, least - 0.01) == easier
-    assert p_class(1.5 * mean + 0.01, least) == next(
-        (other for other, lower, low in _P if lower < 1.5 * mean + 0.01 <= 1.5 * lower and low <= least), "none"
-    )
-
-
-@pytest.mark.parametrize(("number", "name", "mean"), [(number, *row) for number, row in enumerate(_C)])
-def test_c_classes(number: int, name: str, mean: float) -> None:
-    easier = _C[number + 1][0] if number + 1 < len(_C) else "none"
-    assert c_class(mean, 0.4) == name and c_class(mean - 0.01, 0.4) == easier
-    assert c_class(mean, 0.39) == "none"
-
-
 # EN 13201-2:2015, table A.1, typed a second time: most cd/klm from 70 and from 80 degrees; G*4 to G*6 have the same 80.
 @pytest.mark.parametrize(
     ("at_70", "at_80", "wanted"),
@@ -193,11 +167,11 @@ def test_a_lamp_of_many_lenses_has_their_light() -> None:
     section = PhotometrySection(use="area", lenses=48)
     one = Metric(value=10.0 * np.pi, unit="lm", standard_error=0.1)
     zones_lm = np.full((16, 2, 4), 10.0 * np.pi / 8.0)
-    found = RoadFigures.of(section, lamp, one, zones_lm)
+    found = AreaLamp.of(section, lamp, one, zones_lm)
     assert found is not None
     assert found.lumens.value == pytest.approx(480.0 * np.pi)
     assert found.lumens.standard_error == pytest.approx(4.8)
     assert found.glare.above_70.value == pytest.approx(1000.0 / np.pi * np.cos(np.deg2rad(70.0))), "of its own lumens"
     zones = found.bug.zones.model_dump()
     assert sum(each["value"] for each in zones.values()) == pytest.approx(480.0 * np.pi, rel=1e-4)
-    assert RoadFigures.of(PhotometrySection(), lamp, one, zones_lm) is None
+    assert AreaLamp.of(PhotometrySection(), lamp, one, zones_lm) is None

@@ -1,0 +1,121 @@
+"""Facts of the light on roads: what a class requires, where it is worst, and what would keep a limit that is missed."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from math import ceil, floor
+
+import numpy as np
+
+from lensforge.addons.road.road_classes import THRESHOLD_INCREMENT, VEILING_RATIO
+from lensforge.addons.road.road_record import RoadJudgement
+from lensforge.addons.road.road_section import M_CLASSES, RP8_CLASSES, RoadSection
+from lensforge.results import Fact, Group, Sense
+from lensforge.results.figure import facts_in
+from lensforge.spec.application import names_of
+from lensforge.spec.derived_values import three_digits
+from lensforge.spec.spec_section import rounded_up
+
+
+def with_remedies(limits: Sequence[Fact]) -> Iterator[Fact]:
+    """The limits of one road, those that are missed with what would keep them, as far as that follows from the flux."""
+    light = _flux_remedy(limits)
+    for limit in limits:
+        remedy = light if limit.note == "light" else _OF_GLARE if limit.note in _GLARE else _OF_EVENNESS
+        yield replace(limit, remedy=remedy) if limit.state == "fail" else limit
+
+
+_GLARE = (THRESHOLD_INCREMENT.name, VEILING_RATIO.name)
+_OF_GLARE = "less light near the horizon, or higher poles; the flux hardly changes it"
+_OF_EVENNESS = "another pattern, higher poles, or poles nearer to each other; the flux does not change it"
+
+
+def _flux_remedy(limits: Sequence[Fact]) -> str:
+    """The flux that keeps all limits on light: luminance and illuminance are linear in it, and in lamps for a length.
+
+    The glare of new lamps grows with a small power of it.
+    """
+
+    def factors(sense: Sense) -> list[float]:
+        lit = [(limit.bound, limit.metric.value) for limit in limits if (limit.note, limit.sense) == ("light", sense)]
+        return [bound / value if value > 1e-9 * bound else np.inf for bound, value in lit]
+
+    least, most = max(factors(">="), default=1.0), min(factors("<="), default=np.inf)
+    if least > most or least == np.inf:
+        return "no luminous flux meets all limits: the light must be more uniform"
+    if least <= 1.0 <= most:
+        return ""
+    factor = three_digits(least, ceil) if least > 1.0 else three_digits(most, floor)
+    words = f"so lit the road needs × {factor:g} lumens, or × {three_digits(1.0 / factor):g} the spacing of poles"
+    grown = factor ** (1.0 - THRESHOLD_INCREMENT.at(1.0)[1])
+    of_glare = (limit for limit in limits if limit.note == THRESHOLD_INCREMENT.name)
+    glaring = [limit for limit in of_glare if limit.metric.value * grown > limit.bound]
+    if least > 1.0 and glaring:
+        worst = max(glaring, key=lambda each: each.metric.value)
+        words += f"; with so many its glare TI is {worst.metric.value * grown:.3g} %, above {worst.bound:g} %"
+    return words
+
+
+@dataclass(frozen=True)
+class HeldSpacing:
+    """Spacings (m) of poles at which a class is held, from ``least`` to ``largest``; ``beyond``: what is missed there.
+
+    ``beyond``: None if the largest is 12 pole heights, the most that a road may have.
+    """
+
+    least: float
+    largest: float
+    beyond: Fact | None
+
+
+def road_facts(road: RoadJudgement, section: RoadSection, *, with_limits: bool = True) -> Group:
+    """The group of one road, of this ``section``: its class, what that requires for every driver, and other figures.
+
+    ``with_limits``: not where the light states what the class requires, by the same intensities.
+    """
+    by_luminance = road.lighting_class in (M_CLASSES | RP8_CLASSES)
+    note = f"{road.standard}; achieved: {road.reached}, by the intensities of the file"
+    facts = [Fact("road_class", "Class", road.lighting_class, note=note), Fact("lanes", "Traffic", section.traffic)]
+    limits = with_remedies(road.limits) if with_limits else ()
+    facts += [replace(limit, key=f"road_{k}", note="") for k, limit in enumerate(limits)]
+    for driver in road.drivers if by_luminance else ():
+        words = f"Q, {'from ' * (driver.veiling_ratio is not None)}lane {driver.lane}"
+        facts.append(Fact.measured(f"road_q_{driver.lane}", words, driver.luminance_per_lux))
+    facts += facts_in(road)
+    return Group("road", road.name, tuple(facts))
+
+
+def spacing_fact(held: HeldSpacing | None) -> Fact:
+    """The largest spacing of a road at which its class is held."""
+    if held is None:
+        return Fact("largest_spacing", "Largest spacing", "class met at none")
+    beyond = "" if held.beyond is None else f"; beyond, {held.beyond.label} is missed"
+    note = f"class met from {rounded_up(held.least, 3)} m up{beyond}"
+    return Fact("largest_spacing", "Largest spacing", held.largest, "m", note=note)
+
+
+def worst_on_roads(limits: Sequence[Fact], roads: Sequence[RoadSection]) -> Group:
+    """Figures that the classes of ``roads`` ask for, each of the road, lane or edge that has it worst."""
+    worst: dict[tuple[str, str], Fact] = {}
+    for limit in limits:
+        road = next((road for road in names_of(roads) if limit.label.startswith(f"{road}: ")), None)
+        if road is None:
+            continue
+        place, _, figure = limit.label.removeprefix("" if len(roads) > 1 else f"{road}: ").rpartition(": ")
+        if figure.endswith(_EDGE):
+            place, figure = f"{f'{place}: ' * bool(place)}{figure.removesuffix(_EDGE)} edge", _EDGE[1:]
+        note = f"worst: {place}" if place else ""
+        fact = replace(limit, key="of_road", label=figure[:1].upper() + figure[1:], note=note)
+        key = figure, limit.sense
+        worst[key] = max(worst.get(key, fact), fact, key=_strain)
+    words = dict.fromkeys(road.summary for road in roads)
+    head = Fact("traffic", "Class and traffic", "; ".join(words))
+    return Group("applications", "Roads" if len(roads) > 1 else "Road", (head, *worst.values()))
+
+
+_EDGE = " edge ratio"
+
+
+def _strain(limit: Fact) -> float:
+    """Part of an upper bound that is reached, or of what a lower one asks, its inverse."""
+    part = limit.metric.value / limit.bound
+    return part if limit.sense == "<=" else 1.0 / max(part, 1e-9)

@@ -1,0 +1,41 @@
+"""What the core asks of roads: their limits, their judgement, and what is said of both."""
+
+from collections.abc import Iterator, Sequence
+
+from lensforge.addons.road.road_classes import asked_of
+from lensforge.addons.road.road_facts import road_facts, with_remedies, worst_on_roads
+from lensforge.addons.road.road_field import RoadReadings
+from lensforge.addons.road.road_record import RoadJudgement
+from lensforge.addons.road.road_section import RoadSection
+from lensforge.results import Fact, Group
+from lensforge.scene.application_light import ApplicationLight
+from lensforge.scene.intensity_limit import Candela, IntensityLimit
+
+
+class RoadLight(ApplicationLight[RoadSection, RoadJudgement]):
+    """The light of rows of lamps on a road."""
+
+    judgement = RoadJudgement
+
+    def limits(self) -> Iterator[IntensityLimit]:
+        """All that its class asks for, of every observer."""
+        return asked_of(RoadReadings.of(self.entry))
+
+    def judged(self, candela: Candela, name: str) -> RoadJudgement:
+        """The road by lamps of these intensities."""
+        from lensforge.addons.road.road_judgement import judge_road
+
+        return judge_road(self.entry, candela, name)
+
+    def with_remedies(self, limits: Sequence[Fact]) -> Iterator[Fact]:
+        """Its limits, with what would keep them, as far as that follows from the flux."""
+        return with_remedies(limits)
+
+    def facts(self, judgement: RoadJudgement) -> Group:
+        """Its class, its traffic, and figures that the class does not ask for."""
+        return road_facts(judgement, self.entry, with_limits=False)
+
+    @classmethod
+    def worst(cls, entries: Sequence[RoadSection], limits: Sequence[Fact]) -> Group:
+        """Figures that the classes ask for, each of the road, lane or edge that has it worst."""
+        return worst_on_roads(limits, entries)

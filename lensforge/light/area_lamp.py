@@ -1,0 +1,73 @@
+"""A lamp for an area or a road: its figures with all its lenses.
+
+Classes of glare G*: EN 13201-2:2015, table A.1.
+"""
+
+import numpy as np
+from jaxtyping import Float
+
+from lensforge.light.luminaire_classes import BugRating, DistributionType, LampLight, ZoneLumens, distribution_type
+from lensforge.light.metrics import debiased_maximum, scaled
+from lensforge.results import Metric, Record, Text
+from lensforge.spec.light_limits import PhotometrySection
+
+_NONE = "none"
+# Most candela per 1000 lm of the lamp at and above 70 and 80 degrees; none shines at 90, so that G*5 is G*6.
+_G = {
+    "G*6": (350.0, 100.0),
+    "G*4": (500.0, 100.0),
+    "G*3": (np.inf, 100.0),
+    "G*2": (np.inf, 150.0),
+    "G*1": (np.inf, 200.0),
+}
+
+
+class GlareIntensities(Record):
+    """Largest intensity (cd per 1000 lm of the lamp) at and above 70 and 80 degrees; a lens sends none above 90.
+
+    ``glare_class``: the strictest class of glare that these keep, or "none".
+    """
+
+    above_70: Metric
+    above_80: Metric
+    glare_class: Text
+
+
+def glare_intensities(lamp: LampLight, lumens: float) -> GlareIntensities:
+    """Largest intensities of ``lamp`` near the horizon, without the noise that would choose them."""
+    above_70, above_80 = (_largest_from(lamp, gamma, 1000.0 / lumens) for gamma in (70.0, 80.0))
+    keeps = (name for name, (at_70, at_80) in _G.items() if above_70.value <= at_70 and above_80.value <= at_80)
+    return GlareIntensities(above_70=above_70, above_80=above_80, glare_class=next(keeps, _NONE))
+
+
+def _largest_from(lamp: LampLight, gamma_deg: float, scale: float) -> Metric:
+    nodes = np.append(gamma_deg, lamp.grid.gamma_deg[lamp.grid.gamma_deg > gamma_deg])
+    lateral, gamma = (each.ravel() for each in np.meshgrid(lamp.grid.c_deg - lamp.street_deg, nodes, indexing="ij"))
+    largest = debiased_maximum(scale * lamp.intensities(lateral, gamma))
+    return largest.changed(value=max(largest.value, 0.0), unit="cd/klm")
+
+
+class AreaLamp(Record):
+    """Figures of a lamp with all its lenses. ``lumens``: that leave it."""
+
+    lumens: Metric
+    distribution: DistributionType
+    bug: BugRating
+    glare: GlareIntensities
+
+    @staticmethod
+    def of(
+        section: PhotometrySection, lens: LampLight, lens_lm: Metric, zones_lm: Float[np.ndarray, "p 2 4"]
+    ) -> "AreaLamp | None":
+        """Figures of a lamp of ``section``, each lens with such light and flux by zone; None for general use."""
+        if section.use == "general":
+            return None
+        lamp = lens.times(section.lenses)
+        distribution = distribution_type(lamp)
+        lumens = scaled(lens_lm, float(section.lenses), "lm")
+        return AreaLamp(
+            lumens=lumens,
+            distribution=distribution,
+            bug=BugRating.of(ZoneLumens.of(zones_lm * section.lenses), symmetric=distribution.lateral == "V"),
+            glare=glare_intensities(lamp, lumens.value),
+        )

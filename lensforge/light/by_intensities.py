@@ -1,0 +1,96 @@
+"""Light at places by the intensities of a lamp: figures with their errors, limits, and applications judged.
+
+Intensities are those of the table that the photometric file holds. Of light by independent samples of rays each figure
+has a standard error by the jackknife, of a file none.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Float
+
+from lensforge.light.judged_limits import figure_of, judged
+from lensforge.light.luminaire_classes import LampLight
+from lensforge.light.metrics import jackknife_error
+from lensforge.results import Fact, Metric, Sense
+from lensforge.scene.application_light import Judgement, light_in
+from lensforge.scene.intensity_limit import Candela, CandelaSum, GlareLaw, IntensityLimit
+from lensforge.sources.intensity import TabulatedIntensity
+from lensforge.sources.photometric.photometric_file import PhotometricFile
+from lensforge.spec import Spec
+from lensforge.spec.application import Application, names_of
+from lensforge.spec.light_limits import Quantity
+
+
+@dataclass(frozen=True)
+class IntensityFigures:
+    """Figures by the intensities of a lamp; those of a file are taken at their word."""
+
+    candela: Candela
+
+    def figure(self, quantity: Quantity | GlareLaw, sense: Sense, unit: str, light: CandelaSum) -> Metric:
+        """The ``quantity`` of ``light``."""
+        whole, *left_out = (figure_of(quantity, sense, unit, row[None]) for row in light.of(self.candela(light)))
+        error = jackknife_error(np.array([value.value for value in left_out])) if left_out else 0.0
+        return whole.changed(unit=unit, standard_error=error)
+
+    def judged(self, limits: Iterator[IntensityLimit], name: str) -> Iterator[Fact]:
+        """What the application of this ``name`` requires, each limit judged."""
+        for limit in limits:
+            yield judged(limit, name, self.figure(limit.quantity, limit.sense, limit.unit, limit.light))
+
+
+def judgements(spec: Spec, lens: LampLight, source_lm: float) -> dict[str, tuple[Judgement, ...]]:
+    """The applications of ``spec``, by table, with lamps of a lens with this light of a source of ``source_lm``."""
+    by_table: dict[str, tuple[Judgement, ...]] = {}
+    for entry, name in zip(spec.applications, names_of(spec.applications), strict=True):
+        candela = of_lens(lens, lenses_in(entry, spec, source_lm))
+        by_table[entry.table] = (*by_table.get(entry.table, ()), light_in(entry).judged(candela, name))
+    return by_table
+
+
+def limits_judged(spec: Spec, lens: LampLight, source_lm: float) -> Iterator[Fact]:
+    """What the applications of ``spec`` require, judged alone: their other figures are left out."""
+    for entry, name in zip(spec.applications, names_of(spec.applications), strict=True):
+        figures = IntensityFigures(of_lens(lens, lenses_in(entry, spec, source_lm)))
+        for limit in figures.judged(light_in(entry).limits(), name):
+            label = f"{name}: {limit.label}"
+            yield replace(limit, key=label, label=label)
+
+
+def lenses_in(entry: Application, spec: Spec, source_lm: float) -> float:
+    """Lenses in a lamp, each over a source of ``source_lm``; as many as the lumens of the entry take, if it has any."""
+    return float(spec.photometry.lenses) if entry.lamp_lm is None else entry.lamp_lm / source_lm
+
+
+def of_lens(lamp: LampLight, factor: float) -> Candela:
+    """Intensities of a lamp whose light is ``factor`` times that of ``lamp``; a lens sends none above 90 degrees."""
+    tables = lamp.in_file()
+
+    def candela(light: CandelaSum) -> Float[np.ndarray, "p n"]:
+        found = factor * tables.intensities(light.azimuth_deg, light.gamma_deg)
+        return np.asarray(found * (light.gamma_deg <= 90.0))
+
+    return candela
+
+
+def of_file(file: PhotometricFile, street_c_deg: float, lamp_lm: float | None) -> Candela:
+    """Intensities of the lamp of a photometric file whose C = ``street_c_deg`` is towards the street.
+
+    ``lamp_lm``: of its sources; None: as the file states. An absolute file states the light that leaves the lamp.
+    """
+    stated = file.rated_lumens
+    return of_table(TabulatedIntensity.of(file.intensity), street_c_deg, 1.0 if lamp_lm is None else lamp_lm / stated)
+
+
+def of_table(table: TabulatedIntensity, street_c_deg: float, factor: float) -> Candela:
+    """Intensities of a lamp of ``factor`` times the ``table``, whose C = ``street_c_deg`` is towards the street."""
+
+    def candela(light: CandelaSum) -> Float[np.ndarray, "1 n"]:
+        turn = np.radians(street_c_deg - light.azimuth_deg)
+        gamma = np.radians(light.gamma_deg)
+        units = np.stack([np.sin(gamma) * np.cos(turn), np.sin(gamma) * np.sin(turn), np.cos(gamma)], axis=1)
+        return np.asarray(factor * table.flux() * table.intensity(units)[None])
+
+    return candela

@@ -1,0 +1,70 @@
+"""A case: a result with one LED and on one receiver, and how titles, criteria and files tell it from the others."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import Any, Generic, TypeVar
+
+from lensforge.results.criteria import under
+from lensforge.results.fact import Fact
+from lensforge.results.figure import facts_in
+from lensforge.results.record import Record
+
+_Result = TypeVar("_Result", bound=Record)
+
+
+@dataclass(frozen=True, eq=False)
+class Case(Generic[_Result]):
+    """A result with one of its LEDs and, where one of its records is meant, such as that of a receiver, this record.
+
+    Attributes:
+        result: with this LED; that with the first LED has the others, too.
+        record: of the receiver; None for the whole result.
+        led: name of the LED; empty where there is one alone.
+        name: of the record; empty where there is one alone.
+        number: of the record or, for the whole result, of the LED; beside the first, 0, figures of the whole are told.
+    """
+
+    result: _Result
+    record: Any = None
+    led: str = ""
+    name: str = ""
+    number: int = 0
+
+    def among(self, field: str) -> "Iterator[Case[_Result]]":
+        """Take each record in a ``field`` of the result, such as "receivers"."""
+        records = getattr(self.result, field)
+        for number, record in enumerate(records):
+            yield replace(self, record=record, name=record.name if len(records) > 1 else "", number=number)
+
+    @property
+    def key(self) -> str:
+        """Name by which criteria and files tell it; empty for the first, which they do not name."""
+        return (self.name or self.led) if self.number else ""
+
+    @property
+    def suffix(self) -> str:
+        """End of the names of its files."""
+        return f"_{self.key}" if self.key else ""
+
+    def title(self, text: str) -> str:
+        """Title ``text`` with the names of LED and record."""
+        return ", ".join(filter(None, (text, self.led, self.name)))
+
+    def named(self, criterion: Fact) -> Fact:
+        """One of its criteria, by its name among those of all."""
+        return under(self.key, criterion) if self.key else criterion
+
+    @property
+    def criteria(self) -> list[Fact]:
+        """Criteria on it without its name; beside the first also those on the whole result."""
+        criteria = list[Fact](getattr(self.result, "criteria", ()))
+        if self.record is None:
+            return criteria
+        start = f"{self.record.name}: "
+        named = (criterion for criterion in criteria if criterion.key.startswith(start))
+        alone = [replace(criterion, key=criterion.key.removeprefix(start)) for criterion in named]
+        return alone if self.number else [*alone, *criteria]
+
+    def facts(self) -> Iterator[Fact]:
+        """Make its figures."""
+        return facts_in(self.result, self.criteria, self.record)

@@ -1,0 +1,79 @@
+"""Light in an application, linear in the intensities of its lamps: what an add-on says of its entries of a spec."""
+
+from abc import ABC, abstractmethod
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any, ClassVar, Generic, TypeVar
+
+from lensforge.addon import absent_tables, usable_addons
+from lensforge.results import Fact, Group, Record, Text
+from lensforge.results.criteria import JudgedLimits
+from lensforge.results.registered_kinds import add_empty_list, add_list
+from lensforge.scene.intensity_limit import Candela, IntensityLimit
+from lensforge.spec.application import Application
+
+_Entry = TypeVar("_Entry", bound=Application)
+_Record = TypeVar("_Record", bound=Record)
+
+
+class Judgement(Record):
+    """Light of lamps in one application. ``limits``: what its ``lighting_class`` requires, each judged.
+
+    ``reached``: the best class of the same kind that the light has, or all of them; "none" below all.
+    """
+
+    name: Text
+    lighting_class: Text
+    reached: Text
+    limits: JudgedLimits
+
+
+_Judgement = TypeVar("_Judgement", bound=Judgement)
+
+
+@dataclass(frozen=True)
+class ApplicationLight(ABC, Generic[_Entry, _Judgement]):
+    """The light of equal lamps in one application, an ``entry`` of a spec."""
+
+    judgement: ClassVar[type[Judgement]]
+
+    entry: _Entry
+
+    @abstractmethod
+    def limits(self) -> Iterator[IntensityLimit]:
+        """All that its class requires. Raises :class:`InputError` for a file of the entry that cannot be read."""
+
+    @abstractmethod
+    def judged(self, candela: Candela, name: str) -> _Judgement:
+        """The light of lamps of these intensities, judged. Raises :class:`InputError` as ``limits`` does."""
+
+    @abstractmethod
+    def with_remedies(self, limits: Sequence[Fact]) -> Iterator[Fact]:
+        """The judged limits of the entry, those that are missed with what would keep them."""
+
+    @abstractmethod
+    def facts(self, judgement: _Judgement) -> Group:
+        """The group of the entry beside its limits, which the light states."""
+
+    @classmethod
+    @abstractmethod
+    def worst(cls, entries: Sequence[_Entry], limits: Sequence[Fact]) -> Group:
+        """The group of all entries: each required figure where it is worst."""
+
+
+def light_in(entry: Application) -> ApplicationLight[Any, Any]:
+    """The light in an application, by the add-on that brought its entry."""
+    return _kinds()[type(entry)](entry)
+
+
+def with_judgements(record: type[_Record]) -> type[_Record]:
+    """A record with a field more for each table of applications that an add-on brings: its entries, judged."""
+    for entry, kind in _kinds().items():
+        add_list(record, entry.table, kind.judgement, ())
+    for table, fault in absent_tables().items():
+        add_empty_list(record, table, fault)
+    return record
+
+
+def _kinds() -> dict[type[Application], type[ApplicationLight[Any, Any]]]:
+    return {entry: kind for addon in usable_addons() for entry, kind in addon.light().items()}

@@ -1,0 +1,39 @@
+"""Files of a road's surface: where its angles stand, and from where its name counts."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from lensforge.addons.road.road_section import load_roads
+from lensforge.addons.road.road_surface import read_surface
+from lensforge.errors import InputError
+
+
+def _written(folder: Path, text: str) -> Path:
+    path = folder / "table.csv"
+    path.write_text(text)
+    return path
+
+
+TABLE = "0,2,180\n0,700,700,700\n1,300,200,100\n"
+
+
+def test_a_road_has_its_angles_in_a_remark_and_no_gamma_for_its_tangent(tmp_path: Path) -> None:
+    wanted = read_surface(_written(tmp_path, rf"tan_gamma\beta,{TABLE}"))
+    found = read_surface(_written(tmp_path, rf"# tan_gamma\beta,{TABLE}"))
+    np.testing.assert_array_equal(found.beta_deg, [0.0, 2.0, 180.0])
+    np.testing.assert_array_equal(found.r, wanted.r)
+    for mark in ("", "# "):
+        with pytest.raises(InputError, match="rows must be those of tan gamma, not of gamma"):
+            read_surface(_written(tmp_path, rf"{mark}gamma\beta,{TABLE}"))
+
+
+def test_the_wet_surface_of_a_road_is_the_one_beside_its_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    road = 'lighting_class="M3"\nwidth_m=7.0\npole_height_m=9.0\npole_spacing_m=30.0\nwet_surface_file="wet.csv"\n'
+    for folder in ("sub", "other"):
+        (tmp_path / folder).mkdir()
+        (tmp_path / folder / "wet.csv").write_text(folder)
+    (tmp_path / "sub" / "r.toml").write_text(f"[[roads]]\n{road}[[roads]]\n{road}")
+    monkeypatch.chdir(tmp_path / "other")
+    assert [each.wet_surface_file for each in load_roads(Path("../sub/r.toml"))] == [tmp_path / "sub" / "wet.csv"] * 2
