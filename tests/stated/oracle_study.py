@@ -363,7 +363,8 @@ def metrics_of(found):
 def change_of(found, before):
     """The difference of each figure, with the error of what the noise of both has not in common; rounding is none."""
     changes = difference_of(found, before)
-    rounding = {name for name, figure in changes.items() if max(map(abs, figure)) <= 1e-12}
+    # the differences of the least with the weights of the replicates are rounded to 2e-12
+    rounding = {name for name, figure in changes.items() if max(map(abs, figure)) <= 1e-11}
     return {name: (0.0,) * len(figure) if name in rounding else figure for name, figure in changes.items()}
 
 
