@@ -10,7 +10,7 @@ from typing import Annotated, ClassVar, Literal, get_args
 
 import numpy as np
 from jaxtyping import Bool, Float
-from pydantic import AliasChoices, Field
+from pydantic import Field
 
 from lensforge.errors import InputError
 from lensforge.light.evaluation_result import LightMetrics
@@ -199,9 +199,6 @@ def drawn_to_mean(values: Float[np.ndarray, " n"], spread: float) -> Float[np.nd
     return mean + (values - mean) * (spread / scatter if scatter > 0.0 < spread else 1.0)
 
 
-_APPLICATIONS = AliasChoices("applications", "roads")  # records of version 0.2 had no others
-
-
 class ApplicationYield(Record):
     """Parts that hold the class of an application, and what decides on it: what is nearest to its bound, by tolerances.
 
@@ -316,8 +313,8 @@ class Yield(SimulatedResult):
     is measured. ``rays``: of a part, with all LEDs. ``seed``: of the parts. ``preset``: gives the tolerances that the
     spec leaves out. ``tolerances``: amount and distribution of each. ``bounds``: what a part must keep. ``pass_rate``:
     share of the parts that do, with its interval. ``metrics``: spread of each metric over the parts. ``variance``:
-    shares of its variance by cause. ``applications``: those of the spec, such as its roads. ``budget``: largest amount
-    of each tolerance; None where it was not sought. ``flux``: that of the LED at which enough parts pass; None if no
+    shares of its variance by cause. ``roads``: by the applications of the spec, of which roads were the first.
+    ``budget``: largest amount of each tolerance; None where it was not sought. ``flux``: that of the LED at which enough parts pass; None if no
     bound depends on it. ``worst``: the worst parts. ``worst_leds``: LED with which each of them is worst.
     ``notes``: remarks on the study. ``columns``: names of the numbers drawn and of the metrics. ``table``: a row for
     each part; numbers in the unit of the spec, those of each of several lamps left out. ``worst_maps``: light of the
@@ -338,7 +335,7 @@ class Yield(SimulatedResult):
     pass_rate: PassRate
     metrics: dict[Text, MetricSpread]
     variance: dict[Text, Variance]
-    applications: tuple[ApplicationYield, ...] = Field(default=(), validation_alias=_APPLICATIONS)
+    roads: tuple[ApplicationYield, ...] = ()
     budget: Budget | None
     flux: FluxNeeded | None = None
     worst: tuple[WorstPart, ...]

@@ -72,7 +72,7 @@ def sensitivity_facts(study: Sensitivity) -> list[Group]:
 def application_rows(study: Yield) -> list[Group]:
     """A row for each application: parts that hold its class, the figure nearest to its bound, and the main cause."""
     rows = []
-    for entry in study.applications:
+    for entry in study.roads:
         rate, main = entry.pass_rate, "undecided: within the ray noise"
         if entry.variance is not None:
             certain = entry.variance.certain[:1]

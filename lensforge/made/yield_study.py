@@ -183,7 +183,7 @@ def measure_yield(
         pass_rate=PassRate.of(int(passes.sum()), parts),
         metrics=metrics,
         variance=variance,
-        applications=tuple(_applications(study, measured)),
+        roads=tuple(_applications(study, measured)),
         budget=limits,
         flux=flux_needed(study.bounds, bounded, wanted),
         worst=worst,

@@ -46,7 +46,7 @@ def make_yield(lens):
         pass_rate=_wilson(int((nmse <= 0.0985).sum()), PARTS),
         metrics={name: _spread(values) for name, values in metrics.items()},
         variance={name: _variance(factors) for name in metrics},
-        applications=tuple(
+        roads=tuple(
             ApplicationYield(
                 name=f"road {number}",
                 lighting_class="M3",
