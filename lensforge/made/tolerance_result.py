@@ -314,8 +314,9 @@ class Yield(SimulatedResult):
     spec leaves out. ``tolerances``: amount and distribution of each. ``bounds``: what a part must keep. ``pass_rate``:
     share of the parts that do, with its interval. ``metrics``: spread of each metric over the parts. ``variance``:
     shares of its variance by cause. ``roads``: by the applications of the spec, of which roads were the first.
-    ``budget``: largest amount of each tolerance; None where it was not sought. ``flux``: that of the LED at which enough parts pass; None if no
-    bound depends on it. ``worst``: the worst parts. ``worst_leds``: LED with which each of them is worst.
+    ``budget``: largest amount of each tolerance; None where it was not sought. ``flux``: that of the LED at which
+    enough parts pass; None if no bound depends on it. ``worst``: the worst parts. ``worst_leds``: LED with which each
+    of them is worst.
     ``notes``: remarks on the study. ``columns``: names of the numbers drawn and of the metrics. ``table``: a row for
     each part; numbers in the unit of the spec, those of each of several lamps left out. ``worst_maps``: light of the
     worst parts on the first receiver.
