@@ -72,11 +72,11 @@ ADDON = Addon("acme", applications=lambda: (ShelfSection,), light=_light)
 SHELF_LIGHT = """
 import numpy as np
 from lensforge.results import Fact, Group
-from lensforge.scene.application_light import ApplicationLight, Judgement
+from lensforge.scene.application_light import ApplicationLight, ApplicationJudgement
 from lensforge.scene.intensity_limit import CandelaSum, IntensityLimit
 
 class ShelfLight(ApplicationLight):
-    judgement = Judgement
+    judgement = ApplicationJudgement
 
     def limits(self):
         from scipy import sparse
@@ -86,7 +86,7 @@ class ShelfLight(ApplicationLight):
     def judged(self, candela, name):
         from lensforge.light.by_intensities import IntensityFigures
         limits = tuple(IntensityFigures(candela).judged(self.limits(), name))
-        return Judgement(name=name, lighting_class=self.entry.lighting_class, reached="none", limits=limits)
+        return ApplicationJudgement(name=name, lighting_class=self.entry.lighting_class, reached="none", limits=limits)
 
     def with_remedies(self, limits):
         return iter(limits)

@@ -14,7 +14,7 @@ from lensforge.light.judged_limits import figure_of, judged
 from lensforge.light.luminaire_classes import LampLight
 from lensforge.light.metrics import jackknife_error
 from lensforge.results import Fact, Metric, Sense
-from lensforge.scene.application_light import Judgement, light_in
+from lensforge.scene.application_light import ApplicationJudgement, light_in
 from lensforge.scene.intensity_limit import Candela, CandelaSum, GlareLaw, IntensityLimit
 from lensforge.sources.intensity import TabulatedIntensity
 from lensforge.sources.photometric.photometric_file import PhotometricFile
@@ -36,14 +36,14 @@ class IntensityFigures:
         return whole.changed(unit=unit, standard_error=error)
 
     def judged(self, limits: Iterator[IntensityLimit], name: str) -> Iterator[Fact]:
-        """What the application of this ``name`` requires, each limit judged."""
+        """Judge each limit that the application of this ``name`` requires."""
         for limit in limits:
             yield judged(limit, name, self.figure(limit.quantity, limit.sense, limit.unit, limit.light))
 
 
-def judgements(spec: Spec, lens: LampLight, source_lm: float) -> dict[str, tuple[Judgement, ...]]:
+def judgements(spec: Spec, lens: LampLight, source_lm: float) -> dict[str, tuple[ApplicationJudgement, ...]]:
     """The applications of ``spec``, by table, with lamps of a lens with this light of a source of ``source_lm``."""
-    by_table: dict[str, tuple[Judgement, ...]] = {}
+    by_table: dict[str, tuple[ApplicationJudgement, ...]] = {}
     for entry, name in zip(spec.applications, names_of(spec.applications), strict=True):
         candela = of_lens(lens, lenses_in(entry, spec, source_lm))
         by_table[entry.table] = (*by_table.get(entry.table, ()), light_in(entry).judged(candela, name))
@@ -51,7 +51,7 @@ def judgements(spec: Spec, lens: LampLight, source_lm: float) -> dict[str, tuple
 
 
 def limits_judged(spec: Spec, lens: LampLight, source_lm: float) -> Iterator[Fact]:
-    """What the applications of ``spec`` require, judged alone: their other figures are left out."""
+    """Judge the requirements of the applications of ``spec`` alone: their other figures are left out."""
     for entry, name in zip(spec.applications, names_of(spec.applications), strict=True):
         figures = IntensityFigures(of_lens(lens, lenses_in(entry, spec, source_lm)))
         for limit in figures.judged(light_in(entry).limits(), name):

@@ -119,7 +119,7 @@ class PairEstimate:
 
     @property
     def by_replicate(self) -> Float[np.ndarray, " r"]:
-        """What each replicate adds to the noise, but for a factor; nothing of too few."""
+        """Share of each replicate in the noise, but for a factor; nothing of too few."""
         if self.deviations is None:
             return np.zeros(0)
         return np.asarray(self.deviations.sum(axis=1) - np.diag(self.deviations))
@@ -243,7 +243,7 @@ class LeastEstimate:
 
     @property
     def by_replicate(self) -> Float[np.ndarray, " r"]:
-        """What each replicate adds to the noise, but for a factor; nothing of other than 16."""
+        """Share of each replicate in the noise, but for a factor; nothing of other than 16."""
         return np.zeros(0) if self.left_out is None else self.left_out
 
     def change_from(self, before: "LeastEstimate") -> Metric:

@@ -37,7 +37,7 @@ from lensforge.results import (
 from lensforge.results.criteria import Criteria, at_most
 from lensforge.results.files import MIB
 from lensforge.results.plots import plot_curves
-from lensforge.scene.application_light import Judgement, with_judgements
+from lensforge.scene.application_light import ApplicationJudgement, with_judgements
 from lensforge.sources.intensity import BEAM_SHARE, FIELD_SHARE, plane_profile, width_above
 from lensforge.sources.photometric.candela_table import CandelaTable
 from lensforge.sources.photometric.photometric_file import turned_over
@@ -269,7 +269,7 @@ class Photometry(ResultByLed):
             error, asked = file.relative_error, "please report the lens.json"
             yield at_most(f"flux of {name} as read back", error, _CONSERVED, "relative", asked)
 
-    def judgements_of(self, applications: Iterable[Application]) -> Iterator[Judgement]:
+    def judgements_of(self, applications: Iterable[Application]) -> Iterator[ApplicationJudgement]:
         """The judgement of each of the spec's applications."""
         for _, table in groupby(applications, key=lambda entry: entry.table):
             for number, entry in enumerate(table):

@@ -318,7 +318,7 @@ class ReplicateMetrics:
 
     @property
     def by_replicate(self) -> list[Float[np.ndarray, " r"]]:
-        """What each replicate adds to the noise of every metric that there is, in their order, but for a factor."""
+        """Share of each replicate in the noise of every metric that there is, in their order, but for a factor."""
         estimates = (self.nmse, self.uniformity, self.rsd)
         return [*(estimate.by_replicate for estimate in estimates if estimate is not None), self.efficiency]
 

@@ -285,7 +285,7 @@ class MeasuredPart:
 
     @property
     def by_replicate(self) -> list[Float[np.ndarray, " r"]]:
-        """What each replicate adds to the noise of every value, in the order of their changes, but for a factor."""
+        """Share of each replicate in the noise of every value, in the order of their changes, but for a factor."""
         receivers = zip(self.metrics, self.shares, strict=True)
         on_receivers = [row for metrics, share in receivers for row in (*metrics.by_replicate, share)]
         return [*on_receivers, *(limit[1:] for limit in self.limits)]

@@ -338,7 +338,7 @@ class LedStudy:
         return np.array([[value + change.value for value, change in zip(designed, changes, strict=True)], errors]).T
 
     def noise(self, deviations: Sequence[Deviations]) -> list[Float[np.ndarray, " r"]]:
-        """What each replicate adds to the noise of every change, in the order of ``of_design``, but for a factor."""
+        """Share of each replicate in the noise of every change, in the order of ``of_design``, but for a factor."""
         part = self.light.measured(self.light.received(self.made(deviations)))
         pairs = zip(part.by_replicate, self.designed.by_replicate, strict=True)
         return [own - before for own, before in pairs]

@@ -1,4 +1,4 @@
-"""What add-ons show on the page: sections of their results, and pictures of applications beside the photometry."""
+"""Parts of the page that add-ons bring: sections of their results, and pictures of applications beside the photometry."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -9,7 +9,7 @@ from lensforge.light.photometry_result import Photometry
 from lensforge.report.page import PagePicture, numbered
 from lensforge.report.results import Results
 from lensforge.results import Group, StageResult
-from lensforge.scene.application_light import Judgement
+from lensforge.scene.application_light import ApplicationJudgement
 from lensforge.spec import Spec
 from lensforge.spec.application import Application
 
@@ -62,7 +62,7 @@ class ShownApplication:
         return self.spec.applications[self.index]
 
     @property
-    def judgement(self) -> Judgement:
+    def judgement(self) -> ApplicationJudgement:
         """Its judgement."""
         return [*self.photometry.judgements_of(self.spec.applications)][self.index]
 
@@ -72,7 +72,7 @@ class ShownApplication:
 
 
 @singledispatch
-def application_pictures(judgement: Judgement, shown: ShownApplication) -> list[PagePicture]:
+def application_pictures(judgement: ApplicationJudgement, shown: ShownApplication) -> list[PagePicture]:
     """Pictures of an application; an add-on registers the function for the class of its judgements."""
     return []
 

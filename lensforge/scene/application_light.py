@@ -16,7 +16,7 @@ _Entry = TypeVar("_Entry", bound=Application)
 _Record = TypeVar("_Record", bound=Record)
 
 
-class Judgement(Record):
+class ApplicationJudgement(Record):
     """Light of lamps in one application. ``limits``: what its ``lighting_class`` requires, each judged.
 
     ``reached``: the best class of the same kind that the light has, or all of them; "none" below all.
@@ -28,14 +28,14 @@ class Judgement(Record):
     limits: JudgedLimits
 
 
-_Judgement = TypeVar("_Judgement", bound=Judgement)
+_Judgement = TypeVar("_Judgement", bound=ApplicationJudgement)
 
 
 @dataclass(frozen=True)
 class ApplicationLight(ABC, Generic[_Entry, _Judgement]):
     """The light of equal lamps in one application, an ``entry`` of a spec."""
 
-    judgement: ClassVar[type[Judgement]]
+    judgement: ClassVar[type[ApplicationJudgement]]
 
     entry: _Entry
 

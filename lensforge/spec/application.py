@@ -24,7 +24,7 @@ _Spec = TypeVar("_Spec", bound=Section)
 
 
 class Application(Section):
-    """What equal lamps of the lens light, and the class of a standard that they are to reach there.
+    """Place that equal lamps of the lens light, and the class of a standard that they are to reach there.
 
     ``table``: name of its table in a spec; ``of_table``: description of that; ``noun``: what one of its entries is.
     """

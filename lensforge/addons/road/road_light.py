@@ -1,4 +1,4 @@
-"""What the core asks of roads: their limits, their judgement, and what is said of both."""
+"""Light on roads for the core: their limits, their judgement, and what is said of both."""
 
 from collections.abc import Iterator, Sequence
 

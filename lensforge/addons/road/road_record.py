@@ -4,7 +4,7 @@ from typing import Annotated
 
 from lensforge.results import Count, Metric, NotNegative, Positive, Record, Text
 from lensforge.results.figure import Figure
-from lensforge.scene.application_light import Judgement
+from lensforge.scene.application_light import ApplicationJudgement
 
 
 class SeenRoad(Record):
@@ -27,7 +27,7 @@ class SeenRoad(Record):
     veiling_ratio: Metric | None = None
 
 
-class RoadJudgement(Judgement):
+class RoadJudgement(ApplicationJudgement):
     """Light of rows of lamps on one road. ``reached``: its best class M, C or P, by RP-8 all classes that it has.
 
     ``drivers``: by their lanes. ``s1``: None of a table that ends before tan gamma = 2.
