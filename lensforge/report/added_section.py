@@ -1,4 +1,4 @@
-"""Parts of the page that add-ons bring: sections of their results, and pictures of applications beside the photometry."""
+"""Parts of the page that add-ons bring: sections of their results, and applications beside the photometry."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
