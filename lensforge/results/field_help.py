@@ -71,8 +71,9 @@ def short_type(annotation: object) -> str:
 
 
 def described_fields(cls: type) -> dict[str, str]:
-    """Descriptions of fields in the docstrings of a class and of those that it extends."""
-    descriptions: dict[str, str] = {}
+    """Descriptions of fields: their own, and those in the docstrings of a class and of the classes that it extends."""
+    fields = getattr(cls, "model_fields", {})
+    descriptions: dict[str, str] = {name: field.description for name, field in fields.items() if field.description}
     for base in reversed(cls.__mro__):
         for paragraph in _paragraphs(base) if base.__module__.startswith("lensforge") else ():
             _, *parts = _NAMED.split(paragraph)

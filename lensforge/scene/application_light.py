@@ -5,7 +5,10 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar, Generic, TypeVar
 
+from pydantic import Field
+
 from lensforge.addon import absent_tables, usable_addons
+from lensforge.public import public
 from lensforge.results import Fact, Group, Record, Text
 from lensforge.results.criteria import JudgedLimits
 from lensforge.results.registered_kinds import add_empty_list, add_list
@@ -16,6 +19,7 @@ _Entry = TypeVar("_Entry", bound=Application)
 _Record = TypeVar("_Record", bound=Record)
 
 
+@public
 class ApplicationJudgement(Record):
     """Light of lamps in one application. ``limits``: what its ``lighting_class`` requires, each judged.
 
@@ -69,7 +73,8 @@ def light_in(entry: Application) -> ApplicationLight[Any, Any]:
 def with_judgements(record: type[_Record]) -> type[_Record]:
     """A record with a field more for each table of applications that an add-on brings: its entries, judged."""
     for entry, kind in _kinds().items():
-        add_list(record, entry.table, kind.judgement, ())
+        judged = Field(default=(), description=f"Each of the spec's {entry.table}, judged.")
+        add_list(record, entry.table, kind.judgement, judged)
     for table, fault in absent_tables().items():
         add_empty_list(record, table, fault)
     return record

@@ -11,6 +11,7 @@ from typing import Annotated, ClassVar, Self, TypeVar
 from pydantic import Field
 
 from lensforge.addon import absent_tables, usable_addons
+from lensforge.public import public
 from lensforge.results.registered_kinds import add_empty_list, add_list
 from lensforge.spec.receiver_fields import ReceiverSection
 from lensforge.spec.receiver_sections import FarFieldReceiver
@@ -23,6 +24,7 @@ _SAME = 0.01  # relative: what is stated twice agrees this well
 _Spec = TypeVar("_Spec", bound=Section)
 
 
+@public
 class Application(Section):
     """Place that equal lamps of the lens light, and the class of a standard that they are to reach there.
 

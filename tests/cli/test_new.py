@@ -45,7 +45,7 @@ def test_a_new_spec_is_valid_and_says_what_is_derived(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("cutter", "limits", "manufacture"),
     [
-        ((), {"concave_radius_mm": 1.0, "draft_deg": 0.0}, {"cutter_radius_mm": 1.0, "process": "milled"}),
+        ((), {"concave_radius_mm": 0.5, "draft_deg": 0.0}, {"cutter_radius_mm": 0.5, "process": "milled"}),
         (
             ("--cutter", "0.7"),
             {"concave_radius_mm": 0.7, "draft_deg": 0.0},
@@ -53,13 +53,13 @@ def test_a_new_spec_is_valid_and_says_what_is_derived(tmp_path: Path) -> None:
         ),
         (
             ("--cutter", "mould"),
-            {"concave_radius_mm": 1.0, "draft_deg": 2.0},
-            {"cutter_radius_mm": 1.0, "process": "moulded"},
+            {"concave_radius_mm": 0.5, "draft_deg": 2.0},
+            {"cutter_radius_mm": 0.5, "process": "moulded"},
         ),
         (
-            ("--cutter", "mould", "--max-radius", "4", "--source", "disc:0.3"),
-            {"concave_radius_mm": 0.8, "draft_deg": 2.0},
-            {"cutter_radius_mm": 0.8, "process": "moulded"},
+            ("--cutter", "mould", "--max-radius", "2", "--source", "disc:0.15"),
+            {"concave_radius_mm": 0.4, "draft_deg": 2.0},
+            {"cutter_radius_mm": 0.4, "process": "moulded"},
         ),
         (("--cutter", "none"), {"concave_radius_mm": None, "draft_deg": None}, {"process": "none"}),
     ],

@@ -105,7 +105,7 @@ def test_a_search_ends_inside_what_a_check_judges(
     curvature: float, draft_deg: float, rounds: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """By twice the tolerance of a ball's curvature, a thousandth of it, and of a draft, 0.01 degrees."""
-    problem = problem_of(small_spec(lens__symmetry="square", manufacture={}), (9,))
+    problem = problem_of(small_spec(lens__symmetry="square", manufacture={"cutter_radius_mm": 1.0}), (9,))
     measured = list[Margins]()
 
     def beside_the_limit(lens: Lens) -> Margins:

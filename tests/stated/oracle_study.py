@@ -11,6 +11,7 @@ from page_scene import faces_of, mask_of, receivers_of, target_light, through
 from page_tracer import BACKWARD, LANDED, OUTSIDE_CAVITY, TOTAL, Functions, leave, unit
 
 NEAR = 0.02  # of a standard error
+OF_TABLES = 2e-8  # by which faces as tables change a figure, beside which a change by a tolerance may be small
 SLOPE = 0.005  # of the extrapolation of a least value
 # Faces with tolerances, that against which others are placed first, and those others.
 FACES = {"double": (("inner", "outer"), ("outer",)), "tir": (("cap", "side", "wall", "exit"), ("wall", "exit")),
@@ -413,7 +414,10 @@ def within(figure):
     value, error, *others = figure
     low = min(error, *others, error)
     high = max(error, *others, error)
-    return (value, NEAR * error + CLOSE * abs(value)), (0.5 * (low + high), 0.5 * (high - low) + NEAR * error)
+    return (value, NEAR * error + CLOSE * abs(value) + OF_TABLES), (
+        0.5 * (low + high),
+        0.5 * (high - low) + NEAR * error,
+    )
 
 
 def metrics_record(found):
