@@ -5,7 +5,7 @@ Each wrong field is reported in a line: its name, its value, what is allowed.
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Any, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
 import tomli_w
 from pydantic import Field, model_validator
@@ -116,6 +116,8 @@ class Spec(Section):
     limits: Annotated[tuple[LightLimitSpec, ...], Field(max_length=_MOST_LIMITS)] = Field(
         default=(), description="Light that must be at least, or at most, so much."
     )
+    if TYPE_CHECKING:  # a table that an add-on brings, for scripts that are checked
+        roads: tuple[Application, ...] = ()
     colour: ColourSection | None = Field(default=None, description="Colour of the beam; by default it is not computed.")
     optimise: OptimiseSection = Field(default_factory=OptimiseSection, description="Settings of the search.")
     evaluate: EvaluateSection = Field(
