@@ -91,8 +91,8 @@ def measured(face: cq.Face, places: list[tuple[float, float]]) -> Samples:
         bends = sense * at.MinCurvature(), sense * at.MaxCurvature()
         direction = (sense * normal.X(), sense * normal.Y(), sense * normal.Z())
         rows.append((point.X(), point.Y(), point.Z(), *direction, max(bends), min(bends)))
-    found = np.array(rows)
-    return Samples(found[:, :3], found[:, 3:6], found[:, 6], found[:, 7])
+    values = np.array(rows)
+    return Samples(values[:, :3], values[:, 3:6], values[:, 6], values[:, 7])
 
 
 def largest_ball_mm(samples: Samples, air: float) -> float:

@@ -14,7 +14,7 @@ from lensforge.cli.nearest_examples import nearest_examples
 from lensforge.cli.options import Number, with_force
 from lensforge.errors import InputError
 from lensforge.optics.material import MATERIALS
-from lensforge.report.new_scene import CUTTERS, USUAL_CUTTER, NewScene, millimetres
+from lensforge.report.new_scene import CUTTERS, USUAL, NewScene, millimetres
 from lensforge.results.files import require_writable, write_file
 from lensforge.spec.lens_section import LensShape
 from lensforge.spec.new_spec import SOURCE_KINDS, SOURCES, TARGET_KINDS, TARGETS, receiver_beside, source_in, target_in
@@ -83,7 +83,7 @@ def new(
             raise InputError(f"--material {material}: no light enters a lens of kind {kind!r}; leave it out")
     elif material is None:
         material = _asked("--material", "material", str, _MATERIAL) if _at_terminal() else _MATERIAL
-    shop = cutter or (_asked("--cutter", CUTTERS, str, USUAL_CUTTER) if _at_terminal() else None)
+    shop = cutter or (_asked("--cutter", CUTTERS, str, USUAL) if _at_terminal() else USUAL)
     folder = Path() if spec is None else spec.parent
     made = scene.of_material(material)
     text = made.text(kind, shop, folder, nearest_examples(kind, scene.light), force=force, warn=_told)

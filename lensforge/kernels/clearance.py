@@ -97,7 +97,8 @@ def foot(table, grid, p, X, Y):
             sx, sy = 0.5 * sx, 0.5 * sy
         if not lower:
             break
-        X, Y, at = nx, ny, new
+        X, Y = nx, ny
+        at = new
     return X, Y
 
 

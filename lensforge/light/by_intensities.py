@@ -65,7 +65,7 @@ def lenses_in(entry: Application, spec: Spec, source_lm: float) -> float:
 
 
 def of_lens(lamp: LampLight, factor: float) -> Candela:
-    """Intensities of a lamp whose light is ``factor`` times that of ``lamp``; a lens sends none above 90 degrees."""
+    """Intensities of ``lamp`` times ``factor``; 0 above 90 degrees, where a lens sends no light."""
     tables = lamp.in_file()
 
     def candela(light: CandelaSum) -> Float[np.ndarray, "p n"]:

@@ -125,7 +125,7 @@ def limit_facts(
 
 
 def _worst(limits: Sequence[Fact], applications: Sequence[Application]) -> list[Group]:
-    """A group for each table of applications: what is required there, where it is worst."""
+    """A group for each table of applications: its required figures, each at its worst place."""
     tables = [[*entries] for _, entries in groupby(applications, key=type)]
     return [light_in(table[0]).worst(table, limits) for table in tables]
 
@@ -170,7 +170,8 @@ def unit_on(light: Light, receiver: ReceiverLight) -> LightUnit:
 
 
 def _figures(case: Case[Light], lens: Lens) -> Iterator[Fact]:
-    receiver, mask = case.record, f"in the mask {mask_words(lens.spec, case.number)}"
+    receiver = case.record
+    mask = f"in the mask {mask_words(lens.spec, case.number)}"
     judged = {} if lens.spec.has_limits else judged_figures(receiver, transmittance_of(lens.media))
     unjudged = _NOT_JUDGED if lens.spec.has_limits else ""
     if lens.spec.optimise.aim == "pattern":

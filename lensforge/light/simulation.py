@@ -327,7 +327,8 @@ class ReplicateMetrics:
 
         ``designed_rsd``: RSD of ``before`` by many rays, to which the change is to be added.
         """
-        least, even = before.uniformity, before.rsd
+        least = before.uniformity
+        even = before.rsd
         deviation = None
         if self.rsd is not None and even is not None:
             deviation = self.rsd.change_from(even) if designed_rsd is None else self.rsd.change_of(designed_rsd, even)

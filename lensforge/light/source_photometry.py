@@ -62,7 +62,7 @@ _STEP_NM = 5.0  # of a table made from the wavelengths of rays: the step of the 
 
 
 def spectrum_of_source(spec: EmitterSection, summary: SourceSummary) -> Spectrum | None:
-    """Spectrum (relative power per nm) of all light of ``spec``; None if that of one of its ray files is unknown.
+    """Spectrum (relative power per nm) of all LEDs of ``spec`` together; None if one of their spectra is unknown.
 
     The spec's own, or that of its ray files; ``summary`` has the flux of each. Rays with a wavelength each give a table
     in steps of 5 nm. Raises :class:`InputError` for a file that cannot be used.

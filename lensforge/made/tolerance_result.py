@@ -200,7 +200,7 @@ def drawn_to_mean(values: Float[np.ndarray, " n"], spread: float) -> Float[np.nd
 
 
 class ApplicationYield(Record):
-    """Parts that hold the class of an application, and what decides on it: what is nearest to its bound, by tolerances.
+    """Share of the parts that hold the class of an application, and the figure and tolerances that decide on it.
 
     The margin of a part is the least distance of all that the class asks for to its bound, relative to that, and below
     0 beyond one. ``nearest``: the metric from which most parts have it, ``nearest_share`` of them; ``variance``: causes

@@ -73,7 +73,8 @@ def application_rows(study: Yield) -> list[Group]:
     """A row for each application: parts that hold its class, the figure nearest to its bound, and the main cause."""
     rows = []
     for entry in study.roads:
-        rate, main = entry.pass_rate, "undecided: within the ray noise"
+        rate = entry.pass_rate
+        main = "undecided: within the ray noise"
         if entry.variance is not None:
             certain = entry.variance.certain[:1]
             named = [f"{cause.words}, {Fact.share('', '', _share(cause)).text}" for cause in certain]

@@ -27,8 +27,8 @@ if TYPE_CHECKING:  # torch, which the search needs, takes a second to load
 Tables = dict[str, Any]  # of a spec, by their names
 
 _OF_USUAL_BASE_MM = 24.0  # largest radius of a lens whose cavity the base of 25.4 mm holds with room to spare
-USUAL_CUTTER = "0.5"  # mm
-CUTTERS = "radius of the shop's ball cutter in mm, which a lens that is turned takes none of, mould, or none (not made)"
+USUAL = "usual"
+CUTTERS = f"radius of the shop's ball cutter in mm, {USUAL} (as such a lens is made), mould, or none (not made)"
 
 
 def millimetres(given: str, answer: str, allowed: str) -> float:
@@ -121,7 +121,7 @@ class NewScene:
     def text(
         self,
         kind: str,
-        cutter: str | None,
+        cutter: str,
         folder: Path,
         examples: Sequence[str],
         *,
@@ -139,7 +139,7 @@ class NewScene:
 
         shape = light_shape(self._spec(self.content(kind)))
         unlimited = self._spec(self.content(kind, shape=shape))
-        if cutter is None and unlimited.manufacture.process == "moulded":
+        if cutter == USUAL and unlimited.manufacture.process == "moulded":
             warn("no ball reaches the inner edges of this lens: it has the limits of a mould; --cutter selects others")
             cutter = "mould"
         content = self.content(kind, _made_with(cutter, unlimited), shape)
@@ -169,8 +169,8 @@ class NewScene:
         return parse_spec(deepcopy(content), "new")
 
 
-def _made_with(cutter: str | None, unlimited: Spec) -> Tables:
-    """Tables on the making of a lens; None: by the usual process of its kind, whose limits the search keeps.
+def _made_with(cutter: str, unlimited: Spec) -> Tables:
+    """Tables on the making of a lens by one of the :data:`CUTTERS`, whose limits the search keeps.
 
     ``unlimited``: the spec without them.
     """
@@ -181,7 +181,7 @@ def _made_with(cutter: str | None, unlimited: Spec) -> Tables:
     if unlimited.manufacture.process == "turned":
         return {}
     usual_mm = unlimited.manufacture.cutter_radius_mm
-    radius_mm = usual_mm if cutter is None else millimetres(f"--cutter {cutter}", cutter, f"the {CUTTERS}")
+    radius_mm = usual_mm if cutter == USUAL else millimetres(f"--cutter {cutter}", cutter, f"the {CUTTERS}")
     return {"manufacture": {"process": "milled", "cutter_radius_mm": radius_mm}}
 
 

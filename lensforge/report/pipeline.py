@@ -12,10 +12,11 @@ import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Literal, TypeVar, Unpack
 
-from lensforge.cad.face_tolerance import face_tolerance
+from lensforge.cad.face_tolerance import MAX_NODES, face_tolerance
 from lensforge.cad.part import Part
 from lensforge.errors import InputError
 from lensforge.kernels.parallel import kernel_threads
@@ -40,6 +41,7 @@ from lensforge.results.arguments import (
     with_options_of,
 )
 from lensforge.results.child_pool import ChildPool, child_pool
+from lensforge.results.criteria import state_of
 from lensforge.results.file_bounds import remembered
 from lensforge.results.files import require_own
 from lensforge.results.worker import return_freed_memory
@@ -59,6 +61,7 @@ from lensforge.spec.spec_section import date_of
 from lensforge.surfaces.imported_face import LENS_FILE
 
 _Result = TypeVar("_Result", bound=StageResult)
+_FINER = 1.5  # nodes of a spline over those of one whose STEP does not read back as it was
 
 
 @public
@@ -102,16 +105,29 @@ def build(
     date = date_of("date", date)
     tolerance = face_tolerance(lens, number_of("form_nm", form_nm), number_of("normal_mrad", normal_mrad))
     fine = fineness(lens, tolerance, nodes, rings)
-    return build_part(
+    make = partial(
+        build_part,
         lens,
         schema=schema,
         extension_deg=extension_deg,
-        nodes=nodes,
         tolerance=fine.tolerance,
         rings=rings,
         least_rings=fine.rings,
         date=date,
     )
+    part = make(nodes=nodes)
+    while nodes is None and _needs_finer_rim(part):
+        part = make(nodes=round(_FINER * max(part.nodes.values())))
+    return part
+
+
+def _needs_finer_rim(part: Part) -> bool:
+    """True where the STEP does not read back as it was written, and its splines may have more nodes.
+
+    Few of them may keep the tolerance of a face, and yet meet the rim by an edge that the kernel writes too coarsely.
+    """
+    changed = state_of(part.criteria, "step_volume_change") == "fail"
+    return changed and max(part.nodes.values()) <= MAX_NODES / _FINER
 
 
 @public

@@ -62,7 +62,7 @@ class ApplicationLight(ABC, Generic[_Entry, _Judgement]):
     @classmethod
     @abstractmethod
     def worst(cls, entries: Sequence[_Entry], limits: Sequence[Fact]) -> Group:
-        """The group of all entries: each required figure where it is worst."""
+        """Group of all entries: each required figure at its worst place."""
 
 
 def light_in(entry: Application) -> ApplicationLight[Any, Any]:

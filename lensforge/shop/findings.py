@@ -27,7 +27,7 @@ from lensforge.shop.check_measures import (
     ToolResult,
 )
 from lensforge.spec import BaseSection, Spec
-from lensforge.spec.processes import GOOD_DRAFT_DEG
+from lensforge.spec.processes import GOOD_DRAFT_DEG, MOST_DRAFT_DEG
 
 if TYPE_CHECKING:
     from lensforge.cad.plate_layout import PlateWall
@@ -76,7 +76,6 @@ Findings = tuple[Annotated[Fact, _STORED], ...]
 SHARE_TOLERANCE = 1e-9  # of the whole face: areas of its cells add up to rounding
 _LEAST_WALL_MM = 1e-3  # a thinner one is none
 _MOST_TILT_DEG = 120.0  # of manufacture.max_tilt_deg
-_MOST_DRAFT_DEG = 25.0  # of the draft_deg of a face
 
 
 def check_findings(
@@ -216,7 +215,7 @@ def tilt_finding(surface: str, slope_deg: float, spec: Spec) -> Fact:
     changes = list[Change | None]()
     draft_deg = 90.0 - allowed_deg
     holds = within(slope_deg, "<=", allowed_deg, ANGLE_TOLERANCE_DEG)
-    if 0.0 <= draft_deg <= _MOST_DRAFT_DEG:
+    if 0.0 <= draft_deg <= MOST_DRAFT_DEG:
         changes.append(design_again("draft_deg", draft_deg, spec, surface))
     if slope_deg < _MOST_TILT_DEG:
         changes.append(Change("manufacture.max_tilt_deg", _up(slope_deg, 1)))

@@ -202,8 +202,12 @@ class Spec(Section):
 
         Drafts that follow from the process stay those of the body, which was not searched for it.
         """
-        shrinkage = self.manufacture.shrinkage if process == "moulded" else 0.0
-        layer_um = self.manufacture.layer_um if process == "printed" else None
+        of_others = {
+            name: ManufactureSection.model_fields[name].default
+            for other in PROCESSES.values()
+            for name in other.fields
+            if other.name != process
+        }
         changes: dict[str, Any] = {"base.draft_deg": self.manufacture.draft_deg(self.base.draft_deg)}
         if self.plate is not None or self.base.kind not in ("cylinder", "square"):
             changes = {}
@@ -211,7 +215,7 @@ class Spec(Section):
             changes["lens.flange.draft_deg"] = self.manufacture.draft_deg(flange.draft_deg)
         return self.replace(
             changes,
-            manufacture={"process": process, "shrinkage": shrinkage, "layer_um": layer_um, "required": False},
+            manufacture={**of_others, "process": process, "required": False},
         )
 
     def with_levels(self, levels: tuple[int, ...]) -> "Spec":

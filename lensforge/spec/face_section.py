@@ -9,6 +9,7 @@ from lensforge.optics.face_roles import BODY, CAVITY, DOUBLE, OUTSIDE, RIM_FLANG
 from lensforge.public import public
 from lensforge.spec.coating_section import CoatingSection
 from lensforge.spec.fixed_surface import FixedSurface
+from lensforge.spec.processes import MOST_DRAFT_DEG
 from lensforge.spec.scatter_section import AnyScatter
 from lensforge.spec.spec_section import DraftOrNone, Millimetres, Section, check
 from lensforge.spec.tolerances_section import FaceTolerances, lets_light_in, refuse_placement
@@ -42,7 +43,7 @@ class _DesignedFace(Section):
         description="Least concave radius: of the ball that mills the face, or of the meridian, for the nose that "
         "turns it.",
     )
-    draft_deg: Annotated[float, Field(ge=0.0, le=25.0)] | None = Field(
+    draft_deg: Annotated[float, Field(ge=0.0, le=MOST_DRAFT_DEG)] | None = Field(
         default=None, description="Minimum draft along the axis, the direction in which the mould of the face opens."
     )
 

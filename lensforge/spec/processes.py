@@ -12,7 +12,7 @@ Cutting = Literal["milled", "turned"]
 
 GOOD_DRAFT_DEG = 2.0  # of an optical face, for a mould that releases it without marks
 _SIDE_DRAFT_DEG = 1.0  # of base and flange, as of plate.draft_deg
-_MOST_DRAFT_DEG = 25.0  # of the draft_deg of a face
+MOST_DRAFT_DEG = 25.0  # of the draft_deg of a face
 _ON_OPTICS = "marks of gate, ejector or parting line"
 
 
@@ -104,7 +104,7 @@ class _Milled(MakingProcess):
 
     def asks(self, tools: Tools, revolved: bool) -> FaceLimits:
         draft_deg = 90.0 - tools.max_tilt_deg
-        return FaceLimits(tools.cutter_radius_mm, min(draft_deg, _MOST_DRAFT_DEG) if draft_deg >= 0.0 else None)
+        return FaceLimits(tools.cutter_radius_mm, min(draft_deg, MOST_DRAFT_DEG) if draft_deg >= 0.0 else None)
 
 
 class _Turned(MakingProcess):

@@ -7,6 +7,7 @@ import pytest
 from geometry_lenses import make_lens
 from pydantic import ValidationError
 
+import lensforge as lf
 from lensforge.cad.part import Part, stamp_of
 from lensforge.cad.part_export import build_part
 from lensforge.cad.solid import Solid
@@ -136,3 +137,30 @@ def test_the_part_is_shown_off_screen_whole_and_cut(part, tmp_path):
         assert np.ptp(picture[..., :3]) > 0.3, "not one colour all over"
     assert whole.shape == cut.shape
     assert np.abs(whole - cut).max() > 0.1
+
+
+@pytest.mark.parametrize(
+    ("changes", "asked"),
+    [
+        ({30: 1e-9}, [None]),  # at the limit
+        ({30: 1.01e-9, 45: 1e-10}, [None, 45]),
+        ({30: 2e-9, 45: 2e-9, 68: 1e-10}, [None, 45, 68]),
+        (dict.fromkeys((30, 45, 68, 102, 153, 230), 2e-9), [None, 45, 68, 102, 153, 230]),  # a further one has too many
+    ],
+)
+def test_a_step_that_does_not_read_back_is_made_again_of_more_nodes(part, monkeypatch, changes, asked):
+    """Unless the nodes are stated: then its criterion says so."""
+    made = []
+
+    def build(lens, *, nodes, **_):
+        made.append(nodes)
+        count = nodes or 30
+        counts = {"inner": 25 if nodes is None else count, "outer": count}
+        content = content_of(part, nodes=counts, step_volume_change=changes[count])
+        return Part(**{name: value for name, value in content.items() if name != "criteria"})  # judged anew
+
+    monkeypatch.setattr("lensforge.cad.part_export.build_part", build)
+    assert lf.build(part.lens).step_volume_change == changes[asked[-1] or 30]
+    assert made == asked
+    made.clear()
+    assert lf.build(part.lens, nodes=30).step_volume_change == changes[30] and made == [30]

@@ -345,6 +345,17 @@ def test_a_terminal_is_asked_again_until_the_answer_is_one() -> None:
     assert "disk:1: neither a kind" in found.stderr and "--max-radius -3: must be" in found.stderr
 
 
+def test_the_usual_answer_is_what_such_a_lens_is_made_by() -> None:
+    """A TIR lens with levels by a mould, whose inner edges no ball reaches; two faces by the ball of their size."""
+    light = ("--source", "square:1", "--target", "rectangle:200x150@500", "--tilt", "30", "--max-radius", "14")
+    moulded = parse_spec(tomllib.loads(answered("\n\n", *light, "--lens", "tir").stdout), "asked")
+    small = ("--source", "disc:0.15", "--target", "rectangle:200x150@300", "--max-radius", "2", "--lens", "double")
+    milled = parse_spec(tomllib.loads(answered("\n\n", *small).stdout), "asked")
+    assert (moulded.manufacture.process, milled.manufacture.process) == ("moulded", "milled")
+    assert milled.manufacture.cutter_radius_mm == 0.4
+    assert lensforge("new", *LAMP, "--cutter", "usual")[1] == lensforge("new", *LAMP)[1]
+
+
 def test_nothing_is_asked_without_a_terminal() -> None:
     code, output, errors = lensforge("new", *LAMP[2:])
     assert (code, output) == (2, "")

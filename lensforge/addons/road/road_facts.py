@@ -57,7 +57,7 @@ def _flux_remedy(limits: Sequence[Fact]) -> str:
 
 @dataclass(frozen=True)
 class HeldSpacing:
-    """Spacings (m) of poles at which a class is held, from ``least`` to ``largest``; ``beyond``: what is missed there.
+    """Spacings (m) of poles at which a class is held, ``least`` to ``largest``; ``beyond``: limits missed above.
 
     ``beyond``: None if the largest is 12 pole heights, the most that a road may have.
     """

@@ -1,4 +1,4 @@
-"""Light on roads for the core: their limits, their judgement, and what is said of both."""
+"""Light on roads: limits, judgement and facts, as the core asks every application for them."""
 
 from collections.abc import Iterator, Sequence
 
