@@ -10,6 +10,18 @@ from lensforge.sources.intensity import TabulatedIntensity
 from lensforge.sources.photometric import PhotometricFile
 from lensforge.sources.photometric.photometric_file import LampSet
 
+# A file of three planes and four angles, whose light is uneven.
+SMALL_IES = """IESNA:LM-63-2002
+TILT=NONE
+1 1000 1 4 3 1 2 0 0 0
+1 1 10
+0 45 80 90
+0 90 180
+100 200 30 0
+100 80 60 0
+100 50 20 0
+"""
+
 GAMMA = np.linspace(0.0, 90.0, 37)
 TURN = np.linspace(0.0, 360.0, 25)
 

@@ -15,6 +15,7 @@ import click
 import pytest
 from addon_rows import addon_rows
 from click.testing import CliRunner, Result
+from far_fields import SMALL_IES
 from scenes import small_spec
 
 import lensforge as lf
@@ -187,16 +188,6 @@ def test_rays_of_a_search_that_chooses_its_levels_are_refused_by_the_name_that_w
 
 
 RAYS = "x_mm,y_mm,z_mm,kx,ky,kz,flux_w\n0,0,0,0,0.6,0.8,0.25\n1,0,0,0,0,1,0.5\n"
-IES = """IESNA:LM-63-2002
-TILT=NONE
-1 1000 1 4 3 1 2 0 0 0
-1 1 10
-0 45 80 90
-0 90 180
-100 200 30 0
-100 80 60 0
-100 50 20 0
-"""
 LAMP = {"--source": "disc:1", "--target": "rectangle:200x150@300", "--max-radius": "14"}
 
 
@@ -209,7 +200,7 @@ def printed(*arguments: object) -> str:
 def of_rays(flag: str, here: Path) -> bool:
     """The summary of a file of two rays, what it is converted to, and its picture."""
     led, lamp, to = here / "led.csv", here / "lamp.ies", here / "to.ies"
-    led.write_text(RAYS), lamp.write_text(IES)
+    led.write_text(RAYS), lamp.write_text(SMALL_IES)
     summary = json.loads(printed("rays", led, "--json"))
     match flag:
         case "--header":

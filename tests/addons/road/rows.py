@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from far_fields import SMALL_IES
 
 from lensforge.addons.road.road_command import road as road_command
 from lensforge.addons.road.road_field import RoadReadings
@@ -101,16 +102,6 @@ CACHES = {
     ),
 }
 
-IES = """IESNA:LM-63-2002
-TILT=NONE
-1 1000 1 4 3 1 2 0 0 0
-1 1 10
-0 45 80 90
-0 90 180
-100 200 30 0
-100 80 60 0
-100 50 20 0
-"""
 
 ROADS = "[[roads]]\nlighting_class = 'P5'\nwidth_m = 6.0\npole_height_m = 5.0\npole_spacing_m = 20.0\nlamp_lm = {}\n"
 
@@ -122,7 +113,7 @@ def printed(*arguments: object) -> str:
 
 def of_road(flag: str, here: Path) -> bool:
     """Lux of a lamp whose street is at C = 0: twice as many lumens, the street behind it, spacing."""
-    (here / "lamp.ies").write_text(IES)
+    (here / "lamp.ies").write_text(SMALL_IES)
     for name, lumens in (("a", 1e3), ("b", 2e3)):
         (here / f"{name}.toml").write_text(ROADS.format(lumens))
 
