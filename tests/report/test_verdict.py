@@ -18,7 +18,7 @@ from lensforge.report.headline import headline
 from lensforge.report.results import Results
 from lensforge.report.stored import load_results
 from lensforge.results import Fact, Metric
-from lensforge.results.verdict import Verdict
+from lensforge.results.verdict import Verdict, worst
 from lensforge.scene.lens import Lens
 
 TRANSMITTED = (1.0 - (0.4936 / 2.4936) ** 2) ** 2  # of PMMA's two faces at normal incidence: 0.9232
@@ -183,6 +183,14 @@ def test_cutting_is_said_and_fails_a_run_only_where_it_is_required(name: str) ->
         with pytest.raises(CriterionMissed, match=f"Manufacture: {name} of inner"):
             cut(required, finding(name)).verdict.require(cutting=True, parts=parts)
     cut(required, finding(name)).verdict.require(cutting=True, parts=("light",))
+
+
+def test_of_several_parts_the_worst_state_counts() -> None:
+    """A part that is not judged leaves the others' failure and doubt, but no pass of all."""
+    order = ("fail", "undecided", "none", "pass")
+    for index, state in enumerate(order):
+        assert worst(reversed(order[index:])) == state
+    assert worst([]) == "pass"
 
 
 def test_a_study_of_light_is_not_judged_by_what_no_tool_reaches() -> None:
