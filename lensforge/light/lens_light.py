@@ -1,6 +1,6 @@
 """The light of a finished lens: the verbs ``evaluate`` and ``photometry``."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from math import isclose
 from pathlib import Path
 from typing import Any, TypeVar
@@ -67,8 +67,12 @@ def evaluate(
     from lensforge.light.evaluation import evaluate_lens
 
     require(lens, Lens, "evaluate")
+    if source is not None and lens.spec.states:
+        raise InputError("source: this lens has states, each with its LED; evaluate one of them, lens.of_state(name)")
     other = None if source is None else other_source(lens.spec, source)
-    chosen = lens.spec.source if other is None else other
+    first, *further = lens.by_state
+    own_source = lens.spec.in_first_state.source
+    chosen = own_source if other is None else other
     rays, pixels, seed = count_of("rays", rays), count_of("pixels", pixels, most=MOST_PIXELS), count_of("seed", seed, 0)
     temperature_c = number_of("temperature_c", temperature_c)
     body = lens if temperature_c is None else at_temperature(lens, temperature_c)
@@ -80,18 +84,18 @@ def evaluate(
     settings: Mapping[str, Any] = {"rays": rays, "pixels": pixels, "seed": seed}
     with kernel_threads(count_of("threads", threads)):
         light = evaluate_lens(
-            body,
+            body.of_state(first),
             emitter,
             preset,
             **settings,
             lumens_per_watt=summary.lumens_per_watt,
-            searched_with=has_rays_of(chosen, lens.spec.source),
+            searched_with=has_rays_of(chosen, own_source),
         )
-        others = tuple(_others(body, preset, settings)) if other is None else ()
-    led = lens.spec.sources[0].name if others else ""
+        others = tuple(_in_state(body, state, preset, settings) for state in further) if other is None else ()
+    led = first if others else ""
     place = SourcePlace.of(chosen, summary)
-    update = {"inputs": inputs_of(lens, chosen), "conditions": conditions, "led": led, "others": others}
-    return light.changed(**update, place=place)
+    update = {"inputs": inputs_of(lens, other or lens.spec.source), "conditions": conditions, "led": led}
+    return light.changed(**update, others=others, place=place)
 
 
 @public
@@ -129,28 +133,37 @@ def photometry(
     require(lens, Lens, "photometry")
     version = require_ies_version(ies_version)
     rays, preset = count_of("rays", rays), preset_of(lens.accuracy)
-    lumens, seed, by_led = number_of("lumens", lumens), count_of("seed", seed, 0), dict[str, Photometry]()
+    lumens, seed, by_state = number_of("lumens", lumens), count_of("seed", seed, 0), dict[str, Photometry]()
     settings: Mapping[str, Any] = {"rays": rays, "seed": seed, "lumens": lumens}
     with kernel_threads(count_of("threads", threads)):
-        for name, own in lens.by_led.items():
+        for name, own in lens.by_state.items():
             source = judging_source(own.spec)
             measured = measure_photometry(own, source, preset, ies_version=version, led=name, **settings)
             conditions = photometry_conditions(own, source, **settings)
-            by_led[name] = measured.changed(conditions=conditions, inputs={"lens": lens.sha256})
-    return Photometry.joined(by_led)
+            by_state[name] = measured.changed(conditions=conditions, inputs={"lens": lens.sha256})
+    return Photometry.joined(by_state)
 
 
-def _others(lens: Lens, preset: Preset, settings: Mapping[str, Any]) -> Iterator[Light]:
+def _in_state(lens: Lens, name: str, preset: Preset, settings: Mapping[str, Any]) -> Light:
+    """The light in a further state, beside that in the first."""
     from lensforge.light.evaluation import evaluate_lens
 
-    for led in lens.spec.sources[1:]:
-        facets, coloured = lens.media.scattering, lens.spec.colour is not None
-        emitter = build_source(led.source, lens.dispersion, coloured=coloured, facets=facets)
-        summary = summarise(emitter, led.source)
-        efficacy = summary.lumens_per_watt
-        light = evaluate_lens(lens, emitter, preset, **settings, lumens_per_watt=efficacy, searched_with=True)
-        told = {"led": led.name, "place": SourcePlace.of(led.source, summary), "preset_error": None, "fitted": None}
-        yield light.changed(conditions=Conditions.of(source_name=led.name, source=led.source.title), **told)
+    alone = lens.of_state(name)
+    section = alone.spec.source
+    emitter = build_source(
+        section, lens.dispersion, coloured=alone.spec.colour is not None, facets=lens.media.scattering
+    )
+    summary = summarise(emitter, section)
+    efficacy = summary.lumens_per_watt
+    light = evaluate_lens(alone, emitter, preset, **settings, lumens_per_watt=efficacy, searched_with=True)
+    return light.changed(
+        conditions=Conditions.of(source_name=name, source=section.title),
+        inputs={"lens": lens.sha256},
+        led=name,
+        place=SourcePlace.of(section, summary),
+        preset_error=None,
+        fitted=None,
+    )
 
 
 def _conditions(
@@ -194,10 +207,10 @@ def source_of(spec: Spec) -> Source:
 
 
 def searched_source(spec: Spec) -> Source:
-    """The source of a search: all LEDs that the lens of ``spec`` is for."""
-    if not spec.sources:
+    """The source of a search: the LED in all states that the lens of ``spec`` is for."""
+    if not spec.all_states:
         return source_of(spec)
-    return SeveralSources(tuple(map(source_of, spec.of_each_source)), spec.lens.design_wavelength_nm)
+    return SeveralSources(tuple(map(source_of, spec.by_state.values())), spec.lens.design_wavelength_nm)
 
 
 def judging_source(spec: Spec) -> Source:

@@ -44,22 +44,23 @@ class Attainable(NamedTuple):
 
 
 LimitBounds = Mapping[tuple[str, float], Attainable]  # by a limit's name and bound
+BoundsByState = Mapping[str, LimitBounds]
 _OF_POSSIBLE = 0.9  # of the efficiency: less deserves a look; the shipped specs have 0.78 to 1.00
 _NOT_JUDGED = "; not judged, as the spec has limits"
 _OF_WANTED = 0.1  # of a wanted beam angle: a beam that differs by more deserves a look
 _LIGHT = {"cd": "luminous intensity", "W/sr": "radiant intensity", "lx": "illuminance", "W/m²": "irradiance"}
 
 
-def light_facts(light: Light, lens: Lens, possible: LimitBounds | None = None) -> list[Group]:
+def light_facts(light: Light, lens: Lens, possible: BoundsByState | None = None) -> list[Group]:
     """Groups: one for each receiver, the ways of the light, the limits (``possible``: light there), and at the end the
     place of each LED and the simulation.
 
-    Of a lens for several LEDs all but the last are those of each, which its name tells apart.
+    Of a lens for several states all but the last are those in each, which its name tells apart.
     """
     with_leds = [
         replace(group, title=led.title(group.title))
         for led in light.cases()
-        for group in _with_led(led, lens, possible or {})
+        for group in _with_led(led, lens.of_state(led.result.led), (possible or {}).get(led.result.led, {}))
     ]
     return [*with_leds, *place_groups(light), Group("simulation", "Simulation", tuple(_simulation(light, lens)))]
 
@@ -87,12 +88,13 @@ def place_groups(light: Light) -> list[Group]:
 def light_reasons(light: Light, lens: Lens) -> Iterator[Reason]:
     """Reasons why the light does not pass; limits of the spec are what it must keep: with any, no others count."""
     for led in light.cases():
+        alone = lens.of_state(led.result.led)
         yield from missed(led.criteria)
-        if not lens.spec.has_limits:
+        if not alone.spec.has_limits:
             for case in led.among("receivers"):
-                yield from _reasons(replace(fact, label=case.title(fact.label)) for fact in _figures(case, lens))
+                yield from _reasons(replace(fact, label=case.title(fact.label)) for fact in _figures(case, alone))
         elif led.result.limits:
-            yield from _reasons(limit_facts(led, lens.spec.applications))
+            yield from _reasons(limit_facts(led, alone.spec.applications))
         else:
             yield "undecided", "the limits of the spec have not been judged in this light"
 
@@ -321,7 +323,7 @@ def photometry_facts(photometry: Photometry, spec: Spec) -> list[Group]:
     return [
         replace(group, title=case.title(group.title))
         for case in photometry.cases()
-        for group in _photometry_of_led(case, spec)
+        for group in _photometry_of_led(case, spec.of_state(case.result.led))
     ]
 
 

@@ -1,7 +1,7 @@
-"""Parts of one lens, measured one by one with every LED of its spec, by the same rays, from a small recipe.
+"""Parts of one lens, measured one by one in every state of its spec, by the same rays, from a small recipe.
 
 The metrics of a part depend on the recipe, its number and its scales alone, and so are the same bits wherever and
-whenever they are computed. With each LED a part is the same: its lens, and by how much the LED is off.
+whenever they are computed. In each state a part is the same: its lens, and by how much the LED is off.
 
 Parts share their rays with the lens as designed, so that most of the ray noise cancels in the change from it. A metric
 of a part is that of the lens as designed, by many rays, plus this change.
@@ -49,7 +49,6 @@ from lensforge.sources.measured_rays import held_back
 from lensforge.sources.ray_bundle import Source
 from lensforge.spec import Spec
 from lensforge.spec.accuracy import preset_of
-from lensforge.spec.emitter_section import EmitterSection
 from lensforge.spec.lamps_section import Lamps
 from lensforge.spec.tolerances_section import Factor, factors_of
 
@@ -128,10 +127,24 @@ class PartStudy:
 
     @cached_property
     def leds(self) -> "tuple[LedStudy, ...]":
-        """The study with each LED."""
-        names = [source.name for source in self.spec.sources] if len(self.spec.sources) > 1 else [""]
-        every = zip(self.spec.each_source, names, strict=True)
-        return tuple(LedStudy(self, emitter, name) for emitter, name in every)
+        """The study in each state, such as with each LED.
+
+        Raises :class:`InputError` for states whose light cannot be measured beside that of the first.
+        """
+        by_state = self.recipe.lens.by_state
+        studies = tuple(LedStudy(self, lens, name if len(by_state) > 1 else "") for name, lens in by_state.items())
+        own = [name for name, lens in by_state.items() if lens.spec.all_receivers != self.spec.all_receivers]
+        if own and not self.lamps.is_single:
+            raise InputError(
+                f"yield: the state {own[0]!r} has a target of its own, and parts of several lamps are measured on one; "
+                "study one state, lens.of_state(name), or one lamp"
+            )
+        if len({study.receivers[0].grid.shape for study in studies}) > 1:
+            raise InputError(
+                "yield: the first receivers of the states differ in their numbers of rows and columns; give them one "
+                "ratio of width and height, or study one state, lens.of_state(name)"
+            )
+        return studies
 
     @cached_property
     def of_design(self) -> dict[str, Metric]:
@@ -145,7 +158,7 @@ class PartStudy:
 
     @cached_property
     def bounds(self) -> tuple[MetricBound, ...]:
-        """Bounds that a part must keep with every LED."""
+        """Bounds that a part must keep in every state."""
         return tuple(bound for led in self.leds for bound in led.bounds)
 
     def with_rays(self, rays: int) -> "PartStudy":
@@ -188,17 +201,26 @@ class PartStudy:
 
 @dataclass(frozen=True, eq=False)
 class LedStudy:
-    """Parts of a ``study`` with one LED, called ``led`` where there are several."""
+    """Parts of a ``study`` in one state of the ``lens``, called ``led`` where there are several."""
 
     study: PartStudy
-    emitter: EmitterSection
+    lens: Lens
     led: str = ""
+
+    @property
+    def spec(self) -> Spec:
+        """The spec of the state."""
+        return self.lens.spec
+
+    @cached_property
+    def receivers(self) -> tuple[PosedReceiver, ...]:
+        """Receivers of the state."""
+        return receivers_of(self.spec, self.spec.evaluate.pixels)
 
     @cached_property
     def _source(self) -> Source:
-        lens = self.study.recipe.lens
-        coloured, facets = judged_colour(lens.spec) is not None, lens.media.scattering
-        return build_source(self.emitter, lens.dispersion, coloured=coloured, facets=facets)
+        coloured, facets = judged_colour(self.spec) is not None, self.lens.media.scattering
+        return build_source(self.spec.source, self.lens.dispersion, coloured=coloured, facets=facets)
 
     @cached_property
     def limits(self) -> tuple[LightLimit, ...]:
@@ -206,15 +228,15 @@ class LedStudy:
         return self._limits_by(None)
 
     def _limits_by(self, views: Sequence[EyeView] | None) -> tuple[LightLimit, ...]:
-        efficacy = summarise(self._source, self.emitter).lumens_per_watt
-        return light_limits(self.study.spec, self.study.receivers, efficacy, self._source.flux_w, views)
+        efficacy = summarise(self._source, self.spec.source).lumens_per_watt
+        return light_limits(self.spec, self.receivers, efficacy, self._source.flux_w, views)
 
     @cached_property
     def designed_pictures(self) -> list[list[list[Channels]]]:
         """Pictures of one lamp of each kind as designed, by many rays, where several are drawn apart; none of one."""
         if self.study.lamps.is_single:
             return []
-        judging, recipe, colour = held_back(self._source), self.study.recipe, judged_colour(self.study.spec)
+        judging, recipe, colour = held_back(self._source), self.study.recipe, judged_colour(self.spec)
         return [
             designed_pictures(kind.nominal, judging, kind.boards, recipe.designed_rays, recipe.seed, colour)
             for kind in self.study.kinds
@@ -225,8 +247,8 @@ class LedStudy:
         """Receivers, limits and rays."""
         study, recipe = self.study, self.study.recipe
         held = ReplicateRays.of(held_back(self._source), recipe.rays, recipe.seed)
-        coarse = self._limits_by(eye_views(study.spec, searched=True))
-        light = PartLight(study.spec, study.kinds[0].nominal, study.receivers, coarse, held)
+        coarse = self._limits_by(eye_views(self.spec, searched=True))
+        light = PartLight(self.spec, study.kinds[0].nominal, self.receivers, coarse, held)
         if study.lamps.is_single:
             return light
         receivers = tuple(board.receiver for board in study.boards)
@@ -240,9 +262,9 @@ class LedStudy:
     @cached_property
     def designed_light(self) -> Light:
         """The light of the lens as designed, by many rays."""
-        lens, spec, recipe = self.study.recipe.lens, self.study.spec, self.study.recipe
+        lens, spec, recipe = self.lens, self.spec, self.study.recipe
         preset, judging = preset_of(lens.accuracy), held_back(self._source)
-        efficacy = summarise(self._source, self.emitter).lumens_per_watt
+        efficacy = summarise(self._source, spec.source).lumens_per_watt
         return evaluate_traced(
             TracedLens.of(lens, preset.evaluate_nodes_per_sigma),
             spec,
@@ -257,7 +279,7 @@ class LedStudy:
 
     @property
     def prefix(self) -> str:
-        """Beginning of the names of its metrics: the LED, where there are several."""
+        """Beginning of the names of its metrics: the state, where there are several."""
         return f"{self.led}: " if self.led else ""
 
     @cached_property
@@ -289,7 +311,7 @@ class LedStudy:
 
     def _plain(self, number: int, limit: Fact) -> str:
         """Name and quantity of a limit; those of the colour are the same on each of several receivers."""
-        several = number >= len(self.limits) and len(self.study.receivers) > 1
+        several = number >= len(self.limits) and len(self.receivers) > 1
         return f"{limit.place}: {limit.label}: {limit.note}" if several else f"{limit.label}: {limit.note}"
 
     @cached_property
@@ -299,7 +321,7 @@ class LedStudy:
         asked = list(zip(self._limit_names, light.limits, strict=True))
         if not asked:
             for prefix, receiver in zip(self._prefixes, light.receivers, strict=True):
-                judged = judged_figures(receiver, transmittance_of(self.study.recipe.lens.media))
+                judged = judged_figures(receiver, transmittance_of(self.lens.media))
                 asked += [(f"{prefix}{name}", figure) for name, figure in judged.items()]
         powers = chain((limit.flux_power for limit in self.limits), repeat(0.0))  # of none but these the bound is light
         return tuple(
@@ -321,11 +343,11 @@ class LedStudy:
 
         Those of a plate are about its middle.
         """
-        if self.study.spec.plate is not None:
+        if self.spec.plate is not None:
             deviations = [
                 in_plate(deviation, lamp) for deviation, lamp in zip(deviations, self.study.lamps.lamps, strict=True)
             ]
-        every, place = self.study.kinds, self.emitter.position_mm
+        every, place = self.study.kinds, self.spec.source.position_mm
         makers = {number: replace(kind.maker, source_mm=place) for kind in every for number in kind.numbers}
         return tuple(makers[number].part(deviation) for number, deviation in enumerate(deviations))
 

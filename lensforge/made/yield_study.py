@@ -312,7 +312,8 @@ def _worst_maps(study: PartStudy, worst: Sequence[WorstPart], names: Sequence[st
     leds = [finer[name] for name in names]
     parts = [led.made(study.deviations(worst_part.part)) for worst_part, led in zip(worst, leds, strict=True)]
     images = [led.light.received(part)[0].images.mean(axis=0) for part, led in zip(parts, leds, strict=True)]
-    return np.stack(images) / leds[0].light.receivers[0].pixel_measure
+    measures = [led.light.receivers[0].pixel_measure for led in leds]
+    return np.stack([image / measure for image, measure in zip(images, measures, strict=True)])
 
 
 def _table(study: PartStudy, measured: Float[np.ndarray, "n m 2"]) -> tuple[tuple[str, ...], Float[np.ndarray, "n c"]]:

@@ -60,7 +60,7 @@ def verify_with(second: ChildPool, part: Part, light: Light, rays: int | None = 
     for name, words in (("lens", "another lens than the part"), ("source", "another source than the spec's")):
         if known.get(name) != wanted[name]:
             raise InputError(f"verify: the light is that of {words}; evaluate the part's lens with its own source")
-    lenses, by_led = lens.by_led, light.by_led
+    lenses, by_led = lens.by_state, light.by_led
     if missing := [name for name in lenses if name not in by_led]:
         raise InputError(
             f"verify: the light is without that of the LED {missing[0]!r}; evaluate the lens with all LEDs"
@@ -210,7 +210,7 @@ def stray_light(
     """
     lens, rays = require(part, Part, "stray_light").lens, count_of("rays", rays)
     with kernel_threads(count_of("threads", threads)):
-        return StrayLight.joined({name: _stray_light(part, own, rays, base) for name, own in lens.by_led.items()})
+        return StrayLight.joined({name: _stray_light(part, own, rays, base) for name, own in lens.by_state.items()})
 
 
 def _stray_light(part: Part, lens: Lens, rays: int | None, base: Literal["polished", "black"]) -> StrayLight:

@@ -72,7 +72,7 @@ def fineness(lens: Lens, tolerance: FaceTolerance, nodes: int | None = None, rin
     ``nodes``, ``rings``: given numbers, which are kept.
     """
     try:
-        trials = [_Trial(own) for own in lens.by_led.values()]
+        trials = [_Trial(own) for own in lens.by_state.values()]
     except InputError as error:  # a file of the source that is gone, or no light that could be traced
         warnings.warn(f"export: {error}; normals and mesh are by their tolerances alone", stacklevel=2)
         return Fineness(tolerance)

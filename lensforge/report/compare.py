@@ -71,7 +71,7 @@ def folder_names(folders: Sequence[Path]) -> list[str]:
 def number_lines(designs: Sequence[Results]) -> list[Group]:
     """The main facts of all designs, by their labels; the note of the best is "best", where one is and they differ."""
     by_design = [{fact.label: fact for fact in (*required_facts(design), *further_facts(design))} for design in designs]
-    first, *further = (design.spec.all_receivers for design in designs)
+    first, *further = (design.spec.in_first_state.all_receivers for design in designs)
     same_target = all(target == first for target in further)
     lines = []
     for label in dict.fromkeys(label for labelled in by_design for label in labelled):

@@ -95,7 +95,7 @@ def section_pictures(results: Results) -> list[PagePicture]:
 
 def source_outline(results: Results) -> Float[np.ndarray, "k 3"] | None:
     """A polygon (mm) around the emitting area: from the design's record, or from the spec where that says it."""
-    source = results.spec.source
+    source = results.spec.in_first_state.source
     design = results.find(Design)
     if design is not None and design.source_outline_mm:
         return np.array(design.source_outline_mm, dtype=np.float64)

@@ -6,7 +6,7 @@ from typing import Literal
 
 from lensforge.cad.part import Part
 from lensforge.light.evaluation_result import Light
-from lensforge.light.light_facts import LimitBounds
+from lensforge.light.light_facts import BoundsByState
 from lensforge.light.photometry_result import Photometry
 from lensforge.optics.face_roles import CAVITY, bounding
 from lensforge.proof.proof_result import Proof
@@ -201,7 +201,7 @@ def criterion_groups(results: Results, *, missed: bool = False) -> list[Group]:
     return [Group(stem, stage_name(stem), tuple(facts)) for stem, facts in by_stem.items()]
 
 
-def required_facts(results: Results, possible: LimitBounds | None = None) -> list[Fact]:
+def required_facts(results: Results, possible: BoundsByState | None = None) -> list[Fact]:
     """Facts that are required: limits, light on each receiver, size, wall, and the ball mill."""
     groups = [group for result in results.found.values() for group in results.facts(result, possible)]
     limits = [fact for group in groups if group.key == "limits" for fact in group.facts]
@@ -253,8 +253,12 @@ def task(spec: Spec) -> str:
     lens = spec.lens
     index = "" if lens.is_opaque else f", n = {lens.refractive_index:g}"
     body = f"{lens.title}, {lens.material}{index}{_fixed(lens)}{_surroundings(lens)}"
-    leds = " or ".join(source.title for source in spec.each_source)
-    return f"{leds} · {body} · {'; '.join(map(_on_receiver, spec.all_receivers))}{spec.all_lamps.words}"
+    if spec.states:
+        lit = "; ".join(f"{name}: {_wanted_light(state)}" for name, state in spec.by_state.items())
+    else:
+        lit = _wanted_light(spec)
+    leds = " or ".join(dict.fromkeys(source.title for source in spec.each_source))
+    return f"{leds} · {body} · {lit}{spec.all_lamps.words}"
 
 
 def _fixed(lens: LensShape) -> str:
@@ -275,6 +279,10 @@ def _place(lens: LensShape, name: str) -> str:
     if len(bounding(lens.body_roles, before)) > 1:
         return f"on the {name} face"
     return "inside" if before == CAVITY else "outside"
+
+
+def _wanted_light(spec: Spec) -> str:
+    return "; ".join(map(_on_receiver, spec.all_receivers))
 
 
 def _on_receiver(receiver: ReceiverSection) -> str:

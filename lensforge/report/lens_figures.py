@@ -110,7 +110,7 @@ def _draw_fan(
 ) -> None:
     """Rays from the centre of the source that start in the section, on the side to which its axis points."""
     theta = np.radians(_FAN_DEG)
-    axis = np.array(lens.spec.source.pose.axis)
+    axis = np.array(lens.spec.in_first_state.source.pose.axis)
     directions = np.sin(theta)[:, None] * across + np.cos(theta)[:, None] * np.array([0.0, 0.0, 1.0])
     directions = directions[directions @ axis > 0.0]
     centre = np.zeros(3) if outline_mm is None else 0.5 * (outline_mm.min(axis=0) + outline_mm.max(axis=0))

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 from lensforge.light.beam_colour import BeamColour
 from lensforge.light.evaluation_result import Light
-from lensforge.light.light_facts import Attainable, light_reasons, mask_words, unit_on, window_words
+from lensforge.light.light_facts import Attainable, LimitBounds, light_reasons, mask_words, unit_on, window_words
 from lensforge.light.photometry_result import Photometry
 from lensforge.light.receiver_light import METRICS, ReceiverLight
 from lensforge.light.seen_lens import radiance_unit
@@ -48,11 +48,12 @@ _MAIN = {
 
 @dataclass(frozen=True)
 class ShownReceiver:
-    """The light on one receiver of a ``spec``, in ``unit``."""
+    """The light on one receiver in ``unit``; ``spec``: that of its state. ``number``: among all."""
 
     case: Case[Light]
     unit: LightUnit
     spec: Spec
+    number: int
 
     @property
     def light(self) -> ReceiverLight:
@@ -60,18 +61,23 @@ class ShownReceiver:
         return cast(ReceiverLight, self.case.record)
 
     @property
+    def name(self) -> str:
+        """Names of its state and of the receiver; empty if it is the only one."""
+        return ", ".join(filter(None, (self.case.led, self.case.name)))
+
+    @property
     def place(self) -> str:
         """Place of the receiver; among several with its name."""
-        return f"{self.light.place} ({self.case.name})" if self.case.name else self.light.place
+        return f"{self.light.place} ({self.name})" if self.name else self.light.place
 
     @property
     def heading(self) -> str:
         """Heading of its pictures; empty if it is the only one."""
-        return f"{self.case.name}, {self.light.place}" if self.case.name else ""
+        return f"{self.name}, {self.light.place}" if self.name else ""
 
     def picture_name(self, name: str) -> str:
         """Name of one of its pictures, unique on the page; pictures of the first receiver have ``name`` itself."""
-        return numbered(name, self.case.number)
+        return numbered(name, self.number)
 
     def mask(self, pixels: int) -> Bool[np.ndarray, "h w"] | None:
         """Its region of uniform light on ``pixels`` along the longer side; None if it has none."""
@@ -92,14 +98,17 @@ class ReceiverPictures:
 
 
 def shown_receivers(results: Results) -> list[ShownReceiver]:
-    """The receivers of the lens's own light; none where it has not been simulated."""
+    """The receivers of the lens's own light in each state; none where it has not been simulated."""
     light = results.find(Light)
     return [] if light is None else receivers_in(light, results.spec)
 
 
 def receivers_in(light: Light, spec: Spec) -> list[ShownReceiver]:
-    """The receivers of ``light``, of several LEDs with the first."""
-    return [ShownReceiver(case, unit_on(light, case.record), spec) for case in Case(light).among("receivers")]
+    """The receivers of ``light``, of several states in each; ``spec``: that of the lens."""
+    return [
+        ShownReceiver(case, unit_on(case.result, case.record), spec.of_state(case.result.led), number)
+        for number, case in enumerate(light.cases("receivers"))
+    ]
 
 
 def unit_of_light(results: Results, *, far_field: bool | None = None, led: str = "") -> LightUnit:
@@ -110,7 +119,7 @@ def unit_of_light(results: Results, *, far_field: bool | None = None, led: str =
     light = results.find(Light)
     design = results.find(Design)
     if far_field is None:
-        far_field = results.spec.all_receivers[0].is_far_field
+        far_field = results.spec.of_state(led).all_receivers[0].is_far_field
     if light is not None:
         with_led = next((case.result for case in light.cases() if case.led == led), light)
         return light_unit(with_led.lumens_per_watt, far_field=far_field)
@@ -122,11 +131,15 @@ def top_of(images: Iterable[np.ndarray]) -> float:
     return max((float(image.max()) for image in images), default=0.0) or 1.0
 
 
-def possible_limits(spec: Spec) -> dict[tuple[str, float], Attainable]:
-    """Most light that étendue and two refractions leave for each limit, by its name and bound.
+def possible_limits(spec: Spec) -> dict[str, LimitBounds]:
+    """Most light that étendue and two refractions leave for each limit of each state.
 
     Empty for a source from a file: a folder need not hold it, so that nothing can be said afterwards.
     """
+    return {name: _possible_limits(state) for name, state in spec.by_state.items()}
+
+
+def _possible_limits(spec: Spec) -> LimitBounds:
     if not spec.has_limits or spec.source.extent_mm is None:
         return {}
     _, limits = light_requirements(spec, build_source(spec.source))
@@ -193,7 +206,7 @@ def _of_receiver(shown: ShownReceiver, whole: Light) -> ReceiverPictures:
     rest = [lines, _flux(shown)]
     if light.colour is not None and light.tristimulus_map is not None:
         rest.insert(0, _colours(shown, light.colour, light.tristimulus_map))
-    if not shown.case.name:
+    if not shown.name:
         return ReceiverPictures(shown.heading, maps, tuple(rest))
     wanted, lit, difference = maps
     return ReceiverPictures(shown.heading, [replace(lit, title=shown.heading)], ([wanted, difference], *rest))
@@ -374,7 +387,7 @@ def _compared(results: Results) -> dict[str, Light]:
 def _light_rows(results: Results, name: str, light: Light) -> Iterator[Group]:
     reasons = list(light_reasons(light, results.lens))
     conditions = light.conditions
-    source = results.spec.source.title
+    source = results.spec.of_state(light.led).source.title
     notes = ()
     if conditions is not None:  # the reasons against the own light stand at the top of the page
         warm = () if conditions.temperature_c is None else (f"lens at {conditions.temperature_c:g} °C",)
@@ -399,7 +412,8 @@ def _light_rows(results: Results, name: str, light: Light) -> Iterator[Group]:
 
 
 def _map(shown: ShownReceiver, receivers: Sequence[ShownReceiver]) -> Figure:
-    alike = [candidate for candidate in receivers if candidate.light.name == shown.light.name]
+    same = shown.light.name, shown.spec.all_receivers
+    alike = [candidate for candidate in receivers if (candidate.light.name, candidate.spec.all_receivers) == same]
     one_unit = len({receiver.unit for receiver in alike}) == 1
     top = top_of(receiver.light.map for receiver in (alike if one_unit else [shown]))
     return light_figures.irradiance_map(shown.light.map, shown.light.chart, top, unit=shown.unit)

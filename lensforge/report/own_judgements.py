@@ -21,7 +21,7 @@ def require_own_judgements(result: StageResult, lens: Lens, path: Path) -> None:
         return
     try:
         for case in result.cases():
-            for field, made in case.result.judgements_on(lens).items():
+            for field, made in case.result.judgements_on(lens.of_state(case.led)).items():
                 require_same_judgements(field, getattr(case.result, field), made)
     except ValueError as error:
         raise InputError(f"{path}: {error}; {type(result).rebuild_command()}") from None

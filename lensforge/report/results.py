@@ -10,7 +10,7 @@ from lensforge.addon import addons
 from lensforge.cad.part import Part, part_facts
 from lensforge.errors import MissingResult
 from lensforge.light.evaluation_result import Light
-from lensforge.light.light_facts import LimitBounds, light_facts, light_reasons, photometry_facts
+from lensforge.light.light_facts import BoundsByState, light_facts, light_reasons, photometry_facts
 from lensforge.light.photometry_result import Photometry
 from lensforge.made.tolerance_result import Sensitivity, Yield
 from lensforge.made.yield_facts import sensitivity_facts, yield_facts
@@ -153,7 +153,7 @@ class Results:
             names = ", ".join(proof.altered_files)
             yield "undecided", f"the files that were verified are not those of the export: {names}; verify again"
 
-    def facts(self, result: StageResult, possible: LimitBounds | None = None) -> list[Group]:
+    def facts(self, result: StageResult, possible: BoundsByState | None = None) -> list[Group]:
         """Facts of one of the results; ``possible``: the most light that physics allows at the limits of the spec."""
         match result:
             case Design():

@@ -91,11 +91,14 @@ def _worst_pictures(stem: str, study: Yield, results: Results) -> list[PagePictu
 
     Of a lens for several LEDs that of each with which a part is worst.
     """
-    section = results.spec.all_receivers[0]
     (columns, rows) = periods_of(results.spec)
     light = results.find(Light)
-    width, height = section.size
-    chart = Chart(columns * width, rows * height, section.is_far_field)
+
+    def chart_of(led: str) -> Chart:
+        section = results.spec.of_state(led).all_receivers[0]
+        width, height = section.size
+        return Chart(columns * width, rows * height, section.is_far_field)
+
     cases = {} if light is None else {case.led: case for case in light.cases()}
     maps = list(_worst_maps(study))
     designed = [
@@ -107,7 +110,7 @@ def _worst_pictures(stem: str, study: Yield, results: Results) -> list[PagePictu
     return [
         picture(
             f"{stem}-worst{index}",
-            irradiance_map(image, chart, top, unit=unit_of_light(results, led=led)),
+            irradiance_map(image, chart_of(led), top, unit=unit_of_light(results, led=led)),
             title,
             caption,
         )

@@ -94,12 +94,15 @@ class Lens:
         return self if name == self.kind else replace(self, surfaces=every.pop(name), others=every)
 
     @property
-    def by_led(self) -> "dict[str, Lens]":
-        """Lens with each of its LEDs alone, by name; "" is the name of the only one."""
-        if not self.spec.sources:
+    def by_state(self) -> "dict[str, Lens]":
+        """Lens in each of its states alone, by name; "" is the name of the only one."""
+        if not self.spec.all_states:
             return {"": self}
-        specs = zip(self.spec.sources, self.spec.of_each_source, strict=True)
-        return {led.name: replace(self, spec=spec) for led, spec in specs}
+        return {name: replace(self, spec=spec) for name, spec in self.spec.by_state.items()}
+
+    def of_state(self, name: str) -> "Lens":
+        """Lens in the state ``name`` alone; itself for "". Raises :class:`InputError` where there is no such state."""
+        return replace(self, spec=self.spec.of_state(name)) if name else self
 
     @property
     def first_lamp(self) -> int:

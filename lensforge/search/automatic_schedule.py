@@ -267,7 +267,7 @@ def _judged(gain: Gain, least: float) -> str:
 def preset_for(spec: Spec, accuracy: AnyAccuracy, *, preview: bool = False) -> Preset:
     """Settings of a search for ``spec``; one of the table takes rays enough for limits that read places."""
     preset = preset_of(accuracy)
-    read = (limit for limit in spec.limits if not isinstance(limit, LossLimit | LuminanceLimit))
+    read = (limit for limit in spec.limits_in_states if not isinstance(limit, LossLimit | LuminanceLimit))
     if isinstance(accuracy, str) and (
         spec.applications or {kind for limit in read for kind in limit.quantities()} - {"share"}
     ):

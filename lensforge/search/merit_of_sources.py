@@ -1,7 +1,7 @@
-"""The merit of one lens for several LEDs: the mean of their merits by shares, or the worst of them.
+"""The merit of one lens in several states, such as with several LEDs: the mean of their merits, or the worst of them.
 
-Every step traces as many rays as for one LED, shared out to all. Each has its own picture, whose error counts: a lens
-whose pictures are good only together would be good with no LED.
+Every step traces as many rays as for one state, shared out to all. Each has its own picture, whose error counts: a lens
+whose pictures are good only together would be good in no state.
 """
 
 from collections.abc import Sequence
@@ -55,11 +55,11 @@ class MeritOfSources(Merit[LightOfSources]):
         device: torch.device | None = None,
         single: bool = False,
     ) -> "MeritOfSources":
-        """The merit for all sources of ``spec``; each asks for the same targets and limits with its own flux."""
-        pairs = zip(spec.of_each_source, source.sources, strict=True)
-        members = tuple(MeritFunction.of(led_spec, led, parametrisation, device, single) for led_spec, led in pairs)
-        total = sum(source.share for source in spec.sources)
-        shares = tuple(source.share / total for source in spec.sources)
+        """The merit for all states of ``spec``; each asks for its own targets and limits with its own flux."""
+        pairs = zip(spec.by_state.values(), source.sources, strict=True)
+        members = tuple(MeritFunction.of(state, led, parametrisation, device, single) for state, led in pairs)
+        total = sum(state.weight for state in spec.all_states)
+        shares = tuple(state.weight / total for state in spec.all_states)
         return MeritOfSources(parametrisation, source, members, shares, spec.optimise.over_sources == "worst")
 
     def light_of(self, tables: Float[Tensor, "f side side"], rays: RayBundle, pairs: Pairs = ()) -> LightOfSources:

@@ -131,6 +131,7 @@ class Descent:
         steps = range(self.state.step, stage.steps)
         between = preset_of(self.accuracy).effort.multiplier_steps
         own_seeds = (seeds.of_step(self.seed, earlier + step) for step in steps)
+        limited = bool(problem.spec.limits_in_states)
         for step, rays in zip(steps, rays_ahead(self.source, stage.rays, own_seeds), strict=True):
             with remedy(f"raise {' or '.join(f'lens.{name}.offset_mm' for name in problem.spec.lens.names)}"):
                 every = torch.cat([weights, still]) if still.any() else weights
@@ -140,7 +141,7 @@ class Descent:
             result.loss.backward()
             unmoved = Parameters(weights.detach().clone(), offsets.detach().clone())
             optimiser.step(stage.rate(step))
-            if problem.spec.limits:  # without them no step leads there, and to look costs a fourteenth of it
+            if limited:  # without them no step leads there, and to look costs a fourteenth of it
                 _shorten(problem, unmoved, Parameters(weights, offsets), still)
             if step % between == between - 1:
                 problem.constraints.update(result.fields)
@@ -405,7 +406,7 @@ def _design(
 ) -> Design:
     """The record of a finished search; ``warnings`` on its scene go with those on its source."""
     source = each_of(source)[0]
-    summary = summarise(source, lens.spec.source)
+    summary = summarise(source, lens.spec.in_first_state.source)
     directions = fibonacci_hemisphere(_SIZE_DIRECTIONS)
     directions = directions if lens.others else directions[first_images(directions, lens.symmetry)]
     radius = np.max([radii(kind.body.envelope, directions).min(axis=0) for kind in lens.kinds], axis=0)

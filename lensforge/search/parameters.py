@@ -251,7 +251,7 @@ def settled_symmetry(spec: Spec, source: Source) -> Spec:
         lacking = _in_fixed(spec, group)
         if lacking is not None:
             raise InputError(f"lens.symmetry = {group!r}: {lacking} is not symmetric in this way; use 'auto'")
-    if not _in_targets(spec, name):
+    if not _in_all_targets(spec, name):
         raise InputError(f"lens.symmetry = {name!r}: the target is not symmetric in this way; use 'auto'")
     return spec
 
@@ -265,7 +265,7 @@ def _has_symmetry(spec: Spec, source: Source, name: str) -> bool:
     is_of_scene = all(
         contains(source.symmetry, group) and _in_fixed(spec, group) is None for group in _groups(spec, name)
     )
-    return is_of_scene and _in_targets(spec, name)
+    return is_of_scene and _in_all_targets(spec, name)
 
 
 def _in_fixed(spec: Spec, name: str) -> str | None:
@@ -277,6 +277,11 @@ def _in_fixed(spec: Spec, name: str) -> str | None:
     )
     bodies = (f"body {body.name!r}" for body in spec.media.bodies if not has_mirrors(body, name))
     return next(chain(lacking, bodies), None)
+
+
+def _in_all_targets(spec: Spec, name: str) -> bool:
+    """True where targets and limits have the symmetry in every state."""
+    return all(_in_targets(state, name) for state in spec.by_state.values())
 
 
 def _in_targets(spec: Spec, name: str) -> bool:

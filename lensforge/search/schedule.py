@@ -277,7 +277,7 @@ def _limits(spec: Spec, source: Source) -> list[tuple[float, str]]:
     outline = source.outline()
     width_mm = float(np.ptp(outline[:, :2], axis=0).max()) if len(outline) else 0.0
     limits.append((_OF_SOURCE * width_mm / radius_mm, f"a fifth of the angle of the source, {width_mm:.3g} mm wide"))
-    pixel_rad = min(receiver.pixel_rad(spec.evaluate.pixels) for receiver in spec.all_receivers)
+    pixel_rad = min(receiver.pixel_rad(spec.evaluate.pixels) for receiver in spec.receivers_in_states)
     for name in spec.lens.names:
         limit_mm = spec.face_limits(name).concave_radius_mm
         ball_mm = spec.manufacture.cutter_radius_mm if limit_mm is None else limit_mm

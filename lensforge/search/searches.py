@@ -153,6 +153,8 @@ def redesign(lens: Lens, source: EmitterSection | Path | str, **options: Unpack[
     built = build_source(other, lens.dispersion, facets=lens.media.scattering)
     symmetry = spec.lens.symmetry if contains(built.symmetry, spec.lens.symmetry) else "auto"
     name = joined_name(spec.name, name_of_source(other))
+    if spec.states:
+        raise InputError("redesign: this lens has states, each with its LED; change the LED in its spec, and design it")
     changed = spec.replace({"lens.symmetry": symmetry, "sources": ()}, source=other, name=name)
     chosen: SearchOptions = {"accuracy": lens.accuracy, "seed": lens.seed, "start": lens}
     chosen.update(options)
@@ -192,6 +194,7 @@ def _checked_scene(
     possible.
     """
     from lensforge.search.scene_check import SceneCheck, source_clearance_warnings
+    from lensforge.search.travel import require_clear_travel
 
     if spec.base.file is not None:
         from lensforge.cad.custom_base import read_custom_base
@@ -200,24 +203,26 @@ def _checked_scene(
     held = base_warnings(spec.lens, spec.constraints, spec.base, spec.manufacture.process) if spec.plate is None else []
     remarks = [*spec.lens.warnings, *held]
     of_scene = tuple[str, ...]()
-    leds = [led.name for led in spec.sources] or [""]
-    for led, led_spec in zip(leds, spec.of_each_source, strict=True):
-        source = source_of(led_spec)
-        summary = summarise(source, led_spec.source)
-        SourceLumens.of(None, summary).require_known(led_spec.photometry)  # not after a search
-        room = source_clearance_warnings(led_spec, source)
-        scene = SceneCheck.of(led_spec, source, start)
-        name = f"{led}: " if led else ""
-        with remedy(f"the LED is {led}") if led else nullcontext():
+    states = spec.by_state
+    noun = "state" if spec.states else "LED"
+    for name, alone in states.items():
+        source = source_of(alone)
+        summary = summarise(source, alone.source)
+        SourceLumens.of(None, summary).require_known(alone.photometry)  # not after a search
+        line = f"{name}: " if name else ""
+        with remedy(f"the {noun} is {name}") if name else nullcontext():
+            room = source_clearance_warnings(alone, source)
+            scene = SceneCheck.of(alone, source, start)
             scene.require_light(force=force)
-        lenses = led_spec.photometry.lenses * len(led_spec.all_lamps)
-        twice = application_warnings(led_spec.applications, led_spec.all_receivers, lenses, summary.flux_lm)
+        lenses = alone.photometry.lenses * len(alone.all_lamps)
+        twice = application_warnings(alone.applications, alone.all_receivers, lenses, summary.flux_lm)
         stated = (*scene.warnings(), *twice)
-        of_scene += tuple(f"{name}{warning}" for warning in stated)
-        remarks += [f"{name}{remarkng}" for remarkng in (*summary.warnings, *stated, *room)]
+        of_scene += tuple(f"{line}{warning}" for warning in stated)
+        remarks += [f"{line}{remarkng}" for remarkng in (*summary.warnings, *stated, *room)]
+    remarks += require_clear_travel(spec)
     wanted = searched_source(spec)
     if isinstance(wanted, SeveralSources):
-        remarks += _led_warnings(wanted, leds)
+        remarks += _led_warnings(wanted, list(states))
     for remark in remarks:
         if warn is None:
             warnings.warn(remark, SourceWarning, stacklevel=3)
@@ -335,7 +340,7 @@ def _light_by_other_rays(lens: Lens, seed: int) -> list[Light]:
     preset = preset_of(lens.accuracy)
     lights = []
     traced = TracedLens.of(lens, preset.evaluate_nodes_per_sigma)
-    for spec in lens.spec.of_each_source:
+    for spec in lens.spec.by_state.values():
         source = build_source(spec.source, lens.dispersion, facets=lens.media.scattering)
         efficacy = summarise(source, spec.source).lumens_per_watt
         limits = light_limits(spec, receivers_of(spec, spec.evaluate.pixels), efficacy, source.flux_w)

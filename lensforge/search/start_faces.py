@@ -20,12 +20,13 @@ _NARROWEST_BEAM_RAD = radians(0.1)
 
 
 def start_faces(spec: Spec) -> dict[str, Surface]:
-    """The faces by name from which the search begins, or those that the spec fixes.
+    """The faces by name from which the search begins, or those that the spec fixes; of several states for the first.
 
     Raises :class:`InputError` for sizes that leave no room for such a lens, and for faces that cross.
     """
     lens = spec.lens
-    surfaces = lens.start_faces(StartConditions(spec.constraints, spec.source.extent_mm, lambda: beam_of(spec)))
+    first = spec.in_first_state
+    surfaces = lens.start_faces(StartConditions(spec.constraints, first.source.extent_mm, lambda: beam_of(first)))
     if lens.has_creases:
         with remedy("change lens.*.offset_mm, or leave it out"):
             Body.of(surfaces, lens.body_roles).require_sound()

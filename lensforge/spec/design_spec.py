@@ -4,11 +4,12 @@ Each wrong field is reported in a line: its name, its value, what is allowed.
 """
 
 from collections.abc import Mapping
+from itertools import chain, combinations
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
 import tomli_w
-from pydantic import Field, model_validator
+from pydantic import Field, SerializerFunctionWrapHandler, model_serializer, model_validator
 
 from lensforge.errors import InputError, refused
 from lensforge.optics.media import Media
@@ -18,7 +19,7 @@ from lensforge.results.files import write_file
 from lensforge.results.validation import its_type
 from lensforge.spec.application import Application, kinds_of_addons, require_all_below, with_tables
 from lensforge.spec.bodies_section import BodySection, media_with, require_bodies
-from lensforge.spec.derived_values import derived_sizes
+from lensforge.spec.derived_values import derived_sizes, receiver_of
 from lensforge.spec.double_lens import LensSection
 from lensforge.spec.emitter_section import EmitterSection
 from lensforge.spec.feasible import require_drawn_over_plate, require_feasible
@@ -46,7 +47,8 @@ from lensforge.spec.receiver_sections import implied_receiver
 from lensforge.spec.search_section import ConstraintsSection, EvaluateSection, OptimiseSection
 from lensforge.spec.source_sections import NamedSource
 from lensforge.spec.spec_files import NamedFrom, alike, changed, plain, read_toml, short
-from lensforge.spec.spec_section import Section, check, section_of
+from lensforge.spec.spec_section import Section, check, fault_of, section_of
+from lensforge.spec.state_section import MOST_LIMITS, MOST_RECEIVERS, StateSection, with_light_of_first
 from lensforge.spec.target_sections import TargetSection
 from lensforge.spec.tolerances_section import FaceTolerances, PartTolerances, TolerancesSection, lets_light_in
 
@@ -68,9 +70,7 @@ def _filled(section: _Filled, derived: Mapping[str, Any]) -> _Filled:
     return filled
 
 
-_MOST_SOURCES = 16
-_MOST_RECEIVERS = 16
-_MOST_LIMITS = 1000
+_MOST_STATES = 16
 _MOST_BODIES = 8
 _OF_GIVEN_LEVELS = ("steps_per_level", "rays")  # fields of optimise
 
@@ -92,8 +92,13 @@ class Spec(Section):
     source: EmitterSection = _unless(
         "sources", "The LED: where light starts, how much, and in which directions; or give `sources`."
     )
-    sources: Annotated[tuple[NamedSource, ...], Field(max_length=_MOST_SOURCES)] = Field(
+    sources: Annotated[tuple[NamedSource, ...], Field(max_length=_MOST_STATES)] = Field(
         default=(), description="LEDs that one lens is for, in the place of `source`. Figures are stated with each."
+    )
+    states: Annotated[tuple[StateSection, ...], Field(max_length=_MOST_STATES)] = Field(
+        default=(),
+        description="Conditions that one lens is for, such as spot and flood. Figures are stated in each. `source` "
+        "and `target` may be left out; then those of the first state count.",
     )
     lens: LensShape = Field(
         default_factory=LensSection, description="Material, and the two surfaces from which the search starts."
@@ -107,13 +112,13 @@ class Spec(Section):
     target: TargetSection | None = Field(
         default=None, description="The light that is wanted, with the receiver that it names; or give `receivers`."
     )
-    receivers: Annotated[tuple[ReceiverSection, ...], Field(max_length=_MOST_RECEIVERS)] = Field(
+    receivers: Annotated[tuple[ReceiverSection, ...], Field(max_length=MOST_RECEIVERS)] = Field(
         default=(), description="Surfaces that the light falls on, each with its targets; or give `target` alone."
     )
     lamps: AnyLamps | None = Field(
         default=None, description="Lamps whose light every receiver sees together; by default one at the origin."
     )
-    limits: Annotated[tuple[LightLimitSpec, ...], Field(max_length=_MOST_LIMITS)] = Field(
+    limits: Annotated[tuple[LightLimitSpec, ...], Field(max_length=MOST_LIMITS)] = Field(
         default=(), description="Light that must be at least, or at most, so much."
     )
     if TYPE_CHECKING:  # a table that an add-on brings, for scripts that are checked
@@ -147,17 +152,19 @@ class Spec(Section):
     @model_validator(mode="before")
     @classmethod
     def _first_of_several(cls, content: Any) -> Any:
-        if not isinstance(content, Mapping) or not content.get("sources") or content.get("source") is not None:
-            return content
-        several = content["sources"]
-        first = several[0] if isinstance(several, list | tuple) else None
-        source = first.get("source") if isinstance(first, Mapping) else getattr(first, "source", None)
-        return content if source is None else {**content, "source": source}
+        return with_light_of_first(content) if isinstance(content, Mapping) else content
+
+    @model_serializer(mode="wrap")
+    def _as_before_states(self, write: SerializerFunctionWrapHandler) -> dict[str, object]:
+        """The spec without an empty list of states: specs without any keep the hash that they had before there were."""
+        return {name: value for name, value in write(self).items() if name != "states" or value}
 
     @check
     def _sources_are_told_apart(self) -> None:
         if not self.sources:
             return
+        if self.states:
+            raise ValueError("states and sources: both are given; give each LED as the source of a state")
         if (duplicate := alike(source.name for source in self.sources)) is not None:
             raise ValueError(f"sources: {duplicate}; give each its own")
         if self.source != self.sources[0].source:
@@ -262,15 +269,37 @@ class Spec(Section):
         raise ValueError(f"{needed} (`lensforge new` measures it in a ray file)")
 
     @check
+    def _states_are_told_apart(self) -> None:
+        if not self.states:
+            return
+        if (duplicate := alike(state.name for state in self.states)) is not None:
+            raise ValueError(f"states: {duplicate}; give each its own")
+        if len(self.states) == 1:
+            raise ValueError(f"states: {self.states[0].name!r} is the only one; add another, or state it in the spec")
+        for (name, spec), (other, other_spec) in combinations(self.by_state.items(), 2):
+            if spec == other_spec:
+                raise ValueError(f"states: {name!r} and {other!r} do not differ; change LED, place, target or limits")
+
+    @check
     def _sections_fit_together(self) -> None:
+        require_bodies(self.bodies, self.lens, self.constraints, self.all_lamps)
+        for name, spec in self.by_state.items():
+            with fault_of(f"states: {name}" if self.states else ""):
+                spec._require_fitting_light()
+
+    def _require_fitting_light(self) -> None:
         field = "receivers.centre_mm: distance of the plane" if self.receivers else "target.distance_mm"
         for receiver in self.all_receivers:
             receiver.require_outside(self.lens, self.constraints, field)
             require_target_fits(receiver, self.all_lamps.period_mm is not None)
         require_seen_from_afar(self.photometry, self.all_receivers, self.constraints)
-        require_bodies(self.bodies, self.lens, self.constraints, self.all_lamps)
         require_limits_fit(self.limits, self.all_receivers, self.lens.leaks)
         require_all_below(self.applications, self.all_receivers)
+        if self.evaluate.window_mm is not None and (self.target is None or self.target.distance_mm is None):
+            raise ValueError(
+                f"evaluate.window_mm = {self.evaluate.window_mm:g} goes with a target on a plane, target.distance_mm; "
+                "leave it out, or give a receiver of kind plane its own window_mm"
+            )
 
     @property
     def media(self) -> Media:
@@ -278,16 +307,50 @@ class Spec(Section):
         return media_with(self.bodies, self.lens)
 
     @property
-    def each_source(self) -> tuple[EmitterSection, ...]:
-        """The LEDs that the lens is for: one, unless ``sources`` has more."""
-        return tuple(source.source for source in self.sources) or (self.source,)
+    def all_states(self) -> tuple[StateSection, ...]:
+        """The states that the lens is for: those of ``states``, or one with each of ``sources``; none for one alone."""
+        return self.states or tuple(
+            StateSection(name=led.name, weight=led.share, source=led.source) for led in self.sources
+        )
 
     @property
-    def of_each_source(self) -> "tuple[Spec, ...]":
-        """The spec with each of its LEDs alone, all else as it is."""
-        if not self.sources:
-            return (self,)
-        return tuple(self.changed(source=source.source, sources=()) for source in self.sources)
+    def by_state(self) -> "dict[str, Spec]":
+        """The spec of each state by its name, all else as it is; "" is the name of the only one."""
+        return {state.name: self._in(state) for state in self.all_states} or {"": self}
+
+    def _in(self, state: StateSection) -> "Spec":
+        spec = self.changed(**state.changes(self.source), sources=(), states=())
+        if state.target is not None:
+            spec._fill("target", receiver_of(state.target))
+        return spec
+
+    def of_state(self, name: str) -> "Spec":
+        """The spec of the state ``name``; itself for "". Raises :class:`InputError` where there is no such state."""
+        by_state = self.by_state if name else {"": self}
+        if name not in by_state:
+            known = ", ".join(repr(state.name) for state in self.all_states) or "none, the lens has one condition"
+            raise InputError(f"state = {name!r}: no state of that name; known: {known}")
+        return by_state[name]
+
+    @property
+    def in_first_state(self) -> "Spec":
+        """The spec of its first state; itself where there is one alone."""
+        return next(iter(self.by_state.values()))
+
+    @property
+    def each_source(self) -> tuple[EmitterSection, ...]:
+        """The LED as it stands in each state."""
+        return tuple(spec.source for spec in self.by_state.values())
+
+    @property
+    def receivers_in_states(self) -> tuple[ReceiverSection, ...]:
+        """The receivers of one state after the other."""
+        return tuple(chain.from_iterable(spec.all_receivers for spec in self.by_state.values()))
+
+    @property
+    def limits_in_states(self) -> tuple[LightLimitSpec, ...]:
+        """The limits of one state after the other."""
+        return tuple(chain.from_iterable(spec.limits for spec in self.by_state.values()))
 
     @property
     def base_made(self) -> BaseSection:
@@ -311,9 +374,10 @@ class Spec(Section):
     def _lamps_have_room(self) -> None:
         if self.lamps is not None and not self.all_lamps.is_single:
             lenses = self.photometry.lenses
-            receivers = self.all_receivers
+            receivers = self.receivers_in_states
             require_together(self.all_lamps, self.constraints, self.base_made, receivers, lenses)
-            unfit = {"sources": bool(self.sources), "optimise.robust": bool(self.optimise.robust)}
+            unfit = {"sources": bool(self.sources), "states": bool(self.states)}
+            unfit["optimise.robust"] = bool(self.optimise.robust)
             require_kinds(self.lamps, receivers, unfit, self.limits)
             if self.evaluate.window_mm is not None:
                 raise ValueError("evaluate.window_mm: of lamps together the whole receiver counts; leave it out")
@@ -329,14 +393,6 @@ class Spec(Section):
             require_drawn_over_plate(self.lens, self.manufacture)
             if self.base.kind == "step":
                 raise ValueError("base.file: the plate holds the lenses; leave out one of the two")
-
-    @check
-    def _window_is_of_a_plane(self) -> None:
-        if self.evaluate.window_mm is not None and (self.target is None or self.target.distance_mm is None):
-            raise ValueError(
-                f"evaluate.window_mm = {self.evaluate.window_mm:g} goes with a target on a plane, target.distance_mm; "
-                "leave it out, or give a receiver of kind plane its own window_mm"
-            )
 
     @property
     def all_receivers(self) -> tuple[ReceiverSection, ...]:
@@ -396,12 +452,14 @@ class Spec(Section):
     @property
     def has_limits(self) -> bool:
         """True where the light must keep limits: those of ``limits``, of classes of applications, and on its colour."""
-        return bool(self.limits or self.applications or (self.colour is not None and self.colour.has_limits))
+        of_colour = self.colour is not None and self.colour.has_limits
+        return bool(self.limits_in_states or self.applications or of_colour)
 
     @property
     def has_uniform_region(self) -> bool:
         """True where a target names a region of uniform light."""
-        return any(target.pair("uniform") is not None for section in self.all_receivers for target in section.targets)
+        targets = chain.from_iterable(section.targets for section in self.receivers_in_states)
+        return any(target.pair("uniform") is not None for target in targets)
 
     @check
     def _settings_match_levels(self) -> None:
@@ -409,6 +467,8 @@ class Spec(Section):
         if self.optimise.robust and self.lens.is_opaque:
             clear = " or ".join(repr(kind) for kind, section in LensShape.kinds.items() if lets_light_in(section.roles))
             raise ValueError(f"optimise.robust goes with lens.kind = {clear}, not {self.lens.kind!r}; leave it out")
+        if self.optimise.robust and self.states:
+            raise ValueError("optimise.robust: a search by made parts is for one state; leave it out, or states")
         self.optimise.require_limits(bool(self.limits or self.applications))
         if self.lens.levels != "auto":
             if self.optimise.seconds is not None:

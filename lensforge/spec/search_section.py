@@ -152,7 +152,7 @@ class OptimiseSection(Section):
     )
     over_sources: Literal["mean", "worst"] = Field(
         default="mean",
-        description='Of several `sources`: the "mean" error over them by their shares, or the error of the "worst".',
+        description='Of `states` or several `sources`: the "mean" of their errors by weight, or the "worst" error.',
     )
     seconds: Annotated[float, Field(ge=1.0, le=1e6)] | None = Field(
         default=None,

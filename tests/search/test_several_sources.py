@@ -46,7 +46,7 @@ def test_a_sample_has_rays_of_each_in_turn_and_each_is_a_sample_of_its_own() -> 
     assert isinstance(source, SeveralSources) and source.flux_w == pytest.approx(2.5)
     rays = source.sample(101, 7)
     assert np.array_equal(rays.of_source, np.tile([0, 1], 51))
-    for own, alone in zip(source.shared_out(rays), map(source_of, spec.of_each_source), strict=True):
+    for own, alone in zip(source.shared_out(rays), map(source_of, spec.by_state.values()), strict=True):
         wanted = alone.sample(51, 7)
         for name in ("origins", "directions", "flux"):
             assert np.array_equal(getattr(own, name), getattr(wanted, name))
@@ -112,7 +112,7 @@ def test_the_merit_is_the_mean_by_shares_or_the_worst(over: str, changes: dict[s
     pairs = SearchParts.of(spec, parametrisation).of_step(0, 3) if spec.optimise.robust else ()
     found = merit.step_loss(weights, offsets, rays, constraints, False, pairs)
     alone = []
-    for own in spec.of_each_source:
+    for own in spec.by_state.values():
         led = source_of(own)
         alone.append(MeritFunction.of(own, led, parametrisation).step_loss(
             weights, offsets, led.sample(2048, 1), constraints, False, pairs
@@ -140,7 +140,7 @@ def test_a_judgement_is_that_of_each_by_its_own_samples(over: str) -> None:
     weights, offsets = problem.parametrisation.start()
     judged, _ = ValidationRays.of(source, 4096, 0)[0].judge(problem, weights, offsets, False)
     found = []
-    for own in spec.of_each_source:
+    for own in spec.by_state.values():
         led = source_of(own)
         alone = Problems(own, led, 3.0, None).of((9,))
         found.append(ValidationRays.of(led, 2048, 0)[0].judge(alone, weights, offsets, False)[0])

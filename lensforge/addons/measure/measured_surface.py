@@ -96,7 +96,7 @@ class ChangedLens:
         compares by so many.
         """
         preset = preset_of(lens.accuracy)
-        leds = {led: judging_source(lens_of_led.spec) for led, lens_of_led in lens.by_led.items()}
+        leds = {led: judging_source(lens_of_led.spec) for led, lens_of_led in lens.by_state.items()}
         usual = min(lens.spec.evaluate.rays or preset.evaluate_rays, preset.studies.compared_rays)
         count, conditions = min((rays_of(rays, usual, source) for source in leds.values()), key=lambda each: each[0])
         return ChangedLens(lens, side, leds, preset.evaluate_nodes_per_sigma, count), conditions

@@ -165,7 +165,7 @@ def drawn(lens: Lens, figure: str, traced: TracedLens | None = None, *, whole: b
     origins = np.tile(np.array(lens.spec.source.pose.origin_mm, dtype=float), (len(fan), 1))
     arrays["fan"] = trace_fan(lens, origins, fan, reach_mm, traced)[..., [0, 2]]
     if whole:
-        rays = source_of(lens.spec.of_each_source[0]).sample(_RAYS, _SEED)
+        rays = source_of(lens.spec.in_first_state).sample(_RAYS, _SEED)
         rays = rays.take(np.flatnonzero(rays.directions[:, 2] > 0.0))
         bare = RayBundle(rays.origins, rays.directions, np.ones(len(rays)))
         arrays["fates"] = TracedBundle.of(traced.tables, traced.scene, bare).exits.fates.astype(float)

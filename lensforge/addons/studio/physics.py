@@ -1,7 +1,5 @@
 """Physics of a spec that is being written: bounds, image of the LED, and kinds of lens, as ``lensforge new`` says."""
 
-from collections.abc import Iterator
-
 import numpy as np
 
 from lensforge.addons.studio.page_frames import packed
@@ -40,7 +38,7 @@ def chart_head(
 def bounds(spec: Spec) -> dict[str, object]:
     """Most light on each target and for each limit, and the widths of the LED's image and of the target."""
     rows = list[dict[str, object]]()
-    for led, own in _each_led(spec):
+    for led, own in spec.by_state.items():
         targets, limits = light_requirements(own, source_of(own))
         names = [*(each.name for each in own.all_receivers), *(each.name for each in limits)]
         for name, light in zip(names, (*targets, *limits), strict=True):
@@ -53,7 +51,7 @@ def bounds(spec: Spec) -> dict[str, object]:
 def lens_kinds(spec: Spec) -> dict[str, object]:
     """The kinds of lens with the most light that each can send to the target, and the one that is advised."""
     light = {"target": _given(spec.target)} if spec.target is not None else {"receivers": [_given(spec.receivers[0])]}
-    scene = NewScene.of("lens", light, _given(spec.each_source[0]), spec.constraints.max_radius_mm)
+    scene = NewScene.of("lens", light, _given(spec.source), spec.constraints.max_radius_mm)
     advice = scene.of_material("PMMA").advice()
     options = [
         {"kind": kind, "title": each.kind.title, "possible": each.possible} for kind, each in advice.options.items()
@@ -64,14 +62,10 @@ def lens_kinds(spec: Spec) -> dict[str, object]:
 def doubts(spec: Spec) -> dict[str, object]:
     """Lines on what no search can mend."""
     warnings = list[str]()
-    for led, own in _each_led(spec):
+    for led, own in spec.by_state.items():
         words = SceneCheck.of(own, source_of(own)).warnings()
         warnings += [f"{led}: {line}" if led else line for line in words]
     return {"warnings": warnings}
-
-
-def _each_led(spec: Spec) -> Iterator[tuple[str, Spec]]:
-    return zip([led.name for led in spec.sources] or [""], spec.of_each_source, strict=True)
 
 
 def _given(section: object) -> dict[str, object]:

@@ -230,7 +230,7 @@ class Worker:
             arrays[name] = np.array([value for level in levels for value in getattr(level, name)])
         lights = run.light.receivers if "evaluate" in run.found else ()
         lumens = run.light.lumens_per_watt if lights else None
-        for number, (light, section) in enumerate(zip(lights, run.spec.all_receivers, strict=True)):
+        for number, (light, section) in enumerate(zip(lights, run.spec.in_first_state.all_receivers, strict=True)):
             heads.append(chart_head(section, light.width, light.height, lumens))
             arrays[f"light{number}"] = (lumens or 1.0) * light.map
             arrays[f"target{number}"] = (lumens or 1.0) * light.target_map
@@ -305,8 +305,8 @@ class _Watch:
         self._worker = worker
         self._steps = list[tuple[float, float]]()
         self._light = tuple[np.ndarray, ...]()
-        pairs = list(zip(spec.all_receivers, receivers_of(spec, spec.optimise.pixels), strict=True))
-        first = spec.of_each_source[0]
+        first = spec.in_first_state
+        pairs = list(zip(first.all_receivers, receivers_of(first, spec.optimise.pixels), strict=True))
         lumens = summarise(source_of(first), first.source).lumens_per_watt
         self._heads = [chart_head(section, each.grid.width, each.grid.height, lumens) for section, each in pairs]
         self._measures = [each.pixel_measure / (lumens or 1.0) for _, each in pairs]

@@ -1,0 +1,89 @@
+"""States of a lens: conditions under which one lens is to work, such as the spot and the flood of a zoom torch.
+
+A state is a part of a spec, laid over the spec. So the spec of one state is an ordinary one, and all that takes a lens
+with one condition takes it.
+"""
+
+from collections.abc import Mapping
+from typing import Annotated, Any
+
+from pydantic import Field
+
+from lensforge.public import public
+from lensforge.spec.emitter_section import Degrees, EmitterSection
+from lensforge.spec.light_limits import LightLimitSpec
+from lensforge.spec.receiver_fields import ReceiverSection
+from lensforge.spec.spec_section import Coordinate, Section, check
+from lensforge.spec.target_sections import TargetSection
+
+MOST_RECEIVERS = 16
+MOST_LIMITS = 1000
+_STILL = (0.0, 0.0, 0.0)
+_UPRIGHT = (0.0, 0.0)
+
+
+@public
+class StateSection(Section):
+    """One of the states of a lens; what it leaves out is that of the spec."""
+
+    name: Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]{1,32}$")] = Field(
+        description="Name of the state, in tables, pictures and files."
+    )
+    weight: Annotated[float, Field(ge=1e-6, le=1e6)] = Field(
+        default=1.0, description="Weight of its light in the mean over all states, relative."
+    )
+    source: EmitterSection | None = Field(default=None, description="Another LED.")
+    shift_mm: tuple[Coordinate, Coordinate, Coordinate] = Field(
+        default=_STILL, description="Shift (x, y, z) of the LED against the lens, added to its `position_mm`."
+    )
+    tilt_deg: tuple[Degrees, Degrees] = Field(
+        default=_UPRIGHT, description="Tilt of the LED about the x axis, then the y axis, added to its `tilt_deg`."
+    )
+    target: TargetSection | None = Field(default=None, description="The light that is wanted in this state.")
+    receivers: Annotated[tuple[ReceiverSection, ...], Field(max_length=MOST_RECEIVERS)] = Field(
+        default=(), description="Surfaces that the light falls on in this state, in place of the spec's."
+    )
+    limits: Annotated[tuple[LightLimitSpec, ...], Field(max_length=MOST_LIMITS)] | None = Field(
+        default=None, description="Limits on the light of this state, in place of the spec's."
+    )
+
+    @check
+    def _light_is_given_once(self) -> None:
+        if self.target is not None and self.receivers:
+            raise ValueError("target and receivers: both are given; give one: what light is wanted, and where")
+
+    def changes(self, led: EmitterSection) -> dict[str, Any]:
+        """The sections of a spec that are others in this state; ``led``: the source of the spec."""
+        changes: dict[str, Any] = {"source": self._placed(self.source or led)}
+        if self.target is not None or self.receivers:
+            changes |= {"target": self.target, "receivers": self.receivers}
+        if self.limits is not None:
+            changes["limits"] = self.limits
+        return changes
+
+    def _placed(self, led: EmitterSection) -> EmitterSection:
+        """``led`` where it stands in this state."""
+        moves = {"position_mm": self.shift_mm, "tilt_deg": self.tilt_deg}
+        return led.changed(
+            **{
+                name: tuple(place + change for place, change in zip(getattr(led, name), by, strict=True))
+                for name, by in moves.items()
+                if any(by)
+            }
+        )
+
+
+def with_light_of_first(content: Mapping[str, Any]) -> Mapping[str, Any]:
+    """``content`` of a spec; where it leaves out LED or target, those of the first of its states."""
+    states = content.get("states") or content.get("sources")
+    first = states[0] if isinstance(states, list | tuple) and states else None
+    missing: dict[str, Any] = {}
+    for names in (("source",), ("target", "receivers")):
+        given = {name: value for name in names if (value := _value(first, name))}
+        if given and not any(content.get(name) for name in names):
+            missing |= given
+    return {**content, **missing}
+
+
+def _value(state: object, name: str) -> Any:
+    return state.get(name) if isinstance(state, Mapping) else getattr(state, name, None)
