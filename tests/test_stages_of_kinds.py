@@ -76,6 +76,17 @@ SCENES: dict[str, dict[str, Any]] = {
             {"name": "two", "source": {"kind": "disc", "diameter_mm": 0.7, "position_mm": [0.2, 0.1, 0.0]}},
         ],
     },
+    "states": {
+        "states": [
+            {"name": "near"},
+            {
+                "name": "far",
+                "shift_mm": [0.1, 0.0, -0.3],
+                "target": BEAM["target"],
+                "limits": [{"kind": "zone", "zone": {"kind": "disc", "diameter_deg": 20.0}, "at_least_share": 0.001}],
+            },
+        ],
+    },
     "bodies": {
         "bodies": [
             {
@@ -88,6 +99,7 @@ SCENES: dict[str, dict[str, Any]] = {
     },
     "cover glass": {"lens__cover_glass": {"distance_mm": 20.0, "thickness_mm": 2.0, "refractive_index": 1.5}},
 }
+NAMES = {"several LEDs": ["one", "two"], "states": ["near", "far"]}
 NO_SENSE = "–: "
 VERBS: dict[str, Callable[[lf.Lens, Path], Any]] = {
     "design": lambda lens, _: lf.design(lens.spec, accuracy=FEW_STEPS, force=True, warn=lambda _: None),
@@ -170,8 +182,8 @@ OTHERS = [
 
 @pytest.mark.parametrize(("row", "stage"), OTHERS)
 def test_every_other_cell_runs(row: str, stage: str, tmp_path: Path) -> None:
-    """With several LEDs a light, a proof and a far field that are of all name each."""
+    """Of several LEDs or states a light, a proof and a far field that are of all name each."""
     with undrawn():
         found = VERBS[stage](lens_of(row), tmp_path)
-    if row == "several LEDs" and isinstance(found, ResultByLed):
-        assert list(found.by_led) == ["one", "two"]
+    if row in NAMES and isinstance(found, ResultByLed):
+        assert list(found.by_led) == NAMES[row]

@@ -108,12 +108,12 @@ def measure(
 
 
 def _judging(spec: Spec, source: Source) -> dict[str, Source]:
-    names = [led.name for led in spec.sources] or [""]
-    return dict(zip(names, map(held_back, each_of(source)), strict=True))
+    return dict(zip(spec.by_state, map(held_back, each_of(source)), strict=True))
 
 
 def _light(traced: TracedLens, lens: Lens, leds: Mapping[str, Source], rays: int) -> Light:
-    return Light.joined({led: evaluate_traced(traced, lens.spec, leds[led], rays, lens.seed) for led in leds})
+    spec = lens.spec
+    return Light.joined({led: evaluate_traced(traced, spec.of_state(led), leds[led], rays, lens.seed) for led in leds})
 
 
 def ray_counts(most_rays: int, sources: Iterable[Source]) -> tuple[int, ...]:

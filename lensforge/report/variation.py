@@ -91,6 +91,8 @@ class SourceVariation:
 
         Raises :class:`InputError` for a source the spec cannot have, and for one with the name of the design for all.
         """
+        if base.states:
+            raise InputError(f"{base.name}: has states with their LEDs; vary a field of one, such as states.0.weight")
         designs = []
         for led in self.sources:
             if led.name.casefold() == ONE_FOR_ALL:

@@ -32,8 +32,8 @@ def spec_schema() -> dict[str, Any]:
         if kind_of(section) not in (None, usual):  # it chooses among several, so a file has to name it
             table["required"] = ["kind", *(name for name in table.get("required", ()) if name != "kind")]
     table = _table(_plain(schema))
-    required = [name for name in table["required"] if name != "source"]  # or sources
-    either = [{"required": [name]} for name in ("source", "sources")]
+    required = [name for name in table["required"] if name != "source"]  # or sources, states
+    either = [{"required": [name]} for name in ("source", "sources", "states")]
     return {"title": "lensforge spec", **table, "required": required, "anyOf": either}
 
 

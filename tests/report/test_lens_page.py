@@ -48,9 +48,12 @@ def test_the_place_of_each_led_stands_where_it_is_named_first():
     """In the header, of several LEDs of each, before any figure and outside of all that is folded."""
     place = SourcePlace(file=None, rotate_z_deg=0.0, tilt_deg=(0.0, 7.5), position_mm=(0.1, -0.2, 0.4))
     made = make_results(("evaluate",))
+    leds = [{"name": name, "source": {"kind": "square", "side_mm": 2.0}} for name in ("red", "green")]
+    lens = replace(made.lens, spec=made.spec.replace(source=None, sources=leds))
     light = made.light.model_copy(update={"led": "red", "place": place})
     other = light.changed(led="green", place=place.changed(position_mm=(1.5, 0.0, 0.0)), others=())
-    markup = undrawn_page_of(replace(made, found={"evaluate": light.model_copy(update={"others": (other,)})}))
+    both = light.model_copy(update={"others": (other,)})
+    markup = undrawn_page_of(replace(made, lens=lens, found={"evaluate": both}))
     head = re.sub("<[^>]+>|\\s+", " ", markup[markup.index("<header>") : markup.index("<main>")])
     for words in (
         "LED, red: tilted by (0, 7.5)°, Shifted by (0.1, −0.2, 0.4) mm",

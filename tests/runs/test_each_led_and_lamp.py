@@ -224,7 +224,7 @@ def test_an_led_moved_by_a_known_pose_is_told_and_stands_there(light: lf.Light) 
 
 
 def test_light_on_the_wall_is_the_mean_of_both_lamps(lens: lf.Lens, light: lf.Light) -> None:
-    for led, own in lens.by_led.items():
+    for led, own in lens.by_state.items():
         seen = [replace(own, spec=seen_by_lamp(own.spec, number).replace(NO_ROADS)) for number in (0, 1)]
         shares = [lf.evaluate(each, rays=MOST_RAYS).efficiency.value for each in seen]
         assert light.by_led[led].efficiency.value == pytest.approx(np.mean(shares), abs=0.01)

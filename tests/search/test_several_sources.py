@@ -95,9 +95,25 @@ HALF = {"kind": "zone", "zone": {"kind": "rectangle", "width_mm": 120.0, "height
 OF_PARTS = {"optimise__robust": "yield", "limits": [HALF], **tolerance_changes(LARGE)}
 
 
+OTHER = {"kind": "rectangle", "width_mm": 90.0, "height_mm": 60.0, "centre_mm": [20.0, 0.0],
+         "distance_mm": 80.0, "receiver_mm": 150.0}  # fmt: skip
+OF_STATES = {
+    "source": LEFT, "sources": [], "limits": [HALF],
+    "states": [{"name": "left", "weight": 3.0},
+               {"name": "right", "source": RIGHT, "shift_mm": [0.1, 0.0, 0.2], "target": OTHER, "limits": []}],
+}  # fmt: skip
+
+
 @pytest.mark.parametrize(
     ("over", "changes"),
-    [("mean", {}), ("worst", {}), ("mean", {**ONE_WITH_WAVELENGTHS, **GREEN_PMMA}), ("mean", OF_PARTS)],
+    [
+        ("mean", {}),
+        ("worst", {}),
+        ("mean", {**ONE_WITH_WAVELENGTHS, **GREEN_PMMA}),
+        ("mean", OF_PARTS),
+        ("mean", OF_STATES),
+        ("worst", OF_STATES),
+    ],
 )
 def test_the_merit_is_the_mean_by_shares_or_the_worst(over: str, changes: dict[str, Any]) -> None:
     spec = _spec(**{"optimise__over_sources": over, **changes})

@@ -169,7 +169,8 @@ def _uniform(light: Light, lens: Lens | None) -> "Bool[np.ndarray, 'h w'] | None
         return None
     if lens.sha256 != light.inputs["lens"]:
         raise InputError("lens: the light was evaluated with another lens; give the lens of the light")
-    return uniform_region(lens.spec.all_receivers[0].targets, receivers_of(lens.spec, light.pixels)[0])
+    spec = lens.spec.of_state(light.led)
+    return uniform_region(spec.all_receivers[0].targets, receivers_of(spec, light.pixels)[0])
 
 
 @public

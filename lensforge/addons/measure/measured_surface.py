@@ -118,8 +118,9 @@ class ChangedLens:
             lenses.append(
                 replace(traced, kinds=tuple((kinds | {self.lens.kind: traced}).values())) if kinds else traced
             )
+        spec = self.lens.spec
         return {
-            led: [traced_light(lens, self.lens.spec, source, self.rays, self.lens.seed) for lens in lenses]
+            led: [traced_light(lens, spec.of_state(led), source, self.rays, self.lens.seed) for lens in lenses]
             for led, source in self.leds.items()
         }
 
@@ -161,7 +162,8 @@ def compare_surface(
     (first, (before, after)), *further = lights.items()
     by_led = traced.by_led(lights)
     distance_um = 1e3 * distances(patch, cut.placed.points)[0]
-    section, receiver = lens.spec.all_receivers[0], receivers_of(lens.spec, lens.spec.evaluate.pixels)[0]
+    spec = lens.spec.in_first_state
+    section, receiver = spec.all_receivers[0], receivers_of(spec, spec.evaluate.pixels)[0]
     pixels = FacePixels.of(patch, domain)
     form_um = pixels.map_um(form.change)
     inside = np.isfinite(form_um)
