@@ -98,6 +98,7 @@ from lensforge.spec.part_section import FeetSection
 from lensforge.spec.plate_section import DrawnOutline, PlateBoss, PlateGate, PlateHole, PlatePin, PlateSection
 from lensforge.spec.scatter_section import AbgScatter, GaussianScatter, LambertianScatter, TableScatter
 from lensforge.spec.source_sections import Chip, NamedSource, RayfilePart
+from lensforge.spec.state_section import StateSection
 from lensforge.spec.tolerances_section import FaceTolerances, PartTolerances, ToleranceSpec, TolerancesSection
 from lensforge.version import __version__
 
@@ -112,7 +113,7 @@ __all__ = [
     "OptimiseSection", "Part", "PartTolerances", "PhotometricIntensity", "PhotometricSummary",
     "Photometry", "PhotometrySection", "PlateBoss", "PlateGate", "PlateHole", "PlatePin", "PlateSection", "PointsLimit",
     "Possible", "Preset", "Progress", "Proof", "RayFileSummary", "RayfilePart", "ReflectorSection", "Results",
-    "RingLamps", "Run", "Sensitivity", "ShellFace", "SourceWarning", "Spec", "StrayLight",
+    "RingLamps", "Run", "Sensitivity", "ShellFace", "SourceWarning", "Spec", "StateSection", "StrayLight",
     "Sweep", "TableIntensity", "TableLamps", "TableScatter", "TableSpectrum", "TirSection",
     "ToleranceSpec", "TolerancesSection", "Tool", "Tradeoff", "Verdict", "Yield", "ZoneLimit", "__version__",
     "best_design", "build", "check", "design", "evaluate", "handover", "load", "load_lens",

@@ -52,6 +52,7 @@ def drawing_notes(
         *([PROFILE_NOTE] if profile_rows(lens, tuple(check.faces)) else []),
         *([ASPHERE_NOTE] if any("asphere" in str(equation(face)) for face in lens.surfaces.values()) else []),
         _sources(lens, tolerances),
+        *travel_words(lens),
         general_words(words),
         *surface_words(lens, words),
         *mould_words(lens),
@@ -126,6 +127,14 @@ def _sources(lens: Lens, tolerances: ToleranceTable) -> str:
         words = f"the specification ({'; '.join(given)}), the others {preset}"
     passing = f" {tolerances.passing}." if tolerances.passing else ""
     return f"Tolerances on the axis, 3/, 4/, n and roughness: {words}.{passing}"
+
+
+def travel_words(lens: Lens) -> Iterator[str]:
+    """A note on the stops of an LED that moves between the states of a lens; none where it stays."""
+    by_place = {name: spec.source.place_words for name, spec in lens.spec.by_state.items()}
+    if lens.spec.states and len(set(by_place.values())) > 1:
+        stops = "; ".join(f"{name}: {place or 'at the origin'}" for name, place in by_place.items())
+        yield f"The LED moves against the lens; its stops are {stops}."
 
 
 def general_words(words: DrawingSection) -> str:

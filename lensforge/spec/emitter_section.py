@@ -207,7 +207,12 @@ class EmitterSection(OfSeveralKinds, FluxSection):
     @property
     def title(self) -> str:
         """The source in a few words, and where it sits unless that is at the lens origin."""
-        parts = [self.description]
+        return " ".join(filter(None, (self.description, self.place_words)))
+
+    @property
+    def place_words(self) -> str:
+        """Where it sits, in words; empty at the lens origin."""
+        parts = []
         if any(self.position_mm):
             parts.append(f"at ({', '.join(f'{value:g}' for value in self.position_mm)}) mm")
         if any(self.tilt_deg):
