@@ -53,6 +53,10 @@ GROUPS: dict[str, tuple[str, tuple[str, ...]]] = {
         "Ray files, chips, interchangeable LEDs, and one colour ([the LED](sources.md), [several LEDs](leds.md)).",
         ("led_rayfile", "osram_pi", "chip_array", "second_source", "led_colours", "rgbw", "white_two_files"),
     ),
+    "States": (
+        "One lens for several conditions, such as spot and flood of a zoom ([states](states.md)).",
+        ("stage_zoom",),
+    ),
     "Frosted faces": (
         "Faces that scatter hide chips; the search knows what they do ([frosted faces](leds.md#frosted-faces)).",
         ("frosted_spot", "soft_panel", "printed"),
@@ -108,7 +112,7 @@ def picture(name: str) -> Path:
 
 
 def draw(name: str) -> dict[str, object]:
-    """Design a draft, draw its light on each receiver side by side, and return its figures."""
+    """Design a draft, draw its light in each state and on each receiver side by side, and return its figures."""
     import lensforge as lf
 
     spec = lf.load_spec(EXAMPLES / f"{name}.toml")
@@ -116,8 +120,9 @@ def draw(name: str) -> dict[str, object]:
         spec = spec.replace({"optimise.seconds": None})
     light = lf.evaluate(lf.design(spec, accuracy="draft", force=True).lens, rays=RAYS)
     panels = []
-    for receiver in light.receivers:
-        figure = light.plot(receiver=receiver.name).figure
+    cases = list(light.cases("receivers"))
+    for case in cases:
+        figure = case.result.plot(receiver=case.record.name).figure
         figure.set_size_inches(3.6, 2.8)
         buffer = BytesIO()
         figure.savefig(buffer, format="png", dpi=90, facecolor="white", bbox_inches="tight")
@@ -130,9 +135,9 @@ def draw(name: str) -> dict[str, object]:
     return {
         "accuracy": "draft",
         "aim": spec.optimise.aim,
-        "share_in_target": [receiver.share_in_target.value for receiver in light.receivers],
-        "nmse": [receiver.nmse.value for receiver in light.receivers],
-        "efficiency": [receiver.efficiency.value for receiver in light.receivers],
+        "share_in_target": [case.record.share_in_target.value for case in cases],
+        "nmse": [case.record.nmse.value for case in cases],
+        "efficiency": [case.record.efficiency.value for case in cases],
     }
 
 

@@ -67,6 +67,15 @@ def test_the_light_of_a_state_is_that_of_the_same_lens_with_its_condition_alone(
     assert near.map.shape != far.map.shape or not np.allclose(near.map, far.map)
 
 
+def test_a_warm_lens_is_warm_in_each_state() -> None:
+    law = {"lens__index_per_k": -1e-4, "lens__expansion_per_k": 7e-5}
+    warm = lf.evaluate(lens_with(source=LED, states=STATES, **law), rays=1024, temperature_c=80.0)
+    for name, condition in BY_HAND.items():
+        alone = lf.evaluate(lens_with(**condition, **law), rays=1024, temperature_c=80.0)
+        cold = lf.evaluate(lens_with(**condition, **law), rays=1024)
+        assert warm.by_led[name].receivers == alone.receivers != cold.receivers
+
+
 def test_the_second_state_decides(lens: lf.Lens, light: lf.Light) -> None:
     assert list(light_reasons(light, lens)) == []
     missed = replace(light.others[0].limits[0], limit=0.999).judged()
