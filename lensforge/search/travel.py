@@ -27,8 +27,11 @@ def travelled(first: EmitterSection, last: EmitterSection, share: float) -> Emit
 def require_clear_travel(spec: Spec) -> tuple[str, ...]:
     """Raise :class:`InputError` where the LED meets the lens between two states, of which both have room for it.
 
-    As at a stop, nothing is said of a ray set. Returns a warning on solids that do not travel with the LED.
+    As at a stop, nothing is said of a ray set; of ``sources`` one LED is built in, which does not travel. Returns a
+    warning on solids that do not travel with the LED.
     """
+    if not spec.states:
+        return ()
     for (name, state), (other, last) in combinations(spec.by_state.items(), 2):
         with remedy(f"the LED is between the states {name!r} and {other!r}"):
             for source in _between(state.source, last.source):
@@ -36,7 +39,7 @@ def require_clear_travel(spec: Spec) -> tuple[str, ...]:
                 for warning in source_clearance_warnings(alone, source_of(alone)):
                     raise InputError(warning)
     moving = any(state.pose != spec.source.pose for state in spec.each_source)
-    if not (spec.states and moving and spec.constraints.keep_out):
+    if not (moving and spec.constraints.keep_out):
         return ()
     return ("constraints.keep_out: its solids stay where they are; the file must hold what travels at every stop",)
 

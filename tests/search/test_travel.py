@@ -77,6 +77,8 @@ def test_an_led_that_meets_the_lens_between_two_stops_is_refused() -> None:
     assert require_clear_travel(_spec(BAR, {"shift_mm": [0.0, 0.0, -0.2]}, low)) == ()
     other = {**turned, "source": {**BAR, "width_mm": 1.1}}
     assert require_clear_travel(_spec(BAR, flat, other)) == (), "another LED does not travel"
+    leds = [{"name": name, "source": {**BAR, **place}} for name, place in (("a", flat), ("b", turned))]
+    assert require_clear_travel(small_spec(source=None, sources=leds)) == (), "nor do those of which one is built in"
 
 
 def test_between_the_second_and_the_third_stop_counts_too() -> None:
