@@ -1,4 +1,4 @@
-"""What it costs that tools can make a lens: short searches from its end on, with the limits of the tools and without.
+"""Costs of the limits that tools set to a lens: short searches from its end on, with the limits of the tools and without.
 
 A search that ends has seldom converged, so that further steps gain by themselves: what limits cost is the difference of
 two lenses after the same steps with the same rays. It is less than whole searches would differ by, as 40 steps gain
@@ -16,7 +16,7 @@ from lensforge.spec import Spec
 
 _STEPS = 40
 _RAYS = 131072  # the same for all: a difference has far less noise than a figure
-_AT_LIMIT = 3.0  # of the margin with which a search ends inside a limit: a face that is no farther away is held by it
+_AT_LIMIT = 10.0  # of the margin with which a search ends inside a limit: 0.3 degrees, or 3 % of a radius
 _FAR_TILT_DEG = 20.0  # beyond what the axis tilts, to tell what that costs
 _MOST_TILT_DEG = 120.0
 _LITTLE_DRAFT_DEG = 0.5

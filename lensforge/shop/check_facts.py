@@ -91,7 +91,7 @@ def cutting_reasons(check: Check) -> Iterator[Reason]:
 
 
 def _with_remedy(finding: Fact) -> str:
-    """What is wrong, and what to try."""
+    """Words on what is wrong, and on what to try."""
     return f"{finding.note}: try {finding.remedy}" if finding.remedy else finding.note
 
 

@@ -274,7 +274,7 @@ class FaceResult(Record):
 
 
 class FaceFaults(Record):
-    """Where a ``face`` cannot be made as designed.
+    """Places at which a ``face`` cannot be made as designed.
 
     ``places_mm``: worst place of each finding, on the lens, by the finding's name. ``kinds``: what is in the way, by
     the numbers of :class:`~lensforge.shop.face_faults.Fault`, over the chart of the face, NaN outside.

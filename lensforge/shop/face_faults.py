@@ -1,4 +1,4 @@
-"""Where a face cannot be made as designed: a map of what is in the way, and the worst place of each finding.
+"""Places at which a face cannot be made as designed: a map of what is in the way, and the worst place of each finding.
 
 Places are samples of the face: they are known to the spacing of these.
 """
@@ -24,7 +24,7 @@ Samples = Bool[np.ndarray, " k"]
 
 
 class Fault(IntEnum):
-    """What is in the way at a node of a map; of several the last."""
+    """Obstacle at a node of a map; of several the last."""
 
     NONE = 0
     STEEP = 1  # steeper than the axes of the machine tilt, or without the draft that a mould needs
@@ -35,7 +35,7 @@ class Fault(IntEnum):
 
 @dataclass(frozen=True)
 class PartAround:
-    """What stands around the faces of a lens of ``spec``: base or mould. None for what there is not."""
+    """Things around the faces of a lens of ``spec``: base or mould. None for what there is not."""
 
     spec: Spec
     plan: Plan[Patch] | None = None

@@ -67,7 +67,7 @@ class Moulding:
 
     @cached_property
     def halves(self) -> "TwoHalves":
-        """What each half draws."""
+        """Halves of the mould, and the places that each draws."""
         return TwoHalves.of(pieces_of(self.plan, self.around))
 
     def mould(self) -> Mould:

@@ -91,7 +91,7 @@ def uncut_map(residual_mm: ChartMap) -> Figure:
 
 @in_report_style
 def fault_map(kinds: ChartMap) -> Figure:
-    """What is in the way where the face cannot be made as designed; grey where nothing is."""
+    """Map of what is in the way where a face cannot be made as designed; grey where nothing is."""
     figure, axes, bar = new_map(**_PLACE)
     bar.set_axis_off()
     axes.add_patch(Circle((0.0, 0.0), 1.0, color=_REACHED, linewidth=0, zorder=-1.0))

@@ -40,17 +40,17 @@ def held(spec: lf.Spec, **margins: dict[str, float]) -> set[str]:
     return holding_tools(SimpleNamespace(lens=SimpleNamespace(spec=spec), constraints=stated))
 
 
-def test_a_limit_holds_a_face_within_three_times_the_margin_with_which_a_search_ends() -> None:
+def test_a_limit_holds_a_face_within_ten_times_the_margin_with_which_a_search_ends() -> None:
     spec = small_spec(manufacture=MILLED)
     spare = {limit.key: limit.spare for limit in limits_of(spec)}
     curved = spare["outer_curvature_margin_per_mm"]
     assert curved == pytest.approx(3e-3 / BALL_MM)
     far = {"inner": 1.0, "outer": 1.0}
     drafts = {"inner": 9.0, "outer": 9.0}
-    for times, kinds in ((2.9, {"curvature_margin_per_mm"}), (3.1, set())):
+    for times, kinds in ((9.9, {"curvature_margin_per_mm"}), (10.1, set())):
         near = {**far, "outer": times * curved}  # the second face decides
         assert held(spec, curvature_margin_per_mm=near, draft_margin_deg=drafts) == kinds
-    near = {**drafts, "outer": 0.03}
+    near = {**drafts, "outer": 0.29}
     assert held(spec, curvature_margin_per_mm=far, draft_margin_deg=near) == {"draft_margin_deg"}
     stated = small_spec(manufacture=MILLED, lens__outer__concave_radius_mm=3.0, lens__outer__draft_deg=1.0)
     nothing = {"inner": 9.0, "outer": 0.0}
