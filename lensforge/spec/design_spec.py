@@ -90,7 +90,8 @@ class Spec(Section):
         description="Name of the design, by default the name of the file. Its results go to cad_out/NAME.",
     )
     source: EmitterSection = _unless(
-        "sources", "The LED: where light starts, how much, and in which directions; or give `sources`."
+        "sources",
+        "The LED: where light starts, how much, and in which directions; or give `sources`, or `states` with theirs.",
     )
     sources: Annotated[tuple[NamedSource, ...], Field(max_length=_MOST_STATES)] = Field(
         default=(), description="LEDs that one lens is for, in the place of `source`. Figures are stated with each."
