@@ -67,7 +67,7 @@ MetricName = Literal["nmse", "uniformity", "rsd", "efficiency", "share_in_target
 class Light(ResultByLed):
     """Light of a lens on its receivers, simulated with independent replicates of rays.
 
-    Metrics, flux and maps are those of the first receiver; of a lens for several LEDs those with the first. Of a ray
+    Metrics, flux and maps are those of the first receiver; of a lens with several states those in the first. Of a ray
     file they are by rays that the search has not used.
 
     ``receivers``: metrics, flux and maps on each receiver, in the order of the spec. ``limits``: those of the spec,
@@ -171,7 +171,7 @@ class Light(ResultByLed):
         return self.first.flux.not_converged
 
     def with_worst(self, metric: MetricName) -> "Light":
-        """The light with that of the LEDs which has a metric worst; the first where it has no meaning with any."""
+        """The light in the state that has a metric worst; the first where it has no meaning in any."""
         lights = [light for light in (self, *self.others) if getattr(light, metric) is not None]
         worst = max if metric in ("nmse", "rsd") else min
         return worst(lights, key=lambda light: getattr(light, metric).value, default=self)

@@ -41,7 +41,7 @@ def verify(part: Part, light: Light, *, rays: int | None = None, threads: int | 
         light: of the same lens and source, by :func:`evaluate`.
         rays: number of rays, from 1; None: the preset's.
         threads: number of threads, from 1; None: all cores.
-    Returns: The proof, on every receiver; of several LEDs with each. Of several lamps the rays of one are compared one
+    Returns: The proof, on every receiver; of several states in each. Of several lamps the rays of one are compared one
         by one, and the light of all with their sum: with a plate through its mesh.
     Raises: :class:`InputError` for the light of another lens or source.
     Example:
@@ -62,9 +62,7 @@ def verify_with(second: ChildPool, part: Part, light: Light, rays: int | None = 
             raise InputError(f"verify: the light is that of {words}; evaluate the part's lens with its own source")
     lenses, by_led = lens.by_state, light.by_led
     if missing := [name for name in lenses if name not in by_led]:
-        raise InputError(
-            f"verify: the light is without that of the LED {missing[0]!r}; evaluate the lens with all LEDs"
-        )
+        raise InputError(f"verify: the light is without that of {missing[0]!r}; evaluate the lens in all its states")
     inputs = {"lens": lens.sha256, "export": part.sha256, "evaluate": light.sha256}
     first = next(iter(lenses))
     proofs = {
@@ -202,7 +200,7 @@ def stray_light(
         rays: number of rays, from 1, each of which splits into about ten; None: the preset's.
         base: whether the base is polished, or absorbs all that meets it.
         threads: number of threads, from 1; None: all cores.
-    Returns: The light on every receiver, and where all flux ends; of several LEDs with each.
+    Returns: The light on every receiver, and where all flux ends; of several states in each.
     Raises: :class:`InputError` for an argument that is not allowed.
     Example:
         >>> stray = lf.stray_light(lf.load("cad_out/quickstart").part, rays=2**12)

@@ -1,4 +1,4 @@
-"""A case: a result with one LED and on one receiver, and how titles, criteria and files tell it from the others."""
+"""A case: a result in one state and on one receiver, and how titles, criteria and files tell it from the others."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -14,14 +14,14 @@ _Result = TypeVar("_Result", bound=Record)
 
 @dataclass(frozen=True, eq=False)
 class Case(Generic[_Result]):
-    """A result with one of its LEDs and, where one of its records is meant, such as that of a receiver, this record.
+    """A result in one of its states and, where one of its records is meant, such as that of a receiver, this record.
 
     Attributes:
-        result: with this LED; that with the first LED has the others, too.
+        result: in this state; that in the first state has the others, too.
         record: of the receiver; None for the whole result.
-        led: name of the LED; empty where there is one alone.
+        led: name of the state, which may be that of an LED; empty where there is one alone.
         name: of the record; empty where there is one alone.
-        number: of the record or, for the whole result, of the LED; beside the first, 0, figures of the whole are told.
+        number: of the record or, for the whole result, of the state; figures of the whole are told beside the first, 0.
     """
 
     result: _Result
@@ -47,7 +47,7 @@ class Case(Generic[_Result]):
         return f"_{self.key}" if self.key else ""
 
     def title(self, text: str) -> str:
-        """Title ``text`` with the names of LED and record."""
+        """Title ``text`` with the names of state and record."""
         return ", ".join(filter(None, (text, self.led, self.name)))
 
     def named(self, criterion: Fact) -> Fact:

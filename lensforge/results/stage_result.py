@@ -445,10 +445,10 @@ class SimulatedResult(StageResult):
 
 @public
 class ResultByLed(SimulatedResult):
-    """Result with each of the LEDs that a lens is for.
+    """Result in each of the states that a lens is for, such as with each of several LEDs.
 
-    ``led``: name of the LED; it ends the names of the files of all but the first. ``others``: results with the other
-    LEDs.
+    ``led``: name of the state; it ends the names of the files of all but the first. ``others``: results in the other
+    states.
     """
 
     omit_if_empty: ClassVar[tuple[str, ...]] = ("led", "others")
@@ -457,21 +457,21 @@ class ResultByLed(SimulatedResult):
     others: "tuple[ResultByLed, ...]" = ()
 
     def cases(self, among: str = "") -> Iterator[Case[Self]]:
-        """Take the result with each of its LEDs, as that of any stage does."""
+        """Take the result in each of its states, as that of any stage does."""
         for number, result in enumerate((self, *cast("tuple[Self, ...]", self.others))):
             case = Case(result, led=result.led if self.others else "", number=number)
             yield from case.among(among) if among else (case,)
 
     @classmethod
     def joined(cls, by_led: Mapping[str, Self]) -> Self:
-        """The results of all LEDs, by name, as one; "" is the name of the only one."""
+        """The results of all states, by name, as one; "" is the name of the only one."""
         first, *rest = (result.changed(led=name) for name, result in by_led.items())
         conditions = next(filter(None, (result.conditions for result in (first, *rest))), None)
         return first.changed(others=tuple(rest), conditions=conditions) if rest else first
 
     @property
     def by_led(self) -> dict[str, Self]:
-        """Result of each LED alone, by its name, the first one's first; "" is the name of the only one."""
+        """Result of each state alone, by its name, the first one's first; "" is the name of the only one."""
         alone = self.changed(others=()) if self.others else self
         return {each.led: each for each in (alone, *cast("tuple[Self, ...]", self.others))}
 

@@ -125,7 +125,7 @@ def test_light_of_all_poles_through_the_part_is_the_sum_of_the_design(light: lf.
 
 
 def test_light_without_that_of_every_led_is_refused(light: lf.Light, part: lf.Part) -> None:
-    with pytest.raises(lf.InputError, match=r"verify: the light is without that of the LED '\w+'; evaluate"):
+    with pytest.raises(lf.InputError, match=r"verify: the light is without that of '\w+'; evaluate"):
         lf.verify(part, light.changed(others=(), led=""))
 
 
