@@ -211,7 +211,7 @@ class EmitterSection(OfSeveralKinds, FluxSection):
 
     @property
     def place_words(self) -> str:
-        """Where it sits, in words; empty at the lens origin."""
+        """Words for its place; empty at the lens origin."""
         parts = []
         if any(self.position_mm):
             parts.append(f"at ({', '.join(f'{value:g}' for value in self.position_mm)}) mm")

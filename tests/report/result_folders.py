@@ -1,5 +1,7 @@
 """Small results for tests: every stage's record with numbers that are easy to recognise."""
 
+from dataclasses import replace
+
 import numpy as np
 import trimesh
 from filled import filled
@@ -53,6 +55,12 @@ def small_lens(text="+", inner_mm=4.0, outer_mm=10.0, bump_mm=0.3, lumens_per_wa
     }
     surfaces = (SrbfSurface(basis, weights, inner_mm), SrbfSurface(basis, weights[::-1].copy(), outer_mm))
     return Lens.double(*surfaces, parse_spec(content, "test"), seed=7, accuracy="draft")
+
+
+def with_leds(lens, *names):
+    """``lens`` for as many LEDs like its own, by their names."""
+    leds = [{"name": name, "source": lens.spec.source} for name in names]
+    return replace(lens, spec=lens.spec.replace(source=None, sources=leds))
 
 
 def text_target(text, uniform_mm=None):

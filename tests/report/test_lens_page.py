@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from page_text import Page, text_of, undrawn_page_of
-from result_folders import make_folder, make_results, small_lens
+from result_folders import make_folder, make_results, small_lens, with_leds
 
 from lensforge.report.stored import load_results
 from lensforge.sources.source_place import SourcePlace
@@ -48,8 +48,7 @@ def test_the_place_of_each_led_stands_where_it_is_named_first():
     """In the header, of several LEDs of each, before any figure and outside of all that is folded."""
     place = SourcePlace(file=None, rotate_z_deg=0.0, tilt_deg=(0.0, 7.5), position_mm=(0.1, -0.2, 0.4))
     made = make_results(("evaluate",))
-    leds = [{"name": name, "source": {"kind": "square", "side_mm": 2.0}} for name in ("red", "green")]
-    lens = replace(made.lens, spec=made.spec.replace(source=None, sources=leds))
+    lens = with_leds(made.lens, "red", "green")
     light = made.light.model_copy(update={"led": "red", "place": place})
     other = light.changed(led="green", place=place.changed(position_mm=(1.5, 0.0, 0.0)), others=())
     both = light.model_copy(update={"others": (other,)})

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 from page_text import Page, text_of, undrawn_page_of
-from result_folders import make_folder, make_light, make_proof, make_results, small_lens
+from result_folders import make_folder, make_light, make_proof, make_results, small_lens, with_leds
 
 from lensforge.light.receiver_light import Flux
 from lensforge.report.compare import ComparedPictures, number_lines
@@ -54,7 +54,7 @@ def test_light_of_several_leds_under_other_conditions_has_a_row_and_a_picture_of
     near, dim = make_light(small_lens()), dim_light(conditions=None)
     own = type(near).joined({"near": near, "far": dim})
     other = own.changed(conditions=Conditions.of(rays=64), others=(dim.changed(led="far", rays=77),))
-    results = Results(small_lens(), {"evaluate": own}, {}, {"evaluate_64rays": other})
+    results = Results(with_leds(small_lens(), "near", "far"), {"evaluate": own}, {}, {"evaluate_64rays": other})
     rows = other_lights(results)
     assert [(row.title, row.fact("efficiency").text, row.fact("rays").text, row.state) for row in rows] == [
         ("nominal, near", "85.000 ± 0.020\u2009%", "65\u2009536", "pass"),

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from made_photometry import make_photometry
 from page_text import text_of
-from result_folders import make_results, small_lens
+from result_folders import make_results, small_lens, with_leds
 from shown_folders import REGION, ROAD
 
 from lensforge.light.light_facts import photometry_facts
@@ -37,9 +37,9 @@ def test_files_of_lamps_are_told_by_the_names_that_they_have_of_the_second_led_t
     lens, file = road_lens(lenses=3), WrittenFile(lumens=1000.0, relative_error=1e-9)
     luminaire = WrittenFarFields(ies=file, ldt=file, tm33=file)
     leds = {led: make_photometry(lens, luminaire=luminaire, led=led) for led in ("near", "far")}
-    made = Photometry.joined(leds)
+    made, spec = Photometry.joined(leds), with_leds(lens, "near", "far").spec
     told = {
-        group.title: group.fact("luminaire").text for group in photometry_facts(made, lens.spec) if group.key == "lamp"
+        group.title: group.fact("luminaire").text for group in photometry_facts(made, spec) if group.key == "lamp"
     }
     assert told == {
         "Lamp, all 3 lenses, near": "luminaire.ies, .ldt, .iesxml",

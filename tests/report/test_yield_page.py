@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from made_yield import PARTS, make_yield
 from page_text import Page, folded, text_of, undrawn_page_of
-from result_folders import make_results, small_lens
+from result_folders import make_results, small_lens, with_leds
 from scenes import part_tolerances
 from shown_folders import make_sensitivity
 
@@ -242,6 +242,7 @@ def test_the_worst_parts_of_a_lattice_are_drawn_over_all_its_periods(monkeypatch
 def test_the_page_shows_each_led_and_the_worst_parts_by_the_one_that_decides(lens, monkeypatch):
     """The second LED has half of the lumens: its light is in its own lux; rows of both stand in one table."""
     light = make_results(("evaluate",), lens).found["evaluate"].changed(lumens_per_watt=300.0)
+    lens = with_leds(lens, "near", "far")
     dimmer = light.changed(lumens_per_watt=150.0)
     light = type(light).joined({"near": light, "far": dimmer})
     found = make_yield(lens)
