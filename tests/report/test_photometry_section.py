@@ -38,9 +38,7 @@ def test_files_of_lamps_are_told_by_the_names_that_they_have_of_the_second_led_t
     luminaire = WrittenFarFields(ies=file, ldt=file, tm33=file)
     leds = {led: make_photometry(lens, luminaire=luminaire, led=led) for led in ("near", "far")}
     made, spec = Photometry.joined(leds), with_leds(lens, "near", "far").spec
-    told = {
-        group.title: group.fact("luminaire").text for group in photometry_facts(made, spec) if group.key == "lamp"
-    }
+    told = {group.title: group.fact("luminaire").text for group in photometry_facts(made, spec) if group.key == "lamp"}
     assert told == {
         "Lamp, all 3 lenses, near": "luminaire.ies, .ldt, .iesxml",
         "Lamp, all 3 lenses, far": "luminaire_far.ies, .ldt, .iesxml",
