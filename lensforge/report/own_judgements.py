@@ -23,5 +23,5 @@ def require_own_judgements(result: StageResult, lens: Lens, path: Path) -> None:
         for case in result.cases():
             for field, made in case.result.judgements_on(lens.of_state(case.led)).items():
                 require_same_judgements(field, getattr(case.result, field), made)
-    except ValueError as error:
+    except (InputError, ValueError) as error:  # of a state that the lens has not, or of other figures
         raise InputError(f"{path}: {error}; {type(result).rebuild_command()}") from None

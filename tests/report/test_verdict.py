@@ -1,12 +1,13 @@
 """The verdict from the records of the stages: each bound from both sides, and what counts for an exit."""
 
+from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from result_folders import PIXELS, criterion, make_folder, make_results
+from result_folders import PIXELS, criterion, make_folder, make_results, with_leds
 from result_folders import finding as any_finding
 from shown_folders import SKY, WALL, lens_of
 
@@ -106,10 +107,26 @@ def test_a_limit_that_the_spec_does_not_state_is_refused(tmp_path: Path, forged:
     assert load_results(folder).light == light and load_results(folder).verdict.light == "fail"
     others = limits[1:] if forged is None else (replace(limits[0], **forged).judged(0.1), *limits[1:])
     changed = light.model_copy(update={"limits": others})
-    with_second = light.model_copy(update={"led": "first", "others": (changed.changed(led="second"),)})
-    for written in (changed, with_second):
-        written.write(folder)
+    of_two = with_leds(lens, "first", "second")
+    second = make_folder(tmp_path / "two", ("evaluate",), of_two, evaluate={"limits": limits})
+    first = light.model_copy(update={"led": "first", "inputs": {**light.inputs, "lens": of_two.sha256}})
+    with_second = first.changed(others=(first.changed(led="second", limits=others),))
+    for written, place in ((changed, folder), (with_second, second)):
+        written.write(place)
         with pytest.raises(InputError, match=r"evaluate\.json: limits: \w+: not as it follows"):
+            load_results(place)
+
+
+def test_light_of_a_state_that_the_lens_has_not_is_refused(tmp_path: Path) -> None:
+    of_two = with_leds(lens_of(), "first", "second")
+    folder = make_folder(tmp_path, ("evaluate",), of_two)
+    light = make_results(("evaluate",), of_two).light.changed(led="first")
+    for name, message in (
+        ("second", ""),
+        ("third", r"evaluate\.json: state = 'third': no state .*; run `lensforge eval"),
+    ):
+        light.changed(others=(light.changed(led=name),)).write(folder)
+        with pytest.raises(InputError, match=message) if message else nullcontext():
             load_results(folder)
 
 
