@@ -1,4 +1,4 @@
-"""What the page shows of a finished lens: light, search, figures, verdicts, and files that are of an older one."""
+"""View of a finished lens for the page: light, search, figures, verdicts, and files that are of an older one."""
 
 from collections.abc import Iterator
 from contextlib import suppress
@@ -36,7 +36,7 @@ def run_arrays(run: Run, figure: str) -> dict[str, np.ndarray]:
 
 
 def run_words(run: Run) -> dict[str, object]:
-    """What the page says of a lens: its names, receivers, facts, verdicts, and the files that are of another one."""
+    """Texts of the page: names, receivers, facts, verdicts, and the files that are of another lens."""
     return {
         "name": run.spec.name,
         "folder": run.folder.resolve().name,
