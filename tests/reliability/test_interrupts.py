@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 from click.testing import CliRunner
-from foreground import default_signals
+from kills import default_signals
 from nightly import first_by_day
 from scenes import small_spec
 
