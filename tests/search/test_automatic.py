@@ -8,9 +8,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from judgements import judged
+from scenes import small_spec
 
 from lensforge.search.automatic_schedule import AutomaticSchedule
 from lensforge.search.schedule import SLICES, AutomaticStages, Judgement, Outcome, Stage, UsefulLevels, stages_of
+from lensforge.sources.build_source import build_source
 from lensforge.spec.accuracy import SearchEffort
 
 EFFORT = SearchEffort(finest=289, steps=(6, 20), rays=(256, 1024), validation_rays=4096, step_gain=0.1, level_gain=0.2)
@@ -82,6 +84,16 @@ def test_a_level_that_was_led_astray_is_tried_again_with_smaller_steps() -> None
     found = Followed(schedule(), lambda stage, m: m * 1.5 if stage.learning_rate == rate else max(1e-3, 0.5 * m))
     assert found.levels == (9, 25, 81)
     assert [stage.level for stage in found.stages[:5]] == [0, 0, 1, 1, 2]
+
+
+@pytest.mark.parametrize("index", [1.4936, 1.9])
+def test_functions_that_a_ball_reaches_are_as_wide_as_move_the_light_by_a_pixel(index: float) -> None:
+    """Hollow as a ball of 20 mm, a function w wide has a slope of w/40 mm, which turns light by n - 1 of that."""
+    spec = small_spec(lens__refractive_index=index, manufacture__cutter_radius_mm=20.0)
+    pixel_rad = spec.all_receivers[0].pixel_rad(spec.evaluate.pixels)
+    wide_rad = pixel_rad * 2.0 * 20.0 / (index - 1.0) / spec.constraints.max_radius_mm
+    why = UsefulLevels.of(spec, build_source(spec.source), 4225).why
+    assert why.startswith(f"functions narrower than {wide_rad:.2g} rad would not show: what a ball of 20 mm reaches")
 
 
 def test_a_level_that_gains_too_little_is_left_out() -> None:
