@@ -318,6 +318,8 @@ def _manufacture(run: Run) -> Iterator[Row]:
     yield from map(_row, shape_facts(check, run.facts(check)))
     yield from rows_of(_selected(run, ("thinnest",), Check))
     yield from (_row(fact) for group in _of_mould(run) for fact in group.facts if fact.notice)
+    design = run.find(Design)
+    yield from (_row(cost.fact) for cost in (() if design is None else design.tool_costs) if cost.matters)
     groups = [group for group in run.facts(check) if group.key.startswith("findings")]
     missed = [
         f"{fact.label.lower()}: no ({group.title.partition(', ')[2]})"

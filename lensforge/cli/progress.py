@@ -18,6 +18,7 @@ from rich.text import Text
 from lensforge.cli.output import printable, warning_line
 from lensforge.kernels.compiled import are_compiled
 from lensforge.report.results import REPORT_FILE, STAGES
+from lensforge.search.design_result import COSTS
 from lensforge.search.design_result import Progress as Step
 from lensforge.spec import Spec
 
@@ -172,7 +173,7 @@ def duration(seconds: float) -> str:
 # Seconds of all later stages over those of the search, as is usual on two cores: of a draft, and of any other.
 _LATER_OF_DRAFT = 2.5
 _LATER = 0.6
-_NAMES = {*(kind.stage for kind in STAGES), REPORT_FILE.partition(".")[0]}
+_NAMES = {*(kind.stage for kind in STAGES), COSTS, REPORT_FILE.partition(".")[0]}
 
 
 def _later(step: Step) -> float:

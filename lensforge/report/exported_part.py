@@ -102,6 +102,18 @@ def source_outline(results: Results) -> Float[np.ndarray, "k 3"] | None:
     return build_source(source).outline() if isinstance(source, SquareSource) else None
 
 
+def fault_pictures(results: Results) -> list[PagePicture]:
+    """For each face that cannot be made as designed, where, and what is in the way."""
+    check = results.find(Check)
+    if check is None:
+        return []
+    title = "{}: where it cannot be made"
+    return [
+        picture(f"faults-{at.face}", surface_figures.fault_map(at.kinds), title.format(face_title(at.face)))
+        for at in check.faults
+    ]
+
+
 def surface_pictures(results: Results) -> list[list[PagePicture]]:
     """Sag, curvature and uncut material, for each face."""
     check = results.find(Check)

@@ -122,7 +122,8 @@ def _facts(results: Results) -> dict[str, list[Group]]:
     return {
         "light": lit,
         "photometry": of(Photometry),
-        "lens": of(Design),
+        "lens": [group for group in of(Design) if group.key != "costs"],
+        "costs": [group for group in of(Design) if group.key == "costs"],
         "findings": [] if check is None else finding_groups(check),
         "faces": [group for group in of(Check) if not group.key.startswith("findings")],
         "tracers": [] if proof is None else tracer_groups(proof),
@@ -154,6 +155,7 @@ _PICTURES: dict[str, tuple[_Drawn, Any, tuple[type[StageResult], ...]]] = {
     "photometry": (light_section.photometry_pictures, _LIST, (Photometry,)),
     "history": (exported_part.history_pictures, _LIST, (Design,)),
     "sections": (exported_part.section_pictures, _LIST, (Design, Part)),
+    "faults": (exported_part.fault_pictures, _LIST, (Check,)),
     "surfaces": (exported_part.surface_pictures, _ROWS, (Check,)),
     "verification": (exported_part.verification_pictures, _ROWS, (Design, Light, Proof)),
     "gaps": (exported_part.gap_pictures, _LIST, (Proof,)),

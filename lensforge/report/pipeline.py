@@ -47,7 +47,7 @@ from lensforge.results.files import require_own
 from lensforge.results.worker import return_freed_memory
 from lensforge.scene.lens import Lens
 from lensforge.search.checkpoint import CHECKPOINT, delete_checkpoint
-from lensforge.search.design_result import Design, Observer
+from lensforge.search.design_result import COSTS, Design, Observer
 from lensforge.search.searches import SearchOptions, Warn, best_design, design
 from lensforge.shop.check_result import Check
 from lensforge.spec import AnyAccuracy, Spec
@@ -217,13 +217,23 @@ def run(
                 resume = options.get("checkpoint") is not None
                 options["checkpoint"] = options.get("checkpoint") or folder / CHECKPOINT
                 made = design(spec, resume=resume, **options)
-            here.write(made)
+            here.write(_with_tool_costs(made, heard))
             run_later_stages(here, heard, second)
             write_kinds(here.run, heard)
         with heard.timed("report"):
             here.write_report(seconds=time.perf_counter() - began)
         delete_checkpoint(folder / CHECKPOINT)  # not earlier: a run interrupted in any stage resumes from it
         return here.run
+
+
+def _with_tool_costs(made: Design, heard: Listener) -> Design:
+    """The search with what it costs that its lens can be made."""
+    from lensforge.search.tool_costs import holding_tools, tool_costs
+
+    if not holding_tools(made):
+        return made
+    with heard.timed(COSTS):
+        return made.changed(tool_costs=tool_costs(made))
 
 
 @contextmanager

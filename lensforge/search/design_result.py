@@ -130,6 +130,39 @@ class Start(Record):
         return f"NMSE {self.nmse}, efficiency {self.efficiency}{missed}"
 
 
+class ToolCost(Record):
+    """Cost of a ``limit`` that tools set to a lens, named in words, against a spec that has another value ``instead``.
+
+    ``efficiency``: share of the light that it costs. ``nmse``, ``nmse_without``: the pattern error with it, and
+    without; None for a target without one.
+    """
+
+    limit: Text
+    instead: Text
+    efficiency: Number
+    nmse: Number | None = None
+    nmse_without: Number | None = None
+
+    @property
+    def matters(self) -> bool:
+        """True where it costs more than half a point of the light, or a tenth of the pattern error."""
+        if self.nmse is None or self.nmse_without is None:
+            return self.efficiency > _COST_OF_LIGHT
+        return self.efficiency > _COST_OF_LIGHT or self.nmse_without < (1.0 - _COST_OF_PATTERN) * self.nmse
+
+    @property
+    def fact(self) -> Fact:
+        """The cost as a fact; its note says by what it was measured."""
+        errors = "" if self.nmse is None else f"NMSE {self.nmse:.3g}, else {self.nmse_without:.3g}; "
+        note = f"of the light; {errors}against {self.instead}, by a short search"
+        key = f"cost_of_{self.limit.split()[0]}"
+        return Fact.share(key, f"Cost of the {self.limit}", self.efficiency, note, digits=2)
+
+
+_COST_OF_LIGHT, _COST_OF_PATTERN = 0.005, 0.1
+COSTS = "tool costs"  # what a run says while it measures them
+
+
 @public
 class Design(StageResult):
     """A finished search.
@@ -140,10 +173,12 @@ class Design(StageResult):
     ``source_outline_mm``: a polygon around the emitting area. ``history``: figures of every step, by level. ``ended``:
     why a search that chooses its levels went no further, and where it did not gain: it then has the better lens of
     before. ``kept_start``: it ended with the lens from which it began. ``starts``: all searches of which this was the
-    best, where there were several.
+    best, where there were several. ``tool_costs``: of the limits that tools set, where a face is at one of them; a
+    whole run measures them.
     """
 
     stage: ClassVar[str] = "design"
+    omit_if_empty: ClassVar[tuple[str, ...]] = ("tool_costs",)
     made_from: ClassVar[tuple[str, ...]] = ("lens", "spec")
 
     lens: Annotated[Lens, Given()]
@@ -185,6 +220,7 @@ class Design(StageResult):
     ended: Text | None = None
     kept_start: bool = False
     starts: tuple[Start, ...] = ()
+    tool_costs: tuple[ToolCost, ...] = ()
     criteria: Criteria = ()
 
     def judge(self) -> Criteria:
@@ -405,6 +441,8 @@ def design_facts(design: Design) -> list[Group]:
         Group("lens", "Lens", tuple(facts_in(design, design.criteria))),
         Group("search", "Search", tuple(_search(design))),
     ]
+    if design.tool_costs:
+        groups.append(Group("costs", "Costs of the tools", tuple(cost.fact for cost in design.tool_costs)))
     return groups if design.spread is None else [*groups, Group("starts", "Starts", tuple(_starts(design)))]
 
 

@@ -18,7 +18,13 @@ from lensforge.cad.face_tolerance import FINEST_NM
 from lensforge.cad.patch import Patch
 from lensforge.cad.plan import Plan
 from lensforge.shop.ball_cutter import LEAF
-from lensforge.shop.check_measures import BallClearance, BoreClearance, CustomBaseClearance, StepClearance
+from lensforge.shop.check_measures import (
+    AnyClearance,
+    BallClearance,
+    BoreClearance,
+    CustomBaseClearance,
+    StepClearance,
+)
 from lensforge.shop.face_check import MilledFace
 from lensforge.shop.face_samples import AirSide, FaceSamples, OpticalFace
 
@@ -28,6 +34,8 @@ _RIM_POINTS = 4096
 _BASE_CHORD_MM = 1e-3  # between the mesh and the curved faces of a custom base
 _BASE_POINTS = 4000
 _SEED = 0
+
+Retreats = dict[str, Float[np.ndarray, " k"]]
 
 
 @dataclass(frozen=True)
@@ -100,14 +108,33 @@ def check_ball_clearance(
     """
     if not faces:
         return BallClearance(faces={}, note="no face is milled")
+    if plan is None:
+        return BallClearance(faces={}, note="a mould insert has no base")
+    if custom is None and not plan.has_base:
+        return BallClearance(faces={}, note="there is no base")
+    return BallClearance(faces={name: _clearance(plan, custom, face) for name, face in faces.items()})
+
+
+def base_retreats(plan: Plan[Patch], custom: CustomBaseMesh | None, face: MilledFace) -> Retreats:
+    """Lengths (mm) by which parts of the base must give way to the ball at each sample of ``face``; 0 where clear.
+
+    Valid where the ball reaches the face without a base; by the fields of its :data:`AnyClearance`.
+    """
     if custom is not None:
-        return BallClearance(faces={name: _at_custom(custom, face) for name, face in faces.items()})
-    if plan is None or not plan.has_base:
-        return BallClearance(faces={}, note="a mould insert has no base" if plan is None else "there is no base")
-    return BallClearance(faces={name: _BY_SIDE[face.samples.face.air](plan, face) for name, face in faces.items()})
+        return {"retreat_mm": custom.retreat_mm(face.samples, face.cutter_radius_mm)}
+    return _BY_SIDE[face.samples.face.air][1](plan, face)
 
 
-def _at_step(plan: Plan[Patch], face: MilledFace) -> StepClearance:
+def _clearance(plan: Plan[Patch], custom: CustomBaseMesh | None, face: MilledFace) -> AnyClearance:
+    retreats = base_retreats(plan, custom, face)
+    kind = CustomBaseClearance if custom is not None else _BY_SIDE[face.samples.face.air][0]
+    reached = face.reached
+    needed = {name: float(retreat[reached].max()) if reached.any() else None for name, retreat in retreats.items()}
+    clear = np.all([retreat == 0.0 for retreat in retreats.values()], axis=0)
+    return kind(**needed, flush_fraction=face.samples.fraction(reached & clear))
+
+
+def _at_step(plan: Plan[Patch], face: MilledFace) -> Retreats:
     cutter_mm = face.cutter_radius_mm
     distance, height = ball_centres_mm(face.samples.points, face.samples.normals, cutter_mm)
 
@@ -130,15 +157,10 @@ def _at_step(plan: Plan[Patch], face: MilledFace) -> StepClearance:
         wall = float(plan.ring.radius(np.zeros(1))[0])
         largest = largest_wall_mm(distance, height, cutter_mm)
         setback = np.where(largest < wall - _CLEAR_MM, _rim_mm(face.samples.face).min() - largest, 0.0)
-    return StepClearance(
-        smallest_step_mm=_largest_reached(face, step),
-        step_clearance_mm=_largest_reached(face, setback),
-        flange_clearance_mm=_largest_reached(face, flange),
-        flush_fraction=_clear(face, step, setback, flange),
-    )
+    return {"smallest_step_mm": step, "step_clearance_mm": setback, "flange_clearance_mm": flange}
 
 
-def _at_bore(plan: Plan[Patch], face: MilledFace) -> BoreClearance:
+def _at_bore(plan: Plan[Patch], face: MilledFace) -> Retreats:
     cutter_mm = face.cutter_radius_mm
     distance, height = ball_centres_mm(face.samples.points, face.samples.normals, cutter_mm)
 
@@ -154,28 +176,10 @@ def _at_bore(plan: Plan[Patch], face: MilledFace) -> BoreClearance:
     pocket = np.zeros(len(bore))
     if plan.base.pocket_diameter_mm is not None:
         pocket = 2.0 * needed(plan.base.pocket_diameter_mm / 2.0, plan.bore_mm, plan.base.height_mm)
-    return BoreClearance(
-        bore_clearance_mm=_largest_reached(face, bore),
-        pocket_diameter_mm=_largest_reached(face, pocket),
-        flush_fraction=_clear(face, bore, pocket),
-    )
+    return {"bore_clearance_mm": bore, "pocket_diameter_mm": pocket}
 
 
-_BY_SIDE: dict[AirSide, Callable[[Plan[Patch], MilledFace], StepClearance | BoreClearance]] = {
-    AirSide.OUTSIDE: _at_step,
-    AirSide.INSIDE: _at_bore,
+_BY_SIDE: dict[AirSide, tuple[type[StepClearance | BoreClearance], Callable[[Plan[Patch], MilledFace], Retreats]]] = {
+    AirSide.OUTSIDE: (StepClearance, _at_step),
+    AirSide.INSIDE: (BoreClearance, _at_bore),
 }
-
-
-def _at_custom(custom: CustomBaseMesh, face: MilledFace) -> CustomBaseClearance:
-    retreat = custom.retreat_mm(face.samples, face.cutter_radius_mm)
-    return CustomBaseClearance(retreat_mm=_largest_reached(face, retreat), flush_fraction=_clear(face, retreat))
-
-
-def _largest_reached(face: MilledFace, retreat: Float[np.ndarray, " k"]) -> float | None:
-    return float(retreat[face.reached].max()) if face.reached.any() else None
-
-
-def _clear(face: MilledFace, *retreats: Float[np.ndarray, " k"]) -> float:
-    """Share of the face that the ball reaches, and over which nothing of the base must give way."""
-    return face.samples.fraction(face.reached & np.all([retreat == 0.0 for retreat in retreats], axis=0))

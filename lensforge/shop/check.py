@@ -22,8 +22,9 @@ from lensforge.shop.ball_clearance import CustomBaseMesh, check_ball_clearance, 
 from lensforge.shop.check_measures import Edge, Wall, Walls
 from lensforge.shop.check_result import Check
 from lensforge.shop.face_check import FaceCheck, MilledFace, face_result, measured_face, milled_face
+from lensforge.shop.face_faults import PartAround, faults_of
 from lensforge.shop.face_samples import OpticalFace, air_side
-from lensforge.shop.mould_halves import mould_of
+from lensforge.shop.mould_halves import Moulding
 from lensforge.shop.tool_reach import check_tools, points_on_base
 from lensforge.shop.turning import LatheTool, Points, turned_face
 from lensforge.spec.accuracy import preset_of
@@ -51,7 +52,7 @@ def check_lens(lens: Lens, nodes: SplineNodes | None = None) -> Check:
     relief = check_ball_clearance(plan, custom, milled)
     tools = check_tools(manufacture.tools, milled, plan, custom, float(np.deg2rad(manufacture.max_tilt_deg)))
     results = {name: face_result(face, manufacture.layer_um) for name, face in faces.items()}
-    mould = mould_of(lens, pair) if manufacture.process == "moulded" else None
+    moulding = Moulding.of(lens, pair) if manufacture.process == "moulded" else None
     sharpest = (edge for side in pair for edge in sharpest_edges(side))
     edges = tuple(Edge(**{**vars(edge), "point_mm": tuple(edge.point_mm.tolist())}) for edge in sharpest)
     return Check(
@@ -64,7 +65,8 @@ def check_lens(lens: Lens, nodes: SplineNodes | None = None) -> Check:
         relief=relief,
         tools=tools,
         edges=edges,
-        mould=mould,
+        mould=None if moulding is None else moulding.mould(),
+        faults=faults_of(faces, PartAround(lens.spec, plan, custom, moulding)) if manufacture.making.is_judged else (),
         seconds=time.perf_counter() - started,
         chart_axis=next(iter(faces.values())).samples.grid.axis,
         **({} if lens.spec.plate is None else _room_on_plate(lens, pair)),

@@ -83,11 +83,16 @@ def cutting_reasons(check: Check) -> Iterator[Reason]:
         of_part = finding.key in ("wall", "plate") and check.cut_body == "mould insert"  # which has none of them
         counts = finding.key != "tool" and not of_part
         if counts and not finding.holds:
-            yield "fail", finding.note
+            yield "fail", _with_remedy(finding)
     for name in check.faces:  # one tool is enough
         tools = [each for each in check.verdicts if each.key == "tool" and each.place == name]
         if tools and not any(each.holds for each in tools):
-            yield "fail", "; ".join(each.note for each in tools)
+            yield "fail", "; ".join(map(_with_remedy, tools))
+
+
+def _with_remedy(finding: Fact) -> str:
+    """Words on what is wrong, and on what to try."""
+    return f"{finding.note}: try {finding.remedy}" if finding.remedy else finding.note
 
 
 def tip_keys(names: Iterable[str]) -> tuple[str, ...]:

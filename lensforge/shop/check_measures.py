@@ -273,6 +273,18 @@ class FaceResult(Record):
     residual_mm: FaceMap
 
 
+class FaceFaults(Record):
+    """Places at which a ``face`` cannot be made as designed.
+
+    ``places_mm``: worst place of each finding, on the lens, by the finding's name. ``kinds``: what is in the way, by
+    the numbers of :class:`~lensforge.shop.face_faults.Fault`, over the chart of the face, NaN outside.
+    """
+
+    face: Text
+    places_mm: dict[Text, Point]
+    kinds: FaceMap
+
+
 class Wall(Record):
     """One place of the wall, the thinnest or the thickest: its points on the cavity, and on the envelope."""
 

@@ -1,6 +1,7 @@
 """The result of the manufacturing check: faces, wall, clearance of the ball at the base, tools, and findings."""
 
 from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import replace
 from typing import Annotated, ClassVar, Literal
 
 import numpy as np
@@ -10,7 +11,7 @@ from pydantic import ConfigDict, Field, model_validator
 from lensforge.cad.plate_layout import PlateWall
 from lensforge.optics.face_roles import CAVITY
 from lensforge.public import public
-from lensforge.results import Array, Fact, Given, NotNegative, Number, Positive, Text
+from lensforge.results import Array, Fact, Given, NotNegative, Number, Point, Positive, Text
 from lensforge.results.arguments import require_choice
 from lensforge.results.criteria import Criteria
 from lensforge.results.figure import Criterion, Figure, criteria_in
@@ -20,7 +21,7 @@ from lensforge.results.plots import Axes, plot_face
 from lensforge.results.record import InCriterion
 from lensforge.results.stage_result import SimulatedResult
 from lensforge.scene.lens import Lens
-from lensforge.shop.check_measures import BallClearance, Edge, FaceResult, Mould, ToolResult, Wall, Walls
+from lensforge.shop.check_measures import BallClearance, Edge, FaceFaults, FaceResult, Mould, ToolResult, Walls
 from lensforge.shop.findings import BODY, Findings, check_findings, plate_findings
 from lensforge.shop.turning_findings import layer_findings, turning_findings
 from lensforge.spec import Spec
@@ -33,11 +34,11 @@ def _change_of_wall(check: "Check", which: Literal["thinnest", "thickest"]) -> s
     wall = getattr(check.walls, which)
     moved = lens.outward if which == "thinnest" else lens.names[0]
     again = "or give the last level more steps"
-    return f"raise lens.{moved}.offset_mm {again}; the wall is {which} at ({_place(wall)}) mm"
+    return f"raise lens.{moved}.offset_mm {again}; the wall is {which} at ({_place(wall.cavity_point_mm)}) mm"
 
 
-def _place(wall: Wall) -> str:
-    return ", ".join(quantity(round(value, 6) + 0.0, digits=4) for value in wall.cavity_point_mm)  # no "-0"
+def _place(point_mm: Point) -> str:
+    return ", ".join(quantity(round(value, 6) + 0.0, digits=4) for value in point_mm)  # no "-0"
 
 
 @public
@@ -48,7 +49,8 @@ class Check(SimulatedResult):
     lens's, 1 + shrinkage for a mould insert; faces and ``tools`` are of these. ``min_wall_mm``: thinnest wall of the
     lens. ``walls``: thinnest and thickest wall of the lens, with their places. ``relief``: clearance of the shop's ball
     at the base. ``tools``: how much of each face each tool reaches. ``edges``: the sharpest place of each edge.
-    ``mould``: halves, parting line, gate and cooling of a part that is moulded. ``plate_gap_mm``: between the two
+    ``mould``: halves, parting line, gate and cooling of a part that is moulded. ``faults``: where faces cannot be made
+    as designed; only of those that have such places. ``plate_gap_mm``: between the two
     nearest lenses of a plate that are cut. ``plate_wall_mm``: thinnest wall of the plate at holes and pins;
     ``plate_wall_between``: the two things between which it is. ``criteria``: those of the design. ``verdicts``:
     findings for the shop, each with what to change. ``chart_axis``: places of the nodes of all maps along either axis.
@@ -57,7 +59,7 @@ class Check(SimulatedResult):
     __pydantic_extra__: dict[str, FaceResult]
     model_config = ConfigDict(extra="allow")
     stage: ClassVar[str] = "check"
-    omit_if_empty: ClassVar[tuple[str, ...]] = ("edges", "mould", "conditions")
+    omit_if_empty: ClassVar[tuple[str, ...]] = ("edges", "mould", "faults", "conditions")
     judged_in: ClassVar[tuple[str, ...]] = ("criteria", "verdicts")
 
     lens: Annotated[Lens, Given()]
@@ -92,6 +94,7 @@ class Check(SimulatedResult):
     tools: tuple[ToolResult, ...]
     edges: tuple[Edge, ...] = ()
     mould: Mould | None = None
+    faults: tuple[FaceFaults, ...] = ()
     plate_gap_mm: Annotated[Number | None, InCriterion("gap", "limit")] = None
     plate_wall_mm: Annotated[Number | None, InCriterion("plate")] = None
     plate_wall_between: Annotated[Text, Field(exclude=True)] = ""
@@ -108,7 +111,7 @@ class Check(SimulatedResult):
 
     def judgements(self) -> Mapping[str, Iterable[Fact]]:
         """Judge walls and edges by limits of the design; ask of each face, wall and tool if the shop can make it."""
-        return {"criteria": self.judge(), "verdicts": self._findings()}
+        return {"criteria": self.judge(), "verdicts": map(self._with_place, self._findings())}
 
     def _findings(self) -> Iterator[Fact]:
         spec = self.spec
@@ -121,6 +124,14 @@ class Check(SimulatedResult):
         yield from plate_findings(
             spec, self.plate_gap_mm, None if wall_mm is None else PlateWall(wall_mm, self.plate_wall_between)
         )
+
+    def _with_place(self, finding: Fact) -> Fact:
+        """A finding that fails with its worst place, where that is known."""
+        places = (faults.places_mm.get(finding.key) for faults in self.faults if faults.face == finding.place)
+        place = next(places, None)
+        if finding.holds or place is None:
+            return finding
+        return replace(finding, note=f"{finding.note}; worst at ({_place(place)}) mm")
 
     @property
     def spec(self) -> Spec:

@@ -42,6 +42,16 @@ class FaceCheck:
         return -1.0 / self.lowest_curvature if self.lowest_curvature < -1.0 / FLAT_MM else np.inf
 
     @property
+    def upward(self) -> Float[np.ndarray, " k"]:
+        """Component of the outward normal along the axis at each sample, towards the side from which it is made."""
+        return self.samples.face.sense * self.samples.outward[:, 2]
+
+    def worst_places(self) -> dict[str, Float[np.ndarray, "3"]]:
+        """Samples (mm) at which what is found is worst, by the name of the finding."""
+        steepest = self.samples.points[np.argmin(self.upward)]
+        return {"tilt": steepest, "draft": steepest}
+
+    @property
     def sag_mm(self) -> Float[np.ndarray, " k"]:
         """Deviation (mm) of each sample from the best-fit sphere."""
         away = self.samples.points - np.array(self.sphere.centre_mm)
@@ -69,6 +79,10 @@ class MilledFace(FaceCheck):
     def reached(self) -> Bool[np.ndarray, " k"]:
         """True where the cutter touches the face without gouging it elsewhere."""
         return reachable(self.ball_mm, self.cutter_radius_mm)
+
+    def worst_places(self) -> dict[str, Float[np.ndarray, "3"]]:
+        """Worst samples, that of the smallest ball among them."""
+        return super().worst_places() | {"cutter": self.samples.points[np.argmin(self.ball_mm)]}
 
     @property
     def largest_cutter_mm(self) -> float:

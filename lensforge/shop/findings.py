@@ -75,6 +75,7 @@ Findings = tuple[Annotated[Fact, _STORED], ...]
 
 SHARE_TOLERANCE = 1e-9  # of the whole face: areas of its cells add up to rounding
 _LEAST_WALL_MM = 1e-3  # a thinner one is none
+_ABOVE_STEP_MM = 0.1  # of the base that a relief leaves, at least
 _MOST_TILT_DEG = 120.0  # of manufacture.max_tilt_deg
 
 
@@ -167,46 +168,50 @@ def clearance_findings(relief: BallClearance, base: BaseSection) -> list[Fact]:
 def _clearance_finding(surface: str, relief: AnyClearance, base: BaseSection) -> Fact:
     """The base must retreat by nothing; nothing is known of a face that the ball does not reach."""
     needed = relief.needed_mm
+    changes = list[str | Change]()
     if needed is None:
         reason = f"the ball reaches no part of the {surface} face, with or without the base"
     elif within(needed, "<=", 0.0):
         reason = f"the base clears the ball at the {surface} face"
     else:
-        reached = f"with this base the ball reaches {percent(relief.flush_fraction)} of the {surface} face"
-        reason = f"{reached}; {_remedy(relief, base)}"
-    return finding_on("relief", surface, needed, 0.0, reason)
+        reason = f"with this base the ball reaches {percent(relief.flush_fraction)} of the {surface} face"
+        if isinstance(relief, StepClearance) and relief.step_clearance_mm:
+            reason += "; its rim is undercut"
+        changes = _room_at_base(relief, base)
+    return finding_on("relief", surface, needed, 0.0, reason, changes)
 
 
-def _remedy(relief: AnyClearance, base: BaseSection) -> str:
+def _room_at_base(relief: AnyClearance, base: BaseSection) -> list[str | Change]:
+    """Changes of the base that clear the ball, each by itself."""
     match relief:
         case CustomBaseClearance():
             cut = quantity(relief.retreat_mm, "mm", digits=4)
-            return f"the base in its file must be cut back by up to {cut} where the ball hits it"
+            return [f"cut the base in its file back by up to {cut} where the ball hits it"]
         case BoreClearance():
-            fields = {"bore_setback_mm": relief.bore_clearance_mm, "pocket_diameter_mm": relief.pocket_diameter_mm}
-            needed = [f"base.{name} = {_up(value, 4)}" for name, value in fields.items() if value]
-            return f"{' and '.join(needed)} would clear the ball"
+            needed = {"bore_setback_mm": relief.bore_clearance_mm, "pocket_diameter_mm": relief.pocket_diameter_mm}
+            return [_together([Change(f"base.{name}", _up(value, 4)) for name, value in needed.items() if value])]
         case StepClearance():
-            return _step_remedy(relief, base)
+            smaller = ["a smaller base.flange_diameter_mm in place of the height"] if relief.flange_clearance_mm else []
+            return [_together(_room_at_step(relief, base)), *smaller]
 
 
-def _step_remedy(relief: StepClearance, base: BaseSection) -> str:
+def _together(changes: Sequence[Change]) -> str | Change:
+    """Changes that clear the ball together; one alone as it is, for a button that makes it."""
+    return changes[0] if len(changes) == 1 else " and ".join(map(str, changes))
+
+
+def _room_at_step(relief: StepClearance, base: BaseSection) -> list[Change]:
     """Fields that clear the ball; the flange lies at the bottom, and some of the base must remain above it."""
     fields = {"relief_step_mm": relief.smallest_step_mm, "relief_setback_mm": relief.step_clearance_mm}
-    needed = [f"base.{name} = {_up(value, 4)}" for name, value in fields.items() if value]
-    lower = relief.flange_clearance_mm or 0.0
-    flange = 0.0 if base.flange_diameter_mm is None else base.flange_height_mm
-    height = base.height_mm + lower
-    least = (relief.smallest_step_mm or 0.0) + flange
-    if relief.smallest_step_mm and least >= height:
-        needed.append(f"base.height_mm above {_up(least, 4)}")
-    elif lower > 0.0:
-        needed.append(f"base.height_mm = {_up(height, 4)}")
-    undercut = bool(relief.step_clearance_mm)
-    words = ("the rim is undercut, and needs {}" if undercut else "{} would clear the ball").format(
-        " and ".join(needed)
-    )
-    return f"{words}; in place of the height, a smaller base.flange_diameter_mm may clear it" if lower > 0.0 else words
+    needed = [Change(f"base.{name}", _up(value, 4)) for name, value in fields.items() if value]
+    flange_mm = 0.0 if base.flange_diameter_mm is None else base.flange_height_mm
+    height_mm = base.height_mm + (relief.flange_clearance_mm or 0.0)
+    least_mm = (relief.smallest_step_mm or 0.0) + flange_mm
+    if relief.smallest_step_mm and least_mm >= height_mm:
+        height_mm = least_mm + _ABOVE_STEP_MM
+    if height_mm > base.height_mm:
+        needed.append(Change("base.height_mm", _up(height_mm, 4)))
+    return needed
 
 
 def tilt_finding(surface: str, slope_deg: float, spec: Spec) -> Fact:

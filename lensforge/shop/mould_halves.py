@@ -7,13 +7,15 @@ body in between. What is upright to the tolerance of angles is no undercut.
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import pairwise
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float, Shaped
+from scipy.spatial import cKDTree
 
-from lensforge.cad.boundary import Pair, TrimmedFace
+from lensforge.cad.boundary import Boundary, Pair, TrimmedFace
 from lensforge.cad.cutter_room import base_with_room
 from lensforge.cad.flange import FlangeRing, flange_heights_mm, ring_of
 from lensforge.cad.outline import FULL_TURN, circle
@@ -46,27 +48,57 @@ _Names = Shaped[np.ndarray, " n"]
 _Marks = Bool[np.ndarray, "_ _"]
 
 
+@dataclass(frozen=True, eq=False)
+class Moulding:
+    """A lens between the halves of its mould: ``plan`` with its base and flange, ``around`` it the plate, if any."""
+
+    lens: Lens
+    envelope: Boundary[Patch]
+    plan: Plan[Patch]
+    around: list[Corner]
+
+    @staticmethod
+    def of(lens: Lens, pair: Pair[Patch]) -> "Moulding":
+        """The mould of ``lens`` by its fitted faces, with its base, flange or plate; a base from a file is left out."""
+        plan = replace(lay_out(*pair, base_with_room(lens)), rim_flange=ring_of(lens, pair[1]))
+        layout = layout_of(lens)
+        around = [] if layout is None else _around(plan, layout, lens.spec.constraints.max_radius_mm)
+        return Moulding(lens, pair[1], plan, around)
+
+    @cached_property
+    def halves(self) -> "TwoHalves":
+        """Halves of the mould, and the places that each draws."""
+        return TwoHalves.of(pieces_of(self.plan, self.around))
+
+    def mould(self) -> Mould:
+        """The record of the mould."""
+        lens = self.lens
+        plate = lens.spec.plate
+        ring = self.plan.rim_flange
+        pieces = pieces_of(self.plan, self.around, *_BALL)
+        diameter_mm, centre = largest_ball(np.concatenate([piece.points for piece in pieces], axis=1))
+        plastic = plastic_of(lens.spec.lens.material)
+        sides = {PLATE: plate is not None, FLANGE: ring is not None, BASE: self.plan.base.kind != "none"}
+        return Mould(
+            faces=self.halves.faces([name for name in lens.surfaces if lens.body.face(name).is_optical]),
+            parting=self.halves.parting() if plate is None else _OF_PLATE,
+            thickest=InscribedBall(diameter_mm=diameter_mm, centre_mm=tuple(centre.tolist())),
+            upright=() if ring is None else tuple(_upright_beside(ring, *flange_heights_mm(self.envelope))),
+            gate=next((name for name, there in sides.items() if there), None),
+            cooling_s=None if plastic is None else plastic.cooling_s(diameter_mm),
+        )
+
+    def undercut(self, name: str, points: Float[np.ndarray, "k 3"]) -> Bool[np.ndarray, " k"]:
+        """True where neither half releases the face called ``name``, at the places nearest to ``points`` (mm)."""
+        piece, drawn = next(pair for pair in self.halves.drawn() if pair[0].name == name)
+        within = piece.areas > 0.0
+        _, nearest = cKDTree(piece.points[within]).query(points)
+        return np.asarray(drawn.undercut[within][nearest])
+
+
 def mould_of(lens: Lens, pair: Pair[Patch]) -> Mould:
-    """The mould of ``lens`` by its fitted faces, with its base, flange or plate; a base from a file is left out."""
-    spec, plate = lens.spec, lens.spec.plate
-    base = base_with_room(lens)
-    ring = ring_of(lens, pair[1])
-    plan = replace(lay_out(*pair, base), rim_flange=ring)
-    layout = layout_of(lens)
-    around = [] if layout is None else _around(plan, layout, spec.constraints.max_radius_mm)
-    halves = TwoHalves.of(pieces_of(plan, around))
-    every = [piece.points for piece in pieces_of(plan, around, *_BALL)]
-    diameter_mm, centre = largest_ball(np.concatenate(every, axis=1))
-    plastic = plastic_of(spec.lens.material)
-    sides = {PLATE: plate is not None, FLANGE: ring is not None, BASE: base.kind != "none"}
-    return Mould(
-        faces=halves.faces([name for name in lens.surfaces if lens.body.face(name).is_optical]),
-        parting=halves.parting() if plate is None else _OF_PLATE,
-        thickest=InscribedBall(diameter_mm=diameter_mm, centre_mm=tuple(centre.tolist())),
-        upright=() if ring is None else tuple(_upright_beside(ring, *flange_heights_mm(pair[1]))),
-        gate=next((name for name, there in sides.items() if there), None),
-        cooling_s=None if plastic is None else plastic.cooling_s(diameter_mm),
-    )
+    """The mould of ``lens`` by its fitted faces."""
+    return Moulding.of(lens, pair).mould()
 
 
 def _upright_beside(ring: FlangeRing, wall_mm: float, exit_mm: float) -> Iterator[UprightCylinder]:
@@ -184,14 +216,15 @@ class TwoHalves:
         above, below = (np.split(each, ends, axis=1) for each in (height > top - _SAME_MM, height < bottom + _SAME_MM))
         return TwoHalves(pieces, above, below)
 
+    def drawn(self) -> "Iterator[tuple[SectionPiece, _Drawn]]":
+        """Each piece, and the halves that draw its points."""
+        for piece, above, below in zip(self.pieces, self.free_above, self.free_below, strict=True):
+            yield piece, _Drawn.of(piece, above, below)
+
     def faces(self, names: Sequence[str]) -> dict[str, MouldedFace]:
         """Each of the optical faces called ``names``, in that order."""
-        found = {
-            piece.name: _moulded(piece, above, below)
-            for piece, above, below in zip(self.pieces, self.free_above, self.free_below, strict=True)
-            if piece.name in names
-        }
-        return {name: found[name] for name in names}
+        moulded = {piece.name: _moulded(piece, drawn) for piece, drawn in self.drawn() if piece.name in names}
+        return {name: moulded[name] for name in names}
 
     def parting(self) -> PartingLine:
         """The line in which the halves meet: where the body is widest; of an upright side, all of its height."""
@@ -226,19 +259,33 @@ def _extremes(across: Float[np.ndarray, " n"], height: Float[np.ndarray, " n"]) 
     return top, bottom
 
 
-def _moulded(piece: SectionPiece, free_above: _Marks, free_below: _Marks) -> MouldedFace:
-    facing, areas = piece.facing, piece.areas
-    above, below = free_above & (facing >= -_UPRIGHT), free_below & (facing <= _UPRIGHT)
-    undercut = ~(above | below) & (np.abs(facing) > _UPRIGHT) & (areas > 0.0)
-    upper, drawn = above & ((facing > 0.0) | ~below), ~undercut
-    heights = piece.height[undercut]
-    least = 0.0 if facing.min() < 0.0 < facing.max() else float(np.abs(facing[drawn]).min(initial=1.0))
+class _Drawn(NamedTuple):
+    """Points of a piece that the upper half draws, and those that neither does; the lower one draws the rest."""
+
+    upper: _Marks
+    undercut: _Marks
+
+    @staticmethod
+    def of(piece: SectionPiece, free_above: _Marks, free_below: _Marks) -> "_Drawn":
+        facing = piece.facing
+        above = free_above & (facing >= -_UPRIGHT)
+        below = free_below & (facing <= _UPRIGHT)
+        undercut = ~(above | below) & (np.abs(facing) > _UPRIGHT) & (piece.areas > 0.0)
+        return _Drawn(above & ((facing > 0.0) | ~below), undercut)
+
+
+def _moulded(piece: SectionPiece, drawn: _Drawn) -> MouldedFace:
+    facing = piece.facing
+    areas = piece.areas
+    released = ~drawn.undercut
+    heights = piece.height[drawn.undercut]
+    least = 0.0 if facing.min() < 0.0 < facing.max() else float(np.abs(facing[released]).min(initial=1.0))
     return MouldedFace(
-        upper_fraction=float(areas[upper].sum()),
-        lower_fraction=float(areas[drawn & ~upper].sum()),
-        undercut_fraction=float(areas[undercut].sum()),
+        upper_fraction=float(areas[drawn.upper].sum()),
+        lower_fraction=float(areas[released & ~drawn.upper].sum()),
+        undercut_fraction=float(areas[drawn.undercut].sum()),
         undercut_heights_mm=(float(heights.min()), float(heights.max())) if heights.size else None,
-        draft_deg=float(np.degrees(np.arcsin(least))) if drawn.any() else None,
+        draft_deg=float(np.degrees(np.arcsin(least))) if released.any() else None,
     )
 
 

@@ -1,4 +1,4 @@
-"""Maps over a face: departure from its best-fit sphere, curvature against the mill, and uncut material.
+"""Maps over a face: departure from its best-fit sphere, curvature against the mill, uncut material, and faults.
 
 Maps are on the stereographic chart, [X, Y] over [-1, 1], NaN outside the rim and where another face is, and are drawn
 on it: there a face never folds over itself, even where it is undercut. The axis is at the centre, the rim (90 deg) is
@@ -8,14 +8,16 @@ the unit circle.
 import numpy as np
 from jaxtyping import Float
 from matplotlib.axes import Axes
+from matplotlib.colors import Colormap, ListedColormap
 from matplotlib.figure import Figure
 from matplotlib.image import AxesImage
-from matplotlib.patches import Circle
+from matplotlib.patches import Circle, Patch
 from scipy.ndimage import distance_transform_edt
 
 from lensforge.cad.part_limits import FIT_TOLERANCE
 from lensforge.results.figure_style import INK, add_colour_bar, in_report_style, new_map
 from lensforge.results.verdict import within
+from lensforge.shop.face_faults import Fault
 
 ChartMap = Float[np.ndarray, "n n"]
 
@@ -23,6 +25,12 @@ _SHOWN_QUANTILE = 0.995  # of |curvature|: a few extreme points at a rim would w
 _PLACE = {"left": 0.1, "bottom": 0.1, "right": 1.34}  # no axes to label
 _REACHED = "#dfe2e6"
 _BESIDE_NODES = 2.0  # so that the nodes do not show at the rim; farther off is another face, and the map stays empty
+_FAULTS = {
+    Fault.STEEP: ("#e8a33d", "too steep"),
+    Fault.BASE: ("#4a7fb5", "base in the way"),
+    Fault.TOOL: ("#7b4fa3", "tool does not reach"),
+    Fault.UNDERCUT: ("#c8372d", "undercut"),
+}
 _LINE = "#111111"  # on pale map colours, in light and dark mode
 
 
@@ -81,11 +89,28 @@ def uncut_map(residual_mm: ChartMap) -> Figure:
     return figure
 
 
+@in_report_style
+def fault_map(kinds: ChartMap) -> Figure:
+    """Map of what is in the way where a face cannot be made as designed; grey where nothing is."""
+    figure, axes, bar = new_map(**_PLACE)
+    bar.set_axis_off()
+    axes.add_patch(Circle((0.0, 0.0), 1.0, color=_REACHED, linewidth=0, zorder=-1.0))
+    there = [fault for fault in Fault if (kinds == fault).any() and fault is not Fault.NONE]
+    shown = np.where(kinds > Fault.NONE, kinds, np.nan)
+    colours = ListedColormap([_FAULTS[fault][0] for fault in _FAULTS])
+    _show(axes, shown, colours, min(_FAULTS) - 0.5, max(_FAULTS) + 0.5)
+    patches = [Patch(color=_FAULTS[fault][0], label=_FAULTS[fault][1]) for fault in there]
+    axes.legend(handles=patches, loc="upper left", bbox_to_anchor=(0.0, 0.0), frameon=False, fontsize=8.0)
+    return figure
+
+
 def _readable(values_mm: ChartMap) -> tuple[str, float]:
     return ("mm", 1.0) if float(np.nanmax(np.abs(values_mm))) >= 0.05 else ("µm", 1e3)
 
 
-def _show(axes: Axes, values: ChartMap, colours: str, low: float, high: float, fill: bool = True) -> AxesImage:
+def _show(
+    axes: Axes, values: ChartMap, colours: str | Colormap, low: float, high: float, fill: bool = True
+) -> AxesImage:
     """Draw the map with its rim, and circles every 30 deg from the axis."""
     half = 1.0 + 1.0 / max(len(values) - 1, 1)
     shown = axes.imshow(

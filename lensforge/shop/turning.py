@@ -132,11 +132,19 @@ class TurnedFace(FaceCheck):
     """One face, and what a turning tool reaches of it."""
 
     tool: TurningTool
+    meridian: Meridian
 
     @property
     def cutter(self) -> TurningTool:
         """The record of the tool on it."""
         return self.tool
+
+    def worst_places(self) -> dict[str, Float[np.ndarray, "3"]]:
+        """Worst samples; the tightest place of the meridian, and that over which most is left, in the plane y = 0."""
+        most_left = self.samples.points[np.argmax(np.nan_to_num(self.residual_mm, nan=np.inf))]
+        distance, height = self.meridian.points[np.argmin(self.meridian.curvatures)]
+        nose = np.array([distance, 0.0, height])
+        return super().worst_places() | {"nose": nose, "turning": most_left, "corner": most_left}
 
 
 @dataclass(frozen=True)
@@ -200,7 +208,7 @@ def turned_face(face: FaceCheck, tool: LatheTool, fixture: Points) -> TurnedFace
         bare_fraction=setup.share(bare),
     )
     on_samples_mm = np.interp(np.hypot(*face.samples.chart.T), contacts.chart, left_mm)
-    return TurnedFace(**{**vars(face), "residual_mm": on_samples_mm}, tool=record)
+    return TurnedFace(**{**vars(face), "residual_mm": on_samples_mm}, tool=record, meridian=fine)
 
 
 def _both_sides(parts: Sequence[Points]) -> Points:

@@ -154,7 +154,7 @@ def test_what_the_verdict_asks_for_is_enough(rough):
         found = clearance_findings(check_ball_clearance(plan, None, {"inner": inner, "outer": outer}), plan.base)[1]
         if found.holds:
             break
-        base |= {key: float(value) for key, value in re.findall(r"base\.(\w+) = ([\d.]+)", found.note)}
+        base |= {key: float(value) for key, value in re.findall(r"base\.(\w+) = ([\d.]+)", found.remedy)}
     assert found.holds
     assert set(base) == {"height_mm", "relief_step_mm", "relief_setback_mm"}
 

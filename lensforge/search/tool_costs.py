@@ -1,0 +1,95 @@
+"""Costs of the limits that tools set to a lens: short searches from its end on, with the limits of the tools and without.
+
+A search that ends has seldom converged, so that further steps gain by themselves: what limits cost is the difference of
+two lenses after the same steps with the same rays. It is less than whole searches would differ by, as 40 steps gain
+most of what there is, but not all.
+"""
+
+from collections.abc import Iterator
+
+from lensforge.light.evaluation_result import Light
+from lensforge.light.lens_light import evaluate, searched_source
+from lensforge.results.fact import Change
+from lensforge.scene.lens import Lens
+from lensforge.search.design_result import CURVATURE, DRAFT, Design, ToolCost, limits_of
+from lensforge.spec import Spec
+
+_STEPS = 40
+_RAYS = 131072  # the same for all: a difference has far less noise than a figure
+_AT_LIMIT = 10.0  # of the margin with which a search ends inside a limit: 0.3 degrees, or 3 % of a radius
+_FAR_TILT_DEG = 20.0  # beyond what the axis tilts, to tell what that costs
+_MOST_TILT_DEG = 120.0
+_LITTLE_DRAFT_DEG = 0.5
+
+
+def tool_costs(design: Design) -> tuple[ToolCost, ...]:
+    """Costs of the limits that tools set to the lens of ``design``: of all, and of each where they matter.
+
+    Empty for a lens whose faces are at none of these limits.
+    """
+    lens = design.lens
+    kinds = holding_tools(design)
+    if not kinds:
+        return ()
+    held = _light(lens, lens.spec)
+    whole = _cost("tools", Change("manufacture.process", "none"), held, _light(lens, lens.spec.made_by("none")))
+    return (whole, *(_each(lens, kinds, held) if whole.matters else ()))
+
+
+def holding_tools(design: Design) -> set[str]:
+    """Kinds of the limits of tools at which a face of the lens is."""
+    spec = design.lens.spec
+    limits = (limit for limit in limits_of(spec) if limit.kind in (CURVATURE, DRAFT) and not limit.is_stated)
+    return {limit.kind for limit in limits if design.constraints.at(limit) < _AT_LIMIT * limit.spare}
+
+
+def _each(lens: Lens, kinds: set[str], held: Light) -> Iterator[ToolCost]:
+    """The cost of each limit at which a face is, against one that is easier to keep."""
+    for words, change in _easier(lens.spec, kinds):
+        yield _cost(words, change, held, _light(lens, lens.spec.replace({change.field: float(change.value)})))
+
+
+def _easier(spec: Spec, kinds: set[str]) -> Iterator[tuple[str, Change]]:
+    """Limits of ``kinds`` in words, and a change of the spec that makes each easier."""
+    shop = spec.manufacture
+    cuts = {spec.cutting(name) for name in spec.lens.names}
+    if CURVATURE in kinds and "milled" in cuts:
+        yield f"ball of {shop.cutter_radius_mm:g} mm", _half("cutter_radius_mm", shop.cutter_radius_mm)
+    if CURVATURE in kinds and "turned" in cuts:
+        yield f"nose of {shop.nose_radius_mm:g} mm", _half("nose_radius_mm", shop.nose_radius_mm)
+    if DRAFT not in kinds:
+        return
+    if shop.cuts == "lens":
+        farther = min(shop.max_tilt_deg + _FAR_TILT_DEG, _MOST_TILT_DEG)
+        yield f"tilt of {shop.max_tilt_deg:g} deg", Change("manufacture.max_tilt_deg", f"{farther:g}")
+        return
+    for name in spec.lens.names:
+        asked = spec.asked_draft_deg(name)
+        if asked is not None and asked > _LITTLE_DRAFT_DEG and spec.lens.role(name).follows is None:
+            yield f"draft of the {name} face", Change(f"lens.{name}.draft_deg", f"{_LITTLE_DRAFT_DEG:g}")
+
+
+def _half(field: str, radius_mm: float) -> Change:
+    return Change(f"manufacture.{field}", f"{0.5 * radius_mm:g}")
+
+
+def _light(lens: Lens, spec: Spec) -> Light:
+    """Light of the lens that a short search by ``spec`` finds from ``lens`` on."""
+    from lensforge.search.optimiser import search  # torch, which no run without such limits needs here
+
+    coarser = len(spec.lens.shape_levels) - 1
+    short = spec.replace({"optimise.steps_per_level": [1] * coarser + [_STEPS], "optimise.seconds": None})
+    design = search(short, searched_source(short), accuracy=lens.accuracy, seed=lens.seed, start=lens)
+    return evaluate(design.lens, rays=_RAYS)
+
+
+def _cost(words: str, change: Change, held: Light, free: Light) -> ToolCost:
+    errors = [light.nmse for light in (held, free)]
+    nmse, nmse_without = (None if error is None else error.value for error in errors)
+    return ToolCost(
+        limit=words,
+        instead=str(change),
+        efficiency=free.efficiency.value - held.efficiency.value,
+        nmse=nmse,
+        nmse_without=nmse_without,
+    )

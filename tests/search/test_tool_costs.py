@@ -1,0 +1,101 @@
+"""What tools cost: differences of short searches from the same lens on, told where they matter."""
+
+from types import SimpleNamespace
+
+import pytest
+from scenes import small_spec
+
+import lensforge as lf
+from lensforge.search.design_result import Design, Margins, ToolCost, design_facts, limits_of
+from lensforge.search.tool_costs import holding_tools, tool_costs
+
+RAYS = 131072  # of each light that is compared
+BALL_MM = 2.5  # so large that the first steps are at it
+MILLED = {"process": "milled", "cutter_radius_mm": BALL_MM, "required": True}
+
+
+def cost(efficiency: float, nmse: float | None = None, without: float | None = None) -> ToolCost:
+    return ToolCost(limit="tools", instead="x = 1", efficiency=efficiency, nmse=nmse, nmse_without=without)
+
+
+@pytest.mark.parametrize(
+    ("told", "matters"),
+    [
+        (cost(0.0051), True),
+        (cost(0.0049), False),
+        (cost(-0.02), False),
+        (cost(0.0, 0.0100, 0.0089), True),
+        (cost(0.0, 0.0100, 0.0091), False),
+        (cost(0.0, 0.0100, 0.0200), False),
+        (cost(0.0060, 0.0100, 0.0200), True),
+    ],
+)
+def test_a_cost_matters_above_half_a_point_or_a_tenth_of_the_pattern_error(told: ToolCost, matters: bool) -> None:
+    assert told.matters is matters
+
+
+def held(spec: lf.Spec, **margins: dict[str, float]) -> set[str]:
+    """The limits by which the tools hold a lens of ``spec`` whose search ended with ``margins``."""
+    stated = Margins(cavity_clearance_mm=1.0, wall_margin_mm=1.0, radius_margin_mm=1.0, **margins)
+    return holding_tools(SimpleNamespace(lens=SimpleNamespace(spec=spec), constraints=stated))
+
+
+def test_a_limit_holds_a_face_within_ten_times_the_margin_with_which_a_search_ends() -> None:
+    spec = small_spec(manufacture=MILLED)
+    spare = {limit.key: limit.spare for limit in limits_of(spec)}
+    curved = spare["outer_curvature_margin_per_mm"]
+    assert curved == pytest.approx(3e-3 / BALL_MM)
+    far = {"inner": 1.0, "outer": 1.0}
+    drafts = {"inner": 9.0, "outer": 9.0}
+    for times, kinds in ((9.9, {"curvature_margin_per_mm"}), (10.1, set())):
+        near = {**far, "outer": times * curved}  # the second face decides
+        assert held(spec, curvature_margin_per_mm=near, draft_margin_deg=drafts) == kinds
+    near = {**drafts, "outer": 0.29}
+    assert held(spec, curvature_margin_per_mm=far, draft_margin_deg=near) == {"draft_margin_deg"}
+    stated = small_spec(manufacture=MILLED, lens__outer__concave_radius_mm=3.0, lens__outer__draft_deg=1.0)
+    nothing = {"inner": 9.0, "outer": 0.0}
+    assert held(stated, curvature_margin_per_mm=nothing, draft_margin_deg=nothing) == set(), "wishes, not tools"
+
+
+def light_after(lens: lf.Lens, spec: lf.Spec) -> lf.Light:
+    steps = {"optimise.steps_per_level": [1, 40]}
+    return lf.evaluate(lf.design(spec.replace(steps), accuracy="draft", start=lens).lens, rays=RAYS)
+
+
+@pytest.fixture(scope="module")
+def made() -> Design:
+    spec = small_spec(manufacture=MILLED, optimise__steps_per_level=[10, 30])
+    return lf.design(spec, accuracy="draft")
+
+
+def test_costs_are_differences_of_the_light_after_the_same_steps_and_the_screen_says_against_what(made: Design) -> None:
+    """By the verbs: with the limits, without all, and with the ball of half the radius."""
+    assert "curvature_margin_per_mm" in holding_tools(made)
+    spec = made.lens.spec
+    kept = light_after(made.lens, spec)
+    whole, *each = tool_costs(made)
+    free = light_after(made.lens, spec.replace({"manufacture.process": "none", "manufacture.required": False}))
+    assert whole.efficiency == free.efficiency.value - kept.efficiency.value
+    assert (whole.nmse, whole.nmse_without) == (kept.nmse.value, free.nmse.value)
+    assert whole.matters, "the ball is half as large as the lens"
+    ball = next(cost for cost in each if cost.limit == "ball of 2.5 mm")
+    smaller = light_after(made.lens, spec.replace({"manufacture.cutter_radius_mm": 1.25}))
+    assert ball.instead == "manufacture.cutter_radius_mm = 1.25"
+    assert ball.efficiency == smaller.efficiency.value - kept.efficiency.value
+    assert ball.nmse_without == smaller.nmse.value
+    group = design_facts(made.changed(tool_costs=(whole, ball)))[-1]
+    assert (group.key, [fact.label for fact in group.facts]) == (
+        "costs",
+        ["Cost of the tools", "Cost of the ball of 2.5 mm"],
+    )
+    assert group.facts[1].value == 100.0 * ball.efficiency
+    assert "against manufacture.cutter_radius_mm = 1.25" in group.facts[1].note
+
+
+def test_a_lens_that_no_tool_holds_costs_nothing_and_is_searched_no_further(made: Design, monkeypatch) -> None:
+    monkeypatch.setattr("lensforge.search.optimiser.search", None)  # would raise
+    free = made.changed(
+        lens=made.lens, constraints=made.constraints.changed(curvature_margin_per_mm={}, draft_margin_deg={})
+    )
+    assert tool_costs(free) == ()
+    assert [group.key for group in design_facts(free)] == ["lens", "search"]
