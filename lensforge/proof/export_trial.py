@@ -55,6 +55,7 @@ _SMALLEST_STEP = 1.15
 _LARGEST_STEP = 2.5
 _RINGS_POWER = 2.0  # by which the displacement through a mesh falls with its rings, 2 to 4
 _LEAST_GAIN = 0.9  # of what was used before: what finer files do not lessen is not theirs
+_OF_MOST = 0.95  # of the triangles of the finest mesh on trial, as their number is known to a few per cent
 _MOST_TRIANGLES = 600_000  # of a mesh on trial: one of a million takes minutes and 2 GB to read and cast
 
 
@@ -116,14 +117,16 @@ def _settled_rings(lens: Lens, pair: Pair[Patch], trials: "list[_Trial]") -> int
     for _ in range(_ROUNDS):
         if used * MARGIN <= 1.0:
             break
-        more = min(MOST_RINGS, int(np.ceil(rings * _step(used * MARGIN, _RINGS_POWER))))
-        finer = _mesh_on_trial(plan, more)
+        wanted = int(np.ceil(rings * _step(used * MARGIN, _RINGS_POWER)))
+        more = min(MOST_RINGS, wanted, _most_rings(rings, mesh))
+        finer = _mesh_on_trial(plan, more) if more > rings else None
         if finer is None:
             break
         before, used = used, max(trial.used_by_mesh(finer) for trial in trials)
         if used > _LEAST_GAIN * before:
             break
         rings = more
+        mesh = finer
     if used > 1.0:
         warnings.warn(
             f"export: with {rings} rings the facets of lens.stl use {used:.3g} times what verification allows, and "
@@ -133,10 +136,13 @@ def _settled_rings(lens: Lens, pair: Pair[Patch], trials: "list[_Trial]") -> int
     return rings
 
 
+def _most_rings(rings: int, mesh: BodyMesh) -> int:
+    """The most rings of a mesh on trial, by one of so many ``rings``: triangles are as their square, or fewer."""
+    return int(rings * (_OF_MOST * _MOST_TRIANGLES / len(mesh.triangles)) ** 0.5)
+
+
 def _mesh_on_trial(plan: Plan[Patch], rings: int) -> BodyMesh | None:
     """The mesh of so many ``rings``; None if it has too many triangles."""
-    if 12 * rings**2 > _MOST_TRIANGLES:  # of two faces, before any facet is split
-        return None
     try:
         mesh = build_mesh(plan, rings, CHORD_MM)
     except InputError:

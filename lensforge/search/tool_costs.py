@@ -1,4 +1,4 @@
-"""Costs of the limits that tools set to a lens: short searches from its end on, with the limits of the tools and without.
+"""Costs of the limits that tools set to a lens: short searches from its end on, with these limits and without.
 
 A search that ends has seldom converged, so that further steps gain by themselves: what limits cost is the difference of
 two lenses after the same steps with the same rays. It is less than whole searches would differ by, as 40 steps gain

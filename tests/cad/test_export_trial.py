@@ -72,13 +72,26 @@ def test_a_trial_ends_and_tells_what_its_facets_use(monkeypatch: pytest.MonkeyPa
     """With so few triangles no finer mesh is tried; the first one uses more than all, and is told, not refused."""
     lens = make_lens(3.0, 7.0, 0.05, seed=5, levels=ALL_LEVELS, base={"kind": "none"})
     monkeypatch.setattr(export_trial, "rings_for", lambda *_: 12)
-    monkeypatch.setattr(export_trial, "_MOST_TRIANGLES", 12 * 14**2)
+    coarse = make_plan(*fit_lens(lens, tolerance=FINE), base_with_room(lens))
+    monkeypatch.setattr(export_trial, "_MOST_TRIANGLES", len(build_mesh(coarse, 12, 1.0).triangles))
     monkeypatch.setattr(export_trial, "CHORD_MM", 1.0)
     built = []
     monkeypatch.setattr(export_trial, "build_mesh", lambda *given: built.append(given[1]) or build_mesh(*given))
     with pytest.warns(UserWarning, match=r"with 12 rings the facets of lens.stl use [1-9][.0-9]* times what"):
         assert fineness(lens, FINE).rings == 12
     assert built == [12], "others are known to be too large before they are made"
+
+
+def test_a_step_beyond_the_most_triangles_goes_as_far_as_they_allow(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The first mesh uses so much that 2.5 times its rings are wanted: 30, where triangles allow 22."""
+    lens = make_lens(3.0, 7.0, 0.05, seed=5, levels=ALL_LEVELS, base={"kind": "none"})
+    monkeypatch.setattr(export_trial, "rings_for", lambda *_: 12)
+    monkeypatch.setattr(export_trial, "CHORD_MM", 1.0)
+    plan = make_plan(*fit_lens(lens, tolerance=FINE), base_with_room(lens))
+    most = len(build_mesh(plan, 23, 1.0).triangles)
+    monkeypatch.setattr(export_trial, "_MOST_TRIANGLES", most)
+    with pytest.warns(UserWarning, match="what verification allows"):
+        assert fineness(lens, FINE).rings in (21, 22, 23)
 
 
 def test_a_mesh_that_its_detail_makes_finer_than_any_on_trial_is_not_cast(
