@@ -447,7 +447,7 @@ def _chosen(pyramid: _Pyramid, level: Level) -> tuple[Level, list[tuple[Level, f
 
 
 def _rival(pyramid: _Pyramid, level: Level, left_out: Sequence[tuple[Level, float]]) -> "Rival | None":
-    """Of the levels that are left out the one whose chance makes the tables at ``level`` least certain."""
+    """The level, of those left out, whose chance makes the tables at ``level`` least certain."""
     likely = [(other, chance) for other, chance in left_out if chance > _LEAST_CHANCE]
     if not likely:
         return None
