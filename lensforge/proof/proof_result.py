@@ -373,7 +373,7 @@ class Proof(ResultByLed):
         Figure(
             "Mesh",
             notice="lens.step is right and decides; "
-            "`lensforge export` without --rings makes a mesh as fine as the light asks",
+            "`lensforge export` without --rings makes a mesh as fine as the light asks, with a larger one finer still",
         )
     )
     def print_mesh(self) -> str | None:

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from lensforge.proof.cast_results import Agreement, FatePair
 
 FINER_FACETS = "export with more --rings"
-FINER = "export with a finer mesh: without --rings it is as fine as the light asks"
+FINER = "export with a finer mesh: without --rings it is as fine as the light asks, with a larger --rings finer still"
 _NAMED = 2  # pairs of fates in one line: the rest is in ``pairs``
 _START = "light that starts there meets no cavity: move the source into it; if it stays, report"
 _BY_DESIGN = {

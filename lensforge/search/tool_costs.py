@@ -1,11 +1,12 @@
 """Costs of the limits that tools set to a lens: short searches from its end on, with these limits and without.
 
 A search that ends has seldom converged, so that further steps gain by themselves: what limits cost is the difference of
-two lenses after the same steps with the same rays. It is less than whole searches would differ by, as 40 steps gain
-most of what there is, but not all.
+two lenses after the same steps with the same rays. It is less than whole searches would differ by, as 20 to 40 steps
+gain most of what there is, but not all.
 """
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 
 from lensforge.light.evaluation_result import Light
 from lensforge.light.lens_light import evaluate, searched_source
@@ -14,7 +15,8 @@ from lensforge.scene.lens import Lens
 from lensforge.search.design_result import CURVATURE, DRAFT, Design, ToolCost, limits_of
 from lensforge.spec import Spec
 
-_STEPS = 40
+_LEAST_STEPS, _MOST_STEPS = 20, 40
+_OF_SEARCH = 20  # steps of the whole search for one here
 _RAYS = 131072  # the same for all: a difference has far less noise than a figure
 _AT_LIMIT = 10.0  # of the margin with which a search ends inside a limit: 0.3 degrees, or 3 % of a radius
 _FAR_TILT_DEG = 20.0  # beyond what the axis tilts, to tell what that costs
@@ -31,9 +33,16 @@ def tool_costs(design: Design) -> tuple[ToolCost, ...]:
     kinds = holding_tools(design)
     if not kinds:
         return ()
-    held = _light(lens, lens.spec)
-    whole = _cost("tools", Change("manufacture.process", "none"), held, _light(lens, lens.spec.made_by("none")))
-    return (whole, *(_each(lens, kinds, held) if whole.matters else ()))
+    steps = min(max(design.steps // _OF_SEARCH, _LEAST_STEPS), _MOST_STEPS)
+    further = _Further(lens, steps)
+    held = further.light(lens.spec)
+    nothing = Change("manufacture.process", "none")
+    whole = _cost("tools", nothing, held, further.light(lens.spec.made_by("none")))
+    if not whole.matters:
+        return (whole,)
+    easier = _easier(lens.spec, kinds)
+    each = (_cost(words, change, held, further.light(_with(lens.spec, change))) for words, change in easier)
+    return (whole, *each)
 
 
 def holding_tools(design: Design) -> set[str]:
@@ -43,10 +52,8 @@ def holding_tools(design: Design) -> set[str]:
     return {limit.kind for limit in limits if design.constraints.at(limit) < _AT_LIMIT * limit.spare}
 
 
-def _each(lens: Lens, kinds: set[str], held: Light) -> Iterator[ToolCost]:
-    """The cost of each limit at which a face is, against one that is easier to keep."""
-    for words, change in _easier(lens.spec, kinds):
-        yield _cost(words, change, held, _light(lens, lens.spec.replace({change.field: float(change.value)})))
+def _with(spec: Spec, change: Change) -> Spec:
+    return spec.replace({change.field: float(change.value)})
 
 
 def _easier(spec: Spec, kinds: set[str]) -> Iterator[tuple[str, Change]]:
@@ -73,14 +80,22 @@ def _half(field: str, radius_mm: float) -> Change:
     return Change(f"manufacture.{field}", f"{0.5 * radius_mm:g}")
 
 
-def _light(lens: Lens, spec: Spec) -> Light:
-    """Light of the lens that a short search by ``spec`` finds from ``lens`` on."""
-    from lensforge.search.optimiser import search  # torch, which no run without such limits needs here
+@dataclass(frozen=True)
+class _Further:
+    """Short searches of ``steps`` from ``lens`` on."""
 
-    coarser = len(spec.lens.shape_levels) - 1
-    short = spec.replace({"optimise.steps_per_level": [1] * coarser + [_STEPS], "optimise.seconds": None})
-    design = search(short, searched_source(short), accuracy=lens.accuracy, seed=lens.seed, start=lens)
-    return evaluate(design.lens, rays=_RAYS)
+    lens: Lens
+    steps: int
+
+    def light(self, spec: Spec) -> Light:
+        """Light of the lens that a search by ``spec`` finds."""
+        from lensforge.search.optimiser import search  # torch, which no run without such limits needs here
+
+        coarser = len(spec.lens.shape_levels) - 1
+        short = spec.replace({"optimise.steps_per_level": [1] * coarser + [self.steps], "optimise.seconds": None})
+        lens = self.lens
+        design = search(short, searched_source(short), accuracy=lens.accuracy, seed=lens.seed, start=lens)
+        return evaluate(design.lens, rays=_RAYS)
 
 
 def _cost(words: str, change: Change, held: Light, free: Light) -> ToolCost:

@@ -298,6 +298,15 @@ def test_what_run_json_states_is_compared_though_its_checksum_is_made_anew(
     assert refusal(lf.load, folder) == ""
 
 
+def test_reasons_of_a_verdict_are_those_of_the_results_whatever_words_an_earlier_version_had(folder: Path) -> None:
+    content = record_in(folder, "run")
+    verdict = content["verdict"]
+    reasons = {part: ["other words"] for part in verdict["reasons"]}
+    write(folder, "run", content | {"verdict": verdict | {"reasons": reasons}})
+    assert refusal(lf.load, folder) == ""
+    assert "other words" not in str(lf.load(folder).verdict.reasons)
+
+
 def test_seconds_that_one_stage_took_longer_are_none_of_a_whole_run(folder: Path) -> None:
     """A search that was resumed, or a stage that ran again by itself."""
     longest = max(result.seconds for result in lf.load(folder).found.values() if hasattr(result, "seconds"))

@@ -58,7 +58,7 @@ def test_a_limit_holds_a_face_within_ten_times_the_margin_with_which_a_search_en
 
 
 def light_after(lens: lf.Lens, spec: lf.Spec) -> lf.Light:
-    steps = {"optimise.steps_per_level": [1, 40]}
+    steps = {"optimise.steps_per_level": [1, 20]}
     return lf.evaluate(lf.design(spec.replace(steps), accuracy="draft", start=lens).lens, rays=RAYS)
 
 
