@@ -25,8 +25,6 @@ import time
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from foreground import default_signals
-
 from lensforge import load_spec
 
 SMALL = {  # a search of seconds: the kills are to come everywhere
@@ -55,6 +53,15 @@ _WITH_TIMES = (".html", ".bin")  # pages and checkpoints; all other files but re
 _MOMENT = re.compile(rb"\d{4}-\d\d-\d\d \d\d:\d\d UTC|\b\d+\.\d s\b( \(stages can run side by side\))?")
 _LIMIT_SECONDS = 3600.0
 _GRACE_SECONDS = 5.0  # within which the children of a killed process must have ended
+
+
+def default_signals() -> None:
+    """Signals as a shell gives them to a command in the foreground; for ``preexec_fn`` of a child process.
+
+    What a shell starts in the background ignores Ctrl-C, with all its children.
+    """
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        signal.signal(number, signal.SIG_DFL)
 
 
 @dataclass

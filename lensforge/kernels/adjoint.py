@@ -84,16 +84,21 @@ class ByRaysIn(NamedTuple):
     by_directions: Float[np.ndarray, "n 3"]
     by_fields: Float[np.ndarray, "n 12"]
 
+    @staticmethod
+    def none_of(rays: int) -> "ByRaysIn":
+        """No sensitivities, of so many ``rays``."""
+        return ByRaysIn(np.zeros((rays, 3)), np.zeros((rays, 3)), np.zeros((rays, 12)))
+
     def part(self, part: slice) -> "ByRaysIn":
         """Sensitivities to some of the rays."""
         return some_of(self, part)
 
 
 class BodyGradients(NamedTuple):
-    """Sensitivities to a body's tables (f, side, side), added to, and to the rays that came; None: nobody asks."""
+    """Sensitivities to a body's tables, added to, and to the rays that came; of no table or ray if nobody asks."""
 
-    by_tables: Float[np.ndarray, "f side side"] | None
-    by_rays: ByRaysIn | None
+    by_tables: Float[np.ndarray, "f side side"]
+    by_rays: ByRaysIn
 
 
 class AdjointMemory(NamedTuple):
@@ -119,7 +124,7 @@ def same_way(met: Int[np.ndarray, "n e"]) -> SameWay:
 @inline
 def add_gradients(packet, count, at, face, inverse_step, gradients):
     """Add the sensitivities of an event to those by the table of its face, where they are asked for."""
-    if gradients is not None:
+    if len(gradients) > 0:
         add_to_table(packet, count, at, inverse_step, gradients[face])
 
 
@@ -133,8 +138,8 @@ def load_axial(packet, lane, k, left, by_axial):
 
 @inline
 def asks(by_fields):
-    """True where there are sensitivities to the fields; known to the compiler."""
-    return by_fields is not None
+    """True where there are sensitivities to the fields."""
+    return len(by_fields) > 0
 
 
 @inline
@@ -281,7 +286,7 @@ def recall_event(packet, count, event):
 @inline
 def store_by_rays(packet, count, placement, by_rays):
     """Sensitivities to the rays as they came, where they are asked for; none of a ray without a derivative."""
-    if by_rays is not None:
+    if len(by_rays.by_points) > 0:
         for lane in range(count):
             k = int(packet[RAY + lane])
             smooth = packet[SMOOTH + lane] == 1.0

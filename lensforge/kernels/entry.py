@@ -52,7 +52,7 @@ def begin_fields(packet, lane, k, d, fields, placement, sides):
         packet[MEDIUM + lane] = CAVITY
         packet[LAST + lane] = -1.0
         packet[CLEAR + lane] = 1.0
-        if fields is not None:
+        if len(fields) > 0:
             for part in range(0, 12, 3):
                 local = turned(placement, INTO, (fields[k, part], fields[k, part + 1], fields[k, part + 2]))
                 write(packet, FIELDS + part * SIZE + lane, local)

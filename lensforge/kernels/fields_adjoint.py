@@ -60,11 +60,11 @@ FIELD = 3 * SIZE  # from one part of a field to the next
 
 @inline
 def begin_forward(packet, count, local_fields, placement):
-    """Fields with which all rays begin: their ``local_fields``, or unpolarised light; nothing is absorbed yet."""
+    """Fields with which all rays begin: their ``local_fields`` if any, else unpolarised; nothing is absorbed yet."""
     for lane in range(count):
         packet[CLEAR + lane] = 1.0
         packet[SMOOTH + lane] = 1.0
-        if local_fields is None:
+        if len(local_fields) == 0:
             first, second = unpolarised(three(packet, FIRST_EVENT + D + lane))
             write(packet, E + lane, first)
             write(packet, E + FIELD + lane, scaled(0.0, first))
@@ -245,7 +245,7 @@ def forward_at(packet, count, face, rays, body):
 @inline
 def to_next_frame(packet, count, placement):
     """Take all rays into the frame of the outer one of two faces."""
-    if placement is not None:
+    if len(placement.frames) > 2:
         for k in range(count):
             p, d = to_next_face(placement, three(packet, FIRST_EVENT + P + k), three(packet, FIRST_EVENT + D + k))
             write(packet, FIRST_EVENT + P + k, p)
@@ -257,7 +257,7 @@ def to_next_frame(packet, count, placement):
 @inline
 def from_next_frame(packet, count, placement):
     """Take all sensitivities from the frame of the outer one of two faces into that of the inner one."""
-    if placement is not None:
+    if len(placement.frames) > 2:
         for k in range(count):
             write(packet, EX + k, turned_back(placement, BETWEEN, three(packet, EX + k)))
             write(packet, FX + k, turned_back(placement, BETWEEN, three(packet, FX + k)))
@@ -293,7 +293,7 @@ def begin_back(packet, count, placement, by_fields):
 @inline
 def add_by_fields(packet, count, placement, by_fields):
     """Add the sensitivities to the fields with which rays leave, where there are any."""
-    if by_fields is not None:
+    if len(by_fields) > 0:
         for lane in range(count):
             k = int(packet[RAY + lane])
             value = 0.0

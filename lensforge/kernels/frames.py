@@ -54,6 +54,14 @@ def turned_back(placement, number, v):
 
 
 @inline
+def turned_between(placement, v):
+    """A vector behind the inner one of two faces in the frame of the outer one."""
+    if placement is None:
+        return v
+    return turn(placement.frames[BETWEEN], v) if len(placement.frames) > 2 else v
+
+
+@inline
 def into_faces(placement, p, d):
     """Point and direction of a ray that comes, in the frame of the first face."""
     if placement is None:
@@ -65,6 +73,8 @@ def into_faces(placement, p, d):
 def to_next_face(placement, p, d):
     """Point and direction of a ray behind the inner one of two faces in the frame of the outer one."""
     if placement is None:
+        return p, d
+    if len(placement.frames) == 2:
         return p, d
     return place(placement.frames[BETWEEN], 1.0, p), turn(placement.frames[BETWEEN], d)
 

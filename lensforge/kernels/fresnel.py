@@ -37,7 +37,10 @@ def outward_normal(p, rho_x, rho_y):
 
 @inline
 def refract(d, n, ratio):
-    """Direction behind a surface with unit normal n, or that before it; cosines before and behind (squared)."""
+    """Direction behind a surface with unit normal n, or that before it; cosines before and behind (squared).
+
+    Snell's law as vectors: ``ratio d + (q - ratio c) n``.
+    """
     c = dot(d, n)
     q_squared = transmitted_cosine_squared(c, ratio)
     if q_squared <= 0.0:
@@ -86,6 +89,7 @@ _DARK = 1e-12  # transmittance below which the slope of its root no longer count
 def transmittances(c, q, ratio):
     """Fresnel's transmittances (Born & Wolf 1.5.2), and their derivatives with respect to ``c``.
 
+    ``t = 1 - r^2`` with ``r_s = (ratio c - q) / (ratio c + q)`` and ``r_p = (c - ratio q) / (c + ratio q)``.
     The sine of the turn is ``q - ratio c`` times that of the angle of incidence, and its squared cosine ``t_s / t_p``.
     """
     r_s = (ratio * c - q) / (ratio * c + q)

@@ -29,7 +29,9 @@ class GlassPlate(NamedTuple):
 def _passed(c, plate, row):
     """Apparent shift (mm) of the plate for a ray of cosine ``c``, and its transmittance, both with derivatives by c.
 
-    The transmittance is of the flux, and of the flux along z. ``row``: of the ray in the tables of the film.
+    The shift of a plate of thickness d is ``d (1 - ratio c / q)``, the light that it absorbs ``1 - exp(-a d / q)``
+    (Beer and Lambert). The transmittance is of the flux, and of the flux along z. ``row``: of the ray in the tables of
+    the film.
     """
     ratio = plate.ratio
     thickness = plate.thickness_mm

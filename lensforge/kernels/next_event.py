@@ -12,7 +12,7 @@ from lensforge.kernels.compiled import inline
 from lensforge.kernels.entry import entry
 from lensforge.kernels.fate import Fate
 from lensforge.kernels.first_hit import FOUND, LOST
-from lensforge.kernels.frames import BETWEEN, out_of_faces, to_next_face, turned
+from lensforge.kernels.frames import out_of_faces, to_next_face, turned_between
 from lensforge.kernels.fresnel import outward_normal
 from lensforge.kernels.nearest_face import CLEAR, FACE, FIELDS, LAST, LEAVING, MEDIUM, SIDE
 from lensforge.kernels.polarised_event import behind_face, keep_axial, keep_fields
@@ -135,14 +135,14 @@ def from_the_rim(p, d, face, body, placement):
 def carry_on(packet, lane, going, placement, sides):
     """Move what is kept of the polarisation of a ray from its lane to that of its next event."""
     if sides is None:
-        write(packet, MX + going, turned(placement, BETWEEN, three(packet, MX + lane)))
+        write(packet, MX + going, turned_between(placement, three(packet, MX + lane)))
         packet[T_S + going] = packet[T_S + lane]
         packet[T_P + going] = packet[T_P + lane]
         packet[EXCESS + going] = packet[EXCESS + lane]
     else:
         packet[CLEAR + going] = packet[CLEAR + lane]
         for first in range(FIELDS, FIELDS + 12 * SIZE, 3 * SIZE):
-            write(packet, first + going, turned(placement, BETWEEN, three(packet, first + lane)))
+            write(packet, first + going, turned_between(placement, three(packet, first + lane)))
 
 
 @inline

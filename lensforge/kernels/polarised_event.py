@@ -206,7 +206,7 @@ def behind_face(packet, lane, face, mirror, arrived, rays, body, sides):
 @inline
 def keep_fields(packet, lane, placement, fields):
     """Keep the fields with which a ray leaves, in the frame of the receivers, where anybody asks."""
-    if fields is not None:
+    if len(fields) > 0:
         k = int(packet[RAY + lane])
         for part in range(4):
             local = turned(placement, BACK, three(packet, FIELDS + 3 * part * SIZE + lane))
@@ -230,5 +230,5 @@ def keep_axial(packet, lane, arrived, rays, body, axial, sides):
         k = int(packet[RAY + lane])
         if sides is None:
             axial[k] = arrived * packet[AXIAL + lane]
-        else:
+        elif len(axial) > 0:
             axial[k] = rays.emitted[k] * packet[CLEAR + lane] * share_along(packet, lane, z_axis(body.placement))

@@ -1,6 +1,8 @@
 """Records of arrays that the kernels of tracing take: rays that come to a body, the body, what rays do in it.
 
 Each field that may be None is known to the compiler: of a bare, polished body no kernel has code for films and noise.
+For each of these a kernel is compiled once more, for up to ten seconds. What costs little time where it is not needed
+is therefore there without rays, as fields are, or changes nothing, as frames in place.
 """
 
 from typing import NamedTuple, TypeVar
@@ -24,6 +26,8 @@ FROM_BEHIND = 1
 
 _Record = TypeVar("_Record", bound=NamedTuple)
 
+NO_FIELDS: Float[np.ndarray, "0 12"] = np.zeros((0, 12))
+
 
 def some_of(record: _Record, part: slice) -> _Record:
     """Rows ``part`` of every field of a record; a field that is None stays None."""
@@ -38,8 +42,8 @@ class RaysIn(NamedTuple):
     the tables of films, or one for all. ``noise`` (n, 2 f): slopes of the facet that each ray meets at each face, along
     two lines and over the slope of the face, the first time; None if all faces are polished. ``fields`` (n, 12): of
     polarised light those with which each ray begins (``kernels.fields``: real and imaginary parts of both), in the
-    frame of the faces; None as from a source. ``shifts``: of light at faces that scatter by rings; None without any.
-    ``keys``: of the numbers that each ray draws at a rough face which it meets again.
+    frame of the faces; of no ray as from a source. ``shifts``: of light at faces that scatter by rings; None without
+    any. ``keys``: of the numbers that each ray draws at a rough face which it meets again.
     """
 
     origins: Float[np.ndarray, "n 3"]
@@ -49,7 +53,7 @@ class RaysIn(NamedTuple):
     absorptions: Float[np.ndarray, " j"]
     film_rows: Float[np.ndarray, " i"]
     noise: Float[np.ndarray, "n m"] | None = None
-    fields: Float[np.ndarray, "n 12"] | None = None
+    fields: Float[np.ndarray, "m 12"] = NO_FIELDS
     shifts: RingShifts | None = None
     keys: UInt64[np.ndarray, " n"] | None = None
 
@@ -58,11 +62,11 @@ class RaysIn(NamedTuple):
         indices, absorptions, films = (
             part_of(table, part) for table in (self.indices, self.absorptions, self.film_rows)
         )
-        noise, fields, keys = (
-            None if by_ray is None else by_ray[part] for by_ray in (self.noise, self.fields, self.keys)
-        )
+        noise, keys = (None if by_ray is None else by_ray[part] for by_ray in (self.noise, self.keys))
         shifts = None if self.shifts is None else self.shifts.part(part)
-        origins, directions, emitted = (by_ray[part] for by_ray in (self.origins, self.directions, self.emitted))
+        origins, directions, emitted, fields = (
+            by_ray[part] for by_ray in (self.origins, self.directions, self.emitted, self.fields)
+        )
         return RaysIn(origins, directions, emitted, indices, absorptions, films, noise, fields, shifts, keys)
 
 
@@ -80,7 +84,8 @@ class TracedBody(NamedTuple):
     None: of a double lens in unpolarised light, two faces that are met in their order, whose polarisation has a closed
     form. Else polarised light is followed by its fields. Its faces are met in their order, once each, and light that
     is reflected is lost; or, where the ``bounds`` have balls, in any order, as ``kernels.nearest_face`` finds them.
-    ``slopes``: of each face, by which the noise of the rays is multiplied; None if all are polished.
+    ``slopes``: of each face, by which the noise of the rays is multiplied; None if all are polished. ``placement``:
+    None of a double lens in unpolarised light alone, whose faces are in place.
     """
 
     tables: Float[np.ndarray, "f side side"]
@@ -114,8 +119,9 @@ class RaysOut(NamedTuple):
     """Rays behind a body: what ``kernels.trace`` fills, see ``scene.exit_rays``.
 
     ``points``, ``directions`` and ``absorbed`` come as zeros, and stay so where a ray does not leave or is not
-    absorbed; ``absorbed`` is empty if nothing absorbs. ``axial``: None but for a cover glass. ``fields``: filled as
-    those of :class:`RaysIn`, in the frame of the receivers; None if nobody asks.
+    absorbed; ``absorbed`` is empty if nothing absorbs. ``axial``: flux times the squared part of the field along z,
+    for a cover glass; of no ray if nobody asks, or, of a double lens in unpolarised light, None. ``fields``: filled as
+    those of :class:`RaysIn`, in the frame of the receivers; of no ray if nobody asks.
     """
 
     points: Float[np.ndarray, "n 3"]
@@ -125,7 +131,7 @@ class RaysOut(NamedTuple):
     sin2_exit: Float[np.ndarray, " n"]
     fates: Int8[np.ndarray, " n"]
     axial: Float[np.ndarray, " n"] | None = None
-    fields: Float[np.ndarray, "n 12"] | None = None
+    fields: Float[np.ndarray, "k 12"] = NO_FIELDS
 
     def part(self, part: slice) -> "RaysOut":
         """Some of the rays."""
@@ -133,14 +139,17 @@ class RaysOut(NamedTuple):
 
 
 class ByRaysOut(NamedTuple):
-    """Sensitivities to the points of rays behind a body, their directions, flux, exit sine, flux along z and fields."""
+    """Sensitivities to the points of rays behind a body, their directions, flux, exit sine, flux along z and fields.
+
+    ``by_fields``: of no ray where no body comes behind.
+    """
 
     by_points: Float[np.ndarray, "n 3"]
     by_directions: Float[np.ndarray, "n 3"]
     by_flux: Float[np.ndarray, " n"]
     by_sin2: Float[np.ndarray, " n"]
     by_axial: Float[np.ndarray, " n"] | None = None
-    by_fields: Float[np.ndarray, "n 12"] | None = None
+    by_fields: Float[np.ndarray, "m 12"] = NO_FIELDS
 
     def part(self, part: slice) -> "ByRaysOut":
         """Sensitivities to some of the rays."""

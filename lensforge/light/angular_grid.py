@@ -13,7 +13,8 @@ Two tables of the same rays, one with twice the nodes, differ by structure and b
 from the other: a finer table is taken while it gains more structure than noise.
 """
 
-from collections.abc import Iterator
+import math
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Literal
@@ -21,8 +22,9 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from lensforge.light.metrics import debiased_maximum
+from lensforge.light.metrics import debiased_maximum, in_doubt
 from lensforge.results import Extent, Metric
+from lensforge.results.replicate_pairs import error_over_pairs, mean_over_pairs
 from lensforge.sources.intensity import TabulatedIntensity
 from lensforge.sources.ray_bundle import RayBundle
 from lensforge.surfaces.mirror_group import group
@@ -128,6 +130,11 @@ class AngularGrid:
     def solid_angles(self) -> Float[np.ndarray, " g"]:
         """Integral (sr) of the bilinear function of one node, by its cone; on the axis of one of ``planes`` parts."""
         return np.asarray(self._gram.sum(axis=1) * (2.0 * np.pi / self.planes))
+
+    def products(self, samples: Float[np.ndarray, "p c g"]) -> Float[np.ndarray, "p p"]:
+        """Products of each two of ``samples``, node by node, over solid angle."""
+        flat = (samples * np.sqrt(self.solid_angles)).reshape(len(samples), -1)
+        return np.asarray(flat @ flat.T)
 
     @cached_property
     def _gram(self) -> Float[np.ndarray, "g g"]:
@@ -270,6 +277,8 @@ COARSEST = (4, 6)  # halvings of the finest grid in C and in gamma, where the ch
 COARSEST_TO_HORIZON = (3, 4)  # 5 by 2.5 degrees: CIE 140; by steps of 5 the glare is a tenth off
 _BRIGHT = 0.1  # of the peak: where relative errors are stated
 _LEAST_SAMPLES = 3  # by which an error of interpolation, and the error of that, can be told from noise
+_LEAST_FOR_CHANCE = 4  # samples by which the error of a square is known
+_LEAST_CHANCE = 0.01  # of other steps, to count in an error
 _RICHARDSON = 4.0 / 3.0  # the error of linear interpolation is 4/3 of what halving its steps changes
 
 Level = tuple[int, int]  # halvings of the finest grid in C and in gamma
@@ -277,16 +286,29 @@ Samples = Float[np.ndarray, "p c g"]
 
 
 @dataclass(frozen=True, eq=False)
+class Rival:
+    """Tables in other steps, ``light``, which other rays might have chosen.
+
+    ``doubt``: as of :func:`~lensforge.light.metrics.in_doubt`.
+    """
+
+    light: "FittedIntensity"
+    doubt: float
+
+
+@dataclass(frozen=True, eq=False)
 class FittedIntensity:
     """Intensity tables (W/sr) of independent samples on ``grid``, each of all the flux; their mean is the result.
 
     ``interpolation_error``: rms, relative to the peak, of what a table of half the steps adds where the light is
-    brighter than a tenth of the peak, and one standard error of that; None if so few samples cannot tell.
+    brighter than a tenth of the peak, and one standard error of that; None if so few samples cannot tell. ``rival``:
+    None where other rays would choose the same steps.
     """
 
     grid: AngularGrid
     samples: Samples
     interpolation_error: float | None
+    rival: Rival | None = None
 
     @property
     def values(self) -> Float[np.ndarray, "c g"]:
@@ -316,16 +338,16 @@ class FittedIntensity:
     @cached_property
     def peak(self) -> Metric:
         """Largest intensity (W/sr), noise taken off."""
-        largest = debiased_maximum(self.samples.reshape(len(self.samples), -1))
-        return largest.changed(unit="W/sr")
+        largest = debiased_maximum(self.samples.reshape(len(self.samples), -1)).changed(unit="W/sr")
+        return largest if self.rival is None else in_doubt(largest, self.rival.light.peak, self.rival.doubt)
 
 
 def fit(finest: AngularGrid, deposits: Samples, coarsest: Level = COARSEST) -> FittedIntensity:
     """Fit a table to the ``deposits`` of independent samples on ``finest``, which measures the error of the next."""
-    pyramid, level = _Pyramid(finest, deposits), coarsest
-    while (finer := _worthwhile(pyramid, level)) is not None:
-        level = finer
-    return FittedIntensity(pyramid.grid(level), pyramid.table(level), _interpolation_error(pyramid, level))
+    pyramid = _Pyramid(finest, deposits)
+    level, left_out = _chosen(pyramid, coarsest)
+    error = _interpolation_error(pyramid, level)
+    return FittedIntensity(pyramid.grid(level), pyramid.table(level), error, _rival(pyramid, level, left_out))
 
 
 class _Pyramid:
@@ -350,14 +372,30 @@ class _Pyramid:
             self._tables[level] = self.grid(level).fitted(self._deposits[level])
         return self._tables[level]
 
-    def difference(self, coarse: Level, fine: Level) -> Samples:
-        """Tables at ``fine`` less those at ``coarse``, on the grid of ``fine``."""
+    def refined(self, coarse: Level, fine: Level) -> Samples:
+        """Tables at ``coarse`` on the grid of ``fine``."""
         values = self.table(coarse)
         for c in range(coarse[0], fine[0], -1):
             values = self.grid((c - 1, coarse[1])).refined(values, "c")
         for gamma in range(coarse[1], fine[1], -1):
             values = self.grid((fine[0], gamma - 1)).refined(values, "gamma")
-        return np.asarray(self.table(fine) - values)
+        return values
+
+    def difference(self, coarse: Level, fine: Level) -> Samples:
+        """Tables at ``fine`` less those at ``coarse``, on the grid of ``fine``."""
+        return np.asarray(self.table(fine) - self.refined(coarse, fine))
+
+    def noise(self, level: Level) -> Float[np.ndarray, "p p"]:
+        """Square of the noise in the mean of the tables at ``level``, by each pair of them."""
+        products = self.grid(level).products(self.table(level))
+        own = np.diag(products)
+        return (0.5 * (own[:, None] + own[None, :]) - products) / len(products)
+
+    def apart(self, first: Level, second: Level) -> float:
+        """Square of the difference between the mean tables at two levels."""
+        fine = (min(first[0], second[0]), min(first[1], second[1]))
+        difference = (self.refined(first, fine) - self.refined(second, fine)).mean(axis=0)
+        return float(self.grid(fine).products(difference[None])[0, 0])
 
 
 def _before(level: Level) -> tuple[Level, Axis]:
@@ -365,22 +403,56 @@ def _before(level: Level) -> tuple[Level, Axis]:
     return ((c - 1, gamma), "c") if c > 0 else ((c, gamma - 1), "gamma")
 
 
-def _worthwhile(pyramid: _Pyramid, level: Level) -> Level | None:
-    """The finer level that gains most; None if none gains structure beyond its noise."""
+@dataclass(frozen=True)
+class _Candidate:
+    """A ``level`` to go to, and by each pair of samples its gain: structure less noise, over where one is."""
+
+    level: Level
+    gains: Float[np.ndarray, "p p"]
+
+    @property
+    def gain(self) -> float:
+        """The gain without the noise of squares; none of a single sample."""
+        return mean_over_pairs(self.gains) if len(self.gains) > 1 else 0.0
+
+    def chance_against(self, best: "_Candidate") -> float:
+        """Probability that other rays would choose this one rather than the ``best``; 0 of too few samples to tell."""
+        if len(self.gains) < _LEAST_FOR_CHANCE:
+            return 0.0
+        behind = self.gains - best.gains
+        error = error_over_pairs(behind)
+        return 0.5 * math.erfc(-mean_over_pairs(behind) / error / math.sqrt(2.0)) if error > 0.0 else 0.0
+
+
+def _candidates(pyramid: _Pyramid, level: Level) -> Iterator[_Candidate]:
+    """To stay at ``level``, and the three finer ones beside it."""
     c, gamma = level
-    best, gain = None, 0.0
+    stays = pyramid.noise(level)
+    yield _Candidate(level, np.zeros_like(stays))
     for finer in ((c - 1, gamma), (c, gamma - 1), (c - 1, gamma - 1)):
-        if min(finer) < 1:
-            continue
-        difference, fine = pyramid.difference(level, finer), pyramid.grid(finer)
-        if len(difference) < 2:
-            continue
-        structure = float((_mean_square(difference) * fine.solid_angles).sum())
-        noise = float((_variance(pyramid.table(finer)) * fine.solid_angles).sum())
-        noise -= float((_variance(pyramid.table(level)) * pyramid.grid(level).solid_angles).sum())
-        if structure - noise > gain:
-            best, gain = finer, structure - noise
-    return best
+        if min(finer) >= 1:
+            structure = pyramid.grid(finer).products(pyramid.difference(level, finer))
+            yield _Candidate(finer, structure - pyramid.noise(finer) + stays)
+
+
+def _chosen(pyramid: _Pyramid, level: Level) -> tuple[Level, list[tuple[Level, float]]]:
+    """The level from which no finer one gains structure beyond its noise; and the chance of each that was left out."""
+    left_out: list[tuple[Level, float]] = []
+    while True:
+        best, *others = sorted(_candidates(pyramid, level), key=lambda candidate: -candidate.gain)
+        left_out += [(other.level, other.chance_against(best)) for other in others]
+        if best.level == level:
+            return level, left_out
+        level = best.level
+
+
+def _rival(pyramid: _Pyramid, level: Level, left_out: Sequence[tuple[Level, float]]) -> "Rival | None":
+    """The level, of those left out, whose chance makes the tables at ``level`` least certain."""
+    likely = [(other, chance) for other, chance in left_out if chance > _LEAST_CHANCE]
+    if not likely:
+        return None
+    other, chance = max(likely, key=lambda rival: rival[1] * (1.0 - rival[1]) * pyramid.apart(level, rival[0]))
+    return Rival(FittedIntensity(pyramid.grid(other), pyramid.table(other), None), math.sqrt(chance * (1.0 - chance)))
 
 
 def _interpolation_error(pyramid: _Pyramid, level: Level) -> float | None:
@@ -404,12 +476,3 @@ def _interpolation_error(pyramid: _Pyramid, level: Level) -> float | None:
 
 def _bright(values: Float[np.ndarray, "c g"]) -> Bool[np.ndarray, "c g"]:
     return np.asarray(values > _BRIGHT * values.max())
-
-
-def _variance(samples: Samples) -> Float[np.ndarray, "c g"]:
-    return np.asarray(samples.var(axis=0, ddof=1) / len(samples))
-
-
-def _mean_square(samples: Samples) -> Float[np.ndarray, "c g"]:
-    """Square of the mean of ``samples`` less its variance: unbiased for the square of what they have in common."""
-    return np.asarray(samples.mean(axis=0) ** 2 - _variance(samples))

@@ -3,12 +3,15 @@
 Classes of glare G*: EN 13201-2:2015, table A.1.
 """
 
+from typing import Annotated
+
 import numpy as np
 from jaxtyping import Float
 
 from lensforge.light.luminaire_classes import BugRating, DistributionType, LampLight, ZoneLumens, distribution_type
 from lensforge.light.metrics import debiased_maximum, scaled
 from lensforge.results import Metric, Record, Text
+from lensforge.results.figure import Figure
 from lensforge.spec.light_limits import PhotometrySection
 
 _NONE = "none"
@@ -28,9 +31,9 @@ class GlareIntensities(Record):
     ``glare_class``: the strictest class of glare that these keep, or "none".
     """
 
-    above_70: Metric
-    above_80: Metric
-    glare_class: Text
+    glare_class: Annotated[Text, Figure("Glare class", "EN 13201")]
+    above_70: Annotated[Metric, Figure("Max. from 70° up", "cd/klm")]
+    above_80: Annotated[Metric, Figure("Max. from 80° up", "cd/klm")]
 
 
 def glare_intensities(lamp: LampLight, lumens: float) -> GlareIntensities:

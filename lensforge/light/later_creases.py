@@ -22,6 +22,7 @@ from lensforge.kernels.traced_body import BODY, FROM_BEHIND, REFLECTED, ByRaysOu
 from lensforge.light.crease import BESIDE, OnFaces, RayAdjoint, in_lens, without_roughness
 from lensforge.light.passage import BodyPassage
 from lensforge.light.table_trace import Scene, Tables, TracedBundle, face_bounds
+from lensforge.optics.pose import FACES_IN_PLACE
 from lensforge.seeds import sobol
 from lensforge.sources.ray_bundle import RayBundle, Source, towards
 from lensforge.surfaces.surface import to_chart
@@ -272,7 +273,7 @@ def _before(traced: TracedBundle, event: _Numbers) -> BodyPassage:
     kept = np.arange(lens.ways.met.shape[1]) < event[:, None]
     return replace(
         lens,
-        body=lens.body._replace(placement=None),
+        body=lens.body._replace(placement=FACES_IN_PLACE.packed()),
         rays=lens.rays._replace(origins=own.origins, directions=own.directions),
         ways=lens.ways._replace(met=np.where(kept, lens.ways.met, -1).astype(np.int8)),
         exits=lens.exits._replace(fates=np.full(len(event), Fate.LEFT_LENS, dtype=np.int8)),

@@ -306,18 +306,6 @@ def _simulation(light: Light, lens: Lens) -> Iterator[Fact]:
             yield Fact("noise_nmse", "NMSE of the ray noise", light.first.nmse_of_noise, digits=2)
 
 
-_ZONES = {
-    "forward_low": "forward, 0° to 30°",
-    "forward_mid": "forward, 30° to 60°",
-    "forward_high": "forward, 60° to 80°",
-    "forward_very_high": "forward, 80° to 90°",
-    "back_low": "back, 0° to 30°",
-    "back_mid": "back, 30° to 60°",
-    "back_high": "back, 60° to 80°",
-    "back_very_high": "back, 80° to 90°",
-}
-
-
 def photometry_facts(photometry: Photometry, spec: Spec) -> list[Group]:
     """Groups of the far field with each LED and, of a lamp for an area or a road, of the lamp and its zones."""
     return [
@@ -339,7 +327,7 @@ def _photometry_of_led(case: Case[Photometry], spec: Spec) -> list[Group]:
         return groups
     whole = f", all {lenses} lenses" if lenses > 1 else beside
     lamp = Group("lamp", f"Lamp{whole}", tuple(_lamp(case, photometry.road, lenses)))
-    zones = (Fact.measured(name, words, getattr(photometry.road.bug.zones, name)) for name, words in _ZONES.items())
+    zones = facts_in(photometry.road.bug.zones)
     return [*groups, lamp, Group("zones", f"Zones{whole}", tuple(zones))]
 
 
@@ -393,7 +381,8 @@ def _far_field(photometry: Photometry, spec: Spec, whose: str) -> Iterator[Fact]
 
 
 def _lamp(case: Case[Photometry], road: AreaLamp, lenses: int) -> Iterator[Fact]:
-    shape, glare, several = road.distribution, road.glare, f"all {lenses} lenses" if lenses > 1 else ""
+    shape = road.distribution
+    several = f"all {lenses} lenses" if lenses > 1 else ""
     yield Fact("lenses", "Lenses", lenses)
     yield Fact.measured("lamp_lm", "Luminous flux, lamp", road.lumens)
     if (files := case.result.luminaire) is not None:
@@ -402,6 +391,4 @@ def _lamp(case: Case[Photometry], road: AreaLamp, lenses: int) -> Iterator[Fact]
     yield Fact("distribution", "IES distribution", str(shape).removeprefix("type "))
     yield Fact.measured("street_mh", "Half-peak line reaches", shape.street_mh, "mounting heights towards the street")
     yield Fact("bug", "BUG rating", str(road.bug), note=several)
-    yield Fact("glare_class", "Glare class", glare.glare_class, note="EN 13201")
-    yield Fact.measured("above_70", "Max. from 70° up", glare.above_70, "cd/klm")
-    yield Fact.measured("above_80", "Max. from 80° up", glare.above_80, "cd/klm")
+    yield from facts_in(road.glare)

@@ -14,7 +14,7 @@ step of its angles wide at an edge of the light.
 """
 
 from dataclasses import dataclass, replace
-from typing import Literal, get_args
+from typing import Annotated, Literal, get_args
 
 import numpy as np
 from jaxtyping import Float
@@ -22,6 +22,7 @@ from jaxtyping import Float
 from lensforge.light.angular_grid import AngularGrid
 from lensforge.light.metrics import jackknife_metric, with_error
 from lensforge.results import Count, Metric, NotNegative, Record
+from lensforge.results.figure import Figure
 from lensforge.sources.ray_bundle import RayBundle
 from lensforge.surfaces.mirror_group import group
 
@@ -162,14 +163,14 @@ _BACK_HIGH_GLARE = {False: (110.0, 500.0, 1000.0, 2500.0, 5000.0), True: (660.0,
 class ZoneLumens(Record):
     """Lumens by zone: forward and back at gamma to 30, 60, 80 and 90 degrees, and up to 100 and 180 degrees."""
 
-    forward_low: Metric
-    forward_mid: Metric
-    forward_high: Metric
-    forward_very_high: Metric
-    back_low: Metric
-    back_mid: Metric
-    back_high: Metric
-    back_very_high: Metric
+    forward_low: Annotated[Metric, Figure("forward, 0° to 30°")]
+    forward_mid: Annotated[Metric, Figure("forward, 30° to 60°")]
+    forward_high: Annotated[Metric, Figure("forward, 60° to 80°")]
+    forward_very_high: Annotated[Metric, Figure("forward, 80° to 90°")]
+    back_low: Annotated[Metric, Figure("back, 0° to 30°")]
+    back_mid: Annotated[Metric, Figure("back, 30° to 60°")]
+    back_high: Annotated[Metric, Figure("back, 60° to 80°")]
+    back_very_high: Annotated[Metric, Figure("back, 80° to 90°")]
     up_low: Metric
     up_high: Metric
 

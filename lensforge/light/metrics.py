@@ -58,6 +58,14 @@ def with_error(metric: Metric, more: float) -> Metric:
     return metric.changed(standard_error=float(np.hypot(metric.standard_error, more)))
 
 
+def in_doubt(metric: Metric, other: Metric, doubt: float) -> Metric:
+    """``metric`` that the rays have chosen before the ``other``: its error has in it that these might choose that one.
+
+    ``doubt``: the root of p (1 - p), with the chance p of the other.
+    """
+    return with_error(metric, doubt * abs(metric.value - other.value))
+
+
 def jackknife_error(left_out: Float[np.ndarray, " r"]) -> float:
     """Standard error of a statistic, from its values ``left_out`` with one replicate at a time left out."""
     count = len(left_out)

@@ -74,8 +74,8 @@ class BodyPassage:
             absorbed=np.zeros(count if absorbs else 0),
             sin2_exit=np.empty(count),
             fates=np.zeros(count, dtype=np.int8) if fates is None else fates.copy(),
-            axial=np.zeros(count) if axial else None,
-            fields=np.zeros((count, 12)) if fields else None,
+            axial=None if sides is None and not axial else np.zeros(count if axial else 0),
+            fields=np.zeros((count if fields else 0, 12)),
         )
         body = precision.of(body)
         rays = rays._replace(**{name: precision.of(getattr(rays, name)) for name in ("film_rows", "noise", "shifts")})
@@ -94,6 +94,12 @@ class BodyPassage:
             raise ValueError("rays that meet two faces in their order keep no way")
         return self.ways.met
 
+    @property
+    def axial(self) -> Float[np.ndarray, " n"] | None:
+        """Flux (W) of each ray times the squared part of its field along z; None where that is not kept."""
+        kept = self.exits.axial
+        return kept if kept is not None and len(kept) == len(self.exits.flux) else None
+
     def gradients(self, by: ByRaysOut) -> Float[np.ndarray, "f side side"]:
         """Gradients by all tables, from sensitivities to the rays behind the body.
 
@@ -110,24 +116,23 @@ class BodyPassage:
 
             in_chunks(work, len(self.rays.emitted), worth=_WORTH_SHARING)
         else:
-            self._back(by, totals, None)
+            self._back(by, totals, ByRaysIn.none_of(0))
         return totals.sum(axis=0)
 
     def back(self, by: ByRaysOut) -> ByRaysIn:
         """Sensitivities to the rays that came from those to the rays behind a body in polarised light."""
-        count = len(self.rays.emitted)
-        before = ByRaysIn(np.zeros((count, 3)), np.zeros((count, 3)), np.zeros((count, 12)))
-        self._back(by, None, before)
+        before = ByRaysIn.none_of(len(self.rays.emitted))
+        self._back(by, np.zeros((CHUNKS, 0, *self.body.tables.shape[1:])), before)
         return before
 
-    def _back(self, by: ByRaysOut, totals: Float[np.ndarray, "c f side side"] | None, before: ByRaysIn | None) -> None:
+    def _back(self, by: ByRaysOut, totals: Float[np.ndarray, "c f side side"], before: ByRaysIn) -> None:
+        if by.by_axial is None:
+            by = by._replace(by_axial=np.zeros(len(by.by_flux)))
         events = self.ways.lengths.shape[1]
         met = self.met
 
         def work(chunk: int, part: slice) -> None:
-            gradients = BodyGradients(
-                None if totals is None else totals[chunk], None if before is None else before.part(part)
-            )
+            gradients = BodyGradients(totals[chunk], before.part(part))
             adjoint_of_ways(
                 self.rays.part(part),
                 self.body,

@@ -7,7 +7,7 @@ samples, and has in it the error of the level; what the steps of the table may c
 """
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import groupby
 from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
@@ -17,7 +17,7 @@ from jaxtyping import Float
 
 from lensforge.light.angular_grid import FittedIntensity
 from lensforge.light.area_lamp import AreaLamp
-from lensforge.light.metrics import debiased_maximum, jackknife_error
+from lensforge.light.metrics import debiased_maximum, in_doubt, jackknife_error
 from lensforge.public import public
 from lensforge.results import (
     Array,
@@ -69,17 +69,27 @@ class PlaneFigures(Record):
     beam_angle_deg: Metric | None
     field_angle_deg: Metric | None
 
+    def in_doubt(self, other: "PlaneFigures", doubt: float) -> "PlaneFigures":
+        """These figures, which the rays have chosen before the ``other``."""
+        names = ("peak_cd", "beam_angle_deg", "field_angle_deg")
+        pairs = {name: (getattr(self, name), getattr(other, name)) for name in names}
+        known = {name: pair for name, pair in pairs.items() if None not in pair}
+        return self.changed(**{name: in_doubt(*pair, doubt) for name, pair in known.items()})
+
 
 @dataclass(frozen=True)
 class CandelaTables:
     """Intensities (cd) in the frame of the files: of all rays, and with one of the independent samples left out each.
 
-    ``samples``: of each sample alone, with values below 0 where they have noise.
+    ``samples``: of each sample alone, with values below 0 where they have noise. ``rival``: the same in
+    other steps, which other rays might have chosen; ``doubt``: as of :func:`~lensforge.light.metrics.in_doubt`.
     """
 
     whole: CandelaTable
     left_out: Sequence[CandelaTable]
     samples: Float[np.ndarray, "p c g"]
+    rival: "CandelaTables | None" = None
+    doubt: float = 0.0
 
     @staticmethod
     def of(light: FittedIntensity, per_watt: float) -> "CandelaTables":
@@ -89,7 +99,10 @@ class CandelaTables:
         rest = [(total - value) / (count - 1) for value in values] if count > 1 else []
         left_out = [turned_over(light.grid.table(each)) for each in rest if each.sum() > 0.0]
         closed = np.concatenate([values, values[:, :1]], axis=1)[:, ::-1]
-        return CandelaTables(turned_over(light.grid.table(total / count)), left_out, closed)
+        tables = CandelaTables(turned_over(light.grid.table(total / count)), left_out, closed)
+        if light.rival is None:
+            return tables
+        return replace(tables, rival=CandelaTables.of(light.rival.light, per_watt), doubt=light.rival.doubt)
 
     def figure(self, read: Callable[[CandelaTable], float], unit: str) -> Metric:
         """Figure that ``read`` takes from a table, with its standard error; none from fewer than two samples."""
@@ -109,18 +122,20 @@ class CandelaTables:
     @property
     def axis_cd(self) -> Metric:
         """Intensity on the axis."""
-        return self.figure(lambda table: float(table.values[0, 0]), "cd")
+        axis = self.figure(lambda table: float(table.values[0, 0]), "cd")
+        return axis if self.rival is None else in_doubt(axis, self.rival.axis_cd, self.doubt)
 
     def plane(self, c_deg: float) -> PlaneFigures:
         """Beam in the plane of C = ``c_deg`` and its opposite."""
         profiles = np.stack([plane_profile(self._with(sample), c_deg)[1] for sample in self.samples])
         peak = debiased_maximum(profiles)
-        return PlaneFigures(
+        figures = PlaneFigures(
             c_deg=c_deg,
             peak_cd=peak.changed(unit="cd"),
             beam_angle_deg=self._angle(c_deg, peak, BEAM_SHARE),
             field_angle_deg=self._angle(c_deg, peak, FIELD_SHARE),
         )
+        return figures if self.rival is None else figures.in_doubt(self.rival.plane(c_deg), self.doubt)
 
     @property
     def _span_deg(self) -> float:

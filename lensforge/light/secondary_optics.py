@@ -58,10 +58,8 @@ def tabled(optic: SecondaryOptic) -> TabledOptic:
     return TabledOptic(tables, grid, bounds, FacePoses(optic.pose.inverse, (IN_PLACE,), optic.pose))
 
 
-def polarised(exits: ExitRays, fields: Float[np.ndarray, "n 12"] | None) -> ExitRays:
-    """``exits`` of a body with the ``fields`` with which they left it; themselves without."""
-    if fields is None:
-        return exits
+def polarised(exits: ExitRays, fields: Float[np.ndarray, "n 12"]) -> ExitRays:
+    """``exits`` of a body with the ``fields`` with which they left it."""
     squared = np.sum(fields**2, axis=1)
     carried = np.where(exits.left_lens, 2.0 * exits.flux / np.where(squared > 0.0, squared, 1.0), 0.0)
     return replace(exits, fields=fields, carried=carried)
@@ -131,7 +129,7 @@ def _behind(passage: BodyPassage, before: ExitRays) -> ExitRays:
         directions=out.directions,
         flux=flux,
         fates=out.fates,
-        axial=out.axial,
+        axial=passage.axial,
         lost_in_bodies=np.concatenate([none, (before.flux - flux)[None]]),
     )
     return polarised(behind, out.fields)

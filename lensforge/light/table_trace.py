@@ -18,6 +18,7 @@ from lensforge.light.passage import BodyPassage
 from lensforge.light.secondary_optics import TWO_FACES, before_optics, polarised, through_optics
 from lensforge.optics.face_roles import DOUBLE
 from lensforge.optics.media import Media
+from lensforge.optics.pose import FACES_IN_PLACE
 from lensforge.optics.scattering import RingScatter
 from lensforge.scene.body import Chain
 from lensforge.scene.exit_rays import ExitRays, Sensitivities
@@ -76,6 +77,8 @@ class Scene:
 
     def body(self, tables: Tables, bounds: FaceBounds, rough: Roughness, coatings: RayCoatings) -> TracedBody:
         """The lens as the kernels take it; ``rough``: what its rays meet."""
+        placed = FACES_IN_PLACE if self.made is None else self.made.placed
+        in_closed_form = self.made is None and self.sides is None
         return TracedBody(
             tables=tables,
             bounds=bounds,
@@ -85,7 +88,7 @@ class Scene:
             outside_index=self.media.outside_index,
             sides=self.sides,
             films=coatings.for_kernels(self.names),
-            placement=None if self.made is None else self.made.placed.packed(),
+            placement=None if in_closed_form else placed.packed(),
             slopes=rough.slopes,
         )
 
@@ -186,10 +189,10 @@ def _at_lens(lens: BodyPassage, scene: Scene) -> ExitRays:
         out.sin2_exit,
         out.fates,
         absorbed=out.absorbed if len(out.absorbed) == len(out.flux) else None,
-        axial=out.axial,
+        axial=lens.axial,
         met=None if met is None or scene.chain is None else met >> 2,
     )
-    return polarised(exits, out.fields)
+    return polarised(exits, out.fields) if scene.media.bodies else exits
 
 
 def checked_bounds(tables: Tables | Sequence[Table], scene: Scene) -> list[SurfaceBounds]:

@@ -168,6 +168,9 @@ class FacePoses(NamedTuple):
         return FacePlacement(np.stack(frames), self.factor_in, self.factor_out)
 
 
+FACES_IN_PLACE = FacePoses(IN_PLACE, (), IN_PLACE)
+
+
 def _vector(values: Any) -> Vector:
     x, y, z = (float(value) for value in values)
     return x, y, z

@@ -49,6 +49,7 @@ from lensforge.scene.lens import Lens
 from lensforge.search.checkpoint import CHECKPOINT, delete_checkpoint
 from lensforge.search.design_result import COSTS, Design, Observer
 from lensforge.search.searches import SearchOptions, Warn, best_design, design
+from lensforge.search.tool_costs import holding_tools, tool_costs
 from lensforge.shop.check_result import Check
 from lensforge.spec import AnyAccuracy, Spec
 from lensforge.spec.accuracy import accuracy_of, preset_of
@@ -228,8 +229,6 @@ def run(
 
 def _with_tool_costs(made: Design, heard: Listener) -> Design:
     """The search with what it costs that its lens can be made."""
-    from lensforge.search.tool_costs import holding_tools, tool_costs
-
     if not holding_tools(made):
         return made
     with heard.timed(COSTS):

@@ -21,7 +21,7 @@ class ExitRays:
     2 - s at a face of several that is to reflect, as the wall of a TIR lens. ``fates``: values of
     :class:`~lensforge.kernels.fate.Fate`. ``absorbed``: flux (W) that the body took on the way to the outer surface,
     and mirrors; None if nothing takes any. ``axial``: that flux (W) times the squared part of the unit field along
-    z, for a cover glass; None if none reflects. ``lost_in_glass``: what a cover glass reflected and
+    z, for a cover glass; None where nobody asks. ``lost_in_glass``: what a cover glass reflected and
     absorbed; points are then those from which rays seem to come behind it. ``met``: number of the face at each event
     of a chain, -1 where there was none; None of a double-freeform lens.
 

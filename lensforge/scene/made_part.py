@@ -89,10 +89,11 @@ class AsMade:
 
 @lru_cache(maxsize=2)
 def _noise(rays: int, faces: int) -> Float[np.ndarray, "n m"]:
-    """Two standard normal numbers of each ray at every face."""
-    noise = np.random.default_rng(_NOISE_SEED).standard_normal((rays, 2 * faces))
-    noise.flags.writeable = False
-    return noise
+    """Two standard normal numbers of each ray at every face.
+
+    Not made read-only: for such an array the kernels would be compiled once more.
+    """
+    return np.random.default_rng(_NOISE_SEED).standard_normal((rays, 2 * faces))
 
 
 # Width of a low-pass field over the wavelength where its density has fallen to 1/e: exp(-k^2 s^2 / 2), k = 2 pi / l.

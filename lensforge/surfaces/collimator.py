@@ -2,8 +2,12 @@
 
 The cavity has a cap, a hyperboloid that refracts the inner light along the axis, and a side, a cone that refracts the
 outer light to the wall. The wall reflects it along the axis, and the plane exit lets it through. All paths from the
-source to a plane across the axis are equally long (Fermat), which gives the wall in closed form. The size of a source
-is known at first order: the lens keeps the skewness of light and its étendue.
+source to a plane across the axis are equally long (Fermat), which gives the wall in closed form: where a ray meets the
+side after the length l at the height z, and goes on along w, it meets the wall after s in the body, with
+
+    l + n s - n (z + s w_z) = the same of the ray to the rim.
+
+The size of a source is known at first order: the lens keeps the skewness of light and its étendue.
 """
 
 from collections.abc import Iterable, Iterator

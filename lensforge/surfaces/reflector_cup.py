@@ -1,9 +1,10 @@
 """The reflector that sends the light of a point along the axis: where a search may begin; and the back of any cup.
 
-A paraboloid about the source sends all that meets it along the axis, and what leaves by its mouth directly goes where
-it went. The flatter it is, the farther from the source light meets it, and the less the size of the source turns it;
-the deeper, the more light it takes. Which one suits a source and a beam is found by a scan. For light to one side the
-cup leans there: its mirror sends light that way, and stands before the light that would leave to the other sides.
+A paraboloid about the source, ``rho = 2 f / (1 - cos gamma)``, sends all that meets it along the axis, and what leaves
+by its mouth directly goes where it went. The flatter it is, the farther from the source light meets it, and the less
+the size of the source turns it; the deeper, the more light it takes. Which one suits a source and a beam is found by a
+scan. For light to one side the cup leans there: its mirror sends light that way, and stands before the light that would
+leave to the other sides.
 """
 
 from dataclasses import dataclass, replace

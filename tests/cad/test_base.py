@@ -13,7 +13,7 @@ from nightly import first_by_day, scaled
 
 from lensforge.cad.form_error import fit_lens
 from lensforge.cad.mesh import build_mesh, check_closed
-from lensforge.cad.outline import FULL_TURN
+from lensforge.cad.outline import FULL_TURN, outline_of
 from lensforge.cad.plan import lay_out, make_plan, rim_directions
 from lensforge.cad.solid import build_solid
 from lensforge.cad.step import parse_step, step_bytes
@@ -85,6 +85,20 @@ PAIRS += [(name, relief) for name in BASES for relief in (0.0, 0.7) if (name, re
 def frustum(top, foot, height):
     """Volume between two similar areas."""
     return height * (top + foot + np.sqrt(top * foot)) / 3.0
+
+
+@pytest.mark.parametrize("section", [{"kind": "square", "side_mm": 30.0}, {"diameter_mm": 30.0, "flat_mm": 12.0}])
+def test_the_piece_at_an_azimuth_of_any_turn_is_the_one_that_has_the_radius_there(section):
+    """The first piece of a square begins at 45 degrees, that of a flat where it ends."""
+    outline = outline_of(BaseSection(**section))
+    for azimuth in np.linspace(-7.0, 14.0, 40):
+        turned = outline._turned(np.array([azimuth]))
+        radius = outline.piece_at(azimuth).radius(turned)
+        x, y = radius[0] * np.cos(azimuth), radius[0] * np.sin(azimuth)
+        if section.get("kind") == "square":
+            assert max(abs(x), abs(y)) == pytest.approx(15.0)
+        else:
+            assert x == pytest.approx(12.0) if np.cos(azimuth) > 0.8 else radius[0] == pytest.approx(15.0)
 
 
 @pytest.mark.parametrize("kind", ["cylinder", "square", "flange and pocket"])

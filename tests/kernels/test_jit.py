@@ -6,12 +6,15 @@ import shutil
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
+from numba.core.caching import FunctionCache
 
 import lensforge
 from lensforge.kernels.compiled import cache_folder
 from lensforge.kernels.fate import Fate
+from lensforge.kernels.sparse import add_transposed
 
 PACKAGE = Path(lensforge.__file__).parent
 KERNELS = PACKAGE / "kernels"
@@ -55,6 +58,20 @@ def test_of_two_checkouts_that_start_together_one_runs_what_the_other_compiles(t
     (folder, *first), (again, *second) = (process.communicate()[0].split() for process in started)
     assert folder == again and folder.startswith(str(tmp_path / "cache"))
     assert sorted([first, second]) == [["0", "1"], ["1", "0"]], "hits and misses of the cache"
+
+
+def test_a_kernel_is_locked_from_the_first_look_for_it_until_it_is_kept(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Not where it lies in the cache, nor where another process has kept it while this one waited."""
+    answers: list[str | None] = []
+    monkeypatch.setattr(FunctionCache, "load_overload", lambda *_: answers.pop(0))
+    monkeypatch.setattr(FunctionCache, "save_overload", lambda *_: None)
+    cache: Any = add_transposed._cache  # type: ignore[attr-defined]
+    for given, loaded in ((["kernel"], "kernel"), ([None, "kernel"], "kernel"), ([None, None], None)):
+        answers[:] = given
+        assert cache.load_overload(None, None) == loaded and not answers
+        assert cache._lock.is_locked == (loaded is None)
+    cache.save_overload(None, None)
+    assert not cache._lock.is_locked
 
 
 @pytest.mark.parametrize(

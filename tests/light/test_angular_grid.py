@@ -1,5 +1,7 @@
 """Intensity tables from rays: against beams in closed form, their flux kept, their errors as stated."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from nightly import first_by_day
@@ -73,6 +75,20 @@ def test_the_stated_errors_are_those_of_the_nodes():
         squares = found.standard_errors[bright] ** 2 + (found.interpolation_error * truth.max()) ** 2
         ratios.append((found.values - truth)[bright] ** 2 / squares)
     assert 0.7 < np.sqrt(np.mean(np.concatenate(ratios))) < 1.4  # sqrt(15 / 13) by 16 samples alone
+
+
+def test_the_error_of_the_peak_knows_that_other_rays_would_choose_other_steps():
+    """A beam by so few rays that some samples see it in steps of 10 degrees and others in steps of 5."""
+    lights = [_fitted(12.0, 20.0, 256, 58.0, seed)[0] for seed in range(24)]
+    assert len({len(light.grid.gamma_deg) for light in lights}) == 2
+    scatter = np.std([light.peak.value for light in lights], ddof=1)
+    by_rays = [replace(light, rival=None).peak.standard_error for light in lights]
+    assert scatter > 1.15 * np.sqrt(np.mean(np.square(by_rays)))
+    assert 0.8 < scatter / np.sqrt(np.mean([light.peak.standard_error**2 for light in lights])) < 1.15
+    doubtful = max(lights, key=lambda light: light.rival.doubt if light.rival else 0.0)
+    change = doubtful.rival.doubt * (doubtful.peak.value - doubtful.rival.light.peak.value)
+    alone = replace(doubtful, rival=None).peak.standard_error
+    assert doubtful.peak.standard_error == pytest.approx(np.hypot(alone, change))
 
 
 @pytest.mark.parametrize(("slope", "bias"), [(0.0, 0.016), (0.002, 0.008)])

@@ -1,9 +1,11 @@
 """Beam figures of a cone of light whose intensity falls linearly from its axis: every width is known."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from lensforge.light.angular_grid import AngularGrid, FittedIntensity
+from lensforge.light.angular_grid import AngularGrid, FittedIntensity, Rival
 from lensforge.light.photometry_result import CandelaTables, Direction
 from lensforge.results import Metric
 from lensforge.sources.intensity import TabulatedIntensity
@@ -12,6 +14,7 @@ PEAK_CD = 100.0
 EDGE_DEG = 50.0
 C_DEG = np.linspace(0.0, 360.0, 9)
 SCALES = (0.98, 1.0, 1.03)
+FIGURES = ("peak_cd", "beam_angle_deg", "field_angle_deg")
 
 
 def cone(scale=1.0, step_deg=10.0):
@@ -112,3 +115,32 @@ def test_a_plane_has_its_own_peak_and_both_widths():
         assert found.beam_angle_deg.value == pytest.approx(50.0) and found.field_angle_deg.value == pytest.approx(90.0)
         assert found.peak_cd.standard_error == pytest.approx(0.0, abs=1e-9)
         assert found.beam_angle_deg.standard_error == pytest.approx(0.0, abs=1e-9)
+
+
+def test_figures_that_other_steps_would_change_know_it_each_by_its_own_change():
+    """A rival of another height and width: a sixth of a chance, the root of p (1 - p), of what each figure changes."""
+    other = cone(0.7).values + 10.0
+    rival = CandelaTables(cone(), [cone(), cone()], np.stack([other] * 16))
+    rival = replace(rival, whole=TabulatedIntensity(C_DEG, cone().gamma_deg, other))
+    sure = CandelaTables(cone(), [cone(0.98), cone(1.02)], np.stack([cone().values] * 16))
+    doubt = np.sqrt(1.0 / 6.0 * 5.0 / 6.0)
+    found = replace(sure, rival=rival, doubt=doubt)
+    pairs = [(found.axis_cd, sure.axis_cd, rival.axis_cd)]
+    for c_deg in (0.0, 90.0):
+        planes = [tables.plane(c_deg) for tables in (found, sure, rival)]
+        pairs += [tuple(getattr(plane, name) for plane in planes) for name in FIGURES]
+    for figure, alone, changed in pairs:
+        assert figure.value == alone.value and abs(changed.value - alone.value) > 1.0
+        expected = np.hypot(alone.standard_error, doubt * (changed.value - alone.value))
+        assert figure.standard_error == pytest.approx(expected)
+    dark = replace(rival, whole=TabulatedIntensity(C_DEG, cone().gamma_deg, 0.0 * other))
+    assert replace(found, rival=dark).plane(0.0).beam_angle_deg == sure.plane(0.0).beam_angle_deg
+
+
+def test_the_rival_of_a_far_field_is_in_candela_too():
+    grid = AngularGrid(8, np.array([0.0, 20.0, 50.0, 90.0]))
+    rival = Rival(FittedIntensity(grid, samples_of(5), None), 0.3)
+    found = CandelaTables.of(FittedIntensity(grid, 2.0 * samples_of(5), None, rival), 300.0)
+    assert found.doubt == 0.3
+    np.testing.assert_allclose(found.rival.whole.values, 0.5 * found.whole.values, rtol=1e-12)
+    assert found.rival.rival is None

@@ -5,15 +5,18 @@ from itertools import pairwise, permutations
 import numpy as np
 import pytest
 from scipy.integrate import quad
+from scipy.stats import norm
 
 from lensforge.light.angular_grid import (
     AngularGrid,
+    _candidates,
+    _chosen,
     _interpolation_error,
-    _mean_square,
     _Pyramid,
-    _variance,
+    _rival,
     finest_grid,
 )
+from lensforge.results.replicate_pairs import mean_over_pairs
 from lensforge.sources.ray_bundle import RayBundle
 
 GAMMA_DEG = np.array([0.0, 4.0, 10.0, 25.0, 40.0, 60.0, 75.0, 90.0])
@@ -152,15 +155,6 @@ def test_cones_of_less_than_no_light_are_made_up_for_by_all_others():
     assert table.c_deg.tolist() == [0.0, 90.0, 180.0, 270.0, 360.0] and (table.values[4] == table.values[0]).all()
 
 
-SAMPLES = np.random.default_rng(1).uniform(1.0, 2.0, (5, 4, 8)) * np.linspace(1.0, 0.0, 8)
-
-
-def test_the_square_of_what_samples_have_in_common_is_the_mean_over_pairs():
-    pairs = [SAMPLES[i] * SAMPLES[j] for i in range(5) for j in range(5) if i != j]
-    np.testing.assert_allclose(_mean_square(SAMPLES), np.mean(pairs, axis=0), rtol=1e-9, atol=1e-12)
-    np.testing.assert_allclose(_variance(SAMPLES), SAMPLES.var(axis=0, ddof=1) / 5)
-
-
 def pyramid(samples):
     """Deposits of a beam off the axis, of which each sample has few rays."""
     finest = finest_grid(42.0)
@@ -172,6 +166,7 @@ def pyramid(samples):
     return _Pyramid(finest, np.stack(parts))
 
 
+COARSE = (4, 5)
 LEVEL = (3, 3)
 FINER = (2, 2)
 
@@ -180,6 +175,61 @@ def mean_square(added, weights):
     """Mean over all pairs of different samples: what they have in common, without the noise of either."""
     pairs = [np.sum(weights * one * other) for one, other in permutations(added, 2)]
     return np.mean(pairs) / weights.sum()
+
+
+def integral_of_products(grid, first, second):
+    return sum(grid.solid_angles[k] * (first[:, k] @ second[:, k]) for k in range(len(grid.gamma_deg)))
+
+
+def test_a_finer_table_gains_its_structure_less_its_noise():
+    """By means of the samples and their variances: what both have in common counts without noise."""
+    made = pyramid(6)
+    for candidate in list(_candidates(made, LEVEL))[1:]:
+        added = made.difference(LEVEL, candidate.level)
+        grid = made.grid(candidate.level)
+        pairs = [integral_of_products(grid, one, other) for one, other in permutations(added, 2)]
+        noises = [
+            (made.table(level).var(axis=0, ddof=1) / 6.0 * made.grid(level).solid_angles).sum()
+            for level in (candidate.level, LEVEL)
+        ]
+        assert candidate.gain == pytest.approx(np.mean(pairs) - noises[0] + noises[1], rel=1e-9)
+
+
+def test_a_single_sample_stays_where_it_is_and_few_know_no_rival():
+    made = pyramid(1)
+    assert _chosen(made, LEVEL) == (LEVEL, [(level, 0.0) for level in ((2, 3), (3, 2), (2, 2))])
+    assert _rival(made, *_chosen(made, LEVEL)) is None
+
+
+def test_the_chance_of_other_steps_is_by_the_error_of_what_they_gain_less():
+    made = pyramid(6)
+    level, left_out = _chosen(made, COARSE)
+    assert level != COARSE and len(left_out) > 3 and min(chance for _, chance in left_out) < 1e-9
+    best, *others = sorted(_candidates(made, COARSE), key=lambda candidate: -candidate.gain)
+    for candidate, (other, chance) in zip(others, left_out, strict=False):
+        assert other == candidate.level
+        behind = candidate.gains - best.gains
+        left = [mean_over_pairs(np.delete(np.delete(behind, k, 0), k, 1)) for k in range(6)]
+        error = np.sqrt(5.0 / 6.0 * np.sum((left - np.mean(left)) ** 2))
+        bounds = [norm.cdf((candidate.gain - best.gain) / (factor * error)) for factor in (0.6, 1.01)]
+        assert bounds[0] <= chance <= bounds[1] < 0.5, "the jackknife is too large by the noise of squares"
+    rival = _rival(made, level, left_out)
+    variances = [chance * (1.0 - chance) * made.apart(level, other) for other, chance in left_out]
+    other, chance = left_out[int(np.argmax(variances))]
+    assert rival.doubt == pytest.approx(np.sqrt(chance - chance**2)) and rival.doubt > 0.0
+    np.testing.assert_array_equal(rival.light.samples, made.table(other))
+
+
+def test_tables_of_two_steps_are_compared_where_both_are_exact():
+    made = pyramid(4)
+    grid = made.grid((2, 2))
+    refined = {
+        (3, 2): grid.refined(made.table((3, 2)), "c").mean(axis=0),
+        (2, 3): grid.refined(made.table((2, 3)), "gamma").mean(axis=0),
+    }
+    difference = refined[3, 2] - refined[2, 3]
+    expected = integral_of_products(grid, difference, difference)
+    assert made.apart((3, 2), (2, 3)) == pytest.approx(expected, rel=1e-9) and expected > 0.0
 
 
 @pytest.mark.parametrize("count", [3, 6])

@@ -80,6 +80,19 @@ def test_a_level_plane_and_a_tilted_one_that_is_level_again_get_the_same() -> No
     np.testing.assert_allclose(space.etendues(corners, far=False), space.etendues(hair, far=False), rtol=2e-3)
 
 
+@pytest.mark.parametrize("tilt", [0.0, 0.4])
+def test_a_crooked_cell_is_seen_from_its_middle(tilt: float) -> None:
+    """Against 16 x 16 parts of it; no two sides are parallel, so that each of its corners counts."""
+    space = ExitColumn(7.0, ((2.0, 16.0),), True)
+    places = np.array([[[9.0, -3.0], [13.0, -2.0]], [[9.5, 1.0], [14.5, 3.0]]])
+    whole = np.concatenate([places, 24.0 + tilt * places[..., :1]], axis=-1)
+    share = np.linspace(0.0, 1.0, 17)
+    sides = whole[:1] + share[:, None, None] * (whole[1:] - whole[:1])
+    parts = sides[:, :1] + share[:, None] * (sides[:, 1:] - sides[:, :1])
+    found = float(space.etendues(whole, far=False)[0, 0, 0])
+    assert found == pytest.approx(float(space.etendues(parts, far=False)[0].sum()), rel=0.005)
+
+
 @pytest.mark.parametrize(
     "space", [ExitBall(7.0), ExitColumn(7.0, ((3.0, 3.0),), True), ExitColumn(7.0, ((0.0, 20.0),))]
 )

@@ -13,13 +13,19 @@ from lensforge.optics.media import CoverGlass, FaceScatter, Medium
 from lensforge.optics.pose import Pose
 from lensforge.optics.scattering import GaussianFacets, RingScatter
 from lensforge.proof.body_cast import behind_optics
-from lensforge.proof.facet_tilt import FaceNumbers
+from lensforge.proof.facet_tilt import FaceNumbers, _mixed
 from lensforge.proof.optical_faces import PlateOfLenses
 from lensforge.scene.made_part import AsMade
 from lensforge.scene.rough_faces import with_facets
 from lensforge.sources.ray_bundle import RayBundle
 from lensforge.surfaces.asphere import sphere
 from lensforge.surfaces.bicubic_table import TableGrid, tabulate
+
+
+def test_keys_are_mixed_as_published() -> None:
+    """The first numbers of SplitMix64 from 0 (Steele, Lea and Flood, 2014), as Java's SplittableRandom has them."""
+    keys = np.uint64(0x9E3779B97F4A7C15) * np.arange(1, 4, dtype=np.uint64)
+    assert _mixed(keys).tolist() == [0xE220A8397B1DCDAF, 0x6E789E6AA1B965F4, 0x06C45D188009454F]
 
 
 def test_displaced_shells_refract_polarise_and_absorb_as_written_by_hand() -> None:

@@ -7,17 +7,18 @@ import subprocess
 import sys
 import textwrap
 import time
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
 from click.testing import CliRunner
-from foreground import default_signals
+from kills import default_signals
 from nightly import first_by_day
 from scenes import small_spec
 
 import lensforge as lf
 from lensforge.cli.cli import cli
-from lensforge.cli.interrupts import Interrupts
+from lensforge.cli.interrupts import Interrupts, _is_cleaning_up
 from lensforge.search.checkpoint import CHECKPOINT
 from lensforge.verbs import YIELD_PARTS
 
@@ -91,6 +92,21 @@ def test_clean_up_is_not_interrupted_by_the_same_signal_again() -> None:
             print("interrupted")
     """)
     assert (done.stdout, done.stderr) == ("cleaned\ninterrupted\n", "")
+
+
+def test_clean_up_goes_on_through_errors_of_its_own() -> None:
+    """An error that is raised and caught on the way out has the interrupt as its context, not as its cause."""
+    seen = [_is_cleaning_up()]
+    for interrupt in (KeyboardInterrupt, ValueError):
+        try:
+            raise interrupt
+        except interrupt:
+            with suppress(OSError):
+                try:
+                    raise OSError
+                finally:
+                    seen.append(_is_cleaning_up())
+    assert seen == [False, True, False]
 
 
 def test_a_second_ctrl_c_ends_a_clean_up_that_takes_long() -> None:

@@ -79,8 +79,8 @@ def test_every_loss_is_told_in_its_own_words():
         detected=0.4, outside=0.05, missed=0.18, total_reflection=0.06, not_converged=0.07, reflected=0.12,
         absorbed=0.09, cover_glass=0.03,
     )  # fmt: skip
-    lost = light_figures.losses(flux, missed)
-    assert sum(share for _, share in lost) == pytest.approx(0.6)
+    lost = light_figures.losses(flux, missed, {"housing": 0.015, "louvre": 0.025})
+    assert sum(share for _, share in lost) == pytest.approx(0.64)
     assert dict(lost) == {
         "emitted backwards": 0.01,
         "started outside the cavity": 0.02,
@@ -92,6 +92,8 @@ def test_every_loss_is_told_in_its_own_words():
         "absorbed in the lens": 0.09,
         "reflected at the surfaces": 0.12,
         "lost in the cover glass": 0.03,
+        "lost in the housing": 0.015,
+        "lost in the louvre": 0.025,
         "outside the window": 0.05,
     }
 

@@ -3,6 +3,7 @@
 from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -11,7 +12,7 @@ from result_folders import PIXELS, criterion, make_folder, make_results, with_le
 from result_folders import finding as any_finding
 from shown_folders import SKY, WALL, lens_of
 
-from lensforge.cli.conclusion import _limit_rows
+from lensforge.cli.conclusion import _limit_rows, _require_pass
 from lensforge.errors import CriterionMissed, InputError
 from lensforge.light.light_facts import light_facts
 from lensforge.light.receiver_light import LARGEST_NMSE, LEAST_SHARE, Possible, judged_figures
@@ -200,6 +201,15 @@ def test_cutting_is_said_and_fails_a_run_only_where_it_is_required(name: str) ->
         with pytest.raises(CriterionMissed, match=f"Manufacture: {name} of inner"):
             cut(required, finding(name)).verdict.require(cutting=True, parts=parts)
     cut(required, finding(name)).verdict.require(cutting=True, parts=("light",))
+
+
+@pytest.mark.parametrize("required", [False, True])
+def test_a_command_ends_by_a_part_that_cannot_be_made_only_where_it_is_required(required: bool) -> None:
+    lens = with_manufacture(required=required)
+    run: Any = SimpleNamespace(folder="cad_out/x", spec=lens.spec, verdict=cut(lens, finding("draft")).verdict)
+    with pytest.raises(CriterionMissed, match=r"^cad_out/x: .*draft of inner") if required else nullcontext():
+        _require_pass(run)
+    _require_pass(run, "files")
 
 
 def test_of_several_parts_the_worst_state_counts() -> None:

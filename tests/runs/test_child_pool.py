@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TypeVar
 
 import pytest
-from foreground import default_signals
+from kills import default_signals
 from nightly import first_by_day
 
 from lensforge.errors import InputError

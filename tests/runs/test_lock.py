@@ -110,6 +110,12 @@ def test_a_folder_that_cannot_be_is_said_before_the_search(folder: str, tmp_path
     assert "\n" not in str(caught.value)
 
 
+def test_a_folder_whose_name_no_disk_takes_is_said_by_who_reads_it(tmp_path: Path) -> None:
+    for read in (lf.load, EVALUATE.run, write_report):
+        with pytest.raises(InputError, match=r"cannot be read \(File name too long\); give a result folder$"):
+            read(tmp_path / ("x" * 300))
+
+
 def test_every_stage_that_writes_locks_and_reading_does_not(small_run: lf.Run, tmp_path: Path) -> None:
     folder = small_run.folder
     calls = {

@@ -9,6 +9,7 @@ import pytest
 from scenes import hemisphere_directions, small_spec, sphere
 
 from lensforge.errors import InputError
+from lensforge.light.exit_light import exit_rays
 from lensforge.light.received_flux import ReceivedFlux
 from lensforge.light.simulation import TracedLens, simulate
 from lensforge.proof.casts import _of_first_lamp
@@ -79,6 +80,27 @@ def test_the_record_has_every_kind(tmp_path: Path) -> None:
     assert corner.of_kind("middle") == lens and corner != lens
     with pytest.raises(InputError, match="no lens of that name; known: 'middle', 'edge', 'corner'"):
         lens.of_kind("rim")
+
+
+def test_rays_leave_each_lamp_through_its_kind_of_lens_as_it_is_turned() -> None:
+    """Lamp by lamp: those dealt to it, traced through the lens of its kind, then turned to it."""
+    lens = lens_of(TABLE, uneven(0), uneven(1))
+    traced = TracedLens.of(lens, 3.0)
+    lamps = lens.spec.all_lamps
+    rays = build_source(lens.spec.source, None).sample(600, 1)
+    dealt = np.random.default_rng(600).permutation(600) % 3
+    leaving = []
+    for number, lamp in enumerate(lamps.lamps):
+        (kind,) = (k for k, each in enumerate(lamps.kinds) if number in each.numbers)
+        alone = traced.kinds[kind].trace(rays.take(dealt == number))
+        turned = alone.directions @ lamp.pose.rotation.T
+        rows = np.column_stack([turned, 3.0 * alone.flux])
+        leaving.append(rows[alone.left_lens & (turned[:, 2] > 0.0)])
+    found = exit_rays(traced, rays, 100.0, lamps).rays
+    rows = np.column_stack([found.directions, found.flux])
+    expected = np.concatenate(leaving)
+    assert len(rows) == len(expected) > 500
+    np.testing.assert_allclose(rows[np.lexsort(rows.T)], expected[np.lexsort(expected.T)], rtol=1e-9)
 
 
 def test_a_cast_shows_the_first_lamp_of_the_kind_of_its_lens() -> None:

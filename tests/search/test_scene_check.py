@@ -52,6 +52,17 @@ def test_a_source_in_its_cavity_sends_all_its_light_into_the_lens() -> None:
     found.require_light()
 
 
+def test_the_mean_direction_counts_each_ray_by_its_flux() -> None:
+    """Three quarters of the flux is upright, in half of the rays; the rest leans by 37 degrees."""
+    source = beam((0.0, 0.0, 1.0))
+    directions = np.array(source.directions)
+    directions[5000:] = [0.6, 0.0, 0.8]
+    flux = np.repeat([3.0, 1.0], 5000)
+    rays = RaySource(positions_mm=source.positions_mm, directions=directions, ray_flux=flux, flux_w=1.0)
+    spec = small_spec().replace(source=rays)
+    assert check(spec).mean_direction == pytest.approx((0.15, 0.0, 0.95), abs=0.01)
+
+
 def wall(height_mm: float, **more: object) -> tuple[str, ...]:
     """Warnings on an upright wall at x = 300 mm, whose target's middle is ``height_mm`` above the LED."""
     plane = {"kind": "plane", "name": "wall", "centre_mm": [300.0, 5.0, height_mm], "normal": [1.0, 0.0, 0.0],

@@ -70,6 +70,9 @@ def test_an_led_without_wavelengths_beside_one_with_them_has_that_of_the_design(
     rays = source.sample(4096, 7)
     plain, blue = source.shared_out(rays)
     assert source.without_wavelengths == (0,) and set(plain.wavelengths_nm) == {520.0}
+    plain_too = {**LEDS[0], "name": "third"}
+    three = small_spec(**GREEN_PMMA, source=None, sources=[*ONE_WITH_WAVELENGTHS["sources"], plain_too])
+    assert searched_source(three).without_wavelengths == (0, 2)
     assert blue.wavelengths_nm.mean() == pytest.approx(450.0, abs=0.5)
     assert (
         searched_source(_spec()).without_wavelengths == ()

@@ -17,13 +17,13 @@ from lensforge.cad.boundary import boundaries, sharpest_edges
 from lensforge.errors import InputError
 from lensforge.kernels.traced_body import REFLECTED
 from lensforge.light.table_trace import TracedBundle
-from lensforge.scene.body import Body
+from lensforge.scene.body import Body, nearest
 from lensforge.search.constraints import AugmentedLagrangian
 from lensforge.search.feasibility import measure_constraints
 from lensforge.search.light_path import SearchParts
 from lensforge.search.merit import MeritFunction
 from lensforge.search.parameters import settled_symmetry
-from lensforge.search.profiles import ProfileParameters
+from lensforge.search.profiles import FaceParameters, ProfileParameters
 from lensforge.search.start_faces import start_faces
 from lensforge.sources.build_source import build_source
 from lensforge.spec import Spec, parse_spec
@@ -71,6 +71,21 @@ def test_tables_are_those_of_the_faces_in_the_record(levels: list[int]) -> None:
     lens = parameters.lens(weights, offsets, spot(levels=levels), 0, "draft")
     again = parameters.tables(*parameters.parameters_of(lens))
     assert np.allclose(again.numpy(), tables.numpy(), rtol=0.0, atol=1e-6)
+
+
+def test_a_profile_bends_over_its_part_of_the_body_and_a_tenth_of_a_cosine_beyond() -> None:
+    parameters = begun()
+    body = Body.of(parameters.start_surfaces, spot(levels=[]).lens.body_roles)
+    u = fibonacci_hemisphere(20_000)
+    ends = []
+    for face, shape in zip(body.faces, parameters.parameters, strict=True):
+        if isinstance(shape, FaceParameters):
+            faces = body.bounding(face.before)
+            cosines = u[nearest(faces, u) == faces.index(face), 2]
+            within = max(cosines.min() - 0.1, -0.1), min(cosines.max() + 0.1, 1.0)
+            assert (shape.basis.low, shape.basis.high) == pytest.approx(within, abs=0.01), face.name
+            ends += within
+    assert min(ends) < 0.0 and any(0.0 < end < 0.99 for end in ends), "some end within the hemisphere"
 
 
 def test_a_lens_with_levels_is_taken_up_from_a_start_with_other_bounds() -> None:

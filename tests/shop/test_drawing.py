@@ -419,6 +419,18 @@ def test_capitals_have_their_middle_where_the_words_are(turned, place):
     assert axes.texts[0].get_position() == place
 
 
+def test_words_in_the_dxf_stand_turned_and_as_large_as_on_paper_at_the_size_of_the_part():
+    """At 2:1, about the part's origin in the section: half of the distances and of the heights on paper."""
+    words = [Words((50.0, 40.0), "H", 3.5, "left", 90), Words((120.0, 90.0), "K", 5.0, "right")]
+    sheet = Sheet("A4", (297.0, 210.0), 1.0, 2.0, "two letters", (100.0, 80.0), Marks(words=words))
+    document = ezdxf.read(io.StringIO(sheet_dxf(sheet).decode("utf-8")))
+    texts = [(t.dxf.text, t.dxf.rotation, t.dxf.height, *t.get_placement()[:2]) for t in document.query("TEXT")]
+    (high, level) = texts
+    assert high[:3] == ("H", 90.0, 1.75) and level[:3] == ("K", 0.0, 2.5)
+    assert [high[3].name, level[3].name] == ["MIDDLE_LEFT", "MIDDLE_RIGHT"]
+    assert [tuple(high[4])[:2], tuple(level[4])[:2]] == [(-25.0, -20.0), (10.0, 5.0)]
+
+
 def test_departures_are_in_micrometres(check) -> None:
     facts = {fact.key: fact for group in check_facts(check) for fact in group.facts}
     for name, face in check.faces.items():

@@ -28,7 +28,7 @@ IES = """IES:LM-63-2019
 [OTHER] first remark
 [OTHER] second remark
 [FILEGENINFO] scaled by hand
-[_OWN] 5
+[_OWN] 5 / 7
 [LAMP] an earlier board
 TILT=INCLUDE
 1 3 0 45 90 1 0.95 0.9
@@ -118,7 +118,7 @@ FIELDS_OF_IES = {
     "generated": "Test at an accredited lab with interpolated angle set that has been lumen scaled",
     "lamps": (LampSet(1000.0, 41.5, 4, "LED board", "B-7"),), "lamp_tilt": "INCLUDE 1 3 0 45 90 1 0.95 0.9",
     "remarks": ("first remark", "second remark"),
-    "others": (("BALLAST", "driver D1 with dimmer"), ("_OWN", "5"), ("LAMP", "an earlier board")),
+    "others": (("BALLAST", "driver D1 with dimmer"), ("_OWN", "5 / 7"), ("LAMP", "an earlier board")),
 }  # fmt: skip
 FIELDS_OF_LDT = {
     "title": "panel <4>", "maker": "Müller & Söhne", "catalogue": "P-1", "test": "report 7", "issued": "3 May 2025",

@@ -95,9 +95,14 @@ def test_the_angles_of_a_plane_are_shares_of_its_own_peak(tmp_path):
 
 
 def test_odd_files_are_warned_of(tmp_path):
-    cut = lf.rays(saved(tmp_path / "x.ies", lambertian, gamma=np.linspace(0.0, 60.0, 61)))
+    cut_deg = np.linspace(0.0, 60.0, 61)
+    cut = lf.rays(saved(tmp_path / "x.ies", lambertian, gamma=cut_deg))
     assert "its last gamma is 60 degrees, with 50 % of the largest intensity" in cut.warnings[0]
     assert cut.beam_c0.field_angle_deg == pytest.approx(120.0)  # from end to end of the table
+    around = np.linspace(0.0, 360.0, 5)
+    aside = saved(tmp_path / "x.ies", lambda c, g: lambertian(c, g) * (1.0 - np.cos(c)), gamma=cut_deg, c_deg=around)
+    found = lf.rays(aside).warnings
+    assert any("its last gamma is 60 degrees, with 50 % of the largest" in each for each in found), "none of it in C 0"
     bright = lf.rays(saved(tmp_path / "x.ies", lambertian, 2000.0, watts=2.0))
     assert [words.split(":")[-1].strip() for words in bright.warnings] == [
         "check its factors",

@@ -138,11 +138,13 @@ def test_colour_without_a_visible_spectrum_is_refused(source: Any, words: str) -
         build_source(source, coloured=True)
 
 
-@pytest.mark.parametrize(("waves", "words"), [(None, "its colour is not known"), (940.0, "no light that is seen")])
+@pytest.mark.parametrize(
+    ("waves", "words"), [(None, "its colour is not known"), (940.0, "from 930 to 950 nm, no light that is seen")]
+)
 def test_ray_files_without_a_visible_spectrum_are_refused(waves: float | None, words: str, tmp_path: Path) -> None:
     written = rays(20)
     if waves is not None:
-        written = replace(written, wavelengths_nm=np.full(20, waves, dtype=np.float32))
+        written = replace(written, wavelengths_nm=np.linspace(waves - 10.0, waves + 10.0, 20, dtype=np.float32))
     write_rayfile(tmp_path / "led.tm25ray", written, "tm25")
     with pytest.raises(InputError, match=words) as caught:
         build_source(lf.RayfileSource(file=tmp_path / "led.tm25ray"), coloured=True)

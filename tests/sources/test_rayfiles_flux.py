@@ -57,6 +57,15 @@ def holds(name, rayfile):
     return False
 
 
+@pytest.mark.parametrize("name", ["speos", "speos_text"])
+@pytest.mark.parametrize(
+    ("unit", "wavelengths", "have"), [("lm", "each", "lm"), ("lm", "none", "lm"), ("W", "none", "no wavelengths")]
+)
+def test_speos_says_what_the_rays_have_that_it_cannot_hold(name, unit, wavelengths, have):
+    with pytest.raises(InputError, match=f"for each ray, these rays have {have}; convert to tm25 instead"):
+        encoded(name, rays(5, unit, wavelengths))
+
+
 def cannot_hold(name, unit):
     """Facts for which a format has no place, as the guide's table lists them."""
     other = {"W": "total flux in lm", "lm": "total flux in W"}[unit]

@@ -311,10 +311,15 @@ class Record:
             self.rays.setdefault(self.stage, []).append(arrays(rays))
             return cast(stl, rays=rays, **more)
 
+        def tables_of(light: Any, rival: Any = None) -> list[Any]:
+            if light.rival is not None:
+                rival = (light.rival.doubt, tables_of(light.rival.light))
+            return [light.grid.c_deg, light.grid.gamma_deg, light.samples, rival]
+
         def fit(*given: Any) -> Any:
             found = fitted(*given)
             if self.stage == "photometry":
-                self.rays["tables"] = [found.grid.c_deg, found.grid.gamma_deg, found.samples]
+                self.rays["tables"] = tables_of(found)
                 self.rays.setdefault("tables of LEDs", []).append(self.rays["tables"])
             return found
 

@@ -112,10 +112,14 @@ def above_zero(values, weights):
 
 
 class Tables:
-    """The tables (cd) of all samples at azimuths and gammas; ``whole`` without values below 0."""
+    """The tables (cd) of all samples at azimuths and gammas; ``whole`` without values below 0.
 
-    def __init__(self, case):
-        azimuth, gamma, samples = case.rays["tables"]
+    ``rival``: those in steps that other rays might choose, and their doubt; None without any.
+    """
+
+    def __init__(self, case, given=None):
+        azimuth, gamma, samples, rival = given or case.rays["tables"]
+        self.rival = rival and (rival[0], Tables(case, rival[1]))
         watts, source_lm, _ = lumens(case)
         self.azimuth = azimuth
         self.gamma = gamma
@@ -129,6 +133,16 @@ class Tables:
         value = read(self.azimuth, self.gamma, self.whole)
         each = np.array([read(self.azimuth, self.gamma, table) for table in self.left_out])
         return value, np.sqrt(15 / 16 * ((each - each.mean()) ** 2).sum())
+
+
+def doubted(tables, read):
+    """Figures with their errors, in which is what they are in other steps."""
+    found = read(tables)
+    if tables.rival is None:
+        return found
+    doubt, other = tables.rival
+    pairs = zip(found, read(other), strict=True)
+    return [(value, np.hypot(error, doubt * (value - changed))) for (value, error), (changed, _) in pairs]
 
 
 def bilinear(azimuth, gamma, values, at, down):
@@ -170,7 +184,7 @@ def plane(tables, c_deg):
 
 def plane_record(tables, c_deg):
     """The beam in one plane as the record has it."""
-    peak, beam, field = plane(tables, c_deg)
+    peak, beam, field = doubted(tables, lambda given: plane(given, c_deg))
     angles = {"beam_angle_deg": metric(beam, "°", RAY), "field_angle_deg": metric(field, "°", RAY)}
     return {"c_deg": float(c_deg), "peak_cd": metric(peak, "cd", RAY), **angles}
 
@@ -190,6 +204,8 @@ def photometry(case):
     lost |= {"not_converged": 0.0, "bodies": plain(sum(v for k, v in fates.items() if k.startswith("body")))}
     c, gamma = np.unravel_index(np.argmax(tables.whole), tables.whole.shape)
     planes = {f"beam_c{c_deg}": plane_record(tables, c_deg) for c_deg in (0, 90)}
+    (axis,) = doubted(tables, lambda given: [given.figure(lambda _c, _g, values: values[0, 0])])
+    (peak,) = doubted(tables, lambda given: [largest(given.samples.reshape(16, -1))])
     exit_lm = scaled(up, per_watt)
     errors = tables.samples.std(axis=0, ddof=1) / 4
     bright = tables.samples.mean(axis=0) > 0.1 * tables.samples.mean(axis=0).max()
@@ -204,8 +220,7 @@ def photometry(case):
         "source_lm": plain(source_lm), "per_1000_lm": not known,
         "source_lm_from": "spec or source file" if known else "not known",
         "exit_lm": metric(exit_lm, "lm", near),
-        "axis_cd": metric(tables.figure(lambda _c, _g, values: values[0, 0]), "cd", RAY),
-        "peak_cd": metric(largest(tables.samples.reshape(16, -1)), "cd"),
+        "axis_cd": metric(axis, "cd", RAY), "peak_cd": metric(peak, "cd"),
         "peak_direction": {
             "c_deg": float(-tables.azimuth[c] % 360) if gamma else 0.0, "gamma_deg": tables.gamma[gamma]
         },

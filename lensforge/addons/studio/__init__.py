@@ -12,6 +12,9 @@
 - ``dropped_files``: files that are dropped in
 - ``physics``: bounds and advice
 - ``search_process``: searches and stages in a process of their own
+- ``job_pipe``: jobs of that process, and the frames that answer them
+- ``search_watch``: what the page sees of a search
+- ``run_view``: what the page sees of a finished lens
 - ``search_job``: record of a search that may go on
 - ``cures``: what cures a verdict
 - ``lens_view``: a lens to look at

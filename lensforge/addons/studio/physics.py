@@ -15,11 +15,12 @@ from lensforge.spec.spec_files import plain
 
 
 def wanted(spec: Spec) -> bytes:
-    """Frame of the light that is wanted on each receiver, with the width of the LED's image there."""
+    """Frame of the light that is wanted on each receiver of the first state, with the width of the LED's image there."""
     pixels = spec.evaluate.pixels
     heads = list[dict[str, object]]()
     arrays = dict[str, np.ndarray]()
-    for number, (section, receiver) in enumerate(zip(spec.all_receivers, receivers_of(spec, pixels), strict=True)):
+    first = spec.in_first_state
+    for number, (section, receiver) in enumerate(zip(first.all_receivers, receivers_of(first, pixels), strict=True)):
         image = image_rad(spec) / section.pixel_rad(pixels) * max(section.size) / pixels
         heads.append({**chart_head(section, receiver.grid.width, receiver.grid.height), "image": image})
         arrays[f"target{number}"] = target_light(section.targets, receiver)
