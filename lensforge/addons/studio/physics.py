@@ -15,7 +15,7 @@ from lensforge.spec.spec_files import plain
 
 
 def wanted(spec: Spec) -> bytes:
-    """Frame of the light that is wanted on each receiver of the first state, with the width of the LED's image there."""
+    """Frame of the light that the first state wants on each receiver, with the width of the LED's image there."""
     pixels = spec.evaluate.pixels
     heads = list[dict[str, object]]()
     arrays = dict[str, np.ndarray]()
