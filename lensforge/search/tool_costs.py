@@ -7,6 +7,7 @@ gain most of what there is, but not all.
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from statistics import fmean
 
 from lensforge.light.evaluation_result import Light
 from lensforge.light.lens_light import evaluate, searched_source
@@ -99,12 +100,16 @@ class _Further:
 
 
 def _cost(words: str, change: Change, held: Light, free: Light) -> ToolCost:
-    errors = [light.nmse for light in (held, free)]
-    nmse, nmse_without = (None if error is None else error.value for error in errors)
+    errors = [None if light.nmse is None else _mean(light, "nmse") for light in (held, free)]
     return ToolCost(
         limit=words,
         instead=str(change),
-        efficiency=free.efficiency.value - held.efficiency.value,
-        nmse=nmse,
-        nmse_without=nmse_without,
+        efficiency=_mean(free, "efficiency") - _mean(held, "efficiency"),
+        nmse=errors[0],
+        nmse_without=errors[1],
     )
+
+
+def _mean(light: Light, metric: str) -> float:
+    """Mean of a ``metric`` over the states of the lens."""
+    return fmean(getattr(case.result, metric).value for case in light.cases())

@@ -6,8 +6,10 @@ import pytest
 from scenes import small_spec
 
 import lensforge as lf
+from lensforge.results import Metric
+from lensforge.results.fact import Change
 from lensforge.search.design_result import Design, Margins, ToolCost, design_facts, limits_of
-from lensforge.search.tool_costs import holding_tools, tool_costs
+from lensforge.search.tool_costs import _cost, holding_tools, tool_costs
 
 RAYS = 131072  # of each light that is compared
 BALL_MM = 2.5  # so large that the first steps are at it
@@ -90,6 +92,21 @@ def test_costs_are_differences_of_the_light_after_the_same_steps_and_the_screen_
     )
     assert group.facts[1].value == 100.0 * ball.efficiency
     assert "against manufacture.cutter_radius_mm = 1.25" in group.facts[1].note
+
+
+def test_a_cost_is_the_mean_over_all_states() -> None:
+    """The second of two sources counts as the first does."""
+
+    def light(*figures: tuple[float, float]) -> SimpleNamespace:
+        values = [
+            SimpleNamespace(result=SimpleNamespace(efficiency=Metric(value=share), nmse=Metric(value=nmse)))
+            for share, nmse in figures
+        ]
+        return SimpleNamespace(nmse=values[0].result.nmse, cases=lambda: iter(values))
+
+    told = _cost("tools", Change("x", "1"), light((0.8, 0.02), (0.6, 0.04)), light((0.8, 0.02), (0.7, 0.02)))
+    assert told.efficiency == pytest.approx(0.05)
+    assert (told.nmse, told.nmse_without) == (pytest.approx(0.03), pytest.approx(0.02))
 
 
 def test_a_lens_that_no_tool_holds_costs_nothing_and_is_searched_no_further(made: Design, monkeypatch) -> None:
