@@ -3,13 +3,18 @@
 import re
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from page_text import Page, text_of, undrawn_page_of
-from result_folders import make_folder, make_results, small_lens, with_leds
+from result_folders import face_maps, make_folder, make_results, small_lens, with_leds
 
+from lensforge.cli.conclusion import _manufacture
 from lensforge.report.stored import load_results
+from lensforge.search.design_result import ToolCost
+from lensforge.shop.check_measures import FaceFaults
+from lensforge.shop.face_faults import Fault
 from lensforge.sources.source_place import SourcePlace
 from lensforge.spec.source_sections import RayfileSource
 
@@ -83,6 +88,31 @@ def test_a_map_without_a_number_is_left_out(place, title):
     assert title in text_of(full)
     face = full.check.faces[name].model_copy(update={quantity: np.full((21, 21), np.nan)})
     assert title not in text_of(make_results(("check",), check={name: face}))
+
+
+def test_a_face_that_cannot_be_made_is_drawn_and_one_that_can_is_not():
+    kinds = np.where(np.isnan(face_maps()["sag_mm"]), np.nan, float(Fault.BASE))
+    faults = (FaceFaults(face="outer", places_mm={}, kinds=kinds),)
+    text = text_of(make_results(("check",), check={"faults": faults}))
+    assert "Outer face: where it cannot be made" in text and "Inner face: where it cannot" not in text
+    assert "where it cannot be made" not in text_of(make_results(("check",)))
+
+
+def test_what_the_tools_cost_stands_on_the_page_in_full_and_on_the_screen_where_it_matters():
+    costs = tuple(
+        ToolCost(limit=limit, instead=f"manufacture.{limit[:4]}_mm = 1", efficiency=share)
+        for limit, share in (("tools", 0.012), ("ball of 1 mm", 0.001))
+    )
+    results = make_results(("design", "check"), design={"tool_costs": costs})
+    text = text_of(results)
+    assert "Cost of the tools" in text and "Cost of the ball of 1 mm" in text
+    assert "against manufacture.ball_mm = 1" in text
+    run = SimpleNamespace(
+        folder=Path(), lens=results.lens, spec=results.spec, find=results.find, facts=results.facts,
+        verdict=results.verdict,
+    )  # fmt: skip
+    rows = dict(_manufacture(run))
+    assert rows["Cost of the tools"].startswith("1.2") and "Cost of the ball of 1 mm" not in rows
 
 
 def test_text_of_the_spec_stays_text():

@@ -11,14 +11,16 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+import numpy as np
 import pytest
 from part_files import make_stray
-from result_folders import STAGES, make_results, small_lens
+from result_folders import STAGES, face_maps, make_results, small_lens
 
 from lensforge.report.lens_page import _PICTURES, _pictures
 from lensforge.report.page import PagePicture
 from lensforge.results import made_cache
 from lensforge.results.made_cache import keep_what_is_made, made_once
+from lensforge.shop.check_measures import FaceFaults
 
 
 @contextmanager
@@ -32,7 +34,9 @@ def kept_in(home: Path) -> Iterator[Path]:
 
 def test_a_page_has_the_same_pictures_by_all_results_and_as_they_were_kept(tmp_path: Path) -> None:
     lens = small_lens()
-    results = make_results((*STAGES, "stray"), lens, stray=make_stray(lens))
+    kinds = np.where(np.isnan(face_maps()["sag_mm"]), np.nan, 1.0)
+    faults = (FaceFaults(face="outer", places_mm={}, kinds=kinds),)
+    results = make_results((*STAGES, "stray"), lens, stray=make_stray(lens), check={"faults": faults})
     drawn = {name: draw(results) for name, (draw, _, _) in _PICTURES.items()}
     assert all(drawn.values())
     with kept_in(tmp_path) as folder:

@@ -97,6 +97,52 @@ def mould_record(case, names):
     }  # fmt: skip
 
 
+def least_draft(case, name):
+    """Draft (degrees) below which a face is too steep: what is asked of it, and for a mill what its axis tilts."""
+    asked = [asked_draft(case, name)]
+    if not is_moulded(case) and not turning.is_turned(case, name):
+        asked.append(90 - case.lens["spec"]["manufacture"]["max_tilt_deg"])
+    return max((draft for draft in asked if draft is not None), default=-90.0)
+
+
+def is_faulty(case, name, found):
+    """True of a face that is too steep, undercut, beside a base in the way, or out of its tool's reach."""
+    steep = face_of(case, name).draft_deg < least_draft(case, name) - ANGLE_DEG
+    hidden = is_moulded(case) and half(case, name)[2] is not None
+    if turning.is_turned(case, name):
+        return steep or hidden or found[name]["cutter"]["reachable_fraction"] < 1
+    return steep or hidden or relief_fails(case, name) or cutter_state(case, name) == "fail"
+
+
+def relief_fails(case, name):
+    based = case.lens["spec"]["base"]["kind"] != "none" and not is_moulded(case)
+    return based and relief_state(case, name) == "fail"
+
+
+def faults_record(case, name, found):
+    """Worst places of a face that cannot be made: each is on the exact face, the steepest within a sample of that."""
+    part = face_of(case, name).part
+    turned = turning.is_turned(case, name)
+    hidden = is_moulded(case) and half(case, name)[2] is not None
+    keys = {"tilt", "draft", *(("nose", "turning", "corner") if turned else ("cutter",))}
+    keys |= {"relief"} if not turned and relief_fails(case, name) else set()
+    keys |= {"undercut"} if hidden else set()
+    places = next(fault["places_mm"] for fault in found["faults"] if fault["face"] == name)
+    drafts = {}
+    for key, place in places.items():
+        away = np.linalg.norm(place)
+        radius, normal = part.exact(np.array(place)[None] / away)
+        assert abs(radius[0] - away) < 2e-5, (name, key)
+        drafts[key] = np.degrees(np.arcsin(np.clip(face_of(case, name).sense * normal[0, 2], -1, 1)))
+    assert abs(drafts["tilt"] - face_of(case, name).draft_deg) < 1.5, name
+    least = half(case, name)[3] if is_moulded(case) else face_of(case, name).draft_deg
+    assert abs(abs(drafts["draft"]) - abs(least)) < 1.5, name
+    if hidden:
+        low, high = half(case, name)[2]
+        assert low - 0.25 <= places["undercut"][2] <= high + 0.25, name
+    return {"face": name, "places_mm": {key: [...] * 3 for key in keys}}
+
+
 def judged(name, value, sense, limit, unit, tolerance, **more):
     """A criterion or a finding; a limit or a value may have a tolerance of its own."""
     tolerance = tolerance if isinstance(tolerance, tuple) else (tolerance, 1e-9)
@@ -132,7 +178,9 @@ def check_record(case):
     note = "a mould insert has no base" if shop["process"] == "moulded" else "there is no base"
     each = {name: {key: (value, 2e-2 * value + 2e-5) for key, value in relief_of(case, name).items()}
             for name in names if based}  # fmt: skip
+    faults = [faults_record(case, name, found) for name in names if is_faulty(case, name, found)]
     return {
+        **({"faults": faults} if faults else {}),
         "process": shop["process"], "scale": (1 + shop["shrinkage"] if shop["process"] == "moulded" else 1.0, 1e-12),
         "min_wall_mm": thin,
         "walls": {"thinnest": wall_record(case, found["walls"]["thinnest"], thin[0]),
