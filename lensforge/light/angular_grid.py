@@ -388,8 +388,8 @@ class _Pyramid:
     def noise(self, level: Level) -> Float[np.ndarray, "p p"]:
         """Square of the noise in the mean of the tables at ``level``, by each pair of them."""
         products = self.grid(level).products(self.table(level))
-        own = np.diag(products)
-        return (0.5 * (own[:, None] + own[None, :]) - products) / len(products)
+        squares = np.diag(products)
+        return (0.5 * (squares[:, None] + squares[None, :]) - products) / len(products)
 
     def apart(self, first: Level, second: Level) -> float:
         """Square of the difference between the mean tables at two levels."""

@@ -71,8 +71,8 @@ def evaluate(
         raise InputError("source: this lens has states, each with its LED; evaluate one of them, lens.of_state(name)")
     other = None if source is None else other_source(lens.spec, source)
     first, *further = lens.by_state
-    own_source = lens.spec.in_first_state.source
-    chosen = own_source if other is None else other
+    designed_led = lens.spec.in_first_state.source
+    chosen = designed_led if other is None else other
     rays, pixels, seed = count_of("rays", rays), count_of("pixels", pixels, most=MOST_PIXELS), count_of("seed", seed, 0)
     temperature_c = number_of("temperature_c", temperature_c)
     body = lens if temperature_c is None else at_temperature(lens, temperature_c)
@@ -89,7 +89,7 @@ def evaluate(
             preset,
             **settings,
             lumens_per_watt=summary.lumens_per_watt,
-            searched_with=has_rays_of(chosen, own_source),
+            searched_with=has_rays_of(chosen, designed_led),
         )
         others = tuple(_in_state(body, state, preset, settings) for state in further) if other is None else ()
     led = first if others else ""

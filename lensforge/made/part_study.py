@@ -133,11 +133,11 @@ class PartStudy:
         """
         by_state = self.recipe.lens.by_state
         studies = tuple(LedStudy(self, lens, name if len(by_state) > 1 else "") for name, lens in by_state.items())
-        own = [name for name, lens in by_state.items() if lens.spec.all_receivers != self.spec.all_receivers]
-        if own and not self.lamps.is_single:
+        differing = [name for name, lens in by_state.items() if lens.spec.all_receivers != self.spec.all_receivers]
+        if differing and not self.lamps.is_single:
             raise InputError(
-                f"yield: the state {own[0]!r} has a target of its own, and parts of several lamps are measured on one; "
-                "study one state, lens.of_state(name), or one lamp"
+                f"yield: the state {differing[0]!r} has a target of its own, and parts of several lamps are measured "
+                "on one; study one state, lens.of_state(name), or one lamp"
             )
         if len({study.receivers[0].grid.shape for study in studies}) > 1:
             raise InputError(
@@ -262,7 +262,9 @@ class LedStudy:
     @cached_property
     def designed_light(self) -> Light:
         """The light of the lens as designed, by many rays."""
-        lens, spec, recipe = self.lens, self.spec, self.study.recipe
+        lens = self.lens
+        spec = self.spec
+        recipe = self.study.recipe
         preset, judging = preset_of(lens.accuracy), held_back(self._source)
         efficacy = summarise(self._source, spec.source).lumens_per_watt
         return evaluate_traced(
@@ -347,8 +349,8 @@ class LedStudy:
             deviations = [
                 in_plate(deviation, lamp) for deviation, lamp in zip(deviations, self.study.lamps.lamps, strict=True)
             ]
-        every, place = self.study.kinds, self.spec.source.position_mm
-        makers = {number: replace(kind.maker, source_mm=place) for kind in every for number in kind.numbers}
+        place = self.spec.source.position_mm
+        makers = {number: replace(kind.maker, source_mm=place) for kind in self.study.kinds for number in kind.numbers}
         return tuple(makers[number].part(deviation) for number, deviation in enumerate(deviations))
 
     def measure(self, deviations: Sequence[Deviations]) -> Float[np.ndarray, "m 2"]:

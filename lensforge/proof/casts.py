@@ -60,7 +60,8 @@ def verify_with(second: ChildPool, part: Part, light: Light, rays: int | None = 
     for name, words in (("lens", "another lens than the part"), ("source", "another source than the spec's")):
         if known.get(name) != wanted[name]:
             raise InputError(f"verify: the light is that of {words}; evaluate the part's lens with its own source")
-    lenses, by_led = lens.by_state, light.by_led
+    lenses = lens.by_state
+    by_led = light.by_led
     if missing := [name for name in lenses if name not in by_led]:
         raise InputError(f"verify: the light is without that of {missing[0]!r}; evaluate the lens in all its states")
     inputs = {"lens": lens.sha256, "export": part.sha256, "evaluate": light.sha256}

@@ -103,7 +103,7 @@ def source_outline(results: Results) -> Float[np.ndarray, "k 3"] | None:
 
 
 def fault_pictures(results: Results) -> list[PagePicture]:
-    """For each face that cannot be made as designed, where, and what is in the way."""
+    """Maps of the faces that cannot be made as designed, by what is in the way."""
     check = results.find(Check)
     if check is None:
         return []

@@ -48,7 +48,7 @@ _MAIN = {
 
 @dataclass(frozen=True)
 class ShownReceiver:
-    """The light on one receiver in ``unit``; ``spec``: that of its state. ``number``: among all."""
+    """Light on one receiver, in ``unit``. ``spec``: of its state. ``number``: counted over all states."""
 
     case: Case[Light]
     unit: LightUnit
@@ -104,7 +104,7 @@ def shown_receivers(results: Results) -> list[ShownReceiver]:
 
 
 def receivers_in(light: Light, spec: Spec) -> list[ShownReceiver]:
-    """The receivers of ``light``, of several states in each; ``spec``: that of the lens."""
+    """Receivers of ``light``, state after state. ``spec``: of the lens, with all its states."""
     return [
         ShownReceiver(case, unit_on(case.result, case.record), spec.of_state(case.result.led), number)
         for number, case in enumerate(light.cases("receivers"))

@@ -14,7 +14,7 @@ _Result = TypeVar("_Result", bound=Record)
 
 @dataclass(frozen=True, eq=False)
 class Case(Generic[_Result]):
-    """A result in one of its states and, where one of its records is meant, such as that of a receiver, this record.
+    """Result in one state, alone or with one of its records, such as that of a receiver.
 
     Attributes:
         result: in this state; that in the first state has the others, too.

@@ -130,6 +130,11 @@ class Start(Record):
         return f"NMSE {self.nmse}, efficiency {self.efficiency}{missed}"
 
 
+_COST_OF_LIGHT = 0.005
+_COST_OF_PATTERN = 0.1
+COSTS = "tool costs"  # what a run says while it measures them
+
+
 class ToolCost(Record):
     """Cost of a ``limit`` that tools set to a lens, named in words, against a spec that has another value ``instead``.
 
@@ -157,10 +162,6 @@ class ToolCost(Record):
         note = f"of the light; {errors}against {self.instead}, by a short search"
         key = f"cost_of_{self.limit.split()[0]}"
         return Fact.share(key, f"Cost of the {self.limit}", self.efficiency, note, digits=2)
-
-
-_COST_OF_LIGHT, _COST_OF_PATTERN = 0.005, 0.1
-COSTS = "tool costs"  # what a run says while it measures them
 
 
 @public

@@ -218,7 +218,7 @@ def _checked_scene(
         twice = application_warnings(alone.applications, alone.all_receivers, lenses, summary.flux_lm)
         stated = (*scene.warnings(), *twice)
         of_scene += tuple(f"{line}{warning}" for warning in stated)
-        remarks += [f"{line}{remarkng}" for remarkng in (*summary.warnings, *stated, *room)]
+        remarks += [f"{line}{remark}" for remark in (*summary.warnings, *stated, *room)]
     remarks += require_clear_travel(spec)
     wanted = searched_source(spec)
     if isinstance(wanted, SeveralSources):

@@ -2,7 +2,8 @@
 
 A search that ends has seldom converged, so that further steps gain by themselves: what limits cost is the difference of
 two lenses after the same steps with the same rays. It is less than whole searches would differ by, as 20 to 40 steps
-gain most of what there is, but not all.
+gain most of what there is, but not all. From a lens that has nearly converged the usual steps lead away: where they
+gain nothing, shorter ones are tried.
 """
 
 from collections.abc import Iterator
@@ -15,13 +16,16 @@ from lensforge.results.fact import Change
 from lensforge.scene.lens import Lens
 from lensforge.search.design_result import CURVATURE, DRAFT, Design, ToolCost, limits_of
 from lensforge.spec import Spec
+from lensforge.spec.accuracy import preset_of
+from lensforge.spec.processes import MOST_TILT_DEG
 
-_LEAST_STEPS, _MOST_STEPS = 20, 40
+_LEAST_STEPS = 20
+_MOST_STEPS = 40
 _OF_SEARCH = 20  # steps of the whole search for one here
+_RATES = (1.0, 0.25)  # of the usual length of a step
 _RAYS = 131072  # the same for all: a difference has far less noise than a figure
 _AT_LIMIT = 10.0  # of the margin with which a search ends inside a limit: 0.3 degrees, or 3 % of a radius
 _FAR_TILT_DEG = 20.0  # beyond what the axis tilts, to tell what that costs
-_MOST_TILT_DEG = 120.0
 _LITTLE_DRAFT_DEG = 0.5
 
 
@@ -37,13 +41,13 @@ def tool_costs(design: Design) -> tuple[ToolCost, ...]:
     steps = min(max(design.steps // _OF_SEARCH, _LEAST_STEPS), _MOST_STEPS)
     further = _Further(lens, steps)
     held = further.light(lens.spec)
-    nothing = Change("manufacture.process", "none")
+    nothing = Change("manufacture.process", '"none"')
     whole = _cost("tools", nothing, held, further.light(lens.spec.made_by("none")))
     if not whole.matters:
         return (whole,)
-    easier = _easier(lens.spec, kinds)
-    each = (_cost(words, change, held, further.light(_with(lens.spec, change))) for words, change in easier)
-    return (whole, *each)
+    changes = _easier(lens.spec, kinds)
+    costs = (_cost(words, change, held, further.light(_with(lens.spec, change))) for words, change in changes)
+    return (whole, *costs)
 
 
 def holding_tools(design: Design) -> set[str]:
@@ -68,7 +72,7 @@ def _easier(spec: Spec, kinds: set[str]) -> Iterator[tuple[str, Change]]:
     if DRAFT not in kinds:
         return
     if shop.cuts == "lens":
-        farther = min(shop.max_tilt_deg + _FAR_TILT_DEG, _MOST_TILT_DEG)
+        farther = min(shop.max_tilt_deg + _FAR_TILT_DEG, MOST_TILT_DEG)
         yield f"tilt of {shop.max_tilt_deg:g} deg", Change("manufacture.max_tilt_deg", f"{farther:g}")
         return
     for name in spec.lens.names:
@@ -89,14 +93,22 @@ class _Further:
     steps: int
 
     def light(self, spec: Spec) -> Light:
-        """Light of the lens that a search by ``spec`` finds."""
-        from lensforge.search.optimiser import search  # torch, which no run without such limits needs here
-
+        """Light of the lens that a search by ``spec`` finds; of ``lens`` where steps of no length gain."""
         coarser = len(spec.lens.shape_levels) - 1
         short = spec.replace({"optimise.steps_per_level": [1] * coarser + [self.steps], "optimise.seconds": None})
+        searches = (self._search(short, rate) for rate in _RATES)
+        gained = (design.lens for design in searches if not design.kept_start)
+        return evaluate(next(gained, self.lens), rays=_RAYS)
+
+    def _search(self, spec: Spec, rate: float) -> Design:
+        """Search with ``rate`` times the usual length of a step."""
+        from lensforge.search.optimiser import search  # torch, which no run without such limits needs here
+
         lens = self.lens
-        design = search(short, searched_source(short), accuracy=lens.accuracy, seed=lens.seed, start=lens)
-        return evaluate(design.lens, rays=_RAYS)
+        preset = preset_of(lens.accuracy)
+        effort = {"learning_rate": rate * preset.effort.learning_rate}
+        accuracy = lens.accuracy if rate == 1.0 else preset.replace("shorter_steps", effort=effort)
+        return search(spec, searched_source(spec), accuracy=accuracy, seed=lens.seed, start=lens)
 
 
 def _cost(words: str, change: Change, held: Light, free: Light) -> ToolCost:

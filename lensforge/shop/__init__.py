@@ -7,7 +7,7 @@
 - ``ball_cutter``: the largest ball that reaches a face
 - ``ball_clearance``: room of a ball beside the base
 - ``tool_reach``: which tools reach how much
-- ``mould_halves.mould_of``: what the halves of a mould draw of a part, and where they part
+- ``mould_halves.Moulding``: what the halves of a mould draw of a part, and where they part
 - ``mould_facts``: what a moulder is told, and how long a plastic cools
 - ``findings``: what the shop can do, and what to change
 - ``drawing``: the sheet's content

@@ -108,24 +108,22 @@ def check_ball_clearance(
     """
     if not faces:
         return BallClearance(faces={}, note="no face is milled")
-    if plan is None:
-        return BallClearance(faces={}, note="a mould insert has no base")
-    if custom is None and not plan.has_base:
-        return BallClearance(faces={}, note="there is no base")
+    if custom is None and (plan is None or not plan.has_base):
+        return BallClearance(faces={}, note="a mould insert has no base" if plan is None else "there is no base")
     return BallClearance(faces={name: _clearance(plan, custom, face) for name, face in faces.items()})
 
 
-def base_retreats(plan: Plan[Patch], custom: CustomBaseMesh | None, face: MilledFace) -> Retreats:
+def base_retreats(plan: Plan[Patch] | None, custom: CustomBaseMesh | None, face: MilledFace) -> Retreats:
     """Lengths (mm) by which parts of the base must give way to the ball at each sample of ``face``; 0 where clear.
 
-    Valid where the ball reaches the face without a base; by the fields of its :data:`AnyClearance`.
+    Valid where the ball reaches the face without a base. By the fields of :data:`AnyClearance`; none without a base.
     """
     if custom is not None:
         return {"retreat_mm": custom.retreat_mm(face.samples, face.cutter_radius_mm)}
-    return _BY_SIDE[face.samples.face.air][1](plan, face)
+    return {} if plan is None or not plan.has_base else _BY_SIDE[face.samples.face.air][1](plan, face)
 
 
-def _clearance(plan: Plan[Patch], custom: CustomBaseMesh | None, face: MilledFace) -> AnyClearance:
+def _clearance(plan: Plan[Patch] | None, custom: CustomBaseMesh | None, face: MilledFace) -> AnyClearance:
     retreats = base_retreats(plan, custom, face)
     kind = CustomBaseClearance if custom is not None else _BY_SIDE[face.samples.face.air][0]
     reached = face.reached

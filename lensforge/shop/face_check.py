@@ -41,14 +41,9 @@ class FaceCheck:
         """Smallest concave radius (mm); infinite for a face that is convex or flat everywhere."""
         return -1.0 / self.lowest_curvature if self.lowest_curvature < -1.0 / FLAT_MM else np.inf
 
-    @property
-    def upward(self) -> Float[np.ndarray, " k"]:
-        """Component of the outward normal along the axis at each sample, towards the side from which it is made."""
-        return self.samples.face.sense * self.samples.outward[:, 2]
-
     def worst_places(self) -> dict[str, Float[np.ndarray, "3"]]:
         """Samples (mm) at which what is found is worst, by the name of the finding."""
-        steepest = self.samples.points[np.argmin(self.upward)]
+        steepest = self.samples.points[np.argmin(self.samples.upward)]
         return {"tilt": steepest, "draft": steepest}
 
     @property

@@ -58,7 +58,7 @@ class PartAround:
         if at_base.any():
             places["relief"] = face.samples.points[np.argmax(at_base)]
         if undercut.any():
-            slant = np.abs(face.upward)
+            slant = np.abs(face.samples.upward)
             places["undercut"] = face.samples.points[np.argmax(np.where(undercut, slant, -1.0))]
             places["draft"] = face.samples.points[np.argmin(np.where(undercut, 2.0, slant))]  # of what is released
         return FaceFaults(
@@ -74,17 +74,15 @@ class PartAround:
         if isinstance(face, MilledFace) and shop.cuts == "lens":
             asked.append(90.0 - shop.max_tilt_deg)
         least_deg = max((draft for draft in asked if draft is not None), default=-90.0)
-        draft_deg = np.degrees(np.arcsin(np.clip(face.upward, -1.0, 1.0)))
+        draft_deg = np.degrees(np.arcsin(np.clip(face.samples.upward, -1.0, 1.0)))
         return np.asarray(draft_deg < least_deg - ANGLE_TOLERANCE_DEG)
 
     def _retreat_mm(self, face: FaceCheck) -> Float[np.ndarray, " k"]:
         """The largest length by which the base must give way to the ball; 0 where it is clear, or does not reach."""
-        none = np.zeros(len(face.samples.points))
-        there = self.custom is not None or (self.plan is not None and self.plan.has_base)
-        if self.plan is None or not there or not isinstance(face, MilledFace):
-            return none
-        retreats = base_retreats(self.plan, self.custom, face)
-        return np.where(face.reached, np.max(list(retreats.values()), axis=0), none)
+        if not isinstance(face, MilledFace):
+            return np.zeros(len(face.samples.points))
+        retreats = base_retreats(self.plan, self.custom, face).values()
+        return np.where(face.reached, np.max([*retreats], axis=0) if retreats else 0.0, 0.0)
 
     def _undercut(self, name: str, face: FaceCheck) -> Samples:
         if self.moulding is None:

@@ -171,6 +171,11 @@ class FaceSamples:
         """Unit normals pointing away from the origin, whichever side the air is on."""
         return float(self.face.air) * self.normals
 
+    @property
+    def upward(self) -> Float[np.ndarray, " k"]:
+        """Component of the outward normal along the axis, towards the side from which the face is made."""
+        return self.face.sense * self.outward[:, 2]
+
     @cached_property
     def area(self) -> "FaceArea":
         """The face's integration points, which are not the samples."""
@@ -284,5 +289,5 @@ def _in_domain(
 def least_draft_rad(samples: FaceSamples) -> float:
     """The least draft angle (rad) of the face, searched for between the samples too."""
     patch, sense = samples.face.patch, samples.face.sense
-    steepest = samples.largest(lambda points: -sense * patch.normals(points)[:, 2], -sense * samples.outward[:, 2])
+    steepest = samples.largest(lambda points: -sense * patch.normals(points)[:, 2], -samples.upward)
     return -float(np.arcsin(np.clip(steepest, -1.0, 1.0)))

@@ -27,7 +27,7 @@ from lensforge.shop.check_measures import (
     ToolResult,
 )
 from lensforge.spec import BaseSection, Spec
-from lensforge.spec.processes import GOOD_DRAFT_DEG, MOST_DRAFT_DEG
+from lensforge.spec.processes import GOOD_DRAFT_DEG, MOST_DRAFT_DEG, MOST_TILT_DEG
 
 if TYPE_CHECKING:
     from lensforge.cad.plate_layout import PlateWall
@@ -76,7 +76,6 @@ Findings = tuple[Annotated[Fact, _STORED], ...]
 SHARE_TOLERANCE = 1e-9  # of the whole face: areas of its cells add up to rounding
 _LEAST_WALL_MM = 1e-3  # a thinner one is none
 _ABOVE_STEP_MM = 0.1  # of the base that a relief leaves, at least
-_MOST_TILT_DEG = 120.0  # of manufacture.max_tilt_deg
 
 
 def check_findings(
@@ -222,7 +221,7 @@ def tilt_finding(surface: str, slope_deg: float, spec: Spec) -> Fact:
     holds = within(slope_deg, "<=", allowed_deg, ANGLE_TOLERANCE_DEG)
     if 0.0 <= draft_deg <= MOST_DRAFT_DEG:
         changes.append(design_again("draft_deg", draft_deg, spec, surface))
-    if slope_deg < _MOST_TILT_DEG:
+    if slope_deg < MOST_TILT_DEG:
         changes.append(Change("manufacture.max_tilt_deg", _up(slope_deg, 1)))
     reason = (
         f"the {surface} face is up to {quantity(slope_deg, 'deg', digits=4)} steep; a tool held normal to it "

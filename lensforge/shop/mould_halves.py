@@ -96,11 +96,6 @@ class Moulding:
         return np.asarray(drawn.undercut[within][nearest])
 
 
-def mould_of(lens: Lens, pair: Pair[Patch]) -> Mould:
-    """The mould of ``lens`` by its fitted faces."""
-    return Moulding.of(lens, pair).mould()
-
-
 def _upright_beside(ring: FlangeRing, wall_mm: float, exit_mm: float) -> Iterator[UprightCylinder]:
     """The cylinder from the highest place of the wall to the ring, and from it to the lowest of the exit's rim."""
     for low, high in ((wall_mm, ring.low_mm), (ring.high_mm, exit_mm)):

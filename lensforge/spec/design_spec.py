@@ -28,6 +28,7 @@ from lensforge.spec.lamps_together import require_kinds, require_together
 from lensforge.spec.lens_section import LensShape
 from lensforge.spec.light_limits import (
     ColourSection,
+    LightLimits,
     LightLimitSpec,
     PhotometrySection,
     require_limits_fit,
@@ -42,13 +43,13 @@ from lensforge.spec.part_section import (
 )
 from lensforge.spec.plate_section import PlateSection, require_plate
 from lensforge.spec.processes import PROCESSES, Cutting, FaceLimits, Process
-from lensforge.spec.receiver_fields import ReceiverSection, named, require_target_fits
+from lensforge.spec.receiver_fields import Receivers, ReceiverSection, named, require_target_fits
 from lensforge.spec.receiver_sections import implied_receiver
 from lensforge.spec.search_section import ConstraintsSection, EvaluateSection, OptimiseSection
 from lensforge.spec.source_sections import NamedSource
 from lensforge.spec.spec_files import NamedFrom, alike, changed, plain, read_toml, short
 from lensforge.spec.spec_section import Section, check, fault_of, section_of
-from lensforge.spec.state_section import MOST_LIMITS, MOST_RECEIVERS, StateSection, with_light_of_first
+from lensforge.spec.state_section import StateSection, with_light_of_first
 from lensforge.spec.target_sections import TargetSection
 from lensforge.spec.tolerances_section import FaceTolerances, PartTolerances, TolerancesSection, lets_light_in
 
@@ -113,15 +114,13 @@ class Spec(Section):
     target: TargetSection | None = Field(
         default=None, description="The light that is wanted, with the receiver that it names; or give `receivers`."
     )
-    receivers: Annotated[tuple[ReceiverSection, ...], Field(max_length=MOST_RECEIVERS)] = Field(
+    receivers: Receivers = Field(
         default=(), description="Surfaces that the light falls on, each with its targets; or give `target` alone."
     )
     lamps: AnyLamps | None = Field(
         default=None, description="Lamps whose light every receiver sees together; by default one at the origin."
     )
-    limits: Annotated[tuple[LightLimitSpec, ...], Field(max_length=MOST_LIMITS)] = Field(
-        default=(), description="Light that must be at least, or at most, so much."
-    )
+    limits: LightLimits = Field(default=(), description="Light that must be at least, or at most, so much.")
     if TYPE_CHECKING:  # a table that an add-on brings, for scripts that are checked
         roads: tuple[Application, ...] = ()
     colour: ColourSection | None = Field(default=None, description="Colour of the beam; by default it is not computed.")

@@ -342,6 +342,7 @@ LightLimitSpec = Annotated[
     PointsLimit | LineLimit | ZoneLimit | GlareLimit | BeamAngleLimit | LossLimit | LuminanceLimit,
     Field(discriminator="kind"),
 ]
+LightLimits = Annotated[tuple[LightLimitSpec, ...], Field(max_length=1000)]
 
 
 def bounds_of(limits: Sequence[LimitSection]) -> Iterator[tuple[str, Sense, float]]:

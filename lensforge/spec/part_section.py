@@ -9,7 +9,7 @@ from pydantic import Field
 from lensforge.errors import InputError
 from lensforge.public import public
 from lensforge.spec.derived_values import three_digits
-from lensforge.spec.processes import PROCESSES, MakingProcess, Process
+from lensforge.spec.processes import MOST_TILT_DEG, PROCESSES, MakingProcess, Process
 from lensforge.spec.search_section import ConstraintsSection
 from lensforge.spec.spec_files import NamedFrom, read_toml
 from lensforge.spec.spec_section import (
@@ -301,7 +301,7 @@ class ManufactureSection(Section):
         description="The search keeps the limits of the process, and a part that cannot be made is a failure of the "
         "run; left out, false where there is no process.",
     )
-    max_tilt_deg: Annotated[float, Field(ge=0.0, le=120.0)] = Field(
+    max_tilt_deg: Annotated[float, Field(ge=0.0, le=MOST_TILT_DEG)] = Field(
         default=90.0, description="Largest angle between a tool's axis and the lens axis."
     )
     author: Label = Field(default="", description="Author of the files for the shop.")

@@ -13,6 +13,7 @@ Cutting = Literal["milled", "turned"]
 GOOD_DRAFT_DEG = 2.0  # of an optical face, for a mould that releases it without marks
 _SIDE_DRAFT_DEG = 1.0  # of base and flange, as of plate.draft_deg
 MOST_DRAFT_DEG = 25.0  # of the draft_deg of a face
+MOST_TILT_DEG = 120.0  # of the axis of a tool
 _ON_OPTICS = "marks of gate, ejector or parting line"
 
 

@@ -15,7 +15,7 @@ from lensforge.results.registered_kinds import OfSeveralKinds
 from lensforge.spec.emitter_section import Turn
 from lensforge.spec.lens_section import LensShape
 from lensforge.spec.search_section import ConstraintsSection
-from lensforge.spec.spec_section import Section, check
+from lensforge.spec.spec_section import RelativeWeight, Section, check
 from lensforge.spec.target_sections import TargetSection, Unit
 
 OF_RECEIVER = ("distance_mm", "receiver_mm", "half_angle_deg")  # fields of a target that stands alone
@@ -54,9 +54,7 @@ class ReceiverSection(OfSeveralKinds, Section):
     targets: Annotated[tuple[TargetSection, ...], Field(min_length=1, max_length=_MOST_TARGETS)] = Field(
         description="Targets on it, which add up."
     )
-    share: Annotated[float, Field(ge=1e-6, le=1e6)] = Field(
-        default=1.0, description="Weight in the merit, relative to the other receivers."
-    )
+    share: RelativeWeight = Field(default=1.0, description="Weight in the merit, relative to the other receivers.")
     rotation_deg: Turn = Field(
         default=0.0, description="Turn about the direction that the receiver faces, from x towards y."
     )
@@ -208,3 +206,6 @@ def named(receivers: tuple[ReceiverSection, ...]) -> tuple[ReceiverSection, ...]
 def largest_of(lens: LensShape) -> str:
     """Fields that bound the largest lens."""
     return "constraints.max_radius_mm" + (" with the height of the lens" if lens.radius_about_axis else "")
+
+
+Receivers = Annotated[tuple[ReceiverSection, ...], Field(max_length=16)]

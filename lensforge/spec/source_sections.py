@@ -18,7 +18,9 @@ from lensforge.spec.spec_section import (
     Millimetres,
     MillimetresOrZero,
     Numbers,
+    RelativeWeight,
     Section,
+    ShortName,
     check,
     fault_of,
     numbers_of,
@@ -315,10 +317,6 @@ RaySetSource = RayfileSource | RayfilesSource | RaySource
 class NamedSource(Section):
     """One of the LEDs that a lens is for."""
 
-    name: Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]{1,32}$")] = Field(
-        description="Name of the LED, in tables, pictures and folders."
-    )
-    share: Annotated[float, Field(ge=1e-6, le=1e6)] = Field(
-        default=1.0, description="Weight of its light in the mean over all, relative."
-    )
+    name: ShortName = Field(description="Name of the LED, in tables, pictures and folders.")
+    share: RelativeWeight = Field(default=1.0, description="Weight of its light in the mean over all, relative.")
     source: EmitterSection = Field(description="Where its light starts, how much, and in which directions.")

@@ -213,6 +213,8 @@ Lumens = Annotated[float, Field(ge=1e-30, le=1e12)]
 Weight = Annotated[float, Field(ge=0.0, le=1e12)]
 # A relative name counts from the folder of the file that has it, in a script from the folder in which it runs.
 FilePath = Annotated[Path, AfterValidator(full_path)]
+RelativeWeight = Annotated[float, Field(ge=1e-6, le=1e6)]
+ShortName = Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]{1,32}$")]  # also of files
 Label = Annotated[str, Field(max_length=200), AfterValidator(_printable)]  # words of the user, shown on pages
 CalendarDate = Annotated[str, BeforeValidator(iso_date)]  # 2026-01-31; a date of TOML, too
 

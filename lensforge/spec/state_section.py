@@ -5,19 +5,17 @@ with one condition takes it.
 """
 
 from collections.abc import Mapping
-from typing import Annotated, Any
+from typing import Any
 
 from pydantic import Field
 
 from lensforge.public import public
 from lensforge.spec.emitter_section import Degrees, EmitterSection
-from lensforge.spec.light_limits import LightLimitSpec
-from lensforge.spec.receiver_fields import ReceiverSection
-from lensforge.spec.spec_section import Coordinate, Section, check
+from lensforge.spec.light_limits import LightLimits
+from lensforge.spec.receiver_fields import Receivers
+from lensforge.spec.spec_section import Coordinate, RelativeWeight, Section, ShortName, check
 from lensforge.spec.target_sections import TargetSection
 
-MOST_RECEIVERS = 16
-MOST_LIMITS = 1000
 _STILL = (0.0, 0.0, 0.0)
 _UPRIGHT = (0.0, 0.0)
 
@@ -26,10 +24,8 @@ _UPRIGHT = (0.0, 0.0)
 class StateSection(Section):
     """One of the states of a lens; what it leaves out is that of the spec."""
 
-    name: Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]{1,32}$")] = Field(
-        description="Name of the state, in tables, pictures and files."
-    )
-    weight: Annotated[float, Field(ge=1e-6, le=1e6)] = Field(
+    name: ShortName = Field(description="Name of the state, in tables, pictures and files.")
+    weight: RelativeWeight = Field(
         default=1.0, description="Weight of its light in the mean over all states, relative."
     )
     source: EmitterSection | None = Field(default=None, description="Another LED.")
@@ -40,10 +36,10 @@ class StateSection(Section):
         default=_UPRIGHT, description="Tilt of the LED about the x axis, then the y axis, added to its `tilt_deg`."
     )
     target: TargetSection | None = Field(default=None, description="The light that is wanted in this state.")
-    receivers: Annotated[tuple[ReceiverSection, ...], Field(max_length=MOST_RECEIVERS)] = Field(
+    receivers: Receivers = Field(
         default=(), description="Surfaces that the light falls on in this state, in place of the spec's."
     )
-    limits: Annotated[tuple[LightLimitSpec, ...], Field(max_length=MOST_LIMITS)] | None = Field(
+    limits: LightLimits | None = Field(
         default=None, description="Limits on the light of this state, in place of the spec's."
     )
 

@@ -9,7 +9,8 @@ import lensforge as lf
 from lensforge.results import Metric
 from lensforge.results.fact import Change
 from lensforge.search.design_result import Design, Margins, ToolCost, design_facts, limits_of
-from lensforge.search.tool_costs import _cost, holding_tools, tool_costs
+from lensforge.search.tool_costs import _cost, _Further, holding_tools, tool_costs
+from lensforge.spec.accuracy import preset_of
 
 RAYS = 131072  # of each light that is compared
 BALL_MM = 2.5  # so large that the first steps are at it
@@ -75,12 +76,12 @@ def test_costs_are_differences_of_the_light_after_the_same_steps_and_the_screen_
     assert "curvature_margin_per_mm" in holding_tools(made)
     spec = made.lens.spec
     kept = light_after(made.lens, spec)
-    whole, *each = tool_costs(made)
+    whole, *costs = tool_costs(made)
     free = light_after(made.lens, spec.replace({"manufacture.process": "none", "manufacture.required": False}))
     assert whole.efficiency == free.efficiency.value - kept.efficiency.value
     assert (whole.nmse, whole.nmse_without) == (kept.nmse.value, free.nmse.value)
     assert whole.matters, "the ball is half as large as the lens"
-    ball = next(cost for cost in each if cost.limit == "ball of 2.5 mm")
+    ball = next(told for told in costs if told.limit == "ball of 2.5 mm")
     smaller = light_after(made.lens, spec.replace({"manufacture.cutter_radius_mm": 1.25}))
     assert ball.instead == "manufacture.cutter_radius_mm = 1.25"
     assert ball.efficiency == smaller.efficiency.value - kept.efficiency.value
@@ -92,6 +93,21 @@ def test_costs_are_differences_of_the_light_after_the_same_steps_and_the_screen_
     )
     assert group.facts[1].value == 100.0 * ball.efficiency
     assert "against manufacture.cutter_radius_mm = 1.25" in group.facts[1].note
+
+
+@pytest.mark.parametrize(("gaining", "told"), [((1.0, 0.25), 1.0), ((0.25,), 0.25), ((), "kept")])
+def test_shorter_steps_are_tried_where_the_usual_ones_gain_nothing(gaining, told, monkeypatch, made: Design) -> None:
+    """Near its optimum a lens only loses by the usual steps: that they gain nothing is no cost of 0."""
+
+    def search(spec: lf.Spec, *_: object, accuracy: object, **__: object) -> SimpleNamespace:
+        rate = preset_of(accuracy).effort.learning_rate / preset_of("draft").effort.learning_rate
+        return SimpleNamespace(kept_start=rate not in gaining, lens=rate)
+
+    monkeypatch.setattr("lensforge.search.optimiser.search", search)
+    monkeypatch.setattr(
+        "lensforge.search.tool_costs.evaluate", lambda lens, rays: "kept" if lens is made.lens else lens
+    )
+    assert _Further(made.lens, 20).light(made.lens.spec) == told
 
 
 def test_a_cost_is_the_mean_over_all_states() -> None:

@@ -20,7 +20,7 @@ from lensforge.errors import InputError
 from lensforge.shop.check_measures import Draft, FaceResult, InscribedBall, Mould, MouldedFace, PartingLine
 from lensforge.shop.findings import draft_finding, undercut_finding
 from lensforge.shop.mould_facts import PLASTICS, mould_facts, plastic_of
-from lensforge.shop.mould_halves import mould_of, pieces_of
+from lensforge.shop.mould_halves import Moulding, pieces_of
 from lensforge.spec import BaseSection
 from lensforge.spec.feasible import base_warnings
 from lensforge.surfaces.reciprocal import ConeFace
@@ -32,7 +32,7 @@ NO_BASE, WIDE = {"kind": "none"}, {"kind": "cylinder", "diameter_mm": 14.0, "hei
 
 def moulded(faces: dict[str, Any], spec: Any) -> Mould:
     lens = OfSpheres(faces, spec, 0, CHECKED)
-    return mould_of(lens, fit_lens(lens, *[NODES] * len(faces)))
+    return Moulding.of(lens, fit_lens(lens, *[NODES] * len(faces))).mould()
 
 
 def dome(base: dict[str, Any] = NO_BASE, **sections: Any) -> Mould:
@@ -113,7 +113,7 @@ def test_a_wall_that_widens_above_a_plate_or_a_base_is_undercut_and_the_spec_say
     printed = {"manufacture": {"process": "printed"}, "plate": {"thickness_mm": 2.0}}
     for shape in (spot(), spot(side={"offset_mm": 1.6}, exit={"flat": True})):
         lens = spot_lens(shape, base=NO_BASE, **printed)
-        wall = mould_of(lens, fit_lens(lens)).faces["wall"]
+        wall = Moulding.of(lens, fit_lens(lens)).mould().faces["wall"]
         assert wall.undercut_fraction == pytest.approx(1.0) and wall.undercut_heights_mm is not None
         with pytest.raises(InputError, match=r"plate: the wall of .* 'tir' widens above it.*\[lens\.flange\]"):
             lens.spec.replace({"manufacture.process": "moulded"})
@@ -127,7 +127,7 @@ def test_a_wall_that_widens_above_a_plate_or_a_base_is_undercut_and_the_spec_say
 
 def test_a_flange_is_the_widest_and_a_place_for_the_gate() -> None:
     lens = spot_lens(spot(flange={"diameter_mm": 20.0, "thickness_mm": 1.2}), base=NO_BASE)
-    found = mould_of(lens, fit_lens(lens))
+    found = Moulding.of(lens, fit_lens(lens)).mould()
     line = found.parting
     assert (line.places, line.radius_mm, found.gate) == (("flange",), pytest.approx(10.0), "flange")
     assert line.high_mm - line.low_mm == pytest.approx(1.2)
@@ -139,7 +139,7 @@ def test_a_mould_fills_the_flange_before_the_base() -> None:
         base={"kind": "cylinder", "diameter_mm": 7.0}
     )
     lens = spot_lens(spec)
-    assert mould_of(lens, fit_lens(lens)).gate == "flange"
+    assert Moulding.of(lens, fit_lens(lens)).mould().gate == "flange"
 
 
 def revolved(*corners: tuple[float, float]) -> np.ndarray:

@@ -28,7 +28,7 @@ from lensforge.shop.drawing import DrawingContent, SheetName, drawing_content, m
 from lensforge.shop.findings import as_finding
 from lensforge.shop.handover import Handover
 from lensforge.shop.mould_facts import mould_facts
-from lensforge.shop.mould_halves import mould_of
+from lensforge.shop.mould_halves import Moulding
 from lensforge.shop.profile_table import equation
 from lensforge.shop.sheet import Marks, Sheet, box_of
 from lensforge.shop.sheet_marks import words_of_dimension
@@ -332,7 +332,7 @@ def test_figures_of_the_faces_are_the_parts_though_the_record_is_of_an_insert_th
 def test_what_the_flange_leaves_of_its_cylinder_has_no_draft_and_is_said() -> None:
     """From the wall to the underside, and from the top to the exit, as the corners in the STEP have it."""
     lens, found = flanged(), measured()
-    mould = mould_of(lens, fit_lens(lens))
+    mould = Moulding.of(lens, fit_lens(lens)).mould()
     (under, _), (top, _) = found["thickness of the rim's flange"]
     (wall, radius), (exit_, _) = (
         found["crease of flange and wall, along x, above z = 0"][1],
@@ -350,7 +350,7 @@ def test_what_the_flange_leaves_of_its_cylinder_has_no_draft_and_is_said() -> No
     part, check = bare_part()[0].model_copy(update={"lens": lens}), check_of(lens).model_copy(update={"mould": mould})
     notes = drawing_content(lens, part, check, dimensions(lens), tolerance_table(lens), lens.spec.drawing).notes
     assert f"Without draft: {words}." in notes
-    bare = mould_of(spot_lens(), fit_lens(spot_lens()))
+    bare = Moulding.of(spot_lens(), fit_lens(spot_lens())).mould()
     assert bare.upright == () and "upright" not in {fact.key for fact in mould_facts(bare, check)}
 
 
@@ -363,7 +363,7 @@ def test_the_room_of_a_dimension_holds_its_text() -> None:
 
 def test_the_parting_line_is_where_the_section_along_x_is_widest() -> None:
     lens = small_lens({"kind": "none"}, MOULDED)
-    check = bare_part()[1].model_copy(update={"mould": mould_of(lens, fit_lens(lens))})
+    check = bare_part()[1].model_copy(update={"mould": Moulding.of(lens, fit_lens(lens)).mould()})
     part = bare_part()[0].model_copy(update={"lens": lens})
 
     def widest(azimuth_deg: float) -> tuple[float, float]:

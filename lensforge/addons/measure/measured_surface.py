@@ -163,7 +163,8 @@ def compare_surface(
     by_led = traced.by_led(lights)
     distance_um = 1e3 * distances(patch, cut.placed.points)[0]
     spec = lens.spec.in_first_state
-    section, receiver = spec.all_receivers[0], receivers_of(spec, spec.evaluate.pixels)[0]
+    section = spec.all_receivers[0]
+    receiver = receivers_of(spec, spec.evaluate.pixels)[0]
     pixels = FacePixels.of(patch, domain)
     form_um = pixels.map_um(form.change)
     inside = np.isfinite(form_um)

@@ -61,7 +61,7 @@ class JobPipe:
 
     @contextmanager
     def interrupting(self, job: Mapping[str, Any]) -> Iterator[None]:
-        """Within the block a job that does not look at ``asked`` by itself is interrupted by what is asked."""
+        """Interrupt the ``job`` of the block at "pause" or "stop", if it is of a kind that does not poll ``asked``."""
         self._interruptible = job["job"] in ("part", "look")
         try:
             yield

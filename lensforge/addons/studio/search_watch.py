@@ -1,4 +1,4 @@
-"""An observer of a search: what the page sees of its steps, and how the search hears what is asked of it.
+"""Observer of a search: shows its steps on the page, and tells it to go on, to end or to stop.
 
 It looks at the lens by a thread of its own, so that a search never waits for a picture.
 """
