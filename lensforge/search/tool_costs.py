@@ -32,22 +32,30 @@ _LITTLE_DRAFT_DEG = 0.5
 def tool_costs(design: Design) -> tuple[ToolCost, ...]:
     """Costs of the limits that tools set to the lens of ``design``: of all, and of each where they matter.
 
-    Empty for a lens whose faces are at none of these limits.
+    Empty for a lens whose faces are at none of these limits, and where a short search without them gains nothing.
     """
     lens = design.lens
     kinds = holding_tools(design)
     if not kinds:
         return ()
     steps = min(max(design.steps // _OF_SEARCH, _LEAST_STEPS), _MOST_STEPS)
-    further = _Further(lens, steps)
-    held = further.light(lens.spec)
-    nothing = Change("manufacture.process", '"none"')
-    whole = _cost("tools", nothing, held, further.light(lens.spec.made_by("none")))
-    if not whole.matters:
-        return (whole,)
-    changes = _easier(lens.spec, kinds)
-    costs = (_cost(words, change, held, further.light(_with(lens.spec, change))) for words, change in changes)
-    return (whole, *costs)
+    unlimited = lens.spec.made_by("none")
+    for further in (_Further(lens, steps, rate) for rate in _RATES):
+        free = further.lens_by(unlimited)
+        if free is not None:
+            return tuple(_costs(further, free, kinds))
+    return ()
+
+
+def _costs(further: "_Further", free: Lens, kinds: set[str]) -> Iterator[ToolCost]:
+    """Cost against the ``free`` lens and, where it matters, those against lenses with an easier limit of ``kinds``."""
+    spec = further.lens.spec
+    held = _light(further.lens_by(spec) or further.lens)
+    whole = _cost("tools", Change("manufacture.process", '"none"'), held, _light(free))
+    yield whole
+    for words, change in _easier(spec, kinds) if whole.matters else ():
+        easier = further.lens_by(spec.replace({change.field: float(change.value)}))
+        yield _cost(words, change, held, _light(easier or further.lens))
 
 
 def holding_tools(design: Design) -> set[str]:
@@ -55,10 +63,6 @@ def holding_tools(design: Design) -> set[str]:
     spec = design.lens.spec
     limits = (limit for limit in limits_of(spec) if limit.kind in (CURVATURE, DRAFT) and not limit.is_stated)
     return {limit.kind for limit in limits if design.constraints.at(limit) < _AT_LIMIT * limit.spare}
-
-
-def _with(spec: Spec, change: Change) -> Spec:
-    return spec.replace({change.field: float(change.value)})
 
 
 def _easier(spec: Spec, kinds: set[str]) -> Iterator[tuple[str, Change]]:
@@ -87,28 +91,32 @@ def _half(field: str, radius_mm: float) -> Change:
 
 @dataclass(frozen=True)
 class _Further:
-    """Short searches of ``steps`` from ``lens`` on."""
+    """Short searches of ``steps`` from ``lens`` on, ``rate`` times as long as usual."""
 
     lens: Lens
     steps: int
+    rate: float
 
-    def light(self, spec: Spec) -> Light:
-        """Light of the lens that a search by ``spec`` finds; of ``lens`` where steps of no length gain."""
-        coarser = len(spec.lens.shape_levels) - 1
-        short = spec.replace({"optimise.steps_per_level": [1] * coarser + [self.steps], "optimise.seconds": None})
-        searches = (self._search(short, rate) for rate in _RATES)
-        gained = (design.lens for design in searches if not design.kept_start)
-        return evaluate(next(gained, self.lens), rays=_RAYS)
-
-    def _search(self, spec: Spec, rate: float) -> Design:
-        """Search with ``rate`` times the usual length of a step."""
+    def lens_by(self, spec: Spec) -> Lens | None:
+        """The lens that a search by ``spec`` finds; None if it is no better than the one from which it begins."""
         from lensforge.search.optimiser import search  # torch, which no run without such limits needs here
 
-        lens = self.lens
-        preset = preset_of(lens.accuracy)
-        effort = {"learning_rate": rate * preset.effort.learning_rate}
-        accuracy = lens.accuracy if rate == 1.0 else preset.replace("shorter_steps", effort=effort)
-        return search(spec, searched_source(spec), accuracy=accuracy, seed=lens.seed, start=lens)
+        coarser = len(spec.lens.shape_levels) - 1
+        short = spec.replace({"optimise.steps_per_level": [1] * coarser + [self.steps], "optimise.seconds": None})
+        preset = preset_of(self.lens.accuracy)
+        effort = {"learning_rate": self.rate * preset.effort.learning_rate}
+        design = search(
+            short,
+            searched_source(short),
+            accuracy=preset.replace("further_steps", effort=effort),
+            seed=self.lens.seed,
+            start=self.lens,
+        )
+        return None if design.kept_start else design.lens
+
+
+def _light(lens: Lens) -> Light:
+    return evaluate(lens, rays=_RAYS)
 
 
 def _cost(words: str, change: Change, held: Light, free: Light) -> ToolCost:

@@ -9,8 +9,8 @@ import lensforge as lf
 from lensforge.results import Metric
 from lensforge.results.fact import Change
 from lensforge.search.design_result import Design, Margins, ToolCost, design_facts, limits_of
-from lensforge.search.tool_costs import _cost, _Further, holding_tools, tool_costs
-from lensforge.spec.accuracy import preset_of
+from lensforge.search.tool_costs import _cost, holding_tools, tool_costs
+from lensforge.spec.accuracy import AnyAccuracy, preset_of
 
 RAYS = 131072  # of each light that is compared
 BALL_MM = 2.5  # so large that the first steps are at it
@@ -95,19 +95,34 @@ def test_costs_are_differences_of_the_light_after_the_same_steps_and_the_screen_
     assert "against manufacture.cutter_radius_mm = 1.25" in group.facts[1].note
 
 
-@pytest.mark.parametrize(("gaining", "told"), [((1.0, 0.25), 1.0), ((0.25,), 0.25), ((), "kept")])
-def test_shorter_steps_are_tried_where_the_usual_ones_gain_nothing(gaining, told, monkeypatch, made: Design) -> None:
-    """Near its optimum a lens only loses by the usual steps: that they gain nothing is no cost of 0."""
+@pytest.mark.parametrize(("gaining", "rate"), [((1.0, 0.25), 1.0), ((0.25,), 0.25), ((), None)])
+def test_shorter_steps_are_tried_where_the_usual_ones_gain_nothing(gaining, rate, monkeypatch, made: Design) -> None:
+    """Near its optimum a lens only loses by the usual steps: that they gain nothing is no cost of 0.
 
-    def search(spec: lf.Spec, *_: object, accuracy: object, **__: object) -> SimpleNamespace:
-        rate = preset_of(accuracy).effort.learning_rate / preset_of("draft").effort.learning_rate
-        return SimpleNamespace(kept_start=rate not in gaining, lens=rate)
+    All searches that are compared take steps of one length; a lens that keeps its limits may gain nothing by them.
+    """
+    rates = list[float]()
+
+    def search(spec: lf.Spec, *_: object, accuracy: AnyAccuracy, **__: object) -> SimpleNamespace:
+        rates.append(preset_of(accuracy).effort.learning_rate / preset_of("draft").effort.learning_rate)
+        is_free = spec.manufacture.process == "none"
+        return SimpleNamespace(kept_start=not is_free or rates[-1] not in gaining, lens="free")
+
+    def light(lens: object, rays: int) -> SimpleNamespace:
+        share = 0.8 if lens == "free" else 0.7 if lens is made.lens else None
+        return SimpleNamespace(nmse=None, cases=lambda: iter([SimpleNamespace(result=figures(share))]))
+
+    def figures(share: float | None) -> SimpleNamespace:
+        return SimpleNamespace(efficiency=Metric(value=share))
 
     monkeypatch.setattr("lensforge.search.optimiser.search", search)
-    monkeypatch.setattr(
-        "lensforge.search.tool_costs.evaluate", lambda lens, rays: "kept" if lens is made.lens else lens
-    )
-    assert _Further(made.lens, 20).light(made.lens.spec) == told
+    monkeypatch.setattr("lensforge.search.tool_costs.evaluate", light)
+    costs = tool_costs(made)
+    if rate is None:
+        assert (costs, rates) == ((), [1.0, 0.25])
+        return
+    assert [told.efficiency for told in costs] == [pytest.approx(0.1), *[0.0] * (len(costs) - 1)]
+    assert rates == ([] if rate == 1.0 else [1.0]) + [rate] * (1 + len(costs))
 
 
 def test_a_cost_is_the_mean_over_all_states() -> None:
