@@ -158,7 +158,7 @@ class ToolCost(Record):
     @property
     def fact(self) -> Fact:
         """The cost as a fact; its note says by what it was measured."""
-        errors = "" if self.nmse is None else f"NMSE {self.nmse:.3g}, else {self.nmse_without:.3g}; "
+        errors = "" if self.nmse is None else f"NMSE {self.nmse:.3g} with it, {self.nmse_without:.3g} without; "
         note = f"of the light; {errors}against {self.instead}, by a short search"
         key = f"cost_of_{self.limit.split()[0]}"
         return Fact.share(key, f"Cost of the {self.limit}", self.efficiency, note, digits=2)
