@@ -142,7 +142,7 @@ class LightFieldLimit(LimitSection):
     at_least_d50_deg: Diameter | None = None
     at_most_d50_deg: Diameter | None = None
     at_least_d50_over_d10: Fraction | None = Field(
-        default=None, description="Least quotient of both diameters: 0.5 is asked for in surgery."
+        default=None, description="Least quotient of both diameters: surgery requires 0.5."
     )
 
     @property
