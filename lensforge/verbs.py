@@ -86,6 +86,7 @@ from lensforge.spec.lens_material import OpticalData
 from lensforge.spec.light_limits import (
     BeamAngleLimit,
     ColourSection,
+    CrosstalkLimit,
     GlareLimit,
     LineLimit,
     LossLimit,
@@ -104,8 +105,8 @@ from lensforge.version import __version__
 
 __all__ = [
     "AbgScatter", "BaseSection", "BeamAngleLimit", "BodySection", "Cancelled", "Check", "Chip", "CoatingSection",
-    "ColourSection", "Conditions", "ConstraintsSection", "CosineIntensity", "CoverGlassSection",
-    "CriterionMissed", "CupSection", "Design", "DrawingSection", "DrawnOutline", "EndlessLamps", "EvaluateSection",
+    "ColourSection", "Conditions", "ConstraintsSection", "CosineIntensity", "CoverGlassSection", "CriterionMissed",
+    "CrosstalkLimit", "CupSection", "Design", "DrawingSection", "DrawnOutline", "EndlessLamps", "EvaluateSection",
     "ExitFace", "FaceSection", "FaceTolerances", "Fact", "FeetSection", "FileSpectrum", "FileWarning", "FlangeSection",
     "GaussianScatter", "GaussianSpectrum", "GlareLimit", "GridLamps", "Handover", "HexagonLamps", "InputError",
     "LambertianScatter", "LayerSection", "Lens", "LensSection", "LensforgeError", "Light", "LineLimit", "LineSpectrum",

@@ -20,6 +20,7 @@ from lensforge.results.files import write_file
 from lensforge.results.validation import its_type
 from lensforge.spec.application import Application, kinds_of_addons, require_all_below, with_tables
 from lensforge.spec.bodies_section import BodySection, media_with, require_bodies
+from lensforge.spec.crosstalk import has_crosstalk, limits_on_zones
 from lensforge.spec.derived_values import derived_sizes, receiver_of
 from lensforge.spec.double_lens import LensSection
 from lensforge.spec.emitter_section import EmitterSection
@@ -334,7 +335,13 @@ class Spec(Section):
     @property
     def by_state(self) -> "dict[str, Spec]":
         """The spec of each state by its name, all else as it is; "" is the name of the only one."""
-        return {state.name: self._in(state) for state in self.all_states} or {"": self}
+        by_name = {state.name: self._in(state) for state in self.all_states}
+        if not any(has_crosstalk(spec.limits) for spec in by_name.values()):
+            return by_name or {"": self}
+        receivers = {name: spec.all_receivers for name, spec in by_name.items()}
+        with fault_of("limits"):
+            zones = {name: limits_on_zones(spec.limits, name, receivers) for name, spec in by_name.items()}
+        return {name: spec.changed(limits=zones[name]) for name, spec in by_name.items()}
 
     def _in(self, state: StateSection) -> "Spec":
         with fault_of(f"states: {state.name}"):

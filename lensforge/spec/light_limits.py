@@ -34,7 +34,7 @@ _OF_FAR_FIELD = ("w_per_sr", "cd")
 _OF_EYES = ("w_per_m2_sr", "cd_per_m2")
 _MOST_POINTS = 1000
 _MOST_EYES = 16
-_ZONES = RectangleTarget | DiscTarget | EllipseTarget | RingTarget | PolygonTarget
+ZONES = RectangleTarget | DiscTarget | EllipseTarget | RingTarget | PolygonTarget
 _OF_RECEIVERS = ("distance_mm", "receiver_mm", "half_angle_deg")
 _OF_PICTURES = ("level", "uniform_mm", "uniform_deg", "edge_mm", "edge_deg")
 
@@ -136,7 +136,7 @@ class ZoneLimit(LimitSection):
     others: ClassVar[tuple[str, ...]] = ("min_over_mean", "min_over_max", "share")
 
     kind: Literal["zone"] = "zone"
-    zone: Annotated[_ZONES, Field(discriminator="kind")] | None = Field(
+    zone: Annotated[ZONES, Field(discriminator="kind")] | None = Field(
         default=None, description="Shape of the zone; by default the whole window of the receiver."
     )
     at_least_min_over_mean: Fraction | None = Field(
@@ -240,6 +240,32 @@ class LossLimit(LimitSection):
             raise ValueError("a loss is bounded by at_most_share alone")
 
 
+@public
+class CrosstalkLimit(LimitSection):
+    """Light of each state in the segments of others: shares of the flux of its source.
+
+    A segment is the shape of a state's target. The limit is one of `[[limits]]` of the spec, and holds in each state.
+    """
+
+    others: ClassVar[tuple[str, ...]] = ("share",)
+
+    kind: Literal["crosstalk"] = "crosstalk"
+    at_most_share: Fraction = Field(description="Largest share of the flux of the source in another segment.")
+    neighbours: Annotated[int, Field(ge=0, le=15)] = Field(
+        default=0,
+        description="Segments on each side, in the order of the states, that are left out: 1 begins with the next but "
+        "one.",
+    )
+    at_least_own_share: Fraction | None = Field(
+        default=None, description="Least share of the flux of the source in the segment of its own."
+    )
+
+    @check
+    def _bounds_shares(self) -> None:
+        if self.unit is not None or self.receiver is not None:
+            raise ValueError("crosstalk is bounded by at_most_share, in segments on one receiver; leave out the rest")
+
+
 _Point = tuple[Coordinate, Coordinate, Coordinate]
 _Angle = Annotated[float, Field(ge=1e-3, le=45.0)]
 
@@ -339,7 +365,7 @@ class LuminanceLimit(LimitSection):
 
 
 LightLimitSpec = Annotated[
-    PointsLimit | LineLimit | ZoneLimit | GlareLimit | BeamAngleLimit | LossLimit | LuminanceLimit,
+    PointsLimit | LineLimit | ZoneLimit | GlareLimit | BeamAngleLimit | LossLimit | CrosstalkLimit | LuminanceLimit,
     Field(discriminator="kind"),
 ]
 LightLimits = Annotated[tuple[LightLimitSpec, ...], Field(max_length=1000)]
@@ -426,6 +452,8 @@ def require_limits_fit(
             raise ValueError(f"limits.{number}.receiver = {name!r}: there is none of that name; known: {known}")
         if isinstance(limit, LuminanceLimit):
             continue
+        if isinstance(limit, CrosstalkLimit):
+            raise ValueError(f"limits.{number}: crosstalk is between states; give states, or a limit of kind zone")
         if isinstance(limit, LossLimit) and limit.cause not in causes:
             raise ValueError(f"limits.{number}.cause = {limit.cause!r}: of this lens it is one of {', '.join(causes)}")
         with fault_of(f"limits.{number}"):
