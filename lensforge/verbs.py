@@ -70,6 +70,7 @@ from lensforge.spec import (
 from lensforge.spec.accuracy import preset_of
 from lensforge.spec.bodies_section import BodySection, ShellFace
 from lensforge.spec.coating_section import CoatingSection, CoverGlassSection, LayerSection
+from lensforge.spec.crosstalk import CrosstalkLimit
 from lensforge.spec.emitter_section import (
     CosineIntensity,
     EmitterSection,
@@ -86,7 +87,6 @@ from lensforge.spec.lens_material import OpticalData
 from lensforge.spec.light_limits import (
     BeamAngleLimit,
     ColourSection,
-    CrosstalkLimit,
     GlareLimit,
     LineLimit,
     LossLimit,

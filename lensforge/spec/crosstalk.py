@@ -6,23 +6,54 @@ it is searched, judged and shown as these are.
 
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import combinations
-from typing import Any, get_args
+from typing import Annotated, Any, ClassVar, Literal, get_args
 
-from lensforge.spec.light_limits import ZONES, CrosstalkLimit, LightLimitSpec, ZoneLimit
+from pydantic import Field
+
+from lensforge.public import public
+from lensforge.spec.light_limits import ZONES, Fraction, LimitSection, ZoneLimit
+from lensforge.spec.quantities import FluxShare, Quantity
 from lensforge.spec.receiver_fields import OF_RECEIVER, ReceiverSection
+from lensforge.spec.spec_section import check
 from lensforge.spec.target_sections import TargetSection
 
 _OF_PICTURES = ("level", "uniform_mm", "uniform_deg", "edge_mm", "edge_deg")  # fields of a target that no zone has
 
 
-def has_crosstalk(limits: Sequence[LightLimitSpec]) -> bool:
+@public
+class CrosstalkLimit(LimitSection):
+    """Light of each state in the segments of others: shares of the flux of its source.
+
+    A segment is the shape of a state's target. The limit is one of `[[limits]]` of the spec, and holds in each state.
+    """
+
+    others: ClassVar[Mapping[str, type[Quantity]]] = {"share": FluxShare}
+
+    kind: Literal["crosstalk"] = "crosstalk"
+    at_most_share: Fraction = Field(description="Largest share of the flux of the source in another segment.")
+    neighbours: Annotated[int, Field(ge=0, le=15)] = Field(
+        default=0,
+        description="Segments on each side, in the order of the states, that are left out: 1 begins with the next but "
+        "one.",
+    )
+    at_least_own_share: Fraction | None = Field(
+        default=None, description="Least share of the flux of the source in the segment of its own."
+    )
+
+    @check
+    def _bounds_shares(self) -> None:
+        if self.unit is not None or self.receiver is not None:
+            raise ValueError("crosstalk is bounded by at_most_share, in segments on one receiver; leave out the rest")
+
+
+def has_crosstalk(limits: Sequence[LimitSection]) -> bool:
     """True where one of ``limits`` is on crosstalk."""
     return any(isinstance(limit, CrosstalkLimit) for limit in limits)
 
 
 def limits_on_zones(
-    limits: Sequence[LightLimitSpec], name: str, receivers: Mapping[str, Sequence[ReceiverSection]]
-) -> tuple[LightLimitSpec, ...]:
+    limits: Sequence[LimitSection], name: str, receivers: Mapping[str, Sequence[ReceiverSection]]
+) -> tuple[LimitSection, ...]:
     """``limits`` of the state ``name``, those on crosstalk as limits on zones.
 
     ``receivers``: of every state by its name, in their order. Raises ``ValueError`` for states that have no segments.
@@ -31,7 +62,7 @@ def limits_on_zones(
     return tuple(zone for limit in limits for zone in _zones(limit, name, segments))
 
 
-def _zones(limit: LightLimitSpec, name: str, segments: Mapping[str, TargetSection]) -> Iterator[LightLimitSpec]:
+def _zones(limit: LimitSection, name: str, segments: Mapping[str, TargetSection]) -> Iterator[LimitSection]:
     if not isinstance(limit, CrosstalkLimit):
         yield limit
         return

@@ -31,7 +31,7 @@ from lensforge.spec.lens_section import LensShape
 from lensforge.spec.light_limits import (
     ColourSection,
     LightLimits,
-    LightLimitSpec,
+    LimitSection,
     PhotometrySection,
     require_limits_fit,
     require_seen_from_afar,
@@ -272,6 +272,8 @@ class Spec(Section):
 
     @check
     def _states_are_told_apart(self) -> None:
+        if not self.all_states and has_crosstalk(self.limits):
+            raise ValueError("limits: crosstalk is between states; give states, or a limit of kind zone")
         if not self.states:
             return
         if (duplicate := alike(state.name for state in self.states)) is not None:
@@ -377,7 +379,7 @@ class Spec(Section):
         return tuple(chain.from_iterable(spec.all_receivers for spec in self.by_state.values()))
 
     @property
-    def limits_in_states(self) -> tuple[LightLimitSpec, ...]:
+    def limits_in_states(self) -> tuple[LimitSection, ...]:
         """The limits of one state after the other."""
         return tuple(chain.from_iterable(spec.limits for spec in self.by_state.values()))
 

@@ -47,7 +47,7 @@ def test_each_state_limits_its_light_in_its_own_segment_and_in_those_beyond_its_
     ("changes", "line"),
     [
         ({"states": [], "source": {"kind": "square", "side_mm": 1.0}, "target": segment(1)},
-         r"limits.0: crosstalk is between states; give states, or a limit of kind zone"),
+         r"limits: crosstalk is between states; give states, or a limit of kind zone"),
         ({"states": [{"name": "a", "target": segment(0)}, {"name": "b", "target": segment(1, half_angle_deg=40.0)}]},
          "crosstalk: b has other receivers than the first state"),
         ({"states": [{"name": "a", "target": segment(0)},
