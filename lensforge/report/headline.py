@@ -283,7 +283,10 @@ def _place(lens: LensShape, name: str) -> str:
 
 
 def _wanted_light(spec: Spec) -> str:
-    return "; ".join(map(_on_receiver, spec.all_receivers))
+    """The targets of each receiver, and the temperature of the lens where it is not that of reference."""
+    celsius = spec.lens.at_work_c
+    warm = () if celsius is None else (f"lens at {celsius:g} °C",)
+    return "; ".join((*warm, *map(_on_receiver, spec.all_receivers)))
 
 
 def _on_receiver(receiver: ReceiverSection) -> str:

@@ -21,6 +21,7 @@ from lensforge.optics.fundamental_limits import transmittance_of
 from lensforge.scene.body import Chain
 from lensforge.scene.eye_view import eye_views
 from lensforge.scene.limit_readings import LightLimit, light_limits
+from lensforge.scene.made_part import at_work
 from lensforge.scene.receiver_shapes import receivers_of
 from lensforge.search.collected_light import Collected
 from lensforge.search.constraints import AugmentedLagrangian
@@ -233,6 +234,7 @@ class MeritFunction(Merit[SampledLight]):
         )
         single = single and not isinstance(spec.lamps, EndlessLamps)  # whose light comes from any distance
         scene = Scene(spec.media, parametrisation.grid, fresnel, chain=Chain.of_lens(spec.lens), single=single)
+        scene = replace(scene, made=at_work(spec, scene.names))
         efficacy = summarise(source, spec.source).lumens_per_watt if spec.has_limits else None
         views = eye_views(spec, searched=True)
         asked = light_limits(spec, receivers, efficacy, source.flux_w, views)
