@@ -20,16 +20,6 @@ from lensforge.light.evaluation_result import FittedLight, Light, LightMetrics, 
 from lensforge.light.far_field import limits_by_intensities
 from lensforge.light.judged_limits import colour_limits, judged_limits
 from lensforge.light.light_ways import FluxByWay
-from lensforge.light.metrics import (
-    Images,
-    jackknife_metric,
-    nmse,
-    nmse_estimate,
-    relative_deviation,
-    relative_square,
-    uniformity,
-    with_error,
-)
 from lensforge.light.received_flux import CAUSES, MISSED_RECEIVER, ReceivedFlux, named_flux
 from lensforge.light.receiver_light import (
     EstimatedLight,
@@ -45,6 +35,16 @@ from lensforge.light.seen_lens import SeenLens
 from lensforge.light.simulation import ReplicateMetrics, TracedLens, lit_mask, simulate, traced_light
 from lensforge.results import Fact, Metric
 from lensforge.results.chart import light_unit
+from lensforge.results.estimates import (
+    Images,
+    jackknife_metric,
+    nmse,
+    nmse_estimate,
+    relative_deviation,
+    relative_square,
+    uniformity,
+    with_error,
+)
 from lensforge.scene.exit_rays import ExitRays
 from lensforge.scene.eye_view import EyeView, eye_views
 from lensforge.scene.lens import Lens
@@ -216,7 +216,7 @@ def evaluate_traced(
         (drawn_target(section.targets, receiver), *eyee)
         for section, receiver, eyee in zip(spec.all_receivers, receivers, zones, strict=True)
     ]
-    views = eye_views(spec) if any(limit.of_view for limit in limits) else ()
+    views = eye_views(spec) if any(limit.quantity.of_view for limit in limits) else ()
     simulation = simulate(
         traced, source, (*receivers, *views), rays, seed, [*regions, *[()] * len(views)], coloured=colour is not None
     )

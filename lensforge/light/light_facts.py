@@ -13,7 +13,6 @@ from lensforge.light.area_lamp import AreaLamp
 from lensforge.light.beam_colour import BeamColour
 from lensforge.light.evaluation_result import Light, LightMetrics
 from lensforge.light.light_ways import leak_facts, way_facts
-from lensforge.light.metrics import scaled
 from lensforge.light.photometry_result import Photometry
 from lensforge.light.receiver_light import METRICS, ReceiverLight, judged_figures
 from lensforge.light.seen_lens import seen_groups
@@ -23,6 +22,7 @@ from lensforge.results import Fact, Group, Metric
 from lensforge.results.case import Case
 from lensforge.results.chart import LightUnit, light_unit
 from lensforge.results.criteria import missed
+from lensforge.results.estimates import scaled
 from lensforge.results.figure import facts_in
 from lensforge.results.numerals import number, percent, quantity, square
 from lensforge.results.verdict import Reason

@@ -3,37 +3,26 @@
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from math import ceil
-from typing import cast, get_args
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 from scipy import sparse
 
 from lensforge.errors import InputError
+from lensforge.optics.arrays import Array
 from lensforge.results import Sense
 from lensforge.scene.application_light import light_in
 from lensforge.scene.body import Chain
 from lensforge.scene.eye_view import EyeView, eye_views
-from lensforge.scene.intensity_limit import GlareLaw, LumensBound
+from lensforge.scene.intensity_limit import LumensBound
 from lensforge.scene.light_ends import loss_names
 from lensforge.scene.receiver import PosedReceiver, equal_area
 from lensforge.scene.region import Region, ZoneOfLimit
 from lensforge.spec import Spec
 from lensforge.spec.application import names_of
-from lensforge.spec.light_limits import (
-    BeamAngleLimit,
-    GlareLimit,
-    LimitSection,
-    LineLimit,
-    LossLimit,
-    LuminanceLimit,
-    PointsLimit,
-    Quantity,
-    ZoneLimit,
-)
+from lensforge.spec.light_limits import SYMBOLS, LimitSection, LossLimit, LuminanceLimit, ZoneLimit
+from lensforge.spec.quantities import FluxShare, LostShare, MeanLuminance, Quantity, SpotLuminance
 
-_UNITS = {"w_per_m2": "W/m²", "lx": "lx", "w_per_sr": "W/sr", "cd": "cd", "deg": "°"}
-_UNITS |= {"w_per_m2_sr": "W/(m² sr)", "cd_per_m2": "cd/m²"}
 _PHOTOMETRIC = ("lx", "cd", "cd_per_m2")
 _STEPS_PER_PIXEL = 2  # places along a line or a cut: the light between them is bilinear
 _SENSES: tuple[Sense, Sense] = (">=", "<=")
@@ -44,25 +33,21 @@ class LightLimit:
     """One bound on the light of ``receiver``, by its index: the ``quantity`` is ``sense`` ``bound``, in ``unit``.
 
     ``readings``: matrix from the flux (W) on each pixel to the light at each place, in ``unit``; relative light and
-    angles in W/m² or W/sr. ``angles_deg``: of the places of a beam angle, whose half side counts at ``level``. Of
-    glare, whose quantity is its law, the last place is the mean luminance (cd/m²), the others are veiling luminance; of
-    a ratio the first place is over the second. Of a loss the readings are of the flux (W) by cause, as
-    ``scene.light_ends`` orders them. Of a luminance they are spots on the view of an eye, of a mean its sum over the
-    area (mm²) of the outline; views are numbered behind the receivers; ``coarser`` are these spots by half as many
-    pixels. ``application``: number of that whose class asks for it, ``share`` its weight; ``most`` times ``lamp_lm``:
-    its most. ``blurred``: share of the value by which the blur of a view may change it. ``eyes``: number of those that
-    are judged together. ``region``: of a share of the flux, the zone in which it is judged by ray.
+    angles in W/m² or W/sr. Of a loss they are of the flux (W) by cause, as ``scene.light_ends`` orders them. Of a
+    luminance they are spots on the view of an eye, of a mean its sum over the area (mm²) of the outline; views are
+    numbered behind the receivers; ``coarser`` are these spots by half as many pixels. ``application``: number of that
+    whose class asks for it, ``share`` its weight; ``most`` times ``lamp_lm``: its most. ``blurred``: share of the value
+    by which the blur of a view may change it. ``eyes``: number of those that are judged together. ``region``: of a
+    share of the flux, the zone in which it is judged by ray.
     """
 
     name: str
     receiver: int
-    quantity: Quantity | GlareLaw
+    quantity: Quantity
     sense: Sense
     bound: float
     unit: str
     readings: sparse.csr_array
-    angles_deg: Float[np.ndarray, " k"] | None = None
-    level: float = 1.0
     application: int | None = None
     share: float = 1.0
     most: LumensBound | None = None
@@ -77,27 +62,9 @@ class LightLimit:
         """True where the intensities that files hold judge it, and a picture only in a search: at few places."""
         return self.application is not None
 
-    @property
-    def of_losses(self) -> bool:
-        """True where it reads the flux by cause of its loss, and no picture."""
-        return self.quantity == "loss"
-
-    @property
-    def of_view(self) -> bool:
-        """True where it reads the view of an eye, and no receiver."""
-        return self.quantity in ("luminance", "mean_luminance")
-
-    @property
-    def is_share(self) -> bool:
-        """True where it bounds a share of the flux of the source, whatever that is."""
-        return self.quantity in ("share", "loss")
-
-    @property
-    def flux_power(self) -> float:
-        """Power of the flux of the source by which its value grows; of glare that in the dark."""
-        if isinstance(self.quantity, GlareLaw):
-            return 1.0 - self.quantity.at(0.0)[1]
-        return 1.0 if self.quantity in ("light", "luminance", "mean_luminance") else 0.0
+    def whole(self, images: Array) -> Array:
+        """Light on all pixels, in ``unit``; the ``images`` as they are where the quantity does not ask for it."""
+        return self.light_per_flux * images if self.quantity.of_whole else images
 
     def of(self, images: Float[np.ndarray, "r *_"]) -> Float[np.ndarray, "r k"]:
         """Readings of pictures of flux (W), or of flux (W) by cause."""
@@ -175,17 +142,17 @@ def _of_application(
 def _of_loss(limit: LossLimit, name: str, index: int, spec: Spec, flux_w: float) -> LightLimit:
     causes = loss_names(Chain.of_lens(spec.lens))
     readings = sparse.csr_array(([1.0 / flux_w], ([0], [causes.index(limit.cause)])), shape=(1, len(causes)))
-    return LightLimit(name, index, "loss", "<=", limit.at_most_share, "", readings)
+    return LightLimit(name, index, LostShare(), "<=", limit.at_most_share, "", readings)
 
 
 def _of_view(limit: LuminanceLimit, scale: float, index: int, view: EyeView) -> Iterator[LightLimit]:
-    quantity: Quantity = "mean_luminance" if view.of_mean else "luminance"
+    quantity = MeanLuminance() if view.of_mean else SpotLuminance()
     readings = scale / view.pixel_measure * view.spots()
     if view.of_mean:
         readings = sparse.csr_array(np.full((1, readings.shape[1]), 1e6 * scale))
     for sense, bound in zip(_SENSES, (limit.at_least, limit.at_most), strict=True):
         if bound is not None:
-            judged = LightLimit(view.label, index, quantity, sense, bound, _UNITS[limit.unit or ""], readings)
+            judged = LightLimit(view.label, index, quantity, sense, bound, SYMBOLS[limit.unit or ""], readings)
             yield judged if view.of_mean else _with_doubt(judged, view, scale)
 
 
@@ -199,32 +166,44 @@ def _with_doubt(limit: LightLimit, view: EyeView, scale: float) -> LightLimit:
 def _bounds_of(
     limit: LimitSection, where: str, index: int, receiver: PosedReceiver, lumens_per_watt: float | None, flux_w: float
 ) -> Iterator[LightLimit]:
-    readings = _readings(limit, receiver, where) / receiver.pixel_measure
+    at = limit.read_at(_Picture(receiver))
+    readings = _readings(limit, at, receiver, where) / receiver.pixel_measure
     name = limit.name or where
-    for quantity in limit.quantities():
-        scale = _scale(quantity, where, lumens_per_watt)
-        kind = _kind(quantity)
+    for bounded in limit.quantities():
+        scale = _scale(bounded, where, lumens_per_watt)
+        quantity = limit.quantity(bounded, at)
         bound_readings = readings
         region = None
-        if quantity == "share" and isinstance(limit, ZoneLimit):
+        if isinstance(quantity, FluxShare) and isinstance(limit, ZoneLimit):
             region = ZoneOfLimit(limit, receiver)
             bound_readings = sparse.csr_array(readings.sum(axis=0)[None, :] * (receiver.pixel_measure / flux_w))
-        angles = None
-        level = 1.0
-        if isinstance(limit, BeamAngleLimit):
-            angles = _cut(receiver)
-            level = limit.level
-        for sense, bound in zip(_SENSES, limit.bounds(quantity), strict=True):
+        for sense, bound in zip(_SENSES, limit.bounds(bounded), strict=True):
             if bound is not None:
-                unit = _UNITS.get(quantity, "")
                 read = sparse.csr_array(scale * bound_readings)
-                yield LightLimit(name, index, kind, sense, bound, unit, read, angles, level, region=region)
+                yield LightLimit(name, index, quantity, sense, bound, limit.unit_of(bounded), read, region=region)
 
 
-def _kind(quantity: str) -> Quantity:
-    if quantity == "deg":
-        return "beam_angle"
-    return cast(Quantity, quantity) if quantity in get_args(Quantity) else "light"
+@dataclass(frozen=True)
+class _Picture:
+    """The picture of a receiver, as limits ask where to read it."""
+
+    receiver: PosedReceiver
+
+    @property
+    def half(self) -> float:
+        """Largest distance of a place from the axis along x."""
+        return self.receiver.target_coordinates(np.array([self.receiver.window.radius]), np.array([0.0]))[0].item()
+
+    @property
+    def steps(self) -> int:
+        """Places along a cut through the whole picture, less one."""
+        return _STEPS_PER_PIXEL * max(self.receiver.grid.shape)
+
+    def steps_between(self, start: tuple[float, float], end: tuple[float, float]) -> int:
+        """Places from ``start`` to ``end``, less one; at least one."""
+        (x0, y0), (x1, y1) = (self.receiver.chart_coordinates(*np.array(place)[:, None]) for place in (start, end))
+        long = np.hypot((x1 - x0) / self.receiver.grid.pixel[0], (y1 - y0) / self.receiver.grid.pixel[1])
+        return max(1, ceil(_STEPS_PER_PIXEL * long.item()))
 
 
 def _scale(quantity: str, where: str, lumens_per_watt: float | None) -> float:
@@ -238,47 +217,21 @@ def _scale(quantity: str, where: str, lumens_per_watt: float | None) -> float:
     return lumens_per_watt
 
 
-def _readings(limit: LimitSection, receiver: PosedReceiver, where: str) -> sparse.csr_array:
-    match limit:
-        case PointsLimit():
-            x, y = np.array(limit.places).T
-            return _bilinear(receiver, *receiver.chart_coordinates(x, y))
-        case LineLimit():
-            (x0, y0), (x1, y1) = (receiver.chart_coordinates(*np.array(end)[:, None]) for end in limit.places)
-            long = np.hypot((x1 - x0) / receiver.grid.pixel[0], (y1 - y0) / receiver.grid.pixel[1])
-            part = np.linspace(0.0, 1.0, max(2, ceil(_STEPS_PER_PIXEL * long.item()) + 1))
-            (xs, ys), (xe, ye) = limit.places
-            return _bilinear(receiver, *receiver.chart_coordinates(xs + part * (xe - xs), ys + part * (ye - ys)))
-        case BeamAngleLimit():
-            angles = _cut(receiver)
-            turn = np.radians(limit.azimuth_deg)
-            return _bilinear(receiver, *receiver.chart_coordinates(angles * np.cos(turn), angles * np.sin(turn)))
-    inside = _zone(limit, receiver)
+def _readings(
+    limit: LimitSection, at: Float[np.ndarray, "k 2"] | None, receiver: PosedReceiver, where: str
+) -> sparse.csr_array:
+    if at is not None:
+        return _bilinear(receiver, *receiver.chart_coordinates(*at.T))
+    grid = receiver.grid
+    inside = receiver.window.pixels(grid) & limit.contains(
+        *receiver.target_coordinates(*np.meshgrid(grid.x(), grid.y()))
+    )
     if not inside.any():
         raise InputError(f"{where}: no pixel of the receiver lies in it; make it larger, or evaluate.pixels")
     pixels = np.flatnonzero(inside)
     ones = np.ones(len(pixels))
     shape = (len(pixels), inside.size)
     return sparse.csr_array((ones, (np.arange(len(pixels)), pixels)), shape=shape)
-
-
-def _zone(limit: LimitSection, receiver: PosedReceiver) -> Bool[np.ndarray, "h w"]:
-    """Pixels whose centres lie in a zone, or in the directions of a glare limit; within the window."""
-    grid = receiver.grid
-    x, y = receiver.target_coordinates(*np.meshgrid(grid.x(), grid.y()))
-    inside = receiver.window.pixels(grid)
-    if isinstance(limit, GlareLimit):
-        inside &= np.hypot(x, y) >= limit.from_deg
-    elif isinstance(limit, ZoneLimit) and limit.zone is not None:
-        inside &= limit.zone.contains(*limit.zone.about_centre(x, y))
-    return inside
-
-
-def _cut(receiver: PosedReceiver) -> Float[np.ndarray, " k"]:
-    """Angles (deg) from the axis along a cut through the far field."""
-    half_deg = receiver.target_coordinates(np.array([receiver.window.radius]), np.array([0.0]))[0].item()
-    steps = _STEPS_PER_PIXEL * max(receiver.grid.shape)
-    return np.linspace(-half_deg, half_deg, steps + 1)
 
 
 def _bilinear(receiver: PosedReceiver, x: Float[np.ndarray, " k"], y: Float[np.ndarray, " k"]) -> sparse.csr_array:

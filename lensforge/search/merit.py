@@ -211,7 +211,7 @@ class MeritFunction(Merit[SampledLight]):
         views = eye_views(spec, searched=True)
         asked = light_limits(spec, receivers, efficacy, source.flux_w, views)
         crossing = source if scene.chain is not None and aims(source) else None
-        losses = max((limit.readings.shape[1] for limit in asked if limit.of_losses), default=0)
+        losses = max((limit.readings.shape[1] for limit in asked if limit.quantity.of_losses), default=0)
         places = (*receivers, *views)
         term = None
         colour = spec.colour

@@ -14,8 +14,8 @@ from typing import Annotated, Literal, NamedTuple
 import numpy as np
 from pydantic import Field
 
-from lensforge.light.metrics import jackknife_error
 from lensforge.results import Count, NotNegative, Number, Positive, Record
+from lensforge.results.estimates import jackknife_error
 from lensforge.sources.ray_bundle import RayBundle, Source
 from lensforge.spec import Spec
 from lensforge.spec.accuracy import Preset, SearchEffort

@@ -29,7 +29,7 @@ from lensforge.spec.lens_section import LensShape
 from lensforge.spec.light_limits import (
     ColourSection,
     LightLimits,
-    LightLimitSpec,
+    LimitSection,
     PhotometrySection,
     require_limits_fit,
     require_seen_from_afar,
@@ -348,7 +348,7 @@ class Spec(Section):
         return tuple(chain.from_iterable(spec.all_receivers for spec in self.by_state.values()))
 
     @property
-    def limits_in_states(self) -> tuple[LightLimitSpec, ...]:
+    def limits_in_states(self) -> tuple[LimitSection, ...]:
         """The limits of one state after the other."""
         return tuple(chain.from_iterable(spec.limits for spec in self.by_state.values()))
 

@@ -4,15 +4,28 @@ Limits are compared with the receivers that they are on: their units, and places
 which lighting the lens is for.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from math import cos, pi, radians, sin
-from typing import Annotated, ClassVar, Literal, get_args
+from typing import Annotated, ClassVar, Literal, Protocol, get_args
 
+import numpy as np
+from jaxtyping import Bool, Float
 from pydantic import Field
 
 from lensforge.optics.pose import ORIGIN
 from lensforge.public import public
 from lensforge.results.record import Sense
+from lensforge.results.registered_kinds import OfSeveralKinds
+from lensforge.spec.quantities import (
+    BeamAngle,
+    FluxShare,
+    LeastOverMean,
+    LeastOverMost,
+    LostShare,
+    PlaceLight,
+    Quantity,
+    RelativeLight,
+)
 from lensforge.spec.receiver_fields import ReceiverSection, require_on
 from lensforge.spec.search_section import ConstraintsSection
 from lensforge.spec.shape_targets import DiscTarget, EllipseTarget, PolygonTarget, RectangleTarget, RingTarget
@@ -25,10 +38,10 @@ Azimuth = Annotated[float, Field(ge=-360.0, le=360.0)]
 LossCause = Literal["beside", "opening", "base", "flange", "total_reflection", "trapped"]
 LightUnitName = Literal["w_per_m2", "lx", "w_per_sr", "cd", "w_per_m2_sr", "cd_per_m2", "relative"]
 LIGHT_UNITS: tuple[LightUnitName, ...] = get_args(LightUnitName)
-Quantity = Literal[
-    "light", "relative", "min_over_mean", "min_over_max", "mean_over_min", "max_over_min", "ratio", "share", "loss",
-    "beam_angle", "luminance", "mean_luminance",
-]  # fmt: skip # what decides on a limit
+SYMBOLS = {"w_per_m2": "W/m²", "lx": "lx", "w_per_sr": "W/sr", "cd": "cd", "deg": "°"}
+SYMBOLS |= {"w_per_m2_sr": "W/(m² sr)", "cd_per_m2": "cd/m²"}
+Places = Float[np.ndarray, "*_"]
+_Quantities = Mapping[str, type[Quantity]]
 _OF_SURFACES = ("w_per_m2", "lx")
 _OF_FAR_FIELD = ("w_per_sr", "cd")
 _OF_EYES = ("w_per_m2_sr", "cd_per_m2")
@@ -39,14 +52,30 @@ _OF_RECEIVERS = ("distance_mm", "receiver_mm", "half_angle_deg")
 _OF_PICTURES = ("level", "uniform_mm", "uniform_deg", "edge_mm", "edge_deg")
 
 
+class ReceiverPicture(Protocol):
+    """Picture of a receiver, as a limit asks where to read it; places (x, y) are in the receiver's unit."""
+
+    @property
+    def half(self) -> float:
+        """Largest distance of a place from the axis along x."""
+
+    @property
+    def steps(self) -> int:
+        """Places along a cut through the whole picture, less one."""
+
+    def steps_between(self, start: tuple[float, float], end: tuple[float, float]) -> int:
+        """Places from ``start`` to ``end``, less one; at least one."""
+
+
 @public
-class LimitSection(InOneUnit):
-    """Fields of every limit.
+class LimitSection(OfSeveralKinds, InOneUnit):
+    """Fields of every limit. A kind of limit is a class that extends this one: it registers itself.
 
     Light is that of the evaluation's picture, after its filter, bilinear between pixels.
     """
 
-    others: ClassVar[tuple[str, ...]] = ()  # quantities besides the light that may be bounded
+    # What may be bounded besides light, by the ends of the fields that bound it.
+    others: ClassVar[_Quantities] = {}
 
     kind: str
     name: Label | None = Field(default=None, description="Name in records and on pages.")
@@ -79,6 +108,24 @@ class LimitSection(InOneUnit):
     def quantities(self) -> Iterator[str]:
         """The quantities that are bounded."""
         yield from (name for name in (*LIGHT_UNITS, *self.others) if any(self.bounds(name)))
+
+    def quantity(self, bounded: str, at: Places | None) -> Quantity:
+        """Quantity that is bounded: a unit of light, or one of ``others``; read ``at`` the places of ``read_at``."""
+        if bounded in LIGHT_UNITS:
+            return RelativeLight() if bounded == "relative" else PlaceLight()
+        return self.others[bounded]()
+
+    def unit_of(self, bounded: str) -> str:
+        """Symbol of the unit of what is bounded."""
+        return SYMBOLS.get(bounded, "")
+
+    def read_at(self, picture: ReceiverPicture) -> Places | None:
+        """Places (x, y) at which it reads the ``picture``; None if it reads the pixels that it ``contains``."""
+        return None
+
+    def contains(self, x: Places, y: Places) -> Bool[np.ndarray, "*_"]:
+        """True at the places that it covers; everywhere by default."""
+        return np.ones(np.shape(x), dtype=bool)
 
     @check
     def _bounds_something_once(self) -> None:
@@ -115,6 +162,10 @@ class PointsLimit(LimitSection):
         """The points."""
         return self.length("at")
 
+    def read_at(self, picture: ReceiverPicture) -> Places:
+        """The points."""
+        return np.array(self.places)
+
 
 @public
 class LineLimit(LimitSection):
@@ -128,12 +179,18 @@ class LineLimit(LimitSection):
     from_deg: tuple[DegreesOff, DegreesOff] | None = None
     to_deg: tuple[DegreesOff, DegreesOff] | None = None
 
+    def read_at(self, picture: ReceiverPicture) -> Places:
+        """Places so close that the light between them is bilinear."""
+        start, end = self.places
+        part = np.linspace(0.0, 1.0, picture.steps_between(start, end) + 1)
+        return np.array(start) + part[:, None] * (np.array(end) - np.array(start))
+
 
 @public
 class ZoneLimit(LimitSection):
     """Light in a zone: everywhere in it, how even it is, and its share."""
 
-    others: ClassVar[tuple[str, ...]] = ("min_over_mean", "min_over_max", "share")
+    others: ClassVar[_Quantities] = {"min_over_mean": LeastOverMean, "min_over_max": LeastOverMost, "share": FluxShare}
 
     kind: Literal["zone"] = "zone"
     zone: Annotated[_ZONES, Field(discriminator="kind")] | None = Field(
@@ -157,6 +214,10 @@ class ZoneLimit(LimitSection):
     def places(self) -> tuple[tuple[float, float], ...]:
         """The zone's centre."""
         return () if self.zone is None else (self.zone.centre,)
+
+    def contains(self, x: Places, y: Places) -> Bool[np.ndarray, "*_"]:
+        """Places in the zone."""
+        return super().contains(x, y) if self.zone is None else self.zone.contains(*self.zone.about_centre(x, y))
 
     @check
     def _zone_is_a_shape(self) -> None:
@@ -185,6 +246,10 @@ class GlareLimit(LimitSection):
         """A direction at that angle."""
         return ((self.from_deg, 0.0),)
 
+    def contains(self, x: Places, y: Places) -> Bool[np.ndarray, "*_"]:
+        """Directions that far from the axis."""
+        return np.asarray(np.hypot(x, y) >= self.from_deg)
+
     @check
     def _caps(self) -> None:
         if self.at_least is not None:
@@ -198,7 +263,7 @@ class BeamAngleLimit(LimitSection):
     Between the outermost directions of that level.
     """
 
-    others: ClassVar[tuple[str, ...]] = ("deg",)
+    others: ClassVar[_Quantities] = {"deg": BeamAngle}
 
     kind: Literal["beam_angle"] = "beam_angle"
     azimuth_deg: Azimuth = Field(default=0.0, description="Azimuth of the plane through the axis, from x towards y.")
@@ -212,6 +277,20 @@ class BeamAngleLimit(LimitSection):
         default=None, description="Largest full angle."
     )
 
+    def read_at(self, picture: ReceiverPicture) -> Places:
+        """Directions along a cut through the far field."""
+        turn = radians(self.azimuth_deg)
+        return self._angles(picture.half, picture.steps)[:, None] * np.array([cos(turn), sin(turn)])
+
+    def quantity(self, bounded: str, at: Places | None) -> Quantity:
+        """The angle along the cut."""
+        assert at is not None
+        return BeamAngle(self._angles(float(np.hypot(*at[0])), len(at) - 1), self.level)
+
+    @staticmethod
+    def _angles(half_deg: float, steps: int) -> Places:
+        return np.linspace(-half_deg, half_deg, steps + 1)
+
     @check
     def _bounds_the_angle(self) -> None:
         if self.unit is not None:
@@ -222,7 +301,7 @@ class BeamAngleLimit(LimitSection):
 class LossLimit(LimitSection):
     """Light of no use: the share of the flux of the source that ends by one cause."""
 
-    others: ClassVar[tuple[str, ...]] = ("share",)
+    others: ClassVar[_Quantities] = {"share": LostShare}
 
     kind: Literal["loss"] = "loss"
     cause: Annotated[str, Field(max_length=64)] = Field(
@@ -338,11 +417,7 @@ class LuminanceLimit(LimitSection):
             raise ValueError("spot_deg and spot_mm are given; give one, in the far field spot_mm")
 
 
-LightLimitSpec = Annotated[
-    PointsLimit | LineLimit | ZoneLimit | GlareLimit | BeamAngleLimit | LossLimit | LuminanceLimit,
-    Field(discriminator="kind"),
-]
-LightLimits = Annotated[tuple[LightLimitSpec, ...], Field(max_length=1000)]
+LightLimits = Annotated[tuple[LimitSection, ...], Field(max_length=1000)]
 
 
 def bounds_of(limits: Sequence[LimitSection]) -> Iterator[tuple[str, Sense, float]]:

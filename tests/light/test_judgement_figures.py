@@ -5,10 +5,10 @@ import pytest
 from scipy import sparse
 
 from lensforge.light.judged_limits import limit_value
-from lensforge.light.metrics import LeastEstimate, PairEstimate, RootEstimate, debiased_minimum, uniformity
 from lensforge.light.receiver_light import RegionLight, bright_region
 from lensforge.light.simulation import ReplicateMetrics
 from lensforge.results import Metric
+from lensforge.results.estimates import LeastEstimate, PairEstimate, RootEstimate, debiased_minimum, uniformity
 from lensforge.scene.limit_readings import LightLimit
 
 IMAGES = np.array([[[1.0, 2.0, 4.0]], [[3.0, 2.0, 2.0]], [[2.0, 2.0, 3.0]]]) / 10.0  # means 0.2, 0.2, 0.3
