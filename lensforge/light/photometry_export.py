@@ -35,8 +35,7 @@ from lensforge.light.photometry_result import (
     WrittenFiles,
 )
 from lensforge.light.received_flux import named_flux
-from lensforge.light.source_photometry import SourceLumens, spectrum_of_source
-from lensforge.light.spectral_figures import SpectralFigures
+from lensforge.light.source_photometry import SourceLumens, figures_of_spectrum, spectrum_of_source
 from lensforge.results.estimates import scaled
 from lensforge.scene.lens import Lens
 from lensforge.sources.build_source import summarise
@@ -211,7 +210,7 @@ def measure_photometry(
             flux_code=(*tables.figures_in_doubt(flux_code), light_output_ratio),
             direct_ratios=tables.figures_in_doubt(direct_ratios),
         ),
-        spectrum=None if spectrum is None else SpectralFigures.of(spectrum),
+        spectrum=None if spectrum is None else figures_of_spectrum(spectrum),
         road=AreaLamp.of(section, lamp, exit_lm, light.zones_w * per_watt),
         node_error=fitted.node_error,
         interpolation_error=fitted.interpolation_error,

@@ -2,19 +2,8 @@
 
 from typing import Annotated
 
-from lensforge.optics.action_spectra import (
-    MELANOPIC_OF_DAYLIGHT,
-    melanopic_per_watt,
-    photons_per_watt,
-    scotopic_per_watt,
-)
-from lensforge.optics.colorimetry import luminous_efficacy
-from lensforge.optics.colour_rendering import ColourRendering, colour_rendering
 from lensforge.results import NotNegative, Number, Record
 from lensforge.results.figure import Figure
-from lensforge.sources.source_spectrum import Spectrum
-
-_KLM = 1000.0
 
 
 class SpectralFigures(Record):
@@ -37,22 +26,3 @@ class SpectralFigures(Record):
     ppfd_umol_per_m2_s_klx: Annotated[
         NotNegative | None, Figure("PPFD", "with 1000 lx", key="ppfd", unit="µmol/(m² s)", digits=3)
     ]
-
-    @staticmethod
-    def of(spectrum: Spectrum) -> "SpectralFigures":
-        """Figures of light with this ``spectrum``."""
-        table = spectrum.wavelengths_nm, spectrum.power_density
-        lumens = luminous_efficacy(*table)
-        photons = photons_per_watt(*table)
-
-        def per_lumen(amount: float) -> float | None:
-            return amount / lumens if lumens else None
-
-        rendering = colour_rendering(*table) if lumens else None
-        return SpectralFigures(
-            **dict.fromkeys(ColourRendering._fields) if rendering is None else rendering._asdict(),
-            scotopic_ratio=per_lumen(scotopic_per_watt(*table)),
-            melanopic_der=per_lumen(melanopic_per_watt(*table) / MELANOPIC_OF_DAYLIGHT),
-            ppf_umol_per_j=photons,
-            ppfd_umol_per_m2_s_klx=per_lumen(_KLM * photons),
-        )

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from lensforge.light.source_photometry import figures_of_spectrum
 from lensforge.light.spectral_figures import SpectralFigures
 from lensforge.sources.source_spectrum import Spectrum
 
@@ -23,7 +24,7 @@ LUXPY = {  # Ra in steps of an eighth
 
 
 def figures(nm: np.ndarray, density: np.ndarray) -> SpectralFigures:
-    return SpectralFigures.of(Spectrum(np.asarray(nm, dtype=float), np.asarray(density, dtype=float)))
+    return figures_of_spectrum(Spectrum(np.asarray(nm, dtype=float), np.asarray(density, dtype=float)))
 
 
 @pytest.mark.parametrize("name", LUXPY)
