@@ -33,6 +33,7 @@ from lensforge.spec import Spec
 from lensforge.spec.application import Application, names_of
 from lensforge.spec.far_field_targets import BeamTarget
 from lensforge.spec.light_limits import BeamAngleLimit
+from lensforge.spec.trades import TRADES
 
 
 @public
@@ -67,6 +68,9 @@ def light_facts(light: Light, lens: Lens, possible: BoundsByState | None = None)
 
 def _with_led(led: Case[Light], lens: Lens, possible: LimitBounds) -> Iterator[Group]:
     light = led.result
+    if light.figures and lens.spec.application is not None:
+        title = TRADES[lens.spec.application].title
+        yield Group("trade", title, tuple(replace(figure, digits=4) for figure in light.figures))
     for case in led.among("receivers"):
         lost = (case.record.missed_by_cause, case.record.flux)
         leaks = () if case.number else leak_facts(lens.spec.lens, light.ways, *lost)
