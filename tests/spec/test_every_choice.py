@@ -213,7 +213,7 @@ def choices() -> Iterator[tuple[str, str]]:
         known.setdefault(name, set()).add(words)
     for section, name, words in found:
         if len(words) > 1 or name != "kind":
-            plain = len(known[name]) == 1 and name not in ("luminance",)
+            plain = len(known[name]) == 1 and name not in ("luminance", "lighting_class")
             yield from ((name if plain else f"{section.__name__}.{name}", word) for word in words)
 
 

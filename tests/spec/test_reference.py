@@ -24,6 +24,7 @@ ROOT = Path(__file__).parents[2]
 FIELDS = [(section, name) for section in all_sections(Spec) for name in section.model_fields]
 # Counts, shares, indices and other numbers that have no unit, and tables whose numbers have several.
 PURE = {
+    "spacing", "lamps",
     "lanes", "oncoming_lanes", "wet_uniformity", "uniformity", "uniformity_along", "luminance_per_lux", "edge_ratio",
     "surface_q0", "profile", "number",
     "events",
