@@ -166,22 +166,24 @@ def best_fit_sphere(samples: FaceSamples) -> Sphere:
 
 def _least_squares_centre(area: FaceArea) -> Float[np.ndarray, "3"]:
     """Centre on the axis (variable projection: for any centre the best radius is the mean distance over the area)."""
-    axis = np.array([[0.0, 0.0, 1.0]])
     shares = area.shares
-    root = np.sqrt(area.shares)
+    root = np.sqrt(shares)
+    x, y, z = area.points.T
+    from_axis_2 = x**2 + y**2
 
     def residual(height: Float[np.ndarray, "1"]) -> Float[np.ndarray, " q"]:
-        distance = np.linalg.norm(area.points - height @ axis, axis=1)
+        distance = np.sqrt(from_axis_2 + (z - height) ** 2)
         return np.asarray(root * (distance - shares @ distance))
 
     def slope(height: Float[np.ndarray, "1"]) -> Float[np.ndarray, "q 1"]:
-        away = area.points - height @ axis
-        towards = -(away / np.linalg.norm(away, axis=1, keepdims=True)) @ axis.T
-        return np.asarray(root[:, None] * (towards - shares @ towards))
+        below = z - height
+        towards = -below / np.sqrt(from_axis_2 + below**2)
+        return np.asarray(root * (towards - shares @ towards))[:, None]
 
     scale = float(np.linalg.norm(area.points, axis=1).mean())
     tight = {"xtol": 1e-14, "ftol": 1e-14, "gtol": 1e-14}
     # Between a centre below the face and one beyond it the departure is largest: the least is sought from either side.
     starts = (np.zeros(1), np.full(1, 3.0 * scale))
-    found = [least_squares(residual, start, slope, method="lm", x_scale=scale, **tight) for start in starts]
-    return np.asarray(min(found, key=lambda each: float(each.cost)).x @ axis)
+    fits = [least_squares(residual, start, slope, method="lm", x_scale=scale, **tight) for start in starts]
+    best = min(fits, key=lambda fit: float(fit.cost))
+    return np.array([0.0, 0.0, float(best.x[0])])
