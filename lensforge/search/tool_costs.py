@@ -17,7 +17,7 @@ from lensforge.scene.lens import Lens
 from lensforge.search.design_result import CURVATURE, DRAFT, Design, ToolCost, limits_of
 from lensforge.spec import Spec
 from lensforge.spec.accuracy import preset_of
-from lensforge.spec.processes import MOST_TILT_DEG
+from lensforge.spec.processes import LEVEL_DEG
 
 _LEAST_STEPS = 20
 _MOST_STEPS = 40
@@ -76,8 +76,9 @@ def _easier(spec: Spec, kinds: set[str]) -> Iterator[tuple[str, Change]]:
     if DRAFT not in kinds:
         return
     if shop.cuts == "lens":
-        farther = min(shop.max_tilt_deg + _FAR_TILT_DEG, MOST_TILT_DEG)
-        yield f"tilt of {shop.max_tilt_deg:g} deg", Change("manufacture.max_tilt_deg", f"{farther:g}")
+        if shop.max_tilt_deg < LEVEL_DEG:
+            farther = min(shop.max_tilt_deg + _FAR_TILT_DEG, LEVEL_DEG)
+            yield f"tilt of {shop.max_tilt_deg:g} deg", Change("manufacture.max_tilt_deg", f"{farther:g}")
         return
     for name in spec.lens.names:
         asked = spec.asked_draft_deg(name)
