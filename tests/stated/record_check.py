@@ -29,6 +29,9 @@ from oracle_shop import (
 )
 
 
+FREE_TILT_DEG = 0.1  # the highest undercut place is read at the nodes
+
+
 def wall_record(case, found, thickness):
     """Of a wall: its two ends are on the exact faces, as far apart as it is thick."""
     body = body_of(case)
@@ -59,7 +62,7 @@ def face_record(case, name):
         "draft_deg": {"min": (face.draft_deg, 0.003)},
         "undercut_fraction": (facing_wrong(case, name), 5e-3),
         "largest_tilt_deg": (max(0, -face.draft_deg), 0.003),
-        "free_tilt_deg": (free_tilt(case, name), 2e-3) if is_milled(case, name) else None,
+        "free_tilt_deg": (free_tilt(case, name), FREE_TILT_DEG) if is_milled(case, name) else None,
         "area_mm2": (face.scale**2 * face.part.area[2].sum(), 2e-6 * face.scale**2 * face.part.area[2].sum()),
     }  # fmt: skip
 
@@ -217,7 +220,9 @@ def verdicts(case, names, each, thin):
         yield said("relief", name, most, "<=", 0.0, "mm", 0.0, relief_state(case, name))
     for name in milled if cut else ():
         tilted = (max(0, -face_of(case, name).draft_deg), 0.003)
-        yield said("tilt", name, tilted, "<=", (free_tilt(case, name), 2e-3), "deg", ANGLE_DEG, tilt_state(case, name))
+        yield said(
+            "tilt", name, tilted, "<=", (free_tilt(case, name), FREE_TILT_DEG), "deg", ANGLE_DEG, tilt_state(case, name)
+        )
     yield said("wall", "body", thin, ">=", limits["min_thickness_mm"], "mm", slack, wall_state(case))
     for name in names if is_moulded(case) else ():
         upper, lower, heights, _ = half(case, name)
