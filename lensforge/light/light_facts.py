@@ -13,7 +13,6 @@ from lensforge.light.area_lamp import AreaLamp
 from lensforge.light.beam_colour import BeamColour
 from lensforge.light.evaluation_result import Light, LightMetrics
 from lensforge.light.light_ways import leak_facts, way_facts
-from lensforge.light.metrics import scaled
 from lensforge.light.photometry_result import Photometry
 from lensforge.light.receiver_light import METRICS, ReceiverLight, judged_figures
 from lensforge.light.seen_lens import seen_groups
@@ -23,6 +22,7 @@ from lensforge.results import Fact, Group, Metric
 from lensforge.results.case import Case
 from lensforge.results.chart import LightUnit, light_unit
 from lensforge.results.criteria import missed
+from lensforge.results.estimates import scaled
 from lensforge.results.figure import facts_in
 from lensforge.results.numerals import number, percent, quantity, square
 from lensforge.results.verdict import Reason
@@ -33,6 +33,7 @@ from lensforge.spec import Spec
 from lensforge.spec.application import Application, names_of
 from lensforge.spec.far_field_targets import BeamTarget
 from lensforge.spec.light_limits import BeamAngleLimit
+from lensforge.spec.trades import TRADES
 
 
 @public
@@ -67,6 +68,9 @@ def light_facts(light: Light, lens: Lens, possible: BoundsByState | None = None)
 
 def _with_led(led: Case[Light], lens: Lens, possible: LimitBounds) -> Iterator[Group]:
     light = led.result
+    if light.figures and lens.spec.application is not None:
+        title = TRADES[lens.spec.application].title
+        yield Group("trade", title, tuple(replace(figure, digits=4) for figure in light.figures))
     for case in led.among("receivers"):
         lost = (case.record.missed_by_cause, case.record.flux)
         leaks = () if case.number else leak_facts(lens.spec.lens, light.ways, *lost)

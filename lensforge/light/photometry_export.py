@@ -19,7 +19,6 @@ from lensforge.light.by_intensities import judgements
 from lensforge.light.exit_light import ExitLight
 from lensforge.light.far_field import lamp_light, lamps_of_files, trace_far_field
 from lensforge.light.luminous_opening import luminous_opening
-from lensforge.light.metrics import scaled
 from lensforge.light.photometry_result import (
     IES_FILE,
     LDT_FILE,
@@ -36,6 +35,7 @@ from lensforge.light.photometry_result import (
 )
 from lensforge.light.received_flux import named_flux
 from lensforge.light.source_photometry import SourceLumens, spectrum_of_source
+from lensforge.results.estimates import scaled
 from lensforge.scene.lens import Lens
 from lensforge.sources.build_source import summarise
 from lensforge.sources.photometric import PhotometricFile

@@ -17,7 +17,6 @@ from jaxtyping import Float
 
 from lensforge.light.angular_grid import FittedIntensity
 from lensforge.light.area_lamp import AreaLamp
-from lensforge.light.metrics import debiased_maximum, in_doubt, jackknife_error
 from lensforge.public import public
 from lensforge.results import (
     Array,
@@ -35,10 +34,12 @@ from lensforge.results import (
     Text,
 )
 from lensforge.results.criteria import Criteria, at_most
+from lensforge.results.estimates import debiased_maximum, in_doubt, jackknife_error
 from lensforge.results.files import MIB
+from lensforge.results.level_width import width_above
 from lensforge.results.plots import plot_curves
 from lensforge.scene.application_light import ApplicationJudgement, with_judgements
-from lensforge.sources.intensity import BEAM_SHARE, FIELD_SHARE, plane_profile, width_above
+from lensforge.sources.intensity import BEAM_SHARE, FIELD_SHARE, plane_profile
 from lensforge.sources.photometric.candela_table import CandelaTable
 from lensforge.sources.photometric.photometric_file import turned_over
 from lensforge.spec.application import Application
@@ -82,7 +83,7 @@ class CandelaTables:
     """Intensities (cd) in the frame of the files: of all rays, and with one of the independent samples left out each.
 
     ``samples``: of each sample alone, with values below 0 where they have noise. ``rival``: the same in
-    other steps, which other rays might have chosen; ``doubt``: as of :func:`~lensforge.light.metrics.in_doubt`.
+    other steps, which other rays might have chosen; ``doubt``: as of :func:`~lensforge.results.estimates.in_doubt`.
     """
 
     whole: CandelaTable

@@ -15,7 +15,12 @@ from lensforge.errors import remedy
 from lensforge.kernels.fate import Fate
 from lensforge.light.evaluation_result import LightMetrics
 from lensforge.light.light_ways import FluxByWay
-from lensforge.light.metrics import (
+from lensforge.light.paths_to_eye import landed_at_eye
+from lensforge.light.received_flux import MISSED_RECEIVER, ReceivedFlux
+from lensforge.light.table_trace import Scene, Tables, trace_tables
+from lensforge.optics.media import Media
+from lensforge.results import Image, Metric
+from lensforge.results.estimates import (
     Images,
     LeastEstimate,
     PairEstimate,
@@ -25,11 +30,6 @@ from lensforge.light.metrics import (
     nmse_estimate,
     rsd_estimate,
 )
-from lensforge.light.paths_to_eye import landed_at_eye
-from lensforge.light.received_flux import MISSED_RECEIVER, ReceivedFlux
-from lensforge.light.table_trace import Scene, Tables, trace_tables
-from lensforge.optics.media import Media
-from lensforge.results import Image, Metric
 from lensforge.scene.body import Body, Chain, Face, nearest
 from lensforge.scene.exit_rays import ExitRays
 from lensforge.scene.eye_view import EyeView

@@ -20,7 +20,6 @@ from lensforge.kernels.parallel import in_parallel_map
 from lensforge.light.evaluation import evaluate_traced
 from lensforge.light.evaluation_result import Light
 from lensforge.light.far_field import limits_by_intensities
-from lensforge.light.metrics import scaled
 from lensforge.light.receiver_light import judged_figures
 from lensforge.light.simulation import TracedLens
 from lensforge.made.board_light import (
@@ -36,6 +35,7 @@ from lensforge.made.part_light import Channels, MeasuredPart, PartLight, Replica
 from lensforge.made.tolerance_result import LimitChange, MetricBound
 from lensforge.optics.fundamental_limits import transmittance_of
 from lensforge.results import Fact, Metric
+from lensforge.results.estimates import scaled
 from lensforge.scene.eye_view import EyeView, eye_views
 from lensforge.scene.lamp_pictures import LampPictures
 from lensforge.scene.lens import Lens
@@ -325,7 +325,7 @@ class LedStudy:
             for prefix, receiver in zip(self._prefixes, light.receivers, strict=True):
                 judged = judged_figures(receiver, transmittance_of(self.lens.media))
                 asked += [(f"{prefix}{name}", figure) for name, figure in judged.items()]
-        powers = chain((limit.flux_power for limit in self.limits), repeat(0.0))  # of none but these the bound is light
+        powers = chain((limit.quantity.flux_power for limit in self.limits), repeat(0.0))
         return tuple(
             MetricBound(metric=name, sense=figure.sense, bound=figure.bound, unit=figure.unit, flux_power=power)
             for (name, figure), power in zip(asked, powers, strict=False)
@@ -372,7 +372,7 @@ class LedStudy:
         changes = part.change_from(self.designed, self.designed_light.receivers)
         for number, (limit, light) in enumerate(zip(self.limits, self.designed_light.limits, strict=False)):
             seen = self.designed.limits[number][0]
-            if limit.of_view and seen > 0.0:
+            if limit.quantity.of_view and seen > 0.0:
                 changes[-1][str(number)] = scaled(changes[-1][str(number)], light.value / seen, light.unit)
         return changes
 

@@ -30,7 +30,7 @@ from lensforge.spec.lens_section import LensShape
 from lensforge.spec.light_limits import (
     ColourSection,
     LightLimits,
-    LightLimitSpec,
+    LimitSection,
     PhotometrySection,
     require_limits_fit,
     require_seen_from_afar,
@@ -55,6 +55,7 @@ from lensforge.spec.spec_section import Section, check, fault_of, section_of
 from lensforge.spec.state_section import StateSection, with_light_of_first
 from lensforge.spec.target_sections import TargetSection
 from lensforge.spec.tolerances_section import FaceTolerances, PartTolerances, TolerancesSection, lets_light_in
+from lensforge.spec.trades import TradeName
 
 _Filled = TypeVar("_Filled", bound=Section)
 
@@ -124,6 +125,10 @@ class Spec(Section):
         default=None, description="Lamps whose light every receiver sees together; by default one at the origin."
     )
     limits: LightLimits = Field(default=(), description="Light that must be at least, or at most, so much.")
+    application: TradeName | None = Field(
+        default=None,
+        description="Trade that the light is for. Its figures, by which its people judge a light, are stated first.",
+    )
     if TYPE_CHECKING:  # a table that an add-on brings, for scripts that are checked
         roads: tuple[Application, ...] = ()
     colour: ColourSection | None = Field(default=None, description="Colour of the beam; by default it is not computed.")
@@ -159,8 +164,8 @@ class Spec(Section):
 
     @model_serializer(mode="wrap")
     def _as_before_states(self, write: SerializerFunctionWrapHandler) -> dict[str, object]:
-        """The spec without an empty list of states: specs without any keep the hash that they had before there were."""
-        return {name: value for name, value in write(self).items() if name != "states" or value}
+        """The spec without what it lacks: one without states or application keeps the hash of before there were any."""
+        return {name: value for name, value in write(self).items() if name not in ("states", "application") or value}
 
     @check
     def _sources_are_told_apart(self) -> None:
@@ -351,7 +356,7 @@ class Spec(Section):
         return tuple(chain.from_iterable(spec.all_receivers for spec in self.by_state.values()))
 
     @property
-    def limits_in_states(self) -> tuple[LightLimitSpec, ...]:
+    def limits_in_states(self) -> tuple[LimitSection, ...]:
         """The limits of one state after the other."""
         return tuple(chain.from_iterable(spec.limits for spec in self.by_state.values()))
 
