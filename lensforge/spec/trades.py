@@ -150,5 +150,5 @@ TRADES: dict[TradeName, Trade] = {
     "medical": Trade("Medical", _medical),
     "projector": Trade("Projector", _projector),
     "simulator": Trade("Solar simulator", _simulator),
-    "torch": Trade("Torch", _torch, ("peak_cd", "beam_C 0", "field_C 0")),
+    "torch": Trade("Torch", _torch, ("peak_cd", "throw", "beam_C 0", "field_C 0")),
 }
