@@ -12,7 +12,7 @@ from lensforge.light.receiver_light import ReceiverLight
 from lensforge.results import Fact, Metric
 from lensforge.results.estimates import jackknife_metric, with_error
 from lensforge.scene.intensity_limit import IntensityLimit
-from lensforge.scene.limit_readings import LightLimit
+from lensforge.scene.limit_readings import LightLimit, LightReading
 from lensforge.spec.light_limits import ColourSection
 from lensforge.spec.quantities import Readings, extreme
 
@@ -51,6 +51,16 @@ def judged(limit: LightLimit | IntensityLimit, receiver: str, value: Metric) -> 
     return replace(fact, unit=limit.unit)
 
 
+def stated_figures(
+    readings: Sequence[LightReading], images: Sequence[Float[np.ndarray, "_ _ _"]], names: Sequence[str]
+) -> Iterator[Fact]:
+    """Figures of the filtered pictures of flux (W) of every replicate, one stack for each receiver."""
+    for reading in readings:
+        value = limit_value(reading, images[reading.receiver])
+        fact = Fact.measured(reading.name, reading.name, value, reading.quantity.words, place=names[reading.receiver])
+        yield replace(fact, unit=reading.unit)
+
+
 def colour_limits(section: ColourSection | None, lit: Sequence[ReceiverLight]) -> Iterator[Fact]:
     """Judge the limits on the colour on each receiver; in the dark each is missed."""
     if section is None:
@@ -82,7 +92,7 @@ _OF_COLOUR = "take a larger lens, a softer edge of the target, or a face that sc
 BEAMS = {"fwhm": "within half of the peak", "tenth": "within a tenth of the peak"}
 
 
-def limit_value(limit: LightLimit, images: Float[np.ndarray, "r *_"]) -> Metric:
+def limit_value(limit: LightReading, images: Float[np.ndarray, "r *_"]) -> Metric:
     """The value that decides, in the limit's unit.
 
     That of a spot is a mean over pixels, by rays that pass beside the eye: its error has a third of what half as many
@@ -97,7 +107,7 @@ def limit_value(limit: LightLimit, images: Float[np.ndarray, "r *_"]) -> Metric:
 
 
 def values_left_out(
-    limit: LightLimit, read: Float[np.ndarray, "k r"], images: Float[np.ndarray, "r *_"]
+    limit: LightReading, read: Float[np.ndarray, "k r"], images: Float[np.ndarray, "r *_"]
 ) -> Float[np.ndarray, " v"]:
     """The value that decides by all replicates, then with one after the other left out; of one replicate alone it.
 
@@ -118,6 +128,6 @@ def means_left_out(replicates: Float[np.ndarray, " r"]) -> Float[np.ndarray, " v
     return np.array([total / count, *left_out])
 
 
-def _value(limit: LightLimit, readings: Readings, images: Float[np.ndarray, "r *_"]) -> Metric:
+def _value(limit: LightReading, readings: Readings, images: Float[np.ndarray, "r *_"]) -> Metric:
     whole = limit.whole(images.reshape(len(images), -1))
     return limit.quantity.value(readings, limit.sense, limit.unit, whole)

@@ -218,7 +218,8 @@ def required_facts(results: Results, possible: BoundsByState | None = None) -> l
     )
     if_limited = _selected(groups, ("thickest", *drafts))
     moulded = [fact for group in groups if group.key == "mould" for fact in group.facts if fact.notice]
-    return [*limits, *light, *shape, *(fact for fact in if_limited if fact.limit is not None), *moulded]
+    trade = [fact for group in groups if group.key == "trade" for fact in group.facts]
+    return [*trade, *limits, *light, *shape, *(fact for fact in if_limited if fact.limit is not None), *moulded]
 
 
 def further_facts(results: Results) -> list[Fact]:

@@ -85,7 +85,7 @@ class LimitTerm:
         picture = images[self.limit.receiver] if self.limit.quantity.of_view else smoothed(images[self.limit.receiver])
         return (self.excess(torch.mv(self.readings, picture.reshape(-1)), picture),)
 
-    def excess(self, light: Float[Tensor, " k"], picture: Float[Tensor, "*_"]) -> Float[Tensor, " k"]:
+    def excess(self, light: Float[Tensor, " k"], picture: Float[Tensor, "*_"]) -> Float[Tensor, " n"]:
         """Excess at each place that counts; of an even zone at its dark places, of a beam angle on the wrong side."""
         limit = self.limit
         quantity = limit.quantity
@@ -96,7 +96,7 @@ class LimitTerm:
         counted = quantity.counted(limit.bound, limit.sense)
         return beyond if counted is None else torch.where(torch.from_numpy(counted), beyond, -1.0)
 
-    def _beyond(self, relative: Float[Tensor, " k"], at_least: bool) -> Float[Tensor, " k"]:
+    def _beyond(self, relative: Float[Tensor, " n"], at_least: bool) -> Float[Tensor, " n"]:
         """Excess of light relative to its bound over that with its margin."""
         return 1.0 + self.margin - relative if at_least else relative - (1.0 - self.margin)
 

@@ -13,6 +13,7 @@ import tomli_w
 from pydantic import Field, SerializerFunctionWrapHandler, model_serializer, model_validator
 
 from lensforge.errors import InputError, refused
+from lensforge.optics.face_roles import CAVITY, bounding
 from lensforge.optics.media import Media
 from lensforge.public import public
 from lensforge.results.arguments import with_known_names
@@ -40,6 +41,8 @@ from lensforge.spec.part_section import (
     BaseSection,
     DrawingSection,
     ManufactureSection,
+    mouth_room_deg,
+    undercut_room_deg,
     usual_ball_mm,
     usual_base,
 )
@@ -54,6 +57,7 @@ from lensforge.spec.spec_section import Section, check, fault_of, section_of
 from lensforge.spec.state_section import StateSection, require_every_chip_lit, with_light_of_first
 from lensforge.spec.target_sections import TargetSection
 from lensforge.spec.tolerances_section import FaceTolerances, PartTolerances, TolerancesSection, lets_light_in
+from lensforge.spec.trades import TradeName
 
 _Filled = TypeVar("_Filled", bound=Section)
 
@@ -123,6 +127,10 @@ class Spec(Section):
         default=None, description="Lamps whose light every receiver sees together; by default one at the origin."
     )
     limits: LightLimits = Field(default=(), description="Light that must be at least, or at most, so much.")
+    application: TradeName | None = Field(
+        default=None,
+        description="Trade that the light is for. Its figures, by which its people judge a light, are stated first.",
+    )
     if TYPE_CHECKING:  # a table that an add-on brings, for scripts that are checked
         roads: tuple[Application, ...] = ()
     colour: ColourSection | None = Field(default=None, description="Colour of the beam; by default it is not computed.")
@@ -158,8 +166,8 @@ class Spec(Section):
 
     @model_serializer(mode="wrap")
     def _as_before_states(self, write: SerializerFunctionWrapHandler) -> dict[str, object]:
-        """The spec without an empty list of states: specs without any keep the hash that they had before there were."""
-        return {name: value for name, value in write(self).items() if name != "states" or value}
+        """The spec without what it lacks: one without states or application keeps the hash of before there were any."""
+        return {name: value for name, value in write(self).items() if name not in ("states", "application") or value}
 
     @check
     def _sources_are_told_apart(self) -> None:
@@ -476,7 +484,26 @@ class Spec(Section):
         stated = FaceLimits(section.concave_radius_mm, section.draft_deg)
         if section.fixed is not None or self.lens.role(face).follows or not self.manufacture.required:
             return stated
-        return self.manufacture.making.asks(self.manufacture, self.lens.is_revolved(face)).and_stated(stated)
+        shop = self.manufacture
+        undercut_deg = min(self._undercut_room_deg(face), shop.max_tilt_deg)
+        return shop.making.asks(shop, self.lens.is_revolved(face), undercut_deg).and_stated(stated)
+
+    def _undercut_room_deg(self, face: str) -> float:
+        """Farthest (degrees) that base and mouth let a face be undercut; in a cavity by the mouth of the first one."""
+        if self.lens.role(face).before != CAVITY:
+            return 0.0 if self.plate is not None else undercut_room_deg(self.base, self.manufacture, self.constraints)
+        start_mm = self.lens.faces[face].offset_mm
+        is_alone = bounding(self.lens.roles, CAVITY) == (self.lens.role(face),)
+        if start_mm is None or self.bore_depth_mm is None or not is_alone:
+            return 0.0
+        return mouth_room_deg(start_mm, start_mm + self.bore_depth_mm, self.manufacture.cutter_radius_mm)
+
+    @property
+    def bore_depth_mm(self) -> float | None:
+        """Depth of the bore below a cavity; None where the spec does not know it: of a plate, and of a base's file."""
+        if self.plate is not None or self.base.kind == "step":
+            return None
+        return 0.0 if self.base.kind == "none" else self.base.height_mm
 
     @property
     def applications(self) -> tuple[Application, ...]:

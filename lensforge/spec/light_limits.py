@@ -18,10 +18,12 @@ from lensforge.results.record import Sense
 from lensforge.results.registered_kinds import OfSeveralKinds
 from lensforge.spec.quantities import (
     BeamAngle,
+    Contrast,
     FluxShare,
     LeastOverMean,
     LeastOverMost,
     LostShare,
+    MeanLight,
     PlaceLight,
     Quantity,
     RelativeLight,
@@ -36,13 +38,16 @@ Amount = Annotated[float, Field(ge=1e-30, le=1e12)]
 Fraction = Annotated[float, Field(gt=0.0, le=1.0)]
 Azimuth = Annotated[float, Field(ge=-360.0, le=360.0)]
 LossCause = Literal["beside", "opening", "base", "flange", "total_reflection", "trapped"]
-LightUnitName = Literal["w_per_m2", "lx", "w_per_sr", "cd", "w_per_m2_sr", "cd_per_m2", "relative"]
+LightUnitName = Literal["w_per_m2", "mw_per_cm2", "lx", "w_per_sr", "cd", "w_per_m2_sr", "cd_per_m2", "relative"]
 LIGHT_UNITS: tuple[LightUnitName, ...] = get_args(LightUnitName)
 SYMBOLS = {"w_per_m2": "W/m²", "lx": "lx", "w_per_sr": "W/sr", "cd": "cd", "deg": "°"}
-SYMBOLS |= {"w_per_m2_sr": "W/(m² sr)", "cd_per_m2": "cd/m²"}
+SYMBOLS |= {"mw_per_cm2": "mW/cm²", "w_per_m2_sr": "W/(m² sr)", "cd_per_m2": "cd/m²"}
 Places = Float[np.ndarray, "*_"]
 _Quantities = Mapping[str, type[Quantity]]
-_OF_SURFACES = ("w_per_m2", "lx")
+PHOTOMETRIC = ("lx", "cd", "cd_per_m2")
+PER_WATT = {"mw_per_cm2": 0.1}  # of units that are no W: light in it by 1 W per m², or per sr
+OF_MEAN = "mean_"  # before a unit: the mean light in it is bounded
+_OF_SURFACES = ("w_per_m2", "mw_per_cm2", "lx")
 _OF_FAR_FIELD = ("w_per_sr", "cd")
 _OF_EYES = ("w_per_m2_sr", "cd_per_m2")
 _MOST_POINTS = 1000
@@ -57,7 +62,7 @@ class ReceiverPicture(Protocol):
 
     @property
     def half(self) -> float:
-        """Largest distance of a place from the axis along x."""
+        """Largest distance from the axis within which every place is on the picture."""
 
     @property
     def steps(self) -> int:
@@ -74,8 +79,11 @@ class LimitSection(OfSeveralKinds, InOneUnit):
     Light is that of the evaluation's picture, after its filter, bilinear between pixels.
     """
 
+    takes: ClassVar[tuple[str, ...]] = ("meter",)
     # What may be bounded besides light, by the ends of the fields that bound it.
     others: ClassVar[_Quantities] = {}
+
+    far_field_only: ClassVar[bool] = False
 
     kind: str
     name: Label | None = Field(default=None, description="Name in records and on pages.")
@@ -89,6 +97,12 @@ class LimitSection(OfSeveralKinds, InOneUnit):
         description="Unit of both: irradiance or illuminance on surfaces, intensity in the far field, radiance or "
         'luminance for eyes, or "relative" to the maximum on the receiver.',
     )
+    meter_mm: Annotated[float, Field(ge=1e-3, le=1e5)] | None = Field(
+        default=None,
+        description="Diameter of the light meter: its reading is the mean light over such a disc. By default the "
+        "filter of the picture, which is as wide as a meter of four pixels.",
+    )
+    meter_deg: Annotated[float, Field(ge=1e-4, le=90.0)] | None = None
 
     @property
     def places(self) -> tuple[tuple[float, float], ...]:
@@ -109,15 +123,15 @@ class LimitSection(OfSeveralKinds, InOneUnit):
         """The quantities that are bounded."""
         yield from (name for name in (*LIGHT_UNITS, *self.others) if any(self.bounds(name)))
 
-    def quantity(self, bounded: str, at: Places | None) -> Quantity:
-        """Quantity that is bounded: a unit of light, or one of ``others``; read ``at`` the places of ``read_at``."""
+    def quantity(self, bounded: str, at: Places) -> Quantity:
+        """Quantity that is bounded, a unit of light or one of ``others``; ``at``: places (x, y) that are read."""
         if bounded in LIGHT_UNITS:
             return RelativeLight() if bounded == "relative" else PlaceLight()
         return self.others[bounded]()
 
     def unit_of(self, bounded: str) -> str:
         """Symbol of the unit of what is bounded."""
-        return SYMBOLS.get(bounded, "")
+        return SYMBOLS.get(bounded.removeprefix(OF_MEAN), "")
 
     def read_at(self, picture: ReceiverPicture) -> Places | None:
         """Places (x, y) at which it reads the ``picture``; None if it reads the pixels that it ``contains``."""
@@ -190,7 +204,15 @@ class LineLimit(LimitSection):
 class ZoneLimit(LimitSection):
     """Light in a zone: everywhere in it, how even it is, and its share."""
 
-    others: ClassVar[_Quantities] = {"min_over_mean": LeastOverMean, "min_over_max": LeastOverMost, "share": FluxShare}
+    others: ClassVar[_Quantities] = {
+        "min_over_mean": LeastOverMean,
+        "min_over_max": LeastOverMost,
+        "contrast": Contrast,
+        "mean_lx": MeanLight,
+        "mean_w_per_m2": MeanLight,
+        "mean_mw_per_cm2": MeanLight,
+        "share": FluxShare,
+    }
 
     kind: Literal["zone"] = "zone"
     zone: Annotated[ZONES, Field(discriminator="kind")] | None = Field(
@@ -202,13 +224,26 @@ class ZoneLimit(LimitSection):
     at_least_min_over_max: Fraction | None = Field(
         default=None, description="Smallest allowed min/max of the light in the zone."
     )
+    at_least_mean_lx: Amount | None = Field(default=None, description="Least mean illuminance of the zone.")
+    at_most_mean_lx: Amount | None = Field(default=None, description="Largest mean illuminance of the zone.")
+    at_least_mean_w_per_m2: Amount | None = Field(default=None, description="Least mean irradiance of the zone.")
+    at_most_mean_w_per_m2: Amount | None = Field(default=None, description="Largest mean irradiance of the zone.")
+    at_least_mean_mw_per_cm2: Amount | None = Field(
+        default=None, description="Least mean irradiance of the zone, as curing states it."
+    )
+    at_most_mean_mw_per_cm2: Amount | None = Field(default=None, description="Largest mean irradiance of the zone.")
+    at_most_contrast: Fraction | None = Field(
+        default=None,
+        description="Largest allowed (max − min)/(max + min) of the light in the zone, the non-uniformity of "
+        "IEC 60904-9: 0.01 for class A+, 0.02 for A, 0.05 for B, 0.1 for C.",
+    )
     at_least_share: Fraction | None = Field(default=None, description="Least share of the flux of the source.")
     at_most_share: Fraction | None = Field(default=None, description="Largest share of the flux of the source.")
 
     @property
     def given_unit(self) -> Unit | None:
-        """Unit of the zone; None for the whole window."""
-        return None if self.zone is None else self.zone.unit
+        """Unit of the zone; that of the meter for the whole window."""
+        return super().given_unit if self.zone is None else self.zone.unit
 
     @property
     def places(self) -> tuple[tuple[float, float], ...]:
@@ -235,6 +270,7 @@ class GlareLimit(LimitSection):
     """Intensity in all directions of the far field at ``from_deg`` and more from its axis: at most so much."""
 
     needs: ClassVar[tuple[str, ...]] = ("from",)
+    far_field_only: ClassVar[bool] = True
 
     kind: Literal["glare"] = "glare"
     from_deg: Annotated[float, Field(ge=0.0, le=180.0)] = Field(
@@ -264,6 +300,7 @@ class BeamAngleLimit(LimitSection):
     """
 
     others: ClassVar[_Quantities] = {"deg": BeamAngle}
+    far_field_only: ClassVar[bool] = True
 
     kind: Literal["beam_angle"] = "beam_angle"
     azimuth_deg: Azimuth = Field(default=0.0, description="Azimuth of the plane through the axis, from x towards y.")
@@ -282,9 +319,8 @@ class BeamAngleLimit(LimitSection):
         turn = radians(self.azimuth_deg)
         return self._angles(picture.half, picture.steps)[:, None] * np.array([cos(turn), sin(turn)])
 
-    def quantity(self, bounded: str, at: Places | None) -> Quantity:
+    def quantity(self, bounded: str, at: Places) -> Quantity:
         """The angle along the cut."""
-        assert at is not None
         return BeamAngle(self._angles(float(np.hypot(*at[0])), len(at) - 1), self.level)
 
     @staticmethod
@@ -315,7 +351,7 @@ class LossLimit(LimitSection):
 
     @check
     def _bounds_the_share(self) -> None:
-        if self.unit is not None:
+        if self.unit is not None or self.given_unit is not None:
             raise ValueError("a loss is bounded by at_most_share alone")
 
 
@@ -401,6 +437,8 @@ class LuminanceLimit(LimitSection):
             )
         if self.receiver is not None:
             raise ValueError("receiver: eyes see the lens itself; leave it out")
+        if self.length("meter", "mm") is not None or self.length("meter", "deg") is not None:
+            raise ValueError("meter: eyes see a spot; give spot_mm or spot_deg")
         if self.unit not in _OF_EYES or (self.at_least is not None and self.of == "peak"):
             raise ValueError(
                 'the luminance of a spot has a largest value; give at_most, of = "mean" with at_least, and unit: '
@@ -472,15 +510,16 @@ def _require_limit_fits(limit: LimitSection, unit: Unit, extent: tuple[float, fl
     ``unit``, ``extent``: of its places.
     """
     far_field = unit == "deg"
-    if isinstance(limit, GlareLimit | BeamAngleLimit) and not far_field:
+    if limit.far_field_only and not far_field:
         raise ValueError(f"a {limit.kind} limit is one of the far field, {receiver} is none; name a receiver that is")
     if limit.given_unit not in (None, unit):
         words = "degrees" if far_field else "mm"
         raise ValueError(f"its places are in {limit.given_unit}, on {receiver} they are in {words}")
-    light = limit.unit
     allowed = (*(_OF_FAR_FIELD if far_field else _OF_SURFACES), "relative")
-    if light not in (None, *allowed):
-        raise ValueError(f"its light is in {light}, on {receiver} it is in one of {', '.join(allowed)}")
+    for bounded in limit.quantities():
+        light = bounded.removeprefix(OF_MEAN)
+        if light in LIGHT_UNITS and light not in allowed:
+            raise ValueError(f"its light is in {light}, on {receiver} it is in one of {', '.join(allowed)}")
     for place in limit.places:
         require_on("the place", place, unit, extent, receiver)
 

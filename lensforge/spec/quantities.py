@@ -117,6 +117,26 @@ class MeanLuminance(_OfLight):
 
 
 @dataclass(frozen=True)
+class MeanLight(Quantity):
+    """Mean light."""
+
+    words = "mean light"
+
+    @property
+    def flux_power(self) -> float:
+        """Power of the flux: as light."""
+        return 1.0
+
+    def value(self, readings: Readings, sense: Sense, unit: str, whole: Readings) -> Metric:
+        """Mean of all places."""
+        return jackknife_metric(readings.mean(axis=1), float, unit)
+
+    def relative(self, light: Array, bound: float, whole: Array) -> Array:
+        """Mean E / bound."""
+        return (light.mean() / bound)[None]
+
+
+@dataclass(frozen=True)
 class RelativeLight(Quantity):
     """Light over the largest of the whole picture."""
 
@@ -184,6 +204,27 @@ class LeastOverMost(Quantity):
     def relative(self, light: Array, bound: float, whole: Array) -> Array:
         """E / (max E · bound); the largest light is held."""
         return light / (not_dark(held(light).max()) * bound)
+
+
+@dataclass(frozen=True)
+class Contrast(Quantity):
+    """Half the range of the light over the middle of that range: the non-uniformity of IEC 60904-9."""
+
+    words = "(max − min)/(max + min) of the light"
+
+    def value(self, readings: Readings, sense: Sense, unit: str, whole: Readings) -> Metric:
+        """Quotient (1 - q)/(1 + q), with q = min E / max E."""
+        quotient = ratio_of(extreme(readings, ">="), extreme(readings, "<="))
+        whole_range = (1.0 - quotient.value) / (1.0 + quotient.value)
+        return scaled(quotient, 2.0 / (1.0 + quotient.value) ** 2, "").changed(value=whole_range)
+
+    def at_least(self, sense: Sense) -> bool:
+        """True where dark places are to be as bright as the bound allows."""
+        return sense == "<="
+
+    def relative(self, light: Array, bound: float, whole: Array) -> Array:
+        """E / (max E · (1 - bound)/(1 + bound)); the largest light is held."""
+        return light / (not_dark(held(light).max()) * (1.0 - bound) / (1.0 + bound))
 
 
 class _OverLeast(Quantity):

@@ -151,7 +151,7 @@ def test_what_needs_one_led_says_to_take_a_state(lens: lf.Lens) -> None:
         lf.sweep(lens.spec, source=[lf.DiscSource(diameter_mm=0.3), lf.DiscSource(diameter_mm=0.4)])
 
 
-def test_a_whole_run_is_kept_shown_and_read_again(tmp_path: Path) -> None:
+def test_a_whole_run_is_kept_shown_and_read_again(tmp_path: Path, undrawn: None) -> None:
     spec = small_spec(source=LED, states=STATES, limits=LIMITS[0], target__uniform_mm=None, **LAW)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")

@@ -57,7 +57,7 @@ QUANTITIES: dict[str, Quantity] = {
 def term(quantity: str, sense: str, bound: float, rows: int = 5, level: float = 1.0) -> LimitTerm:
     kinds = {**QUANTITIES, "beam_angle": BeamAngle(np.array([-8.0, -4.0, 0.0, 4.0, 8.0])[:rows], level)}
     readings = sparse.csr_array(READ[:rows])
-    return LimitTerm.of(LightLimit("a", 0, kinds[quantity], sense, bound, "lx", readings))  # type: ignore[arg-type]
+    return LimitTerm.of(LightLimit("a", 0, kinds[quantity], sense, "lx", readings, bound))  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("sense", [">=", "<="])
