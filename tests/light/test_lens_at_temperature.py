@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from nightly import first_by_day
 from presets import FEW, WITH_TABLE_ERROR
-from scenes import random_surface, small_spec, sphere
+from scenes import hemisphere_directions, random_surface, small_spec, sphere
+from tir_lenses import spot, spot_lens
 
 import lensforge as lf
 from lensforge.light.lens_light import _conditions
@@ -155,3 +156,18 @@ def test_the_seat_is_the_bottom_of_the_base() -> None:
         spheres = Lens.double(sphere(3.0), sphere(6.0), placed.spec, 0, FEW)
         (point,) = TracedLens.of(at_temperature(spheres, 120.0), 3.0).trace(on_axis).points
         assert point == pytest.approx([0.0, 0.0, 6.0 * 1.007 + base_mm * 7e-3], abs=1e-9)
+
+
+def test_a_lens_for_total_internal_reflection_grows_on_all_ways() -> None:
+    """Rays from its seat, which stays where it is, leave the grown lens by as many faces, at places as much farther."""
+    law = {"index_per_k": 0.0, "expansion_per_k": 3e-4}
+    lens = spot_lens(spot(refractive_index=1.49, material="silicone like", **law), base={"kind": "none"})
+    directions = hemisphere_directions(200)
+    rays = RayBundle(np.zeros((200, 3)), directions, np.ones(200))
+    cold = TracedLens.of(lens, 3.0).trace(rays)
+    warm = TracedLens.of(at_temperature(lens, 120.0), 3.0).trace(rays)
+    assert np.array_equal(cold.fates, warm.fates) and cold.left_lens.sum() > 100
+    assert cold.met is not None and np.array_equal(cold.met, warm.met)
+    left = cold.left_lens
+    np.testing.assert_allclose(warm.points[left], 1.03 * cold.points[left], rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(warm.directions[left], cold.directions[left], atol=1e-9)
