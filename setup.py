@@ -35,6 +35,7 @@ setup(
             "report/templates/*",
             "shop/templates/*",
             "addons/*/page/*",
+            "addons/*/*.csv",
             "addons/*/road_surfaces/*.csv",
             "py.typed",
         ]

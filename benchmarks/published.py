@@ -27,7 +27,10 @@ from pathlib import Path
 import numpy as np
 from results import shown
 
-from lensforge.light.metrics import (
+from lensforge.light.receiver_light import WindowSize
+from lensforge.light.simulation import TracedLens, simulate
+from lensforge.report.folder import RunFolder
+from lensforge.results.estimates import (
     jackknife_metric,
     least_over_mean,
     nmse,
@@ -36,9 +39,6 @@ from lensforge.light.metrics import (
     rsd_estimate,
     uniformity,
 )
-from lensforge.light.receiver_light import WindowSize
-from lensforge.light.simulation import TracedLens, simulate
-from lensforge.report.folder import RunFolder
 from lensforge.scene.pixel_grid import gaussian3
 from lensforge.scene.receiver_shapes import receivers_of
 from lensforge.scene.target_pattern import target_light

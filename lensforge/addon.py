@@ -22,7 +22,8 @@ if TYPE_CHECKING:
     import click
 
 GROUP = "lensforge.addons"
-TABLES = {"roads": "road"}  # of specs and records, by the shipped add-ons that fill them: empty without these
+# Tables of specs and records by the shipped add-ons that fill them: empty without these.
+TABLES = {"offices": "office", "roads": "road", "sports": "sports"}
 
 
 @dataclass(frozen=True)

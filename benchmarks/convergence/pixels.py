@@ -12,8 +12,8 @@ from jaxtyping import Float
 
 from convergence.runs import TracedRun
 from convergence.study import ConvergenceStudy, Errors, Meter, RefinementLevel, Setting, orders_of
-from lensforge.light.metrics import Images, jackknife_error, nmse_estimate
 from lensforge.results import Metric
+from lensforge.results.estimates import Images, jackknife_error, nmse_estimate
 from lensforge.scene.pixel_grid import PixelGrid, bin_flux, gaussian3, splat_flux
 from lensforge.scene.receiver_shapes import receivers_of
 from lensforge.scene.target_pattern import target_light

@@ -12,9 +12,9 @@ from jaxtyping import Float
 
 from convergence.runs import Cost, RunPicture, TracedRun, long_run, picture_of, resample, trace_run
 from convergence.study import ConvergenceStudy, Errors, RefinementLevel, orders_of
-from lensforge.light.metrics import nmse, nmse_estimate
 from lensforge.light.simulation import REPLICATES, TracedLens
 from lensforge.results import Metric
+from lensforge.results.estimates import nmse, nmse_estimate
 from lensforge.scene.receiver_shapes import receivers_of
 from lensforge.scene.target_pattern import target_light
 from lensforge.sources.ray_bundle import Source

@@ -7,11 +7,11 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from convergence.study import Errors, Meter, RefinementLevel, reference_level
-from lensforge.light.metrics import jackknife_error, jackknife_metric, relative_square
 from lensforge.light.reference_bodies import ReferenceBody
 from lensforge.light.reference_trace import as_arrays, trace_reference
 from lensforge.light.table_trace import Scene
 from lensforge.results import Metric
+from lensforge.results.estimates import jackknife_error, jackknife_metric, relative_square
 from lensforge.scene.lens import Lens
 from lensforge.scene.pixel_grid import splat_flux
 from lensforge.scene.receiver import Landings, PosedReceiver

@@ -35,7 +35,7 @@ OPERATORS = (
 class Mutant:
     """One change of one place: ``key`` names it by the text of its line, whatever is written above it."""
 
-    module: str  # such as light/metrics.py
+    module: str  # such as light/by_intensities.py
     operator: str
     occurrence: int  # which place of the operator in the module, as cosmic-ray counts
     line: int

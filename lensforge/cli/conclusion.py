@@ -39,7 +39,7 @@ _WIDEST_CELL = 24
 _WIDEST_TABLE = 120
 _DESIGN = "design"  # group of a study
 _VERDICTS = ("criteria", "cutting")  # columns of every group
-_WHOLE = ("ways", "applications", "limits")  # groups of a whole run; of others some facts
+_WHOLE = ("trade", "ways", "applications", "limits")  # groups of a whole run; of others some facts
 # Groups that are rows of a table, a line each even where there is one alone.
 _LINES = ("ways", "place", "application", "bound", "spread", "causes", "budget", "error", "failed", "preset")
 # Facts of a whole run, by its blocks; a stage shows all that it has.

@@ -7,7 +7,6 @@
 - ``reference_trace.trace_reference``: rays through any bodies in torch: to read, to test by, and for devices
 - ``reference_hits``: the hits of rays on exact faces and on tables
 - ``receiver_light.ReceiverLight``: the figures of one receiver
-- ``metrics.jackknife_error``: standard errors
 - ``photometry_result.Photometry``: lumens, candela, beam angles
 - ``luminaire_classes``: distribution type, BUG rating and glare of a lamp
 - ``area_lamp``: these of a whole lamp, with its lumens

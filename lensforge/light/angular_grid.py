@@ -22,8 +22,8 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from lensforge.light.metrics import debiased_maximum, in_doubt
 from lensforge.results import Extent, Metric
+from lensforge.results.estimates import debiased_maximum, in_doubt
 from lensforge.results.replicate_pairs import error_over_pairs, mean_over_pairs
 from lensforge.sources.intensity import TabulatedIntensity
 from lensforge.sources.ray_bundle import RayBundle
@@ -289,7 +289,7 @@ Samples = Float[np.ndarray, "p c g"]
 class Rival:
     """Tables in other steps, ``light``, which other rays might have chosen.
 
-    ``doubt``: as of :func:`~lensforge.light.metrics.in_doubt`.
+    ``doubt``: as of :func:`~lensforge.results.estimates.in_doubt`.
     """
 
     light: "FittedIntensity"

@@ -9,8 +9,8 @@ import numpy as np
 from jaxtyping import Float
 
 from lensforge.light.luminaire_classes import BugRating, DistributionType, LampLight, ZoneLumens, distribution_type
-from lensforge.light.metrics import debiased_maximum, scaled
 from lensforge.results import Metric, Record, Text
+from lensforge.results.estimates import debiased_maximum, scaled
 from lensforge.results.figure import Figure
 from lensforge.spec.light_limits import PhotometrySection
 

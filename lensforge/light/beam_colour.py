@@ -14,9 +14,9 @@ from typing import Annotated
 import numpy as np
 from jaxtyping import Float
 
-from lensforge.light.metrics import debiased_maximum, jackknife_metric, root_estimate
 from lensforge.optics.colorimetry import ColourTemperature, away_from, colour_temperature, denominator, uv_of
 from lensforge.results import Count, Metric, Record, Share
+from lensforge.results.estimates import debiased_maximum, jackknife_metric, root_estimate
 from lensforge.results.figure import Figure
 from lensforge.results.numerals import percent
 

@@ -10,17 +10,17 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Float
 
-from lensforge.light.judged_limits import figure_of, judged
+from lensforge.light.judged_limits import judged
 from lensforge.light.luminaire_classes import LampLight
-from lensforge.light.metrics import jackknife_error
 from lensforge.results import Fact, Metric, Sense
+from lensforge.results.estimates import jackknife_error
 from lensforge.scene.application_light import ApplicationJudgement, light_in
-from lensforge.scene.intensity_limit import Candela, CandelaSum, GlareLaw, IntensityLimit
+from lensforge.scene.intensity_limit import Candela, CandelaSum, IntensityLimit
 from lensforge.sources.intensity import TabulatedIntensity
 from lensforge.sources.photometric.photometric_file import PhotometricFile
 from lensforge.spec import Spec
 from lensforge.spec.application import Application, names_of
-from lensforge.spec.light_limits import Quantity
+from lensforge.spec.quantities import Quantity
 
 
 @dataclass(frozen=True)
@@ -29,9 +29,9 @@ class IntensityFigures:
 
     candela: Candela
 
-    def figure(self, quantity: Quantity | GlareLaw, sense: Sense, unit: str, light: CandelaSum) -> Metric:
+    def figure(self, quantity: Quantity, sense: Sense, unit: str, light: CandelaSum) -> Metric:
         """The ``quantity`` of ``light``."""
-        whole, *left_out = (figure_of(quantity, sense, unit, row[None]) for row in light.of(self.candela(light)))
+        whole, *left_out = (quantity.value(row[None], sense, unit, row[None]) for row in light.of(self.candela(light)))
         error = jackknife_error(np.array([value.value for value in left_out])) if left_out else 0.0
         return whole.changed(unit=unit, standard_error=error)
 

@@ -18,18 +18,8 @@ from lensforge.kernels.fate import Fate
 from lensforge.light.beam_colour import BeamColour
 from lensforge.light.evaluation_result import FittedLight, Light, LightMetrics, PresetError, TableError
 from lensforge.light.far_field import limits_by_intensities
-from lensforge.light.judged_limits import colour_limits, judged_limits
+from lensforge.light.judged_limits import colour_limits, judged_limits, stated_figures
 from lensforge.light.light_ways import FluxByWay
-from lensforge.light.metrics import (
-    Images,
-    jackknife_metric,
-    nmse,
-    nmse_estimate,
-    relative_deviation,
-    relative_square,
-    uniformity,
-    with_error,
-)
 from lensforge.light.received_flux import CAUSES, MISSED_RECEIVER, ReceivedFlux, named_flux
 from lensforge.light.receiver_light import (
     EstimatedLight,
@@ -45,11 +35,21 @@ from lensforge.light.seen_lens import SeenLens
 from lensforge.light.simulation import ReplicateMetrics, TracedLens, lit_mask, simulate, traced_light
 from lensforge.results import Fact, Metric
 from lensforge.results.chart import light_unit
+from lensforge.results.estimates import (
+    Images,
+    jackknife_metric,
+    nmse,
+    nmse_estimate,
+    relative_deviation,
+    relative_square,
+    uniformity,
+    with_error,
+)
 from lensforge.scene.exit_rays import ExitRays
 from lensforge.scene.eye_view import EyeView, eye_views
 from lensforge.scene.lens import Lens
 from lensforge.scene.light_ends import LOSSES, NUMBER_BY_FATE
-from lensforge.scene.limit_readings import LightLimit, light_limits, zones_on
+from lensforge.scene.limit_readings import LightLimit, LightReading, light_limits, stated_readings, zones_on
 from lensforge.scene.pixel_grid import flux_in, gaussian3, rebinned, splat_flux
 from lensforge.scene.possible_light import PossibleLight, SourceLight
 from lensforge.scene.receiver import Landings, PosedReceiver
@@ -77,7 +77,7 @@ def measure_preset(lens: Lens, source: Source, design: TracedLens, evaluation: T
     # in one go: many small arrays take longer
     rays = RayBundle.joined([source.sample(count, seed) for seed in own_seeds])
     receiver = receivers_of(lens.spec, lens.spec.optimise.pixels)[0]
-    exact = receiver.land(evaluation.trace_in_lens_frame(rays, lambda own: _through_exact(lens, evaluation, own)))
+    exact = receiver.land(_through_exact(lens, evaluation, rays))
     return PresetError(
         rays=len(rays),
         scrambles=_SCRAMBLES,
@@ -147,7 +147,8 @@ def evaluate_lens(
     limits = light_limits(lens.spec, receivers_of(lens.spec, side), lumens_per_watt, source.flux_w)
     seed, judging = lens.seed if seed is None else seed, held_back(source) if searched_with else source
     far = tuple(limits_by_intensities(lens, judging, preset, lumens_per_watt, rays=rays, seed=seed))
-    asked: dict[str, Any] = {"pixels": side, "limits": limits, "by_intensities": far}
+    stated = stated_readings(lens.spec, receivers_of(lens.spec, side), lumens_per_watt)
+    asked: dict[str, Any] = {"pixels": side, "limits": limits, "by_intensities": far, "stated": stated}
     light = evaluate_traced(traced, lens.spec, judging, count, seed, bounds_by=source, colour=lens.spec.colour, **asked)
     error = None
     if preset.table_error:
@@ -199,16 +200,19 @@ def evaluate_traced(
     pixels: int | None = None,
     limits: Sequence[LightLimit] = (),
     by_intensities: Sequence[Fact] = (),
+    stated: Sequence[LightReading] = (),
     bounds_by: Source | None = None,
     colour: ColourSection | None = None,
 ) -> Light:
     """Simulate surfaces that are tables already, such as measured ones, under the protocol of ``spec``.
 
-    ``limits`` on pictures of that many ``pixels`` are judged, but for those that are judged ``by_intensities`` already.
+    ``limits`` on pictures of that many ``pixels`` are judged, but for those that are judged ``by_intensities`` already;
+    ``stated``: readings of them that are stated.
     The luminous efficacy is left open: it is not one of the emitter. ``bounds_by``: all rays of the source, of which
     ``source`` may be a part; they tell what is possible. ``colour``: as it is wanted of rays that have their colours.
     """
     started = time.perf_counter()
+    traced = traced.at_work(spec)
     side = pixels or spec.evaluate.pixels
     receivers, limits = receivers_of(spec, side), [limit for limit in limits if not limit.by_intensities]
     zones = [zones_on(number, limits) for number in range(len(receivers))]
@@ -216,20 +220,20 @@ def evaluate_traced(
         (drawn_target(section.targets, receiver), *eyee)
         for section, receiver, eyee in zip(spec.all_receivers, receivers, zones, strict=True)
     ]
-    views = eye_views(spec) if any(limit.of_view for limit in limits) else ()
+    views = eye_views(spec) if any(limit.quantity.of_view for limit in limits) else ()
     simulation = simulate(
         traced, source, (*receivers, *views), rays, seed, [*regions, *[()] * len(views)], coloured=colour is not None
     )
     looked_at, seen = simulation.received[: len(receivers)], simulation.received[len(receivers) :]
     light = SourceLight.of(bounds_by or source, traced.scene.media, lens=spec.lens)
     variance = spec.evaluate.filter_variance
-    space = spec.lens.exit_space(spec.constraints).grown(traced.grown_mm)
+    space = spec.lens.exit_space(spec.constraints).grown(spec.grown_mm)
     lit = tuple(
         receiver_light(section, PossibleLight(light, receiver, space), received, variance, simulation.emitted_w, colour)
         for section, receiver, received in zip(spec.all_receivers, receivers, looked_at, strict=True)
     )
     eyes = tuple(_seen(traced, source, seed, zip(views, seen, strict=True)))
-    images = [gaussian3(each.images, variance) for each in looked_at] if limits else []
+    images = [gaussian3(each.images, variance) for each in looked_at] if limits or stated else []
     for view, received, eye in zip(views, seen, eyes, strict=True):
         images.append(received.images / (eye.outline_mm2 or np.inf) if view.of_mean else received.images)
     losses = [_losses(received, simulation.by_way) for received in looked_at] if limits else []
@@ -238,6 +242,7 @@ def evaluate_traced(
     return Light(
         receivers=lit,
         limits=(*judged_limits(limits, images, names, losses, shares), *by_intensities, *colour_limits(colour, lit)),
+        figures=tuple(stated_figures(stated, images, names)),
         ways=simulation.by_way.ways(simulation.emitted_w),
         seen=eyes,
         rays=simulation.rays,

@@ -14,7 +14,7 @@ from lensforge.public import public
 from lensforge.results import Count, Fact, Image, Metric, NotNegative, Positive, Record, ResultByLed, Text, stated
 from lensforge.results.arguments import require_choice
 from lensforge.results.chart import light_unit
-from lensforge.results.criteria import Criteria, JudgedLimits
+from lensforge.results.criteria import Criteria, JudgedLimits, StatedFigures
 from lensforge.results.figure import Criterion, figure
 from lensforge.results.numerals import square
 from lensforge.results.plots import plot_map
@@ -71,23 +71,24 @@ class Light(ResultByLed):
     file they are by rays that the search has not used.
 
     ``receivers``: metrics, flux and maps on each receiver, in the order of the spec. ``limits``: those of the spec,
-    each with its value and judgement. ``ways``: shares of the emitted flux by way, of a lens of more than two faces.
-    ``seen``: the lens as eyes of limits see it. ``place``: of the LED, where it is from a ray file or is moved.
-    ``replicates``: independent samples, whose scatter gives the standard errors. ``pixels``: along the longer side of a
-    map as required; lamps together may need somewhat more or fewer. ``filter``: the filter of the maps, in words.
-    ``lumens_per_watt``: efficacy of the light; None if nothing states it. ``table_nodes``: across the tables by
-    which faces are traced. ``table_error_nm``: their largest error, by face. ``preset_error``: their effect on the
-    light; None if it was not measured. ``fitted``: figures by the rays of the search.
-    ``by_file``: of a model of a file, figures by rays of the file that it was not fitted to.
+    each with its value and judgement. ``figures``: those of the spec's application. ``ways``: shares of the emitted
+    flux by way, of a lens of more than two faces. ``seen``: the lens as eyes of limits see it. ``place``: of the LED,
+    where it is from a ray file or is moved. ``replicates``: independent samples, whose scatter gives the standard
+    errors. ``pixels``: along the longer side of a map as required; lamps together may need somewhat more or fewer.
+    ``filter``: the filter of the maps, in words. ``lumens_per_watt``: efficacy of the light; None if nothing states it.
+    ``table_nodes``: across the tables by which faces are traced. ``table_error_nm``: their largest error, by face.
+    ``preset_error``: their effect on the light; None if it was not measured. ``fitted``: figures by the rays of the
+    search. ``by_file``: of a model of a file, figures by rays of the file that it was not fitted to.
     """
 
     stage: ClassVar[str] = "evaluate"
     made_from: ClassVar[tuple[str, ...]] = ("lens", "source")
-    omit_if_empty: ClassVar[tuple[str, ...]] = ("ways", "seen", "place")
+    omit_if_empty: ClassVar[tuple[str, ...]] = ("figures", "ways", "seen", "place")
     judged_in: ClassVar[tuple[str, ...]] = ("criteria", "limits")
 
     receivers: Annotated[tuple[ReceiverLight, ...], Field(min_length=1)]
     limits: JudgedLimits = ()
+    figures: StatedFigures = ()
     ways: tuple[LightWay, ...] = ()
     seen: tuple[SeenLens, ...] = ()
     place: SourcePlace | None = None

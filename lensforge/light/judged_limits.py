@@ -8,26 +8,16 @@ import numpy as np
 from jaxtyping import Float
 
 from lensforge.light.beam_colour import distances_left_out
-from lensforge.light.metrics import (
-    debiased_maximum,
-    debiased_minimum,
-    jackknife_metric,
-    least_over_mean,
-    ratio_of,
-    scaled,
-    with_error,
-)
 from lensforge.light.receiver_light import ReceiverLight
-from lensforge.results import Fact, Metric, Sense
-from lensforge.scene.intensity_limit import GlareLaw, IntensityLimit
-from lensforge.scene.limit_readings import LightLimit
-from lensforge.sources.intensity import width_above
-from lensforge.spec.light_limits import ColourSection, Quantity
+from lensforge.results import Fact, Metric
+from lensforge.results.estimates import jackknife_metric, with_error
+from lensforge.scene.intensity_limit import IntensityLimit
+from lensforge.scene.limit_readings import LightLimit, LightReading
+from lensforge.spec.light_limits import ColourSection
+from lensforge.spec.quantities import Readings, extreme
 
 _OF_PIXELS = 1.0 / 3.0
-DARK = 1e6  # glare where there is no light, and what is over light of 0
 _NO_COLOUR = Metric(value=1.0, standard_error=0.0)  # differences in the dark: larger than any in u', v'
-Readings = Float[np.ndarray, "r k"]
 
 
 def judged_limits(
@@ -46,25 +36,9 @@ def judged_limits(
     def value(limit: LightLimit) -> Metric:
         if limit.region is not None and shares:
             return jackknife_metric(next(in_zones[limit.receiver]), float)
-        return limit_value(limit, (losses if limit.of_losses else images)[limit.receiver])
+        return limit_value(limit, (losses if limit.quantity.of_losses else images)[limit.receiver])
 
     return tuple(judged(limit, names[limit.receiver], value(limit)) for limit in limits)
-
-
-_QUANTITIES = {
-    "light": "light",
-    "relative": "light relative to its maximum",
-    "min_over_mean": "min/mean of the light",
-    "min_over_max": "min/max of the light",
-    "share": "share of the flux",
-    "loss": "lost share of the flux",
-    "beam_angle": "beam angle",
-    "luminance": "luminance of the brightest spot",
-    "mean_luminance": "mean luminance over the outline",
-    "ratio": "ratio of means",
-    "mean_over_min": "mean/min of the light",
-    "max_over_min": "max/min of the light",
-}
 
 
 def judged(limit: LightLimit | IntensityLimit, receiver: str, value: Metric) -> Fact:
@@ -72,9 +46,19 @@ def judged(limit: LightLimit | IntensityLimit, receiver: str, value: Metric) -> 
 
     ``value``: of the place that decides, that with the least light or the most.
     """
-    given: dict[str, Any] = {"sense": limit.sense, "limit": float(limit.bound)}
-    quantity = limit.quantity.name if isinstance(limit.quantity, GlareLaw) else _QUANTITIES[limit.quantity]
-    return replace(Fact.measured(limit.name, limit.name, value, quantity, place=receiver, **given), unit=limit.unit)
+    given: dict[str, Any] = {"sense": limit.sense, "limit": float(limit.bound), "place": receiver}
+    fact = Fact.measured(limit.name, limit.name, value, limit.quantity.words, **given)
+    return replace(fact, unit=limit.unit)
+
+
+def stated_figures(
+    readings: Sequence[LightReading], images: Sequence[Float[np.ndarray, "_ _ _"]], names: Sequence[str]
+) -> Iterator[Fact]:
+    """Figures of the filtered pictures of flux (W) of every replicate, one stack for each receiver."""
+    for reading in readings:
+        value = limit_value(reading, images[reading.receiver])
+        fact = Fact.measured(reading.name, reading.name, value, reading.quantity.words, place=names[reading.receiver])
+        yield replace(fact, unit=reading.unit)
 
 
 def colour_limits(section: ColourSection | None, lit: Sequence[ReceiverLight]) -> Iterator[Fact]:
@@ -108,7 +92,7 @@ _OF_COLOUR = "take a larger lens, a softer edge of the target, or a face that sc
 BEAMS = {"fwhm": "within half of the peak", "tenth": "within a tenth of the peak"}
 
 
-def limit_value(limit: LightLimit, images: Float[np.ndarray, "r *_"]) -> Metric:
+def limit_value(limit: LightReading, images: Float[np.ndarray, "r *_"]) -> Metric:
     """The value that decides, in the limit's unit.
 
     That of a spot is a mean over pixels, by rays that pass beside the eye: its error has a third of what half as many
@@ -117,13 +101,13 @@ def limit_value(limit: LightLimit, images: Float[np.ndarray, "r *_"]) -> Metric:
     value = _value(limit, limit.of(images), images)
     if limit.coarser is None or value.standard_error is None:
         return value
-    coarse = _extreme((limit.coarser @ images.reshape(len(images), -1).T).T, limit.sense)
+    coarse = extreme((limit.coarser @ images.reshape(len(images), -1).T).T, limit.sense)
     more = np.hypot(_OF_PIXELS * (value.value - coarse.value), limit.blurred * value.value)
     return with_error(value, float(more))
 
 
 def values_left_out(
-    limit: LightLimit, read: Float[np.ndarray, "k r"], images: Float[np.ndarray, "r *_"]
+    limit: LightReading, read: Float[np.ndarray, "k r"], images: Float[np.ndarray, "r *_"]
 ) -> Float[np.ndarray, " v"]:
     """The value that decides by all replicates, then with one after the other left out; of one replicate alone it.
 
@@ -133,7 +117,7 @@ def values_left_out(
     found = []
     for rows in (numbers, *(numbers[numbers != k] for k in numbers if len(numbers) > 1)):
         readings = np.take(read, rows, axis=1).T
-        found.append(_value(limit, readings, images[rows] if limit.quantity == "relative" else readings).value)
+        found.append(_value(limit, readings, images[rows] if limit.quantity.of_whole else readings).value)
     return np.array(found)
 
 
@@ -144,57 +128,6 @@ def means_left_out(replicates: Float[np.ndarray, " r"]) -> Float[np.ndarray, " v
     return np.array([total / count, *left_out])
 
 
-def _value(limit: LightLimit, readings: Readings, images: Float[np.ndarray, "r *_"]) -> Metric:
-    if limit.quantity == "beam_angle":
-        return jackknife_metric(readings, lambda mean: beam_angle(limit, mean), limit.unit)
-    if limit.quantity == "relative":
-        whole = limit.light_per_flux * images.reshape(len(images), -1)
-        return ratio_of(_extreme(readings, limit.sense), _extreme(whole, "<="))
-    return figure_of(limit.quantity, limit.sense, limit.unit, readings)
-
-
-def figure_of(quantity: Quantity | GlareLaw, sense: Sense, unit: str, readings: Readings) -> Metric:
-    """The ``quantity`` of readings by every replicate, in ``unit``: all that needs no more than these."""
-    match quantity:
-        case "share" | "loss":
-            return jackknife_metric(readings.sum(axis=1), float)
-        case "min_over_mean":
-            return least_over_mean(readings).metric()
-        case "min_over_max":
-            return ratio_of(_extreme(readings, ">="), _extreme(readings, "<="))
-        case "ratio":
-            return jackknife_metric(readings, lambda mean: float(mean[0] / mean[1]) if mean[1] > 0.0 else 0.0, unit)
-        case "mean_over_min":
-            return _inverse(least_over_mean(readings).metric())
-        case "max_over_min":
-            return _inverse(ratio_of(_extreme(readings, ">="), _extreme(readings, "<=")))
-        case GlareLaw():
-            return _glare(quantity, unit, readings)
-    return _extreme(readings, sense).changed(unit=unit)
-
-
-def _glare(law: GlareLaw, unit: str, readings: Readings) -> Metric:
-    """Largest glare on the way; its error has in it that of the mean luminance, the last reading."""
-    mean = jackknife_metric(readings[:, -1], float)
-    if not mean.value > 0.0:
-        return Metric(value=DARK, unit=unit, standard_error=0.0)
-    factor, power = law.at(mean.value)
-    glare = scaled(debiased_maximum(readings[:, :-1]), factor / mean.value**power, unit)
-    return with_error(glare, power * glare.value * (mean.standard_error or 0.0) / mean.value)
-
-
-def _inverse(ratio: Metric) -> Metric:
-    if not ratio.value > 1.0 / DARK:
-        return Metric(value=DARK, standard_error=0.0)
-    return scaled(ratio, ratio.value**-2, "")
-
-
-def _extreme(readings: Readings, sense: Sense) -> Metric:
-    """The least reading for a lower bound, the largest for an upper one, without the noise that would choose it."""
-    return debiased_minimum(readings) if sense == ">=" else debiased_maximum(readings)
-
-
-def beam_angle(limit: LightLimit, light: Float[np.ndarray, " k"]) -> float:
-    """Full angle (deg) between the outermost places of a cut at ``level`` of its maximum, linear between places."""
-    assert limit.angles_deg is not None
-    return width_above(limit.angles_deg, light, limit.level * float(light.max())) or 0.0
+def _value(limit: LightReading, readings: Readings, images: Float[np.ndarray, "r *_"]) -> Metric:
+    whole = limit.whole(images.reshape(len(images), -1))
+    return limit.quantity.value(readings, limit.sense, limit.unit, whole)

@@ -13,7 +13,6 @@ from lensforge.light.area_lamp import AreaLamp
 from lensforge.light.beam_colour import BeamColour
 from lensforge.light.evaluation_result import Light, LightMetrics
 from lensforge.light.light_ways import leak_facts, way_facts
-from lensforge.light.metrics import scaled
 from lensforge.light.photometry_result import Photometry
 from lensforge.light.receiver_light import METRICS, ReceiverLight, judged_figures
 from lensforge.light.seen_lens import seen_groups
@@ -23,6 +22,7 @@ from lensforge.results import Fact, Group, Metric
 from lensforge.results.case import Case
 from lensforge.results.chart import LightUnit, light_unit
 from lensforge.results.criteria import missed
+from lensforge.results.estimates import scaled
 from lensforge.results.figure import facts_in
 from lensforge.results.numerals import number, percent, quantity, square
 from lensforge.results.verdict import Reason
@@ -33,6 +33,7 @@ from lensforge.spec import Spec
 from lensforge.spec.application import Application, names_of
 from lensforge.spec.far_field_targets import BeamTarget
 from lensforge.spec.light_limits import BeamAngleLimit
+from lensforge.spec.trades import TRADES
 
 
 @public
@@ -67,6 +68,9 @@ def light_facts(light: Light, lens: Lens, possible: BoundsByState | None = None)
 
 def _with_led(led: Case[Light], lens: Lens, possible: LimitBounds) -> Iterator[Group]:
     light = led.result
+    if light.figures and lens.spec.application is not None:
+        title = TRADES[lens.spec.application].title
+        yield Group("trade", title, tuple(replace(figure, digits=4) for figure in light.figures))
     for case in led.among("receivers"):
         lost = (case.record.missed_by_cause, case.record.flux)
         leaks = () if case.number else leak_facts(lens.spec.lens, light.ways, *lost)
@@ -322,13 +326,18 @@ def _photometry_of_led(case: Case[Photometry], spec: Spec) -> list[Group]:
     beside = f", {one}" if one else ""
     far = Group("far_field", f"Far field{beside}", tuple(_far_field(photometry, spec, one)))
     judged = zip(spec.applications, photometry.judgements_of(spec.applications), strict=True)
-    groups = [far, *(light_in(entry).facts(found) for entry, found in judged)]
+    groups = [far, *_of_spectrum(photometry), *(light_in(entry).facts(found) for entry, found in judged)]
     if photometry.road is None:
         return groups
     whole = f", all {lenses} lenses" if lenses > 1 else beside
     lamp = Group("lamp", f"Lamp{whole}", tuple(_lamp(case, photometry.road, lenses)))
     zones = facts_in(photometry.road.bug.zones)
     return [*groups, lamp, Group("zones", f"Zones{whole}", tuple(zones))]
+
+
+def _of_spectrum(photometry: Photometry) -> Iterator[Group]:
+    if photometry.spectrum is not None:
+        yield Group("spectrum", "Spectrum of the source", tuple(facts_in(photometry.spectrum)))
 
 
 def _judged_planes(spec: Spec) -> Iterator[float]:
@@ -376,6 +385,7 @@ def _far_field(photometry: Photometry, spec: Spec, whose: str) -> Iterator[Fact]
             note, notice = _beside_wanted(beam.beam_angle_deg, _wanted(spec).get(beam.c_deg))
             yield Fact.measured(f"beam_{plane}", f"Beam angle, {plane}", beam.beam_angle_deg, note, notice=notice)
         yield Fact.measured(f"field_{plane}", f"Field angle, {plane}", beam.field_angle_deg, "full width at 10 %")
+    yield from facts_in(photometry.figures)
     noise = "" if photometry.node_error is None else f"the table’s noise is {percent(photometry.node_error.rms)} rms"
     yield Fact("photometry_rays", "Rays", photometry.rays, note=noise)
 

@@ -8,9 +8,9 @@ import numpy as np
 from jaxtyping import Float, Int, Int8
 from pydantic import Field
 
-from lensforge.light.metrics import jackknife_metric
 from lensforge.optics.face_roles import OUTSIDE, RIM_FLANGE
 from lensforge.results import Fact, Group, Metric, Record, Text
+from lensforge.results.estimates import jackknife_metric
 from lensforge.scene.body import Chain
 from lensforge.scene.exit_rays import ExitRays
 from lensforge.scene.light_ends import last_face

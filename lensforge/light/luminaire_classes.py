@@ -20,8 +20,8 @@ import numpy as np
 from jaxtyping import Float
 
 from lensforge.light.angular_grid import AngularGrid
-from lensforge.light.metrics import jackknife_metric, with_error
 from lensforge.results import Count, Metric, NotNegative, Record
+from lensforge.results.estimates import jackknife_metric, with_error
 from lensforge.results.figure import Figure
 from lensforge.sources.ray_bundle import RayBundle
 from lensforge.surfaces.mirror_group import group

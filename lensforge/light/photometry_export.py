@@ -18,8 +18,8 @@ from lensforge.light.area_lamp import AreaLamp
 from lensforge.light.by_intensities import judgements
 from lensforge.light.exit_light import ExitLight
 from lensforge.light.far_field import lamp_light, lamps_of_files, trace_far_field
+from lensforge.light.luminaire_figures import LuminaireFigures, throw_of
 from lensforge.light.luminous_opening import luminous_opening
-from lensforge.light.metrics import scaled
 from lensforge.light.photometry_result import (
     IES_FILE,
     LDT_FILE,
@@ -35,13 +35,15 @@ from lensforge.light.photometry_result import (
     WrittenFiles,
 )
 from lensforge.light.received_flux import named_flux
-from lensforge.light.source_photometry import SourceLumens, spectrum_of_source
+from lensforge.light.source_photometry import SourceLumens, figures_of_spectrum, spectrum_of_source
+from lensforge.results.estimates import scaled
 from lensforge.scene.lens import Lens
 from lensforge.sources.build_source import summarise
 from lensforge.sources.photometric import PhotometricFile
 from lensforge.sources.photometric.ies_labels import NEWEST, IesVersion
 from lensforge.sources.photometric.photometric_file import LampSet
 from lensforge.sources.photometric.photometric_io import encoded, photometric_of
+from lensforge.sources.photometric.room_ratios import direct_ratios, flux_code
 from lensforge.sources.ray_bundle import RayBundle, Source
 from lensforge.sources.rayfiles.formats.tm25 import BINARY as TM25
 from lensforge.sources.rayfiles.ray_file import HeaderValue, RayFile, shared_wavelength
@@ -163,6 +165,8 @@ def measure_photometry(
     tables = CandelaTables.of(fitted, per_watt)
     candela = tables.whole
     exit_lm = scaled(light.exit_w, per_watt, "lm")
+    light_output_ratio = scaled(light.exit_w, 1.0 / source_w, "")
+    peak_cd = scaled(fitted.peak, per_watt, "cd")
     errors = fitted.standard_errors
     warnings = tuple(_warnings(bright, source, light, lens.spec))
     photometric = PhotometricFile(
@@ -189,7 +193,7 @@ def measure_photometry(
         rays=light.rays,
         source_w=source_w,
         exit_w=light.exit_w,
-        light_output_ratio=scaled(light.exit_w, 1.0 / source_w, ""),
+        light_output_ratio=light_output_ratio,
         lost_w=LostFlux(**{name: lost_w[name] for name in LostFlux.model_fields}),
         reflected_w=max(source_w - float(light.by_fate_w.sum()), 0.0),
         source_lm=bright.lumens,
@@ -197,10 +201,16 @@ def measure_photometry(
         per_1000_lm=bright.per_1000_lm,
         exit_lm=exit_lm,
         axis_cd=tables.axis_cd,
-        peak_cd=scaled(fitted.peak, per_watt, "cd"),
+        peak_cd=peak_cd,
         peak_direction=tables.peak_direction,
         beam_c0=tables.plane(PLANES_DEG[0]),
         beam_c90=tables.plane(PLANES_DEG[1]),
+        figures=LuminaireFigures(
+            throw=None if bright.per_1000_lm else throw_of(peak_cd),
+            flux_code=(*tables.figures_in_doubt(flux_code), light_output_ratio),
+            direct_ratios=tables.figures_in_doubt(direct_ratios),
+        ),
+        spectrum=None if spectrum is None else figures_of_spectrum(spectrum),
         road=AreaLamp.of(section, lamp, exit_lm, light.zones_w * per_watt),
         node_error=fitted.node_error,
         interpolation_error=fitted.interpolation_error,

@@ -17,7 +17,8 @@ from jaxtyping import Float
 
 from lensforge.light.angular_grid import FittedIntensity
 from lensforge.light.area_lamp import AreaLamp
-from lensforge.light.metrics import debiased_maximum, in_doubt, jackknife_error
+from lensforge.light.luminaire_figures import LuminaireFigures
+from lensforge.light.spectral_figures import SpectralFigures
 from lensforge.public import public
 from lensforge.results import (
     Array,
@@ -35,10 +36,12 @@ from lensforge.results import (
     Text,
 )
 from lensforge.results.criteria import Criteria, at_most
+from lensforge.results.estimates import debiased_maximum, in_doubt, jackknife_error
 from lensforge.results.files import MIB
+from lensforge.results.level_width import width_above
 from lensforge.results.plots import plot_curves
 from lensforge.scene.application_light import ApplicationJudgement, with_judgements
-from lensforge.sources.intensity import BEAM_SHARE, FIELD_SHARE, plane_profile, width_above
+from lensforge.sources.intensity import BEAM_SHARE, FIELD_SHARE, plane_profile
 from lensforge.sources.photometric.candela_table import CandelaTable
 from lensforge.sources.photometric.photometric_file import turned_over
 from lensforge.spec.application import Application
@@ -82,7 +85,7 @@ class CandelaTables:
     """Intensities (cd) in the frame of the files: of all rays, and with one of the independent samples left out each.
 
     ``samples``: of each sample alone, with values below 0 where they have noise. ``rival``: the same in
-    other steps, which other rays might have chosen; ``doubt``: as of :func:`~lensforge.light.metrics.in_doubt`.
+    other steps, which other rays might have chosen; ``doubt``: as of :func:`~lensforge.results.estimates.in_doubt`.
     """
 
     whole: CandelaTable
@@ -106,11 +109,26 @@ class CandelaTables:
 
     def figure(self, read: Callable[[CandelaTable], float], unit: str) -> Metric:
         """Figure that ``read`` takes from a table, with its standard error; none from fewer than two samples."""
-        value = read(self.whole)
+        (figure,) = self.figures(lambda table: (read(table),), unit)
+        return figure
+
+    def figures(self, read: Callable[[CandelaTable], tuple[float, ...]], unit: str = "") -> tuple[Metric, ...]:
+        """Figures that ``read`` takes from a table at once."""
+        values = read(self.whole)
         if len(self.left_out) < 2:
-            return Metric(value=value, unit=unit)
-        error = jackknife_error(np.array([read(table) for table in self.left_out]))
-        return Metric(value=value, unit=unit, standard_error=error)
+            return tuple(Metric(value=value, unit=unit) for value in values)
+        errors = map(jackknife_error, np.array([read(table) for table in self.left_out]).T)
+        return tuple(
+            Metric(value=value, unit=unit, standard_error=error) for value, error in zip(values, errors, strict=True)
+        )
+
+    def figures_in_doubt(self, read: Callable[[CandelaTable], tuple[float, ...]], unit: str = "") -> tuple[Metric, ...]:
+        """Figures of a table that the rays have chosen before that in other steps."""
+        figures = self.figures(read, unit)
+        if self.rival is None:
+            return figures
+        pairs = zip(figures, self.rival.figures(read, unit), strict=True)
+        return tuple(in_doubt(figure, other, self.doubt) for figure, other in pairs)
 
     @cached_property
     def peak_direction(self) -> Direction:
@@ -122,8 +140,8 @@ class CandelaTables:
     @property
     def axis_cd(self) -> Metric:
         """Intensity on the axis."""
-        axis = self.figure(lambda table: float(table.values[0, 0]), "cd")
-        return axis if self.rival is None else in_doubt(axis, self.rival.axis_cd, self.doubt)
+        (axis,) = self.figures_in_doubt(lambda table: (float(table.values[0, 0]),), "cd")
+        return axis
 
     def plane(self, c_deg: float) -> PlaneFigures:
         """Beam in the plane of C = ``c_deg`` and its opposite."""
@@ -224,8 +242,9 @@ class Photometry(ResultByLed):
     candela are per 1000 lm of the source. ``exit_lm``: flux that leaves upwards. ``axis_cd``: intensity on the axis.
     ``peak_cd``: largest intensity, the noise taken off by which the largest of many numbers is too large.
     ``peak_direction``: node of the table with the largest. ``beam_c0``: beam in the plane C 0 - C 180. ``beam_c90``:
-    beam in the plane C 90 - C 270. ``road``: classes of a lamp for an area or a road, by the spec. A table of
-    applications in the spec has a field of its name, such as ``roads``: each of its entries, judged. ``node_error``:
+    beam in the plane C 90 - C 270. ``figures``: throw, flux code and direct ratios. ``spectrum``: figures of the
+    source's spectrum; None if it is not known. ``road``: classes of a lamp for an area or a road, by the spec. A table
+    of applications in the spec has a field of its name, such as ``roads``: each of its entries, judged. ``node_error``:
     standard error over intensity, where that is above a tenth of the peak: the largest, and the root mean square over
     solid angle. ``interpolation_error``: rms, relative to the peak, of what a table of half the steps would add.
     ``files``: each file as read back. ``luminaire``: the same of those of all lenses of a lamp, where the spec says
@@ -255,6 +274,8 @@ class Photometry(ResultByLed):
     peak_direction: Direction
     beam_c0: PlaneFigures
     beam_c90: PlaneFigures
+    figures: LuminaireFigures
+    spectrum: SpectralFigures | None
     road: AreaLamp | None
     node_error: Extent | None
     interpolation_error: NotNegative | None

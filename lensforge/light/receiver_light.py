@@ -17,7 +17,10 @@ from jaxtyping import Bool, Float
 from pydantic import AfterValidator, Field, model_validator
 
 from lensforge.light.beam_colour import BeamColour
-from lensforge.light.metrics import (
+from lensforge.public import public
+from lensforge.results import Fact, Image, Irradiance, Metric, NotNegative, Number, Positive, Record, Share, Text
+from lensforge.results.chart import Chart
+from lensforge.results.estimates import (
     debiased_maximum,
     debiased_minimum,
     jackknife_metric,
@@ -25,9 +28,6 @@ from lensforge.light.metrics import (
     nmse,
     ratio_of,
 )
-from lensforge.public import public
-from lensforge.results import Fact, Image, Irradiance, Metric, NotNegative, Number, Positive, Record, Share, Text
-from lensforge.results.chart import Chart
 from lensforge.results.figure import Figure
 from lensforge.results.numerals import percent
 from lensforge.results.record import Array

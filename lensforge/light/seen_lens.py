@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING, Annotated
 import numpy as np
 from jaxtyping import Float
 
-from lensforge.light.metrics import jackknife_metric, scaled
 from lensforge.results import Fact, Group, Irradiance, Metric, Positive, Record, Text
 from lensforge.results.chart import LightUnit
+from lensforge.results.estimates import jackknife_metric, scaled
 from lensforge.results.numerals import quantity
 from lensforge.results.record import Array
 from lensforge.scene.exit_rays import ExitRays

@@ -14,7 +14,15 @@ import numpy as np
 from jaxtyping import Float
 
 from lensforge.errors import InputError
-from lensforge.optics.colorimetry import efficacy_at
+from lensforge.light.spectral_figures import SpectralFigures
+from lensforge.optics.action_spectra import (
+    MELANOPIC_OF_DAYLIGHT,
+    melanopic_per_watt,
+    photons_per_watt,
+    scotopic_per_watt,
+)
+from lensforge.optics.colorimetry import efficacy_at, luminous_efficacy
+from lensforge.optics.colour_rendering import ColourRendering, colour_rendering
 from lensforge.sources.light_files import read_rayfile
 from lensforge.sources.ray_bundle import blocks_of
 from lensforge.sources.source_flux import chip_fluxes
@@ -58,6 +66,7 @@ class SourceLumens:
 
 
 _Light: TypeAlias = tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]  # wavelengths (nm), power
+_LM_PER_KLM = 1000.0
 _STEP_NM = 5.0  # of a table made from the wavelengths of rays: the step of the CIE's own tables
 
 
@@ -88,6 +97,25 @@ def spectrum_of_source(spec: EmitterSection, summary: SourceSummary) -> Spectrum
             )
         case _:
             return None
+
+
+def figures_of_spectrum(spectrum: Spectrum) -> SpectralFigures:
+    """Figures of light with this ``spectrum``."""
+    table = spectrum.wavelengths_nm, spectrum.power_density
+    lumens = luminous_efficacy(*table)
+    photons = photons_per_watt(*table)
+
+    def per_lumen(amount: float) -> float | None:
+        return amount / lumens if lumens else None
+
+    rendering = colour_rendering(*table) if lumens else None
+    return SpectralFigures(
+        **dict.fromkeys(ColourRendering._fields) if rendering is None else rendering._asdict(),
+        scotopic_ratio=per_lumen(scotopic_per_watt(*table)),
+        melanopic_der=per_lumen(melanopic_per_watt(*table) / MELANOPIC_OF_DAYLIGHT),
+        ppf_umol_per_j=photons,
+        ppfd_umol_per_m2_s_klx=per_lumen(_LM_PER_KLM * photons),
+    )
 
 
 def _of_file(part: RayfilePart) -> Spectrum | None:

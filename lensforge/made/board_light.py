@@ -114,7 +114,7 @@ def on_patch(limit: LightLimit, grid: tuple[int, int], periods: tuple[int, int])
     Pictures hold the mean flux of all lamps of the patch, of which a period has but its part; losses are the mean, and
     flux in a zone is counted in all periods.
     """
-    if limit.of_losses or limit.region is not None:
+    if limit.quantity.of_losses or limit.region is not None:
         return limit
     (height, width), (columns, rows) = grid, periods
     readings = sparse.coo_array(limit.readings)
@@ -171,7 +171,9 @@ class BoardLight(PartLight):
         limits = light.limits
         if periods != (1, 1):
             limits = tuple(
-                limit if limit.of_view else on_patch(limit, light.receivers[limit.receiver].grid.shape, periods)
+                limit
+                if limit.quantity.of_view
+                else on_patch(limit, light.receivers[limit.receiver].grid.shape, periods)
                 for limit in limits
             )
         return BoardLight(light.spec, light.nominal, receivers, limits, light.held, kinds, periods, designed, light)

@@ -10,11 +10,11 @@ from jaxtyping import Bool, Float, Int
 from scipy import sparse
 
 from lensforge.light.judged_limits import colours_left_out, means_left_out, values_left_out
-from lensforge.light.metrics import Images, jackknife_error, jackknife_metric
 from lensforge.light.receiver_light import ReceiverLight
 from lensforge.light.simulation import REPLICATES, ReplicateMetrics, TracedLens, bundles, lit_mask
 from lensforge.light.table_trace import trace_tables
 from lensforge.results import Metric
+from lensforge.results.estimates import Images, jackknife_error, jackknife_metric
 from lensforge.scene.exit_rays import ExitRays
 from lensforge.scene.eye_view import EyeView, eye_views
 from lensforge.scene.light_ends import cause_numbers, loss_names, with_beside
@@ -89,7 +89,7 @@ class _SeenByLimit(NamedTuple):
     @staticmethod
     def by(limit: LightLimit) -> "_SeenByLimit":
         """The light that ``limit`` reads."""
-        return _SeenByLimit(limit.receiver, limit.of_losses)
+        return _SeenByLimit(limit.receiver, limit.quantity.of_losses)
 
 
 Channels = Float[np.ndarray, "k r h w"]  # flux (W) on each pixel by every replicate; X, Y and Z (lm) where they count
@@ -191,7 +191,7 @@ class PartLight:
     @cached_property
     def views(self) -> tuple[EyeView, ...]:
         """Views of the eyes of limits, as coarse as those of a search: a part has too few rays for a fine spot."""
-        return eye_views(self.spec, searched=True) if any(limit.of_view for limit in self.limits) else ()
+        return eye_views(self.spec, searched=True) if any(limit.quantity.of_view for limit in self.limits) else ()
 
     def seen(self, exits: ExitRays, held: ReplicateRays, flux: float) -> Iterator[ReceivedImages]:
         """The lens as each eye sees it, by its ``exits`` of the ``held`` rays; ``flux``: of the LED over theirs."""
@@ -205,7 +205,7 @@ class PartLight:
     @property
     def counts_losses(self) -> bool:
         """True where a limit asks where light of no use ends."""
-        return any(limit.of_losses for limit in self.limits)
+        return any(limit.quantity.of_losses for limit in self.limits)
 
     def measured(self, received: tuple[ReceivedImages, ...]) -> "MeasuredPart":
         """Metrics of one part by its replicates."""
@@ -232,7 +232,7 @@ class PartLight:
             seen = _SeenByLimit.by(limit)
             there = received[seen.receiver]
             value = values_left_out(limit, next(read[seen]), there.light(seen))
-            yield value * (self.held.emitted_w / there.emitted_w) if limit.is_share else value
+            yield value * (self.held.emitted_w / there.emitted_w) if limit.quantity.is_share else value
         for on_receiver in received[: len(self.receivers)]:
             yield from colours_left_out(judged_colour(self.spec), on_receiver.pictures[1:])
 

@@ -20,7 +20,6 @@ from lensforge.kernels.parallel import in_parallel_map
 from lensforge.light.evaluation import evaluate_traced
 from lensforge.light.evaluation_result import Light
 from lensforge.light.far_field import limits_by_intensities
-from lensforge.light.metrics import scaled
 from lensforge.light.receiver_light import judged_figures
 from lensforge.light.simulation import TracedLens
 from lensforge.made.board_light import (
@@ -36,6 +35,7 @@ from lensforge.made.part_light import Channels, MeasuredPart, PartLight, Replica
 from lensforge.made.tolerance_result import LimitChange, MetricBound
 from lensforge.optics.fundamental_limits import transmittance_of
 from lensforge.results import Fact, Metric
+from lensforge.results.estimates import scaled
 from lensforge.scene.eye_view import EyeView, eye_views
 from lensforge.scene.lamp_pictures import LampPictures
 from lensforge.scene.lens import Lens
@@ -218,6 +218,15 @@ class LedStudy:
         return receivers_of(self.spec, self.spec.evaluate.pixels)
 
     @cached_property
+    def kinds(self) -> tuple[LensOnBoard, ...]:
+        """The lens of each kind as it is at work in the state."""
+        scale = self.spec.lens.scale
+        return tuple(
+            replace(kind, nominal=kind.nominal.at_work(self.spec), maker=replace(kind.maker, scale=scale))
+            for kind in self.study.kinds
+        )
+
+    @cached_property
     def _source(self) -> Source:
         coloured, facets = judged_colour(self.spec) is not None, self.lens.media.scattering
         return build_source(self.spec.source, self.lens.dispersion, coloured=coloured, facets=facets)
@@ -239,7 +248,7 @@ class LedStudy:
         judging, recipe, colour = held_back(self._source), self.study.recipe, judged_colour(self.spec)
         return [
             designed_pictures(kind.nominal, judging, kind.boards, recipe.designed_rays, recipe.seed, colour)
-            for kind in self.study.kinds
+            for kind in self.kinds
         ]
 
     @cached_property
@@ -248,11 +257,11 @@ class LedStudy:
         study, recipe = self.study, self.study.recipe
         held = ReplicateRays.of(held_back(self._source), recipe.rays, recipe.seed)
         coarse = self._limits_by(eye_views(self.spec, searched=True))
-        light = PartLight(self.spec, study.kinds[0].nominal, self.receivers, coarse, held)
+        light = PartLight(self.spec, self.kinds[0].nominal, self.receivers, coarse, held)
         if study.lamps.is_single:
             return light
         receivers = tuple(board.receiver for board in study.boards)
-        return BoardLight.of(light, receivers, study.kinds, self.designed_pictures)
+        return BoardLight.of(light, receivers, self.kinds, self.designed_pictures)
 
     @cached_property
     def designed(self) -> MeasuredPart:
@@ -325,7 +334,7 @@ class LedStudy:
             for prefix, receiver in zip(self._prefixes, light.receivers, strict=True):
                 judged = judged_figures(receiver, transmittance_of(self.lens.media))
                 asked += [(f"{prefix}{name}", figure) for name, figure in judged.items()]
-        powers = chain((limit.flux_power for limit in self.limits), repeat(0.0))  # of none but these the bound is light
+        powers = chain((limit.quantity.flux_power for limit in self.limits), repeat(0.0))
         return tuple(
             MetricBound(metric=name, sense=figure.sense, bound=figure.bound, unit=figure.unit, flux_power=power)
             for (name, figure), power in zip(asked, powers, strict=False)
@@ -350,7 +359,7 @@ class LedStudy:
                 in_plate(deviation, lamp) for deviation, lamp in zip(deviations, self.study.lamps.lamps, strict=True)
             ]
         place = self.spec.source.position_mm
-        makers = {number: replace(kind.maker, source_mm=place) for kind in self.study.kinds for number in kind.numbers}
+        makers = {number: replace(kind.maker, source_mm=place) for kind in self.kinds for number in kind.numbers}
         return tuple(makers[number].part(deviation) for number, deviation in enumerate(deviations))
 
     def measure(self, deviations: Sequence[Deviations]) -> Float[np.ndarray, "m 2"]:
@@ -372,7 +381,7 @@ class LedStudy:
         changes = part.change_from(self.designed, self.designed_light.receivers)
         for number, (limit, light) in enumerate(zip(self.limits, self.designed_light.limits, strict=False)):
             seen = self.designed.limits[number][0]
-            if limit.of_view and seen > 0.0:
+            if limit.quantity.of_view and seen > 0.0:
                 changes[-1][str(number)] = scaled(changes[-1][str(number)], light.value / seen, light.unit)
         return changes
 

@@ -15,7 +15,6 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Bool, Float
 
-from lensforge.light.metrics import jackknife_error
 from lensforge.light.simulation import REPLICATES
 from lensforge.made.board_light import periods_of
 from lensforge.made.measured_parts import KeptParts, MeasuredParts, Progress
@@ -35,6 +34,7 @@ from lensforge.made.tolerance_result import (
 )
 from lensforge.results import Metric
 from lensforge.results.cluster import WorkerPool
+from lensforge.results.estimates import jackknife_error
 from lensforge.scene.lens import Lens
 from lensforge.scene.perturbations import Draws, orthonormal
 from lensforge.search.room_for_parts import require_feasible_tolerances

@@ -218,7 +218,8 @@ def required_facts(results: Results, possible: BoundsByState | None = None) -> l
     )
     if_limited = _selected(groups, ("thickest", *drafts))
     moulded = [fact for group in groups if group.key == "mould" for fact in group.facts if fact.notice]
-    return [*limits, *light, *shape, *(fact for fact in if_limited if fact.limit is not None), *moulded]
+    trade = [fact for group in groups if group.key == "trade" for fact in group.facts]
+    return [*trade, *limits, *light, *shape, *(fact for fact in if_limited if fact.limit is not None), *moulded]
 
 
 def further_facts(results: Results) -> list[Fact]:
@@ -282,7 +283,10 @@ def _place(lens: LensShape, name: str) -> str:
 
 
 def _wanted_light(spec: Spec) -> str:
-    return "; ".join(map(_on_receiver, spec.all_receivers))
+    """The targets of each receiver, and the temperature of the lens where it is not that of reference."""
+    celsius = spec.lens.at_work_c
+    warm = () if celsius is None else (f"lens at {celsius:g} °C",)
+    return "; ".join((*warm, *map(_on_receiver, spec.all_receivers)))
 
 
 def _on_receiver(receiver: ReceiverSection) -> str:

@@ -8,6 +8,7 @@
 - ``figure.Figure``, ``figure.Criterion``: what is told of a field and what judges it, declared there
 - ``case.Case``: a result with one LED and on one receiver, which tells its titles, criteria and files
 - ``numerals.quantity``: the one formatter of numbers
+- ``estimates.debiased_minimum``: figures of light without the noise of its rays, and their standard errors
 - ``criteria.at_most``: the criterion that a value keeps its limit, a ``Fact``, too
 - ``verdict.Verdict``: the judgement on light, files and cutting
 - ``files.replacing``: a file that is written whole or not at all

@@ -71,6 +71,11 @@ _STORED_LIMIT = StoredAs(_OF_LIMITS | {"bound": "limit", "unit": "unit", "state"
 JudgedLimits = tuple[Annotated[Fact, _STORED_LIMIT], ...]
 
 
+_OF_FIGURES = {"name": "key", "receiver": "place", "quantity": "note", "value": "metric", "unit": "unit"}
+_STORED_FIGURE = StoredAs(_OF_FIGURES, lambda figure: replace(figure, label=figure.key))
+StatedFigures = tuple[Annotated[Fact, _STORED_FIGURE], ...]
+
+
 def at_most(
     name: str, value: float, limit: float, unit: str, remedy: str, tolerance: float = 0.0, error: float | None = None
 ) -> Fact:

@@ -1,8 +1,8 @@
 """Light in an application, linear in the intensities of its lamps: what an add-on says of its entries of a spec."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar, Generic, TypeVar
 
 from pydantic import Field
@@ -13,7 +13,7 @@ from lensforge.results import Fact, Group, Record, Text
 from lensforge.results.criteria import JudgedLimits
 from lensforge.results.registered_kinds import add_empty_list, add_list
 from lensforge.scene.intensity_limit import Candela, IntensityLimit
-from lensforge.spec.application import Application
+from lensforge.spec.application import Application, names_of
 
 _Entry = TypeVar("_Entry", bound=Application)
 _Record = TypeVar("_Record", bound=Record)
@@ -63,6 +63,43 @@ class ApplicationLight(ABC, Generic[_Entry, _Judgement]):
     @abstractmethod
     def worst(cls, entries: Sequence[_Entry], limits: Sequence[Fact]) -> Group:
         """Group of all entries: each required figure at its worst place."""
+
+
+_PartOf = Callable[[str, str], tuple[str, str]]
+
+
+def _as_told(place: str, figure: str) -> tuple[str, str]:
+    return place, figure
+
+
+def worst_figures(
+    entries: Sequence[Application],
+    limits: Sequence[Fact],
+    key: str,
+    part_of: Callable[[str, str], tuple[str, str]] = _as_told,
+) -> Iterator[Fact]:
+    """Figures that the classes of ``entries`` require, each of the entry and its part that has it worst.
+
+    ``part_of``: makes of the part and the figure that a limit is of those that are told.
+    """
+    worst: dict[tuple[str, str], Fact] = {}
+    names = names_of(entries)
+    for limit in limits:
+        name = next((name for name in names if limit.label.startswith(f"{name}: ")), None)
+        if name is None:
+            continue
+        place, _, figure = limit.label.removeprefix("" if len(names) > 1 else f"{name}: ").rpartition(": ")
+        place, figure = part_of(place, figure)
+        note = f"worst: {place}" if place else ""
+        fact = replace(limit, key=key, label=figure[:1].upper() + figure[1:], note=note)
+        worst[figure, limit.sense] = max(worst.get((figure, limit.sense), fact), fact, key=_strain)
+    yield from worst.values()
+
+
+def _strain(limit: Fact) -> float:
+    """Part of an upper bound that is reached, or of what a lower one asks, its inverse."""
+    part = limit.metric.value / limit.bound
+    return part if limit.sense == "<=" else 1.0 / max(part, 1e-9)
 
 
 def light_in(entry: Application) -> ApplicationLight[Any, Any]:

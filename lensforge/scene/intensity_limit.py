@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Float
 
 from lensforge.results import Sense
-from lensforge.spec.light_limits import Quantity
+from lensforge.spec.quantities import Quantity
 
 if TYPE_CHECKING:
     from scipy import sparse
@@ -68,21 +68,6 @@ class CandelaSum:
 Candela = Callable[[CandelaSum], Float[np.ndarray, "p n"]]
 
 
-@dataclass(frozen=True)
-class GlareLaw:
-    """Glare ``name`` by the veiling luminance L_v (cd/m²) before a mean luminance L: factor L_v / L^power.
-
-    ``steps``: up to which L each factor and power holds.
-    """
-
-    name: str
-    steps: tuple[tuple[float, float, float], ...]
-
-    def at(self, mean_cd_per_m2: float) -> tuple[float, float]:
-        """Factor and power at a mean luminance."""
-        return next((factor, power) for most, factor, power in self.steps if mean_cd_per_m2 <= most)
-
-
 class LumensBound(ABC):
     """Most light that the lumens of lamps leave, wherever they go, by a ``law`` in words; ``remedies``: what raises it.
 
@@ -99,13 +84,10 @@ class LumensBound(ABC):
 
 @dataclass(frozen=True, eq=False)
 class IntensityLimit:
-    """A figure that is required: the ``quantity`` of ``light`` is ``sense`` ``bound`` in ``unit``; ``most``: its bound.
-
-    Of glare, whose quantity is its law, the last place is the mean luminance, the others are veiling luminance.
-    """
+    """The ``quantity`` of ``light`` is to be ``sense`` ``bound`` in ``unit``; ``most``: what physics allows."""
 
     name: str
-    quantity: Quantity | GlareLaw
+    quantity: Quantity
     sense: Sense
     bound: float
     unit: str

@@ -1,103 +1,68 @@
 """Limits on the light of a receiver, as readings of its picture: which places count, by which unit, and the bound."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from math import ceil
-from typing import cast, get_args
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Float, Int
 from scipy import sparse
 
 from lensforge.errors import InputError
+from lensforge.optics.arrays import Array
 from lensforge.results import Sense
 from lensforge.scene.application_light import light_in
 from lensforge.scene.body import Chain
 from lensforge.scene.eye_view import EyeView, eye_views
-from lensforge.scene.intensity_limit import GlareLaw, LumensBound
+from lensforge.scene.intensity_limit import LumensBound
 from lensforge.scene.light_ends import loss_names
 from lensforge.scene.receiver import PosedReceiver, equal_area
 from lensforge.scene.region import Region, ZoneOfLimit
 from lensforge.spec import Spec
 from lensforge.spec.application import names_of
 from lensforge.spec.light_limits import (
-    BeamAngleLimit,
-    GlareLimit,
+    OF_MEAN,
+    PER_WATT,
+    PHOTOMETRIC,
+    SYMBOLS,
     LimitSection,
-    LineLimit,
     LossLimit,
     LuminanceLimit,
-    PointsLimit,
-    Quantity,
     ZoneLimit,
 )
+from lensforge.spec.quantities import FluxShare, LostShare, MeanLuminance, Quantity, SpotLuminance
+from lensforge.spec.trades import figures_of
 
-_UNITS = {"w_per_m2": "W/m²", "lx": "lx", "w_per_sr": "W/sr", "cd": "cd", "deg": "°"}
-_UNITS |= {"w_per_m2_sr": "W/(m² sr)", "cd_per_m2": "cd/m²"}
-_PHOTOMETRIC = ("lx", "cd", "cd_per_m2")
 _STEPS_PER_PIXEL = 2  # places along a line or a cut: the light between them is bilinear
+FILTER_PIXELS = 4.0  # diameter of a disc with the variance of the picture's filter, one square pixel along each axis
+_FEWEST_RINGS, _MOST_RINGS = 2, 8  # of places over a light meter
+_AROUND = 8  # places on a ring
 _SENSES: tuple[Sense, Sense] = (">=", "<=")
 
 
 @dataclass(frozen=True, eq=False)
-class LightLimit:
-    """One bound on the light of ``receiver``, by its index: the ``quantity`` is ``sense`` ``bound``, in ``unit``.
+class LightReading:
+    """A ``quantity`` of the light of ``receiver``, by its index, in ``unit``; ``sense``: the side that is wanted.
 
     ``readings``: matrix from the flux (W) on each pixel to the light at each place, in ``unit``; relative light and
-    angles in W/m² or W/sr. ``angles_deg``: of the places of a beam angle, whose half side counts at ``level``. Of
-    glare, whose quantity is its law, the last place is the mean luminance (cd/m²), the others are veiling luminance; of
-    a ratio the first place is over the second. Of a loss the readings are of the flux (W) by cause, as
-    ``scene.light_ends`` orders them. Of a luminance they are spots on the view of an eye, of a mean its sum over the
-    area (mm²) of the outline; views are numbered behind the receivers; ``coarser`` are these spots by half as many
-    pixels. ``application``: number of that whose class asks for it, ``share`` its weight; ``most`` times ``lamp_lm``:
-    its most. ``blurred``: share of the value by which the blur of a view may change it. ``eyes``: number of those that
-    are judged together. ``region``: of a share of the flux, the zone in which it is judged by ray.
+    angles in W/m² or W/sr. Of a loss they are of the flux (W) by cause, as ``scene.light_ends`` orders them. Of a
+    luminance they are spots on the view of an eye, of a mean its sum over the area (mm²) of the outline; views are
+    numbered behind the receivers; ``coarser`` are these spots by half as many pixels. ``blurred``: share of the value
+    by which the blur of a view may change it.
     """
 
     name: str
     receiver: int
-    quantity: Quantity | GlareLaw
+    quantity: Quantity
     sense: Sense
-    bound: float
     unit: str
     readings: sparse.csr_array
-    angles_deg: Float[np.ndarray, " k"] | None = None
-    level: float = 1.0
-    application: int | None = None
-    share: float = 1.0
-    most: LumensBound | None = None
-    lamp_lm: float = 0.0
-    coarser: sparse.csr_array | None = None
-    blurred: float = 0.0
-    eyes: int = 1
-    region: Region | None = None
+    coarser: sparse.csr_array | None = field(default=None, kw_only=True)
+    blurred: float = field(default=0.0, kw_only=True)
 
-    @property
-    def by_intensities(self) -> bool:
-        """True where the intensities that files hold judge it, and a picture only in a search: at few places."""
-        return self.application is not None
-
-    @property
-    def of_losses(self) -> bool:
-        """True where it reads the flux by cause of its loss, and no picture."""
-        return self.quantity == "loss"
-
-    @property
-    def of_view(self) -> bool:
-        """True where it reads the view of an eye, and no receiver."""
-        return self.quantity in ("luminance", "mean_luminance")
-
-    @property
-    def is_share(self) -> bool:
-        """True where it bounds a share of the flux of the source, whatever that is."""
-        return self.quantity in ("share", "loss")
-
-    @property
-    def flux_power(self) -> float:
-        """Power of the flux of the source by which its value grows; of glare that in the dark."""
-        if isinstance(self.quantity, GlareLaw):
-            return 1.0 - self.quantity.at(0.0)[1]
-        return 1.0 if self.quantity in ("light", "luminance", "mean_luminance") else 0.0
+    def whole(self, images: Array) -> Array:
+        """Light on all pixels, in ``unit``; the ``images`` as they are where the quantity does not ask for it."""
+        return self.light_per_flux * images if self.quantity.of_whole else images
 
     def of(self, images: Float[np.ndarray, "r *_"]) -> Float[np.ndarray, "r k"]:
         """Readings of pictures of flux (W), or of flux (W) by cause."""
@@ -107,6 +72,29 @@ class LightLimit:
     def light_per_flux(self) -> float:
         """Light on a pixel per W on it: the reading, at any place, of a picture of ones."""
         return float(self.readings.sum(axis=1).max())
+
+
+@dataclass(frozen=True, eq=False)
+class LightLimit(LightReading):
+    """A bound on a reading of the light: it is to be ``sense`` ``bound``.
+
+    ``application``: number of that whose class asks for it, ``share`` its weight; ``most`` times ``lamp_lm``: its most.
+    ``eyes``: number of those that are judged together. ``region``: of a share of the flux, the zone in which it is
+    judged by ray.
+    """
+
+    bound: float
+    application: int | None = field(default=None, kw_only=True)
+    share: float = field(default=1.0, kw_only=True)
+    most: LumensBound | None = field(default=None, kw_only=True)
+    lamp_lm: float = field(default=0.0, kw_only=True)
+    eyes: int = field(default=1, kw_only=True)
+    region: Region | None = field(default=None, kw_only=True)
+
+    @property
+    def by_intensities(self) -> bool:
+        """True where the intensities that files hold judge it, and a picture only in a search: at few places."""
+        return self.application is not None
 
 
 def light_limits(
@@ -143,6 +131,20 @@ def light_limits(
     return tuple(judged)
 
 
+def stated_readings(
+    spec: Spec, receivers: Sequence[PosedReceiver], lumens_per_watt: float | None
+) -> tuple[LightReading, ...]:
+    """Figures by which the application of ``spec`` is judged, without bounds: they are stated."""
+    readings = []
+    for figure in figures_of(spec.application, spec.all_receivers[0], lumens_per_watt is not None):
+        at, matrix = _read(figure.section, receivers[0], figure.label)
+        read = _scale(figure.bounded, figure.label, lumens_per_watt) / receivers[0].pixel_measure * matrix
+        quantity = figure.section.quantity(figure.bounded, at)
+        unit = figure.section.unit_of(figure.bounded)
+        readings.append(LightReading(figure.label, 0, quantity, figure.sense, unit, sparse.csr_array(read)))
+    return tuple(readings)
+
+
 def zones_on(receiver: int, limits: Sequence[LightLimit]) -> tuple[Region, ...]:
     """Zones of those ``limits`` that bound shares of the flux on the ``receiver`` of this number, in their order."""
     return tuple(limit.region for limit in limits if limit.region is not None and limit.receiver == receiver)
@@ -167,7 +169,7 @@ def _of_application(
         pixels = _bilinear(receiver, *equal_area(receiver.pose.to_local_directions(units)).T)
         readings = sparse.csr_array(scale * (wanted.light.weights * (units[:, 2] >= 0.0)) @ pixels)
         label = f"{name}: {wanted.name}"
-        limit = LightLimit(label, index, wanted.quantity, wanted.sense, wanted.bound, wanted.unit, readings)
+        limit = LightLimit(label, index, wanted.quantity, wanted.sense, wanted.unit, readings, wanted.bound)
         all_lm = lamp_lm * len(receiver.lamps)
         yield replace(limit, application=number, share=entry.share, most=wanted.most, lamp_lm=all_lm)
 
@@ -175,17 +177,17 @@ def _of_application(
 def _of_loss(limit: LossLimit, name: str, index: int, spec: Spec, flux_w: float) -> LightLimit:
     causes = loss_names(Chain.of_lens(spec.lens))
     readings = sparse.csr_array(([1.0 / flux_w], ([0], [causes.index(limit.cause)])), shape=(1, len(causes)))
-    return LightLimit(name, index, "loss", "<=", limit.at_most_share, "", readings)
+    return LightLimit(name, index, LostShare(), "<=", "", readings, limit.at_most_share)
 
 
 def _of_view(limit: LuminanceLimit, scale: float, index: int, view: EyeView) -> Iterator[LightLimit]:
-    quantity: Quantity = "mean_luminance" if view.of_mean else "luminance"
+    quantity = MeanLuminance() if view.of_mean else SpotLuminance()
     readings = scale / view.pixel_measure * view.spots()
     if view.of_mean:
         readings = sparse.csr_array(np.full((1, readings.shape[1]), 1e6 * scale))
     for sense, bound in zip(_SENSES, (limit.at_least, limit.at_most), strict=True):
         if bound is not None:
-            judged = LightLimit(view.label, index, quantity, sense, bound, _UNITS[limit.unit or ""], readings)
+            judged = LightLimit(view.label, index, quantity, sense, SYMBOLS[limit.unit or ""], readings, bound)
             yield judged if view.of_mean else _with_doubt(judged, view, scale)
 
 
@@ -199,86 +201,104 @@ def _with_doubt(limit: LightLimit, view: EyeView, scale: float) -> LightLimit:
 def _bounds_of(
     limit: LimitSection, where: str, index: int, receiver: PosedReceiver, lumens_per_watt: float | None, flux_w: float
 ) -> Iterator[LightLimit]:
-    readings = _readings(limit, receiver, where) / receiver.pixel_measure
+    at, matrix = _read(limit, receiver, where)
+    readings = matrix / receiver.pixel_measure
     name = limit.name or where
-    for quantity in limit.quantities():
-        scale = _scale(quantity, where, lumens_per_watt)
-        kind = _kind(quantity)
+    for bounded in limit.quantities():
+        scale = _scale(bounded, where, lumens_per_watt)
+        quantity = limit.quantity(bounded, at)
         bound_readings = readings
         region = None
-        if quantity == "share" and isinstance(limit, ZoneLimit):
+        if isinstance(quantity, FluxShare) and isinstance(limit, ZoneLimit):
             region = ZoneOfLimit(limit, receiver)
             bound_readings = sparse.csr_array(readings.sum(axis=0)[None, :] * (receiver.pixel_measure / flux_w))
-        angles = None
-        level = 1.0
-        if isinstance(limit, BeamAngleLimit):
-            angles = _cut(receiver)
-            level = limit.level
-        for sense, bound in zip(_SENSES, limit.bounds(quantity), strict=True):
+        for sense, bound in zip(_SENSES, limit.bounds(bounded), strict=True):
             if bound is not None:
-                unit = _UNITS.get(quantity, "")
                 read = sparse.csr_array(scale * bound_readings)
-                yield LightLimit(name, index, kind, sense, bound, unit, read, angles, level, region=region)
+                unit = limit.unit_of(bounded)
+                yield LightLimit(name, index, quantity, sense, unit, read, bound, region=region)
 
 
-def _kind(quantity: str) -> Quantity:
-    if quantity == "deg":
-        return "beam_angle"
-    return cast(Quantity, quantity) if quantity in get_args(Quantity) else "light"
+@dataclass(frozen=True)
+class _Picture:
+    """The picture of a receiver, as limits ask where to read it."""
+
+    receiver: PosedReceiver
+
+    @property
+    def half(self) -> float:
+        """Largest distance from the axis within which every place is on the picture."""
+        radius = min(self.receiver.window.radius, 0.5 * self.receiver.grid.width, 0.5 * self.receiver.grid.height)
+        return self.receiver.target_coordinates(np.array([radius]), np.array([0.0]))[0].item()
+
+    @property
+    def steps(self) -> int:
+        """Places along a cut through the whole picture, less one."""
+        return _STEPS_PER_PIXEL * max(self.receiver.grid.shape)
+
+    def steps_between(self, start: tuple[float, float], end: tuple[float, float]) -> int:
+        """Places from ``start`` to ``end``, less one; at least one."""
+        (x0, y0), (x1, y1) = (self.receiver.chart_coordinates(*np.array(place)[:, None]) for place in (start, end))
+        long = np.hypot((x1 - x0) / self.receiver.grid.pixel[0], (y1 - y0) / self.receiver.grid.pixel[1])
+        return max(1, ceil(_STEPS_PER_PIXEL * long.item()))
 
 
-def _scale(quantity: str, where: str, lumens_per_watt: float | None) -> float:
-    if quantity not in _PHOTOMETRIC:
-        return 1.0
+def _scale(bounded: str, where: str, lumens_per_watt: float | None) -> float:
+    """Light by 1 W in the unit that is bounded, or in that at the end of its name."""
+    unit = bounded.removeprefix(OF_MEAN)
+    if unit not in PHOTOMETRIC:
+        return PER_WATT.get(unit, 1.0)
     if lumens_per_watt is None:
         raise InputError(
-            f"{where}: its bound is in {quantity}, but the source's lumens are not known; give source.flux_lm, a "
+            f"{where}: it is in {unit}, but the source's lumens are not known; give source.flux_lm, a "
             "spectrum or luminous_efficacy_lm_per_w, or bounds in W"
         )
     return lumens_per_watt
 
 
-def _readings(limit: LimitSection, receiver: PosedReceiver, where: str) -> sparse.csr_array:
-    match limit:
-        case PointsLimit():
-            x, y = np.array(limit.places).T
-            return _bilinear(receiver, *receiver.chart_coordinates(x, y))
-        case LineLimit():
-            (x0, y0), (x1, y1) = (receiver.chart_coordinates(*np.array(end)[:, None]) for end in limit.places)
-            long = np.hypot((x1 - x0) / receiver.grid.pixel[0], (y1 - y0) / receiver.grid.pixel[1])
-            part = np.linspace(0.0, 1.0, max(2, ceil(_STEPS_PER_PIXEL * long.item()) + 1))
-            (xs, ys), (xe, ye) = limit.places
-            return _bilinear(receiver, *receiver.chart_coordinates(xs + part * (xe - xs), ys + part * (ye - ys)))
-        case BeamAngleLimit():
-            angles = _cut(receiver)
-            turn = np.radians(limit.azimuth_deg)
-            return _bilinear(receiver, *receiver.chart_coordinates(angles * np.cos(turn), angles * np.sin(turn)))
-    inside = _zone(limit, receiver)
-    if not inside.any():
-        raise InputError(f"{where}: no pixel of the receiver lies in it; make it larger, or evaluate.pixels")
-    pixels = np.flatnonzero(inside)
-    ones = np.ones(len(pixels))
-    shape = (len(pixels), inside.size)
-    return sparse.csr_array((ones, (np.arange(len(pixels)), pixels)), shape=shape)
-
-
-def _zone(limit: LimitSection, receiver: PosedReceiver) -> Bool[np.ndarray, "h w"]:
-    """Pixels whose centres lie in a zone, or in the directions of a glare limit; within the window."""
+def _pixels_in(limit: LimitSection, receiver: PosedReceiver, where: str) -> Int[np.ndarray, " k"]:
+    """Numbers of the pixels of the window whose centres ``limit`` contains."""
     grid = receiver.grid
     x, y = receiver.target_coordinates(*np.meshgrid(grid.x(), grid.y()))
-    inside = receiver.window.pixels(grid)
-    if isinstance(limit, GlareLimit):
-        inside &= np.hypot(x, y) >= limit.from_deg
-    elif isinstance(limit, ZoneLimit) and limit.zone is not None:
-        inside &= limit.zone.contains(*limit.zone.about_centre(x, y))
-    return inside
+    pixels = np.flatnonzero(receiver.window.pixels(grid) & limit.contains(x, y))
+    if not len(pixels):
+        raise InputError(f"{where}: no pixel of the receiver lies in it; make it larger, or evaluate.pixels")
+    return pixels
 
 
-def _cut(receiver: PosedReceiver) -> Float[np.ndarray, " k"]:
-    """Angles (deg) from the axis along a cut through the far field."""
-    half_deg = receiver.target_coordinates(np.array([receiver.window.radius]), np.array([0.0]))[0].item()
-    steps = _STEPS_PER_PIXEL * max(receiver.grid.shape)
-    return np.linspace(-half_deg, half_deg, steps + 1)
+def _read(
+    limit: LimitSection, receiver: PosedReceiver, where: str
+) -> tuple[Float[np.ndarray, "k 2"], sparse.csr_array]:
+    """Places (x, y) that ``limit`` reads, and the matrix from pixels to the readings of a light meter there."""
+    at = limit.read_at(_Picture(receiver))
+    wide = limit.length("meter")
+    if at is None:
+        grid = receiver.grid
+        pixels = _pixels_in(limit, receiver, where)
+        x, y = receiver.target_coordinates(*np.meshgrid(grid.x(), grid.y()))
+        at = np.stack([x.flat[pixels], y.flat[pixels]], axis=1)
+        if wide is None:
+            rows = np.arange(len(pixels))
+            return at, sparse.csr_array((np.ones(len(pixels)), (rows, pixels)), shape=(len(pixels), x.size))
+    offsets = np.zeros((1, 2)) if wide is None else _over_meter(wide, receiver)
+    parts = [_bilinear(receiver, *receiver.chart_coordinates(*(at + offset).T)) for offset in offsets]
+    return at, sparse.csr_array(sum(parts[1:], parts[0]) / len(parts))
+
+
+def _over_meter(wide: float, receiver: PosedReceiver) -> Float[np.ndarray, "n 2"]:
+    """Places over a light meter of this diameter, about its middle.
+
+    The filter of the picture is a part of the meter: what it lacks to the variance of the meter's disc, a sixteenth of
+    the square of its diameter, is left to these places.
+    """
+    pixel = float(receiver.target_coordinates(np.array([receiver.grid.pixel[0]]), np.array([0.0]))[0].item())
+    rest = wide**2 - (FILTER_PIXELS * pixel) ** 2
+    if rest <= 0.0:
+        return np.zeros((1, 2))
+    rings = int(np.clip(ceil(np.sqrt(rest) / pixel), _FEWEST_RINGS, _MOST_RINGS))
+    radii = 0.5 * np.sqrt(rest * (np.arange(rings) + 0.5) / rings)
+    turns = 2.0 * np.pi * (np.arange(_AROUND) + 0.5 * (np.arange(rings) % 2)[:, None]) / _AROUND
+    return (radii[:, None, None] * np.stack([np.cos(turns), np.sin(turns)], axis=-1)).reshape(-1, 2)
 
 
 def _bilinear(receiver: PosedReceiver, x: Float[np.ndarray, " k"], y: Float[np.ndarray, " k"]) -> sparse.csr_array:

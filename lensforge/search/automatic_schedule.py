@@ -19,9 +19,11 @@ from dataclasses import dataclass, replace
 from lensforge.scene.lens import Lens
 from lensforge.search.schedule import (
     ACCEPTED,
+    FIRST_LIMIT_WEIGHT,
     TAKEN_BACK,
     AutomaticStages,
     Gain,
+    LimitWeights,
     NextStage,
     Outcome,
     Schedule,
@@ -45,6 +47,7 @@ _UP = 0.95  # of the budget: a machine that others use may become slower by any 
 # Long stages in a row that end no better than they began, after which a search ends. By two of them a draft of road_m3
 # keeps an efficiency of 0.591, and the third, of a quarter of the steps' length, finds 0.633.
 _LOST = 3
+_HEAVIER_LIMITS = 4.0  # times as much after each stage with a limit missed: in full after four
 _FEWEST = 10  # steps of a stage that is cut to fit the budget
 
 
@@ -55,6 +58,11 @@ class _Ended:
     stage: Stage
     outcome: Outcome
     seconds: float
+
+    @property
+    def lacks_limits(self) -> bool:
+        """True where limits are missed that could yet count for more."""
+        return self.outcome.light.limits_missed > 0 and self.stage.limit_weight < 1.0
 
     @property
     def step_s(self) -> float:
@@ -143,6 +151,11 @@ class AutomaticSchedule(Schedule):
     uniform: bool
     budget_s: float | None = None
 
+    @property
+    def limit_weights(self) -> LimitWeights:
+        """A weight that grows while limits are missed; that of a finished lens is 1 from its first step on."""
+        return LimitWeights() if self.stages.start_level else LimitWeights(FIRST_LIMIT_WEIGHT, _HEAVIER_LIMITS)
+
     def phases(self) -> Generator[NextStage, Outcome]:
         """The whole search: every stage is answered by its outcome, and the last item has none."""
         start = self.stages.start_level
@@ -226,7 +239,7 @@ class AutomaticSchedule(Schedule):
                 if self._budget.expired(course.last):
                     return f"{self._budget.words} are used"
                 lost = 0 if improved else lost + 1
-                if 0 < lost < _LOST:
+                if 0 < lost < _LOST or course.last.lacks_limits:
                     before += 1
                     continue
                 steps = course.last.outcome.steps

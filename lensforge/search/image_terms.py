@@ -28,10 +28,11 @@ from lensforge.optics.colorimetry import away_from, denominator, uv_of
 from lensforge.scene.receiver import PosedReceiver
 from lensforge.scene.target_pattern import in_target, target_light, uniform_region
 from lensforge.search.collected_light import Collected
-from lensforge.search.limit_terms import Image, not_dark, smoothed
+from lensforge.search.limit_terms import Image, smoothed
 from lensforge.search.parameters import ChartMirrors, chart_mirrors, mirrored_light
 from lensforge.sources.ray_bundle import RayBundle, Source
 from lensforge.spec import TargetSection
+from lensforge.spec.quantities import not_dark
 
 # Factors of the terms added to an NMSE of order 0.01 to 1. A receiver that is judged by uniformity and efficiency has
 # a strong efficiency term in every stage; elsewhere the NMSE itself includes efficiency.

@@ -12,17 +12,11 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from lensforge.scene.intensity_limit import GlareLaw
 from lensforge.scene.limit_readings import LightLimit
 
 Image = Float[Tensor, "h w"]
 Images = tuple[Float[Tensor, "_ _"], ...]  # of receivers, each with a shape of its own
 Losses = tuple[Float[Tensor, " c"], ...]  # flux by cause, of receivers; none where no limit asks for it
-
-
-def not_dark(scale: Float[Tensor, ""]) -> Float[Tensor, ""]:
-    """``scale``; 1 where all is dark, so that a loss relative to it is large, not undefined."""
-    return torch.where(scale > 0.0, scale, 1.0)
 
 
 def smoothed(flux: Image) -> Image:
@@ -41,7 +35,6 @@ _NOISE = 0.02  # of a reading by a step's rays, relative to its bound: of a plac
 _OF_EACH = 30.0
 _AT_MOST = 300.0
 _OF_FLUX = 0.4  # the excess of a loss counts as a part of so much: with 0.1 a search for an oval keeps its narrow start
-_OVER_LEAST = ("mean_over_min", "max_over_min")
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,7 +54,7 @@ class LimitTerm:
         matrix = torch.sparse_coo_tensor(places, torch.from_numpy(coo.data), coo.shape, check_invariants=False)
         factor = _OF_EACH * coo.shape[0]
         factor = limit.share * factor if limit.by_intensities else min(factor, limit.eyes * _AT_MOST)
-        margin = _WIDE_MARGIN if limit.by_intensities or limit.of_view else _MARGIN
+        margin = _WIDE_MARGIN if limit.by_intensities or limit.quantity.of_view else _MARGIN
         return LimitTerm(limit, matrix.coalesce(), factor, margin - _MARGIN if by_parts else margin)
 
     @property
@@ -72,7 +65,7 @@ class LimitTerm:
     @property
     def noise(self) -> float:
         """Noise of the excess by the rays of a step."""
-        return _NOISE * self.limit.bound / _OF_FLUX if self.limit.of_losses else _NOISE
+        return _NOISE * self.limit.bound / _OF_FLUX if self.limit.quantity.of_losses else _NOISE
 
     def loss(self, images: Images, losses: Losses = ()) -> Float[Tensor, ""]:
         """Mean of e^2/(1+e) over the places, e what is missing to the bound or above it, relative to the bound."""
@@ -86,47 +79,26 @@ class LimitTerm:
 
     def excesses(self, images: Images, losses: Losses = ()) -> tuple[Float[Tensor, " k"]]:
         """Excess at each place, below 0 where the limit is held with its margin."""
-        if self.limit.of_losses:
+        if self.limit.quantity.of_losses:
             by_cause = losses[self.limit.receiver]
             return (self.excess(torch.mv(self.readings, by_cause), by_cause),)
-        picture = images[self.limit.receiver] if self.limit.of_view else smoothed(images[self.limit.receiver])
+        picture = images[self.limit.receiver] if self.limit.quantity.of_view else smoothed(images[self.limit.receiver])
         return (self.excess(torch.mv(self.readings, picture.reshape(-1)), picture),)
 
-    def excess(self, light: Float[Tensor, " k"], picture: Float[Tensor, "*_"]) -> Float[Tensor, " k"]:
-        """Excess at each place; of an even zone at its dark places, of a beam angle at those on the wrong side."""
+    def excess(self, light: Float[Tensor, " k"], picture: Float[Tensor, "*_"]) -> Float[Tensor, " n"]:
+        """Excess at each place that counts; of an even zone at its dark places, of a beam angle on the wrong side."""
         limit = self.limit
-        scale = torch.ones((), dtype=light.dtype)
-        match limit.quantity:
-            case "relative":
-                scale = not_dark(picture.detach().max() * limit.light_per_flux)
-            case "min_over_mean" | "mean_over_min":
-                scale = not_dark(light.mean())
-            case "min_over_max" | "max_over_min":
-                scale = not_dark(light.detach().max())
-            case "ratio":
-                light, scale = light[:1], not_dark(light[1])
-            case GlareLaw() as law:
-                factor, power = law.at(float(light[-1].detach()))
-                light, scale = light[:-1], not_dark(light[-1]) ** power / factor
-            case "beam_angle":
-                return self._beside_the_beam(light)
-        if limit.of_losses:  # by the bound, which may be small, a little too much would outweigh the pattern
+        quantity = limit.quantity
+        if quantity.of_losses:  # by the bound, which may be small, a little too much would outweigh the pattern
             return (light - (1.0 - self.margin) * limit.bound) / _OF_FLUX
-        if limit.quantity in _OVER_LEAST:  # at most so many times the least: at least that part of it
-            return self._beyond(light * limit.bound / scale, at_least=True)
-        return self._beyond(light / (scale * limit.bound), limit.sense == ">=")
+        relative = quantity.relative(light, limit.bound, limit.whole(picture))
+        beyond = self._beyond(relative, quantity.at_least(limit.sense))
+        counted = quantity.counted(limit.bound, limit.sense)
+        return beyond if counted is None else torch.where(torch.from_numpy(counted), beyond, -1.0)
 
-    def _beyond(self, relative: Float[Tensor, " k"], at_least: bool) -> Float[Tensor, " k"]:
+    def _beyond(self, relative: Float[Tensor, " n"], at_least: bool) -> Float[Tensor, " n"]:
         """Excess of light relative to its bound over that with its margin."""
         return 1.0 + self.margin - relative if at_least else relative - (1.0 - self.margin)
-
-    def _beside_the_beam(self, light: Float[Tensor, " k"]) -> Float[Tensor, " k"]:
-        """Light within a least angle must be above the level, light outside of a largest one below it."""
-        limit = self.limit
-        assert limit.angles_deg is not None
-        off = torch.from_numpy(np.abs(limit.angles_deg)) - 0.5 * limit.bound
-        beyond = self._beyond(light / (limit.level * not_dark(light.detach().max())), limit.sense == ">=")
-        return torch.where(off < 0.0 if limit.sense == ">=" else off > 0.0, beyond, -1.0)
 
 
 @dataclass(frozen=True, eq=False)

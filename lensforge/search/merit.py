@@ -10,22 +10,25 @@ from dataclasses import dataclass, replace
 from statistics import mean
 from typing import Generic, NamedTuple, TypeVar
 
+import numpy as np
 import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from lensforge.light.judged_limits import judged, limit_value
 from lensforge.light.table_trace import Scene
 from lensforge.optics.fundamental_limits import transmittance_of
 from lensforge.scene.body import Chain
 from lensforge.scene.eye_view import eye_views
-from lensforge.scene.limit_readings import light_limits
+from lensforge.scene.limit_readings import LightLimit, light_limits
+from lensforge.scene.made_part import at_work
 from lensforge.scene.receiver_shapes import receivers_of
 from lensforge.search.collected_light import Collected
 from lensforge.search.constraints import AugmentedLagrangian
 from lensforge.search.image_terms import Colours, ColourTerm, ImageTerms, SourceColour, nmse_loss
 from lensforge.search.kinds import LightOfKinds
 from lensforge.search.light_path import LightPath, Pairs
-from lensforge.search.limit_terms import Image, Images, JoinedTerms, LimitTerm, Losses, limit_terms
+from lensforge.search.limit_terms import Image, Images, JoinedTerms, LimitTerm, Losses, limit_terms, smoothed
 from lensforge.search.parameters import Parametrisation
 from lensforge.search.share_of_parts import share_term
 from lensforge.sources.build_source import summarise
@@ -126,6 +129,22 @@ class SampleLoss:
     images: Images
 
 
+class MeritParts(NamedTuple):
+    """The merit without constraints; its part of the images, with their limits; and the part of the limits alone."""
+
+    all: float
+    image: float
+    limits: float
+
+
+def _read_by(limit: LightLimit, light: SampledLight) -> Tensor:
+    """The flux that ``limit`` reads of a sample: a picture, or losses by cause."""
+    if limit.quantity.of_losses:
+        return light.losses[limit.receiver]
+    picture = light.images[limit.receiver]
+    return picture if limit.quantity.of_view else smoothed(picture)
+
+
 _Light = TypeVar("_Light")
 
 
@@ -139,12 +158,19 @@ class Merit(ABC, Generic[_Light]):
         """The light of ``rays`` through the lens with these tables, or through ``pairs`` of its parts."""
 
     @abstractmethod
-    def training_loss(self, light: _Light, uniform: bool) -> SampleLoss:
-        """Loss by one sample, biased by its noise; ``uniform`` puts the uniformity of the masks before the images."""
+    def training_loss(self, light: _Light, uniform: bool, limit_weight: float = 1.0) -> SampleLoss:
+        """Loss by one sample, biased by its noise; ``uniform`` puts the uniformity of the masks before the images.
+
+        ``limit_weight``: of the limits on the light.
+        """
 
     @abstractmethod
-    def unbiased_merit(self, first: _Light, second: _Light, uniform: bool) -> tuple[float, float]:
-        """Merit without constraints from two independent samples, without their noise, and its part of the images."""
+    def unbiased_merit(self, first: _Light, second: _Light, uniform: bool) -> MeritParts:
+        """Merit without constraints from two independent samples, without their noise."""
+
+    @abstractmethod
+    def limits_missed(self, samples: Sequence[_Light]) -> int:
+        """Number of limits on the light that independent ``samples``, each of the whole flux, show to be missed."""
 
     @abstractmethod
     def joined(self, parts: Sequence[_Light], emitted_w: float) -> _Light:
@@ -158,10 +184,11 @@ class Merit(ABC, Generic[_Light]):
         constraints: AugmentedLagrangian,
         uniform: bool,
         pairs: Pairs = (),
+        limit_weight: float = 1.0,
     ) -> StepLoss:
         """Trace ``rays`` and add the constraints; with ``pairs`` of opposite parts by all of these."""
         tables = self.parametrisation.tables(weights, offsets)
-        light = self.training_loss(self.light_of(tables, rays, pairs), uniform)
+        light = self.training_loss(self.light_of(tables, rays, pairs), uniform, limit_weight)
         fields = constraints.fields(tables)
         return StepLoss(light.loss + constraints.term(fields), light.nmse, light.efficiency, fields, light.images)
 
@@ -207,11 +234,12 @@ class MeritFunction(Merit[SampledLight]):
         )
         single = single and not isinstance(spec.lamps, EndlessLamps)  # whose light comes from any distance
         scene = Scene(spec.media, parametrisation.grid, fresnel, chain=Chain.of_lens(spec.lens), single=single)
+        scene = replace(scene, made=at_work(spec, scene.names))
         efficacy = summarise(source, spec.source).lumens_per_watt if spec.has_limits else None
         views = eye_views(spec, searched=True)
         asked = light_limits(spec, receivers, efficacy, source.flux_w, views)
         crossing = source if scene.chain is not None and aims(source) else None
-        losses = max((limit.readings.shape[1] for limit in asked if limit.of_losses), default=0)
+        losses = max((limit.readings.shape[1] for limit in asked if limit.quantity.of_losses), default=0)
         places = (*receivers, *views)
         term = None
         colour = spec.colour
@@ -225,8 +253,11 @@ class MeritFunction(Merit[SampledLight]):
         limits = limit_terms(asked, by_parts=share is not None)
         return MeritFunction(spec, parametrisation, path, terms, limits, term, share)
 
-    def training_loss(self, light: SampledLight, uniform: bool) -> SampleLoss:
-        """Loss by one sample, biased by its noise; ``uniform`` puts the uniformity of the masks before the images."""
+    def training_loss(self, light: SampledLight, uniform: bool, limit_weight: float = 1.0) -> SampleLoss:
+        """Loss by one sample, biased by its noise; ``uniform`` puts the uniformity of the masks before the images.
+
+        ``limit_weight``: of the limits on the light.
+        """
         efficiency = self._weighted(light.images, lambda terms, image: float(image.detach().sum())) / light.emitted_w
         parts = light.of_parts()
         nmse = mean(
@@ -234,7 +265,7 @@ class MeritFunction(Merit[SampledLight]):
             for images, _ in parts
         )
         loss = torch.stack([self._image_loss(images, uniform) for images, _ in parts]).mean()
-        loss = loss + light.terms / light.emitted_w + self._limit_term(light)
+        loss = loss + light.terms / light.emitted_w + limit_weight * self._limit_term(light)
         if self.colour is not None:
             loss = loss + self.colour.error(light.colours, light.colours)
         return SampleLoss(loss, nmse, efficiency, tuple(image.detach() for image in light.images))
@@ -278,8 +309,8 @@ class MeritFunction(Merit[SampledLight]):
             images, flux, emitted_w, (pair_light,), self._colours((light_of_part, light_of_opposite)), losses
         )
 
-    def unbiased_merit(self, first: SampledLight, second: SampledLight, uniform: bool) -> tuple[float, float]:
-        """Merit without constraints from two independent samples, without their noise, and its part of the images.
+    def unbiased_merit(self, first: SampledLight, second: SampledLight, uniform: bool) -> MeritParts:
+        """Merit without constraints from two independent samples, without their noise.
 
         Of a robust search the error of the mean image: gains are relative to it, and no lens lowers the spread of its
         parts by much.
@@ -293,7 +324,21 @@ class MeritFunction(Merit[SampledLight]):
         of_flux = both.terms / both.emitted_w
         of_images = self._unbiased_image_error(first.images, second.images, uniform) if both.pairs else error
         of_colours = 0.0 if self.colour is None else float(self.colour.error(first.colours, second.colours))
-        return float(error + of_limits + of_flux) + of_colours, float(of_images + of_limits) + of_colours
+        whole = float(error + of_limits + of_flux) + of_colours
+        return MeritParts(whole, float(of_images + of_limits) + of_colours, float(of_limits))
+
+    def limits_missed(self, samples: Sequence[SampledLight]) -> int:
+        """Number of limits on the light that independent ``samples``, each of the whole flux, show to be missed."""
+        asked = [term.limit for limit in self.limits for term in limit.members]
+        seen: dict[tuple[int, bool, bool], Float[np.ndarray, r * _]] = {}
+        missed = 0
+        for limit in asked:
+            quantity = limit.quantity
+            key = (limit.receiver, quantity.of_losses, quantity.of_view)
+            if key not in seen:
+                seen[key] = np.stack([_read_by(limit, sample).numpy() for sample in samples])
+            missed += judged(limit, "", limit_value(limit, seen[key])).state == "fail"
+        return missed
 
     def _unbiased_image_error(self, first: Images, second: Images, uniform: bool) -> Float[Tensor, ""]:
         receivers = zip(self.terms, first, second, strict=False)

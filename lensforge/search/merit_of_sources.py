@@ -12,7 +12,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from lensforge.search.light_path import Pairs
-from lensforge.search.merit import Merit, MeritFunction, SampledLight, SampleLoss
+from lensforge.search.merit import Merit, MeritFunction, MeritParts, SampledLight, SampleLoss
 from lensforge.search.parameters import Parametrisation
 from lensforge.sources.ray_bundle import RayBundle
 from lensforge.sources.several_sources import SeveralSources
@@ -67,10 +67,11 @@ class MeritOfSources(Merit[LightOfSources]):
         shared_out = zip(self.members, self.source.shared_out(rays), strict=True)
         return LightOfSources(tuple(merit.light_of(tables, some, pairs) for merit, some in shared_out))
 
-    def training_loss(self, light: LightOfSources, uniform: bool) -> SampleLoss:
+    def training_loss(self, light: LightOfSources, uniform: bool, limit_weight: float = 1.0) -> SampleLoss:
         """The loss by one sample; NMSE and efficiency for the history are means by the shares."""
         by_source = [
-            merit.training_loss(led_light, uniform) for merit, led_light in zip(self.members, light.lights, strict=True)
+            merit.training_loss(led_light, uniform, limit_weight)
+            for merit, led_light in zip(self.members, light.lights, strict=True)
         ]
         losses = torch.stack([assessed.loss for assessed in by_source])
         nmse, efficiency = (
@@ -81,13 +82,18 @@ class MeritOfSources(Merit[LightOfSources]):
             weights = torch.softmax(losses.detach() / (_SMOOTH * nmse), dim=0)
         return SampleLoss((losses * weights).sum(), nmse, efficiency, by_source[0].images)
 
-    def unbiased_merit(self, first: LightOfSources, second: LightOfSources, uniform: bool) -> tuple[float, float]:
-        """Merit without constraints from two independent samples, without their noise, and its part of the images."""
+    def unbiased_merit(self, first: LightOfSources, second: LightOfSources, uniform: bool) -> MeritParts:
+        """Merit without constraints from two independent samples, without their noise."""
         both = zip(self.members, first.lights, second.lights, strict=True)
         merits = [merit.unbiased_merit(led_light, second_light, uniform) for merit, led_light, second_light in both]
         if self.worst:
             return max(merits)
-        return self._mean([merit for merit, _ in merits]), self._mean([image for _, image in merits])
+        return MeritParts(*map(self._mean, zip(*merits, strict=True)))
+
+    def limits_missed(self, samples: Sequence[LightOfSources]) -> int:
+        """Number of limits on the light that the ``samples`` show to be missed, over all states."""
+        by_state = zip(*(sample.lights for sample in samples), strict=True)
+        return sum(merit.limits_missed(lights) for merit, lights in zip(self.members, by_state, strict=True))
 
     def joined(self, parts: Sequence[LightOfSources], emitted_w: float) -> LightOfSources:
         """The light of all ``parts``, in proportion, as a sample of ``emitted_w``."""

@@ -106,7 +106,9 @@ class Descent:
             ray = self.source.sample(1, 0)
             pairs = self._pairs(problem, 0)[:1]
             begun = time.perf_counter()
-            problem.merit.step_loss(weights, offsets, ray, problem.constraints, stage.uniform, pairs).loss.backward()
+            problem.merit.step_loss(
+                weights, offsets, ray, problem.constraints, stage.uniform, pairs, stage.limit_weight
+            ).loss.backward()
             self.begun += time.perf_counter() - begun
 
     def _pairs(self, problem: Problem, step: int) -> Pairs:
@@ -136,7 +138,9 @@ class Descent:
             with remedy(f"raise {' or '.join(f'lens.{name}.offset_mm' for name in problem.spec.lens.names)}"):
                 every = torch.cat([weights, still]) if still.any() else weights
                 pairs = self._pairs(problem, earlier + step)
-                result = problem.merit.step_loss(every, offsets, rays, problem.constraints, stage.uniform, pairs)
+                result = problem.merit.step_loss(
+                    every, offsets, rays, problem.constraints, stage.uniform, pairs, stage.limit_weight
+                )
             optimiser.zero_grad()
             result.loss.backward()
             unmoved = Parameters(weights.detach().clone(), offsets.detach().clone())
@@ -197,7 +201,12 @@ class Descent:
             problem = self.problems.of(stage.levels)
             uniform = self.problems.spec.has_uniform_region
             light, even = self.validation.judge(problem, state.weights, state.offsets, uniform)
-            self._judged = key, Outcome(steps=state.step, seconds=self.seconds, light=light, even=even)
+            self._judged = (
+                key,
+                Outcome(
+                    steps=state.step, seconds=self.seconds, light=light, even=even, limit_weight=stage.limit_weight
+                ),
+            )
         return self._judged[1]
 
     def _ends_level(self, stage: Stage, state: SearchState) -> Parameters | None:

@@ -293,7 +293,7 @@ def _in_targets(spec: Spec, name: str) -> bool:
     ]
     pictures = list(enumerate(wanted))
     for limit in light_limits(spec, receivers, 1.0, 1.0):  # whatever the lumens: only the places count
-        if limit.of_losses or limit.of_view:  # mirrored, a lens looks the same to a mirrored eye
+        if limit.quantity.of_losses or limit.quantity.of_view:  # mirrored, a lens looks the same to a mirrored eye
             continue
         places = np.asarray(limit.readings.sum(axis=0)).reshape(receivers[limit.receiver].grid.shape)
         pictures.append((limit.receiver, places))

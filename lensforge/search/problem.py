@@ -20,12 +20,12 @@ from lensforge.kernels.bicubic import surface_bounds
 from lensforge.search.constraints import AugmentedLagrangian
 from lensforge.search.kinds import KindsParameters, spec_of_each_kind
 from lensforge.search.light_path import SearchParts
-from lensforge.search.merit import Merit, MeritFunction
+from lensforge.search.merit import Merit, MeritFunction, MeritParts
 from lensforge.search.merit_of_sources import MeritOfSources
 from lensforge.search.parameters import Parametrisation, SphereParameters
 from lensforge.search.profiles import ProfileParameters
 from lensforge.search.room_for_parts import require_feasible_tolerances
-from lensforge.search.schedule import SLICES, Judgement
+from lensforge.search.schedule import LEAST_IMAGE, SLICES, Judgement
 from lensforge.sources.measured_rays import smoothed
 from lensforge.sources.ray_bundle import RayBundle, Source
 from lensforge.sources.several_sources import SeveralSources
@@ -126,9 +126,6 @@ class Problems:
         return self._last
 
 
-_LEAST_IMAGE = 1e-4  # NMSE below which nothing is left to gain: an evaluation is no more certain than a fifth of that
-
-
 @dataclass(frozen=True)
 class ValidationRays:
     """Two independent samples, the same for every judgement: a gain has less noise than an error.
@@ -173,11 +170,19 @@ class ValidationRays:
 def _judgement(merit: Merit[Any], lights: list[list[Any]], missing: float, uniform: bool) -> Judgement:
     flux_w = [sum(part.emitted_w for part in parts) for parts in lights]
 
-    def judged(left_out: int | None) -> tuple[float, float]:
+    def judged(left_out: int | None) -> MeritParts:
         kept = ([part for k, part in enumerate(parts) if k != left_out] for parts in lights)
         first, second = (merit.joined(parts, emitted_w) for parts, emitted_w in zip(kept, flux_w, strict=True))
         return merit.unbiased_merit(first, second, uniform)
 
-    value, image = judged(None)
-    without = tuple(missing + judged(k)[0] for k in range(SLICES))
-    return Judgement(merit=missing + value, image=max(image, _LEAST_IMAGE), without=without)
+    whole = judged(None)
+    without = [judged(k) for k in range(SLICES)]
+    samples = [merit.joined([part], flux) for parts, flux in zip(lights, flux_w, strict=True) for part in parts]
+    return Judgement(
+        merit=missing + whole.all,
+        image=max(whole.image, LEAST_IMAGE),
+        without=tuple(missing + parts.all for parts in without),
+        limits=whole.limits,
+        limits_without=tuple(parts.limits for parts in without),
+        limits_missed=merit.limits_missed(samples),
+    )

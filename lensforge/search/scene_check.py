@@ -35,6 +35,7 @@ from lensforge.sources.build_source import summarise
 from lensforge.sources.ray_bundle import RayBundle, Source
 from lensforge.spec import Spec
 from lensforge.spec.feasible import smallest_cavity_mm
+from lensforge.spec.quantities import FluxShare, PlaceLight
 from lensforge.spec.source_sections import Placement
 from lensforge.spec.spec_section import rounded_up
 from lensforge.spec.target_sections import TargetSection
@@ -140,7 +141,7 @@ def light_requirements(spec: Spec, source: Source) -> tuple[tuple[Requirement, .
     limits = light_limits(spec, receivers, lumens_per_watt, source.flux_w)
     limited = [
         _of_view(limit, light, source.flux_w)
-        if limit.of_view
+        if limit.quantity.of_view
         else _of_limit(limit, physics[limit.receiver], source.flux_w, spec)
         for limit in limits
     ]
@@ -172,9 +173,9 @@ def _share(
 
 def _of_limit(limit: LightLimit, physics: PossibleLight, flux_w: float, spec: Spec) -> Requirement | None:
     """The share, or the light at the place at which least of it is possible; None for other limits, and upper ones."""
-    if limit.sense != ">=" or limit.quantity not in ("light", "share"):
+    if limit.sense != ">=" or limit.quantity not in (PlaceLight(), FluxShare()):
         return None
-    if limit.quantity == "share":
+    if limit.quantity == FluxShare():
         region = np.zeros(physics.on_pixels.shape, dtype=bool)
         region.flat[limit.readings.indices] = True
         return _share(limit.name, limit.bound, region, physics, spec)

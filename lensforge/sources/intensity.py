@@ -11,6 +11,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from lensforge.results import Number, Record
+from lensforge.results.level_width import width_above
 from lensforge.sources.inverse_cdf import choose, choose_each, linear_inverse
 from lensforge.sources.photometric.candela_table import CandelaTable, flux_up_to
 from lensforge.surfaces.mirror_group import largest_symmetry
@@ -157,24 +158,3 @@ def plane_profile(table: CandelaTable, c_deg: float) -> tuple[Float[np.ndarray, 
     back = table.at(c_deg + 180.0)
     behind = gamma > 0.0
     return np.append(-gamma[behind][::-1], gamma), np.append(back[behind][::-1], front)
-
-
-def width_above(gamma: Float[np.ndarray, " n"], profile: Float[np.ndarray, " n"], level: float) -> float | None:
-    """Angle between the outermost crossings of ``level``, linear between the angles; to their ends where it is above.
-
-    None if nothing is above it, or it is not above 0.
-    """
-    above = np.flatnonzero(profile >= level)
-    if not level > 0.0 or not len(above):
-        return None
-    first = int(above[0])
-    last = int(above[-1])
-    low = gamma[0] if first == 0 else _crossing(gamma, profile, first - 1, level)
-    high = gamma[-1] if last == len(gamma) - 1 else _crossing(gamma, profile, last, level)
-    return float(high - low)
-
-
-def _crossing(gamma: Float[np.ndarray, " n"], profile: Float[np.ndarray, " n"], cell: int, level: float) -> float:
-    start = profile[cell]
-    end = profile[cell + 1]
-    return float(gamma[cell] + (level - start) / (end - start) * (gamma[cell + 1] - gamma[cell]))

@@ -164,7 +164,7 @@ def summarise_photometric(path: Path) -> PhotometricSummary:
             last_gamma_deg=float(table.gamma_deg[-1]),
         ),
         lumens=lumens,
-        share_above_90=1.0 - table.share_up_to_90(),
+        share_above_90=1.0 - table.share_up_to(90.0),
         peak=FarFieldPeak(
             intensity_cd=float(table.values.max()),
             c_deg=float(table.c_deg[plane]),

@@ -7,14 +7,18 @@ from lensforge.spec.shape_targets import CrossTarget, FlatTopTarget, RectangleTa
 # Kinds stand on pages and in messages as they are registered: shapes before others.
 # isort: split
 from lensforge.spec.accuracy import Accuracy, AnyAccuracy, Preset
+from lensforge.spec.cut_off import CutOffLimit
 from lensforge.spec.double_lens import LensSection
 from lensforge.spec.face_section import FaceSection, FlangeSection
 from lensforge.spec.far_field_targets import BeamTarget
 from lensforge.spec.internal_reflection import ExitFace, TirSection
+from lensforge.spec.light_field import LightFieldLimit
 from lensforge.spec.part_section import BaseSection, DrawingSection, ManufactureSection, Tool
+from lensforge.spec.peak_limit import PeakLimit
 from lensforge.spec.picture_targets import ArrayTarget, ImageTarget, TableTarget, TextTarget
 from lensforge.spec.receiver_fields import ReceiverSection
 from lensforge.spec.reflector import CupSection, ReflectorSection
+from lensforge.spec.screen_points import ScreenLimit
 from lensforge.spec.search_section import ConstraintsSection, EvaluateSection, OptimiseSection
 from lensforge.spec.target_sections import TargetSection
 
@@ -40,6 +44,7 @@ __all__ = [
     "ConstraintsSection",
     "CrossTarget",
     "CupSection",
+    "CutOffLimit",
     "DrawingSection",
     "EvaluateSection",
     "ExitFace",
@@ -48,12 +53,15 @@ __all__ = [
     "FlatTopTarget",
     "ImageTarget",
     "LensSection",
+    "LightFieldLimit",
     "ManufactureSection",
     "OptimiseSection",
+    "PeakLimit",
     "Preset",
     "ReceiverSection",
     "RectangleTarget",
     "ReflectorSection",
+    "ScreenLimit",
     "Spec",
     "TableTarget",
     "TargetSection",

@@ -4,15 +4,30 @@ Limits are compared with the receivers that they are on: their units, and places
 which lighting the lens is for.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from math import cos, pi, radians, sin
-from typing import Annotated, ClassVar, Literal, get_args
+from typing import Annotated, ClassVar, Literal, Protocol, get_args
 
+import numpy as np
+from jaxtyping import Bool, Float
 from pydantic import Field
 
 from lensforge.optics.pose import ORIGIN
 from lensforge.public import public
 from lensforge.results.record import Sense
+from lensforge.results.registered_kinds import OfSeveralKinds
+from lensforge.spec.quantities import (
+    BeamAngle,
+    Contrast,
+    FluxShare,
+    LeastOverMean,
+    LeastOverMost,
+    LostShare,
+    MeanLight,
+    PlaceLight,
+    Quantity,
+    RelativeLight,
+)
 from lensforge.spec.receiver_fields import ReceiverSection, require_on
 from lensforge.spec.search_section import ConstraintsSection
 from lensforge.spec.shape_targets import DiscTarget, EllipseTarget, PolygonTarget, RectangleTarget, RingTarget
@@ -23,30 +38,52 @@ Amount = Annotated[float, Field(ge=1e-30, le=1e12)]
 Fraction = Annotated[float, Field(gt=0.0, le=1.0)]
 Azimuth = Annotated[float, Field(ge=-360.0, le=360.0)]
 LossCause = Literal["beside", "opening", "base", "flange", "total_reflection", "trapped"]
-LightUnitName = Literal["w_per_m2", "lx", "w_per_sr", "cd", "w_per_m2_sr", "cd_per_m2", "relative"]
+LightUnitName = Literal["w_per_m2", "mw_per_cm2", "lx", "w_per_sr", "cd", "w_per_m2_sr", "cd_per_m2", "relative"]
 LIGHT_UNITS: tuple[LightUnitName, ...] = get_args(LightUnitName)
-Quantity = Literal[
-    "light", "relative", "min_over_mean", "min_over_max", "mean_over_min", "max_over_min", "ratio", "share", "loss",
-    "beam_angle", "luminance", "mean_luminance",
-]  # fmt: skip # what decides on a limit
-_OF_SURFACES = ("w_per_m2", "lx")
+SYMBOLS = {"w_per_m2": "W/m²", "lx": "lx", "w_per_sr": "W/sr", "cd": "cd", "deg": "°"}
+SYMBOLS |= {"mw_per_cm2": "mW/cm²", "w_per_m2_sr": "W/(m² sr)", "cd_per_m2": "cd/m²"}
+Places = Float[np.ndarray, "*_"]
+_Quantities = Mapping[str, type[Quantity]]
+PHOTOMETRIC = ("lx", "cd", "cd_per_m2")
+PER_WATT = {"mw_per_cm2": 0.1}  # of units that are no W: light in it by 1 W per m², or per sr
+OF_MEAN = "mean_"  # before a unit: the mean light in it is bounded
+_OF_SURFACES = ("w_per_m2", "mw_per_cm2", "lx")
 _OF_FAR_FIELD = ("w_per_sr", "cd")
 _OF_EYES = ("w_per_m2_sr", "cd_per_m2")
 _MOST_POINTS = 1000
 _MOST_EYES = 16
-_ZONES = RectangleTarget | DiscTarget | EllipseTarget | RingTarget | PolygonTarget
+ZONES = RectangleTarget | DiscTarget | EllipseTarget | RingTarget | PolygonTarget
 _OF_RECEIVERS = ("distance_mm", "receiver_mm", "half_angle_deg")
 _OF_PICTURES = ("level", "uniform_mm", "uniform_deg", "edge_mm", "edge_deg")
 
 
+class ReceiverPicture(Protocol):
+    """Picture of a receiver, as a limit asks where to read it; places (x, y) are in the receiver's unit."""
+
+    @property
+    def half(self) -> float:
+        """Largest distance from the axis within which every place is on the picture."""
+
+    @property
+    def steps(self) -> int:
+        """Places along a cut through the whole picture, less one."""
+
+    def steps_between(self, start: tuple[float, float], end: tuple[float, float]) -> int:
+        """Places from ``start`` to ``end``, less one; at least one."""
+
+
 @public
-class LimitSection(InOneUnit):
-    """Fields of every limit.
+class LimitSection(OfSeveralKinds, InOneUnit):
+    """Fields of every limit. A kind of limit is a class that extends this one: it registers itself.
 
     Light is that of the evaluation's picture, after its filter, bilinear between pixels.
     """
 
-    others: ClassVar[tuple[str, ...]] = ()  # quantities besides the light that may be bounded
+    takes: ClassVar[tuple[str, ...]] = ("meter",)
+    # What may be bounded besides light, by the ends of the fields that bound it.
+    others: ClassVar[_Quantities] = {}
+
+    far_field_only: ClassVar[bool] = False
 
     kind: str
     name: Label | None = Field(default=None, description="Name in records and on pages.")
@@ -60,6 +97,12 @@ class LimitSection(InOneUnit):
         description="Unit of both: irradiance or illuminance on surfaces, intensity in the far field, radiance or "
         'luminance for eyes, or "relative" to the maximum on the receiver.',
     )
+    meter_mm: Annotated[float, Field(ge=1e-3, le=1e5)] | None = Field(
+        default=None,
+        description="Diameter of the light meter: its reading is the mean light over such a disc. By default the "
+        "filter of the picture, which is as wide as a meter of four pixels.",
+    )
+    meter_deg: Annotated[float, Field(ge=1e-4, le=90.0)] | None = None
 
     @property
     def places(self) -> tuple[tuple[float, float], ...]:
@@ -79,6 +122,24 @@ class LimitSection(InOneUnit):
     def quantities(self) -> Iterator[str]:
         """The quantities that are bounded."""
         yield from (name for name in (*LIGHT_UNITS, *self.others) if any(self.bounds(name)))
+
+    def quantity(self, bounded: str, at: Places) -> Quantity:
+        """Quantity that is bounded, a unit of light or one of ``others``; ``at``: places (x, y) that are read."""
+        if bounded in LIGHT_UNITS:
+            return RelativeLight() if bounded == "relative" else PlaceLight()
+        return self.others[bounded]()
+
+    def unit_of(self, bounded: str) -> str:
+        """Symbol of the unit of what is bounded."""
+        return SYMBOLS.get(bounded.removeprefix(OF_MEAN), "")
+
+    def read_at(self, picture: ReceiverPicture) -> Places | None:
+        """Places (x, y) at which it reads the ``picture``; None if it reads the pixels that it ``contains``."""
+        return None
+
+    def contains(self, x: Places, y: Places) -> Bool[np.ndarray, "*_"]:
+        """True at the places that it covers; everywhere by default."""
+        return np.ones(np.shape(x), dtype=bool)
 
     @check
     def _bounds_something_once(self) -> None:
@@ -115,6 +176,10 @@ class PointsLimit(LimitSection):
         """The points."""
         return self.length("at")
 
+    def read_at(self, picture: ReceiverPicture) -> Places:
+        """The points."""
+        return np.array(self.places)
+
 
 @public
 class LineLimit(LimitSection):
@@ -128,15 +193,29 @@ class LineLimit(LimitSection):
     from_deg: tuple[DegreesOff, DegreesOff] | None = None
     to_deg: tuple[DegreesOff, DegreesOff] | None = None
 
+    def read_at(self, picture: ReceiverPicture) -> Places:
+        """Places so close that the light between them is bilinear."""
+        start, end = self.places
+        part = np.linspace(0.0, 1.0, picture.steps_between(start, end) + 1)
+        return np.array(start) + part[:, None] * (np.array(end) - np.array(start))
+
 
 @public
 class ZoneLimit(LimitSection):
     """Light in a zone: everywhere in it, how even it is, and its share."""
 
-    others: ClassVar[tuple[str, ...]] = ("min_over_mean", "min_over_max", "share")
+    others: ClassVar[_Quantities] = {
+        "min_over_mean": LeastOverMean,
+        "min_over_max": LeastOverMost,
+        "contrast": Contrast,
+        "mean_lx": MeanLight,
+        "mean_w_per_m2": MeanLight,
+        "mean_mw_per_cm2": MeanLight,
+        "share": FluxShare,
+    }
 
     kind: Literal["zone"] = "zone"
-    zone: Annotated[_ZONES, Field(discriminator="kind")] | None = Field(
+    zone: Annotated[ZONES, Field(discriminator="kind")] | None = Field(
         default=None, description="Shape of the zone; by default the whole window of the receiver."
     )
     at_least_min_over_mean: Fraction | None = Field(
@@ -145,18 +224,35 @@ class ZoneLimit(LimitSection):
     at_least_min_over_max: Fraction | None = Field(
         default=None, description="Smallest allowed min/max of the light in the zone."
     )
+    at_least_mean_lx: Amount | None = Field(default=None, description="Least mean illuminance of the zone.")
+    at_most_mean_lx: Amount | None = Field(default=None, description="Largest mean illuminance of the zone.")
+    at_least_mean_w_per_m2: Amount | None = Field(default=None, description="Least mean irradiance of the zone.")
+    at_most_mean_w_per_m2: Amount | None = Field(default=None, description="Largest mean irradiance of the zone.")
+    at_least_mean_mw_per_cm2: Amount | None = Field(
+        default=None, description="Least mean irradiance of the zone, as curing states it."
+    )
+    at_most_mean_mw_per_cm2: Amount | None = Field(default=None, description="Largest mean irradiance of the zone.")
+    at_most_contrast: Fraction | None = Field(
+        default=None,
+        description="Largest allowed (max − min)/(max + min) of the light in the zone, the non-uniformity of "
+        "IEC 60904-9: 0.01 for class A+, 0.02 for A, 0.05 for B, 0.1 for C.",
+    )
     at_least_share: Fraction | None = Field(default=None, description="Least share of the flux of the source.")
     at_most_share: Fraction | None = Field(default=None, description="Largest share of the flux of the source.")
 
     @property
     def given_unit(self) -> Unit | None:
-        """Unit of the zone; None for the whole window."""
-        return None if self.zone is None else self.zone.unit
+        """Unit of the zone; that of the meter for the whole window."""
+        return super().given_unit if self.zone is None else self.zone.unit
 
     @property
     def places(self) -> tuple[tuple[float, float], ...]:
         """The zone's centre."""
         return () if self.zone is None else (self.zone.centre,)
+
+    def contains(self, x: Places, y: Places) -> Bool[np.ndarray, "*_"]:
+        """Places in the zone."""
+        return super().contains(x, y) if self.zone is None else self.zone.contains(*self.zone.about_centre(x, y))
 
     @check
     def _zone_is_a_shape(self) -> None:
@@ -174,6 +270,7 @@ class GlareLimit(LimitSection):
     """Intensity in all directions of the far field at ``from_deg`` and more from its axis: at most so much."""
 
     needs: ClassVar[tuple[str, ...]] = ("from",)
+    far_field_only: ClassVar[bool] = True
 
     kind: Literal["glare"] = "glare"
     from_deg: Annotated[float, Field(ge=0.0, le=180.0)] = Field(
@@ -184,6 +281,10 @@ class GlareLimit(LimitSection):
     def places(self) -> tuple[tuple[float, float], ...]:
         """A direction at that angle."""
         return ((self.from_deg, 0.0),)
+
+    def contains(self, x: Places, y: Places) -> Bool[np.ndarray, "*_"]:
+        """Directions that far from the axis."""
+        return np.asarray(np.hypot(x, y) >= self.from_deg)
 
     @check
     def _caps(self) -> None:
@@ -198,7 +299,8 @@ class BeamAngleLimit(LimitSection):
     Between the outermost directions of that level.
     """
 
-    others: ClassVar[tuple[str, ...]] = ("deg",)
+    others: ClassVar[_Quantities] = {"deg": BeamAngle}
+    far_field_only: ClassVar[bool] = True
 
     kind: Literal["beam_angle"] = "beam_angle"
     azimuth_deg: Azimuth = Field(default=0.0, description="Azimuth of the plane through the axis, from x towards y.")
@@ -212,6 +314,19 @@ class BeamAngleLimit(LimitSection):
         default=None, description="Largest full angle."
     )
 
+    def read_at(self, picture: ReceiverPicture) -> Places:
+        """Directions along a cut through the far field."""
+        turn = radians(self.azimuth_deg)
+        return self._angles(picture.half, picture.steps)[:, None] * np.array([cos(turn), sin(turn)])
+
+    def quantity(self, bounded: str, at: Places) -> Quantity:
+        """The angle along the cut."""
+        return BeamAngle(self._angles(float(np.hypot(*at[0])), len(at) - 1), self.level)
+
+    @staticmethod
+    def _angles(half_deg: float, steps: int) -> Places:
+        return np.linspace(-half_deg, half_deg, steps + 1)
+
     @check
     def _bounds_the_angle(self) -> None:
         if self.unit is not None:
@@ -222,7 +337,7 @@ class BeamAngleLimit(LimitSection):
 class LossLimit(LimitSection):
     """Light of no use: the share of the flux of the source that ends by one cause."""
 
-    others: ClassVar[tuple[str, ...]] = ("share",)
+    others: ClassVar[_Quantities] = {"share": LostShare}
 
     kind: Literal["loss"] = "loss"
     cause: Annotated[str, Field(max_length=64)] = Field(
@@ -236,7 +351,7 @@ class LossLimit(LimitSection):
 
     @check
     def _bounds_the_share(self) -> None:
-        if self.unit is not None:
+        if self.unit is not None or self.given_unit is not None:
             raise ValueError("a loss is bounded by at_most_share alone")
 
 
@@ -322,6 +437,8 @@ class LuminanceLimit(LimitSection):
             )
         if self.receiver is not None:
             raise ValueError("receiver: eyes see the lens itself; leave it out")
+        if self.length("meter", "mm") is not None or self.length("meter", "deg") is not None:
+            raise ValueError("meter: eyes see a spot; give spot_mm or spot_deg")
         if self.unit not in _OF_EYES or (self.at_least is not None and self.of == "peak"):
             raise ValueError(
                 'the luminance of a spot has a largest value; give at_most, of = "mean" with at_least, and unit: '
@@ -338,11 +455,7 @@ class LuminanceLimit(LimitSection):
             raise ValueError("spot_deg and spot_mm are given; give one, in the far field spot_mm")
 
 
-LightLimitSpec = Annotated[
-    PointsLimit | LineLimit | ZoneLimit | GlareLimit | BeamAngleLimit | LossLimit | LuminanceLimit,
-    Field(discriminator="kind"),
-]
-LightLimits = Annotated[tuple[LightLimitSpec, ...], Field(max_length=1000)]
+LightLimits = Annotated[tuple[LimitSection, ...], Field(max_length=1000)]
 
 
 def bounds_of(limits: Sequence[LimitSection]) -> Iterator[tuple[str, Sense, float]]:
@@ -397,15 +510,16 @@ def _require_limit_fits(limit: LimitSection, unit: Unit, extent: tuple[float, fl
     ``unit``, ``extent``: of its places.
     """
     far_field = unit == "deg"
-    if isinstance(limit, GlareLimit | BeamAngleLimit) and not far_field:
+    if limit.far_field_only and not far_field:
         raise ValueError(f"a {limit.kind} limit is one of the far field, {receiver} is none; name a receiver that is")
     if limit.given_unit not in (None, unit):
         words = "degrees" if far_field else "mm"
         raise ValueError(f"its places are in {limit.given_unit}, on {receiver} they are in {words}")
-    light = limit.unit
     allowed = (*(_OF_FAR_FIELD if far_field else _OF_SURFACES), "relative")
-    if light not in (None, *allowed):
-        raise ValueError(f"its light is in {light}, on {receiver} it is in one of {', '.join(allowed)}")
+    for bounded in limit.quantities():
+        light = bounded.removeprefix(OF_MEAN)
+        if light in LIGHT_UNITS and light not in allowed:
+            raise ValueError(f"its light is in {light}, on {receiver} it is in one of {', '.join(allowed)}")
     for place in limit.places:
         require_on("the place", place, unit, extent, receiver)
 

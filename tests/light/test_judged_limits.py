@@ -8,11 +8,12 @@ from scenes import small_spec
 
 from lensforge.errors import InputError
 from lensforge.light.evaluation_result import JudgedLimits
-from lensforge.light.judged_limits import figure_of, judged_limits
-from lensforge.light.metrics import ratio_of
+from lensforge.light.judged_limits import judged_limits
 from lensforge.results import Fact, Metric
+from lensforge.results.estimates import ratio_of
 from lensforge.scene.limit_readings import light_limits
 from lensforge.scene.receiver_shapes import receivers_of
+from lensforge.spec.quantities import LeastOverMean, LeastOverMost, MostOverLeast
 
 BEAM = {"kind": "beam", "fwhm_deg": 30.0, "half_angle_deg": 60.0}
 REPLICATES = 16
@@ -88,9 +89,9 @@ def test_no_noise_lifts_a_ratio_to_the_largest_above_one(noise: float) -> None:
     """Even light, whose least and largest are the same but for the noise taken off both."""
     for seed in range(20):
         readings = 1.0 + noise * np.random.default_rng(seed).normal(size=(16, 50))
-        for quantity in ("min_over_max", "min_over_mean"):
-            assert figure_of(quantity, ">=", "", readings).value <= 1.0
-        assert figure_of("max_over_min", "<=", "", readings).value >= 1.0
+        for quantity in (LeastOverMost(), LeastOverMean()):
+            assert quantity.value(readings, ">=", "", readings).value <= 1.0
+        assert MostOverLeast().value(readings, "<=", "", readings).value >= 1.0
     above = Metric(value=1.2, standard_error=0.1)
     below = Metric(value=1.0, standard_error=0.05)
     found = ratio_of(above, below)

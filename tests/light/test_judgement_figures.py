@@ -5,20 +5,35 @@ import pytest
 from scipy import sparse
 
 from lensforge.light.judged_limits import limit_value
-from lensforge.light.metrics import LeastEstimate, PairEstimate, RootEstimate, debiased_minimum, uniformity
 from lensforge.light.receiver_light import RegionLight, bright_region
 from lensforge.light.simulation import ReplicateMetrics
 from lensforge.results import Metric
+from lensforge.results.estimates import LeastEstimate, PairEstimate, RootEstimate, debiased_minimum, uniformity
 from lensforge.scene.limit_readings import LightLimit
+from lensforge.spec.quantities import (
+    BeamAngle,
+    FluxShare,
+    LeastOverMean,
+    LeastOverMost,
+    LostShare,
+    PlaceLight,
+    Quantity,
+    RelativeLight,
+)
 
 IMAGES = np.array([[[1.0, 2.0, 4.0]], [[3.0, 2.0, 2.0]], [[2.0, 2.0, 3.0]]]) / 10.0  # means 0.2, 0.2, 0.3
 PER_FLUX = 0.5
+QUANTITIES: dict[str, Quantity] = {
+    "light": PlaceLight(), "relative": RelativeLight(), "share": FluxShare(), "loss": LostShare(),
+    "min_over_mean": LeastOverMean(), "min_over_max": LeastOverMost(),
+}  # fmt: skip
 
 
 def value_of(quantity: str, sense: str = ">=", rows: int = 3, images: np.ndarray = IMAGES) -> Metric:
     """The value that decides a limit on the first pixels, each with half its flux as light."""
     readings = sparse.csr_array(PER_FLUX * np.eye(3)[:rows])
-    limit = LightLimit("a", 0, quantity, sense, 0.3, "lx", readings, np.array([-1.0, 0.0, 2.0])[:rows], 0.5)  # type: ignore[arg-type]
+    kinds = {**QUANTITIES, "beam_angle": BeamAngle(np.array([-1.0, 0.0, 2.0])[:rows], 0.5)}
+    limit = LightLimit("a", 0, kinds[quantity], sense, "lx", readings, 0.3)  # type: ignore[arg-type]
     return limit_value(limit, images)
 
 

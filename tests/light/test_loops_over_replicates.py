@@ -5,7 +5,8 @@ from itertools import combinations, permutations
 import numpy as np
 import pytest
 
-from lensforge.light.metrics import (
+from lensforge.results import Metric
+from lensforge.results.estimates import (
     LeastEstimate,
     PairEstimate,
     _Choices,
@@ -25,7 +26,6 @@ from lensforge.light.metrics import (
     rsd_estimate,
     uniformity,
 )
-from lensforge.results import Metric
 
 SHAPE = (3, 4)
 MASK = np.array([[False, True, True, False], [False, True, True, True], [False] * 4])

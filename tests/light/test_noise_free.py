@@ -6,7 +6,8 @@ from nightly import first_by_day
 from scipy.ndimage import gaussian_filter
 from scipy.stats import norm
 
-from lensforge.light.metrics import (
+from lensforge.results import Metric
+from lensforge.results.estimates import (
     _Choices,
     _halves,
     _quarters,
@@ -18,7 +19,6 @@ from lensforge.light.metrics import (
     rsd_estimate,
     uniformity,
 )
-from lensforge.results import Metric
 from lensforge.scene.pixel_grid import gaussian3
 
 REPLICATES = 16

@@ -7,11 +7,11 @@ from scenes import small_spec
 from lensforge.kernels.fate import Fate
 from lensforge.light.evaluation import _flux_budget, receiver_light
 from lensforge.light.light_facts import _error_of_pattern
-from lensforge.light.metrics import nmse, nmse_estimate, relative_deviation, uniformity
 from lensforge.light.received_flux import ABSORBED, CAUSES, IN_GLASS, MISSED_RECEIVER, ReceivedFlux
 from lensforge.light.receiver_light import ReceiverLight, possible_share
 from lensforge.optics.exit_space import ExitBall
 from lensforge.optics.media import Media, Medium
+from lensforge.results.estimates import nmse, nmse_estimate, relative_deviation, uniformity
 from lensforge.scene.pixel_grid import gaussian3
 from lensforge.scene.possible_light import PossibleLight, SourceLight
 from lensforge.scene.receiver_shapes import receivers_of

@@ -11,7 +11,6 @@ from parts import lens_with, part_of, study_of
 import lensforge as lf
 from lensforge.errors import InputError
 from lensforge.light.lens_light import evaluate
-from lensforge.light.metrics import rsd_estimate
 from lensforge.made import part_study, yield_study
 from lensforge.made.part_study import PartStudy, Recipe
 from lensforge.made.part_verbs import _name_of
@@ -19,6 +18,7 @@ from lensforge.made.tolerance_result import PassRate, Yield
 from lensforge.made.yield_facts import cause_rows, judged_metrics, metric_words, spread_rows, worst_words
 from lensforge.made.yield_study import measure_yield
 from lensforge.results import Metric
+from lensforge.results.estimates import rsd_estimate
 from lensforge.scene.pixel_grid import PixelGrid, splat_flux
 
 SMALL = {

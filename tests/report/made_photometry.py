@@ -15,7 +15,8 @@ from lensforge.light.photometry_result import (
     WrittenFiles,
 )
 from lensforge.results import Extent, Metric
-from lensforge.sources.intensity import TabulatedIntensity, plane_profile, width_above
+from lensforge.results.level_width import width_above
+from lensforge.sources.intensity import TabulatedIntensity, plane_profile
 
 C_DEG, GAMMA_DEG = np.linspace(0.0, 360.0, 37), np.linspace(0.0, 90.0, 46)
 

@@ -11,7 +11,6 @@ from undrawn import without_views
 from lensforge.cad.face_tolerance import FaceTolerance
 from lensforge.cad.part import STEP_FILE, STL_FILE, THREEMF_FILE, Faces, Part, stamp_of
 from lensforge.light.evaluation_result import Light
-from lensforge.light.metrics import nmse
 from lensforge.light.receiver_light import Flux, MissedByCause, Possible, RawMetrics, ReceiverLight
 from lensforge.proof.cast_results import Agreement, PlainCast, SizedFile, Sizes
 from lensforge.proof.file_form import FileForm
@@ -20,6 +19,7 @@ from lensforge.report.lens_page import render_report
 from lensforge.report.results import Results
 from lensforge.results import BodySize, Extent, Fact, Metric
 from lensforge.results.criteria import at_least, at_most
+from lensforge.results.estimates import nmse
 from lensforge.scene.lens import Lens
 from lensforge.scene.receiver_shapes import build_receiver
 from lensforge.search.design_result import Design, Level, Margins

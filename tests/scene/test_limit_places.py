@@ -7,10 +7,11 @@ from scenes import small_spec
 
 from lensforge.errors import InputError
 from lensforge.optics.pose import Pose
-from lensforge.scene.limit_readings import LightLimit, _bilinear, _cut, light_limits
+from lensforge.scene.limit_readings import LightLimit, _bilinear, light_limits
 from lensforge.scene.pixel_grid import PixelGrid
 from lensforge.scene.receiver import PosedReceiver
 from lensforge.scene.receiver_shapes import Plane, receivers_of
+from lensforge.spec.quantities import BeamAngle, FluxShare, LeastOverMean, LeastOverMost, PlaceLight, RelativeLight
 
 AXIAL = Pose.facing((0.0, 0.0, 1.0), (0.0, 0.0, 100.0))
 WALL = {"kind": "plane", "centre_mm": [0.0, 0.0, 100.0], "width_mm": 120.0, "height_mm": 80.0,
@@ -74,16 +75,16 @@ def test_a_line_is_read_twice_per_pixel_of_either_direction_and_at_both_ends() -
 def test_a_cut_goes_from_rim_to_rim_in_half_pixels() -> None:
     limit = {"kind": "beam_angle", "azimuth_deg": 30.0, "level": 0.25, "at_least_deg": 10.0, "at_most_deg": 90.0}
     (least, most), (receiver,) = found(limit, receivers=(FAR,), pixels=40)
-    np.testing.assert_allclose(_cut(receiver), np.linspace(-50.0, 50.0, 81), atol=1e-9)
     assert (least.sense, least.bound, most.sense, most.bound) == (">=", 10.0, "<=", 90.0)
     for each in (least, most):
-        assert (each.quantity, each.unit, each.level) == ("beam_angle", "°", 0.25)
-        np.testing.assert_allclose(each.angles_deg, np.linspace(-50.0, 50.0, 81), atol=1e-9)
+        assert isinstance(each.quantity, BeamAngle)
+        assert (each.unit, each.quantity.level) == ("°", 0.25)
+        np.testing.assert_allclose(each.quantity.angles_deg, np.linspace(-50.0, 50.0, 81), atol=1e-9)
     x, y = receiver.target_coordinates(*np.meshgrid(receiver.grid.x(), receiver.grid.y()))
     light = 90.0 + x + 0.5 * y
     read = least.of((light * receiver.pixel_measure)[None])[0]
     turn = np.radians(30.0)
-    expected = 90.0 + least.angles_deg * (np.cos(turn) + 0.5 * np.sin(turn))
+    expected = 90.0 + np.linspace(-50.0, 50.0, 81) * (np.cos(turn) + 0.5 * np.sin(turn))
     np.testing.assert_allclose(read[8:-8], expected[8:-8], rtol=3e-3)
 
 
@@ -98,8 +99,8 @@ def test_zones_and_glare_are_the_pixels_whose_centres_lie_in_them() -> None:
     np.testing.assert_allclose(light.readings.toarray(), 250.0 / 1e-4 * np.eye(96)[pixels])
     np.testing.assert_allclose(share.readings.toarray(), inside.ravel()[None] / 2.0)
     assert light.light_per_flux == pytest.approx(250.0 / 1e-4)
-    assert (light.unit, light.quantity, share.unit, share.quantity) == ("lx", "light", "", "share")
-    assert (light.name, light.receiver, light.angles_deg, light.level) == ("limits.0", 0, None, 1.0)
+    assert (light.unit, light.quantity, share.unit, share.quantity) == ("lx", PlaceLight(), "", FluxShare())
+    assert (light.name, light.receiver) == ("limits.0", 0)
     glare = {"kind": "glare", "name": "dazzle", "from_deg": 30.0, "receiver": "sky", "unit": "cd", "at_most": 4.0}
     (dazzle,), both = found(glare, receivers=(WALL, FAR))
     gx, gy = both[1].target_coordinates(*np.meshgrid(both[1].grid.x(), both[1].grid.y()))
@@ -117,7 +118,7 @@ def test_points_of_the_far_field_read_the_intensity_there_in_candela() -> None:
     flux = (3.0 + 0.1 * x - 0.05 * y) * receiver.pixel_measure
     for limit in (least, most):
         np.testing.assert_allclose(limit.of(flux[None])[0], 250.0 * np.array([3.0, 4.0, 3.0 - 1.23 - 1.0]), rtol=1e-3)
-    assert (least.sense, most.sense, least.unit, least.quantity) == (">=", "<=", "cd", "light")
+    assert (least.sense, most.sense, least.unit, least.quantity) == (">=", "<=", "cd", PlaceLight())
     with pytest.raises(InputError, match=r"limits\.0.*lumens are not known; give source\.flux_lm"):
         found(points, receivers=(FAR,), lumens=None)
 
@@ -131,15 +132,15 @@ def test_a_zone_between_pixels_is_refused() -> None:
 @pytest.mark.parametrize(
     ("quantity", "unit", "kind", "scale"),
     [
-        ("w_per_m2", "W/m²", "light", 1.0),
-        ("lx", "lx", "light", 250.0),
-        ("relative", "", "relative", 1.0),
-        ("min_over_mean", "", "min_over_mean", 1.0),
-        ("min_over_max", "", "min_over_max", 1.0),
+        ("w_per_m2", "W/m²", PlaceLight(), 1.0),
+        ("lx", "lx", PlaceLight(), 250.0),
+        ("relative", "", RelativeLight(), 1.0),
+        ("min_over_mean", "", LeastOverMean(), 1.0),
+        ("min_over_max", "", LeastOverMost(), 1.0),
     ],
 )
 def test_each_quantity_has_its_unit_and_only_photometric_ones_the_lumens(quantity, unit, kind, scale) -> None:
-    light = kind in ("light", "relative")
+    light = kind in (PlaceLight(), RelativeLight())
     bound = {"unit": quantity, "at_least": 0.5} if light else {f"at_least_{quantity}": 0.5}
     (limit,), _ = found({"kind": "zone", **bound})
     assert (limit.unit, limit.quantity, limit.sense, limit.bound) == (unit, kind, ">=", 0.5)
@@ -163,7 +164,7 @@ def test_a_limit_reads_the_receiver_that_it_names_and_a_road_the_lamp_of_all_len
     for own, more in (({}, {}), ({}, {"photometry": {"lenses": 24}}), ({"lamp_lm": 6000.0}, {"lamps": lamps})):
         spec = small_spec(target=None, receivers=[WALL, far], base={"kind": "none"}, **more).replace(roads=[road | own])
         built = receivers_of(spec, 24)
-        first = next(each for each in light_limits(spec, built, 250.0, 2.0) if each.quantity == "light")
+        first = next(each for each in light_limits(spec, built, 250.0, 2.0) if each.quantity == PlaceLight())
         assert first.receiver == 1
         light.append(float(first.of(np.ones((1, 24, 24)))[0].mean()))
     assert light[1] == pytest.approx(24.0 * light[0]) and light[2] == pytest.approx(6000.0 / 500.0 * light[0])

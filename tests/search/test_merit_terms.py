@@ -13,8 +13,18 @@ from lensforge.scene.limit_readings import LightLimit
 from lensforge.scene.receiver_shapes import receivers_of
 from lensforge.scene.target_pattern import target_light
 from lensforge.search.image_terms import ImageTerms, nmse_loss, shortfall_loss, uniformity_loss
-from lensforge.search.limit_terms import LimitTerm, not_dark
+from lensforge.search.limit_terms import LimitTerm
 from lensforge.search.parameters import chart_mirrors, mirror_mean, mirrored_light
+from lensforge.spec.quantities import (
+    BeamAngle,
+    FluxShare,
+    LeastOverMean,
+    LeastOverMost,
+    PlaceLight,
+    Quantity,
+    RelativeLight,
+    not_dark,
+)
 
 CHANCE = np.random.default_rng(0)
 MASK = torch.zeros((3, 4), dtype=torch.bool)
@@ -38,10 +48,16 @@ PICTURE = np.linspace(0.2, 1.6, 12).reshape(3, 4)[:, ::-1] * CHANCE.uniform(0.9,
 READ = CHANCE.uniform(0.0, 1.0, (5, 12))
 
 
+QUANTITIES: dict[str, Quantity] = {
+    "light": PlaceLight(), "share": FluxShare(), "relative": RelativeLight(), "min_over_mean": LeastOverMean(),
+    "min_over_max": LeastOverMost(),
+}  # fmt: skip
+
+
 def term(quantity: str, sense: str, bound: float, rows: int = 5, level: float = 1.0) -> LimitTerm:
-    angles = np.array([-8.0, -4.0, 0.0, 4.0, 8.0])[:rows] if quantity == "beam_angle" else None
+    kinds = {**QUANTITIES, "beam_angle": BeamAngle(np.array([-8.0, -4.0, 0.0, 4.0, 8.0])[:rows], level)}
     readings = sparse.csr_array(READ[:rows])
-    return LimitTerm.of(LightLimit("a", 0, quantity, sense, bound, "lx", readings, angles, level))  # type: ignore[arg-type]
+    return LimitTerm.of(LightLimit("a", 0, kinds[quantity], sense, "lx", readings, bound))  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("sense", [">=", "<="])

@@ -138,7 +138,14 @@ def unit(name: str) -> Case:
     picture[:, :, 12:18] *= 0.5
     (limit,) = light_limits(spec, [receiver], 200.0, 1.0)
     pixel = (2.0 * 2.0 * np.sin(np.radians(30.0)) / 30) ** 2 if far else 1e-4  # sr, or m^2
-    by_hand = {"w_per_m2": 2.5, "lx": 500.0, "w_per_sr": 2.5e-4 / pixel, "cd": 0.05 / pixel, "relative": 0.5}[name]
+    by_hand = {
+        "w_per_m2": 2.5,
+        "mw_per_cm2": 0.25,
+        "lx": 500.0,
+        "w_per_sr": 2.5e-4 / pixel,
+        "cd": 0.05 / pixel,
+        "relative": 0.5,
+    }[name]
     return limit_value(limit, picture).value, pytest.approx(by_hand, rel=1e-6)
 
 
@@ -191,7 +198,7 @@ ELSEWHERE = {  # where each value is one of a test's cases
     "process": "spec/test_process.py", "use": "light/test_photometry.py", "aim": "search/test_merit_terms.py",
     "levels": "search/test_automatic_search.py", "over_sources": "search/test_several_sources.py",
     "of": "light/test_luminance.py", "model": "sources/test_modelled_rays.py",
-    "robust": "search/test_share_of_parts.py",
+    "robust": "search/test_share_of_parts.py", "application": "light/test_trade_figures.py",
 }  # fmt: skip
 DEFAULTS = {"use": "general", "aim": "pattern", "origin": "file"}  # what every other test takes
 OF_FILES = {("BaseSection.kind", "step"), ("PlateSection.kind", "step")}  # in cad/test_custom_base.py and of outlines
@@ -206,7 +213,7 @@ def choices() -> Iterator[tuple[str, str]]:
         known.setdefault(name, set()).add(words)
     for section, name, words in found:
         if len(words) > 1 or name != "kind":
-            plain = len(known[name]) == 1 and name not in ("luminance",)
+            plain = len(known[name]) == 1 and name not in ("luminance", "lighting_class")
             yield from ((name if plain else f"{section.__name__}.{name}", word) for word in words)
 
 

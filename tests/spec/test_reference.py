@@ -24,6 +24,7 @@ ROOT = Path(__file__).parents[2]
 FIELDS = [(section, name) for section in all_sections(Spec) for name in section.model_fields]
 # Counts, shares, indices and other numbers that have no unit, and tables whose numbers have several.
 PURE = {
+    "spacing", "lamps",
     "lanes", "oncoming_lanes", "wet_uniformity", "uniformity", "uniformity_along", "luminance_per_lux", "edge_ratio",
     "surface_q0", "profile", "number",
     "events",
@@ -32,9 +33,12 @@ PURE = {
     "abbe_number", "cavity_index", "outside_index", "sigma_c", "levels", "coefficients", "schott_coefficients",
     "terms", "face", "level", "shrinkage", "holder", "scale", "origin", "columns", "rows", "exponent", "values",
     "directions", "ray_flux", "share", "rotation", "normal", "axis", "facing", "rays", "pixels",
+    "dimming", "neighbours", "at_least_own_share",
     "steps_per_level", "filter_variance", "lenses", "maintenance_factor", "max_rms_delta_uv", "max_delta_uv",
     "rings", "rim_rings", "count", "amount", "index", "source_flux", "source_size", "at_least", "at_most",
-    "at_least_min_over_mean", "at_least_min_over_max", "at_least_share", "at_most_share", "a", "b", "g", "robust",
+    "at_least_min_over_mean", "at_least_min_over_max", "at_most_contrast",
+    "at_most_max_over_mean", "at_least_d50_over_d10", "at_least_gradient", "at_most_gradient",
+    "at_least_share", "at_most_share", "a", "b", "g", "robust",
 }  # fmt: skip
 
 

@@ -9,6 +9,7 @@ from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
+import page_luminaire
 import page_road
 from crooked import Expected
 from oracle_light import kinds_in
@@ -224,7 +225,8 @@ def photometry(case):
         "peak_direction": {
             "c_deg": float(-tables.azimuth[c] % 360) if gamma else 0.0, "gamma_deg": tables.gamma[gamma]
         },
-        **planes, "road": area(case, exit_lm),
+        **planes, "figures": luminaire(tables, metric(scaled(up, 1 / watts), "", near), peak if known else None),
+        "spectrum": rounded(once(case, spectrum_of)), "road": area(case, exit_lm),
         "roads": [road_record(case, road) for road in case.lens["spec"].get("roads") or []],
         "node_error": {"max": plain(relative.max()), "rms": plain(np.sqrt((relative**2 @ weights) / weights.sum()))},
         "interpolation_error": ..., "warnings": ..., "criteria": ...,
@@ -236,6 +238,33 @@ def photometry(case):
             },
         },
     }  # fmt: skip
+
+
+def luminaire(tables, light_output_ratio, peak):
+    """Throw, flux code and direct ratios."""
+
+    def shares(given):
+        def share(number):
+            return lambda *table: page_luminaire.shares(*table)[number]
+
+        return [given.figure(share(number)) for number in range(14)]
+
+    found = [metric(share, near=RAY) for share in doubted(tables, shares)]
+    throw = None
+    if peak is not None:
+        throw = metric((np.sqrt(4 * peak[0]), peak[1] / np.sqrt(peak[0])), "m")
+    return {"throw": throw, "flux_code": [*found[:4], light_output_ratio], "direct_ratios": found[4:]}
+
+
+def spectrum_of(case):
+    """Figures of the spectrum of the source."""
+    return page_luminaire.spectral(case.lens["spec"]["source"])
+
+
+def rounded(found):
+    """Figures of a spectrum as a record has them."""
+    within = {"melanopic_der": 0.03}
+    return found and {name: v if v is None else plain(v, within.get(name, 1e-3)) for name, v in found.items()}
 
 
 # -- A lamp for an area ------------------------------------------------------------------------------------------------
@@ -468,6 +497,18 @@ def plane_fact(key):
     return lambda case, place: stated(recorded(case)[f"beam_c{place.key.split()[1]}"][key])
 
 
+def flux_code(case, place):
+    shares = [each["value"][0] for each in recorded(case)["figures"]["flux_code"]]
+    return Expected(" ".join(f"{100 * share:.0f}" for share in shares))
+
+
+def spectral_fact(key, unit=""):
+    def oracle(case, place):
+        return Expected(*recorded(case)["spectrum"][key], unit)
+
+    return oracle
+
+
 def road_of(case, place):
     return recorded(case)["roads"][place.group]
 
@@ -500,6 +541,10 @@ def bug(case, place):
 
 ORACLES = {
     "exit_lm": fact("exit_lm"), "peak_cd": fact("peak_cd"), "axis_cd": fact("axis_cd"),
+    "throw": fact("figures", "throw"), "flux_code": flux_code, "ra": spectral_fact("ra"), "rf": spectral_fact("rf"),
+    "rg": spectral_fact("rg"), "scotopic_ratio": spectral_fact("scotopic_ratio"),
+    "melanopic_der": spectral_fact("melanopic_der"), "ppf": spectral_fact("ppf_umol_per_j", "µmol/J"),
+    "ppfd": spectral_fact("ppfd_umol_per_m2_s_klx", "µmol/(m² s)"),
     "beam_C": plane_fact("beam_angle_deg"), "field_C": plane_fact("field_angle_deg"), "photometry_rays": fact("rays"),
     "road_class": road_fact("lighting_class"),
     "lanes": lambda case, place: Expected(page_road.traffic_of(case.lens["spec"]["roads"][place.group])),

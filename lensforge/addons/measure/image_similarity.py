@@ -20,7 +20,7 @@ from scipy.optimize import least_squares
 
 from lensforge.addons.measure.measurement_result import Similarity
 from lensforge.addons.measure.target_corners import means
-from lensforge.light.metrics import jackknife_error, relative_square
+from lensforge.results.estimates import jackknife_error, relative_square
 from lensforge.scene.pixel_grid import PixelGrid
 
 _SIGMA = 1.5  # pixels: the Gaussian window of Wang et al.

@@ -23,11 +23,11 @@ from lensforge.addons.measure.registration import RigidMotion, distances
 from lensforge.cad.boundary import WHOLE, Domain, domain_of
 from lensforge.cad.patch import Patch, fit_patch
 from lensforge.light.lens_light import judging_source, rays_of
-from lensforge.light.metrics import relative_square
 from lensforge.light.simulation import TracedLens, TracedLight, traced_light
 from lensforge.light.table_trace import Scene
 from lensforge.results import Conditions, Extent, Metric
 from lensforge.results.arguments import require_choice
+from lensforge.results.estimates import relative_square
 from lensforge.scene.body import Chain
 from lensforge.scene.lens import Lens
 from lensforge.scene.receiver_shapes import receivers_of

@@ -12,9 +12,9 @@ from lensforge.addons.measure.image_similarity import SimilarityFit, fit_similar
 from lensforge.addons.measure.measurement_result import Alignment, Evenness, Located, PhotoComparison, Pixel
 from lensforge.addons.measure.target_corners import listed, locate, means
 from lensforge.errors import InputError
-from lensforge.light.metrics import relative_deviation, uniformity
 from lensforge.optics.image_reading import read_picture
 from lensforge.results import Metric
+from lensforge.results.estimates import relative_deviation, uniformity
 from lensforge.scene.pixel_grid import PixelGrid
 
 Size = tuple[float, float]  # width, height

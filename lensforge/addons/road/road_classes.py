@@ -18,7 +18,16 @@ from lensforge.addons.road.road_section import (
     RP8_CLASSES,
     WET_UNIFORMITY,
 )
-from lensforge.scene.intensity_limit import CandelaSum, GlareLaw, IntensityLimit, LumensBound
+from lensforge.scene.intensity_limit import CandelaSum, IntensityLimit, LumensBound
+from lensforge.spec.quantities import (
+    GlareLaw,
+    LeastOverMean,
+    LeastOverMost,
+    MeanOverLeast,
+    MostOverLeast,
+    PlaceLight,
+    RatioOfTwo,
+)
 
 # Of EN 13201-3, 8.5, in per cent; and of RP-8.
 THRESHOLD_INCREMENT = GlareLaw("threshold increment", ((5.0, 65.0, 0.8), (inf, 95.0, 1.05)))
@@ -88,7 +97,7 @@ def asked_of(readings: RoadReadings) -> Iterator[IntensityLimit]:
     wanted = readings.road.least_edge_ratio
     if wanted is not None:
         for side, edge in zip(("right", "left"), readings.edges, strict=True):
-            yield IntensityLimit(f"{side} edge ratio", "ratio", ">=", wanted, "", edge)
+            yield IntensityLimit(f"{side} edge ratio", RatioOfTwo(), ">=", wanted, "", edge)
 
 
 def _of_illuminance(readings: RoadReadings) -> Iterator[IntensityLimit]:
@@ -97,13 +106,13 @@ def _of_illuminance(readings: RoadReadings) -> Iterator[IntensityLimit]:
     mean = light.mean()
     field = FieldMean(readings)
     if name in C_CLASSES:
-        yield IntensityLimit("mean illuminance", "light", ">=", C_CLASSES[name], "lx", mean, field)
-        yield IntensityLimit("uniformity U0", "min_over_mean", ">=", C_UNIFORMITY, "", light)
+        yield IntensityLimit("mean illuminance", PlaceLight(), ">=", C_CLASSES[name], "lx", mean, field)
+        yield IntensityLimit("uniformity U0", LeastOverMean(), ">=", C_UNIFORMITY, "", light)
         return
     least_mean, least = P_CLASSES[name]
-    yield IntensityLimit("mean illuminance", "light", ">=", least_mean, "lx", mean, field)
-    yield IntensityLimit("maximum mean illuminance", "light", "<=", P_MOST * least_mean, "lx", mean)
-    yield IntensityLimit("minimum illuminance", "light", ">=", least, "lx", light, field)
+    yield IntensityLimit("mean illuminance", PlaceLight(), ">=", least_mean, "lx", mean, field)
+    yield IntensityLimit("maximum mean illuminance", PlaceLight(), "<=", P_MOST * least_mean, "lx", mean)
+    yield IntensityLimit("minimum illuminance", PlaceLight(), ">=", least, "lx", light, field)
 
 
 def _of_luminance(readings: RoadReadings) -> Iterator[IntensityLimit]:
@@ -118,12 +127,12 @@ def _of_luminance(readings: RoadReadings) -> Iterator[IntensityLimit]:
         kept = seen.times(road.maintenance_factor)
         mean = seen.mean()
         most = FieldMean(readings, lane)
-        yield IntensityLimit(f"{of}mean luminance", "light", ">=", least, "cd/m²", kept.mean(), most)
-        yield IntensityLimit(f"{of}uniformity U0", "min_over_mean", ">=", uniformity, "", kept)
+        yield IntensityLimit(f"{of}mean luminance", PlaceLight(), ">=", least, "cd/m²", kept.mean(), most)
+        yield IntensityLimit(f"{of}uniformity U0", LeastOverMean(), ">=", uniformity, "", kept)
         if readings.wet:
             even = road.wet_uniformity or WET_UNIFORMITY
-            yield IntensityLimit(f"{of}uniformity U0, wet", "min_over_mean", ">=", even, "", readings.wet[lane])
-        yield IntensityLimit(f"{of}uniformity Ul", "min_over_max", ">=", along, "", kept.places(readings.middle(lane)))
+            yield IntensityLimit(f"{of}uniformity U0, wet", LeastOverMean(), ">=", even, "", readings.wet[lane])
+        yield IntensityLimit(f"{of}uniformity Ul", LeastOverMost(), ">=", along, "", kept.places(readings.middle(lane)))
         yield from _per_lux(of, readings, lane)
         glaring = CandelaSum.joined((readings.veiling[lane], mean))
         yield IntensityLimit(f"{of}glare TI", THRESHOLD_INCREMENT, "<=", glare, "%", glaring)
@@ -137,9 +146,11 @@ def _of_ratios(readings: RoadReadings) -> Iterator[IntensityLimit]:
     for number, (of, seen) in enumerate(zip(("", "oncoming: "), readings.luminance, strict=False)):
         mean = seen.mean()
         kept = mean.times(road.maintenance_factor)
-        yield IntensityLimit(f"{of}mean luminance", "light", ">=", least, "cd/m²", kept, FieldMean(readings, number))
-        yield IntensityLimit(f"{of}uniformity Lavg/Lmin", "mean_over_min", "<=", uneven, "", seen)
-        yield IntensityLimit(f"{of}uniformity Lmax/Lmin", "max_over_min", "<=", wanted.largest_over_least, "", seen)
+        yield IntensityLimit(
+            f"{of}mean luminance", PlaceLight(), ">=", least, "cd/m²", kept, FieldMean(readings, number)
+        )
+        yield IntensityLimit(f"{of}uniformity Lavg/Lmin", MeanOverLeast(), "<=", uneven, "", seen)
+        yield IntensityLimit(f"{of}uniformity Lmax/Lmin", MostOverLeast(), "<=", wanted.largest_over_least, "", seen)
         yield from _per_lux(of, readings, number)
         glaring = CandelaSum.joined((readings.veiling[number], mean))
         yield IntensityLimit(f"{of}veiling ratio Lv/Lavg", VEILING_RATIO, "<=", wanted.veiling, "", glaring)
@@ -149,4 +160,4 @@ def _per_lux(of: str, readings: RoadReadings, number: int) -> Iterator[Intensity
     wanted = readings.road.luminance_per_lux
     if wanted is not None:
         both = CandelaSum.joined((readings.luminance[number].mean(), readings.seen_lux[number]))
-        yield IntensityLimit(f"{of}per lux Q", "ratio", ">=", wanted, "cd/m²/lx", both)
+        yield IntensityLimit(f"{of}per lux Q", RatioOfTwo(), ">=", wanted, "cd/m²/lx", both)

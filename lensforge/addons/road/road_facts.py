@@ -11,7 +11,7 @@ from lensforge.addons.road.road_record import RoadJudgement
 from lensforge.addons.road.road_section import M_CLASSES, RP8_CLASSES, RoadSection
 from lensforge.results import Fact, Group, Sense
 from lensforge.results.figure import facts_in
-from lensforge.spec.application import names_of
+from lensforge.scene.application_light import worst_figures
 from lensforge.spec.derived_values import three_digits
 from lensforge.spec.spec_section import rounded_up
 
@@ -24,7 +24,7 @@ def with_remedies(limits: Sequence[Fact]) -> Iterator[Fact]:
         yield replace(limit, remedy=remedy) if limit.state == "fail" else limit
 
 
-_GLARE = (THRESHOLD_INCREMENT.name, VEILING_RATIO.name)
+_GLARE = (THRESHOLD_INCREMENT.words, VEILING_RATIO.words)
 _OF_GLARE = "less light near the horizon, or higher poles; the flux hardly changes it"
 _OF_EVENNESS = "another pattern, higher poles, or poles nearer to each other; the flux does not change it"
 
@@ -47,7 +47,7 @@ def _flux_remedy(limits: Sequence[Fact]) -> str:
     factor = three_digits(least, ceil) if least > 1.0 else three_digits(most, floor)
     words = f"so lit the road needs × {factor:g} lumens, or × {three_digits(1.0 / factor):g} the spacing of poles"
     grown = factor ** (1.0 - THRESHOLD_INCREMENT.at(1.0)[1])
-    of_glare = (limit for limit in limits if limit.note == THRESHOLD_INCREMENT.name)
+    of_glare = (limit for limit in limits if limit.note == THRESHOLD_INCREMENT.words)
     glaring = [limit for limit in of_glare if limit.metric.value * grown > limit.bound]
     if least > 1.0 and glaring:
         worst = max(glaring, key=lambda each: each.metric.value)
@@ -95,27 +95,17 @@ def spacing_fact(held: HeldSpacing | None) -> Fact:
 
 def worst_on_roads(limits: Sequence[Fact], roads: Sequence[RoadSection]) -> Group:
     """Figures that the classes of ``roads`` ask for, each of the road, lane or edge that has it worst."""
-    worst: dict[tuple[str, str], Fact] = {}
-    for limit in limits:
-        road = next((road for road in names_of(roads) if limit.label.startswith(f"{road}: ")), None)
-        if road is None:
-            continue
-        place, _, figure = limit.label.removeprefix("" if len(roads) > 1 else f"{road}: ").rpartition(": ")
-        if figure.endswith(_EDGE):
-            place, figure = f"{f'{place}: ' * bool(place)}{figure.removesuffix(_EDGE)} edge", _EDGE[1:]
-        note = f"worst: {place}" if place else ""
-        fact = replace(limit, key="of_road", label=figure[:1].upper() + figure[1:], note=note)
-        key = figure, limit.sense
-        worst[key] = max(worst.get(key, fact), fact, key=_strain)
     words = dict.fromkeys(road.summary for road in roads)
     head = Fact("traffic", "Class and traffic", "; ".join(words))
-    return Group("applications", "Roads" if len(roads) > 1 else "Road", (head, *worst.values()))
+    figures = worst_figures(roads, limits, "of_road", _with_edge)
+    return Group("applications", "Roads" if len(roads) > 1 else "Road", (head, *figures))
+
+
+def _with_edge(place: str, figure: str) -> tuple[str, str]:
+    """The edge of a ratio as the part of the road that it is of."""
+    if not figure.endswith(_EDGE):
+        return place, figure
+    return f"{f'{place}: ' * bool(place)}{figure.removesuffix(_EDGE)} edge", _EDGE[1:]
 
 
 _EDGE = " edge ratio"
-
-
-def _strain(limit: Fact) -> float:
-    """Part of an upper bound that is reached, or of what a lower one asks, its inverse."""
-    part = limit.metric.value / limit.bound
-    return part if limit.sense == "<=" else 1.0 / max(part, 1e-9)

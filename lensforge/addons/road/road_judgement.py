@@ -22,9 +22,10 @@ from lensforge.addons.road.road_section import (
 )
 from lensforge.addons.road.road_surface import RoadSurface
 from lensforge.light.by_intensities import IntensityFigures
-from lensforge.light.metrics import scaled
 from lensforge.results import Fact, Metric
+from lensforge.results.estimates import scaled
 from lensforge.scene.intensity_limit import Candela, CandelaSum
+from lensforge.spec.quantities import LeastOverMean, LeastOverMost, PlaceLight, RatioOfTwo
 
 _NONE = "none"
 _KWH_PER_WH = 1e-3
@@ -36,10 +37,10 @@ def judge_road(road: RoadSection, candela: Candela, name: str = "road") -> RoadJ
     readings, surface = RoadReadings.of(road), RoadSurface.of(road.surface, road.surface_file, road.surface_q0)
     read = IntensityFigures(candela)
     kept = readings.illuminance.times(road.maintenance_factor)
-    mean_lx = read.figure("light", ">=", "lx", kept.mean())
+    mean_lx = read.figure(PlaceLight(), ">=", "lx", kept.mean())
     drivers = tuple(_drivers(readings, read))
-    least_lx, uniformity_lx = read.figure("light", ">=", "lx", kept), read.figure("min_over_mean", ">=", "", kept)
-    right, left = (read.figure("ratio", ">=", "", edge) for edge in readings.edges)
+    least_lx, uniformity_lx = read.figure(PlaceLight(), ">=", "lx", kept), read.figure(LeastOverMean(), ">=", "", kept)
+    right, left = (read.figure(RatioOfTwo(), ">=", "", edge) for edge in readings.edges)
     lamps = 2 if road.arrangement in ("opposite", "staggered") else 1  # of two on a median one lights another road
     area = road.width_m * road.pole_spacing_m / lamps
     return RoadJudgement(
@@ -71,11 +72,11 @@ def _drivers(readings: RoadReadings, read: IntensityFigures) -> Iterator[SeenRoa
         along = kept if road.by_rp8 else kept.places(readings.middle(number))
         yield SeenRoad(
             lane=1 + number * (road.lanes - road.oncoming_lanes if road.by_rp8 else 1),
-            mean_cd_per_m2=read.figure("light", ">=", "cd/m²", kept.mean()),
-            uniformity=read.figure("min_over_mean", ">=", "", kept),
-            uniformity_along=read.figure("min_over_max", ">=", "", along),
+            mean_cd_per_m2=read.figure(PlaceLight(), ">=", "cd/m²", kept.mean()),
+            uniformity=read.figure(LeastOverMean(), ">=", "", kept),
+            uniformity_along=read.figure(LeastOverMost(), ">=", "", along),
             glare_percent=None if road.by_rp8 else read.figure(THRESHOLD_INCREMENT, "<=", "%", glaring),
-            luminance_per_lux=read.figure("ratio", ">=", "cd/m²/lx", CandelaSum.joined((seen.mean(), lux))),
+            luminance_per_lux=read.figure(RatioOfTwo(), ">=", "cd/m²/lx", CandelaSum.joined((seen.mean(), lux))),
             veiling_ratio=read.figure(VEILING_RATIO, "<=", "", glaring) if road.by_rp8 else None,
         )
 

@@ -29,14 +29,14 @@ class CandelaTable:
             return float(2.0 * np.pi * self.plane_fluxes.item())
         return float(np.trapezoid(self.plane_fluxes, np.deg2rad(self.c_deg)))
 
-    def share_up_to_90(self) -> float:
-        """Share of the flux at gamma up to 90 degrees, exact for the bilinear interpolation."""
-        below = self.gamma_deg < 90.0
+    def share_up_to(self, gamma_deg: float) -> float:
+        """Share of the flux at gamma up to ``gamma_deg``, exact for the bilinear interpolation."""
+        below = self.gamma_deg < gamma_deg
         if below.all() or not below.any():
             return float(below.all())
-        at_90 = np.array([[np.interp(90.0, self.gamma_deg, plane)] for plane in self.values])
-        values = np.concatenate([self.values[:, below], at_90], axis=1)
-        part = CandelaTable(self.c_deg, np.append(self.gamma_deg[below], 90.0), values)
+        at_end = np.array([[np.interp(gamma_deg, self.gamma_deg, plane)] for plane in self.values])
+        values = np.concatenate([self.values[:, below], at_end], axis=1)
+        part = CandelaTable(self.c_deg, np.append(self.gamma_deg[below], gamma_deg), values)
         return min(part.flux() / self.flux(), 1.0)
 
     def pole_mean(self, gamma_deg: float) -> float:

@@ -37,10 +37,11 @@ from lensforge.sources.photometric.photometric_file import (
     stated_or_none,
     tokens_of,
 )
+from lensforge.sources.photometric.room_ratios import ROOM_INDICES, direct_ratios
 
 _HEADER_LINES = 26
 _LINES_PER_SET = 6
-_RATIOS = 10  # direct ratios of the utilisation method, not used here; 0 where written: not given
+_RATIOS = len(ROOM_INDICES)  # direct ratios of the utilisation method; all 0 in a file: not given
 _NUMBERS = (*range(1, 7), *range(12, 26))  # lines of the header that hold one
 _THOUSANDS = re.compile(r"[1-9]\d{0,2}([.,]\d{3})+")  # what is written like 1,234: in thousands, or with decimals
 _TYPE = 1
@@ -174,7 +175,7 @@ def _steps(lines: list[str], place: int, name: str, angles: Float[np.ndarray, " 
 
 def _downward(line: str, intensity: CandelaTable) -> Iterator[str]:
     """Words on a share of the light that goes down other than that of the intensities."""
-    actual = 100.0 * intensity.share_up_to_90()
+    actual = 100.0 * intensity.share_up_to(90.0)
     stated = _number_or_0(line)
     if line.strip() and _is_number(line) and abs(stated - actual) > _SAME_SHARE:
         yield f"line {_DOWNWARD + 1}: {stated:g} % of its light go down, by its intensities it is {actual:.3g} %"
@@ -231,12 +232,12 @@ def encode(photometric: PhotometricFile) -> str:
         *(f"{size:.6g}" for size in photometric.housing_mm), f"{opening.length_mm:.6g}",
         f"{0.0 if opening.diameter_mm > 0.0 else opening.width_mm:.6g}",
         *(f"{height:.6g}" for height in opening.heights_mm),
-        f"{100.0 * table.share_up_to_90():.6g}", f"{100.0 * table.flux() / lumens:.6g}", "1",
+        f"{100.0 * table.share_up_to(90.0):.6g}", f"{100.0 * table.flux() / lumens:.6g}", "1",
         f"{photometric.tilt_deg:.6g}", str(len(photometric.lamps)),
         *_lines_of(first, -count if photometric.absolute else first.count),
         *(line for lamps in photometric.lamps[1:] for line in _lines_of(lamps, lamps.count)),
     ]  # fmt: skip
-    ratios = photometric.direct_ratios or np.zeros(_RATIOS)
+    ratios = np.array(photometric.direct_ratios or direct_ratios(table))
     numbers = [ratios, planes, table.gamma_deg, values.ravel()]
     lines += [f"{number:.7g}" for number in np.concatenate(numbers)]
     return "\r\n".join(lines) + "\r\n"

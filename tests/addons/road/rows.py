@@ -90,7 +90,7 @@ WRONG_FIELDS = {  # changes of a spec, and the line that they make
 }
 CHOICES = {
     "arrangement": arrangement,
-    "lighting_class": lighting_class,
+    "RoadSection.lighting_class": lighting_class,
     "driving_side": driving_side,
     "wet_surface": wet_surface,
 }

@@ -11,6 +11,7 @@ from lensforge.addons.road.road_section import STANDARD_SURFACES, RoadSection
 from lensforge.addons.road.road_surface import RoadSurface, read_surface
 from lensforge.errors import InputError
 from lensforge.scene.intensity_limit import CandelaSum, IntensityLimit
+from lensforge.spec.quantities import LeastOverMean, LeastOverMost, MeanOverLeast, MostOverLeast, PlaceLight
 
 ROAD = {"lighting_class": "M3", "width_m": 7.0, "pole_height_m": 9.0, "pole_spacing_m": 33.0}
 # Specular factors S1 as published: CIE 144:2001; of W4 that of its table, within the limits of its class, 9.8 and 12.
@@ -266,7 +267,7 @@ _RP8 = {
 def test_a_class_of_rp_8_asks_for_its_ratios(name: str) -> None:
     asks = list(asked_of(RoadReadings.of(RoadSection(**ROAD | {"lighting_class": name, "maintenance_factor": 0.7}))))
     assert [(each.quantity, each.sense) for each in asks] == [
-        ("light", ">="), ("mean_over_min", "<="), ("max_over_min", "<="), (VEILING_RATIO, "<=")
+        (PlaceLight(), ">="), (MeanOverLeast(), "<="), (MostOverLeast(), "<="), (VEILING_RATIO, "<=")
     ]  # fmt: skip
     assert tuple(each.bound for each in asks) == _RP8[name]
     assert _of(asks[0].light).item() == pytest.approx(0.7 * _of(asks[1].light).mean())
@@ -391,7 +392,7 @@ def test_a_wet_road_must_be_even_for_every_driver(tmp_path) -> None:
     wet = RoadReadings.of(RoadSection(**fields, wet_surface="W4"))
     asks = [each for each in asked_of(wet) if each.name.endswith("wet")]
     assert [(each.name, each.quantity, each.bound) for each in asks] == [
-        (f"lane {lane}: uniformity U0, wet", "min_over_mean", 0.15) for lane in (1, 2)
+        (f"lane {lane}: uniformity U0, wet", LeastOverMean(), 0.15) for lane in (1, 2)
     ]
     for eye_y, ask in zip((1.75, 5.25), asks, strict=True):
         wanted = _plain_luminance(wet.road, RoadSurface.of("W4"), eye_y)
@@ -410,9 +411,9 @@ def test_a_class_asks_of_every_observer() -> None:
     asks: list[IntensityLimit] = list(asked_of(readings))
     assert len(asks) == 3 * 4 + 2
     assert [(each.quantity, each.sense, each.bound, each.unit) for each in asks[:4]] == [
-        ("light", ">=", 1.0, "cd/m²"),
-        ("min_over_mean", ">=", 0.6, ""),
-        ("min_over_max", ">=", 0.6, ""),
+        (PlaceLight(), ">=", 1.0, "cd/m²"),
+        (LeastOverMean(), ">=", 0.6, ""),
+        (LeastOverMost(), ">=", 0.6, ""),
         (THRESHOLD_INCREMENT, "<=", 15.0, "%"),
     ]
     np.testing.assert_allclose(_of(asks[2].light), 0.8 * _of(readings.luminance[0])[readings.middle(0)])

@@ -41,6 +41,7 @@ from lensforge.sources.intensity import TabulatedIntensity
 from lensforge.sources.photometric.photometric_file import PhotometricFile, turned_over
 from lensforge.sources.photometric.photometric_io import read_photometric, write_photometric
 from lensforge.spec import Spec
+from lensforge.spec.quantities import LeastOverMean, LeastOverMost, MeanOverLeast, MostOverLeast, PlaceLight, RatioOfTwo
 
 ROAD = {"lighting_class": "M3", "width_m": 7.0, "pole_height_m": 9.0, "pole_spacing_m": 30.0, "overhang_m": 0.5}
 RP8 = ROAD | {"lighting_class": "collector medium"}
@@ -273,7 +274,7 @@ def test_the_merit_begins_6_percent_inside_of_each_bound(own) -> None:
     images = np.stack([smoothed(picture).numpy()] * 16)
     for limit in light_limits(spec, receivers, None, 1.0):
         value = limit_value(limit, images).value
-        over_least = limit.quantity in ("mean_over_min", "max_over_min")
+        over_least = limit.quantity in (MeanOverLeast(), MostOverLeast())
         at = value / 1.06 if limit.sense == ">=" else 1.06 * value if over_least else value / 0.94
         for change, missed in ((0.999, limit.sense == "<="), (1.001, limit.sense == ">=")):
             term = LimitTerm.of(replace(limit, bound=change * at))
@@ -283,7 +284,7 @@ def test_the_merit_begins_6_percent_inside_of_each_bound(own) -> None:
 @pytest.mark.parametrize("own", [{"uniformity_along": 0.95, "glare_percent": 0.5}, RP8])
 def test_the_merit_falls_along_its_gradient_and_is_zero_where_the_class_is_held(own) -> None:
     spec = _spec(**own, **_MISSED)
-    of_ratios = {"max_over_min": 1.05, VEILING_RATIO: 1e-3}
+    of_ratios = {MostOverLeast(): 1.05, VEILING_RATIO: 1e-3}
     receivers = receivers_of(spec, 32)
     limits = [
         replace(each, bound=of_ratios.get(each.quantity, each.bound))
@@ -293,7 +294,7 @@ def test_the_merit_falls_along_its_gradient_and_is_zero_where_the_class_is_held(
     ask = picture.clone().requires_grad_()
     step = torch.from_numpy(np.random.default_rng(3).normal(size=picture.shape))
     for limit in limits:
-        if limit.quantity in ("min_over_max", "max_over_min"):
+        if limit.quantity in (LeastOverMost(), MostOverLeast()):
             continue  # its largest light is held: the slope is that of the darkest places
         term = LimitTerm.of(limit)
         (slope,) = torch.autograd.grad(term.loss((ask,)), ask)
@@ -303,7 +304,7 @@ def test_the_merit_falls_along_its_gradient_and_is_zero_where_the_class_is_held(
     (slope,) = torch.autograd.grad(JoinedTerms.of(limits).loss((ask,)), ask)
     (wanted,) = torch.autograd.grad(sum((LimitTerm.of(each).loss((ask,)) for each in limits), torch.zeros(())), ask)
     torch.testing.assert_close(slope, wanted)
-    easy = {"min_over_mean": 1e-3, "min_over_max": 1e-3, "light": 1e-6, "ratio": 1e-6}
+    easy = {LeastOverMean(): 1e-3, LeastOverMost(): 1e-3, PlaceLight(): 1e-6, RatioOfTwo(): 1e-6}
     kept = [LimitTerm.of(replace(each, bound=easy.get(each.quantity, 1e3))) for each in limits]
     assert sum(float(term.loss((picture,))) for term in kept) == 0.0
 

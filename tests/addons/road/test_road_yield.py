@@ -8,6 +8,7 @@ from lensforge.addons.road.road_classes import THRESHOLD_INCREMENT
 from lensforge.light.judged_limits import limit_value
 from lensforge.made import yield_study
 from lensforge.made.part_study import PartStudy, Recipe
+from lensforge.spec.quantities import LeastOverMost, RatioOfTwo, RelativeLight
 
 FAR = {"kind": "beam", "fwhm_deg": 60.0, "half_angle_deg": 90.0}
 ROAD = {"lighting_class": "M6", "width_m": 7.0, "pole_height_m": 9.0, "pole_spacing_m": 30.0, "lamp_lm": 3e3}
@@ -65,7 +66,12 @@ def test_limits_read_at_once_are_those_read_one_by_one() -> None:
     light = PartStudy(Recipe(lens_with({"source_flux": 0.05}, **wanted), 2, 4096, 0, 4096)).leds[0].light
     received = light.received(None)
     images = received[0].images
-    assert {limit.quantity for limit in light.limits} >= {"relative", "ratio", THRESHOLD_INCREMENT, "min_over_max"}
+    assert {limit.quantity for limit in light.limits} >= {
+        RelativeLight(),
+        RatioOfTwo(),
+        THRESHOLD_INCREMENT,
+        LeastOverMost(),
+    }
     for limit, found in zip(light.limits, light.measured(received).limits, strict=True):
         kept = [images, *(np.delete(images, k, axis=0) for k in range(len(images)))]
         np.testing.assert_array_equal(found, [limit_value(limit, each).value for each in kept], err_msg=limit.name)

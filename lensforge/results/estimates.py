@@ -29,7 +29,7 @@ from itertools import combinations
 import numpy as np
 from jaxtyping import Bool, Float
 
-from lensforge.results import Image, Metric
+from lensforge.results.record import Image, Metric
 from lensforge.results.replicate_pairs import error_over_pairs, mean_over_pairs
 
 

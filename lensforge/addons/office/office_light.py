@@ -1,0 +1,63 @@
+"""Glare in offices: limits, judgement and facts, as the core asks every application for them."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+
+from lensforge.addons.office.office_record import OfficeJudgement
+from lensforge.addons.office.office_room import OfficeReadings
+from lensforge.addons.office.office_section import OfficeSection
+from lensforge.addons.office.unified_glare import UnifiedGlare
+from lensforge.results import Fact, Group
+from lensforge.results.figure import facts_in
+from lensforge.scene.application_light import ApplicationLight, worst_figures
+from lensforge.scene.intensity_limit import Candela, IntensityLimit
+from lensforge.spec.quantities import LeastOverMean, PlaceLight
+
+_REMEDIES = {
+    UnifiedGlare.words: "less light above 60 degrees, or a larger luminous_m; the flux changes it little",
+    PlaceLight.words: "more lumens, or lamps nearer to each other; the mean is linear in the flux",
+    LeastOverMean.words: "a wider beam, or lamps nearer to each other; the flux does not change it",
+}
+
+
+class OfficeLight(ApplicationLight[OfficeSection, OfficeJudgement]):
+    """The light of lamps in the ceiling of an office."""
+
+    judgement = OfficeJudgement
+
+    def limits(self) -> Iterator[IntensityLimit]:
+        """The rating of its class, seen along both axes of the lamps, and the bounds of its working plane."""
+        readings = OfficeReadings(self.entry)
+        for name, turn_deg in (("UGR crosswise", 0.0), ("UGR endwise", 90.0)):
+            yield IntensityLimit(name, UnifiedGlare(), "<=", self.entry.most, "", readings.glare(turn_deg))
+        if self.entry.pitch_m is None:
+            return
+        light = readings.plane(self.entry.pitch_m)
+        if self.entry.mean_lx is not None:
+            yield IntensityLimit("mean illuminance", PlaceLight(), ">=", self.entry.mean_lx, "lx", light.mean())
+        if self.entry.uniformity is not None:
+            yield IntensityLimit("uniformity U0", LeastOverMean(), ">=", self.entry.uniformity, "", light)
+
+    def judged(self, candela: Candela, name: str) -> OfficeJudgement:
+        """The office by lamps of these intensities."""
+        from lensforge.addons.office.office_judgement import judge_office
+
+        return judge_office(self.entry, candela, self.limits(), name)
+
+    def with_remedies(self, limits: Sequence[Fact]) -> Iterator[Fact]:
+        """Its limits, with what would keep them."""
+        yield from (replace(each, remedy=_REMEDIES[each.note]) if each.state == "fail" else each for each in limits)
+
+    def facts(self, judgement: OfficeJudgement) -> Group:
+        """Its class, its background, and the light of its working plane."""
+        room = f"room {self.entry.room}, reflectances {self.entry.reflectances}"
+        note = f"EN 12464-1; achieved: {judgement.reached}, {room}, by the intensities of the file"
+        head = Fact("office_class", "Class", judgement.lighting_class, note=note)
+        return Group("office", judgement.name, (head, *facts_in(judgement)))
+
+    @classmethod
+    def worst(cls, entries: Sequence[OfficeSection], limits: Sequence[Fact]) -> Group:
+        """Each figure of the office that has it worst."""
+        head = Fact("offices", "Class and room", "; ".join(dict.fromkeys(entry.summary for entry in entries)))
+        figures = worst_figures(entries, limits, "of_office")
+        return Group("applications", "Offices" if len(entries) > 1 else "Office", (head, *figures))

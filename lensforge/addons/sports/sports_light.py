@@ -1,0 +1,58 @@
+"""Light on playing fields: limits, judgement and facts, as the core asks every application for them."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+
+from lensforge.addons.sports.glare_rating import GlareRating
+from lensforge.addons.sports.sports_field import SportsReadings
+from lensforge.addons.sports.sports_record import SportsJudgement
+from lensforge.addons.sports.sports_section import SportsSection
+from lensforge.results import Fact, Group
+from lensforge.results.figure import facts_in
+from lensforge.scene.application_light import ApplicationLight, worst_figures
+from lensforge.scene.intensity_limit import Candela, IntensityLimit
+from lensforge.spec.quantities import LeastOverMean, PlaceLight
+
+_REMEDIES = {
+    PlaceLight.words: "more lumens, or floodlights that are aimed nearer; the mean is linear in the flux",
+    LeastOverMean.words: "another pattern, or other aims; the flux does not change it",
+    GlareRating.words: "higher masts, lower aims, or less light beside the beam; the flux changes it little",
+}
+
+
+class SportsLight(ApplicationLight[SportsSection, SportsJudgement]):
+    """The light of floodlights on a playing field."""
+
+    judgement = SportsJudgement
+
+    def limits(self) -> Iterator[IntensityLimit]:
+        """The numbers of its class."""
+        required = self.entry.required
+        readings = SportsReadings(self.entry)
+        light = readings.illuminance.times(self.entry.maintenance_factor)
+        yield IntensityLimit("mean illuminance", PlaceLight(), ">=", required.mean_lx, "lx", light.mean())
+        yield IntensityLimit("uniformity U0", LeastOverMean(), ">=", required.uniformity, "", light)
+        yield IntensityLimit("glare rating GR", GlareRating(), "<=", required.glare, "", readings.glare)
+
+    def judged(self, candela: Candela, name: str) -> SportsJudgement:
+        """The field by lamps of these intensities."""
+        from lensforge.addons.sports.sports_judgement import judge_field
+
+        return judge_field(self.entry, candela, self.limits(), name)
+
+    def with_remedies(self, limits: Sequence[Fact]) -> Iterator[Fact]:
+        """Its limits, with what would keep them."""
+        yield from (replace(each, remedy=_REMEDIES[each.note]) if each.state == "fail" else each for each in limits)
+
+    def facts(self, judgement: SportsJudgement) -> Group:
+        """Its class, and the least illuminance."""
+        note = f"EN 12193; achieved: {judgement.reached}, by the intensities of the file"
+        head = Fact("sports_class", "Class", judgement.lighting_class, note=note)
+        return Group("sports", judgement.name, (head, *facts_in(judgement)))
+
+    @classmethod
+    def worst(cls, entries: Sequence[SportsSection], limits: Sequence[Fact]) -> Group:
+        """The figures of the classes, each of the field that has it worst."""
+        head = Fact("fields", "Class and size", "; ".join(dict.fromkeys(entry.summary for entry in entries)))
+        figures = worst_figures(entries, limits, "of_field")
+        return Group("applications", "Fields" if len(entries) > 1 else "Field", (head, *figures))

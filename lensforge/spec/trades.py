@@ -1,0 +1,154 @@
+"""Trades: the figures by which the people of each judge a light, which screen and page tell first.
+
+A trade names figures of the first receiver, in its units, and facts of the photometry. Each is stated without a bound;
+a bound on it is a limit of the spec, by the same section.
+"""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from math import radians, tan
+from typing import Any, Literal
+
+from lensforge.optics.pose import ORIGIN
+from lensforge.results.record import Sense
+from lensforge.spec.cut_off import CutOffLimit
+from lensforge.spec.light_field import LightFieldLimit
+from lensforge.spec.light_limits import OF_MEAN, ZONES, LimitSection, ZoneLimit
+from lensforge.spec.peak_limit import PeakLimit
+from lensforge.spec.receiver_fields import ReceiverSection
+from lensforge.spec.screen_points import ScreenLimit
+from lensforge.spec.shape_targets import RectangleTarget
+from lensforge.spec.target_sections import SizedTarget
+
+TradeName = Literal[
+    "backlight", "bicycle", "curing", "headlamp", "machine vision", "medical", "projector", "simulator", "torch"
+]
+_ABOVE_DEG = 3.4  # from the brightest place of a bicycle's light to where it may dazzle (TA 23 of StVZO § 22a)
+
+
+@dataclass(frozen=True)
+class StatedFigure:
+    """Figure that limits of the kind of ``section`` call ``bounded``, told as ``label``; ``sense``: its better side."""
+
+    label: str
+    section: LimitSection
+    bounded: str
+    sense: Sense = ">="
+
+
+@dataclass(frozen=True)
+class Trade:
+    """A trade, by its ``title``: its ``figures`` on a receiver, in lux and candela where ``luminous``.
+
+    ``photometry``: keys of facts of the photometry that are its figures, too.
+    """
+
+    title: str
+    figures: Callable[[ReceiverSection, bool], Iterator[StatedFigure]]
+    photometry: tuple[str, ...] = ()
+
+
+def figures_of(name: TradeName | None, receiver: ReceiverSection, luminous: bool) -> tuple[StatedFigure, ...]:
+    """Figures of the trade called ``name`` on ``receiver``; none without a trade."""
+    return () if name is None else tuple(TRADES[name].figures(receiver, luminous))
+
+
+def _stated(kind: type[LimitSection], **fields: Any) -> LimitSection:
+    """A section of ``kind`` without a bound, which no spec may have."""
+    return kind.model_construct(**fields)
+
+
+def _zone(receiver: ReceiverSection) -> LimitSection:
+    """Zone in which light is to be even: the mask of uniform light, else the shape of the target, else the window."""
+    target = receiver.targets[0]
+    even = target.pair("uniform")
+    unit = receiver.unit
+    placed = {f"centre_{unit}": target.length("centre"), "rotation_deg": target.rotation_deg}
+    if even is not None:
+        zone = RectangleTarget(**{f"width_{unit}": even[0], f"height_{unit}": even[1], **placed})
+        return _stated(ZoneLimit, zone=zone)
+    if isinstance(target, ZONES) and len(receiver.targets) == 1:
+        return _stated(ZoneLimit, zone=target)
+    return _stated(ZoneLimit)
+
+
+def _unit(receiver: ReceiverSection, luminous: bool) -> str:
+    if receiver.unit == "deg":
+        return "cd" if luminous else "w_per_sr"
+    return "lx" if luminous else "w_per_m2"
+
+
+def _evenness(receiver: ReceiverSection, luminous: bool) -> Iterator[StatedFigure]:
+    zone = _zone(receiver)
+    yield StatedFigure("Min/max", zone, "min_over_max")
+    yield StatedFigure("Min/mean", zone, "min_over_mean")
+    if receiver.unit == "mm":
+        yield StatedFigure("Mean light", zone, f"{OF_MEAN}{_unit(receiver, luminous)}")
+
+
+def _curing(receiver: ReceiverSection, luminous: bool) -> Iterator[StatedFigure]:
+    zone = _zone(receiver)
+    if receiver.unit == "mm":
+        yield StatedFigure("Mean irradiance", zone, f"{OF_MEAN}mw_per_cm2")
+        yield StatedFigure("Peak irradiance", _stated(PeakLimit), "mw_per_cm2")
+    yield StatedFigure("Min/mean", zone, "min_over_mean")
+
+
+def _simulator(receiver: ReceiverSection, luminous: bool) -> Iterator[StatedFigure]:
+    zone = _zone(receiver)
+    yield StatedFigure("Non-uniformity", zone, "contrast", "<=")
+    if receiver.unit == "mm":
+        yield StatedFigure("Mean irradiance", zone, f"{OF_MEAN}w_per_m2")
+
+
+def _projector(receiver: ReceiverSection, luminous: bool) -> Iterator[StatedFigure]:
+    target = receiver.targets[0]
+    if not isinstance(target, SizedTarget):
+        return
+    unit = receiver.unit
+    size = {f"width_{unit}": target.size("width"), f"height_{unit}": target.sides("height")[1]}
+    screen = _stated(ScreenLimit, **size, **{f"centre_{unit}": target.length("centre")})
+    yield StatedFigure("Mean of nine points", screen, _unit(receiver, luminous))
+    yield StatedFigure("Darkest of 13 points", screen, "min_over_mean")
+    yield StatedFigure("Brightest of 13 points", screen, "max_over_mean", "<=")
+
+
+def _medical(receiver: ReceiverSection, luminous: bool) -> Iterator[StatedFigure]:
+    unit = receiver.unit
+    light_field = _stated(LightFieldLimit, **{f"centre_{unit}": receiver.targets[0].length("centre")})
+    yield StatedFigure("Central light Ec", light_field, _unit(receiver, luminous))
+    yield StatedFigure("d10", light_field, f"d10_{unit}")
+    yield StatedFigure("d50", light_field, f"d50_{unit}")
+    yield StatedFigure("d50/d10", light_field, "d50_over_d10")
+
+
+def _bicycle(receiver: ReceiverSection, luminous: bool) -> Iterator[StatedFigure]:
+    light = _unit(receiver, luminous)
+    yield StatedFigure("Brightest place", _stated(PeakLimit), light)
+    up = {"up_deg": _ABOVE_DEG}
+    if receiver.unit == "mm":
+        up = {"up_mm": receiver.clear_mm(ORIGIN) * tan(radians(_ABOVE_DEG))}
+    yield StatedFigure("3.4° above it and higher", _stated(PeakLimit, **up), light, "<=")
+
+
+def _headlamp(receiver: ReceiverSection, luminous: bool) -> Iterator[StatedFigure]:
+    yield StatedFigure("Brightest direction", _stated(PeakLimit), _unit(receiver, luminous))
+    if receiver.unit == "deg":
+        yield StatedFigure("Gradient G of the cut-off", _stated(CutOffLimit), "gradient")
+
+
+def _torch(receiver: ReceiverSection, luminous: bool) -> Iterator[StatedFigure]:
+    yield StatedFigure("Brightest place", _stated(PeakLimit), _unit(receiver, luminous))
+
+
+TRADES: dict[TradeName, Trade] = {
+    "backlight": Trade("Backlight", _evenness),
+    "bicycle": Trade("Bicycle headlamp", _bicycle),
+    "curing": Trade("Curing", _curing),
+    "headlamp": Trade("Headlamp", _headlamp),
+    "machine vision": Trade("Machine vision", _evenness),
+    "medical": Trade("Medical", _medical),
+    "projector": Trade("Projector", _projector),
+    "simulator": Trade("Solar simulator", _simulator),
+    "torch": Trade("Torch", _torch, ("peak_cd", "beam_C 0", "field_C 0")),
+}
