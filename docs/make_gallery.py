@@ -45,6 +45,10 @@ GROUPS: dict[str, tuple[str, tuple[str, ...]]] = {
         "A road is stated by its class; the lens is designed for what drivers see ([roads](roads.md)).",
         ("road_m3", "road_wide", "road_luminance", "pedestrian", "street_lamp"),
     ),
+    "Offices": (
+        "The glare of lamps in a standard room is a limit ([offices and playing fields](offices.md)).",
+        ("office_panel",),
+    ),
     "Lamps and plates": (
         "Many LEDs with lenses, whose light adds up, and the one part that holds them ([lamps and plates](plates.md)).",
         ("backlight", "backlight_plate", "backlight_rim", "high_bay", "panel", "street_module", "floodlights"),
