@@ -28,7 +28,6 @@ from oracle_shop import (
     wall_state,
 )
 
-
 FREE_TILT_DEG = 0.1  # the highest undercut place is read at the nodes
 
 
