@@ -105,7 +105,8 @@ class LimitTerm:
 
     def _beyond(self, relative: Float[Tensor, " n"], at_least: bool) -> Float[Tensor, " n"]:
         """Excess of light relative to its bound over that with its margin."""
-        return 1.0 + self.margin - relative if at_least else relative - (1.0 - self.margin)
+        margin = self.limit.quantity.margin(self.limit.bound, self.margin)
+        return 1.0 + margin - relative if at_least else relative - (1.0 - margin)
 
 
 @dataclass(frozen=True, eq=False)
