@@ -196,9 +196,11 @@ class Schedule(ABC):
         phases = self.phases()
         weight = self.limit_weights.first
         yield next(phases).with_limit_weight(weight)
+        missed = 0  # by the lens that the search goes on from
         for number, outcome in enumerate(outcomes):
             following = phases.send(outcome)
-            if number and outcome.light.limits_missed:
+            missed = outcome.light.limits_missed if following.begin == "current" else missed
+            if number and missed:
                 weight = min(weight * self.limit_weights.factor, 1.0)
             yield following.with_limit_weight(weight)
 
