@@ -80,8 +80,9 @@ class ShelfLight(ApplicationLight):
 
     def limits(self):
         from scipy import sparse
+        from lensforge.spec.quantities import PlaceLight
         axis = CandelaSum(np.zeros(1), np.zeros(1), sparse.csr_array([[1.0]]))
-        yield IntensityLimit("axis", "light", ">=", float(self.entry.lighting_class), "cd", axis)
+        yield IntensityLimit("axis", PlaceLight(), ">=", float(self.entry.lighting_class), "cd", axis)
 
     def judged(self, candela, name):
         from lensforge.light.by_intensities import IntensityFigures

@@ -12,11 +12,14 @@ from lensforge.spec import load_spec
 from lensforge.spec.spec_reference import spec_schema
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
-OF_ROADS = {"road_m3", "road_wide", "road_luminance", "pedestrian"}
+OF_ADDONS = {
+    **dict.fromkeys(("road_m3", "road_wide", "road_luminance", "pedestrian"), "road"),
+    "office_panel": "office",
+}
 SPECS = sorted(
     path
     for path in (*EXAMPLES.glob("*.toml"), *EXAMPLES.glob("published/*.toml"))
-    if has_addon("road") or path.stem not in OF_ROADS
+    if path.stem not in OF_ADDONS or has_addon(OF_ADDONS[path.stem])
 )
 
 

@@ -67,6 +67,13 @@ class LimitTerm:
         """Noise of the excess by the rays of a step."""
         return _NOISE * self.limit.bound / _OF_FLUX if self.limit.quantity.of_losses else _NOISE
 
+    def is_missed(self, value: float) -> bool:
+        """True for a ``value`` beyond the bound, less by what pictures of a search show too good."""
+        closer = max(self.margin - _MARGIN, 0.0)
+        if self.limit.sense == ">=":
+            return value < (1.0 + closer) * self.limit.bound
+        return value > (1.0 - closer) * self.limit.bound
+
     def loss(self, images: Images, losses: Losses = ()) -> Float[Tensor, ""]:
         """Mean of e^2/(1+e) over the places, e what is missing to the bound or above it, relative to the bound."""
         (excess,) = self.excesses(images, losses)
@@ -98,7 +105,8 @@ class LimitTerm:
 
     def _beyond(self, relative: Float[Tensor, " n"], at_least: bool) -> Float[Tensor, " n"]:
         """Excess of light relative to its bound over that with its margin."""
-        return 1.0 + self.margin - relative if at_least else relative - (1.0 - self.margin)
+        margin = self.limit.quantity.margin(self.limit.bound, self.margin)
+        return 1.0 + margin - relative if at_least else relative - (1.0 - margin)
 
 
 @dataclass(frozen=True, eq=False)

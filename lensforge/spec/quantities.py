@@ -74,6 +74,10 @@ class Quantity(ABC):
         """True where relative light is to be 1 at least."""
         return sense == ">="
 
+    def margin(self, bound: float, share: float) -> float:
+        """Margin of relative light by which a search aims inside a ``bound``, where most have this ``share`` of it."""
+        return share
+
     def counted(self, bound: float, sense: Sense) -> Bool[np.ndarray, " k"] | None:
         """Places that count for a ``bound``; None for all."""
         return None
@@ -219,12 +223,16 @@ class Contrast(Quantity):
         return scaled(quotient, 2.0 / (1.0 + quotient.value) ** 2, "").changed(value=whole_range)
 
     def at_least(self, sense: Sense) -> bool:
-        """True where dark places are to be as bright as the bound allows."""
-        return sense == "<="
+        """True: light is to be as near to the mean as the bound asks."""
+        return True
 
     def relative(self, light: Array, bound: float, whole: Array) -> Array:
-        """E / (max E · (1 - bound)/(1 + bound)); the largest light is held."""
-        return light / (not_dark(held(light).max()) * (1.0 - bound) / (1.0 + bound))
+        """Light off the mean, (1 - |E / mean E - 1|)/(1 - bound): the largest of few rays is noise."""
+        return (1.0 - abs(light / not_dark(light.mean()) - 1.0)) / (1.0 - bound)
+
+    def margin(self, bound: float, share: float) -> float:
+        """That of relative light by which the quantity is a ``share`` inside of its bound."""
+        return share * bound / (1.0 - bound)
 
 
 class _OverLeast(Quantity):

@@ -165,9 +165,11 @@ def test_a_search_lacks_nothing_inside_the_bound_and_something_outside(limit: di
     value = limit_value(bounded, np.stack([_filtered(picture)] * 16)).value
     sign = 1.0 if bounded.sense == ">=" else -1.0
     steep = 6.0 if limit["kind"] == "light_field" and bounded.unit != "W/m²" else 1.0  # of a width, not of light
-    if "at_most_contrast" in limit:  # dark places against the largest light
-        inside, outside = ((1.0 - factor * (1.0 - value) / (1.0 + value)) for factor in (0.96, 0.98))
-        bounds = [inside / (2.0 - inside), outside / (2.0 - outside)]
+    if "at_most_contrast" in limit:  # the largest deviation from the mean
+        read = bounded.of(_filtered(picture)[None])[0]
+        off = float(np.abs(read / read.mean() - 1.0).max())
+        assert off >= value, "who is as near to the mean as the bound keeps it"
+        bounds = [off / 0.96, off / 0.98]
     else:
         bounds = [value * (1.0 - sign * steep * part) for part in (0.04, 0.02 / steep)]
     losses = [float(replace(term, limit=replace(bounded, bound=bound)).loss((picture,))) for bound in bounds]
