@@ -3,8 +3,9 @@
 python benchmarks/shop_oracle.py cad_out/rectangle cad_out/street_lamp
 
 Each folder has been designed and checked. The optical faces of ``lens.step`` are sampled on their own parameters by
-OpenCASCADE, with its normals and curvatures; the largest ball is found by brute force over all pairs of samples. None
-of it shares code with the check. The table has both figures, and says where they differ by more than 1 %, or 0.1
+OpenCASCADE, with its normals and curvatures; the largest ball is found by brute force over all pairs of samples. At
+undercut places of a milled lens a shank as thick as the ball is tried against the whole part, its base and bore too.
+None of it shares code with the check. The table has both figures, and says where they differ by more than 1 %, or 0.1
 degrees, and where a verdict would differ.
 """
 
@@ -29,11 +30,15 @@ sys.path.append(str(Path(__file__).parent))
 from result_tables import table
 
 SIDE = 121  # samples along either parameter of a face
+OBSTACLES = 61  # of a face that a shank must not meet
 FINER = 21  # around the worst places
 ALONG = 721  # samples along each edge
 ROWS = 256  # samples of which the pairs are looked at together
 MOULDED_DEG = 2.0  # draft of a face that a mould releases, where none is stated
+MOST_PLACES = 400  # undercut ones, at which a shank is tried
+NEARLY_CLEAR_MM = 1e-3  # of a shank that touches, by samples
 FAR = 20.0  # radii of a part, beyond which a ball counts as a plane
+Points = Float[np.ndarray, "k 3"]
 COLUMNS = ("part, face", "figure", "check", "OpenCASCADE", "verdict")
 
 
@@ -49,9 +54,7 @@ class Samples:
 
 def samples_of(face: cq.Face) -> Samples:
     """Samples of a face: on a grid of its parameters, along its edges, and finer where it is most hollow or domed."""
-    adaptor = BRepAdaptor_Surface(face.wrapped)
-    u = np.linspace(adaptor.FirstUParameter(), adaptor.LastUParameter(), SIDE)
-    v = np.linspace(adaptor.FirstVParameter(), adaptor.LastVParameter(), SIDE)
+    u, v = grid_of(face, SIDE)
     step = u[1] - u[0], v[1] - v[0]
     places = [*inside(face, u, v), *along_edges(face)]
     coarse = measured(face, places)
@@ -59,6 +62,20 @@ def samples_of(face: cq.Face) -> Samples:
         near = [np.linspace(at - by, at + by, FINER) for at, by in zip(places[worst], step, strict=True)]
         places += inside(face, *near)
     return measured(face, places)
+
+
+def grid_of(face: cq.Face, side: int) -> tuple[Float[np.ndarray, " u"], Float[np.ndarray, " v"]]:
+    """Even parameters over a face."""
+    adaptor = BRepAdaptor_Surface(face.wrapped)
+    return (
+        np.linspace(adaptor.FirstUParameter(), adaptor.LastUParameter(), side),
+        np.linspace(adaptor.FirstVParameter(), adaptor.LastVParameter(), side),
+    )
+
+
+def obstacles_of(face: cq.Face) -> Points:
+    """Points of a face that a shank must not meet."""
+    return measured(face, [*inside(face, *grid_of(face, OBSTACLES)), *along_edges(face)]).points
 
 
 def inside(face: cq.Face, u: Float[np.ndarray, " u"], v: Float[np.ndarray, " v"]) -> list[tuple[float, float]]:
@@ -114,6 +131,26 @@ def largest_ball_mm(samples: Samples, air: float) -> float:
     return largest if largest < FAR * float(np.abs(samples.points).max()) else np.inf
 
 
+def least_room_mm(part: Points, samples: Samples, outwards: float, tilt_deg: float, radius_mm: float) -> float:
+    """Least distance (mm) between the ``part`` and a shank as thick as its ball, at all undercut places of a face.
+
+    ``outwards``: sense along z in which an upright shank leaves the face. The axis leans by ``tilt_deg`` to the side of
+    the normal. Negative where the shank enters the part; infinite where no place is undercut.
+    """
+    undercut = np.flatnonzero(outwards * samples.normals[:, 2] < -1e-3)
+    tilt = np.radians(tilt_deg)
+    least = np.inf
+    for place in undercut[:: max(1, len(undercut) // MOST_PLACES)]:
+        normal = samples.normals[place]
+        towards = normal[:2] / np.hypot(*normal[:2])
+        axis = np.array([*(np.sin(tilt) * towards), outwards * np.cos(tilt)])
+        away = part - (samples.points[place] + radius_mm * normal)
+        along = away @ axis
+        across = np.linalg.norm(away - along[:, None] * axis, axis=1)[along > 0.0]
+        least = min(least, float(across.min(initial=np.inf)) - radius_mm)
+    return least
+
+
 def faces_of(path: Path) -> dict[str, cq.Face]:
     """The named faces of a STEP file."""
     reader = STEPControl_Reader()
@@ -135,6 +172,7 @@ def rows_of(folder: Path) -> list[tuple[str, ...]]:
     shop = spec["manufacture"]
     moulded = shop["process"] == "moulded"
     faces = faces_of(folder / "lens.step")
+    part = np.concatenate([obstacles_of(face) for face in faces.values()])
     rows = []
     for name in ("inner", "outer"):
         stated = check[name]
@@ -145,9 +183,14 @@ def rows_of(folder: Path) -> list[tuple[str, ...]]:
         draft_deg = float(np.degrees(np.arcsin(np.clip(upwards * samples.normals[:, 2], -1.0, 1.0)).min()))
         told_deg = stated["draft_deg"]["min"]
         radius_mm = shop["cutter_radius_mm"]
-        least_deg = 90.0 - shop["max_tilt_deg"]
         if moulded:
             least_deg = MOULDED_DEG if spec["lens"][name]["draft_deg"] is None else spec["lens"][name]["draft_deg"]
+        else:
+            least_deg = -stated["free_tilt_deg"]
+            room_mm = least_room_mm(part, samples, upwards, stated["largest_tilt_deg"], radius_mm)
+            clear = room_mm > -NEARLY_CLEAR_MM
+            tilt = f"axis at {stated['largest_tilt_deg']:.1f} deg: room of the shank, mm"
+            rows.append((name, (tilt, "clear", f"{room_mm:.3f}"), (clear, True, True)))
         same = told_mm == ball_mm or abs(told_mm / ball_mm - 1.0) <= 0.01
         verdicts = (ball_mm >= radius_mm * (1.0 - 1e-3), told_mm >= radius_mm * (1.0 - 1e-6))
         rows.append((name, ("largest ball, mm", f"{told_mm:.4g}", f"{ball_mm:.4g}"), (*verdicts, same)))

@@ -8,6 +8,11 @@ python benchmarks/verdicts.py --useless           the lenses that no customer wo
 python benchmarks/verdicts.py --processes batwing spot reflector
                                                   each of these made by each process, searched for it: can it be made,
                                                   and its light
+python benchmarks/verdicts.py --against-none pi text
+                                                  each of these as it is made against a study of light, both by a whole
+                                                  search: what it loses, and the time of its search by the processor's
+python benchmarks/verdicts.py --against-none --drawn 12
+                                                  the same of so many of those that are made, drawn by chance
 
 Exit code 1 where a command does not end with 0. A spec whose ray file comes from a vendor and is not
 there is named and left out.
@@ -18,15 +23,19 @@ import lensforge as lf  # before torch, whose idle threads then sleep
 # isort: split
 import argparse
 import json
+import random
 import subprocess
 import sys
+import time
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Any
+from statistics import fmean
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from lensforge.report.results import Results
+from lensforge.search.tool_costs import tool_costs
 from lensforge.spec import Accuracy
 from lensforge.spec.processes import PROCESSES
 
@@ -38,6 +47,20 @@ EXAMPLES = ROOT / "examples"
 FOLDERS = ROOT / "build" / "verdicts"
 KEPT = FOLDERS / "outcomes.json"
 COLUMNS = ("lens", "NMSE without noise", "share in the target", "efficiency", "light")
+AGAINST_NONE = (
+    "spec",
+    "process",
+    "efficiency",
+    "as a study",
+    "points lost",
+    "NMSE",
+    "as a study",
+    "time of the search",
+    "with tool costs",
+    "manufacture",
+)
+_RAYS = 2**19
+_SEED = 0
 PARTS = ("light", "files", "cutting")
 
 
@@ -150,15 +173,80 @@ def by_process(name: str) -> Iterator[tuple[str, ...]]:
         yield name, process, f"{light.efficiency.value:.4f}", f"{light.nmse.value:.4f}", verdict.cutting, reason
 
 
+class Searched(NamedTuple):
+    """Outcome of a whole search: its lens, means over the states, and processor time (s) of search and tool costs."""
+
+    design: lf.Design
+    efficiency: float
+    nmse: float | None
+    seconds: float
+    seconds_of_costs: float
+
+    @staticmethod
+    def of(spec: lf.Spec) -> "Searched":
+        """Search at draft accuracy."""
+        began = time.process_time()
+        design = lf.design(spec, accuracy="draft", force=True)
+        searched = time.process_time()
+        tool_costs(design)
+        ended = time.process_time()
+        lights = [case.result for case in lf.evaluate(design.lens, rays=_RAYS).cases()]
+        errors = [light.nmse.value for light in lights if light.nmse is not None]
+        nmse = fmean(errors) if errors else None
+        efficiency = fmean(light.efficiency.value for light in lights)
+        return Searched(design, efficiency, nmse, searched - began, ended - searched)
+
+
+def against_none(name: str) -> tuple[str, ...]:
+    """A row of a shipped spec as it is made against a study of light."""
+    spec = lf.load_spec(shipped()[name])
+    made, free = Searched.of(spec), Searched.of(spec.made_by("none"))
+    results = {"design": made.design, "check": lf.check(lf.build(made.design.lens))}
+    lost = 100.0 * (free.efficiency - made.efficiency)
+    errors = ("–", "–") if made.nmse is None or free.nmse is None else (f"{made.nmse:.4f}", f"{free.nmse:.4f}")
+    times = made.seconds / free.seconds, (made.seconds + made.seconds_of_costs) / free.seconds
+    verdict = Results(made.design.lens, results).verdict.cutting
+    return (
+        name,
+        str(spec.manufacture.process),
+        f"{made.efficiency:.4f}",
+        f"{free.efficiency:.4f}",
+        f"{lost:.1f}",
+        *errors,
+        *(f"{ratio:.2f}" for ratio in times),
+        verdict,
+    )
+
+
+def drawn(count: int) -> list[str]:
+    """Shipped specs that are cut or moulded, drawn by chance."""
+    made = [name for name, path in shipped().items() if lf.load_spec(path).manufacture.cuts]
+    return sorted(random.Random(_SEED).sample(made, count))
+
+
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("names", nargs="*", help="shipped specs; default: all")
     parser.add_argument("--show", action="store_true", help="run nothing")
     parser.add_argument("--useless", action="store_true", help="the lenses that no customer would accept")
     parser.add_argument("--processes", action="store_true", help="each of the named specs by each process")
+    parser.add_argument("--against-none", action="store_true", help="each against a study of light, by whole searches")
+    parser.add_argument("--drawn", type=int, metavar="N", help="so many of those that are made, drawn by chance")
     options = parser.parse_args()
     if options.useless:
         print(table([row(name, spec, "fail", "draft") for name, spec in useless()], COLUMNS))
+        return 0
+    if options.against_none:
+        rows = []
+        lf.design(lf.load_spec(shipped()["quickstart"]), accuracy="draft")  # loads all kernels before times are taken
+        for name in drawn(options.drawn) if options.drawn else options.names:
+            try:
+                rows.append(against_none(name))
+            except lf.InputError as error:  # the ray file of a vendor that is not there
+                print(f"{name}: left out: {error}", file=sys.stderr, flush=True)
+                continue
+            print(rows[-1], file=sys.stderr, flush=True)
+        print(table(rows, AGAINST_NONE))
         return 0
     if options.processes:
         rows = [row for name in options.names for row in by_process(name)]

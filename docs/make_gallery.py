@@ -59,7 +59,7 @@ GROUPS: dict[str, tuple[str, tuple[str, ...]]] = {
     ),
     "States": (
         "One lens for several conditions, such as spot and flood of a zoom ([states](states.md)).",
-        ("stage_zoom",),
+        ("stage_zoom", "zoom_torch", "matrix_beam", "hot_and_cold"),
     ),
     "Frosted faces": (
         "Faces that scatter hide chips; the search knows what they do ([frosted faces](leds.md#frosted-faces)).",

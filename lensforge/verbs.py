@@ -70,6 +70,7 @@ from lensforge.spec import (
 from lensforge.spec.accuracy import preset_of
 from lensforge.spec.bodies_section import BodySection, ShellFace
 from lensforge.spec.coating_section import CoatingSection, CoverGlassSection, LayerSection
+from lensforge.spec.crosstalk import CrosstalkLimit
 from lensforge.spec.emitter_section import (
     CosineIntensity,
     EmitterSection,
@@ -104,8 +105,8 @@ from lensforge.version import __version__
 
 __all__ = [
     "AbgScatter", "BaseSection", "BeamAngleLimit", "BodySection", "Cancelled", "Check", "Chip", "CoatingSection",
-    "ColourSection", "Conditions", "ConstraintsSection", "CosineIntensity", "CoverGlassSection",
-    "CriterionMissed", "CupSection", "Design", "DrawingSection", "DrawnOutline", "EndlessLamps", "EvaluateSection",
+    "ColourSection", "Conditions", "ConstraintsSection", "CosineIntensity", "CoverGlassSection", "CriterionMissed",
+    "CrosstalkLimit", "CupSection", "Design", "DrawingSection", "DrawnOutline", "EndlessLamps", "EvaluateSection",
     "ExitFace", "FaceSection", "FaceTolerances", "Fact", "FeetSection", "FileSpectrum", "FileWarning", "FlangeSection",
     "GaussianScatter", "GaussianSpectrum", "GlareLimit", "GridLamps", "Handover", "HexagonLamps", "InputError",
     "LambertianScatter", "LayerSection", "Lens", "LensSection", "LensforgeError", "Light", "LineLimit", "LineSpectrum",

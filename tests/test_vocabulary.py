@@ -49,11 +49,12 @@ def test_docstrings_name_what_there_is() -> None:
     for path in MODULES:
         nodes = list(ast.walk(_tree(path)))
         words = {node.value for node in nodes if isinstance(node, ast.Expr)}  # docstrings, and of fields
-        for node in nodes:
-            names = [getattr(node, kind, "") for kind in ("id", "attr", "arg", "name", "asname")]
-            text = str(node.value) if isinstance(node, ast.Constant) else ""
-            known |= set(re.findall(r"\w+", f"{path} {names} {'' if node in words else text}"))
-            said += [(path, one or other) for one, other in _SPAN.findall(text if node in words else "")]
+        names = [getattr(node, kind, "") for node in nodes for kind in ("id", "attr", "arg", "name", "asname")]
+        constants = {node: str(node.value) for node in nodes if isinstance(node, ast.Constant)}
+        texts = [text for node, text in constants.items() if node not in words]
+        known |= set(re.findall(r"\w+", f"{path} {' '.join(map(str, names))} {' '.join(texts)}"))
+        for node in words & constants.keys():
+            said += [(path, one or other) for one, other in _SPAN.findall(constants[node])]
     stale = []
     for path, name in said:
         first, *rest = name.removeprefix("lensforge.").split(".")

@@ -15,7 +15,7 @@ from lensforge.light.light_facts import place_groups
 from lensforge.light.photometry_result import IES_FILE, LDT_FILE, LUMINAIRE_FILES, TM25_FILE, TM33_FILE, Photometry
 from lensforge.proof.proof_result import Proof
 from lensforge.report.folder import Run, RunFolder
-from lensforge.report.headline import headline, kinds
+from lensforge.report.headline import headline, kinds, trade_facts
 from lensforge.report.results import REPORT_FILE, Results, conditions_of, stem_of
 from lensforge.report.sweep import Sweep
 from lensforge.report.tradeoff import Tradeoff
@@ -39,7 +39,7 @@ _WIDEST_CELL = 24
 _WIDEST_TABLE = 120
 _DESIGN = "design"  # group of a study
 _VERDICTS = ("criteria", "cutting")  # columns of every group
-_WHOLE = ("trade", "ways", "applications", "limits")  # groups of a whole run; of others some facts
+_WHOLE = ("ways", "applications", "limits")  # groups of a whole run; of others some facts
 # Groups that are rows of a table, a line each even where there is one alone.
 _LINES = ("ways", "place", "application", "bound", "spread", "causes", "budget", "error", "failed", "preset")
 # Facts of a whole run, by its blocks; a stage shows all that it has.
@@ -210,18 +210,20 @@ def summary(run: Run) -> list[Block]:
     """The end of a whole run: verdict, light, lens, files, manufacture, and the folder, in 30 lines at most."""
     head = headline(run)
     verdict = run.verdict
+    trade = trade_facts(run)
     light = _selected(run, _LIGHT, Light)
     lens = _selected(run, _LENS, Design)
     design = run.find(Design)
     search = "" if design is None else f": {_search(run, design)}"
     # No application asks for the angles of a beam.
-    kept = [key for key in _FAR_FIELD if not (run.spec.applications and key.startswith("beam_"))]
+    told = [fact.key for fact in trade]
+    kept = [key for key in _FAR_FIELD if key not in told and not (run.spec.applications and key.startswith("beam_"))]
     far_field = _selected(run, tuple(kept), Photometry)
     files = _selected(run, _FILES, Part, Proof)
     why = [] if run.spec.has_limits else _because(verdict, "light")[:1]  # limits are lines of their own already
     return [
         Block(f"{run.spec.name}: {head.sentence} {head.criteria}"),
-        Block(_title("light", verdict.light, light), [*rows_of(light), *rows_of(far_field), *why]),
+        Block(_title("light", verdict.light, light), [*map(_row, trade), *rows_of(light), *rows_of(far_field), *why]),
         Block(f"Lens{search}", [*rows_of(lens), *_kinds(run)]),
         Block(_title("files", verdict.files, files), [*rows_of(files), *_because(verdict, "files")[:1]]),
         Block(_title("cutting", verdict.cutting, _of_mould(run)), list(_manufacture(run))),

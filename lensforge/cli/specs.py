@@ -17,7 +17,16 @@ from lensforge.optics.material import MATERIALS
 from lensforge.report.new_scene import CUTTERS, USUAL, NewScene, millimetres
 from lensforge.results.files import require_writable, write_file
 from lensforge.spec.lens_section import LensShape
-from lensforge.spec.new_spec import SOURCE_KINDS, SOURCES, TARGET_KINDS, TARGETS, receiver_beside, source_in, target_in
+from lensforge.spec.new_spec import (
+    SOURCE_KINDS,
+    SOURCES,
+    TARGET_KINDS,
+    TARGETS,
+    receiver_beside,
+    source_in,
+    target_in,
+    zoom_in,
+)
 from lensforge.spec.shipped_specs import first_sentence, named_files, shipped_specs
 from lensforge.spec.spec_reference import SCHEMA_FILE, reference_page, spec_schema
 
@@ -69,7 +78,9 @@ def new(
     """Write a commented SPEC.toml; in a terminal it prompts for what is missing. Without SPEC.toml: to stdout."""
     if spec is not None and spec.exists():
         raise InputError(f"{spec}: exists and is not overwritten; give another name")
-    wanted = target_in(target) if target else _asked("--target", f"light ({TARGETS})", target_in)
+    asked = target or _asked("--target", f"light ({TARGETS})", _target)
+    wanted = target_in(asked)
+    zoom = zoom_in(asked)
     plane = {name: angle for name, angle in beside.items() if angle is not None}
     scene = NewScene.of(
         "lens" if spec is None else spec.stem,
@@ -77,6 +88,8 @@ def new(
         source_in(source) if source else _asked("--source", f"LED ({SOURCES})", source_in),
         max_radius or _asked("--max-radius", "largest radius of the lens in mm", _radius),
     )
+    if zoom is not None:
+        scene = scene.zoomed(*zoom)
     kind, why = (lens, "") if lens else _suitable(scene.of_material(material or _MATERIAL).advice())
     if not scene.takes_material(kind):
         if material is not None:
@@ -133,6 +146,11 @@ def _asked(option: str, question: str, read: Callable[[str], Any], default: str 
 
 def _at_terminal() -> bool:
     return sys.stdin is not None and sys.stdin.isatty()
+
+
+def _target(answer: str) -> str:
+    target_in(answer)
+    return answer
 
 
 def _radius(answer: str) -> float:

@@ -1,9 +1,9 @@
-"""Studies of many designs: ``sweep`` over a field, a lens for each LED, and ``tradeoff`` of accuracy and time."""
+"""Studies of many designs: ``sweep`` over a field, a lens for each LED, and ``tradeoff`` over time, tool or process."""
 
 from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Unpack
+from typing import TYPE_CHECKING, Any, Literal, Unpack, get_args
 
 import click
 
@@ -24,13 +24,13 @@ from lensforge.errors import CriterionMissed, InputError
 from lensforge.light.lens_light import evaluate, is_same_source, other_source
 from lensforge.report import pipeline
 from lensforge.report.folder import Run, RunFolder, opened
-from lensforge.report.variation import AnyVariation, parse_variation, sources_of
+from lensforge.report.variation import AnyVariation, ToolAxis, parse_variation, sources_of, tool_study
 from lensforge.results.arguments import threads_of_torch
 from lensforge.results.criteria import require
 from lensforge.scene.lens import load_lens
 from lensforge.search.checkpoint import CHECKPOINT
 from lensforge.search.searches import SearchOptions, redesign
-from lensforge.spec import Spec, load_spec
+from lensforge.spec import AnyAccuracy, Spec, load_spec
 from lensforge.spec.emitter_section import EmitterSection
 from lensforge.spec.spec_files import joined_name
 from lensforge.surfaces.imported_face import LENS_FILE
@@ -172,21 +172,48 @@ def _run_study(
 @SPEC
 @click.option("--out", type=click.Path(path_type=Path), help="Result folder; default: cad_out/<spec name>.")
 @click.option(
+    "--over",
+    type=click.Choice(["time", *get_args(ToolAxis)]),
+    default="time",
+    show_default=True,
+    help="What is traded for light: time; the radius of the tool, a quarter of that in the spec to twice it; or the "
+    "process, each with a search of its own.",
+)
+@click.option(
     "--most-rays",
     metavar="N",
     type=WholeNumber(2**12, 2**24),
-    default=2**20,
-    show_default=True,
-    help="Rays of the longest evaluation; 2^24 takes a minute.",
+    help="Over time, rays of the longest evaluation; 2^24 takes a minute; default: 2^20.",
 )
+@ACCURACY
 @THREADS
 @with_output
-def tradeoff(spec: Path, out: Path | None, most_rays: int, threads: int | None, output: Output) -> None:
-    """Measure accuracy against time for the scene of SPEC.
+def tradeoff(
+    spec: Path,
+    over: Literal["time"] | ToolAxis,
+    out: Path | None,
+    most_rays: int | None,
+    accuracy: AnyAccuracy,
+    threads: int | None,
+    output: Output,
+) -> None:
+    """Measure light against time, tool or process for the scene of SPEC.
 
-    Writes tradeoff.json and tradeoff.html.
+    Over time it writes tradeoff.json and tradeoff.html; over tool or process sweep.json and sweep.html into a folder of
+    that name.
+
+    \b
+    lensforge tradeoff examples/rectangle.toml --over tool --accuracy draft
     """
     content = load_spec(spec)
+    if over != "time":
+        if most_rays is not None:
+            raise InputError(f"--most-rays {most_rays}: goes with --over time, not {over}; leave it out")
+        directory = out or Path("cad_out") / joined_name(content.name, over)
+        varied, variation = tool_study(content, over)
+        options: dict[str, Any] = {"accuracy": accuracy, "seed": 0, "threads": threads}
+        _run_study(varied, variation, directory, resume=False, scheduler=None, output=output, **options)
+        return
     directory = out or Path("cad_out") / content.name
 
     from lensforge.cli.progress import StageClock
@@ -194,5 +221,12 @@ def tradeoff(spec: Path, out: Path | None, most_rays: int, threads: int | None, 
 
     with StageClock("tradeoff", quiet=output.quiet) as clock, threads_of_torch(threads):
         begin = partial(clock.begin, "study")
-        measured = run_tradeoff(content, directory, most_rays=most_rays, announce=begin, warn=clock.warn)
+        measured = run_tradeoff(
+            content,
+            directory,
+            most_rays=most_rays or 2**20,
+            accuracy=accuracy,
+            announce=begin,
+            warn=clock.warn,
+        )
     finish_study(output, directory, measured, "Error of each preset on this scene", "tradeoff.html")

@@ -77,7 +77,7 @@ def measure_preset(lens: Lens, source: Source, design: TracedLens, evaluation: T
     # in one go: many small arrays take longer
     rays = RayBundle.joined([source.sample(count, seed) for seed in own_seeds])
     receiver = receivers_of(lens.spec, lens.spec.optimise.pixels)[0]
-    exact = receiver.land(evaluation.trace_in_lens_frame(rays, lambda own: _through_exact(lens, evaluation, own)))
+    exact = receiver.land(_through_exact(lens, evaluation, rays))
     return PresetError(
         rays=len(rays),
         scrambles=_SCRAMBLES,
@@ -212,6 +212,7 @@ def evaluate_traced(
     ``source`` may be a part; they tell what is possible. ``colour``: as it is wanted of rays that have their colours.
     """
     started = time.perf_counter()
+    traced = traced.at_work(spec)
     side = pixels or spec.evaluate.pixels
     receivers, limits = receivers_of(spec, side), [limit for limit in limits if not limit.by_intensities]
     zones = [zones_on(number, limits) for number in range(len(receivers))]
@@ -226,7 +227,7 @@ def evaluate_traced(
     looked_at, seen = simulation.received[: len(receivers)], simulation.received[len(receivers) :]
     light = SourceLight.of(bounds_by or source, traced.scene.media, lens=spec.lens)
     variance = spec.evaluate.filter_variance
-    space = spec.lens.exit_space(spec.constraints).grown(traced.grown_mm)
+    space = spec.lens.exit_space(spec.constraints).grown(spec.grown_mm)
     lit = tuple(
         receiver_light(section, PossibleLight(light, receiver, space), received, variance, simulation.emitted_w, colour)
         for section, receiver, received in zip(spec.all_receivers, receivers, looked_at, strict=True)

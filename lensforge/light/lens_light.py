@@ -92,6 +92,7 @@ def evaluate(
             searched_with=has_rays_of(chosen, designed_led),
         )
         others = tuple(_in_state(body, state, preset, settings) for state in further) if other is None else ()
+        others = tuple(light.changed(inputs={"lens": lens.sha256}) for light in others)
     led = first if others else ""
     place = SourcePlace.of(chosen, summary)
     update = {"inputs": inputs_of(lens, other or lens.spec.source), "conditions": conditions, "led": led}
@@ -158,7 +159,6 @@ def _in_state(lens: Lens, name: str, preset: Preset, settings: Mapping[str, Any]
     light = evaluate_lens(alone, emitter, preset, **settings, lumens_per_watt=efficacy, searched_with=True)
     return light.changed(
         conditions=Conditions.of(source_name=name, source=section.title),
-        inputs={"lens": lens.sha256},
         led=name,
         place=SourcePlace.of(section, summary),
         preset_error=None,

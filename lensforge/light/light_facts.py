@@ -70,7 +70,7 @@ def _with_led(led: Case[Light], lens: Lens, possible: LimitBounds) -> Iterator[G
     light = led.result
     if light.figures and lens.spec.application is not None:
         title = TRADES[lens.spec.application].title
-        yield Group("trade", title, tuple(replace(figure, digits=4) for figure in light.figures))
+        yield Group("trade", title, tuple(replace(figure, key="figure") for figure in light.figures))
     for case in led.among("receivers"):
         lost = (case.record.missed_by_cause, case.record.flux)
         leaks = () if case.number else leak_facts(lens.spec.lens, light.ways, *lost)

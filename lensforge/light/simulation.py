@@ -3,7 +3,7 @@
 Metrics of one lens come from its replicates; their change from one lens to another from two that the same rays lit.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache, partial
 
@@ -35,7 +35,7 @@ from lensforge.scene.exit_rays import ExitRays
 from lensforge.scene.eye_view import EyeView
 from lensforge.scene.lamp_pictures import LampPictures
 from lensforge.scene.lens import Lens
-from lensforge.scene.lens_at_temperature import LensAtTemperature
+from lensforge.scene.made_part import at_work
 from lensforge.scene.pixel_grid import gaussian3
 from lensforge.scene.receiver import Landings, PosedReceiver
 from lensforge.scene.receiver_shapes import receivers_of
@@ -63,15 +63,12 @@ _WIDEST_DETAIL_RAD = 0.4
 class TracedLens:
     """A lens with its tables, ready to trace.
 
-    ``raised_mm``: height of its origin above that of the source, ``grown_mm``: by which it reaches farther than the
-    spec asks of the lens as designed. ``kinds``: the lenses of all kinds, where lamps have several.
+    ``kinds``: the lenses of all kinds, where lamps have several.
     """
 
     scene: Scene
     tables: Tables
     table_error_nm: dict[str, float]
-    raised_mm: float = 0.0
-    grown_mm: float = 0.0
     kinds: "tuple[TracedLens, ...]" = ()
 
     @staticmethod
@@ -87,7 +84,7 @@ class TracedLens:
     def _of_one(lens: Lens, nodes_per_sigma: float) -> "TracedLens":
         chain = Chain.of_lens(lens.spec.lens)
         if chain is not None:
-            return TracedLens.of_body(lens.body, lens.media, chain.events, nodes_per_sigma)._raised_with(lens)
+            return TracedLens.of_body(lens.body, lens.media, chain.events, nodes_per_sigma).at_work(lens.spec)
         with remedy("take a lower accuracy"):
             grid: TableGrid = grid_for(min(lens.detail_rad, _WIDEST_DETAIL_RAD), nodes_per_sigma)
         tables = np.stack([tabulate(grid, surface) for surface in lens.surfaces.values()])
@@ -95,12 +92,12 @@ class TracedLens:
             name: 1e6 * table_error(grid, table, surface)
             for table, (name, surface) in zip(tables, lens.surfaces.items(), strict=True)
         }
-        return TracedLens(Scene(lens.media, grid), tables, errors)._raised_with(lens)
+        return TracedLens(Scene(lens.media, grid), tables, errors).at_work(lens.spec)
 
-    def _raised_with(self, lens: Lens) -> "TracedLens":
-        if not isinstance(lens, LensAtTemperature):
-            return self
-        return replace(self, raised_mm=lens.raised_mm, grown_mm=lens.reach_mm - lens.designed.reach_mm)
+    def at_work(self, spec: Spec) -> "TracedLens":
+        """The same lens in the media and at the temperature of ``spec``, that of one of its states."""
+        scene = replace(self.scene, media=spec.media, made=at_work(spec, self.scene.names))
+        return replace(self, scene=scene, kinds=tuple(kind.at_work(spec) for kind in self.kinds))
 
     @staticmethod
     def of_body(body: Body, media: Media, events: int, nodes_per_sigma: float) -> "TracedLens":
@@ -122,15 +119,7 @@ class TracedLens:
 
     def trace(self, rays: RayBundle) -> ExitRays:
         """Send ``rays`` through the lens."""
-        return self.trace_in_lens_frame(rays, lambda local_rays: trace_tables(self.tables, self.scene, local_rays))
-
-    def trace_in_lens_frame(self, rays: RayBundle, trace: Callable[[RayBundle], ExitRays]) -> ExitRays:
-        """Exit rays of ``rays`` by a ``trace`` about the lens's own origin."""
-        if self.raised_mm == 0.0:
-            return trace(rays)
-        up = np.array([0.0, 0.0, self.raised_mm])
-        exit_rays = trace(replace(rays, origins=rays.origins - up))
-        return replace(exit_rays, points=exit_rays.points + up)
+        return trace_tables(self.tables, self.scene, rays)
 
 
 def _is_nearest(faces: tuple[Face, ...], number: int, directions: Float[np.ndarray, "n 3"]) -> Bool[np.ndarray, " n"]:
@@ -357,7 +346,7 @@ class TracedLight:
 def traced_light(traced: TracedLens, spec: Spec, source: Source, rays: int, seed: int) -> TracedLight:
     """Light on the first receiver of ``spec``, by the rays that its evaluation takes with the same ``seed``."""
     receiver = receivers_of(spec, spec.evaluate.pixels)[0]
-    simulation = simulate(traced, source, (receiver,), rays, seed)
+    simulation = simulate(traced.at_work(spec), source, (receiver,), rays, seed)
     received, targets = simulation.received[0], spec.all_receivers[0].targets
     images = gaussian3(received.images, spec.evaluate.filter_variance)
     target, mask = target_light(targets, receiver), lit_mask(uniform_region(targets, receiver), images)

@@ -218,6 +218,15 @@ class LedStudy:
         return receivers_of(self.spec, self.spec.evaluate.pixels)
 
     @cached_property
+    def kinds(self) -> tuple[LensOnBoard, ...]:
+        """The lens of each kind as it is at work in the state."""
+        scale = self.spec.lens.scale
+        return tuple(
+            replace(kind, nominal=kind.nominal.at_work(self.spec), maker=replace(kind.maker, scale=scale))
+            for kind in self.study.kinds
+        )
+
+    @cached_property
     def _source(self) -> Source:
         coloured, facets = judged_colour(self.spec) is not None, self.lens.media.scattering
         return build_source(self.spec.source, self.lens.dispersion, coloured=coloured, facets=facets)
@@ -239,7 +248,7 @@ class LedStudy:
         judging, recipe, colour = held_back(self._source), self.study.recipe, judged_colour(self.spec)
         return [
             designed_pictures(kind.nominal, judging, kind.boards, recipe.designed_rays, recipe.seed, colour)
-            for kind in self.study.kinds
+            for kind in self.kinds
         ]
 
     @cached_property
@@ -248,11 +257,11 @@ class LedStudy:
         study, recipe = self.study, self.study.recipe
         held = ReplicateRays.of(held_back(self._source), recipe.rays, recipe.seed)
         coarse = self._limits_by(eye_views(self.spec, searched=True))
-        light = PartLight(self.spec, study.kinds[0].nominal, self.receivers, coarse, held)
+        light = PartLight(self.spec, self.kinds[0].nominal, self.receivers, coarse, held)
         if study.lamps.is_single:
             return light
         receivers = tuple(board.receiver for board in study.boards)
-        return BoardLight.of(light, receivers, study.kinds, self.designed_pictures)
+        return BoardLight.of(light, receivers, self.kinds, self.designed_pictures)
 
     @cached_property
     def designed(self) -> MeasuredPart:
@@ -350,7 +359,7 @@ class LedStudy:
                 in_plate(deviation, lamp) for deviation, lamp in zip(deviations, self.study.lamps.lamps, strict=True)
             ]
         place = self.spec.source.position_mm
-        makers = {number: replace(kind.maker, source_mm=place) for kind in self.study.kinds for number in kind.numbers}
+        makers = {number: replace(kind.maker, source_mm=place) for kind in self.kinds for number in kind.numbers}
         return tuple(makers[number].part(deviation) for number, deviation in enumerate(deviations))
 
     def measure(self, deviations: Sequence[Deviations]) -> Float[np.ndarray, "m 2"]:

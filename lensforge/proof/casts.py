@@ -80,12 +80,12 @@ def _verified(
     from lensforge.proof.form_inputs import designed_files
     from lensforge.proof.mitsuba_cast import RAYS as MITSUBA_RAYS
     from lensforge.proof.mitsuba_cast import installed as mitsuba_installed
-    from lensforge.proof.proof_inputs import independent_light, lamps_together, optical_of
+    from lensforge.proof.proof_inputs import independent_light, lamps_together, optical_at_work
     from lensforge.proof.verification import FilesOfPart, LightOfDesign, Referees
     from lensforge.scene.rough_faces import with_facets
 
     lens, light = lit
-    preset, optical = preset_of(lens.accuracy), optical_of(lens.body, lens.events)
+    preset, optical = preset_of(lens.accuracy), optical_at_work(lens)
     judging = judging_source(lens.spec)
     source = rays_of_file(judging)
     count, conditions = rays_of(rays, preset.verify_rays, source)
@@ -213,12 +213,12 @@ def stray_light(
 
 
 def _stray_light(part: Part, lens: Lens, rays: int | None, base: Literal["polished", "black"]) -> StrayLight:
-    from lensforge.proof.proof_inputs import optical_of, optical_on, plate_of, screens_of, stands_of
+    from lensforge.proof.proof_inputs import optical_at_work, optical_on, plate_of, screens_of, stands_of
     from lensforge.scene.rough_faces import with_facets
 
     spec, preset, source = lens.spec, preset_of(lens.accuracy), judging_source(lens.spec)
     count, conditions = rays_of(rays, min(preset.verify_rays, preset.stray_rays), source)
-    optical, stl = optical_of(lens.body, lens.events), part.stl
+    optical, stl = optical_at_work(lens), part.stl
     if spec.plate is not None and part.plate_stl is not None:
         optical, stl = optical_on(plate_of(spec.plate.lenses(spec.lamps)), lens), part.plate_stl
     return stray_in_sandbox(

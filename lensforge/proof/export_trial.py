@@ -38,7 +38,7 @@ from lensforge.proof.casts import expected_of, of_one_lamp, traced_exactly
 from lensforge.proof.facet_casting import Grid
 from lensforge.proof.part_comparison import Expected, Landed, compare
 from lensforge.proof.part_mesh import read_part_mesh
-from lensforge.proof.proof_inputs import optical_of
+from lensforge.proof.proof_inputs import optical_at_work
 from lensforge.proof.sequential_cast import send_through
 from lensforge.results import Fact
 from lensforge.scene.lens import Lens
@@ -161,7 +161,7 @@ class _Trial:
     def __init__(self, lens: Lens) -> None:
         source = rays_of_file(judging_source(lens.spec))
         self._lens = of_one_lamp(lens)
-        self._optical = optical_of(lens.body, lens.events)
+        self._optical = optical_at_work(lens)
         self._rays: RayBundle = source.sample(min(_RAYS, source.ray_count or _RAYS), seeds.of_verification(lens.seed))
         self._traced = traced_exactly(self._lens)
         self._expected = self._landings(self._traced)

@@ -148,13 +148,14 @@ def tilted(met: Arrival, rms: PerRay, numbers: Float[np.ndarray, "n 2"]) -> Vect
 def _seen(a: PerRay, k: PerRay) -> PerRay:
     """The number below which as much of the density (k + x) exp(-x^2/2) lies as of normal numbers below a."""
     k = np.minimum(k, 1e9)
-    area = k * ndtr(k) + _bell(k)
+    is_high = a > 0.0  # then by the area above the number, else by that below: the smaller one is known to more digits
+    side = np.where(is_high, -1.0, 1.0)
+    wanted = (k * ndtr(k) + _bell(k)) * ndtr(side * a) + np.where(is_high, 0.0, k * ndtr(-k) - _bell(k))
     low, high = np.maximum(a, -k), np.maximum(a, 0.0) + _WIDEST
     for _ in range(_HALVINGS):
         x = 0.5 * (low + high)
-        above = k * ndtr(-x) + _bell(x) > area * ndtr(-a)
-        below = k * (ndtr(x) - ndtr(-k)) + _bell(k) - _bell(x) < area * ndtr(a)
-        less = np.where(a > 0.0, above, below)
+        beyond = k * ndtr(side * x) - side * _bell(x)
+        less = np.where(is_high, beyond > wanted, beyond < wanted)
         low, high = np.where(less, x, low), np.where(less, high, x)
     return 0.5 * (low + high)
 

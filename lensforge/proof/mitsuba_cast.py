@@ -90,7 +90,12 @@ def send_through_mitsuba(part: PartMesh, rays: RayBundle, media: Media) -> tuple
         rows = np.arange(len(rays))[:, None]
         index = media.body.indices(rays.waves, len(rays))
         steps = np.column_stack([index / media.cavity_index, index / media.outside_index])
-        table = zip(rays.origins.tolist(), rays.directions.tolist(), steps.tolist(), strict=True)
+        table = zip(
+            part.optical.expansion.to_files(rays.origins).tolist(),
+            rays.directions.tolist(),
+            steps.tolist(),
+            strict=True,
+        )
         for row, (origin, direction, indices) in enumerate(table):
             passage.fates[row], end, own = caster.cast(origin, direction, indices, drawn.take(rows[row]))
             if end is not None:
@@ -104,7 +109,7 @@ def send_through_mitsuba(part: PartMesh, rays: RayBundle, media: Media) -> tuple
                 continue
             passage.met[[row for row, _ in event], number] = [place.face for _, place in event]
             _share(passage, whole, event, part.optical, media)
-        return str(mi.__version__), behind_lens(passage, rays, media, part.optical.plate)
+        return str(mi.__version__), behind_lens(passage, rays, media, part.optical)
     finally:
         if before is not None:
             mi.set_variant(before)
@@ -128,7 +133,7 @@ def _share(passage: Passage, whole: LitRays, met: list[tuple[int, _Met]], optica
     rows = np.array([row for row, _ in met])
     columns = (np.array(column) for column in zip(*(own for _, own in met), strict=True))
     directions, normals, lengths, faces, away, inside, passes = columns
-    absorb(passage, rows, lengths, whole.absorptions[rows])
+    absorb(passage, rows, optical.expansion.scale * lengths, whole.absorptions[rows])
     light = replace(whole.take(rows), directions=directions, fields=passage.fields[rows], inside=inside)
     hits = SurfaceHits(passes, directions, normals, inside, away, faces, lengths, lengths)
     dim(passage, rows, at_faces(optical, media.polished, light, hits), passes)  # the normals are those of the facets

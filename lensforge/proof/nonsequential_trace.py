@@ -20,7 +20,7 @@ from jaxtyping import Bool, Float, Int
 
 from lensforge.optics.media import Media
 from lensforge.proof.facet_casting import Grid, Leg
-from lensforge.proof.optical_faces import USUAL_LENS, OpticalFaces, PlateOfLenses
+from lensforge.proof.optical_faces import USUAL_LENS, OpticalFaces
 from lensforge.proof.part_comparison import ONE_LAMP, LampStands
 from lensforge.proof.part_mesh import read_part_mesh
 from lensforge.proof.proof_result import ReceiverStray, StrayByCause, StrayFlux, StrayLight
@@ -163,10 +163,11 @@ def _emitted(body: PartBody, rays: RayBundle) -> SplitRays:
 
     Neither these nor those that meet the outside of the lens first are on the sequential path.
     """
-    hits = body.surface_hits(outside_leg(rays))
+    leg = outside_leg(rays, body.optical)
+    hits = body.surface_hits(leg)
     causes = np.where(hits.leaving | hits.away, Cause.BASE, Cause.SEQUENTIAL)
     light, nothing = vars(LitRays.of(rays, body.media, body.optical.names)), np.zeros(len(rays), dtype=np.int64)
-    light |= {"inside": hits.leaving, "points": rays.origins, "flux": rays.flux.copy(), "causes": causes}
+    light |= {"inside": hits.leaving, "points": leg.origins, "flux": rays.flux.copy(), "causes": causes}
     return SplitRays(**light, crossings=nothing, events=nothing, beside=np.zeros(len(rays), dtype=bool))
 
 
@@ -180,7 +181,7 @@ def _step(body: PartBody, light: SplitRays, least: float, found: _Followed) -> S
     rows = np.nonzero(~gone)[0]
     light, hits = light.take(rows), hits.take(rows)
     # By the law of Beer and Lambert.
-    lengths = np.linalg.norm(hits.points - light.points, axis=1)
+    lengths = body.optical.expansion.scale * np.linalg.norm(hits.points - light.points, axis=1)
     left = np.where(light.inside, np.exp(-light.absorptions * lengths), 1.0)
     found.lose("absorbed", light.flux * (1.0 - left))
     light = replace(light, flux=light.flux * left)
@@ -253,7 +254,7 @@ def trace_stray(
     grid = Grid(part.mesh)
     budget = follow(PartBody(part, grid, media, base), rays, limits, threads)
     escaped, emitted = budget.escaped(), float(rays.flux.sum())
-    split, passage = _escaped(escaped, media, optical.plate), send_through(part, grid, rays, media, threads)
+    split, passage = _escaped(escaped, media, optical), send_through(part, grid, rays, media, threads)
     light = _Light(lamps, emitted, budget, split, escaped.causes, passage)
     return StrayLight(
         inputs=dict(inputs or {}),
@@ -269,12 +270,12 @@ def trace_stray(
     )
 
 
-def _escaped(light: SplitRays, media: Media, plate: PlateOfLenses | None) -> Passage:
+def _escaped(light: SplitRays, media: Media, optical: OpticalFaces) -> Passage:
     """Light that has left the part, behind the further bodies and the cover glass."""
     rays = RayBundle(light.points, light.directions, light.flux).with_wavelengths(light.wavelengths_nm)
     ends = {"points": light.points, "directions": light.directions, "fields": light.fields}
     left = replace(Passage.of(rays, 0), fates=np.full(len(rays), CastFate.LANDED), **ends)
-    return behind_lens(left, rays, media, plate, _FACETS)
+    return behind_lens(left, rays, media, optical, _FACETS)
 
 
 @dataclass(frozen=True)

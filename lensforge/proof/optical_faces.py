@@ -126,6 +126,32 @@ def _turned(angle: float) -> Float[np.ndarray, "3 3"]:
 
 
 @dataclass(frozen=True)
+class Expansion:
+    """A part that is ``scale`` times as large as in its files, about its seat, ``seat_mm`` below its origin.
+
+    Rays are cast through the part of the files, and lengths there are ``scale`` times as long in the warm one.
+    """
+
+    scale: float = 1.0
+    seat_mm: float = 0.0
+
+    def to_files(self, points: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
+        """Points of the warm part in the coordinates of its files."""
+        return points if self.scale == 1.0 else (points - self._raised) / self.scale
+
+    def from_files(self, points: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
+        """Points of its files in the coordinates of the warm part."""
+        return points if self.scale == 1.0 else self.scale * points + self._raised
+
+    @property
+    def _raised(self) -> Float[np.ndarray, "3"]:
+        return np.array([0.0, 0.0, self.seat_mm * (self.scale - 1.0)])
+
+
+AS_IN_FILES = Expansion()
+
+
+@dataclass(frozen=True)
 class OpticalFaces:
     """Names of the faces of a body, True for those that bound it outwards, False for those that bound the cavity.
 
@@ -136,7 +162,7 @@ class OpticalFaces:
     such bodies, seen from the one that is lit; None for one. ``of_kinds``: of the body of each kind; by default all are
     like these. ``opening``: number of a face at which there is no material: light that rises and meets the part no more
     has left by it. ``flange_face``: number of the face at which a flange begins, ``flange_mm``: its radius; all of the
-    part that is farther from the axis above z = 0 counts as it; None without one.
+    part that is farther from the axis above z = 0 counts as it; None without one. ``expansion``: of the part at work.
     """
 
     names: tuple[str, ...] = DOUBLE
@@ -148,6 +174,7 @@ class OpticalFaces:
     opening: int | None = None
     flange_face: int | None = None
     flange_mm: float | None = None
+    expansion: Expansion = AS_IN_FILES
 
     def __post_init__(self) -> None:
         if self.events < _CROSSINGS:

@@ -18,7 +18,7 @@ from lensforge.light.evaluation_result import Light
 from lensforge.optics.face_roles import BODY
 from lensforge.optics.image_reading import read_light
 from lensforge.proof import independent_draws
-from lensforge.proof.optical_faces import OpticalFaces, PlateOfLenses
+from lensforge.proof.optical_faces import Expansion, OpticalFaces, PlateOfLenses
 from lensforge.proof.part_comparison import RAYS, IndependentLight, LampsApart, LampsOnPlate, LampStands
 from lensforge.proof.receiver_screen import Screen
 from lensforge.scene.body import Body, radii
@@ -63,6 +63,12 @@ def optical_of(body: Body, events: int = 2) -> OpticalFaces:
     flange_mm = None if flange is None else float(body.faces[flange].surface.radius(np.array([[1.0, 0.0, 0.0]]))[0])
     tables = 1.0 / radii(body.faces, to_sphere(chart))
     return OpticalFaces(names, away, events, tables, opening=opening, flange_face=flange, flange_mm=flange_mm)
+
+
+def optical_at_work(lens: Lens) -> OpticalFaces:
+    """The faces of ``lens``, whose part has the size of its temperature at work."""
+    expansion = Expansion(lens.spec.lens.scale, lens.spec.base.seat_mm)
+    return replace(optical_of(lens.body, lens.events), expansion=expansion)
 
 
 def plate_of(lamps: Lamps) -> PlateOfLenses:

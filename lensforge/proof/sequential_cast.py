@@ -19,7 +19,7 @@ from lensforge.optics.media import Media, Mirror, RingScatter
 from lensforge.proof.body_cast import behind_optics
 from lensforge.proof.facet_casting import FacetHits, Grid, Leg, RayRows
 from lensforge.proof.facet_tilt import Arrival, FaceNumbers, facet_slopes, tilted
-from lensforge.proof.optical_faces import NO_FACE, OpticalFaces, PlateOfLenses
+from lensforge.proof.optical_faces import NO_FACE, OpticalFaces
 from lensforge.proof.part_mesh import PartMesh
 from lensforge.proof.receiver_screen import Screen
 from lensforge.proof.refraction import AtFace, Fields, LitRays, RefractingFace, unpolarised
@@ -96,12 +96,14 @@ class Passage:
 
 
 def behind_lens(
-    passage: Passage, rays: RayBundle, media: Media, plate: PlateOfLenses | None, seed: int | None = None
+    passage: Passage, rays: RayBundle, media: Media, optical: OpticalFaces, seed: int | None = None
 ) -> Passage:
-    """Take the rays that left the lens, or one of a ``plate``, through the further bodies and the cover glass.
+    """Take the rays that left the lens, or one of a plate, through the further bodies and the cover glass.
 
-    ``rays``: as they began; ``seed``: of facets that are not those of the design.
+    ``passage``: in the coordinates of the files; ``rays``: as they began; ``optical``: the faces of the part; ``seed``:
+    of facets that are not those of the design.
     """
+    passage = replace(passage, points=optical.expansion.from_files(passage.points))
     if media.cover_glass is None and not media.bodies:
         return passage
     waves = media.wavelengths(rays.wavelengths_nm, len(rays))
@@ -109,7 +111,7 @@ def behind_lens(
         (rays, body.media(media), DOUBLE, media.scattering_before(each), seed) for each, body in enumerate(media.bodies)
     ]
     rough = [FaceNumbers.of(*each) for each in met]
-    behind = behind_optics(passage.points, passage.directions, media, waves, passage.fields, plate, rough)
+    behind = behind_optics(passage.points, passage.directions, media, waves, passage.fields, optical.plate, rough)
     out_of_bodies = passage.flux * behind.through_bodies
     left = out_of_bodies * behind.through_glass
     return replace(
@@ -295,9 +297,9 @@ def mirrors(optical: OpticalFaces, media: Media) -> list[int]:
     return [number for number, name in enumerate(optical.names) if isinstance(media.coating(name), Mirror)]
 
 
-def outside_leg(rays: RayBundle) -> Leg:
-    """First leg of every ray: from the source towards the part."""
-    return Leg(rays.origins, rays.directions, np.zeros(len(rays)))
+def outside_leg(rays: RayBundle, optical: OpticalFaces) -> Leg:
+    """First leg of every ray: from the source towards the part, in the coordinates of its files."""
+    return Leg(optical.expansion.to_files(rays.origins), rays.directions, np.zeros(len(rays)))
 
 
 def send_through(
@@ -321,7 +323,7 @@ def send_through_body(body: CastBody, rays: RayBundle, media: Media, seed: int |
     passage = Passage.of(rays, optical.events)
     light = LitRays.of(rays, media, optical.names, seed)
     rows = np.arange(len(rays))
-    leg = outside_leg(rays)
+    leg = outside_leg(rays, optical)
     for event in range(optical.events):
         # Sides count behind a reflection, which may graze; before, the skin of the facet just left is enough.
         known = event > (1 if optical.opening is None else 0)
@@ -337,7 +339,7 @@ def send_through_body(body: CastBody, rays: RayBundle, media: Media, seed: int |
         leg = leg.take(met)
         light = light.take(met)
         hits = hits.take(met)
-        lengths = np.linalg.norm(hits.points - leg.origins, axis=1)
+        lengths = optical.expansion.scale * np.linalg.norm(hits.points - leg.origins, axis=1)
         absorb(passage, rows, lengths, np.where(light.inside, light.absorptions, 0.0))
         passage.facets_um[rows, event] = 1e3 * hits.heights
         passage.met[rows, event] = hits.faces
@@ -360,7 +362,7 @@ def send_through_body(body: CastBody, rays: RayBundle, media: Media, seed: int |
         rows = rows[going]
         leg = Leg(hits.points, ways, hits.skins).take(going)
         light = light.take(going)
-    return behind_lens(passage, rays, media, optical.plate, seed)
+    return behind_lens(passage, rays, media, optical, seed)
 
 
 def _leaves_freely(optical: OpticalFaces, leg: Leg, light: LitRays, hits: SurfaceHits) -> Bool[np.ndarray, " n"]:

@@ -32,7 +32,7 @@ def cast_plain(
     trimesh casts them in ``second``, where there is one; the function that is returned waits for it.
     """
     rows = np.unique(np.linspace(0, len(rays) - 1, min(count, len(rays))).astype(np.int64))
-    outside = outside_leg(rays).take(rows)
+    outside = outside_leg(rays, part.optical).take(rows)
     light = LitRays.of(rays, media, part.optical.names).take(rows)
     entry = MeshBody(part, grid).surface_hits(outside)
     entered = np.nonzero(entry.found)[0]

@@ -20,6 +20,7 @@ from lensforge.shop.check_facts import shape_facts
 from lensforge.shop.check_result import Check
 from lensforge.spec import ReceiverSection, Spec
 from lensforge.spec.lens_section import LensShape
+from lensforge.spec.trades import TRADES
 
 Shown = Literal["pass", "fail", "open"]  # the style of a verdict on the page
 
@@ -201,6 +202,16 @@ def criterion_groups(results: Results, *, missed: bool = False) -> list[Group]:
     return [Group(stem, stage_name(stem), tuple(facts)) for stem, facts in by_stem.items()]
 
 
+def trade_facts(results: Results) -> list[Fact]:
+    """Figures of the application of the spec, by light and photometry; none without an application."""
+    application = results.spec.application
+    if application is None:
+        return []
+    groups = [group for result in results.found.values() for group in results.facts(result)]
+    stated = [fact for group in groups if group.key == "trade" for fact in group.facts]
+    return [*stated, *_selected(groups, TRADES[application].photometry)]
+
+
 def required_facts(results: Results, possible: BoundsByState | None = None) -> list[Fact]:
     """Facts that are required: limits, light on each receiver, size, wall, and the ball mill."""
     groups = [group for result in results.found.values() for group in results.facts(result, possible)]
@@ -218,8 +229,14 @@ def required_facts(results: Results, possible: BoundsByState | None = None) -> l
     )
     if_limited = _selected(groups, ("thickest", *drafts))
     moulded = [fact for group in groups if group.key == "mould" for fact in group.facts if fact.notice]
-    trade = [fact for group in groups if group.key == "trade" for fact in group.facts]
-    return [*trade, *limits, *light, *shape, *(fact for fact in if_limited if fact.limit is not None), *moulded]
+    return [
+        *trade_facts(results),
+        *limits,
+        *light,
+        *shape,
+        *(fact for fact in if_limited if fact.limit is not None),
+        *moulded,
+    ]
 
 
 def further_facts(results: Results) -> list[Fact]:
@@ -283,7 +300,10 @@ def _place(lens: LensShape, name: str) -> str:
 
 
 def _wanted_light(spec: Spec) -> str:
-    return "; ".join(map(_on_receiver, spec.all_receivers))
+    """The targets of each receiver, and the temperature of the lens where it is not that of reference."""
+    celsius = spec.lens.at_work_c
+    warm = () if celsius is None else (f"lens at {celsius:g} °C",)
+    return "; ".join((*warm, *map(_on_receiver, spec.all_receivers)))
 
 
 def _on_receiver(receiver: ReceiverSection) -> str:

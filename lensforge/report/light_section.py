@@ -387,12 +387,14 @@ def _compared(results: Results) -> dict[str, Light]:
 def _light_rows(results: Results, name: str, light: Light) -> Iterator[Group]:
     reasons = list(light_reasons(light, results.lens))
     conditions = light.conditions
-    source = results.spec.of_state(light.led).source.title
-    notes = ()
+    spec = results.spec.of_state(light.led)
+    source = spec.source.title
+    celsius = conditions.temperature_c if conditions is not None else None
+    celsius = spec.lens.at_work_c if celsius is None else celsius
+    notes = () if celsius is None else (f"lens at {celsius:g} °C",)
     if conditions is not None:  # the reasons against the own light stand at the top of the page
-        warm = () if conditions.temperature_c is None else (f"lens at {conditions.temperature_c:g} °C",)
         notes = (
-            *warm,
+            *notes,
             *(warning for _, warning in reasons),
             *(f"warning: {warning}" for warning in conditions.warnings),
         )

@@ -15,11 +15,13 @@ from lensforge.optics.material import MATERIALS
 from lensforge.sources.build_source import cavity_around
 from lensforge.spec import Spec, parse_spec
 from lensforge.spec.derived_values import WHY, rounded_length
+from lensforge.spec.emitter_section import EmitterSection
 from lensforge.spec.lens_section import LensShape, LightShape
 from lensforge.spec.new_spec import new_text
 from lensforge.spec.part_section import usual_flat_mm
 from lensforge.spec.source_sections import RayfileSource
 from lensforge.spec.tolerances_section import lets_light_in
+from lensforge.spec.zoom_states import room_for_travel, travel_mm, zoom_states
 
 if TYPE_CHECKING:  # torch, which the search needs, takes a second to load
     from lensforge.search.lens_advice import LensAdvice
@@ -46,7 +48,7 @@ def millimetres(given: str, answer: str, allowed: str) -> float:
 class NewScene:
     """A scene without its lens: tables of ``light``, ``source`` and ``constraints``, and the ``material``, if any.
 
-    ``light``: ``target``, or ``receivers`` for a plane beside the axis.
+    ``light``: ``target``, ``receivers`` for a plane beside the axis, or the ``states`` of a zoom.
     """
 
     name: str
@@ -66,6 +68,17 @@ class NewScene:
         if source["kind"] == "rayfile":
             constraints |= cavity_around(RayfileSource(**deepcopy(source)))
         return NewScene(known or "lens", light, source, constraints)
+
+    def zoomed(self, spot_deg: float, flood_deg: float) -> "NewScene":
+        """The scene of a zoom between beams of these full widths, with room for the travel of its LED.
+
+        Raises :class:`InputError` for a source that does not tell its size.
+        """
+        travel = travel_mm(spot_deg, flood_deg, self.constraints["max_radius_mm"])
+        led = EmitterSection.kinds[self.source["kind"]](**deepcopy(self.source))
+        room = room_for_travel(led.extent_mm or self.constraints["cavity_radius_mm"], travel)
+        states = zoom_states(spot_deg, flood_deg, travel)
+        return replace(self, light={"states": states}, constraints={**self.constraints, **room})
 
     def of_material(self, material: str | None) -> "NewScene":
         """The scene with a lens of this material. Raises :class:`InputError` for one that is not known."""
@@ -149,18 +162,28 @@ class NewScene:
             made = self._spec(content)
         if made.manufacture.process == "moulded":
             warn("manufacture.shrinkage is not given: ask the moulder for that of the plastic, such as 0.005")
-        scene = SceneCheck.of(made, source_of(made))
-        scene.require_light(force=force)
-        for warning in (*scene.warnings(), *_unsuited(type(made.lens), shape)):
+        scenes = {name: SceneCheck.of(alone, source_of(alone)) for name, alone in made.by_state.items()}
+        for scene in scenes.values():
+            scene.require_light(force=force)
+            for warning in scene.warnings():
+                warn(warning)
+        for warning in _unsuited(type(made.lens), shape):
             warn(warning)
         reasons = _with_derived(content, made)
-        lit = content.get("target") or content["receivers"][0]["targets"][0]
+        lit = content["receivers"][0]["targets"][0] if "receivers" in content else content.get("target", {})
         section = made.all_receivers[0]
         for table, read in ((content["source"], made.source), (lit, section.targets[0])):
             if "file" in table:
                 table["file"] = _relative(attrgetter("file")(read).resolve(), folder)
-        title = f"{made.source.title}; target: {section.targets[0].description} {section.place}"
-        possible = f"Target: {scene.targets[0].possible_words}, {made.lens.title} of largest radius."
+        wanted = {name or "target": alone.all_receivers[0] for name, alone in made.by_state.items()}
+        title = "; ".join(
+            (
+                made.source.title,
+                *(f"{name}: {receiver.targets[0].description} {receiver.place}" for name, receiver in wanted.items()),
+            )
+        )
+        bounds = "; ".join(f"{name or 'target'}: {scene.targets[0].possible_words}" for name, scene in scenes.items())
+        possible = f"{bounds[:1].upper()}{bounds[1:]}, {made.lens.title} of largest radius."
         if examples:
             possible += f"\n# Nearest shipped examples: {', '.join(examples)}."
         return new_text(content, reasons, title[:1].upper() + title[1:], possible, list(_flange_for(made)))

@@ -224,6 +224,8 @@ _AXES = {
     "constraints.min_thickness_mm": "minimum thickness, Δr (mm)",
     "target.distance_mm": "distance of the target (mm)",
     "source.side_mm": "side of the source (mm)",
+    "manufacture.cutter_radius_mm": "radius of the ball (mm)",
+    "manufacture.nose_radius_mm": "radius of the nose (mm)",
 }
 
 
@@ -271,7 +273,7 @@ def sweep_figure(sweep: Sweep) -> Figure:
 
 def _draw(axes: Axes, sweep: Sweep, metric: MetricName, label: str, colour: str, marker: str) -> None:
     x, y, noise = sweep.curve(metric)
-    line = "none" if sweep.vary == SourceVariation.field else "solid"
+    line = "none" if any(isinstance(value, str) for value in x) else "solid"
     axes.errorbar(
         x,
         y,

@@ -5,11 +5,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from math import isfinite
 from pathlib import Path
-from typing import ClassVar
+from typing import ClassVar, Literal
 
 from lensforge.errors import InputError, refused, remedy
 from lensforge.spec import Spec
 from lensforge.spec.emitter_section import EmitterSection
+from lensforge.spec.part_section import ManufactureSection
+from lensforge.spec.processes import PROCESSES
 from lensforge.spec.source_list import read_sources, require_told_apart
 from lensforge.spec.source_sections import NamedSource
 from lensforge.spec.spec_files import joined_name
@@ -72,6 +74,29 @@ class Variation:
             changes |= {field: _number(base, field) * value / before for field in self.scaled}
         name = joined_name(base.name, f"{value:g}".replace("+", ""))  # of a folder, too
         return Variant(value, changes, base.replace(changes, name=name))
+
+
+ToolAxis = Literal["tool", "process"]
+_OF_RADIUS = (0.25, 0.5, 1.0, 2.0)  # of the tool that a spec states
+
+
+def tool_study(spec: Spec, over: ToolAxis) -> tuple[Spec, Variation]:
+    """A study of ``spec`` over radii of its tool, the ball where it has one; or over all processes.
+
+    With the spec that is varied, which has no field of one process alone. Raises :class:`InputError` for the tool of a
+    lens that none cuts.
+    """
+    if over == "process":
+        defaults = ManufactureSection().model_dump()
+        fields = {name: defaults[name] for process in PROCESSES.values() for name in process.fields}
+        return spec.replace(manufacture=fields), Variation("manufacture.process", tuple(PROCESSES))
+    cuts = {spec.cutting(name) for name in spec.lens.names} - {None}
+    if not cuts:
+        process = spec.manufacture.process
+        raise InputError(f'manufacture.process = "{process}": no tool cuts the lens; give another, or --over process')
+    field = "cutter_radius_mm" if "milled" in cuts else "nose_radius_mm"
+    radius_mm = getattr(spec.manufacture, field)
+    return spec, Variation(f"manufacture.{field}", tuple(share * radius_mm for share in _OF_RADIUS))
 
 
 ONE_FOR_ALL = "one_for_all"  # the design of a spec for all of its LEDs, beside one for each

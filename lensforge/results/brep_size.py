@@ -91,8 +91,9 @@ class _Sectors:
 
     def _cells(self, edge: Any) -> tuple[float, float]:
         cells = (_places(edge) - self._middle) * self._per_unit
-        # outwards there are twice as many: in the hole of a steep wall the spline bends within a cell
-        return float(np.hypot(*np.diff(cells, axis=0).T).sum()), 2.0 * float(np.hypot(*cells.T).max())
+        # twice as many outwards where there is a hole: in that of a steep wall the spline bends within a cell
+        finer = 2.0 if self._has_hole else 1.0
+        return float(np.hypot(*np.diff(cells, axis=0).T).sum()), finer * float(np.hypot(*cells.T).max())
 
     def _surface_at(self, places: Float[np.ndarray, "*n 2"]) -> tuple[Float[np.ndarray, "*n 3"], ...]:
         """Points (mm) of the surface, and its normals, as long as the area that a unit of its parameters has."""
@@ -128,6 +129,10 @@ class _Sectors:
         """The edges, and their curves in the plane of parameters."""
         edges = list(map(TopoDS.Edge_s, explored(self.face, TopAbs_ShapeEnum.TopAbs_EDGE)))
         return [(edge, BRepAdaptor_Curve2d(edge, self.face)) for edge in edges]
+
+    @cached_property
+    def _has_hole(self) -> bool:
+        return len(list(explored(self.face, TopAbs_ShapeEnum.TopAbs_WIRE))) > 1
 
     @cached_property
     def _middle(self) -> Float[np.ndarray, "2"]:

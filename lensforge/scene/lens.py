@@ -9,7 +9,6 @@ import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
-from math import hypot
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -177,12 +176,6 @@ class Lens:
     def dispersion(self) -> Material | None:
         """Index of the body against wavelength; None for one index."""
         return self.spec.lens.dispersion
-
-    @property
-    def reach_mm(self) -> float:
-        """Radius of the ball about the origin in which the lens lies, as its spec asks."""
-        limits = self.spec.constraints
-        return hypot(limits.max_radius_mm, limits.tallest_mm if self.spec.lens.radius_about_axis else 0.0)
 
     @property
     def basis(self) -> SrbfBasis:

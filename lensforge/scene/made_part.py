@@ -87,6 +87,15 @@ class AsMade:
         return _noise(rays, len(self.names)) if self.slopes_of_faces.any() else None
 
 
+def at_work(spec: Spec, names: tuple[str, ...]) -> AsMade | None:
+    """The lens of ``spec`` at its temperature, as it grows about its seat; None at that of reference.
+
+    ``names``: of its faces, from the source on.
+    """
+    scale = spec.lens.scale
+    return None if scale == 1.0 else AsMade(names, scale=scale, seat_mm=spec.base.seat_mm)
+
+
 @lru_cache(maxsize=2)
 def _noise(rays: int, faces: int) -> Float[np.ndarray, "n m"]:
     """Two standard normal numbers of each ray at every face.
@@ -228,7 +237,8 @@ class MadePart:
 class PartMaker:
     """All that is prepared once for the faces of a lens: the tables of their form errors, by the name of the factor.
 
-    ``names``: of the faces, in the order of all tables; ``roles``: of the faces that the spec has.
+    ``names``: of the faces, in the order of all tables; ``roles``: of the faces that the spec has. ``scale``: of every
+    length at the temperature of the lens at work.
     """
 
     names: tuple[str, ...]
@@ -236,6 +246,7 @@ class PartMaker:
     errors: dict[str, ErrorField]
     seat_mm: float
     source_mm: Vector
+    scale: float = 1.0
 
     @staticmethod
     def of(spec: Spec, surfaces: Mapping[str, Surface], grid: TableGrid, factors: tuple[Factor, ...]) -> "PartMaker":
@@ -260,7 +271,7 @@ class PartMaker:
                 errors[waves] = waviness(sampled, *band, _SEED + number)
             if rings in wanted:
                 errors[rings] = ripple(sampled, section.ripple_period_mm)
-        return PartMaker(tuple(surfaces), roles, errors, spec.base.seat_mm, spec.source.position_mm)
+        return PartMaker(tuple(surfaces), roles, errors, spec.base.seat_mm, spec.source.position_mm, spec.lens.scale)
 
     def part(self, deviations: Deviations) -> MadePart:
         """The part with these deviations."""
@@ -282,7 +293,7 @@ class PartMaker:
             lens=placed("lens", "lens_height_mm"),
             faces={name: placed(name, factor_name(self.roles, name, "gap_mm")) for name in self.names[1:]},
             source_size=1.0 + one("source_size"),
-            scale=1.0 + one("shrinkage"),
+            scale=self.scale * (1.0 + one("shrinkage")),
             seat_mm=self.seat_mm,
             slopes={name: self._slope(name, deviations) for name in self.names},
         )

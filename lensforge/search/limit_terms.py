@@ -67,6 +67,13 @@ class LimitTerm:
         """Noise of the excess by the rays of a step."""
         return _NOISE * self.limit.bound / _OF_FLUX if self.limit.quantity.of_losses else _NOISE
 
+    def is_missed(self, value: float) -> bool:
+        """True for a ``value`` beyond the bound, less by what pictures of a search show too good."""
+        closer = max(self.margin - _MARGIN, 0.0)
+        if self.limit.sense == ">=":
+            return value < (1.0 + closer) * self.limit.bound
+        return value > (1.0 - closer) * self.limit.bound
+
     def loss(self, images: Images, losses: Losses = ()) -> Float[Tensor, ""]:
         """Mean of e^2/(1+e) over the places, e what is missing to the bound or above it, relative to the bound."""
         (excess,) = self.excesses(images, losses)

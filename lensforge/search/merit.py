@@ -15,12 +15,13 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from lensforge.light.judged_limits import judged, limit_value
+from lensforge.light.judged_limits import limit_value
 from lensforge.light.table_trace import Scene
 from lensforge.optics.fundamental_limits import transmittance_of
 from lensforge.scene.body import Chain
 from lensforge.scene.eye_view import eye_views
 from lensforge.scene.limit_readings import LightLimit, light_limits
+from lensforge.scene.made_part import at_work
 from lensforge.scene.receiver_shapes import receivers_of
 from lensforge.search.collected_light import Collected
 from lensforge.search.constraints import AugmentedLagrangian
@@ -169,7 +170,7 @@ class Merit(ABC, Generic[_Light]):
 
     @abstractmethod
     def limits_missed(self, samples: Sequence[_Light]) -> int:
-        """Number of limits on the light that independent ``samples``, each of the whole flux, show to be missed."""
+        """Number of limits that independent ``samples`` of the light, each of the whole flux, do not keep."""
 
     @abstractmethod
     def joined(self, parts: Sequence[_Light], emitted_w: float) -> _Light:
@@ -233,6 +234,7 @@ class MeritFunction(Merit[SampledLight]):
         )
         single = single and not isinstance(spec.lamps, EndlessLamps)  # whose light comes from any distance
         scene = Scene(spec.media, parametrisation.grid, fresnel, chain=Chain.of_lens(spec.lens), single=single)
+        scene = replace(scene, made=at_work(spec, scene.names))
         efficacy = summarise(source, spec.source).lumens_per_watt if spec.has_limits else None
         views = eye_views(spec, searched=True)
         asked = light_limits(spec, receivers, efficacy, source.flux_w, views)
@@ -326,16 +328,16 @@ class MeritFunction(Merit[SampledLight]):
         return MeritParts(whole, float(of_images + of_limits) + of_colours, float(of_limits))
 
     def limits_missed(self, samples: Sequence[SampledLight]) -> int:
-        """Number of limits on the light that independent ``samples``, each of the whole flux, show to be missed."""
-        asked = [term.limit for limit in self.limits for term in limit.members]
-        seen: dict[tuple[int, bool, bool], Float[np.ndarray, r * _]] = {}
+        """Number of limits that independent ``samples`` of the light, each of the whole flux, do not keep."""
+        seen: dict[tuple[int, bool, bool], np.ndarray] = {}
         missed = 0
-        for limit in asked:
+        for term in (term for limit in self.limits for term in limit.members):
+            limit = term.limit
             quantity = limit.quantity
             key = (limit.receiver, quantity.of_losses, quantity.of_view)
             if key not in seen:
                 seen[key] = np.stack([_read_by(limit, sample).numpy() for sample in samples])
-            missed += judged(limit, "", limit_value(limit, seen[key])).state == "fail"
+            missed += term.is_missed(limit_value(limit, seen[key]).value)  # few rays decide nothing: the side counts
         return missed
 
     def _unbiased_image_error(self, first: Images, second: Images, uniform: bool) -> Float[Tensor, ""]:

@@ -91,7 +91,7 @@ class MeritOfSources(Merit[LightOfSources]):
         return MeritParts(*map(self._mean, zip(*merits, strict=True)))
 
     def limits_missed(self, samples: Sequence[LightOfSources]) -> int:
-        """Number of limits on the light that the ``samples`` show to be missed, over all states."""
+        """Number of limits that the ``samples`` of the light do not keep, over all states."""
         by_state = zip(*(sample.lights for sample in samples), strict=True)
         return sum(merit.limits_missed(lights) for merit, lights in zip(self.members, by_state, strict=True))
 

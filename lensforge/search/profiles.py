@@ -67,7 +67,7 @@ class FaceParameters:
         if self.srbf is None or is_round or not isinstance(surface, ReciprocalSurface):
             return ProfileFace.fitted(surface, basis.low, basis.high, basis.count, reach_mm)
         directions = around(np.linspace(np.arccos(basis.high), np.arccos(basis.low), _MERIDIAN))
-        return FormedFace.nearest(directions, surface.reciprocal(directions)[0], basis, self.srbf, reach_mm)
+        return FormedFace.nearest(directions, surface.value(directions), basis, self.srbf, reach_mm)
 
     def weights_of(self, surface: ProfileFace) -> Float[np.ndarray, " m"]:
         """Weights (1/mm) of its SRBFs in ``surface``; 0 in one that has others."""
@@ -171,7 +171,7 @@ class ProfileParameters(Parametrisation):
     ) -> Tensor:
         """``1/rho`` (1/mm) at the nodes, before the offset."""
         if isinstance(shape, ReciprocalSurface):
-            return torch.from_numpy(shape.reciprocal(self._nodes)[0])
+            return torch.from_numpy(shape.value(self._nodes))
         column = torch.from_numpy(shape.first) + torch.from_numpy(shape.steps) * weights[: self.profile, face]
         values = self._profiles[face] @ column + self._start_sums[face]
         return values if sums is None else values + shape.scale * sums[face].reshape(-1)
@@ -269,7 +269,7 @@ def _parameters(body: Body, name: str, count: int, srbf: SrbfBasis | None) -> Fa
     bounding = directions[nearest(faces, directions) == faces.index(face)]
     low = max(_LOWEST, bounding[:, 2].min() - _BEYOND)
     high = min(1.0, bounding[:, 2].max() + _BEYOND)
-    reciprocals = np.abs(face.surface.reciprocal(bounding)[0])
+    reciprocals = np.abs(face.surface.value(bounding))
     basis = ProfileBasis(low, high, count)
     if not any(face.is_open for face in faces):
         scale = float(reciprocals.mean())

@@ -216,7 +216,7 @@ def _checked_scene(
             scene.require_light(force=force)
         lenses = alone.photometry.lenses * len(alone.all_lamps)
         twice = application_warnings(alone.applications, alone.all_receivers, lenses, summary.flux_lm)
-        stated = (*scene.warnings(), *twice)
+        stated = (*scene.warnings(), *twice, *alone.lens.temperature_warnings)
         of_scene += tuple(f"{line}{warning}" for warning in stated)
         remarks += [f"{line}{remark}" for remark in (*summary.warnings, *stated, *room)]
     remarks += require_clear_travel(spec)

@@ -1,9 +1,10 @@
 """Costs of the limits that tools set to a lens: short searches from its end on, with these limits and without.
 
 A search that ends has seldom converged, so that further steps gain by themselves: what limits cost is the difference of
-two lenses after the same steps with the same rays. It is less than whole searches would differ by, as 20 to 40 steps
-gain most of what there is, but not all. From a lens that has nearly converged the usual steps lead away: where they
-gain nothing, shorter ones are tried.
+two lenses after the same steps with the same rays, as few as a draft's, whose noise both share. It is less than whole
+searches would differ by, as 20 to 40 steps gain most of what there is, but not all. From a lens that has nearly
+converged the usual steps lead away: where they gain nothing, shorter ones are tried. Where the first search, without
+all limits, gains less than is told, it is the only one.
 """
 
 from collections.abc import Iterator
@@ -17,12 +18,13 @@ from lensforge.scene.lens import Lens
 from lensforge.search.design_result import CURVATURE, DRAFT, Design, ToolCost, limits_of
 from lensforge.spec import Spec
 from lensforge.spec.accuracy import preset_of
-from lensforge.spec.processes import MOST_TILT_DEG
+from lensforge.spec.processes import LEVEL_DEG
 
 _LEAST_STEPS = 20
 _MOST_STEPS = 40
 _OF_SEARCH = 20  # steps of the whole search for one here
 _RATES = (1.0, 0.25)  # of the usual length of a step
+_RAYS_OF_STEP = 2**14
 _RAYS = 131072  # the same for all: a difference has far less noise than a figure
 _AT_LIMIT = 10.0  # of the margin with which a search ends inside a limit: 0.3 degrees, or 3 % of a radius
 _FAR_TILT_DEG = 20.0  # beyond what the axis tilts, to tell what that costs
@@ -32,7 +34,7 @@ _LITTLE_DRAFT_DEG = 0.5
 def tool_costs(design: Design) -> tuple[ToolCost, ...]:
     """Costs of the limits that tools set to the lens of ``design``: of all, and of each where they matter.
 
-    Empty for a lens whose faces are at none of these limits, and where a short search without them gains nothing.
+    Empty for a lens whose faces are at none of these limits, and where a short search without them gains too little.
     """
     lens = design.lens
     kinds = holding_tools(design)
@@ -41,17 +43,17 @@ def tool_costs(design: Design) -> tuple[ToolCost, ...]:
     steps = min(max(design.steps // _OF_SEARCH, _LEAST_STEPS), _MOST_STEPS)
     unlimited = lens.spec.made_by("none")
     for further in (_Further(lens, steps, rate) for rate in _RATES):
-        free = further.lens_by(unlimited)
-        if free is not None:
-            return tuple(_costs(further, free, kinds))
+        if (found := further.lens_by(unlimited)) is not None:
+            free = _light(found)
+            return tuple(_costs(further, free, kinds)) if _whole(_light(lens), free).matters else ()
     return ()
 
 
-def _costs(further: "_Further", free: Lens, kinds: set[str]) -> Iterator[ToolCost]:
-    """Cost against the ``free`` lens and, where it matters, those against lenses with an easier limit of ``kinds``."""
+def _costs(further: "_Further", free: Light, kinds: set[str]) -> Iterator[ToolCost]:
+    """Cost against the ``free`` light and, where it matters, those against lenses with an easier limit of ``kinds``."""
     spec = further.lens.spec
     held = _light(further.lens_by(spec) or further.lens)
-    whole = _cost("tools", Change("manufacture.process", '"none"'), held, _light(free))
+    whole = _whole(held, free)
     yield whole
     for words, change in _easier(spec, kinds) if whole.matters else ():
         easier = further.lens_by(spec.replace({change.field: float(change.value)}))
@@ -76,8 +78,9 @@ def _easier(spec: Spec, kinds: set[str]) -> Iterator[tuple[str, Change]]:
     if DRAFT not in kinds:
         return
     if shop.cuts == "lens":
-        farther = min(shop.max_tilt_deg + _FAR_TILT_DEG, MOST_TILT_DEG)
-        yield f"tilt of {shop.max_tilt_deg:g} deg", Change("manufacture.max_tilt_deg", f"{farther:g}")
+        if shop.max_tilt_deg < LEVEL_DEG:
+            farther = min(shop.max_tilt_deg + _FAR_TILT_DEG, LEVEL_DEG)
+            yield f"tilt of {shop.max_tilt_deg:g} deg", Change("manufacture.max_tilt_deg", f"{farther:g}")
         return
     for name in spec.lens.names:
         asked = spec.asked_draft_deg(name)
@@ -104,15 +107,20 @@ class _Further:
         coarser = len(spec.lens.shape_levels) - 1
         short = spec.replace({"optimise.steps_per_level": [1] * coarser + [self.steps], "optimise.seconds": None})
         preset = preset_of(self.lens.accuracy)
+        rays = min(preset.design_rays, _RAYS_OF_STEP)
         effort = {"learning_rate": self.rate * preset.effort.learning_rate}
         design = search(
             short,
             searched_source(short),
-            accuracy=preset.replace("further_steps", effort=effort),
+            accuracy=preset.replace("further_steps", design_rays=rays, effort=effort),
             seed=self.lens.seed,
             start=self.lens,
         )
         return None if design.kept_start else design.lens
+
+
+def _whole(held: Light, free: Light) -> ToolCost:
+    return _cost("tools", Change("manufacture.process", '"none"'), held, free)
 
 
 def _light(lens: Lens) -> Light:

@@ -51,7 +51,7 @@ def check_lens(lens: Lens, nodes: SplineNodes | None = None) -> Check:
     milled = {name: face for name, face in faces.items() if isinstance(face, MilledFace)}
     relief = check_ball_clearance(plan, custom, milled)
     tools = check_tools(manufacture.tools, milled, plan, custom, float(np.deg2rad(manufacture.max_tilt_deg)))
-    results = {name: face_result(face, manufacture.layer_um) for name, face in faces.items()}
+    results = {name: face_result(face, lens.spec) for name, face in faces.items()}
     moulding = Moulding.of(lens, pair) if manufacture.process == "moulded" else None
     sharpest = (edge for side in pair for edge in sharpest_edges(side))
     edges = tuple(Edge(**{**vars(edge), "point_mm": tuple(edge.point_mm.tolist())}) for edge in sharpest)

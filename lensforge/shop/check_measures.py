@@ -191,7 +191,9 @@ class FaceResult(Record):
 
     Maps over its chart, [X, Y], NaN outside: points (mm), departure from the best-fit sphere (mm), principal curvatures
     (1/mm), and uncut height (mm), 0 where the cutter reaches. ``cutter``: None of a face that is not cut, or cannot be
-    turned. ``layer_step_um``: the largest height of a step between the layers of a print, where these are known.
+    turned. ``largest_tilt_deg``: least tilt by which an axis reaches all of it; ``free_tilt_deg``: the tilt that
+    machine and mouth leave, None where no mill cuts the lens. ``layer_step_um``: the largest height of a step between
+    the layers of a print, where these are known.
     """
 
     cutter: Annotated[
@@ -223,12 +225,13 @@ class FaceResult(Record):
         NotNegative,
         Figure(
             "Max. tool tilt",
-            "of a tool held normal to the face",
+            "of the axis, where the ball cuts up to its equator",
             key="tilt",
             judged_by="tilt",
             when=lambda check, face, name: type(face.cutter) is Cutter,
         ),
     ]
+    free_tilt_deg: NotNegative | None
     draft_deg: Annotated[
         Draft,
         Figure(

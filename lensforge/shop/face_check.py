@@ -13,9 +13,11 @@ from scipy.optimize import least_squares
 
 from lensforge.cad.part_limits import ANGLE_TOLERANCE_DEG
 from lensforge.results.verdict import within
+from lensforge.shop.axis_tilt import free_tilt_deg, needed_tilt_deg
 from lensforge.shop.ball_cutter import largest_ball_mm, reachable, residual_height_mm
 from lensforge.shop.check_measures import FLAT_MM, Curvature, Cutter, Draft, FaceResult, Sphere
 from lensforge.shop.face_samples import FaceArea, FaceSamples, OpticalFace, all_points, least_draft_rad, sample_face
+from lensforge.spec import Spec
 from lensforge.spec.accuracy import PartEffort
 
 SAMPLE_NODES = PartEffort().check_nodes
@@ -102,11 +104,11 @@ def milled_face(face: OpticalFace, cutter_radius_mm: float, nodes: int = SAMPLE_
     return MilledFace(**{**vars(measured), "residual_mm": left_mm}, cutter_radius_mm=cutter_radius_mm, ball_mm=ball)
 
 
-def face_result(check: FaceCheck, layer_um: float | None = None) -> FaceResult:
-    """The record of a measured face; an infinite number is None. ``layer_um``: of a print, whose steps are the highest
-    where the face is the most level.
-    """
+def face_result(check: FaceCheck, spec: Spec) -> FaceResult:
+    """The record of a measured face of a lens of ``spec``; an infinite number is None."""
     samples = check.samples
+    layer_um = spec.manufacture.layer_um
+    is_milled = isinstance(check, MilledFace) and spec.manufacture.cuts == "lens"
     draft_deg = float(np.degrees(least_draft_rad(check.samples)))
     curvatures = samples.curvatures
     to_map = samples.grid.to_map
@@ -118,10 +120,11 @@ def face_result(check: FaceCheck, layer_um: float | None = None) -> FaceResult:
             smallest_concave_radius_mm=bounded(check.smallest_concave_radius_mm),
         ),
         cutter=check.cutter,
-        layer_step_um=None if layer_um is None else layer_um * _most_level(samples),
+        layer_step_um=None if layer_um is None else layer_um * _most_level(samples),  # the highest where it is level
         draft_deg=Draft(min=draft_deg),
         undercut_fraction=0.0 if within(draft_deg, ">=", 0.0, ANGLE_TOLERANCE_DEG) else samples.area.undercut_fraction,
-        largest_tilt_deg=90.0 - draft_deg,
+        largest_tilt_deg=needed_tilt_deg(samples),
+        free_tilt_deg=free_tilt_deg(samples, spec) if is_milled else None,
         area_mm2=samples.area.total_mm2,
         xyz=to_map(samples.points),
         sag_mm=to_map(check.sag_mm),
@@ -166,22 +169,24 @@ def best_fit_sphere(samples: FaceSamples) -> Sphere:
 
 def _least_squares_centre(area: FaceArea) -> Float[np.ndarray, "3"]:
     """Centre on the axis (variable projection: for any centre the best radius is the mean distance over the area)."""
-    axis = np.array([[0.0, 0.0, 1.0]])
     shares = area.shares
-    root = np.sqrt(area.shares)
+    root = np.sqrt(shares)
+    x, y, z = area.points.T
+    from_axis_2 = x**2 + y**2
 
     def residual(height: Float[np.ndarray, "1"]) -> Float[np.ndarray, " q"]:
-        distance = np.linalg.norm(area.points - height @ axis, axis=1)
+        distance = np.sqrt(from_axis_2 + (z - height) ** 2)
         return np.asarray(root * (distance - shares @ distance))
 
     def slope(height: Float[np.ndarray, "1"]) -> Float[np.ndarray, "q 1"]:
-        away = area.points - height @ axis
-        towards = -(away / np.linalg.norm(away, axis=1, keepdims=True)) @ axis.T
-        return np.asarray(root[:, None] * (towards - shares @ towards))
+        below = z - height
+        towards = -below / np.sqrt(from_axis_2 + below**2)
+        return np.asarray(root * (towards - shares @ towards))[:, None]
 
     scale = float(np.linalg.norm(area.points, axis=1).mean())
     tight = {"xtol": 1e-14, "ftol": 1e-14, "gtol": 1e-14}
     # Between a centre below the face and one beyond it the departure is largest: the least is sought from either side.
     starts = (np.zeros(1), np.full(1, 3.0 * scale))
-    found = [least_squares(residual, start, slope, method="lm", x_scale=scale, **tight) for start in starts]
-    return np.asarray(min(found, key=lambda each: float(each.cost)).x @ axis)
+    fits = [least_squares(residual, start, slope, method="lm", x_scale=scale, **tight) for start in starts]
+    best = min(fits, key=lambda fit: float(fit.cost))
+    return np.array([0.0, 0.0, float(best.x[0])])

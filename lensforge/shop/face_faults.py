@@ -13,6 +13,7 @@ from jaxtyping import Bool, Float
 from lensforge.cad.part_limits import ANGLE_TOLERANCE_DEG
 from lensforge.cad.patch import Patch
 from lensforge.cad.plan import Plan
+from lensforge.shop.axis_tilt import free_tilt_deg
 from lensforge.shop.ball_clearance import CustomBaseMesh, base_retreats
 from lensforge.shop.check_measures import FaceFaults
 from lensforge.shop.face_check import FaceCheck, MilledFace
@@ -27,7 +28,7 @@ class Fault(IntEnum):
     """Obstacle at a node of a map; of several the last."""
 
     NONE = 0
-    STEEP = 1  # steeper than the axes of the machine tilt, or without the draft that a mould needs
+    STEEP = 1  # undercut farther than the axes of the machine tilt, or without the draft that a mould needs
     BASE = 2  # the base is in the ball's way
     TOOL = 3  # ball or turning tool does not reach
     UNDERCUT = 4  # neither half of the mould releases it
@@ -68,11 +69,10 @@ class PartAround:
         )
 
     def _too_steep(self, name: str, face: FaceCheck) -> Samples:
-        """Samples with less draft than is asked, or steeper than the axis of a ball that is held normal tilts."""
-        shop = self.spec.manufacture
+        """Samples with less draft than is asked, or undercut farther than the axis of a mill tilts."""
         asked = [self.spec.asked_draft_deg(name)]
-        if isinstance(face, MilledFace) and shop.cuts == "lens":
-            asked.append(90.0 - shop.max_tilt_deg)
+        if isinstance(face, MilledFace) and self.spec.manufacture.cuts == "lens":
+            asked.append(-free_tilt_deg(face.samples, self.spec))
         least_deg = max((draft for draft in asked if draft is not None), default=-90.0)
         draft_deg = np.degrees(np.arcsin(np.clip(face.samples.upward, -1.0, 1.0)))
         return np.asarray(draft_deg < least_deg - ANGLE_TOLERANCE_DEG)

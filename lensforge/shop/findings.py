@@ -27,7 +27,7 @@ from lensforge.shop.check_measures import (
     ToolResult,
 )
 from lensforge.spec import BaseSection, Spec
-from lensforge.spec.processes import GOOD_DRAFT_DEG, MOST_DRAFT_DEG, MOST_TILT_DEG
+from lensforge.spec.processes import GOOD_DRAFT_DEG, MOST_TILT_DEG
 
 if TYPE_CHECKING:
     from lensforge.cad.plate_layout import PlateWall
@@ -100,7 +100,7 @@ def check_findings(
             if face.cutter is not None  # else of a record that is not of this spec
         ),
         *clearance_findings(relief, spec.base),
-        *(tilt_finding(name, face.largest_tilt_deg, spec) for name, face in milled.items() if name not in moulded),
+        *(tilt_finding(name, face, spec) for name, face in milled.items() if name not in moulded),
         wall_finding(wall_mm, spec),
         *(undercut_finding(name, face, spec) for name, face in moulded.items()),
         *(
@@ -213,21 +213,22 @@ def _room_at_step(relief: StepClearance, base: BaseSection) -> list[Change]:
     return needed
 
 
-def tilt_finding(surface: str, slope_deg: float, spec: Spec) -> Fact:
-    """Tilt of a tool that is held normal to the face everywhere; a search for less, or a machine that tilts farther."""
-    allowed_deg = spec.manufacture.max_tilt_deg
-    changes = list[Change | None]()
-    draft_deg = 90.0 - allowed_deg
-    holds = within(slope_deg, "<=", allowed_deg, ANGLE_TOLERANCE_DEG)
-    if 0.0 <= draft_deg <= MOST_DRAFT_DEG:
-        changes.append(design_again("draft_deg", draft_deg, spec, surface))
-    if slope_deg < MOST_TILT_DEG:
-        changes.append(Change("manufacture.max_tilt_deg", _up(slope_deg, 1)))
-    reason = (
-        f"the {surface} face is up to {quantity(slope_deg, 'deg', digits=4)} steep; a tool held normal to it "
-        f"{'stays within' if holds else 'would exceed'} manufacture.max_tilt_deg = {allowed_deg:g}"
-    )
-    return finding_on("tilt", surface, slope_deg, allowed_deg, reason, changes, ANGLE_TOLERANCE_DEG)
+def tilt_finding(surface: str, face: FaceResult, spec: Spec) -> Fact:
+    """Tilt of an axis that reaches all of the face; a search for less, or a machine that tilts farther."""
+    tilt_deg = face.largest_tilt_deg
+    most_deg = spec.manufacture.max_tilt_deg
+    is_machine = face.free_tilt_deg is None or face.free_tilt_deg >= most_deg
+    changes = [design_again("draft_deg", 0.0, spec, surface)]
+    if is_machine and tilt_deg <= MOST_TILT_DEG:
+        changes.append(Change("manufacture.max_tilt_deg", _up(tilt_deg, 1)))
+    reason = f"an upright axis reaches the {surface} face"
+    if tilt_deg > 0.0:
+        undercut = f"the {surface} face is undercut by up to {quantity(tilt_deg, 'deg', digits=4)}"
+        limit = f"manufacture.max_tilt_deg = {most_deg:g}"
+        if not is_machine:
+            limit = f"the mouth of the cavity leaves {quantity(face.free_tilt_deg, 'deg', digits=4)}"
+        reason = f"{undercut}, by which the axis must tilt; {limit}"
+    return finding_on("tilt", surface, tilt_deg, face.free_tilt_deg, reason, changes, ANGLE_TOLERANCE_DEG)
 
 
 def wall_finding(wall_mm: float, spec: Spec) -> Fact:

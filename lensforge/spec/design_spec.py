@@ -5,6 +5,7 @@ Each wrong field is reported in a line: its name, its value, what is allowed.
 
 from collections.abc import Mapping
 from itertools import chain, combinations
+from math import hypot
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
@@ -12,6 +13,7 @@ import tomli_w
 from pydantic import Field, SerializerFunctionWrapHandler, model_serializer, model_validator
 
 from lensforge.errors import InputError, refused
+from lensforge.optics.face_roles import CAVITY, bounding
 from lensforge.optics.media import Media
 from lensforge.public import public
 from lensforge.results.arguments import with_known_names
@@ -19,6 +21,7 @@ from lensforge.results.files import write_file
 from lensforge.results.validation import its_type
 from lensforge.spec.application import Application, kinds_of_addons, require_all_below, with_tables
 from lensforge.spec.bodies_section import BodySection, media_with, require_bodies
+from lensforge.spec.crosstalk import has_crosstalk, limits_on_zones
 from lensforge.spec.derived_values import derived_sizes, receiver_of
 from lensforge.spec.double_lens import LensSection
 from lensforge.spec.emitter_section import EmitterSection
@@ -38,6 +41,8 @@ from lensforge.spec.part_section import (
     BaseSection,
     DrawingSection,
     ManufactureSection,
+    mouth_room_deg,
+    undercut_room_deg,
     usual_ball_mm,
     usual_base,
 )
@@ -49,7 +54,7 @@ from lensforge.spec.search_section import ConstraintsSection, EvaluateSection, O
 from lensforge.spec.source_sections import NamedSource
 from lensforge.spec.spec_files import NamedFrom, alike, changed, plain, read_toml, short
 from lensforge.spec.spec_section import Section, check, fault_of, section_of
-from lensforge.spec.state_section import StateSection, with_light_of_first
+from lensforge.spec.state_section import StateSection, require_every_chip_lit, with_light_of_first
 from lensforge.spec.target_sections import TargetSection
 from lensforge.spec.tolerances_section import FaceTolerances, PartTolerances, TolerancesSection, lets_light_in
 from lensforge.spec.trades import TradeName
@@ -275,15 +280,26 @@ class Spec(Section):
 
     @check
     def _states_are_told_apart(self) -> None:
+        if not self.all_states and has_crosstalk(self.limits):
+            raise ValueError("limits: crosstalk is between states; give states, or a limit of kind zone")
         if not self.states:
             return
         if (duplicate := alike(state.name for state in self.states)) is not None:
             raise ValueError(f"states: {duplicate}; give each its own")
         if len(self.states) == 1:
             raise ValueError(f"states: {self.states[0].name!r} is the only one; add another, or state it in the spec")
+        require_every_chip_lit(self.states)
+        for state in self.states:
+            if state.wavelength_nm is not None and self.lens.dispersion is None:
+                raise ValueError(
+                    f"states: {state.name}: wavelength_nm = {state.wavelength_nm:g}: {self.lens.material} has one "
+                    "index at all wavelengths; name a material of the catalogue, or leave the wavelength out"
+                )
         for (name, spec), (other, other_spec) in combinations(self.by_state.items(), 2):
             if spec == other_spec:
-                raise ValueError(f"states: {name!r} and {other!r} do not differ; change LED, place, target or limits")
+                raise ValueError(
+                    f"states: {name!r} and {other!r} do not differ; change LED, place, temperature, target or limits"
+                )
 
     @check
     def _sections_fit_together(self) -> None:
@@ -312,6 +328,14 @@ class Spec(Section):
         return media_with(self.bodies, self.lens)
 
     @property
+    def grown_mm(self) -> float:
+        """Length (mm) by which the lens at work reaches farther than its constraints ask of it as designed."""
+        limits = self.constraints
+        reach_mm = hypot(limits.max_radius_mm, limits.tallest_mm if self.lens.radius_about_axis else 0.0)
+        strain = self.lens.scale - 1.0
+        return strain * reach_mm + abs(strain) * self.base.seat_mm
+
+    @property
     def all_states(self) -> tuple[StateSection, ...]:
         """The states that the lens is for: those of ``states``, or one with each of ``sources``; none for one alone."""
         return self.states or tuple(
@@ -321,10 +345,20 @@ class Spec(Section):
     @property
     def by_state(self) -> "dict[str, Spec]":
         """The spec of each state by its name, all else as it is; "" is the name of the only one."""
-        return {state.name: self._in(state) for state in self.all_states} or {"": self}
+        by_name = {state.name: self._in(state) for state in self.all_states}
+        if not any(has_crosstalk(spec.limits) for spec in by_name.values()):
+            return by_name or {"": self}
+        receivers = {name: spec.all_receivers for name, spec in by_name.items()}
+        with fault_of("limits"):
+            zones = {name: limits_on_zones(spec.limits, name, receivers) for name, spec in by_name.items()}
+        return {name: spec.changed(limits=zones[name]) for name, spec in by_name.items()}
 
     def _in(self, state: StateSection) -> "Spec":
-        spec = self.changed(**state.changes(self.source), sources=(), states=())
+        with fault_of(f"states: {state.name}"):
+            changes = state.changes(self.source)
+            if state.temperature_c is not None:
+                changes["lens"] = self.lens.at(state.temperature_c)
+        spec = self.changed(**changes, sources=(), states=())
         if state.target is not None:
             spec._fill("target", receiver_of(state.target))
         return spec
@@ -389,6 +423,9 @@ class Spec(Section):
 
     @check
     def _plate_holds_its_lenses(self) -> None:
+        temperatures = {spec.lens.at_work_c for spec in self.by_state.values()} - {None}
+        if self.plate is not None and temperatures:
+            raise ValueError("plate: its lenses are at the temperature of reference; leave out temperature_c, or it")
         if self.plate is not None and self.lens.is_opaque:
             raise ValueError(f"plate: goes with lenses, not with lens.kind = {self.lens.kind!r}; leave it out")
         if self.plate is not None:
@@ -447,7 +484,26 @@ class Spec(Section):
         stated = FaceLimits(section.concave_radius_mm, section.draft_deg)
         if section.fixed is not None or self.lens.role(face).follows or not self.manufacture.required:
             return stated
-        return self.manufacture.making.asks(self.manufacture, self.lens.is_revolved(face)).and_stated(stated)
+        shop = self.manufacture
+        undercut_deg = min(self._undercut_room_deg(face), shop.max_tilt_deg)
+        return shop.making.asks(shop, self.lens.is_revolved(face), undercut_deg).and_stated(stated)
+
+    def _undercut_room_deg(self, face: str) -> float:
+        """Farthest (degrees) that base and mouth let a face be undercut; in a cavity by the mouth of the first one."""
+        if self.lens.role(face).before != CAVITY:
+            return 0.0 if self.plate is not None else undercut_room_deg(self.base, self.manufacture, self.constraints)
+        start_mm = self.lens.faces[face].offset_mm
+        is_alone = bounding(self.lens.roles, CAVITY) == (self.lens.role(face),)
+        if start_mm is None or self.bore_depth_mm is None or not is_alone:
+            return 0.0
+        return mouth_room_deg(start_mm, start_mm + self.bore_depth_mm, self.manufacture.cutter_radius_mm)
+
+    @property
+    def bore_depth_mm(self) -> float | None:
+        """Depth of the bore below a cavity; None where the spec does not know it: of a plate, and of a base's file."""
+        if self.plate is not None or self.base.kind == "step":
+            return None
+        return 0.0 if self.base.kind == "none" else self.base.height_mm
 
     @property
     def applications(self) -> tuple[Application, ...]:

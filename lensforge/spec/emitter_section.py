@@ -1,7 +1,8 @@
 """Fields of every source: how much light it gives, by which angle and wavelength, and where it sits in the lens."""
 
+from collections.abc import Sequence
 from itertools import pairwise
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, ClassVar, Literal, Self
 
 from pydantic import Field
 
@@ -112,6 +113,7 @@ class GaussianSpectrum(Section):
 SpectrumSpec = Annotated[LineSpectrum | TableSpectrum | FileSpectrum | GaussianSpectrum, Field(discriminator="kind")]
 
 
+NOTHING_LIT = "dimming: no light is left; give a number above 0"
 _SAME_EFFICACY = 0.01  # relative: figures of a data sheet, rounded to three digits each, agree this well
 
 Degrees = Annotated[float, Field(ge=-360.0, le=360.0)]
@@ -139,6 +141,11 @@ class FluxSection(Section):
     def stated_lm_per_w(self) -> float | None:
         """Luminous efficacy (lm/W) by both fluxes; None unless both are stated."""
         return None if self.flux_w is None or self.flux_lm is None else self.flux_lm / self.flux_w
+
+    def fluxes_times(self, factor: float) -> dict[str, float]:
+        """Fields of the fluxes that are stated, each times ``factor``."""
+        stated = {name: getattr(self, name) for name in FluxSection.model_fields}
+        return {name: factor * flux for name, flux in stated.items() if flux is not None}
 
 
 @public
@@ -198,6 +205,24 @@ class EmitterSection(OfSeveralKinds, FluxSection):
     def spectra(self) -> tuple[SpectrumSpec | None, ...]:
         """Spectrum of each part of a source whose parts have spectra of their own; else empty."""
         return ()
+
+    def at_wavelength(self, wavelength_nm: float) -> Self:
+        """The source with all of its light at one wavelength."""
+        return self.changed(spectrum=LineSpectrum(wavelength_nm=wavelength_nm))
+
+    def dimmed(self, shares: Sequence[float]) -> "EmitterSection":
+        """The source whose parts give these ``shares`` of their flux. Raises ``ValueError`` for other numbers of them.
+
+        A source without parts has one share, of a flux that the spec states.
+        """
+        if len(shares) != 1:
+            raise ValueError(f"dimming: {len(shares)} numbers, must be 1: a {self.description} has no chips")
+        if not shares[0] > 0.0:
+            raise ValueError(NOTHING_LIT)
+        fluxes = self.fluxes_times(shares[0])
+        if not fluxes:
+            raise ValueError("dimming: the flux of the LED is not stated; give source.flux_lm or source.flux_w")
+        return self.changed(**fluxes)
 
     @property
     def description(self) -> str:

@@ -7,10 +7,10 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Self
 
 import numpy as np
-from pydantic import Field, ValidationInfo, model_validator
+from pydantic import Field, SerializerFunctionWrapHandler, ValidationInfo, model_serializer, model_validator
 
 from lensforge.optics.face_roles import BODY, CAVITY, OUTSIDE, RIM_FLANGE
 from lensforge.optics.material import (
@@ -49,6 +49,10 @@ Celsius = Annotated[float, Field(ge=LOWEST_C, le=HIGHEST_C)]
 Expansion = Annotated[float, Field(ge=-1e-4, le=1e-3)]  # 1/K; silicones have 3e-4
 _LEAST_INDEX = 1.0
 _LARGEST_INDEX = 4.0
+_OF_CHANGE = {  # fields that state a change with temperature
+    "index_per_k": "lens.index_per_k (1/K, of a data sheet: about -1e-4 for plastics, -4e-4 for silicones)",
+    "expansion_per_k": "lens.expansion_per_k (1/K: about 7e-5 for plastics, 3e-4 for silicones, 7e-6 for glasses)",
+}
 _CHECKED = 400  # wavelengths of the range at which a formula is tried
 
 
@@ -271,6 +275,16 @@ class LensMaterial(OfMaterial, FacesSection):
         description="Temperature at which the lens has its index and its size; by default 20, or as the material "
         "states.",
     )
+    temperature_c: Celsius | None = Field(
+        default=None,
+        description="Temperature at which the lens is at work, with the index and the size that it has there; by "
+        "default that of reference, which is that of all files and drawings.",
+    )
+
+    @model_serializer(mode="wrap")
+    def _as_before_temperatures(self, write: SerializerFunctionWrapHandler) -> dict[str, object]:
+        """The section without an empty temperature: specs without one keep the hash that they had before."""
+        return {name: value for name, value in write(self).items() if name != "temperature_c" or value is not None}
 
     @check
     def _one_source_of_the_index(self) -> None:
@@ -313,6 +327,63 @@ class LensMaterial(OfMaterial, FacesSection):
         ):
             if value and getattr(self, name) is not None:
                 raise ValueError(f"{name}: {self.material} has its own; leave it out, or name the material otherwise")
+
+    @check
+    def _is_known_at_work(self) -> None:
+        celsius = self.at_work_c
+        if celsius is None:
+            return
+        law = self.temperature_law
+        known = {"index_per_k": law.knows_index, "expansion_per_k": law.expansion_per_k is not None}
+        missing = [description for name, description in _OF_CHANGE.items() if not known[name]]
+        if missing:
+            raise ValueError(
+                f"temperature_c = {celsius:g}: nothing is known of how {self.material} changes with it; "
+                f"give {' and '.join(missing)}"
+            )
+        indices = np.array([self._index_at(celsius)])
+        dispersion = self._dispersion_at(celsius)
+        if dispersion is not None:
+            indices = np.append(indices, dispersion.index(np.linspace(*dispersion.range_nm, _CHECKED)))
+        wrong = indices[~((indices >= _LEAST_INDEX) & (indices <= _LARGEST_INDEX))]
+        if len(wrong):
+            raise ValueError(
+                f"temperature_c = {celsius:g}: the index of {self.material} would be {wrong[0]:.4g}, "
+                f"must be {_LEAST_INDEX:g} to {_LARGEST_INDEX:g}; correct its change per kelvin"
+            )
+
+    @property
+    def at_work_c(self) -> float | None:
+        """Temperature (Celsius) at which the lens is at work; None for that of reference."""
+        return None if self.temperature_c == self.temperature_law.reference_c else self.temperature_c
+
+    def at(self, celsius: float) -> Self:
+        """The section at work at ``celsius``. Raises ``ValueError`` where its change with temperature is not known."""
+        warm = self.changed(temperature_c=celsius)
+        warm._is_known_at_work()
+        return warm
+
+    @property
+    def temperature_warnings(self) -> tuple[str, ...]:
+        """One line where its index at work is extrapolated."""
+        celsius = self.at_work_c
+        return () if celsius is None else self.temperature_law.warnings(celsius)
+
+    @property
+    def scale(self) -> float:
+        """Factor of every length of the lens at work."""
+        celsius = self.at_work_c
+        return 1.0 if celsius is None else self.temperature_law.scale(celsius)
+
+    def _index_at(self, celsius: float) -> float:
+        """Index of the body at the design wavelength and a temperature."""
+        cold = np.array([self.refractive_index])
+        wave = np.array([self.design_wavelength_nm])
+        return float(self.temperature_law.index(cold, wave, celsius)[0])
+
+    def _dispersion_at(self, celsius: float) -> Material | None:
+        """Index of the body against wavelength at a temperature."""
+        return None if self.dispersion is None else self.dispersion.at(self.temperature_law, celsius)
 
     @property
     def temperature_law(self) -> TemperatureLaw:
@@ -363,6 +434,9 @@ class LensMaterial(OfMaterial, FacesSection):
         if self.rim_flange is not None:  # it takes all light that meets it
             coatings.append(FaceCoating(RIM_FLANGE.name, RIM_FLANGE.around, Mirror(0.0)))
         medium = Medium(self.refractive_index, absorption, self.dispersion)
+        celsius = self.at_work_c
+        if celsius is not None:
+            medium = Medium(self._index_at(celsius), absorption, self._dispersion_at(celsius))
         return Media(
             medium,
             self.cavity_index,

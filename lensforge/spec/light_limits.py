@@ -137,6 +137,10 @@ class LimitSection(OfSeveralKinds, InOneUnit):
         """Places (x, y) at which it reads the ``picture``; None if it reads the pixels that it ``contains``."""
         return None
 
+    def reads_as(self, other: "LimitSection") -> bool:
+        """True for an ``other`` limit of the same figures, wherever it reads them."""
+        return type(other) is type(self)
+
     def contains(self, x: Places, y: Places) -> Bool[np.ndarray, "*_"]:
         """True at the places that it covers; everywhere by default."""
         return np.ones(np.shape(x), dtype=bool)

@@ -26,9 +26,10 @@ _TARGET_FIELDS = {
     if target.has_word
 } | {"line": ("length_mm", "width_mm")}
 _PHOTOMETRIC = (".ies", ".ldt")
+_WIDEST_FLOOD_DEG = 130.0
 _DRAWN = {"text": "text", "image": "file"}  # the field of what is drawn, of each picture by its width
 SOURCE_KINDS = tuple(_SOURCE_FIELDS)
-TARGET_KINDS = (*_TARGET_FIELDS, *_DRAWN, "beam")
+TARGET_KINDS = (*_TARGET_FIELDS, *_DRAWN, "beam", "zoom")
 
 
 def _shapes(fields: dict[str, tuple[str, ...]], end: str) -> str:
@@ -43,7 +44,7 @@ def _shapes(fields: dict[str, tuple[str, ...]], end: str) -> str:
 SOURCES = f"{_shapes(_SOURCE_FIELDS, '')} in mm, or a ray file"
 TARGETS = (
     f"{_shapes(_TARGET_FIELDS, '@DISTANCE')}, text:STRING:WIDTH@DISTANCE or "
-    "image:FILE:WIDTH@DISTANCE in mm, beam:A or beam:AxB in degrees, or FILE.ies"
+    "image:FILE:WIDTH@DISTANCE in mm, beam:A or beam:AxB in degrees, zoom:A-B from a spot to a flood, or FILE.ies"
 )
 
 
@@ -57,8 +58,28 @@ def source_in(text: str) -> dict[str, Any]:
     return {"kind": "rayfile", "file": text, "origin": "virtual_focus"}
 
 
+def zoom_in(text: str) -> tuple[float, float] | None:
+    """Full widths (degrees) of spot and flood of a target ``zoom:15-45``; None for another one.
+
+    Raises :class:`InputError` for widths that make no zoom.
+    """
+    kind, _, widths = text.partition(":")
+    if kind != "zoom":
+        return None
+    spot_deg, flood_deg = _sizes("--target", text, widths.replace("-", "x"), ("SPOT", "FLOOD")).values()
+    if not spot_deg < flood_deg <= _WIDEST_FLOOD_DEG:
+        raise InputError(
+            f"--target {text}: the spot is narrower than the flood, which is {_WIDEST_FLOOD_DEG:g} degrees wide at "
+            "most; give both, such as zoom:15-45"
+        )
+    return spot_deg, flood_deg
+
+
 def target_in(text: str) -> dict[str, Any]:
-    """The ``[target]`` that ``text`` stand for. Raises :class:`InputError`."""
+    """The ``[target]`` that ``text`` stand for, of a zoom that of its spot. Raises :class:`InputError`."""
+    zoom = zoom_in(text)
+    if zoom is not None:
+        return {"kind": "beam", "fwhm_deg": zoom[0]}
     if Path(text).suffix.lower() in _PHOTOMETRIC:
         if not Path(text).is_file():
             raise InputError(f"--target {text}: there is no such file; give {TARGETS}")
@@ -123,6 +144,10 @@ def _sizes(option: str, text: str, given: str, names: tuple[str, ...]) -> dict[s
         if names == ("A", "B"):
             expected = "A or AxB in degrees"
             example = "10 or 60x25"
+        if names == ("SPOT", "FLOOD"):
+            given = given.replace("x", "-")
+            expected = "A-B, the full widths of spot and flood in degrees"
+            example = "15-45"
         raise InputError(f"{option} {text}: {given!r} must be {expected}, above 0, such as {example}")
     return dict(zip(names, values, strict=True))
 
@@ -148,16 +173,18 @@ _OPTIONS["target"] = _OPTIONS["receivers.targets"] = [
 ]
 _READ = "read from behind the receiver; mirrored = true: from the lens's side, as a wall"
 _MEASURED = "measured: 99 % of the ray file's flux starts inside"
+_OF_CAVITY = ("constraints.cavity_radius_mm", "constraints.cavity_height_mm")
 _NOTES = {
     "lens.material": "its index by wavelength comes from the catalogue",
     "source.origin": "the file's virtual focus lies at the lens origin",
-    **dict.fromkeys(("constraints.cavity_radius_mm", "constraints.cavity_height_mm"), _MEASURED),
+    **dict.fromkeys(_OF_CAVITY, _MEASURED),
     "manufacture.cutter_radius_mm": "of the ball, which reaches all of both faces",
     "manufacture.process": "the search keeps what its tools need; milled, turned, moulded, printed, or none",
     "receivers.centre_mm": "(x, y, z), from the LED",
     **{f"{target}.{field}": _READ for target in ("target", "receivers.targets") for field in _DRAWN.values()},
     "receivers.tilt_deg": "of its normal from the axis, about x, then about y",
     "tolerances.preset": "of parts that are moulded",
+    "states.shift_mm": "0.75 x max_radius_mm x half of the change of width (rad), towards the lens",
     "base.flat_mm": "marks +x: the light is not round",
     "base.diameter_mm": "1.8 x max_radius_mm, around the cavity",
 }
@@ -185,6 +212,8 @@ def new_text(
     shape = LensShape.kinds[content["lens"].get("kind", LensShape.usual_kind)]
     notes["constraints.max_radius_mm"] = _RADIUS[shape.radius_about_axis]
     notes["lens.levels"] = _LEVELS[content["lens"].get("levels") == "auto"]
+    if "states" in content:
+        notes |= dict.fromkeys(_OF_CAVITY, "room for the LED at both stops and between them")
     options = {**_OPTIONS, "lens": [*_OPTIONS["lens"], *of_lens]}
     head = _HEAD.format(schema=SCHEMA_FILE, title=title, possible=possible)
     return "\n".join([head + _line("name", content["name"], ""), *_sections(content, derived, notes, options)]) + "\n"

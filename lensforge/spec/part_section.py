@@ -1,6 +1,6 @@
 """The part and the shop: ``[base]``, which holds the lens below z = 0, ``[manufacture]``, and ``[drawing]``."""
 
-from math import ceil, cos, pi, radians, sin, tan, tau
+from math import asin, atan2, ceil, cos, degrees, hypot, pi, radians, sin, tan, tau
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -9,7 +9,7 @@ from pydantic import Field
 from lensforge.errors import InputError
 from lensforge.public import public
 from lensforge.spec.derived_values import three_digits
-from lensforge.spec.processes import MOST_TILT_DEG, PROCESSES, MakingProcess, Process
+from lensforge.spec.processes import LEVEL_DEG, MOST_TILT_DEG, PROCESSES, MakingProcess, Process
 from lensforge.spec.search_section import ConstraintsSection
 from lensforge.spec.spec_files import NamedFrom, read_toml
 from lensforge.spec.spec_section import (
@@ -220,8 +220,36 @@ def usual_base(base: BaseSection, shop: "ManufactureSection", limits: Constraint
     if base.kind in ("none", "step") or not (shop.required and shop.cuts == "lens"):
         return {}
     flange_mm = 0.0 if base.flange_diameter_mm is None else base.flange_height_mm
-    needed_mm = shop.tool_radius_mm + flange_mm + limits.min_thickness_mm + _SPARE_MM
+    needed_mm = 2.0 * shop.tool_radius_mm + flange_mm + limits.min_thickness_mm + _SPARE_MM
     return {"height_mm": max(_HEIGHT_MM, _WHOLE_MM * ceil(needed_mm / _WHOLE_MM))}
+
+
+def mouth_room_deg(mouth_mm: float, above_mm: float, radius_mm: float) -> float:
+    """Largest tilt (degrees) of a shank of ``radius_mm`` that leaves a mouth of ``mouth_mm`` radius.
+
+    It begins on the axis, ``above_mm`` above the lower end of the mouth, where it then touches the edge.
+    """
+    slant_mm = hypot(mouth_mm, above_mm)
+    if slant_mm <= radius_mm:
+        return 0.0
+    return max(degrees(atan2(mouth_mm, above_mm) - asin(radius_mm / slant_mm)), 0.0)
+
+
+def undercut_room_deg(base: BaseSection, shop: "ManufactureSection", limits: ConstraintsSection) -> float:
+    """Farthest (degrees) that the outer face may be undercut at its rim before the ball meets the ``base``.
+
+    The ball, of radius R, then reaches R (1 + sin u) below the rim: as deep as the step at most. A base from a file
+    leaves no such room.
+    """
+    if base.kind == "none":
+        return LEVEL_DEG
+    if base.kind == "step":
+        return 0.0
+    flange_mm = 0.0 if base.flange_diameter_mm is None else base.flange_height_mm
+    depth_mm = base.relief_step_mm
+    if depth_mm is None:
+        depth_mm = base.height_mm - flange_mm - limits.min_thickness_mm - _SPARE_MM
+    return degrees(asin(min(max(depth_mm / shop.cutter_radius_mm - 1.0, 0.0), 1.0)))
 
 
 _FLAT = 0.95  # of the radius of a base: a flat as wide as 0.31 of its diameter
@@ -302,7 +330,9 @@ class ManufactureSection(Section):
         "run; left out, false where there is no process.",
     )
     max_tilt_deg: Annotated[float, Field(ge=0.0, le=MOST_TILT_DEG)] = Field(
-        default=90.0, description="Largest angle between a tool's axis and the lens axis."
+        default=LEVEL_DEG,
+        description="Largest angle between a tool's axis and the lens axis; a face may be undercut as far, as a ball "
+        "cuts up to its equator.",
     )
     author: Label = Field(default="", description="Author of the files for the shop.")
     organisation: Label = Field(default="", description="Organisation in the files for the shop.")

@@ -81,6 +81,10 @@ class PeakLimit(LimitSection):
         """None: they move with the light."""
         return ()
 
+    def reads_as(self, other: LimitSection) -> bool:
+        """True for another limit at the brightest place, or for one above it."""
+        return super().reads_as(other) and (self.length("up") is None) == (other.length("up") is None)
+
     def quantity(self, bounded: str, at: Places) -> Quantity:
         """Light at the brightest place, or above it."""
         up = self.length("up")

@@ -14,6 +14,7 @@ GOOD_DRAFT_DEG = 2.0  # of an optical face, for a mould that releases it without
 _SIDE_DRAFT_DEG = 1.0  # of base and flange, as of plate.draft_deg
 MOST_DRAFT_DEG = 25.0  # of the draft_deg of a face
 MOST_TILT_DEG = 120.0  # of the axis of a tool
+LEVEL_DEG = 90.0  # tilt of an axis whose ball reaches every undercut
 _ON_OPTICS = "marks of gate, ejector or parting line"
 
 
@@ -30,7 +31,8 @@ class ProcessWords(NamedTuple):
 class FaceLimits:
     """Limits that tools set to a face; None where they ask nothing.
 
-    ``concave_radius_mm``: least concave radius, of the meridian where a lathe turns it. ``draft_deg``: least draft.
+    ``concave_radius_mm``: least concave radius, of the meridian where a lathe turns it. ``draft_deg``: least draft,
+    negative where an undercut is allowed.
     """
 
     concave_radius_mm: float | None = None
@@ -39,8 +41,7 @@ class FaceLimits:
     def and_stated(self, stated: "FaceLimits") -> "FaceLimits":
         """These limits with those that a user has ``stated``: the larger radius, and the draft as it is stated.
 
-        A draft is what a moulder is content with; that a face may not be steeper than an axis tilts is a draft of 0,
-        below which none can be stated.
+        A draft is what a moulder is content with; what a mill asks for is never above any that can be stated.
         """
         radii = [radius for radius in (self.concave_radius_mm, stated.concave_radius_mm) if radius is not None]
         draft_deg = self.draft_deg if stated.draft_deg is None else stated.draft_deg
@@ -55,9 +56,6 @@ class Tools(Protocol):
 
     @property
     def nose_radius_mm(self) -> float: ...  # noqa: D102
-
-    @property
-    def max_tilt_deg(self) -> float: ...  # noqa: D102
 
 
 class MakingProcess:
@@ -85,8 +83,11 @@ class MakingProcess:
         """Cut of a face, of the lens or of an insert; None if no tool makes one. ``revolved``: about the axis."""
         return None
 
-    def asks(self, tools: Tools, revolved: bool) -> FaceLimits:
-        """Limits that the ``tools`` set to a face that they make."""
+    def asks(self, tools: Tools, revolved: bool, undercut_deg: float) -> FaceLimits:
+        """Limits that the ``tools`` set to a face that they make.
+
+        ``undercut_deg``: farthest by which room around the face and the axes of a mill let it be undercut.
+        """
         return FaceLimits()
 
 
@@ -94,7 +95,9 @@ PROCESSES: dict[Process, MakingProcess] = {}
 
 
 class _Milled(MakingProcess):
-    """Milling of the lens itself by balls: no place is hollower than the ball, none steeper than the axis tilts."""
+    """Milling of the lens itself by balls: no place is hollower than the ball, none undercut farther than the axis
+    tilts, as a ball cuts up to its equator.
+    """
 
     name = "milled"
     cuts = "lens"
@@ -103,9 +106,8 @@ class _Milled(MakingProcess):
     def cutting(self, revolved: bool) -> Cutting | None:
         return "milled"
 
-    def asks(self, tools: Tools, revolved: bool) -> FaceLimits:
-        draft_deg = 90.0 - tools.max_tilt_deg
-        return FaceLimits(tools.cutter_radius_mm, min(draft_deg, MOST_DRAFT_DEG) if draft_deg >= 0.0 else None)
+    def asks(self, tools: Tools, revolved: bool, undercut_deg: float) -> FaceLimits:
+        return FaceLimits(tools.cutter_radius_mm, 0.0 - undercut_deg if undercut_deg < LEVEL_DEG else None)
 
 
 class _Turned(MakingProcess):
@@ -119,7 +121,7 @@ class _Turned(MakingProcess):
     def cutting(self, revolved: bool) -> Cutting | None:
         return "turned"
 
-    def asks(self, tools: Tools, revolved: bool) -> FaceLimits:
+    def asks(self, tools: Tools, revolved: bool, undercut_deg: float) -> FaceLimits:
         return FaceLimits(tools.nose_radius_mm) if revolved else FaceLimits()
 
 
@@ -137,7 +139,7 @@ class _Moulded(MakingProcess):
     def cutting(self, revolved: bool) -> Cutting | None:
         return "turned" if revolved else "milled"
 
-    def asks(self, tools: Tools, revolved: bool) -> FaceLimits:
+    def asks(self, tools: Tools, revolved: bool, undercut_deg: float) -> FaceLimits:
         return FaceLimits(tools.nose_radius_mm if revolved else tools.cutter_radius_mm, self.face_draft_deg)
 
 

@@ -1,8 +1,9 @@
 """The ``[source]`` of a spec: an emitting area, ray files, or given rays; lengths in mm, powers in W or lm."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from itertools import product
 from math import hypot
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self
 
 import numpy as np
 from jaxtyping import Float
@@ -11,7 +12,14 @@ from pydantic import Field, model_validator
 
 from lensforge.optics.image import Luminance
 from lensforge.public import public
-from lensforge.spec.emitter_section import CosineIntensity, EmitterSection, FluxSection, IntensitySpec, SpectrumSpec
+from lensforge.spec.emitter_section import (
+    NOTHING_LIT,
+    CosineIntensity,
+    EmitterSection,
+    FluxSection,
+    IntensitySpec,
+    SpectrumSpec,
+)
 from lensforge.spec.spec_section import (
     Coordinate,
     FilePath,
@@ -178,6 +186,16 @@ class Chip(FluxSection):
     )
 
 
+def _lit(shares: Sequence[float], chips: Sequence[Chip]) -> list[tuple[Chip, float]]:
+    """The chips that give light, and the share of its flux that each gives."""
+    if len(shares) != len(chips):
+        raise ValueError(f"dimming: {len(shares)} numbers, must be {len(chips)}: one for each chip")
+    lit = [(chip, share) for chip, share in zip(chips, shares, strict=True) if share > 0.0]
+    if not lit:
+        raise ValueError(NOTHING_LIT)
+    return lit
+
+
 @public
 class ChipsSource(PlanarSource):
     """Several chips, each with its position, size and flux; ``flux_w``, ``flux_lm``: of all of them together."""
@@ -194,6 +212,31 @@ class ChipsSource(PlanarSource):
     def extent_mm(self) -> float:
         """Distance of the farthest corner of a chip."""
         return max(hypot(abs(c.x_mm) + 0.5 * c.width_mm, abs(c.y_mm) + 0.5 * c.height_mm) for c in self.chips)
+
+    def at_wavelength(self, wavelength_nm: float) -> Self:
+        """The source with all of its light at one wavelength."""
+        return super().at_wavelength(wavelength_nm).changed(chips=[chip.changed(spectrum=None) for chip in self.chips])
+
+    def dimmed(self, shares: Sequence[float]) -> "ChipsSource":
+        """The source whose chips give these ``shares`` of their flux; those that give none are left out.
+
+        Raises ``ValueError`` unless there is a share for each chip and one above 0, and where fluxes that count by
+        their ratio are not all in one unit.
+        """
+        lit = _lit(shares, self.chips)
+        chips = [chip.changed(**(chip.fluxes_times(share) or {"flux_w": share})) for chip, share in lit]
+        total = self._share_of(shares) if self.flux_w is not None or self.flux_lm is not None else 1.0
+        return self.changed(chips=chips, **self.fluxes_times(total))
+
+    def _share_of(self, shares: Sequence[float]) -> float:
+        """Share of the whole flux that these ``shares`` of each chip are."""
+        for name in FluxSection.model_fields:
+            fluxes = [getattr(chip, name) for chip in self.chips]
+            if all(flux is not None for flux in fluxes):
+                return sum(share * flux for share, flux in zip(shares, fluxes, strict=True)) / sum(fluxes)
+        if any(chip.fluxes_times(1.0) for chip in self.chips):
+            raise ValueError("dimming: the flux of some chips is not stated in one unit; give each its flux_lm")
+        return sum(shares) / len(shares)
 
     @property
     def spectra(self) -> tuple[SpectrumSpec | None, ...]:
@@ -220,6 +263,23 @@ class ChipArraySource(PlanarSource):
         """Half of the diagonal of the array."""
         across, up = self.pitch_mm
         return 0.5 * hypot((self.columns - 1) * across + self.width_mm, (self.rows - 1) * up + self.height_mm)
+
+    def dimmed(self, shares: Sequence[float]) -> ChipsSource:
+        """The source whose chips give these ``shares`` of their flux, row by row from the corner at -x, -y."""
+        (across, up), size = self.pitch_mm, {"width_mm": self.width_mm, "height_mm": self.height_mm}
+        places = product(range(self.rows), range(self.columns))
+        flux_w = 1.0 / (self.columns * self.rows)
+        chips = [
+            Chip(
+                x_mm=across * (column - 0.5 * (self.columns - 1)),
+                y_mm=up * (row - 0.5 * (self.rows - 1)),
+                flux_w=flux_w,
+                **size,
+            )
+            for row, column in places
+        ]
+        kept = self.model_fields_set & ChipsSource.model_fields.keys() - {"kind"}
+        return ChipsSource(chips=chips, **{name: getattr(self, name) for name in kept}).dimmed(shares)
 
 
 @public

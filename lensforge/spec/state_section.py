@@ -4,18 +4,20 @@ A state is a part of a spec, laid over the spec. So the spec of one state is an 
 with one condition takes it.
 """
 
-from collections.abc import Mapping
-from typing import Any
+from collections.abc import Mapping, Sequence
+from typing import Annotated, Any
 
 from pydantic import Field
 
 from lensforge.public import public
-from lensforge.spec.emitter_section import Degrees, EmitterSection
+from lensforge.spec.emitter_section import Degrees, EmitterSection, Nanometres
+from lensforge.spec.lens_material import Celsius
 from lensforge.spec.light_limits import LightLimits
 from lensforge.spec.receiver_fields import Receivers
 from lensforge.spec.spec_section import Coordinate, RelativeWeight, Section, ShortName, check
 from lensforge.spec.target_sections import TargetSection
 
+_Share = Annotated[float, Field(ge=0.0, le=1.0)]
 _STILL = (0.0, 0.0, 0.0)
 _UPRIGHT = (0.0, 0.0)
 
@@ -35,6 +37,17 @@ class StateSection(Section):
     tilt_deg: tuple[Degrees, Degrees] = Field(
         default=_UPRIGHT, description="Tilt of the LED about the x axis, then the y axis, added to its `tilt_deg`."
     )
+    temperature_c: Celsius | None = Field(
+        default=None, description="Temperature of the lens, at which its index and its size are others."
+    )
+    wavelength_nm: Nanometres | None = Field(
+        default=None, description="Wavelength of all light of the LED, in place of its spectrum."
+    )
+    dimming: Annotated[tuple[_Share, ...], Field(min_length=1, max_length=10_000)] | None = Field(
+        default=None,
+        description="What each chip of the LED gives of its flux, 0 to 1, in their order, an array row by row from its "
+        "corner at -x, -y; of a source without chips one number.",
+    )
     target: TargetSection | None = Field(default=None, description="The light that is wanted in this state.")
     receivers: Receivers = Field(
         default=(), description="Surfaces that the light falls on in this state, in place of the spec's."
@@ -49,8 +62,16 @@ class StateSection(Section):
             raise ValueError("target and receivers: both are given; give one: what light is wanted, and where")
 
     def changes(self, led: EmitterSection) -> dict[str, Any]:
-        """The sections of a spec that are others in this state; ``led``: the source of the spec."""
-        changes: dict[str, Any] = {"source": self._placed(self.source or led)}
+        """The sections of a spec that are others in this state; ``led``: the source of the spec.
+
+        Raises ``ValueError`` for a dimming that does not go with its LED.
+        """
+        source = self.source or led
+        if self.dimming is not None:
+            source = source.dimmed(self.dimming)
+        if self.wavelength_nm is not None:
+            source = source.at_wavelength(self.wavelength_nm)
+        changes: dict[str, Any] = {"source": self._placed(source)}
         if self.target is not None or self.receivers:
             changes |= {"target": self.target, "receivers": self.receivers}
         if self.limits is not None:
@@ -67,6 +88,16 @@ class StateSection(Section):
                 if any(by)
             }
         )
+
+
+def require_every_chip_lit(states: Sequence[StateSection]) -> None:
+    """Raise ``ValueError`` where all ``states`` dim the chips of the spec's own LED, and one chip is lit in none."""
+    shares = [state.dimming for state in states if state.dimming is not None and state.source is None]
+    if len(shares) < len(states):
+        return
+    dark = [number for number, of_chip in enumerate(zip(*shares, strict=False), start=1) if not any(of_chip)]
+    if dark:
+        raise ValueError(f"states: chip {dark[0]} is lit in none; light it in a state, or leave it out of the source")
 
 
 def with_light_of_first(content: Mapping[str, Any]) -> Mapping[str, Any]:

@@ -4,8 +4,8 @@ A trade names figures of the first receiver, in its units, and facts of the phot
 a bound on it is a limit of the spec, by the same section.
 """
 
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
 from math import radians, tan
 from typing import Any, Literal
 
@@ -48,9 +48,17 @@ class Trade:
     photometry: tuple[str, ...] = ()
 
 
-def figures_of(name: TradeName | None, receiver: ReceiverSection, luminous: bool) -> tuple[StatedFigure, ...]:
-    """Figures of the trade called ``name`` on ``receiver``; none without a trade."""
-    return () if name is None else tuple(TRADES[name].figures(receiver, luminous))
+def figures_of(
+    name: TradeName | None, receiver: ReceiverSection, luminous: bool, limits: Sequence[LimitSection] = ()
+) -> Iterator[StatedFigure]:
+    """Figures of the trade called ``name`` on ``receiver``; none without a trade.
+
+    Where one of ``limits`` bounds the same figure, it is stated for its places and by its meter.
+    """
+    here = [limit for limit in limits if limit.receiver in (None, receiver.name)]
+    for figure in () if name is None else TRADES[name].figures(receiver, luminous):
+        bounded = (limit for limit in here if limit.reads_as(figure.section))
+        yield replace(figure, section=next(bounded, figure.section))
 
 
 def _stated(kind: type[LimitSection], **fields: Any) -> LimitSection:
@@ -150,5 +158,5 @@ TRADES: dict[TradeName, Trade] = {
     "medical": Trade("Medical", _medical),
     "projector": Trade("Projector", _projector),
     "simulator": Trade("Solar simulator", _simulator),
-    "torch": Trade("Torch", _torch, ("peak_cd", "beam_C 0", "field_C 0")),
+    "torch": Trade("Torch", _torch, ("peak_cd", "throw", "beam_C 0", "field_C 0")),
 }

@@ -82,9 +82,16 @@ class ProfileBasis:
         continued = value + beyond * slope + (np.abs(beyond) + turn) * bend
         return continued, (slope - np.sign(beyond) * turn * bend) / self.step
 
+    def value(self, splines: _Splines, cosines: _Values) -> Float[np.ndarray, "n *w"]:
+        """A sum at each cosine."""
+        value = splines[0]((np.clip(cosines, self.low, self.high) - self.low) / self.step)
+        beyond = (cosines < self.low) | (cosines > self.high)
+        value[beyond] = self.at(splines, cosines[beyond])[0]
+        return value
+
     def matrix(self, cosines: _Values) -> Float[np.ndarray, "n c"]:
         """Every function at each cosine."""
-        return self.at(self.splines(np.eye(self.count)), cosines)[0]
+        return self.value(self.splines(np.eye(self.count)), cosines)
 
     def nearest(self, cosines: _Values, values: _Values) -> tuple[float, ...]:
         """Coefficients of the function nearest to ``values`` in least squares."""
@@ -145,6 +152,10 @@ class ProfileFace(ReciprocalSurface):
         value, slope[:, 2] = self.basis.at(self._splines, directions[:, 2])
         return value, slope
 
+    def value(self, directions: _Vectors) -> _Values:
+        """The profile at the cosine."""
+        return self.basis.value(self._splines, directions[:, 2])
+
     @cached_property
     def _splines(self) -> _Splines:
         return self.basis.splines(np.array(self.coefficients))
@@ -187,6 +198,10 @@ class FormedFace(ByContent, ProfileFace):
         value, slope = super().reciprocal(directions)
         return value + self._sum.radius(directions), slope + self._sum.gradient(directions)
 
+    def value(self, directions: _Vectors) -> _Values:
+        """The profile at the cosine, and the sum of the functions."""
+        return super().value(directions) + self._sum.radius(directions)
+
     @cached_property
     def _sum(self) -> SrbfSurface:
         return SrbfSurface(self.srbf, self.weights_per_mm, 0.0)
@@ -195,7 +210,7 @@ class FormedFace(ByContent, ProfileFace):
 def _meridian(face: Surface, cosines: _Values) -> _Values:
     """``1/rho`` over the x axis, of faces within a reach without their continuation."""
     directions = np.column_stack([np.sqrt(1.0 - cosines**2), np.zeros_like(cosines), cosines])
-    return face.reciprocal(directions)[0] if isinstance(face, ReciprocalSurface) else 1.0 / face.radius(directions)
+    return face.value(directions) if isinstance(face, ReciprocalSurface) else 1.0 / face.radius(directions)
 
 
 def around(polar_rad: _Values) -> Float[np.ndarray, "k 3"]:

@@ -1,6 +1,7 @@
 """``lensforge new``: a commented spec that is valid, its derived values those of a spec without them, and refusals."""
 
 import json
+import math
 import re
 import shlex
 import tomllib
@@ -12,11 +13,14 @@ from in_this_process import lensforge
 
 from lensforge.cli.cli import cli
 from lensforge.errors import InputError
+from lensforge.light.lens_light import source_of
+from lensforge.search.scene_check import source_clearance_warnings
 from lensforge.search.start_faces import start_faces
+from lensforge.search.travel import require_clear_travel
 from lensforge.spec import load_spec, parse_spec
 from lensforge.spec.derived_values import WHY
 from lensforge.spec.lens_section import LensShape
-from lensforge.spec.new_spec import source_in, target_in
+from lensforge.spec.new_spec import receiver_beside, source_in, target_in
 from lensforge.spec.spec_reference import spec_schema
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -415,3 +419,46 @@ def test_the_command_that_is_printed_can_be_pasted(tmp_path: Path, monkeypatch: 
     assert ran.exit_code == 0, ran.output
     command = ran.stdout.rstrip("\n").split("\t")[1]
     assert shlex.split(command) == ["lensforge", "design", "own lens; v2.toml"]
+
+
+@pytest.mark.parametrize("lens", ["tir", "double"])
+def test_a_zoom_has_two_states_and_the_travel_and_the_room_that_it_needs(lens: str) -> None:
+    options = ("--source", "square:1", "--target", "zoom:15-45", "--max-radius", "7.5", "--lens", lens)
+    code, output, _ = lensforge("new", *options, "--material", "PMMA")
+    assert code == 0 and re.search(r"# Spot: upper bound \d.* %.*; flood: upper bound \d", output)
+    spec = parse_spec(tomllib.loads(output), "zoom")
+    spot, flood = spec.by_state.values()
+    assert spec.lens.kind == lens and list(spec.by_state) == ["spot", "flood"]
+    assert (spot.target.fwhm_deg, flood.target.fwhm_deg) == (15.0, 45.0)
+    wanted_mm = 0.75 * 7.5 * math.radians(0.5 * (45.0 - 15.0))
+    assert spot.source.position_mm == (0.0, 0.0, 0.0) and flood.source.position_mm[2] == pytest.approx(
+        wanted_mm, abs=0.05
+    )
+    assert require_clear_travel(spec) == () and not source_clearance_warnings(flood, source_of(flood))
+    assert output.count("room for the LED at both stops") == 2 and "measured" not in output
+
+
+def test_a_zoom_for_a_ray_file_has_room_above_that_of_its_rays() -> None:
+    options = ("--source", EXAMPLES / "led.tm25ray", "--target", "zoom:20-50", "--max-radius", "15", "--lens", "double")
+    code, output, _ = lensforge("new", *options, "--material", "PMMA")
+    spec = parse_spec(tomllib.loads(output), "zoom")
+    travel_mm = spec.by_state["flood"].source.position_mm[2]
+    assert code == 0 and travel_mm == pytest.approx(0.75 * 15.0 * math.radians(15.0), abs=0.05)
+    assert spec.constraints.cavity_height_mm == pytest.approx(1.8 * travel_mm, rel=1e-2)
+    assert spec.constraints.cavity_radius_mm > 1.5, "the emitter is 2 mm wide, off the axis"
+
+
+@pytest.mark.parametrize(
+    ("word", "line"),
+    [
+        ("zoom:45-15", "--target zoom:45-15: the spot is narrower than the flood, which is 130 degrees wide at most"),
+        ("zoom:15-150", "--target zoom:15-150: the spot is narrower than the flood, which is 130"),
+        ("zoom:15", "--target zoom:15: '15' must be A-B, the full widths of spot and flood in degrees"),
+        ("zoom:a-b", "--target zoom:a-b: 'a-b' must be A-B"),
+    ],
+)
+def test_what_makes_no_zoom_is_refused_in_a_line(word: str, line: str) -> None:
+    code, _, errors = lensforge("new", "--source", "square:1", "--target", word, "--max-radius", "7.5")
+    assert code == 2 and line in errors and len(errors.strip().splitlines()) == 1
+    with pytest.raises(InputError, match="go with a target on a plane"):
+        receiver_beside(target_in("zoom:15-45"), off_axis_deg=10.0)

@@ -1,19 +1,20 @@
 """The light of a lens at another temperature: against lenses of another index and sources of another size."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from nightly import first_by_day
 from presets import FEW, WITH_TABLE_ERROR
-from scenes import random_surface, small_spec, sphere
+from scenes import hemisphere_directions, random_surface, small_spec, sphere
+from tir_lenses import spot, spot_lens
 
 import lensforge as lf
 from lensforge.light.lens_light import _conditions
+from lensforge.light.simulation import TracedLens
 from lensforge.optics.material import MATERIALS
 from lensforge.scene.lens import Lens
 from lensforge.scene.lens_at_temperature import at_temperature
 from lensforge.sources.build_source import build_source
+from lensforge.sources.ray_bundle import RayBundle
 from lensforge.spec import Preset, Spec
 
 LINE = {"kind": "line", "wavelength_nm": 450.0}
@@ -81,10 +82,9 @@ def test_rays_with_an_index_of_their_own_have_that_of_their_wavelength() -> None
     cold, hot = (float(glass.at(glass.temperature, celsius).index(wave)[0]) for celsius in (20.0, 85.0))
     lens = lens_of(small_spec(lens__material="N-BK7", source__spectrum=LINE))
     warm = at_temperature(lens, 85.0)
-    rays = build_source(lens.spec.source, warm.dispersion).sample(10, 0)
+    rays = build_source(lens.spec.source, lens.dispersion).sample(10, 0)
     assert warm.media.body.index(rays.waves) == pytest.approx([hot] * 10, abs=1e-15)
     assert warm.media.body.refractive_index != hot, "that at the design wavelength, for rays without their own"
-    assert warm.sha256 == lens.sha256
     constants = {"lens__index_per_k": (hot - cold) / 65.0, "lens__expansion_per_k": 7.1e-6}
     other = lens_of(small_spec(lens__refractive_index=cold, **constants))
     require_same(lf.evaluate(lens, temperature_c=85.0), lf.evaluate(other, temperature_c=85.0))
@@ -108,9 +108,10 @@ def test_a_fixed_face_expands_too() -> None:
     fixed = {"kind": "sphere", "radius_mm": 6.0, "centre_z_mm": 0.0}
     lens = {"levels": [9], "inner": {"offset_mm": 3.0}, "outer": {"fixed": fixed}, "symmetry": "none"}
     spec = small_spec(lens=lens | {"index_per_k": 0.0, "expansion_per_k": 1e-4}, optimise={"rays": 1024, "pixels": 16})
-    warm = at_temperature(Lens.double(sphere(3.0), spec.lens.fixed["outer"], spec, 0, FEW), 120.0)
-    assert warm.outer.radius(np.array([[0.0, 0.6, 0.8]]))[0] == pytest.approx(6.06, abs=1e-12)
-    assert lf.evaluate(replace(warm.designed), temperature_c=120.0).efficiency.value > 0.1
+    cold = Lens.double(sphere(3.0), spec.lens.fixed["outer"], spec, 0, FEW)
+    up = RayBundle(np.zeros((1, 3)), np.array([[0.0, 0.6, 0.8]]), np.ones(1))
+    exits = TracedLens.of(at_temperature(cold, 120.0), 3.0).trace(up)
+    assert np.linalg.norm(exits.points - [0.0, 0.0, 0.01 * spec.base.seat_mm]) == pytest.approx(6.06, abs=1e-9)
 
 
 @pytest.mark.parametrize(
@@ -150,5 +151,23 @@ def test_conditions_name_the_temperature_and_warn_of_extrapolation() -> None:
 
 def test_the_seat_is_the_bottom_of_the_base() -> None:
     lens = lens_of(small_spec(**PLASTIC, base={"diameter_mm": 16.0, "height_mm": 3.0}))
-    assert at_temperature(lens, 120.0).raised_mm == pytest.approx(3.0 * 7e-3, abs=1e-15)
-    assert at_temperature(lens_of(small_spec(**PLASTIC, base={"kind": "none"})), 120.0).raised_mm == 0.0
+    on_axis = RayBundle(np.zeros((1, 3)), np.array([[0.0, 0.0, 1.0]]), np.ones(1))
+    for base_mm, placed in ((3.0, lens), (0.0, lens_of(small_spec(**PLASTIC, base={"kind": "none"})))):
+        spheres = Lens.double(sphere(3.0), sphere(6.0), placed.spec, 0, FEW)
+        (point,) = TracedLens.of(at_temperature(spheres, 120.0), 3.0).trace(on_axis).points
+        assert point == pytest.approx([0.0, 0.0, 6.0 * 1.007 + base_mm * 7e-3], abs=1e-9)
+
+
+def test_a_lens_for_total_internal_reflection_grows_on_all_ways() -> None:
+    """Rays from its seat, which stays where it is, leave the grown lens by as many faces, at places as much farther."""
+    law = {"index_per_k": 0.0, "expansion_per_k": 3e-4}
+    lens = spot_lens(spot(refractive_index=1.49, material="silicone like", **law), base={"kind": "none"})
+    directions = hemisphere_directions(200)
+    rays = RayBundle(np.zeros((200, 3)), directions, np.ones(200))
+    cold = TracedLens.of(lens, 3.0).trace(rays)
+    warm = TracedLens.of(at_temperature(lens, 120.0), 3.0).trace(rays)
+    assert np.array_equal(cold.fates, warm.fates) and cold.left_lens.sum() > 100
+    assert cold.met is not None and np.array_equal(cold.met, warm.met)
+    left = cold.left_lens
+    np.testing.assert_allclose(warm.points[left], 1.03 * cold.points[left], rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(warm.directions[left], cold.directions[left], atol=1e-9)

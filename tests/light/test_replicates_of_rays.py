@@ -160,27 +160,10 @@ def exit_rays(shift: float = 0.0, count: int = 16) -> ExitRays:
     return ExitRays(points, directions, flux, np.zeros(count), fates)
 
 
-def test_a_lens_that_was_raised_is_met_higher_and_sends_its_light_from_there() -> None:
-    rays = upwards(3)
-    seen = []
-    lens = straight()
-
-    def trace(own: RayBundle) -> ExitRays:
-        seen.append(own.origins)
-        return lens.trace(own)
-
-    exits = replace(lens, raised_mm=0.5).trace_in_lens_frame(rays, trace)
-    np.testing.assert_array_equal(seen[0], rays.origins - [0.0, 0.0, 0.5])
-    np.testing.assert_allclose(exits.points, rays.origins, atol=1e-15)
-    np.testing.assert_array_equal(lens.trace_in_lens_frame(rays, trace).points, rays.origins)
-    np.testing.assert_array_equal(seen[1], rays.origins)
-
-
 def test_tables_of_a_lens_state_their_error_in_nanometres() -> None:
     lens = Lens.double(random_surface(1, 3.0, 0.01, (9,)), sphere(6.0), small_spec(), 0, "draft")
     found = TracedLens.of(lens, 2.0)
     for name, table in zip(("inner", "outer"), found.tables, strict=True):
         error_mm = table_error(found.scene.grid, table, getattr(lens, name))
         assert found.table_error_nm[name] == pytest.approx(error_mm * 1e6, rel=1e-12)
-    assert (found.raised_mm, found.grown_mm) == (0.0, 0.0)
     assert simulation.REPLICATES == 16

@@ -23,20 +23,22 @@ OTHER = {"kind": "plane", "centre_mm": [10.0, -5.0, 90.0], "width_mm": 160.0, "h
 ZONE = {"kind": "zone", "name": "middle", "zone": {"kind": "disc", "diameter_mm": 120.0}}
 MOVED = {"shift_mm": [0.1, -0.2, 0.05], "tilt_deg": [6.0, -3.0]}
 LIMITS = [{**ZONE, "at_least_share": 0.01}], [{**ZONE, "at_least_share": 0.02}]
+LAW = {"lens__index_per_k": -3e-4, "lens__expansion_per_k": 3e-4}
+WARM_C = 95.0
 STATES = [
     {"name": "near", "weight": 2.0},
-    {"name": "far", "source": DISC, **MOVED, "receivers": [OTHER], "limits": LIMITS[1]},
+    {"name": "far", "source": DISC, **MOVED, "temperature_c": WARM_C, "receivers": [OTHER], "limits": LIMITS[1]},
 ]
 PLACED = {**DISC, "position_mm": MOVED["shift_mm"], "tilt_deg": MOVED["tilt_deg"]}
 BY_HAND: dict[str, dict[str, Any]] = {
     "near": {"source": LED, "limits": LIMITS[0]},
-    "far": {"source": PLACED, "limits": LIMITS[1], "target": None, "receivers": [OTHER]},
+    "far": {"lens__temperature_c": WARM_C, "source": PLACED, "limits": LIMITS[1], "target": None, "receivers": [OTHER]},
 }
 FACES = random_surface(1, 3.0), random_surface(2, 6.0)
 
 
 def lens_with(**changes: Any) -> lf.Lens:
-    spec = small_spec(**{"target__uniform_mm": None, **changes})
+    spec = small_spec(**{"target__uniform_mm": None, **LAW, **changes})
     return lf.Lens.double(*FACES, spec, 3, FEW_STEPS)
 
 
@@ -67,13 +69,15 @@ def test_the_light_of_a_state_is_that_of_the_same_lens_with_its_condition_alone(
     assert near.map.shape != far.map.shape or not np.allclose(near.map, far.map)
 
 
-def test_a_warm_lens_is_warm_in_each_state() -> None:
-    law = {"lens__index_per_k": -1e-4, "lens__expansion_per_k": 7e-5}
-    warm = lf.evaluate(lens_with(source=LED, states=STATES, **law), rays=1024, temperature_c=80.0)
+def test_a_warm_lens_is_warm_in_each_state(lens: lf.Lens) -> None:
+    still = [STATES[0], {name: value for name, value in STATES[1].items() if name != "temperature_c"}]
+    warm = lf.evaluate(lens_with(source=LED, states=still), rays=1024, temperature_c=80.0)
     for name, condition in BY_HAND.items():
-        alone = lf.evaluate(lens_with(**condition, **law), rays=1024, temperature_c=80.0)
-        cold = lf.evaluate(lens_with(**condition, **law), rays=1024)
-        assert warm.by_led[name].receivers == alone.receivers != cold.receivers
+        cold = lens_with(**{**condition, "lens__temperature_c": None})
+        alone = lf.evaluate(cold, rays=1024, temperature_c=80.0)
+        assert warm.by_led[name].receivers == alone.receivers != lf.evaluate(cold, rays=1024).receivers
+    with pytest.raises(lf.InputError, match=r"^temperature_c = 80: states of this lens have their own; evaluate one"):
+        lf.evaluate(lens, temperature_c=80.0)
 
 
 def test_the_second_state_decides(lens: lf.Lens, light: lf.Light) -> None:
@@ -147,8 +151,8 @@ def test_what_needs_one_led_says_to_take_a_state(lens: lf.Lens) -> None:
         lf.sweep(lens.spec, source=[lf.DiscSource(diameter_mm=0.3), lf.DiscSource(diameter_mm=0.4)])
 
 
-def test_a_whole_run_is_kept_shown_and_read_again(tmp_path: Path) -> None:
-    spec = small_spec(source=LED, states=STATES, limits=LIMITS[0], target__uniform_mm=None)
+def test_a_whole_run_is_kept_shown_and_read_again(tmp_path: Path, undrawn: None) -> None:
+    spec = small_spec(source=LED, states=STATES, limits=LIMITS[0], target__uniform_mm=None, **LAW)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         run = lf.run(spec, tmp_path / "run", accuracy=FEW_STEPS, force=True)
@@ -157,4 +161,4 @@ def test_a_whole_run_is_kept_shown_and_read_again(tmp_path: Path) -> None:
     assert (tmp_path / "run/lens_far.ies").exists()
     page = (tmp_path / "run/report.html").read_text("utf-8")
     assert "near, at 100 mm" in page and "far, centred at (10, -5, 90) mm" in page
-    assert "near: " in task(spec) and "far: " in task(spec)
+    assert "near: " in task(spec) and "far: lens at 95 °C; " in task(spec)

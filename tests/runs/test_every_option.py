@@ -76,6 +76,7 @@ HEARD: dict[str, dict[str, tuple[str, str, Any]]] = {  # arguments, keyword (or 
     },
     "tradeoff": {
         "--most-rays": ("8192", "most_rays", 8192), "--threads": ("3", "", "3"), "--out": SEARCH["--out"],
+        "--accuracy": SEARCH["--accuracy"], "--over": ("process", "field", "manufacture.process"),
     },
     "verify": COUNT | {"--stray": ("", "", "stray"), "--base": ("black --stray", "base", "black")},
     "yield": {
@@ -185,6 +186,13 @@ def test_rays_of_a_search_that_chooses_its_levels_are_refused_by_the_name_that_w
     given = ("--vary", "source.side_mm=1,2") if command == "sweep" else ()
     error = invoked(command, tmp_path / "lamp.toml", *given, "--rays", "5e3").exception
     assert isinstance(error, lf.InputError) and str(error).startswith('--rays 5000: with lens.levels = "auto"')
+
+
+@pytest.mark.parametrize("over", ["tool", "process"])
+def test_rays_of_the_longest_evaluation_are_refused_where_no_time_is_measured(over: str, tmp_path: Path) -> None:
+    small_spec().save(tmp_path / "lamp.toml")
+    error = invoked("tradeoff", tmp_path / "lamp.toml", "--over", over, "--most-rays", "8192").exception
+    assert isinstance(error, lf.InputError) and str(error).startswith("--most-rays 8192: goes with --over time")
 
 
 RAYS = "x_mm,y_mm,z_mm,kx,ky,kz,flux_w\n0,0,0,0,0.6,0.8,0.25\n1,0,0,0,0,1,0.5\n"

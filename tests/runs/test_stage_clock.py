@@ -48,6 +48,15 @@ def test_quiet_says_nothing_but_warnings(capsys: pytest.CaptureFixture[str], ter
     assert frames(capsys.readouterr().err) == ["warning: a source without flux"]
 
 
+def test_brackets_of_a_message_are_no_markup(capsys: pytest.CaptureFixture[str]) -> None:
+    """Tables of a spec stand in brackets, and a spec may name a thing by a tag of the terminal."""
+    words = "[limits] of [lens.inner]: [red]lamp[/red] and [/]"
+    with StageClock("yield") as clock:
+        clock.note(words)
+        clock.warn(words)
+    assert frames(capsys.readouterr().err)[:2] == [words, f"warning: {words}"]
+
+
 def test_the_clock_of_a_terminal_goes_on_by_itself_in_60_columns(
     capsys: pytest.CaptureFixture[str], terminal: None
 ) -> None:

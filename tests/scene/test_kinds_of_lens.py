@@ -17,6 +17,7 @@ from lensforge.scene.lens import Lens, load_lens
 from lensforge.scene.lens_at_temperature import at_temperature
 from lensforge.scene.receiver_shapes import receivers_of
 from lensforge.sources.build_source import build_source
+from lensforge.sources.ray_bundle import RayBundle
 from lensforge.surfaces.srbf import SrbfBasis, SrbfSurface
 from lensforge.surfaces.surface import Surface
 
@@ -116,8 +117,10 @@ def test_a_cast_shows_the_first_lamp_of_the_kind_of_its_lens() -> None:
 def test_every_kind_of_lens_expands() -> None:
     law = {"lens__index_per_k": 0.0, "lens__expansion_per_k": 1e-4}
     lens = lens_of(TABLE, uneven(0), uneven(1), **law)
-    warm = at_temperature(lens, 120.0)
-    u = hemisphere_directions(20)
-    for before, after in ((lens.surfaces, warm.surfaces), (lens.others["wide"], warm.others["wide"])):
-        for name, face in before.items():
-            assert after[name].radius(u) == pytest.approx((1.0 + 1e-4 * 100.0) * face.radius(u), rel=1e-12)
+    warm = TracedLens.of(at_temperature(lens, 120.0), 3.0)
+    from_centre = RayBundle(np.zeros((20, 3)), hemisphere_directions(20), np.ones(20))
+    for before, after in zip(TracedLens.of(lens, 3.0).kinds, warm.kinds, strict=True):
+        left = before.trace(from_centre).left_lens
+        points = before.trace(from_centre).points[left]
+        assert after.trace(from_centre).points[left] == pytest.approx(1.01 * points, rel=1e-9, abs=1e-9)
+        assert left.sum() > 5

@@ -247,3 +247,24 @@ def test_an_interrupted_search_ends_with_the_same_bits(tmp_path: Path) -> None:
     source = searched_source(spec)
     whole = search(spec, source, accuracy=FEW, seed=3)
     require_same_bits_after(5, spec, source, tmp_path / "checkpoint.bin", whole, seed=3)
+
+
+def test_a_search_sees_the_lens_as_it_is_at_work() -> None:
+    """Expansion alone conserves the light of a scene that is as much smaller, about a seat at the origin."""
+    e = 0.03
+    changes = {"target__uniform_mm": None, "base": {"kind": "none"}}
+    law = {"lens__index_per_k": 0.0, "lens__expansion_per_k": 3e-4, "lens__temperature_c": 120.0}
+    target = {"kind": "flat_top", "width_mm": 160.0, "distance_mm": 100.0, "receiver_mm": 200.0}
+    smaller = {name: value if name == "kind" else value / (1.0 + e) for name, value in target.items()}
+    warm = small_spec(target=target, **law, **changes)
+    cold = small_spec(target=smaller, source={"kind": "square", "side_mm": 1.0 / (1.0 + e)}, **changes)
+    images = []
+    for spec in (warm, cold):
+        parametrisation = SphereParameters.of(spec, 3.0)
+        source = source_of(spec)
+        weights = 0.02 * torch.sin(torch.arange(2.0 * spec.lens.basis.size, dtype=torch.float64)).reshape(-1, 2)
+        tables = parametrisation.tables(weights, torch.tensor([3.0, 6.0], dtype=torch.float64))
+        light = MeritFunction.of(spec, source, parametrisation).light_of(tables, source.sample(512, 3))
+        images.append(light.images[0].numpy())
+    np.testing.assert_allclose(images[0], images[1], rtol=1e-7, atol=1e-12)
+    assert images[0].max() > 0.0

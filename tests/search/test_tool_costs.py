@@ -1,5 +1,6 @@
 """What tools cost: differences of short searches from the same lens on, told where they matter."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import pytest
@@ -54,7 +55,8 @@ def test_a_limit_holds_a_face_within_ten_times_the_margin_with_which_a_search_en
         near = {**far, "outer": times * curved}  # the second face decides
         assert held(spec, curvature_margin_per_mm=near, draft_margin_deg=drafts) == kinds
     near = {**drafts, "outer": 0.29}
-    assert held(spec, curvature_margin_per_mm=far, draft_margin_deg=near) == {"draft_margin_deg"}
+    upright = spec.replace({"manufacture.max_tilt_deg": 0.0})
+    assert held(upright, curvature_margin_per_mm=far, draft_margin_deg=near) == {"draft_margin_deg"}
     stated = small_spec(manufacture=MILLED, lens__outer__concave_radius_mm=3.0, lens__outer__draft_deg=1.0)
     nothing = {"inner": 9.0, "outer": 0.0}
     assert held(stated, curvature_margin_per_mm=nothing, draft_margin_deg=nothing) == set(), "wishes, not tools"
@@ -123,6 +125,27 @@ def test_shorter_steps_are_tried_where_the_usual_ones_gain_nothing(gaining, rate
         return
     assert [told.efficiency for told in costs] == [pytest.approx(0.1), *[0.0] * (len(costs) - 1)]
     assert rates == ([] if rate == 1.0 else [1.0]) + [rate] * (1 + len(costs))
+
+
+@pytest.mark.parametrize(("gain", "told"), [(0.0049, False), (0.0051, True)])
+def test_a_study_ends_with_its_first_search_where_that_gains_less_than_is_told(gain, told, monkeypatch, made) -> None:
+    """And no search takes more rays in a step than a draft, whatever the accuracy of the lens."""
+    rays = list[int]()
+
+    def search(spec: lf.Spec, *_: object, accuracy: AnyAccuracy, **__: object) -> SimpleNamespace:
+        rays.append(preset_of(accuracy).design_rays)
+        return SimpleNamespace(kept_start=spec.manufacture.process != "none", lens="free")
+
+    def light(lens: object, rays: int) -> SimpleNamespace:
+        figures = SimpleNamespace(efficiency=Metric(value=0.7 + gain if lens == "free" else 0.7))
+        return SimpleNamespace(nmse=None, cases=lambda: iter([SimpleNamespace(result=figures)]))
+
+    monkeypatch.setattr("lensforge.search.optimiser.search", search)
+    monkeypatch.setattr("lensforge.search.tool_costs.evaluate", light)
+    fine = made.changed(lens=replace(made.lens, accuracy="standard"))
+    costs = tool_costs(fine)
+    assert bool(costs) == told and set(rays) == {2**14}
+    assert len(rays) == (1 + len(costs) if told else 1)
 
 
 def test_a_cost_is_the_mean_over_all_states() -> None:

@@ -67,10 +67,11 @@ def test_tilt_has_the_tolerance_of_angles_and_the_wall_that_of_the_search() -> N
     spec = small_spec(constraints__min_thickness_mm=2.0)
     degrees = ANGLE_TOLERANCE_DEG
     mm = spec.constraints.tolerance_mm
-    within = tilt_finding("outer", 90.0 + 0.99 * degrees, spec)
-    beyond = tilt_finding("outer", 90.0 + 1.01 * degrees, spec)
-    assert within.holds and "stays within manufacture.max_tilt_deg = 90" in within.note
-    assert not beyond.holds and "would exceed" in beyond.note and "the outer face is up to 90.02 deg" in beyond.note
+    within = tilt_finding("outer", face(-90.0 - 0.99 * degrees), spec)
+    beyond = tilt_finding("outer", face(-90.0 - 1.01 * degrees), spec)
+    assert within.holds and not beyond.holds
+    assert "the outer face is undercut by up to 90.02 deg" in beyond.note and "max_tilt_deg = 90" in beyond.note
+    assert tilt_finding("outer", face(1.0), spec).note == "an upright axis reaches the outer face"
     assert (within.place, within.sense, within.unit) == ("outer", "<=", "deg")
     thin = wall_finding(2.0 - 1.01 * mm, spec)
     enough = wall_finding(2.0 - 0.99 * mm, spec)
@@ -115,11 +116,10 @@ def test_both_walls_have_the_tolerance_of_the_search() -> None:
         assert "raise lens.inner.offset_mm" in most.remedy and "thickest at (0, 1, 0) mm" in most.remedy
 
 
-def face(least_deg: float, undercut: float = 0.0) -> FaceResult:
+def face(least_deg: float, undercut: float = 0.0, free_deg: float = 90.0) -> FaceResult:
+    tilt = {"largest_tilt_deg": max(-least_deg, 0.0), "free_tilt_deg": free_deg}
     draft = Draft(min=least_deg)
-    return FaceResult.model_construct(
-        draft_deg=draft, undercut_fraction=undercut, cutter=cutter(0.5, None), largest_tilt_deg=90.0 - least_deg
-    )
+    return FaceResult.model_construct(draft_deg=draft, undercut_fraction=undercut, cutter=cutter(0.5, None), **tilt)
 
 
 def test_a_mould_needs_two_degrees_and_a_part_what_its_spec_asks_to_the_error_of_the_samples() -> None:
@@ -263,7 +263,7 @@ def test_all_findings_are_there_and_each_has_its_own_numbers() -> None:
     assert [f"{each.key} {each.place}" for each in found] == subjects, "no tilt of a tool"
     assert [each.value for each in found[2:]] == [0.1, 0.5, 1.25, 0.0, 0.25, 3.0, 1.5, 1.0, 1.0, 0.5, 1.0]
     cut = check_findings(spec.replace({"manufacture.process": "milled"}), faces, 1.25, relief, ())
-    assert [each.value for each in cut if each.key == "tilt"] == [89.0, 85.0]
+    assert [(each.value, each.limit) for each in cut if each.key == "tilt"] == [(0.0, 90.0), (0.0, 90.0)]
     part = check_findings(small_spec(lens__outer__draft_deg=1.0), faces, 1.25, relief, ())
     assert [each.place for each in part if each.key == "draft"] == ["outer"], "where a part that is cut needs one"
 
@@ -299,21 +299,25 @@ def test_a_smaller_ball_or_a_search_for_wider_hollows_is_advised(process, kept, 
 
 
 @pytest.mark.parametrize(
-    ("allowed", "steepest", "expected"),
+    ("allowed", "undercut", "expected"),
     [
-        (90.0, 95.05, "lens.inner.draft_deg = 0 and design again, or manufacture.max_tilt_deg = 95.1"),
-        (65.0, 95.0, "lens.inner.draft_deg = 25 and design again, or manufacture.max_tilt_deg = 95"),
-        (64.9, 95.0, "manufacture.max_tilt_deg = 95"),
-        (95.0, 119.99, "manufacture.max_tilt_deg = 120"),
-        (95.0, 120.0, ""),
-        (95.0, 130.0, ""),
+        (25.0, 30.05, "lens.inner.draft_deg = 0 and design again, or manufacture.max_tilt_deg = 30.1"),
+        (90.0, 119.99, "lens.inner.draft_deg = 0 and design again, or manufacture.max_tilt_deg = 120"),
+        (90.0, 120.1, "lens.inner.draft_deg = 0 and design again"),
     ],
 )
-def test_more_draft_or_more_tilt_is_advised_as_far_as_a_spec_takes_it(allowed, steepest, expected) -> None:
-    found = tilt_finding("inner", steepest, small_spec(manufacture__max_tilt_deg=allowed))
-    assert found.remedy == expected
-    for wide in re.findall(r"max_tilt_deg = ([\d.]+)", expected):
-        assert tilt_finding("inner", steepest, small_spec(manufacture__max_tilt_deg=float(wide))).holds
+def test_no_undercut_or_more_tilt_is_advised_as_far_as_a_spec_takes_it(allowed, undercut, expected) -> None:
+    spec = small_spec(manufacture__max_tilt_deg=allowed)
+    assert tilt_finding("inner", face(-undercut, free_deg=allowed), spec).remedy == expected
+    for wide in map(float, re.findall(r"max_tilt_deg = ([\d.]+)", expected)):
+        farther = small_spec(manufacture__max_tilt_deg=wide)
+        assert tilt_finding("inner", face(-undercut, free_deg=wide), farther).holds
+
+
+def test_no_machine_that_tilts_farther_is_advised_where_the_mouth_of_the_cavity_is_in_the_way() -> None:
+    found = tilt_finding("inner", face(-30.0, free_deg=25.0), small_spec())
+    assert (found.holds, found.limit, found.remedy) == (False, 25.0, "lens.inner.draft_deg = 0 and design again")
+    assert "the mouth of the cavity leaves 25" in found.note
 
 
 def test_the_draft_of_a_mould_or_of_the_spec_is_asked_of_the_search() -> None:
@@ -353,8 +357,8 @@ def test_every_limit_is_kept_to_the_tolerance_of_its_measure(beyond: float, hold
     """Draft and tilt are one angle, edges another one; walls and gaps are lengths of the same faces."""
     spec = small_spec(lens__outer__draft_deg=3.0, constraints__min_thickness_mm=1.5)
     assert draft_finding("outer", face(3.0 - 0.02 * beyond), spec).holds == holds
-    tilting = small_spec(manufacture__max_tilt_deg=60.0)
-    assert tilt_finding("outer", 60.0 + 0.02 * beyond, tilting).holds == holds
+    tilted = face(-60.0 - 0.02 * beyond, free_deg=60.0)
+    assert tilt_finding("outer", tilted, small_spec(manufacture__max_tilt_deg=60.0)).holds == holds
     off_mm = beyond * spec.constraints.tolerance_mm
     assert wall_finding(1.5 - off_mm, spec).holds == holds
     wide_mm = 2.0 * spec.manufacture.cutter_radius_mm

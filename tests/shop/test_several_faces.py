@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from known_shapes import exported, sphere
+from scenes import small_spec
 
 from lensforge.cad.boundary import boundaries
 from lensforge.optics.face_roles import BODY, CAVITY, OUTSIDE
@@ -33,7 +34,7 @@ def cavity() -> dict[str, OpticalFace]:
 
 def test_each_face_is_measured_up_to_the_crease(cavity) -> None:
     for name, radius, height, steepest in (("cap", 2.0, 1.5 - MET_MM, MET_MM + 0.5), ("side", 1.8, MET_MM, 0.0)):
-        found = face_result(milled_face(cavity[name], 1.0, 81))
+        found = face_result(milled_face(cavity[name], 1.0, 81), small_spec())
         assert found.area_mm2 == pytest.approx(2.0 * np.pi * radius * height, rel=1e-8), "a zone of a sphere"
         assert found.best_fit_sphere.radius_mm == pytest.approx(radius, abs=1e-6) and found.best_fit_sphere.pv_mm < 1e-6
         assert found.curvature.smallest_concave_radius_mm == pytest.approx(radius, abs=1e-4)

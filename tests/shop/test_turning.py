@@ -107,11 +107,9 @@ def by_rays(face: Meridian, lathe: LatheTool, axis: np.ndarray, obstacles: np.nd
     rays = np.stack(
         [np.cos(turn) * axis[0] - np.sin(turn) * axis[1], np.sin(turn) * axis[0] + np.cos(turn) * axis[1]], 1
     )
-    for point in obstacles - centre:
-        along = np.maximum(rays @ point, 0.0)
-        if np.linalg.norm(along[:, None] * rays - point, axis=1).min() < lathe.radius_mm - 1e-4:
-            return False
-    return True
+    away = obstacles - centre
+    along = np.maximum(away @ rays.T, 0.0).max(axis=1)  # the nearest ray is the one along which an obstacle is farthest
+    return bool((np.sum(away**2, axis=1) - along**2 >= (lathe.radius_mm - 1e-4) ** 2).all())
 
 
 def test_a_crooked_profile_is_reached_where_no_ray_of_the_tool_is_in_the_way() -> None:

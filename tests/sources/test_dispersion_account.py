@@ -112,19 +112,23 @@ def test_more_than_one_per_cent_is_mentioned_and_any_light_beyond_what_is_known(
         ([430.0, 500.0, 600.0], [1.0, 2.0, 1.0], (430.0, 600.0)),
         ([400.0, 430.0, 500.0, 600.0], [0.0, 1.0, 2.0, 0.0], (400.0, 600.0)),
         ([1500.0, 1600.0, 1640.0], [0.0, 1.0, 0.0], (1500.0, 1640.0)),
+        ([360.0, 380.0, 500.0, 1600.0, 1800.0], [0.0, 0.05, 2.0, 0.2, 0.0], (360.0, 1800.0)),
     ],
 )
 def test_a_spectrum_ends_where_its_light_ends_and_is_counted_exactly(waves, density, ends) -> None:
     found = index_of_spectrum(Spectrum(np.array(waves), np.array(density)), PMMA)
-    assert found.wavelengths_nm == ends and found.clamped_index_share == 0.0
+    assert found.wavelengths_nm == ends
 
     def light(low: float, high: float) -> float:
         edges = [low, *[wave for wave in waves if low < wave < high], high]
         at = pairwise(edges)
         return sum(quad(lambda wave: np.interp(wave, waves, density, 0.0, 0.0), *part)[0] for part in at)
 
-    outside = light(378.0, 420.0) + light(1620.0, 1782.0)
-    assert found.extrapolated_index_share == pytest.approx(outside / light(378.0, 1782.0), abs=1e-12)
+    whole = light(360.0, 1800.0)
+    clamped = light(360.0, 378.0) + light(1782.0, 1800.0)
+    extrapolated = light(378.0, 420.0) + light(1620.0, 1782.0)
+    assert found.clamped_index_share == pytest.approx(clamped / whole, abs=1e-12)
+    assert found.extrapolated_index_share == pytest.approx(extrapolated / whole, abs=1e-12)
 
 
 def test_wavelengths_are_drawn_one_from_each_share_part_by_part() -> None:

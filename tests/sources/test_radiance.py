@@ -201,6 +201,21 @@ def test_files_that_are_no_table_are_refused_in_one_line(tmp_path: Path) -> None
         assert "\n" not in str(caught.value)
 
 
+@pytest.mark.parametrize(("bound_w", "inside"), [(1e-30, 1.01), (1e12, 0.99)])
+def test_a_flux_is_read_on_one_side_of_its_bound_and_refused_on_the_other(
+    tmp_path: Path, bound_w: float, inside: float
+) -> None:
+    arrays = good()
+    scale = bound_w / RadianceTable(**arrays).flux()
+    for factor in (inside, 1.0 / inside):
+        np.savez(tmp_path / "led.npz", **{**arrays, "radiance": factor * scale * arrays["radiance"]})
+        if factor == inside:
+            assert read_radiance(tmp_path / "led.npz").flux() == pytest.approx(factor * bound_w)
+        else:
+            with pytest.raises(InputError, match="W: radiances must not be all dark, or huge"):
+                read_radiance(tmp_path / "led.npz")
+
+
 def _table_file(folder, x_mm, gamma_deg):
     size, count = len(x_mm) - 1, len(gamma_deg)
     table = {"x_mm": x_mm, "y_mm": x_mm, "c_deg": [0.0], "gamma_deg": gamma_deg}

@@ -33,6 +33,7 @@ PURE = {
     "abbe_number", "cavity_index", "outside_index", "sigma_c", "levels", "coefficients", "schott_coefficients",
     "terms", "face", "level", "shrinkage", "holder", "scale", "origin", "columns", "rows", "exponent", "values",
     "directions", "ray_flux", "share", "rotation", "normal", "axis", "facing", "rays", "pixels",
+    "dimming", "neighbours", "at_least_own_share",
     "steps_per_level", "filter_variance", "lenses", "maintenance_factor", "max_rms_delta_uv", "max_delta_uv",
     "rings", "rim_rings", "count", "amount", "index", "source_flux", "source_size", "at_least", "at_most",
     "at_least_min_over_mean", "at_least_min_over_max", "at_most_contrast",

@@ -94,6 +94,8 @@ def light_of(case, calls, source, warm):
         images.append(pictures)
         raw.append([got["image"] for got, _ in means])
     record = {"receivers": lit, "limits": limits_of(case, receivers, images, raw, efficacy, watts, lit)}
+    if figures := figures_of(case, receivers, images, efficacy):
+        record["figures"] = figures
     ways = [found[each] for each in sorted(each for each in found if each[0] == "ways")]
     if ways:
         record["ways"] = ways_of(case.lens, ways, watts)
@@ -241,6 +243,28 @@ def road_limits(case, receivers):
         for limit in road_record(case, road)["limits"]:
             sky = next(each.name for each in receivers if each.kind == "far_field")
             yield limit | {"name": f"{road['name']}: {limit['name']}", "receiver": sky}
+
+
+def figures_of(case, receivers, images, efficacy):
+    """Those of machine vision: how even the mask of uniform light of the first target is, and its mean illuminance."""
+    if case.lens["spec"].get("application") is None:
+        return []
+    assert case.lens["spec"]["application"] == "machine vision"
+    receiver = receivers[0]
+    target = receiver.targets[0]
+    width, height = target["uniform_mm"]
+    zone = target | {"kind": "rectangle", "width_mm": width, "height_mm": height}
+    inside = in_shape(zone, *receiver.to_target(*receiver.centres())) & receiver.in_window(*receiver.centres())
+    read = [image[inside] * efficacy / receiver.measure for image in images[0]]
+    values = {
+        "Min/max": ("min/max of the light", ratio(least(read), largest(read)), ""),
+        "Min/mean": ("min/mean of the light", least_over_mean(read), ""),
+        "Mean light": ("mean light", jackknife([light.mean() for light in read]), "lx"),
+    }
+    return [
+        {"name": name, "receiver": receiver.name, "quantity": quantity, "value": metric(value, unit, RAY), "unit": unit}
+        for name, (quantity, value, unit) in values.items()
+    ]
 
 
 def share_of(limit, receiver, raw, watts):
@@ -501,6 +525,10 @@ def limit_fact(case, place):
     return of_limit(evaluation(case, place.stage)[2][place.group]["limits"][place.number])
 
 
+def figure_fact(case, place):
+    return stated(evaluation(case, place.stage)[2][place.group]["figures"][place.number]["value"])
+
+
 def worst_of_roads(case, place):
     every = evaluation(case, place.stage)[2][place.group]["limits"]
     return of_limit(worst_on(case.lens["spec"]["roads"], every)[place.number])
@@ -556,7 +584,8 @@ ORACLES = {
     "efficiency": from_receiver("efficiency", factor=100, unit="%", possible=...),
     "uniformity": from_receiver("uniformity"), "rsd": from_receiver("rsd"), "peak": from_receiver("in_region", "peak"),
     "colour_u": colour_fact("u"), "colour_v": colour_fact("v"), "cct": colour_fact("cct"), "duv": colour_fact("duv"),
-    "rms_delta_uv": colour_fact("rms"), "worst_delta_uv": colour_fact("worst"), "limit": limit_fact, "way": way_fact,
+    "rms_delta_uv": colour_fact("rms"), "worst_delta_uv": colour_fact("worst"), "limit": limit_fact,
+    "figure": figure_fact, "way": way_fact,
     "of_road": worst_of_roads, "traffic": lambda case, place: Expected("; ".join(dict.fromkeys(
         f"{road['lighting_class']}, {traffic_of(road)}" for road in case.lens["spec"]["roads"]))),
     "rays": from_first("rays"), "pixels": pixels_fact, "file_origin": led_place("file", "at_mm"),

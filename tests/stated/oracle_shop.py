@@ -7,7 +7,7 @@ import numpy as np
 from crooked import Expected
 from oracle_mould import half, is_moulded
 from oracle_part import base_of, body_of, bore_scale, kept_of, lamps_of, plate_sides, slope_of
-from page_body import directions
+from page_body import HORIZON, directions
 from scipy.optimize import minimize_scalar
 
 ANGLE_DEG = 0.02
@@ -128,8 +128,32 @@ def draft_state(case, name):
     return "pass" if least >= (GOOD_DRAFT_DEG if wanted is None else wanted) - ANGLE_DEG else "fail"
 
 
+def is_milled(case, name):
+    shop = case.lens["spec"]["manufacture"]
+    return shop["process"] == "milled" and name in case.lens["spec"]["lens"]
+
+
+def free_tilt(case, name):
+    """Tilt (degrees) that machine and mouth leave to the axis of a mill: of a tool on the axis, at the lower edge."""
+    spec = case.lens["spec"]
+    most = spec["manufacture"]["max_tilt_deg"]
+    if name not in CAVITY:
+        return most
+    if spec["plate"] or spec["base"]["kind"] == "step" or name in FROM_BELOW:
+        return 0.0
+    face = face_of(case, name)
+    turns = np.meshgrid(np.linspace(0, 1, 161), 2 * np.pi * np.arange(720) / 720, indexing="ij")
+    p, n, _ = face.part.at(*turns)
+    highest = (p - face.cutter * n)[n[..., 2] < 0, 2].max(initial=0.0)
+    deep = highest + (0.0 if spec["base"]["kind"] == "none" else spec["base"]["height_mm"])
+    mouth = min(part.exact(HORIZON)[0].min() for part in (face.part, *face.beside))
+    tilts = np.radians(np.linspace(0, 90, 90_001))  # whose shank stays within the edge, a mouth's radius from the axis
+    clear = mouth * np.cos(tilts) - deep * np.sin(tilts) >= face.cutter
+    return min(np.degrees(tilts[clear].max(initial=0.0)), most)
+
+
 def tilt_state(case, name):
-    held = 90 - face_of(case, name).draft_deg <= case.lens["spec"]["manufacture"]["max_tilt_deg"] + ANGLE_DEG
+    held = -face_of(case, name).draft_deg <= free_tilt(case, name) + ANGLE_DEG
     return "pass" if held else "fail"
 
 
@@ -188,9 +212,8 @@ def concave(case, name):
 
 
 def tilt(case, name):
-    most = case.lens["spec"]["manufacture"]["max_tilt_deg"]
-    limit, state = (None, "") if is_moulded(case) else (("<=", most), tilt_state(case, name))
-    return Expected(90 - face_of(case, name).draft_deg, 0.003, "°", limit=limit, state=state)
+    limit, state = (None, "") if is_moulded(case) else (("<=", free_tilt(case, name)), tilt_state(case, name))
+    return Expected(max(0, -face_of(case, name).draft_deg), 0.003, "°", limit=limit, state=state)
 
 
 def draft(case, name):

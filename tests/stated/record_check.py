@@ -16,7 +16,9 @@ from oracle_shop import (
     draft_state,
     edge_deg,
     face_of,
+    free_tilt,
     hollow_mm,
+    is_milled,
     plate_wall_mm,
     reached_share,
     relief_of,
@@ -25,6 +27,8 @@ from oracle_shop import (
     tilt_state,
     wall_state,
 )
+
+FREE_TILT_DEG = 0.1  # the highest undercut place is read at the nodes
 
 
 def wall_record(case, found, thickness):
@@ -56,7 +60,8 @@ def face_record(case, name):
         "layer_step_um": None,
         "draft_deg": {"min": (face.draft_deg, 0.003)},
         "undercut_fraction": (facing_wrong(case, name), 5e-3),
-        "largest_tilt_deg": (90 - face.draft_deg, 0.003),
+        "largest_tilt_deg": (max(0, -face.draft_deg), 0.003),
+        "free_tilt_deg": (free_tilt(case, name), FREE_TILT_DEG) if is_milled(case, name) else None,
         "area_mm2": (face.scale**2 * face.part.area[2].sum(), 2e-6 * face.scale**2 * face.part.area[2].sum()),
     }  # fmt: skip
 
@@ -101,7 +106,7 @@ def least_draft(case, name):
     """Draft (degrees) below which a face is too steep: what is asked of it, and for a mill what its axis tilts."""
     asked = [asked_draft(case, name)]
     if not is_moulded(case) and not turning.is_turned(case, name):
-        asked.append(90 - case.lens["spec"]["manufacture"]["max_tilt_deg"])
+        asked.append(-free_tilt(case, name))
     return max((draft for draft in asked if draft is not None), default=-90.0)
 
 
@@ -213,8 +218,10 @@ def verdicts(case, names, each, thin):
         most = max((value for key, value in found.items() if key.endswith("mm")), key=lambda pair: pair[0])
         yield said("relief", name, most, "<=", 0.0, "mm", 0.0, relief_state(case, name))
     for name in milled if cut else ():
-        tilted = (90 - face_of(case, name).draft_deg, 0.003)
-        yield said("tilt", name, tilted, "<=", shop["max_tilt_deg"], "deg", ANGLE_DEG, tilt_state(case, name))
+        tilted = (max(0, -face_of(case, name).draft_deg), 0.003)
+        yield said(
+            "tilt", name, tilted, "<=", (free_tilt(case, name), FREE_TILT_DEG), "deg", ANGLE_DEG, tilt_state(case, name)
+        )
     yield said("wall", "body", thin, ">=", limits["min_thickness_mm"], "mm", slack, wall_state(case))
     for name in names if is_moulded(case) else ():
         upper, lower, heights, _ = half(case, name)

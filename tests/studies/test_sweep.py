@@ -21,7 +21,7 @@ from lensforge.report.results import Results
 from lensforge.report.stored import load_results
 from lensforge.report.sweep import Sweep, sweep_of
 from lensforge.report.sweep_runs import files_of_run, resumable, run_sweep, sweep_figure, write_run
-from lensforge.report.variation import parse_variation, variation_of
+from lensforge.report.variation import parse_variation, tool_study, variation_of
 from lensforge.results.criteria import require
 from lensforge.scene.lens import load_lens
 from lensforge.search.checkpoint import CHECKPOINT
@@ -208,6 +208,44 @@ def test_words_of_a_choice_keep_their_order_and_say_what_each_process_makes_of_t
     assert told == ["undecided", "undecided"], "not checked yet"
     study = swept.changed(designs=(swept.designs[0], swept.designs[1].changed(cutting="none")))
     assert study.facts[1].fact("cutting").text == "not judged"
+
+
+@pytest.mark.parametrize(
+    ("manufacture", "field", "radii_mm"),
+    [
+        ({"process": "milled", "cutter_radius_mm": 0.8}, "cutter_radius_mm", (0.2, 0.4, 0.8, 1.6)),
+        ({"process": "moulded", "cutter_radius_mm": 1.2, "shrinkage": 0.01}, "cutter_radius_mm", (0.3, 0.6, 1.2, 2.4)),
+        ({"process": "turned", "nose_radius_mm": 0.04}, "nose_radius_mm", (0.01, 0.02, 0.04, 0.08)),
+    ],
+)
+def test_a_study_of_tools_has_the_radius_of_what_cuts_the_lens_from_a_quarter_to_twice(manufacture, field, radii_mm):
+    spec = SPEC.replace(manufacture=manufacture)
+    varied, variation = tool_study(spec, "tool")
+    assert (varied, variation.field) == (spec, f"manufacture.{field}")
+    assert variation.values == pytest.approx(radii_mm)
+    radii = [getattr(variant.spec.manufacture, field) for variant in variation.variants(varied)]
+    assert radii == pytest.approx(radii_mm)
+
+
+def test_a_study_of_processes_has_each_without_the_fields_of_another():
+    spec = SPEC.replace(manufacture={"process": "moulded", "shrinkage": 0.01, "cutter_radius_mm": 0.8})
+    variants = tool_study(spec, "process")[1].variants(tool_study(spec, "process")[0])
+    shops = [variant.spec.manufacture for variant in variants]
+    assert [shop.process for shop in shops] == ["milled", "turned", "moulded", "printed", "none"]
+    assert {(shop.shrinkage, shop.cutter_radius_mm) for shop in shops} == {(0.0, 0.8)}
+    with pytest.raises(InputError, match='process = "printed": no tool cuts the lens'):
+        tool_study(SPEC.replace(manufacture={"process": "printed"}), "tool")
+
+
+def test_light_over_tools_is_drawn_by_a_line_and_over_processes_by_points_alone(swept):
+    _, study = swept
+    over_tools = study.changed(vary="manufacture.cutter_radius_mm")
+    drawn = sweep_figure(over_tools).axes[0]
+    assert drawn.get_xlabel() == "radius of the ball (mm)" and drawn.lines[0].get_linestyle() == "-"
+    words = [row.changed(value=name) for row, name in zip(study.designs, ("milled", "none"), strict=True)]
+    drawn = sweep_figure(study.changed(vary="manufacture.process", designs=tuple(words))).axes[0]
+    assert [text.get_text() for text in drawn.get_xticklabels()] == ["milled", "none"]
+    assert drawn.lines[0].get_linestyle() == "None"
 
 
 def test_another_sweep_is_not_resumed(swept):
