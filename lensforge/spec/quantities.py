@@ -47,8 +47,8 @@ class Quantity(ABC):
     """A figure of the light at ``k`` places.
 
     ``words``: its name on screens and pages. ``flux_power``: power of the flux of the source by which it grows.
-    ``searched``: a search lowers what it lacks. ``of_view``: it is of what an eye sees, ``of_losses``: of flux by cause, ``of_whole``: it compares places with the
-    whole picture.
+    ``searched``: a search lowers what it lacks. ``of_view``: it is of what an eye sees, ``of_losses``: of flux by
+    cause, ``of_whole``: it compares places with the whole picture.
     """
 
     words: ClassVar[str]
