@@ -272,7 +272,7 @@ def test_a_limit_that_only_one_trade_has_tells_it(limit, application, trade) -> 
 
 
 def test_a_figure_is_stated_for_the_places_of_the_limit_on_it() -> None:
-    """The second limit has another screen; of two of one kind the first counts, and one on another receiver does not."""
+    """The second limit has another screen than the third: of two of one kind the first counts."""
     smaller = SCREEN | {"width_mm": 60.0, "at_least_min_over_mean": 0.5}
     spec = spec_with({"kind": "peak", "unit": "lx", "at_least": 1.0}, smaller, SCREEN | {"at_most_max_over_mean": 2.0})
     receivers = receivers_of(spec, 200)
