@@ -10,10 +10,13 @@ import json
 import tomllib
 from io import BytesIO
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from matplotlib import colormaps
 from PIL import Image, ImageChops
+
+from lensforge.results.numerals import quantity
 
 DOCS = Path(__file__).parent
 EXAMPLES = DOCS.parent / "examples"
@@ -40,6 +43,11 @@ GROUPS: dict[str, tuple[str, tuple[str, ...]]] = {
     "Reflectors": (
         "A mirror in place of a lens ([reflectors](beams.md#reflectors)).",
         ("reflector", "ellipsoidal_reflector"),
+    ),
+    "In the figures of a trade": (
+        "What a screen, a simulator, a surgical lamp, curing, a bicycle and a backlight are judged by"
+        " ([figures of a trade](limits.md#figures-of-a-trade)).",
+        ("projector", "solar_simulator", "surgical_lamp", "uv_curing", "bike_lamp", "backlight_thin"),
     ),
     "Roads": (
         "A road is stated by its class; the lens is designed for what drivers see ([roads](roads.md)).",
@@ -139,6 +147,7 @@ def draw(name: str) -> dict[str, object]:
     return {
         "accuracy": "draft",
         "aim": spec.optimise.aim,
+        "figures": [[figure.label, figure.value, figure.unit] for figure in light.figures],
         "share_in_target": [case.record.share_in_target.value for case in cases],
         "nmse": [case.record.nmse.value for case in cases],
         "efficiency": [case.record.efficiency.value for case in cases],
@@ -178,9 +187,15 @@ def draw_small(name: str) -> None:
     save_small(name, pictures.get("plate", pictures["cut"]), lf.evaluate(lens, rays=RAYS).receivers[0].map)
 
 
-def figures_of(found: dict[str, list[float]]) -> str:
-    """The figures of a design in words; where only the share of the light counts, an error of its pattern is none."""
+def figures_of(found: dict[str, Any]) -> str:
+    """The figures of a design in words: those of its trade, if it has one.
+
+    Where only the share of the light counts, an error of its pattern is none.
+    """
     shares = ", ".join(f"{value:.3f}" for value in found["efficiency"])
+    if found.get("figures"):
+        stated = ", ".join(f"{label} {quantity(value, unit, digits=3)}" for label, value, unit in found["figures"])
+        return f"{stated}, efficiency {shares}"
     if found.get("aim") == "share":
         return f"In the target {', '.join(f'{value:.3f}' for value in found['share_in_target'])}, efficiency {shares}"
     # Noise of the rays is taken off: what a file of few rays leaves may be below 0.
@@ -188,7 +203,7 @@ def figures_of(found: dict[str, list[float]]) -> str:
     return f"NMSE {errors}, efficiency {shares}"
 
 
-def page(figures: dict[str, dict[str, list[float]]]) -> str:
+def page(figures: dict[str, dict[str, Any]]) -> str:
     """The page: a group for each heading, a spec for each row."""
     lines = [HEAD.format(rays=RAYS)]
     for title, (words, group) in GROUPS.items():
@@ -203,7 +218,7 @@ def page(figures: dict[str, dict[str, list[float]]]) -> str:
     return "\n".join(lines)
 
 
-def _stored() -> dict[str, dict[str, list[float]]]:
+def _stored() -> dict[str, dict[str, Any]]:
     return json.loads(FIGURES.read_text(encoding="utf-8")) if FIGURES.exists() else {}
 
 

@@ -3,14 +3,15 @@
 import os
 import subprocess
 import sys
-from importlib.metadata import entry_points
+from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
+from types import ModuleType
 
 import pytest
 from scenes import small_spec, sphere
 
 import lensforge as lf
-from lensforge.addon import Addon, _installed, addons, require_libraries
+from lensforge.addon import Addon, _installed, _shipped, addons, require_libraries, usable_addons
 from lensforge.verbs import NAMES, public_names
 
 SHIPPED = Path(lf.__file__).parent / "addons"
@@ -182,6 +183,20 @@ def test_an_add_on_that_cannot_be_used_is_refused_in_a_line(
         _installed(point)
     assert str(caught.value) == words
     sys.modules.pop("acme_lenses", None)
+
+
+@pytest.mark.parametrize("names", [("acme", "bolt"), ("bolt", "acme")])
+def test_an_add_on_that_cannot_be_used_takes_no_other_with_it(
+    names: tuple[str, str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Whichever of two that are installed is found first."""
+    whole = ModuleType("bolt_lenses")
+    vars(whole)["ADDON"] = Addon("bolt")
+    monkeypatch.setitem(sys.modules, "bolt_lenses", whole)
+    points = [EntryPoint(name, f"{name}_lenses", "lensforge.addons") for name in names]
+    monkeypatch.setattr("lensforge.addon.entry_points", lambda *, group: points)
+    shipped = [addon.name for addon in _shipped()]
+    assert [addon.name for addon in usable_addons.__wrapped__()] == [*shipped, "bolt"]
 
 
 def test_the_core_goes_on_beside_an_add_on_that_cannot_be_used(tmp_path: Path) -> None:

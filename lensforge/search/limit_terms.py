@@ -134,7 +134,11 @@ class JoinedTerms:
 
 
 def limit_terms(limits: Sequence[LightLimit], by_parts: bool = False) -> tuple[LimitTerm | JoinedTerms, ...]:
-    """The terms of ``limits``; of those that intensities judge, which all are on the far field, one together."""
+    """The terms of those ``limits`` that a search seeks to keep.
+
+    Of those that intensities judge, which all are on the far field, one together.
+    """
+    limits = [limit for limit in limits if limit.quantity.searched]
     joined = [limit for limit in limits if limit.by_intensities]
     plain = (LimitTerm.of(limit, by_parts) for limit in limits if not limit.by_intensities)
     return (*plain, *([JoinedTerms.of(joined, by_parts)] if joined else []))

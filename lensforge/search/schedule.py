@@ -23,6 +23,7 @@ from lensforge.surfaces.srbf import level_sigma
 
 LEAST_IMAGE = 1e-4  # NMSE below which nothing is left to gain: an evaluation is no more certain than a fifth of that
 FIRST_LIMIT_WEIGHT = 0.01
+MOST_LIMIT_FACTOR = 10.0  # from stage to stage: from a hundredth at once to all of it road_wide misses a limit
 SLICES = 8  # of the validation rays: the error of a gain is then known to a quarter of itself
 # Standard errors that a gain must reach: by chance one stage in six would. With two, a level that halves the error of a
 # lens for 20,000 measured rays is left out (led_colours, 53 +- 32 %).
@@ -173,9 +174,9 @@ class LimitWeights:
     @staticmethod
     def over(stages: int) -> "LimitWeights":
         """Weights that reach 1 in the last of so many ``stages``, if a limit is missed in all before."""
-        if stages < 2:
-            return LimitWeights()
-        return LimitWeights(FIRST_LIMIT_WEIGHT, FIRST_LIMIT_WEIGHT ** (-1.0 / (stages - 1)))
+        before = max(stages - 1, 0)
+        first = max(FIRST_LIMIT_WEIGHT, MOST_LIMIT_FACTOR**-before)
+        return LimitWeights(first, first ** (-1.0 / max(before, 1)))
 
 
 class Schedule(ABC):
@@ -195,9 +196,11 @@ class Schedule(ABC):
         phases = self.phases()
         weight = self.limit_weights.first
         yield next(phases).with_limit_weight(weight)
+        missed = 0  # by the lens that the search goes on from
         for number, outcome in enumerate(outcomes):
             following = phases.send(outcome)
-            if number and outcome.light.limits_missed:
+            missed = outcome.light.limits_missed if following.begin == "current" else missed
+            if number and missed:
                 weight = min(weight * self.limit_weights.factor, 1.0)
             yield following.with_limit_weight(weight)
 

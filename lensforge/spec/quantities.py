@@ -47,8 +47,8 @@ class Quantity(ABC):
     """A figure of the light at ``k`` places.
 
     ``words``: its name on screens and pages. ``flux_power``: power of the flux of the source by which it grows.
-    ``of_view``: it is of what an eye sees, ``of_losses``: of flux by cause, ``of_whole``: it compares places with the
-    whole picture.
+    ``searched``: a search lowers what it lacks. ``of_view``: it is of what an eye sees, ``of_losses``: of flux by
+    cause, ``of_whole``: it compares places with the whole picture.
     """
 
     words: ClassVar[str]
@@ -56,6 +56,7 @@ class Quantity(ABC):
     of_losses: ClassVar[bool] = False
     of_whole: ClassVar[bool] = False
     is_share: ClassVar[bool] = False
+    searched: ClassVar[bool] = True
 
     @property
     def flux_power(self) -> float:
@@ -66,9 +67,9 @@ class Quantity(ABC):
     def value(self, readings: Readings, sense: Sense, unit: str, whole: Readings) -> Metric:
         """The figure by every replicate of ``readings``; ``whole``: light on all pixels, where it is ``of_whole``."""
 
-    @abstractmethod
     def relative(self, light: Array, bound: float, whole: Array) -> Array:
         """Light at each place that counts, NumPy or torch: 1 where the figure just has the value ``bound``."""
+        raise NotImplementedError
 
     def at_least(self, sense: Sense) -> bool:
         """True where relative light is to be 1 at least."""
@@ -211,20 +212,13 @@ class Contrast(Quantity):
     """Half the range of the light over the middle of that range: the non-uniformity of IEC 60904-9."""
 
     words = "(max − min)/(max + min) of the light"
+    searched = False  # the range of few rays is noise: a search seeks even light by its relative variance
 
     def value(self, readings: Readings, sense: Sense, unit: str, whole: Readings) -> Metric:
         """Quotient (1 - q)/(1 + q), with q = min E / max E."""
         quotient = ratio_of(extreme(readings, ">="), extreme(readings, "<="))
         whole_range = (1.0 - quotient.value) / (1.0 + quotient.value)
         return scaled(quotient, 2.0 / (1.0 + quotient.value) ** 2, "").changed(value=whole_range)
-
-    def at_least(self, sense: Sense) -> bool:
-        """True where dark places are to be as bright as the bound allows."""
-        return sense == "<="
-
-    def relative(self, light: Array, bound: float, whole: Array) -> Array:
-        """E / (max E · (1 - bound)/(1 + bound)); the largest light is held."""
-        return light / (not_dark(held(light).max()) * (1.0 - bound) / (1.0 + bound))
 
 
 class _OverLeast(Quantity):

@@ -118,14 +118,20 @@ def test_a_lens_with_inner_edges_is_for_a_mould_unless_a_ball_is_given(more: tup
     assert ("no ball reaches the inner edges" in errors) == (process == "moulded")
 
 
-@pytest.mark.parametrize("radius_mm", [2.0, 10.0])
-def test_a_new_moulded_lens_has_the_line_of_a_flange_that_fits_it(radius_mm: float) -> None:
-    """Without its # it is one that the lens has room for; a lens of two faces takes none, and has no line."""
+@pytest.mark.parametrize(("radius_mm", "sizes_mm"), [(2.0, (4.8, 0.3)), (12.0, (28.8, 1.5))])
+def test_a_new_moulded_lens_has_the_line_of_a_flange_that_fits_it(
+    radius_mm: float, sizes_mm: tuple[float, float]
+) -> None:
+    """Without its # it is one that the lens has room for, of 2.4 radii across and 0.15 thick, 1.5 mm at most.
+
+    A lens of two faces takes none, and has no line.
+    """
     light = ("--source", f"square:{radius_mm / 10.0}", "--target", "beam:20", "--max-radius", str(radius_mm))
     _, text, _ = lensforge("new", *light, "--lens", "tir", "--cutter", "mould")
     spec = parse_spec(tomllib.loads(text.replace("# flange = {", "flange = {")), "lamp")
     assert parse_spec(tomllib.loads(text), "lamp").lens.rim_flange is None and spec.lens.rim_flange is not None
     assert "flange" in start_faces(spec)
+    assert (spec.lens.rim_flange.diameter_mm, spec.lens.rim_flange.thickness_mm) == sizes_mm
     for others in (("--lens", "double", "--cutter", "mould"), ("--lens", "tir", "--cutter", "none")):
         assert "flange" not in lensforge("new", *light, *others)[1]
 

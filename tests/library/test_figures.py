@@ -97,6 +97,29 @@ def test_facts_are_views_of_the_fields() -> None:
     assert {fact.key: fact.text for fact in facts_in(joint(torque=None))}["torque"] == "not measured"
 
 
+class Held(StageResult):
+    """A result whose radius is judged by its margin."""
+
+    stage: ClassVar[str] = "held"
+    made_from: ClassVar[tuple[str, ...]] = ()
+
+    radius_mm: Annotated[NotNegative, Figure("Radius", "at the rim", limit=7.0, judged_by="margin")]
+    margin_mm: Annotated[float | None, Criterion(">=", 0.0, "radius below its maximum", "make it smaller")]
+    criteria: Criteria = ()
+
+
+@pytest.mark.parametrize(
+    ("radius_mm", "margin_mm", "state", "note"),
+    [(6.5, 0.5, "pass", "at the rim"), (7.5, -0.5, "fail", "at the rim"), (6.5, None, "fail", "at the rim; margin")],
+)
+def test_a_fact_that_another_figure_judges_names_that_only_where_it_has_no_value(
+    radius_mm: float, margin_mm: float | None, state: str, note: str
+) -> None:
+    made = Held(radius_mm=radius_mm, margin_mm=margin_mm)
+    (fact,) = facts_in(made, made.criteria)
+    assert (fact.limit, fact.state, fact.note) == (7.0, state, note)
+
+
 def test_the_figures_of_a_class_are_known_without_a_record() -> None:
     assert [(key, declared.label) for key, declared in figures_of(Joint)] == [
         ("slip", "Slip"), ("torque", "Torque"), ("share", "Light"), ("rim_gap", "Gap"), ("twice", "Twice the slip"),

@@ -13,7 +13,7 @@ from lensforge.light.judged_limits import judged, limit_value
 from lensforge.scene.limit_readings import LightLimit, light_limits, stated_readings
 from lensforge.scene.receiver import PosedReceiver
 from lensforge.scene.receiver_shapes import receivers_of
-from lensforge.search.limit_terms import LimitTerm
+from lensforge.search.limit_terms import LimitTerm, limit_terms
 from lensforge.spec import Spec
 
 LM_PER_W = 200.0
@@ -145,7 +145,6 @@ LIMITS = [
     {"kind": "light_field", "unit": "w_per_m2", "at_least": 1.0},
     {"kind": "peak", "unit": "lx", "at_least": 1.0},
     {"kind": "peak", "unit": "lx", "at_most": 1.0, "up_mm": 40.0},
-    {"kind": "zone", "at_most_contrast": 0.1},
     {"kind": "zone", "at_least_mean_mw_per_cm2": 0.1},
 ]
 
@@ -165,11 +164,7 @@ def test_a_search_lacks_nothing_inside_the_bound_and_something_outside(limit: di
     value = limit_value(bounded, np.stack([_filtered(picture)] * 16)).value
     sign = 1.0 if bounded.sense == ">=" else -1.0
     steep = 6.0 if limit["kind"] == "light_field" and bounded.unit != "W/m²" else 1.0  # of a width, not of light
-    if "at_most_contrast" in limit:  # dark places against the largest light
-        inside, outside = ((1.0 - factor * (1.0 - value) / (1.0 + value)) for factor in (0.96, 0.98))
-        bounds = [inside / (2.0 - inside), outside / (2.0 - outside)]
-    else:
-        bounds = [value * (1.0 - sign * steep * part) for part in (0.04, 0.02 / steep)]
+    bounds = [value * (1.0 - sign * steep * part) for part in (0.04, 0.02 / steep)]
     losses = [float(replace(term, limit=replace(bounded, bound=bound)).loss((picture,))) for bound in bounds]
     assert losses[0] == 0.0 < losses[1]
 
@@ -189,6 +184,12 @@ def test_the_term_of_a_limit_falls_along_its_gradient(limit: dict[str, object]) 
     step = 1e-6 * slope / slope.abs().max() * picture.max()
     before, after = (float(missed.loss((picture + way * step,))) for way in (0.0, -1.0))
     assert after < before
+
+
+def test_a_range_is_not_searched_for() -> None:
+    spec = spec_with({"kind": "zone", "at_most_contrast": 0.1}, {"kind": "peak", "unit": "lx", "at_least": 1.0})
+    limits = light_limits(spec, receivers_of(spec, 20), LM_PER_W, 1.0)
+    assert [term.limit.name for term in limit_terms(limits) if isinstance(term, LimitTerm)] == ["limits.1"]
 
 
 def _filtered(picture: torch.Tensor) -> np.ndarray:
@@ -254,6 +255,32 @@ def test_a_trade_states_its_figures_as_the_limits_of_the_same_section_would(appl
     images = images_of(receivers[0], lambda x, y: 2.0 + np.exp(-(x**2 + (y - 1.0) ** 2) / 3.0))
     assert all(np.isfinite(limit_value(reading, images).value) for reading in stated)
     assert stated_readings(spec_with(target=target), receivers, LM_PER_W) == ()
+
+
+@pytest.mark.parametrize(
+    ("limit", "application", "trade"),
+    [
+        (SCREEN | {"at_least_min_over_mean": 0.5}, None, "projector"),
+        ({"kind": "light_field", "at_least_d50_mm": 50.0}, None, "medical"),
+        ({"kind": "light_field", "at_least_d50_mm": 50.0}, "torch", "torch"),
+        ({"kind": "zone", "at_least_min_over_max": 0.5}, None, None),
+    ],
+)
+def test_a_limit_that_only_one_trade_has_tells_it(limit, application, trade) -> None:
+    other = {"kind": "zone", "at_least_share": 0.1}
+    assert spec_with(other, limit, application=application).trade == trade
+
+
+def test_a_figure_is_stated_for_the_places_of_the_limit_on_it() -> None:
+    """The second limit has another screen; of two of one kind the first counts, and one on another receiver does not."""
+    smaller = SCREEN | {"width_mm": 60.0, "at_least_min_over_mean": 0.5}
+    spec = spec_with({"kind": "peak", "unit": "lx", "at_least": 1.0}, smaller, SCREEN | {"at_most_max_over_mean": 2.0})
+    receivers = receivers_of(spec, 200)
+    images = images_of(receivers[0], lambda x, y: 10.0 + x / 50.0 - y / 40.0)
+    values = {
+        reading.name: limit_value(reading, images).value for reading in stated_readings(spec, receivers, LM_PER_W)
+    }
+    assert values["Darkest of 13 points"] == pytest.approx(1.0 - 0.9 * (30.0 / 50.0 + 45.0 / 40.0) / 11.1, rel=1e-9)
 
 
 def test_a_limit_of_each_side_is_judged_by_its_number() -> None:

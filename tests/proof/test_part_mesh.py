@@ -3,9 +3,10 @@ import pytest
 import trimesh
 from lens_meshes import INNER, OUTER, Rippled, lens_mesh, right, sphere
 from nightly import first_by_day
+from scipy.spatial import ConvexHull
 
 from lensforge.errors import InputError
-from lensforge.proof.part_mesh import part_mesh_of, read_part_mesh, smooth_faces
+from lensforge.proof.part_mesh import facet_average, part_mesh_of, read_part_mesh, smooth_faces
 
 
 def scattered_on_facets(part, surface, sign, seed=1):
@@ -18,6 +19,19 @@ def scattered_on_facets(part, surface, sign, seed=1):
     height = np.linalg.norm((points - surface.centre) * surface.inverse, axis=1) - 1.0
     angle = np.linalg.norm(normals - sign * surface.normal(points), axis=1)
     return np.abs(height) * min(surface.semi_axes), angle
+
+
+def test_the_mean_of_facets_about_a_vertex_is_exact_on_a_sphere():
+    """Max's theorem, on the uneven facets between points drawn by chance."""
+    outward = np.random.default_rng(3).normal(size=(60, 3))
+    outward /= np.linalg.norm(outward, axis=1, keepdims=True)
+    hull = ConvexHull(outward)
+    corners = outward[hull.simplices]
+    sides = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    is_turned = (sides * hull.equations[:, :3]).sum(axis=1) < 0.0
+    facets = np.where(is_turned[:, None], hull.simplices[:, ::-1], hull.simplices).astype(np.int64)
+    normals = facet_average(np.array([1.0, -2.0, 3.0]) + 4.0 * outward, facets)
+    np.testing.assert_allclose(normals, outward, atol=1e-12)
 
 
 @pytest.mark.parametrize(("surface", "sign"), [(OUTER, 1.0), (INNER, -1.0)])

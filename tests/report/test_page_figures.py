@@ -66,6 +66,18 @@ def test_isolines_lie_where_the_light_has_the_share_that_they_name(unit):
     assert named == pytest.approx([80.0 * share * unit.per_watt for share in light_figures.ISO_SHARES], rel=5e-3)
 
 
+def test_isolines_of_many_pixels_are_shares_of_the_peak_of_the_means_that_are_drawn():
+    """Columns that are bright and dark in turn, two for each that is drawn: their means rise to 80 W/m^2."""
+    count = light_figures.MOST_DRAWN
+    means = 80.0 * (np.arange(count) + 0.5) / (count - 0.5)
+    image = np.tile(np.repeat(means, 2) * np.tile([0.0, 2.0], count), (2 * count, 1))
+    axes, scale = light_figures.isolines(image, CHART).axes
+    (contour,) = [item for item in axes.collections if hasattr(item, "levels")]
+    assert contour.levels == pytest.approx([80.0 * share for share in light_figures.ISO_SHARES], rel=1e-6)
+    named = [float(text.get_text().split("\n")[1].replace("\u2009", "")) for text in scale.texts[:-1]]
+    assert named == pytest.approx([80.0 * share for share in light_figures.ISO_SHARES], rel=5e-3)
+
+
 def test_a_loss_that_is_there_is_never_called_zero():
     nothing = MissedByCause(backward=0.0, outside_cavity=0.0, base=0.0, missed_receiver=0.0, surfaces_intersect=0.0)
     flux = Flux(detected=0.99999, outside=1e-5, missed=0.0, total_reflection=0.0, not_converged=0.0, reflected=0.0)

@@ -118,6 +118,16 @@ def test_isocandela_lines_lie_at_their_angles():
     assert np.allclose(np.hypot(*half.T), 60.0, atol=0.2)
 
 
+def test_isocandela_lines_are_shares_of_the_peak_that_is_stated():
+    """Noise is taken off a stated peak: half of one a tenth below that of the table is at arccos 0.45."""
+    made = make_photometry(small_lens())
+    stated = made.peak_cd.changed(value=0.9 * float(made.candela.max()))
+    axes = isocandela_diagram(made.model_copy(update={"peak_cd": stated})).axes[0]
+    half = axes.collections[0].get_paths()[2].vertices
+    assert np.allclose(np.hypot(*half.T), np.rad2deg(np.arccos(0.45)), atol=0.2)
+    assert f"{number(0.5 * stated.value, 3)} cd (50\u2009%)" in [line.get_label() for line in axes.lines]
+
+
 def test_isolux_lines_of_a_lamp_lie_where_its_illuminance_is():
     """E = I0 / h^2 cos^4 gamma: a fifth of the largest is a circle of radius sqrt(sqrt(5) - 1) heights."""
     lens = road_lens()

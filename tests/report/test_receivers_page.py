@@ -13,7 +13,14 @@ from lensforge.light.light_facts import mask_words
 from lensforge.proof.proof_facts import tracer_groups
 from lensforge.report.compare import ComparedPictures, render_comparison
 from lensforge.report.headline import required_facts
-from lensforge.report.light_section import first_picture, other_lights, other_pictures, receiver_pictures, unit_of_light
+from lensforge.report.light_section import (
+    first_picture,
+    other_lights,
+    other_pictures,
+    receiver_pictures,
+    shown_receivers,
+    unit_of_light,
+)
 from lensforge.report.results import Results
 from lensforge.results import Conditions, Metric
 
@@ -169,6 +176,17 @@ def test_verification_and_stray_light_are_shown_on_every_receiver():
         assert words in page.text, words
     names = [group.title.rpartition(", ")[2] for group in tracer_groups(results.proof)]
     assert names == ["wall", "Plain ray cast by trimesh", "wall", "wall", "wall", "sky", "sky"]
+
+
+def test_the_even_region_of_each_receiver_is_drawn_on_its_own_pixels():
+    """The second one is a quarter as wide as the first: 40 of its 100 mm, and 40 of its 50 mm."""
+    wall = {"kind": "plane", "name": "wall", "centre_mm": [0.0, 0.0, 200.0], "width_mm": 400.0, "height_mm": 400.0}
+    sheet = {"kind": "plane", "name": "sheet", "centre_mm": [0.0, 0.0, 90.0], "width_mm": 100.0, "height_mm": 50.0}
+    targets = [{"kind": "disc", "diameter_mm": 48.0, "uniform_mm": 40.0}]
+    results = make_results(("evaluate",), lens_with(*({**receiver, "targets": targets} for receiver in (wall, sheet))))
+    for shown, shape, share in zip(shown_receivers(results), ((200, 200), (100, 200)), (0.01, 0.32), strict=True):
+        mask = shown.mask(200)
+        assert mask.shape == shape and mask.mean() == pytest.approx(share, rel=1e-9), shown.name
 
 
 def test_the_size_of_a_mask_has_the_unit_of_its_receiver():

@@ -51,7 +51,8 @@ def test_a_limit_that_is_missed_counts_for_more_in_the_next_stage(missed, weight
 
 def test_the_only_stage_of_a_search_has_its_limits_in_full() -> None:
     assert stages_of(FixedSchedule(STAGES[-1:]), [ended(0)])[-1].limit_weight == 1.0
-    assert LimitWeights.over(2) == LimitWeights(0.01, pytest.approx(100.0))
+    assert LimitWeights.over(2) == LimitWeights(0.1, pytest.approx(10.0))
+    assert LimitWeights.over(5) == LimitWeights(0.01, pytest.approx(10.0**0.5))
 
 
 def automatic(start_level: int = 0) -> AutomaticSchedule:

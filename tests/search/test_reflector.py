@@ -26,7 +26,7 @@ from lensforge.sources.build_source import build_source
 from lensforge.spec import Spec, parse_spec
 from lensforge.surfaces.bicubic_table import TableGrid
 from lensforge.surfaces.reciprocal import ConicFace
-from lensforge.surfaces.reflector_cup import OPEN_RAD, best_cup, best_leaning_cup, reflector_faces
+from lensforge.surfaces.reflector_cup import OPEN_RAD, LeaningCup, best_cup, best_leaning_cup, reflector_faces
 
 BEAM: dict[str, Any] = {
     "source": {"kind": "square", "side_mm": 1.0},
@@ -363,6 +363,17 @@ def test_a_leaning_cup_keeps_its_sizes_and_lets_a_tool_in(room_mm: float, draft_
     assert face.radius(np.array([[0.0, 0.0, 1.0]]))[0] > 1.05 * mouth, "the axis meets the mouth"
     farthest = points[below][across.argmax()]
     assert np.arctan2(farthest[1], farthest[0]) == pytest.approx(0.7, abs=0.08), "within a step of the grid"
+
+
+@pytest.mark.parametrize("lean_rad", [0.3, 1.1])
+def test_a_leaning_cup_has_room_for_what_stands_in_its_narrowest_place(lean_rad: float) -> None:
+    """By the radius of its mirror all around at the height of the LED."""
+    cup = LeaningCup(focal_mm=5.0, eccentricity=0.8, lean_rad=lean_rad, height_mm=2.0)
+    turn = np.linspace(0.0, 2.0 * np.pi, 7201)
+    around = np.column_stack([np.cos(turn), np.sin(turn), 0.0 * turn])
+    narrowest_mm = cup.face(1e3).radius(around).min()
+    for factor in (2.5, 4.0):
+        assert cup.over(1e6, factor * narrowest_mm, 1e6, 0.0) == pytest.approx(factor, rel=1e-6)
 
 
 def test_a_reflector_for_a_wall_leans_towards_it() -> None:

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -20,6 +21,7 @@ from lensforge.sources.source_spectrum import Spectrum, WavelengthDraw, usable_w
 from lensforge.sources.source_summary import IndexRange
 
 PMMA = MATERIALS["PMMA"]
+EXAMPLES = Path(__file__).parents[2] / "examples"
 
 
 def emitter(source, material="PMMA"):
@@ -56,6 +58,20 @@ def test_a_ray_without_a_usable_wavelength_has_the_mean_one_and_is_counted(tmp_p
     assert any("no usable wavelength" in warning for warning in summary.warnings)
     with pytest.raises(InputError, match=r"led\.tm25ray: no ray has a usable wavelength"):
         emitter(saved(tmp_path, [np.nan] * 20))
+
+
+def test_what_a_file_says_of_itself_stands_beside_what_is_said_of_the_index(tmp_path):
+    """A photometric file whose lamps have half of its lumens, and blue light at which PMMA was not measured."""
+    text = (EXAMPLES / "street_light.ies").read_text(encoding="ascii")
+    assert "\n1 1000 1 91 73 1 2" in text
+    (tmp_path / "half.ies").write_text(text.replace("\n1 1000 1", "\n1 500 1"), encoding="ascii")
+    intensity = {"kind": "photometric", "file": str(tmp_path / "half.ies")}
+    blue = {"kind": "table", "wavelength_nm": [390.0, 400.0, 500.0], "weight": [1.0, 1.0, 0.0]}
+    size = {"kind": "rectangle", "width_mm": 1.0, "height_mm": 0.6, "position_mm": [0.1, 0.0, 0.0]}
+    _, summary = emitter({**size, "intensity": intensity, "spectrum": blue})
+    first, second = summary.warnings
+    assert first == "half.ies: its light has 1000 lm, its lamps only 500 lm: check its factors"
+    assert "where the index of PMMA was measured" in second
 
 
 @pytest.mark.parametrize("part", [slice(0, 12), slice(5, 12)])

@@ -5,7 +5,7 @@ import pytest
 from scenes import hemisphere_directions
 
 from lensforge.errors import InputError
-from lensforge.surfaces.asphere import Asphere, Biconic
+from lensforge.surfaces.asphere import Asphere, Biconic, SurfaceShape
 
 U = hemisphere_directions(2000)
 
@@ -22,6 +22,12 @@ def test_a_biconic_has_the_sag_of_the_standard() -> None:
     above = z > 3.0  # where the sag's own sheet is
     assert np.allclose(z[above], (8.0 + b / (1.0 + np.sqrt(1.0 - a)))[above], atol=1e-12)
     assert np.allclose(Biconic(8.0, -9.0, -9.0, -0.5, -0.5).radius(U), Asphere(8.0, -9.0, -0.5).radius(U), rtol=1e-13)
+
+
+def test_a_meridian_bends_alike_on_all_sides_of_a_biconic_that_is_round() -> None:
+    """As that of the asphere, which is looked at on one side alone."""
+    round_one, same = (SurfaceShape(face) for face in (Asphere(8.0, -9.0, -0.5), Biconic(8.0, -9.0, -9.0, -0.5, -0.5)))
+    assert same.meridian_curvatures_per_mm == pytest.approx(round_one.meridian_curvatures_per_mm, rel=1e-6)
 
 
 def test_a_biconic_is_symmetric_to_both_planes() -> None:

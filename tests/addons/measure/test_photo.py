@@ -12,6 +12,7 @@ from lensforge.addons.measure.measurement_result import central_line
 from lensforge.addons.measure.photo_comparison import (
     Shot,
     _corner_error,
+    _picture,
     _samples,
     compare_photo,
     lit_only,
@@ -276,6 +277,18 @@ def test_the_dark_photograph_is_turned_as_the_lit_one(tmp_path):
     off = read_photograph(tmp_path / "off.png", orientation=on.orientation)
     assert on.light.shape == (30, 20)
     np.testing.assert_array_equal(lit_only(on, off).light, 0.0)
+
+
+def test_the_dark_photograph_is_turned_where_both_are_compared_with_the_light(tmp_path):
+    """The LED adds as much to every pixel of a cluttered room: its light is even."""
+    room = np.random.default_rng(6).integers(1, 120, (40, 60, 1))
+    (tmp_path / "on.png").write_bytes(png(room + 100, extra=[(b"eXIf", exif(6))]))
+    (tmp_path / "off.png").write_bytes(png(room))
+    corners = np.array([[2.0, 3.0], [36.0, 3.0], [36.0, 55.0], [2.0, 55.0]])
+    shot = Shot(tmp_path / "on.png", tmp_path / "off.png", corners)
+    seen, located = _picture(shot, PixelGrid.square(SIDE, 16), np.ones((16, 16)))
+    assert located is None
+    np.testing.assert_allclose(seen.light, 1.0, atol=1e-12)
 
 
 def test_photographs_of_other_kinds_are_refused(tmp_path):

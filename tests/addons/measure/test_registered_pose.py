@@ -2,9 +2,12 @@
 
 import numpy as np
 import pytest
+from scenes import hemisphere_directions, random_surface
 
+from lensforge.addons.measure import registration
 from lensforge.addons.measure.measured_surface import pose_of
-from lensforge.addons.measure.registration import RigidMotion
+from lensforge.addons.measure.registration import RigidMotion, register
+from lensforge.cad.patch import fit_patch
 
 ROTATION_RAD, TRANSLATION_MM = (1e-3, -2e-3, 3e-3), (0.04, -0.05, 0.06)
 ROTATION_ERROR_RAD, TRANSLATION_ERROR_MM = (1e-5, 2e-5, 3e-5), (7e-3, 8e-3, 9e-3)
@@ -27,3 +30,18 @@ def test_an_error_that_is_zero_or_without_limit_is_none() -> None:
     given = [getattr(pose, f"{kind}_{axis}_{unit}") for kind, unit in (("rotation", "deg"), ("translation", "mm"))
              for axis in "xyz"]  # fmt: skip
     assert [each.standard_error is None for each in given] == [True, True, False, True, False, True]
+
+
+@pytest.mark.parametrize("order", [1, -1])
+def test_of_two_starts_that_one_decides_whose_points_lie_nearer(order: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """From a turn by 1.5 rad about its axis a freeform settles elsewhere, 0.15 mm off."""
+    starts = [np.array([0.0, 0.0, 1.5, 0.0, 0.0, 0.0]), np.zeros(6)][::order]
+    monkeypatch.setattr(registration, "_starts", lambda *_: starts)
+    surface = random_surface(3, 6.0)
+    directions = hemisphere_directions(1500, 1)
+    directions = directions[directions[:, 2] > 0.2]
+    shift_mm = np.array([0.3, -0.2, 0.1])
+    points = surface.radius(directions)[:, None] * directions + shift_mm
+    motion = register(fit_patch(surface), points)
+    np.testing.assert_allclose(motion.translation_mm, -shift_mm, atol=1e-6)
+    np.testing.assert_allclose(motion.rotation_rad, 0.0, atol=1e-6)

@@ -17,6 +17,7 @@ from scenes import small_spec
 
 import lensforge as lf
 from lensforge.addons.studio.connections import MOST_STRANGERS
+from lensforge.addons.studio.dropped_files import DroppedFile
 from lensforge.results.folder_lock import locked
 
 Asked = tuple[int, dict[str, str], bytes]
@@ -177,6 +178,21 @@ def test_a_file_is_used_as_what_it_is(page: lf.Studio) -> None:
     assert (status, json.loads(lines)["lines"]) == (422, ["logo.png: no source; use it as target"])
     made = json.loads(ask(page, "spec", {"use": "logo.png", "as": "target"})[2])
     assert made["tables"]["target"]["kind"] == "image"
+
+
+@pytest.mark.parametrize(
+    ("before", "width_mm", "distance_mm"),
+    [
+        ({}, 200.0, 300.0),
+        ({"kind": "rectangle", "width_mm": 80.0, "distance_mm": 150.0, "height_mm": 40.0}, 80.0, 150.0),
+    ],
+)
+def test_a_picture_is_as_wide_and_as_far_as_the_target_in_whose_place_it_comes(
+    before: dict[str, object], width_mm: float, distance_mm: float, tmp_path: Path
+) -> None:
+    file = tmp_path / "logo.png"
+    table = DroppedFile(file, file, "", ("target",)).table("target", before)
+    assert table == {"kind": "image", "file": str(file), "width_mm": width_mm, "distance_mm": distance_mm}
 
 
 NUMBERS = {"nan": "nan", "inf": "inf", "-inf": "-inf", "1e999": "inf", "0x" + "f" * 5000: "0x" + "f" * 5000}
