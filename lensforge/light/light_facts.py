@@ -68,8 +68,8 @@ def light_facts(light: Light, lens: Lens, possible: BoundsByState | None = None)
 
 def _with_led(led: Case[Light], lens: Lens, possible: LimitBounds) -> Iterator[Group]:
     light = led.result
-    if light.figures and lens.spec.application is not None:
-        title = TRADES[lens.spec.application].title
+    if light.figures and lens.spec.trade is not None:
+        title = TRADES[lens.spec.trade].title
         yield Group("trade", title, tuple(replace(figure, key="figure") for figure in light.figures))
     for case in led.among("receivers"):
         lost = (case.record.missed_by_cause, case.record.flux)

@@ -204,12 +204,12 @@ def criterion_groups(results: Results, *, missed: bool = False) -> list[Group]:
 
 def trade_facts(results: Results) -> list[Fact]:
     """Figures of the application of the spec, by light and photometry; none without an application."""
-    application = results.spec.application
-    if application is None:
+    trade = results.spec.trade
+    if trade is None:
         return []
     groups = [group for result in results.found.values() for group in results.facts(result)]
     stated = [fact for group in groups if group.key == "trade" for fact in group.facts]
-    return [*stated, *_selected(groups, TRADES[application].photometry)]
+    return [*stated, *_selected(groups, TRADES[trade].photometry)]
 
 
 def required_facts(results: Results, possible: BoundsByState | None = None) -> list[Fact]:

@@ -136,7 +136,7 @@ def stated_readings(
 ) -> tuple[LightReading, ...]:
     """Figures by which the application of ``spec`` is judged, without bounds: they are stated."""
     readings = []
-    for figure in figures_of(spec.application, spec.all_receivers[0], lumens_per_watt is not None, spec.limits):
+    for figure in figures_of(spec.trade, spec.all_receivers[0], lumens_per_watt is not None, spec.limits):
         at, matrix = _read(figure.section, receivers[0], figure.label)
         read = _scale(figure.bounded, figure.label, lumens_per_watt) / receivers[0].pixel_measure * matrix
         quantity = figure.section.quantity(figure.bounded, at)

@@ -57,7 +57,7 @@ from lensforge.spec.spec_section import Section, check, fault_of, section_of
 from lensforge.spec.state_section import StateSection, require_every_chip_lit, with_light_of_first
 from lensforge.spec.target_sections import TargetSection
 from lensforge.spec.tolerances_section import FaceTolerances, PartTolerances, TolerancesSection, lets_light_in
-from lensforge.spec.trades import TradeName
+from lensforge.spec.trades import TradeName, trade_of
 
 _Filled = TypeVar("_Filled", bound=Section)
 
@@ -129,7 +129,8 @@ class Spec(Section):
     limits: LightLimits = Field(default=(), description="Light that must be at least, or at most, so much.")
     application: TradeName | None = Field(
         default=None,
-        description="Trade that the light is for. Its figures, by which its people judge a light, are stated first.",
+        description="Trade that the light is for. Its figures, by which its people judge a light, are stated first. "
+        "By default that of the limits, such as those of kind screen.",
     )
     if TYPE_CHECKING:  # a table that an add-on brings, for scripts that are checked
         roads: tuple[Application, ...] = ()
@@ -158,6 +159,11 @@ class Spec(Section):
         default_factory=PhotometrySection,
         description="Lighting that the lens is for: general, or of an area or a road.",
     )
+
+    @property
+    def trade(self) -> TradeName | None:
+        """The trade that its application or its limits tell; None for neither."""
+        return trade_of(self.application, self.limits)
 
     @model_validator(mode="before")
     @classmethod

@@ -206,7 +206,7 @@ class ChipsSource(PlanarSource):
     @property
     def description(self) -> str:
         """The source in a few words."""
-        return f"source of {len(self.chips)} chips"
+        return f"source of {len(self.chips)} chip{'s' if len(self.chips) > 1 else ''}"
 
     @property
     def extent_mm(self) -> float:

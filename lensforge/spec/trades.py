@@ -40,12 +40,20 @@ class StatedFigure:
 class Trade:
     """A trade, by its ``title``: its ``figures`` on a receiver, in lux and candela where ``luminous``.
 
-    ``photometry``: keys of facts of the photometry that are its figures, too.
+    ``photometry``: keys of facts of the photometry that are its figures, too. ``limit``: a kind that no other trade
+    has: a spec with one is of this trade, unless it says another.
     """
 
     title: str
     figures: Callable[[ReceiverSection, bool], Iterator[StatedFigure]]
     photometry: tuple[str, ...] = ()
+    limit: type[LimitSection] | None = None
+
+
+def trade_of(application: TradeName | None, limits: Sequence[LimitSection]) -> TradeName | None:
+    """The trade that a spec states, or that its limits tell; None for neither."""
+    kinds = {type(limit) for limit in limits}
+    return application or next((name for name, trade in TRADES.items() if trade.limit in kinds), None)
 
 
 def figures_of(
@@ -153,10 +161,10 @@ TRADES: dict[TradeName, Trade] = {
     "backlight": Trade("Backlight", _evenness),
     "bicycle": Trade("Bicycle headlamp", _bicycle),
     "curing": Trade("Curing", _curing),
-    "headlamp": Trade("Headlamp", _headlamp),
+    "headlamp": Trade("Headlamp", _headlamp, limit=CutOffLimit),
     "machine vision": Trade("Machine vision", _evenness),
-    "medical": Trade("Medical", _medical),
-    "projector": Trade("Projector", _projector),
+    "medical": Trade("Medical", _medical, limit=LightFieldLimit),
+    "projector": Trade("Projector", _projector, limit=ScreenLimit),
     "simulator": Trade("Solar simulator", _simulator),
     "torch": Trade("Torch", _torch, ("peak_cd", "throw", "beam_C 0", "field_C 0")),
 }

@@ -257,6 +257,32 @@ def test_a_trade_states_its_figures_as_the_limits_of_the_same_section_would(appl
     assert stated_readings(spec_with(target=target), receivers, LM_PER_W) == ()
 
 
+@pytest.mark.parametrize(
+    ("limit", "application", "trade"),
+    [
+        (SCREEN | {"at_least_min_over_mean": 0.5}, None, "projector"),
+        ({"kind": "light_field", "at_least_d50_mm": 50.0}, None, "medical"),
+        ({"kind": "light_field", "at_least_d50_mm": 50.0}, "torch", "torch"),
+        ({"kind": "zone", "at_least_min_over_max": 0.5}, None, None),
+    ],
+)
+def test_a_limit_that_only_one_trade_has_tells_it(limit, application, trade) -> None:
+    other = {"kind": "zone", "at_least_share": 0.1}
+    assert spec_with(other, limit, application=application).trade == trade
+
+
+def test_a_figure_is_stated_for_the_places_of_the_limit_on_it() -> None:
+    """The second limit has another screen than the third: of two of one kind the first counts."""
+    smaller = SCREEN | {"width_mm": 60.0, "at_least_min_over_mean": 0.5}
+    spec = spec_with({"kind": "peak", "unit": "lx", "at_least": 1.0}, smaller, SCREEN | {"at_most_max_over_mean": 2.0})
+    receivers = receivers_of(spec, 200)
+    images = images_of(receivers[0], lambda x, y: 10.0 + x / 50.0 - y / 40.0)
+    values = {
+        reading.name: limit_value(reading, images).value for reading in stated_readings(spec, receivers, LM_PER_W)
+    }
+    assert values["Darkest of 13 points"] == pytest.approx(1.0 - 0.9 * (30.0 / 50.0 + 45.0 / 40.0) / 11.1, rel=1e-9)
+
+
 def test_a_limit_of_each_side_is_judged_by_its_number() -> None:
     for bound in (0.70, 0.74, 0.78, 0.82):
         spec = spec_with(SCREEN | {"at_least_min_over_mean": bound})

@@ -70,6 +70,7 @@ def lit(chips: Any, dimming: list[float], **changes: Any) -> Any:
 def test_dimmed_chips_give_their_shares_of_the_flux_and_dark_ones_are_left_out() -> None:
     left, right = CHIPS["chips"]
     assert lit(CHIPS, [0.0, 0.5]) == lf.ChipsSource(**{**CHIPS, "chips": [{**right, "flux_lm": 45.0}]})
+    assert lit(CHIPS, [0.0, 0.5]).title == "source of 1 chip at (0.2, 0, 0) mm"
     half = lit(CHIPS, [1.0, 0.5], flux_w=2.0)
     assert half.flux_w == pytest.approx(2.0 * 75.0 / 120.0, rel=1e-15), "the ratio of the chips alone counts there"
     assert [chip.flux_lm for chip in half.chips] == [left["flux_lm"], 45.0]

@@ -73,11 +73,8 @@ class OfficeReadings:
 
         width, length = self.office.size
         across, along = self._steps
-        aside, ahead = (
-            places.ravel()
-            for places in np.meshgrid(
-                (np.arange(across) + 0.5) * (width / across) - 0.5 * width, (np.arange(along) + 0.5) * (length / along)
-            )
+        aside, ahead = _crossed(
+            (np.arange(across) + 0.5) * (width / across) - 0.5 * width, (np.arange(along) + 0.5) * (length / along)
         )
         index = position_index(1.0 / ahead, np.abs(aside) / ahead)
         level = np.hypot(ahead, aside)
@@ -104,7 +101,7 @@ class OfficeReadings:
         walls_m2 = 2.0 * (width + length) * self.office.above_eyes_m**2
         share = down * from_plane + (1.0 - down) * from_walls
         weights = solid * share * (across * along / (np.pi * walls_m2))
-        azimuth, gamma = (each.ravel() for each in np.meshgrid(turns, middle))
+        azimuth, gamma = _crossed(turns, middle)
         return CandelaSum(azimuth, gamma, sparse.csr_array(np.repeat(weights, len(turns))[None]))
 
     def plane(self, pitch_m: tuple[float, float]) -> CandelaSum:
@@ -113,18 +110,8 @@ class OfficeReadings:
 
         high_m = self.office.above_eyes_m + _PLANE_BELOW_EYES_M
         step_m = _GRID * 5.0 ** np.log10(max(pitch_m))
-        counts = [max(int(np.ceil(side / step_m)), _LEAST_POINTS) for side in pitch_m]
-        x, y = (
-            places.ravel()
-            for places in np.meshgrid(
-                *((np.arange(n) + 0.5) / n * side for n, side in zip(counts, pitch_m, strict=True))
-            )
-        )
-        reach = [int(np.ceil(_AROUND * high_m / side)) for side in pitch_m]
-        lamp_x, lamp_y = (
-            places.ravel()
-            for places in np.meshgrid(*(side * np.arange(-n, n + 2) for n, side in zip(reach, pitch_m, strict=True)))
-        )
+        x, y = _crossed(*(_points_of(side, step_m) for side in pitch_m))
+        lamp_x, lamp_y = _crossed(*(_lamps_around(side, _AROUND * high_m) for side in pitch_m))
         east, north = x[:, None] - lamp_x, y[:, None] - lamp_y
         level = np.hypot(east, north)
         weights = (level <= _AROUND * high_m) * high_m / (level**2 + high_m**2) ** 1.5
@@ -140,15 +127,30 @@ class OfficeReadings:
         ceiling, walls, plane = (0.01 * float(word) for word in self.office.reflectances.split("/"))
         opposite = _form_factor(width, length)
         to_ends = width * length * (1.0 - opposite) / (2.0 * (width + length))  # from the walls to either of both
-        shares = np.array(
-            [
-                [0.0, to_ends, opposite],
-                [1.0 - opposite, 1.0 - 2.0 * to_ends, 1.0 - opposite],
-                [opposite, to_ends, 0.0],
-            ]
-        )  # of flux that leaves plane, walls and ceiling, on each of them
+        # Of flux that leaves plane, walls and ceiling, on each of them.
+        to_plane = [0.0, to_ends, opposite]
+        to_walls = [1.0 - opposite, 1.0 - 2.0 * to_ends, 1.0 - opposite]
+        shares = np.array([to_plane, to_walls, to_plane[::-1]])
         received = np.linalg.inv(np.eye(3) - shares * np.array([plane, walls, ceiling]))
         return float(received[1, 0]), float(received[1, 1]) - 1.0
+
+
+def _crossed(x: Float[np.ndarray, " a"], y: Float[np.ndarray, " b"]) -> tuple[_Places, _Places]:
+    """Both coordinates of all crossings, those of the first y first."""
+    columns, rows = np.meshgrid(x, y)
+    return columns.ravel(), rows.ravel()
+
+
+def _points_of(side_m: float, step_m: float) -> Float[np.ndarray, " k"]:
+    """Points between two lamps, in equal steps."""
+    count = max(int(np.ceil(side_m / step_m - 1e-9)), _LEAST_POINTS)
+    return np.asarray((np.arange(count) + 0.5) / count * side_m)
+
+
+def _lamps_around(side_m: float, reach_m: float) -> Float[np.ndarray, " k"]:
+    """Places of the lamps that reach the points between two of them."""
+    count = int(np.ceil(reach_m / side_m))
+    return np.asarray(side_m * np.arange(-count, count + 2))
 
 
 def _form_factor(width: float, length: float) -> float:
