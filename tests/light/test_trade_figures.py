@@ -241,6 +241,7 @@ def test_a_wrong_figure_is_refused_in_one_line(
         ("simulator", PLANE, ["Non-uniformity", "Mean irradiance"]),
         ("curing", PLANE, ["Mean irradiance", "Peak irradiance", "Min/mean"]),
         ("backlight", PLANE, ["Min/max", "Min/mean", "Mean light"]),
+        ("horticulture", PLANE, ["Min/max", "Min/mean", "Mean light"]),
         ("machine vision", PLANE, ["Min/max", "Min/mean", "Mean light"]),
         ("bicycle", PLANE, ["Brightest place", "3.4° above it and higher"]),
         ("bicycle", FAR, ["Brightest place", "3.4° above it and higher"]),
