@@ -170,6 +170,7 @@ class Expected:
     standard_error: float | None = None
     error_within: float = 0.0
     limit: tuple[str, float] | None = None
+    limit_within: float = 0.0  # of one that follows from measures
     state: str = ""
     possible: Any = None  # an Ellipsis: not compared
     possible_within: float = 0.0

@@ -8,7 +8,7 @@ from crooked import Expected
 from oracle_mould import half, is_moulded
 from oracle_part import base_of, body_of, bore_scale, kept_of, lamps_of, plate_sides, slope_of
 from page_body import HORIZON, directions
-from scipy.optimize import minimize_scalar
+from scipy.optimize import brentq, minimize_scalar
 
 ANGLE_DEG = 0.02
 FIT = 1e-6
@@ -147,9 +147,11 @@ def free_tilt(case, name):
     highest = (p - face.cutter * n)[n[..., 2] < 0, 2].max(initial=0.0)
     deep = highest + (0.0 if spec["base"]["kind"] == "none" else spec["base"]["height_mm"])
     mouth = min(part.exact(HORIZON)[0].min() for part in (face.part, *face.beside))
-    tilts = np.radians(np.linspace(0, 90, 90_001))  # whose shank stays within the edge, a mouth's radius from the axis
-    clear = mouth * np.cos(tilts) - deep * np.sin(tilts) >= face.cutter
-    return min(np.degrees(tilts[clear].max(initial=0.0)), most)
+
+    def room(tilt):  # between the shank and the edge, a mouth's radius from the axis
+        return mouth * np.cos(tilt) - deep * np.sin(tilt) - face.cutter
+
+    return min(np.degrees(brentq(room, 0.0, np.pi / 2)), most) if room(0.0) > 0.0 else 0.0
 
 
 def tilt_state(case, name):
@@ -213,7 +215,7 @@ def concave(case, name):
 
 def tilt(case, name):
     limit, state = (None, "") if is_moulded(case) else (("<=", free_tilt(case, name)), tilt_state(case, name))
-    return Expected(max(0, -face_of(case, name).draft_deg), 0.003, "°", limit=limit, state=state)
+    return Expected(max(0, -face_of(case, name).draft_deg), 0.003, "°", limit=limit, limit_within=0.003, state=state)
 
 
 def draft(case, name):

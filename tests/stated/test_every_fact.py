@@ -120,7 +120,7 @@ def differences(fact: Fact, expected: Expected) -> Iterator[str]:
         yield f"standard error {errors[0]!r}, must be {errors[1]!r}"
     if fact.state != expected.state:
         yield f"state {fact.state!r}, must be {expected.state!r}"
-    yield from bounds_differ("limit", fact.sense, fact.limit, expected.limit, expected.within)
+    yield from bounds_differ("limit", fact.sense, fact.limit, expected.limit, expected.limit_within)
     best = {"<=": ">=", ">=": "<="}[fact.sense]  # physics sets the other side
     yield from bounds_differ("possible", best, fact.possible, expected.possible, expected.possible_within)
 
@@ -131,7 +131,7 @@ def bounds_differ(what: str, sense: str, bound: float | None, expected: Any, wit
     if (bound is None) != (expected is None):
         yield f"{what} {bound}, must be {expected}"
     elif bound is not None and expected is not None:
-        near = isclose(bound, expected[1], rel_tol=1e-9, abs_tol=within if what == "possible" else 0.0)
+        near = isclose(bound, expected[1], rel_tol=1e-9, abs_tol=within)
         if sense != expected[0] or not near:
             yield f"{what} {sense} {bound!r}, must be {expected}"
 
