@@ -47,6 +47,7 @@ _UP = 0.95  # of the budget: a machine that others use may become slower by any 
 # Long stages in a row that end no better than they began, after which a search ends. By two of them a draft of road_m3
 # keeps an efficiency of 0.591, and the third, of a quarter of the steps' length, finds 0.633.
 _LOST = 3
+_LEAST_LIMIT_WEIGHT = 1e-4
 _HEAVIER_LIMITS = 4.0  # times as much after each stage with a limit missed: in full after four
 _FEWEST = 10  # steps of a stage that is cut to fit the budget
 
@@ -154,7 +155,11 @@ class AutomaticSchedule(Schedule):
     @property
     def limit_weights(self) -> LimitWeights:
         """A weight that grows while limits are missed; that of a finished lens is 1 from its first step on."""
-        return LimitWeights() if self.stages.start_level else LimitWeights(FIRST_LIMIT_WEIGHT, _HEAVIER_LIMITS)
+        return (
+            LimitWeights()
+            if self.stages.start_level
+            else LimitWeights(FIRST_LIMIT_WEIGHT, _HEAVIER_LIMITS, _LEAST_LIMIT_WEIGHT)
+        )
 
     def phases(self) -> Generator[NextStage, Outcome]:
         """The whole search: every stage is answered by its outcome, and the last item has none."""

@@ -23,7 +23,7 @@ from lensforge.surfaces.srbf import level_sigma
 
 LEAST_IMAGE = 1e-4  # NMSE below which nothing is left to gain: an evaluation is no more certain than a fifth of that
 FIRST_LIMIT_WEIGHT = 0.01
-MOST_LIMIT_FACTOR = 10.0  # from stage to stage: from a hundredth at once to all of it road_wide misses a limit
+_LIMIT_FACTOR = 10.0  # from stage to stage: from a hundredth at once to all of it road_wide misses a limit
 SLICES = 8  # of the validation rays: the error of a gain is then known to a quarter of itself
 # Standard errors that a gain must reach: by chance one stage in six would. With two, a level that halves the error of a
 # lens for 20,000 measured rays is left out (led_colours, 53 +- 32 %).
@@ -162,21 +162,28 @@ class NextStage:
 class LimitWeights:
     """Weights of the limits on the light in the merit, by sequential unconstrained minimisation.
 
-    A search begins with the ``first`` weight, and takes ``factor`` times as much after each stage that ends with a
-    limit missed, up to 1 (Fiacco and McCormick 1968). Limits of few places that count in full from the start hold a
-    search at them: a draft of signal has an NMSE of 0.012 by that, 0.004 by a hundredth of it, and of road_m3 0.65 of
-    the light for 0.81, with all limits kept.
+    A search begins with the ``first`` weight, or with less where the limits would outweigh the image at the start,
+    but no less than ``least``; it takes ``factor`` times as much after each stage that ends with a limit missed, up
+    to 1 (Fiacco and McCormick 1968). Limits of few places that count in full from the start hold a search at them: a
+    draft of signal has an NMSE of 0.012 by that, 0.004 by a hundredth of it, and of road_m3 0.65 of the light for
+    0.81, with all limits kept.
     """
 
     first: float = 1.0
     factor: float = 1.0
+    least: float = 1.0
 
     @staticmethod
     def over(stages: int) -> "LimitWeights":
         """Weights that reach 1 in the last of so many ``stages``, if a limit is missed in all before."""
-        before = max(stages - 1, 0)
-        first = max(FIRST_LIMIT_WEIGHT, MOST_LIMIT_FACTOR**-before)
-        return LimitWeights(first, first ** (-1.0 / max(before, 1)))
+        least = _LIMIT_FACTOR ** -max(stages - 1, 0)
+        return LimitWeights(max(FIRST_LIMIT_WEIGHT, least), _LIMIT_FACTOR, least)
+
+    def after(self, start: "Judgement") -> float:
+        """The weight after a ``start`` that is judged so."""
+        if start.limits <= 0.0:
+            return self.first
+        return max(min(self.first, (start.image - start.limits) / start.limits), self.least)
 
 
 class Schedule(ABC):
@@ -200,7 +207,9 @@ class Schedule(ABC):
         for number, outcome in enumerate(outcomes):
             following = phases.send(outcome)
             missed = outcome.light.limits_missed if following.begin == "current" else missed
-            if number and missed:
+            if number == 0:
+                weight = self.limit_weights.after(outcome.light)
+            elif missed:
                 weight = min(weight * self.limit_weights.factor, 1.0)
             yield following.with_limit_weight(weight)
 

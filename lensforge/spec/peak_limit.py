@@ -44,6 +44,7 @@ class AbovePeak(PeakLight):
     """Largest light ``up`` above the brightest place, and farther; ``heights``: y of all places."""
 
     words = "light above the brightest place"
+    searched = False  # until the pattern is there its places jump: the target says where it is to be dark
 
     heights: Float[np.ndarray, " k"]
     up: float
@@ -54,11 +55,6 @@ class AbovePeak(PeakLight):
         if not above.any():
             return Metric(value=0.0, unit=unit, standard_error=0.0)
         return debiased_maximum(readings[:, above]).changed(unit=unit)
-
-    def relative(self, light: Array, bound: float, whole: Array) -> Array:
-        """E / bound at the places above; the brightest place is held."""
-        above = np.flatnonzero(self._above(np.asarray(held(light))))
-        return light[above] / bound if len(above) else 0.0 * light[:1]
 
     def _above(self, light: Float[np.ndarray, " k"]) -> np.ndarray:
         return np.asarray(self.heights >= self.heights[int(light.argmax())] + self.up)

@@ -21,7 +21,16 @@ from lensforge.spec.shape_targets import RectangleTarget
 from lensforge.spec.target_sections import SizedTarget
 
 TradeName = Literal[
-    "backlight", "bicycle", "curing", "headlamp", "machine vision", "medical", "projector", "simulator", "torch"
+    "backlight",
+    "bicycle",
+    "curing",
+    "headlamp",
+    "horticulture",
+    "machine vision",
+    "medical",
+    "projector",
+    "simulator",
+    "torch",
 ]
 _ABOVE_DEG = 3.4  # from the brightest place of a bicycle's light to where it may dazzle (TA 23 of StVZO § 22a)
 
@@ -162,6 +171,7 @@ TRADES: dict[TradeName, Trade] = {
     "bicycle": Trade("Bicycle headlamp", _bicycle),
     "curing": Trade("Curing", _curing),
     "headlamp": Trade("Headlamp", _headlamp, limit=CutOffLimit),
+    "horticulture": Trade("Horticulture", _evenness, ("ppf", "ppfd")),
     "machine vision": Trade("Machine vision", _evenness),
     "medical": Trade("Medical", _medical, limit=LightFieldLimit),
     "projector": Trade("Projector", _projector, limit=ScreenLimit),

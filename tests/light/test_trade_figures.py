@@ -144,7 +144,6 @@ LIMITS = [
     {"kind": "light_field", "at_least_d50_over_d10": 0.5},
     {"kind": "light_field", "unit": "w_per_m2", "at_least": 1.0},
     {"kind": "peak", "unit": "lx", "at_least": 1.0},
-    {"kind": "peak", "unit": "lx", "at_most": 1.0, "up_mm": 40.0},
     {"kind": "zone", "at_least_mean_mw_per_cm2": 0.1},
 ]
 
@@ -186,8 +185,10 @@ def test_the_term_of_a_limit_falls_along_its_gradient(limit: dict[str, object]) 
     assert after < before
 
 
-def test_a_range_is_not_searched_for() -> None:
-    spec = spec_with({"kind": "zone", "at_most_contrast": 0.1}, {"kind": "peak", "unit": "lx", "at_least": 1.0})
+def test_a_range_and_what_is_above_the_peak_are_not_searched_for() -> None:
+    above = {"kind": "peak", "unit": "lx", "at_most": 1.0, "up_mm": 40.0}
+    peak = {"kind": "peak", "unit": "lx", "at_least": 1.0}
+    spec = spec_with({"kind": "zone", "at_most_contrast": 0.1}, peak, above)
     limits = light_limits(spec, receivers_of(spec, 20), LM_PER_W, 1.0)
     assert [term.limit.name for term in limit_terms(limits) if isinstance(term, LimitTerm)] == ["limits.1"]
 
@@ -240,6 +241,7 @@ def test_a_wrong_figure_is_refused_in_one_line(
         ("simulator", PLANE, ["Non-uniformity", "Mean irradiance"]),
         ("curing", PLANE, ["Mean irradiance", "Peak irradiance", "Min/mean"]),
         ("backlight", PLANE, ["Min/max", "Min/mean", "Mean light"]),
+        ("horticulture", PLANE, ["Min/max", "Min/mean", "Mean light"]),
         ("machine vision", PLANE, ["Min/max", "Min/mean", "Mean light"]),
         ("bicycle", PLANE, ["Brightest place", "3.4° above it and higher"]),
         ("bicycle", FAR, ["Brightest place", "3.4° above it and higher"]),
@@ -272,9 +274,9 @@ def test_a_limit_that_only_one_trade_has_tells_it(limit, application, trade) -> 
 
 
 def test_a_figure_is_stated_for_the_places_of_the_limit_on_it() -> None:
-    """The second limit has another screen than the third: of two of one kind the first counts."""
+    """The first limit has another screen than the second: of two of one kind the first counts."""
     smaller = SCREEN | {"width_mm": 60.0, "at_least_min_over_mean": 0.5}
-    spec = spec_with({"kind": "peak", "unit": "lx", "at_least": 1.0}, smaller, SCREEN | {"at_most_max_over_mean": 2.0})
+    spec = spec_with(smaller, SCREEN | {"at_most_max_over_mean": 2.0}, {"kind": "peak", "unit": "lx", "at_least": 1.0})
     receivers = receivers_of(spec, 200)
     images = images_of(receivers[0], lambda x, y: 10.0 + x / 50.0 - y / 40.0)
     values = {

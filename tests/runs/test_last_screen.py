@@ -2,6 +2,7 @@
 
 import json
 import time
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -15,6 +16,7 @@ from lensforge.cli.cli import cli
 from lensforge.cli.conclusion import document, rows_of, summary
 from lensforge.cli.output import Block, print_screen
 from lensforge.cli.progress import duration
+from lensforge.report.headline import required_facts
 from lensforge.results import Fact, Group
 from lensforge.search import searches
 
@@ -179,3 +181,18 @@ def first_level(preview: bool) -> list[float]:
 def test_a_preview_takes_fewer_steps_than_a_draft_from_the_same_start() -> None:
     first, whole = first_level(True), first_level(False)
     assert (len(first), len(whole)) == (25, 40) and first[0] == whole[0]
+
+
+def test_the_screen_and_the_page_begin_with_the_figures_of_the_trade(small_run: lf.Run) -> None:
+    """A torch: the brightest place of its light, then what its photometry says, each once."""
+    brightest = Fact("a", "Brightest place", 12.5, "lx", 0.5, note="light of the brightest place", place="light")
+    assert small_run.light is not None
+    light = small_run.light.changed(figures=(brightest,))
+    lens = replace(small_run.lens, spec=small_run.lens.spec.replace(application="torch"))
+    run = lf.Run(lens, {**small_run.found, "evaluate": light}, {}, {}, folder=small_run.folder)
+    (block,) = (block for block in summary(run) if block.title.startswith("Photometry"))
+    labels = [label for label, _ in block.rows]
+    first = ["Brightest place", "Peak intensity", "Beam angle, C 0", "Field angle, C 0"]  # no lumens, no throw
+    assert labels[:4] == first and labels.count("Peak intensity") == 1
+    assert "Pattern error (NMSE)" in labels[4:]
+    assert [fact.label for fact in required_facts(run)][:4] == first

@@ -6,8 +6,11 @@ import numpy as np
 import pytest
 import torch
 from scenes import small_spec
+from scipy import sparse
 
+from lensforge.scene.limit_readings import LightLimit
 from lensforge.search.automatic_schedule import AutomaticSchedule
+from lensforge.search.limit_terms import LimitTerm
 from lensforge.search.merit import MeritFunction
 from lensforge.search.parameters import SphereParameters
 from lensforge.search.problem import Problems, ValidationRays
@@ -24,6 +27,7 @@ from lensforge.search.schedule import (
 )
 from lensforge.sources.build_source import build_source
 from lensforge.spec.accuracy import SearchEffort
+from lensforge.spec.quantities import PlaceLight
 
 STAGES = tuple(Stage(level, (9, 25, 81), functions, 4, 64, 0.01) for level, functions in enumerate((9, 34, 115)))
 
@@ -41,6 +45,7 @@ def ended(missed: int, merit: float = 1.0, weight: float = 1.0) -> Outcome:
         ((1, 1, 0), [0.01, 0.01, 0.1, 0.1]),
         ((1, 2, 1), [0.01, 0.01, 0.1, 1.0]),
         ((0, 0, 3), [0.01, 0.01, 0.01, 0.1]),
+        ((0, 1, 0), [0.01, 0.01, 0.1, 0.1]),
     ],
 )
 def test_a_limit_that_is_missed_counts_for_more_in_the_next_stage(missed, weights) -> None:
@@ -51,8 +56,17 @@ def test_a_limit_that_is_missed_counts_for_more_in_the_next_stage(missed, weight
 
 def test_the_only_stage_of_a_search_has_its_limits_in_full() -> None:
     assert stages_of(FixedSchedule(STAGES[-1:]), [ended(0)])[-1].limit_weight == 1.0
-    assert LimitWeights.over(2) == LimitWeights(0.1, pytest.approx(10.0))
-    assert LimitWeights.over(5) == LimitWeights(0.01, pytest.approx(10.0**0.5))
+    assert LimitWeights.over(2) == LimitWeights(0.1, 10.0, pytest.approx(0.1))
+    assert LimitWeights.over(5) == LimitWeights(0.01, 10.0, pytest.approx(1e-4))
+
+
+@pytest.mark.parametrize(("limits", "weight"), [(0.0, 0.01), (20.0, 0.01), (500.0, 0.001), (1e6, 1e-4)])
+def test_limits_that_would_outweigh_the_image_begin_with_less(limits: float, weight: float) -> None:
+    start = Judgement(merit=limits + 0.6, image=limits + 0.5, without=(1.0,) * SLICES, limits=limits)
+    assert LimitWeights.over(5).after(start) == pytest.approx(weight)
+    begun = Outcome(steps=0, seconds=1.0, light=start)
+    plan = FixedSchedule((*STAGES, *STAGES[-1:] * 2))
+    assert stages_of(plan, [begun])[-1].limit_weight == pytest.approx(weight)
 
 
 def automatic(start_level: int = 0) -> AutomaticSchedule:
@@ -76,6 +90,23 @@ def test_a_search_goes_on_while_limits_are_missed_that_could_count_for_more() ->
     assert by_missed[1][-1] == 1.0 and by_missed[1][1:4] == pytest.approx([0.01, 0.04, 0.16])
     assert by_missed[1].count(1.0) <= 2, "with its limits in full a search ends as any other"
     assert automatic(1).limit_weights == LimitWeights()
+
+
+def test_a_stage_that_is_taken_back_leaves_the_weight_as_it_was() -> None:
+    """The second stage ends worse, and misses a limit that the lens before it keeps."""
+    plan = FixedSchedule(STAGES)
+    stages = stages_of(plan, [ended(1, 1.0), ended(0, 0.5), ended(3, 0.8), ended(0, 0.4)])
+    assert [stage.limit_weight for stage in stages] == pytest.approx([0.01] * 4)
+
+
+@pytest.mark.parametrize(("sense", "kept", "missed"), [(">=", 1.04, 1.02), ("<=", 0.96, 0.98)])
+def test_what_pictures_of_a_search_show_too_good_must_be_kept_by_more(sense, kept: float, missed: float) -> None:
+    limit = LightLimit("a", 0, PlaceLight(), sense, "lx", sparse.csr_array(np.eye(4)), 2.0)
+    of_picture = LimitTerm.of(limit)
+    by_intensities = LimitTerm.of(replace(limit, application=0))
+    assert [of_picture.is_missed(2.0 * share) for share in (kept, missed)] == [False, False]
+    assert [by_intensities.is_missed(2.0 * share) for share in (kept, missed)] == [False, True]
+    assert of_picture.is_missed(2.0 / kept)
 
 
 def test_two_lenses_are_compared_by_the_merit_that_the_later_was_searched_with() -> None:
