@@ -120,7 +120,7 @@ def shared(receiver, place, flux):
 def landings(case, lens, faces, raised, receiver):
     """Places, flux, and where it lands, of all rays of the scrambles."""
     p, d, flux, nm = case.rays["warm tables" if raised else "evaluate tables"][0]
-    behind = exits(lens, faces, p + np.array([0, 0, raised]), d, nm, raised)
+    behind = exits(lens, faces, p, d, nm, raised)
     place = np.full((len(p), 2), np.nan)
     left = behind.left
     place[left] = receiver.land(behind.p[left], behind.d[left])
