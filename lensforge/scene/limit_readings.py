@@ -250,7 +250,7 @@ def _scale(bounded: str, where: str, lumens_per_watt: float | None) -> float:
         return PER_WATT.get(unit, 1.0)
     if lumens_per_watt is None:
         raise InputError(
-            f"{where}: it is in {unit}, but the source's lumens are not known; give source.flux_lm, a "
+            f"{where}: its bound is in {unit}, but the source's lumens are not known; give source.flux_lm, a "
             "spectrum or luminous_efficacy_lm_per_w, or bounds in W"
         )
     return lumens_per_watt

@@ -26,7 +26,7 @@ from lensforge.spec.target_sections import DegreesOff
 
 _CUTS = 4
 _WELL_INSIDE = 2.0  # relative light of places that do not count
-Diameter = Annotated[float, Field(gt=0.0, le=1e6)]
+Diameter = Annotated[float, Field(ge=1e-3, le=1e6)]
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,7 +15,7 @@ from lensforge.spec.light_limits import LIGHT_UNITS, LimitSection, Places
 from lensforge.spec.quantities import Quantity, Readings, held
 from lensforge.spec.spec_section import check
 
-_Up = Annotated[float, Field(gt=0.0, le=1e6)]
+_Up = Annotated[float, Field(ge=1e-3, le=1e6)]
 
 
 @dataclass(frozen=True, eq=False)

@@ -59,7 +59,7 @@ def test_a_file_that_is_there_stays_and_nothing_else_is_copied(tmp_path: Path, m
 
 
 def test_an_unknown_name_is_refused_with_the_known_ones() -> None:
-    assert "known: backlight, backlight_plate, backlight_rim, batwing" in str(ran("pie").exception)
+    assert "known: backlight, backlight_plate, backlight_rim, backlight_thin, batwing" in str(ran("pie").exception)
 
 
 @pytest.fixture(scope="module")

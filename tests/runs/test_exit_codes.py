@@ -90,7 +90,7 @@ def test_every_command_renews_the_verdict_and_exits_by_what_it_decides(
 @pytest.mark.usefixtures("undrawn")
 def test_a_part_that_cannot_be_cut_exits_with_1_only_where_the_spec_requires_it(folder: Path) -> None:
     record = json.loads((folder / "lens.json").read_text(encoding="utf-8"))
-    record["spec"]["manufacture"] = {"required": True}
+    record["spec"]["manufacture"] = {"required": True, "cutter_radius_mm": 5.0}  # more than the cavity has
     del record["content_sha256"]  # of the lens as it was
     (folder / "lens.json").write_text(json.dumps(record), encoding="utf-8")
     code, _, stderr = lensforge("check", folder)  # 0 in the spec as it was, see above
