@@ -1,6 +1,6 @@
 """The part and the shop: ``[base]``, which holds the lens below z = 0, ``[manufacture]``, and ``[drawing]``."""
 
-from math import asin, atan2, ceil, cos, degrees, hypot, pi, radians, sin, tan, tau
+from math import acos, asin, atan2, ceil, cos, degrees, hypot, pi, radians, sin, tan, tau
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -224,6 +224,9 @@ def usual_base(base: BaseSection, shop: "ManufactureSection", limits: Constraint
     return {"height_mm": max(_HEIGHT_MM, _WHOLE_MM * ceil(needed_mm / _WHOLE_MM))}
 
 
+_USUAL_SETBACK = 0.02  # of the radius of the ball: 11.5 degrees of undercut
+
+
 def mouth_room_deg(mouth_mm: float, above_mm: float, radius_mm: float) -> float:
     """Largest tilt (degrees) of a shank of ``radius_mm`` that leaves a mouth of ``mouth_mm`` radius.
 
@@ -238,8 +241,9 @@ def mouth_room_deg(mouth_mm: float, above_mm: float, radius_mm: float) -> float:
 def undercut_room_deg(base: BaseSection, shop: "ManufactureSection", limits: ConstraintsSection) -> float:
     """Farthest (degrees) that the outer face may be undercut at its rim before the ball meets the ``base``.
 
-    The ball, of radius R, then reaches R (1 + sin u) below the rim: as deep as the step at most. A base from a file
-    leaves no such room.
+    The ball, of radius R, then reaches R (1 + sin u) below the rim, as deep as the step at most, and R (1 - cos u)
+    inwards, as far as its wall is set back: where that is not stated by a fiftieth of R, as the wall between step and
+    bore is known after the search alone. A base from a file leaves no such room.
     """
     if base.kind == "none":
         return LEVEL_DEG
@@ -249,7 +253,10 @@ def undercut_room_deg(base: BaseSection, shop: "ManufactureSection", limits: Con
     depth_mm = base.relief_step_mm
     if depth_mm is None:
         depth_mm = base.height_mm - flange_mm - limits.min_thickness_mm - _SPARE_MM
-    return degrees(asin(min(max(depth_mm / shop.cutter_radius_mm - 1.0, 0.0), 1.0)))
+    by_depth = asin(min(max(depth_mm / shop.cutter_radius_mm - 1.0, 0.0), 1.0))
+    setback_mm = _USUAL_SETBACK * shop.cutter_radius_mm if base.relief_setback_mm is None else base.relief_setback_mm
+    by_setback = acos(max(1.0 - setback_mm / shop.cutter_radius_mm, 0.0))
+    return degrees(min(by_depth, by_setback))
 
 
 _FLAT = 0.95  # of the radius of a base: a flat as wide as 0.31 of its diameter

@@ -80,13 +80,21 @@ NOTHING = (None, None)
 @pytest.mark.parametrize(
     ("spec", "asked"),
     [
-        (small_spec(manufacture={"cutter_radius_mm": 0.6}), {"inner": (0.6, -23.1148), "outer": (0.6, None)}),
+        (small_spec(manufacture={"cutter_radius_mm": 0.6}), {"inner": (0.6, -23.1148), "outer": (0.6, -11.4783)}),
         (small_spec(manufacture={"max_tilt_deg": 7.0}), {"inner": (0.5, -7.0), "outer": (0.5, -7.0)}),
         (small_spec(manufacture={"max_tilt_deg": 0.0}), {"inner": (0.5, 0.0), "outer": (0.5, 0.0)}),
         (small_spec(manufacture={}, base={"kind": "none"}), {"inner": (0.5, -38.2319), "outer": (0.5, None)}),
-        (small_spec(manufacture={}, base={"height_mm": 1.8}), {"inner": (0.5, -26.9377), "outer": (0.5, -34.0558)}),
+        (small_spec(manufacture={}, base={"height_mm": 1.8}), {"inner": (0.5, -26.9377), "outer": (0.5, -11.4783)}),
         (
-            small_spec(manufacture={}, base={"relief_step_mm": 0.6}),
+            small_spec(manufacture={}, base={"height_mm": 1.8, "relief_step_mm": 0.78, "relief_setback_mm": 0.2}),
+            {"inner": (0.5, -26.9377), "outer": (0.5, -34.0558)},
+        ),
+        (
+            small_spec(manufacture={}, base={"height_mm": 1.8, "relief_step_mm": 0.78, "relief_setback_mm": 0.05}),
+            {"inner": (0.5, -26.9377), "outer": (0.5, -25.8419)},
+        ),
+        (
+            small_spec(manufacture={}, base={"relief_step_mm": 0.6, "relief_setback_mm": 0.2}),
             {"inner": (0.5, -24.0329), "outer": (0.5, -11.5370)},
         ),
         (
@@ -101,14 +109,15 @@ NOTHING = (None, None)
         (small_spec(manufacture={"process": "printed"}), {"inner": NOTHING, "outer": NOTHING}),
         (small_spec(manufacture={"process": "none"}), {"inner": NOTHING, "outer": NOTHING}),
         (small_spec(manufacture={"required": False}), {"inner": NOTHING, "outer": NOTHING}),
-        (small_spec(lens__inner={"fixed": ROUND}, manufacture={}), {"inner": NOTHING, "outer": (0.5, None)}),
+        (small_spec(lens__inner={"fixed": ROUND}, manufacture={}), {"inner": NOTHING, "outer": (0.5, -11.4783)}),
     ],
 )
 def test_a_search_keeps_what_the_process_asks_of_each_face_that_it_shapes(
     spec: lf.Spec, asked: dict[str, tuple[float | None, float | None]]
 ) -> None:
-    """Of a mill undercuts by hand: (1 + sin u) R is the step of the base, in the cavity u = atan(3 / d) - asin(R / s)
-    with the depth d of 3 mm and the base, and s that of its edge from there.
+    """Of a mill undercuts by hand: (1 + sin u) R is the step of the base and (1 - cos u) R its setback, 0.02 R if that
+    is not stated; in the cavity u = atan(3 / d) - asin(R / s) with the depth d of 3 mm and the base, and s that of its
+    edge from there.
     """
     kept = {name: spec.face_limits(name) for name in spec.lens.names}
     for name, (radius_mm, draft_deg) in asked.items():
