@@ -220,11 +220,8 @@ def usual_base(base: BaseSection, shop: "ManufactureSection", limits: Constraint
     if base.kind in ("none", "step") or not (shop.required and shop.cuts == "lens"):
         return {}
     flange_mm = 0.0 if base.flange_diameter_mm is None else base.flange_height_mm
-    needed_mm = 2.0 * shop.tool_radius_mm + flange_mm + limits.min_thickness_mm + _SPARE_MM
+    needed_mm = shop.tool_radius_mm + flange_mm + limits.min_thickness_mm + _SPARE_MM
     return {"height_mm": max(_HEIGHT_MM, _WHOLE_MM * ceil(needed_mm / _WHOLE_MM))}
-
-
-_USUAL_SETBACK = 0.02  # of the radius of the ball: 11.5 degrees of undercut
 
 
 def mouth_room_deg(mouth_mm: float, above_mm: float, radius_mm: float) -> float:
@@ -242,8 +239,8 @@ def undercut_room_deg(base: BaseSection, shop: "ManufactureSection", limits: Con
     """Farthest (degrees) that the outer face may be undercut at its rim before the ball meets the ``base``.
 
     The ball, of radius R, then reaches R (1 + sin u) below the rim, as deep as the step at most, and R (1 - cos u)
-    inwards, as far as its wall is set back: where that is not stated by a fiftieth of R, as the wall between step and
-    bore is known after the search alone. A base from a file leaves no such room.
+    inwards, as far as its wall is set back. Where that is not stated none is: what the bore leaves of the wall beside
+    the step is known after the search alone. A base from a file leaves no such room.
     """
     if base.kind == "none":
         return LEVEL_DEG
@@ -254,8 +251,7 @@ def undercut_room_deg(base: BaseSection, shop: "ManufactureSection", limits: Con
     if depth_mm is None:
         depth_mm = base.height_mm - flange_mm - limits.min_thickness_mm - _SPARE_MM
     by_depth = asin(min(max(depth_mm / shop.cutter_radius_mm - 1.0, 0.0), 1.0))
-    setback_mm = _USUAL_SETBACK * shop.cutter_radius_mm if base.relief_setback_mm is None else base.relief_setback_mm
-    by_setback = acos(max(1.0 - setback_mm / shop.cutter_radius_mm, 0.0))
+    by_setback = acos(max(1.0 - (base.relief_setback_mm or 0.0) / shop.cutter_radius_mm, 0.0))
     return degrees(min(by_depth, by_setback))
 
 

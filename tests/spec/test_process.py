@@ -80,11 +80,11 @@ NOTHING = (None, None)
 @pytest.mark.parametrize(
     ("spec", "asked"),
     [
-        (small_spec(manufacture={"cutter_radius_mm": 0.6}), {"inner": (0.6, -23.1148), "outer": (0.6, -11.4783)}),
-        (small_spec(manufacture={"max_tilt_deg": 7.0}), {"inner": (0.5, -7.0), "outer": (0.5, -7.0)}),
+        (small_spec(manufacture={"cutter_radius_mm": 0.6}), {"inner": (0.6, -25.0576), "outer": (0.6, 0.0)}),
+        (small_spec(manufacture={"max_tilt_deg": 7.0}), {"inner": (0.5, -7.0), "outer": (0.5, 0.0)}),
         (small_spec(manufacture={"max_tilt_deg": 0.0}), {"inner": (0.5, 0.0), "outer": (0.5, 0.0)}),
         (small_spec(manufacture={}, base={"kind": "none"}), {"inner": (0.5, -38.2319), "outer": (0.5, None)}),
-        (small_spec(manufacture={}, base={"height_mm": 1.8}), {"inner": (0.5, -26.9377), "outer": (0.5, -11.4783)}),
+        (small_spec(manufacture={}, base={"height_mm": 1.8}), {"inner": (0.5, -26.9377), "outer": (0.5, 0.0)}),
         (
             small_spec(manufacture={}, base={"height_mm": 1.8, "relief_step_mm": 0.78, "relief_setback_mm": 0.2}),
             {"inner": (0.5, -26.9377), "outer": (0.5, -34.0558)},
@@ -95,7 +95,7 @@ NOTHING = (None, None)
         ),
         (
             small_spec(manufacture={}, base={"relief_step_mm": 0.6, "relief_setback_mm": 0.2}),
-            {"inner": (0.5, -24.0329), "outer": (0.5, -11.5370)},
+            {"inner": (0.5, -26.0446), "outer": (0.5, -11.5370)},
         ),
         (
             small_spec(manufacture={"process": "moulded", "cutter_radius_mm": 0.7, "nose_radius_mm": 0.05}),
@@ -109,14 +109,14 @@ NOTHING = (None, None)
         (small_spec(manufacture={"process": "printed"}), {"inner": NOTHING, "outer": NOTHING}),
         (small_spec(manufacture={"process": "none"}), {"inner": NOTHING, "outer": NOTHING}),
         (small_spec(manufacture={"required": False}), {"inner": NOTHING, "outer": NOTHING}),
-        (small_spec(lens__inner={"fixed": ROUND}, manufacture={}), {"inner": NOTHING, "outer": (0.5, -11.4783)}),
+        (small_spec(lens__inner={"fixed": ROUND}, manufacture={}), {"inner": NOTHING, "outer": (0.5, 0.0)}),
     ],
 )
 def test_a_search_keeps_what_the_process_asks_of_each_face_that_it_shapes(
     spec: lf.Spec, asked: dict[str, tuple[float | None, float | None]]
 ) -> None:
-    """Of a mill undercuts by hand: (1 + sin u) R is the step of the base and (1 - cos u) R its setback, 0.02 R if that
-    is not stated; in the cavity u = atan(3 / d) - asin(R / s) with the depth d of 3 mm and the base, and s that of its
+    """Of a mill undercuts by hand: (1 + sin u) R is the step of the base and (1 - cos u) R its setback, 0 if that is
+    not stated; in the cavity u = atan(3 / d) - asin(R / s) with the depth d of 3 mm and the base, and s that of its
     edge from there.
     """
     kept = {name: spec.face_limits(name) for name in spec.lens.names}
@@ -163,10 +163,10 @@ def test_a_small_lens_has_a_smaller_ball(radius_mm: float, ball_mm: float) -> No
 @pytest.mark.parametrize(
     ("changes", "height_mm"),
     [
-        ({"manufacture.cutter_radius_mm": 0.49}, 2.0),  # 0.98 mm of step, 1 mm of wall, 0.02 mm to spare
-        ({"manufacture.cutter_radius_mm": 0.495}, 2.5),
-        ({"manufacture.cutter_radius_mm": 1.2}, 3.5),
-        ({"manufacture.cutter_radius_mm": 1.0, "base.flange_diameter_mm": 20.0, "base.flange_height_mm": 0.6}, 4.0),
+        ({"manufacture.cutter_radius_mm": 0.98}, 2.0),  # 0.98 mm of step, 1 mm of wall, 0.02 mm to spare
+        ({"manufacture.cutter_radius_mm": 0.99}, 2.5),
+        ({"manufacture.cutter_radius_mm": 2.1}, 3.5),
+        ({"manufacture.cutter_radius_mm": 1.0, "base.flange_diameter_mm": 20.0, "base.flange_height_mm": 0.6}, 3.0),
         ({"manufacture.cutter_radius_mm": 2.1, "manufacture.process": "moulded"}, 2.0),
         ({"manufacture.cutter_radius_mm": 2.1, "manufacture.process": "none"}, 2.0),
         ({"manufacture.cutter_radius_mm": 2.1, "manufacture.required": False}, 2.0),
