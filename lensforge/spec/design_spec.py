@@ -132,8 +132,10 @@ class Spec(Section):
         description="Trade that the light is for. Its figures, by which its people judge a light, are stated first. "
         "By default that of the limits, such as those of kind screen.",
     )
-    if TYPE_CHECKING:  # a table that an add-on brings, for scripts that are checked
+    if TYPE_CHECKING:  # tables that add-ons bring, for scripts that are checked
         roads: tuple[Application, ...] = ()
+        offices: tuple[Application, ...] = ()
+        sports: tuple[Application, ...] = ()
     colour: ColourSection | None = Field(default=None, description="Colour of the beam; by default it is not computed.")
     optimise: OptimiseSection = Field(default_factory=OptimiseSection, description="Settings of the search.")
     evaluate: EvaluateSection = Field(
