@@ -90,15 +90,8 @@ class ShelfLight(ApplicationLight):
         limits = tuple(IntensityFigures(candela).judged(self.limits(), name))
         return ApplicationJudgement(name=name, lighting_class=self.entry.lighting_class, reached="none", limits=limits)
 
-    def with_remedies(self, limits):
-        return iter(limits)
-
     def facts(self, judgement):
         return Group("shelf", judgement.name, ())
-
-    @classmethod
-    def worst(cls, entries, limits, end):
-        return Group("shelves", f"Shelves{end}", ())
 """
 
 

@@ -26,13 +26,9 @@ _WORDS = {
     "area_change": "area of the {}, against the export",
     "box_change": "outer size of the {}, against the export",
 }
-declare_words(
-    lambda: (
-        (f"{beginning}{name}", words.format(file))
-        for beginning, file in _FILES.items()
-        for name, words in _WORDS.items()
-    )
-)
+for _prefix, _file in _FILES.items():
+    for _name, _words in _WORDS.items():
+        declare_words(f"{_prefix}{_name}", _words.format(_file))
 
 # Share of flux: rays that graze the rim or the limit of total reflection may end either way.
 FLUX_SHARE = 1e-3

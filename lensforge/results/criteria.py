@@ -1,6 +1,6 @@
 """Acceptance criteria: numbers of a result, each with the limit that it must keep, and their names in words."""
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from math import isfinite
 from typing import Annotated
@@ -27,18 +27,13 @@ _OF_FACE = {
 }
 
 
-_UNREAD: list[Callable[[], Iterable[tuple[str, str]]]] = []
-
-
-def declare_words(words: Callable[[], Iterable[tuple[str, str]]]) -> None:
-    """Take names of criteria and their ``words`` from those who declare them, when words are first asked for."""
-    _UNREAD.append(words)
+def declare_words(name: str, words: str) -> None:
+    """Take the ``words`` of the criterion called ``name`` from the field that declares it."""
+    _WORDS[name] = words
 
 
 def label_of(name: str) -> str:
     """Words for a criterion's name, which may begin with its face or file, or with its receiver."""
-    while _UNREAD:
-        _WORDS.update(_UNREAD.pop()())
     receiver, colon, short = name.rpartition(": ")
     face, _, of_face = short.partition(" ")
     if of_face in _OF_FACE:

@@ -209,13 +209,9 @@ def _criterion_name(declared: _Declared[Criterion]) -> str:
 
 def declare_criteria(kind: type[Record]) -> None:
     """Make the words of the criteria of ``kind`` known wherever one is read by its name, as in a table of designs."""
-
-    def words() -> Iterator[tuple[str, str]]:
-        for declared, path in _declared_by(kind, Criterion):
-            if "{" not in declared.name:
-                yield declared.name or _name(path), declared.words
-
-    declare_words(words)
+    for declared, path in _declared_by(kind, Criterion):
+        if "{" not in declared.name:
+            declare_words(declared.name or _name(path), declared.words)
 
 
 def with_told_by_criteria(kind: type[Record], content: Mapping[str, Any], fields: Iterable[str]) -> dict[str, Any]:

@@ -1,7 +1,7 @@
 """Light in an application, linear in the intensities of its lamps: what an add-on says of its entries of a spec."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar, Generic, TypeVar
 
@@ -37,9 +37,13 @@ _Judgement = TypeVar("_Judgement", bound=ApplicationJudgement)
 
 @dataclass(frozen=True)
 class ApplicationLight(ABC, Generic[_Entry, _Judgement]):
-    """The light of equal lamps in one application, an ``entry`` of a spec."""
+    """The light of equal lamps in one application, an ``entry`` of a spec.
+
+    ``remedies``: what keeps a limit that is missed, by the words of its quantity.
+    """
 
     judgement: ClassVar[type[ApplicationJudgement]]
+    remedies: ClassVar[Mapping[str, str]] = {}
 
     entry: _Entry
 
@@ -51,49 +55,42 @@ class ApplicationLight(ABC, Generic[_Entry, _Judgement]):
     def judged(self, candela: Candela, name: str) -> _Judgement:
         """The light of lamps of these intensities, judged. Raises :class:`InputError` as ``limits`` does."""
 
-    @abstractmethod
     def with_remedies(self, limits: Sequence[Fact]) -> Iterator[Fact]:
-        """The judged limits of the entry, those that are missed with what would keep them."""
+        """The judged limits of the entry; those that are missed with what would keep them, by their quantity."""
+        for limit in limits:
+            yield replace(limit, remedy=self.remedies.get(limit.note, "")) if limit.state == "fail" else limit
 
     @abstractmethod
     def facts(self, judgement: _Judgement) -> Group:
         """The group of the entry beside its limits, which the light states."""
 
     @classmethod
-    @abstractmethod
     def worst(cls, entries: Sequence[_Entry], limits: Sequence[Fact]) -> Group:
-        """Group of all entries: each required figure at its worst place."""
+        """Group of all ``entries``: their classes, and each required figure where it is worst."""
+        summaries = dict.fromkeys(entry.summary for entry in entries)
+        head = Fact(entries[0].table, "Class", "; ".join(summaries))
+        label = entries[0].table if len(entries) > 1 else entries[0].noun
+        return Group("applications", label.capitalize(), (head, *cls._worst_figures(entries, limits)))
 
+    @classmethod
+    def _worst_figures(cls, entries: Sequence[_Entry], limits: Sequence[Fact]) -> Iterator[Fact]:
+        worst: dict[tuple[str, str], Fact] = {}
+        names = names_of(entries)
+        for limit in limits:
+            name = next((name for name in names if limit.label.startswith(f"{name}: ")), None)
+            if name is None:
+                continue
+            label = limit.label.removeprefix("" if len(names) > 1 else f"{name}: ")
+            place, _, figure = cls.with_place(label).rpartition(": ")
+            note = f"worst: {place}" if place else ""
+            fact = replace(limit, key=f"of_{entries[0].noun}", label=figure[:1].upper() + figure[1:], note=note)
+            worst[figure, limit.sense] = max(worst.get((figure, limit.sense), fact), fact, key=_strain)
+        yield from worst.values()
 
-_PartOf = Callable[[str, str], tuple[str, str]]
-
-
-def _as_told(place: str, figure: str) -> tuple[str, str]:
-    return place, figure
-
-
-def worst_figures(
-    entries: Sequence[Application],
-    limits: Sequence[Fact],
-    key: str,
-    part_of: Callable[[str, str], tuple[str, str]] = _as_told,
-) -> Iterator[Fact]:
-    """Figures that the classes of ``entries`` require, each of the entry and its part that has it worst.
-
-    ``part_of``: makes of the part and the figure that a limit is of those that are told.
-    """
-    worst: dict[tuple[str, str], Fact] = {}
-    names = names_of(entries)
-    for limit in limits:
-        name = next((name for name in names if limit.label.startswith(f"{name}: ")), None)
-        if name is None:
-            continue
-        place, _, figure = limit.label.removeprefix("" if len(names) > 1 else f"{name}: ").rpartition(": ")
-        place, figure = part_of(place, figure)
-        note = f"worst: {place}" if place else ""
-        fact = replace(limit, key=key, label=figure[:1].upper() + figure[1:], note=note)
-        worst[figure, limit.sense] = max(worst.get((figure, limit.sense), fact), fact, key=_strain)
-    yield from worst.values()
+    @staticmethod
+    def with_place(label: str) -> str:
+        """The ``label`` of a limit, such as ``lane 1: glare TI``, with all that tells its place before the colon."""
+        return label
 
 
 def _strain(limit: Fact) -> float:

@@ -21,10 +21,6 @@ from lensforge.scene.region import Region, ZoneOfLimit
 from lensforge.spec import Spec
 from lensforge.spec.application import names_of
 from lensforge.spec.light_limits import (
-    OF_MEAN,
-    PER_WATT,
-    PHOTOMETRIC,
-    SYMBOLS,
     LimitSection,
     LossLimit,
     LuminanceLimit,
@@ -34,6 +30,8 @@ from lensforge.spec.quantities import FluxShare, LostShare, MeanLuminance, Quant
 from lensforge.spec.trades import figures_of
 
 _STEPS_PER_PIXEL = 2  # places along a line or a cut: the light between them is bilinear
+_PHOTOMETRIC = ("lx", "cd", "cd/m²")
+_PER_WATT = {"mW/cm²": 0.1}
 FILTER_PIXELS = 4.0  # diameter of a disc with the variance of the picture's filter, one square pixel along each axis
 _FEWEST_RINGS, _MOST_RINGS = 2, 8  # of places over a light meter
 _AROUND = 8  # places on a ring
@@ -115,7 +113,7 @@ def light_limits(
     seen = enumerate(eye_views(spec) if views is None else views, len(names))
     for number, limit in enumerate(spec.limits):
         if isinstance(limit, LuminanceLimit):
-            scale = _scale(limit.unit or "", f"limits.{number}", lumens_per_watt)
+            scale = _scale(limit, limit.unit or "", f"limits.{number}", lumens_per_watt)
             judged += [
                 judged_limit for _ in limit.labels(number) for judged_limit in _of_view(limit, scale, *next(seen))
             ]
@@ -138,7 +136,9 @@ def stated_readings(
     readings = []
     for figure in figures_of(spec.trade, spec.all_receivers[0], lumens_per_watt is not None, spec.limits):
         at, matrix = _read(figure.section, receivers[0], figure.label)
-        read = _scale(figure.bounded, figure.label, lumens_per_watt) / receivers[0].pixel_measure * matrix
+        read = (
+            _scale(figure.section, figure.bounded, figure.label, lumens_per_watt) / receivers[0].pixel_measure * matrix
+        )
         quantity = figure.section.quantity(figure.bounded, at)
         unit = figure.section.unit_of(figure.bounded)
         readings.append(LightReading(figure.label, 0, quantity, figure.sense, unit, sparse.csr_array(read)))
@@ -187,7 +187,7 @@ def _of_view(limit: LuminanceLimit, scale: float, index: int, view: EyeView) -> 
         readings = sparse.csr_array(np.full((1, readings.shape[1]), 1e6 * scale))
     for sense, bound in zip(_SENSES, (limit.at_least, limit.at_most), strict=True):
         if bound is not None:
-            judged = LightLimit(view.label, index, quantity, sense, SYMBOLS[limit.unit or ""], readings, bound)
+            judged = LightLimit(view.label, index, quantity, sense, limit.unit_of(limit.unit or ""), readings, bound)
             yield judged if view.of_mean else _with_doubt(judged, view, scale)
 
 
@@ -205,7 +205,7 @@ def _bounds_of(
     readings = matrix / receiver.pixel_measure
     name = limit.name or where
     for bounded in limit.quantities():
-        scale = _scale(bounded, where, lumens_per_watt)
+        scale = _scale(limit, bounded, where, lumens_per_watt)
         quantity = limit.quantity(bounded, at)
         bound_readings = readings
         region = None
@@ -243,11 +243,11 @@ class _Picture:
         return max(1, ceil(_STEPS_PER_PIXEL * long.item()))
 
 
-def _scale(bounded: str, where: str, lumens_per_watt: float | None) -> float:
-    """Light by 1 W in the unit that is bounded, or in that at the end of its name."""
-    unit = bounded.removeprefix(OF_MEAN)
-    if unit not in PHOTOMETRIC:
-        return PER_WATT.get(unit, 1.0)
+def _scale(limit: LimitSection, bounded: str, where: str, lumens_per_watt: float | None) -> float:
+    """Light by 1 W, per m² or per sr, in the unit of what ``limit`` bounds."""
+    unit = limit.unit_of(bounded)
+    if unit not in _PHOTOMETRIC:
+        return _PER_WATT.get(unit, 1.0)
     if lumens_per_watt is None:
         raise InputError(
             f"{where}: its bound is in {unit}, but the source's lumens are not known; give source.flux_lm, a "

@@ -6,18 +6,16 @@ it is searched, judged and shown as these are.
 
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import combinations
-from typing import Annotated, Any, ClassVar, Literal, get_args
+from typing import Annotated, ClassVar, Literal, get_args
 
 from pydantic import Field
 
 from lensforge.public import public
-from lensforge.spec.light_limits import ZONES, Fraction, LimitSection, ZoneLimit
+from lensforge.spec.light_limits import ZONES, Fraction, LimitSection, ZoneLimit, zone_of
 from lensforge.spec.quantities import FluxShare, Quantity
-from lensforge.spec.receiver_fields import OF_RECEIVER, ReceiverSection
+from lensforge.spec.receiver_fields import ReceiverSection
 from lensforge.spec.spec_section import check
 from lensforge.spec.target_sections import TargetSection
-
-_OF_PICTURES = ("level", "uniform_mm", "uniform_deg", "edge_mm", "edge_deg")  # fields of a target that no zone has
 
 
 @public
@@ -76,12 +74,7 @@ def _zones(limit: LimitSection, name: str, segments: Mapping[str, TargetSection]
 
 
 def _zone(name: str, segment: TargetSection, **share: float) -> ZoneLimit:
-    plain: dict[str, Any] = {
-        field: type(segment).model_fields[field].default
-        for field in (*OF_RECEIVER, *_OF_PICTURES)
-        if field in type(segment).model_fields
-    }
-    return ZoneLimit(name=name, zone=segment.changed(**plain), **share)
+    return ZoneLimit.model_validate({"name": name, "zone": zone_of(segment), **share})
 
 
 def _segments(receivers: Mapping[str, Sequence[ReceiverSection]]) -> dict[str, TargetSection]:

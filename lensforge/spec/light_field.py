@@ -20,7 +20,7 @@ from lensforge.results import Metric, Sense
 from lensforge.results.estimates import jackknife_metric
 from lensforge.results.level_width import width_above
 from lensforge.spec.light_limits import LIGHT_UNITS, Fraction, LimitSection, Places, ReceiverPicture
-from lensforge.spec.quantities import Quantity, Readings, held, not_dark
+from lensforge.spec.quantities import OfLight, Quantity, Readings, held, not_dark
 from lensforge.spec.spec_section import Coordinate, check
 from lensforge.spec.target_sections import DegreesOff
 
@@ -51,15 +51,10 @@ class _OfCuts(Quantity):
         return like(light, np.tile(np.abs(self.radii) < 0.5 * diameter, _CUTS).astype(np.float64))
 
 
-class CentralLight(_OfCuts):
+class CentralLight(_OfCuts, OfLight):
     """Light in the middle."""
 
     words = "central light"
-
-    @property
-    def flux_power(self) -> float:
-        """Power of the flux: as light."""
-        return 1.0
 
     def value(self, readings: Readings, sense: Sense, unit: str, whole: Readings) -> Metric:
         """Light of the middle."""
@@ -171,11 +166,6 @@ class LightFieldLimit(LimitSection):
         if bounded == "d50_over_d10":
             return DepthOfEdge(radii)
         return FieldDiameter(radii, 0.1 if bounded.startswith("d10") else 0.5)
-
-    def unit_of(self, bounded: str) -> str:
-        """Symbol of the unit of what is bounded."""
-        lengths = {"d10_mm": "mm", "d50_mm": "mm", "d10_deg": "°", "d50_deg": "°"}
-        return lengths.get(bounded) or super().unit_of(bounded)
 
     @check
     def _is_no_share_of_the_peak(self) -> None:

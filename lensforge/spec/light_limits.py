@@ -6,7 +6,7 @@ which lighting the lens is for.
 
 from collections.abc import Iterator, Mapping, Sequence
 from math import cos, pi, radians, sin
-from typing import Annotated, ClassVar, Literal, Protocol, get_args
+from typing import Annotated, Any, ClassVar, Literal, Protocol, get_args
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -14,6 +14,7 @@ from pydantic import Field
 
 from lensforge.optics.pose import ORIGIN
 from lensforge.public import public
+from lensforge.results.numerals import unit_in
 from lensforge.results.record import Sense
 from lensforge.results.registered_kinds import OfSeveralKinds
 from lensforge.spec.quantities import (
@@ -28,11 +29,11 @@ from lensforge.spec.quantities import (
     Quantity,
     RelativeLight,
 )
-from lensforge.spec.receiver_fields import ReceiverSection, require_on
+from lensforge.spec.receiver_fields import OF_RECEIVER, ReceiverSection, require_on
 from lensforge.spec.search_section import ConstraintsSection
 from lensforge.spec.shape_targets import DiscTarget, EllipseTarget, PolygonTarget, RectangleTarget, RingTarget
 from lensforge.spec.spec_section import Coordinate, Label, Section, check, fault_of
-from lensforge.spec.target_sections import DegreesOff, InOneUnit, Unit
+from lensforge.spec.target_sections import DegreesOff, InOneUnit, TargetSection, Unit
 
 Amount = Annotated[float, Field(ge=1e-30, le=1e12)]
 Fraction = Annotated[float, Field(gt=0.0, le=1.0)]
@@ -40,12 +41,8 @@ Azimuth = Annotated[float, Field(ge=-360.0, le=360.0)]
 LossCause = Literal["beside", "opening", "base", "flange", "total_reflection", "trapped"]
 LightUnitName = Literal["w_per_m2", "mw_per_cm2", "lx", "w_per_sr", "cd", "w_per_m2_sr", "cd_per_m2", "relative"]
 LIGHT_UNITS: tuple[LightUnitName, ...] = get_args(LightUnitName)
-SYMBOLS = {"w_per_m2": "W/m²", "lx": "lx", "w_per_sr": "W/sr", "cd": "cd", "deg": "°"}
-SYMBOLS |= {"mw_per_cm2": "mW/cm²", "w_per_m2_sr": "W/(m² sr)", "cd_per_m2": "cd/m²"}
 Places = Float[np.ndarray, "*_"]
 _Quantities = Mapping[str, type[Quantity]]
-PHOTOMETRIC = ("lx", "cd", "cd_per_m2")
-PER_WATT = {"mw_per_cm2": 0.1}  # of units that are no W: light in it by 1 W per m², or per sr
 OF_MEAN = "mean_"  # before a unit: the mean light in it is bounded
 _OF_SURFACES = ("w_per_m2", "mw_per_cm2", "lx")
 _OF_FAR_FIELD = ("w_per_sr", "cd")
@@ -53,7 +50,6 @@ _OF_EYES = ("w_per_m2_sr", "cd_per_m2")
 _MOST_POINTS = 1000
 _MOST_EYES = 16
 ZONES = RectangleTarget | DiscTarget | EllipseTarget | RingTarget | PolygonTarget
-_OF_RECEIVERS = ("distance_mm", "receiver_mm", "half_angle_deg")
 _OF_PICTURES = ("level", "uniform_mm", "uniform_deg", "edge_mm", "edge_deg")
 
 
@@ -131,7 +127,7 @@ class LimitSection(OfSeveralKinds, InOneUnit):
 
     def unit_of(self, bounded: str) -> str:
         """Symbol of the unit of what is bounded."""
-        return SYMBOLS.get(bounded.removeprefix(OF_MEAN), "")
+        return unit_in(f"_{bounded}")
 
     def read_at(self, picture: ReceiverPicture) -> Places | None:
         """Places (x, y) at which it reads the ``picture``; None if it reads the pixels that it ``contains``."""
@@ -263,10 +259,20 @@ class ZoneLimit(LimitSection):
         zone = self.zone
         if zone is None:
             return
-        for name in (*_OF_RECEIVERS, *_OF_PICTURES):
-            field = type(zone).model_fields.get(name)
-            if field is not None and getattr(zone, name) != field.default:
+        for name, default in _not_of_zones(zone).items():
+            if getattr(zone, name) != default:
                 raise ValueError(f"zone.{name}: a zone is a shape on the limit's receiver; leave it out")
+
+
+def _not_of_zones(shape: TargetSection) -> dict[str, Any]:
+    """Fields of a ``shape`` that no zone has, each with its default."""
+    fields = type(shape).model_fields
+    return {name: fields[name].default for name in (*OF_RECEIVER, *_OF_PICTURES) if name in fields}
+
+
+def zone_of(target: TargetSection) -> TargetSection:
+    """Shape of a ``target``, one of :data:`ZONES`, as the zone of a limit."""
+    return target.changed(**_not_of_zones(target))
 
 
 @public

@@ -12,22 +12,17 @@ from lensforge.public import public
 from lensforge.results import Metric, Sense
 from lensforge.results.estimates import debiased_maximum
 from lensforge.spec.light_limits import LIGHT_UNITS, LimitSection, Places
-from lensforge.spec.quantities import Quantity, Readings, held
+from lensforge.spec.quantities import OfLight, Quantity, Readings, held
 from lensforge.spec.spec_section import check
 
 _Up = Annotated[float, Field(ge=1e-3, le=1e6)]
 
 
 @dataclass(frozen=True, eq=False)
-class PeakLight(Quantity):
+class PeakLight(OfLight):
     """Light of the brightest place."""
 
     words = "light of the brightest place"
-
-    @property
-    def flux_power(self) -> float:
-        """Power of the flux: as light."""
-        return 1.0
 
     def value(self, readings: Readings, sense: Sense, unit: str, whole: Readings) -> Metric:
         """Largest E, without the noise that would choose it."""

@@ -80,29 +80,32 @@ class Quantity(ABC):
         return None
 
 
-class _OfLight(Quantity):
-    """Light itself, at the place that decides."""
+class OfLight(Quantity):
+    """A quantity in a unit of light, which grows as the flux of the source."""
 
     @property
     def flux_power(self) -> float:
+        """Power of the flux of the source by which it grows."""
         return 1.0
-
-    def value(self, readings: Readings, sense: Sense, unit: str, whole: Readings) -> Metric:
-        return extreme(readings, sense).changed(unit=unit)
-
-    def relative(self, light: Array, bound: float, whole: Array) -> Array:
-        return light / bound
 
 
 @dataclass(frozen=True)
-class PlaceLight(_OfLight):
+class PlaceLight(OfLight):
     """Light at the place that has least or most of it."""
 
     words = "light"
 
+    def value(self, readings: Readings, sense: Sense, unit: str, whole: Readings) -> Metric:
+        """Least E for a lower bound, largest for an upper one."""
+        return extreme(readings, sense).changed(unit=unit)
+
+    def relative(self, light: Array, bound: float, whole: Array) -> Array:
+        """E / bound."""
+        return light / bound
+
 
 @dataclass(frozen=True)
-class SpotLuminance(_OfLight):
+class SpotLuminance(PlaceLight):
     """Luminance of the spot that an eye sees brightest."""
 
     words = "luminance of the brightest spot"
@@ -110,7 +113,7 @@ class SpotLuminance(_OfLight):
 
 
 @dataclass(frozen=True)
-class MeanLuminance(_OfLight):
+class MeanLuminance(PlaceLight):
     """Mean luminance that an eye sees."""
 
     words = "mean luminance over the outline"
@@ -118,15 +121,10 @@ class MeanLuminance(_OfLight):
 
 
 @dataclass(frozen=True)
-class MeanLight(Quantity):
+class MeanLight(OfLight):
     """Mean light."""
 
     words = "mean light"
-
-    @property
-    def flux_power(self) -> float:
-        """Power of the flux: as light."""
-        return 1.0
 
     def value(self, readings: Readings, sense: Sense, unit: str, whole: Readings) -> Metric:
         """Mean of all places."""

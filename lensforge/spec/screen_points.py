@@ -17,25 +17,19 @@ from lensforge.public import public
 from lensforge.results import Metric, Sense
 from lensforge.results.estimates import debiased_maximum, debiased_minimum, jackknife_metric
 from lensforge.spec.light_limits import LIGHT_UNITS, Fraction, LimitSection, Places, ReceiverPicture
-from lensforge.spec.quantities import Quantity, Readings, not_dark
+from lensforge.spec.quantities import OfLight, Quantity, Readings, not_dark
 from lensforge.spec.spec_section import Coordinate, Millimetres, check
 from lensforge.spec.target_sections import DegreesOff, DegreesWide
 
 _NINE = np.array([(x / 3.0, y / 3.0) for y in (1.0, 0.0, -1.0) for x in (-1.0, 0.0, 1.0)])  # of half the size
 _CORNERS = np.array([(x * 0.9, y * 0.9) for y in (1.0, -1.0) for x in (-1.0, 1.0)])
-_PHOTOMETRIC = ("lx", "cd")
 
 
 @dataclass(frozen=True)
-class MeanOfNine(Quantity):
+class MeanOfNine(OfLight):
     """Mean light of the nine points."""
 
     words = "mean light of nine points"
-
-    @property
-    def flux_power(self) -> float:
-        """Power of the flux: as light."""
-        return 1.0
 
     def value(self, readings: Readings, sense: Sense, unit: str, whole: Readings) -> Metric:
         """Mean of the nine."""

@@ -13,7 +13,7 @@ from lensforge.optics.pose import ORIGIN
 from lensforge.results.record import Sense
 from lensforge.spec.cut_off import CutOffLimit
 from lensforge.spec.light_field import LightFieldLimit
-from lensforge.spec.light_limits import OF_MEAN, ZONES, LimitSection, ZoneLimit
+from lensforge.spec.light_limits import OF_MEAN, ZONES, LimitSection, ZoneLimit, zone_of
 from lensforge.spec.peak_limit import PeakLimit
 from lensforge.spec.receiver_fields import ReceiverSection
 from lensforge.spec.screen_points import ScreenLimit
@@ -93,7 +93,7 @@ def _zone(receiver: ReceiverSection) -> LimitSection:
         zone = RectangleTarget(**{f"width_{unit}": even[0], f"height_{unit}": even[1], **placed})
         return _stated(ZoneLimit, zone=zone)
     if isinstance(target, ZONES) and len(receiver.targets) == 1:
-        return _stated(ZoneLimit, zone=target)
+        return _stated(ZoneLimit, zone=zone_of(target))
     return _stated(ZoneLimit)
 
 

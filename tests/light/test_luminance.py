@@ -221,9 +221,7 @@ def test_each_eye_is_judged_and_the_second_decides() -> None:
         assert [each.state for each in light.limits] == states
         assert light.limits[1].value == pytest.approx(200.0 * bright.value, rel=1e-9)
     unknown = crooked(eyes | {"unit": "cd_per_m2"})
-    with pytest.raises(
-        InputError, match=r"^limits.0: its bound is in cd_per_m2, but .* not known; give source.flux_lm"
-    ):
+    with pytest.raises(InputError, match=r"^limits.0: its bound is in cd/m², but .* not known; give source.flux_lm"):
         lf.evaluate(balls(unknown), accuracy=FEW)
 
 

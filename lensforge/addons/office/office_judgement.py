@@ -23,7 +23,7 @@ def judge_office(
     return OfficeJudgement(
         name=name,
         lighting_class=office.lighting_class,
-        reached=next((each for each, most in CLASSES.items() if largest <= most), "none"),
+        reached=next((lighting_class for lighting_class, most in CLASSES.items() if largest <= most), "none"),
         limits=limits,
         crosswise=crosswise,
         endwise=endwise,

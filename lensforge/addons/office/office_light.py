@@ -1,7 +1,7 @@
 """Glare in offices: limits, judgement and facts, as the core asks every application for them."""
 
-from collections.abc import Iterator, Sequence
-from dataclasses import replace
+from collections.abc import Iterator, Mapping
+from typing import ClassVar
 
 from lensforge.addons.office.office_record import OfficeJudgement
 from lensforge.addons.office.office_room import OfficeReadings
@@ -9,21 +9,20 @@ from lensforge.addons.office.office_section import OfficeSection
 from lensforge.addons.office.unified_glare import UnifiedGlare
 from lensforge.results import Fact, Group
 from lensforge.results.figure import facts_in
-from lensforge.scene.application_light import ApplicationLight, worst_figures
+from lensforge.scene.application_light import ApplicationLight
 from lensforge.scene.intensity_limit import Candela, IntensityLimit
 from lensforge.spec.quantities import LeastOverMean, PlaceLight
-
-_REMEDIES = {
-    UnifiedGlare.words: "less light above 60 degrees, or a larger luminous_m; the flux changes it little",
-    PlaceLight.words: "more lumens, or lamps nearer to each other; the mean is linear in the flux",
-    LeastOverMean.words: "a wider beam, or lamps nearer to each other; the flux does not change it",
-}
 
 
 class OfficeLight(ApplicationLight[OfficeSection, OfficeJudgement]):
     """The light of lamps in the ceiling of an office."""
 
     judgement = OfficeJudgement
+    remedies: ClassVar[Mapping[str, str]] = {
+        UnifiedGlare.words: "less light above 60 degrees, or a larger luminous_m; the flux changes it little",
+        PlaceLight.words: "more lumens, or lamps nearer to each other; the mean is linear in the flux",
+        LeastOverMean.words: "a wider beam, or lamps nearer to each other; the flux does not change it",
+    }
 
     def limits(self) -> Iterator[IntensityLimit]:
         """The rating of its class, seen along both axes of the lamps, and the bounds of its working plane."""
@@ -44,20 +43,9 @@ class OfficeLight(ApplicationLight[OfficeSection, OfficeJudgement]):
 
         return judge_office(self.entry, candela, self.limits(), name)
 
-    def with_remedies(self, limits: Sequence[Fact]) -> Iterator[Fact]:
-        """Its limits, with what would keep them."""
-        yield from (replace(each, remedy=_REMEDIES[each.note]) if each.state == "fail" else each for each in limits)
-
     def facts(self, judgement: OfficeJudgement) -> Group:
         """Its class, its background, and the light of its working plane."""
         room = f"room {self.entry.room}, reflectances {self.entry.reflectances}"
         note = f"EN 12464-1; achieved: {judgement.reached}, {room}, by the intensities of the file"
         head = Fact("office_class", "Class", judgement.lighting_class, note=note)
         return Group("office", judgement.name, (head, *facts_in(judgement)))
-
-    @classmethod
-    def worst(cls, entries: Sequence[OfficeSection], limits: Sequence[Fact]) -> Group:
-        """Each figure of the office that has it worst."""
-        head = Fact("offices", "Class and room", "; ".join(dict.fromkeys(entry.summary for entry in entries)))
-        figures = worst_figures(entries, limits, "of_office")
-        return Group("applications", "Offices" if len(entries) > 1 else "Office", (head, *figures))

@@ -18,6 +18,7 @@ from jaxtyping import Float
 
 from lensforge.addons.office.office_section import OfficeSection
 from lensforge.scene.intensity_limit import CandelaSum
+from lensforge.scene.measuring_grid import measuring_grid
 
 _POSITION_INDEX = Path(__file__).with_name("position_index.csv")
 _MOST_ASIDE = 3.0  # over the distance ahead
@@ -44,7 +45,6 @@ _CONE_FACTORS = {
 }
 # Points of the working plane (EN 12464-1), and the lamps that light them, in heights above it.
 _PLANE_BELOW_EYES_M = 0.45
-_GRID = 0.2  # step (m) for a longer side of 1 m; of one tenfold as long five times as large
 _LEAST_POINTS = 3
 _AROUND = 5.0
 _FILE_X_DEG = -90.0  # x of a lamp, from its street: the spec's default street is y
@@ -109,10 +109,10 @@ class OfficeReadings:
         from scipy import sparse
 
         high_m = self.office.above_eyes_m + _PLANE_BELOW_EYES_M
-        step_m = _GRID * 5.0 ** np.log10(max(pitch_m))
-        x, y = _crossed(*(_points_of(side, step_m) for side in pitch_m))
+        x, y = measuring_grid(pitch_m, least=_LEAST_POINTS)
         lamp_x, lamp_y = _crossed(*(_lamps_around(side, _AROUND * high_m) for side in pitch_m))
-        east, north = x[:, None] - lamp_x, y[:, None] - lamp_y
+        east = pitch_m[0] * x[:, None] - lamp_x
+        north = pitch_m[1] * y[:, None] - lamp_y
         level = np.hypot(east, north)
         weights = (level <= _AROUND * high_m) * high_m / (level**2 + high_m**2) ** 1.5
         point, lamp = np.nonzero(weights)
@@ -141,12 +141,6 @@ def _crossed(x: Float[np.ndarray, " a"], y: Float[np.ndarray, " b"]) -> tuple[_P
     return columns.ravel(), rows.ravel()
 
 
-def _points_of(side_m: float, step_m: float) -> Float[np.ndarray, " k"]:
-    """Points between two lamps, in equal steps."""
-    count = max(int(np.ceil(side_m / step_m - 1e-9)), _LEAST_POINTS)
-    return np.asarray((np.arange(count) + 0.5) / count * side_m)
-
-
 def _lamps_around(side_m: float, reach_m: float) -> Float[np.ndarray, " k"]:
     """Places of the lamps that reach the points between two of them."""
     count = int(np.ceil(reach_m / side_m))
@@ -158,11 +152,16 @@ def _form_factor(width: float, length: float) -> float:
 
     Howell, A Catalog of Radiation Heat Transfer Configuration Factors, C-11.
     """
-    x, y = width, length
-    wide, long = np.sqrt(1.0 + x**2), np.sqrt(1.0 + y**2)
-    angles = x * long * np.arctan(x / long) + y * wide * np.arctan(y / wide) - x * np.arctan(x) - y * np.arctan(y)
-    logarithm = np.log(wide * long / np.sqrt(1.0 + x**2 + y**2))
-    return float(2.0 / (np.pi * x * y) * (logarithm + angles))
+    diagonal = np.sqrt(1.0 + width**2 + length**2)
+    angles = _strip(width, length) + _strip(length, width)
+    logarithm = np.log(np.sqrt(1.0 + width**2) * np.sqrt(1.0 + length**2) / diagonal)
+    return float(2.0 / (np.pi * width * length) * (logarithm + angles))
+
+
+def _strip(width: float, length: float) -> float:
+    """Term of an edge of the length ``width`` in the form factor."""
+    slant = np.sqrt(1.0 + length**2)
+    return float(width * (slant * np.arctan(width / slant) - np.arctan(width)))
 
 
 def position_index(height: _Places, aside: _Places) -> _Places:

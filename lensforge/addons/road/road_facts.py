@@ -11,7 +11,6 @@ from lensforge.addons.road.road_record import RoadJudgement
 from lensforge.addons.road.road_section import M_CLASSES, RP8_CLASSES, RoadSection
 from lensforge.results import Fact, Group, Sense
 from lensforge.results.figure import facts_in
-from lensforge.scene.application_light import worst_figures
 from lensforge.spec.derived_values import three_digits
 from lensforge.spec.spec_section import rounded_up
 
@@ -93,19 +92,13 @@ def spacing_fact(held: HeldSpacing | None) -> Fact:
     return Fact("largest_spacing", "Largest spacing", held.largest, "m", note=note)
 
 
-def worst_on_roads(limits: Sequence[Fact], roads: Sequence[RoadSection]) -> Group:
-    """Figures that the classes of ``roads`` ask for, each of the road, lane or edge that has it worst."""
-    words = dict.fromkeys(road.summary for road in roads)
-    head = Fact("traffic", "Class and traffic", "; ".join(words))
-    figures = worst_figures(roads, limits, "of_road", _with_edge)
-    return Group("applications", "Roads" if len(roads) > 1 else "Road", (head, *figures))
-
-
-def _with_edge(place: str, figure: str) -> tuple[str, str]:
-    """The edge of a ratio as the part of the road that it is of."""
+def with_edge(label: str) -> str:
+    """The ``label`` of a limit; that of a ratio with its edge as the place: ``left edge: edge ratio``."""
+    place, _, figure = label.rpartition(": ")
     if not figure.endswith(_EDGE):
-        return place, figure
-    return f"{f'{place}: ' * bool(place)}{figure.removesuffix(_EDGE)} edge", _EDGE[1:]
+        return label
+    edge = f"{figure.removesuffix(_EDGE)} edge"
+    return ": ".join(part for part in (place, edge, _EDGE[1:]) if part)
 
 
 _EDGE = " edge ratio"

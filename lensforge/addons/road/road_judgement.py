@@ -34,12 +34,14 @@ _LEAST_STEPS, _END_M = 5, 1e-3  # of a tenth of the pole height, of spacings tri
 
 def judge_road(road: RoadSection, candela: Candela, name: str = "road") -> RoadJudgement:
     """Judge the light of lamps of these intensities on ``road``. Raises :class:`InputError` for its file."""
-    readings, surface = RoadReadings.of(road), RoadSurface.of(road.surface, road.surface_file, road.surface_q0)
+    readings = RoadReadings.of(road)
+    surface = RoadSurface.of(road.surface, road.surface_file, road.surface_q0)
     read = IntensityFigures(candela)
     kept = readings.illuminance.times(road.maintenance_factor)
     mean_lx = read.figure(PlaceLight(), ">=", "lx", kept.mean())
     drivers = tuple(_drivers(readings, read))
-    least_lx, uniformity_lx = read.figure(PlaceLight(), ">=", "lx", kept), read.figure(LeastOverMean(), ">=", "", kept)
+    least_lx = read.figure(PlaceLight(), ">=", "lx", kept)
+    uniformity_lx = read.figure(LeastOverMean(), ">=", "", kept)
     right, left = (read.figure(RatioOfTwo(), ">=", "", edge) for edge in readings.edges)
     lamps = 2 if road.arrangement in ("opposite", "staggered") else 1  # of two on a median one lights another road
     area = road.width_m * road.pole_spacing_m / lamps
@@ -65,10 +67,11 @@ def judge_road(road: RoadSection, candela: Candela, name: str = "road") -> RoadJ
 
 
 def _drivers(readings: RoadReadings, read: IntensityFigures) -> Iterator[SeenRoad]:
-    road, factor = readings.road, readings.road.maintenance_factor
+    road = readings.road
     observers = zip(readings.luminance, readings.veiling, readings.seen_lux, strict=True)
     for number, (seen, veiling, lux) in enumerate(observers):
-        kept, glaring = seen.times(factor), CandelaSum.joined((veiling, seen.mean()))
+        kept = seen.times(road.maintenance_factor)
+        glaring = CandelaSum.joined((veiling, seen.mean()))
         along = kept if road.by_rp8 else kept.places(readings.middle(number))
         yield SeenRoad(
             lane=1 + number * (road.lanes - road.oncoming_lanes if road.by_rp8 else 1),

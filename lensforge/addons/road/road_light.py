@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Sequence
 
 from lensforge.addons.road.road_classes import asked_of
-from lensforge.addons.road.road_facts import road_facts, with_remedies, worst_on_roads
+from lensforge.addons.road.road_facts import road_facts, with_edge, with_remedies
 from lensforge.addons.road.road_field import RoadReadings
 from lensforge.addons.road.road_record import RoadJudgement
 from lensforge.addons.road.road_section import RoadSection
@@ -35,7 +35,7 @@ class RoadLight(ApplicationLight[RoadSection, RoadJudgement]):
         """Its class, its traffic, and figures that the class does not ask for."""
         return road_facts(judgement, self.entry, with_limits=False)
 
-    @classmethod
-    def worst(cls, entries: Sequence[RoadSection], limits: Sequence[Fact]) -> Group:
-        """Figures that the classes ask for, each of the road, lane or edge that has it worst."""
-        return worst_on_roads(limits, entries)
+    @staticmethod
+    def with_place(label: str) -> str:
+        """The ``label`` of a limit, with the edge of a ratio as its place."""
+        return with_edge(label)

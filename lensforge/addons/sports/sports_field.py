@@ -6,16 +6,14 @@ its aim; its street is beyond the aim, across the axis.
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from math import ceil, log10
 
 import numpy as np
 from jaxtyping import Float
 
 from lensforge.addons.sports.sports_section import SportsSection
 from lensforge.scene.intensity_limit import CandelaSum
+from lensforge.scene.measuring_grid import measuring_grid
 
-# Step (m) of the points for a longer side of 1 m; of one tenfold as long five times as large (EN 12193).
-_GRID = 0.2
 _EYES = 5  # observers along the field and across it, from edge to edge
 _EYE_M = 1.5
 _VIEWS = 8  # directions of view, each below the horizon
@@ -39,16 +37,15 @@ class SportsReadings:
     @property
     def illuminance(self) -> CandelaSum:
         """Horizontal illuminance (lx) of the points of the field, row by row along it."""
-        sides = self.field.length_m, self.field.width_m
-        step_m = _GRID * 5.0 ** log10(max(sides))
-        along, across = (_points_of(side, step_m) for side in sides)
-        x, y = (places.ravel() for places in np.meshgrid(along, across))
+        along, across = measuring_grid((self.field.length_m, self.field.width_m), odd=True)
+        x = (along - 0.5) * self.field.length_m
+        y = (across - 0.5) * self.field.width_m
         ground = np.stack([x, y, np.zeros_like(x)], axis=1)
         return self._light(ground, np.tile([0.0, 0.0, 1.0], (len(ground), 1)), np.ones_like)
 
     @property
     def glare(self) -> CandelaSum:
-        """Veiling luminance (cd/m²) of the lamps for every eye, and then that of the environment."""
+        """Veiling luminance (cd/m²) of the lamps at each eye; the last entry is that of the environment."""
         ground = self.illuminance.mean().times(_OF_GROUND * self.field.reflectance / np.pi)
         return CandelaSum.joined((self._veil(), ground))
 
@@ -58,7 +55,8 @@ class SportsReadings:
         x, y, turn = (
             places.ravel() for places in np.meshgrid(*(np.linspace(-half, half, _EYES) for half in halves), turns)
         )
-        level, down = np.cos(np.radians(_VIEW_DOWN_DEG)), np.sin(np.radians(_VIEW_DOWN_DEG))
+        level = np.cos(np.radians(_VIEW_DOWN_DEG))
+        down = np.sin(np.radians(_VIEW_DOWN_DEG))
         views = np.stack([level * np.cos(turn), level * np.sin(turn), np.full_like(turn, -down)], axis=1)
         return self._light(np.stack([x, y, np.full_like(x, _EYE_M)], axis=1), views, _veil_of_lux)
 
@@ -83,13 +81,6 @@ class SportsReadings:
         azimuth = np.degrees(np.arctan2(aside, (way * street[lamp]).sum(axis=1)))
         entries = weights[point, lamp], (point, np.arange(len(point)))
         return CandelaSum(azimuth, gamma, sparse.csr_array(entries, shape=(len(points), len(point))))
-
-
-def _points_of(side_m: float, step_m: float) -> Float[np.ndarray, " n"]:
-    """Places of the points along a side, an odd number in equal steps of ``step_m`` at most."""
-    count = ceil(side_m / step_m - 1e-9)
-    count += 1 - count % 2
-    return ((np.arange(count) + 0.5) / count - 0.5) * side_m
 
 
 def _veil_of_lux(cosine: Float[np.ndarray, "k l"]) -> Float[np.ndarray, "k l"]:

@@ -17,23 +17,23 @@ def judge_field(
     read = IntensityFigures(candela)
     light = SportsReadings(field).illuminance.times(field.maintenance_factor)
     limits = tuple(read.judged(required, name))
-    mean, even, glare = (limit.metric for limit in limits)
+    mean, uniformity, glare = (limit.metric for limit in limits)
     sport = field.lighting_class.split()[0]
-    held = (
-        each
-        for each, asked in CLASSES.items()
-        if each.startswith(sport)
-        and mean.value >= asked.mean_lx
-        and even.value >= asked.uniformity
-        and glare.value <= asked.glare
+    kept = (
+        lighting_class
+        for lighting_class, bounds in CLASSES.items()
+        if lighting_class.startswith(sport)
+        and mean.value >= bounds.mean_lx
+        and uniformity.value >= bounds.uniformity
+        and glare.value <= bounds.glare
     )
     return SportsJudgement(
         name=name,
         lighting_class=field.lighting_class,
-        reached=next(held, "none"),
+        reached=next(kept, "none"),
         limits=limits,
         mean_lx=mean,
-        uniformity=even,
+        uniformity=uniformity,
         least_lx=read.figure(PlaceLight(), ">=", "lx", light),
         glare=glare,
     )

@@ -1,7 +1,7 @@
 """Light on playing fields: limits, judgement and facts, as the core asks every application for them."""
 
-from collections.abc import Iterator, Sequence
-from dataclasses import replace
+from collections.abc import Iterator, Mapping
+from typing import ClassVar
 
 from lensforge.addons.sports.glare_rating import GlareRating
 from lensforge.addons.sports.sports_field import SportsReadings
@@ -9,21 +9,20 @@ from lensforge.addons.sports.sports_record import SportsJudgement
 from lensforge.addons.sports.sports_section import SportsSection
 from lensforge.results import Fact, Group
 from lensforge.results.figure import facts_in
-from lensforge.scene.application_light import ApplicationLight, worst_figures
+from lensforge.scene.application_light import ApplicationLight
 from lensforge.scene.intensity_limit import Candela, IntensityLimit
 from lensforge.spec.quantities import LeastOverMean, PlaceLight
-
-_REMEDIES = {
-    PlaceLight.words: "more lumens, or floodlights that are aimed nearer; the mean is linear in the flux",
-    LeastOverMean.words: "another pattern, or other aims; the flux does not change it",
-    GlareRating.words: "higher masts, lower aims, or less light beside the beam; the flux changes it little",
-}
 
 
 class SportsLight(ApplicationLight[SportsSection, SportsJudgement]):
     """The light of floodlights on a playing field."""
 
     judgement = SportsJudgement
+    remedies: ClassVar[Mapping[str, str]] = {
+        PlaceLight.words: "more lumens, or floodlights that are aimed nearer; the mean is linear in the flux",
+        LeastOverMean.words: "another pattern, or other aims; the flux does not change it",
+        GlareRating.words: "higher masts, lower aims, or less light beside the beam; the flux changes it little",
+    }
 
     def limits(self) -> Iterator[IntensityLimit]:
         """The numbers of its class."""
@@ -40,19 +39,8 @@ class SportsLight(ApplicationLight[SportsSection, SportsJudgement]):
 
         return judge_field(self.entry, candela, self.limits(), name)
 
-    def with_remedies(self, limits: Sequence[Fact]) -> Iterator[Fact]:
-        """Its limits, with what would keep them."""
-        yield from (replace(each, remedy=_REMEDIES[each.note]) if each.state == "fail" else each for each in limits)
-
     def facts(self, judgement: SportsJudgement) -> Group:
         """Its class, and the least illuminance."""
         note = f"EN 12193; achieved: {judgement.reached}, by the intensities of the file"
         head = Fact("sports_class", "Class", judgement.lighting_class, note=note)
         return Group("sports", judgement.name, (head, *facts_in(judgement)))
-
-    @classmethod
-    def worst(cls, entries: Sequence[SportsSection], limits: Sequence[Fact]) -> Group:
-        """The figures of the classes, each of the field that has it worst."""
-        head = Fact("fields", "Class and size", "; ".join(dict.fromkeys(entry.summary for entry in entries)))
-        figures = worst_figures(entries, limits, "of_field")
-        return Group("applications", "Fields" if len(entries) > 1 else "Field", (head, *figures))

@@ -17,7 +17,7 @@ import lensforge as lf
 from lensforge.addons.road import road_judgement
 from lensforge.addons.road.road_classes import VEILING_RATIO
 from lensforge.addons.road.road_command import coarse_for_roads
-from lensforge.addons.road.road_facts import spacing_fact, with_remedies, worst_on_roads
+from lensforge.addons.road.road_facts import spacing_fact, with_remedies
 from lensforge.addons.road.road_field import RoadReadings
 from lensforge.addons.road.road_judgement import (
     best_class,
@@ -27,6 +27,7 @@ from lensforge.addons.road.road_judgement import (
     judge_road,
     p_class,
 )
+from lensforge.addons.road.road_light import RoadLight
 from lensforge.addons.road.road_section import RP8_CLASSES, RoadSection
 from lensforge.errors import InputError
 from lensforge.light.angular_grid import AngularGrid
@@ -480,13 +481,13 @@ def test_each_figure_of_a_road_is_told_where_it_is_worst() -> None:
     judged += [limit("b: left edge ratio", 0.31, ">=", 0.3), limit("b: right edge ratio", 0.4, ">=", 0.3)]
     judged += [limit("a wall: lane 1: mean luminance", 0.0, ">=", 1.0)]
     roads = [RoadSection(**{**ROAD, "name": name, "lanes": 2, "oncoming_lanes": k}) for k, name in enumerate("ab")]
-    head, *told = worst_on_roads(judged, roads).facts
+    head, *told = RoadLight.worst(roads, judged).facts
     assert [(each.label, each.value, each.note) for each in told] == [
         ("Glare TI", 12.2, "worst: a: lane 2"),
         ("Mean luminance", 1.05, "worst: b: lane 1"),
         ("Edge ratio", 0.31, "worst: b: left edge"),
     ]
-    of_one = worst_on_roads(judged[:2], roads[:1]).facts[1]
+    of_one = RoadLight.worst(roads[:1], judged[:2]).facts[1]
     assert of_one.sentence == "12.200 ± 0.010 (required ≤ 15); worst: lane 2"
     name = ROAD["lighting_class"]
     assert head.value == f"{name}, 2 lanes, both one way; {name}, 2 lanes, 1 oncoming"
