@@ -71,14 +71,14 @@ class DraftPlace:
 
 @dataclass(frozen=True)
 class DesignedLight:
-    """What drafts reached: ``of_possible``, their efficiency over the bound of their kind, and their ``nmse``."""
+    """Light of drafts: ``of_possible``, their efficiency over the bound of their kind, and their ``nmse``."""
 
     of_possible: float
     nmse: float
 
 
 def designed_light(series: Series, place: DraftPlace) -> DesignedLight | None:
-    """What drafts of a ``series`` reached at that ``place``; None where there are none around it."""
+    """Light that drafts of a ``series`` reached at that ``place``; None where there are none around it."""
     read = _drafts().get(series)
     values = np.full(2, np.nan) if read is None else read(log(place.half_angle_deg), log(place.size)).ravel()
     return None if np.isnan(values).any() else DesignedLight(float(values[0]), float(np.exp(values[1])))

@@ -61,7 +61,7 @@ class LensOption:
 
     @property
     def reached_words(self) -> str:
-        """What drafts reached and the lens in words; empty where there are none."""
+        """The light that drafts reached and the lens in words; empty where there are none."""
         if self.designed is None or self.reached is None:
             return ""
         return f"{self.reached:.2f} with a {self.kind.title} (NMSE {self.designed.nmse:.1g})"

@@ -69,7 +69,7 @@ def source_in(text: str) -> dict[str, Any]:
 
 
 def source_note(text: str) -> str:
-    """What is said of the source that ``text`` stand for: the package and its sizes; empty for other ones."""
+    """Note on the source that ``text`` stand for: the package and its sizes; empty for other ones."""
     package = None if Path(text).is_file() else led_package(text)
     return "" if package is None else f"package {package.name}: {package.words}"
 
