@@ -33,7 +33,7 @@ _MOST_BYTES = 1_000_000
 _RAYS = 2**12
 _SEED = 0
 _LAMBERTIAN = 1.05  # radiance of the brightest light over the mean one: rounding
-_EVEN = 0.7  # mean light of the target over its largest: a field with soft edges has 0.8, a Gaussian beam 0.4
+_EVEN = 0.5  # mean light of the target over its largest: fields with soft edges have 0.6 to 0.9, a Gaussian beam 0.4
 
 Series = tuple[str, str]  # kind of lens, and shape of its faces
 
