@@ -14,7 +14,7 @@ import datetime
 import json
 import subprocess
 from collections.abc import Iterator, Sequence
-from math import cos, pi, radians, sin, sqrt
+from math import cos, pi, radians, sin, sqrt, tan
 from pathlib import Path
 from typing import NamedTuple
 
@@ -35,8 +35,9 @@ RADIUS_MM = 14.0
 DISTANCE_MM = 500.0
 _CORNERS = ((5.0, 20.0), (40.0, 40.0), (40.0, 9.0))
 PLACES = {  # half angles (degrees), and sizes of the lens over that of the LED
-    "double": (*_CORNERS, (10.0, 20.0), (20.0, 14.0), (20.0, 30.0), (28.0, 30.0)),
-    "tir": (*_CORNERS, (20.0, 14.0)),
+    ("double", "rectangle"): (*_CORNERS, (10.0, 20.0), (20.0, 14.0), (20.0, 30.0), (28.0, 30.0)),
+    ("tir", "rectangle"): (*_CORNERS, (20.0, 14.0)),
+    ("tir", "disc"): (*_CORNERS, (16.0, 20.0)),
 }
 
 
@@ -67,14 +68,16 @@ NEW_HELD_OUT = (
 
 
 def cases() -> Iterator[Case]:
-    """The lights of the table: even squares of the solid angle of each cone, and the first lens."""
-    for kind, places in PLACES.items():
+    """The lights of the table: even discs, squares of the same solid angle, and the first lens."""
+    for (kind, shape), places in PLACES.items():
         for half_angle_deg, size in places:
-            yield Case(kind, f"square:{sqrt(pi) * RADIUS_MM / size:.6g}", _square(radians(half_angle_deg)))
+            yield Case(kind, f"square:{sqrt(pi) * RADIUS_MM / size:.6g}", _target(shape, radians(half_angle_deg)))
     yield FIRST_LENS
 
 
-def _square(half_angle_rad: float) -> str:
+def _target(shape: str, half_angle_rad: float) -> str:
+    if shape == "disc":
+        return f"disc:{2.0 * DISTANCE_MM * tan(half_angle_rad):.6g}@{DISTANCE_MM:g}"
     part = sin(0.5 * pi * (1.0 - cos(half_angle_rad)))  # t²/(1 + t²), t the tangent of half of a square's side
     side_mm = 2.0 * DISTANCE_MM * sqrt(part / (1.0 - part))
     return f"rectangle:{side_mm:.6g}x{side_mm:.6g}@{DISTANCE_MM:g}"

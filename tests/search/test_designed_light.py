@@ -115,16 +115,14 @@ def test_between_two_drafts_is_the_mean_of_both() -> None:
 
 
 def test_other_drafts_are_as_near_to_the_table_as_the_page_says() -> None:
-    """The efficiency by the table less that of a draft, of each kind, and the number of drafts: docs/choosing.md."""
+    """The efficiency by the table against that of a draft, and the number of drafts, some of each kind."""
     errors: dict[str, list[float]] = {"double": [], "tir": []}
     for _, series, draft in advice.held_out():
-        errors[series[0]].append(advice.by_table(series, draft)[0] - draft.efficiency)
+        errors[series[0]].append(abs(advice.by_table(series, draft)[0] - draft.efficiency))
     page = (Path(__file__).parents[2] / "docs" / "choosing.md").read_text(encoding="utf-8")
-    stated = r"Of (\d+) other drafts.*? by ([\d.]+) at most.*? by up to ([\d.]+) too low"
-    count, double, tir = re.findall(stated, page, re.DOTALL)[0]
-    assert len(errors["double"]) + len(errors["tir"]) == int(count) >= 10
-    assert max(map(abs, errors["double"])) == pytest.approx(float(double), abs=0.005)
-    assert max(map(abs, errors["tir"])) == pytest.approx(float(tir), abs=0.005) and max(errors["tir"]) < 0.0
+    count, most = re.findall(r"Of (\d+) other drafts.*? by ([\d.]+) at most", page, re.DOTALL)[0]
+    assert len(errors["double"]) + len(errors["tir"]) == int(count) >= 10 and len(errors["tir"]) >= 2
+    assert max(errors["double"] + errors["tir"]) == pytest.approx(float(most), abs=0.0015)
 
 
 def option(kind: str, possible: float, of_possible: float, nmse: float) -> LensOption:
