@@ -31,7 +31,7 @@ from lensforge.shop.mould_facts import mould_facts
 from lensforge.shop.mould_halves import Moulding
 from lensforge.shop.profile_table import equation
 from lensforge.shop.sheet import Marks, Sheet, box_of
-from lensforge.shop.sheet_marks import words_of_dimension
+from lensforge.shop.sheet_marks import dimension_text
 from lensforge.shop.sheet_tables import optical_table, tolerance_table
 from lensforge.shop.sheet_writers import sheet_dxf
 from lensforge.shop.view_drawing import PARTING_LINE, room_of
@@ -183,7 +183,7 @@ def test_the_datums_of_a_flange_are_on_it_and_those_of_a_body_of_revolution_its_
     assert "Datum B: axis of the rim's flange, RIM_FLANGE_SIDE; the optical axis z." in content.notes
     triangles = [each.points for each in sheet.marks.strokes if each.filled and len(each.points) == 3]
     feet = [0.5 * (p + q) for p, q, _ in triangles if abs(np.linalg.norm(p - q) - 2.6) < 0.01]  # no arrows
-    letters = {words.text: np.array(words.at) for words in sheet.marks.words if words.text in ("A", "B", "C")}
+    letters = {words.text: np.array(words.at) for words in sheet.marks.texts if words.text in ("A", "B", "C")}
     near = {name: min(feet, key=lambda foot: np.linalg.norm(foot - at)) for name, at in letters.items()}
     assert set(near) == {"A", "B"}
     assert near["A"][0] == pytest.approx(sheet.origin[0] + sheet.scale * low, abs=1e-3)
@@ -202,9 +202,9 @@ def test_the_datums_of_a_flange_are_on_it_and_those_of_a_body_of_revolution_its_
 
 def rows_on(sheet: Sheet, face: str) -> list[np.ndarray]:
     """Numbers of the two rows, or columns, of a face, read from the sheet."""
-    numbers = [each for each in sheet.marks.words if re.fullmatch(r"-?\d+\.\d{4}", each.text)]
+    numbers = [each for each in sheet.marks.texts if re.fullmatch(r"-?\d+\.\d{4}", each.text)]
     begins = (f"{face.capitalize()} face: r", face.capitalize())  # of a row, and of a column, in which it is folded
-    (head,) = (np.array(each.at) for each in sheet.marks.words if each.text in begins)
+    (head,) = (np.array(each.at) for each in sheet.marks.texts if each.text in begins)
     axis = int(min(abs(head[1] - each.at[1]) for each in numbers) < 0.01)  # in a row, or below each other
     lines = sorted({round(each.at[axis], 3) for each in numbers}, reverse=axis == 1)
     (start,) = (k for k, line in enumerate(lines) if abs(line - head[axis]) < 0.01)
@@ -277,7 +277,7 @@ def test_the_title_block_and_notes_are_in_the_words_of_a_toolmaker() -> None:
     lens, content, sheet = drawn()
     assert content.block["material"] == ("Material: PMMA at 564 nm", "Grade: PMMA 8N", "Process: moulded")
     assert content.block["mass"] == ("Density: 1.19 g/cm³", "Mass: 1.469 g; Volume: 1234.5 mm³")
-    assert {*content.block["material"], *content.block["mass"]} < {words.text for words in sheet.marks.words}
+    assert {*content.block["material"], *content.block["mass"]} < {words.text for words in sheet.marks.texts}
     assert content.notes[-2].startswith("Draft of the rim's flange: 1°; size at its top")
     assert content.notes[-5:-2] == [
         "Rims and creases of the optical faces: R 0.06 at most. "
@@ -357,7 +357,7 @@ def test_what_the_flange_leaves_of_its_cylinder_has_no_draft_and_is_said() -> No
 def test_the_room_of_a_dimension_holds_its_text() -> None:
     for dimension in drawn()[2].marks.dimensions:
         left, bottom, right, top = room_of(Marks(dimensions=[dimension]))
-        text = box_of(words_of_dimension(dimension))
+        text = box_of(dimension_text(dimension))
         assert left <= text[0] and bottom <= text[1] and text[2] <= right and text[3] <= top, dimension.name
 
 

@@ -23,7 +23,7 @@ from lensforge.shop.drawing import title_block
 from lensforge.shop.plate_drawing import _below_mm, gate_of, pattern_of, place_rows, plate_notes, plate_sheet
 from lensforge.shop.point_tables import GridRequest
 from lensforge.shop.sheet import Sheet, box_of
-from lensforge.shop.sheet_marks import words_of_dimension
+from lensforge.shop.sheet_marks import dimension_text
 from lensforge.shop.sheet_writers import sheet_dxf
 from lensforge.shop.shop_files import make_handover
 from lensforge.shop.view_lines import dome_radius, front_line
@@ -104,7 +104,7 @@ def test_each_place_has_its_kind_and_each_lens_its_sheet() -> None:
     lens = lens_on("kinds")
     layout, one = layout_of(lens), build_part(lens_on("one"), rings=16)
     assert layout is not None
-    assert [row.what for row in place_rows(layout)] == ["lens edge, turned by 180.000°", "lens middle", "lens edge"]
+    assert [row.feature for row in place_rows(layout)] == ["lens edge, turned by 180.000°", "lens middle", "lens edge"]
     blocks = [title_block(each, one.changed(plate=None), lens.spec.drawing) for each in lens.kinds]
     assert [block["scale"] for block in blocks] == [
         ("sheet 2 of 3, manufacturing.pdf",),
@@ -127,7 +127,7 @@ def test_frames_of_datums_lie_on_no_lens_and_a_moulded_plate_shows_where_it_is_f
     """Holes between lenses: below them the next lens is in the way. The gate is in the middle of a longest side."""
     sheet, layout = sheet_of(part, "grid"), layout_of(lens_on("grid"))
     assert layout is not None
-    letters = {words.text: np.array(words.at) for words in sheet.marks.words if words.text in ("B", "C")}
+    letters = {words.text: np.array(words.at) for words in sheet.marks.texts if words.text in ("B", "C")}
     assert set(letters) == {"B", "C"}
     middles = np.array(sheet.origin) + sheet.scale * np.array(layout.lenses.places_mm)
     dome_mm = float(dome_radius(lens_on("grid"), np.zeros(1))[0])
@@ -192,7 +192,7 @@ def test_sizes_read_back_from_the_dxf_are_those_of_the_design(part: Part, name: 
 @pytest.mark.parametrize("kind", KINDS)
 def test_no_text_meets_another_or_the_frame(part: Part, kind: str) -> None:
     sheet = sheet_of(part, kind)
-    boxes = [box_of(each) for each in (*sheet.marks.words, *map(words_of_dimension, sheet.marks.dimensions))]
+    boxes = [box_of(each) for each in (*sheet.marks.texts, *map(dimension_text, sheet.marks.dimensions))]
     for a, b in combinations(boxes, 2):
         assert a[2] <= b[0] or b[2] <= a[0] or a[3] <= b[1] or b[3] <= a[1]
     left, bottom, right, top = np.array(boxes).T
@@ -220,7 +220,7 @@ def test_lenses_of_the_drawing_stand_where_they_are(part: Part) -> None:
     places = np.array(lens.spec.all_lamps.places_mm)
     away = np.linalg.norm(np.array(middles)[:, None] - places, axis=2)
     assert (away.min(axis=0) < 0.2).all()
-    labels = {words.text: (np.array(words.at) - sheet.origin) / sheet.scale for words in sheet.marks.words[::-1]}
+    labels = {words.text: (np.array(words.at) - sheet.origin) / sheet.scale for words in sheet.marks.texts[::-1]}
     for number, place in enumerate(places, start=1):  # to the right and above of the lens, beside its circle
         across, up = labels[f"L{number}"] - place
         assert across == pytest.approx(up) and 7.0 < np.hypot(across, up) < 14.0
@@ -251,7 +251,7 @@ def test_a_drawn_outline_stands_as_it_is_drawn(part: Part) -> None:
         assert any(np.abs(points[:, None] - corners).sum(axis=2).min(axis=0).max() < 1e-9 for points in closed)
     sizes = {each.name: each.length_mm for each in sheet.marks.dimensions}
     assert (sizes["width of the plate"], sizes["height of the plate"]) == pytest.approx((52.0, 43.0))
-    notes = " ".join(each.text for each in sheet.marks.words)
+    notes = " ".join(each.text for each in sheet.marks.texts)
     assert "from the origin of drawn.step" in " ".join(notes.split())
 
 
@@ -294,7 +294,7 @@ def test_datums_of_a_plate_are_the_axes_that_place_it_or_its_outline(part: Part,
     )
     triangles = [each.points for each in sheet.marks.strokes if each.filled and len(each.points) == 3]
     feet = np.array([0.5 * (p + q) for p, q, _ in triangles if abs(np.linalg.norm(p - q) - 2.6) < 0.01])  # no arrows
-    letters = {each.text: np.array(each.at) for each in sheet.marks.words if each.text in ("A", "B", "C")}
+    letters = {each.text: np.array(each.at) for each in sheet.marks.texts if each.text in ("A", "B", "C")}
     assert len(feet) == len(letters) == 1 + len(words)
     at = {letter: feet[np.argmin(np.linalg.norm(feet - place, axis=1))] for letter, place in letters.items()}
     marks = dict(labelled(layout))  # type: ignore[arg-type]
@@ -333,7 +333,7 @@ def test_tolerances_of_holes_and_pins_stand_in_the_table_against_the_datums_befo
                   "place_tolerance_mm": 0.1}],
     }  # fmt: skip
     lens = small_lens({"kind": "none"}, lamps=GRID, plate={**PLATE, **marks})
-    rows = {row.label: row.what for row in place_rows(layout_of(lens))}  # type: ignore[arg-type]
+    rows = {row.label: row.feature for row in place_rows(layout_of(lens))}  # type: ignore[arg-type]
     assert rows == {
         "H1": "hole ⌀3.000 ±0.050, through; position ⌀0.08 | A | B; datum C",
         "H2": "hole ⌀2.000, through; position ⌀0.2 | A | B | C",
