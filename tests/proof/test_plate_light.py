@@ -162,7 +162,7 @@ def test_a_point_of_any_lens_is_found_in_its_own_coordinates() -> None:
         )
         seen = plate.from_lit(there + np.array([*place, 0.0]))
         turned = plate.from_lit(ahead + np.array([*plate.places[1], 0.0]))
-        own = plate.from_own(seen, turned)
+        own = plate.to_local(seen, turned)
         np.testing.assert_allclose(np.concatenate(own), np.concatenate([point, normal]), atol=1e-12)
         assert (plate.nearest(seen)[0] == 1) == (turn == turns[1])
 
