@@ -148,8 +148,8 @@ def circle_edge(radius_mm: float, height_mm: float, on: tuple[Patch, Any] | None
         gap = float(
             np.linalg.norm(patch.points(chart * around[:, :2]) - (radius_mm * around + (0, 0, height_mm)), axis=1).max()
         )
-        there = Geom2d_Circle(gp_Ax2d(gp_Pnt2d(0.0, 0.0), gp_Dir2d(1.0, 0.0)), chart)
-        BRep_Builder().UpdateEdge(made, there, surface, TopLoc_Location(), _tolerance_mm(gap))
+        chart_circle = Geom2d_Circle(gp_Ax2d(gp_Pnt2d(0.0, 0.0), gp_Dir2d(1.0, 0.0)), chart)
+        BRep_Builder().UpdateEdge(made, chart_circle, surface, TopLoc_Location(), _tolerance_mm(gap))
     return made
 
 

@@ -28,7 +28,7 @@ class ReferenceBody:
 
     ``in_order``: where every ray meets the faces one after another, and what they reflect is lost, as in the usual
     lens. ``placement``: of the faces, where they do not stand in the frame of the rays. ``made``: for their roughness.
-    ``origin``: beginning of the place that an error names. ``scatters_before``: number of
+    ``origin``: prefix of fields named in errors. ``scatters_before``: number of
     faces that scatter on the bodies before it.
     """
 

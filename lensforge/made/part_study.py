@@ -115,7 +115,7 @@ class PartStudy:
     def kinds(self) -> tuple[LensOnBoard, ...]:
         """The lens of each kind with its lamps, one where all lamps have the same."""
         traced = TracedLens.of(self.recipe.lens, preset_of(self.recipe.lens.accuracy).nodes_per_sigma)
-        found = []
+        lenses = []
         lamps = self.lamps
         for kind, lens, lamps_of_kind in zip(
             lamps.kinds or [None], self.recipe.lens.kinds, traced.kinds or [traced], strict=True
@@ -127,8 +127,8 @@ class PartStudy:
                 boards = tuple(map(LampPictures.of, alone))
                 numbers = kind.numbers
             maker = PartMaker.of(lens.spec, lens.surfaces, lamps_of_kind.scene.grid, self.factors)
-            found.append(LensOnBoard(lens, lamps_of_kind, maker, numbers, boards))
-        return tuple(found)
+            lenses.append(LensOnBoard(lens, lamps_of_kind, maker, numbers, boards))
+        return tuple(lenses)
 
     @cached_property
     def leds(self) -> "tuple[LedStudy, ...]":

@@ -124,7 +124,7 @@ class PassRate(Record):
 class MetricBound(Record):
     """Bound that a part must keep to pass: ``metric``, a name of ``metrics``, ``sense`` ``bound``, in ``unit``.
 
-    ``flux_power``: power of the flux of the LED by which the metric grows; 0 where it does not.
+    ``flux_power``: power of the flux of the LED by which the metric grows; 0 if independent of it.
     """
 
     metric: Text

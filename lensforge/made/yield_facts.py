@@ -146,23 +146,23 @@ def budget_row(row: BudgetRow) -> Group:
     """
     factor = row.tolerance == "all"
 
-    def words(value: float) -> str:
+    def amount_text(value: float) -> str:
         return f"× {quantity(value, digits=3)}" if factor else amount_words(row.tolerance, value, row.unit)
 
-    specified = words(1.0 if factor else row.specified)
+    specified = amount_text(1.0 if factor else row.specified)
     times = ""
     if row.unlimited:
         if row.specified > 0.0 and not factor:
             times = f" ({quantity(row.searched_to / row.specified, digits=3)} times)"
-        most = f"above {words(row.searched_to)}"
+        most = f"above {amount_text(row.searched_to)}"
         interval = f"not searched beyond{times}"
     elif row.at_most is None or row.low is None or row.high is None:
         why = "the other tolerances alone give too low a yield"
         most = NOTHING
         interval = "no factor is small enough" if factor else why
     else:
-        most = words(row.at_most)
-        interval = f"{words(row.low)} to {words(row.high)}"
+        most = amount_text(row.at_most)
+        interval = f"{amount_text(row.low)} to {amount_text(row.high)}"
     tight = not row.unlimited and (row.at_most is None or row.at_most < row.specified)
     facts = (
         Fact("specified", "Specified", specified),

@@ -109,7 +109,7 @@ def _verified(
         expected_of(alone, seen, bundle, optical),
         expected_of(alone, seen, bundle, optical, polished=True) if lens.media.scattering else None,
         names=[receiver.name for receiver in seen.receivers],
-        own=independent_light(alone, judging, seen, count),
+        independent=independent_light(alone, judging, seen, count),
         optical=optical,
     )
     by_mitsuba = mitsuba_installed() and not lens.media.has_rings  # it knows facets only

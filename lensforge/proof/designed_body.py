@@ -178,7 +178,7 @@ class PlacedFace:
             is_known[rows] = self.faces[kind].within(self.faces[kind].known, local[rows])
         return is_known
 
-    def own(self, points: _Points, lens: int | None = None) -> _Points:
+    def to_local(self, points: _Points, lens: int | None = None) -> _Points:
         """Points in the local coordinates of a lens, by its number, or of the nearest one."""
         return self.lenses.at_local(points, None if lens is None else np.full(len(points), lens))[0]
 

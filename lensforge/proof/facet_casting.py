@@ -59,7 +59,7 @@ class Leg(NamedTuple):
     beyond: Float[np.ndarray, " n"]
 
     def take(self, rows: Int[np.ndarray, " k"]) -> "Leg":
-        """Rays ``rows``."""
+        """Select rays by row."""
         return Leg(*(values[rows] for values in self))
 
 

@@ -42,7 +42,7 @@ def verify_in_sandbox(
         from lensforge.proof.verification import verify_part
 
         return verify_part(files, light, referees, threads=threads, second=second)
-    count = len(light.rays) + (len(light.own.rays) if light.own else 0)
+    count = len(light.rays) + (len(light.independent.rays) if light.independent else 0)
     return _cast_in_child(Proof, count, contents, files=files, light=light, referees=referees, threads=threads)
 
 

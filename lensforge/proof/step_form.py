@@ -234,7 +234,7 @@ class _Seen:
         """True if another lens of the same kind has the same spline at its place."""
         if not isinstance(face, PlacedFace) or read.spline is None:
             return False
-        poles = face.own(read.spline.poles.reshape(-1, 3), lens).reshape(read.spline.poles.shape)
+        poles = face.to_local(read.spline.poles.reshape(-1, 3), lens).reshape(read.spline.poles.shape)
         spline = replace(read.spline, poles=poles)
         of_kind = face.of_lens(lens)
         return self.known.setdefault(of_kind, spline) is not spline and self.known[of_kind].is_same(spline)

@@ -78,7 +78,7 @@ class LightOfDesign:
     expected: Sequence[Expected]
     polished: Sequence[Expected] | None = None
     names: Sequence[str] = ("light",)
-    own: IndependentLight | None = None
+    independent: IndependentLight | None = None
     optical: OpticalFaces = USUAL_LENS
 
 
@@ -118,7 +118,7 @@ def verify_part(
     limit_rad = DEVIATION_RAD + OF_SPREAD * media.spread_rad
     step = files.step
     lamps = files.lamps
-    independent = light.own
+    independent = light.independent
     exported = files.exported
     started = perf_counter()
     _require_rays(rays, expected)

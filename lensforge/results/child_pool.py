@@ -84,12 +84,12 @@ class ChildPool:
     def call(self, function: Callable[[*_Given], _Result], *given: *_Given) -> Called[_Result]:
         """Call a function of a module in a child process, after earlier calls."""
 
-        def here() -> _Result:
+        def call_here() -> _Result:
             return function(*given)
 
         if self._threads is None:
-            return Called(here)
-        return Called(here, self._threads.submit(self._answer_of_idle, (function, given)), self._say_done_again)
+            return Called(call_here)
+        return Called(call_here, self._threads.submit(self._answer_of_idle, (function, given)), self._say_done_again)
 
     def map(
         self, function: Callable[[_Shared, _Item], _Result], shared: _Shared, items: Sequence[_Item]

@@ -109,9 +109,8 @@ def dimensions(lens: Lens) -> list[Dimension]:
     """
     every = [*_lens_dimensions(lens), *_flange_dimensions(lens), *_base_dimensions(lens), *_part_dimensions(lens)]
     drawn: list[Dimension] = []
-    for dimension in sorted(
-        every, key=lambda dimension: (dimension.is_auxiliary, dimension.scope in ("largest", "part"))
-    ):
+    order = sorted(every, key=lambda size: (size.is_auxiliary, size.scope in ("largest", "part")))
+    for dimension in order:
         if not any(dimension.repeats(kept) for kept in drawn):
             drawn.append(dimension)
     return [dimension if dimension in drawn else replace(dimension, ends=None) for dimension in every]

@@ -41,7 +41,7 @@ def drawn_file(rayfile: RayFile, model: ModelledRays, count: int) -> RayFile:
     if len(rayfile.spectral_tables) == 1:
         header["spectral_tables"] = rayfile.header["spectral_tables"]
     header["name"] = str(rayfile.header.get("name") or Path(rayfile.path).stem)
-    header["additional_info"] = f"drawn by lensforge from a {model.words}"
+    header["additional_info"] = f"drawn by lensforge from a {model.description}"
     return RayFile(
         rays.origins.astype(np.float32),
         rays.directions.astype(np.float32),
@@ -66,7 +66,7 @@ def draw_model(rayfile: RayFile, model: ModelledRays, path: Path) -> None:
     pairs = list(_pictures(model))
     with matplotlib.style.context("default"), replacing(path) as temporary:
         figure = Figure(figsize=(15.0, 7.5), layout="constrained")
-        figure.suptitle(f"{shortened(Path(rayfile.path).name)}: {model.words}", parse_math=False, fontsize=10)
+        figure.suptitle(f"{shortened(Path(rayfile.path).name)}: {model.description}", parse_math=False, fontsize=10)
         axes = figure.subplots(3, len(pairs))
         for column, (title, extent, images) in enumerate(pairs):
             brightest = max(float(image.max()) for image in images) or 1.0

@@ -90,10 +90,10 @@ class ModelledRays:
     @property
     def summary(self) -> Any:
         """Summary of the file, with a description of the model."""
-        return None if self.file.summary is None else self.file.summary.changed(model=self.words)
+        return None if self.file.summary is None else self.file.summary.changed(model=self.description)
 
     @property
-    def words(self) -> str:
+    def description(self) -> str:
         """Short description of the model."""
         detail = self.radiance.detail
         (rows, columns) = self.radiance.shape

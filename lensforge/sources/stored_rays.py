@@ -97,7 +97,7 @@ class StoredRays:
         return self.take(slice(None)) if len(self.rayfile) <= LOADED_RAYS else self
 
     def coloured(self, spectrum: Spectrum | None = None) -> "StoredRays":
-        """Rays with a wavelength drawn from ``spectrum`` for each; without it their own, or by the file.
+        """Rays with a wavelength drawn from ``spectrum`` for each; without it their own, or the file's.
 
         A file's spectral table is drawn from evenly over its power. Rays of a file that states no wavelengths have
         none. Raises :class:`InputError` for an invalid spectral table, and for several tables without a valid spectrum

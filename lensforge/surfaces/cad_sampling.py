@@ -47,7 +47,7 @@ class NamedFace:
     number: int
 
     @property
-    def words(self) -> str:
+    def title(self) -> str:
         """Its name, or its number."""
         return f"face {self.name}" if self.name else f"face {self.number}"
 
@@ -244,9 +244,9 @@ def _sample_face(folder: Path) -> None:
     shift = np.array(job["shift_mm"])
     chosen = _selected(faces, job["faces"], job["origin"], shift)
     cast = FaceCast([chosen_face.face for chosen_face in chosen], shift)
-    sampled = sampled_face(cast, f"{job['origin']}: {' and '.join(chosen_face.words for chosen_face in chosen)}")
+    sampled = sampled_face(cast, f"{job['origin']}: {' and '.join(chosen_face.title for chosen_face in chosen)}")
     np.savez(folder / SPLINE, axis=sampled.axis, radius=sampled.radius)
-    described = {"unit": unit, "names": [chosen_face.words for chosen_face in chosen]}
+    described = {"unit": unit, "names": [chosen_face.title for chosen_face in chosen]}
     errors = {"form_error_nm": sampled.form_error_nm, "normal_error_urad": sampled.normal_error_urad}
     write_json(folder / FOUND, {**described, **errors})
 

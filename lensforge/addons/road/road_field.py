@@ -50,12 +50,12 @@ def _veil(theta: Float[np.ndarray, "*k"]) -> Float[np.ndarray, "*k"]:
 
 
 def _veil_of_2000(theta: Float[np.ndarray, "*k"]) -> Float[np.ndarray, "*k"]:
-    """The same by RP-8-00."""
+    """Veiling luminance per lux by RP-8-00, by the angle (deg) from the line of sight."""
     return 10.0 / (theta**2 + 1.5 * theta)
 
 
 def _veil_of_2014(theta: Float[np.ndarray, "*k"]) -> Float[np.ndarray, "*k"]:
-    """The same by RP-8-14 and later: a power of the angle, steeper within 2 degrees."""
+    """Veiling luminance per lux by RP-8-14 and later: a power of the angle (deg), steeper within 2 degrees."""
     return 10.0 / theta ** np.where(theta < 2.0, 2.3 - 0.7 * np.log10(theta), 2.0)
 
 
