@@ -85,7 +85,7 @@ def _lagrange(fraction, count):
 
 
 def all_words(sheet):
-    return [*sheet.marks.texts, *(dimension_text(each) for each in sheet.marks.dimensions)]
+    return [*sheet.marks.texts, *(dimension_text(dimension) for dimension in sheet.marks.dimensions)]
 
 
 def boxes_of(sheet):

@@ -90,10 +90,10 @@ def test_the_dxf_read_back_has_no_errors_and_the_sizes_of_the_table(drawings, na
     document = read_back(sheet)
     assert not document.audit().errors
     assert document.units == ezdxf.units.MM
-    (height,) = {dimension_text(each).height_mm for each in sheet.marks.dimensions}
+    (height,) = {dimension_text(dimension).height_mm for dimension in sheet.marks.dimensions}
     assert document.dimstyles.get("LENSFORGE").dxf.dimtxt == pytest.approx(height / sheet.scale), "as on paper"
     measured = sorted(each.get_measurement() for each in document.modelspace().query("DIMENSION"))
-    table = sorted(each.value_mm for each in content.views.dimensions if each.ends is not None)
+    table = sorted(dimension.value_mm for dimension in content.views.dimensions if dimension.ends is not None)
     np.testing.assert_allclose(measured, table, atol=1e-9)
     for each in document.modelspace().query("DIMENSION"):  # what a reader sees is what it measures
         texts = [
@@ -134,7 +134,9 @@ def test_the_section_in_the_dxf_is_the_part_at_its_size_in_its_coordinates(parts
 @pytest.mark.parametrize("size", SIZES)
 def test_no_text_meets_another_nor_a_line_of_a_dimension_nor_the_edge(drawings, name, size):
     sheet = make_sheet(drawings[name][0], size)
-    lines = [stroke.points for each in sheet.marks.dimensions for stroke in strokes_of(each) if not stroke.filled]
+    lines = [
+        stroke.points for dimension in sheet.marks.dimensions for stroke in strokes_of(dimension) if not stroke.filled
+    ]
     for left, bottom, right, top in boxes_of(sheet):
         for (x1, y1), (x2, y2) in lines:
             apart = max(x1, x2) <= left or min(x1, x2) >= right or max(y1, y2) <= bottom or min(y1, y2) >= top
@@ -169,7 +171,7 @@ def test_a_page_of_the_pdf_is_the_sheet_in_vectors_at_its_size(drawings):
     assert b"/Subtype /Image" not in content
     found = re.findall(rb"stream\r?\n(x.*?)\nendstream", content, re.DOTALL)
     streams = [zlib.decompressobj().decompress(each) for each in found]
-    page = next(each for each in streams if each.count(b" l\n") > 500)
+    page = next(stream for stream in streams if stream.count(b" l\n") > 500)
     # The base, 15 mm square: its lower edge is a straight line of that length times the scale.
     points = np.array([[float(v) for v in each] for each in re.findall(rb"([\d.-]+) ([\d.-]+) [ml]\n", page)])
     sides = np.abs(np.diff(points, axis=0)) / 72.0 * 25.4
@@ -260,7 +262,7 @@ def test_the_plane_that_the_step_carries_is_datum_a(parts, part_of):
 
 
 def test_sizes_of_freeform_faces_are_auxiliary_and_the_others_bare(drawings):
-    texts = {each.name: each.text for each in drawings["full"][1].marks.dimensions}
+    texts = {dimension.name: dimension.text for dimension in drawings["full"][1].marks.dimensions}
     assert texts["diameter of the base"] == "⌀16.000 general"
     assert texts["diameter of the pocket"] == "⌀7.000 general"
     assert texts["depth of the relief step below z = 0"] == "0.400 general"
@@ -343,7 +345,7 @@ def test_the_dome_is_seen_from_above_to_the_left_and_its_circle_holds_it(parts, 
     lens, _, _ = parts["none"]
     content, sheet = drawings["none"]
     dome = max(content.views.dome, key=lambda line: len(line.points)).points
-    sizes = {each.name: each.value_mm for each in content.views.dimensions}
+    sizes = {dimension.name: dimension.value_mm for dimension in content.views.dimensions}
     assert 2.0 * np.hypot(*dome.T).max() == pytest.approx(sizes["width of the dome"], abs=2e-3)
     turn = np.arctan2(dome[:, 1], -dome[:, 0])  # -y to the right, x up
     directions = fibonacci_hemisphere(200_000)
@@ -352,7 +354,7 @@ def test_the_dome_is_seen_from_above_to_the_left_and_its_circle_holds_it(parts, 
     for k in range(0, 360, 36):
         near = np.abs(np.angle(np.exp(1j * (at - turn[k])))) < 0.02
         assert np.hypot(points[near, 0], points[near, 1]).max() == pytest.approx(np.hypot(*dome[k]), abs=0.03)
-    lines = {each.name: each for each in sheet.marks.dimensions}
+    lines = {dimension.name: dimension for dimension in sheet.marks.dimensions}
     assert lines["width of the dome"].end[0] < lines["outer apex above z = 0"].start[0], "first angle"
 
 
@@ -369,8 +371,8 @@ def test_the_base_is_seen_at_its_size(parts):
 def test_a_part_of_any_size_has_a_scale_that_fills_the_sheet(drawings, factor):
     content, usual = drawings["none"]
     sections = [
-        replace(each, outlines=[factor * outline for outline in each.outlines], lines=[])
-        for each in content.views.sections
+        replace(section, outlines=[factor * outline for outline in section.outlines], lines=[])
+        for section in content.views.sections
     ]
     base, dome = (
         [replace(line, points=factor * line.points) for line in lines]
@@ -447,7 +449,7 @@ def test_capitals_in_the_pdf_are_as_high_as_is_asked_for(height_mm):
     words = SheetText((50.0, 50.0), "H", height_mm)
     sheet = Sheet("A4", (297.0, 210.0), 1.0, 1.0, "one letter", (0.0, 0.0), Marks(texts=[words]))
     streams = re.findall(rb"stream\r?\n(.*?)\r?\nendstream", sheet_pdf(sheet), re.DOTALL)
-    written = b"".join(zlib.decompress(each) for each in streams if each[:1] == b"x")
+    written = b"".join(zlib.decompress(stream) for stream in streams if stream[:1] == b"x")
     (points,) = (float(each) for each in re.findall(rb"/F\S+ ([\d.]+) Tf", written))
     of_em = TextPath((0.0, 0.0), "H", size=1.0, prop=FontProperties(family=TYPEFACE)).get_extents().height
     assert points * of_em * 25.4 / 72.0 == pytest.approx(height_mm, rel=0.01)

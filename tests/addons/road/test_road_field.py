@@ -268,10 +268,10 @@ def test_a_class_of_rp_8_asks_for_its_ratios(name: str) -> None:
     asks = list(
         requirements_of(RoadReadings.of(RoadSection(**ROAD | {"lighting_class": name, "maintenance_factor": 0.7})))
     )
-    assert [(each.quantity, each.sense) for each in asks] == [
+    assert [(requirement.quantity, requirement.sense) for requirement in asks] == [
         (PlaceLight(), ">="), (MeanOverLeast(), "<="), (MostOverLeast(), "<="), (VEILING_RATIO, "<=")
     ]  # fmt: skip
-    assert tuple(each.bound for each in asks) == _RP8[name]
+    assert tuple(requirement.bound for requirement in asks) == _RP8[name]
     assert _of(asks[0].light).item() == pytest.approx(0.7 * _of(asks[1].light).mean())
     own = RoadSection(**ROAD | {"lighting_class": name, "uniformity": 0.5, "mean_cd_per_m2": 2.0, "oncoming_lanes": 1})
     both = list(requirements_of(RoadReadings.of(own.model_copy(update={"luminance_per_lux": 0.07}))))
@@ -412,7 +412,9 @@ def test_a_class_asks_of_every_observer() -> None:
     readings = RoadReadings.of(RoadSection(**ROAD, lanes=3, maintenance_factor=0.8, uniformity=0.6))
     asks: list[IntensityLimit] = list(requirements_of(readings))
     assert len(asks) == 3 * 4 + 2
-    assert [(each.quantity, each.sense, each.bound, each.unit) for each in asks[:4]] == [
+    assert [
+        (requirement.quantity, requirement.sense, requirement.bound, requirement.unit) for requirement in asks[:4]
+    ] == [
         (PlaceLight(), ">=", 1.0, "cd/m²"),
         (LeastOverMean(), ">=", 0.6, ""),
         (LeastOverMost(), ">=", 0.6, ""),
