@@ -68,9 +68,9 @@ class LightOfDesign:
     """Rays and the design's results on each receiver, of ``names``: its light, and their landings.
 
     ``polished``: the same of a lens whose faces scatter, were they polished: rays are compared one by one there, since
-    some facets turn light almost along themselves, and magnify an error of a normal without limit. ``own``: further
-    rays, drawn by independent code, and the light of the design to compare theirs with. ``optical``: the faces of the
-    part, and the events of its light.
+    some facets turn light almost along themselves, and magnify an error of a normal without limit. ``independent``:
+    further rays, drawn by independent code, and the light of the design to compare theirs with. ``optical``: the faces
+    of the part, and the events of its light.
     """
 
     rays: RayBundle
