@@ -1,6 +1,6 @@
 """Light that drafts reach by kind of lens, beam and size: what `lensforge new` advises by.
 
-python benchmarks/advice.py                # adds what lensforge/search/drafts.csv lacks: half an hour on two free cores
+python benchmarks/advice.py                # adds what lensforge/search/drafts.csv lacks: twenty minutes on a free core
 python benchmarks/advice.py --errors       # how far that table is from other drafts, as a table in Markdown
 
 Each draft is the lens that `lensforge new` writes, with the seed 0. Its row is added as soon as it is there, so that
