@@ -87,8 +87,13 @@ def zoom_in(text: str) -> tuple[float, float] | None:
     kind, _, widths = text.partition(":")
     if kind != "zoom":
         return None
-    spot_deg, flood_deg = _sizes("--target", text, widths.replace("-", "x"), ("SPOT", "FLOOD")).values()
-    if not spot_deg < flood_deg <= _WIDEST_FLOOD_DEG:
+    given = re.fullmatch(r"(\d*\.?\d+)-(\d*\.?\d+)", widths.strip())
+    if given is None:
+        raise InputError(
+            f"--target {text}: {widths!r} must be A-B, the full widths of spot and flood in degrees, such as 15-45"
+        )
+    spot_deg, flood_deg = map(float, given.groups())
+    if not 0.0 < spot_deg < flood_deg <= _WIDEST_FLOOD_DEG:
         raise InputError(
             f"--target {text}: the spot is narrower than the flood, which is {_WIDEST_FLOOD_DEG:g} degrees wide at "
             "most; give both, such as zoom:15-45"
@@ -165,10 +170,6 @@ def _sizes(option: str, text: str, given: str, names: tuple[str, ...]) -> dict[s
         if names == ("A", "B"):
             expected = "A or AxB in degrees"
             example = "10 or 60x25"
-        if names == ("SPOT", "FLOOD"):
-            given = given.replace("x", "-")
-            expected = "A-B, the full widths of spot and flood in degrees"
-            example = "15-45"
         raise InputError(f"{option} {text}: {given!r} must be {expected}, above 0, such as {example}")
     return dict(zip(names, values, strict=True))
 

@@ -17,7 +17,8 @@ def mcp(directory: Path) -> None:
     writes in DIR alone. A client is told, for example:
 
     \b
-    {"mcpServers": {"lensforge": {"command": "lensforge", "args": ["mcp", "/home/me/lenses"]}}}
+    {"mcpServers": {"lensforge":
+      {"command": "lensforge", "args": ["mcp", "/home/me/lenses"]}}}
     """
     require_libraries("mcp", "mcp")
     if not directory.is_dir():
