@@ -220,11 +220,7 @@ class LedStudy:
     @cached_property
     def kinds(self) -> tuple[LensOnBoard, ...]:
         """The lens of each kind as it is at work in the state."""
-        scale = self.spec.lens.scale
-        return tuple(
-            replace(kind, nominal=kind.nominal.at_work(self.spec), maker=replace(kind.maker, scale=scale))
-            for kind in self.study.kinds
-        )
+        return tuple(replace(kind, nominal=kind.nominal.at_work(self.spec)) for kind in self.study.kinds)
 
     @cached_property
     def _source(self) -> Source:
@@ -350,17 +346,13 @@ class LedStudy:
             yield LimitChange(name=name, value=value, change=change.changed(unit=value.unit))
 
     def made(self, deviations: Sequence[Deviations]) -> tuple[MadePart, ...]:
-        """The lenses of a part with these deviations, one for each lamp; the LED turns about its own place.
-
-        Those of a plate are about its middle.
-        """
+        """The lenses of a part with these deviations, one for each lamp; those of a plate are about its middle."""
         if self.spec.plate is not None:
             deviations = [
                 in_plate(deviation, lamp) for deviation, lamp in zip(deviations, self.study.lamps.lamps, strict=True)
             ]
-        place = self.spec.source.position_mm
-        makers = {number: replace(kind.maker, source_mm=place) for kind in self.kinds for number in kind.numbers}
-        return tuple(makers[number].part(deviation) for number, deviation in enumerate(deviations))
+        makers = {number: kind.maker for kind in self.kinds for number in kind.numbers}
+        return tuple(makers[number].part(deviation).in_state(self.spec) for number, deviation in enumerate(deviations))
 
     def measure(self, deviations: Sequence[Deviations]) -> Float[np.ndarray, "m 2"]:
         """Metrics of a part, in the order of ``of_design``, and the standard error of the change of each."""
