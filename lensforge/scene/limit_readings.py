@@ -33,7 +33,8 @@ _STEPS_PER_PIXEL = 2  # places along a line or a cut: the light between them is 
 _PHOTOMETRIC = ("lx", "cd", "cd/m²")
 _PER_WATT = {"mW/cm²": 0.1}
 FILTER_PIXELS = 4.0  # diameter of a disc with the variance of the picture's filter, one square pixel along each axis
-_FEWEST_RINGS, _MOST_RINGS = 2, 8  # of places over a light meter
+_FEWEST_RINGS = 2  # of places over a light meter
+_MOST_RINGS = 8
 _AROUND = 8  # places on a ring
 _SENSES: tuple[Sense, Sense] = (">=", "<=")
 
