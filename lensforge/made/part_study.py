@@ -21,6 +21,7 @@ from lensforge.light.evaluation import evaluate_traced
 from lensforge.light.evaluation_result import Light
 from lensforge.light.far_field import limits_by_intensities
 from lensforge.light.receiver_light import judged_figures
+from lensforge.light.replicate_rays import ReplicateRays
 from lensforge.light.simulation import TracedLens
 from lensforge.made.board_light import (
     BoardLight,
@@ -31,7 +32,7 @@ from lensforge.made.board_light import (
     periods_of,
     pictures_of,
 )
-from lensforge.made.part_light import Channels, MeasuredPart, PartLight, ReplicateRays, judged_colour
+from lensforge.made.part_light import Channels, MeasuredPart, PartLight, judged_colour
 from lensforge.made.tolerance_result import LimitChange, MetricBound
 from lensforge.optics.fundamental_limits import transmittance_of
 from lensforge.results import Fact, Metric
