@@ -141,5 +141,6 @@ def test_a_search_lights_both_of_a_pair_alike() -> None:
         first, second = light.by_led[one], light.by_led[other]
         error = np.hypot(first.efficiency.standard_error, second.efficiency.standard_error)
         assert abs(first.efficiency.value - second.efficiency.value) < 5.0 * error
-        assert np.abs(first.map[:, ::-1] - second.map).max() < 0.1 * first.map.max()
-        assert np.abs(first.map - second.map).max() > 0.5 * first.map.max()
+        noise = (first.nmse_of_noise + second.nmse_of_noise) * np.sum(second.map**2)
+        mirrored, as_it_is = (np.sum((light - second.map) ** 2) for light in (first.map[:, ::-1], first.map))
+        assert mirrored < 1.5 * noise and as_it_is > 3.0 * noise
