@@ -10,7 +10,7 @@ from pydantic import Field
 from lensforge.light.light_ways import LightWay
 from lensforge.light.receiver_light import Flux, MissedByCause, Picture, Possible, RawMetrics, ReceiverLight
 from lensforge.light.seen_lens import SeenLens
-from lensforge.light.travel import Travel
+from lensforge.light.travel_stops import Travel
 from lensforge.public import public
 from lensforge.results import Count, Fact, Image, Metric, NotNegative, Positive, Record, ResultByLed, Text, stated
 from lensforge.results.arguments import require_choice

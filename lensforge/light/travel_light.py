@@ -8,7 +8,7 @@ from jaxtyping import Float
 
 from lensforge.light.replicate_rays import ReplicateRays
 from lensforge.light.simulation import TracedLens
-from lensforge.light.travel import Travel, TravelStop
+from lensforge.light.travel_stops import Travel, TravelStop
 from lensforge.optics.pose import IN_PLACE
 from lensforge.results.chart import Chart
 from lensforge.scene.lens import Lens

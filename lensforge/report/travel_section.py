@@ -6,7 +6,7 @@ from matplotlib.figure import Figure
 
 from lensforge.light.evaluation_result import Light
 from lensforge.light.light_facts import unit_on
-from lensforge.light.travel import Travel, TravelStop, cuts
+from lensforge.light.travel_stops import Travel, TravelStop, cuts
 from lensforge.report import light_figures
 from lensforge.report.light_section import top_of
 from lensforge.report.page import PagePicture, picture

@@ -147,7 +147,7 @@ class _Scene:
 
 
 class _Wanted(NamedTuple):
-    """What is wanted of the light on a receiver: a picture, or the places of a limit, and all else of that limit."""
+    """Light that is wanted on a receiver: its picture, or the places of a limit, with all else of that limit."""
 
     receiver: PosedReceiver
     picture: Float[np.ndarray, "h w"]

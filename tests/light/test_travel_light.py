@@ -7,8 +7,8 @@ import pytest
 from scenes import small_spec, sphere
 
 import lensforge as lf
-from lensforge.light.travel import Cut, Travel, cuts
 from lensforge.light.travel_light import TravelLine, light_on_travel
+from lensforge.light.travel_stops import Cut, Travel, cuts
 from lensforge.results.chart import Chart, light_unit
 from lensforge.scene.lens import Lens
 from lensforge.sources.build_source import build_source

@@ -10,7 +10,7 @@ from result_folders import make_light, small_lens
 from test_shown_numbers import numbers_in, seen_in, texts_of
 from travel_results import CHART, LM_PER_W, results, travel
 
-from lensforge.light.travel import cuts
+from lensforge.light.travel_stops import cuts
 from lensforge.report import page, travel_section
 from lensforge.report.results import Results
 

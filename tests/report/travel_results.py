@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 from result_folders import make_light, small_lens
 
-from lensforge.light.travel import Travel, TravelStop
+from lensforge.light.travel_stops import Travel, TravelStop
 from lensforge.report.results import Results
 from lensforge.results import Metric
 from lensforge.results.chart import Chart
