@@ -24,7 +24,7 @@ class ReplicateRays:
 
     @staticmethod
     def of(source: Source, rays: int, seed: int) -> "ReplicateRays":
-        """The rays by which an evaluation of so many ``rays`` with ``seed`` simulates."""
+        """The rays of an evaluation with ``rays`` rays and ``seed``."""
         count = min(REPLICATES, rays, source.ray_count or rays)
         parts = []
         numbers = []
@@ -47,13 +47,13 @@ class ReplicateRays:
         return np.array([np.bincount(self.replicate[rows], flux[rows], minlength=self.replicates) for rows in inside])
 
     def shared_out(self, lamps: int) -> "list[ReplicateRays]":
-        """Rays for each of several lamps: at random, from every replicate as many, and its share of the flux."""
+        """Rays for each of several lamps: drawn at random, equally many from every replicate, with a share of flux."""
         order = np.random.default_rng(_SHARING).permutation(len(self))
         order = order[np.argsort(self.replicate[order], kind="stable")]
         first = np.searchsorted(self.replicate[order], self.replicate[order])
         lamp = np.empty(len(self), dtype=np.int64)
         lamp[order] = (np.arange(len(self)) - first) % lamps
-        found = []
+        by_lamp = []
         every = np.bincount(self.replicate, minlength=self.replicates)
         for number in range(lamps):
             rows = np.flatnonzero(lamp == number)
@@ -61,5 +61,5 @@ class ReplicateRays:
             replicate = self.replicate[rows]
             share = every / lamps / np.bincount(replicate, minlength=self.replicates)
             shared = replace(rays, flux=rays.flux * share[replicate])
-            found.append(ReplicateRays(shared, replicate, self.replicates, self.emitted_w / lamps))
-        return found
+            by_lamp.append(ReplicateRays(shared, replicate, self.replicates, self.emitted_w / lamps))
+        return by_lamp
