@@ -21,8 +21,8 @@ import torch
 
 from lensforge.light.table_trace import Scene, Tables, TracedBundle
 from lensforge.scene.exit_rays import Sensitivities
-from lensforge.search.parameters import settled_symmetry
 from lensforge.search.problem import Problems
+from lensforge.search.scene_symmetry import settled_symmetry
 from lensforge.search.schedule import rays_ahead
 from lensforge.sources.build_source import build_source
 from lensforge.sources.ray_bundle import RayBundle

@@ -15,8 +15,8 @@ from pathlib import Path
 import numpy as np
 
 from lensforge.made.part_study import PartStudy, Recipe
-from lensforge.search.parameters import settled_symmetry
 from lensforge.search.problem import Problems
+from lensforge.search.scene_symmetry import settled_symmetry
 from lensforge.sources.build_source import build_source
 
 BACKLIGHT = lf.load_spec(Path(__file__).parents[1] / "examples" / "backlight.toml")

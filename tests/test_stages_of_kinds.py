@@ -18,7 +18,7 @@ import lensforge as lf
 from lensforge.light.lens_light import searched_source
 from lensforge.report.results import Results
 from lensforge.results import ResultByLed
-from lensforge.search.parameters import settled_symmetry
+from lensforge.search.scene_symmetry import settled_symmetry
 from lensforge.search.start_faces import start_faces
 from lensforge.spec import ReceiverSection
 from lensforge.spec.lamps_section import AnyLamps

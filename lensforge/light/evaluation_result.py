@@ -10,6 +10,7 @@ from pydantic import Field
 from lensforge.light.light_ways import LightWay
 from lensforge.light.receiver_light import Flux, MissedByCause, Picture, Possible, RawMetrics, ReceiverLight
 from lensforge.light.seen_lens import SeenLens
+from lensforge.light.travel_stops import Travel
 from lensforge.public import public
 from lensforge.results import Count, Fact, Image, Metric, NotNegative, Positive, Record, ResultByLed, Text, stated
 from lensforge.results.arguments import require_choice
@@ -73,7 +74,8 @@ class Light(ResultByLed):
     ``receivers``: metrics, flux and maps on each receiver, in the order of the spec. ``limits``: those of the spec,
     each with its value and judgement. ``figures``: those of the spec's application. ``ways``: shares of the emitted
     flux by way, of a lens of more than two faces. ``seen``: the lens as eyes of limits see it. ``place``: of the LED,
-    where it is from a ray file or is moved. ``replicates``: independent samples, whose scatter gives the standard
+    where it is from a ray file or is moved. ``travel``: the light of the LED between its places in the states, where
+    these differ by them alone. ``replicates``: independent samples, whose scatter gives the standard
     errors. ``pixels``: along the longer side of a map as required; lamps together may need somewhat more or fewer.
     ``filter``: the filter of the maps, in words. ``lumens_per_watt``: efficacy of the light; None if nothing states it.
     ``table_nodes``: across the tables by which faces are traced. ``table_error_nm``: their largest error, by face.
@@ -83,7 +85,7 @@ class Light(ResultByLed):
 
     stage: ClassVar[str] = "evaluate"
     made_from: ClassVar[tuple[str, ...]] = ("lens", "source")
-    omit_if_empty: ClassVar[tuple[str, ...]] = ("figures", "ways", "seen", "place")
+    omit_if_empty: ClassVar[tuple[str, ...]] = ("figures", "ways", "seen", "place", "travel")
     judged_in: ClassVar[tuple[str, ...]] = ("criteria", "limits")
 
     receivers: Annotated[tuple[ReceiverLight, ...], Field(min_length=1)]
@@ -92,6 +94,7 @@ class Light(ResultByLed):
     ways: tuple[LightWay, ...] = ()
     seen: tuple[SeenLens, ...] = ()
     place: SourcePlace | None = None
+    travel: Travel | None = None
     others: "tuple[Light, ...]" = ()
     rays: Annotated[Count, Field(ge=1)]
     replicates: Annotated[Count, Field(ge=1)]

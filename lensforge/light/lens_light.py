@@ -65,6 +65,7 @@ def evaluate(
         >>> light.save("light.png")
     """
     from lensforge.light.evaluation import evaluate_lens
+    from lensforge.light.travel_light import light_on_travel
 
     require(lens, Lens, "evaluate")
     if source is not None and lens.spec.states:
@@ -96,10 +97,12 @@ def evaluate(
         )
         others = tuple(_in_state(body, state, preset, settings) for state in further) if other is None else ()
         others = tuple(light.changed(inputs={"lens": lens.sha256}) for light in others)
+        traced = light.rays + sum(in_state.rays for in_state in others)
+        travel = light_on_travel(body, held_back(emitter), preset, traced, light.seed) if others else None
     led = first if others else ""
     place = SourcePlace.of(chosen, summary)
     update = {"inputs": inputs_of(lens, other or lens.spec.source), "conditions": conditions, "led": led}
-    return light.changed(**update, others=others, place=place)
+    return light.changed(**update, others=others, place=place, travel=travel)
 
 
 @public

@@ -22,12 +22,12 @@ from scipy import sparse
 
 from lensforge.errors import InputError
 from lensforge.kernels.image_sums import add_to_bins
+from lensforge.light.replicate_rays import ReplicateRays
 from lensforge.light.simulation import REPLICATES, TracedLens, bundles
 from lensforge.made.part_light import (
     Channels,
     PartLight,
     ReceivedImages,
-    ReplicateRays,
     flux_by_cause,
     in_channels,
     judged_colour,

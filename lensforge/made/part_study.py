@@ -21,6 +21,7 @@ from lensforge.light.evaluation import evaluate_traced
 from lensforge.light.evaluation_result import Light
 from lensforge.light.far_field import limits_by_intensities
 from lensforge.light.receiver_light import judged_figures
+from lensforge.light.replicate_rays import ReplicateRays
 from lensforge.light.simulation import TracedLens
 from lensforge.made.board_light import (
     BoardLight,
@@ -31,7 +32,7 @@ from lensforge.made.board_light import (
     periods_of,
     pictures_of,
 )
-from lensforge.made.part_light import Channels, MeasuredPart, PartLight, ReplicateRays, judged_colour
+from lensforge.made.part_light import Channels, MeasuredPart, PartLight, judged_colour
 from lensforge.made.tolerance_result import LimitChange, MetricBound
 from lensforge.optics.fundamental_limits import transmittance_of
 from lensforge.results import Fact, Metric
@@ -225,11 +226,7 @@ class LedStudy:
     @cached_property
     def kinds(self) -> tuple[LensOnBoard, ...]:
         """The lens of each kind at work in the state."""
-        scale = self.spec.lens.scale
-        return tuple(
-            replace(kind, nominal=kind.nominal.at_work(self.spec), maker=replace(kind.maker, scale=scale))
-            for kind in self.study.kinds
-        )
+        return tuple(replace(kind, nominal=kind.nominal.at_work(self.spec)) for kind in self.study.kinds)
 
     @cached_property
     def _source(self) -> Source:
@@ -361,17 +358,13 @@ class LedStudy:
             yield LimitChange(name=name, value=value, change=change.changed(unit=value.unit))
 
     def made(self, deviations: Sequence[Deviations]) -> tuple[MadePart, ...]:
-        """The lenses of a part with these deviations, one for each lamp; the LED turns about its local origin.
-
-        Those of a plate turn about its middle.
-        """
+        """The lenses of a part with these deviations, one for each lamp; those of a plate are about its middle."""
         if self.spec.plate is not None:
             deviations = [
                 in_plate(deviation, lamp) for deviation, lamp in zip(deviations, self.study.lamps.lamps, strict=True)
             ]
-        place = self.spec.source.position_mm
-        makers = {number: replace(kind.maker, source_mm=place) for kind in self.kinds for number in kind.numbers}
-        return tuple(makers[number].part(deviation) for number, deviation in enumerate(deviations))
+        makers = {number: kind.maker for kind in self.kinds for number in kind.numbers}
+        return tuple(makers[number].part(deviation).in_state(self.spec) for number, deviation in enumerate(deviations))
 
     def measure(self, deviations: Sequence[Deviations]) -> Float[np.ndarray, "m 2"]:
         """Metrics of a part, in the order of ``of_design``, and the standard error of the change of each."""

@@ -16,7 +16,7 @@ from lensforge.light.photometry_result import Photometry
 from lensforge.made.tolerance_result import Sensitivity, Yield
 from lensforge.proof.proof_facts import tracer_groups
 from lensforge.proof.proof_result import Proof, StrayLight
-from lensforge.report import exported_part, headline, light_section
+from lensforge.report import exported_part, headline, light_section, travel_section
 from lensforge.report.added_section import FIRST, added_sections
 from lensforge.report.headline import task
 from lensforge.report.page import PagePicture, template
@@ -121,6 +121,7 @@ def _facts(results: Results) -> dict[str, list[Group]]:
     lit = [group for group in of(Light) if group.key != "limits"]
     return {
         "light": lit,
+        "travel": travel_section.travel_groups(results),
         "photometry": of(Photometry),
         "lens": [group for group in of(Design) if group.key != "costs"],
         "costs": [group for group in of(Design) if group.key == "costs"],
@@ -152,6 +153,7 @@ _ROWS = list[list[PagePicture]]
 _PICTURES: dict[str, tuple[_Drawn, Any, tuple[type[StageResult], ...]]] = {
     "first": (light_section.first_picture, PagePicture | None, (Light,)),
     "light": (light_section.receiver_pictures, list[light_section.ReceiverPictures], (Light,)),
+    "travel": (travel_section.travel_pictures, travel_section.TravelPictures | None, (Light,)),
     "photometry": (light_section.photometry_pictures, _LIST, (Photometry,)),
     "history": (exported_part.history_pictures, _LIST, (Design,)),
     "sections": (exported_part.section_pictures, _LIST, (Design, Part)),

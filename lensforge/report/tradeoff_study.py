@@ -21,7 +21,7 @@ from lensforge.results.folder_lock import locked
 from lensforge.results.numerals import number
 from lensforge.scene.lens import Lens
 from lensforge.search.design_result import Design, Progress
-from lensforge.search.parameters import settled_symmetry
+from lensforge.search.scene_symmetry import settled_symmetry
 from lensforge.search.searches import design
 from lensforge.search.searches_in_turn import search_in_turn
 from lensforge.sources.measured_rays import held_back

@@ -42,10 +42,11 @@ _NOISE_SEED = 20_29  # of the roughness: any number; the same in every trace, so
 class AsMade:
     """Deviations of one made lens from its design, the same for all rays.
 
-    ``names``: of the faces, from the source on. ``source``: displacement of the source, which is ``source_size`` times
-    as large about ``source_centre_mm``; ``lens``: of the whole lens, which is ``scale`` times as large about its seat,
-    ``seat_mm`` below its origin; ``faces``: of a face against the body, whose place is that of the first face.
-    ``slopes``: roughness of a face, rms of the slope along any line on it. Faces left out are as designed.
+    ``names``: of the faces, from the source on. ``source``: displacement of the source about its own place,
+    ``source_centre_mm``, about which it is ``source_size`` times as large; ``lens``: of the whole lens, which is
+    ``scale`` times as large about its seat, ``seat_mm`` below its origin; ``faces``: of a face against the body, whose
+    place is that of the first face. ``slopes``: roughness of a face, rms of the slope along any line on it. Faces left
+    out are as designed.
     """
 
     names: tuple[str, ...] = DOUBLE
@@ -65,10 +66,10 @@ class AsMade:
         Frames go from the source to the first face, from face to face, and from the last one to the world. The seat
         stays: an origin ``seat_mm`` above it comes to lie ``seat_mm (scale - 1)`` higher.
         """
-        # source: o' = R (c + k (o - c)) + shift; lens: p' = R (s p + up) + shift
+        # source: o' = c + R k (o - c) + shift; lens: p' = R (s p + up) + shift
         centre = np.array(self.source_centre_mm)
         up = np.array([0.0, 0.0, self.seat_mm * (self.scale - 1.0)])
-        emitted = self.source.directions(centre) * (1.0 - self.source_size) + np.array(self.source.origin_mm)
+        emitted = centre - self.source_size * self.source.directions(centre) + np.array(self.source.origin_mm)
         source = self.source.seen_from(self.lens).at((self.lens.to_local_points(emitted) - up) / self.scale)
         faces = [self.faces.get(name, IN_PLACE) for name in self.names]
         last = faces[-1].at(self.scale * np.array(faces[-1].origin_mm) + up)
@@ -211,13 +212,18 @@ _IN_CHAINS = (*_FIELDS, *PLACEMENT)  # of a face that is one of several between 
 class MadePart:
     """One part: errors of its faces' tables (mm) by name, none where left out, its deviations, of index and flux too.
 
-    ``made``: also names the faces, in the order of all tables.
+    ``made``: also names the faces, in the order of all tables; of a LED at the origin, at the temperature of reference.
     """
 
     errors: Mapping[str, Float[np.ndarray, "side side"]]
     made: AsMade
     index: float
     flux: float
+
+    def in_state(self, spec: Spec) -> "MadePart":
+        """The same part with its LED and its temperature of ``spec``, of one state: the LED is off by as much there."""
+        scale = spec.lens.scale * self.made.scale
+        return replace(self, made=replace(self.made, source_centre_mm=spec.source.position_mm, scale=scale))
 
     def media(self, media: Media) -> Media:
         """``media`` with the index of the batch."""
@@ -237,16 +243,13 @@ class MadePart:
 class PartMaker:
     """All that is prepared once for the faces of a lens: the tables of their form errors, by the name of the factor.
 
-    ``names``: of the faces, in the order of all tables; ``roles``: of the faces that the spec has. ``scale``: of every
-    length at the temperature of the lens at work.
+    ``names``: of the faces, in the order of all tables; ``roles``: of the faces that the spec has.
     """
 
     names: tuple[str, ...]
     roles: tuple[FaceRole, ...]
     errors: dict[str, ErrorField]
     seat_mm: float
-    source_mm: Vector
-    scale: float = 1.0
 
     @staticmethod
     def of(spec: Spec, surfaces: Mapping[str, Surface], grid: TableGrid, factors: tuple[Factor, ...]) -> "PartMaker":
@@ -271,7 +274,7 @@ class PartMaker:
                 errors[waves] = waviness(sampled, *band, _SEED + number)
             if rings in wanted:
                 errors[rings] = ripple(sampled, section.ripple_period_mm)
-        return PartMaker(tuple(surfaces), roles, errors, spec.base.seat_mm, spec.source.position_mm, spec.lens.scale)
+        return PartMaker(tuple(surfaces), roles, errors, spec.base.seat_mm)
 
     def part(self, deviations: Deviations) -> MadePart:
         """The part with these deviations."""
@@ -279,21 +282,20 @@ class PartMaker:
         def one(name: str) -> float:
             return float(deviations[name][0]) if name in deviations else 0.0
 
-        def placed(of: str, height: str, centre_mm: Vector = ORIGIN) -> Pose:
+        def placed(of: str, height: str) -> Pose:
             if height in self.errors:  # it is out of place by its table
                 return IN_PLACE
             x, y = deviations.get(f"{of}_shift_mm", _NONE).tolist()
             about_x, about_y = deviations.get(f"{of}_tilt_deg", _NONE).tolist()
-            return Pose.displaced((x, y, one(height)), (about_x, about_y, 0.0), centre_mm)
+            return Pose.displaced((x, y, one(height)), (about_x, about_y, 0.0))
 
         made = AsMade(
             names=self.names,
-            source=placed("source", "source_height_mm", self.source_mm),
-            source_centre_mm=self.source_mm,
+            source=placed("source", "source_height_mm"),
             lens=placed("lens", "lens_height_mm"),
             faces={name: placed(name, factor_name(self.roles, name, "gap_mm")) for name in self.names[1:]},
             source_size=1.0 + one("source_size"),
-            scale=self.scale * (1.0 + one("shrinkage")),
+            scale=1.0 + one("shrinkage"),
             seat_mm=self.seat_mm,
             slopes={name: self._slope(name, deviations) for name in self.names},
         )

@@ -292,7 +292,8 @@ class MeritFunction(Merit[SampledLight]):
             losses = _losses((light,))
             return SampledLight(images, self._flux_term(light), emitted_w, (), colours, losses)
         assert isinstance(self.light, LightPath), "a robust search has one lens"
-        light_of_part, light_of_opposite = (self.light.through(tables, rays, part) for part in pairs[0])
+        made = [part.in_state(self.spec) for part in pairs[0]]
+        light_of_part, light_of_opposite = (self.light.through(tables, rays, part) for part in made)
         lit = (
             self.light.over_outlines([collected.image for collected in light], tables, rays)
             for light in (light_of_part, light_of_opposite)

@@ -5,7 +5,7 @@ whose pictures are good only together would be good in no state.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import torch
 from jaxtyping import Float
@@ -14,6 +14,7 @@ from torch import Tensor
 from lensforge.search.light_path import Pairs
 from lensforge.search.merit import Merit, MeritFunction, MeritParts, SampledLight, SampleLoss
 from lensforge.search.parameters import Parametrisation
+from lensforge.search.scene_symmetry import traced_states
 from lensforge.sources.ray_bundle import RayBundle
 from lensforge.sources.several_sources import SeveralSources
 from lensforge.spec import Spec
@@ -55,12 +56,16 @@ class MeritOfSources(Merit[LightOfSources]):
         device: torch.device | None = None,
         single: bool = False,
     ) -> "MeritOfSources":
-        """The merit for all states of ``spec``; each asks for its own targets and limits with its own flux."""
-        pairs = zip(spec.by_state.values(), source.sources, strict=True)
-        members = tuple(MeritFunction.of(state, led, parametrisation, device, single) for state, led in pairs)
-        total = sum(state.weight for state in spec.all_states)
-        shares = tuple(state.weight / total for state in spec.all_states)
-        return MeritOfSources(parametrisation, source, members, shares, spec.optimise.over_sources == "worst")
+        """The merit for all states of ``spec``; each asks for its own targets and limits with its own flux.
+
+        ``source``: the LED in all of them; of states that are mirror images of each other one is traced.
+        """
+        traced = traced_states(spec, source)
+        members = tuple(MeritFunction.of(state.spec, state.led, parametrisation, device, single) for state in traced)
+        total = sum(state.weight for state in traced)
+        shares = tuple(state.weight / total for state in traced)
+        leds = replace(source, sources=tuple(state.led for state in traced))
+        return MeritOfSources(parametrisation, leds, members, shares, spec.optimise.over_sources == "worst")
 
     def light_of(self, tables: Float[Tensor, "f side side"], rays: RayBundle, pairs: Pairs = ()) -> LightOfSources:
         """The light of ``rays``, each LED's by itself, through the lens with these tables, or ``pairs`` of parts."""

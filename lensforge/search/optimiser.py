@@ -29,8 +29,8 @@ from lensforge.search.ending import Candidates, SearchEnd
 from lensforge.search.feasibility import require_feasible_start
 from lensforge.search.light_path import Pairs
 from lensforge.search.merit import StepLoss
-from lensforge.search.parameters import settled_symmetry
 from lensforge.search.problem import Problem, Problems, ValidationRays
+from lensforge.search.scene_symmetry import settled_symmetry, traced_source
 from lensforge.search.schedule import NextStage, Outcome, Schedule, Stage, rays_ahead, stages_of
 from lensforge.search.search_state import Adam, Parameters, SearchState, forms_of_search
 from lensforge.sources.build_source import summarise
@@ -363,7 +363,7 @@ def search(
         state = _fresh_state(schedule, problems, start)
     if checkpoint is not None and not resume:
         delete_checkpoint(checkpoint)  # of an earlier search: an interrupt before the first step leaves none
-    of_steps = searched(source)
+    of_steps = searched(traced_source(spec, source))
     automatic = spec.lens.levels == "auto"
     validation, smooth = ValidationRays.of(of_steps, schedule.validation_rays(preset.effort.validation_rays), seed)
     observer = progress or (lambda _: None)

@@ -7,7 +7,6 @@ receivers and targets share, and no larger one.
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import chain
 from typing import Any, cast
 
 import numpy as np
@@ -15,18 +14,13 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from lensforge.errors import InputError, remedy
+from lensforge.errors import remedy
 from lensforge.kernels.parallel import in_parallel
 from lensforge.scene.lens import Lens
-from lensforge.scene.limit_readings import light_limits
 from lensforge.scene.receiver import PosedReceiver
-from lensforge.scene.receiver_shapes import receivers_of
-from lensforge.scene.target_pattern import target_light
-from lensforge.sources.ray_bundle import Source
 from lensforge.spec import AnyAccuracy, Spec
 from lensforge.surfaces.bicubic_table import BasisTables, TableGrid, dyadic_grid, tabulate
-from lensforge.surfaces.mirror_group import NAMES, contains, generators
-from lensforge.surfaces.placed_bodies import has_mirrors
+from lensforge.surfaces.mirror_group import generators
 from lensforge.surfaces.srbf import SrbfBasis, SrbfSurface, fibonacci_hemisphere, level_sigma
 from lensforge.surfaces.surface import Surface
 
@@ -234,77 +228,6 @@ _SAME = 1e-9  # of a mirrored frame, and of a centre relative to its distance
 
 _Turns = tuple[tuple[bool, tuple[int, ...]], ...]
 ChartMirrors = tuple[tuple[tuple[int, int], tuple[int, int]], ...]  # signed permutations of the chart's coordinates
-
-
-def settled_symmetry(spec: Spec, source: Source) -> Spec:
-    """``spec`` with ``lens.symmetry`` as one of ``surfaces.mirror_group``: for "auto" the largest that the scene has.
-
-    Raises :class:`InputError` for a symmetry that source, target or a fixed surface lacks.
-    """
-    name = spec.lens.symmetry
-    if name == "auto":
-        symmetry = next(name for name in reversed(NAMES) if name != "diagonal" and _has_symmetry(spec, source, name))
-        return spec.changed(lens=spec.lens.changed(symmetry=symmetry))
-    for group in _groups(spec, name):
-        if not contains(source.symmetry, group):
-            raise InputError(f"lens.symmetry = {group!r}: the source has only {source.symmetry!r}; use that, or 'auto'")
-        lacking = _in_fixed(spec, group)
-        if lacking is not None:
-            raise InputError(f"lens.symmetry = {group!r}: {lacking} is not symmetric in this way; use 'auto'")
-    if not _in_all_targets(spec, name):
-        raise InputError(f"lens.symmetry = {name!r}: the target is not symmetric in this way; use 'auto'")
-    return spec
-
-
-def _groups(spec: Spec, name: str) -> list[str]:
-    """Mirror groups of the lenses where the light of all lamps has the group ``name``, itself the first."""
-    return list(dict.fromkeys([name, *(kind.symmetry(name) for kind in spec.all_lamps.kinds)]))
-
-
-def _has_symmetry(spec: Spec, source: Source, name: str) -> bool:
-    is_of_scene = all(
-        contains(source.symmetry, group) and _in_fixed(spec, group) is None for group in _groups(spec, name)
-    )
-    return is_of_scene and _in_all_targets(spec, name)
-
-
-def _in_fixed(spec: Spec, name: str) -> str | None:
-    """Field of a fixed surface, or name of a body, that lacks the symmetry; None if all have it."""
-    lacking = (
-        f"lens.{face}.fixed"
-        for face, surface in spec.lens.fixed.items()
-        if surface is not None and not contains(surface.symmetry, name)
-    )
-    bodies = (f"body {body.name!r}" for body in spec.media.bodies if not has_mirrors(body, name))
-    return next(chain(lacking, bodies), None)
-
-
-def _in_all_targets(spec: Spec, name: str) -> bool:
-    """True where targets and limits have the symmetry in every state."""
-    return all(_in_targets(state, name) for state in spec.by_state.values())
-
-
-def _in_targets(spec: Spec, name: str) -> bool:
-    """True where the targets have the symmetry, and the places of each limit."""
-    receivers = receivers_of(spec, spec.optimise.pixels)
-    every = [chart_mirrors(receiver, name) for receiver in receivers]
-    wanted = [
-        target_light(section.targets, receiver) for section, receiver in zip(spec.all_receivers, receivers, strict=True)
-    ]
-    pictures = list(enumerate(wanted))
-    for limit in light_limits(spec, receivers, 1.0, 1.0):  # whatever the lumens: only the places count
-        if limit.quantity.of_losses or limit.quantity.of_view:  # mirrored, a lens looks the same to a mirrored eye
-            continue
-        places = np.asarray(limit.readings.sum(axis=0)).reshape(receivers[limit.receiver].grid.shape)
-        pictures.append((limit.receiver, places))
-    return all(_has_mirrors(picture, every[index]) for index, picture in pictures)
-
-
-def _has_mirrors(picture: Float[np.ndarray, "h w"], mirrors: ChartMirrors | None) -> bool:
-    if mirrors is None:
-        return False
-    image = torch.from_numpy(picture)
-    return torch.allclose(mirrored_light(image, mirrors), image, rtol=1e-6, atol=1e-6 * float(image.max()))
 
 
 def chart_mirrors(receiver: PosedReceiver, name: str) -> ChartMirrors | None:

@@ -536,9 +536,7 @@ class Spec(Section):
         if self.optimise.robust and self.lens.is_opaque:
             clear = " or ".join(repr(kind) for kind, section in LensShape.kinds.items() if lets_light_in(section.roles))
             raise ValueError(f"optimise.robust goes with lens.kind = {clear}, not {self.lens.kind!r}; leave it out")
-        if self.optimise.robust and self.states:
-            raise ValueError("optimise.robust: a search by made parts is for one state; leave it out, or states")
-        self.optimise.require_limits(bool(self.limits or self.applications))
+        self.optimise.require_limits(bool(self.limits_in_states or self.applications))
         if self.lens.levels != "auto":
             if self.optimise.seconds is not None:
                 raise ValueError('optimise.seconds goes with lens.levels = "auto"; leave out one of the two')

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from itertools import pairwise
 from typing import Annotated, ClassVar, Literal, Self
 
+import numpy as np
 from pydantic import Field
 
 from lensforge.optics.colorimetry import LARGEST_LM_PER_W
@@ -223,6 +224,14 @@ class EmitterSection(OfSeveralKinds, FluxSection):
         if not fluxes:
             raise ValueError("dimming: the flux of the LED is not stated; give source.flux_lm or source.flux_w")
         return self.changed(**fluxes)
+
+    def mirrored(self, axis: Literal["x", "y"]) -> Self:
+        """The source where the mirror that maps ``axis`` to minus itself puts it: itself, unless its own parts move."""
+        about_x, about_y = self.tilt_deg
+        signs = np.where(np.array(("x", "y", "z")) == axis, -1.0, 1.0)
+        tilt_deg = (about_x, -about_y) if axis == "x" else (-about_x, about_y)
+        position_mm = tuple((signs * self.position_mm).tolist())
+        return self.changed(position_mm=position_mm, tilt_deg=tilt_deg, rotate_z_deg=-self.rotate_z_deg)
 
     @property
     def description(self) -> str:

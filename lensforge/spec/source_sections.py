@@ -228,6 +228,12 @@ class ChipsSource(PlanarSource):
         total = self._share_of(shares) if self.flux_w is not None or self.flux_lm is not None else 1.0
         return self.changed(chips=chips, **self.fluxes_times(total))
 
+    def mirrored(self, axis: Literal["x", "y"]) -> Self:
+        """The source where the mirror that maps ``axis`` to minus itself puts it, its chips from the left upwards."""
+        place = f"{axis}_mm"
+        chips = [chip.changed(**{place: -getattr(chip, place)}) for chip in self.chips]
+        return super().mirrored(axis).changed(chips=sorted(chips, key=lambda chip: (chip.y_mm, chip.x_mm)))
+
     def _share_of(self, shares: Sequence[float]) -> float:
         """Share of the whole flux that these ``shares`` of each chip are."""
         for name in FluxSection.model_fields:

@@ -100,7 +100,7 @@ def test_rays_through_rough_lenses_of_any_size_have_the_same_fates(roughness: fl
 
 FILM = LayerStack((CoatingLayer(IndexCurve((1.38,)), 100.0),), IndexCurve((1.49,)), (300.0, 900.0))
 MADE = AsMade(
-    source=Pose.displaced((0.05, -0.03, 0.02), (0.01, -0.02, 0.0), (0.1, 0.0, 0.0)), source_centre_mm=(0.1, 0.0, 0.0),
+    source=Pose.displaced((0.05, -0.03, 0.02), (0.01, -0.02, 0.0)), source_centre_mm=(0.1, 0.0, 0.0),
     lens=Pose.displaced((0.1, 0.0, 0.05)), faces={"outer": Pose.displaced((0.02, 0.05, -0.03), (0.004, 0.01, 0.0))},
     source_size=1.1, scale=0.99, slopes={"inner": 1e-3, "outer": 2e-3},
 )  # fmt: skip

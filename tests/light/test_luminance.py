@@ -24,7 +24,8 @@ from lensforge.scene.limit_readings import light_limits
 from lensforge.scene.pixel_grid import bin_flux
 from lensforge.search.limit_terms import LimitTerm
 from lensforge.search.merit import MeritFunction
-from lensforge.search.parameters import SphereParameters, settled_symmetry
+from lensforge.search.parameters import SphereParameters
+from lensforge.search.scene_symmetry import settled_symmetry
 from lensforge.sources.build_source import build_source
 from lensforge.spec import Spec
 from lensforge.surfaces.asphere import sphere

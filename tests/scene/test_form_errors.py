@@ -102,10 +102,25 @@ def test_a_face_is_as_rough_as_its_finish_and_what_is_too_fine_for_its_table() -
     assert part.made.slopes == {"inner": 0.0, "outer": pytest.approx(np.hypot(2e-3, waves), rel=1e-6)}
 
 
-def test_an_led_tilts_and_grows_about_its_own_place() -> None:
-    """Its middle stays; a point 1 mm beside it moves by the turn and by a tenth."""
-    place = np.array([0.3, -0.2, 0.5])
-    maker = PartMaker.of(small_spec(source__position_mm=place.tolist()), {"inner": sphere(3.0)}, GRID, ())
-    made = maker.part({"source_tilt_deg": np.array([0.0, 0.03]), "source_size": np.array([0.1])}).made
-    found = made.placed.into.points(np.array([place, place + np.eye(3)[0]]), made.source_size)
-    np.testing.assert_allclose(found - place, [[0, 0, 0], [1.1 * np.cos(0.03), 0, -1.1 * np.sin(0.03)]], atol=1e-12)
+def test_an_led_tilts_and_grows_about_its_own_place_in_each_state() -> None:
+    """Its middle moves by the shift; a point 1 mm beside it by the turn and by a tenth, too."""
+    shift = np.array([0.02, -0.01, 0.03])
+    deviations = {"source_tilt_deg": [0.0, 0.03], "source_size": [0.1], "source_shift_mm": shift[:2]}
+    deviations |= {"source_height_mm": shift[2:]}
+    part = PartMaker.of(small_spec(), {"inner": sphere(3.0)}, GRID, ()).part(
+        {name: np.array(deviation) for name, deviation in deviations.items()}
+    )
+    for place in np.array([[0.3, -0.2, 0.5], [0.0, 0.0, -0.4]]):
+        made = part.in_state(small_spec(source__position_mm=place.tolist())).made
+        found = made.placed.into.points(np.array([place, place + np.eye(3)[0]]), made.source_size)
+        beside = [1.1 * np.cos(0.03), 0.0, -1.1 * np.sin(0.03)]
+        np.testing.assert_allclose(found - place, [shift, shift + beside], atol=1e-12)
+
+
+def test_a_part_is_as_large_as_its_shrinkage_and_the_temperature_of_the_state_make_it() -> None:
+    part = PartMaker.of(small_spec(), {"inner": sphere(3.0)}, GRID, ()).part({"shrinkage": np.array([-0.002])})
+    warm = small_spec(lens__index_per_k=0.0, lens__expansion_per_k=1e-4, lens__temperature_c=70.0)
+    assert [part.in_state(spec).made.scale for spec in (small_spec(), warm)] == pytest.approx(
+        [0.998, 0.998 * warm.lens.scale], rel=1e-15
+    )
+    assert warm.lens.scale > 1.004

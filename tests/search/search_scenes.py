@@ -39,6 +39,15 @@ RECEIVERS: dict[str, dict[str, Any]] = {
         "targets": [{"kind": "rectangle", "width_mm": 90.0, "height_mm": 60.0}],
     },
 }  # fmt: skip
+STATES: dict[str, Any] = {
+    "lens__index_per_k": -1e-4, "lens__expansion_per_k": 1e-4,
+    "states": [
+        {"name": "near", "weight": 3.0, "temperature_c": 80.0},
+        {"name": "far", "shift_mm": [0.1, -0.2, 0.2], "tilt_deg": [-5.0, 20.0], "target": {
+            "kind": "rectangle", "width_mm": 90.0, "height_mm": 60.0, "centre_mm": [20.0, 0.0],
+            "distance_mm": 80.0, "receiver_mm": 150.0}},
+    ],
+}  # fmt: skip
 
 
 class Step:

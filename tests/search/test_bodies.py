@@ -10,7 +10,8 @@ from lensforge.scene.possible_light import PossibleLight, SourceLight
 from lensforge.scene.receiver_shapes import receivers_of
 from lensforge.search.light_path import SearchParts
 from lensforge.search.merit import MeritFunction
-from lensforge.search.parameters import SphereParameters, settled_symmetry
+from lensforge.search.parameters import SphereParameters
+from lensforge.search.scene_symmetry import settled_symmetry
 from lensforge.sources.build_source import build_source
 from lensforge.spec import Spec, parse_spec
 

@@ -7,7 +7,7 @@ import pytest
 import torch
 from nightly import first_by_day
 from scenes import DEVICES, tolerance_changes
-from search_scenes import LARGE, RECEIVERS, WHITE, Step
+from search_scenes import LARGE, RECEIVERS, STATES, WHITE, Step
 
 from lensforge.light.reference_hits import TableFace
 
@@ -88,6 +88,8 @@ SPECS: dict[str, dict[str, Any]] = {
     "coloured, lamps, mirrored": COLOURS | LAMPS | {"lens__symmetry": "mirror_x"},
     "a share of the parts": OF_PARTS,
     "a share of the parts, two LEDs": OF_PARTS | {"source": None, "sources": LEDS},
+    "a share of the parts, two states": OF_PARTS | STATES,
+    "robust, two states": ROBUST | tolerance_changes(LARGE) | STATES,
     "coloured, robust, dispersed": COLOURS | ROBUST | tolerance_changes(LARGE) | {"lens__material": "PC"},
 }
 

@@ -16,8 +16,8 @@ from lensforge.scene.lens import Lens
 from lensforge.search.design_result import Progress
 from lensforge.search.feasibility import measure_constraints
 from lensforge.search.merit import MeritFunction
-from lensforge.search.parameters import settled_symmetry
 from lensforge.search.problem import Problem, Problems
+from lensforge.search.scene_symmetry import settled_symmetry
 from lensforge.search.searches_in_turn import search_in_turn
 from lensforge.sources.build_source import build_source
 from lensforge.spec import Spec

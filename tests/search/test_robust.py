@@ -1,5 +1,6 @@
 """Robust searches: the merit that they lower is the mean over parts, exact in its gradient; what they gain and keep."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -9,7 +10,7 @@ import torch
 from nightly import first_by_day
 from presets import FEW, FEW_STEPS
 from scenes import NO_TOLERANCES, small_spec, tolerance_changes
-from search_scenes import LARGE, Step, require_same_bits_after
+from search_scenes import LARGE, STATES, Step, require_same_bits_after
 
 from lensforge.errors import InputError
 from lensforge.scene.lens import Lens
@@ -31,8 +32,8 @@ def problem_of(spec: Spec) -> Problem:
 class RobustStep(Step):
     """A step of a robust search."""
 
-    def __init__(self, tolerances: dict[str, float]) -> None:
-        super().__init__({"optimise__robust": True, **tolerance_changes(tolerances)})
+    def __init__(self, tolerances: dict[str, float], **changes: Any) -> None:
+        super().__init__({"optimise__robust": True, **tolerance_changes(tolerances), **changes})
         self.merit = self.problem.merit
         self.weights, self.offsets = self.parameters
 
@@ -41,8 +42,10 @@ class RobustStep(Step):
         return self.merit.step_loss(*self.parameters, self.rays, self.problem.constraints, True).loss
 
 
-def test_without_deviations_it_is_the_merit_of_the_lens_as_designed() -> None:
-    step = RobustStep({**NO_TOLERANCES, "source_shift_mm": 1e-10, "outer_form_um": 1e-7, "index": 1e-12})
+@pytest.mark.parametrize("changes", [{}, STATES, {**STATES, "optimise__over_sources": "worst"}])
+def test_without_deviations_it_is_the_merit_of_the_lens_as_designed(changes: dict[str, Any]) -> None:
+    none = {**NO_TOLERANCES, "source_shift_mm": 1e-10, "outer_form_um": 1e-7, "index": 1e-12}
+    step = RobustStep(none, **changes)
     with torch.no_grad():
         assert step.loss().item() == pytest.approx(step.designed().item(), rel=1e-9)
 
@@ -57,6 +60,44 @@ def test_the_merit_of_a_pair_is_the_mean_over_its_parts() -> None:
             losses.append(step.loss().item())
     assert losses[0] == pytest.approx(0.5 * (losses[1] + losses[2]), rel=1e-12)
     assert abs(losses[1] - losses[2]) > 1e-3 * losses[0]
+
+
+@pytest.mark.parametrize("robustly", [True, 0.9])
+def test_a_part_is_one_lens_in_all_its_states(robustly: bool | float) -> None:
+    """Two states that are alike, to 1e-12 mm, have the merit of one by half of the rays, and its gradient."""
+    zone = {"kind": "zone", "zone": {"kind": "disc", "diameter_mm": 120.0}, "at_least_share": 0.5}
+    changes = {"limits": [zone], "optimise__robust": robustly}
+    alone = RobustStep(LARGE, **changes)
+    states = [{"name": "one", "weight": 2.0}, {"name": "other", "shift_mm": [0.0, 0.0, 1e-12]}]
+    both = RobustStep(LARGE, states=states, **changes)
+    alone.rays = build_source(alone.problem.spec.source).sample(512, 1)
+    for value, wanted in zip(both.values(), alone.values(), strict=True):
+        assert torch.allclose(value, wanted, rtol=1e-9, atol=1e-9 * float(wanted.abs().max()))
+    loss = alone.loss().item()
+    alone.pairs = ()
+    assert abs(alone.loss().item() - loss) > 1e-3 * loss, "the parts count"
+
+
+def test_an_led_is_off_by_the_same_in_every_state_about_its_own_place() -> None:
+    """The light of a part whose LED is out of place is that of rays moved by hand through the lens as designed."""
+    step = RobustStep(
+        {**NO_TOLERANCES, "source_shift_mm": 0.1, "source_height_mm": 0.05, "source_tilt_deg": 5.0}, **STATES
+    )
+    tables = step.problem.parametrisation.tables(*step.parameters).detach()
+    ((part, _),) = step.pairs
+    off = part.made.source
+    assert min(map(abs, (*off.origin_mm[:2], *off.axis[:2]))) > 1e-3
+    members, leds = step.merit.members, step.problem.merit.source
+    for member, rays in zip(members, leds.shared_out(step.rays), strict=True):
+        place = np.array(member.spec.source.position_mm)
+        moved = replace(
+            rays, origins=place + off.points(rays.origins - place), directions=off.directions(rays.directions)
+        )
+        found, wanted = (
+            member.light_of(tables, light, pairs).images[0] for light, pairs in ((rays, ((part, part),)), (moved, ()))
+        )
+        before = member.light_of(tables, rays).images[0]
+        assert float((found - wanted).abs().max()) < 1e-9 * float((before - wanted).abs().max())
 
 
 def test_slices_of_a_sample_join_to_its_light() -> None:

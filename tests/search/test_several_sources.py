@@ -116,6 +116,8 @@ OF_STATES = {
         ("mean", OF_PARTS),
         ("mean", OF_STATES),
         ("worst", OF_STATES),
+        ("mean", OF_PARTS | OF_STATES),
+        ("worst", OF_PARTS | OF_STATES),
     ],
 )
 def test_the_merit_is_the_mean_by_shares_or_the_worst(over: str, changes: dict[str, Any]) -> None:

@@ -10,7 +10,8 @@ from lensforge.optics.pose import Pose
 from lensforge.scene.pixel_grid import PixelGrid
 from lensforge.scene.receiver import PosedReceiver
 from lensforge.scene.receiver_shapes import Cylinder, FarField, Plane, SphericalReceiver
-from lensforge.search.parameters import chart_mirrors, mirrored_light, settled_symmetry
+from lensforge.search.parameters import chart_mirrors, mirrored_light
+from lensforge.search.scene_symmetry import settled_symmetry
 from lensforge.sources.build_source import SquareEmitter
 from lensforge.sources.planar_emitter import planar_emitter
 from lensforge.spec.source_sections import RectangleSource

@@ -22,8 +22,8 @@ from lensforge.search.constraints import AugmentedLagrangian
 from lensforge.search.feasibility import measure_constraints
 from lensforge.search.light_path import SearchParts
 from lensforge.search.merit import MeritFunction
-from lensforge.search.parameters import settled_symmetry
 from lensforge.search.profiles import FaceParameters, ProfileParameters
+from lensforge.search.scene_symmetry import settled_symmetry
 from lensforge.search.start_faces import start_faces
 from lensforge.sources.build_source import build_source
 from lensforge.spec import Spec, parse_spec

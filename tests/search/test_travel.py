@@ -10,7 +10,7 @@ from scenes import small_spec
 import lensforge as lf
 from lensforge.light.lens_light import searched_source
 from lensforge.search.automatic_schedule import preset_for
-from lensforge.search.parameters import settled_symmetry
+from lensforge.search.scene_symmetry import settled_symmetry
 from lensforge.search.travel import require_clear_travel, travelled
 from lensforge.spec import Spec
 

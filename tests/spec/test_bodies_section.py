@@ -7,7 +7,7 @@ from lensforge.errors import InputError
 from lensforge.scene.lens import Lens
 from lensforge.scene.lens_at_temperature import at_temperature
 from lensforge.scene.receiver_shapes import receivers_of
-from lensforge.search.parameters import settled_symmetry
+from lensforge.search.scene_symmetry import settled_symmetry
 from lensforge.sources.build_source import build_source
 from lensforge.spec import Spec, load_spec, parse_spec
 from lensforge.surfaces import asphere

@@ -148,7 +148,6 @@ def test_the_cavity_has_room_for_the_led_in_every_state() -> None:
             {"sources": [{"name": "x", "source": LED}, {"name": "y", "source": DISC}]},
             "states and sources: both are given; give each LED as the source of a state",
         ),
-        (STATES[:2], {"optimise__robust": True}, "optimise.robust: a search by made parts is for one state"),
         (
             [{"name": "a", "temperature_c": 80.0}, {"name": "b"}],
             {},

@@ -16,6 +16,7 @@ from lensforge.light.receiver_light import ReceiverLight
 from lensforge.report.folder import Run
 from lensforge.report.headline import headline, required_facts
 from lensforge.report.results import REPORT_FILE
+from lensforge.report.travel_section import stop_words, travel_of
 from lensforge.results.files import MIB, read_file
 from lensforge.spec import ReceiverSection
 
@@ -32,6 +33,10 @@ def run_arrays(run: Run, figure: str) -> dict[str, np.ndarray]:
     for number, (light, _, lumens) in enumerate(_lit_receivers(run)):
         arrays[f"light{number}"] = (lumens or 1.0) * light.map
         arrays[f"target{number}"] = (lumens or 1.0) * light.target_map
+    if (travel := travel_of(run)) is not None:
+        number = len(run.light.receivers)
+        of_stops = enumerate(travel[0].stops)
+        arrays |= {f"light{number}_{index}": travel[1].per_watt * stop.map for index, stop in of_stops}
     return arrays | drawn(run.lens, figure, whole=True)
 
 
@@ -41,7 +46,8 @@ def run_words(run: Run) -> dict[str, object]:
         "name": run.spec.name,
         "folder": run.folder.resolve().name,
         "receivers": [
-            chart_head(section, light.width, light.height, lumens) for light, section, lumens in _lit_receivers(run)
+            *(chart_head(section, light.width, light.height, lumens) for light, section, lumens in _lit_receivers(run)),
+            *_travel(run),
         ],
         "facts": [[fact.label, fact.sentence, fact.state] for fact in required_facts(run)],
         "sentence": headline(run).sentence,
@@ -56,6 +62,14 @@ def _lit_receivers(run: Run) -> Iterator[tuple[ReceiverLight, ReceiverSection, f
     if "evaluate" in run.found:
         for light, section in zip(run.light.receivers, run.spec.in_first_state.all_receivers, strict=True):
             yield light, section, run.light.lumens_per_watt
+
+
+def _travel(run: Run) -> Iterator[dict[str, object]]:
+    """The receiver over the travel of the LED, with words on each stop; nothing where there is no travel."""
+    if (found := travel_of(run)) is not None:
+        travel, unit = found
+        chart = {"width": travel.width, "height": travel.height, "far": travel.far_field, "unit": unit.symbol}
+        yield {"name": "travel of the LED", **chart, "stops": [stop_words(group) for group in travel.groups(unit)]}
 
 
 def _verdicts(run: Run) -> list[dict[str, object]]:

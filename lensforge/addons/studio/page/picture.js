@@ -5,7 +5,7 @@ const MARGIN = 46, STRIP = 58;
 
 export class Picture {
   constructor(canvas, readout) {
-    Object.assign(this, { canvas, readout, frame: null, wanted: null, number: 0, at: null, twin: null });
+    Object.assign(this, { canvas, readout, frame: null, wanted: null, number: 0, stop: 0, at: null, twin: null });
     const place = event => {
       const box = canvas.getBoundingClientRect();
       this.move((event.clientX - box.left - this.left) / this.side.width, (event.clientY - box.top - this.top) / this.side.height);
@@ -40,7 +40,7 @@ export class Picture {
   draw() {
     const { pen, width, height } = drawing(this.canvas), receiver = this.receiver;
     if (!receiver) return;
-    const light = this.frame?.arrays[`light${this.number}`], target = (this.frame ?? this.wanted).arrays[`target${this.number}`];
+    const light = this.frame?.arrays[`light${this.number}${receiver.stops ? `_${Math.min(this.stop, receiver.stops.length - 1)}` : ""}`], target = (this.frame ?? this.wanted).arrays[`target${this.number}`];
     const shown = light ?? target, [rows, columns] = shown.shape, largest = Math.max(...shown.values, 1e-30);
     const room = [width - MARGIN - STRIP - 8, height - MARGIN - STRIP];
     const scale = Math.min(room[0] / receiver.width, room[1] / receiver.height);
@@ -48,11 +48,11 @@ export class Picture {
     this.left = MARGIN + (room[0] - this.side.width) / 2;
     this.top = STRIP + (room[1] - this.side.height) / 2;
     this.paint(pen, shown.values, rows, columns, largest, light ? 1 : 0.55);
-    this.outline(pen, target);
+    if (target) this.outline(pen, target);
     this.axes(pen, receiver);
     const image = this.wanted?.receivers[this.number]?.image;
     if (image && !light) this.circle(pen, image * scale);
-    this.sections(pen, shown, light && target, largest, receiver);
+    this.sections(pen, shown, light && target, largest, receiver, Boolean(light));
   }
 
   paint(pen, values, rows, columns, largest, strength) {
@@ -113,7 +113,7 @@ export class Picture {
     pen.setLineDash([]);
   }
 
-  sections(pen, light, target, largest, receiver) {
+  sections(pen, light, target, largest, receiver, lit) {
     const [rows, columns] = light.shape, [x, y] = this.at ?? [0.5, 0.5], { left, top, side } = this;
     const column = Math.min(columns - 1, Math.floor(x * columns)), row = rows - 1 - Math.min(rows - 1, Math.floor(y * rows));
     const right = left + side.width;
@@ -127,7 +127,7 @@ export class Picture {
       pen.stroke();
     }
     if (!this.at) {
-      this.readout.textContent = target ? `peak ${short(largest)} ${receiver.unit}; mouse or arrow keys: cross-sections` : "wanted light; the circle is the image of the LED";
+      this.readout.textContent = lit ? `peak ${short(largest)} ${receiver.unit}; mouse or arrow keys: cross-sections` : "wanted light; the circle is the image of the LED";
       return;
     }
     Object.assign(pen, { strokeStyle: "#ffffffb0", lineWidth: 0.7 });
@@ -136,8 +136,8 @@ export class Picture {
     pen.moveTo(left + x * side.width, top); pen.lineTo(left + x * side.width, top + side.height);
     pen.stroke();
     const unit = receiver.far ? "°" : "mm", value = light.values[row * columns + column];
-    const of = target ? `, wanted ${short(target.values[row * columns + column])}` : "";
-    const amount = target ? `${short(value)} ${receiver.unit}${of} ${receiver.unit}, peak ${short(largest)}` : `${short(100 * value / largest)} % of the wanted peak`;
+    const of = target ? `, wanted ${short(target.values[row * columns + column])} ${receiver.unit}` : "";
+    const amount = lit ? `${short(value)} ${receiver.unit}${of}, peak ${short(largest)}` : `${short(100 * value / largest)} % of the wanted peak`;
     this.readout.textContent = `x ${label((x - 0.5) * receiver.width, receiver, unit)} ${unit}, y ${label((0.5 - y) * receiver.height, receiver, unit)} ${unit}: ${amount}`;
   }
 }

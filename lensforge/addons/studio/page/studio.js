@@ -133,6 +133,14 @@ function show() {
   at("receiver").hidden = receivers.length < 2;
   if (at("receiver").length !== receivers.length) at("receiver").replaceChildren(...receivers.map((each, k) => element("option", { value: k }, each.name)));
   own.number = beside.number = Math.min(Number(at("receiver").value) || 0, Math.max(0, receivers.length - 1));
+  const stops = receivers[own.number]?.stops;
+  at("travel").hidden = !stops;
+  if (stops) {
+    at("stop").max = stops.length - 1;
+    own.stop = beside.stop = at("stop").valueAsNumber;
+    at("stop-words").textContent = stops[own.stop];
+    at("stop").setAttribute("aria-valuetext", stops[own.stop]);
+  }
   own.show(lit, frames.wanted);
   at("beside-figure").hidden = !frames.beside;
   if (frames.beside) {
@@ -200,6 +208,7 @@ async function begin() {
   at("figure").addEventListener("change", () => act("figure", { name: at("figure").value }));
   at("others").addEventListener("change", event => act("beside", { name: event.target.value }));
   at("receiver").addEventListener("change", show);
+  at("stop").addEventListener("input", show);
   for (const name of ["side", "rays"]) at(name).addEventListener("change", () => { solid.inner = at("side").checked; solid.rays = at("rays").checked; solid.draw(); });
   let waiting;
   at("text").addEventListener("input", () => { changes += 1; at("saved").textContent = ""; clearTimeout(waiting); waiting = setTimeout(() => change({ text: at("text").value }), 150); });
