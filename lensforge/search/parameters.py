@@ -17,6 +17,7 @@ from torch import Tensor
 
 from lensforge.errors import InputError, remedy
 from lensforge.kernels.parallel import in_parallel
+from lensforge.optics.efficacy import Efficacy
 from lensforge.scene.lens import Lens
 from lensforge.scene.limit_readings import light_limits
 from lensforge.scene.receiver import PosedReceiver
@@ -292,7 +293,7 @@ def _in_targets(spec: Spec, name: str) -> bool:
         target_light(section.targets, receiver) for section, receiver in zip(spec.all_receivers, receivers, strict=True)
     ]
     pictures = list(enumerate(wanted))
-    for limit in light_limits(spec, receivers, 1.0, 1.0):  # whatever the lumens: only the places count
+    for limit in light_limits(spec, receivers, Efficacy(1.0, 1.0), 1.0):  # only the places count
         if limit.quantity.of_losses or limit.quantity.of_view:  # mirrored, a lens looks the same to a mirrored eye
             continue
         places = np.asarray(limit.readings.sum(axis=0)).reshape(receivers[limit.receiver].grid.shape)
