@@ -289,7 +289,8 @@ class FolderStage(Generic[_Result]):
 
     def run_in(self, here: RunFolder, **options: Any) -> _Result:
         """Run the stage in a folder that is open already; under other conditions the result goes beside the own one."""
-        inputs, settings = self.inputs(here.run, options), self.settings(here, options)
+        inputs = self.inputs(here.run, options)
+        settings = self.settings(here, options)
         result = here.write(self.verb(*inputs, **settings, **options))
         self.after(here, result)
         return result

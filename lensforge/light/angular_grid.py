@@ -74,7 +74,8 @@ class AngularGrid:
         nodes = len(self.gamma_deg)
         azimuth = c_deg * (self.planes / 360.0)
         place = np.interp(gamma_deg, self.gamma_deg, np.arange(nodes))
-        plane, cell = np.floor(azimuth).astype(int), np.minimum(place.astype(int), nodes - 2)
+        plane = np.floor(azimuth).astype(int)
+        cell = np.minimum(place.astype(int), nodes - 2)
         right, below = azimuth - plane, place - cell
         for next_plane, share_plane in ((0, 1.0 - right), (1, right)):
             for next_cell, share_cell in ((0, 1.0 - below), (1, below)):
@@ -104,7 +105,8 @@ class AngularGrid:
             odd = 0.5 * deposits[:, 1::2]
             return np.asarray(deposits[:, ::2] + odd + np.roll(odd, 1, axis=1))
         along: Float[np.ndarray, "p d h"] = deposits[:, :, ::2].copy()
-        odd, share = deposits[:, :, 1::2], self._shares
+        odd = deposits[:, :, 1::2]
+        share = self._shares
         along[:, :, :-1] += (1.0 - share) * odd
         along[:, :, 1:] += share * odd
         return along
@@ -141,7 +143,8 @@ class AngularGrid:
         """Integrals of the products of two functions of gamma with sin(gamma)."""
         gamma = np.deg2rad(self.gamma_deg)
         points, weights = np.polynomial.legendre.leggauss(_GAUSS)
-        share, half = 0.5 * (1.0 + points), 0.5 * np.diff(gamma)[:, None]
+        share = 0.5 * (1.0 + points)
+        half = 0.5 * np.diff(gamma)[:, None]
         measure = half * weights * np.sin(gamma[:-1, None] + 2.0 * half * share)
         gram = np.zeros((len(gamma), len(gamma)))
         cell = np.arange(len(gamma) - 1)
@@ -203,7 +206,8 @@ class AngularGrid:
         parts = len(means)
         values = means
         for count in range(3, most + 1):
-            weights, places = self.solid_angles[:count], np.stack([np.ones(count), self.gamma_deg[:count] ** 2], axis=1)
+            weights = self.solid_angles[:count]
+            places = np.stack([np.ones(count), self.gamma_deg[:count] ** 2], axis=1)
             normal = places.T @ (weights[:, None] * places)
             parabola = means[:, :count] @ (weights[:, None] * places) @ np.linalg.inv(normal) @ places.T
             off = means[:, :count] - parabola
@@ -226,7 +230,9 @@ class AngularGrid:
         """
         from scipy.linalg import solveh_banded
 
-        beside, own, sums = np.diagonal(self._gram, 1), np.diagonal(self._gram), self._gram.sum(axis=1)
+        beside = np.diagonal(self._gram, 1)
+        own = np.diagonal(self._gram)
+        sums = self._gram.sum(axis=1)
         values = np.zeros_like(flux)
         bands = np.stack([np.pad(beside[first:], (1, 0)), own[first:]])
         right = flux[first:]
@@ -247,7 +253,8 @@ class AngularGrid:
         """
         flux = float((values * self.solid_angles).sum())
         positive = np.maximum(values, 0.0)
-        sums, kept = positive.sum(axis=0), np.maximum(values.sum(axis=0), 0.0)
+        sums = positive.sum(axis=0)
+        kept = np.maximum(values.sum(axis=0), 0.0)
         positive *= np.divide(kept, sums, out=np.zeros_like(sums), where=sums > 0.0)
         positive *= flux / float((positive * self.solid_angles).sum())
         closed = np.concatenate([positive, positive[:1]])
@@ -261,7 +268,9 @@ _FINEST_PLANES = 576  # every 0.625 degrees
 # Steps in gamma: 64 for each 10 degrees of the beam, 128 for narrow ones, 64 beyond it; so that after each of six
 # halvings the cones are at even degrees, and the beam's end is one of them.
 _NARROW_DEG = (2.5, 5.0, 10.0, 20.0)
-_STEPS_PER_10_DEG, _NARROW_STEPS, _OUTSIDE_STEPS = 64, 128, 64
+_STEPS_PER_10_DEG = 64
+_NARROW_STEPS = 128
+_OUTSIDE_STEPS = 64
 
 
 def finest_grid(beam_deg: float) -> AngularGrid:
@@ -326,7 +335,8 @@ class FittedIntensity:
     @property
     def node_error(self) -> Extent | None:
         """Relative standard error of the nodes brighter than a tenth of the peak: rms, by solid angle, and largest."""
-        errors, values = self.standard_errors, self.values
+        errors = self.standard_errors
+        values = self.values
         if errors is None:
             return None
         bright = _bright(values)
@@ -458,7 +468,8 @@ def _rival(pyramid: _Pyramid, level: Level, left_out: Sequence[tuple[Level, floa
 def _interpolation_error(pyramid: _Pyramid, level: Level) -> float | None:
     """Error of the table by what half its steps add, one standard error (by the jackknife) above the estimate."""
     finer = (level[0] - 1, level[1] - 1)
-    difference, grid = pyramid.difference(level, finer), pyramid.grid(finer)
+    difference = pyramid.difference(level, finer)
+    grid = pyramid.grid(finer)
     count = len(difference)
     if count < _LEAST_SAMPLES:
         return None
@@ -466,7 +477,8 @@ def _interpolation_error(pyramid: _Pyramid, level: Level) -> float | None:
     bright = _bright(grid.refined(grid.coarser("gamma").refined(mean[None], "c"), "gamma")[0])
     weights = np.broadcast_to(grid.solid_angles, bright.shape)[bright]
     added = difference[:, bright]
-    total, squares = added.sum(axis=0), (added**2).sum(axis=0)
+    total = added.sum(axis=0)
+    squares = (added**2).sum(axis=0)
     whole = (total**2 - squares) @ weights / (count * (count - 1.0) * weights.sum())
     without = [((total - own) ** 2 - squares + own**2) @ weights for own in added]
     spread = np.std(without) / ((count - 1.0) * (count - 2.0) * weights.sum())

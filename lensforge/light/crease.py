@@ -35,7 +35,8 @@ from lensforge.surfaces.surface import gradient_on_sphere, to_sphere
 RayAdjoint = Callable[[TracedBundle], Float[np.ndarray, " n"]]
 """Derivative of a merit by the flux (W) with which each ray leaves the source; the rays have 1 W each."""
 
-_MERIDIANS, _STEPS = 256, 32  # on which creases are sought, and steps of the chart's radius from the axis to the rim
+_MERIDIANS = 256  # on which creases are sought
+_STEPS = 32  # of the chart's radius from the axis to the rim
 _NEWTON_STEPS = 6  # from the middle of a step to rounding
 BESIDE = 1e-6  # rad: rays on both sides pass the crease at this angle
 
@@ -54,7 +55,8 @@ def crease_gradients(
     that are not turned.
     """
     scene = without_roughness(scene)
-    points, turn = sobol(count, 5, seed)[:, 4], np.random.default_rng(seed).random()
+    points = sobol(count, 5, seed)[:, 4]
+    turn = np.random.default_rng(seed).random()
     creases = CreasePoints.of(tables, scene, turn)
     total: Tables = np.zeros(tables.shape)
     if not len(creases):
@@ -101,10 +103,12 @@ def adjoint_on(
     """
 
     def worth(traced: TracedBundle) -> Float[np.ndarray, " n"]:
-        emitted, sin2_exit = traced.rays.flux, traced.exits.sin2_exit
+        emitted = traced.rays.flux
+        sin2_exit = traced.exits.sin2_exit
         total = np.zeros(len(emitted))
         for receiver, by_image, by_sum in zip(receivers, by_images, by_sums, strict=True):
-            landed, grid = receiver.land(traced.exits), receiver.grid
+            landed = receiver.land(traced.exits)
+            grid = receiver.grid
             rays = RaysAtReceiver(landed.hits, landed.flux, sin2_exit, landed.landed, emitted)
             by_rays = ByRaysAtReceiver.empty(len(total))
             collect_adjoint(rays, grid.size, receiver.window.packed(), by_image, by_sum, by_rays)
@@ -181,7 +185,8 @@ class CreasePoints:
     def of(tables: Tables, scene: Scene, turn: float = 0.0) -> "CreasePoints":
         """Find all creases on the meridians; ``turn``, of the step between them, moves all."""
         faces, azimuths, ends = _brackets(tables, scene, 2.0 * np.pi * (np.arange(_MERIDIANS) + turn) / _MERIDIANS)
-        axes, place = np.stack([np.cos(azimuths), np.sin(azimuths)], axis=1), ends.mean(axis=0)
+        axes = np.stack([np.cos(azimuths), np.sin(azimuths)], axis=1)
+        place = ends.mean(axis=0)
         for _ in range(_NEWTON_STEPS):
             one, other = (OnFaces.of(tables, scene.grid, face, place[:, None] * axes) for face in faces)
             slope = ((one.slopes - other.slopes) * axes).sum(axis=1)
@@ -228,10 +233,8 @@ def _brackets(
 ) -> tuple[Int[np.ndarray, "2 p"], Float[np.ndarray, " p"], Float[np.ndarray, "2 p"]]:
     """The two faces that meet at each point of a crease, its meridian, and radii of the chart on both sides of it."""
     before = () if scene.chain is None else scene.chain.before
-    bounding, steps = (
-        [face for face, medium in enumerate(before) if medium == CAVITY],
-        np.linspace(0.0, 1.0, _STEPS + 1),
-    )
+    bounding = [face for face, medium in enumerate(before) if medium == CAVITY]
+    steps = np.linspace(0.0, 1.0, _STEPS + 1)
     chart = steps[:, None] * np.stack([np.cos(azimuths), np.sin(azimuths)], axis=1)[:, None]
     directions = to_sphere(chart).reshape(-1, 3)
     radii = [evaluate_table(scene.grid, tables[face], directions) for face in bounding]

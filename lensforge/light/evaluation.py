@@ -62,8 +62,10 @@ from lensforge.spec import ReceiverSection, Spec
 from lensforge.spec.accuracy import Preset
 from lensforge.spec.light_limits import ColourSection
 
-_SCRAMBLES, _RAYS = 8, 2**8  # few: each is traced through the exact surfaces, which is slow
-_REFITS, _RAYS_OF_REFIT = 4, 2**20
+_SCRAMBLES = 8
+_RAYS = 2**8  # few: each is traced through the exact surfaces, which is slow
+_REFITS = 4
+_RAYS_OF_REFIT = 2**20
 _RAYS_OF_OUTLINE = 2**16  # the hull of so many places on a disc lacks 0.1 % of its area
 
 
@@ -100,10 +102,14 @@ def _stage(
     traced: TracedLens, rays: RayBundle, exact: Landings, receiver: PosedReceiver, emitted_w: float
 ) -> TableError:
     landed = receiver.land(traced.trace(rays))
-    squares, pictures, lost, largest = [], [], [], 0.0
+    squares = []
+    pictures = []
+    lost = []
+    largest = 0.0
     unit = "" if receiver.is_far else "mm"
     for rows in np.split(np.arange(len(rays)), _SCRAMBLES):
-        tabulated, reference = landed.take(rows), exact.take(rows)
+        tabulated = landed.take(rows)
+        reference = exact.take(rows)
         on = (np.abs(reference.hits) <= 0.5 * np.array(receiver.grid.size)).all(axis=1)
         both = tabulated.arrived & reference.arrived & on
         away = np.linalg.norm(tabulated.hits[both] - reference.hits[both], axis=1)
@@ -146,7 +152,8 @@ def evaluate_lens(
     count = rays or lens.spec.evaluate.rays or preset.evaluate_rays
     side = pixels or lens.spec.evaluate.pixels
     limits = light_limits(lens.spec, receivers_of(lens.spec, side), efficacy, source.flux_w)
-    seed, judging = lens.seed if seed is None else seed, held_back(source) if searched_with else source
+    seed = lens.seed if seed is None else seed
+    judging = held_back(source) if searched_with else source
     far = tuple(limits_by_intensities(lens, judging, preset, efficacy.lumens, rays=rays, seed=seed))
     stated = stated_readings(lens.spec, receivers_of(lens.spec, side), efficacy)
     asked: dict[str, Any] = {"pixels": side, "limits": limits, "by_intensities": far, "stated": stated}
@@ -175,14 +182,16 @@ def _with_left_open(
     That is the root mean square of their changes where the model is fitted to other draws of the file's rays, and by
     how much more than the noise of these they differ from the figures by rays of the file that are held back.
     """
-    numbers, first = min(rays, _RAYS_OF_REFIT), light.receivers[0]
+    numbers = min(rays, _RAYS_OF_REFIT)
+    first = light.receivers[0]
     models = [source, *(source.refitted(number) for number in range(_REFITS))]
     own, *others = [traced_light(traced, spec, model, numbers, seed).metrics for model in models]
     by_file = _light_by(traced, spec, source.held_back, numbers, seed)
 
     def left_open(of: Callable[[LightMetrics | FittedLight], Metric]) -> float:
         changes = np.mean([(of(other).value - of(own).value) ** 2 for other in others])
-        apart, noise = of(by_file).value - of(own).value, of(by_file).standard_error or 0.0
+        apart = of(by_file).value - of(own).value
+        noise = of(by_file).standard_error or 0.0
         return float(np.sqrt(changes + max(apart**2 - noise**2, 0.0)))
 
     nmse = with_error(first.nmse, left_open(lambda metrics: metrics.nmse))
@@ -215,7 +224,8 @@ def evaluate_traced(
     started = time.perf_counter()
     traced = traced.at_work(spec)
     side = pixels or spec.evaluate.pixels
-    receivers, limits = receivers_of(spec, side), [limit for limit in limits if not limit.by_intensities]
+    receivers = receivers_of(spec, side)
+    limits = [limit for limit in limits if not limit.by_intensities]
     zones = [zones_on(number, limits) for number in range(len(receivers))]
     regions = [
         (drawn_target(section.targets, receiver), *eyee)
@@ -225,7 +235,8 @@ def evaluate_traced(
     simulation = simulate(
         traced, source, (*receivers, *views), rays, seed, [*regions, *[()] * len(views)], coloured=colour is not None
     )
-    looked_at, seen = simulation.received[: len(receivers)], simulation.received[len(receivers) :]
+    looked_at = simulation.received[: len(receivers)]
+    seen = simulation.received[len(receivers) :]
     light = SourceLight.of(bounds_by or source, traced.scene.media, lens=spec.lens)
     variance = spec.evaluate.filter_variance
     space = spec.lens.exit_space(spec.constraints).grown(spec.grown_mm)
@@ -282,11 +293,15 @@ def receiver_light(
     ``received``: with the flux in its target. ``variance`` of the filter (pixel^2).
     """
     receiver = physics.receiver
-    drawn, coarser = drawn_target(section.targets, receiver), coarser_target(section.targets, receiver)
+    drawn = drawn_target(section.targets, receiver)
+    coarser = coarser_target(section.targets, receiver)
     images = gaussian3(received.images, variance)
     coarse = gaussian3(rebinned(received.images, receiver.grid.halved()), variance)
-    target, mean, raw = drawn.light, images.mean(axis=0), received.images.mean(axis=0)
-    mask, measure = lit_mask(uniform_region(section.targets, receiver), images), receiver.pixel_measure
+    target = drawn.light
+    mean = images.mean(axis=0)
+    raw = received.images.mean(axis=0)
+    mask = lit_mask(uniform_region(section.targets, receiver), images)
+    measure = receiver.pixel_measure
     metrics = ReplicateMetrics.of(images, target, mask, received.window / emitted_w).metrics()
     flux, missed = _flux_budget(received, emitted_w)
     lost = received.by_fate[:, CAUSES:].mean(axis=0) / emitted_w  # in the bodies behind the lens
@@ -329,7 +344,8 @@ def _losses(received: ReceivedFlux, by_way: FluxByWay) -> Float[np.ndarray, "r c
 
 
 def _possible(physics: PossibleLight, target: DrawnTarget, arriving: float) -> Possible:
-    certain, estimated = physics.certain, physics.light.curve.estimated
+    certain = physics.certain
+    estimated = physics.light.curve.estimated
     return Possible(
         **_largest_light(certain, target, arriving),
         law=certain.in_region(target.coverage).law,

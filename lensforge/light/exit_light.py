@@ -63,10 +63,8 @@ def _of_lamps(lens: TracedLens, rays: RayBundle, lamps: Lamps) -> ExitRays:
     if lamps.kinds:
         of_kinds = [np.flatnonzero(np.isin(own, kind.numbers)) for kind in lamps.kinds]
         parts = zip(lens.kinds, of_kinds, strict=True)
-        traced, own = (
-            ExitRays.joined([each.trace(rays.take(some)) for each, some in parts]),
-            own[np.concatenate(of_kinds)],
-        )
+        traced = ExitRays.joined([each.trace(rays.take(some)) for each, some in parts])
+        own = own[np.concatenate(of_kinds)]
     else:
         traced = lens.trace(rays)
     poses = [lamp.pose for lamp in lamps.lamps]
@@ -116,7 +114,8 @@ def trace_exit_light(
     ``by_itself``: rays without such a number, at first and at most. A measured source gives at most its own rays.
     Raises :class:`InputError` where no light leaves the lens upwards.
     """
-    sums, wanted = _Sums(lens, meter), rays or min(by_itself)
+    sums = _Sums(lens, meter)
+    wanted = rays or min(by_itself)
     if source.ray_count is not None:
         count = min(wanted, source.ray_count)
         parts = bundles(source, count, min(PARTS, count), seed)
@@ -137,10 +136,12 @@ def trace_exit_light(
 
 def _rays_needed(light: ExitLight, most_rays: int) -> int:
     """Rays that bring the noise of the nodes down to its limit, by doublings: it falls with the root of the number."""
-    error, needed = light.intensity.node_error, light.rays
+    error = light.intensity.node_error
+    needed = light.rays
     noise = 0.0 if error is None else error.rms
     while noise > _LARGEST_NODE_ERROR and 2 * needed <= most_rays:
-        needed, noise = 2 * needed, noise / np.sqrt(2.0)
+        needed = 2 * needed
+        noise = noise / np.sqrt(2.0)
     return needed
 
 
@@ -148,7 +149,9 @@ class _Sums:
     """Sums over all rays traced so far, by sample."""
 
     def __init__(self, lens: TracedLens, meter: Goniophotometer) -> None:
-        self.rays, self._lens, self._meter = 0, lens, meter
+        self.rays = 0
+        self._lens = lens
+        self._meter = meter
         self._grid: AngularGrid | None = None
         self._deposits: list[Float[np.ndarray, "c g"]] = []
         self._zones: list[Float[np.ndarray, "2 4"]] = []
@@ -162,7 +165,8 @@ class _Sums:
             out = exit_rays(self._lens, bundle, self._meter.sphere_mm, self._meter.lamps)
             if self._grid is None:
                 self._grid = finest_grid(90.0 if self._meter.to_horizon else _reach_deg(out.rays))
-            deposit, weight = self._grid.deposit(out.rays), float(len(bundle))
+            deposit = self._grid.deposit(out.rays)
+            weight = float(len(bundle))
             if part == len(self._weights):
                 self._deposits.append(np.zeros_like(deposit))
                 self._zones.append(np.zeros((2, 4)))
@@ -188,7 +192,8 @@ class _Sums:
             for sums in (self._deposits, self._zones, self._by_fate)
         )
         coarsest = COARSEST_TO_HORIZON if self._meter.to_horizon else COARSEST
-        exits, kept = samples.sum(axis=(1, 2)), RayBundle.joined(self._kept)
+        exits = samples.sum(axis=(1, 2))
+        kept = RayBundle.joined(self._kept)
         error = float(exits.std(ddof=1) / np.sqrt(len(exits))) if len(exits) > 1 else None
         exit_w = Metric(value=float(exits.mean()), unit="W", standard_error=error)
         return ExitLight(

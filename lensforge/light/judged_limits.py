@@ -123,7 +123,8 @@ def values_left_out(
 
 def means_left_out(replicates: Float[np.ndarray, " r"]) -> Float[np.ndarray, " v"]:
     """Mean of ``replicates``, then with one after the other left out; of one alone it."""
-    count, total = len(replicates), replicates.sum()
+    count = len(replicates)
+    total = replicates.sum()
     left_out = (total - replicates) / (count - 1) if count > 1 else replicates[:0]
     return np.array([total / count, *left_out])
 

@@ -27,7 +27,8 @@ from lensforge.seeds import sobol
 from lensforge.sources.ray_bundle import RayBundle, Source, towards
 from lensforge.surfaces.surface import to_chart
 
-_PARTS, _TIMES = 8, 6  # of an interval, and how often it is divided: from a few degrees to 1e-7 rad
+_PARTS = 8  # of an interval
+_TIMES = 6  # that an interval is divided: from a few degrees to 1e-7 rad
 _ROUNDS = 4  # in which intervals are looked through that hold several changes
 _TOGETHER = 1e-3  # of their path: so close to each other they meet the faces of a crease
 
@@ -146,7 +147,8 @@ class _Changes:
 
     def narrowed(self, fans: Fans, trace: _Trace) -> "_Changes":
         """Narrow each interval down to the first change in it."""
-        closer, rows = self, np.arange(len(self.fan))
+        closer = self
+        rows = np.arange(len(self.fan))
         for _ in range(_TIMES):
             angles = closer.low + (closer.high - closer.low) * np.arange(_PARTS + 1)[:, None] / _PARTS
             inner = fans.rays(np.tile(closer.fan, _PARTS - 1), angles[1:-1].ravel())
@@ -161,7 +163,8 @@ class _Changes:
 
 def _changes(fans: Fans, trace: _Trace) -> _Changes:
     """All places in fans where rays change their way, each narrowed down; several in one interval, too."""
-    count, steps = len(fans.azimuths), len(fans.angles)
+    count = len(fans.azimuths)
+    steps = len(fans.angles)
     rays = fans.rays(np.tile(np.arange(count), steps), np.repeat(fans.angles, count))
     met = trace(rays).met
     assert met is not None
@@ -180,7 +183,8 @@ def _changes(fans: Fans, trace: _Trace) -> _Changes:
 def _at_creases(changes: _Changes, low: TracedBundle, high: TracedBundle) -> Bool[np.ndarray, " k"]:
     """True where the rays beside a change differ in nothing before it, and then meet two faces in one place."""
     assert low.met is not None and high.met is not None
-    rows, event = np.arange(len(changes.fan)), changes.event
+    rows = np.arange(len(changes.fan))
+    event = changes.event
     same: Bool[np.ndarray, " k"] = (low.met[rows, event] == changes.codes[0]) & (
         high.met[rows, event] == changes.codes[1]
     )
@@ -218,9 +222,12 @@ class _Lines:
     def of(traced: TracedBundle, event: _Numbers, rows: _Numbers) -> "_Lines":
         """Follow some rays of a bundle to an event of each."""
         assert traced.met is not None and traced.scene.chain is not None
-        event, met, paths = event[rows], traced.met[rows].astype(int), traced.lengths[rows]
+        event = event[rows]
+        met = traced.met[rows].astype(int)
+        paths = traced.lengths[rows]
         own = in_lens(traced.scene, traced.rays)
-        points, directions = own.origins[rows], own.directions[rows]
+        points = own.origins[rows]
+        directions = own.directions[rows]
         for number in range(event.max(initial=0)):
             on = np.flatnonzero(number < event)
             points[on] += paths[on, number, None] * directions[on]
@@ -230,9 +237,11 @@ class _Lines:
 
 def _behind(traced: TracedBundle, rows: _Numbers, code: _Numbers, points: _Vectors, along: _Vectors) -> _Vectors:
     """Directions of rays behind the faces that they meet at ``points``, by Snell's law or reflected."""
-    scene, body = traced.scene, traced.lens.rays.indices
+    scene = traced.scene
+    body = traced.lens.rays.indices
     assert scene.chain is not None
-    face, back = code >> 2, (code & FROM_BEHIND) > 0
+    face = code >> 2
+    back = (code & FROM_BEHIND) > 0
     sides = scene.chain.packed(scene.media)
     indices = np.tile([scene.media.cavity_index, 1.0, scene.media.outside_index], (len(rows), 1))
     indices[:, BODY] = body[rows] if len(body) > 1 else body
@@ -249,8 +258,11 @@ def _behind(traced: TracedBundle, rows: _Numbers, code: _Numbers, points: _Vecto
 
 def _gradients(changes: _Changes, low: TracedBundle, high: TracedBundle, flux: _Values) -> Tables:
     """Gradients by all tables: ``flux`` (of the merit, per rad) goes over where the angle of a change grows."""
-    scene, rows, event = low.scene, np.arange(len(flux)), changes.event
-    line, beside = _Lines.of(low, event, rows), _Lines.of(high, event, rows)
+    scene = low.scene
+    rows = np.arange(len(flux))
+    event = changes.event
+    line = _Lines.of(low, event, rows)
+    beside = _Lines.of(high, event, rows)
     chart = to_chart(line.hits)
     faces = [OnFaces.of(low.tables, scene.grid, code >> 2, chart) for code in changes.codes]
     steep = [(face.normals * line.directions).sum(axis=1) for face in faces]
@@ -260,7 +272,8 @@ def _gradients(changes: _Changes, low: TracedBundle, high: TracedBundle, flux: _
     total: Tables = np.zeros(low.tables.shape)
     faces[0].add(-by_gap / steep[0], total)
     faces[1].add(by_gap / steep[1], total)
-    by_point, none = by_gap[:, None] * across, np.zeros(len(flux))
+    by_point = by_gap[:, None] * across
+    none = np.zeros(len(flux))
     by = ByRaysOut(by_point, line.paths[:, None] * by_point, none, none)
     total += _before(low, event).gradients(by)
     return total
@@ -268,7 +281,8 @@ def _gradients(changes: _Changes, low: TracedBundle, high: TracedBundle, flux: _
 
 def _before(traced: TracedBundle, event: _Numbers) -> BodyPassage:
     """The rays, in the frame of the faces, as if they left before an event of each, which ends their adjoint there."""
-    lens, own = traced.lens, in_lens(traced.scene, traced.rays)
+    lens = traced.lens
+    own = in_lens(traced.scene, traced.rays)
     assert lens.ways.met is not None
     kept = np.arange(lens.ways.met.shape[1]) < event[:, None]
     return replace(

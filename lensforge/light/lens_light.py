@@ -74,10 +74,13 @@ def evaluate(
     first, *further = lens.by_state
     designed_led = lens.spec.in_first_state.source
     chosen = designed_led if other is None else other
-    rays, pixels, seed = count_of("rays", rays), count_of("pixels", pixels, most=MOST_PIXELS), count_of("seed", seed, 0)
+    rays = count_of("rays", rays)
+    pixels = count_of("pixels", pixels, most=MOST_PIXELS)
+    seed = count_of("seed", seed, 0)
     temperature_c = number_of("temperature_c", temperature_c)
     body = lens if temperature_c is None else at_temperature(lens, temperature_c)
-    preset, coloured = preset_of(lens.accuracy if accuracy is None else accuracy), lens.spec.colour is not None
+    preset = preset_of(lens.accuracy if accuracy is None else accuracy)
+    coloured = lens.spec.colour is not None
     emitter = build_source(chosen, body.dispersion, coloured=coloured, facets=body.media.scattering)
     summary = summarise(emitter, chosen)
     asked = {"accuracy": str(preset), "rays": rays, "pixels": pixels, "seed": seed, "temperature_c": temperature_c}
@@ -134,8 +137,11 @@ def photometry(
 
     require(lens, Lens, "photometry")
     version = require_ies_version(ies_version)
-    rays, preset = count_of("rays", rays), preset_of(lens.accuracy)
-    lumens, seed, by_state = number_of("lumens", lumens), count_of("seed", seed, 0), dict[str, Photometry]()
+    rays = count_of("rays", rays)
+    preset = preset_of(lens.accuracy)
+    lumens = number_of("lumens", lumens)
+    seed = count_of("seed", seed, 0)
+    by_state = dict[str, Photometry]()
     settings: Mapping[str, Any] = {"rays": rays, "seed": seed, "lumens": lumens}
     with kernel_threads(count_of("threads", threads)):
         for name, own in lens.by_state.items():
@@ -176,7 +182,8 @@ def _conditions(
     preset: Preset,
 ) -> Conditions | None:
     """Conditions ``asked`` that are not those of ``lens``; None if every one is. ``warnings``: on the ``source``."""
-    evaluate, law = lens.spec.evaluate, lens.spec.lens.temperature_law
+    evaluate = lens.spec.evaluate
+    law = lens.spec.lens.temperature_law
     rays = evaluate.rays or preset.evaluate_rays
     own: dict[str, Any] = {"accuracy": str(lens.accuracy), "rays": rays, "pixels": evaluate.pixels, "seed": lens.seed}
     own["temperature_c"] = law.reference_c

@@ -185,7 +185,8 @@ def _figures(case: Case[Light], lens: Lens) -> Iterator[Fact]:
         yield replace(pattern, note=f"{pattern.note}{unjudged}")
     share = _share_in_target(receiver, judged.get("share_in_target"))
     yield replace(share, note=f"{share.note}{unjudged}")
-    most, whole = receiver.possible.efficiency, lens.spec.all_lamps.whole
+    most = receiver.possible.efficiency
+    whole = lens.spec.all_lamps.whole
     yield Fact.share(
         "efficiency",
         METRICS["efficiency"],
@@ -223,7 +224,8 @@ def _error_of_pattern(receiver: ReceiverLight, judged: Fact | None) -> Fact:
 
 
 def _share_in_target(receiver: ReceiverLight, judged: Fact | None) -> Fact:
-    possible, share = receiver.possible, receiver.share_in_target
+    possible = receiver.possible
+    share = receiver.share_in_target
     fact = judged or Fact.measured("share_in_target", METRICS["share_in_target"], share, sense=">=")
     return replace(
         fact,
@@ -250,7 +252,8 @@ def _estimate(receiver: ReceiverLight) -> str:
 
 def _by_pixels(receiver: ReceiverLight) -> str:
     """Words for the NMSE with half as many pixels, where the change is above its noise."""
-    change, error = receiver.nmse_of_raster, receiver.nmse.standard_error
+    change = receiver.nmse_of_raster
+    error = receiver.nmse.standard_error
     if change is None or abs(change) <= (error or 0.0):
         return ""
     halved = receiver.nmse.value - change
@@ -301,7 +304,8 @@ def _simulation(light: Light, lens: Lens) -> Iterator[Fact]:
         yield Fact.measured("file_nmse", "NMSE, file’s own rays", by_file.nmse, note, is_square=True)
         yield Fact.share("file_efficiency", "Efficiency, file’s own rays", by_file.efficiency, note)
     if light.preset_error is not None:
-        left, chart = light.preset_error.evaluation, light.first.chart
+        left = light.preset_error.evaluation
+        chart = light.first.chart
         note = f"NMSE of the tables of --accuracy {lens.accuracy} against the exact surfaces"
         yield Fact.measured("table_nmse", "Simulation error", left.irradiance_nmse, note, is_square=True)
         off = chart.labelled(left.hit_mm.value)
@@ -371,7 +375,8 @@ def _beside_wanted(angle: Metric | None, wanted_deg: float | None) -> tuple[str,
 
 def _far_field(photometry: Photometry, spec: Spec, whose: str) -> Iterator[Fact]:
     """Facts of the files; ``whose`` light they have, of several lenses or lamps."""
-    direction, start = photometry.peak_direction, f"{whose}; " if whose else ""
+    direction = photometry.peak_direction
+    start = f"{whose}; " if whose else ""
     source = f"{start}for {quantity(photometry.source_lm, 'lm', digits=5)} of the source"
     taken = ", whose flux is not stated" if photometry.per_1000_lm else ""
     taken += "" if spec.plate is None else "; as if none entered other lenses of the plate (verify --stray)"

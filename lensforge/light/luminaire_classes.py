@@ -49,7 +49,8 @@ class LampLight:
 
         Of one sample alone the first.
         """
-        total, count = self.samples.sum(axis=0), len(self.samples)
+        total = self.samples.sum(axis=0)
+        count = len(self.samples)
         rest = [(total - sample) / (count - 1) for sample in self.samples] if count > 1 else []
         tables = [self.grid.table(each).values[:-1] for each in (total / count, *rest) if each.sum() > 0.0]
         return replace(self, samples=np.stack(tables))
@@ -66,7 +67,9 @@ _ENDS_ALONG = (1.0, 2.25, 3.75, 6.0, np.inf)  # mounting heights at which the li
 _ACROSS: tuple[tuple[Lateral, float], ...] = (("I", 1.0), ("II", 1.75), ("III", 2.75), ("IV", np.inf))
 _HALF = 0.5
 _ROUND = 2.0 / 3.0  # least over largest reach of the line: a square has 0.71, an ellipse of 2:1 half
-_LATERAL_STEPS, _GAMMA_STEP, _LAST_DEG = 360, 0.1, 89.0  # a hundredth of a mounting height at 65 degrees
+_LATERAL_STEPS = 360
+_GAMMA_STEP = 0.1  # a hundredth of a mounting height at 65 degrees
+_LAST_DEG = 89.0
 
 
 class DistributionType(Record):
@@ -98,7 +101,8 @@ class _RoadGrid:
 
     @staticmethod
     def fine() -> "_RoadGrid":
-        turns, gammas = np.arange(_LATERAL_STEPS) * (360.0 / _LATERAL_STEPS), np.arange(0.0, _LAST_DEG, _GAMMA_STEP)
+        turns = np.arange(_LATERAL_STEPS) * (360.0 / _LATERAL_STEPS)
+        gammas = np.arange(0.0, _LAST_DEG, _GAMMA_STEP)
         lateral, gamma = (each.ravel() for each in np.meshgrid(turns, gammas, indexing="ij"))
         far = np.tan(np.deg2rad(gamma))
         return _RoadGrid(lateral, gamma, far * np.sin(np.deg2rad(lateral)), far * np.cos(np.deg2rad(lateral)))
@@ -143,7 +147,8 @@ def _with_step(reach: Metric) -> Metric:
     return with_error(reach, 0.5 * np.deg2rad(_GAMMA_STEP) * (1.0 + reach.value**2))
 
 
-_SIDES, _HEIGHTS = ("forward", "back"), ("low", "mid", "high", "very_high")
+_SIDES = ("forward", "back")
+_HEIGHTS = ("low", "mid", "high", "very_high")
 _GAMMA_DEG = (30.0, 60.0, 80.0)  # between these heights
 # Most lumens of a zone for the ratings 0 to 4; more is rated 5.
 _BACKLIGHT = {
@@ -192,7 +197,8 @@ def zone_flux(rays: RayBundle, street_deg: float, symmetry: str) -> Float[np.nda
     ``street_deg``: azimuth of the street.
     """
     height = np.digitize(-rays.directions[:, 2], -np.cos(np.deg2rad(_GAMMA_DEG)))
-    street, total = np.array([np.cos(np.deg2rad(street_deg)), np.sin(np.deg2rad(street_deg))]), np.zeros(8)
+    street = np.array([np.cos(np.deg2rad(street_deg)), np.sin(np.deg2rad(street_deg))])
+    total = np.zeros(8)
     for image in group(symmetry):
         back = rays.directions[:, :2] @ image[:2, :2].T @ street <= 0.0
         total += np.bincount(height + len(_HEIGHTS) * back, rays.flux, minlength=8)

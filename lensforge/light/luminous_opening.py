@@ -38,8 +38,11 @@ def luminous_opening(lens: Lens, lamps: Lamps) -> LuminousOpening:
             points, rim = (lamp.pose.points(exit_mm) - lamp.place_mm for exit_mm in exits[key[0]])
             turned[key] = np.stack([points.min(axis=0), points.max(axis=0), rim.min(axis=0)])
         ends[number] = turned[key] + lamp.place_mm
-    low, high, rims = ends[:, 0].min(axis=0), ends[:, 1].max(axis=0), ends[:, 2].min(axis=0)
-    wide, high_mm = (high - low).tolist(), float(high[2] - rims[2])
+    low = ends[:, 0].min(axis=0)
+    high = ends[:, 1].max(axis=0)
+    rims = ends[:, 2].min(axis=0)
+    wide = (high - low).tolist()
+    high_mm = float(high[2] - rims[2])
     return _with_height(wide[0], wide[1], high_mm, circular=False)
 
 
@@ -53,25 +56,30 @@ def _exit(lens: Lens) -> tuple[_Points, _Points]:
 
     Light leaves by the opening, where there is one, or by the faces to the outside that are not there to reflect it.
     """
-    roles, faces = [role for role in lens.spec.lens.body_roles if role.is_open], lens.body.cavity
+    roles = [role for role in lens.spec.lens.body_roles if role.is_open]
+    faces = lens.body.cavity
     if not roles:
         found = (role for role in lens.spec.lens.body_roles if role.behind == OUTSIDE and role.is_optical)
-        roles, faces = [role for role in found if not role.reflects], lens.body.envelope
+        roles = [role for role in found if not role.reflects]
+        faces = lens.body.envelope
     numbers = [number for number, face in enumerate(faces) if face.name in {role.name for role in roles}]
 
     def seen(polars: _Polars) -> tuple[Bool[np.ndarray, "a k"], _Points]:
         sine = np.sin(polars)
         directions = np.stack([sine * np.cos(_AZIMUTHS), sine * np.sin(_AZIMUTHS), np.cos(polars)], axis=-1)
-        which, flat = nearest(faces, directions), directions.reshape(-1, 3)
+        which = nearest(faces, directions)
+        flat = directions.reshape(-1, 3)
         radius = np.min([faces[number].surface.radius(flat) for number in numbers], axis=0).reshape(polars.shape)
         return np.isin(which, numbers), radius[..., None] * directions
 
     lit, points = seen(np.tile(_POLARS, (len(_AZIMUTHS), 1)))
     last = lit.shape[1] - 1 - np.argmax(lit[:, ::-1], axis=1)[:, None]
-    inside, beyond = _POLARS[last], _POLARS[np.minimum(last + 1, lit.shape[1] - 1)]
+    inside = _POLARS[last]
+    beyond = _POLARS[np.minimum(last + 1, lit.shape[1] - 1)]
     for _ in range(_HALVINGS):
         middle = 0.5 * (inside + beyond)
         is_lit = seen(middle)[0]
-        inside, beyond = np.where(is_lit, middle, inside), np.where(is_lit, beyond, middle)
+        inside = np.where(is_lit, middle, inside)
+        beyond = np.where(is_lit, beyond, middle)
     rim = seen(inside)[1][lit.any(axis=1), 0]
     return np.concatenate([points[lit], rim, *map(outside_of, lens.media.bodies)]), rim

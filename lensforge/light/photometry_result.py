@@ -97,7 +97,8 @@ class CandelaTables:
     @staticmethod
     def of(light: FittedIntensity, per_watt: float) -> "CandelaTables":
         """Tables of ``light``; ``per_watt``: lumens of a watt of the source."""
-        values, count = light.samples * per_watt, len(light.samples)
+        values = light.samples * per_watt
+        count = len(light.samples)
         total = values.sum(axis=0)
         rest = [(total - value) / (count - 1) for value in values] if count > 1 else []
         left_out = [turned_over(light.grid.table(each)) for each in rest if each.sum() > 0.0]
@@ -181,7 +182,10 @@ class CandelaTables:
         return angle.changed(standard_error=error)
 
 
-IES_FILE, LDT_FILE, TM33_FILE, TM25_FILE = "lens.ies", "lens.ldt", "lens.iesxml", "lens.tm25ray"
+IES_FILE = "lens.ies"
+LDT_FILE = "lens.ldt"
+TM33_FILE = "lens.iesxml"
+TM25_FILE = "lens.tm25ray"
 LUMINAIRE_FILES = {"ies": "luminaire.ies", "ldt": "luminaire.ldt", "tm33": "luminaire.iesxml"}
 _CONSERVED = 1e-5  # relative error of a file's integral: seven digits of each number are written
 
@@ -302,7 +306,8 @@ class Photometry(ResultByLed):
         of_all = {} if self.luminaire is None else LUMINAIRE_FILES
         written |= {name: getattr(self.luminaire, field) for field, name in of_all.items()}
         for name, file in written.items():
-            error, asked = file.relative_error, "please report the lens.json"
+            error = file.relative_error
+            asked = "please report the lens.json"
             yield at_most(f"flux of {name} as read back", error, _CONSERVED, "relative", asked)
 
     def judgements_of(self, applications: Iterable[Application]) -> Iterator[ApplicationJudgement]:

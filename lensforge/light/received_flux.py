@@ -46,8 +46,10 @@ class ReceivedFlux:
         bodies: int = 0,
     ) -> "ReceivedFlux":
         """No flux; behind the lens there are so many further ``bodies``."""
-        images, none = np.zeros((replicates, *receiver.grid.shape)), np.zeros(replicates)
-        in_regions, colours = np.zeros((replicates, len(regions))), np.zeros((3, *images.shape)) if coloured else None
+        images = np.zeros((replicates, *receiver.grid.shape))
+        none = np.zeros(replicates)
+        in_regions = np.zeros((replicates, len(regions)))
+        colours = np.zeros((3, *images.shape)) if coloured else None
         by_fate = np.zeros((replicates, CAUSES + bodies))
         return ReceivedFlux(images, by_fate, none, none.copy(), in_regions, regions, colours)
 
@@ -59,7 +61,8 @@ class ReceivedFlux:
             parts = zip(shares, of_kinds, strict=True)
             return np.asarray(np.sum([share * getattr(each, name) for share, each in parts], axis=0))
 
-        first, amounts = of_kinds[0], ("images", "by_fate", "window", "outside", "in_regions")
+        first = of_kinds[0]
+        amounts = ("images", "by_fate", "window", "outside", "in_regions")
         colours = None if first.colours is None else mean("colours")
         return ReceivedFlux(**{name: mean(name) for name in amounts}, regions=first.regions, colours=colours)
 
@@ -73,7 +76,8 @@ class ReceivedFlux:
         tristimulus: Float[np.ndarray, "n 3"] | None = None,
     ) -> None:
         """Count ``share`` of the flux of ``rays`` in ``replicate``; ``tristimulus``: X, Y, Z per W of each."""
-        hits, flux = landings.hits, landings.flux * share
+        hits = landings.hits
+        flux = landings.flux * share
         self.images[replicate] += bin_flux(hits, flux, receiver.grid)
         self.by_fate[replicate] += share * flux_by_fate(rays, landings.missed_receiver)
         inside = receiver.window.contains(hits)

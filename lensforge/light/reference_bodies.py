@@ -87,8 +87,10 @@ class ReferenceBody:
 
 
 def _of_optic(number: int, around: Media, device: torch.device) -> ReferenceBody:
-    optic, before = around.bodies[number], around.scattering_before(number)
-    place, origin = tabled(optic), f"body {optic.name!r}: "
+    optic = around.bodies[number]
+    before = around.scattering_before(number)
+    place = tabled(optic)
+    origin = f"body {optic.name!r}: "
     faces = tuple(TableFace.of(torch.from_numpy(table), place.grid, device=device) for table in place.tables)
     media = optic.media(around)
     return ReferenceBody(faces, TWO_FACES, media, True, place.placement, origin=origin, scatters_before=before)
@@ -121,10 +123,12 @@ class RaysInBody(NamedTuple):
             torch.tensor(array, dtype=torch.float64, device=device)
             for array in (rays.origins, rays.directions, rays.flux)
         )
-        numbers, none = torch.arange(len(flux), device=device), torch.zeros_like(flux)
+        numbers = torch.arange(len(flux), device=device)
+        none = torch.zeros_like(flux)
         known = torch.isfinite(directions).all(dim=1)[:, None]  # any other ray meets nothing, and keeps its flux
         field_pairs = unpolarised_fields(torch.where(known, directions, directions.new_tensor([0.0, 0.0, 1.0]))) + 0.0j
-        no_face, fates = -1 - 0 * numbers, none.to(torch.int8)
+        no_face = -1 - 0 * numbers
+        fates = none.to(torch.int8)
         return RaysInBody(
             numbers, points, directions, field_pairs, flux, none, none, no_face, none, fates, 0 * numbers[:, None]
         )
@@ -144,7 +148,8 @@ class RaysInBody(NamedTuple):
 
     def placed(self, pose: Pose, factor: float = 1.0) -> "RaysInBody":
         """The rays in the next frame."""
-        points, directions = pose.points(self.points, factor), pose.directions(self.directions)
+        points = pose.points(self.points, factor)
+        directions = pose.directions(self.directions)
         return self._replace(points=points, directions=directions, fields=pose.directions(self.fields))
 
     @property

@@ -104,9 +104,11 @@ def trace_reference(
     lens, *optics = (_Passage.of(body, rays, fresnel, device, memory, first) for body in bodies)
     light = lens.through(RaysInBody.emitted(rays, device))
     exits = _exits(light, lens.absorbs)
-    flux, lost = exits.flux, []
+    flux = exits.flux
+    lost = []
     for optic in optics:
-        came, light = light.left, optic.through(light)
+        came = light.left
+        light = optic.through(light)
         left_w = torch.where(came, torch.where(light.left, light.flux, 0.0), flux)
         lost.append(flux - left_w)
         flux = left_w
@@ -150,7 +152,9 @@ class _Passage:
     def of(
         body: ReferenceBody, rays: RayBundle, fresnel: bool, device: torch.device, memory: HitMemory, first: int
     ) -> "_Passage":
-        medium, made, waves = body.media.body, body.made, rays.waves
+        medium = body.media.body
+        made = body.made
+        waves = rays.waves
 
         def there(array: np.ndarray) -> Tensor:
             return torch.tensor(array, dtype=torch.float64, device=device)
@@ -179,7 +183,9 @@ class _Passage:
     def through(self, light: RaysInBody) -> RaysInBody:
         """Rays behind the body, in their order; those that had ended before stay as they are."""
         light = light._replace(times=light.numbers.new_zeros((len(light.numbers), len(self.body.faces))))
-        place, ended, going = self.body.placement, [light.take(~light.left)], light.take(light.left)
+        place = self.body.placement
+        ended = [light.take(~light.left)]
+        going = light.take(light.left)
         entered, outside = self._entered(going if place is None else going.placed(place.into, place.factor_in))
         ended += outside
         media = {CAVITY: entered}
@@ -200,7 +206,8 @@ class _Passage:
         # in this form also where a number is NaN: such a ray is outside
         comes = ~(light.directions[:, 2] <= 0.0) | (light.points[:, 2] > 0.0)
         within = comes & self._inside(self.body.bounding(CAVITY)[: 1 if self.body.in_order else None], raised.points)
-        backward, outside = light.take(~comes), light.take(comes & ~within)
+        backward = light.take(~comes)
+        outside = light.take(comes & ~within)
         return raised.take(within), [backward.ended(Fate.BACKWARD), outside.ended(Fate.OUTSIDE_CAVITY)]
 
     @torch.no_grad()
@@ -240,20 +247,27 @@ class _Passage:
         A ray outside of one of them is followed to where it enters that one, until it is in all: it cannot have been in
         the cavity before.
         """
-        paths, faces = torch.zeros_like(hits.paths_mm), torch.full_like(last, -1)
-        going, lost, moved = torch.ones_like(hits.lost), torch.zeros_like(hits.lost), True
+        paths = torch.zeros_like(hits.paths_mm)
+        faces = torch.full_like(last, -1)
+        going = torch.ones_like(hits.lost)
+        lost = torch.zeros_like(hits.lost)
+        moved = True
         for _ in range(_PASSES):
             moved = False
             for number in self.body.bounding(CAVITY, (BODY,)):
                 asked = torch.nonzero(going & (faces != number))[:, 0]
-                here, way = rays.take(asked), paths[asked]
-                on_face, points = (last[asked] == number) & (way == 0.0), here.at(way)
+                here = rays.take(asked)
+                way = paths[asked]
+                on_face = (last[asked] == number) & (way == 0.0)
+                points = here.at(way)
                 outside = on_face | (self.body.faces[number].gap(points) < 0.0)
                 here = Approach(points, here.directions, -here.sense, on_face, hits.paths_mm[asked] - way).take(outside)
-                crossing, some = self.body.faces[number].next_crossing(here), asked[outside]
+                crossing = self.body.faces[number].next_crossing(here)
+                some = asked[outside]
                 paths[some] = paths[some] + crossing.paths_mm
                 faces[some] = torch.where(crossing.found, number, faces[some])
-                going[some], lost[some] = crossing.found, crossing.lost
+                going[some] = crossing.found
+                lost[some] = crossing.lost
                 moved |= len(some) > 0
         entered = going & (faces >= 0)
         return hits.with_nearer(Crossing(paths, entered, lost | (going & moved)), faces)
@@ -261,20 +275,25 @@ class _Passage:
     def _at_face(
         self, light: RaysInBody, paths_mm: Float[Tensor, " n"], medium: str, number: int, event: int
     ) -> Iterator[tuple[str, RaysInBody]]:
-        face, mirror, before = self.body.faces[number], self.body.mirror(number), self.body.chain.before[number]
+        face = self.body.faces[number]
+        mirror = self.body.mirror(number)
+        before = self.body.chain.before[number]
         if mirror == 0.0:
             yield _ENDED, light._replace(sin2_exit=torch.zeros_like(paths_mm)).ended(Fate.FLANGE)
             return
         sense, behind = (1.0, self.body.chain.behind[number]) if before == medium else (-1.0, before)
         path, points = face.hit(light.points, light.directions, paths_mm, sense)
         light = self._dimmed(light, path, medium)
-        met, times = Meeting(number, light.times[:, number], light.numbers), light.times.clone()
+        met = Meeting(number, light.times[:, number], light.numbers)
+        times = light.times.clone()
         times[:, number] += 1
         along = sense * face.normal(points)
         normals = sense * self.rough.facets(sense * along, light.directions, met)
-        cosine, ratio = (light.directions * normals).sum(dim=1), self._ratio(light.numbers, medium, behind)
+        cosine = (light.directions * normals).sum(dim=1)
+        ratio = self._ratio(light.numbers, medium, behind)
         squared = transmitted_cosine_squared(cosine, ratio)
-        is_exit, bends = number + 1 == len(self.body.faces), behind == OUTSIDE and mirror is None
+        is_exit = number + 1 == len(self.body.faces)
+        bends = behind == OUTSIDE and mirror is None
         sin2_exit = (1.0 - squared if is_exit else 1.0 + squared) if bends else 0.0 * squared
         light = light._replace(
             points=points,
@@ -310,7 +329,8 @@ class _Passage:
         return light._replace(carried=through * light.carried, absorbed=absorbed)
 
     def _ratio(self, numbers: Int[Tensor, " n"], before: str, behind: str) -> Float[Tensor, " n"]:
-        own, media = self.indices[numbers], self.body.media
+        own = self.indices[numbers]
+        media = self.body.media
         index_before, index_behind = (
             own if medium == BODY else media.around(medium) + 0.0 * own for medium in (before, behind)
         )
@@ -318,7 +338,8 @@ class _Passage:
 
     def _turned(self, light: RaysInBody, at: Incidence, number: int, mirrored: bool) -> RaysInBody:
         """Rays as one face lets them pass, or reflects them."""
-        mirror, before = self.body.mirror(number), light.directions
+        mirror = self.body.mirror(number)
+        before = light.directions
         if mirror is not None:
             light = light._replace(absorbed=light.absorbed + (1.0 - mirror) * light.flux)
         reflected = before - 2.0 * at.cosine[:, None] * at.normals
@@ -329,7 +350,8 @@ class _Passage:
 
     def _amplitudes(self, numbers: Int[Tensor, " n"], at: Incidence, number: int, mirrored: bool) -> Amplitudes:
         """Amplitudes behind a face; a mirror has one for both polarisations."""
-        mirror, equal = self.body.mirror(number), 0.0 * at.cosine
+        mirror = self.body.mirror(number)
+        equal = 0.0 * at.cosine
         if mirror is not None:
             return equal + mirror**0.5, equal
         if mirrored:
@@ -339,7 +361,8 @@ class _Passage:
         return passing_amplitudes(self._transmittances(self.body.chain.names[number], at, numbers), at.ratio)
 
     def _transmittances(self, face: str, at: Incidence, numbers: Int[Tensor, " n"]) -> Transmittances:
-        table, rows = self.coatings.faces.get(face), self.coatings.rows
+        table = self.coatings.faces.get(face)
+        rows = self.coatings.rows
         if table is None:
             return fresnel_transmittances(at.cosine, at.ratio)
         places = like(at.cosine, rows)
@@ -350,7 +373,8 @@ class _Passage:
         self, light: RaysInBody, medium: str, reflected_totally: bool, event: int
     ) -> Iterator[tuple[str, RaysInBody]]:
         """Rays on their way to the next face, in the frame of which they stand, where faces are met in their order."""
-        last, place = event + 1 == self.body.chain.events, self.body.placement
+        last = event + 1 == self.body.chain.events
+        place = self.body.placement
         if reflected_totally and (last or self.body.in_order):
             yield _ENDED, light.ended(Fate.TOTAL_REFLECTION)
         elif last or place is None or not self.body.in_order:
@@ -366,11 +390,13 @@ class _Passage:
 
     def behind_glass(self, exits: ExitRays, light: RaysInBody) -> ExitRays:
         """``exits``, whose fields ``light`` has, behind the cover glass; see ``light.coated_glass``."""
-        glass, media = self.body.media.cover_glass, self.body.media
+        glass = self.body.media.cover_glass
+        media = self.body.media
         if glass is None:
             return exits
         meets = (exits.directions[:, 2] > 0.0) & exits.left_lens
-        outside, ratio = torch.where(meets, exits.directions[:, 2], 1.0), media.outside_index / glass.refractive_index
+        outside = torch.where(meets, exits.directions[:, 2], 1.0)
+        ratio = media.outside_index / glass.refractive_index
         inside = torch.sqrt(transmitted_cosine_squared(outside, ratio))
         nearer = torch.where(meets, glass.thickness_mm * (1.0 - ratio * outside / inside), 0.0)
         passed = exits.flux * torch.exp(-glass.absorption_per_mm * glass.thickness_mm / inside)
@@ -379,7 +405,8 @@ class _Passage:
             t_s, t_p, excess = self._transmittances(GLASS, at, light.numbers)
             axial = torch.where(exits.left_lens, light.axial_flux, 0.0)
             in_plane = axial / torch.where(exits.flux > 0.0, exits.flux, 1.0)
-            passed, exits = passed * (t_s**2 + (t_s + t_p) * excess * in_plane), replace(exits, axial=axial)
+            passed = passed * (t_s**2 + (t_s + t_p) * excess * in_plane)
+            exits = replace(exits, axial=axial)
         flux = torch.where(meets, passed, exits.flux)
         points = exits.points + nearer[:, None] * like(exits.points, np.array([0.0, 0.0, 1.0]))
         return replace(exits, points=points, flux=flux, lost_in_glass=exits.flux - flux)
@@ -387,7 +414,8 @@ class _Passage:
 
 def _raised(light: RaysInBody) -> tuple[RaysInBody, Float[Tensor, " n"]]:
     """Rays that rise from below the plane z = 0 taken to it, and the path (mm) there; 0 for the others."""
-    height, rise = light.points[:, 2], light.directions[:, 2]
+    height = light.points[:, 2]
+    rise = light.directions[:, 2]
     rising = ~(rise <= 0.0)
     path = torch.where((height < 0.0) & rising, -height / torch.where(rising, rise, 1.0), 0.0)
     x, y, _ = (light.points + path[:, None] * light.directions).unbind(dim=1)

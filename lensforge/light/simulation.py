@@ -108,7 +108,8 @@ class TracedLens:
         """
         body.require_sound()
         grid = grid_for(min(face.surface.detail_rad for face in body.faces), nodes_per_sigma)
-        tables, errors = [], {}
+        tables = []
+        errors = {}
         for face in body.in_order:
             beside = body.bounding(face.before)
             table = tabulate(grid, face.surface)
@@ -156,7 +157,8 @@ def simulate(
         return _simulate_kinds(lens.kinds, source, receivers, rays, seed, regions, coloured=coloured)
     replicates = min(REPLICATES, rays, source.ray_count or rays)
     counted = regions or [()] * len(receivers)
-    lamps, bodies = [LampPictures.of(receiver) for receiver in receivers], len(lens.scene.media.bodies)
+    lamps = [LampPictures.of(receiver) for receiver in receivers]
+    bodies = len(lens.scene.media.bodies)
     deposits = [
         [
             ReceivedFlux.none_yet(
@@ -169,10 +171,12 @@ def simulate(
     looked_at = any(isinstance(receiver, EyeView) for receiver in receivers)
     facets = lens.scene.media.scattering if looked_at else 0  # a ray that is turned to an eye meets the same ones
     measured = looked_at and rays_of_file(source).ray_count is not None
-    by_way, traced = FluxByWay.none_yet(lens.scene.chain, replicates), 0
+    by_way = FluxByWay.none_yet(lens.scene.chain, replicates)
+    traced = 0
     for replicate, share, bundle in bundles(source, rays, replicates, seed):
         bundle = with_facets(bundle, facets)
-        exit_rays, colours = lens.trace(bundle), bundle.colours if coloured else None
+        exit_rays = lens.trace(bundle)
+        colours = bundle.colours if coloured else None
         waist = waist_mm(bundle.take(bundle.directions[:, 2] > _LEVEL)) if measured else None
         by_way.add(replicate, share, exit_rays)
         for board, landed in zip(lamps, deposits, strict=True):
@@ -210,7 +214,8 @@ def _simulate_kinds(
 
     Each kind has rays of its own; of a measured source all of its rays, the same in each replicate.
     """
-    lamps, found = receivers[0].lamps, []
+    lamps = receivers[0].lamps
+    found = []
     shares = [len(kind.numbers) / len(lamps) for kind in lamps.kinds]
     for number, (kind, lens, share) in enumerate(zip(lamps.kinds, kinds, lamps.shares_of_rays, strict=True)):
         receivers_of_kind = tuple(replace(receiver, lamps=receiver.lamps.of_kind(kind)) for receiver in receivers)
@@ -244,7 +249,8 @@ class DesignLandings:
 
 def design_landings(lens: TracedLens, spec: Spec, rays: RayBundle) -> list[DesignLandings]:
     """Landings of ``rays`` on each receiver of ``spec``."""
-    exit_rays, found = lens.trace(rays), []
+    exit_rays = lens.trace(rays)
+    found = []
     names = np.array(["landed", *(fate.name.lower() for fate in Fate if fate != Fate.LEFT_LENS), "missed_receiver"])
     for receiver in receivers_of(spec, spec.evaluate.pixels):
         landings = receiver.land(exit_rays)
@@ -347,9 +353,11 @@ def traced_light(traced: TracedLens, spec: Spec, source: Source, rays: int, seed
     """Light on the first receiver of ``spec``, by the rays that its evaluation takes with the same ``seed``."""
     receiver = receivers_of(spec, spec.evaluate.pixels)[0]
     simulation = simulate(traced.at_work(spec), source, (receiver,), rays, seed)
-    received, targets = simulation.received[0], spec.all_receivers[0].targets
+    received = simulation.received[0]
+    targets = spec.all_receivers[0].targets
     images = gaussian3(received.images, spec.evaluate.filter_variance)
-    target, mask = target_light(targets, receiver), lit_mask(uniform_region(targets, receiver), images)
+    target = target_light(targets, receiver)
+    mask = lit_mask(uniform_region(targets, receiver), images)
     replicates = ReplicateMetrics.of(images, target, mask, received.window / simulation.emitted_w)
     return TracedLight(replicates, images.mean(axis=0) / receiver.pixel_measure)
 

@@ -97,7 +97,8 @@ class Scene:
 
         In rows, as all others: for arrays in another order numba would compile a kernel of their own, for seconds.
         """
-        medium, waves = self.media.body, rays.waves
+        medium = self.media.body
+        waves = rays.waves
         absorptions = medium.absorption(waves)
         if self.made is not None:
             absorptions = absorptions * self.made.scale  # paths are those in the lens as designed
@@ -142,7 +143,8 @@ class TracedBundle:
         """
         tables = tables if isinstance(tables, np.ndarray) else np.stack(list(tables))
         bounds = face_bounds(tables, scene) if bounds is None else bounds
-        media, coatings = scene.media, RayCoatings.of(rays, scene.media, scene.fresnel)
+        media = scene.media
+        coatings = RayCoatings.of(rays, scene.media, scene.fresnel)
         rough = roughness(media, scene.names, rays, scene.made)
         lens = BodyPassage.of(
             scene.body(tables, bounds, rough, coatings),
@@ -181,7 +183,8 @@ class TracedBundle:
 
 
 def _at_lens(lens: BodyPassage, scene: Scene) -> ExitRays:
-    out, met = lens.exits, lens.ways.met
+    out = lens.exits
+    met = lens.ways.met
     exits = ExitRays(
         out.points,
         out.directions,
@@ -209,7 +212,8 @@ def face_bounds(tables: Tables, scene: Scene) -> FaceBounds:
 
     Raises as :func:`checked_bounds`.
     """
-    bounds, chain = FaceBounds.of(checked_bounds(tables, scene)), scene.chain
+    bounds = FaceBounds.of(checked_bounds(tables, scene))
+    chain = scene.chain
     if chain is None:
         return bounds
     return chain_bounds(tables, bounds, chain.packed(scene.media).before, scene.grid.origin, scene.grid.step)

@@ -94,7 +94,8 @@ def designed_pictures(
     colour: ColourSection | None = None,
 ) -> list[list[Channels]]:
     """Light of one lamp as designed on the rasters of each receiver, in replicates."""
-    count, channels = min(REPLICATES, rays, source.ray_count or rays), 1 if colour is None else 4
+    count = min(REPLICATES, rays, source.ray_count or rays)
+    channels = 1 if colour is None else 4
     pictures_of_boards = [
         [np.zeros((channels, count, *receiver.grid.shape)) for receiver in board.receivers] for board in boards
     ]
@@ -116,7 +117,8 @@ def on_patch(limit: LightLimit, grid: tuple[int, int], periods: tuple[int, int])
     """
     if limit.quantity.of_losses or limit.region is not None:
         return limit
-    (height, width), (columns, rows) = grid, periods
+    height, width = grid
+    columns, rows = periods
     readings = sparse.coo_array(limit.readings)
     values = columns * rows * readings.data
     y, x = np.divmod(readings.col, width)
@@ -164,7 +166,9 @@ class BoardLight(PartLight):
         designed: list[list[list[Channels]]],
     ) -> "BoardLight":
         """Boards on ``receivers``, with the limits of the spec. Raises :class:`InputError` for too few rays."""
-        periods, lamps, rays = periods_of(light.spec), len(receivers[0].lamps), len(light.held)
+        periods = periods_of(light.spec)
+        lamps = len(receivers[0].lamps)
+        rays = len(light.held)
         if rays < REPLICATES * lamps:
             least = REPLICATES * lamps
             raise InputError(f"yield: {rays} rays for {lamps} lamps: {REPLICATES} each at least; give {least}")
@@ -214,7 +218,8 @@ class BoardLight(PartLight):
         raw = [image - less for image, less in zip(raw, taken, strict=True)]
         emitted_w = float(fluxes.mean()) * self.held.emitted_w
         lit = (self._received(number, image, emitted_w) for number, image in enumerate(raw))
-        first, own = None if parts is None else parts[0], self._shares[0]
+        first = None if parts is None else parts[0]
+        own = self._shares[0]
         behind = rays_behind(self._lens_of_lamp[0], first, own.rays) if self.views else None
         eyes = () if behind is None else self.seen(behind, own, len(fluxes) * float(fluxes[0]))
         return (*(self._with_losses(parts, lit) if self.counts_losses else lit), *eyes)
@@ -238,8 +243,10 @@ class BoardLight(PartLight):
         return np.asarray(np.sum(found, axis=0))
 
     def _received(self, number: int, raw: Channels, emitted_w: float) -> ReceivedImages:
-        (columns, rows), flux = self.periods, raw[0]
-        receiver, target = self.receivers[number], self.one.targets[0][number]
+        columns, rows = self.periods
+        flux = raw[0]
+        receiver = self.receivers[number]
+        target = self.one.targets[0][number]
         of_period = flux.reshape(len(flux), rows, -1, columns, flux.shape[2] // columns).sum(axis=(1, 3))
         window = (flux * receiver.window.pixels(receiver.grid)).sum(axis=(1, 2))
         regions = (target, *self.one.zones[number])
@@ -250,7 +257,8 @@ class BoardLight(PartLight):
     @cached_property
     def targets(self) -> tuple[list[DrawnTarget], list[Bool[np.ndarray, "_ _"] | None]]:
         """Target and region of one period, again in every period of a patch."""
-        times, (targets, masks) = self.periods[::-1], self.one.targets
+        times = self.periods[::-1]
+        targets, masks = self.one.targets
         return [replace(target, light=np.tile(target.light, times)) for target in targets], [
             None if mask is None else np.tile(mask, times) for mask in masks
         ]
@@ -261,7 +269,8 @@ def in_plate(deviations: Deviations, lamp: Lamp) -> Deviations:
 
     A plate that shrinks or tilts moves its lenses, each as far as it stands from the middle.
     """
-    none, (x, y, _) = np.zeros(2), lamp.place_mm
+    none = np.zeros(2)
+    (x, y, _) = lamp.place_mm
     about_x, about_y = deviations.get("lens_tilt_deg", none).tolist()
     moved = deviations.get("lens_shift_mm", none) + float(deviations.get("shrinkage", none)[0]) * np.array([x, y])
     raised = float(deviations.get("lens_height_mm", none)[0]) + about_x * y - about_y * x

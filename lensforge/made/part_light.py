@@ -45,11 +45,13 @@ class ReplicateRays:
     def of(source: Source, rays: int, seed: int) -> "ReplicateRays":
         """The rays by which an evaluation of so many ``rays`` with ``seed`` simulates."""
         count = min(REPLICATES, rays, source.ray_count or rays)
-        parts, numbers = [], []
+        parts = []
+        numbers = []
         for replicate, share, bundle in bundles(source, rays, count, seed):
             parts.append(replace(bundle, flux=bundle.flux * share))
             numbers.append(np.full(len(bundle), replicate))
-        joined, replicate_of = RayBundle.joined(parts), np.concatenate(numbers)
+        joined = RayBundle.joined(parts)
+        replicate_of = np.concatenate(numbers)
         # neighbours use the same part of a table: in order of direction a trace takes a sixth less time
         order = np.lexsort((joined.directions[:, 1], np.floor(_COLUMNS * joined.directions[:, 0])))
         return ReplicateRays(joined.take(order), replicate_of[order], count, source.flux_w)
@@ -70,10 +72,12 @@ class ReplicateRays:
         first = np.searchsorted(self.replicate[order], self.replicate[order])
         lamp = np.empty(len(self), dtype=np.int64)
         lamp[order] = (np.arange(len(self)) - first) % lamps
-        found, every = [], np.bincount(self.replicate, minlength=self.replicates)
+        found = []
+        every = np.bincount(self.replicate, minlength=self.replicates)
         for number in range(lamps):
             rows = np.flatnonzero(lamp == number)
-            rays, replicate = self.rays.take(rows), self.replicate[rows]
+            rays = self.rays.take(rows)
+            replicate = self.replicate[rows]
             share = every / lamps / np.bincount(replicate, minlength=self.replicates)
             shared = replace(rays, flux=rays.flux * share[replicate])
             found.append(ReplicateRays(shared, replicate, self.replicates, self.emitted_w / lamps))
@@ -145,8 +149,10 @@ def rays_behind(nominal: TracedLens, part: MadePart | None, rays: RayBundle) -> 
 
 def flux_by_cause(lens: TracedLens, exits: ExitRays, held: ReplicateRays, flux: float) -> Float[np.ndarray, "r k"]:
     """Flux (W) by the cause by which each of the ``held`` rays ends, in every replicate; ``flux``: of the LED."""
-    causes, numbers = len(loss_names(lens.scene.chain)), cause_numbers(exits, lens.scene.chain)
-    places, ends = held.replicate * causes + numbers, numbers >= 0
+    causes = len(loss_names(lens.scene.chain))
+    numbers = cause_numbers(exits, lens.scene.chain)
+    places = held.replicate * causes + numbers
+    ends = numbers >= 0
     return flux * np.bincount(places[ends], exits.flux[ends], held.replicates * causes).reshape(-1, causes)
 
 
@@ -170,12 +176,16 @@ class PartLight:
         Behind them stands what each eye sees.
         """
         part = None if parts is None else parts[0]
-        exits, flux, held = self.exit_rays(part), 1.0 if part is None else part.flux, self.held
+        exits = self.exit_rays(part)
+        flux = 1.0 if part is None else part.flux
+        held = self.held
         by_cause = flux_by_cause(self.nominal, exits, held, flux) if self.counts_losses else None
-        colour, found = judged_colour(self.spec), []
+        colour = judged_colour(self.spec)
+        found = []
         for receiver, target, zones in zip(self.receivers, self.targets[0], self.zones, strict=True):
             landings = receiver.land(exits)
-            hits, carried = landings.hits, landings.flux * flux
+            hits = landings.hits
+            carried = landings.flux * flux
             inside = (receiver.window.contains(hits), *(region.contains(hits) for region in (target, *zones)))
             emitted_w = flux * held.emitted_w
             window, lit, *in_zones = held.flux_in(inside, carried) / emitted_w
@@ -209,7 +219,8 @@ class PartLight:
 
     def measured(self, received: tuple[ReceivedImages, ...]) -> "MeasuredPart":
         """Metrics of one part by its replicates."""
-        metrics, shares = [], []
+        metrics = []
+        shares = []
         for light, target, mask in zip(received, *self.targets, strict=False):
             images = light.images
             metrics.append(ReplicateMetrics.of(images, target.light, lit_mask(mask, images), light.window))
@@ -277,7 +288,8 @@ class MeasuredPart:
             changes = own.change_from(other, designed_rsd=rsd)
             change = {name: value for name, value in changes if value is not None}
             if light.uniformity is not None and "uniformity" in change:
-                ratio, moved = light.uniformity.value, change["uniformity"]  # within 0 and 1, however few the rays
+                ratio = light.uniformity.value  # within 0 and 1, however few the rays
+                moved = change["uniformity"]
                 within = min(max(moved.value, -ratio), 1.0 - ratio)
                 change["uniformity"] = moved.changed(value=within)
             found.append({**change, "share_in_target": jackknife_metric(share - other_share, float)})

@@ -90,7 +90,9 @@ class PartStudy:
     @cached_property
     def draws(self) -> Draws:
         """Numbers of every part, by lamp. Raises :class:`InputError` for too many of them."""
-        parts, lamps, factors = self.recipe.parts, len(self.lamps), self.factors
+        parts = self.recipe.parts
+        lamps = len(self.lamps)
+        factors = self.factors
         if parts * lamps * sum(factor.numbers for factor in factors) > _MOST_NUMBERS:
             raise InputError(f"yield: {parts} parts of {lamps} lamps are more than fit in memory; take fewer parts")
         return Draws.of(factors, parts, self.recipe.seed, lamps, common_to_lamps(self.spec))
@@ -115,14 +117,17 @@ class PartStudy:
     def kinds(self) -> tuple[LensOnBoard, ...]:
         """The lens of each kind with its lamps, one where all lamps have the same."""
         traced = TracedLens.of(self.recipe.lens, preset_of(self.recipe.lens.accuracy).nodes_per_sigma)
-        found, lamps = [], self.lamps
+        found = []
+        lamps = self.lamps
         for kind, lens, lamps_of_kind in zip(
             lamps.kinds or [None], self.recipe.lens.kinds, traced.kinds or [traced], strict=True
         ):
-            boards, numbers = self.boards, tuple(range(len(lamps)))
+            boards = self.boards
+            numbers = tuple(range(len(lamps)))
             if kind is not None:
                 alone = (replace(receiver, lamps=lamps.of_kind(kind)) for receiver in self.receivers)
-                boards, numbers = tuple(map(LampPictures.of, alone)), kind.numbers
+                boards = tuple(map(LampPictures.of, alone))
+                numbers = kind.numbers
             maker = PartMaker.of(lens.spec, lens.surfaces, lamps_of_kind.scene.grid, self.factors)
             found.append(LensOnBoard(lens, lamps_of_kind, maker, numbers, boards))
         return tuple(found)
@@ -230,7 +235,8 @@ class LedStudy:
 
     @cached_property
     def _source(self) -> Source:
-        coloured, facets = judged_colour(self.spec) is not None, self.lens.media.scattering
+        coloured = judged_colour(self.spec) is not None
+        facets = self.lens.media.scattering
         return build_source(self.spec.source, self.lens.dispersion, coloured=coloured, facets=facets)
 
     @cached_property
@@ -250,7 +256,9 @@ class LedStudy:
         """Pictures of one lamp of each kind as designed, by many rays, where several are drawn apart; none of one."""
         if self.study.lamps.is_single:
             return []
-        judging, recipe, colour = held_back(self._source), self.study.recipe, judged_colour(self.spec)
+        judging = held_back(self._source)
+        recipe = self.study.recipe
+        colour = judged_colour(self.spec)
         return [
             designed_pictures(kind.nominal, judging, kind.boards, recipe.designed_rays, recipe.seed, colour)
             for kind in self.kinds
@@ -259,7 +267,8 @@ class LedStudy:
     @cached_property
     def light(self) -> PartLight:
         """Receivers, limits and rays."""
-        study, recipe = self.study, self.study.recipe
+        study = self.study
+        recipe = self.study.recipe
         held = ReplicateRays.of(held_back(self._source), recipe.rays, recipe.seed)
         coarse = self._limits_by(eye_views(self.spec, searched=True))
         light = PartLight(self.spec, self.kinds[0].nominal, self.receivers, coarse, held)
@@ -279,7 +288,8 @@ class LedStudy:
         lens = self.lens
         spec = self.spec
         recipe = self.study.recipe
-        preset, judging = preset_of(lens.accuracy), held_back(self._source)
+        preset = preset_of(lens.accuracy)
+        judging = held_back(self._source)
         lumens = self._efficacy.lumens
         return evaluate_traced(
             TracedLens.of(lens, preset.evaluate_nodes_per_sigma),
@@ -316,7 +326,8 @@ class LedStudy:
 
     @property
     def _limit_names(self) -> list[str]:
-        judged, found = self.designed_light.limits, list[str]()
+        judged = self.designed_light.limits
+        found = list[str]()
         plain = [self._plain(number, limit) for number, limit in enumerate(judged)]
         sides = [f"{name} ({_SIDES[limit.sense]})" for name, limit in zip(plain, judged, strict=True)]
         for number, (name, side) in enumerate(zip(plain, sides, strict=True)):
@@ -396,7 +407,8 @@ _MOST_NUMBERS = 2**27  # 1 GiB
 
 def _in_common(noise: Float[np.ndarray, "n r"]) -> float:
     """Share of the variance over the replicates that all of n parts have."""
-    count, whole = len(noise), noise.var(axis=1).mean() if noise.size else 0.0
+    count = len(noise)
+    whole = noise.var(axis=1).mean() if noise.size else 0.0
     if not whole > 0.0:
         return 0.0
     of_mean = noise.mean(axis=0).var() / whole

@@ -99,7 +99,8 @@ def tolerance(
         faces = tolerances.faces if isinstance(tolerances, PartTolerances) else {}
         tolerances = PartTolerances.of(tolerances, faces, lens.spec.lens.roles)
     parts = count_of("parts", parts, least=_LEAST_PARTS, most=MOST_PARTS) or parts
-    count, seed = count_of("rays", rays), count_of("seed", seed, least=0, most=seeds.MOST) or 0
+    count = count_of("rays", rays)
+    seed = count_of("seed", seed, least=0, most=seeds.MOST) or 0
     own_tolerances = tolerances if tolerances is not None and tolerances != lens.spec.part_tolerances else None
     drawn = lens if own_tolerances is None else replace(lens, spec=lens.spec.with_tolerances(own_tolerances))
     with threads_of_torch(threads), connected(scheduler) as workers:

@@ -55,7 +55,8 @@ class ScaleSearch:
         needed = 1 if scale == max(_UP) else 2  # looks in a row without a failure
         quiet = 0
         for first in range(0, len(asked), _LOOK):
-            look, rest = asked[first : first + _LOOK], asked[first + _LOOK :]
+            look = asked[first : first + _LOOK]
+            rest = asked[first + _LOOK :]
             passes[look] = self._measured(look, scale)
             quiet = quiet + 1 if passes[look].all() else 0
             if quiet == needed:
@@ -93,7 +94,9 @@ class ScaleSearch:
 
     def _above(self) -> tuple[float, float | None]:
         """The largest scale that passes and the smallest that does not, where enough parts pass as specified."""
-        high, low, nothing = None, 1.0, np.zeros_like(self.known[1.0])
+        high = None
+        low = 1.0
+        nothing = np.zeros_like(self.known[1.0])
         for scale in _UP:
             above = nothing if high is None else self.known[high]
             if self.passing(scale, self.known[1.0], above).mean() >= self.wanted:
@@ -152,7 +155,9 @@ def budget(
 
     ``excess``: of the first parts as specified over each bound.
     """
-    factors, passes, rows = parts.study.factors, np.asarray((excess <= 0.0).all(axis=1)), list[BudgetRow]()
+    factors = parts.study.factors
+    passes = np.asarray((excess <= 0.0).all(axis=1))
+    rows = list[BudgetRow]()
     for number, factor in enumerate(factors, start=1):
         announce(f"budget: {number} of {len(factors) + 1}, {factor.words}")
         search = ScaleSearch(parts, [factor.name], wanted, _endangered(parts, excess, [factor]), {1.0: passes})
@@ -212,7 +217,8 @@ def flux_needed(bounds: Sequence[MetricBound], values: Float[np.ndarray, "n b"],
             factor = (bound.bound / np.maximum(parts, 0.0)) ** (1.0 / bound.flux_power)
         least, most = (least, np.minimum(most, factor)) if bound.sense == "<=" else (np.maximum(least, factor), most)
     kept = np.isfinite(least) & (least <= most)
-    begin, end = np.sort(least[kept]), np.sort(most[kept])
+    begin = np.sort(least[kept])
+    end = np.sort(most[kept])
     shares = (np.arange(1, len(begin) + 1) - np.searchsorted(end, begin)) / len(values)
 
     def at(share: float) -> float | None:

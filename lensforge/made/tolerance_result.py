@@ -98,7 +98,8 @@ class Sensitivity(ResultByLed):
 
 
 MOST_PARTS = 100_000
-_MOST_FACTORS, _MOST_BOUNDS = 64, 2048
+_MOST_FACTORS = 64
+_MOST_BOUNDS = 2048
 _CONFIDENCE = 0.95
 PASS_RATE = 0.95  # of the parts, by a budget
 FIELD = "Gaussian field"  # in the place of a distribution
@@ -195,7 +196,8 @@ def drawn_to_mean(values: Float[np.ndarray, " n"], spread: float) -> Float[np.nd
 
     As they are where the noise leaves no spread: parts are not alike because nobody can tell them apart.
     """
-    mean, scatter = float(values.mean()), float(values.std(ddof=1))
+    mean = float(values.mean())
+    scatter = float(values.std(ddof=1))
     return mean + (values - mean) * (spread / scatter if scatter > 0.0 < spread else 1.0)
 
 

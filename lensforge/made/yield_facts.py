@@ -27,7 +27,8 @@ TOGETHER = "interactions"
 UNCERTAIN = "not significant with so few parts"
 _SHARES = ("efficiency", "share_in_target")  # shown in per cent
 _UNITS = {"deg": "°", "um": "µm"}
-_LEADING, _LEAST = 3, 0.005  # causes that are named, of no less than this share of the variance
+_LEADING = 3  # causes that are named
+_LEAST = 0.005  # share of the variance of a cause that is named
 _DISTRIBUTIONS = {
     "truncated": ("truncated", "Gaussian, 2 σ = the amount, none beyond it"),
     "normal": ("normal", "Gaussian, 2 σ = the amount"),
@@ -54,7 +55,8 @@ def sensitivity_facts(study: Sensitivity) -> list[Group]:
     Of a lens for several LEDs the light as designed with each of them, then the rows of each, which its name tells
     apart.
     """
-    designed, changes = [], []
+    designed = []
+    changes = []
     for case in study.cases():
         led = case.result
         before = [
@@ -147,16 +149,20 @@ def budget_row(row: BudgetRow) -> Group:
     def words(value: float) -> str:
         return f"× {quantity(value, digits=3)}" if factor else amount_words(row.tolerance, value, row.unit)
 
-    specified, times = words(1.0 if factor else row.specified), ""
+    specified = words(1.0 if factor else row.specified)
+    times = ""
     if row.unlimited:
         if row.specified > 0.0 and not factor:
             times = f" ({quantity(row.searched_to / row.specified, digits=3)} times)"
-        most, interval = f"above {words(row.searched_to)}", f"not searched beyond{times}"
+        most = f"above {words(row.searched_to)}"
+        interval = f"not searched beyond{times}"
     elif row.at_most is None or row.low is None or row.high is None:
         why = "the other tolerances alone give too low a yield"
-        most, interval = NOTHING, "no factor is small enough" if factor else why
+        most = NOTHING
+        interval = "no factor is small enough" if factor else why
     else:
-        most, interval = words(row.at_most), f"{words(row.low)} to {words(row.high)}"
+        most = words(row.at_most)
+        interval = f"{words(row.low)} to {words(row.high)}"
     tight = not row.unlimited and (row.at_most is None or row.at_most < row.specified)
     facts = (
         Fact("specified", "Specified", specified),
@@ -192,7 +198,8 @@ def budget_sentence(study: Yield) -> str:
     """A sentence on the meaning of the budget; empty if there is none."""
     if study.budget is None:
         return ""
-    wanted, parts = percent(study.budget.pass_rate), quantity(study.budget.parts)
+    wanted = percent(study.budget.pass_rate)
+    parts = quantity(study.budget.parts)
     return (
         f"Largest amount of each tolerance for a yield of {wanted}, the others as specified, from {parts} parts. "
         "Interval: ± one standard error. Red: less than specified."
@@ -277,16 +284,19 @@ def _passing(study: Yield) -> Iterator[Fact]:
 def _remedies(study: Yield) -> Iterator[Fact]:
     """The least tightening of one tolerance that reaches the required yield where it is missed; the flux for it."""
     if study.budget is not None and study.pass_rate.value < study.budget.pass_rate:
-        row, wanted = study.budget.cheapest, percent(study.budget.pass_rate)
+        row = study.budget.cheapest
+        wanted = percent(study.budget.pass_rate)
         of_parts = f"by {quantity(study.budget.parts)} parts"
         if row is not None:
             specified, most, interval = (budget_row(row).fact(key).text for key in ("specified", "at_most", "interval"))
             change = f"{row.words}, from {specified} to {most}"
             note = f"for a yield of {wanted}, the others as specified; {interval}, {of_parts}"
         elif study.budget.reached:
-            change, note = "none", f"{of_parts} alone the yield is {wanted} or more"
+            change = "none"
+            note = f"{of_parts} alone the yield is {wanted} or more"
         else:
-            change, note = "none is enough", f"no tolerance alone, however small, gives a yield of {wanted}, {of_parts}"
+            change = "none is enough"
+            note = f"no tolerance alone, however small, gives a yield of {wanted}, {of_parts}"
         yield Fact("cheapest", "Smallest tightening", change, note=note)
     if study.flux is not None:
         yield _flux(study.flux)
@@ -310,7 +320,8 @@ def _share(cause: CauseShare) -> Metric:
 
 def _causes(study: Yield, name: str) -> Iterator[Fact]:
     """The leading causes with their shares of the variance, and that of several together, where they are certain."""
-    variance, together = study.variance[name], study.variance[name].interactions
+    variance = study.variance[name]
+    together = study.variance[name].interactions
     named = [cause for cause in variance.certain[:_LEADING] if cause.share > _LEAST]
     yield from (Fact.share(cause.tolerance, cause.words, _share(cause)) for cause in named)
     stands_out = together.value > max(_LEAST, CERTAIN * (together.standard_error or 0.0))

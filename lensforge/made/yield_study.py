@@ -52,7 +52,8 @@ def contributions(draws: Draws, values: Float[np.ndarray, " n"], noise: float) -
     blocks = np.arange(len(values)) % _BLOCKS
     total = _left_out(centred**2, blocks)
     total = total * (len(values) / (len(values) - 1)) - noise
-    causes, explained = [], np.zeros(_BLOCKS + 1)
+    causes = []
+    explained = np.zeros(_BLOCKS + 1)
     for factor in draws.factors:
         found = _explained(features(factor, draws.numbers[factor.name], draws.of_lamps(factor.name)), centred, blocks)
         explained = explained + found
@@ -101,7 +102,8 @@ def _explained(
 ) -> Float[np.ndarray, " s"]:
     """Variance that the functions explain, by pairs of different parts; all parts, then each block left out."""
     products = basis * centred[:, None]
-    means, squares = _left_out(products, blocks), _left_out(np.sum(products**2, axis=1), blocks)
+    means = _left_out(products, blocks)
+    squares = _left_out(np.sum(products**2, axis=1), blocks)
     sizes = len(centred) - np.concatenate([[0], np.bincount(blocks, minlength=_BLOCKS)])
     return np.asarray((sizes * np.sum(means**2, axis=1) - squares) / (sizes - 1))
 
@@ -115,7 +117,8 @@ PARTS = 1000
 _MOST_OF_LAMPS = 2**24  # of one of several lamps as designed, whose pictures are part of that of every board
 _PILOT = 32
 _LARGEST_ERROR = 0.1  # of a part's metric, as a share of the spread over the parts
-_OF_DISTANCE, _LARGEST_BUDGET_ERROR = 0.1, 0.3
+_OF_DISTANCE = 0.1
+_LARGEST_BUDGET_ERROR = 0.3
 _LEAST_SPREAD = 0.01  # of the metric: nobody needs to know a smaller spread to a tenth of it
 _WORST = 3
 
@@ -138,7 +141,8 @@ def measure_yield(
     tenth of the spread over the parts. ``file``: where measured parts are kept until the study is done. Raises
     :class:`InputError` for tolerances that the part cannot bear.
     """
-    started, announce = time.perf_counter(), announce or (lambda _: None)
+    started = time.perf_counter()
+    announce = announce or (lambda _: None)
     lamps = not lens.spec.all_lamps.is_single
     effort = preset_of(lens.accuracy).studies
     of_lamps = min(lens.spec.evaluate.rays or 0, _MOST_OF_LAMPS) if lamps else 0
@@ -164,7 +168,8 @@ def measure_yield(
         for number, name in enumerate(study.names)
         if metrics[name].spread > 0.0
     }
-    wanted, first = lens.spec.optimise.share or PASS_RATE, excess[: effort.budget_parts]
+    wanted = lens.spec.optimise.share or PASS_RATE
+    first = excess[: effort.budget_parts]
     limits = budget(_for_budget(found, measured), first, announce, wanted) if with_budget else None
     bounded = measured[:, [study.names.index(bound.metric) for bound in study.bounds], 0]
     worst, worst_leds = _worst(study, measured)
@@ -214,7 +219,8 @@ def _for_budget(parts: MeasuredParts, measured: Float[np.ndarray, "n m 2"]) -> M
     apart = np.abs(study.excess(measured[..., 0])).mean(axis=0) * _OF_DISTANCE
     scale = np.maximum(apart, [_true_spread(measured[:, column]) for column in columns])
     while rays > least and np.all(np.sqrt(2.0) * errors <= _LARGEST_BUDGET_ERROR * scale):
-        rays, errors = rays // 2, np.sqrt(2.0) * errors
+        rays = rays // 2
+        errors = np.sqrt(2.0) * errors
     return parts.with_rays(rays)
 
 
@@ -242,7 +248,8 @@ def _spread(designed: Metric, values: Float[np.ndarray, "n 2"], in_common: float
     The mean is uncertain by the choice of the parts, by the light of the lens as designed, from which all of them are
     changes, and by what the changes have ``in_common`` of the variance of the rays, which are the same for all.
     """
-    spread, scatter = _true_spread(values), float(values[:, 0].std(ddof=1))
+    spread = _true_spread(values)
+    scatter = float(values[:, 0].std(ddof=1))
     mean = float(values[:, 0].mean())
     noise = float(np.sqrt(np.mean(values[:, 1] ** 2)))
     of_parts = scatter / float(np.sqrt(len(values)))
@@ -272,10 +279,12 @@ def _applications(study: PartStudy, measured: Float[np.ndarray, "n m 2"]) -> Ite
             bounds = [study.bounds[row] for row in asked]
             scale = np.array([bound.bound for bound in bounds])
             beyond = every[:, asked] / scale
-            nearest, parts = beyond.argmax(axis=1), np.arange(len(beyond))
+            nearest = beyond.argmax(axis=1)
+            parts = np.arange(len(beyond))
             columns = np.array([study.names.index(bound.metric) for bound in bounds])
             margin = np.stack([-beyond.max(axis=1), measured[parts, columns[nearest], 1] / scale[nearest]], axis=1)
-            noise, counts = float(np.mean(margin[:, 1] ** 2)), np.bincount(nearest, minlength=len(bounds))
+            noise = float(np.mean(margin[:, 1] ** 2))
+            counts = np.bincount(nearest, minlength=len(bounds))
             decided = _true_spread(margin) > float(np.median(margin[:, 1]))
             yield ApplicationYield(
                 name=f"{led.prefix}{name}",
@@ -290,7 +299,8 @@ def _applications(study: PartStudy, measured: Float[np.ndarray, "n m 2"]) -> Ite
 
 def _worst(study: PartStudy, measured: Float[np.ndarray, "n m 2"]) -> tuple[tuple[WorstPart, ...], tuple[str, ...]]:
     """The parts that miss their bounds by most, in units of the spread over the parts, and the LED of that bound."""
-    excess, of_bound = study.excess(measured[..., 0]), [led.led for led in study.leds for _ in led.bounds]
+    excess = study.excess(measured[..., 0])
+    of_bound = [led.led for led in study.leds for _ in led.bounds]
     width = excess.std(axis=0)
     relative = excess / np.where(width > 0.0, width, 1.0)
     order = np.argsort(-relative.max(axis=1), kind="stable")[:_WORST]
@@ -318,7 +328,8 @@ def _worst_maps(study: PartStudy, worst: Sequence[WorstPart], names: Sequence[st
 
 def _table(study: PartStudy, measured: Float[np.ndarray, "n m 2"]) -> tuple[tuple[str, ...], Float[np.ndarray, "n c"]]:
     """Numbers drawn for every part, in the unit of the spec, but for those of each lamp; and its metrics."""
-    columns, found = list[str](), list[Float[np.ndarray, "n k"]]()
+    columns = list[str]()
+    found = list[Float[np.ndarray, "n k"]]()
     for factor in study.factors:
         if study.draws.of_lamps(factor.name) > 1:
             continue
@@ -329,7 +340,8 @@ def _table(study: PartStudy, measured: Float[np.ndarray, "n m 2"]) -> tuple[tupl
 
 
 def _of_lamps(study: PartStudy) -> str:
-    spec, (columns, rows) = study.recipe.lens.spec, periods_of(study.recipe.lens.spec)
+    spec = study.recipe.lens.spec
+    columns, rows = periods_of(study.recipe.lens.spec)
     common = "; ".join(factor.words for factor in study.factors if factor.name in study.draws.common) or "nothing"
     piece = "board" if spec.plate is None else "plate"
     if spec.all_lamps.period_mm is not None:

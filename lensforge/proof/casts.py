@@ -55,8 +55,10 @@ def verify(part: Part, light: Light, *, rays: int | None = None, threads: int | 
 
 def verify_with(second: ChildPool, part: Part, light: Light, rays: int | None = None) -> Proof:
     """Do as :func:`verify` does, with a second process for referees that hold Python's lock; the same bits."""
-    lens, known = require(part, Part, "verify").lens, require(light, Light, "verify").inputs
-    rays, wanted = count_of("rays", rays), inputs_of(lens, lens.spec.source)
+    lens = require(part, Part, "verify").lens
+    known = require(light, Light, "verify").inputs
+    rays = count_of("rays", rays)
+    wanted = inputs_of(lens, lens.spec.source)
     for name, words in (("lens", "another lens than the part"), ("source", "another source than the spec's")):
         if known.get(name) != wanted[name]:
             raise InputError(f"verify: the light is that of {words}; evaluate the part's lens with its own source")
@@ -85,7 +87,8 @@ def _verified(
     from lensforge.scene.rough_faces import with_facets
 
     lens, light = lit
-    preset, optical = preset_of(lens.accuracy), optical_at_work(lens)
+    preset = preset_of(lens.accuracy)
+    optical = optical_at_work(lens)
     judging = judging_source(lens.spec)
     source = rays_of_file(judging)
     count, conditions = rays_of(rays, preset.verify_rays, source)
@@ -207,7 +210,8 @@ def stray_light(
         >>> stray = lf.stray_light(lf.load("cad_out/quickstart").part, rays=2**12)
         >>> print(stray.efficiency, stray.efficiency_sequential)
     """
-    lens, rays = require(part, Part, "stray_light").lens, count_of("rays", rays)
+    lens = require(part, Part, "stray_light").lens
+    rays = count_of("rays", rays)
     with kernel_threads(count_of("threads", threads)):
         return StrayLight.joined({name: _stray_light(part, own, rays, base) for name, own in lens.by_state.items()})
 
@@ -216,11 +220,15 @@ def _stray_light(part: Part, lens: Lens, rays: int | None, base: Literal["polish
     from lensforge.proof.proof_inputs import optical_at_work, optical_on, plate_of, screens_of, stands_of
     from lensforge.scene.rough_faces import with_facets
 
-    spec, preset, source = lens.spec, preset_of(lens.accuracy), judging_source(lens.spec)
+    spec = lens.spec
+    preset = preset_of(lens.accuracy)
+    source = judging_source(lens.spec)
     count, conditions = rays_of(rays, min(preset.verify_rays, preset.stray_rays), source)
-    optical, stl = optical_at_work(lens), part.stl
+    optical = optical_at_work(lens)
+    stl = part.stl
     if spec.plate is not None and part.plate_stl is not None:
-        optical, stl = optical_on(plate_of(spec.plate.lenses(spec.lamps)), lens), part.plate_stl
+        optical = optical_on(plate_of(spec.plate.lenses(spec.lamps)), lens)
+        stl = part.plate_stl
     return stray_in_sandbox(
         stl,
         rays=with_facets(source.sample(count, seeds.of_verification(lens.seed)), lens.media.scattering),

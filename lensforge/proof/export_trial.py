@@ -95,7 +95,8 @@ def _settled_tolerance(lens: Lens, tolerance: FaceTolerance, trials: "list[_Tria
         finer = tolerance.changed(normal_mrad=tolerance.normal_mrad / _step(used * MARGIN, 1.0))
         pair, nodes = fit_lens(lens, tolerance=finer), _nodes(pair)
         if _nodes(pair) != nodes:
-            before, used = used, max(trial.used_by_faces(pair) for trial in trials)
+            before = used
+            used = max(trial.used_by_faces(pair) for trial in trials)
             if used > _LEAST_GAIN * before or max(_nodes(pair)) == MAX_NODES:
                 break
         tolerance = finer  # where that took no more nodes, the fit was better than it had to be
@@ -122,7 +123,8 @@ def _settled_rings(lens: Lens, pair: Pair[Patch], trials: "list[_Trial]") -> int
         finer = _mesh_on_trial(plan, more) if more > rings else None
         if finer is None:
             break
-        before, used = used, max(trial.used_by_mesh(finer) for trial in trials)
+        before = used
+        used = max(trial.used_by_mesh(finer) for trial in trials)
         if used > _LEAST_GAIN * before:
             break
         rings = more

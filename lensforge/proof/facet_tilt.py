@@ -22,7 +22,10 @@ Keys = UInt64[np.ndarray, " n"]
 
 _HALVINGS = 60
 _WIDEST = 1.2  # of what is seen over the greater of 0 and the number that is drawn
-_GOLDEN, _FIRST, _SECOND = 0x9E3779B97F4A7C15, 0xBF58476D1CE4E5B9, 0x94D049BB133111EB  # Steele, Lea and Flood, 2014
+# Steele, Lea and Flood, 2014
+_GOLDEN = 0x9E3779B97F4A7C15
+_FIRST = 0xBF58476D1CE4E5B9
+_SECOND = 0x94D049BB133111EB
 _FACES = 256
 
 
@@ -99,7 +102,8 @@ def _even(rays: RayBundle, rough: Bool[np.ndarray, " f"], before: int) -> Number
 
 def _keys(rays: RayBundle) -> Keys:
     """Hash of the bits with which each ray begins."""
-    key, golden = np.zeros(len(rays), dtype=np.uint64), np.uint64(_GOLDEN)
+    key = np.zeros(len(rays), dtype=np.uint64)
+    golden = np.uint64(_GOLDEN)
     starts, ways = (np.ascontiguousarray(each).view(np.uint64) for each in (rays.origins, rays.directions))
     for column in np.column_stack([starts, ways])[:, [0, 3, 1, 4, 2, 5]].T:
         key = _mixed((key + golden) ^ column)
@@ -129,9 +133,12 @@ def tilted(met: Arrival, rms: PerRay, numbers: Float[np.ndarray, "n 2"]) -> Vect
     rough = np.flatnonzero(rms > 0.0)
     if not len(rough):
         return met.normals
-    normals, d, s = met.normals[rough], met.directions[rough], rms[rough]
+    normals = met.normals[rough]
+    d = met.directions[rough]
+    s = rms[rough]
     n = normals * np.where(np.sum(normals * met.points[rough], axis=1) < 0.0, -1.0, 1.0)[:, None]
-    length, turn = np.sqrt(-2.0 * np.log1p(-numbers[rough, 0])), 2.0 * np.pi * numbers[rough, 1]
+    length = np.sqrt(-2.0 * np.log1p(-numbers[rough, 0]))
+    turn = 2.0 * np.pi * numbers[rough, 1]
     drawn = in_face(length * np.exp(1j * turn), n)
     cosine = np.sum(d * n, axis=1)
     along = (d - cosine[:, None] * n) * np.where(cosine < 0.0, -1.0, 1.0)[:, None]
@@ -167,9 +174,7 @@ def _bell(x: PerRay) -> PerRay:
 
 def in_face(slopes: Complex[np.ndarray, " n"], outward: Vectors) -> Vectors:
     """Vectors along faces: x and y turned to the face as z is to its unit normal away from the origin."""
-    axis, cosine = (
-        np.cross([0.0, 0.0, 1.0], outward),
-        outward[:, 2:],
-    )  # of the turn: its length is the sine of the angle
+    axis = np.cross([0.0, 0.0, 1.0], outward)  # of the turn: its length is the sine of the angle
+    cosine = outward[:, 2:]
     flat = np.column_stack([slopes.real, slopes.imag, np.zeros(len(slopes))])
     return cosine * flat + np.cross(axis, flat) + np.sum(axis * flat, axis=1)[:, None] * axis / (1.0 + cosine)

@@ -54,7 +54,10 @@ from lensforge.scene.lens import Lens
 from lensforge.surfaces.plane_loop import Loop, LoopEdge, circle_at
 from lensforge.surfaces.surface import Surface, scaled, to_sphere
 
-_AIM_NM, _NODES, _MOST_NODES, _TESTED = 2.0, 96, 480, 256
+_AIM_NM = 2.0
+_NODES = 96
+_MOST_NODES = 480
+_TESTED = 256
 _ORDER = 6  # an error of the table falls with this power of its nodes
 _BEYOND = 1.03  # of the extent of a face: a table is worst at its ends
 _PIECES = 1536  # of a closed curve, and of an edge of a plate's outline: a quarter of a circle bends by 1e-12 in one
@@ -66,9 +69,11 @@ _NO_AREA_MM = 1e-4  # a ring this narrow is none: a base flush with the rim
 
 def designed_files(part: Part) -> Iterator[DesignedFile]:
     """Every file that the export has written, with the body that it should hold."""
-    lens, plate = part.lens, layout_of(part.lens)
+    lens = part.lens
+    plate = layout_of(part.lens)
     remember_fit(lens, part.nodes)  # by which the base has room for the cutter
-    body, chord_mm = designed_lens(lens), 1e-3 * part.triangulation.chord_error_um
+    body = designed_lens(lens)
+    chord_mm = 1e-3 * part.triangulation.chord_error_um
     tolerance_um = 1e-3 * part.face_tolerance.form_nm
     round_mm = mesh_error_mm(lens.spec.base, part.triangulation.rings, chord_mm)
     whole = None if plate is None or part.plate is None else designed_plate(lens, plate)
@@ -100,7 +105,9 @@ def _tabulated(face: TrimmedFace[Surface], surface: Surface, beyond_deg: float) 
     edges_rad = 2.0 * np.arctan(face.domain.extent) + np.radians([-beyond_deg, beyond_deg])
     low, high = np.tan(np.maximum(edges_rad, 0.0) / 2.0).tolist()
     tested = to_sphere(chart_samples(_TESTED, domain=face.domain))
-    points, half, nodes = surface.radius(tested)[:, None] * tested, float(np.arctan(_BEYOND * high)), _NODES
+    points = surface.radius(tested)[:, None] * tested
+    half = float(np.arctan(_BEYOND * high))
+    nodes = _NODES
     while True:
         axis = np.tan(np.linspace(-half, half, nodes))
         chart = np.stack(np.meshgrid(axis, axis, indexing="ij"), axis=-1)
@@ -175,7 +182,8 @@ def _numbered(names: list[str]) -> tuple[str, ...]:
 
 def _of_base(plan: Plan[Surface]) -> _Made:
     """Planes and walls below the rims, from corner to corner."""
-    made, corners = _Made(), base_corners(plan)
+    made = _Made()
+    corners = base_corners(plan)
     turns = np.linspace(0.0, 2.0 * np.pi, _PIECES, endpoint=False)
     for corner, following in zip(corners, [*corners[1:], Corner(rim_radius(plan.cavity), 0.0, "")], strict=True):
         if corner.depth_mm != following.depth_mm:
@@ -194,7 +202,9 @@ def _of_base(plan: Plan[Surface]) -> _Made:
 
 def designed_plate(lens: Lens, layout: PlateLayout) -> DesignedBody:
     """The plate with all its lenses."""
-    made, thick, lamps = _Made(), layout.plate.thickness_mm, layout.lenses
+    made = _Made()
+    thick = layout.plate.thickness_mm
+    lamps = layout.lenses
     lenses = PlateOfLenses(np.array(lamps.places_mm), np.radians(lamps.turns_deg), None, lamps.kind_of_each)
     cavities = [lens_boundaries(kind)[0] for kind in lens.kinds]
     growths = [(layout.bore_scale(rim_points(cavity)) - 1.0) / thick for cavity in cavities]
@@ -225,9 +235,13 @@ def designed_plate(lens: Lens, layout: PlateLayout) -> DesignedBody:
 def _leaning(top: LoopEdge, foot: LoopEdge, length_mm: float) -> tuple[float, float, float, float]:
     """The draft of a side between two edges: about the apex of a cone, for a line far away along its way inwards."""
     if top.centre is not None and foot.centre is not None:
-        scale, start, end = foot.radius_mm / top.radius_mm, np.array(top.centre), np.array(foot.centre)
+        scale = foot.radius_mm / top.radius_mm
+        start = np.array(top.centre)
+        end = np.array(foot.centre)
     else:
-        scale, start, end = 1.0 - 1.0 / _FAR, np.array(top.start), np.array(foot.start)
+        scale = 1.0 - 1.0 / _FAR
+        start = np.array(top.start)
+        end = np.array(foot.start)
     x, y = ((end - scale * start) / (1.0 - scale)).tolist()
     return x, y, 0.0, (scale - 1.0) / length_mm
 

@@ -141,7 +141,8 @@ def follow(body: PartBody, rays: RayBundle, limits: Limits, threads: int = 1, ch
     least = limits.cut_off * float(rays.flux.mean())
 
     def followed(start: int) -> _Followed:
-        found, light = _Followed(), _emitted(body, rays.take(slice(start, start + chunk)))
+        found = _Followed()
+        light = _emitted(body, rays.take(slice(start, start + chunk)))
         for _ in range(limits.depth):
             light = _step(body, light, least, found)
             if len(light.flux) == 0:
@@ -166,7 +167,8 @@ def _emitted(body: PartBody, rays: RayBundle) -> SplitRays:
     leg = outside_leg(rays, body.optical)
     hits = body.surface_hits(leg)
     causes = np.where(hits.leaving | hits.away, Cause.BASE, Cause.SEQUENTIAL)
-    light, nothing = vars(LitRays.of(rays, body.media, body.optical.names)), np.zeros(len(rays), dtype=np.int64)
+    light = vars(LitRays.of(rays, body.media, body.optical.names))
+    nothing = np.zeros(len(rays), dtype=np.int64)
     light |= {"inside": hits.leaving, "points": leg.origins, "flux": rays.flux.copy(), "causes": causes}
     return SplitRays(**light, crossings=nothing, events=nothing, beside=np.zeros(len(rays), dtype=bool))
 
@@ -179,7 +181,8 @@ def _step(body: PartBody, light: SplitRays, least: float, found: _Followed) -> S
     found.lose("leaked", light.flux[gone & light.inside])
     found.pieces.append(light.take(np.nonzero(gone & ~light.inside)[0]))
     rows = np.nonzero(~gone)[0]
-    light, hits = light.take(rows), hits.take(rows)
+    light = light.take(rows)
+    hits = hits.take(rows)
     # By the law of Beer and Lambert.
     lengths = body.optical.expansion.scale * np.linalg.norm(hits.points - light.points, axis=1)
     left = np.where(light.inside, np.exp(-light.absorptions * lengths), 1.0)
@@ -188,7 +191,8 @@ def _step(body: PartBody, light: SplitRays, least: float, found: _Followed) -> S
     if body.base == "black":
         found.lose("base", light.flux[hits.base])
         rows = np.nonzero(~hits.base)[0]
-        light, hits = light.take(rows), hits.take(rows)
+        light = light.take(rows)
+        hits = hits.take(rows)
     beside = body.optical.at_neighbour(hits.points)
     found.lose("neighbours", light.flux[beside & ~light.beside])
     light = replace(light, beside=light.beside | beside)
@@ -213,8 +217,10 @@ def _split(optical: OpticalFaces, light: SplitRays, hits: SurfaceHits, at: AtFac
 def _causes(
     optical: OpticalFaces, light: SplitRays, hits: SurfaceHits, transmittance: Float[np.ndarray, " n"]
 ) -> tuple[Int[np.ndarray, " n"], Int[np.ndarray, " n"]]:
-    goes_on, whole = optical.goes_on(light.events), transmittance <= 0.0
-    back, enters = (light.crossings == 1) & ~hits.away, (light.crossings == 0) & (light.events + 1 >= optical.events)
+    goes_on = optical.goes_on(light.events)
+    whole = transmittance <= 0.0
+    back = (light.crossings == 1) & ~hits.away
+    enters = (light.crossings == 0) & (light.events + 1 >= optical.events)
     missed = [light.crossings >= 2, hits.base | back & ~goes_on, enters]
     transmitted = np.select(missed, [Cause.MET_AGAIN, Cause.BASE, Cause.TOTAL_REFLECTION], Cause.SEQUENTIAL)
     on_path = whole & goes_on
@@ -253,8 +259,10 @@ def trace_stray(
     part = read_part_mesh(stl, optical)
     grid = Grid(part.mesh)
     budget = follow(PartBody(part, grid, media, base), rays, limits, threads)
-    escaped, emitted = budget.escaped(), float(rays.flux.sum())
-    split, passage = _escaped(escaped, media, optical), send_through(part, grid, rays, media, threads)
+    escaped = budget.escaped()
+    emitted = float(rays.flux.sum())
+    split = _escaped(escaped, media, optical)
+    passage = send_through(part, grid, rays, media, threads)
     light = _Light(lamps, emitted, budget, split, escaped.causes, passage)
     return StrayLight(
         inputs=dict(inputs or {}),
@@ -298,8 +306,10 @@ class _Light:
         ``images``: of what is not split, of the rest as designed, and stray, to which its own are added.
         """
         split, plain = (self.lamps.stood(each, number).landed(screen) for each in (self.split, self.passage))
-        reached, stray = split.fates == CastFate.LANDED, self.causes != Cause.SEQUENTIAL
-        inside, direct = screen.in_window(split.landings), ~stray
+        reached = split.fates == CastFate.LANDED
+        stray = self.causes != Cause.SEQUENTIAL
+        inside = screen.in_window(split.landings)
+        direct = ~stray
         images[0] += screen.irradiance(plain.landings, plain.flux)
         for image, some in zip(images[1:], (direct, stray), strict=True):
             image += screen.irradiance(split.landings[some], split.flux[some])
@@ -323,14 +333,15 @@ class _Light:
 
     def on(self, name: str, screen: Screen) -> ReceiverStray:
         """Stray light of all lamps on one receiver; shares are of the flux of all."""
-        sums, images, count = Counter[str](), np.zeros((3, screen.rows, screen.columns)), len(self.lamps.places)
+        sums = Counter[str]()
+        images = np.zeros((3, screen.rows, screen.columns))
+        count = len(self.lamps.places)
         for number in range(count):
             sums.update(self.of_lamp(number, screen, images))
-        shares, (reference, direct, stray) = (
-            {end: watts / (count * self.emitted_w) for end, watts in sums.items()},
-            images,
-        )
-        flux, whole = StrayFlux(**{end: shares[end] for end in StrayFlux.model_fields}), direct + stray
+        shares = {end: watts / (count * self.emitted_w) for end, watts in sums.items()}
+        (reference, direct, stray) = images
+        flux = StrayFlux(**{end: shares[end] for end in StrayFlux.model_fields})
+        whole = direct + stray
         misplaced_w = float(np.abs(whole - reference).sum()) * screen.pixel_measure
         return ReceiverStray(
             name=name,

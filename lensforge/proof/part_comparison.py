@@ -101,7 +101,8 @@ def _fate_pairs(
     rays: RayBundle, landed: Landed, expected: Expected, differs: Bool[np.ndarray, " n"]
 ) -> tuple[FatePair, ...]:
     """Rays of ``differs`` by their fates in design and part, the largest share of flux first."""
-    design, part = expected.fate_names, landed.fate_names
+    design = expected.fate_names
+    part = landed.fate_names
     pairs = []
     for first, second in sorted(set(zip(design[differs].tolist(), part[differs].tolist(), strict=True))):
         rows = differs & (design == first) & (part == second)
@@ -118,9 +119,12 @@ def landing_gaps(
     receiver's diagonal.
     """
     screen = expected.screen
-    here, there = screen.on_pixels(landed.landings), screen.on_pixels(expected.landings)
-    lost_here, lost_there = np.isnan(landed.landings[:, 0]), np.isnan(expected.landings[:, 0])
-    both, differs = here & there, (here & lost_there) | (there & lost_here)
+    here = screen.on_pixels(landed.landings)
+    there = screen.on_pixels(expected.landings)
+    lost_here = np.isnan(landed.landings[:, 0])
+    lost_there = np.isnan(expected.landings[:, 0])
+    both = here & there
+    differs = (here & lost_there) | (there & lost_here)
     if expected.met is not None:
         other_way = np.any(landed.met != expected.met, axis=1)
         both, differs = both & ~other_way, differs | (both & other_way)
@@ -186,10 +190,12 @@ def emission_difference(independent: RayBundle, design: RayBundle) -> float:
     than is counted here, that of independent rays.
     """
     rows, columns = np.triu_indices(7)
-    means, squares = np.zeros(len(rows)), np.zeros(len(rows))
+    means = np.zeros(len(rows))
+    squares = np.zeros(len(rows))
     for sign, rays in ((1.0, independent), (-1.0, design)):
         table = np.column_stack([np.ones(len(rays)), rays.origins, rays.directions])
-        products, weights = table[:, rows] * table[:, columns], rays.flux / rays.flux.sum()
+        products = table[:, rows] * table[:, columns]
+        weights = rays.flux / rays.flux.sum()
         mean = weights @ products
         means += sign * mean
         squares += weights**2 @ (products - mean) ** 2
@@ -201,7 +207,8 @@ def judge_independent_rays(
     rays: RayBundle, passage: Passage, expected: Expected, design: tuple[Metric, float | None]
 ) -> IndependentRays:
     """Light of ``rays``, all of the same flux, on the screen of ``expected``, against its picture and ``design``."""
-    landed, screen = passage.landed(expected.screen), expected.screen
+    landed = passage.landed(expected.screen)
+    screen = expected.screen
     flux = flux_budget(rays, landed, screen)
     detected = np.where(screen.in_window(landed.landings), landed.flux, 0.0) / rays.flux.sum() * len(rays)
     error = float(np.std(detected, ddof=1)) / np.sqrt(len(rays)) if len(rays) > 1 else None
@@ -221,7 +228,8 @@ def _nmse_less_noise(landed: LandedRays, expected: Expected, noise: float | None
     """
     if noise is None or len(landed.flux) < LEAST_RAYS:
         return None
-    screen, count = expected.screen, len(landed.flux)
+    screen = expected.screen
+    count = len(landed.flux)
     pictures = (
         screen.irradiance(landed.landings[rows], landed.flux[rows] * (count / len(rows)))
         for rows in np.array_split(np.arange(count), BLOCKS)

@@ -73,7 +73,8 @@ def optical_at_work(lens: Lens) -> OpticalFaces:
 
 def plate_of(lamps: Lamps) -> PlateOfLenses:
     """The lenses of a plate; of those of the first kind the one nearest to the origin is lit."""
-    places, first = np.array(lamps.places_mm), np.array(lamps.kind_of_each) == 0
+    places = np.array(lamps.places_mm)
+    first = np.array(lamps.kind_of_each) == 0
     lit = int(np.where(first, np.hypot(*places.T), np.inf).argmin())
     return PlateOfLenses(places, np.radians(lamps.turns_deg), lit, lamps.kind_of_each)
 
@@ -91,7 +92,8 @@ def lamps_together(stl: bytes | None, lit: tuple[Lens, Light], rays: RayBundle) 
     it, and their light; ``rays``: of one.
     """
     lens, light = lit
-    spec, lamps = lens.spec, lens.spec.all_lamps
+    spec = lens.spec
+    lamps = lens.spec.all_lamps
     if (len(lamps) == 1 and lamps.period_mm is None) or (stl is None and lens.lamps_on_plate):
         return None
     drawn = np.random.default_rng(seeds.of_verification(lens.seed)).permutation(len(rays)) % len(lamps)
@@ -147,7 +149,8 @@ def independent_rays(spec: Spec, source: Source, count: int, seed: int) -> RayBu
     Rays of a file are chosen one by one, in proportion to their flux; each once where the light is that of its model,
     for which they are a sample of the LED.
     """
-    random, section = np.random.default_rng(seed), spec.source
+    random = np.random.default_rng(seed)
+    section = spec.source
     if isinstance(source, RefittedSource):
         file = source.file
         assert isinstance(file, RaySetEmitter)
@@ -186,7 +189,8 @@ def _of_chips(random: Generator, points: Float[np.ndarray, "n 2"], section: Chip
 def _once(rays: Rays, count: int, random: Generator) -> Int[np.ndarray, " n"]:
     """Numbers of at most as many rays as count, in proportion to their flux: none twice but the strongest."""
     flux = np.concatenate([block.flux for block in blocks_of(rays)])
-    count, order = min(count, int(flux.sum() ** 2 / np.sum(flux**2))), random.permutation(len(flux))
+    count = min(count, int(flux.sum() ** 2 / np.sum(flux**2)))
+    order = random.permutation(len(flux))
     shares = np.cumsum(flux[order])
     wanted = (np.arange(count) + random.random()) * (shares[-1] / count)
     return random.permutation(order[np.minimum(np.searchsorted(shares, wanted), len(order) - 1)])
@@ -195,7 +199,8 @@ def _once(rays: Rays, count: int, random: Generator) -> Int[np.ndarray, " n"]:
 def _by_flux(rays: Rays, count: int, random: Generator) -> Int[np.ndarray, " n"]:
     """Numbers of rays chosen one by one in proportion to their flux, those of ``random.choice``; one number in memory
     for each ray, where that has four."""
-    shares, start = np.empty(len(rays)), 0
+    shares = np.empty(len(rays))
+    start = 0
     for block in blocks_of(rays):
         shares[start : start + len(block)] = block.flux
         start += len(block)

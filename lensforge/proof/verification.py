@@ -109,13 +109,21 @@ def verify_part(
     Raises :class:`InputError` for bytes that hold no mesh or no solid and for arrays that do not fit; a wrong part
     misses its criteria instead.
     """
-    rays, media, expected, optical = light.rays, light.media, light.expected, light.optical
-    bare, by_ray = media.polished, light.polished or expected
+    rays = light.rays
+    media = light.media
+    expected = light.expected
+    optical = light.optical
+    bare = media.polished
+    by_ray = light.polished or expected
     limit_rad = DEVIATION_RAD + OF_SPREAD * media.spread_rad
-    step, lamps, own, exported = files.step, files.lamps, light.own, files.exported
+    step = files.step
+    lamps = files.lamps
+    own = light.own
+    exported = files.exported
     started = perf_counter()
     _require_rays(rays, expected)
-    through, designed = None, None
+    through = None
+    designed = None
     if step is not None:
         # Here it is read before the casts: a file that is refused costs no more than that.
         file = step if second.runs else read_step(step, optical)
@@ -211,7 +219,8 @@ def _on_receiver(
 ) -> ReceiverProof:
     """The light on a receiver; ``by_ray``: of polished faces, compared ray by ray; ``others``: of the other casts."""
     brep, mitsuba, own_rays = others
-    screen, landed = expected.screen, passage.landed(expected.screen)
+    screen = expected.screen
+    landed = passage.landed(expected.screen)
     image, off, noise_floor = screen.against(landed.landings, landed.flux, expected.irradiance)
     flux = flux_budget(rays, landed, screen)
     return ReceiverProof(

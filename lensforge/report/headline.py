@@ -45,7 +45,7 @@ _COLOUR = ("cct", "duv", "rms_delta_uv", "worst_delta_uv")
 _LIGHT = ("nmse", "share_in_target", "efficiency", "uniformity", "rsd", "inner", "peak", *_COLOUR, "leak")
 _SHAPE = ("kept_start", "radius", "height", "cavity", "keep_out", "thinnest")
 _PROOF = ("nmse_vs_design", "fitted_nmse", "file_nmse", "file_efficiency", "table_nmse", "detected_stray")
-_FURTHER = ("traffic", "form_error", "volume", "mass", "plate_mass", *_PROOF)
+_FURTHER = ("classes", "form_error", "volume", "mass", "plate_mass", *_PROOF)
 
 _REMARKS = {
     "design": "There is no design.json, so the search is not documented; run lensforge design.",

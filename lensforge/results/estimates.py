@@ -37,7 +37,8 @@ def jackknife_metric(
     replicates: Float[np.ndarray, "r *shape"], statistic: Callable[[np.ndarray], float], unit: str = ""
 ) -> Metric:
     """``statistic`` of the mean over replicates, and its standard error (Efron & Stein 1981); of one alone none."""
-    count, total = len(replicates), replicates.sum(axis=0)
+    count = len(replicates)
+    total = replicates.sum(axis=0)
     value = statistic(total / count)
     if count < 2:
         return Metric(value=value, unit=unit)
@@ -154,7 +155,8 @@ class RootEstimate(PairEstimate):
         if self.square is None or before.square is None:
             return Metric(value=max(self.value - before.value, -designed))
         change = self.square.change_from(before.square)
-        value, noise = float(np.sqrt(max(designed**2 + change.value, 0.0))), change.standard_error or 0.0
+        value = float(np.sqrt(max(designed**2 + change.value, 0.0)))
+        noise = change.standard_error or 0.0
         error = noise / (2.0 * max(value, np.sqrt(noise) or 1.0))  # the slope of the root, as of the estimate
         return Metric(value=value - designed, standard_error=float(error))
 
@@ -211,7 +213,8 @@ def _ratio_of_squares(
     errors: Float[np.ndarray, "r n"], scales: Float[np.ndarray, " r"]
 ) -> tuple[float, Float[np.ndarray, "r r"]]:
     """``|E errors|^2 / (E scales)^2`` without noise, and how far each pair of replicates is from it."""
-    squares, norms = errors @ errors.T, np.outer(scales, scales)
+    squares = errors @ errors.T
+    norms = np.outer(scales, scales)
     norm = mean_over_pairs(norms)
     value = mean_over_pairs(squares) / norm
     return value, (squares - value * norms) / norm
@@ -429,7 +432,8 @@ class _Slope:
         by_noise = halves.minimum - quarters.minimum
         optimism = (quarters.read - quarters.minimum) - (halves.read - halves.minimum)
         agree = optimism <= _ROUNDING * abs(halves.read)  # all blocks chose the same pixels
-        slope, held = 1.0 if agree else by_noise / optimism, np.zeros(_REPLICATES)
+        slope = 1.0 if agree else by_noise / optimism
+        held = np.zeros(_REPLICATES)
         if not 0.0 < slope < 1.0:
             return _Slope(float(np.clip(slope, 0.0, 1.0)), held)
         of_noise = halves.minimum_influences - quarters.minimum_influences

@@ -68,7 +68,7 @@ class ApplicationLight(ABC, Generic[_Entry, _Judgement]):
     def worst(cls, entries: Sequence[_Entry], limits: Sequence[Fact]) -> Group:
         """Group of all ``entries``: their classes, and each required figure where it is worst."""
         summaries = dict.fromkeys(entry.summary for entry in entries)
-        head = Fact(entries[0].table, "Class", "; ".join(summaries))
+        head = Fact("classes", "Class", "; ".join(summaries))
         label = entries[0].table if len(entries) > 1 else entries[0].noun
         return Group("applications", label.capitalize(), (head, *cls._worst_figures(entries, limits)))
 

@@ -35,7 +35,8 @@ _PHOTOMETRIC = ("lx", "cd", "cd/m²")
 _OF_PHOTONS = "µmol/(m² s)"
 _PER_WATT = {"mW/cm²": 0.1}
 FILTER_PIXELS = 4.0  # diameter of a disc with the variance of the picture's filter, one square pixel along each axis
-_FEWEST_RINGS, _MOST_RINGS = 2, 8  # of places over a light meter
+_FEWEST_RINGS = 2  # of places over a light meter
+_MOST_RINGS = 8
 _AROUND = 8  # places on a ring
 _SENSES: tuple[Sense, Sense] = (">=", "<=")
 

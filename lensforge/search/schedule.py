@@ -417,7 +417,7 @@ class AutomaticStages:
 
     def _stage(self, level: int, steps: int, doublings: int, share: float) -> Stage:
         counts = self.levels.counts
-        (first, most) = self.effort.rays
+        first, most = self.effort.rays
         levels = counts[: max(level, self.start_level) + 1]
         rate = _FIRST_RATE * self.effort.learning_rate * _LEVEL_RATE**level * share * self.images**_OF_IMAGES
         rays = min(first * 2 ** (level // _TWICE_FROM + doublings), most)
@@ -433,7 +433,8 @@ def rays_ahead(source: Source, count: int, seeds: Iterable[int]) -> Iterator[Ray
     with ThreadPoolExecutor(1) as pool:
         following = None
         for seed in seeds:
-            current, following = following, pool.submit(source.sample, count, seed)
+            current = following
+            following = pool.submit(source.sample, count, seed)
             if current is not None:
                 yield current.result()
         if following is not None:

@@ -203,5 +203,6 @@ class Check(SimulatedResult):
         }
         require_choice("quantity", quantity, labels)
         surface = require_choice("surface", surface or next(reversed(self.faces), None), self.faces)
-        values, half_width = getattr(self.faces[surface], quantity), float(self.chart_axis[-1])
+        values = getattr(self.faces[surface], quantity)
+        half_width = float(self.chart_axis[-1])
         return plot_face(values, half_width, f"{surface}: {labels[quantity]}", axes)

@@ -66,7 +66,8 @@ def drawing_notes(
 
 def _draft_words(lens: Lens, check: Check) -> Iterator[str]:
     """Notes on the draft of base and flange, and on the cylinder beside that; none on a base that stands upright."""
-    base, flange = lens.spec.base_made, lens.spec.lens.rim_flange
+    base = lens.spec.base_made
+    flange = lens.spec.lens.rim_flange
     if base.draft_deg and base.kind in ("cylinder", "square"):
         yield f"Draft of the base: {base.draft_deg:g}°; sizes of side, flange and bore at their tops."
     if flange is not None and (draft_deg := lens.spec.manufacture.draft_deg(flange.draft_deg)):
@@ -147,7 +148,8 @@ def general_words(words: DrawingSection) -> str:
 
 def surface_words(lens: Lens, words: DrawingSection) -> list[str]:
     """Notes on edges, and on the finish of optical and other faces."""
-    optical, other = words.optical_edge_mm, words.edge_break_mm
+    optical = words.optical_edge_mm
+    other = words.edge_break_mm
     rims = "largest radius not stated" if optical is None else f"R {optical:g} at most"
     _, burr, traces, _ = lens.spec.manufacture.making.words
     others = "largest break not stated" if other is None else f"radius or chamfer {other:g} at most"
@@ -171,7 +173,8 @@ def mould_words(lens: Lens) -> list[str]:
 
 
 TitleBlock = dict[str, tuple[str, ...]]  # cells of each row, by its key
-WIDTH, ROW = 180.0, 5.6  # mm on A3
+WIDTH = 180.0  # mm on A3
+ROW = 5.6  # mm on A3
 HEIGHT = 8.0 * ROW
 _NONE = "not stated"
 _ON_TOOLS = (*get_args(OfMill), *get_args(OfLathe))  # findings that ask for a tool
@@ -187,20 +190,27 @@ def title_of(lens: Lens, words: DrawingSection) -> str:
 
 def title_block(lens: Lens, part: Part, words: DrawingSection, *, of_plate: bool = False) -> TitleBlock:
     """Rows for the shop, and from the record of the part or its plate: author and date are those of its files."""
-    spec, signature, general = lens.spec, part.signature, words.general_tolerances or f"{_NONE}, to be agreed"
+    spec = lens.spec
+    signature = part.signature
+    general = words.general_tolerances or f"{_NONE}, to be agreed"
     body: Part | Plate = part
-    file, name = STEP_FILE, words.part_name or spec.name
+    file = STEP_FILE
+    name = words.part_name or spec.name
     pages = "1 of 1"
     mass = ""
     kinds = [kind.kind for kind in lens.kinds]
     if part.plate is not None and of_plate:
-        body, file, name = part.plate, PLATE_STEP_FILE, f"{name}, plate of {quantity(part.plate.lenses, 'lenses')}"
+        body = part.plate
+        file = PLATE_STEP_FILE
+        name = f"{name}, plate of {quantity(part.plate.lenses, 'lenses')}"
         pages = f"1 of {1 + len(kinds)}, {PLATE_PDF_FILE}"
     elif spec.plate is not None:
         one = f"lens {lens.kind} of the plate" if lens.kind else "one lens of the plate"
-        name, mass = f"{name}, {one}", "Mass: that of the plate, sheet 1"
+        name = f"{name}, {one}"
+        mass = "Mass: that of the plate, sheet 1"
         pages = f"{2 + kinds.index(lens.kind)} of {1 + len(kinds)}, {PDF_FILE}"
-    density, volume = spec.lens.density, f"Volume: {body.volume_mm3:.1f} mm³"
+    density = spec.lens.density
+    volume = f"Volume: {body.volume_mm3:.1f} mm³"
     return {
         "name": (name,),
         "number": _cells(Number=words.part_number, Revision=words.revision, Date=signature.date),
@@ -246,7 +256,9 @@ SIZES: dict[SheetName, tuple[float, float]] = {"A4": (297.0, 210.0), "A3": (420.
 _UNITS: dict[SheetName, float] = {"A4": 0.5**0.5, "A3": 1.0}
 _PROFILE = 18.0  # width of a column of the profiles beside the views, mm on A3
 _NARROW = 3  # columns of a table that is as wide as the title block
-_BINDING, _BORDER, _GAP = 20.0, 10.0, 4.0  # ISO 5457: borders of every sheet (mm); between blocks, mm on A3
+_BINDING = 20.0  # border of every sheet (mm) on its left: ISO 5457
+_BORDER = 10.0  # its other borders (mm)
+_GAP = 4.0  # between blocks, mm on A3
 
 
 @dataclass(frozen=True)
@@ -265,7 +277,8 @@ def drawing_content(
     lens: Lens, part: Part, check: Check, dimensions: list[Dimension], tolerances: ToleranceTable, words: DrawingSection
 ) -> DrawingContent:
     """Collect what the drawing says, from the results of the lens and from ``words``, those of its title block."""
-    datums, second_deg = datum_scheme(lens, part), other_section_deg(lens)
+    datums = datum_scheme(lens, part)
+    second_deg = other_section_deg(lens)
     sections = [section_view(lens, "S", 0.0)]
     if second_deg is not None:
         sections.append(section_view(lens, "T", second_deg))
@@ -287,7 +300,8 @@ def _mould_marks(lens: Lens, check: Check, section: SectionView) -> dict[str, Pl
         return {}
     points = np.concatenate(section.outlines)
     widest = points[points[:, 1] > points[:, 1].max() - _SAME_MM]
-    marks, ring = {PARTING_LINE: (float(widest[:, 0].mean()), float(widest[0, 1]))}, ring_of(lens)
+    marks = {PARTING_LINE: (float(widest[:, 0].mean()), float(widest[0, 1]))}
+    ring = ring_of(lens)
     if ring is not None:
         marks[GATE] = 0.5 * (ring.low_mm + ring.high_mm), 0.5 * (ring.foot_mm + ring.outer_mm)
     elif check.mould.gate == BASE:
@@ -299,9 +313,11 @@ def _mould_marks(lens: Lens, check: Check, section: SectionView) -> dict[str, Pl
 
 def make_sheet(content: DrawingContent, name: SheetName = "A3") -> Sheet:
     """Draw the sheet. Raises :class:`InputError` for a part that does not fit at any scale."""
-    unit, inside = unit_of(name), inside_of(name)
+    unit = unit_of(name)
+    inside = inside_of(name)
     fit = partial(fitted, partial(draw_views, content.views), content.views.width, unit=unit)
-    tried, (under, *beside) = list[tuple[PaperView, ProfilePlace]](), _profile_places(content, name)
+    tried = list[tuple[PaperView, ProfilePlace]]()
+    (under, *beside) = _profile_places(content, name)
     for place in beside:
         with suppress(InputError):  # below the views there may be more room
             tried.append((fit(room=place.room), place))
@@ -312,7 +328,8 @@ def make_sheet(content: DrawingContent, name: SheetName = "A3") -> Sheet:
     marks = Marks([frame_of(inside, "outline")])
     marks.add(draw_views(content.views, view))
     marks.add(draw_title_block(content.block, (right, bottom), unit, view.scale, name))
-    top, width = bottom + _table_top(content, name), _table_width(content, name)
+    top = bottom + _table_top(content, name)
+    width = _table_width(content, name)
     marks.add(content.table.drawn(right, top, width, unit))
     marks.add(draw_rows(profiles.rows, *profiles.corner, profiles.widths, unit))
     marks.words += paragraphs_in(_notes_box(content, name), content.notes, unit)
@@ -368,12 +385,17 @@ class ProfilePlace:
 
 def _profile_places(content: DrawingContent, name: SheetName) -> list[ProfilePlace]:
     """The table of profiles below the views, over all the width, and where there is room for it to their right."""
-    (left, bottom, right, top), unit = inside_of(name), unit_of(name)
-    gap, below, rows = _GAP * unit, bottom + _table_top(content, name), content.profiles
-    widths, narrow = profile_widths(right - left), [_PROFILE * unit] * len(rows)
+    (left, bottom, right, top) = inside_of(name)
+    unit = unit_of(name)
+    gap = _GAP * unit
+    below = bottom + _table_top(content, name)
+    rows = content.profiles
+    widths = profile_widths(right - left)
+    narrow = [_PROFILE * unit] * len(rows)
     over = below + (gap + _height(rows, widths, unit) if rows else 0.0)
     under = ProfilePlace(rows, widths, (left, over), (left + gap, over + gap, right - gap, top - gap))
-    columns, start = list(zip(*rows, strict=True)), right - sum(narrow)
+    columns = list(zip(*rows, strict=True))
+    start = right - sum(narrow)
     beside = ProfilePlace(columns, narrow, (start, top), (left + gap, below + gap, start - gap, top - gap))
     return [under, beside] if rows and _height(columns, narrow, unit) < top - below - gap else [under]
 

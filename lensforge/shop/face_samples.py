@@ -30,7 +30,8 @@ from lensforge.scene.body import Face
 from lensforge.spec.part_section import ManufactureSection
 from lensforge.surfaces.surface import HALF_WIDTH
 
-RADII, AZIMUTHS = 96, 192
+RADII = 96
+AZIMUTHS = 192
 _ALONG_EDGE = 360  # places at which an extreme on a crease is looked for
 
 
@@ -71,7 +72,8 @@ class AreaRule:
 def area_rule(radii: int = RADII, azimuths: int = AZIMUTHS) -> AreaRule:
     """The rule with ``radii`` x ``azimuths`` points."""
     node, weight = np.polynomial.legendre.leggauss(radii)
-    node, weight = (node + 1.0) / 2.0, weight / 2.0
+    node = (node + 1.0) / 2.0
+    weight = weight / 2.0
     azimuth = np.arange(azimuths) * (2.0 * np.pi / azimuths)
     circle = np.stack([np.cos(azimuth), np.sin(azimuth)], axis=-1)
     return AreaRule(
@@ -288,6 +290,7 @@ def _in_domain(
 
 def least_draft_rad(samples: FaceSamples) -> float:
     """The least draft angle (rad) of the face, searched for between the samples too."""
-    patch, sense = samples.face.patch, samples.face.sense
+    patch = samples.face.patch
+    sense = samples.face.sense
     steepest = samples.largest(lambda points: -sense * patch.normals(points)[:, 2], -samples.upward)
     return -float(np.arcsin(np.clip(steepest, -1.0, 1.0)))

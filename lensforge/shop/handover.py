@@ -13,8 +13,12 @@ from lensforge.results.files import require_own, write_file
 from lensforge.results.numerals import quantity
 from lensforge.shop.findings import Findings
 
-HTML_FILE, PDF_FILE, DXF_FILE, POINTS_FILE = "manufacturing.html", "manufacturing.pdf", "drawing.dxf", "points.csv"
-PLATE_PDF_FILE, PLATE_DXF_FILE = "plate.pdf", "plate.dxf"
+HTML_FILE = "manufacturing.html"
+PDF_FILE = "manufacturing.pdf"
+DXF_FILE = "drawing.dxf"
+POINTS_FILE = "points.csv"
+PLATE_PDF_FILE = "plate.pdf"
+PLATE_DXF_FILE = "plate.dxf"
 NO_SHRINKAGE = (
     "manufacture.shrinkage: not given, so the tables are of inserts as large as the lens; ask the moulder, and give "
     "it, such as shrinkage = 0.005"

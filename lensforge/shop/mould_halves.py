@@ -37,7 +37,9 @@ from lensforge.shop.check_measures import (
 )
 from lensforge.shop.mould_facts import plastic_of
 
-_AZIMUTHS, _ALONG, _ON_EDGE = 192, 512, 64  # points of each face, and between two corners
+_AZIMUTHS = 192  # of the points of a face
+_ALONG = 512  # points of a face on a meridian
+_ON_EDGE = 64  # points between two corners
 _UPRIGHT = float(np.sin(np.deg2rad(ANGLE_TOLERANCE_DEG)))
 _SAME_MM = 1e-6
 _BALL = 360, 96  # azimuths and points of each face, about as far apart all over
@@ -105,7 +107,8 @@ def _upright_beside(ring: FlangeRing, wall_mm: float, exit_mm: float) -> Iterato
 
 def _around(plan: Plan[Patch], layout: PlateLayout, lens_mm: float) -> list[Corner]:
     """Corners of the plate around a lens of at most ``lens_mm`` radius, as far as it matters to that."""
-    rim, scale = rim_radius(plan.cavity), layout.bore_scale(rim_points(plan.cavity))
+    rim = rim_radius(plan.cavity)
+    scale = layout.bore_scale(rim_points(plan.cavity))
     thickness_mm = layout.plate.thickness_mm
     wide = circle(lens_mm + thickness_mm).radius
     foot = Corner(lambda azimuths: scale * rim(azimuths), thickness_mm, "")
@@ -288,7 +291,9 @@ def _widest_heights(
     across: Float[np.ndarray, " n"], height: Float[np.ndarray, " n"], widest: Bool[np.ndarray, " n"], names: _Names
 ) -> tuple[float, float]:
     """Heights between which a section is widest; within a face of the parabola through three points."""
-    k, low, high = int(np.argmax(across)), float(height[widest].min()), float(height[widest].max())
+    k = int(np.argmax(across))
+    low = float(height[widest].min())
+    high = float(height[widest].max())
     near = slice(k - 1, k + 2)
     rises = np.diff(height[near])
     straight = high - low > _SAME_MM or names[k] in (BASE, FLANGE)

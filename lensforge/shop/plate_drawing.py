@@ -71,7 +71,8 @@ from lensforge.surfaces.plane_loop import circle_at, points_on
 _GAP = 28.0  # mm on A3, between views
 _CHORD_MM = 5e-3
 _TURN = np.linspace(0.0, 2.0 * np.pi, 181)
-_SAME_MM, _SHOWN_MM = 1e-6, 1e-3
+_SAME_MM = 1e-6
+_SHOWN_MM = 1e-3
 _INSIDE = 6.0  # mm on A3: the label of a larger circle stands inside
 _MOST_ROWS = 12  # of the table on the sheet; the page has all
 _COLUMNS = (0.16, 0.22, 0.22, 0.4)  # widths of the table's columns
@@ -103,7 +104,8 @@ def pattern_of(lenses: Lamps) -> Pattern | None:
         pitch = tuple(float(each.mean()) if len(each) else 0.0 for each in (steps, np.diff(levels)))
         first = float(rows[longest][0]), float(levels[0])
         return Pattern((pitch[0], pitch[1]), (len(rows[longest]), len(levels)), first, float(levels[longest]))
-    radius, turns = np.hypot(*places.T), np.sort(np.arctan2(places[:, 1], places[:, 0]))
+    radius = np.hypot(*places.T)
+    turns = np.sort(np.arctan2(places[:, 1], places[:, 0]))
     even = _alike(np.diff([*turns, turns[0] + 2.0 * np.pi]))
     return Pattern(ring_mm=2.0 * float(radius.mean())) if even and _alike(radius) else None
 
@@ -155,8 +157,11 @@ def _label(view: PaperView, text: str, place: Place, away_mm: float) -> Words:
 
 def plate_sheet(lens: Lens, part: Part, layout: PlateLayout, words: DrawingSection, name: SheetName = "A3") -> Sheet:
     """Draw the sheet. Raises :class:`InputError` for a plate that does not fit at any scale."""
-    unit, (left, bottom, right, top) = unit_of(name), inside_of(name)
-    rows, gap, widths = place_rows(layout), 4.0 * unit, [share * WIDTH * unit for share in _COLUMNS]
+    unit = unit_of(name)
+    (left, bottom, right, top) = inside_of(name)
+    rows = place_rows(layout)
+    gap = 4.0 * unit
+    widths = [share * WIDTH * unit for share in _COLUMNS]
     drawn = (
         rows if len(rows) <= _MOST_ROWS else [*rows[: _MOST_ROWS - 1], PlaceRow("…", what="more on manufacturing.html")]
     )
@@ -185,7 +190,8 @@ def plate_sheet(lens: Lens, part: Part, layout: PlateLayout, words: DrawingSecti
 
 def plate_notes(lens: Lens, layout: PlateLayout, words: DrawingSection) -> list[str]:
     """The notes, a paragraph each."""
-    count, drawn = len(layout.lenses), layout.plate.outline
+    count = len(layout.lenses)
+    drawn = layout.plate.outline
     origin = f"origin of {drawn.origin}" if isinstance(drawn, DrawnOutline) else "middle of the outline"
     lenses = f"{quantity(count, 'lenses')}, all equal" if count > 1 else "One lens"
     if layout.lenses.kinds:
@@ -220,7 +226,8 @@ class PlaceRow(NamedTuple):
 
 def place_rows(layout: PlateLayout) -> list[PlaceRow]:
     """Rows of the table; lenses only where they have no pattern, or some are turned or of another kind."""
-    rows, lenses = list[PlaceRow](), layout.lenses
+    rows = list[PlaceRow]()
+    lenses = layout.lenses
     if _listed(layout):
         names = layout.of_each([f"lens {kind.name}" for kind in lenses.kinds] or ["lens"])
         for number, (name, (place, _, turn)) in enumerate(zip(names, lenses.lamps, strict=True), 1):
@@ -281,7 +288,8 @@ _FURTHER = np.arange(0.0, 121.0, 3.0)  # mm on A3
 
 def _datum_at(mark: PlateMark, letter: str, lines: Sequence[LensLines], layout: PlateLayout, view: PaperView) -> Marks:
     """The symbol of a datum at a hole or pin, its letter where no lens and no other mark is, as near as that goes."""
-    centre, radius = view.at([mark.place_mm])[0], view.scale * mark.radius_mm
+    centre = view.at([mark.place_mm])[0]
+    radius = view.scale * mark.radius_mm
     domes = [view.scale * float(np.hypot(*lines_of_lens.dome.T).max()) for lines_of_lens in layout.of_each(lines)]
     others = [beside for _, beside in labelled(layout) if beside is not mark]
     places = view.at([*layout.lenses.places_mm, *(neighbour.place_mm for neighbour in others)])
@@ -303,7 +311,9 @@ def _datum_at(mark: PlateMark, letter: str, lines: Sequence[LensLines], layout: 
 
 def _whole(lines: Sequence[LensLines], layout: PlateLayout, gate: Place | None, view: PaperView) -> Marks:
     """The plate from the front, and below it, in first angle, from above; the view's origin: of the latter."""
-    marks, (low, high), unit = Marks(), layout.box_mm, view.unit
+    marks = Marks()
+    low, high = layout.box_mm
+    unit = view.unit
     loops = layout.outline, *layout.slots
     marks.strokes += [view.line(points_on(loop, _CHORD_MM), closed=True) for loop in loops]
     for number, (own, place) in enumerate(zip(layout.of_each(lines), layout.lenses.places_mm, strict=True)):
@@ -329,7 +339,8 @@ def _whole(lines: Sequence[LensLines], layout: PlateLayout, gate: Place | None, 
         inwards = -np.array(min(layout.outline, key=lambda edge: edge.away_mm(gate)).right)
         marks.strokes.append(arrow_head(tip, inwards, 2.0 * LETTERS * unit))
         marks.words.append(_label(view, "G", gate, 0.0))
-    pattern, radius = pattern_of(layout.lenses), layout.plate.corner_radius_mm
+    pattern = pattern_of(layout.lenses)
+    radius = layout.plate.corner_radius_mm
     for axis in (0, 1):
         edge = float(view.at([low])[0, 1 - axis])
         sizes = list(_sizes_along(axis, layout, pattern, view))
@@ -341,7 +352,8 @@ def _whole(lines: Sequence[LensLines], layout: PlateLayout, gate: Place | None, 
         marks.strokes.append(view.line(circle, "axis", closed=True))
     if radius:
         x, y = (size / 2.0 - radius * (1.0 - 0.5**0.5) for size in layout.size_mm)
-        (tip,), out = view.at([(x, y)]), np.array([-1.0, -1.0]) * 0.5**0.5
+        (tip,) = view.at([(x, y)])
+        out = np.array([-1.0, -1.0]) * 0.5**0.5
         marks.strokes += [Stroke(np.array([tip, tip - 6.0 * unit * out])), arrow_head(tip, out, LETTERS * unit)]
         marks.words.append(_label(view, f"4 × R {shown(radius)}", (x, y), 4.0 * unit / view.scale))
     (corner,) = view.at([(high[0], low[1])])
@@ -353,7 +365,9 @@ def _whole(lines: Sequence[LensLines], layout: PlateLayout, gate: Place | None, 
 
 def _sizes_along(axis: int, layout: PlateLayout, pattern: Pattern | None, view: PaperView) -> Iterator[LinearDimension]:
     """Dimensions along x or y: of the outline, the pattern, and from the edge to its first lens."""
-    way, turned, (low, high) = "xy"[axis], 90 * axis, (corner[axis] for corner in layout.box_mm)
+    way = "xy"[axis]
+    turned = 90 * axis
+    low, high = (corner[axis] for corner in layout.box_mm)
     is_round = layout.plate.kind == "round"
 
     def size(name: str, first: float, last: float, off: float, before: str = "") -> LinearDimension:
@@ -366,10 +380,13 @@ def _sizes_along(axis: int, layout: PlateLayout, pattern: Pattern | None, view: 
         yield size(ROUND_PLATE, low, high, 0.0, "⌀")
     if pattern is not None and pattern.ring_mm is not None:
         if axis == 0:
-            ring, count = pattern.ring_mm / 2.0, len(layout.lenses)
+            ring = pattern.ring_mm / 2.0
+            count = len(layout.lenses)
             yield size("circle of the axes", -ring, ring, 0.0, f"{count} × on ⌀")
     elif pattern is not None:
-        first, steps, pitch = pattern.first[axis], pattern.count[axis] - 1, pattern.pitch_mm[axis]
+        first = pattern.first[axis]
+        steps = pattern.count[axis] - 1
+        pitch = pattern.pitch_mm[axis]
         off = (pattern.row_mm, pattern.first[0])[axis]
         if steps:
             before = f"{steps} × {shown(pitch)} = " if steps > 1 else ""
@@ -394,10 +411,12 @@ def _front(lines: Sequence[LensLines], layout: PlateLayout, view: PaperView) -> 
     every = zip(lenses.places_mm, lenses.turns_deg, lenses.kind_of_each, strict=True)
     seen = {(round(x, 6), turn, kind) for (x, _), turn, kind in every}
     marks.strokes += [view.line(lines[kind].fronts[turn] + np.array([x, 0.0])) for x, turn, kind in sorted(seen)]
-    columns, heights = [view.dimension("thickness of the plate", (end, low), (end, 0.0), 90)], dict[float, float]()
+    columns = [view.dimension("thickness of the plate", (end, low), (end, 0.0), 90)]
+    heights = dict[float, float]()
     for pin, bore in layout.standing:
         marks.strokes.append(view.line(pin.corners))
-        foot, right = low - pin.length_mm, pin.place[0] + pin.foot_mm
+        foot = low - pin.length_mm
+        right = pin.place[0] + pin.foot_mm
         heights[foot] = max(right, heights.get(foot, right))
         if bore is not None:
             marks.strokes.append(view.line(bore.corners[[1, 0, 3, 2]], "hidden"))
@@ -414,8 +433,11 @@ def _front(lines: Sequence[LensLines], layout: PlateLayout, view: PaperView) -> 
 
 def _one_lens(lines: LensLines, layout: PlateLayout, view: PaperView) -> Marks:
     """A lens with the plate around it, cut along its x: heights, and its widths in z = 0 and at its widest."""
-    inner, outer, low = lines.inner, lines.outer, -layout.plate.thickness_mm
-    wide, top = lines.reach_mm, float(outer[:, 1].max())
+    inner = lines.inner
+    outer = lines.outer
+    low = -layout.plate.thickness_mm
+    wide = lines.reach_mm
+    top = float(outer[:, 1].max())
     one = next((f"lens {kind.name}" for kind in layout.lenses.kinds), "a lens")
     foot = layout.bore_scale(lines.opening[:-1]) * inner[[0, -1], 0]
     hollow = np.array([(foot[1], low), *inner[::-1], (foot[0], low)])

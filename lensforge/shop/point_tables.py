@@ -124,7 +124,7 @@ class FaceToCut:
         if self.domain is None:
             return angles
         radius = np.tan(0.5 * np.radians(angles[:, 0]))
-        (low, high) = self.domain.radii(np.radians(angles[:, 1]))
+        low, high = self.domain.radii(np.radians(angles[:, 1]))
         return angles[(radius >= low) & (radius <= high + 1e-12)]
 
     def at(self, angles_deg: Float[np.ndarray, "n 2"]) -> tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, "n 3"]]:
@@ -317,7 +317,8 @@ def _found(face: FaceToCut, request: GridRequest) -> tuple[DenseTable, Float[np.
             if error <= request.error_nm:
                 return table, errors
         wider = _MARGIN * (request.error_nm / max(error, _ROUNDING_NM)) ** (1.0 / _ORDER[scheme])
-        tried, spacing = spacing, spacing * min(wider, _WIDER)
+        tried = spacing
+        spacing = spacing * min(wider, _WIDER)
     raise InputError(
         f"error = {request.error_nm:g} nm: {error:.3g} nm at a spacing of {tried:.3g} mm; give a larger error"
     )
@@ -341,7 +342,7 @@ def _require_count(points: float, face: FaceToCut, request: GridRequest) -> None
 def make_table(face: FaceToCut, spacing_mm: float, scheme: Interpolation) -> DenseTable:
     """Rings and azimuths about ``spacing_mm`` apart at the widest, over the face and as far as ``scheme`` needs."""
     begin_deg, end_deg = face.ends_deg
-    (along, around) = face.lengths_mm
+    along, around = face.lengths_mm
     span = end_deg - begin_deg
     count = max(int(np.ceil(span / _MOST_STEP_DEG)), int(np.ceil(np.radians(span) * along / spacing_mm)))
     turns = 2 * max(4, int(np.ceil(np.pi * around / spacing_mm)))

@@ -14,7 +14,8 @@ from lensforge.surfaces.asphere import Asphere, Biconic
 from lensforge.surfaces.reciprocal import ConeFace, ConicFace, PlaneFace
 from lensforge.surfaces.surface import Surface, to_sphere
 
-PLACES, DIGITS = 17, 4  # columns of the table, and its digits: 0.1 um
+PLACES = 17  # columns of the table
+DIGITS = 4  # of its lengths (mm): 0.1 um
 _DENSE = 2001  # places of a meridian along which lengths and errors are measured
 _UM_PER_MM = 1e3
 PROFILE_NOTE = "Profiles: distance r from the axis and height z, mm; the spline is cubic over the chords."
@@ -34,7 +35,8 @@ def equation(surface: Surface) -> str | None:
         case PlaneFace(axis=(0.0, 0.0, _)):
             return _stated("plane", z=surface.height_mm)
         case ConeFace():
-            steep, sign = abs(surface.slope), "−" if surface.slope < 0.0 else "+"
+            steep = abs(surface.slope)
+            sign = "−" if surface.slope < 0.0 else "+"
             angle = f"{np.degrees(np.arctan(steep)):.3f}° to the axis"
             return f"{_stated('cone', r=surface.radius_mm)} {sign} {steep:.8g} z, {angle}"
         case ConicFace(axis=(0.0, 0.0, _)):
@@ -74,7 +76,8 @@ class Profile:
 
 def profile_of(lens: Lens, face: str) -> Profile:
     """The meridian of a face of revolution over its part of the body."""
-    surface, turn = lens.surfaces[face], np.zeros(1)
+    surface = lens.surfaces[face]
+    turn = np.zeros(1)
     (low,), (high,) = domain_of(lens, face).radii(turn)
     chart = np.linspace(low, high, _DENSE)
     directions = to_sphere(np.column_stack([chart, np.zeros(_DENSE)]))

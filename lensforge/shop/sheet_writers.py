@@ -97,12 +97,11 @@ def _write_words(axes: Axes, words: Words) -> None:
     )
 
 
-_VERSION, _STYLE, _ALIGN = (
-    "R2010",
-    "LENSFORGE",
-    {"left": "MIDDLE_LEFT", "center": "MIDDLE_CENTER", "right": "MIDDLE_RIGHT"},
-)
-_TEXTS, _DIMENSIONS = "TEXTS", "DIMENSIONS"
+_VERSION = "R2010"
+_STYLE = "LENSFORGE"
+_ALIGN = {"left": "MIDDLE_LEFT", "center": "MIDDLE_CENTER", "right": "MIDDLE_RIGHT"}
+_TEXTS = "TEXTS"
+_DIMENSIONS = "DIMENSIONS"
 _SIGNS = {"⌀": "%%c", "±": "%%p", "°": "%%d", "□": "SQ ", "…": "...", "–": "-", "“": '"', "”": '"'}
 _WIDTHS = (9, 13, 18, 25, 35, 50, 70)  # of lines, in hundredths of a millimetre; a DXF knows no others
 _DIGITS = 3
@@ -112,7 +111,8 @@ _SAME_SCALE = 1e-6
 def sheet_dxf(sheet: Sheet) -> bytes:
     """The bytes of the DXF file; the same sheet gives the same bytes."""
     with _without_clock():
-        document, stream = _document(sheet), io.StringIO()
+        document = _document(sheet)
+        stream = io.StringIO()
         document.write(stream)
     return stream.getvalue().encode(document.output_encoding, errors="dxfreplace")
 
@@ -166,11 +166,22 @@ def _add_styles(document: "Drawing", sheet: Sheet) -> None:
     document.styles.add(_STYLE, font="arial.ttf")
     size = _in_model(sheet, 2.5 * sheet.unit_mm)
     style = document.dimstyles.add(_STYLE)
-    style.dxf.dimtxsty, style.dxf.dimtxt, style.dxf.dimasz = _STYLE, size, ARROW * size
-    style.dxf.dimexe, style.dxf.dimexo, style.dxf.dimgap = BEYOND * size, 0.0, 0.25 * size
-    style.dxf.dimdec, style.dxf.dimzin, style.dxf.dimtad, style.dxf.dimdsep = _DIGITS, 0, 1, ord(".")
-    style.dxf.dimscale, style.dxf.dimlunit, style.dxf.dimtih, style.dxf.dimtoh = 1.0, 2, 0, 0
-    style.dxf.dimlfac, style.dxf.dimtofl = 1.0, 1
+    style.dxf.dimtxsty = _STYLE
+    style.dxf.dimtxt = size
+    style.dxf.dimasz = ARROW * size
+    style.dxf.dimexe = BEYOND * size
+    style.dxf.dimexo = 0.0
+    style.dxf.dimgap = 0.25 * size
+    style.dxf.dimdec = _DIGITS
+    style.dxf.dimzin = 0
+    style.dxf.dimtad = 1
+    style.dxf.dimdsep = ord(".")
+    style.dxf.dimscale = 1.0
+    style.dxf.dimlunit = 2
+    style.dxf.dimtih = 0
+    style.dxf.dimtoh = 0
+    style.dxf.dimlfac = 1.0
+    style.dxf.dimtofl = 1
 
 
 def _in_model(sheet: Sheet, length_mm: float) -> float:
@@ -182,7 +193,8 @@ def _place(sheet: Sheet, at: Place) -> Place:
 
 
 def _add_stroke(document: "Drawing", sheet: Sheet, stroke: Stroke) -> None:
-    points, attributes = [_place(sheet, (x, y)) for x, y in stroke.points.tolist()], {"layer": stroke.pen.upper()}
+    points = [_place(sheet, (x, y)) for x, y in stroke.points.tolist()]
+    attributes = {"layer": stroke.pen.upper()}
     space = document.modelspace()
     if stroke.filled:
         space.add_solid(points, dxfattribs=attributes)

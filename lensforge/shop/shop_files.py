@@ -59,16 +59,21 @@ def make_handover(
     ``studied``: facts of the yield, empty if it has not been computed. ``request``: of the dense tables. ``words``:
     of title block and notes; None: the spec's. Raises :class:`InputError` for tables that cannot be made so.
     """
-    lens, request = part.lens, request or GridRequest()
+    lens = part.lens
+    request = request or GridRequest()
     head = origin_lines(lens, part)
     grids = dense_tables(lens, head, request)
     tables = {POINTS_FILE: points_table(lens, check, head).encode(), **{grid.file: grid.content for grid in grids}}
-    tolerances, words = tolerance_table(lens, studied), words or lens.spec.drawing
+    tolerances = tolerance_table(lens, studied)
+    words = words or lens.spec.drawing
     drawn = drawing_content(lens, part, check, dimensions(lens), tolerances, words)
-    sheet, layout = make_sheet(drawn, words.sheet or "A3"), layout_of(lens)
+    sheet = make_sheet(drawn, words.sheet or "A3")
+    layout = layout_of(lens)
     made = layout is not None and lens.makes_plate
     plate = plate_sheet(lens, part, layout, words, words.sheet or "A3") if made and layout is not None else None
-    dxf, figures, plate_dxf = sheet_dxf(sheet), _pictures(check), None if plate is None else sheet_dxf(plate)
+    dxf = sheet_dxf(sheet)
+    figures = _pictures(check)
+    plate_dxf = None if plate is None else sheet_dxf(plate)
     hashes = {name: stamp.sha256 for name, stamp in part.files.items()}
     hashed = {**tables, DXF_FILE: dxf, **({} if plate_dxf is None else {PLATE_DXF_FILE: plate_dxf})}
     hashes |= {name: sha256(content).hexdigest() for name, content in hashed.items()}
@@ -232,7 +237,8 @@ def _make(lens: Lens, part: Part) -> Iterator[Fact]:
 
 
 def _grid(grid: PointGrid) -> Fact:
-    spacing, error = quantity(grid.spacing_mm, "mm", digits=4), with_unit(rounded_up(grid.error_nm, 3), "nm")
+    spacing = quantity(grid.spacing_mm, "mm", digits=4)
+    error = with_unit(rounded_up(grid.error_nm, 3), "nm")
     note = (
         f"on the face, up to {spacing} apart; {grid.interpolation} interpolation error at most {error} "
         "along the normal; each node has its normal from the material into the air"

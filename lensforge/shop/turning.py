@@ -26,10 +26,12 @@ from lensforge.spec import ManufactureSection
 
 Points = Float[np.ndarray, "_ 2"]  # distance from the axis and height (mm)
 _STRAIGHT_MM = 1e4  # a wider concave is none: a cone has such, of the noise of its spline
-_CONTACTS, _FINE = 481, 4801  # on a meridian: for what the tool reaches; the most, for slopes and curvatures
+_CONTACTS = 481  # places on a meridian for what the tool reaches
+_FINE = 4801  # places on it for slopes and curvatures
 _OF_NOSE = 8  # obstacles in a radius of the nose: between them it enters the work by a 500th of that
 _GOUGE_MM = 1e-4  # so deep a flank may rub: it keeps its clearance beside
-_TILTS, _ROUNDS = 13, 4  # tried evenly, and then beside the best, each time half as far off
+_TILTS = 13  # tried evenly
+_ROUNDS = 4  # beside the best one, each time half as far off
 _MIRROR = np.array([-1.0, 1.0])
 _DIGITS = 6  # of angles in degrees: normals of the export are good to less
 
@@ -94,7 +96,8 @@ class LatheTool:
 
         Of those at which the nose has each of the normals, where there are such, else of all.
         """
-        most, steepest = self.most_tilt_rad, np.pi / 2.0 - self.flank_rad
+        most = self.most_tilt_rad
+        steepest = np.pi / 2.0 - self.flank_rad
         low, high = max(slopes.max() - steepest, -most), min(slopes.min() + steepest, most)
         tilts = np.linspace(low, high, _TILTS) if low <= high else np.linspace(-most, most, _TILTS)
         return np.concatenate([[_middle(slopes, most)], tilts[np.argsort(np.abs(tilts), kind="stable")]])
@@ -171,15 +174,19 @@ class _Setup:
         far, near = (np.concatenate([each, _both_sides([fixture])]) for each in (self.far, self.near))
         fits = ~self.tool.nose_enters(self.contacts, near)
         tilts = self.tool.tilts_rad(self.slopes)
-        reached, best_rad, step = np.zeros(len(fits), dtype=bool), float(tilts[0]), np.ptp(tilts) / (_TILTS - 1)
+        reached = np.zeros(len(fits), dtype=bool)
+        best_rad = float(tilts[0])
+        step = np.ptp(tilts) / (_TILTS - 1)
         for round_ in range(_ROUNDS + 1):
             for tilt_rad in tilts.tolist():
                 clear = fits & self.tool.is_clear(self.contacts, self.upright, tilt_rad, far)
                 if self.share(clear) > self.share(reached):
-                    reached, best_rad = clear, tilt_rad
+                    reached = clear
+                    best_rad = tilt_rad
                 if (reached | self.corner).all():
                     return reached, best_rad
-            most, nearer = self.tool.most_tilt_rad, best_rad + 0.5 ** (round_ + 1) * step * np.array([-1.0, 1.0])
+            most = self.tool.most_tilt_rad
+            nearer = best_rad + 0.5 ** (round_ + 1) * step * np.array([-1.0, 1.0])
             tilts = np.clip(nearer, -most, most)
         return reached, best_rad
 
@@ -187,7 +194,9 @@ class _Setup:
 def turned_face(face: FaceCheck, tool: LatheTool, fixture: Points) -> TurnedFace:
     """The measured ``face`` with the reach of ``tool``; ``fixture``: points of base and flange, if there are any."""
     optical = face.samples.face
-    upright, fine, contacts = float(optical.away[2]), Meridian.of(optical, _FINE), Meridian.of(optical, _CONTACTS)
+    upright = float(optical.away[2])
+    fine = Meridian.of(optical, _FINE)
+    contacts = Meridian.of(optical, _CONTACTS)
     slopes = np.arctan2(fine.normals[:, 0], upright * fine.normals[:, 1])
     near = [Meridian.near(each, tool.radius_mm / _OF_NOSE) for each in (optical, *optical.beside)]
     far = [contacts.points, *(Meridian.of(each, _CONTACTS).points for each in optical.beside)]
@@ -195,7 +204,8 @@ def turned_face(face: FaceCheck, tool: LatheTool, fixture: Points) -> TurnedFace
     setup = _Setup(tool, contacts, upright, slopes, _both_sides(near), _both_sides(far), corner)
     reached, tilt_rad = setup.best(fixture)
     bare = setup.best(fixture[:0])[0] if len(fixture) and not (reached | corner).all() else reached
-    left_mm, least = _left_mm(contacts, reached, tool.radius_mm), float(fine.curvatures.min())
+    left_mm = _left_mm(contacts, reached, tool.radius_mm)
+    least = float(fine.curvatures.min())
     steepest = np.abs(slopes - _middle(slopes, tool.most_tilt_rad)).max()
     record = TurningTool(
         radius_mm=tool.radius_mm,

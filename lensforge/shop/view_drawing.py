@@ -42,9 +42,12 @@ from lensforge.shop.sheet_marks import (
 )
 from lensforge.shop.view_lines import SectionView, ViewLine
 
-FIRST, ROW, _GAP = 8.0, 5.6, 14.0  # mm on A3: to the first line of dimensions, between lines, between views
+FIRST = 8.0  # to the first line of dimensions, mm on A3
+ROW = 5.6  # between lines of dimensions, mm on A3
+_GAP = 14.0  # between views, mm on A3
 HATCH = 3.5
-PARTING_LINE, GATE = "PL", "G"  # labels
+PARTING_LINE = "PL"
+GATE = "G"
 _ANCHORS: dict[str, Anchor] = {PARTING_LINE: "left", GATE: "right"}
 # ISO 5455, and its further steps of ten.
 SCALES = tuple(step * 10.0**power for power in (2, 1, 0, -1, -2, -3) for step in (5.0, 2.0, 1.0))
@@ -113,7 +116,8 @@ def room_of(marks: Marks) -> Box:
 
 
 def _box(points: Points) -> Box:
-    (left, bottom), (right, top) = points.min(axis=0), points.max(axis=0)
+    left, bottom = points.min(axis=0)
+    right, top = points.max(axis=0)
     return float(left), float(bottom), float(right), float(top)
 
 
@@ -139,7 +143,8 @@ class PaperView:
         """A dimension between two places (mm), its line and its text not placed yet."""
         (x, y), (u, v) = self.at([first, last]).tolist()
         axis = turned_deg // 90
-        size, length_mm = LETTERS * self.unit, abs(float(last[axis] - first[axis]))
+        size = LETTERS * self.unit
+        length_mm = abs(float(last[axis] - first[axis]))
         turned: Literal[0, 90] = 90 if axis else 0
         return LinearDimension(name, (x, y), (u, v), turned, 0.0, 0.0, size, length_mm, before, after)
 
@@ -162,7 +167,8 @@ def fitted(draw: Callable[[PaperView], Marks], least_mm: float, room: Box, unit:
 
 def draw_views(content: ViewContent, view: PaperView) -> Marks:
     """All views, the origin of the part in the section S-S at that of ``view``."""
-    views, (gap, level) = Marks(), (_GAP * view.unit, view.origin[1])
+    views = Marks()
+    gap, level = (_GAP * view.unit, view.origin[1])
     top = level + view.scale * content.half_height
     first, *others = content.sections
 
@@ -180,7 +186,8 @@ def draw_views(content: ViewContent, view: PaperView) -> Marks:
 
 
 def _section_marks(content: ViewContent, section: SectionView, view: PaperView, above: float) -> Marks:
-    (x, y), unit = view.origin, view.unit
+    x, y = view.origin
+    unit = view.unit
     low, bottom, high, _ = (view.scale * value for value in content.section_box(section))
     outlines = [view.at(outline) for outline in section.outlines]
     marks = Marks([*hatch(outlines, HATCH * unit), *(Stroke(outline, "outline", closed=True) for outline in outlines)])
@@ -214,9 +221,12 @@ def _section_marks(content: ViewContent, section: SectionView, view: PaperView, 
 
 def _add_mould_mark(marks: Marks, view: PaperView, text: str, place: Place) -> None:
     """An arrow onto the place from above; the parting line has its label on the right, the gate on the left."""
-    (tip,), unit, anchor = view.at([place]), view.unit, _ANCHORS[text]
+    (tip,) = view.at([place])
+    unit = view.unit
+    anchor = _ANCHORS[text]
     x, y = tip.tolist()
-    end, beside = y + 6.0 * unit, x + (1.0 if anchor == "left" else -1.0) * unit
+    end = y + 6.0 * unit
+    beside = x + (1.0 if anchor == "left" else -1.0) * unit
     marks.strokes += [Stroke(np.array([tip, (x, end)])), arrow_head(tip, np.array([0.0, -1.0]), LETTERS * unit)]
     marks.words.append(Words((beside, end), text, LETTERS * unit, anchor))
 
@@ -232,7 +242,8 @@ def _rim_is_beside(dimension: Dimension, section: SectionView) -> bool:
 
 def _base_marks(content: ViewContent, view: PaperView, above: float, lowest: float) -> Marks:
     marks, (left, bottom, right, top) = _line_marks(content.base, content.base_box, view)
-    (x, y), unit = view.origin, view.unit
+    x, y = view.origin
+    unit = view.unit
     for section in content.sections:
         half = max(-left, -bottom, right, top) + 4.0 * unit
         marks.add(section_plane(view.origin, section.azimuth_deg, half, section.letter, unit))
@@ -252,7 +263,9 @@ def _base_marks(content: ViewContent, view: PaperView, above: float, lowest: flo
 
 def _dome_marks(content: ViewContent, view: PaperView, above: float) -> Marks:
     marks, (left, bottom, _, _) = _line_marks(content.dome, content.dome_box, view)
-    (x, y), unit, sizes = view.origin, view.unit, content.drawn("dome")
+    x, y = view.origin
+    unit = view.unit
+    sizes = content.drawn("dome")
     for size in sizes:
         circle = 0.5 * view.scale * size.value_mm * np.column_stack([np.cos(_CIRCLE), np.sin(_CIRCLE)])
         marks.strokes.append(Stroke(circle + view.origin, "phantom"))
@@ -264,7 +277,8 @@ def _dome_marks(content: ViewContent, view: PaperView, above: float) -> Marks:
 def _line_marks(lines: list[ViewLine], box: Box, view: PaperView) -> tuple[Marks, Box]:
     """Lines of a view along the axis, and its axes across all of it; and its box on paper about its origin."""
     left, bottom, right, top = (view.scale * value for value in box)
-    (x, y), more = view.origin, 4.0 * view.unit
+    x, y = view.origin
+    more = 4.0 * view.unit
     marks = Marks([view.line(line.points, line.pen, closed=line.closed) for line in lines])
     marks.strokes.append(Stroke(np.array([(x + left - more, y), (x + right + more, y)]), "axis"))
     marks.strokes.append(Stroke(np.array([(x, y + bottom - more), (x, y + top + more)]), "axis"))
@@ -287,10 +301,12 @@ def _on_paper(dimensions: list[Dimension], view: PaperView) -> list[LinearDimens
 
 def _add_plane(marks: Marks, datums: DatumScheme, view: PaperView, foot: float, lowest: float) -> None:
     """The symbol of a plane across the axis, on a line that extends it below the dimensions."""
-    plane, unit = datums.find("A"), view.unit
+    plane = datums.find("A")
+    unit = view.unit
     if plane is None or plane.z_mm is None:
         return
-    x, end = view.origin[0] + view.scale * plane.z_mm, lowest - 9.0 * unit
+    x = view.origin[0] + view.scale * plane.z_mm
+    end = lowest - 9.0 * unit
     marks.strokes.append(Stroke(np.array([(x, foot - unit), (x, end)])))
     marks.add(datum_symbol((x, end + 3.0 * unit), (-1.0, 0.0), "A", unit))
 
@@ -336,9 +352,11 @@ def placed(
 def _candidates(dimension: LinearDimension, line_mm: float, lines: list[float]) -> Iterator[LinearDimension]:
     """The dimension with its text in the middle, near an end, outside, or just beyond one of ``lines`` outside."""
     low, high = dimension.ends_mm
-    size, text = dimension.height_mm, width_of(dimension.text, dimension.height_mm)
+    size = dimension.height_mm
+    text = width_of(dimension.text, dimension.height_mm)
     room = high - low - text - 2.4 * ARROW * size
-    middle, outside = 0.5 * (low + high), 0.5 * text + (ARROW + TAIL) * size
+    middle = 0.5 * (low + high)
+    outside = 0.5 * text + (ARROW + TAIL) * size
     places = [middle, middle + 0.45 * room, middle - 0.45 * room] if room > 0.0 else []
     places += [high + outside, low - outside]
     past = 0.5 * text + 0.7 * size

@@ -22,8 +22,10 @@ from lensforge.surfaces.surface import Surface
 
 # Of the curves of a view, and of the meridians whose widest place is the silhouette: 1 um on a lens of 14 mm, a
 # hundredth of a line's width at 5 : 1. Twice as many of each cost 6 s on a lens of 400 functions.
-_AZIMUTHS, _POLAR = 361, 91
-_CLOSER, _BESIDE = 3, 21  # rounds of a search for a silhouette at a crease, and its places in each
+_AZIMUTHS = 361
+_POLAR = 91
+_CLOSER = 3  # rounds of a search for a silhouette at a crease
+_BESIDE = 21  # its places in each round
 _BEYOND_MM = 1e-4  # silhouettes nearer to the cut are not drawn beside it
 _AXIS = np.array([0.0, 0.0, 1.0])
 
@@ -70,14 +72,16 @@ def _silhouettes(lens: Lens, azimuth: float) -> list[ViewLine]:
     turn = np.linspace(-0.5 * np.pi, 0.5 * np.pi, _AZIMUTHS)
     plane = np.sin(turn)[:, None] * across + np.cos(turn)[:, None] * _AXIS
     plane[[0, -1], 2] = 0.0  # the rim lies in z = 0 exactly
-    cut, behind = lens_boundaries(lens)[1].radius(plane), _seen_along(lens, plane, -towards)
+    cut = lens_boundaries(lens)[1].radius(plane)
+    behind = _seen_along(lens, plane, -towards)
     line = np.column_stack([behind * np.cos(turn), behind * np.sin(turn)])
     return _pieces(line, behind > cut + _BEYOND_MM, "outline", None)
 
 
 def _creases(lens: Lens, azimuth: float) -> list[ViewLine]:
     """Creases of the cavity behind the plane of the section, where the cut leaves them open."""
-    cavity, found = lens_boundaries(lens)[0], []
+    cavity = lens_boundaries(lens)[0]
+    found = []
     across = rim_directions(np.array([azimuth]))[0]
     for crease in cavity.creases:
         points = crease.points(np.linspace(azimuth - np.pi, azimuth, _AZIMUTHS))
@@ -90,13 +94,15 @@ def _creases(lens: Lens, azimuth: float) -> list[ViewLine]:
 
 def _inner_lines(lens: Lens, boundary: Boundary[Surface], turn: Float[np.ndarray, " n"]) -> list[ViewLine]:
     """(y, x) of the creases of a boundary, and of the outer circle of a flange at the rim."""
-    found, ring = [ViewLine(crease.points(turn)[:, 1::-1]) for crease in boundary.creases], ring_of(lens)
+    found = [ViewLine(crease.points(turn)[:, 1::-1]) for crease in boundary.creases]
+    ring = ring_of(lens)
     return found if ring is None else [*found, ViewLine(_loop(turn, np.full_like(turn, ring.outer_mm)))]
 
 
 def end_lines(lens: Lens) -> list[ViewLine]:
     """Lines of the part seen from its base, as (y, x)."""
-    plan, turn = lens_plan(lens), np.linspace(0.0, 2.0 * np.pi, _AZIMUTHS)
+    plan = lens_plan(lens)
+    turn = np.linspace(0.0, 2.0 * np.pi, _AZIMUTHS)
     base = plan.base
     opening, rim = (_loop(turn, rim_radius(boundary)(turn)) for boundary in lens_boundaries(lens))
     dome = dome_radius(lens, turn)
@@ -118,7 +124,8 @@ def end_lines(lens: Lens) -> list[ViewLine]:
 
 def dome_lines(lens: Lens) -> list[ViewLine]:
     """Lines of the part seen along -z, as (-y, x): the dome, and of the base what it does not cover."""
-    plan, turn = lens_plan(lens), np.linspace(0.0, 2.0 * np.pi, _AZIMUTHS)
+    plan = lens_plan(lens)
+    turn = np.linspace(0.0, 2.0 * np.pi, _AZIMUTHS)
     found = [ViewLine(_loop(turn, dome_radius(lens, turn)))]
     found += _inner_lines(lens, plan.envelope, turn)
     for loop in [] if plan.base.kind == "none" else _base_outlines(plan):
@@ -159,12 +166,14 @@ def front_line(lens: Lens, turn_deg: float) -> Points:
 
 def _seen_along(lens: Lens, plane: Float[np.ndarray, "n 3"], away: Float[np.ndarray, " 3"]) -> Float[np.ndarray, " n"]:
     """Silhouette (mm) of the envelope seen along ``away``, of the half on that side, in directions across it."""
-    envelope, tilt = lens_boundaries(lens)[1], np.linspace(0.0, 0.5 * np.pi, _POLAR)[:, None]
+    envelope = lens_boundaries(lens)[1]
+    tilt = np.linspace(0.0, 0.5 * np.pi, _POLAR)[:, None]
     for _ in range(1 + _CLOSER * bool(envelope.creases)):  # where it is a crease it has a bend: nearer and nearer
         directions = np.cos(tilt)[..., None] * plane + np.sin(tilt)[..., None] * away
         radius = envelope.radius(directions.reshape(-1, 3)).reshape(directions.shape[:2])
         seen = radius * np.cos(tilt)
-        best, step = np.take_along_axis(tilt + 0.0 * seen, seen.argmax(axis=0)[None], axis=0), tilt[1] - tilt[0]
+        best = np.take_along_axis(tilt + 0.0 * seen, seen.argmax(axis=0)[None], axis=0)
+        step = tilt[1] - tilt[0]
         tilt = np.clip(best + step * np.linspace(-1.0, 1.0, _BESIDE)[:, None], 0.0, 0.5 * np.pi)
     return np.asarray(seen.max(axis=0))
 

@@ -38,7 +38,8 @@ def spectrum_of_source(spec: EmitterSection, summary: SourceSummary) -> Spectrum
             known = [part for part in parts if part is not None]
             return _mixed(known, [file.flux_w for file in summary.files]) if len(known) == len(parts) else None
         case RaySource():
-            waves, flux = spec.wavelengths_nm, spec.ray_flux
+            waves = spec.wavelengths_nm
+            flux = spec.ray_flux
             if waves is None:
                 return None
             light = waves, np.ones(len(waves)) if flux is None else flux
@@ -72,7 +73,8 @@ def _of_file(part: RayfilePart) -> Spectrum | None:
     tables = rayfile.spectral_tables
     if rayfile.wavelengths_nm is None and len(tables) == 1:
         return Spectrum(tables[0].wavelengths_nm, tables[0].power_density, f"{part.file}: spectral table 1")
-    stored, in_lumens = StoredRays.of(rayfile).coloured(), rayfile.flux_unit == "lm"
+    stored = StoredRays.of(rayfile).coloured()
+    in_lumens = rayfile.flux_unit == "lm"
     if not stored.has_wavelengths:
         return None
     rays = stored.loaded()
@@ -99,7 +101,8 @@ def _of_rays(blocks: Callable[[], Iterable[_Light]]) -> Spectrum:
         return Spectrum(np.array([low]), np.ones(1))
     first = np.floor(low / _STEP_NM - 0.5) * _STEP_NM
     nodes = np.arange(first, high + 1.5 * _STEP_NM, _STEP_NM)
-    edges, power = np.append(nodes - 0.5 * _STEP_NM, nodes[-1] + 0.5 * _STEP_NM), np.zeros(len(nodes))
+    edges = np.append(nodes - 0.5 * _STEP_NM, nodes[-1] + 0.5 * _STEP_NM)
+    power = np.zeros(len(nodes))
     for waves, flux in blocks():
         power += np.histogram(waves, edges, weights=flux)[0]
     return Spectrum(nodes, power / power.max())

@@ -140,7 +140,8 @@ class FittedRadiance:
         for step in range(steps):
             density = _densities(model, seen)
             if step % 10 == 0:
-                before, logarithm = logarithm, float(seen.weights @ np.log(density, dtype=float))
+                before = logarithm
+                logarithm = float(seen.weights @ np.log(density, dtype=float))
                 if logarithm - before < _LEAST_GAIN:
                     break
             model = _stepped(model, seen, density, light)
@@ -157,7 +158,7 @@ class FittedRadiance:
     def table(self) -> RadianceTable:
         """The model as a table of radiance on its surface, of 1 W, with all images."""
         surface = self.surface
-        (rows, columns) = self.shape
+        rows, columns = self.shape
         azimuths = self.detail.azimuths
         area_m2 = float(np.prod(surface.high - surface.corner)) / len(self.place) * 1e-6
         grid = np.tensordot(self.place, self.angles.on_grid(self.angle), axes=([1], [2])) / area_m2
@@ -170,9 +171,10 @@ class FittedRadiance:
                 grid = 0.5 * np.concatenate([grid[:, ::-1, (azimuths // 2 - turns) % azimuths], grid], axis=1)
             else:
                 grid = 0.5 * np.concatenate([grid[::-1, :, -turns % azimuths], grid], axis=0)
-        (left, bottom) = surface.low
-        (right, top) = surface.high
-        x_mm, y_mm = np.linspace(left, right, grid.shape[1] + 1), np.linspace(bottom, top, len(grid) + 1)
+        left, bottom = surface.low
+        right, top = surface.high
+        x_mm = np.linspace(left, right, grid.shape[1] + 1)
+        y_mm = np.linspace(bottom, top, len(grid) + 1)
         gamma = np.rad2deg(np.arcsin(np.sqrt(self.angles.squares)))
         return RadianceTable(x_mm, y_mm, np.linspace(0.0, 360.0, azimuths + 1), gamma, grid)
 
@@ -187,7 +189,7 @@ def _shape(surface: LightSurface, detail: Detail) -> tuple[int, int]:
 
 def _seen(rays: RayBundle, model: FittedRadiance) -> SeenRays:
     surface = model.surface
-    (rows, columns) = model.shape
+    rows, columns = model.shape
     points, along = surface.told(rays)
     inside = (points[:, :2] - surface.corner) / (surface.high - surface.corner)
     column, row = np.clip(inside * (columns, rows), 0, (columns - 1, rows - 1)).astype(np.int32).T

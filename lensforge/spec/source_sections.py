@@ -266,7 +266,8 @@ class ChipArraySource(PlanarSource):
 
     def dimmed(self, shares: Sequence[float]) -> ChipsSource:
         """The source whose chips give these ``shares`` of their flux, row by row from the corner at -x, -y."""
-        (across, up), size = self.pitch_mm, {"width_mm": self.width_mm, "height_mm": self.height_mm}
+        across, up = self.pitch_mm
+        size = {"width_mm": self.width_mm, "height_mm": self.height_mm}
         places = product(range(self.rows), range(self.columns))
         flux_w = 1.0 / (self.columns * self.rows)
         chips = [

@@ -231,3 +231,20 @@ def test_nodes_about_a_hole_rise_from_edge_to_edge_within_the_pole(hole):
     assert steps[80] / steps[-1] == pytest.approx(wanted, rel=0.05)
     with pytest.raises(InputError, match=f"nodes = {fewest - 1}: from {fewest} to"):
         fit_patch(CUP, fewest - 1, (hole, 1.0))
+
+
+def test_the_form_error_is_the_largest_and_the_rms_of_distances_and_of_angles():
+    """Four points beside a sphere of 5 mm, off by unequal lengths, with normals turned by other unequal angles."""
+    sphere = SrbfSurface(SrbfBasis((9,), 1.75), np.zeros(9), 5.0)
+    chart = np.array([[0.1, 0.2], [-0.4, 0.3], [0.0, -0.6], [0.5, 0.5]])
+    directions = to_sphere(chart)
+    off_nm = np.array([10.0, -40.0, 20.0, 5.0])
+    turned_mrad = np.array([0.5, 0.1, 2.0, 1.0])
+    aside = np.cross(directions, [0.3, -0.8, 0.2])
+    aside /= np.linalg.norm(aside, axis=1, keepdims=True)
+    normals = directions * np.cos(1e-3 * turned_mrad)[:, None] + aside * np.sin(1e-3 * turned_mrad)[:, None]
+    error = form_error(sphere, (5.0 + 1e-6 * off_nm)[:, None] * directions, normals)
+    stated = error.form_max_nm, error.form_rms_nm, error.normal_max_mrad, error.normal_rms_mrad
+    rms_nm = np.sqrt((100.0 + 1600.0 + 400.0 + 25.0) / 4.0)
+    rms_mrad = np.sqrt((0.25 + 0.01 + 4.0 + 1.0) / 4.0)
+    np.testing.assert_allclose(stated, (40.0, rms_nm, 2.0, rms_mrad), rtol=1e-6)

@@ -94,6 +94,23 @@ def test_a_thread_may_lock_again_and_another_thread_may_not(tmp_path: Path) -> N
     assert not (tmp_path / LOCK_FILE).exists()
 
 
+def test_a_process_of_the_same_number_on_another_machine_is_another_one(tmp_path: Path) -> None:
+    """As on a shared disk: the number of a process tells it on its own machine alone."""
+    said: list[str] = []
+
+    def other() -> None:
+        with pytest.raises(InputError) as caught, locked(tmp_path):
+            pass
+        said.append(str(caught.value))
+
+    with locked(tmp_path):
+        (tmp_path / LOCK_FILE).write_text(f"{os.getpid()}\nelsewhere\nlensforge design\n12:00\n", encoding="utf-8")
+        thread = threading.Thread(target=other)
+        thread.start()
+        thread.join()
+    assert f"in use by process {os.getpid()} on elsewhere (`lensforge design`, since 12:00); if it is gone" in said[0]
+
+
 def test_a_lock_file_that_is_left_over_is_taken(tmp_path: Path) -> None:
     for content in (b"", b"\xff\0", b'{"process": 1}', b"[" * 5000):
         (tmp_path / LOCK_FILE).write_bytes(content)

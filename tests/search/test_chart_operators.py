@@ -7,7 +7,13 @@ import pytest
 import torch
 from scipy.interpolate import BSpline
 
-from lensforge.search.constraint_points import ChartOperator, ChartPoints, RadiusJet, constraint_points
+from lensforge.search.constraint_points import (
+    ChartOperator,
+    ChartPoints,
+    RadiusJet,
+    constraint_points,
+    meridian_points,
+)
 from lensforge.search.face_fields import draft_sine, least_curvature
 from lensforge.surfaces import surface
 from lensforge.surfaces.bicubic_table import TableGrid
@@ -132,3 +138,17 @@ def test_curvature_and_draft_are_those_of_the_tangents_in_space() -> None:
         assert outside[k] == pytest.approx(low, abs=1e-6 + 1e-6 * abs(low))
         assert inside[k] == pytest.approx(-high, abs=1e-6 + 1e-6 * abs(high))
         assert draft[k] == pytest.approx(up, abs=1e-8)
+
+
+@pytest.mark.parametrize(("symmetry", "images"), [("none", 1), ("mirror_x", 2), ("square", 8)])
+def test_meridians_lie_all_around_the_axis_and_resolve_the_narrowest_function(symmetry: str, images: int) -> None:
+    """With all mirror images they are a whole turn of equal steps, a quarter of the function's width at the rim."""
+    detail_rad = 0.1
+    points = meridian_points(GRID, detail_rad, symmetry)
+    turned = np.concatenate([points @ mirror[:2, :2].T for mirror in group(symmetry)])
+    rim = turned[np.isclose(np.hypot(*turned.T), 1.0)]
+    azimuths = np.unique(np.round(np.arctan2(rim[:, 1], rim[:, 0]) % (2.0 * np.pi), 9))
+    steps = np.diff(np.append(azimuths, azimuths[0] + 2.0 * np.pi))
+    np.testing.assert_allclose(steps, 2.0 * np.pi / len(steps), atol=1e-8)
+    assert steps[0] <= 0.5 * detail_rad
+    assert len(group(symmetry)) == images and len(points) < 1.3 * len(np.unique(turned.round(9), axis=0)) / images

@@ -586,7 +586,7 @@ ORACLES = {
     "colour_u": colour_fact("u"), "colour_v": colour_fact("v"), "cct": colour_fact("cct"), "duv": colour_fact("duv"),
     "rms_delta_uv": colour_fact("rms"), "worst_delta_uv": colour_fact("worst"), "limit": limit_fact,
     "figure": figure_fact, "way": way_fact,
-    "of_road": worst_of_roads, "traffic": lambda case, place: Expected("; ".join(dict.fromkeys(
+    "of_road": worst_of_roads, "classes": lambda case, place: Expected("; ".join(dict.fromkeys(
         f"{road['lighting_class']}, {traffic_of(road)}" for road in case.lens["spec"]["roads"]))),
     "rays": from_first("rays"), "pixels": pixels_fact, "file_origin": led_place("file", "at_mm"),
     "led_position": led_place("position_mm"), "led_tilt": led_place("tilt_deg"),

@@ -92,7 +92,8 @@ _FADE = 1e-3  # weight of s^2: takes a thousandth of what is measured
 _GAUSS = 0.5 / np.sqrt(3.0)  # two-point Gauss quadrature in each interval
 _STEEPEST = 5.0 / 8.0  # wavelengths in ``detail_rad``, of which splines take five nodes
 _CHUNK = 65536
-_PROBES, _SEED = 8, 0  # random signs: the degrees of freedom have an error of about a hundredth
+_PROBES = 8  # random signs: the degrees of freedom have an error of about a hundredth
+_SEED = 0
 
 
 @dataclass(frozen=True)
@@ -138,7 +139,8 @@ class ArealFilter:
     """The filter of one wavelength (mm) on the points of one face."""
 
     def __init__(self, points: PointDeviations, wavelength_mm: float) -> None:
-        self.points, self.wavelength_mm = points, wavelength_mm
+        self.points = points
+        self.wavelength_mm = wavelength_mm
         self._weights = points.areas * points.cosines**2
         detail = wavelength_mm / points.largest_radius_mm
         # A wavelength and a half beyond the square that is exported: what lies further out has no effect on it.
@@ -167,7 +169,8 @@ class ArealFilter:
     @cached_property
     def _quadrature(self) -> tuple[Float[np.ndarray, " q"], Float[np.ndarray, " q"]]:
         """Points and weights along an axis of the chart."""
-        steps, centres = np.diff(self._breaks), 0.5 * (self._breaks[1:] + self._breaks[:-1])
+        steps = np.diff(self._breaks)
+        centres = 0.5 * (self._breaks[1:] + self._breaks[:-1])
         points = np.stack([centres - _GAUSS * steps, centres + _GAUSS * steps], axis=1).ravel()
         return points, np.repeat(0.5 * steps, 2)
 
@@ -196,7 +199,8 @@ class ArealFilter:
         side = len(self._knots) - _DEGREE - 1
         whole = BSpline(self._knots, np.eye(side), _DEGREE)
         orders = [sparse.csr_array(whole(axis, nu=order)) for order in range(3)]
-        scale, area = self._scale, self.place_areas
+        scale = self._scale
+        area = self.place_areas
         along = [
             sparse.diags_array(factor * np.sqrt(area) / scale**2) @ sparse.kron(orders[i], orders[j], format="csr")
             for i, j, factor in ((2, 0, 1.0), (1, 1, np.sqrt(2.0)), (0, 2, 1.0))
@@ -270,7 +274,8 @@ class FilteredPoints:
 
         1 - tr A / n, and the mean square along the normal of (I - A) z for random signs z along it (Hutchinson 1990).
         """
-        points, signs = self.areal.points, np.random.default_rng(_SEED).choice([-1.0, 1.0], (_PROBES, len(self.values)))
+        points = self.areal.points
+        signs = np.random.default_rng(_SEED).choice([-1.0, 1.0], (_PROBES, len(self.values)))
         noise = (signs / points.cosines).T
         left = noise - self.areal.at_points(self.solver.solve(self.areal.loads(noise)))
         return float(np.mean(signs * points.cosines * left.T)), points.mean_square(left)

@@ -127,11 +127,15 @@ def correct_face(cloud: Float[np.ndarray, "k 3"], cuts: ChangedLens, request: Re
     New nominal: the design less ``gain`` times the deviation that the filter passes, limited by the ball cutter of the
     spec. Raises :class:`InputError` for points that cannot be registered, or settings that they do not allow.
     """
-    lens, side, shop = cuts.lens, cuts.side, cuts.lens.spec.manufacture
+    lens = cuts.lens
+    side = cuts.side
+    shop = cuts.lens.spec.manufacture
     surface = lens.surfaces[side]
-    patch, domain = fit_patch(surface), domain_of(lens, side)
+    patch = fit_patch(surface)
+    domain = domain_of(lens, side)
     cut = FirstCut.of(surface, patch, cloud, request, domain)
-    face, pixels = OpticalFace(patch, air_side(lens.body.face(side), shop), domain), FacePixels.of(patch, domain)
+    face = OpticalFace(patch, air_side(lens.body.face(side), shop), domain)
+    pixels = FacePixels.of(patch, domain)
     made = limited_by_cutter(surface, face, cut.chosen, request.gain, shop.cutter_radius_mm / shop.scale)
     corrected = ChangedSurface(surface, made.change)
     built = corrected_step(lens, side, corrected)

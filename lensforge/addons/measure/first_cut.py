@@ -41,7 +41,8 @@ class FilterRange:
     @staticmethod
     def of(points: PointDeviations) -> "FilterRange":
         """Range for ``points``: three points for each wave, as far as nodes suffice. Raises :class:`InputError`."""
-        spacing, radius = point_spacing_mm(points), points.largest_radius_mm
+        spacing = point_spacing_mm(points)
+        radius = points.largest_radius_mm
         shortest, longest = max(_SPACINGS * spacing, shortest_by_nodes_mm(radius)), _LONGEST * radius
         if shortest > longest:
             raise InputError(
@@ -114,7 +115,8 @@ _COVERAGE_DIRECTIONS = 2000
 
 def coverage(directions: Float[np.ndarray, "n 3"], reach_rad: float, domain: Domain = WHOLE) -> float:
     """Share of a face that has a measured point within ``reach_rad``; elsewhere the design is assumed."""
-    chord, own = 2.0 * np.sin(0.5 * reach_rad), domain.held(fibonacci_hemisphere(_COVERAGE_DIRECTIONS))
+    chord = 2.0 * np.sin(0.5 * reach_rad)
+    own = domain.held(fibonacci_hemisphere(_COVERAGE_DIRECTIONS))
     nearest, _ = cKDTree(directions).query(own, distance_upper_bound=chord)
     return float(np.isfinite(nearest).mean())
 

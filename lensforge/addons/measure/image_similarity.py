@@ -63,7 +63,8 @@ def displacement(measured: Float[np.ndarray, "h w"], simulated: Float[np.ndarray
 
 _SMOOTHED = 1.0  # pixels
 _COARSE = 24  # pixels along the shorter side, for the choice of the start
-_SIZES, _TURNS_RAD = (-0.3, -0.15, 0.0, 0.15, 0.3), (-0.4, -0.2, 0.0, 0.2, 0.4)  # ln s and theta of the starts
+_SIZES = (-0.3, -0.15, 0.0, 0.15, 0.3)  # ln s of the starts
+_TURNS_RAD = (-0.4, -0.2, 0.0, 0.2, 0.4)  # theta of the starts
 _STARTS = 2  # of them are followed, those that fit best
 _MOST = np.array([np.log(2.0), np.pi / 4.0, 0.5, 0.5])  # shifts in sides of the picture
 _BLOCKS = 5  # along each side
@@ -101,8 +102,10 @@ def _start(
     measured: Float[np.ndarray, "h w"], simulated: Float[np.ndarray, "h w"], grid: PixelGrid
 ) -> Float[np.ndarray, "4"]:
     step = max(1, min(grid.shape) // _COARSE)
-    seen, light = means(measured, step), means(simulated, step)
-    (rows, columns), (width, height) = seen.shape, grid.pixel
+    seen = means(measured, step)
+    light = means(simulated, step)
+    rows, columns = seen.shape
+    width, height = grid.pixel
     pair = _Pair.of(seen, light, PixelGrid(columns * step * width, rows * step * height, columns, rows))
     shift = displacement(measured, simulated) * grid.pixel
     starts = [np.array([size, turn, *shift]) for size in _SIZES for turn in _TURNS_RAD]
@@ -177,10 +180,12 @@ class _Pair:
 
     def errors(self, parameters: Float[np.ndarray, "4"], fitted: Bool[np.ndarray, "4"]) -> Float[np.ndarray, "4"]:
         """Standard errors by the jackknife over blocks of the picture, in the linear model around the fit."""
-        light, left = self._nuisances(parameters), self.residual(parameters)
+        light = self._nuisances(parameters)
+        left = self.residual(parameters)
         gain = self._weights(light)[0]
         design = np.concatenate([gain * self._slopes(parameters, self.spline)[:, fitted], light], axis=1)
-        normal, left_out = design.T @ design, []
+        normal = design.T @ design
+        left_out = []
         for block in _blocks(self.grid):
             rows = design[block]
             left_out.append(np.linalg.lstsq(normal - rows.T @ rows, rows.T @ left[block], rcond=None)[0])

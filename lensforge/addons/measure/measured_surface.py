@@ -57,7 +57,8 @@ class FacePixels:
         inside = np.sum(chart**2, axis=-1) <= 1.0
         if domain.edges:
             inside &= np.abs(domain.within(chart) - chart).max(axis=-1) < _SAME
-        jet, directions = patch.jet(chart[inside]), to_sphere(chart[inside])
+        jet = patch.jet(chart[inside])
+        directions = to_sphere(chart[inside])
         area = np.full(inside.shape, np.nan)
         area[inside] = jet.area_element * (axis[1] - axis[0]) ** 2
         return FacePixels(axis, area, directions, np.sum(jet.normal * directions, axis=1))
@@ -107,7 +108,8 @@ class ChangedLens:
         grid = grid_for(min(self.lens.detail_rad, *details), self.nodes_per_sigma)
         tables = {name: tabulate(grid, surface) for name, surface in self.lens.surfaces.items()}
         scene = Scene(self.lens.media, grid, chain=Chain.of_lens(self.lens.spec.lens))
-        kinds, lenses = self._of_all_kinds(), []
+        kinds = self._of_all_kinds()
+        lenses = []
         for change in changes:
             free_tables = dict(tables)
             if change is not None:
@@ -153,7 +155,8 @@ def compare_surface(
     Raises :class:`InputError` for points that cannot be registered, and for an unknown ``registration``.
     """
     require_choice("registration", registration, get_args(Registration))
-    lens, surface = traced.lens, traced.lens.surfaces[traced.side]
+    lens = traced.lens
+    surface = traced.lens.surfaces[traced.side]
     patch = fit_patch(surface)
     domain = domain_of(lens, traced.side)
     cut = FirstCut.of(surface, patch, cloud, Request(registration=registration), domain)

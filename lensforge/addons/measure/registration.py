@@ -141,7 +141,8 @@ def registered(patch: Patch, cloud: Float[np.ndarray, "k 3"], registration: Regi
         placed = motion.pose.points(cloud)
         over = over_surface(placed) & ~unreached
         gaps = distances(patch, placed[over])[0]
-        before, off = off, unreached.copy()
+        before = off
+        off = unreached.copy()
         off[over] = off_surface(placed[over], gaps)
         if np.array_equal(off, before):
             break

@@ -18,7 +18,8 @@ from lensforge.errors import InputError
 
 _FINE = 4  # samples per pixel across an edge
 _ALONG = np.linspace(0.06, 0.94, 161)  # positions on a side without its ends: the camera's lens rounds corners
-_BLUR, _AVERAGED = 1.5, 3.0  # standard deviations: pixels across the edge, positions along it, which is straight
+_BLUR = 1.5  # standard deviation (pixels) across the edge
+_AVERAGED = 3.0  # standard deviation (positions) along it, which is straight
 _ON_LINE = 1.0  # pixels: edge points farther from the line than this belong to something else
 
 
@@ -97,7 +98,8 @@ def fit_sides(picture: Float[np.ndarray, "h w"], corners: Float[np.ndarray, "4 2
     Robust: Theil and Sen's slope first, then least squares of the points on that line. None if an edge has no points
     or two lines do not meet.
     """
-    lines, quality = [], []
+    lines = []
+    quality = []
     for start, end in zip(corners, np.roll(corners, -1, axis=0), strict=True):
         along = (end - start) / np.linalg.norm(end - start)
         outward = np.array([along[1], -along[0]])  # to the left of the direction: the outside of a clockwise path
@@ -131,7 +133,9 @@ def _edge(
     fall = -np.gradient(smooth, axis=1)[:, 3 * _FINE : -3 * _FINE]
     peak = np.clip(np.argmax(fall, axis=1), 1, fall.shape[1] - 2)
     row = np.arange(len(fall))
-    left, top, right = fall[row, peak - 1], fall[row, peak], fall[row, peak + 1]
+    left = fall[row, peak - 1]
+    top = fall[row, peak]
+    right = fall[row, peak + 1]
     curve = left - 2.0 * top + right
     shift = np.where(curve < 0.0, 0.5 * (left - right) / np.where(curve < 0.0, curve, 1.0), 0.0)
     offsets = across[3 * _FINE :][peak] + np.clip(shift, -1.0, 1.0) / _FINE
@@ -155,9 +159,11 @@ def _cross(first: Float[np.ndarray, "*n 2"], second: Float[np.ndarray, "*n 2"]) 
 
 _COARSE = 400  # pixels of the longer side of the reduced picture in which regions are found
 _LEVELS = 32  # thresholds per picture
-_LEAST_AREA, _MOST_AREA = 0.02, 0.97  # of the picture
+_LEAST_AREA = 0.02  # of the picture
+_MOST_AREA = 0.97
 _FILLED = 0.94  # of its quadrilateral, by a region that is one: perspective leaves the sides straight
-_STRAIGHT, _SCATTER = 0.7, 0.6  # share of an edge's points on its line, and their rms (pixels), of a border
+_STRAIGHT = 0.7  # share of an edge's points on its line, of a border
+_SCATTER = 0.6  # rms (pixels) of these points
 _BOW = 3e-3  # of the side: more is a lens's distortion that four corners cannot undo
 _SAME = 0.02  # of the quadrilateral's size: corners nearer than this are the same
 _HELD = 0.9  # of the bright pixels lie within the target
@@ -205,7 +211,8 @@ def _found(
         for rough in _rough(picture):
             sides = _refined(picture, rough)
             if sides is not None:
-                rms, bow = float(sides.rms.max()), float(sides.bow.max())
+                rms = float(sides.rms.max())
+                bow = float(sides.bow.max())
                 located = Located(seen_in=name, lit=name == "the light", edge_rms_px=rms, edge_bow_px=bow)
                 seen.append(Square(clockwise(sides.corners), located))
     distinct: list[Square] = []
@@ -278,7 +285,8 @@ def _with_lit(square: Square, light: Float[np.ndarray, "h w"], border_share: flo
     """Set ``lit`` by the light just inside the border; a square seen with the LED off is a panel in any case."""
     if square.located.seen_in == "off":
         return square
-    centre, t = square.corners.mean(axis=0), np.linspace(0.0, 1.0, 50)[:, None, None]
+    centre = square.corners.mean(axis=0)
+    t = np.linspace(0.0, 1.0, 50)[:, None, None]
     border = ((1.0 - t) * square.corners + t * np.roll(square.corners, -1, axis=0)).reshape(-1, 2)
     ring = np.concatenate([centre + inset * (border - centre) for inset in (0.9, 0.93, 0.96)])
     share = float(np.median(map_coordinates(light, [ring[:, 1], ring[:, 0]], order=1)) / np.quantile(light, 0.999))
@@ -301,7 +309,9 @@ def _one(squares: list[Square]) -> Square:
 
 def _sound(square: Square) -> Square:
     """Return ``square``. Raises :class:`InputError` where four corners do not suffice: bent edges, a rolled target."""
-    corners, side, bow = square.corners, float(np.sqrt(area(square.corners))), square.located.edge_bow_px
+    corners = square.corners
+    side = float(np.sqrt(area(square.corners)))
+    bow = square.located.edge_bow_px
     if bow > _BOW * side:
         raise InputError(
             f"on: the target's edges are bent by {bow:.1f} pixels, so its corners are uncertain; "

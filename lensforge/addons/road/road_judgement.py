@@ -29,7 +29,8 @@ from lensforge.spec.quantities import LeastOverMean, LeastOverMost, PlaceLight, 
 
 _NONE = "none"
 _KWH_PER_WH = 1e-3
-_LEAST_STEPS, _END_M = 5, 1e-3  # of a tenth of the pole height, of spacings tried
+_LEAST_STEPS = 5  # of a tenth of the pole height, of spacings tried
+_END_M = 1e-3
 
 
 def judge_road(road: RoadSection, candela: Candela, name: str = "road") -> RoadJudgement:
@@ -126,7 +127,8 @@ def best_class(drivers: tuple[SeenRoad, ...], edges: tuple[Metric, Metric]) -> s
     mean, uniformity, along = _least_seen(drivers)
     glare = max(driver.glare_percent.value for driver in drivers if driver.glare_percent is not None)
     for name, asked in M_CLASSES.items():
-        bright, even = mean >= asked.mean, uniformity >= asked.uniformity and along >= asked.along
+        bright = mean >= asked.mean
+        even = uniformity >= asked.uniformity and along >= asked.along
         if bright and even and glare <= asked.glare_percent and edge >= asked.edge_ratio:
             return name
     return _NONE

@@ -38,7 +38,8 @@ class DroppedFile:
         if path.suffix.lower() in _PICTURES:
             height, width = read_picture(path, missing="drop it again").shape
             return DroppedFile(path, path, f"{path.name}: {width} × {height} pixels", ("target",))
-        summary, plot = rays(path), path.with_name(f"{path.name}.png")
+        summary = rays(path)
+        plot = path.with_name(f"{path.name}.png")
         summary.save(plot)
         if isinstance(summary, PhotometricSummary):
             words = f"{summary.lumens:.4g} lm, peak {summary.peak.intensity_cd:.4g} cd"

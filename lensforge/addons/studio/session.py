@@ -244,7 +244,8 @@ class Session:
             case "warning":
                 self.tell(warnings=[*dict.fromkeys([*self.state["warnings"], head["words"]])])
             case "ended" if head["job"] in ("search", "part"):
-                following, self._next = self._next, None
+                following = self._next
+                self._next = None
                 if following is not None:
                     self._begin(following)
                 else:

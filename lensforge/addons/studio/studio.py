@@ -21,7 +21,8 @@ from lensforge.surfaces.imported_face import LENS_FILE
 if TYPE_CHECKING:
     from lensforge.addons.studio.server import Server
 
-_TEXT_FILE, _EXAMPLE = "studio.toml", "quickstart"  # the text of a folder that is opened; of a new one
+_TEXT_FILE = "studio.toml"  # of a folder that is opened
+_EXAMPLE = "quickstart"  # of a new one
 
 
 @dataclass(frozen=True)
@@ -47,10 +48,14 @@ class Studio:
     def __init__(self, server: "Server") -> None:
         import asyncio  # with all that is beneath it a twentieth of a second
 
-        self._session, self.address, self._error = server.session, "", list[BaseException]()
+        self._session = server.session
+        self.address = ""
+        self._error = list[BaseException]()
         self.shown = False
         self._door: Door | None = None
-        self._loop, self._ready, self._end = asyncio.new_event_loop(), threading.Event(), asyncio.Event()
+        self._loop = asyncio.new_event_loop()
+        self._ready = threading.Event()
+        self._end = asyncio.Event()
         self._thread = threading.Thread(target=self._run, args=(server,), daemon=True)
         self._thread.start()
         self._ready.wait()
