@@ -21,8 +21,8 @@ _BAND = (-0.25, -0.125, 0.0, 0.125, 0.25)  # lines of the central band, over the
 _REACH = 12.0  # of the height
 _LARGEST_OVER_LEAST = 40.0
 _BAND_OVER_LINE = 0.5
-_GLARE_DEG = np.arange(60.0, 91.0, 5.0)
-_GLARE_C_DEG = np.arange(0.0, 360.0, 15.0)
+_GLARE_DEG = np.arange(60.0, 90.5, 1.0)
+_GLARE_C_DEG = np.arange(0.0, 360.0, 2.5)  # a lens for a route has narrow peaks
 _FILE_X_DEG = -90.0  # x of a lamp, from its street: the spec's default street is y
 
 

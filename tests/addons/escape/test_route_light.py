@@ -67,7 +67,7 @@ def test_a_crooked_lamp_lights_a_route_as_plain_loops_say() -> None:
     assert of_band == pytest.approx(0.7 * min(band), rel=1e-9) and of_band < least
     assert diversity == pytest.approx(max(line) / min(line), rel=1e-9)
     assert found.line_lx.value == pytest.approx(0.7 * np.mean(line), rel=1e-9)
-    steep = [lobe(np.radians(c), np.radians(g)) for c in range(0, 360, 15) for g in range(60, 91, 5)]
+    steep = [lobe(np.radians(c), np.radians(g)) for c in np.arange(0.0, 360.0, 2.5) for g in range(60, 91)]
     assert glare == pytest.approx(max(steep), rel=1e-9), "of a new lamp"
 
 
