@@ -145,10 +145,11 @@ def draw(name: str) -> dict[str, object]:
         sheet.paste(each, (sum(other.width for other in panels[:index]), 0))
     PICTURES.mkdir(exist_ok=True)
     sheet.quantize(64).save(picture(name), optimize=True)
+    stated = light.figures or (light.limits if spec.applications else ())
     return {
         "accuracy": "draft",
         "aim": spec.optimise.aim,
-        "figures": [[figure.label, figure.value, figure.unit] for figure in light.figures],
+        "figures": [[figure.label, figure.value, figure.unit] for figure in stated],
         "share_in_target": [case.record.share_in_target.value for case in cases],
         "nmse": [case.record.nmse.value for case in cases],
         "efficiency": [case.record.efficiency.value for case in cases],
@@ -189,7 +190,7 @@ def draw_small(name: str) -> None:
 
 
 def figures_of(found: dict[str, Any]) -> str:
-    """The figures of a design in words: those of its trade, if it has one.
+    """The figures of a design in words: those of its trade or of a class that it is to reach, if it has one.
 
     Where only the share of the light counts, an error of its pattern is none.
     """
