@@ -24,7 +24,7 @@ ORDER = [
 HEAVY = {
     "torch", "numba", "scipy", "cadquery", "OCP", "trimesh", "manifold3d", "lib3mf", "pyvista", "matplotlib",
     "skimage", "PIL", "tifffile", "imagecodecs", "jinja2", "rich", "mitsuba", "yaml", "dask", "distributed", "aiohttp",
-    "tomlkit",
+    "tomlkit", "mcp",
 }  # fmt: skip
 # Rooms of many modules that few scripts need: together they would be a sixth of what importing the library takes.
 SELDOM = (

@@ -32,6 +32,10 @@ _SHOWN = 300  # characters of a path that no file can have
 _LONGEST_SHOWN = 1024  # characters of a path that one may have
 _PROBE_BYTES = 2**16  # more than a file system keeps beside its own records
 _MOST_JSON_BYTES = 256 * MIB  # the largest record of a reference run has 12 MiB
+# Of the environment: folders, parted as those of PATH, outside of which no file that a user names is read. For servers,
+# whose clients write specs, and name files in them.
+REACH = "LENSFORGE_REACH"
+_PACKAGE = Path(__file__).resolve().parents[1]
 
 
 @contextmanager
@@ -164,7 +168,17 @@ def require_regular_file(path: Path | str, *, missing: str, most_bytes: int | No
         size = status.st_size / MIB
         most = most_bytes / MIB
         raise InputError(f"{path}: {size:.0f} MiB, must be at most {most:g} MiB; is it the right file?")
+    _require_within_reach(Path(path))
     _require_unpacked(Path(path))
+
+
+def _require_within_reach(path: Path) -> None:
+    reach = os.environ.get(REACH)
+    if reach is None:
+        return
+    folders = (_PACKAGE, *(Path(folder).resolve() for folder in reach.split(os.pathsep)))
+    if not any(path.resolve().is_relative_to(folder) for folder in folders):
+        raise InputError(f"{path}: outside of the folders in {REACH}; copy it into the first of them")
 
 
 def _require_unpacked(path: Path) -> None:

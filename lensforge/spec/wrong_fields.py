@@ -124,7 +124,9 @@ def _problem(error: ErrorDetails, place: _FieldPlace) -> str:
     if error["type"] == "missing":
         holders = (holder for holder in place.holders if place.last in holder.model_fields)
         description = next((field_description(holder, place.last) for holder in holders), "")
-        return f"missing: {description[0].lower()}{description[1:]}" if description else "missing"
+        is_short_form = description[1:2].isupper()  # as PNG is
+        begin = description[:1] if is_short_form else description[:1].lower()
+        return f"missing: {begin}{description[1:]}" if description else "missing"
     if error["type"] in _KINDS:
         kinds = re.findall(r"'([^']*)'", str(context.get("expected_tags", ""))) or _kinds_of(place)
         near = _nearest(str(context.get("tag", "")), kinds)

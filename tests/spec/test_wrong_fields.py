@@ -79,6 +79,7 @@ def lines_of(changes: dict[str, Any]) -> tuple[str, ...]:
         ({"target.kind": "rectangl"}, "target.kind = 'rectangl': must be one of flat_top, rectangle, disc, "),
         ({"target.kind": None}, "target: kind is missing; it must be one of flat_top, rectangle, "),
         ({"constraints.max_radius_mm": None}, "constraints.max_radius_mm: missing: outer radius: two freeform faces"),
+        ({"target.kind": "image"}, "target.file: missing: PNG, TIFF, JPEG or BMP file."),
         (
             {"target.uniform_mm": "a"},
             "target.uniform_mm = 'a': must be a number or must be a",

@@ -1,0 +1,163 @@
+"""A client's calls, answered by commands in processes of their own: figures, pictures, refusals, and an end."""
+
+import asyncio
+import base64
+import contextlib
+import os
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import anyio
+import pytest
+from mcp import Client
+from mcp.client.stdio import StdioServerParameters, stdio_client
+from mcp.types import CallToolResult, ImageContent, TextContent
+
+from lensforge.addons.mcp.tool_server import ToolServer
+
+SPEC = """
+name = "small"
+[source]
+kind = "square"
+side_mm = 0.5
+{source}
+[lens]
+refractive_index = 1.49
+levels = [9]
+[optimise]
+steps_per_level = [3]
+rays = 256
+[evaluate]
+rays = 4096
+[constraints]
+max_radius_mm = 4.0
+[target]
+kind = "disc"
+diameter_mm = 60.0
+distance_mm = 60.0
+"""
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    place = tmp_path / "lenses"
+    place.mkdir()
+    (tmp_path / "outside.csv").write_text("1,2\n3,4\n", encoding="utf-8")
+    return place
+
+
+def answers(folder: Path, *calls: tuple[str, dict[str, Any]]) -> list[CallToolResult]:
+    """What a client gets for its calls, one after the other."""
+
+    async def client() -> list[CallToolResult]:
+        async with Client(ToolServer(folder).protocol()) as asking:
+            return [await asking.call_tool(name, arguments) for name, arguments in calls]
+
+    return asyncio.run(client())
+
+
+def text_of(answer: CallToolResult) -> str:
+    return "\n".join(content.text for content in answer.content if isinstance(content, TextContent))
+
+
+def test_a_lens_is_previewed_from_a_text_with_its_figures_and_its_picture(folder: Path) -> None:
+    written, seen, drawn, listed = answers(
+        folder,
+        ("write_text", {"path": "small.toml", "text": SPEC.format(source="flux_w = 2.0")}),
+        ("preview", {"spec": "small.toml", "seed": 3}),
+        ("picture", {"dir": "cad_out/small_preview"}),
+        ("list_files", {}),
+    )
+    assert not written.is_error and not seen.is_error, text_of(seen)
+    assert set(seen.structured_content) == {"folder", "verdict", "facts"}
+    facts = {fact["key"]: fact for groups in seen.structured_content["facts"].values() for fact in _facts(groups)}
+    assert 0.0 < facts["efficiency"]["value"] <= 93.0 and "" not in facts["efficiency"].values()
+    assert len(text_of(seen)) < 20_000, "a client reads it whole"
+    for answer in (seen, drawn):
+        (picture,) = (content for content in answer.content if isinstance(content, ImageContent))
+        assert base64.b64decode(picture.data).startswith(b"\x89PNG")
+    assert "cad_out/small_preview/light.png" in text_of(listed)
+
+
+def _facts(groups: list[dict[str, Any]]) -> Iterator[dict[str, Any]]:
+    for group in groups:
+        yield from group.get("facts", [])
+
+
+@pytest.mark.parametrize(
+    ("name", "arguments", "says"),
+    [
+        ("melt", {}, "melt: no such tool; there are "),
+        ("design", {"spec": "a.toml"}, "design.spec: no such argument; there are specs, "),
+        ("check", {}, "check.directory: not given; path in the folder"),
+        ("read_text", {"path": 3}, "read_text.path: 3, must be a text"),
+        ("read_text", {"path": "../outside.csv"}, "../outside.csv: outside of the folder of this server"),
+        ("write_text", {"path": "lens.json", "text": "{}"}, "lens.json: its suffix must be one of .toml, .csv"),
+        ("design", {"specs": ["none.toml"]}, "none.toml: no such file"),
+        ("design", {"specs": ["small.toml"], "seed": -1}, "-1 is not in the range"),
+        ("picture", {"dir": "."}, "lens.json"),
+    ],
+)
+def test_what_is_refused_is_one_line_that_a_client_reads(
+    name: str, arguments: dict[str, Any], says: str, folder: Path
+) -> None:
+    (answer,) = answers(folder, (name, arguments))
+    assert answer.is_error and says in text_of(answer)
+    assert "Traceback" not in text_of(answer)
+
+
+def test_a_spec_reads_no_file_outside_of_the_folder(folder: Path) -> None:
+    (folder / "inside.csv").write_text("1,2\n3,4\n", encoding="utf-8")
+    target = SPEC.format(source="").replace('kind = "disc"\ndiameter_mm = 60.0', 'kind = "image"\nfile = "{file}"')
+    for name, file in (("out.toml", "../outside.csv"), ("in.toml", "inside.csv")):
+        text = target.replace("{file}", file).replace("distance_mm", "width_mm = 60.0\ndistance_mm")
+        (folder / name).write_text(text, encoding="utf-8")
+    refused, read = answers(folder, ("preview", {"spec": "out.toml"}), ("preview", {"spec": "in.toml"}))
+    assert refused.is_error and "outside of the folders in LENSFORGE_REACH" in text_of(refused)
+    assert "LENSFORGE_REACH" not in text_of(read)
+
+
+@pytest.mark.skipif(os.name != "posix", reason="process groups of POSIX")
+def test_a_call_that_is_cancelled_ends_its_processes(folder: Path) -> None:
+    (folder / "long.toml").write_text(SPEC.format(source="").replace("[3]", "[100000]"), encoding="utf-8")
+
+    def running() -> list[str]:
+        lines = []
+        for process in Path("/proc").glob("[0-9]*"):
+            with contextlib.suppress(OSError):
+                if folder == (process / "cwd").readlink():
+                    lines.append((process / "cmdline").read_text())
+        return lines
+
+    async def client() -> None:
+        async with Client(ToolServer(folder).protocol()) as asking:
+            async with anyio.create_task_group() as tasks:
+                tasks.start_soon(asking.call_tool, "design", {"specs": ["long.toml"]})
+                with anyio.fail_after(60.0):
+                    while not any("long.toml" in line for line in running()):
+                        await anyio.sleep(0.1)
+                tasks.cancel_scope.cancel()
+            with anyio.fail_after(20.0):
+                while running():
+                    await anyio.sleep(0.1)
+
+    asyncio.run(client())
+
+
+def test_the_command_serves_on_its_streams(folder: Path) -> None:
+    """As a client starts it, from another folder."""
+    started = StdioServerParameters(command=sys.executable, args=["-m", "lensforge", "mcp", str(folder)])
+
+    async def client() -> None:
+        async with Client(stdio_client(started)) as asking:
+            tools = (await asking.list_tools()).tools
+            assert {"new", "design", "check", "picture", "write_text"} <= {tool.name for tool in tools}
+            answer = await asking.call_tool(
+                "new", {"spec": "a.toml", "source": "disc:1", "target": "disc:200@300", "max_radius": 9}
+            )
+            assert not answer.is_error, text_of(answer)
+
+    asyncio.run(client())
+    assert (folder / "a.toml").is_file()
