@@ -1,4 +1,4 @@
-"""What 1 W of light is to eyes, and to plants."""
+"""Lumens and photons of 1 W of light: what it is to eyes and to plants."""
 
 from typing import NamedTuple
 
