@@ -27,7 +27,7 @@ from lensforge.scene.body import Body
 from lensforge.spec import BaseSection
 from lensforge.surfaces.surface import Surface
 
-_BARE = BaseSection(kind="none")
+_NO_BASE = BaseSection(kind="none")
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,13 +57,13 @@ class BodyProof:
 
 def build_body(
     body: Body,
-    base: BaseSection = _BARE,
+    base: BaseSection = _NO_BASE,
     *,
     nodes: Mapping[str, int] | None = None,
     rings: int | None = None,
     chord_mm: float = CHORD_MM,
 ) -> BuiltBody:
-    """Make mesh and solid of ``body`` on ``base``, by default without one; lengths that ``base`` leaves out are 0.
+    """Make mesh and solid of ``body`` on ``base``, by default without one; lengths missing in ``base`` are 0.
 
     ``nodes``: of the spline of each face by its name, by default as many as its form needs. ``rings``, ``chord_mm``: of
     the mesh, as for ``build_part``. Raises :class:`InputError` for faces that are not nested about the axis or leave no
@@ -83,9 +83,9 @@ def on_base(
     ring: FlangeRing | None = None,
     least_rings: int = MIN_RINGS,
 ) -> BuiltBody:
-    """The body of fitted boundaries with the ``ring`` of its flange; a ``custom`` base is joined to it.
+    """The body of fitted boundaries with the ``ring`` of its flange, joined to a ``custom`` base.
 
-    ``least_rings``: where ``rings`` are left out.
+    ``least_rings``: lower limit if ``rings`` are not given.
     """
     plan = make_plan(*pair, base, ring)
     if rings is None:
@@ -101,7 +101,7 @@ def on_base(
 
 
 def _with_feet(mesh: BodyMesh, plan: Plan[Patch]) -> BodyMesh:
-    """The mesh of a body on the base of ``plan`` with its feet: the plane of the bottom is cut out around them."""
+    """The mesh of a body on the base of ``plan`` with its feet, around which the bottom's plane is cut out."""
     feet = plan.base.feet
     height_mm = plan.base.height_mm
     if feet is None:
@@ -123,20 +123,20 @@ def _with_feet(mesh: BodyMesh, plan: Plan[Patch]) -> BodyMesh:
 
 
 def _loop(mesh: BodyMesh, names: tuple[str, str]) -> Int[np.ndarray, " n"]:
-    """Vertices of the bottom on the first of some faces that the mesh has, counter-clockwise."""
+    """Vertices of the bottom at the first of ``names`` that the mesh has, counter-clockwise."""
     beside = next(name for name in names if name in mesh.names)
     ids = np.intersect1d(mesh.part(BOTTOM), mesh.part(beside))
     return ids[np.argsort(np.arctan2(mesh.vertices[ids, 1], mesh.vertices[ids, 0]), kind="stable")]
 
 
 def solid_on_base(plan: Plan[Patch], base: CustomBase | None) -> Solid:
-    """The solid of ``plan``, joined with the ``base`` where it comes from a file."""
+    """The solid of ``plan``, joined with ``base`` if that comes from a file."""
     solid = build_solid(plan)
     return solid if base is None else join_base(solid, base)
 
 
 def prove(body: BuiltBody, step: bytes, stl: bytes, threemf: bytes) -> BodyProof:
-    """Read the files of ``body`` again, and compare their faces with the surfaces, each over its domain."""
+    """Read the files of ``body`` back, and compare their faces with the surfaces, each over its domain."""
     solid = parse_step(step)
     faces = [face for face in body.plan.faces if not face.is_flange]
     errors = in_parallel_map(

@@ -51,7 +51,7 @@ Other = TypeVar("Other", Surface, Patch)
 
 @dataclass(frozen=True, eq=False)
 class Crease:
-    """The closed curve in which two faces meet; ``one`` is the nearer on the side of the axis."""
+    """The closed curve in which two faces meet; ``one`` bounds the medium on the side of the axis."""
 
     one: StarShaped
     other: StarShaped
@@ -63,7 +63,7 @@ class Crease:
         return start - _gap(self.one, self.other, azimuths, start) / slope
 
     def tabulated(self, azimuths: _Values) -> _Values:
-        """The same by its table alone, as good as that is, in a fiftieth of the time."""
+        """The same by interpolation in its table, less exact, in a fiftieth of the time."""
         return np.asarray(self.table(np.mod(azimuths, FULL_TURN))[:, 0])
 
     def chart(self, azimuths: _Values) -> Float[np.ndarray, "n 2"]:
@@ -104,12 +104,12 @@ class Domain:
         return low, 1.0 if self.outside is None else self.outside.extent[1]
 
     def radii(self, azimuths: _Values) -> tuple[_Values, _Values]:
-        """Distances from the chart's centre at which it begins and ends."""
+        """Distances from the chart's centre at its inner and outer edge."""
         low = np.zeros_like(azimuths) if self.inside is None else self.inside.radius(azimuths)
         return low, np.ones_like(azimuths) if self.outside is None else self.outside.radius(azimuths)
 
     def held(self, directions: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "k 3"]:
-        """Select the directions above z = 0 in which it lies."""
+        """Select the directions above z = 0 that lie in it."""
         if not self.edges:
             return directions
         azimuths, radius = _polar(to_chart(directions))
@@ -161,7 +161,7 @@ def optical_name(name: str) -> str:
 
 @dataclass(frozen=True, eq=False)
 class Boundary(Generic[Shape]):
-    """The faces that bound a medium, from the axis to the rim; together they are star-shaped as each of them is."""
+    """The faces that bound a medium, from the axis to the rim; together they are star-shaped, as each is."""
 
     faces: tuple[TrimmedFace[Shape], ...]
 
@@ -173,7 +173,7 @@ class Boundary(Generic[Shape]):
 
     @property
     def of_material(self) -> tuple[TrimmedFace[Shape], ...]:
-        """The faces that have material on one side."""
+        """The faces with material on one side."""
         return tuple(face for face in self.faces if face.is_ring or not face.is_open)
 
     def closed(self, directions: Float[np.ndarray, "n 3"]) -> Bool[np.ndarray, " n"]:
@@ -195,7 +195,7 @@ class Boundary(Generic[Shape]):
     def by_face(
         self, chart: Float[np.ndarray, "n 2"], figure: Callable[[TrimmedFace[Shape], _Chosen], Float[np.ndarray, "..."]]
     ) -> Float[np.ndarray, "..."]:
-        """The figure at each of the ``chart`` points, by the face that bounds the medium there."""
+        """``figure`` at each of the ``chart`` points, evaluated for the face that bounds the medium there."""
         if not self.creases:
             return figure(self.faces[0], slice(None))
         numbers = self.numbers(chart)
@@ -214,7 +214,7 @@ class Boundary(Generic[Shape]):
         return faces
 
     def of(self, shapes: Sequence[Other]) -> "Boundary[Other]":
-        """The same boundary of other ``shapes``, close to these; its creases are where those meet."""
+        """The same boundary with similar ``shapes``; creases lie where these meet."""
         radii = [crease.radius(_azimuths()) for crease in self.creases]
         return _nested(self.faces, shapes, [(radius * (1.0 - _REACH), radius * (1.0 + _REACH)) for radius in radii])
 
@@ -232,7 +232,7 @@ class SharpestEdge:
 
 
 def sharpest_edges(boundary: Boundary[Shape]) -> Iterator[SharpestEdge]:
-    """The sharpest place of each crease of ``boundary``, of those half a degree apart."""
+    """The sharpest place of each crease of ``boundary``, sampled every half degree."""
     for (inner, outer), crease in zip(pairwise(boundary.faces), boundary.creases, strict=True):
         chart = crease.chart(_azimuths())
         turned = np.sum(_normals(inner.shape, chart) * _normals(outer.shape, chart), axis=1)
@@ -247,7 +247,7 @@ def _normals(shape: Surface | Patch, chart: Float[np.ndarray, "n 2"]) -> Float[n
 
 
 def as_pair(cavity: Shape | Boundary[Shape], envelope: Shape | Boundary[Shape]) -> Pair[Shape]:
-    """Boundaries of cavity and body; a face alone, which bounds all of it, has its name in a double-freeform lens."""
+    """Boundaries of cavity and body; a single face gets its name in a double-freeform lens."""
     inwards, outwards = (
         boundary if isinstance(boundary, Boundary) else Boundary((TrimmedFace(name, boundary),))
         for name, boundary in zip(DOUBLE, (cavity, envelope), strict=True)
@@ -256,7 +256,7 @@ def as_pair(cavity: Shape | Boundary[Shape], envelope: Shape | Boundary[Shape]) 
 
 
 def domain_of(lens: Lens, name: str) -> Domain:
-    """Part of the chart where the face of that name bounds the body of ``lens``."""
+    """Part of the chart on which the face ``name`` bounds the body of ``lens``."""
     return next(
         face.domain
         for lens_boundary in lens_boundaries(lens)
@@ -277,13 +277,13 @@ def boundaries(body: Body) -> Pair[Surface]:
 
 
 def of_shapes(pair: Pair[Shape], shapes: Mapping[str, Other]) -> Pair[Other]:
-    """The same boundaries of other shapes by the names of their faces; each is close to the one before."""
+    """The same boundaries with other shapes, by the names of their faces, each similar to the one before."""
     cavity, envelope = (boundary.of([shapes[face.name] for face in boundary.faces]) for boundary in pair)
     return (cavity, envelope) if pair[0].opening is None else _around_opening(cavity, envelope)
 
 
 def _around_opening(cavity: Boundary[Shape], envelope: Boundary[Shape]) -> Pair[Shape]:
-    """Boundaries whose first face is the same opening, which is a ring of the body between their creases."""
+    """Boundaries that both begin at an opening, which is a ring of the body between their creases."""
     (first, *inside) = cavity.faces
     (next_face, *outside) = envelope.faces
     rims = [face.domain.outside for face in (first, next_face)]

@@ -47,9 +47,9 @@ class CustomBase:
 
 
 def read_custom_base(path: Path) -> CustomBase:
-    """The one solid of ``path``, read in a child process: it is the user's file, or one that was sent to him.
+    """The only solid of ``path``, read in a child process, as it is a file from outside.
 
-    Raises :class:`InputError` for anything else, or where its top is not in z = 0.
+    Raises :class:`InputError` for anything else, and if its top is not in z = 0.
     """
     missing = "base.file is relative to the folder of its spec"
     content = read_file(path, missing=missing, most_bytes=MOST_STEP_MIB * MIB)
@@ -68,7 +68,7 @@ def read_custom_base(path: Path) -> CustomBase:
 def solids_in(content: bytes, path: Path) -> list[Solid]:
     """The solids in the bytes of the user's STEP file ``path``.
 
-    Raises :class:`InputError` for anything else, and for faces beside them that bound no solid: they would not count.
+    Raises :class:`InputError` for anything else, and for faces that bound no solid: they would be ignored.
     """
     parts = parse_apart(
         content, str(path), "repair it in CAD, and export it as AP203, AP214 or AP242", to_be_joined=True
@@ -80,7 +80,7 @@ def solids_in(content: bytes, path: Path) -> list[Solid]:
 
 
 def _require_solids(part: Product, path: Path) -> None:
-    """Raise :class:`InputError` where a face of ``part`` bounds no solid, as of a shell or a sheet."""
+    """Raise :class:`InputError` if a face of ``part`` bounds no solid, as in a shell or a sheet."""
     of_solids = TopTools_IndexedMapOfShape()
     for solid in parts_of(part.shape, "SOLID"):
         TopExp.MapShapes_s(solid, of_solids)
@@ -98,7 +98,7 @@ def _require_solids(part: Product, path: Path) -> None:
 def join_base(body: Solid, base: CustomBase) -> Solid:
     """``body``, a lens without a base, and ``base`` as one solid; faces keep their names, others are ``BASE``.
 
-    Raises :class:`InputError` where the base does not touch the lens, or covers or closes the cavity.
+    Raises :class:`InputError` if the base does not touch the lens, or covers or closes the cavity.
     """
     _require_placement(body, base)
     added = base.solid
@@ -191,7 +191,7 @@ def join_mesh(mesh: BodyMesh, base: CustomBase, chord_mm: float) -> BodyMesh:
 
 
 def mesh_of_base(path: Path, chord_mm: float = 1e-2) -> tuple[Float[np.ndarray, "v 3"], Int[np.ndarray, "t 3"]]:
-    """Vertices and triangles of the base in the file ``path``, by default finer than a drawn line."""
+    """Vertices and triangles of the base in the file ``path``, finer than a drawn line by default."""
     return tessellated(read_custom_base(path).solid, chord_mm)
 
 

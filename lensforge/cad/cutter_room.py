@@ -31,9 +31,9 @@ Lengths = Float[np.ndarray, " k"]
 
 
 def needed_step_mm(distance: Lengths, height: Lengths, cutter_mm: float, base_mm: float) -> Lengths:
-    """Depth (mm) below z = 0 at which a disc of radius ``base_mm`` clears balls with these centres; may be below 0.
+    """Depth (mm) below z = 0 at which a disc of radius ``base_mm`` clears balls with these centres; may be negative.
 
-    Outside of the disc nothing limits the ball: minus infinity.
+    Outside the disc nothing limits the ball: minus infinity.
     """
     outside = np.maximum(distance - base_mm, 0.0)
     below = np.sqrt(np.maximum(cutter_mm**2 - outside**2, 0.0))
@@ -41,13 +41,13 @@ def needed_step_mm(distance: Lengths, height: Lengths, cutter_mm: float, base_mm
 
 
 def largest_wall_mm(distance: Lengths, height: Lengths, cutter_mm: float) -> Lengths:
-    """Largest radius (mm) of a wall from z = 0 downwards that clears balls outside of it; infinite where any does."""
+    """Largest radius (mm) of a wall down from z = 0 that clears balls outside it; infinite if any does."""
     across = np.sqrt(np.maximum(cutter_mm**2 - np.maximum(height, 0.0) ** 2, 0.0))
     return np.where(height < cutter_mm, distance - across, np.inf)
 
 
 def smallest_bore_mm(distance: Lengths, height: Lengths, cutter_mm: float, top_mm: float, bottom_mm: float) -> Lengths:
-    """Smallest radius (mm) of a bore from depth ``top_mm`` to ``bottom_mm`` that clears balls inside of it."""
+    """Smallest radius (mm) of a bore from depth ``top_mm`` to ``bottom_mm`` that clears balls inside it."""
     away = np.maximum(np.maximum(height + top_mm, -height - bottom_mm), 0.0)
     across = np.sqrt(np.maximum(cutter_mm**2 - away**2, 0.0))
     return np.where(away < cutter_mm, distance + across, 0.0)
@@ -63,9 +63,9 @@ def ball_centres_mm(
 
 @lru_cache(maxsize=4)  # export, check, sections and drawing ask for it
 def base_with_room(lens: Lens) -> BaseSection:
-    """The base of ``lens``; lengths that its spec leaves out give the cutter room at the faces designed for it.
+    """The base of ``lens``; unstated lengths are set to give the cutter room at the faces designed for it.
 
-    Room ends where it would leave less than the least wall of the spec; the manufacturing check then says what lacks.
+    Room is limited by the least wall of the spec; the manufacturing check then tells what is missing.
     """
     spec = lens.spec
     base = lens.spec.base_made
@@ -98,7 +98,7 @@ def as_built(lens: Lens, process: Process) -> Lens:
 
 @lru_cache(maxsize=4)  # sections and drawing ask for it
 def lens_plan(lens: Lens) -> Plan[Surface]:
-    """The plan of the faces of ``lens`` itself on its base; it need not be possible."""
+    """The plan of the lens's exact faces on its base; it need not be feasible."""
     return lay_out(*lens_boundaries(lens), base_with_room(lens))
 
 
@@ -132,14 +132,14 @@ def _relief(envelope: Boundary[Patch], spec: Spec, opening_mm: float) -> dict[st
 
 
 def _wall_mm(spec: Spec) -> float:
-    """Wall (mm) that room must leave: as the spec asks, but never so thin that the plan would refuse it."""
+    """Wall (mm) that room must leave: as in the spec, but at least what the plan accepts."""
     return max(spec.constraints.min_thickness_mm, MIN_BASE_WALL_MM) + _SPARE_MM
 
 
 def _rounded(needed_mm: float, room_mm: float) -> float:
-    """``needed_mm`` and a little to spare, in whole hundredths, no more than ``room_mm``; 0 where that is not above 0.
+    """``needed_mm`` with a little to spare, in hundredths, at most ``room_mm``; 0 if that is not positive.
 
-    Rounded up from 0 too: a wall that just touches the ball is no room.
+    Rounded up from 0 too: a wall that just touches the ball leaves no room.
     """
     if needed_mm <= -_SPARE_MM:
         return 0.0
@@ -147,7 +147,7 @@ def _rounded(needed_mm: float, room_mm: float) -> float:
 
 
 def _centres(boundary: Boundary[Patch], spec: Spec, offset_mm: float) -> tuple[Lengths, Lengths]:
-    """Centres of balls all over the faces that are cut, ``offset_mm`` along their outward normals."""
+    """Centres of balls all over the cut faces, ``offset_mm`` along their outward normals."""
     azimuths = np.linspace(0.0, FULL_TURN, _AZIMUTHS, endpoint=False)
     share, turn = np.meshgrid(np.linspace(0.0, 1.0, _RINGS), azimuths, indexing="ij")
     around = np.stack([np.cos(turn), np.sin(turn)], axis=-1)

@@ -69,14 +69,14 @@ def geom_surface(patch: Patch) -> Any:
 def rim_edges(patch: Patch, face_surface: Any, arcs: tuple[Arc, ...], *, split: bool) -> list[list[Any]]:
     """Chains of edges, one chain for each arc of the patch's rim, together closed: where it crosses z = 0.
 
-    ``split``: long arcs are split, so that each edge has few spans; arcs between crossings may be too shallow for it.
+    ``split``: split long arcs so that each edge has few spans; arcs between crossings may be too shallow for that.
     """
     chains = [_split(arc, patch.nodes) if split else [(arc.start, arc.end)] for arc in arcs]
     return _edges_on(chains, lambda azimuths: _at_rim(patch, azimuths), (patch,), (face_surface,))
 
 
 def crease_edges(crease: Crease, patches: tuple[Patch, Patch], surfaces: tuple[Any, Any]) -> list[Any]:
-    """The closed chain of edges of ``crease`` between two faces, on both to rounding, however well they are fitted."""
+    """The closed chain of edges of ``crease``, exact to rounding on both fitted faces."""
     chain = _split(Arc(0.0, FULL_TURN, "bare"), max(patch.nodes for patch in patches))
     return _edges_on([chain], lambda azimuths: _on_both(patches, crease.chart(azimuths)), patches, surfaces)[0]
 
@@ -106,7 +106,7 @@ def _edges_on(
 
 
 def _at_rim(patch: Patch, azimuths: Float[np.ndarray, " n"]) -> Float[np.ndarray, "n 5"]:
-    """Chart points where a patch crosses z = 0, and points (mm) there: beside the unit circle by its form error."""
+    """Chart points where a patch crosses z = 0, beside the unit circle by its form error, and points (mm) there."""
     outwards = rim_directions(azimuths)[:, :2]
     radius = np.ones(len(azimuths))
     for _ in range(_NEWTON_STEPS):
@@ -125,9 +125,9 @@ def _on_both(patches: tuple[Patch, Patch], chart: Float[np.ndarray, "n 2"]) -> F
     outwards = chart / radius[:, None]
     for _ in range(_NEWTON_STEPS):
         point, by_x, by_y = patches[0].tangents(radius[:, None] * outwards)
-        there, *across = patches[1].tangents(chart_behind)
+        point_behind, *across = patches[1].tangents(chart_behind)
         slopes = np.stack([by_x * outwards[:, :1] + by_y * outwards[:, 1:], -across[0], -across[1]], axis=-1)
-        step = np.linalg.solve(slopes, (there - point)[..., None])[..., 0]
+        step = np.linalg.solve(slopes, (point_behind - point)[..., None])[..., 0]
         radius = radius + step[:, 0]
         chart_behind = chart_behind + step[:, 1:]
     place = radius[:, None] * outwards
@@ -148,8 +148,8 @@ def circle_edge(radius_mm: float, height_mm: float, on: tuple[Patch, Any] | None
         gap = float(
             np.linalg.norm(patch.points(chart * around[:, :2]) - (radius_mm * around + (0, 0, height_mm)), axis=1).max()
         )
-        there = Geom2d_Circle(gp_Ax2d(gp_Pnt2d(0.0, 0.0), gp_Dir2d(1.0, 0.0)), chart)
-        BRep_Builder().UpdateEdge(made, there, surface, TopLoc_Location(), _tolerance_mm(gap))
+        chart_circle = Geom2d_Circle(gp_Ax2d(gp_Pnt2d(0.0, 0.0), gp_Dir2d(1.0, 0.0)), chart)
+        BRep_Builder().UpdateEdge(made, chart_circle, surface, TopLoc_Location(), _tolerance_mm(gap))
     return made
 
 
@@ -164,7 +164,7 @@ def _chains(
     gap: float,
     surfaces: tuple[Any, ...],
 ) -> list[list[Any]]:
-    """Edges over the azimuths of ``chains``, together closed, with a curve each in space and in the plane of surfaces.
+    """Edges over the azimuths of ``chains``, together closed, each with a curve in space and in its surfaces' planes.
 
     ``gap``: the largest distance (mm) between the curves in space and those on the surfaces.
     """
@@ -187,7 +187,7 @@ def _chains(
 
 
 def _split(arc: Arc, nodes: int) -> list[_Ends]:
-    """Azimuths (rad) from which and to which the edges of an arc go, all equally long."""
+    """Azimuths (rad) at the ends of an arc's edges, all equally long."""
     spans = _RIM_NODES_PER_NODE * nodes * (arc.end - arc.start) / FULL_TURN
     ends = np.linspace(arc.start, arc.end, 1 + int(np.ceil(spans / _SPANS_PER_EDGE))).tolist()
     return list(pairwise(ends))
@@ -218,7 +218,7 @@ def outline_edges(outline: Outline, depth_mm: float, rims: list[list[Any]], arcs
 
 
 def _piece_curve(piece: Piece, depth_mm: float) -> Any:
-    """A circle whose parameter is the azimuth, or a line whose parameter is the length from its foot."""
+    """A circle parametrised by azimuth, or a line parametrised by the length from its foot."""
     if piece.normal is None:
         return Geom_Circle(gp_Ax2(gp_Pnt(0.0, 0.0, -depth_mm), gp_Dir(0.0, 0.0, 1.0)), piece.distance_mm)
     x, y = float(np.cos(piece.normal)), float(np.sin(piece.normal))
@@ -234,13 +234,13 @@ def wire(edges: list[Any]) -> Any:
 
 
 def walls_below(name: str, edges: Chain, depth_mm: float, scale: float = 1.0) -> tuple[Named, Any]:
-    """Walls of one name below ``edges``, and the wire at their foot, ``scale`` times as far from the axis."""
+    """Walls called ``name`` below ``edges``, and the wire at their foot, ``scale`` times as far from the axis."""
     faces, foot = walls_and_foot(edges, depth_mm, scale)
     return [(name, face) for face in faces], foot
 
 
 def walls_between(edges: Chain, foot: Any) -> list[Any]:
-    """Walls from closed ``edges`` to a wire of as many, one for each: planes, cones, or ruled surfaces."""
+    """Walls from closed ``edges`` to a wire with as many edges: planes, cones, or ruled surfaces."""
     made = BRepFill_Generator()
     made.AddWire(wire(edges))
     made.AddWire(foot)
@@ -253,13 +253,13 @@ def walls_between(edges: Chain, foot: Any) -> list[Any]:
 
 
 def _flattened(face: Any) -> Any:
-    """The face on a plane where its edges lie in one: ruled faces are splines."""
+    """The face as a plane if its edges are coplanar: ruled faces are splines."""
     made = BRepBuilderAPI_MakeFace(BRepTools.OuterWire_s(face), True)
     return made.Face() if made.IsDone() else face
 
 
 def walls_and_foot(edges: Chain, depth_mm: float, scale: float) -> tuple[list[Any], Any]:
-    """Walls down by ``depth_mm`` (up where it is negative), one for each edge, and the wire at their foot."""
+    """Walls down by ``depth_mm`` (up if negative), one for each edge, and the wire at their foot."""
     if scale != 1.0:
         about_apex = gp_Trsf()
         top = BRep_Tool.Pnt_s(parts_of(edges[0], "VERTEX")[0]).Z()
@@ -272,7 +272,7 @@ def walls_and_foot(edges: Chain, depth_mm: float, scale: float) -> tuple[list[An
 
 
 def moved(place: Iterable[float], turn_deg: float = 0.0) -> Any:
-    """The location of what stands at ``place`` (mm), turned about its axis."""
+    """The location of a shape at ``place`` (mm), turned about its axis."""
     turned = gp_Trsf()
     moved = gp_Trsf()
     turned.SetRotation(gp_Ax1(gp_Pnt(0.0, 0.0, 0.0), gp_Dir(0.0, 0.0, 1.0)), radians(turn_deg))
@@ -280,24 +280,24 @@ def moved(place: Iterable[float], turn_deg: float = 0.0) -> Any:
     return TopLoc_Location(moved.Multiplied(turned) if turn_deg else moved)
 
 
-def face_at(face: Any, there: Any) -> Any:
+def face_at(face: Any, location: Any) -> Any:
     """A face at a location."""
-    return TopoDS.Face_s(face.Moved(there))
+    return TopoDS.Face_s(face.Moved(location))
 
 
-def copies_at(shapes: list[Any], there: Any) -> list[Any]:
-    """New shapes at a location, which share what ``shapes`` share: in STEP a cone that is moved alone has no name."""
+def copies_at(shapes: list[Any], location: Any) -> list[Any]:
+    """New shapes at a location that share what ``shapes`` share: a cone moved alone loses its name in STEP."""
     builder = BRep_Builder()
-    whole = TopoDS_Compound()
-    builder.MakeCompound(whole)
+    compound = TopoDS_Compound()
+    builder.MakeCompound(compound)
     for shape in shapes:
-        builder.Add(whole, shape)
-    made = BRepBuilderAPI_Transform(whole, there.Transformation(), True)
+        builder.Add(compound, shape)
+    made = BRepBuilderAPI_Transform(compound, location.Transformation(), True)
     return [made.ModifiedShape(shape).Oriented(shape.Orientation()) for shape in shapes]
 
 
 def normal_at(face: Any, place: tuple[float, float] | None = None) -> tuple[Any, Any]:
-    """Point (gp_Pnt) and normal (gp_Vec, of any length) of a face at its parameters, by default in their middle."""
+    """Point (gp_Pnt) and normal (gp_Vec, of any length) of a face at its parameters, by default in the middle."""
     point = gp_Pnt()
     normal = gp_Vec()
     (u_low, u_high, v_low, v_high) = BRepTools.UVBounds_s(face)
@@ -305,9 +305,9 @@ def normal_at(face: Any, place: tuple[float, float] | None = None) -> tuple[Any,
     return point, normal
 
 
-def wire_at(boundary: Any, there: Any) -> Any:
+def wire_at(boundary: Any, location: Any) -> Any:
     """A wire at a location."""
-    return TopoDS.Wire_s(boundary.Moved(there))
+    return TopoDS.Wire_s(boundary.Moved(location))
 
 
 def _corners(points: Float[np.ndarray, "n 3"], tolerance: float) -> list[Any]:
@@ -323,7 +323,7 @@ def _corners(points: Float[np.ndarray, "n 3"], tolerance: float) -> list[Any]:
 def _spline_along(
     points: Callable[[Float[np.ndarray, " n"]], Float[np.ndarray, "n d"]], ends: _Ends, nodes: int
 ) -> BSpline:
-    """The spline over exactly these azimuths, so that readers need not search for its ends."""
+    """The spline with exactly these azimuths as ends, so that readers need not search for them."""
     share = (ends[1] - ends[0]) / FULL_TURN
     azimuths = np.linspace(*ends, 2 * DEGREE + int(_RIM_NODES_PER_NODE * nodes * share))
     return make_interp_spline(azimuths, points(azimuths), k=DEGREE)

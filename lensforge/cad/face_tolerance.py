@@ -20,9 +20,9 @@ MAX_NODES = 320  # of a spline that keeps them, in each direction
 class FaceTolerance(Record):
     """Largest errors of the optical faces of a STEP file, of form and of normals.
 
-    ``image_mrad``: angle under which the LED is seen from the last face, the width of its image far off; None of a
-    point, or where the size of the LED is not known. ``turn``: largest angle by which light is turned, over the error
-    of the normals of all faces.
+    ``image_mrad``: angle under which the LED is seen from the last face, the width of its image far off; None for a
+    point, or if the size of the LED is not known. ``turn``: largest angle by which light is turned, over the error of
+    the normals of all faces.
     """
 
     form_nm: Positive = FORM_NM
@@ -36,7 +36,7 @@ CHECKED = FaceTolerance(form_nm=FINEST_NM / 2.0, normal_mrad=FINEST_MRAD / 2.0) 
 
 
 def face_tolerance(lens: Lens, form_nm: float | None = None, normal_mrad: float | None = None) -> FaceTolerance:
-    """The tolerance on the faces of ``lens``: as given here, by its spec, or by what the light can tell.
+    """The tolerance on the faces of ``lens``: as given here, by its spec, or by the effect on its light.
 
     By default 50 nm of form, and normals within 0.2 mrad, or as near as keeps light within a twentieth of the LED's
     image, down to 0.02 mrad. Raises :class:`InputError` for one that is out of range.
@@ -45,17 +45,17 @@ def face_tolerance(lens: Lens, form_nm: float | None = None, normal_mrad: float 
     shop = lens.spec.manufacture.changed(**{name: value for name, value in given.items() if value is not None})
     turn = _turn(lens)
     image = _image_mrad(lens)
-    told = FINEST_MRAD if image is None else _OF_IMAGE * image / turn
+    by_light = FINEST_MRAD if image is None else _OF_IMAGE * image / turn
     return FaceTolerance(
         form_nm=shop.form_nm or FORM_NM,
-        normal_mrad=shop.normal_mrad or min(max(told, FINEST_MRAD), NORMAL_MRAD),
+        normal_mrad=shop.normal_mrad or min(max(by_light, FINEST_MRAD), NORMAL_MRAD),
         image_mrad=image,
         turn=turn,
     )
 
 
 def _turn(lens: Lens) -> float:
-    """Sum over the faces that one ray meets: of each the step of the index, of a face that reflects twice the index."""
+    """Sum over the faces met by a ray: for each the index step, for a reflecting face twice the index."""
     roles = lens.spec.lens.body_roles
     media = lens.media
     reflections = sum(
@@ -65,7 +65,7 @@ def _turn(lens: Lens) -> float:
 
 
 def _image_mrad(lens: Lens) -> float | None:
-    """The least angle under which an LED of the lens is seen from the apex of its last face."""
+    """Least angle subtended by an LED of the lens at the apex of its last face."""
     extents = [source.extent_mm for source in lens.spec.each_source]
     away_mm = float(lens.surfaces[lens.spec.lens.outward].radius(AXIS)[0])
     least = min((extent for extent in extents if extent is not None), default=0.0)

@@ -41,7 +41,7 @@ def facet_error(patch: Patch, vertices: Float[np.ndarray, "v 3"], triangles: Int
 
 
 def largest_distance(patch: Patch, corners: Float[np.ndarray, "t 3 3"], away: Float[np.ndarray, "t 4"]) -> float:
-    """Largest distance (mm) of any facet; ``away``: those at the points ``INSIDE`` of each. The worst are searched."""
+    """Largest distance (mm) of any facet, refined on the worst; ``away``: distances at points ``INSIDE`` of each."""
     worst = np.argsort(-away.max(axis=1), kind="stable")[:_WORST]
 
     def distance(places: Float[np.ndarray, "m 2"]) -> Float[np.ndarray, " m"]:
@@ -93,7 +93,7 @@ Curve = Callable[[Float[np.ndarray, " n"]], Float[np.ndarray, "n 3"]]  # points 
 def refined_azimuths(
     curves: tuple[Curve, ...], azimuths: Float[np.ndarray, " n"], chord_mm: float
 ) -> Float[np.ndarray, " m"]:
-    """``azimuths`` and as many more between them that the chords of every closed curve are within ``chord_mm``."""
+    """``azimuths``, with more in between until the chords of every closed curve are within ``chord_mm``."""
     for _ in range(_SPLIT_ROUNDS):
         ahead = np.append(azimuths[1:], azimuths[0] + FULL_TURN)
         middle = (azimuths + ahead) / 2.0
@@ -118,8 +118,8 @@ def refined_dome(
 ) -> tuple[Float[np.ndarray, "w 3"], Int[np.ndarray, "u 3"]]:
     """Vertices and triangles of an open dome whose facets are all within ``chord_mm`` of ``patch``.
 
-    The first vertices are those given. Raises :class:`InputError` where that takes too many triangles, or more rounds
-    of splitting than any smooth face.
+    The given vertices come first. Raises :class:`InputError` if that takes too many triangles, or more rounds of
+    splitting than a smooth face needs.
     """
     facets = Facets(vertices, triangles, _away(patch, vertices[triangles]))
     aim = _AIM
@@ -148,7 +148,7 @@ def _away(patch: Patch, corners: Float[np.ndarray, "t 3 3"]) -> Float[np.ndarray
 
 
 def _split(patch: Patch, facets: Facets, far: Bool[np.ndarray, "t 4"]) -> Facets:
-    """The facets with a vertex in the middle of each edge that is ``far``, and of the edges that must follow."""
+    """The facets with a vertex in the middle of each ``far`` edge, and of the edges that must follow."""
     starts = facets.triangles
     ends = np.roll(facets.triangles, -1, axis=1)
     length = np.linalg.norm(facets.vertices[ends] - facets.vertices[starts], axis=2)

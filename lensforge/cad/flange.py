@@ -23,7 +23,7 @@ Curve = Float[np.ndarray, "n 2"]
 
 
 def flange_heights_mm(envelope: Boundary[Any]) -> tuple[float, float]:
-    """Heights of the highest place of the wall and the lowest of the exit at the cylinder where the flange begins."""
+    """Highest place of the wall and lowest place of the exit (heights) at the cylinder where the flange begins."""
     turn = np.linspace(0.0, FULL_TURN, _AZIMUTHS, endpoint=False)
     (domain,) = (face.domain for face in envelope.faces if face.is_flange)
     assert domain.inside is not None and domain.outside is not None
@@ -32,7 +32,7 @@ def flange_heights_mm(envelope: Boundary[Any]) -> tuple[float, float]:
 
 @dataclass(frozen=True)
 class FlangeRing:
-    """The ring (mm): the radius at which it begins, its outer ones at top and underside, and the heights of these."""
+    """The ring (mm): its inner radius, outer radii at top and underside, and the heights of these."""
 
     inner_mm: float
     outer_mm: float
@@ -60,14 +60,14 @@ class FlangeRing:
         left, right = (np.flatnonzero(np.sign(across) == side) for side in (-1.0, 1.0))
         ends = left[z[left] <= self.low_mm][-1], right[z[right] <= self.low_mm][0]
         parts = np.split(np.arange(len(z)), [ends[0] + 1, ends[1]])
-        kept = [profile[rows[~hidden[rows]]] for rows in parts]
-        return np.concatenate([kept[0], self.corners[::-1] * (-1.0, 1.0), kept[1], self.corners, kept[2]])
+        visible = [profile[rows[~hidden[rows]]] for rows in parts]
+        return np.concatenate([visible[0], self.corners[::-1] * (-1.0, 1.0), visible[1], self.corners, visible[2]])
 
 
 def ring_of(lens: Lens, envelope: StarShaped | None = None) -> FlangeRing | None:
-    """The ring of ``lens``, at the ``envelope`` of its fitted faces or of its own; None of a lens without a flange.
+    """The ring of ``lens``, at the ``envelope`` of its fitted or exact faces; None without a flange.
 
-    Raises :class:`InputError` where wall and exit leave too low a cylinder for it.
+    Raises :class:`InputError` if wall and exit leave too low a cylinder for it.
     """
     section = lens.spec.lens.rim_flange
     if section is None:

@@ -56,7 +56,7 @@ def worst(errors: list[FormError]) -> FormError:
 
 
 def chart_samples(count: int = SAMPLES, seed: int = 0, domain: Domain = WHOLE) -> Float[np.ndarray, "n 2"]:
-    """Chart points of ``count`` directions, at each azimuth uniform over ``domain``, and a quarter more on its edge."""
+    """Chart points of ``count`` directions, uniform over ``domain`` at each azimuth, and a quarter more on its edge."""
     rim = count // _RIM_SHARE
     inside = sobol(count, 2, np.random.default_rng(seed))
     share = inside[:, 0]
@@ -70,10 +70,10 @@ def chart_samples(count: int = SAMPLES, seed: int = 0, domain: Domain = WHOLE) -
 
 
 def fit_lens(lens: Lens, *nodes: int, tolerance: FaceTolerance | None = None) -> Pair[Patch]:
-    """The boundaries of ``lens`` by its faces as they are exported; the same node counts give the same bits.
+    """The boundaries of ``lens`` by its exported faces; equal node counts give the same bits.
 
-    ``nodes``: of each face, in the order of the lens; by default as many as their ``tolerance`` needs, which is by
-    default that of the lens.
+    ``nodes``: of each face, in the order of the lens; by default as many as ``tolerance`` needs, which is by default
+    that of the lens.
     """
     known = _fits(lens)
     wanted = tolerance or face_tolerance(lens)
@@ -86,14 +86,14 @@ def fit_lens(lens: Lens, *nodes: int, tolerance: FaceTolerance | None = None) ->
 
 
 def remember_fit(lens: Lens, nodes: Mapping[str, int]) -> None:
-    """Take the faces of ``lens`` by ``nodes``, by name, as an export found them: searching for these takes a second."""
+    """Store the fit of ``lens`` by ``nodes``, by name, as an export found them: to search them again takes a second."""
     if nodes.keys() == lens.surfaces.keys():
         _fits(lens)[(), face_tolerance(lens)] = fit_lens(lens, *(nodes[name] for name in lens.surfaces))
 
 
 @lru_cache(maxsize=4)  # of one lens in several stages: a second each
 def _fits(_: Lens) -> dict[tuple[tuple[int, ...], FaceTolerance], Pair[Patch]]:
-    """Fits of a lens that are known, by the nodes that were asked for and by those that they have."""
+    """Known fits of a lens, by requested and by actual nodes."""
     return {}
 
 
@@ -106,8 +106,8 @@ def fit_boundaries(
 ) -> Pair[Patch]:
     """The boundaries of cavity and body by fitted faces.
 
-    ``nodes``: by name; where left out as many as their ``tolerance`` needs, ``least`` or more, ``between`` the samples,
-    too.
+    ``nodes``: by name; by default as many as ``tolerance`` needs, at least ``least``; ``between``: also tested between
+    samples.
     """
     faces = [face for boundary in pair for face in boundary.of_material]
     fitted = in_parallel_map(
@@ -135,8 +135,8 @@ def fit_to_form(
 ) -> Patch:
     """The patch of ``surface`` with ``nodes``; by default ``least``, or as many as its ``tolerance`` needs.
 
-    That is kept at samples, one of mirror images each, and, by default, ``between`` all of them, too, as it is judged.
-    Its control points have as many decimals as leave it within a fiftieth of that.
+    The tolerance is tested at samples, one of each set of mirror images, and by default ``between`` them, too, as it is
+    judged. Control points are rounded to decimals that cost at most a fiftieth of it.
     """
     if nodes is not None:
         return rounded_to(fit_patch(surface, nodes, domain.extent), tolerance)
@@ -156,12 +156,12 @@ def fit_to_form(
 
 
 def _excess(error: FormError, tolerance: FaceTolerance) -> float:
-    """The larger of both errors over what a fit aims at."""
+    """The larger ratio of an error to a fit's aim."""
     return max(error.form_max_nm / tolerance.form_nm, error.normal_max_mrad / tolerance.normal_mrad) / _AIM
 
 
 def rounded_to(patch: Patch, tolerance: FaceTolerance) -> Patch:
-    """The patch with no more decimals than its ``tolerance`` asks for."""
+    """The patch with no more decimals than its ``tolerance`` needs."""
     middle = len(patch.control) // 2
     apart_mm = float(np.linalg.norm(np.diff(patch.control[middle - 1 : middle + 1, middle], axis=0)))
     by_normal_mm = 1e-3 * tolerance.normal_mrad * apart_mm
@@ -216,7 +216,7 @@ Evaluate = Callable[[Float[np.ndarray, "n 2"]], tuple[Float[np.ndarray, "n 3"], 
 def largest_errors(
     surface: Surface, evaluate: Evaluate, chart: Float[np.ndarray, "n 2"], domain: Domain = WHOLE
 ) -> FormError:
-    """Form error at ``chart`` points, its largest values searched for between them too, within ``domain``.
+    """Form error at ``chart`` points, its largest values refined between them, within ``domain``.
 
     ``evaluate``: points (mm) and unit normals of the face at chart points.
     """

@@ -59,9 +59,9 @@ class KeepOut:
 
 
 def read_keep_out(path: Path) -> KeepOut:
-    """The solids of the STEP file ``path``, whatever its unit in mm; the same object for the same content.
+    """The solids of the STEP file ``path`` in mm, whatever its unit; the same object for the same content.
 
-    Raises :class:`InputError` for a file that is not there, is not STEP, or holds no valid solid.
+    Raises :class:`InputError` for a missing file, for anything but STEP, and if it holds no valid solid.
     """
     missing = "constraints.keep_out is relative to the folder of its spec"
     return _meshed(read_file(path, missing=missing, most_bytes=MOST_STEP_MIB * MIB), path)
@@ -90,8 +90,8 @@ _Triangles = tuple[Float[np.ndarray, "_ 3"], Int[np.ndarray, "_ 3"]]  # vertices
 def keep_out_distance(mesh: BodyMesh, keep_out: KeepOut, error_mm: float) -> KeepOutDistance | None:
     """Measure the smallest distance from ``mesh`` to the solids of ``keep_out``; ``error_mm``: of both meshes' facets.
 
-    None if ``mesh`` is not closed, which a criterion of its own says. Raises :class:`InputError` where a mesh of the
-    solids is not closed.
+    None if ``mesh`` is not closed, which another criterion judges. Raises :class:`InputError` if a mesh of the solids
+    is not closed.
     """
     import manifold3d
 
@@ -122,7 +122,7 @@ def keep_out_distance(mesh: BodyMesh, keep_out: KeepOut, error_mm: float) -> Kee
 
 
 def _between_vertices(first: Float[np.ndarray, "n 3"], second: Float[np.ndarray, "m 3"]) -> float:
-    """Least distance (mm) between two sets of vertices: the meshes are no further apart."""
+    """Least distance (mm) between the vertices of two meshes, an upper bound of that between the meshes."""
     from scipy.spatial import cKDTree
 
     return float(cKDTree(first).query(second)[0].min())
@@ -133,9 +133,9 @@ def _places(mesh: BodyMesh, solid: KeepOutSolid) -> tuple[Float[np.ndarray, " 3"
     body = (mesh.vertices, mesh.triangles)
     keep_out = (solid.vertices, solid.triangles)
     least_mm = _between_vertices(mesh.vertices, solid.vertices)
-    there, here, points = _nearest(keep_out, body, least_mm)
+    on_solid, on_body, points = _nearest(keep_out, body, least_mm)
     back, forth, another = _nearest(body, keep_out, least_mm)
-    return (here, there) if points <= another else (back, forth)
+    return (on_body, on_solid) if points <= another else (back, forth)
 
 
 def _nearest(
@@ -166,7 +166,7 @@ def _nearest(
 
 
 def _common_place(body: Any, solid: KeepOutSolid) -> tuple[Float[np.ndarray, " 3"], Float[np.ndarray, " 3"]]:
-    """The lowest vertex of what body and solid have in common, and its outermost one, lifted to its highest z."""
+    """The lowest vertex of the intersection of body and solid, and its outermost one, lifted to its greatest height."""
     common = np.asarray((body ^ manifold_of(solid.vertices, solid.triangles)).to_mesh64().vert_properties)[:, :3]
     outermost = common[np.hypot(common[:, 0], common[:, 1]).argmax()]
     return common[common[:, 2].argmin()], np.array([outermost[0], outermost[1], common[:, 2].max()])

@@ -70,15 +70,15 @@ def dome_rings(
     With a ``flange`` its corners are rings in the place of those on its cylinder.
     """
     first, *lasts = _last_rings(boundary, rings)
-    found = [_first_ring(boundary, first, chord_mm)]
+    rings_of_dome = [_first_ring(boundary, first, chord_mm)]
     for face, last in zip(boundary.of_material, lasts, strict=True):
-        found[-1] = replace(found[-1], strip=face.label)
+        rings_of_dome[-1] = replace(rings_of_dome[-1], strip=face.label)
         on_face = _face_rings(face, first, last, rim, chord_mm)
         if flange is not None and face.is_flange:
             on_face = [*_flange_rings(flange, face.label, len(on_face[-1].azimuths), chord_mm), on_face[-1]]
-        found += on_face
+        rings_of_dome += on_face
         first = last
-    return found
+    return rings_of_dome
 
 
 def _first_ring(boundary: Boundary[Patch], number: int, chord_mm: float | None) -> Ring:
@@ -95,7 +95,7 @@ def _first_ring(boundary: Boundary[Patch], number: int, chord_mm: float | None) 
 
 
 def _last_rings(boundary: Boundary[Patch], rings: int) -> list[int]:
-    """Number of the first ring, and of the last of each face: that of a crease by its mean angle from the axis."""
+    """Number of the first ring, and of the last of each face: a crease by its mean angle from the axis."""
     turns = np.linspace(0.0, FULL_TURN, 6 * rings)
     opening = boundary.opening
     creases = [face.domain.outside for face in boundary.of_material[:-1]]
@@ -114,7 +114,7 @@ def _face_rings(
 ) -> list[Ring]:
     """Rings ``first`` + 1 to ``last``, at the edge of the face; ring k has 6 k vertices, or those of ``rim``.
 
-    They lie as the nodes of the spline do: at even angles those at the mouth of a long cup were 2 mm apart, their
+    They are spaced as the spline's nodes are: at even angles those at the mouth of a long cup were 2 mm apart, their
     vertices 0.2 mm, so that the neighbours by which a normal is found lay on one or two of them.
     """
     azimuths = [np.arange(6 * k) * (FULL_TURN / (6 * k)) for k in range(first + 1, last + 1)]
@@ -136,7 +136,7 @@ def _face_rings(
 
 
 def _flange_rings(flange: FlangeRing, cylinder: str, least: int, chord_mm: float | None) -> list[Ring]:
-    """Rings at the corners of a flange, of at least so many vertices, their polygons within ``chord_mm`` of circles."""
+    """Rings at the corners of a flange, of at least ``least`` vertices, polygons within ``chord_mm`` of circles."""
     of_chord = 0.0 if chord_mm is None else np.pi * np.sqrt(flange.outer_mm / (2.0 * chord_mm))
     count = max(least, int(np.ceil(of_chord)))
     azimuths = np.arange(count) * (FULL_TURN / count)
@@ -152,9 +152,9 @@ def rim_azimuths(count: int, crossings: Float[np.ndarray, " k"]) -> Float[np.nda
     step = FULL_TURN / count
     nearest = np.rint(crossings / step).astype(int)
     close = np.abs(crossings - nearest * step) < _CROSSING_REPLACES * step
-    kept = np.setdiff1d(np.arange(count), nearest[close] % count) * step
+    regular = np.setdiff1d(np.arange(count), nearest[close] % count) * step
     wrapped = np.where(close & (nearest == count), crossings - FULL_TURN, crossings)
-    return np.sort(np.concatenate([kept, wrapped]))
+    return np.sort(np.concatenate([regular, wrapped]))
 
 
 def zip_rings(
@@ -193,9 +193,9 @@ def _cone(polar: Float[np.ndarray, " n"], azimuths: Float[np.ndarray, " n"]) -> 
 
 
 def rings_for(plan: Plan[Patch], chord_mm: float, least: int = MIN_RINGS) -> int:
-    """Rings to begin with: for the detail of the faces, and for the base's cylinder to be within ``chord_mm``.
+    """Initial number of rings: for the detail of the faces, and to keep the base's cylinder within ``chord_mm``.
 
-    ``least``: that light asks for.
+    ``least``: number that the light needs.
     """
     of_base = 0.0
     of_detail = min(_RINGS_PER_NODE * max(face.shape.nodes for face in plan.faces), _MOST_FOR_DETAIL)
@@ -276,7 +276,7 @@ def build_mesh(plan: Plan[Patch], rings: int, chord_mm: float | None = None) -> 
 
 
 def mesh_error(mesh: BodyMesh, plan: Plan[Patch]) -> float:
-    """Largest distance (mm) of the facets of all optical surfaces from them."""
+    """Largest distance (mm) between the facets and their optical surfaces."""
     faces = (face for face in plan.faces if not face.is_flange)
     return max(facet_error(face.shape, mesh.vertices, mesh.part(face.label)) for face in faces)
 
@@ -312,7 +312,7 @@ def _below(plan: Plan[Patch], rim: Float[np.ndarray, " n"]) -> Iterator[Ring]:
 
 
 def _share_crossings(plan: Plan[Patch], stack: list[Ring], ids: list[Int[np.ndarray, " _"]], seat: int) -> None:
-    """Replace vertices of the outline by those of the rim where the two meet, so that the optical face stays exact."""
+    """Replace vertices of the outline by those of the rim where they meet, so that the optical face stays exact."""
     rim = stack[seat]
     overhang_mm = np.hypot(rim.points[:, 0], rim.points[:, 1]) - plan.outline.radius(rim.azimuths)
     overhangs = _overhangs(plan, rim.azimuths)
@@ -322,7 +322,7 @@ def _share_crossings(plan: Plan[Patch], stack: list[Ring], ids: list[Int[np.ndar
 
 
 def _overhangs(plan: Plan[Patch], azimuths: Float[np.ndarray, " n"]) -> np.ndarray:
-    """True at azimuths where the dome overhangs the base, by the plan's arcs."""
+    """True at azimuths at which the dome overhangs the base, by the plan's arcs."""
     starts = np.array([arc.start for arc in plan.arcs])
     relation = np.array([arc.relation == "overhang" for arc in plan.arcs])
     return relation[np.searchsorted(starts, azimuths, side="right") - 1]
@@ -377,7 +377,7 @@ class Closure:
 
     @property
     def watertight(self) -> bool:
-        """Closed, oriented outwards, and one body."""
+        """True if closed, oriented outwards, and one body."""
         return self.status == "NoError" and self.volume_mm3 > 0.0 and self.genus >= 0
 
 

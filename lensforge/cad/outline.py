@@ -1,4 +1,4 @@
-"""Outlines of the base seen along the axis, and the arcs over which the seat of a lens lies inside or outside of them.
+"""Outlines of the base seen along the axis, and the arcs on which the seat of a lens lies inside or outside them.
 
 An outline (circle, circle with a clocking flat, square) is a closed chain of pieces, arcs of a circle about the axis
 and straight lines, and gives the radius over azimuth. Crossings of seat and outline are found to 1e-14 rad.
@@ -43,7 +43,7 @@ class Outline:
 
     @property
     def corners(self) -> Float[np.ndarray, " k"]:
-        """Azimuths (rad, within one turn) where two pieces meet; none for a plain circle."""
+        """Azimuths (rad, within one turn) at which pieces meet; none for a circle."""
         return np.array([np.mod(piece.start, FULL_TURN) for piece in self.pieces] if len(self.pieces) > 1 else [])
 
     def radius(self, azimuths: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:

@@ -117,7 +117,7 @@ def _mend_solid(part: "Part") -> str:
 
 
 def _turned(part: "Part") -> str:
-    """The angle by which the error of the normals turns light at most, beside the image of the LED."""
+    """Largest angle by which the error of the normals turns light, compared with the LED's image."""
     tolerance = part.face_tolerance
     error = part.normal_error_mrad
     largest = f"largest; {quantity(error.rms, 'mrad', digits=2)} rms"
@@ -127,11 +127,11 @@ def _turned(part: "Part") -> str:
     return f"{largest}; {moved}{seen}"
 
 
-def _untrimmed_limit(of: str, asked: str, cause: str) -> Criterion:
-    """The limit on an error of the untrimmed faces: that which is ``asked`` of the faces of the part."""
+def _untrimmed_limit(of: str, tolerance_field: str, cause: str) -> Criterion:
+    """The limit on an error of the untrimmed faces: that of the part's faces, the field ``tolerance_field``."""
     return Criterion(
         "<=",
-        lambda part: None if part.untrimmed_surfaces is None else getattr(part.face_tolerance, asked),
+        lambda part: None if part.untrimmed_surfaces is None else getattr(part.face_tolerance, tolerance_field),
         f"{cause} of the untrimmed faces in their file",
         "raise the number of nodes, or lower the extension",
         name=f"surfaces_{cause.replace(' ', '_')}",
@@ -264,12 +264,12 @@ class Part(StageResult):
 
     @cached_property
     def altered(self) -> tuple[str, ...]:
-        """Names of the files that are not as built: their bytes have another hash than ``files`` states."""
+        """Names of the files that are not as built: their hash differs from that in ``files``."""
         return tuple(name for name, content in self.exported.items() if self.files[name] != stamp_of(content))
 
     @property
     def exported(self) -> dict[str, bytes]:
-        """Bytes of every file of the part that there is, by its name."""
+        """Bytes of every existing file of the part, by name."""
         files = ((name, getattr(self, field)) for field, _, name in self._files(self.stage))
         return {name: content for name, content in files if content is not None}
 
@@ -345,8 +345,8 @@ class Part(StageResult):
 def included_holders(spec: Spec) -> str:
     """Base and flange that the solid includes, as a note; "" without either."""
     holders = {"base": spec.base_made.kind != "none", "flange": spec.lens.rim_flange is not None}
-    there = " and ".join(name for name, is_there in holders.items() if is_there)
-    return f", {there} included" if there else ""
+    included = " and ".join(name for name, is_there in holders.items() if is_there)
+    return f", {included} included" if included else ""
 
 
 def part_facts(part: Part) -> list[Group]:
@@ -375,7 +375,7 @@ def _plate_elsewhere(lens: Lens) -> Iterator[Fact]:
 
 
 def _mould(part: Part) -> Iterator[Fact]:
-    """The scale that a mould insert asks for, and the untrimmed faces that have it."""
+    """The scale of a mould insert, and the untrimmed faces that have it."""
     scale = part.lens.spec.manufacture.scale
     untrimmed = part.untrimmed_surfaces
     if untrimmed is not None:

@@ -131,7 +131,7 @@ def build_part(
 
 
 def _build(lens: Lens, pair: Pair[Patch], rings: int | None, chord_mm: float, least_rings: int) -> BuiltBody:
-    """Build mesh and solid of the fitted faces, and join the base where it comes from a file."""
+    """Build mesh and solid of the fitted faces, and join a base from a file."""
     custom = None if lens.spec.base.file is None else read_custom_base(lens.spec.base.file)
     base = base_with_room(lens)
     ring = ring_of(lens, pair[1])
@@ -149,7 +149,7 @@ def _keep_out(lens: Lens, body: BuiltBody) -> KeepOutDistance | None:
 def _untrimmed(
     lens: Lens, plan: Plan[Patch], tolerance: FaceTolerance, extension_deg: float, schema: Schema, header: Signature
 ) -> tuple[UntrimmedSurfaces, bytes]:
-    """The untrimmed faces as a STEP file of their own, and their form error above the rim as read back."""
+    """The untrimmed faces as a separate STEP file, and their form error above the rim as read back."""
     scale = lens.spec.manufacture.scale
     optical = [face for face in plan.faces if not face.is_flange]
     surfaces = {face.label: scaled(lens.surfaces[face.name], scale) for face in optical}

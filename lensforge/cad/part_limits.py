@@ -27,7 +27,7 @@ def step_face_limit(error: str, bound: Bound, remedy: Words) -> Criterion:
 
 
 def round_trip_limit(file: str, remedy: Words) -> Criterion:
-    """Limit on the relative change of the volume by writing and reading of ``file``."""
+    """Limit on the relative change of volume when ``file`` is written and read."""
     return Criterion("<=", ROUND_TRIP_LIMIT, f"volume of {file} as read back", remedy)
 
 
@@ -84,9 +84,9 @@ _RIM_MM = 1e-5  # from z = 0: a place on the rim of an exported face
 class KeepOutDistance(Record):
     """Smallest distance between the body and the keep-out of the spec, and where: a place on each, to a facet's size.
 
-    ``distance_mm``: of their meshes; below 0 where they overlap, less the mean thickness of what they have in common,
-    twice its volume over its surface; the places are then the lowest vertex of that, and its outermost one lifted
-    to the height of its highest. ``error_mm``: of both meshes' facets.
+    ``distance_mm``: of their meshes; negative if they overlap: the mean thickness of their intersection, twice its
+    volume over its surface; the places are then its lowest vertex, and its outermost one lifted to its greatest height.
+    ``error_mm``: of both meshes' facets.
     """
 
     distance_mm: Number
@@ -96,7 +96,7 @@ class KeepOutDistance(Record):
 
 
 def keep_out_remedy(spec: Spec, measured: KeepOutDistance | None) -> str:
-    """The fields to change, by where lens and keep-out are closest."""
+    """The fields to change, depending on where lens and keep-out are closest."""
     if measured is None:
         return f"the mesh of the lens is not closed: {OTHER_RINGS}, and export again"
     place = ", ".join(f"{value + 0.0:.4g}" for value in np.round(measured.body_point_mm, 6))
@@ -139,5 +139,5 @@ def _fields(spec: Spec, measured: KeepOutDistance) -> str:
 
 
 def _at_least(length_mm: float) -> str:
-    """A length for a spec, rounded up; a micrometre where none is needed."""
+    """A length for a spec, rounded up; at least a micrometre."""
     return rounded_up(max(length_mm, 1e-3))

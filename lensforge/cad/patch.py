@@ -161,8 +161,8 @@ class Patch:
     def bounded(self, reach: float = 1.0) -> "Patch":
         """The patch over the disc of radius ``reach`` in the chart; at the corners of its square no deeper than there.
 
-        CAD programs take the bounding box of a face from all control points. Those that no point of the disc depends
-        on are raised to the lowest one on which the disc does.
+        CAD programs take the bounding box of a face from all control points. Those that do not affect the disc are
+        raised to the lowest one that does.
         """
         first = self.knots[: -DEGREE - 1]
         last = self.knots[DEGREE + 1 :]
@@ -184,12 +184,12 @@ class Patch:
 
 
 def default_nodes(detail_rad: float, least: int = LEAST_NODES, per_sigma: float = NODES_PER_SIGMA) -> int:
-    """Nodes that resolve the narrowest feature: ``per_sigma`` across it at the apex, from ``least`` on."""
+    """Nodes that resolve the narrowest feature: ``per_sigma`` across it at the apex, at least ``least``."""
     return int(np.clip(np.ceil(1.0 + _ANGLE_SPAN * per_sigma / detail_rad), least, MAX_NODES))
 
 
 def node_axis(count: int, apron: int = 0, half_width: float = HALF_WIDTH, hole: float = 0.0) -> Float[np.ndarray, " n"]:
-    """The chart coordinate of ``count`` nodes from edge to edge of the square, and ``apron`` beyond.
+    """Chart coordinates of ``count`` nodes from edge to edge of the square, and ``apron`` beyond.
 
     They are even in angle; around a ``hole``, given by the chart coordinate of its edge, denser towards it.
     """
@@ -200,13 +200,13 @@ def node_axis(count: int, apron: int = 0, half_width: float = HALF_WIDTH, hole: 
 def even_angles(
     low: Float[np.ndarray, " n"], high: Float[np.ndarray, " n"], part: int, parts: int, hole: float = 0.0
 ) -> Float[np.ndarray, " n"]:
-    """Angles (rad) from the axis after one ``part`` of so many ``parts`` between two others, as even as nodes are."""
+    """Angle (rad) from the axis at ``part`` of ``parts`` steps between two others, spaced as nodes are."""
     start, end = (_spaced(0.5 * edge, hole) for edge in (low, high))
     return np.asarray(2.0 * _angle(start + part * (end - start) / parts, hole))
 
 
 def _spaced(angle: _Angles, hole: float) -> _Angles:
-    """The coordinate in which nodes are even, of half an ``angle`` (rad) from the axis."""
+    """The coordinate in which nodes are even, from half an ``angle`` (rad) from the axis."""
     return angle if hole == 0.0 else np.arcsinh(angle / _dense_rad(hole))
 
 
@@ -251,12 +251,12 @@ def fit_extended(surface: Surface, nodes: int, extension_deg: float, extent: Ext
 
 
 def fewest_nodes(extent: Extent = _WHOLE) -> int:
-    """The fewest nodes of a patch over ``extent``."""
+    """Least number of nodes of a patch over ``extent``."""
     return _fewest_across(HALF_WIDTH * extent[1], extent[0])
 
 
 def _fewest_across(half_width: float, hole: float) -> int:
-    """The fewest nodes across a square whose apron ends before the pole of the chart."""
+    """Least number of nodes across a square whose apron ends before the pole of the chart."""
     room = _spaced(0.5 * np.pi, hole) / _spaced(np.arctan(half_width), hole) - 1.0
     return max(2 * DEGREE, 2 + int(2 * _APRON / room))
 
@@ -273,7 +273,7 @@ def _interpolate(surface: Surface, axis: Float[np.ndarray, " n"], half_width: fl
 
 
 def _filled(surface: Surface, chart: Float[np.ndarray, "n n 2"], hole: float) -> Float[np.ndarray, "n n"]:
-    """Radii over a ``chart`` grid; within 0.8 of a ``hole`` they go over to the mean of those half as far as its edge.
+    """Radii over a ``chart`` grid; within 0.8 of a ``hole`` blended into the mean of those half as far as its edge.
 
     There a surface may have no radius, as a cylinder on the axis, or a spike that spoils boxes and integrals. The step
     has 5 derivatives that are 0 at both ends; where radii are taken follows its integral.

@@ -52,7 +52,7 @@ class Plan(Generic[Shape]):
 
     @property
     def has_base(self) -> bool:
-        """True where the body extends below z = 0; a base from a STEP file is joined to it later."""
+        """True if the body extends below z = 0; a base from a STEP file is joined later."""
         return self.base.kind in ("cylinder", "square")
 
     @property
@@ -72,7 +72,7 @@ class Plan(Generic[Shape]):
 
     @property
     def flush(self) -> bool:
-        """True where the outer rim is the base's outline."""
+        """True if the outer rim is the base's outline."""
         return self.arcs[0].relation == "flush"
 
     @property
@@ -133,9 +133,9 @@ def make_plan(
 
 
 def lay_out(cavity: Shape | Boundary[Shape], envelope: Shape | Boundary[Shape], base: BaseSection) -> Plan[Shape]:
-    """The plan of a body that need not be possible, for a drawing; a face alone is that of a double-freeform lens.
+    """The plan of a body that need not be feasible, for a drawing; a single face is that of a double-freeform lens.
 
-    Raises :class:`InputError` where a setback leaves nothing of the base.
+    Raises :class:`InputError` if a setback leaves nothing of the base.
     """
     inwards, outwards = as_pair(cavity, envelope)
     if base.kind in ("none", "step"):
@@ -176,7 +176,7 @@ def _bore(cavity: StarShaped, base: BaseSection, outline: Outline) -> Outline | 
 
 
 def _relief_ring(opening: StarShaped | Outline, envelope: StarShaped, base: BaseSection) -> Outline | None:
-    """The wall of a step that is set back from the outer rim; None if it is extruded from the rim itself."""
+    """The wall of a step that is set back from the outer rim; None if it is extruded from the rim."""
     if not base.relief_setback_mm:
         return None
     azimuths = sampled_azimuths()
@@ -231,7 +231,7 @@ def _require_opening_inside(cavity: StarShaped, base: BaseSection, outline: Outl
 
 
 def _require_room_for_draft(plan: Plan[Any]) -> None:
-    """Raise where draft leaves nothing of the bottom, a pocket, the top of a flange, or the ends of feet."""
+    """Raise if draft leaves nothing of the bottom, a pocket, the top of a flange, or the ends of feet."""
     turns = sampled_azimuths()
     base = plan.base
     room = {"feet": MIN_BASE_WALL_MM if base.feet is None else base.foot_radii_mm[1]}
@@ -244,7 +244,7 @@ def _require_room_for_draft(plan: Plan[Any]) -> None:
 
 
 def _require_feet_beside(feet: FeetSection, plan: Plan[Any]) -> None:
-    """Feet against the opening in the bottom: the bore or its pocket."""
+    """Test feet against the opening in the bottom: the bore or its pocket."""
     opening = max((corner.radius(sampled_azimuths()).max() for corner in _bore_corners(plan)), default=0.0)
     least = 2.0 * float(opening) + feet.diameter_mm + 2.0 * MIN_BASE_WALL_MM
     if feet.circle_diameter_mm < least:
@@ -334,7 +334,7 @@ def _bore_corners(plan: Plan[Any]) -> list[Corner]:
 
 
 def _drafted(plan: Plan[Any], top: Radius, way: float, length_mm: float) -> Radius:
-    """The foot of a wall below a closed line; ``way``: 1 where it widens downwards, else -1."""
+    """The foot of a wall below a closed line; ``way``: 1 if it widens downwards, else -1."""
     azimuths = sampled_azimuths()
     if plan.base.slope == 0.0:
         return top

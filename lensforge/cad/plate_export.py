@@ -61,7 +61,7 @@ _WALL_ERROR = 1e-5  # relative, as the kernel estimates it; it is a hundred time
 
 @dataclass(frozen=True, eq=False)
 class LensOfPlate:
-    """The lens of one kind: its fitted faces, their form error, and the volume of its solid, without a base."""
+    """The lens of one kind: its fitted faces, their form error, and the volume of its solid without a base."""
 
     plan: Plan[Patch]
     form_error_nm: float
@@ -69,7 +69,7 @@ class LensOfPlate:
 
     @staticmethod
     def fitted(lens: Lens, nodes: int | None, tolerance: FaceTolerance) -> "LensOfPlate":
-        """Fit the faces of ``lens``, with so many ``nodes`` or as its ``tolerance`` asks."""
+        """Fit the faces of ``lens`` with ``nodes``, or as its ``tolerance`` needs."""
         pair = fit_lens(lens, *([] if nodes is None else [nodes] * len(lens.surfaces)), tolerance=tolerance)
         plan = lay_out(*pair, _BARE)
         solid = build_solid(plan)
@@ -90,10 +90,10 @@ class BuiltPlate:
 def build_plate(
     lens: Lens, first_lens: LensOfPlate, nodes: int | None, tolerance: FaceTolerance, schema: Schema, date: str | None
 ) -> BuiltPlate | None:
-    """Make the plate of the spec; None if no plate is made with ``lens``.
+    """Make the plate of the spec; None if ``lens`` is not on a plate.
 
-    ``first_lens``: ``lens`` as exported by itself. ``nodes``, ``tolerance``: of the faces of all kinds.
-    Raises :class:`InputError` for lenses that overlap, a pin in a cavity, and a file that would be too large.
+    ``first_lens``: ``lens`` as exported by itself. ``nodes``, ``tolerance``: of the faces of all kinds. Raises
+    :class:`InputError` for lenses that overlap, a pin in a cavity, and a file that would be too large.
     """
     start = time.perf_counter()
     layout = layout_of(lens)
@@ -162,8 +162,9 @@ def _require_readable(step: bytes, lenses: int) -> None:
 
 
 def room_on_plate(lens: Lens, pair: Pair[Patch]) -> tuple[float | None, PlateWall | None]:
-    """Least gap (mm) between two lenses of the plate that is made with ``lens``, whose fitted faces are ``pair``, and
-    the thinnest wall at holes and pins; None for what there is not.
+    """Least gap (mm) between two lenses of a plate, and its thinnest wall at holes and pins; None if absent.
+
+    ``pair``: fitted faces of ``lens``.
     """
     layout = layout_of(lens)
     if layout is None or not lens.makes_plate:
@@ -174,10 +175,10 @@ def room_on_plate(lens: Lens, pair: Pair[Patch]) -> tuple[float | None, PlateWal
 
 
 def volume_of_mm3(faces: Shapes, layout: PlateLayout, lenses_mm3: Sequence[float]) -> float:
-    """Volume (mm^3) within ``faces``, by a third of the flux of the place through them.
+    """Volume (mm^3) within ``faces``, by the divergence theorem.
 
-    ``lenses_mm3``: through the faces of a lens of each kind, the same at each place, since they close a body with a
-    level. A level is taken by its area. There is no flux through z = 0.
+    ``lenses_mm3``: contributions of a lens of each kind, the same at each place, as its faces close a body with a
+    level. A level contributes by its area, z = 0 nothing.
     """
     volume_mm3 = sum(layout.of_each(lenses_mm3))
     for name, face in faces.items():
@@ -189,9 +190,9 @@ def volume_of_mm3(faces: Shapes, layout: PlateLayout, lenses_mm3: Sequence[float
 
 
 def _to_origin_mm3(wall: Any) -> float:
-    """Volume between a wall and the origin, negative where its normal points there.
+    """Volume between a wall and the origin, negative if its normal points there.
 
-    The plain formula without a bound of its error would take too few points, and what it lacks grows with the distance.
+    The plain formula without an error bound would take too few points, and its error grows with the distance.
     """
     faced = BRepGProp_Face(wall)
     trim = BRepGProp_Domain(wall)
@@ -208,15 +209,15 @@ def _down_to_zero_mm3(level: Any) -> float:
 def copies_off_mm(faces: Shapes, plans: Sequence[Plan[Patch]], layout: PlateLayout) -> float:
     """Largest distance (mm) of the optical ``faces`` of a plate's solid from those of the lens of each place.
 
-    Infinite where a face is missing, or is no spline of as many poles.
+    Infinite if a face is missing, or is no spline with as many poles.
     """
     count = len(layout.lenses)
     off = 0.0
     for number, plan in enumerate(layout.of_each(plans)):
         for face in plan.faces:
             poles = face.shape.bounded(face.domain.extent[1]).control
-            found = faces.get(face.label if count == 1 else f"{face.label}_{number + 1}")
-            read = None if found is None else _poles_of(found)
+            matching_face = faces.get(face.label if count == 1 else f"{face.label}_{number + 1}")
+            read = None if matching_face is None else _poles_of(matching_face)
             if read is None or read.shape != poles.shape:
                 return float("inf")
             wanted = layout.placed(poles.reshape(-1, 3), number)
@@ -233,7 +234,7 @@ def _poles_of(face: Any) -> Float[np.ndarray, "n n 3"] | None:
 def least_gap_mm(kinds: Sequence[BodyMesh], layout: PlateLayout) -> float | None:
     """Least distance (mm) between two lenses: from a vertex of one to the facets of the other; None for one lens.
 
-    ``kinds``: a lens of each. Raises :class:`InputError` where two overlap.
+    ``kinds``: a lens of each. Raises :class:`InputError` if two overlap.
     """
     bodies = [manifold_of(lens.vertices, lens.triangles) for lens in kinds]
     gaps = list[float]()
@@ -250,7 +251,7 @@ def least_gap_mm(kinds: Sequence[BodyMesh], layout: PlateLayout) -> float | None
 
 
 def _between_mm(points: Float[np.ndarray, "n 3"], lens: BodyMesh) -> float:
-    """Least distance (mm) of ``points`` from the facets of ``lens``, of those that are nearest by their vertices."""
+    """Least distance (mm) of ``points`` from those facets of ``lens`` that are nearest by their vertices."""
     import trimesh
     from scipy.spatial import cKDTree
 
@@ -262,9 +263,9 @@ def _between_mm(points: Float[np.ndarray, "n 3"], lens: BodyMesh) -> float:
 
 
 def _neighbours(layout: PlateLayout) -> Iterator[tuple[Place, float, tuple[int, int]]]:
-    """Places (mm) and turns (degrees) of lenses in local coordinates of a neighbour, each once.
+    """Places (mm) and turns (degrees) of lenses in a neighbour's local coordinates, without duplicates.
 
-    With the kinds of both, that of the near one first.
+    With both kinds, the neighbour's first.
     """
     lenses = layout.lenses
     kinds = layout.lenses.kind_of_each

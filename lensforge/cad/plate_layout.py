@@ -33,7 +33,7 @@ _Value = TypeVar("_Value")
 
 @dataclass(frozen=True)
 class PlateWall:
-    """A wall of the plate, and between which two things it is."""
+    """A wall of the plate, and the two things between which it is."""
 
     thickness_mm: float
     between: str
@@ -41,7 +41,7 @@ class PlateWall:
 
 @dataclass(frozen=True)
 class RoundWall:
-    """A cone about the axis at ``place``, or a cylinder: its radii where it begins, below z = 0, and at its foot."""
+    """A cone about the axis at ``place``, or a cylinder: its radii at its top, below z = 0, and at its foot."""
 
     place: Place
     radius_mm: float
@@ -65,7 +65,7 @@ class RoundWall:
 
     @property
     def growth_per_mm(self) -> float:
-        """Growth of its radius over that where it begins, for each mm downwards."""
+        """Relative growth of its radius per mm downwards."""
         return (self.foot_mm / self.radius_mm - 1.0) / self.length_mm
 
 
@@ -79,7 +79,7 @@ class PlateLayout:
 
     @property
     def outline(self) -> Loop:
-        """Its outline in z = 0, counter-clockwise; lines of no length are left out."""
+        """Its outline in z = 0, counter-clockwise, without lines of zero length."""
         return self._outline(0.0)
 
     @property
@@ -89,11 +89,11 @@ class PlateLayout:
 
     @property
     def inset_mm(self) -> float:
-        """Length by which its outline is narrower at the bottom; a drawn one stands upright."""
+        """Length by which its outline is narrower at the bottom; 0 for a drawn outline."""
         return 0.0 if isinstance(self.plate.outline, DrawnOutline) else self.plate.slope * self.plate.thickness_mm
 
     def _outline(self, share: float) -> Loop:
-        """Its outline at a share of the thickness; the corners lose no more than half of their radius."""
+        """Its outline at a share of the thickness; corners lose at most half of their radius."""
         if isinstance(self.plate.outline, DrawnOutline):
             return self.plate.outline.outer
         radius = self.plate.corner_radius_mm
@@ -115,7 +115,7 @@ class PlateLayout:
 
     @property
     def slots(self) -> tuple[Loop, ...]:
-        """Its openings that are not round, each counter-clockwise."""
+        """Its non-round openings, each counter-clockwise."""
         return self.plate.outline.slots if isinstance(self.plate.outline, DrawnOutline) else ()
 
     @property
@@ -143,7 +143,7 @@ class PlateLayout:
         return RoundWall(place, radius_mm, foot_mm, depth_mm, length_mm)
 
     def bore_scale(self, opening: _Around) -> float:
-        """Factor from a cavity's rim, points (mm) around it in z = 0, to the foot of its bore."""
+        """Factor from a cavity's rim, points (mm) in z = 0, to the foot of its bore."""
         return drafted_scale(opening, self.plate.slope, self.plate.thickness_mm)
 
     @property
@@ -153,12 +153,12 @@ class PlateLayout:
 
     @property
     def counted(self) -> list[str]:
-        """Number of its lenses in words, of each kind."""
+        """Phrase for the number of its lenses, by kind."""
         lenses = self.lenses
         return [f"{len(kind.numbers)} × lens {kind.name}" for kind in lenses.kinds] or [f"{len(lenses)} × lens"]
 
     def of_each(self, values: Sequence[_Value]) -> list[_Value]:
-        """The value of its kind, for each lens."""
+        """For each lens the value of its kind."""
         return [values[kind] for kind in self.lenses.kind_of_each]
 
     def volume_mm3(self, lenses_mm3: Sequence[float], openings: Sequence[_Around]) -> float:
@@ -188,7 +188,7 @@ class PlateLayout:
     def thinnest_wall(self, openings: Sequence[_Around]) -> PlateWall | None:
         """The thinnest wall at its holes, pins and bosses; ``openings``: points (mm) around cavities of each kind.
 
-        None if it has none of them.
+        None without any of them.
         """
         bores = self.of_each(
             [self.bore_scale(opening) * opening for opening in openings]
@@ -203,8 +203,8 @@ class PlateLayout:
             near = np.flatnonzero(away <= away.min() + 2.0 * largest)
             gaps = {"the cavity of a lens": min(self._gap_mm(bores[k], int(k), mark.place_mm) for k in near)}
             gaps["the edge"] = plate.to_edge_mm(mark.place_mm, self.size_mm) - self.inset_mm
-            for mark_name, one in plate.marks[:number]:
-                gaps[mark_name] = mark.away_mm(one.place_mm) - widened[mark_name]
+            for mark_name, neighbour in plate.marks[:number]:
+                gaps[mark_name] = mark.away_mm(neighbour.place_mm) - widened[mark_name]
             walls += [PlateWall(gap - widened[name], f"{name} and {neighbour}") for neighbour, gap in gaps.items()]
             if isinstance(mark, PlateBoss):
                 bore = self._bore(mark)
@@ -218,7 +218,7 @@ class PlateLayout:
         return mark.radius_mm + (self.plate.slope * self.plate.thickness_mm if isinstance(mark, PlateHole) else 0.0)
 
     def _gap_mm(self, opening: _Around, number: int, place: Place) -> float:
-        """Distance (mm) of a place from the opening of a lens, below 0 within its smallest radius."""
+        """Distance (mm) of a place from the opening of a lens, negative within its smallest radius."""
         nearest = float(np.hypot(*(self.placed(opening, number) - place).T).min())
         axis = self.lenses.places_mm[number]
         inside = hypot(place[0] - axis[0], place[1] - axis[1]) < float(np.hypot(*opening.T).min())

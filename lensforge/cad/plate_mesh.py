@@ -38,7 +38,7 @@ _Ids = Int[np.ndarray, " n"]
 
 @dataclass
 class MeshParts:
-    """Vertices and triangles of a mesh as they are collected, the latter by the name of their face."""
+    """Vertices and triangles of a mesh under construction, triangles by the name of their face."""
 
     count: int = 0
     vertices: list[Float[np.ndarray, "_ 3"]] = field(default_factory=list)
@@ -57,7 +57,7 @@ class MeshParts:
         self.triangles.setdefault(name, []).append(triangles)
 
     def add_wall(self, name: str, top: _Ids, foot: _Ids) -> None:
-        """Add the wall between two loops of as many vertices; it faces outwards where they run counter-clockwise."""
+        """Add the wall between two loops with as many vertices; counter-clockwise loops make it face outwards."""
         ahead = np.roll(top, -1)
         below = np.roll(foot, -1)
         self.add_facets(name, np.concatenate([np.stack(c, axis=1) for c in ((top, foot, below), (top, below, ahead))]))
@@ -100,7 +100,7 @@ def build_plate_mesh(
     """Mesh the plate; ``meshes``: of a lens of each kind without a base, ``chord_mm``: of the plate's round edges."""
     parts = MeshParts()
     thickness = layout.plate.thickness_mm
-    each = [
+    by_kind = [
         (mesh, layout.bore_scale(rim_points(plan.cavity)), _rim_of(mesh, plan.envelope), _rim_of(mesh, plan.cavity))
         for plan, mesh in zip(plans, meshes, strict=True)
     ]
@@ -109,7 +109,7 @@ def build_plate_mesh(
     outline, foot = _wall(parts, PLATE_SIDE, sides, chord_mm, deep, outwards=True)
     tops = []
     bottoms = []
-    for number, (lens, bore_scale, rim, mouth) in enumerate(layout.of_each(each)):
+    for number, (lens, bore_scale, rim, mouth) in enumerate(layout.of_each(by_kind)):
         ids = parts.add_points(layout.placed(lens.vertices, number))
         for name in lens.names:
             if name != RIM:
@@ -138,7 +138,7 @@ def build_plate_mesh(
 
 
 def add_round(parts: MeshParts, name: str, wall: RoundWall, chord_mm: float, *, outwards: bool) -> tuple[_Ids, _Ids]:
-    """Add a round wall; return the numbers of its vertices at its top and at its foot."""
+    """Add a round wall; return the numbers of its vertices at top and foot."""
     loops = circle_at(wall.place, wall.radius_mm), circle_at(wall.place, wall.foot_mm)
     return _wall(parts, name, loops, chord_mm, (wall.depth_mm, wall.depth_mm + wall.length_mm), outwards=outwards)
 

@@ -25,11 +25,11 @@ class Plate(Record):
     """The plate with all lenses as one solid, in ``plate.step``, ``plate.stl`` and ``plate.3mf``.
 
     ``gap_mm``: least distance of two lenses, of their meshes; None for one lens. ``form_error_nm``: largest of all
-    optical faces, that of the lens and how far its copies are from it. ``volume_mm3``: in closed form.
-    ``chord_error_um``: largest distance of the facets from the optical faces. ``faces``: of the solid.
-    ``step_valid``, ``step_volume_change``, ``volume_error``, ``watertight_3mf``, ``genus_difference``: of the files as
-    read back, changes relative. ``mesh_volume_limit``: relative, what flat facets cut off at most. ``invalid_faces``:
-    names of faces that the CAD kernel finds wrong; no file keeps them.
+    optical faces, that of the lens plus the distance of its copies from it. ``volume_mm3``: in closed form.
+    ``chord_error_um``: largest distance of the facets from the optical faces. ``faces``: of the solid. ``step_valid``,
+    ``step_volume_change``, ``volume_error``, ``watertight_3mf``, ``genus_difference``: of the files as read back,
+    changes relative. ``mesh_volume_limit``: relative, what flat facets cut off at most. ``invalid_faces``: names of
+    faces that the CAD kernel finds wrong; no file keeps them.
     """
 
     lenses: Annotated[Count, Figure("Lenses of the plate", "in one solid of {faces} faces")]
@@ -94,7 +94,7 @@ class Plate(Record):
     @property
     @figure(Figure("Size of the plate", key="plate_size"))
     def size_words(self) -> str:
-        """Sides of the box in words."""
+        """Display text of the sides of the box."""
         low, high = self.bounds_mm
         return f"{' × '.join(f'{end - start:.5g}' for start, end in zip(low, high, strict=True))} mm"
 
@@ -103,7 +103,7 @@ class Plate(Record):
         Figure("Mesh of the plate", "{triangles} facets within {chord_error_um:2}, genus {genus}", key="plate_mesh")
     )
     def mesh_state(self) -> str:
-        """The state of the mesh in words."""
+        """Display text of the state of the mesh."""
         return state_of_mesh(self.watertight)
 
 

@@ -47,17 +47,17 @@ from lensforge.surfaces.plane_loop import Loop, LoopEdge, circle_at
 def build_plate_solid(plans: Sequence[Plan[Patch]], layout: PlateLayout) -> Solid:
     """Build the closed solid; ``plans``: of a lens of each kind without a base.
 
-    Names of faces that stand often end in a number.
+    Names of repeated faces end in a number.
     """
     faces = Named()
     openings = list[Any]()
     feet = list[Any]()
     lenses = layout.of_each([_lens_with_bore(plan, layout) for plan in plans])
     for (lens, rim, foot), lamp in zip(lenses, layout.lenses.lamps, strict=True):
-        there = moved(lamp.place_mm[:2], lamp.turn_deg)
-        faces += [(name, face_at(face, there)) for name, face in lens]
-        openings.append(wire_at(rim, there))
-        feet.append(wire_at(foot, there))
+        location = moved(lamp.place_mm[:2], lamp.turn_deg)
+        faces += [(name, face_at(face, location)) for name, face in lens]
+        openings.append(wire_at(rim, location))
+        feet.append(wire_at(foot, location))
     holes = [_round(PLATE_HOLE, hole, outwards=False) for hole in layout.holes]
     slots = [_walls(PLATE_HOLE, slot, 0.0, layout.plate.thickness_mm, outwards=False) for slot in layout.slots]
     for sides, below, edge in (*holes, *slots):
@@ -100,9 +100,9 @@ def _round(name: str, wall: RoundWall, *, outwards: bool) -> tuple[Named, Any, A
 def _walls(
     name: str, loop: Loop, depth_mm: float, length_mm: float, foot: Loop | None = None, *, outwards: bool
 ) -> tuple[Named, Any, Any]:
-    """The walls of a loop from ``depth_mm`` below z = 0 on, and the wires at their ``foot`` and top.
+    """The walls of a loop from ``depth_mm`` below z = 0, and the wires at their ``foot`` and top.
 
-    ``foot``: the loop there, left out the same. ``outwards``: normals point out of the loop, which runs
+    ``foot``: the loop there, by default the same. ``outwards``: normals point out of the loop, which runs
     counter-clockwise, else into it.
     """
     edges = _loop_edges(loop, depth_mm)

@@ -25,7 +25,7 @@ _DRAWN_MM = 1e-3  # last digit of a drawn size: sections that differ by less are
 def body_outlines(lens: Lens, azimuth_deg: float) -> list[Curve]:
     """Outlines of the body in the plane through the axis at ``azimuth_deg``; positions on that side are positive.
 
-    Raises :class:`InputError` where a base's file is missing or does not hold a base.
+    Raises :class:`InputError` if a base's file is missing or does not hold a base.
     """
     azimuth = np.radians(azimuth_deg)
     across = rim_directions(np.array([azimuth]))[0]
@@ -82,7 +82,7 @@ def _from_opening(boundary: Boundary[Surface], azimuth: float, count: int = 181)
 
 
 def other_section_deg(lens: Lens) -> float | None:
-    """Azimuth (degrees) of a second section that differs from the one at 0; None of a part that is round about z."""
+    """Azimuth (degrees) of a second section that differs from that at 0; None for a part of revolution."""
     first = body_outlines(lens, 0.0)
     for azimuth_deg in (90.0, 45.0):
         outlines = body_outlines(lens, azimuth_deg)

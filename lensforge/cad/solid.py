@@ -77,7 +77,7 @@ Shapes = dict[str, Any]  # by name; the CAD kernel has no types
 
 
 def body_faces(plan: Plan[Patch], cavity_rim: Chain, envelope_rim: list[Chain], feet: Chain) -> Named:
-    """Names and faces that close the body between the two domes, but for its feet; ``feet``: wires at their tops.
+    """Names and faces that close the body between the two domes, without its feet; ``feet``: wires at their tops.
 
     ``envelope_rim``: a chain for each arc of the plan. Chains run counter-clockwise; where the outer rim crosses the
     outline they share vertices.
@@ -92,7 +92,7 @@ def body_faces(plan: Plan[Patch], cavity_rim: Chain, envelope_rim: list[Chain], 
 
 
 def _bore(plan: Plan[Patch], cavity_rim: Chain) -> tuple[Named, Any]:
-    """The wall of the bore, with the ring above it where it is set back, and the wire at its foot."""
+    """The wall of the bore, with the ring above it if it is set back, and the wire at its foot."""
     if plan.bore is None:
         return walls_below(BORE, cavity_rim, plan.bore_mm, foot_scale(plan, BORE))
     mouth = _circle(plan.bore, 0.0)
@@ -147,8 +147,8 @@ def _feet(plan: Plan[Patch]) -> tuple[Named, Chain]:
     sides, end = walls_below(FOOT_SIDE, rim, feet.height_mm, tip / root)
     made = [(name, facing(face, AWAY)) for name, face in sides] + [(FOOT_END, facing(planar_face(end), DOWN))]
     for place in feet.places_mm:
-        *there, top = copies_at([*(face for _, face in made), wire(rim)], moved(place))
-        faces += [(name, TopoDS.Face_s(face)) for (name, _), face in zip(made, there, strict=True)]
+        *copies, top = copies_at([*(face for _, face in made), wire(rim)], moved(place))
+        faces += [(name, TopoDS.Face_s(face)) for (name, _), face in zip(made, copies, strict=True)]
         tops.append(TopoDS.Wire_s(top))
     return faces, tops
 
@@ -163,7 +163,7 @@ def _side_name(plan: Plan[Patch], edge: Any) -> str:
 
 
 def _between_rim_and_outline(plan: Plan[Patch], rim: list[Chain], outline: Chain) -> Named:
-    """Ledges where the rim is inside the outline, overhangs where it is outside: one whole ring, or crescents."""
+    """Ledges where the rim is inside the outline, overhangs where it is outside: a whole ring, or crescents."""
     relation = plan.arcs[0].relation
     if len(plan.arcs) == 1:
         inside = wire(rim[0])
@@ -218,17 +218,17 @@ class Solid:
 
     @cached_property
     def valid(self) -> bool:
-        """True where the CAD kernel finds one closed, outward-facing solid with consistent wires, edges, tolerances."""
+        """True if the CAD kernel finds one closed, outward-facing solid with consistent wires, edges and tolerances."""
         return _is_valid(self.shape) and len(parts_of(self.shape, "SHELL")) == 1 and self.default_volume_mm3 > 0.0
 
     @property
     def faults(self) -> list[str]:
-        """Names of the faces that the CAD kernel finds invalid, each tested on its own; none of a valid solid."""
+        """Names of the faces that the CAD kernel finds invalid, each tested by itself; empty for a valid solid."""
         return [] if self.valid else [name for name, face in self.faces.items() if not _is_valid(face)]
 
     @property
     def volume_mm3(self) -> float:
-        """Volume, below 0 where the faces face inwards."""
+        """Volume, negative if the faces face inwards."""
         return self._size[0]
 
     @property
@@ -244,8 +244,8 @@ class Solid:
     def default_volume_mm3(self) -> float:
         """Volume by the kernel's integration without a precision: the same points on the same faces.
 
-        A file that was written and read has the same to rounding. Itself it errs by 1e-7 on a lens of two faces, by
-        1e-2 on one of four, and by 1e-4 on the planes of other solids with long edges.
+        A file that was written and read back has the same to rounding. Its own error is 1e-7 on a lens of two faces,
+        1e-2 on one of four, and 1e-4 on the planes of other solids with long edges.
         """
         properties = GProp_GProps()
         BRepGProp.VolumeProperties_s(self.shape, properties)
@@ -287,8 +287,7 @@ def optical_faces(
 ) -> tuple[Named, list[Chain]]:
     """The optical faces of a boundary, on shared edges along its creases, and the chains of its rim over ``arcs``.
 
-    ``opening``: around which the first of them lies. With a ``ring`` what it leaves of the cylinder on which it lies,
-    and its own faces.
+    ``opening``: around which the first face lies. With a ``ring``: its faces, and the rest of its cylinder.
     """
     within = boundary.of_material
     patches = [face.shape for face in within]
@@ -314,7 +313,7 @@ def optical_faces(
 
 
 def _with_ring(face: TrimmedFace[Patch], surface: Any, ends: tuple[Any, Any], ring: FlangeRing) -> Named:
-    """Faces of a flange, and the two bands of the cylinder below and above it between the wires ``ends``."""
+    """Faces of a flange, and the bands of the cylinder below and above it between the wires ``ends``."""
     low, high = (circle_edge(ring.inner_mm, height, (face.shape, surface)) for height in (ring.low_mm, ring.high_mm))
     rim = [circle_edge(ring.outer_mm, ring.high_mm)]
     scale = ring.foot_mm / ring.outer_mm

@@ -67,7 +67,7 @@ def sign(model: Any, product: str, header: Signature) -> None:
 
 
 def step_text(content: str) -> str:
-    """``content`` as ISO 10303-21 writes them: ASCII, all other characters by their code; the kernel doubles quotes."""
+    """``content`` encoded for ISO 10303-21: ASCII, all other characters by code; the kernel doubles quotes."""
 
     def coded(character: str) -> str:
         code = ord(character)
@@ -86,9 +86,9 @@ _REMEDY = "export with AP214, which carries no tolerance, or install cadquery 2.
 
 
 def form_tolerances(faces: Shapes, width_um: float) -> tuple[FormTolerance, ...]:
-    """Surface profiles of the optical faces among ``faces``, each against datum A, where the body has one.
+    """Surface profiles of the optical faces among ``faces``, each against datum A, if the body has one.
 
-    It is the underside of a flange at the rim, or else what lies in z = 0.
+    Datum A is the underside of a flange at the rim, or else the faces in z = 0.
     """
     seat = tuple(name for name in faces if name == RIM_FLANGE_BOTTOM)
     datum = seat or tuple(name for name, face in faces.items() if _lies_in_datum(face))
@@ -127,7 +127,7 @@ def _profile(tool: Any, face: Any, width_um: float) -> Any:
 
 
 def require_written(content: bytes, tolerances: tuple[FormTolerance, ...]) -> None:
-    """Raise :class:`InputError` where a STEP file does not carry just these tolerances, read back from its bytes."""
+    """Raise :class:`InputError` unless a STEP file, read back from its bytes, carries exactly these tolerances."""
     written = read_tolerances(content)
     if tolerances and len(written) != len(tolerances):
         raise InputError(

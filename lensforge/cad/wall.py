@@ -53,7 +53,7 @@ class Span:
 
 
 def thinnest(cavity: Patch | Boundary[Patch], envelope: Patch | Boundary[Patch]) -> Span:
-    """The shortest line between the boundaries above z = 0; where they cross, the deepest place along a ray."""
+    """The shortest line between the boundaries above z = 0; if they cross, the deepest place along a ray."""
     inwards, outwards = as_pair(cavity, envelope)
     crossing = _radial(inwards, outwards, -1.0)
     if crossing.thickness_mm <= 0.0:
@@ -67,9 +67,9 @@ def thinnest(cavity: Patch | Boundary[Patch], envelope: Patch | Boundary[Patch])
 
 
 def thinnest_of(lens: Lens) -> Span:
-    """The shortest line through the wall of ``lens``, between splines as an export writes them by default.
+    """The shortest line through the wall of ``lens``, between splines as exported by default.
 
-    Their form is measured at samples alone: to search between these, too, takes two to three times as long.
+    Their form is only measured at samples: to search between these, too, takes two to three times as long.
     """
     return thinnest(*fit_boundaries(lens_boundaries(lens), {}, tolerance=FaceTolerance(), between=False))
 
@@ -81,7 +81,7 @@ def thickest(cavity: Patch | Boundary[Patch], envelope: Patch | Boundary[Patch])
 
 @dataclass(frozen=True, eq=False)
 class _Samples:
-    """Samples of a face: chart points, points (mm), and how far (mm) a place of the face may be from the nearest."""
+    """Samples of a face: chart points, points (mm), and the face's largest distance (mm) from the nearest."""
 
     face: TrimmedFace[Patch]
     places: Float[np.ndarray, "k 2"]
@@ -90,7 +90,7 @@ class _Samples:
 
     @staticmethod
     def of(face: TrimmedFace[Patch]) -> "_Samples":
-        """Samples all over a face; none is farther off than half of the diagonal of a cell, at most at its edge."""
+        """Samples all over a face; none is farther off than half of a cell's diagonal."""
         places = _samples(face.domain)
         points, *tangents = face.shape.tangents(places)
         return _Samples(face, places, points, _STEP * np.linalg.norm(tangents, axis=-1).max(axis=0))
@@ -120,7 +120,7 @@ def _nearest(inner: list[_Samples], outer: list[_Samples]) -> list[_Nearest]:
 def _shorter(
     known: Span, inner: _Samples, outer: _Samples, distance: Float[np.ndarray, " k"], nearest: Int[np.ndarray, " k"]
 ) -> Span:
-    """The shortest line between two faces, or the ``known`` one where that is as short.
+    """The shortest line between two faces, or the ``known`` one if that is as short.
 
     ``distance`` (mm), ``nearest``: of each sample of ``inner`` to the nearest of ``outer``. A line has samples beside
     both of its ends, which are beside it by their reach, and across it, since the shortest is normal to both faces, or
@@ -214,7 +214,7 @@ def largest_ball(sections: _Sections) -> tuple[float, _Point]:
     """Diameter (mm) and centre of the largest ball within the body, to 0.2 %: what a moulder calls its thickness.
 
     ``sections``: points all around the body's outline on one side of the axis, at even azimuths. The distance of a
-    point is a convex function of the centre: its tangent plane never says that there is more room than there is.
+    point is a convex function of the centre: its tangent plane never overestimates the room.
     """
     from scipy.spatial import cKDTree
 
@@ -228,7 +228,7 @@ def largest_ball(sections: _Sections) -> tuple[float, _Point]:
 
 
 def _thinned(points: Float[np.ndarray, "n 3"], spacing_mm: float) -> Float[np.ndarray, "k 3"]:
-    """One of the points in each cell of a cubic grid."""
+    """One point of each cell of a cubic grid."""
     cells = np.round(points / spacing_mm).astype(int)
     cells -= cells.min(axis=0)
     numbers = np.ravel_multi_index(tuple(cells.T), tuple(cells.max(axis=0) + 1))
@@ -245,8 +245,8 @@ def _places_within(sections: _Sections) -> Float[np.ndarray, "n 3"]:
         level = z[:, :1]
         crossed = (height[:-1] > level) != (height[1:] > level)
         rise = np.where(height[1:] == height[:-1], 1.0, height[1:] - height[:-1])
-        there = np.where(crossed, across[:-1] + (level - height[:-1]) / rise * np.diff(across), -np.inf)
-        inside = np.sum(there[:, None] > r[..., None], axis=-1) % 2 == 1
+        crossing_mm = np.where(crossed, across[:-1] + (level - height[:-1]) / rise * np.diff(across), -np.inf)
+        inside = np.sum(crossing_mm[:, None] > r[..., None], axis=-1) % 2 == 1
         places.append(np.column_stack([r[inside, None] * around[:2], z[inside]]))
     return np.concatenate(places)
 
@@ -254,7 +254,7 @@ def _places_within(sections: _Sections) -> Float[np.ndarray, "n 3"]:
 def _grown(tree: Any, centre: _Point) -> _Point:
     """The centre of the largest ball near one about ``centre`` with no point of ``tree`` in it.
 
-    It moves by no more than half of the way that the nearest points leave to all others.
+    It moves by at most half of the distance that the nearest points leave to all others.
     """
     from scipy.optimize import linprog
 

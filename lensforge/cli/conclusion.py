@@ -23,7 +23,7 @@ from lensforge.results import Fact, Group, ResultByLed, StageResult
 from lensforge.results.criteria import require
 from lensforge.results.fact import cells_of, columns_of
 from lensforge.results.record import State
-from lensforge.results.verdict import TITLES, Verdict, said
+from lensforge.results.verdict import TITLES, Verdict, state_label
 from lensforge.search.design_result import Design
 from lensforge.shop.check_facts import shape_facts
 from lensforge.shop.check_result import Check
@@ -235,7 +235,7 @@ def _title(part: str, state: State, groups: Sequence[Group] = (), under: str = "
     """A part of the verdict; where it passes with the names of those facts that deserve a look all the same."""
     labels = dict.fromkeys(fact.label.lower() for group in groups for fact in group.facts if fact.notice)
     look = f"; look at: {', '.join(labels)}" if labels and state == "pass" else ""
-    return f"{TITLES[part]}{under}: {said(state)}{look}"
+    return f"{TITLES[part]}{under}: {state_label(state)}{look}"
 
 
 def _kinds(run: Run) -> Iterator[Row]:

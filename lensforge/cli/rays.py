@@ -147,7 +147,7 @@ def _model(file: Path, to: Path | None, format_name: str | None, plot: Path | No
     if to and count:
         write_rayfile(to, drawn_file(rayfile, model, count), format_name)
         rayfile = read_rayfile(to)
-    return describe(rayfile).changed(model=model.words)
+    return describe(rayfile).changed(model=model.description)
 
 
 def _far_field(

@@ -71,14 +71,14 @@ ADJOINT_NUMBERS = (OF_POLARISATION + OF_FIELDS) * SIZE
 
 
 class SameWay(NamedTuple):
-    """Rays sorted by their ways: their numbers, and where each way begins and the last one ends."""
+    """Rays sorted by their ways: their numbers, and the limits of each way among them."""
 
     numbers: Int[np.ndarray, " n"]
     starts: Int[np.ndarray, " w"]
 
 
 class ByRaysIn(NamedTuple):
-    """Sensitivities to the points, directions and fields with which rays come to a body, in their frame."""
+    """Sensitivities to the points, directions and fields of incoming rays, in their frame."""
 
     by_points: Float[np.ndarray, "n 3"]
     by_directions: Float[np.ndarray, "n 3"]
@@ -86,7 +86,7 @@ class ByRaysIn(NamedTuple):
 
     @staticmethod
     def none_of(rays: int) -> "ByRaysIn":
-        """No sensitivities, of so many ``rays``."""
+        """Zero sensitivities to ``rays`` rays."""
         return ByRaysIn(np.zeros((rays, 3)), np.zeros((rays, 3)), np.zeros((rays, 12)))
 
     def part(self, part: slice) -> "ByRaysIn":
@@ -95,26 +95,26 @@ class ByRaysIn(NamedTuple):
 
 
 class BodyGradients(NamedTuple):
-    """Sensitivities to a body's tables, added to, and to the rays that came; of no table or ray if nobody asks."""
+    """Sensitivities to a body's tables, added to, and to the incoming rays; empty if not wanted."""
 
     by_tables: Float[np.ndarray, "f side side"]
     by_rays: ByRaysIn
 
 
 class AdjointMemory(NamedTuple):
-    """Memory of a packet of the adjoint, and of what is kept of its events, for one thread."""
+    """Memory for a packet of the adjoint, and for its events, for one thread."""
 
     packet: Float[np.ndarray, " k"]
     events: Float[np.ndarray, "e m"]
 
 
 def adjoint_memory(events: int, precision: Precision = DOUBLE_PRECISION) -> AdjointMemory:
-    """Memory for bodies of so many ``events``."""
+    """Memory for bodies of ``events`` events."""
     return AdjointMemory(np.zeros(ADJOINT_NUMBERS, precision.kind), np.zeros((events, (_OF_EVENT + 12) * LANES)))
 
 
 def same_way(met: Int[np.ndarray, "n e"]) -> SameWay:
-    """Rays that have ``met`` the same, together."""
+    """Rays grouped by the faces ``met``."""
     numbers = np.lexsort(met.T[::-1])
     differs = (met[numbers[1:]] != met[numbers[:-1]]).any(axis=1)
     first = [0] if len(met) else []  # no rays, no group
@@ -123,14 +123,14 @@ def same_way(met: Int[np.ndarray, "n e"]) -> SameWay:
 
 @inline
 def add_gradients(packet, count, at, face, inverse_step, gradients):
-    """Add the sensitivities of an event to those by the table of its face, where they are asked for."""
+    """Add the sensitivities of an event to those by the table of its face, if wanted."""
     if len(gradients) > 0:
         add_to_table(packet, count, at, inverse_step, gradients[face])
 
 
 @inline
 def load_axial(packet, lane, k, left, by_axial):
-    """Sensitivity of a ray to its flux along z; 0 where no cover glass asks for it."""
+    """Sensitivity of a ray to its flux along z; 0 without a cover glass."""
     packet[BY_AXIAL + lane] = 0.0
     if by_axial is not None:
         packet[BY_AXIAL + lane] = by_axial[k] if left else 0.0
@@ -138,13 +138,13 @@ def load_axial(packet, lane, k, left, by_axial):
 
 @inline
 def asks(by_fields):
-    """True where there are sensitivities to the fields."""
+    """True if there are sensitivities to the fields."""
     return len(by_fields) > 0
 
 
 @inline
 def load(packet, lane, k, fate, rays, body, by):
-    """Put ray k into a packet, at its start. Returns True where it matters to anything."""
+    """Put ray k into a packet, at its start. Returns True if it contributes to any gradient."""
     left = fate == Fate.LEFT_LENS
     matters = by.by_sin2[k] != 0.0 or (left and (by.by_flux[k] != 0.0 or asks(by.by_fields)))
     for axis in range(3):
@@ -171,7 +171,7 @@ def load(packet, lane, k, fate, rays, body, by):
 
 @inline
 def load_pairs(packet, first, last, rays, body, ways, fates, by):
-    """Put those of the rays ``first`` to ``last`` of a double lens into a packet that matter. Returns their number."""
+    """Put the contributing rays among ``first`` to ``last`` of a double lens into a packet. Returns their number."""
     count = 0
     for k in range(first, last):
         left = fates[k] == Fate.LEFT_LENS
@@ -214,7 +214,7 @@ def adjoint_of_pairs(rays, body, ways, fates, by, gradients, packet):
 
 @inline
 def met_face(event, met, sides):
-    """An event of rays that have ``met`` this at all of theirs."""
+    """An event of rays that have all ``met`` the same faces."""
     code = met[event]
     times = 0
     face = code // 4
@@ -231,7 +231,7 @@ def met_face(event, met, sides):
 
 @inline
 def load_way(packet, numbers, fates, events, rays, body, ways, by):
-    """Put those of the rays with these ``numbers`` into a packet that matter: they left, or ended at their last event.
+    """Put the contributing rays among ``numbers`` into a packet: they left, or ended at their last event.
 
     Returns their number.
     """
@@ -263,7 +263,7 @@ def on_to_event(packet, count, face, rays, body, ways):
 
 @inline
 def keep_event(packet, count, event):
-    """Keep what was before an event."""
+    """Store the state before an event."""
     for number in range(_OF_EVENT):
         for k in range(count):
             event[number * LANES + k] = packet[FIRST_EVENT + number * SIZE + k]
@@ -274,7 +274,7 @@ def keep_event(packet, count, event):
 
 @inline
 def recall_event(packet, count, event):
-    """Take back what was before an event."""
+    """Restore the state before an event."""
     for number in range(_OF_EVENT):
         for k in range(count):
             packet[FIRST_EVENT + number * SIZE + k] = event[number * LANES + k]
@@ -285,7 +285,7 @@ def recall_event(packet, count, event):
 
 @inline
 def store_by_rays(packet, count, placement, by_rays):
-    """Sensitivities to the rays as they came, where they are asked for; none of a ray without a derivative."""
+    """Sensitivities to the incoming rays, if wanted; 0 for rays without a derivative."""
     if len(by_rays.by_points) > 0:
         for lane in range(count):
             k = int(packet[RAY + lane])
@@ -305,7 +305,7 @@ def store_by_rays(packet, count, placement, by_rays):
 def adjoint_of_way(memory, count, met, rays, body, ways, by_fields, by_tables):
     """The adjoint of rays in a packet that have all ``met`` the same."""
     packet = memory.packet
-    kept = memory.events
+    stored_events = memory.events
     events = len(met)
     whole = in_whole_vectors(count)
     begin_forward(packet, whole, rays.fields, body.placement)
@@ -314,12 +314,12 @@ def adjoint_of_way(memory, count, met, rays, body, ways, by_fields, by_tables):
         if event > 0:
             to_next_frame(packet, whole, body.placement)
         on_to_event(packet, count, face, rays, body, ways)
-        keep_event(packet, whole, kept[event])
+        keep_event(packet, whole, stored_events[event])
         forward_at(packet, whole, face, rays, body)
     begin_back(packet, whole, body.placement, by_fields)
     for event in range(events - 1, -1, -1):
         face = met_face(event, met, body.sides)
-        recall_event(packet, whole, kept[event])
+        recall_event(packet, whole, stored_events[event])
         fetch_facets(packet, count, FIRST_EVENT, face, rays.noise, rays.keys, body.slopes)
         refract_all_at(packet, whole, face, rays)
         all_amplitudes(packet, whole, face, rays, body)

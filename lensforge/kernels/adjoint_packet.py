@@ -36,8 +36,8 @@ OF_POLARISATION = COEFFICIENTS + 16 + 2 * BLOCK  # what follows is that of the p
 class MetFace(NamedTuple):
     """An event of all rays of a packet.
 
-    Its number and face, how often that was met before, 1 for rays from before the face and -1 from behind, whether it
-    reflects them, and the media.
+    Its number and face, the number of earlier hits of that face, 1 for rays from before the face and -1 from behind,
+    whether it reflects them, and the media.
     """
 
     event: int
@@ -50,9 +50,9 @@ class MetFace(NamedTuple):
 
 
 class Hit(NamedTuple):
-    """A ray at an event: its number, index ratio, hit, direction before, the table's derivatives, and normals.
+    """A ray at an event: number, index ratio, hit, direction before, the table's derivatives, and normals.
 
-    One away from the origin, and one along the ray that roughness tilts.
+    The latter are one away from the origin, and one along the ray, tilted by roughness.
     """
 
     number: int
@@ -67,7 +67,7 @@ class Hit(NamedTuple):
 class ByEvent(NamedTuple):
     """Sensitivities to a hit and to the direction behind it, beside these to cosine, unit normal and direction before.
 
-    And to the path there, for what it absorbs.
+    And to the path there, for absorption.
     """
 
     hit: tuple[float, float, float]

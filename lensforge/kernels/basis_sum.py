@@ -31,14 +31,14 @@ def _ratio_terms():
     return [n * term for n, term in enumerate(_square_terms(), start=1)]
 
 
-def _economised(terms, kept):
-    """The first ``kept`` coefficients of a power series, changed so that it holds to the last bits from 0 to NEAR.
+def _economised(terms, count):
+    """The first ``count`` coefficients of a power series, changed so that it holds to the last bits from 0 to NEAR.
 
     Each power left out is replaced by its Chebyshev polynomial's lower powers, from which it differs little on the
     interval (Lanczos, Applied Analysis, 1956, section VII.7). In fractions: no digit is lost.
     """
     left = list(terms)
-    while len(left) > kept:
+    while len(left) > count:
         n = len(left) - 1
         chebyshev = [Fraction((-1) ** (n - k) * n * comb(n + k, 2 * k) * 4**k, (n + k) * NEAR**k) for k in range(n + 1)]
         share = left[n] / chebyshev[n]
@@ -74,14 +74,14 @@ def half_angle(squared):
 
 @inline
 def decay(exponent):
-    """``exp(-exponent)`` of a number of at least 0: of its rest after whole powers of 2, which are set bit by bit."""
+    """``exp(-exponent)`` of a number of at least 0: of the fraction after whole powers of 2, which are set as bits."""
     limited = min(exponent, _SMALLEST)
     shifted = _WHOLE - limited * _PER_LOG_2
     whole = shifted - _WHOLE
-    rest = (-limited - whole * _LOG_2) - whole * _REST_OF_LOG_2
+    fraction = (-limited - whole * _LOG_2) - whole * _REST_OF_LOG_2
     bits = np.float64(shifted).view(np.int64)
     power = np.int64((bits + _BIAS) << _FRACTION_BITS).view(np.float64)
-    return _exponential(rest) * power
+    return _exponential(fraction) * power
 
 
 BLOCK = 32  # directions: some vectors, and a small part of the sphere

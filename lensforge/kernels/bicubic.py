@@ -59,7 +59,7 @@ def index_at(position, most):
 
 @inline
 def cell_at(X, Y, side, grid):
-    """First row and column that act at a place of the chart, as floats, and how far it is behind the second ones.
+    """First row and column that act at a place of the chart, as floats, and its distance behind the second ones.
 
     The distances are shares of a step. ``side`` of the table is a float.
     """
@@ -107,7 +107,7 @@ def jet(table, grid, X, Y):
 def scatter(gradient, cell, inverse_step, by_table):
     """Add the sensitivities to value and slopes of :func:`jet` to the sixteen coefficients that acted.
 
-    ``cell``: as :func:`cell_at` answers it.
+    ``cell``: as :func:`cell_at` returns it.
     """
     row_of, column_of, share_x, share_y = cell
     by_value, by_slope_x, by_slope_y = by_table
@@ -180,7 +180,7 @@ def patch_sums(boxes, starts, values, table, by_weights):
 
 @kernel
 def refine(coarse, halfway, fine):
-    """Fill ``fine`` (t, t) with the spline of ``coarse`` (s, s); ``halfway`` (t, s) is for the work between."""
+    """Fill ``fine`` (t, t) with the spline of ``coarse`` (s, s); ``halfway`` (t, s): workspace."""
     for r in range(len(fine)):
         first = r // 2
         line = halfway[r]
@@ -270,7 +270,7 @@ class FaceBounds(NamedTuple):
 
     @staticmethod
     def of(bounds: Sequence[SurfaceBounds]) -> "FaceBounds":
-        """The bounds of each surface, together."""
+        """The bounds of several surfaces as arrays."""
         least, most, tiles = (np.array([bound[number] for bound in bounds]) for number in range(3))
         return FaceBounds(least, most, tiles, bounds[0].per_unit, bounds[0].tan_reach)
 

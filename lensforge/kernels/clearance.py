@@ -74,7 +74,7 @@ def newton_step(X, Y, gx, gy, hxx, hxy, hyy):
 
 @inline
 def within(X, Y):
-    """The point, or that of the rim in its direction."""
+    """The point itself, or the point of the rim in its direction."""
     radius = sqrt(X * X + Y * Y)
     return (X / radius, Y / radius) if radius > 1.0 else (X, Y)
 
@@ -104,7 +104,7 @@ def foot(table, grid, p, X, Y):
 
 @inline
 def take_shares(side, grid, X, Y, columns, shares):
-    """Fill in the sixteen coefficients that act at a chart point, and the share of each in ``rho``."""
+    """Fill in the sixteen coefficients that act at a chart point, and their shares in ``rho``."""
     px, py = (X - grid.origin) * grid.inverse_step, (Y - grid.origin) * grid.inverse_step
     i, j = index_at(px - 1.0, side - 4.0), index_at(py - 1.0, side - 4.0)
     wx, _, _ = cubic_splines(px - (i + 1.0))
@@ -117,7 +117,7 @@ def take_shares(side, grid, X, Y, columns, shares):
 
 @inline
 def squared_gap(box, px, py, pz):
-    """Squared distance of a point from a box, 0 in it; as rounded, it is no more than that from any node in the box."""
+    """Squared distance of a point from a box, 0 in it; after rounding no more than that from any node in the box."""
     dx = max(box[0, 0] - px, 0.0, px - box[1, 0])
     dy = max(box[0, 1] - py, 0.0, py - box[1, 1])
     dz = max(box[0, 2] - pz, 0.0, pz - box[1, 2])
@@ -128,9 +128,9 @@ def squared_gap(box, px, py, pz):
 def nearest_node(nodes, boxes, px, py, pz, window, farthest, guess):
     """Squared distance, row and column of the node of a ``window`` (rows, then columns: first, end) nearest to a point.
 
-    Of equally near ones the first, row by row; ``farthest`` and -1 where none is nearer than that. ``boxes``
-    (b, b, 2, 3): least and largest coordinates of blocks of ``nodes`` (n, n, 3). ``guess``: row and column of a node
-    that is likely to be near, which leaves fewer blocks to look into.
+    The first of equally near ones, row by row; ``farthest`` and -1 if none is nearer. ``boxes`` (b, b, 2, 3): least and
+    largest coordinates of blocks of ``nodes`` (n, n, 3). ``guess``: row and column of a node that is likely to be near,
+    which leaves fewer blocks to look into.
     """
     best, row, column = farthest, -1, -1  # the nearest node so far
     first_row, end_row, first_column, end_column = window
@@ -158,7 +158,7 @@ def nearest_node(nodes, boxes, px, py, pz, window, farthest, guess):
 
 
 class SurfaceNodes(NamedTuple):
-    """A surface at places ``apart`` on the chart, boxes around blocks of these, and how far a point may be from one."""
+    """A surface at places ``apart`` on the chart, boxes around blocks of these, and a point's largest distance."""
 
     places: Float[np.ndarray, "n n 3"]
     boxes: Float[np.ndarray, "b b 2 3"]
@@ -221,8 +221,9 @@ def nearest_points(table, origin, step, nodes, reach, out):
 
 @dataclass(frozen=True)
 class Feet:
-    """Feet of some of the points on a surface: which ``points``, by number, the chart point of the foot of each, and
-    the ``columns`` and ``shares`` of the table's coefficients that make the radius there.
+    """Feet of some points on a surface: numbers of the ``points``, and chart point of each foot.
+
+    ``columns``, ``shares``: the table's coefficients that make the radius there.
     """
 
     points: Int[np.ndarray, " f"]
@@ -333,7 +334,7 @@ def plane_exit(ux, uy, uz, corners, growth):
 
 @inline
 def beside(ux, uy, uz, ball, best):
-    """True where a ray passes beside a ``ball`` (centre, radius), or leaves it before the distance ``best``."""
+    """True if a ray passes beside a ``ball`` (centre, radius), or leaves it before the distance ``best``."""
     along = ux * ball[0] + uy * ball[1] + uz * ball[2]
     if along + ball[3] <= best:
         return True

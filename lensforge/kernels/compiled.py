@@ -46,7 +46,7 @@ class KernelCache:
         return cls(_folder_of(Path(source).parent), function.__code__.co_firstlineno)
 
     def ensure_cache_path(self) -> None:
-        """Make the folder again, should it have been deleted."""
+        """Recreate the folder in case it was deleted."""
         self._folder.mkdir(parents=True, exist_ok=True)
 
     def get_cache_path(self) -> str:
@@ -58,7 +58,7 @@ class KernelCache:
         return self._folder.name
 
     def get_disambiguator(self) -> str:
-        """The line, a part of the file's name."""
+        """The line, as part of the file's name."""
         return str(self._line)
 
 
@@ -80,7 +80,7 @@ class _SharedCache(FunctionCache):
     """numba's cache of a kernel; while one process compiles it, others that need it wait."""
 
     def load_overload(self, signature: Any, target: Any) -> Any:
-        """The kernel, compiled before or meanwhile by another process; None if this one is to compile it."""
+        """The kernel, compiled earlier or meanwhile by another process; None if this one is to compile it."""
         overload = super().load_overload(signature, target)
         if overload is None:
             with suppress(OSError):  # no locks on this file system, or no end: compiled once more
@@ -114,7 +114,7 @@ _CHAIN = 6  # steps of a polynomial in turn: with 11 or 22 a sum of basis functi
 def polynomial(terms: Callable[[], Sequence[SupportsFloat]]) -> Function:
     """A function of kernels: the polynomial with coefficients ``terms``, the constant one first, of a float64.
 
-    They are asked for where a kernel is compiled. It is a straight line of instructions: the compiler unrolls a loop
+    They are evaluated when a kernel is compiled. It is a straight line of instructions: the compiler unrolls a loop
     over coefficients for some numbers of them only, and makes no vector instructions of a loop around one that it does
     not unroll.
     """

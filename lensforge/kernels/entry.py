@@ -15,7 +15,7 @@ from lensforge.kernels.vectors import scaled
 
 @inline
 def entry(p, d, table, grid, bounds):
-    """Entry of a ray into the cavity: its fate, and the path (mm) to z = 0 for one that starts below.
+    """Entry of a ray into the cavity: its fate, and the path (mm) to z = 0 if it starts below.
 
     The fate is ``LEFT_LENS`` for a ray that enters.
     """
@@ -47,7 +47,7 @@ def entry_of_all(p, d, body, sides):
 
 @inline
 def begin_fields(packet, lane, k, d, fields, placement, sides):
-    """Fields of ray k as it enters the cavity, in this lane of the packet, where these are followed."""
+    """Set the fields of ray k as it enters the cavity, in this lane of the packet, if they are followed."""
     if sides is not None:
         packet[MEDIUM + lane] = CAVITY
         packet[LAST + lane] = -1.0

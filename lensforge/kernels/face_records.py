@@ -7,7 +7,7 @@ from jaxtyping import Float, Int, Int8
 
 
 class FaceMedia(NamedTuple):
-    """Media before and behind each face, and the share that a mirror on it reflects, below 0 where it has none."""
+    """Media before and behind each face, and the reflectance of its mirror, negative without one."""
 
     before: Int8[np.ndarray, " f"]
     behind: Int8[np.ndarray, " f"]
@@ -15,11 +15,11 @@ class FaceMedia(NamedTuple):
 
 
 class FacePlacement(NamedTuple):
-    """Frames in which the faces stand: a rotation each and, in its last column, a shift (mm), into the next frame.
+    """Transforms between the frames of the faces: rotations with a shift (mm) in the last column.
 
-    From that of the rays into the first face's own, from there into the next face's, and from the last back; where any
-    face may be met next, all stand in one frame. ``factor_in``: of lengths on the way into the first frame,
-    ``factor_out``: on the way back; those of a lens that has shrunk, and of a source of another size.
+    From the frame of the rays to the first face's, from there to the next face's, and from the last back; if any face
+    may be met next, all have one frame. ``factor_in``: of lengths on the way into the first frame, ``factor_out``: on
+    the way back; those of a lens that has shrunk, and of a source of another size.
     """
 
     frames: Float[np.ndarray, "g 3 4"]

@@ -17,7 +17,7 @@ from lensforge.kernels.vectors import add_scaled, dot, linear_combination, scale
 
 @inline
 def drawn_slope(k, face, times, noise, keys, slopes):
-    """Slope along both lines of the facet that ray k meets on a face which it has met so many ``times`` before."""
+    """Slope along both lines of the facet that ray k meets on a face after ``times`` earlier hits."""
     rms = slopes[face]
     if times == 0:
         return rms * noise[k, 2 * face], rms * noise[k, 2 * face + 1]
@@ -30,7 +30,7 @@ def drawn_slope(k, face, times, noise, keys, slopes):
 
 @inline
 def on_face(x, y, u):
-    """The vector along a face of this unit normal that x and y are there; and its part along u + z, less than 0."""
+    """The vector along a face of this unit normal with components x and y; and its component along u + z, negated."""
     along = (x * u[0] + y * u[1]) / (1.0 + u[2])
     return (x - along * u[0], y - along * u[1], -along * (1.0 + u[2])), along
 
@@ -45,7 +45,7 @@ def seen_slope(x, y, rms, normal, d):
 
 @inline
 def fetch_facet(packet, lane, face, times, noise, keys, slopes):
-    """The facet of a ray of a packet at the crossing that it has found, where faces are rough."""
+    """The facet that a ray of a packet meets at its crossing, if faces are rough."""
     if noise is not None:  # known to the compiler
         x, y = drawn_slope(int(packet[RAY + lane]), face, times, noise, keys, slopes)
         d = three(packet, DX + lane)
@@ -72,7 +72,7 @@ def facet_normal(packet, place, n, d, noise):
 def facet_normal_adjoint(packet, place, n, d, noise, h, f):
     """Adjoint of :func:`facet_normal`: sensitivities to n, and to d beside f, from that to the facet's normal (h).
 
-    The derivatives of what is seen by the cosine and by the slope along d are in the packet behind the slopes.
+    The derivatives of the visible slope by cosine and by the slope along d are in the packet after the slopes.
     """
     if noise is None:
         return h, f

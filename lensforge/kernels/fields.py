@@ -24,7 +24,7 @@ _DARK = 1e-12  # transmittance below which the slope of its root no longer count
 
 @inline
 def unpolarised(d):
-    """Two unit vectors across the direction d and each other."""
+    """Two unit vectors perpendicular to the direction d and to each other."""
     x, y, z = abs(d[0]), abs(d[1]), abs(d[2])
     if x <= y and x <= z:
         first = unit((0.0, d[2], -d[1]))
@@ -81,7 +81,7 @@ def reflecting(c, ratio):
 
 
 class FieldTurn(NamedTuple):
-    """A face that turns fields: a and k (complex), unit normal, u, directions on both sides, reflected or not."""
+    """A face that turns fields: a and k (complex), unit normal, u, directions on both sides, whether it reflects."""
 
     a: tuple[float, float]
     k: tuple[float, float]
@@ -110,7 +110,7 @@ def _before_turn(real, imaginary, face):
 
 @inline
 def turn_vector(y, face):
-    """A vector across the direction before a face, or a turn, across that behind it."""
+    """A vector perpendicular to the direction before a face, or a turn, as one perpendicular to that behind."""
     if face.mirrored:
         return add_scaled(y, -2.0 * dot(face.n, y), face.n)
     along = dot(face.b, y) / (1.0 + dot(face.d, face.b))

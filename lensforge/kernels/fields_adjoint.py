@@ -60,7 +60,7 @@ FIELD = 3 * SIZE  # from one part of a field to the next
 
 @inline
 def begin_forward(packet, count, local_fields, placement):
-    """Fields with which all rays begin: their ``local_fields`` if any, else unpolarised; nothing is absorbed yet."""
+    """Initial fields of all rays: their ``local_fields`` if any, else unpolarised; nothing is absorbed yet."""
     for lane in range(count):
         packet[CLEAR + lane] = 1.0
         packet[SMOOTH + lane] = 1.0
@@ -185,7 +185,7 @@ def spread_at(packet, k, face, b, shifts, keys):
 
 @inline
 def spreads_at(face, body):
-    """True for an event behind which light may be spread: none does total reflection."""
+    """True for events behind which light may be spread: not after total reflection."""
     return not face.mirrored or body.sides.mirrors[face.face] >= 0.0
 
 

@@ -75,7 +75,7 @@ _LEAPS = 2  # of all rays before the first evaluation: to the ball in which no s
 
 @inline
 def leap_of(r, outward, least, nearby, tan_reach):
-    """Path (mm) to where the next evaluation is worth its time; 0 where it is at once.
+    """Path (mm) to the next useful evaluation; 0 if that is here.
 
     F > 0 in the ball of the ``least`` radius: to its far side, a last bit further; and up to the least radius
     ``nearby``, within reach of the bounds.
@@ -124,7 +124,7 @@ def approach(r, outward, most):
 
 @inline
 def walked(rays, k, least, most, tan_reach, among, outside):
-    """A safe step of a ray that has no bracket yet, or its bracket: ``[t, t - 2 F/slope]`` has one root.
+    """A safe step of a ray without a bracket, or its bracket: ``[t, t - 2 F/slope]`` has one root.
 
     Returns path, state, whether it has a bracket now, and the bracket. It ends at the plane z = 0, a little below which
     the table ends: there it is a polynomial without bounds. ``among`` several faces a ray that starts on this one is
@@ -210,7 +210,7 @@ def closed_in(rays, k):
 
 @inline
 def keep(rays, k, after, state, closing, low, high):
-    """Write down a step, and the evaluation before it."""
+    """Store a step, and the evaluation before it."""
     rays[BEFORE + k] = rays[T + k]
     rays[F_BEFORE + k] = rays[F + k]
     rays[INVERSE_BEFORE + k] = 1.0 / rays[SLOPE + k]
@@ -223,7 +223,7 @@ def keep(rays, k, after, state, closing, low, high):
 
 @inline
 def close_in(rays, count):
-    """A step of every ray, where all have a bracket."""
+    """A step of every ray if all have a bracket."""
     for k in range(count):
         after, state, low, high = closed_in(rays, k)
         keep(rays, k, after, state, 1.0, low, high)
@@ -254,9 +254,9 @@ def advance(rays, count, closing, least, most, tan_reach, among, outside):
 
 @inline
 def settle(rays, count, among):
-    """Write down what was found; the last ray on its way takes the place.
+    """Store finished rays and fill their places with the last ones.
 
-    Returns the number of those that go on, and of those among them that have a bracket.
+    Returns the number of unfinished rays, and of those among them that have a bracket.
     """
     k = 0
     closing = 0.0
@@ -281,7 +281,7 @@ def settle(rays, count, among):
 
 @inline
 def start_all(rays, count):
-    """Put all rays of a packet on their way."""
+    """Start the search of all rays of a packet."""
     for k in range(count):
         rays[NUMBER + k] = float(k)
         rays[T + k] = 0.0
@@ -294,7 +294,7 @@ def start_all(rays, count):
 
 @inline
 def drop_far(rays, count):
-    """End the way of the rays that are past their limits. Returns the number of the others, and 0 for brackets."""
+    """End the search of rays past their limits. Returns the number of the others, and 0 for brackets."""
     for k in range(count):
         rays[STATE + k] = MISSED if rays[T + k] >= rays[LIMIT + k] else GOING
     return settle(rays, count, True)
@@ -302,7 +302,7 @@ def drop_far(rays, count):
 
 @inline
 def first_hits(rays, count, table, grid, bounds, among, outside):
-    """First crossings of the ``count`` rays on their way, from points with ``|p| <= rho`` and z >= 0.
+    """First crossings of the ``count`` searching rays, from points with ``|p| <= rho`` and z >= 0.
 
     Fills their path lengths, statuses and, where one was found, the table's slopes there. ``among``: whether this is
     one of several faces, on which rays may start, and behind whose limits no crossing matters. From ``outside`` points

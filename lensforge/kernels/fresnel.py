@@ -151,7 +151,7 @@ def coated_transmittances(c, q, ratio, table, row):
 
 
 class SecondFace(NamedTuple):
-    """The second face that a ray passes: index ratio, cosines before and behind, unit normal, directions there."""
+    """The second face on a ray's path: index ratio, cosines before and behind, unit normal, directions there."""
 
     ratio: float
     c: float

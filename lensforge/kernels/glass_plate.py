@@ -27,7 +27,7 @@ class GlassPlate(NamedTuple):
 
 @inline
 def _passed(c, plate, row):
-    """Apparent shift (mm) of the plate for a ray of cosine ``c``, and its transmittance, both with derivatives by c.
+    """Apparent shift (mm) and transmittance of the plate for a ray of cosine ``c``, with derivatives by c.
 
     The shift of a plate of thickness d is ``d (1 - ratio c / q)``, the light that it absorbs ``1 - exp(-a d / q)``
     (Beer and Lambert). The transmittance is of the flux, and of the flux along z. ``row``: of the ray in the tables of
@@ -59,9 +59,9 @@ def _passed(c, plate, row):
 
 @kernel
 def behind_plate(rays, plate, rows, lost):
-    """Move the points of ``rays`` (a ``RaysOut``) along z, and take from their flux what is ``lost`` in the plate.
+    """Move the points of ``rays`` (a ``RaysOut``) along z, and take the flux ``lost`` in the plate from them.
 
-    ``rows``: place of each ray among the rows of the film, or one for all.
+    ``rows``: row of each ray in the table of the film, or one for all.
     """
     for k in range(len(rays.flux)):
         lost[k] = 0.0

@@ -5,9 +5,9 @@ by more than a pixel reaches no pixel. ``size``: width and height of the grid, i
 
 Besides the image and the flux in the window there are two sums over rays that the image misses: they have no flux and
 no derivative in it, so descent alone never brings them back. Each summand is bounded, ``e/(1+e)``, so that a few
-outliers cannot outweigh the image, and counts the flux with which a ray left the source. A ray that lands nowhere is
-as far off as can be: else light would gain by missing the plane of its receiver. A sum that is steep beside the edge,
-``e/(1/4+e)``, costs a lens of two faces its pattern: quickstart ended at an NMSE of 0.0107 in place of 0.0007.
+outliers cannot outweigh the image, and counts the flux with which a ray left the source. A ray that lands nowhere
+counts as infinitely far off: else light would gain by missing the receiver's plane. A sum that is steep beside the
+edge, ``e/(1/4+e)``, costs a lens of two faces its pattern: quickstart ended at an NMSE of 0.0107 in place of 0.0007.
 """
 
 from math import floor
@@ -20,7 +20,7 @@ from lensforge.kernels.compiled import inline, kernel
 
 
 class RaysAtReceiver(NamedTuple):
-    """Rays as a search collects them: hits, flux, squared exit sines, which have landed, and the flux emitted."""
+    """Rays as a search collects them: hits, flux, squared exit sines, flags of landing, and emitted flux."""
 
     hits: Float[np.ndarray, "n 2"]
     flux: Float[np.ndarray, " n"]
@@ -29,7 +29,7 @@ class RaysAtReceiver(NamedTuple):
     emitted: Float[np.ndarray, " n"]
 
     def part(self, part: slice) -> "RaysAtReceiver":
-        """Some of the rays."""
+        """Select a part of the rays."""
         return RaysAtReceiver(*(column[part] for column in self))
 
 
@@ -42,11 +42,11 @@ class ByRaysAtReceiver(NamedTuple):
 
     @staticmethod
     def empty(count: int) -> "ByRaysAtReceiver":
-        """Room for those to so many rays."""
+        """Memory for ``count`` rays."""
         return ByRaysAtReceiver(np.empty((count, 2)), np.empty(count), np.empty(count))
 
     def part(self, part: slice) -> "ByRaysAtReceiver":
-        """Sensitivities to some of the rays."""
+        """Select a part of the sensitivities."""
         return ByRaysAtReceiver(*(column[part] for column in self))
 
 

@@ -56,7 +56,7 @@ _PASSES = 8  # over the faces of a cavity, until a ray is in all of them
 
 @inline
 def keep_nearest(rays, count, face):
-    """Keep what the search on one face found where it is nearer than what was kept; a search given up stays so."""
+    """Keep the crossing with one face if it is nearer than the stored one; a failed search stays failed."""
     for lane in range(count):
         k = int(rays[ASKED + lane])
         if rays[NEXT_STATUS + k] == LOST:
@@ -77,7 +77,7 @@ def keep_nearest(rays, count, face):
 
 @inline
 def start_one(rays, lane, k, face, path, end):
-    """Put ray k of a packet on its way, to a ``face`` from ``path`` (mm) ahead to ``end``."""
+    """Start the search of ray k of a packet for ``face``, from ``path`` (mm) ahead to ``end``."""
     rays[NUMBER + lane] = float(k)
     rays[ASKED + lane] = float(k)
     rays[T + lane] = 0.0
@@ -92,9 +92,9 @@ def start_one(rays, lane, k, face, path, end):
 
 @inline
 def guess_faces(rays, count, body):
-    """For each ray the face that it is likely to meet: the nearest where it leaves the ball in which no face is.
+    """Guess the face that each ray meets: the nearest where it leaves the ball without faces.
 
-    Seldom is that the face on which it is. A wrong guess costs time alone.
+    Seldom the face on which it is. A wrong guess only costs time.
     """
     before = body.sides.before
     for k in range(count):
@@ -116,7 +116,7 @@ def guess_faces(rays, count, body):
 
 @inline
 def search_quickly(rays, count, face, body):
-    """Search the face that was guessed, for the rays that do not start on it; what is not decided is left pending."""
+    """Search the guessed face for rays that do not start on it; undecided rays are left pending."""
     table = body.tables[face]
     bounds = bounds_of(body.bounds, face)
     grid = body.grid
@@ -149,7 +149,7 @@ def search_quickly(rays, count, face, body):
 
 @inline
 def start_inside(rays, count, face, guessed, body):
-    """Put the rays in the medium before a face on their way to it: where it was ``guessed``, or elsewhere.
+    """Start rays in the medium before a face on their search for it: where it was ``guessed``, or elsewhere.
 
     Returns their number.
     """
@@ -160,15 +160,15 @@ def start_inside(rays, count, face, guessed, body):
     bounds = bounds_of(body.bounds, face)
     for k in range(count):
         if rays[MEDIUM + k] == medium and (rays[GUESS + k] == face) == guessed:
-            asked = rays[PENDING + k] == 1.0
+            is_pending = rays[PENDING + k] == 1.0
             if not guessed:
                 p = three(rays, PX + k)
                 d = three(rays, DX + k)
                 starts_on = rays[LAST + k] == face
-                asked = rays[NEXT_STATUS + k] != FOUND or not clear_ahead(
+                is_pending = rays[NEXT_STATUS + k] != FOUND or not clear_ahead(
                     p, d, rays[NEXT + k], starts_on, table, bounds, hollow, body.grid
                 )
-            if asked:
+            if is_pending:
                 start_one(rays, going, k, float(face), 0.0, rays[NEXT + k])
                 going += 1
     return going
@@ -176,7 +176,7 @@ def start_inside(rays, count, face, guessed, body):
 
 @inline
 def start_outside(rays, count, face, body):
-    """Put those rays in the body on their way that are outside of a face of the cavity, where they have been followed.
+    """Start rays in the body that are outside a face of the cavity, where they have been followed.
 
     Returns their number.
     """
@@ -196,7 +196,7 @@ def start_outside(rays, count, face, body):
 
 @inline
 def keep_entry(rays, going, face):
-    """Move the rays that were on their way to their entry into one face of the cavity; others never enter it."""
+    """Advance the rays that searched their entry into one face of the cavity; others never enter it."""
     for lane in range(going):
         k = int(rays[ASKED + lane])
         rays[BACK + k] += rays[LENGTH + k]
@@ -237,7 +237,7 @@ def leaves_cavity(rays, k, length, body):
 
 @inline
 def back_into_cavity(rays, count, body):
-    """The way of rays in the body back into the cavity, the intersection of what its faces hold.
+    """Re-entry of rays in the body into the cavity, the intersection of the insides of its faces.
 
     A ray that is outside of one of them is followed to where it enters that one, until it is in all: it cannot have
     been in the cavity before. Crossings nearer than the face that bounds the body are kept. No ray comes back but in
@@ -287,7 +287,7 @@ def back_into_cavity(rays, count, body):
 
 @inline
 def meet_nearest(rays, count, body):
-    """For each ray of a packet the nearest crossing of the faces that bound the medium in which it is."""
+    """The nearest crossing, for each ray of a packet, with the faces that bound its medium."""
     for k in range(count):
         rays[NEXT + k] = inf
         rays[NEXT_STATUS + k] = MISSED

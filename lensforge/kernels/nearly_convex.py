@@ -49,7 +49,7 @@ DEEP = 0.8  # of the least radius: in that ball every ray is inside by 1 - DEEP
 
 @kernel
 def farthest_nearest(tables, faces, origin, step):
-    """Radius (mm) of a ball about all points of the hemisphere that are inside of every one of ``faces``."""
+    """Radius (mm) of a ball about the part of the hemisphere inside all of ``faces``."""
     side = tables.shape[1]
     rim = 1.0 + 2.0 * step
     ball = 0.0
@@ -74,9 +74,9 @@ def farthest_nearest(tables, faces, origin, step):
 def node_of_row(row, j):
     """Six times the value of a row's spline at a node, twice its slope, and its second derivative, per step."""
     before = row[j - 1]
-    here = row[j]
+    middle = row[j]
     behind = row[j + 1]
-    return before + 4.0 * here + behind, behind - before, behind - 2.0 * here + before
+    return before + 4.0 * middle + behind, behind - before, behind - 2.0 * middle + before
 
 
 @inline
@@ -177,7 +177,7 @@ def bulge(hollow, least, outward, distance_squared, length):
 
 @inline
 def clear_ahead(p, d, length, starts_on, table, bounds, hollow, grid):
-    """Tell whether a ray does not cross a face before the path ``length``; it may start on the face."""
+    """True if a ray does not cross a face before the path ``length``; it may start on the face."""
     distance_squared = dot(p, p)
     outward = dot(p, d)
     needed = bulge(hollow, bounds.least, outward, distance_squared, length)
@@ -198,7 +198,7 @@ def nodal(table, grid, p):
 
 @inline
 def start_quick(rays, lane, k, table, grid, least, ball):
-    """Put the place in the search that ray k of the packet is in, near where it may cross a face."""
+    """Start the search of ray k near its likely crossing with a face."""
     p = three(rays, PX + k)
     d = three(rays, DX + k)
     distance_squared = dot(p, p)
@@ -236,7 +236,7 @@ def gauge(rays, count, ball):
 
 @inline
 def quick_hits(rays, count, table, grid, ball):
-    """A crossing of each of the ``count`` rays on their way, or the end of the ball, or of the hemisphere."""
+    """A crossing of each of the ``count`` searching rays, or the end of the ball, or of the hemisphere."""
     for _ in range(MAX_CLOSING):
         whole = in_whole_vectors(count)
         locate(rays, whole, float(len(table)), grid, 1.0, 0.0)
@@ -253,7 +253,7 @@ def quick_hits(rays, count, table, grid, ball):
 
 @inline
 def is_first(p, d, length, table, bounds, ball, hollow, grid):
-    """Tell whether a crossing that was found is the first."""
+    """True if a crossing is the first along its ray."""
     distance_squared = dot(p, p)
     outward = dot(p, d)
     needed = bulge(hollow, bounds.least, outward, distance_squared, length)
@@ -278,7 +278,7 @@ def gauge_along(table, grid, p, d):
 
 @inline
 def stays_outside(p, d, length, value, slope, least, hollow):
-    """Tell whether a ray does not cross a face from outside before the path ``length``.
+    """True if a ray does not cross a face from outside before the path ``length``.
 
     ``value`` and ``slope`` of G at its start, where the value is 1 if it starts on the face.
     """

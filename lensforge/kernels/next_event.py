@@ -67,13 +67,13 @@ def lost_fate(status, medium, dz, path, ordered):
 
 @inline
 def share_of_mirror(sides, face):
-    """Share that the mirror on a face reflects; below 0 where it has none."""
+    """Reflectance of the mirror on a face; negative without one."""
     return -1.0 if sides is None else sides.mirrors[face]
 
 
 @inline
 def is_side_way(face, sides):
-    """True for a face by which no light is to leave: all but the last one, the exit."""
+    """True for a face by which no light is meant to leave: all but the exit, the last one."""
     return False if sides is None else face + 1 < len(sides.before)
 
 
@@ -87,7 +87,7 @@ def exit_sine(face, behind, q_squared, sides):
 
 @inline
 def keep_met(met, packet, lane, event, face, mirrored):
-    """Note the face that a ray met at an event, where that is kept."""
+    """Store the face that a ray met at an event, if stored at all."""
     if met is not None:
         from_behind = packet[SIDE + lane] < 0.0
         code = 4 * face + (REFLECTED if mirrored else 0) + (FROM_BEHIND if from_behind else 0)
@@ -96,7 +96,7 @@ def keep_met(met, packet, lane, event, face, mirrored):
 
 @inline
 def absorb(packet, lane, path, rays, exits):
-    """Take what the body absorbs on a ``path`` (mm) from the flux of a ray."""
+    """Subtract absorption on a ``path`` (mm) in the body from the flux of a ray."""
     if len(rays.absorptions) > 0:
         k = int(packet[RAY + lane])
         clear = exp(-own_or_shared(rays.absorptions, k) * path)
@@ -108,7 +108,7 @@ def absorb(packet, lane, path, rays, exits):
 
 @inline
 def leave(packet, lane, arrived, rays, body, exits):
-    """Keep a ray behind the body, in the frame of the receivers; ``arrived``: flux (W) that came to the last face."""
+    """Store a ray behind the body, in the frame of the receivers; ``arrived``: flux (W) at the last face."""
     k = int(packet[RAY + lane])
     keep_axial(packet, lane, arrived, rays, body, exits.axial, body.sides)
     keep_fields(packet, lane, body.placement, exits.fields)
@@ -119,9 +119,9 @@ def leave(packet, lane, arrived, rays, body, exits):
 
 @inline
 def from_the_rim(p, d, face, body, placement):
-    """Path (mm) to the plane in which a face ends, from a ray below it; below 0 where the ray passes by.
+    """Path (mm) to the end plane of a face, for a ray below it; negative if the ray misses the opening.
 
-    At the rim a ray may be below that plane where the face stands lower than the one before, or tilted.
+    At the rim a ray may be below that plane if the face stands lower than the one before, or is tilted.
     """
     if placement is None:
         return 0.0
@@ -133,7 +133,7 @@ def from_the_rim(p, d, face, body, placement):
 
 @inline
 def carry_on(packet, lane, going, placement, sides):
-    """Move what is kept of the polarisation of a ray from its lane to that of its next event."""
+    """Move the polarisation state of a ray from its lane to that of its next event."""
     if sides is None:
         write(packet, MX + going, turned_between(placement, three(packet, MX + lane)))
         packet[T_S + going] = packet[T_S + lane]
@@ -147,9 +147,9 @@ def carry_on(packet, lane, going, placement, sides):
 
 @inline
 def to_outer(packet, lane, going, rays, body):
-    """Put a ray behind the inner one of two faces on its way to the outer one.
+    """Send a ray from the inner to the outer one of two faces.
 
-    Returns how far on that way (mm) it is then; below 0 where it does not come to that.
+    Returns its path so far (mm); negative if it does not reach that face's inside.
     """
     k = int(packet[RAY + lane])
     p, d = to_next_face(body.placement, three(packet, PX + lane), three(packet, DX + lane))
@@ -165,9 +165,9 @@ def to_outer(packet, lane, going, rays, body):
 
 @inline
 def to_nearest(packet, lane, going, face, medium, noise, sides):
-    """Put a ray on its way from a ``face`` to the nearest one that bounds the ``medium`` in which it is.
+    """Send a ray from a ``face`` to the nearest one that bounds its ``medium``.
 
-    Returns 0; below that where a facet sends it to the other side of its face, which is followed no further.
+    Returns 0; negative if a facet sends it to the other side of its face, which is followed no further.
     """
     p = three(packet, PX + lane)
     d = three(packet, DX + lane)
@@ -183,9 +183,9 @@ def to_nearest(packet, lane, going, face, medium, noise, sides):
 
 @inline
 def to_next_event(packet, lane, going, face, medium, rays, body, balls):
-    """Put a ray on its way from a ``face`` to its next one.
+    """Send a ray from a ``face`` to its next one.
 
-    Returns how far on that way (mm) it is then; below 0 where it does not come to that.
+    Returns its path so far (mm); negative if it does not reach that one's inside.
     """
     if balls is None:  # known to the compiler
         return to_outer(packet, lane, going, rays, body)
@@ -194,7 +194,7 @@ def to_next_event(packet, lane, going, face, medium, rays, body, balls):
 
 @inline
 def pass_on(packet, count, event, rays, body, ways, exits):
-    """Let the rays of a packet pass the faces to which they have moved. Returns the number of those that go on."""
+    """Pass the rays of a packet through the faces at which they are. Returns the number of those that continue."""
     going = 0
     last = event + 1 == ways.lengths.shape[1]
     ordered = in_order(body.bounds.balls)

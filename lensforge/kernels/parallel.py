@@ -19,35 +19,35 @@ _Item = TypeVar("_Item")
 _Result = TypeVar("_Result")
 
 CHUNKS = 8
-_asked: list[Callable[[], int]] = []  # by the blocks of ``kernel_threads`` that are open
+_requested: list[Callable[[], int]] = []  # by the blocks of ``kernel_threads`` that are open
 
 
 @contextmanager
 def kernel_threads(threads: int | Callable[[], int] | None) -> Iterator[None]:
     """Let the kernels use ``threads`` threads inside the block; None leaves the number unchanged.
 
-    A function is asked at each call of :func:`in_parallel`: another process may need a core for some of the time.
+    A function is evaluated at each call of :func:`in_parallel`: another process may need a core for some of the time.
     """
     if threads is None:
         yield
         return
-    _asked.append(threads if callable(threads) else lambda: threads)
+    _requested.append(threads if callable(threads) else lambda: threads)
     try:
         yield
     finally:
-        _asked.pop()
+        _requested.pop()
 
 
 def thread_count() -> int:
-    """Threads that the kernels use: those asked for, else those of torch where it is loaded, else one for each core."""
-    if _asked:
-        return _asked[-1]()
+    """Threads of the kernels: as requested, else those of torch if it is loaded, else one for each core."""
+    if _requested:
+        return _requested[-1]()
     torch = sys.modules.get("torch")
     if torch is not None and hasattr(torch, "get_num_threads"):  # not while it loads
         return int(torch.get_num_threads())
-    asked = os.environ.get("OMP_NUM_THREADS", "")  # as torch obeys it
-    if asked.isdecimal() and int(asked) > 0:
-        return int(asked)
+    openmp = os.environ.get("OMP_NUM_THREADS", "")  # as torch obeys it
+    if openmp.isdecimal() and int(openmp) > 0:
+        return int(openmp)
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1  # not on Windows
 
 
@@ -61,7 +61,7 @@ def in_chunks(work: Callable[[int, slice], Any], count: int, *, worth: int = 1) 
 
 
 def in_pieces(work: Callable[[slice], Any], count: int, *, worth: int) -> None:
-    """Run ``work(slice of rays)`` where what becomes of a ray does not depend on the others of its slice.
+    """Run ``work(slice of rays)`` where rays are independent of the others in their slice.
 
     A piece has at least half as many as are ``worth`` two threads: to hand the interpreter's lock from thread to thread
     between two calls takes longer than most calls on a thousand rays.
@@ -71,7 +71,7 @@ def in_pieces(work: Callable[[slice], Any], count: int, *, worth: int) -> None:
 
 
 def part_of(values: Float[np.ndarray, " k"], part: slice) -> Float[np.ndarray, " i"]:
-    """Values of some of the rays, where there is one for each; the one for all, or none, where there is not."""
+    """Values of a part of the rays if there is one for each; else the common one, or none."""
     return values if len(values) <= 1 else values[part]
 
 
@@ -97,7 +97,7 @@ def in_parallel(work: Callable[[int], Any], count: int, *, shared: bool = True) 
 
 
 def in_parallel_map(work: Callable[[_Item], _Result], items: Sequence[_Item]) -> list[_Result]:
-    """``work`` of every item, in their order, on as many threads as the kernels may use."""
+    """``work`` of every item, in order, on as many threads as the kernels may use."""
     results = dict[int, _Result]()
 
     def do(number: int) -> None:

@@ -50,10 +50,10 @@ from lensforge.kernels.vectors import add_scaled, dot, scaled, unit
 
 @inline
 def refract_in_order(packet, count, face, film, rays, body, axis):
-    """Move all rays of a packet to a ``face`` of a double lens, 0 or 1, which they have found, and refract them there.
+    """Move all rays of a packet to their crossings with a ``face`` of a double lens, 0 or 1, and refract them there.
 
-    Those that have found none only move. Fills the cosine before, the squared one behind, and the transmittance; at the
-    inner face what the outer one needs to know of the polarisation, at the outer one the share along ``axis``.
+    Rays without a crossing only move. Fills the cosine before, the squared one behind, and the transmittance; at the
+    inner face the polarisation data that the outer one needs, at the outer one the share along ``axis``.
     """
     for k in range(count):
         number = int(packet[RAY + k])
@@ -115,7 +115,7 @@ def refract_second(packet, count, axial, rays, body):
 
 @inline
 def refract_any(packet, count, event, rays, body, met):
-    """Move all rays of a packet to the faces that they have found, and refract them there, also where one reflects."""
+    """Move all rays of a packet to their crossings, and refract them there, also if some are reflected."""
     for k in range(count):
         face = int(packet[FACE + k])
         times = times_met(met, int(packet[RAY + k]), event, face)
@@ -182,7 +182,7 @@ def turn_fields(packet, lane, face):
 
 @inline
 def behind_face(packet, lane, face, mirror, arrived, rays, body, sides):
-    """Tell whether a ray is reflected at its face, and its flux behind that; its direction and fields are renewed.
+    """Update direction, fields and flux of a ray behind its face; returns whether it is reflected, and its flux.
 
     ``arrived``: its flux (W) before the face.
     """
@@ -205,7 +205,7 @@ def behind_face(packet, lane, face, mirror, arrived, rays, body, sides):
 
 @inline
 def keep_fields(packet, lane, placement, fields):
-    """Keep the fields with which a ray leaves, in the frame of the receivers, where anybody asks."""
+    """Store the fields with which a ray leaves, in the frame of the receivers, if wanted."""
     if len(fields) > 0:
         k = int(packet[RAY + lane])
         for part in range(4):
@@ -215,7 +215,7 @@ def keep_fields(packet, lane, placement, fields):
 
 @inline
 def share_along(packet, lane, axis):
-    """Share of the light whose field is along a unit vector."""
+    """Share of the light whose field lies along a unit vector."""
     squared = 0.0
     for part in range(4):
         onto = dot(axis, three(packet, FIELDS + 3 * part * SIZE + lane))
@@ -225,7 +225,7 @@ def share_along(packet, lane, axis):
 
 @inline
 def keep_axial(packet, lane, arrived, rays, body, axial, sides):
-    """Keep the flux of a ray times the squared part of its field along z, where a cover glass asks for it."""
+    """Store the flux of a ray times the squared component of its field along z, for a cover glass."""
     if axial is not None:
         k = int(packet[RAY + lane])
         if sides is None:

@@ -71,7 +71,7 @@ class Precision:
         return function if self.kind is np.float64 else in_single(function)
 
     def of(self, values: Any) -> Any:
-        """Arrays of float64, numbers, and tuples of both, as the kernels take them; what else there is stays."""
+        """Arrays of float64, numbers, and tuples of both, as the kernels take them; anything else unchanged."""
         if self.kind is np.float64:
             return values
         if isinstance(values, np.ndarray):

@@ -29,14 +29,14 @@ class RadianceSums(NamedTuple):
 
 @inline
 def _within(before, share, wanted):
-    """Place in [0, 1] of ``wanted`` in a cell that begins at ``before`` and holds ``share``."""
+    """Position in [0, 1] of ``wanted`` in a cell that begins at ``before`` and holds ``share``."""
     return min((wanted - before) / share, 1.0) if share > 0.0 else 0.0
 
 
 @inline
-def _linear(first, second, rest):
-    """Place in [0, 1] up to which a density linear from ``first`` to ``second`` has the share ``rest``."""
-    target = rest * (first + second)
+def _linear(first, second, share):
+    """Position in [0, 1] up to which a density linear from ``first`` to ``second`` has the given ``share``."""
+    target = share * (first + second)
     below = first + sqrt(max(first * first + (second - first) * target, 0.0))
     return min(target / below, 1.0) if below > 0.0 else 0.0
 
@@ -75,11 +75,11 @@ def emit(points, sums, places, directions):
                 middle = (low + high) // 2
                 low, high = (low, middle) if sums.by_azimuth[row, column, middle] > wanted else (middle, high)
             before = sums.by_azimuth[row, column, low]
-            rest = _within(before, sums.by_azimuth[row, column, low + 1] - before, wanted)
+            azimuth_share = _within(before, sums.by_azimuth[row, column, low + 1] - before, wanted)
             first = low
             second = low + 1
             planes = sums.by_square[row, column, first, rises - 1], sums.by_square[row, column, second, rises - 1]
-            between = _linear(planes[0], planes[1], rest)
+            between = _linear(planes[0], planes[1], azimuth_share)
             azimuth = sums.azimuths[first] + between * (sums.azimuths[second] - sums.azimuths[first])
         weight = 1.0 - between
         low = 0
@@ -88,11 +88,11 @@ def emit(points, sums, places, directions):
         wanted *= points[ray, 2]
         while high - low > 1:
             middle = (low + high) // 2
-            here = (
+            flux_here = (
                 weight * sums.by_square[row, column, first, middle]
                 + between * sums.by_square[row, column, second, middle]
             )
-            low, high = (low, middle) if here > wanted else (middle, high)
+            low, high = (low, middle) if flux_here > wanted else (middle, high)
         before = weight * sums.by_square[row, column, first, low] + between * sums.by_square[row, column, second, low]
         after = weight * sums.by_square[row, column, first, high] + between * sums.by_square[row, column, second, high]
         inner = weight * sums.radiance[row, column, first, low] + between * sums.radiance[row, column, second, low]

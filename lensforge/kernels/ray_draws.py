@@ -27,7 +27,7 @@ def mixed(key):
 
 @inline
 def drawn(key, face, times):
-    """Two numbers in [0, 1) of the ray with this key, for a face that it has met so many times before."""
+    """Two numbers in [0, 1) of the ray with this key, for a face after ``times`` earlier hits."""
     stream = mixed((key + _GOLDEN) ^ np.uint64(_FACES * times + face))
     return float(mixed(stream + _GOLDEN) >> _11) * _ULP, float(mixed(stream + _GOLDEN + _GOLDEN) >> _11) * _ULP
 
@@ -45,7 +45,7 @@ def fill_keys(origins, directions, keys):
 
 @kernel
 def draw_all(keys, face, times, numbers):
-    """Fill ``numbers`` (n, 2) with those that are :func:`drawn` for one face, which each ray has met so many times."""
+    """Fill ``numbers`` (n, 2) by :func:`drawn` for one face after ``times`` earlier hits."""
     for k in range(len(keys)):
         numbers[k, 0], numbers[k, 1] = drawn(keys[k], face, times[k])
 

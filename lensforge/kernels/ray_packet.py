@@ -1,4 +1,4 @@
-"""A packet of rays: an array with one field after another, and what is made anew at each place on the rays' ways.
+"""A packet of rays: an array with one field after another, and the fields recomputed at each place on the rays' paths.
 
 All rays of a packet go in step, so that the vector units of a core work on several rays at once. A loop over the rays
 of a packet that reads and writes nothing but one array, at offsets that the compiler knows, and chooses between results
@@ -65,7 +65,7 @@ def empty_packet(precision: Precision = DOUBLE_PRECISION) -> Float[np.ndarray, "
 
 @inline
 def in_whole_vectors(count):
-    """Number of places over which a loop for ``count`` rays goes, so that no vector is taken apart: room is there."""
+    """Number of lanes of a loop for ``count`` rays, rounded up to whole vectors: memory is there."""
     return (count + WIDTH - 1) // WIDTH * WIDTH
 
 

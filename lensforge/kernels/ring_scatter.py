@@ -60,7 +60,7 @@ def amount_of(number, shares, squares, last):
 
 @inline
 def amount_at(number, face, c, shifts):
-    """Amount of a shift at a cosine of incidence, even between those that are given, and its derivative."""
+    """Amount of a shift at a cosine of incidence, linear between the given ones, and its derivative."""
     cosines = shifts.cosines[face]
     shares = shifts.shares[face]
     squares = shifts.squares[face]
@@ -80,7 +80,7 @@ def amount_at(number, face, c, shifts):
 
 @inline
 def numbers_at(k, face, times, shifts, keys):
-    """Two numbers of ray k for the rings of a face that it has met so many ``times`` before."""
+    """Two numbers of ray k for the rings of a face after ``times`` earlier hits."""
     if times == 0:
         return shifts.numbers[k, 2 * face], shifts.numbers[k, 2 * face + 1]
     return drawn(keys[k], face, times)
@@ -88,7 +88,7 @@ def numbers_at(k, face, times, shifts, keys):
 
 @inline
 def shift_at(k, face, times, c, shifts, keys):
-    """The shift of ray k at a face that it has met so many ``times`` before; whether there is any, too."""
+    """The shift of ray k at a face after ``times`` earlier hits; and whether it is shifted."""
     if shifts.sizes[face, 0] == 0:
         return Shift(0.0, 0.0, 1.0, (1.0, 0.0), 0.0), False
     uniform, second_uniform = numbers_at(k, face, times, shifts, keys)
@@ -107,7 +107,7 @@ def bounce(n, side, mirrored):
 
 @inline
 def _unfolded(b, shift, face):
-    """Direction along the face that light takes, before it is folded; and what makes the shift a vector there."""
+    """Direction along the face before folding, and the factors that make the shift a vector there."""
     n = face.ahead
     m, tilt = on_face(shift.x, shift.y, face.outward)
     return add_scaled(m, shift.keep, add_scaled(b, -dot(b, n), n)), tilt

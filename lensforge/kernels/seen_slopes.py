@@ -32,7 +32,7 @@ def bell(x):
 
 @inline
 def seen_number(a, k):
-    """The number x of a normal number a, and its derivatives by a and k.
+    """The visible number x of a normal number a, and its derivatives by a and k.
 
     Halley's steps on the logarithm of the share above x, or on the root of that below it, whichever is less.
     """
@@ -78,9 +78,9 @@ def added_slope(rms, c, along):
     if rms * sine <= _ALONG * cosine:
         per = rms * rms / cosine
         a = slope / cosine
-        rest = a * a - rms * rms * squared / (cosine * cosine)
-        added = per * (1.0 - 0.5 * a + rest / 3.0)
-        by_c = per / cosine * (a - 1.0 - rest + 2.0 / 3.0 * rms * rms)
+        variance_excess = a * a - rms * rms * squared / (cosine * cosine)
+        added = per * (1.0 - 0.5 * a + variance_excess / 3.0)
+        by_c = per / cosine * (a - 1.0 - variance_excess + 2.0 / 3.0 * rms * rms)
         return sign * added, by_c, per / cosine * (2.0 / 3.0 * a - 0.5)
     a = slope / (rms * sine)
     x, by_a, by_k = seen_number(a, cosine / (rms * sine))

@@ -22,32 +22,32 @@ from lensforge.kernels.parallel import CHUNKS, in_chunks
 def multiply_rows(starts, columns, values, dense, first, last, product):
     """Fill rows ``first`` to ``last`` of ``product`` (r, f) with those of the matrix (CSR) times ``dense`` (s, f)."""
     for row in range(first, last):
-        for one in range(0, dense.shape[1], 2):  # two at a time: each value of the matrix is read once for both
-            two = min(one + 1, dense.shape[1] - 1)
-            at_one = 0.0
-            at_two = 0.0
+        for first_column in range(0, dense.shape[1], 2):  # in pairs: each value of the matrix is read once for both
+            second_column = min(first_column + 1, dense.shape[1] - 1)
+            first_sum = 0.0
+            second_sum = 0.0
             for k in range(starts[row], starts[row + 1]):
                 value = values[k]
                 column = columns[k]
-                at_one += value * dense[column, one]
-                at_two += value * dense[column, two]
-            product[row, one] = at_one
-            product[row, two] = at_two
+                first_sum += value * dense[column, first_column]
+                second_sum += value * dense[column, second_column]
+            product[row, first_column] = first_sum
+            product[row, second_column] = second_sum
 
 
 @kernel
 def add_transposed(starts, columns, values, dense, first, last, total):
     """Add to ``total`` (s, f) the transposed rows ``first`` to ``last`` times those of ``dense`` (r, f)."""
     for row in range(first, last):
-        for one in range(0, dense.shape[1], 2):
-            two = min(one + 1, dense.shape[1] - 1)
-            at_one = dense[row, one]
-            at_two = dense[row, two] if two > one else 0.0
+        for first_column in range(0, dense.shape[1], 2):
+            second_column = min(first_column + 1, dense.shape[1] - 1)
+            first_sum = dense[row, first_column]
+            second_sum = dense[row, second_column] if second_column > first_column else 0.0
             for k in range(starts[row], starts[row + 1]):
                 value = values[k]
                 column = columns[k]
-                total[column, one] += value * at_one
-                total[column, two] += value * at_two
+                total[column, first_column] += value * first_sum
+                total[column, second_column] += value * second_sum
 
 
 _WORTH_SHARING = 2**18  # entries of the matrix: a quarter of a millisecond of work

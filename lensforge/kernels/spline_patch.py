@@ -43,7 +43,7 @@ def spline_points(knots, control, degree, orders, places, basis, out):
 
 @as_written
 def _interval(knots, degree, last, place):
-    """Number of the last knot that is not beyond ``place``, from ``degree`` to ``last``."""
+    """Number of the last knot not beyond ``place``, from ``degree`` to ``last``."""
     low = degree
     high = last + 1
     while high - low > 1:
@@ -57,7 +57,7 @@ def _interval(knots, degree, last, place):
 
 @as_written
 def _functions(knots, place, degree, interval, order, out):
-    """Derivatives of an ``order`` of the functions that are not 0 in an interval (de Boor, with ``_deBoor_D``)."""
+    """Derivatives of ``order`` of the functions that do not vanish in an interval (de Boor, with ``_deBoor_D``)."""
     out[0] = 1.0
     for rising in range(1, degree + 1):
         carried = 0.0

@@ -18,7 +18,7 @@ from lensforge.kernels.traced_body import index_in
 
 @inline
 def choose_nearest(packet, count, rays, body):
-    """Take what :func:`meet_nearest` has found as the crossing of each ray, with the media on both sides."""
+    """Adopt the crossing that :func:`meet_nearest` found for each ray, with the media on both sides."""
     for lane in range(count):
         is_met = packet[NEXT_STATUS + lane] == FOUND
         face = int(packet[FACE + lane])
@@ -38,7 +38,7 @@ def choose_nearest(packet, count, rays, body):
 
 @inline
 def note_order(packet, count, event, sides):
-    """Note the face to which all rays go, the medium before it and the side, where faces are met in their order."""
+    """Set the next face of all rays, the medium before it and the side, if faces are met in order."""
     if sides is not None:
         for lane in range(count):
             packet[FACE + lane] = float(event)

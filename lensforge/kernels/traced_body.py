@@ -35,7 +35,7 @@ def some_of(record: _Record, part: slice) -> _Record:
 
 
 class RaysIn(NamedTuple):
-    """Rays that come to a body, in the frame of what sends them.
+    """Rays incident on a body, in the frame of their source.
 
     ``emitted``: flux (W). ``indices``: the body's refractive index for each ray, or one for all; ``absorptions`` its
     absorption (1/mm) likewise, or nothing where the body is clear. ``film_rows``: place of each ray among the rows of
@@ -101,7 +101,7 @@ class TracedBody(NamedTuple):
 
 
 class Ways(NamedTuple):
-    """Path length (mm) of each ray to each of its events, and the face that it met there.
+    """Path length (mm) of each ray to each of its events, and the face met there.
 
     ``met``: four times the number of the face; 2 more where the ray was reflected, 1 more where it came from behind the
     face; below 0 where there was none. None for a double-freeform lens in unpolarised light.
@@ -164,7 +164,7 @@ def own_or_shared(values, k):
 
 @inline
 def times_met(met, k, event, face):
-    """Number of times that ray k has met a face before an event; 0 where faces are met once each, in their order."""
+    """Earlier hits of a face by ray k before an event; 0 if faces are met once each, in order."""
     if met is None:
         return 0
     times = 0

@@ -7,7 +7,7 @@ along C and along gamma, is right to h^4. All have the flux of the rays.
 
 Near the axis only those waves around it are kept that the steps in gamma resolve as well. The axis itself has the
 smallest cell of all: means of cones about it are drawn to one parabola in gamma, as far as noise makes them differ from
-it. To choose between the two would make two figures of light whose noise is near the choice.
+it. Choosing one or the other would make figures jump for light whose noise is near the threshold.
 
 Two tables of the same rays, one with twice the nodes, differ by structure and by noise. Independent samples tell one
 from the other: a finer table is taken while it gains more structure than noise.
@@ -100,7 +100,7 @@ class AngularGrid:
         return AngularGrid(self.planes, self.gamma_deg[::2])
 
     def restricted(self, deposits: Float[np.ndarray, "p c g"], axis: Axis) -> Float[np.ndarray, "p d h"]:
-        """Deposits on :meth:`coarser` of the rays whose deposits here are ``deposits``: exact, no ray is needed."""
+        """Deposits on :meth:`coarser` of the rays that made ``deposits`` here: exact, without the rays."""
         if axis == "c":
             odd = 0.5 * deposits[:, 1::2]
             return np.asarray(deposits[:, ::2] + odd + np.roll(odd, 1, axis=1))
@@ -124,17 +124,17 @@ class AngularGrid:
 
     @property
     def _shares(self) -> Float[np.ndarray, " h"]:
-        """Place of every second cone between its neighbours, 0 to 1."""
+        """Position of every second cone between its neighbours, 0 to 1."""
         even = self.gamma_deg[::2]
         return np.asarray((self.gamma_deg[1::2] - even[:-1]) / np.diff(even))
 
     @cached_property
     def solid_angles(self) -> Float[np.ndarray, " g"]:
-        """Integral (sr) of the bilinear function of one node, by its cone; on the axis of one of ``planes`` parts."""
+        """Integral (sr) of a node's bilinear function, by its cone; on the axis that of one of ``planes`` parts."""
         return np.asarray(self._gram.sum(axis=1) * (2.0 * np.pi / self.planes))
 
     def products(self, samples: Float[np.ndarray, "p c g"]) -> Float[np.ndarray, "p p"]:
-        """Products of each two of ``samples``, node by node, over solid angle."""
+        """Products of every pair of ``samples``, node by node, over solid angle."""
         flat = (samples * np.sqrt(self.solid_angles)).reshape(len(samples), -1)
         return np.asarray(flat @ flat.T)
 
@@ -148,9 +148,9 @@ class AngularGrid:
         measure = half * weights * np.sin(gamma[:-1, None] + 2.0 * half * share)
         gram = np.zeros((len(gamma), len(gamma)))
         cell = np.arange(len(gamma) - 1)
-        for row, own in ((0, 1.0 - share), (1, share)):
-            for column, other in ((0, 1.0 - share), (1, share)):
-                gram[cell + row, cell + column] += (measure * own * other).sum(axis=1)
+        for row, row_function in ((0, 1.0 - share), (1, share)):
+            for column, column_function in ((0, 1.0 - share), (1, share)):
+                gram[cell + row, cell + column] += (measure * row_function * column_function).sum(axis=1)
         return gram
 
     @cached_property
@@ -175,12 +175,11 @@ class AngularGrid:
         return np.fft.irfft(solution, n=self.planes, axis=1)
 
     def _pooled(self, means: Float[np.ndarray, "p g"], flux: Float[np.ndarray, " g"]) -> Float[np.ndarray, "p g"]:
-        """``means`` of all cones, those about the axis drawn to parabolas a + b gamma^2 of the same flux.
+        """``means`` of all cones; those about the axis shrunk to parabolas a + b gamma^2 of the same flux.
 
-        ``flux`` of each cone: typical nodes are those where the light is.
-
-        What a sample changes has two parts: its own values, and how far those of all are drawn. With the second by the
-        jackknife errors are up to 1.5 times what they scatter by, without it 0.5 to 0.9: two thirds of it are taken.
+        ``flux`` of each cone: typical nodes are those where the light is. A sample acts in two ways: by its own values,
+        and by how far all values are shrunk. With the second by the jackknife, errors are up to 1.5 times the true
+        scatter, without it 0.5 to 0.9: two thirds of it are used.
         """
         total = float(flux.sum())
         if not total > 0.0:
@@ -192,16 +191,16 @@ class AngularGrid:
         count = len(means)
         if count < _LEAST_SAMPLES:
             return drawn
-        rest = [self._drawn_to_parabolas(np.delete(means, k, axis=0), most).mean(axis=0) for k in range(count)]
-        influences = (count - 1) * (np.mean(rest, axis=0) - rest)
+        left_out = [self._drawn_to_parabolas(np.delete(means, k, axis=0), most).mean(axis=0) for k in range(count)]
+        influences = (count - 1) * (np.mean(left_out, axis=0) - left_out)
         mean = drawn.mean(axis=0)
         return mean + (1.0 - _JACKKNIFE) * (drawn - mean) + _JACKKNIFE * influences
 
     def _drawn_to_parabolas(self, means: Float[np.ndarray, "p g"], most: int) -> Float[np.ndarray, "p g"]:
-        """``means`` with the first 3 to ``most`` cones drawn to their parabolas, one after the other.
+        """``means`` with the first 3 to ``most`` cones shrunk to their parabolas in turn.
 
-        What they differ by is drawn by the share of its square that noise makes (James & Stein 1961). A single sample
-        has no known noise, and is drawn to the last parabola.
+        A difference shrinks by the share of its square that noise makes (James & Stein 1961). A single sample has no
+        known noise, and is taken to the last parabola.
         """
         parts = len(means)
         values = means
@@ -231,12 +230,12 @@ class AngularGrid:
         from scipy.linalg import solveh_banded
 
         beside = np.diagonal(self._gram, 1)
-        own = np.diagonal(self._gram)
+        diagonal = np.diagonal(self._gram)
         sums = self._gram.sum(axis=1)
         values = np.zeros_like(flux)
-        bands = np.stack([np.pad(beside[first:], (1, 0)), own[first:]])
+        bands = np.stack([np.pad(beside[first:], (1, 0)), diagonal[first:]])
         right = flux[first:]
-        values[first:] = solveh_banded(bands, right, check_finite=False) if len(right) > 1 else right / own[-1]
+        values[first:] = solveh_banded(bands, right, check_finite=False) if len(right) > 1 else right / diagonal[-1]
         inwards = np.arange(len(beside))[::-1]
         share = 0.5 * np.minimum(inwards / _FADING_STEPS, 1.0)
         flow = (share * beside)[:, None] * np.diff(values, axis=0)
@@ -246,16 +245,16 @@ class AngularGrid:
         return values
 
     def table(self, values: Float[np.ndarray, "c g"]) -> TabulatedIntensity:
-        """Table of ``values`` without those below 0, of the same flux.
+        """Table of ``values`` with those below 0 removed, of the same flux.
 
-        A cone in which values are below 0 keeps its flux: the others on it become less. What is left then, of cones
-        whose flux itself is below 0, all values make up for.
+        A cone with values below 0 keeps its flux: its other values are reduced. Cones whose total flux is below 0 are
+        made up for by all values.
         """
         flux = float((values * self.solid_angles).sum())
         positive = np.maximum(values, 0.0)
         sums = positive.sum(axis=0)
-        kept = np.maximum(values.sum(axis=0), 0.0)
-        positive *= np.divide(kept, sums, out=np.zeros_like(sums), where=sums > 0.0)
+        cone_sums = np.maximum(values.sum(axis=0), 0.0)
+        positive *= np.divide(cone_sums, sums, out=np.zeros_like(sums), where=sums > 0.0)
         positive *= flux / float((positive * self.solid_angles).sum())
         closed = np.concatenate([positive, positive[:1]])
         return TabulatedIntensity(np.append(self.c_deg, 360.0), self.gamma_deg, closed)
@@ -274,10 +273,10 @@ _OUTSIDE_STEPS = 64
 
 
 def finest_grid(beam_deg: float) -> AngularGrid:
-    """Grid for light that is within ``beam_deg`` of the axis, but for a little: fine there, coarse beyond."""
-    narrow = next((end for end in _NARROW_DEG if beam_deg <= end), None)
-    reach = min(10.0 * np.ceil(beam_deg / 10.0), 90.0) if narrow is None else narrow
-    steps = _NARROW_STEPS if narrow is not None else round(reach / 10.0) * _STEPS_PER_10_DEG
+    """Grid for light nearly all within ``beam_deg`` of the axis: fine there, coarse beyond."""
+    narrow_deg = next((end for end in _NARROW_DEG if beam_deg <= end), None)
+    reach = min(10.0 * np.ceil(beam_deg / 10.0), 90.0) if narrow_deg is None else narrow_deg
+    steps = _NARROW_STEPS if narrow_deg is not None else round(reach / 10.0) * _STEPS_PER_10_DEG
     inside, outside = np.linspace(0.0, reach, steps + 1), np.linspace(reach, 90.0, _OUTSIDE_STEPS + 1)
     return AngularGrid(_FINEST_PLANES, np.unique(np.concatenate([inside, outside])))  # the beam's end once
 
@@ -298,7 +297,7 @@ Samples = Float[np.ndarray, "p c g"]
 class Rival:
     """Tables in other steps, ``light``, which other rays might have chosen.
 
-    ``doubt``: as of :func:`~lensforge.results.estimates.in_doubt`.
+    ``doubt``: as in :func:`~lensforge.results.estimates.in_doubt`.
     """
 
     light: "FittedIntensity"
@@ -310,8 +309,8 @@ class FittedIntensity:
     """Intensity tables (W/sr) of independent samples on ``grid``, each of all the flux; their mean is the result.
 
     ``interpolation_error``: rms, relative to the peak, of what a table of half the steps adds where the light is
-    brighter than a tenth of the peak, and one standard error of that; None if so few samples cannot tell. ``rival``:
-    None where other rays would choose the same steps.
+    brighter than a tenth of the peak, and one standard error of that; None if the samples are too few to tell.
+    ``rival``: None if other rays would choose the same steps.
     """
 
     grid: AngularGrid
@@ -321,7 +320,7 @@ class FittedIntensity:
 
     @property
     def values(self) -> Float[np.ndarray, "c g"]:
-        """Intensity (W/sr) at the nodes; on the axis, where all planes meet, the same in all of them."""
+        """Intensity (W/sr) at the nodes; equal in all planes on the axis, where they meet."""
         return np.asarray(self.samples.mean(axis=0))
 
     @property
@@ -347,7 +346,7 @@ class FittedIntensity:
 
     @cached_property
     def peak(self) -> Metric:
-        """Largest intensity (W/sr), noise taken off."""
+        """Largest intensity (W/sr), corrected for the bias of noise."""
         largest = debiased_maximum(self.samples.reshape(len(self.samples), -1)).changed(unit="W/sr")
         return largest if self.rival is None else in_doubt(largest, self.rival.light.peak, self.rival.doubt)
 
@@ -415,18 +414,18 @@ def _before(level: Level) -> tuple[Level, Axis]:
 
 @dataclass(frozen=True)
 class _Candidate:
-    """A ``level`` to go to, and by each pair of samples its gain: structure less noise, over where one is."""
+    """A ``level`` to move to, and for each pair of samples its gain: structure less noise, relative to the pair."""
 
     level: Level
     gains: Float[np.ndarray, "p p"]
 
     @property
     def gain(self) -> float:
-        """The gain without the noise of squares; none of a single sample."""
+        """The gain, corrected for the noise of squares; 0 for a single sample."""
         return mean_over_pairs(self.gains) if len(self.gains) > 1 else 0.0
 
     def chance_against(self, best: "_Candidate") -> float:
-        """Probability that other rays would choose this one rather than the ``best``; 0 of too few samples to tell."""
+        """Probability that other rays would prefer this candidate to ``best``; 0 if the samples are too few to tell."""
         if len(self.gains) < _LEAST_FOR_CHANCE:
             return 0.0
         behind = self.gains - best.gains
@@ -435,7 +434,7 @@ class _Candidate:
 
 
 def _candidates(pyramid: _Pyramid, level: Level) -> Iterator[_Candidate]:
-    """To stay at ``level``, and the three finer ones beside it."""
+    """Candidates: ``level`` itself and its three finer neighbours."""
     c, gamma = level
     stays = pyramid.noise(level)
     yield _Candidate(level, np.zeros_like(stays))
@@ -446,18 +445,18 @@ def _candidates(pyramid: _Pyramid, level: Level) -> Iterator[_Candidate]:
 
 
 def _chosen(pyramid: _Pyramid, level: Level) -> tuple[Level, list[tuple[Level, float]]]:
-    """The level from which no finer one gains structure beyond its noise; and the chance of each that was left out."""
+    """The level from which no finer one gains structure beyond its noise, and the probability of each other level."""
     left_out: list[tuple[Level, float]] = []
     while True:
-        best, *others = sorted(_candidates(pyramid, level), key=lambda candidate: -candidate.gain)
-        left_out += [(other.level, other.chance_against(best)) for other in others]
+        best, *losers = sorted(_candidates(pyramid, level), key=lambda candidate: -candidate.gain)
+        left_out += [(loser.level, loser.chance_against(best)) for loser in losers]
         if best.level == level:
             return level, left_out
         level = best.level
 
 
 def _rival(pyramid: _Pyramid, level: Level, left_out: Sequence[tuple[Level, float]]) -> "Rival | None":
-    """The level, of those left out, whose chance makes the tables at ``level`` least certain."""
+    """The rejected level whose probability makes the tables at ``level`` least certain."""
     likely = [(other, chance) for other, chance in left_out if chance > _LEAST_CHANCE]
     if not likely:
         return None
@@ -480,7 +479,7 @@ def _interpolation_error(pyramid: _Pyramid, level: Level) -> float | None:
     total = added.sum(axis=0)
     squares = (added**2).sum(axis=0)
     whole = (total**2 - squares) @ weights / (count * (count - 1.0) * weights.sum())
-    without = [((total - own) ** 2 - squares + own**2) @ weights for own in added]
+    without = [((total - sample) ** 2 - squares + sample**2) @ weights for sample in added]
     spread = np.std(without) / ((count - 1.0) * (count - 2.0) * weights.sum())
     square = whole + np.sqrt(count - 1.0) * spread
     return _RICHARDSON * float(np.sqrt(max(square, 0.0))) / float(mean.max())

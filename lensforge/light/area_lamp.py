@@ -26,7 +26,7 @@ _G = {
 
 
 class GlareIntensities(Record):
-    """Largest intensity (cd per 1000 lm of the lamp) at and above 70 and 80 degrees; a lens sends none above 90.
+    """Largest intensity (cd per 1000 lm of the lamp) at and above 70 and 80 degrees; a lens emits none above 90.
 
     ``glare_class``: the strictest class of glare that these keep, or "none".
     """
@@ -37,7 +37,7 @@ class GlareIntensities(Record):
 
 
 def glare_intensities(lamp: LampLight, lumens: float) -> GlareIntensities:
-    """Largest intensities of ``lamp`` near the horizon, without the noise that would choose them."""
+    """Largest intensities of ``lamp`` near the horizon, corrected for the bias of noise."""
     above_70, above_80 = (_largest_from(lamp, gamma, 1000.0 / lumens) for gamma in (70.0, 80.0))
     keeps = (name for name, (at_70, at_80) in _G.items() if above_70.value <= at_70 and above_80.value <= at_80)
     return GlareIntensities(above_70=above_70, above_80=above_80, glare_class=next(keeps, _NONE))
@@ -45,13 +45,13 @@ def glare_intensities(lamp: LampLight, lumens: float) -> GlareIntensities:
 
 def _largest_from(lamp: LampLight, gamma_deg: float, scale: float) -> Metric:
     nodes = np.append(gamma_deg, lamp.grid.gamma_deg[lamp.grid.gamma_deg > gamma_deg])
-    lateral, gamma = (each.ravel() for each in np.meshgrid(lamp.grid.c_deg - lamp.street_deg, nodes, indexing="ij"))
+    lateral, gamma = (angles.ravel() for angles in np.meshgrid(lamp.grid.c_deg - lamp.street_deg, nodes, indexing="ij"))
     largest = debiased_maximum(scale * lamp.intensities(lateral, gamma))
     return largest.changed(value=max(largest.value, 0.0), unit="cd/klm")
 
 
 class AreaLamp(Record):
-    """Figures of a lamp with all its lenses. ``lumens``: that leave it."""
+    """Figures of a lamp with all its lenses. ``lumens``: flux that leaves it."""
 
     lumens: Metric
     distribution: DistributionType
@@ -62,7 +62,7 @@ class AreaLamp(Record):
     def of(
         section: PhotometrySection, lens: LampLight, lens_lm: Metric, zones_lm: Float[np.ndarray, "p 2 4"]
     ) -> "AreaLamp | None":
-        """Figures of a lamp of ``section``, each lens with such light and flux by zone; None for general use."""
+        """Figures of a lamp of ``section``, each lens with this flux, total and by zone; None for general use."""
         if section.use == "general":
             return None
         lamp = lens.times(section.lenses)

@@ -46,7 +46,7 @@ class BeamColour(Record):
 
     @property
     def beam_words(self) -> str:
-        """The beam in words."""
+        """Phrase that defines the beam."""
         return f"where the light is above {percent(self.level)} of its peak"
 
     @property
@@ -56,7 +56,7 @@ class BeamColour(Record):
 
     @staticmethod
     def of(pictures: Pictures, level: float) -> "BeamColour | None":
-        """Colour of filtered ``pictures``; None in the dark, and where a replicate is dark."""
+        """Colour of filtered ``pictures``; None if one of the replicates is dark."""
         light = _in_beam(pictures, level)
         if light is None:
             return None
@@ -78,21 +78,21 @@ class BeamColour(Record):
 
 
 def distances_left_out(pictures: Pictures, level: float) -> list[dict[str, Metric] | None]:
-    """``rms`` and ``worst`` of filtered ``pictures`` by all replicates, then with one after the other left out.
+    """``rms`` and ``worst`` of filtered ``pictures`` by all replicates, then with each left out in turn.
 
     None in the dark. The pixels of the beam are those of all replicates; the worst is sought among fewer of them.
     """
     light = _in_beam(pictures, level)
     rows = np.arange(pictures.shape[1])
-    kept = [rows, *(rows[rows != k] for k in rows if len(rows) > 1)]
+    replicate_sets = [rows, *(rows[rows != k] for k in rows if len(rows) > 1)]
     if light is None:
-        return [None] * len(kept)
-    away = [_away(light[own]) for own in kept]
-    return [{"rms": (rms := _rms(each)), "worst": _worst(each, rms, _FEW_PIXELS)} for each in away]
+        return [None] * len(replicate_sets)
+    away = [_away(light[replicates]) for replicates in replicate_sets]
+    return [{"rms": (rms := _rms(distances)), "worst": _worst(distances, rms, _FEW_PIXELS)} for distances in away]
 
 
 def _in_beam(pictures: Pictures, level: float) -> Light | None:
-    """Light of the pixels above ``level`` of the peak; None in the dark, and where a replicate is dark there."""
+    """Light of the pixels above ``level`` of the peak; None if one of the replicates is dark there."""
     luminous = pictures[1]
     replicates = pictures.shape[1]
     if not (luminous.sum(axis=(1, 2)) > 0.0).all():
@@ -109,17 +109,17 @@ def _away(light: Light) -> Float[np.ndarray, "r n 2"]:
 
 
 def _of_temperature(totals: Float[np.ndarray, "r 3"], known: ColourTemperature, index: int, unit: str) -> Metric:
-    """One of both figures with its error; ``known`` counts where a part of the replicates has none."""
+    """Colour temperature or duv with its error; ``known`` counts if only some of the replicates have one."""
     return jackknife_metric(totals, lambda mean: float((colour_temperature(uv_of(mean)) or known)[index]), unit)
 
 
 def _rms(away: Float[np.ndarray, "r n 2"]) -> Metric:
-    """Root mean square of the distances of ``n`` pixels, without noise."""
+    """Root mean square of the distances of ``n`` pixels, corrected for the bias of noise."""
     return root_estimate(away.reshape(len(away), -1) / np.sqrt(away.shape[1]), np.ones(len(away))).metric()
 
 
 def _worst(away: Float[np.ndarray, "r n 2"], rms: Metric, pixels: int = _MOST_PIXELS) -> Metric:
-    """Largest of the distances of ``n`` pixels, without noise, at least their ``rms``; of so many that look worst."""
+    """Largest distance of ``n`` pixels without noise bias, at least ``rms``; among the ``pixels`` that look worst."""
     seen = np.linalg.norm(away.mean(axis=0), axis=1)
     if len(seen) > pixels:
         away = away[:, np.argpartition(seen, -pixels)[-pixels:]]

@@ -25,7 +25,7 @@ from lensforge.spec.quantities import Quantity
 
 @dataclass(frozen=True)
 class IntensityFigures:
-    """Figures by the intensities of a lamp; those of a file are taken at their word."""
+    """Figures by the intensities of a lamp; those of a file have no standard error."""
 
     candela: Candela
 
@@ -36,13 +36,13 @@ class IntensityFigures:
         return whole.changed(unit=unit, standard_error=error)
 
     def judged(self, limits: Iterator[IntensityLimit], name: str) -> Iterator[Fact]:
-        """Judge each limit that the application of this ``name`` requires."""
+        """Judge each limit that the application ``name`` requires."""
         for limit in limits:
             yield judged(limit, name, self.figure(limit.quantity, limit.sense, limit.unit, limit.light))
 
 
 def judgements(spec: Spec, lens: LampLight, source_lm: float) -> dict[str, tuple[ApplicationJudgement, ...]]:
-    """The applications of ``spec``, by table, with lamps of a lens with this light of a source of ``source_lm``."""
+    """The applications of ``spec``, by table, lit by lamps of a lens with this light over a source of ``source_lm``."""
     by_table: dict[str, tuple[ApplicationJudgement, ...]] = {}
     for entry, name in zip(spec.applications, names_of(spec.applications), strict=True):
         candela = of_lens(lens, lenses_in(entry, spec, source_lm))
@@ -51,7 +51,7 @@ def judgements(spec: Spec, lens: LampLight, source_lm: float) -> dict[str, tuple
 
 
 def limits_judged(spec: Spec, lens: LampLight, source_lm: float) -> Iterator[Fact]:
-    """Judge the requirements of the applications of ``spec`` alone: their other figures are left out."""
+    """Judge only the requirements of the applications of ``spec``; their other figures are left out."""
     for entry, name in zip(spec.applications, names_of(spec.applications), strict=True):
         figures = IntensityFigures(of_lens(lens, lenses_in(entry, spec, source_lm)))
         for limit in figures.judged(light_in(entry).limits(), name):
@@ -60,17 +60,17 @@ def limits_judged(spec: Spec, lens: LampLight, source_lm: float) -> Iterator[Fac
 
 
 def lenses_in(entry: Application, spec: Spec, source_lm: float) -> float:
-    """Lenses in a lamp, each over a source of ``source_lm``; as many as the lumens of the entry take, if it has any."""
+    """Lenses in a lamp, each over a source of ``source_lm``: the number that gives the entry's lumens, if stated."""
     return float(spec.photometry.lenses) if entry.lamp_lm is None else entry.lamp_lm / source_lm
 
 
 def of_lens(lamp: LampLight, factor: float) -> Candela:
-    """Intensities of ``lamp`` times ``factor``; 0 above 90 degrees, where a lens sends no light."""
+    """Intensities of ``lamp`` times ``factor``; 0 above 90 degrees, where a lens emits no light."""
     tables = lamp.in_file()
 
     def candela(light: CandelaSum) -> Float[np.ndarray, "p n"]:
-        found = factor * tables.intensities(light.azimuth_deg, light.gamma_deg)
-        return np.asarray(found * (light.gamma_deg <= 90.0))
+        intensities = factor * tables.intensities(light.azimuth_deg, light.gamma_deg)
+        return np.asarray(intensities * (light.gamma_deg <= 90.0))
 
     return candela
 
@@ -78,7 +78,7 @@ def of_lens(lamp: LampLight, factor: float) -> Candela:
 def of_file(file: PhotometricFile, street_c_deg: float, lamp_lm: float | None) -> Candela:
     """Intensities of the lamp of a photometric file whose C = ``street_c_deg`` is towards the street.
 
-    ``lamp_lm``: of its sources; None: as the file states. An absolute file states the light that leaves the lamp.
+    ``lamp_lm``: flux of its sources; None: as the file states. An absolute file states the light that leaves the lamp.
     """
     stated = file.rated_lumens
     return of_table(TabulatedIntensity.of(file.intensity), street_c_deg, 1.0 if lamp_lm is None else lamp_lm / stated)

@@ -31,9 +31,9 @@ _Compiled = Float[np.ndarray, "..."] | None
 
 @dataclass(frozen=True, eq=False)
 class RayCoatings:
-    """Table of each coated face, as in :class:`CoatingTables`; any other reflects by Fresnel's formulas, or nothing.
+    """Table of each coated face, as in :class:`CoatingTables`; uncoated faces reflect by Fresnel's formulas, if at all.
 
-    ``rows``: place among the rows of the tables, of each ray or of all.
+    ``rows``: fractional row of the tables, for each ray or one for all.
     """
 
     faces: Mapping[str, Float[np.ndarray, "k m 2"]]
@@ -41,9 +41,10 @@ class RayCoatings:
 
     @staticmethod
     def of(rays: RayBundle, media: Media, fresnel: bool = True, origin: str = "lens.") -> "RayCoatings":
-        """Coatings of ``media`` for ``rays``; none of them without ``fresnel``, when no face loses light.
+        """Coatings of ``media`` for ``rays``; none without ``fresnel``, when no face loses light.
 
-        Raises :class:`InputError` for light at whose wavelengths a coating is not known; ``origin``: of its place.
+        Raises :class:`InputError` for wavelengths at which a coating is not known; ``origin``: prefix of the field
+        named in the error.
         """
         if not fresnel or not media.coated:
             return NO_COATINGS
@@ -56,7 +57,7 @@ class RayCoatings:
         return RayCoatings(tables.faces, rows)
 
     def for_kernels(self, names: tuple[str, ...]) -> FaceFilms | None:
-        """Tables of the faces of these ``names`` as the compiled kernels take them; None: all are bare."""
+        """Tables of the faces ``names`` for the compiled kernels; None if all are bare."""
         tables = [self.faces.get(name) for name in names]
         known = [table for table in tables if table is not None]
         if not known:
@@ -71,7 +72,7 @@ class RayCoatings:
 
 
 def _compiled(table: Float[np.ndarray, "k m 2"] | None) -> _Compiled:
-    """A table of one row as that row: numba compiles the kernels for it without the search among rows."""
+    """A table of one row as that row: numba then compiles the kernels without the search among rows."""
     return table[0] if table is not None and len(table) == 1 else table
 
 
@@ -79,7 +80,7 @@ NO_COATINGS = RayCoatings({}, np.zeros(1))
 
 
 def _places(waves: Float[np.ndarray, " n"], nodes: Float[np.ndarray, " k"]) -> Float[np.ndarray, " n"]:
-    """Place of each wavelength among ``nodes``; by a quotient where these are evenly spaced: ten times as fast."""
+    """Fractional row of each wavelength among ``nodes``; by division if these are evenly spaced: ten times as fast."""
     last = len(nodes) - 1
     step = (nodes[-1] - nodes[0]) / last
     if np.abs(np.diff(nodes) - step).max() > _EVEN * step:
@@ -112,7 +113,7 @@ def _require_known(rays: RayBundle, media: Media, origin: str) -> None:
 
 
 def behind_glass(rays: ExitRays, media: Media, fresnel: bool = True, coatings: RayCoatings = NO_COATINGS) -> ExitRays:
-    """``rays``, NumPy arrays, as they are behind the cover glass of ``media``; themselves where there is none."""
+    """``rays``, NumPy arrays, behind the cover glass of ``media``; unchanged without one."""
     if media.cover_glass is None:
         return rays
     plate = _plate(media.cover_glass, media, fresnel, coatings)
@@ -129,9 +130,9 @@ def behind_glass(rays: ExitRays, media: Media, fresnel: bool = True, coatings: R
 def before_glass(
     rays: ExitRays, media: Media, by: ByRaysOut, fresnel: bool, coatings: RayCoatings = NO_COATINGS
 ) -> ByRaysOut:
-    """Sensitivities to ``rays`` from those to the rays behind the cover glass; the same where there is none.
+    """Sensitivities to ``rays`` from those to the rays behind the cover glass; unchanged without one.
 
-    None to the flux along z where nothing reflects.
+    None for the axial flux if nothing reflects.
     """
     if media.cover_glass is None:
         return by
@@ -148,7 +149,7 @@ def before_glass(
 
 
 def _copied(rays: ExitRays) -> RaysOut:
-    """Rays for the plate, of which it may change points and flux."""
+    """Copies of the rays, whose points and flux the plate may change in place."""
     axial = np.zeros(len(rays.flux)) if rays.axial is None else rays.axial
     none = np.zeros(0)
     return RaysOut(rays.points.copy(), rays.directions, rays.flux.copy(), none, rays.sin2_exit, rays.fates, axial)

@@ -61,22 +61,22 @@ def crease_gradients(
     total: Tables = np.zeros(tables.shape)
     if not len(creases):
         return total
-    own = (points * len(creases)).astype(int)
-    crossing = creases.take(own)
+    numbers = (points * len(creases)).astype(int)
+    crossing = creases.take(numbers)
     rays = towards(source, _seen_from_source(scene, crossing.one.points), seed)
     change = rays.flux * _gain(tables, scene, rays, crossing, worth) * (len(creases) * 2.0 * np.pi / _MERIDIANS)
     for side, by_radius in zip((creases.one, creases.other), crossing.flows(in_lens(scene, rays)), strict=True):
-        side.add(np.bincount(own, change * by_radius, len(creases)), total)
+        side.add(np.bincount(numbers, change * by_radius, len(creases)), total)
     return total
 
 
 def without_roughness(scene: Scene) -> Scene:
-    """The scene without the roughness of a lens as made: its noise would be another for each of two close rays."""
+    """The scene without roughness of the lens as made: its noise would differ between two close rays."""
     return scene if scene.made is None else replace(scene, made=replace(scene.made, slopes={}))
 
 
 def in_lens(scene: Scene, rays: RayBundle) -> RayBundle:
-    """Rays of the source in the frame of the faces, where these are out of place with it."""
+    """Rays of the source in the frame of the faces, if these are displaced relative to it."""
     if scene.made is None:
         return rays
     placed = scene.made.placed
@@ -96,7 +96,7 @@ def adjoint_on(
     by_images: Sequence[Float[np.ndarray, "h w"]],
     by_sums: Sequence[Float[np.ndarray, "3"]],
 ) -> RayAdjoint:
-    """Worth of rays by the derivatives of the merit by the sums that a search collects on each of its receivers.
+    """Sensitivities to rays from the derivatives of the merit by the sums that a search collects on each receiver.
 
     ``by_images``: by the flux (W) of each pixel; ``by_sums``: by that in the window, by that off the receiver, and by
     that of total reflection, as :class:`~lensforge.search.light_path.Collected` has them.
@@ -127,9 +127,9 @@ def _bounded(excess: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
 
 @dataclass(frozen=True)
 class OnFaces:
-    """Places on faces by their tables: the number of the ``face`` and the chart point of each.
+    """Points on faces by their tables: number of the ``face`` and chart point of each.
 
-    ``radius`` (mm) and its ``slopes`` over the chart; ``corner``: row and column of the first of 4 x 4 coefficients
+    ``radius`` (mm) and its ``slopes`` over the chart; ``corner``: row and column of the first of the 4 x 4 coefficients
     that act there, ``weights``: of each on the radius.
     """
 
@@ -150,40 +150,40 @@ class OnFaces:
             for order in (0, 1)
         )
         products = (x, y), (dx / grid.step, y), (x, dy / grid.step)
-        weights, by_x, by_y = (one[:, :, None] * other[:, None, :] for one, other in products)
+        weights, by_x, by_y = (x_weights[:, :, None] * y_weights[:, None, :] for x_weights, y_weights in products)
         near = tables[_places(face, cell - 1)]
-        radius, *slopes = (np.sum(near * each, axis=(1, 2)) for each in (weights, by_x, by_y))
+        radius, *slopes = (np.sum(near * factors, axis=(1, 2)) for factors in (weights, by_x, by_y))
         return OnFaces(face, chart, radius, np.stack(slopes, axis=1), cell - 1, weights)
 
     @property
     def points(self) -> _Vectors:
-        """The places in space (mm)."""
+        """The points in space (mm)."""
         return self.radius[:, None] * to_sphere(self.chart)
 
     @property
     def normals(self) -> _Vectors:
-        """Normals away from the origin, of such lengths that their part along the radius is 1."""
+        """Normals away from the origin, scaled so that their radial component is 1."""
         return to_sphere(self.chart) - gradient_on_sphere(self.chart, self.slopes) / self.radius[:, None]
 
     def take(self, rows: Int[np.ndarray, " k"]) -> "OnFaces":
-        """Select some of the places."""
+        """Select points by row."""
         return OnFaces(*(getattr(self, field.name)[rows] for field in fields(self)))
 
     def add(self, by_radius: _Values, total: Tables) -> None:
-        """Add derivatives by the radius at each place to those by the coefficients of the tables."""
+        """Add derivatives by the radius at each point to those by the coefficients of the tables."""
         np.add.at(total, _places(self.face, self.corner), by_radius[:, None, None] * self.weights)
 
 
 @dataclass(frozen=True)
 class CreasePoints:
-    """Points of the creases of a cavity on meridians ``2 pi / 256`` apart: each on ``one`` face and the ``other``."""
+    """Points of the creases of a cavity on meridians ``2 pi / 256`` apart, each on faces ``one`` and ``other``."""
 
     one: OnFaces
     other: OnFaces
 
     @staticmethod
     def of(tables: Tables, scene: Scene, turn: float = 0.0) -> "CreasePoints":
-        """Find all creases on the meridians; ``turn``, of the step between them, moves all."""
+        """Find all creases on the meridians; ``turn``, as a share of their spacing, moves all meridians."""
         faces, azimuths, ends = _brackets(tables, scene, 2.0 * np.pi * (np.arange(_MERIDIANS) + turn) / _MERIDIANS)
         axes = np.stack([np.cos(azimuths), np.sin(azimuths)], axis=1)
         place = ends.mean(axis=0)
@@ -196,7 +196,7 @@ class CreasePoints:
 
     @cached_property
     def tangents(self) -> _Vectors:
-        """Vectors along the crease: the product of both normals."""
+        """Vectors along the crease: the cross product of both normals."""
         return np.cross(self.one.normals, self.other.normals)
 
     @cached_property
@@ -210,18 +210,18 @@ class CreasePoints:
         return len(self.one.face)
 
     def take(self, rows: Int[np.ndarray, " k"]) -> "CreasePoints":
-        """Select some of the points."""
+        """Select points by row."""
         return CreasePoints(self.one.take(rows), self.other.take(rows))
 
     def across(self, directions: _Vectors) -> _Vectors:
-        """Unit vectors across the crease and rays that pass it in ``directions``."""
+        """Unit vectors perpendicular to the crease and to rays in ``directions``."""
         across = np.cross(directions, self.tangents) * np.sign(self.rate)[:, None]
         return across / np.linalg.norm(across, axis=1, keepdims=True)
 
     def flows(self, rays: RayBundle) -> tuple[_Values, _Values]:
-        """Solid angle (sr per radian of azimuth) that goes over where either radius grows by 1 mm, for each ray.
+        """Solid angle (sr per radian of azimuth) that crosses over per mm of growth of either radius, for each ray.
 
-        It is taken from the side of :meth:`across`.
+        It leaves the side of :meth:`across`.
         """
         scale = 1.0 / (self.rate * ((self.one.points - rays.origins) ** 2).sum(axis=1))
         by_one, by_other = ((rays.directions * side.normals).sum(axis=1) * scale for side in (self.other, self.one))
@@ -231,7 +231,7 @@ class CreasePoints:
 def _brackets(
     tables: Tables, scene: Scene, azimuths: Float[np.ndarray, " m"]
 ) -> tuple[Int[np.ndarray, "2 p"], Float[np.ndarray, " p"], Float[np.ndarray, "2 p"]]:
-    """The two faces that meet at each point of a crease, its meridian, and radii of the chart on both sides of it."""
+    """The two faces that meet at each crease point, its meridian, and chart radii that bracket it."""
     before = () if scene.chain is None else scene.chain.before
     bounding = [face for face, medium in enumerate(before) if medium == CAVITY]
     steps = np.linspace(0.0, 1.0, _STEPS + 1)
@@ -248,7 +248,7 @@ def _brackets(
 
 
 def _places(face: Int[np.ndarray, " p"], corner: Int[np.ndarray, "p 2"]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Indices among all tables of the coefficients of a face that act at each point."""
+    """Indices, among the coefficients of all tables, of those that act at each point."""
     rows, columns = (corner[:, axis, None] + np.arange(4) for axis in (0, 1))
     return face[:, None, None], rows[:, :, None], columns[:, None, :]
 
@@ -256,9 +256,9 @@ def _places(face: Int[np.ndarray, " p"], corner: Int[np.ndarray, "p 2"]) -> tupl
 def _gain(
     tables: Tables, scene: Scene, rays: RayBundle, crossing: CreasePoints, worth: RayAdjoint
 ) -> Float[np.ndarray, " n"]:
-    """Difference in worth of light beside the crease for each ray: it leaves the side of ``across``.
+    """Difference in worth of light on both sides of the crease for each ray: it leaves the side of ``across``.
 
-    Where a ray meets a face before the crease, that is the same on both sides.
+    A ray that meets a face before the crease is worth the same on both sides.
     """
     across = crossing.across(in_lens(scene, rays).directions)
     if scene.made is not None:

@@ -72,8 +72,8 @@ _RAYS_OF_OUTLINE = 2**16  # the hull of so many places on a disc lacks 0.1 % of 
 def measure_preset(lens: Lens, source: Source, design: TracedLens, evaluation: TracedLens) -> PresetError:
     """Errors of the tables of both stages against the exact surfaces; the evaluation's tables bracket the crossings.
 
-    The light is that on the first receiver, by the four-pixel splat on the design's pixels. With so few rays in a pixel
-    the errors of neighbouring rays do not average out: its error is an upper bound.
+    The light is that on the first receiver, by the four-pixel splat on the design's pixels. Few rays fall into a pixel,
+    so the errors of neighbouring rays do not average out: the error is an upper bound.
     """
     count = min(_RAYS, (source.ray_count or _SCRAMBLES * _RAYS) // _SCRAMBLES or 1)
     own_seeds = (seeds.of_preset_error(lens.seed, _SCRAMBLES, k) for k in range(_SCRAMBLES))
@@ -156,8 +156,10 @@ def evaluate_lens(
     judging = held_back(source) if searched_with else source
     far = tuple(limits_by_intensities(lens, judging, preset, efficacy.lumens, rays=rays, seed=seed))
     stated = stated_readings(lens.spec, receivers_of(lens.spec, side), efficacy)
-    asked: dict[str, Any] = {"pixels": side, "limits": limits, "by_intensities": far, "stated": stated}
-    light = evaluate_traced(traced, lens.spec, judging, count, seed, bounds_by=source, colour=lens.spec.colour, **asked)
+    settings: dict[str, Any] = {"pixels": side, "limits": limits, "by_intensities": far, "stated": stated}
+    light = evaluate_traced(
+        traced, lens.spec, judging, count, seed, bounds_by=source, colour=lens.spec.colour, **settings
+    )
     error = None
     if preset.table_error:
         error = measure_preset(lens, judging, TracedLens.of(lens, preset.nodes_per_sigma), traced)
@@ -170,27 +172,27 @@ def evaluate_lens(
 
 
 def _light_by(traced: TracedLens, spec: Spec, source: Source, rays: int, seed: int) -> FittedLight:
-    found = traced_light(traced, spec, source, rays, seed).metrics
-    return FittedLight(rays=min(rays, source.ray_count or rays), nmse=found.nmse, efficiency=found.efficiency)
+    metrics = traced_light(traced, spec, source, rays, seed).metrics
+    return FittedLight(rays=min(rays, source.ray_count or rays), nmse=metrics.nmse, efficiency=metrics.efficiency)
 
 
 def _with_left_open(
     light: Light, traced: TracedLens, spec: Spec, source: RefittedSource, rays: int, seed: int
 ) -> Light:
-    """``light`` with what the rays of a file leave open in the errors of NMSE and efficiency on the first receiver.
+    """``light`` with errors of NMSE and efficiency on the first receiver enlarged by the doubt of a file's few rays.
 
-    That is the root mean square of their changes where the model is fitted to other draws of the file's rays, and by
-    how much more than the noise of these they differ from the figures by rays of the file that are held back.
+    That is the root mean square of the changes when the model is fitted to other draws of the file's rays, and the
+    difference, in excess of noise, from the figures by rays of the file that are held back.
     """
     numbers = min(rays, _RAYS_OF_REFIT)
     first = light.receivers[0]
     models = [source, *(source.refitted(number) for number in range(_REFITS))]
-    own, *others = [traced_light(traced, spec, model, numbers, seed).metrics for model in models]
+    measured, *refitted = [traced_light(traced, spec, model, numbers, seed).metrics for model in models]
     by_file = _light_by(traced, spec, source.held_back, numbers, seed)
 
     def left_open(of: Callable[[LightMetrics | FittedLight], Metric]) -> float:
-        changes = np.mean([(of(other).value - of(own).value) ** 2 for other in others])
-        apart = of(by_file).value - of(own).value
+        changes = np.mean([(of(model_metrics).value - of(measured).value) ** 2 for model_metrics in refitted])
+        apart = of(by_file).value - of(measured).value
         noise = of(by_file).standard_error or 0.0
         return float(np.sqrt(changes + max(apart**2 - noise**2, 0.0)))
 
@@ -245,12 +247,12 @@ def evaluate_traced(
         for section, receiver, received in zip(spec.all_receivers, receivers, looked_at, strict=True)
     )
     eyes = tuple(_seen(traced, source, seed, zip(views, seen, strict=True)))
-    images = [gaussian3(each.images, variance) for each in looked_at] if limits or stated else []
+    images = [gaussian3(flux.images, variance) for flux in looked_at] if limits or stated else []
     for view, received, eye in zip(views, seen, eyes, strict=True):
         images.append(received.images / (eye.outline_mm2 or np.inf) if view.of_mean else received.images)
     losses = [_losses(received, simulation.by_way) for received in looked_at] if limits else []
-    shares = [each.in_regions[:, 1:] / simulation.emitted_w for each in looked_at]
-    names = [each.name for each in lit] + [""] * len(views)
+    shares = [flux.in_regions[:, 1:] / simulation.emitted_w for flux in looked_at]
+    names = [receiver.name for receiver in lit] + [""] * len(views)
     return Light(
         receivers=lit,
         limits=(*judged_limits(limits, images, names, losses, shares), *by_intensities, *colour_limits(colour, lit)),
@@ -273,7 +275,7 @@ def evaluate_traced(
 def _seen(
     traced: TracedLens, source: Source, seed: int, views: Iterable[tuple[EyeView, ReceivedFlux]]
 ) -> Iterator[SeenLens]:
-    """The lens in every view; some rays more tell its outline."""
+    """The lens in every view; additional rays determine its outline."""
     exits = None
     for view, received in views:
         exits = exits or traced.trace(source.sample(min(_RAYS_OF_OUTLINE, source.ray_count or _RAYS_OF_OUTLINE), seed))
@@ -288,9 +290,9 @@ def receiver_light(
     emitted_w: float,
     colour: ColourSection | None = None,
 ) -> ReceiverLight:
-    """Metrics and maps of the light on one receiver, with the bounds that physics sets there.
+    """Metrics and maps of the light on one receiver, with the physical bounds.
 
-    ``received``: with the flux in its target. ``variance`` of the filter (pixel^2).
+    ``received``: includes the flux in its target. ``variance`` of the filter (pixel^2).
     """
     receiver = physics.receiver
     drawn = drawn_target(section.targets, receiver)
@@ -337,7 +339,7 @@ def receiver_light(
 
 
 def _losses(received: ReceivedFlux, by_way: FluxByWay) -> Float[np.ndarray, "r c"]:
-    """Flux (W) by cause of its loss, as ``scene.light_ends`` orders them, in each replicate."""
+    """Flux (W) by cause of loss, in the order of ``scene.light_ends``, in each replicate."""
     ended = received.by_fate[:, : len(Fate)] @ (NUMBER_BY_FATE[:, None] == np.arange(len(LOSSES)))
     ended[:, LOSSES.index("beside")] = received.outside + received.by_fate[:, MISSED_RECEIVER]
     return np.concatenate([ended, by_way.leaked()], axis=1)

@@ -51,7 +51,7 @@ class PresetError(Record):
 
 
 class FittedLight(Record):
-    """Light on the first receiver by ``rays`` of a file: those of the search, too good where it fits their noise, or
+    """Light on the first receiver by ``rays`` of a file: those of the search, optimistic if it fits their noise, or
     those that no model of the file was fitted to.
     """
 
@@ -108,12 +108,12 @@ class Light(ResultByLed):
     criteria: Criteria = ()
 
     def judgements_on(self, lens: Any) -> Mapping[str, Iterable[Fact]]:
-        """Judge by the bounds that the spec of ``lens`` states; others are taken as stated."""
+        """Judge by the bounds that the spec of ``lens`` states now; other facts are kept as stored."""
         return {"limits": self._limits_of(lens.spec)}
 
     def _limits_of(self, spec: Spec) -> Iterator[Fact]:
-        for limit, asked in zip_longest(self.limits, bounds_of(spec.limits) if self.limits else ()):
-            name, sense, bound = asked or (limit.key, limit.sense, limit.limit)
+        for limit, requirement in zip_longest(self.limits, bounds_of(spec.limits) if self.limits else ()):
+            name, sense, bound = requirement or (limit.key, limit.sense, limit.limit)
             yield replace(limit or Fact(name, name, None), key=name, sense=sense, limit=bound)
 
     @property
@@ -168,11 +168,11 @@ class Light(ResultByLed):
         )
     )
     def not_converged(self) -> float:
-        """Share of the flux whose search for a crossing gave up, which no light may do."""
+        """Share of the flux for which the search for a crossing gave up; must be 0."""
         return self.first.flux.not_converged
 
     def with_worst(self, metric: MetricName) -> "Light":
-        """The light in the state that has a metric worst; the first where it has no meaning in any."""
+        """Light in the state with the worst value of ``metric``; in the first state if no state defines it."""
         lights = [light for light in (self, *self.others) if getattr(light, metric) is not None]
         worst = max if metric in ("nmse", "rsd") else min
         return worst(lights, key=lambda light: getattr(light, metric).value, default=self)
@@ -225,19 +225,19 @@ class Light(ResultByLed):
         Raises :class:`InputError` for an unknown map or receiver.
         """
         require_choice("which", which, get_args(Picture))
-        named = {receiver.name: receiver for receiver in self.receivers}
+        by_name = {receiver.name: receiver for receiver in self.receivers}
         if receiver is not None:
-            require_choice("receiver", receiver, named)
-        shown = self.first if receiver is None else named[receiver]
+            require_choice("receiver", receiver, by_name)
+        shown = self.first if receiver is None else by_name[receiver]
         unit = light_unit(self.lumens_per_watt, far_field=shown.chart.far_field)
         outline = None if which == "target_map" else shown.target_map
         return plot_map(getattr(shown, which), shown.chart, unit, axes, outline)
 
 
 def _figures(light: ReceiverLight) -> str:
-    named = {"uniformity": light.uniformity, "efficiency": light.efficiency}
-    others = (f"{name} {metric}" for name, metric in named.items() if metric is not None)
-    return ", ".join((f"NMSE {square(light.nmse.value, light.nmse.standard_error)}", *others))
+    metrics = {"uniformity": light.uniformity, "efficiency": light.efficiency}
+    further = (f"{name} {metric}" for name, metric in metrics.items() if metric is not None)
+    return ", ".join((f"NMSE {square(light.nmse.value, light.nmse.standard_error)}", *further))
 
 
 class LightMetrics(Record):
@@ -255,5 +255,5 @@ class LightMetrics(Record):
 
     @staticmethod
     def of_leds(light: Light) -> "dict[str, LightMetrics]":
-        """Metrics with each LED by its name; empty if there is one."""
+        """Metrics by the name of each LED; empty for a single one."""
         return {case.led: LightMetrics.of(case.result) for case in light.cases() if case.led}

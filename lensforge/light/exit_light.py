@@ -20,10 +20,10 @@ from lensforge.spec.lamps_section import ALONE, Lamps
 
 @dataclass(frozen=True)
 class Goniophotometer:
-    """The sphere of a radius (mm) around the ``lamps`` on which exit rays start, and what is read there.
+    """The sphere of a radius (mm) around the ``lamps`` on which exit rays start, and how it is read.
 
     ``symmetry``: mirror group of lens, source and ``lamps``, under which the light is averaged. ``street_deg``: azimuth
-    of the street. ``to_horizon``: the table is fine up to there, where a little light makes glare.
+    of the street. ``to_horizon``: the table is fine up to the horizon, where little light makes glare.
     """
 
     sphere_mm: float
@@ -47,11 +47,11 @@ class RaysOnSphere:
 def exit_rays(lens: TracedLens, rays: RayBundle, sphere_mm: float, lamps: Lamps = ALONE) -> RaysOnSphere:
     """Trace ``rays`` and start those that leave upwards on the sphere of radius ``sphere_mm`` around the lamps.
 
-    Rays are dealt to the lamps by chance, as many to each, and carry the flux of all.
+    Rays are dealt to the lamps at random, equally many to each, and carry the flux of all.
     """
     traced = lens.trace(rays) if lamps.is_single else _of_lamps(lens, rays, lamps)
     upwards = traced.left_lens & (traced.directions[:, 2] > 0.0)
-    points, directions, flux = (each[upwards] for each in (traced.points, traced.directions, traced.flux))
+    points, directions, flux = (values[upwards] for values in (traced.points, traced.directions, traced.flux))
     directions = directions / np.linalg.norm(directions, axis=1, keepdims=True)
     by_fate = flux_by_fate(traced, traced.left_lens & ~upwards)
     return RaysOnSphere(RayBundle(_on_sphere(points, directions, sphere_mm), directions, flux), by_fate)
@@ -59,24 +59,26 @@ def exit_rays(lens: TracedLens, rays: RayBundle, sphere_mm: float, lamps: Lamps 
 
 def _of_lamps(lens: TracedLens, rays: RayBundle, lamps: Lamps) -> ExitRays:
     rays = replace(rays, flux=len(lamps) * rays.flux)
-    own = np.random.default_rng(len(rays)).permutation(len(rays)) % len(lamps)
+    lamp_numbers = np.random.default_rng(len(rays)).permutation(len(rays)) % len(lamps)
     if lamps.kinds:
-        of_kinds = [np.flatnonzero(np.isin(own, kind.numbers)) for kind in lamps.kinds]
+        of_kinds = [np.flatnonzero(np.isin(lamp_numbers, kind.numbers)) for kind in lamps.kinds]
         parts = zip(lens.kinds, of_kinds, strict=True)
-        traced = ExitRays.joined([each.trace(rays.take(some)) for each, some in parts])
-        own = own[np.concatenate(of_kinds)]
+        traced = ExitRays.joined([kind.trace(rays.take(rows)) for kind, rows in parts])
+        lamp_numbers = lamp_numbers[np.concatenate(of_kinds)]
     else:
         traced = lens.trace(rays)
     poses = [lamp.pose for lamp in lamps.lamps]
-    turned, places = (np.array(each)[own] for each in zip(*((p.rotation, p.origin_mm) for p in poses), strict=True))
-    points, directions = (np.einsum("nij,nj->ni", turned, each) for each in (traced.points, traced.directions))
+    turned, places = (
+        np.array(values)[lamp_numbers] for values in zip(*((p.rotation, p.origin_mm) for p in poses), strict=True)
+    )
+    points, directions = (np.einsum("nij,nj->ni", turned, vectors) for vectors in (traced.points, traced.directions))
     return replace(traced, points=points + places, directions=directions)
 
 
 def _on_sphere(
     points: Float[np.ndarray, "n 3"], directions: Float[np.ndarray, "n 3"], radius_mm: float
 ) -> Float[np.ndarray, "n 3"]:
-    """Points at which rays from inside the sphere about the origin leave it."""
+    """Points at which rays from inside a sphere about the origin cross it."""
     along = np.sum(points * directions, axis=1)
     closest = points - along[:, None] * directions
     half_chord = np.sqrt(np.maximum(radius_mm**2 - np.sum(closest**2, axis=1), 0.0))
@@ -111,8 +113,8 @@ def trace_exit_light(
 ) -> ExitLight:
     """Trace ``rays`` rays, or more and more, until the nodes are known to 2 % rms.
 
-    ``by_itself``: rays without such a number, at first and at most. A measured source gives at most its own rays.
-    Raises :class:`InputError` where no light leaves the lens upwards.
+    ``by_itself``: without ``rays``, the first and the largest number. A measured source gives at most its own rays.
+    Raises :class:`InputError` if no light leaves the lens upwards.
     """
     sums = _Sums(lens, meter)
     wanted = rays or min(by_itself)
@@ -157,10 +159,10 @@ class _Sums:
         self._zones: list[Float[np.ndarray, "2 4"]] = []
         self._weights: list[float] = []
         self._by_fate: list[Float[np.ndarray, " f"]] = []
-        self._kept: list[RayBundle] = []
+        self._file_bundles: list[RayBundle] = []
 
     def add(self, rays: Iterator[RayBundle]) -> None:
-        """Trace one more bundle for each sample; each bundle carries all the flux."""
+        """Trace another bundle for each sample; each bundle carries all the flux."""
         for part, bundle in enumerate(rays):
             out = exit_rays(self._lens, bundle, self._meter.sphere_mm, self._meter.lamps)
             if self._grid is None:
@@ -172,7 +174,7 @@ class _Sums:
                 self._zones.append(np.zeros((2, 4)))
                 self._by_fate.append(np.zeros_like(out.by_fate_w))
                 self._weights.append(0.0)
-                self._kept.append(out.rays.take(slice(_FILE_RAYS // PARTS)))
+                self._file_bundles.append(out.rays.take(slice(_FILE_RAYS // PARTS)))
             self._deposits[part] += weight * deposit
             self._zones[part] += weight * zone_flux(out.rays, self._meter.street_deg, self._meter.symmetry)
             self._by_fate[part] += weight * out.by_fate_w
@@ -184,7 +186,7 @@ class _Sums:
             )
 
     def light(self) -> ExitLight:
-        """Light by all rays so far; what leaves the lens has its standard error by the spread of the samples."""
+        """Light of all rays so far; standard errors by the spread of the samples."""
         grid = self._grid
         assert grid is not None
         samples, zones, by_fate = (
@@ -193,7 +195,7 @@ class _Sums:
         )
         coarsest = COARSEST_TO_HORIZON if self._meter.to_horizon else COARSEST
         exits = samples.sum(axis=(1, 2))
-        kept = RayBundle.joined(self._kept)
+        bundle = RayBundle.joined(self._file_bundles)
         error = float(exits.std(ddof=1) / np.sqrt(len(exits))) if len(exits) > 1 else None
         exit_w = Metric(value=float(exits.mean()), unit="W", standard_error=error)
         return ExitLight(
@@ -201,7 +203,7 @@ class _Sums:
             intensity=fit(grid, grid.images_mean(samples, self._meter.symmetry), coarsest),
             exit_w=exit_w,
             by_fate_w=by_fate.mean(axis=0),
-            sample=replace(kept, flux=kept.flux * (exit_w.value / kept.flux.sum())),
+            sample=replace(bundle, flux=bundle.flux * (exit_w.value / bundle.flux.sum())),
             zones_w=zones,
         )
 

@@ -22,12 +22,12 @@ _LM_PER_1000 = 1000.0  # of a source whose lumens nothing states: then each appl
 
 
 def lamps_of_files(spec: Spec) -> Lamps:
-    """Lamps whose light the files hold: all of ``spec``; of an infinite lattice one."""
+    """Lamps whose light the files hold: all of ``spec``, or one of an infinite lattice."""
     return ALONE if spec.all_lamps.period_mm is not None else spec.all_lamps
 
 
 def trace_far_field(lens: Lens, source: Source, preset: Preset, *, rays: int | None, seed: int) -> ExitLight:
-    """Light of ``lens`` and its lamps; without ``rays`` as many are traced as the noise of the table asks for."""
+    """Light of ``lens`` and its lamps; without ``rays`` the noise of the table sets their number."""
     lamps = lamps_of_files(lens.spec)
     lens_mm = max(lens.body.largest_mm, reach_mm(lens.media.bodies))
     return trace_exit_light(
@@ -54,7 +54,7 @@ def lamp_light(light: FittedIntensity, per_watt: float, street_deg: float) -> La
 def limits_by_intensities(
     lens: Lens, source: Source, preset: Preset, lumens_per_watt: float | None, *, rays: int | None, seed: int
 ) -> Iterator[Fact]:
-    """Limits by the classes of applications, judged by the intensities that the files of ``lens`` hold."""
+    """Limits of applications, judged by the intensities in the files of ``lens``."""
     spec = lens.spec
     if not spec.applications:
         return

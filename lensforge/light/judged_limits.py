@@ -1,4 +1,4 @@
-"""Limits judged: the figure that decides on each, by readings of the light, without the noise that would choose it."""
+"""Limits judged by the deciding figure of each, read from the light and corrected for the bias of noise."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
@@ -42,9 +42,9 @@ def judged_limits(
 
 
 def judged(limit: LightLimit | IntensityLimit, receiver: str, value: Metric) -> Fact:
-    """The limit judged on ``receiver``, or what the class of an application of this name requires.
+    """The limit judged on ``receiver``, or under the name of an application's class.
 
-    ``value``: of the place that decides, that with the least light or the most.
+    ``value``: at the deciding place, the one with the least or the most light.
     """
     given: dict[str, Any] = {"sense": limit.sense, "limit": float(limit.bound), "place": receiver}
     fact = Fact.measured(limit.name, limit.name, value, limit.quantity.words, **given)
@@ -62,13 +62,13 @@ def stated_figures(
 
 
 def colour_limits(section: ColourSection | None, lit: Sequence[ReceiverLight]) -> Iterator[Fact]:
-    """Judge the limits on the colour on each receiver; in the dark each is missed."""
+    """Judge the limits on the colour on each receiver; in the dark each fails."""
     if section is None:
         return
     for receiver in lit:
-        for words, bound in section.bounds.items():
-            name = f"Δu′v′ {words} {BEAMS[section.within]}"
-            value = _NO_COLOUR if receiver.colour is None else getattr(receiver.colour, words)
+        for figure, bound in section.bounds.items():
+            name = f"Δu′v′ {figure} {BEAMS[section.within]}"
+            value = _NO_COLOUR if receiver.colour is None else getattr(receiver.colour, figure)
             quantity = "distance from the mean colour"
             fact = Fact.measured(name, name, value, quantity, limit=bound, place=receiver.name)
             yield replace(fact, remedy=_OF_COLOUR) if fact.state == "fail" else fact
@@ -77,9 +77,9 @@ def colour_limits(section: ColourSection | None, lit: Sequence[ReceiverLight]) -
 def colours_left_out(
     section: ColourSection | None, pictures: Float[np.ndarray, "c r h w"]
 ) -> Iterator[Float[np.ndarray, " v"]]:
-    """Each limited figure of the colour on one receiver: by all replicates, then with one after the other left out.
+    """Each limited figure of the colour on one receiver: by all replicates, then with each left out in turn.
 
-    ``pictures``: X, Y and Z; none where colour is not required.
+    ``pictures``: X, Y and Z; empty if colour has no limits.
     """
     if section is None:
         return
@@ -93,10 +93,10 @@ BEAMS = {"fwhm": "within half of the peak", "tenth": "within a tenth of the peak
 
 
 def limit_value(limit: LightReading, images: Float[np.ndarray, "r *_"]) -> Metric:
-    """The value that decides, in the limit's unit.
+    """The deciding value, in the limit's unit.
 
-    That of a spot is a mean over pixels, by rays that pass beside the eye: its error has a third of what half as many
-    pixels change, about as much as pixels without end would, and the square of the angle of the blur.
+    The value of a spot is a mean over pixels of rays that pass beside the eye: its error includes a third of the change
+    for half as many pixels, about the change for infinitely many, and the square of the blur's angle.
     """
     value = _value(limit, limit.of(images), images)
     if limit.coarser is None or value.standard_error is None:
@@ -109,20 +109,20 @@ def limit_value(limit: LightReading, images: Float[np.ndarray, "r *_"]) -> Metri
 def values_left_out(
     limit: LightReading, read: Float[np.ndarray, "k r"], images: Float[np.ndarray, "r *_"]
 ) -> Float[np.ndarray, " v"]:
-    """The value that decides by all replicates, then with one after the other left out; of one replicate alone it.
+    """The deciding value by all replicates, then with each left out in turn; of a single replicate only the value.
 
-    ``read``: what the readings of ``limit`` are of each of the ``images``.
+    ``read``: readings of ``limit`` for each of the ``images``.
     """
     numbers = np.arange(len(images))
-    found = []
+    values = []
     for rows in (numbers, *(numbers[numbers != k] for k in numbers if len(numbers) > 1)):
         readings = np.take(read, rows, axis=1).T
-        found.append(_value(limit, readings, images[rows] if limit.quantity.of_whole else readings).value)
-    return np.array(found)
+        values.append(_value(limit, readings, images[rows] if limit.quantity.of_whole else readings).value)
+    return np.array(values)
 
 
 def means_left_out(replicates: Float[np.ndarray, " r"]) -> Float[np.ndarray, " v"]:
-    """Mean of ``replicates``, then with one after the other left out; of one alone it."""
+    """Mean of ``replicates``, then with each left out in turn; of a single replicate only the mean."""
     count = len(replicates)
     total = replicates.sum()
     left_out = (total - replicates) / (count - 1) if count > 1 else replicates[:0]

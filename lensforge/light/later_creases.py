@@ -58,7 +58,7 @@ def later_crease_gradients(
     creases = _at_creases(changes, *map(trace, beside))
     if not creases.any():
         return total
-    changes, low, high = changes.take(creases), *(trace(each.take(creases)) for each in beside)
+    changes, low, high = changes.take(creases), *(trace(bundle.take(creases)) for bundle in beside)
     flux = drawn.flux(changes.fan, changes.middle) * (worth(low) - worth(high))
     return _gradients(changes, low, high, flux)
 
@@ -79,7 +79,7 @@ class Fans:
 
     @staticmethod
     def of(source: Source, radius_mm: float, count: int, rays: int, seed: int) -> "Fans":
-        """Draw fans by ``seed``. Raises :class:`InputError` for a source that does not know its light there."""
+        """Draw fans by ``seed``. Raises :class:`InputError` for a source whose light there is not known."""
         azimuths = 2.0 * np.pi * sobol(count, 5, seed)[:, 4]
         angles = 0.5 * np.pi * (np.arange(rays) + np.random.default_rng(seed).random()) / rays
         known = []
@@ -111,7 +111,7 @@ def _directions(angle: _Values, azimuth: _Values) -> _Vectors:
 
 @dataclass(frozen=True)
 class _Changes:
-    """Intervals of angle (rad) in fans, and what rays meet at both ends, which differs."""
+    """Intervals of angle (rad) in fans whose ends meet different faces, and the faces met."""
 
     fan: _Numbers
     low: _Values
@@ -121,7 +121,7 @@ class _Changes:
 
     @property
     def middle(self) -> _Values:
-        """Angle in the middle of each."""
+        """Middle angle of each interval."""
         return 0.5 * (self.low + self.high)
 
     @property
@@ -131,18 +131,18 @@ class _Changes:
 
     @property
     def codes(self) -> tuple[_Numbers, _Numbers]:
-        """Codes of what is met at that event on both sides, as in ``kernels.traced_body``."""
+        """Codes of the faces met at that event on both sides, as in ``kernels.traced_body``."""
         rows = np.arange(len(self.fan)), self.event
         return self.met_low[rows].astype(int), self.met_high[rows].astype(int)
 
     @property
     def later(self) -> Bool[np.ndarray, " k"]:
-        """True where other faces are met, and not first."""
-        one, other = self.codes
-        return (self.event > 0) & (one >= 0) & (other >= 0) & (one >> 2 != other >> 2)
+        """True where the faces differ at the second event or later."""
+        low_face, high_face = self.codes
+        return (self.event > 0) & (low_face >= 0) & (high_face >= 0) & (low_face >> 2 != high_face >> 2)
 
     def take(self, rows: np.ndarray) -> "_Changes":
-        """Select some."""
+        """Select intervals by row."""
         return _Changes(*(getattr(self, field.name)[rows] for field in fields(self)))
 
     def narrowed(self, fans: Fans, trace: _Trace) -> "_Changes":
@@ -162,7 +162,7 @@ class _Changes:
 
 
 def _changes(fans: Fans, trace: _Trace) -> _Changes:
-    """All places in fans where rays change their way, each narrowed down; several in one interval, too."""
+    """All angles in fans at which rays change their way, narrowed down; also several in one interval."""
     count = len(fans.azimuths)
     steps = len(fans.angles)
     rays = fans.rays(np.tile(np.arange(count), steps), np.repeat(fans.angles, count))
@@ -174,14 +174,16 @@ def _changes(fans: Fans, trace: _Trace) -> _Changes:
     narrowed: list[_Changes] = []
     while len(wide.fan) and len(narrowed) < _ROUNDS:
         narrowed.append(wide.narrowed(fans, trace))
-        rest = _Changes(wide.fan, narrowed[-1].high, wide.high, narrowed[-1].met_high, wide.met_high)
-        wide = rest.take((rest.met_low != rest.met_high).any(axis=1))
+        remaining = _Changes(wide.fan, narrowed[-1].high, wide.high, narrowed[-1].met_high, wide.met_high)
+        wide = remaining.take((remaining.met_low != remaining.met_high).any(axis=1))
     every = [*narrowed, wide]
-    return _Changes(*(np.concatenate([getattr(each, part.name) for each in every]) for part in fields(_Changes)))
+    return _Changes(
+        *(np.concatenate([getattr(intervals, part.name) for intervals in every]) for part in fields(_Changes))
+    )
 
 
 def _at_creases(changes: _Changes, low: TracedBundle, high: TracedBundle) -> Bool[np.ndarray, " k"]:
-    """True where the rays beside a change differ in nothing before it, and then meet two faces in one place."""
+    """True where the rays beside a change agree up to it, and then meet two faces at one point."""
     assert low.met is not None and high.met is not None
     rows = np.arange(len(changes.fan))
     event = changes.event
@@ -191,7 +193,7 @@ def _at_creases(changes: _Changes, low: TracedBundle, high: TracedBundle) -> Boo
     before = np.arange(low.met.shape[1]) < event[:, None]
     same &= ((low.met == changes.met_low) & (high.met == changes.met_low) | ~before).all(axis=1)
     chosen = np.flatnonzero(same)
-    places = [each.hits for each in (_Lines.of(low, event, chosen), _Lines.of(high, event, chosen))]
+    places = [lines.hits for lines in (_Lines.of(low, event, chosen), _Lines.of(high, event, chosen))]
     path = low.lengths[chosen, event[chosen]]
     grazed = np.any([_reflects_nothing(low.scene)[code[chosen] >> 2] for code in changes.codes], axis=0)
     path[grazed] = np.where(before, low.lengths, 0.0).sum(axis=1)[chosen[grazed]]  # of a flange the last part is short
@@ -200,14 +202,14 @@ def _at_creases(changes: _Changes, low: TracedBundle, high: TracedBundle) -> Boo
 
 
 def _reflects_nothing(scene: Scene) -> Bool[np.ndarray, " f"]:
-    """True for the faces that end all light: a flange, which rays along the axis meet at grazing angles."""
+    """True for absorbing faces: a flange, which rays along the axis meet at grazing angles."""
     assert scene.chain is not None
     return scene.chain.packed(scene.media).mirrors == 0.0
 
 
 @dataclass(frozen=True)
 class _Lines:
-    """Rays before one of their events: where and which way they start, and their paths (mm) to the face there."""
+    """Rays before one of their events: starts, directions, and paths (mm) to the face."""
 
     points: _Vectors
     directions: _Vectors
@@ -215,19 +217,19 @@ class _Lines:
 
     @property
     def hits(self) -> _Vectors:
-        """Points (mm) where they meet it."""
+        """Points (mm) at which they meet the face."""
         return self.points + self.paths[:, None] * self.directions
 
     @staticmethod
     def of(traced: TracedBundle, event: _Numbers, rows: _Numbers) -> "_Lines":
-        """Follow some rays of a bundle to an event of each."""
+        """Follow some rays of a bundle, each to its event."""
         assert traced.met is not None and traced.scene.chain is not None
         event = event[rows]
         met = traced.met[rows].astype(int)
         paths = traced.lengths[rows]
-        own = in_lens(traced.scene, traced.rays)
-        points = own.origins[rows]
-        directions = own.directions[rows]
+        lens_rays = in_lens(traced.scene, traced.rays)
+        points = lens_rays.origins[rows]
+        directions = lens_rays.directions[rows]
         for number in range(event.max(initial=0)):
             on = np.flatnonzero(number < event)
             points[on] += paths[on, number, None] * directions[on]
@@ -236,7 +238,7 @@ class _Lines:
 
 
 def _behind(traced: TracedBundle, rows: _Numbers, code: _Numbers, points: _Vectors, along: _Vectors) -> _Vectors:
-    """Directions of rays behind the faces that they meet at ``points``, by Snell's law or reflected."""
+    """Directions of rays refracted or reflected by the faces that they meet at ``points``."""
     scene = traced.scene
     body = traced.lens.rays.indices
     assert scene.chain is not None
@@ -245,8 +247,8 @@ def _behind(traced: TracedBundle, rows: _Numbers, code: _Numbers, points: _Vecto
     sides = scene.chain.packed(scene.media)
     indices = np.tile([scene.media.cavity_index, 1.0, scene.media.outside_index], (len(rows), 1))
     indices[:, BODY] = body[rows] if len(body) > 1 else body
-    one, other = (indices[np.arange(len(rows)), side[face]] for side in (sides.before, sides.behind))
-    ratio = np.where(back, other / one, one / other)[:, None]
+    index_before, index_behind = (indices[np.arange(len(rows)), side[face]] for side in (sides.before, sides.behind))
+    ratio = np.where(back, index_behind / index_before, index_before / index_behind)[:, None]
     normals = OnFaces.of(traced.tables, scene.grid, face, to_chart(points)).normals
     normals *= (np.where(back, -1.0, 1.0) / np.linalg.norm(normals, axis=1))[:, None]
     cosine = (along * normals).sum(axis=1, keepdims=True)
@@ -257,7 +259,7 @@ def _behind(traced: TracedBundle, rows: _Numbers, code: _Numbers, points: _Vecto
 
 
 def _gradients(changes: _Changes, low: TracedBundle, high: TracedBundle, flux: _Values) -> Tables:
-    """Gradients by all tables: ``flux`` (of the merit, per rad) goes over where the angle of a change grows."""
+    """Gradients by all tables: ``flux`` (of the merit, per rad) crosses over as the angle of a change grows."""
     scene = low.scene
     rows = np.arange(len(flux))
     event = changes.event
@@ -267,8 +269,8 @@ def _gradients(changes: _Changes, low: TracedBundle, high: TracedBundle, flux: _
     faces = [OnFaces.of(low.tables, scene.grid, code >> 2, chart) for code in changes.codes]
     steep = [(face.normals * line.directions).sum(axis=1) for face in faces]
     across = faces[0].normals / steep[0][:, None] - faces[1].normals / steep[1][:, None]
-    there = beside.points + line.paths[:, None] * beside.directions
-    by_gap = -flux * 2.0 * BESIDE / (across * (there - line.hits)).sum(axis=1)
+    hits = beside.points + line.paths[:, None] * beside.directions
+    by_gap = -flux * 2.0 * BESIDE / (across * (hits - line.hits)).sum(axis=1)
     total: Tables = np.zeros(low.tables.shape)
     faces[0].add(-by_gap / steep[0], total)
     faces[1].add(by_gap / steep[1], total)
@@ -280,15 +282,15 @@ def _gradients(changes: _Changes, low: TracedBundle, high: TracedBundle, flux: _
 
 
 def _before(traced: TracedBundle, event: _Numbers) -> BodyPassage:
-    """The rays, in the frame of the faces, as if they left before an event of each, which ends their adjoint there."""
+    """The rays, in the frame of the faces, as if each left before its event, where its adjoint then ends."""
     lens = traced.lens
-    own = in_lens(traced.scene, traced.rays)
+    lens_rays = in_lens(traced.scene, traced.rays)
     assert lens.ways.met is not None
-    kept = np.arange(lens.ways.met.shape[1]) < event[:, None]
+    is_before = np.arange(lens.ways.met.shape[1]) < event[:, None]
     return replace(
         lens,
         body=lens.body._replace(placement=FACES_IN_PLACE.packed()),
-        rays=lens.rays._replace(origins=own.origins, directions=own.directions),
-        ways=lens.ways._replace(met=np.where(kept, lens.ways.met, -1).astype(np.int8)),
+        rays=lens.rays._replace(origins=lens_rays.origins, directions=lens_rays.directions),
+        ways=lens.ways._replace(met=np.where(is_before, lens.ways.met, -1).astype(np.int8)),
         exits=lens.exits._replace(fates=np.full(len(event), Fate.LEFT_LENS, dtype=np.int8)),
     )

@@ -83,8 +83,8 @@ def evaluate(
     coloured = lens.spec.colour is not None
     emitter = build_source(chosen, body.dispersion, coloured=coloured, facets=body.media.scattering)
     summary = summarise(emitter, chosen)
-    asked = {"accuracy": str(preset), "rays": rays, "pixels": pixels, "seed": seed, "temperature_c": temperature_c}
-    conditions = _conditions(lens, other, summary.warnings, name, asked, preset)
+    requested = {"accuracy": str(preset), "rays": rays, "pixels": pixels, "seed": seed, "temperature_c": temperature_c}
+    conditions = _conditions(lens, other, summary.warnings, name, requested, preset)
     settings: Mapping[str, Any] = {"rays": rays, "pixels": pixels, "seed": seed}
     with kernel_threads(count_of("threads", threads)):
         light = evaluate_lens(
@@ -144,10 +144,10 @@ def photometry(
     by_state = dict[str, Photometry]()
     settings: Mapping[str, Any] = {"rays": rays, "seed": seed, "lumens": lumens}
     with kernel_threads(count_of("threads", threads)):
-        for name, own in lens.by_state.items():
-            source = judging_source(own.spec)
-            measured = measure_photometry(own, source, preset, ies_version=version, led=name, **settings)
-            conditions = photometry_conditions(own, source, **settings)
+        for name, led_lens in lens.by_state.items():
+            source = judging_source(led_lens.spec)
+            measured = measure_photometry(led_lens, source, preset, ies_version=version, led=name, **settings)
+            conditions = photometry_conditions(led_lens, source, **settings)
             by_state[name] = measured.changed(conditions=conditions, inputs={"lens": lens.sha256})
     return Photometry.joined(by_state)
 
@@ -178,21 +178,26 @@ def _conditions(
     source: EmitterSection | None,
     warnings: tuple[str, ...],
     name: str | None,
-    asked: Mapping[str, Any],
+    requested: Mapping[str, Any],
     preset: Preset,
 ) -> Conditions | None:
-    """Conditions ``asked`` that are not those of ``lens``; None if every one is. ``warnings``: on the ``source``."""
+    """The ``requested`` conditions that differ from the lens's; None if all agree. ``warnings``: on the ``source``."""
     evaluate = lens.spec.evaluate
     law = lens.spec.lens.temperature_law
     rays = evaluate.rays or preset.evaluate_rays
-    own: dict[str, Any] = {"accuracy": str(lens.accuracy), "rays": rays, "pixels": evaluate.pixels, "seed": lens.seed}
-    own["temperature_c"] = law.reference_c
+    defaults: dict[str, Any] = {
+        "accuracy": str(lens.accuracy),
+        "rays": rays,
+        "pixels": evaluate.pixels,
+        "seed": lens.seed,
+    }
+    defaults["temperature_c"] = law.reference_c
     other = None if source is None or is_same_source(source, lens.spec.source) else source
     conditions = Conditions.of(
         source_name="" if other is None else name_of_source(other),
         source=None if other is None else other.title,
         source_sha256=None if other is None else section_sha256(other),
-        **{field: unless_own(value, own[field]) for field, value in asked.items()},
+        **{field: unless_default(value, defaults[field]) for field, value in requested.items()},
     )
     if conditions is None and name is not None:
         raise InputError(f"name = {name!r}: these are the nominal conditions; give it with another source or rays")
@@ -209,7 +214,7 @@ _Value = TypeVar("_Value")
 
 
 def source_of(spec: Spec) -> Source:
-    """The source of ``spec``, with the dispersion of the lens material, and colours where these are asked for."""
+    """The source of ``spec`` with the lens material's dispersion, and with colours if these are evaluated."""
     facets = spec.media.scattering
     return build_source(spec.source, spec.lens.dispersion, coloured=spec.colour is not None, facets=facets)
 
@@ -222,12 +227,12 @@ def searched_source(spec: Spec) -> Source:
 
 
 def judging_source(spec: Spec) -> Source:
-    """The source of ``spec`` as all that judges its lens sees it: of measured rays those that no search uses."""
+    """The source of ``spec`` for judging its lens: of measured rays those that no search uses."""
     return held_back(source_of(spec))
 
 
 def other_source(spec: Spec, source: EmitterSection | Path | str) -> EmitterSection:
-    """The source that takes the place of the one of ``spec``. Raises :class:`InputError` for anything else."""
+    """The source that replaces that of ``spec``. Raises :class:`InputError` for anything else."""
     if isinstance(source, Path | str):
         return source_with_file(spec.source, Path(source))
     if not isinstance(source, EmitterSection):
@@ -240,11 +245,11 @@ def inputs_of(lens: Lens, source: EmitterSection) -> dict[str, str]:
     return {"lens": lens.sha256, "source": section_sha256(source), **input_hashes(source)}
 
 
-def rays_of(rays: int | None, own: int, source: Source) -> tuple[int, Conditions | None]:
-    """Number of rays to trace, at most those that ``source`` has, and the conditions where it is not the ``own``."""
+def rays_of(rays: int | None, default: int, source: Source) -> tuple[int, Conditions | None]:
+    """Number of rays to trace, at most those that ``source`` has, and the conditions if it differs from ``default``."""
     most = source.ray_count or 2**40
-    count = min(rays or own, most)
-    return count, Conditions.of(rays=unless_own(count, min(own, most)))
+    count = min(rays or default, most)
+    return count, Conditions.of(rays=unless_default(count, min(default, most)))
 
 
 def photometry_conditions(
@@ -252,41 +257,41 @@ def photometry_conditions(
 ) -> Conditions | None:
     """Conditions of a photometry of ``lens``.
 
-    Any ``rays`` that are given: by default their number follows the noise. ``lumens`` are among them only where the
-    spec knows its own.
+    Stated ``rays`` always count: by default their number follows the noise. ``lumens`` count only if the spec has
+    others.
     """
     known_lm = summarise(source, lens.spec.source).flux_lm
-    own = known_lm is None or lumens is None or isclose(lumens, known_lm)
-    return Conditions.of(rays=rays, seed=unless_own(seed, lens.seed), lumens=None if own else lumens)
+    as_known = known_lm is None or lumens is None or isclose(lumens, known_lm)
+    return Conditions.of(rays=rays, seed=unless_default(seed, lens.seed), lumens=None if as_known else lumens)
 
 
-def unless_own(value: _Value | None, own: _Value) -> _Value | None:
-    """``value``, or None if it is None or the lens's ``own``."""
-    return None if value == own else value
+def unless_default(value: _Value | None, default: _Value) -> _Value | None:
+    """``value``, or None if it is None or equals ``default``."""
+    return None if value == default else value
 
 
-def has_rays_of(source: EmitterSection, own: EmitterSection) -> bool:
-    """True where ``source`` takes rays of a file of ``own``, under any name and in any place; the same source has."""
-    if source == own:
+def has_rays_of(source: EmitterSection, lens_source: EmitterSection) -> bool:
+    """True if ``source`` uses rays of a file of ``lens_source``, whatever its name and pose, or is the same source."""
+    if source == lens_source:
         return True
     files = set(input_hashes(source).values())
     try:
-        return not files.isdisjoint(input_hashes(own).values())
+        return not files.isdisjoint(input_hashes(lens_source).values())
     except InputError:  # the lens's own files are no longer there
         return False
 
 
-def is_same_source(source: EmitterSection, own: EmitterSection) -> bool:
-    """True where both have the same fields and files; False where the lens's own files are no longer there."""
-    if source == own:
+def is_same_source(source: EmitterSection, lens_source: EmitterSection) -> bool:
+    """True if both have the same fields and files; False if the files of ``lens_source`` no longer exist."""
+    if source == lens_source:
         return True
     wanted = section_sha256(source)
     try:
-        return wanted == section_sha256(own)
+        return wanted == section_sha256(lens_source)
     except InputError:
         return False
 
 
 def name_of_source(source: EmitterSection) -> str:
-    """Short name of a source: the names of its files without their ends, or its title."""
+    """Short name of a source: its file names without endings, or its title."""
     return "_".join(Path(file.removeprefix("file:")).stem for file in input_hashes(source)) or source.title

@@ -84,13 +84,13 @@ def _with_led(led: Case[Light], lens: Lens, possible: LimitBounds) -> Iterator[G
 
 
 def place_groups(light: Light) -> list[Group]:
-    """A group of the place of each LED that is from a ray file or is moved."""
+    """Groups for the place of each LED that is from a ray file or displaced."""
     groups = ((case, case.result.place.group()) for case in light.cases() if case.result.place is not None)
     return [replace(group, title=case.title(group.title)) for case, group in groups]
 
 
 def light_reasons(light: Light, lens: Lens) -> Iterator[Reason]:
-    """Reasons why the light does not pass; limits of the spec are what it must keep: with any, no others count."""
+    """Reasons why the light fails: the spec's limits if it has any, else the default ones."""
     for led in light.cases():
         alone = lens.of_state(led.result.led)
         yield from missed(led.criteria)
@@ -104,7 +104,7 @@ def light_reasons(light: Light, lens: Lens) -> Iterator[Reason]:
 
 
 def _reasons(facts: Iterable[Fact]) -> Iterator[Reason]:
-    """A reason for each of ``facts`` that does not pass."""
+    """A reason for each failed fact."""
     for fact in facts:
         if fact.state != "pass" and fact.state != "":
             yield fact.state, fact.reason
@@ -131,13 +131,13 @@ def limit_facts(
 
 
 def _worst(limits: Sequence[Fact], applications: Sequence[Application]) -> list[Group]:
-    """A group for each table of applications: its required figures, each at its worst place."""
+    """A group for each table of applications, with each required figure at its worst place."""
     tables = [[*entries] for _, entries in groupby(applications, key=type)]
     return [light_in(table[0]).worst(table, limits) for table in tables]
 
 
 def metric_facts(metrics: LightMetrics, note: str = "", *, changes: bool = False) -> tuple[Fact, ...]:
-    """Facts of the metrics that have a meaning; ``changes``: they are differences, also of the mean square."""
+    """Facts of the metrics that are defined; ``changes``: they are differences, also of the mean square."""
     nmse = Fact.measured("nmse", METRICS["nmse"], metrics.nmse, note, is_square=not changes)
     named = {"uniformity": metrics.uniformity, "rsd": metrics.rsd}
     facts = [Fact.measured(key, METRICS[key], metric, note) for key, metric in named.items() if metric is not None]
@@ -154,12 +154,12 @@ def change_facts(change: LightMetrics) -> tuple[Fact, ...]:
 
 
 def window_words(light: ReceiverLight) -> str:
-    """The part of the receiver in which flux counts as detected, after "flux"."""
+    """Phrase after "flux" for the part of the receiver in which it is detected."""
     return f"within {light.where}" if light.is_far_field else light.where
 
 
 def mask_words(spec: Spec, index: int) -> str:
-    """Size of the region of uniform light on receiver number ``index``, after "mask"; of several their number."""
+    """Phrase after "mask" for the region of uniform light on receiver number ``index``: its size, or their number."""
     sections = spec.all_receivers
     targets = sections[index].targets if index < len(sections) else ()
     sizes = [(pair, target.unit) for target in targets if (pair := target.pair("uniform")) is not None]
@@ -171,7 +171,7 @@ def mask_words(spec: Spec, index: int) -> str:
 
 
 def unit_on(light: Light, receiver: ReceiverLight) -> LightUnit:
-    """Unit in which the light on ``receiver`` is shown."""
+    """Display unit of the light on ``receiver``."""
     return light_unit(light.lumens_per_watt, far_field=receiver.chart.far_field)
 
 
@@ -237,12 +237,12 @@ def _share_in_target(receiver: ReceiverLight, judged: Fact | None) -> Fact:
 
 
 def _remedy(receiver: ReceiverLight, other: str) -> str:
-    """Changes that would bring more light: of a lens whose symmetry bounds it, another shape of its faces."""
+    """Changes that would bring more light; if symmetry bounds the lens, another shape of its faces."""
     return LEVELS if receiver.possible.law == BY_SYMMETRY else f"a larger lens, a smaller source or {other}"
 
 
 def _estimate(receiver: ReceiverLight) -> str:
-    """Words for the share that étendue may leave, where the luminance of the source is known by its rays alone."""
+    """Phrase for the share limited by an estimated étendue, if the source's luminance is known from its rays alone."""
     possible = receiver.possible
     estimate = possible.estimate
     if estimate is None or estimate.share_in_target >= possible.share_in_target:
@@ -251,7 +251,7 @@ def _estimate(receiver: ReceiverLight) -> str:
 
 
 def _by_pixels(receiver: ReceiverLight) -> str:
-    """Words for the NMSE with half as many pixels, where the change is above its noise."""
+    """Phrase for the NMSE with half as many pixels, if the change exceeds its noise."""
     change = receiver.nmse_of_raster
     error = receiver.nmse.standard_error
     if change is None or abs(change) <= (error or 0.0):
@@ -262,16 +262,16 @@ def _by_pixels(receiver: ReceiverLight) -> str:
 
 
 def _of_lenses(spec: Spec) -> str:
-    """Words for the one lens that the light is of, where a lamp has several; else empty."""
+    """Phrase for the single lens that has the light, if a lamp has several; else empty."""
     return f"one lens of {spec.photometry.lenses}" if spec.photometry.lenses > 1 else ""
 
 
-def _in_region(receiver: ReceiverLight, unit: LightUnit, one: str) -> Iterator[Fact]:
+def _in_region(receiver: ReceiverLight, unit: LightUnit, lens_phrase: str) -> Iterator[Fact]:
     """Light in the region of uniform light or where the target is bright; in the dark, the peak of the map.
 
-    ``one``: the lens of which it is, of several.
+    ``lens_phrase``: names the lens if a lamp has several.
     """
-    of = f", {one}" if one else ""
+    of = f", {lens_phrase}" if lens_phrase else ""
     region = receiver.in_region
     if region is None:
         peak = unit.per_watt * float(receiver.map.max())
@@ -326,11 +326,11 @@ def photometry_facts(photometry: Photometry, spec: Spec) -> list[Group]:
 def _photometry_of_led(case: Case[Photometry], spec: Spec) -> list[Group]:
     photometry = case.result
     lenses = spec.photometry.lenses
-    one = _of_lenses(spec) or spec.all_lamps.whole.replace("of all lamps", "one lamp")
-    beside = f", {one}" if one else ""
-    far = Group("far_field", f"Far field{beside}", tuple(_far_field(photometry, spec, one)))
+    light_of = _of_lenses(spec) or spec.all_lamps.whole.replace("of all lamps", "one lamp")
+    beside = f", {light_of}" if light_of else ""
+    far = Group("far_field", f"Far field{beside}", tuple(_far_field(photometry, spec, light_of)))
     judged = zip(spec.applications, photometry.judgements_of(spec.applications), strict=True)
-    groups = [far, *_of_spectrum(photometry), *(light_in(entry).facts(found) for entry, found in judged)]
+    groups = [far, *_of_spectrum(photometry), *(light_in(entry).facts(judgement) for entry, judgement in judged)]
     if photometry.road is None:
         return groups
     whole = f", all {lenses} lenses" if lenses > 1 else beside
@@ -345,7 +345,7 @@ def _of_spectrum(photometry: Photometry) -> Iterator[Group]:
 
 
 def _judged_planes(spec: Spec) -> Iterator[float]:
-    """Planes C (deg) whose beam angle is a limit's figure, and told there."""
+    """Planes C (deg) whose beam angle a limit judges and reports."""
     by_name = {receiver.name: receiver for receiver in spec.all_receivers}
     for limit in spec.limits:
         if isinstance(limit, BeamAngleLimit) and limit.level == BEAM_SHARE:
@@ -354,8 +354,8 @@ def _judged_planes(spec: Spec) -> Iterator[float]:
                 yield limit.azimuth_deg % 180.0
 
 
-def _wanted(spec: Spec) -> dict[float, float]:
-    """Beam angle (deg) that the target of one lamp wants in a plane C (deg); none where it wants another light."""
+def _target_beam_deg(spec: Spec) -> dict[float, float]:
+    """Beam angle (deg) of the target of one lamp in a plane C (deg); None for any other target."""
     receiver = spec.all_receivers[0]
     match receiver.facing, receiver.rotation_deg, len(spec.all_lamps), receiver.targets:
         case (0.0, 0.0, 1.0), 0.0, 1, [BeamTarget(centre=(0.0, 0.0), rotation_deg=0.0) as target]:
@@ -363,8 +363,8 @@ def _wanted(spec: Spec) -> dict[float, float]:
     return {}
 
 
-def _beside_wanted(angle: Metric | None, wanted_deg: float | None) -> tuple[str, str]:
-    """Words beside a beam angle, and the notice where it is far from the one that is wanted."""
+def _beam_note(angle: Metric | None, wanted_deg: float | None) -> tuple[str, str]:
+    """Note and warning for a beam angle that differs from the target's."""
     note = "full width at 50 % of the peak in this plane"
     if angle is None or wanted_deg is None:
         return note, ""
@@ -374,7 +374,7 @@ def _beside_wanted(angle: Metric | None, wanted_deg: float | None) -> tuple[str,
 
 
 def _far_field(photometry: Photometry, spec: Spec, whose: str) -> Iterator[Fact]:
-    """Facts of the files; ``whose`` light they have, of several lenses or lamps."""
+    """Facts of the files; ``whose``: phrase for the lens or lamps whose light they have."""
     direction = photometry.peak_direction
     start = f"{whose}; " if whose else ""
     source = f"{start}for {quantity(photometry.source_lm, 'lm', digits=5)} of the source"
@@ -387,7 +387,7 @@ def _far_field(photometry: Photometry, spec: Spec, whose: str) -> Iterator[Fact]
     for beam in (photometry.beam_c0, photometry.beam_c90):
         plane = f"C {beam.c_deg:.0f}"
         if beam.c_deg not in _judged_planes(spec):
-            note, notice = _beside_wanted(beam.beam_angle_deg, _wanted(spec).get(beam.c_deg))
+            note, notice = _beam_note(beam.beam_angle_deg, _target_beam_deg(spec).get(beam.c_deg))
             yield Fact.measured(f"beam_{plane}", f"Beam angle, {plane}", beam.beam_angle_deg, note, notice=notice)
         yield Fact.measured(f"field_{plane}", f"Field angle, {plane}", beam.field_angle_deg, "full width at 10 %")
     yield from facts_in(photometry.figures)

@@ -23,8 +23,8 @@ _MOST_WAYS = 6  # told apart, the brightest; the shipped lenses have two or thre
 class LightWay(Record):
     """A way of the light through the lens, and its ``share`` of the emitted flux as it leaves.
 
-    ``faces``: all that it meets, by name, from the source on; it leaves by the last. One alone: all light that leaves
-    by that face, which is not the exit. None: all other light that leaves.
+    ``faces``: all that it meets, by name, from the source on; it leaves by the last. A single face: all light that
+    leaves by it without being the exit. Empty: all other light that leaves.
     """
 
     faces: Annotated[tuple[Text, ...], Field(max_length=_LONGEST)]
@@ -32,7 +32,7 @@ class LightWay(Record):
 
     @property
     def title(self) -> str:
-        """The way in words."""
+        """Display name of the way."""
         if not self.faces:
             return "Other paths"
         return f"Through the {self.faces[0]}" if len(self.faces) == 1 else " → ".join(self.faces).capitalize()
@@ -40,7 +40,7 @@ class LightWay(Record):
 
 @dataclass(frozen=True)
 class FluxByWay:
-    """Flux (W) that left the lens in each replicate by each way, whose number has a digit for each face that it meets.
+    """Flux (W) that left the lens in each replicate by each way; its number has a digit for each face met.
 
     ``chain``: the faces from the source on, the exit last; None for a double-freeform lens, which has one way.
     """
@@ -91,7 +91,7 @@ def _faces(number: int, names: Sequence[str]) -> Iterator[str]:
 
 
 def _numbers(met: Int8[np.ndarray, "n e"], faces: int) -> Int[np.ndarray, " n"]:
-    """Number of the way of each ray; of its last face alone where that is not the exit, 0 where it is long."""
+    """Number of each ray's way; of its last face alone if that is not the exit, 0 for long ways."""
     count = (met >= 0).sum(axis=1)
     last = last_face(met).astype(int)
     digits = met[:, :_LONGEST].astype(int) + 1
@@ -113,22 +113,22 @@ _CAUSES = {
 }
 
 
-def leak_facts(lens: LensShape, ways: Sequence[LightWay], *lost: Record) -> Iterator[Fact]:
-    """A fact for each leak above 1 % of a lens of several faces: by a face that is to reflect, or as ``lost`` tells."""
+def leak_facts(lens: LensShape, ways: Sequence[LightWay], *budgets: Record) -> Iterator[Fact]:
+    """A fact for each leak above 1 %: through a face that should reflect, or by the budgets ``budgets``."""
     if not ways:
         return
     for way in ways:
         name = way.faces[0] if len(way.faces) == 1 else ""
         if name and not lens.role(name).is_open and way.share.value > _SAID:  # an open mouth lets all light out
             yield Fact.share("leak", f"Lost through the {name}", way.share, _REFLECTS.format(_ALL, name), notice=_ABOVE)
-    for cause, (place, words) in _CAUSES.items():
-        share = next((getattr(each, cause) for each in lost if hasattr(each, cause)), 0.0)
+    for cause, (place, remedy) in _CAUSES.items():
+        share = next((getattr(budget, cause) for budget in budgets if hasattr(budget, cause)), 0.0)
         if share > _SAID:
-            yield Fact.share("leak", f"Lost {place}", share, words, notice=_ABOVE)
+            yield Fact.share("leak", f"Lost {place}", share, remedy, notice=_ABOVE)
 
 
 def way_facts(ways: Sequence[LightWay]) -> Group:
-    """The group of the share of each way."""
+    """The group of the shares of the ways."""
     note = "share of the LED’s flux that leaves the lens by these faces"
     facts = tuple(Fact.share(f"way_{k}", way.title, way.share, "" if k else note) for k, way in enumerate(ways))
     return Group("ways", "Flux by path", facts, note)

@@ -41,18 +41,18 @@ class LampLight:
     street_deg: float
 
     def times(self, count: int) -> "LampLight":
-        """Light of so many."""
+        """Light of ``count`` lamps."""
         return replace(self, samples=count * self.samples)
 
     def in_file(self) -> "LampLight":
-        """Light of the table that files hold, without values below 0; then without one after the other of the samples.
+        """Light of the table in the files, without values below 0; then with each sample left out in turn.
 
-        Of one sample alone the first.
+        For a single sample only the table.
         """
         total = self.samples.sum(axis=0)
         count = len(self.samples)
-        rest = [(total - sample) / (count - 1) for sample in self.samples] if count > 1 else []
-        tables = [self.grid.table(each).values[:-1] for each in (total / count, *rest) if each.sum() > 0.0]
+        left_out = [(total - sample) / (count - 1) for sample in self.samples] if count > 1 else []
+        tables = [self.grid.table(candela).values[:-1] for candela in (total / count, *left_out) if candela.sum() > 0.0]
         return replace(self, samples=np.stack(tables))
 
     def intensities(self, lateral_deg: Degrees, gamma_deg: Degrees) -> Float[np.ndarray, "p k"]:
@@ -103,14 +103,14 @@ class _RoadGrid:
     def fine() -> "_RoadGrid":
         turns = np.arange(_LATERAL_STEPS) * (360.0 / _LATERAL_STEPS)
         gammas = np.arange(0.0, _LAST_DEG, _GAMMA_STEP)
-        lateral, gamma = (each.ravel() for each in np.meshgrid(turns, gammas, indexing="ij"))
+        lateral, gamma = (angles.ravel() for angles in np.meshgrid(turns, gammas, indexing="ij"))
         far = np.tan(np.deg2rad(gamma))
         return _RoadGrid(lateral, gamma, far * np.sin(np.deg2rad(lateral)), far * np.cos(np.deg2rad(lateral)))
 
     def reach(self, light: Degrees, low: float, high: float, side: float) -> float:
-        """Farthest place towards ``side`` (1 the street, -1 the house) of half the light, within a range along."""
-        there = (light >= _HALF * light.max()) & (np.abs(self.along) >= low) & (np.abs(self.along) <= high)
-        return max(float((side * self.across[there]).max()), 0.0) if there.any() else 0.0
+        """Farthest point towards ``side`` (1 the street, -1 the house) with half the light, in a range along."""
+        in_range = (light >= _HALF * light.max()) & (np.abs(self.along) >= low) & (np.abs(self.along) <= high)
+        return max(float((side * self.across[in_range]).max()), 0.0) if in_range.any() else 0.0
 
     def roundness(self, light: Degrees) -> float:
         """Ratio of the least to the largest reach of the line of half the light, over all lateral angles."""
@@ -143,7 +143,7 @@ def distribution_type(lamp: LampLight) -> DistributionType:
 
 
 def _with_step(reach: Metric) -> Metric:
-    """A reach whose error includes half a step of gamma on the road."""
+    """A reach with half a step of gamma on the road added to its error."""
     return with_error(reach, 0.5 * np.deg2rad(_GAMMA_STEP) * (1.0 + reach.value**2))
 
 
@@ -181,7 +181,7 @@ class ZoneLumens(Record):
 
     @staticmethod
     def of(samples: Float[np.ndarray, "p 2 4"]) -> "ZoneLumens":
-        """The mean of independent ``samples`` of :func:`zone_flux` (lm); a lens sends none above 90 degrees."""
+        """The mean of independent ``samples`` of :func:`zone_flux` (lm); a lens emits none above 90 degrees."""
         lumens = {
             f"{side}_{height}": jackknife_metric(samples[:, row, column], float, "lm")
             for row, side in enumerate(_SIDES)
@@ -192,7 +192,7 @@ class ZoneLumens(Record):
 
 
 def zone_flux(rays: RayBundle, street_deg: float, symmetry: str) -> Float[np.ndarray, "2 4"]:
-    """Flux of ``rays``, which go upwards, forward and back (rows) and by height; mean over their mirror images.
+    """Flux of upward ``rays``, forward and back (rows) and by height, averaged over their mirror images.
 
     ``street_deg``: azimuth of the street.
     """

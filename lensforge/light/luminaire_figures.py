@@ -13,9 +13,9 @@ _REACHED_LX = 0.25  # about that of the full moon: ANSI/PLATO FL1
 class LuminaireFigures(Record):
     """Figures of the light in the files.
 
-    ``throw``: distance at which the peak intensity makes 0.25 lx; None where lumens are not known. ``flux_code``: N1
-    to N5 as shares: of the downward flux in cones of solid angles pi/2, pi and 3 pi/2, of all flux downwards, and of
-    the source's flux in the files. ``direct_ratios``: share of the flux that falls straight on the working plane of a
+    ``throw``: distance at which the peak intensity makes 0.25 lx; None if lumens are not known. ``flux_code``: N1 to N5
+    as shares: of the downward flux in cones of solid angles pi/2, pi and 3 pi/2, of all flux downwards, and of the
+    source's flux in the files. ``direct_ratios``: share of the flux that falls straight on the working plane of a
     square room, for the room indices 0.6, 0.8, 1, 1.25, 1.5, 2, 2.5, 3, 4 and 5.
     """
 
@@ -26,7 +26,7 @@ class LuminaireFigures(Record):
     @property
     @figure(Figure("CEN flux code", "N1 to N5 in per cent, EN 13032-2", key="flux_code"))
     def flux_code_words(self) -> str:
-        """The flux code as data sheets have it."""
+        """The flux code as printed in data sheets."""
         return " ".join(f"{100.0 * share.value:.0f}" for share in self.flux_code)
 
 

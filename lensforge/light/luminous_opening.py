@@ -1,4 +1,4 @@
-"""Luminous opening of lamps as their files state it: the faces by which light is to leave, as seen along the axis."""
+"""Luminous opening of lamps for their files: the faces that emit light, seen along the axis."""
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -20,9 +20,9 @@ _Polars = Float[np.ndarray, "a k"]
 
 
 def luminous_opening(lens: Lens, lamps: Lamps) -> LuminousOpening:
-    """The opening of ``lamps`` with ``lens``: of one at the origin a disc, of others the box that holds all.
+    """The opening of ``lamps`` with ``lens``: a disc for one at the origin, else the bounding box of all.
 
-    It is as high as the highest point by which light leaves, given bodies included, lies above the lowest rim.
+    Its height is that of the highest exit point, optics behind the lens included, above the lowest rim.
     """
     exits = {kind.kind: _exit(kind) for kind in lens.kinds}
     if lamps.is_single:
@@ -52,25 +52,25 @@ def _with_height(x_mm: float, y_mm: float, z_mm: float, *, circular: bool) -> Lu
 
 
 def _exit(lens: Lens) -> tuple[_Points, _Points]:
-    """Points (mm) by which light is to leave the lens and the bodies behind it, and those of the lens's rim.
+    """Points (mm) by which light leaves the lens and the optics behind it, and those of the lens's rim.
 
-    Light leaves by the opening, where there is one, or by the faces to the outside that are not there to reflect it.
+    Light leaves by the opening, if there is one, or by the outer faces that are not mirrors.
     """
     roles = [role for role in lens.spec.lens.body_roles if role.is_open]
     faces = lens.body.cavity
     if not roles:
-        found = (role for role in lens.spec.lens.body_roles if role.behind == OUTSIDE and role.is_optical)
-        roles = [role for role in found if not role.reflects]
+        outer = (role for role in lens.spec.lens.body_roles if role.behind == OUTSIDE and role.is_optical)
+        roles = [role for role in outer if not role.reflects]
         faces = lens.body.envelope
     numbers = [number for number, face in enumerate(faces) if face.name in {role.name for role in roles}]
 
     def seen(polars: _Polars) -> tuple[Bool[np.ndarray, "a k"], _Points]:
         sine = np.sin(polars)
         directions = np.stack([sine * np.cos(_AZIMUTHS), sine * np.sin(_AZIMUTHS), np.cos(polars)], axis=-1)
-        which = nearest(faces, directions)
+        nearest_face = nearest(faces, directions)
         flat = directions.reshape(-1, 3)
         radius = np.min([faces[number].surface.radius(flat) for number in numbers], axis=0).reshape(polars.shape)
-        return np.isin(which, numbers), radius[..., None] * directions
+        return np.isin(nearest_face, numbers), radius[..., None] * directions
 
     lit, points = seen(np.tile(_POLARS, (len(_AZIMUTHS), 1)))
     last = lit.shape[1] - 1 - np.argmax(lit[:, ::-1], axis=1)[:, None]

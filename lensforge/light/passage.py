@@ -1,4 +1,4 @@
-"""Rays through one body by the compiled kernels on all cores, and back: the lens, or given optics behind it."""
+"""Rays through one body by the compiled kernels on all cores, and back: the lens, or optics behind it."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -27,19 +27,19 @@ _Memory = TypeVar("_Memory")
 _of_thread = local()
 
 
-def _kept(make: Callable[..., _Memory], *given: Any) -> _Memory:
-    """Memory of this thread for kernels, made once: its zeros take as long as the work on some hundred rays."""
+def _thread_buffer(make: Callable[..., _Memory], *arguments: Any) -> _Memory:
+    """Kernel buffers of this thread, allocated once: zeroing them takes as long as tracing some hundred rays."""
     known = vars(_of_thread).setdefault("memory", {})
-    if (make, given) not in known:
-        known[make, given] = make(*given)
-    return cast(_Memory, known[make, given])
+    if (make, arguments) not in known:
+        known[make, arguments] = make(*arguments)
+    return cast(_Memory, known[make, arguments])
 
 
 @dataclass(frozen=True, eq=False)
 class BodyPassage:
-    """Rays that have come to a ``body``, their ``ways`` through it, and the rays behind it.
+    """Rays that have reached a ``body``, their ``ways`` through it, and the rays behind it.
 
-    ``body`` and, of the rays, the rows of films, noise and shifts have the ``precision`` in which they are traced.
+    ``body`` and the rays' rows of films, noise and shifts have the ``precision`` of the tracing.
     """
 
     body: TracedBody
@@ -59,9 +59,9 @@ class BodyPassage:
         fields: bool = False,
         precision: Precision = DOUBLE_PRECISION,
     ) -> "BodyPassage":
-        """Trace ``rays``, but for those that by their ``fates`` have ended, through at most so many ``events``.
+        """Trace ``rays`` through at most ``events`` events; those that ended before, by their ``fates``, stay.
 
-        ``axial`` and ``fields``: whether these are kept of the rays that leave.
+        ``axial`` and ``fields``: whether to keep these for the rays that leave.
         """
         count = len(rays.emitted)
         sides = body.sides
@@ -82,23 +82,23 @@ class BodyPassage:
         run = precision.kernel(trace)
 
         def work(part: slice) -> None:
-            run(rays.part(part), body, ways.part(part), exits.part(part), _kept(empty_packet, precision))
+            run(rays.part(part), body, ways.part(part), exits.part(part), _thread_buffer(empty_packet, precision))
 
         in_pieces(work, count, worth=_WORTH_SHARING)
         return BodyPassage(body, rays, ways, exits, precision)
 
     @property
     def met(self) -> Int8[np.ndarray, "n e"]:
-        """Faces that the rays met, as :class:`Ways` keeps them of all but a double-freeform lens."""
+        """Faces that the rays met, as in :class:`Ways`; None for a double-freeform lens."""
         if self.ways.met is None:
             raise ValueError("rays that meet two faces in their order keep no way")
         return self.ways.met
 
     @property
     def axial(self) -> Float[np.ndarray, " n"] | None:
-        """Flux (W) of each ray times the squared part of its field along z; None where that is not kept."""
-        kept = self.exits.axial
-        return kept if kept is not None and len(kept) == len(self.exits.flux) else None
+        """Flux (W) of each ray times the squared component of its field along z; None if not kept."""
+        axial = self.exits.axial
+        return axial if axial is not None and len(axial) == len(self.exits.flux) else None
 
     def gradients(self, by: ByRaysOut) -> Float[np.ndarray, "f side side"]:
         """Gradients by all tables, from sensitivities to the rays behind the body.
@@ -111,7 +111,7 @@ class BodyPassage:
 
             def work(chunk: int, part: slice) -> None:
                 ways = self.ways.part(part)
-                packet = _kept(adjoint_memory, 0, self.precision).packet
+                packet = _thread_buffer(adjoint_memory, 0, self.precision).packet
                 run(self.rays.part(part), self.body, ways, self.exits.fates[part], by.part(part), totals[chunk], packet)
 
             in_chunks(work, len(self.rays.emitted), worth=_WORTH_SHARING)
@@ -120,7 +120,7 @@ class BodyPassage:
         return totals.sum(axis=0)
 
     def back(self, by: ByRaysOut) -> ByRaysIn:
-        """Sensitivities to the rays that came from those to the rays behind a body in polarised light."""
+        """Sensitivities to the incoming rays from those to the rays behind a body in polarised light."""
         before = ByRaysIn.none_of(len(self.rays.emitted))
         self._back(by, np.zeros((CHUNKS, 0, *self.body.tables.shape[1:])), before)
         return before
@@ -141,7 +141,7 @@ class BodyPassage:
                 by.part(part),
                 same_way(met[part]),
                 gradients,
-                _kept(adjoint_memory, events),
+                _thread_buffer(adjoint_memory, events),
             )
 
         in_chunks(work, len(self.rays.emitted), worth=_WORTH_SHARING)

@@ -32,7 +32,7 @@ Vectors = Float[np.ndarray, "k 3"]
 
 @dataclass(frozen=True)
 class Pivots:
-    """Points of the LED from which ``rays`` come, about which they turn; ``before_mm``: distances to their starts."""
+    """Points of the LED about which ``rays`` turn; ``before_mm``: distances from there to the starts of the rays."""
 
     rays: RayBundle
     points: Vectors
@@ -40,7 +40,7 @@ class Pivots:
 
     @staticmethod
     def of(rays: RayBundle, waist_mm: float | None) -> "Pivots":
-        """Origins of ``rays``: their starts, or of measured ones the crossings of their lines with the waist."""
+        """Pivots of ``rays``: their starts, or for measured rays their crossings with the waist plane."""
         if waist_mm is None:
             return Pivots(rays, rays.origins, np.zeros(len(rays)))
         points = at_height(rays, waist_mm)
@@ -50,7 +50,7 @@ class Pivots:
         return len(self.points)
 
     def take(self, rows: Bool[np.ndarray, " k"]) -> "Pivots":
-        """Some of them."""
+        """Select pivots by row."""
         return Pivots(self.rays.take(rows), self.points[rows], self.before_mm[rows])
 
     def turned(self, steps_rad: Vectors) -> "Pivots":
@@ -66,8 +66,8 @@ def landed_at_eye(
 ) -> Landings:
     """Landings of ``rays``, which left the lens as ``exits``, each where the eye of ``view`` sees its point of the LED.
 
-    ``waist_mm``: of measured rays, whose lines alone tell where these points are. One that cannot be turned to the eye
-    stays where it passes.
+    ``waist_mm``: of measured rays, whose lines alone locate these points. A ray that cannot be turned to the eye stays
+    where it passes.
     """
     landed = view.land(exits)
     for number, eye in enumerate(view.members):
@@ -103,7 +103,7 @@ def _seen_at(trace: Trace, pivots: Pivots, exits: ExitRays, view: EyeView) -> Fl
 
 
 def _steps(trace: Trace, pivots: Pivots, beside: Float[np.ndarray, "k 2"], view: EyeView) -> Vectors:
-    """Turns (rad) that would bring the rays to the eye, to first order; none where that is not known."""
+    """Turns (rad) that bring the rays to the eye, to first order; 0 where not known."""
     across = _across(pivots.rays.directions)
     slopes = np.empty((len(pivots), 2, 2))
     known = np.ones(len(pivots), dtype=bool)
@@ -121,7 +121,7 @@ def _steps(trace: Trace, pivots: Pivots, beside: Float[np.ndarray, "k 2"], view:
 
 
 def _across(directions: Vectors) -> tuple[Vectors, Vectors]:
-    """Two unit vectors across each of the directions."""
+    """Two unit vectors perpendicular to each direction and to each other."""
     aside = np.where(np.abs(directions[:, :1]) < 0.6, np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0]))
     first = np.cross(directions, aside)
     first /= np.linalg.norm(first, axis=1, keepdims=True)

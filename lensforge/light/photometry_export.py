@@ -72,7 +72,7 @@ def photometric_files(
 def _rayfile(
     photometric: PhotometricFile, rays: RayBundle, rays_lm: float | None, spectrum: Spectrum | None
 ) -> RayFile:
-    """Rays in W, with their lumens in the header, and the spectrum: one wavelength, or a table of all rays."""
+    """Rays in W, their lumens in the header, and the spectrum: a single wavelength, or one table for all rays."""
     header: dict[str, HeaderValue] = {
         "name": photometric.title,
         "creation_method": "simulated",
@@ -113,7 +113,7 @@ def _read_back(content: bytes, name: str, exit_lm: float) -> WrittenFile:
 def _of_luminaire(
     lens: PhotometricFile, lenses: int, remarks: tuple[str, ...], ies_version: IesVersion
 ) -> dict[str, bytes]:
-    """The files of a lamp of so many equal lenses that shine alike, with ``remarks``, by format; none of one lens."""
+    """The files of a lamp of ``lenses`` equal lenses, with ``remarks``, by format; empty for one lens."""
     if lenses == 1:
         return {}
     light = replace(lens.intensity, values=lenses * lens.intensity.values)
@@ -141,13 +141,12 @@ def measure_photometry(
 ) -> Photometry:
     """Trace the light of ``lens`` to its far field, and make its files; ``lumens``: luminous flux of the source.
 
-    Without it, the flux is what the spec or the source's file says; where nothing does, 1000 lm: then candela are
-    cd/klm, and record and files say so. Without ``rays`` as many are traced as the noise of the table asks for.
-    ``seed``: by default the lens's own.
-    ``ies_version``: year of LM-63, ``led``: name of the LED, of several, in the files. Of several lamps they hold the
-    light of all, as it is seen from afar; of an infinite lattice that of one. The date of the files is that of the
-    spec, as in all files for others. Raises :class:`InputError` for lumens that are not above 0 and finite, and where
-    no light leaves the lens upwards.
+    By default the flux stated by the spec or the source's file, or else 1000 lm: then candela are cd/klm, and record
+    and files say so. Without ``rays`` as many are traced as the noise of the table asks for. ``seed``: by default the
+    lens's own. ``ies_version``: year of LM-63, ``led``: name of the LED, of several, in the files. Of several lamps
+    they hold the light of all, as it is seen from afar; of an infinite lattice that of one. The date of the files is
+    that of the spec, as in all files for others. Raises :class:`InputError` for lumens that are not above 0 and finite,
+    and if no light leaves the lens upwards.
     """
     if lumens is not None and not 0.0 < lumens < np.inf:
         raise InputError(f"lumens = {lumens:g}: must be above 0 and finite; leave it out to take those of the spec")
@@ -233,7 +232,7 @@ def measure_photometry(
 
 
 def _turned_over(values: Float[np.ndarray, "c g"]) -> Float[np.ndarray, "d g"]:
-    """Values at equal steps of C, closed at 360 degrees and turned over as their table is."""
+    """Values at equal steps of C, closed at 360 degrees, in the opposite sense of rotation."""
     return np.concatenate([values, values[:1]])[::-1]
 
 

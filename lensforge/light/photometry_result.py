@@ -73,7 +73,7 @@ class PlaneFigures(Record):
     field_angle_deg: Metric | None
 
     def in_doubt(self, other: "PlaneFigures", doubt: float) -> "PlaneFigures":
-        """These figures, which the rays have chosen before the ``other``."""
+        """These figures with the doubt that other rays would choose ``other``."""
         names = ("peak_cd", "beam_angle_deg", "field_angle_deg")
         pairs = {name: (getattr(self, name), getattr(other, name)) for name in names}
         known = {name: pair for name, pair in pairs.items() if None not in pair}
@@ -82,10 +82,10 @@ class PlaneFigures(Record):
 
 @dataclass(frozen=True)
 class CandelaTables:
-    """Intensities (cd) in the frame of the files: of all rays, and with one of the independent samples left out each.
+    """Intensities (cd) in the frame of the files: of all rays, and with each independent sample left out in turn.
 
-    ``samples``: of each sample alone, with values below 0 where they have noise. ``rival``: the same in
-    other steps, which other rays might have chosen; ``doubt``: as of :func:`~lensforge.results.estimates.in_doubt`.
+    ``samples``: of each sample alone, with values below 0 where they have noise. ``rival``: the same in other steps,
+    which other rays might have chosen; ``doubt``: as of :func:`~lensforge.results.estimates.in_doubt`.
     """
 
     whole: CandelaTable
@@ -100,8 +100,8 @@ class CandelaTables:
         values = light.samples * per_watt
         count = len(light.samples)
         total = values.sum(axis=0)
-        rest = [(total - value) / (count - 1) for value in values] if count > 1 else []
-        left_out = [turned_over(light.grid.table(each)) for each in rest if each.sum() > 0.0]
+        left_out_sums = [(total - value) / (count - 1) for value in values] if count > 1 else []
+        left_out = [turned_over(light.grid.table(sums)) for sums in left_out_sums if sums.sum() > 0.0]
         closed = np.concatenate([values, values[:, :1]], axis=1)[:, ::-1]
         tables = CandelaTables(turned_over(light.grid.table(total / count)), left_out, closed)
         if light.rival is None:
@@ -109,7 +109,7 @@ class CandelaTables:
         return replace(tables, rival=CandelaTables.of(light.rival.light, per_watt), doubt=light.rival.doubt)
 
     def figure(self, read: Callable[[CandelaTable], float], unit: str) -> Metric:
-        """Figure that ``read`` takes from a table, with its standard error; none from fewer than two samples."""
+        """Figure that ``read`` takes from a table, with its standard error; without one for fewer than two samples."""
         (figure,) = self.figures(lambda table: (read(table),), unit)
         return figure
 
@@ -124,7 +124,7 @@ class CandelaTables:
         )
 
     def figures_in_doubt(self, read: Callable[[CandelaTable], tuple[float, ...]], unit: str = "") -> tuple[Metric, ...]:
-        """Figures of a table that the rays have chosen before that in other steps."""
+        """Figures of a table, with the doubt that other rays would choose other steps."""
         figures = self.figures(read, unit)
         if self.rival is None:
             return figures
@@ -133,7 +133,7 @@ class CandelaTables:
 
     @cached_property
     def peak_direction(self) -> Direction:
-        """Node with the largest intensity; on the axis, where all half-planes meet, that of C = 0."""
+        """Node with the largest intensity; on the axis, where all half-planes meet, the one at C = 0."""
         plane, angle = np.unravel_index(int(np.argmax(self.whole.values)), self.whole.values.shape)
         c_deg = float(self.whole.c_deg[plane]) % 360.0 if angle > 0 else 0.0
         return Direction(c_deg=c_deg, gamma_deg=float(self.whole.gamma_deg[angle]))
@@ -158,14 +158,14 @@ class CandelaTables:
 
     @property
     def _span_deg(self) -> float:
-        """Angle between the table's ends: no width errs by more, where lobes come and go with the noise."""
+        """Angle between the table's ends, a bound on the error of a width when lobes come and go with the noise."""
         return 2.0 * float(self.whole.gamma_deg[-1])
 
     def _with(self, values: Float[np.ndarray, "c g"]) -> CandelaTable:
         return CandelaTable(self.whole.c_deg, self.whole.gamma_deg, values)
 
     def _angle(self, c_deg: float, peak: Metric, share: float) -> Metric | None:
-        """Width of the beam at ``share`` of its ``peak``, whose own error is a part of that of the width."""
+        """Width of the beam at ``share`` of its ``peak``; the error of the peak enters that of the width."""
 
         def width(table: CandelaTable, level: float) -> float:
             return width_above(*plane_profile(table, c_deg), level) or 0.0
@@ -303,12 +303,12 @@ class Photometry(ResultByLed):
     def judge(self) -> Iterator[Fact]:
         """Make one criterion for each file: it holds the flux of the rays."""
         written = {name: getattr(self.files, field) for field, name in _FILE_NAMES.items()}
-        of_all = {} if self.luminaire is None else LUMINAIRE_FILES
-        written |= {name: getattr(self.luminaire, field) for field, name in of_all.items()}
+        whole_lamp = {} if self.luminaire is None else LUMINAIRE_FILES
+        written |= {name: getattr(self.luminaire, field) for field, name in whole_lamp.items()}
         for name, file in written.items():
             error = file.relative_error
-            asked = "please report the lens.json"
-            yield at_most(f"flux of {name} as read back", error, _CONSERVED, "relative", asked)
+            remedy = "please report the lens.json"
+            yield at_most(f"flux of {name} as read back", error, _CONSERVED, "relative", remedy)
 
     def judgements_of(self, applications: Iterable[Application]) -> Iterator[ApplicationJudgement]:
         """The judgement of each of the spec's applications."""

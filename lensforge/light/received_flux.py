@@ -25,7 +25,7 @@ class ReceivedFlux:
 
     The fates are those of :class:`~lensforge.kernels.fate.Fate`, where ``LEFT_LENS`` holds what landed, and
     ``MISSED_RECEIVER``, ``ABSORBED`` and ``IN_GLASS``; then each of the further bodies. ``in_regions``: in each of the
-    ``regions`` (k). ``colours``: X, Y and Z (lm) per pixel; None if nobody asks for colour.
+    ``regions`` (k). ``colours``: X, Y and Z (lm) per pixel; None without colour.
     """
 
     images: Float[np.ndarray, "r h w"]
@@ -45,7 +45,7 @@ class ReceivedFlux:
         coloured: bool = False,
         bodies: int = 0,
     ) -> "ReceivedFlux":
-        """No flux; behind the lens there are so many further ``bodies``."""
+        """No flux; ``bodies``: number of further bodies behind the lens."""
         images = np.zeros((replicates, *receiver.grid.shape))
         none = np.zeros(replicates)
         in_regions = np.zeros((replicates, len(regions)))
@@ -55,11 +55,11 @@ class ReceivedFlux:
 
     @staticmethod
     def mean(of_kinds: Sequence["ReceivedFlux"], shares: Sequence[float]) -> "ReceivedFlux":
-        """Mean flux of a lamp, of lamps with lenses of several kinds: that of each, by its share of the lamps."""
+        """Mean flux over lamps whose lenses are of several kinds, each weighted by its share of the lamps."""
 
         def mean(name: str) -> Float[np.ndarray, "..."]:
             parts = zip(shares, of_kinds, strict=True)
-            return np.asarray(np.sum([share * getattr(each, name) for share, each in parts], axis=0))
+            return np.asarray(np.sum([share * getattr(flux, name) for share, flux in parts], axis=0))
 
         first = of_kinds[0]
         amounts = ("images", "by_fate", "window", "outside", "in_regions")
@@ -110,7 +110,7 @@ class ReceivedFlux:
 
 
 def named_flux(by_fate: Float[np.ndarray, " f"]) -> dict[str, float]:
-    """Flux of each fate by its name, and of all further bodies together."""
+    """Flux of each fate by its name, the further bodies summed."""
     places = {fate.name.lower(): int(fate) for fate in Fate}
     places |= {"missed_receiver": MISSED_RECEIVER, "absorbed": ABSORBED, "cover_glass": IN_GLASS}
     named = {name: float(by_fate[place]) for name, place in places.items()}
@@ -118,13 +118,13 @@ def named_flux(by_fate: Float[np.ndarray, " f"]) -> dict[str, float]:
 
 
 def flux_by_fate(rays: ExitRays, missed_receiver: Bool[np.ndarray, " n"]) -> Float[np.ndarray, " f"]:
-    """Flux (W) by fate; rays that left the lens and ``missed_receiver`` count apart, and flux that was absorbed.
+    """Flux (W) by fate; rays that left the lens but ``missed_receiver``, and absorbed flux, are counted apart.
 
-    Then what each of the further bodies took.
+    Then the flux lost in each further body.
     """
-    found = np.bincount(np.where(missed_receiver, MISSED_RECEIVER, rays.fates), rays.flux, minlength=CAUSES)
+    by_fate = np.bincount(np.where(missed_receiver, MISSED_RECEIVER, rays.fates), rays.flux, minlength=CAUSES)
     if rays.absorbed is not None:
-        found[ABSORBED] = rays.absorbed.sum()
+        by_fate[ABSORBED] = rays.absorbed.sum()
     if rays.lost_in_glass is not None:
-        found[IN_GLASS] = rays.lost_in_glass.sum()
-    return found if rays.lost_in_bodies is None else np.concatenate([found, rays.lost_in_bodies.sum(axis=1)])
+        by_fate[IN_GLASS] = rays.lost_in_glass.sum()
+    return by_fate if rays.lost_in_bodies is None else np.concatenate([by_fate, rays.lost_in_bodies.sum(axis=1)])

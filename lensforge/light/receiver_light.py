@@ -58,7 +58,7 @@ class RegionLight(Record):
 
     @property
     def where(self) -> str:
-        """The region in words."""
+        """Phrase for the region."""
         return _REGIONS[self.region]
 
     @staticmethod
@@ -84,7 +84,7 @@ class RegionLight(Record):
 
 
 def bright_region(target: Image) -> Bool[np.ndarray, "h w"]:
-    """Pixels where the target is above half of its maximum; those on its edge, which often have just half, are not."""
+    """Pixels where the target is above half of its maximum; pixels of exactly half, often on its edge, are not."""
     return target > _BRIGHT * (1.0 + 1e-9) * target.max()
 
 
@@ -98,8 +98,8 @@ class Flux(Record):
 
     ``detected``: in the window. ``outside``: on the receiver's surface outside the window. ``missed``: never reached
     that surface. ``absorbed``: by the body from face to face, and by mirrors. ``cover_glass``: reflected and absorbed
-    by it. ``bodies``: likewise by the further bodies, with the light that ends there. ``reflected``: at faces that let
-    light through, which a sequential design does not follow.
+    by it. ``bodies``: likewise by the further bodies, and light that ends there. ``reflected``: at faces that let light
+    through, which a sequential design does not follow.
     """
 
     detected: Share
@@ -136,7 +136,7 @@ class RawMetrics(Record):
 
 
 class EstimatedLight(Record):
-    """Light that a lens may bring to the same pixels, by étendue as the rays of a source let it be estimated.
+    """Light that a lens may bring to the same pixels, by an étendue estimated from the rays of a source.
 
     No bound: where places of a source differ in luminance, rays tell too little of the brightest.
     """
@@ -168,7 +168,7 @@ class Possible(Record):
 
     @property
     def expected_share(self) -> tuple[float, str]:
-        """Most of the light that is to be expected in the target, and by what: by the estimate where that is less."""
+        """Largest share to be expected in the target, and its law: the estimate if that is lower than the bound."""
         if self.estimate is not None and self.estimate.share_in_target < self.share_in_target:
             return self.estimate.share_in_target, "étendue may leave, by an estimate"
         return self.share_in_target, f"is the upper bound ({self.law})"
@@ -191,13 +191,13 @@ def _known_kind(kind: str) -> str:
 class ReceiverLight(Record):
     """The light on one receiver.
 
-    ``width``, ``height``: of its chart, in mm, or for the far field of the equal-area chart, 2 sin(gamma / 2).
-    ``map``, ``raw_map``, ``target_map``: irradiance (W/m^2), or intensity (W/sr), [row y, column x] after the filter,
-    before it, and of the target, scaled to the flux there. ``nmse``: Eq. (7) with the target scaled to the flux that
-    arrives. ``efficiency``: share of the emitted flux in the window; ``share_in_target``: where the target is above a
-    tenth of its largest pixel, by ray. ``uniformity``, ``rsd``: min/mean, and standard deviation/mean, in
-    the region of ``uniform_mm`` or ``uniform_deg``; None if the spec names none. ``in_region``: mean light and
-    evenness there, or where the target is bright, and the peak; None if one of the replicates is dark.
+    ``width``, ``height``: of its chart, in mm, or for the far field of the equal-area chart, 2 sin(gamma / 2). ``map``,
+    ``raw_map``, ``target_map``: irradiance (W/m^2), or intensity (W/sr), [row y, column x] after the filter, before it,
+    and of the target, scaled to the flux there. ``nmse``: Eq. (7) with the target scaled to the flux that arrives.
+    ``efficiency``: share of the emitted flux in the window; ``share_in_target``: where the target is above a tenth of
+    its largest pixel, by ray. ``uniformity``, ``rsd``: min/mean, and standard deviation/mean, in the region of
+    ``uniform_mm`` or ``uniform_deg``; None if the spec names none. ``in_region``: mean light and evenness there, or
+    where the target is bright, and the peak; None if one of the replicates is dark.
 
     ``lost_in_bodies``: flux lost in each of the further bodies, by its name, as shares of the emitted flux.
 
@@ -206,8 +206,8 @@ class ReceiverLight(Record):
     ``nmse_of_noise``: the NMSE of the noise in ``map``, about as much as it adds to that of ``raw``.
     ``nmse_of_raster``: the NMSE less that on half as many pixels; None if it was not measured.
 
-    ``colour``: of the beam, ``tristimulus_map``: X, Y and Z (lx, or cd), filtered; None if nobody asks for colour,
-    and the first in the dark.
+    ``colour``: of the beam, ``tristimulus_map``: X, Y and Z (lx, or cd), filtered; None without colour, the first also
+    in the dark.
     """
 
     name: Text
@@ -237,14 +237,14 @@ class ReceiverLight(Record):
 
     @property
     def wanted_in_target(self) -> float:
-        """Share of the target's own light that counts as in the target: a picture may have much in its dark parts."""
+        """Share of the target's own light in the region counted as target: dark parts of a picture may have much."""
         wanted = self.target_map
         total = float(wanted.sum())
         return float(wanted[wanted > IN_TARGET * wanted.max()].sum()) / total if total > 0.0 else 1.0
 
     @property
     def evenness_words(self) -> str:
-        """Words for the uniformity; where noise would put it above 1, for the side of its error."""
+        """Display text of the uniformity; one-sided if noise would put it above 1."""
         capped = self.uniformity is not None and self.uniformity.standard_error and self.uniformity.value >= 1.0
         return "min/mean" + (", at most 1: the error is to one side" if capped else "")
 
@@ -270,7 +270,7 @@ class ReceiverLight(Record):
 
     @property
     def where(self) -> str:
-        """The window in words."""
+        """Phrase for the window."""
         if self.is_far_field:
             return f"{self.place.removeprefix('in the far field, to ')} from the axis"
         return "on it" if self.section.is_round else f"within {self.window.width:g} × {self.window.height:g} mm"
@@ -298,7 +298,7 @@ LEAST_SHARE = 0.7  # of what is possible, and of what two faces transmit at norm
 
 
 def possible_share(receiver: ReceiverLight, transmittance: float) -> tuple[float, str]:
-    """Most of the flux that can lie in the target on ``receiver``, and by what; ``transmittance``: of both faces."""
+    """Largest share of the flux in the target on ``receiver``, and its law; ``transmittance``: of both faces."""
     whole = transmittance * receiver.wanted_in_target
     possible, law = receiver.possible.expected_share
     if whole <= possible:
@@ -317,7 +317,7 @@ METRICS = {
 
 def judged_figures(receiver: ReceiverLight, transmittance: float) -> dict[str, Fact]:
     """NMSE and share in the target on ``receiver``, judged; ``transmittance``: of both faces."""
-    most, what = possible_share(receiver, transmittance)
+    most, law = possible_share(receiver, transmittance)
     nmse = Fact.measured("nmse", METRICS["nmse"], receiver.nmse, limit=LARGEST_NMSE, is_square=True)
     share = Fact.measured(
         "share_in_target",
@@ -325,6 +325,6 @@ def judged_figures(receiver: ReceiverLight, transmittance: float) -> dict[str, F
         receiver.share_in_target,
         sense=">=",
         limit=LEAST_SHARE * most,
-        limit_note=f"{LEAST_SHARE:g} of the {percent(most)} that {what}",
+        limit_note=f"{LEAST_SHARE:g} of the {percent(most)} that {law}",
     )
     return {fact.key: fact for fact in (nmse, share)}

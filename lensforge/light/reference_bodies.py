@@ -28,7 +28,7 @@ class ReferenceBody:
 
     ``in_order``: where every ray meets the faces one after another, and what they reflect is lost, as in the usual
     lens. ``placement``: of the faces, where they do not stand in the frame of the rays. ``made``: for their roughness.
-    ``origin``: beginning of the place that an error names. ``scatters_before``: number of
+    ``origin``: prefix of fields named in errors. ``scatters_before``: number of
     faces that scatter on the bodies before it.
     """
 
@@ -73,10 +73,12 @@ class ReferenceBody:
         if guides is None:
             return ReferenceBody.of_lens([ExactFace.of(shape) for shape in shapes], scene)
         tables = (TableFace.of(torch.from_numpy(table), scene.grid) for table in guides)
-        return ReferenceBody.of_lens([ExactFace.of(*each) for each in zip(shapes, tables, strict=True)], scene)
+        return ReferenceBody.of_lens(
+            [ExactFace.of(*shape_and_table) for shape_and_table in zip(shapes, tables, strict=True)], scene
+        )
 
     def bounding(self, medium: str, behind: tuple[str, ...] = (BODY, OUTSIDE)) -> list[int]:
-        """Numbers of the faces that bound a medium on the side away from the origin, with one of these ``behind``."""
+        """Numbers of the faces that bound ``medium`` on the side away from the origin, towards one of ``behind``."""
         sides = enumerate(zip(self.chain.before, self.chain.behind, strict=True))
         return [number for number, (before, other) in sides if before == medium and other in behind]
 
@@ -97,11 +99,11 @@ def _of_optic(number: int, around: Media, device: torch.device) -> ReferenceBody
 
 
 class RaysInBody(NamedTuple):
-    """Rays of a bundle by their ``numbers``, as events leave them.
+    """Rays of a bundle by their ``numbers``, after an event.
 
-    ``fields``: two, of which half of the squared length is left of the flux ``carried`` (W). ``absorbed``: W.
-    ``last``: number of the face last met, below 0 before. ``gone_mm``: way since then that lies behind the ray.
-    ``times``: how often each has met each face of the body in which they are.
+    ``fields``: two, of which half of the squared length is left of the flux ``carried`` (W). ``absorbed``: W. ``last``:
+    number of the face last met, below 0 before. ``gone_mm``: path since then. ``times``: how often each ray has met
+    each face of its present body.
     """
 
     numbers: Int[Tensor, " n"]
@@ -139,22 +141,22 @@ class RaysInBody(NamedTuple):
         return RaysInBody(*map(torch.cat, zip(*parts, strict=True)))
 
     def take(self, rows: Tensor) -> "RaysInBody":
-        """Some of the rays."""
-        return RaysInBody(*(each[rows] for each in self))
+        """Select rays by row."""
+        return RaysInBody(*(values[rows] for values in self))
 
     def ended(self, fate: Fate) -> "RaysInBody":
         """The rays with this fate."""
         return self._replace(fates=torch.full_like(self.fates, int(fate)))
 
     def placed(self, pose: Pose, factor: float = 1.0) -> "RaysInBody":
-        """The rays in the next frame."""
+        """The rays in the frame of the next body."""
         points = pose.points(self.points, factor)
         directions = pose.directions(self.directions)
         return self._replace(points=points, directions=directions, fields=pose.directions(self.fields))
 
     @property
     def left(self) -> Bool[Tensor, " n"]:
-        """The rays that have left the body, or are still on their way."""
+        """True for rays that have left the body, or are still on their way."""
         return self.fates == Fate.LEFT_LENS
 
     @property
@@ -164,7 +166,7 @@ class RaysInBody(NamedTuple):
 
     @property
     def axial_flux(self) -> Float[Tensor, " n"]:
-        """Flux (W) times the squared part of the unit field along z."""
+        """Flux (W) times the squared axial component of the unit field."""
         return 0.5 * self.carried * _squares(self.fields[:, :, 2]).sum(dim=1)
 
 

@@ -47,8 +47,8 @@ OfDirections = Callable[[Float[Tensor, "n 3"]], Float[Tensor, "n *k"]]
 class Approach(NamedTuple):
     """Rays on their way to a face, from z >= 0.
 
-    ``sense``: 1 for rays inside of the face, -1 outside, times which F is positive. ``on_face``: rays that start on it,
-    which is no crossing. No crossing counts beyond ``limits_mm`` along each ray.
+    ``sense``: the sign by which F is positive, 1 for rays inside the face, -1 outside. ``on_face``: rays that start on
+    it, which is no crossing. No crossing counts beyond ``limits_mm`` along each ray.
     """
 
     points: Float[Tensor, "n 3"]
@@ -58,8 +58,8 @@ class Approach(NamedTuple):
     limits_mm: Float[Tensor, " n"]
 
     def take(self, rows: Tensor) -> "Approach":
-        """Some of the rays."""
-        return Approach(*(each[rows] for each in self))
+        """Select rays by row."""
+        return Approach(*(values[rows] for values in self))
 
     def at(self, paths_mm: Float[Tensor, " n"]) -> Float[Tensor, "n 3"]:
         """Points of the rays."""
@@ -73,7 +73,7 @@ class Approach(NamedTuple):
 
 
 class Crossing(NamedTuple):
-    """Next crossings: path (mm), whether there is one, whether the search gave up; any other ray goes past the face."""
+    """Next crossings: path (mm), whether one was found, whether the search gave up; other rays pass the face."""
 
     paths_mm: Float[Tensor, " n"]
     found: Bool[Tensor, " n"]
@@ -93,7 +93,7 @@ class TracedFace(ABC):
 
     @abstractmethod
     def next_crossing(self, rays: Approach) -> Crossing:
-        """First crossings of rays, from the side on which they are."""
+        """First crossings of rays, coming from their side of the face."""
 
     def hit(
         self,
@@ -138,7 +138,7 @@ class ExactFace(TracedFace):
         return ExactFace(_in_torch(surface.radius), _in_torch(surface.gradient), 2.2 * largest, guide)
 
     def gap(self, points: Float[Tensor, "n 3"]) -> Float[Tensor, " n"]:
-        """F (mm); the origin, which has no direction, is inside whatever it is taken for."""
+        """F (mm); positive at the origin, which has no direction."""
         directions, distance = _polar(points)
         return self.radius(directions) - distance
 
@@ -158,7 +158,7 @@ class ExactFace(TracedFace):
         return Crossing(paths.index_put((found,), ends), found, lost)
 
     def _scanned(self, rays: Approach) -> Crossing:
-        """First change of the sign of F; a ray that starts beyond the face is lost."""
+        """First sign change of F; a ray that starts beyond the face is lost."""
         ends = torch.minimum(rays.limits_mm, rays.to_plane_mm).clamp(max=self.reach_mm)
         low = torch.where(rays.on_face, _BACKED_OFF * ends, 0.0)
         high = ends.clone()
@@ -186,7 +186,7 @@ class ExactFace(TracedFace):
         return Crossing(torch.zeros_like(low).index_put((crosses,), 0.5 * (first + last)), crosses, ~begun)
 
     def _before(self, rays: Approach, paths_mm: Float[Tensor, " n"]) -> Bool[Tensor, " n"]:
-        """True where the rays are still on their side of the face."""
+        """True for rays still on their side of the face."""
         return rays.sense * self.gap(rays.at(paths_mm)) >= 0.0
 
 
@@ -306,14 +306,14 @@ class TableFace(TracedFace):
         return torch.where(stays, t, t + move), torch.where(below, BELOW, state).to(torch.int8)
 
     def _along(self, rays: Approach, t: Float[Tensor, " n"]) -> tuple[Float[Tensor, " n"], Float[Tensor, " n"]]:
-        """F and F' along the rays, where they are positive on their side."""
+        """F and F' along the rays, signed to be positive on the rays' side."""
         gap, normal = self._gap_and_normal(rays.at(t))
         return rays.sense * gap, -rays.sense * (normal * rays.directions).sum(dim=1)
 
     def _leap(
         self, r: Float[Tensor, " n"], outward: Float[Tensor, " n"], inside: Bool[Tensor, " n"]
     ) -> Float[Tensor, " n"]:
-        """Path (mm) out of the ball of the least radius, or to that of the largest; infinite where it is missed."""
+        """Path (mm) out of the ball of least radius, or to that of largest radius; infinite for a miss."""
         least = self.bounds.least
         most = self.bounds.most
         ball = torch.where(inside, torch.full_like(r, least), most)

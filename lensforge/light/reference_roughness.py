@@ -23,14 +23,14 @@ _NEARLY_ALONG = 1e-4  # of rms slope and tangent of incidence: below it a series
 
 
 class Meeting(NamedTuple):
-    """Number of the face that rays meet, how often each has met it before, and their own numbers."""
+    """Number of the face that rays meet, how often each has met it before, and the rays' own numbers."""
 
     face: int
     times: Int[Tensor, " n"]
     numbers: Int[Tensor, " n"]
 
     def take(self, rows: Tensor) -> "Meeting":
-        """Some of the rays."""
+        """Select rays by row."""
         return self._replace(times=self.times[rows], numbers=self.numbers[rows])
 
 
@@ -53,24 +53,28 @@ class ReferenceRoughness:
 
     @staticmethod
     def of(
-        rough: Roughness, models: Sequence[GaussianFacets | RingScatter | None], there: Callable[[np.ndarray], Tensor]
+        rough: Roughness,
+        models: Sequence[GaussianFacets | RingScatter | None],
+        to_device: Callable[[np.ndarray], Tensor],
     ) -> "ReferenceRoughness":
-        """Tensors of arrays; ``models``: of the faces; ``there``: to the device of the rays."""
-        facet = None if rough.noise is None or rough.slopes is None else (there(rough.noise), there(rough.slopes))
-        rings = None if rough.shifts is None else there(rough.shifts.numbers)
+        """Tensors from arrays; ``models``: of the faces; ``to_device``: moves an array to the device of the rays."""
+        facet = (
+            None if rough.noise is None or rough.slopes is None else (to_device(rough.noise), to_device(rough.slopes))
+        )
+        rings = None if rough.shifts is None else to_device(rough.shifts.numbers)
         return ReferenceRoughness(facet, rings, tuple(models), rough.keys)
 
     def facets(self, normals: Vectors, directions: Vectors, met: Meeting) -> Vectors:
-        """Unit normals of the facets that light meets on a face of these ``normals`` away from the origin."""
+        """Unit normals of the facets that light meets on a face with these ``normals`` away from the origin."""
         unit: Tensor = normalize(normals, dim=1)
         if self.facet is None:
             return unit
         noise, slopes = self.facet
         rms = slopes[met.face]
         normal = noise[met.numbers, 2 * met.face : 2 * met.face + 2]
-        again = self._again(met)
-        length = torch.sqrt(-2.0 * torch.log1p(-again[:, 0]))
-        turn = 2.0 * torch.pi * again[:, 1]
+        numbers = self._repeated_numbers(met)
+        length = torch.sqrt(-2.0 * torch.log1p(-numbers[:, 0]))
+        turn = 2.0 * torch.pi * numbers[:, 1]
         later = torch.stack([length * torch.cos(turn), length * torch.sin(turn)], dim=1)
         drawn = rms * torch.where(met.times[:, None] > 0, later, normal)
         tilt = _on_face(torch.complex(drawn[:, 0], drawn[:, 1]), unit)
@@ -87,7 +91,7 @@ class ReferenceRoughness:
             return directions, fields
         first = self.rings[met.numbers, 2 * met.face : 2 * met.face + 2]
         n = ahead.normals
-        numbers = torch.where(met.times[:, None] > 0, self._again(met), first)
+        numbers = torch.where(met.times[:, None] > 0, self._repeated_numbers(met), first)
         shift = _amount(model, numbers[:, 0], ahead.cosine)[:, None]
         keep = float(model.follows)
         turn = 2.0 * torch.pi * numbers[:, 1]
@@ -100,8 +104,8 @@ class ReferenceRoughness:
         whole = torch.ones_like(turn), torch.zeros_like(turn)
         return to, fields_behind(fields, directions, to, n, whole)
 
-    def _again(self, met: Meeting) -> Float[Tensor, "n 2"]:
-        """Numbers of rays that have met the face before; 0 of those that have not."""
+    def _repeated_numbers(self, met: Meeting) -> Float[Tensor, "n 2"]:
+        """Random numbers for rays that have met the face before; 0 for the others."""
         drawn = torch.zeros((len(met.numbers), 2), dtype=torch.float64)
         rows = torch.nonzero(met.times.cpu() > 0)[:, 0]
         if self.keys is not None and len(rows):
@@ -112,7 +116,7 @@ class ReferenceRoughness:
 
 
 def _on_face(slope: Complex[Tensor, " n"], normals: Vectors) -> Vectors:
-    """Vectors on faces with these unit ``normals`` away from the origin, turned there as z is to these."""
+    """Vectors turned with the frame that takes z to the unit ``normals``."""
     x, y = slope.real, slope.imag
     along = (x * normals[:, 0] + y * normals[:, 1]) / (1.0 + normals[:, 2])
     return torch.stack([x - along * normals[:, 0], y - along * normals[:, 1], -along * (1.0 + normals[:, 2])], dim=1)
@@ -129,7 +133,7 @@ def _seen(rms: Float[Tensor, ""], c: Float[Tensor, "n 1"], along: Float[Tensor, 
     drawn = sign * along
     squared = (1.0 - c**2).clamp(min=0.0)
     nearly = rms * torch.sqrt(squared) <= _NEARLY_ALONG * cosine
-    a, w = (torch.where(nearly, each, 0.0) / torch.where(nearly, cosine, 1.0) for each in (drawn, 0.0 * c + rms))
+    a, w = (torch.where(nearly, values, 0.0) / torch.where(nearly, cosine, 1.0) for values in (drawn, 0.0 * c + rms))
     series = rms * w * (1.0 - 0.5 * a + (a**2 - w**2 * squared) / 3.0)
     sine = torch.sqrt(torch.where(nearly, 1.0, squared))
     width = rms * torch.where(nearly, 1.0, sine)
@@ -140,7 +144,7 @@ def _seen(rms: Float[Tensor, ""], c: Float[Tensor, "n 1"], along: Float[Tensor, 
 
 
 def _seen_number(a: Float[Tensor, "n 1"], k: Float[Tensor, "n 1"]) -> Float[Tensor, "n 1"]:
-    """The number x that is seen, by halving; its derivatives are those of one step of Newton's."""
+    """The visible number x, by bisection; its derivatives are those of one Newton step."""
     with torch.no_grad():
         low = torch.maximum(a, -k)
         high = a.clamp(min=0.0) + _WIDEST
@@ -154,7 +158,7 @@ def _seen_number(a: Float[Tensor, "n 1"], k: Float[Tensor, "n 1"]) -> Float[Tens
 
 
 def _missing(x: Tensor, a: Tensor, k: Tensor) -> Tensor:
-    """Light that is seen below x less than there should be, by what lies above or below, whichever is less."""
+    """Deficit of visible light below x, computed from the smaller of both tails."""
     area = k * torch.special.ndtr(k) + _bell(k)
     above = k * torch.special.ndtr(-x) + _bell(x) - area * torch.special.ndtr(-a)
     below = area * torch.special.ndtr(a) - k * (torch.special.ndtr(x) - torch.special.ndtr(-k)) - _bell(k) + _bell(x)
@@ -166,7 +170,7 @@ def _bell(x: Tensor) -> Tensor:
 
 
 def _amount(model: RingScatter, numbers: Values, cosine: Values) -> Values:
-    """Amount of each shift at the cosine of incidence, even between those that are given."""
+    """Amount of each shift at the cosine of incidence, interpolated linearly."""
     amounts = torch.from_numpy(model.amounts(numbers.cpu().numpy())).to(numbers.device)
     cosines = torch.tensor(model.cosines, dtype=torch.float64, device=numbers.device)
     if len(cosines) == 1:

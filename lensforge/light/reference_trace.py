@@ -44,14 +44,14 @@ _ENDED = "ended"  # beside the media in which rays go on
 
 
 class Hits(NamedTuple):
-    """Next faces that rays meet: path (mm), number of the face, below 0 for none, and whether a search gave up."""
+    """Next hits of rays: path (mm), number of the face (below 0 for none), and whether a search gave up."""
 
     paths_mm: Float[Tensor, " n"]
     faces: Int[Tensor, " n"]
     lost: Bool[Tensor, " n"]
 
     def with_nearer(self, crossing: Crossing, faces: Int[Tensor, " n"] | int) -> "Hits":
-        """The crossings of other faces where they are nearer, or lost."""
+        """The hits, replaced by the crossings of other faces where these are nearer, or lost."""
         nearer = crossing.lost | (crossing.found & (crossing.paths_mm < self.paths_mm))
         paths = torch.where(nearer, crossing.paths_mm, self.paths_mm)
         return Hits(paths, torch.where(nearer, faces, self.faces), self.lost | crossing.lost)
@@ -59,13 +59,13 @@ class Hits(NamedTuple):
 
 @dataclass
 class HitMemory:
-    """Hits of one bundle of rays: searched once, and not again when a graph is built a second time."""
+    """Hits of a bundle of rays, searched once and reused when the graph is built again."""
 
     known: list[Hits] = field(default_factory=list)
     used: int = 0
 
     def recall(self, search: Callable[[], Hits]) -> Hits:
-        """The hits of the next event, by ``search`` where they are not known yet."""
+        """Hits of the next event, searched if not known yet."""
         if self.used == len(self.known):
             with torch.no_grad():
                 self.known.append(search())
@@ -74,15 +74,15 @@ class HitMemory:
 
 
 class Incidence(NamedTuple):
-    """Rays at one face: unit normals along them, cosines before it, indices before over behind."""
+    """Rays at one face: unit normals along the rays, cosines of incidence, index ratios before over behind."""
 
     normals: Float[Tensor, "n 3"]
     cosine: Float[Tensor, " n"]
     ratio: Float[Tensor, " n"]
 
     def take(self, rows: Tensor) -> "Incidence":
-        """Some of the rays."""
-        return Incidence(*(each[rows] for each in self))
+        """Select rays by row."""
+        return Incidence(*(values[rows] for values in self))
 
 
 def trace_reference(
@@ -126,7 +126,7 @@ def as_arrays(exits: ExitRays) -> ExitRays:
 
 
 def _exits(light: RaysInBody, absorbs: bool = False) -> ExitRays:
-    """Exit rays; points and directions of those that have not left are 0."""
+    """Exit rays; points and directions of rays that have not left are 0."""
     points, directions = (
         torch.where(light.left[:, None], vectors, 0.0) for vectors in (light.points, light.directions)
     )
@@ -138,7 +138,7 @@ def _exits(light: RaysInBody, absorbs: bool = False) -> ExitRays:
 
 @dataclass(frozen=True)
 class _Passage:
-    """All rays of a bundle through one body, whose index and absorption (1/mm) each meets at its own wavelength."""
+    """All rays of a bundle through one body, with its index and absorption (1/mm) at each ray's wavelength."""
 
     body: ReferenceBody
     indices: Float[Tensor, " n"]
@@ -181,7 +181,7 @@ class _Passage:
         return self.absorptions is not None or any(mirrors)
 
     def through(self, light: RaysInBody) -> RaysInBody:
-        """Rays behind the body, in their order; those that had ended before stay as they are."""
+        """Rays behind the body, in their order; those that had ended before are unchanged."""
         light = light._replace(times=light.numbers.new_zeros((len(light.numbers), len(self.body.faces))))
         place = self.body.placement
         ended = [light.take(~light.left)]
@@ -201,7 +201,7 @@ class _Passage:
         return ended_rays if place is None else ended_rays.placed(place.back, place.factor_out)
 
     def _entered(self, light: RaysInBody) -> tuple[RaysInBody, list[RaysInBody]]:
-        """The rays that come into the cavity, at its opening if from below z = 0; and the others."""
+        """Rays that enter the cavity, those from below z = 0 by its opening; and the others."""
         raised, _ = _raised(light)
         # in this form also where a number is NaN: such a ray is outside
         comes = ~(light.directions[:, 2] <= 0.0) | (light.points[:, 2] > 0.0)
@@ -215,7 +215,7 @@ class _Passage:
         return torch.stack([self.body.faces[number].gap(points) > 0.0 for number in numbers]).all(dim=0)
 
     def _met(self, light: RaysInBody, medium: str, event: int) -> Iterator[tuple[str, RaysInBody]]:
-        """Rays in a medium behind the next face that each meets: in which they go on, and they themselves."""
+        """Rays behind the next face that each meets in ``medium``: the medium beyond it, and the rays."""
         hits = self.memory.recall(lambda: self._hits(light, medium, event))
         height = (light.points[:, 2] + hits.paths_mm * light.directions[:, 2]).detach()
         met = (hits.faces >= 0) & ~hits.lost & (height >= 0.0)
@@ -255,15 +255,17 @@ class _Passage:
         for _ in range(_PASSES):
             moved = False
             for number in self.body.bounding(CAVITY, (BODY,)):
-                asked = torch.nonzero(going & (faces != number))[:, 0]
-                here = rays.take(asked)
-                way = paths[asked]
-                on_face = (last[asked] == number) & (way == 0.0)
+                candidates = torch.nonzero(going & (faces != number))[:, 0]
+                here = rays.take(candidates)
+                way = paths[candidates]
+                on_face = (last[candidates] == number) & (way == 0.0)
                 points = here.at(way)
                 outside = on_face | (self.body.faces[number].gap(points) < 0.0)
-                here = Approach(points, here.directions, -here.sense, on_face, hits.paths_mm[asked] - way).take(outside)
+                here = Approach(points, here.directions, -here.sense, on_face, hits.paths_mm[candidates] - way).take(
+                    outside
+                )
                 crossing = self.body.faces[number].next_crossing(here)
-                some = asked[outside]
+                some = candidates[outside]
                 paths[some] = paths[some] + crossing.paths_mm
                 faces[some] = torch.where(crossing.found, number, faces[some])
                 going[some] = crossing.found
@@ -329,15 +331,15 @@ class _Passage:
         return light._replace(carried=through * light.carried, absorbed=absorbed)
 
     def _ratio(self, numbers: Int[Tensor, " n"], before: str, behind: str) -> Float[Tensor, " n"]:
-        own = self.indices[numbers]
+        body_index = self.indices[numbers]
         media = self.body.media
         index_before, index_behind = (
-            own if medium == BODY else media.around(medium) + 0.0 * own for medium in (before, behind)
+            body_index if medium == BODY else media.around(medium) + 0.0 * body_index for medium in (before, behind)
         )
         return index_before / index_behind
 
     def _turned(self, light: RaysInBody, at: Incidence, number: int, mirrored: bool) -> RaysInBody:
-        """Rays as one face lets them pass, or reflects them."""
+        """Rays transmitted, or reflected, by one face."""
         mirror = self.body.mirror(number)
         before = light.directions
         if mirror is not None:
@@ -372,7 +374,7 @@ class _Passage:
     def _onward(
         self, light: RaysInBody, medium: str, reflected_totally: bool, event: int
     ) -> Iterator[tuple[str, RaysInBody]]:
-        """Rays on their way to the next face, in the frame of which they stand, where faces are met in their order."""
+        """Rays on their way to the next face, in its frame if faces are met in order."""
         last = event + 1 == self.body.chain.events
         place = self.body.placement
         if reflected_totally and (last or self.body.in_order):
@@ -389,7 +391,7 @@ class _Passage:
             yield medium, raised._replace(gone_mm=path).take(within)
 
     def behind_glass(self, exits: ExitRays, light: RaysInBody) -> ExitRays:
-        """``exits``, whose fields ``light`` has, behind the cover glass; see ``light.coated_glass``."""
+        """``exits`` with fields ``light`` behind the cover glass; see ``light.coated_glass``."""
         glass = self.body.media.cover_glass
         media = self.body.media
         if glass is None:
@@ -413,7 +415,7 @@ class _Passage:
 
 
 def _raised(light: RaysInBody) -> tuple[RaysInBody, Float[Tensor, " n"]]:
-    """Rays that rise from below the plane z = 0 taken to it, and the path (mm) there; 0 for the others."""
+    """Rays from below z = 0 advanced to that plane, and the path (mm) there; 0 for the others."""
     height = light.points[:, 2]
     rise = light.directions[:, 2]
     rising = ~(rise <= 0.0)

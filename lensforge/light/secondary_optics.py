@@ -1,4 +1,4 @@
-"""Light through given optics behind the lens: what leaves the lens, or the optic before, is the source of the next one.
+"""Light through the optics behind the lens: the light that leaves one is the source of the next.
 
 Each is a body as the lens is, of two faces that are met in their order, in a place of its own. Light comes to it with
 the polarisation that the body before left. Light that a face reflects, that the body absorbs, that goes past it or ends
@@ -44,7 +44,7 @@ class TabledOptic:
 
 @lru_cache(maxsize=32)
 def tabled(optic: SecondaryOptic) -> TabledOptic:
-    """Tables of an optic within a nanometre of its faces, or as fine as tables are."""
+    """Tables of an optic within a nanometre of its faces, or as fine as tables can be."""
     nodes = _FEWEST_NODES
     faces = (optic.inner, optic.outer)
     while True:
@@ -59,7 +59,7 @@ def tabled(optic: SecondaryOptic) -> TabledOptic:
 
 
 def polarised(exits: ExitRays, fields: Float[np.ndarray, "n 12"]) -> ExitRays:
-    """``exits`` of a body with the ``fields`` with which they left it."""
+    """``exits`` of a body with their ``fields``."""
     squared = np.sum(fields**2, axis=1)
     carried = np.where(exits.left_lens, 2.0 * exits.flux / np.where(squared > 0.0, squared, 1.0), 0.0)
     return replace(exits, fields=fields, carried=carried)
@@ -68,9 +68,9 @@ def polarised(exits: ExitRays, fields: Float[np.ndarray, "n 12"]) -> ExitRays:
 def through_optics(
     exits: ExitRays, media: Media, rays: RayBundle, fresnel: bool = True
 ) -> tuple[ExitRays, tuple[BodyPassage, ...]]:
-    """The ``exits`` of the lens behind all optics of ``media``, and the passage through each; ``rays``: as they began.
+    """The ``exits`` of the lens behind all optics of ``media``, and the passage through each; ``rays``: as emitted.
 
-    Themselves where there is no optic.
+    Unchanged without optics.
     """
     passages = list[BodyPassage]()
     for number, optic in enumerate(media.bodies):
@@ -138,7 +138,7 @@ def _behind(passage: BodyPassage, before: ExitRays) -> ExitRays:
 def before_optics(passages: Sequence[BodyPassage], by: ByRaysOut) -> ByRaysOut:
     """Sensitivities to the rays behind the lens from those to the rays behind all optics.
 
-    That to the flux is then in that to the fields; that to the exit sine is of the lens alone.
+    The sensitivity to flux is then contained in that to the fields; that to the exit sine is the lens's alone.
     """
     none = np.zeros(len(by.by_flux))
     for passage in reversed(passages):

@@ -21,8 +21,8 @@ class SeenLens(Record):
     """The lens as the eye of a limit sees it: x is to the right, and the axis up where it does not point at the eye.
 
     ``label``: of the limit. ``side_mm``: of the square picture, at the lens; ``spot_mm``: diameter of a spot. ``map``:
-    radiance (W/(m² sr)), [row y, column x], of the spot about each pixel. ``outline``: corners (mm) of the convex
-    outline of all places that light leaves, and ``mean`` the radiance over it; None if no light leaves.
+    radiance (W/(m² sr)), [row y, column x], averaged over a spot about each pixel. ``outline``: corners (mm) of the
+    convex hull of all points that light leaves, and ``mean`` the radiance over it; None if no light leaves.
     """
 
     label: Text
@@ -34,7 +34,7 @@ class SeenLens(Record):
 
     @staticmethod
     def of(view: "EyeView", pictures: Float[np.ndarray, "r h w"], exits: ExitRays) -> "SeenLens":
-        """The lens by ``pictures`` of flux times the kernel (W/sr) of every replicate; ``exits`` tell its outline.
+        """The lens by ``pictures`` of flux times the kernel (W/sr) of every replicate; ``exits`` give its outline.
 
         Of several eyes the one that sees the brightest spot.
         """
@@ -60,7 +60,7 @@ class SeenLens(Record):
 
     @property
     def name(self) -> str:
-        """The eye in words, after those on its limit."""
+        """Name of the eye, after the label of its limit."""
         return self.label.rpartition(", seen ")[2].capitalize()
 
 
@@ -86,16 +86,16 @@ def radiance_unit(lumens_per_watt: float | None) -> LightUnit:
 
 
 def seen_groups(seen: Sequence[SeenLens], lumens_per_watt: float | None) -> list[Group]:
-    """The group of the mean luminance for every eye, none without any."""
+    """The group of the mean luminance for every eye; empty without eyes."""
     unit = radiance_unit(lumens_per_watt)
     facts = tuple(
         Fact.measured(
             "mean_luminance",
-            f"{each.name}, mean",
-            scaled(each.mean, unit.per_watt, unit.symbol),
-            f"{unit.quantity} over the {quantity(each.outline_mm2, 'mm²', digits=4)} of its outline",
+            f"{view.name}, mean",
+            scaled(view.mean, unit.per_watt, unit.symbol),
+            f"{unit.quantity} over the {quantity(view.outline_mm2, 'mm²', digits=4)} of its outline",
         )
-        for each in seen
-        if each.mean is not None
+        for view in seen
+        if view.mean is not None
     )
     return [Group("seen", "The lens as seen", facts)] if facts else []

@@ -95,7 +95,7 @@ class TracedLens:
         return TracedLens(Scene(lens.media, grid), tables, errors).at_work(lens.spec)
 
     def at_work(self, spec: Spec) -> "TracedLens":
-        """The same lens in the media and at the temperature of ``spec``, that of one of its states."""
+        """The same lens in the media and at the temperature of ``spec``, one of its states."""
         scene = replace(self.scene, media=spec.media, made=at_work(spec, self.scene.names))
         return replace(self, scene=scene, kinds=tuple(kind.at_work(spec) for kind in self.kinds))
 
@@ -124,7 +124,7 @@ class TracedLens:
 
 
 def _is_nearest(faces: tuple[Face, ...], number: int, directions: Float[np.ndarray, "n 3"]) -> Bool[np.ndarray, " n"]:
-    """True in directions in which the face of this number bounds its medium."""
+    """True in directions in which face ``number`` bounds its medium."""
     return nearest(faces, directions) == number
 
 
@@ -150,8 +150,8 @@ def simulate(
 ) -> Simulation:
     """Trace ``rays`` rays, or as many as a measured source holds, in up to 16 independent replicates.
 
-    ``regions``: of each receiver, in which flux is counted; none by default. ``coloured``: the rays have their colours,
-    which are wanted.
+    ``regions``: of each receiver, in which flux is counted; none by default. ``coloured``: also count the rays'
+    colours.
     """
     if receivers[0].lamps.kinds:
         return _simulate_kinds(lens.kinds, source, receivers, rays, seed, regions, coloured=coloured)
@@ -215,21 +215,23 @@ def _simulate_kinds(
     Each kind has rays of its own; of a measured source all of its rays, the same in each replicate.
     """
     lamps = receivers[0].lamps
-    found = []
+    simulations = []
     shares = [len(kind.numbers) / len(lamps) for kind in lamps.kinds]
     for number, (kind, lens, share) in enumerate(zip(lamps.kinds, kinds, lamps.shares_of_rays, strict=True)):
         receivers_of_kind = tuple(replace(receiver, lamps=receiver.lamps.of_kind(kind)) for receiver in receivers)
         measured = source.ray_count is not None
         count = rays if measured else max(round(share * rays), min(rays, REPLICATES))
         own_seed = seed if measured else seeds.of_kind(seed, number)
-        found.append(simulate(lens, source, receivers_of_kind, count, own_seed, regions, coloured=coloured))
-    received = zip(*(simulation.received for simulation in found), strict=True)
-    by_way = np.sum([share * simulation.by_way.flux for share, simulation in zip(shares, found, strict=True)], axis=0)
+        simulations.append(simulate(lens, source, receivers_of_kind, count, own_seed, regions, coloured=coloured))
+    received = zip(*(simulation.received for simulation in simulations), strict=True)
+    by_way = np.sum(
+        [share * simulation.by_way.flux for share, simulation in zip(shares, simulations, strict=True)], axis=0
+    )
     return Simulation(
         tuple(ReceivedFlux.mean(of_kinds, shares) for of_kinds in received),
         source.flux_w,
-        sum(simulation.rays for simulation in found),
-        replace(found[0].by_way, flux=by_way),
+        sum(simulation.rays for simulation in simulations),
+        replace(simulations[0].by_way, flux=by_way),
     )
 
 
@@ -250,14 +252,14 @@ class DesignLandings:
 def design_landings(lens: TracedLens, spec: Spec, rays: RayBundle) -> list[DesignLandings]:
     """Landings of ``rays`` on each receiver of ``spec``."""
     exit_rays = lens.trace(rays)
-    found = []
+    by_receiver = []
     names = np.array(["landed", *(fate.name.lower() for fate in Fate if fate != Fate.LEFT_LENS), "missed_receiver"])
     for receiver in receivers_of(spec, spec.evaluate.pixels):
         landings = receiver.land(exit_rays)
         fates = np.where(landings.missed_receiver, MISSED_RECEIVER, exit_rays.fates)
         hits = np.where(landings.landed[:, None], landings.hits, np.nan)
-        found.append(DesignLandings(hits, landings.flux, names[fates], exit_rays.met))
-    return found
+        by_receiver.append(DesignLandings(hits, landings.flux, names[fates], exit_rays.met))
+    return by_receiver
 
 
 def bundles(source: Source, rays: int, replicates: int, seed: int) -> Iterator[tuple[int, float, RayBundle]]:
@@ -303,7 +305,7 @@ class ReplicateMetrics:
         )
 
     def metrics(self) -> LightMetrics:
-        """Values with their standard errors."""
+        """Metrics with their standard errors."""
         return LightMetrics(
             nmse=self.nmse.metric(),
             uniformity=None if self.uniformity is None else self.uniformity.metric(),
@@ -313,12 +315,12 @@ class ReplicateMetrics:
 
     @property
     def by_replicate(self) -> list[Float[np.ndarray, " r"]]:
-        """Share of each replicate in the noise of every metric that there is, in their order, but for a factor."""
+        """Share of each replicate in the noise of every defined metric, in their order, up to a factor."""
         estimates = (self.nmse, self.uniformity, self.rsd)
         return [*(estimate.by_replicate for estimate in estimates if estimate is not None), self.efficiency]
 
     def change_from(self, before: "ReplicateMetrics", *, designed_rsd: float | None = None) -> LightMetrics:
-        """Differences from ``before``, replicate by replicate: what both have of the noise cancels in their errors.
+        """Differences from ``before``, replicate by replicate: common noise cancels in their errors.
 
         ``designed_rsd``: RSD of ``before`` by many rays, to which the change is to be added.
         """
@@ -345,12 +347,12 @@ class TracedLight:
 
     @property
     def metrics(self) -> LightMetrics:
-        """Values with their standard errors."""
+        """Metrics with their standard errors."""
         return self.replicates.metrics()
 
 
 def traced_light(traced: TracedLens, spec: Spec, source: Source, rays: int, seed: int) -> TracedLight:
-    """Light on the first receiver of ``spec``, by the rays that its evaluation takes with the same ``seed``."""
+    """Light on the first receiver of ``spec``, with the rays of its evaluation for the same ``seed``."""
     receiver = receivers_of(spec, spec.evaluate.pixels)[0]
     simulation = simulate(traced.at_work(spec), source, (receiver,), rays, seed)
     received = simulation.received[0]
@@ -363,12 +365,12 @@ def traced_light(traced: TracedLens, spec: Spec, source: Source, rays: int, seed
 
 
 def lit_mask(mask: Bool[np.ndarray, "h w"] | None, images: Images) -> Bool[np.ndarray, "h w"] | None:
-    """``mask``; None if there is none, no pixel lies in it, or no light falls anywhere."""
+    """``mask``; None without one, if no pixel lies in it, or in the dark."""
     return mask if mask is not None and mask.any() and images.sum() > 0.0 else None
 
 
 def _beyond_rounding(change: Metric) -> Metric:
-    """``change`` of a ratio; nothing where it and its error are rounding, as of the shape of light by its flux."""
+    """``change`` of a ratio; 0 if it and its error are mere rounding, as for a shape that is independent of flux."""
     if max(abs(change.value), change.standard_error or 0.0) > _ROUNDING:
         return change
     return change.changed(value=0.0, standard_error=None if change.standard_error is None else 0.0)

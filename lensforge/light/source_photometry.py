@@ -35,7 +35,7 @@ class SourceLumens:
 
     @classmethod
     def of(cls, given_lm: float | None, summary: SourceSummary) -> "SourceLumens":
-        """Take ``given_lm``, else what is known of the source, else 1000 lm."""
+        """Take ``given_lm``, else the known flux of the source, else 1000 lm."""
         if given_lm is not None:
             return cls(float(given_lm), "given")
         if summary.flux_lm:
@@ -43,7 +43,7 @@ class SourceLumens:
         return cls(_RELATIVE_LM, "not known")
 
     def require_known(self, section: PhotometrySection) -> None:
-        """Raise :class:`InputError` where a lamp for an area or a road has no lumens to be rated by."""
+        """Raise :class:`InputError` if a lamp for an area or a road has no lumens by which to rate it."""
         if section.use != "general" and self.per_1000_lm:
             raise InputError(
                 f'photometry.use = "{section.use}": its ratings count lumens, and the source\'s are not known; give '

@@ -1,4 +1,4 @@
-"""Rays through the tables of all faces of a lens and the given optics behind it, and the gradients by the tables."""
+"""Rays through the tables of all faces of a lens and the optics behind it, and the gradients by the tables."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -76,7 +76,7 @@ class Scene:
         return len(DOUBLE) if self.chain is None else self.chain.events
 
     def body(self, tables: Tables, bounds: FaceBounds, rough: Roughness, coatings: RayCoatings) -> TracedBody:
-        """The lens as the kernels take it; ``rough``: what its rays meet."""
+        """The lens for the kernels; ``rough``: roughness at its rays."""
         placed = FACES_IN_PLACE if self.made is None else self.made.placed
         in_closed_form = self.made is None and self.sides is None
         return TracedBody(
@@ -93,9 +93,9 @@ class Scene:
         )
 
     def coming(self, rays: RayBundle, rough: Roughness, coatings: RayCoatings) -> RaysIn:
-        """Rays of a source as the kernels take them, with what the lens is for each.
+        """Rays of a source for the kernels, with the lens's properties at each ray.
 
-        In rows, as all others: for arrays in another order numba would compile a kernel of their own, for seconds.
+        In row order, as everywhere: for arrays in another order numba would compile another kernel, for seconds.
         """
         medium = self.media.body
         waves = rays.waves
@@ -119,8 +119,8 @@ class Scene:
 class TracedBundle:
     """Exit rays of a bundle, and the data for its adjoint.
 
-    ``lens``: the passage through it, ``at_lens`` the rays that leave it. ``optics``: the passages through given ones,
-    ``before_glass`` the rays behind these. ``exits``: behind the cover glass, too. Without optics and glass the same.
+    ``lens``: the passage through it, ``at_lens`` the rays that leave it. ``optics``: passages through the optics behind
+    it, ``before_glass`` the rays behind these. ``exits``: behind the cover glass. All equal without optics and glass.
     """
 
     tables: Tables
@@ -139,7 +139,7 @@ class TracedBundle:
     ) -> "TracedBundle":
         """Trace ``rays`` through the faces of these tables; see :func:`trace_tables`.
 
-        ``bounds``: of the faces, for several bundles through the same; by default they are computed.
+        ``bounds``: of the faces, to share between bundles; computed by default.
         """
         tables = tables if isinstance(tables, np.ndarray) else np.stack(list(tables))
         bounds = face_bounds(tables, scene) if bounds is None else bounds
@@ -208,7 +208,7 @@ def checked_bounds(tables: Tables | Sequence[Table], scene: Scene) -> list[Surfa
 
 
 def face_bounds(tables: Tables, scene: Scene) -> FaceBounds:
-    """The bounds of all tables together, with what the search for the nearest of several faces needs.
+    """The bounds of all tables, with the data for the search among several faces.
 
     Raises as :func:`checked_bounds`.
     """

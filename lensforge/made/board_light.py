@@ -1,12 +1,12 @@
-"""Light of lamps together, each with errors of its own: of a board or a plate, or of a patch of an endless lattice.
+"""Joint light of lamps with individual errors: of a board or a plate, or of a patch of an endless lattice.
 
 The picture of a board is the sum over its lamps of that of the lens as designed, by many rays, times the flux of each
 lamp, and of the change that the errors of each lamp make to its picture. For the change every lamp is traced by its
 share of the rays, which are added where they land and taken off where the lens as designed would send them. So the flux
 of the lamps adds no noise, rays that an error does not move add none, and a board takes as many rays as one lamp.
 
-Of an infinite lattice a patch of some periods is drawn, and repeated without end: its light is measured over
-all of the patch, its limits in each of its periods.
+Of an infinite lattice a patch of some periods is drawn, and repeated without end: its light is measured over all of the
+patch, its limits in each of its periods.
 
 Where lenses are of several kinds, each lamp is traced by its own, and each kind has a picture as designed.
 """
@@ -54,12 +54,12 @@ OF_PLATE = ("lens_shift_mm", "lens_height_mm", "lens_tilt_deg")  # of one piece
 
 
 def common_to_lamps(spec: Spec) -> frozenset[str]:
-    """Tolerances that all lamps of a board have alike: those of the batch, and the place of the plate, if any."""
+    """Tolerances that all lamps of a board share: those of the batch, and the place of the plate, if any."""
     return COMMON if spec.plate is None else COMMON.union(OF_PLATE)
 
 
 def periods_of(spec: Spec) -> tuple[int, int]:
-    """Columns and rows of the patch of a lattice that is drawn: those of its plate, else three of each; else (1, 1)."""
+    """Columns and rows of the patch drawn of a lattice: those of its plate, else three of each; else (1, 1)."""
     lamps = spec.all_lamps
     if lamps.period_mm is None:
         return 1, 1
@@ -69,7 +69,7 @@ def periods_of(spec: Spec) -> tuple[int, int]:
 
 
 def pictures_of(receiver: PosedReceiver, periods: tuple[int, int]) -> LampPictures:
-    """The rasters of a receiver, of an endless lattice those of a patch of so many ``periods``.
+    """The rasters of a receiver; for an endless lattice those of a patch of ``periods``.
 
     Raises :class:`InputError` for a patch of too many pixels.
     """
@@ -123,17 +123,17 @@ def on_patch(limit: LightLimit, grid: tuple[int, int], periods: tuple[int, int])
     values = columns * rows * readings.data
     y, x = np.divmod(readings.col, width)
     shape = readings.shape[0], columns * rows * height * width
-    each = [
+    by_period = [
         sparse.csr_array((values, (readings.row, (y + j * height) * columns * width + x + i * width)), shape=shape)
         for j in range(rows)
         for i in range(columns)
     ]
-    return replace(limit, readings=sparse.csr_array(sparse.vstack(each)))
+    return replace(limit, readings=sparse.csr_array(sparse.vstack(by_period)))
 
 
 @dataclass(frozen=True, eq=False)
 class LensOnBoard:
-    """A ``lens``, tabulated as a search does, of the lamps ``numbers``; ``boards``: each receiver lit by them alone.
+    """A ``lens``, tabulated as in a search, of the lamps ``numbers``; ``boards``: each receiver lit only by them.
 
     The error of such tables is in the part and in the lens as designed alike.
     """
@@ -199,29 +199,32 @@ class BoardLight(PartLight):
     def _landed(self) -> list[list[Landings]]:
         """Landings of the rays of each lamp behind the lens as designed."""
         every = zip(self._lens_of_lamp, self._shares, self._seen, strict=True)
-        return [[each.land(rays_behind(lens, None, own.rays)) for each in seen] for lens, own, seen in every]
+        return [
+            [receiver.land(rays_behind(lens, None, shared_rays.rays)) for receiver in seen]
+            for lens, shared_rays, seen in every
+        ]
 
     def received(self, parts: Sequence[MadePart] | None) -> tuple[ReceivedImages, ...]:
-        """Light of a board on each receiver, by the lens of each of its lamps; None: of the lens as designed."""
+        """Light of a board on each receiver, by each lamp's part; None: by the lens as designed."""
         fluxes = np.ones(len(self._shares)) if parts is None else np.array([part.flux for part in parts])
         raw = [self._designed(number, fluxes) for number in range(len(self.receivers))]
         colour = judged_colour(self.spec)
         taken = [np.zeros_like(image) for image in raw]
         for number, part in enumerate(parts or ()):
-            own = self._shares[number]
-            exits = rays_behind(self._lens_of_lamp[number], part, own.rays)
+            held = self._shares[number]
+            exits = rays_behind(self._lens_of_lamp[number], part, held.rays)
             for k, receiver in enumerate(self._seen[number]):
                 for landings, images in ((receiver.land(exits), raw), (self._landed[number][k], taken)):
-                    carried = in_channels(part.flux * landings.flux, own.rays, colour)
-                    for each, image in zip(carried, images[k], strict=True):
-                        add_to_bins(landings.hits, each, receiver.grid.size, own.replicate, image)
+                    carried = in_channels(part.flux * landings.flux, held.rays, colour)
+                    for flux, image in zip(carried, images[k], strict=True):
+                        add_to_bins(landings.hits, flux, receiver.grid.size, held.replicate, image)
         raw = [image - less for image, less in zip(raw, taken, strict=True)]
         emitted_w = float(fluxes.mean()) * self.held.emitted_w
         lit = (self._received(number, image, emitted_w) for number, image in enumerate(raw))
         first = None if parts is None else parts[0]
-        own = self._shares[0]
-        behind = rays_behind(self._lens_of_lamp[0], first, own.rays) if self.views else None
-        eyes = () if behind is None else self.seen(behind, own, len(fluxes) * float(fluxes[0]))
+        held = self._shares[0]
+        behind = rays_behind(self._lens_of_lamp[0], first, held.rays) if self.views else None
+        eyes = () if behind is None else self.seen(behind, held, len(fluxes) * float(fluxes[0]))
         return (*(self._with_losses(parts, lit) if self.counts_losses else lit), *eyes)
 
     def _with_losses(self, parts: Sequence[MadePart] | None, lit: Iterable[ReceivedImages]) -> Iterator[ReceivedImages]:
@@ -236,11 +239,11 @@ class BoardLight(PartLight):
             yield replace(received, losses=losses)
 
     def _designed(self, receiver: int, fluxes: Float[np.ndarray, " n"]) -> Channels:
-        found = []
+        by_kind = []
         for kind, designed in zip(self.kinds, self.designed, strict=True):
-            own = kind.boards[receiver].added(designed[receiver], fluxes[list(kind.numbers)])
-            found.append(len(kind.numbers) / len(fluxes) * own)
-        return np.asarray(np.sum(found, axis=0))
+            added = kind.boards[receiver].added(designed[receiver], fluxes[list(kind.numbers)])
+            by_kind.append(len(kind.numbers) / len(fluxes) * added)
+        return np.asarray(np.sum(by_kind, axis=0))
 
     def _received(self, number: int, raw: Channels, emitted_w: float) -> ReceivedImages:
         columns, rows = self.periods
@@ -267,7 +270,7 @@ class BoardLight(PartLight):
 def in_plate(deviations: Deviations, lamp: Lamp) -> Deviations:
     """Deviations of one lens of a plate, in its local frame, from those of the plate about its middle.
 
-    A plate that shrinks or tilts moves its lenses, each as far as it stands from the middle.
+    A plate that shrinks or tilts moves each lens in proportion to its distance from the middle.
     """
     none = np.zeros(2)
     (x, y, _) = lamp.place_mm

@@ -1,4 +1,4 @@
-"""Parts measured as they are asked for, by threads or by the workers of a cluster, and kept in one file.
+"""Parts measured on demand, by threads or by the workers of a cluster, and stored in one file.
 
 An interrupted study goes on where it was, with the same bits. What all parts share is made once in each process.
 """
@@ -44,13 +44,13 @@ class KeptParts:
 
     @staticmethod
     def of(file: Path | None, study: PartStudy) -> "KeptParts":
-        """Parts that an earlier run of the same study has left in ``file``; none where that was another study.
+        """Parts that an earlier run of the same study left in ``file``; empty after another study.
 
-        Raises :class:`InputError` for a damaged file, and for one whose numbers are not those that were written.
+        Raises :class:`InputError` for a damaged file, and for one whose checksum does not match.
         """
         recipe = study.recipe
-        words = [recipe.lens.sha256, recipe.seed, recipe.designed_rays, made_by()]
-        key = hashlib.sha256(json.dumps(words).encode()).hexdigest()  # more parts in all change no part
+        identity = [recipe.lens.sha256, recipe.seed, recipe.designed_rays, made_by()]
+        key = hashlib.sha256(json.dumps(identity).encode()).hexdigest()  # more parts in all change no part
         if file is None or not (file.exists() or file.is_symlink()):
             return KeptParts(file, key)
         content = read_file(file, missing=_ANEW, most_bytes=_MOST_BYTES)
@@ -69,7 +69,7 @@ class KeptParts:
             raise InputError(f"{file}: no parts of a study ({str(error)[:80]}); {_ANEW}") from None
 
     def save(self) -> None:
-        """Write all that is known, with the hash of its numbers."""
+        """Write all known parts, with a checksum."""
         if self.file is None or not self.known:
             return
         scaled = sorted({name for _, (_, scales) in self.known for name, _ in scales})
@@ -119,7 +119,7 @@ MeasuredChunks = Iterator[tuple[int, Float[np.ndarray, "j m 2"]]]  # numbers of 
 
 
 def prepare(study: PartStudy) -> None:
-    """Make all that the parts share, before several threads ask for it at once."""
+    """Compute everything that the parts share before several threads need it."""
     _ = study.draws, study.of_design, study.bounds
 
 
@@ -131,7 +131,7 @@ def measured(study: PartStudy, job: Job) -> Float[np.ndarray, "m 2"]:
 
 @dataclass
 class MeasuredParts:
-    """Metrics of the parts of ``study``; those that are not ``kept`` are measured by ``workers``, or threads here."""
+    """Metrics of the parts of ``study``; parts not ``kept`` are measured by ``workers``, or by threads here."""
 
     study: PartStudy
     workers: WorkerPool | None = None
@@ -139,7 +139,7 @@ class MeasuredParts:
     progress: Progress | None = None
 
     def with_rays(self, rays: int) -> "MeasuredParts":
-        """Parts of these draws, measured by other ``rays`` each; both are kept in one file."""
+        """The same draws measured with another number of ``rays``; both share one file."""
         return self if rays == self.study.recipe.rays else replace(self, study=self.study.with_rays(rays))
 
     def of(self, parts: Iterable[int], scales: Scales | None = None) -> Float[np.ndarray, "n m 2"]:
@@ -167,7 +167,7 @@ class MeasuredParts:
         return np.stack([known[rays, job] for job in jobs])
 
     def _measured(self, chunks: Chunks) -> MeasuredChunks:
-        """Each chunk as a task of the workers, or in its turn, as many parts at once as the kernels may use threads."""
+        """Each chunk as a task of the workers, or in turn, with as many parts at once as kernels may use threads."""
         if self.workers is not None:
             return self.workers.map(measured_chunk, self.study.recipe, chunks)
         prepare(self.study)
@@ -189,16 +189,16 @@ def measured_chunk(recipe: Recipe, chunk: tuple[Job, ...]) -> Float[np.ndarray, 
 def _study(recipe: Recipe) -> PartStudy:
     with _lock:  # a worker may have several threads
         for study in _studies:
-            if _words(study.recipe) == _words(recipe):
+            if _identity(study.recipe) == _identity(recipe):
                 return study
         made = PartStudy(recipe)
         for study in _studies:
-            if _words(replace(study.recipe, rays=recipe.rays)) == _words(recipe):
+            if _identity(replace(study.recipe, rays=recipe.rays)) == _identity(recipe):
                 made = study.with_rays(recipe.rays)
         prepare(made)
         _studies[:] = [made, *_studies[: _MOST_STUDIES - 1]]
         return made
 
 
-def _words(recipe: Recipe) -> tuple[object, ...]:
+def _identity(recipe: Recipe) -> tuple[object, ...]:
     return recipe.lens.sha256, recipe.parts, recipe.rays, recipe.seed, recipe.designed_rays

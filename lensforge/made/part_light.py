@@ -43,7 +43,7 @@ class ReplicateRays:
 
     @staticmethod
     def of(source: Source, rays: int, seed: int) -> "ReplicateRays":
-        """The rays by which an evaluation of so many ``rays`` with ``seed`` simulates."""
+        """The rays of an evaluation with ``rays`` rays and ``seed``."""
         count = min(REPLICATES, rays, source.ray_count or rays)
         parts = []
         numbers = []
@@ -66,13 +66,13 @@ class ReplicateRays:
         return np.array([np.bincount(self.replicate[rows], flux[rows], minlength=self.replicates) for rows in inside])
 
     def shared_out(self, lamps: int) -> "list[ReplicateRays]":
-        """Rays for each of several lamps: at random, from every replicate as many, and its share of the flux."""
+        """Rays for each of several lamps: drawn at random, equally many from every replicate, with a share of flux."""
         order = np.random.default_rng(_SHARING).permutation(len(self))
         order = order[np.argsort(self.replicate[order], kind="stable")]
         first = np.searchsorted(self.replicate[order], self.replicate[order])
         lamp = np.empty(len(self), dtype=np.int64)
         lamp[order] = (np.arange(len(self)) - first) % lamps
-        found = []
+        by_lamp = []
         every = np.bincount(self.replicate, minlength=self.replicates)
         for number in range(lamps):
             rows = np.flatnonzero(lamp == number)
@@ -80,8 +80,8 @@ class ReplicateRays:
             replicate = self.replicate[rows]
             share = every / lamps / np.bincount(replicate, minlength=self.replicates)
             shared = replace(rays, flux=rays.flux * share[replicate])
-            found.append(ReplicateRays(shared, replicate, self.replicates, self.emitted_w / lamps))
-        return found
+            by_lamp.append(ReplicateRays(shared, replicate, self.replicates, self.emitted_w / lamps))
+        return by_lamp
 
 
 class _SeenByLimit(NamedTuple):
@@ -100,14 +100,14 @@ Channels = Float[np.ndarray, "k r h w"]  # flux (W) on each pixel by every repli
 
 
 def judged_colour(spec: Spec) -> ColourSection | None:
-    """The colour of the beam where ``spec`` sets limits to it, which alone makes a study trace it; else None."""
+    """The colour section if ``spec`` limits the beam's colour, which alone makes a study trace it; else None."""
     return spec.colour if spec.colour is not None and spec.colour.has_limits else None
 
 
 def in_channels(
     flux: Float[np.ndarray, " n"], rays: RayBundle, colour: ColourSection | None
 ) -> list[Float[np.ndarray, " n"]]:
-    """``flux`` (W) of ``rays``, and where their colour counts its X, Y and Z (lm)."""
+    """``flux`` (W) of ``rays``, or its X, Y and Z (lm) if their colour counts."""
     return [flux] if colour is None else [flux, *(flux * per_watt for per_watt in rays.colours.T)]
 
 
@@ -116,7 +116,7 @@ class ReceivedImages:
     """Filtered pictures of every replicate on one receiver; shares of the emitted flux in window, target and zones.
 
     ``in_zones``: those of the limits on shares of the flux. ``emitted_w``: of this part's source. ``losses``: flux (W)
-    by cause of its loss, where a limit asks for it.
+    by cause of its loss, if a limit needs it.
     """
 
     pictures: Channels
@@ -127,7 +127,7 @@ class ReceivedImages:
     losses: Float[np.ndarray, "r l"] | None = None
 
     def light(self, seen: _SeenByLimit) -> Float[np.ndarray, "r *_"]:
-        """The images, or the losses, which a limit has asked for."""
+        """The images, or the losses, that a limit reads."""
         if not seen.of_losses:
             return self.images
         assert self.losses is not None
@@ -148,7 +148,7 @@ def rays_behind(nominal: TracedLens, part: MadePart | None, rays: RayBundle) -> 
 
 
 def flux_by_cause(lens: TracedLens, exits: ExitRays, held: ReplicateRays, flux: float) -> Float[np.ndarray, "r k"]:
-    """Flux (W) by the cause by which each of the ``held`` rays ends, in every replicate; ``flux``: of the LED."""
+    """Flux (W) of the ``held`` rays by cause of loss, in every replicate; ``flux``: of the LED."""
     causes = len(loss_names(lens.scene.chain))
     numbers = cause_numbers(exits, lens.scene.chain)
     places = held.replicate * causes + numbers
@@ -181,7 +181,7 @@ class PartLight:
         held = self.held
         by_cause = flux_by_cause(self.nominal, exits, held, flux) if self.counts_losses else None
         colour = judged_colour(self.spec)
-        found = []
+        images = []
         for receiver, target, zones in zip(self.receivers, self.targets[0], self.zones, strict=True):
             landings = receiver.land(exits)
             hits = landings.hits
@@ -195,8 +195,8 @@ class PartLight:
             ]
             smooth = gaussian3(np.stack(raw), self.spec.evaluate.filter_variance)
             losses = None if by_cause is None else with_beside(by_cause, window * emitted_w)
-            found.append(ReceivedImages(smooth, window, lit, in_zones, emitted_w, losses))
-        return (*found, *self.seen(exits, held, flux))
+            images.append(ReceivedImages(smooth, window, lit, in_zones, emitted_w, losses))
+        return (*images, *self.seen(exits, held, flux))
 
     @cached_property
     def views(self) -> tuple[EyeView, ...]:
@@ -204,7 +204,7 @@ class PartLight:
         return eye_views(self.spec, searched=True) if any(limit.quantity.of_view for limit in self.limits) else ()
 
     def seen(self, exits: ExitRays, held: ReplicateRays, flux: float) -> Iterator[ReceivedImages]:
-        """The lens as each eye sees it, by its ``exits`` of the ``held`` rays; ``flux``: of the LED over theirs."""
+        """The lens as each eye sees it, by the ``exits`` of the ``held`` rays; ``flux``: of the LED over theirs."""
         none = np.zeros(held.replicates)
         for view in self.views:
             landings = view.land(exits)
@@ -214,11 +214,11 @@ class PartLight:
 
     @property
     def counts_losses(self) -> bool:
-        """True where a limit asks where light of no use ends."""
+        """True if a limit depends on where useless light ends."""
         return any(limit.quantity.of_losses for limit in self.limits)
 
     def measured(self, received: tuple[ReceivedImages, ...]) -> "MeasuredPart":
-        """Metrics of one part by its replicates."""
+        """Metrics of one part from its replicates."""
         metrics = []
         shares = []
         for light, target, mask in zip(received, *self.targets, strict=False):
@@ -228,12 +228,12 @@ class PartLight:
         return MeasuredPart(tuple(metrics), tuple(shares), tuple(self._limits(received)))
 
     def _limits(self, received: tuple[ReceivedImages, ...]) -> Iterator[Float[np.ndarray, " v"]]:
-        """The values that decide on each limit, by all replicates, then with one after the other left out."""
+        """The deciding value of each limit by all replicates, then with each left out in turn."""
         read = {}
         for seen, matrix in self._readings.items():  # all limits at once: to read pixels takes longer than to judge
             light = received[seen.receiver].light(seen)
-            asked = [limit for limit in self.limits if limit.region is None and _SeenByLimit.by(limit) == seen]
-            ends = np.cumsum([limit.readings.shape[0] for limit in asked])[:-1]
+            limits = [limit for limit in self.limits if limit.region is None and _SeenByLimit.by(limit) == seen]
+            ends = np.cumsum([limit.readings.shape[0] for limit in limits])[:-1]
             read[seen] = iter(np.split(matrix @ light.reshape(len(light), -1).T, ends))
         in_zones = [iter(light.in_zones) for light in received]
         for limit in self.limits:
@@ -241,9 +241,9 @@ class PartLight:
                 yield means_left_out(next(in_zones[limit.receiver]))
                 continue
             seen = _SeenByLimit.by(limit)
-            there = received[seen.receiver]
-            value = values_left_out(limit, next(read[seen]), there.light(seen))
-            yield value * (self.held.emitted_w / there.emitted_w) if limit.quantity.is_share else value
+            light_there = received[seen.receiver]
+            value = values_left_out(limit, next(read[seen]), light_there.light(seen))
+            yield value * (self.held.emitted_w / light_there.emitted_w) if limit.quantity.is_share else value
         for on_receiver in received[: len(self.receivers)]:
             yield from colours_left_out(judged_colour(self.spec), on_receiver.pictures[1:])
 
@@ -281,29 +281,29 @@ class MeasuredPart:
 
         ``designed``: the light of that lens by many rays, to which they are to be added.
         """
-        found = []
+        changes_by_light = []
         parts = zip(self.metrics, before.metrics, self.shares, before.shares, strict=True)
-        for light, (own, other, share, other_share) in zip(designed, parts, strict=True):
+        for light, (metrics, metrics_before, share, share_before) in zip(designed, parts, strict=True):
             rsd = None if light.rsd is None else light.rsd.value
-            changes = own.change_from(other, designed_rsd=rsd)
+            changes = metrics.change_from(metrics_before, designed_rsd=rsd)
             change = {name: value for name, value in changes if value is not None}
             if light.uniformity is not None and "uniformity" in change:
                 ratio = light.uniformity.value  # within 0 and 1, however few the rays
                 moved = change["uniformity"]
                 within = min(max(moved.value, -ratio), 1.0 - ratio)
                 change["uniformity"] = moved.changed(value=within)
-            found.append({**change, "share_in_target": jackknife_metric(share - other_share, float)})
-        return [*found, {str(number): change for number, change in enumerate(self.limit_changes(before))}]
+            changes_by_light.append({**change, "share_in_target": jackknife_metric(share - share_before, float)})
+        return [*changes_by_light, {str(number): change for number, change in enumerate(self.limit_changes(before))}]
 
     @property
     def by_replicate(self) -> list[Float[np.ndarray, " r"]]:
-        """Share of each replicate in the noise of every value, in the order of their changes, but for a factor."""
+        """Share of each replicate in the noise of every value, in the order of their changes, up to a factor."""
         receivers = zip(self.metrics, self.shares, strict=True)
         on_receivers = [row for metrics, share in receivers for row in (*metrics.by_replicate, share)]
         return [*on_receivers, *(limit[1:] for limit in self.limits)]
 
     def limit_changes(self, before: "MeasuredPart") -> Iterator[Metric]:
-        """Difference of what decides on each limit from ``before``, by the same rays."""
+        """Difference of each limit's deciding value from ``before``, by the same rays."""
         for limit, limit_before in zip(self.limits, before.limits, strict=True):
             difference = limit - limit_before
             error = jackknife_error(difference[1:]) if len(difference) > 1 else None

@@ -62,7 +62,7 @@ _OF_ANY_RAYS_BY_LED = ("limits", "designed_light", "designed_pictures")
 
 @dataclass(frozen=True)
 class Recipe:
-    """All that decides the metrics of every part of a study."""
+    """Everything that determines the metrics of every part of a study."""
 
     lens: Lens
     parts: int
@@ -73,7 +73,7 @@ class Recipe:
 
 @dataclass(frozen=True, eq=False)
 class PartStudy:
-    """A recipe with all that is made from it, once in each process."""
+    """A recipe with everything derived from it, once in each process."""
 
     recipe: Recipe
 
@@ -117,7 +117,7 @@ class PartStudy:
     def kinds(self) -> tuple[LensOnBoard, ...]:
         """The lens of each kind with its lamps, one where all lamps have the same."""
         traced = TracedLens.of(self.recipe.lens, preset_of(self.recipe.lens.accuracy).nodes_per_sigma)
-        found = []
+        lenses = []
         lamps = self.lamps
         for kind, lens, lamps_of_kind in zip(
             lamps.kinds or [None], self.recipe.lens.kinds, traced.kinds or [traced], strict=True
@@ -129,8 +129,8 @@ class PartStudy:
                 boards = tuple(map(LampPictures.of, alone))
                 numbers = kind.numbers
             maker = PartMaker.of(lens.spec, lens.surfaces, lamps_of_kind.scene.grid, self.factors)
-            found.append(LensOnBoard(lens, lamps_of_kind, maker, numbers, boards))
-        return tuple(found)
+            lenses.append(LensOnBoard(lens, lamps_of_kind, maker, numbers, boards))
+        return tuple(lenses)
 
     @cached_property
     def leds(self) -> "tuple[LedStudy, ...]":
@@ -169,15 +169,15 @@ class PartStudy:
         return tuple(bound for led in self.leds for bound in led.bounds)
 
     def with_rays(self, rays: int) -> "PartStudy":
-        """Study with other ``rays`` for each part; what does not depend on them is kept."""
+        """The study with other ``rays`` for each part; results that do not depend on them are shared."""
         study = PartStudy(replace(self.recipe, rays=rays))
         study.__dict__.update({name: getattr(self, name) for name in _OF_ANY_RAYS})
-        for led, again in zip(self.leds, study.leds, strict=True):
-            again.__dict__.update({name: getattr(led, name) for name in _OF_ANY_RAYS_BY_LED})
+        for led, other in zip(self.leds, study.leds, strict=True):
+            other.__dict__.update({name: getattr(led, name) for name in _OF_ANY_RAYS_BY_LED})
         return study
 
     def deviations(self, number: int, scales: Scales | None = None) -> list[Deviations]:
-        """Deviations of one part, some of them scaled: of the lens of each of its lamps."""
+        """Deviations of one part, some of them scaled, for the lens of each of its lamps."""
         return [self.draws.deviations(number, scales, lamp) for lamp in range(len(self.lamps))]
 
     def measure(self, number: int, scales: Scales | None = None) -> Float[np.ndarray, "m 2"]:
@@ -186,11 +186,11 @@ class PartStudy:
         return np.concatenate([led.measure(deviations) for led in self.leds])
 
     def noise_in_common(self, parts: int) -> Float[np.ndarray, " m"]:
-        """Share of the variance by the rays of a part's change that all parts have, of each metric, by the first parts.
+        """Common share of the ray noise's variance in the changes of parts, for each metric, by the first parts.
 
-        Parts have the same rays, and what these make of the noise has two causes: that of the lens as designed, which
-        is in every change, and that of the part, alike in others as far as they are alike. Of the mean over n parts
-        without anything in common the noise would be 1/n.
+        Parts have the same rays, and the noise of a change has two causes: that of the lens as designed, which is in
+        every change, and that of the part, alike in others as far as they are alike. With nothing in common the noise
+        of the mean over n parts would be 1/n.
         """
         noise = in_parallel_map(lambda number: self._noise(self.deviations(number)), range(parts))
         return np.array([_in_common(np.stack(rows)) for rows in zip(*noise, strict=True)])
@@ -199,7 +199,7 @@ class PartStudy:
         return [row for led in self.leds for row in led.noise(deviations)]
 
     def excess(self, values: Float[np.ndarray, "*n m"]) -> Float[np.ndarray, "*n b"]:
-        """Distance of the metrics from each bound, above 0 on its wrong side."""
+        """Distance of the metrics from each bound, positive on its wrong side."""
         columns = [self.names.index(bound.metric) for bound in self.bounds]
         signs = np.array([1.0 if bound.sense == "<=" else -1.0 for bound in self.bounds])
         limits = np.array([bound.bound for bound in self.bounds])
@@ -208,7 +208,7 @@ class PartStudy:
 
 @dataclass(frozen=True, eq=False)
 class LedStudy:
-    """Parts of a ``study`` in one state of the ``lens``, called ``led`` where there are several."""
+    """Parts of a ``study`` in one state of the ``lens``, named ``led`` if there are several."""
 
     study: PartStudy
     lens: Lens
@@ -226,7 +226,7 @@ class LedStudy:
 
     @cached_property
     def kinds(self) -> tuple[LensOnBoard, ...]:
-        """The lens of each kind as it is at work in the state."""
+        """The lens of each kind at work in the state."""
         scale = self.spec.lens.scale
         return tuple(
             replace(kind, nominal=kind.nominal.at_work(self.spec), maker=replace(kind.maker, scale=scale))
@@ -253,7 +253,7 @@ class LedStudy:
 
     @cached_property
     def designed_pictures(self) -> list[list[list[Channels]]]:
-        """Pictures of one lamp of each kind as designed, by many rays, where several are drawn apart; none of one."""
+        """Pictures of one lamp of each kind as designed, by many rays, if several are drawn apart; else empty."""
         if self.study.lamps.is_single:
             return []
         judging = held_back(self._source)
@@ -305,12 +305,12 @@ class LedStudy:
 
     @property
     def prefix(self) -> str:
-        """Beginning of the names of its metrics: the state, where there are several."""
+        """Prefix of the names of its metrics: the state, if there are several."""
         return f"{self.led}: " if self.led else ""
 
     @cached_property
     def of_design(self) -> dict[str, Metric]:
-        """Metrics of the lens as designed, by many rays: of the first receiver, of others with theirs, of limits."""
+        """Metrics of the lens as designed, by many rays: of the first receiver, of others by name, of limits."""
         *receivers, _ = self._changes(self.designed)
         metrics: dict[str, Metric] = {}
         for prefix, receiver, light in zip(self._prefixes, receivers, self.designed_light.receivers, strict=True):
@@ -343,21 +343,21 @@ class LedStudy:
 
     @cached_property
     def bounds(self) -> tuple[MetricBound, ...]:
-        """Bounds that a part must keep: the limits of the spec or, without any, what the verdict on the light asks."""
+        """Bounds of a part: the limits of the spec or, without any, those of the verdict on the light."""
         light = self.designed_light
-        asked = list(zip(self._limit_names, light.limits, strict=True))
-        if not asked:
+        bounds = list(zip(self._limit_names, light.limits, strict=True))
+        if not bounds:
             for prefix, receiver in zip(self._prefixes, light.receivers, strict=True):
                 judged = judged_figures(receiver, transmittance_of(self.lens.media))
-                asked += [(f"{prefix}{name}", figure) for name, figure in judged.items()]
+                bounds += [(f"{prefix}{name}", figure) for name, figure in judged.items()]
         powers = chain((limit.quantity.flux_power for limit in self.limits), repeat(0.0))
         return tuple(
             MetricBound(metric=name, sense=figure.sense, bound=figure.bound, unit=figure.unit, flux_power=power)
-            for (name, figure), power in zip(asked, powers, strict=False)
+            for (name, figure), power in zip(bounds, powers, strict=False)
         )
 
     def limit_changes(self, part: MeasuredPart) -> Iterator[LimitChange]:
-        """The value that decides on each limit of the spec in ``part``, and its change from the lens as designed."""
+        """The deciding value of each limit of the spec in ``part``, and its change from the lens as designed."""
         if not part.limits:
             return
         judged = zip(self._limit_names, self.designed_light.limits, part.limits, strict=True)
@@ -366,9 +366,9 @@ class LedStudy:
             yield LimitChange(name=name, value=value, change=change.changed(unit=value.unit))
 
     def made(self, deviations: Sequence[Deviations]) -> tuple[MadePart, ...]:
-        """The lenses of a part with these deviations, one for each lamp; the LED turns about its own place.
+        """The lenses of a part with these deviations, one for each lamp; the LED turns about its local origin.
 
-        Those of a plate are about its middle.
+        Those of a plate turn about its middle.
         """
         if self.spec.plate is not None:
             deviations = [
@@ -387,13 +387,13 @@ class LedStudy:
         return np.array([[value + change.value for value, change in zip(designed, changes, strict=True)], errors]).T
 
     def noise(self, deviations: Sequence[Deviations]) -> list[Float[np.ndarray, " r"]]:
-        """Share of each replicate in the noise of every change, in the order of ``of_design``, but for a factor."""
+        """Share of each replicate in the noise of every change, in the order of ``of_design``, up to a factor."""
         part = self.light.measured(self.light.received(self.made(deviations)))
         pairs = zip(part.by_replicate, self.designed.by_replicate, strict=True)
-        return [own - before for own, before in pairs]
+        return [share - before for share, before in pairs]
 
     def _changes(self, part: MeasuredPart) -> list[dict[str, Metric]]:
-        """Changes from the lens as designed: of a luminance the relative one, which coarse views show."""
+        """Changes from the lens as designed; for a luminance relative ones, as views are coarse."""
         changes = part.change_from(self.designed, self.designed_light.receivers)
         for number, (limit, light) in enumerate(zip(self.limits, self.designed_light.limits, strict=False)):
             seen = self.designed.limits[number][0]
@@ -406,7 +406,7 @@ _MOST_NUMBERS = 2**27  # 1 GiB
 
 
 def _in_common(noise: Float[np.ndarray, "n r"]) -> float:
-    """Share of the variance over the replicates that all of n parts have."""
+    """Share of the variance over the replicates that all of n parts have in common."""
     count = len(noise)
     whole = noise.var(axis=1).mean() if noise.size else 0.0
     if not whole > 0.0:

@@ -5,7 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from lensforge import seeds
-from lensforge.light.lens_light import judging_source, rays_of, unless_own
+from lensforge.light.lens_light import judging_source, rays_of, unless_default
 from lensforge.made.tolerance_result import MOST_PARTS, Sensitivity, Yield
 from lensforge.public import public
 from lensforge.results import Conditions
@@ -118,13 +118,13 @@ def tolerance(
     conditions = Conditions.of(
         tolerances=None if own_tolerances is None else _name_of(own_tolerances),
         tolerances_sha256=None if own_tolerances is None else section_sha256(own_tolerances),
-        seed=unless_own(seed, 0),
+        seed=unless_default(seed, 0),
     )
     return study.changed(inputs={"lens": lens.sha256}, conditions=conditions)
 
 
 def _name_of(tolerances: PartTolerances) -> str:
-    """Name of a preset, or one of its own for each other section: no study takes the place of another."""
+    """Name of a preset, or a unique name for any other section: no study replaces another."""
     if tolerances == PartTolerances(preset=tolerances.preset, roles=tolerances.roles):
         return tolerances.preset
     return f"own_{section_sha256(tolerances)[:8]}"

@@ -35,11 +35,10 @@ class SingleError:
 
 
 def measure_sensitivity(lens: Lens, *, rays: int, progress: Callable[[int, int], object] | None = None) -> Sensitivity:
-    """Trace the lens with each tolerance of its spec at its end, always with the same rays; of lamps, at once in all.
+    """Trace the lens with each tolerance of its spec at its end, always with the same rays, and in all lamps at once.
 
-    Changes are from the lens as designed, replicate by replicate: the noise that both have in common cancels, and the
-    standard error of a change is that of what is left. ``progress`` is called after each lens with the number of lenses
-    traced and of all.
+    Changes are from the lens as designed, replicate by replicate: common noise cancels, and the standard error of a
+    change is that of the remainder. ``progress`` is called after each lens with the number of lenses traced and of all.
     """
     announce = progress or (lambda done, total: None)
     steps = count(1)
@@ -51,7 +50,7 @@ def measure_sensitivity(lens: Lens, *, rays: int, progress: Callable[[int, int],
 
 
 def _with(led: LedStudy, errors: Sequence[SingleError], announce: Callable[[], object]) -> Sensitivity:
-    """The change of the light of one LED by each of ``errors``; ``announce``: called after each lens."""
+    """Changes of the light of one LED by each of ``errors``; ``announce``: called after each lens."""
     started = time.perf_counter()
     lens = led.study.recipe.lens
     rows = list[ErrorRow]()
@@ -96,7 +95,7 @@ def single_errors(study: PartStudy, factor: Factor) -> Iterator[SingleError]:
 
 
 def _shape(kind: LensOnBoard, factor: Factor) -> Float[np.ndarray, " k"]:
-    """Numbers (mm) of a random shape of which the rms along the normal, over the face, is the amount."""
+    """Numbers (mm) of a random shape whose rms along the normal, over the face, is the amount."""
     numbers = np.random.default_rng([_SHAPE_SEED, *factor.name.encode()]).standard_normal(factor.numbers)
     amount = factor.amount * factor.to_internal
     tables = kind.maker.errors[factor.name].tables

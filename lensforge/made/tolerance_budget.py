@@ -33,7 +33,7 @@ class ScaleSearch:
     """Search for the scale of the tolerances ``names`` at which a share ``wanted`` of the first parts passes.
 
     ``order``: numbers of these parts, the most endangered first. ``known``: which of them pass, by scale; 1 is as
-    specified. Of ``crowded`` scales at which too many fail not all that fail are told from those that pass.
+    specified. ``crowded``: scales at which too many fail, so that not every failure is known.
     """
 
     parts: MeasuredParts
@@ -44,25 +44,27 @@ class ScaleSearch:
     crowded: set[float] = field(default_factory=set)
 
     def passing(self, scale: float, at_least: Passes, at_most: Passes) -> Passes:
-        """Parts that pass at ``scale``; those in both or in neither of the two are taken as known."""
+        """Parts that pass at ``scale``; parts in both ``at_least`` and ``at_most``, or in neither, are inferred."""
         if scale not in self.known:
-            self.known[scale] = self._asked(scale, at_least & at_most, self.order[(at_least != at_most)[self.order]])
+            self.known[scale] = self._looked_at(
+                scale, at_least & at_most, self.order[(at_least != at_most)[self.order]]
+            )
         return self.known[scale]
 
-    def _asked(self, scale: float, passes: Passes, asked: Int[np.ndarray, " k"]) -> Passes:
-        """Ask the ``asked`` parts, look by look until the rest cannot matter; those that pass join ``passes``."""
+    def _looked_at(self, scale: float, passes: Passes, parts: Int[np.ndarray, " k"]) -> Passes:
+        """Measure ``parts`` look by look until the unseen ones cannot matter; those that pass join ``passes``."""
         least = self.wanted - _TOO_MANY * _error(self.wanted, len(passes))
         needed = 1 if scale == max(_UP) else 2  # looks in a row without a failure
         quiet = 0
-        for first in range(0, len(asked), _LOOK):
-            look = asked[first : first + _LOOK]
-            rest = asked[first + _LOOK :]
+        for first in range(0, len(parts), _LOOK):
+            look = parts[first : first + _LOOK]
+            unseen = parts[first + _LOOK :]
             passes[look] = self._measured(look, scale)
             quiet = quiet + 1 if passes[look].all() else 0
             if quiet == needed:
-                passes[rest] = True
+                passes[unseen] = True
                 break
-            if len(rest) and (passes.sum() + len(rest)) / len(passes) < least:
+            if len(unseen) and (passes.sum() + len(unseen)) / len(passes) < least:
                 self.crowded.add(scale)
                 break
         return passes
@@ -72,7 +74,7 @@ class ScaleSearch:
         return np.asarray((self.parts.study.excess(values) <= 0.0).all(axis=1))
 
     def bracket(self) -> tuple[float | None, float | None]:
-        """The largest scale tried at which enough parts pass, and the least at which too few do; None for none."""
+        """The largest tried scale at which enough parts pass, and the least at which too few do; None if none does."""
         if self.known[1.0].mean() >= self.wanted:
             return self._above()
         if not self._reached_without():
@@ -81,7 +83,7 @@ class ScaleSearch:
         return (_DOWN, 1.0) if enough else (0.0, _DOWN)
 
     def _reached_without(self) -> bool:
-        """True where enough parts pass without these tolerances; no more are traced than tell."""
+        """True if enough parts pass without these tolerances; no more are traced than this needs."""
         passes = np.ones_like(self.known[1.0])
         failing = np.flatnonzero(~self.known[1.0])
         for first in range(0, len(failing), _LOOK):
@@ -93,7 +95,7 @@ class ScaleSearch:
         return True
 
     def _above(self) -> tuple[float, float | None]:
-        """The largest scale that passes and the smallest that does not, where enough parts pass as specified."""
+        """The largest scale that passes and the smallest that does not, if enough parts pass as specified."""
         high = None
         low = 1.0
         nothing = np.zeros_like(self.known[1.0])
@@ -115,10 +117,14 @@ class ScaleSearch:
                 high = middle
         error = _error(self.wanted, len(self.known[1.0]))
         root = self._scale_at(self.wanted, low, high)
-        return root, self._asked_at(self.wanted + error, 0.0, high), self._asked_at(self.wanted - error, low, None)
+        return (
+            root,
+            self._refined_scale(self.wanted + error, 0.0, high),
+            self._refined_scale(self.wanted - error, low, None),
+        )
 
-    def _asked_at(self, rate: float, low: float, high: float | None) -> float:
-        """The scale at which ``rate`` pass, after a look at parts with the scale that those known make likely."""
+    def _refined_scale(self, rate: float, low: float, high: float | None) -> float:
+        """The scale at which ``rate`` pass, after tracing parts at the most likely scale."""
         likely = self._scale_at(rate, low, high)
         below = max((scale for scale in self.known if scale <= likely), default=None)
         above = min((scale for scale in self.known if scale >= likely), default=None)
@@ -127,14 +133,14 @@ class ScaleSearch:
         return self._scale_at(rate, low, high)
 
     def _between(self, low: float, high: float) -> float:
-        """A scale within the bracket: by the shares at its ends or, where that above is not known, its middle."""
+        """A scale within the bracket: by the shares at its ends, or its middle if the upper share is not known."""
         if high in self.crowded:
             return float(np.sqrt(low * high)) if low > 0.0 else 0.5 * high
         margin = 0.1 * (high - low)
         return float(np.clip(self._scale_at(self.wanted, low, high), low + margin, high - margin))
 
     def _scale_at(self, rate: float, low: float, high: float | None) -> float:
-        """The scale at which ``rate`` pass, linear between those that are known from ``low`` to ``high``."""
+        """The scale at which ``rate`` pass, interpolated between the known scales from ``low`` to ``high``."""
         scales = sorted(scale for scale in self.known if scale >= low and (high is None or scale <= high))
         rates = np.minimum.accumulate([self.known[scale].mean() for scale in scales])
         above = np.flatnonzero(rates >= rate)
@@ -172,7 +178,7 @@ def budget(
 def _endangered(
     parts: MeasuredParts, excess: Float[np.ndarray, "n b"], factors: Sequence[Factor]
 ) -> Int[np.ndarray, " n"]:
-    """The parts in the order in which they begin to fail where ``factors`` grow and the metric is linear in them."""
+    """The parts in the order in which they fail as ``factors`` grow, if the metric is linear in them."""
     width = excess.std(axis=0)
     margin = -(excess / np.where(width > 0.0, width, 1.0)).max(axis=1)
     size = sum((parts.study.draws.numbers[factor.name][: len(margin)] ** 2).mean(axis=1) for factor in factors) ** 0.5
@@ -202,9 +208,9 @@ def _error(share: float, count: int) -> float:
 
 
 def flux_needed(bounds: Sequence[MetricBound], values: Float[np.ndarray, "n b"], wanted: float) -> FluxNeeded | None:
-    """Least flux of the LED at which a share ``wanted`` of the parts keeps all ``bounds``; None if none asks for it.
+    """Least flux of the LED at which a share ``wanted`` of the parts keeps all ``bounds``; None if no bound needs it.
 
-    ``values``: of the bounded metrics, which are known at any flux as each grows by a power of it.
+    ``values``: of the bounded metrics, known at any flux, as each grows by a power of it.
     """
     if not any(bound.flux_power for bound in bounds):
         return None
@@ -216,9 +222,9 @@ def flux_needed(bounds: Sequence[MetricBound], values: Float[np.ndarray, "n b"],
         with np.errstate(divide="ignore", over="ignore"):
             factor = (bound.bound / np.maximum(parts, 0.0)) ** (1.0 / bound.flux_power)
         least, most = (least, np.minimum(most, factor)) if bound.sense == "<=" else (np.maximum(least, factor), most)
-    kept = np.isfinite(least) & (least <= most)
-    begin = np.sort(least[kept])
-    end = np.sort(most[kept])
+    attainable = np.isfinite(least) & (least <= most)
+    begin = np.sort(least[attainable])
+    end = np.sort(most[attainable])
     shares = (np.arange(1, len(begin) + 1) - np.searchsorted(end, begin)) / len(values)
 
     def at(share: float) -> float | None:

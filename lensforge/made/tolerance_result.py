@@ -51,7 +51,7 @@ class ErrorRow(Record):
     """One tolerance at its end: its amount, the metrics with it, their change by it, and that of each limit.
 
     ``change`` is the difference from the lens as designed by the same rays, with the standard error of that difference:
-    what both have of the noise cancels. That of uniformity cancels least, since each lens has its own darkest pixels.
+    common noise cancels. That of uniformity cancels least, since each lens has its own darkest pixels.
     """
 
     name: Text
@@ -124,7 +124,7 @@ class PassRate(Record):
 class MetricBound(Record):
     """Bound that a part must keep to pass: ``metric``, a name of ``metrics``, ``sense`` ``bound``, in ``unit``.
 
-    ``flux_power``: power of the flux of the LED by which the metric grows; 0 where it does not.
+    ``flux_power``: power of the flux of the LED by which the metric grows; 0 if independent of it.
     """
 
     metric: Text
@@ -161,7 +161,7 @@ class MetricSpread(Record):
 
     @stated
     def undecided(self) -> bool:
-        """True where the noise of a part's rays outweighs the spread of the parts: percentiles are those of noise."""
+        """True if the noise of a part's rays outweighs the spread of the parts: percentiles are those of noise."""
         return self.standard_error is not None and self.spread < self.standard_error
 
 
@@ -175,26 +175,26 @@ class CauseShare(Record):
 
     @property
     def rank(self) -> tuple[float, float]:
-        """Order of the causes: by what is certain of their shares, two standard errors less, and then by value."""
+        """Sort key of the causes: the certain part of their share, two standard errors less, then the value."""
         return -max(self.share - CERTAIN * self.standard_error, 0.0), -self.share
 
 
 class Variance(Record):
-    """Causes of a metric's spread, the surest first; ``interactions``: what is left to several tolerances together."""
+    """Causes of a metric's spread, the surest first; ``interactions``: share of several tolerances together."""
 
     causes: Annotated[tuple[CauseShare, ...], Field(max_length=_MOST_FACTORS)]
     interactions: Metric
 
     @property
     def certain(self) -> tuple[CauseShare, ...]:
-        """The causes that stand out of the noise of the parts, the surest first: the others are not shown."""
+        """The causes that exceed the noise of the parts, the surest first: the others are not shown."""
         return tuple(cause for cause in self.causes if cause.share > CERTAIN * cause.standard_error)
 
 
 def drawn_to_mean(values: Float[np.ndarray, " n"], spread: float) -> Float[np.ndarray, " n"]:
-    """``values`` drawn to their mean until they scatter by ``spread``: what ray noise has added is taken off.
+    """``values`` shrunk towards their mean until they scatter by ``spread``, which removes ray noise.
 
-    As they are where the noise leaves no spread: parts are not alike because nobody can tell them apart.
+    Unchanged if the noise leaves no spread: the parts then cannot be told apart.
     """
     mean = float(values.mean())
     scatter = float(values.std(ddof=1))
@@ -248,14 +248,14 @@ class Budget(Record):
 
     @property
     def reached(self) -> bool:
-        """True where enough of these parts pass as specified."""
+        """True if enough of these parts pass as specified."""
         return self.together.unlimited or (self.together.at_most or 0.0) >= self.together.specified
 
     @property
     def cheapest(self) -> BudgetRow | None:
         """The tolerance that reaches the share alone, by the least change relative to what is specified.
 
-        None if none does, and where none needs to.
+        None if none does, or none needs to.
         """
         tight = [row for row in self.alone if row.at_most is not None and 0.0 < row.at_most < row.specified]
         return max(tight, key=lambda row: (row.at_most or 0.0) / row.specified, default=None)
@@ -367,7 +367,7 @@ class Yield(SimulatedResult):
         return passes
 
     def without_noise(self, name: str) -> Float[np.ndarray, " parts"]:
-        """A metric of every part as its percentiles take it, see :func:`drawn_to_mean`."""
+        """A metric of every part as used for percentiles, see :func:`drawn_to_mean`."""
         return drawn_to_mean(self.column(name), self.metrics[name].spread)
 
     def products(self) -> dict[str, bytes]:

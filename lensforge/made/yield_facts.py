@@ -60,9 +60,9 @@ def sensitivity_facts(study: Sensitivity) -> list[Group]:
     for case in study.cases():
         led = case.result
         before = [
-            (each.name, each.change.changed(value=each.value.value - each.change.value, standard_error=None))
+            (limit.name, limit.change.changed(value=limit.value.value - limit.change.value, standard_error=None))
             for row in led.rows[:1]
-            for each in row.limits
+            for limit in row.limits
         ]
         facts = (*_of_limits(before), *metric_facts(led.nominal), Fact("rays", "Rays", led.rays))
         designed.append(Group("nominal", case.title("As designed"), facts))
@@ -89,7 +89,7 @@ def application_rows(study: Yield) -> list[Group]:
             Fact("nearest", "Most critical figure", nearest),
             Fact("main", "Main cause", main),
         )
-        rows.append(Group("application", metric_words(entry.name), facts))
+        rows.append(Group("application", metric_label(entry.name), facts))
     return rows
 
 
@@ -98,10 +98,10 @@ def bound_rows(study: Yield) -> list[Group]:
     rows = []
     for bound in study.bounds:
         designed = study.metrics[bound.metric].designed.value
-        kept = float(bound.kept_by(study.column(bound.metric)).mean())
+        within = float(bound.kept_by(study.column(bound.metric)).mean())
         limit = Fact("bound", "Limit", bound_words(bound))
         facts = (limit, of_metric("designed", "As designed", bound.metric, designed, bound.unit))
-        rows.append(Group("bound", metric_words(bound.metric), (*facts, Fact.share("kept", "Parts within", kept))))
+        rows.append(Group("bound", metric_label(bound.metric), (*facts, Fact.share("kept", "Parts within", within))))
     return rows
 
 
@@ -120,14 +120,14 @@ def spread_rows(study: Yield) -> list[Group]:
             facts.append(undecided if spread.undecided else of_metric(key, label, name, value, spread.unit))
         noise = quantity(spread.standard_error, spread.unit, digits=2)
         note = f"the ray noise of a part, {noise}, exceeds the spread" if spread.undecided else ""
-        rows.append(Group("spread", metric_words(name), tuple(facts), note))
+        rows.append(Group("spread", metric_label(name), tuple(facts), note))
     return rows
 
 
 def cause_rows(study: Yield) -> list[Group]:
     """The leading causes of each metric that has a bound and that scatters."""
     return [
-        Group("causes", metric_words(name), tuple(_causes(study, name)))
+        Group("causes", metric_label(name), tuple(_causes(study, name)))
         for name in judged_metrics(study)
         if name in study.variance and not study.metrics[name].undecided
     ]
@@ -142,27 +142,27 @@ def budget_rows(study: Yield) -> list[Group]:
 def budget_row(row: BudgetRow) -> Group:
     """One tolerance: as specified, and the largest at which enough parts pass, with its interval or why there is none.
 
-    The state fails where the amount that is specified is too large.
+    The state fails if the specified amount is too large.
     """
     factor = row.tolerance == "all"
 
-    def words(value: float) -> str:
+    def amount_text(value: float) -> str:
         return f"× {quantity(value, digits=3)}" if factor else amount_words(row.tolerance, value, row.unit)
 
-    specified = words(1.0 if factor else row.specified)
+    specified = amount_text(1.0 if factor else row.specified)
     times = ""
     if row.unlimited:
         if row.specified > 0.0 and not factor:
             times = f" ({quantity(row.searched_to / row.specified, digits=3)} times)"
-        most = f"above {words(row.searched_to)}"
+        most = f"above {amount_text(row.searched_to)}"
         interval = f"not searched beyond{times}"
     elif row.at_most is None or row.low is None or row.high is None:
         why = "the other tolerances alone give too low a yield"
         most = NOTHING
         interval = "no factor is small enough" if factor else why
     else:
-        most = words(row.at_most)
-        interval = f"{words(row.low)} to {words(row.high)}"
+        most = amount_text(row.at_most)
+        interval = f"{amount_text(row.low)} to {amount_text(row.high)}"
     tight = not row.unlimited and (row.at_most is None or row.at_most < row.specified)
     facts = (
         Fact("specified", "Specified", specified),
@@ -176,9 +176,9 @@ def drawn_rows(study: Yield) -> list[Group]:
     """A row for each tolerance as it was drawn."""
     rows = []
     for tolerance in study.tolerances:
-        name, words = _DISTRIBUTIONS.get(tolerance.distribution, (tolerance.distribution, ""))
+        name, description = _DISTRIBUTIONS.get(tolerance.distribution, (tolerance.distribution, ""))
         size = Fact("amount", "Amount", amount_words(tolerance.name, tolerance.amount, tolerance.unit))
-        facts = (size, Fact("distribution", "Distribution", name), Fact("words", "In words", words))
+        facts = (size, Fact("distribution", "Distribution", name), Fact("words", "In words", description))
         rows.append(Group("drawn", tolerance.words, facts))
     return rows
 
@@ -206,24 +206,24 @@ def budget_sentence(study: Yield) -> str:
     )
 
 
-def worst_words(study: Yield, worst: WorstPart) -> str:
-    """Judged metrics of one of the worst parts, each with its bound where it misses it."""
-    words = []
+def worst_phrase(study: Yield, worst: WorstPart) -> str:
+    """Judged metrics of one of the worst parts, each with its bound if it misses that."""
+    phrases = []
     for name in judged_metrics(study):
         value = worst.metrics[name]
-        missed = [each for each in study.bounds if each.metric == name and not each.kept_by(np.array([value]))[0]]
+        missed = [bound for bound in study.bounds if bound.metric == name and not bound.kept_by(np.array([value]))[0]]
         ends = "".join(f", limit {bound_words(bound)}" for bound in missed)
-        fact = of_metric("", metric_words(name), name, value, study.metrics[name].unit)
+        fact = of_metric("", metric_label(name), name, value, study.metrics[name].unit)
         state = " (undecided)" if study.metrics[name].undecided else ""
-        words.append(f"{fact.label} {fact.text}{state}{ends}")
-    return "; ".join(words)
+        phrases.append(f"{fact.label} {fact.text}{state}{ends}")
+    return "; ".join(phrases)
 
 
-def metric_words(name: str) -> str:
-    """Name of a metric for a reader; on a further receiver after that receiver's."""
+def metric_label(name: str) -> str:
+    """Display name of a metric; on a further receiver after that receiver's."""
     receiver, colon, metric = name.rpartition(": ")
-    words = METRICS.get(metric, metric)
-    return f"{receiver}{colon}{words}" if receiver else f"{words[:1].upper()}{words[1:]}"
+    label = METRICS.get(metric, metric)
+    return f"{receiver}{colon}{label}" if receiver else f"{label[:1].upper()}{label[1:]}"
 
 
 def is_share(name: str) -> bool:
@@ -238,7 +238,7 @@ def of_metric(key: str, label: str, name: str, value: float, unit: str) -> Fact:
 
 
 def bound_words(bound: MetricBound) -> str:
-    """The bound alone: its sense, value and unit."""
+    """Display text of a bound: sense, value and unit."""
     percents = is_share(bound.metric)
     value, unit = (100.0 * bound.bound, "%") if percents else (bound.bound, bound.unit)
     return limit_text(bound.sense, value, unit)
@@ -268,7 +268,7 @@ def _passing(study: Yield) -> Iterator[Fact]:
         yield Fact("lamps", "Lamps of each part", study.lamps, note="drawn apart")
     yield Fact("rays", "Rays of each part", study.rays)
     for name in [name for name in failing_first(study) if name in study.variance][:2]:
-        label = f"Main cause, {metric_words(name)}"
+        label = f"Main cause, {metric_label(name)}"
         for cause in study.variance[name].certain[:1]:
             yield Fact.share("main_cause", label, _share(cause), cause.words)
         if not study.variance[name].certain:
@@ -282,7 +282,7 @@ def _passing(study: Yield) -> Iterator[Fact]:
 
 
 def _remedies(study: Yield) -> Iterator[Fact]:
-    """The least tightening of one tolerance that reaches the required yield where it is missed; the flux for it."""
+    """The least tightening of one tolerance that reaches the required yield if it is missed; the flux for it."""
     if study.budget is not None and study.pass_rate.value < study.budget.pass_rate:
         row = study.budget.cheapest
         wanted = percent(study.budget.pass_rate)
@@ -309,7 +309,7 @@ def _flux(flux: FluxNeeded) -> Fact:
         if flux.best is not None:
             most = f"× {quantity(flux.best, digits=4)} gives the highest, {percent(flux.most)}"
         return Fact("flux", "Required LED flux", "none is enough", note=f"{wanted}; {most}")
-    low, factor = (f"× {quantity(each, digits=4)}" for each in (flux.low, flux.factor))
+    low, factor = (f"× {quantity(multiple, digits=4)}" for multiple in (flux.low, flux.factor))
     between = f"{low} at least" if flux.high is None else f"{low} to × {quantity(flux.high, digits=4)}"
     return Fact("flux", "Required LED flux", factor, note=f"{wanted}; {between}")
 
@@ -332,19 +332,19 @@ def _causes(study: Yield, name: str) -> Iterator[Fact]:
 
 
 def _effect(row: ErrorRow) -> float:
-    """Largest change of what decides on a limit, relative to it; without limits that of the NMSE."""
+    """Largest change of a limit's deciding value, relative to it; without limits that of the NMSE."""
     if not row.limits:
         return abs(row.change.nmse.value)
-    return max(abs(each.change.value) / max(abs(each.value.value), 1e-300) for each in row.limits)
+    return max(abs(limit.change.value) / max(abs(limit.value.value), 1e-300) for limit in row.limits)
 
 
 def _of_limits(named: Iterable[tuple[str, Metric]]) -> Iterator[Fact]:
     for number, (name, metric) in enumerate(named):
         fact = Fact.share if is_share(name) else Fact.measured
-        yield fact(f"limit_{number}", metric_words(name), metric)
+        yield fact(f"limit_{number}", metric_label(name), metric)
 
 
 def _change(case: Case[Sensitivity], row: ErrorRow) -> Group:
     size = Fact("amount", "Amount", row.amount, _UNITS.get(row.unit, row.unit), digits=3)
-    limits = _of_limits((each.name, each.change) for each in row.limits)
+    limits = _of_limits((limit.name, limit.change) for limit in row.limits)
     return Group("error", case.title(row.name), (size, *limits, *metric_facts(row.change, changes=True)))

@@ -1,7 +1,7 @@
 """The yield study: parts drawn from the tolerances, the spread of their metrics, the share that passes, the causes.
 
 A cause is the first-order share of a metric's variance that one tolerance makes (Sobol 1993): the part of the variance
-that its numbers alone explain. It is the sum of the squared products of the metric with polynomials that are
+explained by its numbers alone. It is the sum of the squared products of the metric with polynomials that are
 orthonormal over the parts; a sum over pairs of different parts has no bias by the scatter of so many products (a
 U-statistic, as of the NMSE). Numbers that are spread have polynomials to degree 4 in one, and together in two
 variables; the hundred numbers of a form error those of degree 1 and 2, all products included: near an optimum a figure
@@ -47,7 +47,7 @@ _BLOCKS = 20  # of the jackknife over parts
 
 
 def contributions(draws: Draws, values: Float[np.ndarray, " n"], noise: float) -> Variance:
-    """Shares of the variance of ``values`` over the parts; ``noise``: that of the rays, which is nobody's."""
+    """Shares of the variance of ``values`` over the parts; ``noise``: variance by the rays, attributed to no cause."""
     centred = values - values.mean()
     blocks = np.arange(len(values)) % _BLOCKS
     total = _left_out(centred**2, blocks)
@@ -55,9 +55,11 @@ def contributions(draws: Draws, values: Float[np.ndarray, " n"], noise: float) -
     causes = []
     explained = np.zeros(_BLOCKS + 1)
     for factor in draws.factors:
-        found = _explained(features(factor, draws.numbers[factor.name], draws.of_lamps(factor.name)), centred, blocks)
-        explained = explained + found
-        share = _metric(found / total)
+        by_factor = _explained(
+            features(factor, draws.numbers[factor.name], draws.of_lamps(factor.name)), centred, blocks
+        )
+        explained = explained + by_factor
+        share = _metric(by_factor / total)
         causes.append(
             CauseShare(
                 tolerance=factor.name, words=factor.words, share=share.value, standard_error=share.standard_error or 0.0
@@ -89,12 +91,12 @@ def features(factor: Factor, numbers: Float[np.ndarray, "n k"], lamps: int = 1) 
     return np.concatenate(columns, axis=1).reshape(count, -1)
 
 
-def _left_out(each: Float[np.ndarray, "n *b"], blocks: np.ndarray) -> Float[np.ndarray, "s *b"]:
-    """Mean over all parts, then with one block after the other left out."""
-    sums = np.stack([each[blocks == k].sum(axis=0) for k in range(_BLOCKS)])
-    sizes = np.bincount(blocks, minlength=_BLOCKS).reshape(-1, *(1 for _ in each.shape[1:]))
-    without = (sums.sum(axis=0) - sums) / (len(each) - sizes)
-    return np.concatenate([sums.sum(axis=0)[None] / len(each), without])
+def _left_out(values: Float[np.ndarray, "n *b"], blocks: np.ndarray) -> Float[np.ndarray, "s *b"]:
+    """Mean over all parts, then with each block left out in turn."""
+    sums = np.stack([values[blocks == k].sum(axis=0) for k in range(_BLOCKS)])
+    sizes = np.bincount(blocks, minlength=_BLOCKS).reshape(-1, *(1 for _ in values.shape[1:]))
+    without = (sums.sum(axis=0) - sums) / (len(values) - sizes)
+    return np.concatenate([sums.sum(axis=0)[None] / len(values), without])
 
 
 def _explained(
@@ -149,13 +151,13 @@ def measure_yield(
     designed_rays = max(effort.designed_rays, of_lamps)
     study = PartStudy(Recipe(lens, parts, rays or effort.part_rays[0], seed, designed_rays))
     require_feasible_tolerances(lens, study.factors)
-    found = MeasuredParts(study, workers, KeptParts.of(file, study), progress)
+    parts_measured = MeasuredParts(study, workers, KeptParts.of(file, study), progress)
     if rays is None:
         announce("pilot parts")
-        found = _with_enough_rays(found, min(_PILOT, parts))
-    study = found.study
+        parts_measured = _with_enough_rays(parts_measured, min(_PILOT, parts))
+    study = parts_measured.study
     announce("parts")
-    measured = found.of(range(parts))
+    measured = parts_measured.of(range(parts))
     in_common = study.noise_in_common(min(_PILOT, parts))
     metrics = {
         name: _spread(study.of_design[name], measured[:, number], in_common[number])
@@ -170,7 +172,7 @@ def measure_yield(
     }
     wanted = lens.spec.optimise.share or PASS_RATE
     first = excess[: effort.budget_parts]
-    limits = budget(_for_budget(found, measured), first, announce, wanted) if with_budget else None
+    limits = budget(_for_budget(parts_measured, measured), first, announce, wanted) if with_budget else None
     bounded = measured[:, [study.names.index(bound.metric) for bound in study.bounds], 0]
     worst, worst_leds = _worst(study, measured)
     columns, table = _table(study, measured)
@@ -202,7 +204,7 @@ def measure_yield(
 
 
 def _with_enough_rays(measured: MeasuredParts, pilot: int) -> MeasuredParts:
-    """Parts measured by as many rays as the judged metrics need, judged by the first ``pilot`` parts."""
+    """Parts measured by as many rays as the judged metrics need, estimated from the first ``pilot`` parts."""
     most = preset_of(measured.study.recipe.lens.accuracy).studies.part_rays[1]
     while measured.study.recipe.rays < most and not _is_certain(measured.study, measured.of(range(pilot))):
         measured = measured.with_rays(2 * measured.study.recipe.rays)
@@ -210,7 +212,7 @@ def _with_enough_rays(measured: MeasuredParts, pilot: int) -> MeasuredParts:
 
 
 def _for_budget(parts: MeasuredParts, measured: Float[np.ndarray, "n m 2"]) -> MeasuredParts:
-    """Parts measured by as few rays as tell whether they pass: a third of what separates metrics and bounds."""
+    """Parts measured by the fewest rays that tell whether they pass: noise a third of the distance to the bounds."""
     study = parts.study
     rays = parts.study.recipe.rays
     least = max(preset_of(study.recipe.lens.accuracy).studies.budget_rays, 2 * REPLICATES * len(study.lamps))
@@ -225,7 +227,7 @@ def _for_budget(parts: MeasuredParts, measured: Float[np.ndarray, "n m 2"]) -> M
 
 
 def _is_certain(study: PartStudy, values: Float[np.ndarray, "n m 2"]) -> bool:
-    """True where a part's standard error is small against the spread over the parts, in all that is judged."""
+    """True if a part's standard error is small against the spread over the parts, in all judged metrics."""
     judged = {*(f"{led.prefix}nmse" for led in study.leds), *(bound.metric for bound in study.bounds)}
     numbers = [number for number, name in enumerate(study.names) if name in judged]
     for number in numbers:
@@ -269,16 +271,16 @@ def _spread(designed: Metric, values: Float[np.ndarray, "n 2"], in_common: float
 
 
 def _applications(study: PartStudy, measured: Float[np.ndarray, "n m 2"]) -> Iterator[ApplicationYield]:
-    """The share of parts that hold the class of each application, and the causes of the least distance to a bound."""
+    """The share of parts that keep the class of each application, and the causes of the least distance to a bound."""
     entries = study.recipe.lens.spec.applications
     every = study.excess(measured[..., 0])
     first = 0
     for led in study.leds:
         for number, (entry, name) in enumerate(zip(entries, names_of(entries), strict=True)):
-            asked = [first + row for row, limit in enumerate(led.limits) if limit.application == number]
-            bounds = [study.bounds[row] for row in asked]
+            rows = [first + row for row, limit in enumerate(led.limits) if limit.application == number]
+            bounds = [study.bounds[row] for row in rows]
             scale = np.array([bound.bound for bound in bounds])
-            beyond = every[:, asked] / scale
+            beyond = every[:, rows] / scale
             nearest = beyond.argmax(axis=1)
             parts = np.arange(len(beyond))
             columns = np.array([study.names.index(bound.metric) for bound in bounds])
@@ -298,7 +300,7 @@ def _applications(study: PartStudy, measured: Float[np.ndarray, "n m 2"]) -> Ite
 
 
 def _worst(study: PartStudy, measured: Float[np.ndarray, "n m 2"]) -> tuple[tuple[WorstPart, ...], tuple[str, ...]]:
-    """The parts that miss their bounds by most, in units of the spread over the parts, and the LED of that bound."""
+    """The parts that miss their bounds most, in units of the spread over the parts, and the LED of that bound."""
     excess = study.excess(measured[..., 0])
     of_bound = [led.led for led in study.leds for _ in led.bounds]
     width = excess.std(axis=0)
@@ -327,16 +329,16 @@ def _worst_maps(study: PartStudy, worst: Sequence[WorstPart], names: Sequence[st
 
 
 def _table(study: PartStudy, measured: Float[np.ndarray, "n m 2"]) -> tuple[tuple[str, ...], Float[np.ndarray, "n c"]]:
-    """Numbers drawn for every part, in the unit of the spec, but for those of each lamp; and its metrics."""
+    """Numbers drawn for every part, in the unit of the spec, except those of each lamp; and its metrics."""
     columns = list[str]()
-    found = list[Float[np.ndarray, "n k"]]()
+    drawn = list[Float[np.ndarray, "n k"]]()
     for factor in study.factors:
         if study.draws.of_lamps(factor.name) > 1:
             continue
         numbers = study.draws.numbers[factor.name] * factor.amount
         columns += [factor.name if factor.numbers == 1 else f"{factor.name} {k + 1}" for k in range(factor.numbers)]
-        found.append(numbers)
-    return (*columns, *study.names), np.concatenate([*found, measured[..., 0]], axis=1)
+        drawn.append(numbers)
+    return (*columns, *study.names), np.concatenate([*drawn, measured[..., 0]], axis=1)
 
 
 def _of_lamps(study: PartStudy) -> str:

@@ -38,7 +38,7 @@ def photons_per_watt(wavelengths_nm: _Nodes, power_density: _Nodes) -> float:
 def _mean_action(
     wavelengths_nm: _Nodes, power_density: _Nodes, nodes: Float[np.ndarray, " a"], action: Float[np.ndarray, " a"]
 ) -> float:
-    """Mean of an ``action`` over the power."""
+    """Mean of an ``action`` spectrum, weighted by power."""
     if len(wavelengths_nm) == 1:
         return float(np.interp(wavelengths_nm[0], nodes, action, left=0.0, right=0.0))
     low, high = max(wavelengths_nm[0], nodes[0]), min(wavelengths_nm[-1], nodes[-1])

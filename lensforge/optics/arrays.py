@@ -1,4 +1,4 @@
-"""Arrays of NumPy, or of torch where a search follows gradients or another device traces: one law for both.
+"""Arrays of NumPy, or of torch for gradients of a search and for other devices: one law for both.
 
 Laws of light are written once, in functions that both modules have. What differs between them is here.
 """
@@ -40,7 +40,7 @@ def lengths(vectors: Float[Array, "n k"]) -> Float[Array, " n"]:
 
 
 def rows_of(flags: Array) -> Array:
-    """Numbers of the rows where ``flags`` are true."""
+    """Indices of the rows in which ``flags`` are true."""
     return module_of(flags).where(flags)[0]
 
 

@@ -39,10 +39,10 @@ _MOST_SAMPLES = 20_000
 
 @dataclass(frozen=True)
 class Reflectance:
-    """Reflectance [wavelength, cosine]; linear between ``nodes_nm``, which are none where no wavelength counts.
+    """Reflectance [wavelength, cosine]; linear between ``nodes_nm``, empty if independent of wavelength.
 
-    ``least``: at the wavelengths for which it was made, no larger than 1 less the root mean square of what s and p
-    transmit: two such faces in one plane transmit no more than the product of these (Cauchy and Schwarz).
+    ``least``: at its wavelengths, at most 1 less the root mean square of the transmittances of s and p: two such faces
+    in one plane transmit no more than the product of these (Cauchy and Schwarz).
     """
 
     at: Callable[[Waves, Cosines], Pairs]
@@ -52,7 +52,7 @@ class Reflectance:
 
 @lru_cache(maxsize=64)
 def reflectance_of(coating: Film, around: float, span_nm: tuple[float, float]) -> Reflectance:
-    """Reflectance of a face between ``around``, the index of what surrounds the body, and the body, over ``span_nm``.
+    """Reflectance of a face between the index ``around`` the body and the body, over ``span_nm``.
 
     Raises :class:`InputError` for layers too thick for a table.
     """
@@ -118,7 +118,7 @@ def least_reflectance(coating: Film, around: float) -> float:
 
 
 def _nodes(at: Callable[[Waves, Cosines], Pairs], low: float, high: float) -> Waves:
-    """Wavelengths (nm) at equal steps between which reflectance is linear but for the error allowed."""
+    """Evenly spaced wavelengths (nm) between which reflectance is linear to the permitted error."""
     rows = _LEAST_ROWS
     while low < high and rows <= _MOST_ROWS:
         waves = np.linspace(low, high, 2 * rows + 1)
@@ -169,7 +169,7 @@ def stack_reflectances(
 
 
 def _waves(squared: Reflectances) -> tuple[Reflectances, Reflectances]:
-    """cos x and sin x / x of the phases x of which the squares are given; below 0 the wave is evanescent."""
+    """cos x and sin x / x of phases x, from their squares; for negative squares the wave is evanescent."""
     phase = np.sqrt(np.maximum(squared, 0.0))
     cosine = np.cos(phase)
     sine = np.sinc(phase / np.pi)
@@ -195,7 +195,7 @@ _WHOLE_NM = 50.0  # the ends of a span are moved out to multiples, so that sampl
 
 @dataclass(frozen=True, eq=False)
 class CoatingTables:
-    """Reflectance of the faces that are coated, by their names; the same rows in each."""
+    """Reflectance of the coated faces by name; all with the same rows."""
 
     wavelengths_nm: Float[np.ndarray, " k"]
     faces: dict[str, Table]
@@ -203,7 +203,7 @@ class CoatingTables:
 
 @dataclass(frozen=True)
 class CoatedFace:
-    """A coating, and the index of what surrounds the body that carries it."""
+    """A coating, and the index around the body that carries it."""
 
     coating: Film
     around: float
@@ -222,7 +222,7 @@ class CoatedFace:
 
 
 def coated_faces(media: Media) -> dict[str, CoatedFace]:
-    """The faces with a film by name, both of the cover glass last, as GLASS; a mirror is none."""
+    """The faces with a film by name, both of the cover glass last, as GLASS; mirrors are not among them."""
     faces = {
         coating.face: CoatedFace(coating.coating, media.around(coating.around))
         for coating in media.coatings
@@ -235,7 +235,7 @@ def coated_faces(media: Media) -> dict[str, CoatedFace]:
 
 
 def whole_span(wavelengths_nm: Float[np.ndarray, " n"] | None, media: Media) -> Span:
-    """Span of some light, a little wider; of light without wavelengths that one at which ``media`` are given."""
+    """Slightly widened span of wavelengths; for light without wavelengths the one at which ``media`` are given."""
     if wavelengths_nm is None or len(wavelengths_nm) == 0:
         return media.wavelength_nm, media.wavelength_nm
     low = float(wavelengths_nm.min())
@@ -245,7 +245,7 @@ def whole_span(wavelengths_nm: Float[np.ndarray, " n"] | None, media: Media) -> 
 
 @lru_cache(maxsize=16)
 def coating_tables(media: Media, span_nm: Span) -> CoatingTables:
-    """Tables for light of ``span_nm``: of one row where that is one wavelength, or where none counts.
+    """Tables for light of ``span_nm``: of one row for a single wavelength, or if none counts.
 
     Raises :class:`InputError` for layers too thick for a table.
     """
@@ -259,7 +259,7 @@ def coating_tables(media: Media, span_nm: Span) -> CoatingTables:
 def least_reflectances(media: Media, span_nm: Span | None) -> dict[str, float]:
     """Lower bound of the reflectance of each coated face, at any angle.
 
-    Where s and p differ, of 1 less the root mean square of what they transmit.
+    If s and p differ, of 1 less the root mean square of their transmittances.
 
     ``span_nm`` None: for light of any wavelengths.
     """
@@ -270,7 +270,7 @@ def least_reflectances(media: Media, span_nm: Span | None) -> dict[str, float]:
 
 
 def _coefficients(face: Reflectance, waves: Float[np.ndarray, " k"]) -> Table:
-    """Coefficients of splines through the reflectance, on as few equal cells as its error allows."""
+    """Spline coefficients of the reflectance, on as few equal cells as its error allows."""
     cells = _LEAST_CELLS
     probed = waves[np.unique(np.linspace(0, len(waves) - 1, _PROBED).astype(int))]
     while cells < _MOST_CELLS:

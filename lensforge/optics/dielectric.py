@@ -73,12 +73,12 @@ def coated_transmittances(
 
 
 def _above(values: Float[Array, " n"]) -> Float[Array, " n"]:
-    """``values``, and 0 for those below it."""
+    """``values``, with 0 for negative ones."""
     return module_of(values).where(values > 0.0, values, 0.0)
 
 
 def unpolarised_fields(directions: Float[Array, "n 3"]) -> Float[Array, "n 2 3"]:
-    """Two unit fields across each ray and each other; unpolarised light has half of its flux in either."""
+    """Two unit fields perpendicular to each ray and to each other, each with half of unpolarised light's flux."""
     xp = module_of(directions)
     sideways = abs(directions[:, 0]) < 0.9
     axes = like(directions, np.eye(3))
@@ -88,7 +88,7 @@ def unpolarised_fields(directions: Float[Array, "n 3"]) -> Float[Array, "n 2 3"]
 
 
 def passing_amplitudes(transmittances: Transmittances, ratio: Ratio) -> Amplitudes:
-    """Amplitudes of light that passes: roots of both shares, which differ by excess and both sines over their sum."""
+    """Transmitted amplitudes: roots of both shares, which differ by excess and both sines over their sum."""
     xp = module_of(transmittances[0])
     root_s, root_p = (
         xp.sqrt(xp.where(transmittance > _DARK, transmittance, _DARK)) for transmittance in transmittances[:2]
@@ -111,7 +111,7 @@ def fields_behind(
     amplitudes: Amplitudes,
     reflected: bool = False,
 ) -> Inexact[Array, "n 2 3"]:
-    """Fields behind a face, where their squared lengths are the flux that is left. ``before``, ``behind``: directions.
+    """Fields behind a face; their squared lengths are the remaining flux. ``before``, ``behind``: directions.
 
     Each is turned as the ray, or reflected, times the amplitude across the plane of incidence, and its part in this
     plane is stretched to the amplitude there (Yun, Crabtree and Chipman, Appl. Opt. 50, 2855, 2011), with no

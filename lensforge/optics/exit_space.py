@@ -35,7 +35,7 @@ _Values = Float[np.ndarray, "*n"]
 
 @runtime_checkable
 class ExitSpace(Protocol):
-    """A space that all light leaves, or several, of which a lens has one."""
+    """A space that all light leaves, or several alternatives of which a lens has one."""
 
     @property
     def radius_mm(self) -> float:
@@ -48,11 +48,11 @@ class ExitSpace(Protocol):
         ...
 
     def grown(self, by_mm: float) -> "ExitSpace":
-        """The space, grown all around by so much."""
+        """The space, grown by ``by_mm`` on all sides."""
         ...
 
     def finer(self, cells: int) -> int:
-        """Number of sub-cells along the side of a cell, of so many along a surface, at which sums are right."""
+        """Number of sub-cells along a cell's side at which sums are accurate, for ``cells`` cells along a surface."""
         ...
 
     def etendues(self, corners: Corners, *, far: bool) -> Images:
@@ -100,7 +100,7 @@ class ExitColumn:
 
     @staticmethod
     def of_mouth(radius_mm: float, most_height_mm: float, slabs: int = 12) -> "ExitColumn":
-        """A disc whose height is not known: slabs of equal height, in one of which it lies."""
+        """A disc of unknown height: slabs of equal height, one of which contains it."""
         edges = np.linspace(0.0, most_height_mm, slabs + 1).tolist()
         return ExitColumn(radius_mm, tuple(pairwise(edges)), upward=True)
 
@@ -139,7 +139,7 @@ class ExitColumn:
         return np.asarray(projected.reshape(-1, *areas.shape) * areas)
 
     def _shown(self, directions: Float[np.ndarray, "h w 3"]) -> Images:
-        """Area (mm^2) across each direction; of light that leaves a disc it does not depend on its height."""
+        """Area (mm^2) across each direction; for light leaving a disc independent of its height."""
         units = directions / np.linalg.norm(directions, axis=-1, keepdims=True)
         ends = pi * self.radius_mm**2 * units[..., 2]
         across = np.hypot(units[..., 0], units[..., 1])
@@ -148,7 +148,7 @@ class ExitColumn:
         return np.asarray(np.abs(ends) + 2.0 * self.radius_mm * self._thick_mm[:, None, None] * across)
 
     def projected_sr(self, points: _Points, normals: _Points) -> Float[np.ndarray, "k n"]:
-        """Projected solid angle (sr) of each slab, from ``points`` (mm) of surfaces of these ``normals``."""
+        """Projected solid angle (sr) of each slab, from ``points`` (mm) of surfaces with these ``normals``."""
         projected = np.empty((len(self.slabs_mm), len(points)))
         beside = np.hypot(points[:, 0], points[:, 1]) > _BESIDE * self.radius_mm
         for rows, azimuths in ((beside, _FEW), (~beside, _AZIMUTHS)):
@@ -161,20 +161,20 @@ class ExitColumn:
         towards = np.arctan2(-points[:, 1], -points[:, 0])[:, None] + turns
         slope = normals[:, :1] * np.cos(towards) + normals[:, 1:2] * np.sin(towards)
         rise = np.broadcast_to(np.where(normals[:, 2:] == 0.0, _TINY, normals[:, 2:]), slope.shape)
-        found = np.empty((len(self.slabs_mm), len(points)))
+        etendue = np.empty((len(self.slabs_mm), len(points)))
         for number, slab in enumerate(self.slabs_mm):
             low, high = (height - points[:, 2:] for height in slab)
             polar = [np.arctan2(away, height) for away in (near, beyond) for height in (low, high)]
             sums = _lines(slope, rise, np.minimum.reduce(polar), np.maximum.reduce(polar), upward=self.upward)
-            found[number] = (weights * sums).sum(axis=1)
-        return found
+            etendue[number] = (weights * sums).sum(axis=1)
+        return etendue
 
     def _half_planes(
         self, axis_mm: Float[np.ndarray, " n"], azimuths: int
     ) -> tuple[_Values, _Values, _Values, _Values]:
-        """Azimuths from that of the axis, their weights, and the distances (mm) between which they meet the cylinder.
+        """Azimuths relative to the axis, their weights, and distances (mm) at which they enter and leave the cylinder.
 
-        From points at ``axis_mm`` from the axis. Outside sines of the azimuths go as those of equal steps.
+        From points at ``axis_mm`` from the axis. Outside, sines of the azimuths go as those of equal steps.
         """
         steps = (np.arange(azimuths) + 0.5) / azimuths - 0.5
         away = axis_mm[:, None]
@@ -190,7 +190,7 @@ class ExitColumn:
 
 
 def _lines(slope: _Values, rise: _Values, first: _Values, last: _Values, *, upward: bool) -> _Values:
-    """Integral of ``|slope sin + rise cos| sin`` over polar angles; ``upward``: of lines of light that rises."""
+    """Integral of ``|slope sin + rise cos| sin`` over polar angles; ``upward``: only over rising lines."""
 
     def up_to(polar: _Values) -> _Values:
         return np.asarray(slope * (0.5 * polar - 0.25 * np.sin(2.0 * polar)) + 0.5 * rise * np.sin(polar) ** 2)

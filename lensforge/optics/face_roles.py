@@ -1,4 +1,4 @@
-"""Faces of a body by the media before and behind them, and by what they are there for, whatever their shape."""
+"""Faces of a body by the media before and behind them, and by their purpose, whatever their shape."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -20,17 +20,17 @@ class FaceSides:
 
     @property
     def is_open(self) -> bool:
-        """True for an opening, at which there is no material."""
+        """True for an opening, which has no material."""
         return (self.before, self.behind) == OPENING
 
     @property
     def is_optical(self) -> bool:
-        """True where light is to pass or to be reflected: there is material, and no flange begins."""
+        """True for a face that transmits or reflects light: there is material, and no flange begins."""
         return not (self.is_open or self.is_flange)
 
     @property
     def around(self) -> str:
-        """Medium on its other side than the body."""
+        """Medium on the side opposite the body."""
         return CAVITY if self.before == CAVITY else OUTSIDE
 
 
@@ -38,11 +38,11 @@ class FaceSides:
 class FaceRole(FaceSides):
     """A face of a kind of lens, whatever its shape.
 
-    ``reflects``: it is there to reflect, totally or by a mirror, and lets no light in. ``widens``: upwards, so that its
-    half of the mould leaves the other way than that of other faces on its side. ``on_axis``: the length that a spec
-    gives it is its height on the axis; else its distance from the LED, or at z = 0 from the axis. ``is_placed``: it has
-    a place of its own against the first face; all others are cut as one with that. ``follows``: name of the face whose
-    shape it has, a wall behind it.
+    ``reflects``: its purpose is to reflect, totally or by a mirror, and it lets no light in. ``widens``: upwards, so
+    that its half of the mould leaves the other way than that of other faces on its side. ``on_axis``: the length that a
+    spec gives it is its height on the axis; else its distance from the LED, or at z = 0 from the axis. ``is_placed``:
+    it has a place of its own against the first face; all others are cut as one with that. ``follows``: name of the face
+    whose shape it has, a wall behind it.
     """
 
     name: str

@@ -63,7 +63,7 @@ def best_transmittance(
 def least_by_way(media: Media, span_nm: Span | None) -> Least:
     """Least reflectances of the faces by which light may enter the body, and of those by which it may leave.
 
-    Mirrors are none of them. ``span_nm`` None: at any wavelength.
+    Without mirrors. ``span_nm`` None: at any wavelength.
     """
     coated = least_reflectances(media, span_nm)
     mirrors = {coating.face for coating in media.coatings if isinstance(coating.coating, Mirror)}
@@ -75,7 +75,7 @@ def least_by_way(media: Media, span_nm: Span | None) -> Least:
 
 
 def _at_most(deviation_rad: Turns, ratio: Turns, ways: Ways) -> Turns:
-    """Largest transmittance of the best of some faces, turning light at least so far; of coated ones an upper bound."""
+    """Largest transmittance of the best of some faces, turning light at least so far; with coatings a bound."""
     turned = _is_turned(deviation_rad, ratio)
     best = _of_bare(deviation_rad, ratio) if None in ways else np.zeros_like(ratio)
     for least in ways:
@@ -95,18 +95,18 @@ def _of_bare(deviation_rad: Turns, ratio: Turns) -> Turns:
 
 
 def _is_turned(deviation_rad: Turns, ratio: float | Turns) -> Bool[np.ndarray, "*n"]:
-    """True where a face can turn light so far."""
+    """True if a face can turn light by that much."""
     return (ratio * np.cos(deviation_rad) > 1.0) | (deviation_rad == 0.0)
 
 
 def _ratio(refractive_index: Turns, around: float) -> Turns:
-    """Ratio of the indices at a face, 1 at least: light takes the same way back, and as much of it passes."""
+    """Ratio of the indices at a face, at least 1: the reversed light path transmits as much."""
     ratio = refractive_index / around
     return np.maximum(ratio, 1.0 / ratio)
 
 
 def face_transmittance(deviation_rad: Turns, refractive_index: float | Turns) -> Turns:
-    """Root mean square of what a face that turns light by ``deviation_rad`` transmits of s and p; 0 where it cannot.
+    """Rms transmittance of s and p of a face that turns light by ``deviation_rad``; 0 if it cannot.
 
     ``i``, the angle in air, has ``sin i = n sin(i - d)``, so ``tan i = n sin d / (n cos d - 1)``; then Fresnel's
     formulas (Born and Wolf, Principles of Optics, 1.5.2).

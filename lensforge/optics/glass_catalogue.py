@@ -43,8 +43,8 @@ _LEAST_TRANSMITTANCE = 1e-6
 def read_agf(path: Path, glass: str) -> Material:
     """Read ``glass``, in capitals or not, from the catalogue at ``path``.
 
-    Raises :class:`InputError` for a glass that is not there, with the closest names, for one that is there twice with
-    different data, and for one without its lines. A :class:`FileWarning` says where n_d or v_d contradict coefficients.
+    Raises :class:`InputError` for a missing glass, with the closest names, for contradicting duplicates, and for one
+    without its lines. A :class:`FileWarning` says where n_d or v_d contradict coefficients.
     """
     lines = _lines_of(path, glass)
     entries = {tag: line.text.split()[1:] for line in lines for tag in [line.text[:2].upper()] if tag in _TAGS}
@@ -75,7 +75,7 @@ _SAME_DISPERSION = 2e-5  # n_F - n_C by an Abbe number of 2 decimals has 7
 
 
 def _contradictions(material: Material, stated: Sequence[str]) -> Iterator[str]:
-    """Words on an index n_d, and a number v_d of Abbe, as ``stated``, that are not those of the coefficients."""
+    """Warning on a ``stated`` index n_d, or Abbe number v_d, that contradicts the coefficients."""
     low, high = material.range_nm
     if not (low <= _LINES_NM.min() and _LINES_NM.max() <= high):
         return
@@ -106,7 +106,7 @@ def _formula(number: int, coefficients: tuple[float, ...], path: Path, glass: st
 
 
 def _lines_of(path: Path, glass: str) -> list[Line]:
-    """Lines of one glass, from its NM to the next; a line that begins with a number goes on with the one before it."""
+    """Lines of one glass, from its NM to the next; a line that begins with a number continues the previous one."""
     content = read_file(path, missing="give a glass catalogue", most_bytes=_MOST_AGF_BYTES)
     blocks: dict[str, list[list[Line]]] = {}
     current: list[Line] = []

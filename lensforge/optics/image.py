@@ -60,7 +60,7 @@ class Picture:
         return self.values.shape[0], self.values.shape[1]
 
     def light(self, luminance: Luminance) -> Float[np.ndarray, "h w"]:
-        """Relative light of each pixel, 1 at full scale; what is transparent is dark: light times opacity."""
+        """Relative light of each pixel, 1 at full scale: light times opacity, so that transparent pixels are dark."""
         return self._by_bands(self._stored if luminance == "as_stored" else partial(self._linear, srgb_decoded))
 
     def linear(self, gamma: float) -> Float[np.ndarray, "h w"]:
@@ -120,12 +120,12 @@ def picture_of(
 
 
 class Refused(ValueError):
-    """A picture that is whole, and refused in words of our own."""
+    """Error for an intact picture that is refused, with a message of this program."""
 
 
 @contextmanager
 def damage(kind: str) -> Iterator[None]:
-    """Turn whatever a decoder raises on a damaged file into a :class:`ValueError` of one line."""
+    """Turn any error of a decoder on a damaged file into a :class:`ValueError` of one line."""
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # on tags and chunks that hold no pixels
@@ -147,14 +147,14 @@ def require_small(width: int, height: int, most: int = MOST_PIXELS) -> None:
 
 
 def wrong_colours(name: str) -> str:
-    """Words that refuse the colours that a decoder calls ``name``."""
+    """Message that refuses the colours that a decoder calls ``name``."""
     return f"its colours are {_UNREAD.get(name, name)}, must be grey or RGB"
 
 
 def not_srgb(profile: bytes) -> str:
-    """Say why a colour profile is not the sRGB profile, "" where it is, or where it is empty.
+    """Reason why a colour profile is not sRGB; "" if it is, or is empty.
 
-    Little CMS converts colours of the profile to sRGB: they stay where it is sRGB's own.
+    Little CMS converts colours of the profile to sRGB: with sRGB itself they are unchanged.
     """
     if not profile:
         return ""

@@ -51,7 +51,7 @@ _ORIENTATION = 274  # a tag of EXIF and of TIFF
 def read_light(path: Path | str, luminance: Luminance, *, missing: str) -> Float[np.ndarray, "h w"]:
     """Relative light that the picture ``path`` stands for, row 0 at the top, 1 at its full scale.
 
-    Raises :class:`InputError` as :func:`read_picture` does, and where values to be decoded as sRGB are not.
+    Raises :class:`InputError` as :func:`read_picture` does, and if values to be decoded as sRGB are not.
     """
     picture = read_picture(path, missing=missing)
     if luminance == "srgb" and picture.not_srgb:
@@ -105,7 +105,7 @@ def _pixels_only(content: bytes) -> bytes:
 
 
 def _png_not_srgb(header: ImageFile, content: bytes) -> str:
-    """Reason why the values are not those of sRGB by the chunks that say so in numbers, "" where they may be."""
+    """Reason why the values are not sRGB, by numeric chunks; "" if they may be."""
     codes = content.find(b"cICP", 0, content.find(b"IDAT"))
     if codes >= 0:
         return "" if content[codes + 4 : codes + 7] == _SRGB_CODES else "its cICP chunk states another encoding"
@@ -137,7 +137,7 @@ def _eight_bits(kind: type[ImageFile], content: bytes, most_pixels: int = MOST_P
 
 
 def _opened(kind: type[ImageFile], content: bytes, most_pixels: int = MOST_PIXELS) -> ImageFile:
-    """The file with its header read, and no pixel; by its class, so that Pillow tries no other format."""
+    """The file with only its header read; by its class, so that Pillow tries no other format."""
     with damage(kind.format or ""):
         file = kind(BytesIO(content))
         require_small(*file.size, min(most_pixels, MOST_PIXELS))
@@ -147,7 +147,7 @@ def _opened(kind: type[ImageFile], content: bytes, most_pixels: int = MOST_PIXEL
 
 
 def _separate(samples: UInt[np.ndarray, "h w c"]) -> tuple[UInt[np.ndarray, "h w d"], UInt[np.ndarray, "h w"] | None]:
-    """Grey or colours, and the opacity where a last channel has it."""
+    """Grey or colours, and the opacity if it is the last channel."""
     if samples.shape[2] in (2, 4):
         return samples[:, :, :-1], samples[:, :, -1]
     return samples, None

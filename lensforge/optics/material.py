@@ -138,7 +138,7 @@ class IndexTable:
     indices: tuple[float, ...]
 
     def index(self, wavelengths_nm: Waves) -> Waves:
-        """The refractive index at each wavelength; beyond the table that at its end."""
+        """Index at each wavelength; outside the table that of its nearer end."""
         return np.interp(wavelengths_nm, self.wavelengths_nm, self.indices)
 
 
@@ -166,11 +166,11 @@ class TemperatureLaw:
 
     @property
     def knows_index(self) -> bool:
-        """True where the change of the index is known."""
+        """True if the change of the index is known."""
         return bool(self.schott) or self.index_per_k is not None
 
     def index(self, cold: Waves, wavelengths_nm: Waves, celsius: float) -> Waves:
-        """Index relative to air at ``celsius``, of a known law, from ``cold``, that at the reference temperature."""
+        """Index relative to air at ``celsius``, from the index ``cold`` at the reference temperature."""
         kelvin = celsius - self.reference_c
         if not self.schott:
             assert self.index_per_k is not None
@@ -183,12 +183,12 @@ class TemperatureLaw:
         return warm / air_index(wavelengths_nm, celsius)
 
     def scale(self, celsius: float) -> float:
-        """Factor of every length at ``celsius``, of a known expansion."""
+        """Factor of every length at ``celsius``, for a known expansion."""
         assert self.expansion_per_k is not None
         return 1.0 + self.expansion_per_k * (celsius - self.reference_c)
 
     def warnings(self, celsius: float) -> tuple[str, ...]:
-        """One line where SCHOTT's formula is used beyond the temperatures at which it was fitted."""
+        """Warning if SCHOTT's formula is used outside its range of temperatures."""
         low, high = _MEASURED_C
         if not self.schott or low <= celsius <= high:
             return ()
@@ -234,7 +234,7 @@ class Absorption:
 
 
 def absorption_of(rows: Sequence[Sequence[float]]) -> Absorption | None:
-    """Absorption by rows of wavelength (nm) and 1/mm; None of no rows."""
+    """Absorption from rows of wavelength (nm) and 1/mm; None without rows."""
     return Absorption(*(tuple(column) for column in zip(*rows, strict=True))) if rows else None
 
 
@@ -245,7 +245,7 @@ def absorption_per_mm(extinction: Waves, wavelengths_nm: Waves) -> Waves:
 
 @dataclass(frozen=True)
 class AgainstVacuum:
-    """The index of ``absolute``, which is that against vacuum, against air at 20 C, as rays here have it."""
+    """The vacuum index ``absolute`` relative to air at 20 C, as rays here have it."""
 
     absolute: Dispersion
 
@@ -256,7 +256,7 @@ class AgainstVacuum:
 
 @dataclass(frozen=True)
 class IndexAtTemperature:
-    """The index of ``cold``, which is that at the reference temperature of ``law``, at ``celsius``."""
+    """The index at ``celsius`` by ``law``, from the index ``cold`` at its reference temperature."""
 
     cold: Dispersion
     law: TemperatureLaw

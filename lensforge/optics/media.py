@@ -22,13 +22,13 @@ from lensforge.public import public
 
 @dataclass(frozen=True)
 class IndexCurve:
-    """Refractive index at ``wavelengths_nm`` (rising), linear between them; without them one for all wavelengths."""
+    """Refractive index at ``wavelengths_nm`` (rising), linear between them; without them constant."""
 
     refractive_index: tuple[float, ...]
     wavelengths_nm: tuple[float, ...] = ()
 
     def at(self, wavelengths_nm: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
-        """Index at each wavelength; beyond the curve that at its end."""
+        """Index at each wavelength; outside the curve that of its nearer end."""
         if not self.wavelengths_nm:
             return np.full(len(wavelengths_nm), self.refractive_index[0])
         return np.interp(wavelengths_nm, self.wavelengths_nm, self.refractive_index)
@@ -49,7 +49,7 @@ class ReflectanceTable:
 
 @dataclass(frozen=True)
 class CoatingLayer:
-    """A layer of a coating, that absorbs nothing."""
+    """A non-absorbing layer of a coating."""
 
     index: IndexCurve
     thickness_nm: float
@@ -57,7 +57,7 @@ class CoatingLayer:
 
 @dataclass(frozen=True)
 class LayerStack:
-    """Layers of a coated face, the first next to what surrounds the body; they interfere, the body does not.
+    """Layers of a coated face, the outermost first; they interfere coherently, the body does not.
 
     ``body``: index of the body by wavelength. All indices are known over ``range_nm``.
     """
@@ -85,8 +85,8 @@ Coating = Film | Mirror
 class CoverGlass:
     """A plane-parallel plate across the axis, as wide as the light, its near face at z = ``distance_mm``.
 
-    What surrounds the lens lies on both sides of it. ``absorption_per_mm``: by the law of Beer and Lambert.
-    ``coating``: of both faces.
+    The medium around the lens is on both sides. ``absorption_per_mm``: by the law of Beer and Lambert. ``coating``: of
+    both faces.
     """
 
     refractive_index: float
@@ -102,10 +102,11 @@ _Values = tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"] | None]
 
 @dataclass(eq=False)
 class Wavelengths:
-    """Wavelengths (nm) of rays, which nobody changes, with what a material was asked last to be at them.
+    """Constant wavelengths (nm) of rays, with cached index and absorption of the last material.
 
     The same rays go through part after part, and every step of a search takes some of the same file: a formula of many
-    powers takes half as long as their trace. ``chosen_from``: those that have the answers, and rows of theirs.
+    powers takes half as long as their trace. ``chosen_from``: wavelengths that have the cached values, and the rows
+    among them.
     """
 
     nm: Float[np.ndarray, " n"]
@@ -117,19 +118,19 @@ class Wavelengths:
         return Wavelengths(self.nm[rows], (self, rows))
 
     def __reduce__(self) -> tuple[type["Wavelengths"], tuple[Float[np.ndarray, " n"]]]:
-        """Themselves alone, for another process."""
+        """Only the wavelengths, for another process."""
         return Wavelengths, (self.nm,)
 
     def values_of(self, material: Material) -> _Values:
-        """Index of ``material`` at each wavelength, and its absorption (1/mm) where it states one."""
+        """Index of ``material`` at each wavelength, and its absorption (1/mm) if stated."""
         if self.answer is None or self.answer[0] != material:
-            self.answer = material, self._found(material)
+            self.answer = material, self._computed(material)
         return self.answer[1]
 
-    def _found(self, material: Material) -> _Values:
+    def _computed(self, material: Material) -> _Values:
         if self.chosen_from is not None:
-            whole, rows = self.chosen_from
-            indices, absorptions = whole.values_of(material)
+            source, rows = self.chosen_from
+            indices, absorptions = source.values_of(material)
             return indices[rows], None if absorptions is None else absorptions[rows]
         indices = np.empty(len(self.nm))
 
@@ -144,8 +145,8 @@ class Wavelengths:
 class Medium:
     """A medium's refractive index, and its absorption (1/mm) by the law of Beer and Lambert.
 
-    Both are of rays without a wavelength; with ``material`` other rays have what it says at theirs, of the absorption
-    where it states one. ``index_error``: what a part's index has more at every wavelength.
+    Both are for rays without a wavelength; with ``material`` other rays have its index at theirs, and its absorption if
+    stated. ``index_error``: error of a part's index, at every wavelength.
     """
 
     refractive_index: float
@@ -154,7 +155,7 @@ class Medium:
     index_error: float = 0.0
 
     def index(self, waves: Wavelengths | None) -> Float[np.ndarray, " k"]:
-        """Index for each ray; one for all where none has a wavelength, or where that does not count."""
+        """Index for each ray; a single one if no ray has a wavelength, or if it does not matter."""
         if waves is None or self.material is None:
             return np.array([self.refractive_index + self.index_error])
         indices = waves.values_of(self.material)[0]
@@ -173,18 +174,18 @@ class Medium:
         return _of_each(self.index(waves), count)
 
     def absorptions(self, waves: Wavelengths | None, count: int) -> Float[np.ndarray, " n"]:
-        """Absorption (1/mm) for each of ``count`` rays, 0 where the medium is clear."""
+        """Absorption (1/mm) for each of ``count`` rays, 0 if the medium is clear."""
         return _of_each(self.absorption(waves), count)
 
 
 def _of_each(values: Float[np.ndarray, " k"], count: int) -> Float[np.ndarray, " n"]:
-    """``values`` of ``count`` rays, where there may be one for all, or none: 0."""
+    """``values`` for ``count`` rays, from one for each, one for all, or none: 0."""
     return values if len(values) == count else np.full(count, values[0] if len(values) else 0.0)
 
 
 @dataclass(frozen=True)
 class FaceCoating:
-    """Coating of the face of this name; ``around``: what lies on its other side than the body, CAVITY or OUTSIDE."""
+    """Coating of the face ``name``; ``around``: the medium opposite the body, CAVITY or OUTSIDE."""
 
     face: str
     around: str
@@ -193,7 +194,7 @@ class FaceCoating:
 
 @dataclass(frozen=True)
 class FaceScatter:
-    """Scatter of the face of this name, by its facets or by rings."""
+    """Scatter of the face ``name``, by facets or by rings."""
 
     face: str
     model: GaussianFacets | RingScatter
@@ -202,7 +203,7 @@ class FaceScatter:
 @public
 @runtime_checkable
 class Surface(Protocol):
-    """A star-shaped surface about its own origin, by its radius and gradient alone: all else follows from them.
+    """A star-shaped surface about its local origin, defined by radius and gradient: all else follows.
 
     ``directions`` are unit vectors, also a little below z = 0. The kinds of it are in the room above, ``surfaces``.
     """
@@ -214,7 +215,7 @@ class Surface(Protocol):
 
     @property
     def symmetry(self) -> str:
-        """Largest mirror group, a name of ``surfaces.mirror_group``, that it is known to have."""
+        """Largest mirror group (a name of ``surfaces.mirror_group``) that it is known to have."""
         return "none"
 
     def radius(self, directions: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, " n"]:
@@ -232,7 +233,7 @@ class Surface(Protocol):
     def radius_and_gradient(
         self, directions: Float[np.ndarray, "n 3"]
     ) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, "n 3"]]:
-        """Both, which a surface may find faster than one after the other."""
+        """Radius and gradient, which a surface may compute faster together."""
         return self.radius(directions), self.gradient(directions)
 
     def normal(self, directions: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
@@ -244,11 +245,11 @@ class Surface(Protocol):
 
 @dataclass(frozen=True)
 class SecondaryOptic:
-    """A given body in the light behind the lens, such as a dome: what surrounds the lens lies on both sides of it.
+    """A body in the light behind the lens, such as a dome, with the medium around the lens on both sides.
 
     Light comes to it from its cavity, within ``inner``, and leaves by ``outer``. It ends in the plane z = 0 of its own
-    frame, which stands in that of the lens by ``pose``. ``coatings``: of its faces, which have the names of those of
-    a double-freeform lens.
+    frame, which stands in that of the lens by ``pose``. ``coatings``: of its faces, which have the names of those of a
+    double-freeform lens.
     """
 
     name: str
@@ -260,7 +261,7 @@ class SecondaryOptic:
     scatter: tuple[FaceScatter, ...] = ()
 
     def media(self, around: "Media") -> "Media":
-        """Its own media, in what surrounds the lens of the media ``around``."""
+        """Its media, within the surroundings of a lens of the media ``around``."""
         outside = around.outside_index
         wavelength_nm = around.wavelength_nm
         return Media(
@@ -270,9 +271,9 @@ class SecondaryOptic:
 
 @dataclass(frozen=True)
 class Media:
-    """The body of the lens, the indices of what fills its cavity and surrounds it (1 is air), and optics before it.
+    """The body of the lens, the indices in its cavity and around it (1 is air), and the optics behind it.
 
-    ``bodies``: given ones, in the order in which light meets them. ``coatings``: of the body's faces, at most one of
+    ``bodies``: the optics, in the order in which light meets them. ``coatings``: of the body's faces, at most one of
     each. ``wavelength_nm``: of rays without their own, where a coating depends on it. ``faces``: of the body.
     ``scatter``: of its faces that are not polished.
     """
@@ -288,7 +289,7 @@ class Media:
     scatter: tuple[FaceScatter, ...] = ()
 
     def __post_init__(self) -> None:
-        """Raise :class:`ValueError` for a coating of a face that is none of the body's: nothing would ask for it."""
+        """Raise :class:`ValueError` for a coating of a face that the body does not have: it would be ignored."""
         names = {face.name for face in self.faces}
         if not {coating.face for coating in self.coatings} <= names:
             raise ValueError(
@@ -296,43 +297,43 @@ class Media:
             )
 
     def coating(self, face: str) -> Coating | None:
-        """Coating of the face of this name; None for a bare one."""
+        """Coating of ``face``; None for a bare one."""
         return next((coating.coating for coating in self.coatings if coating.face == face), None)
 
     def scattering_of(self, faces: Sequence[str]) -> tuple[GaussianFacets | RingScatter | None, ...] | None:
-        """Scatter of each of these faces; None if all are polished."""
+        """Scatter of each of the ``faces``; None if all are polished."""
         known = {scatter.face: scatter.model for scatter in self.scatter}
         return tuple(map(known.get, faces)) if known else None
 
     @property
     def has_rings(self) -> bool:
-        """True where a face of the body scatters by rings."""
+        """True if a face of the body scatters by rings."""
         return any(isinstance(scatter.model, RingScatter) for scatter in self.scatter)
 
     @property
     def spreads(self) -> bool:
-        """True where rings turn light that passes a face of the body, farther than it can be refracted."""
+        """True if rings turn light transmitted by a face of the body farther than refraction can."""
         mirrors = {coating.face for coating in self.coatings if isinstance(coating.coating, Mirror)}
         return any(isinstance(scatter.model, RingScatter) and scatter.face not in mirrors for scatter in self.scatter)
 
     def scattering_before(self, body: int) -> int:
-        """Number of faces that scatter on the lens and on the bodies before that of this number."""
+        """Number of faces that scatter on the lens and on the bodies before number ``body``."""
         return len(self.scatter) + sum(len(optic.scatter) for optic in self.bodies[:body])
 
     @property
     def scattering(self) -> int:
-        """Number of faces that scatter, those of the bodies too."""
+        """Number of faces that scatter, including those of the bodies."""
         return self.scattering_before(len(self.bodies))
 
     @property
     def polished(self) -> "Media":
-        """The same with polished faces, those of the bodies too."""
+        """The same media with polished faces, including those of the bodies."""
         bodies = tuple(replace(body, scatter=()) for body in self.bodies)
         return replace(self, scatter=(), bodies=bodies)
 
     @property
     def exit_mirror(self) -> Mirror | None:
-        """Mirror of a reflector, by which light leaves that does not leave directly; None for a lens."""
+        """Mirror of a reflector, by which light leaves unless it leaves directly; None for a lens."""
         if not any(face.is_open for face in self.faces):
             return None
         coatings = (self.coating(face.name) for face in bounding(self.faces, CAVITY))
@@ -348,20 +349,20 @@ class Media:
 
     @property
     def coated(self) -> bool:
-        """True where a face carries a film, those of the cover glass too; a mirror is none."""
+        """True if a face carries a film, including the cover glass; a mirror is none."""
         films = [coating for coating in self.coatings if not isinstance(coating.coating, Mirror)]
         glass = self.cover_glass
         return bool(films) or (glass is not None and glass.coating is not None)
 
     @property
     def largest_turning_power(self) -> float:
-        """Larger step of the index of the two faces: a facet of slope s turns light by about s times it."""
+        """Larger index step of the two faces: a facet of slope s turns light by about s times it."""
         index = self.body.refractive_index
         return max(abs(index - self.cavity_index), abs(index - self.outside_index))
 
     @property
     def spread_rad(self) -> float:
-        """Angle, rms along a line, by which the lens spreads light by its roughest face; 0 where all are polished."""
+        """Rms angle along a line by which the roughest face spreads light; 0 if all are polished."""
         models = [scatter.model for scatter in self.scatter]
         power = self.largest_turning_power
         spreads = (model.rms if isinstance(model, RingScatter) else power * model.slope for model in models)
@@ -369,5 +370,5 @@ class Media:
 
     @property
     def etendue_factor(self) -> float:
-        """Étendue (mm^2 sr) that light takes outside of that which it has in the cavity: n^2 times it is conserved."""
+        """Étendue (mm^2 sr) of light outside over that in the cavity: n^2 times étendue is conserved."""
         return (self.cavity_index / self.outside_index) ** 2

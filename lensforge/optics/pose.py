@@ -1,4 +1,4 @@
-"""Poses: where a thing stands and how it is turned, the same for a source, a lamp, a body, a receiver and a made part.
+"""Poses: position and orientation of a source, a lamp, a body, a receiver or a made part.
 
 A local frame is right-handed. It is turned about its z axis, from x towards y, then its z axis is tilted: by angles
 about the fixed axes x and then y of the parent frame, by the right-hand rule; or the shortest way into a direction, and
@@ -52,7 +52,7 @@ class Pose:
 
     @staticmethod
     def facing(direction: Vector, origin_mm: Vector = ORIGIN, turn_deg: float = 0.0) -> "Pose":
-        """The frame turned about its z axis, tilted the shortest way to where that is along ``direction``, and shifted.
+        """The frame turned about its z axis, tilted the shortest way until that is along ``direction``, and shifted.
 
         The direction may have any length but 0.
         """
@@ -83,12 +83,12 @@ class Pose:
 
     @property
     def moves(self) -> bool:
-        """False where everything stays where it is."""
+        """False for the identity."""
         return self != IN_PLACE
 
     @property
     def turn_deg(self) -> float:
-        """Turn (degrees) about its z axis, before that is tilted the shortest way."""
+        """Turn (degrees) about the z axis, before the shortest tilt."""
         along_x, _, _ = self.seen_from(Pose.facing(self.axis, self.origin_mm)).axes
         x, y, _ = along_x
         return degrees(atan2(y, x))
@@ -130,7 +130,7 @@ class Pose:
         return Pose.of_axes(self.directions(np.array(inner.axes)), self.points(np.array(inner.origin_mm)))
 
     def seen_from(self, frame: "Pose") -> "Pose":
-        """The same frame in coordinates of ``frame``, which has the same parent."""
+        """This frame in coordinates of ``frame``, which has the same parent."""
         return Pose.of_axes(
             frame.to_local_directions(np.array(self.axes)), frame.to_local_points(np.array(self.origin_mm))
         )
@@ -142,7 +142,7 @@ class Pose:
 
     @property
     def frame(self) -> Float[np.ndarray, "3 4"]:
-        """Axes and origin (mm) as columns, as the kernels take them: in the order of C, for which they are compiled."""
+        """Axes and origin (mm) as columns, for the kernels: in C order, for which they are compiled."""
         return np.ascontiguousarray(np.transpose([*self.axes, self.origin_mm]))
 
 

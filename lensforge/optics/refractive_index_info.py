@@ -1,8 +1,8 @@
 """Materials of refractiveindex.info (.yml).
 
 A file has a dispersion formula or a table of n, and a table of k where there is one; wavelengths are in um. An index
-that its SPECS call absolute is that against vacuum. Absorption follows from the extinction coefficient k. What a file
-says twice is compared: a formula beside a table, a table of k beside one of n and k.
+that its SPECS call absolute is that against vacuum. Absorption follows from the extinction coefficient k. Duplicate
+statements are compared: a formula beside a table, a table of k beside one of n and k.
 """
 
 import warnings
@@ -36,9 +36,9 @@ _DEEPEST = 16  # a file of the database is four levels deep
 
 
 def read_refractive_index_info(path: Path, name: str) -> Material:
-    """Read the material at ``path``; ``name``: what it is called. Raises :class:`InputError`, one line.
+    """Read the material at ``path``; ``name``: of the material. Raises :class:`InputError`, one line.
 
-    A :class:`FileWarning` says where the file states an index or an absorption twice, and differently.
+    A :class:`FileWarning` tells of contradicting statements of index or absorption.
     """
     content = _content(path)
     blocks = _blocks(content, path)
@@ -51,7 +51,7 @@ _ABSOLUTE_KEYS = ("n_is_absolute", "n_absolute")  # the second of older files
 
 
 def _is_absolute(content: Mapping[str, Any], path: Path) -> bool:
-    """True where the file states its index against vacuum."""
+    """True if the file states its index relative to vacuum."""
     specs = content.get("SPECS")
     given = {key: str(specs[key]).lower() for key in _ABSOLUTE_KEYS if key in specs} if isinstance(specs, dict) else {}
     for key, value in given.items():
@@ -90,7 +90,7 @@ def _blocks(content: Mapping[str, Any], path: Path) -> dict[str, dict[str, Any]]
 
 
 def _require_plain(events: Iterable[Any]) -> None:
-    """Raise :class:`ValueError` for YAML that a few bytes can make huge or deep: it is asked before values are made."""
+    """Raise :class:`ValueError` for YAML that a few bytes can make huge or deep, before values are made."""
     depth = 0
     for number, event in enumerate(events):
         kind = type(event).__name__
@@ -109,7 +109,7 @@ _COMPARED = 50  # wavelengths
 
 
 def _index(blocks: dict[str, dict[str, Any]], path: Path) -> _Index:
-    """The first index of the file; one that is there besides is compared with it."""
+    """The first index of the file, compared with any other one."""
     indices = {kind: index for kind, block in blocks.items() if (index := _index_of(kind, block, path)) is not None}
     if not indices:
         only = ", only tabulated k" if "tabulated k" in blocks else ""
@@ -124,7 +124,7 @@ def _index(blocks: dict[str, dict[str, Any]], path: Path) -> _Index:
 
 
 def _index_of(kind: str, block: dict[str, Any], path: Path) -> _Index | None:
-    """The index of a block, and the wavelengths (nm) at which it is known; None of a block without one."""
+    """The index of a block, and the wavelengths (nm) at which it is known; None for a block without one."""
     if kind.replace("formula", "rii") in COEFFICIENTS:
         low, high = _numbers(block, "wavelength_range", path, 2, 2)
         return Formula(kind.replace("formula", "rii"), _coefficients(kind, block, path)), (1e3 * low, 1e3 * high)
@@ -136,7 +136,7 @@ def _index_of(kind: str, block: dict[str, Any], path: Path) -> _Index | None:
 
 
 def _largest_difference(first: _Index, second: _Index) -> float:
-    """Largest difference of two indices where both are known; 0 where none of their wavelengths is common."""
+    """Largest difference of two indices over their common wavelengths; 0 if there are none."""
     low = max(first[1][0], second[1][0])
     high = min(first[1][1], second[1][1])
     if not low <= high:
@@ -149,7 +149,7 @@ _FIXED_COUNTS = {"formula 7": (3, 6), "formula 8": (4, 4), "formula 9": (6, 6)} 
 
 
 def _coefficients(kind: str, block: dict[str, Any], path: Path) -> tuple[float, ...]:
-    """The coefficients of a formula: as many as it has, of sums behind the first in pairs.
+    """The coefficients of a formula: as many as it has; for sums, in pairs after the first.
 
     Formula 4 has two terms of four before its pairs.
     """
@@ -164,7 +164,7 @@ def _coefficients(kind: str, block: dict[str, Any], path: Path) -> tuple[float, 
 
 
 def _absorption(blocks: dict[str, dict[str, Any]], path: Path) -> list[list[float]]:
-    """Rows of wavelength (nm) and absorption (1/mm); none where the file has no k."""
+    """Rows of wavelength (nm) and absorption (1/mm); empty for a file without k."""
     tables = []
     for kind, columns in (("tabulated k", 2), ("tabulated nk", 3)):
         if kind in blocks:
@@ -182,7 +182,7 @@ def _absorption(blocks: dict[str, dict[str, Any]], path: Path) -> list[list[floa
 
 
 def _table(block: dict[str, Any], path: Path, columns: int) -> Float[np.ndarray, "k c"]:
-    """Numbers of a table, by rising wavelength, each wavelength once."""
+    """Numbers of a table, by rising wavelength, without duplicates."""
     name = f"{path}: table of {block['type']}"
     table = TextTable.of(str(block.get("data", "")), name).numbers(used=range(columns))
     if not (np.abs(table) < HUGE).all() or table[:, 0].min() < _LEAST_UM:

@@ -4,7 +4,7 @@ A facet refracts and reflects by Snell and Fresnel: scatter is reciprocal, and n
 mean face has no preferred azimuth but that of the light, which sees more of the facets that face it. Shadow between
 facets is left out: it counts at grazing angles.
 
-Facets turn light by a limited angle; what spreads farther is said by rings. Two numbers in [0, 1) of each ray give the
+Facets turn light by a limited angle; wider scatter is described by rings. Two numbers in [0, 1) of each ray give the
 amount and the azimuth of either.
 """
 
@@ -58,11 +58,11 @@ def gaussian(sigma_rad: float, turn: FacetTurn) -> GaussianFacets:
 
 @dataclass(frozen=True)
 class RingScatter:
-    """Light spread by wide angles: the direction cosines of what a polished face would send on are shifted at random.
+    """Light spread by wide angles: the direction cosines behind a polished face are shifted at random.
 
     Rings about the polished direction (``follows``) or about the normal have each a share of the light, even over the
     ring. ``shares``: cumulative, of light within each of the ``radii`` of direction cosines, from 0 on, one row for
-    each of the ascending ``cosines`` of incidence, and even between these; what is left of 1 stays as it is.
+    each of the ascending ``cosines`` of incidence, and linear between these; the remainder to 1 is not scattered.
     """
 
     radii: tuple[float, ...]
@@ -77,7 +77,7 @@ class RingScatter:
         return float(np.sqrt(max(np.diff(row) @ middle for row in self.shares)))
 
     def amounts(self, numbers: Values) -> Float[np.ndarray, "n k"]:
-        """Shift of each ray at each incidence; none of the light that is not scattered, which the first numbers are."""
+        """Shift of each ray at each incidence; 0 for light that is not scattered, which has the first numbers."""
         squares = np.square(self.radii)
         columns = [np.interp(numbers - (1.0 - row[-1]), row, squares) for row in self.shares]
         amounts: Float[np.ndarray, "n k"] = np.sqrt(np.column_stack(columns))

@@ -11,12 +11,12 @@ from itertools import chain
 from lensforge.proof.cast_results import Agreement, BrepCast, MitsubaCast, SizedFile, Sizes
 from lensforge.proof.remedies import FINER, Evidence, form_of_mesh, form_of_step
 from lensforge.results import BodySize, Fact
-from lensforge.results.criteria import at_most, declare_words
+from lensforge.results.criteria import at_most, declare_label
 
 _MESH = "mesh (lens.stl)"
 _STEP = "STEP file"
 _FILES = {"": _MESH, "brep_": _STEP, "mitsuba_": f"{_MESH} in Mitsuba"}  # by the beginning of a criterion's name
-_WORDS = {
+_LABELS = {
     "deviation_rms": "ray displacement by the {}",
     "flux_deviation": "flux of each ray through the {}, against the design",
     "fate_disagreement_flux": "flux that ends otherwise through the {}",
@@ -27,8 +27,8 @@ _WORDS = {
     "box_change": "outer size of the {}, against the export",
 }
 for _prefix, _file in _FILES.items():
-    for _name, _words in _WORDS.items():
-        declare_words(f"{_prefix}{_name}", _words.format(_file))
+    for _name, _words in _LABELS.items():
+        declare_label(f"{_prefix}{_name}", _words.format(_file))
 
 # Share of flux: rays that graze the rim or the limit of total reflection may end either way.
 FLUX_SHARE = 1e-3
@@ -70,20 +70,20 @@ INWARDS = "its facets face inwards (the volume is negative): flip their normals,
 
 
 def size_criteria(sizes: Sizes | None) -> Iterator[Fact]:
-    """Criteria of all files; none where the size as exported is not known."""
+    """Criteria of all files; none if the size as exported is not known."""
     if sizes is None:
         return
-    yield from _file_criteria(sizes, sizes.mesh, "", _other(sizes.exported, sizes.mesh, "lens.stl"))
+    yield from _file_criteria(sizes, sizes.mesh, "", _size_difference(sizes.exported, sizes.mesh, "lens.stl"))
     if sizes.step is not None:
-        yield from _file_criteria(sizes, sizes.step, "brep_", _other(sizes.exported, sizes.step, "lens.step"))
+        yield from _file_criteria(sizes, sizes.step, "brep_", _size_difference(sizes.exported, sizes.step, "lens.step"))
 
 
 def size_mismatch(sizes: Sizes | None, name: str) -> str:
     """Difference in size between the body in the file ``name`` and the export, as a sentence; "" if they agree."""
     file = None if sizes is None else sizes.step if name == "lens.step" else sizes.mesh
-    if sizes is None or file is None or all(each.holds for each in _file_criteria(sizes, file, "", "")):
+    if sizes is None or file is None or all(criterion.holds for criterion in _file_criteria(sizes, file, "", "")):
         return ""
-    return _other(sizes.exported, file, name)
+    return _size_difference(sizes.exported, file, name)
 
 
 def _file_criteria(sizes: Sizes, file: SizedFile, prefix: str, remedy: str) -> Iterator[Fact]:
@@ -99,18 +99,20 @@ def _file_criteria(sizes: Sizes, file: SizedFile, prefix: str, remedy: str) -> I
         ("area_change", in_file.area_mm2 / exported.area_mm2 - 1.0, area, "of the area"),
         ("box_change", max(map(abs, _box_changes(exported, in_file))), box, "mm"),
     )
-    yield from (at_most(f"{prefix}{each}", abs(value), limit, unit, remedy) for each, value, limit, unit in changes)
+    yield from (at_most(f"{prefix}{name}", abs(value), limit, unit, remedy) for name, value, limit, unit in changes)
 
 
 def _box_changes(exported: BodySize, in_file: BodySize) -> list[float]:
     pairs = zip(chain(*exported.bounds_mm), chain(*in_file.bounds_mm), strict=True)
-    return [there - here for here, there in pairs]
+    return [in_file_mm - exported_mm for exported_mm, in_file_mm in pairs]
 
 
 def _scale(exported: BodySize, in_file: BodySize) -> float | None:
-    """Ratio of all lengths, which the light may be too blunt to see; None if volume and area say otherwise."""
-    here, there = ([high - low for low, high in zip(*size.bounds_mm, strict=True)] for size in (exported, in_file))
-    ratios = [side / before if before > 0.0 else 0.0 for before, side in zip(here, there, strict=True)]
+    """Ratio of all lengths, too small for the light to show; None if volume and area contradict it."""
+    exported_sides, file_sides = (
+        [high - low for low, high in zip(*size.bounds_mm, strict=True)] for size in (exported, in_file)
+    )
+    ratios = [side / before if before > 0.0 else 0.0 for before, side in zip(exported_sides, file_sides, strict=True)]
     scale = sum(ratios) / 3.0
     powers = (
         *((ratio, 1) for ratio in ratios),
@@ -121,17 +123,17 @@ def _scale(exported: BodySize, in_file: BodySize) -> float | None:
     return scale if alike and scale != 1.0 else None
 
 
-def _other(exported: BodySize, file: SizedFile, name: str) -> str:
-    """Words on a scale, or on the volume and the side of the box that differs most."""
+def _size_difference(exported: BodySize, file: SizedFile, name: str) -> str:
+    """Sentence on a scale, or on the volume and the side of the box that differs most."""
     in_file = file.size
     changes = _box_changes(exported, file.size)
     if in_file.volume_mm3 < 0.0:
         return f"{name}: {INWARDS}"
     scale = _scale(exported, in_file)
     if scale is not None:
-        unit = next((words for ratio, words in _UNITS.items() if abs(scale / ratio - 1.0) < _NEAR_UNIT), "")
-        words = unit or f"it is the lens scaled by {scale:.5g}"
-        return f"{name}: {words}: write it again as it was exported, in mm"
+        unit = next((explanation for ratio, explanation in _UNITS.items() if abs(scale / ratio - 1.0) < _NEAR_UNIT), "")
+        difference = unit or f"it is the lens scaled by {scale:.5g}"
+        return f"{name}: {difference}: write it again as it was exported, in mm"
     side = max(range(6), key=lambda k: abs(changes[k]))
     stated, seen = (list(chain(*size.bounds_mm))[side] for size in (exported, in_file))
     place = f"{'least' if side < 3 else 'largest'} {'xyz'[side % 3]}"
@@ -169,7 +171,7 @@ MITSUBA_FLUX_SHARE = MITSUBA_FATE_SHARE = 2e-3
 
 
 def noise_limit(floor: float) -> float:
-    """Largest NMSE against the design's irradiance that noise explains; ``floor``: that of the part's rays alone."""
+    """Largest NMSE against the design that noise explains; ``floor``: NMSE by the noise of the part's rays alone."""
     return NOISE_FLOORS * floor + NOISE_ALLOWANCE
 
 
@@ -192,14 +194,14 @@ def cast_criteria(prefix: str, evidence: Evidence) -> list[Fact]:
 
 
 def mesh_landing_criteria(agreement: Agreement, limit_mm: float) -> list[Fact]:
-    """Criteria of rays that are cast through a mesh on trial; ``limit_mm``: the most that they may land off."""
+    """Criteria of rays cast through a mesh on trial; ``limit_mm``: largest rms displacement."""
     return list(cast_criteria("", Evidence(agreement, limit_mm, FLUX_SHARE, FATE_SHARE, FINER)))
 
 
 def brep_criteria(cast: BrepCast, reach_mm: float, fault: str = "", same_form: bool = False) -> list[Fact]:
     """Acceptance criteria of a STEP file; ``reach_mm``: of the receiver's light.
 
-    ``fault``: recognised in the file. ``same_form``: its faces are known to lie on the design's.
+    ``fault``: a fault recognised in the file. ``same_form``: its faces are known to agree with the design.
     """
     seen = brep_evidence(cast, reach_mm, fault, same_form)
     allowed = BREP_FATE_RAYS * max(1.0, cast.rays / BREP_RAYS)
@@ -210,7 +212,7 @@ def brep_criteria(cast: BrepCast, reach_mm: float, fault: str = "", same_form: b
 
 
 def brep_evidence(cast: BrepCast, reach_mm: float, fault: str = "", same_form: bool = False) -> Evidence:
-    """Agreement of the STEP file with the design, and its limits; arguments as of :func:`brep_criteria`."""
+    """Agreement of the STEP file with the design, and its limits; arguments as in :func:`brep_criteria`."""
     form = form_of_step(same_form)
     limit = BREP_DEVIATION_RAD * reach_mm
     fates = BREP_FATE_RAYS / BREP_RAYS
@@ -220,7 +222,7 @@ def brep_evidence(cast: BrepCast, reach_mm: float, fault: str = "", same_form: b
 def mitsuba_criteria(cast: MitsubaCast, reach_mm: float, fault: str = "", *, fine: bool = False) -> list[Fact]:
     """Acceptance criteria of the exported mesh by Mitsuba; ``reach_mm``: of the receiver's light.
 
-    ``fault``: of the mesh; ``fine``: its facets are not the cause of what differs.
+    ``fault``: a fault of the mesh; ``fine``: its facets do not cause the differences.
     """
     design = cast.against_design
     floor = noise_limit(cast.noise_floor_nmse)

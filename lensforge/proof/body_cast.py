@@ -1,7 +1,7 @@
 """Rays cast through the further bodies, by the radius of their faces alone: without the design's tables and its code.
 
-A face is met where the distance from the origin of its body first exceeds its radius. What it reflects, and rays that
-go past the rim or are reflected totally, are lost there.
+A face is met where the distance from the origin of its body first exceeds its radius. Light that it reflects, and rays
+that pass the rim or are totally reflected, are lost there.
 """
 
 from collections.abc import Sequence
@@ -29,7 +29,7 @@ _Values = Float[np.ndarray, " n"]
 
 @dataclass
 class _Beam:
-    """Light on its way: all rays, and the share of the flux that is left of each; NaN where one is lost."""
+    """Light on its way: all rays, and the remaining share of each ray's flux, NaN if lost."""
 
     points: _Vectors
     directions: _Vectors
@@ -38,14 +38,14 @@ class _Beam:
     rough: list[FaceNumbers]
 
     def end(self, rows: Int[np.ndarray, " k"]) -> None:
-        """Lose some of the rays."""
+        """Mark some of the rays as lost."""
         self.points[rows] = np.nan
         self.directions[rows] = np.nan
         self.share[rows] = 0.0
 
 
 class BehindOptics(NamedTuple):
-    """Rays behind all optics: points (mm), directions, and the shares that bodies and the cover glass let through."""
+    """Rays behind all optics: points (mm), directions, and transmittances of the bodies and the cover glass."""
 
     points: _Vectors
     directions: _Vectors
@@ -62,10 +62,10 @@ def behind_optics(
     plate: PlateOfLenses | None = None,
     rough: Sequence[FaceNumbers] = (),
 ) -> BehindOptics:
-    """Rays behind the bodies and then the cover glass of ``media``; those that end in a body have no place.
+    """Rays behind the bodies and then the cover glass of ``media``; NaN for those that end in a body.
 
-    ``fields`` None: of unpolarised light. ``plate``: of many lenses, where each has bodies of its own. ``rough``: what
-    rays meet on each body; by default all are polished.
+    ``fields`` None: unpolarised light. ``plate``: lenses that each have bodies of their own. ``rough``: numbers for
+    rough faces of each body; by default all are polished.
     """
     known = unpolarised(directions) if fields is None else fields
     beam = _Beam(points.copy(), directions.copy(), known.copy(), np.ones(len(points)), list(rough))
@@ -82,14 +82,14 @@ def _through_bodies(beam: _Beam, media: Media, waves: _Values, plate: PlateOfLen
             _through(body, media, beam, waves, beam.rough[number] if beam.rough else none)
         return
     rows = np.flatnonzero(np.isfinite(beam.points[:, 0]))
-    points, numbers = plate.at_own(beam.points[rows])
+    points, numbers = plate.at_local(beam.points[rows])
     turns = plate.turns_to(numbers)
     ways = np.einsum("nij,nj->ni", turns, beam.directions[rows])
     fields = np.einsum("nij,nkj->nki", turns, beam.fields[rows])
     rough = [numbers_of_body.take(rows) for numbers_of_body in beam.rough]
     alone = _Beam(points, ways, fields, beam.share[rows], rough)
     _through_bodies(alone, media, waves[rows], None)
-    beam.points[rows] = plate.from_own_points(alone.points, numbers)
+    beam.points[rows] = plate.to_lit_points(alone.points, numbers)
     beam.directions[rows] = np.einsum("nji,nj->ni", turns, alone.directions)
     beam.fields[rows] = np.einsum("nji,nkj->nki", turns, alone.fields)
     beam.share[rows] = alone.share
@@ -114,14 +114,14 @@ def _through(body: SecondaryOptic, media: Media, beam: _Beam, waves: _Values, ro
         starts = points[met]
         paths = paths[met]
         points = starts + paths[:, None] * along
-        here = Wavelengths(waves[rows])
+        wavelengths = Wavelengths(waves[rows])
         leaving = face == "outer"
-        indices = body.medium.indices(here, len(rows))
+        indices = body.medium.indices(wavelengths, len(rows))
         if leaving:
-            beam.share[rows] *= np.exp(-body.medium.absorptions(here, len(rows)) * paths)
+            beam.share[rows] *= np.exp(-body.medium.absorptions(wavelengths, len(rows)) * paths)
         around = np.full(len(rows), inside)
         before, behind = (indices, around) if leaving else (around, indices)
-        refracting = RefractingFace(before, behind, media_of_body.coating(face), here.nm, not leaving)
+        refracting = RefractingFace(before, behind, media_of_body.coating(face), wavelengths.nm, not leaving)
         normals = shape.normal(points / np.linalg.norm(points, axis=1, keepdims=True))
         number = DOUBLE.index(face)
         (model,) = media_of_body.scattering_of([face]) or (None,)
@@ -143,7 +143,7 @@ def _through(body: SecondaryOptic, media: Media, beam: _Beam, waves: _Values, ro
 
 
 def _from_the_rim(points: _Vectors, along: _Vectors) -> tuple[Bool[np.ndarray, " n"], _Vectors]:
-    """True for rays that come to the plane in which the body ends, or start above; their points there."""
+    """True for rays that reach the body's end plane, or start above it; their points there."""
     below = points[:, 2] < 0.0
     rises = along[:, 2] > 0.0
     path = np.where(below & rises, -points[:, 2] / np.where(rises, along[:, 2], 1.0), 0.0)
@@ -152,7 +152,7 @@ def _from_the_rim(points: _Vectors, along: _Vectors) -> tuple[Bool[np.ndarray, "
 
 
 def _first_crossing(shape: Surface, points: _Vectors, along: _Vectors) -> tuple[_Values, Bool[np.ndarray, " n"]]:
-    """Path (mm) to where rays from within first leave the face, and whether they do so at or above z = 0."""
+    """Path (mm) to where rays first leave the face from within, and whether at or above z = 0."""
     depth = _depths(shape, points)
     far = _ROOM * _size(shape)
     middle = np.sum(points * along, axis=1)
@@ -185,7 +185,7 @@ def _size(shape: Surface) -> float:
 
 
 def _depths(shape: Surface, points: _Vectors) -> _Values:
-    """Radius of the face in the direction of each point, less the distance of that from the origin (mm)."""
+    """Radius (mm) of the face in the direction of each point, less the point's distance from the origin."""
     distances = np.linalg.norm(points, axis=1)
     ways = np.where(distances[:, None] > 0.0, points, [0.0, 0.0, 1.0])
     return shape.radius(ways / np.linalg.norm(ways, axis=1, keepdims=True)) - distances

@@ -23,7 +23,7 @@ class PartFlux(Record):
 
 
 class SizedFile(Record):
-    """Size of the body in one file; what flat facets may change of it: a height (mm), volume and area, 0 for a STEP."""
+    """Size of the body in one file; tolerances for flat facets: a height (mm), volume and area, 0 for a STEP."""
 
     size: BodySize
     chord_mm: NotNegative = 0.0
@@ -32,7 +32,7 @@ class SizedFile(Record):
 
 
 class Sizes(Record):
-    """Size of the part in its files, and as exported: the box of that within ``chord_mm`` of the solid's."""
+    """Size of the part in its files, and as exported, whose box lies within ``chord_mm`` of the solid's."""
 
     exported: BodySize
     chord_mm: NotNegative
@@ -57,7 +57,7 @@ class LandingDeviation(Record):
 
 
 class FatePair(Record):
-    """Rays that design and part give different fates: both by name, their number and share of the emitted flux."""
+    """Rays with different fates in design and part: both fates, number of rays, and share of the emitted flux."""
 
     design: Text
     part: Text

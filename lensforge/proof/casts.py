@@ -1,6 +1,6 @@
 """Rays cast through the files of the part: the verbs ``verify`` and ``stray_light``.
 
-Here the design and its verification meet: what the casts get of the design are plain numbers.
+Here the design and its verification meet: the casts receive only plain numbers from the design.
 """
 
 from dataclasses import replace
@@ -54,14 +54,14 @@ def verify(part: Part, light: Light, *, rays: int | None = None, threads: int | 
 
 
 def verify_with(second: ChildPool, part: Part, light: Light, rays: int | None = None) -> Proof:
-    """Do as :func:`verify` does, with a second process for referees that hold Python's lock; the same bits."""
+    """:func:`verify`, with a second process for referees that hold Python's lock; the same bits."""
     lens = require(part, Part, "verify").lens
     known = require(light, Light, "verify").inputs
     rays = count_of("rays", rays)
     wanted = inputs_of(lens, lens.spec.source)
-    for name, words in (("lens", "another lens than the part"), ("source", "another source than the spec's")):
+    for name, culprit in (("lens", "another lens than the part"), ("source", "another source than the spec's")):
         if known.get(name) != wanted[name]:
-            raise InputError(f"verify: the light is that of {words}; evaluate the part's lens with its own source")
+            raise InputError(f"verify: the light is that of {culprit}; evaluate the part's lens with its own source")
     lenses = lens.by_state
     by_led = light.by_led
     if missing := [name for name in lenses if name not in by_led]:
@@ -78,7 +78,7 @@ def verify_with(second: ChildPool, part: Part, light: Light, rays: int | None = 
 def _verified(
     part: Part, lit: tuple[Lens, Light], rays: int | None, inputs: dict[str, str], second: ChildPool, *, measured: bool
 ) -> Proof:
-    """The part with the one LED of a lens, whose light is known; ``measured``: form and size of its files, too."""
+    """The proof for a single LED, whose light is known; ``measured``: also form and size of the files."""
     from lensforge.proof.form_inputs import designed_files
     from lensforge.proof.mitsuba_cast import RAYS as MITSUBA_RAYS
     from lensforge.proof.mitsuba_cast import installed as mitsuba_installed
@@ -109,7 +109,7 @@ def _verified(
         expected_of(alone, seen, bundle, optical),
         expected_of(alone, seen, bundle, optical, polished=True) if lens.media.scattering else None,
         names=[receiver.name for receiver in seen.receivers],
-        own=independent_light(alone, judging, seen, count),
+        independent=independent_light(alone, judging, seen, count),
         optical=optical,
     )
     by_mitsuba = mitsuba_installed() and not lens.media.has_rings  # it knows facets only
@@ -123,7 +123,7 @@ _TABLES_FINER = 1.5
 
 
 def traced_exactly(lens: Lens) -> "TracedLens":
-    """The lens with tables so fine that they move no ray by a share of its limit that counts."""
+    """The lens with tables so fine that they displace no ray by a relevant share of its limit."""
     from lensforge.light.simulation import TracedLens
     from lensforge.surfaces.bicubic_table import most_per_sigma
 
@@ -159,18 +159,18 @@ def expected_of(
     return [
         Expected(
             screen,
-            screen.irradiance(own.hits, own.flux) if lit is None else lit,
-            own.hits,
-            own.flux,
-            own.fates,
-            None if own.met is None else order[own.met],
+            screen.irradiance(landings.hits, landings.flux) if lit is None else lit,
+            landings.hits,
+            landings.flux,
+            landings.fates,
+            None if landings.met is None else order[landings.met],
         )
-        for screen, lit, own in zip(screens, maps, landed, strict=True)
+        for screen, lit, landings in zip(screens, maps, landed, strict=True)
     ]
 
 
 def of_one_lamp(lens: Lens) -> Lens:
-    """The lens with one of its lamps, whose rays are followed one by one; itself where it has one alone."""
+    """The lens with a single lamp, whose rays are followed one by one; unchanged if it has only one."""
     return lens if lens.spec.all_lamps.is_single else replace(lens, spec=_of_first_lamp(lens), others={})
 
 
@@ -180,9 +180,9 @@ def _light_of_one_lamp(lens: Lens, light: Light) -> tuple[Lens, Light]:
 
 
 def _of_own_lamps(lens: Lens, light: Light) -> tuple[Lens, Light]:
-    own = lens.of_own_lamps
-    known = own is lens or len(own.spec.all_lamps) == 1  # one lamp alone is not compared
-    return own, light if known else evaluate(own, rays=light.rays, pixels=light.pixels)
+    single = lens.of_own_lamps
+    known = single is lens or len(single.spec.all_lamps) == 1  # one lamp alone is not compared
+    return single, light if known else evaluate(single, rays=light.rays, pixels=light.pixels)
 
 
 def _of_first_lamp(lens: Lens) -> Spec:
@@ -213,7 +213,9 @@ def stray_light(
     lens = require(part, Part, "stray_light").lens
     rays = count_of("rays", rays)
     with kernel_threads(count_of("threads", threads)):
-        return StrayLight.joined({name: _stray_light(part, own, rays, base) for name, own in lens.by_state.items()})
+        return StrayLight.joined(
+            {name: _stray_light(part, led_lens, rays, base) for name, led_lens in lens.by_state.items()}
+        )
 
 
 def _stray_light(part: Part, lens: Lens, rays: int | None, base: Literal["polished", "black"]) -> StrayLight:

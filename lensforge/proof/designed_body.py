@@ -34,7 +34,8 @@ _Numbers = Int[np.ndarray, " n"]
 class DesignedFace:
     """An optical face: ``reciprocal`` radii (1/mm) over the chart, first index X, at the coordinates ``axis``.
 
-    ``extent``: least and largest distance of its own edges from the chart's centre; ``known``: of what is known of it.
+    ``extent``: least and largest distance of its edges from the chart's centre; ``known``: of the region where it is
+    known.
     """
 
     name: str
@@ -45,7 +46,7 @@ class DesignedFace:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Its name alone."""
+        """Its single name."""
         return (self.name,)
 
     @cached_property
@@ -55,9 +56,9 @@ class DesignedFace:
         return RectBivariateSpline(self.axis, self.axis, self.reciprocal, kx=5, ky=5)
 
     def off_mm(self, points: _Points, small_mm: float = _SMALL_MM) -> tuple[_Values, _Numbers]:
-        """Distance (mm) along the normal, to first order: that along the line to the origin times its cosine.
+        """Distance (mm) along the normal, to first order: the radial distance times its cosine.
 
-        Up to ``small_mm`` it stays that along the line, which is no less.
+        Up to ``small_mm`` the radial distance, which is no less.
         """
         radius = np.linalg.norm(points, axis=1)
         x, y = points[:, :2].T / np.maximum(radius + points[:, 2], _TINY)
@@ -70,7 +71,7 @@ class DesignedFace:
         return off, np.zeros(len(points), dtype=np.int64)
 
     def within(self, extent: tuple[float, float], points: _Points) -> Bool[np.ndarray, " n"]:
-        """True for points in whose direction the distance from the chart's centre is within ``extent``."""
+        """True for points whose direction lies within ``extent`` of the chart's centre."""
         sine = np.hypot(points[:, 0], points[:, 1])
         cosine = np.linalg.norm(points, axis=1) + points[:, 2]
         return np.asarray((sine >= extent[0] * cosine) & (sine <= extent[1] * cosine))
@@ -84,7 +85,7 @@ class Levels:
     heights: Float[np.ndarray, " k"]
 
     def off_mm(self, points: _Points, small_mm: float = _SMALL_MM) -> tuple[_Values, _Numbers]:
-        """Distance (mm) from the nearest plane, and its number."""
+        """Distance (mm) from the nearest plane, and that plane's number."""
         away = np.abs(points[:, 2, None] - self.heights)
         nearest = away.argmin(axis=1)
         return np.take_along_axis(away, nearest[:, None], axis=1)[:, 0], nearest
@@ -92,11 +93,11 @@ class Levels:
 
 @dataclass(frozen=True, eq=False)
 class StandingWalls:
-    """Walls over closed curves in the plane, given in short pieces by start, middle and end (mm), upright or drafted.
+    """Walls over closed plane curves in short pieces of start, middle and end (mm), upright or drafted.
 
-    A piece is the parabola through these, which is a line where they lie on one. ``owners``: number of each one's wall.
-    ``drafts``: of each piece the place (mm) of its axis, the height (mm) of its curve, and the growth of that downwards
-    (1/mm); left out, all are upright.
+    A piece is the parabola through the three points, or the line if they are collinear. ``owners``: wall number of each
+    piece. ``drafts``: for each piece the position (mm) of its axis, the height (mm) of its curve, and its growth
+    downwards (1/mm); by default all are upright.
     """
 
     names: tuple[str, ...]
@@ -111,7 +112,7 @@ class StandingWalls:
         return cKDTree(self.pieces[:, 1])
 
     def off_mm(self, points: _Points, small_mm: float = _SMALL_MM) -> tuple[_Values, _Numbers]:
-        """Distance (mm) from the nearest wall, and its number."""
+        """Distance (mm) from the nearest wall, and that wall's number."""
         flat = self._at_curve(points)
         near = self._tree.query(flat, k=min(_NEAREST, len(self.pieces)))[1].reshape(len(points), -1)
         start, middle, end = np.moveaxis(self.pieces[near], 2, 0)
@@ -130,7 +131,7 @@ class StandingWalls:
         return np.take_along_axis(away, chosen, axis=1)[:, 0], self.owners[nearest]
 
     def _at_curve(self, points: _Points) -> Float[np.ndarray, "n 2"]:
-        """The points in the plane, those of a drafted wall along it to the height of its curve."""
+        """The points in the plane, those of a drafted wall moved along it to the height of its curve."""
         flat: Float[np.ndarray, "n 2"] = points[:, :2]
         if self.drafts is None or not self.drafts[:, 3].any():
             return flat
@@ -141,9 +142,9 @@ class StandingWalls:
 
 @dataclass(frozen=True, eq=False)
 class PlacedFace:
-    """The same optical face of all ``lenses`` of a plate; a point belongs to the lens whose axis is nearest.
+    """The same optical face of all ``lenses`` of a plate; a point belongs to the lens with the nearest axis.
 
-    ``faces``: of the lens of each kind.
+    ``faces``: one for each kind of lens.
     """
 
     faces: Sequence[DesignedFace]
@@ -151,35 +152,35 @@ class PlacedFace:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Its name with the number of each lens, where there are several."""
+        """Its name, with the number of each lens if there are several."""
         count = len(self.lenses.places)
         name = self.faces[0].name
         return tuple(f"{name}_{k + 1}" for k in range(count)) if count > 1 else (name,)
 
     def of_lens(self, number: int) -> DesignedFace:
-        """The face of the lens of a number."""
+        """The face of lens ``number``."""
         ((kind, _),) = self.lenses.of_kinds(np.array([number]))
         return self.faces[kind]
 
     def off_mm(self, points: _Points, small_mm: float = _SMALL_MM) -> tuple[_Values, _Numbers]:
-        """Distance (mm) as of the face, in the coordinates of the nearest lens, and its number."""
-        own, numbers = self.lenses.at_own(points)
+        """Distance (mm) from the face, in the local coordinates of the nearest lens, and that lens's number."""
+        local, numbers = self.lenses.at_local(points)
         off = np.zeros(len(points))
         for kind, rows in self.lenses.of_kinds(numbers):
-            off[rows] = self.faces[kind].off_mm(own[rows], small_mm)[0]
+            off[rows] = self.faces[kind].off_mm(local[rows], small_mm)[0]
         return off, numbers
 
     def known(self, points: _Points) -> Bool[np.ndarray, " n"]:
-        """True for points in whose direction the face of the nearest lens is known."""
-        own, numbers = self.lenses.at_own(points)
-        found = np.zeros(len(points), dtype=bool)
+        """True for points in a direction in which the face of the nearest lens is known."""
+        local, numbers = self.lenses.at_local(points)
+        is_known = np.zeros(len(points), dtype=bool)
         for kind, rows in self.lenses.of_kinds(numbers):
-            found[rows] = self.faces[kind].within(self.faces[kind].known, own[rows])
-        return found
+            is_known[rows] = self.faces[kind].within(self.faces[kind].known, local[rows])
+        return is_known
 
-    def own(self, points: _Points, lens: int | None = None) -> _Points:
-        """Points in the coordinates of a lens, by its number, or of the nearest one."""
-        return self.lenses.at_own(points, None if lens is None else np.full(len(points), lens))[0]
+    def to_local(self, points: _Points, lens: int | None = None) -> _Points:
+        """Points in the local coordinates of a lens, by its number, or of the nearest one."""
+        return self.lenses.at_local(points, None if lens is None else np.full(len(points), lens))[0]
 
 
 # One face, or several of a kind that do not meet: their ``names``, and how far off the nearest of them points are.
@@ -188,10 +189,7 @@ Designed = DesignedFace | PlacedFace | Levels | StandingWalls
 
 @dataclass(frozen=True, eq=False)
 class DesignedBody:
-    """Faces ``above`` z = 0 and those ``below``, at and under it; None if those of a base are not known.
-
-    A flange's are among the former.
-    """
+    """Faces ``above`` z = 0 with a flange's, and those ``below``, at and under it; None if a base's are not known."""
 
     above: Sequence[Designed]
     below: Sequence[Designed] | None
@@ -199,4 +197,4 @@ class DesignedBody:
     @property
     def wanted(self) -> set[str]:
         """Names of all faces that a file should have."""
-        return {name for each in (*self.above, *(self.below or ())) for name in each.names}
+        return {name for face in (*self.above, *(self.below or ())) for name in face.names}

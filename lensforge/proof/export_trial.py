@@ -1,4 +1,4 @@
-"""Tolerances and rings of an export: those with which its files use half of what verification allows them.
+"""Tolerances and rings of an export: chosen so that its files use half of verification's limits.
 
 Before the part is made, the light of its fitted faces is traced as that of the design is, in the place of the solid,
 and its mesh is cast as verification casts it. Both are judged by the criteria of verification.
@@ -68,12 +68,12 @@ class Fineness:
 
 
 def fineness(lens: Lens, tolerance: FaceTolerance, nodes: int | None = None, rings: int | None = None) -> Fineness:
-    """The fineness of an export of ``lens``: no coarser than ``tolerance``, and finer where light asks for it.
+    """Fineness of an export of ``lens``: at least that of ``tolerance``, and finer if the light needs it.
 
-    ``nodes``, ``rings``: given numbers, which are kept.
+    ``nodes``, ``rings``: fixed numbers, if given.
     """
     try:
-        trials = [_Trial(own) for own in lens.by_state.values()]
+        trials = [_Trial(led_lens) for led_lens in lens.by_state.values()]
     except InputError as error:  # a file of the source that is gone, or no light that could be traced
         warnings.warn(f"export: {error}; normals and mesh are by their tolerances alone", stacklevel=2)
         return Fineness(tolerance)
@@ -86,7 +86,7 @@ def fineness(lens: Lens, tolerance: FaceTolerance, nodes: int | None = None, rin
 
 
 def _settled_tolerance(lens: Lens, tolerance: FaceTolerance, trials: "list[_Trial]") -> FaceTolerance:
-    """The tolerance with normals as near as light asks, where splines are as fine and it gains by them."""
+    """The tolerance with normals as close as the light needs, where the splines follow it and gain by it."""
     pair = fit_lens(lens, tolerance=tolerance)
     used = max(trial.used_by_faces(pair) for trial in trials)
     for _ in range(_ROUNDS):
@@ -108,7 +108,7 @@ def _nodes(pair: Pair[Patch]) -> list[int]:
 
 
 def _settled_rings(lens: Lens, pair: Pair[Patch], trials: "list[_Trial]") -> int:
-    """The rings from which on the mesh lands light within the margin, or the most that are tried, which is told."""
+    """Rings from which the mesh lands light within the margin, or the most that are tried, with a warning."""
     plan = make_plan(*pair, base_with_room(lens), ring_of(lens, pair[1]))
     rings = rings_for(plan, CHORD_MM)
     mesh = build_mesh(plan, rings, CHORD_MM)
@@ -139,12 +139,12 @@ def _settled_rings(lens: Lens, pair: Pair[Patch], trials: "list[_Trial]") -> int
 
 
 def _most_rings(rings: int, mesh: BodyMesh) -> int:
-    """The most rings of a mesh on trial, by one of so many ``rings``: triangles are as their square, or fewer."""
+    """The most rings of a mesh on trial, from the mesh of ``rings``: triangles grow at most as the square."""
     return int(rings * (_OF_MOST * _MOST_TRIANGLES / len(mesh.triangles)) ** 0.5)
 
 
 def _mesh_on_trial(plan: Plan[Patch], rings: int) -> BodyMesh | None:
-    """The mesh of so many ``rings``; None if it has too many triangles."""
+    """The mesh of ``rings`` rings; None if it has too many triangles."""
     try:
         mesh = build_mesh(plan, rings, CHORD_MM)
     except InputError:
@@ -153,12 +153,12 @@ def _mesh_on_trial(plan: Plan[Patch], rings: int) -> BodyMesh | None:
 
 
 def _step(excess: float, power: float) -> float:
-    """Factor by which files must be finer that use ``excess`` of what they are to use, which falls with a power."""
+    """Factor of refinement for files that use ``excess`` of their share of a limit, which falls with a power of it."""
     return min(max((excess / _AIM) ** (1.0 / power), _SMALLEST_STEP), _LARGEST_STEP)
 
 
 class _Trial:
-    """Rays of one LED through a lens as designed, and what files of the lens use of the limits on them."""
+    """Rays of one LED through a lens as designed, and the use that its files make of their limits."""
 
     def __init__(self, lens: Lens) -> None:
         source = rays_of_file(judging_source(lens.spec))
@@ -189,14 +189,18 @@ class _Trial:
         passage = send_through(part, Grid(part.mesh), self._rays, media.polished, thread_count())
         landed = [passage.landed(expected.screen) for expected in self._expected]
         limit_rad = DEVIATION_RAD + OF_SPREAD * media.spread_rad
-        return self._most_used(landed, lambda each, reach_mm: mesh_landing_criteria(each, limit_rad * reach_mm))
+        return self._most_used(
+            landed, lambda agreement, reach_mm: mesh_landing_criteria(agreement, limit_rad * reach_mm)
+        )
 
     def _most_used(self, landed: Sequence[Landed], criteria: Callable[[Agreement, float], Sequence[Fact]]) -> float:
         """Largest share of a limit on any receiver that has light."""
-        pairs = [(each, by_design) for each, by_design in zip(landed, self._expected, strict=True) if _lit(by_design)]
+        pairs = [
+            (landing, by_design) for landing, by_design in zip(landed, self._expected, strict=True) if _lit(by_design)
+        ]
         judged = (
-            criteria(compare(self._rays, each, by_design), by_design.screen.reach_mm(by_design.irradiance))
-            for each, by_design in pairs
+            criteria(compare(self._rays, landing, by_design), by_design.screen.reach_mm(by_design.irradiance))
+            for landing, by_design in pairs
         )
         return max((float(fact.value or 0.0) / fact.bound for facts in judged for fact in facts), default=0.0)
 
@@ -212,7 +216,7 @@ def _as_step(agreement: Agreement, reach_mm: float) -> Sequence[Fact]:
 
 @dataclass(frozen=True, eq=False)
 class _FormError(Surface):
-    """Distance of a ``fitted`` face beyond its ``exact`` surface; beyond its edges that at them."""
+    """Distance of a ``fitted`` face from its ``exact`` surface; beyond the edges that at the edge."""
 
     exact: Surface
     fitted: TrimmedFace[Patch]

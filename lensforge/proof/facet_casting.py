@@ -1,4 +1,4 @@
-"""First hits of many rays on a mesh: places on the triangles by trimesh, which of them is hit by a walk through a grid.
+"""First hits of many rays on a mesh: places on triangles by trimesh, the triangle by a walk through a grid.
 
 trimesh queries an R-tree for all triangles in the bounding box of the whole ray, half of the mesh for a ray through a
 lens, and traces a few hundred rays per second. Here a compiled walk through the cells of a uniform grid tests the
@@ -47,19 +47,19 @@ class FacetHits(RayRows):
 
     @property
     def found(self) -> Bool[np.ndarray, " n"]:
-        """True for rays that hit anything."""
+        """True for rays that hit a facet."""
         return self.triangles >= 0
 
 
 class Leg(NamedTuple):
-    """Rays to cast: start (mm), unit direction, and distance (mm) up to which a hit is the surface just left."""
+    """Rays to cast: start (mm), unit direction, and distance (mm) within which a hit is the surface just left."""
 
     origins: Float[np.ndarray, "n 3"]
     directions: Float[np.ndarray, "n 3"]
     beyond: Float[np.ndarray, " n"]
 
     def take(self, rows: Int[np.ndarray, " k"]) -> "Leg":
-        """Rays ``rows``."""
+        """Select rays by row."""
         return Leg(*(values[rows] for values in self))
 
 

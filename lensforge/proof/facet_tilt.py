@@ -1,8 +1,7 @@
 """Facets of faces that scatter, as the casts through the part meet them, and numbers for all faces that scatter.
 
-Rays of the design come with the numbers of the faces that they meet, so that both are compared ray by ray; rays of the
-proof's own have numbers of its own. A face that a ray meets again it meets by other numbers, by a hash that the
-definitions state.
+Rays of the design come with the numbers of the faces that they meet, so that both are compared ray by ray; the proof's
+own rays have other numbers. For a second hit of the same face the numbers come from a hash that the definitions state.
 """
 
 from collections.abc import Sequence
@@ -38,9 +37,9 @@ class Arrival(NamedTuple):
 
 
 class FaceNumbers(NamedTuple):
-    """Two even numbers in [0, 1) of each ray for each face, the first time that it meets it, and keys of all later.
+    """Two uniform numbers in [0, 1) of each ray for the first hit of each face, and keys for all later hits.
 
-    Without numbers where no face scatters.
+    Empty if no face scatters.
     """
 
     numbers: Numbers
@@ -61,28 +60,28 @@ class FaceNumbers(NamedTuple):
         if seed is None:
             rough = np.array([model is not None for model in models])
             return FaceNumbers(_even(rays, rough, before), _keys(rays))
-        own = np.random.default_rng([seed, before])
+        random = np.random.default_rng([seed, before])
         return FaceNumbers(
-            own.random((len(rays), 2 * len(names))), own.integers(2**64, size=len(rays), dtype=np.uint64)
+            random.random((len(rays), 2 * len(names))), random.integers(2**64, size=len(rays), dtype=np.uint64)
         )
 
     def take(self, rows: Int[np.ndarray, " k"]) -> "FaceNumbers":
-        """Numbers of some of the rays."""
+        """Select rays by row."""
         return FaceNumbers(self.numbers[rows], self.keys[rows])
 
     def at(self, faces: Int[np.ndarray, " n"], times: Int[np.ndarray, " n"]) -> Float[np.ndarray, "n 2"]:
-        """Numbers of each ray for its face, which it has met so many ``times`` before; 0 where it has none."""
+        """Numbers of each ray for its face after ``times`` earlier hits; 0 for no face."""
         drawn = np.zeros((len(faces), 2))
         rows = np.flatnonzero((faces >= 0) & (2 * faces < self.numbers.shape[1]))
         for column in (0, 1):
             drawn[rows, column] = self.numbers[rows, 2 * faces[rows] + column]
-        again = rows[times[rows] > 0]
-        drawn[again] = _hashed(self.keys[again], faces[again], times[again])
+        repeated = rows[times[rows] > 0]
+        drawn[repeated] = _hashed(self.keys[repeated], faces[repeated], times[repeated])
         return drawn
 
 
 def facet_slopes(media: Media, names: Sequence[str]) -> Float[np.ndarray, " f"]:
-    """Rms slope of the facets of each face, 0 of one without; the last, of the index -1, is that of no face."""
+    """Rms slope of the facets of each face, 0 for a polished one; the last entry, of index -1, is for no face."""
     models = media.scattering_of(names) or (None,) * len(names)
     return np.array(
         [0.0 if model is None or isinstance(model, RingScatter) else model.slope for model in (*models, None)]
@@ -90,7 +89,7 @@ def facet_slopes(media: Media, names: Sequence[str]) -> Float[np.ndarray, " f"]:
 
 
 def _even(rays: RayBundle, rough: Bool[np.ndarray, " f"], before: int) -> Numbers:
-    """Two even numbers for each face, those with which the rays come for each that is rough."""
+    """Two uniform numbers for each face; for rough faces those of the design's rays."""
     drawn = np.zeros((len(rays), 2 * len(rough)))
     last = 2 * (before + int(rough.sum()))
     if rays.facets is None or rays.facets.shape[1] < last:
@@ -104,7 +103,7 @@ def _keys(rays: RayBundle) -> Keys:
     """Hash of the bits with which each ray begins."""
     key = np.zeros(len(rays), dtype=np.uint64)
     golden = np.uint64(_GOLDEN)
-    starts, ways = (np.ascontiguousarray(each).view(np.uint64) for each in (rays.origins, rays.directions))
+    starts, ways = (np.ascontiguousarray(vectors).view(np.uint64) for vectors in (rays.origins, rays.directions))
     for column in np.column_stack([starts, ways])[:, [0, 3, 1, 4, 2, 5]].T:
         key = _mixed((key + golden) ^ column)
     return key
@@ -125,10 +124,10 @@ def _mixed(key: Keys) -> Keys:
 
 
 def tilted(met: Arrival, rms: PerRay, numbers: Float[np.ndarray, "n 2"]) -> Vectors:
-    """Unit normals of the facets that rays meet on faces of these ``rms`` slopes, by their ``numbers``.
+    """Unit normals of the facets that rays meet on faces of ``rms`` slope, by their ``numbers``.
 
-    The two lines of a slope are x and y, turned to the face as z is to its normal away from the origin. Light sees more
-    of the facets that face it: of all slopes along it that are drawn, and of all that it sees, the same share is less.
+    Both components of a slope are x and y, turned to the face as z is to its normal away from the origin. Light sees
+    more of the facets that face it: the visible slope is the quantile of the drawn slope.
     """
     rough = np.flatnonzero(rms > 0.0)
     if not len(rough):
@@ -153,7 +152,7 @@ def tilted(met: Arrival, rms: PerRay, numbers: Float[np.ndarray, "n 2"]) -> Vect
 
 
 def _seen(a: PerRay, k: PerRay) -> PerRay:
-    """The number below which as much of the density (k + x) exp(-x^2/2) lies as of normal numbers below a."""
+    """Quantile of the density (k + x) exp(-x^2/2) at the probability of normal numbers below a."""
     k = np.minimum(k, 1e9)
     is_high = a > 0.0  # then by the area above the number, else by that below: the smaller one is known to more digits
     side = np.where(is_high, -1.0, 1.0)
@@ -173,7 +172,7 @@ def _bell(x: PerRay) -> PerRay:
 
 
 def in_face(slopes: Complex[np.ndarray, " n"], outward: Vectors) -> Vectors:
-    """Vectors along faces: x and y turned to the face as z is to its unit normal away from the origin."""
+    """Vectors along faces: x and y turned by the rotation from z to the unit normal away from the origin."""
     axis = np.cross([0.0, 0.0, 1.0], outward)  # of the turn: its length is the sine of the angle
     cosine = outward[:, 2:]
     flat = np.column_stack([slopes.real, slopes.imag, np.zeros(len(slopes))])

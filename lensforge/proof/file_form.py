@@ -1,4 +1,4 @@
-"""The form of a body in one file against the design: how far its points lie off the faces, and where.
+"""The form of a body in one file against the design: the largest distance of its points from the faces, and its place.
 
 Of a mesh the corners of each facet lie on one face, to rounding, and its middle as near as flat facets are. The face is
 that from which the corners are least off together. A mesh may be open, or lack a face, as a body of faces may.
@@ -32,9 +32,9 @@ _AGAIN = "export again, it is not the part that was designed"
 class FileForm(Record):
     """Form of the body in the file ``name``: its point farthest off the design (um), next to ``face``, and where.
 
-    ``limit_um``: what rounding explains. The middle of a flat facet counts by what it is farther off than such facets
-    may be. ``open_edges``: those that do not join two pieces of surface; ``lacking``: faces of the design on which
-    nothing lies.
+    ``limit_um``: what rounding explains. The middle of a flat facet counts only beyond the chord error allowed to it.
+    ``open_edges``: those that do not join two pieces of surface; ``lacking``: faces of the design that the file does
+    not have.
     """
 
     name: Text
@@ -59,12 +59,12 @@ class FileForm(Record):
 
     @property
     def gap_words(self) -> str:
-        """Sentence on the missing part."""
+        """Sentence on the missing parts."""
         return f"it has nothing of {', '.join(self.lacking[:3])}" if self.lacking else "it is not closed"
 
     @property
     def place(self) -> str:
-        """The place of the point, in words."""
+        """The place of the point, as a phrase."""
         x, y, z = self.at_mm
         return f"({x:.4g}, {y:.4g}, {z:.4g}) mm"
 
@@ -76,7 +76,7 @@ class FileForm(Record):
 
 @dataclass
 class Farthest:
-    """The point farthest off so far (mm), and its face; ``met``: names of all faces on which something lies."""
+    """The point farthest off so far (mm), and its face; ``met``: names of all faces found."""
 
     off_mm: float = 0.0
     face: str = ""
@@ -84,11 +84,11 @@ class Farthest:
     met: set[str] = field(default_factory=set)
 
     def meet(self, face: Designed, numbers: _Numbers) -> None:
-        """Take note that something lies on these of the faces of ``face``."""
+        """Note that these faces, by number, of ``face`` were found."""
         self.met.update(face.names[number] for number in np.unique(numbers))
 
     def see(self, face: Designed, off_mm: _Values, points: _Points, numbers: _Numbers) -> None:
-        """Take note of ``points`` that should lie on that face of the design, or on that one of several."""
+        """Note ``points`` that should lie on the design's ``face``, or on the numbered ones of it."""
         if isinstance(face, StandingWalls):
             off_mm = np.maximum(off_mm - _WALLS_MM, 0.0)
         worst = int(off_mm.argmax())
@@ -99,13 +99,13 @@ class Farthest:
             self.at_mm = (x, y, z)
 
     def look(self, face: Designed, points: _Points) -> None:
-        """Take note of ``points`` that should lie on that face."""
+        """Measure ``points`` that should lie on ``face``, and note them."""
         if len(points):
             off, numbers = face.off_mm(points)
             self.see(face, off, points, numbers)
 
     def form(self, name: str, body: DesignedBody, limit_um: float, open_edges: int) -> FileForm:
-        """The form of the file ``name``, of which all points have been seen."""
+        """The form of the file ``name`` from the points noted."""
         return FileForm(
             name=name,
             off_um=_UM_PER_MM * self.off_mm,
@@ -119,7 +119,7 @@ class Farthest:
 
 def open_edges(triangles: Int[np.ndarray, "t 3"], count: int) -> int:
     """Edges that do not join exactly two triangles of the same sense; ``count``: of the vertices."""
-    starts, ends = (each.astype(np.int64).ravel() for each in (triangles, np.roll(triangles, -1, axis=1)))
+    starts, ends = (vertices.astype(np.int64).ravel() for vertices in (triangles, np.roll(triangles, -1, axis=1)))
     forth = np.sort(starts * count + ends)
     back = np.sort(ends * count + starts)
     if (forth == back).all() and (forth[1:] != forth[:-1]).all():
@@ -135,9 +135,9 @@ def rounding_um(points: _Points) -> float:
 
 @dataclass(frozen=True)
 class Chords:
-    """Largest distances (mm) of the middles of flat facets: from optical faces, and from round walls.
+    """Largest chord errors (mm) of flat facets: on optical faces, and on round walls.
 
-    ``rims_mm``: the corners of facets on the rims, where the mesh of a base from elsewhere cuts across them.
+    ``rims_mm``: of facet corners on the rims, where the mesh of a custom base cuts across them.
     """
 
     faces_mm: float
@@ -145,16 +145,16 @@ class Chords:
     rims_mm: float = 0.0
 
     def of(self, face: Designed) -> float:
-        """Largest distance (mm) from one face."""
+        """Largest chord error (mm) on a face."""
         return _STATED * (self.walls_mm if isinstance(face, StandingWalls) else self.faces_mm)
 
 
 @dataclass(frozen=True)
 class DesignedFile:
-    """A file of the part as it is now, the body that it should hold, and how far off its facets may be.
+    """A file of the part, the body that it should hold, and the chord errors that its facets may have.
 
-    ``trimmed``: False for faces without edges, which go on beyond those of the design. ``tolerance_um``: of the form of
-    its optical faces.
+    ``trimmed``: False for faces without edges, which extend beyond those of the design. ``tolerance_um``: of the form
+    of its optical faces.
     """
 
     name: str
@@ -166,14 +166,14 @@ class DesignedFile:
 
     @property
     def limit_um(self) -> float:
-        """Largest distance (um) of its points from the design."""
+        """Largest permitted distance (um) of its points from the design."""
         return FORM_UM + self.tolerance_um
 
     @property
     def is_step(self) -> bool:
-        """True of a STEP file, by its name."""
+        """True for a STEP file, by its name."""
         return self.name.endswith(".step")
 
     def is_judged_as(self, other: "DesignedFile") -> bool:
-        """True where both should hold one body, and points of either may be as far off it."""
+        """True if both should hold one body, with the same permitted distances."""
         return self.body is other.body and (self.chords, self.limit_um) == (other.chords, other.limit_um)

@@ -68,7 +68,7 @@ _NO_AREA_MM = 1e-4  # a ring this narrow is none: a base flush with the rim
 
 
 def designed_files(part: Part) -> Iterator[DesignedFile]:
-    """Every file that the export has written, with the body that it should hold."""
+    """Every exported file, with the body that it should hold."""
     lens = part.lens
     plate = layout_of(part.lens)
     remember_fit(lens, part.nodes)  # by which the base has room for the cutter
@@ -94,7 +94,7 @@ def designed_files(part: Part) -> Iterator[DesignedFile]:
 
 
 def designed_faces(lens: Lens, scale: float = 1.0, beyond_deg: float = 0.0) -> Iterator[DesignedFace]:
-    """The optical faces, and the ring around an opening; ``beyond_deg``: how far they are known beyond their edges."""
+    """The optical faces, and the ring around an opening; ``beyond_deg``: known margin beyond their edges."""
     for boundary in lens_boundaries(lens):
         for face in boundary.of_material:
             if not face.is_flange:
@@ -112,10 +112,10 @@ def _tabulated(face: TrimmedFace[Surface], surface: Surface, beyond_deg: float) 
         axis = np.tan(np.linspace(-half, half, nodes))
         chart = np.stack(np.meshgrid(axis, axis, indexing="ij"), axis=-1)
         values = 1.0 / surface.radius_on_grid(to_sphere(chart))
-        found = DesignedFace(face.label, axis, values, face.domain.extent, (low, high))
-        error_nm = 1e6 * float(found.off_mm(points)[0].max())
+        face_table = DesignedFace(face.label, axis, values, face.domain.extent, (low, high))
+        error_nm = 1e6 * float(face_table.off_mm(points)[0].max())
         if error_nm <= _AIM_NM or nodes == _MOST_NODES:
-            return found
+            return face_table
         nodes = min(_MOST_NODES, int(np.ceil(nodes * max(1.1, (1.5 * error_nm / _AIM_NM) ** (1.0 / _ORDER)))))
 
 
@@ -131,7 +131,7 @@ def designed_lens(lens: Lens) -> DesignedBody:
 
 
 def _of_ring(ring: FlangeRing, cylinder: str) -> list[Designed]:
-    made = _Made()
+    made = _SideFaces()
     made.add_level(RIM_FLANGE_TOP, ring.high_mm)
     made.add_level(RIM_FLANGE_BOTTOM, ring.low_mm)
     made.add_round(
@@ -142,18 +142,18 @@ def _of_ring(ring: FlangeRing, cylinder: str) -> list[Designed]:
 
 
 @dataclass
-class _Made:
+class _SideFaces:
     levels: dict[float, str] = field(default_factory=dict)
     walls: list[tuple[str, Float[np.ndarray, "_ 3 2"], Float[np.ndarray, "_ 4"]]] = field(default_factory=list)
 
     def add_level(self, name: str, height_mm: float) -> None:
-        """Add a plane; two in one height are one."""
+        """Add a plane; planes of equal height are merged."""
         self.levels.setdefault(round(height_mm, 9), name)
 
     def add_wall(
         self, name: str, pieces: Float[np.ndarray, "s 3 2"], draft: Sequence[float] | np.ndarray = _UPRIGHT
     ) -> None:
-        """Add a wall over a closed curve in pieces; ``draft``: as of :class:`StandingWalls`, or one for all of them."""
+        """Add a wall over a closed curve in pieces; ``draft``: one for all pieces, or as in :class:`StandingWalls`."""
         self.walls.append((name, pieces, np.broadcast_to(draft, (len(pieces), 4))))
 
     def add_round(self, name: str, wall: RoundWall) -> None:
@@ -163,15 +163,15 @@ class _Made:
 
     @property
     def faces(self) -> list[Designed]:
-        """Levels and walls, those of one name with numbers."""
-        found: list[Designed] = []
+        """Levels and walls; equal names are numbered."""
+        faces: list[Designed] = []
         if self.levels:
-            found.append(Levels(_numbered(list(self.levels.values())), np.array(list(self.levels))))
+            faces.append(Levels(_numbered(list(self.levels.values())), np.array(list(self.levels))))
         if self.walls:
             names, pieces, drafts = zip(*self.walls, strict=True)
             owners = np.repeat(np.arange(len(names)), [len(piece) for piece in pieces])
-            found.append(StandingWalls(_numbered(list(names)), np.concatenate(pieces), owners, np.concatenate(drafts)))
-        return found
+            faces.append(StandingWalls(_numbered(list(names)), np.concatenate(pieces), owners, np.concatenate(drafts)))
+        return faces
 
 
 def _numbered(names: list[str]) -> tuple[str, ...]:
@@ -180,9 +180,9 @@ def _numbered(names: list[str]) -> tuple[str, ...]:
     )
 
 
-def _of_base(plan: Plan[Surface]) -> _Made:
+def _of_base(plan: Plan[Surface]) -> _SideFaces:
     """Planes and walls below the rims, from corner to corner."""
-    made = _Made()
+    made = _SideFaces()
     corners = base_corners(plan)
     turns = np.linspace(0.0, 2.0 * np.pi, _PIECES, endpoint=False)
     for corner, following in zip(corners, [*corners[1:], Corner(rim_radius(plan.cavity), 0.0, "")], strict=True):
@@ -202,7 +202,7 @@ def _of_base(plan: Plan[Surface]) -> _Made:
 
 def designed_plate(lens: Lens, layout: PlateLayout) -> DesignedBody:
     """The plate with all its lenses."""
-    made = _Made()
+    made = _SideFaces()
     thick = layout.plate.thickness_mm
     lamps = layout.lenses
     lenses = PlateOfLenses(np.array(lamps.places_mm), np.radians(lamps.turns_deg), None, lamps.kind_of_each)
@@ -233,7 +233,7 @@ def designed_plate(lens: Lens, layout: PlateLayout) -> DesignedBody:
 
 
 def _leaning(top: LoopEdge, foot: LoopEdge, length_mm: float) -> tuple[float, float, float, float]:
-    """The draft of a side between two edges: about the apex of a cone, for a line far away along its way inwards."""
+    """The draft of a side between two edges, as a cone; a straight side has its apex far away."""
     if top.centre is not None and foot.centre is not None:
         scale = foot.radius_mm / top.radius_mm
         start = np.array(top.centre)
@@ -249,11 +249,13 @@ def _leaning(top: LoopEdge, foot: LoopEdge, length_mm: float) -> tuple[float, fl
 def _around(
     radius: Callable[[Float[np.ndarray, " n"]], Float[np.ndarray, " n"]], corners: Float[np.ndarray, " k"] | tuple[()]
 ) -> Float[np.ndarray, "s 3 2"]:
-    """The curve of a radius over azimuth in pieces, which end at its ``corners``."""
+    """The curve of ``radius`` over azimuth in pieces that end at its ``corners``."""
     turns = np.unique(np.concatenate([np.linspace(0.0, 2.0 * np.pi, _PIECES + 1), corners]))
     turns = turns[np.diff(turns, prepend=-1.0) > 1e-9]
-    each = np.stack([turns[:-1], 0.5 * (turns[:-1] + turns[1:]), turns[1:]], axis=1)
-    points: Float[np.ndarray, "s 3 2"] = radius(each.ravel())[:, None, None] * rim_directions(each.ravel())[:, None, :2]
+    azimuths = np.stack([turns[:-1], 0.5 * (turns[:-1] + turns[1:]), turns[1:]], axis=1)
+    points: Float[np.ndarray, "s 3 2"] = (
+        radius(azimuths.ravel())[:, None, None] * rim_directions(azimuths.ravel())[:, None, :2]
+    )
     return points.reshape(-1, 3, 2)
 
 

@@ -25,7 +25,7 @@ class FacetMesh(NamedTuple):
 
 
 class CellGrid(NamedTuple):
-    """Cubes of the edge ``cell`` (mm) from a ``corner`` on, numbered with the last axis of their ``shape`` fastest."""
+    """Cubes of edge ``cell`` (mm) from ``corner``, numbered with the last axis of ``shape`` fastest."""
 
     corner: Float[np.ndarray, "3"]
     cell: float
@@ -55,7 +55,7 @@ def _difference(a, b):
 
 @inline
 def _distance(origin, direction, triangle, normal):
-    """Distance to a triangle, infinite where the ray misses it; the tests are those of trimesh."""
+    """Distance to a triangle, infinite if the ray misses it; the tests are those of trimesh."""
     cosine = _dot(direction, normal)
     if abs(cosine) <= PARALLEL:
         return inf
@@ -100,9 +100,9 @@ def _crossing(number, slope, origin, corner, cell):
 
 @kernel
 def sort_into_cells(facets, boxes, grid, places, members):
-    """List in ``members`` the facets whose planes cross the cells of their boxes, each from its ``places`` (c) on.
+    """List in ``members`` the facets whose planes cross the cells of their boxes, from each cell's ``places`` (c) on.
 
-    The places of the cells move behind the last one; with no ``members`` they alone do, so that zeros become counts.
+    Places advance past the last entry; with empty ``members`` only they do, which counts the facets.
     """
     first = boxes.first
     span = boxes.span

@@ -26,13 +26,13 @@ def in_rectangles(
     sides: Float[np.ndarray, "k 2"],
     shares: Float[np.ndarray, " k"],
 ) -> Points:
-    """Points (mm) uniform in rectangles, each of which has its share of the flux."""
+    """Points (mm) uniform in rectangles that share the flux by ``shares``."""
     chosen = random.choice(len(shares), count, p=shares / shares.sum())
     return centres[chosen] + random.uniform(-0.5, 0.5, (count, 2)) * sides[chosen]
 
 
 def in_disc(random: Generator, count: int, radius_mm: float) -> Points:
-    """Points (mm) uniform in a disc about the axis: those of its square that lie in it."""
+    """Points (mm) uniform in a disc about the axis, by rejection from its square."""
 
     def draw(many: int) -> tuple[np.ndarray, np.ndarray]:
         points = random.uniform(-radius_mm, radius_mm, (many, 2))
@@ -42,7 +42,7 @@ def in_disc(random: Generator, count: int, radius_mm: float) -> Points:
 
 
 def in_picture(random: Generator, count: int, values: Float[np.ndarray, "h w"], width_mm: float) -> Points:
-    """Points (mm) of a picture centred on the axis, row 0 at its top: a pixel's flux follows its value."""
+    """Points (mm) in a picture centred on the axis, row 0 at its top, by the flux of its pixels."""
     height, width = values.shape
     chosen = random.choice(values.size, count, p=values.ravel() / values.sum())
     row, column = np.divmod(chosen, width)
@@ -51,7 +51,7 @@ def in_picture(random: Generator, count: int, values: Float[np.ndarray, "h w"], 
 
 
 def along_cosine(random: Generator, count: int, power: float) -> Directions:
-    """Directions whose intensity is the cosine from +z to a power: the cosines have the density of a power law."""
+    """Directions whose intensity is a power of the cosine to +z: the cosines have a power-law density."""
     return _directions(random.power(power + 1.0, count), random.uniform(0.0, 2.0 * np.pi, count))
 
 
@@ -108,8 +108,8 @@ def of_radiance(
         cosine = np.sqrt(1.0 - squares[step] - up * (squares[step + 1] - squares[step]))
         towards = _directions(cosine, turns[low] + along * (turns[low + 1] - turns[low]))
         place = [x[column] + across * np.diff(x)[column], y[row] + down * np.diff(y)[row]]
-        kept = random.random(many) * highest[cell, low, step] < _blend(values, cell, low, step, along, up)
-        return np.column_stack([*place, towards]), kept
+        accepted = random.random(many) * highest[cell, low, step] < _blend(values, cell, low, step, along, up)
+        return np.column_stack([*place, towards]), accepted
 
     return _accepted(count, draw)
 
@@ -122,7 +122,7 @@ def posed(
     tilt_deg: tuple[float, float],
     position_mm: tuple[float, float, float],
 ) -> RayBundle:
-    """Rays of ``flux_w`` together, turned about z, then about the fixed x and y axes, and shifted."""
+    """Rays of ``flux_w`` in total, turned about z, then about the fixed x and y axes, and shifted."""
     turn = Rotation.from_euler("zxy", [rotate_z_deg, *tilt_deg], degrees=True)  # small letters: about fixed axes
     count = len(points)
     return RayBundle(turn.apply(points) + position_mm, turn.apply(directions), np.full(count, flux_w / count))
@@ -141,7 +141,7 @@ def wavelengths(
 ) -> Float[np.ndarray, " n"]:
     """Wavelengths (nm) of a power density that is linear between nodes; a single node is a line.
 
-    A density that falls to 0 is that of the smaller of two uniform numbers, one that rises from 0 of the larger.
+    A density falling to 0 is that of the smaller of two uniform numbers, one rising from 0 that of the larger.
     """
     if len(nodes_nm) == 1:
         return np.full(count, nodes_nm[0])
@@ -156,9 +156,9 @@ def _accepted(count: int, draw: Callable[[int], tuple[np.ndarray, np.ndarray]]) 
     accepted = []
     some = 0
     while some < count:
-        rows, kept = draw(max(2 * (count - some), _BATCH))
-        accepted.append(rows[kept])
-        some += int(kept.sum())
+        rows, is_accepted = draw(max(2 * (count - some), _BATCH))
+        accepted.append(rows[is_accepted])
+        some += int(is_accepted.sum())
     return np.concatenate(accepted)[:count]
 
 
@@ -172,7 +172,7 @@ def _whole_turn(
 
 
 def _cell_bounds(values: Float[np.ndarray, "k c g"]) -> Float[np.ndarray, "k _ _"]:
-    """Largest value in each cell of (C, gamma): one of its corners'."""
+    """Upper bound in each cell of (C, gamma): the largest of its corners."""
     along = np.maximum(values[:, 1:], values[:, :-1])
     return np.maximum(along[:, :, 1:], along[:, :, :-1])
 
@@ -180,7 +180,7 @@ def _cell_bounds(values: Float[np.ndarray, "k c g"]) -> Float[np.ndarray, "k _ _
 def _in_cells(
     random: Generator, count: int, bounds: Float[np.ndarray, "k c g"]
 ) -> tuple[tuple[Int[np.ndarray, " n"], ...], Float[np.ndarray, "2 n"]]:
-    """Cells drawn in proportion to their ``bounds``, and places in them, from 0 to 1 along C and gamma."""
+    """Cells drawn in proportion to their ``bounds``, and positions in them, from 0 to 1 along C and gamma."""
     chosen = random.choice(bounds.size, count, p=bounds.ravel() / bounds.sum())
     return np.unravel_index(chosen, bounds.shape), random.random((2, count))
 
@@ -194,7 +194,9 @@ def _blend(
     up: Float[np.ndarray, " n"],
 ) -> Float[np.ndarray, " n"]:
     """Bilinear interpolation in cells."""
-    near, far = ((1.0 - up) * values[first, each, step] + up * values[first, each, step + 1] for each in (low, low + 1))
+    near, far = (
+        (1.0 - up) * values[first, column, step] + up * values[first, column, step + 1] for column in (low, low + 1)
+    )
     return (1.0 - along) * near + along * far
 
 

@@ -1,7 +1,7 @@
 """The form of the meshes in STL and 3MF files, facet by facet.
 
 The corners of a facet lie on one face of the design, to rounding: that from which they are least off together. Its
-middle lies as near as flat facets are.
+middle lies within the chord error of flat facets.
 """
 
 from collections.abc import Mapping, Sequence
@@ -25,7 +25,7 @@ _Triangles = Int[np.ndarray, "t 3"]
 def mesh_forms(files: Sequence[DesignedFile], known: Mapping[bytes, trimesh.Trimesh]) -> dict[str, FileForm]:
     """Form of each STL and 3MF file by its name; ``known``: meshes of contents that have been read.
 
-    One that should hold the same body as another, and has its facets, has its form.
+    A file with the facets of an earlier one that should hold the same body gets its form.
     """
     forms = dict[str, FileForm]()
     judged = list[tuple[DesignedFile, _Points, FileForm]]()
@@ -34,7 +34,11 @@ def mesh_forms(files: Sequence[DesignedFile], known: Mapping[bytes, trimesh.Trim
             continue
         vertices, triangles = _mesh_of(file, known)
         corners = vertices[triangles]
-        alike = (form for other, theirs, form in judged if file.is_judged_as(other) and _are_same(corners, theirs))
+        alike = (
+            form
+            for other, other_corners, form in judged
+            if file.is_judged_as(other) and _are_same(corners, other_corners)
+        )
         same = next(alike, None)
         if same is None:
             forms[file.name] = mesh_form(file, vertices, triangles)
@@ -53,9 +57,11 @@ def _mesh_of(file: DesignedFile, known: Mapping[bytes, trimesh.Trimesh]) -> tupl
     return np.asarray(mesh.vertices), np.asarray(mesh.faces)
 
 
-def _are_same(one: Float[np.ndarray, "t 3 3"], other: Float[np.ndarray, "u 3 3"]) -> bool:
+def _are_same(first: Float[np.ndarray, "t 3 3"], second: Float[np.ndarray, "u 3 3"]) -> bool:
     """True for the same facets in the same order, up to the last digit of single precision."""
-    return one.shape == other.shape and bool(1e3 * np.abs(one - other).max() <= rounding_um(other.reshape(-1, 3)))
+    return first.shape == second.shape and bool(
+        1e3 * np.abs(first - second).max() <= rounding_um(second.reshape(-1, 3))
+    )
 
 
 def mesh_form(file: DesignedFile, vertices: _Points, triangles: _Triangles) -> FileForm:
@@ -73,7 +79,7 @@ def mesh_form(file: DesignedFile, vertices: _Points, triangles: _Triangles) -> F
 def _see_facets(
     seen: Farthest, vertices: _Points, facets: _Triangles, faces: Sequence[Designed], chords: Chords
 ) -> None:
-    """Each facet on the face from which its corners are least off together."""
+    """Assign each facet to the face from which its corners together are least off."""
     used = np.zeros(len(vertices), dtype=bool)
     used[facets] = True
     places = vertices[used]
@@ -83,18 +89,18 @@ def _see_facets(
     mixed = any(isinstance(face, Levels) for face in faces)
     sums = []
     for face, (off, owners) in zip(faces, away, strict=True):
-        one = np.ptp(owners[rows], axis=1) == 0
+        on_one_face = np.ptp(owners[rows], axis=1) == 0
         # The corners of a facet within a round wall lie on it, too.
         beside = face.off_mm(middles)[0] if mixed else 0.0
-        sums.append(np.where(one, off[rows].sum(axis=1) + beside, _FAR_MM))
+        sums.append(np.where(on_one_face, off[rows].sum(axis=1) + beside, _FAR_MM))
     chosen = np.argmin(sums, axis=0)
     for number, (face, (off, owners)) in enumerate(zip(faces, away, strict=True)):
-        own = chosen == number
-        if not own.any():
+        on_face = chosen == number
+        if not on_face.any():
             continue
-        corners = rows[own].ravel()
+        corners = rows[on_face].ravel()
         on_rims = np.where(places[corners, 2] <= ABOVE_MM, chords.rims_mm, 0.0)
         seen.see(face, np.maximum(off[corners] - on_rims, 0.0), places[corners], owners[corners])
-        off_middle, owner = face.off_mm(middles[own], chords.of(face))
+        off_middle, owner = face.off_mm(middles[on_face], chords.of(face))
         seen.meet(face, owner)
-        seen.see(face, np.maximum(off_middle - chords.of(face), 0.0), middles[own], owner)
+        seen.see(face, np.maximum(off_middle - chords.of(face), 0.0), middles[on_face], owner)

@@ -32,7 +32,7 @@ VARIANT = "scalar_rgb"  # in every wheel, and the only one that runs on any mach
 
 
 def installed() -> bool:
-    """True where Mitsuba 3 is installed; it is not loaded."""
+    """True if Mitsuba 3 is installed; it is not loaded."""
     return find_spec("mitsuba") is not None
 
 
@@ -97,12 +97,12 @@ def send_through_mitsuba(part: PartMesh, rays: RayBundle, media: Media) -> tuple
             strict=True,
         )
         for row, (origin, direction, indices) in enumerate(table):
-            passage.fates[row], end, own = caster.cast(origin, direction, indices, drawn.take(rows[row]))
+            passage.fates[row], end, events = caster.cast(origin, direction, indices, drawn.take(rows[row]))
             if end is not None:
                 passage.points[row], passage.directions[row] = end
                 if part.optical.opening is not None:
-                    passage.met[row, len(own)] = part.optical.opening
-            for event, place in zip(met, own, strict=False):
+                    passage.met[row, len(events)] = part.optical.opening
+            for event, place in zip(met, events, strict=False):
                 event.append((row, place))
         for number, event in enumerate(met):
             if not event:
@@ -116,8 +116,10 @@ def send_through_mitsuba(part: PartMesh, rays: RayBundle, media: Media) -> tuple
 
 
 class _Met(NamedTuple):
-    """A face that a ray meets: its direction, normal, path (mm) in the body up to there, the face's number, True where
-    it faces away from the origin, where the ray comes from the body, and where it is refracted."""
+    """A face hit by a ray: direction, normal, path (mm) in the body so far, and number.
+
+    And True if the face faces away from the origin, if the ray comes from the body, and if it is refracted.
+    """
 
     direction: list[float]
     normal: list[float]
@@ -129,9 +131,9 @@ class _Met(NamedTuple):
 
 
 def _share(passage: Passage, whole: LitRays, met: list[tuple[int, _Met]], optical: OpticalFaces, media: Media) -> None:
-    """Share the flux of rays at the faces that they meet at one event."""
+    """Divide the flux of rays at the faces that they meet at the same event."""
     rows = np.array([row for row, _ in met])
-    columns = (np.array(column) for column in zip(*(own for _, own in met), strict=True))
+    columns = (np.array(column) for column in zip(*(event for _, event in met), strict=True))
     directions, normals, lengths, faces, away, inside, passes = columns
     absorb(passage, rows, optical.expansion.scale * lengths, whole.absorptions[rows])
     light = replace(whole.take(rows), directions=directions, fields=passage.fields[rows], inside=inside)
@@ -140,7 +142,7 @@ def _share(passage: Passage, whole: LitRays, met: list[tuple[int, _Met]], optica
 
 
 class _Caster:
-    """A ray at a time through ``part``, by Mitsuba's own casting, refraction and reflection."""
+    """Rays one by one through ``part``, by Mitsuba's own casting, refraction and reflection."""
 
     def __init__(self, mi: Any, part: PartMesh, media: Media) -> None:
         self.mi = mi
@@ -172,7 +174,7 @@ class _Caster:
                 return CastFate.LANDED, (list(ray.o), list(ray.d)), met
             if hit.p.z <= 0.0:
                 return CastFate.BASE if inside else CastFate.OPENING, None, met
-            frame = self._frame(hit, ray, drawn, [each.face for each in met])
+            frame = self._frame(hit, ray, drawn, [earlier.face for earlier in met])
             local = frame.to_local(-ray.d)  # Mitsuba's directions of light point away from the surface
             away = hit.n.x * hit.p.x + hit.n.y * hit.p.y + hit.n.z * hit.p.z > 0.0  # as ``faces_away``
             if inside and (local.z > 0.0 or not (away or goes_on)):
@@ -197,11 +199,11 @@ class _Caster:
         return CastFate.TOTAL_REFLECTION if whole else CastFate.EVENT_LIMIT, None, met
 
     def _frame(self, hit: Any, ray: Any, drawn: FaceNumbers, before: list[int]) -> Any:
-        """Frame of the facet that a ray meets which has met these faces ``before``."""
+        """Frame of the facet hit by a ray that has met the faces ``before``."""
         face = int(self.faces[hit.prim_index])
         if self.rms[face] == 0.0:
             return hit.sh_frame
-        met = Arrival(*(np.array([list(each)]) for each in (hit.p, hit.sh_frame.n, ray.d)))
+        met = Arrival(*(np.array([list(vector)]) for vector in (hit.p, hit.sh_frame.n, ray.d)))
         facet = tilted(met, self.rms[[face]], drawn.at(np.array([face]), np.array([before.count(face)])))[0]
         return self.mi.Frame3f(self.mi.Vector3f(facet.tolist() if facet @ met.normals[0] > 0.0 else (-facet).tolist()))
 

@@ -3,8 +3,8 @@
 Every ray splits into a transmitted and a reflected one; nothing is drawn at random, so the flux budget closes to
 rounding. The polarisation of each ray goes with it.
 
-What leaves is stray light where it is not that of the sequential trace of the same rays through the same mesh. The
-board and the chip under the lens are not modelled: they absorb all light that comes back to them.
+Light that leaves is stray unless the sequential trace of the same rays through the same mesh has it. The board and the
+chip under the lens are not modelled: they absorb all light that comes back to them.
 """
 
 from collections import Counter
@@ -48,7 +48,7 @@ _CHUNK = 16384  # rays cast at a time: bounds the memory, and stays in the cache
 
 
 class Cause(IntEnum):
-    """First event that took light off the sequential path: that of the sequential cast, through every face on it."""
+    """First event that took light off the path of the sequential cast."""
 
     SEQUENTIAL = 0  # none: light on the sequential path
     INNER_REFLECTION = 1  # reflected where it should have entered
@@ -60,10 +60,10 @@ class Cause(IntEnum):
 
 @dataclass(frozen=True)
 class SplitRays(LitRays):
-    """Rays on their way or out of the part: last points (mm), flux (W), cause.
+    """Rays inside or behind the part: last points (mm), flux (W), cause.
 
-    ``events``: on the sequential path; ``crossings``: 0 in the cavity, 1 in the body, 2 behind it. ``beside``: True
-    for light that has met a neighbour of its lens.
+    ``events``: on the sequential path; ``crossings``: 0 in the cavity, 1 in the body, 2 behind it. ``beside``: True for
+    light that has met a neighbour of its lens.
     """
 
     points: Float[np.ndarray, "n 3"]
@@ -97,9 +97,9 @@ class Limits:
 
 @dataclass
 class FluxBudget:
-    """Flux (W) by its end: gone from the part, in pieces as it left, or lost. ``absorbed``: by the body and mirrors.
+    """Flux (W) by its end: ``pieces`` of light that left the part, and losses. ``absorbed``: by the body and mirrors.
 
-    ``neighbours``: of light as it first met a neighbour of its lens on a plate.
+    ``neighbours``: of light when it first met a neighbour of its lens on a plate.
     """
 
     pieces: list[SplitRays] = field(default_factory=list)
@@ -118,7 +118,7 @@ class FluxBudget:
 class _Followed:
     """Light of some rays that has left the part, in pieces, and losses of flux (W) by their names in the budget.
 
-    They are added up in order, so that the sums have the same bits by however many threads.
+    They are summed in order, so that the bits do not depend on the number of threads.
     """
 
     pieces: list[SplitRays] = field(default_factory=list)
@@ -141,20 +141,20 @@ def follow(body: PartBody, rays: RayBundle, limits: Limits, threads: int = 1, ch
     least = limits.cut_off * float(rays.flux.mean())
 
     def followed(start: int) -> _Followed:
-        found = _Followed()
+        followed_light = _Followed()
         light = _emitted(body, rays.take(slice(start, start + chunk)))
         for _ in range(limits.depth):
-            light = _step(body, light, least, found)
+            light = _step(body, light, least, followed_light)
             if len(light.flux) == 0:
                 break
-        found.lose("cut_off", light.flux)
-        return found
+        followed_light.lose("cut_off", light.flux)
+        return followed_light
 
     budget = FluxBudget()
     with ThreadPoolExecutor(threads) as pool:
-        for found in pool.map(followed, range(0, len(rays), chunk)):
-            budget.pieces += found.pieces
-            for name, flux in found.losses:
+        for chunk_light in pool.map(followed, range(0, len(rays), chunk)):
+            budget.pieces += chunk_light.pieces
+            for name, flux in chunk_light.losses:
                 setattr(budget, name, getattr(budget, name) + flux)
     return budget
 
@@ -173,45 +173,52 @@ def _emitted(body: PartBody, rays: RayBundle) -> SplitRays:
     return SplitRays(**light, crossings=nothing, events=nothing, beside=np.zeros(len(rays), dtype=bool))
 
 
-def _step(body: PartBody, light: SplitRays, least: float, found: _Followed) -> SplitRays:
-    """Trace all rays to the next surface, or out; return those that go on from there."""
+def _step(body: PartBody, light: SplitRays, least: float, outcome: _Followed) -> SplitRays:
+    """Trace all rays to the next surface, or out; return those that continue, and note the rest in ``outcome``."""
     leg = Leg(light.points, light.directions, np.full(len(light.flux), SKIN_MM))
     hits = body.surface_hits(leg, light.inside)
     gone = ~hits.found
-    found.lose("leaked", light.flux[gone & light.inside])
-    found.pieces.append(light.take(np.nonzero(gone & ~light.inside)[0]))
+    outcome.lose("leaked", light.flux[gone & light.inside])
+    outcome.pieces.append(light.take(np.nonzero(gone & ~light.inside)[0]))
     rows = np.nonzero(~gone)[0]
     light = light.take(rows)
     hits = hits.take(rows)
     # By the law of Beer and Lambert.
     lengths = body.optical.expansion.scale * np.linalg.norm(hits.points - light.points, axis=1)
     left = np.where(light.inside, np.exp(-light.absorptions * lengths), 1.0)
-    found.lose("absorbed", light.flux * (1.0 - left))
+    outcome.lose("absorbed", light.flux * (1.0 - left))
     light = replace(light, flux=light.flux * left)
     if body.base == "black":
-        found.lose("base", light.flux[hits.base])
+        outcome.lose("base", light.flux[hits.base])
         rows = np.nonzero(~hits.base)[0]
         light = light.take(rows)
         hits = hits.take(rows)
     beside = body.optical.at_neighbour(hits.points)
-    found.lose("neighbours", light.flux[beside & ~light.beside])
+    outcome.lose("neighbours", light.flux[beside & ~light.beside])
     light = replace(light, beside=light.beside | beside)
     at = at_faces(body.optical, body.media, light, hits)
-    found.lose("absorbed", light.flux * (1.0 - at.transmittance - at.reflectance))  # by mirrors
+    outcome.lose("absorbed", light.flux * (1.0 - at.transmittance - at.reflectance))  # by mirrors
     children = _split(body.optical, light, hits, at)
     bright = children.flux > least
-    found.lose("cut_off", children.flux[~bright])
+    outcome.lose("cut_off", children.flux[~bright])
     return children.take(np.nonzero(bright)[0])
 
 
 def _split(optical: OpticalFaces, light: SplitRays, hits: SurfaceHits, at: AtFace) -> SplitRays:
-    """The transmitted and the reflected rays behind a surface, one after the other."""
+    """The transmitted, then the reflected rays behind a surface."""
     causes = _causes(optical, light, hits, at.transmittance)
-    there = replace(light, points=hits.points, events=light.events + 1, times=light.times_after(hits.faces))
-    passed = replace(there, directions=at.bent, fields=at.passed, flux=light.flux * at.transmittance, causes=causes[0])
+    at_surface = replace(light, points=hits.points, events=light.events + 1, times=light.times_after(hits.faces))
+    passed = replace(
+        at_surface, directions=at.bent, fields=at.passed, flux=light.flux * at.transmittance, causes=causes[0]
+    )
     passed = replace(passed, inside=~light.inside, crossings=np.where(light.inside, np.where(hits.away, 2, 0), 1))
-    back = {"directions": at.mirrored, "fields": at.returned, "flux": light.flux * at.reflectance, "causes": causes[1]}
-    return _joined([passed, replace(there, **back)])
+    reflected = {
+        "directions": at.mirrored,
+        "fields": at.returned,
+        "flux": light.flux * at.reflectance,
+        "causes": causes[1],
+    }
+    return _joined([passed, replace(at_surface, **reflected)])
 
 
 def _causes(
@@ -248,10 +255,9 @@ def trace_stray(
     """Follow ``rays`` through the part in the bytes of an STL file (mm) until all light has left it.
 
     Shares are of the emitted flux; "detected" is what lands in the window of each of ``screens``, of ``names``.
-    ``optical``: the faces of the part, and the events of its light; ``lamps``: where those stand that send it, all of
-    which light each screen: shares are means over them. The result does not depend on ``threads``.
-    ``inputs``: hashes of the inputs, by name. Raises :class:`InputError` for bytes that hold no mesh, and for an
-    unknown ``base``.
+    ``optical``: the faces of the part, and the events of its light; ``lamps``: places of the lamps, all of which light
+    each screen: shares are means over them. The result does not depend on ``threads``. ``inputs``: hashes of the
+    inputs, by name. Raises :class:`InputError` for bytes that hold no mesh, and for an unknown ``base``.
     """
     require_choice("base", base, get_args(Base))
     start = perf_counter()
@@ -288,9 +294,9 @@ def _escaped(light: SplitRays, media: Media, optical: OpticalFaces) -> Passage:
 
 @dataclass(frozen=True)
 class _Light:
-    """Light of one lamp that emits so much (W): split at the faces, by ``causes``, and a ``passage`` that is not.
+    """Light of one lamp that emits ``emitted_w``: split at the faces, by ``causes``, and the unsplit ``passage``.
 
-    ``lamps``: where those stand that have it. ``lost``: what has not left the part (W).
+    ``lamps``: places of the lamps that have it. ``lost``: flux (W) that has not left the part.
     """
 
     lamps: LampStands
@@ -301,11 +307,11 @@ class _Light:
     passage: Passage
 
     def of_lamp(self, number: int, screen: Screen, images: Float[np.ndarray, "3 h w"]) -> dict[str, float]:
-        """Flux (W) by its end of the lamp of a number on a receiver; and the stray by its cause.
+        """Flux (W) of lamp ``number`` on a receiver by its end, with stray light by its cause.
 
-        ``images``: of what is not split, of the rest as designed, and stray, to which its own are added.
+        ``images``: unsplit light, direct light, and stray light, to which this lamp's is added.
         """
-        split, plain = (self.lamps.stood(each, number).landed(screen) for each in (self.split, self.passage))
+        split, plain = (self.lamps.stood(light, number).landed(screen) for light in (self.split, self.passage))
         reached = split.fates == CastFate.LANDED
         stray = self.causes != Cause.SEQUENTIAL
         inside = screen.in_window(split.landings)
@@ -332,7 +338,7 @@ class _Light:
         }
 
     def on(self, name: str, screen: Screen) -> ReceiverStray:
-        """Stray light of all lamps on one receiver; shares are of the flux of all."""
+        """Stray light of all lamps on a receiver; shares are of the flux of all."""
         sums = Counter[str]()
         images = np.zeros((3, screen.rows, screen.columns))
         count = len(self.lamps.places)

@@ -1,7 +1,7 @@
 """The optical faces of a body, as the casts through its files know them: names, sides, and the events of the light.
 
-A file is cast by its own geometry. Of the design come no more than the name of the face that a place belongs to, on
-which its coating depends, and the number of events that the light has on its way.
+A file is cast by its own geometry. The design contributes only the name of the face at a place, on which its coating
+depends, and the number of events on the way of the light.
 """
 
 from collections.abc import Iterator, Sequence
@@ -36,7 +36,7 @@ def faces_away(points: Float[np.ndarray, "n 3"], normals: Float[np.ndarray, "n 3
 class PlateOfLenses:
     """Lenses of a plate: places (mm) of their axes, turns (rad), and the number of the one that is lit.
 
-    None: all are, and all is in the coordinates of the plate. ``kinds``: number of the kind of each lens; by default
+    None: all are lit, and coordinates are those of the plate. ``kinds``: number of the kind of each lens; by default
     all are of one.
     """
 
@@ -46,12 +46,12 @@ class PlateOfLenses:
     kinds: tuple[int, ...] = ()
 
     def of_kinds(self, numbers: Int[np.ndarray, " n"]) -> Iterator[tuple[int, Int[np.ndarray, " m"]]]:
-        """Each kind, and the rows of the lenses of these ``numbers`` that are of it."""
-        own = np.array(self.kinds or [0] * len(self.places))[numbers]
-        return ((int(kind), np.flatnonzero(own == kind)) for kind in np.unique(own))
+        """Each kind, with the rows whose lens, by its number, is of that kind."""
+        kinds = np.array(self.kinds or [0] * len(self.places))[numbers]
+        return ((int(kind), np.flatnonzero(kinds == kind)) for kind in np.unique(kinds))
 
     def nearest(self, points: Float[np.ndarray, "n 3"]) -> Int[np.ndarray, " n"]:
-        """Number of the lens whose axis is nearest to points in the coordinates of the lit one."""
+        """Number of the lens with the axis nearest to points in the coordinates of the lit lens."""
         from scipy.spatial import cKDTree
 
         numbers: Int[np.ndarray, " n"] = cKDTree(self._seen).query(points[:, :2])[1]
@@ -64,22 +64,22 @@ class PlateOfLenses:
         moved: Float[np.ndarray, "n 3"] = (points - (*self.places[self.lit], 0.0)) @ _turned(-self.turns[self.lit]).T
         return moved
 
-    def from_own(
+    def to_local(
         self, points: Float[np.ndarray, "n 3"], normals: Float[np.ndarray, "n 3"]
     ) -> tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, "n 3"]]:
-        """Points and normals, from those of the lit lens into the coordinates of the nearest one."""
-        own, numbers = self.at_own(points)
-        ahead = normals.copy()
+        """Transform points and normals from the lit lens to the local coordinates of the nearest one."""
+        local, numbers = self.at_local(points)
+        local_normals = normals.copy()
         lit = 0.0 if self.lit is None else self.turns[self.lit]
         for number in np.unique(numbers):
             rows = numbers == number
-            ahead[rows] = normals[rows] @ _turned(lit - self.turns[number]).T
-        return own, ahead
+            local_normals[rows] = normals[rows] @ _turned(lit - self.turns[number]).T
+        return local, local_normals
 
-    def at_own(
+    def at_local(
         self, points: Float[np.ndarray, "n 3"], numbers: Int[np.ndarray, " n"] | None = None
     ) -> tuple[Float[np.ndarray, "n 3"], Int[np.ndarray, " n"]]:
-        """Points, from the coordinates of the lit lens into those of the nearest one, or of ``numbers``; its number."""
+        """Transform points from the lit lens to the nearest lens, or to ``numbers``; also that lens's number."""
         numbers = self.nearest(points) if numbers is None else numbers
         lit = 0.0 if self.lit is None else self.turns[self.lit]
         local = points - np.column_stack([self._seen, np.zeros(len(self.places))])[numbers]
@@ -92,21 +92,21 @@ class PlateOfLenses:
         return local, numbers
 
     def turns_to(self, numbers: Int[np.ndarray, " n"]) -> Float[np.ndarray, "n 3 3"]:
-        """Rotations from the coordinates of the lit lens into those of the lenses of these ``numbers``."""
+        """Rotations from the coordinates of the lit lens to those of the lenses ``numbers``."""
         lit = 0.0 if self.lit is None else self.turns[self.lit]
         turns: Float[np.ndarray, "n 3 3"] = np.stack([_turned(lit - turn) for turn in self.turns])[numbers]
         return turns
 
-    def from_own_points(
-        self, own: Float[np.ndarray, "n 3"], numbers: Int[np.ndarray, " n"]
+    def to_lit_points(
+        self, local: Float[np.ndarray, "n 3"], numbers: Int[np.ndarray, " n"]
     ) -> Float[np.ndarray, "n 3"]:
-        """Points of the lenses of these ``numbers``, from the coordinates of each into those of the lit one."""
-        lit: Float[np.ndarray, "n 3"] = np.einsum("nji,nj->ni", self.turns_to(numbers), own)
+        """Transform points from the local coordinates of the lenses ``numbers`` to those of the lit lens."""
+        lit: Float[np.ndarray, "n 3"] = np.einsum("nji,nj->ni", self.turns_to(numbers), local)
         lit[:, :2] += self._seen[numbers]
         return lit
 
     def placed(self, rays: RayBundle, numbers: Int[np.ndarray, " n"]) -> RayBundle:
-        """Transform rays from the local coordinates of the lens of their number to those of the plate."""
+        """Transform rays from the local coordinates of their lens, by number, to those of the plate."""
         origins = rays.origins.copy()
         directions = rays.directions.copy()
         for number, (place, turn) in enumerate(zip(self.places, self.turns, strict=True)):
@@ -127,20 +127,20 @@ def _turned(angle: float) -> Float[np.ndarray, "3 3"]:
 
 @dataclass(frozen=True)
 class Expansion:
-    """A part that is ``scale`` times as large as in its files, about its seat, ``seat_mm`` below its origin.
+    """A part ``scale`` times as large as in its files, about its seat, ``seat_mm`` below its origin.
 
-    Rays are cast through the part of the files, and lengths there are ``scale`` times as long in the warm one.
+    Rays are cast through the part of the files; lengths there are multiplied by ``scale`` for the warm part.
     """
 
     scale: float = 1.0
     seat_mm: float = 0.0
 
     def to_files(self, points: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
-        """Points of the warm part in the coordinates of its files."""
+        """Transform points from the warm part to its files."""
         return points if self.scale == 1.0 else (points - self._raised) / self.scale
 
     def from_files(self, points: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
-        """Points of its files in the coordinates of the warm part."""
+        """Transform points from the files to the warm part."""
         return points if self.scale == 1.0 else self.scale * points + self._raised
 
     @property
@@ -181,21 +181,21 @@ class OpticalFaces:
             raise InputError(f"events = {self.events}: light passes two faces at least, must be >= {_CROSSINGS}")
 
     def numbers_of(self, names: Sequence[str]) -> Int[np.ndarray, " f"]:
-        """Numbers of the faces of these names; the last, of the index -1, is NO_FACE."""
+        """Numbers of the faces ``names``; the last, of index -1, is NO_FACE."""
         return np.array([*map(self.names.index, names), NO_FACE])
 
     @property
     def flange(self) -> int:
-        """Number of the face at which all light ends; one that no face has without it."""
+        """Number of the face at which all light ends; an unused number without a flange."""
         return len(self.names) if self.flange_face is None else self.flange_face
 
     def goes_on(self, event: int | Int[np.ndarray, " n"]) -> bool | Bool[np.ndarray, " n"]:
-        """True where a ray that is reflected, or is back in the cavity, is followed beyond ``event`` (from 0)."""
+        """True if rays reflected at ``event`` (from 0), or back in the cavity after it, are followed further."""
         return (self.events > _CROSSINGS) & (event + 1 < self.events)
 
     def away_at(self, points: Float[np.ndarray, "n 3"], normals: Float[np.ndarray, "n 3"]) -> Bool[np.ndarray, " n"]:
         """True where a surface with ``normals`` out of the material faces away from the origin of its own lens."""
-        return faces_away(*(points, normals) if self.plate is None else self.plate.from_own(points, normals))
+        return faces_away(*(points, normals) if self.plate is None else self.plate.to_local(points, normals))
 
     def at_neighbour(self, points: Float[np.ndarray, "n 3"]) -> Bool[np.ndarray, " n"]:
         """True for points above z = 0 that are nearer to another lens of a plate than to the lit one."""
@@ -218,14 +218,14 @@ class OpticalFaces:
         numbers = np.full(len(points), NO_FACE)
         apart = np.zeros(len(points))
         for side in (False, True):
-            own = np.array([k for k, each in enumerate(self.away) if each == side and k != self.opening])
+            candidates = np.array([k for k, outward in enumerate(self.away) if outward == side and k != self.opening])
             rows = np.nonzero(above & (away == side))[0]
-            numbers[rows] = own[0]
-            if len(own) > 1:
-                found = self._gaps(points[rows])[own]
-                numbers[rows] = own[np.argmin(found, axis=0)]
+            numbers[rows] = candidates[0]
+            if len(candidates) > 1:
+                gaps = self._gaps(points[rows])[candidates]
+                numbers[rows] = candidates[np.argmin(gaps, axis=0)]
                 slant = np.abs(np.sum(points[rows] * normals[rows], axis=1)) / np.linalg.norm(points[rows], axis=1)
-                apart[rows] = found.min(axis=0) * slant
+                apart[rows] = gaps.min(axis=0) * slant
         if self.flange_mm is not None:
             beyond = above & (np.hypot(points[:, 0], points[:, 1]) > self.flange_mm + _AT_FLANGE_MM)
             numbers[beyond] = self.flange
@@ -235,10 +235,10 @@ class OpticalFaces:
     def _sorted_on(
         self, plate: PlateOfLenses, points: Float[np.ndarray, "n 3"], normals: Float[np.ndarray, "n 3"]
     ) -> tuple[Int[np.ndarray, " n"], Float[np.ndarray, " n"]]:
-        """The same on a plate: by the faces of the lens to which each point is nearest."""
+        """The same on a plate, by the faces of the lens nearest to each point."""
         kinds = self.of_kinds or (replace(self, plate=None),)
         nearest = plate.nearest(points)
-        points, normals = plate.from_own(points, normals)
+        points, normals = plate.to_local(points, normals)
         numbers = np.full(len(points), NO_FACE)
         apart = np.zeros(len(points))
         for kind, rows in plate.of_kinds(nearest):
@@ -246,15 +246,15 @@ class OpticalFaces:
         return numbers, apart
 
     def _gaps(self, points: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "f n"]:
-        """Distance (mm) of points above z = 0 from each face, along the line to the origin."""
+        """Radial distance (mm) of points above z = 0 from each face."""
         from scipy.ndimage import map_coordinates
 
         assert self.inverse_radii is not None
         radius = np.linalg.norm(points, axis=1)
         last = self.inverse_radii.shape[1] - 1
         place = 0.5 * last * (1.0 + points[:, :2] / (radius + points[:, 2])[:, None])
-        found = np.stack([map_coordinates(table, place.T, order=1, mode="nearest") for table in self.inverse_radii])
-        gaps: Float[np.ndarray, "f n"] = np.abs(1.0 / np.maximum(found, _FARTHEST) - radius)
+        inverse = np.stack([map_coordinates(table, place.T, order=1, mode="nearest") for table in self.inverse_radii])
+        gaps: Float[np.ndarray, "f n"] = np.abs(1.0 / np.maximum(inverse, _FARTHEST) - radius)
         return gaps
 
 

@@ -49,7 +49,7 @@ class Expected:
         return np.where(np.isnan(self.landings[:, 0]), lost, "landed")
 
     def require_shapes(self, count: int) -> None:
-        """Raise :class:`InputError` if the arrays do not belong to ``count`` rays and the screen."""
+        """Raise :class:`InputError` unless the arrays belong to ``count`` rays and the screen."""
         for name, array, shape in (
             ("irradiance", self.irradiance, (self.screen.rows, self.screen.columns)),
             ("landings", self.landings, (count, 2)),
@@ -63,8 +63,8 @@ class Expected:
                 )
 
     def take(self, rows: Int[np.ndarray, " k"]) -> "Expected":
-        """Results for some of the rays; the irradiance remains that of all rays."""
-        fates, met = (None if each is None else each[rows] for each in (self.fates, self.met))
+        """Select rays by row; the irradiance remains that of all rays."""
+        fates, met = (None if values is None else values[rows] for values in (self.fates, self.met))
         return replace(self, landings=self.landings[rows], flux=self.flux[rows], fates=fates, met=met)
 
 
@@ -113,18 +113,18 @@ def _fate_pairs(
 def landing_gaps(
     landed: Landed, expected: Expected
 ) -> tuple[Bool[np.ndarray, " n"], Bool[np.ndarray, " n"], Float[np.ndarray, " k"]]:
-    """Masks of the rays that part and design land on the receiver by the same way, of those of another fate; gaps (mm).
+    """Masks of rays that both land on the receiver by the same way, and of rays of differing fates; gaps (mm).
 
     The gaps are of the former; those of directions are taken at 1 m. Where there is no such ray, one gap as long as the
     receiver's diagonal.
     """
     screen = expected.screen
-    here = screen.on_pixels(landed.landings)
-    there = screen.on_pixels(expected.landings)
+    part_lands = screen.on_pixels(landed.landings)
+    design_lands = screen.on_pixels(expected.landings)
     lost_here = np.isnan(landed.landings[:, 0])
     lost_there = np.isnan(expected.landings[:, 0])
-    both = here & there
-    differs = (here & lost_there) | (there & lost_here)
+    both = part_lands & design_lands
+    differs = (part_lands & lost_there) | (design_lands & lost_here)
     if expected.met is not None:
         other_way = np.any(landed.met != expected.met, axis=1)
         both, differs = both & ~other_way, differs | (both & other_way)
@@ -172,9 +172,9 @@ RAYS = 2**14  # as many as the grid casts in the five seconds that this may take
 
 @dataclass(frozen=True)
 class IndependentLight:
-    """Rays (of the same flux each) that verification has drawn, and the design's light on each receiver.
+    """Rays (of equal flux) drawn by verification, and the design's light on each receiver.
 
-    That is its efficiency, and the NMSE of its map that is noise, None if unknown. ``seed``: of the facets that the
+    The latter are its efficiency, and the NMSE of its map by noise, None if unknown. ``seed``: for the facets that the
     rays meet.
     """
 
@@ -184,10 +184,10 @@ class IndependentLight:
 
 
 def emission_difference(independent: RayBundle, design: RayBundle) -> float:
-    """Largest difference of a mean, or of a mean product of two, of start point and direction, in standard errors.
+    """Largest difference of a mean, or of a mean product, of start point and direction, in standard errors.
 
-    Both samples as they leave the source, weighted by flux. The design's rays are quasi-random: they have no more noise
-    than is counted here, that of independent rays.
+    Both samples as emitted, weighted by flux. The design's rays are quasi-random: their noise is at most the one
+    counted here, that of independent rays.
     """
     rows, columns = np.triu_indices(7)
     means = np.zeros(len(rows))
@@ -222,9 +222,9 @@ def judge_independent_rays(
 
 
 def _nmse_less_noise(landed: LandedRays, expected: Expected, noise: float | None) -> Metric | None:
-    """NMSE of the light behind the rays against the design's picture, whose own NMSE by noise is ``noise``.
+    """NMSE against the design's picture, whose own NMSE by noise is ``noise``, without ray noise.
 
-    The mean product of the errors of two different blocks of rays has no noise of these rays (Hoeffding 1948).
+    The mean product of the errors of two different blocks of rays is free of their noise (Hoeffding 1948).
     """
     if noise is None or len(landed.flux) < LEAST_RAYS:
         return None
@@ -264,7 +264,7 @@ class LampsOnPlate:
     def cast(self, media: Media, threads: int) -> Passage:
         """Cast the rays through the mesh of the plate.
 
-        As in the sum that the design states, a ray that leaves its lens meets no other one: what does is stray light.
+        As in the design's sum, a ray that leaves its lens meets no other one: such light is stray.
         """
         return send_through(self.part, Grid(self.part.mesh), self.rays, media, threads)
 
@@ -277,9 +277,11 @@ class LampStands:
     axes: Float[np.ndarray, "k 3 3"]
 
     def stood(self, passage: Passage, numbers: int | Int[np.ndarray, " n"]) -> Passage:
-        """A ``passage`` through the part at the origin, moved with one lamp, or each ray with the one of its number."""
+        """A ``passage`` through the part at the origin, moved to one lamp, or each ray to its own lamp by number."""
         turned = self.axes[numbers]
-        points, directions = (np.einsum("...ij,...j", turned, each) for each in (passage.points, passage.directions))
+        points, directions = (
+            np.einsum("...ij,...j", turned, vectors) for vectors in (passage.points, passage.directions)
+        )
         return replace(passage, points=points + self.places[numbers], directions=directions)
 
 
@@ -288,7 +290,7 @@ ONE_LAMP = LampStands(np.zeros((1, 3)), np.eye(3)[None])
 
 @dataclass(frozen=True, eq=False)
 class LampsApart:
-    """Lamps with a part each: where they stand, the lamp of each ray, and the design's light as above."""
+    """Lamps with a part each: their places, the lamp of each ray, and the design's light as above."""
 
     stands: LampStands
     numbers: Int[np.ndarray, " n"]
@@ -303,7 +305,7 @@ class LampsApart:
 def light_of_lamps(
     lamps: LampsOnPlate | LampsApart, alone: Passage, rays: RayBundle, media: Media, threads: int
 ) -> tuple[LampsTogether, ...]:
-    """Light of all ``lamps`` on each receiver; ``alone``: the passage of ``rays`` through the part of one."""
+    """Light of all ``lamps`` on each receiver; ``alone``: the passage of ``rays`` through one lamp's part."""
     passage = (
         lamps.cast(media, threads) if isinstance(lamps, LampsOnPlate) else lamps.stands.stood(alone, lamps.numbers)
     )

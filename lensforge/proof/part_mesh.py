@@ -37,11 +37,11 @@ _EVEN = 4.0  # the broadest facet of a round wall over the narrowest: 1.2 of a d
 
 @dataclass(eq=False)
 class VertexFit:
-    """Local shape at each of the ``places`` (mm): unit normals, and how the height over the plane across them bends.
+    """Local shape at each of the ``places`` (mm): unit normals, and derivatives of the height over the tangent plane.
 
     A quintic is fitted around a vertex when it is first asked for: of a plate a tenth is met by rays. ``normals``: of
-    the facets around each, which say where the outside is. ``faces`` numbers the smooth face of each vertex; neighbours
-    are taken from the same face only. On those of ``walls`` no polynomial is fitted, and the normals stay.
+    the facets around each, which tell the outside. ``faces`` numbers the smooth face of each vertex; neighbours are
+    taken from the same face only. On those of ``walls`` no polynomial is fitted, and the normals stay.
     """
 
     places: Float[np.ndarray, "k 3"]
@@ -63,8 +63,8 @@ class VertexFit:
     def at(self, rows: Int[np.ndarray, "*n"]) -> tuple[Float[np.ndarray, "*n 3"], Float[np.ndarray, "*n 13"]]:
         """Unit normals at some of the vertices, and their shapes.
 
-        Of a shape are two vectors f and g across the normal, and derivatives (1/mm, 1/mm^2) of the height by the places
-        x and y along them: xx, xy, yy, xxx, xxy, xyy, yyy.
+        A shape is two tangent vectors f and g, and derivatives (1/mm, 1/mm^2) of the height by the places x and y along
+        them: xx, xy, yy, xxx, xxy, xyy, yyy.
         """
         wanted = np.zeros(len(self.places), dtype=bool)
         wanted[rows] = True
@@ -86,9 +86,9 @@ class VertexFit:
             members = self._members[number]
             if number not in self._trees:
                 self._trees[number] = cKDTree(self.places[members])
-            own = rows[numbers == number]
-            near = members[self._trees[number].query(self.places[own], k=NEIGHBOURS)[1]]
-            fit_polynomials(self.places, own, near, self.normals, self._shapes, space)
+            vertices = rows[numbers == number]
+            near = members[self._trees[number].query(self.places[vertices], k=NEIGHBOURS)[1]]
+            fit_polynomials(self.places, vertices, near, self.normals, self._shapes, space)
         self._left[rows] = False
 
 
@@ -186,7 +186,7 @@ def part_mesh_of(mesh: trimesh.Trimesh, optical: OpticalFaces = USUAL_LENS) -> P
 def smooth_faces(mesh: trimesh.Trimesh, optical: Int[np.ndarray, " t"] | None = None) -> Int[np.ndarray, " t"]:
     """Number of the smooth face of each triangle; faces end at creases, and at z = 0, where lens and base meet.
 
-    ``optical``: number of the optical face of each, which ends at a shallow crease, too.
+    ``optical``: number of each triangle's optical face, which ends at shallow creases, too.
     """
     parts = mesh.triangles_center[:, 2] > 0.0 if optical is None else optical
     pairs = mesh.face_adjacency
@@ -237,11 +237,12 @@ def as_box(corners: Float[np.ndarray, "2 3"]) -> Box:
 
 
 def sized_mesh(mesh: trimesh.Trimesh) -> SizedFile:
-    """Size of a closed mesh (mm), and bounds of what its facets change of it, by the angles at which they meet.
+    """Size of a closed mesh (mm), and bounds of the error of its facets, by the angles between them.
 
     Over an equilateral facet of height h on a sphere of radius R the sphere rises to 2 h^2 / (9 R), and its neighbours
     turn by 2 h / (3 R): so by h / 3 times that angle; over the strip of a cylinder by h / 8 times it. The facets of a
-    sphere lack 0.6 of the square of that angle of their area, and flat faces what the chords of their rims cut off.
+    sphere lack 0.6 of the square of that angle of their area, and flat faces the segments cut off by the chords of
+    their rims.
     """
     ends = mesh.vertices[mesh.face_adjacency_edges]
     between = (np.abs(ends[:, :, 2]) < LEVEL_MM).all(axis=1)  # at z = 0 lens and base meet, at any angle

@@ -34,7 +34,7 @@ _ENDS = {
 def proof_facts(proof: Proof, lamp: str = "", lamps: str = "") -> list[Group]:
     """A group for each receiver, with each LED; the form of the files; and all lamps together.
 
-    ``lamp``: words on the one whose rays are compared, of several, ``lamps``: on all.
+    ``lamp``, ``lamps``: captions of the lamp whose rays are compared, if there are several, and of all lamps.
     """
     parts = [
         Group("part", case.title("Exported part"), tuple(_part(case, lamp)), lamp) for case in proof.cases("receivers")
@@ -53,8 +53,8 @@ def _part(case: Case[Proof], lamp: str) -> Iterator[Fact]:
 
 
 def _together(case: Case[Proof], lamps: str) -> Iterator[Fact]:
-    nmse, *others = case.facts()
-    return iter([replace(nmse, note=f"{lamps}; {nmse.note}"), *others])
+    nmse, *further = case.facts()
+    return iter([replace(nmse, note=f"{lamps}; {nmse.note}"), *further])
 
 
 def tracer_groups(proof: Proof) -> list[Group]:
@@ -64,7 +64,7 @@ def tracer_groups(proof: Proof) -> list[Group]:
 
 
 def stray_facts(stray: StrayLight, lamps: str = "") -> list[Group]:
-    """A group of the stray light on each receiver, with each LED; ``lamps``: words on those whose light it is."""
+    """A group of the stray light on each receiver, with each LED; ``lamps``: caption of the lamps that emit it."""
     return [
         Group("stray", case.title("Stray light"), tuple(_stray(case, lamps)), lamps)
         for case in stray.cases("receivers")
@@ -81,14 +81,14 @@ def stray_budget(receiver: ReceiverStray) -> tuple[list[tuple[str, float]], list
     """Losses by their ends and detected light by its cause: names with shares of the emitted flux above 0."""
     flux = receiver.flux
     causes = receiver.detected_stray_by_cause.model_dump()
-    lost = [(words, getattr(flux, name)) for name, words in _ENDS.items() if getattr(flux, name) > 0.0]
+    lost = [(label, getattr(flux, name)) for name, label in _ENDS.items() if getattr(flux, name) > 0.0]
     stray = [(f"stray: {_CAUSES.get(name, name)}", share) for name, share in causes.items() if share > 0.0]
     return lost, [("detected as designed", flux.detected_direct), *stray]
 
 
-def _tracer(case: Case[Proof], title: str, facts: tuple[Fact, ...], says: str, names: Sequence[str]) -> Group:
+def _tracer(case: Case[Proof], title: str, facts: tuple[Fact, ...], description: str, names: Sequence[str]) -> Group:
     state = state_of(case.criteria, *names)
-    return Group("tracer", case.title(title), facts, says, state)
+    return Group("tracer", case.title(title), facts, description, state)
 
 
 def _tracers(case: Case[Proof]) -> Iterator[Group]:
@@ -107,40 +107,40 @@ def _tracers(case: Case[Proof]) -> Iterator[Group]:
 
 def _plain(proof: Proof) -> Group:
     plain = proof.plain_cast
-    says = f"{number(plain.disagreements)} of {number(plain.casts)} first hits differ from those above"
+    description = f"{number(plain.disagreements)} of {number(plain.casts)} first hits differ from those above"
     state = state_of(proof.criteria, "plain_cast_disagreements")
-    return Group("tracer", "Plain ray cast by trimesh", (_rays(plain.rays),), f"lens.stl; {says}", state)
+    return Group("tracer", "Plain ray cast by trimesh", (_rays(plain.rays),), f"lens.stl; {description}", state)
 
 
 def _brep(case: Case[Proof], brep: BrepCast) -> Group:
     fates = brep.against_design.fates
     ends = "every ray has the same fate" if fates == 0 else f"{number(fates)} rays have another fate"
-    says = f"lens.step; {quantity(brep.against_mesh.rms, 'mm', digits=2)} rms from the mesh; {ends}"
+    description = f"lens.step; {quantity(brep.against_mesh.rms, 'mm', digits=2)} rms from the mesh; {ends}"
     names = ("brep_deviation_rms", "brep_flux_deviation", "brep_fate_disagreements")
     facts = (_rays(brep.rays), *_gaps(brep.against_design))
-    return _tracer(case, "CAD kernel, face by face", facts, says, names)
+    return _tracer(case, "CAD kernel, face by face", facts, description, names)
 
 
 def _mitsuba(case: Case[Proof], mitsuba: MitsubaCast) -> Group:
     relation = "within" if mitsuba.nmse_vs_design <= mitsuba.noise_floor_nmse else "above"
     floor = number(mitsuba.noise_floor_nmse, 2)
-    says = f"lens.stl; NMSE {number(mitsuba.nmse_vs_design, 2)}, {relation} the {floor} of ray noise alone"
+    description = f"lens.stl; NMSE {number(mitsuba.nmse_vs_design, 2)}, {relation} the {floor} of ray noise alone"
     kinds = ("nmse_vs_design", "deviation_rms", "flux_deviation", "fate_disagreement_flux")
     facts = (_rays(mitsuba.rays), *_gaps(mitsuba.against_design))
     title = f"Mitsuba {mitsuba.version}, flat facets"
-    return _tracer(case, title, facts, says, [f"mitsuba_{kind}" for kind in kinds])
+    return _tracer(case, title, facts, description, [f"mitsuba_{kind}" for kind in kinds])
 
 
 def _independent_rays(case: Case[Proof], independent: IndependentRays) -> Group:
     redrawn, expected = (
         Fact.share("", "", share).text for share in (independent.efficiency, independent.efficiency_design)
     )
-    says = f"lens.stl; efficiency {redrawn}, the design’s light {expected}"
+    description = f"lens.stl; efficiency {redrawn}, the design’s light {expected}"
     if independent.nmse_less_noise is not None:
         less_noise = independent.nmse_less_noise
-        says += f"; NMSE less noise {square(less_noise.value, less_noise.standard_error)}"
+        description += f"; NMSE less noise {square(less_noise.value, less_noise.standard_error)}"
     names = ("own_rays_efficiency", "own_rays_nmse", *([] if case.number else ["own_rays_emission"]))
-    return _tracer(case, "Independent rays of the LED", (_rays(independent.rays),), says, names)
+    return _tracer(case, "Independent rays of the LED", (_rays(independent.rays),), description, names)
 
 
 def _rays(count: int) -> Fact:

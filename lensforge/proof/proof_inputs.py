@@ -1,4 +1,4 @@
-"""Inputs of verification from a spec: plain numbers, of which it makes its own receivers and draws its own rays.
+"""Inputs of verification from a spec: plain numbers from which it makes receivers and draws rays independently.
 
 Files are read by the readers of the design; of the code that draws the design's rays nothing is used.
 """
@@ -52,7 +52,7 @@ _NODES = 385  # of the chart's grid on which faces are sorted: they are 0.005 ap
 
 
 def optical_of(body: Body, events: int = 2) -> OpticalFaces:
-    """The faces of ``body``, whose light has at most so many ``events``; their shapes where several lie on one side."""
+    """Faces of ``body``, whose light has at most ``events`` events; with their shapes if several lie on one side."""
     names, away = zip(*((face.name, face.before == BODY) for face in body.faces), strict=True)
     if len(body.cavity) == len(body.envelope) == 1:
         return OpticalFaces(names, away, events)
@@ -72,7 +72,7 @@ def optical_at_work(lens: Lens) -> OpticalFaces:
 
 
 def plate_of(lamps: Lamps) -> PlateOfLenses:
-    """The lenses of a plate; of those of the first kind the one nearest to the origin is lit."""
+    """The lenses of a plate; the one of the first kind nearest to the origin is lit."""
     places = np.array(lamps.places_mm)
     first = np.array(lamps.kind_of_each) == 0
     lit = int(np.where(first, np.hypot(*places.T), np.inf).argmin())
@@ -86,10 +86,10 @@ def optical_on(plate: PlateOfLenses, lens: Lens) -> OpticalFaces:
 
 
 def lamps_together(stl: bytes | None, lit: tuple[Lens, Light], rays: RayBundle) -> LampsOnPlate | LampsApart | None:
-    """The cast of all lamps; None for one alone.
+    """The cast of all lamps; None for a single one.
 
-    ``stl``: of their plate, where there is one. ``lit``: the lens with all lamps on the plate, else with all that have
-    it, and their light; ``rays``: of one.
+    ``stl``: of their plate, if any. ``lit``: the lens with all lamps on the plate, else with all lamps that have it,
+    and their light; ``rays``: of one lamp.
     """
     lens, light = lit
     spec = lens.spec
@@ -137,7 +137,7 @@ def _bounds(window: Window) -> tuple[float | None, float | None, float | None]:
 
 
 def independent_light(lens: Lens, source: Source, light: Light, most: int) -> IndependentLight:
-    """Rays of verification's own, at most ``most``, and the ``light`` of ``lens`` that theirs is compared with."""
+    """Verification's own rays, at most ``most``, and the ``light`` of ``lens`` to compare theirs with."""
     seed = seeds.of_own_rays(lens.seed)
     rays = independent_rays(lens.spec, source, min(most, RAYS), seed)
     return IndependentLight(rays, tuple((lit.efficiency, lit.nmse_of_noise) for lit in light.receivers), seed)
@@ -146,8 +146,8 @@ def independent_light(lens: Lens, source: Source, light: Light, most: int) -> In
 def independent_rays(spec: Spec, source: Source, count: int, seed: int) -> RayBundle:
     """Draw ``count`` rays of the source of ``spec``, independent and of equal flux; ``source``: its flux and its files.
 
-    Rays of a file are chosen one by one, in proportion to their flux; each once where the light is that of its model,
-    for which they are a sample of the LED.
+    Rays of a file are chosen one by one, in proportion to their flux; each only once if a model of the file is
+    evaluated, for which they are a sample of the LED.
     """
     random = np.random.default_rng(seed)
     section = spec.source
@@ -187,7 +187,7 @@ def _of_chips(random: Generator, points: Float[np.ndarray, "n 2"], section: Chip
 
 
 def _once(rays: Rays, count: int, random: Generator) -> Int[np.ndarray, " n"]:
-    """Numbers of at most as many rays as count, in proportion to their flux: none twice but the strongest."""
+    """Numbers of at most ``count`` rays in proportion to flux: none twice but the strongest."""
     flux = np.concatenate([block.flux for block in blocks_of(rays)])
     count = min(count, int(flux.sum() ** 2 / np.sum(flux**2)))
     order = random.permutation(len(flux))
@@ -197,8 +197,7 @@ def _once(rays: Rays, count: int, random: Generator) -> Int[np.ndarray, " n"]:
 
 
 def _by_flux(rays: Rays, count: int, random: Generator) -> Int[np.ndarray, " n"]:
-    """Numbers of rays chosen one by one in proportion to their flux, those of ``random.choice``; one number in memory
-    for each ray, where that has four."""
+    """Numbers of rays drawn in proportion to flux, as ``random.choice`` draws them, in a quarter of its memory."""
     shares = np.empty(len(rays))
     start = 0
     for block in blocks_of(rays):
@@ -212,9 +211,9 @@ def _by_flux(rays: Rays, count: int, random: Generator) -> Int[np.ndarray, " n"]
 
 @singledispatch
 def drawn_rays(section: Any, random: Generator, count: int) -> _Drawn:
-    """Start points (mm) in the plane z = 0, and directions, of an emitter before it is put in its place.
+    """Start points (mm) in the plane z = 0, and directions, of an emitter in its own frame.
 
-    A kind of source registers its function here, or one of :func:`drawn_points` where all its points are alike.
+    A kind of source registers its function here, or in :func:`drawn_points` if all its points are alike.
     """
     return drawn_points(section, random, count), _aimed(random, count, section.intensity)
 
@@ -235,7 +234,7 @@ def _(section: RadianceSource, random: Generator, count: int) -> _Drawn:
 
 @singledispatch
 def drawn_points(section: EmitterSection, random: Generator, count: int) -> _Points:
-    """Start points (mm) of a source in the plane z = 0, all of whose points have the same intensity profile."""
+    """Start points (mm) in the plane z = 0 of a source whose points all have the same intensity profile."""
     raise InputError(f"source: {section.kind}: no rays of its own can be drawn of it; please report it")
 
 

@@ -72,8 +72,8 @@ class IndependentRays(Record):
     """Light of rays that verification has drawn from the description of the source, not by the design's sampler.
 
     Sent through the mesh, against the light of the design: ``efficiency`` in the window, with ``efficiency_design``;
-    ``nmse_less_noise`` of the picture against the design's, without the noise of either, None if that of the
-    design's is not known. Every ray counts in ``flux``.
+    ``nmse_less_noise`` of the picture against the design's, without the noise of either, None if the design's noise is
+    not known. Every ray counts in ``flux``.
     """
 
     rays: Count
@@ -105,7 +105,7 @@ class IndependentRays(Record):
         )
     )
     def efficiency_apart(self) -> float:
-        """Distance of the efficiency from that of the design's light."""
+        """Distance of the efficiency from the design's."""
         return abs(self.efficiency.value - self.efficiency_design.value)
 
     @property
@@ -200,7 +200,7 @@ class ReceiverProof(OnReceiver):
 
     @property
     def reach_mm(self) -> float:
-        """The length by which an angle moves the light; of its limit on the deviation."""
+        """Displacement on the receiver per radian at the lens; of its limit on the deviation."""
         return self.deviation_limit_mm / DEVIATION_RAD
 
     @property
@@ -210,18 +210,18 @@ class ReceiverProof(OnReceiver):
 
     @property
     def designed_words(self) -> str:
-        """The efficiency of the design by the same rays."""
+        """Display text of the design's efficiency by the same rays."""
         return percent(self.efficiency_design_same_rays, 4)
 
     @property
     def displacement_words(self) -> str:
-        """Place and size of the largest displacement of rays."""
+        """Display text of place and size of the largest displacement of rays."""
         at = "at 1 m, " if self.far_field else ""
         return f"{at}part against design; at most {quantity(1e3 * self.against_design.max, 'µm', digits=2)}"
 
 
 def _pattern_of_all(lamps: str, mesh: str, *, on_plate: bool) -> Criterion:
-    """The limit on the pattern of all lamps, of those on a plate or of those apart."""
+    """The limit on the pattern of all lamps, on a plate or apart."""
     file = "plate.stl" if on_plate else "lens.stl"
     return Criterion(
         "<=",
@@ -360,7 +360,7 @@ class Proof(ResultByLed):
     def facet_misses(self) -> tuple[Fact, ...]:
         """Criteria that the facets of a mesh miss beside a STEP file that lands all light: they fail no part.
 
-        Empty where anything else is missed, and where the form of the files or the light of the STEP file is not known.
+        Empty if anything else fails, and if the form of the files or the light of the STEP file is not known.
         """
         missed = tuple(criterion for criterion in self.all_criteria() if criterion.state == "fail")
         names = {criterion.key.rpartition(": ")[2] for criterion in missed}
@@ -377,16 +377,16 @@ class Proof(ResultByLed):
         )
     )
     def print_mesh(self) -> str | None:
-        """Criteria that the facets of the mesh miss, in words; None if they miss nothing, or decide."""
+        """Sentence on the criteria that the facets of the mesh miss; None if there are none, or if they decide."""
         return "too coarse for the light" if self.facet_misses else None
 
     @property
     def has_fine_facets(self) -> bool:
-        """True where the facets are not the cause of what differs."""
+        """True if the facets do not cause the differences."""
         return self.facet_height_um.rms <= FINE_FACETS_UM
 
     def has_form(self, name: str) -> bool:
-        """True where the form of the file ``name`` is known, and is that of the design."""
+        """True if the form of the file ``name`` is known, and agrees with the design."""
         return any(form.name == name and form.is_right for form in self.forms)
 
     @property
@@ -416,11 +416,11 @@ class Proof(ResultByLed):
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """A sentence for each file that is not as exported: it was judged all the same."""
+        """A sentence for each file that differs from the export: it was judged all the same."""
         by = {True: "geometry and light", False: "geometry"}
         lit = {"lens.step", "lens.stl"}  # rays go through them
-        said = "{} is not the file that was exported: judged by its {}"
-        return tuple(said.format(name, by[name in lit]) for name in self.altered_files)
+        sentence = "{} is not the file that was exported: judged by its {}"
+        return tuple(sentence.format(name, by[name in lit]) for name in self.altered_files)
 
     def __str__(self) -> str:
         failed = [str(criterion) for criterion in self.all_criteria() if not criterion.holds]
@@ -466,7 +466,7 @@ def _mesh_mismatch(proof: "Proof") -> str:
 
 
 def _noise_or_mesh(proof: "Proof", receiver: "ReceiverProof") -> str:
-    """The remedy of a pattern that is not the design's: more rays, where the same rays make the same pattern."""
+    """Remedy of a pattern unlike the design's: more rays, if the same rays make the same pattern."""
     if receiver.nmse_same_rays <= receiver.same_rays_limit:
         return "evaluate the design with more rays and the same filter, or verify with more rays"
     return _mesh_evidence(proof, receiver).of_pixels()
@@ -542,13 +542,13 @@ class ReceiverStray(OnReceiver):
 
     @property
     def gain_words(self) -> str:
-        """The efficiency without reflections, and by how much it is less."""
+        """Display text of the efficiency without reflections, and of the difference."""
         gain = number(100.0 * (self.efficiency - self.efficiency_sequential), 2)
         return f"efficiency; without reflections {percent(self.efficiency_sequential, 4)}, {gain} points less"
 
     @property
     def misplaced_words(self) -> str:
-        """The NMSE that the misplaced flux makes; empty if it is not known."""
+        """Display text of the NMSE by the misplaced flux; empty if unknown."""
         nmse = self.nmse_vs_sequential
         return "" if nmse is None else f"an NMSE of {number(nmse, 2)}"
 
@@ -648,7 +648,7 @@ class StrayLight(ResultByLed):
         )
     )
     def too_dim(self) -> float:
-        """Share of the flux that was not followed to its end."""
+        """Share of the flux that was too dim to follow to its end."""
         return self.flux.too_dim
 
     @stated
@@ -667,8 +667,8 @@ class StrayLight(ResultByLed):
         Raises :class:`InputError` for an unknown part or receiver.
         """
         require_choice("which", which, get_args(LightPath))
-        named = {receiver.name: receiver for receiver in self.receivers}
+        by_name = {receiver.name: receiver for receiver in self.receivers}
         if receiver is not None:
-            require_choice("receiver", receiver, named)
-        shown = self.first if receiver is None else named[receiver]
+            require_choice("receiver", receiver, by_name)
+        shown = self.first if receiver is None else by_name[receiver]
         return plot_map(getattr(shown, which), shown.chart, light_unit(None, far_field=shown.far_field), axes)

@@ -28,14 +28,15 @@ _Vectors = Float[np.ndarray, "h w 3"]
 
 @dataclass(frozen=True)
 class Screen(ABC):
-    """A receiver with ``columns`` x ``rows`` pixels; images are indexed [y, x]. ``kinds``: a class for each, by name.
+    """A receiver of ``columns`` x ``rows`` pixels; images are indexed [y, x]. ``kinds``: class of each kind, by name.
 
     ``facing``: the direction of its normal or of its chart's centre, away from the lens; x and y follow from the lens's
     by the shortest turn, and another by ``rotation_deg`` about it. ``width``, ``height``: of its chart, mm, or 2
     sin(gamma / 2) for the far field. ``window``: width, height, and radius in which flux counts as detected; None: any.
     ``filter_variance`` (pixels^2) is that of the paper's 3 x 3 Gaussian filter; 0: none. At the edge of the receiver
-    the filter repeats the outermost pixels. ``numbers``: what else the spec states of a receiver of this kind.
-    ``period_mm``: of an endless lattice of lamps, whose light is that of one with all landings moved into one period.
+    the filter repeats the outermost pixels. ``numbers``: further numbers that the spec states for this kind.
+    ``period_mm``: of an endless lattice of lamps, whose light is that of one lamp with all landings moved into one
+    period.
     """
 
     centre_mm: Triple
@@ -86,9 +87,10 @@ class Screen(ABC):
         return turn.apply(np.eye(3))
 
     def reach_mm(self, light: Float[np.ndarray, "rows columns"]) -> float:
-        """Millimetres on the screen of a radian at the lens: rms over its ``light``; of directions those at 1 m.
+        """Displacement (mm) on the screen per radian at the lens: rms over its ``light``; 1 m for directions.
 
-        A ray from the lens origin that goes L mm and arrives at an angle a from the normal lands L / cos a off.
+        A ray from the lens origin that travels L mm and arrives at an angle a from the normal is displaced by L / cos
+        a.
         """
         if self.is_far:
             return self.mm_per_unit
@@ -186,7 +188,7 @@ class PlaneScreen(Screen, kind="plane"):
 
 
 class FarFieldScreen(Screen, kind="far_field"):
-    """All directions, on the equal-area chart; a length on it is one at 1 m."""
+    """All directions, on the equal-area chart; lengths on it are those at 1 m."""
 
     is_far: ClassVar[bool] = True
     mm_per_unit: ClassVar[float] = _AT_ONE_METRE
@@ -242,7 +244,7 @@ def _equal_area(vectors: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 2"]:
 def _out_of(
     points: Float[np.ndarray, "n 3"], units: Float[np.ndarray, "n 3"], radius_mm: float
 ) -> Float[np.ndarray, " n"]:
-    """Distances to where lines leave a sphere about the origin, from their closest approach to it; NaN if outside."""
+    """Distances along lines from their closest approach to the origin to their exit from a sphere; NaN if outside."""
     before = np.sum(points * units, axis=1)
     closest = np.linalg.norm(points - before[:, None] * units, axis=1)
     out: Float[np.ndarray, " n"] = np.sqrt(radius_mm**2 - closest**2) - before
@@ -259,7 +261,7 @@ def _smoothing(count: int, variance: float) -> Float[np.ndarray, "n n"]:
 
 
 def squared_norm(reference: Float[np.ndarray, "h w"]) -> float:
-    """Sum of squares of a ``reference`` image; :class:`InputError` where it is dark or not finite."""
+    """Sum of squares of a ``reference`` image. Raises :class:`InputError` if it is dark or not finite."""
     total = float(np.sum(reference**2))
     if not 0.0 < total < np.inf:
         raise InputError(f"design irradiance: its sum of squares is {total:g}, must be above 0; do rays reach it?")

@@ -29,11 +29,11 @@ Fields = Complex[np.ndarray, "n 2 3"]
 
 @dataclass(frozen=True)
 class LitRays(RayRows):
-    """Rays on their way: unit directions, polarisation, True in the material, and what its body is to each of them.
+    """Rays: unit directions, polarisation, True in the material, and the body's properties for each.
 
     ``indices``, ``absorptions``: refractive index and absorption (1/mm) of the body for each, at ``wavelengths_nm``.
-    ``numbers``, ``keys``: of each for faces that scatter, as :class:`FaceNumbers` has them; ``times``: how often each
-    has met each face.
+    ``numbers``, ``keys``: for faces that scatter, as in :class:`FaceNumbers`; ``times``: earlier hits of each face by
+    each ray.
     """
 
     directions: Float[np.ndarray, "n 3"]
@@ -48,9 +48,9 @@ class LitRays(RayRows):
 
     @staticmethod
     def of(rays: RayBundle, media: Media, names: Sequence[str], seed: int | None = None) -> "LitRays":
-        """Unpolarised light that has met nothing yet; ``names``: of the faces.
+        """Unpolarised light as emitted; ``names``: of the faces.
 
-        ``seed``: of numbers for faces that scatter which are not those of the design.
+        ``seed``: of numbers for rough faces other than the design's.
         """
         count = len(rays)
         body = media.body
@@ -62,11 +62,11 @@ class LitRays(RayRows):
         return LitRays(rays.directions, unpolarised(rays.directions), outside, *in_body, waves, *drawn, times)
 
     def numbers_at(self, faces: Int[np.ndarray, " n"]) -> Float[np.ndarray, "n 2"]:
-        """Two numbers of each ray for the face that it meets; 0 where that does not scatter, or is none."""
+        """Two numbers of each ray for the face that it meets; 0 for a polished face, or none."""
         return FaceNumbers(self.numbers, self.keys).at(faces, self.times[np.arange(len(faces)), faces])
 
     def times_after(self, faces: Int[np.ndarray, " n"]) -> Int[np.ndarray, "n f"]:
-        """Number of meetings of each ray with each face once it has met this one, below 0 for none."""
+        """Hits of each face by each ray after meeting ``faces``, where a negative number is no face."""
         return self.times + (np.arange(self.times.shape[1]) == faces[:, None])
 
 
@@ -102,8 +102,8 @@ class RefractingFace:
         else:
             r_s = self._of_layers(self.coating, along, "s")
             r_p = -self._of_layers(self.coating, along, "p")
-        whole = [each / np.where(each == 0.0, 1.0, np.abs(each)) for each in (r_s, r_p)]
-        return np.where(passes, r_s, whole[0]), np.where(passes, r_p, whole[1])
+        phases = [amplitude / np.where(amplitude == 0.0, 1.0, np.abs(amplitude)) for amplitude in (r_s, r_p)]
+        return np.where(passes, r_s, phases[0]), np.where(passes, r_p, phases[1])
 
     def _of_layers(self, stack: LayerStack | None, along: PerRay, polarisation: str) -> Amplitudes:
         films = () if stack is None else stack.layers
@@ -122,8 +122,8 @@ class RefractingFace:
         return amplitude
 
 
-def _step(one: Complex[np.ndarray, " n"], other: Complex[np.ndarray, " n"]) -> Complex[np.ndarray, " n"]:
-    return (one - other) / (one + other)
+def _step(before: Complex[np.ndarray, " n"], behind: Complex[np.ndarray, " n"]) -> Complex[np.ndarray, " n"]:
+    return (before - behind) / (before + behind)
 
 
 def _of_table(table: ReflectanceTable, cosines: PerRay, wavelengths_nm: PerRay) -> PerRay:
@@ -144,20 +144,20 @@ def _of_table(table: ReflectanceTable, cosines: PerRay, wavelengths_nm: PerRay) 
 
 
 def unpolarised(directions: Float[np.ndarray, "n 3"]) -> Fields:
-    """Two unit fields across each ray and each other: unpolarised light has half of its flux in either."""
-    least = np.eye(3)[np.argmin(np.abs(np.nan_to_num(directions)), axis=1)]
-    one = _unit(np.cross(directions, least))
-    return np.stack([one, np.cross(directions, one)], axis=1).astype(complex)
+    """Two unit fields perpendicular to each ray and to each other, each with half of unpolarised light's flux."""
+    smallest_axis = np.eye(3)[np.argmin(np.abs(np.nan_to_num(directions)), axis=1)]
+    first = _unit(np.cross(directions, smallest_axis))
+    return np.stack([first, np.cross(directions, first)], axis=1).astype(complex)
 
 
 @dataclass(frozen=True)
 class AtFace:
-    """Unpolarised or polarised light at a face: directions, shares of the flux and fields of what passes and returns.
+    """Light at a face: directions, shares of the flux and fields of transmitted and reflected light.
 
     A mirror absorbs what it does not reflect; all other faces share the light between both.
 
-    The fields of a ray have the squared lengths 2 together. Amplitudes are Fresnel's, or the coating's, in total
-    reflection complex; what passes a coating is real: the phases between s and p that it gives to transmitted light,
+    The squared lengths of a ray's fields add up to 2. Amplitudes are Fresnel's, or the coating's, complex in total
+    reflection; those transmitted by a coating are real: the phases between s and p that it gives to transmitted light,
     which act on a third face alone, are left out.
     """
 
@@ -182,7 +182,7 @@ class AtFace:
         steep = np.linalg.norm(across, axis=1) < 1e-12
         s = _unit(across)
         s[steep] = unpolarised(directions[steep])[:, 0].real
-        parts = [np.einsum("nfi,ni->nf", fields, each) for each in (s, np.cross(directions, s))]
+        parts = [np.einsum("nfi,ni->nf", fields, axis) for axis in (s, np.cross(directions, s))]
         amplitudes = face.reflected(np.abs(along), passes)
         passed = np.zeros_like(fields)
         returned = np.zeros_like(fields)
@@ -192,16 +192,16 @@ class AtFace:
             through = np.sqrt(np.where(passes, np.maximum(1.0 - np.abs(amplitude) ** 2, 0.0), 0.0))
             passed += (through[:, None] * part)[:, :, None] * axes[0][:, None, :]
             returned += (amplitude[:, None] * part)[:, :, None] * axes[1][:, None, :]
-        share, back = (0.5 * np.sum(np.abs(each) ** 2, axis=(1, 2)) for each in (passed, returned))
+        share, back = (0.5 * np.sum(np.abs(behind) ** 2, axis=(1, 2)) for behind in (passed, returned))
         passed, returned = (
-            each / np.sqrt(np.where(power > 0.0, power, 1.0))[:, None, None]
-            for each, power in ((passed, share), (returned, back))
+            behind / np.sqrt(np.where(power > 0.0, power, 1.0))[:, None, None]
+            for behind, power in ((passed, share), (returned, back))
         )
-        kept = 1.0 - share if mirror is None else np.full(len(share), mirror)
-        return AtFace(bent, mirrored, share, kept, passed, returned)
+        reflectance = 1.0 - share if mirror is None else np.full(len(share), mirror)
+        return AtFace(bent, mirrored, share, reflectance, passed, returned)
 
     def spread(self, at: Spreading, by_mirror: bool) -> "AtFace":
-        """The light of a face that scatters by rings: what passes, or what a mirror reflects, is spread."""
+        """The light of a face that scatters by rings: transmitted light, or that reflected by a mirror, is spread."""
         polished = self.mirrored if by_mirror else self.bent
         spread_directions = spread(polished, at)
         fields = self.returned if by_mirror else self.passed
@@ -214,7 +214,7 @@ class AtFace:
 def _bent(
     directions: Float[np.ndarray, "n 3"], normals: Float[np.ndarray, "n 3"], along: PerRay, index_ratio: PerRay
 ) -> tuple[Float[np.ndarray, "n 3"], Bool[np.ndarray, " n"]]:
-    """Unit directions by Snell's law, and False for rays that are reflected totally (Born and Wolf, section 1.5).
+    """Unit directions by Snell's law, and False for total reflection (Born and Wolf, section 1.5).
 
     ``normals`` may point to either side, ``along`` is their product with the directions.
     """
@@ -244,12 +244,12 @@ def through_glass(
         return points, directions, np.ones(len(points))
     normal = np.tile([0.0, 0.0, 1.0], (int(rising.sum()), 1))
     waves = np.full(len(points), media.wavelength_nm) if wavelengths_nm is None else wavelengths_nm
-    outside, within = (np.full(len(normal), each) for each in (media.outside_index, glass.refractive_index))
-    one = RefractingFace(outside, within, glass.coating, waves[rising], True)
+    outside, within = (np.full(len(normal), index) for index in (media.outside_index, glass.refractive_index))
+    first_face = RefractingFace(outside, within, glass.coating, waves[rising], True)
     other = RefractingFace(within, outside, glass.coating, waves[rising], False)
     ahead = directions[rising]
     near = points[rising] + ((glass.distance_mm - points[rising, 2]) / ahead[:, 2])[:, None] * ahead
-    first = AtFace.of(one, ahead, normal, unpolarised(ahead) if fields is None else fields[rising])
+    first = AtFace.of(first_face, ahead, normal, unpolarised(ahead) if fields is None else fields[rising])
     inside = first.bent
     lengths = glass.thickness_mm / inside[:, 2]
     second = AtFace.of(other, inside, normal, first.passed)

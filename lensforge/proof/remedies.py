@@ -1,4 +1,4 @@
-"""Remedies of the criteria: each follows the cause that the results show, not the name of the criterion that fails.
+"""Remedies of the criteria: each follows from the cause that the results show, not from the criterion that fails.
 
 Rays that land elsewhere tell of the form; rays that land alike with another flux, of losses; rays that one of both
 loses, of their fates.
@@ -31,8 +31,8 @@ _AT_A_LIMIT = f"this light is near the rim or the limit of total reflection: {FI
 class Evidence:
     """Agreement of a file with the design, and its limits: rms deviation (mm), shares of flux for losses and fates.
 
-    ``form``: what to try where its rays land elsewhere. ``fault``: the fault that was recognised in the file, if any;
-    then all else follows from it. ``fine``: no facets can be the cause, those of a STEP or finer ones than needed.
+    ``form``: remedy if its rays land elsewhere. ``fault``: the fault recognised in the file, if any; all else then
+    follows from it. ``fine``: facets cannot be the cause: it is a STEP, or finer than needed.
     """
 
     agreement: Agreement
@@ -45,7 +45,7 @@ class Evidence:
 
     @property
     def lands_alike(self) -> bool:
-        """True where the rays that both land keep the limit of the deviation."""
+        """True if the rays that land in both keep the limit of the deviation."""
         return self.agreement.compared > 0 and self.agreement.rms <= self.deviation_mm
 
     def of_deviation(self) -> str:
@@ -57,7 +57,7 @@ class Evidence:
         return self.form
 
     def of_flux(self) -> str:
-        """Remedy of rays with another flux: a matter of the form only if they land elsewhere, too."""
+        """Remedy of rays with another flux: of the form only if they land elsewhere, too."""
         if self.fault or not self.lands_alike:
             return self.of_deviation()
         return (
@@ -66,21 +66,21 @@ class Evidence:
         )
 
     def of_fates(self) -> str:
-        """Remedy of rays that one lands and the other loses: the largest pairs by name, and the advice for the first.
+        """Remedy of rays that land in only one of both: the largest pairs of fates, and advice on the first.
 
         Near the rim or a limit angle any error of form decides a fate: then it is that of the form.
         """
         pairs = self.agreement.pairs
         if self.fault or not pairs:
             return self.fault or self.form
-        named = ", ".join(_said(pair) for pair in pairs[:_NAMED])
+        named = ", ".join(_fates_phrase(pair) for pair in pairs[:_NAMED])
         advice = _BY_PART.get(pairs[0].part) or _BY_DESIGN.get(pairs[0].design)
         if advice is None:
             advice = _AT_A_LIMIT if self.lands_alike and not self.fine else self.form
         return f"{named}; {advice}"
 
     def of_pixels(self) -> str:
-        """Remedy of other pixels for the same rays: the first of form, fates and losses that fails."""
+        """Remedy of another pattern by the same rays: that of the first to fail of form, fates and losses."""
         if self.fault or not self.lands_alike:
             return self.of_deviation()
         if self.agreement.fates_flux > self.fates:
@@ -95,10 +95,10 @@ class Evidence:
 
 
 def form_of_mesh(open_edges: int, step_lands_alike: bool | None, mismatch: str = "", *, fine: bool = False) -> str:
-    """Remedy of a mesh whose rays land elsewhere; ``step_lands_alike``: those of the STEP file, None: not cast.
+    """Remedy of a mesh whose rays land elsewhere; ``step_lands_alike``: whether those of the STEP do, None: not cast.
 
-    ``mismatch``: difference of its size from the export, as a sentence; "" if they agree. ``fine``: its facets
-    are not the cause.
+    ``mismatch``: difference of its size from the export, as a sentence; "" if they agree. ``fine``: its facets are not
+    the cause.
     """
     if open_edges > 0:
         return "export again: the mesh is not closed"
@@ -120,9 +120,9 @@ def form_of_step(same_form: bool) -> str:
     return "export again; if it stays, lens.step is not the lens of lens.json"
 
 
-def _said(pair: FatePair) -> str:
-    return f"{pair.flux:.2%} of the flux: design {_words(pair.design)}, part {_words(pair.part)}"
+def _fates_phrase(pair: FatePair) -> str:
+    return f"{pair.flux:.2%} of the flux: design {_spaced(pair.design)}, part {_spaced(pair.part)}"
 
 
-def _words(fate: str) -> str:
+def _spaced(fate: str) -> str:
     return fate.replace("_", " ")

@@ -25,14 +25,14 @@ class Spreading(NamedTuple):
 
     @staticmethod
     def of(model: RingScatter, numbers: Float[np.ndarray, "n 2"], met: Arrival) -> "Spreading":
-        """Rays at points of a lens or a body, whose origin is that of the points."""
+        """Rays at points of a lens or a body, in coordinates about its origin."""
         sign = np.where(np.sum(met.normals * met.points, axis=1) < 0.0, -1.0, 1.0)
         cosines = np.abs(np.sum(met.directions * met.normals, axis=1))
         return Spreading(model, numbers, met.normals * sign[:, None], cosines)
 
 
 def spread(directions: Vectors, at: Spreading) -> Vectors:
-    """Directions behind the face of light that a polished one would send along ``directions``."""
+    """Directions behind the face of light that a polished face would send along ``directions``."""
     n = at.outward * np.where(np.sum(directions * at.outward, axis=1) < 0.0, -1.0, 1.0)[:, None]
     along = directions - np.sum(directions * n, axis=1)[:, None] * n
     amounts, scatters = _amounts(at)
@@ -40,12 +40,14 @@ def spread(directions: Vectors, at: Spreading) -> Vectors:
     ends += along if at.model.follows else 0.0
     lengths = np.maximum(np.linalg.norm(ends, axis=1), 1e-300)
     ends *= (np.where(lengths > 1.0, 1.0 / lengths, lengths) / lengths)[:, None]
-    found = ends + np.sqrt(np.maximum(1.0 - np.sum(ends**2, axis=1), 0.0))[:, None] * n
-    return np.where(scatters[:, None], found / np.linalg.norm(found, axis=1)[:, None], directions)
+    spread_directions = ends + np.sqrt(np.maximum(1.0 - np.sum(ends**2, axis=1), 0.0))[:, None] * n
+    return np.where(
+        scatters[:, None], spread_directions / np.linalg.norm(spread_directions, axis=1)[:, None], directions
+    )
 
 
 def _amounts(at: Spreading) -> tuple[PerRay, Bool[np.ndarray, " n"]]:
-    """Shift of each ray by rings chosen at the incidences on both sides of its own; whether it is scattered at all."""
+    """Shift of each ray, interpolated between the rings drawn at both neighbouring incidences; whether it scatters."""
     squares = np.array(at.model.radii) ** 2
     nodes = np.array(at.model.cosines)
     columns = []
@@ -56,13 +58,13 @@ def _amounts(at: Spreading) -> tuple[PerRay, Bool[np.ndarray, " n"]]:
         inside = np.where(width > 0.0, (share - row[ring - 1]) / np.where(width > 0.0, width, 1.0), 0.0)
         squared = squares[ring - 1] + np.clip(inside, 0.0, 1.0) * (squares[ring] - squares[ring - 1])
         columns.append(np.where(share > 0.0, np.sqrt(squared), 0.0))
-    hats = [np.interp(at.cosines, nodes, each) for each in np.eye(len(nodes))]
+    hats = [np.interp(at.cosines, nodes, hat) for hat in np.eye(len(nodes))]
     amounts: PerRay = np.sum([hat * column for hat, column in zip(hats, columns, strict=True)], axis=0)
     return amounts, (amounts > 0.0) | (not at.model.follows and np.max(columns, axis=0) > 0.0)
 
 
-def turned(fields: Complex[np.ndarray, "n 2 3"], one: Vectors, other: Vectors) -> Complex[np.ndarray, "n 2 3"]:
+def turned(fields: Complex[np.ndarray, "n 2 3"], before: Vectors, behind: Vectors) -> Complex[np.ndarray, "n 2 3"]:
     """Fields turned from one direction to another about their common normal (Rodrigues)."""
-    axis = np.cross(one, other)[:, None, :]
-    cosine = np.sum(one * other, axis=1)[:, None, None]
+    axis = np.cross(before, behind)[:, None, :]
+    cosine = np.sum(before * behind, axis=1)[:, None, None]
     return fields + np.cross(axis, fields) + np.cross(axis, np.cross(axis, fields)) / (1.0 + cosine)

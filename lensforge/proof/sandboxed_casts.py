@@ -36,13 +36,13 @@ _Result = TypeVar("_Result", bound=SimulatedResult)
 def verify_in_sandbox(
     files: "FilesOfPart", light: "LightOfDesign", referees: "Referees", threads: int, second: ChildPool = IN_TURN
 ) -> Proof:
-    """:func:`verify_part`, in a child process unless this process made the files; ``second`` has those alone."""
-    contents = [files.stl, *([] if files.step is None else [files.step]), *(each.content for each in files.designed)]
+    """:func:`verify_part`, in a child process unless this process made the files and may cast them with ``second``."""
+    contents = [files.stl, *([] if files.step is None else [files.step]), *(file.content for file in files.designed)]
     if all(map(made_here, contents)):
         from lensforge.proof.verification import verify_part
 
         return verify_part(files, light, referees, threads=threads, second=second)
-    count = len(light.rays) + (len(light.own.rays) if light.own else 0)
+    count = len(light.rays) + (len(light.independent.rays) if light.independent else 0)
     return _cast_in_child(Proof, count, contents, files=files, light=light, referees=referees, threads=threads)
 
 
@@ -55,20 +55,20 @@ def stray_in_sandbox(stl: bytes, *, rays: RayBundle, **given: Any) -> StrayLight
     return _cast_in_child(StrayLight, len(rays), [stl], stl=stl, rays=rays, **given)
 
 
-def _cast_in_child(kind: type[_Result], count: int, contents: Sequence[bytes], **given: Any) -> _Result:
-    """Leave the cast of ``count`` rays through files to a child process, and read the record that it writes."""
+def _cast_in_child(kind: type[_Result], count: int, contents: Sequence[bytes], **arguments: Any) -> _Result:
+    """Cast ``count`` rays through files in a child process, and read the record that it writes."""
     with temporary_folder("lens.stl") as folder:
-        (folder / _CALL).write_bytes(pickle.dumps((kind.stage, given), protocol=pickle.HIGHEST_PROTOCOL))
+        (folder / _CALL).write_bytes(pickle.dumps((kind.stage, arguments), protocol=pickle.HIGHEST_PROTOCOL))
         most_bytes = max(map(len, contents))
         memory_mib = _MEMORY_MIB + _MEMORY_KIB_PER_TRIANGLE * most_bytes // _STL_RECORD // 1024
         limits = ChildLimits(memory_mib, _SECONDS + _SECONDS_PER_RAY * count)
-        words = "export it again, or cast fewer rays"
-        work_in_child(Path(__file__).resolve(), folder, limits, origin="a file of the part", remedy=words)
+        remedy = "export it again, or cast fewer rays"
+        work_in_child(Path(__file__).resolve(), folder, limits, origin="a file of the part", remedy=remedy)
         return kind.read(folder)
 
 
 def _cast(folder: Path) -> None:
-    """Work of the child process: the record of the cast that the parent asks for in ``folder``."""
+    """Work of the child process: make the cast requested in ``folder``, and write its record."""
     from lensforge.proof.nonsequential_trace import trace_stray
     from lensforge.proof.verification import verify_part
 

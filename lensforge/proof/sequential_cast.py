@@ -53,9 +53,9 @@ class CastFate(IntEnum):
 class Passage:
     """Ends of ``n`` rays: exit point (mm) and direction, NaN if lost in the lens, flux (W) left in the ray, fate.
 
-    ``absorbed``, ``in_glass``, ``in_bodies``: flux (W) that body and mirrors, a cover glass, and further bodies took of
-    it. ``fields``: of its polarisation. ``facets_um``: height of the curved surface over the flat facet at each event,
-    0 where there was none. ``met``: number of the face at each event, NO_FACE where there was none.
+    ``absorbed``, ``in_glass``, ``in_bodies``: flux (W) lost in body and mirrors, in a cover glass, and in further
+    bodies. ``fields``: of its polarisation. ``facets_um``: height of the curved surface over the flat facet at each
+    event, 0 where there was none. ``met``: number of the face at each event, NO_FACE where there was none.
     """
 
     points: Float[np.ndarray, "n 3"]
@@ -71,7 +71,7 @@ class Passage:
 
     @staticmethod
     def of(rays: RayBundle, events: int) -> "Passage":
-        """Passage of ``rays`` that have met nothing yet, and will at most ``events`` times."""
+        """Passage of ``rays`` as emitted, with room for ``events`` events."""
         return Passage(
             points=np.full((len(rays), 3), np.nan),
             directions=np.full((len(rays), 3), np.nan),
@@ -98,7 +98,7 @@ class Passage:
 def behind_lens(
     passage: Passage, rays: RayBundle, media: Media, optical: OpticalFaces, seed: int | None = None
 ) -> Passage:
-    """Take the rays that left the lens, or one of a plate, through the further bodies and the cover glass.
+    """Continue rays that left the lens, or one of a plate, through the further bodies and the cover glass.
 
     ``passage``: in the coordinates of the files; ``rays``: as they began; ``optical``: the faces of the part; ``seed``:
     of facets that are not those of the design.
@@ -108,9 +108,10 @@ def behind_lens(
         return passage
     waves = media.wavelengths(rays.wavelengths_nm, len(rays))
     met = [
-        (rays, body.media(media), DOUBLE, media.scattering_before(each), seed) for each, body in enumerate(media.bodies)
+        (rays, body.media(media), DOUBLE, media.scattering_before(number), seed)
+        for number, body in enumerate(media.bodies)
     ]
-    rough = [FaceNumbers.of(*each) for each in met]
+    rough = [FaceNumbers.of(*arguments) for arguments in met]
     behind = behind_optics(passage.points, passage.directions, media, waves, passage.fields, optical.plate, rough)
     out_of_bodies = passage.flux * behind.through_bodies
     left = out_of_bodies * behind.through_glass
@@ -138,11 +139,11 @@ class LandedRays(Passage):
 
 @dataclass(frozen=True)
 class SurfaceHits(RayRows):
-    """First hits of rays on a body: whether there is one, point (mm), unit normal of either sign.
+    """First hits of rays on a body: whether one was found, point (mm), unit normal of either sign.
 
     ``leaving``: the ray leaves the material there. ``away``: that side of the body faces away from the origin, as the
     outside of a lens does. ``faces``: number of the optical face, NO_FACE where none is. ``skins``: distance (mm)
-    within which a ray that goes on from there may meet what it just left. ``heights``: of the point over a facet (mm).
+    within which a continuing ray may meet the surface just left. ``heights``: of the point over a facet (mm).
     """
 
     found: Bool[np.ndarray, " n"]
@@ -162,7 +163,7 @@ class SurfaceHits(RayRows):
 
 @runtime_checkable
 class CastBody(Protocol):
-    """A body at which rays can be cast: a mesh, or the faces of a STEP file."""
+    """A body for casting rays: a mesh, or the faces of a STEP file."""
 
     @property
     def optical(self) -> OpticalFaces:
@@ -201,8 +202,8 @@ class MeshBody:
             if len(wrong) == 0:
                 break
             beyond = hits.distances[wrong] * (1.0 + 1e-9) + 1e-9
-            again = self.grid.first_hits(Leg(leg.origins[wrong], leg.directions[wrong], beyond))
-            for name, values in vars(again).items():
+            second_hits = self.grid.first_hits(Leg(leg.origins[wrong], leg.directions[wrong], beyond))
+            for name, values in vars(second_hits).items():
                 getattr(hits, name)[wrong] = values
         no = np.zeros(count, dtype=bool)
         place = np.zeros((count, 3))
@@ -233,7 +234,7 @@ class MeshBody:
 def at_faces(optical: OpticalFaces, media: Media, light: LitRays, hits: SurfaceHits) -> AtFace:
     """Light at the places of a body that were hit.
 
-    On their other side than the body is the cavity where they face the origin; where no optical face is, no coating.
+    Beyond faces towards the origin lies the cavity; places off the optical faces are uncoated.
     """
     names = optical.names
     split = np.empty((2, *light.fields.shape), dtype=complex)
@@ -268,7 +269,7 @@ def meet(part: PartMesh, leg: Leg, hits: FacetHits) -> tuple[Float[np.ndarray, "
     # An oblique ray meets the curved surface not over its flat hit but near it: the second round corrects this.
     for _ in range(2):
         curved, normals = part.curved(hits.triangles, barycentric)
-        cosine, height = (np.sum(each * normals, axis=1) for each in (leg.directions, curved - points))
+        cosine, height = (np.sum(vectors * normals, axis=1) for vectors in (leg.directions, curved - points))
         # To the plane there; no further than at a slope of 3 degrees.
         ahead = height / np.copysign(np.maximum(np.abs(cosine), 0.05), cosine)
         points = points + ahead[:, None] * leg.directions
@@ -279,14 +280,14 @@ def meet(part: PartMesh, leg: Leg, hits: FacetHits) -> tuple[Float[np.ndarray, "
 def absorb(
     passage: Passage, rows: Int[np.ndarray, " k"], lengths: Float[np.ndarray, " k"], per_mm: Float[np.ndarray, " k"]
 ) -> None:
-    """Take from rays what the body absorbs of them over ``lengths`` (mm), by the law of Beer and Lambert."""
+    """Take absorption in the body over ``lengths`` (mm) from rays, by the law of Beer and Lambert."""
     arrived = passage.flux[rows] * np.exp(-per_mm * lengths)
     passage.absorbed[rows] += passage.flux[rows] - arrived
     passage.flux[rows] = arrived
 
 
 def dim(passage: Passage, rows: Int[np.ndarray, " k"], at: AtFace, passes: Bool[np.ndarray, " k"]) -> None:
-    """Leave to rays what passes a face, or what it reflects where they do not pass; a mirror absorbs the rest."""
+    """Reduce rays to what a face transmits, or reflects if they do not pass; a mirror absorbs the rest."""
     passage.absorbed[rows] += passage.flux[rows] * np.where(passes, 0.0, 1.0 - at.reflectance)
     passage.flux[rows] *= np.where(passes, at.transmittance, at.reflectance)
     passage.fields[rows] = np.where(passes[:, None, None], at.passed, at.returned)
@@ -305,12 +306,12 @@ def outside_leg(rays: RayBundle, optical: OpticalFaces) -> Leg:
 def send_through(
     part: PartMesh, grid: Grid, rays: RayBundle, media: Media, threads: int = 1, seed: int | None = None
 ) -> Passage:
-    """Cast every ray into the mesh of a part and out of it; ``seed``: of facets that are not those of the design."""
+    """Cast every ray into the mesh of a part and out of it; ``seed``: for facets other than the design's."""
     body = MeshBody(part, grid)
 
     def send(start: int) -> Passage:
-        own = None if seed is None else seed + start
-        return send_through_body(body, rays.take(slice(start, start + _CHUNK)), media, own)
+        chunk_seed = None if seed is None else seed + start
+        return send_through_body(body, rays.take(slice(start, start + _CHUNK)), media, chunk_seed)
 
     with ThreadPoolExecutor(threads) as pool:
         pieces = list(pool.map(send, range(0, len(rays), _CHUNK)))
@@ -318,7 +319,7 @@ def send_through(
 
 
 def send_through_body(body: CastBody, rays: RayBundle, media: Media, seed: int | None = None) -> Passage:
-    """Cast every ray into ``body`` and out of it, with as many events as its light has at most."""
+    """Cast every ray into ``body`` and out of it, with at most as many events as its light has."""
     optical = body.optical
     passage = Passage.of(rays, optical.events)
     light = LitRays.of(rays, media, optical.names, seed)
@@ -372,7 +373,7 @@ def _leaves_freely(optical: OpticalFaces, leg: Leg, light: LitRays, hits: Surfac
 
 
 def _fates(hits: SurfaceHits, inside: Bool[np.ndarray, " n"], back: bool, flange: int) -> Int[np.ndarray, " n"]:
-    """Fates of rays that end where they are, LANDED for all that go on, ``back`` into the cavity, too."""
+    """Fates of rays that end here, LANDED for all others, including those ``back`` in the cavity."""
     entering = [~hits.found, hits.leaving, hits.base, hits.away]
     none = [CastFate.NO_HIT, CastFate.STARTS_INSIDE, CastFate.OPENING, CastFate.STARTS_OUTSIDE]
     leaving = [~hits.found, hits.base, hits.faces == flange, ~(hits.away | back)]

@@ -1,6 +1,6 @@
 """The body in a STEP file, by the CAD kernel: its faces, its size, and the first hits of rays.
 
-Faces need no names: those of a body of several on one side are told by OPTICAL_ and the name, or else by their shapes.
+Faces need no names: if several lie on one side they are identified by OPTICAL_ and the name, or else by shape.
 
 The kernel's own box of a trimmed face is that of the whole surface beyond the trim, and its distance to a plane takes
 seconds for each side; so the box is that of all edges, and of the tops of the faces, searched from coarse to fine.
@@ -77,7 +77,7 @@ def bounds_mm(shape: Any, faces: Sequence[Any]) -> tuple[list[float], list[float
 
 
 def _reach(face: Any, axis: int, sign: float, known: float) -> float:
-    """Largest coordinate times ``sign`` along an axis, of points of ``face`` in its trim; ``known`` where none is more.
+    """Largest coordinate times ``sign`` along an axis over ``face`` within its trim, or ``known`` if that is more.
 
     Every sample above its neighbours is a start: the highest of a wavy face may lie beside another top.
     """
@@ -121,7 +121,7 @@ def _reach(face: Any, axis: int, sign: float, known: float) -> float:
 
 
 def _samples(surface: Any) -> int:
-    """Points along u and v among which no bump of ``surface`` is lost."""
+    """Parameters along u and v that miss no bump of ``surface``."""
     if surface.GetType() != GeomAbs_SurfaceType.GeomAbs_BSplineSurface:
         return _LEAST_COARSE
     return int(np.clip(max(surface.NbUKnots(), surface.NbVKnots()), _LEAST_COARSE, _MOST_COARSE))
@@ -140,9 +140,9 @@ _MOST_FACES = 10_000  # every ray is cast at each of them: a lens has 6, one on 
 
 @dataclass(frozen=True)
 class _Pieces:
-    """Pieces at which rays are cast: by the number of each its face, its box (mm), and its intersector by the kernel.
+    """Pieces of faces for casting: by number, the face, its box (mm), and its intersector by the kernel.
 
-    ``trims``: of the faces in pieces, which are rectangles in u and v; None: the intersector knows the face's own.
+    ``trims``: of faces cut into rectangles of u and v; None: the intersector knows the face's own.
     """
 
     faces: list[int]
@@ -166,7 +166,7 @@ class _Pieces:
         return _Pieces(numbers, np.array(boxes), cast, trims)
 
     def met(self, origin: Float[np.ndarray, "3"], direction: Float[np.ndarray, "3"]) -> Iterator[tuple[float, int]]:
-        """Pieces whose boxes a ray meets, nearest first: how far away (mm) that is, and the number of the piece."""
+        """Pieces whose boxes a ray meets, nearest first: distance, and number of the piece."""
         slopes = np.where(np.abs(direction) < _FLAT, _FLAT, direction)
         ends = (self.boxes - origin) / slopes
         enters = ends.min(axis=1).max(axis=1)
@@ -176,13 +176,13 @@ class _Pieces:
         return zip(enters[met].tolist(), met.tolist(), strict=True)
 
     def trimmed(self, face: int, u: float, v: float) -> bool:
-        """True where a place on a face lies outside of its trim."""
+        """True if a place on a face lies outside its trim."""
         trim = self.trims[face]
         return trim is not None and trim.Perform(gp_Pnt2d(u, v)) == TopAbs_State.TopAbs_OUT
 
 
 def _cut(face: Any) -> list[Any]:
-    """The untrimmed surface of a spline in rectangles of some knots, of the side of ``face``, or all of its plane.
+    """The untrimmed surface of a spline in rectangles of some knots on the side of ``face``; a plane in one piece.
 
     Other faces stay whole. The kernel's intersector takes 1.4 ms for a place in a plane whose edge is a spline.
     """
@@ -215,7 +215,7 @@ def _around(face: Any) -> Float[np.ndarray, "2 3"]:
 class StepBody:
     """The only solid in the bytes of a STEP file, in mm, with its ``optical`` faces.
 
-    Raises :class:`InputError` where they hold anything else.
+    Raises :class:`InputError` if they hold anything else.
     """
 
     def __init__(self, step: bytes, optical: OpticalFaces = USUAL_LENS) -> None:
@@ -263,7 +263,7 @@ class StepBody:
         return np.where((named != NO_FACE) & (numbers != NO_FACE), named, numbers)
 
     def _first_hit(self, leg: Leg, row: int) -> tuple[int, bool, float, float] | None:
-        """Face of the file that a ray hits first, True where the ray leaves the body there, and its parameters."""
+        """First face of the file hit by a ray, True if the ray leaves the body there, and its parameters."""
         line = gp_Lin(gp_Pnt(*leg.origins[row].tolist()), gp_Dir(*leg.directions[row].tolist()))
         nearest = np.inf
         hit: tuple[int, bool, float, float] | None = None
@@ -307,7 +307,7 @@ def _only_solid(step: bytes, origin: str, *, named: bool) -> tuple[Any, list[Any
     solids = _parts(shape, TopAbs_ShapeEnum.TopAbs_SOLID)
     if len(solids) != 1:
         raise InputError(f"{origin}: holds {len(solids)} solids, a lens is one; export it again")
-    faces, every = (_parts(each, TopAbs_ShapeEnum.TopAbs_FACE) for each in (solids[0], shape))
+    faces, every = (_parts(parent, TopAbs_ShapeEnum.TopAbs_FACE) for parent in (solids[0], shape))
     if len(faces) > _MOST_FACES:
         raise InputError(f"{origin}: {len(faces)} faces, at most {_MOST_FACES} are cast; export it again")
     if len(every) > len(faces):
@@ -316,7 +316,7 @@ def _only_solid(step: bytes, origin: str, *, named: bool) -> tuple[Any, list[Any
 
 
 def _read(step: bytes, origin: str) -> Any:
-    """The CAD kernel's reader, which accepts only a path, with all that the file holds."""
+    """The CAD kernel's reader, which takes only a path, with the file's contents transferred."""
     if not made_here(step):
         require_small_step(step, origin, "export it again")
     reader = STEPControl_Reader()
@@ -325,8 +325,8 @@ def _read(step: bytes, origin: str) -> Any:
             read = reader.ReadFile(str(path)) == IFSelect_ReturnStatus.IFSelect_RetDone
             transferred = read and reader.TransferRoots() > 0
     except Exception as error:  # the kernel raises whatever its parser does
-        words = " ".join(str(error).split())[:120]
-        raise InputError(f"{origin}: not readable ({words}); export it again") from error
+        reason = " ".join(str(error).split())[:120]
+        raise InputError(f"{origin}: not readable ({reason}); export it again") from error
     if not transferred:
         raise InputError(f"{origin}: not readable; export it again")
     return reader
@@ -341,7 +341,7 @@ def _name_of(reader: Any, face: Any) -> str:
 
 
 def _parts(shape: Any, kind: Any) -> list[Any]:
-    """The different parts of ``shape`` that are of a kind, in their order."""
+    """The distinct parts of ``shape`` of a kind, in their order."""
     parts = TopTools_IndexedMapOfShape()
     TopExp.MapShapes_s(shape, kind, parts)
     return [parts.FindKey(k + 1) for k in range(parts.Extent())]

@@ -53,8 +53,8 @@ def cast_step(
 ) -> Callable[[], StepCast]:
     """Begin to cast ``count`` of ``rays``, drawn at random, through a STEP file; ``sized``: measure its body, too.
 
-    ``designed``: what its form is compared with. ``optical``: the faces of a body that is not read yet. In ``second``,
-    where there is one; the function that is returned waits for it.
+    ``designed``: what its form is compared with. ``optical``: the faces of a body that is not read yet. Runs in
+    ``second``, if given; the returned function waits for it.
     """
     rows = drawn(count, len(rays))
     cast = second.call(_cast_and_measure, step, rays.take(rows), media, optical, sized, designed)
@@ -93,9 +93,9 @@ def _cast_and_measure(
 def judge_brep(
     cast: StepCast, rays: RayBundle, expected: Sequence[Expected], mesh: Passage
 ) -> list[tuple[BrepCast, Gaps]]:
-    """Landings of a cast through the STEP file on each screen, beside the design's and the mesh's; gaps (mm).
+    """Landings of a cast through the STEP file on each screen against the design's and the mesh's; gaps (mm).
 
-    ``rays``, ``expected`` and ``mesh`` hold all of the rays; the quantiles of the gaps are from the design.
+    ``rays``, ``expected`` and ``mesh`` hold all rays; the quantiles of the gaps are from the design.
     """
     rows = cast.rows
     judged = []

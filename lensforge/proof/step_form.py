@@ -57,7 +57,7 @@ class ReadFace:
 
     @cached_property
     def surface(self) -> Any:
-        """The kernel's surface of it, at its place, within the bounds of its edges."""
+        """The kernel's surface of the face, in place, within the bounds of its edges."""
         return BRepAdaptor_Surface(self.face, True)
 
     @cached_property
@@ -77,8 +77,8 @@ class ReadFace:
 
     def inside(self, places: _Places) -> Bool[np.ndarray, " n"]:
         """True for parameters within the trim."""
-        found = (self._trim.Perform(gp_Pnt2d(u, v)) == TopAbs_State.TopAbs_IN for u, v in places.tolist())
-        return np.fromiter(found, dtype=bool, count=len(places))
+        is_inside = (self._trim.Perform(gp_Pnt2d(u, v)) == TopAbs_State.TopAbs_IN for u, v in places.tolist())
+        return np.fromiter(is_inside, dtype=bool, count=len(places))
 
     @cached_property
     def _trim(self) -> Any:
@@ -86,13 +86,13 @@ class ReadFace:
 
     @cached_property
     def spline(self) -> "_Spline | None":
-        """Its spline, whose parameters are the same; None of another surface, and of a closed or a rational spline."""
+        """Its spline, with the same parameters; None for any other surface, and for closed or rational splines."""
         if self.kind != "BSplineSurface":
             return None
         kernel = self.surface.BSpline()
         if kernel.IsUPeriodic() or kernel.IsVPeriodic() or kernel.IsURational() or kernel.IsVRational():
             return None
-        along_u, along_v = (np.array(list(each)) for each in (kernel.UKnotSequence(), kernel.VKnotSequence()))
+        along_u, along_v = (np.array(list(knots)) for knots in (kernel.UKnotSequence(), kernel.VKnotSequence()))
         return _Spline(spline_poles(kernel), along_u, along_v, kernel.UDegree(), kernel.VDegree())
 
     def on_grid(self, u: Float[np.ndarray, " p"], v: Float[np.ndarray, " q"]) -> _Points:
@@ -121,11 +121,11 @@ class ReadFace:
 
     @property
     def is_plain(self) -> bool:
-        """True where a few points say all of its surface."""
+        """True if a few points determine all of its surface."""
         return self.kind in _SAMPLES
 
     def probes(self) -> _Points:
-        """Some points of it, within the trim where what lies beyond may be anything; of a narrow face on its edges."""
+        """Some of its points, within the trim if the surface beyond may be anything; for a narrow face on its edges."""
         u0, u1, v0, v1 = self.bounds
         share = (np.arange(_PROBES) + 0.5) / _PROBES
         places = _crossed(u0 + share * (u1 - u0), v0 + share * (v1 - v0))
@@ -135,19 +135,21 @@ class ReadFace:
 
     def edge_points(self, on_surface: bool) -> _Points:
         """Points of its edges, by their own curves and ``on_surface``, and their ends."""
-        found = [np.empty((0, 3))]
+        points = [np.empty((0, 3))]
         for edge in map(TopoDS.Edge_s, explored(self.face, TopAbs_ShapeEnum.TopAbs_EDGE)):
             count = _LEAST_OF_EDGE
             if not BRep_Tool.Degenerated_s(edge):
                 curve = BRepAdaptor_Curve(edge)
                 count = max(count, 2 * _knots_of(curve))
-                found.append(np.array([curve.Value(each).Coord() for each in _even(curve, count)]))
+                points.append(np.array([curve.Value(parameter).Coord() for parameter in _even(curve, count)]))
             if on_surface and not self.is_plain:
                 trim = BRepAdaptor_Curve2d(edge, self.face)
-                found.append(self.at(np.array([trim.Value(each).Coord() for each in _even(trim, 2 * count)])))
+                points.append(
+                    self.at(np.array([trim.Value(parameter).Coord() for parameter in _even(trim, 2 * count)]))
+                )
         for vertex in map(TopoDS.Vertex_s, explored(self.face, TopAbs_ShapeEnum.TopAbs_VERTEX)):
-            found.append(np.array([BRep_Tool.Pnt_s(vertex).Coord()]))
-        return np.concatenate(found)
+            points.append(np.array([BRep_Tool.Pnt_s(vertex).Coord()]))
+        return np.concatenate(points)
 
 
 def _even(curve: Any, count: int) -> list[float]:
@@ -174,7 +176,7 @@ class _Spline:
         return (by_v @ across).reshape(len(v), len(u), 3).transpose(1, 0, 2)
 
     def is_same(self, other: "_Spline") -> bool:
-        """True where both are one surface: splines of the same knots are no farther apart than their poles."""
+        """True if both are one surface: splines with equal knots are no farther apart than their poles."""
         alike = np.array_equal(self.knots_u, other.knots_u) and np.array_equal(self.knots_v, other.knots_v)
         alike &= self.poles.shape == other.poles.shape
         return alike and bool(np.abs(self.poles - other.poles).max() <= _SAME_MM)
@@ -182,23 +184,23 @@ class _Spline:
 
 @dataclass(eq=False)
 class _Seen:
-    """Points seen of a file so far; ``known``: splines of a plate's lenses, in their own coordinates, by the face."""
+    """Points of a file seen so far; ``known``: splines of a plate's lenses, in local coordinates, by the face."""
 
     file: DesignedFile
     farthest: Farthest = field(default_factory=Farthest)
     known: dict[DesignedFace, _Spline] = field(default_factory=dict)
 
     def see(self, read: ReadFace) -> None:
-        """Look at all of one face, as the face of the design that most of it is next to."""
+        """Compare all of a file's face with the design's face nearest to most of it."""
         probes = read.probes()
         below = self.file.body.below
         if below is None and float(probes[:, 2].max()) <= ABOVE_MM:
             return
         designed = [*self.file.body.above, *(below or ())]
-        found = [each.off_mm(probes) for each in designed]
-        chosen = int(np.argmin([off.mean() for off, _ in found]))
+        distances = [face.off_mm(probes) for face in designed]
+        chosen = int(np.argmin([off.mean() for off, _ in distances]))
         face = designed[chosen]
-        owner = int(np.median(found[chosen][1]))
+        owner = int(np.median(distances[chosen][1]))
         self.farthest.meet(face, np.array([owner]))
         if self.file.trimmed:
             is_copy = self._is_copy(read, face, owner)
@@ -216,12 +218,12 @@ class _Seen:
             places = places[known]
             points = points[known]
         away = np.flatnonzero(face.off_mm(points)[0] > self.file.limit_um * _MM_PER_UM)
-        kept = np.ones(len(points), dtype=bool)
-        kept[away] = read.inside(places[away])
-        return points[kept]
+        on_part = np.ones(len(points), dtype=bool)
+        on_part[away] = read.inside(places[away])
+        return points[on_part]
 
     def _see_untrimmed(self, read: ReadFace, face: DesignedFace) -> None:
-        """Look at a face that goes on beyond its edges, where the design's goes on less exactly."""
+        """Compare a face that extends beyond its edges, where the design's extends less exactly."""
         _, points = read.grid()
         points = points[face.within(face.known, points)]
         off, numbers = face.off_mm(points)
@@ -229,24 +231,24 @@ class _Seen:
         self.farthest.see(face, np.maximum(off - beyond, 0.0), points, numbers)
 
     def _is_copy(self, read: ReadFace, face: Designed, lens: int) -> bool:
-        """True where another lens of its kind has the same spline at its place."""
+        """True if another lens of the same kind has the same spline at its place."""
         if not isinstance(face, PlacedFace) or read.spline is None:
             return False
-        poles = face.own(read.spline.poles.reshape(-1, 3), lens).reshape(read.spline.poles.shape)
+        poles = face.to_local(read.spline.poles.reshape(-1, 3), lens).reshape(read.spline.poles.shape)
         spline = replace(read.spline, poles=poles)
         of_kind = face.of_lens(lens)
         return self.known.setdefault(of_kind, spline) is not spline and self.known[of_kind].is_same(spline)
 
 
 def _known(face: Any, points: _Points) -> Bool[np.ndarray, " n"]:
-    """True for points in whose direction a face, or that of the nearest lens, is known."""
+    """True for points in a direction in which a face, or that of the nearest lens, is known."""
     if isinstance(face, PlacedFace):
         return face.known(points)
     return np.asarray(face.within(face.known, points))
 
 
 def _between(knots: Float[np.ndarray, " k"], low: float, high: float) -> Float[np.ndarray, " p"]:
-    """Two places between all neighbouring knots from ``low`` to ``high``, and as many at least as for few spans."""
+    """Two places between all neighbouring knots from ``low`` to ``high``, at least as many as for a few spans."""
     ends = np.unique(np.clip(knots, low, high))
     if len(ends) <= _LEAST_SPANS:
         ends = np.linspace(low, high, _LEAST_SPANS + 1)
@@ -262,7 +264,7 @@ def _knots_of(curve: Any) -> int:
 
 
 def _open_edges(faces: Sequence[Any]) -> int:
-    """Edges that do not join two faces, or the two ends of one."""
+    """Edges that join neither two faces nor the two ends of one."""
     edges = TopTools_IndexedMapOfShape()
     uses = list[int]()
     for face in faces:

@@ -29,7 +29,7 @@ def cast_plain(
 ) -> Callable[[], PlainCast]:
     """Begin to cast ``count`` rays, evenly picked, by trimesh and by ``grid``: from the source, and on from their hit.
 
-    trimesh casts them in ``second``, where there is one; the function that is returned waits for it.
+    trimesh casts them in ``second``, if given; the returned function waits for it.
     """
     rows = np.unique(np.linspace(0, len(rays) - 1, min(count, len(rays))).astype(np.int64))
     outside = outside_leg(rays, part.optical).take(rows)
@@ -64,7 +64,7 @@ def _disagreements(plain: Float[np.ndarray, " n"], grid: Grid, leg: Leg) -> int:
 
 
 class PlainCaster:
-    """trimesh's own ray cast, never Embree, but for its choice of triangles: those whose balls a line goes through.
+    """trimesh's own ray cast, never Embree, except for its choice of triangles: those whose balls a line meets.
 
     trimesh takes all triangles in the box of the whole ray, 31,000 of 500,000, and tests each of them.
     """
@@ -102,7 +102,7 @@ class PlainCaster:
         origin: Float[np.ndarray, "1 3"],
         direction: Float[np.ndarray, "1 3"],
     ) -> Bool[np.ndarray, " k"]:
-        """True for the balls that a line goes through."""
+        """True for the balls that a line meets."""
         away = centres - origin
         most = (_BALLS * reach) ** 2 + _ROUNDING * float(np.sum((self._bounds[1] - self._bounds[0]) ** 2))
         return np.einsum("ti,ti->t", away, away) - (away @ direction[0]) ** 2 <= most
@@ -110,11 +110,11 @@ class PlainCaster:
 
 @dataclass(frozen=True)
 class _Listed:
-    """Triangles that are candidates already, in the form in which trimesh asks a tree for them."""
+    """Triangles that are already candidates, in the form of the tree that trimesh queries."""
 
     near: Int[np.ndarray, " k"]
     bounds: Float[np.ndarray, "2 3"]
 
     def intersection(self, _: Float[np.ndarray, " 6"]) -> Iterable[int]:
-        """All of them."""
+        """All candidates."""
         return range(len(self.near))

@@ -47,7 +47,7 @@ from lensforge.sources.ray_bundle import RayBundle
 
 @dataclass(frozen=True, eq=False)
 class FilesOfPart:
-    """Files of a part: the bytes of its STL (mm) and of its STEP; without that ``brep`` of the proof is None.
+    """Files of a part: the bytes of its STL (mm) and of its STEP; without the latter ``brep`` of the proof is None.
 
     ``lamps``: all that have the part, on a plate or apart, whose light is compared with their sum. ``designed``: every
     file of the part, these among them, to compare its form. ``exported``: size of the part as exported, its box within
@@ -65,12 +65,12 @@ class FilesOfPart:
 
 @dataclass(frozen=True, eq=False)
 class LightOfDesign:
-    """Rays, and what the design makes of them on each receiver, of ``names``: its light, and their landings.
+    """Rays and the design's results on each receiver, of ``names``: its light, and their landings.
 
     ``polished``: the same of a lens whose faces scatter, were they polished: rays are compared one by one there, since
-    some facets turn light almost along themselves, and magnify an error of a normal without limit. ``own``: further
-    rays, drawn by other code than the design's, and the light of the design that theirs is compared with. ``optical``:
-    the faces of the part, and the events of its light.
+    some facets turn light almost along themselves, and magnify an error of a normal without limit. ``independent``:
+    further rays, drawn by independent code, and the light of the design to compare theirs with. ``optical``: the faces
+    of the part, and the events of its light.
     """
 
     rays: RayBundle
@@ -78,7 +78,7 @@ class LightOfDesign:
     expected: Sequence[Expected]
     polished: Sequence[Expected] | None = None
     names: Sequence[str] = ("light",)
-    own: IndependentLight | None = None
+    independent: IndependentLight | None = None
     optical: OpticalFaces = USUAL_LENS
 
 
@@ -118,7 +118,7 @@ def verify_part(
     limit_rad = DEVIATION_RAD + OF_SPREAD * media.spread_rad
     step = files.step
     lamps = files.lamps
-    own = light.own
+    independent = light.independent
     exported = files.exported
     started = perf_counter()
     _require_rays(rays, expected)
@@ -127,13 +127,13 @@ def verify_part(
     if step is not None:
         # Here it is read before the casts: a file that is refused costs no more than that.
         file = step if second.runs else read_step(step, optical)
-        designed = next((each for each in files.designed if each.content == step), None)
+        designed = next((file for file in files.designed if file.content == step), None)
         sized = exported is not None
         through = cast_step(
             file, rays, bare, referees.step_rays, optical=optical, sized=sized, designed=designed, second=second
         )
     solids = {
-        each.name: second.call(form_of_step, each) for each in files.designed if each.is_step and each is not designed
+        file.name: second.call(form_of_step, file) for file in files.designed if file.is_step and file is not designed
     }
     part = read_part_mesh(files.stl, optical)
     plates = {lamps.stl: lamps.part.mesh} if isinstance(lamps, LampsOnPlate) else {}
@@ -143,13 +143,13 @@ def verify_part(
     alone = passage if light.polished is None else send_through(part, grid, rays, bare, threads)
     none: list[Any] = [None] * len(expected)
     by_mitsuba = cast_mitsuba(part, rays, media, expected, referees.mitsuba_rays) if referees.mitsuba_rays else none
-    by_own = none if own is None else _own_light(part, grid, own, media, expected, threads)
+    by_own = none if independent is None else _own_light(part, grid, independent, media, expected, threads)
     compared = plain()
     cast = None if through is None else through()
     by_step = none if cast is None else judge_brep(cast, rays, by_ray, alone)
     received = tuple(
-        _on_receiver(name, rays, passage, each, (alone.landed(each.screen), polished), others, limit_rad)
-        for name, each, polished, *others in zip(
+        _on_receiver(name, rays, passage, by_design, (alone.landed(by_design.screen), polished), other_casts, limit_rad)
+        for name, by_design, polished, *other_casts in zip(
             light.names, expected, by_ray, by_step, by_mitsuba, by_own, strict=True
         )
     )
@@ -167,12 +167,12 @@ def verify_part(
         open_edges=part.open_edges,
         volume_mm3=float(part.mesh.volume),
         sizes=sizes,
-        emission_apart=None if own is None else emission_difference(own.rays, rays),
+        emission_apart=None if independent is None else emission_difference(independent.rays, rays),
         facet_height_um=Extent(rms=float(np.sqrt(np.mean(heights**2))), max=float(heights.max())),
         far_facets=part.far,
         plain_cast=compared,
         together=() if lamps is None else light_of_lamps(lamps, passage, rays, media, threads),
-        forms=tuple(forms[each.name] for each in files.designed),
+        forms=tuple(forms[file.name] for file in files.designed),
         on_plate=isinstance(lamps, LampsOnPlate),
         seconds=perf_counter() - started,
     )
@@ -187,11 +187,11 @@ def passage_through(file: bytes, optical: OpticalFaces, media: Media, rays: RayB
 
 
 def _own_light(
-    part: PartMesh, grid: Grid, own: IndependentLight, media: Media, expected: Sequence[Expected], threads: int
+    part: PartMesh, grid: Grid, independent: IndependentLight, media: Media, expected: Sequence[Expected], threads: int
 ) -> list[IndependentRays]:
-    passage = send_through(part, grid, own.rays, media, threads, own.seed)
-    pairs = zip(expected, own.designs, strict=True)
-    return [judge_independent_rays(own.rays, passage, each, design) for each, design in pairs]
+    passage = send_through(part, grid, independent.rays, media, threads, independent.seed)
+    pairs = zip(expected, independent.designs, strict=True)
+    return [judge_independent_rays(independent.rays, passage, by_design, design) for by_design, design in pairs]
 
 
 def _sizes(part: PartMesh, cast: StepCast | None, exported: BodySize, chord_mm: float) -> Sizes:
@@ -200,7 +200,7 @@ def _sizes(part: PartMesh, cast: StepCast | None, exported: BodySize, chord_mm: 
 
 
 def _require_rays(rays: RayBundle, expected: Sequence[Expected]) -> None:
-    """Raise :class:`InputError` for rays without flux, and for arrays that do not belong to them."""
+    """Raise :class:`InputError` for rays without flux, and for arrays of other lengths."""
     for receiver in expected:
         receiver.require_shapes(len(rays))
     flux = float(rays.flux.sum())
@@ -214,11 +214,11 @@ def _on_receiver(
     passage: Passage,
     expected: Expected,
     by_ray: tuple[LandedRays, Expected],
-    others: Sequence[Any],
+    other_casts: Sequence[Any],
     limit_rad: float,
 ) -> ReceiverProof:
-    """The light on a receiver; ``by_ray``: of polished faces, compared ray by ray; ``others``: of the other casts."""
-    brep, mitsuba, own_rays = others
+    """The light on a receiver; ``by_ray``: of polished faces, compared ray by ray; ``other_casts``: of the referees."""
+    brep, mitsuba, own_rays = other_casts
     screen = expected.screen
     landed = passage.landed(expected.screen)
     image, off, noise_floor = screen.against(landed.landings, landed.flux, expected.irradiance)

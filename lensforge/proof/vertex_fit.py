@@ -50,7 +50,7 @@ def fit_space(neighbours: int) -> FitSpace:
 
 @kernel
 def fit_polynomials(vertices, rows, near, normals, shapes, space):
-    """Improve ``normals`` (v, 3) at the vertices ``rows`` (n), and fill their ``shapes`` (v, 13), as of ``VertexFit``.
+    """Improve ``normals`` (v, 3) at the vertices ``rows`` (n), and fill their ``shapes`` (v, 13), as in ``VertexFit``.
 
     By a least-squares polynomial through each, as a height over the plane across its normal. ``near`` (n, m): numbers
     of its neighbours, itself among them. A vertex without a normal keeps what it has, and so does one whose neighbours
@@ -62,8 +62,8 @@ def fit_polynomials(vertices, rows, near, normals, shapes, space):
     for start in range(0, len(rows), LANES):
         count = min(LANES, len(rows) - start)
         for lane in range(LANES):
-            own = start + min(lane, count - 1)
-            _place(vertices, rows[own], near[own], normals[rows[own]], lane, frames, space.places)
+            vertex = start + min(lane, count - 1)
+            _fill_lane(vertices, rows[vertex], near[vertex], normals[rows[vertex]], lane, frames, space.places)
         _add_up(space.places, space.products, space.sums)
         _solve(space.sums, space.moments, coefficients, frames)
         for lane in range(count):
@@ -73,7 +73,7 @@ def fit_polynomials(vertices, rows, near, normals, shapes, space):
 
 
 @kernel
-def _place(vertices, row, near, normal, lane, frames, places):
+def _fill_lane(vertices, row, near, normal, lane, frames, places):
     """Fill a lane: two vectors across the normal, the neighbours in this frame over their rms distance, and weights."""
     nx, ny, nz = normal[0], normal[1], normal[2]
     if abs(nx) <= min(abs(ny), abs(nz)):
@@ -116,7 +116,7 @@ def _place(vertices, row, near, normal, lane, frames, places):
 
 @kernel
 def _add_up(places, products, sums):
-    """Weighted sums over the neighbours of products x^i y^j up to twice the degree, of those up to it with the height.
+    """Weighted sums over the neighbours of x^i y^j up to twice the degree, and of the height times those up to it.
 
     All moments of the monomials are among them: 66 sums for a matrix of 20 by 20.
     """
@@ -146,7 +146,7 @@ def _add_up(places, products, sums):
 
 @kernel
 def _solve(sums, moments, coefficients, frames):
-    """Coefficients of the monomials by Cholesky's factors of their moments, whose diagonal holds its inverse."""
+    """Coefficients of the monomials by Cholesky factors of their moments; the diagonal stores its inverse."""
     for a in range(_TERMS):
         factors = moments[a]
         answer = coefficients[a]
@@ -179,7 +179,7 @@ def _solve(sums, moments, coefficients, frames):
 
 @kernel
 def _shape(frame, coefficients, normal, shape):
-    """The normal, and the ``shape`` around it: two vectors across, second and third derivatives of the height."""
+    """The normal, and the ``shape`` around it: two tangent vectors, second and third derivatives of the height."""
     by_x = coefficients[0]
     by_y = coefficients[1]
     size = frame[_SIZE]

@@ -25,7 +25,7 @@ from lensforge.results.case import Case
 from lensforge.results.chart import Chart, LightUnit, light_unit
 from lensforge.results.figure_style import COLOURS, NARROW, WIDE, in_report_style, new_figure
 from lensforge.results.numerals import NOTHING
-from lensforge.results.verdict import TITLES, said
+from lensforge.results.verdict import TITLES, state_label
 from lensforge.version import __version__
 
 _MOST = 8  # columns: more do not fit on a page
@@ -79,7 +79,7 @@ def number_lines(designs: Sequence[Results]) -> list[Group]:
         best = _best(facts) if same_target else None  # designs with the same text are equally good
         lines.append(_line(label, (replace(fact, note="best" if fact.text == best else "") for fact in facts)))
     judged = [design.verdict.cutting for design in designs]
-    cutting = _line(TITLES["cutting"], (Fact("cutting", TITLES["cutting"], said(state)) for state in judged))
+    cutting = _line(TITLES["cutting"], (Fact("cutting", TITLES["cutting"], state_label(state)) for state in judged))
     return lines if set(judged) == {"undecided"} else [*lines, cutting]
 
 

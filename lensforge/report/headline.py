@@ -14,7 +14,7 @@ from lensforge.report.results import REPORT_FILE, Results, kinds_of_results
 from lensforge.results import Fact, Group, State
 from lensforge.results.criteria import shown
 from lensforge.results.numerals import quantity
-from lensforge.results.verdict import TITLES, said
+from lensforge.results.verdict import TITLES, state_label
 from lensforge.search.design_result import Design
 from lensforge.shop.check_facts import shape_facts
 from lensforge.shop.check_result import Check
@@ -87,7 +87,7 @@ def headline(results: Results) -> Headline:
     verdict = results.verdict
     states = verdict.states
     parts = tuple(
-        VerdictBadge(TITLES[name], said(state), SHOWN[state], verdict.reasons_of(name))
+        VerdictBadge(TITLES[name], state_label(state), SHOWN[state], verdict.reasons_of(name))
         for name, state in states.items()
     )
     sentence = f"{_in_words(states, results)}{_waiting(results)}"

@@ -31,7 +31,7 @@ from lensforge.results.arguments import require_choice
 from lensforge.results.criteria import Criteria, under
 from lensforge.results.numerals import unit_in, unit_suffix
 from lensforge.results.plots import Axes, new_axes
-from lensforge.results.verdict import TITLES, said
+from lensforge.results.verdict import TITLES, state_label
 from lensforge.search.design_result import Margins
 from lensforge.spec import AnyAccuracy, Spec
 from lensforge.spec.spec_files import section_sha256
@@ -148,7 +148,7 @@ class Sweep(StageResult):
             Fact("height", "Height", row.height_mm, "mm"),
             Fact("steps", "Steps", row.steps),
             Fact("criteria", "Criteria", f"missed: {', '.join(missed)}" if missed else "all met"),
-            Fact("cutting", TITLES["cutting"], said(row.cutting)),
+            Fact("cutting", TITLES["cutting"], state_label(row.cutting)),
         )
         worst = f", worst of {len(row.by_led)} LEDs" if row.by_led else ""
         return Group("design", f"{row.folder}{worst}", facts)

@@ -15,9 +15,9 @@ from lensforge.made.yield_facts import (
     failing_first,
     is_share,
     judged_metrics,
-    metric_words,
+    metric_label,
     pass_sentence,
-    worst_words,
+    worst_phrase,
 )
 from lensforge.report.light_figures import irradiance_map
 from lensforge.report.light_section import top_of, unit_of_light
@@ -64,7 +64,7 @@ def _section(stem: str, study: Yield, results: Results) -> YieldSection:
         budget=budget_sentence(study),
         distributions=[_distribution(study, name, f"{stem}-{index}") for index, name in enumerate(names)],
         causes=[
-            picture(f"{stem}-causes{index}", cause_bars(study.variance[name]), metric_words(name))
+            picture(f"{stem}-causes{index}", cause_bars(study.variance[name]), metric_label(name))
             for index, name in enumerate([name for name in varied if name in judged_metrics(study)] or varied)
         ],
         worst=_worst_pictures(stem, study, results),
@@ -77,13 +77,13 @@ def _distribution(study: Yield, name: str, on_page: str) -> PagePicture:
     values = study.without_noise(name)
     spread = study.metrics[name]
     bounds = [bound for bound in study.bounds if bound.metric == name]
-    label = with_unit(metric_words(name), f"({spread.unit})" if spread.unit else "")
+    label = with_unit(metric_label(name), f"({spread.unit})" if spread.unit else "")
     figure = distribution(values, spread.designed.value, bounds, label, share=is_share(name))
     far = [bound_words(bound) for bound in bounds if beyond(values, bound.bound)]
     caption = f"The limit, {far[0]}, lies outside the plot." if far else ""
     if spread.undecided:
         caption = f"Undecided: the ray noise of a part exceeds the spread. {caption}".rstrip()
-    return picture(on_page, figure, metric_words(name), caption)
+    return picture(on_page, figure, metric_label(name), caption)
 
 
 def _worst_pictures(stem: str, study: Yield, results: Results) -> list[PagePicture]:
@@ -122,4 +122,4 @@ def _worst_maps(study: Yield) -> Iterator[tuple[str, str, str, np.ndarray]]:
     leds = study.worst_leds or ("",) * len(study.worst)
     for worst, led, image in zip(study.worst, leds, study.worst_maps, strict=True):
         state = f"{f', {led}' if led else ''}: {'passes' if worst.passes else 'fails'}"
-        yield led, f"Part {worst.part}{state}", f"{worst_words(study, worst)}.", image
+        yield led, f"Part {worst.part}{state}", f"{worst_phrase(study, worst)}.", image

@@ -32,14 +32,14 @@ class UnknownArgument(InputError, TypeError):
 
 
 def with_known_names(verb: Callable[_Given, _Kind]) -> Callable[_Given, _Kind]:
-    """``verb``, which says for a keyword that it does not take which one was meant: :class:`UnknownArgument`."""
+    """``verb``, with :class:`UnknownArgument` for unknown keywords, which suggests the one that was meant."""
     return _knowing(verb, _keywords_of(verb))
 
 
 def with_options_of(
     other: Callable[..., object],
 ) -> Callable[[Callable[_Given, _Kind]], Callable[_Given, _Kind]]:
-    """:func:`with_known_names` of a verb whose ``**options`` are keywords of an ``other`` one."""
+    """:func:`with_known_names` of a verb whose ``**options`` are keywords of the verb ``other``."""
     return lambda verb: _knowing(verb, list(dict.fromkeys([*_keywords_of(verb), *_keywords_of(other)])))
 
 
@@ -118,7 +118,7 @@ def require(value: object, kind: type[_Kind], verb: str) -> _Kind:
 
 @contextmanager
 def threads_of_torch(threads: int | None) -> Iterator[None]:
-    """Let torch and the tracer use ``threads`` threads inside the block; None leaves the number unchanged."""
+    """Set torch and the tracer to ``threads`` threads inside the block; None leaves the number unchanged."""
     if threads is None:
         yield
         return

@@ -33,7 +33,7 @@ _PROBES = 32  # along an edge, for its length in cells
 
 
 def volume_and_area(shape: Any) -> tuple[float, float]:
-    """Volume (mm^3) of a TopoDS_Shape, negative where its faces face inwards, and area (mm^2) of all its faces."""
+    """Volume (mm^3) of a TopoDS_Shape, negative if its faces face inwards, and area (mm^2) of all its faces."""
     volume = area = 0.0
     for face in map(TopoDS.Face_s, explored(shape, TopAbs_ShapeEnum.TopAbs_FACE)):
         spline = BRepAdaptor_Surface(face, False).GetType() == GeomAbs_SurfaceType.GeomAbs_BSplineSurface
@@ -51,7 +51,7 @@ def spline_poles(spline: Any) -> Float[np.ndarray, "n m 3"]:
 
 
 def _by_the_kernel(face: Any) -> tuple[float, float]:
-    """The part of the volume between a face and the origin, and its area."""
+    """The volume between a face and the origin, and the face's area."""
     area = GProp_GProps()
     BRepGProp.SurfaceProperties_s(face, area, _PRECISION)
     volume = BRepGProp_Vinert(BRepGProp_Face(face), BRepGProp_Domain(face), gp_Pnt(0.0, 0.0, 0.0), _PRECISION)
@@ -65,7 +65,7 @@ class _Sectors:
     face: Any
 
     def sums(self) -> tuple[float, float]:
-        """The part of the volume between the face and the origin, and its area, below 0 for a face that is turned."""
+        """The volume between the face and the origin, and its area, negative for a reversed face."""
         volume = area = 0.0
         for edge, curve in self._edges:
             sign = -1.0 if edge.Orientation() == TopAbs_Orientation.TopAbs_REVERSED else 1.0
@@ -75,7 +75,7 @@ class _Sectors:
         return volume, area
 
     def _sector(self, edge: Any) -> tuple[float, float]:
-        """Volume between the origin and a sector, and its area, below 0 where the edge runs clockwise."""
+        """Volume between the origin and a sector, and its area, negative if the edge runs clockwise."""
         length, reach = self._cells(edge)
         (places, weights) = _gauss(length)
         (shares, weights_of_shares) = _gauss(reach)
@@ -96,7 +96,7 @@ class _Sectors:
         return float(np.hypot(*np.diff(cells, axis=0).T).sum()), finer * float(np.hypot(*cells.T).max())
 
     def _surface_at(self, places: Float[np.ndarray, "*n 2"]) -> tuple[Float[np.ndarray, "*n 3"], ...]:
-        """Points (mm) of the surface, and its normals, as long as the area that a unit of its parameters has."""
+        """Points (mm) of the surface, and normals whose length is the area per unit of parameters."""
         point, by_u, by_v = (self._homogeneous(places, nu=order) for order in ((0, 0), (1, 0), (0, 1)))
         if self._surface.IsURational() or self._surface.IsVRational():
             weight = point[..., 3:]
@@ -114,7 +114,7 @@ class _Sectors:
 
     @cached_property
     def _homogeneous(self) -> NdBSpline:
-        """The surface as a spline of scipy: its points, times their weights where it has any, and the weights."""
+        """The surface as a spline of scipy: points, multiplied by weights if it has any, and the weights."""
         surface = self._surface
         knots = tuple(np.array(list(sequence)) for sequence in (surface.UKnotSequence(), surface.VKnotSequence()))
         poles = spline_poles(surface)
@@ -172,7 +172,7 @@ def _gauss(cells: float) -> tuple[Float[np.ndarray, " k"], Float[np.ndarray, " k
 
 
 def explored(shape: Any, kind: Any) -> Iterator[Any]:
-    """Parts of a shape that are of a kind, as often as they occur."""
+    """Parts of a shape of the given kind, repeated as often as they occur."""
     explorer = TopExp_Explorer(shape, kind)
     while explorer.More():
         yield explorer.Current()

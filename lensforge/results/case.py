@@ -1,4 +1,4 @@
-"""A case: a result in one state and on one receiver, and how titles, criteria and files tell it from the others."""
+"""A case: a result in one state and on one receiver, and its names in titles, criteria and files."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -31,14 +31,14 @@ class Case(Generic[_Result]):
     number: int = 0
 
     def among(self, field: str) -> "Iterator[Case[_Result]]":
-        """Take each record in a ``field`` of the result, such as "receivers"."""
+        """One case for each record in a ``field`` of the result, such as "receivers"."""
         records = getattr(self.result, field)
         for number, record in enumerate(records):
             yield replace(self, record=record, name=record.name if len(records) > 1 else "", number=number)
 
     @property
     def key(self) -> str:
-        """Name by which criteria and files tell it; empty for the first, which they do not name."""
+        """Name of the case for criteria and files; empty for the first case."""
         return (self.name or self.led) if self.number else ""
 
     @property
@@ -51,12 +51,12 @@ class Case(Generic[_Result]):
         return ", ".join(filter(None, (text, self.led, self.name)))
 
     def named(self, criterion: Fact) -> Fact:
-        """One of its criteria, by its name among those of all."""
+        """A criterion of the case under the name that it has among all criteria."""
         return under(self.key, criterion) if self.key else criterion
 
     @property
     def criteria(self) -> list[Fact]:
-        """Criteria on it without its name; beside the first also those on the whole result."""
+        """Criteria of the case without its name; for the first case also those of the whole result."""
         criteria = list[Fact](getattr(self.result, "criteria", ()))
         if self.record is None:
             return criteria
@@ -66,5 +66,5 @@ class Case(Generic[_Result]):
         return alone if self.number else [*alone, *criteria]
 
     def facts(self) -> Iterator[Fact]:
-        """Make its figures."""
+        """The figures of the case, as facts."""
         return facts_in(self.result, self.criteria, self.record)

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class LightUnit:
-    """The quantity on a receiver, its unit, and how much of it 1 W/m^2, or in the far field 1 W/sr, is."""
+    """The quantity on a receiver, its unit, and its amount per W/m^2, or in the far field per W/sr."""
 
     quantity: str
     symbol: str
@@ -59,15 +59,15 @@ class Chart:
 
     @property
     def unit(self) -> str:
-        """Unit in which places are labelled."""
+        """Unit of coordinates in labels."""
         return "°" if self.far_field else "mm"
 
     def x(self, columns: int) -> Float[np.ndarray, " w"]:
-        """Centres of so many columns."""
+        """Centres of ``columns`` columns."""
         return _centres(self.width, columns)
 
     def y(self, rows: int) -> Float[np.ndarray, " h"]:
-        """Centres of so many rows."""
+        """Centres of ``rows`` rows."""
         return _centres(self.height, rows)
 
     def label(self, axes: "Axes") -> None:
@@ -79,7 +79,7 @@ class Chart:
 
     @property
     def unit_drawn(self) -> str:
-        """Unit at the axes of figures: metres where numbers in mm would be too long to stand side by side."""
+        """Unit at the axes of figures: metres if numbers in mm would be too long to stand side by side."""
         return "m" if self._in_metres else self.unit
 
     @property
@@ -87,12 +87,12 @@ class Chart:
         return not self.far_field and max(self.width, self.height) > _MOST_MM
 
     def label_metres(self, *axes: "Axis") -> None:
-        """Let ``axes`` in mm have labels in ``unit_drawn``."""
+        """Label ``axes`` in mm with numbers in ``unit_drawn``."""
         for axis in axes if self._in_metres else ():
             axis.set_major_formatter(lambda value, _: f"{1e-3 * value:g}".replace("-", "−"))
 
     def label_angles(self, axes: "Axes", *, x: float = 0.0, y: float = 0.0) -> None:
-        """Put labels of angles where they lie on the chart, along the axes that reach so far from its centre."""
+        """Label angles where they lie on the chart, along axes of lengths ``x`` and ``y`` from its centre."""
         for axis, reach in ((axes.xaxis, x), (axes.yaxis, y)):
             if reach > 0.0:
                 positive = angles_to(reach)
@@ -101,24 +101,24 @@ class Chart:
                 axis.set_ticks([on_chart(angle) for angle in angles], labels)
 
     def labelled(self, length: float) -> float:
-        """A distance from the centre as it is labelled: in mm, or as the angle from a far field's axis in degrees."""
+        """A distance from the centre as labelled: in mm, or in degrees from the axis of a far field."""
         return _angle(length) if self.far_field else length
 
 
 def angles_to(reach: float) -> list[float]:
     """Round angles (degrees) above 0 that lie within ``reach`` of the centre of a far field's chart."""
     last = _angle(reach) * (1.0 - _ROUNDING)
-    step = next((each for each in _STEPS_DEG if _MOST_LABELS * each >= last), _STEPS_DEG[-1])
+    step = next((step_deg for step_deg in _STEPS_DEG if _MOST_LABELS * step_deg >= last), _STEPS_DEG[-1])
     return [step * number for number in range(1, int(last / step + 2.0 * _MOST_LABELS * _ROUNDING) + 1)]
 
 
 def on_chart(angle_deg: float) -> float:
-    """Distance from the centre of a far field's chart at which an angle from the axis lies."""
+    """Distance from the centre of a far field's chart for an angle from the axis."""
     return 2.0 * sin(0.5 * radians(angle_deg))
 
 
 def _angle(distance: float) -> float:
-    """Angle (degrees) from the axis at a distance from the centre of a far field's chart, negative to the left."""
+    """Angle (degrees) from the axis for a distance from the centre of a far field's chart, negative to the left."""
     return degrees(2.0 * asin(max(-1.0, min(0.5 * distance, 1.0))))
 
 

@@ -1,8 +1,8 @@
 """Functions called in child processes, where a library holds Python's lock and threads would not help.
 
 A pool writes no results and decides nothing: functions travel to its processes, and what they return comes back, with
-the same bits. It is there to be faster, and for nothing else: where it cannot be had, or a function fails in it, this
-process calls the function itself, and raises what the function raises. Work that was done twice is told by a warning.
+the same bits. Its only purpose is speed: if no process starts, or a function fails there, this process calls the
+function itself, and raises what the function raises. A warning tells of work that was done twice.
 """
 
 import pickle
@@ -26,40 +26,40 @@ NOT_TRIED: Answer = (None, None)
 
 
 class Called(Generic[_Result]):
-    """A call that goes on beside this process, or that has yet to begin in it."""
+    """A call in progress in a child process, or one that this process has yet to make."""
 
     def __init__(
         self,
-        here: Callable[[], _Result],
-        there: "Future[Answer] | None" = None,
+        call: Callable[[], _Result],
+        answer: "Future[Answer] | None" = None,
         done_again: Callable[[], object] = lambda: None,
     ) -> None:
-        self._here = here
-        self.there = there
+        self._call = call
+        self.answer = answer
         self._done_again = done_again
         self._results: list[_Result] = []
 
     @property
     def is_done(self) -> bool:
-        """True where nobody has to wait for the other process."""
-        return self.there is None or self.there.done()
+        """True if nobody has to wait for the other process."""
+        return self.answer is None or self.answer.done()
 
     def result(self) -> _Result:
-        """Wait for what the function returns; where it has failed there or not begun, call it here.
+        """Wait for the function's result; call it here if it failed there or has not begun.
 
-        To wait for its turn would leave this core idle.
+        Waiting for its turn would leave this core idle.
         """
         if not self._results:
-            begun = self.there is not None and not self.there.cancel()
-            done, result = self.there.result() if self.there is not None and begun else NOT_TRIED
-            self._results.append(cast(_Result, result) if done else self._here())
+            begun = self.answer is not None and not self.answer.cancel()
+            done, result = self.answer.result() if self.answer is not None and begun else NOT_TRIED
+            self._results.append(cast(_Result, result) if done else self._call())
             if done is False:
                 self._done_again()
         return self._results[0]
 
 
 class ChildPool:
-    """Child processes that call functions beside this one, in their order; without any, each as it is needed."""
+    """Child processes that call functions beside this one, in order; without any, calls are made when needed."""
 
     def __init__(self, children: Sequence[ChildProcess] = (), warn: Callable[[str], object] = warnings.warn) -> None:
         self._living = set(children)
@@ -73,44 +73,44 @@ class ChildPool:
 
     @property
     def runs(self) -> bool:
-        """True where there are processes."""
+        """True if there are processes."""
         return self._threads is not None
 
     @property
     def busy(self) -> int:
-        """Number of processes that call a function."""
+        """Number of processes with a call in progress."""
         return max(0, len(self._living) - self._idle.qsize())
 
     def call(self, function: Callable[[*_Given], _Result], *given: *_Given) -> Called[_Result]:
-        """Call a function of a module there, after those that were called before."""
+        """Call a function of a module in a child process, after earlier calls."""
 
-        def here() -> _Result:
+        def call_here() -> _Result:
             return function(*given)
 
         if self._threads is None:
-            return Called(here)
-        return Called(here, self._threads.submit(self._asked, (function, given)), self._say_done_again)
+            return Called(call_here)
+        return Called(call_here, self._threads.submit(self._answer_of_idle, (function, given)), self._say_done_again)
 
     def map(
         self, function: Callable[[_Shared, _Item], _Result], shared: _Shared, items: Sequence[_Item]
     ) -> Iterator[tuple[int, _Result]]:
-        """``function(shared, item)`` of every item, as they are done: the number of the item, and what was returned."""
+        """``function(shared, item)`` for every item, in order of completion: number of the item, and result."""
         calls = [self.call(function, shared, item) for item in items]
-        numbers = {call.there: number for number, call in enumerate(calls) if call.there is not None}
+        numbers = {call.answer: number for number, call in enumerate(calls) if call.answer is not None}
         try:
             for number in map(numbers.__getitem__, as_completed(numbers)) if numbers else range(len(calls)):
                 yield number, calls[number].result()
         finally:
-            for there in numbers:
-                there.cancel()
+            for answer in numbers:
+                answer.cancel()
 
     def close(self) -> None:
-        """Leave out what has not begun, and wait for the rest; its processes have been ended before."""
+        """Drop calls that have not begun, and wait for the others; the processes were ended before."""
         if self._threads is not None:
             self._threads.shutdown(cancel_futures=True)
 
-    def _asked(self, call: tuple[Any, ...]) -> Answer:
-        """Answer of the next process that is idle; False first where there is none, for whatever reason."""
+    def _answer_of_idle(self, call: tuple[Any, ...]) -> Answer:
+        """Answer of the next idle process; False first if there is none, for whatever reason."""
         try:
             message = pickle.dumps(call, protocol=pickle.HIGHEST_PROTOCOL)
         except Exception:  # it cannot travel: no process is to blame
@@ -131,7 +131,7 @@ class ChildPool:
         return False, None
 
     def _say_done_again(self) -> None:
-        """Warn that work has failed there, and was done again here."""
+        """Warn that work failed in a child and was repeated here."""
         cause = f"it has ended: {self._ended}" if self._ended else "a function failed in it alone"
         self._warn(
             f"a child process failed ({cause}); its work was repeated in this one, which takes longer; is "
@@ -144,9 +144,9 @@ IN_TURN = ChildPool()  # none: all in this process
 
 @contextmanager
 def child_pool(count: int, warn: Callable[[str], object] = warnings.warn) -> Iterator[ChildPool]:
-    """So many child processes until block or this process ends; none where the system has no room.
+    """``count`` child processes until block or this process ends; none if the system has no room.
 
-    ``warn`` is called where one has ended before its time, and its work was done again.
+    ``warn`` is called if one has ended prematurely, and its work was repeated.
     """
     with ExitStack() as stack:
         children = list[ChildProcess]()

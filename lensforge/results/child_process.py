@@ -25,17 +25,17 @@ _ONE_THREAD = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "MKL_NUM_THR
 
 
 def _threads_for_calls() -> dict[str, str]:
-    """One thread, but those of the parent for linear algebra, which rounds by their number: the bits are to be its."""
+    """Thread limits of a child for calls: the parent's for linear algebra, whose rounding depends on the number."""
     names = ("OPENBLAS_NUM_THREADS", "GOTO_NUM_THREADS", "OMP_NUM_THREADS")  # the first that is set counts
-    asked = (os.environ[name] for name in names if os.environ.get(name))
+    stated = (os.environ[name] for name in names if os.environ.get(name))
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    return {**_ONE_THREAD, "OPENBLAS_NUM_THREADS": next(asked, str(cores))}
+    return {**_ONE_THREAD, "OPENBLAS_NUM_THREADS": next(stated, str(cores))}
 
 
 class ChildProcess:
     """A child process that does ``work``, a script with its arguments, in ``folder``; without any it answers calls.
 
-    Its temporary files lie in ``folder``, and go when that goes. Raises :class:`OSError` where the system has no room.
+    Its temporary files lie in ``folder``, and are deleted with it. Raises :class:`OSError` if the system has no room.
     """
 
     def __init__(self, folder: Path, *work: object) -> None:
@@ -60,22 +60,22 @@ class ChildProcess:
         self.close()
 
     def ask(self, call: bytes) -> tuple[bool, Any]:
-        """Have it make a pickled call: whether that returned, and what. Raises what pipes do where it has ended."""
-        asked = self._process.stdin
+        """Send a pickled call: True and its result, or False and its error. Raises errors of pipes if it has ended."""
+        calls = self._process.stdin
         answers = self._process.stdout
-        if asked is None or answers is None:
+        if calls is None or answers is None:
             raise ValueError("a child process that has work answers no calls")
-        asked.write(call)
-        asked.flush()
+        calls.write(call)
+        calls.flush()
         returned, result = pickle.load(answers)
         return bool(returned), result
 
     def code(self, seconds: float) -> int:
-        """Wait for its exit code. Raises :class:`subprocess.TimeoutExpired` after so many seconds."""
+        """Wait for its exit code. Raises :class:`subprocess.TimeoutExpired` after ``seconds``."""
         return self._process.wait(seconds)
 
     def close(self) -> None:
-        """End the process and all that it has started; once, since its number may be given to another one later."""
+        """End the process and all that it started; only once, since its number may be reused later."""
         if self._closed:
             return
         self._closed = True

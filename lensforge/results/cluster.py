@@ -24,24 +24,24 @@ if TYPE_CHECKING:
 
 _Shared = TypeVar("_Shared")
 _Item = TypeVar("_Item")
-_Found = TypeVar("_Found")
+_Result = TypeVar("_Result")
 
 _GOES_ON = "what was computed is kept where the command keeps it; the same command goes on from there"
 
 
 @runtime_checkable
 class WorkerPool(Protocol):
-    """Child processes, or a cluster: what maps a function over items."""
+    """Child processes or a cluster that map a function over items."""
 
     def map(
-        self, function: Callable[[_Shared, _Item], _Found], shared: _Shared, items: Sequence[_Item]
-    ) -> Iterator[tuple[int, _Found]]:
-        """``function(shared, item)`` of every item, as they are done: the number of the item, and what was returned."""
+        self, function: Callable[[_Shared, _Item], _Result], shared: _Shared, items: Sequence[_Item]
+    ) -> Iterator[tuple[int, _Result]]:
+        """``function(shared, item)`` for every item, in order of completion: number of the item, and result."""
         ...
 
 
 class Cluster:
-    """Workers that a client of Dask reaches; ``address``: of their scheduler, for messages."""
+    """Workers of a Dask client; ``address``: of their scheduler, for messages."""
 
     def __init__(self, client: "Client", address: str) -> None:
         self._client = client
@@ -49,12 +49,12 @@ class Cluster:
         self._sent: tuple[object, Future[Any]] | None = None
 
     def map(
-        self, function: Callable[[_Shared, _Item], _Found], shared: _Shared, items: Sequence[_Item]
-    ) -> Iterator[tuple[int, _Found]]:
-        """``function(shared, item)`` of every item, as they are done: the number of the item, and what was returned.
+        self, function: Callable[[_Shared, _Item], _Result], shared: _Shared, items: Sequence[_Item]
+    ) -> Iterator[tuple[int, _Result]]:
+        """``function(shared, item)`` for every item, in order of completion: number of the item, and result.
 
         ``function`` is one of a module; ``shared`` travels once, and from worker to worker. Raises :class:`InputError`
-        where the scheduler is lost, or a worker has other versions than this process.
+        if the scheduler is lost, or a worker has other versions than this process.
         """
         from distributed import as_completed
 
@@ -69,13 +69,13 @@ class Cluster:
                 client.cancel([future for future in futures if not future.done()])
 
     def _at_workers(self, shared: object) -> "Future[Any]":
-        """``shared`` as the result of a task: the scheduler can make it anew where the worker that held it is lost."""
+        """``shared`` as the result of a task: the scheduler can recreate it if the worker that held it is lost."""
         if self._sent is None or self._sent[0] is not shared:
-            self._sent = shared, self._client.submit(_kept, shared, pure=False)
+            self._sent = shared, self._client.submit(_held_by_worker, shared, pure=False)
         return self._sent[1]
 
     def _result(self, future: "Future[Any]") -> Any:
-        """Result of a task that has ended; errors of the cluster as one line."""
+        """Result of a finished task; errors of the cluster as one line."""
         from concurrent.futures import CancelledError
 
         from distributed import KilledWorker
@@ -99,17 +99,17 @@ class Cluster:
 
 @lru_cache(maxsize=1)
 def versions() -> dict[str, str]:
-    """Versions in this process of all that decides the bits of a result."""
+    """Versions in this process that determine the bits of a result."""
     return {"python": platform.python_version().rpartition(".")[0], **made_by()}
 
 
-def _kept(shared: object) -> object:
-    """Keep what all items share in the memory of a worker."""
+def _held_by_worker(shared: object) -> object:
+    """``shared``, which Dask thereby holds in a worker's memory."""
     return shared
 
 
-def _task(item: _Item, function: Callable[[_Shared, _Item], _Found], shared: _Shared, ours: dict[str, str]) -> _Found:
-    """One item, in a worker: a thread of its own and no more, as there are others beside it."""
+def _task(item: _Item, function: Callable[[_Shared, _Item], _Result], shared: _Shared, ours: dict[str, str]) -> _Result:
+    """One item, in a worker: on a single thread, as there are other workers beside it."""
     import torch
     from distributed import get_worker
 
@@ -132,8 +132,8 @@ _MOST_WORKERS = 1024
 def connected(scheduler: str | None) -> Iterator[WorkerPool]:
     """The workers of ``scheduler``: its address, such as ``tcp://10.0.0.5:8786``, or ``local:4`` for 4 processes here.
 
-    None: this process alone. Raises :class:`InputError` where the processes do not start, without Dask for an address,
-    for one at which no scheduler answers, and for no address at all.
+    None: this process alone. Raises :class:`InputError` if the processes do not start, if an address is given without
+    Dask, if no scheduler answers there, and for a malformed address.
     """
     if scheduler is None:
         yield IN_TURN
@@ -202,7 +202,7 @@ async def _kind(address: str) -> str:
 
 @contextmanager
 def _quiet() -> Iterator[None]:
-    """Only critical messages in Dask's logs: a worker that is lost is replaced, and all else raises an error."""
+    """Only critical messages in Dask's logs: a lost worker is replaced, and all else raises an error."""
     logs = [logging.getLogger(name) for name in logging.root.manager.loggerDict if name.startswith("distributed")]
     levels = [log.level for log in logs]
     for log in logs:

@@ -1,4 +1,4 @@
-"""Conditions of a simulation that differ from the lens's own, in words and as part of a file's name."""
+"""Conditions of a simulation that differ from the lens's own, as a label and as part of a file's name."""
 
 import re
 from collections.abc import Callable, Iterator
@@ -43,7 +43,7 @@ class Conditions(Record):
 
     @classmethod
     def of(cls, source_name: str = "", **differing: Any) -> "Conditions | None":
-        """Conditions by those ``differing`` from the lens's own, None if none does; ``source_name``: in the name."""
+        """Conditions that differ from the lens's own, None if none does; ``source_name``: used in the name."""
         given = {key: value for key, value in differing.items() if value is not None}
         if not given:
             return None
@@ -52,7 +52,7 @@ class Conditions(Record):
         return unnamed.renamed("_".join([*source, *(text for _, text in unnamed._short())]))
 
     def renamed(self, name: str) -> "Conditions":
-        """Conditions with another name. Raises :class:`InputError` for one that cannot be part of a file's name."""
+        """The conditions under another name. Raises :class:`InputError` if it cannot be part of a file's name."""
         if not re.fullmatch(_ALLOWED, name):
             raise InputError(
                 f"name = {name!r}: must be letters, digits, '_', '-' and '.', at most 120, and begin with none of '-.'"
@@ -60,19 +60,19 @@ class Conditions(Record):
         return self.changed(name=name)
 
     def same_as(self, other: "Conditions") -> bool:
-        """True where ``other`` are the same conditions, whatever their name and warnings."""
+        """True if ``other`` are the same conditions, whatever their name and warnings."""
         plain = {"name": "other", "warnings": ()}
         return self.changed(**plain) == other.changed(**plain)
 
     def __str__(self) -> str:
-        words = [] if self.source is None else [self.source]
-        return ", ".join([*words, *(text for text, _ in self._short())])
+        labels = [] if self.source is None else [self.source]
+        return ", ".join([*labels, *(text for text, _ in self._short())])
 
     def _short(self) -> Iterator[tuple[str, str]]:
-        """Each condition but the source: in words, and as part of a name."""
-        for field, (words, short) in _IN_SHORT.items():
+        """Label of each condition but the source, and its part of a name."""
+        for field, (label, short) in _IN_SHORT.items():
             if (value := getattr(self, field)) is not None:
-                yield words.format(value), short(value)
+                yield label.format(value), short(value)
 
 
 def _in_a_name(source: str) -> str:

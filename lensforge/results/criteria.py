@@ -1,4 +1,4 @@
-"""Acceptance criteria: numbers of a result, each with the limit that it must keep, and their names in words."""
+"""Acceptance criteria: numbers of a result, each with its limit, and their labels."""
 
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
@@ -10,7 +10,7 @@ from lensforge.results.fact import Fact, FactState, StoredAs
 from lensforge.results.verdict import Reason, worst
 
 _YES = " (1: yes)"  # ends the words of a question
-_WORDS = {
+_LABELS = {
     "cavity clearance": "cavity clearance over the LED",
     "wall margin": "wall thickness above its minimum",
     "radius margin": "outer radius below its maximum",
@@ -27,22 +27,22 @@ _OF_FACE = {
 }
 
 
-def declare_words(name: str, words: str) -> None:
-    """Take the ``words`` of the criterion called ``name`` from the field that declares it."""
-    _WORDS[name] = words
+def declare_label(name: str, label: str) -> None:
+    """Register the label of the criterion ``name``, as declared by its field."""
+    _LABELS[name] = label
 
 
 def label_of(name: str) -> str:
-    """Words for a criterion's name, which may begin with its face or file, or with its receiver."""
+    """Label of a criterion by its name, which may begin with its face, its file or its receiver."""
     receiver, colon, short = name.rpartition(": ")
     face, _, of_face = short.partition(" ")
     if of_face in _OF_FACE:
         return f"{receiver}{colon}{_OF_FACE[of_face].format(face)}"
-    return f"{receiver}{colon}{_WORDS.get(short, short.replace('_', ' '))}"
+    return f"{receiver}{colon}{_LABELS.get(short, short.replace('_', ' '))}"
 
 
 def _completed(criterion: Fact) -> Fact:
-    """The criterion with its words and its state; a value without standard error is exact."""
+    """The criterion with its label and its state; a value without standard error is exact."""
     if criterion.limit is None:
         raise ValueError("limit: must be a number")
     name = criterion.key
@@ -76,7 +76,7 @@ def at_most(
 ) -> Fact:
     """The criterion ``value <= limit``, to ``tolerance``; a value that is not finite counts as not measured.
 
-    ``error``: standard error of the value, None if it is exact; within two of the limit nothing is decided.
+    ``error``: standard error of the value, None if it is exact; a value within two errors of the limit is undecided.
     """
     measured = float(value) if isfinite(value) else None
     criterion = Fact(name, "", measured, unit, error, limit=float(limit), remedy=remedy, tolerance=float(tolerance))
@@ -86,41 +86,41 @@ def at_most(
 def at_least(
     name: str, value: float, limit: float, unit: str, remedy: str, tolerance: float = 0.0, error: float | None = None
 ) -> Fact:
-    """The criterion ``value >= limit``, all else as in :func:`at_most`."""
+    """The criterion ``value >= limit``, otherwise as :func:`at_most`."""
     return _completed(replace(at_most(name, value, limit, unit, remedy, tolerance, error), sense=">="))
 
 
 def under(start: str, criterion: Fact) -> Fact:
-    """The ``criterion`` of one of several, whose name ``start`` begins its own."""
+    """The ``criterion`` with its name prefixed by ``start``."""
     return _completed(replace(criterion, key=f"{start}: {criterion.key}"))
 
 
 def shown(criterion: Fact) -> Fact:
-    """The ``criterion`` as a page shows it; one that asks a question by its answer."""
+    """The ``criterion`` for a page; a question is shown by its answer."""
     question = criterion.label.removesuffix(_YES)
     return criterion if question == criterion.label else replace(criterion, label=question).answered
 
 
 def missed(criteria: Iterable[Fact]) -> Iterator[Reason]:
-    """A reason against a result for each of its ``criteria`` that is not met, or not decided."""
+    """A reason for each of the ``criteria`` that is missed or undecided."""
     for criterion in criteria:
         if criterion.state in ("fail", "undecided"):
             yield criterion.state, str(criterion)
 
 
 def named(criteria: Iterable[Fact], name: str) -> Fact | None:
-    """The criterion called ``name``; None if there is none."""
+    """The criterion ``name``; None if there is none."""
     return next((criterion for criterion in criteria if criterion.key == name), None)
 
 
 def state_of(criteria: Iterable[Fact], *names: str) -> FactState:
-    """The state of all ``criteria`` called ``names`` together; ``""`` where there is none of them."""
+    """The joint state of those ``criteria`` called ``names``; ``""`` if there are none."""
     states = [criterion.state for criterion in criteria if criterion.key in names and criterion.state != ""]
     return worst(states) if states else ""
 
 
 def require(criteria: Iterable[Fact]) -> None:
-    """Raise :class:`CriterionMissed` naming every criterion that is missed."""
+    """Raise :class:`CriterionMissed` naming every missed criterion."""
     failed = [str(criterion) for criterion in criteria if criterion.state == "fail"]
     if failed:
         raise CriterionMissed("; ".join(failed))

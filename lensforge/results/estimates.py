@@ -36,7 +36,7 @@ from lensforge.results.replicate_pairs import error_over_pairs, mean_over_pairs
 def jackknife_metric(
     replicates: Float[np.ndarray, "r *shape"], statistic: Callable[[np.ndarray], float], unit: str = ""
 ) -> Metric:
-    """``statistic`` of the mean over replicates, and its standard error (Efron & Stein 1981); of one alone none."""
+    """``statistic`` of the mean over replicates, and its standard error (Efron & Stein 1981); None for a single one."""
     count = len(replicates)
     total = replicates.sum(axis=0)
     value = statistic(total / count)
@@ -53,22 +53,22 @@ def scaled(metric: Metric, factor: float, unit: str) -> Metric:
 
 
 def with_error(metric: Metric, more: float) -> Metric:
-    """``metric`` with one more part of its error, added as a square; as it is where it has none."""
+    """``metric`` with a further part of its error added in quadrature; unchanged without an error."""
     if metric.standard_error is None:
         return metric
     return metric.changed(standard_error=float(np.hypot(metric.standard_error, more)))
 
 
 def in_doubt(metric: Metric, other: Metric, doubt: float) -> Metric:
-    """``metric`` that the rays have chosen before the ``other``: its error has in it that these might choose that one.
+    """``metric`` chosen before ``other`` by its rays: the error includes the possible choice of the other.
 
-    ``doubt``: the root of p (1 - p), with the chance p of the other.
+    ``doubt``: the root of p (1 - p), with the probability p of the other.
     """
     return with_error(metric, doubt * abs(metric.value - other.value))
 
 
 def jackknife_error(left_out: Float[np.ndarray, " r"]) -> float:
-    """Standard error of a statistic, from its values ``left_out`` with one replicate at a time left out."""
+    """Standard error of a statistic, from its values ``left_out`` with each replicate left out in turn."""
     count = len(left_out)
     return float(np.sqrt((count - 1) / count * np.sum((left_out - left_out.mean()) ** 2)))
 
@@ -82,7 +82,7 @@ def influence_error(influences: Float[np.ndarray, " r"]) -> float:
 def nmse(irradiance: Image, target: Image) -> float:
     """Eq. (7), with the target scaled to the flux of ``irradiance``: it measures the shape, efficiency the amount.
 
-    1 for a dark image, as for a target that is not scaled.
+    1 for a dark image.
     """
     total = irradiance.sum()
     if not total > 0.0:
@@ -104,7 +104,7 @@ def relative_deviation(irradiance: Image, mask: Bool[np.ndarray, "h w"]) -> floa
 
 
 def relative_square(both: Float[np.ndarray, "2 h w"]) -> float:
-    """NMSE between two pictures without scaling: mean square difference over that of the second; 0 where it is dark."""
+    """NMSE between two pictures without scaling: mean square difference over that of the second; 0 if it is dark."""
     reference = float(np.sum(both[1] ** 2))
     return float(np.sum((both[0] - both[1]) ** 2)) / reference if reference > 0.0 else 0.0
 
@@ -116,7 +116,7 @@ Images = Float[np.ndarray, "r h w"]
 
 @dataclass(frozen=True)
 class PairEstimate:
-    """An estimate by pairs of replicates, and how far each pair is from it; None with too few replicates."""
+    """An estimate by pairs of replicates, and each pair's deviation from it; None with too few replicates."""
 
     value: float
     deviations: Float[np.ndarray, "r r"] | None = None
@@ -128,13 +128,13 @@ class PairEstimate:
 
     @property
     def by_replicate(self) -> Float[np.ndarray, " r"]:
-        """Share of each replicate in the noise, but for a factor; nothing of too few."""
+        """Share of each replicate in the noise, up to a factor; empty with too few."""
         if self.deviations is None:
             return np.zeros(0)
         return np.asarray(self.deviations.sum(axis=1) - np.diag(self.deviations))
 
     def change_from(self, before: "PairEstimate") -> Metric:
-        """Difference from ``before``, of another lens by the same rays."""
+        """Difference from ``before``, the estimate of another lens by the same rays."""
         if self.deviations is None or before.deviations is None:
             return PairEstimate(self.value - before.value).metric()
         return PairEstimate(self.value - before.value, self.deviations - before.deviations).metric()
@@ -147,10 +147,10 @@ class RootEstimate(PairEstimate):
     square: PairEstimate | None = None
 
     def change_of(self, designed: float, before: "RootEstimate") -> Metric:
-        """Change of ``designed``, the value of ``before`` by many rays, from ``before`` to this light.
+        """Change from ``before`` to this light of ``designed``, the value of ``before`` by many rays.
 
-        Squares are unbiased and change alike by few rays and by many, roots do not: of few rays that of the one may be
-        0 and of the other above ``designed``. The changed value is the root of the changed square, at least 0.
+        Squares are unbiased and change alike with few rays and with many; roots do not: with few rays one may be 0 and
+        the other above ``designed``. The changed value is the root of the changed square, at least 0.
         """
         if self.square is None or before.square is None:
             return Metric(value=max(self.value - before.value, -designed))
@@ -162,11 +162,11 @@ class RootEstimate(PairEstimate):
 
 
 def nmse_estimate(images: Images, target: Image) -> PairEstimate:
-    """NMSE of the light to which ``images`` are unbiased: D_k = I_k - s_k T, with s_k = sum I_k / sum T.
+    """NMSE of the light that ``images`` estimate without bias: D_k = I_k - s_k T, with s_k = sum I_k / sum T.
 
-    Mean over all pairs k != l of <D_k, D_l>, over the mean of s_k s_l <T, T>. It is not clipped: where the light is
-    closer to the target than the noise can tell, it may be below 0. Fewer than four replicates, or light in fewer than
-    four of them, have no such estimate: the NMSE of their mean, with its noise, and no standard error.
+    Mean over all pairs k != l of <D_k, D_l>, over the mean of s_k s_l <T, T>. It is not clipped: if the light is closer
+    to the target than the noise can tell, it may be below 0. With fewer than four replicates, or light in fewer than
+    four: the NMSE of their mean, with its noise, without standard error.
     """
     scales = images.sum(axis=(1, 2)) / target.sum()
     if not _enough(scales):
@@ -176,10 +176,10 @@ def nmse_estimate(images: Images, target: Image) -> PairEstimate:
 
 
 def rsd_estimate(images: Images, mask: Bool[np.ndarray, "h w"]) -> RootEstimate:
-    """RSD in ``mask`` of the light to which ``images`` are unbiased: the root of its squared relative deviation.
+    """RSD in ``mask`` of the light that ``images`` estimate without bias: the root of its squared relative deviation.
 
     That square is the mean over all pairs k != l of <E_k, E_l>, E_k the deviations from the mean in the mask, over that
-    of the products of the means. An estimate below 0 counts as 0. Too few replicates: as for the NMSE.
+    of the products of the means. An estimate below 0 counts as 0. With too few replicates: as for the NMSE.
     """
     inside = images[:, mask]
     means = inside.mean(axis=1)
@@ -191,7 +191,7 @@ def rsd_estimate(images: Images, mask: Bool[np.ndarray, "h w"]) -> RootEstimate:
 def root_estimate(errors: Float[np.ndarray, "r n"], scales: Float[np.ndarray, " r"]) -> RootEstimate:
     """Root of the square sum of ``errors`` over the square of ``scales``, both without noise.
 
-    Fewer than four replicates, or scales above 0, give that of the mean, with its noise, and no standard error.
+    With fewer than four replicates, or scales above 0: that of the mean, with its noise, without standard error.
     """
     if not _enough(scales):
         mean = float(np.linalg.norm(errors.mean(axis=0)))
@@ -212,7 +212,7 @@ def _enough(amounts: Float[np.ndarray, " r"]) -> bool:
 def _ratio_of_squares(
     errors: Float[np.ndarray, "r n"], scales: Float[np.ndarray, " r"]
 ) -> tuple[float, Float[np.ndarray, "r r"]]:
-    """``|E errors|^2 / (E scales)^2`` without noise, and how far each pair of replicates is from it."""
+    """``|E errors|^2 / (E scales)^2`` without noise, and each pair's deviation from it."""
     squares = errors @ errors.T
     norms = np.outer(scales, scales)
     norm = mean_over_pairs(norms)
@@ -229,10 +229,10 @@ Blocks = Float[np.ndarray, "b r"]  # 1 where a replicate is in a block, else 0
 
 @dataclass(frozen=True)
 class LeastEstimate:
-    """A least value; the same with each replicate left out; the influence of each; and what may be left of the noise.
+    """A minimum; the same with each replicate left out; the influence of each; and residual noise.
 
-    ``unsure``: how far the upper bound is above a value that noise alone may have made, where no extrapolation tells.
-    With other than 16 replicates there is the value alone.
+    ``unsure``: distance of the upper bound from a value that noise alone may have made, if no extrapolation is
+    possible. Unless there are 16 replicates only the value is known.
     """
 
     value: float
@@ -243,9 +243,9 @@ class LeastEstimate:
     def metric(self) -> Metric:
         """Value and standard error: the mean of one that is too large and of one that is too small.
 
-        The jackknife is too large where many places are nearly as dark: without a replicate half of the blocks are
-        gone. The sum of the influences is too small there, as it holds the places that were chosen. Their mean is
-        right to a fifth.
+        The jackknife is too large if many places are nearly as dark: without a replicate half of the blocks are gone.
+        The sum of the influences is too small there, as it holds the places that were chosen. Their mean is right to a
+        fifth.
         """
         if self.left_out is None or self.influences is None:
             return Metric(value=self.value)
@@ -254,11 +254,11 @@ class LeastEstimate:
 
     @property
     def by_replicate(self) -> Float[np.ndarray, " r"]:
-        """Share of each replicate in the noise, but for a factor; nothing of other than 16."""
+        """Share of each replicate in the noise, up to a factor; empty unless there are 16."""
         return np.zeros(0) if self.left_out is None else self.left_out
 
     def change_from(self, before: "LeastEstimate") -> Metric:
-        """Difference from ``before``, of another lens by the same rays."""
+        """Difference from ``before``, the estimate of another lens by the same rays."""
         value = self.value - before.value
         if self.left_out is None or before.left_out is None or self.influences is None or before.influences is None:
             return LeastEstimate(value).metric()
@@ -269,9 +269,9 @@ class LeastEstimate:
 
 
 def least_over_mean(readings: Float[np.ndarray, "r k"]) -> LeastEstimate:
-    """Least over mean of the values at ``k`` places, at most 1, without noise: as :func:`debiased_minimum`.
+    """Least over mean of the values at ``k`` places, at most 1, corrected as in :func:`debiased_minimum`.
 
-    With a replicate without light, too, that of the mean, with its noise; 0 without any.
+    If a replicate is dark: that of the mean, with its noise; 0 without light.
     """
     means = readings.mean(axis=1)
     if len(readings) == _REPLICATES and (means > 0.0).all():
@@ -297,7 +297,7 @@ def debiased_minimum(readings: Float[np.ndarray, "r k"], most: float | None = No
 
 
 def debiased_maximum(readings: Float[np.ndarray, "r k"], least: float | None = None) -> Metric:
-    """Largest of the values at ``k`` places: as :func:`debiased_minimum`, which would be too large with noise.
+    """Maximum over ``k`` places, corrected for the bias of noise as in :func:`debiased_minimum`.
 
     It is at least ``least``, by default the mean of all readings.
     """
@@ -306,9 +306,9 @@ def debiased_maximum(readings: Float[np.ndarray, "r k"], least: float | None = N
 
 
 def ratio_of(part: Metric, largest: Metric) -> Metric:
-    """Ratio of a figure to the largest of its kind, whose errors are independent: at most 1, whatever the noise.
+    """Ratio of a figure to the largest of its kind, with independent errors: at most 1, whatever the noise.
 
-    0 where the second is not above 0.
+    0 unless the latter is above 0.
     """
     if not largest.value > 0.0:
         return Metric(value=0.0)
@@ -321,7 +321,7 @@ def ratio_of(part: Metric, largest: Metric) -> Metric:
 
 
 def _least(readings: Float[np.ndarray, "r k"], most: float | None = None) -> LeastEstimate:
-    """Least value, between that of the mean with its noise and ``most``, by default the mean of all readings."""
+    """Minimum, between that of the mean with its noise and ``most``, by default the mean of all readings."""
     halves, quarters = (_Choices.of(readings, blocks) for blocks in (_halves(), _quarters()))
     slope = _Slope.of(halves, quarters)
     mean = readings.mean(axis=0)
@@ -361,7 +361,9 @@ class _Choices:
     @staticmethod
     def of(images: Float[np.ndarray, "r n"], blocks: Blocks) -> "_Choices":
         parts = 1 + len(blocks) * images.shape[1] // _AT_ONCE  # bounds the memory
-        return _Choices(blocks, np.concatenate([_darkest(each, images) for each in np.array_split(blocks, parts)]))
+        return _Choices(
+            blocks, np.concatenate([_darkest(some_blocks, images) for some_blocks in np.array_split(blocks, parts)])
+        )
 
     @cached_property
     def least(self) -> Float[np.ndarray, " b"]:
@@ -397,11 +399,11 @@ class _Choices:
         return np.asarray((shares * (self.values - means)).mean(axis=0))
 
     def influences(self, slope: float) -> Float[np.ndarray, " r"]:
-        """Change of :meth:`extrapolated` with the weight of each replicate, the slope held."""
+        """Change of :meth:`extrapolated` with the weight of each replicate, at constant slope."""
         return np.asarray((1.0 - slope) * self.minimum_influences + slope * self.read_influences)
 
     def left_out(self, slope: float) -> Float[np.ndarray, " r"]:
-        """:meth:`extrapolated` from the blocks without one replicate, which is not read either; for each of them."""
+        """:meth:`extrapolated` without each replicate in turn, neither in blocks nor in readings."""
         without = 1.0 - self.blocks
         outside = without * self.values
         minimum = self.least @ without / without.sum(axis=0)
@@ -411,7 +413,7 @@ class _Choices:
 
 
 def _darkest(blocks: Blocks, images: Float[np.ndarray, "r n"]) -> Float[np.ndarray, "b r"]:
-    """Value in every replicate of the darkest pixel by each block; the mean of all where rays reached none."""
+    """Value in every replicate of each block's darkest pixel; the mean of all if rays reached none."""
     light = blocks @ images
     block, pixel = np.divmod(np.flatnonzero(light == light.min(axis=1, keepdims=True)), images.shape[1])
     first = np.searchsorted(block, np.arange(len(blocks)))
@@ -421,14 +423,14 @@ def _darkest(blocks: Blocks, images: Float[np.ndarray, "r n"]) -> Float[np.ndarr
 
 @dataclass(frozen=True)
 class _Slope:
-    """The slope h through both levels, and how it changes with the weight of each replicate; not at a bound."""
+    """The slope h through both levels, and its change with the weight of each replicate; 0 at a bound."""
 
     value: float
     influences: Float[np.ndarray, " r"]
 
     @staticmethod
     def of(halves: _Choices, quarters: _Choices) -> "_Slope":
-        """The slope within its theoretical bounds 0 and 1; 1, the safe one, where the levels agree."""
+        """The slope within its theoretical bounds 0 and 1; 1, the safe one, if the levels agree."""
         by_noise = halves.minimum - quarters.minimum
         optimism = (quarters.read - quarters.minimum) - (halves.read - halves.minimum)
         agree = optimism <= _ROUNDING * abs(halves.read)  # all blocks chose the same pixels

@@ -27,7 +27,7 @@ _OUTCOMES = {"pass": "held", "fail": "missed", "undecided": "undecided", "none":
 @public
 @dataclass(frozen=True)
 class Change:
-    """A field of the spec, dotted, and the ``value`` that would help; ``then``: words behind it in a sentence."""
+    """A field of the spec, dotted, and the ``value`` that would help; ``then``: phrase after it in a sentence."""
 
     field: str
     value: str
@@ -86,7 +86,7 @@ class Fact:
 
     @staticmethod
     def measured(key: str, label: str, metric: Metric | None, note: str = "", **more: Any) -> "Fact":
-        """Make the fact of a ``metric``, judged where ``more`` has a limit; None if it has no meaning."""
+        """Make the fact of a ``metric``, judged if ``more`` has a limit; None if it has no meaning."""
         if metric is None:
             return Fact(key, label, None, note=note, **more)
         fact = Fact(key, label, metric.value, metric.unit, metric.standard_error, note=note, **more)
@@ -94,7 +94,7 @@ class Fact:
 
     @staticmethod
     def share(key: str, label: str, share: Metric | float | None, note: str = "", **more: Any) -> "Fact":
-        """Make the fact of a share, in per cent; what ``more`` states of its limits is a share, too."""
+        """Make the fact of a share, in per cent; limits in ``more`` are shares, too."""
         metric = share if isinstance(share, Metric | None) else Metric(value=share)
         return Fact.measured(key, label, metric, note, **more).in_percent
 
@@ -104,7 +104,7 @@ class Fact:
         return replace(self, state=judge(value, self.sense, self.limit, error, self.tolerance))
 
     def judged_as(self, other: "Fact | None") -> "Fact":
-        """Take limit and state of an ``other`` fact on the same value; unchanged without one."""
+        """Take limit and state of ``other``, a fact on the same value; unchanged without one."""
         return self if other is None else replace(self, sense=other.sense, limit=other.limit, state=other.state)
 
     @property
@@ -122,13 +122,13 @@ class Fact:
 
     @property
     def answered(self) -> "Fact":
-        """Answer alone to the question that its label asks: yes where it passes, no where it fails."""
+        """The fact with the answer to its question for a value: yes if it passes, no if it fails."""
         answer = _ANSWERS.get(self.state, NOTHING)
         return Fact(self.key, self.label, answer, state=self.state, note=self.note, remedy=self.remedy)
 
     @property
     def holds(self) -> bool:
-        """True where its limit is kept."""
+        """True if its limit is kept."""
         return self.state == "pass"
 
     @property
@@ -140,7 +140,7 @@ class Fact:
 
     @property
     def outcome(self) -> str:
-        """State in the words of a limit: held, missed or undecided."""
+        """State as limits name it: held, missed or undecided."""
         return _OUTCOMES.get(self.state, "")
 
     @property
@@ -161,7 +161,7 @@ class Fact:
 
     @property
     def required(self) -> str:
-        """Limit as text, with the tolerance where the value keeps it by that alone."""
+        """Limit as text, with the tolerance if the value needs it."""
         if self.limit is None:
             return NOTHING
         bare = replace(self, tolerance=0.0).judged(self.standard_error or 0.0)
@@ -176,40 +176,42 @@ class Fact:
 
     @property
     def sentence(self) -> str:
-        """Value, limit, what is possible, and note in one line, as a screen shows them behind the label."""
+        """Value, limit, bound of physics, and note in one line, for a screen."""
         beside = [f"required {self.required}"] if self.limit is not None else []
         beside += (
             [f"{_BOUNDS[self.sense]} {quantity(self.possible, self.unit, digits=self.digits)}"]
             if self.possible is not None
             else []
         )
-        words = f"{self.text} ({', '.join(beside)})" if beside else self.text
-        return "; ".join(filter(None, (words, self.note, self.notice)))
+        value_text = f"{self.text} ({', '.join(beside)})" if beside else self.text
+        return "; ".join(filter(None, (value_text, self.note, self.notice)))
 
     @property
     def reason(self) -> str:
-        """Reason why it does not pass, with what to try; empty if it passes or nothing judges it."""
+        """Reason why it does not pass, with a remedy; empty if it passes or has no limit."""
         if self.state in ("pass", ""):
             return ""
         ends = f": {self.advice}" if self.advice else ""
-        return f"{self.label} = {self.text}, must be {self.required}{self._doubt}{ends}"
+        return f"{self.label} = {self.text}, must be {self.required}{self._undecided_reason}{ends}"
 
     @property
     def advice(self) -> str:
-        """Remedy, or where nothing is decided, that which decides."""
+        """Remedy; for an undecided fact the way to decide it."""
         return "take more rays" if self.state == "undecided" else self.remedy
 
     def __str__(self) -> str:
-        """The judgement in one line, by the name that scripts know: by how much a limit is missed, and what to try."""
+        """The judgement in one line, under the name for scripts: by how much a limit is missed, and the remedy."""
         required = f"(must be {self.required})"
         if self.value is None or self.limit is None or isinstance(self.value, str):
             return f"{self.key} could not be measured {required}; {self.remedy}"
         missed = f"missed by {quantity(abs(self.value - self.limit), self.unit, digits=3)}"
-        judgement = {"pass": "met", "fail": f"{missed}; {self.remedy}"}.get(self.state, f"undecided{self._doubt}")
+        judgement = {"pass": "met", "fail": f"{missed}; {self.remedy}"}.get(
+            self.state, f"undecided{self._undecided_reason}"
+        )
         return f"{self.key} = {quantity(self.value, self.unit, self.standard_error)} {required}: {judgement}"
 
     def plain(self) -> dict[str, object]:
-        """Fact as JSON holds it, without what it lacks."""
+        """The fact as in JSON, without empty entries."""
         content = {
             "key": self.key,
             "label": self.label,
@@ -230,8 +232,8 @@ class Fact:
         return _OPPOSITE[self.sense]
 
     @property
-    def _doubt(self) -> str:
-        """Words on why nothing is decided; empty if something is."""
+    def _undecided_reason(self) -> str:
+        """Reason why the fact is undecided; empty if it is not."""
         if self.state != "undecided":
             return ""
         return ", too close to tell" if self.standard_error else ", without standard error: too few rays"
@@ -243,11 +245,10 @@ _NEEDED = ("key", "label", "value", "metric", "sense", "limit", "unit", "place",
 
 @dataclass(frozen=True, eq=False)
 class StoredAs:
-    """Marks a fact in a record: the field of the fact that has each of the ``names`` in JSON, in their order.
+    """Marks a fact in a record: the field of the fact for each of its ``names`` in JSON, in order.
 
-    A name of a property, such as ``holds``, is not read but follows, and a file must state what follows.
-    ``completed``: the fact with what no file states, as its label and its state. ``if_any``: names that a file leaves
-    out where there is nothing to say.
+    A name of a property, such as ``holds``, is not read but follows, and a file's entry must agree. ``completed``: adds
+    to the fact what no file states, such as label and state. ``if_any``: names that a file leaves out if empty.
     """
 
     names: Mapping[str, str]
@@ -269,7 +270,7 @@ class StoredAs:
         }
 
     def read(self, content: Any, validated: Callable[[Any], Fact]) -> Fact:
-        """The fact of ``content``. Raises :class:`ValueError` for one missing or unknown, or that does not follow."""
+        """The fact in ``content``. Raises :class:`ValueError` for a missing, unknown or contradicting entry."""
         if not isinstance(content, Mapping):
             return validated(content)
         odd = [f"{str(name)[:60]}: no such entry" for name in content if name not in self.names]
@@ -294,7 +295,7 @@ class StoredAs:
 class Group:
     """Facts under a title: a block of a screen, a table of a page, or one row of a table whose columns are labels.
 
-    ``key``: name by which it is selected. ``note``: beside the title. ``state``: of all of them, where they are judged.
+    ``key``: name by which it is selected. ``note``: beside the title. ``state``: of all judged facts.
     """
 
     key: str
@@ -304,7 +305,7 @@ class Group:
     state: FactState = ""
 
     def select(self, *keys: str) -> "Group":
-        """The group with the facts called ``keys`` alone, in that order."""
+        """The group with only the facts ``keys``, in that order."""
         named = {fact.key: fact for fact in self.facts}
         return replace(self, facts=tuple(named[key] for key in keys if key in named))
 
@@ -318,17 +319,17 @@ class Group:
         return ", ".join(f"{fact.label} {fact.text}" for fact in self.facts)
 
     def fact(self, key: str) -> Fact:
-        """The fact called ``key``, which it has."""
+        """The fact ``key``, which must exist."""
         return next(fact for fact in self.facts if fact.key == key)
 
 
 def columns_of(groups: Iterable[Group]) -> dict[str, str]:
-    """Labels of the columns of a table whose rows are ``groups``, by the keys of their facts."""
+    """Labels of the columns of a table with a row for each of ``groups``, by the keys of their facts."""
     return {fact.key: fact.label for group in groups for fact in group.facts}
 
 
 def cells_of(group: Group, columns: Mapping[str, str]) -> Iterator[Fact]:
-    """A fact of ``group`` for each of ``columns``, an empty one where it has none."""
+    """A fact of ``group`` for each of ``columns``, an empty one if it has none."""
     named = {fact.key: fact for fact in group.facts}
     for key, label in columns.items():
         yield named.get(key, Fact(key, label, ""))

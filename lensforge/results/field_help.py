@@ -40,13 +40,13 @@ def field_line(name: str, marks: Iterable[str], *sentences: str) -> str:
 
 
 def private_fields(annotation: object) -> str:
-    """The fields of a class that no script names: a page shows them with the field that holds it."""
+    """Fields of a class that scripts do not name: a page shows them with the field that holds it."""
     private = [model for model in models_in(annotation) if model.__module__ != "lensforge"]
     return f"Has {', '.join(private[0].model_fields)}." if len(private) == 1 else ""
 
 
 def short_type(annotation: object) -> str:
-    """A type as a reader says it: "float", "Metric or None", "tuple of Metric"."""
+    """A type in a reader's terms: "float", "Metric or None", "tuple of Metric"."""
     origin = get_origin(annotation)
     inner = get_args(annotation)
     if annotation is type(None):
@@ -84,7 +84,7 @@ def described_fields(cls: type) -> dict[str, str]:
 
 
 def plain_paragraphs(cls: type) -> Iterator[str]:
-    """The paragraphs of a docstring without what they say of fields, an empty line behind each."""
+    """The paragraphs of a docstring without descriptions of fields, each followed by an empty line."""
     for paragraph in _paragraphs(cls):
         if text := _NAMED.split(paragraph)[0].rstrip(" ;").replace("``", "`"):
             yield from (fill(text, 110), "")

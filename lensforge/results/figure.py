@@ -1,7 +1,7 @@
 """Figures of a record, each declared once, at its field: its label, its note, the limit that judges it, its remedy.
 
 Facts and criteria are views of these declarations, and so are the screen, the pages, the JSON and the list of terms
-that show them. A criterion that a file states is held against the one that the figures of the record make.
+that show them. A criterion stated in a file is checked against the one that follows from the record's figures.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -12,7 +12,7 @@ from typing import Any, Generic, TypeVar, get_origin
 
 from pydantic.fields import FieldInfo
 
-from lensforge.results.criteria import at_least, at_most, declare_words, state_of
+from lensforge.results.criteria import at_least, at_most, declare_label, state_of
 from lensforge.results.fact import Fact
 from lensforge.results.numerals import converted, quantity, unit_of, unit_suffix
 from lensforge.results.record import InCriterion, Metric, Record, Sense, marker, marks_of
@@ -96,7 +96,7 @@ _Getter = TypeVar("_Getter", bound=Callable[..., Any])
 
 
 def figure(*marks: Figure | Criterion) -> Callable[[_Getter], _Getter]:
-    """Decorate the function of a property, which is then told or judged as a field with these ``marks`` is."""
+    """Decorate the function of a property, which then is a figure or a criterion by ``marks``, as a field would be."""
 
     def with_marks(getter: _Getter) -> _Getter:
         vars(getter)[_MARKS] = marks
@@ -110,7 +110,7 @@ _MARKS = "figure_marks"
 
 @dataclass(frozen=True)
 class _Declared(Generic[_Mark]):
-    """A mark, the record that holds its field, and the path of the field from the record that functions are of."""
+    """A mark, the record that holds its field, and the path to the field from the record passed to functions."""
 
     mark: _Mark
     holder: Record
@@ -124,32 +124,32 @@ class _Declared(Generic[_Mark]):
 
     @property
     def place(self) -> tuple[tuple[str, ...], str]:
-        """The value that is declared: the field, and its entry."""
+        """The declared value: the field, or its entry."""
         return self.path, self.mark.of
 
     @property
     def value(self) -> Any:
-        """The value that is declared; None if an entry on the way is."""
+        """The declared value; None if an entry on its path is."""
         return entry_at(self.holder, ".".join(filter(None, (self.path[-1], self.mark.of))))
 
     @property
     def field_unit(self) -> str:
-        """Its unit by the names on its path; that declared where these say none."""
+        """Unit by the names on the path, else the declared one."""
         return unit_of([*self.path, *self.mark.of.split(".")]) or self.mark.unit or ""
 
     @property
     def unit(self) -> str:
-        """Its unit, as declared or by the names on its path."""
+        """Unit, as declared, else by the names on the path."""
         return self.field_unit if self.mark.unit is None else self.mark.unit
 
     def text(self, words: Words) -> str:
-        """Make the text of ``words``."""
+        """Evaluate ``words`` as a text."""
         if callable(words):
             return words(*self.given)
         return _TEXTS.vformat(words, [self.holder], dict(zip(("name",), self.given[2:], strict=False)))
 
     def number(self, bound: Bound | None) -> float | None:
-        """Take the number of a ``bound``."""
+        """Evaluate a ``bound`` as a number."""
         if isinstance(bound, str):
             return entry_at(self.holder, bound)
         return bound(*self.given) if callable(bound) else bound
@@ -158,9 +158,9 @@ class _Declared(Generic[_Mark]):
 def facts_in(result: Record, held: Iterable[Fact] = (), record: Record | None = None, *given: Any) -> Iterator[Fact]:
     """The figures of ``result`` and of the records within it, as facts.
 
-    ``held``: criteria of the result: a fact on the value of one has its limit and its state. ``record``: that among
-    several of its kind within ``result`` whose figures alone are told. ``given``: what functions get behind it, such as
-    its name where it does not state that.
+    ``held``: criteria of the result: a fact on the value of one has its limit and its state. ``record``: the one of
+    several within ``result`` whose figures are wanted. ``given``: further arguments of functions, such as the record's
+    name if it does not state it.
     """
     held = tuple(held)
     judged: dict[tuple[tuple[str, ...], str], list[str]] = {}
@@ -176,20 +176,20 @@ def facts_in(result: Record, held: Iterable[Fact] = (), record: Record | None = 
 
 
 def figures_of(kind: type[Record]) -> Iterator[tuple[str, Figure]]:
-    """Key and declaration of each figure that a record of ``kind`` tells, and those of the records within it."""
+    """Key and declaration of each figure of a record of ``kind``, including records within it."""
     for declared, path in _declared_by(kind, Figure):
         yield declared.key if isinstance(declared.key, str) and declared.key else _name(path), declared
 
 
 def figures_at(kind: type[Record]) -> dict[str, Figure]:
-    """Declaration of the figure at each place, dotted, of a record of ``kind`` and of the records within it."""
+    """Declaration of the figure at each dotted place of a record of ``kind``, including records within it."""
     return {".".join(filter(None, (*path, declared.of))): declared for declared, path in _declared_by(kind, Figure)}
 
 
 def criteria_in(result: Record, record: Record | None = None, *given: Any) -> Iterator[Fact]:
     """The limits of ``result`` and of the records within it, as criteria on its figures; flags count as 1 and 0.
 
-    ``record``, ``given``: as of :func:`facts_in`.
+    ``record``, ``given``: as in :func:`facts_in`.
     """
     for declared in _all_declared(Criterion, result, record, *given):
         limit = declared.mark
@@ -208,16 +208,16 @@ def _criterion_name(declared: _Declared[Criterion]) -> str:
 
 
 def declare_criteria(kind: type[Record]) -> None:
-    """Make the words of the criteria of ``kind`` known wherever one is read by its name, as in a table of designs."""
+    """Register the labels of the criteria of ``kind`` for readers that know only their names, as a table of designs."""
     for declared, path in _declared_by(kind, Criterion):
         if "{" not in declared.name:
-            declare_words(declared.name or _name(path), declared.words)
+            declare_label(declared.name or _name(path), declared.words)
 
 
 def with_told_by_criteria(kind: type[Record], content: Mapping[str, Any], fields: Iterable[str]) -> dict[str, Any]:
-    """``content`` of a file of ``kind`` with what its criteria alone tell, also in records within it.
+    """``content`` of a file of ``kind``, completed from its criteria, also in records within it.
 
-    ``fields``: that hold its criteria.
+    ``fields``: those that hold the criteria.
     """
     lists = [stated for field in fields if isinstance(stated := content.get(field), list | tuple)]
     by_name = {entry.get("name"): entry for stated in lists for entry in stated if isinstance(entry, Mapping)}
@@ -229,20 +229,20 @@ def _with_told(
 ) -> dict[str, Any]:
     read = dict(content)
     for name, info in kind.model_fields.items():
-        judged = marker(info, Criterion)
-        told = marker(info, InCriterion)
-        if told is not None and name not in content:
-            criterion = told.name or (judged and judged.name) or _name([*path, name])
+        criterion_mark = marker(info, Criterion)
+        in_criterion = marker(info, InCriterion)
+        if in_criterion is not None and name not in content:
+            criterion = in_criterion.name or (criterion_mark and criterion_mark.name) or _name([*path, name])
             if criterion in criteria:
-                read[name] = _as_declared(info, criteria[criterion].get(told.entry))
-        within = next((each for each in models_in(info.annotation) if issubclass(each, Record)), None)
+                read[name] = _as_declared(info, criteria[criterion].get(in_criterion.entry))
+        within = next((model for model in models_in(info.annotation) if issubclass(model, Record)), None)
         if within is not None and isinstance(content.get(name), Mapping):
             read[name] = _with_told(within, content[name], criteria, (*path, name))
     return read
 
 
 def entry_at(record: Any, place: str) -> Any:
-    """The entry at the dotted ``place`` of ``record``; None if an entry on the way is."""
+    """The entry at the dotted ``place`` of ``record``; None if an entry on its path is."""
     for step in place.split("."):
         if record is not None:
             record = record[step] if isinstance(record, Mapping) else getattr(record, step)
@@ -255,7 +255,7 @@ def _name(path: Sequence[str]) -> str:
 
 
 def _as_declared(info: FieldInfo, value: Any) -> Any:
-    """The value of a criterion as its field takes it: a flag of 1 or 0, a whole number."""
+    """The value of a criterion in the type of its field: a flag for 1 or 0, a whole number."""
     if info.annotation is bool and value in (0.0, 1.0):
         return bool(value)
     return int(value) if info.annotation is int and isinstance(value, float) and value.is_integer() else value
@@ -302,7 +302,7 @@ def _fact(declared: _Declared[Figure], held: Sequence[Fact]) -> Fact | None:
 
 
 def _all_declared(kind: type[_Mark], result: Record, record: Record | None, *given: Any) -> Iterator[_Declared[_Mark]]:
-    """Marks of ``kind`` in the ``result``, or in the ``record`` of several within it; functions of these get both."""
+    """Marks of ``kind`` in ``result``, or in its ``record``; functions of these get both."""
     if record is None:
         return _declared(result, kind, (result, *given))
     return _declared(record, kind, (result, record, *given))
@@ -311,7 +311,7 @@ def _all_declared(kind: type[_Mark], result: Record, record: Record | None, *giv
 def _declared(
     holder: Record, kind: type[_Mark], given: tuple[Any, ...], path: tuple[str, ...] = ()
 ) -> Iterator[_Declared[_Mark]]:
-    """Marks of ``kind`` at the fields and properties of ``holder``, those of records within at their field."""
+    """Marks of ``kind`` at the fields and properties of ``holder``, those of inner records at their field."""
     for name, info in type(holder).model_fields.items():
         yield from (_Declared(mark, holder, (*path, name), given) for mark in marks_of(info, kind))
         within = getattr(holder, name)
@@ -326,7 +326,7 @@ def _declared_by(
 ) -> Iterator[tuple[_Mark, tuple[str, ...]]]:
     for name, info in kind.model_fields.items():
         yield from ((declared, (*path, name)) for declared in marks_of(info, mark))
-        within = (each for each in models_in(info.annotation) if issubclass(each, Record) and each is not kind)
+        within = (model for model in models_in(info.annotation) if issubclass(model, Record) and model is not kind)
         for record in within:  # names of figures of one among several begin with it
             yield from _declared_by(record, mark, () if get_origin(info.annotation) is tuple else (*path, name))
     for name, marks in _properties(kind):
@@ -344,13 +344,13 @@ def _properties(kind: type[Record]) -> Iterator[tuple[str, tuple[Figure | Criter
 
 class _Texts(Formatter):
     def get_field(self, field_name: str, args: Sequence[Any], kwargs: Mapping[str, Any]) -> Any:
-        """The figure at this place of the record, with its unit; the name of the record where that is given."""
+        """The figure at this place of the record, with its unit; the name of the record if given."""
         if field_name in kwargs:
             return (kwargs[field_name], ""), field_name
         return (entry_at(args[0], field_name), unit_of(field_name.split("."))), field_name
 
     def format_field(self, value: Any, format_spec: str) -> str:
-        """A word as it is, a figure to as many digits as ``format_spec`` says."""
+        """Text unchanged, a figure to the digits in ``format_spec``."""
         figure, unit = value
         return figure if isinstance(figure, str) else quantity(figure, unit, digits=int(format_spec or 6))
 

@@ -76,7 +76,7 @@ _Arguments = ParamSpec("_Arguments")
 
 
 def report_style(more: Mapping[Any, Any] = MappingProxyType({})) -> AbstractContextManager[None]:
-    """The report's style, and ``more``, on matplotlib's own defaults, not on those of a matplotlibrc or a caller."""
+    """The report's style, and ``more``, on top of matplotlib's defaults, whatever a matplotlibrc or the caller sets."""
     return matplotlib.style.context(["default", {**_STYLE, **more}])
 
 
@@ -102,7 +102,7 @@ def new_map(
 ) -> tuple[Figure, Axes, Axes]:
     """A figure with axes and a colour bar of their height, at fixed positions so that neighbours line up.
 
-    ``tall``: height over width of the map; a map that is far from a square lies at the right of its axes.
+    ``tall``: height over width of the map; an elongated map lies at the right of its axes.
     """
     side = width - left - right
     top = 0.1

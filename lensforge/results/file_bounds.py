@@ -1,4 +1,4 @@
-"""Bounds on STL, 3MF and STEP files before any work is done on them, and the bytes that need none.
+"""Bounds on STL, 3MF and STEP files before any work is done on them, and bytes of this process, which need none.
 
 Bytes that this very process made need neither bounds nor a child process. A file that is read from a folder may be
 anybody's, whatever its record states: only this process's own memory counts. The normals in an STL file are not read:
@@ -23,13 +23,13 @@ _OWN: set[bytes] = set()
 
 
 def remembered(content: bytes) -> bytes:
-    """``content``, which this process has just made, and knows again from now on."""
+    """``content``, just made by this process, which will recognise it from now on."""
     _OWN.add(hashlib.sha256(content).digest())
     return content
 
 
 def made_here(content: bytes) -> bool:
-    """True where this process made ``content``."""
+    """True if this process made ``content``."""
     return hashlib.sha256(content).digest() in _OWN
 
 
@@ -86,9 +86,9 @@ def stl_corners(
 def _of_text(content: bytes, most_triangles: int | None, origin: str, remedy: str) -> Float[np.ndarray, "t 3 3"]:
     count = content.count(b"endfacet")
     _require_count(count, None if most_triangles is None else MOST_TEXT_TRIANGLES, origin, remedy)
-    words = (word for vertex in _VERTEX.finditer(content) for word in vertex.groups())
+    numerals = (word for vertex in _VERTEX.finditer(content) for word in vertex.groups())
     with refused(origin, f"not readable as STL (…); {remedy}", ValueError):
-        numbers = np.fromiter((float(word) for word in words), dtype=np.float64)
+        numbers = np.fromiter((float(word) for word in numerals), dtype=np.float64)
     if len(numbers) != 9 * count:
         raise InputError(f"{origin}: {count} facets, but {len(numbers) / 3:g} vertices, must be 3 each; {remedy}")
     return numbers.reshape(-1, 3, 3)
@@ -102,7 +102,7 @@ def _require_count(count: int, most: int | None, origin: str, remedy: str) -> No
 
 
 def read_3mf(path: Path, origin: str, remedy: str) -> tuple[Float[np.ndarray, "v 3"], Int[np.ndarray, "t 3"]]:
-    """Vertices (mm) and triangles of the one object that the file builds, where it is.
+    """Vertices (mm) and triangles of the only object that the file builds, in place.
 
     Raises :class:`InputError`, in which ``origin`` names the file and ``remedy`` what to try, for anything else.
     """

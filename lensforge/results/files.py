@@ -56,18 +56,18 @@ def replacing(path: Path) -> Iterator[Path]:
             temporary.replace(path)
             _flush_folder(path.parent)
         except OSError as error:
-            kept = "the old file is kept" if path.is_file() else "make room, or give another folder"
-            raise InputError(f"{path}: cannot be written ({error.strerror}); {kept}") from error
+            remedy = "the old file is kept" if path.is_file() else "make room, or give another folder"
+            raise InputError(f"{path}: cannot be written ({error.strerror}); {remedy}") from error
     finally:
         with suppress(OSError, ValueError):
             temporary.unlink()
 
 
 def require_writable(path: Path | str) -> None:
-    """Raise :class:`InputError` where :func:`replacing` would fail for ``path``: to be asked before long work.
+    """Raise :class:`InputError` if :func:`replacing` would fail for ``path``: to be checked before long work.
 
-    The folder is made, a block of data written and both removed again: permissions alone do not tell of a full disk,
-    a read-only mount or a name that is too long.
+    The folder is made, a block of data written and both removed again: permissions alone do not tell of a full disk, a
+    read-only mount or a name that is too long.
     """
     path = Path(path)
     folders: list[Path] = []
@@ -107,7 +107,7 @@ def _temporary_name(path: Path) -> Path:
 
 
 def delete_half_written(folder: Path) -> None:
-    """Delete what killed processes left in ``folder``, for who holds its lock; what cannot be deleted stays."""
+    """Delete what killed processes left in ``folder``, on behalf of the holder of its lock; undeletable files stay."""
     for path in folder.glob(f"{_WRITING}*"):
         with suppress(OSError):
             path.unlink()
@@ -120,7 +120,7 @@ def _flush_to_disk(path: Path) -> None:
 
 
 def _flush_folder(folder: Path) -> None:
-    """Wait until a new name is on the disk, where the system can: Windows and some network file systems cannot."""
+    """Wait until a new name is on the disk, if the system can: Windows and some network file systems cannot."""
     with suppress(OSError):
         handle = os.open(folder, os.O_RDONLY)
         try:
@@ -135,13 +135,13 @@ def write_json(path: Path, content: Any) -> None:
 
 
 def write_file(path: Path | str, content: bytes) -> None:
-    """Write ``content``, all of it or nothing, as :func:`replacing` does."""
+    """Write ``content`` completely or not at all, as :func:`replacing` does."""
     with replacing(Path(path)) as temporary:
         temporary.write_bytes(content)
 
 
 def read_file(path: Path | str, *, missing: str, most_bytes: int) -> bytes:
-    """Content of a regular file of at most ``most_bytes``; ``missing``: the remedy where there is none.
+    """Content of a regular file of at most ``most_bytes``; ``missing``: the remedy if there is none.
 
     Raises :class:`InputError` for a folder, a device or a pipe, whose reading may never end, for a path that no file
     can have, and for a file that is too large or not readable.
@@ -182,7 +182,7 @@ def _require_within_reach(path: Path) -> None:
 
 
 def _require_unpacked(path: Path) -> None:
-    """Raise :class:`InputError` for an archive; one of NumPy's, or a 3MF, is none: it is read as it is."""
+    """Raise :class:`InputError` for an archive, except NumPy's and 3MF, which are read as they are."""
     try:
         with path.open("rb") as file:
             head = file.read(_HEAD_BYTES)
@@ -200,23 +200,23 @@ def _kind_of(mode: int) -> str:
 
 
 def read_json(path: Path, missing: str = "run `lensforge design` first") -> Any:
-    """Read JSON within bounds. Raises :class:`InputError`; ``missing``: the remedy where there is no such file."""
+    """Read JSON within bounds. Raises :class:`InputError`; ``missing``: the remedy if there is no such file."""
     return json_in(read_json_bytes(path, missing), path)
 
 
 def read_json_bytes(path: Path, missing: str = "run `lensforge design` first") -> bytes:
-    """The bytes of a JSON file. Raises :class:`InputError` where it is missing or too large, with a remedy."""
+    """The bytes of a JSON file. Raises :class:`InputError` if it is missing or too large, with a remedy."""
     return read_file(path, missing=missing, most_bytes=_MOST_JSON_BYTES)
 
 
 def json_in(content: bytes, path: Path) -> Any:
-    """Parse the ``content`` of ``path``. Raises :class:`InputError` where it is broken."""
+    """Parse the ``content`` of ``path``. Raises :class:`InputError` if it is malformed."""
     with refused(path, "not readable as JSON (…)", ValueError):
         return parse_json(content)
 
 
 def file_bytes(name: str, write: Callable[[Path], None]) -> bytes:
-    """The bytes that ``write`` puts into a file called ``name``. Raises :class:`InputError` where the disk is full."""
+    """The bytes that ``write`` puts into a file ``name``. Raises :class:`InputError` if the disk is full."""
     with temporary_folder(name) as folder:
         write(folder / name)
         return (folder / name).read_bytes()
@@ -224,7 +224,7 @@ def file_bytes(name: str, write: Callable[[Path], None]) -> bytes:
 
 @contextmanager
 def temporary_file(content: bytes, name: str) -> Iterator[Path]:
-    """A file called ``name`` that holds ``content``; deleted at the end of the block."""
+    """A file ``name`` with ``content``; deleted at the end of the block."""
     with temporary_folder(name) as folder:
         (folder / name).write_bytes(content)
         yield folder / name
@@ -232,9 +232,9 @@ def temporary_file(content: bytes, name: str) -> Iterator[Path]:
 
 @contextmanager
 def temporary_folder(name: str) -> Iterator[Path]:
-    """A folder for a file called ``name``; deleted at the end of the block. A kill leaves it to the system.
+    """A folder for a file ``name``; deleted at the end of the block, or left to the system after a kill.
 
-    Raises :class:`InputError` where the disk is full.
+    Raises :class:`InputError` if the disk is full.
     """
     try:
         with tempfile.TemporaryDirectory(prefix="lensforge-") as folder:
@@ -253,7 +253,7 @@ _TAIL_BYTES = 256
 
 
 def require_own(path: Path) -> None:
-    """Raise :class:`InputError` where ``path`` holds a page, a PDF or anything else that this program did not write."""
+    """Raise :class:`InputError` if ``path`` holds a page, a PDF or anything else that this program did not write."""
     if not is_free_or_own(path):
         raise InputError(
             f"{path}: not a page of lensforge's, so it is not overwritten; move it away, or give another name"
@@ -261,7 +261,7 @@ def require_own(path: Path) -> None:
 
 
 def is_free_or_own(path: Path) -> bool:
-    """True where nothing is lost if ``path`` is overwritten: no file, an empty one, or one of this program's."""
+    """True if overwriting ``path`` loses nothing: no file, an empty one, or one of this program's."""
     with refused(path, "cannot be read (…); give another name", OSError, ValueError):  # ValueError: a NUL in the path
         if not path.is_file():
             return not path.exists() and not path.is_symlink()

@@ -33,9 +33,9 @@ _SHOWN = 160  # characters of each of its lines
 def locked(folder: Path, *, create: bool = False) -> Iterator[None]:
     """Hold the lock on ``folder`` inside the block; free inside a block of the same thread, which holds it already.
 
-    ``create``: make a folder that is not there, and remove it again where nothing was written into it; otherwise such
-    a folder needs no lock. Files that killed processes left half written are deleted. Raises :class:`InputError` at
-    once where another process, or another thread of this one, holds the lock, and where the folder cannot be written.
+    ``create``: make a missing folder, and remove it again if nothing was written into it; otherwise a missing folder
+    needs no lock. Files that killed processes left half written are deleted. Raises :class:`InputError` at once if
+    another process, or another thread of this one, holds the lock, and if the folder cannot be written.
     """
     missing = _make(folder) if create else []
     try:
@@ -51,7 +51,7 @@ def locked(folder: Path, *, create: bool = False) -> Iterator[None]:
 
 
 def _make(folder: Path) -> list[Path]:
-    """Make ``folder``; return what was missing of its path, the deepest first."""
+    """Make ``folder``; return the folders that were missing on its path, the deepest first."""
     with refused(str(folder)[:_SHOWN], _NOT_WRITTEN, OSError, ValueError):  # ValueError: a NUL in the path
         missing = [path for path in (folder, *folder.parents) if not path.exists()]
         folder.mkdir(parents=True, exist_ok=True)
@@ -95,7 +95,7 @@ def _held(folder: Path) -> Iterator[None]:
 
 
 def _require_own_file(path: Path) -> None:
-    """Raise :class:`InputError` for a link, a pipe or a folder in the place of the lock: text is written into it."""
+    """Raise :class:`InputError` for a link, a pipe or a folder in place of the lock: text is written into it."""
     with suppress(OSError):
         status = path.lstat()
         if not stat.S_ISREG(status.st_mode) or status.st_nlink > 1:
@@ -103,7 +103,7 @@ def _require_own_file(path: Path) -> None:
 
 
 def _write_holder(path: Path) -> None:
-    """Write into the lock who holds it: process, machine, command and time, a line each."""
+    """Write the holder into the lock: process, machine, command and time, a line each."""
     program, *arguments = sys.argv or [""]
     name = "lensforge" if Path(program).name in ("lensforge", "__main__.py") else Path(program).name or "python"
     since = datetime.now().astimezone().isoformat(" ", "seconds")
@@ -114,7 +114,7 @@ def _write_holder(path: Path) -> None:
 
 
 def _holder(path: Path) -> str:
-    """Words for the process that holds the lock at ``path``; filelock's own marker names process and machine only."""
+    """Phrase for the process that holds the lock at ``path``; filelock's own marker names process and machine only."""
     try:
         with path.open("rb") as file:
             text = file.read(_MOST_BYTES).decode(errors="replace")

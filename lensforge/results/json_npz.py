@@ -18,7 +18,7 @@ _MOST_VALUES = 20_000_000  # of a JSON file; a million steps of a search have 10
 class Form:
     """Numbers of ``kind`` in this machine's byte order, from ``least`` to ``most``.
 
-    ``axes``: the size of each, or a name for one that is the same in all arrays of a file.
+    ``axes``: the size of each, or a name for a size shared by all arrays of a file.
     """
 
     axes: tuple[str | int, ...]
@@ -28,7 +28,7 @@ class Form:
 
 
 def parse_json(content: bytes) -> Any:
-    """The value in the UTF-8 text ``content``. Raises :class:`ValueError`, one line, for no JSON, NaN and infinity.
+    """The value in the UTF-8 text ``content``. Raises :class:`ValueError`, one line, for bad JSON, NaN and infinity.
 
     Also for more values than any record has: each takes up to a hundred bytes of memory.
     """
@@ -45,7 +45,7 @@ def _refuse(constant: str) -> None:
 
 
 def arrays_in(content: bytes, names: Collection[str] | None, most_bytes: int) -> dict[str, np.ndarray]:
-    """The arrays ``names`` (None: all) of the archive ``content``, of booleans, integers or floats, if they are there.
+    """The arrays ``names`` (None: all) of the archive ``content``, of booleans, integers or floats, if present.
 
     Together they have at most ``most_bytes`` when unpacked. Raises :class:`ValueError`, one line on what is wrong, for
     more than that, for another archive, and for another type of number.
@@ -67,7 +67,7 @@ def arrays_in(content: bytes, names: Collection[str] | None, most_bytes: int) ->
 
 
 def require_forms(arrays: Mapping[str, np.ndarray], forms: Mapping[str, Form]) -> None:
-    """Raise :class:`ValueError`, one line, unless there are ``arrays`` of just these names, each of its form."""
+    """Raise :class:`ValueError`, one line, unless ``arrays`` has exactly the names of ``forms``, each in its form."""
     sizes: dict[str, int] = {}
     for name in dict.fromkeys((*forms, *arrays)):
         if name not in arrays or name not in forms:
@@ -77,7 +77,9 @@ def require_forms(arrays: Mapping[str, np.ndarray], forms: Mapping[str, Form]) -
         if array.dtype != np.dtype(form.kind):
             raise ValueError(f"array {name!r} is of type {array.dtype}, must be {form.kind}")
         known = [axis if isinstance(axis, int) else sizes.get(axis, -1) for axis in form.axes]
-        if array.ndim != len(known) or any(size not in (own, -1) for own, size in zip(array.shape, known, strict=True)):
+        if array.ndim != len(known) or any(
+            size not in (size_of_axis, -1) for size_of_axis, size in zip(array.shape, known, strict=True)
+        ):
             wanted = ", ".join(str(axis if size < 0 else size) for axis, size in zip(form.axes, known, strict=True))
             raise ValueError(f"array {name!r} has the shape {array.shape}, must be ({wanted})")
         sizes |= {axis: size for axis, size in zip(form.axes, array.shape, strict=True) if isinstance(axis, str)}

@@ -5,9 +5,9 @@ from jaxtyping import Float
 
 
 def width_above(places: Float[np.ndarray, " n"], profile: Float[np.ndarray, " n"], level: float) -> float | None:
-    """Distance between the outermost crossings of ``level``, linear between places; to their ends where it is above.
+    """Distance between the outermost crossings of ``level``, linear between places, or the ends if above it there.
 
-    None if nothing is above it, or it is not above 0.
+    None if nothing is above it, or the level is not above 0.
     """
     above = np.flatnonzero(profile >= level)
     if not level > 0.0 or not len(above):

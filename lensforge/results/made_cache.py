@@ -1,4 +1,4 @@
-"""Things in the user's cache that a command has made and another may need again, such as the pictures of a page.
+"""The user's cache of results that one command made and another may reuse, such as the pictures of a page.
 
 An entry is JSON under a line with its SHA-256. One that is damaged, of another kind, too large or no regular file is
 made anew; nothing in it is run. Others of the machine have no access to the folder.
@@ -27,7 +27,7 @@ _OWN_ALONE = 0o700
 
 
 def keep_what_is_made() -> None:
-    """Let :func:`made_once` keep what it makes in the user's cache, where there is one."""
+    """Let :func:`made_once` keep results in the user's cache, if there is one."""
     with suppress(RuntimeError):  # no home
         _homes.append(Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "lensforge" / "made")
 
@@ -35,7 +35,7 @@ def keep_what_is_made() -> None:
 def made_once(
     of: Sequence[object], make: Callable[[], _Made], kind: Any, lasting: Callable[[_Made], bool] = lambda _: True
 ) -> _Made:
-    """Result of ``make``, or the one that a command of the same program has made ``of`` the same before.
+    """Result of ``make``, or that of an earlier command of the same program with equal keys ``of``.
 
     ``kind``: the type of the result, of text, numbers and dataclasses. ``lasting``: whether it is to be kept.
     """
@@ -45,8 +45,8 @@ def made_once(
     adapter = TypeAdapter(kind)
     path = _homes[0] / f"{key}.json"
     with suppress(InputError, OSError, ValueError):  # none yet, or a damaged one
-        kept: _Made = adapter.validate_json(_content(path, key))
-        return kept
+        cached: _Made = adapter.validate_json(_content(path, key))
+        return cached
     made = make()
     with suppress(InputError, OSError):  # a full disk, or none to write on
         if lasting(made):
@@ -57,7 +57,7 @@ def made_once(
 
 
 def _content(path: Path, key: str) -> bytes:
-    """Content of an entry. Raises ``ValueError`` where it is not what was written under this ``key``."""
+    """Content of an entry. Raises ``ValueError`` unless it was written under this ``key``."""
     if not stat.S_ISREG(path.lstat().st_mode):  # a link may lead anywhere
         raise ValueError("no regular file")
     whole = read_file(path, missing="it is made anew", most_bytes=_MOST_BYTES)
@@ -79,7 +79,7 @@ def _digest(key: str, content: bytes) -> bytes:
 
 
 def _key(of: Sequence[object]) -> str:
-    """Name of what is made ``of`` these by this program."""
+    """Cache key of a result ``of`` these values by this program."""
     parts = [
         hashlib.sha256(ingredient).hexdigest() if isinstance(ingredient, bytes) else repr(ingredient)
         for ingredient in of
@@ -89,5 +89,5 @@ def _key(of: Sequence[object]) -> str:
 
 @cache
 def _sources() -> list[tuple[str, int]]:
-    """Names and times of the sources of this program: another one may make something else."""
+    """Names and times of the program's sources: a changed program may give other results."""
     return [(str(path), path.stat().st_mtime_ns) for path in sorted(Path(__file__).parents[1].rglob("*.py"))]

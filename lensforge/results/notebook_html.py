@@ -1,4 +1,4 @@
-"""A result as it shows itself: HTML for a notebook (table, section as SVG, plot as image), text, files, ``help``."""
+"""Displays of a result: HTML for a notebook (table, section as SVG, plot as image), text, files, ``help``."""
 
 import base64
 import io
@@ -40,27 +40,27 @@ def table_html(facts: Mapping[str, str]) -> str:
 
 
 def table_text(title: str, facts: Mapping[str, str]) -> str:
-    """A title, and a line for each of ``facts``, as many as fit on a screen."""
+    """A title and a line for each of ``facts``, up to a screenful."""
     width = max(map(len, itertools.islice(facts, MOST_LINES)), default=0)
     rows = (f"  {name:<{width}}  {shortened(' '.join(text.split()), _MOST_CHARACTERS)}" for name, text in facts.items())
     return screenful([title, *rows])
 
 
 def screenful(lines: Sequence[str]) -> str:
-    """``lines`` as a text, as many as fit on a screen."""
+    """``lines`` as a text, up to a screenful."""
     left = len(lines) - MOST_LINES
     return "\n".join(lines if left <= 0 else [*lines[: MOST_LINES - 1], f"  and {left + 1} more"])
 
 
 @dataclass(frozen=True)
 class Brief:
-    """Words in place of a value that is too long for a terminal."""
+    """A short text in place of a value too long for a terminal."""
 
-    words: str
+    text: str
 
     @staticmethod
     def of(value: object) -> object:
-        """``value``, or words on its size."""
+        """``value``, or a text on its size."""
         if isinstance(value, np.ndarray):
             return Brief(f"<{' x '.join(map(str, value.shape))} numbers>")
         if isinstance(value, str | bytes) and len(value) > _LONG_TEXT:
@@ -70,7 +70,7 @@ class Brief:
         return value
 
     def __repr__(self) -> str:
-        return self.words
+        return self.text
 
 
 # Members by which records are made, read, written and drawn: no part of what a script uses.
@@ -82,11 +82,11 @@ _MEMBERS = (FunctionType, classmethod, staticmethod, property, cached_property)
 
 
 class Shown(_Metaclass):
-    """Lets ``help`` and completion show of a class its fields with their descriptions, and the members for scripts."""
+    """Limits ``help`` and completion of a class to its fields with their descriptions, and to members for scripts."""
 
     @property
     def __doc__(cls) -> str | None:  # type: ignore[override]  # noqa: N805
-        """Made when it is asked for: for all classes it would take a second of every start."""
+        """Made on demand: for all classes it would take a second of every start."""
         return class_help(cls)
 
     @property

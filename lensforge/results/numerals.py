@@ -63,7 +63,7 @@ def quantity(value: float | None, unit: str = "", error: float | None = None, di
 
 
 def square(value: float, error: float | None = None, digits: int = 6) -> str:
-    """A mean square with its standard ``error``; "≤" that where the noise taken off it has left less than nothing."""
+    """A mean square with its standard ``error``; "≤" the error if subtracting noise left it negative."""
     if value < 0.0 and error:
         return f"≤ {number(error, 2)}"
     return quantity(value, "", error, digits)
@@ -84,18 +84,18 @@ def by_error(value: float, error: float) -> tuple[str, str]:
         plain = 1e-3 <= abs(rounded) < _LARGEST_PLAIN
         text = f"{rounded:.{max(most, 0)}f}" if plain else f"{rounded:.{_MOST_DIGITS - 1}e}"
         return _typeset(text), _typeset(f"{error:.2g}")
-    kept = round(value, decimals) + 0.0  # no minus zero
+    rounded = round(value, decimals) + 0.0  # no minus zero
     if decimals <= _MOST_DECIMALS:
         shown = max(decimals, 0)
-        return _typeset(f"{kept:.{shown}f}"), _typeset(f"{round(error, decimals):.{shown}f}")
-    size = math.floor(math.log10(abs(kept))) if kept else -decimals
+        return _typeset(f"{rounded:.{shown}f}"), _typeset(f"{round(error, decimals):.{shown}f}")
+    size = math.floor(math.log10(abs(rounded))) if rounded else -decimals
     if -2 <= size < _PLAIN:  # 92.30055217, 0.0923: no one reads these as powers of ten
-        return _typeset(f"{kept:.{decimals}f}"), _typeset(f"{error:.1e}")
-    return _typeset(f"{kept:.{size + decimals}e}"), _typeset(f"{error:.1e}")
+        return _typeset(f"{rounded:.{decimals}f}"), _typeset(f"{error:.1e}")
+    return _typeset(f"{rounded:.{size + decimals}e}"), _typeset(f"{error:.1e}")
 
 
 def limit_text(sense: str, value: float, unit: str = "", digits: int = 4) -> str:
-    """A limit with its sign: ``sense`` "<=" or ">=", and ``value``, which may be reached, in ``unit``."""
+    """A limit with its sign: ``sense`` "<=" or ">=", and the permitted ``value`` in ``unit``."""
     return f"{_SIGNS[sense]} {quantity(value, unit, digits=digits)}"
 
 
@@ -142,13 +142,13 @@ def unit_of(names: Sequence[str]) -> str:
 
 
 def unit_in(name: str) -> str:
-    """The unit that the name of one field says; ``""`` where it says none."""
+    """The unit in the name of a field; ``""`` without one."""
     by_end = next((unit for end, unit in _SUFFIXES.items() if name.endswith(end)), "")
     return _WHOLE_NAMES.get(name, by_end)
 
 
 def unit_suffix(unit: str) -> str:
-    """The end of a field's name that says ``unit``; empty for a pure number."""
+    """The suffix of a field's name for ``unit``; empty for a pure number."""
     return next((suffix for suffix, unit_of_suffix in _SUFFIXES.items() if unit_of_suffix == unit), "")
 
 
@@ -156,7 +156,7 @@ _POWERS_OF_A_METRE = {"nm": -9, "um": -6, "µm": -6, "mm": -3, "m": 0}
 
 
 def converted(value: float, unit: str, wanted: str) -> float:
-    """A ``value`` in ``unit`` in the ``wanted`` one, where both are of lengths; else the value as it is."""
+    """``value`` converted from ``unit`` to ``wanted`` if both are lengths; else unchanged."""
     powers = _POWERS_OF_A_METRE
     if unit == wanted or unit not in powers or wanted not in powers:
         return value

@@ -48,12 +48,12 @@ MOST_FILE_BYTES = 384 * MIB  # of a CAD file or a mesh: eight million triangles,
 
 @dataclass(frozen=True)
 class Given:
-    """Marks a field that another file holds."""
+    """Marks a field held by another file."""
 
 
 @dataclass(frozen=True)
 class InFile:
-    """Marks a field of bytes that are the file ``name`` of a result folder, which has at most ``most_bytes``."""
+    """Marks a field of bytes stored as the file ``name`` of a result folder, of at most ``most_bytes``."""
 
     name: str
     most_bytes: int = MOST_FILE_BYTES
@@ -67,7 +67,7 @@ class InFile:
 
 @dataclass(frozen=True)
 class InCriterion:
-    """Marks a field that a file tells by a criterion alone: by its ``entry``, "value" or "limit".
+    """Marks a field that a file states only within a criterion, as its ``entry`` "value" or "limit".
 
     ``name``: of the criterion; by default that of the field's own :class:`~lensforge.results.figure.Criterion`.
     """
@@ -94,7 +94,7 @@ class Array:
         return core_schema.no_info_plain_validator_function(self.checked, serialization=lists)
 
     def checked(self, value: object) -> np.ndarray:
-        """``value`` as a new read-only float64 array. Raises :class:`ValueError` where it cannot be one."""
+        """``value`` as a new read-only float64 array. Raises :class:`ValueError` if it cannot be one."""
         array = real_numbers(value)
         if array.ndim != len(self.axes) or array.size == 0:
             raise ValueError(f"shape {array.shape}, must be ({', '.join(map(str, self.axes))}), and not empty")
@@ -105,7 +105,7 @@ class Array:
         return array
 
     def bind(self, shape: tuple[int, ...], sizes: dict[str, int]) -> None:
-        """Compare ``shape`` with the axes and the known ``sizes``; add the new sizes. Raises :class:`ValueError`."""
+        """Compare ``shape`` with the axes and the known ``sizes``; add new ones. Raises :class:`ValueError`."""
         for axis, size in zip(self.axes, shape, strict=True):
             known = axis if isinstance(axis, int) else sizes.setdefault(axis, size)
             if size != known:
@@ -115,8 +115,8 @@ class Array:
 def real_numbers(value: Any, converted: Callable[[Any], np.ndarray] = np.array) -> np.ndarray:
     """``value``, an array or nested lists, as a new float64 array of any shape.
 
-    ``converted`` makes an array of it. Raises :class:`ValueError` for text, booleans, complex numbers and anything that
-    is not an array.
+    ``converted``: makes an array of it. Raises :class:`ValueError` for text, booleans, complex numbers and anything
+    else that is no array.
     """
     try:
         if _has_boolean(value):
@@ -131,7 +131,7 @@ def real_numbers(value: Any, converted: Callable[[Any], np.ndarray] = np.array) 
 
 
 def _has_boolean(value: Any) -> bool:
-    """True where nested lists hold one, which NumPy would take for 1 or 0 beside numbers."""
+    """True if nested lists hold a boolean, which NumPy would turn into 1 or 0 among numbers."""
     if isinstance(value, list | tuple):
         return any(map(_has_boolean, value))
     return isinstance(value, bool | np.bool_)
@@ -140,7 +140,7 @@ def _has_boolean(value: Any) -> bool:
 def read_only(array: np.ndarray, gaps: bool = False) -> np.ndarray:
     """``array`` itself, made read-only.
 
-    Raises :class:`ValueError` for infinity, for NaN without ``gaps``, for numbers beyond :data:`LARGEST`, and where all
+    Raises :class:`ValueError` for infinity, for NaN without ``gaps``, for numbers beyond :data:`LARGEST`, and if all
     but 0 are below its inverse.
     """
     if np.isinf(array).any() or (not gaps and np.isnan(array).any()):
@@ -168,29 +168,29 @@ class Record(BaseModel, metaclass=Shown):
     )
 
     def __eq__(self, other: object) -> bool:
-        """True where ``other`` has the same class and the same bits in every field that a file keeps."""
+        """True if ``other`` has the same class and the same bits in every stored field."""
         if type(self) is not type(other):
             return NotImplemented
-        return same(self._kept, other._kept)
+        return same(self._stored, other._stored)
 
     __hash__ = None  # type: ignore[assignment]  # arrays have no hash
 
     @property
-    def _kept(self) -> dict[str, object]:
-        """Values that a file keeps, by the names of their fields."""
+    def _stored(self) -> dict[str, object]:
+        """Stored values by the names of their fields."""
         left_out = {name for name, info in type(self).model_fields.items() if info.exclude}
         return {name: value for name, value in values_of(self).items() if name not in left_out}
 
     @model_validator(mode="wrap")
     @classmethod
     def _stated_fields_follow(cls, content: Any, handler: ModelWrapValidatorHandler[Self]) -> Self:
-        """Fields that follow from others, and that a file states too, follow again; what it states must be that."""
+        """Compute fields that follow from others anew; entries of a file for them must agree."""
         if not isinstance(content, Mapping):
             return handler(content)
-        there = {name: content[name] for name in cls.model_computed_fields if name in content}
-        record = handler({key: value for key, value in content.items() if key not in there})
-        follow = record.model_dump(mode="json", include=set(there)) if there else {}
-        for name, stated in there.items():
+        stated_fields = {name: content[name] for name in cls.model_computed_fields if name in content}
+        record = handler({key: value for key, value in content.items() if key not in stated_fields})
+        follow = record.model_dump(mode="json", include=set(stated_fields)) if stated_fields else {}
+        for name, stated in stated_fields.items():
             if not agree(stated, follow[name]):
                 raise ValueError(f"{name}: not as it follows from the other entries")
         return record
@@ -213,18 +213,18 @@ class Record(BaseModel, metaclass=Shown):
         return with_changes(self, fields)
 
     def follows(self) -> Iterator[tuple[str, float, float]]:
-        """Figures that follow from others of the record, where both are kept: name, value, and what follows."""
+        """Figures that follow from others of the record, if both are stored: name, stated value, and derived value."""
         return iter(())
 
     def row(self) -> dict[str, Scalar]:
-        """All numbers and texts, keys joined by dots: one row for a table. Lists and arrays are left out."""
+        """All numbers and texts under dotted keys: one row for a table. Lists and arrays are left out."""
         return dict(self._entries())
 
     def _entries(self, whole: bool = False) -> Iterator[tuple[str, Scalar]]:
         return _flat(self, "", whole)
 
     def __repr_args__(self) -> Iterator[tuple[str | None, object]]:
-        """Fields as a terminal shows them: arrays, files and long lists by their size."""
+        """Fields for display in a terminal: arrays, files and long lists by their size."""
         yield from ((name, Brief.of(value)) for name, value in super().__repr_args__())
 
     def shown_row(self) -> dict[str, str]:
@@ -235,21 +235,21 @@ class Record(BaseModel, metaclass=Shown):
         return table_html(self.shown_row())
 
 
-def agree(one: Any, other: Any) -> bool:
-    """True where two values are the same in JSON, numbers within the rounding of another machine."""
-    one, other = (each.model_dump(mode="json") if isinstance(each, Record) else each for each in (one, other))
-    if isinstance(one, Mapping) and isinstance(other, Mapping):
-        return one.keys() == other.keys() and all(agree(one[key], other[key]) for key in one)
-    if isinstance(one, list | tuple) and isinstance(other, list | tuple):
-        return len(one) == len(other) and all(map(agree, one, other))
-    if all(isinstance(each, float | int) and not isinstance(each, bool) for each in (one, other)):
-        largest = max(abs(one), abs(other))
-        return bool(largest <= LARGEST and abs(one - other) <= _ROUNDING * largest)
-    return type(one) is type(other) and bool(one == other)
+def agree(first: Any, second: Any) -> bool:
+    """True if two values are the same in JSON, numbers within the rounding of another machine."""
+    first, second = (value.model_dump(mode="json") if isinstance(value, Record) else value for value in (first, second))
+    if isinstance(first, Mapping) and isinstance(second, Mapping):
+        return first.keys() == second.keys() and all(agree(first[key], second[key]) for key in first)
+    if isinstance(first, list | tuple) and isinstance(second, list | tuple):
+        return len(first) == len(second) and all(map(agree, first, second))
+    if all(isinstance(value, float | int) and not isinstance(value, bool) for value in (first, second)):
+        largest = max(abs(first), abs(second))
+        return bool(largest <= LARGEST and abs(first - second) <= _ROUNDING * largest)
+    return type(first) is type(second) and bool(first == second)
 
 
 def require_what_follows(record: Record, place: str = "") -> None:
-    """Raise :class:`ValueError` where a figure in ``record``, or in one within, is not what others make it."""
+    """Raise :class:`ValueError` if a figure of ``record``, or of one within, contradicts those it follows from."""
     for name, stated, derived in record.follows():
         if not agree(stated, derived):
             raise ValueError(f"{place}{name} = {stated:.9g}: the other entries make it {derived:.9g}")
@@ -270,8 +270,8 @@ else:
 
 
 def marker(field: FieldInfo, kind: type[_Mark]) -> _Mark | None:
-    """The annotation of class ``kind`` on a field, also where the field may be None."""
-    marks = [each for each in field.metadata if isinstance(each, kind)]
+    """The annotation of class ``kind`` on a field, also if the field may be None."""
+    marks = [mark for mark in field.metadata if isinstance(mark, kind)]
     for part in get_args(field.annotation):
         if get_origin(part) is Annotated:
             marks += [argument for argument in get_args(part)[1:] if isinstance(argument, kind)]
@@ -284,24 +284,26 @@ def marks_of(field: FieldInfo, *kinds: type[_Mark]) -> list[_Mark]:
 
 
 def values_of(record: Record) -> dict[str, object]:
-    """Value of each field, then the entries by name of a class that takes any, such as one for each face."""
-    own = {name: getattr(record, name) for name in type(record).model_fields}
-    return own | (record.model_extra or {})
+    """Value of each field, then further entries of a class that takes any name, such as one for each face."""
+    fields_ = {name: getattr(record, name) for name in type(record).model_fields}
+    return fields_ | (record.model_extra or {})
 
 
 def arrays_of(record: Record) -> Iterator[tuple[str, np.ndarray]]:
-    """Name and value of each array that is there; those in records within, as ``receivers.0.map``, come last."""
+    """Name and value of each array; those of inner records, such as ``receivers.0.map``, come last."""
     values = values_of(record)
     yield from ((name, value) for name, value in values.items() if isinstance(value, np.ndarray))
     for field, value in values.items():
-        within = {f"{field}.{k}": each for k, each in enumerate(value)} if isinstance(value, tuple) else {field: value}
+        within = (
+            {f"{field}.{k}": entry for k, entry in enumerate(value)} if isinstance(value, tuple) else {field: value}
+        )
         for place, entry in within.items():
             if isinstance(entry, Record):
                 yield from ((f"{place}.{name}", array) for name, array in arrays_of(entry))
 
 
 def put_arrays(content: dict[str, object], arrays: Mapping[str, np.ndarray]) -> None:
-    """Put each of ``arrays`` into the record of ``content`` that its name says. Raises :class:`ValueError`."""
+    """Put each of ``arrays`` into the record within ``content`` named by its key. Raises :class:`ValueError`."""
     for name, array in arrays.items():
         *path, field = name.split(".")
         place: Any = content
@@ -314,7 +316,7 @@ def put_arrays(content: dict[str, object], arrays: Mapping[str, np.ndarray]) -> 
 
 
 def stored_beside(record: Record) -> dict[str, IncEx | bool]:
-    """Fields that are stored beside a record or in its criteria, as pydantic takes those to leave out of a dump."""
+    """Fields stored beside a record or in its criteria, in the form of pydantic's ``exclude``."""
     fields = type(record).model_fields.items()
     marks = (Array, InFile, InCriterion)
     excluded: dict[str, IncEx | bool] = {
@@ -351,7 +353,7 @@ def _shown(value: Scalar) -> str:
 
 
 def printable(text: Any) -> Any:
-    """``text`` with spaces for line ends and U+FFFD for what a terminal obeys or no file can hold; others as they are.
+    """``text`` with spaces for line ends and U+FFFD for control characters and those that no file can hold.
 
     Names of files and of their headers, from which texts are made, may have any characters and any length: what exceeds
     10,000 characters ends in an ellipsis.

@@ -17,7 +17,7 @@ Places = Float[np.ndarray, "*m 2"]
 
 
 def in_disc(places: Places) -> Places:
-    """Places outside of the unit disc moved to its rim."""
+    """Places outside the unit disc moved to its rim."""
     return places / np.maximum(1.0, np.linalg.norm(places, axis=-1, keepdims=True))
 
 
@@ -33,10 +33,10 @@ def refined_maximum(
 ) -> tuple[Float[np.ndarray, "2"], float]:
     """Place and value of the largest ``figure`` of a region, searched within ``reach`` of the best samples.
 
-    ``values``: the figure at ``samples``, NaN where it has none; never less than their largest is returned. ``reach``:
-    in the unit of the places, about the spacing of the samples or, if that is less, the width of the figure's peaks.
-    ``within``: moves places into the region, by default the unit disc. The figure gets those about each start together,
-    the starts in the order of their values.
+    ``values``: the figure at ``samples``, NaN where undefined; at least their largest is returned. ``reach``: in the
+    unit of the places, about the spacing of the samples or, if that is less, the width of the figure's peaks.
+    ``within``: moves places into the region, by default the unit disc. The figure is evaluated for each start's places
+    together, starts in the order of their values.
     """
     known = np.where(np.isnan(values), -np.inf, values)
     best = np.argsort(-known, kind="stable")[:starts]

@@ -20,11 +20,11 @@ from lensforge.public import public
 
 @public
 class OfSeveralKinds(BaseModel):
-    """A class that has this one among its bases is the base of several kinds, ``kinds`` by their names.
+    """A direct subclass is the base of several kinds, ``kinds`` by their names.
 
     A kind is a class that extends the base and has a field ``kind: Literal["name"]`` of its own: it registers itself.
-    Raises :class:`InputError` for a name that another class has.
-    ``usual_kind``: that of a table that names none; by default every table has to name one.
+    Raises :class:`InputError` for a name that another class has. ``usual_kind``: kind of a table that names none; by
+    default every table has to name one.
     """
 
     if TYPE_CHECKING:  # a field of every kind; where it stands among the others its class says
@@ -64,14 +64,14 @@ class OfSeveralKinds(BaseModel):
 
     @classmethod
     def _kind_in(cls, value: Any) -> str | None:
-        """The kind of a table or an object; the usual one where none is named."""
+        """The kind of a table or an object; the usual one if none is named."""
         usual = cls.usual_kind
         kind = value.get("kind", usual) if isinstance(value, dict) else getattr(value, "kind", usual)
         return kind if isinstance(kind, str) else None
 
     @classmethod
     def build_holders_again(cls) -> None:
-        """Build all classes again that hold the base and were built with other kinds of it."""
+        """Rebuild all classes that hold the base and were built before its present kinds."""
         known: dict[type[BaseModel], bool] = {}
         for model in _extending(BaseModel) if cls.has_schema else ():
             _build_again(model, cls.kinds, known)
@@ -82,21 +82,21 @@ def _is_base(model: type[BaseModel]) -> bool:
 
 
 def kind_of(model: type[BaseModel]) -> str | None:
-    """The ``kind`` that names a class among others; None if it is alone."""
+    """The ``kind`` that names a class among others; None for a class without one."""
     field = model.model_fields.get("kind")
     named = None if field is None else get_args(field.annotation)
     return named[0] if named and len(named) == 1 else None
 
 
 def add_list(model: type[BaseModel], name: str, entry: type[BaseModel], field: Any) -> None:
-    """Give a class that nobody has used yet one ``field`` more: a list of any number of entries, as of an add-on."""
+    """Add a list ``field`` of any number of entries to a class not used yet, as an add-on does."""
     several: Any = tuple
     model.__annotations__[name] = several[entry, ...]
     model.model_fields[name] = FieldInfo.from_annotated_attribute(several[entry, ...], field)
 
 
 def add_empty_list(model: type[BaseModel], name: str, fault: str) -> None:
-    """Give such a class a list that must be empty: for any entry it is refused with this ``fault``."""
+    """Add a list that must be empty to such a class: any entry is refused with ``fault``."""
 
     def refuse(given: Any) -> Any:
         if given:
@@ -110,13 +110,13 @@ def add_empty_list(model: type[BaseModel], name: str, fault: str) -> None:
 
 
 def models_in(annotation: Any) -> tuple[type[BaseModel], ...]:
-    """The classes that a field may hold, one or several; of a base all of its kinds."""
-    found: dict[type[BaseModel], None] = {}
+    """The one or more classes that a field may hold; for a base all of its kinds."""
+    models: dict[type[BaseModel], None] = {}
     for model in _named_in(annotation):
-        found |= dict.fromkeys(
+        models |= dict.fromkeys(
             model.kinds.values() if issubclass(model, OfSeveralKinds) and _is_base(model) else [model]
         )
-    return tuple(found)
+    return tuple(models)
 
 
 def _named_in(annotation: Any) -> Iterator[type[BaseModel]]:
@@ -130,18 +130,18 @@ def _named_in(annotation: Any) -> Iterator[type[BaseModel]]:
 
 
 def _extending(model: type[BaseModel]) -> Iterator[type[BaseModel]]:
-    for each in model.__subclasses__():
-        yield each
-        yield from _extending(each)
+    for subclass in model.__subclasses__():
+        yield subclass
+        yield from _extending(subclass)
 
 
 def _build_again(model: type[BaseModel], kinds: dict[str, type[Any]], known: dict[type[BaseModel], bool]) -> bool:
-    """Build a class again if it holds the base of ``kinds``, however deep, and those within it before; True if so."""
+    """Rebuild a class if it holds the base of ``kinds`` at any depth, inner classes first; True if so."""
     if model not in known:
         known[model] = False  # of a class within itself
         annotations = [field.annotation for field in model.model_fields.values()]
         of_base = any(vars(model_in).get("kinds") is kinds for part in annotations for model_in in _named_in(part))
-        within = [_build_again(each, kinds, known) for part in annotations for each in models_in(part)]
+        within = [_build_again(inner, kinds, known) for part in annotations for inner in models_in(part)]
         known[model] = of_base or any(within)
         if known[model] and model.__pydantic_complete__:
             model.model_rebuild(force=True)

@@ -22,8 +22,8 @@ def error_over_pairs(products: Float[np.ndarray, "r r"]) -> float:
     mean = mean_over_pairs(products)
     sums = products.sum(axis=1) - np.diag(products)
     effects = (sums - (count - 1) * mean) / (count - 2)
-    rest = products - mean - effects[:, None] - effects[None, :]
-    z = (np.sum(rest**2) - np.sum(np.diag(rest) ** 2)) / (count * (count - 3))
+    residuals = products - mean - effects[:, None] - effects[None, :]
+    z = (np.sum(residuals**2) - np.sum(np.diag(residuals) ** 2)) / (count * (count - 3))
     interactions = 2.0 * z / (count * (count - 1))
     jackknife = 4.0 * np.sum(effects**2) / (count * (count - 1))
     variance = jackknife - 4.0 * z / (count * (count - 2)) + interactions

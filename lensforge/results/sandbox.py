@@ -23,12 +23,12 @@ _MEMORY = 4
 _FAILED = 5
 _OUT_OF_TIME = getattr(signal, "SIGXCPU", 24)  # Windows has none
 _PATIENCE = 4.0  # limits of time by the clock over those of processor time: other programs run, too
-_WORDS_FILE = "refused.txt"
-_MOST_WORDS = 500  # characters of a message: a library may print half of the file
+_MESSAGE_FILE = "refused.txt"
+_MOST_CHARACTERS = 500  # characters of a message: a library may print half of the file
 
 
 class Ending(Enum):
-    """The way in which a child process ended."""
+    """Outcome of a child process."""
 
     DONE = "done"
     REFUSED = "refused"  # the file is at fault, as the script says
@@ -55,7 +55,7 @@ class Child(ChildProcess):
         super().__init__(self._folder, script, self._folder, limits.memory_mib, limits.seconds)
 
     def wait(self) -> tuple[Ending, str]:
-        """Wait for its end: the way in which it ended, and the script's words where the file is at fault."""
+        """Wait for its end: how it ended, and the script's message if the file is at fault."""
         try:
             code = self.code(_PATIENCE * self._limits.seconds)
         except subprocess.TimeoutExpired:
@@ -69,22 +69,22 @@ class Child(ChildProcess):
         if code == _MEMORY:
             return Ending.MEMORY, f"needs more than {self._limits.memory_mib} MiB of memory"
         if code in (_REFUSED, _FAILED):
-            return (Ending.REFUSED if code == _REFUSED else Ending.FAILED), self._words()
+            return (Ending.REFUSED if code == _REFUSED else Ending.FAILED), self._refusal()
         return Ending.CRASHED, f"stopped its reader ({_name_of(code)})"
 
-    def _words(self) -> str:
+    def _refusal(self) -> str:
         try:
-            message = (self._folder / _WORDS_FILE).read_text(encoding="utf-8", errors="replace")
+            message = (self._folder / _MESSAGE_FILE).read_text(encoding="utf-8", errors="replace")
         except OSError:
             return "stopped its reader"
-        return " ".join(message.split())[:_MOST_WORDS]
+        return " ".join(message.split())[:_MOST_CHARACTERS]
 
 
 def work_in_child(script: Path, folder: Path, limits: ChildLimits, *, origin: str, remedy: str) -> None:
     """Run ``script`` on the files in ``folder``, to which it adds its results.
 
-    Raises :class:`InputError` with the script's own words where it refuses the file, and otherwise says how the child
-    ended; ``origin`` names the file, ``remedy`` what to try.
+    Raises :class:`InputError` with the script's own message if it refuses the file, else with how the child ended;
+    ``origin`` names the file, ``remedy`` what to try.
     """
     with Child(script, folder, limits) as child:
         ending, message = child.wait()
@@ -95,7 +95,7 @@ def work_in_child(script: Path, folder: Path, limits: ChildLimits, *, origin: st
 
 
 def serve(work: Callable[[Path], None]) -> None:
-    """Do ``work`` on the files in the folder that the parent names, and end this process with a code that says how.
+    """Do ``work`` on the files in the folder given by the parent, and end this process with a code for the outcome.
 
     The interpreter does not tear down: destructors of a hostile shape may crash after the work is done.
     """
@@ -113,7 +113,7 @@ def serve(work: Callable[[Path], None]) -> None:
     except Exception as error:  # C++ libraries raise many kinds; the cause is always the file
         code = _FAILED
         message = f"stopped its reader ({type(error).__name__}: {error})"
-    (folder / _WORDS_FILE).write_text(message, encoding="utf-8", errors="replace")
+    (folder / _MESSAGE_FILE).write_text(message, encoding="utf-8", errors="replace")
     os._exit(code)
 
 

@@ -54,14 +54,14 @@ _Value = TypeVar("_Value")
 
 
 def with_checksum(content: Mapping[str, Any]) -> dict[str, object]:
-    """``content`` of a JSON file with the hash of all its entries, which :func:`require_checksum` compares."""
+    """``content`` of a JSON file with the hash of all its entries, which :func:`require_checksum` verifies."""
     plain = {key: value for key, value in content.items() if key != CHECKSUM}
     head = {"schema": plain.pop("schema")} if "schema" in plain else {}
     return {**head, CHECKSUM: _checksum({**head, **plain}), **plain}
 
 
 def require_checksum(content: Mapping[str, _Value], path: Path, remedy: str) -> dict[str, _Value]:
-    """``content`` of ``path`` without the hash of its entries. Raises :class:`InputError` where that is of others."""
+    """``content`` of ``path`` without its checksum. Raises :class:`InputError` if the checksum does not match."""
     plain = {key: value for key, value in content.items() if key != CHECKSUM}
     if content.get(CHECKSUM) != _checksum(plain):
         raise InputError(f"{path}: {CHECKSUM}: of other content: the file is damaged or was edited; {remedy}")
@@ -69,7 +69,7 @@ def require_checksum(content: Mapping[str, _Value], path: Path, remedy: str) -> 
 
 
 def _checksum(content: Mapping[str, Any]) -> str:
-    """SHA-256 of ``content`` in one form of text, however a file lays it out."""
+    """SHA-256 of ``content`` in a canonical form of text, whatever a file's layout."""
     return hashlib.sha256(json.dumps(content, sort_keys=True, separators=(",", ":")).encode()).hexdigest()
 
 
@@ -97,10 +97,10 @@ def _require_schema(content: Mapping[str, object], schema: str, path: Path, reme
     stated = content.get("schema")
     if stated == schema:
         return
-    what = "written before version 0.2.0" if stated is None else f"schema = {json.dumps(stated)[:60]}"
+    fault = "written before version 0.2.0" if stated is None else f"schema = {json.dumps(stated)[:60]}"
     of_this_kind = isinstance(stated, str) and re.fullmatch(re.escape(schema.rstrip("0123456789")) + r"\d+", stated)
     kind = OutdatedResult if stated is None or of_this_kind else InputError
-    raise kind(f"{path}: {what}, must be {schema!r}; {remedy}")
+    raise kind(f"{path}: {fault}, must be {schema!r}; {remedy}")
 
 
 def validated(kind: type[_Record], content: Mapping[str, object], path: Path, remedy: str) -> _Record:
@@ -131,10 +131,10 @@ _Content = MutableMapping[str, Any]  # of a file, or of a result within it
 
 
 class OnPage(NamedTuple):
-    """Words of pages on the results of a stage.
+    """Texts for pages on the results of a stage.
 
     ``title``: name, with {} for that of a face; empty for the stage's. ``further``: keys of facts that follow those by
-    which a design is judged. ``in_row``: keys of facts that tell of a result in one row.
+    which a design is judged. ``in_row``: keys of facts for a row about the result.
     """
 
     title: str = ""
@@ -144,11 +144,11 @@ class OnPage(NamedTuple):
 
 @public
 class StageResult(Record):
-    """Result of one stage. A class that names a ``stage`` of its own, of a lens, is one that result folders have.
+    """Result of one stage. A class with a ``stage`` of its own registers it for the folders of results.
 
     ``version``: of the program. ``inputs``: SHA-256 of its inputs, by name. ``seconds``: of computing. ``criteria``:
-    what it must keep, each with its judgement; they follow from its figures. ``rays``: number of rays traced.
-    ``seed``: of these rays. ``warnings``: what limits its use, a sentence each.
+    what it must keep, each with its judgement; they follow from its figures. ``rays``: number of rays traced. ``seed``:
+    of these rays. ``warnings``: what limits its use, a sentence each.
     """
 
     stage: ClassVar[str]
@@ -164,28 +164,28 @@ class StageResult(Record):
     inputs: dict[Text, Sha256] = Field(default_factory=dict)
 
     def judge(self) -> Iterable[Fact]:
-        """Make the criteria of its figures, which are those that its fields declare."""
+        """Make the criteria that its fields declare."""
         return criteria_in(self)
 
     def cases(self, among: str = "") -> Iterator[Case[Self]]:
-        """Take the result with each of its LEDs; ``among``: and each record in this field, such as "receivers"."""
+        """A case for each LED; ``among``: for each of its records in this field, such as "receivers"."""
         return Case(self).among(among) if among else iter([Case(self)])
 
     def all_criteria(self) -> Iterator[Fact]:
-        """Its criteria, those with a further LED under its name; most results have none."""
+        """Its criteria, including those of further LEDs, under their names; most results have none."""
         for case in self.cases():
             yield from map(case.named, case.criteria)
 
     def deciding_criteria(self) -> Iterator[Fact]:
-        """The criteria by which files pass or fail, those with further LEDs among them."""
+        """The criteria by which files pass or fail, including those of further LEDs."""
         return self.all_criteria()
 
     def judgements(self) -> Mapping[str, Iterable[Fact]]:
-        """Make all judgements of its figures, by the field that holds them."""
+        """All judgements of its figures, by the field that holds them."""
         return {"criteria": self.judge()}
 
     def judgements_on(self, lens: Any) -> Mapping[str, Iterable[Fact]]:
-        """Make judgements by the limits of a ``lens`` that the record does not hold, by the field that holds them."""
+        """Judgements by limits of a ``lens`` that the record does not hold, by the field that holds them."""
         return {}
 
     @model_validator(mode="before")
@@ -213,7 +213,7 @@ class StageResult(Record):
         return field is not None and not field.is_required()
 
     def _require_own_judgements(self) -> None:
-        """Raise :class:`ValueError` where judgements, their words aside, are not those that the figures make.
+        """Raise :class:`ValueError` if judgements, texts aside, are not those that follow from the figures.
 
         A file that somebody edited may state right hashes of wrong content. Judgements on another lens count nowhere,
         and are not made by the limits of this one.
@@ -253,7 +253,7 @@ class StageResult(Record):
         )
 
     def plain(self) -> dict[str, object]:
-        """Numbers and texts as the JSON file holds them: without arrays, files and parts of other stages' results."""
+        """Numbers and texts as in the JSON file: without arrays, files and parts of other stages' results."""
         elsewhere = dict.fromkeys(self.stored_elsewhere(), True) | stored_beside(self)
         return self.model_dump(mode="json", exclude=elsewhere)
 
@@ -274,7 +274,7 @@ class StageResult(Record):
         return digest.hexdigest()
 
     def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
-        """A copy with the fields of ``update``; values cached from the old fields are dropped."""
+        """A copy with the fields of ``update``; cached properties are dropped."""
         copy = super().model_copy(update=update, deep=deep)
         for name in set(copy.__dict__) - set(type(copy).model_fields):
             del copy.__dict__[name]  # cached from the fields of the original
@@ -297,21 +297,21 @@ class StageResult(Record):
     def _files(cls, stem: str) -> Iterator[tuple[str, InFile, str]]:
         """Each field that is a file, its mark, and the file's name beside ``stem``.json."""
         for field, info in cls.model_fields.items():
-            if (own := marker(info, InFile)) is not None:
-                yield field, own, own.beside(cls.stage, stem)
+            if (mark := marker(info, InFile)) is not None:
+                yield field, mark, mark.beside(cls.stage, stem)
 
     @classmethod
     def stems(cls, faces: Iterable[str]) -> list[str]:
-        """Names of its JSON files, without suffix, under the own conditions of a lens with these ``faces``."""
+        """Names of its JSON files, without suffix, under the nominal conditions of a lens with these ``faces``."""
         return [f"{cls.of_face}_{face}" for face in faces] if cls.of_face else [cls.stage]
 
     @property
     def stem(self) -> str:
-        """Name of its JSON file under the lens's own conditions, without suffix."""
+        """Name of its JSON file under nominal conditions, without suffix."""
         return self.stage
 
     def _stems(self, stem: str) -> "Iterator[tuple[StageResult, str]]":
-        """The results in ``stem``.json, this one first, and what their files are named by in its place."""
+        """The results in ``stem``.json, this one first, and the stem of each one's files."""
         return ((case.result, f"{stem}{case.suffix}") for case in self.cases())
 
     @classmethod
@@ -353,7 +353,7 @@ class StageResult(Record):
 
     @staticmethod
     def _write(folder: Path, files: Mapping[str, bytes]) -> None:
-        for name in sorted(files, key=lambda each: each.endswith(".json")):
+        for name in sorted(files, key=lambda name: name.endswith(".json")):
             write_file(Path(folder) / name, files[name])
 
     def products(self) -> dict[str, bytes]:
@@ -371,8 +371,8 @@ class StageResult(Record):
         draw = getattr(self, "plot", None)
         suffix = path.suffix.lower()
         if suffix == ".json":
-            kept = {f"{path.stem}.json", f"{path.stem}.npz"}
-            files = {name: content for name, content in self.contents(path.stem).items() if name in kept}
+            record_files = {f"{path.stem}.json", f"{path.stem}.npz"}
+            files = {name: content for name, content in self.contents(path.stem).items() if name in record_files}
             self._write(path.parent, files)
             return
         if suffix in products:
@@ -397,11 +397,11 @@ class StageResult(Record):
             with refused(path, f"…; {cls.rebuild_command()}", ValueError):
                 put_arrays(content, arrays)
         for place, own_stem in cls._contents(content, name):
-            for field, own, file_name in cls._files(own_stem):
+            for field, mark, file_name in cls._files(own_stem):
                 file = folder / file_name
-                there = cls.model_fields[field].is_required() or file.is_symlink() or file.exists()
+                expected = cls.model_fields[field].is_required() or file.is_symlink() or file.exists()
                 place[field] = (
-                    read_file(file, missing=cls.rebuild_command(), most_bytes=own.most_bytes) if there else None
+                    read_file(file, missing=cls.rebuild_command(), most_bytes=mark.most_bytes) if expected else None
                 )
         result = validated(cls, content, path, cls.rebuild_command())
         with refused(path, f"…; {cls.rebuild_command()}", ValueError):
@@ -415,19 +415,19 @@ class StageResult(Record):
 
 
 def require_same_judgements(field: str, stated: Iterable[Fact], made: Iterable[Fact]) -> None:
-    """Raise :class:`ValueError` where judgements that a file states in ``field`` are not those that were ``made``."""
-    for one, other in zip_longest(stated, made):
-        if not agree(_judgement(one), _judgement(other)):
-            raise ValueError(f"{field}: {(one or other).key}: not as it follows from the other entries")
+    """Raise :class:`ValueError` if judgements that a file states in ``field`` are not those that were ``made``."""
+    for stated_fact, made_fact in zip_longest(stated, made):
+        if not agree(_judgement(stated_fact), _judgement(made_fact)):
+            raise ValueError(f"{field}: {(stated_fact or made_fact).key}: not as it follows from the other entries")
 
 
 def _named(fact: Fact) -> tuple[str, str]:
-    """The name of a criterion; another version of the program may state them in another order."""
+    """Name of a fact as criterion: another version of the program may state them in another order."""
     return fact.key, fact.place
 
 
 def _judgement(fact: Fact | None) -> tuple[object, ...]:
-    """Entries that must agree: all but words."""
+    """Entries that must agree: all but texts."""
     if fact is None:
         return ()
     return fact.key, fact.place, fact.value, fact.standard_error, fact.sense, fact.limit, fact.unit, fact.tolerance
@@ -435,9 +435,9 @@ def _judgement(fact: Fact | None) -> tuple[object, ...]:
 
 @public
 class SimulatedResult(StageResult):
-    """Result under nominal conditions, or others.
+    """Result under nominal or other conditions.
 
-    ``conditions``: those that are not nominal; None if all are.
+    ``conditions``: those that differ from the nominal ones; None if all are nominal.
     """
 
     conditions: Conditions | None = None
@@ -445,7 +445,7 @@ class SimulatedResult(StageResult):
 
 @public
 class ResultByLed(SimulatedResult):
-    """Result in each of the states that a lens is for, such as with each of several LEDs.
+    """Result in each state of a lens, such as with each of several LEDs.
 
     ``led``: name of the state; it ends the names of the files of all but the first. ``others``: results in the other
     states.
@@ -457,23 +457,23 @@ class ResultByLed(SimulatedResult):
     others: "tuple[ResultByLed, ...]" = ()
 
     def cases(self, among: str = "") -> Iterator[Case[Self]]:
-        """Take the result in each of its states, as that of any stage does."""
+        """A case for each state."""
         for number, result in enumerate((self, *cast("tuple[Self, ...]", self.others))):
             case = Case(result, led=result.led if self.others else "", number=number)
             yield from case.among(among) if among else (case,)
 
     @classmethod
     def joined(cls, by_led: Mapping[str, Self]) -> Self:
-        """The results of all states, by name, as one; "" is the name of the only one."""
-        first, *rest = (result.changed(led=name) for name, result in by_led.items())
-        conditions = next(filter(None, (result.conditions for result in (first, *rest))), None)
-        return first.changed(others=tuple(rest), conditions=conditions) if rest else first
+        """The results of all states, by name, as one; "" names the only state."""
+        first, *others = (result.changed(led=name) for name, result in by_led.items())
+        conditions = next(filter(None, (result.conditions for result in (first, *others))), None)
+        return first.changed(others=tuple(others), conditions=conditions) if others else first
 
     @property
     def by_led(self) -> dict[str, Self]:
-        """Result of each state alone, by its name, the first one's first; "" is the name of the only one."""
+        """Result of each state by its name, the first one's first; "" names the only state."""
         alone = self.changed(others=()) if self.others else self
-        return {each.led: each for each in (alone, *cast("tuple[Self, ...]", self.others))}
+        return {result.led: result for result in (alone, *cast("tuple[Self, ...]", self.others))}
 
     @classmethod
     def _contents(cls, content: _Content, stem: str) -> Iterator[tuple[_Content, str]]:
@@ -493,9 +493,9 @@ def _without_unhashed(content: object) -> object:
 def _keeps_arrays(cls: type[Record]) -> bool:
     """True for records with an array of their own, or in the entries of a list."""
     fields = cls.model_fields.values()
-    own = any(marker(info, Array) is not None for info in fields)
+    has_array = any(marker(info, Array) is not None for info in fields)
     entries = (argument for info in fields for argument in get_args(info.annotation))
-    return own or any(
+    return has_array or any(
         _keeps_arrays(entry)
         for entry in entries
         if isinstance(entry, type) and issubclass(entry, Record) and entry is not cls

@@ -1,4 +1,4 @@
-"""Names and units of a table's columns: which quantity a name means, and by which factor its numbers become ours.
+"""Names and units of a table's columns: the quantity of a name, and the factor to this program's unit.
 
 A name may have its unit behind it, in brackets or not (``angle_deg``, ``R %``, ``x (in)``, ``lambda / nm``), or in a
 row of units below. A unit that is not known, or two that contradict each other, are refused; so is a table without a
@@ -67,18 +67,18 @@ def _spelt(text: str) -> str:
 
 
 def plain(text: str) -> str:
-    """Letters and digits of a name in lower case, by which two names are the same."""
+    """Letters and digits of a name in lower case, by which names are compared."""
     return "".join(mark for mark in _spelt(text) if mark.isalnum() or mark in "%")
 
 
 def _unit_in(text: str) -> str:
-    """The unit in what stands behind a name, or in a cell, without what surrounds it; "/" stays in front of it."""
+    """The unit in the text behind a name, or in a cell, without brackets; a leading "/" stays."""
     text = re.sub(r"^\W*\bin\s+", "", text.strip())
     return text.replace("_", " ").strip(" -.:,;()[]{}|'\"") if text not in ("-", "–") else ""
 
 
 def _canonical(unit: str) -> str:
-    """A unit as ``Column.units`` has it: one spelling of each, ``per_mm`` for 1/mm, mm-1 and per mm."""
+    """A unit in the spelling of ``Column.units``: ``per_mm`` for 1/mm, mm-1 and per mm."""
     unit = re.sub(r"[\s*^·]+", "", unit)
     inverse = re.fullmatch(r"(?:1/|per|/)\(?(.+?)\)?|(.+?)-1", unit) if unit not in _PLAIN else None
     if inverse is None:
@@ -89,11 +89,11 @@ def _canonical(unit: str) -> str:
 
 @dataclass(frozen=True)
 class Column:
-    """A column that a table may have, by its ``names`` in lower case, of which the first is ours.
+    """A column that a table may have, by its ``names`` in lower case, the first of which this program writes.
 
-    ``units``: their factors to the first, ours; "" where a name may leave it out; or a function that gives the factor
-    of a unit, NaN for one that is refused. ``needed``: False where a table may lack it; ``by_place``: False where only
-    a name tells it. ``words``: of a list, which holds no numbers there. ``beside``: what may stand beside the unit.
+    ``units``: their factors to the first; "" if a name may leave it out; or a function that gives the factor of a unit,
+    NaN for one that is refused. ``needed``: False if a table may lack it; ``by_place``: False if only a name identifies
+    it. ``words``: holds text rather than numbers. ``beside``: texts that may stand beside the unit.
     """
 
     names: tuple[str, ...]
@@ -105,14 +105,14 @@ class Column:
 
     @property
     def title(self) -> str:
-        """Its name and unit as our own tables have them."""
+        """Name and unit as this program's tables have them."""
         unit = "" if callable(self.units) else next(iter(self.units), "")
         return "_".join(filter(None, (self.names[0], unit)))
 
     def factor_of(self, cell: str, below: str = "") -> float | None:
         """The factor of the unit in the name ``cell``, or in the row of units ``below`` it.
 
-        NaN for one that is not known, and for two that differ; None if the cell names another quantity.
+        NaN for an unknown unit, and for two that differ; None if the cell names another quantity.
         """
         behind = self._behind_name(_spelt(cell))
         if behind is None:
@@ -122,7 +122,7 @@ class Column:
         return factors[0] if all(factor == factors[0] for factor in factors) else nan
 
     def _behind_name(self, cell: str) -> str | None:
-        """The rest of ``cell`` behind its name, or a % before it; None if the cell does not begin with a name."""
+        """The rest of ``cell`` after its name, or a % before it; None if the cell does not begin with a name."""
         if self.beside is not None:
             cell = self.beside.sub(" ", cell)
         for name in sorted(self.names, key=len, reverse=True):
@@ -161,14 +161,14 @@ class Names:
     def places(self, wanted: Sequence[Column]) -> Places:
         """Place and factor of each of the ``wanted``, by its number.
 
-        Raises :class:`InputError` for a name that is there twice, and for a unit that is not known.
+        Raises :class:`InputError` for a repeated name, and for an unknown unit.
         """
         places: Places = {}
         doubtful: dict[int, list[int]] = {}
         for place, cell in enumerate(self.cells):
-            here = self._place(place)
+            label = self._place(place)
             if cell and plain(cell) in map(plain, self.cells[:place]):
-                raise InputError(f"{here} is there twice; leave out one")
+                raise InputError(f"{label} is there twice; leave out one")
             known = {
                 at: factor for at, column in enumerate(wanted) if (factor := self._factor(column, place)) is not None
             }
@@ -177,7 +177,7 @@ class Names:
                 doubtful[place] = list(known)
             for at, factor in list(fitting.items())[:1]:
                 if at in places:
-                    raise InputError(f"{here}: a second column {wanted[at].title}; leave out one")
+                    raise InputError(f"{label}: a second column {wanted[at].title}; leave out one")
                 places[at] = (place, factor)
         for place, columns in doubtful.items():
             if not places.keys() & set(columns):
@@ -189,11 +189,11 @@ class Names:
         """Raise :class:`InputError` for a needed column that has none of the ``places``."""
         missing = [column.title for at, column in enumerate(wanted) if column.needed and at not in places]
         if missing:
-            there = ", ".join(map(shown, self.cells[:_MOST_SHOWN]))
-            raise InputError(f"{self.where}: no column {missing[0]}; found {there}; name it so if it is one of them")
+            listed = ", ".join(map(shown, self.cells[:_MOST_SHOWN]))
+            raise InputError(f"{self.where}: no column {missing[0]}; found {listed}; name it so if it is one of them")
 
     def left_over(self, places: Places, read: Sequence[int] = ()) -> str:
-        """Words for columns beside those of ``places`` and those ``read`` otherwise; "" if there are none."""
+        """Phrase for unused columns, beside those of ``places`` and those ``read`` otherwise; "" without any."""
         used = {*read, *(place for place, _ in places.values())}
         unused = [shown(cell) for place, cell in enumerate(self.cells) if place not in used and cell]
         return f"columns that are not used: {', '.join(unused[:_MOST_SHOWN])}" if unused else ""
@@ -208,7 +208,7 @@ class Names:
 
 @dataclass(frozen=True)
 class Heading:
-    """The lines above the rows of a table of ``width`` columns: of ``words``, and ``remarks`` behind a #."""
+    """The lines above the rows of a table of ``width`` columns: ``words``, and ``remarks`` after a #."""
 
     name: str
     words: Sequence[Line]
@@ -217,10 +217,10 @@ class Heading:
     width: int
 
     def names(self, wanted: Sequence[Column], *, further: bool = False) -> Names | None:
-        """The names of the columns; None if no line has any. ``further``: the last columns may have none.
+        """The names of the columns; None if no line has any. ``further``: the last columns may be unnamed.
 
-        Raises :class:`InputError` for names that are all unknown, for another number of them, and for a row below
-        them that is none of units.
+        Raises :class:`InputError` if all names are unknown, if their number differs, and for a row below them that
+        holds no units.
         """
         lines = sorted((*self.words, *self.remarks), reverse=True)
         rows = [header_cells(line, self.dialect, self.name) for line in lines]
@@ -236,7 +236,7 @@ class Heading:
         return len(cells) == self.width or (further and 1 < len(cells) < self.width)
 
     def _units(self, below: Sequence[tuple[Line, Sequence[str]]]) -> list[str]:
-        """The cells of the row of units ``below`` the names; none where there is no such row."""
+        """The cells of the row of units ``below`` the names; empty without such a row."""
         for line, cells in below:
             if len(cells) <= self.width and any(map(_is_unit, cells)):
                 return [*cells, *[""] * (self.width - len(cells))]
@@ -254,20 +254,20 @@ class Heading:
             cells = header_cells(line, self.dialect, self.name)
             mark = self.dialect.separator
             where = f"{self.name}, line {line.number}"
-            there = ", ".join(map(shown, cells[:_MOST_SHOWN]))
+            listed = ", ".join(map(shown, cells[:_MOST_SHOWN]))
             titles = ", ".join(column.title for column in wanted if column.by_place)
             if len(cells) != self.width and any(_fits_one(cell, wanted) for cell in cells if len(cells) > 1):
-                raise InputError(f"{where}: {len(cells)} names for {self.width} columns: {there}; give each its name")
+                raise InputError(f"{where}: {len(cells)} names for {self.width} columns: {listed}; give each its name")
             if not len(cells) == self.width > 1 or mark not in line.text:
                 return
             if mark != " ":
-                raise InputError(f"{where}: names not known: {there}; must be {titles}; put # in front of a title")
-            fault = f"{where}: {there}: taken as a title, and the columns as {titles}"
+                raise InputError(f"{where}: names not known: {listed}; must be {titles}; put # in front of a title")
+            fault = f"{where}: {listed}: taken as a title, and the columns as {titles}"
             warnings.warn(fault, FileWarning, stacklevel=1)
 
 
 def _is_named(cells: Sequence[str], wanted: Sequence[Column]) -> bool:
-    """True where a cell names a column that is wanted, or known from other tables."""
+    """True if a cell names a wanted column, or one known from other tables."""
     return any(_fits_one(cell, wanted) or _is_of_other_table(cell) for cell in cells)
 
 
@@ -276,7 +276,7 @@ def _are_units(cells: Sequence[str]) -> bool:
 
 
 def _allowed(units: Sequence[Units]) -> str:
-    """Units in words."""
+    """The units, as a phrase."""
     if any(map(callable, units)):
         return "one to which it is proportional, such as W/nm"
     names = [name for mapping in units if not callable(mapping) for name in mapping if name]
@@ -284,7 +284,7 @@ def _allowed(units: Sequence[Units]) -> str:
 
 
 def _fits_one(cell: str, wanted: Sequence[Column]) -> bool:
-    """True where a cell names one of the ``wanted``, its unit known or at least in brackets."""
+    """True if a cell names one of the ``wanted``, its unit known or at least in brackets."""
     factors = [factor for column in wanted if (factor := column.factor_of(cell)) is not None]
     return any(not isnan(factor) for factor in factors) or (bool(factors) and re.search(r"[\[(]", cell) is not None)
 
@@ -294,14 +294,14 @@ def _is_of_other_table(cell: str) -> bool:
 
 
 def _is_unit(cell: str) -> bool:
-    """True for a unit, and for a product or quotient of such, as W/nm and mW cm-2."""
+    """True for a unit, and for a product or quotient of units, as W/nm and mW cm-2."""
     unit = _unit_in(_spelt(cell))
     factors = re.split(r"[\s/*·]+", unit)
     return _canonical(unit) in _UNITS or {_EXPONENT.sub("", _canonical(factor)) for factor in factors} <= _UNITS
 
 
 def header_cells(line: Line, dialect: Dialect, name: str) -> list[str]:
-    """Names in a line of them: separated as the rows are, or otherwise; without the marks of a comment in front."""
+    """Names in a header line, separated as the rows are or otherwise, without comment marks in front."""
     line = Line(line.number, _COMMENT_MARK.sub("", line.text))
     for separator in (dialect.separator.strip(" "), ";", "\t", ","):
         if separator and separator in line.text:
@@ -311,7 +311,7 @@ def header_cells(line: Line, dialect: Dialect, name: str) -> list[str]:
 
 
 def doubt_degrees(angles_deg: Sequence[float], where: str, title: str) -> None:
-    """Say where angles of incidence end so early that they may be radians; ``title``: how a column of such is named."""
+    """Warn if angles of incidence end so early that they may be radians; ``title``: name of such a column."""
     if 0.0 < max(angles_deg) < QUARTER_TURN_RAD:
         doubt = f"its angles end at {max(angles_deg):.4g} degrees: in radians the column is {title}"
         warnings.warn(f"{where}: {doubt}", FileWarning, stacklevel=1)

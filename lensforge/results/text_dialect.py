@@ -1,4 +1,4 @@
-"""Text of a table as programs write it: its characters, its lines, what stands between its numbers and in them.
+"""Text of a table as programs write it: its characters, its lines, its separators, and its notation of numbers.
 
 A semicolon or a tab separates wherever there is one: commas in numbers are then decimal signs. So they are where blanks
 separate and no blank stands beside a comma; elsewhere commas separate. A mark before three digits may be one of
@@ -33,7 +33,7 @@ class Line(NamedTuple):
 
 
 def decoded_text(content: bytes, name: str) -> str:
-    """Text of the file ``name``: UTF-8 or UTF-16, with a mark or without, else Windows-1252.
+    """Text of the file ``name``: UTF-8 or UTF-16, with or without a byte-order mark, else Windows-1252.
 
     Raises :class:`InputError` for bytes that are no text.
     """
@@ -64,9 +64,9 @@ def decoded(content: bytes) -> str:
 
 
 def lines_of(text: str, *, comments_behind: bool = True) -> list[Line]:
-    """Lines with anything in them, without comments: lines that begin with #, and what follows a # behind a blank.
+    """Non-empty lines without comments: lines that begin with #, and text after a # behind a blank.
 
-    ``comments_behind``: the latter, too; names may have such a mark.
+    ``comments_behind``: also drop the latter; names may contain such a mark.
     """
     lines = []
     for number, line in enumerate(_LINE_END.split(text), start=1):
@@ -78,7 +78,7 @@ def lines_of(text: str, *, comments_behind: bool = True) -> list[Line]:
 
 
 def remarks_above(text: str, row: Line) -> list[Line]:
-    """Lines above ``row`` that begin with #, without it: names of columns may stand there."""
+    """Lines above ``row`` that begin with #, without the mark: they may hold names of columns."""
     above = _LINE_END.split(text, row.number - 1)[: row.number - 1]
     remarks = ((number, line.strip()) for number, line in enumerate(above, start=1))
     return [
@@ -113,10 +113,10 @@ _QUOTED = re.compile(r'"[^"\n]*"')
 
 @dataclass(frozen=True)
 class Dialect:
-    """The way in which rows are cut into cells, and their numbers are written.
+    """Separator of cells, and notation of numbers.
 
-    ``separator``: ";", "\\t", "," or " " for any blanks. ``thousands``: numbers have such marks, the other of point and
-    comma.
+    ``separator``: ";", "\t", "," or " " for any blanks. ``thousands``: numbers have such marks, the comma or the point
+    that is not the decimal sign.
     """
 
     separator: str
@@ -125,10 +125,9 @@ class Dialect:
 
     @staticmethod
     def of(rows: Sequence[Line], name: str, separator: str | None = None) -> "Dialect":
-        """The dialect of ``rows`` of numbers; ``separator``: the one that the file states.
+        """The dialect of ``rows`` of numbers; ``separator``: as stated in the file.
 
-        Raises :class:`InputError` where it cannot be told. A :class:`FileWarning` says where numbers can be read in
-        two ways.
+        Raises :class:`InputError` if it cannot be determined. A :class:`FileWarning` tells of ambiguous numbers.
         """
         text = "\n".join(line.text for line in rows)
         dialect = Dialect(separator or _separator(rows, _QUOTED.sub('""', text) if '"' in text else text, name))
@@ -142,7 +141,7 @@ class Dialect:
         return dialect.with_signs_of(text, name)
 
     def with_signs_of(self, text: str, name: str) -> "Dialect":
-        """This dialect with the decimal sign by which numbers in ``text`` are written."""
+        """This dialect with the decimal sign of the numbers in ``text``."""
         comma, point = (_has(_DECIMAL, mark, text) for mark in ",.")
         after_comma, after_point = (_has(_THOUSANDS, mark, text) for mark in ".,")  # a mark of thousands before it
         if point or after_point:
@@ -192,9 +191,9 @@ class Dialect:
 
 
 def number_in(word: str) -> float:
-    """The number that a word of a file is, its exponent behind an E, or a D as Fortran has it; infinite and NaN, too.
+    """The number in a word of a file, with exponent E, or D as in Fortran; also infinite and NaN.
 
-    Raises :class:`ValueError` for what only Python takes for a number.
+    Raises :class:`ValueError` for forms that only Python accepts.
     """
     if "_" in word or not word.isascii():
         raise ValueError(f"{shown(word)} is no number")
@@ -202,7 +201,7 @@ def number_in(word: str) -> float:
 
 
 def _grouped(mark: str) -> str:
-    """Pattern of a number with ``mark`` for thousands, and perhaps the other as decimal sign."""
+    """Pattern of a number with ``mark`` for thousands, and possibly the other as decimal sign."""
     return rf"[-+]?[1-9]\d{{0,2}}(?:{re.escape(mark)}\d{{3}})+(?:[.,]\d*)?"
 
 
@@ -212,7 +211,7 @@ def shown(word: str) -> str:
 
 
 def _separator(rows: Sequence[Line], text: str, name: str) -> str:
-    """Mark between the cells of ``rows``, by their ``text`` without what is quoted."""
+    """Separator of ``rows``, determined from their ``text`` without quoted parts."""
     if ";" in text:
         return ";"
     if "\t" in text and not re.search(r",[ \t]*\t|\t[ \t]*,", text):
@@ -238,7 +237,7 @@ _LEADING_ZERO = r"(?m)(?:^|,)[ \t]*([-+]?\d+,0\d+)(?=,|\s|$)"
 
 
 def _doubt_commas(rows: Sequence[Line], text: str, name: str) -> None:
-    """Refuse commas that seem to separate and to be decimal signs at once (0,05,0,1); warn where they may be."""
+    """Refuse commas that seem to be both separators and decimal signs (0,05,0,1); warn if they may be."""
     match = None if "." in text else re.search(_LEADING_ZERO, text)
     if match:
         raise InputError(

@@ -1,4 +1,4 @@
-"""Tables in text files: numbers in rows, columns by their names and units, and lists of things.
+"""Tables in text files: numbers in rows, columns by their names and units, and lists of entries.
 
 One reader for spectra, coatings, targets, points, roads, materials, lists of LEDs, and the names of rays. Its numbers
 are read by ``numpy.loadtxt``, which is there already, reads numbers alone, and refuses rows of other lengths: polars
@@ -30,7 +30,7 @@ _MARKS = {",": "commas", ";": "semicolons", "\t": "tabs", " ": "blanks"}
 
 @dataclass(frozen=True, eq=False)
 class TextTable:
-    """Rows of the file ``name``, with the lines of words before them as its ``header``, and ``remarks`` behind a #.
+    """Rows of the file ``name``, with the lines of text before them as its ``header``, and ``remarks`` after a #.
 
     ``count``: the number of rows that the file announces, alone in the line before the first; None if it does not.
     """
@@ -44,10 +44,10 @@ class TextTable:
 
     @staticmethod
     def read(path: Path | str, *, missing: str, most_bytes: int, counted: bool = False) -> "TextTable":
-        """Read the table at ``path``, of at most ``most_bytes``; ``missing``: the remedy where there is none.
+        """Read the table at ``path``, of at most ``most_bytes``; ``missing``: the remedy if there is none.
 
-        ``counted``: a whole number alone before the rows says how many they are.
-        Raises :class:`InputError`, one line, for a file without rows of numbers.
+        ``counted``: a lone whole number before the rows is their count. Raises :class:`InputError`, one line, for a
+        file without rows of numbers.
         """
         return TextTable.of(read_file(path, missing=missing, most_bytes=most_bytes), str(path), counted=counted)
 
@@ -76,7 +76,7 @@ class TextTable:
 
     @cached_property
     def cells(self) -> list[list[str]]:
-        """Cells of all rows; without columns at their end that are blank in all of them."""
+        """Cells of all rows, without trailing columns that are blank throughout."""
         rows = [self.dialect.cells(line, self.name) for line in self.rows]
         width = max(max((place for place, cell in enumerate(row, start=1) if cell), default=0) for row in rows)
         return [row[:width] for row in rows]
@@ -84,10 +84,10 @@ class TextTable:
     def numbers(
         self, *, used: Sequence[int] | None = None, blank: float | None = None, further: bool = False
     ) -> Float[np.ndarray, "n c"]:
-        """Finite numbers of rows of one length; ``used``: of these columns alone, in their order, from 0.
+        """Finite numbers of rows of equal length; ``used``: only these columns, in their order, from 0.
 
-        ``blank``: taken for a cell that is empty or missing. ``further``: rows may have any cells behind those used.
-        Raises :class:`InputError` with line and column.
+        ``blank``: value of an empty or missing cell. ``further``: rows may have any further cells. Raises
+        :class:`InputError` with line and column.
         """
         table = self._plain(used) if used is None or further or self._is_even() else None
         if table is None:
@@ -100,7 +100,7 @@ class TextTable:
         return table
 
     def _plain(self, used: Sequence[int] | None) -> Float[np.ndarray, "n c"] | None:
-        """The numbers where no cell needs a second look, else None."""
+        """The numbers if no cell needs closer inspection, else None."""
         lines = [line.text for line in self.rows]
         if self.dialect.decimal == ",":
             if any("." in line for line in lines):
@@ -116,7 +116,7 @@ class TextTable:
         return table
 
     def _is_even(self) -> bool:
-        """True where all rows have as many cells, as far as their separators tell."""
+        """True if all rows have equally many cells, judged by their separators."""
         mark = self.dialect.separator
         counts = (len(line.text.split()) if mark == " " else line.text.count(mark) for line in self.rows)
         return len(set(counts)) == 1
@@ -155,7 +155,7 @@ class TextTable:
 
     @property
     def advice(self) -> str:
-        """Words on how the table was read, to end a message."""
+        """Phrase on how the table was read, to end a message."""
         marks = _MARKS.get(self.dialect.separator, shown(self.dialect.separator))
         decimal = "points" if self.dialect.decimal == "." else "commas"
         return f"; {marks} separate its cells, numbers have decimal {decimal}"
@@ -163,7 +163,7 @@ class TextTable:
     def grid(self, columns: Sequence[Column], *of: str) -> tuple[list[float], list[float], list[list[float]]]:
         """The values of the first and the second of three columns, rising, and the third by [first, second].
 
-        ``of``: both in words, each. Raises :class:`InputError` where not each pair has one row.
+        ``of``: names of both. Raises :class:`InputError` unless each pair has exactly one row.
         """
         table = self.columns(columns)
         (x_nodes, rows), (y_nodes, places) = (np.unique(column, return_inverse=True) for column in table.T[:2])
@@ -178,11 +178,11 @@ class TextTable:
     def columns(
         self, wanted: Sequence[Column], *, further: bool = False, read: Sequence[int] = ()
     ) -> Float[np.ndarray, "n k"]:
-        """The ``wanted`` columns in their order and units, by their names above the rows, where it has none by place.
+        """The ``wanted`` columns in their order and units, by the names above the rows, or by place without names.
 
-        NaN in one that is not needed and not there. ``further``: without names there may be more; ``read``: places of
-        columns that the caller reads. Raises :class:`InputError` for a column that is missing or there twice, for
-        names and units that are not known; a :class:`FileWarning` names columns that are not used.
+        NaN in a missing optional one. ``further``: without names there may be more; ``read``: places of columns that
+        the caller reads. Raises :class:`InputError` for a missing or repeated column, and for unknown names and units;
+        a :class:`FileWarning` names unused columns.
         """
         places = self._by_names(wanted, further, read) or self._by_place(wanted, further)
         if further and self.width > len(wanted):
@@ -195,7 +195,7 @@ class TextTable:
         return table
 
     def names(self, wanted: Sequence[Column], *, further: bool = False) -> Names | None:
-        """The names above the rows, of which some are ``wanted``; None if there are none."""
+        """The names above the rows, some of which are ``wanted``; None without names."""
         if self.header:
             self._require_words(self.header[-1], header_cells(self.header[-1], self.dialect, self.name))
         heading = Heading(self.name, self.header, self.remarks, self.dialect, self.width)
@@ -221,13 +221,13 @@ class TextTable:
         return {at: (at, 1.0) for at in range(min(width, len(by_place)))}
 
     def _require_points(self) -> None:
-        """Refuse commas that may be decimal signs, where nobody knows how many columns there should be."""
+        """Refuse commas that may be decimal signs if the number of columns is not known."""
         if self.dialect.separator == "," and not any("." in line.text for line in self.rows):
             advice = "separate the numbers by semicolons, or write decimal points"
             raise self.refuse(0, None, f"commas between numbers and in them cannot be told apart; {advice}")
 
     def _require_words(self, line: Line, cells: Sequence[str]) -> None:
-        """Refuse a damaged first row: it would be lost as a header."""
+        """Refuse a damaged first row, which would be lost as a header."""
         texts = [cell for cell in cells if not self._is_number(cell)]
         if len(cells) > len(texts) == 1 and re.search(r"\d", texts[0]):
             column = list(cells).index(texts[0]) + 1
@@ -248,7 +248,7 @@ def _stated_separator(text: str, *, comments_behind: bool = True) -> tuple[list[
 
 
 def _first_row(lines: Sequence[Line]) -> int:
-    """Place of the first line that begins with a number, or, where none does, that has one behind a name."""
+    """Index of the first line that begins with a number, or else of the first with a number after a name."""
     for pattern in (_ROW, _NAMED_ROW):
         for place, line in enumerate(lines):
             if pattern.match(line.text):
@@ -257,14 +257,14 @@ def _first_row(lines: Sequence[Line]) -> int:
 
 
 def _announced(lines: Sequence[Line]) -> int | None:
-    """The whole number that stands alone before rows of more."""
+    """The whole number that stands alone before several rows."""
     alone = re.fullmatch(r"0*(\d{1,9})", lines[0].text.strip()) if lines else None
     return int(alone[1]) if alone and (len(lines) == 1 or len(re.split(r"[\s;,]+", lines[1].text)) > 1) else None
 
 
 @dataclass(frozen=True)
 class Entry:
-    """A row of a list of things: its ``words`` by the titles of their columns, those that are not empty."""
+    """A row of a list: its non-empty ``words`` by the titles of their columns."""
 
     where: str
     words: Mapping[str, str]
@@ -280,10 +280,10 @@ class Entry:
 
 
 def read_list(path: Path, wanted: Sequence[Column], *, missing: str, most_bytes: int) -> list[Entry]:
-    """Things in the rows below a line of names; ``missing``: the remedy where there is no file.
+    """Entries in the rows below a line of names; ``missing``: the remedy if there is no file.
 
-    Names are words; what follows a # in a row belongs to it. Raises :class:`InputError` with line and column for
-    columns that are missing, there twice or not among the ``wanted``, and for rows of other lengths.
+    Names are texts; a # in a row begins no comment. Raises :class:`InputError` with line and column for columns that
+    are missing, repeated or not among the ``wanted``, and for rows of other lengths.
     """
     name = str(path)
     content = read_file(path, missing=missing, most_bytes=most_bytes)

@@ -22,7 +22,7 @@ def with_changes(model: _Model, fields: Mapping[str, Any]) -> _Model:
     """A copy of ``model`` with other values in some ``fields``, each validated by itself.
 
     pydantic's own way to validate one field refuses a frozen model. Raises :class:`ValidationError` for a value that a
-    field does not take, and :class:`TypeError` for a field that there is not.
+    field does not take, and :class:`TypeError` for an unknown field.
     """
     valid = {name: _validated(type(model), name, value) for name, value in fields.items()}
     return model.model_copy(update=valid)
@@ -78,7 +78,7 @@ def input_error(error: ValidationError, origin: str, *, remedy: str = "", unions
     message = shortened(" ".join(plain(first["msg"]).split()), _MOST_OF_MESSAGE)
     more = f" (and {len(causes) - 1} more)" if len(causes) > 1 else ""
     parts = [
-        part for part in (origin, f"{field}{given_words(first['input'])}" if field else "", f"{message}{more}") if part
+        part for part in (origin, f"{field}{given_value(first['input'])}" if field else "", f"{message}{more}") if part
     ]
     return InputError(" ".join((": ".join(parts) + (f"; {remedy}" if remedy else "")).split()))
 
@@ -88,8 +88,8 @@ def _is_kind(two_before: object, before: object, part: object, unions: Collectio
     return isinstance(part, str) and (before in unions or (isinstance(before, int) and two_before in unions))
 
 
-def given_words(value: object) -> str:
-    """`` = value``, or the type of a list; empty for tables and arrays, whose message already says what is wrong."""
+def given_value(value: object) -> str:
+    """`` = value``, or the type of a list; empty for tables and arrays, whose message is sufficient."""
     if isinstance(value, Mapping | BaseModel | np.ndarray):
         return ""
     if isinstance(value, int) and value.bit_length() > _MOST_BITS:
@@ -123,19 +123,19 @@ _PLAIN = (
 
 
 def plain(message: str) -> str:
-    """Words of pydantic as lensforge says them: "must be at least 0"."""
+    """A message of pydantic in the terms of lensforge: "must be at least 0"."""
     text = message.removeprefix("Value error, ")
     return text if text != message else reduce(lambda text, pair: text.replace(*pair), _PLAIN, message)
 
 
 def its_type(value: object) -> str:
-    """The type of ``value`` for a message: ``a str``, ``an int``."""
+    """The type of ``value`` with its article: ``a str``, ``an int``."""
     name = type(value).__name__
     return f"{'an' if name[0] in 'aeiouAEIOU' else 'a'} {name}"
 
 
 def same(first: Any, second: Any) -> bool:
-    """True where two values are equal, arrays bit for bit; NaN equals NaN in an array."""
+    """True if two values are equal, arrays bit for bit; NaN equals NaN in an array."""
     if isinstance(first, np.ndarray) or isinstance(second, np.ndarray):
         return (
             isinstance(first, np.ndarray)

@@ -1,6 +1,6 @@
-"""The one judgement of values by limits, and the verdict on a lens: its light, its files, and if it can be made.
+"""The one judgement of values by limits, and the verdict on a lens: its light, its files, and whether it can be made.
 
-Stages give the reasons: a state with its words for each figure that does not pass.
+Stages give the reasons: a state and a sentence for each figure that does not pass.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -17,9 +17,9 @@ _WORST_FIRST: tuple[State, ...] = ("fail", "undecided", "none", "pass")
 
 
 def within(value: float | None, sense: Sense, limit: float | None, tolerance: float = 0.0) -> bool:
-    """True where ``value`` (None: not measured, and so never) is ``sense`` ``limit`` (None: there is none).
+    """True if ``value`` (None, not measured: False) is ``sense`` ``limit`` (None: no limit).
 
-    ``tolerance``: error of the measure, by which a value may lie beyond its limit.
+    ``tolerance``: error of measurement, by which a value may lie beyond its limit.
     """
     if value is None:
         return False
@@ -34,20 +34,20 @@ def judge(
     """State of a ``value`` that must be ``sense`` ``limit``: the judgement behind every verdict.
 
     ``error``: standard error; 0 for an exact value, None if it is not known, and then nothing is decided. A value
-    within two standard errors of its limit is undecided. ``tolerance``: as of :func:`within`.
+    within two standard errors of its limit is undecided. ``tolerance``: as in :func:`within`.
     """
     if error is None or (error > 0.0 and None not in (value, limit) and abs(value - limit) <= CERTAIN * error):  # type: ignore[operator]
         return "undecided"
     return "pass" if within(value, sense, limit, tolerance) else "fail"
 
 
-def said(state: State) -> str:
-    """Word for a state on page and screen."""
+def state_label(state: State) -> str:
+    """Display text of a state."""
     return "not judged" if state == "none" else state
 
 
 def worst(states: Iterable[State]) -> State:
-    """The state of several together: a failure outweighs a doubt."""
+    """The joint state of several: a failure outweighs a doubt."""
     present = set(states)
     return next((state for state in _WORST_FIRST if state in present), "pass")
 
@@ -77,22 +77,26 @@ class Verdict(Record):
     @staticmethod
     def of(light: Sequence[Reason], files: Sequence[Reason], cutting: Sequence[Reason]) -> "Verdict":
         """The verdict by the reasons against each of the three: the worst of their states."""
-        named = {"light": light, "files": files, "cutting": cutting}
-        states = {name: worst(state for state, _ in reasons) for name, reasons in named.items()}
-        words = {name: tuple(words for _, words in reasons) for name, reasons in named.items()}
-        return Verdict(**states, reasons=Reasons(**words))
+        reasons_by_name = {"light": light, "files": files, "cutting": cutting}
+        states = {name: worst(state for state, _ in reasons) for name, reasons in reasons_by_name.items()}
+        sentences = {name: tuple(sentence for _, sentence in reasons) for name, reasons in reasons_by_name.items()}
+        return Verdict(**states, reasons=Reasons(**sentences))
 
-    def with_parts(self, others: "Mapping[str, Verdict]") -> "Verdict":
-        """The verdict on several parts with one light: files and cutting are the worst of all, their reasons named."""
-        reasons = {name: [(state, words) for words in self.reasons_of(name)] for name, state in self.states.items()}
-        for part, verdict in others.items():
+    def with_parts(self, parts: "Mapping[str, Verdict]") -> "Verdict":
+        """The verdict on several parts with one light: files and cutting are the worst of all, by part."""
+        reasons = {
+            name: [(state, sentence) for sentence in self.reasons_of(name)] for name, state in self.states.items()
+        }
+        for part, verdict in parts.items():
             for name in ("files", "cutting"):
-                reasons[name] += [(verdict.states[name], f"{part}: {words}") for words in verdict.reasons_of(name)]
+                reasons[name] += [
+                    (verdict.states[name], f"{part}: {sentence}") for sentence in verdict.reasons_of(name)
+                ]
         return Verdict.of(**reasons)
 
     @property
     def states(self) -> dict[str, State]:
-        """Three states by their names."""
+        """The three states by name."""
         return {"light": self.light, "files": self.files, "cutting": self.cutting}
 
     def reasons_of(self, name: str) -> tuple[str, ...]:

@@ -35,9 +35,9 @@ _DIE_WITH_PARENT = 1  # PR_SET_PDEATHSIG of prctl(2)
 
 
 def limit_itself(memory_mib: int, seconds: float) -> None:
-    """Limit memory, computing time, files and core dumps where the system can.
+    """Limit memory, computing time, files and core dumps as far as the system can.
 
-    Where the system cannot (Windows; macOS for memory) the parent's limit of time is left, and the bounds of readers.
+    Where it cannot (Windows; macOS for memory) the parent's limit of time remains, and the bounds of readers.
     """
     if sys.platform == "win32":
         return
@@ -52,17 +52,19 @@ def limit_itself(memory_mib: int, seconds: float) -> None:
     ):
         hard = resource.getrlimit(kind)[1]
         allowed = most if hard == resource.RLIM_INFINITY else min(most, hard)
-        kept = hard if kind == resource.RLIMIT_CPU else allowed  # at the hard limit it would be killed without a reason
+        hard_limit = (
+            hard if kind == resource.RLIMIT_CPU else allowed
+        )  # at the hard limit it would be killed without a reason
         with suppress(OSError, ValueError):  # a limit that this system does not have
-            resource.setrlimit(kind, (allowed, kept))
+            resource.setrlimit(kind, (allowed, hard_limit))
 
 
 def ignore_settings_of_libraries(environ: MutableMapping[str, str] = os.environ) -> None:
-    """Leave out of the environment what would change or end the work of libraries that are yet to load.
+    """Remove settings from the environment that would change or end the work of libraries yet to load.
 
     Compilers that are switched off or print (numba, torch), resources of another CAD program, numbers of threads that
     are no numbers, and a style or window of matplotlib: a command draws files in a style of its own. Linear algebra has
-    one thread where nobody asks for more: its arrays are small, and threads that wait for them spin.
+    one thread unless more are requested: its arrays are small, and threads that wait for them spin.
     """
     for name, value in list(environ.items()):
         no_number = name in _THREAD_NUMBERS and not re.fullmatch(r"[1-9]\d{0,3}(,[1-9]\d{0,3})*", value.strip())
@@ -73,12 +75,12 @@ def ignore_settings_of_libraries(environ: MutableMapping[str, str] = os.environ)
 
 
 def collect_garbage_seldom() -> None:
-    """Have Python search for garbage after so many new objects that loading libraries hardly waits for it."""
+    """Make Python search for garbage only after so many new objects that loading libraries hardly waits for it."""
     gc.set_threshold(_NEW_OBJECTS, 20, 20)
 
 
 def keep_freed_memory() -> None:
-    """Have arrays take the memory of those before them: pages that come anew from the system are zeroed first.
+    """Make arrays reuse freed memory: pages that come anew from the system are zeroed first.
 
     A step of 2^17 rays then takes 0.85 of the time. :func:`return_freed_memory` returns it between the stages.
     """
@@ -89,7 +91,7 @@ def keep_freed_memory() -> None:
 
 
 def return_freed_memory() -> None:
-    """Return memory to the system: allocators keep it, after a search of minutes half of what its process holds."""
+    """Return memory to the system: after a search of minutes allocators keep half of the process's memory."""
     gc.collect(1)  # arrays in cycles, which wait for their turn; what is older are libraries
     if sys.platform == "linux":
         with suppress(AttributeError, OSError):  # other C libraries than glibc have no such function
@@ -97,7 +99,7 @@ def return_freed_memory() -> None:
 
 
 def end_with_parent(parent: int) -> None:
-    """Have this process end with its parent, whose number is given, on Linux."""
+    """End this process with its parent, of the given number, on Linux."""
     if sys.platform == "linux":
         ctypes.CDLL(None).prctl(_DIE_WITH_PARENT, signal.SIGKILL)
         if os.getppid() != parent:  # it ended before this line

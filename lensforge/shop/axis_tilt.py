@@ -22,8 +22,8 @@ def free_tilt_deg(samples: FaceSamples, spec: Spec) -> float:
     """Largest tilt (degrees) that machine and mouth leave at a face of a lens of ``spec`` that is milled itself.
 
     In a cavity that of a tool on the lens axis, at the height of the highest ball that touches an undercut place: a
-    tool at the wall, which leans towards the lens axis, has more room. None in a hollow that widens upwards, nor where
-    the bore below is not known.
+    tool at the wall, which leans towards the lens axis, has more room. None in a hollow that widens upwards, and if the
+    bore below is not known.
     """
     shop = spec.manufacture
     if samples.face.air is AirSide.OUTSIDE:

@@ -45,7 +45,7 @@ class CustomBaseMesh:
     mesh: Any
 
     def retreat_mm(self, face: FaceSamples, cutter_radius_mm: float) -> Float[np.ndarray, " k"]:
-        """Depth (mm) to which the base enters the ball that touches each sample; 0 where it is clear."""
+        """Depth (mm) by which the base enters the ball that touches each sample; 0 if clear."""
         from trimesh.proximity import closest_point
 
         centres = face.points + cutter_radius_mm * face.normals
@@ -104,7 +104,7 @@ def check_ball_clearance(
 ) -> BallClearance:
     """Clearance that the cutter lacks at the base, over the samples that it could reach without the base.
 
-    ``plan``: the body with its base, None for a mould insert; ``custom``: the base from a STEP file, if there is one.
+    ``plan``: the body with its base, None for a mould insert; ``custom``: the base from a STEP file, None without one.
     """
     if not faces:
         return BallClearance(faces={}, note="no face is milled")
@@ -114,9 +114,10 @@ def check_ball_clearance(
 
 
 def base_retreats(plan: Plan[Patch] | None, custom: CustomBaseMesh | None, face: MilledFace) -> Retreats:
-    """Lengths (mm) by which parts of the base must give way to the ball at each sample of ``face``; 0 where clear.
+    """Lengths (mm) by which parts of the base must be cut back for the ball at each sample of ``face``; 0 if clear.
 
-    Valid where the ball reaches the face without a base. By the fields of :data:`AnyClearance`; none without a base.
+    Valid where the ball reaches the face without a base. Keyed by the fields of :data:`AnyClearance`; empty without a
+    base.
     """
     if custom is not None:
         return {"retreat_mm": custom.retreat_mm(face.samples, face.cutter_radius_mm)}

@@ -48,9 +48,9 @@ class TouchedFace(Protocol):
 
 
 def largest_ball_mm(samples: TouchedFace, part: Float[np.ndarray, "m 3"] | None = None) -> Float[np.ndarray, " k"]:
-    """Radius (mm) of the largest ball that touches the face at each sample only; infinite where any ball does.
+    """Radius (mm) of the largest ball that touches the face at each sample only; infinite if any ball does.
 
-    ``part``: the points that must stay outside it, by default the samples themselves.
+    ``part``: points that must stay outside the ball, by default the samples themselves.
     """
     part = samples.points if part is None else part
     cap = _UNLIMITED * float(np.linalg.norm(samples.points, axis=1).max())

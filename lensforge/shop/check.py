@@ -75,16 +75,16 @@ def check_lens(lens: Lens, nodes: SplineNodes | None = None) -> Check:
 
 
 def check_made_by(lens: Lens, process: Process) -> Check:
-    """Check ``lens`` made by another process than that of its spec.
+    """Check ``lens`` as if made by ``process`` instead of the one in its spec.
 
-    Raises :class:`InputError` where no such part is made by it.
+    Raises :class:`InputError` if the process makes no such part.
     """
     judged = check_lens(as_built(lens, process))
     return judged.changed(lens=lens, inputs={"lens": lens.sha256}, conditions=Conditions.of(process=process))
 
 
 def _room_on_plate(lens: Lens, pair: Pair[Patch]) -> dict[str, Any]:
-    """The fields of a check on the room between the lenses of a plate that are cut, and on its thinnest wall."""
+    """Fields of a check for a plate that is cut: the gap between its lenses, and its thinnest wall."""
     from lensforge.cad.plate_export import room_on_plate
 
     gap_mm, wall = room_on_plate(lens, pair)
@@ -93,7 +93,7 @@ def _room_on_plate(lens: Lens, pair: Pair[Patch]) -> dict[str, Any]:
 
 
 def _fixture(lens: Lens, plan: Plan[Patch], custom: CustomBaseMesh | None) -> Points:
-    """Distances from the axis and heights (mm) of what a lens that is turned has beside its faces: base and flange."""
+    """Distances from the axis and heights (mm) of base and flange of a lens that is turned."""
     parts = [np.empty((0, 2))]
     ring = ring_of(lens, plan.envelope)
     if custom is not None or plan.has_base:
@@ -109,7 +109,7 @@ def _fixture(lens: Lens, plan: Plan[Patch], custom: CustomBaseMesh | None) -> Po
 def _faces(lens: Lens, pair: Pair[Patch], fixture: Points | None) -> dict[str, FaceCheck]:
     """The faces, measured from their air side; a mould insert has air where the lens has material, and is scaled.
 
-    ``fixture``: what a lens has beside its faces, None of what is no lens.
+    ``fixture``: points of base and flange; None for a mould insert.
     """
     manufacture = lens.spec.manufacture
     nodes = preset_of(lens.accuracy).part.check_nodes

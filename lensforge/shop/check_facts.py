@@ -32,7 +32,7 @@ def _face(name: str, face: FaceResult, check: Check) -> Iterator[Fact]:
 
 
 def _orientation(spec: Spec) -> Iterator[Group]:
-    """Feature by which a part whose light is not round is turned in its mount; none of a plate, which has marks."""
+    """Feature by which a non-round part is oriented in its mount; None for a plate, which has marks."""
     if spec.plate is None and not all(map(spec.lens.is_revolved, spec.lens.names)):
         yield Group("orientation", "Orientation", (_mark(spec.base_made),))
 
@@ -41,7 +41,7 @@ _TURNED_HOW = "the light is not round, and the part does not show how it is turn
 
 
 def _mark(base: BaseSection) -> Fact:
-    """The feature of the base that shows +x, or what would."""
+    """The feature of the base that marks +x, or what would mark it."""
     match base.kind:
         case "step":
             return Fact("azimuth_mark", "Azimuth mark", "as in the base's file")
@@ -68,14 +68,14 @@ def finding_groups(check: Check) -> list[Group]:
     named = {**{name: face_title(name) for name in check.faces}, BODY: "Wall"}
     groups = []
     for surface, title in named.items():
-        facts = tuple(each.answered for each in check.verdicts if each.place == surface)
+        facts = tuple(verdict.answered for verdict in check.verdicts if verdict.place == surface)
         if facts:
             groups.append(Group(f"findings_{surface}", f"Manufacture, {title.lower()}", facts))
     return groups
 
 
 def cutting_reasons(check: Check) -> Iterator[Reason]:
-    """Reasons why the lens cannot be made, or that it is not to be."""
+    """Reasons why the lens cannot be made, or is not meant to be."""
     if not check.spec.manufacture.making.is_judged:
         yield "none", 'manufacture.process = "none": a study of light, of which nothing is made'
         return
@@ -85,34 +85,34 @@ def cutting_reasons(check: Check) -> Iterator[Reason]:
         if counts and not finding.holds:
             yield "fail", _with_remedy(finding)
     for name in check.faces:  # one tool is enough
-        tools = [each for each in check.verdicts if each.key == "tool" and each.place == name]
-        if tools and not any(each.holds for each in tools):
+        tools = [verdict for verdict in check.verdicts if verdict.key == "tool" and verdict.place == name]
+        if tools and not any(verdict.holds for verdict in tools):
             yield "fail", "; ".join(map(_with_remedy, tools))
 
 
 def _with_remedy(finding: Fact) -> str:
-    """Words on what is wrong, and on what to try."""
+    """The reason of a finding and its remedy, in one sentence."""
     return f"{finding.note}: try {finding.remedy}" if finding.remedy else finding.note
 
 
 def tip_keys(names: Iterable[str]) -> tuple[str, ...]:
-    """Keys of the facts on the largest ball, or nose, of each face."""
+    """Keys of the facts on the largest ball, or nose, for each face."""
     return tuple(f"{name}_{kind.tip}" for name in names for kind in (Cutter, TurningTool))
 
 
 def shape_facts(check: Check, groups: Iterable[Group]) -> list[Fact]:
-    """Facts in ``groups`` that decide if the faces can be made: the largest ball or nose of each face.
+    """Facts in ``groups`` that decide whether the faces can be made: the largest ball or nose of each face.
 
-    Of a moulded part the face that is worst in each of three: the nose of its insert, its draft, what is released.
+    For a moulded part the worst face in each of three: nose of its insert, draft, and released share.
     """
     facts = {fact.key: fact for group in groups for fact in group.facts}
     tips = [facts[key] for key in tip_keys(check.faces) if key in facts]
     if check.mould is None:
         return tips
     kinds = tips, *([facts[f"{name}_{kind}"] for name in check.mould.faces] for kind in ("draft", "drawn"))
-    return [min(each, key=_room) for each in kinds if each]
+    return [min(facts_of_kind, key=_room) for facts_of_kind in kinds if facts_of_kind]
 
 
 def _room(fact: Fact) -> float:
-    """The value, less what it must be; infinite where nothing limits it."""
+    """Margin of the value over its limit; infinite without a limit."""
     return fact.value - (fact.limit or 0.0) if isinstance(fact.value, float) else inf

@@ -17,7 +17,7 @@ FLAT_MM = 1e6  # a radius beyond it is that of a plane
 
 
 class _FaceClearance(Record):
-    """Clearance at one face; ``flush_fraction``: share of the face that the ball reaches with the base as it is."""
+    """Clearance at one face; ``flush_fraction``: share of the face that the ball reaches with the base unchanged."""
 
     needs: ClassVar[tuple[str, ...]]  # fields (mm) of what must give way: 0 where clear, None where nothing is reached
 
@@ -25,7 +25,7 @@ class _FaceClearance(Record):
 
     @property
     def needed_mm(self) -> float | None:
-        """The largest of what must give way to the ball; None if the ball reaches nothing."""
+        """Largest length by which anything must be cut back for the ball; None if the ball reaches nothing."""
         lengths = [getattr(self, name) for name in self.needs]
         return None if None in lengths else max(lengths)
 
@@ -64,13 +64,13 @@ AnyClearance = StepClearance | BoreClearance | CustomBaseClearance
 
 
 class BallClearance(Record):
-    """Clearance of the shop's ball at the base below each face; ``note``: why there is nothing to clear."""
+    """Clearance of the shop's ball at the base below each face; ``note``: why no clearance is needed."""
 
     faces: dict[Text, AnyClearance]
     note: Text | None = None
 
     def beyond_shop(self, largest_mm: float | None, shop_mm: float, face: str) -> str:
-        """Words behind a face's largest ball, where it is larger than the shop's and there is a base to meet.
+        """Phrase appended to a face's largest ball if it exceeds the shop's and the face has a base below it.
 
         ``largest_mm``: None if any ball reaches the face.
         """
@@ -92,7 +92,7 @@ class Sphere(Record):
 
     @property
     def radius_or_plane_mm(self) -> float | str:
-        """The radius (mm), or the word for that of a plane."""
+        """Radius (mm), or the term for a plane."""
         return self.radius_mm if self.radius_mm < FLAT_MM else "plane"
 
 
@@ -110,15 +110,15 @@ _FLAT_FOR_TIPS_MM = 1e3  # a radius beyond it is that of a plane for every tip
 class Cutter(Record):
     """The ball of ``radius_mm`` on a face, or the nose of a turning tool.
 
-    ``largest_radius_mm``: None if one of any radius reaches the whole face. ``residual_mm``: material left
-    uncut; None if the cutter reaches nothing. ``tip``, ``tool``: words for it. ``finding``: name of that on its
-    radius. ``largest_words``: on the largest radius.
+    ``largest_radius_mm``: None if one of any radius reaches the whole face. ``residual_mm``: material left uncut; None
+    if the cutter reaches nothing. ``tip``, ``tool``: its names. ``finding``: name of the finding on its radius.
+    ``largest_label``: label of the largest radius.
     """
 
     tip: ClassVar[str] = "ball"
     tool: ClassVar[str] = "mill"
     finding: ClassVar[str] = "cutter"
-    largest_words: ClassVar[str] = "largest ball that reaches the whole face"
+    largest_label: ClassVar[str] = "largest ball that reaches the whole face"
 
     radius_mm: Positive
     reachable_fraction: Annotated[
@@ -140,30 +140,30 @@ class Cutter(Record):
 
     @property
     def usable_radius_mm(self) -> float | str:
-        """The largest radius (mm), or the word for one that nothing limits."""
+        """The largest radius (mm), or the term for an unlimited one."""
         largest_mm = self.largest_radius_mm
         return "any" if largest_mm is None or largest_mm >= _FLAT_FOR_TIPS_MM else largest_mm
 
     @property
-    def room_words(self) -> str:
-        """Words on what limits the radius."""
+    def room_phrase(self) -> str:
+        """Phrase for what limits the radius."""
         nothing = f"no concave region limits the {self.tip}"
-        return nothing if isinstance(self.usable_radius_mm, str) else self.largest_words
+        return nothing if isinstance(self.usable_radius_mm, str) else self.largest_label
 
 
 class TurningTool(Cutter):
     """A turning tool on a face of revolution, its axis at ``tilt_deg`` to the lens's, where it reaches most.
 
-    ``tilt_deg``: below 0 where the shank leans towards the axis. ``largest_radius_mm``: of a nose in concave parts
-    of the meridian. ``slope_deg``: the largest angle of a normal of the face to the tool's axis, at the best tilt.
+    ``tilt_deg``: below 0 where the shank leans towards the axis. ``largest_radius_mm``: of a nose in concave parts of
+    the meridian. ``slope_deg``: the largest angle of a normal of the face to the tool's axis, at the best tilt.
     ``corner_fraction``: the share that the nose misses where the face meets another in a concave corner.
-    ``bare_fraction``: the share that it reaches where neither base nor flange is in its way.
+    ``bare_fraction``: the share that it would reach without base and flange.
     """
 
     tip = "nose"
     tool = "turning tool"
     finding = "nose"
-    largest_words = "radius that fits the concave parts of the meridian"
+    largest_label = "radius that fits the concave parts of the meridian"
 
     slope_deg: Annotated[NotNegative, Figure("Max. slope", "to tool axis", key="slope", judged_by="slope")]
     tilt_deg: Annotated[
@@ -183,17 +183,17 @@ class Draft(Record):
 
 def _room_on_face(check: Any, face: Any, name: str) -> str:
     cutter = face.cutter
-    return f"{cutter.room_words}{check.relief.beyond_shop(cutter.largest_radius_mm, cutter.radius_mm, name)}"
+    return f"{cutter.room_phrase}{check.relief.beyond_shop(cutter.largest_radius_mm, cutter.radius_mm, name)}"
 
 
 class FaceResult(Record):
     """One optical face as it is cut.
 
     Maps over its chart, [X, Y], NaN outside: points (mm), departure from the best-fit sphere (mm), principal curvatures
-    (1/mm), and uncut height (mm), 0 where the cutter reaches. ``cutter``: None of a face that is not cut, or cannot be
+    (1/mm), and uncut height (mm), 0 where the cutter reaches. ``cutter``: None for a face that is not cut, or cannot be
     turned. ``largest_tilt_deg``: least tilt by which an axis reaches all of it; ``free_tilt_deg``: the tilt that
-    machine and mouth leave, None where no mill cuts the lens. ``layer_step_um``: the largest height of a step between
-    the layers of a print, where these are known.
+    machine and mouth leave, None if no mill cuts the lens. ``layer_step_um``: the largest height of a step between the
+    layers of a print, where these are known.
     """
 
     cutter: Annotated[
@@ -350,7 +350,7 @@ class Edge(Record):
 
     @property
     def pair(self) -> str:
-        """Names of its two faces."""
+        """Names of the two faces."""
         return " and ".join(self.faces)
 
 

@@ -28,13 +28,15 @@ from lensforge.spec import Spec
 from lensforge.spec.processes import Process
 
 
-def _change_of_wall(check: "Check", which: Literal["thinnest", "thickest"]) -> str:
-    """The face to move, the outermost for a thicker wall, the innermost for a thinner one, and the place."""
+def _change_of_wall(check: "Check", extreme: Literal["thinnest", "thickest"]) -> str:
+    """The change that mends the wall: the outermost face for a thicker one, the innermost for a thinner one, and the
+    place.
+    """
     lens = check.spec.lens
-    wall = getattr(check.walls, which)
-    moved = lens.outward if which == "thinnest" else lens.names[0]
+    wall = getattr(check.walls, extreme)
+    moved = lens.outward if extreme == "thinnest" else lens.names[0]
     again = "or give the last level more steps"
-    return f"raise lens.{moved}.offset_mm {again}; the wall is {which} at ({_place(wall.cavity_point_mm)}) mm"
+    return f"raise lens.{moved}.offset_mm {again}; the wall is {extreme} at ({_place(wall.cavity_point_mm)}) mm"
 
 
 def _place(point_mm: Point) -> str:
@@ -126,7 +128,7 @@ class Check(SimulatedResult):
         )
 
     def _with_place(self, finding: Fact) -> Fact:
-        """A finding that fails with its worst place, where that is known."""
+        """A failed finding with its worst place, if that is known."""
         places = (faults.places_mm.get(finding.key) for faults in self.faults if faults.face == finding.place)
         place = next(places, None)
         if finding.holds or place is None:
@@ -145,21 +147,21 @@ class Check(SimulatedResult):
 
     @property
     def of_insert(self) -> str:
-        """Words behind a figure of a face that is not that of the lens itself."""
+        """Phrase appended to a figure of a face of the insert rather than the lens; empty otherwise."""
         return "" if self.cut_body == "lens" else f", of the {self.cut_body}"
 
     def body_at(self, edge: Edge) -> str:
-        """The body whose edge it is, in words: at the cavity that of the tool."""
+        """The body whose edge it is, as a phrase: at the cavity of a moulded lens the tool."""
         first = self.spec.lens.role(edge.faces[0])
         return self.spec.manufacture.making.words.inner if first.before == CAVITY and not first.is_open else "the lens"
 
     def face_of(self, edge: Edge) -> str:
-        """The face by which an edge is known: its first, of an open one the other."""
+        """The face by which an edge is known: its first; for an opening the other one."""
         first, second = edge.faces
         return second if self.spec.lens.role(first).is_open else first
 
     def follows(self) -> Iterator[tuple[str, float, float]]:
-        """The thinnest wall by its place."""
+        """The thinnest wall with its place."""
         yield "min_wall_mm", self.min_wall_mm, self.walls.thinnest.thickness_mm
 
     @property
@@ -172,8 +174,8 @@ class Check(SimulatedResult):
         named = {name for tool in self.tools for name in tool.faces} | set(self.relief.faces)
         unknown = (named | {finding.place for finding in self.verdicts} - {BODY}) - set(self.faces)
         if unknown or not self.faces:
-            own = ", ".join(self.faces) or "none"
-            raise ValueError(f"faces: {own}; tools and findings are on {', '.join(sorted(unknown)) or 'none'}")
+            names = ", ".join(self.faces) or "none"
+            raise ValueError(f"faces: {names}; tools and findings are on {', '.join(sorted(unknown)) or 'none'}")
         for name, face in self.faces.items():
             if len(face.sag_mm) != len(self.chart_axis):
                 raise ValueError(
@@ -182,7 +184,9 @@ class Check(SimulatedResult):
         return self
 
     def __str__(self) -> str:
-        return screenful([f"{'yes' if each.holds else 'no '} {each.key}: {each.note}" for each in self.verdicts])
+        return screenful(
+            [f"{'yes' if verdict.holds else 'no '} {verdict.key}: {verdict.note}" for verdict in self.verdicts]
+        )
 
     def plot(
         self,

@@ -1,4 +1,4 @@
-"""Datums of the lens and of the plate: features that the part has, and a line on each, or on why there is none.
+"""Datums of the lens and of the plate: features of the part, and a note on each, or on why it is missing.
 
 Of a lens with a flange, by which a holder takes it, A is the flange's underside and B its axis. Else A is a plane that
 can be touched: the base's top or the rim where it lies in z = 0, else the bottom. B is the axis of a round base or of a
@@ -31,50 +31,51 @@ ROUND_PLATE = "diameter of the plate"
 
 @dataclass(frozen=True)
 class Datum:
-    """A datum: its letter, its feature in words, and where the drawing has its symbol.
+    """A datum: its letter, a phrase for its feature, and where the drawing has its symbol.
 
     ``dimension``: the name of the dimension at whose line the symbol is, for an axis or a middle plane, or the label of
-    a pin or hole; "" for a plane, at ``z_mm`` in the section, or where that is None at the flat in the view of the end.
+    a pin or hole; "" for a plane, drawn at ``z_mm`` in the section, or, if that is None, at the flat in the view from
+    the base.
     """
 
     letter: Letter
-    words: str
+    feature: str
     dimension: str = ""
     z_mm: float | None = None
 
 
 @dataclass(frozen=True)
 class DatumScheme:
-    """The datums that the part has, and a line on each, or on why there is none."""
+    """The datums of the part, and a note on each, or on why it is missing."""
 
     datums: tuple[Datum, ...]
     lines: tuple[str, ...]
 
     def find(self, letter: Letter) -> Datum | None:
-        """The datum of that letter; None if the part has none."""
+        """The datum ``letter``; None if the part has none."""
         return next((datum for datum in self.datums if datum.letter == letter), None)
 
     @staticmethod
     def of(datums: list[Datum], missing: list[str]) -> "DatumScheme":
-        """The scheme of these datums, and of lines on those that are ``missing``."""
-        return DatumScheme(tuple(datums), (*(f"Datum {datum.letter}: {datum.words}" for datum in datums), *missing))
+        """The scheme of these datums; ``missing``: notes on the others."""
+        return DatumScheme(tuple(datums), (*(f"Datum {datum.letter}: {datum.feature}" for datum in datums), *missing))
 
 
 def datum_scheme(lens: Lens, part: Part) -> DatumScheme:
     """The datums of a lens with its base or its flange."""
     plan = lens_plan(lens)
     base = plan.base
-    found = _plane(lens, plan, part), _centre(lens, base), _turn(base)
-    datums = [datum for datum in found if datum is not None]
+    candidates = _plane(lens, plan, part), _centre(lens, base), _turn(base)
+    datums = [datum for datum in candidates if datum is not None]
     missing = list[str]()
     if lens.spec.plate is not None:
         missing.append("The axis z of each lens, and its +x, stand where the drawing of the plate has them")
         return DatumScheme.of(datums, missing)
-    if found[1] is None:
+    if candidates[1] is None:
         missing.append("No datum feature for the axis: z through the origin of lens.step, aligned by the optical faces")
-    if found[2] is None and base.kind == "step":
+    if candidates[2] is None and base.kind == "step":
         missing.append("The azimuth is the base's, as in its own file")
-    elif found[2] is None and not (is_round(lens) and base.feet is None):
+    elif candidates[2] is None and not (is_round(lens) and base.feet is None):
         missing.append("The part has no azimuth mark; azimuths are from +x of lens.step")
     return DatumScheme.of(datums, missing)
 
@@ -82,8 +83,8 @@ def datum_scheme(lens: Lens, part: Part) -> DatumScheme:
 def _plane(lens: Lens, plan: Plan[Surface], part: Part) -> Datum:
     ring = ring_of(lens)
     if ring is not None:
-        words = f"underside of the rim's flange, {RIM_FLANGE_BOTTOM}, at z = {shown(ring.low_mm)}"
-        return Datum("A", words, z_mm=ring.low_mm)
+        feature = f"underside of the rim's flange, {RIM_FLANGE_BOTTOM}, at z = {shown(ring.low_mm)}"
+        return Datum("A", feature, z_mm=ring.low_mm)
     carried = [name for tolerance in part.form_tolerances for name in tolerance.datum_faces]
     if carried:
         faces = " and ".join(dict.fromkeys(carried))
@@ -97,8 +98,8 @@ def _plane(lens: Lens, plan: Plan[Surface], part: Part) -> Datum:
         return Datum("A", "plane z = 0, the top of the base", z_mm=0.0)
     if plan.relief_mm == 0.0 and all(arc.relation == "ledge" for arc in plan.arcs):
         return Datum("A", f"plane z = 0, the top of the base, {TOP}", z_mm=0.0)
-    words = f"bottom of the base, {BOTTOM}, at z = {-base.height_mm:g}; no accessible face in z = 0"
-    return Datum("A", words, z_mm=-base.height_mm)
+    feature = f"bottom of the base, {BOTTOM}, at z = {-base.height_mm:g}; no accessible face in z = 0"
+    return Datum("A", feature, z_mm=-base.height_mm)
 
 
 def _centre(lens: Lens, base: BaseSection) -> Datum | None:
@@ -116,15 +117,15 @@ def _centre(lens: Lens, base: BaseSection) -> Datum | None:
 
 def _turn(base: BaseSection) -> Datum | None:
     if base.kind == "square":
-        words = "middle plane of the base's sides across y; B and C meet in the optical axis z; +x is not marked"
-        return Datum("C", words, "side of the base across y")
+        feature = "middle plane of the base's sides across y; B and C meet in the optical axis z; +x is not marked"
+        return Datum("C", feature, "side of the base across y")
     if base.kind == "cylinder" and base.flat_mm is not None:
         return Datum("C", "clocking flat of the base, across +x")
     return None
 
 
 def labelled(layout: PlateLayout) -> Iterator[tuple[str, PlateMark]]:
-    """Holes, pins and the like with their labels on the drawing: a letter of each kind, and numbers."""
+    """Holes, pins and bosses with their labels on the drawing: a letter for each type, and numbers."""
     counts: dict[str, int] = {}
     for _, mark in layout.plate.marks:
         letter = {PlateHole: "H", PlatePin: "P", PlateBoss: "B"}[type(mark)]
@@ -133,9 +134,9 @@ def labelled(layout: PlateLayout) -> Iterator[tuple[str, PlateMark]]:
 
 
 def plate_datums(layout: PlateLayout) -> DatumScheme:
-    """The datums of a plate: its top, and two axes of pins, then of holes; what these lack, its outline gives."""
+    """The datums of a plate: its top, and two axes of pins, or else of holes, or else of its outline."""
     placing = [(label, mark) for label, mark in labelled(layout) if not isinstance(mark, PlateBoss)]
-    placing.sort(key=lambda each: not isinstance(each[1], PlatePin))
+    placing.sort(key=lambda labelled_mark: not isinstance(labelled_mark[1], PlatePin))
     axes = [(f"axis of {label}, {'pin' if isinstance(mark, PlatePin) else 'hole'}", label) for label, mark in placing]
     if layout.plate.kind == "rectangle":
         axes += [(f"middle plane of the {name}", name) for name in PLATE_SIZES[min(len(axes), 1) :]]
@@ -143,6 +144,6 @@ def plate_datums(layout: PlateLayout) -> DatumScheme:
         axes = [("axis of the outline", ROUND_PLATE)]
     letters: tuple[Letter, Letter] = ("B", "C")
     datums = [Datum("A", "plane z = 0, the top of the plate", z_mm=0.0)]
-    datums += [Datum(letter, words, name) for letter, (words, name) in zip(letters, axes, strict=False)]
+    datums += [Datum(letter, feature, name) for letter, (feature, name) in zip(letters, axes, strict=False)]
     missing = [] if axes else ["No datum feature for x and y: they count from the origin of the outline's file"]
     return DatumScheme.of(datums, missing)

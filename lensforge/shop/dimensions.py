@@ -1,4 +1,4 @@
-"""Dimensions of the lens and its base: one list for the drawing, its DXF and the table, none of them twice.
+"""Dimensions of the lens and its base: one list without duplicates for the drawing, its DXF and the table.
 
 All are of the exact surfaces, and a dimension that is drawn has its two ends on the part. The base of a STEP file is
 measured in the section; its own file defines it.
@@ -52,11 +52,11 @@ Ends = tuple[tuple[float, float], tuple[float, float]]
 
 @dataclass(frozen=True)
 class Dimension:
-    """One dimension (mm) with its name, and ``scope``: of which places it is.
+    """A dimension (mm) with its name; ``scope``: the places that it covers.
 
     ``ends``: two places in ``view``: (z, across) in a section, (y, x) seen from the base, (-y, x) in the view of the
-    dome; None if it is not drawn. ``upright``: it is measured across the axis in a section. ``sign``: "⌀" or "□"
-    before it. ``tolerance_mm``: either way.
+    dome; None if it is not drawn. ``upright``: measured across the axis in a section. ``sign``: "⌀" or "□" before the
+    number. ``tolerance_mm``: plus and minus.
     """
 
     name: str
@@ -69,26 +69,26 @@ class Dimension:
     tolerance_mm: float | None = None
 
     @property
-    def scope_words(self) -> str:
-        """Words on the places of which it is."""
+    def scope_phrase(self) -> str:
+        """Phrase for the places that it covers."""
         return SCOPES[self.scope]
 
     @property
     def tolerance(self) -> str:
-        """Its own tolerance, or that it is auxiliary, or that the general one holds."""
+        """Its own tolerance, "auxiliary", or "general"."""
         if self.tolerance_mm is not None:
             return f"±{self.tolerance_mm:.3f}"
         return "auxiliary" if self.is_auxiliary else "general"
 
     @property
     def is_auxiliary(self) -> bool:
-        """True for a size that others or a freeform face give: it stands in parentheses, and the STEP defines it."""
+        """True for a size that follows from others or from a freeform face: in parentheses, as the STEP defines it."""
         return self.scope not in ("base", "flange") and self.tolerance_mm is None
 
     def repeats(self, other: "Dimension") -> bool:
-        """True where it is the same length of the same places as ``other``: circles of one width, or planes of one z.
+        """True if ``other`` measures the same length between the same places: equal circles, or the same planes of z.
 
-        A circle of base or flange is one for itself, but the largest width of the part is one of the others.
+        A circle of base or flange is kept beside others, but repeats the largest width of the part.
         """
         if self.ends is None or other.ends is None or not self.is_auxiliary:
             return False
@@ -98,21 +98,22 @@ class Dimension:
         if self.sign or other.sign or (self.view, self.upright) != (other.view, other.upright):
             return False
         across = int(self.upright)
-        places, others = (sorted(end[across] for end in each) for each in (self.ends, other.ends))
-        return bool(np.abs(np.subtract(places, others)).max() < _SAME_MM)
+        places, other_places = (sorted(end[across] for end in ends) for ends in (self.ends, other.ends))
+        return bool(np.abs(np.subtract(places, other_places)).max() < _SAME_MM)
 
 
 def dimensions(lens: Lens) -> list[Dimension]:
     """Dimensions of the lens, of its base and of the whole part.
 
-    Of those that are the same one is drawn: the one that is toleranced, or else in a section.
+    Of equal ones one is drawn: preferably a toleranced one, else one in a section.
     """
     every = [*_lens_dimensions(lens), *_flange_dimensions(lens), *_base_dimensions(lens), *_part_dimensions(lens)]
     drawn: list[Dimension] = []
-    for each in sorted(every, key=lambda each: (each.is_auxiliary, each.scope in ("largest", "part"))):
-        if not any(each.repeats(other) for other in drawn):
-            drawn.append(each)
-    return [each if each in drawn else replace(each, ends=None) for each in every]
+    order = sorted(every, key=lambda size: (size.is_auxiliary, size.scope in ("largest", "part")))
+    for dimension in order:
+        if not any(dimension.repeats(kept) for kept in drawn):
+            drawn.append(dimension)
+    return [dimension if dimension in drawn else replace(dimension, ends=None) for dimension in every]
 
 
 def _lens_dimensions(lens: Lens) -> Iterator[Dimension]:
@@ -132,9 +133,9 @@ def _lens_dimensions(lens: Lens) -> Iterator[Dimension]:
     for name, boundary in (("outer rim", envelope), ("opening of the cavity", cavity)):
         yield from (replace(_rim_in_section(name, boundary, *section), sign=sign) for section in sections)
     for boundary in (envelope, cavity):
-        for (one, other), crease in zip(pairwise(boundary.faces), boundary.creases, strict=True):
+        for (inner, outer), crease in zip(pairwise(boundary.faces), boundary.creases, strict=True):
             for section in sections:
-                width, height = _crease_in_section(f"crease of {one.name} and {other.name}", crease, *section)
+                width, height = _crease_in_section(f"crease of {inner.name} and {outer.name}", crease, *section)
                 yield from (replace(width, sign=sign), height)
 
 
@@ -174,7 +175,7 @@ def _flange_dimensions(lens: Lens) -> Iterator[Dimension]:
 
 
 def widest_mm(surface: StarShaped, domain: Domain = WHOLE) -> float:
-    """Diameter (mm) of the cylinder about the axis that holds ``surface``, or its part over ``domain``."""
+    """Diameter (mm) of the cylinder about the axis that encloses ``surface``, or its part over ``domain``."""
     point = _farthest(surface, lambda points: np.hypot(points[:, 0], points[:, 1]), domain)
     return 2.0 * float(np.hypot(*point[:2]))
 
@@ -237,7 +238,7 @@ def highest_point_mm(surface: StarShaped) -> Float[np.ndarray, " 3"]:
 
 
 def _farthest(surface: StarShaped, measured: Measured, domain: Domain = WHOLE) -> Float[np.ndarray, " 3"]:
-    """Point (mm) of ``surface`` over ``domain``, edge included, with the largest ``measured``, also between samples."""
+    """Point (mm) of ``surface`` over ``domain`` and its edge with the largest ``measured``, refined between samples."""
 
     def points(chart: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, "n 3"]:
         directions = to_sphere(chart)
@@ -290,12 +291,12 @@ def _feet(base: BaseSection) -> Iterator[Dimension]:
     x, y = feet.places_mm[0]
     half = feet.diameter_mm / 2.0
     reach = feet.circle_diameter_mm / 2.0
-    words = "feet" if feet.number == 1 else f"{feet.number} feet"
-    yield Dimension(f"height of the {words}", feet.height_mm, "base")
+    label = "feet" if feet.number == 1 else f"{feet.number} feet"
+    yield Dimension(f"height of the {label}", feet.height_mm, "base")
     ends = (y - half, x), (y + half, x)
-    yield Dimension(f"diameter of the {words}", feet.diameter_mm, "base", ends, "base", sign="⌀")
+    yield Dimension(f"diameter of the {label}", feet.diameter_mm, "base", ends, "base", sign="⌀")
     ends = (-reach, 0.0), (reach, 0.0)
-    yield Dimension(f"circle of the {words}", feet.circle_diameter_mm, "base", ends, "base", sign="⌀")
+    yield Dimension(f"circle of the {label}", feet.circle_diameter_mm, "base", ends, "base", sign="⌀")
 
 
 def _half_width(base: BaseSection) -> float:

@@ -27,7 +27,7 @@ from lensforge.shop.datums import DatumScheme, datum_scheme
 from lensforge.shop.dimensions import Dimension
 from lensforge.shop.findings import BODY, OfLathe, OfMill
 from lensforge.shop.handover import PDF_FILE, PLATE_PDF_FILE
-from lensforge.shop.mould_facts import mould_line, thick_line, upright_words
+from lensforge.shop.mould_facts import mould_line, thick_line, upright_phrase
 from lensforge.shop.profile_table import ASPHERE_NOTE, PROFILE_NOTE, equation, profile_rows, profile_widths
 from lensforge.shop.sheet import Box, Marks, Place, Sheet, box_of
 from lensforge.shop.sheet_marks import cell, draw_rows, frame_of, paragraphs_in, row_height
@@ -39,9 +39,9 @@ from lensforge.spec.plate_section import PlateSection
 
 
 def drawing_notes(
-    lens: Lens, check: Check, datums: DatumScheme, tolerances: ToleranceTable, words: DrawingSection
+    lens: Lens, check: Check, datums: DatumScheme, tolerances: ToleranceTable, drawing: DrawingSection
 ) -> list[str]:
-    """The notes, a paragraph each; ``words``: what the shop is told beside the design."""
+    """The notes, a paragraph each; ``drawing``: what the spec tells the shop in addition."""
     base = "; that of the base is its own file" if lens.spec.base.kind == "step" else ""
     defined = f"{STEP_FILE} alone defines the part{base}"
     if lens.spec.plate is not None:
@@ -52,20 +52,20 @@ def drawing_notes(
         *([PROFILE_NOTE] if profile_rows(lens, tuple(check.faces)) else []),
         *([ASPHERE_NOTE] if any("asphere" in str(equation(face)) for face in lens.surfaces.values()) else []),
         _sources(lens, tolerances),
-        *travel_words(lens),
-        general_words(words),
-        *surface_words(lens, words),
-        *mould_words(lens),
-        *_draft_words(lens, check),
+        *travel_notes(lens),
+        general_tolerance_note(drawing),
+        *surface_notes(lens, drawing),
+        *mould_notes(lens),
+        *_draft_notes(lens, check),
         *([] if check.mould is None else [mould_line(check.mould, lens.spec), thick_line(check.mould, check)]),
-        *_other_process_words(check),
+        *_other_process_notes(check),
         *_open_findings(lens, check),
         "Notation as in ISO 10110 and ISO 1101; conformance is not claimed. A dash: nothing is stated.",
     ]
 
 
-def _draft_words(lens: Lens, check: Check) -> Iterator[str]:
-    """Notes on the draft of base and flange, and on the cylinder beside that; none on a base that stands upright."""
+def _draft_notes(lens: Lens, check: Check) -> Iterator[str]:
+    """Notes on the draft of base and flange, and on the cylinder beside the flange; none for a base without draft."""
     base = lens.spec.base_made
     flange = lens.spec.lens.rim_flange
     if base.draft_deg and base.kind in ("cylinder", "square"):
@@ -73,11 +73,11 @@ def _draft_words(lens: Lens, check: Check) -> Iterator[str]:
     if flange is not None and (draft_deg := lens.spec.manufacture.draft_deg(flange.draft_deg)):
         yield f"Draft of the rim's flange: {draft_deg:g}°; size at its top, narrower towards its underside."
     if check.mould is not None and check.mould.upright:
-        yield f"Without draft: {upright_words(check.mould)}."
+        yield f"Without draft: {upright_phrase(check.mould)}."
 
 
-def draft_words(plate: PlateSection) -> str:
-    """The note on what of a plate has draft, and what has none."""
+def plate_draft_note(plate: PlateSection) -> str:
+    """The note on which features of a plate have draft."""
     if plate.draft_deg == 0.0:
         return "Lens bores, holes, pins, bosses and sides: without draft."
     sides = "without draft" if plate.kind == "step" else f"{plate.draft_deg:g}°, sizes at the top"
@@ -87,8 +87,8 @@ def draft_words(plate: PlateSection) -> str:
     )
 
 
-def _other_process_words(check: Check) -> Iterator[str]:
-    """A note where the part is made by another process than the one for which it was designed."""
+def _other_process_notes(check: Check) -> Iterator[str]:
+    """A note if the part is made by another process than the one it was designed for."""
     if check.conditions is not None:
         as_is = f"its body, drafts included, is that of {STEP_FILE}"
         yield f"This part is {check.process}, other than it was designed for; {as_is}."
@@ -99,68 +99,68 @@ def _is_moulded(lens: Lens) -> bool:
 
 
 def _open_findings(lens: Lens, check: Check) -> list[str]:
-    """The findings that do not hold; of a moulded part none that ask for a tool."""
+    """The failed findings; for a moulded part without those on tools."""
     missed = [
         verdict
         for verdict in check.verdicts
         if not verdict.holds and not (_is_moulded(lens) and verdict.key in _ON_TOOLS)
     ]
     named = [
-        f"{'' if each.place == BODY else f'{each.place} face, '}{each.label.lower()}: no, {each.text} (required "
-        f"{each.required})"
-        for each in missed[:_MOST_FINDINGS]
+        f"{'' if finding.place == BODY else f'{finding.place} face, '}{finding.label.lower()}: no, {finding.text} "
+        f"(required {finding.required})"
+        for finding in missed[:_MOST_FINDINGS]
     ]
     more = f"; {len(missed) - len(named)} more" if len(missed) > len(named) else ""
     return [f"Open, see manufacturing.html: {'; '.join(named)}{more}."] if missed else []
 
 
 def _sources(lens: Lens, tolerances: ToleranceTable) -> str:
-    """Sources of the tolerances of the lens itself, and the share of parts that pass, where that is known."""
+    """Sources of the lens's own tolerances, and the passing share of parts, if known."""
     given = [row.name for row in tolerances.lens if row.source == "specification"]
     preset = f"preset “{lens.spec.tolerances.preset}” of lensforge"
     if not tolerances.lens:
-        words = "none; the specification sets all of them to 0"
+        source = "none; the specification sets all of them to 0"
     elif not given:
-        words = preset
+        source = preset
     elif len(given) == len(tolerances.lens):
-        words = "the specification"
+        source = "the specification"
     else:
-        words = f"the specification ({'; '.join(given)}), the others {preset}"
+        source = f"the specification ({'; '.join(given)}), the others {preset}"
     passing = f" {tolerances.passing}." if tolerances.passing else ""
-    return f"Tolerances on the axis, 3/, 4/, n and roughness: {words}.{passing}"
+    return f"Tolerances on the axis, 3/, 4/, n and roughness: {source}.{passing}"
 
 
-def travel_words(lens: Lens) -> Iterator[str]:
-    """A note on the stops of an LED that moves between the states of a lens; none where it stays."""
+def travel_notes(lens: Lens) -> Iterator[str]:
+    """A note on the stops of an LED that moves between the states of a lens; none if it stays."""
     by_place = {name: spec.source.place_words for name, spec in lens.spec.by_state.items()}
     if lens.spec.states and len(set(by_place.values())) > 1:
         stops = "; ".join(f"{name}: {place or 'at the origin'}" for name, place in by_place.items())
         yield f"The LED moves against the lens; its stops are {stops}."
 
 
-def general_words(words: DrawingSection) -> str:
-    """The tolerances of sizes that have none of their own."""
-    stated = words.general_tolerances
+def general_tolerance_note(drawing: DrawingSection) -> str:
+    """The tolerances of sizes without a tolerance of their own."""
+    stated = drawing.general_tolerances
     return (
         f"Sizes “general”: {stated}." if stated else "Sizes “general”: no tolerance stated; agree on one with the shop."
     )
 
 
-def surface_words(lens: Lens, words: DrawingSection) -> list[str]:
+def surface_notes(lens: Lens, drawing: DrawingSection) -> list[str]:
     """Notes on edges, and on the finish of optical and other faces."""
-    optical = words.optical_edge_mm
-    other = words.edge_break_mm
+    optical = drawing.optical_edge_mm
+    break_mm = drawing.edge_break_mm
     rims = "largest radius not stated" if optical is None else f"R {optical:g} at most"
     _, burr, traces, _ = lens.spec.manufacture.making.words
-    others = "largest break not stated" if other is None else f"radius or chamfer {other:g} at most"
+    other_edges = "largest break not stated" if break_mm is None else f"radius or chamfer {break_mm:g} at most"
     return [
-        f"Rims and creases of the optical faces: {rims}. All other edges: {others}; without {burr}.",
-        f"Optical faces: polished, without {traces}. All other faces: {words.finish or f'finish {_NONE}'}.",
+        f"Rims and creases of the optical faces: {rims}. All other edges: {other_edges}; without {burr}.",
+        f"Optical faces: polished, without {traces}. All other faces: {drawing.finish or f'finish {_NONE}'}.",
     ]
 
 
-def mould_words(lens: Lens) -> list[str]:
-    """A note on the sizes of a moulded part and on its shrinkage; none for parts that are cut."""
+def mould_notes(lens: Lens) -> list[str]:
+    """A note on the sizes of a moulded part and its shrinkage; none for parts that are cut."""
     scale = lens.spec.manufacture.scale
     if not _is_moulded(lens):
         return []
@@ -182,20 +182,20 @@ _MOST_FINDINGS = 3
 _SAME_MM = 1e-6
 
 
-def title_of(lens: Lens, words: DrawingSection) -> str:
+def title_of(lens: Lens, drawing: DrawingSection) -> str:
     """Name, number and revision in one line."""
-    named = [words.part_name or lens.spec.name, words.part_number]
-    return ", ".join([*filter(None, named), *([f"revision {words.revision}"] if words.revision else [])])
+    name_and_number = [drawing.part_name or lens.spec.name, drawing.part_number]
+    return ", ".join([*filter(None, name_and_number), *([f"revision {drawing.revision}"] if drawing.revision else [])])
 
 
-def title_block(lens: Lens, part: Part, words: DrawingSection, *, of_plate: bool = False) -> TitleBlock:
+def title_block(lens: Lens, part: Part, drawing: DrawingSection, *, of_plate: bool = False) -> TitleBlock:
     """Rows for the shop, and from the record of the part or its plate: author and date are those of its files."""
     spec = lens.spec
     signature = part.signature
-    general = words.general_tolerances or f"{_NONE}, to be agreed"
+    general = drawing.general_tolerances or f"{_NONE}, to be agreed"
     body: Part | Plate = part
     file = STEP_FILE
-    name = words.part_name or spec.name
+    name = drawing.part_name or spec.name
     pages = "1 of 1"
     mass = ""
     kinds = [kind.kind for kind in lens.kinds]
@@ -205,33 +205,33 @@ def title_block(lens: Lens, part: Part, words: DrawingSection, *, of_plate: bool
         name = f"{name}, plate of {quantity(part.plate.lenses, 'lenses')}"
         pages = f"1 of {1 + len(kinds)}, {PLATE_PDF_FILE}"
     elif spec.plate is not None:
-        one = f"lens {lens.kind} of the plate" if lens.kind else "one lens of the plate"
-        name = f"{name}, {one}"
+        lens_name = f"lens {lens.kind} of the plate" if lens.kind else "one lens of the plate"
+        name = f"{name}, {lens_name}"
         mass = "Mass: that of the plate, sheet 1"
         pages = f"{2 + kinds.index(lens.kind)} of {1 + len(kinds)}, {PDF_FILE}"
     density = spec.lens.density
     volume = f"Volume: {body.volume_mm3:.1f} mm³"
     return {
         "name": (name,),
-        "number": _cells(Number=words.part_number, Revision=words.revision, Date=signature.date),
-        "material": _cells(Material=spec.lens.material, Grade=words.material_grade, Process=spec.manufacture.process),
+        "number": _cells(Number=drawing.part_number, Revision=drawing.revision, Date=signature.date),
+        "material": _cells(Material=spec.lens.material, Grade=drawing.material_grade, Process=spec.manufacture.process),
         "mass": (
             *_cells(Density=None if density is None else f"{density.g_per_cm3:g} g/cm³"),
             mass or (volume if body.mass_g is None else f"Mass: {body.mass_g:.3f} g; {volume}"),
         ),
-        "drawn": _cells(Drawn=signature.author, Checked=words.checked_by, Organisation=signature.organisation),
+        "drawn": _cells(Drawn=signature.author, Checked=drawing.checked_by, Organisation=signature.organisation),
         "general": (f"Sizes “general”: {general}", "Units: mm, degrees"),
         "scale": (f"sheet {pages}",),
         "defined": (f"Defined by: {file}, SHA-256 {part.files[file].sha256[:16]}…",),
     }
 
 
-def _cells(**words: str | None) -> tuple[str, ...]:
-    return tuple(f"{name}: {stated or _NONE}" for name, stated in words.items())
+def _cells(**values: str | None) -> tuple[str, ...]:
+    return tuple(f"{name}: {stated or _NONE}" for name, stated in values.items())
 
 
-def scale_words(scale: float) -> str:
-    """The scale as ISO 5455 writes it."""
+def scale_label(scale: float) -> str:
+    """The scale in the notation of ISO 5455."""
     return f"{scale:g} : 1" if scale >= 1.0 else f"1 : {1.0 / scale:g}"
 
 
@@ -239,7 +239,7 @@ def draw_title_block(block: TitleBlock, corner: tuple[float, float], unit: float
     """The block, its lower right corner at ``corner``, with the scale and the size of the sheet."""
     left, bottom = corner[0] - WIDTH * unit, corner[1]
     height = ROW * unit
-    rows = {**block, "scale": (f"Scale: {scale_words(scale)}", f"First angle; {sheet}, {block['scale'][0]}")}
+    rows = {**block, "scale": (f"Scale: {scale_label(scale)}", f"First angle; {sheet}, {block['scale'][0]}")}
     top = bottom + HEIGHT * unit
     marks = Marks()
     for number, row in enumerate(rows.values()):
@@ -274,9 +274,14 @@ class DrawingContent:
 
 
 def drawing_content(
-    lens: Lens, part: Part, check: Check, dimensions: list[Dimension], tolerances: ToleranceTable, words: DrawingSection
+    lens: Lens,
+    part: Part,
+    check: Check,
+    dimensions: list[Dimension],
+    tolerances: ToleranceTable,
+    drawing: DrawingSection,
 ) -> DrawingContent:
-    """Collect what the drawing says, from the results of the lens and from ``words``, those of its title block."""
+    """Collect the content from the results of the lens and, for the title block, from ``drawing`` of the spec."""
     datums = datum_scheme(lens, part)
     second_deg = other_section_deg(lens)
     sections = [section_view(lens, "S", 0.0)]
@@ -286,16 +291,16 @@ def drawing_content(
         views=ViewContent(
             sections, end_lines(lens), dome_lines(lens), dimensions, datums, _mould_marks(lens, check, sections[0])
         ),
-        notes=drawing_notes(lens, check, datums, tolerances, words),
+        notes=drawing_notes(lens, check, datums, tolerances, drawing),
         profiles=profile_rows(lens, tuple(reversed(check.faces))),
-        table=optical_table(lens, part, check, words),
-        block=title_block(lens, part, words),
-        title=title_of(lens, words),
+        table=optical_table(lens, part, check, drawing),
+        block=title_block(lens, part, drawing),
+        title=title_of(lens, drawing),
     )
 
 
 def _mould_marks(lens: Lens, check: Check, section: SectionView) -> dict[str, Place]:
-    """Places of parting line and gate in a section; none of a plate, whose own drawing has them."""
+    """Places of parting line and gate in a section; none for a plate, whose own drawing has them."""
     if check.mould is None or lens.spec.plate is not None:
         return {}
     points = np.concatenate(section.outlines)
@@ -312,7 +317,7 @@ def _mould_marks(lens: Lens, check: Check, section: SectionView) -> dict[str, Pl
 
 
 def make_sheet(content: DrawingContent, name: SheetName = "A3") -> Sheet:
-    """Draw the sheet. Raises :class:`InputError` for a part that does not fit at any scale."""
+    """Draw the sheet. Raises :class:`InputError` for a part that fits at no scale."""
     unit = unit_of(name)
     inside = inside_of(name)
     fit = partial(fitted, partial(draw_views, content.views), content.views.width, unit=unit)
@@ -323,7 +328,7 @@ def make_sheet(content: DrawingContent, name: SheetName = "A3") -> Sheet:
             tried.append((fit(room=place.room), place))
     with suppress(*([InputError] if tried else [])):
         tried.append((fit(room=under.room), under))
-    view, profiles = max(tried, key=lambda each: each[0].scale)
+    view, profiles = max(tried, key=lambda view_and_profiles: view_and_profiles[0].scale)
     right, bottom = inside[2], inside[1]
     marks = Marks([frame_of(inside, "outline")])
     marks.add(draw_views(content.views, view))
@@ -332,7 +337,7 @@ def make_sheet(content: DrawingContent, name: SheetName = "A3") -> Sheet:
     width = _table_width(content, name)
     marks.add(content.table.drawn(right, top, width, unit))
     marks.add(draw_rows(profiles.rows, *profiles.corner, profiles.widths, unit))
-    marks.words += paragraphs_in(_notes_box(content, name), content.notes, unit)
+    marks.texts += paragraphs_in(_notes_box(content, name), content.notes, unit)
     return Sheet(name, SIZES[name], unit, view.scale, content.title, view.origin, marks)
 
 
@@ -348,7 +353,7 @@ def inside_of(name: SheetName) -> Box:
 
 
 def _is_wide(content: DrawingContent) -> bool:
-    """True for a table of more faces than stand above the title block: it has all the width, above the notes too."""
+    """True for a table with too many faces to stand above the title block: it takes the full width, above the notes."""
     return len(content.table.columns) > _NARROW
 
 
@@ -362,7 +367,7 @@ def _block_height(content: DrawingContent, name: SheetName) -> float:
     left, _, right, _ = inside_of(name)
     unit = unit_of(name)
     box = left + _GAP * unit, -SIZES[name][1], right - (WIDTH + _GAP) * unit, 0.0
-    lowest = min(box_of(words)[1] for words in paragraphs_in(box, content.notes, unit))
+    lowest = min(box_of(paragraph)[1] for paragraph in paragraphs_in(box, content.notes, unit))
     return max(HEIGHT * unit, _GAP * unit - lowest)
 
 
@@ -384,7 +389,7 @@ class ProfilePlace:
 
 
 def _profile_places(content: DrawingContent, name: SheetName) -> list[ProfilePlace]:
-    """The table of profiles below the views, over all the width, and where there is room for it to their right."""
+    """Candidate places of the profile table: below the views over the full width, and to their right."""
     (left, bottom, right, top) = inside_of(name)
     unit = unit_of(name)
     gap = _GAP * unit

@@ -35,7 +35,7 @@ class FaceCheck:
 
     @property
     def cutter(self) -> Cutter | None:
-        """The record of what cuts it; None if nothing does."""
+        """The record of the tool that cuts it; None if nothing does."""
         return None
 
     @property
@@ -44,7 +44,7 @@ class FaceCheck:
         return -1.0 / self.lowest_curvature if self.lowest_curvature < -1.0 / FLAT_MM else np.inf
 
     def worst_places(self) -> dict[str, Float[np.ndarray, "3"]]:
-        """Samples (mm) at which what is found is worst, by the name of the finding."""
+        """Samples (mm) at which each finding is worst, by the name of the finding."""
         steepest = self.samples.points[np.argmin(self.samples.upward)]
         return {"tilt": steepest, "draft": steepest}
 
@@ -105,7 +105,7 @@ def milled_face(face: OpticalFace, cutter_radius_mm: float, nodes: int = SAMPLE_
 
 
 def face_result(check: FaceCheck, spec: Spec) -> FaceResult:
-    """The record of a measured face of a lens of ``spec``; an infinite number is None."""
+    """The record of a measured face of a lens of ``spec``, with None for an infinite number."""
     samples = check.samples
     layer_um = spec.manufacture.layer_um
     is_milled = isinstance(check, MilledFace) and spec.manufacture.cuts == "lens"
@@ -135,7 +135,7 @@ def face_result(check: FaceCheck, spec: Spec) -> FaceResult:
 
 
 def _most_level(samples: FaceSamples) -> float:
-    """The largest cosine between the face's normal and the axis."""
+    """Largest cosine between the face's normal and the axis."""
     patch = samples.face.patch
     return samples.largest(lambda points: np.abs(patch.normals(points)[:, 2]), np.abs(samples.normals[:, 2]))
 

@@ -25,7 +25,7 @@ Samples = Bool[np.ndarray, " k"]
 
 
 class Fault(IntEnum):
-    """Obstacle at a node of a map; of several the last."""
+    """Obstacle at a node of a map; the last one if there are several."""
 
     NONE = 0
     STEEP = 1  # undercut farther than the axes of the machine tilt, or without the draft that a mould needs
@@ -36,7 +36,7 @@ class Fault(IntEnum):
 
 @dataclass(frozen=True)
 class PartAround:
-    """Things around the faces of a lens of ``spec``: base or mould. None for what there is not."""
+    """Surroundings of the faces of a lens of ``spec``: base or mould, None if absent."""
 
     spec: Spec
     plan: Plan[Patch] | None = None
@@ -44,7 +44,7 @@ class PartAround:
     moulding: Moulding | None = None
 
     def faults(self, name: str, face: FaceCheck) -> FaceFaults | None:
-        """Faults of the face called ``name``; None if there are none."""
+        """Faults of the face ``name``; None if it has none."""
         scale = self.spec.manufacture.scale
         at_base = self._retreat_mm(face)
         undercut = self._undercut(name, face)
@@ -69,16 +69,16 @@ class PartAround:
         )
 
     def _too_steep(self, name: str, face: FaceCheck) -> Samples:
-        """Samples with less draft than is asked, or undercut farther than the axis of a mill tilts."""
-        asked = [self.spec.asked_draft_deg(name)]
+        """Samples with too little draft, or undercut farther than the axis of a mill tilts."""
+        limits_deg = [self.spec.asked_draft_deg(name)]
         if isinstance(face, MilledFace) and self.spec.manufacture.cuts == "lens":
-            asked.append(-free_tilt_deg(face.samples, self.spec))
-        least_deg = max((draft for draft in asked if draft is not None), default=-90.0)
+            limits_deg.append(-free_tilt_deg(face.samples, self.spec))
+        least_deg = max((draft for draft in limits_deg if draft is not None), default=-90.0)
         draft_deg = np.degrees(np.arcsin(np.clip(face.samples.upward, -1.0, 1.0)))
         return np.asarray(draft_deg < least_deg - ANGLE_TOLERANCE_DEG)
 
     def _retreat_mm(self, face: FaceCheck) -> Float[np.ndarray, " k"]:
-        """The largest length by which the base must give way to the ball; 0 where it is clear, or does not reach."""
+        """Largest length by which the base must be cut back for the ball; 0 if clear, or beyond the ball's reach."""
         if not isinstance(face, MilledFace):
             return np.zeros(len(face.samples.points))
         retreats = base_retreats(self.plan, self.custom, face).values()
@@ -91,6 +91,6 @@ class PartAround:
 
 
 def faults_of(faces: Mapping[str, FaceCheck], part: PartAround) -> tuple[FaceFaults, ...]:
-    """Faults of all ``faces`` that have some, in their order."""
+    """Faults of those ``faces`` that have any, in their order."""
     every = (part.faults(name, face) for name, face in faces.items())
     return tuple(faults for faults in every if faults is not None)

@@ -39,7 +39,7 @@ _ALONG_EDGE = 360  # places at which an extreme on a crease is looked for
 class AreaRule:
     """Integration points on the unit disc, radius slowest, and their weights in chart area.
 
-    Over the domain of a face the share of the way from its beginning to its end takes the place of the radius.
+    Over the domain of a face the radius stands for the share of the way from its beginning to its end.
     """
 
     chart: Float[np.ndarray, "q 2"]
@@ -57,7 +57,7 @@ class AreaRule:
         return farther[:, None] * self.chart, self.weights * farther * (high - low)
 
     def share_below(self, values: Float[np.ndarray, " q"], limit: float, areas: Float[np.ndarray, " q"]) -> float:
-        """Share of the area where ``values`` are below ``limit``; ``areas``: of the face, for each point."""
+        """Share of the area in which ``values`` are below ``limit``; ``areas``: area of the face at each point."""
         excess = values.reshape(len(self.nodes), -1) - limit
         slope = np.gradient(excess, self.nodes, axis=0)
         inner = excess + slope * (self.edges[:-1] - self.nodes)[:, None]
@@ -88,24 +88,24 @@ _UNDERCUT = 1e-3 * FINEST_MRAD  # a hemisphere's rim has n.z = 0 up to the error
 
 
 class AirSide(IntEnum):
-    """Side of the face on which the air and the cutter are; times the outward normal it gives the air-side one."""
+    """Side of the face on which air and cutter are: the sign that turns the outward normal into the air."""
 
     OUTSIDE = 1  # the envelope
     INSIDE = -1  # the cavity
 
 
 def air_side(face: Face, shop: ManufactureSection) -> AirSide:
-    """Side of the air of ``face`` as it is cut: a mould insert has air where the lens has material."""
+    """Air side of ``face`` as it is cut: a mould insert has air where the lens has material."""
     around_cavity = face.before == CAVITY and not face.is_open
     return AirSide.OUTSIDE if around_cavity == (shop.cuts == "inserts") else AirSide.INSIDE
 
 
 @dataclass(frozen=True)
 class OpticalFace:
-    """An exported face and its air side; points of the stereographic chart have the rim on the unit circle.
+    """An exported face and its air side; the rim is the unit circle of the stereographic chart.
 
-    ``domain``: the part of the chart on which it bounds its medium; ``beside``: the faces that bound the rest of it.
-    ``sense``: -1 for a face of the envelope that is made and cut from below, as the cavity is.
+    ``domain``: the part of the chart on which it bounds its medium; ``beside``: the faces that bound the rest of the
+    medium. ``sense``: -1 for a face of the envelope that is made and cut from below, as the cavity is.
     """
 
     patch: Patch
@@ -120,7 +120,7 @@ class OpticalFace:
         return np.array([0.0, 0.0, float(self.sense * self.air)])
 
     def radius(self, points: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, " n"]:
-        """Distance (mm) from the origin at chart ``points``; beyond the patch's square, the value at its edge."""
+        """Distance (mm) from the origin at chart ``points``; outside the patch's square, the value at its edge."""
         return np.asarray(np.linalg.norm(self.patch.points(np.clip(points, -HALF_WIDTH, HALF_WIDTH)), axis=1))
 
     def rim_mm(self, turn: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, " n"]:
@@ -175,12 +175,12 @@ class FaceSamples:
 
     @property
     def upward(self) -> Float[np.ndarray, " k"]:
-        """Component of the outward normal along the axis, towards the side from which the face is made."""
+        """Axial component of the outward normal, positive towards the side from which the face is made."""
         return self.face.sense * self.outward[:, 2]
 
     @cached_property
     def area(self) -> "FaceArea":
-        """The face's integration points, which are not the samples."""
+        """The face's integration points; they differ from the samples."""
         rule = area_rule()
         chart, weights = rule.over(self.face.domain)
         jet = self.face.patch.jet(chart)
@@ -189,7 +189,7 @@ class FaceSamples:
     def largest(
         self, figure: Callable[[Float[np.ndarray, "m 2"]], Float[np.ndarray, " m"]], values: Float[np.ndarray, " k"]
     ) -> float:
-        """The largest ``figure``, between the samples and at the creases too; ``values``: it at the samples."""
+        """Largest ``figure``, refined between the samples and at the creases; ``values``: the figure at the samples."""
         domain = self.face.domain
         edges = [edge.chart(np.linspace(0.0, 2.0 * np.pi, _ALONG_EDGE, endpoint=False)) for edge in domain.edges]
         places = np.concatenate([self.chart, *edges])
@@ -197,15 +197,15 @@ class FaceSamples:
         return refined_maximum(figure, places, known, self.grid.step, within=domain.within)[1]
 
     def lowest_curvature(self) -> float:
-        """The lowest curvature (1/mm) of the face, searched for between the samples too."""
+        """Lowest curvature (1/mm) of the face, refined between the samples."""
         return -self.largest(lambda points: -self.face.curvatures(points).minimum, -self.curvatures.minimum)
 
     def highest_curvature(self) -> float:
-        """The highest curvature (1/mm) of the face, searched for between the samples too."""
+        """Highest curvature (1/mm) of the face, refined between the samples."""
         return self.largest(lambda points: self.face.curvatures(points).maximum, self.curvatures.maximum)
 
     def fraction(self, where: Bool[np.ndarray, " k"]) -> float:
-        """Share of the face's area where ``where`` is True, to the width of a cell along the edge of that part."""
+        """Share of the face's area in which ``where`` is True, to one cell along the edge of that part."""
         return float(self.areas[where].sum() / self.areas.sum())
 
 
@@ -252,8 +252,8 @@ def sample_face(face: OpticalFace, nodes: int) -> FaceSamples:
 
 
 def all_points(face: OpticalFace, nodes: int) -> Float[np.ndarray, "m 3"]:
-    """Points (mm) of ``face``, and of those beside it, on grids of ``nodes`` x ``nodes``: what a tool must not cut."""
-    return np.concatenate([sample_face(each, nodes).points for each in (face, *face.beside)])
+    """Points (mm) of ``face`` and its neighbours on grids of ``nodes`` x ``nodes``: what a tool must not cut."""
+    return np.concatenate([sample_face(part, nodes).points for part in (face, *face.beside)])
 
 
 def _disc(nodes: int) -> tuple[ChartGrid, Float[np.ndarray, "k 2"], Float[np.ndarray, " k"]]:
@@ -277,7 +277,7 @@ def _disc(nodes: int) -> tuple[ChartGrid, Float[np.ndarray, "k 2"], Float[np.nda
 def _in_domain(
     domain: Domain, grid: ChartGrid, points: Float[np.ndarray, "k 2"], cells: Float[np.ndarray, " k"]
 ) -> tuple[ChartGrid, Float[np.ndarray, "m 2"], Float[np.ndarray, " m"]]:
-    """Samples of the disc that lie in ``domain``; a cell counts where its node does."""
+    """Samples of the disc that lie in ``domain``; a cell counts if its node does."""
     if not domain.edges:
         return grid, points, cells
     low, high = domain.radii(np.arctan2(points[:, 1], points[:, 0]))
@@ -289,7 +289,7 @@ def _in_domain(
 
 
 def least_draft_rad(samples: FaceSamples) -> float:
-    """The least draft angle (rad) of the face, searched for between the samples too."""
+    """Least draft angle (rad) of the face, refined between the samples."""
     patch = samples.face.patch
     sense = samples.face.sense
     steepest = samples.largest(lambda points: -sense * patch.normals(points)[:, 2], -samples.upward)

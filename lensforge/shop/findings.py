@@ -56,10 +56,10 @@ FINDINGS: dict[str, tuple[str, Sense, str]] = {
 
 
 def as_finding(fact: Fact) -> Fact:
-    """The fact as a statement on what the shop can do with this lens, whose note says why.
+    """The fact as a statement on what the shop can do with this lens, with the reason in its note.
 
-    Its key is a :data:`FindingName`, its place a face or :data:`BODY`. Without a value the ball reaches nothing;
-    without a limit there is none, as for a face that any ball reaches.
+    Its key is a :data:`FindingName`, its place a face or :data:`BODY`. A value of None: the ball reaches nothing; a
+    limit of None: any ball reaches the face.
     """
     if fact.key not in FINDINGS:
         raise ValueError(f"name: must be one of {', '.join(FINDINGS)}")
@@ -86,7 +86,7 @@ def check_findings(
     tools: tuple[ToolResult, ...],
     mould: Mould | None = None,
 ) -> tuple[Fact, ...]:
-    """Findings on a lens of ``spec`` from the measurements of its check, but for what is turned or printed.
+    """Findings on a lens of ``spec`` from the measurements of its check, except those on turning and printing.
 
     ``wall_mm``: the thinnest wall. ``mould``: of a part that is moulded: its faces are judged from both halves, and by
     no tilt of a tool.
@@ -125,9 +125,9 @@ def finding_on(
     changes: Sequence[str | Change | None] = (),
     tolerance: float = 0.0,
 ) -> Fact:
-    """The finding; of the ``changes`` of the spec that would help, an empty one is left out.
+    """A finding with those ``changes`` of the spec that would help; None among them is dropped.
 
-    Those of one field to a number are kept as such, for a button that makes them.
+    A change of one field to a number stays a :class:`Change`, for a button that makes it.
     """
     _, sense, unit = FINDINGS[name]
     fact = Fact(name, "", value, unit, sense=sense, limit=limit, note=reason, tolerance=tolerance, place=surface)
@@ -141,8 +141,8 @@ def finding_on(
 def cutter_finding(surface: str, cutter: Cutter, relief: BallClearance, spec: Spec) -> Fact:
     """Reach of the spec's ball cutter on a face."""
     largest = cutter.largest_radius_mm
-    again = design_again("concave_radius_mm", cutter.radius_mm, spec, surface)
-    changes = [again if spec.manufacture.cuts == "lens" else None]
+    redesign = design_again("concave_radius_mm", cutter.radius_mm, spec, surface)
+    changes = [redesign if spec.manufacture.cuts == "lens" else None]
     if largest is not None:
         changes.append(Change("manufacture.cutter_radius_mm", rounded_down_mm(largest)))
     ball = f"a ball of {quantity(cutter.radius_mm, 'mm')} radius"
@@ -160,12 +160,12 @@ def cutter_finding(surface: str, cutter: Cutter, relief: BallClearance, spec: Sp
 
 
 def clearance_findings(relief: BallClearance, base: BaseSection) -> list[Fact]:
-    """Clearance of the ball at ``base``: one statement for each face that has a base below it."""
+    """Clearance of the ball at ``base``: one finding for each face that has a base below it."""
     return [_clearance_finding(surface, clearance, base) for surface, clearance in relief.faces.items()]
 
 
 def _clearance_finding(surface: str, relief: AnyClearance, base: BaseSection) -> Fact:
-    """The base must retreat by nothing; nothing is known of a face that the ball does not reach."""
+    """Clearance at one face: the base must retreat by nothing; unknown for a face that the ball does not reach."""
     needed = relief.needed_mm
     changes = list[str | Change]()
     if needed is None:
@@ -181,7 +181,7 @@ def _clearance_finding(surface: str, relief: AnyClearance, base: BaseSection) ->
 
 
 def _room_at_base(relief: AnyClearance, base: BaseSection) -> list[str | Change]:
-    """Changes of the base that clear the ball, each by itself."""
+    """Changes of the base each of which clears the ball."""
     match relief:
         case CustomBaseClearance():
             cut = quantity(relief.retreat_mm, "mm", digits=4)
@@ -195,12 +195,12 @@ def _room_at_base(relief: AnyClearance, base: BaseSection) -> list[str | Change]
 
 
 def _together(changes: Sequence[Change]) -> str | Change:
-    """Changes that clear the ball together; one alone as it is, for a button that makes it."""
+    """Changes that clear the ball together; a single one is returned as it is, for a button that makes it."""
     return changes[0] if len(changes) == 1 else " and ".join(map(str, changes))
 
 
 def _room_at_step(relief: StepClearance, base: BaseSection) -> list[Change]:
-    """Fields that clear the ball; the flange lies at the bottom, and some of the base must remain above it."""
+    """Fields that clear the ball while the flange stays at the bottom and some of the base remains above it."""
     fields = {"relief_step_mm": relief.smallest_step_mm, "relief_setback_mm": relief.step_clearance_mm}
     needed = [Change(f"base.{name}", _up(value, 4)) for name, value in fields.items() if value]
     flange_mm = 0.0 if base.flange_diameter_mm is None else base.flange_height_mm
@@ -214,7 +214,7 @@ def _room_at_step(relief: StepClearance, base: BaseSection) -> list[Change]:
 
 
 def tilt_finding(surface: str, face: FaceResult, spec: Spec) -> Fact:
-    """Tilt of an axis that reaches all of the face; a search for less, or a machine that tilts farther."""
+    """Tilt at which an axis reaches all of the face; remedies: a search for less, or a machine that tilts farther."""
     tilt_deg = face.largest_tilt_deg
     most_deg = spec.manufacture.max_tilt_deg
     is_machine = face.free_tilt_deg is None or face.free_tilt_deg >= most_deg
@@ -232,7 +232,7 @@ def tilt_finding(surface: str, face: FaceResult, spec: Spec) -> Fact:
 
 
 def wall_finding(wall_mm: float, spec: Spec) -> Fact:
-    """Thinnest wall; a search from faces that are farther apart, or a spec that takes the wall there is."""
+    """Thinnest wall; remedies: a search from faces farther apart, or a smaller limit in the spec."""
     required_mm = spec.constraints.min_thickness_mm
     tolerance = spec.constraints.tolerance_mm
     changes = list[str | Change]()
@@ -253,7 +253,7 @@ def wall_finding(wall_mm: float, spec: Spec) -> Fact:
 
 
 def plate_findings(spec: Spec, gap_mm: float | None, wall: "PlateWall | None") -> Iterator[Fact]:
-    """Room for the ball between the lenses of the plate, where these are cut, and the thinnest wall of the plate."""
+    """Gap for the ball between the lenses of a plate that is cut, and the thinnest wall of the plate."""
     shop = spec.manufacture
     required_mm = spec.constraints.min_thickness_mm
     tolerance = spec.constraints.tolerance_mm
@@ -295,33 +295,33 @@ def undercut_finding(surface: str, face: MouldedFace, spec: Spec) -> Fact:
 
 
 def drawn_by(face: MouldedFace) -> str:
-    """The half of the mould that releases a face, in words."""
+    """Phrase for the half of the mould that releases a face."""
     if min(face.upper_fraction, face.lower_fraction) > SHARE_TOLERANCE:
         return "both halves"
     return "the upper half" if face.upper_fraction > face.lower_fraction else "the lower half"
 
 
 def draft_finding(surface: str, face: FaceResult, spec: Spec, moulded: MouldedFace | None = None) -> Fact:
-    """Draft: what the spec requires, else what a mould needs; of a ``moulded`` face, of what the halves release."""
+    """Draft against the spec's limit, or else a mould's need; ``moulded``: the face as its mould halves release it."""
     least_deg = face.draft_deg.min
     undercut = face.undercut_fraction
     stated_deg = spec.lens.faces[surface].draft_deg
     wanted_deg = spec.asked_draft_deg(surface) or 0.0
-    again = design_again("draft_deg", wanted_deg, spec, surface)
+    redesign = design_again("draft_deg", wanted_deg, spec, surface)
     if moulded is not None:
         if moulded.draft_deg is None:
             reason = f"neither half of the mould releases any of the {surface} face"
-            return finding_on("draft", surface, None, wanted_deg, reason, [again])
+            return finding_on("draft", surface, None, wanted_deg, reason, [redesign])
         least_deg = moulded.draft_deg
         undercut = 0.0
     if undercut > 0.0:
-        down = quantity(least_deg, "deg", digits=3)
-        reason = f"{percent(undercut)} of the {surface} face is undercut, down to a draft of {down}"
+        worst = quantity(least_deg, "deg", digits=3)
+        reason = f"{percent(undercut)} of the {surface} face is undercut, down to a draft of {worst}"
     else:
         least_deg = max(least_deg, 0.0)  # form error of a vertical rim
         needed = f"{'a mould needs' if stated_deg is None else 'the spec requires'} {quantity(wanted_deg, 'deg')}"
         reason = f"the minimum draft of the {surface} face is {quantity(least_deg, 'deg', digits=3)}; {needed}"
-    return finding_on("draft", surface, least_deg, wanted_deg, reason, [again], ANGLE_TOLERANCE_DEG)
+    return finding_on("draft", surface, least_deg, wanted_deg, reason, [redesign], ANGLE_TOLERANCE_DEG)
 
 
 def tool_finding(tool: ToolResult, surface: str, reach: ToolReach, largest_mm: float | None) -> Fact:
@@ -342,20 +342,20 @@ def tool_finding(tool: ToolResult, surface: str, reach: ToolReach, largest_mm: f
 
 
 def design_again(field: str, value: float, spec: Spec, surface: str) -> Change | None:
-    """The limit of the search; None for a face that the spec gives, or where the search has kept that limit.
+    """A change of the search's limit; None for a face given by the spec, or if the search has met that limit.
 
     A face that follows another has no limits of its own: its draft is that of the other.
     """
     if followed := spec.lens.role(surface).follows:
         return design_again(field, value, spec, followed) if field == "draft_deg" else None
-    kept: float | None = getattr(spec.face_limits(surface), field)
-    if spec.lens.fixed[surface] is not None or (kept is not None and kept >= value):
+    limit: float | None = getattr(spec.face_limits(surface), field)
+    if spec.lens.fixed[surface] is not None or (limit is not None and limit >= value):
         return None
     return Change(f"lens.{surface}.{field}", f"{value:g}", " and design again")
 
 
 def _up(value: float, decimals: int) -> str:
-    """A value for a spec, rounded up so that it is enough."""
+    """A value for a spec, rounded up to be sufficient."""
     return f"{ceil(round(value * 10**decimals, 6)) / 10**decimals:g}"
 
 

@@ -57,9 +57,9 @@ class Handover(Record):
 
     ``name``: of the design. ``html``: the page. ``pdf``, ``dxf``: the drawing. ``points_csv``: table for a measuring
     machine. ``plate_pdf``, ``plate_dxf``: the drawing of the plate; None without one. ``points``: number of points in
-    the table. ``scale``: of the mould's faces against the lens's, where the points are of these; None: of the lens.
-    ``grids``: dense tables for milling and turning. ``sha256``: of the files that go to the shop, by name, except page
-    and PDF; the page lists them. ``refused``: verdicts of the check that do not hold.
+    the table. ``scale``: of the mould's faces relative to the lens's, if the points are of the mould; None: of the
+    lens. ``grids``: dense tables for milling and turning. ``sha256``: of the files that go to the shop, by name, except
+    page and PDF; the page lists them. ``refused``: verdicts of the check that do not hold.
     """
 
     name: Text
@@ -85,12 +85,12 @@ class Handover(Record):
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """A sentence on what a shop will ask for, as it is in no file."""
+        """Sentences for what a shop will ask and no file states."""
         return (NO_SHRINKAGE,) if self.scale == 1.0 else ()
 
     @property
     def facts(self) -> Group:
-        """Files, the points for a measuring machine, the error of each dense table, and what does not hold."""
+        """Files, the points for a measuring machine, the error of each dense table, and failed findings."""
         grids = (
             Fact("grid", grid.file, grid.error_nm, "nm", note="max. interpolation error", digits=2)
             for grid in self.grids
@@ -101,7 +101,7 @@ class Handover(Record):
 
     @property
     def _of_inserts(self) -> str:
-        """Words on the size of a mould's inserts; empty for a part that is cut itself."""
+        """Phrase for the size of a mould's inserts; empty for a part that is cut directly."""
         if self.scale is None:
             return ""
         times = "no shrinkage stated" if self.scale == 1.0 else f"the lens times {quantity(self.scale, digits=12)}"
@@ -110,7 +110,7 @@ class Handover(Record):
     def save(self, folder: Path | str) -> None:
         """Write the files into ``folder``.
 
-        Raises :class:`InputError` where they cannot be written, and for a page or a PDF of another program.
+        Raises :class:`InputError` if they cannot be written, and for a page or a PDF of another program.
         """
         for name in (HTML_FILE, *(name for name in self.files if name.endswith(".pdf"))):
             require_own(Path(folder) / name)

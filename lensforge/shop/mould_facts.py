@@ -29,13 +29,13 @@ class Plastic:
     ejected_c: float
 
     def cooling_range_s(self, thickness_mm: float) -> tuple[float, float]:
-        """The shortest and the longest time within what is typical."""
+        """Shortest and longest time over the typical ranges of diffusivity and mould temperature."""
         fast = replace(self, diffusivity_mm2_per_s=1.2 * self.diffusivity_mm2_per_s, mould_c=self.mould_c - 10.0)
         slow = replace(self, diffusivity_mm2_per_s=0.8 * self.diffusivity_mm2_per_s, mould_c=self.mould_c + 10.0)
         return fast.cooling_s(thickness_mm), slow.cooling_s(thickness_mm)
 
     def cooling_s(self, thickness_mm: float) -> float:
-        """Seconds until the middle of a slab is as cool as it is ejected (Ballman and Shusman, 1959)."""
+        """Seconds until the middle of a slab has cooled to the temperature of ejection (Ballman and Shusman, 1959)."""
         cooled = (self.melt_c - self.mould_c) / (self.ejected_c - self.mould_c)
         return thickness_mm**2 / (pi**2 * self.diffusivity_mm2_per_s) * log(4.0 / pi * cooled)
 
@@ -52,7 +52,7 @@ PLASTICS = {
 
 
 def plastic_of(material: str) -> Plastic | None:
-    """The plastic that a material's name begins with; None of one that is not known, or that cures instead."""
+    """The plastic that a material's name begins with; None if unknown, or if it cures instead."""
     return PLASTICS.get(material.lower().split(" ")[0]) if material else None
 
 
@@ -68,7 +68,7 @@ def mould_facts(mould: Mould, check: Check) -> Iterator[Fact]:
     yield _gate(mould, spec)
     if mould.upright:
         yield Fact(
-            "upright", "Without draft", upright_words(mould), note="keep it short, or agree on it with the moulder"
+            "upright", "Without draft", upright_phrase(mould), note="keep it short, or agree on it with the moulder"
         )
     yield _inner_corners(check, mould, spec)
     thickest = mould.thickest.diameter_mm
@@ -82,14 +82,14 @@ def mould_facts(mould: Mould, check: Check) -> Iterator[Fact]:
 
 
 def thick_line(mould: Mould, check: Check) -> str:
-    """The note of a drawing on what a moulder prices first: the thickest place, and how long it cools."""
+    """The note of a drawing on what a moulder prices first: the thickest place, and the cooling time."""
     place = mould.thickest
     cooling = _cooling(mould, check.spec.lens.material)
     where = ", ".join(f"{round(value, 1) + 0.0:g}" for value in place.centre_mm)
     wall = f"{quantity(check.min_wall_mm, 'mm', digits=3)}, the thinnest wall" if check.min_wall_mm > 0.0 else "no wall"
     thick = f"a ball of {quantity(place.diameter_mm, 'mm', digits=3)} about ({where}), beside {wall}"
-    words = cooling.text if mould.cooling_s is not None else f"{cooling.text}, {cooling.note}"
-    return f"Thickest place: {thick}. Cooling time: {words}{', an estimate' if mould.cooling_s is not None else ''}."
+    estimate = cooling.text if mould.cooling_s is not None else f"{cooling.text}, {cooling.note}"
+    return f"Thickest place: {thick}. Cooling time: {estimate}{', an estimate' if mould.cooling_s is not None else ''}."
 
 
 def mould_line(mould: Mould, spec: Spec) -> str:
@@ -100,9 +100,9 @@ def mould_line(mould: Mould, spec: Spec) -> str:
     return f"PL, parting line: {parting.text}, {parting.note}. G, gate: {where}."
 
 
-def upright_words(mould: Mould) -> str:
-    """Words on the upright cylinder beside the flange: its diameter, and its heights."""
-    heights = " and ".join(f"{each.low_mm:.3f} to {each.high_mm:.3f}" for each in mould.upright)
+def upright_phrase(mould: Mould) -> str:
+    """Phrase for the upright cylinder beside the flange: its diameter, and its heights."""
+    heights = " and ".join(f"{cylinder.low_mm:.3f} to {cylinder.high_mm:.3f}" for cylinder in mould.upright)
     return f"cylinder ⌀{2.0 * mould.upright[0].radius_mm:.3f} beside the flange, z = {heights} mm"
 
 
@@ -129,7 +129,7 @@ def _gate(mould: Mould, spec: Spec) -> Fact:
 
 
 def _inner_corners(check: Check, mould: Mould, spec: Spec) -> Fact:
-    """Edges of the mould that material surrounds: those of the core, and at the foot of base, flange or plate."""
+    """Concave edges of the mould: those of the core, and at the foot of base, flange or plate."""
     sides = [(spec.lens.role(edge.faces[0]), " and ".join(edge.faces)) for edge in check.edges]
     corners = [pair for first, pair in sides if first.before == CAVITY and not first.is_open]
     if mould.gate == "flange" or mould.gate in mould.parting.places:
@@ -146,7 +146,7 @@ def _cooling(mould: Mould, material: str) -> Fact:
         why = "it cures in the mould" if cures else f"thermal data of {material or 'the material'} not known"
         return Fact("cooling", "Cooling time", "no estimate", note=why)
     temperatures = f"{plastic.melt_c:g} °C of the melt, {plastic.mould_c:g} of the mould, {plastic.ejected_c:g} ejected"
-    low, high = (quantity(each, digits=2) for each in plastic.cooling_range_s(mould.thickest.diameter_mm))
+    low, high = (quantity(time_s, digits=2) for time_s in plastic.cooling_range_s(mould.thickest.diameter_mm))
     typical = f"{low} to {high} s for ±20 % diffusivity and ±10 °C of the mould"
     note = f"estimate for a slab of {material} as thick as the largest ball; {temperatures}; {typical}"
     return Fact("cooling", "Cooling time", mould.cooling_s, "s", note=note, digits=2)

@@ -1,4 +1,4 @@
-"""A mould of two halves that opens along the axis of the lens: what each half draws, and what neither; the parting.
+"""A mould of two halves that opens along the axis of the lens: what each half releases, and the parting line.
 
 As the halves open, a point moves along z, and so stays at its azimuth and its distance from the axis: whether the body
 is in its way is seen in the section on one side of the axis. A half draws a place that faces it, with nothing of the
@@ -69,7 +69,7 @@ class Moulding:
 
     @cached_property
     def halves(self) -> "TwoHalves":
-        """Halves of the mould, and the places that each draws."""
+        """Halves of the mould, and the places that each releases."""
         return TwoHalves.of(pieces_of(self.plan, self.around))
 
     def mould(self) -> Mould:
@@ -86,12 +86,12 @@ class Moulding:
             parting=self.halves.parting() if plate is None else _OF_PLATE,
             thickest=InscribedBall(diameter_mm=diameter_mm, centre_mm=tuple(centre.tolist())),
             upright=() if ring is None else tuple(_upright_beside(ring, *flange_heights_mm(self.envelope))),
-            gate=next((name for name, there in sides.items() if there), None),
+            gate=next((name for name, present in sides.items() if present), None),
             cooling_s=None if plastic is None else plastic.cooling_s(diameter_mm),
         )
 
     def undercut(self, name: str, points: Float[np.ndarray, "k 3"]) -> Bool[np.ndarray, " k"]:
-        """True where neither half releases the face called ``name``, at the places nearest to ``points`` (mm)."""
+        """True where neither half releases the face ``name``, at the places nearest to ``points`` (mm)."""
         piece, drawn = next(pair for pair in self.halves.drawn() if pair[0].name == name)
         within = piece.areas > 0.0
         _, nearest = cKDTree(piece.points[within]).query(points)
@@ -99,14 +99,14 @@ class Moulding:
 
 
 def _upright_beside(ring: FlangeRing, wall_mm: float, exit_mm: float) -> Iterator[UprightCylinder]:
-    """The cylinder from the highest place of the wall to the ring, and from it to the lowest of the exit's rim."""
+    """The upright cylinder from the wall's highest place to the flange, and from there to the exit rim's lowest."""
     for low, high in ((wall_mm, ring.low_mm), (ring.high_mm, exit_mm)):
         if high - low > _SAME_MM:
             yield UprightCylinder(radius_mm=ring.inner_mm, low_mm=low, high_mm=high)
 
 
 def _around(plan: Plan[Patch], layout: PlateLayout, lens_mm: float) -> list[Corner]:
-    """Corners of the plate around a lens of at most ``lens_mm`` radius, as far as it matters to that."""
+    """Corners of the plate around a lens of at most ``lens_mm`` radius, as far as they can hide it from a half."""
     rim = rim_radius(plan.cavity)
     scale = layout.bore_scale(rim_points(plan.cavity))
     thickness_mm = layout.plate.thickness_mm
@@ -120,7 +120,7 @@ class SectionPiece:
     """A stretch of the sections at even azimuths, from the axis around the outside to the cavity.
 
     ``points`` (mm); ``facing``: z of the unit normal out of the material; ``areas``: shares of the face's own area that
-    the points stand for. Of what is no optical face the last two are 0.
+    the points stand for. Both are 0 for pieces that are no optical face.
     """
 
     name: str
@@ -142,9 +142,9 @@ class SectionPiece:
 def pieces_of(
     plan: Plan[Patch], plate: Sequence[Corner] = (), azimuths: int = _AZIMUTHS, along: int = _ALONG
 ) -> list[SectionPiece]:
-    """The pieces of a body at so many azimuths, ``along`` points of each face.
+    """The pieces of a body at ``azimuths`` azimuths, with ``along`` points of each face.
 
-    ``plate``: corners of what stands around the lens, from the outer rim to the cavity's, in place of its base.
+    ``plate``: corners of the plate around the lens, from the outer rim to the cavity's, in place of its base.
     """
     turn = np.linspace(0.0, FULL_TURN, azimuths, endpoint=False)
     outside = [piece for face in plan.envelope.of_material for piece in _pieces_of_face(face, plan, turn, along, 1)]
@@ -186,7 +186,7 @@ def _corner(corner: Corner, turn: Float[np.ndarray, " a"]) -> Float[np.ndarray, 
 def _filled(chain: Sequence[Float[np.ndarray, "a 1 3"]]) -> Float[np.ndarray, "a k 3"]:
     """Points along a chain of corners, the last one included."""
     share = (np.arange(_ON_EDGE) / _ON_EDGE)[:, None]
-    return np.concatenate([*(one + share * (other - one) for one, other in pairwise(chain)), chain[-1]], axis=1)
+    return np.concatenate([*(start + share * (end - start) for start, end in pairwise(chain)), chain[-1]], axis=1)
 
 
 def _upright(name: str, points: Float[np.ndarray, "a k 3"]) -> SectionPiece:
@@ -199,7 +199,7 @@ def _turned_back(piece: SectionPiece) -> SectionPiece:
 
 @dataclass(frozen=True, eq=False)
 class TwoHalves:
-    """The sections of a body, and what of each point is free of the body above it and below it."""
+    """The sections of a body, and which of their points are free of the body above and below."""
 
     pieces: list[SectionPiece]
     free_above: list[_Marks]
@@ -209,23 +209,23 @@ class TwoHalves:
     def of(pieces: list[SectionPiece]) -> "TwoHalves":
         """The sections of ``pieces``, and what each half sees of them."""
         across, height = (np.concatenate([getattr(piece, name) for piece in pieces], axis=1) for name in _OF_SECTION)
-        top, bottom = (np.stack(each) for each in zip(*map(_extremes, across, height), strict=True))
+        top, bottom = (np.stack(extremes) for extremes in zip(*map(_extremes, across, height), strict=True))
         ends = np.cumsum([piece.points.shape[1] for piece in pieces])[:-1]
-        above, below = (np.split(each, ends, axis=1) for each in (height > top - _SAME_MM, height < bottom + _SAME_MM))
+        above, below = (np.split(free, ends, axis=1) for free in (height > top - _SAME_MM, height < bottom + _SAME_MM))
         return TwoHalves(pieces, above, below)
 
     def drawn(self) -> "Iterator[tuple[SectionPiece, _Drawn]]":
-        """Each piece, and the halves that draw its points."""
+        """Each piece, and the halves that release its points."""
         for piece, above, below in zip(self.pieces, self.free_above, self.free_below, strict=True):
             yield piece, _Drawn.of(piece, above, below)
 
     def faces(self, names: Sequence[str]) -> dict[str, MouldedFace]:
-        """Each of the optical faces called ``names``, in that order."""
+        """The optical faces ``names``, in that order."""
         moulded = {piece.name: _moulded(piece, drawn) for piece, drawn in self.drawn() if piece.name in names}
         return {name: moulded[name] for name in names}
 
     def parting(self) -> PartingLine:
-        """The line in which the halves meet: where the body is widest; of an upright side, all of its height."""
+        """The parting line: where the body is widest; on an upright side, over its whole height."""
         across, height = (
             np.concatenate([getattr(piece, name) for piece in self.pieces], axis=1) for name in _OF_SECTION
         )
@@ -241,7 +241,7 @@ _OF_SECTION = "across", "height"
 
 
 def _extremes(across: Float[np.ndarray, " n"], height: Float[np.ndarray, " n"]) -> tuple[Any, Any]:
-    """The highest and the lowest of the section at each of its own distances from the axis."""
+    """Highest and lowest height of the section at each of its distances from the axis."""
     step = np.diff(across)
     way = np.where(np.abs(step) <= _UPRIGHT * np.hypot(step, np.diff(height)), 0.0, np.sign(step))
     starts = np.flatnonzero(np.diff(way, prepend=np.nan) != 0.0)
@@ -258,7 +258,7 @@ def _extremes(across: Float[np.ndarray, " n"], height: Float[np.ndarray, " n"]) 
 
 
 class _Drawn(NamedTuple):
-    """Points of a piece that the upper half draws, and those that neither does; the lower one draws the rest."""
+    """Points of a piece that the upper half releases, and those that neither does; the lower half releases the rest."""
 
     upper: _Marks
     undercut: _Marks
@@ -290,7 +290,7 @@ def _moulded(piece: SectionPiece, drawn: _Drawn) -> MouldedFace:
 def _widest_heights(
     across: Float[np.ndarray, " n"], height: Float[np.ndarray, " n"], widest: Bool[np.ndarray, " n"], names: _Names
 ) -> tuple[float, float]:
-    """Heights between which a section is widest; within a face of the parabola through three points."""
+    """Heights between which a section is widest, refined within a face by a parabola through three points."""
     k = int(np.argmax(across))
     low = float(height[widest].min())
     high = float(height[widest].max())

@@ -1,4 +1,4 @@
-"""The drawing of the plate: seen from above and from the front, one lens in a larger section, and where its marks are.
+"""The drawing of the plate: seen from above and from the front, one lens in a larger section, and its marks.
 
 The pattern of the lenses is dimensioned once, as pitch times count along rows and columns, or as a ring; other places,
 turns and kinds stand in a table. All sizes are of the design in the plate's own axes, from the middle of its outline.
@@ -27,13 +27,13 @@ from lensforge.shop.drawing import (
     SIZES,
     WIDTH,
     SheetName,
-    draft_words,
     draw_title_block,
-    general_words,
+    general_tolerance_note,
     inside_of,
-    mould_words,
-    scale_words,
-    surface_words,
+    mould_notes,
+    plate_draft_note,
+    scale_label,
+    surface_notes,
     title_block,
     title_of,
     unit_of,
@@ -46,8 +46,8 @@ from lensforge.shop.sheet import (
     Place,
     Points,
     Sheet,
+    SheetText,
     Stroke,
-    Words,
     box_of,
     shown,
 )
@@ -101,7 +101,7 @@ def pattern_of(lenses: Lamps) -> Pattern | None:
     steps = np.concatenate([np.diff(row) for row in rows])
     if _alike(steps) and _alike(np.diff(levels)):
         longest = int(np.argmax([len(row) for row in rows]))
-        pitch = tuple(float(each.mean()) if len(each) else 0.0 for each in (steps, np.diff(levels)))
+        pitch = tuple(float(gaps.mean()) if len(gaps) else 0.0 for gaps in (steps, np.diff(levels)))
         first = float(rows[longest][0]), float(levels[0])
         return Pattern((pitch[0], pitch[1]), (len(rows[longest]), len(levels)), first, float(levels[longest]))
     radius = np.hypot(*places.T)
@@ -127,12 +127,12 @@ class LensLines:
 
     @property
     def reach_mm(self) -> float:
-        """Distance from the axis up to which the section of one lens shows the plate."""
+        """Distance from the axis to which the section of a single lens shows the plate."""
         return 1.25 * float(np.abs(self.outer[:, 0]).max())
 
     @staticmethod
     def of(lens: Lens, turns_deg: Iterable[float]) -> "LensLines":
-        """Lines of ``lens``, and of the front of one with each of these turns."""
+        """Lines of ``lens``, and of its front at each of these turns."""
         cavity, envelope = lens_boundaries(lens)
         around, across = rim_directions(_TURN)[:, :2], rim_directions(np.zeros(1))[0]
         return LensLines(
@@ -150,25 +150,27 @@ def _cross(view: PaperView, place: Place, reach_mm: float) -> list[Stroke]:
     return [Stroke(view.at([place] * 2) + half * np.array([(-x, -y), (x, y)]), "axis") for x, y in ((1, 0), (0, 1))]
 
 
-def _label(view: PaperView, text: str, place: Place, away_mm: float) -> Words:
+def _label(view: PaperView, text: str, place: Place, away_mm: float) -> SheetText:
     x, y = (view.at([place])[0] + view.scale * away_mm + 1.5 * view.unit).tolist()
-    return Words((x, y), text, LETTERS * view.unit)
+    return SheetText((x, y), text, LETTERS * view.unit)
 
 
-def plate_sheet(lens: Lens, part: Part, layout: PlateLayout, words: DrawingSection, name: SheetName = "A3") -> Sheet:
-    """Draw the sheet. Raises :class:`InputError` for a plate that does not fit at any scale."""
+def plate_sheet(lens: Lens, part: Part, layout: PlateLayout, drawing: DrawingSection, name: SheetName = "A3") -> Sheet:
+    """Draw the sheet. Raises :class:`InputError` for a plate that fits at no scale."""
     unit = unit_of(name)
     (left, bottom, right, top) = inside_of(name)
     rows = place_rows(layout)
     gap = 4.0 * unit
     widths = [share * WIDTH * unit for share in _COLUMNS]
     drawn = (
-        rows if len(rows) <= _MOST_ROWS else [*rows[: _MOST_ROWS - 1], PlaceRow("…", what="more on manufacturing.html")]
+        rows
+        if len(rows) <= _MOST_ROWS
+        else [*rows[: _MOST_ROWS - 1], PlaceRow("…", feature="more on manufacturing.html")]
     )
-    band = (HEIGHT + 4.0) * unit + sum(row_height(each, widths, unit) for each in drawn)
+    band = (HEIGHT + 4.0) * unit + sum(row_height(texts, widths, unit) for texts in drawn)
     lines = [LensLines.of(kind, layout.lenses.turns_deg) for kind in lens.kinds]
     middle = right - (WIDTH + 4.0) * unit
-    notes = paragraphs_in((left + gap, bottom - top, middle, 0.0), plate_notes(lens, layout, words), unit)
+    notes = paragraphs_in((left + gap, bottom - top, middle, 0.0), plate_notes(lens, layout, drawing), unit)
     high = gap - min(box_of(note)[1] for note in notes)
     room = left + gap, bottom + high + gap, middle, top - gap
     beside = middle + 3.0 * gap, bottom + band + gap, right - gap, top - 4.0 * gap
@@ -176,19 +178,19 @@ def plate_sheet(lens: Lens, part: Part, layout: PlateLayout, words: DrawingSecti
     gate = gate_of(lens, layout)
     view = fitted(partial(_whole, lines, layout, gate), wide[0], room, unit)
     closer = fitted(partial(_one_lens, lines[0], layout), wide[1], beside, unit)
-    block = title_block(lens, part, words, of_plate=True)
+    block = title_block(lens, part, drawing, of_plate=True)
     marks = Marks([frame_of(inside_of(name), "outline")])
     marks.add(_whole(lines, layout, gate, view))
     marks.add(_one_lens(lines[0], layout, closer))
     marks.add(draw_title_block(block, (right, bottom), unit, view.scale, name))
-    title = f"{layout.counted[0]}, its section along x, {scale_words(closer.scale)}; faces as in {STEP_FILE}"
-    marks.words.append(Words((0.5 * (beside[0] + beside[2]), top - 2.0 * gap), title, LETTERS * unit, "center"))
+    title = f"{layout.counted[0]}, its section along x, {scale_label(closer.scale)}; faces as in {STEP_FILE}"
+    marks.texts.append(SheetText((0.5 * (beside[0] + beside[2]), top - 2.0 * gap), title, LETTERS * unit, "center"))
     marks.add(draw_rows(drawn, right - WIDTH * unit, bottom + band, widths, unit))
-    marks.words += [replace(note, at=(note.at[0], note.at[1] + bottom + high)) for note in notes]
-    return Sheet(name, SIZES[name], unit, view.scale, f"{title_of(lens, words)}, plate", view.origin, marks)
+    marks.texts += [replace(note, at=(note.at[0], note.at[1] + bottom + high)) for note in notes]
+    return Sheet(name, SIZES[name], unit, view.scale, f"{title_of(lens, drawing)}, plate", view.origin, marks)
 
 
-def plate_notes(lens: Lens, layout: PlateLayout, words: DrawingSection) -> list[str]:
+def plate_notes(lens: Lens, layout: PlateLayout, drawing: DrawingSection) -> list[str]:
     """The notes, a paragraph each."""
     count = len(layout.lenses)
     drawn = layout.plate.outline
@@ -201,31 +203,31 @@ def plate_notes(lens: Lens, layout: PlateLayout, words: DrawingSection) -> list[
         f"{PLATE_STEP_FILE} alone defines them; sizes in parentheses are auxiliary.",
         f"x and y count from the {origin}, z from the top of the plate, in which the lenses end.",
         *(f"{line}." for line in plate_datums(layout).lines),
-        f"All other sizes of the plate are “general”. {general_words(words)}",
-        draft_words(layout.plate),
-        *gate_words(lens, layout),
-        *surface_words(lens, words),
-        *mould_words(lens),
+        f"All other sizes of the plate are “general”. {general_tolerance_note(drawing)}",
+        plate_draft_note(layout.plate),
+        *gate_note(lens, layout),
+        *surface_notes(lens, drawing),
+        *mould_notes(lens),
     ]
 
 
 class PlaceRow(NamedTuple):
-    """A row of the table of places: label on the drawing, x and y in words, and what is there."""
+    """A row of the table of places: label on the drawing, x and y as texts, and what is there."""
 
     label: str
     x: str = ""
     y: str = ""
-    what: str = ""
+    feature: str = ""
 
     @staticmethod
-    def at(label: str, place_mm: Place, what: str) -> "PlaceRow":
+    def at(label: str, place_mm: Place, feature: str) -> "PlaceRow":
         """The row of a place."""
         x, y = (shown(round(value, 6) + 0.0) for value in place_mm)
-        return PlaceRow(label, f"x {x}", f"y {y}", what)
+        return PlaceRow(label, f"x {x}", f"y {y}", feature)
 
 
 def place_rows(layout: PlateLayout) -> list[PlaceRow]:
-    """Rows of the table; lenses only where they have no pattern, or some are turned or of another kind."""
+    """Rows of the table; with lenses only if they form no pattern, or some are turned or of another kind."""
     rows = list[PlaceRow]()
     lenses = layout.lenses
     if _listed(layout):
@@ -234,7 +236,7 @@ def place_rows(layout: PlateLayout) -> list[PlaceRow]:
             rows.append(PlaceRow.at(f"L{number}", place[:2], f"{name}, turned by {turn:.3f}°" if turn else name))
     datums = plate_datums(layout)
     rows += [
-        PlaceRow.at(label, mark.place_mm, f"{_words(mark)}{_place_words(label, mark, datums)}")
+        PlaceRow.at(label, mark.place_mm, f"{_mark_description(mark)}{_position_note(label, mark, datums)}")
         for label, mark in labelled(layout)
     ]
     gate = layout.plate.gate
@@ -245,7 +247,7 @@ def _listed(layout: PlateLayout) -> bool:
     return pattern_of(layout.lenses) is None or any(layout.lenses.turns_deg) or layout.lenses.kinds != ()
 
 
-def _words(mark: PlateMark) -> str:
+def _mark_description(mark: PlateMark) -> str:
     width = f"⌀{shown(mark.diameter_mm)}{'' if mark.tolerance_mm is None else f' ±{shown(mark.tolerance_mm)}'}"
     if not isinstance(mark, PlatePin):
         return f"hole {width}, through"
@@ -255,18 +257,18 @@ def _words(mark: PlateMark) -> str:
     return f"boss {size}; bore ⌀{shown(mark.bore_diameter_mm)}, {shown(mark.bore_depth_mm)} deep"
 
 
-def _place_words(label: str, mark: PlateMark, datums: DatumScheme) -> str:
-    """The tolerance of its place by ISO 1101, against the datums before it, and the datum that it is itself."""
+def _position_note(label: str, mark: PlateMark, datums: DatumScheme) -> str:
+    """The tolerance of its place by ISO 1101 against the datums before it, and the datum that it is itself."""
     letters = [datum.letter for datum in datums.datums]
-    own = [datum.letter for datum in datums.datums if datum.dimension == label]
-    before = letters[: letters.index(own[0])] if own else letters
+    letter = next((datum.letter for datum in datums.datums if datum.dimension == label), None)
+    before = letters if letter is None else letters[: letters.index(letter)]
     zone = mark.place_tolerance_mm
     position = "" if zone is None else f"; position ⌀{zone:g} | {' | '.join(before)}"
-    return f"{position}{f'; datum {own[0]}' if own else ''}"
+    return position if letter is None else f"{position}; datum {letter}"
 
 
 def gate_of(lens: Lens, layout: PlateLayout) -> Place | None:
-    """Place where a moulded plate is filled: that of its spec, or the middle of its longest side; None of a cut one."""
+    """Gate of a moulded plate: as in its spec, or the middle of its longest side; None for a plate that is cut."""
     if layout.plate.gate is not None:
         return layout.plate.gate.place_mm
     if lens.spec.manufacture.cuts != "inserts":
@@ -276,7 +278,7 @@ def gate_of(lens: Lens, layout: PlateLayout) -> Place | None:
     return x, y
 
 
-def gate_words(lens: Lens, layout: PlateLayout) -> Iterator[str]:
+def gate_note(lens: Lens, layout: PlateLayout) -> Iterator[str]:
     """The note on a gate that the spec does not place."""
     if layout.plate.gate is None and gate_of(lens, layout) is not None:
         yield "G, gate: proposed at the side of the plate, away from the optical faces; agree on its place and width."
@@ -287,13 +289,13 @@ _FURTHER = np.arange(0.0, 121.0, 3.0)  # mm on A3
 
 
 def _datum_at(mark: PlateMark, letter: str, lines: Sequence[LensLines], layout: PlateLayout, view: PaperView) -> Marks:
-    """The symbol of a datum at a hole or pin, its letter where no lens and no other mark is, as near as that goes."""
+    """The symbol of a datum at a hole or pin, its letter as near as lenses and other marks permit."""
     centre = view.at([mark.place_mm])[0]
     radius = view.scale * mark.radius_mm
     domes = [view.scale * float(np.hypot(*lines_of_lens.dome.T).max()) for lines_of_lens in layout.of_each(lines)]
-    others = [beside for _, beside in labelled(layout) if beside is not mark]
-    places = view.at([*layout.lenses.places_mm, *(neighbour.place_mm for neighbour in others)])
-    taken = np.array([*domes, *(view.scale * neighbour.radius_mm for neighbour in others)])
+    neighbours = [neighbour for _, neighbour in labelled(layout) if neighbour is not mark]
+    places = view.at([*layout.lenses.places_mm, *(neighbour.place_mm for neighbour in neighbours)])
+    taken = np.array([*domes, *(view.scale * neighbour.radius_mm for neighbour in neighbours)])
 
     def symbol(way: Place, further_mm: float) -> Marks:
         foot = centre + radius * np.array(way)
@@ -310,35 +312,35 @@ def _datum_at(mark: PlateMark, letter: str, lines: Sequence[LensLines], layout: 
 
 
 def _whole(lines: Sequence[LensLines], layout: PlateLayout, gate: Place | None, view: PaperView) -> Marks:
-    """The plate from the front, and below it, in first angle, from above; the view's origin: of the latter."""
+    """The plate from the front, and below it, in first angle, from above, where the view's origin is."""
     marks = Marks()
     low, high = layout.box_mm
     unit = view.unit
     loops = layout.outline, *layout.slots
     marks.strokes += [view.line(points_on(loop, _CHORD_MM), closed=True) for loop in loops]
-    for number, (own, place) in enumerate(zip(layout.of_each(lines), layout.lenses.places_mm, strict=True)):
-        lens_mm = float(np.hypot(*own.dome.T).max())
+    for number, (lens_lines, place) in enumerate(zip(layout.of_each(lines), layout.lenses.places_mm, strict=True)):
+        lens_mm = float(np.hypot(*lens_lines.dome.T).max())
         marks.strokes += [
-            view.line(layout.placed(own.dome, number), closed=True),
-            view.line(layout.placed(own.opening, number), "hidden", closed=True),
+            view.line(layout.placed(lens_lines.dome, number), closed=True),
+            view.line(layout.placed(lens_lines.opening, number), "hidden", closed=True),
             *_cross(view, place, lens_mm),
         ]
         if _listed(layout):
-            marks.words.append(_label(view, f"L{number + 1}", place, 0.75 * lens_mm))
+            marks.texts.append(_label(view, f"L{number + 1}", place, 0.75 * lens_mm))
     datums = plate_datums(layout)
     for label, mark in labelled(layout):
         circle = points_on(circle_at(mark.place_mm, mark.radius_mm), _CHORD_MM)
         pen: PenName = "hidden" if isinstance(mark, PlatePin) else "outline"
         marks.strokes += [view.line(circle, pen, closed=True), *_cross(view, mark.place_mm, mark.radius_mm)]
         inside = view.scale * mark.radius_mm > _INSIDE * unit
-        marks.words.append(_label(view, label, mark.place_mm, 0.0 if inside else 0.75 * mark.radius_mm))
+        marks.texts.append(_label(view, label, mark.place_mm, 0.0 if inside else 0.75 * mark.radius_mm))
         for datum in (datum for datum in datums.datums if datum.dimension == label):
             marks.add(_datum_at(mark, datum.letter, lines, layout, view))
     if gate is not None:
         (tip,) = view.at([gate])
         inwards = -np.array(min(layout.outline, key=lambda edge: edge.away_mm(gate)).right)
         marks.strokes.append(arrow_head(tip, inwards, 2.0 * LETTERS * unit))
-        marks.words.append(_label(view, "G", gate, 0.0))
+        marks.texts.append(_label(view, "G", gate, 0.0))
     pattern = pattern_of(layout.lenses)
     radius = layout.plate.corner_radius_mm
     for axis in (0, 1):
@@ -355,7 +357,7 @@ def _whole(lines: Sequence[LensLines], layout: PlateLayout, gate: Place | None, 
         (tip,) = view.at([(x, y)])
         out = np.array([-1.0, -1.0]) * 0.5**0.5
         marks.strokes += [Stroke(np.array([tip, tip - 6.0 * unit * out])), arrow_head(tip, out, LETTERS * unit)]
-        marks.words.append(_label(view, f"4 × R {shown(radius)}", (x, y), 4.0 * unit / view.scale))
+        marks.texts.append(_label(view, f"4 × R {shown(radius)}", (x, y), 4.0 * unit / view.scale))
     (corner,) = view.at([(high[0], low[1])])
     marks.add(axes_mark((float(corner[0]) + 4.0 * unit, float(corner[1])), "x", "y", unit))
     up = view.scale * (high[1] + _below_mm(layout)) + _GAP * unit
@@ -364,7 +366,7 @@ def _whole(lines: Sequence[LensLines], layout: PlateLayout, gate: Place | None, 
 
 
 def _sizes_along(axis: int, layout: PlateLayout, pattern: Pattern | None, view: PaperView) -> Iterator[LinearDimension]:
-    """Dimensions along x or y: of the outline, the pattern, and from the edge to its first lens."""
+    """Dimensions along x or y: the outline, the pattern, and from the edge to the first lens."""
     way = "xy"[axis]
     turned = 90 * axis
     low, high = (corner[axis] for corner in layout.box_mm)
@@ -404,7 +406,7 @@ def _front(lines: Sequence[LensLines], layout: PlateLayout, view: PaperView) -> 
     (start, _), (end, _), low, lenses = *layout.box_mm, -layout.plate.thickness_mm, layout.lenses
     inset = layout.inset_mm
     marks = Marks([view.line([(start, 0.0), (end, 0.0), (end - inset, low), (start + inset, low)], closed=True)])
-    marks.words.append(_label(view, PARTING_LINE, (end, 0.0), 0.0))
+    marks.texts.append(_label(view, PARTING_LINE, (end, 0.0), 0.0))
     (corner,) = view.at([(start, 0.0)])
     marks.strokes.append(Stroke(np.array([corner, corner - (8.0 * view.unit, 0.0)])))
     marks.add(datum_symbol((float(corner[0]) - 5.0 * view.unit, float(corner[1])), (0.0, 1.0), "A", view.unit))
@@ -432,13 +434,13 @@ def _front(lines: Sequence[LensLines], layout: PlateLayout, view: PaperView) -> 
 
 
 def _one_lens(lines: LensLines, layout: PlateLayout, view: PaperView) -> Marks:
-    """A lens with the plate around it, cut along its x: heights, and its widths in z = 0 and at its widest."""
+    """A lens with the plate around it, cut along its x: heights, and its widths in z = 0 and at its widest point."""
     inner = lines.inner
     outer = lines.outer
     low = -layout.plate.thickness_mm
     wide = lines.reach_mm
     top = float(outer[:, 1].max())
-    one = next((f"lens {kind.name}" for kind in layout.lenses.kinds), "a lens")
+    lens_name = next((f"lens {kind.name}" for kind in layout.lenses.kinds), "a lens")
     foot = layout.bore_scale(lines.opening[:-1]) * inner[[0, -1], 0]
     hollow = np.array([(foot[1], low), *inner[::-1], (foot[0], low)])
     cut = view.at(np.concatenate([[(-wide, low), (-wide, 0.0)], outer, [(wide, 0.0), (wide, low)], hollow]))
@@ -446,12 +448,12 @@ def _one_lens(lines: LensLines, layout: PlateLayout, view: PaperView) -> Marks:
     marks.strokes.append(view.line([(0.0, 1.3 * low), (0.0, 1.1 * top)], "axis"))
     left, right = outer[np.argmin(outer[:, 0])], outer[np.argmax(outer[:, 0])]
     widths: list[tuple[str, Points, Points]] = [
-        (f"rim of {one} in z = 0", outer[0], outer[-1]),
-        (f"opening of {one} in z = 0", inner[0], inner[-1]),
+        (f"rim of {lens_name} in z = 0", outer[0], outer[-1]),
+        (f"opening of {lens_name} in z = 0", inner[0], inner[-1]),
     ]
     if right[0] - left[0] > outer[-1, 0] - outer[0, 0] + _SHOWN_MM:
-        widths.append((f"width of {one}", left, right))
-    heights = [(f"height of {one}", outer), ("height of a cavity", inner)]
+        widths.append((f"width of {lens_name}", left, right))
+    heights = [(f"height of {lens_name}", outer), ("height of a cavity", inner)]
     rows = [view.dimension(name, (a[0], a[1]), (b[0], b[1]), 0, "(", ")") for name, a, b in widths]
     tops = [(name, line[np.argmax(line[:, 1])]) for name, line in heights]
     columns = [view.dimension(name, (-wide, 0.0), (at[0], at[1]), 90, "(", ")") for name, at in tops]

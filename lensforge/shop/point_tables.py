@@ -84,7 +84,7 @@ class GridRequest:
 
 @dataclass(frozen=True)
 class FaceToCut:
-    """A face as it is cut; ``air``: 1 where the air lies outside of its ``surface``, -1 where inside.
+    """A face as it is cut; ``air``: 1 if the air lies outside its ``surface``, -1 if inside.
 
     ``domain``: the part of the chart on which it bounds the lens; None for all of the hemisphere.
     """
@@ -96,7 +96,7 @@ class FaceToCut:
 
     @property
     def ends_deg(self) -> tuple[float, float]:
-        """Polar angles (degrees) between which it lies: 0 and 90 from the apex to the rim."""
+        """Polar angles (degrees) of its two ends: 0 and 90 for a whole face."""
         if self.domain is None:
             return 0.0, _RIM_DEG
         low, high = (float(np.degrees(2.0 * np.arctan(radius))) for radius in self.domain.extent)
@@ -104,7 +104,7 @@ class FaceToCut:
 
     @property
     def lengths_mm(self) -> tuple[float, float]:
-        """Largest length (mm) per radian along a meridian, and around the axis; of a whole face its size is both."""
+        """Largest length (mm) per radian along a meridian, and around the axis; for a whole face both are its size."""
         begin, end = self.ends_deg
         turn = np.array([0.0, 90.0, 180.0, 270.0])
         polar = np.linspace(begin, end, _TRIED_DEG)
@@ -136,7 +136,7 @@ class FaceToCut:
 
 
 def faces_to_cut(lens: Lens) -> list[FaceToCut]:
-    """The faces as they are cut: scaled for a mould insert, whose air is on the side of the lens's material."""
+    """The faces as they are cut: for a mould insert scaled, with the air in place of the lens's material."""
     from lensforge.cad.boundary import lens_boundaries  # and with it SciPy
     from lensforge.shop.face_samples import air_side
 
@@ -164,7 +164,7 @@ def points_table(lens: Lens, check: Check, head: list[str]) -> str:
 
 
 def origin_lines(lens: Lens, part: Part) -> list[str]:
-    """Lines on the lens, its files, and who has made them."""
+    """Lines stating the lens, its files, and their author."""
     signature = part.signature
     shop = lens.spec.manufacture
     scale = "shrinkage: none; the points are those of the lens itself"
@@ -223,7 +223,7 @@ class DenseTable:
         return float(max(along, around))
 
     def errors_nm(self, scheme: Interpolation, most: int) -> Float[np.ndarray, " k"]:
-        """Error of the interpolation along the normal in the middle of cells and sides; of at most ``most`` of them."""
+        """Error (nm) of the interpolation along the normal in the middle of at most ``most`` cells and sides."""
         middles = self._middles(scheme)
         middles = middles[:: max(1, -(-len(middles) // most))]
         azimuth = np.radians(middles[:, 1])
@@ -274,11 +274,11 @@ def _halfway(values: Float[np.ndarray, "n m c"], axis: int, scheme: Interpolatio
 
 
 def dense_tables(lens: Lens, head: list[str], request: GridRequest) -> tuple[PointGrid, ...]:
-    """The table of each face, its ``head`` first.
+    """The table of each face, beginning with ``head``.
 
-    Raises :class:`InputError` for one with too many points.
+    Raises :class:`InputError` for a table of too many points.
     """
-    return tuple(_grid(*_found(face, request), head, request) for face in faces_to_cut(lens))
+    return tuple(_grid(*_table_for(face, request), head, request) for face in faces_to_cut(lens))
 
 
 def _grid(table: DenseTable, errors: Float[np.ndarray, " k"], head: list[str], request: GridRequest) -> PointGrid:
@@ -294,8 +294,8 @@ def _grid(table: DenseTable, errors: Float[np.ndarray, " k"], head: list[str], r
     )
 
 
-def _found(face: FaceToCut, request: GridRequest) -> tuple[DenseTable, Float[np.ndarray, " k"]]:
-    """The table of the spacing that is given, or of about the widest that keeps the error; and its errors (nm)."""
+def _table_for(face: FaceToCut, request: GridRequest) -> tuple[DenseTable, Float[np.ndarray, " k"]]:
+    """The table of the requested spacing, or of about the widest that keeps the error; and its errors (nm)."""
     span = np.radians(face.ends_deg[1] - face.ends_deg[0])
     scheme = request.interpolation
     along, around = face.lengths_mm if face.domain else 2 * (float(face.at(np.zeros((1, 2)))[0][0, 2]),)
@@ -328,14 +328,14 @@ def _require_count(points: float, face: FaceToCut, request: GridRequest) -> None
     if points <= MOST_POINTS:
         return
     name = "error"
-    asked = f"error = {request.error_nm:g} nm"
+    setting = f"error = {request.error_nm:g} nm"
     if request.spacing_mm is not None:
         name = "spacing"
-        asked = f"spacing = {request.spacing_mm:g} mm"
-    other = ", or bicubic interpolation" if request.interpolation == "linear" else ""
+        setting = f"spacing = {request.spacing_mm:g} mm"
+    alternative = ", or bicubic interpolation" if request.interpolation == "linear" else ""
     raise InputError(
-        f"{asked}: the table of the {face.name} face would have {points:.2g} points, at most {MOST_POINTS}; give a "
-        f"larger {name}{other}"
+        f"{setting}: the table of the {face.name} face would have {points:.2g} points, at most {MOST_POINTS}; give a "
+        f"larger {name}{alternative}"
     )
 
 
@@ -361,7 +361,7 @@ def make_table(face: FaceToCut, spacing_mm: float, scheme: Interpolation) -> Den
 
 
 def _table_text(table: DenseTable, head: list[str]) -> str:
-    """The table as text: lines that begin with # and say all that is needed to read it, then rows."""
+    """The table as text: lines beginning with # that say how to read it, then rows."""
     rows = (np.round(table.rows, 9) + 0.0).tolist()  # no minus zero
     body = [",".join(f"{value:.9f}" for value in row) for row in rows]
     return "\n".join([*(f"# {line}" for line in head), COLUMNS, *body]) + "\n"

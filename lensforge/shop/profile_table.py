@@ -30,7 +30,7 @@ def is_round(lens: Lens) -> bool:
 
 
 def equation(surface: Surface) -> str | None:
-    """The form with its numbers (mm), to a nanometre; None of a form without a name. rho, theta: from the origin."""
+    """The equation of a known form with its numbers (mm), to a nanometre; None for any other. rho, theta: polar."""
     match surface:
         case PlaneFace(axis=(0.0, 0.0, _)):
             return _stated("plane", z=surface.height_mm)
@@ -107,17 +107,17 @@ def distance_mm(surface: Surface, meridian: Meridian) -> Float[np.ndarray, " n"]
 
 
 def way_along(points: Float[np.ndarray, "n d"]) -> Float[np.ndarray, " n"]:
-    """Length (mm) of the line through the points up to each of them."""
+    """Arc length (mm) of the polyline up to each point."""
     return np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
 
 
 def profile_rows(lens: Lens, faces: Sequence[str]) -> list[list[str]]:
-    """Rows of those of the ``faces`` that are of revolution and that no equation gives."""
+    """Rows for those ``faces`` of revolution that have no equation."""
     revolved = filter(lens.spec.lens.is_revolved, faces)
     listed = [name for name in revolved if equation(lens.surfaces[name]) is None]
     return [row for name in listed for row in profile_of(lens, name).rows]
 
 
 def profile_widths(width_mm: float) -> list[float]:
-    """Widths of the columns of a table that is ``width_mm`` wide, where its first one is a sixth."""
+    """Widths of the columns of a table of ``width_mm``, the first one a sixth."""
     return [width_mm / 6.0, *[width_mm * 5.0 / 6.0 / PLACES] * PLACES]

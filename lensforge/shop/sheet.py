@@ -51,7 +51,7 @@ class Stroke:
 
 
 @dataclass(frozen=True)
-class Words:
+class SheetText:
     """A line of text: capitals of ``height_mm``, its middle on the height of ``at``, turned anticlockwise."""
 
     at: Place
@@ -88,11 +88,11 @@ class LinearDimension:
 
     @property
     def text(self) -> str:
-        """Text as it is drawn."""
+        """The text as drawn."""
         return f"{self.before}{shown(self.length_mm)}{self.after}"
 
     def at(self, along: float, across: float) -> Place:
-        """The place on paper from one along and across the dimension line, and back."""
+        """The place on paper of a place along and across the dimension line; its own inverse."""
         return (along, across) if self.turned_deg == 0 else (across, along)
 
 
@@ -101,13 +101,13 @@ class Marks:
     """Lines, texts and dimensions of a drawing, to which more can be added."""
 
     strokes: list[Stroke] = field(default_factory=list)
-    words: list[Words] = field(default_factory=list)
+    texts: list[SheetText] = field(default_factory=list)
     dimensions: list[LinearDimension] = field(default_factory=list)
 
     def add(self, more: "Marks") -> None:
         """Add all that ``more`` holds."""
         self.strokes += more.strokes
-        self.words += more.words
+        self.texts += more.texts
         self.dimensions += more.dimensions
 
 
@@ -156,13 +156,13 @@ def points_of(height_mm: float) -> float:
     return height_mm / CAPITALS / MM_PER_POINT
 
 
-def box_of(words: Words) -> Box:
+def box_of(text: SheetText) -> Box:
     """The rectangle on paper (mm) that a text needs."""
-    width = width_of(words.text, words.height_mm)
-    half = 0.5 * _ROOM * words.height_mm
-    start = {"left": 0.0, "center": -0.5 * width, "right": -width}[words.anchor]
-    x, y = words.at
-    if words.turned_deg == 0:
+    width = width_of(text.text, text.height_mm)
+    half = 0.5 * _ROOM * text.height_mm
+    start = {"left": 0.0, "center": -0.5 * width, "right": -width}[text.anchor]
+    x, y = text.at
+    if text.turned_deg == 0:
         return x + start, y - half, x + start + width, y + half
     return x - half, y + start, x + half, y + start + width
 
@@ -181,13 +181,13 @@ def wrapped(text: str, height_mm: float, width_mm: float) -> list[str]:
 
 
 def shortened(text: str, height_mm: float, width_mm: float) -> str:
-    """``text``, its end replaced by an ellipsis where it is wider than ``width_mm``."""
+    """``text``, with an ellipsis for its end if it is wider than ``width_mm``."""
     if width_of(text, height_mm) <= width_mm:
         return text
-    kept = text
-    while kept and width_of(kept + "…", height_mm) > width_mm:
-        kept = kept[:-1]
-    return kept.rstrip() + "…"
+    shortened_text = text
+    while shortened_text and width_of(shortened_text + "…", height_mm) > width_mm:
+        shortened_text = shortened_text[:-1]
+    return shortened_text.rstrip() + "…"
 
 
 def _cut(word: str, height_mm: float, width_mm: float) -> list[str]:

@@ -12,8 +12,8 @@ from lensforge.shop.sheet import (
     PenName,
     Place,
     Points,
+    SheetText,
     Stroke,
-    Words,
     shortened,
     width_of,
     wrapped,
@@ -28,7 +28,7 @@ _LEADER = 2.0
 def datum_symbol(at: Place, towards: Place, letter: str, unit: float, further_mm: float = 0.0) -> Marks:
     """A filled triangle on a line at ``at``, its leader in the unit direction ``towards``, and the letter in a box.
 
-    ``further_mm``: length of the leader beyond the usual one.
+    ``further_mm``: added to the usual length of the leader.
     """
     foot = np.array(at)
     out = np.array(towards)
@@ -44,12 +44,12 @@ def datum_symbol(at: Place, towards: Place, letter: str, unit: float, further_mm
     return Marks(strokes, [_letters(centre, letter, unit)])
 
 
-def _letters(at: np.ndarray, text: str, unit: float) -> Words:
-    return Words((float(at[0]), float(at[1])), text, LETTERS * unit, "center")
+def _letters(at: np.ndarray, text: str, unit: float) -> SheetText:
+    return SheetText((float(at[0]), float(at[1])), text, LETTERS * unit, "center")
 
 
 def axes_mark(at: Place, level: str, up: str, unit: float, towards: float = 1.0) -> Marks:
-    """Two arrows that name the axes of a view, their corner at ``at``; the level one to the right, or left with -1."""
+    """Two arrows that name the axes of a view, their corner at ``at``; the level one to the right, or left for -1."""
     corner = np.array(at)
     length = 7.0 * unit
     strokes = []
@@ -70,13 +70,13 @@ def arrow_head(tip: np.ndarray, out: np.ndarray, size: float) -> Stroke:
 
 
 def section_plane(centre: Place, azimuth_deg: float, half_mm: float, letter: str, unit: float) -> Marks:
-    """The plane of a section in the view from the base: a chain line, thick at its ends, with arrows of the sight."""
+    """The plane of a section in the view from the base: a chain line, thick at its ends, with arrows of viewing."""
     turn = np.radians(azimuth_deg)
     along = np.array([np.sin(turn), np.cos(turn)])
     sight = np.array([-np.cos(turn), np.sin(turn)])
     middle = np.array(centre)
     strokes = [Stroke(np.array([middle - half_mm * along, middle + half_mm * along]), "axis")]
-    words = []
+    letters = []
     for way in (1.0, -1.0):
         end = middle + way * half_mm * along
         strokes.append(Stroke(np.array([end, end + way * 4.0 * unit * along]), "outline"))
@@ -84,25 +84,25 @@ def section_plane(centre: Place, azimuth_deg: float, half_mm: float, letter: str
         tip = tail + 7.0 * unit * sight
         strokes += [Stroke(np.array([tail, tip])), arrow_head(tip, sight, LETTERS * unit)]
         place = tip + LETTERS * unit * sight
-        words.append(_letters(place, letter, unit))
-    return Marks(strokes, words)
+        letters.append(_letters(place, letter, unit))
+    return Marks(strokes, letters)
 
 
 _ALONG_HATCH = np.array([[1.0, 1.0], [-1.0, 1.0]]) / np.sqrt(2.0)  # rows: along the lines, and across them
 
 
 def hatch(outlines: list[Points], spacing_mm: float) -> list[Stroke]:
-    """Lines ``spacing_mm`` apart inside all ``outlines`` together, inside being what an odd number of them encloses."""
+    """Lines ``spacing_mm`` apart inside all ``outlines`` together, by the even-odd rule."""
     chains = [np.vstack([outline, outline[:1]]) @ _ALONG_HATCH.T for outline in outlines]
     across = np.concatenate([chain[:, 1] for chain in chains])
     first = np.ceil(across.min() / spacing_mm)
     last = np.floor(across.max() / spacing_mm)
-    found = []
+    strokes = []
     for level in spacing_mm * (np.arange(first, last + 1.0) + 0.37):  # off the places where corners are likely
         cuts = np.sort(np.concatenate([_cuts(chain, level) for chain in chains]))
         for start, end in zip(cuts[0::2], cuts[1::2], strict=False):
-            found.append(Stroke(np.array([(start, level), (end, level)]) @ _ALONG_HATCH, "hatch"))
-    return found
+            strokes.append(Stroke(np.array([(start, level), (end, level)]) @ _ALONG_HATCH, "hatch"))
+    return strokes
 
 
 def _cuts(chain: Points, level: float) -> np.ndarray:
@@ -125,12 +125,12 @@ def frame_of(box: Box, pen: PenName = "thin") -> Stroke:
 
 
 def cell(box: Box, text: str, unit: float) -> Marks:
-    """A ruled cell with a line of text, which ends in an ellipsis where it does not fit."""
+    """A ruled cell with a line of text, shortened by an ellipsis if it does not fit."""
     left, bottom, right, top = box
     height = LETTERS * unit
     room = right - left - 2.0 * _MARGIN * unit
-    words = Words((left + _MARGIN * unit, 0.5 * (bottom + top)), shortened(text, height, room), height)
-    return Marks([frame_of(box)], [words])
+    cell_text = SheetText((left + _MARGIN * unit, 0.5 * (bottom + top)), shortened(text, height, room), height)
+    return Marks([frame_of(box)], [cell_text])
 
 
 def folded(texts: Sequence[str], widths: Sequence[float], unit: float) -> list[list[str]]:
@@ -150,14 +150,16 @@ def row(left: float, top: float, texts: Sequence[str], widths: Sequence[float], 
     height = LETTERS * unit
     bottom = top - row_height(texts, widths, unit)
     strokes: list[Stroke] = []
-    words: list[Words] = []
+    cell_texts: list[SheetText] = []
     x = left
     for lines, width in zip(folded(texts, widths, unit), widths, strict=True):
         strokes.append(frame_of((x, bottom, x + width, top)))
         for number, line in enumerate(lines):
-            words.append(Words((x + _MARGIN * unit, top - ((number + 0.5) * PITCH + 0.15) * height), line, height))
+            cell_texts.append(
+                SheetText((x + _MARGIN * unit, top - ((number + 0.5) * PITCH + 0.15) * height), line, height)
+            )
         x += width
-    return Marks(strokes, words)
+    return Marks(strokes, cell_texts)
 
 
 def draw_rows(rows: Sequence[Sequence[str]], left: float, top: float, widths: Sequence[float], unit: float) -> Marks:
@@ -169,20 +171,21 @@ def draw_rows(rows: Sequence[Sequence[str]], left: float, top: float, widths: Se
     return marks
 
 
-def paragraphs_in(box: Box, paragraphs: list[str], unit: float) -> list[Words]:
-    """Numbered paragraphs from the top of ``box``; what is too long is left out, and the last line says so."""
+def paragraphs_in(box: Box, paragraphs: list[str], unit: float) -> list[SheetText]:
+    """Numbered paragraphs from the top of ``box``; the last line tells of any that do not fit."""
     left, bottom, right, top = box
     height = LETTERS * unit
     lines = []
     indent = width_of("00. ", height)
     most = int((top - bottom) / (PITCH * height))
     for number, paragraph in enumerate(paragraphs, start=1):
-        first, *others = wrapped(paragraph, height, right - left - indent)
-        lines += [(0.0, f"{number}. {first}"), *((indent, line) for line in others)]
+        first, *continuation = wrapped(paragraph, height, right - left - indent)
+        lines += [(0.0, f"{number}. {first}"), *((indent, line) for line in continuation)]
     if len(lines) > most:
         lines = [*lines[: most - 1], (0.0, "More notes: on manufacturing.html.")]
     return [
-        Words((left + indent, top - (k + 0.6) * PITCH * height), text, height) for k, (indent, text) in enumerate(lines)
+        SheetText((left + indent, top - (k + 0.6) * PITCH * height), text, height)
+        for k, (indent, text) in enumerate(lines)
     ]
 
 
@@ -199,7 +202,7 @@ def text_span(dimension: LinearDimension) -> tuple[float, float]:
 
 
 def occupied(dimension: LinearDimension) -> tuple[float, float]:
-    """Ends (mm) of all that is drawn along the dimension line."""
+    """Ends (mm) of everything drawn along the dimension line."""
     low, high = dimension.ends_mm
     tail = 0.0 if is_wide(high - low, dimension.height_mm) else (ARROW + TAIL) * dimension.height_mm
     first, last = text_span(dimension)
@@ -211,11 +214,11 @@ def is_wide(length_mm: float, height_mm: float) -> bool:
     return length_mm > 2.6 * ARROW * height_mm
 
 
-def words_of_dimension(dimension: LinearDimension) -> Words:
-    """The text, above its line, or left of it where it is read from the right."""
+def dimension_text(dimension: LinearDimension) -> SheetText:
+    """The text above its line, or, read from the right, left of it."""
     away = ABOVE * dimension.height_mm * (1.0 if dimension.turned_deg == 0 else -1.0)
     place = dimension.at(dimension.text_mm, dimension.line_mm + away)
-    return Words(place, dimension.text, dimension.height_mm, "center", dimension.turned_deg)
+    return SheetText(place, dimension.text, dimension.height_mm, "center", dimension.turned_deg)
 
 
 def strokes_of(dimension: LinearDimension) -> list[Stroke]:
@@ -229,14 +232,14 @@ def strokes_of(dimension: LinearDimension) -> list[Stroke]:
     # the line goes on below a text outside
     first = min(first, text_low)
     last = max(last, text_high)
-    found = [_line(dimension, (first, line), (last, line))]
+    strokes = [_line(dimension, (first, line), (last, line))]
     for along, across in (dimension.at(*dimension.start), dimension.at(*dimension.end)):
         past = line + np.sign(line - across) * BEYOND * size
-        found.append(_line(dimension, (along, across), (along, past)))
+        strokes.append(_line(dimension, (along, across), (along, past)))
     outward = np.array(dimension.at(1.0 if wide else -1.0, 0.0))
     for tip, out in ((low, -outward), (high, outward)):
-        found.append(arrow_head(np.array(dimension.at(tip, line)), out, ARROW * size))
-    return found
+        strokes.append(arrow_head(np.array(dimension.at(tip, line)), out, ARROW * size))
+    return strokes
 
 
 def _line(dimension: LinearDimension, first: Place, last: Place) -> Stroke:

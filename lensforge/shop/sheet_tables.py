@@ -44,7 +44,7 @@ class OpticalTable:
 
     @property
     def rows(self) -> list[tuple[str, ...]]:
-        """Lines of all columns beside each other; one of fewer ends in empty ones."""
+        """Lines of all columns side by side; shorter columns end in empty cells."""
         return list(zip_longest(*(column.values() for column in self.columns.values()), fillvalue=""))
 
     def height(self, width: float, unit: float) -> float:
@@ -61,10 +61,14 @@ class OpticalTable:
         return [unit * (_WIDTH if name == MATERIAL else (width - _WIDTH) / faces) for name in self.columns]
 
 
-def optical_table(lens: Lens, part: Part, check: Check, words: DrawingSection) -> OpticalTable:
-    """The table of the faces that were checked, and of the material between those of envelope and cavity."""
+def optical_table(lens: Lens, part: Part, check: Check, drawing: DrawingSection) -> OpticalTable:
+    """The table of the checked faces, with the material between those of envelope and cavity."""
     outwards, inwards = (
-        {face.name: _face(face.name, lens, part, check, words) for face in reversed(faces) if face.name in check.faces}
+        {
+            face.name: _face(face.name, lens, part, check, drawing)
+            for face in reversed(faces)
+            if face.name in check.faces
+        }
         for faces in (lens.body.envelope, lens.body.cavity)
     )
     return OpticalTable({**outwards, MATERIAL: _material(lens), **inwards})
@@ -86,7 +90,7 @@ def _material(lens: Lens) -> _TEXT:
 
 
 def index_wavelength(lens: Lens) -> str:
-    """Wavelength at which the material has its index: of the spec's dispersion, or as the material's name says."""
+    """Wavelength of the material's index: of the spec's dispersion, or as the material's name says."""
     spec = lens.spec.lens
     named = re.search(r"\d+(?:\.\d+)? ?nm\b", spec.material)
     if spec.abbe_number is not None:
@@ -96,7 +100,7 @@ def index_wavelength(lens: Lens) -> str:
     return "wavelength not stated" if spec.dispersion is None else f"at {spec.design_wavelength_nm:g} nm"
 
 
-def _face(name: str, lens: Lens, part: Part, check: Check, words: DrawingSection) -> _TEXT:
+def _face(name: str, lens: Lens, part: Part, check: Check, drawing: DrawingSection) -> _TEXT:
     face = check.faces[name]
     across = widest_mm(lens.surfaces[name], domain_of(lens, name))
     return {
@@ -106,8 +110,8 @@ def _face(name: str, lens: Lens, part: Part, check: Check, words: DrawingSection
         "form": _form(name, lens),
         "profile": _profile(name, lens, part),
         "centring": _centring(name, lens),
-        "imperfections": f"5/ {words.imperfections or NOTHING}",
-        "texture": _texture(name, lens, words.roughness_nm),
+        "imperfections": f"5/ {drawing.imperfections or NOTHING}",
+        "texture": _texture(name, lens, drawing.roughness_nm),
         "coating": f"Coating: {_coating(name, lens)}; {face.area_mm2 / check.scale**2:.1f} mm²",
     }
 
@@ -120,7 +124,7 @@ def _coating(name: str, lens: Lens) -> str:
 
 
 def _shape(name: str, lens: Lens, check: Check) -> str:
-    """The equation of a known form; of others the best-fit sphere, of the part and not of what is cut."""
+    """The equation of a known form, else the best-fit sphere of the part (not of a tool)."""
     sphere = check.faces[name].best_fit_sphere
     radius_mm = sphere.radius_mm / check.scale
     pv_mm = sphere.pv_mm / check.scale
@@ -132,12 +136,12 @@ def _shape(name: str, lens: Lens, check: Check) -> str:
 def _form(name: str, lens: Lens) -> str:
     form = _amount(lens, name, "form_um")
     waves = _amount(lens, name, "waviness_um")
-    words = f"3/ RMS form {form:g} µm" if form else f"3/ {NOTHING}"
-    return f"{words}; waviness {waves:g} µm" if waves else words
+    form_note = f"3/ RMS form {form:g} µm" if form else f"3/ {NOTHING}"
+    return f"{form_note}; waviness {waves:g} µm" if waves else form_note
 
 
 def _profile(name: str, lens: Lens, part: Part) -> str:
-    """Profile of the surface by ISO 1101, against datum A where the STEP carries it so."""
+    """Profile of the surface by ISO 1101, against datum A if the STEP states it so."""
     width_um = lens.spec.manufacture.form_tolerance_um
     if width_um is None:
         return f"Profile of the surface: {NOTHING}"
@@ -149,15 +153,15 @@ def _profile(name: str, lens: Lens, part: Part) -> str:
 
 def _centring(name: str, lens: Lens) -> str:
     """Place against the first face, to which the others are centred."""
-    first, *others = lens.spec.lens.names
+    first, *other_faces = lens.spec.lens.names
     if name == first:
-        referring = [other for other in others if _centred(other, lens)]
+        referring = [face for face in other_faces if _centred(face, lens)]
         reference = f"reference of the {' and '.join(referring)} face" if referring else ""
         flange = lens.spec.lens.rim_flange
         tied = "" if flange is None or flange.tolerance_mm is None else f"±{flange.tolerance_mm:g} mm to A and B"
         return f"4/ {'; '.join(filter(None, (tied, reference))) or NOTHING}"
-    words = _centred(name, lens)
-    return f"4/ {', '.join(words)} to the {first} face" if words else f"4/ {NOTHING}"
+    centring = _centred(name, lens)
+    return f"4/ {', '.join(centring)} to the {first} face" if centring else f"4/ {NOTHING}"
 
 
 def _centred(name: str, lens: Lens) -> list[str]:
@@ -169,11 +173,11 @@ def _centred(name: str, lens: Lens) -> list[str]:
 def _texture(name: str, lens: Lens, height: float | None) -> str:
     slope = _amount(lens, name, "roughness_mrad")
     ripple = _amount(lens, name, "ripple_um")
-    words = ["polished"]
-    words += [f"Rq {height:g} nm"] if height else []
-    words += [f"RΔq {slope:g} mrad"] if slope else []
-    words += [f"rings {1e3 * ripple:g} nm PV"] if ripple else []
-    return ", ".join(words)
+    notes = ["polished"]
+    notes += [f"Rq {height:g} nm"] if height else []
+    notes += [f"RΔq {slope:g} mrad"] if slope else []
+    notes += [f"rings {1e3 * ripple:g} nm PV"] if ripple else []
+    return ", ".join(notes)
 
 
 def _amount(lens: Lens, face: str, field: str) -> float:
@@ -182,7 +186,7 @@ def _amount(lens: Lens, face: str, field: str) -> float:
 
 @dataclass(frozen=True)
 class ToleranceRow:
-    """One tolerance: its amount, where that comes from, and the largest at which enough parts pass ("" if unknown)."""
+    """A tolerance: its amount, its source, and the largest amount at which enough parts pass ("" if unknown)."""
 
     name: str
     amount: str
@@ -204,7 +208,7 @@ class ToleranceTable:
 
 
 def tolerance_table(lens: Lens, studied: Sequence[Group] = ()) -> ToleranceTable:
-    """The tolerances of the spec; ``studied``: facts of the yield under them, none where it has not been computed."""
+    """The tolerances of the spec; ``studied``: facts of the yield under them, empty if it has not been computed."""
     try:
         factors = factors_of(lens.spec.part_tolerances)
     except InputError:  # all of them are 0
@@ -221,18 +225,18 @@ def tolerance_table(lens: Lens, studied: Sequence[Group] = ()) -> ToleranceTable
 def _row(lens: Lens, factor: Factor, budget: Group | None) -> ToleranceRow:
     tolerances = lens.spec.part_tolerances
     is_given = tolerances.given(factor.name) is not None
-    words = amount_words(factor.name, factor.amount, factor.unit)
+    amount = amount_words(factor.name, factor.amount, factor.unit)
     if factor.name.endswith(_RMS):
-        words = f"{words} rms"
+        amount = f"{amount} rms"
     elif factor.name.endswith(_PEAK):
-        words = f"{words} peak to valley"
+        amount = f"{amount} peak to valley"
     elif factor.kind == "spread":
-        words = f"± {words}"
+        amount = f"± {amount}"
     at_most = ""
     if budget is not None:
         most = budget.fact("at_most").text
         at_most = budget.fact("interval").text if most == NOTHING else most
-    return ToleranceRow(factor.words, words, "specification" if is_given else f"preset “{tolerances.preset}”", at_most)
+    return ToleranceRow(factor.words, amount, "specification" if is_given else f"preset “{tolerances.preset}”", at_most)
 
 
 def _sentence(studied: Sequence[Group], passing: str) -> str:

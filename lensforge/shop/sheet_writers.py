@@ -28,11 +28,11 @@ from lensforge.shop.sheet import (
     Place,
     Points,
     Sheet,
+    SheetText,
     Stroke,
-    Words,
     points_of,
 )
-from lensforge.shop.sheet_marks import ARROW, BEYOND, strokes_of, words_of_dimension
+from lensforge.shop.sheet_marks import ARROW, BEYOND, dimension_text, strokes_of
 
 if TYPE_CHECKING:
     from ezdxf.document import Drawing
@@ -58,8 +58,8 @@ def sheet_figure(sheet: Sheet) -> Figure:
     marks = sheet.marks
     strokes = [*marks.strokes, *(stroke for dimension in marks.dimensions for stroke in strokes_of(dimension))]
     _add_lines(axes, strokes, sheet.unit_mm)
-    for word in (*marks.words, *map(words_of_dimension, marks.dimensions)):
-        _write_words(axes, word)
+    for word in (*marks.texts, *map(dimension_text, marks.dimensions)):
+        _write_text(axes, word)
     return figure
 
 
@@ -80,19 +80,19 @@ def _add_lines(axes: Axes, strokes: list[Stroke], unit: float) -> None:
     axes.add_collection(PolyCollection(filled, facecolors=INK, edgecolors="none", clip_on=False))
 
 
-def _write_words(axes: Axes, words: Words) -> None:
-    """The text; its base line is half of the capitals' height below the middle."""
-    x, y = words.at
-    shift = 0.5 * words.height_mm
-    place = (x, y - shift) if words.turned_deg == 0 else (x + shift, y)
+def _write_text(axes: Axes, label: SheetText) -> None:
+    """The text; its baseline lies half the capitals' height below the middle."""
+    x, y = label.at
+    shift = 0.5 * label.height_mm
+    place = (x, y - shift) if label.turned_deg == 0 else (x + shift, y)
     axes.text(
         *place,
-        words.text,
-        size=points_of(words.height_mm),
+        label.text,
+        size=points_of(label.height_mm),
         family=TYPEFACE,
-        ha=words.anchor,
+        ha=label.anchor,
         va="baseline",
-        rotation=words.turned_deg,
+        rotation=label.turned_deg,
         rotation_mode="anchor",
     )
 
@@ -127,8 +127,8 @@ def _document(sheet: Sheet) -> "Drawing":
     _add_styles(document, sheet)
     for stroke in sheet.marks.strokes:
         _add_stroke(document, sheet, stroke)
-    for word in sheet.marks.words:
-        _add_words(document, sheet, word)
+    for word in sheet.marks.texts:
+        _add_text(document, sheet, word)
     for dimension in sheet.marks.dimensions:
         _add_dimension(document, sheet, dimension)
     _add_layout(document, sheet)
@@ -139,7 +139,7 @@ def _document(sheet: Sheet) -> "Drawing":
 
 @contextmanager
 def _without_clock() -> Iterator[None]:
-    """Put neither the time nor new identifiers into a file: ezdxf takes both from the clock as it makes one."""
+    """Keep time and new identifiers out of a file: ezdxf takes both from the clock."""
     from ezdxf import options  # type: ignore[attr-defined]  # public, but not named in __all__
 
     before = options.write_fixed_meta_data_for_testing
@@ -159,7 +159,7 @@ def _add_styles(document: "Drawing", sheet: Sheet) -> None:
             lengths = [_in_model(sheet, length * sheet.unit_mm) for length in pen.dashes_mm]
             signed = [length if k % 2 == 0 else -length for k, length in enumerate(lengths)]
             document.linetypes.add(line, [sum(lengths), *signed], description=line)
-        width = min(_WIDTHS, key=lambda each: abs(each - 100.0 * pen.width_mm * sheet.unit_mm))
+        width = min(_WIDTHS, key=lambda width: abs(width - 100.0 * pen.width_mm * sheet.unit_mm))
         document.layers.add(name.upper(), linetype=line, lineweight=width)
     document.layers.add(_TEXTS, lineweight=18)
     document.layers.add(_DIMENSIONS, lineweight=18)
@@ -204,20 +204,20 @@ def _add_stroke(document: "Drawing", sheet: Sheet, stroke: Stroke) -> None:
         space.add_lwpolyline(points, close=stroke.closed, dxfattribs=attributes)
 
 
-def _add_words(document: "Drawing", sheet: Sheet, words: Words) -> None:
+def _add_text(document: "Drawing", sheet: Sheet, label: SheetText) -> None:
     from ezdxf.enums import TextEntityAlignment
 
     text = document.modelspace().add_text(
-        plain_text(words.text),
-        height=_in_model(sheet, words.height_mm),
-        rotation=words.turned_deg,
+        plain_text(label.text),
+        height=_in_model(sheet, label.height_mm),
+        rotation=label.turned_deg,
         dxfattribs={"layer": _TEXTS, "style": _STYLE},
     )
-    text.set_placement(_place(sheet, words.at), align=TextEntityAlignment[_ALIGN[words.anchor]])
+    text.set_placement(_place(sheet, label.at), align=TextEntityAlignment[_ALIGN[label.anchor]])
 
 
 def plain_text(text: str) -> str:
-    """``text`` with the codes of DXF for signs, and with words for those that typefaces lack."""
+    """``text`` with DXF codes for signs, and spelled out where typefaces lack them."""
     for sign, code in _SIGNS.items():
         text = text.replace(sign, code)
     return text
@@ -226,11 +226,11 @@ def plain_text(text: str) -> str:
 def _add_dimension(document: "Drawing", sheet: Sheet, dimension: LinearDimension) -> None:
     """A dimension that CAD programs measure themselves: ``<>`` in its text is the length between its ends.
 
-    Of a view at another scale than the sheet's it is that times a factor.
+    In a view at another scale than the sheet's a factor corrects that length.
     """
     low, high = dimension.ends_mm
     factor = dimension.length_mm / _in_model(sheet, high - low)
-    own = {} if abs(factor - 1.0) < _SAME_SCALE else {"dimlfac": factor}
+    override = {} if abs(factor - 1.0) < _SAME_SCALE else {"dimlfac": factor}
     made = document.modelspace().add_linear_dim(
         base=_place(sheet, dimension.at(dimension.text_mm, dimension.line_mm)),
         p1=_place(sheet, dimension.start),
@@ -238,10 +238,10 @@ def _add_dimension(document: "Drawing", sheet: Sheet, dimension: LinearDimension
         angle=dimension.turned_deg,
         text=plain_text(f"{dimension.before}<>{dimension.after}"),
         dimstyle=_STYLE,
-        override=own,
+        override=override,
         dxfattribs={"layer": _DIMENSIONS},
     )
-    made.set_location(_place(sheet, words_of_dimension(dimension).at))
+    made.set_location(_place(sheet, dimension_text(dimension).at))
     made.render()
 
 

@@ -20,7 +20,7 @@ from lensforge.scene.lens import Lens
 from lensforge.shop.check_facts import check_facts, finding_groups
 from lensforge.shop.check_result import Check
 from lensforge.shop.dimensions import dimensions
-from lensforge.shop.drawing import DrawingContent, drawing_content, make_sheet, scale_words
+from lensforge.shop.drawing import DrawingContent, drawing_content, make_sheet, scale_label
 from lensforge.shop.handover import DXF_FILE, PDF_FILE, PLATE_DXF_FILE, PLATE_PDF_FILE, POINTS_FILE, Handover, PointGrid
 from lensforge.shop.plate_drawing import place_rows, plate_notes, plate_sheet
 from lensforge.shop.point_tables import GridRequest, dense_tables, faces_to_cut, origin_lines, points_table
@@ -52,11 +52,11 @@ def make_handover(
     check: Check,
     studied: list[Group],
     request: GridRequest | None = None,
-    words: DrawingSection | None = None,
+    drawing: DrawingSection | None = None,
 ) -> Handover:
     """Make the files that go to the shop with the STEP.
 
-    ``studied``: facts of the yield, empty if it has not been computed. ``request``: of the dense tables. ``words``:
+    ``studied``: facts of the yield, empty if it has not been computed. ``request``: of the dense tables. ``drawing``:
     of title block and notes; None: the spec's. Raises :class:`InputError` for tables that cannot be made so.
     """
     lens = part.lens
@@ -65,12 +65,12 @@ def make_handover(
     grids = dense_tables(lens, head, request)
     tables = {POINTS_FILE: points_table(lens, check, head).encode(), **{grid.file: grid.content for grid in grids}}
     tolerances = tolerance_table(lens, studied)
-    words = words or lens.spec.drawing
-    drawn = drawing_content(lens, part, check, dimensions(lens), tolerances, words)
-    sheet = make_sheet(drawn, words.sheet or "A3")
+    drawing = drawing or lens.spec.drawing
+    drawn = drawing_content(lens, part, check, dimensions(lens), tolerances, drawing)
+    sheet = make_sheet(drawn, drawing.sheet or "A3")
     layout = layout_of(lens)
     made = layout is not None and lens.makes_plate
-    plate = plate_sheet(lens, part, layout, words, words.sheet or "A3") if made and layout is not None else None
+    plate = plate_sheet(lens, part, layout, drawing, drawing.sheet or "A3") if made and layout is not None else None
     dxf = sheet_dxf(sheet)
     figures = _pictures(check)
     plate_dxf = None if plate is None else sheet_dxf(plate)
@@ -80,7 +80,7 @@ def make_handover(
     content = _tables(part, check, drawn, tolerances, grids, hashes)
     sheets = [(sheet, PDF_FILE, DXF_FILE)]
     if plate is not None and layout is not None:
-        content[1:1] = _plate_tables(lens, layout, plate, words)
+        content[1:1] = _plate_tables(lens, layout, plate, drawing)
         sheets.insert(0, (plate, PLATE_PDF_FILE, PLATE_DXF_FILE))
     title = f"{drawn.title}: for manufacture"
     return Handover(
@@ -101,8 +101,8 @@ def make_handover(
 
 def made_by(part: Part, process: Process) -> Part:
     """The part as another process makes it: of the same body, without faces that are scaled for a mould."""
-    kept = {name: stamp for name, stamp in part.files.items() if name != SURFACES_FILE}
-    return part.changed(lens=as_built(part.lens, process), untrimmed_surfaces=None, surfaces_step=None, files=kept)
+    files = {name: stamp for name, stamp in part.files.items() if name != SURFACES_FILE}
+    return part.changed(lens=as_built(part.lens, process), untrimmed_surfaces=None, surfaces_step=None, files=files)
 
 
 def _tables(
@@ -114,14 +114,14 @@ def _tables(
     hashes: dict[str, str],
 ) -> list[Table]:
     lens = part.lens
-    sizes = [(size.name, shown(size.value_mm), size.tolerance, size.scope_words) for size in drawn.views.dimensions]
+    sizes = [(size.name, shown(size.value_mm), size.tolerance, size.scope_phrase) for size in drawn.views.dimensions]
     notes = [f"{number}. {note}" for number, note in enumerate(drawn.notes, 1)]
     findings = [
         (f"{group.title}: {fact.label.lower()}", fact.text, ". Change: ".join(filter(None, (fact.note, fact.remedy))))
         for group in finding_groups(check)
         for fact in group.facts
     ]
-    criteria = [shown_criterion(each) for each in (*part.criteria, *check.criteria)]
+    criteria = [shown_criterion(criterion) for criterion in (*part.criteria, *check.criteria)]
     judged = [(fact.label, fact.text, fact.required, fact.state) for fact in criteria]
     dense = table_facts(grids)
     return [
@@ -137,9 +137,9 @@ def _tables(
     ]
 
 
-def _plate_tables(lens: Lens, layout: PlateLayout, plate: Sheet, words: DrawingSection) -> list[Table]:
+def _plate_tables(lens: Lens, layout: PlateLayout, plate: Sheet, drawing: DrawingSection) -> list[Table]:
     sizes = [(dimension.name, dimension.text) for dimension in plate.marks.dimensions]
-    notes = [f"{number}. {note}" for number, note in enumerate(plate_notes(lens, layout, words), 1)]
+    notes = [f"{number}. {note}" for number, note in enumerate(plate_notes(lens, layout, drawing), 1)]
     places = Table("Places on the plate", place_rows(layout), ("", "x (mm)", "y (mm)", ""))
     return [
         Table("Sizes of the plate", sizes, ("Size", "mm")),
@@ -149,7 +149,7 @@ def _plate_tables(lens: Lens, layout: PlateLayout, plate: Sheet, words: DrawingS
 
 
 def _tolerance_tables(tolerances: ToleranceTable) -> list[Table]:
-    """A table for each group, its last column only where an amount is known; the sentence above all of them."""
+    """A table for each group; the column of largest amounts only if known; the sentence above the first."""
     head = ("Tolerance", "Amount", "From", "At most")
     tables = [Table("Tolerances", sentences=[tolerances.sentence])]
     for title, rows in (("The lens", tolerances.lens), ("LED and mounting", tolerances.assembly)):
@@ -178,11 +178,11 @@ def _page(
     title: str, sheets: list[tuple[Sheet, str, str]], tables: list[Table], figures: Pictures, version: str
 ) -> str:
     drawings = [
-        (f"Drawing, {sheet.name}, scale {scale_words(sheet.scale)}; the same as {pdf} and {dxf}", sheet_figure(sheet))
+        (f"Drawing, {sheet.name}, scale {scale_label(sheet.scale)}; the same as {pdf} and {dxf}", sheet_figure(sheet))
         for sheet, pdf, dxf in sheets
     ]
     drawn = [*drawings, *figures]
-    pictures = [(words, Markup(to_svg(figure, f"handover{k}", words))) for k, (words, figure) in enumerate(drawn)]
+    pictures = [(caption, Markup(to_svg(figure, f"handover{k}", caption))) for k, (caption, figure) in enumerate(drawn)]
     environment = Environment(loader=FileSystemLoader(_TEMPLATES), autoescape=True)
     template = environment.get_template("manufacturing.html")
     count = len(sheets)
@@ -220,7 +220,7 @@ def table_facts(grids: tuple[PointGrid, ...]) -> Group:
 
 
 def _make(lens: Lens, part: Part) -> Iterator[Fact]:
-    """Process and object that is cut; of a mould insert the shrinkage, and the files that carry it."""
+    """Process and object that is cut; for a mould insert the shrinkage, and its files."""
     shop = lens.spec.manufacture
     made = "mould inserts" if shop.cuts == "inserts" else f"the lens itself, {shop.process}"
     yield Fact("process", "To be manufactured", made)

@@ -36,7 +36,7 @@ _LINE = "#111111"  # on pale map colours, in light and dark mode
 
 @in_report_style
 def sag_map(sag_mm: ChartMap) -> Figure:
-    """Deviation from the best-fit sphere along its normal; positive: farther from the centre than the sphere."""
+    """Deviation from the best-fit sphere along its normal; positive if farther from the centre than the sphere."""
     unit, scale = _readable(sag_mm)
     return _deviation_map(sag_mm * scale, f"deviation from the sphere ({unit})")
 
@@ -79,7 +79,7 @@ def curvature_map(kappa_min: ChartMap, tip_radius_mm: float | None) -> Figure:
 
 @in_report_style
 def uncut_map(residual_mm: ChartMap) -> Figure:
-    """Height of the material that the cutter leaves; grey where it leaves none."""
+    """Height of material left by the cutter; grey where none is left."""
     figure, axes, bar = new_map(**_PLACE)
     axes.add_patch(Circle((0.0, 0.0), 1.0, color=_REACHED, linewidth=0, zorder=-1.0))
     unit, scale = _readable(residual_mm)
@@ -91,15 +91,15 @@ def uncut_map(residual_mm: ChartMap) -> Figure:
 
 @in_report_style
 def fault_map(kinds: ChartMap) -> Figure:
-    """Map of what is in the way where a face cannot be made as designed; grey where nothing is."""
+    """Map of the obstacles where a face cannot be made as designed; grey elsewhere."""
     figure, axes, bar = new_map(**_PLACE)
     bar.set_axis_off()
     axes.add_patch(Circle((0.0, 0.0), 1.0, color=_REACHED, linewidth=0, zorder=-1.0))
-    there = [fault for fault in Fault if (kinds == fault).any() and fault is not Fault.NONE]
+    found_faults = [fault for fault in Fault if (kinds == fault).any() and fault is not Fault.NONE]
     shown = np.where(kinds > Fault.NONE, kinds, np.nan)
     colours = ListedColormap([_FAULTS[fault][0] for fault in _FAULTS])
     _show(axes, shown, colours, min(_FAULTS) - 0.5, max(_FAULTS) + 0.5)
-    patches = [Patch(color=_FAULTS[fault][0], label=_FAULTS[fault][1]) for fault in there]
+    patches = [Patch(color=_FAULTS[fault][0], label=_FAULTS[fault][1]) for fault in found_faults]
     axes.legend(handles=patches, loc="upper left", bbox_to_anchor=(0.0, 0.0), frameon=False, fontsize=8.0)
     return figure
 
@@ -140,6 +140,6 @@ def _show(
 
 
 def _filled(values: ChartMap) -> ChartMap:
-    """Values with NaN beside the face replaced by its nearest node: the picture is clipped at the rim, not by nodes."""
+    """Values with NaN beside the face replaced by the nearest node, so that the rim alone clips the picture."""
     away, nearest = distance_transform_edt(np.isnan(values), return_indices=True)
     return np.where(away <= _BESIDE_NODES, values[tuple(nearest)], np.nan)

@@ -43,7 +43,7 @@ def tool_reach(
 ) -> ToolReach:
     """Shares of a face that ``tool`` reaches; ``away``: unit vector along the untilted tool, from ball to holder.
 
-    ``ball_fits``: True where its ball alone reaches; ``obstacles``: points of the part, the face's own among them.
+    ``ball_fits``: True where the ball alone reaches; ``obstacles``: points of the part, including the face.
     """
     centres = samples.points + tool.radius_mm * samples.normals
     remaining = np.flatnonzero(ball_fits)
@@ -64,7 +64,7 @@ def tool_reach(
 
 
 def tool_axes(away: Float[np.ndarray, "3"], max_tilt_rad: float) -> Float[np.ndarray, "n 3"]:
-    """Unit vectors tilted from ``away`` (+z or -z) by no more than the largest tilt, least tilt first."""
+    """Unit vectors tilted from ``away`` (+z or -z) by at most the largest tilt, least tilt first."""
     axes = [away]
     tilts = (
         [*np.arange(_TILT_STEP_RAD, max_tilt_rad - 1e-9, _TILT_STEP_RAD), max_tilt_rad] if max_tilt_rad > 0.0 else []
@@ -96,7 +96,7 @@ def _is_clear(
 
 
 def _across(axis: Float[np.ndarray, "3"]) -> tuple[Float[np.ndarray, "3"], Float[np.ndarray, "3"]]:
-    """Two unit vectors that form an orthonormal frame with ``axis``."""
+    """Two unit vectors that complete ``axis`` to an orthonormal frame."""
     first = np.cross(axis, np.eye(3)[int(np.argmin(np.abs(axis)))])
     first /= np.linalg.norm(first)
     return first, np.cross(axis, first)
@@ -111,7 +111,7 @@ def check_tools(
 ) -> tuple[ToolResult, ...]:
     """Reach of each tool on each face.
 
-    ``plan``: the body with its base, None for a mould insert; ``custom``: the base from a STEP file, if there is one.
+    ``plan``: the body with its base, None for a mould insert; ``custom``: the base from a STEP file, None without one.
     """
     if not tools:
         return ()

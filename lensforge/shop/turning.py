@@ -51,7 +51,7 @@ class Meridian:
 
     @staticmethod
     def of(face: OpticalFace, count: int) -> "Meridian":
-        """``count`` points of ``face``, evenly along the meridian, its ends among them."""
+        """``count`` points of ``face``, evenly along the meridian, both ends included."""
         low, high = (float(radius[0]) for radius in face.domain.radii(np.zeros(1)))
         even = np.linspace(low, high, _FINE)
         way = way_along(face.patch.points(_on_meridian(even)))
@@ -65,7 +65,7 @@ class Meridian:
 
     @staticmethod
     def near(face: OpticalFace, apart_mm: float) -> Points:
-        """Points of ``face`` no farther apart than asked, as far as their number allows."""
+        """Points of ``face`` at most ``apart_mm`` apart, as far as their number allows."""
         length = way_along(Meridian.of(face, _CONTACTS).points)[-1]
         return Meridian.of(face, int(np.clip(np.ceil(length / apart_mm) + 1, _CONTACTS, _FINE))).points
 
@@ -76,9 +76,7 @@ def _on_meridian(chart: Float[np.ndarray, " k"]) -> Float[np.ndarray, "k 2"]:
 
 @dataclass(frozen=True)
 class LatheTool:
-    """Radius of its nose and width in a bore (mm), angle of its flanks, with their clearance, to its axis, and the
-    largest tilt of that (rad).
-    """
+    """A turning tool: nose radius, width in a bore, angle of its flanks to its axis with clearance, largest tilt."""
 
     radius_mm: float
     width_mm: float
@@ -92,9 +90,9 @@ class LatheTool:
         return LatheTool(shop.nose_radius_mm, shop.shank_width_mm, flank_rad, most_rad)
 
     def tilts_rad(self, slopes: Float[np.ndarray, " k"]) -> Float[np.ndarray, " t"]:
-        """Even tilts to try, the least first, after the one from which the normals at ``slopes`` (rad) are nearest.
+        """Tilts to try: first the one nearest to all normals at ``slopes`` (rad), then even ones, the least first.
 
-        Of those at which the nose has each of the normals, where there are such, else of all.
+        Only tilts at which the nose has each of the normals, if there are such, else all.
         """
         most = self.most_tilt_rad
         steepest = np.pi / 2.0 - self.flank_rad
@@ -118,7 +116,7 @@ class LatheTool:
         return np.asarray(~inside.any(axis=1) & (face.normals @ axis >= sine - 1e-5))
 
     def nose_enters(self, face: Meridian, obstacles: Points) -> Bool[np.ndarray, " k"]:
-        """True where the nose on the face enters one of the obstacles."""
+        """True where the nose on the face enters an obstacle."""
         if not len(obstacles):
             return np.zeros(len(face.chart), dtype=bool)
         distance, _ = cKDTree(obstacles).query(face.points + self.radius_mm * face.normals)
@@ -126,7 +124,7 @@ class LatheTool:
 
 
 def _middle(slopes: Float[np.ndarray, " k"], most_rad: float) -> float:
-    """Tilt (rad) of a tool's axis from which the normals are farthest by the least."""
+    """Tilt (rad) of a tool's axis that minimises the largest angle to the normals."""
     return float(np.clip((slopes.min() + slopes.max()) / 2.0, -most_rad, most_rad))
 
 
@@ -143,7 +141,7 @@ class TurnedFace(FaceCheck):
         return self.tool
 
     def worst_places(self) -> dict[str, Float[np.ndarray, "3"]]:
-        """Worst samples; the tightest place of the meridian, and that over which most is left, in the plane y = 0."""
+        """Worst samples: the tightest of the meridian, and the one with the most material left, in the plane y = 0."""
         most_left = self.samples.points[np.argmax(np.nan_to_num(self.residual_mm, nan=np.inf))]
         distance, height = self.meridian.points[np.argmin(self.meridian.curvatures)]
         nose = np.array([distance, 0.0, height])
@@ -154,7 +152,7 @@ class TurnedFace(FaceCheck):
 class _Setup:
     """A face on the lathe: contacts, direction of a shank that is not tilted, slopes of the normals to that (rad).
 
-    ``near``: of its obstacles, as close as the nose needs them, ``far``: as the flanks do, on both sides of the axis.
+    ``near``: its obstacles as densely as the nose needs them, ``far``: as the flanks do, on both sides of the axis.
     """
 
     tool: LatheTool
@@ -170,8 +168,8 @@ class _Setup:
         return float(self.contacts.areas[where].sum() / self.contacts.areas.sum())
 
     def best(self, fixture: Points) -> tuple[Bool[np.ndarray, " k"], float]:
-        """Contacts that are reached at the best tilt, and this (rad)."""
-        far, near = (np.concatenate([each, _both_sides([fixture])]) for each in (self.far, self.near))
+        """Contacts reached at the best tilt, and that tilt (rad)."""
+        far, near = (np.concatenate([points, _both_sides([fixture])]) for points in (self.far, self.near))
         fits = ~self.tool.nose_enters(self.contacts, near)
         tilts = self.tool.tilts_rad(self.slopes)
         reached = np.zeros(len(fits), dtype=bool)
@@ -192,14 +190,14 @@ class _Setup:
 
 
 def turned_face(face: FaceCheck, tool: LatheTool, fixture: Points) -> TurnedFace:
-    """The measured ``face`` with the reach of ``tool``; ``fixture``: points of base and flange, if there are any."""
+    """The measured ``face`` with the reach of ``tool``; ``fixture``: points of base and flange."""
     optical = face.samples.face
     upright = float(optical.away[2])
     fine = Meridian.of(optical, _FINE)
     contacts = Meridian.of(optical, _CONTACTS)
     slopes = np.arctan2(fine.normals[:, 0], upright * fine.normals[:, 1])
-    near = [Meridian.near(each, tool.radius_mm / _OF_NOSE) for each in (optical, *optical.beside)]
-    far = [contacts.points, *(Meridian.of(each, _CONTACTS).points for each in optical.beside)]
+    near = [Meridian.near(part, tool.radius_mm / _OF_NOSE) for part in (optical, *optical.beside)]
+    far = [contacts.points, *(Meridian.of(part, _CONTACTS).points for part in optical.beside)]
     corner = tool.nose_enters(contacts, _both_sides(near[1:]))
     setup = _Setup(tool, contacts, upright, slopes, _both_sides(near), _both_sides(far), corner)
     reached, tilt_rad = setup.best(fixture)

@@ -32,7 +32,7 @@ def turning_findings(spec: Spec, faces: Mapping[str, FaceResult]) -> Iterator[Fa
 
 
 def _of_no_revolution(name: str, spec: Spec) -> Fact:
-    """No lathe makes such a face; a mill does, or a search without functions beyond the profiles."""
+    """A face that is not of revolution; remedies: a mill, or a search without functions beyond the profiles."""
     reason = f"the {name} face is not of revolution: no turning tool makes it"
     rounder = "lens.levels = [] and design again" if spec.lens.may_be_round and spec.lens.levels else ""
     changes = ['manufacture.process = "milled"', rounder]
@@ -52,13 +52,13 @@ def _nose(name: str, tool: TurningTool, spec: Spec) -> Fact:
         reason = (
             f"a nose of {nose} radius {fits} the meridian of the {name} face, whose min. concave radius is {tightest}"
         )
-    again = design_again("concave_radius_mm", radius_mm, spec, name) if spec.manufacture.cuts == "lens" else None
+    redesign = design_again("concave_radius_mm", radius_mm, spec, name) if spec.manufacture.cuts == "lens" else None
     smaller = None if largest_mm is None else Change("manufacture.nose_radius_mm", rounded_down_mm(largest_mm))
-    return finding_on("nose", name, radius_mm, largest_mm, reason, [again, smaller], tolerance)
+    return finding_on("nose", name, radius_mm, largest_mm, reason, [redesign, smaller], tolerance)
 
 
 def _slope(name: str, tool: TurningTool, spec: Spec) -> Fact:
-    """The slopes of the face against the flanks of the tool, which has one tilt for all of it."""
+    """Slopes of the face against the flanks of the tool, whose tilt is the same for all of the face."""
     shop = spec.manufacture
     most_deg = shop.steepest_deg
     narrowest = 2.0 * (90.0 - tool.slope_deg - shop.clearance_deg)
@@ -73,23 +73,23 @@ def _slope(name: str, tool: TurningTool, spec: Spec) -> Fact:
 
 
 def _reach(name: str, tool: TurningTool, spec: Spec) -> Fact:
-    """Reach of the whole tool, but for fillets in corners; where it is less than all, what is in its way."""
-    share, bare = (min(each + tool.corner_fraction, 1.0) for each in (tool.reachable_fraction, tool.bare_fraction))
+    """Reach of the whole tool, apart from fillets in corners; if it is incomplete, what is in its way."""
+    reached, bare = (min(share + tool.corner_fraction, 1.0) for share in (tool.reachable_fraction, tool.bare_fraction))
     shop = spec.manufacture
     tilted = f"tilted by {quantity(abs(tool.tilt_deg), 'deg', digits=3)}"
     changes = []
-    if within(share, ">=", 1.0, SHARE_TOLERANCE):
+    if within(reached, ">=", 1.0, SHARE_TOLERANCE):
         but = " but its corners" if tool.corner_fraction > 0.0 else ""
         reason = f"{tilted}, the tool reaches the whole {name} face{but}"
     else:
-        reason = f"{tilted}, the tool reaches {percent(share)} of the {name} face"
-        if bare > share:
+        reason = f"{tilted}, the tool reaches {percent(reached)} of the {name} face"
+        if bare > reached:
             reason += f"; {percent(bare)} without base and flange"
             changes.append('base.kind = "none"')
         if not within(bare, ">=", 1.0, SHARE_TOLERANCE):
             reason += "; elsewhere its flanks or its shank meet the work"
-            changes += [f"manufacture.{each} below {getattr(shop, each):g}" for each in _SLIMMER]
-    return finding_on("turning", name, share, 1.0, reason, changes, SHARE_TOLERANCE)
+            changes += [f"manufacture.{field} below {getattr(shop, field):g}" for field in _SLIMMER]
+    return finding_on("turning", name, reached, 1.0, reason, changes, SHARE_TOLERANCE)
 
 
 def _corner(name: str, tool: TurningTool) -> Fact:
@@ -107,15 +107,15 @@ def _corner(name: str, tool: TurningTool) -> Fact:
 
 
 def _of_width(share: float) -> float:
-    """Width of a ring at the edge of a disc that takes a ``share`` of it, over its radius; no face has one narrower.
+    """Radial width of a ring at the edge of a disc with a ``share`` of its area, over the disc's radius.
 
-    A fillet is as wide as the nose is round.
+    No face has a narrower one; a fillet is as wide as the radius of the nose.
     """
     return 1.0 - sqrt(1.0 - share)
 
 
 def layer_findings(spec: Spec, faces: Mapping[str, FaceResult]) -> Iterator[Fact]:
-    """The steps between the layers of a print against half of the zone of form, where the spec has both."""
+    """Step height between the layers of a print against half of the form zone, if the spec has both."""
     width_um = spec.manufacture.form_tolerance_um
     layer_um = spec.manufacture.layer_um
     if width_um is None or layer_um is None:

@@ -22,8 +22,8 @@ from lensforge.shop.sheet import (
     PenName,
     Place,
     Points,
+    SheetText,
     Stroke,
-    Words,
     box_of,
     shown,
     width_of,
@@ -34,11 +34,11 @@ from lensforge.shop.sheet_marks import (
     arrow_head,
     axes_mark,
     datum_symbol,
+    dimension_text,
     hatch,
     occupied,
     section_plane,
     text_span,
-    words_of_dimension,
 )
 from lensforge.shop.view_lines import SectionView, ViewLine
 
@@ -56,7 +56,7 @@ _CIRCLE = np.linspace(0.0, 2.0 * np.pi, 181)
 
 @dataclass(frozen=True)
 class ViewContent:
-    """Lines (mm, of the part) of one section or two, of the views from the base and of the dome; sizes and datums.
+    """Lines (mm, of the part) of one or two sections, of the views from the base and of the dome; sizes and datums.
 
     ``mould``: places (z, across) in the first section of the parting line and the gate, by their labels.
     """
@@ -69,7 +69,7 @@ class ViewContent:
     mould: dict[str, Place]
 
     def section_box(self, section: SectionView) -> Box:
-        """The box of a section in (z, across), with what lies behind and before it."""
+        """The box of the section in (z, across), with lines behind and before it."""
         return _box(np.concatenate([*section.outlines, *(line.points for line in section.lines)]))
 
     @property
@@ -80,7 +80,7 @@ class ViewContent:
     @property
     def dome_box(self) -> Box:
         """The box of the view of the dome in (-y, x), its circles included."""
-        half = max((each.value_mm / 2.0 for each in self.drawn("dome")), default=0.0)
+        half = max((circle.value_mm / 2.0 for circle in self.drawn("dome")), default=0.0)
         return _box(np.concatenate([*(line.points for line in self.dome), [(-half, -half), (half, half)]]))
 
     @property
@@ -90,7 +90,7 @@ class ViewContent:
 
     @property
     def width(self) -> float:
-        """Width (mm, of the part) of all views beside each other."""
+        """Width (mm, of the part) of all views side by side."""
         return sum(box[2] - box[0] for box in self.boxes)
 
     @property
@@ -104,13 +104,13 @@ class ViewContent:
 
 
 def room_of(marks: Marks) -> Box:
-    """The room on paper that all of it needs."""
+    """The box on paper of all marks."""
     boxes = [_box(stroke.points) for stroke in marks.strokes]
-    boxes += [box_of(word) for word in marks.words]
-    boxes += [box_of(words_of_dimension(dimension)) for dimension in marks.dimensions]
-    for each in marks.dimensions:
-        low, high = occupied(each)
-        boxes.append((*each.at(low, each.line_mm), *each.at(high, each.line_mm)))
+    boxes += [box_of(word) for word in marks.texts]
+    boxes += [box_of(dimension_text(dimension)) for dimension in marks.dimensions]
+    for dimension in marks.dimensions:
+        low, high = occupied(dimension)
+        boxes.append((*dimension.at(low, dimension.line_mm), *dimension.at(high, dimension.line_mm)))
     low, high = np.array(boxes)[:, :2].min(axis=0), np.array(boxes)[:, 2:].max(axis=0)
     return float(low[0]), float(low[1]), float(high[0]), float(high[1])
 
@@ -140,7 +140,7 @@ class PaperView:
     def dimension(
         self, name: str, first: Place, last: Place, turned_deg: int, before: str = "", after: str = ""
     ) -> LinearDimension:
-        """A dimension between two places (mm), its line and its text not placed yet."""
+        """A dimension between two places (mm); its line and text are placed later."""
         (x, y), (u, v) = self.at([first, last]).tolist()
         axis = turned_deg // 90
         size = LETTERS * self.unit
@@ -150,9 +150,9 @@ class PaperView:
 
 
 def fitted(draw: Callable[[PaperView], Marks], least_mm: float, room: Box, unit: float) -> PaperView:
-    """The view at the largest scale at which what is drawn fits, in the middle of its ``room`` (on paper).
+    """The view at the largest scale that fits, in the middle of its ``room`` (on paper).
 
-    ``least_mm``: width of the part in it, without dimensions. Raises :class:`InputError` where it fits at none.
+    ``least_mm``: width of the part in it, without dimensions. Raises :class:`InputError` if it fits at no scale.
     """
     wide, high = room[2] - room[0], room[3] - room[1]
     for scale in SCALES:
@@ -166,11 +166,11 @@ def fitted(draw: Callable[[PaperView], Marks], least_mm: float, room: Box, unit:
 
 
 def draw_views(content: ViewContent, view: PaperView) -> Marks:
-    """All views, the origin of the part in the section S-S at that of ``view``."""
+    """All views; the origin of the part in section S-S is that of ``view``."""
     views = Marks()
     gap, level = (_GAP * view.unit, view.origin[1])
     top = level + view.scale * content.half_height
-    first, *others = content.sections
+    first, *other_sections = content.sections
 
     def at(x: float) -> PaperView:
         return replace(view, origin=(x, level))
@@ -178,7 +178,7 @@ def draw_views(content: ViewContent, view: PaperView) -> Marks:
     views.add(_section_marks(content, first, view, top))
     left, lowest, right, _ = room_of(views)
     views.add(_base_marks(content, at(right + gap - view.scale * content.base_box[0]), top, lowest))
-    for section in others:
+    for section in other_sections:
         beside = room_of(views)[2] + gap - room_of(_section_marks(content, section, at(0.0), top))[0]
         views.add(_section_marks(content, section, at(beside), top))
     views.add(_dome_marks(content, at(left - gap - view.scale * content.dome_box[2]), top))
@@ -194,16 +194,20 @@ def _section_marks(content: ViewContent, section: SectionView, view: PaperView, 
     marks.strokes += [view.line(line.points, line.pen) for line in section.lines]
     marks.strokes.append(Stroke(np.array([(x + low - 4.0 * unit, y), (x + high + 4.0 * unit, y)]), "axis"))
     name: ViewName = "S" if section is content.sections[0] else "T"
-    mine = content.drawn(name)
-    beyond = [each for each in mine if each.upright and _rim_is_beside(each, section)]
-    beside = [each for each in mine if each.upright and each not in beyond]
+    drawn = content.drawn(name)
+    upright = [dimension for dimension in drawn if dimension.upright]
+    beyond = [dimension for dimension in upright if _rim_is_beside(dimension, section)]
+    beside = [dimension for dimension in upright if dimension not in beyond]
     plane = content.datums.find("A") if name == "S" else None
     marked = () if plane is None or plane.z_mm is None else (x + view.scale * plane.z_mm,)
     columns = placed(_on_paper(beside, view), x + low - FIRST * unit, -ROW * unit)
     columns += placed(_on_paper(beyond, view), x + high + (FIRST + 2.0) * unit, ROW * unit)
     below = min([y + bottom, *(occupied(column)[0] for column in columns)])
     rows = placed(
-        _on_paper([each for each in mine if not each.upright], view), below - FIRST * unit, -ROW * unit, marked
+        _on_paper([dimension for dimension in drawn if not dimension.upright], view),
+        below - FIRST * unit,
+        -ROW * unit,
+        marked,
     )
     marks.dimensions += [*rows, *columns]
     if name == "S":
@@ -213,7 +217,7 @@ def _section_marks(content: ViewContent, section: SectionView, view: PaperView, 
         for text, place in content.mould.items():
             _add_mould_mark(marks, view, text, place)
     label = 0.5 * (low + high) + x, above + 14.0 * unit
-    marks.words.append(Words(label, f"{section.letter}–{section.letter}", LETTERS * unit, "center"))
+    marks.texts.append(SheetText(label, f"{section.letter}–{section.letter}", LETTERS * unit, "center"))
     across = {0.0: "x", 90.0: "y"}.get(section.azimuth_deg, f"{section.azimuth_deg:g}°")
     marks.add(axes_mark((label[0] + 8.0 * unit, label[1] - 2.0 * unit), "z", across, unit))
     return marks
@@ -228,11 +232,11 @@ def _add_mould_mark(marks: Marks, view: PaperView, text: str, place: Place) -> N
     end = y + 6.0 * unit
     beside = x + (1.0 if anchor == "left" else -1.0) * unit
     marks.strokes += [Stroke(np.array([tip, (x, end)])), arrow_head(tip, np.array([0.0, -1.0]), LETTERS * unit)]
-    marks.words.append(Words((beside, end), text, LETTERS * unit, anchor))
+    marks.texts.append(SheetText((beside, end), text, LETTERS * unit, anchor))
 
 
 def _rim_is_beside(dimension: Dimension, section: SectionView) -> bool:
-    """True for the flange at the rim, and for the outer rim where the base is wider: it would lie in its lines' way."""
+    """True for the flange at the rim, and for the outer rim if the base is wider and its lines would cross."""
     if dimension.name == FLANGE_WIDTH:
         return True
     points = np.concatenate(section.outlines)
@@ -275,7 +279,7 @@ def _dome_marks(content: ViewContent, view: PaperView, above: float) -> Marks:
 
 
 def _line_marks(lines: list[ViewLine], box: Box, view: PaperView) -> tuple[Marks, Box]:
-    """Lines of a view along the axis, and its axes across all of it; and its box on paper about its origin."""
+    """Lines of a view along the axis with axes across it, and its box on paper about its origin."""
     left, bottom, right, top = (view.scale * value for value in box)
     x, y = view.origin
     more = 4.0 * view.unit
@@ -286,7 +290,7 @@ def _line_marks(lines: list[ViewLine], box: Box, view: PaperView) -> tuple[Marks
 
 
 def _on_paper(dimensions: list[Dimension], view: PaperView) -> list[LinearDimension]:
-    found = []
+    lines = []
     for dimension in dimensions:
         assert dimension.ends is not None
         before, after = dimension.sign, " general"
@@ -295,12 +299,12 @@ def _on_paper(dimensions: list[Dimension], view: PaperView) -> list[LinearDimens
         elif dimension.tolerance_mm is not None:
             after = f" ±{shown(dimension.tolerance_mm)}"
         made = view.dimension(dimension.name, *dimension.ends, 90 if dimension.upright else 0, before, after)
-        found.append(replace(made, length_mm=dimension.value_mm))
-    return found
+        lines.append(replace(made, length_mm=dimension.value_mm))
+    return lines
 
 
 def _add_plane(marks: Marks, datums: DatumScheme, view: PaperView, foot: float, lowest: float) -> None:
-    """The symbol of a plane across the axis, on a line that extends it below the dimensions."""
+    """The symbol of a plane across the axis, on an extension line below the dimensions."""
     plane = datums.find("A")
     unit = view.unit
     if plane is None or plane.z_mm is None:
@@ -312,7 +316,7 @@ def _add_plane(marks: Marks, datums: DatumScheme, view: PaperView, foot: float, 
 
 
 def add_centres(marks: Marks, datums: DatumScheme, lines: list[LinearDimension], unit: float) -> None:
-    """The symbols of axes and middle planes, in line with the dimensions of their features, beyond all others."""
+    """The symbols of axes and middle planes, in line with their features' dimensions, outside all others."""
     far = max((occupied(line)[1] for line in lines), default=0.0)
     for datum in datums.datums:
         for line in lines:
@@ -326,12 +330,12 @@ def placed(
 ) -> list[LinearDimension]:
     """``dimensions`` at a side of a view, each with its line and the place of its text, the shortest nearest to it.
 
-    ``first_mm``: the first dimension line; ``step_mm``: from each to the next, negative to left and down.
+    ``first_mm``: the first dimension line; ``step_mm``: from line to line, negative to the left and down.
     ``through_mm``: places along the dimension lines at which other lines cross all of them. Each takes the nearest row
     in which its text is clear of all lines, also of those to come if possible.
     """
     rows: list[list[LinearDimension]] = []
-    waiting = sorted(dimensions, key=lambda each: each.length_mm)
+    waiting = sorted(dimensions, key=lambda dimension: dimension.length_mm)
     while waiting:
         dimension = waiting.pop(0)
         ends = [*through_mm, *(end for other in waiting for end in other.ends_mm)]  # they will come past it
@@ -343,14 +347,14 @@ def placed(
             if _is_free(candidate, number, rows, coming)
         )
         last = len(rows)
-        number, found = next(free, (last, next(_candidates(dimension, first_mm + last * step_mm, []))))
+        number, candidate = next(free, (last, next(_candidates(dimension, first_mm + last * step_mm, []))))
         rows += [[]] if number == last else []
-        rows[number].append(found)
+        rows[number].append(candidate)
     return [dimension for row in rows for dimension in row]
 
 
 def _candidates(dimension: LinearDimension, line_mm: float, lines: list[float]) -> Iterator[LinearDimension]:
-    """The dimension with its text in the middle, near an end, outside, or just beyond one of ``lines`` outside."""
+    """The dimension with its text in the middle, near an end, outside, or just beyond one of ``lines``."""
     low, high = dimension.ends_mm
     size = dimension.height_mm
     text = width_of(dimension.text, dimension.height_mm)
@@ -362,14 +366,14 @@ def _candidates(dimension: LinearDimension, line_mm: float, lines: list[float]) 
     past = 0.5 * text + 0.7 * size
     beyond = [line + past for line in lines if line + past > high + outside]
     beyond += [line - past for line in lines if line - past < low - outside]
-    for place in (*places, *sorted(beyond, key=lambda each: abs(each - middle))):
+    for place in (*places, *sorted(beyond, key=lambda place_mm: abs(place_mm - middle))):
         yield replace(dimension, line_mm=line_mm, text_mm=place)
 
 
 def _is_free(candidate: LinearDimension, number: int, rows: list[list[LinearDimension]], coming: list[float]) -> bool:
     gap = 0.6 * candidate.height_mm
-    own = candidate.ends_mm
-    if any(_within(end, text_span(candidate), gap) for end in coming if end not in own):
+    ends = candidate.ends_mm
+    if any(_within(end, text_span(candidate), gap) for end in coming if end not in ends):
         return False
     low, high = occupied(candidate)
     beside = [occupied(row) for row in rows[number]] if number < len(rows) else []

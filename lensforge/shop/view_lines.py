@@ -41,7 +41,7 @@ class ViewLine:
 
 @dataclass(frozen=True)
 class SectionView:
-    """A section at ``azimuth_deg`` in (z, across): closed ``outlines`` of what is cut, and ``lines`` that are not."""
+    """A section at ``azimuth_deg`` in (z, across): closed ``outlines`` of the cut, and ``lines`` behind it."""
 
     letter: str
     azimuth_deg: float
@@ -50,7 +50,7 @@ class SectionView:
 
 
 def section_view(lens: Lens, letter: str, azimuth_deg: float) -> SectionView:
-    """The section through the axis at ``azimuth_deg``, that side upwards."""
+    """The section through the axis at ``azimuth_deg``, which points up."""
     outlines = [outline[:, ::-1] for outline in body_outlines(lens, azimuth_deg)]
     edges = [ViewLine(edge, closed=False) for edge in _edges(lens, np.radians(azimuth_deg))]
     behind = [*_silhouettes(lens, np.radians(azimuth_deg)), *_creases(lens, np.radians(azimuth_deg))]
@@ -67,7 +67,7 @@ def _edges(lens: Lens, azimuth: float) -> list[Points]:
 
 
 def _silhouettes(lens: Lens, azimuth: float) -> list[ViewLine]:
-    """Lines of the dome where it is wider behind the plane of the section."""
+    """Silhouette of the dome where it is wider behind the plane of the section."""
     across, towards = rim_directions(np.array([azimuth, azimuth + 0.5 * np.pi]))
     turn = np.linspace(-0.5 * np.pi, 0.5 * np.pi, _AZIMUTHS)
     plane = np.sin(turn)[:, None] * across + np.cos(turn)[:, None] * _AXIS
@@ -81,22 +81,22 @@ def _silhouettes(lens: Lens, azimuth: float) -> list[ViewLine]:
 def _creases(lens: Lens, azimuth: float) -> list[ViewLine]:
     """Creases of the cavity behind the plane of the section, where the cut leaves them open."""
     cavity = lens_boundaries(lens)[0]
-    found = []
+    lines = []
     across = rim_directions(np.array([azimuth]))[0]
     for crease in cavity.creases:
         points = crease.points(np.linspace(azimuth - np.pi, azimuth, _AZIMUTHS))
         line = np.column_stack([points[:, 2], points @ across])
         away = np.linalg.norm(line, axis=1)
         cut = cavity.radius((line[:, 1:] * across + line[:, :1] * _AXIS) / away[:, None])
-        found += _pieces(line, away < cut - _BEYOND_MM, "outline", None)
-    return found
+        lines += _pieces(line, away < cut - _BEYOND_MM, "outline", None)
+    return lines
 
 
 def _inner_lines(lens: Lens, boundary: Boundary[Surface], turn: Float[np.ndarray, " n"]) -> list[ViewLine]:
     """(y, x) of the creases of a boundary, and of the outer circle of a flange at the rim."""
-    found = [ViewLine(crease.points(turn)[:, 1::-1]) for crease in boundary.creases]
+    lines = [ViewLine(crease.points(turn)[:, 1::-1]) for crease in boundary.creases]
     ring = ring_of(lens)
-    return found if ring is None else [*found, ViewLine(_loop(turn, np.full_like(turn, ring.outer_mm)))]
+    return lines if ring is None else [*lines, ViewLine(_loop(turn, np.full_like(turn, ring.outer_mm)))]
 
 
 def end_lines(lens: Lens) -> list[ViewLine]:
@@ -123,21 +123,21 @@ def end_lines(lens: Lens) -> list[ViewLine]:
 
 
 def dome_lines(lens: Lens) -> list[ViewLine]:
-    """Lines of the part seen along -z, as (-y, x): the dome, and of the base what it does not cover."""
+    """Lines of the part seen along -z, as (-y, x): the dome, and the part of the base that it does not cover."""
     plan = lens_plan(lens)
     turn = np.linspace(0.0, 2.0 * np.pi, _AZIMUTHS)
-    found = [ViewLine(_loop(turn, dome_radius(lens, turn)))]
-    found += _inner_lines(lens, plan.envelope, turn)
+    lines = [ViewLine(_loop(turn, dome_radius(lens, turn)))]
+    lines += _inner_lines(lens, plan.envelope, turn)
     for loop in [] if plan.base.kind == "none" else _base_outlines(plan):
         closed = np.vstack([loop, loop[:1]])
         covered = dome_radius(lens, np.arctan2(closed[:, 0], closed[:, 1]))
-        found += _pieces(closed, np.hypot(closed[:, 0], closed[:, 1]) > covered, "outline", None)
+        lines += _pieces(closed, np.hypot(closed[:, 0], closed[:, 1]) > covered, "outline", None)
     mirror = np.array([-1.0, 1.0])
-    return [ViewLine(line.points * mirror, line.closed, line.pen) for line in found]
+    return [ViewLine(line.points * mirror, line.closed, line.pen) for line in lines]
 
 
 def _base_outlines(plan: Plan[Surface]) -> list[Points]:
-    """Outline of the base seen along the axis, of its flange the last, as (y, x)."""
+    """Outline of the base seen along the axis as (y, x), that of its flange last."""
     if plan.base.file is not None:  # and holes that go through
         from lensforge.cad.custom_base import mesh_of_base
 
@@ -145,8 +145,8 @@ def _base_outlines(plan: Plan[Surface]) -> list[Points]:
         return [np.asarray(loop)[:, ::-1] for loop in loops]
     turn = np.linspace(0.0, 2.0 * np.pi, _AZIMUTHS)
     corners = np.union1d(turn, np.mod(plan.outline.corners, 2.0 * np.pi))
-    found = [_loop(corners, plan.outline.radius(corners))]
-    return found if plan.flange is None else [*found, _loop(turn, plan.flange.radius(turn))]
+    outlines = [_loop(corners, plan.outline.radius(corners))]
+    return outlines if plan.flange is None else [*outlines, _loop(turn, plan.flange.radius(turn))]
 
 
 def dome_radius(lens: Lens, turn: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
@@ -155,7 +155,7 @@ def dome_radius(lens: Lens, turn: Float[np.ndarray, " n"]) -> Float[np.ndarray, 
 
 
 def front_line(lens: Lens, turn_deg: float) -> Points:
-    """The dome of a lens that is turned about its axis, as it is seen along +y: (x, z) from rim to rim."""
+    """The dome of a lens, turned about its axis, seen along +y: (x, z) from rim to rim."""
     across, towards = rim_directions(np.radians([-turn_deg, 90.0 - turn_deg]))
     polar = np.linspace(-0.5 * np.pi, 0.5 * np.pi, _AZIMUTHS)
     plane = np.sin(polar)[:, None] * across + np.cos(polar)[:, None] * _AXIS
@@ -165,7 +165,7 @@ def front_line(lens: Lens, turn_deg: float) -> Points:
 
 
 def _seen_along(lens: Lens, plane: Float[np.ndarray, "n 3"], away: Float[np.ndarray, " 3"]) -> Float[np.ndarray, " n"]:
-    """Silhouette (mm) of the envelope seen along ``away``, of the half on that side, in directions across it."""
+    """Silhouette (mm) of the envelope seen along ``away``, of the half on that side, by directions across it."""
     envelope = lens_boundaries(lens)[1]
     tilt = np.linspace(0.0, 0.5 * np.pi, _POLAR)[:, None]
     for _ in range(1 + _CLOSER * bool(envelope.creases)):  # where it is a crease it has a bend: nearer and nearer
@@ -183,17 +183,19 @@ def _loop(turn: Float[np.ndarray, " n"], radius: Float[np.ndarray, " n"]) -> Poi
     return np.column_stack([radius * np.sin(turn), radius * np.cos(turn)])
 
 
-def _pieces(points: Points, flags: Bool[np.ndarray, " n"], pen: PenName, other: PenName | None) -> list[ViewLine]:
+def _pieces(points: Points, flags: Bool[np.ndarray, " n"], pen: PenName, other_pen: PenName | None) -> list[ViewLine]:
     if flags.all() or not flags.any():
-        whole = pen if flags[0] else other
-        return [] if whole is None else [ViewLine(points, closed=False, pen=whole)]
-    runs = [(first, last, pen if flags[first] else other) for first, last in _runs(flags)]
+        single_pen = pen if flags[0] else other_pen
+        return [] if single_pen is None else [ViewLine(points, closed=False, pen=single_pen)]
+    runs = [(first, last, pen if flags[first] else other_pen) for first, last in _runs(flags)]
     return [
-        ViewLine(points[max(first - 1, 0) : last + 1], closed=False, pen=each) for first, last, each in runs if each
+        ViewLine(points[max(first - 1, 0) : last + 1], closed=False, pen=run_pen)
+        for first, last, run_pen in runs
+        if run_pen
     ]
 
 
 def _runs(flags: Bool[np.ndarray, " n"]) -> list[tuple[int, int]]:
-    """First and last index of each piece of equal flags; a piece reaches to the first index of the next one."""
+    """First and last index of each run of equal flags; a run reaches to the first index of the next one."""
     changes = [0, *(np.flatnonzero(flags[1:] != flags[:-1]) + 1).tolist(), len(flags) - 1]
     return [(first, last) for first, last in pairwise(changes) if last > first]

@@ -59,7 +59,7 @@ class SquareEmitter:
         return RayBundle(origins, directions, np.full(count, self.flux_w / count))
 
     def radiances(self, count: int, seed: int) -> Float[np.ndarray, " n"]:
-        """Radiance (W/(mm^2 sr)) of each ray of a sample: the same in all places and directions."""
+        """Radiance (W/(mm^2 sr)) of each ray of a sample: equal in all places and directions."""
         area = np.pi * self.side_mm**2
         return np.full(count, self.flux_w / area if area > 0.0 else np.inf)
 
@@ -76,17 +76,17 @@ class SquareEmitter:
 
 @dataclass(frozen=True, eq=False)
 class PlacedSource(ChangedSource):
-    """``source``, which emits about its own origin, at ``pose`` in the lens; its rays are the same, moved."""
+    """``source``, which emits about its local origin, at ``pose`` in the lens."""
 
     pose: Pose
 
     @cached_property
     def symmetry(self) -> str:
-        """Largest mirror group about the lens axis whose images are images of the source itself, at the same place."""
+        """Largest mirror group about the lens axis that maps the placed source onto itself."""
         return largest_symmetry(self._keeps)
 
     def _keeps(self, mirror: Float[np.ndarray, "3 3"]) -> bool:
-        """True where a mirror leaves the place as it is and is, for the source itself, one of its own."""
+        """True if a mirror leaves the pose unchanged and is one of the source's own."""
         if not np.array_equal(mirror @ self.pose.origin_mm, self.pose.origin_mm):
             return False
         local_mirror = self.pose.to_local_map(mirror)
@@ -94,7 +94,7 @@ class PlacedSource(ChangedSource):
 
     @property
     def is_round(self) -> bool:
-        """True where it is moved and turned along and about the axis alone."""
+        """True if the pose only shifts the source along the axis and turns it about the axis."""
         return super().is_round and not any(self.pose.origin_mm[:2]) and self.pose.axis == ALONG_Z
 
     def changed_rays(self, rays: RayBundle, seed: int) -> RayBundle:
@@ -106,15 +106,15 @@ class PlacedSource(ChangedSource):
         return super().towards(self.pose.to_local_points(targets), seed)
 
     def outline(self) -> Float[np.ndarray, "k 3"]:
-        """Outline (mm) of the source itself, moved."""
+        """Outline (mm) of the source, in the lens."""
         return self.pose.points(self.source.outline())
 
 
 @dataclass(frozen=True, eq=False)
 class FacetedSource(ChangedSource):
-    """``source``, whose rays also have numbers for the facets of as many ``faces`` that scatter, at most two.
+    """``source`` whose rays also have random numbers for the facets of ``faces`` rough faces, at most two.
 
-    They are further dimensions of the Sobol sequence that draws the rays: each dimension is scrambled by itself.
+    They are further dimensions of the Sobol sequence that draws the rays: each dimension is scrambled independently.
     """
 
     faces: int
@@ -129,10 +129,10 @@ def build_source(
 ) -> Source:
     """Build the emitter that ``spec`` describes. Raises :class:`InputError` for a file that cannot be used.
 
-    ``material``: of the lens if it is dispersive; then rays carry their wavelengths, where these are known, and
-    :class:`InputError` is raised too where its index is not known at them. ``coloured``: rays carry X, Y and Z per W,
-    and :class:`InputError` is raised where a spectrum is not known or not visible. ``facets``: number of faces that
-    scatter, for which rays that are not measured have numbers.
+    ``material``: of the lens if it is dispersive; then rays carry their wavelengths, if known, and :class:`InputError`
+    is also raised if its index is not known at them. ``coloured``: rays carry X, Y and Z per W, and :class:`InputError`
+    is raised if a spectrum is unknown or invisible. ``facets``: number of rough faces, for which rays that are not
+    measured have random numbers.
     """
     if isinstance(spec, RaySetSource):
         from lensforge.sources.ray_set_loading import load_ray_set
@@ -164,8 +164,8 @@ def build_source(
 def emitter_of(spec: EmitterSection, *, disperses: bool, coloured: bool) -> Source:
     """The emitter that ``spec`` describes, at the origin and along +z. A kind of source registers its function here.
 
-    One whose points are all alike needs none: its area is enough, ``planar_emitter.area_of``. ``disperses``,
-    ``coloured``: rays of parts with spectra of their own are to carry wavelengths, or X, Y and Z per W.
+    A planar source with one intensity profile needs none: :func:`planar_emitter.area_of` is enough. ``disperses``,
+    ``coloured``: rays of parts with spectra of their own shall carry wavelengths, or X, Y and Z per W.
     """
     from lensforge.sources.planar_emitter import planar_emitter
 
@@ -179,7 +179,7 @@ emitter_of.register(RadianceSource, lambda spec, **_: radiance_emitter(spec))
 
 
 def summarise(source: Source, spec: EmitterSection) -> SourceSummary:
-    """Summarise ``source``, built from ``spec``; of a ray set also its files, and all that was done to them."""
+    """Summary of ``source``, built from ``spec``; of a ray set also its files, and their processing."""
     if isinstance(source, TristimulusSource):
         return summarise(source.source, spec)
     if isinstance(source, ColouredSource):

@@ -1,4 +1,4 @@
-"""Wavelengths of a source's rays, and how much is known of the lens's index at them."""
+"""Wavelengths of a source's rays, and whether the lens's index is known at them."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -32,7 +32,7 @@ def index_range_of(
 
 
 def index_warnings(indices: IndexRange, material: Material) -> Iterator[str]:
-    """Say how much of the flux has an index that is not one of the measured range."""
+    """Warnings on the share of the flux whose index is extrapolated."""
     extrapolated = indices.extrapolated_index_share or 0.0
     clamped = indices.clamped_index_share or 0.0
     if extrapolated > _MENTIONED:
@@ -50,9 +50,9 @@ def index_warnings(indices: IndexRange, material: Material) -> Iterator[str]:
 
 
 def coloured(rays: Rays, material: Material, name: str) -> tuple[Rays, IndexRange]:
-    """Give rays without a usable wavelength the mean one, and account for what ``material`` is at all of them.
+    """Rays, those without a usable wavelength given the mean one, and the range of indices of ``material`` at them.
 
-    ``name`` is the source in errors. Raises :class:`InputError` where more than 1 % of the flux is beyond the trusted
+    ``name`` is the source in errors. Raises :class:`InputError` if more than 1 % of the flux is beyond the trusted
     range of ``material``.
     """
     sums = ColourSums()
@@ -85,9 +85,9 @@ def _wavelengths(rays: RayBundle) -> Float[np.ndarray, " n"]:
 
 
 def index_of_spectrum(spectrum: Spectrum, material: Material) -> IndexRange:
-    """Account for the power of ``spectrum`` by what is known of ``material``; shares are exact integrals.
+    """Range of indices of ``material`` over ``spectrum``; shares of power are exact integrals.
 
-    Raises :class:`InputError` where more than 1 % of the power is beyond the material's trusted range.
+    Raises :class:`InputError` if more than 1 % of the power is beyond the material's trusted range.
     """
     lit = np.flatnonzero(spectrum.power_density)
     first = max(int(lit[0]) - 1, 0)
@@ -107,7 +107,7 @@ def index_of_spectrum(spectrum: Spectrum, material: Material) -> IndexRange:
 
 
 def joined_range(parts: Sequence[tuple[IndexRange, float]]) -> IndexRange:
-    """Least and largest wavelength of all parts, the indices there, and shares of the flux (W) that each comes with."""
+    """Extreme wavelengths of all parts, the indices there, and shares weighted by each part's flux (W)."""
     ends = sorted(
         end for part, _ in parts for end in zip(part.wavelengths_nm or (), part.refractive_indices or (), strict=True)
     )
@@ -149,7 +149,7 @@ class ColouredSource(ChangedSource):
     def of(source: Source, spectrum: Spectrum, material: Material) -> "ColouredSource":
         """``source`` in the light of ``spectrum``.
 
-        Raises :class:`InputError` where more than 1 % of it is beyond the trusted range of ``material``.
+        Raises :class:`InputError` if more than 1 % of it is beyond the trusted range of ``material``.
         """
         indices = index_of_spectrum(spectrum, material)
         return ColouredSource(source, spectrum, indices, tuple(index_warnings(indices, material)))

@@ -19,13 +19,13 @@ class Area(Protocol):
 
     @property
     def symmetry(self) -> str:
-        """Largest mirror group that leaves it as it is."""
+        """Largest mirror group that maps it onto itself."""
 
     def place(self, points: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, "n 2"]:
-        """Points (mm) in its light by pairs of uniform numbers."""
+        """Points (mm) distributed as its light, from pairs of uniform numbers."""
 
     def density(self, points: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, " n"]:
-        """Light (1/mm^2) at points (mm): its integral is 1."""
+        """Density (1/mm^2) of light at points (mm): its integral is 1."""
 
     def corners(self) -> Float[np.ndarray, "k 2"]:
         """Corners (mm) of a polygon around it."""
@@ -80,8 +80,8 @@ class Rectangles:
 
     def place(self, points: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, "n 2"]:
         """Choose the rectangle by the first number; its remainder and the second number give the position in it."""
-        index, rest = choose(np.cumsum(self.shares), points[:, 0])
-        inside = np.stack([rest, points[:, 1]], axis=1) - 0.5
+        index, remainder = choose(np.cumsum(self.shares), points[:, 0])
+        inside = np.stack([remainder, points[:, 1]], axis=1) - 0.5
         return np.asarray(self.centres[index] + inside * self.sides[index])
 
     def numbers(self, numbers: Float[np.ndarray, " n"]) -> Int[np.ndarray, " n"]:
@@ -89,7 +89,7 @@ class Rectangles:
         return choose(np.cumsum(self.shares), numbers)[0]
 
     def density(self, points: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, " n"]:
-        """Sum over the rectangles in which a point lies."""
+        """Sum over the rectangles that contain each point."""
         density = np.zeros(len(points))
         for centre, side, share in zip(self.centres, self.sides, self.shares, strict=True):
             inside = (np.abs(points - centre) <= 0.5 * side + _SAME_MM).all(axis=1)
@@ -158,7 +158,7 @@ class LuminanceImage:
 
 
 def hull_points(points: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, "k 2"]:
-    """Corners of the convex hull of the points, in order; both ends where all lie on one line."""
+    """Corners of the convex hull of the points, in order; only both ends if all are collinear."""
     try:
         return np.asarray(points[ConvexHull(points).vertices])
     except (QhullError, ValueError):
@@ -166,7 +166,7 @@ def hull_points(points: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, "k 2"]:
 
 
 def convex_hull(points: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, "k 2"]:
-    """Corners of the convex hull in order; of the bounding box where the points lie on one line."""
+    """Corners of the convex hull in order; of the bounding box if the points are collinear."""
     corners = hull_points(points)
     if len(corners) > 2:
         return corners

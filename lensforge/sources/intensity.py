@@ -80,9 +80,9 @@ class TabulatedIntensity(CandelaTable):
             blended += between * cumulative[low + 1, cell]
             return blended
 
-        cell, rest = choose_each(before, len(gamma) - 1, points[:, 0])
+        cell, position = choose_each(before, len(gamma) - 1, points[:, 0])
         cosine = np.cos(gamma)
-        return _directions(cosine[cell] + rest * (cosine[cell + 1] - cosine[cell]), azimuth)
+        return _directions(cosine[cell] + position * (cosine[cell + 1] - cosine[cell]), azimuth)
 
     def intensity(self, directions: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, " n"]:
         """Share of the flux per sr, bilinear between the half-planes; 0 beyond the first and last gamma."""
@@ -113,8 +113,8 @@ class TabulatedIntensity(CandelaTable):
         """Find the sector of each number and the position in it; the flux is linear in the azimuth."""
         fluxes = self.plane_fluxes
         sectors = 0.5 * (fluxes[1:] + fluxes[:-1]) * np.diff(np.deg2rad(self.c_deg))
-        low, rest = choose(np.cumsum(sectors), numbers)
-        return low, linear_inverse(fluxes[low], fluxes[low + 1], rest)
+        low, position = choose(np.cumsum(sectors), numbers)
+        return low, linear_inverse(fluxes[low], fluxes[low + 1], position)
 
 
 def _directions(cosine: Float[np.ndarray, " n"], azimuth: Float[np.ndarray, " n"]) -> Float[np.ndarray, "n 3"]:

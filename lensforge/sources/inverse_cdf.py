@@ -17,16 +17,16 @@ def choose(
     index = np.minimum(np.searchsorted(cumulative, wanted, side="right"), len(cumulative) - 1)
     before = np.where(index > 0, cumulative[index - 1], 0.0)
     share = cumulative[index] - before
-    rest = np.divide(wanted - before, share, out=np.zeros_like(wanted), where=share > 0.0)
-    return index, np.minimum(rest, 1.0)
+    position = np.divide(wanted - before, share, out=np.zeros_like(wanted), where=share > 0.0)
+    return index, np.minimum(position, 1.0)
 
 
 def choose_each(
     before: Callable[[Int[np.ndarray, " n"]], Float[np.ndarray, " n"]], cells: int, numbers: Float[np.ndarray, " n"]
 ) -> tuple[Int[np.ndarray, " n"], Float[np.ndarray, " n"]]:
-    """Invert a distribution of its own for each number, as :func:`choose` does.
+    """Invert a separate distribution for each number, as :func:`choose` does.
 
-    ``before``: what each distribution has before the cell of that index, from 0 to ``cells``.
+    ``before``: cumulative share of each distribution before the cell of that index, from 0 to ``cells``.
     """
     first = np.zeros(len(numbers), dtype=np.int64)
     last = np.full(len(numbers), cells)
@@ -38,14 +38,16 @@ def choose_each(
         last = np.where(above, middle, last)
     low = before(first)
     share = before(first + 1) - low
-    rest = np.divide(wanted - low, share, out=np.zeros_like(wanted), where=share > 0.0)
-    return first, np.minimum(rest, 1.0)
+    position = np.divide(wanted - low, share, out=np.zeros_like(wanted), where=share > 0.0)
+    return first, np.minimum(position, 1.0)
 
 
 def linear_inverse(
-    first: Float[np.ndarray, " n"], second: Float[np.ndarray, " n"], rest: Float[np.ndarray, " n"]
+    first: Float[np.ndarray, " n"], second: Float[np.ndarray, " n"], share: Float[np.ndarray, " n"]
 ) -> Float[np.ndarray, " n"]:
-    """Find the position in [0, 1] up to which a density linear from ``first`` to ``second`` has the share ``rest``."""
-    target = rest * (first + second)
+    """Position in [0, 1] up to which a density linear from ``first`` to ``second`` has the given ``share``."""
+    target = share * (first + second)
     denominator = first + np.sqrt(np.maximum(first**2 + (second - first) * target, 0.0))
-    return np.asarray(np.minimum(np.divide(target, denominator, out=np.zeros_like(rest), where=denominator > 0.0), 1.0))
+    return np.asarray(
+        np.minimum(np.divide(target, denominator, out=np.zeros_like(share), where=denominator > 0.0), 1.0)
+    )

@@ -25,8 +25,8 @@ _STEP_NM = 5.0  # of a table made from the wavelengths of rays: the step of the 
 def spectrum_of_source(spec: EmitterSection, summary: SourceSummary) -> Spectrum | None:
     """Spectrum (relative power per nm) of all LEDs of ``spec`` together; None if one of their spectra is unknown.
 
-    The spec's own, or that of its ray files; ``summary`` has the flux of each. Rays with a wavelength each give a table
-    in steps of 5 nm. Raises :class:`InputError` for a file that cannot be used.
+    The spec's own, or that of its ray files; ``summary`` has the flux of each. Rays with individual wavelengths give a
+    table in steps of 5 nm. Raises :class:`InputError` for a file that cannot be used.
     """
     if spec.spectrum is not None and not spec.spectra:
         return spectrum_of(spec.spectrum)
@@ -93,7 +93,7 @@ def _of_file(part: RayfilePart) -> Spectrum | None:
 
 
 def _of_rays(blocks: Callable[[], Iterable[_Light]]) -> Spectrum:
-    """Spectrum of rays with a wavelength each, block by block: a line where they share it, or a table."""
+    """Spectrum of rays with individual wavelengths, block by block: a line if they are all equal, else a table."""
     low, high = np.inf, -np.inf
     for waves, _ in blocks():
         low, high = np.minimum(low, waves.min()), np.maximum(high, waves.max())
@@ -109,7 +109,7 @@ def _of_rays(blocks: Callable[[], Iterable[_Light]]) -> Spectrum:
 
 
 def _mixed(parts: Sequence[Spectrum], flux_w: Sequence[float]) -> Spectrum:
-    """Spectrum of the light of all ``parts`` together, each with its power; a line is a triangle of 5 nm."""
+    """Spectrum of all ``parts`` together, weighted by flux; a line becomes a triangle of 5 nm."""
     tables = [_as_table(part) for part in parts]
     waves = np.unique(np.concatenate([table.wavelengths_nm for table in tables]))
     density = np.zeros(len(waves))

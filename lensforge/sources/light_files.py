@@ -1,4 +1,4 @@
-"""Files of light from outside, of rays or the far field of a lamp; one in the place of the other is told as that."""
+"""Files of light from outside: rays, or the far field of a lamp; either in place of the other is recognised."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING

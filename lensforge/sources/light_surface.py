@@ -1,8 +1,8 @@
-"""Surface from which the light of rays seems to come, where edges of chips and windows are sharp.
+"""Apparent emitting surface of rays, on which edges of chips and windows are sharp.
 
-It is a plane, or lies at another height for every angle, as behind a window, or it is a plane in a dome of glass:
-rays are traced back into it. Étendue is kept, so that a density of rays by place and projected solid angle within is
-that outside times the square of the index. Light that mirrors leave as it is falls onto one of its images.
+It is a plane, or lies at another height for every angle, as behind a window, or it is a plane in a dome of glass: rays
+are traced back into it. Étendue is kept, so that a density of rays by place and projected solid angle within is that
+outside times the square of the index. Light that mirrors leave as it is falls onto one of its images.
 """
 
 from dataclasses import dataclass, replace
@@ -35,14 +35,14 @@ Traced = tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, "n 3"]]  # points (mm
 
 @dataclass(frozen=True)
 class GlassDome:
-    """Sphere of glass of a ``radius`` (mm) and ``index``, its middle on the axis at a ``height`` (mm)."""
+    """Sphere of glass of ``radius`` (mm) and ``index``, its centre on the axis at ``height`` (mm)."""
 
     radius: float
     height: float
     index: float
 
     def inward(self, rays: RayBundle) -> Traced:
-        """Points (mm) where rays traced back meet it, and their directions within; down for those that miss it."""
+        """Points (mm) where rays traced back meet it, and their directions within; a miss has direction -z."""
         starts = rays.origins - (0.0, 0.0, self.height)
         along = rays.directions
         middle = np.sum(starts * along, axis=1)
@@ -52,7 +52,7 @@ class GlassDome:
         return np.add(points, (0.0, 0.0, self.height)), np.where(square[:, None] > 0.0, within, (0.0, 0.0, -1.0))
 
     def outward(self, points: Float[np.ndarray, "n 3"], within: Float[np.ndarray, "n 3"]) -> Traced:
-        """Points (mm) where rays from within leave it, and their directions outside; along it if they do not."""
+        """Points (mm) where rays from within leave it, and directions outside; tangential for total reflection."""
         starts = points - (0.0, 0.0, self.height)
         middle = np.sum(starts * within, axis=1)
         square = np.maximum(middle**2 - np.sum(starts**2, axis=1) + self.radius**2, 0.0)
@@ -72,9 +72,9 @@ def _refracted(
 
 @dataclass(frozen=True, eq=False)
 class LightSurface:
-    """Surface from which light seems to come: a rectangle (mm), its ``heights`` by the ``squares`` of sin gamma.
+    """Apparent emitting surface: a rectangle (mm), its ``heights`` by the ``squares`` of sin gamma.
 
-    ``dome``: the glass in which it lies. ``mirrors``: group of mirrors about its middle that leave its light as it is.
+    ``dome``: the glass around it. ``mirrors``: mirror group about its middle that leaves its light unchanged.
     """
 
     low: Float[np.ndarray, " 2"]
@@ -86,7 +86,7 @@ class LightSurface:
 
     @staticmethod
     def of(rays: RayBundle, *, curved: bool) -> "LightSurface":
-        """The surface on which the rays of each angle are closest together, or the plane nearest to all."""
+        """The surface on which the rays of each angle are closest together, or the plane nearest to all rays."""
         rise = rays.directions[:, 2]
         steep = rise > _STEEP
         square = 1.0 - rise**2
@@ -98,9 +98,9 @@ class LightSurface:
 
     @staticmethod
     def in_dome(rays: RayBundle, plane: "LightSurface") -> "LightSurface | None":
-        """The plane in a dome, found from one without, on which light is nearest to a product of place and angle.
+        """The plane in a dome on which light is nearest to a product of place and angle; from a plane without dome.
 
-        None if rays by all domes that were tried are farther from it.
+        None if no dome that was tried brings it nearer.
         """
         from scipy.optimize import minimize
 
@@ -131,7 +131,7 @@ class LightSurface:
         return dome(*best.x.tolist())._around(rays) if best.fun < plane._spread(some) else None
 
     def mirrored(self, rays: RayBundle, mirrors: str) -> "LightSurface":
-        """The surface about the middle of its light, of which images under ``mirrors`` are one."""
+        """The surface with ``mirrors`` about the middle of its light, of which one part then stands for all images."""
         places = self.inward(rays.take(self.holds(rays)))[0][:, :2]
         middle = np.average(places, axis=0, weights=rays.flux[self.holds(rays)])
         half = np.maximum(self.high - middle, middle - self.low)
@@ -140,13 +140,13 @@ class LightSurface:
 
     @property
     def corner(self) -> Float[np.ndarray, " 2"]:
-        """Lower corner (mm) of the part onto which all images fall; the upper one is ``high``."""
+        """Lower corner (mm) of the part that stands for all images; its upper corner is ``high``."""
         halved = [any(generator[axis, axis] == -1.0 for generator in generators(self.mirrors)) for axis in (0, 1)]
         return np.where(halved, 0.5 * (self.low + self.high), self.low)
 
     @property
     def square_index(self) -> float:
-        """Square of the index of the glass: density of rays by place and direction within over that outside."""
+        """Squared index of the glass: phase-space density of rays within over that outside."""
         return 1.0 if self.dome is None else self.dome.index**2
 
     def inward(self, rays: RayBundle) -> Traced:
@@ -157,12 +157,12 @@ class LightSurface:
         return points + steps[:, None] * along, along
 
     def outward(self, places: Float[np.ndarray, "n _"], along: Float[np.ndarray, "n 3"]) -> Traced:
-        """Points (mm) of the surface, or of the dome, where rays from places leave, and their directions outside."""
+        """Points (mm) where rays from places on the surface leave it or the dome, and their directions outside."""
         points = np.column_stack([places[:, :2], self.height(along)])
         return (points, along) if self.dome is None else self.dome.outward(points, along)
 
-    def told(self, rays: RayBundle) -> Traced:
-        """Points (mm) and directions on the surface, each as the one of its images that stands for all."""
+    def folded(self, rays: RayBundle) -> Traced:
+        """Points (mm) and directions on the surface, each replaced by the image that stands for all."""
         points, along = self.inward(rays)
         middle = np.append(0.5 * (self.low + self.high), 0.0)
         local = points - middle
@@ -173,11 +173,11 @@ class LightSurface:
         return local + middle, along
 
     def height(self, along: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, " n"]:
-        """Height (mm) of the surface for light into each direction there."""
+        """Height (mm) of the surface for light in each direction."""
         return np.interp(1.0 - along[:, 2] ** 2, self.squares, self.heights)
 
     def holds(self, rays: RayBundle) -> Bool[np.ndarray, " n"]:
-        """True for rays that leave it upwards."""
+        """True for rays that leave the surface upwards."""
         points, along = self.inward(rays)
         inside = ((points[:, :2] >= self.low) & (points[:, :2] < self.high)).all(axis=1)
         return inside & (along[:, 2] > LEAST_RISE) & (rays.directions[:, 2] > LEAST_RISE)
@@ -185,7 +185,7 @@ class LightSurface:
     def blocks(
         self, points: Float[np.ndarray, "n 3"], along: Float[np.ndarray, "n 3"], sides: tuple[int, int, int]
     ) -> Int[np.ndarray, " n"]:
-        """Number of the block of place and angle of each ray there, alike in area and in projected solid angle.
+        """Number of each ray's block of place and angle; blocks are equal in area and in projected solid angle.
 
         ``sides``: numbers on a side in place, in sin^2 gamma and in azimuth.
         """
@@ -206,7 +206,7 @@ class LightSurface:
         return replace(self, low=low, high=high)
 
     def _spread(self, rays: RayBundle) -> float:
-        """Mean logarithm of 1 over the density of rays of equal flux, as if place and angle had nothing in common."""
+        """Mean logarithm of 1 over the density of rays of equal flux, as if place and angle were independent."""
         points, along = self.inward(rays)
         upwards = (along[:, 2] > LEAST_RISE) & (rays.directions[:, 2] > LEAST_RISE)
         if upwards.mean() < 0.5:
@@ -226,7 +226,7 @@ class LightSurface:
 
 
 def _waist(rays: RayBundle) -> float:
-    """Height (mm) at which rays are closest together, but for those that are far from the others."""
+    """Height (mm) at which rays are closest together, outliers left out."""
     slope = rays.directions[:, :2] / rays.directions[:, 2:]
     place = rays.origins[:, :2] - rays.origins[:, 2:] * slope
     weight = rays.flux

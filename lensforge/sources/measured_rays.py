@@ -1,4 +1,4 @@
-"""A limited number of measured rays, to design a lens with: in two parts, and without the noise of their number.
+"""A limited number of measured rays to design with: divided into two parts, and smoothed.
 
 A search that sees the same rays again and again fits a lens to their noise as well, so all figures of the finished lens
 are those of rays that are held back from every search. The others are turned a little, anew in every sample, each about
@@ -40,21 +40,21 @@ class RefittedSource(Source, Protocol):
 
     @property
     def file(self) -> Source:
-        """The rays of the file itself."""
+        """The rays of the file."""
 
     @property
     def held_back(self) -> Source:
-        """Rays of the file that no fit has seen."""
+        """Rays of the file unseen by any fit."""
 
     def refitted(self, seed: int) -> Source:
-        """The model of as many rays drawn from the file, some of them more than once."""
+        """A model of rays redrawn from the file with replacement."""
 
 
 def divided(source: Source, fraction: float, seed: int) -> tuple[Source, Source]:
     """Two sources of the same flux with different rays: ``fraction`` of those of a measured one, and the rest.
 
-    A source that draws new rays with every seed is returned as it is, twice. Raises :class:`InputError` for so few rays
-    that one part would be empty.
+    A source that draws new rays with every seed is returned twice, unchanged. Raises :class:`InputError` if one part
+    would be empty.
     """
     if source.ray_count is None:
         return source, source
@@ -65,22 +65,22 @@ def divided(source: Source, fraction: float, seed: int) -> tuple[Source, Source]
 
 
 def rays_of_file(source: Source) -> Source:
-    """The rays of a file themselves, of a source that is their model; any other source as it is."""
+    """The rays of the file behind a modelled source; any other source unchanged."""
     return source.file if isinstance(source, RefittedSource) else source
 
 
 def searched(source: Source) -> Source:
-    """Rays of a measured source for the steps of searches; any other source as it is."""
+    """Rays of a measured source for searches; any other source unchanged."""
     return _parts(source)[0]
 
 
 def held_back(source: Source) -> Source:
-    """Rays of a measured source that no search uses, to judge its lens by; any other source as it is."""
+    """Rays of a measured source that no search uses, to judge its lens; any other source unchanged."""
     return _parts(source)[1]
 
 
 def _parts(source: Source) -> tuple[Source, Source]:
-    """Rays for searches, and those that judge: divided alike for every seed, as a search may start from any lens."""
+    """Rays for searches, and rays for judging: divided alike for every seed, as a search may start from any lens."""
     if isinstance(source, SeveralSources):
         return source.changed(searched), source.changed(held_back)
     count = source.ray_count
@@ -92,7 +92,7 @@ def _parts(source: Source) -> tuple[Source, Source]:
 
 
 def smoothed(source: Source) -> Source:
-    """``source`` with its rays turned by small random angles; as it is where it draws new rays with every seed."""
+    """``source`` with its rays turned by small random angles; unchanged if it draws new rays with every seed."""
     if source.ray_count is None:
         return source
     if isinstance(source, SeveralSources):
@@ -121,11 +121,11 @@ class TurnedRays(ChangedSource):
 
     @property
     def ray_count(self) -> int | None:
-        """None: every sample is another one."""
+        """None: every sample is new."""
         return None
 
     def sample(self, count: int, seed: int) -> RayBundle:
-        """Draw rays of the source itself, and turn them; each starts as far from the plane as it did."""
+        """Draw rays of the source and turn them; each starts at its original height above the plane."""
         rays = self.source.sample(count, seed)
         pose = self.source.pose
         turns = self.sigma_rad * np.random.default_rng(seed).standard_normal((count, 3))

@@ -1,4 +1,4 @@
-"""The radiance fitted to a ray file: its picture beside the file's rays, and as many rays of it as are asked for."""
+"""The radiance fitted to a ray file: its picture beside the file's rays, and any number of rays drawn from it."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -24,7 +24,7 @@ _VIEWS = {"from the front": (0.0, 0.0), **{f"45° from {name}": side for name, s
 
 
 def model_of(rayfile: RayFile) -> ModelledRays:
-    """The model of the rays of ``rayfile``, in its unit of flux. Raises :class:`InputError` where there is none."""
+    """The model of the rays of ``rayfile``, in its unit of flux. Raises :class:`InputError` if it has none."""
     stored = StoredRays.of(rayfile)
     if len(stored) == 0:
         raise no_usable_ray(rayfile, stored.dropped)
@@ -36,12 +36,12 @@ def model_of(rayfile: RayFile) -> ModelledRays:
 def drawn_file(rayfile: RayFile, model: ModelledRays, count: int) -> RayFile:
     """``count`` rays of ``model`` as a file of the flux and common spectrum of ``rayfile``; its header says so."""
     rays = model.sample(count, _SEED)
-    kept = ("manufacturer", "wavelength_min_nm", "wavelength_max_nm")
-    header = {name: rayfile.header[name] for name in kept if name in rayfile.header}
+    fields = ("manufacturer", "wavelength_min_nm", "wavelength_max_nm")
+    header = {name: rayfile.header[name] for name in fields if name in rayfile.header}
     if len(rayfile.spectral_tables) == 1:
         header["spectral_tables"] = rayfile.header["spectral_tables"]
     header["name"] = str(rayfile.header.get("name") or Path(rayfile.path).stem)
-    header["additional_info"] = f"drawn by lensforge from a {model.words}"
+    header["additional_info"] = f"drawn by lensforge from a {model.description}"
     return RayFile(
         rays.origins.astype(np.float32),
         rays.directions.astype(np.float32),
@@ -66,7 +66,7 @@ def draw_model(rayfile: RayFile, model: ModelledRays, path: Path) -> None:
     pairs = list(_pictures(model))
     with matplotlib.style.context("default"), replacing(path) as temporary:
         figure = Figure(figsize=(15.0, 7.5), layout="constrained")
-        figure.suptitle(f"{shortened(Path(rayfile.path).name)}: {model.words}", parse_math=False, fontsize=10)
+        figure.suptitle(f"{shortened(Path(rayfile.path).name)}: {model.description}", parse_math=False, fontsize=10)
         axes = figure.subplots(3, len(pairs))
         for column, (title, extent, images) in enumerate(pairs):
             brightest = max(float(image.max()) for image in images) or 1.0

@@ -1,4 +1,4 @@
-"""Rays by a radiance fitted to those of a file, as many as wanted; what is no light of a surface stays the file's.
+"""Rays by a radiance fitted to those of a file, in any number; stray light remains that of the file.
 
 Rays that no fit has seen decide how fine the model is, and whether it is nearer to them than the rays of the file are.
 """
@@ -49,8 +49,7 @@ class ModelledRays:
 
     ``lit``, ``stray``: rays of the file, about its own origin; ``judges`` are others, which no fit has seen.
     ``start_mm``: height at which rays start, or on the surface where that is higher; ``reach_mm``: from the surface at
-    most. ``off``: the most that its relative difference from rays held back can be, rms; ``chance``: that of the file's
-    rays.
+    most. ``off``: upper bound of its relative rms difference from held-back rays; ``chance``: that of the file's rays.
     """
 
     file: RaySetEmitter
@@ -67,7 +66,7 @@ class ModelledRays:
 
     @staticmethod
     def of(file: RaySetEmitter, rays: RayBundle, judges: RayBundle, radiance: FittedRadiance) -> "ModelledRays":
-        """The model of a ``file`` by the ``radiance`` that was fitted to some of its rays; ``judges``: the others."""
+        """The model of a ``file`` by the ``radiance`` fitted to some of its rays; ``judges``: the others."""
         surface = radiance.surface
         lit = surface.holds(rays)
         inside = rays.take(lit)
@@ -80,7 +79,7 @@ class ModelledRays:
 
     @property
     def held_back(self) -> RaySetEmitter:
-        """Rays of the file that no fit has seen, and so no search."""
+        """Rays of the file unseen by any fit, and so by any search."""
         return RaySetEmitter(self.judges.placed(self.file.pose), self.flux_w, symmetry=self.file.symmetry)
 
     @property
@@ -90,26 +89,26 @@ class ModelledRays:
 
     @property
     def summary(self) -> Any:
-        """Summary of the file, and words on the model."""
-        return None if self.file.summary is None else self.file.summary.changed(model=self.words)
+        """Summary of the file, with a description of the model."""
+        return None if self.file.summary is None else self.file.summary.changed(model=self.description)
 
     @property
-    def words(self) -> str:
-        """The model in a few words."""
+    def description(self) -> str:
+        """Short description of the model."""
         detail = self.radiance.detail
         (rows, columns) = self.radiance.shape
         surface = self.radiance.surface
         dome = f" in a dome of {surface.dome.radius:.3g} mm, n = {surface.dome.index:.3g}," if surface.dome else ","
         images = "" if surface.mirrors == "none" else f" and its images under {surface.mirrors},"
         factors = "1 factor" if detail.factors == 1 else f"{detail.factors} factors"
-        fine = f"{columns} x {rows} cells{images} and {detail.rings} x {detail.azimuths} angles{dome}"
-        kept = f"{100.0 * self.stray_share:.2g} % of the flux are rays of the file"
-        near = f"at most {self.off:.2g} off rays held back, the file's own rays {self.chance:.2g} by chance"
-        return f"radiance of {factors} on {fine} fitted to {len(self.lit):,} rays; {near}; {kept}"
+        cells_and_angles = f"{columns} x {rows} cells{images} and {detail.rings} x {detail.azimuths} angles{dome}"
+        stray = f"{100.0 * self.stray_share:.2g} % of the flux are rays of the file"
+        accuracy = f"at most {self.off:.2g} off rays held back, the file's own rays {self.chance:.2g} by chance"
+        return f"radiance of {factors} on {cells_and_angles} fitted to {len(self.lit):,} rays; {accuracy}; {stray}"
 
     @cached_property
     def stray_share(self) -> float:
-        """Share of the flux that is no light of the surface."""
+        """Share of the flux that is stray, not from the surface."""
         stray = float(self.stray.flux.sum())
         return stray / (stray + float(self.lit.flux.sum()))
 
@@ -118,7 +117,7 @@ class ModelledRays:
         return self.file.outline()
 
     def sample(self, count: int, seed: int) -> RayBundle:
-        """Draw ``count`` rays of equal flux by quasi-Monte-Carlo points: four numbers of a ray, one for its colour."""
+        """Draw ``count`` rays of equal flux by quasi-Monte-Carlo points: four numbers for each, one for its colour."""
         rays, _ = self._drawn(count, seed)
         return rays.placed(self.file.pose)
 
@@ -144,7 +143,7 @@ class ModelledRays:
         return aimed.placed(self.file.pose)
 
     def refitted(self, seed: int) -> "ModelledRays":
-        """The model of as many rays drawn from the file, some more than once: it tells what the file leaves open."""
+        """A model of rays redrawn from the file with replacement: it shows the uncertainty that the file leaves."""
         random = np.random.default_rng(seed)
         lit, stray = (
             replace(rays, flux=rays.flux * random.poisson(1.0, len(rays))) if len(rays) else rays
@@ -184,7 +183,7 @@ class ModelledRays:
         return replace(like, origins=origins, directions=directions, flux=rays.flux), places
 
     def _alike(self, blocks: Int[np.ndarray, " n"], numbers: Float[np.ndarray, " n"]) -> Int[np.ndarray, " n"]:
-        """Numbers of rays of the file, by flux, from about the place of each into about its angle: of its colour."""
+        """Numbers of file rays, drawn by flux, near the place and angle of each ray: they give its colour."""
         cumulative, order, ends = self._by_block
         first = np.where(blocks > 0, ends[blocks - 1], 0.0)
         chosen = np.searchsorted(cumulative, first + numbers * (ends[blocks] - first), side="right")
@@ -200,7 +199,7 @@ class ModelledRays:
 
 
 def _some(file: RaySetEmitter, most: int) -> RayBundle:
-    """Rays of the file about its own origin, in an order by chance."""
+    """Rays of the file about its local origin, in random order."""
     order = np.random.default_rng(OF_FILE).permutation(len(file))[:most]
     return file.rays.take(order).seen_from(file.pose)
 
@@ -211,14 +210,14 @@ def _blocks(surface: LightSurface, rays: RayBundle) -> Int[np.ndarray, " n"]:
 
 @dataclass(frozen=True)
 class _Content:
-    """A file's rays, known by what they are: the stages of a design load them again and again."""
+    """A file's rays as a cache key: the stages of a design load them again and again."""
 
     file: RaySetEmitter = field(compare=False)
     digest: str
 
     @staticmethod
     def of(file: RaySetEmitter) -> "_Content":
-        """The file, with a digest of a million of its rays and of their place."""
+        """The file, with a digest of a million of its rays and of their pose."""
         rays = _some(file, _FITTED)
         digest = sha256(f"{len(file)} {file.flux_w} {file.pose}".encode())
         for column in (rays.origins, rays.directions, rays.flux, rays.wavelengths_nm, rays.tristimulus):
@@ -227,9 +226,9 @@ class _Content:
 
 
 def modelled(file: RaySetEmitter, wanted: str) -> RaySetEmitter | ModelledRays:
-    """``file`` as ``wanted``: "rays" as it is, "radiance" its model, "auto" what is nearer to rays held back.
+    """``file`` as ``wanted``: "rays" unchanged, "radiance" its model, "auto" the one nearer to held-back rays.
 
-    Raises :class:`InputError` where a model is wanted of rays that have none.
+    Raises :class:`InputError` if a model is wanted of rays that have none.
     """
     if wanted == "rays":
         return file
@@ -244,7 +243,7 @@ def modelled(file: RaySetEmitter, wanted: str) -> RaySetEmitter | ModelledRays:
 
 @lru_cache(maxsize=4)
 def _best(content: _Content) -> ModelledRays | str:
-    """The model of the rays; why there is none, where the rays themselves are as good."""
+    """The model of the rays; the reason why there is none, if the rays themselves are as good."""
     file = content.file
     rays = _some(file, round(_FITTED / (1.0 - _JUDGED_BY)))
     effective = float(rays.flux.sum() ** 2 / np.sum(rays.flux**2))
@@ -294,7 +293,7 @@ def _better(judging: RayBundle, new: FittedRadiance, old: FittedRadiance) -> boo
 
 
 def _likeliest(judging: RayBundle, fitting: RayBundle, surfaces: list[LightSurface]) -> LightSurface:
-    """The surface from which ``judging`` rays, which all hold, are likeliest to come, by one factor for each."""
+    """The surface with the largest likelihood of the ``judging`` rays, with a single factor on each."""
     held = [np.all([surface.holds(rays) for surface in surfaces], axis=0) for rays in (judging, fitting)]
     judging = judging.take(held[0])
     fitting = fitting.take(held[1])
@@ -305,7 +304,7 @@ def _likeliest(judging: RayBundle, fitting: RayBundle, surfaces: list[LightSurfa
 
 
 def _with_images(surface: LightSurface, rays: RayBundle) -> LightSurface:
-    """``surface`` with the largest group of mirrors whose images of ``rays`` differ from them by chance alone."""
+    """``surface`` with the largest mirror group whose images of ``rays`` differ from them only by chance."""
     rays = rays.take(surface.holds(rays))
     wide = surface.mirrored(rays, "square")
     weights = rays.flux / rays.flux.sum()
@@ -338,7 +337,7 @@ def _with_images(surface: LightSurface, rays: RayBundle) -> LightSurface:
 
 
 def _chosen(judging: RayBundle, fitting: RayBundle, surface: LightSurface) -> FittedRadiance:
-    """The model of ``fitting`` that ``judging`` rays are likeliest to come from."""
+    """The model of ``fitting`` with the largest likelihood of the ``judging`` rays."""
     judging = judging.take(surface.holds(judging))
     fitting = fitting.take(surface.holds(fitting))
     best = FittedRadiance.of(fitting, surface, Detail(), _STEPS_OF_CHOICE)
@@ -353,7 +352,7 @@ def _chosen(judging: RayBundle, fitting: RayBundle, surface: LightSurface) -> Fi
 
 
 def _finer(detail: Detail) -> Iterator[Detail]:
-    """Details that may be better than ``detail``, the likeliest first."""
+    """Details that may improve on ``detail``, the most promising first."""
     if detail.factors < _MOST_FACTORS:
         yield replace(detail, factors=2 * detail.factors)
     if detail.cells < _MOST_CELLS:
@@ -365,9 +364,9 @@ def _finer(detail: Detail) -> Iterator[Detail]:
 
 
 def _apart(model: FittedRadiance, judging: RayBundle) -> float:
-    """Mean square, relative and by flux, of what ``model`` and ``judging`` differ by in blocks, without their noise.
+    """Mean square relative difference of ``model`` from ``judging`` over blocks, weighted by flux, without their noise.
 
-    As many rays of equal flux differ from their light by the number of blocks over that of rays.
+    The noise of rays of equal flux is the number of blocks over the number of rays.
     """
     places, directions = RadianceEmitter(model.table(), 1.0).emit(sobol(_DRAWN, 4, OF_FILE))
     weights = judging.flux / judging.flux.sum()

@@ -58,7 +58,7 @@ _PLANES = (0.0, 90.0)  # C 0 - C 180 and C 90 - C 270
 
 
 class FarFieldAngles(Record):
-    """Angles of a table: the number of half-planes C and of angles gamma, and the ends of gamma (deg)."""
+    """Angles of a table: numbers of half-planes C and of angles gamma, and range of gamma (deg)."""
 
     planes: Annotated[Count, Figure("half-planes C")]
     gammas: Annotated[Count, Figure("angles gamma")]
@@ -67,7 +67,7 @@ class FarFieldAngles(Record):
 
 
 class FarFieldPeak(Record):
-    """Largest intensity (cd), and the direction where the table has it first (deg)."""
+    """Largest intensity (cd), and the first direction in the table that has it (deg)."""
 
     intensity_cd: Annotated[NotNegative, Figure("largest intensity")]
     c_deg: Annotated[Number, Figure("which is at C")]

@@ -30,7 +30,7 @@ from lensforge.surfaces.mirror_group import shared_symmetry
 
 @dataclass(frozen=True)
 class PlanarEmitter:
-    """Area each point of which emits with the intensity ``profile``; total flux ``flux_w``, rays of equal flux."""
+    """An area whose points all emit with the intensity ``profile``; total flux ``flux_w``, rays of equal flux."""
 
     area: Area
     profile: CosinePower | TabulatedIntensity
@@ -41,12 +41,12 @@ class PlanarEmitter:
 
     @property
     def symmetry(self) -> str:
-        """Largest mirror group of both area and profile."""
+        """Largest mirror group that area and profile share."""
         return shared_symmetry([self.area.symmetry, self.profile.symmetry])
 
     @property
     def is_round(self) -> bool:
-        """True for a disc of light that is the same in all azimuths."""
+        """True for a disc whose light is equal in all azimuths."""
         profile = self.profile
         return isinstance(self.area, Disc) and (isinstance(profile, CosinePower) or len(profile.c_deg) == 1)
 

@@ -110,7 +110,7 @@ class RadianceTable:
         return np.asarray(lit * radiance * along[:, 2] / np.where(of_cell > 0.0, of_cell, np.inf))
 
     def _unchanged(self, mirror: Float[np.ndarray, "3 3"]) -> bool:
-        """True where the mirror image has the same edges, and the same radiance in each cell and direction."""
+        """True if the mirror image has the same edges, and the same radiance in each cell and direction."""
         swapped = mirror[0, 0] == 0.0
         signs = mirror.sum(axis=1).astype(int)
         edges = (self.y_mm, self.x_mm) if swapped else (self.x_mm, self.y_mm)
@@ -123,7 +123,7 @@ class RadianceTable:
         return bool(np.abs(np.swapaxes(by_x, 0, 1) - self.radiance).max() <= _SAME * self.radiance.max())
 
     def _turned(self, mirror: Float[np.ndarray, "3 3"]) -> Float[np.ndarray, "y x c g"]:
-        """Radiance into the directions whose mirror images are the nodes."""
+        """Radiance at the nodes' mirror images."""
         if len(self.c_deg) == 1:
             return self.radiance
         angle = np.deg2rad(self.c_deg)
@@ -140,7 +140,7 @@ class RadianceTable:
 def _beside(
     values: Float[np.ndarray, " n"], nodes: Float[np.ndarray, " k"]
 ) -> Iterator[tuple[Int[np.ndarray, " n"], Float[np.ndarray, " n"]]]:
-    """The two nodes beside each value, and their weights in linear interpolation; an end alone beyond it."""
+    """The two nodes beside each value, and their weights in linear interpolation; beyond an end that end alone."""
     place = np.interp(values, nodes, np.arange(len(nodes)))
     low = place.astype(np.int64)
     yield low, 1.0 - (place - low)
@@ -162,7 +162,7 @@ def read_radiance(path: Path) -> RadianceTable:
 
 
 def _doubts(table: RadianceTable) -> Iterator[str]:
-    """Words on light that ends at the last gamma, and on sizes that no LED has: their units may be others."""
+    """Warnings on light at the last gamma, and on sizes that no LED has: their units may differ."""
     last = float(table.gamma_deg[-1])
     at_last = float(table.radiance[..., -1].max() / table.radiance.max())
     if last < _NEARLY_FLAT_DEG and at_last > _CUT_SHARE:

@@ -1,9 +1,9 @@
-"""A radiance fitted to rays: how much light leaves each place of an emitting surface into each direction.
+"""A radiance fitted to rays: light by place on an emitting surface and by direction.
 
 The light of an LED is nearly the same pattern of angles at each of its places, or a mixture of a few, so its radiance
 is a sum of products of a place and an angle, none of them negative: far fewer numbers than a table of both, and each is
-found from many rays. Place is the crossing of a ray with the surface from which the light of its angle seems to
-come: behind a window or in a dome that lies at another height for every angle. There edges are sharp.
+found from many rays. Place is the crossing of a ray with the surface from which the light of its angle seems to come:
+behind a window or in a dome that lies at another height for every angle. There edges are sharp.
 
 Rays that are held back choose how much detail there is: the likelihood of these decides on factors, cells and angles.
 """
@@ -35,7 +35,7 @@ _WORTH = 10_000  # rays for which two threads are quicker than one
 class Detail:
     """Fineness of a model: ``cells`` on the longer side, ``rings`` of sin gamma, ``azimuths``, ``factors``.
 
-    ``blur``: cells over which the mixture of factors is smoothed; not so the light itself.
+    ``blur``: cells over which the mixture of factors, not the light itself, is smoothed.
     """
 
     cells: int = 16
@@ -47,7 +47,7 @@ class Detail:
 
 @dataclass(frozen=True)
 class Angles:
-    """Functions linear in azimuth and sin^2 gamma: ``rings`` equal in sin gamma, fewer azimuths at those inside."""
+    """Functions linear in azimuth and sin^2 gamma: ``rings`` equal in sin gamma, fewer azimuths on the inner ones."""
 
     rings: int
     azimuths: int
@@ -59,13 +59,13 @@ class Angles:
 
     @cached_property
     def counts(self) -> Int[np.ndarray, " r"]:
-        """Number of the functions of each ring."""
+        """Number of functions on each ring."""
         wanted = [6 * 2 ** int(np.ceil(np.log2(ring))) for ring in range(1, self.rings + 1)]
         return np.array([1, *np.minimum(wanted, self.azimuths)])
 
     @cached_property
     def starts(self) -> Int[np.ndarray, " r"]:
-        """Number of the first function of each ring, and of all."""
+        """Index of the first function of each ring, and the total number."""
         return np.concatenate([[0], np.cumsum(self.counts)])
 
     @cached_property
@@ -108,7 +108,7 @@ class Angles:
 
 @dataclass(frozen=True, eq=False)
 class FittedRadiance:
-    """Light of a ``surface``: weights of its factors by cell, ``place`` (in sum 1), and by function, ``angle``."""
+    """Light of a ``surface``: weights of its factors by cell, ``place`` (sum 1), and by function, ``angle``."""
 
     surface: LightSurface
     detail: Detail
@@ -127,11 +127,11 @@ class FittedRadiance:
 
     @staticmethod
     def of(rays: RayBundle, surface: LightSurface, detail: Detail, steps: int = STEPS) -> "FittedRadiance":
-        """Fit to ``rays`` that all leave the surface, in so many steps at most."""
+        """Fit to ``rays`` that all leave the surface, in at most ``steps`` steps."""
         return _start(rays, surface, detail).fitted(rays, steps)
 
     def fitted(self, rays: RayBundle, steps: int = STEPS) -> "FittedRadiance":
-        """Fit to other ``rays``, from this model on."""
+        """Fit to other ``rays``, starting from this model."""
         model = self
         seen = _seen(rays, self)
         logarithm = -np.inf
@@ -148,7 +148,7 @@ class FittedRadiance:
         return model
 
     def logarithms(self, rays: RayBundle) -> Float[np.ndarray, " n"]:
-        """Logarithm of the radiance (1/mm^2/sr of all the light) of each ray, a hundredth of it even light."""
+        """Logarithm of the radiance (1/mm^2/sr of all the light) of each ray, of which a hundredth is uniform light."""
         surface = self.surface
         seen = _seen(rays, self)
         area, cell = (float(np.prod(surface.high - low)) for low in (surface.low, surface.corner))
@@ -190,7 +190,7 @@ def _shape(surface: LightSurface, detail: Detail) -> tuple[int, int]:
 def _seen(rays: RayBundle, model: FittedRadiance) -> SeenRays:
     surface = model.surface
     rows, columns = model.shape
-    points, along = surface.told(rays)
+    points, along = surface.folded(rays)
     inside = (points[:, :2] - surface.corner) / (surface.high - surface.corner)
     column, row = np.clip(inside * (columns, rows), 0, (columns - 1, rows - 1)).astype(np.int32).T
     nodes, shares = model.angles.at(along)
@@ -199,7 +199,7 @@ def _seen(rays: RayBundle, model: FittedRadiance) -> SeenRays:
 
 
 def _start(rays: RayBundle, surface: LightSurface, detail: Detail) -> FittedRadiance:
-    """Factors that are even in angle and follow the light in place, but for chance where there are several."""
+    """Factors that are uniform in angle and follow the light in place, with random variation if there are several."""
     random = np.random.default_rng(_SEED)
     angles = Angles(detail.rings, detail.azimuths)
     shape = _shape(surface, detail)
@@ -238,7 +238,7 @@ def _stepped(
 
 
 def _blurred(values: Float[np.ndarray, "r c k"], cells: float) -> Float[np.ndarray, "r c k"]:
-    """``values`` with a Gaussian of so many cells along both sides; beyond them it is dark."""
+    """``values`` convolved with a Gaussian of ``cells`` cells along both sides; dark beyond the edges."""
     if cells == 0.0:
         return values
     half = int(4.0 * cells + 0.5)

@@ -1,7 +1,7 @@
 """Rays as they leave a source, and the interface of every source.
 
-Rays that are too many for the memory are chosen, joined and changed without being read, until some are taken. Sums over
-blocks of a long series do not depend on how it is read.
+Rays that exceed the memory are chosen, joined and changed without being read, until some are taken. Sums over blocks of
+a long series do not depend on the way it is read.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -20,7 +20,7 @@ BLOCK_RAYS = 2**18  # rays handled at a time: bounds the memory whatever their n
 
 
 def block_slices(count: int, start: int = 0) -> Iterator[slice]:
-    """Yield consecutive parts of ``count`` numbers: halves of halves, where NumPy's own pairwise sum divides them."""
+    """Yield consecutive parts of ``count`` numbers, halved repeatedly where NumPy's pairwise sum halves them."""
     if count <= BLOCK_RAYS:
         yield slice(start, start + count)
         return
@@ -30,9 +30,9 @@ def block_slices(count: int, start: int = 0) -> Iterator[slice]:
 
 
 def total_of(count: int, sums: Sequence[float]) -> float:
-    """Add up the sums over the :func:`block_slices` of ``count`` numbers: what ``np.sum`` has for all at once.
+    """Total of the sums over the :func:`block_slices` of ``count`` numbers, as ``np.sum`` of all at once gives it.
 
-    One sum alone is that of all.
+    A single sum is the total.
     """
     return sums[0] if len(sums) == 1 else _pairwise(count, iter(sums))
 
@@ -53,10 +53,9 @@ def _first_half(count: int) -> int:
 class RayBundle:
     """Rays: start points ``origins`` (mm), unit directions, and the flux each carries (W). NumPy, float64.
 
-    ``waves``: wavelength of each, at which media answer their index; None if that does not count, or is not known.
-    ``of_source``: number of the LED of each, where a lens is for several. ``tristimulus``: X, Y, Z (lm) per W of each;
-    None if nobody asks for colour. ``facets``: two numbers in [0, 1) of each ray for every face that scatters, as
-    many as its source has drawn; None if none has.
+    ``waves``: wavelength of each, at which media have their index; None if irrelevant or unknown. ``of_source``: number
+    of each ray's LED, if a lens is for several. ``tristimulus``: X, Y, Z (lm) per W of each; None without colour.
+    ``facets``: two random numbers in [0, 1) of each ray for every rough face; None without.
     """
 
     origins: Float[np.ndarray, "n 3"]
@@ -72,7 +71,7 @@ class RayBundle:
 
     @property
     def wavelengths_nm(self) -> Float[np.ndarray, " n"] | None:
-        """Wavelength (nm) of each; None if that does not count."""
+        """Wavelength (nm) of each ray; None if irrelevant."""
         return None if self.waves is None else self.waves.nm
 
     @property
@@ -109,7 +108,7 @@ class RayBundle:
         )
 
     def divided(self, parts: int) -> list["RayBundle"]:
-        """Consecutive parts: those of a low-discrepancy sample are such samples themselves."""
+        """Consecutive parts: parts of a low-discrepancy sample are such samples themselves."""
         edges = np.linspace(0, len(self), parts + 1).astype(int)
         return [self.take(slice(start, stop)) for start, stop in pairwise(edges)]
 
@@ -117,7 +116,7 @@ class RayBundle:
     def joined(cls, parts: Sequence["RayBundle"]) -> "RayBundle":
         """Join the rays of all parts in their order.
 
-        Raises ``ValueError`` where some parts have wavelengths, numbers or colours, and others none: all have, or none.
+        Raises ``ValueError`` if only some parts have wavelengths, numbers or colours.
         """
         rays = cls(**{name: _joined(name, [getattr(part, name) for part in parts]) for name in _ARRAYS})
         return rays.with_wavelengths(_joined("wavelengths_nm", [part.wavelengths_nm for part in parts]))
@@ -140,7 +139,7 @@ class Rays(Protocol):
     def __len__(self) -> int: ...
 
     def take(self, rows: Int[np.ndarray, " k"] | slice) -> RayBundle:
-        """Some of the rays; a slice has no step."""
+        """Select rays by row; a slice has no step."""
         ...
 
 
@@ -174,7 +173,7 @@ class Source(Protocol):
 
 @runtime_checkable
 class DirectionalSource(Protocol):
-    """A source that can say how much light goes into any direction."""
+    """A source whose light into any direction is known."""
 
     def towards(self, targets: Float[np.ndarray, "n 3"], seed: int) -> RayBundle:
         """The rays of ``sample(len(targets), seed)``, each turned to its target (mm); their flux is W/sr there."""
@@ -224,19 +223,19 @@ def drawn(source: Source, count: int, seed: int) -> Rays:
 
 @dataclass(frozen=True, eq=False)
 class ChangedSource:
-    """A source whose rays are those of ``source``, changed; all else is that of ``source``, unless a subclass says so.
+    """``source`` with changed rays; everything else is delegated unless a subclass overrides it.
 
-    Subclasses say how rays are changed.
+    Subclasses define the change.
     """
 
     source: Source
 
     def changed_rays(self, rays: RayBundle, seed: int) -> RayBundle:
-        """The rays that ``source`` has drawn by ``seed``, changed."""
+        """Change the rays that ``source`` has drawn by ``seed``."""
         raise NotImplementedError
 
     def sample(self, count: int, seed: int) -> RayBundle:
-        """Draw the rays of the source itself, and change them."""
+        """Draw the rays of the source, and change them."""
         return self.changed_rays(self.source.sample(count, seed), seed)
 
     def towards(self, targets: Float[np.ndarray, "n 3"], seed: int) -> RayBundle:
@@ -255,7 +254,7 @@ class ChangedSource:
 
     @property
     def is_round(self) -> bool:
-        """True where the source itself is known to be one of revolution."""
+        """True if the source is known to be of revolution."""
         return is_round(self.source)
 
     @property
@@ -269,17 +268,17 @@ class ChangedSource:
 
 
 def is_round(source: Source) -> bool:
-    """True for a source that is known to be one of revolution about the axis."""
+    """True for a source known to be of revolution about the axis."""
     known = getattr(source, "is_round", False)
     return bool(known)
 
 
 @dataclass(frozen=True, eq=False)
 class LazyRays:
-    """The rays of all ``parts``, one part after the other, read and changed when they are taken.
+    """The rays of all ``parts`` in turn, read and changed when taken.
 
-    ``numbers``: those chosen among them, in that order; None for all. ``change`` treats every ray by itself. A
-    wavelength all parts have, or none.
+    ``numbers``: the chosen rays, in that order; None for all. ``change`` treats every ray independently. Either all
+    parts have wavelengths, or none.
     """
 
     parts: Sequence[Rays]
@@ -303,15 +302,15 @@ class LazyRays:
         taken = []
         places = []
         for part, start in zip(self.parts, starts, strict=False):  # the last start is the end
-            here = np.flatnonzero((rows >= start) & (rows < start + len(part)))
-            if len(here):
-                taken.append(part.take(rows[here] - start))
-                places.append(here)
+            in_part = np.flatnonzero((rows >= start) & (rows < start + len(part)))
+            if len(in_part):
+                taken.append(part.take(rows[in_part] - start))
+                places.append(in_part)
         return RayBundle.joined(taken).take(np.argsort(np.concatenate(places)))
 
 
 def number_type(count: int) -> type[np.int32] | type[np.int64]:
-    """Type of the numbers of ``count`` rays: half the memory where that is enough."""
+    """Integer type for the numbers of ``count`` rays: half the memory if that is enough."""
     return np.int32 if count < 2**31 else np.int64
 
 

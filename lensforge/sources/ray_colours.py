@@ -1,4 +1,4 @@
-"""Colours of a source's rays: X, Y and Z per W of each, by the spectrum of its part of the source or its wavelength."""
+"""Colours of a source's rays: X, Y and Z per W of each, by the spectrum of its emitter or by its wavelength."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -18,7 +18,7 @@ _LEAST_LM_PER_W = 1e-3  # X + Y + Z of light outside the visible range; of 400 n
 def tristimulus_of_spectrum(spec: SpectrumSpec | None, name: str) -> Float[np.ndarray, " 3"]:
     """X, Y, Z (lm) per W of a spectrum; ``name``: of the source or its part in errors.
 
-    Raises :class:`InputError` where there is no spectrum, or nothing of it is visible.
+    Raises :class:`InputError` for a missing or invisible spectrum.
     """
     if spec is None:
         raise InputError(f"{name}: its colour is not known; give its spectrum, or leave out [colour]")
@@ -50,8 +50,8 @@ def coloured_alike(rays: RayBundle, tristimulus: Float[np.ndarray, " 3"]) -> Ray
 def coloured_set(rays: Rays, spectrum: SpectrumSpec | None, name: str) -> Rays:
     """Give the rays of a file or of arrays their colours: by ``spectrum``, or by the wavelength of each.
 
-    Rays with wavelengths follow these, as they disperse. Raises :class:`InputError` where neither is known, or nothing
-    is visible.
+    Rays with wavelengths follow these, as they disperse. Raises :class:`InputError` if neither is known, or nothing is
+    visible.
     """
     if rays.take(slice(0, 1)).wavelengths_nm is None:
         constant = tristimulus_of_spectrum(spectrum, name)
@@ -71,7 +71,7 @@ def coloured_set(rays: Rays, spectrum: SpectrumSpec | None, name: str) -> Rays:
 
 @dataclass(frozen=True, eq=False)
 class TristimulusSource(ChangedSource):
-    """Source whose rays carry X, Y and Z per W: all the same, or without it each by its wavelength."""
+    """Source whose rays carry X, Y and Z per W: a common ``tristimulus``, or by the wavelength of each."""
 
     tristimulus: Float[np.ndarray, " 3"] | None = None
 
@@ -84,7 +84,7 @@ class TristimulusSource(ChangedSource):
 
 @dataclass(frozen=True, eq=False)
 class ChipColours:
-    """Spectra of the chips of an array, one for each: its rays carry wavelengths of it, or its ``tristimulus``."""
+    """Spectra of the chips of an array: rays carry wavelengths of their chip's spectrum, or its ``tristimulus``."""
 
     spectra: tuple[Spectrum, ...]
     tristimulus: Float[np.ndarray, "k 3"] | None

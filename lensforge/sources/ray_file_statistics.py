@@ -101,7 +101,7 @@ class RaySums:
             self.colours.add(rays.flux, rays.wavelengths_nm)
 
     def _add_to_focus(self, rays: RayBundle) -> None:
-        """Sums of columns, not products of matrices: the threads of these spin from one block to the next."""
+        """Add to the focus's equations by sums of columns: threads of matrix products would spin between blocks."""
         positions = rays.origins
         directions = rays.directions
         flux = rays.flux
@@ -139,7 +139,7 @@ _BACKWARD_SHARE = 0.01  # of the flux: reflections inside a package send less th
 
 
 def file_warnings(rayfile: RayFile, sums: RaySums, given_flux: bool = False) -> Iterator[str]:
-    """List what is odd in the content of a file; with ``given_flux`` the user states its power, the file does not."""
+    """Warnings on the content of a file; ``given_flux``: the user states its power, the file does not."""
     yield from rayfile.warnings
     unit = rayfile.flux_unit
     header = rayfile.header_flux
@@ -189,9 +189,9 @@ def efficacy_of(rayfile: RayFile, colours: ColourSums) -> float | None:
 
 
 def ray_set_warnings(sums: RaySums, placed: bool) -> Iterator[str]:
-    """List what is odd in the rays of a source: largest side of the box of their start points, flux towards -z, noise.
+    """Warnings on the rays of a source: size of the box of their start points, flux towards -z, noise.
 
-    ``placed``: in the lens; in the file's coordinates it says nothing whether light is lost below z = 0.
+    ``placed``: in the lens; in the file's coordinates light below z = 0 need not be lost.
     """
     side_mm = float((sums.high - sums.low).max())
     if side_mm == 0.0:

@@ -72,7 +72,7 @@ class Histograms:
         return histograms
 
     def add(self, rays: RayBundle) -> None:
-        """Bin some rays into all four histograms."""
+        """Bin more rays into all four histograms."""
         positions = rays.origins
         directions = rays.directions
         flux = rays.flux
@@ -106,14 +106,14 @@ def draw(rayfile: RayFile, path: Path) -> None:
     with matplotlib.style.context("default"), replacing(Path(path)) as temporary:  # whatever a matplotlibrc says
         figure = Drawing(figsize=(11.0, 9.0), layout="constrained")
         figure.suptitle(title, parse_math=False)  # a name may hold $, _ and ^
-        for place, which in enumerate(get_args(Panel), start=1):
-            draw_panel(figure.add_subplot(2, 2, place), histograms, which, rayfile.flux_unit)
+        for place, panel in enumerate(get_args(Panel), start=1):
+            draw_panel(figure.add_subplot(2, 2, place), histograms, panel, rayfile.flux_unit)
         figure.savefig(temporary, dpi=150)
 
 
-def draw_panel(axes: "Axes", histograms: Histograms, which: Panel, unit: str) -> None:
+def draw_panel(axes: "Axes", histograms: Histograms, panel: Panel, unit: str) -> None:
     """Draw one of the four panels on ``axes``; ``unit`` of the flux."""
-    if which == "intensity":
+    if panel == "intensity":
         _draw_intensity(axes, histograms.intensity(), float(histograms.rings.sum()), unit)
         return
     (x, y, z) = histograms.low
@@ -128,7 +128,7 @@ def draw_panel(axes: "Axes", histograms: Histograms, which: Panel, unit: str) ->
             "kx",
             "ky",
         ),
-    }[which]
+    }[panel]
     axes.imshow(image.T, origin="lower", extent=frame, cmap="inferno", interpolation="nearest")
     axes.set(title=title, xlabel=xlabel, ylabel=ylabel, aspect="equal")
 

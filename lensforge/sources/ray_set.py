@@ -39,21 +39,21 @@ def outline_of(rays: Rays, pose: Pose) -> Float[np.ndarray, "k 3"]:
 
 
 def _crossings(rays: RayBundle, forward: bool) -> _Crossings:
-    """Points (mm) where the lines of the rays that go ``forward``, or of the others, meet the plane z = 0.
+    """Points (mm) where rays that go ``forward``, or the others, meet the plane z = 0, extended as lines.
 
     Rays along that plane stay where they start.
     """
     start = rays.origins
     direction = rays.directions
-    kept = (direction[:, 2] > 0.0) == forward
+    selected = (direction[:, 2] > 0.0) == forward
     level = np.abs(direction[:, 2]) < 1e-9
     length = np.where(level, 0.0, -start[:, 2] / np.where(level, 1.0, direction[:, 2]))
     points = start[:, :2] + length[:, None] * direction[:, :2]
-    return points[kept], rays.flux[kept]
+    return points[selected], rays.flux[selected]
 
 
 def _around(crossings: Callable[[], Iterable[_Crossings]]) -> Float[np.ndarray, "k 2"]:
-    """Corners around all but the farthest points; a few rays far out do not move the median from which they are far.
+    """Corners around all but outliers; a few rays far out do not move the median that defines these.
 
     ``crossings`` begins a pass through the points.
     """
@@ -74,10 +74,10 @@ def _around(crossings: Callable[[], Iterable[_Crossings]]) -> Float[np.ndarray, 
 
 
 def _value_at(wanted: float, count: int, blocks: Callable[[], Iterable[_Values]], sorted_at_once: int = 2**20) -> float:
-    """The value up to which there is the flux ``wanted``: exact, in memory that does not grow with the rays.
+    """The value below which lies the flux ``wanted``: exact, in constant memory.
 
-    ``blocks`` begins a pass through the ``count`` values. Where they are too many to be sorted, a pass tells the
-    leading bits of the one sought, and the next one more of them.
+    ``blocks`` begins a pass through the ``count`` values. If they are too many to sort, each pass finds further leading
+    bits of the value.
     """
     known = 0  # leading bits of the quantile
     bits = 0
@@ -102,14 +102,14 @@ def _value_at(wanted: float, count: int, blocks: Callable[[], Iterable[_Values]]
 
 
 def _beginning(blocks: Iterable[_Values], known: int, bits: int) -> Iterator[_Values]:
-    """The values that begin with these bits, as many as said, and the flux at each."""
+    """The values whose first ``bits`` bits are ``known``, and the flux at each."""
     for values, flux in blocks:
-        these = _sortable(values) >> (64 - bits) == known
-        yield values[these], flux[these]
+        matching = _sortable(values) >> (64 - bits) == known
+        yield values[matching], flux[matching]
 
 
 def _sortable(values: Float[np.ndarray, " n"]) -> UInt64[np.ndarray, " n"]:
-    """Integers in the order of the values; they begin with the sign, the exponent and the first digits of a value."""
+    """Integers in the order of the values, beginning with sign, exponent and leading digits."""
     bits = np.ascontiguousarray(values).view(np.uint64)
     return np.where(values < 0.0, ~bits, bits | np.uint64(2**63))
 
@@ -135,7 +135,7 @@ def placed(rays: RayBundle, origin_mm: Float[np.ndarray, " 3"], placement: Place
 
 
 def _turned(vectors: Float[np.ndarray, "n 3"], matrix: Float[np.ndarray, "3 3"]) -> Float[np.ndarray, "n 3"]:
-    """Products with ``matrix``; with the identity, that of most files, without the time of a product."""
+    """Products with ``matrix``; the identity, as in most files, costs no time."""
     if np.array_equal(matrix, np.eye(3)):
         return vectors + 0.0  # no -0, as in a product
     return np.asarray(vectors @ matrix.T)
@@ -175,11 +175,11 @@ class RaySetEmitter:
         """
         if count < 1:
             raise InputError(f"{count} rays: at least 1")
-        copies, rest = divmod(count, len(self))
+        copies, remainder = divmod(count, len(self))
         if copies == 0:
-            return self._of_flux(self.rays.take(self._some(rest, seed)))
+            return self._of_flux(self.rays.take(self._some(remainder, seed)))
         times = np.full(len(self), copies)
-        times[self._some(rest, seed)] += 1
+        times[self._some(remainder, seed)] += 1
         index = np.repeat(np.arange(len(self)), times)
         drawn = self.rays.take(index)
         return self._of_flux(replace(drawn, flux=drawn.flux / times[index]))

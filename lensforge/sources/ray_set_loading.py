@@ -74,8 +74,8 @@ class _Loaded:
 
 
 @dataclass(frozen=True)
-class _Asked:
-    """Properties that rays are to carry: wavelengths for a lens of ``material``, and ``colours``."""
+class _Requested:
+    """Requested properties of rays: wavelengths for a lens of ``material``, and ``colours``."""
 
     material: Material | None
     colours: bool
@@ -89,13 +89,13 @@ def load_ray_set(spec: RaySetSource, material: Material | None = None, *, colour
     Several files keep their powers, or with ``spec.flux_w`` their ratio. Raises :class:`InputError`, one line,
     for files or arrays that cannot be used.
     """
-    asked = _Asked(material, colours)
+    requested = _Requested(material, colours)
     match spec:
         case RayfileSource():
             part = RayfilePart(file=spec.file, flux_w=spec.flux_w, flux_lm=spec.flux_lm)
-            return _emitter([_load_file(part, spec, asked)], spec)
+            return _emitter([_load_file(part, spec, requested)], spec)
         case RayfilesSource():
-            parts = [_load_file(part, spec, asked) for part in spec.files]
+            parts = [_load_file(part, spec, requested) for part in spec.files]
             _require_same_dispersion(parts)
             named = (tuple(f"{part.name}: {warning}" for warning in part.warnings) for part in parts)
             return _emitter(
@@ -104,12 +104,12 @@ def load_ray_set(spec: RaySetSource, material: Material | None = None, *, colour
         case RaySource():
             relative = np.ones(len(spec.positions_mm)) if spec.ray_flux is None else spec.ray_flux
             given = RayFile(spec.positions_mm, spec.directions, relative, "W", spec.wavelengths_nm, path="source.rays")
-            return _emitter([_loaded(given, spec, spec, spec.spectrum, asked)], spec)
+            return _emitter([_loaded(given, spec, spec, spec.spectrum, requested)], spec)
 
 
-def _load_file(part: RayfilePart, spec: RaySetSource, asked: _Asked) -> _Loaded:
+def _load_file(part: RayfilePart, spec: RaySetSource, requested: _Requested) -> _Loaded:
     rayfile = read_rayfile(part.file)
-    loaded = _loaded(rayfile, part, spec, part.spectrum or spec.spectrum, asked)
+    loaded = _loaded(rayfile, part, spec, part.spectrum or spec.spectrum, requested)
     file = LoadedRayFile(
         file=Path(part.file).name,
         format=rayfile.format,
@@ -128,9 +128,9 @@ def _load_file(part: RayfilePart, spec: RaySetSource, asked: _Asked) -> _Loaded:
 
 
 def _loaded(
-    rayfile: RayFile, stated: FluxSection, spec: RaySetSource, spectrum: SpectrumSpec | None, asked: _Asked
+    rayfile: RayFile, stated: FluxSection, spec: RaySetSource, spectrum: SpectrumSpec | None, requested: _Requested
 ) -> _Loaded:
-    """Load the usable rays of a file, in W, and with what is ``asked`` of them.
+    """Load the usable rays of a file, in W, with the ``requested`` properties.
 
     ``stated``: the flux by the spec. ``spectrum``: of the spec, in place of the file's own.
     """
@@ -145,7 +145,7 @@ def _loaded(
     figures = RaySums.of(rays)
     index_range = None
     dispersion = tuple[str, ...]()
-    material = asked.material
+    material = requested.material
     name = rayfile.path if spectrum is None else "source.spectrum"
     if material is not None:
         with remedy("give source.spectrum"):
@@ -154,7 +154,7 @@ def _loaded(
             rays = changed(stored.loaded(), lambda some: replace(some, flux=some.flux * factor))
             rays, index_range = coloured(rays, material, name)
             dispersion = tuple(index_warnings(index_range, material))
-    if asked.colours:
+    if requested.colours:
         rays = _with_colours(rays, stored, factor, spectrum, rayfile.path)
     given_flux = stated.flux_w is not None or stated.flux_lm is not None
     warnings = (*file_warnings(rayfile, sums, given_flux), *dispersion)
@@ -167,10 +167,10 @@ def _with_colours(rays: Rays, stored: StoredRays, factor: float, spectrum: Spect
     Where no lens disperses them and no spectrum is given, they follow the file: each its own wavelength, or one drawn
     from the file's tables; those without a usable one are of the mean wavelength.
     """
-    own = stored if stored.drawn_nm is not None or spectrum is not None else stored.coloured()
-    if rays.take(slice(0, 1)).wavelengths_nm is not None or spectrum is not None or not own.has_wavelengths:
+    coloured_rays = stored if stored.drawn_nm is not None or spectrum is not None else stored.coloured()
+    if rays.take(slice(0, 1)).wavelengths_nm is not None or spectrum is not None or not coloured_rays.has_wavelengths:
         return coloured_set(rays, spectrum, name)
-    mean_nm = RaySums.of(own.loaded()).colours.mean_nm
+    mean_nm = RaySums.of(coloured_rays.loaded()).colours.mean_nm
     if mean_nm is None:
         raise InputError(f"{name}: no ray has a usable wavelength; give source.spectrum, or leave out [colour]")
 
@@ -179,7 +179,7 @@ def _with_colours(rays: Rays, stored: StoredRays, factor: float, spectrum: Spect
         waves = np.where(usable_wavelengths(some.wavelengths_nm), some.wavelengths_nm, mean_nm)
         return replace(some, flux=some.flux * factor).with_wavelengths(waves)
 
-    coloured = coloured_set(changed(own.loaded(), usable), None, name)
+    coloured = coloured_set(changed(coloured_rays.loaded(), usable), None, name)
     return changed(coloured, lambda some: replace(some, waves=None))
 
 
@@ -218,7 +218,7 @@ def _flux(
 
 
 def _require_same_dispersion(parts: Sequence[_Loaded]) -> None:
-    """Refuse files of which only some have wavelengths: the lens would disperse the light of these alone."""
+    """Refuse files of which only some have wavelengths: the lens would disperse only their light."""
     without = [part.name for part in parts if part.index_range is None]
     if 0 < len(without) < len(parts):
         raise InputError(

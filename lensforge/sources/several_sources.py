@@ -1,4 +1,4 @@
-"""Several LEDs that one lens is for: a sample has rays of each in turn, so that one trace's rays are shared out.
+"""Several LEDs of one lens: a sample has rays of each in turn, so that they share the rays of a trace.
 
 Every ray says of which LED it is. The rays of each are a whole sample of that LED by themselves, with all of its flux.
 """
@@ -17,7 +17,7 @@ from lensforge.surfaces.mirror_group import shared_symmetry
 class SeveralSources:
     """The LEDs of a lens, as one source; ``flux_w``: of all together.
 
-    ``wavelength_nm``: of the rays of an LED that has none, where others have: that at which media have their one index.
+    ``wavelength_nm``: for rays of an LED without wavelengths if others have some: that of the media's single index.
     """
 
     sources: tuple[Source, ...]
@@ -30,12 +30,12 @@ class SeveralSources:
 
     @property
     def symmetry(self) -> str:
-        """Largest mirror group that all of them have."""
+        """Largest mirror group that all of them share."""
         return shared_symmetry([source.symmetry for source in self.sources])
 
     @property
     def ray_count(self) -> int | None:
-        """Rays of which none is drawn twice: as many of each as the smallest file has; None without a file."""
+        """Number of rays without duplicates: for each LED as many as the smallest file has; None without a file."""
         counts = [source.ray_count for source in self.sources if source.ray_count is not None]
         return len(self.sources) * min(counts) if counts else None
 
@@ -57,17 +57,17 @@ class SeveralSources:
 
     @property
     def without_wavelengths(self) -> tuple[int, ...]:
-        """Numbers of the LEDs whose rays have no wavelength of their own, where those of another have."""
+        """Numbers of the LEDs without wavelengths if another has some."""
         without = [source.sample(1, 0).waves is None for source in self.sources]
         return () if all(without) else tuple(np.flatnonzero(without).tolist())
 
     def shared_out(self, rays: RayBundle) -> list[RayBundle]:
-        """The rays of each LED, of a sample or a part of it."""
+        """The rays of each LED, from a sample or a part of it."""
         assert rays.of_source is not None, "a sample of several sources"
         return [rays.take(rays.of_source == number) for number in range(len(self.sources))]
 
     def changed(self, change: Callable[[Source], Source]) -> "SeveralSources":
-        """The same LEDs, each of them changed."""
+        """The same LEDs, each changed."""
         return replace(self, sources=tuple(map(change, self.sources)))
 
     def outline(self) -> Float[np.ndarray, "k 3"]:
@@ -77,5 +77,5 @@ class SeveralSources:
 
 
 def each_of(source: Source) -> tuple[Source, ...]:
-    """The LEDs of a source: itself, unless it is several."""
+    """The LEDs of a source: itself, unless it has several."""
     return source.sources if isinstance(source, SeveralSources) else (source,)

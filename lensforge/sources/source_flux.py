@@ -25,7 +25,7 @@ _LEAST_POWER = (
 class SourceFlux:
     """Flux of a source or of a part of it: ``flux_w`` (W), and its luminous ``efficacy`` (lm/W) where that is known.
 
-    ``in_lumens``: spec or file speak of lumens. ``least_power``: nothing else is known, and ``flux_w`` is the least
+    ``in_lumens``: spec or file state lumens. ``least_power``: nothing else is known, and ``flux_w`` is the least
     radiant flux that they can have, at 683.002 lm/W; then lx, cd and lm are exact, and W are not. ``fixed_lm``: the
     spec states its lumens, or nothing but lumens is known: an efficacy of the whole light changes W alone.
     """
@@ -46,7 +46,7 @@ class SourceFlux:
     def lumens_per_watt(self) -> float | None:
         """Efficacy by which lux and candela are shown.
 
-        None if it is not known, and where it is next to 0 by the spectrum and nothing speaks of lumens.
+        None if unknown, and if the spectrum is nearly invisible and no lumens are stated.
         """
         shown = self.efficacy is not None and (self.in_lumens or self.efficacy >= _LEAST_LM_PER_W)
         return self.efficacy if shown else None
@@ -54,7 +54,7 @@ class SourceFlux:
 
 @dataclass(frozen=True)
 class OwnFlux:
-    """Flux of a file, a table or the parts of a source by themselves: W, lm, and lm/W by the spectrum."""
+    """Flux of a file, a table or the parts of a source by its own data: W, lm, and lm/W by the spectrum."""
 
     flux_w: float | None = None
     flux_lm: float | None = None
@@ -89,7 +89,7 @@ def settled_flux(
 
 
 def _own_ratio(flux: OwnFlux) -> tuple[float | None, tuple[str, ...]]:
-    """Luminous efficacy (lm/W) by both totals of a file; a warning where no light can have it."""
+    """Luminous efficacy (lm/W) by both totals of a file; a warning if no light can have it."""
     if flux.flux_w is None or flux.flux_lm is None:
         return None, ()
     ratio = flux.flux_lm / flux.flux_w
@@ -112,9 +112,9 @@ def joined_flux(
     """
     dim = [part.least_power for part in parts]
     if any(dim) and not all(dim):
-        which = ", ".join(name for name, only_lumens in zip(names, dim, strict=True) if only_lumens)
+        dim_names = ", ".join(name for name, only_lumens in zip(names, dim, strict=True) if only_lumens)
         raise InputError(
-            f"{which}: flux known in lm alone, the flux of other parts in W; give its flux_w or a spectrum"
+            f"{dim_names}: flux known in lm alone, the flux of other parts in W; give its flux_w or a spectrum"
         )
     seen = _total_lm(parts)
     own_w = None if all(dim) else sum(part.flux_w for part in parts)

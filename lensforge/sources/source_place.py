@@ -30,7 +30,7 @@ class FileOrigin(Record):
     mirror: Text
 
     def steps(self) -> Iterator[str]:
-        """Words on what was done to the rays of the file."""
+        """Phrases for the transformations of the file's rays."""
         yield f"{_FOUND[self.found]} put at the lens origin, its {self.axis} along the lens’s +z"
         if self.scale != 1.0:
             yield f"scaled by {number(self.scale)}"
@@ -48,7 +48,7 @@ class SourcePlace(Record):
 
     @staticmethod
     def of(section: EmitterSection, summary: SourceSummary) -> "SourcePlace | None":
-        """The place of the source of a spec; None for an emitting area that stands as it is described."""
+        """The place of the source of a spec; None for an emitting area without displacement."""
         file = None
         if isinstance(section, Placement) and summary.placement is not None:
             origin: Origin = section.origin if isinstance(section.origin, str) else "point"
@@ -60,7 +60,7 @@ class SourcePlace(Record):
         return SourcePlace(file=file, **pose)
 
     def group(self) -> Group:
-        """Its facts, with their notes for a line of a screen."""
+        """Its facts, with notes for a line of a screen."""
         facts = tuple(self._facts())
         return Group("place", "Place of the LED", facts, "; ".join(fact.note for fact in facts if fact.note))
 

@@ -58,17 +58,19 @@ Columns = tuple[Float[np.ndarray, " k"], Float[np.ndarray, " k"]]
 
 
 def read_spectrum_file(path: Path) -> Columns:
-    """Read wavelengths (nm), rising, and relative power densities; noise below 0 is taken as 0, and said.
+    """Read wavelengths (nm), rising, and relative power densities; noise below 0 is set to 0, with a warning.
 
     Raises :class:`InputError`, one line.
     """
-    found = TextTable.read(path, missing="give the file of a spectrum", most_bytes=_MOST_BYTES, counted=True)
-    if len(found.rows) > _MOST_ROWS:
-        raise InputError(f"{path}: {len(found.rows)} rows, at most {_MOST_ROWS} are read; export it coarser")
-    _require_continuous(found)
-    table = found.columns(_COLUMNS)
+    table_file = TextTable.read(path, missing="give the file of a spectrum", most_bytes=_MOST_BYTES, counted=True)
+    if len(table_file.rows) > _MOST_ROWS:
+        raise InputError(f"{path}: {len(table_file.rows)} rows, at most {_MOST_ROWS} are read; export it coarser")
+    _require_continuous(table_file)
+    table = table_file.columns(_COLUMNS)
     for row, column in np.argwhere(np.abs(table) >= _HUGE)[:1]:
-        raise found.refuse(row, column, f"a number of {table[row, column]:g}, must be below {_HUGE:g}; export it again")
+        raise table_file.refuse(
+            row, column, f"a number of {table[row, column]:g}, must be below {_HUGE:g}; export it again"
+        )
     if (np.diff(table[:, 0]) < 0.0).all():
         table = table[::-1]  # from red to blue
     if table[:, 0].max() < _LEAST_NM:
@@ -83,7 +85,7 @@ def read_spectrum_file(path: Path) -> Columns:
 
 
 def _require_continuous(table: TextTable) -> None:
-    """Refuse a file whose header says that its rows are no continuous spectrum, or does not say how many they are."""
+    """Refuse a file whose header says that its rows are no continuous spectrum, or does not say how many there are."""
     for line in table.header:
         if _ANOTHER_KIND.match(line.text):
             advice = "only continuous, radiometric spectra are read; export it so"
@@ -126,11 +128,11 @@ class Spectrum:
         return np.cumsum(0.5 * (self.power_density[1:] + self.power_density[:-1]) * np.diff(self.wavelengths_nm))
 
     def at(self, numbers: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
-        """Map numbers in [0, 1) to wavelengths (nm): the exact inverse of the power up to a wavelength."""
+        """Map numbers in [0, 1) to wavelengths (nm): the exact inverse of the cumulative power."""
         if len(self.wavelengths_nm) == 1:
             return np.full(len(numbers), self.wavelengths_nm[0])
-        cell, rest = choose(self._cumulative, numbers)
-        place = linear_inverse(self.power_density[cell], self.power_density[cell + 1], rest)
+        cell, position = choose(self._cumulative, numbers)
+        place = linear_inverse(self.power_density[cell], self.power_density[cell + 1], position)
         low = self.wavelengths_nm[cell]
         return np.asarray(low + place * (self.wavelengths_nm[cell + 1] - low))
 
@@ -179,7 +181,7 @@ _NODES = 100  # linear between nodes it errs by 1e-4
 
 
 def usable_wavelengths(wavelengths_nm: Float[np.ndarray, " n"]) -> Bool[np.ndarray, " n"]:
-    """Mask of the wavelengths that light can have."""
+    """Mask of physically possible wavelengths of light."""
     with np.errstate(invalid="ignore"):
         return (wavelengths_nm >= _LIGHT_NM[0]) & (wavelengths_nm < _LIGHT_NM[1])
 

@@ -51,9 +51,9 @@ class LoadedRayFile(IndexRange):
 
 
 class AppliedPlacement(Record):
-    """The placement that the spec asks for, as it was done: the point of the file that became the lens origin.
+    """The placement as applied: the point of the file that became the lens origin.
 
-    And the shares of the flux that miss the lens from the start: ``backward_share`` goes towards -z,
+    Also the shares of the flux that miss the lens from the start: ``backward_share`` goes towards -z,
     ``below_plane_share`` starts below z = 0.
     """
 

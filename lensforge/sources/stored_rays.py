@@ -26,7 +26,7 @@ _NextWavelengths: TypeAlias = Callable[[slice], Float[np.ndarray, " n"]]
 
 
 def as_bundle(rayfile: RayFile) -> RayBundle:
-    """Copy rays that can all be traced as float64, directions normalised; their flux is that stored, in its unit."""
+    """Copy rays that can all be traced as float64, directions normalised; flux as stored."""
     directions = as_float64(rayfile.directions)
     return RayBundle(
         origins=as_float64(rayfile.positions_mm),
@@ -47,8 +47,8 @@ def usable_blocks(rayfile: RayFile) -> Iterator[tuple[RayBundle, dict[str, int]]
 class StoredRays:
     """Rays of ``rayfile`` that can be traced, in its order; ``skipped``: rows of the others, ``dropped``: by cause.
 
-    ``state``: of a file whose numbers are mapped; None if they are copies. ``drawn_nm``: a wavelength for each ray
-    in place of the file's own.
+    ``state``: of a file whose numbers are mapped; None if they are copies. ``drawn_nm``: a wavelength for each ray that
+    replaces the file's own.
     """
 
     rayfile: RayFile
@@ -77,13 +77,13 @@ class StoredRays:
 
     @property
     def has_wavelengths(self) -> bool:
-        """True where each ray has a wavelength, its own or a drawn one."""
+        """True if each ray has a wavelength, its own or a drawn one."""
         return self.drawn_nm is not None or self.rayfile.wavelengths_nm is not None
 
     def take(self, chosen: slice | Int[np.ndarray, " k"]) -> RayBundle:
-        """Read some of the rays, flux as stored: from one to another without a step, or any by their numbers.
+        """Read some of the rays, flux as stored: a slice without step, or any numbers.
 
-        Raises :class:`InputError` where the file was written to since it was opened.
+        Raises :class:`InputError` if the file was written to since it was opened.
         """
         if self.state is not None:
             self.state.require_same()
@@ -97,7 +97,7 @@ class StoredRays:
         return self.take(slice(None)) if len(self.rayfile) <= LOADED_RAYS else self
 
     def coloured(self, spectrum: Spectrum | None = None) -> "StoredRays":
-        """Rays with a wavelength drawn from ``spectrum`` for each; without it their own, or by the file.
+        """Rays with a wavelength drawn from ``spectrum`` for each; without it their own, or the file's.
 
         A file's spectral table is drawn from evenly over its power. Rays of a file that states no wavelengths have
         none. Raises :class:`InputError` for an invalid spectral table, and for several tables without a valid spectrum
@@ -109,7 +109,7 @@ class StoredRays:
         return replace(self, drawn_nm=np.concatenate([following(part) for part in block_slices(len(self))]))
 
     def _rows_of(self, chosen: slice | Int[np.ndarray, " k"]) -> slice | Int[np.ndarray, " k"]:
-        """Rows of the file in which the usable rays of these numbers are."""
+        """Rows in the file of the usable rays ``chosen``."""
         if len(self.skipped) == 0:
             return chosen
         before = self.skipped - np.arange(len(self.skipped))  # usable rays in front of each row that is skipped
@@ -146,8 +146,8 @@ class StoredRays:
             numbers = self._spectrum_numbers(part)
             wavelengths = np.zeros(len(numbers))
             for number, draw in draws.items():
-                those = numbers == number
-                wavelengths[those] = draw.take(int(np.count_nonzero(those)))
+                with_number = numbers == number
+                wavelengths[with_number] = draw.take(int(np.count_nonzero(with_number)))
             return wavelengths
 
         return following

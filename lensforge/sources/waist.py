@@ -1,4 +1,4 @@
-"""The waist of rays: the height at which their lines lie closest together, as a file of rays tells where an LED is."""
+"""The waist of rays: the height at which their lines lie closest together, which locates the LED of a ray file."""
 
 import numpy as np
 from jaxtyping import Float

@@ -13,7 +13,7 @@ from lensforge.errors import WrongFields, shortened
 from lensforge.optics.face_roles import DOUBLE
 from lensforge.results.numerals import unit_in
 from lensforge.results.registered_kinds import kind_of
-from lensforge.results.validation import given_words, plain
+from lensforge.results.validation import given_value, plain
 from lensforge.spec.spec_fields import all_sections, field_description, sections_in
 from lensforge.spec.toml_slips import cured_number
 
@@ -100,7 +100,7 @@ def spec_error(error: ValidationError, origin: str, root: type[BaseModel]) -> Wr
 
 
 def _line(origin: str, name: str, value: object, problem: str) -> str:
-    given = "" if value is None else given_words(value)
+    given = "" if value is None else given_value(value)
     parts = (
         origin,
         f"{shortened(name)}{given}" if name else "",

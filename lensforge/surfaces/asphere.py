@@ -39,9 +39,9 @@ _Vectors = Float[np.ndarray, "n 3"]
 
 @dataclass(frozen=True)
 class ImplicitSurface(Surface):
-    """A surface by its equation, with its vertex on the axis at ``vertex_mm``.
+    """A surface given by an implicit equation, its vertex on the axis at ``vertex_mm``.
 
-    Raises :class:`InputError` where it is not star-shaped about the origin down to 30 degrees below z = 0.
+    Raises :class:`InputError` if it is not star-shaped about the origin down to 30 degrees below z = 0.
     """
 
     meridians: ClassVar[int] = 96  # on which it is followed down from the vertex; 1 where all are the same
@@ -53,16 +53,16 @@ class ImplicitSurface(Surface):
 
     @property
     def apex_mm(self) -> float:
-        """Height at which the surface meets the axis, about: from there it is followed."""
+        """Approximate height at which the surface meets the axis: the root from which the profile is followed."""
         return self.vertex_mm
 
     @abstractmethod
     def equation(self, points_mm: _Vectors) -> tuple[_Values, _Vectors]:
-        """``F`` at points, in units of its own, and its gradient."""
+        """``F`` and its gradient at points; the surface chooses the unit of ``F``."""
 
     @property
     def detail_rad(self) -> float:
-        """Sigma of a Gaussian with the profile's swing and largest curvature, ``2 swing / sigma^2``; 0.5 at most."""
+        """Sigma of a Gaussian with the profile's range and largest curvature, ``2 range / sigma^2``; 0.5 at most."""
         _, radii = self._profile
         step = np.arccos(_LEAST_HEIGHT) / (_PROFILE - 1)
         curvature = float(np.abs(np.diff(radii, 2, axis=0)).max()) / step**2
@@ -109,7 +109,7 @@ class ImplicitSurface(Surface):
 
     @cached_property
     def _profile(self) -> tuple[Float[np.ndarray, " k"], Float[np.ndarray, "k m"]]:
-        """Polar angles, from the axis down, and the radius there on each meridian: roots followed from the vertex."""
+        """Polar angles, from the axis down, and the radius there on each meridian, root by root from the vertex."""
         return _kept_profile(self)
 
     def _new_profile(self) -> tuple[Float[np.ndarray, " k"], Float[np.ndarray, "k m"]]:
@@ -125,7 +125,7 @@ class ImplicitSurface(Surface):
         return polar, radii
 
     def _followed(self, rho: _Values, directions: _Vectors) -> _Values:
-        """The roots in ``directions`` that continue ``rho``, those of the directions before."""
+        """Roots in ``directions`` that continue ``rho``, the roots in the neighbouring directions."""
         for _ in range(_MOST_NEWTON_STEPS):
             value, slope = self.equation(rho[:, None] * directions)
             by_radius = np.sum(slope * directions, axis=1)
@@ -156,7 +156,7 @@ def _kept_profile(surface: ImplicitSurface) -> tuple[Float[np.ndarray, " k"], Fl
 
 
 def require_vertex(vertex_mm: float, *radii_mm: float) -> None:
-    """Raise :class:`InputError` where the vertex is not above 0, or a radius is 0."""
+    """Raise :class:`InputError` if the vertex is not above 0, or a radius is 0."""
     if not vertex_mm > 0.0 or 0.0 in radii_mm:
         given = ", ".join(f"{radius:g}" for radius in radii_mm)
         raise InputError(
@@ -165,9 +165,9 @@ def require_vertex(vertex_mm: float, *radii_mm: float) -> None:
 
 
 def _raised(directions: _Vectors) -> tuple[_Vectors, _Values, _Values]:
-    """Directions whose radius these get: themselves above z = 0, below by a soft minimum of the height.
+    """Directions at which the surface is evaluated: below z = 0 raised by a soft minimum of the height.
 
-    And what a step costs there of one here: along the meridian (angle by angle), and around the axis.
+    And the factors by which a step along the meridian (angle by angle) and around the axis is scaled there.
     """
     below = directions[:, 2] < 0.0
     moved = directions.copy()
@@ -203,7 +203,7 @@ Conic = Annotated[Number, Field(ge=-1e3, le=1e3)]
 class Asphere(ImplicitSurface):
     """An even asphere about the axis: vertex at ``z_v`` (mm), R (mm), conic constant k, and A_4, A_6, ... (mm^-3, ...).
 
-    Raises :class:`InputError` where it is not star-shaped about the origin down to 30 degrees below z = 0.
+    Raises :class:`InputError` if it is not star-shaped about the origin down to 30 degrees below z = 0.
     """
 
     meridians: ClassVar[int] = 1
@@ -223,7 +223,7 @@ class Asphere(ImplicitSurface):
 
     @cached_property
     def _series(self) -> tuple[Float[np.ndarray, " k"], Float[np.ndarray, " l"]]:
-        """Coefficients of the powers of r^2, and those of the derivative."""
+        """Coefficients of the powers of r^2, and of their derivative."""
         series = np.array([0.0, 0.0, *self.coefficients])
         return series, polynomial.polyder(series)
 
@@ -248,7 +248,7 @@ class Biconic(ImplicitSurface):
     """Vertex at ``z_v`` (mm), radii (mm) and conic constants in the x-z and in the y-z plane (ISO 10110-12).
 
     ``z = z_v + B / (1 + sqrt(1 - A))``, ``B = x^2/R_x + y^2/R_y``, ``A = (1+k_x) x^2/R_x^2 + (1+k_y) y^2/R_y^2``, as
-    the equation ``F = B + (A/B) s^2 - 2 s``. Raises :class:`InputError` for radii of two signs, and where it is not
+    the equation ``F = B + (A/B) s^2 - 2 s``. Raises :class:`InputError` for radii of opposite signs, and if it is not
     star-shaped.
     """
 
@@ -299,7 +299,7 @@ _STEP = 1e-4  # rad, of the differences of normals: their error is its square, a
 
 @dataclass(frozen=True)
 class SurfaceShape:
-    """A surface at ``polar_rad`` from the axis to the horizon, on meridians all around; one where all are the same."""
+    """A surface at ``polar_rad`` from the axis to the horizon, on meridians all around; on one for revolution."""
 
     surface: Surface
 
@@ -382,7 +382,7 @@ class SurfaceShape:
 
 
 def _tangent_axes(directions: Float[np.ndarray, "n 3"]) -> tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, "n 3"]]:
-    """Two unit tangents of the sphere across each other; none of the directions lies along y to one side of x."""
+    """Two perpendicular unit tangents of the sphere in each direction."""
     first = np.cross(directions, np.array([0.0, 1.0, 0.0]))
     short = np.linalg.norm(first, axis=1) < 0.1
     first[short] = np.cross(directions[short], np.array([1.0, 0.0, 0.0]))

@@ -42,7 +42,7 @@ class TableGrid:
 
     @property
     def side(self) -> int:
-        """Coefficients per side: the cubic needs one beyond each end."""
+        """Coefficients per side: a cubic needs one beyond each end."""
         return self.nodes + 2
 
     @property
@@ -62,8 +62,8 @@ class TableGrid:
         block = samples.reshape(count, count, -1)
         for axis in (0, 1):
             block = spline_filter1d(block, order=3, axis=axis, mode="mirror")
-        kept = slice(APRON - 1, APRON + self.nodes + 1)
-        return np.ascontiguousarray(block[kept, kept]).reshape(self.side**2, -1)
+        inner = slice(APRON - 1, APRON + self.nodes + 1)
+        return np.ascontiguousarray(block[inner, inner]).reshape(self.side**2, -1)
 
     def filter_matrix(self) -> Float[np.ndarray, "side n"]:
         """Matrix of :meth:`coefficients` along one axis."""
@@ -79,7 +79,7 @@ def most_per_sigma(sigma_min_rad: float) -> float:
 def grid_for(sigma_min_rad: float, nodes_per_sigma: float) -> TableGrid:
     """The grid whose apex step is ``sigma_min / nodes_per_sigma``, with at least 24 nodes.
 
-    Raises :class:`InputError` where that takes more nodes than fit.
+    Raises :class:`InputError` if that takes more nodes than allowed.
     """
     spans = 4.0 * chart.HALF_WIDTH * nodes_per_sigma
     if not sigma_min_rad * _MOST_NODES > spans:
@@ -112,7 +112,7 @@ def evaluate_table(
 
 
 def cubic_basis(f: Float[np.ndarray, " k"], order: int = 0) -> list[Float[np.ndarray, " k"]]:
-    """The four uniform cubic B-splines of a cell, or their derivatives of ``order`` per step, at the fraction ``f``."""
+    """The four uniform cubic B-splines of a cell at the fraction ``f``, or their derivatives of ``order`` per step."""
     return [piece(f) for piece in _cubic_pieces(order)]
 
 
@@ -132,7 +132,7 @@ def table_error(
 ) -> float:
     """Largest |table - exact radius| (mm) over random directions of the hemisphere, off the nodes.
 
-    ``within``: the directions that count; None: all.
+    ``within``: tells which directions count; None: all.
     """
     rng = np.random.default_rng(seed)
     z = rng.random(samples)
@@ -171,9 +171,9 @@ class LevelPatches:
 
 
 def dyadic_grid(details_rad: Sequence[float], nodes_per_sigma: float) -> tuple[TableGrid, list[int]]:
-    """A grid that resolves the narrowest of some functions, and how often it may be halved for each of them.
+    """A grid that resolves the narrowest function, and how often it may be halved for each function.
 
-    Raises :class:`InputError` where that takes more nodes than fit.
+    Raises :class:`InputError` if that takes more nodes than allowed.
     """
     cells = [grid_for(sigma, nodes_per_sigma).nodes - 1 for sigma in details_rad]
     most = max(0, int(np.log2(max(cells) / min(cells))))
@@ -194,9 +194,9 @@ class BasisTables:
 
     @staticmethod
     def of(basis: SrbfBasis, grid: TableGrid, halvings: Sequence[int]) -> "BasisTables":
-        """For tables of ``basis`` on ``grid``, which may be halved so often for each level.
+        """Maps for tables of ``basis`` on ``grid``; ``halvings``: how often the grid may be halved for each level.
 
-        A level that follows a finer one takes that one's grid: tables are carried over to finer grids only.
+        A level after a finer one takes the finer grid: tables are carried over to finer grids only.
         """
         levels = (
             _patches(TableGrid((grid.nodes - 1 >> times) + 1), count, level_sigma(count, basis.sigma_c))
@@ -222,7 +222,7 @@ class BasisTables:
         return by_weights
 
     def _moving(self, count: int) -> Iterator[tuple[LevelPatches, slice]]:
-        """The levels to which the first ``count`` weights belong, whole ones, each with its weights."""
+        """The levels to which the first ``count`` weights belong, each with its weights; levels are not divided."""
         first = 0
         for level in self.levels:
             if first < count:
@@ -231,7 +231,7 @@ class BasisTables:
 
 
 def _finer(table: Float[np.ndarray, "s s"], side: int) -> Float[np.ndarray, "t t"]:
-    """The spline of ``table`` on a grid of ``side``, which is the table's or halves its step once or more."""
+    """The spline of ``table`` on a grid of ``side`` coefficients, its step the same or halved repeatedly."""
     while len(table) < side:
         fine = 2 * len(table) - 3  # twice the cells, and a coefficient beyond each end
         halfway = np.empty((fine, len(table)))
@@ -277,8 +277,8 @@ def _patch(
         block = spline_filter1d(block, order=3, axis=axis, mode="mirror")
     first = np.maximum(-low, 0)
     block = block[first[0] : grid.side - low[0], first[1] : grid.side - low[1]]
-    kept = np.abs(block) > _NEGLIGIBLE
-    rows = np.nonzero(kept.any(axis=1))[0]
-    columns = np.nonzero(kept.any(axis=0))[0]
+    significant = np.abs(block) > _NEGLIGIBLE
+    rows = np.nonzero(significant.any(axis=1))[0]
+    columns = np.nonzero(significant.any(axis=0))[0]
     cut = block[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
     return int(low[0] + first[0] + rows[0]), int(low[1] + first[1] + columns[0]), cut

@@ -40,14 +40,14 @@ _UNITS = {"millimetre": "mm", "mm": "mm", "inch": "inches", "in": "inches", "inc
 
 @dataclass(frozen=True)
 class NamedFace:
-    """A face (TopoDS_Face), its name, "" where it has none, and its number in the file, from 1."""
+    """A face (TopoDS_Face), its name ("" if unnamed) and its number in the file, counted from 1."""
 
     face: Any
     name: str
     number: int
 
     @property
-    def words(self) -> str:
+    def title(self) -> str:
         """Its name, or its number."""
         return f"face {self.name}" if self.name else f"face {self.number}"
 
@@ -103,16 +103,16 @@ class FaceCast:
         return [_apart(crossings) for crossings in self._crossings(directions)]
 
     def begin_at(self, directions: Float[np.ndarray, "n 3"]) -> list[list[float]]:
-        """Distances as of :meth:`all_mm`; from the first crossings, steps lead to those of rays beside them."""
+        """Distances as :meth:`all_mm` gives them; Newton steps from their first crossings serve neighbouring rays."""
         every = list(self._crossings(directions))
         met = [k for k, crossings in enumerate(every) if crossings]
         self._begun = _unit(directions[met]), np.array([min(every[k]) for k in met]).reshape(-1, 4)
         return [_apart(crossings) for crossings in every]
 
     def points(self, directions: Float[np.ndarray, "n 3"]) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, "n 3"]]:
-        """Distance (mm) of the first crossing of each ray to rounding, and the unit normal there, outwards.
+        """Distance (mm) of each ray's first crossing, exact to rounding, and the unit outward normal there.
 
-        NaN where a ray meets no face.
+        NaN for a ray that meets no face.
         """
         radius, normals = self._beside(directions)
         lost = np.flatnonzero(np.isnan(radius))
@@ -124,9 +124,9 @@ class FaceCast:
         return radius, normals
 
     def _beside(self, directions: Float[np.ndarray, "n 3"]) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, "n 3"]]:
-        """Distances and normals by steps from the crossing of the nearest ray known, a tenth of the kernel's time.
+        """Distances and normals by Newton steps from the nearest known ray's crossing; ten times the kernel's speed.
 
-        NaN where they do not come to rest near it, within its face.
+        NaN if the steps do not converge near it, within its face.
         """
         rays, crossings = self._begun
         if not len(rays):
@@ -162,18 +162,18 @@ class FaceCast:
             normals[regular] = across[regular] / size[regular, None]
             reached = np.sum(normals * place, axis=1) / np.sum(normals * unit, axis=1)
             distance = np.where(regular, reached, distance)
-            rest = distance[:, None] * unit - place
-            by_u = np.sum(np.cross(rest, along_v) * across, axis=1)
-            by_v = np.sum(np.cross(along_u, rest) * across, axis=1)
+            residual = distance[:, None] * unit - place
+            by_u = np.sum(np.cross(residual, along_v) * across, axis=1)
+            by_v = np.sum(np.cross(along_u, residual) * across, axis=1)
             squared = np.where(regular, size, 1.0) ** 2
             parameters += np.where(regular[:, None], np.column_stack([by_u, by_v]) / squared[:, None], 0.0)
         outwards = normals * np.sign(np.sum(normals * unit, axis=1))[:, None]
-        return distance, outwards, parameters, np.linalg.norm(rest, axis=1)
+        return distance, outwards, parameters, np.linalg.norm(residual, axis=1)
 
     def _tangents(
         self, parameters: Float[np.ndarray, "n 2"], faces: Int[np.ndarray, " n"]
     ) -> tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, "n 3"], Float[np.ndarray, "n 3"]]:
-        """Point from where the rays start, and its derivatives by both parameters."""
+        """Points of the faces, relative to the rays' start, and their derivatives by both parameters."""
         point = gp_Pnt()
         along_u = gp_Vec()
         along_v = gp_Vec()
@@ -244,9 +244,9 @@ def _sample_face(folder: Path) -> None:
     shift = np.array(job["shift_mm"])
     chosen = _selected(faces, job["faces"], job["origin"], shift)
     cast = FaceCast([chosen_face.face for chosen_face in chosen], shift)
-    sampled = sampled_face(cast, f"{job['origin']}: {' and '.join(chosen_face.words for chosen_face in chosen)}")
+    sampled = sampled_face(cast, f"{job['origin']}: {' and '.join(chosen_face.title for chosen_face in chosen)}")
     np.savez(folder / SPLINE, axis=sampled.axis, radius=sampled.radius)
-    described = {"unit": unit, "names": [chosen_face.words for chosen_face in chosen]}
+    described = {"unit": unit, "names": [chosen_face.title for chosen_face in chosen]}
     errors = {"form_error_nm": sampled.form_error_nm, "normal_error_urad": sampled.normal_error_urad}
     write_json(folder / FOUND, {**described, **errors})
 
@@ -275,7 +275,7 @@ def _selected(
 
 
 def _first_on_axis(faces: list[NamedFace], origin: str, shift_mm: Float[np.ndarray, "3"]) -> NamedFace:
-    """The face that the axis meets first above the origin; tried a little beside it, where no face has its pole."""
+    """The first face that the axis meets above the origin; probed slightly off-axis, where no face has its pole."""
     beside = np.array([[1e-6, 1e-6, 1.0]])
     met = [(min(FaceCast([face.face], shift_mm).all_mm(beside)[0], default=np.inf), face) for face in faces]
     distance, first = min(met, key=lambda crossing: crossing[0])
@@ -287,7 +287,8 @@ def _first_on_axis(faces: list[NamedFace], origin: str, shift_mm: Float[np.ndarr
 def sampled_face(cast: FaceCast, title: str) -> SampledFace:
     """The spline through the faces of ``cast``, with as many nodes as its measured error needs.
 
-    Raises :class:`InputError` where they are not met just once from the origin, and where they are not smooth.
+    Raises :class:`InputError` if a ray from the origin does not meet the faces exactly once, and if they are not
+    smooth.
     """
     tested = np.concatenate([fibonacci_hemisphere(_TESTED), _around(0.5 * np.pi, _RIM)])
     radius, normals = _met_once(cast, tested, title)
@@ -315,7 +316,7 @@ def sampled_face(cast: FaceCast, title: str) -> SampledFace:
 def _met_once(
     cast: FaceCast, directions: Float[np.ndarray, "n 3"], title: str
 ) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, "n 3"]]:
-    """Radius (mm) and outward normals in ``directions``, each of which must meet the faces once."""
+    """Radius (mm) and outward normals in ``directions``, each of which must meet the faces exactly once."""
     met = cast.begin_at(directions)
     for direction, distances in zip(directions, met, strict=True):
         if len(distances) != 1:
@@ -339,7 +340,7 @@ def _on_grid(cast: FaceCast, nodes: int, title: str) -> tuple[Float[np.ndarray, 
     values[inside] = cast.points(to_sphere(chart[inside]))[0]
     beyond = 2.0 * np.arctan(bent_radius(distance[~inside])) - 0.5 * np.pi
     azimuth = np.arctan2(chart[~inside, 1], chart[~inside, 0])
-    values[~inside] = _continued(cast, azimuth, beyond)
+    values[~inside] = _extrapolated_radius(cast, azimuth, beyond)
     if not np.isfinite(values).all():
         raise InputError(
             f"{title}: the CAD kernel finds no point {place_of(to_sphere(chart[~np.isfinite(values)])[0])}"
@@ -347,10 +348,10 @@ def _on_grid(cast: FaceCast, nodes: int, title: str) -> tuple[Float[np.ndarray, 
     return axis, values.reshape(nodes, nodes)
 
 
-def _continued(
+def _extrapolated_radius(
     cast: FaceCast, azimuth: Float[np.ndarray, " n"], beyond_rad: Float[np.ndarray, " n"]
 ) -> Float[np.ndarray, " n"]:
-    """Radius (mm) beyond the rim: on each meridian by a polynomial through places inside."""
+    """Radius (mm) beyond the rim, extrapolated on each meridian by a polynomial through points inside the rim."""
     turn = 2.0 * np.pi * np.arange(_AZIMUTHS + 1) / _AZIMUTHS
     total = np.zeros(len(azimuth))
     for weight, inside in _extrapolation(beyond_rad):
@@ -361,7 +362,7 @@ def _continued(
 
 
 def _extrapolation(beyond_rad: Float[np.ndarray, " n"]) -> Iterator[tuple[Float[np.ndarray, " n"], float]]:
-    """Lagrange's weights of the places inside, and how far inside (rad) each is."""
+    """Lagrange's weights of the points inside the rim, and their distances (rad) from it."""
     for k in range(_PLACES):
         weight = np.ones_like(beyond_rad)
         for j in range(_PLACES):

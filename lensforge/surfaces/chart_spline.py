@@ -63,7 +63,7 @@ class ChartSpline(ByContent, Surface):
 
     @cached_property
     def symmetry(self) -> str:
-        """Largest mirror group under which it changes by no more than a nanometre."""
+        """Largest mirror group that changes the radius by no more than a nanometre."""
         directions = fibonacci_hemisphere(_MIRRORED)
         radii = self.radius(directions)
 
@@ -80,11 +80,12 @@ class ChartSpline(ByContent, Surface):
         """Tangential gradient of ``rho`` on the unit sphere (mm/rad)."""
         chart = to_chart(directions)
         bent, outwards, around = _bent(chart)
-        own = np.stack([self._spline(bent, nu=order) for order in ((1, 0), (0, 1))], axis=1)
+        chart_slopes = np.stack([self._spline(bent, nu=order) for order in ((1, 0), (0, 1))], axis=1)
         distance = np.linalg.norm(chart, axis=1, keepdims=True)
         radial = chart / np.where(distance == 0.0, 1.0, distance)
         slopes = (
-            own * around[:, None] + np.sum(own * radial, axis=1, keepdims=True) * radial * (outwards - around)[:, None]
+            chart_slopes * around[:, None]
+            + np.sum(chart_slopes * radial, axis=1, keepdims=True) * radial * (outwards - around)[:, None]
         )
         return gradient_on_sphere(chart, slopes)
 
@@ -96,7 +97,7 @@ class ChartSpline(ByContent, Surface):
 
 
 def bent_radius(radius: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
-    """Chart radius at which a direction of chart ``radius`` gets its value: itself inside the rim, 1.2 at most."""
+    """Chart radius at which a direction of chart ``radius`` is evaluated: itself inside the rim, 1.2 at most beyond."""
     beyond = np.maximum(radius - 1.0, 0.0)
     bent: Float[np.ndarray, "*n"] = (
         radius - beyond + beyond * (1.0 + (beyond / REACH) ** _SOFTNESS) ** (-1.0 / _SOFTNESS)
@@ -107,7 +108,7 @@ def bent_radius(radius: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
 def _bent(
     chart: Float[np.ndarray, "n 2"],
 ) -> tuple[Float[np.ndarray, "n 2"], Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
-    """Chart points whose value these get; what a step costs there of one here, outwards and around the axis."""
+    """Chart points at which the spline is evaluated, and the scale there of a step outwards and of one around."""
     radius = np.hypot(chart[:, 0], chart[:, 1])
     beyond = np.maximum(radius - 1.0, 0.0)
     around = np.where(beyond > 0.0, bent_radius(radius) / np.maximum(radius, 1.0), 1.0)
@@ -116,7 +117,7 @@ def _bent(
 
 
 def detail_of(knots: Float[np.ndarray, " k"], control: Float[np.ndarray, "n n"]) -> float:
-    """Sigma of a Gaussian whose second and fourth derivatives are as large, ``sqrt(6 f'' / f'''')``; 0.5 at most.
+    """Sigma of a Gaussian with the same ratio of second to fourth derivative, ``sqrt(6 f'' / f'''')``; 0.5 at most.
 
     The error of a table is that of the fourth, and the second leaves out a sphere's size and place.
     """
@@ -146,7 +147,7 @@ class ChartSplineRecord(SurfaceRecord):
     detail_rad: Annotated[Number, Field(ge=1e-3, le=1.0)]
 
     def surface(self) -> ChartSpline:
-        """The surface. Raises :class:`InputError` where knots and control values are not those of one spline."""
+        """The surface. Raises :class:`InputError` if knots and control values do not belong to one spline."""
         side = len(self.knots) - DEGREE - 1
         knots = np.array(self.knots, dtype=np.float64)
         if side <= DEGREE or len(self.control_mm) != side**2 or not (np.diff(knots) >= 0.0).all():

@@ -39,10 +39,10 @@ _TALLEST_CAP = 4.0  # over the radius of the cavity
 class Collimator:
     """A lens of ``index`` whose exit has ``radius_mm``; the source is at the origin, in air.
 
-    ``cavity_mm``: radius of the cavity at z = 0. ``cap_mm``: height of its cap on the axis. ``draft_rad``: by which
-    its side closes upwards. ``least_wall_mm``: of the body at the base, and between cap and exit. ``mirrored``: the
-    wall reflects at every angle. Raises :class:`InputError` where the wall would let light through, and where the body
-    has no room.
+    ``cavity_mm``: radius of the cavity at z = 0. ``cap_mm``: height of its cap on the axis. ``draft_rad``: angle by
+    which its side closes upwards. ``least_wall_mm``: least wall of the body at the base, and between cap and exit.
+    ``mirrored``: the wall reflects at every angle. Raises :class:`InputError` if the wall would let light through, and
+    if the body has no room.
     """
 
     index: float
@@ -88,7 +88,7 @@ class Collimator:
         return float(self.wall(np.array([self.crease_rad]))[0, 1])
 
     def wall(self, polar_rad: _Angles) -> _Meridian:
-        """Points (r, z) of the wall, mm, that turn the light of these angles from the axis."""
+        """Points (r, z) of the wall (mm) that reflect light emitted at these angles from the axis."""
         starts, ways, _ = self._at_side(polar_rad)
         return starts + self._in_body(polar_rad)[:, None] * ways
 
@@ -114,7 +114,7 @@ class Collimator:
         return share_within(self._mapped(), half_angle_rad, side_mm)
 
     def _mapped(self) -> Iterator[tuple[_Angles, _Angles]]:
-        """Angles of the light through the cap, and through the side, and the radii (mm) at which it leaves."""
+        """Angles of the light through the cap, and through the side, and the radii (mm) at which it leaves the exit."""
         inner = np.linspace(1e-3, self.crease_rad, _RAYS)
         cap = self.cap_mm * (self.index - 1.0) / (self.index * np.cos(inner) - 1.0)
         yield inner, cap * np.sin(inner)
@@ -125,7 +125,7 @@ class Collimator:
         return np.linspace(self.crease_rad, 0.5 * np.pi, _RAYS)
 
     def _at_side(self, polar_rad: _Angles) -> tuple[_Meridian, _Meridian, Float[np.ndarray, " n"]]:
-        """Points (r, z) on the side, the directions of the light behind it, and the lengths (mm) to it."""
+        """Points (r, z) on the side, directions of the refracted light, and path lengths (mm) to it."""
         ways = np.column_stack([np.sin(polar_rad), np.cos(polar_rad)])
         normal = np.array([np.cos(self.draft_rad), np.sin(self.draft_rad)])
         incident = ways @ normal
@@ -134,7 +134,7 @@ class Collimator:
         return lengths[:, None] * ways, (ways + bent[:, None] * normal) / self.index, lengths
 
     def _in_body(self, polar_rad: _Angles) -> Float[np.ndarray, " n"]:
-        """Lengths (mm) from the side to the wall: the paths to a plane across the axis are those of the rim."""
+        """Lengths (mm) from the side to the wall for which all optical paths are as long as that of the rim."""
         starts, ways, lengths = self._at_side(np.append(polar_rad, self.crease_rad))
         paths = lengths - self.index * starts[:, 1]
         rim = (self.radius_mm - starts[-1, 0]) / ways[-1, 0] * self.index * (1.0 - ways[-1, 1]) + paths[-1]
@@ -149,9 +149,9 @@ class Collimator:
 
 
 def share_within(mapped: Iterable[tuple[_Angles, _Angles]], half_angle_rad: float, side_mm: float) -> float:
-    """Share of a square Lambertian source within a half angle of the axis, at first order, of light that is collimated.
+    """First-order share of a collimated square Lambertian source within a half angle of the axis.
 
-    ``mapped``: angles from the axis, and the radii (mm) at which that light leaves. A point beside the axis by x in the
+    ``mapped``: angles from the axis, and the radii (mm) at which that light leaves. A source point offset by x in the
     plane of a ray and by y across it turns the ray by ``x cos dtheta/dr`` and ``y sin / r`` at the radius r.
     """
     squares = side_mm**2 * _places_from_the_centre() ** 2
@@ -168,9 +168,9 @@ def share_within(mapped: Iterable[tuple[_Angles, _Angles]], half_angle_rad: floa
 
 @cache
 def _places_from_the_centre() -> Float[np.ndarray, "2 k"]:
-    """Places of a square of side 1, along and across four azimuths of a quarter of a turn: the others see the same.
+    """Points of a square of side 1, along and across four azimuths of a quarter turn; the others follow by symmetry.
 
-    Half of the square, whose other half turns rays by as much.
+    Half of the square: the other half turns rays by as much.
     """
     place = (np.arange(_PLACES) + 0.5) / _PLACES - 0.5
     x, y = (coordinates.reshape(-1, 1) for coordinates in np.meshgrid(place[: _PLACES // 2], place))
@@ -193,8 +193,8 @@ def best_collimator(
 ) -> Collimator:
     """The collimator that sends the largest share of a square Lambertian source into a half angle, at first order.
 
-    The cavity is as large as the source's half diagonal and a clearance, or larger; it and the height of the cap are
-    found by a scan. Raises :class:`InputError` as :class:`Collimator` does where none can be made.
+    The cavity is as large as the source's half diagonal and a clearance, or larger; its radius and the height of the
+    cap are found by a scan. Raises :class:`InputError` as :class:`Collimator` does if none can be made.
     """
     least = np.sqrt(0.5) * side_mm + clearance_mm
     smallest = Collimator(index, radius_mm, least, least, draft_rad, least_wall_mm, mirrored)
@@ -220,7 +220,7 @@ def best_collimator(
 
 
 def _scanned(like: Collimator, sizes_mm: Float[np.ndarray, "k 2"]) -> Iterator[Collimator]:
-    """Collimators that can be made, of every radius of the cavity with every height of the cap."""
+    """Collimators that can be made, for every pair of cavity radius and cap height."""
     for cavity, cap in product(*sizes_mm.T.tolist()):
         try:
             yield replace(like, cavity_mm=cavity, cap_mm=cap)

@@ -1,7 +1,7 @@
-"""A face that was given: of another result's ``lens.json``, exactly, or of a STEP or IGES file as a spline.
+"""An imported face: exact from another result's ``lens.json``, or a spline through a face of a STEP or IGES file.
 
-With each stands where it comes from, and how far the surface is from what was given. A CAD file is sampled by the CAD
-kernel in a child process.
+Each records its origin, and its largest error against the file. A CAD file is sampled by the CAD kernel in a child
+process.
 """
 
 import json
@@ -31,9 +31,9 @@ SPLINE = "spline.npz"
 
 @dataclass(frozen=True)
 class GivenFace:
-    """``surface``, ``origin`` in words, and its largest errors against what was given: nm along the normal, urad.
+    """An imported ``surface``, a phrase on its ``origin``, and its largest errors: nm along the normal, and urad.
 
-    ``unit``: that of the file.
+    ``unit``: unit of the file.
     """
 
     surface: Surface
@@ -44,7 +44,7 @@ class GivenFace:
 
 
 def place_of(direction: Float[np.ndarray, "3"]) -> str:
-    """A direction from the origin in words."""
+    """Phrase for a direction from the origin."""
     polar = np.degrees(np.arccos(np.clip(direction[2], -1.0, 1.0)))
     azimuth = np.degrees(np.arctan2(direction[1], direction[0])) % 360.0
     return f"{polar:.1f} degrees from the axis at azimuth {azimuth:.0f} degrees"
@@ -66,9 +66,9 @@ class _Face(Record):
 
 
 def face_of_lens(path: Path, name: str) -> GivenFace:
-    """The face of that ``name`` of the lens in ``path``.
+    """The face ``name`` of the lens in ``path``.
 
-    Raises :class:`InputError` for any other file, and for a face that the lens has not.
+    Raises :class:`InputError` for any other file, and for a face that the lens does not have.
     """
     content = read_json(path, _LENS_REMEDY)
     faces = content.get("faces") if isinstance(content, dict) else None
@@ -99,9 +99,9 @@ Selection = str | int
 def face_of_cad(path: Path, faces: Sequence[Selection], shift_mm: tuple[float, float, float]) -> GivenFace:
     """The named or numbered ``faces`` of ``path`` as one surface, in mm whatever its unit, moved by ``shift_mm``.
 
-    "first": the one that the axis meets first above the origin. Numbers count from 1 in the order of the file.
-    Raises :class:`InputError` for a face that is not there, has a hole, ends above z = 0, or is met twice from the
-    origin, with the place.
+    "first": the one that the axis meets first above the origin. Numbers count from 1 in the order of the file. Raises
+    :class:`InputError`, with the place, for a face that does not exist, has a hole, ends above z = 0, or is met twice
+    from the origin.
     """
     suffix = path.suffix.lower()
     if suffix not in STEP_SUFFIXES + IGES_SUFFIXES:

@@ -45,7 +45,7 @@ def group(name: str) -> list[np.ndarray]:
 
 
 def generators(name: str) -> list[np.ndarray]:
-    """Mirrors that generate the group ``name``: the means over each, one after the other, are those over the group."""
+    """Mirrors that generate the group ``name``: averaging over one after the other averages over the group."""
     return _GENERATORS[name]
 
 
@@ -55,13 +55,13 @@ def contains(larger: str, smaller: str) -> bool:
 
 
 def shared_symmetry(names: Sequence[str], allowed: Callable[[str], bool] = lambda _: True) -> str:
-    """Largest mirror group that all groups of these ``names`` contain, of those ``allowed``."""
+    """Largest ``allowed`` mirror group that is contained in every group of ``names``."""
     shared = (name for name in reversed(NAMES) if all(contains(larger, name) for larger in names))
     return next(name for name in shared if allowed(name))
 
 
 def largest_symmetry(unchanged: Callable[[Float[np.ndarray, "3 3"]], bool]) -> str:
-    """Find the largest mirror group all of whose mirrors leave something ``unchanged``."""
+    """Largest mirror group all of whose mirrors satisfy ``unchanged``."""
     return next(name for name in reversed(NAMES) if all(unchanged(mirror) for mirror in group(name)))
 
 
@@ -76,7 +76,7 @@ def grid_images(block: Float[np.ndarray, "n n *c"], name: str) -> Float[np.ndarr
 
 
 def first_images(points: Float[np.ndarray, "k d"], name: str) -> Bool[np.ndarray, " k"]:
-    """True for points that come first among their mirror images, by X, then by Y: one of each is enough to look at.
+    """True for points that come first among their mirror images, by X, then by Y: one of each set is enough.
 
     The first two coordinates are those across the axis, of directions or on the chart.
     """
@@ -98,7 +98,7 @@ def shortest_arc(azimuths_rad: Float[np.ndarray, " n"]) -> tuple[float, float]:
 
 
 def images_in_common(name: str, middle_rad: float, half_rad: float) -> float:
-    """Largest share of the images of an arc, under a group or ``REVOLUTION``, that have an azimuth in common."""
+    """Largest share of an arc's images, under a group or ``REVOLUTION``, that contain a common azimuth."""
     if name == REVOLUTION:
         return min(1.0, half_rad / np.pi)
     middles = np.array([element[:2, :2] @ (np.cos(middle_rad), np.sin(middle_rad)) for element in group(name)])

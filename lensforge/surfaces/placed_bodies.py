@@ -1,4 +1,4 @@
-"""Given bodies in their places: depth of points within them, their mirrors, and how far they reach.
+"""Imported bodies in their poses: depth of points within them, their mirror symmetry, and how far they reach.
 
 A body is star-shaped about its local origin, and ends in the local plane z = 0.
 """
@@ -36,7 +36,7 @@ def outside_of(body: SecondaryOptic) -> _Points:
 
 
 def has_mirrors(body: SecondaryOptic, symmetry: str) -> bool:
-    """True where the body, in its place, has the mirror group of that name about the axis of the lens."""
+    """True if the posed body has the mirror group ``symmetry`` about the axis of the lens."""
     centre = np.array(body.pose.origin_mm)
     u = fibonacci_hemisphere(_DIRECTIONS // 10)
     for mirror in group(symmetry):
@@ -55,5 +55,5 @@ def has_mirrors(body: SecondaryOptic, symmetry: str) -> bool:
 
 
 def reach_mm(bodies: Sequence[SecondaryOptic]) -> float:
-    """Radius (mm) of the ball about the lens's origin in which all bodies lie, above the planes in which they end."""
+    """Radius (mm) of the ball about the lens's origin that contains all bodies."""
     return max((float(np.linalg.norm(outside_of(body), axis=1).max()) for body in bodies), default=0.0)

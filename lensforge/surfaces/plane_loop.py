@@ -50,7 +50,7 @@ class LoopEdge:
 
     @property
     def twice_area_mm2(self) -> float:
-        """Integral of x dy - y dx along it."""
+        """Integral of x dy - y dx along the edge."""
         (x0, y0) = self.start
         (x1, y1) = self.end
         if self.centre is None:
@@ -59,7 +59,7 @@ class LoopEdge:
         return self.radius_mm**2 * (last - first) + self.centre[0] * (y1 - y0) - self.centre[1] * (x1 - x0)
 
     def at(self, shares: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n 2"]:
-        """Points along it, from its start at 0 to its end at 1."""
+        """Points along the edge, from its start at 0 to its end at 1."""
         if self.centre is None:
             return np.array(self.start) + shares[..., None] * np.subtract(self.end, self.start)
         first, last = self.azimuths
@@ -67,7 +67,7 @@ class LoopEdge:
         return np.array(self.centre) + self.radius_mm * np.stack([np.cos(turns), np.sin(turns)], axis=-1)
 
     def points(self, chord_mm: float) -> Float[np.ndarray, "n 2"]:
-        """Points from its start up to, and without, its end; chords of an arc are within ``chord_mm`` of it."""
+        """Points from the start up to, but without, the end; chords of an arc deviate by at most ``chord_mm``."""
         if self.centre is None:
             return np.array([self.start])
         first, last = self.azimuths
@@ -76,7 +76,7 @@ class LoopEdge:
 
     @property
     def farthest(self) -> tuple[Place, ...]:
-        """Its start, and the points of an arc where x or y is largest or smallest."""
+        """The start, and the points of an arc at which x or y is largest or smallest."""
         if self.centre is None:
             return (self.start,)
         x, y, radius = *self.centre, self.radius_mm
@@ -86,7 +86,7 @@ class LoopEdge:
 
     @property
     def right(self) -> Place:
-        """Unit vector to the right of its way, in its middle: outwards where its loop runs counter-clockwise."""
+        """Unit vector to the right of the edge at its middle: outwards if its loop runs counter-clockwise."""
         if self.centre is None:
             x, y = self.end[0] - self.start[0], self.end[1] - self.start[1]
             return y / hypot(x, y), -x / hypot(x, y)
@@ -95,7 +95,7 @@ class LoopEdge:
         return sign * cos(middle), sign * sin(middle)
 
     def away_mm(self, place: Place) -> float:
-        """Distance of a place."""
+        """Distance (mm) of ``place`` from the edge."""
         (x, y) = place
         (x0, y0) = self.start
         (x1, y1) = self.end
@@ -110,7 +110,7 @@ class LoopEdge:
         return min(hypot(x - x0, y - y0), hypot(x - x1, y - y1))
 
     def turns_about(self, place: Place) -> float:
-        """Angle (rad) by which the way from ``place`` to a point of it turns from its start to its end."""
+        """Angle (rad) that the edge subtends at ``place``, signed by its direction."""
         ways = [(at[0] - place[0], at[1] - place[1]) for at in (self.start, self.end)]
         (x0, y0), (x1, y1) = ways
         turned = 0.0 if self.start == self.end else atan2(x0 * y1 - y0 * x1, x0 * x1 + y0 * y1)
@@ -156,7 +156,7 @@ def reversed_corners(corners: Sequence[Corner]) -> list[Corner]:
 
 
 def circle_of(corners: Sequence[Corner]) -> tuple[Place, float] | None:
-    """Centre (mm) and radius (mm) of a loop of two half circles; None of any other."""
+    """Centre (mm) and radius (mm) of a loop of two half circles; None for any other loop."""
     if len(corners) != 2 or any(abs(abs(bulge) - 1.0) > 1e-12 for *_, bulge in corners):
         return None
     (x0, y0, _), (x1, y1, _) = corners
@@ -164,12 +164,12 @@ def circle_of(corners: Sequence[Corner]) -> tuple[Place, float] | None:
 
 
 def bulge_of(angle_rad: float) -> float:
-    """Bulge of an arc of ``angle_rad``, above 0 counter-clockwise."""
+    """Bulge of an arc of ``angle_rad``; positive if counter-clockwise."""
     return sin(angle_rad / 4.0) / cos(angle_rad / 4.0)
 
 
 def area_mm2(loop: Loop) -> float:
-    """Area (mm^2) within a loop that runs counter-clockwise; below 0 of one that runs clockwise."""
+    """Area (mm^2) within a loop; negative if the loop runs clockwise."""
     return sum(edge.twice_area_mm2 for edge in loop) / 2.0
 
 
@@ -179,7 +179,7 @@ def points_on(loop: Loop, chord_mm: float) -> Float[np.ndarray, "n 2"]:
 
 
 def inside_by_mm(loop: Loop, place: Place) -> float:
-    """Distance (mm) of a place from a loop, below 0 outside."""
+    """Distance (mm) of ``place`` from a loop; negative outside."""
     away = min(edge.away_mm(place) for edge in loop)
     return away if abs(sum(edge.turns_about(place) for edge in loop)) > pi else -away
 
@@ -191,10 +191,10 @@ def box_of_loop(loop: Loop) -> tuple[Place, Place]:
 
 
 def drafted_scale(curve: Float[np.ndarray, "n 2"], slope: float, length_mm: float) -> float:
-    """Factor from a ``curve``, points (mm) around the axis, to the foot of a wall below it: a cone about the axis.
+    """Scale factor from a ``curve``, points (mm) around the axis, to the foot of the conical wall below it.
 
-    The least of its drafts is that of ``slope``, below 0 where it narrows downwards: where a tangent is nearest to the
-    axis.
+    The wall's least draft is that of ``slope``, which is negative if it narrows downwards; it occurs where a tangent is
+    nearest to the axis.
     """
     along = np.roll(curve, -1, axis=0) - np.roll(curve, 1, axis=0)
     nearest = np.abs(curve[:, 0] * along[:, 1] - curve[:, 1] * along[:, 0]) / np.hypot(*along.T)

@@ -1,4 +1,4 @@
-"""A face through points that are given in a file.
+"""A face through the points of a file.
 
 The face is a spline over the chart in least squares, its error taken at points left out. Between points and beyond the
 last of them the spline bends as little as it can (P-splines: P. H. C. Eilers and B. D. Marx, Statistical Science 11,
@@ -36,8 +36,8 @@ _SEED = 0
 def face_of_points(path: Path, coordinates: Coordinates, shift_mm: tuple[float, float, float]) -> GivenFace:
     """The face through the points of a text file, moved by ``shift_mm``.
 
-    Cartesian: x, y, z in mm; polar: angle from the axis and azimuth in degrees, and the distance from the origin in
-    mm. Raises :class:`InputError` where points leave a part of the hemisphere open, with the place.
+    Cartesian: x, y, z in mm; polar: angle from the axis and azimuth in degrees, and the distance from the origin in mm.
+    Raises :class:`InputError`, with the place, if points leave a part of the hemisphere uncovered.
     """
     rows = read_cloud(path, "give the file of the points on the face", coordinates)
     points = (rows if coordinates == "cartesian" else _from_polar(rows, path)) + np.asarray(shift_mm)
@@ -64,7 +64,7 @@ def _from_polar(rows: Float[np.ndarray, "n 3"], path: Path) -> Float[np.ndarray,
 
 
 def _require_covered(directions: Float[np.ndarray, "n 3"], path: Path) -> None:
-    """Raise :class:`InputError` where a direction of the hemisphere is far from all points."""
+    """Raise :class:`InputError` if a direction of the hemisphere is far from all points."""
     from scipy.spatial import KDTree
 
     tree = KDTree(directions)
@@ -81,19 +81,19 @@ def _require_covered(directions: Float[np.ndarray, "n 3"], path: Path) -> None:
 
 
 def _fitted(directions: Float[np.ndarray, "n 3"], radius: Float[np.ndarray, " n"]) -> tuple[ChartSpline, float, float]:
-    """Spline through all points, and its largest errors (nm, urad), at a tenth of them that a first one left out.
+    """Spline through all points, and its largest errors (nm, urad), cross-validated on a tenth of the points.
 
-    As fine as it takes: a finer one is tried until the points left out are met no better.
+    The grid is refined until the points left out are met no better.
     """
     order = np.random.default_rng(_SEED).permutation(len(radius))
     order = order[directions[order, 2] >= 0.0]  # below z = 0 no surface counts
     out = order[::_LEFT_OUT]
-    kept = np.setdiff1d(np.arange(len(radius)), out)
+    fitted = np.setdiff1d(np.arange(len(radius)), out)
     most = min(_MOST_CELLS, int(2.0 * HALF_WIDTH * np.sqrt(len(radius) / np.pi)))
     cells = _LEAST_CELLS
     best = None
     while True:
-        trial = _spline(directions[kept], radius[kept], cells)
+        trial = _spline(directions[fitted], radius[fitted], cells)
         miss = float(np.sqrt(np.mean((trial.radius(directions[out]) - radius[out]) ** 2)))
         if best is None or miss < _BETTER * best[0]:
             best = (miss, cells, trial)

@@ -41,7 +41,7 @@ _MOST_SHOWN = 6  # names in a message
 
 @dataclass(frozen=True)
 class FaceOfPart:
-    """The face ``name`` of a part with ``faces``, by which rows of a table are told apart."""
+    """The face ``name`` of a part with ``faces``, which selects the rows of a table."""
 
     name: str
     faces: Sequence[str]
@@ -93,12 +93,12 @@ def _in_text(table: TextTable, coordinates: Coordinates, of: FaceOfPart | None) 
 
 
 def _has(names: Names, wanted: Sequence[Column]) -> bool:
-    """True where each of the columns is there, whatever its unit."""
+    """True if each of the columns exists, whatever its unit."""
     return all(any(column.factor_of(cell) is not None for cell in names.cells) for column in wanted)
 
 
 def _label(table: TextTable, names: Names, of: FaceOfPart) -> int | None:
-    """Place of the column that tells the part's faces apart; one that names points, or another part's, is none."""
+    """Index of the column that tells the part's faces apart; None if the labels are of points, or of another part."""
     place = next((at for at, cell in enumerate(names.cells) if cell.strip().lower() in _LABELS), None)
     faces = {name.lower() for name in of.faces}
     return place if place is not None and faces & set(_labels(table, place)) else None
@@ -113,14 +113,14 @@ def _rows_of(table: TextTable, title: str, place: int, of: FaceOfPart) -> TextTa
     labels = _labels(table, place)
     rows = [line for line, label in zip(table.rows, labels, strict=True) if label == of.name.lower()]
     if not rows:
-        there = ", ".join(map(shown, list(dict.fromkeys(labels))[:_MOST_SHOWN]))
-        fault = f"no row of {title.strip()} {of.name!r}; found {there}"
+        listed = ", ".join(map(shown, list(dict.fromkeys(labels))[:_MOST_SHOWN]))
+        fault = f"no row of {title.strip()} {of.name!r}; found {listed}"
         raise InputError(f"{table.name}: {fault}; give the face that was measured")
     return replace(table, rows=rows)
 
 
 def _require_uncounted(table: TextTable, wanted: Sequence[Column]) -> None:
-    """Raise :class:`InputError` where the first of more columns than are wanted counts the rows."""
+    """Raise :class:`InputError` if the first of more columns than wanted is a count of the rows."""
     if table.width <= len(wanted):
         return
     first = table.numbers(used=[0], further=True)[:, 0]
@@ -173,7 +173,7 @@ def _in_ply(content: bytes, path: Path) -> Float[np.ndarray, "n 3"]:
 
 
 def _ply_vertices(elements: Sequence[Sequence[str]]) -> tuple[int, dict[str, str]]:
-    """Number of vertices, and the types of their properties; none where they are not first, or not plain numbers."""
+    """Number of vertices, and the types of their properties; None unless they come first and are plain numbers."""
     if not elements or elements[0][:2] != ["element", "vertex"] or not elements[0][-1].isdecimal():
         return 0, {}
     properties: dict[str, str] = {}

@@ -41,8 +41,8 @@ _FIT_RCOND = 1e-5  # of the functions of a fit: combinations that hardly differ 
 class ProfileBasis:
     """``count`` B-splines on even knots from cosine ``low`` to ``high``, continued beyond them smoothly.
 
-    A continuation has value, slope and bend of the end; its bend fades within a step, so that it goes on straight.
-    Raises :class:`InputError` for fewer than six functions, and for cosines that do not rise within -1 and 1.
+    A continuation has the value, slope and curvature of the end; its curvature fades within a step, so that it goes on
+    straight. Raises :class:`InputError` for fewer than six functions, and for cosines that do not rise within -1 and 1.
     """
 
     low: float
@@ -62,18 +62,20 @@ class ProfileBasis:
 
     @property
     def averages(self) -> Float[np.ndarray, " c"]:
-        """Cosines at which a linear function has its coefficients; some lie beyond ``low`` and ``high``."""
+        """Greville abscissae: cosines whose values are a linear function's coefficients; some lie beyond ``low`` and
+        ``high``.
+        """
         return self.low + self.step * (np.arange(self.count) - 0.5 * (DEGREE - 1))
 
     def splines(self, coefficients: Float[np.ndarray, "c *w"]) -> _Splines:
-        """The sum of the functions with these coefficients, over the number of the knot, and two derivatives by it."""
+        """The sum of the functions with these coefficients over the knot number, and its first two derivatives."""
         from scipy.interpolate import BSpline
 
         value = BSpline(np.arange(-DEGREE, self.count + 1.0), coefficients, DEGREE)
         return value, value.derivative(1), value.derivative(2)
 
     def at(self, splines: _Splines, cosines: _Values) -> tuple[Float[np.ndarray, "n *w"], Float[np.ndarray, "n *w"]]:
-        """A sum at each cosine, and its derivative by the cosine."""
+        """A sum and its derivative by the cosine, at each cosine."""
         within = np.clip(cosines, self.low, self.high)
         value, slope, bend = (spline((within - self.low) / self.step) for spline in splines)
         beyond = ((cosines - within) / self.step).reshape(-1, *[1] * (value.ndim - 1))
@@ -83,18 +85,18 @@ class ProfileBasis:
         return continued, (slope - np.sign(beyond) * turn * bend) / self.step
 
     def value(self, splines: _Splines, cosines: _Values) -> Float[np.ndarray, "n *w"]:
-        """A sum at each cosine."""
+        """A sum, at each cosine."""
         value = splines[0]((np.clip(cosines, self.low, self.high) - self.low) / self.step)
         beyond = (cosines < self.low) | (cosines > self.high)
         value[beyond] = self.at(splines, cosines[beyond])[0]
         return value
 
     def matrix(self, cosines: _Values) -> Float[np.ndarray, "n c"]:
-        """Every function at each cosine."""
+        """Values of every function at each cosine."""
         return self.value(self.splines(np.eye(self.count)), cosines)
 
     def nearest(self, cosines: _Values, values: _Values) -> tuple[float, ...]:
-        """Coefficients of the function nearest to ``values`` in least squares."""
+        """Coefficients of the least-squares fit to ``values`` at the cosines."""
         coefficients: list[float] = np.linalg.lstsq(self.matrix(cosines), values, rcond=None)[0].tolist()
         return tuple(coefficients)
 
@@ -109,7 +111,7 @@ class ProfileFace(ReciprocalSurface):
     """A face of revolution: ``1/rho`` (1/mm) is the sum of ``coefficients`` times the functions of its ``basis``.
 
     ``low``, ``high``: cosines between which the profile bends; let them reach a little beyond the part that light
-    meets. Raises :class:`InputError` as :class:`ProfileBasis` does, and where it is nowhere within its reach.
+    meets. Raises :class:`InputError` as :class:`ProfileBasis` does, and if it lies nowhere within its reach.
     """
 
     low: Cosine
@@ -126,9 +128,9 @@ class ProfileFace(ReciprocalSurface):
     def fitted(
         face: Surface | Callable[[_Values], _Values], low: float, high: float, count: int, reach_mm: float
     ) -> "ProfileFace":
-        """The profile nearest to ``face`` in least squares of ``1/rho`` from ``low`` to ``high``.
+        """The least-squares fit to ``face`` in ``1/rho`` from ``low`` to ``high``.
 
-        ``face``: a surface, of which the meridian over x counts, or its ``1/rho`` (1/mm) by cosines. Raises
+        ``face``: a surface, whose meridian over x is fitted, or its ``1/rho`` (1/mm) by cosines. Raises
         :class:`InputError` as the face does.
         """
         basis = ProfileBasis(low, high, count)
@@ -138,7 +140,7 @@ class ProfileFace(ReciprocalSurface):
 
     @cached_property
     def basis(self) -> ProfileBasis:
-        """The functions that the coefficients weigh."""
+        """Functions that the coefficients weigh."""
         return ProfileBasis(self.low, self.high, len(self.coefficients))
 
     @property
@@ -147,13 +149,13 @@ class ProfileFace(ReciprocalSurface):
         return "square"
 
     def reciprocal(self, directions: _Vectors) -> tuple[_Values, _Vectors]:
-        """The profile at the cosine, which is z."""
+        """``1/rho`` and its gradient in space."""
         slope = np.zeros_like(directions)
         value, slope[:, 2] = self.basis.at(self._splines, directions[:, 2])
         return value, slope
 
     def value(self, directions: _Vectors) -> _Values:
-        """The profile at the cosine."""
+        """``1/rho`` at the cosine."""
         return self.basis.value(self._splines, directions[:, 2])
 
     @cached_property
@@ -177,7 +179,7 @@ class FormedFace(ByContent, ProfileFace):
     def nearest(
         directions: _Vectors, reciprocals: _Values, basis: ProfileBasis, srbf: SrbfBasis, reach_mm: float
     ) -> "FormedFace":
-        """The face nearest to ``1/rho`` (1/mm) at these directions: first by its profile, what is left by functions."""
+        """The fit to ``1/rho`` (1/mm) at these directions: first the profile, then SRBFs for the residual."""
         coefficients = basis.nearest(directions[:, 2], reciprocals)
         left = reciprocals - basis.matrix(directions[:, 2]) @ np.array(coefficients)
         weights = np.linalg.lstsq(srbf.evaluate(directions), left, rcond=_FIT_RCOND)[0]
@@ -190,16 +192,16 @@ class FormedFace(ByContent, ProfileFace):
 
     @cached_property
     def detail_rad(self) -> float:
-        """Sigma (rad) of the narrowest of profile and functions."""
+        """Sigma (rad) of the narrowest feature of profile and functions."""
         return min(super().detail_rad, self.srbf.detail_rad)
 
     def reciprocal(self, directions: _Vectors) -> tuple[_Values, _Vectors]:
-        """The profile at the cosine, and the sum of the functions."""
+        """``1/rho``, profile plus functions, and its gradient in space."""
         value, slope = super().reciprocal(directions)
         return value + self._sum.radius(directions), slope + self._sum.gradient(directions)
 
     def value(self, directions: _Vectors) -> _Values:
-        """The profile at the cosine, and the sum of the functions."""
+        """``1/rho``, profile plus functions."""
         return super().value(directions) + self._sum.radius(directions)
 
     @cached_property
@@ -208,7 +210,7 @@ class FormedFace(ByContent, ProfileFace):
 
 
 def _meridian(face: Surface, cosines: _Values) -> _Values:
-    """``1/rho`` over the x axis, of faces within a reach without their continuation."""
+    """``1/rho`` over the x axis; of faces with a reach, without their continuation."""
     directions = np.column_stack([np.sqrt(1.0 - cosines**2), np.zeros_like(cosines), cosines])
     return face.value(directions) if isinstance(face, ReciprocalSurface) else 1.0 / face.radius(directions)
 
@@ -221,7 +223,7 @@ def around(polar_rad: _Values) -> Float[np.ndarray, "k 3"]:
 
 
 def shrunk(face: ReciprocalSurface, factor: float) -> ReciprocalSurface:
-    """The face within the same reach, its lengths over ``factor``."""
+    """The face divided by ``factor``, within the same reach."""
     match face:
         case ConeFace():
             return replace(face, radius_mm=face.radius_mm / factor)
@@ -254,7 +256,7 @@ class FormedRecord(SurfaceRecord):
     functions: SrbfFunctions
 
     def surface(self) -> FormedFace:
-        """The surface. Raises :class:`InputError` where there are more or fewer weights than functions."""
+        """The surface. Raises :class:`InputError` if the numbers of weights and functions differ."""
         sums = self.functions
         profile = self.profile.model_dump(exclude={"kind"})
         basis = SrbfBasis(sums.levels, sums.sigma_c, sums.symmetry)

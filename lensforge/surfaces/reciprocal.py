@@ -57,10 +57,10 @@ class ReciprocalSurface(Surface):
 
     @abstractmethod
     def reciprocal(self, directions: _Vectors) -> tuple[_Values, _Vectors]:
-        """``1/rho`` (1/mm) in unit directions, 0 and below where the surface is not met, and its gradient in space."""
+        """``1/rho`` (1/mm) in unit directions, 0 or less where the surface is not met, and its gradient in space."""
 
     def value(self, directions: _Vectors) -> _Values:
-        """``1/rho`` (1/mm) alone, for faces that know it without its gradient in less time."""
+        """``1/rho`` (1/mm) alone, for faces that compute it faster without the gradient."""
         return self.reciprocal(directions)[0]
 
     def radius(self, directions: _Vectors) -> _Values:
@@ -76,7 +76,7 @@ class ReciprocalSurface(Surface):
 
     @cached_property
     def detail_rad(self) -> float:
-        """Sigma of a Gaussian with the swing and the largest curvature of the exact part; 0.5 at most."""
+        """Sigma of a Gaussian with the range and the largest curvature of the exact part; 0.5 at most."""
         polar = np.linspace(0.0, np.arccos(_LOWEST), _PROFILE)
         azimuth = 2.0 * np.pi * np.arange(_MERIDIANS) / _MERIDIANS
         sine = np.sin(polar)[:, None]
@@ -87,7 +87,7 @@ class ReciprocalSurface(Surface):
         return min(_WIDEST_DETAIL_RAD, float(np.sqrt(2.0 * swing / curvature))) if swing > 1e-9 else _WIDEST_DETAIL_RAD
 
     def _bent(self, value: _Values) -> tuple[_Values, _Values]:
-        """``1/rho`` with its continuation, and its derivative by what it was."""
+        """``1/rho`` with its continuation, and its derivative by the original ``value``."""
         x = np.clip((value * self.reach_mm - _FLAT) / (1.0 - _FLAT), 0.0, 1.0)
         smooth = x**3 * (10.0 - 15.0 * x + 6.0 * x**2)
         return bent(value, self.reach_mm), np.where(value * self.reach_mm >= 1.0, 1.0, smooth)
@@ -123,7 +123,7 @@ class PlaneFace(ReciprocalSurface):
 @recorded("cone", "A given face: a cone about the axis.")
 @dataclass(frozen=True)
 class ConeFace(ReciprocalSurface):
-    """A cone about the axis, ``r = radius_mm + slope z``; a cylinder where the slope is 0, closing upwards below 0."""
+    """A cone about the axis, ``r = radius_mm + slope z``; a cylinder for slope 0, closing upwards below 0."""
 
     radius_mm: Length
     slope: Place = 0.0
@@ -154,7 +154,7 @@ class ConeFace(ReciprocalSurface):
 @recorded("conic", "A given face: a conic of revolution about a focus at the origin.")
 @dataclass(frozen=True)
 class ConicFace(ReciprocalSurface):
-    """A conic of revolution with a focus at the origin: ``1/rho = (1 - e cos) / p``, the angle from its ``axis``.
+    """A conic of revolution with a focus at the origin: ``1/rho = (1 - e cos) / p``, with the angle from its ``axis``.
 
     ``parameter_mm``: p, the distance across the axis; ``eccentricity``: e, of a sphere 0, an ellipsoid below 1, whose
     other focus lies along the axis at ``2 e p / (1 - e^2)``, a paraboloid 1, a hyperboloid above.

@@ -1,7 +1,7 @@
 """The reflector that sends the light of a point along the axis: where a search may begin; and the back of any cup.
 
 A paraboloid about the source, ``rho = 2 f / (1 - cos gamma)``, sends all that meets it along the axis, and what leaves
-by its mouth directly goes where it went. The flatter it is, the farther from the source light meets it, and the less
+by its mouth directly keeps its direction. The flatter it is, the farther from the source light meets it, and the less
 the size of the source turns it; the deeper, the more light it takes. Which one suits a source and a beam is found by a
 scan. For light to one side the cup leans there: its mirror sends light that way, and stands before the light that would
 leave to the other sides.
@@ -49,7 +49,7 @@ _Values = Float[np.ndarray, " n"]
 
 @dataclass(frozen=True)
 class ParabolicCup:
-    """A paraboloid of ``focal_mm`` about the origin, whose body of ``wall_mm`` has ``radius_mm`` at its mouth."""
+    """A paraboloid of ``focal_mm`` about the origin; its body, of ``wall_mm``, has ``radius_mm`` at the mouth."""
 
     focal_mm: float
     radius_mm: float
@@ -57,7 +57,7 @@ class ParabolicCup:
 
     @property
     def rim_mm(self) -> float:
-        """Radius of the mirror at the mouth: less than that of the body by the wall, across which its slope lies."""
+        """Radius of the mirror at the mouth: that of the body less the horizontal thickness of the wall."""
         return self.radius_mm - self.wall_mm * float(np.hypot(1.0, 2.0 * self.focal_mm / self.radius_mm))
 
     @property
@@ -71,10 +71,10 @@ class ParabolicCup:
         return ConicFace(_ROOM * float(np.hypot(self.radius_mm, self.height_mm)), 2.0 * self.focal_mm, 1.0)
 
     def share(self, half_angle_rad: float, side_mm: float, least_rad: float = 0.0) -> float:
-        """Share of the light of a square Lambertian source that it turns into a half angle of the axis, at first order.
+        """First-order share of a square Lambertian source that the cup turns into a half angle of the axis.
 
-        What leaves directly, and what the mirror absorbs, do not count: of narrow beams the one is the same for all.
-        Of light that is wanted beside the axis only, from ``least_rad`` on, what leaves directly counts, too.
+        Direct light and absorption do not count: for narrow beams they are the same for all cups. If light is wanted
+        off the axis only, from ``least_rad`` on, direct light counts as well.
         """
         rim = float(np.arctan2(self.rim_mm, self.height_mm))
         polar = np.linspace(rim, 0.5 * np.pi, _RAYS)
@@ -110,7 +110,7 @@ class LeaningCup:
         return ConicFace(reach_mm, self._parameter_mm, self.eccentricity, (x, y, float(np.cos(self.lean_rad))))
 
     def over(self, radius_mm: float, clearance_mm: float, most_height_mm: float, draft_rad: float) -> float:
-        """Largest of its sizes over what it may be, above 1 where it has no room, as of :func:`best_leaning_cup`."""
+        """Largest ratio of a size to its limit in :func:`best_leaning_cup`, above 1 if the cup has no room."""
         directions = around(np.linspace(0.0, 0.5 * np.pi, _ALONG // 4))
         radii = self._parameter_mm / np.maximum(1.0 - self.eccentricity * (directions @ self._axis), 1e-9)
         below = radii * directions[:, 2] <= self.height_mm
@@ -128,10 +128,10 @@ class LeaningCup:
         return np.array([np.sin(self.lean_rad), 0.0, np.cos(self.lean_rad)])
 
     def share(self, off_rad: float, half_rad: float, side_mm: float, mirror: float) -> float:
-        """Share of a square Lambertian source that it sends within ``half_rad`` of ``off_rad`` from z towards +x.
+        """Share of a square Lambertian source that the cup sends within ``half_rad`` of ``off_rad`` from z towards +x.
 
-        Directly, or by one reflection, of which ``mirror`` is left; by a conic, which a ray from the point s in the
-        direction u meets at ``|s + t u| = p + e a (s + t u)``, a quadratic equation.
+        Directly, or by one reflection of reflectance ``mirror``. A ray from the point s in the direction u meets the
+        conic at ``|s + t u| = p + e a (s + t u)``, a quadratic equation.
         """
         axis = self.eccentricity * self._axis
         (places, ways) = _lambertian()
@@ -147,8 +147,8 @@ class LeaningCup:
         normals = points / np.linalg.norm(points, axis=1, keepdims=True) - axis
         turned = ways - (2.0 * (ways * normals).sum(axis=1) / (normals**2).sum(axis=1))[:, None] * normals
         rises = met & (turned[:, 2] > 1e-6)
-        rest = np.where(rises, self.height_mm - points[:, 2], 0.0) / np.where(rises, turned[:, 2], 1.0)
-        out = points + rest[:, None] * turned
+        to_mouth = np.where(rises, self.height_mm - points[:, 2], 0.0) / np.where(rises, turned[:, 2], 1.0)
+        out = points + to_mouth[:, None] * turned
         rises &= np.linalg.norm(out, axis=1) <= self._parameter_mm + out @ axis + 1e-9
         wanted = np.array([np.sin(off_rad), 0.0, np.cos(off_rad)])
         direct = ~met & (ways @ wanted > np.cos(half_rad))
@@ -157,7 +157,7 @@ class LeaningCup:
 
 @cache
 def _lambertian() -> tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, "n 3"]]:
-    """Places on a square of side 1, and directions of its Lambertian light."""
+    """Points on a square of side 1, and directions of its Lambertian light."""
     x, y, square, turn = sobol(_TRACED, 4, 0).T
     sine = np.sqrt(square)
     azimuth = 2.0 * np.pi * turn
@@ -178,8 +178,8 @@ def best_leaning_cup(
 ) -> LeaningCup | None:
     """The leaning cup that sends the most light within ``half_rad`` of a direction ``off_rad`` from the axis.
 
-    ``radius_mm``: of its mirror, at most; ``clearance_mm``: its least radius at z = 0; ``draft_rad``: by which it
-    widens upwards at least. All rays within ``OPEN_RAD`` of the axis meet its mouth. None if none has room.
+    ``radius_mm``: largest radius of its mirror; ``clearance_mm``: its least radius at z = 0; ``draft_rad``: least angle
+    by which it widens upwards. All rays within ``OPEN_RAD`` of the axis meet its mouth. None if no cup has room.
     """
     from scipy.optimize import minimize
 
@@ -215,12 +215,12 @@ def best_cup(
     clearance_mm: float = 0.0,
     most_height_mm: float = np.inf,
 ) -> ParabolicCup:
-    """The lowest paraboloid of those that turn most of a square Lambertian source into a half angle, at first order.
+    """The lowest of the paraboloids that turn most of a square Lambertian source into a half angle, at first order.
 
-    ``least_rad``: from the axis, of light that is wanted beside it only; 0 for light about it.
+    ``least_rad``: from the axis, of light that is wanted off-axis only; 0 for light about the axis.
 
-    ``radius_mm``: of its body at the mouth, at most. ``clearance_mm``: least radius at z = 0. Raises
-    :class:`InputError` where no paraboloid has room.
+    ``radius_mm``: largest radius of its body at the mouth. ``clearance_mm``: least radius at z = 0. Raises
+    :class:`InputError` if no paraboloid has room.
     """
     least = max(0.5 * clearance_mm, 1e-3 * radius_mm)
     focal_mm = np.geomspace(least, max(0.5 * radius_mm, least), _TRIED).tolist()
@@ -280,7 +280,7 @@ def reflector_faces(
 
 
 def mouth_radius_mm(cup: Surface, height_mm: float) -> float:
-    """Radius (mm) about the axis of the part of a level plane that lies within ``cup``, or a step more."""
+    """Radius (mm) about the axis of a level plane's part within ``cup``, to the next step of the scan."""
     polar = np.linspace(0.0, 0.5 * np.pi, _FINE * _ALONG, endpoint=False)
     directions = around(polar)
     radii = cup.radius(directions).reshape(len(polar), -1)
@@ -289,9 +289,9 @@ def mouth_radius_mm(cup: Surface, height_mm: float) -> float:
 
 
 def _behind(cup: Surface, wall_mm: float) -> tuple[_Values, Float[np.ndarray, "n k"]]:
-    """Angles from the axis, falling from below the horizon, and the distances (mm) of a back on each meridian.
+    """Angles from the axis, falling from below the horizon, and the distances (mm) of the back on each meridian.
 
-    At the wall along the normal, to first order.
+    Offset by the wall along the normal, to first order.
     """
     polar = np.linspace(np.arccos(_LOWEST), 1e-3, _ALONG)
     directions = around(polar)

@@ -158,9 +158,9 @@ class SrbfSurface(ByContent, Surface):
     def radius_and_gradient(
         self, directions: Float[np.ndarray, "n 3"]
     ) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, "n 3"]]:
-        """Both, by one sum over the functions.
+        """Radius and gradient, by one sum over the functions.
 
-        Directions go to the kernel as neighbours: it is quick where a block of them is a small part of the sphere.
+        Directions go to the kernel as neighbours: it is quick if a block of them covers a small part of the sphere.
         """
         from lensforge.kernels.basis_sum import BLOCK, ROWS, sum_functions
 
@@ -181,7 +181,7 @@ class SrbfSurface(ByContent, Surface):
 
 
 def _as_neighbours(directions: Float[np.ndarray, "n 3"], together: int) -> Int[np.ndarray, " n"]:
-    """An order in which directions of one place follow one another: by the cells of a grid, ``together`` in each."""
+    """An order that keeps neighbouring directions together: by the cells of a grid, ``together`` in each."""
     across = max(1, int(np.sqrt(len(directions) / together)))
     column, row = (np.floor((0.5 + 0.5 * directions[:, axis]) * across) for axis in (0, 1))
     return np.argsort(column * across + row, kind="stable")
@@ -204,7 +204,7 @@ class SrbfRecord(SurfaceRecord):
     weights_mm: Weights
 
     def surface(self) -> SrbfSurface:
-        """The surface. Raises :class:`InputError` where there are more or fewer weights than functions."""
+        """The surface. Raises :class:`InputError` if the numbers of weights and functions differ."""
         basis = SrbfBasis(self.levels, self.sigma_c, self.symmetry)
         return SrbfSurface(basis, np.array(self.weights_mm, dtype=np.float64), self.offset_mm)
 

@@ -158,13 +158,13 @@ def _named_faces(part: Any) -> dict[str, Any]:
 
 
 def _name_of(label: Any) -> str:
-    """Name of a label, "" where it has none."""
+    """Name of a label, "" if it has none."""
     name = TDataStd_Name()
     return str(name.Get().ToExtString()) if label.FindAttribute(TDataStd_Name.GetID_s(), name) else ""
 
 
 def parts_of(shape: Any, kind: PartKind) -> list[Any]:
-    """The different parts of a kind (TopoDS_Face for "FACE") that ``shape`` has, in their order."""
+    """The distinct parts of a kind (TopoDS_Face for "FACE") in ``shape``, in their order."""
     distinct = TopTools_IndexedMapOfShape()
     of_kind = getattr(TopoDS, f"{kind.capitalize()}_s")
     TopExp.MapShapes_s(shape, getattr(TopAbs_ShapeEnum, f"TopAbs_{kind}"), distinct)
@@ -208,7 +208,7 @@ def _require_usable(shape: Any, faces: int, origin: str, remedy: str, to_be_join
 
 
 def _try_union(shape: Any) -> None:
-    """Mesh ``shape``, and cut it at z = 0, as its union with a lens does: in this process it may hang or crash."""
+    """Mesh ``shape``, and cut it at z = 0, as its union with a lens does: a faulty shape hangs or crashes here."""
     plane = BRepBuilderAPI_MakeFace(gp_Pln(), -MOST_MM, MOST_MM, -MOST_MM, MOST_MM).Face()
     BRepAlgoAPI_Common(plane, shape)
     BRepMesh_IncrementalMesh(shape, 1e-2, False, 0.1)

@@ -74,7 +74,7 @@ def _write_loops(folder: Path) -> None:
 
 
 def _is_simple(loops: list[list[Corner]]) -> bool:
-    """True where the loops do not cross: chords along them then enclose the area that follows from their corners."""
+    """True if the loops do not cross: their chords then enclose the area computed from their corners."""
     import manifold3d
 
     chords = [points_on(loop_of(corners), _CHORD_MM) for corners in loops]
@@ -85,7 +85,7 @@ def _is_simple(loops: list[list[Corner]]) -> bool:
 
 
 def _top(faces: list[Any], of_body: bool, origin: str, remedy: str) -> Any:
-    """The planar face of one z; of a body, the highest. Raises :class:`InputError` for none or several."""
+    """The planar face at constant z; of a body, the highest. Raises :class:`InputError` for none or several."""
     level = list[tuple[float, Any]]()
     for face in faces:
         surface = BRepAdaptor_Surface(face)

@@ -59,9 +59,9 @@ def grid(nodes: int, half_width: float = HALF_WIDTH) -> Float[np.ndarray, "n n 2
 
 
 class ByContent:
-    """A frozen dataclass that is equal, and has its hash, by its fields, arrays by their bytes: caches are keyed by it.
+    """A frozen dataclass compared and hashed by its fields, arrays by their bytes, so that caches can be keyed by it.
 
-    Its decorator says ``eq=False``, or equality by the arrays' own would take the place of this.
+    Its decorator says ``eq=False``: the generated ``__eq__`` would compare arrays element by element.
     """
 
     @cached_property
@@ -86,7 +86,7 @@ class ScaledSurface(Surface):
 
     @property
     def detail_rad(self) -> float:
-        """Sigma (rad) of its narrowest feature, that of the surface."""
+        """Sigma (rad) of the narrowest feature, as of the unscaled surface."""
         return self.surface.detail_rad
 
     @property
@@ -108,7 +108,7 @@ class ScaledSurface(Surface):
 
 
 def scaled(surface: Surface, factor: float) -> Surface:
-    """``surface`` times ``factor``; itself where that is 1, so that nothing is rounded."""
+    """``surface`` times ``factor``; unchanged for factor 1, so that nothing is rounded."""
     return surface if factor == 1.0 else ScaledSurface(surface, factor)
 
 
@@ -125,7 +125,7 @@ class SurfaceRecord(OfSeveralKinds, Record):
     of: ClassVar[Callable[..., Surface]]  # makes it of the other fields
 
     def surface(self) -> Surface:
-        """The surface. Raises :class:`InputError` where it is none."""
+        """The surface. Raises :class:`InputError` if the numbers describe none."""
         return type(self).of(**self.model_dump(exclude={"kind"}))
 
 
@@ -135,16 +135,16 @@ def surface_record(surface: Surface) -> SurfaceRecord:
     raise TypeError(f"{type(surface).__name__} cannot be written to a lens file")
 
 
-def recorded(kind: str, words: str) -> Callable[[_Kind], _Kind]:
+def recorded(kind: str, description: str) -> Callable[[_Kind], _Kind]:
     """Register a dataclass of a surface as ``kind``: its record has the same fields, within the ranges of their types.
 
-    ``words``: for the schema.
+    ``description``: for the schema.
     """
 
     def register(made: Any) -> Any:
         types = {field.name: (field.type, ...) for field in fields(made)}
         tagged: dict[str, Any] = {"kind": (Literal[kind], ...), **types}
-        record = create_model(f"{kind.capitalize()}Record", __base__=SurfaceRecord, __doc__=words, **tagged)
+        record = create_model(f"{kind.capitalize()}Record", __base__=SurfaceRecord, __doc__=description, **tagged)
         record.of = made
         surface_record.register(made, lambda face: record(kind=kind, **{name: getattr(face, name) for name in types}))
         return made

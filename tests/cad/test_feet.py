@@ -61,7 +61,7 @@ def test_sections_views_and_sizes_show_them() -> None:
     assert {tuple(np.unique(foot[:, 1].round(9))) for foot in feet} == {(-2.8, -2.0)}
     aside = body_outlines(lens, 32.0)[1][:, 0]
     assert np.ptp(aside) == pytest.approx(2.0 * np.sqrt(0.75**2 - (10.0 * np.sin(np.radians(2.0))) ** 2))
-    sizes = {each.name: each.value_mm for each in dimensions(lens)}
+    sizes = {dimension.name: dimension.value_mm for dimension in dimensions(lens)}
     assert (sizes["height of the 4 feet"], sizes["diameter of the 4 feet"]) == (0.8, 1.5)
     assert sizes["circle of the 4 feet"] == 20.0 and sizes["overall length"] == pytest.approx(11.8, abs=1e-3)
     middles = [line.points.mean(axis=0) for line in end_lines(lens) if np.ptp(line.points, axis=0).max() < 1.6]

@@ -164,7 +164,7 @@ def test_the_referee_finds_the_light_that_the_flange_takes(lit: lf.Light) -> Non
 
 def test_views_and_sizes_show_it() -> None:
     lens, ring, _ = built()
-    drawn = {each.name: each for each in dimensions(lens)}
+    drawn = {dimension.name: dimension for dimension in dimensions(lens)}
     sizes = {name: each.value_mm for name, each in drawn.items()}
     assert sizes["thickness of the rim's flange"] == pytest.approx(1.0)
     for name in ("thickness of the rim's flange", "underside of the rim's flange above z = 0"):

@@ -123,7 +123,7 @@ def test_the_wall_is_that_of_cup_and_back_and_the_drawing_has_no_apex(lens: Lens
     wall = thinnest_of(lens)
     assert lens.spec.constraints.min_thickness_mm < wall.thickness_mm < 1.6
     assert np.hypot(*wall.cavity_mm[:2]) ** 2 == pytest.approx(4.0 * FOCAL * (wall.cavity_mm[2] + FOCAL), rel=1e-6)
-    names = {each.name for each in dimensions(lens)}
+    names = {dimension.name for dimension in dimensions(lens)}
     assert "overall length" in names and not {name for name in names if "apex" in name or "on the axis" in name}
     check = check_lens(lens)
     assert set(check.faces) == {"cup", "back"}

@@ -130,7 +130,7 @@ def test_each_place_of_a_plate_has_the_lens_of_its_kind() -> None:
         for name, surface in own.surfaces.items():
             points = (surface.radius(some)[:, None] * some) @ turned + [*place, 0.0]
             face = cq.Face(solid.faces[f"OPTICAL_{name.upper()}_{number + 1}"])
-            assert max(_away(face, each.tolist()) for each in points) < 1e-4, (name, number)
+            assert max(_away(face, point.tolist()) for point in points) < 1e-4, (name, number)
     assert [solid.volume_mm3, part.plate.volume_mm3] == pytest.approx([volume] * 2, rel=1e-6)
     other = lens.of_kind("tall")  # the plate is made once, with the first kind; another says where
     assert (other.lamps_on_plate, room_on_plate(other, fitted())) == (False, (None, None))
@@ -236,7 +236,7 @@ def test_the_least_gap_of_turned_freeform_lenses_is_that_of_their_points() -> No
         each.ravel() for each in np.meshgrid(np.linspace(0.0, 2.0 * np.pi, 720), np.linspace(1.2, 1.5708, 40))
     )
     u = np.stack([np.sin(polar) * np.cos(azimuth), np.sin(polar) * np.sin(azimuth), np.cos(polar)], axis=1)
-    kinds = [each.outer.radius(u)[:, None] * u for each in lens.kinds]
+    kinds = [kind.outer.radius(u)[:, None] * u for kind in lens.kinds]
     stand = [
         own @ np.array([[np.cos(t), np.sin(t), 0.0], [-np.sin(t), np.cos(t), 0.0], [0.0, 0.0, 1.0]]) + [*place, 0.0]
         for own, place, t in zip((kinds[0], kinds[0], kinds[1]), places, turns, strict=True)
@@ -248,7 +248,7 @@ def test_the_least_gap_of_turned_freeform_lenses_is_that_of_their_points() -> No
 def test_the_form_error_of_a_plate_is_that_of_its_worst_lens_also_of_the_second_kind() -> None:
     """With few nodes the second kind is off by more than its tolerance, the first one, by its record, by none."""
     lens = of_two_kinds([[6.0, 1.0], [-5.0, 2.0]], [], ["one", "two"], {})
-    first, second = (LensOfPlate.fitted(each, 20, FINEST) for each in lens.kinds)
+    first, second = (LensOfPlate.fitted(kind, 20, FINEST) for kind in lens.kinds)
     plate = build_plate(lens, replace(first, form_error_nm=0.0), 20, FINEST, "AP214", None)
     assert plate is not None and second.form_error_nm > FINEST.form_nm
     assert plate.figures.form_error_nm == pytest.approx(second.form_error_nm, abs=1e-3)
@@ -322,7 +322,7 @@ def test_the_ball_must_fit_between_lenses_that_are_cut(cutter: float, process: s
     """Spheres of 2.45 mm, 9 mm apart, leave 4.1 mm."""
     lens = on_plate({"thickness_mm": 1.0}, {"kind": "table", "places_mm": [[-4.5, 0.0], [4.5, 0.0]]})
     spec = lens.spec.replace({"manufacture.cutter_radius_mm": cutter, "manufacture.process": process})
-    found = [each for each in findings(replace(lens, spec=spec)) if each.key == "gap"]
+    found = [finding for finding in findings(replace(lens, spec=spec)) if finding.key == "gap"]
     assert [each.holds for each in found] == ([] if holds is None else [holds])
     for each in found:
         assert each.limit == pytest.approx(4.1, abs=2e-3)
@@ -344,7 +344,7 @@ def test_the_thinnest_wall_of_a_plate_is_found(place: list[float], wall: float, 
     plate = {"thickness_mm": 1.0, "width_mm": 7.0, "height_mm": 7.0, "holes": [hole], "pins": [pin], "draft_deg": 0.0}
     lens = make_lens(INNER, OUTER, base={"kind": "none"})
     spec = lens.spec.replace({"constraints.max_radius_mm": 2.5, "plate": plate})
-    (found,) = [each for each in findings(replace(lens, spec=spec)) if each.key == "plate"]
+    (found,) = [finding for finding in findings(replace(lens, spec=spec)) if finding.key == "plate"]
     assert found.value == pytest.approx(wall, abs=1e-6) and f"between plate.pins.0 and {between}" in found.note
 
 
@@ -382,10 +382,10 @@ def test_walls_are_those_at_turned_cavities_and_at_the_nearer_edge(
 def test_the_walls_of_a_boss_are_judged(bore: dict[str, float], wall: float, between: str) -> None:
     boss = {"place_mm": [5.5, 0.0], "diameter_mm": 2.0, "height_mm": 1.0, **bore}
     lens = on_plate({"thickness_mm": 1.0, "width_mm": 16.0, "height_mm": 16.0, "bosses": [boss]})
-    (found,) = [each for each in findings(lens) if each.key == "plate"]
+    (found,) = [finding for finding in findings(lens) if finding.key == "plate"]
     assert found.value == pytest.approx(wall, abs=1e-9) and between in found.note
     drafted = lens.spec.replace({"plate.draft_deg": DRAFT_DEG})
-    (less,) = [each for each in findings(replace(lens, spec=drafted)) if each.key == "plate"]
+    (less,) = [finding for finding in findings(replace(lens, spec=drafted)) if finding.key == "plate"]
     lost = SLOPE * (1.0 + bore["bore_depth_mm"]) if "its bore" in between else 0.0
     assert less.value == pytest.approx(wall - lost, abs=1e-9)
 

@@ -91,7 +91,7 @@ def test_ap242_carries_the_form_tolerance_on_the_optical_faces(base):
     for each in found:
         assert each.width_um == pytest.approx(1.2345, rel=1e-12)
         assert {re.sub(r"^BASE_TOP.*", "BASE_TOP", name) for name in each.datum_faces} == datum
-    assert sorted(each.face for each in part.form_tolerances) == sorted(each.face for each in found)
+    assert sorted(tolerance.face for tolerance in part.form_tolerances) == sorted(tolerance.face for tolerance in found)
     assert part.criteria and all(criterion.holds for criterion in part.criteria)
     assert set(parse_step(part.step).faces) == set(part.faces.names), "names and faces are kept"
 

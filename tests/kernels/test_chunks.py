@@ -106,7 +106,7 @@ def test_no_pool_of_threads_is_as_large_as_the_machine() -> None:
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
         if isinstance(node, ast.Call) and getattr(node.func, "id", "") == "ThreadPoolExecutor"
     }
-    assert pools and {each for each in pools if not each.endswith(("(1)", "(threads)"))} == set()
+    assert pools and {pool for pool in pools if not pool.endswith(("(1)", "(threads)"))} == set()
 
 
 @pytest.mark.parametrize("wrong", [0, 3, 9])

@@ -136,7 +136,7 @@ ASKED: dict[str, tuple[Callable[..., Any], list[tuple[Any, ...]]]] = {
     "surfaces.asphere._kept_profile": (
         lambda radius, centre: FixedSphere(radius_mm=radius, centre_z_mm=centre).surface.radius(U),
         [(6.0, 0.0), (6.5, 0.0), (6.0, 0.3)]),
-    "surfaces.bicubic_table._cubic_pieces": (lambda order: [list(each) for each in _cubic_pieces(order)], [(0,), (1,)]),
+    "surfaces.bicubic_table._cubic_pieces": (lambda order: [list(row) for row in _cubic_pieces(order)], [(0,), (1,)]),
     "surfaces.collimator.best_collimator": (
         lambda **fields: [float(each) for each in vars(best_collimator(**fields)).values() if isinstance(each, float)],
 [BEST, BEST | {"radius_mm": 12.0}, BEST | {"draft_rad": 0.1}]),

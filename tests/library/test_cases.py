@@ -107,7 +107,7 @@ def test_criteria_have_the_names_of_all_but_the_first() -> None:
 
 
 def test_a_case_has_its_criteria_without_its_name_and_the_first_those_of_the_whole() -> None:
-    told = [[(each.key, each.value) for each in case.criteria] for case in of_two().cases("receivers")]
+    told = [[(criterion.key, criterion.value) for criterion in case.criteria] for case in of_two().cases("receivers")]
     assert told == [
         [("flux", 1.5), ("gap", 0.5), ("sky: gap", 1.25)],
         [("gap", 1.25)],

@@ -173,5 +173,5 @@ def test_a_lamp_of_many_lenses_has_their_light() -> None:
     assert found.lumens.standard_error == pytest.approx(4.8)
     assert found.glare.above_70.value == pytest.approx(1000.0 / np.pi * np.cos(np.deg2rad(70.0))), "of its own lumens"
     zones = found.bug.zones.model_dump()
-    assert sum(each["value"] for each in zones.values()) == pytest.approx(480.0 * np.pi, rel=1e-4)
+    assert sum(zone["value"] for zone in zones.values()) == pytest.approx(480.0 * np.pi, rel=1e-4)
     assert AreaLamp.of(PhotometrySection(), lamp, one, zones_lm) is None

@@ -80,7 +80,7 @@ def test_differences_under_noise_are_the_true_ones_within_their_errors() -> None
     assert truth is not None
     for name in ("u", "v", "rms", "worst"):
         figures = [getattr(each, name) for each in found if each]
-        values, errors = np.array([(each.value, each.standard_error) for each in figures]).T
+        values, errors = np.array([(figure.value, figure.standard_error) for figure in figures]).T
         scores = (values - getattr(truth, name).value) / errors
         assert abs(scores.mean()) < 1.0 and np.abs(scores).max() < 4.5, name
 

@@ -24,7 +24,7 @@ from lensforge.surfaces.surface import Surface
 
 def _by_tracer(tracer: str, surfaces, rays: RayBundle, nodes: int) -> ExitRays:
     grid = TableGrid(nodes)
-    tables = [table_of(each, grid) for each in surfaces]
+    tables = [table_of(surface, grid) for surface in surfaces]
     if tracer == "kernels":
         return trace_tables(tables, Scene(Media(Medium(INDEX)), grid), rays)
     if tracer == "device":

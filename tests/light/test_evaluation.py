@@ -60,7 +60,7 @@ def test_the_efficiency_is_the_share_of_the_light_in_the_window(changes: dict, w
     """Of a Lambertian point behind two surfaces at normal incidence; the window may be larger than the picture."""
     targets = [{"kind": "disc", "diameter_mm": 60.0}]
     if "receivers" in changes:
-        changes = {**changes, "receivers": [{**each, "targets": targets} for each in changes["receivers"]]}
+        changes = {**changes, "receivers": [{**change, "targets": targets} for change in changes["receivers"]]}
     spec = small_spec(source={"kind": "square", "side_mm": 0.0}, evaluate__rays=2**14, **changes)
     found = _evaluate(Lens.double(sphere(3.0), sphere(6.0), spec, 0, FEW)).efficiency
     x, y = np.meshgrid(*((np.arange(400) + 0.5) / 400 * side - 0.5 * side for side in (width, height)))

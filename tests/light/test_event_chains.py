@@ -49,8 +49,8 @@ STEEP = RingScatter(
     (0.0, 0.05, 0.2, 0.5), ((0.0, 0.1, 0.3, 0.6), (0.0, 0.2, 0.5, 0.8), (0.0, 0.3, 0.4, 0.5)), (0.3, 0.7, 1.0)
 )
 SPREAD = tuple(
-    FaceScatter(*each)
-    for each in {
+    FaceScatter(*item)
+    for item in {
         "cap": STEEP,
         "side": GaussianFacets(0.03),
         "wall": lambertian(0.3),

@@ -121,7 +121,7 @@ def test_the_rays_of_a_measured_source_are_dealt_at_random(count: int, rays: int
     everything = source.sample(taken, SEED)
     order = np.random.default_rng(SEED).permutation(taken)
     parts = [everything.take(rows) for rows in np.array_split(order, min(PARTS, taken))]
-    scaled = [RayBundle(each.origins, each.directions, 2.0 * each.flux / each.flux.sum()) for each in parts]
+    scaled = [RayBundle(part.origins, part.directions, 2.0 * part.flux / part.flux.sum()) for part in parts]
     agrees(measured(source, rays), [[each] for each in scaled])
 
 

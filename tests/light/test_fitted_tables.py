@@ -275,12 +275,12 @@ def test_the_axis_is_as_well_known_as_the_light_beside_it() -> None:
         side = np.sqrt(square)
         directions = np.column_stack([side * np.cos(turn), side * np.sin(turn), np.sqrt(1.0 - square)])
         rays.append(RayBundle(0.0 * directions, directions, np.full(2**10, 2.0**-10)))
-    samples = grid.fitted(np.stack([grid.deposit(each) for each in rays]))
+    samples = grid.fitted(np.stack([grid.deposit(bundle) for bundle in rays]))
     errors = samples.std(axis=0, ddof=1) / 4.0
     assert (samples[:, 1:, 0] == samples[:, :1, 0]).all()
     assert errors[0, 0] < 1.5 * errors[:, 8:16].mean()
     assert abs(samples[:, 0, 0].mean() - 1.0 / np.pi) < 3.0 * errors[0, 0]
-    deposited = sum(each.flux.sum() for each in rays) / 16.0
+    deposited = sum(bundle.flux.sum() for bundle in rays) / 16.0
     assert (samples.mean(axis=0) * grid.solid_angles).sum() == pytest.approx(deposited, rel=1e-12)
     spike = samples.mean(axis=0)[None] * np.ones((16, 1, 1))
     spike[:, :, 0] += np.linspace(4.9, 5.1, 16)[:, None]

@@ -128,7 +128,7 @@ def test_gradients_through_tilted_bodies_are_those_of_differences(kind: str) -> 
     if kind in ("frosted", "opal"):  # a face of the lens, and others of both bodies
         model = GaussianFacets(0.02) if kind == "frosted" else lambertian(0.3)
         facets = (FaceScatter(face, model) for face in ("outer", "inner", "outer"))
-        own, first, second = ((each,) for each in facets)
+        own, first, second = ((facet,) for facet in facets)
         media = replace(media, scatter=own, bodies=(replace(coated, scatter=first), replace(BOWL, scatter=second)))
     if kind == "behind a glass":
         media = replace(media, cover_glass=CoverGlass(1.52, 3.0, 40.0, 2e-3))

@@ -122,7 +122,9 @@ def test_shares_that_limits_bound_are_in_per_cent_and_what_is_missed_names_what_
     receiver = receiver.model_copy(update={"possible": receiver.possible.changed(law=BY_SYMMETRY)})
     flux = Metric(value=0.25, standard_error=1e-3)
     lost = Fact.measured("beside", "beside", flux, "lost share of the flux", limit=0.2, place=receiver.name)
-    dim = min((each for each in light.limits if each.note == "light"), key=lambda each: each.metric.value / each.bound)
+    dim = min(
+        (limit for limit in light.limits if limit.note == "light"), key=lambda limit: limit.metric.value / limit.bound
+    )
     shown = light_facts(light.model_copy(update={"receivers": (receiver,), "limits": (lost, *light.limits)}), start)
     figures = shown[0]
     limits = next(group for group in shown if group.key == "limits")

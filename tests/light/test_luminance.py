@@ -219,7 +219,7 @@ def test_each_eye_is_judged_and_the_second_decides() -> None:
         spec = crooked(eyes | {"at_most": 200.0 * bound, "unit": "cd_per_m2"})
         spec = spec.replace(source={"luminous_efficacy_lm_per_w": 200.0})
         light = lf.evaluate(balls(spec), accuracy=FEW)
-        assert [each.state for each in light.limits] == states
+        assert [limit.state for limit in light.limits] == states
         assert light.limits[1].value == pytest.approx(200.0 * bright.value, rel=1e-9)
     unknown = crooked(eyes | {"unit": "cd_per_m2"})
     with pytest.raises(InputError, match=r"^limits.0: its bound is in cd/m², but .* not known; give source.flux_lm"):
@@ -335,7 +335,7 @@ def test_the_page_shows_the_lens_as_seen_and_its_mean_over_the_outline(tmp_path:
     results = Results(lens, {"evaluate": light}, {})
     *_, pictures = receiver_pictures(results)
     assert pictures.heading == "The lens as seen" and [each.title for each in pictures.seen] == ["From (30, 10)°"]
-    (group,) = (each for each in results.facts(light) if each.key == "seen")
+    (group,) = (shown for shown in results.facts(light) if shown.key == "seen")
     assert group.facts[0].value == seen.mean.value and group.facts[0].unit == "W/(m² sr)"
 
 

@@ -66,7 +66,7 @@ def test_the_file_of_a_lamp_holds_the_light_of_all_its_lenses(cosine, tmp_path):
     peaks = [_peak(each) for each in (found.ies, found.luminaire_ies)]
     assert peaks == pytest.approx([found.peak_cd.value, 12.0 * found.peak_cd.value], rel=1e-4)
     assert [_lamps(each) for each in (found.ies, found.luminaire_ies)] == [["1", "250"], ["12", "250"]]
-    checked = [each.key.split()[2] for each in found.criteria if each.holds]
+    checked = [criterion.key.split()[2] for criterion in found.criteria if criterion.holds]
     assert checked[-3:] == ["luminaire.ies", "luminaire.ldt", "luminaire.iesxml"]
     assert Photometry.read(tmp_path) == found
     assert not (folder / "luminaire.ies").exists() and one.luminaire is None

@@ -102,7 +102,7 @@ def test_two_faces_transmit_as_the_ray_matrices_of_chipman_and_yun_say():
 
 def test_light_that_passes_and_light_that_returns_add_up_face_after_face():
     """For unpolarised light and the mean of two polarised rays alike; what is split keeps fields across it."""
-    d = np.array([each[0] for each in two_faces(count=60)])
+    d = np.array([face[0] for face in two_faces(count=60)])
     normals = np.array([near(each, angle) for each, angle in zip(d, np.linspace(0.0, 1.4, 60), strict=True)])
     waves = np.full(60, 550.0)
     layers = LayerStack((CoatingLayer(IndexCurve((2.1,)), 80.0),), IndexCurve((N,)), (300.0, 900.0))
@@ -126,7 +126,7 @@ def test_light_that_passes_and_light_that_returns_add_up_face_after_face():
 
 
 def near_all(ways):
-    return np.array([near(each, 0.7) for each in ways])
+    return np.array([near(way, 0.7) for way in ways])
 
 
 def rotated(bundle, angle):
@@ -188,7 +188,7 @@ def test_gradients_at_nearly_normal_incidence_are_those_of_differences(glass):
     def value(*moved):
         return (1e3 * by_flux * by_kernels(list(moved), scene, rays, 1e4).flux).sum()
 
-    found = torch.autograd.grad(value(*(each.requires_grad_() for each in tables)), tables)
+    found = torch.autograd.grad(value(*(table.requires_grad_() for table in tables)), tables)
     for which, gradient in enumerate(found):
         way = torch.from_numpy(RNG.normal(size=gradient.shape)) * (gradient != 0)
         ahead, behind = (

@@ -68,7 +68,7 @@ class Straight(TracedLens):
             return self.exits
         count = len(rays)
         arrays = rays.origins, rays.directions, rays.flux, np.zeros(count), np.zeros(count, dtype=np.int8)
-        return ExitRays(*(np.ascontiguousarray(each) for each in arrays))
+        return ExitRays(*(np.ascontiguousarray(array) for array in arrays))
 
 
 def straight(exits: ExitRays | None = None) -> Straight:

@@ -105,7 +105,7 @@ def test_light_sees_the_facets_that_face_it(a: float, k: float) -> None:
     step = 1e-4
     for k, by in ((1, [a + step, a - step]), (2, None)):
         ends = [(each, 0.7) for each in by] if by else [(a, 0.7 + step), (a, 0.7 - step)]
-        above, below = (SEEN(*each)[0] for each in ends)
+        above, below = (SEEN(*end)[0] for end in ends)
         assert SEEN(a, 0.7)[k] == pytest.approx((above - below) / (2.0 * step), rel=1e-4)
 
 
@@ -200,9 +200,9 @@ def test_the_proof_draws_facets_of_its_own_with_the_same_light() -> None:
     rms = np.full(len(RAYS), 0.25)
     numbers = [each.at(faces, np.full(len(RAYS), times)) for each in (own, design) for times in (0, 1, 2)]
     assert np.abs(np.corrcoef(np.column_stack(numbers).T) - np.eye(12)).max() < 0.012, "each time that a face is met"
-    facets = [tilted(Arrival(*[normals] * 3), rms, each) for each in numbers]
-    angles = [np.arccos((each * normals).sum(axis=1)) for each in facets]
-    assert max(kstest(each, angles[0]).statistic for each in angles[1:]) < 1.95 * np.sqrt(2.0 / len(RAYS))
+    facets = [tilted(Arrival(*[normals] * 3), rms, number) for number in numbers]
+    angles = [np.arccos((facet * normals).sum(axis=1)) for facet in facets]
+    assert max(kstest(angle, angles[0]).statistic for angle in angles[1:]) < 1.95 * np.sqrt(2.0 / len(RAYS))
     away = tilted(Arrival(normals, -normals, normals), rms, numbers[3])
     assert np.array_equal(away, facets[3]), "a facet has one normal, from both sides"
 
@@ -340,7 +340,7 @@ def test_a_measured_face_scatters_by_its_table_between_its_incidences() -> None:
     for row in MEASURED["bsdf_per_sr"]:
         rows.append(quad(lambda x, row=row: 2.0 * np.pi * np.sin(x) * np.cos(x) * np.interp(np.degrees(x), ANGLES, row),
                          0.0, np.radians(60.0), points=np.radians(ANGLES[1:3]))[0])  # fmt: skip
-    assert [each[-1] for each in model.shares] == pytest.approx(rows[::-1], rel=1e-4)
+    assert [share[-1] for share in model.shares] == pytest.approx(rows[::-1], rel=1e-4)
     cosines = cosines_behind(model)
     assert np.mean(cosines < 1.0 - 1e-12) == pytest.approx(rows[0], abs=3e-3)
     number = np.full(1, 0.9)

@@ -19,8 +19,8 @@ def _draws(parts: int, seed: int = 0, distribution: str = "uniform", **amounts: 
 
 def _shares(draws: Draws, values: np.ndarray, noise: float = 0.0) -> dict:
     found = contributions(draws, values, noise)
-    assert sum(each.share for each in found.causes) + found.interactions.value == pytest.approx(1.0)
-    shares = {each.tolerance: (each.share, each.standard_error) for each in found.causes}
+    assert sum(cause.share for cause in found.causes) + found.interactions.value == pytest.approx(1.0)
+    shares = {cause.tolerance: (cause.share, cause.standard_error) for cause in found.causes}
     return {**shares, "together": (found.interactions.value, found.interactions.standard_error)}
 
 

@@ -161,7 +161,7 @@ def test_a_worker_keeps_no_study_of_another_recipe() -> None:
     """Each field of a recipe alone makes it another one; of the same recipe the study stays."""
     first = Recipe(lens_with({"index": 1e-3}), 4, 256, 0, 512)
     other = {"lens": lens_with({"index": 2e-3}), "parts": 5, "rays": 512, "seed": 1, "designed_rays": 1024}
-    assert set(other) == {each.name for each in fields(Recipe)}
+    assert set(other) == {field.name for field in fields(Recipe)}
     kept = measured_parts._study(first)
     for name, value in other.items():
         changed = measured_parts._study(replace(first, **{name: value})).recipe

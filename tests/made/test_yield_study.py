@@ -15,7 +15,7 @@ from lensforge.made import part_study, yield_study
 from lensforge.made.part_study import PartStudy, Recipe
 from lensforge.made.part_verbs import _name_of
 from lensforge.made.tolerance_result import PassRate, Yield
-from lensforge.made.yield_facts import cause_rows, judged_metrics, metric_words, spread_rows, worst_words
+from lensforge.made.yield_facts import cause_rows, judged_metrics, metric_label, spread_rows, worst_phrase
 from lensforge.made.yield_study import measure_yield
 from lensforge.results import Metric
 from lensforge.results.estimates import rsd_estimate
@@ -212,7 +212,7 @@ def test_noise_that_outweighs_the_spread_is_said_and_no_two_parts_are_made_alike
     shown = {row.title: row.line for row in spread_rows(few)}
     for name, spread in few.metrics.items():
         assert np.ptp(few.column(name)) == 0.0 or spread.p5 < spread.p50 < spread.p95, name
-        assert ("undecided" in shown[metric_words(name)]) == (name in undecided), name
+        assert ("undecided" in shown[metric_label(name)]) == (name in undecided), name
     judged = {bound.metric for bound in few.bounds}
     for name in judged & undecided:
         assert any(note.startswith(f"{name}: undecided which parts pass") for note in few.notes)
@@ -226,10 +226,10 @@ def test_few_rays_make_no_impossible_figure_and_noise_keeps_its_state_wherever_i
     assert {name.removesuffix(" (undecided)") for name in header if name.endswith(" (undecided)")} == undecided
     stored = few.model_dump()["metrics"]
     assert {name for name in stored if stored[name]["undecided"]} == undecided >= {"rsd"}
-    assert not {row.title for row in cause_rows(few)} & {metric_words(name) for name in undecided}
+    assert not {row.title for row in cause_rows(few)} & {metric_label(name) for name in undecided}
     for name in undecided & set(judged_metrics(few)):
-        assert f"{metric_words(name)} " in worst_words(few, few.worst[0])
-        assert "(undecided)" in worst_words(few, few.worst[0]).split(f"{metric_words(name)} ")[1].split(";")[0]
+        assert f"{metric_label(name)} " in worst_phrase(few, few.worst[0])
+        assert "(undecided)" in worst_phrase(few, few.worst[0]).split(f"{metric_label(name)} ")[1].split(";")[0]
 
 
 def test_the_spread_of_the_rsd_is_that_of_many_rays() -> None:

@@ -36,7 +36,7 @@ STACKS = {
 
 
 def stack(layers, body):
-    return LayerStack(tuple(CoatingLayer(*each) for each in layers), IndexCurve((body,)), (300.0, 2000.0))
+    return LayerStack(tuple(CoatingLayer(*layer) for layer in layers), IndexCurve((body,)), (300.0, 2000.0))
 
 
 @pytest.fixture(params=STACKS)
@@ -63,8 +63,8 @@ def test_a_stack_reflects_as_by_a_thin_film_library(face):
     coating, around, body = face
     wanted = []
     for wave, cosine in zip(WAVES, COSINES, strict=True):
-        indices = [around, *(float(each.index.at(np.array([wave]))[0]) for each in coating.layers), body]
-        thick = [np.inf, *(each.thickness_nm for each in coating.layers), np.inf]
+        indices = [around, *(float(layer.index.at(np.array([wave]))[0]) for layer in coating.layers), body]
+        thick = [np.inf, *(layer.thickness_nm for layer in coating.layers), np.inf]
         way = 1 if around < body else -1
         given = indices[::way], thick[::way], np.arccos(cosine), wave
         wanted.append([tmm.coh_tmm(polarisation, *given)["R"] for polarisation in "sp"])

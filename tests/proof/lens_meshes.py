@@ -146,7 +146,7 @@ def s_and_p(directions, normals, ratio):
     across = (np.sin(safe[0] - safe[1]) / np.sin(safe[0] + safe[1])) ** 2
     within = (np.tan(safe[0] - safe[1]) / np.tan(safe[0] + safe[1])) ** 2
     shares = (1.0 - np.where(slanted, each, ((1 - ratio) / (1 + ratio)) ** 2) for each in (across, within))
-    return np.where(lost[:, None], np.nan, bent), *(np.where(lost, 0.0, each) for each in shares)
+    return np.where(lost[:, None], np.nan, bent), *(np.where(lost, 0.0, share) for share in shares)
 
 
 def oracle(inner: Quadric, outer: Quadric, rays: RayBundle, index: float, distance: float):

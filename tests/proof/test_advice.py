@@ -347,5 +347,5 @@ def test_a_step_file_of_the_right_form_is_not_called_another_lens():
     seen = proof.first.changed(brep=BrepCast(rays=9, seconds=0.0, against_design=off, against_mesh=off))
     for off_um, says in ((0.01, "is this lens, but its normals"), (0.08, "is not the lens of lens.json")):
         criteria = judged(proof, receivers=(seen,), forms=(form("lens.step", off_um),)).criteria
-        (told,) = (each.remedy for each in criteria if each.key == "brep_deviation_rms")
+        (told,) = (criterion.remedy for criterion in criteria if criterion.key == "brep_deviation_rms")
         assert says in told

@@ -76,7 +76,7 @@ def based() -> Part:
 
 @cache
 def designed(part: Callable[[], Part]) -> dict[str, DesignedFile]:
-    return {each.name: each for each in designed_files(part())}
+    return {file.name: file for file in designed_files(part())}
 
 
 def form_of(file: DesignedFile) -> FileForm:

@@ -155,12 +155,12 @@ def test_a_broken_sampler_is_many_standard_errors_off(broken: type) -> None:
 def test_their_light_is_among_what_every_proof_is_judged_by(small_run: lf.Run) -> None:
     """On the first receiver and on further ones, on both sides of each limit."""
     proof = small_run.proof
-    assert {each.key for each in proof.criteria} >= OWN
+    assert {criterion.key for criterion in proof.criteria} >= OWN
     first = proof.first
     own = first.own_rays
     assert own is not None and own.nmse_less_noise is not None
     second = first.model_copy(update={"name": "wall"})
-    limits = {each.key: each.limit for each in proof.criteria}
+    limits = {criterion.key: criterion.limit for criterion in proof.criteria}
     assert limits["own_rays_emission"] == MOST_APART
     for factor, passed in ((0.99, True), (1.01, False)):
         light = own.efficiency_design.value + factor * limits["own_rays_efficiency"]
@@ -185,7 +185,7 @@ def test_a_broken_sampler_is_seen_by_these_rays_alone(
     monkeypatch.setattr(SquareEmitter, "sample", broken.sample)
     light = lf.evaluate(small_run.lens, rays=2**16)
     proof = lf.verify(small_run.part, light.model_copy(update={"conditions": None}))
-    missed = {each.key for each in proof.criteria if not each.holds}
+    missed = {criterion.key for criterion in proof.criteria if not criterion.holds}
     assert "own_rays_emission" in missed and missed <= OWN
     assert broken is TwiceAsLarge or "own_rays_nmse" in missed
     own = proof.first.own_rays

@@ -62,7 +62,7 @@ WIDE = {"constraints__max_radius_mm": 4.0, "lens__inner__offset_mm": 1.5, "lens_
 
 
 def stl_of(lens: Lens, layout: PlateLayout) -> bytes:
-    plans = tuple(lay_out(*fit_lens(each), BaseSection(kind="none")) for each in lens.kinds)
+    plans = tuple(lay_out(*fit_lens(kind), BaseSection(kind="none")) for kind in lens.kinds)
     return stl_bytes(build_plate_mesh(plans, layout, *lens_meshes(plans, layout.lenses.kind_of_each)))
 
 
@@ -162,7 +162,7 @@ def test_a_point_of_any_lens_is_found_in_its_own_coordinates() -> None:
         )
         seen = plate.from_lit(there + np.array([*place, 0.0]))
         turned = plate.from_lit(ahead + np.array([*plate.places[1], 0.0]))
-        own = plate.from_own(seen, turned)
+        own = plate.to_local(seen, turned)
         np.testing.assert_allclose(np.concatenate(own), np.concatenate([point, normal]), atol=1e-12)
         assert (plate.nearest(seen)[0] == 1) == (turn == turns[1])
 
@@ -179,7 +179,7 @@ def test_the_light_of_all_lamps_is_the_sum_of_each_moved_by_hand() -> None:
     lamps = lamps_together(stl_of(lens, layout), (lens, light), rays)
     assert isinstance(lamps, LampsOnPlate)
     screen = replace(SCREEN, facing=(0.3, 0.0, 1.0))
-    plans = tuple(lay_out(*fit_lens(each), BaseSection(kind="none")) for each in lens.kinds)
+    plans = tuple(lay_out(*fit_lens(kind), BaseSection(kind="none")) for kind in lens.kinds)
     parts = [read_part_mesh(stl_bytes(mesh)) for mesh in lens_meshes(plans, (1, 0, 1))[0]]
     passages = [send_through(part, Grid(part.mesh), rays, Media(Medium(INDEX))) for part in parts]
     drawn = np.random.default_rng(seeds.of_verification(0)).permutation(len(rays)) % 3

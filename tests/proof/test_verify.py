@@ -115,7 +115,9 @@ def test_own_rays_meet_the_rough_faces_of_a_part_by_facets_of_their_own():
     own = IndependentLight(lambertian(20_000, 2.0, seed=6), ((Metric(value=0.9, standard_error=0.001), 0.0),), 7)
     design = Expected(screen, screen.irradiance(many.landings, many.flux), HITS, WEIGHTS)
     found, polished = (
-        verify_part(FilesOfPart(mesh), LightOfDesign(seen, each, [design], [design], own=own), Referees(20)).first
+        verify_part(
+            FilesOfPart(mesh), LightOfDesign(seen, each, [design], [design], independent=own), Referees(20)
+        ).first
         for each in (media, media.polished)
     )
     off = found.own_rays.nmse_less_noise

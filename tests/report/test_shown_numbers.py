@@ -14,7 +14,7 @@ from undrawn import undrawn
 from lensforge.cli.conclusion import blocks_of, rows_of, summary
 from lensforge.cli.output import Block, print_screen
 from lensforge.made.tolerance_result import Yield
-from lensforge.made.yield_facts import budget_sentence, drawn_rows, pass_sentence, worst_words
+from lensforge.made.yield_facts import budget_sentence, drawn_rows, pass_sentence, worst_phrase
 from lensforge.proof.proof_facts import tracer_groups
 from lensforge.report import exported_part, headline, light_section
 from lensforge.report.compare import render_comparison
@@ -80,7 +80,7 @@ def known_of(results: Results) -> set[str]:
     texts += [f"{len(group.facts)} criteria" for group in headline.criterion_groups(results)]
     for study in (each for each in found if isinstance(each, Yield)):
         texts += [pass_sentence(study), budget_sentence(study), *texts_of(drawn_rows(study)), *study.notes]
-        texts += [worst_words(study, worst) for worst in study.worst]
+        texts += [worst_phrase(study, worst) for worst in study.worst]
     texts += [template.read_text(encoding="utf-8") for template in TEMPLATES.glob("*.html")]
     return {each for text in texts for each in numbers_in(text)} | {str(len(results.others)), *map(str, range(40))}
 
@@ -160,7 +160,7 @@ def test_every_number_of_the_page_for_the_shop_is_one_of_a_fact(name):
     groups = [shop_facts(lens, part, check), *face_groups(lens, check), *finding_groups(check)]
     texts = [*texts_of([*groups, table_facts(grids), Group("", "", tuple(criteria))]), *hashes, *drawn.notes]
     texts += [
-        f"{size.name} {shop_files.shown(size.value_mm)} {size.tolerance} {size.scope_words}"
+        f"{size.name} {shop_files.shown(size.value_mm)} {size.tolerance} {size.scope_phrase}"
         for size in drawn.views.dimensions
     ]
     rows = [*tolerances.lens, *tolerances.assembly]

@@ -18,7 +18,7 @@ from lensforge.made.yield_facts import (
     budget_row,
     budget_rows,
     cause_rows,
-    metric_words,
+    metric_label,
     sensitivity_facts,
     spread_rows,
     yield_facts,
@@ -65,7 +65,7 @@ def test_who_passes_is_said_first_with_its_interval(page, found):
 
 def test_every_percentile_and_bound_is_on_the_page(page, found):
     for row, (name, spread) in zip(spread_rows(found), found.metrics.items(), strict=True):
-        assert row.title == metric_words(name)
+        assert row.title == metric_label(name)
         factor = 100.0 if row.facts[0].unit == "%" else 1.0
         wanted = (spread.designed.value, spread.p5, spread.p50, spread.p95, spread.spread)
         assert [fact.value for fact in row.facts] == [factor * value for value in wanted]

@@ -29,8 +29,8 @@ def second() -> ChildPool:  # type: ignore[misc]
 
 def there(call: Called[Result]) -> Result:
     """Result of a call that has had its turn."""
-    assert call.there is not None
-    call.there.result()
+    assert call.answer is not None
+    call.answer.result()
     return call.result()
 
 
@@ -90,7 +90,7 @@ def test_what_fails_there_alone_is_computed_here_and_told(tmp_path: Path) -> Non
     told: list[str] = []
     with child_pool(1, told.append) as second:
         call = second.call(Path.read_text, tmp_path / "later")
-        assert call.there is not None and call.there.result() == (False, None)
+        assert call.answer is not None and call.answer.result() == (False, None)
         (tmp_path / "later").write_text("here")
         assert call.result() == "here"
         assert "a function failed in it alone" in told.pop() and not told
@@ -167,7 +167,7 @@ from lensforge.results.child_pool import child_pool
 print("script", flush=True)
 with child_pool(1) as second:
     number = second.call(os.getpid)
-    number.there.result()
+    number.answer.result()
     print(number.result(), flush=True)
     asleep = second.call(time.sleep, 300.0)
     if "wait" in sys.argv:

@@ -14,7 +14,7 @@ import lensforge as lf
 from lensforge.light.light_facts import light_reasons
 from lensforge.made.part_study import PartStudy, Recipe
 from lensforge.report.headline import task
-from lensforge.shop.drawing import travel_words
+from lensforge.shop.drawing import travel_notes
 
 LED = {"kind": "square", "side_mm": 0.5, "flux_lm": 80.0, "position_mm": [0.05, 0.0, 0.0]}
 DISC = {"kind": "disc", "diameter_mm": 0.4, "flux_lm": 30.0}
@@ -134,12 +134,12 @@ def test_states_with_targets_of_their_own_and_lamps_together_have_no_yield(lens:
 
 
 def test_the_drawing_names_the_stops_of_an_led_that_moves(lens: lf.Lens) -> None:
-    (line,) = travel_words(lens)
+    (line,) = travel_notes(lens)
     stops = "near: at (0.05, 0, 0) mm; far: at (0.1, -0.2, 0.05) mm tilted by (6, -3)°"
     assert line == f"The LED moves against the lens; its stops are {stops}."
     still = [{"name": "near"}, {"name": "far", "receivers": [OTHER]}]
-    assert not [*travel_words(lens_with(source=LED, states=still))]
-    assert not [*travel_words(lens_with(source=PLACED))]
+    assert not [*travel_notes(lens_with(source=LED, states=still))]
+    assert not [*travel_notes(lens_with(source=PLACED))]
 
 
 def test_what_needs_one_led_says_to_take_a_state(lens: lf.Lens) -> None:

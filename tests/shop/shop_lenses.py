@@ -13,7 +13,7 @@ from lensforge.scene.lens import Lens
 from lensforge.shop.check import check_lens
 from lensforge.shop.point_tables import COLUMNS
 from lensforge.shop.sheet import box_of
-from lensforge.shop.sheet_marks import words_of_dimension
+from lensforge.shop.sheet_marks import dimension_text
 
 BASE = {"diameter_mm": 16.0, "relief_step_mm": 0.4, "flange_diameter_mm": 20.0, "pocket_diameter_mm": 7.0}
 
@@ -85,7 +85,7 @@ def _lagrange(fraction, count):
 
 
 def all_words(sheet):
-    return [*sheet.marks.words, *(words_of_dimension(each) for each in sheet.marks.dimensions)]
+    return [*sheet.marks.texts, *(dimension_text(dimension) for dimension in sheet.marks.dimensions)]
 
 
 def boxes_of(sheet):

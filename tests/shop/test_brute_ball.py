@@ -91,7 +91,7 @@ def part_mesh(lens: Lens) -> trimesh.Trimesh:
 def test_a_base_that_says_nothing_gives_the_cutter_room(base: dict[str, float]) -> None:
     lens = designed_for_the_ball(**base)
     check = check_lens(lens)
-    findings = {(each.key, each.place): each.holds for each in check.verdicts}
+    findings = {(verdict.key, verdict.place): verdict.holds for verdict in check.verdicts}
     assert findings[("relief", "inner")] and findings[("relief", "outer")] and findings[("cutter", "inner")]
     assert tried(lens, part_mesh(lens)) == {"inner": 1.0, "outer": 1.0}
 

@@ -16,7 +16,7 @@ OUTER = sphere(7.0, (-0.5, 0.4, 0.8))
 
 
 def sizes(lens):
-    return {each.name: each.value_mm for each in dimensions(lens)}
+    return {dimension.name: dimension.value_mm for dimension in dimensions(lens)}
 
 
 def apex(ball):
@@ -51,7 +51,7 @@ def test_the_sizes_of_two_spheres_are_in_closed_form():
 def test_a_size_that_is_drawn_ends_where_the_part_does():
     """Ends (z, x) of the rims and of the apexes in the section at y = 0 of two spheres off the axis."""
     lens = OfSpheres({"inner": INNER, "outer": OUTER}, small_lens({"kind": "none"}).spec, 0, CHECKED)
-    ends = {each.name: each.ends for each in dimensions(lens) if each.ends is not None}
+    ends = {dimension.name: dimension.ends for dimension in dimensions(lens) if dimension.ends is not None}
     for name, ball in (("outer rim", OUTER), ("opening of the cavity", INNER)):
         half = sqrt(rim(ball)[1] ** 2 - ball.centre[1] ** 2)
         wanted = ((0.0, ball.centre[0] - half), (0.0, ball.centre[0] + half))
@@ -75,7 +75,7 @@ def test_a_size_that_is_drawn_ends_where_the_part_does():
     ]),
 )  # fmt: skip
 def test_the_sizes_of_the_base_are_those_of_the_spec(base, wanted):
-    drawn = {each.name: each for each in dimensions(small_lens(base))}
+    drawn = {dimension.name: dimension for dimension in dimensions(small_lens(base))}
     assert {name: drawn[name].value_mm for name in wanted} == pytest.approx(wanted)
     for name, width in (("depth of the pocket", "pocket"), ("height of the flange", "flange")):
         if name in wanted:  # at its wall, on the far side of the axis

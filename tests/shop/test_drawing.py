@@ -24,10 +24,10 @@ from lensforge.shop.check_facts import check_facts
 from lensforge.shop.datums import datum_scheme
 from lensforge.shop.dimensions import dimensions
 from lensforge.shop.drawing import SIZES, _notes_box, drawing_content, inside_of, make_sheet, unit_of
-from lensforge.shop.sheet import TYPEFACE, Marks, Sheet, Words, box_of, shown
-from lensforge.shop.sheet_marks import axes_mark, strokes_of, text_span, words_of_dimension
+from lensforge.shop.sheet import TYPEFACE, Marks, Sheet, SheetText, box_of, shown
+from lensforge.shop.sheet_marks import axes_mark, dimension_text, strokes_of, text_span
 from lensforge.shop.sheet_tables import _texture, index_wavelength, tolerance_table
-from lensforge.shop.sheet_writers import _write_words, sheet_dxf, sheet_pdf
+from lensforge.shop.sheet_writers import _write_text, sheet_dxf, sheet_pdf
 from lensforge.shop.view_drawing import SCALES, _candidates
 from lensforge.shop.view_lines import end_lines
 from lensforge.spec.part_section import read_drawing
@@ -90,10 +90,10 @@ def test_the_dxf_read_back_has_no_errors_and_the_sizes_of_the_table(drawings, na
     document = read_back(sheet)
     assert not document.audit().errors
     assert document.units == ezdxf.units.MM
-    (height,) = {words_of_dimension(each).height_mm for each in sheet.marks.dimensions}
+    (height,) = {dimension_text(dimension).height_mm for dimension in sheet.marks.dimensions}
     assert document.dimstyles.get("LENSFORGE").dxf.dimtxt == pytest.approx(height / sheet.scale), "as on paper"
     measured = sorted(each.get_measurement() for each in document.modelspace().query("DIMENSION"))
-    table = sorted(each.value_mm for each in content.views.dimensions if each.ends is not None)
+    table = sorted(dimension.value_mm for dimension in content.views.dimensions if dimension.ends is not None)
     np.testing.assert_allclose(measured, table, atol=1e-9)
     for each in document.modelspace().query("DIMENSION"):  # what a reader sees is what it measures
         texts = [
@@ -134,7 +134,9 @@ def test_the_section_in_the_dxf_is_the_part_at_its_size_in_its_coordinates(parts
 @pytest.mark.parametrize("size", SIZES)
 def test_no_text_meets_another_nor_a_line_of_a_dimension_nor_the_edge(drawings, name, size):
     sheet = make_sheet(drawings[name][0], size)
-    lines = [stroke.points for each in sheet.marks.dimensions for stroke in strokes_of(each) if not stroke.filled]
+    lines = [
+        stroke.points for dimension in sheet.marks.dimensions for stroke in strokes_of(dimension) if not stroke.filled
+    ]
     for left, bottom, right, top in boxes_of(sheet):
         for (x1, y1), (x2, y2) in lines:
             apart = max(x1, x2) <= left or min(x1, x2) >= right or max(y1, y2) <= bottom or min(y1, y2) >= top
@@ -153,7 +155,7 @@ def test_the_scale_is_one_of_iso_5455_and_the_views_have_it(parts, drawings):
             np.ptp(stroke.points[:, 0]) for stroke in sheet.marks.strokes if stroke.pen == "outline" and stroke.closed
         ]
         assert any(length == pytest.approx(sheet.scale * (high - low), abs=1e-9) for length in lengths)
-        assert any(words.text == f"Scale: {sheet.scale:g} : 1" for words in sheet.marks.words)
+        assert any(words.text == f"Scale: {sheet.scale:g} : 1" for words in sheet.marks.texts)
     content, _ = drawings["full"]
     for wanted, size in SIZES.items():
         sheet = make_sheet(content, wanted)
@@ -169,7 +171,7 @@ def test_a_page_of_the_pdf_is_the_sheet_in_vectors_at_its_size(drawings):
     assert b"/Subtype /Image" not in content
     found = re.findall(rb"stream\r?\n(x.*?)\nendstream", content, re.DOTALL)
     streams = [zlib.decompressobj().decompress(each) for each in found]
-    page = next(each for each in streams if each.count(b" l\n") > 500)
+    page = next(stream for stream in streams if stream.count(b" l\n") > 500)
     # The base, 15 mm square: its lower edge is a straight line of that length times the scale.
     points = np.array([[float(v) for v in each] for each in re.findall(rb"([\d.-]+) ([\d.-]+) [ml]\n", page)])
     sides = np.abs(np.diff(points, axis=0)) / 72.0 * 25.4
@@ -200,13 +202,13 @@ def test_the_datums_are_features_of_the_part(parts, drawings, name, faces, absen
         assert words not in text
     for word in re.findall(r"\b(?:BASE|RIM|OPTICAL)[A-Z_]*\b", text):
         assert any(face.startswith(word) for face in part.faces.names), word
-    letters = [words.text for words in drawings[name][1].marks.words if words.text in ("A", "B", "C")]
+    letters = [words.text for words in drawings[name][1].marks.texts if words.text in ("A", "B", "C")]
     assert sorted(letters) == sorted(datum.letter for datum in scheme.datums), "each symbol once"
 
 
 def test_the_symbol_of_the_clocking_flat_stands_on_it(drawings):
     _, sheet = drawings["flat"]
-    letter = next(words for words in sheet.marks.words if words.text == "C")
+    letter = next(words for words in sheet.marks.texts if words.text == "C")
     triangles = [stroke.points for stroke in sheet.marks.strokes if stroke.filled and len(stroke.points) == 3]
     feet = np.array([0.5 * (corners[0] + corners[1]) for corners in triangles])
     foot = feet[np.argmin(np.linalg.norm(feet - letter.at, axis=1))]
@@ -223,7 +225,7 @@ def test_the_symbol_of_the_clocking_flat_stands_on_it(drawings):
 
 def test_notes_begin_beside_the_top_of_the_table(drawings):
     content, sheet = drawings["full"]
-    rows = {words.text: words.at[1] for words in sheet.marks.words}
+    rows = {words.text: words.at[1] for words in sheet.marks.texts}
     first = next(row for text, row in rows.items() if text.startswith(f"1. {content.notes[0][:20]}"))
     assert first == pytest.approx(rows[content.table.columns["outer"]["title"]], abs=1.0)
 
@@ -233,7 +235,7 @@ def test_arrows_name_the_axes_and_margins_of_a_smaller_sheet_are_smaller(drawing
         mark = axes_mark((3.0, 4.0), "z", "x", 0.5, *given)
         lines = [stroke.points.tolist() for stroke in mark.strokes if not stroke.filled]
         assert lines == [[[3.0, 4.0], [3.0 + 3.5 * towards, 4.0]], [[3.0, 4.0], [3.0, 7.5]]]
-        assert {words.text: words.at for words in mark.words} == {"z": (3.0 + 4.5 * towards, 4.0), "x": (3.0, 8.5)}
+        assert {words.text: words.at for words in mark.texts} == {"z": (3.0 + 4.5 * towards, 4.0), "x": (3.0, 8.5)}
     content, _ = drawings["full"]
     wide, small = (np.subtract(_notes_box(content, name), inside_of(name))[:3] / unit_of(name) for name in ("A3", "A4"))
     assert small == pytest.approx(wide)
@@ -255,12 +257,12 @@ def test_the_plane_that_the_step_carries_is_datum_a(parts, part_of):
     assert part.form_tolerances[0].datum_faces
     content, _ = content_of(lens, part, parts["full"][2])
     plane = content.views.datums.find("A")
-    assert plane.z_mm == 0.0 and all(face in plane.words for face in part.form_tolerances[0].datum_faces)
+    assert plane.z_mm == 0.0 and all(face in plane.feature for face in part.form_tolerances[0].datum_faces)
     assert content.table.columns["outer"]["profile"] == "Profile of the surface: 0.002 | A"
 
 
 def test_sizes_of_freeform_faces_are_auxiliary_and_the_others_bare(drawings):
-    texts = {each.name: each.text for each in drawings["full"][1].marks.dimensions}
+    texts = {dimension.name: dimension.text for dimension in drawings["full"][1].marks.dimensions}
     assert texts["diameter of the base"] == "⌀16.000 general"
     assert texts["diameter of the pocket"] == "⌀7.000 general"
     assert texts["depth of the relief step below z = 0"] == "0.400 general"
@@ -312,11 +314,11 @@ def test_long_words_are_cut_to_their_cells_and_notes_that_do_not_fit_say_so(chec
     lens = small_lens(ROUND, {"author": long}, drawing={"part_name": long, "general_tolerances": long})
     content, _ = content_of(lens, part_of(lens), check)
     sheet = make_sheet(replace(content, notes=[*content.notes, *[long] * 20]))
-    for words in sheet.marks.words:
+    for words in sheet.marks.texts:
         left, _, right, _ = box_of(words)
         assert left > 20.0 and right < sheet.size_mm[0] - 10.0, words.text
-    assert any(words.text.endswith("…") and words.text.startswith("Drawn: x") for words in sheet.marks.words)
-    assert sum(words.text.startswith("More notes") for words in sheet.marks.words) == 1
+    assert any(words.text.endswith("…") and words.text.startswith("Drawn: x") for words in sheet.marks.texts)
+    assert sum(words.text.startswith("More notes") for words in sheet.marks.texts) == 1
 
 
 def test_the_second_section_is_cut_where_the_part_differs_and_named_where_it_is_cut(parts, drawings):
@@ -333,9 +335,9 @@ def test_the_second_section_is_cut_where_the_part_differs_and_named_where_it_is_
         distance = np.linalg.norm(directions, axis=1)
         radii = [face.radius(directions / distance[:, None]) for face in (lens.inner, lens.outer)]
         assert np.minimum(*(np.abs(radius - distance) for radius in radii)).max() < 1e-9
-    texts = [words.text for words in sheet.marks.words]
+    texts = [words.text for words in sheet.marks.texts]
     assert texts.count("S") == texts.count("T") == 2 and "S–S" in texts and "T–T" in texts
-    level = [words.at for words in sheet.marks.words if words.text == "T"]
+    level = [words.at for words in sheet.marks.texts if words.text == "T"]
     assert level[0][1] == pytest.approx(level[1][1]), "the plane x = 0 is level in the view from the base"
 
 
@@ -343,7 +345,7 @@ def test_the_dome_is_seen_from_above_to_the_left_and_its_circle_holds_it(parts, 
     lens, _, _ = parts["none"]
     content, sheet = drawings["none"]
     dome = max(content.views.dome, key=lambda line: len(line.points)).points
-    sizes = {each.name: each.value_mm for each in content.views.dimensions}
+    sizes = {dimension.name: dimension.value_mm for dimension in content.views.dimensions}
     assert 2.0 * np.hypot(*dome.T).max() == pytest.approx(sizes["width of the dome"], abs=2e-3)
     turn = np.arctan2(dome[:, 1], -dome[:, 0])  # -y to the right, x up
     directions = fibonacci_hemisphere(200_000)
@@ -352,7 +354,7 @@ def test_the_dome_is_seen_from_above_to_the_left_and_its_circle_holds_it(parts, 
     for k in range(0, 360, 36):
         near = np.abs(np.angle(np.exp(1j * (at - turn[k])))) < 0.02
         assert np.hypot(points[near, 0], points[near, 1]).max() == pytest.approx(np.hypot(*dome[k]), abs=0.03)
-    lines = {each.name: each for each in sheet.marks.dimensions}
+    lines = {dimension.name: dimension for dimension in sheet.marks.dimensions}
     assert lines["width of the dome"].end[0] < lines["outer apex above z = 0"].start[0], "first angle"
 
 
@@ -369,8 +371,8 @@ def test_the_base_is_seen_at_its_size(parts):
 def test_a_part_of_any_size_has_a_scale_that_fills_the_sheet(drawings, factor):
     content, usual = drawings["none"]
     sections = [
-        replace(each, outlines=[factor * outline for outline in each.outlines], lines=[])
-        for each in content.views.sections
+        replace(section, outlines=[factor * outline for outline in section.outlines], lines=[])
+        for section in content.views.sections
     ]
     base, dome = (
         [replace(line, points=factor * line.points) for line in lines]
@@ -415,14 +417,14 @@ def test_the_index_has_its_wavelength(material, words):
 def test_capitals_have_their_middle_where_the_words_are(turned, place):
     """The base line is half of their height below it, as the turned text sees it."""
     axes = Figure().add_subplot()
-    _write_words(axes, Words((50.0, 40.0), "H", 10.0, "left", turned))
+    _write_text(axes, SheetText((50.0, 40.0), "H", 10.0, "left", turned))
     assert axes.texts[0].get_position() == place
 
 
 def test_words_in_the_dxf_stand_turned_and_as_large_as_on_paper_at_the_size_of_the_part():
     """At 2:1, about the part's origin in the section: half of the distances and of the heights on paper."""
-    words = [Words((50.0, 40.0), "H", 3.5, "left", 90), Words((120.0, 90.0), "K", 5.0, "right")]
-    sheet = Sheet("A4", (297.0, 210.0), 1.0, 2.0, "two letters", (100.0, 80.0), Marks(words=words))
+    words = [SheetText((50.0, 40.0), "H", 3.5, "left", 90), SheetText((120.0, 90.0), "K", 5.0, "right")]
+    sheet = Sheet("A4", (297.0, 210.0), 1.0, 2.0, "two letters", (100.0, 80.0), Marks(texts=words))
     document = ezdxf.read(io.StringIO(sheet_dxf(sheet).decode("utf-8")))
     texts = [(t.dxf.text, t.dxf.rotation, t.dxf.height, *t.get_placement()[:2]) for t in document.query("TEXT")]
     (high, level) = texts
@@ -444,10 +446,10 @@ def test_departures_are_in_micrometres(check) -> None:
 @pytest.mark.parametrize("height_mm", [3.5, 1.75])
 def test_capitals_in_the_pdf_are_as_high_as_is_asked_for(height_mm):
     """The size of the type in the PDF's own words, times the height of an H in the typeface."""
-    words = Words((50.0, 50.0), "H", height_mm)
-    sheet = Sheet("A4", (297.0, 210.0), 1.0, 1.0, "one letter", (0.0, 0.0), Marks(words=[words]))
+    words = SheetText((50.0, 50.0), "H", height_mm)
+    sheet = Sheet("A4", (297.0, 210.0), 1.0, 1.0, "one letter", (0.0, 0.0), Marks(texts=[words]))
     streams = re.findall(rb"stream\r?\n(.*?)\r?\nendstream", sheet_pdf(sheet), re.DOTALL)
-    written = b"".join(zlib.decompress(each) for each in streams if each[:1] == b"x")
+    written = b"".join(zlib.decompress(stream) for stream in streams if stream[:1] == b"x")
     (points,) = (float(each) for each in re.findall(rb"/F\S+ ([\d.]+) Tf", written))
     of_em = TextPath((0.0, 0.0), "H", size=1.0, prop=FontProperties(family=TYPEFACE)).get_extents().height
     assert points * of_em * 25.4 / 72.0 == pytest.approx(height_mm, rel=0.01)

@@ -362,7 +362,7 @@ def test_every_limit_is_kept_to_the_tolerance_of_its_measure(beyond: float, hold
     off_mm = beyond * spec.constraints.tolerance_mm
     assert wall_finding(1.5 - off_mm, spec).holds == holds
     wide_mm = 2.0 * spec.manufacture.cutter_radius_mm
-    assert [each.holds for each in plate_findings(spec, wide_mm - off_mm, None)] == [holds]
+    assert [finding.holds for finding in plate_findings(spec, wide_mm - off_mm, None)] == [holds]
 
 
 def test_one_tool_that_reaches_a_face_is_enough_for_it_and_none_for_another() -> None:

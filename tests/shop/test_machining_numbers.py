@@ -78,7 +78,7 @@ def test_a_tool_reaches_what_any_of_its_axes_reaches_and_its_ball_fits() -> None
     ceiling = np.random.default_rng(1).uniform(-2.5, 2.5, (40, 3)) * [1.0, 1.0, 0.1] - [0.0, 0.0, 1.0]
     found = tool_reach(samples, fits, TOOL, down, most, ceiling)
     centres = samples.points + 0.5 * samples.normals
-    clear = np.array([[clear_by_hand(each, axis, ceiling) for each in centres] for axis in tool_axes(down, most)])
+    clear = np.array([[clear_by_hand(centre, axis, ceiling) for centre in centres] for axis in tool_axes(down, most)])
     areas = samples.areas / samples.areas.sum()
     assert found.ball_reachable_fraction == pytest.approx(areas[fits].sum())
     assert found.reachable_fraction_untilted == pytest.approx(areas[fits & clear[0]].sum())

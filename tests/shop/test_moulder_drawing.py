@@ -31,7 +31,7 @@ from lensforge.shop.mould_facts import mould_facts
 from lensforge.shop.mould_halves import Moulding
 from lensforge.shop.profile_table import equation
 from lensforge.shop.sheet import Marks, Sheet, box_of
-from lensforge.shop.sheet_marks import words_of_dimension
+from lensforge.shop.sheet_marks import dimension_text
 from lensforge.shop.sheet_tables import optical_table, tolerance_table
 from lensforge.shop.sheet_writers import sheet_dxf
 from lensforge.shop.view_drawing import PARTING_LINE, room_of
@@ -122,7 +122,7 @@ def measured() -> dict[str, tuple[tuple[float, float], tuple[float, float]]]:
 def test_each_size_in_the_dxf_is_that_of_the_step_and_stands_there_once() -> None:
     lens, _, sheet = drawn()
     document = ezdxf.read(io.StringIO(sheet_dxf(sheet).decode("utf-8")))
-    names = [each.name for each in sheet.marks.dimensions]
+    names = [dimension.name for dimension in sheet.marks.dimensions]
     found = dict(zip(names, document.query("DIMENSION"), strict=True))
     assert set(found) == set(measured()) and len(names) == len(found), "none is missing, and none is drawn twice"
     for name, ends in measured().items():
@@ -135,10 +135,10 @@ def test_each_size_in_the_dxf_is_that_of_the_step_and_stands_there_once() -> Non
         before, after = ("%%c" if upright else ""), " %%p0.040" if "rim's flange" in name else " %%p0.020"
         is_own = "rim's flange" in name or name == "thickness on the axis"
         assert dxf.text == (f"{before}<>{after}" if is_own else f"({before}<>)"), name
-        (text,) = (each.text for each in sheet.marks.dimensions if each.name == name)
+        (text,) = (dimension.text for dimension in sheet.marks.dimensions if dimension.name == name)
         assert float(re.search(r"\d+\.\d{3}", text)[0]) == pytest.approx(length, abs=5.5e-4)
-    assert {each.name for each in dimensions(lens)} > set(found), "the others are told in the list"
-    names_of_base = {each.name: each for each in dimensions(small_lens({"diameter_mm": 12.5}))}
+    assert {dimension.name for dimension in dimensions(lens)} > set(found), "the others are told in the list"
+    names_of_base = {dimension.name: dimension for dimension in dimensions(small_lens({"diameter_mm": 12.5}))}
     assert names_of_base["largest width"].ends is None and names_of_base["diameter of the base"].ends, "the widest"
 
 
@@ -170,7 +170,11 @@ def test_a_circle_of_the_base_is_its_own_but_the_largest_width_is_one_of_the_oth
 def test_lines_of_dimensions_leave_room_for_their_letters_and_no_more() -> None:
     """The less they take, the larger the scale: letters 2.5 mm high stand on a line, and clear of that above."""
     _, _, sheet = drawn()
-    below = [each.line_mm for each in sheet.marks.dimensions if each.turned_deg == 0 and each.line_mm < sheet.origin[1]]
+    below = [
+        dimension.line_mm
+        for dimension in sheet.marks.dimensions
+        if dimension.turned_deg == 0 and dimension.line_mm < sheet.origin[1]
+    ]
     apart = np.diff(sorted(set(np.round(below, 6))))
     assert len(apart) >= 3 and 1.85 * 2.5 < apart.min() < 6.0
 
@@ -181,13 +185,13 @@ def test_the_datums_of_a_flange_are_on_it_and_those_of_a_body_of_revolution_its_
     assert [datum.letter for datum in content.views.datums.datums] == ["A", "B"]
     assert f"Datum A: underside of the rim's flange, RIM_FLANGE_BOTTOM, at z = {low:.3f}." in content.notes
     assert "Datum B: axis of the rim's flange, RIM_FLANGE_SIDE; the optical axis z." in content.notes
-    triangles = [each.points for each in sheet.marks.strokes if each.filled and len(each.points) == 3]
+    triangles = [stroke.points for stroke in sheet.marks.strokes if stroke.filled and len(stroke.points) == 3]
     feet = [0.5 * (p + q) for p, q, _ in triangles if abs(np.linalg.norm(p - q) - 2.6) < 0.01]  # no arrows
-    letters = {words.text: np.array(words.at) for words in sheet.marks.words if words.text in ("A", "B", "C")}
+    letters = {words.text: np.array(words.at) for words in sheet.marks.texts if words.text in ("A", "B", "C")}
     near = {name: min(feet, key=lambda foot: np.linalg.norm(foot - at)) for name, at in letters.items()}
     assert set(near) == {"A", "B"}
     assert near["A"][0] == pytest.approx(sheet.origin[0] + sheet.scale * low, abs=1e-3)
-    (width,) = (each for each in sheet.marks.dimensions if each.name == "diameter of the rim's flange")
+    (width,) = (dimension for dimension in sheet.marks.dimensions if dimension.name == "diameter of the rim's flange")
     assert near["B"] == pytest.approx((width.line_mm, sheet.origin[1] + 10.0 * sheet.scale)), "in line with the size"
     assert width.line_mm > sheet.origin[0] + 11.0 * sheet.scale, "beside the part, whose exit is 10.8 mm above z = 0"
     bare = spot_lens(spot().replace(base={"kind": "none"}))
@@ -197,16 +201,16 @@ def test_the_datums_of_a_flange_are_on_it_and_those_of_a_body_of_revolution_its_
         "Datum B: axis of revolution of OPTICAL_WALL; the optical axis z",
     )
     carried = flanged(manufacture={**MOULDED, "form_tolerance_um": 5.0})
-    assert {each.datum_faces for each in step_of(carried, "AP242").tolerances} == {("RIM_FLANGE_BOTTOM",)}
+    assert {tolerance.datum_faces for tolerance in step_of(carried, "AP242").tolerances} == {("RIM_FLANGE_BOTTOM",)}
 
 
 def rows_on(sheet: Sheet, face: str) -> list[np.ndarray]:
     """Numbers of the two rows, or columns, of a face, read from the sheet."""
-    numbers = [each for each in sheet.marks.words if re.fullmatch(r"-?\d+\.\d{4}", each.text)]
+    numbers = [text for text in sheet.marks.texts if re.fullmatch(r"-?\d+\.\d{4}", text.text)]
     begins = (f"{face.capitalize()} face: r", face.capitalize())  # of a row, and of a column, in which it is folded
-    (head,) = (np.array(each.at) for each in sheet.marks.words if each.text in begins)
-    axis = int(min(abs(head[1] - each.at[1]) for each in numbers) < 0.01)  # in a row, or below each other
-    lines = sorted({round(each.at[axis], 3) for each in numbers}, reverse=axis == 1)
+    (head,) = (np.array(text.at) for text in sheet.marks.texts if text.text in begins)
+    axis = int(min(abs(head[1] - number.at[1]) for number in numbers) < 0.01)  # in a row, or below each other
+    lines = sorted({round(number.at[axis], 3) for number in numbers}, reverse=axis == 1)
     (start,) = (k for k, line in enumerate(lines) if abs(line - head[axis]) < 0.01)
     ordered = sorted(numbers, key=lambda each: each.at[0] - each.at[1])
     return [
@@ -236,7 +240,7 @@ def test_the_profiles_on_the_sheet_give_the_exported_faces_within_what_they_stat
         assert 0.8 * most_um < off_um < most_um + 0.005, name
         ends = {"cap": (0.0, None), "exit": (0.0, None), "wall": (None, 0.0)}[name]
         assert ends[0] in (None, r[0]) and ends[1] in (None, z[-1]), "from the axis, or to the rim"
-    sizes = {each.name: each.value_mm for each in dimensions(lens)}
+    sizes = {dimension.name: dimension.value_mm for dimension in dimensions(lens)}
     assert 2.0 * rows_on(sheet, "cap")[0][-1] == pytest.approx(sizes["crease of cap and side, along x"], abs=2e-4)
     assert 2.0 * rows_on(sheet, "wall")[0][-1] == pytest.approx(sizes["outer rim in z = 0, along x"], abs=2e-4)
 
@@ -277,7 +281,7 @@ def test_the_title_block_and_notes_are_in_the_words_of_a_toolmaker() -> None:
     lens, content, sheet = drawn()
     assert content.block["material"] == ("Material: PMMA at 564 nm", "Grade: PMMA 8N", "Process: moulded")
     assert content.block["mass"] == ("Density: 1.19 g/cm³", "Mass: 1.469 g; Volume: 1234.5 mm³")
-    assert {*content.block["material"], *content.block["mass"]} < {words.text for words in sheet.marks.words}
+    assert {*content.block["material"], *content.block["mass"]} < {words.text for words in sheet.marks.texts}
     assert content.notes[-2].startswith("Draft of the rim's flange: 1°; size at its top")
     assert content.notes[-5:-2] == [
         "Rims and creases of the optical faces: R 0.06 at most. "
@@ -357,7 +361,7 @@ def test_what_the_flange_leaves_of_its_cylinder_has_no_draft_and_is_said() -> No
 def test_the_room_of_a_dimension_holds_its_text() -> None:
     for dimension in drawn()[2].marks.dimensions:
         left, bottom, right, top = room_of(Marks(dimensions=[dimension]))
-        text = box_of(words_of_dimension(dimension))
+        text = box_of(dimension_text(dimension))
         assert left <= text[0] and bottom <= text[1] and text[2] <= right and text[3] <= top, dimension.name
 
 

@@ -23,7 +23,7 @@ from lensforge.shop.drawing import title_block
 from lensforge.shop.plate_drawing import _below_mm, gate_of, pattern_of, place_rows, plate_notes, plate_sheet
 from lensforge.shop.point_tables import GridRequest
 from lensforge.shop.sheet import Sheet, box_of
-from lensforge.shop.sheet_marks import words_of_dimension
+from lensforge.shop.sheet_marks import dimension_text
 from lensforge.shop.sheet_writers import sheet_dxf
 from lensforge.shop.shop_files import make_handover
 from lensforge.shop.view_lines import dome_radius, front_line
@@ -104,15 +104,15 @@ def test_each_place_has_its_kind_and_each_lens_its_sheet() -> None:
     lens = lens_on("kinds")
     layout, one = layout_of(lens), build_part(lens_on("one"), rings=16)
     assert layout is not None
-    assert [row.what for row in place_rows(layout)] == ["lens edge, turned by 180.000°", "lens middle", "lens edge"]
-    blocks = [title_block(each, one.changed(plate=None), lens.spec.drawing) for each in lens.kinds]
+    assert [row.feature for row in place_rows(layout)] == ["lens edge, turned by 180.000°", "lens middle", "lens edge"]
+    blocks = [title_block(kind, one.changed(plate=None), lens.spec.drawing) for kind in lens.kinds]
     assert [block["scale"] for block in blocks] == [
         ("sheet 2 of 3, manufacturing.pdf",),
         ("sheet 3 of 3, manufacturing.pdf",),
     ]
     assert blocks[1]["name"] == ("shop, lens edge of the plate",)
     sheet = plate_sheet(lens, one, layout, lens.spec.drawing)
-    round_ones = [each.points for each in sheet.marks.strokes if each.closed and len(each.points) == 181]
+    round_ones = [stroke.points for stroke in sheet.marks.strokes if stroke.closed and len(stroke.points) == 181]
     widths = [np.ptp(each[:, 0]) / sheet.scale for each in round_ones]
     assert [widths[k] for k in (0, 1, 4, 5)] == pytest.approx([11.0, 5.0, 11.0, 5.0], abs=1e-3)
     assert widths[2] > 11.5 and widths[3] > 5.5
@@ -127,7 +127,7 @@ def test_frames_of_datums_lie_on_no_lens_and_a_moulded_plate_shows_where_it_is_f
     """Holes between lenses: below them the next lens is in the way. The gate is in the middle of a longest side."""
     sheet, layout = sheet_of(part, "grid"), layout_of(lens_on("grid"))
     assert layout is not None
-    letters = {words.text: np.array(words.at) for words in sheet.marks.words if words.text in ("B", "C")}
+    letters = {words.text: np.array(words.at) for words in sheet.marks.texts if words.text in ("B", "C")}
     assert set(letters) == {"B", "C"}
     middles = np.array(sheet.origin) + sheet.scale * np.array(layout.lenses.places_mm)
     dome_mm = float(dome_radius(lens_on("grid"), np.zeros(1))[0])
@@ -173,7 +173,9 @@ def test_sizes_read_back_from_the_dxf_are_those_of_the_design(part: Part, name: 
     }  # fmt: skip
     assert {key: found[key] for key in wanted} == pytest.approx(wanted, abs=1e-6)
     assert found["height of a lens"] > found["height of a cavity"] > 2.0
-    seen = [each.points / sheet.scale for each in sheet.marks.strokes if len(each.points) == 4 and not each.closed]
+    seen = [
+        stroke.points / sheet.scale for stroke in sheet.marks.strokes if len(stroke.points) == 4 and not stroke.closed
+    ]
     wide = 2.5 + 6.0 * np.tan(np.radians(1.0))  # of the bore at its mouth, by the draft
     pin, boss, bore = seen  # from the front: widths and heights, and the pin 10 mm to the left of the boss
     assert [np.ptp(each, axis=0) for each in seen] == [pytest.approx(xy) for xy in ([2, 1.25], [5, 2], [wide, 3])]
@@ -192,12 +194,12 @@ def test_sizes_read_back_from_the_dxf_are_those_of_the_design(part: Part, name: 
 @pytest.mark.parametrize("kind", KINDS)
 def test_no_text_meets_another_or_the_frame(part: Part, kind: str) -> None:
     sheet = sheet_of(part, kind)
-    boxes = [box_of(each) for each in (*sheet.marks.words, *map(words_of_dimension, sheet.marks.dimensions))]
+    boxes = [box_of(each) for each in (*sheet.marks.texts, *map(dimension_text, sheet.marks.dimensions))]
     for a, b in combinations(boxes, 2):
         assert a[2] <= b[0] or b[2] <= a[0] or a[3] <= b[1] or b[3] <= a[1]
     left, bottom, right, top = np.array(boxes).T
     assert left.min() > 20.0 and bottom.min() > 10.0 and right.max() < 410.0 and top.max() < 287.0
-    drawn = {each.name for each in sheet.marks.dimensions}
+    drawn = {dimension.name for dimension in sheet.marks.dimensions}
     assert ("circle of the axes" in drawn) == (kind == "ring")
     rows = place_rows(layout_of(lens_on(kind)))  # type: ignore[arg-type]
     assert [row.label for row in rows] == {
@@ -220,7 +222,7 @@ def test_lenses_of_the_drawing_stand_where_they_are(part: Part) -> None:
     places = np.array(lens.spec.all_lamps.places_mm)
     away = np.linalg.norm(np.array(middles)[:, None] - places, axis=2)
     assert (away.min(axis=0) < 0.2).all()
-    labels = {words.text: (np.array(words.at) - sheet.origin) / sheet.scale for words in sheet.marks.words[::-1]}
+    labels = {words.text: (np.array(words.at) - sheet.origin) / sheet.scale for words in sheet.marks.texts[::-1]}
     for number, place in enumerate(places, start=1):  # to the right and above of the lens, beside its circle
         across, up = labels[f"L{number}"] - place
         assert across == pytest.approx(up) and 7.0 < np.hypot(across, up) < 14.0
@@ -245,13 +247,13 @@ def test_the_handover_has_both_drawings(part: Part) -> None:
 def test_a_drawn_outline_stands_as_it_is_drawn(part: Part) -> None:
     """Its loops in the axes of the file, and its bounding size."""
     sheet = sheet_of(part, "drawn")
-    closed = [(each.points - sheet.origin) / sheet.scale for each in sheet.marks.strokes if each.closed]
+    closed = [(stroke.points - sheet.origin) / sheet.scale for stroke in sheet.marks.strokes if stroke.closed]
     for loop in (L_LOOP, SLOT):
         corners = np.array(loop)[:, :2]
         assert any(np.abs(points[:, None] - corners).sum(axis=2).min(axis=0).max() < 1e-9 for points in closed)
-    sizes = {each.name: each.length_mm for each in sheet.marks.dimensions}
+    sizes = {dimension.name: dimension.length_mm for dimension in sheet.marks.dimensions}
     assert (sizes["width of the plate"], sizes["height of the plate"]) == pytest.approx((52.0, 43.0))
-    notes = " ".join(each.text for each in sheet.marks.words)
+    notes = " ".join(text.text for text in sheet.marks.texts)
     assert "from the origin of drawn.step" in " ".join(notes.split())
 
 
@@ -292,13 +294,13 @@ def test_datums_of_a_plate_are_the_axes_that_place_it_or_its_outline(part: Part,
         "Datum A: plane z = 0, the top of the plate",
         *(f"Datum {letter}: {each}" for letter, each in zip("BC", words, strict=False)),
     )
-    triangles = [each.points for each in sheet.marks.strokes if each.filled and len(each.points) == 3]
+    triangles = [stroke.points for stroke in sheet.marks.strokes if stroke.filled and len(stroke.points) == 3]
     feet = np.array([0.5 * (p + q) for p, q, _ in triangles if abs(np.linalg.norm(p - q) - 2.6) < 0.01])  # no arrows
-    letters = {each.text: np.array(each.at) for each in sheet.marks.words if each.text in ("A", "B", "C")}
+    letters = {text.text: np.array(text.at) for text in sheet.marks.texts if text.text in ("A", "B", "C")}
     assert len(feet) == len(letters) == 1 + len(words)
     at = {letter: feet[np.argmin(np.linalg.norm(feet - place, axis=1))] for letter, place in letters.items()}
     marks = dict(labelled(layout))  # type: ignore[arg-type]
-    lines = {each.name: each for each in sheet.marks.dimensions}
+    lines = {dimension.name: dimension for dimension in sheet.marks.dimensions}
     for datum in scheme.datums[1:]:
         if datum.dimension in marks:  # at the lowest place of its circle
             mark = marks[datum.dimension]
@@ -315,7 +317,7 @@ def test_datums_of_a_plate_are_the_axes_that_place_it_or_its_outline(part: Part,
 
 def test_one_hole_leaves_the_turn_to_the_outline() -> None:
     lens = small_lens({"kind": "none"}, lamps=GRID, plate={**PLATE, "holes": MARKS["holes"]})
-    assert [each.dimension for each in plate_datums(layout_of(lens)).datums] == ["", "H1", "height of the plate"]  # type: ignore[arg-type]
+    assert [datum.dimension for datum in plate_datums(layout_of(lens)).datums] == ["", "H1", "height of the plate"]  # type: ignore[arg-type]
 
 
 def test_a_slotted_outline_without_axes_has_no_datums_across() -> None:
@@ -333,7 +335,7 @@ def test_tolerances_of_holes_and_pins_stand_in_the_table_against_the_datums_befo
                   "place_tolerance_mm": 0.1}],
     }  # fmt: skip
     lens = small_lens({"kind": "none"}, lamps=GRID, plate={**PLATE, **marks})
-    rows = {row.label: row.what for row in place_rows(layout_of(lens))}  # type: ignore[arg-type]
+    rows = {row.label: row.feature for row in place_rows(layout_of(lens))}  # type: ignore[arg-type]
     assert rows == {
         "H1": "hole ⌀3.000 ±0.050, through; position ⌀0.08 | A | B; datum C",
         "H2": "hole ⌀2.000, through; position ⌀0.2 | A | B | C",

@@ -90,15 +90,15 @@ def test_the_dome_needs_a_step_and_a_wall_and_a_low_flange(sizes: dict[str, floa
     found = check_ball_clearance(plan, None, by_name(faces)).faces["outer"]
     present = sizes.get("relief_step_mm", 0.0)
     contacts = centres(faces[1])
-    steps = [beyond(step(*each, sizes["diameter_mm"] / 2.0) - present) for each in contacts]
+    steps = [beyond(step(*contact, sizes["diameter_mm"] / 2.0) - present) for contact in contacts]
     steps = [each + present if each > 0.0 else 0.0 for each in steps]
     flange = [0.0] * len(contacts)
     if "flange_diameter_mm" in sizes:
         shoulder = sizes["height_mm"] - sizes["flange_height_mm"]
-        flange = [beyond(step(*each, sizes["flange_diameter_mm"] / 2.0) - shoulder) for each in contacts]
+        flange = [beyond(step(*contact, sizes["flange_diameter_mm"] / 2.0) - shoulder) for contact in contacts]
     if "relief_setback_mm" in sizes:
         at = RIM_OUT - sizes["relief_setback_mm"]
-        set_back = [RIM_OUT - wall(*each) if wall(*each) < at - CLEAR_MM else 0.0 for each in contacts]
+        set_back = [RIM_OUT - wall(*contact) if wall(*contact) < at - CLEAR_MM else 0.0 for contact in contacts]
     else:
         depth = present or (sizes["height_mm"] if sizes["diameter_mm"] / 2.0 > RIM_OUT else 0.0)
         set_back = wall_retreat_mm(faces[1].samples, BALL, depth).tolist() if depth else [0.0] * len(contacts)
@@ -133,14 +133,14 @@ def test_the_cavity_needs_a_bore_and_a_pocket(sizes: dict[str, float], aside: tu
     depth = 3.0 - sizes.get("pocket_depth_mm", 0.0)
     if sizes["bore_setback_mm"] > 0.0:
         own = RIM_IN + sizes["bore_setback_mm"]
-        radii = [bore(*each, 0.0, depth) for each in contacts]
-        bores = [each - RIM_IN if each > own + CLEAR_MM else 0.0 for each in radii]
+        radii = [bore(*contact, 0.0, depth) for contact in contacts]
+        bores = [radius - RIM_IN if radius > own + CLEAR_MM else 0.0 for radius in radii]
     else:
         bores = wall_retreat_mm(faces[0].samples, BALL, depth).tolist()
     pockets = [0.0] * len(contacts)
     if pocket_mm is not None:
-        radii = [bore(*each, depth, 3.0) for each in contacts]
-        pockets = [2.0 * each if each > pocket_mm / 2.0 + CLEAR_MM else 0.0 for each in radii]
+        radii = [bore(*contact, depth, 3.0) for contact in contacts]
+        pockets = [2.0 * radius if radius > pocket_mm / 2.0 + CLEAR_MM else 0.0 for radius in radii]
     (one, two), clear = judged(faces[0], bores, pockets)
     assert found.bore_clearance_mm == pytest.approx(one, abs=2e-6)
     assert found.pocket_diameter_mm == pytest.approx(two, abs=4e-6)

@@ -27,7 +27,7 @@ def cavity() -> dict[str, OpticalFace]:
         (Face("cap", CAP, CAVITY, BODY), Face("side", SIDE, CAVITY, BODY), Face("exit", sphere(3.0), BODY, OUTSIDE))
     )
     faces = boundaries(body)[0].faces
-    alone = {each.name: replace(exported(each.shape, AirSide.INSIDE), domain=each.domain) for each in faces}
+    alone = {face.name: replace(exported(face.shape, AirSide.INSIDE), domain=face.domain) for face in faces}
     one, other = alone.values()
     return {"cap": replace(one, beside=(other,)), "side": replace(other, beside=(one,))}
 

@@ -67,7 +67,7 @@ def test_what_lies_over_the_base_is_drawn_by_neither_half_and_a_mould_says_so() 
     assert wall.undercut_fraction == pytest.approx(over / OPEN_MM, abs=1e-3) and wall.draft_deg == pytest.approx(
         found.faces["wall"].draft_deg.min, abs=0.02
     )
-    judged = {(each.key, each.place): each for each in found.verdicts}
+    judged = {(verdict.key, verdict.place): verdict for verdict in found.verdicts}
     finding = judged["undercut", "wall"]
     assert not finding.holds and finding.remedy == 'base.kind = "none", or a narrower base'
     assert "of the wall face is undercut, from z = 0 to 1.2 mm" in finding.note.replace("\u2009", " ")
@@ -112,7 +112,7 @@ def test_the_search_keeps_the_draft_of_the_wall_from_below() -> None:
 
 def test_edges_sharper_than_asked_miss_their_criterion() -> None:
     found, lens = checked(OPEN, base={"kind": "none"}, constraints={"min_edge_angle_deg": 150.0})
-    own = {each.key: each for each in found.criteria if each.key.startswith("edge")}
+    own = {criterion.key: criterion for criterion in found.criteria if criterion.key.startswith("edge")}
     assert set(own) == {"edge of cap and side", "edge of exit and wall"}
     assert [each.value for each in own.values()] == [edge.angle_deg for edge in found.edges]
     assert [each.holds for each in own.values()] == [True, False], "the cavity's is nearly flat"

@@ -66,7 +66,7 @@ def test_the_sizes_of_creases_are_those_of_spheres_that_meet():
     faces = {name: sphere(radius, (0.0, 0.0, height)) for name, (radius, height) in SPHERES.items()}
     spec = spot(exit={"gap_mm": 0.07}).replace(base={"kind": "none"})
     lens = OfSpheres(faces, spec, 0, CHECKED)
-    found = {each.name: each for each in dimensions(lens)}
+    found = {dimension.name: dimension for dimension in dimensions(lens)}
     for name, height in MET.items():
         radius = 0.5 * WIDTH[name]
         width, above = (found[f"crease of {name}, along x{more}"] for more in ("", ", above z = 0"))
@@ -78,7 +78,7 @@ def test_the_sizes_of_creases_are_those_of_spheres_that_meet():
     lens = OfSpheres(
         {**faces, "wall": sphere(12.0, (0.0, 0.0, 6.0)), "exit": sphere(40.0, (0.0, 0.0, -35.0))}, spec, 0, ""
     )
-    found = {each.name: each.value_mm for each in dimensions(lens)}
+    found = {dimension.name: dimension.value_mm for dimension in dimensions(lens)}
     rim = 2.0 * np.sqrt(144.0 - (267.0 / 82.0 - 6.0) ** 2)
     assert found["width of the lens"] == pytest.approx(rim, abs=1e-9), "widest at its crease"
     lens = OfSpheres(faces, spec, 0, CHECKED)
@@ -108,8 +108,8 @@ def test_the_section_and_the_sheet_show_every_face(handed):
     document = ezdxf.read(io.StringIO(made.dxf.decode("utf-8")))
     assert not document.audit().errors
     measured = np.array([each.get_measurement() for each in document.modelspace().query("DIMENSION")])
-    for each in dimensions(lens):
-        assert each.ends is None or np.abs(measured - each.value_mm).min() < 1e-9, each.name
+    for dimension in dimensions(lens):
+        assert dimension.ends is None or np.abs(measured - dimension.value_mm).min() < 1e-9, dimension.name
     page = made.html.decode("utf-8")
     for name in TIR:
         assert f"OPTICAL_{name.upper()}" in page and f"form, {name} face" in page

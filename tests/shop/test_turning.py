@@ -169,8 +169,8 @@ def test_inserts_of_a_lens_of_revolution_are_turned_each_half_by_itself() -> Non
         cutter = found.faces[name].cutter
         assert cutter.largest_radius_mm == (None if radius is None else pytest.approx(radius, rel=1e-4))
         assert (cutter.reachable_fraction, cutter.corner_fraction) == (1.0, 0.0), name
-    assert {each.key for each in found.verdicts} == {"nose", "slope", "turning", "wall", "draft", "undercut"}
-    assert all(each.holds for each in found.verdicts if each.key in ("nose", "slope", "turning"))
+    assert {verdict.key for verdict in found.verdicts} == {"nose", "slope", "turning", "wall", "draft", "undercut"}
+    assert all(verdict.holds for verdict in found.verdicts if verdict.key in ("nose", "slope", "turning"))
 
 
 def note_on_edge(found: Check, process: str) -> str:
@@ -188,7 +188,7 @@ def test_a_hollow_that_is_as_good_as_straight_limits_no_nose(radius_mm: float, l
 def test_a_lens_that_is_turned_says_what_its_nose_leaves() -> None:
     """Cap and side meet at 3.9 degrees less than 180: the fillet is that of a nose in so blunt a corner."""
     found = check_lens(of_spheres(manufacture={"nose_radius_mm": 0.5}), dict.fromkeys(TIR, 81))
-    findings = {(each.key, each.place): each for each in found.verdicts}
+    findings = {(verdict.key, verdict.place): verdict for verdict in found.verdicts}
     assert ("tilt", "cap") not in findings and ("cutter", "cap") not in findings
     assert not found.relief.faces and found.relief.note == "no face is milled"
     assert findings["nose", "cap"].limit == pytest.approx(2.0, rel=1e-4) and findings["nose", "cap"].holds
@@ -226,7 +226,7 @@ def test_a_freeform_face_is_not_turned_and_a_print_has_layers() -> None:
         spec = small_spec(base={"kind": "none"}, manufacture={"process": process, **more})
         found = check_lens(Lens.double(*shapes, spec, 0, FEW))
         assert all(face.cutter is None for face in found.faces.values()) and not found.relief.faces
-        named = {(each.key, each.place): each for each in found.verdicts}
+        named = {(verdict.key, verdict.place): verdict for verdict in found.verdicts}
         if process == "turned":
             assert {key for key, _ in named} == {"nose", "wall"} and not named["nose", "outer"].holds
             assert named["nose", "outer"].remedy == 'manufacture.process = "milled"'
@@ -238,7 +238,7 @@ def test_a_freeform_face_is_not_turned_and_a_print_has_layers() -> None:
         assert [named["layer", name].holds for name in ("inner", "outer")] == [False, False]
         finer = spec.replace({"manufacture.layer_um": 6.0})
         half = {name: face.changed(layer_step_um=0.6 * face.layer_step_um) for name, face in found.faces.items()}
-        assert all(each.holds for each in layer_findings(finer, half))
+        assert all(finding.holds for finding in layer_findings(finer, half))
 
 
 def test_a_given_face_has_the_curvature_of_its_meridian() -> None:

@@ -118,7 +118,7 @@ def test_one_per_cent_may_have_the_index_at_the_end_of_the_range(share: float, r
 )
 def test_more_than_one_per_cent_is_mentioned_and_any_light_beyond_what_is_known(extrapolated, clamped, words) -> None:
     found = IndexRange(extrapolated_index_share=extrapolated, clamped_index_share=clamped)
-    assert [each.split(" of the flux")[0] for each in index_warnings(found, PMMA)] == words
+    assert [warning.split(" of the flux")[0] for warning in index_warnings(found, PMMA)] == words
 
 
 @pytest.mark.parametrize(

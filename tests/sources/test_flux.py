@@ -136,9 +136,9 @@ def test_lumens_of_parts_stay_whatever_efficacy_of_the_whole_is_stated(blue, tmp
     assert _chips(green, blue)[0] == pytest.approx(2.0, rel=2e-3) and _chips(green, blue)[3] == ()
     write_rayfile(tmp_path / "led.tm25ray", _file(2.0, 500.0))
     for parts in ((green, blue), (green,)):
-        files = tuple(lf.RayfilePart(file=tmp_path / "led.tm25ray", **each) for each in parts)
+        files = tuple(lf.RayfilePart(file=tmp_path / "led.tm25ray", **part) for part in parts)
         spec = lf.RayfilesSource(files=files, **fields)
-        source, lumens = build_source(spec), sum(each["flux_lm"] for each in parts)
+        source, lumens = build_source(spec), sum(part["flux_lm"] for part in parts)
         summary = summarise(source, spec)
         assert summary.flux_lm == pytest.approx(lumens, rel=1e-6) and summary.lumens_per_watt == 100.0
         assert source.rays.flux.sum() == pytest.approx(lumens / 100.0, rel=1e-6)
@@ -224,7 +224,7 @@ def test_two_files_keep_the_ratio_of_their_power_and_share_the_lumens(tmp_path):
         summary = summarise(build_source(spec), spec)
         assert summary.flux_w == pytest.approx(flux_w, rel=1e-6)
         assert summary.lumens_per_watt == pytest.approx(350.0, rel=1e-6)
-        assert [each.flux_w / summary.flux_w for each in summary.files] == pytest.approx([0.25, 0.75], rel=1e-6)
+        assert [file.flux_w / summary.flux_w for file in summary.files] == pytest.approx([0.25, 0.75], rel=1e-6)
 
 
 def test_given_rays_have_lumens_by_their_wavelengths():

@@ -330,7 +330,7 @@ def test_the_picture_shows_the_chips_from_each_side_in_the_file_and_in_the_model
         assert rows[0] < rows[1]  # counted from above
         assert front[:, middle - 2 : middle + 2].mean() < 0.25 * front.mean()  # between the chips
         assert far[:, len(far) // 2 :].sum() > 1.5 * far[:, : len(far) // 2].sum()
-    differences = np.concatenate([2.0 * each.ravel() - 1.0 for each in values[12:]]) * 0.3
+    differences = np.concatenate([2.0 * value.ravel() - 1.0 for value in values[12:]]) * 0.3
     assert np.abs(differences).mean() < 0.06 and np.abs(differences.mean()) < 0.01
 
 

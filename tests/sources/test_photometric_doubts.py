@@ -134,7 +134,7 @@ def test_lumens_that_are_not_stated_stay_unknown(tmp_path):
         account = convert_photometric(tmp_path / "a.ldt", tmp_path / f"b{suffix}")
         back = read_photometric(tmp_path / f"b{suffix}")
         assert back.lamp_lumens == (None if suffix == ".ldt" else 1000.0)
-        assert any("1000 lm are written" in each for each in account.warnings) == (suffix != ".ldt")
+        assert any("1000 lm are written" in warning for warning in account.warnings) == (suffix != ".ldt")
 
 
 def test_the_sizes_of_an_opening_stand_where_eulumdat_has_them(tmp_path):

@@ -34,7 +34,7 @@ from lensforge.surfaces.surface import HALF_WIDTH, Surface, gradient_on_sphere, 
 class RadialChange(ChartSpline):
     """Change of a radius (mm) over the chart: a spline as of a face; beyond its square, the edge's value.
 
-    ``detail``: as of a surface whose splines have nodes an eighth of the shortest wavelength apart.
+    ``detail``: sigma of a surface whose spline nodes are an eighth of the shortest wavelength apart.
     """
 
     def times(self, factor: float) -> "RadialChange":
@@ -107,17 +107,17 @@ class PointDeviations:
 
     @cached_property
     def largest_radius_mm(self) -> float:
-        """Largest radius (mm) of the face, by which angles become lengths."""
+        """Largest radius (mm) of the face, which turns angles into lengths."""
         return float(self.surface.radius(self.domain.held(fibonacci_hemisphere(2000))).max())
 
     @cached_property
     def cosines(self) -> Float[np.ndarray, " n"]:
-        """Cosine between direction and normal: of a radial deviation, so much lies along the normal."""
+        """Cosine between direction and normal: the share of a radial deviation along the normal."""
         return np.asarray(np.sum(self.surface.normal(self.directions) * self.directions, axis=1))
 
     @cached_property
     def areas(self) -> Float[np.ndarray, " n"]:
-        """Area (mm^2) that each point stands for: the cells of a regular pattern, shared by the points in them."""
+        """Area (mm^2) of each point: that of its cell in a regular pattern, divided among the cell's points."""
         cells = fibonacci_hemisphere(max(1, len(self.directions) // _POINTS_PER_CELL))
         _, cell = cKDTree(cells).query(self.directions)
         count = np.bincount(cell, minlength=len(cells))
@@ -131,7 +131,7 @@ class PointDeviations:
 
 
 def shortest_by_nodes_mm(radius_mm: float) -> float:
-    """Shortest wavelength (mm) on a face of this largest radius, by the number of nodes."""
+    """Shortest wavelength (mm) on a face of this largest radius that the number of nodes permits."""
     return NODES_PER_WAVE * radius_mm * 4.0 * float(np.arctan(_WIDEST)) / MOST_NODES
 
 
@@ -194,7 +194,7 @@ class ArealFilter:
 
     @cached_property
     def _bending(self) -> tuple[list[Any], Any]:
-        """Second derivatives along the surface, and values, at the places, both times the root of the area there."""
+        """Second derivatives along the surface, and values, at the places, both times the root of the area."""
         axis, _ = self._quadrature
         side = len(self._knots) - _DEGREE - 1
         whole = BSpline(self._knots, np.eye(side), _DEGREE)
@@ -270,7 +270,7 @@ class FilteredPoints:
         return self.areal.change(self.solver.solve(self.areal.loads(values)))
 
     def residual_noise(self) -> tuple[float, float]:
-        """Shares of n that the filter leaves: of the degrees of freedom, and of the variance of noise in the residual.
+        """Shares left in the residual: of the degrees of freedom, and of the noise variance.
 
         1 - tr A / n, and the mean square along the normal of (I - A) z for random signs z along it (Hutchinson 1990).
         """

@@ -39,9 +39,7 @@ _REACH = 0.5  # wavelengths around a tight place are smoothed with it, so that t
 
 @dataclass(frozen=True)
 class CutFace:
-    """The change (mm) that a cutter allows, the filtered deviation behind it, and the share of the area in which that
-    has a longer wavelength for the cutter's sake.
-    """
+    """The change (mm) that a cutter allows, the filtered deviation, and the area share smoothed more for the cutter."""
 
     change: RadialChange
     filtered: FilteredPoints
@@ -51,9 +49,9 @@ class CutFace:
 def limited_by_cutter(
     surface: Surface, face: OpticalFace, filtered: FilteredPoints, gain: float, cutter_radius_mm: float
 ) -> CutFace:
-    """Mirror the filtered deviation times ``gain``, with a longer wavelength where the cutter asks for it.
+    """Mirror the filtered deviation times ``gain``, with a longer wavelength where the cutter needs it.
 
-    No place may be concave more tightly than the ball, or than the design where that is tighter already, by more than
+    No place may be concave more tightly than the ball, or than the design where that is already tighter, by more than
     :data:`KEPT`. ``face``: the design's, from its air side.
     """
     areal = filtered.areal
@@ -188,7 +186,7 @@ def correct_face(cloud: Float[np.ndarray, "k 3"], cuts: ChangedLens, request: Re
 def _expected(cut: FirstCut, made: CutFace, gain: float) -> ChangedSurface:
     """Radial error of a second cut: the error of the first, corrected by a measurement of it with noise of its own.
 
-    The points of the first measurement decided on the correction, so that what it leaves of them is too small (a
+    The points of the first measurement determined the correction, so that its residual at them is too small (a
     parametric bootstrap: Efron & Tibshirani 1993).
     """
     noise = cut.noise_mm * np.random.default_rng(_SEED).normal(size=len(cut.points.deviations)) / cut.points.cosines
@@ -205,7 +203,7 @@ def _limit(
     gain: float,
     shop: ManufactureSection,
 ) -> CutterLimit:
-    """Record of the cutter's limit: concave radii of the face that is cut, and what it took from the correction."""
+    """Record of the cutter's limit: concave radii of the cut face, and the part of the correction lost to it."""
     taken = ChangedSurface(cut.chosen.change.times(gain), made.change)
     return CutterLimit(
         cutter_radius_mm=shop.cutter_radius_mm,

@@ -1,4 +1,4 @@
-"""The measured face of a first cut: registered, and its deviation filtered at the wavelength that its noise asks for.
+"""The measured face of a first cut: registered, and its deviation filtered at the wavelength that suits its noise.
 
 The pose of the points, the motion that their registration fits, is where the part lay in the measuring machine: it is
 stated, and no part of the deviation. With datums (registration "none") all that is measured is form. The wavelength of
@@ -52,7 +52,7 @@ class FilterRange:
         return FilterRange(spacing, shortest, longest)
 
     def require(self, wavelength_mm: float) -> None:
-        """Raise :class:`InputError` for a wavelength outside of the range."""
+        """Raise :class:`InputError` for a wavelength outside the range."""
         if not self.shortest_mm <= wavelength_mm <= self.longest_mm:
             by_points = self.shortest_mm <= _SPACINGS * self.spacing_mm
             why = f"three spacings of the points, {self.spacing_mm:.3g} mm" if by_points else "the nodes of a face"
@@ -80,7 +80,7 @@ def point_spacing_mm(points: PointDeviations) -> float:
 
 @dataclass(frozen=True)
 class TriedFilter:
-    """A filter and its result, the noise (mm rms along the normal) of the points by what it leaves, and its score."""
+    """A filter and its result, the noise (mm rms along the normal) of the points by its residual, and its score."""
 
     filtered: FilteredPoints
     noise_mm: float
@@ -96,7 +96,7 @@ class TriedFilter:
 
 
 def longest_fitting(points: PointDeviations, span: FilterRange, finest: TriedFilter) -> FilteredPoints:
-    """Filter at the longest wavelength at which no more than noise is seen in what is left out.
+    """Filter at the longest wavelength whose residual is no more than noise.
 
     Each is judged by generalised cross-validation; the longest counts whose score exceeds the least by less than its
     standard error, ``sqrt(2/n)`` of it. Long waves are smooth: the light depends on slopes, and short waves of noise
@@ -116,8 +116,8 @@ _COVERAGE_DIRECTIONS = 2000
 def coverage(directions: Float[np.ndarray, "n 3"], reach_rad: float, domain: Domain = WHOLE) -> float:
     """Share of a face that has a measured point within ``reach_rad``; elsewhere the design is assumed."""
     chord = 2.0 * np.sin(0.5 * reach_rad)
-    own = domain.held(fibonacci_hemisphere(_COVERAGE_DIRECTIONS))
-    nearest, _ = cKDTree(directions).query(own, distance_upper_bound=chord)
+    on_face = domain.held(fibonacci_hemisphere(_COVERAGE_DIRECTIONS))
+    nearest, _ = cKDTree(directions).query(on_face, distance_upper_bound=chord)
     return float(np.isfinite(nearest).mean())
 
 
@@ -140,8 +140,8 @@ class Request:
 class FirstCut:
     """The measured face: its registered points, their deviations, the share that they cover, and the filters.
 
-    ``noise_mm``: rms of the points. ``likeliest``: the deviation by the wavelength that the points themselves ask for;
-    ``chosen``: by that of the request.
+    ``noise_mm``: rms of the points. ``likeliest``: the deviation at the wavelength that suits the points; ``chosen``:
+    at that of the request.
     """
 
     placed: Registered
@@ -180,5 +180,5 @@ class FirstCut:
         )
 
     def left_um(self, filtered: FilteredPoints) -> float:
-        """Rms (um), along the normal and over the area, of what ``filtered`` leaves of the points."""
+        """Rms (um), along the normal and over the area, of the residual of ``filtered`` at the points."""
         return 1e3 * float(np.sqrt(self.points.mean_square(self.points.deviations - filtered.values)))

@@ -213,10 +213,10 @@ class _Pair:
         return np.stack([(above - below) / 2e-3 for above, below in pairs], axis=1)
 
 
-def _apart_from(slope: Float[np.ndarray, " n"], *others: Float[np.ndarray, "n _"]) -> float:
-    """Squared norm of the part of ``slope`` that the ``others`` cannot explain."""
-    rest = np.concatenate(others, axis=1)
-    return float(np.sum((slope - rest @ np.linalg.lstsq(rest, slope, rcond=None)[0]) ** 2))
+def _apart_from(slope: Float[np.ndarray, " n"], *other_slopes: Float[np.ndarray, "n _"]) -> float:
+    """Squared norm of the part of ``slope`` that ``other_slopes`` cannot explain."""
+    explaining = np.concatenate(other_slopes, axis=1)
+    return float(np.sum((slope - explaining @ np.linalg.lstsq(explaining, slope, rcond=None)[0]) ** 2))
 
 
 def _places(grid: PixelGrid) -> Float[np.ndarray, "2 n"]:

@@ -36,8 +36,8 @@ def _measured(run: Results, options: Mapping[str, Any]) -> tuple[object, ...]:
     return (run.light,) if options.get("on") is not None else (run.lens,)
 
 
-def _lens_of_photo(here: RunFolder, options: Mapping[str, Any]) -> dict[str, object]:
-    return {"lens": here.run.lens} if options.get("on") is not None else {}
+def _lens_of_photo(folder: RunFolder, options: Mapping[str, Any]) -> dict[str, object]:
+    return {"lens": folder.run.lens} if options.get("on") is not None else {}
 
 
 COMPARE = FolderStage(

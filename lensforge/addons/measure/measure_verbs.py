@@ -14,7 +14,7 @@ from lensforge.addons.measure.measurement_result import (
 )
 from lensforge.errors import InputError
 from lensforge.light.evaluation_result import Light
-from lensforge.light.lens_light import unless_own
+from lensforge.light.lens_light import unless_default
 from lensforge.public import public
 from lensforge.results.arguments import (
     count_of,
@@ -95,9 +95,9 @@ def compare(
     on = path_of("on", on)
     off = path_of("off", off)
     points = path_of("points", points)
-    of_points = {"surface": surface, "registration": unless_own(registration, "rigid"), "rays": rays}
+    of_points = {"surface": surface, "registration": unless_default(registration, "rigid"), "rays": rays}
     of_photo: dict[str, object] = {"off": off, "corners": corners, "target_mm": target_mm, "lens": lens, "led": led}
-    of_photo |= {"gamma": unless_own(gamma, 1.0)}
+    of_photo |= {"gamma": unless_default(gamma, 1.0)}
     if isinstance(measured, Light) and on is not None and points is None:
         _refuse_unused("a photograph", of_points)
         lit = measured.by_led[measured.led if led is None else require_choice("led", led, list(measured.by_led))]
@@ -119,9 +119,9 @@ def compare(
     )
 
 
-def _refuse_unused(measurement: str, others: Mapping[str, object]) -> None:
-    """Raise :class:`InputError` for those of ``others``, by name, that are not None and no part of ``measurement``."""
-    given = [name for name, value in others.items() if value is not None]
+def _refuse_unused(measurement: str, options: Mapping[str, object]) -> None:
+    """Raise :class:`InputError` for ``options``, by name, that are not None and do not belong to ``measurement``."""
+    given = [name for name, value in options.items() if value is not None]
     if given:
         raise InputError(f"compare: {', '.join(given)}: of no use in a comparison with {measurement}; leave it out")
 

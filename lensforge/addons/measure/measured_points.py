@@ -1,4 +1,4 @@
-"""The measured points of one face of a lens: read from a file, and told from those of its other faces."""
+"""The measured points of one face of a lens: read from a file, apart from those of its other faces."""
 
 from pathlib import Path
 
@@ -14,9 +14,9 @@ _FITS_NOT = (0.5, 2.0)  # beyond the second: not it
 
 
 def measured_points(path: Path, lens: Lens, side: str) -> Float[np.ndarray, "n 3"]:
-    """Points (mm) of the face ``side``: of a table with rows of several faces those of that one.
+    """Points (mm) of the face ``side``; from a table of several faces only its rows.
 
-    Raises :class:`InputError` for no such points, and for those of another face.
+    Raises :class:`InputError` for a file without such points, and for points of another face.
     """
     faces = [face.name for face in lens.body.faces if face.is_optical]
     cloud = read_cloud(path, of=FaceOfPart(side, faces))
@@ -24,17 +24,17 @@ def measured_points(path: Path, lens: Lens, side: str) -> Float[np.ndarray, "n 3
     return cloud
 
 
-def _require_own(cloud: Float[np.ndarray, "n 3"], lens: Lens, side: str, others: list[str]) -> None:
-    """Raise :class:`InputError` where the points are at the distance of another face, and not at that of theirs."""
+def _require_own(cloud: Float[np.ndarray, "n 3"], lens: Lens, side: str, other_faces: list[str]) -> None:
+    """Raise :class:`InputError` if the distance of the points fits another face, and not ``side``."""
     above = cloud[cloud[:, 2] > 0.0]
     if not len(above):
         return
     lengths = np.linalg.norm(above, axis=1)
     ratios = {
         name: float(np.median(lengths / lens.surfaces[name].radius(above / lengths[:, None])))
-        for name in (side, *others)
+        for name in (side, *other_faces)
     }
-    like = next((name for name in others if _FITS[0] <= ratios[name] <= _FITS[1]), None)
+    like = next((name for name in other_faces if _FITS[0] <= ratios[name] <= _FITS[1]), None)
     if like is not None and not _FITS_NOT[0] <= ratios[side] <= _FITS_NOT[1]:
         measured = float(np.median(lengths))
         raise InputError(

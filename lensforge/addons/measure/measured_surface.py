@@ -82,7 +82,7 @@ _WIDER = 2.0
 class ChangedLens:
     """Simulation of a lens with changed radii of one face, ``side``, always with the same rays of each of its LEDs.
 
-    Of lamps with lenses of several kinds all that have this one have it changed, and the light is that of all lamps.
+    If lamps have lenses of several kinds, this kind is changed in all its lamps, and the light is that of all lamps.
     """
 
     lens: Lens
@@ -93,13 +93,17 @@ class ChangedLens:
 
     @staticmethod
     def of(lens: Lens, side: str, rays: int | None) -> "tuple[ChangedLens, Conditions | None]":
-        """Simulation by rays that judge ``lens``, and its conditions; by default as many as evaluate it, if the preset
-        compares by so many.
+        """Simulation by the rays that judge ``lens``, and its conditions.
+
+        By default as many as evaluate it, up to the preset's number for comparisons.
         """
         preset = preset_of(lens.accuracy)
         leds = {led: judging_source(lens_of_led.spec) for led, lens_of_led in lens.by_state.items()}
         usual = min(lens.spec.evaluate.rays or preset.evaluate_rays, preset.studies.compared_rays)
-        count, conditions = min((rays_of(rays, usual, source) for source in leds.values()), key=lambda each: each[0])
+        count, conditions = min(
+            (rays_of(rays, usual, source) for source in leds.values()),
+            key=lambda count_and_conditions: count_and_conditions[0],
+        )
         return ChangedLens(lens, side, leds, preset.evaluate_nodes_per_sigma, count), conditions
 
     def lights(self, *changes: Surface | None) -> dict[str, list[TracedLight]]:
@@ -127,22 +131,22 @@ class ChangedLens:
         }
 
     def _of_all_kinds(self) -> dict[str, TracedLens]:
-        """The lens of each kind as designed, by its name; none where all lamps have the same."""
+        """The lens of each kind as designed, by name; empty if all lamps have the same."""
         traced = TracedLens.of(self.lens, self.nodes_per_sigma).kinds if self.lens.others else ()
         return {kind.kind: traced_lens for kind, traced_lens in zip(self.lens.kinds, traced, strict=bool(traced))}
 
     def by_led(self, lights: Mapping[str, Sequence[TracedLight]]) -> dict[str, MeasuredLight]:
         """Metrics of :meth:`lights`: as designed, with the measured face, and with the corrected one; by the LED."""
-        found = dict[str, MeasuredLight]()
+        by_led = dict[str, MeasuredLight]()
         for led, (design, measured, *corrected) in lights.items():
             last = corrected[0] if corrected else measured
-            found[led] = MeasuredLight(
+            by_led[led] = MeasuredLight(
                 design=design.metrics,
                 measured=measured.metrics,
                 corrected=last.metrics if corrected else None,
                 change=last.replicates.change_from(design.replicates),
             )
-        return found
+        return by_led
 
 
 def compare_surface(

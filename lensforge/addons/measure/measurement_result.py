@@ -48,8 +48,8 @@ class Alignment(Record):
     """Similarity transform from the simulated light to the photographed one, about the centre of the target.
 
     ``scale``: above 1 where the photographed light is larger; ``rotation_deg``: counter-clockwise as the simulation is
-    shown. None for what the light cannot tell: a round pattern has no rotation, even light no size. Standard errors are
-    by the differences of the pictures, over blocks of the target, and by the corners.
+    shown. None if the light cannot determine it: a round pattern has no rotation, uniform light no size. Standard
+    errors are by the differences of the pictures, over blocks of the target, and by the corners.
     """
 
     displacement_x_mm: Metric | None
@@ -58,7 +58,7 @@ class Alignment(Record):
     rotation_deg: Metric | None
 
     def causes(self) -> Iterator[str]:
-        """Likely cause of each figure that is beyond doubt, in words."""
+        """Probable cause of each significant figure, as a phrase."""
         if _beyond_doubt(self.scale, 1.0):
             where = "farther away" if self.scale is not None and self.scale.value > 1.0 else "closer"
             yield (
@@ -194,7 +194,7 @@ class PhotoComparison(StageResult):
 
     @stated
     def likely_cause(self) -> str:
-        """Likely causes of what the alignment says beyond doubt, in words; empty if it says nothing."""
+        """Probable causes of significant misalignment; empty without any."""
         return "; ".join(self.alignment.causes())
 
     @property
@@ -213,7 +213,7 @@ class PhotoComparison(StageResult):
 
 
 def central_line(image: Float[np.ndarray, "h w"], axis: AxisName) -> Float[np.ndarray, " p"]:
-    """Line through the centre along ``axis``; the mean of the two middle lines where the number of lines is even."""
+    """Line through the centre along ``axis``; the mean of the two middle lines if their number is even."""
     lines = image if axis == "x" else image.T
     middle = len(lines) // 2
     return np.asarray(lines[middle - (len(lines) % 2 == 0) : middle + 1].mean(axis=0))
@@ -253,7 +253,7 @@ class DeviationExtent(Record):
 
 
 def area_extent(values: Float[np.ndarray, "*n"], areas: Float[np.ndarray, "*n"]) -> Extent:
-    """Largest absolute value, and rms over the area; NaN counts nowhere."""
+    """Largest absolute value, and rms over the area, without NaN."""
     inside = np.isfinite(values)
     square = float(np.sum(areas[inside] * values[inside] ** 2) / np.sum(areas[inside]))
     return Extent(max=float(np.abs(values[inside]).max()), rms=float(np.sqrt(square)))
@@ -384,7 +384,7 @@ def _designed_radius(made: Any) -> str:
 
 
 def _least_radius_mm(made: Any) -> float | None:
-    """Radius of the ball, or the designed one where that is tighter already; None for a face that is convex."""
+    """Radius of the ball, or the designed one if that is already tighter; None for a convex face."""
     cutter = made.cutter
     if cutter.concave_radius_mm is None:
         return None
@@ -495,7 +495,7 @@ class Correction(MeasuredFace):
         )
     )
     def cut_back_rms_um(self) -> float | None:
-        """Part of the correction that the cutter took away; None if it took none."""
+        """Part of the correction lost to the cutter; None if there is none."""
         return self.cutter.cut_back_um.rms if self.cutter.smoothed_more_share > 0.0 else None
 
     def products(self) -> dict[str, bytes]:

@@ -106,7 +106,7 @@ def _homography(corners: Float[np.ndarray, "4 2"], target_mm: Size) -> Any:
 
 
 def _samples(corners: Float[np.ndarray, "4 2"], target_mm: Size, grid: PixelGrid) -> int:
-    """Samples along a side of a pixel: as many as the picture has pixels there, so that none is skipped."""
+    """Samples along a side of a pixel: at least one for each pixel of the picture."""
     sides = np.linalg.norm(np.roll(corners, -1, axis=0) - corners, axis=1)  # top, right, bottom, left
     longest = np.array([sides[::2].max(), sides[1::2].max()])
     return int(np.clip(np.ceil((longest / target_mm * grid.pixel).max()), 2, _MOST_SAMPLES))

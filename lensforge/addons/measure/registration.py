@@ -65,7 +65,7 @@ def motion_errors(
 def _without_fit(
     values: Float[np.ndarray, "c *m"], design: Float[np.ndarray, "c k"], fit: Float[np.ndarray, "k c"]
 ) -> Float[np.ndarray, "c *m"]:
-    """``values`` of the cells less what the fit, from values to parameters, explains of them."""
+    """Residuals of the cells' ``values`` after the fit."""
     return np.asarray(values - design @ (fit @ values))
 
 
@@ -80,14 +80,14 @@ def _over_cells(
 
 
 def _kernels(places: Float[np.ndarray, "c 3"], counts: Float[np.ndarray, " c"]) -> Float[np.ndarray, "q c c"]:
-    """Autocovariances between the cells' means: form error of each width, and noise, each of variance 1 at a point."""
+    """Autocovariances of the cells' means: for form error of each width, and for noise, each of unit variance."""
     unit = places / np.linalg.norm(places, axis=1, keepdims=True)
     away = np.maximum(1.0 - unit @ unit.T, 0.0)
     return np.stack([*(np.exp(-away / width**2) for width in _WIDTHS_RAD), np.diag(1.0 / counts)])
 
 
 def _amounts(expected: Float[np.ndarray, "q c c"], left: Float[np.ndarray, " c"]) -> Float[np.ndarray, " q"]:
-    """Variances, none below 0, with which the products of the residuals ``left`` are closest to the ``expected``."""
+    """Non-negative variances whose products are closest to those of the residuals ``left``."""
     flat = expected.reshape(len(expected), -1)
     norms = np.linalg.norm(flat, axis=1)
     unit = flat / norms[:, None]
@@ -121,7 +121,7 @@ class RigidMotion:
 
 @dataclass(frozen=True)
 class Registered:
-    """Motion of measured points, those of them on the surface (mm, in lens coordinates), and their share of all."""
+    """Motion of measured points, the points on the surface (mm, in lens coordinates), and their share of all."""
 
     motion: RigidMotion
     points: Float[np.ndarray, "n 3"]
@@ -129,10 +129,11 @@ class Registered:
 
 
 def registered(patch: Patch, cloud: Float[np.ndarray, "k 3"], registration: Registration = "rigid") -> Registered:
-    """Register ``cloud`` (mm) to the surface of ``patch`` as :func:`register` does, and keep what lies on it.
+    """Register ``cloud`` (mm) to the surface of ``patch`` as :func:`register` does, and keep the points on it.
 
-    Points far off the surface, or off their neighbours, are no form of it: they are left out, and a
-    :class:`FileWarning` tells how many. Another asks whether points that agree with the design were measured at all.
+    Points far off the surface, or off their neighbours, are no form error: they are left out, and a
+    :class:`FileWarning` tells how many. Another one asks whether points that agree with the design were measured at
+    all.
     """
     unreached = np.all(cloud == 0.0, axis=1)
     off = unreached
@@ -146,7 +147,7 @@ def registered(patch: Patch, cloud: Float[np.ndarray, "k 3"], registration: Regi
         off[over] = off_surface(placed[over], gaps)
         if np.array_equal(off, before):
             break
-    _tell(int(unreached.sum()), gaps, off[over])
+    _warn_of_points(int(unreached.sum()), gaps, off[over])
     on = over & ~off
     return Registered(motion, placed[on], float(on.mean()))
 
@@ -180,19 +181,19 @@ def _deviation(values: Float[np.ndarray, " n"]) -> float:
     return 1.4826 * float(np.median(np.abs(values)))
 
 
-def _tell(unreached: int, gaps: Float[np.ndarray, " n"], off: Bool[np.ndarray, " n"]) -> None:
+def _warn_of_points(unreached: int, gaps: Float[np.ndarray, " n"], off: Bool[np.ndarray, " n"]) -> None:
     if unreached:
-        words = f"points: {unreached} at 0, 0, 0, as a machine writes what it did not reach, are left out"
-        warnings.warn(words, FileWarning, stacklevel=2)
+        warning = f"points: {unreached} at 0, 0, 0, as a machine writes what it did not reach, are left out"
+        warnings.warn(warning, FileWarning, stacklevel=2)
     if off.any():
-        words = (
+        warning = (
             f"points: {off.sum()} of {len(gaps)} lie up to {np.abs(gaps[off]).max():.3g} mm off the face or off their"
         )
-        warnings.warn(f"{words} neighbours, and are left out: were they measured on it?", FileWarning, stacklevel=2)
+        warnings.warn(f"{warning} neighbours, and are left out: were they measured on it?", FileWarning, stacklevel=2)
     rms_mm = float(np.sqrt(np.mean(gaps[~off] ** 2))) if not off.all() else np.inf
     if rms_mm < _NOT_MEASURED_MM:
-        words = f"points: they lie within {1e6 * rms_mm:.2g} nm (rms) of the design, as no part does"
-        warnings.warn(f"{words}: are these the design's points, not measured ones?", FileWarning, stacklevel=2)
+        warning = f"points: they lie within {1e6 * rms_mm:.2g} nm (rms) of the design, as no part does"
+        warnings.warn(f"{warning}: are these the design's points, not measured ones?", FileWarning, stacklevel=2)
 
 
 def moved(points: Float[np.ndarray, "n 3"], motion: Float[np.ndarray, "6"]) -> Float[np.ndarray, "n 3"]:
@@ -290,10 +291,10 @@ def _too_few(count: int) -> InputError:
 def _settled(
     patch: Patch, points: Float[np.ndarray, "n 3"], start: Float[np.ndarray, "6"], free: Bool[np.ndarray, "6"]
 ) -> tuple[Float[np.ndarray, "6"], float] | None:
-    """Motion, and mean square (mm^2) of the points over the surface, after fits that lose none of their points.
+    """Motion, and mean square (mm^2) of the points over the surface, by repeated fits.
 
-    Each counts those of the one before and those that came over the surface by it. The last counts what is over the
-    surface alone, so that points of other faces do not draw on the motion. None for a start that leads to too few.
+    Each fit counts the points of the one before and those that came over the surface by it. The last counts only points
+    over the surface, so that those of other faces do not affect the motion. None for a start that leads to too few.
     """
     motion = start
     counted = over_surface(moved(points, start))

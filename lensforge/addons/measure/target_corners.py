@@ -25,11 +25,11 @@ _ON_LINE = 1.0  # pixels: edge points farther from the line than this belong to 
 
 @dataclass(frozen=True)
 class Sides:
-    """Corners, clockwise as seen, at which the lines through the four edges meet; and the straightness of each edge.
+    """Corners, clockwise as seen, where the lines through the edges meet; and the straightness of each edge.
 
-    ``straight``: share of the edge's points on its line; ``rms``: their scatter (pixels); ``bow``: distance of
-    the middle of the edge from the line through its ends (pixels), by distortion of the lens; ``step``: brightness
-    inside minus outside.
+    ``straight``: share of the edge's points on its line; ``rms``: their scatter (pixels); ``bow``: distance of the
+    middle of the edge from the line through its ends (pixels), by distortion of the lens; ``step``: brightness inside
+    minus outside.
     """
 
     corners: Float[np.ndarray, "4 2"]
@@ -61,7 +61,7 @@ def enclosing(region: Bool[np.ndarray, "h w"]) -> Float[np.ndarray, "4 2"] | Non
 
 
 def _without_each_edge(outline: Float[np.ndarray, "k 2"]) -> tuple[Float[np.ndarray, "k 2"], Float[np.ndarray, " k"]]:
-    """Points where the neighbours of each edge meet, and the area that this adds; infinite where they never do."""
+    """Points where the neighbours of each edge meet, and the area that this adds; infinite if they never do."""
     start, end = outline, np.roll(outline, -1, axis=0)
     before, after = start - np.roll(outline, 1, axis=0), end - np.roll(outline, -2, axis=0)
     turn = _cross(before, after)
@@ -109,10 +109,10 @@ def fit_sides(picture: Float[np.ndarray, "h w"], corners: Float[np.ndarray, "4 2
         if on_line.sum() < 10:
             return None
         slope, level = np.polyfit(positions[on_line], offsets[on_line], 1)
-        rest = (offsets - level - slope * positions)[on_line]
-        bow = np.polyfit(positions[on_line], rest, 2)[0] * (0.5 * np.ptp(positions)) ** 2
+        residuals = (offsets - level - slope * positions)[on_line]
+        bow = np.polyfit(positions[on_line], residuals, 2)[0] * (0.5 * np.ptp(positions)) ** 2
         lines.append((start + level * outward, (end - start) + slope * outward))
-        quality.append((float(on_line.mean()), float(np.sqrt(np.mean(rest**2))), float(abs(bow)), step))
+        quality.append((float(on_line.mean()), float(np.sqrt(np.mean(residuals**2))), float(abs(bow)), step))
     met = [_meeting(lines[side - 1], lines[side]) for side in range(4)]
     crossings = np.array(met)
     return Sides(crossings, *np.array(quality).T) if np.isfinite(crossings).all() else None
@@ -189,10 +189,10 @@ def locate(
     rolled one is seen: nothing is guessed.
     """
     light = on if off is None else on - off
-    squares = [square for square in _found(on, off, light) if _holds(square.corners, light)]
+    squares = [square for square in _quadrilaterals(on, off, light) if _holds(square.corners, light)]
     squares = [_with_lit(panel, light, border_share) for panel in squares]
     panels, lit = ([panel for panel in squares if panel.located.lit == seen] for seen in (False, True))
-    chosen = _one(panels) if panels or not lit else _one(lit)
+    chosen = _only(panels) if panels or not lit else _only(lit)
     if chosen.located.lit and not lit_square:
         raise InputError(
             f"on: the only square seen is the edge of the light itself, at {listed(chosen.corners)}, not a target's "
@@ -201,7 +201,7 @@ def locate(
     return _sound(chosen)
 
 
-def _found(
+def _quadrilaterals(
     on: Float[np.ndarray, "h w"], off: Float[np.ndarray, "h w"] | None, light: Float[np.ndarray, "h w"]
 ) -> list[Square]:
     """Distinct quadrilaterals with four straight edges; of nearly equal ones, that with the straightest edges."""
@@ -217,7 +217,7 @@ def _found(
                 seen.append(Square(clockwise(sides.corners), located))
     distinct: list[Square] = []
     for square in sorted(seen, key=lambda square: square.located.edge_rms_px):
-        if not any(_same(square.corners, kept.corners) for kept in distinct):
+        if not any(_same(square.corners, known.corners) for known in distinct):
             distinct.append(square)
     return distinct
 
@@ -273,7 +273,7 @@ def _same(first: Float[np.ndarray, "4 2"], second: Float[np.ndarray, "4 2"]) -> 
 
 
 def _holds(corners: Float[np.ndarray, "4 2"], light: Float[np.ndarray, "h w"]) -> bool:
-    """True where the brightest of the light lies within the quadrilateral."""
+    """True if the brightest of the light lies within the quadrilateral."""
     rows, columns = np.nonzero(light > 0.5 * np.quantile(light, 0.999))
     inside = np.ones(len(rows), dtype=bool)
     for start, end in zip(corners, np.roll(corners, -1, axis=0), strict=True):
@@ -293,8 +293,8 @@ def _with_lit(square: Square, light: Float[np.ndarray, "h w"], border_share: flo
     return replace(square, located=square.located.changed(lit=share > _LIT + border_share))
 
 
-def _one(squares: list[Square]) -> Square:
-    """Return the only one. Raises :class:`InputError`, with what to do, for none or several."""
+def _only(squares: list[Square]) -> Square:
+    """The only square. Raises :class:`InputError`, with a remedy, for none or several."""
     if not squares:
         raise InputError(
             "on: no square with four straight edges is seen around the light, the target's border is too faint; "
@@ -308,7 +308,7 @@ def _one(squares: list[Square]) -> Square:
 
 
 def _sound(square: Square) -> Square:
-    """Return ``square``. Raises :class:`InputError` where four corners do not suffice: bent edges, a rolled target."""
+    """``square`` itself. Raises :class:`InputError` if four corners do not suffice: bent edges, a rolled target."""
     corners = square.corners
     side = float(np.sqrt(area(square.corners)))
     bow = square.located.edge_bow_px

@@ -1,4 +1,4 @@
-"""Classes of a road: each figure that one asks for, of each observer, as a sum over the candela of the lamps."""
+"""Classes of a road: each required figure, for each observer, as a sum over the candela of the lamps."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -72,7 +72,7 @@ class FieldMean(LumensBound):
         return road.maintenance_factor / (road.pole_spacing_m * (top - low)) * lumens
 
     def _q(self, x: Points, y: Points, along: Points, beside: float) -> Points:
-        """Light of places by one lux of a lamp that is so far ``along`` from them, at the y ``beside``."""
+        """Light of places by one lux of a lamp at a distance ``along``, the places at ``beside`` across the road."""
         road = self.readings.road
         across = beside - y
         tan_gamma = np.hypot(along, across) / road.pole_height_m
@@ -83,10 +83,10 @@ class FieldMean(LumensBound):
         return np.asarray(r * (1.0 + tan_gamma**2) ** 1.5)
 
 
-def asked_of(readings: RoadReadings) -> Iterator[IntensityLimit]:
-    """All that the class of a road asks for, of every observer; the road's own figures come before those of the class.
+def requirements_of(readings: RoadReadings) -> Iterator[IntensityLimit]:
+    """All requirements of a road's class, for every observer; the road's own figures override those of the class.
 
-    The maintenance factor is in the light, but for glare, which is that of new lamps.
+    The maintenance factor is in the light, except for glare, which is that of new lamps.
     """
     if readings.road.by_rp8:
         yield from _of_ratios(readings)
@@ -124,15 +124,17 @@ def _of_luminance(readings: RoadReadings) -> Iterator[IntensityLimit]:
     glare = road.glare_percent or wanted.glare_percent
     for lane, seen in enumerate(readings.luminance):
         of = f"lane {lane + 1}: "
-        kept = seen.times(road.maintenance_factor)
+        maintained = seen.times(road.maintenance_factor)
         mean = seen.mean()
         most = FieldMean(readings, lane)
-        yield IntensityLimit(f"{of}mean luminance", PlaceLight(), ">=", least, "cd/m²", kept.mean(), most)
-        yield IntensityLimit(f"{of}uniformity U0", LeastOverMean(), ">=", uniformity, "", kept)
+        yield IntensityLimit(f"{of}mean luminance", PlaceLight(), ">=", least, "cd/m²", maintained.mean(), most)
+        yield IntensityLimit(f"{of}uniformity U0", LeastOverMean(), ">=", uniformity, "", maintained)
         if readings.wet:
             even = road.wet_uniformity or WET_UNIFORMITY
             yield IntensityLimit(f"{of}uniformity U0, wet", LeastOverMean(), ">=", even, "", readings.wet[lane])
-        yield IntensityLimit(f"{of}uniformity Ul", LeastOverMost(), ">=", along, "", kept.places(readings.middle(lane)))
+        yield IntensityLimit(
+            f"{of}uniformity Ul", LeastOverMost(), ">=", along, "", maintained.places(readings.middle(lane))
+        )
         yield from _per_lux(of, readings, lane)
         glaring = CandelaSum.joined((readings.veiling[lane], mean))
         yield IntensityLimit(f"{of}glare TI", THRESHOLD_INCREMENT, "<=", glare, "%", glaring)
@@ -145,9 +147,9 @@ def _of_ratios(readings: RoadReadings) -> Iterator[IntensityLimit]:
     uneven = wanted.mean_over_least if road.uniformity is None else 1.0 / road.uniformity
     for number, (of, seen) in enumerate(zip(("", "oncoming: "), readings.luminance, strict=False)):
         mean = seen.mean()
-        kept = mean.times(road.maintenance_factor)
+        maintained = mean.times(road.maintenance_factor)
         yield IntensityLimit(
-            f"{of}mean luminance", PlaceLight(), ">=", least, "cd/m²", kept, FieldMean(readings, number)
+            f"{of}mean luminance", PlaceLight(), ">=", least, "cd/m²", maintained, FieldMean(readings, number)
         )
         yield IntensityLimit(f"{of}uniformity Lavg/Lmin", MeanOverLeast(), "<=", uneven, "", seen)
         yield IntensityLimit(f"{of}uniformity Lmax/Lmin", MostOverLeast(), "<=", wanted.largest_over_least, "", seen)

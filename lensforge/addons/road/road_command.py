@@ -55,35 +55,38 @@ def road(file: Path, roads: Path, street_c: float, spacing: bool, output: Output
     wanted = load_roads(roads)
     if (warning := cut_below(lamp)) is not None:
         raise InputError(f"{file}: {warning}: too narrow for the row and its glare; export it up to gamma = 90 degrees")
-    lights = [of_file(lamp, street_c, each.lamp_lm) for each in wanted]
-    found = [judge_road(*each) for each in zip(wanted, lights, names_of(wanted), strict=True)]
+    lights = [of_file(lamp, street_c, section.lamp_lm) for section in wanted]
+    judgements = [judge_road(*case) for case in zip(wanted, lights, names_of(wanted), strict=True)]
     for warning in (*far_field_warnings(lamp), *coarse_for_roads(lamp)):
         click.echo(warning_line(warning), err=True)
-    groups = [road_facts(*each) for each in zip(found, wanted, strict=True)]
+    groups = [road_facts(*case) for case in zip(judgements, wanted, strict=True)]
     if spacing:
-        held = (held_spacing(*each) for each in zip(wanted, lights, strict=True))
+        held = (held_spacing(*case) for case in zip(wanted, lights, strict=True))
         groups = [
-            replace(group, facts=(*group.facts, spacing_fact(each))) for group, each in zip(groups, held, strict=True)
+            replace(group, facts=(*group.facts, spacing_fact(spacing_held)))
+            for group, spacing_held in zip(groups, held, strict=True)
         ]
     output.show(
-        lambda: _document(file, groups, found),
+        lambda: _document(file, groups, judgements),
         lambda: [Block(f"{group.title}, by {file}", list(rows_of([group]))) for group in groups],
     )
-    turned = [judge_road(each, of_file(lamp, street_c + 180.0, each.lamp_lm)) for each in wanted]
-    if _least_lit(turned) > _BETTER * _least_lit(found):
-        other = (
-            f"with --street-c {(street_c + 180.0) % 360.0:g} the roads get {_least_lit(turned) / _least_lit(found):.3g}"
-        )
+    turned = [judge_road(section, of_file(lamp, street_c + 180.0, section.lamp_lm)) for section in wanted]
+    if _least_lit(turned) > _BETTER * _least_lit(judgements):
+        gain = _least_lit(turned) / _least_lit(judgements)
+        other = f"with --street-c {(street_c + 180.0) % 360.0:g} the roads get {gain:.3g}"
         click.echo(warning_line(f"{other} times the light: is the street on that side of the lamp?"), err=True)
     missed = [
-        f"{each.name}: {limit.reason}" for each in found for limit in with_remedies(each.limits) if not limit.holds
+        f"{judgement.name}: {limit.reason}"
+        for judgement in judgements
+        for limit in with_remedies(judgement.limits)
+        if not limit.holds
     ]
     if missed:
         raise CriterionMissed(f"{file}: {missed[0]}" + (f"; and {len(missed) - 1} more" if missed[1:] else ""))
 
 
 def coarse_for_roads(file: PhotometricFile) -> Iterator[str]:
-    """Words for steps of gamma below 90 degrees that are longer than what CIE 140 requires."""
+    """Warning on steps of gamma below 90 degrees that are longer than CIE 140 requires."""
     gamma_deg = file.intensity.gamma_deg
     step_deg = float(np.diff(gamma_deg[gamma_deg <= 90.0]).max(initial=0.0))
     if step_deg > _STEP_DEG * (1.0 + 1e-6):
@@ -93,12 +96,14 @@ def coarse_for_roads(file: PhotometricFile) -> Iterator[str]:
         )
 
 
-def _least_lit(found: Sequence[RoadJudgement]) -> float:
-    """The least light over what its class requires."""
-    lit = [limit for each in found for limit in each.limits if (limit.note, limit.sense) == ("light", ">=")]
+def _least_lit(judgements: Sequence[RoadJudgement]) -> float:
+    """Least ratio of light to the requirement of its class."""
+    lit = [
+        limit for judgement in judgements for limit in judgement.limits if (limit.note, limit.sense) == ("light", ">=")
+    ]
     return min((limit.metric.value / limit.bound for limit in lit), default=1.0)
 
 
-def _document(file: Path, groups: list[Group], found: list[RoadJudgement]) -> dict[str, object]:
+def _document(file: Path, groups: list[Group], judgements: list[RoadJudgement]) -> dict[str, object]:
     facts = [group.plain() for group in groups]
-    return {"file": str(file), "facts": facts, "roads": [each.model_dump(mode="json") for each in found]}
+    return {"file": str(file), "facts": facts, "roads": [judgement.model_dump(mode="json") for judgement in judgements]}

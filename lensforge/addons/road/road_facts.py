@@ -16,7 +16,7 @@ from lensforge.spec.spec_section import rounded_up
 
 
 def with_remedies(limits: Sequence[Fact]) -> Iterator[Fact]:
-    """The limits of one road, those that are missed with what would keep them, as far as that follows from the flux."""
+    """The limits of one road, missed ones with a remedy as far as it follows from the flux."""
     light = _flux_remedy(limits)
     for limit in limits:
         remedy = light if limit.note == "light" else _OF_GLARE if limit.note in _GLARE else _OF_EVENNESS
@@ -44,19 +44,19 @@ def _flux_remedy(limits: Sequence[Fact]) -> str:
     if least <= 1.0 <= most:
         return ""
     factor = three_digits(least, ceil) if least > 1.0 else three_digits(most, floor)
-    words = f"so lit the road needs × {factor:g} lumens, or × {three_digits(1.0 / factor):g} the spacing of poles"
+    remedy = f"so lit the road needs × {factor:g} lumens, or × {three_digits(1.0 / factor):g} the spacing of poles"
     grown = factor ** (1.0 - THRESHOLD_INCREMENT.at(1.0)[1])
     of_glare = (limit for limit in limits if limit.note == THRESHOLD_INCREMENT.words)
     glaring = [limit for limit in of_glare if limit.metric.value * grown > limit.bound]
     if least > 1.0 and glaring:
-        worst = max(glaring, key=lambda each: each.metric.value)
-        words += f"; with so many its glare TI is {worst.metric.value * grown:.3g} %, above {worst.bound:g} %"
-    return words
+        worst = max(glaring, key=lambda limit: limit.metric.value)
+        remedy += f"; with so many its glare TI is {worst.metric.value * grown:.3g} %, above {worst.bound:g} %"
+    return remedy
 
 
 @dataclass(frozen=True)
 class HeldSpacing:
-    """Spacings (m) of poles at which a class is held, ``least`` to ``largest``; ``beyond``: limits missed above.
+    """Spacings (m) of poles that keep a class, ``least`` to ``largest``; ``beyond``: limits missed above.
 
     ``beyond``: None if the largest is 12 pole heights, the most that a road may have.
     """
@@ -67,9 +67,9 @@ class HeldSpacing:
 
 
 def road_facts(road: RoadJudgement, section: RoadSection, *, with_limits: bool = True) -> Group:
-    """The group of one road, of this ``section``: its class, what that requires for every driver, and other figures.
+    """The group of a road of this ``section``: its class, the requirements for every driver, and other figures.
 
-    ``with_limits``: not where the light states what the class requires, by the same intensities.
+    ``with_limits``: False if the light states the class's requirements, by the same intensities.
     """
     by_luminance = road.lighting_class in (M_CLASSES | RP8_CLASSES)
     note = f"{road.standard}; achieved: {road.reached}, by the intensities of the file"
@@ -77,14 +77,14 @@ def road_facts(road: RoadJudgement, section: RoadSection, *, with_limits: bool =
     limits = with_remedies(road.limits) if with_limits else ()
     facts += [replace(limit, key=f"road_{k}", note="") for k, limit in enumerate(limits)]
     for driver in road.drivers if by_luminance else ():
-        words = f"Q, {'from ' * (driver.veiling_ratio is not None)}lane {driver.lane}"
-        facts.append(Fact.measured(f"road_q_{driver.lane}", words, driver.luminance_per_lux))
+        label = f"Q, {'from ' * (driver.veiling_ratio is not None)}lane {driver.lane}"
+        facts.append(Fact.measured(f"road_q_{driver.lane}", label, driver.luminance_per_lux))
     facts += facts_in(road)
     return Group("road", road.name, tuple(facts))
 
 
 def spacing_fact(held: HeldSpacing | None) -> Fact:
-    """The largest spacing of a road at which its class is held."""
+    """The largest spacing of a road that keeps its class."""
     if held is None:
         return Fact("largest_spacing", "Largest spacing", "class met at none")
     beyond = "" if held.beyond is None else f"; beyond, {held.beyond.label} is missed"

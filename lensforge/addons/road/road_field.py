@@ -50,12 +50,12 @@ def _veil(theta: Float[np.ndarray, "*k"]) -> Float[np.ndarray, "*k"]:
 
 
 def _veil_of_2000(theta: Float[np.ndarray, "*k"]) -> Float[np.ndarray, "*k"]:
-    """Law of RP-8-00 for the same."""
+    """Veiling luminance per lux by RP-8-00, by the angle (deg) from the line of sight."""
     return 10.0 / (theta**2 + 1.5 * theta)
 
 
 def _veil_of_2014(theta: Float[np.ndarray, "*k"]) -> Float[np.ndarray, "*k"]:
-    """Law of RP-8-14 and after for the same: a power of the angle, steeper within 2 degrees."""
+    """Veiling luminance per lux by RP-8-14 and later: a power of the angle (deg), steeper within 2 degrees."""
     return 10.0 / theta ** np.where(theta < 2.0, 2.3 - 0.7 * np.log10(theta), 2.0)
 
 
@@ -83,7 +83,7 @@ _BEFORE_POINT_M = 83.07  # the eye of RP-8 before each point, from where it look
 
 
 def rows_of_lamps(road: RoadSection) -> tuple[tuple[float, float, float], ...]:
-    """The x of a lamp of each row, its y, and +1 where its street is towards +y, -1 elsewhere."""
+    """Position of each row: the x of a lamp, its y, and +1 if its street is towards +y, else -1."""
     width = road.width_m
     over = road.overhang_m
     edges = right, left = (0.0, over, 1.0), (0.0, width - over, -1.0)
@@ -99,7 +99,7 @@ def rows_of_lamps(road: RoadSection) -> tuple[tuple[float, float, float], ...]:
 
 @dataclass(frozen=True, eq=False)
 class _Lamps:
-    """Lamps between two places along a road: ``x``, ``y``, and +1 where their street is towards +y, -1 elsewhere."""
+    """Lamps between two places along a road: ``x``, ``y``, and +1 if their street is towards +y, else -1."""
 
     road: RoadSection
     x: Points
@@ -127,7 +127,7 @@ class _Lamps:
         return self.y - self.facing * max(road.overhang_m, 0.0)
 
     def light(self, x: Points, y: Points, height_m: float, weights: Float[np.ndarray, "k l"]) -> CandelaSum:
-        """Sum over the lamps of ``weights`` times the intensity towards each point, which is ``height_m`` up."""
+        """Sum over the lamps of ``weights`` times the intensity towards each point at ``height_m``."""
         from scipy import sparse
 
         along = x[:, None] - self.x
@@ -147,12 +147,11 @@ class _Lamps:
 
 @dataclass(frozen=True, eq=False)
 class RoadReadings:
-    """All light of one road by its lamps as they are when new, without the maintenance factor.
+    """All light of a road by new lamps, without the maintenance factor.
 
     Observers are one in each lane, from the driving side, and see three rows of points to a lane. By RP-8 there is one
-    for each direction of travel, with two rows to a lane of its own, and each point is seen from an eye of its own.
-    ``rows``: y of the rows of each observer; ``seen``: the observers, and x and y of the points, row by row along the
-    road.
+    for each direction of travel, with two rows to a lane, and a separate eye for each point. ``rows``: y of the rows of
+    each observer; ``seen``: the observers, and x and y of the points, row by row along the road.
     """
 
     road: RoadSection
@@ -163,7 +162,7 @@ class RoadReadings:
 
     @staticmethod
     def of(road: RoadSection) -> "RoadReadings":
-        """Readings of ``road``, each found when it is asked for. Raises :class:`InputError` for a file of no table."""
+        """Readings of ``road``, computed on demand. Raises :class:`InputError` for a file without a table."""
         wet = RoadSurface.of(road.wet_surface or "", road.wet_surface_file) if road.has_wet_surface else None
         (views, rows) = _views(road)
         along = steps_along(road)
@@ -174,11 +173,11 @@ class RoadReadings:
     @cached_property
     def luminance(self) -> tuple[CandelaSum, ...]:
         """Luminance (cd/m^2) of the points, for each observer."""
-        return tuple(_luminance(view, self.surface, x, y, each_its_eye=self.road.by_rp8) for view, x, y in self.seen)
+        return tuple(_luminance(view, self.surface, x, y, eye_per_point=self.road.by_rp8) for view, x, y in self.seen)
 
     @cached_property
     def wet(self) -> tuple[CandelaSum, ...]:
-        """Luminance (cd/m^2) of the points of the wet surface, for each observer; of none where it is not asked for."""
+        """Luminance (cd/m^2) of the points of the wet surface, for each observer; empty without requirements on it."""
         surface = self.wet_surface
         return () if surface is None else tuple(_luminance(view, surface, x, y) for view, x, y in self.seen)
 
@@ -190,7 +189,7 @@ class RoadReadings:
 
     @cached_property
     def seen_lux(self) -> tuple[CandelaSum, ...]:
-        """Mean illuminance (lx) where each observer sees points."""
+        """Mean illuminance (lx) of each observer's points."""
         if not self.road.by_rp8:
             return (self.illuminance.mean(),) * len(self.rows)
         half = 0.5 * (self.rows[0][1] - self.rows[0][0])
@@ -203,7 +202,7 @@ class RoadReadings:
 
     @cached_property
     def edges(self) -> tuple[CandelaSum, CandelaSum]:
-        """Mean illuminance (lx) outside and inside of the right edge, and of the left."""
+        """Mean illuminance (lx) outside and inside the right edge, then the left."""
         width = self.road.width_m
         lane = self.road.lane_m
         strips = ((-lane, 0.0), (0.0, lane), (width, width + lane), (width - lane, width))
@@ -235,12 +234,12 @@ class DriverView:
 
     @property
     def oncoming(self) -> bool:
-        """True for a driver who comes the other way."""
+        """True for a driver in the opposite direction."""
         return self.lane >= self.road.lanes - self.road.oncoming_lanes
 
     @property
     def heading(self) -> float:
-        """+1 along x; -1 of a driver who comes the other way, and for whom the field begins at its other end."""
+        """+1 along x; -1 for a driver in the opposite direction, for whom the field begins at its other end."""
         return -1.0 if self.oncoming else 1.0
 
     @property
@@ -249,7 +248,7 @@ class DriverView:
         return (self.road.from_right(self.lane) + 0.5) * self.road.lane_m
 
     def place(self, ahead: Float[np.ndarray, "*k"]) -> Float[np.ndarray, "*k"]:
-        """The x of places so far ahead of the beginning of the field, as this driver sees it."""
+        """The x of places ``ahead`` of the beginning of the field, in this driver's direction."""
         return self.road.pole_spacing_m - ahead if self.oncoming else ahead
 
     def ahead(self, x: Float[np.ndarray, "*k"]) -> Float[np.ndarray, "*k"]:
@@ -264,7 +263,7 @@ class DriverView:
         return np.stack([self.heading * (self.y - y) / away, (z - _EYE_M) / away], axis=-1)
 
     def luminance(self, x: Points, y: Points) -> CandelaSum:
-        """Luminance of points of the road by lamps as they are when new; nearer than the field by the same table."""
+        """Luminance of points of the road by new lamps; nearer than the field by the same table."""
         road = self.road
         return _luminance(self, RoadSurface.of(road.surface, road.surface_file, road.surface_q0), x, y)
 
@@ -276,13 +275,13 @@ class DriverView:
 
 
 def steps_along(road: RoadSection) -> Points:
-    """Places of the points along the road."""
+    """Positions of the points along the road."""
     count = max(_LEAST_ALONG, ceil(road.pole_spacing_m / _STANDARDS[road.standard].step_m - 1e-9))
     return (np.arange(count) + 0.5) * (road.pole_spacing_m / count)
 
 
 def _views(road: RoadSection) -> tuple[list[DriverView], tuple[Points, ...]]:
-    """Each observer, and y of the rows that it sees: all, or by RP-8 those in the lanes of its direction."""
+    """Each observer, and y of the rows that it sees: all, or by RP-8 those in lanes of its direction."""
     count = _STANDARDS[road.standard].across_of_lane * road.lanes
     y = (np.arange(count) + 0.5) * (road.width_m / count)
     if not road.by_rp8:
@@ -296,39 +295,39 @@ def _views(road: RoadSection) -> tuple[list[DriverView], tuple[Points, ...]]:
 
 
 def lux_across(low_m: float, high_m: float) -> Points:
-    """Places of the points of the illuminance between two places across the road."""
+    """Positions of the points of illuminance between two places across the road."""
     count = max(_LEAST_ACROSS, ceil((high_m - low_m) / _ACROSS_M - 1e-9))
     return low_m + (np.arange(count) + 0.5) * ((high_m - low_m) / count)
 
 
 def _luminance(
-    view: DriverView, surface: RoadSurface, x: Points, y: Points, *, each_its_eye: bool = False
+    view: DriverView, surface: RoadSurface, x: Points, y: Points, *, eye_per_point: bool = False
 ) -> CandelaSum:
     """Luminance of points of the road for an eye in the middle of a lane, 60 m before the field.
 
-    ``each_its_eye``: for one on a line along the road through each point, so far before it that the table holds; lamps
-    then count as far as the table goes.
+    ``eye_per_point``: for an eye on a line along the road through each point, at the distance of the table; lamps then
+    count as far as the table goes.
     """
     high = view.road.pole_height_m
-    whole = float(surface.tan_gamma[-1])
-    ahead = (whole, whole) if each_its_eye else (_TOWARDS, _AWAY)
+    last_tan = float(surface.tan_gamma[-1])
+    ahead = (last_tan, last_tan) if eye_per_point else (_TOWARDS, _AWAY)
     before, after = ahead[::-1] if view.oncoming else ahead
     lamps = _Lamps.between(view.road, float(x.min()) - before * high, float(x.max()) + after * high)
     places = x[:, None], y[:, None], lamps.x - x[:, None], lamps.y - y[:, None]
-    return lamps.light(x, y, 0.0, reduced_luminance(view, surface, *places, each_its_eye) / high**2)
+    return lamps.light(x, y, 0.0, reduced_luminance(view, surface, *places, eye_per_point) / high**2)
 
 
 def reduced_luminance(
-    view: DriverView, surface: RoadSurface, x: _Places, y: _Places, along: _Places, across: _Places, each_its_eye: bool
+    view: DriverView, surface: RoadSurface, x: _Places, y: _Places, along: _Places, across: _Places, eye_per_point: bool
 ) -> _Places:
-    """Coefficient r of points by lamps so far ``along`` and ``across`` from them; 0 by one that does not count."""
+    """Coefficient r of points for lamps at distances ``along`` and ``across``; 0 for a lamp beyond the limits."""
     high = view.road.pole_height_m
     heading = view.heading
-    whole = float(surface.tan_gamma[-1])
-    towards, away, beside = (whole, whole, whole) if each_its_eye else (_TOWARDS, _AWAY, _ASIDE)
+    last_tan = float(surface.tan_gamma[-1])
+    towards, away, beside = (last_tan, last_tan, last_tan) if eye_per_point else (_TOWARDS, _AWAY, _ASIDE)
     beyond = heading * along
     aside = heading * across
-    sight = np.zeros_like(y) if each_its_eye else np.arctan2(heading * (y - view.y), view.ahead(x))
+    sight = np.zeros_like(y) if eye_per_point else np.arctan2(heading * (y - view.y), view.ahead(x))
     beta = np.degrees(np.arccos(np.clip(np.cos(np.arctan2(aside, beyond) - sight), -1.0, 1.0)))
     tan_gamma = np.hypot(beyond, aside) / high
     beta = np.where(tan_gamma > 0.0, beta, 0.0)
@@ -346,7 +345,7 @@ def _illuminance(road: RoadSection, low_m: float, high_m: float) -> CandelaSum:
 
 
 def _veiling_on_the_way(view: DriverView) -> CandelaSum:
-    """Veiling luminance for an eye on its way over one field; it begins where the first lamp appears under the roof."""
+    """Veiling luminance for an eye moving over one field from where the first lamp appears under the roof."""
     along = steps_along(view.road)
     x = view.place(along - along[0] - _FIRST * max(view.road.pole_height_m - _EYE_M, 0.0))
     return _veiling(view, x, np.full_like(x, view.y))

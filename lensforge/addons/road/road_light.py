@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 
-from lensforge.addons.road.road_classes import asked_of
+from lensforge.addons.road.road_classes import requirements_of
 from lensforge.addons.road.road_facts import road_facts, with_edge, with_remedies
 from lensforge.addons.road.road_field import RoadReadings
 from lensforge.addons.road.road_record import RoadJudgement
@@ -18,8 +18,8 @@ class RoadLight(ApplicationLight[RoadSection, RoadJudgement]):
     judgement = RoadJudgement
 
     def limits(self) -> Iterator[IntensityLimit]:
-        """All that its class asks for, of every observer."""
-        return asked_of(RoadReadings.of(self.entry))
+        """Requirements of its class, for every observer."""
+        return requirements_of(RoadReadings.of(self.entry))
 
     def judged(self, candela: Candela, name: str) -> RoadJudgement:
         """The road by lamps of these intensities."""
@@ -28,11 +28,11 @@ class RoadLight(ApplicationLight[RoadSection, RoadJudgement]):
         return judge_road(self.entry, candela, name)
 
     def with_remedies(self, limits: Sequence[Fact]) -> Iterator[Fact]:
-        """Its limits, with what would keep them, as far as that follows from the flux."""
+        """Its limits, missed ones with a remedy as far as it follows from the flux."""
         return with_remedies(limits)
 
     def facts(self, judgement: RoadJudgement) -> Group:
-        """Its class, its traffic, and figures that the class does not ask for."""
+        """Its class, its traffic, and figures that the class does not require."""
         return road_facts(judgement, self.entry, with_limits=False)
 
     @staticmethod

@@ -28,11 +28,11 @@ class SeenRoad(Record):
 
 
 class RoadJudgement(ApplicationJudgement):
-    """Light of rows of lamps on one road. ``reached``: its best class M, C or P, by RP-8 all classes that it has.
+    """Light of rows of lamps on one road. ``reached``: its best class M, C or P, by RP-8 all classes that it meets.
 
-    ``drivers``: by their lanes. ``s1``: None of a table that ends before tan gamma = 2.
-    ``edges``: ratio of the illuminance beside the road to that within, at the right and at the left edge. ``mean_lx``,
-    ``least_lx``, ``uniformity_lx``: horizontal illuminance of the road. ``power_density`` (W per lx and m^2, D_P) and
+    ``drivers``: by their lanes. ``s1``: None for a table that ends before tan gamma = 2. ``edges``: ratio of the
+    illuminance beside the road to that within, at the right and at the left edge. ``mean_lx``, ``least_lx``,
+    ``uniformity_lx``: horizontal illuminance of the road. ``power_density`` (W per lx and m^2, D_P) and
     ``yearly_energy`` (kWh per m^2, AECI): None if the power of a lamp is not known.
     """
 
@@ -50,6 +50,6 @@ class RoadJudgement(ApplicationJudgement):
 
     @property
     def s1_words(self) -> str:
-        """S1 of the surface, or why it is not known."""
+        """Display text of the surface's S1, or why it is not known."""
         too_short = "not known: its table ends before tan γ = 2; light from beyond is ignored"
         return too_short if self.s1 is None else f"{self.s1:.3g}"

@@ -219,12 +219,12 @@ class RoadSection(Application):
 
     @property
     def standard(self) -> str:
-        """Name of the standard that the class is of."""
+        """Name of the class's standard."""
         return (self.edition or "RP-8-14") if self.by_rp8 else "EN 13201"
 
     @property
     def least_edge_ratio(self) -> float | None:
-        """Required edge ratio; None if none is."""
+        """Required edge ratio; None if not required."""
         of_class = M_CLASSES.get(self.lighting_class)
         return self.edge_ratio or (None if of_class is None else of_class.edge_ratio)
 
@@ -254,7 +254,7 @@ class RoadSection(Application):
 
     @classmethod
     def warnings(cls, table: Sequence[Self], receivers: Sequence[ReceiverSection]) -> Iterator[str]:
-        """Warn of planes that all lie at another distance than the poles are high."""
+        """Warn if all planes lie at another distance than the poles' height."""
         heights = {road.pole_height_m for road in table if not road.tilt_deg}
         planes = [plane for plane in receivers if isinstance(plane, PlaneReceiver) and plane.facing[:2] == (0.0, 0.0)]
         if not planes or len(heights) != 1:
@@ -273,7 +273,7 @@ class RoadSection(Application):
         return self.wet_surface is not None or self.wet_surface_file is not None
 
     def from_right(self, lane: int) -> int:
-        """Place of a lane among all from the right edge; the numbers of both begin with 0."""
+        """Number of ``lane`` counted from the right edge; both count from 0."""
         return lane if self.driving_side == "right" else self.lanes - 1 - lane
 
     @check

@@ -53,7 +53,7 @@ _CELLS = 200
 
 @dataclass(frozen=True, eq=False)
 class RoadSurface:
-    """Reduced luminance coefficients ``r`` (cd/m^2 per lx) at ``tan_gamma`` and ``beta_deg``; 0 where it has none.
+    """Reduced luminance coefficients ``r`` (cd/m^2 per lx) at ``tan_gamma`` and ``beta_deg``; 0 elsewhere.
 
     ``q0``: average luminance coefficient: the nominal one of a class of the CIE, of another table its integral, of one
     that ends within the field of integration that over the part which it has.
@@ -69,7 +69,7 @@ class RoadSurface:
     def of(name: str, file: Path | None = None, q0: float | None = None) -> "RoadSurface":
         """The surface of the class ``name``, such as "R3", or of a CSV ``file``, scaled to an average ``q0``.
 
-        Raises :class:`InputError` for a file that is no such table, and for one that no road has, unless it is scaled.
+        Raises :class:`InputError` for a file without such a table, and for an implausible one, unless it is scaled.
         """
         surface = _standard(name) if file is None else read_surface(file)
         if q0 is not None:
@@ -84,7 +84,7 @@ class RoadSurface:
 
     @property
     def s1(self) -> float | None:
-        """Specular factor S1: r at beta = 0, tan gamma = 2 over that below the lamp; None of a shorter table."""
+        """Specular factor S1: r at beta = 0, tan gamma = 2 over r below the lamp; None for a shorter table."""
         if self.tan_gamma[-1] < _S1_TAN:
             return None
         return float(self.reading(np.zeros(1), np.array([_S1_TAN])).item() / self.r[0, 0])
@@ -110,7 +110,7 @@ class RoadSurface:
 def _place(
     values: Float[np.ndarray, "*n"], nodes: Float[np.ndarray, " k"]
 ) -> tuple[np.ndarray, Float[np.ndarray, "*n"]]:
-    """Cell of each value, and the place in it from 0 to 1."""
+    """Cell of each value, and the position in it from 0 to 1."""
     cell = np.clip(np.searchsorted(nodes, values, side="right") - 1, 0, len(nodes) - 2)
     return cell, np.clip((values - nodes[cell]) / (nodes[cell + 1] - nodes[cell]), 0.0, 1.0)
 
@@ -121,9 +121,9 @@ def _standard(name: str) -> RoadSurface:
 
 
 def read_surface(path: Path) -> RoadSurface:
-    """Read a table: a row of beta (degrees), then for each tan gamma a row of 10^4 r; blank where it has none.
+    """Read a table: a row of beta (degrees), then for each tan gamma a row of 10^4 r; blank beyond the table.
 
-    Blanks end a row, and go on below. Raises :class:`InputError`, one line, for anything else.
+    Blanks end a row, and continue in the rows below. Raises :class:`InputError`, one line, for anything else.
     """
     table = TextTable.read(path, missing="give a CSV file, or a class of surface", most_bytes=_MOST_BYTES)
     beta, tan_gamma, r = _grid(table)
@@ -166,7 +166,7 @@ def _grid(table: TextTable) -> tuple[Float[np.ndarray, " b"], Float[np.ndarray, 
 
 
 def _beta_of_header(table: TextTable) -> Float[np.ndarray, " b"] | None:
-    """Numbers behind the first word of the last line above the rows, in a remark, too; None if there are none."""
+    """Numbers after the first word of the last line above the rows, also in a remark; None without any."""
     for line in sorted((*table.header, *table.remarks))[-1:]:
         first, *cells = header_cells(line, table.dialect, table.name) or [""]
         numbers: list[float] = []
@@ -205,7 +205,7 @@ def _require_places(beta: Float[np.ndarray, " b"], tan_gamma: Float[np.ndarray, 
 def _require_no_gaps(
     r: Float[np.ndarray, "g b"], tan_gamma: Float[np.ndarray, " g"], beta: Float[np.ndarray, " b"], name: str
 ) -> None:
-    """Raise for a blank with a number farther to the right or below: light would be taken for none."""
+    """Raise :class:`InputError` for a blank with a number farther right or below: it would be read as no light."""
     given = ~np.isnan(r)
     later = np.logical_or.accumulate(given[:, ::-1], axis=1)[:, ::-1]
     below = np.logical_or.accumulate(given[::-1], axis=0)[::-1]

@@ -40,12 +40,12 @@ class CandelaTable:
         return min(part.flux() / self.flux(), 1.0)
 
     def pole_mean(self, gamma_deg: float) -> float:
-        """Mean intensity over the half-planes at the first or last gamma, each half-plane once."""
+        """Mean intensity over the half-planes at the first or last gamma, counting each half-plane once."""
         column = 0 if gamma_deg == self.gamma_deg[0] else -1
         return float(self.values[: max(len(self.c_deg) - 1, 1), column].mean())
 
     def at(self, c_deg: float) -> Float[np.ndarray, " g"]:
-        """Interpolate the half-plane at ``c_deg``, any angle."""
+        """Interpolated half-plane at ``c_deg``, any angle."""
         if len(self.c_deg) == 1:
             return np.asarray(self.values[0])
         place = np.interp(c_deg % 360.0, self.c_deg, np.arange(len(self.c_deg)))

@@ -74,7 +74,7 @@ _FEW_LM = 100.0  # of lamps whose watts are not known; of others, 1 lm/W: less i
 
 
 def matches(text: str) -> bool:
-    """True where the first lines hold the numbers that EULUMDAT has there."""
+    """True if the first lines hold the numbers of an EULUMDAT header."""
     lines, _ = _lines(text)
     try:
         return len(lines) > _HEADER_LINES and all(_number(lines[i], "") >= 0.0 for i in (1, 2, 3, 4, 5, 6))
@@ -155,7 +155,7 @@ def decode(text: str, name: str) -> PhotometricFile:
 
 
 def _lines(text: str) -> tuple[list[str], tuple[str, ...]]:
-    """The lines of a file; without the blank ones where one follows each, and the words that say so."""
+    """The lines of a file; if every other line is blank, without those, and with a warning."""
     lines = text.split("\n")
     if len(lines) > 2 * _HEADER_LINES and not any(line.strip() for line in lines[1::2]):
         return lines[::2], ("a blank line follows each of its lines: these are left out",)
@@ -163,18 +163,18 @@ def _lines(text: str) -> tuple[list[str], tuple[str, ...]]:
 
 
 def _steps(lines: list[str], place: int, name: str, angles: Float[np.ndarray, " n"]) -> Iterator[str]:
-    """Words on a step that the header states and the angles do not have."""
+    """Warning on a step stated in the header that the angles do not have."""
     stated = _number_or_0(lines[place])
     steps = np.diff(angles)
     if stated > 0.0 and len(steps) and np.abs(steps - stated).max() > _SAME_STEP * stated:
         least = f"{steps.min():g}"
         actual = least if np.ptp(steps) < _SAME_STEP * stated else f"{least} to {steps.max():g}"
-        asked = f"line {place + 1} states steps of {name} of {stated:g} degrees"
-        yield f"{asked}, its angles have {actual}: these are taken"
+        statement = f"line {place + 1} states steps of {name} of {stated:g} degrees"
+        yield f"{statement}, its angles have {actual}: these are taken"
 
 
 def _downward(line: str, intensity: CandelaTable) -> Iterator[str]:
-    """Words on a share of the light that goes down other than that of the intensities."""
+    """Warning on a stated downward share of light that differs from that of the intensities."""
     actual = 100.0 * intensity.share_up_to(90.0)
     stated = _number_or_0(line)
     if line.strip() and _is_number(line) and abs(stated - actual) > _SAME_SHARE:
@@ -193,7 +193,7 @@ def _lamps(lines: list[str], name: str) -> LampSet:
 
 
 def _with_sizes(file: PhotometricFile, lines: list[str], ratios: Float[np.ndarray, " ratios"]) -> PhotometricFile:
-    """Add what the lines say of the luminaire and of its light, its direct ratios too."""
+    """The file with what its lines state of luminaire and light, including direct ratios."""
     sizes = [max(_number_or_0(line), 0.0) for line in lines[_HOUSING : _HEIGHTS + 4]]
     long, wide, high, length, width, c0, c90, c180, c270 = sizes
     circular = length > 0.0 and width == 0.0
@@ -208,7 +208,7 @@ def _with_sizes(file: PhotometricFile, lines: list[str], ratios: Float[np.ndarra
 
 
 def encode(photometric: PhotometricFile) -> str:
-    """EULUMDAT without symmetry, or of revolution: per 1000 lm of the lamps, or of the luminaire where they state none.
+    """EULUMDAT without symmetry, or of revolution: per 1000 lm of the lamps, or of the luminaire if these are unknown.
 
     The latter is absolute photometry.
     """
@@ -291,7 +291,7 @@ def _require_one_reading(tokens: list[str], name: str) -> None:
 def _warnings(
     lines: list[str], lamps: tuple[LampSet, ...], c_deg: Float[np.ndarray, " c"], intensities: list[str]
 ) -> Iterator[str]:
-    """Words on what the file leaves open, and how it is taken."""
+    """Warnings on what the file leaves open, and how it is read."""
     if lamps[0].lumens is None:
         yield "it states no lumens of its lamps: its intensities are taken as they stand, per 1000 lm of the lamps"
     if len(lamps) > 1:
@@ -311,7 +311,7 @@ def _warnings(
 
 
 def _thousands_or_decimals(lumens: str, lamps: LampSet, intensities: list[str]) -> Iterator[str]:
-    """Words on lumens and intensities whose decimals, if that they are, look like thousands."""
+    """Warning on lumens and intensities whose decimals may be thousands."""
     marked = [word for word in intensities if "." in word or "," in word]
     whole = max((float(word) for word in intensities if word.lstrip("+-").isdecimal()), default=0.0)
     doubtful = marked[:1] if 100.0 <= whole < 1000.0 and all(map(_THOUSANDS.fullmatch, marked)) else []

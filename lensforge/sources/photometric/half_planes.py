@@ -63,7 +63,7 @@ def tabulated(
 
 
 def _pole_warnings(table: CandelaTable) -> Iterator[str]:
-    """Words on gamma 0 and 180, each one direction, where the half-planes have different intensities for it."""
+    """Warnings if half-planes have different intensities at gamma 0 or 180, each a single direction."""
     for gamma, values in ((0.0, table.values[:, 0]), (180.0, table.values[:, -1])):
         if gamma in table.gamma_deg and np.ptp(values) > _SAME_POLE * table.values.max():
             yield (
@@ -75,7 +75,7 @@ def _pole_warnings(table: CandelaTable) -> Iterator[str]:
 def _one_seam(
     c_deg: Float[np.ndarray, " c"], candela: Float[np.ndarray, "c g"]
 ) -> tuple[Float[np.ndarray, "c g"], float]:
-    """Intensities with the mean of C 0 and C 360 in both, and their largest difference, of the largest intensity."""
+    """Intensities with C 0 and C 360 set to their mean, and their largest difference over the largest intensity."""
     difference = float(np.abs(candela[-1] - candela[0]).max() / candela.max())
     if (c_deg[0], c_deg[-1]) != (0.0, 360.0) or difference == 0.0:
         return candela, 0.0
@@ -95,9 +95,9 @@ def require_angles(planes_deg: Float[np.ndarray, " c"], angles_deg: Float[np.nda
 def not_below_zero(
     candela: Float[np.ndarray, "c g"], name: str, quantity: str = "intensities", unit: str = " cd"
 ) -> tuple[Float[np.ndarray, "c g"], tuple[str, ...]]:
-    """Intensities, or another ``quantity``, with the noise below 0 taken as 0, and the warning that says so.
+    """Intensities, or another ``quantity``, with noise below 0 set to 0, and a warning that says so.
 
-    Raises :class:`InputError` where one is below 0 by more than a hundredth of the largest, or none is above 0.
+    Raises :class:`InputError` if one is below 0 by more than a hundredth of the largest, or none is above 0.
     """
     least = float(candela.min())
     largest = float(candela.max())
@@ -119,7 +119,7 @@ def not_below_zero(
 def _whole_turn(
     c_deg: Float[np.ndarray, " c"], candela: Float[np.ndarray, "c g"], name: str
 ) -> tuple[Float[np.ndarray, " d"], Float[np.ndarray, "d g"]]:
-    """Half-planes from 0 to 360: mirrored at 90, 180 or 270 where the file ends there, and closed."""
+    """Half-planes from 0 to 360: mirrored at 90, 180 or 270 if the file ends there, and closed."""
     if len(c_deg) == 1:
         return np.zeros(1), candela
     if c_deg.tolist() == [0.0, 360.0]:  # one half-plane, twice
@@ -140,7 +140,7 @@ def _whole_turn(
 def _mirrored_at(
     c_deg: Float[np.ndarray, " c"], candela: Float[np.ndarray, "c g"], edge: float
 ) -> tuple[Float[np.ndarray, " d"], Float[np.ndarray, "d g"]]:
-    """The planes and their images about the plane ``edge``, by angles within 0 and 360, each once."""
+    """The planes and their images in the plane ``edge``, by angles within 0 and 360, without duplicates."""
     angles = np.concatenate([c_deg, (2.0 * edge - c_deg) % 360.0])
     if edge == 180.0:
         angles[len(c_deg)] = 360.0  # the image of C 0 closes the turn
@@ -151,7 +151,7 @@ def _mirrored_at(
 def _closed(
     c_deg: Float[np.ndarray, " c"], candela: Float[np.ndarray, "c g"]
 ) -> tuple[Float[np.ndarray, " d"], Float[np.ndarray, "d g"]]:
-    """The planes with those at 0 and 360, interpolated between the last and the first where the file has none there."""
+    """The planes completed at 0 and 360, interpolated between the last and the first if missing."""
     if c_deg[0] == 0.0:
         return np.append(c_deg, 360.0), np.concatenate([candela, candela[:1]])
     if c_deg[-1] == 360.0:
@@ -175,7 +175,7 @@ H = Float[np.ndarray, " h"]
 
 
 def converted(kind: Kind, v_deg: V, h_deg: H, candela: Float[np.ndarray, "h v"], name: str) -> tuple[CandelaTable, str]:
-    """Intensity over C and gamma, and a line on the errors of the conversion. ``name`` is the file in errors.
+    """Intensity over C and gamma, and a note on the conversion's errors. ``name`` is the file in errors.
 
     A range of angles that begins at 0 is mirrored there (LM-63: laterally symmetric); outside its range the file has no
     light. Raises :class:`InputError` for angles beyond -90 to 90 degrees.
@@ -206,7 +206,7 @@ def converted(kind: Kind, v_deg: V, h_deg: H, candela: Float[np.ndarray, "h v"],
 def _both_sides(
     angles: Float[np.ndarray, " k"], rows: Float[np.ndarray, "r k"]
 ) -> tuple[Float[np.ndarray, " m"], Float[np.ndarray, "r m"]]:
-    """Angles and columns with their mirror images about 0 where the file begins there."""
+    """Angles and columns with their mirror images about 0 if the file begins there."""
     if angles[0] != 0.0:
         return angles, rows
     return np.concatenate([-angles[:0:-1], angles]), np.concatenate([rows[:, :0:-1], rows], axis=1)

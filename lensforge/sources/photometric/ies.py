@@ -55,7 +55,7 @@ _PER_LINE = 10  # of 12 characters at most
 
 
 def matches(text: str) -> bool:
-    """True where ``text`` has the line that all versions share, or a first line that names LM-63."""
+    """True if ``text`` has the TILT= line that all versions share, or a first line that names LM-63."""
     return _TILT.search(text) is not None or _FIRST.match(text) is not None
 
 
@@ -76,8 +76,8 @@ def decode(text: str, name: str) -> PhotometricFile:
 
 
 def _decode_numbers(body: str, tilt: str, name: str, head: str) -> PhotometricFile:
-    """The far field by the numbers below TILT=, ``body``; the labels above, ``head``, say what it is."""
-    tokens = _words(body, name)
+    """The far field from the numbers below TILT=, ``body``, and from the labels above, ``head``."""
+    tokens = _tokens(body, name)
     stream = _numbers(tokens, name)
     if tilt.split()[0].upper() == _INCLUDED:
         pairs = count_in(stream[1] if len(stream) > 1 else np.nan, 1, name)
@@ -138,7 +138,7 @@ def _split(
 
 
 def _factor(word: str, labels: Labels) -> tuple[float, tuple[str, ...]]:
-    """Ballast-lamp photometric factor by which the candela of files until 1991 are multiplied, and the words on it."""
+    """Ballast-lamp photometric factor by which the candela of files until 1991 are multiplied, and a warning on it."""
     number = number_in(word)
     if labels.year >= NEWEST or number == 1.0 or stated_or_none(number) is None:
         return 1.0, ()
@@ -171,17 +171,17 @@ def encode(photometric: PhotometricFile, version: IesVersion = NEWEST) -> str:
     table = photometric.intensity
     lamp = photometric.lamps[0]
     lumens = photometric.written_lumens
-    of_each = _ABSOLUTE if lumens is None else lumens / max(lamp.count, 1)
+    lumens_per_lamp = _ABSOLUTE if lumens is None else lumens / max(lamp.count, 1)
     sizes = " ".join(f"{size / 1000.0:.6g}" for size in photometric.opening.signed_mm())
     counts = f"{len(table.gamma_deg)} {len(table.c_deg)} {_TYPE_C} {_METRES}"
     changed = generation_code(photometric.generated) if version == NEWEST else "1"
     tilt = photometric.lamp_tilt or _NO_TILT
-    tilt, *of_tilt = tilt.split() if tilt.upper().startswith(_INCLUDED) else [tilt]
+    tilt, *tilt_numbers = tilt.split() if tilt.upper().startswith(_INCLUDED) else [tilt]
     lines = [
         *label_lines(photometric, version),
         f"TILT={tilt}",
-        *_number_lines(of_tilt),
-        f"{max(lamp.count, 1)} {of_each:.7g} 1 {counts} {sizes}",
+        *_number_lines(tilt_numbers),
+        f"{max(lamp.count, 1)} {lumens_per_lamp:.7g} 1 {counts} {sizes}",
         f"{photometric.ballast_factor:.7g} {changed} {photometric.watts:.6g}",
     ]
     for row in (table.gamma_deg, table.c_deg, *table.values / photometric.ballast_factor):
@@ -193,7 +193,7 @@ def _number_lines(tokens: list[str]) -> list[str]:
     return [" ".join(tokens[start : start + _PER_LINE]) for start in range(0, len(tokens), _PER_LINE)]
 
 
-def _words(text: str, name: str) -> list[str]:
+def _tokens(text: str, name: str) -> list[str]:
     tokens = tokens_of(text.replace(",", " "))
     if len(tokens) > 2 * MOST_NUMBERS:
         raise InputError(f"{name}: more than {2 * MOST_NUMBERS} numbers; not a photometric file")

@@ -53,13 +53,13 @@ def label_lines(photometric: PhotometricFile, version: IesVersion) -> list[str]:
     lines = [FIRST_LINES[version]]
     for keyword, text in _labels(photometric, version):
         width = _LONG - len("[MORE] ") - max(len(keyword) - len(_MORE), 0)
-        first, *rest = wrap(single_line(text), width, break_on_hyphens=False) or [""]
-        lines += [f"[{keyword}] {first}".rstrip(), *(f"[{_MORE}] {more}" for more in rest)]
+        first, *continuation = wrap(single_line(text), width, break_on_hyphens=False) or [""]
+        lines += [f"[{keyword}] {first}".rstrip(), *(f"[{_MORE}] {more}" for more in continuation)]
     return lines
 
 
 def _labels(photometric: PhotometricFile, version: IesVersion) -> Iterator[tuple[str, str]]:
-    """Keywords and their texts, those that are required first."""
+    """Keywords and their texts, required ones first."""
     for field, keyword in _FIELDS.items():
         text = getattr(photometric, field)
         if keyword in _REQUIRED or (text and (keyword != "FILEGENINFO" or version == NEWEST)):
@@ -84,7 +84,7 @@ class Labels:
 
 
 def read_labels(head: str) -> Labels:
-    """Read the labels in ``head``, all above TILT=: of each keyword the first is its field, others are kept beside it.
+    """Read the labels in ``head``, all above TILT=: a keyword's first text fills its field, later ones are kept.
 
     A file without first line is one of 1986, and its first line of text the name of the luminaire; unless keywords say
     that it is younger.
@@ -117,7 +117,7 @@ def read_labels(head: str) -> Labels:
 
 
 def _pairs(lines: list[str]) -> Iterator[tuple[str, str]]:
-    """Keyword and text of each label, with what [MORE] adds to it; free text has no keyword."""
+    """Keyword and text of each label, with continuations by [MORE]; free text has no keyword."""
     keyword = ""
     texts = list[str]()
     for line in lines:

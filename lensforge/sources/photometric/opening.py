@@ -103,17 +103,17 @@ class LuminousOpening:
 
     @property
     def diameter_mm(self) -> float:
-        """Diameter of an opening that is round as seen along the axis; 0 of any other."""
+        """Diameter of an opening that is round as seen along the axis; 0 for any other."""
         return self.width_mm if self.shape in _ROUND else 0.0
 
     @property
     def known(self) -> bool:
-        """False where the signs are those of no shape."""
+        """False if the signs belong to no shape."""
         return self.shape != _NO_SHAPE
 
     @property
     def rounded(self) -> bool:
-        """True where its lower face is a circle or an ellipse."""
+        """True if its lower face is a circle or an ellipse."""
         return self.shape in (*_ROUND, ELLIPSE, _ELLIPTICAL_CYLINDER)
 
     def signed_mm(self) -> tuple[float, float, float]:

@@ -47,7 +47,7 @@ _CODES = {title: code for code, title in _TITLES.items()}
 def generation_title(word: str) -> str:
     """Title of the number ``word`` of a file of 2019; undefined for what the table does not have.
 
-    A bare 1 is undefined, too: older programs write it there, and mean nothing by it.
+    A bare 1 is undefined, too: older programs write it without meaning.
     """
     whole, _, digits = word.partition(".")
     if len(digits) < 5 and not digits.strip("0"):
@@ -56,7 +56,7 @@ def generation_title(word: str) -> str:
 
 
 def generation_code(title: str) -> str:
-    """Number by which a file of 2019 says how its data were generated."""
+    """Number by which a file of 2019 states how its data were generated."""
     return _CODES.get(title, _CODES[UNDEFINED])
 
 
@@ -75,14 +75,14 @@ SMALLEST = 1e-30  # below any real candela, lumen or watt but 0
 
 
 def stated_or_none(value: float) -> float | None:
-    """A number of lumens or watts, or None if it is a way of writing unknown: 0, negative, absurd."""
+    """A number of lumens or watts, or None for the ways of writing unknown: 0, negative, absurd."""
     return value if SMALLEST < value < HUGE else None
 
 
 def finite_number(word: str, place: str, name: str, *, commas: bool = False) -> float:
     """The number at a ``place`` of the file ``name``, with ``commas`` also as decimal sign.
 
-    Raises :class:`InputError` for any other word, and for what is not finite and below 1e12.
+    Raises :class:`InputError` for any other word, and unless the number is finite and below 1e12.
     """
     try:
         number = number_in(word.replace(",", ".") if commas else word)
@@ -100,14 +100,14 @@ def tokens_of(text: str) -> list[str]:
 
 
 def count_in(number: float, least: int, name: str) -> int:
-    """A ``number`` of the header of the file ``name`` as a count. Raises :class:`InputError` for one that is none."""
+    """A ``number`` in the header of the file ``name`` as a count. Raises :class:`InputError` unless it is one."""
     if not (least <= number <= MOST_NUMBERS and float(number).is_integer()):
         raise InputError(f"{name}: a count of {number:g} in its header; export it again")
     return int(number)
 
 
 def require_promised(count: int, needed: int, name: str, where: str = "") -> None:
-    """Raise :class:`InputError` unless a file holds as many numbers as its header says, ``where`` in words."""
+    """Raise :class:`InputError` unless a file holds as many numbers as its header states; ``where``: their place."""
     promise = f"{count} numbers{where}, its header promises {needed}"
     if count < needed:
         raise InputError(f"{name}: truncated: {promise}")
@@ -116,7 +116,7 @@ def require_promised(count: int, needed: int, name: str, where: str = "") -> Non
 
 
 def _stated(default: Any, label: str) -> Any:
-    """A field that a file states, and the ``label`` by which an account of a conversion calls it."""
+    """A field stated by a file, and its ``label`` in the report of a conversion."""
     return field(default=default, metadata={"words": label})
 
 
@@ -190,17 +190,17 @@ class PhotometricFile:
 
     @property
     def lamp_lumens(self) -> float | None:
-        """Lumens of the lamps for which the intensities are; None if they are not known."""
+        """Lumens of the lamps to which the intensities belong; None if unknown."""
         return self.lamps[0].lumens
 
     @property
     def absolute(self) -> bool:
-        """True where the intensities are those of the luminaire, whatever the lumens of its lamps."""
+        """True if the intensities are those of the luminaire, whatever the lumens of its lamps."""
         return self.lamp_lumens is None and not self.per_1000_lm
 
     @property
     def written_lumens(self) -> float | None:
-        """Lumens of the lamps for a format that needs them: 1000 where they are not known; None of an absolute file."""
+        """Lumens of the lamps for a format that needs them: 1000 if unknown; None for an absolute file."""
         return 1000.0 if self.per_1000_lm else self.lamp_lumens
 
     @property
@@ -210,7 +210,7 @@ class PhotometricFile:
 
     @property
     def rated_lumens(self) -> float:
-        """Lumens to which the intensities belong: of the lamps, of an absolute file those of its light."""
+        """Lumens to which the intensities belong: of the lamps, or for an absolute file of its light."""
         return self.written_lumens or self.intensity.flux()
 
 
@@ -247,7 +247,7 @@ _CUT_SHARE = 0.01  # of the peak: more than that at the last gamma, and the file
 
 
 def far_field_warnings(file: PhotometricFile) -> tuple[str, ...]:
-    """List what was not taken as it stands in the file, and what contradicts itself there."""
+    """Warnings on anything in the file that was reinterpreted, or contradicts itself."""
     return (*file.warnings, *_contradictions(file), *_strange_sizes(file), *_cut(file))
 
 
@@ -264,7 +264,7 @@ def _contradictions(file: PhotometricFile) -> Iterator[str]:
 
 
 def _strange_sizes(file: PhotometricFile) -> Iterator[str]:
-    """Words on sizes that no luminaire has: they may be in another unit."""
+    """Warnings on sizes that no luminaire has: they may be in another unit."""
     opening = file.opening
     of_light = (opening.width_mm, opening.length_mm, opening.height_mm)
     of_housing = file.housing_mm
@@ -276,7 +276,7 @@ def _strange_sizes(file: PhotometricFile) -> Iterator[str]:
 
 
 def cut_below(file: PhotometricFile) -> str | None:
-    """Words for a last gamma at which there is light, so that some is not in the file; None if it is complete."""
+    """Warning on light at the last gamma, beyond which the file misses some; None if it is complete."""
     table = file.intensity
     last = float(table.gamma_deg[-1])
     at_last = float(table.values[:, -1].max() / table.values.max())

@@ -1,7 +1,7 @@
 """Reading, writing and conversion of photometric files; the format is recognised by the content.
 
-Encoding, line ends and end marks vary by program and age. The account of a conversion goes through the fields of the
-record: what a format states, and the other has no place for, is listed.
+Encoding, line ends and end marks vary by program and age. The report of a conversion goes through the fields of the
+record, and lists those that the new format cannot hold.
 """
 
 import re
@@ -35,14 +35,14 @@ _PADDING = "\0\x1a \t\n"
 
 
 def text_of(content: bytes) -> tuple[str, tuple[str, ...]]:
-    """Text of a file with "\\n" for line ends, up to its end mark; and warnings on anything that was left out.
+    """Text of a file with "\\n" for line ends, up to its end mark; and warnings on text left out.
 
-    UTF-8 and UTF-16, with a byte-order mark or without, then Windows-1252, in which byte 85 hex is an ellipsis and
-    not, as in Unicode, the end of a line.
+    UTF-8 and UTF-16, with a byte-order mark or without, then Windows-1252, in which byte 85 hex is an ellipsis and not,
+    as in Unicode, the end of a line.
     """
     text = _LINE_END.sub("\n", decoded(content).replace("\x85", "…"))
-    text, mark, rest = text.partition(_END_OF_TEXT)
-    left_out = rest.strip(_PADDING)
+    text, mark, behind_mark = text.partition(_END_OF_TEXT)
+    left_out = behind_mark.strip(_PADDING)
     warning = f"{len(left_out)} characters after its end mark (Ctrl-Z) are left out"
     return text.rstrip(_PADDING), (warning,) if mark and left_out else ()
 
@@ -120,7 +120,7 @@ def convert_photometric(path_in: Path, path_out: Path, *, ies_version: IesVersio
     """
     original = read_photometric(path_in)
     warnings = []
-    kept = replace(
+    written = replace(
         original, test=f"{original.test} (converted from {shortened(Path(path_in).name)} by lensforge)".strip()
     )
     if Path(path_out).suffix.lower() == ".ldt" and original.absolute:
@@ -129,9 +129,9 @@ def convert_photometric(path_in: Path, path_out: Path, *, ies_version: IesVersio
         )
     elif original.per_1000_lm and Path(path_out).suffix.lower() != ".ldt":
         warnings.append("the lumens of its lamps are not known: 1000 lm are written, for which its intensities are")
-    write_photometric(path_out, kept, ies_version=ies_version)
+    write_photometric(path_out, written, ies_version=ies_version)
     back = read_photometric(path_out)
-    if not _same_intensities(kept, back):
+    if not _same_intensities(written, back):
         raise InputError(f"{path_out}: its intensities read back are not those of {path_in}; report this")
     return PhotometricConversion(
         from_format=original.format,
@@ -145,7 +145,7 @@ def convert_photometric(path_in: Path, path_out: Path, *, ies_version: IesVersio
 
 
 def _same_intensities(before: PhotometricFile, after: PhotometricFile) -> bool:
-    """True where both have the same table, to the digits written."""
+    """True if both have the same table, to the digits written."""
     first = before.intensity
     second = after.intensity
     if first.values.shape != second.values.shape:
@@ -159,7 +159,7 @@ def _same_intensities(before: PhotometricFile, after: PhotometricFile) -> bool:
 
 
 def _lost(before: PhotometricFile, after: PhotometricFile) -> Iterator[str]:
-    """List the statements of ``before`` that ``after`` does not make, or makes differently."""
+    """Statements of ``before`` that ``after`` lacks or contradicts."""
     if after.test.startswith(before.test):  # which a conversion adds to
         after = replace(after, test=before.test)
     after = replace(after, stated_lumens=after.stated_lumens or after.intensity.flux())
@@ -179,7 +179,7 @@ def _lost(before: PhotometricFile, after: PhotometricFile) -> Iterator[str]:
 
 
 def _differences(before: PhotometricFile | LampSet, after: PhotometricFile | LampSet) -> Iterator[str]:
-    """Statements of the fields of ``before``, by their words, where those of ``after`` state another thing."""
+    """Labels of the fields of ``before`` whose statements differ in ``after``."""
     for field in fields(before):
         label = field.metadata.get("words")
         had = getattr(before, field.name)
@@ -202,7 +202,7 @@ _WHOLE = {"colour": KELVIN, "rendering": INDEX}  # texts that TM-33 has as numbe
 
 
 def _same(had: object, has: object, name: str) -> bool:
-    """True where two values say the same: numbers to the digits of a header, texts that are numbers in TM-33 so."""
+    """True if two values agree: numbers to the digits of a header, also numbers that TM-33 holds as text."""
     if isinstance(had, LuminousOpening) and isinstance(has, LuminousOpening):
         return had.shape == has.shape and _close(_sizes(had), _sizes(has))
     if name in _WHOLE and isinstance(had, str) and isinstance(has, str):

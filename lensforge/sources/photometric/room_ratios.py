@@ -18,16 +18,16 @@ _GAMMA_STEP_DEG = 0.5
 
 
 def flux_code(table: CandelaTable) -> tuple[float, ...]:
-    """N1 to N4 of the flux code, as shares: of the downward flux in three cones, then that of all flux; 0 without any.
+    """N1 to N4 of the flux code: shares of the downward flux in three cones, then of all flux downwards; 0 if dark.
 
-    N5 is the light output ratio, which no table of intensities says.
+    N5 is the light output ratio, which a table of intensities does not contain.
     """
     *cones, down = (table.share_up_to(np.degrees(np.arccos(cosine))) for cosine in _CONE_COSINES)
     return (*(cone / down if down > 0.0 else 0.0 for cone in cones), down)
 
 
 def direct_ratios(table: CandelaTable) -> tuple[float, ...]:
-    """Share of all flux that falls straight on the working plane, for each of the ten room indices."""
+    """Share of all flux that falls directly on the working plane, for each of the ten room indices."""
     c_deg = _refined(np.append(table.c_deg, 360.0), 360.0, _C_STEP_DEG)
     gamma_deg = _refined(table.gamma_deg, min(90.0, table.gamma_deg[-1]), _GAMMA_STEP_DEG)
     values = np.stack([np.interp(gamma_deg, table.gamma_deg, table.at(turn)) for turn in c_deg])

@@ -112,7 +112,7 @@ def decode(text: str, name: str) -> PhotometricFile:
 
 
 def _lamp(root: Element, emitter: Element, name: str) -> tuple[LampSet, bool, tuple[str, ...]]:
-    """Lamps of the emitter; whether its intensities are absolute; and the words on what is not clear of them."""
+    """Lamps of the emitter; whether its intensities are absolute; and warnings on unclear statements."""
     warnings = []
     quantity = _number(emitter, "Quantity", name) or 1.0
     if quantity != 1.0:
@@ -138,7 +138,7 @@ def _lamp(root: Element, emitter: Element, name: str) -> tuple[LampSet, bool, tu
 
 
 def _labels(root: Element) -> tuple[list[tuple[str, str]], tuple[str, ...]]:
-    """Keywords of LM-63 and their texts in the comments, and the remarks among these."""
+    """Keywords of LM-63 and their texts in the comments, and remarks."""
     texts = [single_line(comment.text or "") for comment in root.findall("Header/Comment")]
     labels = [label.groups() for text in texts if (label := _LABEL.fullmatch(text)) is not None]
     remarks = (text for text in texts if text not in ("", DATE_UNKNOWN, WATTS_UNKNOWN))
@@ -148,7 +148,7 @@ def _labels(root: Element) -> tuple[list[tuple[str, str]], tuple[str, ...]]:
 
 
 def _others(root: Element, emitter: Element) -> Iterator[tuple[str, str]]:
-    """Elements that no field holds: path and text of each that has no others, path alone of lists of numbers."""
+    """Elements without a field: path and text of leaves, path alone for lists of numbers."""
     for part in root:
         if part.tag != "Emitter" or part is emitter:
             yield from _leaves(part, part.tag)
@@ -170,12 +170,12 @@ def _leaves(element: Element, path: str) -> Iterator[tuple[str, str]]:
 
 
 def _is_held(path: str) -> bool:
-    """True for an element that the record has a field for, or that follows from the others."""
+    """True for an element that has a field in the record, or follows from the others."""
     return any(path == held or path.startswith(f"{held}/") for held in _HELD)
 
 
 def _opening(emitter: Element, name: str) -> LuminousOpening:
-    """The opening by its lower face, where it is one, and its sides; lengths of TM-33 are in metres."""
+    """The opening by its lower face, if it has one, and its sides; lengths of TM-33 are in metres."""
     if len(emitter.findall(_AREA)) != 1:
         return LuminousOpening()
     length, width = (1000.0 * max(_number(emitter, f"{_AREA}/{size}", name), 0.0) for size in ("Length", "Width"))
@@ -185,7 +185,7 @@ def _opening(emitter: Element, name: str) -> LuminousOpening:
 
 
 def _housing_mm(root: Element, name: str) -> tuple[float, float, float]:
-    """Length, width and height of the luminaire, its width 0 where it is round."""
+    """Length, width and height of the luminaire, the width 0 if it is round."""
     sizes = [_number(root, f"Luminaire/Dimensions/{size}", name) for size in ("Length", "Width", "Height")]
     length, width, height = (1000.0 * max(size, 0.0) for size in sizes)
     is_round = _text(root, "Luminaire/Shape").replace(" ", "") == ROUND_HOUSING and length == width
@@ -193,7 +193,7 @@ def _housing_mm(root: Element, name: str) -> tuple[float, float, float]:
 
 
 def _parsed(text: str, name: str) -> ElementTree.Element:
-    """The tree of ``text`` without namespaces. Raises :class:`InputError` where it is no XML, or might expand."""
+    """The tree of ``text`` without namespaces. Raises :class:`InputError` if it is malformed, or might expand."""
     if "<!DOCTYPE" in text:
         raise InputError(f"{name}: XML with a DOCTYPE, which TM-33 does not have and which may hide more; export again")
     if text.count("<") > MOST_NUMBERS:
@@ -206,7 +206,7 @@ def _parsed(text: str, name: str) -> ElementTree.Element:
 
 
 def _emitter(root: ElementTree.Element, name: str) -> tuple[ElementTree.Element, tuple[str, ...]]:
-    """The only emitter of the file with luminous intensities, and words on those without."""
+    """The only emitter of the file with luminous intensities, and warnings on those without."""
     emitters = root.findall("Emitter")
     lit = [emitter for emitter in emitters if emitter.find(_INTENSITY) is not None]
     if len(lit) != 1:
@@ -248,7 +248,7 @@ _SAME_IMAGE = 0.02  # of the largest intensity
 
 
 def _of_symmetry(emitter: ElementTree.Element, intensity: CandelaTable) -> Iterator[str]:
-    """Words on a symmetry that the file states, and its intensities or its angles h do not have."""
+    """Warning on a stated symmetry that the intensities or the angles h do not have."""
     stated = _text(emitter, f"{_INTENSITY}/Symm")
     word = stated.lower().removeprefix("symm").strip("_ ")
     h_deg = np.unique([float(element.get("h", "nan")) for element in emitter.findall(f"{_INTENSITY}/IntData")])
@@ -269,7 +269,7 @@ def _of_symmetry(emitter: ElementTree.Element, intensity: CandelaTable) -> Itera
 
 
 def _has_images(intensity: CandelaTable, about: tuple[bool, bool], revolution: bool) -> bool:
-    """True where the table is its own mirror image ``about`` C 0 and C 90, as far as asked, or of ``revolution``."""
+    """True if the table is its own mirror image ``about`` C 0 and C 90, where required, or of ``revolution``."""
     if len(intensity.c_deg) == 1:
         return True
     values = intensity.values
@@ -277,8 +277,8 @@ def _has_images(intensity: CandelaTable, about: tuple[bool, bool], revolution: b
     place = np.arange(len(intensity.c_deg))
     images = [
         np.interp((axis - intensity.c_deg) % 360.0, intensity.c_deg, place)
-        for axis, asked in zip((360.0, 180.0), about, strict=True)
-        if asked
+        for axis, is_required in zip((360.0, 180.0), about, strict=True)
+        if is_required
     ]
     apart = [np.abs(_planes_at(values, image) - values).max() for image in images]
     if revolution:

@@ -49,7 +49,7 @@ ORDER = {
 
 
 def whole_in(text: str, pattern: re.Pattern[str]) -> str:
-    """The whole number that all of ``text`` says by ``pattern``; empty if it says another thing."""
+    """``text`` if all of it matches a whole number by ``pattern``; else empty."""
     match = pattern.fullmatch(text.strip())
     return "" if match is None else match.group(1)
 
@@ -57,8 +57,8 @@ def whole_in(text: str, pattern: re.Pattern[str]) -> str:
 def document(photometric: PhotometricFile) -> str:
     """XML text of ``photometric``: absolute candela, or relative to the lumens of the lamp where they are known."""
     root = Element("IESTM33-22")
-    kept = ((path, text) for path, text in photometric.others if "/" in path)
-    for path, text in (*_texts(photometric).items(), *_comments(photometric), *kept):
+    others = ((path, text) for path, text in photometric.others if "/" in path)
+    for path, text in (*_texts(photometric).items(), *_comments(photometric), *others):
         if text:
             _insert(root, path, text)
     _add_intensities(root, photometric)
@@ -67,7 +67,7 @@ def document(photometric: PhotometricFile) -> str:
 
 
 def _texts(photometric: PhotometricFile) -> dict[str, str]:
-    """Texts of the elements by their paths; one without text is left out."""
+    """Texts of the elements by their paths, without empty ones."""
     table = photometric.intensity
     lamp = photometric.lamps[0]
     lumens = photometric.written_lumens
@@ -115,7 +115,7 @@ def _comments(photometric: PhotometricFile) -> Iterator[tuple[str, str]]:
 
 
 def _date(photometric: PhotometricFile) -> str:
-    """Date as the schema has it; empty if none is stated, or in another way than ISO 8601, such as 7/8/2021."""
+    """Date as in the schema; empty if none is stated, or not in ISO 8601, such as 7/8/2021."""
     try:
         return date.fromisoformat(photometric.issued).isoformat()
     except ValueError:
@@ -135,17 +135,17 @@ def _housing(housing_mm: tuple[float, float, float]) -> dict[str, str]:
 
 
 def _generation(keyword: str) -> dict[str, str]:
-    """Generation of the data by the ``keyword`` of LM-63-2019; nothing where that is undefined."""
-    says = {
+    """Generation of the data by the ``keyword`` of LM-63-2019; empty if undefined."""
+    flags = {
         "Simulation": keyword == SIMULATED,
         "IntensityScaling": "scaled" in keyword,
         "AngleInterpolation": "interpolated" in keyword,
     }
-    return {f"Emitter/DataGeneration/{name}": _boolean(text) for name, text in says.items() if keyword != UNDEFINED}
+    return {f"Emitter/DataGeneration/{name}": _boolean(text) for name, text in flags.items() if keyword != UNDEFINED}
 
 
 def _faces(opening: LuminousOpening) -> dict[str, str]:
-    """The lower face of the opening, and its sides where they have a height; none of a point."""
+    """The lower face of the opening, and its sides if they have a height; empty for a point."""
     if opening.shape == POINT:
         return {}
     length = {"Length": opening.length_mm}
@@ -158,15 +158,15 @@ def _faces(opening: LuminousOpening) -> dict[str, str]:
     return texts
 
 
-def _face(which: str, sizes_mm: dict[str, float]) -> dict[str, str]:
-    place = f"Emitter/EmissionAreas/{which}Face"
+def _face(face: str, sizes_mm: dict[str, float]) -> dict[str, str]:
+    place = f"Emitter/EmissionAreas/{face}Face"
     sizes = sizes_mm | {f"{name}Offset": 0.0 for name in sizes_mm}
-    areas = {f"{place}/{which}Area/{name}": _metres(size) for name, size in sizes.items()}
-    return {f"{place}/Number{which}": "1", **areas}
+    areas = {f"{place}/{face}Area/{name}": _metres(size) for name, size in sizes.items()}
+    return {f"{place}/Number{face}": "1", **areas}
 
 
 def _insert(root: Element, path: str, text: str) -> None:
-    """Add an element at ``path``, where the schema has its name among those beside it; what is there stays."""
+    """Add an element at ``path``, in the order of the schema; existing elements stay."""
     parent = root
     for name in path.split("/"):
         child = parent.find(name)

@@ -94,7 +94,7 @@ class RayFile:
             self.release_pages()
 
     def rows(self, chosen: slice | Rows | Int[np.ndarray, " k"]) -> "RayFile":
-        """Some of the rays: views where ``chosen`` is a slice, else copies of their numbers as stored."""
+        """Select rays by ``chosen``: views for a slice, else copies."""
         return replace(
             self,
             positions_mm=self.positions_mm[chosen],
@@ -105,11 +105,11 @@ class RayFile:
         )
 
     def release_pages(self) -> None:
-        """Give back the memory of the pages of a mapped file; they are read again when used."""
+        """Release the memory of the pages of a mapped file; they are read again when used."""
         release_pages(self.positions_mm, self.directions, self.flux, self.wavelengths_nm, self.spectrum_numbers)
 
     def ray_sum(self) -> float:
-        """Sum of the fluxes of the usable rays, as stored."""
+        """Sum of the stored fluxes of the usable rays."""
         total = 0.0
         for block in self.blocks():
             finite, directed, bright = _faultless(block)
@@ -188,7 +188,7 @@ def usable_rows(rayfile: RayFile) -> tuple[Rows, dict[str, int]]:
 
 
 def _faultless(rayfile: RayFile) -> tuple[Rows, Rows, Rows]:
-    """Masks of the rays with finite numbers, with a direction, and with flux, from the numbers as stored."""
+    """Masks of the rays with finite numbers, with a direction, and with flux, from the stored numbers."""
     with np.errstate(invalid="ignore", over="ignore"):
         finite = (np.abs(rayfile.flux) < HUGE) & np.ones(len(rayfile), dtype=bool)
         squared = np.zeros(len(rayfile))
@@ -205,7 +205,7 @@ def no_usable_ray(rayfile: RayFile, dropped: dict[str, int]) -> InputError:
 
 
 def causes(dropped: dict[str, int]) -> str:
-    """List counts and causes in words."""
+    """Counts and causes, as a phrase."""
     return ", ".join(f"{count} {cause.replace('_', ' ')}" for cause, count in dropped.items() if count)
 
 
@@ -213,8 +213,8 @@ def causes(dropped: dict[str, int]) -> str:
 class Format:
     """Ray-file format: ``matches(head, size)`` by content alone, ``decode`` a mapped file, ``encode`` in pieces.
 
-    ``suffixes`` are only what files of this format are usually called; they help to choose a format for writing.
-    ``decode`` raises :class:`InputError` for a damaged file, ``encode`` for rays that the format cannot hold.
+    ``suffixes`` are merely the usual ones of this format; they help to choose a format for writing. ``decode`` raises
+    :class:`InputError` for a damaged file, ``encode`` for rays that the format cannot hold.
     """
 
     name: str
@@ -233,7 +233,7 @@ FORMATS: dict[str, Format] = {}  # by name; files are offered to them in this or
 
 
 def register(entry: Format) -> Format:
-    """Make a format known to all that reads, writes and recognises ray files; return it."""
+    """Register a format for reading, writing and recognition; return it."""
     FORMATS[entry.name] = entry
     return entry
 

@@ -28,7 +28,7 @@ def read_rayfile(path: Path) -> RayFile:
 
 
 def is_rayfile(path: Path) -> bool:
-    """True where the content of ``path`` is recognised as one of the formats, damaged or not."""
+    """True if the content of ``path`` is recognised as one of the formats, damaged or not."""
     try:
         image = FileImage.open(path)
     except InputError:
@@ -107,7 +107,7 @@ def convert(path_in: Path, path_out: Path, format: str | None = None) -> Convers
 
 
 def _lost(before: RayFile, after: RayFile) -> Iterator[str]:
-    """List the statements of ``before`` that ``after``, the same rays in another format, does not make."""
+    """Statements of ``before`` that ``after``, the same rays in another format, lacks."""
     if after.format == before.format:
         return  # copied byte for byte
     units: tuple[FluxUnit, ...] = ("W", "lm")
@@ -141,7 +141,7 @@ def _format_for(path: Path) -> Format:
 
 
 def _in_nanometres(rayfile: RayFile) -> RayFile:
-    """Convert wavelengths that can only be µm, whatever their format says, to nm, with a warning."""
+    """Convert wavelengths that can only be in µm, whatever their format states, to nm, with a warning."""
     warnings = list(rayfile.warnings)
     header = dict(rayfile.header)
     waves = rayfile.wavelengths_nm

@@ -30,7 +30,7 @@ _LEAST_KNOWN = 1e-12  # no total in W or lm, no wavelength
 
 @dataclass(frozen=True)
 class FileImage:
-    """The bytes of one file, mapped; every access is checked, so that a lying header cannot lead outside."""
+    """The bytes of one file, mapped; every access is checked, so that a wrong header cannot lead outside."""
 
     path: Path
     data: UInt8[np.ndarray, " bytes"]
@@ -95,7 +95,7 @@ class FileImage:
 
 @dataclass(frozen=True)
 class FileState:
-    """Size of a mapped file and the time at which it was last written to: later its numbers would be others.
+    """Size of a mapped file and time of its last change, after which its numbers would differ.
 
     The system ends a process that reads a mapped file beyond its end, without a line.
     """
@@ -107,18 +107,22 @@ class FileState:
 
     @classmethod
     def of(cls, path: Path) -> "FileState":
-        """The present state of ``path``. Raises OSError where it is gone."""
-        now = path.stat()
-        return cls(path, now.st_ino, now.st_size, now.st_mtime_ns)
+        """The present state of ``path``. Raises OSError if it no longer exists."""
+        stat = path.stat()
+        return cls(path, stat.st_ino, stat.st_size, stat.st_mtime_ns)
 
     def require_same(self) -> None:
-        """Raise :class:`InputError` where the file was written to since; a file that took its name does no harm."""
+        """Raise :class:`InputError` if the file was written to since; a new file under its name does no harm."""
         try:
-            now = FileState.of(self.path)
+            present = FileState.of(self.path)
         except OSError:  # deleted: its content stays until it is no longer mapped
             return
-        if now.inode == self.inode and now != self:
-            size = f"{self.size} to {now.size} bytes" if now.size != self.size else f"{now.size} bytes as before"
+        if present.inode == self.inode and present != self:
+            size = (
+                f"{self.size} to {present.size} bytes"
+                if present.size != self.size
+                else f"{present.size} bytes as before"
+            )
             raise InputError(
                 f"{self.path}: was written to while its rays were in use ({size}); start again when it is complete"
             )
@@ -131,7 +135,7 @@ def as_float64(values: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
 
 
 def known(value: float) -> float | None:
-    """A header number, or None if it is a way of writing unknown: 0, negative, absurd, NaN, byte-swapped NaN."""
+    """A header number, or None for the ways of writing unknown: 0, negative, absurd, NaN, byte-swapped NaN."""
     return float(value) if _LEAST_KNOWN < value < HUGE else None
 
 
@@ -184,7 +188,7 @@ _UTF_16 = 0.9  # share of zeros in its upper bytes
 
 
 def as_plain_text(image: FileImage) -> FileImage:
-    """A text in UTF-16, or with the line ends of an old Macintosh, as others are; any other file as it is."""
+    """A text in UTF-16, or with old Macintosh line ends, as plain text; any other file unchanged."""
     head = image.part(0, HEAD_BYTES)
     utf_16 = any(
         upper.count(0) > _UTF_16 * len(upper) and min(lower, default=0) >= _LEAST_IN_TEXT
@@ -244,7 +248,7 @@ _COMMAS_TO_POINTS = bytes.maketrans(b",", b".")
 
 
 def _numbers(image: FileImage, body: bytes, line: int, dialect: Dialect) -> Float[np.ndarray, "n columns"] | None:
-    """Numbers of a block, read as the one reader of tables does where it is not numbers alone; None for none."""
+    """Numbers of a block, read by :mod:`results.text_table` if it holds anything else; None for none."""
     plain = body.translate(_COMMAS_TO_POINTS) if dialect.decimal == "," else body
     delimiter = None if dialect.separator == " " else dialect.separator
     if dialect.decimal == "." or b"." not in body:
@@ -266,7 +270,7 @@ _BETWEEN = re.compile(rb"[\s,;]+")
 def cut_warnings(image: FileImage) -> tuple[str, ...]:
     """A warning if the last line has no end, and its last number fewer characters than any other's of its column.
 
-    Nothing else shows that a file was cut there; many programs leave out the last end of line.
+    Nothing else shows truncation there, and many programs omit the last end of line.
     """
     tail = image.part(max(image.size - HEAD_BYTES, 0), image.size)
     *lengths, last = [len(_BETWEEN.split(line.strip())[-1]) for line in tail.splitlines()[1:] if line.strip()] or [0]
@@ -310,7 +314,7 @@ def is_counted_text(head: bytes, counts: tuple[int, int], widths: Sequence[int])
 
 
 def _counted(head: bytes) -> tuple[list[float], str, Dialect]:
-    """Numbers of the first line, the second line, and how its numbers are written."""
+    """Numbers of the first line, the second line, and the dialect of its numbers."""
     first, ray = head.decode("latin-1").split("\n")[:2]
     with warnings.catch_warnings(action="ignore"):  # said once, by who reads the file
         try:

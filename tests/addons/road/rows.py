@@ -38,7 +38,7 @@ def arrangement(name: str) -> Case:
             away = (x - start - 30.0 * number) ** 2 + (y - across) ** 2 + 64.0
             total += np.where(away - 64.0 <= 40.0**2, 4000.0 * 8.0 / away**1.5, 0.0)  # up to 5 heights
     found = judged(arrangement=name, overhang_m=-1.0, maintenance_factor=1.0, **more)
-    right, left = (each.value for each in found.edges)
+    right, left = (edge.value for edge in found.edges)
     brighter = {"right": 1, "left": -1, "median": -1}.get(name, 0)
     figures = found.mean_lx.value, found.least_lx.value, int(np.sign(round(right - left, 9)))
     return figures, (pytest.approx(total.mean(), rel=2e-3), pytest.approx(total.min(), rel=0.03), brighter)
@@ -61,7 +61,7 @@ PATHS = {"P1": (15.0, 3.0), "P2": (10.0, 2.0), "P3": (7.5, 1.5), "P4": (5.0, 1.0
 
 def lighting_class(name: str) -> Case:
     """All bounds that the class asks for, each value once."""
-    bounds = {each.bound for each in judged(lighting_class=name).limits}
+    bounds = {limit.bound for limit in judged(lighting_class=name).limits}
     if name in PATHS:
         mean, least = PATHS[name]
         return bounds, {mean, least, 1.5 * mean}
@@ -77,7 +77,7 @@ def driving_side(side: str) -> Case:
 
 
 def wet_surface(name: str) -> Case:
-    added = {each.bound for each in judged(wet_surface=name).limits} - {each.bound for each in judged().limits}
+    added = {limit.bound for limit in judged(wet_surface=name).limits} - {limit.bound for limit in judged().limits}
     return added, {0.15}
 
 
@@ -108,7 +108,7 @@ ROADS = "[[roads]]\nlighting_class = 'P5'\nwidth_m = 6.0\npole_height_m = 5.0\np
 
 def printed(*arguments: object) -> str:
     """What the command prints, whether the road is held or not."""
-    return CliRunner().invoke(road_command, [str(each) for each in arguments]).stdout
+    return CliRunner().invoke(road_command, [str(argument) for argument in arguments]).stdout
 
 
 def of_road(flag: str, here: Path) -> bool:

@@ -5,7 +5,7 @@ from math import atan2, ceil, cos, degrees, hypot, radians, sin, sqrt, tan
 import numpy as np
 import pytest
 
-from lensforge.addons.road.road_classes import THRESHOLD_INCREMENT, VEILING_RATIO, asked_of
+from lensforge.addons.road.road_classes import THRESHOLD_INCREMENT, VEILING_RATIO, requirements_of
 from lensforge.addons.road.road_field import DriverView, RoadReadings
 from lensforge.addons.road.road_section import STANDARD_SURFACES, RoadSection
 from lensforge.addons.road.road_surface import RoadSurface, read_surface
@@ -177,7 +177,7 @@ def test_the_mean_of_a_field_is_the_sum_over_directions(more) -> None:
     z, turn = (each.ravel() for each in np.meshgrid(z, turn))
     units = np.stack([np.sqrt(1.0 - z * z) * np.cos(turn), np.sqrt(1.0 - z * z) * np.sin(turn), z], axis=1)
     lumens = _candela(np.degrees(turn) - 40.0, np.degrees(np.arccos(z))) * 2.0 * np.pi / len(z)
-    asks = [ask for ask in asked_of(RoadReadings.of(road)) if ask.most is not None]
+    asks = [ask for ask in requirements_of(RoadReadings.of(road)) if ask.most is not None]
     assert len(asks) == {"P3": 2, "collector low": 2}.get(road.lighting_class, road.lanes)
     for ask in asks:
         assert lumens @ ask.most.per_lumen(units, 40.0) == pytest.approx(_of(ask.light).mean(), rel=0.02), ask.name
@@ -265,14 +265,16 @@ _RP8 = {
 
 @pytest.mark.parametrize("name", _RP8)
 def test_a_class_of_rp_8_asks_for_its_ratios(name: str) -> None:
-    asks = list(asked_of(RoadReadings.of(RoadSection(**ROAD | {"lighting_class": name, "maintenance_factor": 0.7}))))
-    assert [(each.quantity, each.sense) for each in asks] == [
+    asks = list(
+        requirements_of(RoadReadings.of(RoadSection(**ROAD | {"lighting_class": name, "maintenance_factor": 0.7})))
+    )
+    assert [(requirement.quantity, requirement.sense) for requirement in asks] == [
         (PlaceLight(), ">="), (MeanOverLeast(), "<="), (MostOverLeast(), "<="), (VEILING_RATIO, "<=")
     ]  # fmt: skip
-    assert tuple(each.bound for each in asks) == _RP8[name]
+    assert tuple(requirement.bound for requirement in asks) == _RP8[name]
     assert _of(asks[0].light).item() == pytest.approx(0.7 * _of(asks[1].light).mean())
     own = RoadSection(**ROAD | {"lighting_class": name, "uniformity": 0.5, "mean_cd_per_m2": 2.0, "oncoming_lanes": 1})
-    both = list(asked_of(RoadReadings.of(own.model_copy(update={"luminance_per_lux": 0.07}))))
+    both = list(requirements_of(RoadReadings.of(own.model_copy(update={"luminance_per_lux": 0.07}))))
     assert [each.bound for each in both[:2]] == [2.0, 2.0] and both[3].bound == 0.07 and own.standard == "RP-8-14"
     assert [each.name for each in both[5:]] == [f"oncoming: {each.name}" for each in both[:5]]
 
@@ -390,7 +392,7 @@ def test_the_tables_have_the_published_lightness_and_gloss(name: str) -> None:
 def test_a_wet_road_must_be_even_for_every_driver(tmp_path) -> None:
     fields = ROAD | {"lanes": 2, "maintenance_factor": 0.8}
     wet = RoadReadings.of(RoadSection(**fields, wet_surface="W4"))
-    asks = [each for each in asked_of(wet) if each.name.endswith("wet")]
+    asks = [each for each in requirements_of(wet) if each.name.endswith("wet")]
     assert [(each.name, each.quantity, each.bound) for each in asks] == [
         (f"lane {lane}: uniformity U0, wet", LeastOverMean(), 0.15) for lane in (1, 2)
     ]
@@ -402,15 +404,17 @@ def test_a_wet_road_must_be_even_for_every_driver(tmp_path) -> None:
     path.write_text(_HEAD + "1,100,80,90\n2,90,20,30\n12,40,0,0\n")
     own = RoadReadings.of(RoadSection(**fields, wet_surface_file=path, wet_uniformity=0.2))
     np.testing.assert_allclose(_of(own.wet[1]), _plain_luminance(own.road, read_surface(path), 5.25), rtol=1e-9)
-    assert [each.bound for each in asked_of(own) if "wet" in each.name] == [0.2, 0.2]
+    assert [each.bound for each in requirements_of(own) if "wet" in each.name] == [0.2, 0.2]
     assert RoadReadings.of(RoadSection(**fields)).wet == ()
 
 
 def test_a_class_asks_of_every_observer() -> None:
     readings = RoadReadings.of(RoadSection(**ROAD, lanes=3, maintenance_factor=0.8, uniformity=0.6))
-    asks: list[IntensityLimit] = list(asked_of(readings))
+    asks: list[IntensityLimit] = list(requirements_of(readings))
     assert len(asks) == 3 * 4 + 2
-    assert [(each.quantity, each.sense, each.bound, each.unit) for each in asks[:4]] == [
+    assert [
+        (requirement.quantity, requirement.sense, requirement.bound, requirement.unit) for requirement in asks[:4]
+    ] == [
         (PlaceLight(), ">=", 1.0, "cd/m²"),
         (LeastOverMean(), ">=", 0.6, ""),
         (LeastOverMost(), ">=", 0.6, ""),
@@ -421,13 +425,13 @@ def test_a_class_asks_of_every_observer() -> None:
     glare = _of(asks[3].light)
     assert mean == pytest.approx(0.8 * glare[-1])  # glare is that of new lamps
     per_lux = RoadReadings.of(RoadSection(**ROAD, maintenance_factor=0.8, luminance_per_lux=0.08))
-    (light,) = (each.light for each in asked_of(per_lux) if each.name == "lane 1: per lux Q")
+    (light,) = (each.light for each in requirements_of(per_lux) if each.name == "lane 1: per lux Q")
     wanted = [_of(per_lux.luminance[0]).mean(), _of(per_lux.illuminance).mean()]
     np.testing.assert_allclose(_of(light), wanted)
     path = RoadReadings.of(RoadSection(**ROAD | {"lighting_class": "P4", "width_m": 2.0, "lanes": 1}))
-    assert [(each.sense, each.bound) for each in asked_of(path)] == [(">=", 5.0), ("<=", 7.5), (">=", 1.0)]
+    assert [(each.sense, each.bound) for each in requirements_of(path)] == [(">=", 5.0), ("<=", 7.5), (">=", 1.0)]
     beside = RoadReadings.of(RoadSection(**ROAD | {"lighting_class": "P4", "edge_ratio": 0.4}))
-    assert [each.bound for each in asked_of(beside)][3:] == [0.4, 0.4]
+    assert [each.bound for each in requirements_of(beside)][3:] == [0.4, 0.4]
 
 
 _HEAD = "tan_gamma,0,90,180\n0,300,300,300\n"

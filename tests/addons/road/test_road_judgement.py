@@ -205,7 +205,7 @@ def test_each_figure_of_each_driver_and_edge_decides_the_class_that_is_reached(n
         return first.model_copy(update=given)
 
     def reached(drivers, edges):
-        return best_class(drivers, tuple(any_edge.model_copy(update={"value": each}) for each in edges))
+        return best_class(drivers, tuple(any_edge.model_copy(update={"value": edge}) for edge in edges))
 
     least = _EN_13201_2[name][4]
     at = driver(**asked)
@@ -396,7 +396,7 @@ def test_the_flux_and_the_spacing_that_are_named_keep_the_mean_of_the_class(tmp_
     def state(limits, part: str) -> set[str]:
         return {each.state for each in limits if part in each.key}
 
-    found = {each.key: each for each in with_remedies(judged(0.05))}
+    found = {limit.key: limit for limit in with_remedies(judged(0.05))}
     remedy = found["lane 1: mean luminance"].remedy
     flux, spacing, glare = map(float, re.findall(r"([0-9.]+) (?:lumens|the spacing|%, above)", remedy))
     assert "fail" in state(judged(0.05 * flux * 0.99), "mean") and state(judged(0.05 * flux), "mean") == {"pass"}
@@ -404,7 +404,9 @@ def test_the_flux_and_the_spacing_that_are_named_keep_the_mean_of_the_class(tmp_
     assert [each.value for each in judged(0.05, spacing) if "mean" in each.key] == pytest.approx([1.5, 1.5], rel=0.15)
     assert "the flux does not change it" in found["lane 2: uniformity U0"].remedy
     dim = RoadSection(**_NOT_TOO_MUCH)
-    (bright,) = (each for each in with_remedies(judge_road(dim, of_lens(_lamp(), 2.0)).limits) if "maximum" in each.key)
+    (bright,) = (
+        limit for limit in with_remedies(judge_road(dim, of_lens(_lamp(), 2.0)).limits) if "maximum" in limit.key
+    )
     (less,) = re.findall(r"× ([0-9.]+) lumens", bright.remedy)
     kept = judge_road(dim, of_lens(_lamp(), 2.0 * float(less))).limits
     assert {each.state for each in kept if "maximum" in each.key} == {"pass"}

@@ -93,7 +93,7 @@ def test_views_of_a_road_have_metres_on_their_axes_and_each_driver_looks_ahead(m
     lens = small_lens(wanted={"target": far, "roads": [near, wide], "photometry": ROAD})
     figure = road_from_above(ShownApplication(make_photometry(lens), lens.spec, 1, 0))
     found = []
-    for axes in (each for each in figure.axes if each.images):
+    for axes in (axis for axis in figure.axes if axis.images):
         (mark,) = (line for line in axes.lines if line.get_marker() in "<>")
         found.append((axes.images[0].get_extent(), mark.get_marker(), *mark.get_xydata().tolist()))
     assert found == [([0.0, 44.0, 8.0, 12.0], "<", [44.0, 10.0]), ([0.0, 44.0, 0.0, 8.0], ">", [0.0, 2.0])]

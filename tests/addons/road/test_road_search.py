@@ -26,7 +26,7 @@ def check(spec: Spec) -> SceneCheck:
 def road_bounds(spec: Spec) -> dict[str, float]:
     """Most light of each limit of a road."""
     _, limits = light_requirements(spec, build_source(spec.source))
-    return {each.name: each.possible for each in limits if each.by_lumens is not None}
+    return {limit.name: limit.possible for limit in limits if limit.by_lumens is not None}
 
 
 def test_a_road_that_scatters_evenly_has_no_more_than_its_lumens_over_its_area(examples: Path, tmp_path: Path) -> None:
