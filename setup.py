@@ -34,6 +34,8 @@ setup(
         "lensforge": [
             "report/templates/*",
             "shop/templates/*",
+            "spec/*.csv",
+            "search/*.csv",
             "addons/*/page/*",
             "addons/*/*.csv",
             "addons/*/road_surfaces/*.csv",

@@ -3,7 +3,7 @@
 import json
 import shlex
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -16,14 +16,18 @@ from lensforge.errors import InputError
 from lensforge.optics.material import MATERIALS
 from lensforge.report.new_scene import CUTTERS, USUAL, NewScene, millimetres
 from lensforge.results.files import require_writable, write_file
+from lensforge.spec.led_packages import led_packages
 from lensforge.spec.lens_section import LensShape
 from lensforge.spec.new_spec import (
+    LIST_OF_PACKAGES,
     SOURCE_KINDS,
     SOURCES,
     TARGET_KINDS,
     TARGETS,
+    listed_packages,
     receiver_beside,
     source_in,
+    source_note,
     target_in,
     zoom_in,
 )
@@ -37,9 +41,13 @@ _MATERIAL = "PMMA"
 _BESIDE = Number(-90.0, 90.0)
 
 
-def _completed(kinds: Sequence[str]) -> Callable[[click.Context, click.Parameter, str], list[CompletionItem]]:
+_Completion = Callable[[click.Context, click.Parameter, str], list[CompletionItem]]
+
+
+def _completed(kinds: Sequence[str], names: Callable[[], Iterable[str]] = tuple) -> _Completion:
     def complete(_context: click.Context, _option: click.Parameter, begun: str) -> list[CompletionItem]:
-        completions = [CompletionItem(f"{kind}:") for kind in kinds if f"{kind}:".startswith(begun)]
+        words = (*(f"{kind}:" for kind in kinds), *names())
+        completions = [CompletionItem(word) for word in words if word.startswith(begun)]
         return completions or [CompletionItem(begun, type="file")]
 
     return complete
@@ -47,7 +55,12 @@ def _completed(kinds: Sequence[str]) -> Callable[[click.Context, click.Parameter
 
 @click.command()
 @click.argument("spec", required=False, type=click.Path(path_type=Path))
-@click.option("--source", metavar="SOURCE", help=f"The LED: {SOURCES}.", shell_complete=_completed(SOURCE_KINDS))
+@click.option(
+    "--source",
+    metavar="SOURCE",
+    help=f"The LED: {SOURCES}.",
+    shell_complete=_completed(SOURCE_KINDS, led_packages),
+)
 @click.option("--target", metavar="TARGET", help=f"The light: {TARGETS}.", shell_complete=_completed(TARGET_KINDS))
 @click.option(
     "--off-axis",
@@ -76,17 +89,22 @@ def new(
     **beside: float | None,
 ) -> None:
     """Write a commented SPEC.toml; in a terminal it prompts for what is missing. Without SPEC.toml: to stdout."""
+    if source == LIST_OF_PACKAGES:
+        click.echo(listed_packages(), nl=False)
+        return
     if spec is not None and spec.exists():
         raise InputError(f"{spec}: exists and is not overwritten; give another name")
     asked = target or _asked("--target", f"light ({TARGETS})", _target)
     wanted = target_in(asked)
     zoom = zoom_in(asked)
+    led = source or _asked("--source", f"LED ({SOURCES})", _source)
     plane = {name: angle for name, angle in beside.items() if angle is not None}
     scene = NewScene.of(
         "lens" if spec is None else spec.stem,
         {"receivers": [receiver_beside(wanted, **plane)]} if plane else {"target": wanted},
-        source_in(source) if source else _asked("--source", f"LED ({SOURCES})", source_in),
+        source_in(led),
         max_radius or _asked("--max-radius", "largest radius of the lens in mm", _radius),
+        source_note(led),
     )
     if zoom is not None:
         scene = scene.zoomed(*zoom)
@@ -146,6 +164,11 @@ def _asked(option: str, question: str, read: Callable[[str], Any], default: str 
 
 def _at_terminal() -> bool:
     return sys.stdin is not None and sys.stdin.isatty()
+
+
+def _source(answer: str) -> str:
+    source_in(answer)
+    return answer
 
 
 def _target(answer: str) -> str:

@@ -48,7 +48,8 @@ def millimetres(given: str, answer: str, allowed: str) -> float:
 class NewScene:
     """A scene without its lens: tables of ``light``, ``source`` and ``constraints``, and the ``material``, if any.
 
-    ``light``: ``target``, ``receivers`` for a plane beside the axis, or the ``states`` of a zoom.
+    ``light``: ``target``, ``receivers`` for a plane beside the axis, or the ``states`` of a zoom. ``of_source``: a note
+    on the source.
     """
 
     name: str
@@ -56,9 +57,10 @@ class NewScene:
     source: Tables
     constraints: Tables
     material: str | None = None
+    of_source: str = ""
 
     @staticmethod
-    def of(name: str, light: Tables, source: Tables, max_radius_mm: float) -> "NewScene":
+    def of(name: str, light: Tables, source: Tables, max_radius_mm: float, of_source: str = "") -> "NewScene":
         """The scene of these tables; the cavity around a ray file is measured. Raises :class:`InputError`."""
         known = "".join(
             character if character.isascii() and (character.isalnum() or character in "-_") else "_"
@@ -67,7 +69,7 @@ class NewScene:
         constraints: Tables = {"max_radius_mm": max_radius_mm}
         if source["kind"] == "rayfile":
             constraints |= cavity_around(RayfileSource(**deepcopy(source)))
-        return NewScene(known or "lens", light, source, constraints)
+        return NewScene(known or "lens", light, source, constraints, of_source=of_source)
 
     def zoomed(self, spot_deg: float, flood_deg: float) -> "NewScene":
         """The scene of a zoom between beams of these full widths, with room for the travel of its LED.
@@ -131,6 +133,19 @@ class NewScene:
         }
         return {"name": self.name, **{name: deepcopy(table) for name, table in tables.items() if table is not None}}
 
+    def tables(self, kind: str, cutter: str, shape: LightShape) -> Tables:
+        """Tables of a spec with this ``kind`` of lens for light of a ``shape``.
+
+        ``cutter``: one of the :data:`CUTTERS`.
+        """
+        unlimited = self._spec(self.content(kind, shape=shape))
+        moulded = cutter == USUAL and unlimited.manufacture.process == "moulded"
+        content = self.content(kind, _made_with("mould" if moulded else cutter, unlimited), shape)
+        made = self._spec(content)
+        if _takes_flat(made):
+            content["base"] = {**content.get("base", {}), "flat_mm": usual_flat_mm(made.base)}
+        return content
+
     def text(
         self,
         kind: str,
@@ -151,15 +166,10 @@ class NewScene:
         from lensforge.search.scene_check import SceneCheck
 
         shape = light_shape(self._spec(self.content(kind)))
-        unlimited = self._spec(self.content(kind, shape=shape))
-        if cutter == USUAL and unlimited.manufacture.process == "moulded":
-            warn("no ball reaches the inner edges of this lens: it has the limits of a mould; --cutter selects others")
-            cutter = "mould"
-        content = self.content(kind, _made_with(cutter, unlimited), shape)
+        content = self.tables(kind, cutter, shape)
         made = self._spec(content)
-        if _takes_flat(made):
-            content["base"] = {**content.get("base", {}), "flat_mm": usual_flat_mm(made.base)}
-            made = self._spec(content)
+        if cutter == USUAL and made.manufacture.process == "moulded":
+            warn("no ball reaches the inner edges of this lens: it has the limits of a mould; --cutter selects others")
         if made.manufacture.process == "moulded":
             warn("manufacture.shrinkage is not given: ask the moulder for that of the plastic, such as 0.005")
         scenes = {name: SceneCheck.of(alone, source_of(alone)) for name, alone in made.by_state.items()}
@@ -186,7 +196,8 @@ class NewScene:
         possible = f"{bounds[:1].upper()}{bounds[1:]}, {made.lens.title} of largest radius."
         if examples:
             possible += f"\n# Nearest shipped examples: {', '.join(examples)}."
-        return new_text(content, reasons, title[:1].upper() + title[1:], possible, list(_flange_for(made)))
+        head = title[:1].upper() + title[1:]
+        return new_text(content, reasons, head, possible, list(_flange_for(made)), self.of_source)
 
     def _spec(self, content: Tables) -> Spec:
         return parse_spec(deepcopy(content), "new")

@@ -1,8 +1,9 @@
-"""Advice on the kind of lens: the largest share of the light that each can send to a target, and which suits that best.
+"""Advice on the kind of lens: the light that each has sent to such a target, or can at most, and which suits that best.
 
-Each turns light by other means, and loses some (``scene.possible_light``); étendue bounds lenses of one size alike, and
-tells no kind from another. What a kind can draw its declaration says: faces of one way draw any picture, pictures of
-several ways overlap to a patch of light, and a mirror around the source gathers light.
+Drafts of each kind are known for common sizes (``search.designed_light``). Beyond these bounds decide: each kind turns
+light by other means, and loses some (``scene.possible_light``); étendue bounds lenses of one size alike, and tells no
+kind from another. What a kind can draw its declaration says: faces of one way draw any picture, pictures of several
+ways overlap to a patch of light, and a mirror around the source gathers light.
 """
 
 from collections.abc import Mapping
@@ -12,19 +13,22 @@ import numpy as np
 from jaxtyping import Float
 from scipy.spatial import ConvexHull
 
+from lensforge.light.receiver_light import LARGEST_NMSE
 from lensforge.scene.receiver import PosedReceiver
 from lensforge.scene.receiver_shapes import receivers_of
 from lensforge.scene.target_pattern import in_target, target_light
-from lensforge.search.scene_check import Requirement, light_requirements
+from lensforge.search.designed_light import DesignedLight, DraftPlace, designed_light, series_of
+from lensforge.search.scene_check import light_requirements
 from lensforge.search.start_faces import AngularSize, beam_of, pixel_angles_rad
 from lensforge.sources.ray_bundle import Source
 from lensforge.spec import Spec
 from lensforge.spec.lens_section import LensShape, LightShape
 
-# Share of the largest bound with which a simpler lens is advised. Around a half angle of 30 degrees the bound of two
-# faces is 0.988 of that with total reflection, and designed lenses send 0.973; at 20 degrees 0.969 and 0.943
+# Share of the most light with which a simpler lens is advised. Around a half angle of 30 degrees the bound of two faces
+# is 0.988 of that with total reflection, and designed lenses send 0.973; at 20 degrees 0.969 and 0.943
 # (docs/validation.md, "Which lens").
 _NEAR = 0.97
+_OF_DRAFTS: tuple[LightShape, ...] = ("round", "patch")  # that are known
 _CONVEX = 0.9  # of the area of its hull: the pixels of a disc 10 pixels wide have 0.93 of it
 _UNEVEN = 0.05  # share of the light's variance within rings of equal angle: pixels of a round edge have less
 _RINGS = 32
@@ -36,58 +40,110 @@ _BESIDE = 0.25  # off the axis by so much of the width
 
 @dataclass(frozen=True)
 class LensOption:
-    """A kind of lens for some light: ``possible``, the largest share of it that such faces can turn to the target."""
+    """A kind of lens for some light: ``possible``, the largest share of it that such faces can turn to the target.
+
+    ``designed``: what drafts like it reached; None where there are none.
+    """
 
     kind: type[LensShape]
     possible: float
+    designed: DesignedLight | None = None
+
+    @property
+    def reached(self) -> float | None:
+        """Efficiency of drafts like it; None where there are none."""
+        return None if self.designed is None else self.designed.of_possible * self.possible
 
     @property
     def words(self) -> str:
         """The bound and the lens in words."""
         return f"{100.0 * self.possible:.3g} % with a {self.kind.title}"
 
+    @property
+    def reached_words(self) -> str:
+        """The light that drafts reached and the lens in words; empty where there are none."""
+        if self.designed is None or self.reached is None:
+            return ""
+        return f"{self.reached:.2f} with a {self.kind.title} (NMSE {self.designed.nmse:.1g})"
+
 
 @dataclass(frozen=True)
 class LensAdvice:
     """The kinds of lens for some light, by their names, and the one that is ``advised``.
 
-    ``shares``: bounds of those that suit its shape over the largest of them, the simplest kind first.
+    ``shares``: of those that suit its shape, the simplest first, the light over the most: ``by_drafts``, or by their
+    bounds where drafts are not known.
     """
 
     options: Mapping[str, LensOption]
     advised: str
     shares: Mapping[str, float]
+    by_drafts: bool = False
 
     @staticmethod
     def of(specs: Mapping[str, Spec], source: Source, shape: LightShape) -> "LensAdvice":
         """Advice on ``specs`` that differ in the kind of their lens, the simplest first; ``shape``: of the light."""
+        place = DraftPlace.of(next(iter(specs.values())), source) if shape in _OF_DRAFTS else None
         options = {
-            kind: LensOption(type(spec.lens), _turned(light_requirements(spec, source)[0][0]))
+            kind: LensOption(
+                type(spec.lens),
+                turned_share(spec, source),
+                None if place is None else designed_light(series_of(spec), place),
+            )
             for kind, spec in specs.items()
         }
+        return LensAdvice.among(options, shape)
+
+    @staticmethod
+    def among(options: Mapping[str, LensOption], shape: LightShape) -> "LensAdvice":
+        """Advice on ``options``, the simplest first, for light of that ``shape``."""
         suitable = {kind: option for kind, option in options.items() if shape in option.kind.draws} or options
-        most = max(option.possible for option in suitable.values())
-        shares = {kind: option.possible / most if most > 0.0 else 1.0 for kind, option in suitable.items()}
+        reached = _reached(suitable)
+        light = reached or {kind: option.possible for kind, option in suitable.items()}
+        most = max(light.values())
+        shares = {kind: value / most if most > 0.0 else 1.0 for kind, value in light.items()}
         advised = next(kind for kind, share in shares.items() if share >= _NEAR)
-        return LensAdvice(options, advised, shares)
+        return LensAdvice(options, advised, shares, by_drafts=bool(reached))
 
     @property
     def words(self) -> str:
-        """The bounds of all kinds in words, the largest first."""
+        """The bounds of all kinds in words, the largest first, and what drafts reached, where they are known."""
         ordered = sorted(self.options.values(), key=lambda option: -option.possible)
-        return f"upper bound {', '.join(option.words for option in ordered)}"
+        bounds = f"upper bound {', '.join(option.words for option in ordered)}"
+        if not self.by_drafts:
+            return bounds
+        drafts = sorted(self.options.values(), key=lambda option: -(option.reached or 0.0))
+        reached = ", ".join(filter(None, (option.reached_words for option in drafts)))
+        return f"{bounds}; drafts like this reached an efficiency of {reached}"
 
     @property
     def why(self) -> str:
-        """Words on the choice: of the kinds that suit the light, their shares of the largest bound."""
+        """Words on the choice: of the kinds that suit the light, their shares of the most."""
         if len(self.shares) == 1:
-            return f"{self.advised} is used, the only kind that suits this light"
+            passing = f"whose drafts have an NMSE of {LARGEST_NMSE:g} or less"
+            return f"{self.advised} is used, the only kind {passing if self.by_drafts else 'that suits this light'}"
         ratios = ", ".join(f"{kind} has {share:.4g}" for kind, share in self.shares.items())
-        return f"{self.advised} is used, the simplest with {_NEAR:g} of the largest bound or more: {ratios}"
+        if self.by_drafts:
+            return f"{self.advised} is used, the simplest with {_NEAR:g} of the most or more: {ratios}"
+        by_bound = f"{self.advised} is used, the simplest with {_NEAR:g} of the largest bound or more: {ratios}"
+        return f"{by_bound}; drafts like this are not known"
 
 
-def _turned(target: Requirement) -> float:
-    """Largest share of the light that can reach ``target`` by all laws but étendue."""
+def _reached(options: Mapping[str, LensOption]) -> dict[str, float]:
+    """Efficiency of drafts of the kinds whose pattern passes, or of all where none does; empty where one is not known.
+
+    A kind whose drafts send more light to a wrong pattern is none to advise.
+    """
+    known = {kind: (option.reached, option.designed.nmse) for kind, option in options.items() if option.designed}
+    if len(known) < len(options):
+        return {}
+    passing = {kind: light for kind, (light, nmse) in known.items() if light is not None and nmse <= LARGEST_NMSE}
+    return passing or {kind: light for kind, (light, _) in known.items() if light is not None}
+
+
+def turned_share(spec: Spec, source: Source) -> float:
+    """Largest share of the light that can reach the target by all laws but étendue."""
+    target = light_requirements(spec, source)[0][0]
     bounds = target.bounds
     return target.possible if bounds is None else min(bounds.by_refraction, bounds.by_symmetry)
 

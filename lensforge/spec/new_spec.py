@@ -15,6 +15,7 @@ import tomli_w
 from lensforge.errors import InputError
 from lensforge.spec.derived_values import receiver_of
 from lensforge.spec.emitter_section import EmitterSection
+from lensforge.spec.led_packages import led_package, led_packages, near_packages
 from lensforge.spec.lens_section import LensShape
 from lensforge.spec.spec_reference import SCHEMA_FILE
 from lensforge.spec.target_sections import TargetSection
@@ -29,6 +30,7 @@ _PHOTOMETRIC = (".ies", ".ldt")
 _WIDEST_FLOOD_DEG = 130.0
 _DRAWN = {"text": "text", "image": "file"}  # the field of what is drawn, of each picture by its width
 SOURCE_KINDS = tuple(_SOURCE_FIELDS)
+LIST_OF_PACKAGES = "list"
 TARGET_KINDS = (*_TARGET_FIELDS, *_DRAWN, "beam", "zoom")
 
 
@@ -41,7 +43,8 @@ def _shapes(fields: dict[str, tuple[str, ...]], end: str) -> str:
     return ", ".join(f"{kind}:{size}{end}" for kind, size in sizes.items())
 
 
-SOURCES = f"{_shapes(_SOURCE_FIELDS, '')} in mm, or a ray file"
+_PACKAGES = f"a package such as 3030 (--source {LIST_OF_PACKAGES}: all)"
+SOURCES = f"{_shapes(_SOURCE_FIELDS, '')} in mm, {_PACKAGES}, or a ray file"
 TARGETS = (
     f"{_shapes(_TARGET_FIELDS, '@DISTANCE')}, text:STRING:WIDTH@DISTANCE or "
     "image:FILE:WIDTH@DISTANCE in mm, beam:A or beam:AxB in degrees, zoom:A-B from a spot to a flood, or FILE.ies"
@@ -53,9 +56,27 @@ def source_in(text: str) -> dict[str, Any]:
     kind, _, size = text.partition(":")
     if kind in _SOURCE_FIELDS and size:
         return {"kind": kind, **_sizes("--source", text, size, _SOURCE_FIELDS[kind])}
-    if not Path(text).is_file():
-        raise InputError(f"--source {text}: neither a kind with its size nor a file that is there; give {SOURCES}")
-    return {"kind": "rayfile", "file": text, "origin": "virtual_focus"}
+    if Path(text).is_file():
+        return {"kind": "rayfile", "file": text, "origin": "virtual_focus"}
+    package = led_package(text)
+    if package is None:
+        near = near_packages(text)
+        meant = f"; did you mean {' or '.join(near)}" if near else ""
+        raise InputError(
+            f"--source {text}: no kind with its size, no package and no file that is there{meant}; give {SOURCES}"
+        )
+    return package.source
+
+
+def source_note(text: str) -> str:
+    """Note on the source that ``text`` stand for: the package and its sizes; empty for other ones."""
+    package = None if Path(text).is_file() else led_package(text)
+    return "" if package is None else f"package {package.name}: {package.words}"
+
+
+def listed_packages() -> str:
+    """The packages that ``--source`` takes, a line each."""
+    return "".join(f"{name}\t{package.words}\n" for name, package in led_packages().items())
 
 
 def zoom_in(text: str) -> tuple[float, float] | None:
@@ -201,15 +222,21 @@ _OF_FACES = {  # said of the first face alone
 
 
 def new_text(
-    content: Mapping[str, Any], derived: Mapping[str, str], title: str, possible: str, of_lens: Sequence[str] = ()
+    content: Mapping[str, Any],
+    derived: Mapping[str, str],
+    title: str,
+    possible: str,
+    of_lens: Sequence[str] = (),
+    of_source: str = "",
 ) -> str:
     """TOML of ``content``, its ``derived`` values as comments with the reasons under their dotted names.
 
-    ``of_lens``: what its lens may have besides, a commented line each.
+    ``of_lens``: what its lens may have besides, a commented line each. ``of_source``: a note on its source.
     """
     first = next((face for face, fields in content["lens"].items() if isinstance(fields, Mapping)), "")
     notes = _NOTES | {f"lens.{first}.{field}": note for field, note in _OF_FACES.items()}
     shape = LensShape.kinds[content["lens"].get("kind", LensShape.usual_kind)]
+    notes["source.kind"] = of_source
     notes["constraints.max_radius_mm"] = _RADIUS[shape.radius_about_axis]
     notes["lens.levels"] = _LEVELS[content["lens"].get("levels") == "auto"]
     if "states" in content:

@@ -12,6 +12,7 @@ from result_tables import TABLES, filled
 sys.path.append(str(ROOT / "docs"))
 import make_architecture
 import make_gallery
+import make_led_table
 
 DESIGNS: dict[str, Any] = json.loads((ROOT / "docs" / "figures.json").read_text(encoding="utf-8"))["designs"]
 
@@ -98,6 +99,12 @@ def test_the_picture_of_the_packages_is_that_of_the_imports() -> None:
     assert make_architecture.drawing(graph) == text_of("docs/architecture.svg"), again
     page = text_of("docs/architecture.md")
     assert make_architecture.filled(page, graph) == page, again
+
+
+def test_the_table_of_led_packages_is_that_of_the_etendue_of_each() -> None:
+    page = text_of("docs/leds.md")
+    assert make_led_table.filled(page) == page, "python docs/make_led_table.py"
+    assert make_led_table.filled(page.replace("| 3030 |", "| 3031 |")) == page
 
 
 def test_a_figure_that_is_not_the_stored_one_is_found() -> None:

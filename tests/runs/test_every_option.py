@@ -241,7 +241,7 @@ def of_new(flag: str, here: Path) -> bool:
         "--max-radius": "20",
         "--material": "PC",
         "--cutter": "2",
-        "--lens": "tir",
+        "--lens": "reflector",
         "--off-axis": "30",
         "--tilt": "30",
     }
