@@ -34,7 +34,7 @@ GROUPS: dict[str, tuple[str, tuple[str, ...]]] = {
     "Fields and wide beams": (
         "Two freeform faces make an even field, a beam, or the light of a file ([the target](targets.md),"
         " [limits](limits.md)).",
-        ("rectangle", "wall_washer", "batwing", "elliptical_beam", "from_ies", "signal"),
+        ("rectangle", "wall_washer", "batwing", "elliptical_beam", "from_ies", "tof_illuminator", "signal"),
     ),
     "Spots and ovals": (
         "A lens for total internal reflection sends more light into a narrow beam ([spots](beams.md)).",
@@ -45,17 +45,18 @@ GROUPS: dict[str, tuple[str, tuple[str, ...]]] = {
         ("reflector", "ellipsoidal_reflector"),
     ),
     "In the figures of a trade": (
-        "What a screen, a simulator, a surgical lamp, curing, a bicycle and a backlight are judged by"
+        "What a screen, a simulator, a surgical lamp, curing, a bicycle, a backlight and plants are judged by"
         " ([figures of a trade](limits.md#figures-of-a-trade)).",
-        ("projector", "solar_simulator", "surgical_lamp", "uv_curing", "bike_lamp", "backlight_thin"),
+        ("projector", "solar_simulator", "surgical_lamp", "uv_curing", "bike_lamp", "backlight_thin", "growth_lamp"),
     ),
     "Roads": (
         "A road is stated by its class; the lens is designed for what drivers see ([roads](roads.md)).",
         ("road_m3", "road_wide", "road_luminance", "pedestrian", "street_lamp"),
     ),
-    "Offices": (
-        "The glare of lamps in a standard room is a limit ([offices and playing fields](offices.md)).",
-        ("office_panel",),
+    "Offices and escape routes": (
+        "The glare of lamps in a standard room, and emergency lighting, are limits"
+        " ([offices, escape routes and playing fields](offices.md)).",
+        ("office_panel", "escape_route"),
     ),
     "Lamps and plates": (
         "Many LEDs with lenses, whose light adds up, and the one part that holds them ([lamps and plates](plates.md)).",
@@ -144,10 +145,11 @@ def draw(name: str) -> dict[str, object]:
         sheet.paste(each, (sum(other.width for other in panels[:index]), 0))
     PICTURES.mkdir(exist_ok=True)
     sheet.quantize(64).save(picture(name), optimize=True)
+    stated = light.figures or (light.limits if spec.applications else ())
     return {
         "accuracy": "draft",
         "aim": spec.optimise.aim,
-        "figures": [[figure.label, figure.value, figure.unit] for figure in light.figures],
+        "figures": [[figure.label, figure.value, figure.unit] for figure in stated],
         "share_in_target": [case.record.share_in_target.value for case in cases],
         "nmse": [case.record.nmse.value for case in cases],
         "efficiency": [case.record.efficiency.value for case in cases],
@@ -188,7 +190,7 @@ def draw_small(name: str) -> None:
 
 
 def figures_of(found: dict[str, Any]) -> str:
-    """The figures of a design in words: those of its trade, if it has one.
+    """The figures of a design in words: those of its trade or of a class that it is to reach, if it has one.
 
     Where only the share of the light counts, an error of its pattern is none.
     """

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 GROUP = "lensforge.addons"
 # Tables of specs and records by the shipped add-ons that fill them: empty without these.
-TABLES = {"offices": "office", "roads": "road", "sports": "sports"}
+TABLES = {"offices": "office", "roads": "road", "routes": "escape", "sports": "sports"}
 
 
 @dataclass(frozen=True)

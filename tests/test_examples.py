@@ -15,6 +15,7 @@ EXAMPLES = Path(__file__).parents[1] / "examples"
 OF_ADDONS = {
     **dict.fromkeys(("road_m3", "road_wide", "road_luminance", "pedestrian"), "road"),
     "office_panel": "office",
+    "escape_route": "escape",
 }
 SPECS = sorted(
     path

@@ -1,5 +1,6 @@
 """What does one trade need beside the core? A package each, which nothing of the core imports; ``addon.py`` finds them.
 
+- ``escape``: escape routes of a spec in emergency lighting
 - ``measure``: photographs and measured points of a machined part, and its second cut
 - ``office``: offices of a spec and their classes of glare
 - ``road``: roads of a spec and their classes, and any lamp judged on one
@@ -10,6 +11,7 @@
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:  # for those who check the types of scripts
+    from lensforge.addons.escape.route_section import RouteSection as RouteSection
     from lensforge.addons.measure.measure_verbs import compare as compare
     from lensforge.addons.measure.measure_verbs import correct as correct
     from lensforge.addons.measure.measurement_result import Correction as Correction

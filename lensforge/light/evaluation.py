@@ -33,6 +33,7 @@ from lensforge.light.receiver_light import (
 )
 from lensforge.light.seen_lens import SeenLens
 from lensforge.light.simulation import ReplicateMetrics, TracedLens, lit_mask, simulate, traced_light
+from lensforge.optics.efficacy import UNKNOWN, Efficacy
 from lensforge.results import Fact, Metric
 from lensforge.results.chart import light_unit
 from lensforge.results.estimates import (
@@ -136,7 +137,7 @@ def evaluate_lens(
     rays: int | None = None,
     pixels: int | None = None,
     seed: int | None = None,
-    lumens_per_watt: float | None = None,
+    efficacy: Efficacy = UNKNOWN,
     searched_with: bool = False,
 ) -> Light:
     """Simulate ``lens``: rays from the argument, the spec, or the preset, in this order; pixels likewise.
@@ -145,16 +146,16 @@ def evaluate_lens(
     judge it, and the figures by the others, to which it is fitted, stand beside.
 
     ``seed``: by default the lens's own. The error of the preset's tables on this scene is measured as well, and the
-    limits of the spec are judged: those in lux and candela by ``lumens_per_watt`` of ``source``.
+    limits of the spec are judged: those in lux, candela and photons by the ``efficacy`` of ``source``.
     """
     traced = TracedLens.of(lens, preset.evaluate_nodes_per_sigma)
     count = rays or lens.spec.evaluate.rays or preset.evaluate_rays
     side = pixels or lens.spec.evaluate.pixels
-    limits = light_limits(lens.spec, receivers_of(lens.spec, side), lumens_per_watt, source.flux_w)
+    limits = light_limits(lens.spec, receivers_of(lens.spec, side), efficacy, source.flux_w)
     seed = lens.seed if seed is None else seed
     judging = held_back(source) if searched_with else source
-    far = tuple(limits_by_intensities(lens, judging, preset, lumens_per_watt, rays=rays, seed=seed))
-    stated = stated_readings(lens.spec, receivers_of(lens.spec, side), lumens_per_watt)
+    far = tuple(limits_by_intensities(lens, judging, preset, efficacy.lumens, rays=rays, seed=seed))
+    stated = stated_readings(lens.spec, receivers_of(lens.spec, side), efficacy)
     settings: dict[str, Any] = {"pixels": side, "limits": limits, "by_intensities": far, "stated": stated}
     light = evaluate_traced(
         traced, lens.spec, judging, count, seed, bounds_by=source, colour=lens.spec.colour, **settings
@@ -166,7 +167,7 @@ def evaluate_lens(
     if isinstance(judging, RefittedSource):
         light = _with_left_open(light, traced, lens.spec, judging, count, seed)
     settled: dict[str, object] = {"preset_error": error, "inputs": {"lens": lens.sha256}, "fitted": fitted}
-    settled["lumens_per_watt"] = lumens_per_watt
+    settled["lumens_per_watt"] = efficacy.lumens
     return light.changed(**settled)
 
 

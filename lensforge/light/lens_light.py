@@ -16,6 +16,7 @@ from lensforge.results.record import MOST_PIXELS
 from lensforge.scene.lens import Lens
 from lensforge.scene.lens_at_temperature import at_temperature
 from lensforge.sources.build_source import build_source, summarise
+from lensforge.sources.joined_spectrum import efficacy_of
 from lensforge.sources.measured_rays import held_back
 from lensforge.sources.photometric.ies_labels import NEWEST, IesVersion, require_ies_version
 from lensforge.sources.ray_bundle import Source
@@ -92,7 +93,7 @@ def evaluate(
             emitter,
             preset,
             **settings,
-            lumens_per_watt=summary.lumens_per_watt,
+            efficacy=efficacy_of(emitter, chosen, photons=lens.spec.counts_photons),
             searched_with=has_rays_of(chosen, designed_led),
         )
         others = tuple(_in_state(body, state, preset, settings) for state in further) if other is None else ()
@@ -164,8 +165,8 @@ def _in_state(lens: Lens, name: str, preset: Preset, settings: Mapping[str, Any]
         section, lens.dispersion, coloured=alone.spec.colour is not None, facets=lens.media.scattering
     )
     summary = summarise(emitter, section)
-    efficacy = summary.lumens_per_watt
-    light = evaluate_lens(alone, emitter, preset, **settings, lumens_per_watt=efficacy, searched_with=True)
+    efficacy = efficacy_of(emitter, section, photons=alone.spec.counts_photons)
+    light = evaluate_lens(alone, emitter, preset, **settings, efficacy=efficacy, searched_with=True)
     return light.changed(
         conditions=Conditions.of(source_name=name, source=section.title),
         led=name,

@@ -35,10 +35,11 @@ from lensforge.light.photometry_result import (
     WrittenFiles,
 )
 from lensforge.light.received_flux import named_flux
-from lensforge.light.source_photometry import SourceLumens, figures_of_spectrum, spectrum_of_source
+from lensforge.light.source_photometry import SourceLumens, figures_of_spectrum
 from lensforge.results.estimates import scaled
 from lensforge.scene.lens import Lens
 from lensforge.sources.build_source import summarise
+from lensforge.sources.joined_spectrum import spectrum_of_source
 from lensforge.sources.photometric import PhotometricFile
 from lensforge.sources.photometric.ies_labels import NEWEST, IesVersion
 from lensforge.sources.photometric.photometric_file import LampSet

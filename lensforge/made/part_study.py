@@ -34,6 +34,7 @@ from lensforge.made.board_light import (
 )
 from lensforge.made.part_light import Channels, MeasuredPart, PartLight, judged_colour
 from lensforge.made.tolerance_result import LimitChange, MetricBound
+from lensforge.optics.efficacy import Efficacy
 from lensforge.optics.fundamental_limits import transmittance_of
 from lensforge.results import Fact, Metric
 from lensforge.results.estimates import scaled
@@ -45,7 +46,8 @@ from lensforge.scene.made_part import MadePart, PartMaker
 from lensforge.scene.perturbations import Deviations, Draws
 from lensforge.scene.receiver import PosedReceiver
 from lensforge.scene.receiver_shapes import receivers_of
-from lensforge.sources.build_source import build_source, summarise
+from lensforge.sources.build_source import build_source
+from lensforge.sources.joined_spectrum import efficacy_of
 from lensforge.sources.measured_rays import held_back
 from lensforge.sources.ray_bundle import Source
 from lensforge.spec import Spec
@@ -240,8 +242,11 @@ class LedStudy:
         return self._limits_by(None)
 
     def _limits_by(self, views: Sequence[EyeView] | None) -> tuple[LightLimit, ...]:
-        efficacy = summarise(self._source, self.spec.source).lumens_per_watt
-        return light_limits(self.spec, self.receivers, efficacy, self._source.flux_w, views)
+        return light_limits(self.spec, self.receivers, self._efficacy, self._source.flux_w, views)
+
+    @cached_property
+    def _efficacy(self) -> Efficacy:
+        return efficacy_of(self._source, self.spec.source, photons=self.spec.counts_photons)
 
     @cached_property
     def designed_pictures(self) -> list[list[list[Channels]]]:
@@ -282,7 +287,7 @@ class LedStudy:
         recipe = self.study.recipe
         preset = preset_of(lens.accuracy)
         judging = held_back(self._source)
-        efficacy = summarise(self._source, spec.source).lumens_per_watt
+        lumens = self._efficacy.lumens
         return evaluate_traced(
             TracedLens.of(lens, preset.evaluate_nodes_per_sigma),
             spec,
@@ -290,7 +295,7 @@ class LedStudy:
             recipe.designed_rays,
             recipe.seed,
             limits=self.limits,
-            by_intensities=tuple(limits_by_intensities(lens, judging, preset, efficacy, rays=None, seed=recipe.seed)),
+            by_intensities=tuple(limits_by_intensities(lens, judging, preset, lumens, rays=None, seed=recipe.seed)),
             bounds_by=self._source,
             colour=judged_colour(spec),
         )

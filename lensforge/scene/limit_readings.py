@@ -10,6 +10,7 @@ from scipy import sparse
 
 from lensforge.errors import InputError
 from lensforge.optics.arrays import Array
+from lensforge.optics.efficacy import Efficacy
 from lensforge.results import Sense
 from lensforge.scene.application_light import light_in
 from lensforge.scene.body import Chain
@@ -31,6 +32,7 @@ from lensforge.spec.trades import figures_of
 
 _STEPS_PER_PIXEL = 2  # places along a line or a cut: the light between them is bilinear
 _PHOTOMETRIC = ("lx", "cd", "cd/m²")
+_OF_PHOTONS = "µmol/(m² s)"
 _PER_WATT = {"mW/cm²": 0.1}
 FILTER_PIXELS = 4.0  # diameter of a disc with the variance of the picture's filter, one square pixel along each axis
 _FEWEST_RINGS = 2  # of places over a light meter
@@ -99,22 +101,23 @@ class LightLimit(LightReading):
 def light_limits(
     spec: Spec,
     receivers: Sequence[PosedReceiver],
-    lumens_per_watt: float | None,
+    efficacy: Efficacy,
     flux_w: float,
     views: Sequence[EyeView] | None = None,
 ) -> tuple[LightLimit, ...]:
-    """The limits of ``spec`` on pictures of ``receivers``; those with two bounds twice. ``flux_w``: of the source.
+    """The limits of ``spec`` on pictures of ``receivers``; those with two bounds twice.
 
-    ``views``: of the eyes, by default as an evaluation sees them.
+    ``efficacy``, ``flux_w``: of the source. ``views``: of the eyes, by default as an evaluation sees them.
 
-    Raises :class:`InputError` for lux or candela of a source whose lumens are not known, and zones without a pixel.
+    Raises :class:`InputError` for lux or candela of a source whose lumens are not known, photons of one whose spectrum
+    is not, and zones without a pixel.
     """
     names = [section.name for section in spec.all_receivers]
     judged: list[LightLimit] = []
     seen = enumerate(eye_views(spec) if views is None else views, len(names))
     for number, limit in enumerate(spec.limits):
         if isinstance(limit, LuminanceLimit):
-            scale = _scale(limit, limit.unit or "", f"limits.{number}", lumens_per_watt)
+            scale = _scale(limit, limit.unit or "", f"limits.{number}", efficacy)
             judged += [
                 judged_limit for _ in limit.labels(number) for judged_limit in _of_view(limit, scale, *next(seen))
             ]
@@ -124,22 +127,18 @@ def light_limits(
         if isinstance(limit, LossLimit):
             judged.append(_of_loss(limit, limit.name or where, index, spec, flux_w))
             continue
-        judged += _bounds_of(limit, where, index, receivers[index], lumens_per_watt, flux_w)
+        judged += _bounds_of(limit, where, index, receivers[index], efficacy, flux_w)
     for number in range(len(spec.applications)):
-        judged += _of_application(number, spec, receivers, lumens_per_watt, flux_w)
+        judged += _of_application(number, spec, receivers, efficacy, flux_w)
     return tuple(judged)
 
 
-def stated_readings(
-    spec: Spec, receivers: Sequence[PosedReceiver], lumens_per_watt: float | None
-) -> tuple[LightReading, ...]:
+def stated_readings(spec: Spec, receivers: Sequence[PosedReceiver], efficacy: Efficacy) -> tuple[LightReading, ...]:
     """Figures by which the application of ``spec`` is judged, without bounds: they are stated."""
     readings = []
-    for figure in figures_of(spec.trade, spec.all_receivers[0], lumens_per_watt is not None, spec.limits):
+    for figure in figures_of(spec.trade, spec.all_receivers[0], efficacy, spec.limits):
         at, matrix = _read(figure.section, receivers[0], figure.label)
-        read = (
-            _scale(figure.section, figure.bounded, figure.label, lumens_per_watt) / receivers[0].pixel_measure * matrix
-        )
+        read = _scale(figure.section, figure.bounded, figure.label, efficacy) / receivers[0].pixel_measure * matrix
         quantity = figure.section.quantity(figure.bounded, at)
         unit = figure.section.unit_of(figure.bounded)
         readings.append(LightReading(figure.label, 0, quantity, figure.sense, unit, sparse.csr_array(read)))
@@ -152,16 +151,16 @@ def zones_on(receiver: int, limits: Sequence[LightLimit]) -> tuple[Region, ...]:
 
 
 def _of_application(
-    number: int, spec: Spec, receivers: Sequence[PosedReceiver], lumens_per_watt: float | None, flux_w: float
+    number: int, spec: Spec, receivers: Sequence[PosedReceiver], efficacy: Efficacy, flux_w: float
 ) -> Iterator[LightLimit]:
     """Limits by the class of an application, on the first far field: its pixels are intensities of a lamp."""
     index = next(index for index, receiver in enumerate(receivers) if receiver.is_far)
     receiver = receivers[index]
     entry = spec.applications[number]
     name = names_of(spec.applications)[number]
-    if entry.lamp_lm is None and lumens_per_watt is None:
+    if entry.lamp_lm is None and efficacy.lumens is None:
         raise InputError(f"{name}: lamp_lm is missing, and the source's lumens are not known; give either")
-    source_lm = flux_w * (lumens_per_watt or 0.0) * spec.photometry.lenses
+    source_lm = flux_w * (efficacy.lumens or 0.0) * spec.photometry.lenses
     # The picture is that of one of the [lamps] in the measure of all: their lumens are shared out.
     lamp_lm = source_lm if entry.lamp_lm is None else entry.lamp_lm / len(receiver.lamps)
     scale = lamp_lm / flux_w / receiver.pixel_measure
@@ -200,13 +199,13 @@ def _with_doubt(limit: LightLimit, view: EyeView, scale: float) -> LightLimit:
 
 
 def _bounds_of(
-    limit: LimitSection, where: str, index: int, receiver: PosedReceiver, lumens_per_watt: float | None, flux_w: float
+    limit: LimitSection, where: str, index: int, receiver: PosedReceiver, efficacy: Efficacy, flux_w: float
 ) -> Iterator[LightLimit]:
     at, matrix = _read(limit, receiver, where)
     readings = matrix / receiver.pixel_measure
     name = limit.name or where
     for bounded in limit.quantities():
-        scale = _scale(limit, bounded, where, lumens_per_watt)
+        scale = _scale(limit, bounded, where, efficacy)
         quantity = limit.quantity(bounded, at)
         bound_readings = readings
         region = None
@@ -244,17 +243,24 @@ class _Picture:
         return max(1, ceil(_STEPS_PER_PIXEL * long.item()))
 
 
-def _scale(limit: LimitSection, bounded: str, where: str, lumens_per_watt: float | None) -> float:
+def _scale(limit: LimitSection, bounded: str, where: str, efficacy: Efficacy) -> float:
     """Light by 1 W, per m² or per sr, in the unit of what ``limit`` bounds."""
     unit = limit.unit_of(bounded)
+    if unit == _OF_PHOTONS:
+        if efficacy.photons is None:
+            raise InputError(
+                f"{where}: its bound is in {unit}, but the source's spectrum is not known; give source.spectrum, or "
+                "bounds in W"
+            )
+        return efficacy.photons
     if unit not in _PHOTOMETRIC:
         return _PER_WATT.get(unit, 1.0)
-    if lumens_per_watt is None:
+    if efficacy.lumens is None:
         raise InputError(
             f"{where}: its bound is in {unit}, but the source's lumens are not known; give source.flux_lm, a "
             "spectrum or luminous_efficacy_lm_per_w, or bounds in W"
         )
-    return lumens_per_watt
+    return efficacy.lumens
 
 
 def _pixels_in(limit: LimitSection, receiver: PosedReceiver, where: str) -> Int[np.ndarray, " k"]:

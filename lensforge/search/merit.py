@@ -31,7 +31,7 @@ from lensforge.search.light_path import LightPath, Pairs
 from lensforge.search.limit_terms import Image, Images, JoinedTerms, LimitTerm, Losses, limit_terms, smoothed
 from lensforge.search.parameters import Parametrisation
 from lensforge.search.share_of_parts import share_term
-from lensforge.sources.build_source import summarise
+from lensforge.sources.joined_spectrum import efficacy_of
 from lensforge.sources.ray_bundle import RayBundle, Source, aims
 from lensforge.spec import Spec
 from lensforge.spec.lamps_section import EndlessLamps
@@ -235,7 +235,7 @@ class MeritFunction(Merit[SampledLight]):
         single = single and not isinstance(spec.lamps, EndlessLamps)  # whose light comes from any distance
         scene = Scene(spec.media, parametrisation.grid, fresnel, chain=Chain.of_lens(spec.lens), single=single)
         scene = replace(scene, made=at_work(spec, scene.names))
-        efficacy = summarise(source, spec.source).lumens_per_watt if spec.has_limits else None
+        efficacy = efficacy_of(source, spec.source, photons=spec.counts_photons)
         views = eye_views(spec, searched=True)
         asked = light_limits(spec, receivers, efficacy, source.flux_w, views)
         crossing = source if scene.chain is not None and aims(source) else None

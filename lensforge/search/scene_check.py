@@ -31,7 +31,7 @@ from lensforge.scene.possible_light import LargestShare, PossibleLight, SourceLi
 from lensforge.scene.receiver_shapes import receivers_of
 from lensforge.scene.target_pattern import in_target, target_light
 from lensforge.search.start_faces import TargetStroke, start_faces
-from lensforge.sources.build_source import summarise
+from lensforge.sources.joined_spectrum import efficacy_of
 from lensforge.sources.ray_bundle import RayBundle, Source
 from lensforge.spec import Spec
 from lensforge.spec.feasible import smallest_cavity_mm
@@ -137,8 +137,8 @@ def light_requirements(spec: Spec, source: Source) -> tuple[tuple[Requirement, .
         target_light(section.targets, receiver) for section, receiver in zip(spec.all_receivers, receivers, strict=True)
     ]
     targets = tuple(_of_target(pattern, each, spec) for pattern, each in zip(wanted, physics, strict=True))
-    lumens_per_watt = summarise(source, spec.source).lumens_per_watt if spec.has_limits else None
-    limits = light_limits(spec, receivers, lumens_per_watt, source.flux_w)
+    efficacy = efficacy_of(source, spec.source, photons=spec.counts_photons)
+    limits = light_limits(spec, receivers, efficacy, source.flux_w)
     limited = [
         _of_view(limit, light, source.flux_w)
         if limit.quantity.of_view

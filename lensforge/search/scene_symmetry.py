@@ -13,6 +13,7 @@ import torch
 from jaxtyping import Float
 
 from lensforge.errors import InputError
+from lensforge.optics.efficacy import Efficacy
 from lensforge.scene.limit_readings import light_limits
 from lensforge.scene.receiver import PosedReceiver
 from lensforge.scene.receiver_shapes import receivers_of
@@ -184,7 +185,7 @@ class _State:
         sections = zip(spec.all_receivers, receivers, strict=True)
         wanted = [_Wanted(receiver, target_light(section.targets, receiver)) for section, receiver in sections]
         by_causes, is_seen = [], False
-        for limit in light_limits(spec, receivers, 1.0, 1.0):  # whatever the lumens: only the places count
+        for limit in light_limits(spec, receivers, Efficacy(1.0, 1.0), 1.0):  # only the places count
             asked = (limit.receiver, limit.quantity, limit.sense, limit.bound, limit.share)
             if limit.quantity.of_losses:
                 by_causes.append(asked)

@@ -19,6 +19,7 @@ from lensforge.scene.lens import Lens, load_lens
 from lensforge.search.design_result import Design, Observer, Start
 from lensforge.search.searches_in_turn import search_in_turn
 from lensforge.sources.build_source import build_source, summarise
+from lensforge.sources.joined_spectrum import efficacy_of
 from lensforge.sources.measured_rays import searched, smoothed
 from lensforge.sources.several_sources import SeveralSources
 from lensforge.spec import AnyAccuracy, Spec
@@ -342,12 +343,12 @@ def _light_by_other_rays(lens: Lens, seed: int) -> list[Light]:
     traced = TracedLens.of(lens, preset.evaluate_nodes_per_sigma)
     for spec in lens.spec.by_state.values():
         source = build_source(spec.source, lens.dispersion, facets=lens.media.scattering)
-        efficacy = summarise(source, spec.source).lumens_per_watt
+        efficacy = efficacy_of(source, spec.source, photons=spec.counts_photons)
         limits = light_limits(spec, receivers_of(spec, spec.evaluate.pixels), efficacy, source.flux_w)
         rays = spec.evaluate.rays or preset.evaluate_rays
         judged_source = smoothed(searched(source))
         own = replace(lens, spec=spec)
-        far = tuple(limits_by_intensities(own, judged_source, preset, efficacy, rays=None, seed=seed))
+        far = tuple(limits_by_intensities(own, judged_source, preset, efficacy.lumens, rays=None, seed=seed))
         lights.append(
             evaluate_traced(
                 traced, spec, judged_source, rays, seed, limits=limits, by_intensities=far, bounds_by=source

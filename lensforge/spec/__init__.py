@@ -7,6 +7,7 @@ from lensforge.spec.shape_targets import CrossTarget, FlatTopTarget, RectangleTa
 # Kinds stand on pages and in messages as they are registered: shapes before others.
 # isort: split
 from lensforge.spec.accuracy import Accuracy, AnyAccuracy, Preset
+from lensforge.spec.camera_target import CameraTarget
 from lensforge.spec.cut_off import CutOffLimit
 from lensforge.spec.double_lens import LensSection
 from lensforge.spec.face_section import FaceSection, FlangeSection
@@ -41,6 +42,7 @@ __all__ = [
     "ArrayTarget",
     "BaseSection",
     "BeamTarget",
+    "CameraTarget",
     "ConstraintsSection",
     "CrossTarget",
     "CupSection",

@@ -136,6 +136,7 @@ class Spec(Section):
         roads: tuple[Application, ...] = ()
         offices: tuple[Application, ...] = ()
         sports: tuple[Application, ...] = ()
+        routes: tuple[Application, ...] = ()
     colour: ColourSection | None = Field(default=None, description="Colour of the beam; by default it is not computed.")
     optimise: OptimiseSection = Field(default_factory=OptimiseSection, description="Settings of the search.")
     evaluate: EvaluateSection = Field(
@@ -523,6 +524,11 @@ class Spec(Section):
         """True where the light must keep limits: those of ``limits``, of classes of applications, and on its colour."""
         of_colour = self.colour is not None and self.colour.has_limits
         return bool(self.limits_in_states or self.applications or of_colour)
+
+    @property
+    def counts_photons(self) -> bool:
+        """True where its trade or one of its limits asks for photons, for which the spectrum is needed."""
+        return self.trade == "horticulture" or any(limit.counts_photons for limit in self.limits_in_states)
 
     @property
     def has_uniform_region(self) -> bool:

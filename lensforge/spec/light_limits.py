@@ -39,12 +39,15 @@ Amount = Annotated[float, Field(ge=1e-30, le=1e12)]
 Fraction = Annotated[float, Field(gt=0.0, le=1.0)]
 Azimuth = Annotated[float, Field(ge=-360.0, le=360.0)]
 LossCause = Literal["beside", "opening", "base", "flange", "total_reflection", "trapped"]
-LightUnitName = Literal["w_per_m2", "mw_per_cm2", "lx", "w_per_sr", "cd", "w_per_m2_sr", "cd_per_m2", "relative"]
+LightUnitName = Literal[
+    "w_per_m2", "mw_per_cm2", "lx", "umol_per_m2_s", "w_per_sr", "cd", "w_per_m2_sr", "cd_per_m2", "relative",
+]  # fmt: skip
 LIGHT_UNITS: tuple[LightUnitName, ...] = get_args(LightUnitName)
 Places = Float[np.ndarray, "*_"]
 _Quantities = Mapping[str, type[Quantity]]
 OF_MEAN = "mean_"  # before a unit: the mean light in it is bounded
-_OF_SURFACES = ("w_per_m2", "mw_per_cm2", "lx")
+PHOTONS = "umol_per_m2_s"  # photosynthetic photon flux density, PPFD
+_OF_SURFACES = ("w_per_m2", "mw_per_cm2", "lx", PHOTONS)
 _OF_FAR_FIELD = ("w_per_sr", "cd")
 _OF_EYES = ("w_per_m2_sr", "cd_per_m2")
 _MOST_POINTS = 1000
@@ -90,8 +93,8 @@ class LimitSection(OfSeveralKinds, InOneUnit):
     at_most: Amount | None = Field(default=None, description="Maximum light, in `unit`.")
     unit: LightUnitName | None = Field(
         default=None,
-        description="Unit of both: irradiance or illuminance on surfaces, intensity in the far field, radiance or "
-        'luminance for eyes, or "relative" to the maximum on the receiver.',
+        description="Unit of both: irradiance, illuminance or PPFD (photons from 400 to 700 nm) on surfaces, intensity "
+        'in the far field, radiance or luminance for eyes, or "relative" to the maximum on the receiver.',
     )
     meter_mm: Annotated[float, Field(ge=1e-3, le=1e5)] | None = Field(
         default=None,
@@ -118,6 +121,11 @@ class LimitSection(OfSeveralKinds, InOneUnit):
     def quantities(self) -> Iterator[str]:
         """The quantities that are bounded."""
         yield from (name for name in (*LIGHT_UNITS, *self.others) if any(self.bounds(name)))
+
+    @property
+    def counts_photons(self) -> bool:
+        """True where it bounds photons, for which the spectrum is needed."""
+        return any(bounded.endswith(PHOTONS) for bounded in self.quantities())
 
     def quantity(self, bounded: str, at: Places) -> Quantity:
         """Quantity that is bounded, a unit of light or one of ``others``; ``at``: places (x, y) that are read."""
@@ -211,6 +219,7 @@ class ZoneLimit(LimitSection):
         "mean_lx": MeanLight,
         "mean_w_per_m2": MeanLight,
         "mean_mw_per_cm2": MeanLight,
+        "mean_umol_per_m2_s": MeanLight,
         "share": FluxShare,
     }
 
@@ -232,6 +241,10 @@ class ZoneLimit(LimitSection):
         default=None, description="Least mean irradiance of the zone, as curing states it."
     )
     at_most_mean_mw_per_cm2: Amount | None = Field(default=None, description="Largest mean irradiance of the zone.")
+    at_least_mean_umol_per_m2_s: Amount | None = Field(
+        default=None, description="Least mean PPFD of the zone, photons from 400 to 700 nm."
+    )
+    at_most_mean_umol_per_m2_s: Amount | None = Field(default=None, description="Largest mean PPFD of the zone.")
     at_most_contrast: Fraction | None = Field(
         default=None,
         description="Largest allowed (max − min)/(max + min) of the light in the zone, the non-uniformity of "

@@ -7,8 +7,8 @@ import pytest
 from rayfile_samples import rays, with_tables
 
 from lensforge.light.exit_light import _reach_deg
-from lensforge.light.source_photometry import _mixed, _of_rays, spectrum_of_source
 from lensforge.sources.build_source import build_source, summarise
+from lensforge.sources.joined_spectrum import _mixed, _of_rays, spectrum_of_source
 from lensforge.sources.ray_bundle import RayBundle
 from lensforge.sources.rayfiles.ray_file_io import write_rayfile
 from lensforge.sources.source_spectrum import Spectrum

@@ -9,6 +9,7 @@ from scenes import small_spec
 from lensforge.errors import InputError
 from lensforge.light.evaluation_result import JudgedLimits
 from lensforge.light.judged_limits import judged_limits
+from lensforge.optics.efficacy import Efficacy
 from lensforge.results import Fact, Metric
 from lensforge.results.estimates import ratio_of
 from lensforge.scene.limit_readings import light_limits
@@ -27,7 +28,7 @@ def judged(limit: dict[str, object], noise: float = 0.0, peak: float = 5.0, seed
     light = peak * np.exp(-4.0 * np.log(2.0) * ((x / 30.0) ** 2 + (y / 20.0) ** 2))
     rng = np.random.default_rng(seed)
     images = light * receivers[0].pixel_measure * (1.0 + noise * rng.normal(size=(REPLICATES, *light.shape)))
-    return judged_limits(light_limits(spec, receivers, None, 1.0), [images], ["sky"])
+    return judged_limits(light_limits(spec, receivers, Efficacy(), 1.0), [images], ["sky"])
 
 
 @pytest.mark.parametrize(

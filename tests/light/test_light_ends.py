@@ -17,6 +17,7 @@ from lensforge.light.reference_bodies import ReferenceBody
 from lensforge.light.reference_trace import as_arrays, trace_reference
 from lensforge.light.simulation import TracedLens, bundles
 from lensforge.made.part_study import PartStudy, Recipe
+from lensforge.optics.efficacy import Efficacy
 from lensforge.scene.body import Chain
 from lensforge.scene.exit_rays import ExitRays
 from lensforge.scene.light_ends import LOSSES, cause_numbers, loss_names
@@ -197,7 +198,7 @@ def test_the_search_counts_the_light_beside_of_all_lamps(lamps: dict[str, Any]) 
 
 def test_a_term_costs_beyond_its_bound_alone() -> None:
     spec = crooked("wall", share=0.02)
-    (term,) = map(LimitTerm.of, light_limits(spec, receivers_of(spec, 64), None, 2.0))
+    (term,) = map(LimitTerm.of, light_limits(spec, receivers_of(spec, 64), Efficacy(), 2.0))
     by_cause = torch.zeros(len(loss_names(Chain.of_lens(spec.lens))), dtype=torch.float64)
     wall = len(LOSSES) + 2
     for share, excess in ((0.0193, 0.0), (0.03, 0.0265)):  # 0.4 of the flux counts as 1

@@ -14,6 +14,7 @@ from lensforge.light.evaluation import evaluate_traced
 from lensforge.light.evaluation_result import Light
 from lensforge.light.light_facts import light_facts
 from lensforge.light.simulation import TracedLens
+from lensforge.optics.efficacy import Efficacy
 from lensforge.results.stage_result import with_checksum
 from lensforge.scene.lens import Lens
 from lensforge.sources.build_source import build_source
@@ -99,7 +100,7 @@ def test_rays_pixels_and_seed_are_those_given_or_those_of_spec_and_lens(
     monkeypatch.setattr(evaluation.TracedLens, "of", lambda lens, nodes: nodes)
     source = build_source(spec.source)
     preset = PRESETS["draft"]
-    found = evaluation.evaluate_lens(lens, source, preset, lumens_per_watt=250.0, **given)
+    found = evaluation.evaluate_lens(lens, source, preset, efficacy=Efficacy(250.0), **given)
     ((traced, *own, rays, seed), named), measured = asked
     assert (rays, named["pixels"], seed) == wanted and own == [lens.spec, source]
     assert (traced, measured) == (preset.evaluate_nodes_per_sigma, (lens, source, preset.nodes_per_sigma, traced))

@@ -16,6 +16,7 @@ from lensforge.errors import InputError
 from lensforge.kernels.fate import Fate
 from lensforge.light.evaluation_result import Light
 from lensforge.light.table_trace import Scene, trace_tables
+from lensforge.optics.efficacy import Efficacy
 from lensforge.report.light_section import receiver_pictures
 from lensforge.report.results import Results
 from lensforge.scene.exit_rays import ExitRays
@@ -312,7 +313,7 @@ def test_the_search_sees_the_mean_over_the_outline_of_the_lens_of_each_step() ->
         tables = parameters.tables(*parameters.start())
         seen.append(merit.light_of(tables, source.sample(2**14, 0)).images[-1])
     (view,) = merit.light.receivers[1:]
-    (limit,) = light_limits(spec, (), None, 2.0, (replace(view, of_mean=True),))
+    (limit,) = light_limits(spec, (), Efficacy(), 2.0, (replace(view, of_mean=True),))
     area = view.outline_mm2(trace_tables(tables.numpy(), merit.light.scene, source.sample(2**14, 1)))
     assert np.pi * 5.0**2 < area < np.pi * 7.0**2
     assert (seen[1] / seen[0]).nanmean().item() == pytest.approx(area, rel=0.03)
@@ -343,7 +344,7 @@ def test_the_search_pays_for_spots_above_the_bound_alone() -> None:
     """Of a picture of one radiance; and the symmetry of a lens does not ask where eyes are."""
     spec = crooked({"eyes_mm": [NEAR], "at_most": 10.0, "spot_mm": 0.5})
     views = eye_views(spec, searched=True)
-    (limit,) = light_limits(spec, (), None, 1.0, views)
+    (limit,) = light_limits(spec, (), Efficacy(), 1.0, views)
     assert views[0].spot_mm == pytest.approx(views[0].grid.width / 16.0) and views[0].blur_rad == np.radians(5.0)
     term = LimitTerm.of(limit)
     ones = torch.full(views[0].grid.shape, views[0].pixel_measure, dtype=torch.float64)

@@ -10,13 +10,17 @@ from scenes import small_spec
 
 from lensforge.errors import InputError
 from lensforge.light.judged_limits import judged, limit_value
+from lensforge.optics.efficacy import Efficacy
 from lensforge.scene.limit_readings import LightLimit, light_limits, stated_readings
 from lensforge.scene.receiver import PosedReceiver
 from lensforge.scene.receiver_shapes import receivers_of
 from lensforge.search.limit_terms import LimitTerm, limit_terms
+from lensforge.sources.build_source import build_source
+from lensforge.sources.joined_spectrum import efficacy_of
 from lensforge.spec import Spec
 
 LM_PER_W = 200.0
+EFFICACY = Efficacy(LM_PER_W, photons=4.6)
 PLANE = {"kind": "rectangle", "width_mm": 200.0, "height_mm": 120.0, "distance_mm": 300.0, "receiver_mm": 400.0}
 FAR = {"kind": "beam", "fwhm_deg": 4.0, "half_angle_deg": 5.0}
 
@@ -28,7 +32,7 @@ def spec_with(*limits: dict[str, object], target: dict[str, object] = PLANE, **m
 def read(spec: Spec, light: Any, pixels: int = 200, noise: float = 0.0) -> dict[str, Any]:
     """Values of the limits of ``spec`` on a picture of ``light`` (W/m² or W/sr) at places (x, y), by their words."""
     receiver = receivers_of(spec, pixels)[0]
-    limits = light_limits(spec, [receiver], LM_PER_W, 1.0)
+    limits = light_limits(spec, [receiver], EFFICACY, 1.0)
     return {limit.quantity.words: limit_value(limit, images_of(receiver, light, noise)) for limit in limits}
 
 
@@ -77,7 +81,9 @@ def test_a_light_field_has_the_diameters_of_its_gaussian() -> None:
 
     spec = spec_with(field | bounds)
     receiver = receivers_of(spec, 200)[0]
-    values = [limit_value(limit, images_of(receiver, light)) for limit in light_limits(spec, [receiver], None, 1.0)]
+    values = [
+        limit_value(limit, images_of(receiver, light)) for limit in light_limits(spec, [receiver], Efficacy(), 1.0)
+    ]
     slanted = 1.0 / np.sqrt(0.5 / a**2 + 0.5 / b**2)
     mean = np.mean([a, slanted, b, slanted])
     wanted = [
@@ -117,13 +123,55 @@ def test_a_zone_has_its_mean_in_each_unit_and_its_contrast() -> None:
     """Of 4 + x/100 in a rectangle of 150 mm about (-20, 10); the outermost centres lie on its sides."""
     zone = {"kind": "rectangle", "width_mm": 150.0, "height_mm": 60.0, "centre_mm": [-20.0, 10.0]}
     bounds = {"at_least_mean_lx": 1.0, "at_most_mean_w_per_m2": 9.0, "at_least_mean_mw_per_cm2": 0.01}
+    bounds["at_least_mean_umol_per_m2_s"] = 1.0
     spec = spec_with({"kind": "zone", "zone": zone, "at_most_contrast": 0.5} | bounds)
     receiver = receivers_of(spec, 200)[0]
     images = images_of(receiver, lambda x, y: 4.0 + x / 100.0)
-    values = {limit.unit: limit_value(limit, images).value for limit in light_limits(spec, [receiver], LM_PER_W, 1.0)}
+    values = {limit.unit: limit_value(limit, images).value for limit in light_limits(spec, [receiver], EFFICACY, 1.0)}
     assert values == pytest.approx(
-        {"": 0.75 / 3.8, "lx": 3.8 * LM_PER_W, "W/m²": 3.8, "mW/cm²": 0.38}, rel=1e-9
+        {"": 0.75 / 3.8, "lx": 3.8 * LM_PER_W, "W/m²": 3.8, "mW/cm²": 0.38, "µmol/(m² s)": 3.8 * 4.6}, rel=1e-9
     )  # centres from -95 to 55 mm
+
+
+RED, BLUE = ({"kind": "line", "wavelength_nm": nm} for nm in (660.0, 450.0))
+CHIP = {"width_mm": 0.5, "height_mm": 0.5, "y_mm": 0.0}
+
+
+def test_photons_are_those_of_the_chips_by_their_power() -> None:
+    """Of 3 W at 660 nm and 1 W at 450 nm by the mean of both wavelengths; the zone is darkest at its left edge."""
+    chips = [
+        CHIP | {"x_mm": -0.4, "flux_w": 3.0, "spectrum": RED},
+        CHIP | {"x_mm": 0.4, "flux_w": 1.0, "spectrum": BLUE},
+    ]
+    limit = {"kind": "zone", "unit": "umol_per_m2_s", "at_least": 5.0}
+    spec = spec_with(limit, source={"kind": "chips", "chips": chips})
+    efficacy = efficacy_of(build_source(spec.source), spec.source, photons=spec.counts_photons)
+    assert efficacy.photons == pytest.approx((0.75 * 660.0 + 0.25 * 450.0) / 119.62656, rel=1e-6)
+    receiver = receivers_of(spec, 100)[0]
+    (darkest,) = light_limits(spec, [receiver], efficacy, 4.0)
+    images = images_of(receiver, lambda x, y: 4.0 + x / 100.0)
+    assert limit_value(darkest, images).value == pytest.approx((4.0 - 1.98) * efficacy.photons, rel=1e-9)
+
+
+@pytest.mark.parametrize(("bound", "state"), [(16.54, "pass"), (16.56, "fail")])
+def test_photons_are_judged_on_each_side_of_their_number(bound: float, state: str) -> None:
+    """Of 3 W/m² at 660 nm there are 16.552 µmol/(m² s)."""
+    source = {"kind": "square", "side_mm": 1.0, "spectrum": RED}
+    spec = spec_with({"kind": "zone", "at_least_mean_umol_per_m2_s": bound}, source=source)
+    receiver = receivers_of(spec, 100)[0]
+    (limit,) = light_limits(spec, [receiver], efficacy_of(build_source(spec.source), spec.source, photons=True), 1.0)
+    value = limit_value(limit, images_of(receiver, lambda x, y: 3.0 + 0.0 * x, 1e-5))
+    assert judged(limit, "light", value).state == state
+
+
+def test_photons_need_a_spectrum_and_are_not_asked_for_without_need() -> None:
+    with_photons = spec_with({"kind": "zone", "at_least_mean_umol_per_m2_s": 5.0})
+    efficacy = efficacy_of(build_source(with_photons.source), with_photons.source, photons=True)
+    assert efficacy.photons is None
+    with pytest.raises(InputError, match=r"limits\.0: .* the source's spectrum is not known; give source.spectrum"):
+        light_limits(with_photons, receivers_of(with_photons, 20), efficacy, 1.0)
+    assert spec_with(application="horticulture").counts_photons
+    assert not spec_with({"kind": "zone", "at_least_mean_lx": 5.0}, application="curing").counts_photons
 
 
 def test_a_meter_reads_the_mean_over_its_disc_with_the_filter_of_the_picture_as_a_part() -> None:
@@ -145,6 +193,8 @@ LIMITS = [
     {"kind": "light_field", "unit": "w_per_m2", "at_least": 1.0},
     {"kind": "peak", "unit": "lx", "at_least": 1.0},
     {"kind": "zone", "at_least_mean_mw_per_cm2": 0.1},
+    {"kind": "zone", "at_least_mean_umol_per_m2_s": 5.0},
+    {"kind": "points", "at_mm": [[30.0, -70.0]], "unit": "umol_per_m2_s", "at_least": 5.0},
 ]
 
 
@@ -189,7 +239,7 @@ def test_a_range_and_what_is_above_the_peak_are_not_searched_for() -> None:
     above = {"kind": "peak", "unit": "lx", "at_most": 1.0, "up_mm": 40.0}
     peak = {"kind": "peak", "unit": "lx", "at_least": 1.0}
     spec = spec_with({"kind": "zone", "at_most_contrast": 0.1}, peak, above)
-    limits = light_limits(spec, receivers_of(spec, 20), LM_PER_W, 1.0)
+    limits = light_limits(spec, receivers_of(spec, 20), EFFICACY, 1.0)
     assert [term.limit.name for term in limit_terms(limits) if isinstance(term, LimitTerm)] == ["limits.1"]
 
 
@@ -202,7 +252,7 @@ def _filtered(picture: torch.Tensor) -> np.ndarray:
 def _searched(limit: dict[str, object]) -> tuple[LightLimit, LimitTerm, torch.Tensor]:
     spec = spec_with(limit)
     receiver = receivers_of(spec, 100)[0]
-    (bounded,) = light_limits(spec, [receiver], LM_PER_W, 1.0)
+    (bounded,) = light_limits(spec, [receiver], EFFICACY, 1.0)
     light = _peaked if limit["kind"] == "light_field" else _bumpy
     return bounded, LimitTerm.of(bounded), torch.from_numpy(images_of(receiver, light)[0])
 
@@ -222,6 +272,7 @@ def _searched(limit: dict[str, object]) -> tuple[LightLimit, LimitTerm, torch.Te
         ({"kind": "peak", "unit": "relative", "at_most": 1.0}, PLANE, "bounded in lx, cd"),
         ({"kind": "zone", "at_least_mean_lx": 5.0, "at_most_mean_lx": 4.0}, PLANE, "no light is both"),
         ({"kind": "zone", "at_least_mean_lx": 5.0}, FAR, "its light is in lx"),
+        ({"kind": "zone", "at_least_mean_umol_per_m2_s": 5.0}, FAR, "its light is in umol_per_m2_s"),
         ({"kind": "loss", "cause": "beside", "at_most_share": 0.1, "meter_mm": 3.0}, PLANE, "at_most_share alone"),
     ],
 )  # fmt: skip
@@ -241,7 +292,8 @@ def test_a_wrong_figure_is_refused_in_one_line(
         ("simulator", PLANE, ["Non-uniformity", "Mean irradiance"]),
         ("curing", PLANE, ["Mean irradiance", "Peak irradiance", "Min/mean"]),
         ("backlight", PLANE, ["Min/max", "Min/mean", "Mean light"]),
-        ("horticulture", PLANE, ["Min/max", "Min/mean", "Mean light"]),
+        ("horticulture", PLANE, ["Mean PPFD", "Minimum PPFD", "Min/mean"]),
+        ("horticulture", FAR, ["Min/max", "Min/mean"]),
         ("machine vision", PLANE, ["Min/max", "Min/mean", "Mean light"]),
         ("bicycle", PLANE, ["Brightest place", "3.4° above it and higher"]),
         ("bicycle", FAR, ["Brightest place", "3.4° above it and higher"]),
@@ -252,11 +304,11 @@ def test_a_wrong_figure_is_refused_in_one_line(
 def test_a_trade_states_its_figures_as_the_limits_of_the_same_section_would(application, target, labels) -> None:
     spec = spec_with(target=target, application=application)
     receivers = receivers_of(spec, 64)
-    stated = stated_readings(spec, receivers, LM_PER_W)
+    stated = stated_readings(spec, receivers, EFFICACY)
     assert [reading.name for reading in stated] == labels
     images = images_of(receivers[0], lambda x, y: 2.0 + np.exp(-(x**2 + (y - 1.0) ** 2) / 3.0))
     assert all(np.isfinite(limit_value(reading, images).value) for reading in stated)
-    assert stated_readings(spec_with(target=target), receivers, LM_PER_W) == ()
+    assert stated_readings(spec_with(target=target), receivers, EFFICACY) == ()
 
 
 @pytest.mark.parametrize(
@@ -280,7 +332,7 @@ def test_a_figure_is_stated_for_the_places_of_the_limit_on_it() -> None:
     receivers = receivers_of(spec, 200)
     images = images_of(receivers[0], lambda x, y: 10.0 + x / 50.0 - y / 40.0)
     values = {
-        reading.name: limit_value(reading, images).value for reading in stated_readings(spec, receivers, LM_PER_W)
+        reading.name: limit_value(reading, images).value for reading in stated_readings(spec, receivers, EFFICACY)
     }
     assert values["Darkest of 13 points"] == pytest.approx(1.0 - 0.9 * (30.0 / 50.0 + 45.0 / 40.0) / 11.1, rel=1e-9)
 
@@ -289,7 +341,7 @@ def test_a_limit_of_each_side_is_judged_by_its_number() -> None:
     for bound in (0.70, 0.74, 0.78, 0.82):
         spec = spec_with(SCREEN | {"at_least_min_over_mean": bound})
         receiver = receivers_of(spec, 200)[0]
-        (limit,) = light_limits(spec, [receiver], None, 1.0)
+        (limit,) = light_limits(spec, [receiver], Efficacy(), 1.0)
         value = limit_value(limit, images_of(receiver, lambda x, y: 10.0 + x / 50.0 - y / 40.0, 1e-3))
         assert value.value == pytest.approx(1.0 - 0.9 * 2.925 / 11.1, abs=0.01)
         assert judged(limit, "light", value).state == ("pass" if bound < value.value else "fail")

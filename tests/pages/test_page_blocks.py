@@ -22,7 +22,9 @@ def whole(part: dict[str, object]) -> dict[str, object]:
     plain = tomllib.loads((ROOT / "examples" / "quickstart.toml").read_text(encoding="utf-8"))
     plain["lens"].pop("symmetry")
     limits = part.get("limits", [])
-    if set(part) & {"roads", "offices", "sports"} or any("_deg" in name for limit in limits for name in limit):
+    if set(part) & {"roads", "offices", "routes", "sports"} or any(
+        "_deg" in name for limit in limits for name in limit
+    ):
         plain["target"] = {"kind": "beam", "fwhm_deg": 40.0, "half_angle_deg": 90.0}
     if set(part) & set(EITHER):
         plain = {name: section for name, section in plain.items() if name not in EITHER}

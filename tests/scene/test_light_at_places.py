@@ -8,6 +8,7 @@ import pytest
 
 from lensforge.scene.target_light import photometric
 from lensforge.sources.intensity import TabulatedIntensity
+from lensforge.spec.camera_target import CameraTarget
 from lensforge.spec.far_field_targets import BatwingTarget, BeamTarget
 from lensforge.spec.shape_targets import PolygonTarget
 
@@ -58,6 +59,30 @@ def test_a_batwing_is_even_on_a_plane_up_to_its_edge_and_dark_at_the_horizon() -
             assert one == pytest.approx(even if gamma < 60.0 else 0.0)
         assert other == pytest.approx(0.5 * math.erfc((gamma - 60.0) / (8.0 * math.sqrt(2.0))) * even, rel=1e-9)
     assert sharp[-1] == pytest.approx(8.0), "up to its edge, which belongs to it"
+
+
+def shown(u: float, v: float, camera: CameraTarget, dims: float) -> float:
+    """Light at (u, v) of the picture of a white wall, by a camera at the distance 1 that dims by this power."""
+    cosine = 1.0 / math.sqrt(1.0 + u * u + v * v)
+    gamma, azimuth = math.degrees(math.acos(cosine)), math.atan2(v, u)
+    (intensity,) = camera.light(*at((gamma * math.cos(azimuth), gamma * math.sin(azimuth))))
+    return float(intensity) * cosine**3 * cosine**dims
+
+
+@pytest.mark.parametrize("rolloff", [4.0, 2.5, 0.0])
+def test_a_camera_sees_a_wall_in_its_field_evenly_to_the_corners(rolloff: float) -> None:
+    """Its field is a rectangle in the picture: half of it is the tangent of half of the angle."""
+    camera = CameraTarget(width_deg=84.0, height_deg=50.0, rolloff=rolloff)
+    half = math.tan(math.radians(42.0)), math.tan(math.radians(25.0))
+    for across, up in ((0.0, 0.0), (0.3, -0.7), (1.0, 0.2), (-0.4, 1.0), (-1.0, -1.0)):
+        inside, outside = (
+            shown(half[0] * across * part, half[1] * up * part, camera, rolloff) for part in (1.0 - NEAR, 1.0 + NEAR)
+        )
+        assert inside == pytest.approx(1.0, rel=1e-9)
+        assert outside == pytest.approx(0.0 if 1.0 in (abs(across), abs(up)) else 1.0)
+    farthest = max(abs(place) for place in camera.outline)
+    assert farthest == pytest.approx(math.degrees(math.atan(math.hypot(*half))), rel=1e-12), "a corner"
+    assert not camera.light(*at((89.5, 0.0), (0.0, -120.0))).any()
 
 
 def by_loops(table: TabulatedIntensity, x: float, y: float) -> float:

@@ -6,6 +6,7 @@ from addon_rows import needs_addon
 from scenes import small_spec
 
 from lensforge.errors import InputError
+from lensforge.optics.efficacy import Efficacy
 from lensforge.optics.pose import Pose
 from lensforge.scene.limit_readings import LightLimit, _bilinear, light_limits
 from lensforge.scene.pixel_grid import PixelGrid
@@ -24,7 +25,7 @@ def found(
 ) -> tuple[tuple[LightLimit, ...], list[PosedReceiver]]:
     spec = small_spec(target=None, receivers=list(receivers)).replace(limits=limits)
     built = receivers_of(spec, pixels)
-    return light_limits(spec, built, lumens, 2.0), list(built)
+    return light_limits(spec, built, Efficacy(lumens), 2.0), list(built)
 
 
 def reading(image: np.ndarray, x: float, y: float, size: tuple[float, float]) -> float:
@@ -164,7 +165,7 @@ def test_a_limit_reads_the_receiver_that_it_names_and_a_road_the_lamp_of_all_len
     for own, more in (({}, {}), ({}, {"photometry": {"lenses": 24}}), ({"lamp_lm": 6000.0}, {"lamps": lamps})):
         spec = small_spec(target=None, receivers=[WALL, far], base={"kind": "none"}, **more).replace(roads=[road | own])
         built = receivers_of(spec, 24)
-        first = next(each for each in light_limits(spec, built, 250.0, 2.0) if each.quantity == PlaceLight())
+        first = next(each for each in light_limits(spec, built, Efficacy(250.0), 2.0) if each.quantity == PlaceLight())
         assert first.receiver == 1
         light.append(float(first.of(np.ones((1, 24, 24)))[0].mean()))
     assert light[1] == pytest.approx(24.0 * light[0]) and light[2] == pytest.approx(6000.0 / 500.0 * light[0])

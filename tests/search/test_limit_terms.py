@@ -5,6 +5,7 @@ import pytest
 import torch
 from scenes import small_spec
 
+from lensforge.optics.efficacy import Efficacy
 from lensforge.scene.limit_readings import light_limits
 from lensforge.scene.receiver_shapes import receivers_of
 from lensforge.search.automatic_schedule import preset_for
@@ -37,7 +38,7 @@ def scene(*limits: dict[str, object]) -> tuple[Spec, torch.Tensor]:
 @pytest.mark.parametrize("limit", LIMITS, ids=str)
 def test_an_excess_costs_and_its_gradient_is_that_of_finite_differences(limit: dict[str, object]) -> None:
     spec, picture = scene(limit)
-    (term,) = map(LimitTerm.of, light_limits(spec, receivers_of(spec, 64), None, 1.0))
+    (term,) = map(LimitTerm.of, light_limits(spec, receivers_of(spec, 64), Efficacy(), 1.0))
     rng = np.random.default_rng(0)
     picture = (picture * torch.from_numpy(1.0 + 0.05 * rng.random(picture.shape))).requires_grad_()
     loss = term.loss((picture,))
@@ -59,7 +60,7 @@ def test_limits_that_are_held_with_the_margin_cost_nothing() -> None:
         {"kind": "beam_angle", "at_least_deg": 28.0, "at_most_deg": 32.0},
     ]
     spec, picture = scene(*held)
-    terms = tuple(map(LimitTerm.of, light_limits(spec, receivers_of(spec, 64), None, 1.0)))
+    terms = tuple(map(LimitTerm.of, light_limits(spec, receivers_of(spec, 64), Efficacy(), 1.0)))
     assert len(terms) == 5 and [term.loss((picture,)).item() for term in terms] == [0.0] * 5
 
 

@@ -10,11 +10,11 @@ from rayfile_samples import with_spectrum_numbers, with_tables
 from scenes import small_spec
 
 from lensforge.light.simulation import bundles
-from lensforge.light.source_photometry import spectrum_of_source
 from lensforge.optics.material import MATERIALS
 from lensforge.proof.proof_inputs import independent_rays
 from lensforge.sources import ray_bundle, stored_rays
 from lensforge.sources.build_source import SquareEmitter
+from lensforge.sources.joined_spectrum import spectrum_of_source
 from lensforge.sources.measured_rays import divided, smoothed
 from lensforge.sources.ray_bundle import RayBundle
 from lensforge.sources.ray_set import RaySetEmitter

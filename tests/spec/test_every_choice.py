@@ -19,6 +19,7 @@ from scipy.stats import truncnorm
 import lensforge as lf
 from lensforge.cad.plate_layout import layout_of
 from lensforge.light.judged_limits import limit_value
+from lensforge.optics.efficacy import Efficacy
 from lensforge.optics.pose import Pose
 from lensforge.scene.eye_view import eye_views
 from lensforge.scene.lens import Lens
@@ -122,11 +123,12 @@ def plate(name: str) -> Case:
 
 
 def unit(name: str) -> Case:
-    """A picture of 0.5 mW a pixel, half of that in the zone, by an LED of 200 lm/W; of eyes one of 1 W/(m² sr)."""
+    """A picture of 0.5 mW a pixel, half in the zone, by an LED of 200 lm/W and 4.6 µmol/J; of eyes 1 W/(m² sr)."""
     if name.startswith(("w_per_m2_sr", "cd_per")):
         eyes = {"kind": "luminance", "eyes_deg": [[0, 0]], "spot_mm": 3.0, "unit": name, "at_most": 1.0}
         (view,) = eye_views(seen := small_spec().replace(limits=[eyes]))
-        (limit,), ones = light_limits(seen, (), 200.0, 1.0), np.full((16, *view.grid.shape), view.pixel_measure)
+        (limit,) = light_limits(seen, (), Efficacy(200.0), 1.0)
+        ones = np.full((16, *view.grid.shape), view.pixel_measure)
         return limit_value(limit, ones).value, pytest.approx(200.0 if "cd" in name else 1.0)
     far = name in ("w_per_sr", "cd")
     beam, disc = {"kind": "beam", "fwhm_deg": 30.0, "half_angle_deg": 60.0}, {"kind": "disc", "diameter_mm": 50.0}
@@ -136,12 +138,13 @@ def unit(name: str) -> Case:
     (receiver,) = receivers_of(spec, 30)
     picture = np.full((16, 30, 30), 5e-4)
     picture[:, :, 12:18] *= 0.5
-    (limit,) = light_limits(spec, [receiver], 200.0, 1.0)
+    (limit,) = light_limits(spec, [receiver], Efficacy(200.0, 4.6), 1.0)
     pixel = (2.0 * 2.0 * np.sin(np.radians(30.0)) / 30) ** 2 if far else 1e-4  # sr, or m^2
     by_hand = {
         "w_per_m2": 2.5,
         "mw_per_cm2": 0.25,
         "lx": 500.0,
+        "umol_per_m2_s": 11.5,
         "w_per_sr": 2.5e-4 / pixel,
         "cd": 0.05 / pixel,
         "relative": 0.5,

@@ -51,6 +51,7 @@ OF_DIRECTIONS: tuple[Table, ...] = (
     {"kind": "beam", "fwhm_deg": [40.0, 20.0], "profile": "cosine"},
     {"kind": "beam", "fwhm_deg": 40.0, "profile": "flat", "edge_deg": 2.0},
     {"kind": "batwing", "to_deg": 50.0, "edge_deg": 1.0, "uniform_deg": 40.0},
+    {"kind": "camera", "width_deg": 70.0, "height_deg": 50.0, "rolloff": 3.0, "edge_deg": 1.0, "uniform_deg": 40.0},
     {"kind": "photometric", "file": "/street.ies", "centre_deg": [5.0, 0.0], "rotation_deg": 90.0},
 )
 
@@ -206,6 +207,7 @@ BAD_TARGETS: list[tuple[Table, Table, str]] = [
     (PLANE, {**DISC, "edge_deg": 1.0}, "diameter_mm is given among lengths in deg; give diameter_deg"),
     (PLANE, {"kind": "disc"}, "diameter_mm: missing; give it, in mm"),
     (FAR, {"kind": "batwing"}, "to_deg: missing; give it, in degrees"),
+    (FAR, {"kind": "camera", "width_deg": 161.0, "height_deg": 5.0}, "a rectilinear camera sees 160 degrees at most"),
     (PLANE, {**DISC, "distance_mm": 100.0, "receiver_mm": 50.0}, "lies on that receiver; leave it out"),
     (FAR, {"kind": "beam", "fwhm_deg": 9.0, "half_angle_deg": 50.0}, "lies on that receiver; leave it out"),
     (PLANE, {**DISC, "uniform_mm": 160.0}, "uniform_mm = 160 must not exceed the receiver's 200 x 150 mm"),
@@ -240,6 +242,7 @@ AT_A_LIMIT: list[tuple[Table, Table, Table, str]] = [
     (PLANE, {**DISC, "centre_mm": [60.0, 0.0]}, {"centre_mm": [61.0, 0.0]}, "disc, 80 mm wide: its edge at (101, 0)"),
     (FAR, {"kind": "beam", "fwhm_deg": 120.0}, {"fwhm_deg": 121.2}, "its edge at (60.6, 0) is off the receiver"),
     (FAR, {"kind": "batwing", "to_deg": 60.0}, {"to_deg": 60.6}, "its edge at (60.6, 0) is off the receiver"),
+    (FAR, {"kind": "camera", "width_deg": 119.0, "height_deg": 20.0}, {"width_deg": 120.0}, "off the receiver"),
     (FAR, {"kind": "rectangle", "width_deg": 96.0, "height_deg": 72.0}, {"width_deg": 98.0}, "at (49, 36) is off"),
 ]
 

@@ -159,7 +159,7 @@ def test_a_table_of_an_add_on_that_is_not_installed_is_empty_or_names_it(monkeyp
 
     monkeypatch.setattr(application, "usable_addons", tuple)
     found = section_of(with_tables(Without), {"roads": []}, "t.toml")
-    empty = {"name": "a", "offices": [], "roads": [], "sports": []}
+    empty = {"name": "a", "offices": [], "roads": [], "routes": [], "sports": []}
     assert json.loads(found.model_dump_json()) == json.loads(Without().model_dump_json()) == empty
     with pytest.raises(WrongFields, match=r'^t.toml: roads.*: needs pip install "lensforge\[road\]"$'):
         section_of(Without, {"roads": [{"width_m": 7.0}]}, "t.toml")

@@ -15,6 +15,7 @@ from lensforge.light.angular_grid import AngularGrid
 from lensforge.light.by_intensities import of_file, of_lens
 from lensforge.light.judged_limits import judged_limits
 from lensforge.light.luminaire_classes import LampLight
+from lensforge.optics.efficacy import Efficacy
 from lensforge.scene.application_light import light_in
 from lensforge.scene.limit_readings import light_limits
 from lensforge.scene.receiver_shapes import receivers_of
@@ -62,7 +63,7 @@ def test_pixels_of_the_far_field_read_the_same_office(pixels: int, most: float) 
     grid = receivers[0].grid
     x, y, z = np.moveaxis(receivers[0].places(*np.meshgrid(grid.x(), grid.y())), -1, 0)
     light = intensity(np.arctan2(y, x), np.arccos(z)) * receivers[0].pixel_measure
-    by_pixels = judged_limits(light_limits(spec, receivers, None, 1.0), [np.stack([light] * 16)], ["sky"])
+    by_pixels = judged_limits(light_limits(spec, receivers, Efficacy(), 1.0), [np.stack([light] * 16)], ["sky"])
     table = AngularGrid(144, np.linspace(0.0, 90.0, 181))
     turns, gammas = np.meshgrid(np.radians(table.c_deg), np.radians(table.gamma_deg), indexing="ij")
     lamp = LampLight(table, np.stack([intensity(turns, gammas)] * 2), spec.photometry.street_side_deg)

@@ -34,6 +34,7 @@ from lensforge.light.angular_grid import AngularGrid
 from lensforge.light.by_intensities import of_file, of_lens
 from lensforge.light.judged_limits import judged_limits, limit_value
 from lensforge.light.luminaire_classes import LampLight
+from lensforge.optics.efficacy import Efficacy
 from lensforge.results import Fact, Metric, Sense
 from lensforge.scene.limit_readings import light_limits
 from lensforge.scene.receiver_shapes import receivers_of
@@ -256,7 +257,7 @@ def test_pixels_of_the_far_field_read_the_same_road(pixels: int, most: float, li
     grid = receivers[0].grid
     x, y, z = np.moveaxis(receivers[0].places(*np.meshgrid(grid.x(), grid.y())), -1, 0)
     light = _intensity(np.arctan2(y, x), np.arccos(z)) * receivers[0].pixel_measure
-    limits = light_limits(spec, receivers, None, 1.0)
+    limits = light_limits(spec, receivers, Efficacy(), 1.0)
     by_pixels = judged_limits(limits, [np.stack([light] * 16)], ["sky"])
     by_table = judge_road(spec.roads[0], of_lens(_lamp(), 1.0))
     assert [each.label for each in by_pixels] == [f"road: {each.label}" for each in by_table.limits]
@@ -273,7 +274,7 @@ def test_the_merit_begins_6_percent_inside_of_each_bound(own) -> None:
     receivers = receivers_of(spec, 48)
     picture = torch.from_numpy(np.random.default_rng(2).uniform(0.5, 1.5, receivers[0].grid.shape)) * 1e-4
     images = np.stack([smoothed(picture).numpy()] * 16)
-    for limit in light_limits(spec, receivers, None, 1.0):
+    for limit in light_limits(spec, receivers, Efficacy(), 1.0):
         value = limit_value(limit, images).value
         over_least = limit.quantity in (MeanOverLeast(), MostOverLeast())
         at = value / 1.06 if limit.sense == ">=" else 1.06 * value if over_least else value / 0.94
@@ -289,7 +290,7 @@ def test_the_merit_falls_along_its_gradient_and_is_zero_where_the_class_is_held(
     receivers = receivers_of(spec, 32)
     limits = [
         replace(each, bound=of_ratios.get(each.quantity, each.bound))
-        for each in light_limits(spec, receivers, None, 1.0)
+        for each in light_limits(spec, receivers, Efficacy(), 1.0)
     ]
     picture = torch.from_numpy(np.random.default_rng(2).uniform(0.5, 1.5, receivers[0].grid.shape)) * 1e-4
     ask = picture.clone().requires_grad_()
@@ -312,7 +313,7 @@ def test_the_merit_falls_along_its_gradient_and_is_zero_where_the_class_is_held(
 
 def _limits(target, road) -> None:
     spec = small_spec(target=target).replace(roads=[ROAD | road])
-    light_limits(spec, receivers_of(spec, 16), None, 1.0)
+    light_limits(spec, receivers_of(spec, 16), Efficacy(), 1.0)
 
 
 @pytest.mark.parametrize(
@@ -344,7 +345,7 @@ def test_a_share_weighs_what_the_class_of_its_road_lacks() -> None:
 
     def loss(*shares: float) -> float:
         spec = _spec().replace(roads=[road | {"share": share} for road, share in zip(roads, shares, strict=True)])
-        return float(JoinedTerms.of(light_limits(spec, receivers, None, 1.0)).loss((picture,)))
+        return float(JoinedTerms.of(light_limits(spec, receivers, Efficacy(), 1.0)).loss((picture,)))
 
     first, second = (loss(*shares) for shares in ((1.0, 1e-12), (1e-12, 1.0)))
     assert min(first, second) > 1.0 and first != pytest.approx(second)
@@ -456,7 +457,7 @@ def test_lamps_together_share_the_lumens_of_a_road() -> None:
     far = 64
 
     def readings(spec: Spec) -> np.ndarray:
-        return light_limits(spec, receivers_of(spec, far), 300.0, 1.5)[0].readings.toarray()
+        return light_limits(spec, receivers_of(spec, far), Efficacy(300.0), 1.5)[0].readings.toarray()
 
     for road, times in (({}, 1.0), ({"lamp_lm": None}, 2.0)):
         one = _spec(**road)
