@@ -12,11 +12,15 @@ from lensforge.public import public
 from lensforge.results import Fact, Group, Record, Text
 from lensforge.results.criteria import JudgedLimits
 from lensforge.results.registered_kinds import add_empty_list, add_list
+from lensforge.results.stage_result import StageResult
 from lensforge.scene.intensity_limit import Candela, IntensityLimit
 from lensforge.spec.application import Application, names_of
 
 _Entry = TypeVar("_Entry", bound=Application)
-_Record = TypeVar("_Record", bound=Record)
+_Record = TypeVar("_Record", bound=StageResult)
+# Tables that records have had from the first on, also where they are empty: hashes of stored results count them. A new
+# table is left out where it is empty, so that what was stored before it keeps its hash.
+_WRITTEN_WHERE_EMPTY = {"offices", "roads", "sports"}
 
 
 @public
@@ -111,6 +115,8 @@ def with_judgements(record: type[_Record]) -> type[_Record]:
         add_list(record, entry.table, kind.judgement, judged)
     for table, fault in absent_tables().items():
         add_empty_list(record, table, fault)
+    tables = {entry.table for entry in _kinds()} | set(absent_tables())
+    record.omit_if_empty = (*record.omit_if_empty, *sorted(tables - _WRITTEN_WHERE_EMPTY))
     return record
 
 

@@ -210,7 +210,7 @@ class Lens:
     @cached_property
     def sha256(self) -> str:
         """Hash of the lens; results state it to name the lens that they belong to."""
-        return hashlib.sha256(json.dumps(self.to_json(), sort_keys=True).encode()).hexdigest()
+        return _sha256_of(self.to_json())
 
     def __eq__(self, other: object) -> bool:
         """True where ``other`` is the same lens, bit for bit."""
@@ -295,7 +295,15 @@ def _lens_in(file: bytes, path: Path) -> Lens:
         raise InputError(f"{path}: {error}; {_REMEDY}") from None
     if hashed is not None:
         require_checksum(hashed, path, _REMEDY)
-    return Lens(surfaces, spec, record.seed, record.accuracy, record.version, further)
+    lens = Lens(surfaces, spec, record.seed, record.accuracy, record.version, further)
+    # Results name the lens by its file. One of an earlier version lacks fields that a spec has got since: hashed with
+    # these, it would be another lens, and all its results out of date.
+    vars(lens)["sha256"] = _sha256_of(content)
+    return lens
+
+
+def _sha256_of(content: Mapping[str, JsonValue]) -> str:
+    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 
 
 def _faces_in(record: Mapping[str, SurfaceRecord], spec: Spec) -> dict[str, Surface]:
