@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 from part_files import make_stray
 from result_folders import STAGES, face_maps, make_results, small_lens
+from travel_results import travel
 
 from lensforge.report.lens_page import _PICTURES, _pictures
 from lensforge.report.page import PagePicture
@@ -36,7 +37,9 @@ def test_a_page_has_the_same_pictures_by_all_results_and_as_they_were_kept(tmp_p
     lens = small_lens()
     kinds = np.where(np.isnan(face_maps()["sag_mm"]), np.nan, 1.0)
     faults = (FaceFaults(face="outer", places_mm={}, kinds=kinds),)
-    results = make_results((*STAGES, "stray"), lens, stray=make_stray(lens), check={"faults": faults})
+    results = make_results(
+        (*STAGES, "stray"), lens, stray=make_stray(lens), check={"faults": faults}, evaluate={"travel": travel()}
+    )
     drawn = {name: draw(results) for name, (draw, _, _) in _PICTURES.items()}
     assert all(drawn.values())
     with kept_in(tmp_path) as folder:

@@ -282,8 +282,7 @@ class Record:
     @contextmanager
     def kept(self) -> Iterator[None]:
         """What is traced is kept: bundles of a simulation, and what goes to the far field."""
-        from lensforge.light import evaluation, exit_light, simulation
-        from lensforge.made import part_light
+        from lensforge.light import evaluation, exit_light, replicate_rays, simulation
         from lensforge.proof import casts
 
         drawn = simulation.bundles
@@ -329,7 +328,7 @@ class Record:
 
         with pytest.MonkeyPatch.context() as patch:
             patch.setattr(simulation, "bundles", bundles)
-            patch.setattr(part_light, "bundles", bundles)
+            patch.setattr(replicate_rays, "bundles", bundles)
             patch.setattr(exit_light, "exit_rays", exit_rays)
             patch.setattr(exit_light, "fit", fit)
             patch.setattr(evaluation, "_through_exact", through_exact)
