@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from lensforge.addons import *  # noqa: F403
+    from lensforge.spec.camera_target import *  # noqa: F403
     from lensforge.spec.far_field_targets import *  # noqa: F403
     from lensforge.spec.fixed_surface import *  # noqa: F403
     from lensforge.spec.picture_targets import *  # noqa: F403
