@@ -46,8 +46,8 @@ _Completion = Callable[[click.Context, click.Parameter, str], list[CompletionIte
 
 def _completed(kinds: Sequence[str], names: Callable[[], Iterable[str]] = tuple) -> _Completion:
     def complete(_context: click.Context, _option: click.Parameter, begun: str) -> list[CompletionItem]:
-        words = (*(f"{kind}:" for kind in kinds), *names())
-        completions = [CompletionItem(word) for word in words if word.startswith(begun)]
+        answers = (*(f"{kind}:" for kind in kinds), *names())
+        completions = [CompletionItem(answer) for answer in answers if answer.startswith(begun)]
         return completions or [CompletionItem(begun, type="file")]
 
     return complete

@@ -87,7 +87,7 @@ def light_on_travel(lens: Lens, source: Source, preset: Preset, rays: int, seed:
         return TravelStop.of(place_mm, state, smooth, chart)
 
     return Travel(
-        stops=tuple(stop(*each) for each in stops.items()),
+        stops=tuple(stop(place_mm, state) for place_mm, state in stops.items()),
         rays=len(held),
         place=widest.all_receivers[0].place,
         width=chart.width,

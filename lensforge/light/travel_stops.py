@@ -97,7 +97,8 @@ class Cut(NamedTuple):
         """Distance of the outermost places with half of the largest light; None where it is as bright at an end."""
         level = _HALF * self.light.max()
         (bright,) = np.nonzero(self.light >= level)
-        first, last = bright[0], bright[-1]
+        first = bright[0]
+        last = bright[-1]
         if not level > 0.0 or first == 0 or last == len(self.light) - 1:
             return None
         low, high = (

@@ -22,20 +22,20 @@ _ROOM = 1.05  # of the scale over the largest light
 
 @dataclass(frozen=True)
 class StopPictures:
-    """The light at one stop, its cuts, and its figures in a line."""
+    """The light at one stop, its cuts, and its figures in a line, the ``caption``."""
 
     title: str
-    words: str
+    caption: str
     seen: list[PagePicture]
 
 
 @dataclass(frozen=True)
 class TravelPictures:
-    """The ``stops`` in their order, the curves over all, and words on the simulation."""
+    """The ``stops`` in their order, the curves over all, and a ``caption`` on the simulation."""
 
     stops: list[StopPictures]
     curves: list[PagePicture]
-    words: str
+    caption: str
 
 
 def travel_of(results: Results) -> tuple[Travel, LightUnit] | None:
@@ -48,11 +48,14 @@ def travel_of(results: Results) -> tuple[Travel, LightUnit] | None:
 
 def travel_groups(results: Results) -> list[Group]:
     """A row of figures for each stop; none without a travel."""
-    found = travel_of(results)
-    return [] if found is None else list(found[0].groups(found[1]))
+    travel_and_unit = travel_of(results)
+    if travel_and_unit is None:
+        return []
+    travel, unit = travel_and_unit
+    return list(travel.groups(unit))
 
 
-def stop_words(stop: Group) -> str:
+def stop_caption(stop: Group) -> str:
     """The place and the figures of a stop in a line."""
     figures = (f"{fact.label[:1].lower()}{fact.label[1:]} {fact.text}" for fact in stop.facts)
     return f"{stop.title}: {', '.join(figures)}"
@@ -60,21 +63,21 @@ def stop_words(stop: Group) -> str:
 
 def travel_pictures(results: Results) -> TravelPictures | None:
     """Pictures of the stops, each on its own scale, with cuts on the scale of all; None without a travel."""
-    found = travel_of(results)
-    if found is None:
+    travel_and_unit = travel_of(results)
+    if travel_and_unit is None:
         return None
-    travel, unit = found
+    travel, unit = travel_and_unit
     rows, columns = travel.stops[0].map.shape
-    words = (
+    caption = (
         f"By {number(travel.rays)} rays at each stop, the same at all, on {columns} × {rows} pixels: the axis is the "
         "mean of the four pixels about it, the width that at half of the largest light, mean along x and y."
     )
     top = _ROOM * top_of(cut.light for stop in travel.stops for cut in cuts(stop.map, travel.chart).values())
     stops = [
-        StopPictures(stop.title, stop_words(group), _of_stop(f"stop-{index}", stop, travel, unit, top))
+        StopPictures(stop.title, stop_caption(group), _of_stop(f"stop-{index}", stop, travel, unit, top))
         for index, (stop, group) in enumerate(zip(travel.stops, travel.groups(unit), strict=True))
     ]
-    return TravelPictures(stops, _curves(travel, unit), words)
+    return TravelPictures(stops, _curves(travel, unit), caption)
 
 
 def _of_stop(name: str, stop: TravelStop, travel: Travel, unit: LightUnit, top: float) -> list[PagePicture]:

@@ -17,6 +17,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
+TEMPORARY = ("TMPDIR", "TEMP", "TMP")  # of the environment: the folder of temporary files
 _WORKER = Path(__file__).with_name("worker.py").resolve()
 _PACKAGES = Path(__file__).resolve().parents[2]
 # Threads are what the parent shares out. For every core of a large machine these libraries would also reserve memory
@@ -45,7 +46,7 @@ class ChildProcess:
             # -P: neither the folder of the script nor the current one is searched for modules
             [sys.executable, "-P", *map(str, (_WORKER, _PACKAGES, *work, os.getpid()))],
             cwd=folder if work else None,
-            env={**os.environ, **threads, **dict.fromkeys(("TMPDIR", "TEMP", "TMP"), str(folder))},
+            env={**os.environ, **threads, **dict.fromkeys(TEMPORARY, str(folder))},
             stdin=pipe,
             stdout=pipe,
             stderr=subprocess.DEVNULL,

@@ -12,12 +12,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
 
 from lensforge.errors import FileWarning, InputError, refused
-from lensforge.results.files import read_file
+from lensforge.results.files import MIB, read_file
 from lensforge.results.table_names import Column, Heading, Names, Places, header_cells
 from lensforge.results.text_dialect import Dialect, Line, decoded_text, lines_of, remarks_above, shown
 
@@ -277,6 +278,19 @@ class Entry:
             return None
         with refused(f"{self.where}, {title}", "…", ValueError):
             return self.dialect.number(word)
+
+
+def shipped_rows(path: Path, texts: Sequence[str], numbers: Sequence[str]) -> list[dict[str, Any]]:
+    """Rows of a table of the package by the names of its columns: ``texts``, and ``numbers`` as such.
+
+    Raises :class:`InputError` for a damaged table.
+    """
+    columns = [Column((name,), words=True) for name in texts] + [Column((name,)) for name in numbers]
+    entries = read_list(path, columns, missing="install the package again", most_bytes=MIB)
+    return [
+        {name: entry.words[name] for name in texts} | {name: entry.number(name) for name in numbers}
+        for entry in entries
+    ]
 
 
 def read_list(path: Path, wanted: Sequence[Column], *, missing: str, most_bytes: int) -> list[Entry]:

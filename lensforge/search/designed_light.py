@@ -14,11 +14,11 @@ from math import acos, degrees, log, pi, sqrt
 from pathlib import Path
 
 import numpy as np
+from jaxtyping import Float
 from scipy.interpolate import LinearNDInterpolator
 
 from lensforge.optics.fundamental_limits import cell_solid_angles
-from lensforge.results.table_names import Column
-from lensforge.results.text_table import read_list
+from lensforge.results.text_table import shipped_rows
 from lensforge.scene.possible_light import EtendueCurve
 from lensforge.scene.receiver_shapes import receivers_of
 from lensforge.scene.target_pattern import in_target, target_light
@@ -26,10 +26,9 @@ from lensforge.sources.ray_bundle import Source
 from lensforge.spec import Spec
 
 DRAFTS = Path(__file__).with_name("drafts.csv")
-_WORDS = ("kind", "source", "target", "radius_mm", "material", "cutter", "faces")  # the first six as `new` takes them
+_TEXTS = ("kind", "source", "target", "radius_mm", "material", "cutter", "faces")  # the first six as `new` takes them
 _NUMBERS = ("half_angle_deg", "size", "possible", "efficiency", "nmse")
-COLUMNS = (*_WORDS, *_NUMBERS)
-_MOST_BYTES = 1_000_000
+COLUMNS = (*_TEXTS, *_NUMBERS)
 _RAYS = 2**12
 _SEED = 0
 _LAMBERTIAN = 1.05  # radiance of the brightest light over the mean one: rounding
@@ -95,14 +94,13 @@ def series_of(spec: Spec) -> Series:
 @cache
 def _drafts() -> Mapping[Series, LinearNDInterpolator]:
     """The interpolations of all drafts, by their series."""
-    columns = [Column((name,), words=True) for name in _WORDS] + [Column((name,)) for name in _NUMBERS]
-    rows = defaultdict(list)
-    for entry in read_list(DRAFTS, columns, missing="install the package again", most_bytes=_MOST_BYTES):
-        half_angle_deg, size, possible, efficiency, nmse = (float(entry.words[name]) for name in _NUMBERS)
-        reached = (efficiency / possible, log(nmse))
-        rows[entry.words["kind"], entry.words["faces"]].append((log(half_angle_deg), log(size), *reached))
-    return {series: _interpolated(np.array(row)) for series, row in rows.items()}
+    points = defaultdict(list)
+    for row in shipped_rows(DRAFTS, _TEXTS, _NUMBERS):
+        reached = (row["efficiency"] / row["possible"], log(row["nmse"]))
+        points[row["kind"], row["faces"]].append((log(row["half_angle_deg"]), log(row["size"]), *reached))
+    return {series: _interpolated(np.array(drafts)) for series, drafts in points.items()}
 
 
-def _interpolated(rows: np.ndarray) -> LinearNDInterpolator:
-    return LinearNDInterpolator(rows[:, :2], rows[:, 2:])
+def _interpolated(drafts: Float[np.ndarray, "n 4"]) -> LinearNDInterpolator:
+    """Light of ``drafts`` over their places: logarithms of beam and size in the first two columns."""
+    return LinearNDInterpolator(drafts[:, :2], drafts[:, 2:])

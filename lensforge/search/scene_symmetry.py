@@ -90,9 +90,9 @@ def traced_states(spec: Spec, source: Source) -> tuple[TracedState, ...]:
     traced = []
     for orbit in scene.orbits(name) or [(number,) for number in range(len(scene.states))]:
         first = scene.states[orbit[0]]
-        own = next(group for group in reversed(NAMES) if contains(name, group) and first.keeps(group))
-        alone = first.spec.changed(lens=first.spec.lens.changed(symmetry=own))
-        traced.append(TracedState(alone, first.led, sum(scene.weights[number] for number in orbit)))
+        symmetry = next(group for group in reversed(NAMES) if contains(name, group) and first.keeps(group))
+        spec_alone = first.spec.changed(lens=first.spec.lens.changed(symmetry=symmetry))
+        traced.append(TracedState(spec_alone, first.led, sum(scene.weights[number] for number in orbit)))
     return tuple(traced)
 
 
@@ -143,8 +143,9 @@ class _Scene:
         state = self.states[number]
         if state.keeps(mirror):
             return number
-        alike = (other for other, weight in enumerate(self.weights) if weight == self.weights[number])
-        return next((other for other in alike if state.maps_to(self.states[other], mirror)), None)
+        weight = self.weights[number]
+        images = (image for image, weight_there in enumerate(self.weights) if weight_there == weight)
+        return next((image for image in images if state.maps_to(self.states[image], mirror)), None)
 
 
 class _Wanted(NamedTuple):
@@ -184,7 +185,8 @@ class _State:
         receivers = receivers_of(spec, spec.optimise.pixels)
         sections = zip(spec.all_receivers, receivers, strict=True)
         wanted = [_Wanted(receiver, target_light(section.targets, receiver)) for section, receiver in sections]
-        by_causes, is_seen = [], False
+        by_causes = []
+        is_seen = False
         for limit in light_limits(spec, receivers, Efficacy(1.0, 1.0), 1.0):  # only the places count
             asked = (limit.receiver, limit.quantity, limit.sense, limit.bound, limit.share)
             if limit.quantity.of_losses:
@@ -215,12 +217,12 @@ class _State:
             return False
         if not _is_image(self.spec.source, other.spec.source, axis):
             return False
-        left = list(other.wanted)
+        unmatched = list(other.wanted)
         for wanted in self.wanted:
-            image = next((each for each in left if wanted.is_image(each, mirror)), None)
-            if image is None:
+            place = next((k for k, image in enumerate(unmatched) if wanted.is_image(image, mirror)), None)
+            if place is None:
                 return False
-            left = [each for each in left if each is not image]
+            del unmatched[place]
         return True
 
 

@@ -94,9 +94,11 @@ def _of_file(part: RayfilePart) -> Spectrum | None:
 
 def _of_rays(blocks: Callable[[], Iterable[_Light]]) -> Spectrum:
     """Spectrum of rays with individual wavelengths, block by block: a line if they are all equal, else a table."""
-    low, high = np.inf, -np.inf
+    low = np.inf
+    high = -np.inf
     for waves, _ in blocks():
-        low, high = np.minimum(low, waves.min()), np.maximum(high, waves.max())
+        low = np.minimum(low, waves.min())
+        high = np.maximum(high, waves.max())
     if low == high:
         return Spectrum(np.array([low]), np.ones(1))
     first = np.floor(low / _STEP_NM - 0.5) * _STEP_NM

@@ -11,8 +11,7 @@ from math import cos, log, radians
 from pathlib import Path
 from typing import Any
 
-from lensforge.results.table_names import Column
-from lensforge.results.text_table import Entry, read_list
+from lensforge.results.text_table import shipped_rows
 from lensforge.spec.source_sections import DiscSource, RectangleSource, SquareSource
 
 _TABLE = Path(__file__).with_name("led_packages.csv")
@@ -21,10 +20,8 @@ _SIZES = {
     "rectangle": RectangleSource.in_a_word,
     "disc": DiscSource.in_a_word,
 }
-_WORDS = ("name", "shape", "unit")
 _NUMBERS = ("width_mm", "height_mm", "dome_index", "beam_deg", "least", "most")
 _LAMBERTIAN_DEG = 120.0  # full width at half intensity of a cosine
-_MOST_BYTES = 100_000
 
 
 @dataclass(frozen=True)
@@ -69,15 +66,8 @@ class LedPackage:
 @cache
 def led_packages() -> dict[str, LedPackage]:
     """All packages by their names."""
-    columns = [Column((name,), words=True) for name in _WORDS] + [Column((name,)) for name in _NUMBERS]
-    entries = read_list(_TABLE, columns, missing="install the package again", most_bytes=_MOST_BYTES)
-    return {entry.words["name"]: _package(entry) for entry in entries}
-
-
-def _package(entry: Entry) -> LedPackage:
-    name, shape, unit = (entry.words[title] for title in _WORDS)
-    width_mm, height_mm, dome_index, beam_deg, least, most = (float(entry.words[title]) for title in _NUMBERS)
-    return LedPackage(name, shape, unit, width_mm, height_mm, dome_index, beam_deg, least, most)
+    rows = shipped_rows(_TABLE, ("name", "shape", "unit"), _NUMBERS)
+    return {row["name"]: LedPackage(**row) for row in rows}
 
 
 def led_package(name: str) -> LedPackage | None:

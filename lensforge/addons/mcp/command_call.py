@@ -18,6 +18,8 @@ import anyio
 from anyio.abc import ByteReceiveStream
 from anyio.streams.text import TextReceiveStream
 
+from lensforge.addons.mcp import tool_process
+from lensforge.results.child_process import TEMPORARY
 from lensforge.results.files import REACH, temporary_folder
 
 _MOST_PICTURES = 4
@@ -40,12 +42,11 @@ async def call(module_line: Sequence[str], folder: Path, report: Report) -> Comm
     """Run a module with its arguments in ``folder``; each line of its progress goes to ``report``."""
     begun_s = time()
     with temporary_folder("mcp") as scratch:
-        kept = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "lensforge"
-        reach = os.pathsep.join(map(str, (folder, scratch, kept)))
+        reach = os.pathsep.join(map(str, (folder, scratch)))
         process = await anyio.open_process(
-            [sys.executable, "-P", "-m", *module_line],
+            [sys.executable, "-P", "-m", tool_process.__name__, str(os.getpid()), *module_line],
             cwd=folder,
-            env={**os.environ, REACH: reach, **dict.fromkeys(("TMPDIR", "TEMP", "TMP"), str(scratch))},
+            env={**os.environ, REACH: reach, **dict.fromkeys(TEMPORARY, str(scratch))},
             stdin=subprocess.DEVNULL,
             start_new_session=True,
         )

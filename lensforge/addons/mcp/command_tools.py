@@ -4,7 +4,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any
 
 import click
 
@@ -15,6 +15,14 @@ from lensforge.errors import InputError
 # Commands with a window or a server of their own, and what concerns a terminal, a desktop or other machines.
 _NO_TOOLS = ("mcp", "studio")
 _HIDDEN = ("as_json", "quiet", "shown", "scheduler", "device", "threads")
+
+
+PATH = {"type": "string", "description": "path in the folder"}  # schema of a file or a folder
+
+
+def object_schema(properties: Mapping[str, Any], required: Sequence[str]) -> dict[str, Any]:
+    """JSON schema of the arguments of a tool, which takes no others."""
+    return {"type": "object", "properties": properties, "required": [*required], "additionalProperties": False}
 
 
 @dataclass(frozen=True)
@@ -36,12 +44,8 @@ class CommandTool:
     @cached_property
     def schema(self) -> dict[str, Any]:
         """JSON schema of its arguments."""
-        return {
-            "type": "object",
-            "properties": {_key(parameter): _property(parameter) for parameter in self._parameters},
-            "required": [_key(parameter) for parameter in self._parameters if parameter.required],
-            "additionalProperties": False,
-        }
+        properties = {_key(parameter): _property(parameter) for parameter in self._parameters}
+        return object_schema(properties, [_key(parameter) for parameter in self._parameters if parameter.required])
 
     def module_line(self, given: Mapping[str, Any], folder: Path) -> list[str]:
         """The module of the command line with command and options, for arguments ``given`` by the schema.
@@ -75,16 +79,11 @@ class PictureTool:
 
     name = "picture"
     description = "Draw the light of the lens in a result folder: its map on the receiver, beside a scale."
-    schema: ClassVar[dict[str, Any]] = {
-        "type": "object",
-        "properties": {"dir": {"type": "string", "description": "path in the folder"}},
-        "required": ["dir"],
-        "additionalProperties": False,
-    }
+    schema = object_schema({"directory": PATH}, ["directory"])
 
     def module_line(self, given: Mapping[str, Any], folder: Path) -> list[str]:
         """The module that draws it, with the result folder. Raises :class:`InputError` for one outside."""
-        return [light_picture.__name__, str(require_inside(given["dir"], folder))]
+        return [light_picture.__name__, str(require_inside(given["directory"], folder))]
 
 
 def command_tools() -> dict[str, CommandTool]:
@@ -114,7 +113,7 @@ def _property(parameter: click.Parameter) -> dict[str, Any]:
         value = {"type": "array", "items": value, "minItems": parameter.nargs, "maxItems": parameter.nargs}
     elif parameter.nargs < 0 or parameter.multiple:
         value = {"type": "array", "items": value, "minItems": 1 if parameter.required else 0}
-    text = parameter.help if isinstance(parameter, click.Option) else "path in the folder"
+    text = parameter.help if isinstance(parameter, click.Option) else PATH["description"]
     return {**value, **({"description": text} if text else {})}
 
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from lensforge.addons.mcp.command_tools import require_inside
+from lensforge.addons.mcp.command_tools import PATH, object_schema, require_inside
 from lensforge.errors import InputError
 from lensforge.results.files import MIB, read_file, write_file
 
@@ -13,7 +13,6 @@ _MOST_READ_BYTES = MIB // 4  # what a client can take at once
 _MOST_WRITTEN_BYTES = MIB
 _WRITTEN = (".toml", ".csv")  # specs, and the tables that they name: results are written by commands alone
 _MOST_LISTED = 500
-_PATH = {"type": "string", "description": "path in the folder"}
 
 
 @dataclass(frozen=True)
@@ -31,12 +30,7 @@ class FolderTool:
     @property
     def schema(self) -> dict[str, Any]:
         """JSON schema of its arguments."""
-        return {
-            "type": "object",
-            "properties": dict(self.properties),
-            "required": [*self.properties],
-            "additionalProperties": False,
-        }
+        return object_schema(self.properties, [*self.properties])
 
 
 def _listed(_: Mapping[str, Any], folder: Path) -> str:
@@ -73,12 +67,12 @@ FOLDER_TOOLS = {
     tool.name: tool
     for tool in (
         FolderTool("list_files", "List the files of the folder, with their sizes.", _listed, {}),
-        FolderTool("read_text", "Read a text file of the folder, such as a spec or a record.", _text, {"path": _PATH}),
+        FolderTool("read_text", "Read a text file of the folder, such as a spec or a record.", _text, {"path": PATH}),
         FolderTool(
             "write_text",
             "Write a spec (.toml) or a table that it names (.csv) into the folder; one that is there is replaced.",
             _written,
-            {"path": _PATH, "text": {"type": "string", "description": "the whole file"}},
+            {"path": PATH, "text": {"type": "string", "description": "the whole file"}},
         ),
     )
 }

@@ -6,19 +6,13 @@ from pathlib import Path
 from lensforge.errors import LensforgeError
 
 PICTURE_FILE = "light.png"
-_DOTS_PER_INCH = 100
 
 
 def draw(directory: Path) -> None:
-    """Draw the map of the light in ``directory`` into its ``PICTURE_FILE``. Raises :class:`InputError` for none."""
-    from matplotlib.figure import Figure
-
+    """Draw the map of the light in ``directory`` into its ``PICTURE_FILE``. Raises :class:`InputError` without one."""
     import lensforge as lf
 
-    light = lf.load(directory).light
-    figure = Figure(layout="constrained")
-    light.plot(figure.subplots())
-    figure.savefig(directory / PICTURE_FILE, dpi=_DOTS_PER_INCH)
+    lf.load(directory).light.save(directory / PICTURE_FILE)
 
 
 if __name__ == "__main__":

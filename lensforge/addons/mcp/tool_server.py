@@ -34,8 +34,8 @@ AnyTool = CommandTool | PictureTool | FolderTool
 _BAD_INPUT = InputError.exit_code
 _INSTRUCTIONS = """Designs lenses for LEDs that a shop can make. Lengths in mm, angles in degrees, flux in lm or W.
 Begin with `new` (an LED and the wanted light make a commented spec) or `examples` (specs to copy); `write_text` changes
-one. `preview` draws a first look within seconds; `design` makes the lens, its files and its verdict, at
-`accuracy = "draft"` in a minute. Results lie in cad_out/NAME; the other tools take that folder. `schema` has all fields
+one. `preview` draws a first look; `design` makes the lens, its files and its verdict, soonest at
+`accuracy = "draft"`. Results lie in cad_out/NAME; the other tools take that folder. `schema` has all fields
 of a spec. Every figure is a simulation, with its standard error."""
 
 
@@ -91,7 +91,7 @@ class ToolServer:
 
 
 def _require_names(tool: AnyTool, arguments: Mapping[str, Any]) -> None:
-    """Raise :class:`InputError` for unknown and absent arguments; of values the command says what is wrong."""
+    """Raise :class:`InputError` for unknown or missing arguments; values are checked by the command."""
     known = tool.schema["properties"]
     for name in arguments:
         if name not in known:

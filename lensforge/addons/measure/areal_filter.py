@@ -117,7 +117,7 @@ class PointDeviations:
 
     @cached_property
     def areas(self) -> Float[np.ndarray, " n"]:
-        """Area (mm^2) of each point: that of its cell in a regular pattern, divided among the cell's points."""
+        """Area (mm²) per point: each cell of a regular pattern is shared equally by the points in it."""
         cells = fibonacci_hemisphere(max(1, len(self.directions) // _POINTS_PER_CELL))
         _, cell = cKDTree(cells).query(self.directions)
         count = np.bincount(cell, minlength=len(cells))

@@ -93,7 +93,7 @@ def spacing_fact(held: HeldSpacing | None) -> Fact:
 
 
 def with_edge(label: str) -> str:
-    """The ``label`` of a limit; that of a ratio with its edge as the place: ``left edge: edge ratio``."""
+    """The ``label`` of a limit, with the edge of an edge ratio as its place: ``left edge: edge ratio``."""
     place, _, figure = label.rpartition(": ")
     if not figure.endswith(_EDGE):
         return label

@@ -26,7 +26,7 @@ class GlareRating(Quantity):
     words = "glare rating"
 
     def value(self, readings: Readings, sense: Sense, unit: str, whole: Readings) -> Metric:
-        """The largest rating, at least 10; the error includes that of the luminance of the environment."""
+        """Largest rating, at least 10. Its error includes the uncertainty of the environment's luminance."""
         ratio = _RATIO.value(readings, sense, "", whole)
         if ratio.value >= DARK:
             return ratio.changed(unit=unit)

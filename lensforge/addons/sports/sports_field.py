@@ -45,7 +45,7 @@ class SportsReadings:
 
     @property
     def glare(self) -> CandelaSum:
-        """Veiling luminance (cd/m²) of the lamps at each eye; the last entry is that of the environment."""
+        """Veiling luminance (cd/m²) of the lamps at each observer, and of the environment as the last entry."""
         ground = self.illuminance.mean().times(_OF_GROUND * self.field.reflectance / np.pi)
         return CandelaSum.joined((self._veil(), ground))
 

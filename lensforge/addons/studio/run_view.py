@@ -16,7 +16,7 @@ from lensforge.light.receiver_light import ReceiverLight
 from lensforge.report.folder import Run
 from lensforge.report.headline import headline, required_facts
 from lensforge.report.results import REPORT_FILE
-from lensforge.report.travel_section import stop_words, travel_of
+from lensforge.report.travel_section import stop_caption, travel_of
 from lensforge.results.files import MIB, read_file
 from lensforge.spec import ReceiverSection
 
@@ -33,10 +33,10 @@ def run_arrays(run: Run, figure: str) -> dict[str, np.ndarray]:
     for number, (light, _, lumens) in enumerate(_lit_receivers(run)):
         arrays[f"light{number}"] = (lumens or 1.0) * light.map
         arrays[f"target{number}"] = (lumens or 1.0) * light.target_map
-    if (travel := travel_of(run)) is not None:
+    if (travel_and_unit := travel_of(run)) is not None:
+        travel, unit = travel_and_unit
         number = len(run.light.receivers)
-        of_stops = enumerate(travel[0].stops)
-        arrays |= {f"light{number}_{index}": travel[1].per_watt * stop.map for index, stop in of_stops}
+        arrays |= {f"light{number}_{index}": unit.per_watt * stop.map for index, stop in enumerate(travel.stops)}
     return arrays | drawn(run.lens, figure, whole=True)
 
 
@@ -65,11 +65,11 @@ def _lit_receivers(run: Run) -> Iterator[tuple[ReceiverLight, ReceiverSection, f
 
 
 def _travel(run: Run) -> Iterator[dict[str, object]]:
-    """The receiver over the travel of the LED, with words on each stop; nothing where there is no travel."""
-    if (found := travel_of(run)) is not None:
-        travel, unit = found
+    """Chart of the light over the travel of the LED, with a caption for each stop; empty without a travel."""
+    if (travel_and_unit := travel_of(run)) is not None:
+        travel, unit = travel_and_unit
         chart = {"width": travel.width, "height": travel.height, "far": travel.far_field, "unit": unit.symbol}
-        yield {"name": "travel of the LED", **chart, "stops": [stop_words(group) for group in travel.groups(unit)]}
+        yield {"name": "travel of the LED", **chart, "stops": [stop_caption(group) for group in travel.groups(unit)]}
 
 
 def _verdicts(run: Run) -> list[dict[str, object]]:

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from application_pixels import judged_both_ways, values_of
 from presets import FEW
 from scenes import random_surface, small_spec
 
@@ -13,14 +14,8 @@ import lensforge as lf
 from lensforge.addons.escape.route_light import RouteJudgement, RouteLight
 from lensforge.addons.escape.route_section import RouteSection
 from lensforge.errors import InputError
-from lensforge.light.angular_grid import AngularGrid
-from lensforge.light.by_intensities import of_file, of_lens
-from lensforge.light.judged_limits import judged_limits
-from lensforge.light.luminaire_classes import LampLight
-from lensforge.optics.efficacy import Efficacy
+from lensforge.light.by_intensities import of_file
 from lensforge.scene.intensity_limit import CandelaSum
-from lensforge.scene.limit_readings import light_limits
-from lensforge.scene.receiver_shapes import receivers_of
 from lensforge.sources.photometric.photometric_io import read_photometric
 
 ROUTE: dict[str, Any] = {"lamp_height_m": 2.6, "spacing_m": 11.0, "width_m": 1.8}
@@ -134,15 +129,6 @@ def test_the_evaluation_the_photometry_and_the_file_have_one_figure(tmp_path: Pa
 
 def test_pixels_of_the_far_field_read_the_same_route() -> None:
     spec = spec_of(1.0)
-    receivers = receivers_of(spec, 512)
-    grid = receivers[0].grid
-    x, y, z = np.moveaxis(receivers[0].places(*np.meshgrid(grid.x(), grid.y())), -1, 0)
-    light = lobe(np.arctan2(y, x), np.arccos(z)) * receivers[0].pixel_measure
-    by_pixels = judged_limits(light_limits(spec, receivers, Efficacy(), 1.0), [np.stack([light] * 16)], ["sky"])
-    table = AngularGrid(144, np.linspace(0.0, 90.0, 361))
-    turns, gammas = np.meshgrid(np.radians(table.c_deg), np.radians(table.gamma_deg), indexing="ij")
-    lamp = LampLight(table, np.stack([lobe(turns, gammas)] * 2), spec.photometry.street_side_deg)
-    by_table = RouteLight(spec.routes[0]).judged(of_lens(lamp, 1.0), "route")
-    found, exact = ([limit.metric.value for limit in limits] for limits in (by_pixels, by_table.limits))
-    np.testing.assert_allclose(found, exact, rtol=0.01)
+    by_pixels, by_table = judged_both_ways(spec, lobe, 512)
+    np.testing.assert_allclose(values_of(by_pixels), values_of(by_table), rtol=0.01)
     assert by_pixels[0].label == "route: centre line"

@@ -3,8 +3,9 @@
 import asyncio
 import base64
 import contextlib
-import os
+import subprocess
 import sys
+import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -67,7 +68,7 @@ def test_a_lens_is_previewed_from_a_text_with_its_figures_and_its_picture(folder
         folder,
         ("write_text", {"path": "small.toml", "text": SPEC.format(source="flux_w = 2.0")}),
         ("preview", {"spec": "small.toml", "seed": 3}),
-        ("picture", {"dir": "cad_out/small_preview"}),
+        ("picture", {"directory": "cad_out/small_preview"}),
         ("list_files", {}),
     )
     assert not written.is_error and not seen.is_error, text_of(seen)
@@ -97,7 +98,7 @@ def _facts(groups: list[dict[str, Any]]) -> Iterator[dict[str, Any]]:
         ("write_text", {"path": "lens.json", "text": "{}"}, "lens.json: its suffix must be one of .toml, .csv"),
         ("design", {"specs": ["none.toml"]}, "none.toml: no such file"),
         ("design", {"specs": ["small.toml"], "seed": -1}, "-1 is not in the range"),
-        ("picture", {"dir": "."}, "lens.json"),
+        ("picture", {"directory": "."}, "lens.json"),
     ],
 )
 def test_what_is_refused_is_one_line_that_a_client_reads(
@@ -119,31 +120,59 @@ def test_a_spec_reads_no_file_outside_of_the_folder(folder: Path) -> None:
     assert "LENSFORGE_REACH" not in text_of(read)
 
 
-@pytest.mark.skipif(os.name != "posix", reason="process groups of POSIX")
+def running_in(folder: Path) -> list[str]:
+    """Command lines of the processes that work in ``folder``."""
+    lines = []
+    for process in Path("/proc").glob("[0-9]*"):
+        with contextlib.suppress(OSError):
+            if folder == (process / "cwd").readlink():
+                lines.append((process / "cmdline").read_text())
+    return lines
+
+
+def until_design_runs(folder: Path) -> None:
+    end = time.monotonic() + 60.0
+    while not any("long.toml" in line for line in running_in(folder)):
+        assert time.monotonic() < end
+        time.sleep(0.1)
+
+
+def until_nothing_runs(folder: Path) -> None:
+    end = time.monotonic() + 20.0
+    while running_in(folder):
+        assert time.monotonic() < end
+        time.sleep(0.1)
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="processes by /proc")
 def test_a_call_that_is_cancelled_ends_its_processes(folder: Path) -> None:
     (folder / "long.toml").write_text(SPEC.format(source="").replace("[3]", "[100000]"), encoding="utf-8")
-
-    def running() -> list[str]:
-        lines = []
-        for process in Path("/proc").glob("[0-9]*"):
-            with contextlib.suppress(OSError):
-                if folder == (process / "cwd").readlink():
-                    lines.append((process / "cmdline").read_text())
-        return lines
 
     async def client() -> None:
         async with Client(ToolServer(folder).protocol()) as asking:
             async with anyio.create_task_group() as tasks:
                 tasks.start_soon(asking.call_tool, "design", {"specs": ["long.toml"]})
-                with anyio.fail_after(60.0):
-                    while not any("long.toml" in line for line in running()):
-                        await anyio.sleep(0.1)
+                await anyio.to_thread.run_sync(until_design_runs, folder)
                 tasks.cancel_scope.cancel()
-            with anyio.fail_after(20.0):
-                while running():
-                    await anyio.sleep(0.1)
+            await anyio.to_thread.run_sync(until_nothing_runs, folder)
 
     asyncio.run(client())
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="processes by /proc")
+def test_a_command_ends_with_a_server_that_is_killed(folder: Path) -> None:
+    (folder / "long.toml").write_text(SPEC.format(source="").replace("[3]", "[100000]"), encoding="utf-8")
+    script = (
+        "import anyio, pathlib, sys\n"
+        "from lensforge.addons.mcp.command_call import call\n"
+        "async def silent(line): pass\n"
+        "anyio.run(call, ['lensforge', 'design', 'long.toml'], pathlib.Path(sys.argv[1]), silent)\n"
+    )
+    server = subprocess.Popen([sys.executable, "-c", script, str(folder)])
+    until_design_runs(folder)
+    server.kill()
+    server.wait()
+    until_nothing_runs(folder)
 
 
 def test_the_command_serves_on_its_streams(folder: Path) -> None:

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from application_pixels import judged_both_ways, values_of
 from cie_luminaire import OFFICE
 from presets import FEW
 from scenes import random_surface, small_spec
@@ -13,12 +14,8 @@ import lensforge as lf
 from lensforge.addons.office.office_light import OfficeLight
 from lensforge.light.angular_grid import AngularGrid
 from lensforge.light.by_intensities import of_file, of_lens
-from lensforge.light.judged_limits import judged_limits
 from lensforge.light.luminaire_classes import LampLight
-from lensforge.optics.efficacy import Efficacy
 from lensforge.scene.application_light import light_in
-from lensforge.scene.limit_readings import light_limits
-from lensforge.scene.receiver_shapes import receivers_of
 from lensforge.sources.photometric.photometric_io import read_photometric
 from lensforge.spec import Spec
 
@@ -59,18 +56,9 @@ def intensity(azimuth: np.ndarray, gamma: np.ndarray) -> np.ndarray:
 @pytest.mark.parametrize(("pixels", "most"), [(128, 0.02), (512, 0.004)])
 def test_pixels_of_the_far_field_read_the_same_office(pixels: int, most: float) -> None:
     spec = spec_of(ON_PLANE | {"lamp_lm": 1.0})
-    receivers = receivers_of(spec, pixels)
-    grid = receivers[0].grid
-    x, y, z = np.moveaxis(receivers[0].places(*np.meshgrid(grid.x(), grid.y())), -1, 0)
-    light = intensity(np.arctan2(y, x), np.arccos(z)) * receivers[0].pixel_measure
-    by_pixels = judged_limits(light_limits(spec, receivers, Efficacy(), 1.0), [np.stack([light] * 16)], ["sky"])
-    table = AngularGrid(144, np.linspace(0.0, 90.0, 181))
-    turns, gammas = np.meshgrid(np.radians(table.c_deg), np.radians(table.gamma_deg), indexing="ij")
-    lamp = LampLight(table, np.stack([intensity(turns, gammas)] * 2), spec.photometry.street_side_deg)
-    by_table = OfficeLight(spec.offices[0]).judged(of_lens(lamp, 1.0), "office")
-    assert [each.label for each in by_pixels] == [f"office: {each.label}" for each in by_table.limits]
-    found, exact = ([each.metric.value for each in limits] for limits in (by_pixels, by_table.limits))
-    np.testing.assert_allclose(found, exact, rtol=most)
+    by_pixels, by_table = judged_both_ways(spec, intensity, pixels, gamma_nodes=181)
+    assert [limit.label for limit in by_pixels] == [f"office: {limit.label}" for limit in by_table]
+    np.testing.assert_allclose(values_of(by_pixels), values_of(by_table), rtol=most)
 
 
 def test_screen_tells_each_figure_of_the_office_that_has_it_worst() -> None:

@@ -3,19 +3,14 @@
 from pathlib import Path
 
 import numpy as np
+from application_pixels import judged_both_ways, values_of
 from playing_field import FIELD
 from presets import FEW
 from scenes import random_surface, small_spec
 
 import lensforge as lf
 from lensforge.addons.sports.sports_light import SportsLight
-from lensforge.light.angular_grid import AngularGrid
-from lensforge.light.by_intensities import of_file, of_lens
-from lensforge.light.judged_limits import judged_limits
-from lensforge.light.luminaire_classes import LampLight
-from lensforge.optics.efficacy import Efficacy
-from lensforge.scene.limit_readings import light_limits
-from lensforge.scene.receiver_shapes import receivers_of
+from lensforge.light.by_intensities import of_file
 from lensforge.sources.photometric.photometric_io import read_photometric
 from lensforge.spec import Spec
 
@@ -50,14 +45,5 @@ def intensity(azimuth: np.ndarray, gamma: np.ndarray) -> np.ndarray:
 
 def test_pixels_of_the_far_field_read_the_same_field() -> None:
     spec = spec_of(1.0)
-    receivers = receivers_of(spec, 256)
-    grid = receivers[0].grid
-    x, y, z = np.moveaxis(receivers[0].places(*np.meshgrid(grid.x(), grid.y())), -1, 0)
-    light = intensity(np.arctan2(y, x), np.arccos(z)) * receivers[0].pixel_measure
-    by_pixels = judged_limits(light_limits(spec, receivers, Efficacy(), 1.0), [np.stack([light] * 16)], ["sky"])
-    table = AngularGrid(144, np.linspace(0.0, 90.0, 361))
-    turns, gammas = np.meshgrid(np.radians(table.c_deg), np.radians(table.gamma_deg), indexing="ij")
-    lamp = LampLight(table, np.stack([intensity(turns, gammas)] * 2), spec.photometry.street_side_deg)
-    by_table = SportsLight(spec.sports[0]).judged(of_lens(lamp, 1.0), "field")
-    found, exact = ([limit.metric.value for limit in limits] for limits in (by_pixels, by_table.limits))
-    np.testing.assert_allclose(found, exact, rtol=0.01)
+    by_pixels, by_table = judged_both_ways(spec, intensity, 256)
+    np.testing.assert_allclose(values_of(by_pixels), values_of(by_table), rtol=0.01)
