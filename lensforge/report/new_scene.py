@@ -28,7 +28,6 @@ if TYPE_CHECKING:  # torch, which the search needs, takes a second to load
 
 Tables = dict[str, Any]  # of a spec, by their names
 
-_OF_USUAL_BASE_MM = 24.0  # largest radius of a lens whose cavity the base of 25.4 mm holds with room to spare
 USUAL = "usual"
 CUTTERS = f"radius of the shop's ball cutter in mm, {USUAL} (as such a lens is made), mould, or none (not made)"
 
@@ -119,16 +118,13 @@ class NewScene:
         faces = {name: first["lens"].get(name, {}) for name in shaped}
         named = {} if kind == LensShape.usual_kind else {"kind": kind}
         material = {"material": self.material} if self.takes_material(kind) else {}
-        radius_mm = self.constraints["max_radius_mm"]
-        wide = {"diameter_mm": 1.8 * radius_mm, "height_mm": 0.125 * radius_mm}
-        base = first.get("base") or (wide if radius_mm > _OF_USUAL_BASE_MM else None)
         tables = {
             "source": self.source,
             "lens": {**named, **material, **first["lens"], **faces},
             "constraints": self.constraints,
             **self.light,
             **(shop or {}),
-            "base": base,
+            "base": first.get("base"),
             "optimise": first.get("optimise"),
         }
         return {"name": self.name, **{name: deepcopy(table) for name, table in tables.items() if table is not None}}

@@ -208,7 +208,6 @@ _NOTES = {
     "tolerances.preset": "of parts that are moulded",
     "states.shift_mm": "0.75 x max_radius_mm x half of the change of width (rad), towards the lens",
     "base.flat_mm": "marks +x: the light is not round",
-    "base.diameter_mm": "1.8 x max_radius_mm, around the cavity",
 }
 
 

@@ -32,6 +32,10 @@ _SMALL_BALL = 0.2  # radius of a ball, of the largest radius of a lens for which
 _HEIGHT_MM = 2.0
 _WHOLE_MM = 0.5  # heights are multiples of it
 _SPARE_MM = 0.02  # of a step, whose depth is rounded up
+_USUAL_WIDTH_TO_MM = 24.0  # largest radius of a lens whose cavity the usual width holds with room to spare
+_WIDTH_OF_LARGE = 1.8  # of the largest radius
+_HEIGHT_OF_LARGE = 0.125
+_WIDE = f"left out, {_WIDTH_OF_LARGE:g} × max_radius_mm under a lens of more than {_USUAL_WIDTH_TO_MM:g} mm"
 _MOST_SHRINKAGE = 0.1  # several times that of any optical plastic: PMMA, PC and PS shrink by 0.002 to 0.008
 
 
@@ -79,8 +83,8 @@ class BaseSection(Section):
     file: FilePath | None = Field(
         default=None, description="STEP file of one solid in the lens's coordinates, its top in z = 0."
     )
-    diameter_mm: Millimetres = Field(default=25.4, description="Diameter of a cylinder.")
-    side_mm: Millimetres = Field(default=25.4, description="Side of a square.")
+    diameter_mm: Millimetres = Field(default=25.4, description=f"Diameter of a cylinder; {_WIDE}.")
+    side_mm: Millimetres = Field(default=25.4, description=f"Side of a square; {_WIDE}.")
     height_mm: Millimetres = Field(
         default=_HEIGHT_MM,
         description="Total height; left out, more where a ball mill needs a step and a wall below it.",
@@ -217,11 +221,23 @@ def usual_base(base: BaseSection, shop: "ManufactureSection", limits: Constraint
     """
     if hidden and shop.required and shop.making.comes_from_below and not base.model_fields_set:
         return {"kind": "none"}
-    if base.kind in ("none", "step") or not (shop.required and shop.cuts == "lens"):
+    if base.kind in ("none", "step"):
         return {}
+    fields = _below_large_lens(base, limits.max_radius_mm)
+    if not (shop.required and shop.cuts == "lens"):
+        return fields
     flange_mm = 0.0 if base.flange_diameter_mm is None else base.flange_height_mm
     needed_mm = shop.tool_radius_mm + flange_mm + limits.min_thickness_mm + _SPARE_MM
-    return {"height_mm": max(_HEIGHT_MM, _WHOLE_MM * ceil(needed_mm / _WHOLE_MM))}
+    least_mm = max(_HEIGHT_MM, _WHOLE_MM * ceil(needed_mm / _WHOLE_MM))
+    return {**fields, "height_mm": max(least_mm, fields.get("height_mm", 0.0))}
+
+
+def _below_large_lens(base: BaseSection, radius_mm: float) -> dict[str, float]:
+    """Width and height of a base whose usual width does not hold the cavity of so large a lens; else empty."""
+    if radius_mm <= _USUAL_WIDTH_TO_MM:
+        return {}
+    width = "side_mm" if base.kind == "square" else "diameter_mm"
+    return {width: _WIDTH_OF_LARGE * radius_mm, "height_mm": _HEIGHT_OF_LARGE * radius_mm}
 
 
 def mouth_room_deg(mouth_mm: float, above_mm: float, radius_mm: float) -> float:

@@ -204,3 +204,22 @@ def test_a_turned_pattern_has_room_for_its_corners() -> None:
     found = parse_spec({**tomllib.loads(SHORTEST), "target": turned}, "lamp").target
     across, up = (abs(np.cos(np.radians(20.0 + 90.0 * k))) for k in (0, 1))
     assert 1.5 * (150.0 * across + 100.0 * up) <= found.receiver_mm <= 1.5 * 150.0 * 2.0**0.5 + 1.0
+
+
+@pytest.mark.parametrize(
+    ("radius_mm", "base", "sizes"),
+    [
+        (24.0, {}, (25.4, 25.4, 2.0)),
+        (24.1, {}, (43.38, 25.4, 3.0125)),
+        (50.0, {"kind": "square"}, (25.4, 90.0, 6.25)),
+        (50.0, {"diameter_mm": 70.0}, (70.0, 25.4, 6.25)),
+        (50.0, {"height_mm": 3.0}, (90.0, 25.4, 3.0)),
+    ],
+)
+def test_the_base_of_a_large_lens_is_as_wide_as_its_cavity_needs(
+    radius_mm: float, base: dict[str, object], sizes: tuple[float, float, float]
+) -> None:
+    changes = {"constraints.max_radius_mm": radius_mm, "base": base, "manufacture.process": "none"}
+    spec = parse_spec(tomllib.loads(SHORTEST), "lamp").replace(changes)
+    assert (spec.base.diameter_mm, spec.base.side_mm, spec.base.height_mm) == pytest.approx(sizes)
+    assert spec.base.model_fields_set == set(base), "what is derived follows the lens"
