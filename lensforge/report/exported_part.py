@@ -36,6 +36,7 @@ _PURPOSES = {
     ".step": "solid for CAD and CAM",
     ".stl": "mesh",
     ".3mf": "mesh for printers",
+    ".glb": "model for pages and renderers, glTF",
     ".ies": "intensity, IES LM-63",
     ".iesxml": "intensity, ANSI/IES TM-33",
     ".ldt": "intensity, EULUMDAT",
