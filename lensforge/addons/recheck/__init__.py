@@ -3,7 +3,9 @@
 - ``recheck_command``: the command
 - ``kit``: the files of the folder
 - ``kit_mesh``: the part as a mesh with normals
-- ``scripts``: the programs, which run in the folder and do without this package
+- ``averaged_polarisation``: the light as programs find it that do not follow the polarisation
+
+The programs in ``scripts`` run in the folder, and do without this package.
 """
 
 from collections.abc import Sequence

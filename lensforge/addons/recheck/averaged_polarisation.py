@@ -1,4 +1,4 @@
-"""What programs find that average the polarisation at every face, as most do: a little less light than there is.
+"""Light as programs find it that average the polarisation at every face, as most do: a little less than there is.
 
 Light that has passed a face at an angle is polarised, and the next face transmits more of that than of unpolarised
 light. The difference is that of one sample of rays traced with and without it.

@@ -110,7 +110,7 @@ def _figures(light: Light) -> dict[str, object]:
 
 
 def _scene(lens: Lens, light: Light, screen: Screen) -> dict[str, object]:
-    """What ``kit.json`` says of lens and detector."""
+    """Entries of ``kit.json`` on lens and detector."""
     lit = light.first
     return {
         "name": lens.spec.name,

@@ -1,4 +1,4 @@
-"""What the programs of this folder share: its rays, its detector, and the figures to expect with their standard errors.
+"""Data that the programs of this folder share: rays, detector, and the figures to expect with their standard errors.
 
 Lengths are in mm. The rays of ``source.npy`` have equal flux; a row is x, y, z and the direction. Light counts where it
 lands in the window of the detector, and in which of its zones.

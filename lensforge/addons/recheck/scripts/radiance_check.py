@@ -53,7 +53,7 @@ def main() -> int:
 
 
 def run(folder: Path, program: str, *words: str, given: bytes = b"") -> bytes:
-    """What a program of Radiance prints."""
+    """Run a program of Radiance, and return its output."""
     package = find_spec("pyradiance")
     home = Path(package.origin).parent if package and package.origin else None
     path = shutil.which(program) or (home and str(home / "bin" / program))
