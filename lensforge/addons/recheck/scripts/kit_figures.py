@@ -16,6 +16,11 @@ AXES = np.array(DETECTOR["axes"])  # unit vectors x, y and the normal, as rows
 WITHIN = 2.0  # standard errors
 
 
+def window() -> list[float]:
+    """Width and height (mm) in which light counts."""
+    return [side or DETECTOR[whole] for side, whole in zip(DETECTOR["window"], ("width", "height"), strict=False)]
+
+
 def source_rays(count: int | None = None) -> np.ndarray:
     """The first ``count`` rays of the source, all of them by default."""
     return np.asarray(np.load(HERE / "source.npy")[:count], dtype=np.float64)

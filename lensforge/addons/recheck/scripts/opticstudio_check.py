@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import zospy as zp
-from kit_figures import AXES, DETECTOR, HERE, KIT
+from kit_figures import AXES, DETECTOR, HERE, KIT, window
 
 TOTAL_FLUX = 0  # data of pixel 0
 
@@ -37,10 +37,7 @@ def main() -> int:
     lens.MaterialCell.SetSolveData(model)
     detector = added(system, 3, kinds.DetectorRectangle)
     detector.XPosition, detector.YPosition, detector.ZPosition = DETECTOR["centre_mm"]
-    window = DETECTOR["window"][:2]
-    width, height = (side or whole for side, whole in zip(window, (DETECTOR["width"], DETECTOR["height"]), strict=True))
-    detector.ObjectData.XHalfWidth = 0.5 * width
-    detector.ObjectData.YHalfWidth = 0.5 * height
+    detector.ObjectData.XHalfWidth, detector.ObjectData.YHalfWidth = (0.5 * side for side in window())
     trace = system.Tools.OpenNSCRayTrace()
     trace.ClearDetectors(0)
     trace.UsePolarization = True

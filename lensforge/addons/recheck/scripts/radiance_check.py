@@ -7,7 +7,6 @@ reflect beside: a lens that works by total reflection more than once is not for 
 """
 
 import os
-import shutil
 import subprocess
 import sys
 import tempfile
@@ -17,7 +16,6 @@ from pathlib import Path
 import numpy as np
 from kit_figures import AXES, DETECTOR, HERE, KIT, judged, source_rays
 
-DISTANT = "void light there\n0\n0\n3 1 1 1\n\nthere source screen\n0\n0\n4 0 0 1 360\n"
 SCENE = """void dielectric glass
 0
 0
@@ -28,7 +26,15 @@ glass mesh lens
 0
 0
 
-{screen}
+void light there
+0
+0
+3 1 1 1
+
+there {shape} screen
+0
+0
+{numbers}
 """
 
 
@@ -40,7 +46,7 @@ def main() -> int:
         folder = Path(name)
         run(folder, "obj2mesh", str(HERE / "lens.obj"), "lens.rtm")
         clear = np.exp(-KIT["absorption_per_mm"])
-        scene = SCENE.format(clear=clear, index=KIT["refractive_index"], screen=screen())
+        scene = SCENE.format(clear=clear, index=KIT["refractive_index"], **screen())
         (folder / "scene.rad").write_text(scene)
         (folder / "scene.oct").write_bytes(run(folder, "oconv", "scene.rad"))
         (folder / "zones.cal").write_text(zones_of_directions() if is_far() else zones_of_points())
@@ -52,18 +58,17 @@ def main() -> int:
     return judged("Radiance", float(counted[1].sum()), counted.sum(axis=0), len(rays))
 
 
-def run(folder: Path, program: str, *words: str, given: bytes = b"") -> bytes:
+def run(folder: Path, *words: str, given: bytes = b"") -> bytes:
     """Run a program of Radiance, and return its output."""
     package = find_spec("pyradiance")
-    home = Path(package.origin).parent if package and package.origin else None
-    path = shutil.which(program) or (home and str(home / "bin" / program))
-    if not path or not Path(path).exists():
-        sys.exit(f"{program}: not found; pip install pyradiance, or install Radiance")
-    libraries = {} if home is None else {"RAYPATH": f".:{home / 'lib'}"}
-    done = subprocess.run([path, *words], cwd=folder, input=given, stdout=subprocess.PIPE, env=os.environ | libraries)
-    if done.returncode:
-        sys.exit(f"{program}: ended with {done.returncode}")
-    return done.stdout
+    there = dict(os.environ)
+    if package and package.origin:
+        home = Path(package.origin).parent
+        there |= {"PATH": f"{home / 'bin'}{os.pathsep}{there['PATH']}", "RAYPATH": f".:{home / 'lib'}"}
+    try:
+        return subprocess.run(words, cwd=folder, input=given, stdout=subprocess.PIPE, env=there, check=True).stdout
+    except FileNotFoundError:
+        sys.exit(f"{words[0]}: not found; pip install pyradiance, or install Radiance")
 
 
 def is_far() -> bool:
@@ -71,14 +76,13 @@ def is_far() -> bool:
     return DETECTOR["kind"] == "far_field"
 
 
-def screen() -> str:
+def screen() -> dict[str, str]:
     """The detector: a rectangle, or all directions."""
     if is_far():
-        return DISTANT
+        return {"shape": "source", "numbers": "4 0 0 1 360"}
     x, y = 0.5 * DETECTOR["width"] * AXES[0], 0.5 * DETECTOR["height"] * AXES[1]
     corners = np.array(DETECTOR["centre_mm"]) + np.array([-x - y, x - y, x + y, y - x])
-    numbers = " ".join(f"{value:.12g}" for value in corners.ravel())
-    return f"void light there\n0\n0\n3 1 1 1\n\nthere polygon screen\n0\n0\n12 {numbers}\n"
+    return {"shape": "polygon", "numbers": " ".join(f"{value:.12g}" for value in (12, *corners.ravel()))}
 
 
 def zones_of_points() -> str:

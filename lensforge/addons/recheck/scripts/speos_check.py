@@ -13,7 +13,7 @@ from ansys.speos.core.launcher import launch_local_speos_rpc_server
 from ansys.speos.core.sensor import SensorIrradiance
 from ansys.speos.core.simulation import SimulationDirect
 from ansys.speos.core.source import SourceRayFile
-from kit_figures import AXES, DETECTOR, HERE, KIT
+from kit_figures import AXES, DETECTOR, HERE, KIT, window
 
 
 def main() -> int:
@@ -38,10 +38,8 @@ def main() -> int:
     source.set_spectrum_from_ray_file()
     source.commit()
     sensor = project.create_sensor("detector", feature_type=SensorIrradiance)
-    window = DETECTOR["window"][:2]
-    sides = [side or whole for side, whole in zip(window, (DETECTOR["width"], DETECTOR["height"]), strict=True)]
     size = sensor.set_dimensions()
-    size.x_start, size.x_end, size.y_start, size.y_end = (0.5 * s * side for side in sides for s in (-1.0, 1.0))
+    size.x_start, size.x_end, size.y_start, size.y_end = (0.5 * s * side for side in window() for s in (-1.0, 1.0))
     sensor.axis_system = [*DETECTOR["centre_mm"], *AXES.ravel().tolist()]
     sensor.set_type_radiometric()
     sensor.commit()
