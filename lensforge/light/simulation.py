@@ -314,10 +314,10 @@ class ReplicateMetrics:
         )
 
     @property
-    def by_replicate(self) -> list[Float[np.ndarray, " r"]]:
-        """Share of each replicate in the noise of every defined metric, in their order, up to a factor."""
+    def noise(self) -> list[Float[np.ndarray, " r"]]:
+        """What replicates add to the noise of every defined metric, in their order, up to a factor."""
         estimates = (self.nmse, self.uniformity, self.rsd)
-        return [*(estimate.by_replicate for estimate in estimates if estimate is not None), self.efficiency]
+        return [*(estimate.noise for estimate in estimates if estimate is not None), self.efficiency]
 
     def change_from(self, before: "ReplicateMetrics", *, designed_rsd: float | None = None) -> LightMetrics:
         """Differences from ``before``, replicate by replicate: common noise cancels in their errors.

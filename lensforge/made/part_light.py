@@ -242,10 +242,10 @@ class MeasuredPart:
         return [*changes_by_light, {str(number): change for number, change in enumerate(self.limit_changes(before))}]
 
     @property
-    def by_replicate(self) -> list[Float[np.ndarray, " r"]]:
-        """Share of each replicate in the noise of every value, in the order of their changes, up to a factor."""
+    def noise(self) -> list[Float[np.ndarray, " r"]]:
+        """What replicates add to the noise of every value, in the order of their changes, up to a factor."""
         receivers = zip(self.metrics, self.shares, strict=True)
-        on_receivers = [row for metrics, share in receivers for row in (*metrics.by_replicate, share)]
+        on_receivers = [row for metrics, share in receivers for row in (*metrics.noise, share)]
         return [*on_receivers, *(limit[1:] for limit in self.limits)]
 
     def limit_changes(self, before: "MeasuredPart") -> Iterator[Metric]:
