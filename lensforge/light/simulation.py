@@ -21,8 +21,8 @@ from lensforge.light.table_trace import Scene, Tables, trace_tables
 from lensforge.optics.media import Media
 from lensforge.results import Image, Metric
 from lensforge.results.estimates import (
+    ExtremeEstimate,
     Images,
-    LeastEstimate,
     PairEstimate,
     RootEstimate,
     jackknife_metric,
@@ -288,7 +288,7 @@ class ReplicateMetrics:
     """
 
     nmse: PairEstimate
-    uniformity: LeastEstimate | None
+    uniformity: ExtremeEstimate | None
     rsd: RootEstimate | None
     efficiency: Float[np.ndarray, " r"]
 

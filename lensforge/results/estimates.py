@@ -79,6 +79,11 @@ def jackknife_error(left_out: Float[np.ndarray, " r"]) -> float:
     return float(np.sqrt((count - 1) / count * np.sum((left_out - left_out.mean()) ** 2)))
 
 
+def halves_of(replicates: Float[np.ndarray, "r *shape"]) -> Float[np.ndarray, "h *shape"]:
+    """Mean over each half of 16 replicates, followed by that over the other half."""
+    return np.asarray(np.tensordot(_halves(), replicates, 1) / (REPLICATES // 2))
+
+
 def half_sample_error(by_halves: Float[np.ndarray, " h"]) -> float:
     """Standard error of a statistic, from its values by halves of the replicates, each followed by the other half."""
     return float(np.sqrt(np.mean(_above_other_half(by_halves) ** 2)))
@@ -231,7 +236,7 @@ def _ratio_of_squares(
     return value, (squares - value * norms) / norm
 
 
-_REPLICATES = 16
+REPLICATES = 16  # by which extremes are estimated
 _ROUNDING = 1e-12
 _AT_ONCE = 2**14  # values of pixels by blocks: beyond, each array is fetched from the system anew
 
@@ -239,10 +244,10 @@ Blocks = Float[np.ndarray, "b r"]  # 1 where a replicate is in a block, else 0
 
 
 @dataclass(frozen=True)
-class LeastEstimate:
-    """A minimum; the same by each half of the replicates, followed by the other half; and residual noise.
+class ExtremeEstimate:
+    """A minimum or maximum; the same by each half of the replicates, followed by the other half; and residual noise.
 
-    ``unsure``: distance of the upper bound from a value that noise alone may have made, if no extrapolation is
+    ``unsure``: distance of the inner bound from a value that noise alone may have made, if no extrapolation is
     possible. Unless there are 16 replicates only the value is known.
     """
 
@@ -262,25 +267,25 @@ class LeastEstimate:
         """What each half of the replicates adds to the noise, up to a factor; empty unless there are 16."""
         return np.zeros(0) if self.by_halves is None else _above_other_half(self.by_halves)
 
-    def change_from(self, before: "LeastEstimate") -> Metric:
+    def change_from(self, before: "ExtremeEstimate") -> Metric:
         """Difference from ``before``, the estimate of another lens by the same rays."""
         value = self.value - before.value
         if self.by_halves is None or before.by_halves is None:
-            return LeastEstimate(value).metric()
+            return ExtremeEstimate(value).metric()
         unsure = abs(self.unsure - before.unsure)
-        return LeastEstimate(value, self.by_halves - before.by_halves, unsure).metric()
+        return ExtremeEstimate(value, self.by_halves - before.by_halves, unsure).metric()
 
 
-def least_over_mean(readings: Float[np.ndarray, "r k"]) -> LeastEstimate:
+def least_over_mean(readings: Float[np.ndarray, "r k"]) -> ExtremeEstimate:
     """Least over mean of the values at ``k`` places, at most 1, corrected as in :func:`debiased_minimum`.
 
     If a replicate is dark: that of the mean, with its noise; 0 without light.
     """
     means = readings.mean(axis=1)
-    if len(readings) == _REPLICATES and (means > 0.0).all():
+    if len(readings) == REPLICATES and (means > 0.0).all():
         return _least(readings / means[:, None], 1.0)
     mean = readings.mean(axis=0)
-    return LeastEstimate(float(mean.min() / mean.mean()) if mean.mean() > 0.0 else 0.0)
+    return ExtremeEstimate(float(mean.min() / mean.mean()) if mean.mean() > 0.0 else 0.0)
 
 
 def debiased_minimum(readings: Float[np.ndarray, "r k"], most: float | None = None) -> Metric:
@@ -290,12 +295,9 @@ def debiased_minimum(readings: Float[np.ndarray, "r k"], most: float | None = No
 
     It is at most ``most``, by default the mean of all readings.
 
-    The standard error is that of :meth:`LeastEstimate.metric`. Other than 16 replicates: the least of their mean, with
-    its noise, or ``most``, and no standard error.
+    The standard error is by half-samples. Other than 16 replicates: the least of their mean, with its noise, or
+    ``most``, and no standard error.
     """
-    if len(readings) != _REPLICATES:
-        least = float(readings.mean(axis=0).min())
-        return Metric(value=least if most is None else min(least, most))
     return _least(readings, most).metric()
 
 
@@ -304,8 +306,14 @@ def debiased_maximum(readings: Float[np.ndarray, "r k"], least: float | None = N
 
     It is at least ``least``, by default the mean of all readings.
     """
-    negative = debiased_minimum(-readings, None if least is None else -least)
-    return negative.changed(value=-negative.value)
+    return maximum_estimate(readings, least).metric()
+
+
+def maximum_estimate(readings: Float[np.ndarray, "r k"], least: float | None = None) -> ExtremeEstimate:
+    """The estimate of :func:`debiased_maximum`."""
+    negative = _least(-readings, None if least is None else -least)
+    by_halves = None if negative.by_halves is None else -negative.by_halves
+    return ExtremeEstimate(-negative.value, by_halves, negative.unsure)
 
 
 def ratio_of(part: Metric, largest: Metric) -> Metric:
@@ -323,10 +331,13 @@ def ratio_of(part: Metric, largest: Metric) -> Metric:
     return Metric(value=value, standard_error=float(error))
 
 
-def _least(readings: Float[np.ndarray, "r k"], most: float | None = None) -> LeastEstimate:
+def _least(readings: Float[np.ndarray, "r k"], most: float | None = None) -> ExtremeEstimate:
     """Minimum, between that of the mean with its noise and ``most``, by default the mean of all readings."""
+    if len(readings) != REPLICATES:
+        least = float(readings.mean(axis=0).min())
+        return ExtremeEstimate(least if most is None else min(least, most))
     whole, halves, quarters, pairs = (
-        _Choices.of(readings, blocks) for blocks in (np.ones((1, _REPLICATES)), _halves(), _quarters(), _pairs())
+        _Choices.of(readings, blocks) for blocks in (np.ones((1, REPLICATES)), _halves(), _quarters(), _pairs())
     )
     means = readings.mean(axis=1)
 
@@ -340,14 +351,14 @@ def _least(readings: Float[np.ndarray, "r k"], most: float | None = None) -> Lea
     by_halves = bounded(halves, half_level.extrapolated(half_level.slope(pairs.within(halves.blocks))))
     # a slope of 0: no ray or too few of them lie in the darkest pixels, of which nothing can be extrapolated
     unsure = max(float(level.read[0] - value), 0.0) if slope[0] == 0.0 else 0.0
-    return LeastEstimate(float(value), by_halves, unsure)
+    return ExtremeEstimate(float(value), by_halves, unsure)
 
 
 @cache
 def _halves() -> Blocks:
     """The 30 affine hyperplanes of the 16 vectors of 4 bits, each followed by its complement."""
     return np.array(
-        [[((row & k).bit_count() + odd) % 2 for k in range(_REPLICATES)] for row in range(1, 16) for odd in (0, 1)],
+        [[((row & k).bit_count() + odd) % 2 for k in range(REPLICATES)] for row in range(1, 16) for odd in (0, 1)],
         dtype=np.float64,
     )
 
@@ -355,18 +366,18 @@ def _halves() -> Blocks:
 @cache
 def _quarters() -> Blocks:
     """The 140 affine planes: every four vectors whose sum is 0."""
-    planes = [four for four in combinations(range(_REPLICATES), 4) if four[0] ^ four[1] ^ four[2] ^ four[3] == 0]
+    planes = [four for four in combinations(range(REPLICATES), 4) if four[0] ^ four[1] ^ four[2] ^ four[3] == 0]
     return _blocks_of(planes)
 
 
 @cache
 def _pairs() -> Blocks:
     """The 120 affine lines: every two vectors."""
-    return _blocks_of(list(combinations(range(_REPLICATES), 2)))
+    return _blocks_of(list(combinations(range(REPLICATES), 2)))
 
 
 def _blocks_of(members: Sequence[tuple[int, ...]]) -> Blocks:
-    return np.array([[float(k in block) for k in range(_REPLICATES)] for block in members])
+    return np.array([[float(k in block) for k in range(REPLICATES)] for block in members])
 
 
 @dataclass(frozen=True)

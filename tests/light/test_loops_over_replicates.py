@@ -7,7 +7,7 @@ import pytest
 
 from lensforge.results import Metric
 from lensforge.results.estimates import (
-    LeastEstimate,
+    ExtremeEstimate,
     PairEstimate,
     _darkest,
     _Level,
@@ -267,8 +267,8 @@ def test_other_than_sixteen_replicates_have_the_least_of_their_mean(count: int) 
 def test_what_no_extrapolation_tells_is_a_part_of_the_error() -> None:
     """Of pixels that no ray of a block has met nothing is known but what the others have there."""
     by_halves = np.array([0.4, 0.6] * 14 + [0.7, 0.3])
-    error = LeastEstimate(0.5, by_halves, 0.04).metric().standard_error
+    error = ExtremeEstimate(0.5, by_halves, 0.04).metric().standard_error
     assert error == pytest.approx((((14 * 0.1**2) + 0.2**2) / 15 + 0.04**2) ** 0.5, rel=1e-12)
-    assert LeastEstimate(0.5).metric() == Metric(value=0.5)
+    assert ExtremeEstimate(0.5).metric() == Metric(value=0.5)
     found = debiased_minimum(np.random.default_rng(0).poisson(0.1, (16, 4000)).astype(float))
     assert (found.value, found.standard_error) == (0.0, pytest.approx(0.1, rel=0.1)), "each block has dark pixels"
