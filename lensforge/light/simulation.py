@@ -319,17 +319,24 @@ class ReplicateMetrics:
         estimates = (self.nmse, self.uniformity, self.rsd)
         return [*(estimate.noise for estimate in estimates if estimate is not None), self.efficiency]
 
-    def change_from(self, before: "ReplicateMetrics", *, designed_rsd: float | None = None) -> LightMetrics:
+    def change_from(
+        self, before: "ReplicateMetrics", *, designed_rsd: float | None = None, designed_uniformity: float | None = None
+    ) -> LightMetrics:
         """Differences from ``before``, replicate by replicate: common noise cancels in their errors.
 
-        ``designed_rsd``: RSD of ``before`` by many rays, to which the change is to be added.
+        ``designed_rsd``, ``designed_uniformity``: of ``before`` by many rays, to which the change is to be added.
         """
         least = before.uniformity
         even = before.rsd
         deviation = None
         if self.rsd is not None and even is not None:
             deviation = self.rsd.change_from(even) if designed_rsd is None else self.rsd.change_of(designed_rsd, even)
-        uniformity = None if self.uniformity is None or least is None else self.uniformity.change_from(least)
+        uniformity = None
+        if self.uniformity is not None and least is not None:
+            given = designed_uniformity
+            uniformity = (
+                self.uniformity.change_from(least) if given is None else self.uniformity.change_of(given, least)
+            )
         return LightMetrics(
             nmse=_beyond_rounding(self.nmse.change_from(before.nmse)),
             uniformity=None if uniformity is None else _beyond_rounding(uniformity),

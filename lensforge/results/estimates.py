@@ -275,6 +275,17 @@ class ExtremeEstimate:
         unsure = abs(self.unsure - before.unsure)
         return ExtremeEstimate(value, self.by_halves - before.by_halves, unsure).metric()
 
+    def change_of(self, designed: float, before: "ExtremeEstimate") -> Metric:
+        """Change from ``before`` to this light of ``designed``, a ratio of ``before`` by many rays: within 0 and 1.
+
+        Few rays may change it by more; so may half of them, and the error is that of what is kept within.
+        """
+        value = float(np.clip(self.value - before.value, -designed, 1.0 - designed))
+        if self.by_halves is None or before.by_halves is None:
+            return Metric(value=value)
+        by_halves = np.clip(self.by_halves - before.by_halves, -designed, 1.0 - designed)
+        return ExtremeEstimate(value, by_halves, abs(self.unsure - before.unsure)).metric()
+
 
 def least_over_mean(readings: Float[np.ndarray, "r k"]) -> ExtremeEstimate:
     """Least over mean of the values at ``k`` places, at most 1, corrected as in :func:`debiased_minimum`.

@@ -264,6 +264,18 @@ def test_other_than_sixteen_replicates_have_the_least_of_their_mean(count: int) 
     assert debiased_minimum(readings).standard_error is None
 
 
+def test_a_changed_ratio_and_its_halves_stay_within_0_and_1() -> None:
+    """Few rays change it by -0.7 from 0.6 by many: to 0, and by one half to 1 in the place of 1.2."""
+    before = ExtremeEstimate(0.9, np.array([0.9, 0.8, 0.2, 0.9]), 0.01)
+    after = ExtremeEstimate(0.2, np.array([0.1, 0.3, 0.8, 0.2]), 0.04)
+    change = after.change_of(0.6, before)
+    assert change.value == pytest.approx(-0.6)
+    kept = (-0.6 + 0.5) ** 2 + (0.4 + 0.6) ** 2  # of -0.8 and -0.5, 0.6 and -0.7
+    assert change.standard_error == pytest.approx((kept / 8.0 + 0.03**2) ** 0.5)
+    assert after.change_from(before).standard_error == pytest.approx(((0.3**2 + 1.3**2) / 8.0 + 0.03**2) ** 0.5)
+    assert ExtremeEstimate(0.9).change_of(0.6, before) == Metric(value=0.0)
+
+
 def test_what_no_extrapolation_tells_is_a_part_of_the_error() -> None:
     """Of pixels that no ray of a block has met nothing is known but what the others have there."""
     by_halves = np.array([0.4, 0.6] * 14 + [0.7, 0.3])
