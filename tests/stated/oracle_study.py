@@ -401,7 +401,7 @@ def names_of(case):
 
 
 def within(figure):
-    """Value and error, each with how near; what tables change is spread over the fifteen pairs of halves of an error."""
+    """Value and error, each with how near; what tables change in an error is spread over fifteen pairs of halves."""
     value, error = figure
     return (value, NEAR * error + CLOSE * abs(value) + OF_TABLES), (error, NEAR * error + OF_TABLES / np.sqrt(15))
 
