@@ -449,9 +449,13 @@ class _Choices:
 
 
 def _darkest(blocks: Blocks, images: Float[np.ndarray, "r n"]) -> Float[np.ndarray, "b r"]:
-    """Value in every replicate of each block's darkest pixel; the mean of all if rays reached none."""
+    """Value in every replicate of each block's darkest pixel; the mean of all if several are as dark but for rounding.
+
+    No ray reaches some of them, or one ray of those that are alike.
+    """
     light = blocks @ images
-    block, pixel = np.divmod(np.flatnonzero(light == light.min(axis=1, keepdims=True)), images.shape[1])
+    limit = light.min(axis=1) + _ROUNDING * np.abs(light).max(axis=1)
+    block, pixel = np.divmod(np.flatnonzero(light <= limit[:, None]), images.shape[1])
     first = np.searchsorted(block, np.arange(len(blocks)))
     sums = np.add.reduceat(images.T[pixel], first)
     return sums / np.diff(first, append=len(block))[:, None]

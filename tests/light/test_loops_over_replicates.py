@@ -245,6 +245,17 @@ def test_pixels_that_are_equally_dark_are_read_together() -> None:
     np.testing.assert_array_equal(_darkest(np.array([[1.0, 0.0, 0.0]]), images), [[0.0, 2.0, 2.0]])
 
 
+def test_as_dark_but_for_rounding_is_as_dark() -> None:
+    """Light of equal rays: of another unit it has the same least value and error."""
+    chance = np.random.default_rng(7)
+    readings = chance.poisson(0.4, (16, 60)) @ (0.1 * np.eye(60) + 0.03 * np.eye(60, k=1)) + 0.01
+    found = debiased_minimum(readings)
+    for unit in (1.0 / 3.0, 0.7, 1.1):
+        other = debiased_minimum(unit * readings)
+        assert other.value == pytest.approx(unit * found.value, rel=1e-9)
+        assert other.standard_error == pytest.approx(unit * found.standard_error, rel=1e-9)
+
+
 @pytest.mark.parametrize("count", [3, 16])
 def test_a_bound_holds_where_the_readings_are_beyond_it(count: int) -> None:
     readings = pictures(count, 0.02).reshape(count, -1)
