@@ -98,7 +98,12 @@ def test_functions_that_a_ball_reaches_are_as_wide_as_move_the_light_by_a_pixel(
 
 @pytest.mark.parametrize(("robust", "images"), [(False, 4), (True, 1)])
 def test_parts_of_a_robust_search_have_no_mirror_images(robust: bool, images: int) -> None:
-    changes = {"lens__symmetry": "rectangle", "lens__levels": "auto", "optimise__steps_per_level": None}
+    changes = {
+        "lens__symmetry": "rectangle",
+        "lens__levels": "auto",
+        "optimise__steps_per_level": None,
+        "optimise__rays": None,
+    }
     spec = small_spec(optimise__robust=robust, **changes)
     plan = schedule_of(spec, build_source(spec.source), preset_of("draft"), None)
     assert isinstance(plan, AutomaticSchedule) and plan.stages.images == images
