@@ -49,7 +49,7 @@ from lensforge.spec.light_limits import ColourSection
 
 _PERIODS = 3  # along x and along y, of a lattice without a plate
 _MOST_PIXELS = 2**20  # of a patch, of which a study keeps sixteen pictures at a time
-COMMON = frozenset({"index", "shrinkage"})  # of the batch
+COMMON = frozenset({"index", "shrinkage", "temperature_k"})  # of the batch, and of the place where it is at work
 OF_PLATE = ("lens_shift_mm", "lens_height_mm", "lens_tilt_deg")  # of one piece
 
 

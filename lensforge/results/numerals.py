@@ -25,7 +25,7 @@ _SUFFIXES = {
     "_g_per_cm3": "g/cm³",
     "_per_mm": "1/mm", "_per_sr": "1/sr", "_per_k": "1/K", "temperature_c": "°C", "_percent": "%", "_seconds": "s",
     "_pixel2": "pixel²", "_mrad": "mrad", "_urad": "µrad", "_w_m2": "W/m²", "_mm3": "mm³", "_mm2": "mm²",
-    "_rad": "rad", "_deg": "°",
+    "temperature_k": "K", "_rad": "rad", "_deg": "°",
     "_mm": "mm", "_um": "µm", "_nm": "nm", "_lm": "lm", "_lx": "lx", "_cd": "cd", "_px": "pixel", "_m": "m", "_w": "W",
 }  # fmt: skip
 _WHOLE_NAMES = {

@@ -15,7 +15,7 @@ the same variance. A sum of waves in space with normally distributed wave vector
 has, the same along every line.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from itertools import pairwise
@@ -243,13 +243,15 @@ class MadePart:
 class PartMaker:
     """All that is prepared once for the faces of a lens: the tables of their form errors, by the name of the factor.
 
-    ``names``: of the faces, in the order of all tables; ``roles``: of the faces that the spec has.
+    ``names``: of the faces, in the order of all tables; ``roles``: of the faces that the spec has. ``warmed_by``: what
+    so many kelvin change, the index by a difference and all lengths by a factor.
     """
 
     names: tuple[str, ...]
     roles: tuple[FaceRole, ...]
     errors: dict[str, ErrorField]
     seat_mm: float
+    warmed_by: Callable[[float], tuple[float, float]]
 
     @staticmethod
     def of(spec: Spec, surfaces: Mapping[str, Surface], grid: TableGrid, factors: tuple[Factor, ...]) -> "PartMaker":
@@ -274,7 +276,7 @@ class PartMaker:
                 errors[waves] = waviness(sampled, *band, _SEED + number)
             if rings in wanted:
                 errors[rings] = ripple(sampled, section.ripple_period_mm)
-        return PartMaker(tuple(surfaces), roles, errors, spec.base.seat_mm)
+        return PartMaker(tuple(surfaces), roles, errors, spec.base.seat_mm, spec.lens.warmed_by)
 
     def part(self, deviations: Deviations) -> MadePart:
         """The part with these deviations."""
@@ -289,18 +291,19 @@ class PartMaker:
             about_x, about_y = deviations.get(f"{of}_tilt_deg", _NONE).tolist()
             return Pose.displaced((x, y, one(height)), (about_x, about_y, 0.0))
 
+        index_change, growth = self.warmed_by(one("temperature_k"))
         made = AsMade(
             names=self.names,
             source=placed("source", "source_height_mm"),
             lens=placed("lens", "lens_height_mm"),
             faces={name: placed(name, factor_name(self.roles, name, "gap_mm")) for name in self.names[1:]},
             source_size=1.0 + one("source_size"),
-            scale=1.0 + one("shrinkage"),
+            scale=(1.0 + one("shrinkage")) * growth,
             seat_mm=self.seat_mm,
             slopes={name: self._slope(name, deviations) for name in self.names},
         )
         errors = {name: error for name in self.names if (error := self._error(name, deviations)) is not None}
-        return MadePart(errors, made, one("index"), 1.0 + one("source_flux"))
+        return MadePart(errors, made, one("index") + index_change, 1.0 + one("source_flux"))
 
     def _slope(self, face: str, deviations: Deviations) -> float:
         """Rms slope of a face along any line: its roughness, and what of its errors is too fine for the tables."""

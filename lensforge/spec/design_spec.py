@@ -431,10 +431,19 @@ class Spec(Section):
                 raise ValueError("evaluate.window_mm: of lamps together the whole receiver counts; leave it out")
 
     @check
+    def _temperature_can_be_off(self) -> None:
+        tolerance = self.tolerances.temperature_k
+        amount = 0.0 if tolerance is None else tolerance.amount
+        with fault_of("tolerances.temperature_k"):
+            for sign in (-1.0, 1.0):
+                self.lens.warmed_by(sign * amount)
+
+    @check
     def _plate_holds_its_lenses(self) -> None:
         temperatures = {spec.lens.at_work_c for spec in self.by_state.values()} - {None}
-        if self.plate is not None and temperatures:
-            raise ValueError("plate: its lenses are at the temperature of reference; leave out temperature_c, or it")
+        varied = self.tolerances.temperature_k is not None and self.tolerances.temperature_k.amount > 0.0
+        if self.plate is not None and (temperatures or varied):
+            raise ValueError("plate: its lenses are at the temperature of reference; leave out temperatures, or it")
         if self.plate is not None and self.lens.is_opaque:
             raise ValueError(f"plate: goes with lenses, not with lens.kind = {self.lens.kind!r}; leave it out")
         if self.plate is not None:

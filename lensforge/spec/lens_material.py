@@ -375,6 +375,18 @@ class LensMaterial(OfMaterial, FacesSection):
         celsius = self.at_work_c
         return 1.0 if celsius is None else self.temperature_law.scale(celsius)
 
+    def warmed_by(self, kelvin: float) -> tuple[float, float]:
+        """Change of the index, and factor of every length, by ``kelvin`` above the temperature at which it is at work.
+
+        Raises ``ValueError`` where its change with temperature is not known.
+        """
+        if kelvin == 0.0:
+            return 0.0, 1.0
+        celsius = self.temperature_law.reference_c if self.temperature_c is None else self.temperature_c
+        warm = self.at(celsius + kelvin)
+        change = 0.0 if self.is_opaque else self._index_at(celsius + kelvin) - self._index_at(celsius)
+        return change, warm.scale / self.scale
+
     def _index_at(self, celsius: float) -> float:
         """Index of the body at the design wavelength and a temperature."""
         cold = np.array([self.refractive_index])

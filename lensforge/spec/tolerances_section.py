@@ -91,6 +91,7 @@ def _causes(roles: tuple[FaceRole, ...]) -> dict[str, _Cause]:
         "lens_tilt_deg": _Cause("lens against source, tilt", (0.05, 0.1, 0.2), 2),
         **({} if opaque else {"index": _Cause("refractive index", (0.0005, 0.001, 0.001))}),
         "shrinkage": _Cause("shrinkage", (0.0, 0.0, 0.001)),
+        "temperature_k": _Cause("temperature of the lens", (0.0, 0.0, 0.0)),
         **shape("roughness_mrad", _Cause("roughness", (0.2, 0.5, 0.5), 1, "one-sided")),
         **shape("ripple_um", _Cause("ripple", (0.01, 0.02, 0.0), 1, "one-sided")),
         **shape("form_um", _Cause("form", (0.3, 1.0, 2.0), FORM_NUMBERS, "field")),
@@ -144,6 +145,7 @@ _UNITS = {
     "_deg": ("deg", pi / 180.0, 20.0),
     "_um": ("um", 1e-3, 100.0),
     "_mrad": ("mrad", 1e-3, 100.0),
+    "_k": ("K", 1.0, 200.0),
     "source_flux": ("", 1.0, 0.5),
     "source_size": ("", 1.0, 0.5),
     "index": ("", 1.0, 0.1),
@@ -242,6 +244,9 @@ class TolerancesSection(_Amounts):
     lens_tilt_deg: _Tolerance | None = Field(default=None, description="Tilt of the whole lens about x and about y.")
     index: _Tolerance | None = Field(default=None, description="Error of the index, of the batch.")
     shrinkage: _Tolerance | None = Field(default=None, description="Change of all lengths, as a share.")
+    temperature_k: _Tolerance | None = Field(
+        default=None, description="Temperature of the lens against that at which it is at work: index and size follow."
+    )
     waviness_shortest_mm: Annotated[float, Field(ge=0.01, le=100.0)] = Field(
         default=0.5, description="Shortest period of the waviness."
     )
