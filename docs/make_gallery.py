@@ -99,8 +99,8 @@ HEAD = """# Gallery
 Every shipped spec, its light, and what it shows. `lensforge examples NAME` copies a spec, with the files that it
 names, into the folder that you are in.
 
-The pictures are of drafts, {rays:,} rays (`python docs/make_gallery.py`, a minute each). Finished lenses are better:
-[validation](validation.md#designs).
+The pictures are of drafts, {rays:,} rays, or more where a spec states them (`python docs/make_gallery.py`, a minute each).
+Finished lenses are better: [validation](validation.md#designs).
 
 Scripts: `examples/design_to_step.py`, from objects to a STEP file; `examples/faces_to_step.py`, a TIR lens from four
 given faces, traced, exported and proven. Notebooks: [a first lens and its light](notebooks/first_light.ipynb), [size
@@ -131,7 +131,8 @@ def draw(name: str) -> dict[str, object]:
     spec = lf.load_spec(EXAMPLES / f"{name}.toml")
     if spec.optimise.seconds is not None:  # the same draft on every machine, not as much as a time allows
         spec = spec.replace({"optimise.seconds": None})
-    light = lf.evaluate(lf.design(spec, accuracy="draft", force=True).lens, rays=RAYS)
+    rays = max(RAYS, spec.evaluate.rays or 0)
+    light = lf.evaluate(lf.design(spec, accuracy="draft", force=True).lens, rays=rays)
     panels = []
     cases = list(light.cases("receivers"))
     for case in cases:
