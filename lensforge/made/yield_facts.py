@@ -1,10 +1,10 @@
 """Facts of the studies of tolerances: who passes, how far the light spreads, by which causes, what each may be."""
 
 from collections.abc import Iterable, Iterator
+from dataclasses import replace
 
 import numpy as np
 
-from lensforge.light.light_facts import metric_facts
 from lensforge.light.receiver_light import METRICS
 from lensforge.made.tolerance_result import (
     FIELD,
@@ -19,6 +19,7 @@ from lensforge.made.tolerance_result import (
 )
 from lensforge.results import Fact, Group, Metric
 from lensforge.results.case import Case
+from lensforge.results.figure import facts_in
 from lensforge.results.numerals import NOTHING, limit_text, percent, quantity
 from lensforge.results.verdict import CERTAIN
 from lensforge.spec.tolerances_section import amount_words
@@ -64,7 +65,7 @@ def sensitivity_facts(study: Sensitivity) -> list[Group]:
             for row in led.rows[:1]
             for limit in row.limits
         ]
-        facts = (*_of_limits(before), *metric_facts(led.nominal), Fact("rays", "Rays", led.rays))
+        facts = (*_of_limits(before), *facts_in(led.nominal), Fact("rays", "Rays", led.rays))
         designed.append(Group("nominal", case.title("As designed"), facts))
         rows = sorted(led.rows, key=_effect, reverse=True)
         changes += [_change(case, row) for row in rows]
@@ -347,4 +348,5 @@ def _of_limits(named: Iterable[tuple[str, Metric]]) -> Iterator[Fact]:
 def _change(case: Case[Sensitivity], row: ErrorRow) -> Group:
     size = Fact("amount", "Amount", row.amount, _UNITS.get(row.unit, row.unit), digits=3)
     limits = _of_limits((limit.name, limit.change) for limit in row.limits)
-    return Group("error", case.title(row.name), (size, *limits, *metric_facts(row.change, changes=True)))
+    changes = (replace(fact, is_square=False) for fact in facts_in(row.change))
+    return Group("error", case.title(row.name), (size, *limits, *changes))

@@ -15,7 +15,7 @@ from shown_folders import SKY, WALL, lens_of
 from lensforge.cli.conclusion import _limit_rows, _require_pass
 from lensforge.errors import CriterionMissed, InputError
 from lensforge.light.light_facts import light_facts
-from lensforge.light.receiver_light import LARGEST_NMSE, LEAST_SHARE, Possible, judged_figures
+from lensforge.light.receiver_light import LARGEST_NMSE, LEAST_SHARE, Possible
 from lensforge.report.headline import headline
 from lensforge.report.results import Results
 from lensforge.report.stored import load_results
@@ -258,8 +258,7 @@ def test_a_face_needs_one_tool_of_the_shop_not_all() -> None:
 
 def test_what_is_undecided_is_decided_by_more_rays() -> None:
     light = make_results(("evaluate",)).light
-    judged = judged_figures(light.first, 0.92)["share_in_target"]
-    share = Metric(value=judged.bound, standard_error=0.03)
+    share = Metric(value=LEAST_SHARE * TRANSMITTED, standard_error=0.03)
     receiver = light.first.model_copy(update={"share_in_target": share, "nmse": metric(0.01)})
     results = Results(lens_of(), {"evaluate": light.model_copy(update={"receivers": (receiver,)})})
     assert results.verdict.light == "undecided"
