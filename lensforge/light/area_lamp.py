@@ -55,7 +55,12 @@ class AreaLamp(Record):
 
     lumens: Annotated[Metric, Figure("Luminous flux, lamp", key="lamp_lm")]
     distribution: Annotated[DistributionType, Figure("IES distribution", of="name")]
-    bug: Annotated[BugRating, Figure("BUG rating", lambda photometry, lamp, whole: whole, of="rating")]
+    bug: Annotated[
+        BugRating,
+        Figure(
+            "BUG rating", lambda photometry, lamp, whole: whole, value=lambda photometry, lamp, whole: str(lamp.bug)
+        ),
+    ]
     glare: GlareIntensities
 
     @staticmethod

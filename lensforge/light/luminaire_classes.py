@@ -220,9 +220,7 @@ class BugRating(Record):
     glare: Count
     zones: Annotated[ZoneLumens, Apart()]
 
-    @property
-    def rating(self) -> str:
-        """The three ratings, as data sheets print them."""
+    def __str__(self) -> str:
         return f"B{self.backlight} U{self.uplight} G{self.glare}"
 
     @staticmethod

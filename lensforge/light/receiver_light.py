@@ -390,5 +390,4 @@ def _least_share_note(receiver: ReceiverLight, lens: "Lens") -> str:
     return f"{LEAST_SHARE:g} of the {percent(most)} that {law}"
 
 
-# Labels of the metrics, by their names.
-METRICS = {name: figure.label for name, figure in figures_at(ReceiverLight).items() if isinstance(figure.label, str)}
+METRICS = figures_at(ReceiverLight)  # by the names of metrics

@@ -209,9 +209,9 @@ _METRICS = ("nmse", "efficiency", "share_in_target", "uniformity", "rsd")
 
 
 def _metric(name: str, metric: Metric | None) -> Fact:
-    if name in ("efficiency", "share_in_target"):
-        return Fact.share(name, METRICS[name], metric)
-    return Fact.measured(name, METRICS[name], metric, is_square=name == "nmse")
+    declared = METRICS[name]
+    fact = Fact.share if declared.unit == "%" else Fact.measured
+    return fact(name, str(declared.label), metric, is_square=declared.is_square)
 
 
 def sweep_of(spec: Spec, variation: AnyVariation, finished: Sequence[tuple[Variant, Sequence[Results]]]) -> Sweep:
