@@ -34,6 +34,7 @@ from lensforge.spec.spec_files import input_hashes, section_sha256
 def evaluate(
     lens: Lens,
     *,
+    state: str | None = None,
     accuracy: AnyAccuracy | None = None,
     source: EmitterSection | Path | str | None = None,
     rays: int | None = None,
@@ -49,6 +50,7 @@ def evaluate(
 
     Args:
         lens: the lens.
+        state: name of the state in which it is; None: in each.
         accuracy: a preset; None: that of the design.
         source: another LED in the place of the spec's; a section, or a ray file.
         rays: number of rays, from 1; None: as in the spec or the preset.
@@ -68,9 +70,9 @@ def evaluate(
     from lensforge.light.evaluation import evaluate_lens
     from lensforge.light.travel_light import light_on_travel
 
-    require(lens, Lens, "evaluate")
+    lens = require(lens, Lens, "evaluate").of_state(state or "")
     if source is not None and lens.spec.states:
-        raise InputError("source: this lens has states, each with its LED; evaluate one of them, lens.of_state(name)")
+        raise InputError("source: this lens has states, each with its LED; evaluate it in one, state = its name")
     other = None if source is None else other_source(lens.spec, source)
     first, *further = lens.by_state
     designed_led = lens.spec.in_first_state.source
@@ -111,6 +113,7 @@ def evaluate(
 def photometry(
     lens: Lens,
     *,
+    state: str | None = None,
     rays: int | None = None,
     lumens: float | None = None,
     seed: int | None = None,
@@ -123,6 +126,7 @@ def photometry(
 
     Args:
         lens: the lens.
+        state: name of the state in which it is; None: in each.
         rays: number of rays, from 1; None: as many as the noise of the intensities asks for.
         lumens: of the source, in lm; None: as spec or its file say, else 1000.
         seed: of the rays, from 0; None: that of the design.
@@ -138,7 +142,7 @@ def photometry(
     """
     from lensforge.light.photometry_export import measure_photometry
 
-    require(lens, Lens, "photometry")
+    lens = require(lens, Lens, "photometry").of_state(state or "")
     version = require_ies_version(ies_version)
     rays = count_of("rays", rays)
     preset = preset_of(lens.accuracy)

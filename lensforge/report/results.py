@@ -20,7 +20,7 @@ from lensforge.public import public
 from lensforge.results import Conditions, Fact, Group, SimulatedResult, StageResult
 from lensforge.results.arguments import require, with_known_names
 from lensforge.results.criteria import missed
-from lensforge.results.stage_result import OF_FOLDERS
+from lensforge.results.stage_result import OF_FOLDERS, ResultByLed
 from lensforge.results.verdict import Reason, Verdict
 from lensforge.scene.lens import Lens
 from lensforge.search.design_result import Design, design_facts
@@ -109,6 +109,15 @@ class Results:
     def photometry(self) -> Photometry:
         """Far field, and the files that hold it."""
         return self.take(Photometry)
+
+    @property
+    def states(self) -> dict[str, "Results"]:
+        """Lens and results in each state alone, by its name; empty for a lens that has one condition."""
+        return {
+            name: Results(lens, {stem: _in_state(result, name) for stem, result in self.found.items()}, self.outdated)
+            for name, lens in self.lens.by_state.items()
+            if name
+        }
 
     @property
     def part_or_lens(self) -> Part | Lens:
@@ -203,6 +212,11 @@ class Results:
         return same and dict(self.others) == dict(other.others)
 
     __hash__ = None  # type: ignore[assignment]  # results hold arrays
+
+
+def _in_state(result: StageResult, name: str) -> StageResult:
+    """``result`` in the state ``name``; itself where it is of the lens in all states."""
+    return result.by_led.get(name, result) if isinstance(result, ResultByLed) else result
 
 
 def unjudged_files(part: Part, proof: Proof | None) -> tuple[str, ...]:

@@ -21,7 +21,8 @@ _MOST_DECIMALS = 7
 # Units by the end of a name, the longest end first: `_per_mm` ends in `_mm` too, `_lm_per_w` in `_w`.
 _SUFFIXES = {
     "_w_per_m2_sr": "W/(m² sr)", "_cd_per_m2": "cd/m²", "_lm_per_w": "lm/W", "_w_per_m2": "W/m²",
-    "_mw_per_cm2": "mW/cm²", "_umol_per_m2_s": "µmol/(m² s)", "_w_per_sr": "W/sr", "_g_per_cm3": "g/cm³",
+    "_mw_per_cm2": "mW/cm²", "_mj_per_cm2": "mJ/cm²", "_umol_per_m2_s": "µmol/(m² s)", "_w_per_sr": "W/sr",
+    "_g_per_cm3": "g/cm³",
     "_per_mm": "1/mm", "_per_sr": "1/sr", "_per_k": "1/K", "temperature_c": "°C", "_percent": "%", "_seconds": "s",
     "_pixel2": "pixel²", "_mrad": "mrad", "_urad": "µrad", "_w_m2": "W/m²", "_mm3": "mm³", "_mm2": "mm²",
     "_rad": "rad", "_deg": "°",
@@ -29,6 +30,7 @@ _SUFFIXES = {
 }  # fmt: skip
 _WHOLE_NAMES = {
     "seconds": "s",
+    "exposure_s": "s",
     "hours": "h",
     "bytes": "B",
     "filter_variance": "pixel²",

@@ -33,7 +33,8 @@ from lensforge.spec.trades import figures_of
 _STEPS_PER_PIXEL = 2  # places along a line or a cut: the light between them is bilinear
 _PHOTOMETRIC = ("lx", "cd", "cd/m²")
 _OF_PHOTONS = "µmol/(m² s)"
-_PER_WATT = {"mW/cm²": 0.1}
+_OF_DOSE = "mJ/cm²"
+_PER_CM2 = 0.1  # mW/cm² of 1 W/m²
 FILTER_PIXELS = 4.0  # diameter of a disc with the variance of the picture's filter, one square pixel along each axis
 _FEWEST_RINGS = 2  # of places over a light meter
 _MOST_RINGS = 8
@@ -254,7 +255,7 @@ def _scale(limit: LimitSection, bounded: str, where: str, efficacy: Efficacy) ->
             )
         return efficacy.photons
     if unit not in _PHOTOMETRIC:
-        return _PER_WATT.get(unit, 1.0)
+        return {"mW/cm²": _PER_CM2, _OF_DOSE: _PER_CM2 * (limit.exposure_s or 0.0)}.get(unit, 1.0)
     if efficacy.lumens is None:
         raise InputError(
             f"{where}: its bound is in {unit}, but the source's lumens are not known; give source.flux_lm, a "

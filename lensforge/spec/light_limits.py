@@ -40,14 +40,15 @@ Fraction = Annotated[float, Field(gt=0.0, le=1.0)]
 Azimuth = Annotated[float, Field(ge=-360.0, le=360.0)]
 LossCause = Literal["beside", "opening", "base", "flange", "total_reflection", "trapped"]
 LightUnitName = Literal[
-    "w_per_m2", "mw_per_cm2", "lx", "umol_per_m2_s", "w_per_sr", "cd", "w_per_m2_sr", "cd_per_m2", "relative",
+    "w_per_m2", "mw_per_cm2", "mj_per_cm2", "lx", "umol_per_m2_s", "w_per_sr", "cd", "w_per_m2_sr", "cd_per_m2", "relative",
 ]  # fmt: skip
 LIGHT_UNITS: tuple[LightUnitName, ...] = get_args(LightUnitName)
 Places = Float[np.ndarray, "*_"]
 _Quantities = Mapping[str, type[Quantity]]
 OF_MEAN = "mean_"  # before a unit: the mean light in it is bounded
 PHOTONS = "umol_per_m2_s"  # photosynthetic photon flux density, PPFD
-_OF_SURFACES = ("w_per_m2", "mw_per_cm2", "lx", PHOTONS)
+DOSE = "mj_per_cm2"  # irradiance over the time of an exposure
+_OF_SURFACES = ("w_per_m2", "mw_per_cm2", DOSE, "lx", PHOTONS)
 _OF_FAR_FIELD = ("w_per_sr", "cd")
 _OF_EYES = ("w_per_m2_sr", "cd_per_m2")
 _MOST_POINTS = 1000
@@ -93,8 +94,11 @@ class LimitSection(OfSeveralKinds, InOneUnit):
     at_most: Amount | None = Field(default=None, description="Maximum light, in `unit`.")
     unit: LightUnitName | None = Field(
         default=None,
-        description="Unit of both: irradiance, illuminance or PPFD (photons from 400 to 700 nm) on surfaces, intensity "
-        'in the far field, radiance or luminance for eyes, or "relative" to the maximum on the receiver.',
+        description="Unit of both: irradiance, dose, illuminance or PPFD (photons from 400 to 700 nm) on surfaces, "
+        'intensity in the far field, radiance or luminance for eyes, or "relative" to the maximum on the receiver.',
+    )
+    exposure_s: Annotated[float, Field(ge=1e-9, le=1e9)] | None = Field(
+        default=None, description="Time for which the light is on, where the limit is on a dose."
     )
     meter_mm: Annotated[float, Field(ge=1e-3, le=1e5)] | None = Field(
         default=None,
@@ -121,6 +125,11 @@ class LimitSection(OfSeveralKinds, InOneUnit):
     def quantities(self) -> Iterator[str]:
         """The quantities that are bounded."""
         yield from (name for name in (*LIGHT_UNITS, *self.others) if any(self.bounds(name)))
+
+    @property
+    def bounds_dose(self) -> bool:
+        """True where it bounds a dose, for which the time of the exposure is needed."""
+        return any(bounded.endswith(DOSE) for bounded in self.quantities())
 
     @property
     def counts_photons(self) -> bool:
@@ -155,6 +164,8 @@ class LimitSection(OfSeveralKinds, InOneUnit):
             raise ValueError(f"at_least or at_most, and unit go together; unit is one of {', '.join(LIGHT_UNITS)}")
         if self.unit == "relative" and max(self.at_least or 0.0, self.at_most or 0.0) > 1.0:
             raise ValueError('unit = "relative" is a share of the maximum on the receiver; no light is above 1')
+        if self.bounds_dose != (self.exposure_s is not None):
+            raise ValueError(f"a dose ({DOSE}) and exposure_s, the time for which the light is on, go together")
         bounded = list(self.quantities())
         if not bounded:
             either = ", ".join(("at_least with a unit", *(f"at_least_{name}" for name in self.others)))
@@ -219,6 +230,7 @@ class ZoneLimit(LimitSection):
         "mean_lx": MeanLight,
         "mean_w_per_m2": MeanLight,
         "mean_mw_per_cm2": MeanLight,
+        "mean_mj_per_cm2": MeanLight,
         "mean_umol_per_m2_s": MeanLight,
         "share": FluxShare,
     }
@@ -241,6 +253,8 @@ class ZoneLimit(LimitSection):
         default=None, description="Least mean irradiance of the zone, as curing states it."
     )
     at_most_mean_mw_per_cm2: Amount | None = Field(default=None, description="Largest mean irradiance of the zone.")
+    at_least_mean_mj_per_cm2: Amount | None = Field(default=None, description="Least mean dose of the zone.")
+    at_most_mean_mj_per_cm2: Amount | None = Field(default=None, description="Largest mean dose of the zone.")
     at_least_mean_umol_per_m2_s: Amount | None = Field(
         default=None, description="Least mean PPFD of the zone, photons from 400 to 700 nm."
     )

@@ -133,6 +133,18 @@ def test_a_zone_has_its_mean_in_each_unit_and_its_contrast() -> None:
     )  # centres from -95 to 55 mm
 
 
+@pytest.mark.parametrize(("bound", "state"), [(1039.0, "pass"), (1041.0, "fail")])
+def test_a_dose_is_the_irradiance_over_the_exposure(bound: float, state: str) -> None:
+    """At (30, -70) mm there are 4.3 W/m², 0.43 mW/cm²: in 2,418.6 s 1,040 mJ/cm²; the second of two decides."""
+    point = {"kind": "points", "at_mm": [[30.0, -70.0]], "unit": "mj_per_cm2", "exposure_s": 2418.6}
+    spec = spec_with({"kind": "zone", "at_least_mean_mj_per_cm2": 7.9, "exposure_s": 20.0}, point | {"at_least": bound})
+    receiver = receivers_of(spec, 200)[0]
+    images = images_of(receiver, lambda x, y: 4.0 + x / 100.0, 1e-6)
+    mean, place = light_limits(spec, [receiver], EFFICACY, 1.0)
+    assert (mean.unit, limit_value(mean, images).value) == ("mJ/cm²", pytest.approx(8.0, rel=1e-6))
+    assert judged(place, "light", limit_value(place, images)).state == state
+
+
 RED, BLUE = ({"kind": "line", "wavelength_nm": nm} for nm in (660.0, 450.0))
 CHIP = {"width_mm": 0.5, "height_mm": 0.5, "y_mm": 0.0}
 
@@ -194,6 +206,7 @@ LIMITS = [
     {"kind": "peak", "unit": "lx", "at_least": 1.0},
     {"kind": "zone", "at_least_mean_mw_per_cm2": 0.1},
     {"kind": "zone", "at_least_mean_umol_per_m2_s": 5.0},
+    {"kind": "zone", "at_least_mean_mj_per_cm2": 40.0, "exposure_s": 7.0},
     {"kind": "points", "at_mm": [[30.0, -70.0]], "unit": "umol_per_m2_s", "at_least": 5.0},
 ]
 

@@ -14,6 +14,7 @@ import lensforge as lf
 from lensforge.light.light_facts import light_reasons
 from lensforge.made.part_study import PartStudy, Recipe
 from lensforge.report.headline import task
+from lensforge.report.results import Results
 from lensforge.shop.drawing import travel_notes
 
 LED = {"kind": "square", "side_mm": 0.5, "flux_lm": 80.0, "position_mm": [0.05, 0.0, 0.0]}
@@ -64,9 +65,25 @@ def test_the_light_of_a_state_is_that_of_the_same_lens_with_its_condition_alone(
         beside = light.by_led[name]
         assert (beside.receivers, beside.limits, beside.flux) == (alone.receivers, alone.limits, alone.flux)
         assert np.array_equal(beside.map, alone.map) and beside.lumens_per_watt == alone.lumens_per_watt
-        assert lf.evaluate(lens.of_state(name)).sha256 == alone.sha256
+        assert lf.evaluate(lens, state=name).sha256 == alone.sha256
     near, far = light.by_led.values()
     assert near.map.shape != far.map.shape or not np.allclose(near.map, far.map)
+
+
+def test_results_in_one_state_are_those_of_its_lens(lens: lf.Lens, light: lf.Light, part: lf.Part) -> None:
+    far_field = lf.photometry(lens, rays=2**12)
+    results = Results(lens, {"evaluate": light, "export": part, "photometry": far_field})
+    assert list(results.states) == ["near", "far"]
+    for name, state in results.states.items():
+        assert state.lens == lens.of_state(name)
+        assert state.light.led == name and not state.light.others
+        assert state.light.receivers == light.by_led[name].receivers
+        assert state.part is part
+        in_state = lf.photometry(lens, state=name, rays=2**12)
+        assert np.array_equal(state.photometry.candela, in_state.candela)
+    assert Results(lens.of_state("far"), {}).states == {}
+    with pytest.raises(lf.InputError, match=r"^state = 'middle': no state of that name; known: 'near', 'far'$"):
+        lf.evaluate(lens, state="middle")
 
 
 def test_a_warm_lens_is_warm_in_each_state(lens: lf.Lens) -> None:
@@ -76,7 +93,9 @@ def test_a_warm_lens_is_warm_in_each_state(lens: lf.Lens) -> None:
         cold = lens_with(**{**condition, "lens__temperature_c": None})
         alone = lf.evaluate(cold, rays=1024, temperature_c=80.0)
         assert warm.by_led[name].receivers == alone.receivers != lf.evaluate(cold, rays=1024).receivers
-    with pytest.raises(lf.InputError, match=r"^temperature_c = 80: states of this lens have their own; evaluate one"):
+    with pytest.raises(
+        lf.InputError, match=r"^temperature_c = 80: states of this lens have their own; evaluate it in one, state"
+    ):
         lf.evaluate(lens, temperature_c=80.0)
 
 
@@ -143,7 +162,7 @@ def test_the_drawing_names_the_stops_of_an_led_that_moves(lens: lf.Lens) -> None
 
 
 def test_what_needs_one_led_says_to_take_a_state(lens: lf.Lens) -> None:
-    with pytest.raises(lf.InputError, match=r"^source: this lens has states, .* lens\.of_state\(name\)$"):
+    with pytest.raises(lf.InputError, match=r"^source: this lens has states, .* state = its name$"):
         lf.evaluate(lens, source=lf.DiscSource(diameter_mm=0.3))
     with pytest.raises(lf.InputError, match=r"^redesign: this lens has states, "):
         lf.redesign(lens, lf.DiscSource(diameter_mm=0.3))

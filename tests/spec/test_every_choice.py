@@ -134,7 +134,10 @@ def unit(name: str) -> Case:
     beam, disc = {"kind": "beam", "fwhm_deg": 30.0, "half_angle_deg": 60.0}, {"kind": "disc", "diameter_mm": 50.0}
     target = beam if far else disc | PLACE
     place = {"at_deg": [[0.5, 0.5]]} if far else {"at_mm": [[5.0, 5.0]]}
-    spec = small_spec(target=target).replace(limits=[{"kind": "points", **place, "unit": name, "at_least": 0.1}])
+    exposure = {"exposure_s": 60.0} if name == "mj_per_cm2" else {}
+    spec = small_spec(target=target).replace(
+        limits=[{"kind": "points", **place, "unit": name, "at_least": 0.1, **exposure}]
+    )
     (receiver,) = receivers_of(spec, 30)
     picture = np.full((16, 30, 30), 5e-4)
     picture[:, :, 12:18] *= 0.5
@@ -143,6 +146,7 @@ def unit(name: str) -> Case:
     by_hand = {
         "w_per_m2": 2.5,
         "mw_per_cm2": 0.25,
+        "mj_per_cm2": 15.0,
         "lx": 500.0,
         "umol_per_m2_s": 11.5,
         "w_per_sr": 2.5e-4 / pixel,

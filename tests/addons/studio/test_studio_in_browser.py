@@ -1,21 +1,19 @@
 """The studio as a person uses it, in a real browser: write, see, search, pause, keep, make the part, and compare."""
 
 import re
-import shutil
-import time
 from pathlib import Path
 
 import browser
 import pytest
 from axe_playwright_python.sync_playwright import Axe
+from studio_page import page_of, phase, pixels, step, until
 
 import lensforge as lf
-from lensforge.report.folder import load, opened
+from lensforge.report.folder import load
 from lensforge.search.checkpoint import CHECKPOINT
 from lensforge.spec.shipped_specs import shipped_specs
 
 pytestmark = browser.needed
-PATIENCE_S = 240.0
 NAME = "quickstart"
 
 
@@ -37,40 +35,9 @@ def started():
 
 
 @pytest.fixture
-def window(studio, started, request):
-    """The page, ready; no script on it may have failed, nor anything have been asked of another machine."""
-    context = started.new_context(viewport={"width": 1500, "height": 950}, accept_downloads=True)
-    page, wrong, elsewhere = context.new_page(), [], []
-    page.on("pageerror", lambda error: wrong.append(str(error)))
-    page.on(
-        "request", lambda asked: asked.url.startswith(("http://127.0.0.1:", "data:")) or elsewhere.append(asked.url)
-    )
-    page.goto(studio.address)
-    page.wait_for_selector("body[data-ready]")
-    yield page
-    context.close()
-    assert (wrong, elsewhere) == ([], [])
-
-
-def until(condition, seconds=PATIENCE_S):
-    end = time.monotonic() + seconds
-    while not (found := condition()):
-        assert time.monotonic() < end, "it did not come to be"
-        time.sleep(0.1)
-    return found
-
-
-def phase(window, name):
-    window.wait_for_selector(f"body[data-phase={name}]", timeout=1000 * PATIENCE_S)
-
-
-def pixels(window, canvas="own"):
-    return window.evaluate(f"document.getElementById('{canvas}').toDataURL()")
-
-
-def step(window):
-    found = re.search(r"step (\d+) of", window.inner_text("#progress"))
-    return int(found[1]) if found else 0
+def window(studio, started):
+    with page_of(studio, started) as page:
+        yield page
 
 
 def test_a_changed_field_moves_the_bound_and_the_text_and_a_wrong_one_has_its_line(window):
@@ -212,94 +179,6 @@ def test_a_change_goes_on_from_the_lens_that_is_there_and_is_kept_at_once(studio
     assert run.spec.target.stroke_mm == 75.0 and run.spec.lens.start.name == "studio_start.json"
     assert "ended by its observer after" in run.design.ended
     assert run.light.nmse.value < 0.2, "from a lens that was good already"
-
-
-def test_a_part_is_made_and_its_step_downloaded(studio, window, tmp_path):
-    phase(window, "idle")
-    until(lambda: window.is_enabled("#part"), 20.0)
-    window.click("#part")
-    phase(window, "making")
-    phase(window, "idle")
-    until(lambda: "lens.step" in window.inner_text("#files"), 20.0)
-    href = window.get_attribute("#files a:has-text('lens.step')", "href")
-    got = window.request.get(href)
-    assert got.ok and got.body() == (studio.folder / "lens.step").read_bytes()
-    assert got.body() == lf.build(load(studio.folder).lens).step, "the bits of the command"
-    assert {"report.html", "manufacturing.pdf", "drawing.dxf", "lens.ies"} <= set(
-        window.inner_text("#files").split("\n")
-    )
-    shutil.copytree(studio.folder, studio.folder.parent / "other")
-    window.reload()
-    until(lambda: "other" in window.inner_text("#others"), 20.0)
-    window.select_option("#others", "other")
-    until(lambda: window.is_visible("#beside-figure") and "other" in window.inner_text("#facts"), 60.0)
-    window.reload()
-    until(lambda: window.is_visible("#beside-figure") and window.input_value("#others") == "other", 60.0)
-
-
-def test_a_finished_lens_is_replaced_when_asked_and_what_is_left_of_it_has_a_mark(studio, started):
-    folder = studio.folder.parent / "other"
-    kept, asked = (folder / "lens.json").read_bytes(), list[str]()
-    here = lf.studio(folder, browser=False)
-    page = started.new_page()
-    page.on("dialog", lambda dialog: (asked.append(dialog.message), dialog.accept() if asked[1:] else dialog.dismiss()))
-    try:
-        page.goto(here.address)
-        page.wait_for_selector("body[data-ready]")
-        until(lambda: "peak" in page.inner_text("#own-readout"), 60.0)
-        assert "of the lens before" not in page.inner_text("#files")
-        lumens = page.input_value("#text").replace("[source]\n", "[source]\nflux_lm = 100.0\n")
-        page.fill("#text", re.sub(r"flux_w = .*\n", "", lumens))
-        until(lambda: page.input_value("#f-source-flux_lm") == "100", 20.0)
-        page.click("#search")
-        assert "other holds a finished lens" in asked[0] and (folder / "lens.json").read_bytes() == kept
-        assert page.get_attribute("body", "data-phase") == "idle"
-        page.click("#search")
-        phase(page, "searching")
-        until(lambda: step(page) > 2)
-        assert re.match(r"peak [\d.]+ lx;", page.inner_text("#own-readout")), "as before and after it"
-        # in one call: the note is drawn anew with each step
-        marks = "[...document.querySelectorAll('#note .warned')]"
-        colours = until(lambda: page.evaluate(f"{marks}.map(mark => getComputedStyle(mark).color)"))
-        assert colours == ["rgb(138, 90, 0)"], "no error"
-        page.click("#enough")
-        phase(page, "idle")
-        until(lambda: "of the lens before" in page.inner_text("#files"), 20.0)
-        names = set(page.inner_text("#files").split("\n"))
-        assert {
-            f"{name}, of the lens before" for name in ("lens.step", "lens.ies", "report.html", "drawing.dxf")
-        } <= names
-        page.click("#search")
-        phase(page, "searching")
-        assert len(asked) == 2, "asked once"
-    finally:
-        page.close()
-        here.close()
-
-
-def test_a_verdict_has_its_reason_and_the_button_that_cures_it(studio, started):
-    folder = shutil.copytree(studio.folder, studio.folder.parent / "damaged")
-    with opened(folder) as here:
-        smaller = here.run.part.mesh.copy()
-        smaller.apply_scale(0.9)
-        (folder / "lens.stl").write_bytes(smaller.export(file_type="stl"))
-    with opened(folder) as here:
-        here.write(lf.verify(here.run.part, here.run.light))
-        reason = here.run.verdict.reasons_of("files")[0]
-    wrong, page = lf.studio(folder, browser=False), started.new_page()
-    try:
-        page.goto(wrong.address)
-        page.wait_for_selector("body[data-ready]")
-        until(lambda: "CAD files: fail" in page.inner_text("#facts"), 60.0)
-        assert reason[1:] in page.inner_text("#facts"), "not the verdict alone"
-        page.click("button:has-text('Make the part again')")
-        phase(page, "making")
-        phase(page, "idle")
-        assert page.inner_text("#note") == ""
-        assert not load(folder).part.altered, "its files are those of the lens again"
-    finally:
-        page.close()
-        wrong.close()
 
 
 def test_the_keyboard_alone_moves_the_sections_and_turns_the_lens(window):
