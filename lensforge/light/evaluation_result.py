@@ -31,6 +31,7 @@ from lensforge.results.figure import Criterion, Figure, figure
 from lensforge.results.numerals import square
 from lensforge.results.plots import plot_map
 from lensforge.results.record import MOST_PIXELS
+from lensforge.scene.lens import Lens
 from lensforge.sources.source_place import SourcePlace
 from lensforge.spec import Spec
 from lensforge.spec.light_limits import bounds_of
@@ -74,6 +75,27 @@ class FittedLight(Record):
 
 _BY_SEARCH = "by the {fitted.rays} rays of the search, to which the lens is fitted"
 _BY_FILE = "by {by_file.rays} rays of the file, which the model of the LED was not fitted to"
+
+
+def _tables(light: "Light", lens: Lens) -> str:
+    return f"NMSE of the tables of --accuracy {lens.accuracy} against the exact surfaces"
+
+
+def _table_hits(light: "Light", lens: Lens) -> Metric | None:
+    """Root mean square shift of the hits, in the unit of the first receiver's chart."""
+    if light.preset_error is None:
+        return None
+    chart = light.first.chart
+    return Metric(value=chart.labelled(light.preset_error.evaluation.hit_mm.value), unit=chart.unit)
+
+
+def _has_tables(light: "Light", lens: Lens) -> bool:
+    return light.preset_error is not None
+
+
+def _has_error(light: "Light", lens: Lens) -> bool:
+    return light.nmse.standard_error is not None
+
 
 MetricName = Literal["nmse", "uniformity", "rsd", "efficiency", "share_in_target"]
 
@@ -141,20 +163,8 @@ class Light(ResultByLed):
     ] = None
     preset_error: Annotated[
         PresetError | None,
-        Figure(
-            "Simulation error",
-            lambda light, lens: f"NMSE of the tables of --accuracy {lens.accuracy} against the exact surfaces",
-            key="table_nmse",
-            of="evaluation.irradiance_nmse",
-            is_square=True,
-        ),
-        Figure(
-            "Error of hit points",
-            "rms, of the same tables",
-            key="table_hits",
-            value=lambda light, lens: light.table_hits,
-            digits=2,
-        ),
+        Figure("Simulation error", _tables, key="table_nmse", of="evaluation.irradiance_nmse", is_square=True),
+        Figure("Error of hit points", "rms, of the same tables", key="table_hits", value=_table_hits, digits=2),
     ]
     seed: Count
     seconds: NotNegative
@@ -236,36 +246,13 @@ class Light(ResultByLed):
         return self.first.missed_by_cause
 
     @property
-    def table_hits(self) -> Metric | None:
-        """Root mean square error of the hits by the tables, in the unit of the first receiver's chart."""
-        if self.preset_error is None:
-            return None
-        chart = self.first.chart
-        return Metric(value=chart.labelled(self.preset_error.evaluation.hit_mm.value), unit=chart.unit)
-
-    @property
-    @figure(
-        Figure(
-            "NMSE with ray noise",
-            "before the noise is subtracted",
-            key="raw_nmse",
-            of="nmse",
-            when=lambda light, lens: light.nmse.standard_error is not None,
-        )
-    )
+    @figure(Figure("NMSE with ray noise", "before the noise is subtracted", key="raw_nmse", of="nmse", when=_has_error))
     def raw(self) -> RawMetrics:
         """Metrics of the first receiver's picture, with ray noise."""
         return self.first.raw
 
     @property
-    @figure(
-        Figure(
-            "NMSE of the ray noise",
-            key="noise_nmse",
-            digits=2,
-            when=lambda light, lens: light.preset_error is not None,
-        )
-    )
+    @figure(Figure("NMSE of the ray noise", key="noise_nmse", digits=2, when=_has_tables))
     def nmse_of_noise(self) -> float | None:
         """NMSE of the noise in the first receiver's map."""
         return self.first.nmse_of_noise

@@ -222,6 +222,29 @@ def by_pixels(receiver: "ReceiverLight") -> str:
     return f"; depends on the pixels: {shown} with pixels twice as wide"
 
 
+LARGEST_NMSE = 0.10
+LEAST_SHARE = 0.7  # of what is possible, and of what two faces transmit at normal incidence, must lie in the target
+
+
+def possible_share(receiver: "ReceiverLight", transmittance: float) -> tuple[float, str]:
+    """Largest share of the flux in the target on ``receiver``, and its law; ``transmittance``: of both faces."""
+    whole = transmittance * receiver.wanted_in_target
+    possible, law = receiver.possible.expected_share
+    if whole <= possible:
+        return whole, "two faces transmit into the target" if transmittance < 1.0 else "the target takes"
+    return possible, law
+
+
+def _least_share(light: object, receiver: "ReceiverLight", lens: "Lens") -> float | None:
+    """Share of the flux that must lie in the target; None if the spec has limits, by which the light is judged."""
+    return None if lens.spec.has_limits else LEAST_SHARE * possible_share(receiver, transmittance_of(lens.media))[0]
+
+
+def _least_share_note(light: object, receiver: "ReceiverLight", lens: "Lens") -> str:
+    most, law = possible_share(receiver, transmittance_of(lens.media))
+    return f"{LEAST_SHARE:g} of the {percent(most)} that {law}"
+
+
 NMSE = Figure("Pattern error (NMSE)", is_square=True)
 EFFICIENCY = Figure("Efficiency", unit="%")
 UNIFORMITY = Figure("Uniformity")
@@ -275,8 +298,8 @@ class ReceiverLight(Record):
             _share_note,
             unit="%",
             sense=">=",
-            limit=lambda light, receiver, lens: _least_share(receiver, lens),
-            limit_note=lambda light, receiver, lens: _least_share_note(receiver, lens),
+            limit=_least_share,
+            limit_note=_least_share_note,
             possible="possible.share_in_target",
             possible_note="{possible.law}",
             remedy=lambda light, receiver, lens: _brighter_by(receiver, "a wider target"),
@@ -365,29 +388,6 @@ class ReceiverLight(Record):
         if abs(total - 1.0) > _FLUX_ADDS_UP:
             raise ValueError(f"flux: its shares add up to {total:.9g}, must be 1")
         return self
-
-
-LARGEST_NMSE = 0.10
-LEAST_SHARE = 0.7  # of what is possible, and of what two faces transmit at normal incidence, must lie in the target
-
-
-def possible_share(receiver: ReceiverLight, transmittance: float) -> tuple[float, str]:
-    """Largest share of the flux in the target on ``receiver``, and its law; ``transmittance``: of both faces."""
-    whole = transmittance * receiver.wanted_in_target
-    possible, law = receiver.possible.expected_share
-    if whole <= possible:
-        return whole, "two faces transmit into the target" if transmittance < 1.0 else "the target takes"
-    return possible, law
-
-
-def _least_share(receiver: ReceiverLight, lens: "Lens") -> float | None:
-    """Share of the flux that must lie in the target; None if the spec has limits, by which the light is judged."""
-    return None if lens.spec.has_limits else LEAST_SHARE * possible_share(receiver, transmittance_of(lens.media))[0]
-
-
-def _least_share_note(receiver: ReceiverLight, lens: "Lens") -> str:
-    most, law = possible_share(receiver, transmittance_of(lens.media))
-    return f"{LEAST_SHARE:g} of the {percent(most)} that {law}"
 
 
 METRICS = figures_at(ReceiverLight)  # by the names of metrics

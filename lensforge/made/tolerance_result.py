@@ -57,19 +57,11 @@ class ErrorRow(Record):
     """
 
     name: Text
-    amount: Annotated[Number, Figure("Amount", value=lambda study, row: row.size, digits=3)]
+    amount: Number
     unit: Text
-    metrics: Annotated[LightMetrics, Apart()]
-    change: Annotated[LightMetrics, Apart()]
+    metrics: LightMetrics
+    change: LightMetrics
     limits: tuple[LimitChange, ...] = ()
-
-    @property
-    def size(self) -> Metric:
-        """The amount with its unit."""
-        return Metric(value=self.amount, unit=_SYMBOLS.get(self.unit, self.unit))
-
-
-_SYMBOLS = {"deg": "°", "um": "µm"}
 
 
 @public
@@ -315,6 +307,10 @@ class BudgetRow(Record):
         return f"× {quantity(value, digits=3)}" if self._is_factor else amount_words(self.tolerance, value, self.unit)
 
 
+def _is_missed(study: "Yield", budget: "Budget") -> bool:
+    return study.pass_rate.value < budget.pass_rate
+
+
 class Budget(Record):
     """Largest amount of each tolerance at which ``pass_rate`` of the parts pass, by the first ``parts`` of them.
 
@@ -323,15 +319,7 @@ class Budget(Record):
 
     parts: Count
     alone: Annotated[tuple[BudgetRow, ...], Field(max_length=_MOST_FACTORS)]
-    together: Annotated[
-        BudgetRow,
-        Apart(),
-        Figure(
-            "Tolerances together",
-            "one factor on all, for a yield of {wanted}; {together.interval_words}",
-            of="most_words",
-        ),
-    ]
+    together: Annotated[BudgetRow, Apart(), Figure("Tolerances together", "{together_note}", of="most_words")]
     pass_rate: Annotated[Share, Figure("Required yield", key="wanted", unit="%")]
 
     @property
@@ -354,14 +342,12 @@ class Budget(Record):
         return max(tight, key=lambda row: (row.at_most or 0.0) / row.specified, default=None)
 
     @property
-    @figure(
-        Figure(
-            "Smallest tightening",
-            "{cheapest_note}",
-            key="cheapest",
-            when=lambda study, budget: study.pass_rate.value < budget.pass_rate,
-        )
-    )
+    def together_note(self) -> str:
+        """Meaning and interval of the factor."""
+        return f"one factor on all, for a yield of {self.wanted}; {self.together.interval_words}"
+
+    @property
+    @figure(Figure("Smallest tightening", "{cheapest_note}", key="cheapest", when=_is_missed))
     def cheapest_words(self) -> str:
         """The least tightening of one tolerance that reaches the required yield."""
         if self.cheapest is not None:
@@ -393,30 +379,6 @@ class FluxNeeded(Record):
     most: Share
     best: NotNegative | None
 
-    @property
-    @figure(Figure("Required LED flux", "for a yield of {wanted}, tolerances as specified; {interval}", key="flux"))
-    def words(self) -> str:
-        """The factor in words."""
-        return "none is enough" if self.factor is None else _times(self.factor)
-
-    @property
-    def wanted(self) -> str:
-        """The required yield in words."""
-        return percent(self.pass_rate)
-
-    @property
-    def interval(self) -> str:
-        """The interval of the factor; if no flux is enough, the highest yield."""
-        if self.factor is None and self.best is None:
-            return "no part passes at any flux"
-        if self.factor is None:
-            return f"{_times(self.best)} gives the highest, {percent(self.most)}"
-        return f"{_times(self.low)} at least" if self.high is None else f"{_times(self.low)} to {_times(self.high)}"
-
-
-def _times(factor: float | None) -> str:
-    return f"× {quantity(factor, digits=4)}"
-
 
 class WorstPart(Record):
     """One of the worst parts: its number in the table of parts, and its metrics."""
@@ -426,34 +388,14 @@ class WorstPart(Record):
     passes: bool
 
 
-_DISTRIBUTIONS = {
-    "truncated": ("truncated", "Gaussian, 2 σ = the amount, none beyond it"),
-    "normal": ("normal", "Gaussian, 2 σ = the amount"),
-    "uniform": ("uniform", "anywhere within the amount"),
-    FIELD: ("random shape", "a new shape for each part; the amount is its rms"),
-}
-
-
 class ToleranceAmount(Record):
     """One tolerance as it was drawn."""
 
     name: Text
     words: Text
     unit: Text
-    amount: Annotated[
-        NotNegative,
-        Figure("Amount", value=lambda study, drawn: amount_words(drawn.name, drawn.amount, drawn.unit)),
-    ]
-    distribution: Annotated[
-        Text,
-        Figure("Distribution", value=lambda study, drawn: drawn.named[0]),
-        Figure("In words", key="words", value=lambda study, drawn: drawn.named[1]),
-    ]
-
-    @property
-    def named(self) -> tuple[str, str]:
-        """Name of the distribution, and the distribution in words."""
-        return _DISTRIBUTIONS.get(self.distribution, (self.distribution, ""))
+    amount: NotNegative
+    distribution: Text
 
     @staticmethod
     def of(factor: Factor) -> "ToleranceAmount":
@@ -502,7 +444,7 @@ class Yield(SimulatedResult):
     variance: dict[Text, Variance]
     roads: tuple[ApplicationYield, ...] = ()
     budget: Annotated[Budget | None, Apart()]
-    flux: Annotated[FluxNeeded | None, Apart()] = None
+    flux: FluxNeeded | None = None
     worst: tuple[WorstPart, ...]
     worst_leds: tuple[Text, ...] = ()
     notes: tuple[Text, ...]

@@ -7,9 +7,11 @@ import numpy as np
 
 from lensforge.light.receiver_light import METRICS
 from lensforge.made.tolerance_result import (
+    FIELD,
     UNCERTAIN,
     BudgetRow,
     ErrorRow,
+    FluxNeeded,
     MetricBound,
     Sensitivity,
     WorstPart,
@@ -21,10 +23,18 @@ from lensforge.results.fact import FactState
 from lensforge.results.figure import facts_in
 from lensforge.results.numerals import limit_text, percent, quantity
 from lensforge.results.verdict import CERTAIN
+from lensforge.spec.tolerances_section import amount_words
 
 TOGETHER = "interactions"
 _LEADING = 3  # causes that are named
 _LEAST = 0.005  # share of the variance of a cause that is named
+_UNITS = {"deg": "°", "um": "µm"}
+_DISTRIBUTIONS = {
+    "truncated": ("truncated", "Gaussian, 2 σ = the amount, none beyond it"),
+    "normal": ("normal", "Gaussian, 2 σ = the amount"),
+    "uniform": ("uniform", "anywhere within the amount"),
+    FIELD: ("random shape", "a new shape for each part; the amount is its rms"),
+}
 
 
 def yield_facts(study: Yield) -> list[Group]:
@@ -123,7 +133,13 @@ def budget_row(study: Yield, row: BudgetRow) -> Group:
 
 def drawn_rows(study: Yield) -> list[Group]:
     """A row for each tolerance as it was drawn."""
-    return [Group("drawn", drawn.words, tuple(facts_in(study, (), drawn))) for drawn in study.tolerances]
+    rows = []
+    for tolerance in study.tolerances:
+        name, description = _DISTRIBUTIONS.get(tolerance.distribution, (tolerance.distribution, ""))
+        size = Fact("amount", "Amount", amount_words(tolerance.name, tolerance.amount, tolerance.unit))
+        facts = (size, Fact("distribution", "Distribution", name), Fact("words", "In words", description))
+        rows.append(Group("drawn", tolerance.words, facts))
+    return rows
 
 
 def pass_sentence(study: Yield) -> str:
@@ -212,9 +228,22 @@ def _passing(study: Yield) -> Iterator[Fact]:
             yield Fact.share("main_cause", label, cause.metric, cause.words)
         if not study.variance[name].certain:
             yield Fact("main_cause", label, UNCERTAIN)
-    for remedy in (study.budget, study.flux):
-        if remedy is not None:
-            yield from facts_in(study, (), remedy)
+    if study.budget is not None:
+        yield from facts_in(study, (), study.budget)
+    if study.flux is not None:
+        yield _flux(study.flux)
+
+
+def _flux(flux: FluxNeeded) -> Fact:
+    wanted = f"for a yield of {percent(flux.pass_rate)}, tolerances as specified"
+    if flux.factor is None:
+        most = "no part passes at any flux"
+        if flux.best is not None:
+            most = f"× {quantity(flux.best, digits=4)} gives the highest, {percent(flux.most)}"
+        return Fact("flux", "Required LED flux", "none is enough", note=f"{wanted}; {most}")
+    low, factor = (f"× {quantity(multiple, digits=4)}" for multiple in (flux.low, flux.factor))
+    between = f"{low} at least" if flux.high is None else f"{low} to × {quantity(flux.high, digits=4)}"
+    return Fact("flux", "Required LED flux", factor, note=f"{wanted}; {between}")
 
 
 def _causes(study: Yield, name: str) -> Iterator[Fact]:
@@ -244,7 +273,7 @@ def _of_limits(named: Iterable[tuple[str, Metric]]) -> Iterator[Fact]:
 
 
 def _change(case: Case[Sensitivity], row: ErrorRow) -> Group:
-    size = facts_in(case.result, (), row)
+    size = Fact("amount", "Amount", row.amount, _UNITS.get(row.unit, row.unit), digits=3)
     limits = _of_limits((limit.name, limit.change) for limit in row.limits)
     changes = (replace(fact, is_square=False) for fact in facts_in(row.change))
-    return Group("error", case.title(row.name), (*size, *limits, *changes))
+    return Group("error", case.title(row.name), (size, *limits, *changes))

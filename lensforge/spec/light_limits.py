@@ -40,7 +40,8 @@ Fraction = Annotated[float, Field(gt=0.0, le=1.0)]
 Azimuth = Annotated[float, Field(ge=-360.0, le=360.0)]
 LossCause = Literal["beside", "opening", "base", "flange", "total_reflection", "trapped"]
 LightUnitName = Literal[
-    "w_per_m2", "mw_per_cm2", "mj_per_cm2", "lx", "umol_per_m2_s", "w_per_sr", "cd", "w_per_m2_sr", "cd_per_m2", "relative",
+    "w_per_m2", "mw_per_cm2", "mj_per_cm2", "lx", "umol_per_m2_s", "w_per_sr", "cd", "w_per_m2_sr", "cd_per_m2",
+    "relative",
 ]  # fmt: skip
 LIGHT_UNITS: tuple[LightUnitName, ...] = get_args(LightUnitName)
 Places = Float[np.ndarray, "*_"]

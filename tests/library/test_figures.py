@@ -195,7 +195,7 @@ def test_a_share_and_its_limits_are_told_in_per_cent(share: float, state: str) -
 @pytest.mark.parametrize(("depth_mm", "state"), [(2.0, "pass"), (2.0001, "fail")])
 def test_a_number_without_standard_error_is_exact(depth_mm: float, state: str) -> None:
     (told,) = (fact for fact in facts_in(spot(depth_mm=depth_mm), (), None, None) if fact.key == "depth")
-    assert (told.state, told.text) == (state, f"{depth_mm:g} mm" if depth_mm > 2.0 else "2 mm")
+    assert (told.state, told.value, told.limit, told.unit) == (state, depth_mm, 2.0, "mm")
 
 
 def test_limits_are_those_of_the_figures_that_are_told() -> None:

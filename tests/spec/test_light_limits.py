@@ -74,7 +74,10 @@ def test_a_wrong_limit_is_refused_in_one_line(limit: dict[str, object], words: s
     [
         ({"kind": "glare", "from_deg": 5.0, "unit": "relative", "at_most": 0.1}, "one of the far field"),
         ({"kind": "beam_angle", "at_least_deg": 5.0}, "one of the far field"),
-        ({"kind": "points", "at_mm": [[0, 0]], "unit": "cd", "at_least": 3.0}, "in one of w_per_m2, mw_per_cm2, mj_per_cm2, lx"),
+        (
+            {"kind": "points", "at_mm": [[0, 0]], "unit": "cd", "at_least": 3.0},
+            "in one of w_per_m2, mw_per_cm2, mj_per_cm2, lx",
+        ),
         ({"kind": "points", "at_mm": [[1000, 0]], "unit": "lx", "at_least": 3.0}, "is off receiver 'light'"),
     ],
 )
