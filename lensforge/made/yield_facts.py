@@ -116,19 +116,17 @@ def cause_rows(study: Yield) -> list[Group]:
 def budget_rows(study: Yield) -> list[Group]:
     """A row for each tolerance, and last that for all of them together; none where it was not searched for."""
     budget = study.budget
-    return [] if budget is None else [budget_row(study, row) for row in (*budget.alone, budget.together)]
+    return [] if budget is None else [budget_row(row) for row in (*budget.alone, budget.together)]
 
 
-def budget_row(study: Yield, row: BudgetRow) -> Group:
+def budget_row(row: BudgetRow) -> Group:
     """One tolerance: as specified, and the largest at which enough parts pass, with its interval or why there is none.
 
     The state fails if the specified amount is too large.
     """
     state: FactState = "fail" if row.is_tight else "pass"
-    told = facts_in(study, (), row)
-    return Group(
-        "budget", row.words, tuple(replace(fact, state=state) if fact.key == "at_most" else fact for fact in told)
-    )
+    facts = (replace(fact, state=state) if fact.key == "at_most" else fact for fact in facts_in(row))
+    return Group("budget", row.words, tuple(facts))
 
 
 def drawn_rows(study: Yield) -> list[Group]:
