@@ -37,7 +37,14 @@ from lensforge.results import (
     Text,
 )
 from lensforge.results.criteria import Criteria, at_most
-from lensforge.results.estimates import debiased_maximum, in_doubt, jackknife_error
+from lensforge.results.estimates import (
+    REPLICATES,
+    ExtremeEstimate,
+    half_sample_error,
+    halves_of,
+    in_doubt,
+    maximum_estimate,
+)
 from lensforge.results.figure import Apart, Figure
 from lensforge.results.files import MIB
 from lensforge.results.level_width import width_above
@@ -66,14 +73,15 @@ class Direction(Record):
 
 @dataclass(frozen=True)
 class CandelaTables:
-    """Intensities (cd) in the frame of the files: of all rays, and with each independent sample left out in turn.
+    """Intensities (cd) in the frame of the files: of all rays, and by each half of 16 independent samples.
 
+    ``by_halves``: each half is followed by the other one; empty unless there are 16 samples and light in each half.
     ``samples``: of each sample alone, with values below 0 where they have noise. ``rival``: the same in other steps,
     which other rays might have chosen; ``doubt``: as of :func:`~lensforge.results.estimates.in_doubt`.
     """
 
     whole: CandelaTable
-    left_out: Sequence[CandelaTable]
+    by_halves: Sequence[CandelaTable]
     samples: Float[np.ndarray, "p c g"]
     rival: "CandelaTables | None" = None
     doubt: float = 0.0
@@ -82,27 +90,21 @@ class CandelaTables:
     def of(light: FittedIntensity, per_watt: float) -> "CandelaTables":
         """Tables of ``light``; ``per_watt``: lumens of a watt of the source."""
         values = light.samples * per_watt
-        count = len(light.samples)
-        total = values.sum(axis=0)
-        left_out_sums = [(total - value) / (count - 1) for value in values] if count > 1 else []
-        left_out = [turned_over(light.grid.table(sums)) for sums in left_out_sums if sums.sum() > 0.0]
+        halves = halves_of(values) if len(values) == REPLICATES else values[:0]
+        lit = (halves.sum(axis=(1, 2)) > 0.0).all()
+        by_halves = [turned_over(light.grid.table(half)) for half in halves] if lit else []
         closed = np.concatenate([values, values[:, :1]], axis=1)[:, ::-1]
-        tables = CandelaTables(turned_over(light.grid.table(total / count)), left_out, closed)
+        tables = CandelaTables(turned_over(light.grid.table(values.mean(axis=0))), by_halves, closed)
         if light.rival is None:
             return tables
         return replace(tables, rival=CandelaTables.of(light.rival.light, per_watt), doubt=light.rival.doubt)
 
-    def figure(self, read: Callable[[CandelaTable], float], unit: str) -> Metric:
-        """Figure that ``read`` takes from a table, with its standard error; without one for fewer than two samples."""
-        (figure,) = self.figures(lambda table: (read(table),), unit)
-        return figure
-
     def figures(self, read: Callable[[CandelaTable], tuple[float, ...]], unit: str = "") -> tuple[Metric, ...]:
-        """Figures that ``read`` takes from a table at once."""
+        """Figures that ``read`` takes from a table at once, with standard errors if there are halves."""
         values = read(self.whole)
-        if len(self.left_out) < 2:
+        if not self.by_halves:
             return tuple(Metric(value=value, unit=unit) for value in values)
-        errors = map(jackknife_error, np.array([read(table) for table in self.left_out]).T)
+        errors = map(half_sample_error, np.array([read(table) for table in self.by_halves]).T)
         return tuple(
             Metric(value=value, unit=unit, standard_error=error) for value, error in zip(values, errors, strict=True)
         )
@@ -131,39 +133,31 @@ class CandelaTables:
     def plane(self, c_deg: float) -> PlaneFigures:
         """Beam in the plane of C = ``c_deg`` and its opposite."""
         profiles = np.stack([plane_profile(self._with(sample), c_deg)[1] for sample in self.samples])
-        peak = debiased_maximum(profiles)
+        peak = maximum_estimate(profiles)
         figures = PlaneFigures(
             c_deg=c_deg,
-            peak_cd=peak.changed(unit="cd"),
+            peak_cd=peak.metric().changed(unit="cd"),
             beam_angle_deg=self._angle(c_deg, peak, BEAM_SHARE),
             field_angle_deg=self._angle(c_deg, peak, FIELD_SHARE),
         )
         return figures if self.rival is None else figures.in_doubt(self.rival.plane(c_deg), self.doubt)
 
-    @property
-    def _span_deg(self) -> float:
-        """Angle between the table's ends, a bound on the error of a width when lobes come and go with the noise."""
-        return 2.0 * float(self.whole.gamma_deg[-1])
-
     def _with(self, values: Float[np.ndarray, "c g"]) -> CandelaTable:
         return CandelaTable(self.whole.c_deg, self.whole.gamma_deg, values)
 
-    def _angle(self, c_deg: float, peak: Metric, share: float) -> Metric | None:
-        """Width of the beam at ``share`` of its ``peak``; the error of the peak enters that of the width."""
+    def _angle(self, c_deg: float, peak: ExtremeEstimate, share: float) -> Metric | None:
+        """Width of the beam at ``share`` of its ``peak``, by each half of the samples at that of its own peak."""
 
-        def width(table: CandelaTable, level: float) -> float:
-            return width_above(*plane_profile(table, c_deg), level) or 0.0
+        def width(table: CandelaTable, largest: float) -> float:
+            return width_above(*plane_profile(table, c_deg), share * largest) or 0.0
 
-        angle = self.figure(lambda table: width(table, share * peak.value), "°")
+        angle = Metric(value=width(self.whole, peak.value), unit="°")
         if not angle.value > 0.0:
             return None
-        if angle.standard_error is None or peak.standard_error is None:
+        if peak.by_halves is None or not self.by_halves:
             return angle
-        lowest, highest = peak.value - peak.standard_error, peak.value + peak.standard_error
-        wide = width(self.whole, share * lowest) if lowest > 0.0 else self._span_deg  # all of the table is brighter
-        narrow = width(self.whole, share * highest)
-        error = min(float(np.hypot(angle.standard_error, 0.5 * (wide - narrow))), self._span_deg)
-        return angle.changed(standard_error=error)
+        by_halves = [width(*half) for half in zip(self.by_halves, peak.by_halves, strict=True)]
+        return angle.changed(standard_error=half_sample_error(np.array(by_halves)))
 
 
 IES_FILE = "lens.ies"

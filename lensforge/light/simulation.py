@@ -21,8 +21,8 @@ from lensforge.light.table_trace import Scene, Tables, trace_tables
 from lensforge.optics.media import Media
 from lensforge.results import Image, Metric
 from lensforge.results.estimates import (
+    ExtremeEstimate,
     Images,
-    LeastEstimate,
     PairEstimate,
     RootEstimate,
     jackknife_metric,
@@ -288,7 +288,7 @@ class ReplicateMetrics:
     """
 
     nmse: PairEstimate
-    uniformity: LeastEstimate | None
+    uniformity: ExtremeEstimate | None
     rsd: RootEstimate | None
     efficiency: Float[np.ndarray, " r"]
 
@@ -314,22 +314,29 @@ class ReplicateMetrics:
         )
 
     @property
-    def by_replicate(self) -> list[Float[np.ndarray, " r"]]:
-        """Share of each replicate in the noise of every defined metric, in their order, up to a factor."""
+    def noise(self) -> list[Float[np.ndarray, " r"]]:
+        """What replicates add to the noise of every defined metric, in their order, up to a factor."""
         estimates = (self.nmse, self.uniformity, self.rsd)
-        return [*(estimate.by_replicate for estimate in estimates if estimate is not None), self.efficiency]
+        return [*(estimate.noise for estimate in estimates if estimate is not None), self.efficiency]
 
-    def change_from(self, before: "ReplicateMetrics", *, designed_rsd: float | None = None) -> LightMetrics:
+    def change_from(
+        self, before: "ReplicateMetrics", *, designed_rsd: float | None = None, designed_uniformity: float | None = None
+    ) -> LightMetrics:
         """Differences from ``before``, replicate by replicate: common noise cancels in their errors.
 
-        ``designed_rsd``: RSD of ``before`` by many rays, to which the change is to be added.
+        ``designed_rsd``, ``designed_uniformity``: of ``before`` by many rays, to which the change is to be added.
         """
         least = before.uniformity
         even = before.rsd
         deviation = None
         if self.rsd is not None and even is not None:
             deviation = self.rsd.change_from(even) if designed_rsd is None else self.rsd.change_of(designed_rsd, even)
-        uniformity = None if self.uniformity is None or least is None else self.uniformity.change_from(least)
+        uniformity = None
+        if self.uniformity is not None and least is not None:
+            given = designed_uniformity
+            uniformity = (
+                self.uniformity.change_from(least) if given is None else self.uniformity.change_of(given, least)
+            )
         return LightMetrics(
             nmse=_beyond_rounding(self.nmse.change_from(before.nmse)),
             uniformity=None if uniformity is None else _beyond_rounding(uniformity),

@@ -231,21 +231,17 @@ class MeasuredPart:
         parts = zip(self.metrics, before.metrics, self.shares, before.shares, strict=True)
         for light, (metrics, metrics_before, share, share_before) in zip(designed, parts, strict=True):
             rsd = None if light.rsd is None else light.rsd.value
-            changes = metrics.change_from(metrics_before, designed_rsd=rsd)
+            uniformity = None if light.uniformity is None else light.uniformity.value
+            changes = metrics.change_from(metrics_before, designed_rsd=rsd, designed_uniformity=uniformity)
             change = {name: value for name, value in changes if value is not None}
-            if light.uniformity is not None and "uniformity" in change:
-                ratio = light.uniformity.value  # within 0 and 1, however few the rays
-                moved = change["uniformity"]
-                within = min(max(moved.value, -ratio), 1.0 - ratio)
-                change["uniformity"] = moved.changed(value=within)
             changes_by_light.append({**change, "share_in_target": jackknife_metric(share - share_before, float)})
         return [*changes_by_light, {str(number): change for number, change in enumerate(self.limit_changes(before))}]
 
     @property
-    def by_replicate(self) -> list[Float[np.ndarray, " r"]]:
-        """Share of each replicate in the noise of every value, in the order of their changes, up to a factor."""
+    def noise(self) -> list[Float[np.ndarray, " r"]]:
+        """What replicates add to the noise of every value, in the order of their changes, up to a factor."""
         receivers = zip(self.metrics, self.shares, strict=True)
-        on_receivers = [row for metrics, share in receivers for row in (*metrics.by_replicate, share)]
+        on_receivers = [row for metrics, share in receivers for row in (*metrics.noise, share)]
         return [*on_receivers, *(limit[1:] for limit in self.limits)]
 
     def limit_changes(self, before: "MeasuredPart") -> Iterator[Metric]:

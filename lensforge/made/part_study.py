@@ -380,10 +380,10 @@ class LedStudy:
         return np.array([[value + change.value for value, change in zip(designed, changes, strict=True)], errors]).T
 
     def noise(self, deviations: Sequence[Deviations]) -> list[Float[np.ndarray, " r"]]:
-        """Share of each replicate in the noise of every change, in the order of ``of_design``, up to a factor."""
+        """What replicates add to the noise of every change, in the order of ``of_design``, up to a factor."""
         part = self.light.measured(self.light.received(self.made(deviations)))
-        pairs = zip(part.by_replicate, self.designed.by_replicate, strict=True)
-        return [share - before for share, before in pairs]
+        pairs = zip(part.noise, self.designed.noise, strict=True)
+        return [of_part - of_designed for of_part, of_designed in pairs]
 
     def _changes(self, part: MeasuredPart) -> list[dict[str, Metric]]:
         """Changes from the lens as designed; for a luminance relative ones, as views are coarse."""

@@ -1,6 +1,7 @@
 """Metrics of a pattern, their standard errors, and figures of the light without the noise of its rays.
 
-Standard errors are by the jackknife (Efron & Stein 1981), from replicates or from parts of a sample.
+Standard errors are by the jackknife (Efron & Stein 1981), from replicates or from parts of a sample. Without one
+replicate another pixel is seldom the darkest: those of a minimum are by half-samples (McCarthy 1969).
 
 Ray noise adds to every square: the error of the mean of r images is the light's own, and 1/r of the variance between
 the images. The product of two *different* images has no such part, so the mean over all pairs of them is unbiased for
@@ -19,9 +20,14 @@ The levels are means over 8 and over 4 of 16 replicates, read on those left: ove
 are affine subspaces of the 16 numbers of the replicates, taken as vectors of 4 bits, so that no replicate counts more
 than another. The least of the mean of all replicates is too dark, and the least of the light is no more than its mean:
 both bound the estimate. Chosen by experiment, on known pictures with noise.
+
+The error is by the same estimate from each half of the replicates, with blocks of 4 and of 2 in the half. The halves of
+one pair are independent, each with twice the variance of the whole both where one pixel decides, whose noise is as the
+root of the replicates, and where all pixels are alike, so that noise is the only scale. In between it is right to a
+fifth.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache, cached_property
 from itertools import combinations
@@ -73,10 +79,20 @@ def jackknife_error(left_out: Float[np.ndarray, " r"]) -> float:
     return float(np.sqrt((count - 1) / count * np.sum((left_out - left_out.mean()) ** 2)))
 
 
-def influence_error(influences: Float[np.ndarray, " r"]) -> float:
-    """Standard error of a statistic, from its first-order change with the weight of each replicate."""
-    count = len(influences)
-    return float(np.sqrt(count / (count - 1) * np.sum((influences - influences.mean()) ** 2)))
+def halves_of(replicates: Float[np.ndarray, "r *shape"]) -> Float[np.ndarray, "h *shape"]:
+    """Mean over each half of 16 replicates, followed by that over the other half."""
+    return np.asarray(np.tensordot(_halves(), replicates, 1) / (REPLICATES // 2))
+
+
+def half_sample_error(by_halves: Float[np.ndarray, " h"]) -> float:
+    """Standard error of a statistic, from its values by halves of the replicates, each followed by the other half."""
+    return float(np.sqrt(np.mean(_above_other_half(by_halves) ** 2)))
+
+
+def _above_other_half(by_halves: Float[np.ndarray, " h"]) -> Float[np.ndarray, " h"]:
+    """Half of what the value by each half of the replicates is above that by the other."""
+    others = by_halves.reshape(-1, 2)[:, ::-1].ravel()
+    return np.asarray(0.5 * (by_halves - others))
 
 
 def nmse(irradiance: Image, target: Image) -> float:
@@ -127,8 +143,8 @@ class PairEstimate:
         return Metric(value=self.value, standard_error=error)
 
     @property
-    def by_replicate(self) -> Float[np.ndarray, " r"]:
-        """Share of each replicate in the noise, up to a factor; empty with too few."""
+    def noise(self) -> Float[np.ndarray, " r"]:
+        """What each replicate adds to the noise, up to a factor; empty with too few."""
         if self.deviations is None:
             return np.zeros(0)
         return np.asarray(self.deviations.sum(axis=1) - np.diag(self.deviations))
@@ -220,7 +236,7 @@ def _ratio_of_squares(
     return value, (squares - value * norms) / norm
 
 
-_REPLICATES = 16
+REPLICATES = 16  # by which extremes are estimated
 _ROUNDING = 1e-12
 _AT_ONCE = 2**14  # values of pixels by blocks: beyond, each array is fetched from the system anew
 
@@ -228,56 +244,59 @@ Blocks = Float[np.ndarray, "b r"]  # 1 where a replicate is in a block, else 0
 
 
 @dataclass(frozen=True)
-class LeastEstimate:
-    """A minimum; the same with each replicate left out; the influence of each; and residual noise.
+class ExtremeEstimate:
+    """A minimum or maximum; the same by each half of the replicates, followed by the other half; and residual noise.
 
-    ``unsure``: distance of the upper bound from a value that noise alone may have made, if no extrapolation is
+    ``unsure``: distance of the inner bound from a value that noise alone may have made, if no extrapolation is
     possible. Unless there are 16 replicates only the value is known.
     """
 
     value: float
-    left_out: Float[np.ndarray, " r"] | None = None
-    influences: Float[np.ndarray, " r"] | None = None
+    by_halves: Float[np.ndarray, " h"] | None = None
     unsure: float = 0.0
 
     def metric(self) -> Metric:
-        """Value and standard error: the mean of one that is too large and of one that is too small.
-
-        The jackknife is too large if many places are nearly as dark: without a replicate half of the blocks are gone.
-        The sum of the influences is too small there, as it holds the places that were chosen. Their mean is right to a
-        fifth.
-        """
-        if self.left_out is None or self.influences is None:
+        """Value and standard error."""
+        if self.by_halves is None:
             return Metric(value=self.value)
-        error = 0.5 * (jackknife_error(self.left_out) + influence_error(self.influences))
-        return Metric(value=self.value, standard_error=float(np.hypot(error, self.unsure)))
+        error = np.hypot(half_sample_error(self.by_halves), self.unsure)
+        return Metric(value=self.value, standard_error=float(error))
 
     @property
-    def by_replicate(self) -> Float[np.ndarray, " r"]:
-        """Share of each replicate in the noise, up to a factor; empty unless there are 16."""
-        return np.zeros(0) if self.left_out is None else self.left_out
+    def noise(self) -> Float[np.ndarray, " h"]:
+        """What each half of the replicates adds to the noise, up to a factor; empty unless there are 16."""
+        return np.zeros(0) if self.by_halves is None else _above_other_half(self.by_halves)
 
-    def change_from(self, before: "LeastEstimate") -> Metric:
+    def change_from(self, before: "ExtremeEstimate") -> Metric:
         """Difference from ``before``, the estimate of another lens by the same rays."""
         value = self.value - before.value
-        if self.left_out is None or before.left_out is None or self.influences is None or before.influences is None:
-            return LeastEstimate(value).metric()
+        if self.by_halves is None or before.by_halves is None:
+            return ExtremeEstimate(value).metric()
         unsure = abs(self.unsure - before.unsure)
-        return LeastEstimate(
-            value, self.left_out - before.left_out, self.influences - before.influences, unsure
-        ).metric()
+        return ExtremeEstimate(value, self.by_halves - before.by_halves, unsure).metric()
+
+    def change_of(self, designed: float, before: "ExtremeEstimate") -> Metric:
+        """Change from ``before`` to this light of ``designed``, a ratio of ``before`` by many rays: within 0 and 1.
+
+        Few rays may change it by more; so may half of them, and the error is that of what is kept within.
+        """
+        value = float(np.clip(self.value - before.value, -designed, 1.0 - designed))
+        if self.by_halves is None or before.by_halves is None:
+            return Metric(value=value)
+        by_halves = np.clip(self.by_halves - before.by_halves, -designed, 1.0 - designed)
+        return ExtremeEstimate(value, by_halves, abs(self.unsure - before.unsure)).metric()
 
 
-def least_over_mean(readings: Float[np.ndarray, "r k"]) -> LeastEstimate:
+def least_over_mean(readings: Float[np.ndarray, "r k"]) -> ExtremeEstimate:
     """Least over mean of the values at ``k`` places, at most 1, corrected as in :func:`debiased_minimum`.
 
     If a replicate is dark: that of the mean, with its noise; 0 without light.
     """
     means = readings.mean(axis=1)
-    if len(readings) == _REPLICATES and (means > 0.0).all():
+    if len(readings) == REPLICATES and (means > 0.0).all():
         return _least(readings / means[:, None], 1.0)
     mean = readings.mean(axis=0)
-    return LeastEstimate(float(mean.min() / mean.mean()) if mean.mean() > 0.0 else 0.0)
+    return ExtremeEstimate(float(mean.min() / mean.mean()) if mean.mean() > 0.0 else 0.0)
 
 
 def debiased_minimum(readings: Float[np.ndarray, "r k"], most: float | None = None) -> Metric:
@@ -287,12 +306,9 @@ def debiased_minimum(readings: Float[np.ndarray, "r k"], most: float | None = No
 
     It is at most ``most``, by default the mean of all readings.
 
-    The standard error is that of :meth:`LeastEstimate.metric`. Other than 16 replicates: the least of their mean, with
-    its noise, or ``most``, and no standard error.
+    The standard error is by half-samples. Other than 16 replicates: the least of their mean, with its noise, or
+    ``most``, and no standard error.
     """
-    if len(readings) != _REPLICATES:
-        least = float(readings.mean(axis=0).min())
-        return Metric(value=least if most is None else min(least, most))
     return _least(readings, most).metric()
 
 
@@ -301,8 +317,14 @@ def debiased_maximum(readings: Float[np.ndarray, "r k"], least: float | None = N
 
     It is at least ``least``, by default the mean of all readings.
     """
-    negative = debiased_minimum(-readings, None if least is None else -least)
-    return negative.changed(value=-negative.value)
+    return maximum_estimate(readings, least).metric()
+
+
+def maximum_estimate(readings: Float[np.ndarray, "r k"], least: float | None = None) -> ExtremeEstimate:
+    """The estimate of :func:`debiased_maximum`."""
+    negative = _least(-readings, None if least is None else -least)
+    by_halves = None if negative.by_halves is None else -negative.by_halves
+    return ExtremeEstimate(-negative.value, by_halves, negative.unsure)
 
 
 def ratio_of(part: Metric, largest: Metric) -> Metric:
@@ -320,23 +342,34 @@ def ratio_of(part: Metric, largest: Metric) -> Metric:
     return Metric(value=value, standard_error=float(error))
 
 
-def _least(readings: Float[np.ndarray, "r k"], most: float | None = None) -> LeastEstimate:
+def _least(readings: Float[np.ndarray, "r k"], most: float | None = None) -> ExtremeEstimate:
     """Minimum, between that of the mean with its noise and ``most``, by default the mean of all readings."""
-    halves, quarters = (_Choices.of(readings, blocks) for blocks in (_halves(), _quarters()))
-    slope = _Slope.of(halves, quarters)
-    mean = readings.mean(axis=0)
-    value = float(np.clip(halves.extrapolated(slope.value), mean.min(), mean.mean() if most is None else most))
-    influences = halves.influences(slope.value) + (halves.read - halves.minimum) * slope.influences
+    if len(readings) != REPLICATES:
+        least = float(readings.mean(axis=0).min())
+        return ExtremeEstimate(least if most is None else min(least, most))
+    whole, halves, quarters, pairs = (
+        _Choices.of(readings, blocks) for blocks in (np.ones((1, REPLICATES)), _halves(), _quarters(), _pairs())
+    )
+    means = readings.mean(axis=1)
+
+    def bounded(samples: _Choices, values: Float[np.ndarray, " s"]) -> Float[np.ndarray, " s"]:
+        return np.clip(values, samples.least, samples.mean_of(means) if most is None else most)
+
+    level = halves.within(whole.blocks)
+    slope = level.slope(quarters.within(whole.blocks))
+    (value,) = bounded(whole, level.extrapolated(slope))
+    half_level = quarters.within(halves.blocks)
+    by_halves = bounded(halves, half_level.extrapolated(half_level.slope(pairs.within(halves.blocks))))
     # a slope of 0: no ray or too few of them lie in the darkest pixels, of which nothing can be extrapolated
-    unsure = max(halves.read - value, 0.0) if slope.value == 0.0 else 0.0
-    return LeastEstimate(value, halves.left_out(slope.value), influences, unsure)
+    unsure = max(float(level.read[0] - value), 0.0) if slope[0] == 0.0 else 0.0
+    return ExtremeEstimate(float(value), by_halves, unsure)
 
 
 @cache
 def _halves() -> Blocks:
-    """The 30 affine hyperplanes of the 16 vectors of 4 bits."""
+    """The 30 affine hyperplanes of the 16 vectors of 4 bits, each followed by its complement."""
     return np.array(
-        [[((row & k).bit_count() + odd) % 2 for k in range(_REPLICATES)] for row in range(1, 16) for odd in (0, 1)],
+        [[((row & k).bit_count() + odd) % 2 for k in range(REPLICATES)] for row in range(1, 16) for odd in (0, 1)],
         dtype=np.float64,
     )
 
@@ -344,8 +377,39 @@ def _halves() -> Blocks:
 @cache
 def _quarters() -> Blocks:
     """The 140 affine planes: every four vectors whose sum is 0."""
-    planes = [four for four in combinations(range(_REPLICATES), 4) if four[0] ^ four[1] ^ four[2] ^ four[3] == 0]
-    return np.array([[float(k in plane) for k in range(_REPLICATES)] for plane in planes])
+    planes = [four for four in combinations(range(REPLICATES), 4) if four[0] ^ four[1] ^ four[2] ^ four[3] == 0]
+    return _blocks_of(planes)
+
+
+@cache
+def _pairs() -> Blocks:
+    """The 120 affine lines: every two vectors."""
+    return _blocks_of(list(combinations(range(REPLICATES), 2)))
+
+
+def _blocks_of(members: Sequence[tuple[int, ...]]) -> Blocks:
+    return np.array([[float(k in block) for k in range(REPLICATES)] for block in members])
+
+
+@dataclass(frozen=True)
+class _Level:
+    """Least values at one level of noise in each of ``s`` samples of the replicates: the mean of those in the mean of
+    each block within the sample, u, and of the readings there in the rest of the sample, v.
+    """
+
+    minimum: Float[np.ndarray, " s"]
+    read: Float[np.ndarray, " s"]
+
+    def slope(self, noisier: "_Level") -> Float[np.ndarray, " s"]:
+        """The slope h through both levels, within its theoretical bounds 0 and 1; 1, the safe one, if they agree."""
+        by_noise = self.minimum - noisier.minimum
+        optimism = (noisier.read - noisier.minimum) - (self.read - self.minimum)
+        agree = optimism <= _ROUNDING * np.abs(self.read)  # all blocks chose the same pixels
+        return np.where(agree, 1.0, np.clip(by_noise / np.where(agree, 1.0, optimism), 0.0, 1.0))
+
+    def extrapolated(self, slope: Float[np.ndarray, " s"]) -> Float[np.ndarray, " s"]:
+        """The value without noise."""
+        return np.asarray(self.minimum + slope * (self.read - self.minimum))
 
 
 @dataclass(frozen=True)
@@ -365,79 +429,33 @@ class _Choices:
             blocks, np.concatenate([_darkest(some_blocks, images) for some_blocks in np.array_split(blocks, parts)])
         )
 
+    def mean_of(self, values: Float[np.ndarray, " r"]) -> Float[np.ndarray, " b"]:
+        """Mean over the replicates of each block."""
+        return np.asarray(self.blocks @ values / self.blocks.sum(axis=1))
+
     @cached_property
     def least(self) -> Float[np.ndarray, " b"]:
         """Value of the pixel in the mean that chose it."""
         return np.asarray((self.blocks * self.values).sum(axis=1) / self.blocks.sum(axis=1))
 
-    @cached_property
-    def minimum(self) -> float:
-        """The mean least value: u."""
-        return float(self.least.mean())
-
-    @cached_property
-    def read(self) -> float:
-        """The mean reading in the replicates that did not choose: v."""
-        outside = 1.0 - self.blocks
-        return float((outside * self.values).sum() / outside.sum())
-
-    def extrapolated(self, slope: float) -> float:
-        return self.minimum + slope * (self.read - self.minimum)
-
-    @cached_property
-    def minimum_influences(self) -> Float[np.ndarray, " r"]:
-        """Change of u with the weight of each replicate: a minimum changes as the pixel that it chose."""
-        shares = self.blocks / self.blocks.sum(axis=1, keepdims=True)
-        return np.asarray((shares * (self.values - self.least[:, None])).mean(axis=0))
-
-    @cached_property
-    def read_influences(self) -> Float[np.ndarray, " r"]:
-        """Change of v with the weight of each replicate, with the pixels held that were chosen."""
-        outside = 1.0 - self.blocks
-        shares = outside / outside.sum(axis=1, keepdims=True)
-        means = (shares * self.values).sum(axis=1, keepdims=True)
-        return np.asarray((shares * (self.values - means)).mean(axis=0))
-
-    def influences(self, slope: float) -> Float[np.ndarray, " r"]:
-        """Change of :meth:`extrapolated` with the weight of each replicate, at constant slope."""
-        return np.asarray((1.0 - slope) * self.minimum_influences + slope * self.read_influences)
-
-    def left_out(self, slope: float) -> Float[np.ndarray, " r"]:
-        """:meth:`extrapolated` without each replicate in turn, neither in blocks nor in readings."""
-        without = 1.0 - self.blocks
-        outside = without * self.values
-        minimum = self.least @ without / without.sum(axis=0)
-        readings = outside.sum(axis=1)[:, None] - outside
-        read = (readings * without).sum(axis=0) / ((without.sum(axis=1) - 1.0) @ without)
-        return np.asarray(minimum + slope * (read - minimum))
+    def within(self, samples: Blocks) -> _Level:
+        """Least values by the blocks that lie within each of ``samples``, all of one size."""
+        inside = (1.0 - samples) @ self.blocks.T == 0.0
+        rest = samples.sum(axis=1) - self.blocks[0].sum()
+        in_block = (self.blocks * self.values).sum(axis=1)
+        readings = (samples @ self.values.T - in_block) / rest[:, None]
+        count = inside.sum(axis=1)
+        return _Level(inside @ self.least / count, (inside * readings).sum(axis=1) / count)
 
 
 def _darkest(blocks: Blocks, images: Float[np.ndarray, "r n"]) -> Float[np.ndarray, "b r"]:
-    """Value in every replicate of each block's darkest pixel; the mean of all if rays reached none."""
+    """Value in every replicate of each block's darkest pixel; the mean of all if several are as dark but for rounding.
+
+    No ray reaches some of them, or one ray of those that are alike.
+    """
     light = blocks @ images
-    block, pixel = np.divmod(np.flatnonzero(light == light.min(axis=1, keepdims=True)), images.shape[1])
+    limit = light.min(axis=1) + _ROUNDING * np.abs(light).max(axis=1)
+    block, pixel = np.divmod(np.flatnonzero(light <= limit[:, None]), images.shape[1])
     first = np.searchsorted(block, np.arange(len(blocks)))
     sums = np.add.reduceat(images.T[pixel], first)
     return sums / np.diff(first, append=len(block))[:, None]
-
-
-@dataclass(frozen=True)
-class _Slope:
-    """The slope h through both levels, and its change with the weight of each replicate; 0 at a bound."""
-
-    value: float
-    influences: Float[np.ndarray, " r"]
-
-    @staticmethod
-    def of(halves: _Choices, quarters: _Choices) -> "_Slope":
-        """The slope within its theoretical bounds 0 and 1; 1, the safe one, if the levels agree."""
-        by_noise = halves.minimum - quarters.minimum
-        optimism = (quarters.read - quarters.minimum) - (halves.read - halves.minimum)
-        agree = optimism <= _ROUNDING * abs(halves.read)  # all blocks chose the same pixels
-        slope = 1.0 if agree else by_noise / optimism
-        held = np.zeros(_REPLICATES)
-        if not 0.0 < slope < 1.0:
-            return _Slope(float(np.clip(slope, 0.0, 1.0)), held)
-        of_noise = halves.minimum_influences - quarters.minimum_influences
-        of_optimism = quarters.read_influences - halves.read_influences + of_noise
-        return _Slope(slope, np.asarray((of_noise - slope * of_optimism) / optimism))

@@ -138,7 +138,7 @@ def test_what_only_touches_is_free_without_a_margin(tmp_path: Path) -> None:
         ("cylinder", -0.1, (1.0, 0.0, -2.0), (1.2, 0.0, -1.5), "depth_mm = 0.6 with pocket_diameter_mm = 2.6"),
         ("cylinder", -0.1, (3.0, 0.0, -2.0), (3.0, 0.0, -1.5), "lower base.height_mm, or move the keep-out"),
         ("cylinder", 0.05, (1.0, 0.0, -1.0), (0.95, 0.0, -1.0), "base.pocket_diameter_mm must be above 2.1"),
-        ("cylinder", 0.05, (0.8, 0.0, 0.0), (0.75, 0.0, 0.0), "raise lens.inner.offset_mm"),
+        ("cylinder", 0.05, (0.8125, -0.25, 0.0), (0.75, -0.25, 0.0), "raise lens.inner.offset_mm"),
         ("cylinder", -0.01, (0.8, 0.0, -0.1), (0.9, 0.0, 0.1), "raise lens.inner.offset_mm"),
     ],
 )  # fmt: skip
@@ -150,7 +150,9 @@ def test_the_remedy_names_the_field_of_the_place(
     plain = make_lens(INNER_MM, OUTER_MM, 0.0, base={"kind": base, width: 6.0, "height_mm": 2.0})
     spec = plain.spec.replace({"constraints.keep_out": "clamp.step", "constraints.keep_out_margin_mm": 0.1})
     found = KeepOutDistance(distance_mm=distance_mm, body_point_mm=body, keep_out_point_mm=keep_out, error_mm=1e-3)
-    assert words in keep_out_remedy(spec, found)
+    remedy = keep_out_remedy(spec, found)
+    assert words in remedy
+    assert remedy.endswith("; the body is closest at ({:g}, {:g}, {:g}) mm".format(*body))
 
 
 def test_the_mass_is_that_of_the_volume(tmp_path: Path) -> None:

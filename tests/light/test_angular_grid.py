@@ -7,6 +7,7 @@ import pytest
 from nightly import first_by_day
 
 from lensforge.light.angular_grid import AngularGrid, FittedIntensity, finest_grid, fit
+from lensforge.light.photometry_result import CandelaTables
 from lensforge.seeds import sobol
 from lensforge.sources.ray_bundle import RayBundle
 from lensforge.surfaces.mirror_group import group
@@ -77,18 +78,27 @@ def test_the_stated_errors_are_those_of_the_nodes():
     assert 0.7 < np.sqrt(np.mean(np.concatenate(ratios))) < 1.4  # sqrt(15 / 13) by 16 samples alone
 
 
-def test_the_error_of_the_peak_knows_that_other_rays_would_choose_other_steps():
-    """A beam by so few rays that some samples see it in steps of 10 degrees and others in steps of 5."""
+def test_errors_know_that_other_rays_would_choose_other_steps():
+    """A beam by so few rays that some samples see it in steps of 10 degrees and others in steps of 5.
+
+    Its end is wider in the former, by more than the rays alone would change.
+    """
     lights = [_fitted(12.0, 20.0, 256, 58.0, seed)[0] for seed in range(24)]
     assert len({len(light.grid.gamma_deg) for light in lights}) == 2
-    scatter = np.std([light.peak.value for light in lights], ddof=1)
-    by_rays = [replace(light, rival=None).peak.standard_error for light in lights]
-    assert scatter > 1.15 * np.sqrt(np.mean(np.square(by_rays)))
-    assert 0.8 < scatter / np.sqrt(np.mean([light.peak.standard_error**2 for light in lights])) < 1.15
+    assert 0.8 < _scatter_over_stated([light.peak for light in lights]) < 1.15
+    ends = [CandelaTables.of(light, 1.0).plane(0.0).field_angle_deg for light in lights]
+    by_rays = [CandelaTables.of(replace(light, rival=None), 1.0).plane(0.0).field_angle_deg for light in lights]
+    assert _scatter_over_stated(by_rays) > 1.3
+    assert 0.75 < _scatter_over_stated(ends) < 1.15
     doubtful = max(lights, key=lambda light: light.rival.doubt if light.rival else 0.0)
     change = doubtful.rival.doubt * (doubtful.peak.value - doubtful.rival.light.peak.value)
     alone = replace(doubtful, rival=None).peak.standard_error
     assert doubtful.peak.standard_error == pytest.approx(np.hypot(alone, change))
+
+
+def _scatter_over_stated(figures):
+    scatter = np.std([figure.value for figure in figures], ddof=1)
+    return scatter / np.sqrt(np.mean([figure.standard_error**2 for figure in figures]))
 
 
 @pytest.mark.parametrize(("slope", "bias"), [(0.0, 0.016), (0.002, 0.008)])

@@ -7,13 +7,13 @@ import pytest
 
 from lensforge.light.angular_grid import AngularGrid, FittedIntensity, Rival
 from lensforge.light.photometry_result import CandelaTables, Direction
-from lensforge.results import Metric
+from lensforge.results.estimates import ExtremeEstimate
 from lensforge.sources.intensity import TabulatedIntensity
 
 PEAK_CD = 100.0
 EDGE_DEG = 50.0
 C_DEG = np.linspace(0.0, 360.0, 9)
-SCALES = (0.98, 1.0, 1.03)
+SCALES = (0.98, 1.0, 1.03, 1.01)  # of a half of the rays and of the other one, twice
 FIGURES = ("peak_cd", "beam_angle_deg", "field_angle_deg")
 
 
@@ -32,33 +32,31 @@ def width(level_cd, scale=1.0):
     return 2.0 * EDGE_DEG * (1.0 - level_cd / (PEAK_CD * scale))
 
 
-def jackknife(values):
-    values = np.array(values)
-    return np.sqrt((len(values) - 1) ** 2 / len(values) * values.var(ddof=1))
+def by_halves(one, other, third, fourth):
+    return 0.5 * np.sqrt(((one - other) ** 2 + (third - fourth) ** 2) / 2.0)
 
 
 def test_the_error_of_a_figure_is_that_of_the_rays():
     axis = tables().axis_cd
     assert axis.value == PEAK_CD
-    assert axis.standard_error == pytest.approx(jackknife([PEAK_CD * s for s in SCALES]))
-    assert tables(SCALES[:1]).axis_cd.standard_error is None
-    two = tables(SCALES[:2]).axis_cd
-    assert two.standard_error == pytest.approx(jackknife([98.0, 100.0]))
+    assert axis.standard_error == pytest.approx(by_halves(*(PEAK_CD * scale for scale in SCALES)))
+    assert tables(()).axis_cd.standard_error is None
+    assert tables(SCALES[:2]).axis_cd.standard_error == pytest.approx(1.0)
 
 
 @pytest.mark.parametrize("share", [0.5, 0.1])
-def test_the_error_of_a_width_has_that_of_its_level_too(share):
-    peak = Metric(value=PEAK_CD, unit="cd", standard_error=4.0)
-    found = tables()._angle(0.0, peak, share)
-    level = share * PEAK_CD
-    assert found.value == pytest.approx(width(level))
-    by_level = (width(share * 96.0) - width(share * 104.0)) / 2.0
-    by_rays = jackknife([width(level, scale) for scale in SCALES])
-    assert found.standard_error == pytest.approx(np.hypot(by_rays, by_level))
+def test_the_error_of_a_width_is_by_halves_each_at_the_level_of_its_peak(share):
+    peaks = PEAK_CD * np.array([0.97, 1.02, 1.0, 1.04])
+    found = tables()._angle(0.0, ExtremeEstimate(PEAK_CD, peaks), share)
+    assert found.value == pytest.approx(width(share * PEAK_CD))
+    widths = [width(share * peak, scale) for peak, scale in zip(peaks, SCALES, strict=True)]
+    assert found.standard_error == pytest.approx(by_halves(*widths))
+    assert tables()._angle(0.0, ExtremeEstimate(PEAK_CD), share).standard_error is None
+    assert tables(())._angle(0.0, ExtremeEstimate(PEAK_CD, peaks), share).standard_error is None
 
 
 def test_without_light_above_the_level_there_is_no_width():
-    assert tables()._angle(0.0, Metric(value=3 * PEAK_CD, unit="cd", standard_error=1.0), 0.5) is None
+    assert tables()._angle(0.0, ExtremeEstimate(3 * PEAK_CD, np.ones(4)), 0.5) is None
 
 
 def test_the_peak_is_where_the_table_has_it():
@@ -83,8 +81,8 @@ def samples_of(count):
     return random.uniform(1.0, 2.0, (count, 8, 4)) * np.array([4.0, 3.0, 2.0, 0.5])
 
 
-@pytest.mark.parametrize("count", [1, 2, 5])
-def test_tables_of_all_samples_and_of_all_but_one_are_in_candela_and_turned_over(count):
+@pytest.mark.parametrize("count", [1, 5, 16])
+def test_tables_of_all_samples_and_of_each_half_are_in_candela_and_turned_over(count):
     grid = AngularGrid(8, np.array([0.0, 20.0, 50.0, 90.0]))
     samples = samples_of(count)
     found = CandelaTables.of(FittedIntensity(grid, samples, None), 300.0)
@@ -95,11 +93,22 @@ def test_tables_of_all_samples_and_of_all_but_one_are_in_candela_and_turned_over
 
     np.testing.assert_allclose(found.whole.values, expected(samples), rtol=1e-9)
     np.testing.assert_allclose(found.whole.c_deg, np.linspace(0.0, 360.0, 9))
-    assert len(found.left_out) == (count if count > 1 else 0)
-    for number, table in enumerate(found.left_out):
-        np.testing.assert_allclose(table.values, expected(np.delete(samples, number, axis=0)), rtol=1e-9)
+    assert len(found.by_halves) == (30 if count == 16 else 0)
+    pairs = list(zip(found.by_halves[::2], found.by_halves[1::2], strict=True))
+    for bits, (odd, even) in enumerate(pairs, start=1):
+        parity = np.array([(k & bits).bit_count() % 2 for k in range(16)])
+        np.testing.assert_allclose(even.values, expected(samples[parity == 0]), rtol=1e-9)
+        np.testing.assert_allclose(odd.values, expected(samples[parity == 1]), rtol=1e-9)
     for one, sample in zip(found.samples, samples, strict=True):
         np.testing.assert_allclose(one, expected(sample[None]), rtol=1e-12)
+
+
+def test_half_of_the_rays_without_light_tells_no_error():
+    grid = AngularGrid(8, np.array([0.0, 20.0, 50.0, 90.0]))
+    samples = samples_of(16) * (np.arange(16) % 2)[:, None, None]
+    found = CandelaTables.of(FittedIntensity(grid, samples, None), 300.0)
+    assert found.whole.values.any() and len(found.by_halves) == 0
+    assert found.axis_cd.standard_error is None
 
 
 def test_a_plane_has_its_own_peak_and_both_widths():
@@ -107,7 +116,7 @@ def test_a_plane_has_its_own_peak_and_both_widths():
     values = cone().values.copy()
     values[[2, 6]] *= 2.0
     whole = TabulatedIntensity(C_DEG, cone().gamma_deg, values)
-    made = CandelaTables(whole, [whole, whole], np.stack([values] * 16))
+    made = CandelaTables(whole, [whole] * 30, np.stack([values] * 16))
     for c_deg, peak in ((0.0, PEAK_CD), (90.0, 2.0 * PEAK_CD)):
         found = made.plane(c_deg)
         assert found.c_deg == c_deg and found.peak_cd.unit == "cd" and found.beam_angle_deg.unit == "°"
@@ -120,9 +129,9 @@ def test_a_plane_has_its_own_peak_and_both_widths():
 def test_figures_that_other_steps_would_change_know_it_each_by_its_own_change():
     """A rival of another height and width: a sixth of a chance, the root of p (1 - p), of what each figure changes."""
     other = cone(0.7).values + 10.0
-    rival = CandelaTables(cone(), [cone(), cone()], np.stack([other] * 16))
+    rival = CandelaTables(cone(), [cone()] * 30, np.stack([other] * 16))
     rival = replace(rival, whole=TabulatedIntensity(C_DEG, cone().gamma_deg, other))
-    sure = CandelaTables(cone(), [cone(0.98), cone(1.02)], np.stack([cone().values] * 16))
+    sure = CandelaTables(cone(), [cone(0.98), cone(1.02)] * 15, np.stack([cone().values] * 16))
     doubt = np.sqrt(1.0 / 6.0 * 5.0 / 6.0)
     found = replace(sure, rival=rival, doubt=doubt)
     pairs = [(found.axis_cd, sure.axis_cd, rival.axis_cd)]

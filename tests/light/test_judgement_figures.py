@@ -8,7 +8,7 @@ from lensforge.light.judged_limits import limit_value
 from lensforge.light.region_light import RegionLight, bright_region
 from lensforge.light.simulation import ReplicateMetrics
 from lensforge.results import Metric
-from lensforge.results.estimates import LeastEstimate, PairEstimate, RootEstimate, debiased_minimum, uniformity
+from lensforge.results.estimates import ExtremeEstimate, PairEstimate, RootEstimate, debiased_minimum, uniformity
 from lensforge.scene.limit_readings import LightLimit
 from lensforge.spec.quantities import (
     BeamAngle,
@@ -107,7 +107,7 @@ def test_the_error_of_a_change_is_that_of_what_both_lenses_do_not_share() -> Non
     """By each replicate as much more is a change without error; rounding is none."""
     shares = np.array([0.1, 0.2, 0.3, 0.2])
     apart = np.diag(np.full(4, 0.1))
-    even = LeastEstimate(0.5, np.full(4, 0.5), np.zeros(4))
+    even = ExtremeEstimate(0.5, np.array([0.4, 0.7, 0.6, 0.5]))
     before = ReplicateMetrics(PairEstimate(0.1, apart), even, RootEstimate(0.2, 2.0 * apart), shares)
     after = ReplicateMetrics(PairEstimate(0.4, apart), even, RootEstimate(0.3, 2.0 * apart), shares + 0.1)
     change = after.change_from(before)

@@ -7,17 +7,13 @@ import pytest
 
 from lensforge.results import Metric
 from lensforge.results.estimates import (
-    LeastEstimate,
+    ExtremeEstimate,
     PairEstimate,
-    _Choices,
     _darkest,
-    _halves,
-    _quarters,
-    _Slope,
+    _Level,
     debiased_maximum,
     debiased_minimum,
     error_over_pairs,
-    jackknife_error,
     least_over_mean,
     nmse,
     nmse_estimate,
@@ -167,35 +163,53 @@ def test_a_change_has_the_error_of_the_differences_of_pairs() -> None:
     assert before.change_from(alone) == Metric(value=before.value - 0.5)
 
 
-def darkest_by_blocks(readings: np.ndarray, size: int) -> tuple[float, float]:
-    """Mean least value by every balanced block of ``size`` replicates, and its mean reading in the others."""
-    vectors = range(16)
-    if size == 4:
-        blocks = [four for four in combinations(vectors, 4) if four[0] ^ four[1] ^ four[2] == four[3]]
-    else:
-        parities = [[bin(row & k).count("1") % 2 for k in vectors] for row in range(1, 16)]
-        blocks = [tuple(k for k in vectors if each[k] == odd) for each in parities for odd in (0, 1)]
+def halves_in_pairs() -> list[tuple[tuple[int, ...], tuple[int, ...]]]:
+    """All halves of 16 replicates by the parity of some of the bits of their numbers, with the other half."""
+    parities = [[bin(row & k).count("1") % 2 for k in range(16)] for row in range(1, 16)]
+    return [
+        (tuple(k for k in range(16) if parity[k] == 0), tuple(k for k in range(16) if parity[k] == 1))
+        for parity in parities
+    ]
+
+
+def balanced_blocks(size: int) -> list[tuple[int, ...]]:
+    """All halves, all planes of four, all pairs."""
+    if size == 8:
+        return [half for both in halves_in_pairs() for half in both]
+    return [block for block in combinations(range(16), size) if size == 2 or not np.bitwise_xor.reduce(block)]
+
+
+def darkest_by_blocks(readings: np.ndarray, size: int, sample: tuple[int, ...]) -> tuple[float, float]:
+    """Mean least value by every balanced block of ``size`` replicates in a sample, and its mean in the others there."""
     least = []
     read = []
-    for block in blocks:
-        light = readings[list(block)].mean(axis=0)
-        place = int(light.argmin())
-        least.append(light[place])
-        read += [readings[k, place] for k in vectors if k not in block]
+    for block in balanced_blocks(size):
+        if set(block) <= set(sample):
+            light = readings[list(block)].mean(axis=0)
+            place = int(light.argmin())
+            least.append(light[place])
+            read += [readings[k, place] for k in sample if k not in block]
     return float(np.mean(least)), float(np.mean(read))
+
+
+def least_of(readings: np.ndarray, sample: tuple[int, ...]) -> float:
+    """The least reading by the replicates of a sample, at most the mean."""
+    u, v = darkest_by_blocks(readings, len(sample) // 2, sample)
+    u_few, v_few = darkest_by_blocks(readings, len(sample) // 4, sample)
+    optimism = (v_few - u_few) - (v - u)
+    slope = min(max((u - u_few) / optimism, 0.0), 1.0) if optimism > 1e-12 * abs(v) else 1.0
+    mean = readings[list(sample)].mean(axis=0)
+    return float(min(max(u + slope * (v - u), mean.min()), mean.mean()))
 
 
 @pytest.mark.parametrize("noise", [0.02, 0.3])
 def test_the_least_reading_is_on_the_line_through_both_levels_of_noise(noise: float) -> None:
+    """Its error is by that of the halves of the replicates."""
     readings = pictures(16, noise).reshape(16, -1)
-    (u8, v8), (u4, v4) = (darkest_by_blocks(readings, size) for size in (8, 4))
-    optimism = (v4 - u4) - (v8 - u8)
-    slope = min(max((u8 - u4) / optimism, 0.0), 1.0) if optimism > 1e-12 * abs(v8) else 1.0
-    mean = readings.mean(axis=0)
     least = debiased_minimum(readings)
-    value = min(max(u8 + slope * (v8 - u8), mean.min()), mean.mean())
-    assert least.value == pytest.approx(value, rel=1e-9)
-    assert least.standard_error == pytest.approx(error_by_weights_and_left_out(readings, slope), rel=1e-4)
+    assert least.value == pytest.approx(least_of(readings, tuple(range(16))), rel=1e-9)
+    apart = [least_of(readings, half) - least_of(readings, other) for half, other in halves_in_pairs()]
+    assert least.standard_error == pytest.approx(0.5 * np.sqrt(np.mean(np.square(apart))), rel=1e-9)
     largest = debiased_maximum(-readings)
     assert largest.value == -least.value and largest.standard_error == least.standard_error
     images = readings.reshape(16, *SHAPE)
@@ -203,36 +217,15 @@ def test_the_least_reading_is_on_the_line_through_both_levels_of_noise(noise: fl
     assert least_over_mean(images[:, MASK]).metric() == debiased_minimum(relative)
 
 
-def error_by_weights_and_left_out(readings: np.ndarray, slope: float) -> float:
-    """Mean of the jackknife, the slope held, and of the changes with the weight of each replicate, by differences."""
-
-    def extrapolated(weights: np.ndarray, held: float | None) -> float:
-        levels = []
-        for blocks in (_halves(), _quarters()):
-            values = _darkest(blocks, readings)
-            own = blocks * weights
-            rest = (1.0 - blocks) * weights
-            means = [np.sum(part * values, axis=1) / part.sum(axis=1) for part in (own, rest)]
-            levels.append([float(mean.mean()) for mean in means])
-        (u8, v8), (u4, v4) = levels
-        own_slope = (u8 - u4) / ((v4 - u4) - (v8 - u8)) if held is None else held
-        return u8 + own_slope * (v8 - u8)
-
-    step = 1e-5
-    free = None if 0.0 < slope < 1.0 else slope
-    ends = [[extrapolated(1.0 + sign * step * np.eye(16)[k], free) for sign in (1.0, -1.0)] for k in range(16)]
-    changes = np.array([(high - low) / (2.0 * step) for high, low in ends])
-    by_weights = float(np.sqrt(16.0 / 15.0 * np.sum((changes - changes.mean()) ** 2)))
-    return 0.5 * (by_weights + jackknife_error(_Choices.of(readings, _halves()).left_out(slope)))
-
-
-def level(minimum: float, read: float) -> _Choices:
-    """Choices of one block of two replicates."""
-    return _Choices(np.array([[1.0, 0.0]]), np.array([[minimum, read]]))
+def test_by_halves_a_mean_has_its_standard_error() -> None:
+    """Where one pixel is darkest by far, the least is its mean."""
+    readings = pictures(16, 0.01).reshape(16, -1) + np.array([0.0] + [1.0] * 11)
+    expected = readings[:, 0].std(ddof=1) / 4.0
+    assert debiased_minimum(readings).standard_error == pytest.approx(expected, rel=1e-9)
 
 
 @pytest.mark.parametrize(
-    ("halves", "quarters", "slope"),
+    ("level", "noisier", "slope"),
     [
         ((1.0, 1.1), (0.92, 1.22), 0.4),  # both on a line of slope 0.4 through 1.04
         ((1.0, 1.1), (0.5, 0.7), 1.0),  # more by noise than by optimism
@@ -241,14 +234,26 @@ def level(minimum: float, read: float) -> _Choices:
         ((1.0, 1.5), (0.75, 1.0), 1.0),  # less optimistic
     ],
 )
-def test_the_slope_is_that_of_the_line_within_its_bounds(halves, quarters, slope) -> None:
-    assert _Slope.of(level(*halves), level(*quarters)).value == pytest.approx(slope, abs=1e-12)
-    assert level(*halves).extrapolated(0.25) == pytest.approx(0.75 * halves[0] + 0.25 * halves[1])
+def test_the_slope_is_that_of_the_line_within_its_bounds(level, noisier, slope) -> None:
+    less, more = (_Level(np.array([minimum]), np.array([read])) for minimum, read in (level, noisier))
+    assert less.slope(more) == pytest.approx(slope, abs=1e-12)
+    assert less.extrapolated(np.array([0.25])) == pytest.approx(0.75 * level[0] + 0.25 * level[1])
 
 
 def test_pixels_that_are_equally_dark_are_read_together() -> None:
     images = np.array([[0.0, 0.0, 2.0], [1.0, 3.0, 2.0], [0.0, 4.0, 5.0]])
     np.testing.assert_array_equal(_darkest(np.array([[1.0, 0.0, 0.0]]), images), [[0.0, 2.0, 2.0]])
+
+
+def test_as_dark_but_for_rounding_is_as_dark() -> None:
+    """Light of equal rays: of another unit it has the same least value and error."""
+    chance = np.random.default_rng(7)
+    readings = chance.poisson(0.4, (16, 60)) @ (0.1 * np.eye(60) + 0.03 * np.eye(60, k=1)) + 0.01
+    found = debiased_minimum(readings)
+    for unit in (1.0 / 3.0, 0.7, 1.1):
+        other = debiased_minimum(unit * readings)
+        assert other.value == pytest.approx(unit * found.value, rel=1e-9)
+        assert other.standard_error == pytest.approx(unit * found.standard_error, rel=1e-9)
 
 
 @pytest.mark.parametrize("count", [3, 16])
@@ -270,13 +275,23 @@ def test_other_than_sixteen_replicates_have_the_least_of_their_mean(count: int) 
     assert debiased_minimum(readings).standard_error is None
 
 
+def test_a_changed_ratio_and_its_halves_stay_within_0_and_1() -> None:
+    """Few rays change it by -0.7 from 0.6 by many: to 0, and by one half to 1 in the place of 1.2."""
+    before = ExtremeEstimate(0.9, np.array([0.9, 0.8, 0.2, 0.9]), 0.01)
+    after = ExtremeEstimate(0.2, np.array([0.1, 0.3, 0.8, 0.2]), 0.04)
+    change = after.change_of(0.6, before)
+    assert change.value == pytest.approx(-0.6)
+    kept = (-0.6 + 0.5) ** 2 + (0.4 + 0.6) ** 2  # of -0.8 and -0.5, 0.6 and -0.7
+    assert change.standard_error == pytest.approx((kept / 8.0 + 0.03**2) ** 0.5)
+    assert after.change_from(before).standard_error == pytest.approx(((0.3**2 + 1.3**2) / 8.0 + 0.03**2) ** 0.5)
+    assert ExtremeEstimate(0.9).change_of(0.6, before) == Metric(value=0.0)
+
+
 def test_what_no_extrapolation_tells_is_a_part_of_the_error() -> None:
     """Of pixels that no ray of a block has met nothing is known but what the others have there."""
-    left_out = np.linspace(0.4, 0.6, 16)
-    influences = np.linspace(-0.03, 0.01, 16)
-    error = LeastEstimate(0.5, left_out, influences, 0.04).metric().standard_error
-    both = 0.5 * (jackknife_error(left_out) + np.sqrt(16.0 / 15.0) * np.linalg.norm(influences - influences.mean()))
-    assert error == pytest.approx(np.hypot(both, 0.04), rel=1e-12)
-    assert LeastEstimate(0.5).metric() == Metric(value=0.5)
+    by_halves = np.array([0.4, 0.6] * 14 + [0.7, 0.3])
+    error = ExtremeEstimate(0.5, by_halves, 0.04).metric().standard_error
+    assert error == pytest.approx((((14 * 0.1**2) + 0.2**2) / 15 + 0.04**2) ** 0.5, rel=1e-12)
+    assert ExtremeEstimate(0.5).metric() == Metric(value=0.5)
     found = debiased_minimum(np.random.default_rng(0).poisson(0.1, (16, 4000)).astype(float))
     assert (found.value, found.standard_error) == (0.0, pytest.approx(0.1, rel=0.1)), "each block has dark pixels"

@@ -10,7 +10,7 @@ from scenes import sphere, table_of
 from lensforge.light.table_trace import Scene, trace_tables
 from lensforge.optics.face_roles import CAVITY, OUTSIDE
 from lensforge.optics.material import MATERIALS, Absorption, Formula, Material
-from lensforge.optics.media import FaceCoating, Media, Medium, ReflectanceTable, Wavelengths
+from lensforge.optics.media import FaceCoating, Media, Medium, Mirror, ReflectanceTable, Wavelengths
 from lensforge.sources.build_source import SquareEmitter
 from lensforge.sources.ray_bundle import RayBundle
 from lensforge.surfaces.bicubic_table import TableGrid
@@ -81,6 +81,8 @@ def test_coatings_and_what_lies_around_are_found_by_name() -> None:
         Media(Medium(1.5), coatings=(*films, FaceCoating("wall", OUTSIDE, dark)))
     assert (media.around(CAVITY), media.around(OUTSIDE)) == (1.1, 1.2)
     assert media.coated and not Media(Medium(1.5)).coated
+    silvered = Media(Medium(1.5), coatings=(FaceCoating("outer", OUTSIDE, Mirror(0.9)),))
+    assert not silvered.coated, "a mirror is no film, which fields would have to pass"
     assert media.wavelengths(None, 2).tolist() == [587.5618] * 2 and media.wavelengths(WAVES, 40) is WAVES
 
 

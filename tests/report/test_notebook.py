@@ -7,6 +7,7 @@ import pytest
 from made_photometry import make_photometry
 from made_yield import make_yield
 from result_folders import evaluate_arrays, make_folder, make_results, small_lens
+from scenes import random_surface, sphere
 
 import lensforge
 from lensforge.errors import MissingResult
@@ -34,6 +35,12 @@ def test_a_lens_shows_its_section_to_scale():
     assert radii[:181] == pytest.approx(10.0, rel=1e-3)
     assert radii[181:] == pytest.approx(4.0, rel=1e-3)
     assert "n = 1.4936" in markup
+
+
+def test_a_lens_says_of_how_many_functions_in_how_many_levels_its_faces_are():
+    faces = random_surface(1, 3.0, levels=(9, 25, 81), symmetry="mirror_x"), sphere(6.0)
+    told = repr(lensforge.Lens.double(*faces, small_lens().spec, 0, small_lens().accuracy))
+    assert "inner: 115 functions in 3 levels, symmetry mirror_x, outer: 4 functions in 1 levels, symmetry none" in told
 
 
 def test_results_show_verdicts_numbers_and_pictures(results):

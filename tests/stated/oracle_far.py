@@ -14,7 +14,19 @@ import page_road
 from crooked import Expected
 from oracle_light import kinds_in
 from page_colour import flux_and_efficacy
-from page_figures import RAY, jackknife, largest, metric, plain, scaled, state_of, width_above
+from page_figures import (
+    EIGHTS,
+    RAY,
+    by_half_samples,
+    jackknife,
+    largest,
+    least_parts,
+    metric,
+    plain,
+    scaled,
+    state_of,
+    width_above,
+)
 from page_scene import by_fate, exits_of_each, faces_of, lamps_of
 
 LOST = (
@@ -128,12 +140,12 @@ class Tables:
         weights = solid_angles(azimuth, gamma)
         self.weights = weights
         self.whole = above_zero(self.samples.mean(axis=0), weights)
-        self.left_out = [above_zero(np.delete(self.samples, k, axis=0).mean(axis=0), weights) for k in range(16)]
+        self.by_halves = [above_zero(self.samples[half].mean(axis=0), weights) for half in EIGHTS]
 
     def figure(self, read):
         value = read(self.azimuth, self.gamma, self.whole)
-        each = np.array([read(self.azimuth, self.gamma, table) for table in self.left_out])
-        return value, np.sqrt(15 / 16 * ((each - each.mean()) ** 2).sum())
+        by_half = [read(self.azimuth, self.gamma, table) for table in self.by_halves]
+        return value, by_half_samples(np.reshape(by_half, (15, 2)))
 
 
 def doubted(tables, read):
@@ -168,18 +180,17 @@ def profile(azimuth, gamma, values, c_deg):
 
 def plane(tables, c_deg):
     """Peak, beam and field angle of the planes C and C + 180."""
-    peak = largest(profile(tables.azimuth, tables.gamma, tables.samples, c_deg)[1])
+    readings = profile(tables.azimuth, tables.gamma, tables.samples, c_deg)[1]
+    peak = largest(readings)
+    peaks = -least_parts(-readings)[1].ravel()
     found = [peak]
     for share in (0.5, 0.1):
 
-        def width(*table, level=share * peak[0]):
-            return width_above(*profile(*table, c_deg), level)
+        def width(table, most, share=share):
+            return width_above(*profile(tables.azimuth, tables.gamma, table, c_deg), share * most)
 
-        value, error = tables.figure(width)
-        whole = tables.azimuth, tables.gamma, tables.whole
-        low, high = (share * (peak[0] + sign * peak[1]) for sign in (-1, 1))
-        wide = width(*whole, level=low) if low > 0 else 2 * tables.gamma[-1]
-        found.append((value, min(np.hypot(error, (wide - width(*whole, level=high)) / 2), 2 * tables.gamma[-1])))
+        by_half = [width(table, most) for table, most in zip(tables.by_halves, peaks, strict=True)]
+        found.append((width(tables.whole, peak[0]), by_half_samples(np.reshape(by_half, (15, 2)))))
     return found
 
 

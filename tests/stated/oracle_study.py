@@ -5,14 +5,13 @@ from crooked import Expected
 from oracle_part import kept_of
 from page_chain import drawn, facet, keys_of, leave_chain
 from page_colour import flux_and_efficacy
-from page_figures import CLOSE, apart_of, by_both, error_over_pairs, jackknife, least_parts
+from page_figures import CLOSE, apart_of, by_half_samples, error_over_pairs, jackknife, least_parts
 from page_light import filtered
 from page_scene import faces_of, mask_of, receivers_of, target_light, through
 from page_tracer import BACKWARD, LANDED, OUTSIDE_CAVITY, TOTAL, Functions, leave, unit
 
 NEAR = 0.02  # of a standard error
 OF_TABLES = 2e-8  # by which faces as tables change a figure, beside which a change by a tolerance may be small
-SLOPE = 0.005  # of the extrapolation of a least value
 # Faces with tolerances, that against which others are placed first, and those others.
 FACES = {"double": (("inner", "outer"), ("outer",)), "tir": (("cap", "side", "wall", "exit"), ("wall", "exit")),
          "reflector": (("cup",), ())}  # fmt: skip
@@ -347,7 +346,7 @@ def figures(case, images, window):
     square, apart = apart_of((inside - means[:, None]) / np.sqrt(inside.shape[1]), means)
     value = np.sqrt(max(square, 0))
     slopes = apart / (2 * max(value, np.sqrt(error_over_pairs(apart)) or 1.0))
-    least = [least_parts(inside / means[:, None], 1.0, more) for more in (0.0, -SLOPE, SLOPE)]
+    least = least_parts(inside / means[:, None], 1.0)
     return {"nmse": nmse, "rsd": (value, slopes), "uniformity": least, "efficiency": window}
 
 
@@ -355,16 +354,14 @@ def metrics_of(found):
     """Value and standard error of each."""
     pairs = {name: (found[name][0], error_over_pairs(found[name][1])) for name in ("nmse", "rsd") if name in found}
     if "uniformity" in found:
-        least = found["uniformity"]
-        errors = [np.hypot(by_both(left, changes), unsure) for _, left, changes, unsure in least]
-        pairs["uniformity"] = least[0][0], *errors
+        value, by_halves, unsure = found["uniformity"]
+        pairs["uniformity"] = value, np.hypot(by_half_samples(by_halves), unsure)
     return pairs | {"efficiency": jackknife(found["efficiency"])}
 
 
 def change_of(found, before):
     """The difference of each figure, with the error of what the noise of both has not in common; rounding is none."""
     changes = difference_of(found, before)
-    # the differences of the least with the weights of the replicates are rounded to 2e-12
     rounding = {name for name, figure in changes.items() if max(map(abs, figure)) <= 1e-11}
     return {name: (0.0,) * len(figure) if name in rounding else figure for name, figure in changes.items()}
 
@@ -378,13 +375,10 @@ def difference_of(found, before):
     changes["efficiency"] = jackknife(found["efficiency"] - before["efficiency"])
     if "uniformity" not in found:
         return changes
-    other, lefts, by_weights, offs = before["uniformity"][0]
-    errors = [
-        np.hypot(by_both(left - lefts, by_weight - by_weights), off - offs)
-        for _, left, by_weight, off in found["uniformity"]
-    ]
-    changes["uniformity"] = found["uniformity"][0][0] - other, *errors
-    return changes
+    value, by_halves, unsure = found["uniformity"]
+    before_value, before_by_halves, before_unsure = before["uniformity"]
+    error = np.hypot(by_half_samples(by_halves - before_by_halves), unsure - before_unsure)
+    return changes | {"uniformity": (value - before_value, error)}
 
 
 def study(case, led):
@@ -407,17 +401,9 @@ def names_of(case):
 
 
 def within(figure):
-    """Value and error, each with how near; of a least the error is that by any slope of the extrapolation so near.
-
-    At a bound of the slope the error jumps, and exact faces need not have it on the side of tables.
-    """
-    value, error, *others = figure
-    low = min(error, *others, error)
-    high = max(error, *others, error)
-    return (value, NEAR * error + CLOSE * abs(value) + OF_TABLES), (
-        0.5 * (low + high),
-        0.5 * (high - low) + NEAR * error,
-    )
+    """Value and error, each with how near; what tables change in an error is spread over fifteen pairs of halves."""
+    value, error = figure
+    return (value, NEAR * error + CLOSE * abs(value) + OF_TABLES), (error, NEAR * error + OF_TABLES / np.sqrt(15))
 
 
 def metrics_record(found):

@@ -69,71 +69,47 @@ def rsd(values):
 
 
 def least(values, most=None):
-    """Least of the values at places, by 16 replicates, without noise; and its standard error.
-
-    That is the mean of the jackknife and of the changes with the weight of each replicate, the pixels held.
-    """
-    value, left, changes, unsure = least_parts(values, most)
-    return value, np.hypot(by_both(left, changes), unsure)
+    """Least of the values at places, by 16 replicates, without noise; and its standard error."""
+    value, by_halves, unsure = least_parts(values, most)
+    return value, np.hypot(by_half_samples(by_halves), unsure)
 
 
-def by_both(left, changes):
-    """Mean of the errors by values with a replicate left out and by changes with its weight."""
-    by_weights = np.sqrt(16 / 15 * ((changes - changes.mean()) ** 2).sum())
-    return (by_weights + np.sqrt(15 / 16 * ((left - left.mean()) ** 2).sum())) / 2
+def by_half_samples(by_halves):
+    """Error of a value of all replicates by those of halves, a pair of halves in each row."""
+    return np.sqrt(np.mean([((one - other) / 2) ** 2 for one, other in by_halves]))
 
 
-def least_parts(values, most=None, nudge=0.0):
-    """The least; the same without each replicate; its change with the weight of each; and what nothing tells of it.
-
-    ``nudge``: of the slope, to see what it would be on the other side of a bound.
-    """
+def least_parts(values, most=None):
+    """The least; the same by either half of the replicates, 15 times; and what nothing tells of it."""
     values = np.array(values)
     assert len(values) == 16
 
-    def choices(blocks):
-        """The replicates of each block, and the light of all where that of the block is least."""
-        inside = np.array([[k in block for k in range(16)] for block in blocks])
-        light = []
-        for own in inside:
-            mean = values[own].mean(axis=0)
-            light.append(values[:, mean == mean.min()].mean(axis=1))
-        return inside, np.array(light)
+    def choice(block):
+        """The light of all replicates where that of the block is least."""
+        mean = values[list(block)].mean(axis=0)
+        return values[:, mean <= mean.min() + 1e-12 * abs(mean).max()].mean(axis=1)
 
-    def read(found, weights, without=None):
-        """u and v by weighted replicates; without one those of the blocks that do not have it."""
-        inside, light = found if without is None else (rows[~found[0][:, without]] for rows in found)
-        rest = ~inside & (np.arange(16) != without)
-        counts = rest.sum(axis=1)
-        darkest = np.average(light, axis=1, weights=inside * weights)
-        others = np.average(light, axis=1, weights=rest * weights)
-        return darkest.mean(), np.average(others, weights=counts)
+    chosen = {tuple(block): choice(block) for block in [*combinations(range(16), 2), *FOURS, *EIGHTS]}
 
-    halves = choices(EIGHTS)
-    quarters = choices(FOURS)
-    alike = np.ones(16)
+    def level(sample, size):
+        """u and v by the blocks of so many in a sample."""
+        blocks = [block for block in chosen if len(block) == size and set(block) <= set(sample)]
+        darkest = [chosen[block][list(block)].mean() for block in blocks]
+        others = [chosen[block][[k for k in sample if k not in block]].mean() for block in blocks]
+        return np.mean(darkest), np.mean(others)
 
-    def slope(weights):
-        (u_8, v_8) = read(halves, weights)
-        (u_4, v_4) = read(quarters, weights)
-        below = (v_4 - u_4) - (v_8 - u_8)
-        return (u_8 - u_4) / below + nudge if below > 1e-12 * abs(v_8) else 1.0
+    def extrapolated(sample):
+        """The value by a sample, h, and v by blocks of half of it."""
+        u, v = level(sample, len(sample) // 2)
+        u_few, v_few = level(sample, len(sample) // 4)
+        below = (v_few - u_few) - (v - u)
+        h = min(max((u - u_few) / below, 0), 1) if below > 1e-12 * abs(v) else 1.0
+        mean = values[list(sample)].mean(axis=0)
+        return min(max(u + h * (v - u), mean.min()), mean.mean() if most is None else most), h, v
 
-    u_8, v_8 = read(halves, alike)
-    h = float(np.clip(slope(alike), 0, 1))
-    free = 0 < slope(alike) < 1
-    mean = values.mean(axis=0)
-    value = min(max(u_8 + h * (v_8 - u_8), mean.min()), mean.mean() if most is None else most)
-
-    def with_weight(k, more):
-        weights = alike + more * (np.arange(16) == k)
-        u, v = read(halves, weights)
-        return u + (slope(weights) if free else h) * (v - u)
-
-    step = 1e-4
-    changes = np.array([with_weight(k, step) - with_weight(k, -step) for k in range(16)]) / (2 * step)
-    left = np.array([u + h * (v - u) for u, v in (read(halves, alike, k) for k in range(16))])
-    return value, left, changes, 0.0 if h else max(v_8 - value, 0.0)
+    value, h, v_8 = extrapolated(range(16))
+    by_half = [extrapolated(half)[0] for half in EIGHTS]
+    return value, np.reshape(by_half, (15, 2)), 0.0 if h else max(v_8 - value, 0.0)
 
 
 def largest(values, at_least=None):
