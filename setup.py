@@ -38,6 +38,7 @@ setup(
             "search/*.csv",
             "addons/*/page/*",
             "addons/*/*.csv",
+            "addons/*/scripts/*.py",
             "addons/*/road_surfaces/*.csv",
             "py.typed",
         ]

@@ -2,7 +2,8 @@
 
 - ``escape``: escape routes of a spec in emergency lighting
 - ``measure``: photographs and measured points of a machined part, and its second cut
-- ``office``: offices of a spec and their classes of glare
+- ``office``: offices of a spec, their classes of glare, and the file of a luminaire for planning
+- ``recheck``: a folder by which another program checks the light of the exported part
 - ``road``: roads of a spec and their classes, and any lamp judged on one
 - ``sports``: playing fields of a spec and their classes
 - ``studio``: a page on which a spec is written and its light is seen

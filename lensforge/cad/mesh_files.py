@@ -18,7 +18,14 @@ from jaxtyping import Float, Int
 
 from lensforge.cad.mesh import BodyMesh
 from lensforge.errors import InputError
-from lensforge.results.file_bounds import MOST_TRIANGLES, made_here, read_3mf, remembered, stl_corners
+from lensforge.results.file_bounds import (
+    MOST_TRIANGLES,
+    made_here,
+    read_3mf,
+    read_named_3mf,
+    remembered,
+    stl_corners,
+)
 from lensforge.results.files import file_bytes, read_json, temporary_file, temporary_folder, write_json
 from lensforge.results.sandbox import ChildLimits, serve, work_in_child
 
@@ -41,6 +48,7 @@ def _as_structs(rows: np.ndarray, struct: type[ctypes.Structure]) -> Any:
 _AGAIN = "run `lensforge export` again"
 _THREEMF = "lens.3mf"
 _JOB = "job.json"
+_READ = "read.npz"
 # A mesh of 0.2 million triangles takes 0.2 GiB, and 5 s on a busy machine.
 _LIMITS = ChildLimits(memory_mib=1800, seconds=60.0)
 _DECIMALS = 9  # of a mm in 3MF, whose vertices are single precision: read back within 3e-6 mm below 32 mm
@@ -108,7 +116,7 @@ def threemf_bytes(mesh: BodyMesh, product: str) -> bytes:
     return remembered(file_bytes("lens.3mf", write))
 
 
-def parse_3mf(content: bytes, origin: str = "lens.3mf") -> tuple[Float[np.ndarray, "v 3"], Int[np.ndarray, "t 3"]]:
+def parse_3mf(content: bytes, origin: str = _THREEMF) -> tuple[Float[np.ndarray, "v 3"], Int[np.ndarray, "t 3"]]:
     """Vertices (mm) and triangles of the one object in a 3MF file's bytes.
 
     Raises :class:`InputError` for anything else; ``origin`` names the file in the message.
@@ -116,19 +124,35 @@ def parse_3mf(content: bytes, origin: str = "lens.3mf") -> tuple[Float[np.ndarra
     if made_here(content):
         with temporary_file(content, _THREEMF) as path:
             return read_3mf(path, origin, _AGAIN)
+    return _read_by_child(content, origin, named=False)[:2]
+
+
+def parse_named_3mf(content: bytes, origin: str = _THREEMF) -> BodyMesh:
+    """The mesh in a 3MF file's bytes with the names of its faces, each a triangle set, as :func:`threemf_bytes` has it.
+
+    Raises :class:`InputError` for anything else; ``origin`` names the file in the message.
+    """
+    if made_here(content):
+        with temporary_file(content, _THREEMF) as path:
+            vertices, triangles, face, names = read_named_3mf(path, origin, _AGAIN)
+    else:
+        vertices, triangles, face, names = _read_by_child(content, origin, named=True)
+    return BodyMesh(vertices, triangles, face, tuple(map(str, names)), rings=0)
+
+
+def _read_by_child(content: bytes, origin: str, *, named: bool) -> Any:
     with temporary_folder(origin) as folder:
         (folder / _THREEMF).write_bytes(content)
-        write_json(folder / _JOB, {"origin": origin})
+        write_json(folder / _JOB, {"origin": origin, "named": named})
         work_in_child(Path(__file__).resolve(), folder, _LIMITS, origin=origin, remedy=_AGAIN)
-        vertices = np.load(folder / "vertices.npy")
-        triangles = np.load(folder / "triangles.npy")
-    return vertices, triangles
+        read = np.load(folder / _READ)
+        return tuple(read[name] for name in read.files)
 
 
 def _write_arrays(folder: Path) -> None:
-    vertices, triangles = read_3mf(folder / _THREEMF, read_json(folder / _JOB)["origin"], _AGAIN)
-    np.save(folder / "vertices.npy", vertices)
-    np.save(folder / "triangles.npy", triangles)
+    job = read_json(folder / _JOB)
+    reader = read_named_3mf if job["named"] else read_3mf
+    np.savez(folder / _READ, *map(np.asarray, reader(folder / _THREEMF, job["origin"], _AGAIN)))
 
 
 if __name__ == "__main__":

@@ -48,7 +48,15 @@ _LIGHT = (*_ON_RECEIVER, "leak", "rays", "fitted_nmse", "file_nmse", "file_effic
 _FAR_FIELD = ("exit_lm", "peak_cd", "beam_C 0", "beam_C 90", "bug")
 _LENS = ("kept_start", "radius", "height", "kept", "next")
 _FILES = ("form_error", "volume", "mass", "plate_mass", "surfaces", "scale", "keep_out", "landing", "print_mesh")
-_FILES_OF_HANDOVER = ("html", "pdf", "dxf", "points_csv", "plate_pdf", "plate_dxf")  # bytes, which lie in the folder
+_FILES_OF_HANDOVER = (
+    "html",
+    "pdf",
+    "dxf",
+    "points_csv",
+    "plate_pdf",
+    "plate_dxf",
+    "models",
+)  # bytes, which lie in the folder
 
 
 def finish(

@@ -36,6 +36,8 @@ _PURPOSES = {
     ".step": "solid for CAD and CAM",
     ".stl": "mesh",
     ".3mf": "mesh for printers",
+    ".glb": "model for pages and renderers, glTF",
+    ".gldf": "luminaire for DIALux and Relux, GLDF",
     ".ies": "intensity, IES LM-63",
     ".iesxml": "intensity, ANSI/IES TM-33",
     ".ldt": "intensity, EULUMDAT",

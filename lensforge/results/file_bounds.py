@@ -106,6 +106,30 @@ def read_3mf(path: Path, origin: str, remedy: str) -> tuple[Float[np.ndarray, "v
 
     Raises :class:`InputError`, in which ``origin`` names the file and ``remedy`` what to try, for anything else.
     """
+    model = _model_of_3mf(path, origin, remedy)
+    return _bounded(_only_mesh(model, origin, remedy), origin, remedy)
+
+
+def read_named_3mf(
+    path: Path, origin: str, remedy: str
+) -> tuple[Float[np.ndarray, "v 3"], Int[np.ndarray, "t 3"], Int[np.ndarray, " t"], tuple[str, ...]]:
+    """Vertices (mm) and triangles, as :func:`read_3mf` has them, the number of each triangle's face, and the names.
+
+    Raises :class:`InputError` for a triangle in no named face, too.
+    """
+    model = _model_of_3mf(path, origin, remedy)
+    body = _only_mesh(model, origin, remedy)
+    vertices, triangles = _bounded(body, origin, remedy)
+    named = [body.GetTriangleSet(number) for number in range(body.GetTriangleSetCount())]
+    face = np.full(len(triangles), -1, dtype=np.int64)
+    for number, members in enumerate(named):
+        face[members.GetTriangleList()] = number
+    if (face < 0).any():
+        raise InputError(f"{origin}: {int((face < 0).sum())} triangles belong to no named face; {remedy}")
+    return vertices, triangles, face, tuple(members.GetName() for members in named)
+
+
+def _model_of_3mf(path: Path, origin: str, remedy: str) -> Any:
     import lib3mf
 
     model = lib3mf.get_wrapper().CreateModel()
@@ -115,7 +139,11 @@ def read_3mf(path: Path, origin: str, remedy: str) -> tuple[Float[np.ndarray, "v
         reader.ReadFromFile(str(path))
     if model.GetUnit() != lib3mf.ModelUnit.MilliMeter:
         raise InputError(f"{origin}: holds no mesh in mm; {remedy}")
-    body = _only_mesh(model, origin, remedy)
+    return model
+
+
+def _bounded(body: Any, origin: str, remedy: str) -> tuple[Float[np.ndarray, "v 3"], Int[np.ndarray, "t 3"]]:
+    """Vertices and triangles of a mesh of no more, and no farther, than any part has."""
     if not 0 < body.GetTriangleCount() <= MOST_TRIANGLES:
         raise InputError(f"{origin}: {body.GetTriangleCount()} triangles, 1 to {MOST_TRIANGLES} are read; {remedy}")
     vertices, triangles = geometry_of(body)

@@ -31,7 +31,7 @@ from lensforge.shop.mould_facts import mould_line, thick_line, upright_phrase
 from lensforge.shop.profile_table import ASPHERE_NOTE, PROFILE_NOTE, equation, profile_rows, profile_widths
 from lensforge.shop.sheet import Box, Marks, Place, Sheet, box_of
 from lensforge.shop.sheet_marks import cell, draw_rows, frame_of, paragraphs_in, row_height
-from lensforge.shop.sheet_tables import OpticalTable, ToleranceTable, optical_table
+from lensforge.shop.sheet_tables import OpticalTable, ToleranceTable, is_general, optical_table
 from lensforge.shop.view_drawing import GATE, PARTING_LINE, PaperView, ViewContent, draw_views, fitted
 from lensforge.shop.view_lines import SectionView, dome_lines, end_lines, section_view
 from lensforge.spec import DrawingSection
@@ -48,6 +48,7 @@ def drawing_notes(
         defined = f"Faces of one lens of the plate, as in {STEP_FILE}; {PLATE_STEP_FILE} alone defines the part"
     return [
         f"{defined}; sizes in parentheses are auxiliary. The optical faces end in z = 0.",
+        *([GENERAL_NOTE] if any(is_general(face, lens) for face in check.faces) else []),
         *(f"{line}." for line in datums.lines),
         *([PROFILE_NOTE] if profile_rows(lens, tuple(check.faces)) else []),
         *([ASPHERE_NOTE] if any("asphere" in str(equation(face)) for face in lens.surfaces.values()) else []),
@@ -172,6 +173,10 @@ def mould_notes(lens: Lens) -> list[str]:
     ]
 
 
+GENERAL_NOTE = (
+    f"GS: general surface, ISO 10110-19: the face of that name in {STEP_FILE}, in its x, y and z, by the SHA-256 of "
+    "the title block; 3/, 4/ and 5/ are to that face."
+)
 TitleBlock = dict[str, tuple[str, ...]]  # cells of each row, by its key
 WIDTH = 180.0  # mm on A3
 ROW = 5.6  # mm on A3

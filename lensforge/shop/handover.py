@@ -19,6 +19,9 @@ DXF_FILE = "drawing.dxf"
 POINTS_FILE = "points.csv"
 PLATE_PDF_FILE = "plate.pdf"
 PLATE_DXF_FILE = "plate.dxf"
+GLB_FILE = "lens.glb"
+LAMPS_GLB_FILE = "lamps.glb"
+PLATE_GLB_FILE = "plate.glb"
 NO_SHRINKAGE = (
     "manufacture.shrinkage: not given, so the tables are of inserts as large as the lens; ask the moulder, and give "
     "it, such as shrinkage = 0.005"
@@ -53,13 +56,14 @@ class PointGrid(Record):
 
 @public
 class Handover(Record):
-    """Page with drawings and verdicts, drawings as PDF and DXF, tables of points, as the bytes of files.
+    """Page with drawings and verdicts, drawings as PDF and DXF, tables of points, models, as the bytes of files.
 
     ``name``: of the design. ``html``: the page. ``pdf``, ``dxf``: the drawing. ``points_csv``: table for a measuring
-    machine. ``plate_pdf``, ``plate_dxf``: the drawing of the plate; None without one. ``points``: number of points in
-    the table. ``scale``: of the mould's faces relative to the lens's, if the points are of the mould; None: of the
-    lens. ``grids``: dense tables for milling and turning. ``sha256``: of the files that go to the shop, by name, except
-    page and PDF; the page lists them. ``refused``: verdicts of the check that do not hold.
+    machine. ``plate_pdf``, ``plate_dxf``: the drawing of the plate; None without one. ``models``: glTF files by name,
+    of the lens, and of all lamps or the plate where there are. ``points``: number of points in the table. ``scale``: of
+    the mould's faces relative to the lens's, if the points are of the mould; None: of the lens. ``grids``: dense tables
+    for milling and turning. ``sha256``: of the files that go to the shop, by name, except page and PDF; the page lists
+    them. ``refused``: verdicts of the check that do not hold.
     """
 
     name: Text
@@ -69,6 +73,7 @@ class Handover(Record):
     points_csv: FileBytes
     plate_pdf: FileBytesOrNone = None
     plate_dxf: FileBytesOrNone = None
+    models: Annotated[dict[Text, Annotated[bytes, _Text]], Field(repr=False)] = Field(default_factory=dict)
     points: Count
     scale: Positive | None = None
     grids: tuple[PointGrid, ...]
@@ -81,7 +86,7 @@ class Handover(Record):
         fixed = {HTML_FILE: self.html, PDF_FILE: self.pdf, DXF_FILE: self.dxf, POINTS_FILE: self.points_csv}
         plate = {PLATE_PDF_FILE: self.plate_pdf, PLATE_DXF_FILE: self.plate_dxf}
         fixed |= {name: content for name, content in plate.items() if content is not None}
-        return fixed | {grid.file: grid.content for grid in self.grids}
+        return fixed | self.models | {grid.file: grid.content for grid in self.grids}
 
     @property
     def notes(self) -> tuple[str, ...]:

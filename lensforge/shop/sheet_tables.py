@@ -1,6 +1,7 @@
 """Tables of the drawing: of the optical faces and the material, and of the tolerances.
 
-The first is in the notation of ISO 10110; conformance is not claimed. 3/ form, 4/ centring of a face to the
+The first is in the notation of ISO 10110; conformance is not claimed. GS: a general surface of its part 19, which is
+stated by a face of the STEP, its hash and its coordinates. 3/ form, 4/ centring of a face to the
 first, 5/ imperfections; 0/, 1/, 2/ stress, bubbles and homogeneity of the material. Rq and RΔq: height and slope of
 the roughness, rms. A dash stands where neither spec nor preset says more.
 """
@@ -104,7 +105,7 @@ def _face(name: str, lens: Lens, part: Part, check: Check, drawing: DrawingSecti
     face = check.faces[name]
     across = widest_mm(lens.surfaces[name], domain_of(lens, name))
     return {
-        "title": f"{face_title(name)}, {optical_name(name)}",
+        "title": f"{face_title(name)}, {'GS: ' if is_general(name, lens) else ''}{optical_name(name)}",
         "shape": _shape(name, lens, check),
         "aperture": f"Effective aperture: ⌀{across:.3f}, whole face",
         "form": _form(name, lens),
@@ -131,6 +132,11 @@ def _shape(name: str, lens: Lens, check: Check) -> str:
     fitted = f"R {radius_mm:.3f}" if sphere.radius_mm < FLAT_MM else "plane"
     form = "of revolution, profile in the table" if lens.spec.lens.is_revolved(name) else "freeform"
     return equation(lens.surfaces[name]) or f"{form}; best-fit {fitted}, PV {pv_mm:.3f}"
+
+
+def is_general(name: str, lens: Lens) -> bool:
+    """True for a face that neither an equation nor a profile on the sheet gives."""
+    return not (lens.spec.lens.is_revolved(name) or equation(lens.surfaces[name]))
 
 
 def _form(name: str, lens: Lens) -> str:

@@ -62,7 +62,7 @@ def test_the_mesh_comes_back_with_its_sharing_unit_and_names(mesh):
     content = threemf_bytes(mesh, "crossing")
     vertices, triangles = parse_3mf(content)
     np.testing.assert_array_equal(triangles, mesh.triangles)
-    # Single precision errs by half a spacing; the decimal of lib3mf is up to half a spacing off, and is read again.
+    # Single precision errs by half a spacing; lib3mf then writes a decimal up to half a spacing off, read again.
     spacing_mm = np.spacing(np.float32(np.abs(mesh.vertices).max()))
     np.testing.assert_allclose(vertices, mesh.vertices, rtol=0, atol=1.5 * spacing_mm)
     closure = check_closed(vertices, triangles)

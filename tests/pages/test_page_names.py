@@ -15,7 +15,7 @@ SECTIONS = [(re.findall(r"`([\w.]+)`", part.partition("\n")[0]), re.findall(r"\n
 FIELDS = {f"{section}.{field}" for sections, fields in SECTIONS for section in sections for field in fields}
 # Programs and places that are not ours, files that are written, and attributes that begin as a section does.
 OTHERS = r"dask |helm |dfat |kubectl |python -ic|~/|cad_out/|\w*://|(receivers.k.*|sources.b.*|lens.surfaces)$"
-WRITTEN = r"\b[\w*]+\.(json|npz|step|stl|3mf|ies|ldt|iesxml|tm25ray|csv|txt|pdf|dxf)\b"
+WRITTEN = r"\b[\w*]+\.(json|npz|step|stl|3mf|ies|ldt|iesxml|tm25ray|csv|txt|pdf|dxf|glb|gldf|obj|npy|dat|ray)\b"
 
 
 def is_known(word: str) -> bool:

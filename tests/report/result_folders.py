@@ -1,6 +1,7 @@
 """Small results for tests: every stage's record with numbers that are easy to recognise."""
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import trimesh
@@ -9,6 +10,8 @@ from made_photometry import make_photometry
 from undrawn import without_views
 
 from lensforge.cad.face_tolerance import FaceTolerance
+from lensforge.cad.mesh import BodyMesh
+from lensforge.cad.mesh_files import threemf_bytes
 from lensforge.cad.part import STEP_FILE, STL_FILE, THREEMF_FILE, Faces, Part, stamp_of
 from lensforge.light.evaluation_result import Light
 from lensforge.light.receiver_light import Flux, MissedByCause, Possible, RawMetrics, ReceiverLight
@@ -234,8 +237,15 @@ def sphere_stl():
     return trimesh.creation.icosphere(subdivisions=2, radius=5.0).export(file_type="stl")
 
 
+@cache
+def sphere_3mf():
+    sphere = trimesh.creation.icosphere(subdivisions=2, radius=5.0)
+    face = (sphere.triangles_center[:, 2] > 0.0).astype(int)
+    return threemf_bytes(BodyMesh(sphere.vertices, sphere.faces, face, ("OPTICAL_INNER", "OPTICAL_OUTER"), 0), "sphere")
+
+
 def make_part(lens, stl=None, **changes):
-    files = {STEP_FILE: b"a STEP", STL_FILE: sphere_stl() if stl is None else stl, THREEMF_FILE: b"a 3MF"}
+    files = {STEP_FILE: b"a STEP", STL_FILE: sphere_stl() if stl is None else stl, THREEMF_FILE: sphere_3mf()}
     content = {
         "lens": lens,
         "inputs": {"lens": lens.sha256},

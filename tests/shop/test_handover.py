@@ -7,6 +7,7 @@ from math import nan
 
 import numpy as np
 import pytest
+import trimesh
 from shop_lenses import small_lens
 
 from lensforge.cad.part_export import build_part
@@ -61,7 +62,9 @@ def test_page_and_pdf_say_what_the_shop_must_know(results, handed):
         "lens.3mf": results.part.threemf,
         "points.csv": handed.points_csv,
         "drawing.dxf": handed.dxf,
+        **handed.models,
     } | {grid.file: grid.content for grid in handed.grids}
+    assert list(handed.models) == ["lens.glb"]
     assert handed.sha256 == {name: hashlib.sha256(each).hexdigest() for name, each in content.items()}
     for digest in handed.sha256.values():
         assert digest in page
@@ -83,6 +86,7 @@ def test_what_is_saved_is_what_the_record_holds(handed, tmp_path):
         "manufacturing.pdf": handed.pdf,
         "drawing.dxf": handed.dxf,
         "points.csv": handed.points_csv,
+        "lens.glb": handed.models["lens.glb"],
     } | {grid.file: grid.content for grid in handed.grids}
     (tmp_path / "file").write_bytes(b"")
     with pytest.raises(InputError, match="cannot be written"):
@@ -114,6 +118,17 @@ def test_what_the_shop_cannot_do_and_what_could_not_be_measured_is_said(results)
     page = handed.html.decode("utf-8")
     assert '<td class="no">no</td><td>no ball fits</td>' in page
     assert '<td>not measured</td><td>≥ 1 mm</td><td class="no">fail</td>' in page
+
+
+def test_lamps_without_a_plate_stand_in_a_model_of_all():
+    places = [[0.0, 0.0, 0.0], [30.0, -2.0, 1.5], [-4.0, 25.0, 0.0]]
+    lens = small_lens({"kind": "none"}, lamps={"kind": "table", "places_mm": places, "turns_deg": [0.0, 40.0, 0.0]})
+    part = build_part(lens, rings=12)
+    models = make_handover(part, check_lens(lens, part.nodes), [], COARSE).models
+    assert list(models) == ["lens.glb", "lamps.glb"]
+    scene = trimesh.load_scene(io.BytesIO(models["lamps.glb"]), file_type="glb")
+    for number, (x, y, z) in enumerate(places, 1):
+        np.testing.assert_allclose(scene.graph[f"shop {number}"][0][:3, 3], [1e-3 * x, 1e-3 * z, -1e-3 * y], atol=1e-12)
 
 
 @pytest.fixture(scope="module")

@@ -24,7 +24,7 @@ from lensforge.shop.check_facts import check_facts
 from lensforge.shop.check_result import Check
 from lensforge.shop.datums import datum_scheme
 from lensforge.shop.dimensions import Dimension, dimensions
-from lensforge.shop.drawing import DrawingContent, SheetName, drawing_content, make_sheet
+from lensforge.shop.drawing import GENERAL_NOTE, DrawingContent, SheetName, drawing_content, make_sheet
 from lensforge.shop.findings import as_finding
 from lensforge.shop.handover import Handover
 from lensforge.shop.mould_facts import mould_facts
@@ -299,7 +299,13 @@ def test_the_title_block_and_notes_are_in_the_words_of_a_toolmaker() -> None:
         assert sum(f"{words} stated" in note for note in bare.notes) == 1, words
     shapes = {name: column.get("shape", "") for name, column in content.table.columns.items()}
     assert shapes["side"] == equation(lens.surfaces["side"]) and shapes["wall"].startswith("of revolution, profile in")
-    assert drawing_content_of_spheres().table.columns["outer"]["shape"].startswith("freeform; best-fit R")
+    assert not any("GS" in column["title"] for column in content.table.columns.values())
+    assert GENERAL_NOTE not in content.notes
+    general = drawing_content_of_spheres()
+    titles = {name: column["title"] for name, column in general.table.columns.items()}
+    assert titles["outer"] == "Outer face, GS: OPTICAL_OUTER" and titles["inner"] == "Inner face, GS: OPTICAL_INNER"
+    assert GENERAL_NOTE in general.notes and "lens.step, SHA-256 " in general.block["defined"][0]
+    assert general.table.columns["outer"]["shape"].startswith("freeform; best-fit R")
     assert not any("spline" in note or "Asphere" in note for note in drawing_content_of_spheres().notes[:3])
 
 

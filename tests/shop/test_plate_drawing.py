@@ -9,6 +9,7 @@ from typing import Any
 import ezdxf
 import numpy as np
 import pytest
+import trimesh
 from scenes import small_spec, sphere
 from shop_lenses import small_lens
 
@@ -231,7 +232,12 @@ def test_lenses_of_the_drawing_stand_where_they_are(part: Part) -> None:
 def test_the_handover_has_both_drawings(part: Part) -> None:
     check = check_lens(part.lens, part.nodes)
     made = make_handover(part, check, [], GridRequest(spacing_mm=1.0))
-    assert {"plate.pdf", "plate.dxf"} < set(made.files) and made.files["plate.pdf"].startswith(b"%PDF")
+    assert {"plate.pdf", "plate.dxf", "lens.glb", "plate.glb"} < set(made.files) and made.files["plate.pdf"].startswith(
+        b"%PDF"
+    )
+    plate = trimesh.load_scene(io.BytesIO(made.models["plate.glb"]), file_type="glb")
+    low, high = np.array(part.plate.bounds_mm if part.plate else [])
+    np.testing.assert_allclose(1e3 * plate.bounds[1], [high[0], high[2], -low[1]], atol=1e-5)
     page = made.html.decode("utf-8")
     assert page.count('<figure class="drawing">') == 2 and made.sha256["plate.dxf"] in page
     assert page.index("plate of 6 lenses") < page.index("sheet 1 of 2") < page.index("sheet 2 of 2"), "the plate first"

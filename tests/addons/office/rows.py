@@ -1,11 +1,23 @@
 """Rows of offices in tables of the suite."""
 
+import json
+from pathlib import Path
+from xml.etree import ElementTree
+from zipfile import ZipFile
+
 import pytest
 from cie_luminaire import OFFICE
+from click.testing import CliRunner
+from scenes import small_spec, sphere
 
+from lensforge.addons.office.gldf_command import gldf
 from lensforge.addons.office.office_light import OfficeLight
 from lensforge.addons.office.office_room import OfficeReadings
 from lensforge.addons.office.office_section import OfficeSection
+from lensforge.light.lens_light import photometry
+from lensforge.report.folder import opened
+from lensforge.scene.lens import Lens
+from lensforge.surfaces.imported_face import LENS_FILE
 
 Case = tuple[object, object]  # found, and by hand
 
@@ -40,5 +52,30 @@ def lighting_class(name: str) -> Case:
     return {limit.bound for limit in OfficeLight(office).limits()}, {float(name.removeprefix("UGR "))}
 
 
+def of_gldf(flag: str, here: Path) -> bool:
+    """Efficacy by the power, and what is printed."""
+    lens = Lens.double(sphere(3.0), sphere(6.0), small_spec(), 0, "draft")
+    lens.save(here / LENS_FILE)
+    with opened(here) as folder:
+        folder.write(photometry(lens, rays=1024, lumens=100.0).changed(conditions=None))
+
+    def written(*more: str) -> str:
+        done = CliRunner().invoke(gldf, [str(here), *more])
+        assert done.exception is None, done.exception
+        return done.stdout
+
+    def efficacy() -> str | None:
+        with ZipFile(here / "lens.gldf") as archive:
+            return ElementTree.fromstring(archive.read("product.xml")).findtext(".//LuminousEfficacy")
+
+    if flag == "--watts":
+        lumens = json.loads(written("--watts", "2", "--json"))["variants"][0]["lumens"]
+        halved = efficacy()
+        written()
+        return float(halved or 0.0) == pytest.approx(lumens / 2.0, rel=1e-3) and efficacy() is None
+    return written("--quiet") == "" and json.loads(written("--json"))["gldf"] == str(here / "lens.gldf")
+
+
+SHOWN = {"gldf": (of_gldf, ("--watts", "--json", "--quiet"))}
 CHOICES = {"room": room, "reflectances": reflectances, "OfficeSection.lighting_class": lighting_class}
 CACHES = {}
