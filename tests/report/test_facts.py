@@ -123,7 +123,7 @@ def told():
 @pytest.mark.parametrize(("key", "label", "unit", "value"), TOLD, ids=[each[0] for each in TOLD])
 def test_a_fact_has_the_number_that_its_label_names(told, key, label, unit, value):
     results, facts = told
-    fact = next(each for each in facts if each.key == key)
+    fact = next(fact for fact in facts if fact.key == key)
     assert (fact.label, fact.unit) == (label, unit)
     assert fact.value == pytest.approx(value(results), rel=1e-15)
 
@@ -180,7 +180,7 @@ def test_a_criterion_with_a_standard_error_can_be_undecided(value, error, state)
     """Which is no failure: nothing is required of it, and the verdict on its files is undecided."""
     judged = [at_most("gap", value, 1.0, "mm", "look again", error=error),
               at_least("gap", -value, -1.0, "mm", "look again", error=error)]  # fmt: skip
-    assert [each.state for each in judged] == [state] * 2
+    assert [limit.state for limit in judged] == [state] * 2
     assert [found for found, _ in missed(judged)] == [state] * 2 * (state != "pass")
     with nullcontext() if state != "fail" else pytest.raises(CriterionMissed, match=r"missed by .* mm; look again"):
         require(judged)

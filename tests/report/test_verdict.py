@@ -287,13 +287,13 @@ def test_limits_that_are_undecided_are_not_counted_as_held_on_the_screen() -> No
 def test_the_light_on_each_receiver_decides(number: int, field: str, good: float, bad: float) -> None:
     results = make_results(("evaluate",), lens_of(wanted={"receivers": (WALL, SKY)}))
     figures = {"nmse": metric(0.01), "share_in_target": metric(0.85)}
-    receivers = [each.model_copy(update=figures) for each in results.light.receivers]
+    receivers = [receiver.model_copy(update=figures) for receiver in results.light.receivers]
     states = []
     for value in (good, bad):
         receivers[number] = receivers[number].model_copy(update={field: metric(value)})
         light = results.light.model_copy(update={"receivers": tuple(receivers)})
         states.append(Results(results.lens, {"evaluate": light}).verdict)
-    assert [each.light for each in states] == ["pass", "fail"]
+    assert [state.light for state in states] == ["pass", "fail"]
     (reason,) = states[1].reasons.light
     assert f", {receivers[number].name} = " in reason and receivers[1 - number].name not in reason
 

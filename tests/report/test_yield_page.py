@@ -265,7 +265,7 @@ def test_the_page_shows_each_led_and_the_worst_parts_by_the_one_that_decides(len
     study = found.model_copy(
         update={
             "leds": ("near", "far"), "worst_leds": ("far",), "metrics": renamed, "variance": {},
-            "bounds": tuple(each.changed(metric=changes[each.metric]) for each in found.bounds),
+            "bounds": tuple(bound.changed(metric=changes[bound.metric]) for bound in found.bounds),
             "columns": tuple(changes.get(name, name) for name in found.columns),
             "worst": tuple(
                 each.changed(metrics={changes[k]: v for k, v in each.metrics.items()}) for each in found.worst
