@@ -254,5 +254,5 @@ def test_words_of_another_version_are_kept(tmp_path: Path) -> None:
     again = Joint.read(tmp_path)
     slip = next(criterion for criterion in again.criteria if criterion.key == "slip")
     assert (slip.remedy, slip.label) == ("as it was said before", "largest slip")
-    assert [criterion.key for criterion in again.criteria] == [each["name"] for each in stored["criteria"]]
+    assert [criterion.key for criterion in again.criteria] == [criterion["name"] for criterion in stored["criteria"]]
     assert again.sha256 != made.sha256
