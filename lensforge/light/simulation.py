@@ -315,7 +315,7 @@ class ReplicateMetrics:
 
     @property
     def noise(self) -> list[Float[np.ndarray, " r"]]:
-        """Noise of every defined metric by replicates, in their order, up to a factor."""
+        """Noise of every defined metric by replicate, in their order, up to a factor."""
         estimates = (self.nmse, self.uniformity, self.rsd)
         return [*(estimate.noise for estimate in estimates if estimate is not None), self.efficiency]
 

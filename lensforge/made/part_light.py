@@ -239,7 +239,7 @@ class MeasuredPart:
 
     @property
     def noise(self) -> list[Float[np.ndarray, " r"]]:
-        """Noise of every value by replicates, in the order of their changes, up to a factor."""
+        """Noise of every value by replicate, in the order of their changes, up to a factor."""
         receivers = zip(self.metrics, self.shares, strict=True)
         on_receivers = [row for metrics, share in receivers for row in (*metrics.noise, share)]
         return [*on_receivers, *(limit[1:] for limit in self.limits)]

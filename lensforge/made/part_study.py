@@ -380,7 +380,7 @@ class LedStudy:
         return np.array([[value + change.value for value, change in zip(designed, changes, strict=True)], errors]).T
 
     def noise(self, deviations: Sequence[Deviations]) -> list[Float[np.ndarray, " r"]]:
-        """Noise of every change by replicates, in the order of ``of_design``, up to a factor."""
+        """Noise of every change by replicate, in the order of ``of_design``, up to a factor."""
         part = self.light.measured(self.light.received(self.made(deviations)))
         pairs = zip(part.noise, self.designed.noise, strict=True)
         return [of_part - of_designed for of_part, of_designed in pairs]

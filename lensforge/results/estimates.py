@@ -144,7 +144,7 @@ class PairEstimate:
 
     @property
     def noise(self) -> Float[np.ndarray, " r"]:
-        """Noise by replicates, up to a factor; empty with too few."""
+        """Noise by replicate, up to a factor; empty with too few."""
         if self.deviations is None:
             return np.zeros(0)
         return np.asarray(self.deviations.sum(axis=1) - np.diag(self.deviations))
@@ -264,7 +264,7 @@ class ExtremeEstimate:
 
     @property
     def noise(self) -> Float[np.ndarray, " h"]:
-        """Noise by halves of the replicates, up to a factor; empty unless there are 16."""
+        """Noise by half of the replicates, up to a factor; empty unless there are 16."""
         return np.zeros(0) if self.by_halves is None else _above_other_half(self.by_halves)
 
     def change_from(self, before: "ExtremeEstimate") -> Metric:

@@ -225,8 +225,8 @@ def of_rays(flag: str, here: Path) -> bool:
             return to.read_text().startswith("IESNA:LM-63-2002")
         case "--model" | "--rays":
             led = Path(__file__).parents[2] / "examples" / "led.tm25ray"
-            printed("rays", led, "--model", "--to", here / "m.tm25ray", "--rays", "3000")
-            return json.loads(printed("rays", here / "m.tm25ray", "--json"))["rays"] == 3000
+            told = json.loads(printed("rays", led, "--model", "--to", here / "m.tm25ray", "--rays", "3000", "--json"))
+            return told["rays"] == json.loads(printed("rays", here / "m.tm25ray", "--json"))["rays"] == 3000
         case "--plot":
             printed("rays", lamp, flag, here / "a.svg")
             return "<svg" in (here / "a.svg").read_text()

@@ -10,10 +10,10 @@ from hypothesis import strategies as st
 from judgements import judged
 from scenes import small_spec
 
-from lensforge.search.automatic_schedule import AutomaticSchedule
+from lensforge.search.automatic_schedule import AutomaticSchedule, schedule_of
 from lensforge.search.schedule import SLICES, AutomaticStages, Judgement, Outcome, Stage, UsefulLevels, stages_of
 from lensforge.sources.build_source import build_source
-from lensforge.spec.accuracy import SearchEffort
+from lensforge.spec.accuracy import SearchEffort, preset_of
 
 EFFORT = SearchEffort(finest=289, steps=(6, 20), rays=(256, 1024), validation_rays=4096, step_gain=0.1, level_gain=0.2)
 LEVELS = UsefulLevels((9, 25, 81), "three levels are enough")
@@ -94,6 +94,19 @@ def test_functions_that_a_ball_reaches_are_as_wide_as_move_the_light_by_a_pixel(
     wide_rad = pixel_rad * 2.0 * 20.0 / (index - 1.0) / spec.constraints.max_radius_mm
     why = UsefulLevels.of(spec, build_source(spec.source), 4225).why
     assert why.startswith(f"functions narrower than {wide_rad:.2g} rad would not show: what a ball of 20 mm reaches")
+
+
+@pytest.mark.parametrize(("robust", "images"), [(False, 4), (True, 1)])
+def test_parts_of_a_robust_search_have_no_mirror_images(robust: bool, images: int) -> None:
+    changes = {
+        "lens__symmetry": "rectangle",
+        "lens__levels": "auto",
+        "optimise__steps_per_level": None,
+        "optimise__rays": None,
+    }
+    spec = small_spec(optimise__robust=robust, **changes)
+    plan = schedule_of(spec, build_source(spec.source), preset_of("draft"), None)
+    assert isinstance(plan, AutomaticSchedule) and plan.stages.images == images
 
 
 def test_a_level_that_gains_too_little_is_left_out() -> None:

@@ -343,6 +343,12 @@ def test_the_second_section_is_cut_where_the_part_differs_and_named_where_it_is_
     assert level[0][1] == pytest.approx(level[1][1]), "the plane x = 0 is level in the view from the base"
 
 
+def test_the_second_section_of_a_square_part_is_along_its_diagonal(parts, monkeypatch):
+    monkeypatch.setattr("lensforge.shop.drawing.other_section_deg", lambda lens: 45.0)
+    content, _ = content_of(*parts["none"])
+    assert [section.azimuth_deg for section in content.views.sections] == [0.0, 45.0]
+
+
 def test_the_dome_is_seen_from_above_to_the_left_and_its_circle_holds_it(parts, drawings):
     lens, _, _ = parts["none"]
     content, sheet = drawings["none"]
