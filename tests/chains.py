@@ -108,6 +108,7 @@ class MixedLight:
 def clear(index: float = 1.49, coatings: tuple[FaceCoating, ...] = (), absorption: float = 0.0) -> Media:
     """A body of one index in air: of the usual lens, or of the faces that are coated."""
     roles = tuple(
-        FaceRole(each.face, *((CAVITY, BODY) if each.around == CAVITY else (BODY, OUTSIDE))) for each in coatings
+        FaceRole(coating.face, *((CAVITY, BODY) if coating.around == CAVITY else (BODY, OUTSIDE)))
+        for coating in coatings
     )
     return Media(Medium(index, absorption), coatings=coatings, faces=roles or SHELL)

@@ -70,8 +70,8 @@ def plane_at(distance: float) -> Plane:
 
 def as_tensors(exits: ExitRays) -> ExitRays:
     """The same rays as tensors on the CPU; what the scene has not is None, and stays so."""
-    arrays = (getattr(exits, each.name) for each in fields(exits))
-    return ExitRays(*(None if each is None else torch.as_tensor(each).cpu() for each in arrays))
+    arrays = (getattr(exits, field.name) for field in fields(exits))
+    return ExitRays(*(None if array is None else torch.as_tensor(array).cpu() for array in arrays))
 
 
 def trace_bundle(tables: list[torch.Tensor], scene: Scene, rays: RayBundle) -> TracedBundle:

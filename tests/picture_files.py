@@ -46,7 +46,7 @@ def with_tag(content, code, value):
     (first,) = struct.unpack_from("<I", content, 4)
     (count,) = struct.unpack_from("<H", content, first)
     places = range(first + 2, first + 2 + 12 * count, 12)
-    place = next(each for each in places if struct.unpack_from("<H", content, each)[0] == code)
+    place = next(place for place in places if struct.unpack_from("<H", content, place)[0] == code)
     return content[: place + 8] + struct.pack("<I", value) + content[place + 12 :]
 
 

@@ -141,7 +141,7 @@ def test_one_of_each_goes_through_spec_search_evaluation_files_and_proof(run: lf
     assert lf.load_spec(tmp_path / "again.toml").receivers == run.spec.receivers
     assert run.design.steps == 12 and run.light.nmse.value < 0.95 * lf.evaluate(_begun(run.lens)).nmse.value
     assert sum(run.light.flux.model_dump().values()) == pytest.approx(1.0, abs=1e-9)
-    assert run.part.form_error_nm.max < 1.0 and all(each.holds for each in run.proof.criteria)
+    assert run.part.form_error_nm.max < 1.0 and all(criterion.holds for criterion in run.proof.criteria)
     (found,) = run.proof.receivers
     assert found.against_design.rms < 5e-5 * 100.0
     page = (run.folder / "report.html").read_text(encoding="utf-8")

@@ -111,7 +111,7 @@ def test_a_kind_of_lens_of_ones_own_is_read_lit_searched_built_and_proven(
     assert {way.faces for way in start.ways} == {("well", "top"), ("well", "mirror", "top"), ("mirror",)}
 
     design = lf.design(spec, accuracy=FAR)
-    assert all(each.holds for each in design.criteria)
+    assert all(criterion.holds for criterion in design.criteria)
     light, part = lf.evaluate(design.lens, rays=2**12), lf.build(design.lens)
     assert light.limits[0].value > limit.value - 0.01
     assert all(f"OPTICAL_{role.name.upper()}".encode() in part.step for role in ROLES)

@@ -131,7 +131,7 @@ def lens_of(row: str) -> lf.Lens:
         spec = spec.replace({"lens.levels": [4]})
     spec = settled_symmetry(spec, searched_source(spec))
     faces: dict[str, Surface] = start_faces(spec)
-    others = {each.name: faces for each in spec.all_lamps.kinds[1:]}
+    others = {kind.name: faces for kind in spec.all_lamps.kinds[1:]}
     return lf.Lens(faces, spec, 0, FEW_STEPS, others=others)
 
 
@@ -158,7 +158,7 @@ def test_every_kind_and_every_stage_has_its_place() -> None:
         assert all(cell == "all" or cell.startswith(NO_SENSE) for cell in row.values())
 
 
-@pytest.mark.parametrize(("row", "stage", "cell"), [each for each in CELLS if each[-1] != "all"])
+@pytest.mark.parametrize(("row", "stage", "cell"), [cell for cell in CELLS if cell[-1] != "all"])
 def test_what_makes_no_sense_is_said_by_the_result(row: str, stage: str, cell: str, tmp_path: Path) -> None:
     """In one line, the reason of the table first."""
     found = (VERBS | OF_ADDONS)[stage](lens_of(row), tmp_path)

@@ -50,8 +50,8 @@ def test_limits_that_a_start_misses_with_the_second_led_count():
     limit = {"kind": "points", "at_mm": [[0.0, 0.0]], "unit": "w_per_m2", "at_least": 30.0}
     spec = small_spec(source=None, sources=leds, target__uniform_mm=None, limits=[limit])
     found, start = SeededSearch(spec, FEW, (), None, 7).made(0)
-    states = [each.state for light in _light_by_other_rays(found.lens, 7) for each in light.limits]
-    assert states == ["pass", "fail"] and start.missed == 1 + sum(not each.holds for each in found.criteria)
+    states = [limit.state for light in _light_by_other_rays(found.lens, 7) for limit in light.limits]
+    assert states == ["pass", "fail"] and start.missed == 1 + sum(not criterion.holds for criterion in found.criteria)
 
 
 def test_a_lens_that_misses_a_constraint_is_no_better_for_its_light():

@@ -31,9 +31,9 @@ class GlareIntensities(Record):
     ``glare_class``: the strictest class of glare that these keep, or "none".
     """
 
-    glare_class: Annotated[Text, Figure("Glare class", "EN 13201")]
-    above_70: Annotated[Metric, Figure("Max. from 70° up", "cd/klm")]
-    above_80: Annotated[Metric, Figure("Max. from 80° up", "cd/klm")]
+    glare_class: Annotated[Text, Figure("Glare class", "EN 13201", key="glare_class")]
+    above_70: Annotated[Metric, Figure("Max. from 70° up", "cd/klm", key="above_70")]
+    above_80: Annotated[Metric, Figure("Max. from 80° up", "cd/klm", key="above_80")]
 
 
 def glare_intensities(lamp: LampLight, lumens: float) -> GlareIntensities:
@@ -53,9 +53,14 @@ def _largest_from(lamp: LampLight, gamma_deg: float, scale: float) -> Metric:
 class AreaLamp(Record):
     """Figures of a lamp with all its lenses. ``lumens``: flux that leaves it."""
 
-    lumens: Metric
-    distribution: DistributionType
-    bug: BugRating
+    lumens: Annotated[Metric, Figure("Luminous flux, lamp", key="lamp_lm")]
+    distribution: Annotated[DistributionType, Figure("IES distribution", of="name")]
+    bug: Annotated[
+        BugRating,
+        Figure(
+            "BUG rating", lambda photometry, lamp, whole: whole, value=lambda photometry, lamp, whole: str(lamp.bug)
+        ),
+    ]
     glare: GlareIntensities
 
     @staticmethod

@@ -28,9 +28,9 @@ from lensforge.light.receiver_light import (
     Possible,
     RawMetrics,
     ReceiverLight,
-    RegionLight,
     WindowSize,
 )
+from lensforge.light.region_light import RegionLight
 from lensforge.light.seen_lens import SeenLens
 from lensforge.light.simulation import ReplicateMetrics, TracedLens, lit_mask, simulate, traced_light
 from lensforge.optics.efficacy import UNKNOWN, Efficacy

@@ -8,7 +8,18 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, get_args
 from pydantic import Field
 
 from lensforge.light.light_ways import LightWay
-from lensforge.light.receiver_light import Flux, MissedByCause, Picture, Possible, RawMetrics, ReceiverLight
+from lensforge.light.receiver_light import (
+    EFFICIENCY,
+    NMSE,
+    RSD,
+    UNIFORMITY,
+    Flux,
+    MissedByCause,
+    Picture,
+    Possible,
+    RawMetrics,
+    ReceiverLight,
+)
 from lensforge.light.seen_lens import SeenLens
 from lensforge.light.travel_stops import Travel
 from lensforge.public import public
@@ -16,10 +27,11 @@ from lensforge.results import Count, Fact, Image, Metric, NotNegative, Positive,
 from lensforge.results.arguments import require_choice
 from lensforge.results.chart import light_unit
 from lensforge.results.criteria import Criteria, JudgedLimits, StatedFigures
-from lensforge.results.figure import Criterion, figure
+from lensforge.results.figure import Criterion, Figure, figure
 from lensforge.results.numerals import square
 from lensforge.results.plots import plot_map
 from lensforge.results.record import MOST_PIXELS
+from lensforge.scene.lens import Lens
 from lensforge.sources.source_place import SourcePlace
 from lensforge.spec import Spec
 from lensforge.spec.light_limits import bounds_of
@@ -61,6 +73,30 @@ class FittedLight(Record):
     efficiency: Metric
 
 
+_BY_SEARCH = "by the {fitted.rays} rays of the search, to which the lens is fitted"
+_BY_FILE = "by {by_file.rays} rays of the file, which the model of the LED was not fitted to"
+
+
+def _tables(light: "Light", lens: Lens) -> str:
+    return f"NMSE of the tables of --accuracy {lens.accuracy} against the exact surfaces"
+
+
+def _table_hits(light: "Light", lens: Lens) -> Metric | None:
+    """Root mean square shift of the hits, in the unit of the first receiver's chart."""
+    if light.preset_error is None:
+        return None
+    chart = light.first.chart
+    return Metric(value=chart.labelled(light.preset_error.evaluation.hit_mm.value), unit=chart.unit)
+
+
+def _has_tables(light: "Light", lens: Lens) -> bool:
+    return light.preset_error is not None
+
+
+def _has_error(light: "Light", lens: Lens) -> bool:
+    return light.nmse.standard_error is not None
+
+
 MetricName = Literal["nmse", "uniformity", "rsd", "efficiency", "share_in_target"]
 
 
@@ -96,16 +132,40 @@ class Light(ResultByLed):
     place: SourcePlace | None = None
     travel: Travel | None = None
     others: "tuple[Light, ...]" = ()
-    rays: Annotated[Count, Field(ge=1)]
+    rays: Annotated[
+        Count,
+        Field(ge=1),
+        Figure("Rays", lambda light, lens: "" if light.fitted is None else "which the search has not used"),
+    ]
     replicates: Annotated[Count, Field(ge=1)]
-    pixels: Annotated[Count, Field(ge=1, le=MOST_PIXELS)]
+    pixels: Annotated[
+        Count,
+        Field(ge=1, le=MOST_PIXELS),
+        Figure(
+            "Pixels",
+            lambda light, lens: light.filter.replace("pixel^2", "pixel²"),
+            value=lambda light, lens: " × ".join(map(str, light.map.shape[::-1])),
+        ),
+    ]
     filter: Text
     lumens_per_watt: Positive | None
     table_nodes: Count
     table_error_nm: dict[str, NotNegative]
-    preset_error: PresetError | None
-    fitted: FittedLight | None = None
-    by_file: FittedLight | None = None
+    fitted: Annotated[
+        FittedLight | None,
+        Figure("NMSE of fitted rays", _BY_SEARCH, key="fitted_nmse", of="nmse", is_square=True),
+        Figure("Efficiency, fitted rays", _BY_SEARCH, key="fitted_efficiency", of="efficiency", unit="%"),
+    ] = None
+    by_file: Annotated[
+        FittedLight | None,
+        Figure("NMSE, file’s own rays", _BY_FILE, key="file_nmse", of="nmse", is_square=True),
+        Figure("Efficiency, file’s own rays", _BY_FILE, key="file_efficiency", of="efficiency", unit="%"),
+    ] = None
+    preset_error: Annotated[
+        PresetError | None,
+        Figure("Simulation error", _tables, key="table_nmse", of="evaluation.irradiance_nmse", is_square=True),
+        Figure("Error of hit points", "rms, of the same tables", key="table_hits", value=_table_hits, digits=2),
+    ]
     seed: Count
     seconds: NotNegative
     criteria: Criteria = ()
@@ -186,11 +246,13 @@ class Light(ResultByLed):
         return self.first.missed_by_cause
 
     @property
+    @figure(Figure("NMSE with ray noise", "before the noise is subtracted", key="raw_nmse", of="nmse", when=_has_error))
     def raw(self) -> RawMetrics:
         """Metrics of the first receiver's picture, with ray noise."""
         return self.first.raw
 
     @property
+    @figure(Figure("NMSE of the ray noise", key="noise_nmse", digits=2, when=_has_tables))
     def nmse_of_noise(self) -> float | None:
         """NMSE of the noise in the first receiver's map."""
         return self.first.nmse_of_noise
@@ -246,10 +308,10 @@ def _figures(light: ReceiverLight) -> str:
 class LightMetrics(Record):
     """The metrics of one lens among several; None if a metric has no meaning."""
 
-    nmse: Metric
-    uniformity: Metric | None
-    rsd: Metric | None
-    efficiency: Metric
+    nmse: Annotated[Metric, NMSE]
+    uniformity: Annotated[Metric | None, UNIFORMITY]
+    rsd: Annotated[Metric | None, RSD]
+    efficiency: Annotated[Metric, EFFICIENCY]
 
     @staticmethod
     def of(light: Light) -> "LightMetrics":

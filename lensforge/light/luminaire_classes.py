@@ -22,7 +22,7 @@ from jaxtyping import Float
 from lensforge.light.angular_grid import AngularGrid
 from lensforge.results import Count, Metric, NotNegative, Record
 from lensforge.results.estimates import jackknife_metric, with_error
-from lensforge.results.figure import Figure
+from lensforge.results.figure import Apart, Figure
 from lensforge.sources.ray_bundle import RayBundle
 from lensforge.surfaces.mirror_group import group
 
@@ -82,12 +82,19 @@ class DistributionType(Record):
     lateral: Lateral
     longitudinal: Longitudinal
     along_mh: NotNegative
-    street_mh: Metric
+    street_mh: Annotated[
+        Metric, Figure("Half-peak line reaches", "mounting heights towards the street", key="street_mh")
+    ]
     house_mh: Metric
     roundness: Metric
 
+    @property
+    def name(self) -> str:
+        """The type without that word."""
+        return f"{self.lateral} {self.longitudinal}"
+
     def __str__(self) -> str:
-        return f"type {self.lateral} {self.longitudinal}"
+        return f"type {self.name}"
 
 
 @dataclass(frozen=True)
@@ -211,7 +218,7 @@ class BugRating(Record):
     backlight: Count
     uplight: Count
     glare: Count
-    zones: ZoneLumens
+    zones: Annotated[ZoneLumens, Apart()]
 
     def __str__(self) -> str:
         return f"B{self.backlight} U{self.uplight} G{self.glare}"

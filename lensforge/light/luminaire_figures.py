@@ -19,7 +19,7 @@ class LuminaireFigures(Record):
     square room, for the room indices 0.6, 0.8, 1, 1.25, 1.5, 2, 2.5, 3, 4 and 5.
     """
 
-    throw: Annotated[Metric | None, Figure("Throw", "0.25 lx there by the peak intensity, ANSI/PLATO FL1")]
+    throw: Annotated[Metric | None, Figure("Throw", "0.25 lx there by the peak intensity, ANSI/PLATO FL1", key="throw")]
     flux_code: tuple[Metric, Metric, Metric, Metric, Metric]
     direct_ratios: tuple[Metric, ...]
 

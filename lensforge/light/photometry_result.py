@@ -18,6 +18,7 @@ from jaxtyping import Float
 from lensforge.light.angular_grid import FittedIntensity
 from lensforge.light.area_lamp import AreaLamp
 from lensforge.light.luminaire_figures import LuminaireFigures
+from lensforge.light.plane_figures import PlaneFigures
 from lensforge.light.spectral_figures import SpectralFigures
 from lensforge.public import public
 from lensforge.results import (
@@ -44,13 +45,16 @@ from lensforge.results.estimates import (
     in_doubt,
     maximum_estimate,
 )
+from lensforge.results.figure import Apart, Figure
 from lensforge.results.files import MIB
 from lensforge.results.level_width import width_above
+from lensforge.results.numerals import percent, quantity
 from lensforge.results.plots import plot_curves
 from lensforge.scene.application_light import ApplicationJudgement, with_judgements
 from lensforge.sources.intensity import BEAM_SHARE, FIELD_SHARE, plane_profile
 from lensforge.sources.photometric.candela_table import CandelaTable
 from lensforge.sources.photometric.photometric_file import turned_over
+from lensforge.spec import Spec
 from lensforge.spec.application import Application
 
 if TYPE_CHECKING:
@@ -65,26 +69,6 @@ class Direction(Record):
 
     c_deg: Number
     gamma_deg: Number
-
-
-class PlaneFigures(Record):
-    """Beam in the plane of the half-planes ``c_deg`` and ``c_deg`` + 180.
-
-    ``beam_angle_deg`` and ``field_angle_deg``: between the outermost directions with a half and a tenth of the largest
-    intensity of this plane, ``peak_cd`` (CIE S 017, ANSI/IES LS-1); None if it has no light.
-    """
-
-    c_deg: Number
-    peak_cd: Metric
-    beam_angle_deg: Metric | None
-    field_angle_deg: Metric | None
-
-    def in_doubt(self, other: "PlaneFigures", doubt: float) -> "PlaneFigures":
-        """These figures with the doubt that other rays would choose ``other``."""
-        names = ("peak_cd", "beam_angle_deg", "field_angle_deg")
-        pairs = {name: (getattr(self, name), getattr(other, name)) for name in names}
-        known = {name: pair for name, pair in pairs.items() if None not in pair}
-        return self.changed(**{name: in_doubt(*pair, doubt) for name, pair in known.items()})
 
 
 @dataclass(frozen=True)
@@ -224,6 +208,56 @@ class LostFlux(Record):
     bodies: NotNegative = 0.0
 
 
+def one_of_lenses(spec: Spec) -> str:
+    """Phrase for the single lens that has the light, if a lamp has several; else empty."""
+    return f"one lens of {spec.photometry.lenses}" if spec.photometry.lenses > 1 else ""
+
+
+def light_of(spec: Spec) -> str:
+    """Phrase for the lens or the lamps whose light the files hold; empty for a single LED."""
+    return one_of_lenses(spec) or spec.all_lamps.whole.replace("of all lamps", "one lamp")
+
+
+def _flux_note(photometry: "Photometry", spec: Spec) -> str:
+    source = f"for {quantity(photometry.source_lm, 'lm', digits=5)} of the source"
+    unknown = ", whose flux is not stated" if photometry.per_1000_lm else ""
+    alone = "" if spec.plate is None else "; as if none entered other lenses of the plate (verify --stray)"
+    return f"{_start(spec)}{source}{unknown}{alone}"
+
+
+def _peak_note(photometry: "Photometry", spec: Spec) -> str:
+    direction = photometry.peak_direction
+    c_text = quantity(direction.c_deg, "°", digits=4)
+    return f"{_start(spec)}at C {c_text}, gamma {quantity(direction.gamma_deg, '°', digits=3)}"
+
+
+def _start(spec: Spec) -> str:
+    whose = light_of(spec)
+    return f"{whose}; " if whose else ""
+
+
+def _noise_note(photometry: "Photometry", spec: Spec) -> str:
+    return "" if photometry.node_error is None else f"the table’s noise is {percent(photometry.node_error.rms)} rms"
+
+
+def _beam_angle(beam: str) -> Figure:
+    """The figure of the beam angle in the plane of the field ``beam``."""
+    return Figure(
+        f"Beam angle, {{{beam}.plane}}",
+        lambda photometry, spec: getattr(photometry, beam).beam_note(spec),
+        key=f"beam_{{{beam}.plane}}",
+        of="beam_angle_deg",
+        missing="",
+        notice=lambda photometry, spec: getattr(photometry, beam).beam_notice(spec),
+        when=lambda photometry, spec: not getattr(photometry, beam).is_judged(spec),
+    )
+
+
+def _field_angle(beam: str) -> Figure:
+    label = f"Field angle, {{{beam}.plane}}"
+    return Figure(label, "full width at 10 %", key=f"field_{{{beam}.plane}}", of="field_angle_deg", missing="")
+
+
 _FILE_NAMES = {"ies": IES_FILE, "ldt": LDT_FILE, "tm33": TM33_FILE, "tm25ray": TM25_FILE}
 
 
@@ -257,7 +291,6 @@ class Photometry(ResultByLed):
     stage: ClassVar[str] = "photometry"
 
     others: "tuple[Photometry, ...]" = ()
-    rays: Count
     source_w: Positive
     exit_w: Metric
     light_output_ratio: Metric
@@ -266,15 +299,16 @@ class Photometry(ResultByLed):
     source_lm: Positive
     source_lm_from: Literal["given", "spec or source file", "not known"]
     per_1000_lm: Flag
-    exit_lm: Metric
-    axis_cd: Metric
-    peak_cd: Metric
+    exit_lm: Annotated[Metric, Figure("Luminous flux", _flux_note, key="exit_lm")]
+    peak_cd: Annotated[Metric, Figure("Peak intensity", _peak_note, key="peak_cd")]
+    axis_cd: Annotated[Metric, Figure("Intensity on the axis", key="axis_cd")]
     peak_direction: Direction
-    beam_c0: PlaneFigures
-    beam_c90: PlaneFigures
+    beam_c0: Annotated[PlaneFigures, _beam_angle("beam_c0"), _field_angle("beam_c0")]
+    beam_c90: Annotated[PlaneFigures, _beam_angle("beam_c90"), _field_angle("beam_c90")]
     figures: LuminaireFigures
-    spectrum: SpectralFigures | None
-    road: AreaLamp | None
+    spectrum: Annotated[SpectralFigures | None, Apart()]
+    road: Annotated[AreaLamp | None, Apart()]
+    rays: Annotated[Count, Figure("Rays", _noise_note, key="photometry_rays")]
     node_error: Extent | None
     interpolation_error: NotNegative | None
     warnings: tuple[Text, ...] = ()

@@ -1,7 +1,5 @@
 """The light on one receiver: its metrics with their standard errors, the flux by fate, its maps and its regions.
 
-Figures of a region are its mean light, its evenness and the peak, without the noise of the rays.
-
 A spec that sets no limits is judged by two bounds. ``benchmarks/verdicts.py`` calibrates both: the
 worst of the shipped specs has an NMSE of 0.08 as a draft, and puts 0.8 of what two faces transmit into its target;
 useless lenses (a 6 mm source in an 8 mm lens, a word finer than the image of its source, a lens of hardly more than
@@ -10,83 +8,31 @@ there.
 """
 
 from collections.abc import Iterator
-from typing import Annotated, Literal
+from dataclasses import replace
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 from pydantic import AfterValidator, Field, model_validator
 
 from lensforge.light.beam_colour import BeamColour
+from lensforge.light.region_light import RegionLight
+from lensforge.optics.fundamental_limits import BY_SYMMETRY, LEVELS, transmittance_of
 from lensforge.public import public
-from lensforge.results import Fact, Image, Irradiance, Metric, NotNegative, Number, Positive, Record, Share, Text
+from lensforge.results import Irradiance, Metric, NotNegative, Number, Positive, Record, Share, Text
 from lensforge.results.chart import Chart
 from lensforge.results.estimates import (
-    debiased_maximum,
-    debiased_minimum,
-    jackknife_metric,
-    least_over_mean,
     nmse,
-    ratio_of,
 )
-from lensforge.results.figure import Figure
-from lensforge.results.numerals import percent
+from lensforge.results.figure import Apart, Figure, figures_at
+from lensforge.results.numerals import number, percent, square
 from lensforge.results.record import Array
+from lensforge.spec import Spec
 from lensforge.spec.receiver_fields import ReceiverSection
 from lensforge.spec.target_sections import IN_TARGET
 
-Region = Literal["uniform", "bright"]
-_BRIGHT = 0.5  # of the target's largest light: edges that fade are half outside
-_REGIONS: dict[Region, str] = {
-    "uniform": "in the region of uniform light",
-    "bright": "where the target is above half of its maximum",
-}
-
-
-class RegionLight(Record):
-    """Light in a region of a receiver.
-
-    ``region``: "uniform", that of the target's ``uniform_mm`` or ``uniform_deg``; "bright" of other targets, where the
-    target is above half of its maximum. ``mean``: W/m², in the far field W/sr. ``u0``: min/mean, ``u1``: min/max
-    of the light (EN 12665). ``peak``: largest light on the receiver over the target's largest.
-    """
-
-    region: Region
-    mean: Metric
-    u0: Annotated[Metric, Figure("U0", "min/mean of the light {where}")]
-    u1: Annotated[Metric, Figure("U1", "min/max of the light {where}")]
-    peak: Annotated[Metric, Figure("Peak/target peak", "max. light/max. of the target, at equal flux")]
-
-    @property
-    def where(self) -> str:
-        """Phrase for the region."""
-        return _REGIONS[self.region]
-
-    @staticmethod
-    def of(
-        images: Float[np.ndarray, "r h w"], target: Image, mask: Bool[np.ndarray, "h w"] | None, unit: str
-    ) -> "RegionLight | None":
-        """Figures of filtered ``images`` in ``mask``, or where the ``target`` is bright; None in the dark."""
-        inside = bright_region(target) if mask is None else mask
-        readings = images[:, inside]
-        means = readings.mean(axis=1)
-        if not (means > 0.0).all():
-            return None
-        least = debiased_minimum(readings)
-        largest = debiased_maximum(readings)
-        scaled = images * (target.sum() / target.max() / images.sum(axis=(1, 2)))[:, None, None]
-        return RegionLight(
-            region="bright" if mask is None else "uniform",
-            mean=jackknife_metric(means, float, unit),
-            u0=least_over_mean(readings).metric(),
-            u1=ratio_of(least, largest),
-            peak=debiased_maximum(scaled.reshape(len(images), -1)),
-        )
-
-
-def bright_region(target: Image) -> Bool[np.ndarray, "h w"]:
-    """Pixels where the target is above half of its maximum; pixels of exactly half, often on its edge, are not."""
-    return target > _BRIGHT * (1.0 + 1e-9) * target.max()
-
+if TYPE_CHECKING:
+    from lensforge.scene.lens import Lens
 
 _FLUX_ADDS_UP = 1e-9
 _OF_NOISE = 0.1  # by which the noise that is taken off an NMSE may differ from that in the mean map
@@ -188,8 +134,125 @@ def _known_kind(kind: str) -> str:
     return kind
 
 
+_OF_POSSIBLE = 0.9  # of the efficiency: less deserves a look; the shipped specs have 0.78 to 1.00
+
+
+def _error_note(light: object, receiver: "ReceiverLight", lens: "Lens") -> str:
+    """Definition of the NMSE, and its dependence on the pixels."""
+    return f"mean square deviation over the target’s mean square{by_pixels(receiver)}{_unjudged(lens.spec)}"
+
+
+def _share_note(light: object, receiver: "ReceiverLight", lens: "Lens") -> str:
+    """Definition of the share in the target, and an estimate of what étendue leaves."""
+    where = "share of the LED’s flux where the target is above a tenth of its maximum"
+    return f"{where}{_estimate(receiver)}{_unjudged(lens.spec)}"
+
+
+def _efficiency_note(light: object, receiver: "ReceiverLight", lens: "Lens") -> str:
+    """Definition of the efficiency: whose flux, and in which window."""
+    whole = lens.spec.all_lamps.whole
+    return f"share of the {f'flux {whole}' if whole else 'LED’s flux'} {window_words(receiver)}"
+
+
+def _efficiency_law(light: object, receiver: "ReceiverLight", lens: "Lens") -> str:
+    """Law that bounds the efficiency."""
+    if lens.spec.lens.is_opaque:
+        return "reflectance of the mirror"
+    return "transmittance and largest deflection of two faces"
+
+
+def _efficiency_notice(light: object, receiver: "ReceiverLight", lens: "Lens") -> str:
+    """A notice of an efficiency far below its bound."""
+    far = receiver.efficiency.value < _OF_POSSIBLE * receiver.possible.efficiency
+    return f"below {_OF_POSSIBLE:g} of the upper bound" if far else ""
+
+
+def _uniformity_note(light: object, receiver: "ReceiverLight", lens: "Lens") -> str:
+    """Definition of the uniformity, and its region."""
+    return f"{receiver.evenness_words} in the mask {mask_words(lens.spec, receiver.name)}"
+
+
+def _rsd_note(light: object, receiver: "ReceiverLight", lens: "Lens") -> str:
+    """Definition of the RSD, and its region."""
+    return f"standard deviation/mean in the mask {mask_words(lens.spec, receiver.name)}"
+
+
+def _brighter_by(receiver: "ReceiverLight", other: str) -> str:
+    """Changes that would bring more light; if symmetry bounds the lens, another shape of its faces."""
+    return LEVELS if receiver.possible.law == BY_SYMMETRY else f"a larger lens, a smaller source or {other}"
+
+
+def window_words(receiver: "ReceiverLight") -> str:
+    """Phrase after "flux" for the part of the receiver in which it is detected."""
+    return f"within {receiver.where}" if receiver.is_far_field else receiver.where
+
+
+def mask_words(spec: Spec, receiver: str) -> str:
+    """Phrase after "mask" for the region of uniform light on the ``receiver`` called so: its size, or their number."""
+    targets = next((section.targets for section in spec.all_receivers if section.name == receiver), ())
+    sizes = [(pair, target.unit) for target in targets if (pair := target.pair("uniform")) is not None]
+    if len(sizes) != 1:
+        return f"of {len(sizes)} parts"
+    (width, height), unit = sizes[0]
+    end = "°" if unit == "deg" else " mm"
+    return f"of {width:g}{end}" if width == height else f"of {width:g} × {height:g}{end}"
+
+
+def _unjudged(spec: Spec) -> str:
+    return "; not judged, as the spec has limits" if spec.has_limits else ""
+
+
+def _estimate(receiver: "ReceiverLight") -> str:
+    """Phrase for the share limited by an estimated étendue, if the source's luminance is known from its rays alone."""
+    possible = receiver.possible
+    estimate = possible.estimate
+    if estimate is None or estimate.share_in_target >= possible.share_in_target:
+        return ""
+    return f"; étendue may leave {percent(estimate.share_in_target)}, an estimate from rays of the source and no bound"
+
+
+def by_pixels(receiver: "ReceiverLight") -> str:
+    """Phrase for the NMSE with half as many pixels, if the change exceeds its noise."""
+    change = receiver.nmse_of_raster
+    error = receiver.nmse.standard_error
+    if change is None or abs(change) <= (error or 0.0):
+        return ""
+    halved = receiver.nmse.value - change
+    shown = number(halved, 2) if halved >= 0.0 else square(halved, error)
+    return f"; depends on the pixels: {shown} with pixels twice as wide"
+
+
+LARGEST_NMSE = 0.10
+LEAST_SHARE = 0.7  # of what is possible, and of what two faces transmit at normal incidence, must lie in the target
+
+
+def possible_share(receiver: "ReceiverLight", transmittance: float) -> tuple[float, str]:
+    """Largest share of the flux in the target on ``receiver``, and its law; ``transmittance``: of both faces."""
+    whole = transmittance * receiver.wanted_in_target
+    possible, law = receiver.possible.expected_share
+    if whole <= possible:
+        return whole, "two faces transmit into the target" if transmittance < 1.0 else "the target takes"
+    return possible, law
+
+
+def _least_share(light: object, receiver: "ReceiverLight", lens: "Lens") -> float | None:
+    """Share of the flux that must lie in the target; None if the spec has limits, by which the light is judged."""
+    return None if lens.spec.has_limits else LEAST_SHARE * possible_share(receiver, transmittance_of(lens.media))[0]
+
+
+def _least_share_note(light: object, receiver: "ReceiverLight", lens: "Lens") -> str:
+    most, law = possible_share(receiver, transmittance_of(lens.media))
+    return f"{LEAST_SHARE:g} of the {percent(most)} that {law}"
+
+
+NMSE = Figure("Pattern error (NMSE)", is_square=True)
+EFFICIENCY = Figure("Efficiency", unit="%")
+UNIFORMITY = Figure("Uniformity")
+RSD = Figure("RSD")
+
+
 class ReceiverLight(Record):
-    """The light on one receiver.
+    """The light on one receiver. Texts and limits of its figures are by the light and the lens, too.
 
     ``width``, ``height``: of its chart, in mm, or for the far field of the equal-area chart, 2 sin(gamma / 2). ``map``,
     ``raw_map``, ``target_map``: irradiance (W/m^2), or intensity (W/sr), [row y, column x] after the filter, before it,
@@ -216,12 +279,46 @@ class ReceiverLight(Record):
     width: Annotated[Positive, Field(le=1e12)]
     height: Annotated[Positive, Field(le=1e12)]
     window: WindowSize
-    nmse: Metric
-    efficiency: Metric
-    share_in_target: Metric
-    uniformity: Metric | None
-    rsd: Metric | None
-    in_region: RegionLight | None = None
+    nmse: Annotated[
+        Metric,
+        replace(
+            NMSE,
+            note=_error_note,
+            limit=lambda light, receiver, lens: None if lens.spec.has_limits else LARGEST_NMSE,
+            possible=lambda light, receiver, lens: receiver.possible.nmse or None,
+            possible_note="étendue of each pixel, for the light that arrives",
+            remedy=lambda light, receiver, lens: _brighter_by(receiver, "a coarser pattern"),
+            when=lambda light, receiver, lens: lens.spec.optimise.aim == "pattern",
+        ),
+    ]
+    share_in_target: Annotated[
+        Metric,
+        Figure(
+            "Light in the target",
+            _share_note,
+            unit="%",
+            sense=">=",
+            limit=_least_share,
+            limit_note=_least_share_note,
+            possible="possible.share_in_target",
+            possible_note="{possible.law}",
+            remedy=lambda light, receiver, lens: _brighter_by(receiver, "a wider target"),
+        ),
+    ]
+    efficiency: Annotated[
+        Metric,
+        replace(
+            EFFICIENCY,
+            note=_efficiency_note,
+            sense=">=",
+            possible="possible.efficiency",
+            possible_note=_efficiency_law,
+            notice=_efficiency_notice,
+        ),
+    ]
+    uniformity: Annotated[Metric | None, replace(UNIFORMITY, note=_uniformity_note)]
+    rsd: Annotated[Metric | None, replace(RSD, note=_rsd_note)]
+    in_region: Annotated[RegionLight | None, Apart()] = None
     raw: RawMetrics
     nmse_of_noise: NotNegative | None
     nmse_of_raster: Number | None = None
@@ -232,7 +329,7 @@ class ReceiverLight(Record):
     map: Irradiance
     raw_map: Irradiance
     target_map: Irradiance
-    colour: BeamColour | None = None
+    colour: Annotated[BeamColour | None, Apart()] = None
     tristimulus_map: Annotated[Float[np.ndarray, "3 h w"], Array(3, "h", "w", least=0.0)] | None = None
 
     @property
@@ -293,38 +390,4 @@ class ReceiverLight(Record):
         return self
 
 
-LARGEST_NMSE = 0.10
-LEAST_SHARE = 0.7  # of what is possible, and of what two faces transmit at normal incidence, must lie in the target
-
-
-def possible_share(receiver: ReceiverLight, transmittance: float) -> tuple[float, str]:
-    """Largest share of the flux in the target on ``receiver``, and its law; ``transmittance``: of both faces."""
-    whole = transmittance * receiver.wanted_in_target
-    possible, law = receiver.possible.expected_share
-    if whole <= possible:
-        return whole, "two faces transmit into the target" if transmittance < 1.0 else "the target takes"
-    return possible, law
-
-
-METRICS = {
-    "nmse": "Pattern error (NMSE)",
-    "efficiency": "Efficiency",
-    "share_in_target": "Light in the target",
-    "uniformity": "Uniformity",
-    "rsd": "RSD",
-}
-
-
-def judged_figures(receiver: ReceiverLight, transmittance: float) -> dict[str, Fact]:
-    """NMSE and share in the target on ``receiver``, judged; ``transmittance``: of both faces."""
-    most, law = possible_share(receiver, transmittance)
-    nmse = Fact.measured("nmse", METRICS["nmse"], receiver.nmse, limit=LARGEST_NMSE, is_square=True)
-    share = Fact.measured(
-        "share_in_target",
-        METRICS["share_in_target"],
-        receiver.share_in_target,
-        sense=">=",
-        limit=LEAST_SHARE * most,
-        limit_note=f"{LEAST_SHARE:g} of the {percent(most)} that {law}",
-    )
-    return {fact.key: fact for fact in (nmse, share)}
+METRICS = figures_at(ReceiverLight)  # by the names of metrics

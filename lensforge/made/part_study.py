@@ -20,7 +20,6 @@ from lensforge.kernels.parallel import in_parallel_map
 from lensforge.light.evaluation import evaluate_traced
 from lensforge.light.evaluation_result import Light
 from lensforge.light.far_field import limits_by_intensities
-from lensforge.light.receiver_light import judged_figures
 from lensforge.light.replicate_rays import ReplicateRays
 from lensforge.light.simulation import TracedLens
 from lensforge.made.board_light import (
@@ -35,9 +34,9 @@ from lensforge.made.board_light import (
 from lensforge.made.part_light import Channels, MeasuredPart, PartLight, judged_colour
 from lensforge.made.tolerance_result import LimitChange, MetricBound
 from lensforge.optics.efficacy import Efficacy
-from lensforge.optics.fundamental_limits import transmittance_of
 from lensforge.results import Fact, Metric
 from lensforge.results.estimates import scaled
+from lensforge.results.figure import limits_in
 from lensforge.scene.eye_view import EyeView, eye_views
 from lensforge.scene.lamp_pictures import LampPictures
 from lensforge.scene.lens import Lens
@@ -342,15 +341,16 @@ class LedStudy:
     def bounds(self) -> tuple[MetricBound, ...]:
         """Bounds of a part: the limits of the spec or, without any, those of the verdict on the light."""
         light = self.designed_light
-        bounds = list(zip(self._limit_names, light.limits, strict=True))
-        if not bounds:
-            for prefix, receiver in zip(self._prefixes, light.receivers, strict=True):
-                judged = judged_figures(receiver, transmittance_of(self.lens.media))
-                bounds += [(f"{prefix}{name}", figure) for name, figure in judged.items()]
+        if not light.limits:
+            return tuple(
+                MetricBound(metric=f"{prefix}{name}", sense=sense, bound=bound, unit="")
+                for prefix, receiver in zip(self._prefixes, light.receivers, strict=True)
+                for name, sense, bound in limits_in(light, receiver, self.lens)
+            )
         powers = chain((limit.quantity.flux_power for limit in self.limits), repeat(0.0))
         return tuple(
-            MetricBound(metric=name, sense=figure.sense, bound=figure.bound, unit=figure.unit, flux_power=power)
-            for (name, figure), power in zip(bounds, powers, strict=False)
+            MetricBound(metric=name, sense=limit.sense, bound=limit.bound, unit=limit.unit, flux_power=power)
+            for name, limit, power in zip(self._limit_names, light.limits, powers, strict=False)
         )
 
     def limit_changes(self, part: MeasuredPart) -> Iterator[LimitChange]:

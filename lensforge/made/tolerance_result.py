@@ -30,9 +30,11 @@ from lensforge.results import (
     stated,
 )
 from lensforge.results.arguments import require_choice
+from lensforge.results.figure import Apart, Figure, figure
+from lensforge.results.numerals import NOTHING, percent, quantity
 from lensforge.results.plots import Axes, plot_bars, plot_distribution
 from lensforge.results.verdict import CERTAIN
-from lensforge.spec.tolerances_section import Factor
+from lensforge.spec.tolerances_section import Factor, amount_words
 
 MetricName = Literal["uniformity", "rsd", "nmse", "efficiency"]
 
@@ -73,10 +75,10 @@ class Sensitivity(ResultByLed):
     stage: ClassVar[str] = "sensitivity"
 
     others: "tuple[Sensitivity, ...]" = ()
-    nominal: LightMetrics
+    nominal: Annotated[LightMetrics, Apart()]
     rows: Annotated[tuple[ErrorRow, ...], Field(max_length=_MOST_ROWS)]
     preset: Text
-    rays: Count
+    rays: Annotated[Count, Figure("Rays")]
     seconds: NotNegative
 
     def plot(self, axes: "Axes | None" = None, *, metric: MetricName = "nmse") -> "Axes":
@@ -120,6 +122,11 @@ class PassRate(Record):
         within = binomtest(passed, count).proportion_ci(_CONFIDENCE, "wilson")
         return PassRate(value=passed / count, low=float(within.low), high=float(within.high))
 
+    @property
+    def interval(self) -> str:
+        """The confidence interval in words."""
+        return f"{percent(self.low)} to {percent(self.high)}"
+
 
 class MetricBound(Record):
     """Bound that a part must keep to pass: ``metric``, a name of ``metrics``, ``sense`` ``bound``, in ``unit``.
@@ -151,12 +158,12 @@ class MetricSpread(Record):
     """
 
     unit: Text
-    designed: Metric
-    p5: Number
-    p50: Number
-    p95: Number
+    designed: Annotated[Metric, Figure("As designed")]
+    p5: Annotated[Number, Figure("5th percentile")]
+    p50: Annotated[Number, Figure("Median")]
+    p95: Annotated[Number, Figure("95th percentile")]
     mean: Metric
-    spread: NotNegative
+    spread: Annotated[NotNegative, Figure("Standard deviation")]
     standard_error: NotNegative | None
 
     @stated
@@ -174,9 +181,17 @@ class CauseShare(Record):
     standard_error: NotNegative
 
     @property
+    def metric(self) -> Metric:
+        """The share with its standard error."""
+        return Metric(value=self.share, standard_error=self.standard_error)
+
+    @property
     def rank(self) -> tuple[float, float]:
         """Sort key of the causes: the certain part of their share, two standard errors less, then the value."""
         return -max(self.share - CERTAIN * self.standard_error, 0.0), -self.share
+
+
+UNCERTAIN = "not significant with so few parts"
 
 
 class Variance(Record):
@@ -189,6 +204,13 @@ class Variance(Record):
     def certain(self) -> tuple[CauseShare, ...]:
         """The causes that exceed the noise of the parts, the surest first: the others are not shown."""
         return tuple(cause for cause in self.causes if cause.share > CERTAIN * cause.standard_error)
+
+    @property
+    def main_words(self) -> str:
+        """The surest cause and its share, in words."""
+        for cause in self.certain[:1]:
+            return f"{cause.words}, {quantity(100.0 * cause.share, '%', 100.0 * cause.standard_error, digits=4)}"
+        return UNCERTAIN
 
 
 def drawn_to_mean(values: Float[np.ndarray, " n"], spread: float) -> Float[np.ndarray, " n"]:
@@ -210,11 +232,23 @@ class ApplicationYield(Record):
     """
 
     name: Text
-    lighting_class: Text
-    pass_rate: PassRate
-    nearest: Text
+    lighting_class: Annotated[Text, Figure("Class")]
+    pass_rate: Annotated[
+        PassRate,
+        Figure("Yield", key="holds", of="value", unit="%"),
+        Figure("95\u2009% confidence", key="confidence", of="interval"),
+    ]
+    nearest: Annotated[Text, Figure("Most critical figure", value=lambda study, entry: entry.nearest_words)]
     nearest_share: Share
-    variance: Variance | None
+    variance: Annotated[
+        Variance | None,
+        Figure("Main cause", key="main", of="main_words", missing="undecided: within the ray noise"),
+    ]
+
+    @property
+    def nearest_words(self) -> str:
+        """The most critical figure, and the parts of which it is that."""
+        return f"{self.nearest.removeprefix(f'{self.name}: ')}, of {percent(self.nearest_share)} of the parts"
 
 
 class BudgetRow(Record):
@@ -234,6 +268,48 @@ class BudgetRow(Record):
     searched_to: NotNegative
     unlimited: bool
 
+    @property
+    def is_tight(self) -> bool:
+        """True if the specified amount is too large."""
+        return not self.unlimited and (self.at_most is None or self.at_most < self.specified)
+
+    @property
+    @figure(Figure("Specified", key="specified"))
+    def specified_words(self) -> str:
+        """The specified amount."""
+        return self._amount_words(1.0 if self._is_factor else self.specified)
+
+    @property
+    @figure(Figure("At most", key="at_most"))
+    def most_words(self) -> str:
+        """The largest amount at which enough parts pass."""
+        if self.unlimited:
+            return f"above {self._amount_words(self.searched_to)}"
+        return NOTHING if self.at_most is None else self._amount_words(self.at_most)
+
+    @property
+    @figure(Figure("Interval", key="interval"))
+    def interval_words(self) -> str:
+        """The interval of the largest amount, or why there is none."""
+        if self.unlimited:
+            times = quantity(self.searched_to / self.specified, digits=3) if self.specified > 0.0 else ""
+            return "not searched beyond" + (f" ({times} times)" if times and not self._is_factor else "")
+        if self.low is None or self.high is None:
+            alone = "the other tolerances alone give too low a yield"
+            return "no factor is small enough" if self._is_factor else alone
+        return f"{self._amount_words(self.low)} to {self._amount_words(self.high)}"
+
+    @property
+    def _is_factor(self) -> bool:
+        return self.tolerance == "all"
+
+    def _amount_words(self, value: float) -> str:
+        return f"× {quantity(value, digits=3)}" if self._is_factor else amount_words(self.tolerance, value, self.unit)
+
+
+def _is_missed(study: "Yield", budget: "Budget") -> bool:
+    return study.pass_rate.value < budget.pass_rate
+
 
 class Budget(Record):
     """Largest amount of each tolerance at which ``pass_rate`` of the parts pass, by the first ``parts`` of them.
@@ -241,10 +317,15 @@ class Budget(Record):
     ``together``: the factor, in the place of an amount, by which all of them may be scaled at once.
     """
 
-    pass_rate: Share
     parts: Count
     alone: Annotated[tuple[BudgetRow, ...], Field(max_length=_MOST_FACTORS)]
-    together: BudgetRow
+    together: Annotated[BudgetRow, Apart(), Figure("Tolerances together", "{together_note}", of="most_words")]
+    pass_rate: Annotated[Share, Figure("Required yield", key="wanted", unit="%")]
+
+    @property
+    def wanted(self) -> str:
+        """The required yield in words."""
+        return percent(self.pass_rate)
 
     @property
     def reached(self) -> bool:
@@ -259,6 +340,29 @@ class Budget(Record):
         """
         tight = [row for row in self.alone if row.at_most is not None and 0.0 < row.at_most < row.specified]
         return max(tight, key=lambda row: (row.at_most or 0.0) / row.specified, default=None)
+
+    @property
+    def together_note(self) -> str:
+        """Meaning and interval of the factor."""
+        return f"one factor on all, for a yield of {self.wanted}; {self.together.interval_words}"
+
+    @property
+    @figure(Figure("Smallest tightening", "{cheapest_note}", key="cheapest", when=_is_missed))
+    def cheapest_words(self) -> str:
+        """The least tightening of one tolerance that reaches the required yield."""
+        if self.cheapest is not None:
+            return f"{self.cheapest.words}, from {self.cheapest.specified_words} to {self.cheapest.most_words}"
+        return "none" if self.reached else "none is enough"
+
+    @property
+    def cheapest_note(self) -> str:
+        """Its interval, or why there is none."""
+        by_parts = f"by {quantity(self.parts)} parts"
+        if self.cheapest is not None:
+            return f"for a yield of {self.wanted}, the others as specified; {self.cheapest.interval_words}, {by_parts}"
+        if self.reached:
+            return f"{by_parts} alone the yield is {self.wanted} or more"
+        return f"no tolerance alone, however small, gives a yield of {self.wanted}, {by_parts}"
 
 
 class FluxNeeded(Record):
@@ -327,19 +431,19 @@ class Yield(SimulatedResult):
     stage: ClassVar[str] = "yield"
     omit_if_empty: ClassVar[tuple[str, ...]] = ("leds", "worst_leds")
 
-    parts: Annotated[Count, Field(ge=2, le=MOST_PARTS)]
-    lamps: Count = 1
+    pass_rate: Annotated[PassRate, Figure("Yield", "95\u2009% confidence: {pass_rate.interval}", of="value", unit="%")]
+    parts: Annotated[Count, Field(ge=2, le=MOST_PARTS), Figure("Parts")]
+    lamps: Annotated[Count, Figure("Lamps of each part", "drawn apart", when=lambda study: study.lamps > 1)] = 1
     leds: tuple[Text, ...] = ()
-    rays: Count
+    rays: Annotated[Count, Figure("Rays of each part")]
     seed: Count
     preset: Text
     tolerances: tuple[ToleranceAmount, ...]
     bounds: Annotated[tuple[MetricBound, ...], Field(max_length=_MOST_BOUNDS)]
-    pass_rate: PassRate
     metrics: dict[Text, MetricSpread]
     variance: dict[Text, Variance]
     roads: tuple[ApplicationYield, ...] = ()
-    budget: Budget | None
+    budget: Annotated[Budget | None, Apart()]
     flux: FluxNeeded | None = None
     worst: tuple[WorstPart, ...]
     worst_leds: tuple[Text, ...] = ()

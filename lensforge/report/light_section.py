@@ -10,9 +10,9 @@ from matplotlib.figure import Figure
 
 from lensforge.light.beam_colour import BeamColour
 from lensforge.light.evaluation_result import Light
-from lensforge.light.light_facts import Attainable, LimitBounds, light_reasons, mask_words, unit_on, window_words
+from lensforge.light.light_facts import Attainable, LimitBounds, light_reasons, unit_on
 from lensforge.light.photometry_result import Photometry
-from lensforge.light.receiver_light import METRICS, ReceiverLight
+from lensforge.light.receiver_light import ReceiverLight, mask_words, window_words
 from lensforge.light.seen_lens import radiance_unit
 from lensforge.report import colour_figures, light_figures, study_figures
 from lensforge.report.added_section import pictures_of_applications
@@ -243,7 +243,7 @@ def _maps(shown: ShownReceiver, whole: Light) -> list[PagePicture]:
     top = top_of([target, reached])
     mask = shown.mask(light_figures.MOST_DRAWN)
     has_mask = mask is not None and bool(mask.any())
-    dashed = f" Dashed: the mask {mask_words(shown.spec, shown.case.number)}." if has_mask else ""
+    dashed = f" Dashed: the mask {mask_words(shown.spec, light.name)}." if has_mask else ""
     rows, columns = light.map.shape
     filtered = whole.filter.replace("pixel^2", "pixel²").replace("3x3", "3 × 3")
     simulated = f"{number(whole.rays)} rays, {columns} × {rows} pixels. {filtered}.{_as_means(light)}"
@@ -407,7 +407,7 @@ def _light_rows(results: Results, name: str, light: Light) -> Iterator[Group]:
             Fact("source", "Source", source),
             *simulated.facts,
             Fact("pixels", "Pixels", f"{columns} × {rows}"),
-            *group.select(*list(METRICS)[:4]).facts,
+            *group.select("nmse", "efficiency", "share_in_target", "uniformity").facts,
         )
         state = worst(state for state, _ in reasons)
         yield Group("light", case.title(name), facts, "" if case.number else "; ".join(notes), state)

@@ -140,7 +140,7 @@ class Sweep(StageResult):
 
     def _row(self, row: SweepRow) -> Group:
         missed = [criterion.key for criterion in row.criteria if not criterion.holds]
-        names = [name for name in METRICS if any(getattr(design, name) is not None for design in self.designs)]
+        names = [name for name in _METRICS if any(getattr(design, name) is not None for design in self.designs)]
         facts = (
             *(Fact(field, field, value) for field, value in row.changes.items()),
             *(_metric(name, getattr(row, name)) for name in names),
@@ -205,11 +205,13 @@ def _without_design(failed: tuple[str, str]) -> Group:
     return Group("failed", value, (Fact("failed", "No design", why, state="fail"),))
 
 
+_METRICS = ("nmse", "efficiency", "share_in_target", "uniformity", "rsd")
+
+
 def _metric(name: str, metric: Metric | None) -> Fact:
-    shares = ("efficiency", "share_in_target")
-    if name in shares:
-        return Fact.share(name, METRICS[name], metric)
-    return Fact.measured(name, METRICS[name], metric, is_square=name == "nmse")
+    declared = METRICS[name]
+    fact = Fact.share if declared.unit == "%" else Fact.measured
+    return fact(name, str(declared.label), metric, is_square=declared.is_square)
 
 
 def sweep_of(spec: Spec, variation: AnyVariation, finished: Sequence[tuple[Variant, Sequence[Results]]]) -> Sweep:

@@ -1,13 +1,16 @@
 """Accuracy against computing time on one scene: what each setting costs, and which error it leaves."""
 
-from typing import ClassVar, Literal, get_args
+from dataclasses import replace
+from typing import Annotated, ClassVar, Literal, get_args
 
 from pydantic import Field
 
 from lensforge.light.evaluation_result import LightMetrics
+from lensforge.light.receiver_light import EFFICIENCY, NMSE
 from lensforge.public import public
 from lensforge.results import Count, Fact, Group, Metric, NotNegative, Record, StageResult, Text
 from lensforge.results.arguments import require_choice
+from lensforge.results.figure import Figure, facts_in
 from lensforge.results.plots import Axes, plot_curves
 from lensforge.spec import AnyAccuracy
 
@@ -29,28 +32,20 @@ class TradeoffRow(Record):
 
     series: Series
     setting: Text
-    seconds: NotNegative
-    rays: Count
-    nmse: Metric
-    efficiency: Metric
-    noise_nmse: NotNegative | None = None
+    seconds: Annotated[NotNegative, Figure("Time", digits=2)]
+    rays: Annotated[Count, Figure("Rays")]
+    nmse: Annotated[Metric, replace(NMSE, label="NMSE")]
+    efficiency: Annotated[Metric, EFFICIENCY]
+    noise_nmse: Annotated[NotNegative | None, Figure("Ray noise, NMSE", key="noise", digits=2)] = None
     functions: Count | None = None
-    steps: Count | None = None
+    steps: Annotated[Count | None, Figure("Steps")] = None
     by_led: dict[Text, LightMetrics] = Field(default_factory=dict)
 
     @property
     def facts(self) -> Group:
         """The cost of the setting, and the errors that it leaves."""
-        facts = (
-            Fact("seconds", "Time", self.seconds, "s", digits=2),
-            Fact("rays", "Rays", self.rays),
-            Fact.measured("nmse", "NMSE", self.nmse, is_square=True),
-            Fact.share("efficiency", "Efficiency", self.efficiency),
-            Fact("noise", "Ray noise, NMSE", self.noise_nmse, digits=2),
-            Fact("steps", "Steps", self.steps),
-        )
         worst = f", worst of {len(self.by_led)} LEDs" if self.by_led else ""
-        return Group(self.setting, f"{self.setting}{worst}", tuple(fact for fact in facts if fact.value is not None))
+        return Group(self.setting, f"{self.setting}{worst}", tuple(facts_in(self)))
 
     @property
     def line(self) -> Fact:

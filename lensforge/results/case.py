@@ -65,6 +65,6 @@ class Case(Generic[_Result]):
         alone = [replace(criterion, key=criterion.key.removeprefix(start)) for criterion in named]
         return alone if self.number else [*alone, *criteria]
 
-    def facts(self) -> Iterator[Fact]:
-        """The figures of the case, as facts."""
-        return facts_in(self.result, self.criteria, self.record)
+    def facts(self, *given: Any) -> Iterator[Fact]:
+        """The figures of the case, as facts; ``given``: further arguments of functions at their declarations."""
+        return facts_in(self.result, self.criteria, self.record, *given)

@@ -36,15 +36,20 @@ class Figure:
         note: words behind the value.
         key: by which pages select it; by default the path of the field without its unit.
         of: the entry of the field that is told, dotted, such as "max".
+        value: makes what is told where the field has a value, such as a text of several; by default that value.
         unit: in which it is told, "%" for a share; by default that of the field's name.
         digits: significant digits of a value without standard error.
-        missing: text in place of a value of None; by default such a figure is not told.
-        limit: the value that is asked for, where the criterion called ``judged_by`` judges it by another figure, such
-            as the margin to that value.
+        is_square: for a mean square, which less its noise may be below zero.
+        missing: text in place of a value of None, "" for none; by default such a figure is not told.
+        limit: the value that is asked for, of a share as a share. The criterion called ``judged_by`` judges it by
+            another figure, such as the margin to that value; without one, the figure itself is judged.
         sense: side of that limit on which the value must be.
         limit_note: whose limit it is.
         judged_by: the criterion whose state it has; without a ``limit`` its limit, too. By default the
             :class:`Criterion` of the same field.
+        possible: the best that physics allows.
+        possible_note: the law that says so.
+        remedy: what to change where its own limit is missed.
         notice: what a reader must not miss.
         when: whether a result tells it at all; by default each does.
     """
@@ -53,14 +58,19 @@ class Figure:
     note: Words = ""
     key: Words = ""
     of: str = ""
+    value: Callable[..., Any] | None = None
     unit: str | None = None
     digits: int = 4
+    is_square: bool = False
     missing: str | None = None
     limit: Bound | None = None
     sense: Sense = "<="
-    limit_note: str = ""
+    limit_note: Words = ""
     judged_by: str = ""
-    notice: str = ""
+    possible: Bound | None = None
+    possible_note: Words = ""
+    remedy: Words = ""
+    notice: Words = ""
     when: Callable[..., bool] | None = None
 
 
@@ -88,6 +98,11 @@ class Criterion:
     of: str = ""
     tolerance: Bound = 0.0
     unit: str | None = None
+
+
+@dataclass(frozen=True)
+class Apart:
+    """Marks a field whose record is told as a group of its own: its figures are not among those of the result."""
 
 
 _Mark = TypeVar("_Mark", Figure, Criterion)
@@ -173,6 +188,14 @@ def facts_in(result: Record, held: Iterable[Fact] = (), record: Record | None = 
             names = judged.get(declared.place, [judged_by])
             judgement = next((criterion for criterion in held if criterion.key in names), None)
             yield fact.judged_as(None if judgement is None else judgement.told_in(fact.unit))
+
+
+def limits_in(result: Record, record: Record | None = None, *given: Any) -> Iterator[tuple[str, Sense, float]]:
+    """Name, sense and bound of each figure that is judged by a limit of its own; arguments as of :func:`facts_in`."""
+    for declared in _all_declared(Figure, result, record, *given):
+        mark = declared.mark
+        if not mark.judged_by and _is_told(declared) and (limit := declared.number(mark.limit)) is not None:
+            yield declared.text(mark.key) or declared.name, mark.sense, limit
 
 
 def figures_of(kind: type[Record]) -> Iterator[tuple[str, Figure]]:
@@ -269,36 +292,58 @@ def _number(value: Any) -> tuple[float, float | None]:
     return (number if isfinite(number) else nan), None
 
 
+def _is_told(declared: _Declared[Figure]) -> bool:
+    when = declared.mark.when
+    return when is None or when(*declared.given)
+
+
 def _fact(declared: _Declared[Figure], held: Sequence[Fact]) -> Fact | None:
     mark = declared.mark
-    if mark.when is not None and not mark.when(*declared.given):
+    if not _is_told(declared):
         return None
-    value: Any = mark.missing if declared.value is None else declared.value
+    value: Any = mark.missing
+    if declared.value is not None:
+        value = declared.value if mark.value is None else mark.value(*declared.given)
     if value is None:
         return None
     label = declared.text(mark.label)
     note = declared.text(mark.note)
     key = declared.text(mark.key) or declared.name
-    if mark.unit == "%":
-        fact = Fact.share(key, label, value, note)
-    elif isinstance(value, Metric):
+    if isinstance(value, Metric):
         fact = Fact.measured(key, label, value, note)
     else:
         if not isinstance(value, str):
             value = converted(value, declared.field_unit, declared.unit)
-        fact = Fact(key, label, value, declared.unit, note=note)
-    fact = replace(fact, digits=mark.digits, sense=mark.sense, limit_note=mark.limit_note, notice=mark.notice)
+        fact = Fact(key, label, None if value == "" else value, declared.unit, note=note)
+    fact = replace(
+        fact,
+        digits=mark.digits,
+        is_square=mark.is_square,
+        sense=mark.sense,
+        possible=declared.number(mark.possible),
+        possible_note=declared.text(mark.possible_note),
+        remedy=declared.text(mark.remedy),
+        notice=declared.text(mark.notice),
+    )
     limit = declared.number(mark.limit)
-    if limit is None:
-        return fact
-    judged_by = declared.text(mark.judged_by)
+    if limit is not None:
+        fact = _with_limit(declared, replace(fact, limit=limit, limit_note=declared.text(mark.limit_note)), held)
+    return fact.in_percent if mark.unit == "%" else fact
+
+
+def _with_limit(declared: _Declared[Figure], fact: Fact, held: Sequence[Fact]) -> Fact:
+    """The ``fact``, which has a limit, with its state: by the criterion that judges it, else by its own value."""
+    if not declared.mark.judged_by:
+        measured = isinstance(declared.value, Metric)
+        return fact.judged(fact.standard_error if measured else 0.0)
+    judged_by = declared.text(declared.mark.judged_by)
     why = [
         criterion.note
         for criterion in held
         if criterion.key == judged_by and criterion.value is None and criterion.state == "fail"
     ]
     state = state_of(held, judged_by)  # for another reason than this value where the judgement has none
-    return replace(fact, limit=limit, state=state, note="; ".join(filter(None, [note, *why])))
+    return replace(fact, state=state, note="; ".join(filter(None, [fact.note, *why])))
 
 
 def _all_declared(kind: type[_Mark], result: Record, record: Record | None, *given: Any) -> Iterator[_Declared[_Mark]]:
@@ -315,7 +360,7 @@ def _declared(
     for name, info in type(holder).model_fields.items():
         yield from (_Declared(mark, holder, (*path, name), given) for mark in marks_of(info, kind))
         within = getattr(holder, name)
-        if isinstance(within, Record):
+        if isinstance(within, Record) and (kind is Criterion or marker(info, Apart) is None):
             yield from _declared(within, kind, given, (*path, name))
     for name, marks in _properties(type(holder)):
         yield from (_Declared(mark, holder, (*path, name), given) for mark in marks if isinstance(mark, kind))
@@ -327,8 +372,9 @@ def _declared_by(
     for name, info in kind.model_fields.items():
         yield from ((declared, (*path, name)) for declared in marks_of(info, mark))
         within = (model for model in models_in(info.annotation) if issubclass(model, Record) and model is not kind)
-        for record in within:  # names of figures of one among several begin with it
-            yield from _declared_by(record, mark, () if get_origin(info.annotation) is tuple else (*path, name))
+        alone = get_origin(info.annotation) is tuple or marker(info, Apart) is not None
+        for record in within:  # names of figures of one among several, or of one that is told apart, begin with it
+            yield from _declared_by(record, mark, () if alone else (*path, name))
     for name, marks in _properties(kind):
         yield from ((declared, (*path, name)) for declared in marks if isinstance(declared, mark))
     for named_record in models_in(vars(kind).get("__annotations__", {}).get("__pydantic_extra__")):

@@ -95,7 +95,7 @@ def test_a_lens_that_is_not_closed_has_no_distance_and_is_no_fault_of_the_keep_o
     torn = replace(mesh, triangles=mesh.triangles[1:], face=mesh.face[1:])
     assert keep_out_distance(torn, read_keep_out(path), 1e-3) is None
     unmeasured = part_with(path).changed(keep_out=None)
-    criterion = next(each for each in unmeasured.judge() if each.key == "keep_out_distance")
+    criterion = next(criterion for criterion in unmeasured.judge() if criterion.key == "keep_out_distance")
     assert criterion.value is None and not criterion.holds and "is not closed" in criterion.remedy
 
 

@@ -233,7 +233,8 @@ def test_the_least_gap_of_turned_freeform_lenses_is_that_of_their_points() -> No
     lens = of_two_kinds(places.tolist(), np.degrees(turns).tolist(), ["wide", "wide", "tall"], {})
     gap_mm, _ = room_on_plate(lens, fitted(0.05))
     azimuth, polar = (
-        each.ravel() for each in np.meshgrid(np.linspace(0.0, 2.0 * np.pi, 720), np.linspace(1.2, 1.5708, 40))
+        coordinates.ravel()
+        for coordinates in np.meshgrid(np.linspace(0.0, 2.0 * np.pi, 720), np.linspace(1.2, 1.5708, 40))
     )
     u = np.stack([np.sin(polar) * np.cos(azimuth), np.sin(polar) * np.sin(azimuth), np.cos(polar)], axis=1)
     kinds = [kind.outer.radius(u)[:, None] * u for kind in lens.kinds]
@@ -268,7 +269,11 @@ def test_the_volume_is_as_good_far_from_the_origin() -> None:
     """Of splines with few nodes, whose bores the kernel's plain formula gets wrong by so much times their distance."""
     lens = of_two_kinds([[60.0, 9.0], [-40.0, 25.0]], [], ["one", "two"], {"draft_deg": DRAFT_DEG})
     plate = build_plate(lens, LensOfPlate.fitted(lens, 20, FINEST), 20, FINEST, "AP214", None)
-    errors = [] if plate is None else [each.value for each in criteria_of(plate) if each.key == "plate_volume_error"]
+    errors = (
+        []
+        if plate is None
+        else [criterion.value for criterion in criteria_of(plate) if criterion.key == "plate_volume_error"]
+    )
     assert errors == pytest.approx([0.0], abs=1e-10)
 
 

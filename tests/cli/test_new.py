@@ -325,7 +325,7 @@ def test_a_file_that_is_there_stays(tmp_path: Path) -> None:
     (tmp_path / "lamp.toml").write_text("mine", encoding="utf-8")
     code, _, errors = lensforge("new", tmp_path / "lamp.toml", *LAMP)
     assert code == 2 and "exists and is not overwritten" in errors
-    assert [each.name for each in tmp_path.iterdir()] == ["lamp.toml"]
+    assert [path.name for path in tmp_path.iterdir()] == ["lamp.toml"]
     assert (tmp_path / "lamp.toml").read_text(encoding="utf-8") == "mine"
 
 

@@ -290,7 +290,7 @@ def test_every_ray_through_more_than_two_faces(folder: Path, case: str) -> None:
     fine = TracedLens.of(at.lens, PRESETS["reference"].evaluate_nodes_per_sigma)
     exits = fine.trace(RayBundle(p, d, np.ones(len(p)), nm))
     left = {"landed": Fate.LEFT_LENS, "missed_receiver": Fate.LEFT_LENS}
-    codes = np.array([left[each] if each in left else Fate[each.upper()] for each in page_tracer.FATES])
+    codes = np.array([left[fate] if fate in left else Fate[fate.upper()] for fate in page_tracer.FATES])
     np.testing.assert_array_equal(codes[fate], exits.fates)
     np.testing.assert_allclose(flux, exits.flux, atol=1e-4)
     for own, library in ((absorbed, exits.absorbed), (in_glass, exits.lost_in_glass)):

@@ -8,7 +8,7 @@ import pytest
 from lensforge.errors import InputError
 from lensforge.results import Count, Extent, Flag, Metric, NotNegative, Record, StageResult
 from lensforge.results.criteria import Criteria
-from lensforge.results.figure import Criterion, Figure, facts_in, figure, figures_of
+from lensforge.results.figure import Apart, Criterion, Figure, criteria_in, facts_in, figure, figures_of, limits_in
 from lensforge.results.files import read_json, write_json
 from lensforge.results.record import InCriterion
 from lensforge.results.stage_result import with_checksum
@@ -126,6 +126,97 @@ def test_the_figures_of_a_class_are_known_without_a_record() -> None:
     ]  # fmt: skip
 
 
+class Beam(Record):
+    """A record that is told apart."""
+
+    width_deg: Annotated[
+        NotNegative | None, Figure("Width", missing=""), Criterion("<=", 30.0, "width of the beam", "refocus")
+    ]
+
+
+class Spot(StageResult):
+    """A result whose figures are judged by limits of their own, one of them asked for by the caller."""
+
+    stage: ClassVar[str] = "spot"
+    made_from: ClassVar[tuple[str, ...]] = ()
+
+    nmse: Annotated[
+        Metric,
+        Figure(
+            "NMSE",
+            is_square=True,
+            limit=lambda spot, most: most,
+            limit_note=lambda spot, most: f"{most:g} is asked for",
+            possible="least",
+            possible_note="{law}",
+            remedy="refocus {beam.width_deg:3}",
+            when=lambda spot, most: most != 0.0,
+        ),
+    ]
+    share: Annotated[Metric, Figure("Share", unit="%", sense=">=", limit=0.7, possible=0.95)]
+    rows: Annotated[Count, Figure("Pixels", value=lambda spot, most: f"{spot.rows} × {2 * spot.rows}")]
+    depth_mm: Annotated[float, Figure("Depth", limit=2.0)]
+    beam: Annotated[Beam, Apart()]
+    least: float = 0.01
+    law: str = "étendue"
+
+
+def spot(nmse: float = 0.05, error: float | None = 0.01, share: float = 0.75, depth_mm: float = 1.5) -> Spot:
+    return Spot(
+        nmse=Metric(value=nmse, standard_error=error),
+        share=Metric(value=share, standard_error=0.02),
+        rows=48,
+        depth_mm=depth_mm,
+        beam=Beam(width_deg=24.0),
+    )
+
+
+@pytest.mark.parametrize(
+    ("nmse", "error", "state"),
+    [(0.079, 0.01, "pass"), (0.081, 0.01, "undecided"), (0.119, 0.01, "undecided"), (0.121, 0.01, "fail"),
+     (0.05, None, "undecided")],
+)  # fmt: skip
+def test_a_figure_with_a_limit_of_its_own_is_judged_by_its_value(nmse: float, error: float | None, state: str) -> None:
+    told = {fact.key: fact for fact in facts_in(spot(nmse, error), (), None, 0.1)}
+    assert (told["nmse"].state, told["nmse"].limit, told["nmse"].limit_note) == (state, 0.1, "0.1 is asked for")
+    assert (told["nmse"].possible, told["nmse"].possible_note, told["nmse"].remedy) == (0.01, "étendue", "refocus 24°")
+    unasked = next(iter(facts_in(spot(nmse, error), (), None, None)))
+    assert (unasked.limit, unasked.state, unasked.limit_note, unasked.is_square) == (None, "", "", True)
+
+
+@pytest.mark.parametrize(("share", "state"), [(0.741, "pass"), (0.739, "undecided"), (0.659, "fail")])
+def test_a_share_and_its_limits_are_told_in_per_cent(share: float, state: str) -> None:
+    (told,) = (fact for fact in facts_in(spot(share=share), (), None, None) if fact.key == "share")
+    assert (told.value, told.standard_error, told.state) == (pytest.approx(100.0 * share), 2.0, state)
+    assert (told.limit, told.possible, told.unit) == (pytest.approx(70.0), 95.0, "%")
+    assert (told.required, told.bounded_by) == ("≥ 70\u2009%", "≤ 95\u2009%")
+
+
+@pytest.mark.parametrize(("depth_mm", "state"), [(2.0, "pass"), (2.0001, "fail")])
+def test_a_number_without_standard_error_is_exact(depth_mm: float, state: str) -> None:
+    (told,) = (fact for fact in facts_in(spot(depth_mm=depth_mm), (), None, None) if fact.key == "depth")
+    assert (told.state, told.value, told.limit, told.unit) == (state, depth_mm, 2.0, "mm")
+
+
+def test_limits_are_those_of_the_figures_that_are_told() -> None:
+    own = [("share", ">=", 0.7), ("depth", "<=", 2.0)]
+    assert list(limits_in(spot(), None, 0.1)) == [("nmse", "<=", 0.1), *own]
+    assert list(limits_in(spot(), None, None)) == own and list(limits_in(spot(), None, 0.0)) == own
+    assert list(limits_in(Held(radius_mm=6.5, margin_mm=0.5))) == [], "judged by another figure"
+
+
+def test_a_record_apart_is_told_and_judged_but_not_among_the_figures_of_the_result() -> None:
+    made = spot()
+    assert [(fact.key, fact.text) for fact in facts_in(made, (), None, None)][2:] == [
+        ("rows", "48 × 96"), ("depth", "1.5 mm"),
+    ]  # fmt: skip
+    assert [(fact.key, fact.value) for fact in facts_in(made.beam)] == [("width", 24.0)]
+    assert [criterion.key for criterion in criteria_in(made)] == ["beam_width"]
+    assert [key for key, _ in figures_of(Spot)] == ["nmse", "share", "rows", "depth", "width"]
+    (unknown,) = facts_in(Beam(width_deg=None))
+    assert (unknown.key, unknown.value, unknown.text) == ("width", None, "–")
+
+
 def test_what_a_criterion_tells_stands_once_in_the_file_and_is_read_from_there(tmp_path: Path) -> None:
     for made in (joint(), joint(closed=False, most_um=8.5)):
         made.write(tmp_path)
@@ -163,5 +254,5 @@ def test_words_of_another_version_are_kept(tmp_path: Path) -> None:
     again = Joint.read(tmp_path)
     slip = next(criterion for criterion in again.criteria if criterion.key == "slip")
     assert (slip.remedy, slip.label) == ("as it was said before", "largest slip")
-    assert [criterion.key for criterion in again.criteria] == [each["name"] for each in stored["criteria"]]
+    assert [criterion.key for criterion in again.criteria] == [criterion["name"] for criterion in stored["criteria"]]
     assert again.sha256 != made.sha256

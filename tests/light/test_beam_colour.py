@@ -200,7 +200,7 @@ def test_each_of_several_leds_has_its_colour() -> None:
     sources = [{"name": f"led_{number}", "source": led} for number, led in enumerate(leds)]
     spec = small_spec(sources=sources, source=None, colour={}, base={"kind": "none"})
     light = lit(Lens.double(sphere(3.0), sphere(6.0), spec, 0, FEW))
-    found = [each.receivers[0].colour for each in light.by_led.values()]
+    found = [result.receivers[0].colour for result in light.by_led.values()]
     assert [each is not None and (each.u.value, each.v.value) for each in found] == [
         pytest.approx(tuple(uv_of(xyz(spectrum)))) for spectrum in (RED, BLUE)
     ]

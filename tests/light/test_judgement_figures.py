@@ -5,7 +5,7 @@ import pytest
 from scipy import sparse
 
 from lensforge.light.judged_limits import limit_value
-from lensforge.light.receiver_light import RegionLight, bright_region
+from lensforge.light.region_light import RegionLight, bright_region
 from lensforge.light.simulation import ReplicateMetrics
 from lensforge.results import Metric
 from lensforge.results.estimates import ExtremeEstimate, PairEstimate, RootEstimate, debiased_minimum, uniformity

@@ -116,7 +116,7 @@ def test_the_map_of_one_lens_does_not_stand_for_its_lamp_or_a_road(light: Light,
 
     def labels(**fields: Any) -> set[str]:
         spec = small_spec(target=None, receivers=receivers, **fields)
-        groups = [each for each in light_facts(light, bumpy(spec)) if each.key == "light"]
+        groups = [fact for fact in light_facts(light, bumpy(spec)) if fact.key == "light"]
         return {fact.label for group in groups for fact in group.facts if fact.key in ("level", "u0", "u1", "peak")}
 
     assert labels() >= {"Mean irradiance", "U0", "U1"}

@@ -169,7 +169,9 @@ def test_a_surface_of_one_luminance_to_all_sides_keeps_it_exactly(blur: float) -
     h = 1.0 - np.cos(view.blur_rad)
     (nodes, weights) = np.polynomial.legendre.leggauss(4)
     one = np.cross(e, normal) / np.linalg.norm(np.cross(e, normal))
-    cosine, turn = (each.ravel() for each in np.meshgrid(1.0 - 0.5 * h * (nodes + 1.0), 0.25 * np.pi * np.arange(8)))
+    cosine, turn = (
+        coordinates.ravel() for coordinates in np.meshgrid(1.0 - 0.5 * h * (nodes + 1.0), 0.25 * np.pi * np.arange(8))
+    )
     d = cosine[:, None] * e + np.sqrt(1.0 - cosine**2)[:, None] * (
         np.cos(turn)[:, None] * one + np.sin(turn)[:, None] * np.cross(e, one)
     )
@@ -252,7 +254,7 @@ def test_eyes_all_around_are_judged_by_the_one_that_sees_most() -> None:
     assert exact[[eye.label for eye in ring.eyes].index(seen.label)] > 0.9 * max(exact) > 1.1 * exact[0]
     for factor, state in ((0.8, "fail"), (1.2, "pass")):
         bounded = lf.evaluate(balls(crooked(RING | {"at_most": factor * limit.value}, evaluate=few)), accuracy=FEW)
-        assert [each.state for each in bounded.limits] == [state]
+        assert [limit.state for limit in bounded.limits] == [state]
 
 
 def test_the_picture_of_a_ring_holds_those_of_its_eyes() -> None:
@@ -292,7 +294,7 @@ def test_the_mean_is_judged_and_none_is_asked_above_that_of_the_source() -> None
     assert limit.value == pytest.approx(seen.mean.value, rel=1e-9) and limit.note == "mean luminance over the outline"
     for factor, states in ((0.8, ["pass", "pass"]), (1.2, ["fail", "pass"])):
         spec = crooked(eyes | {"at_least": factor * limit.value})
-        assert [each.state for each in lf.evaluate(balls(spec), accuracy=FEW).limits] == states
+        assert [limit.state for limit in lf.evaluate(balls(spec), accuracy=FEW).limits] == states
     bright = crooked(eyes | {"at_least": 2.1 * 0.96**2 * RADIANCE}, source={"position_mm": [0.1, 0.2, -0.5]})
     with pytest.raises(
         InputError, match=r"limits.0, seen from .* upper bound 2.29e\+05 W/\(m² sr\) \(étendue\).* brighter"

@@ -6,9 +6,8 @@ from scenes import small_spec
 
 from lensforge.kernels.fate import Fate
 from lensforge.light.evaluation import _flux_budget, receiver_light
-from lensforge.light.light_facts import _error_of_pattern
 from lensforge.light.received_flux import ABSORBED, CAUSES, IN_GLASS, MISSED_RECEIVER, ReceivedFlux
-from lensforge.light.receiver_light import ReceiverLight, possible_share
+from lensforge.light.receiver_light import ReceiverLight, by_pixels, possible_share
 from lensforge.optics.exit_space import ExitBall
 from lensforge.optics.media import Media, Medium
 from lensforge.results.estimates import nmse, nmse_estimate, relative_deviation, uniformity
@@ -60,9 +59,7 @@ def test_the_light_on_a_receiver_is_that_of_its_pictures(uniform_mm: list[float]
     coarse = gaussian3(images.reshape(5, 2, 2, 3, 2).sum(axis=(2, 4)), 1.0)
     half = nmse_estimate(coarse, coarser_target(spec.all_receivers[0].targets, receivers_of(spec, 6)[0]).light).metric()
     assert found.nmse_of_raster == pytest.approx(found.nmse.value - half.value)
-    assert _error_of_pattern(found, None).note.endswith(
-        f"; depends on the pixels: {half.value:.2g} with pixels twice as wide"
-    )
+    assert by_pixels(found) == f"; depends on the pixels: {half.value:.2g} with pixels twice as wide"
     assert found.efficiency.value == pytest.approx(0.7 * images.sum() / 5.0 / 2.0)
     assert found.raw.nmse == pytest.approx(nmse(mean, target))
     noise = np.sum([(image - mean) ** 2 for image in smooth]) / 4.0 / 5.0 / np.sum(mean**2)

@@ -111,7 +111,7 @@ LOSSLESS = ("coated", False), ("gel and water", False)
 def test_the_tracer_in_torch_and_its_gradients_are_those_of_the_kernels(name: str, device: str, fresnel: bool) -> None:
     scene = replace(SCENES[name][0], fresnel=fresnel)
     rays = SCENES[name][1]
-    tables = [each.clone().requires_grad_() for each in TABLES]
+    tables = [table.clone().requires_grad_() for table in TABLES]
     found = on_device(tables, scene, rays, device)
     twin = in_torch(found, Z)
     kernels = by_kernels(tables, scene, rays, Z)
@@ -133,7 +133,7 @@ def test_the_tracer_in_torch_and_its_gradients_are_those_of_the_kernels(name: st
 def test_gradients_are_those_of_finite_differences(name: str, fresnel: bool) -> None:
     scene = replace(SCENES[name][0], fresnel=fresnel)
     rays = SCENES[name][1]
-    tables = [each.clone().requires_grad_() for each in TABLES]
+    tables = [table.clone().requires_grad_() for table in TABLES]
     before = by_kernels(tables, scene, rays, Z)
     assert before.landed.sum() > 100
     for which, gradient in enumerate(torch.autograd.grad(before.mixed(Z), tables)):

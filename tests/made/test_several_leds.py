@@ -39,7 +39,7 @@ def test_a_part_has_with_each_led_the_metrics_that_it_has_with_that_one_alone() 
         alone = PartStudy(replace(study.recipe, lens=lens_for({"source": source}, tolerances)))
         names = tuple(led.of_design)
         assert names == tuple(f"{name}: {each}" for each in alone.names)
-        rows = [study.names.index(each) for each in names]
+        rows = [study.names.index(name) for name in names]
         for number in range(3):
             assert np.array_equal(study.measure(number)[rows], alone.measure(number))
     assert len(study.names) == len(set(study.names)) == 2 * len(alone.names)
@@ -153,7 +153,7 @@ def test_chips_that_stand_farther_apart_mix_less_and_miss_the_limit_on_their_col
     found = measure_yield(coloured(bound.value), parts=60, rays=2**14, with_budget=False)
     rms = found.column(RMS)
     grown = 1.0 + found.column("source_size")
-    assert [each.metric for each in found.bounds] == [RMS, RMS.replace("rms", "worst")]
+    assert [bound.metric for bound in found.bounds] == [RMS, RMS.replace("rms", "worst")]
     assert found.metrics[RMS].designed.value == pytest.approx(bound.value, abs=3.0 * (bound.standard_error or 0.0))
     np.testing.assert_allclose(rms, found.metrics[RMS].designed.value * grown, rtol=0.1)
     clear = np.abs(grown - 1.0) > 0.12

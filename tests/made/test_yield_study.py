@@ -377,6 +377,18 @@ def test_a_study_says_where_the_spec_has_no_limits() -> None:
     assert len(said[0]) == 1 and said[1] == []
 
 
+@pytest.mark.parametrize(("aim", "names"), [("pattern", ["nmse", "share_in_target"]), ("share", ["share_in_target"])])
+def test_parts_without_limits_are_judged_by_what_the_verdict_on_the_light_counts(aim: str, names: list[str]) -> None:
+    """A lens whose search aims at the share of the light in the target alone has no pattern to keep."""
+    study = PartStudy(Recipe(lens_with({"gap_mm": 0.1}, optimise={"aim": aim}), 2, 256, 0, 256))
+    assert [bound.metric for bound in study.bounds] == names
+    assert [(bound.sense, bound.bound) for bound in study.bounds][:-1] == [("<=", 0.1)] * (len(names) - 1)
+    light = study.leds[0].designed_light.first
+    transmitted = (1.0 - (0.4936 / 2.4936) ** 2) ** 2  # of two faces of PMMA
+    most = min(transmitted * light.wanted_in_target, light.possible.share_in_target)
+    assert (study.bounds[-1].sense, study.bounds[-1].bound) == (">=", pytest.approx(0.7 * most))
+
+
 def test_shapes_finer_than_the_tables_are_told_where_the_spec_states_them_not_of_a_preset() -> None:
     for tolerances, told in ((None, 0), ({"inner_waviness_um": 0.2}, 1), ({"outer_waviness_um": 0.2}, 1)):
         study = measure_yield(lens_with(tolerances), parts=40, rays=128, with_budget=False)

@@ -40,7 +40,7 @@ def test_to_face_a_direction_it_is_tilted_the_shortest_way_and_turned(direction,
     about = np.cross([0.0, 0.0, 1.0], unit)
     sine = np.linalg.norm(about)
     tilted = (rotated(each, about / sine, math.atan2(sine, unit[2])) for each in np.eye(3))
-    turned = [rotated(each, unit, math.radians(degrees)) for each in tilted]
+    turned = [rotated(axis, unit, math.radians(degrees)) for axis in tilted]
     pose = Pose.facing(direction, PLACE, degrees)
     np.testing.assert_allclose(pose.frame.T, [*turned, PLACE], atol=1e-6 if unit[2] < -0.99 else 1e-13)
     assert (pose.turn_deg - degrees + 180.0) % 360.0 - 180.0 == pytest.approx(0.0, abs=1e-6)

@@ -8,7 +8,6 @@ from functools import cache
 from page_sources import ROOT
 
 from lensforge.cli import conclusion
-from lensforge.light.receiver_light import METRICS
 from lensforge.report.results import kinds_of_results
 from lensforge.results.figure import figures_of
 from lensforge.verbs import public_names
@@ -39,8 +38,8 @@ def labels() -> list[tuple[str, str]]:
     calls = (node for node in nodes() if isinstance(node, ast.Call) and ast.unparse(node.func) in kinds)
     found = ((start(call.args[0]), start(call.args[1])) for call in calls if len(call.args) > 1)
     figures = (figure for kind in kinds_of_results() for figure in figures_of(kind))
-    declared = ((key, figure.label.partition("{")[0]) for key, figure in figures if isinstance(figure.label, str))
-    return [*METRICS.items(), *((key, label) for key, label in (*found, *declared) if label)]
+    declared = ((key.partition("{")[0], figure.label) for key, figure in figures if isinstance(figure.label, str))
+    return [(key, label.partition("{")[0]) for key, label in (*found, *declared) if label.partition("{")[0]]
 
 
 def of_label(term: str, label: str) -> bool:

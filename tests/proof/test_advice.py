@@ -58,8 +58,8 @@ def test_light_that_only_the_design_loses_is_named_with_its_flux():
     assert "deviation_rms" not in remedies
     (pair, *_) = result.against_design.pairs
     assert (pair.design, pair.part, pair.rays, pair.flux) == ("backward", "landed", 120, pytest.approx(0.03))
-    assert sum(each.rays for each in result.against_design.pairs) == result.against_design.fates
-    assert sum(each.flux for each in result.against_design.pairs) == pytest.approx(result.against_design.fates_flux)
+    assert sum(pair.rays for pair in result.against_design.pairs) == result.against_design.fates
+    assert sum(pair.flux for pair in result.against_design.pairs) == pytest.approx(result.against_design.fates_flux)
 
 
 def test_light_that_the_base_cuts_off_asks_for_another_base():
@@ -130,7 +130,7 @@ def test_facets_are_blamed_however_fine_where_the_step_file_lands_its_rays(of_li
     alike = Agreement(compared=9, rms=rms, p99=1.0, max=1.0, **none)
     cast = BrepCast(rays=9, seconds=0.0, against_design=alike, against_mesh=alike)
     with_step = proof.changed(receivers=(proof.first.changed(brep=cast),))
-    told = {each.key: each.remedy for each in with_step.judge() if not each.holds}
+    told = {criterion.key: criterion.remedy for criterion in with_step.judge() if not criterion.holds}
     assert proof.facet_height_um.rms <= FINE_FACETS_UM and says in told["deviation_rms"]
 
 
@@ -327,7 +327,7 @@ def test_a_mesh_with_coarse_facets_fails_nothing_beside_a_step_file_that_is_righ
     coarse = judged(proof, receivers=(right_one, second), forms=forms)
     missed = coarse.facet_misses
     assert {"deviation_rms", "second: deviation_rms"} <= {each.key for each in missed}
-    assert all(each.holds for each in coarse.deciding_criteria()) and len(missed) + len(
+    assert all(criterion.holds for criterion in coarse.deciding_criteria()) and len(missed) + len(
         list(coarse.deciding_criteria())
     ) == len(coarse.criteria)
     for others in (

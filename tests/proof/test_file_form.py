@@ -208,7 +208,7 @@ def test_a_shallow_hole_that_is_closed_again_lacks_nothing_but_is_off() -> None:
         gone = int(np.linalg.norm(vertices - DOME, axis=1).argmin())
         around = triangles[(triangles == gone).any(axis=1)]
         turns = [np.roll(each, -list(each).index(gone)) for each in around]
-        ahead = {int(each[1]): int(each[2]) for each in turns}
+        ahead = {int(turn[1]): int(turn[2]) for turn in turns}
         ring = [next(iter(ahead))]
         while len(ring) < len(ahead):
             ring.append(ahead[ring[-1]])
@@ -222,7 +222,7 @@ def test_a_shallow_hole_that_is_closed_again_lacks_nothing_but_is_off() -> None:
 
 def entity_points(step: str, surface: int) -> list[str]:
     """References of the control points of the spline surface of that number, row by row."""
-    found = sorted({each.group(1) for each in re.finditer(r"#(\d+) = B_SPLINE_SURFACE_WITH_KNOTS", step)}, key=int)
+    found = sorted({match.group(1) for match in re.finditer(r"#(\d+) = B_SPLINE_SURFACE_WITH_KNOTS", step)}, key=int)
     rows = re.search(r"\(\s*\((.*?)\)\s*\)", step[step.index(f"#{found[surface]} = ") :], re.DOTALL)
     assert rows is not None
     return re.findall(r"#(\d+)", rows.group(1))

@@ -172,7 +172,7 @@ def test_their_light_is_among_what_every_proof_is_judged_by(small_run: lf.Run) -
         found = proof.model_copy(
             update={"receivers": (first, far), "emission_apart": factor * limits["own_rays_emission"]}
         )
-        judged = {each.key: each.holds for each in found.judge()}
+        judged = {criterion.key: criterion.holds for criterion in found.judge()}
         assert judged["own_rays_efficiency"] and judged["own_rays_nmse"]
         for name in ("own_rays_emission", "wall: own_rays_efficiency", "wall: own_rays_nmse"):
             assert judged[name] == passed, name

@@ -49,7 +49,7 @@ def mesh_of(shape, path, tolerance=0.001):
 def failed(mesh=None, step=None):
     mesh = SizedFile(size=exact()) if mesh is None else sized_mesh(mesh)
     sizes = Sizes(exported=exact(), chord_mm=0.001, mesh=mesh, step=None if step is None else SizedFile(size=step))
-    return {each.key: each.remedy for each in size_criteria(sizes) if not each.holds}
+    return {criterion.key: criterion.remedy for criterion in size_criteria(sizes) if not criterion.holds}
 
 
 def test_the_size_of_a_step_is_that_of_the_closed_form(tmp_path):

@@ -197,7 +197,7 @@ def test_gaps_of_directions_are_mm_at_one_metre(verify):
     assert found.against_design.max == pytest.approx(gaps.max(), rel=0.1)
     assert found.deviation_limit_mm == pytest.approx(0.1) and 0.05 < found.against_design.rms < 0.1
     cast = BrepCast(rays=1024, seconds=1.0, against_design=found.against_design, against_mesh=found.against_design)
-    limits = {each.key: (each.limit, each.holds) for each in brep_criteria(cast, 1000.0)}
+    limits = {criterion.key: (criterion.limit, criterion.holds) for criterion in brep_criteria(cast, 1000.0)}
     assert limits["brep_deviation_rms"] == (pytest.approx(0.05), False), "half of the mesh's"
 
 

@@ -137,7 +137,7 @@ PAGES: list[tuple[str, bytes, bool]] = [
 ]
 
 
-@pytest.mark.parametrize(("content", "own"), [each[1:] for each in PAGES], ids=[each[0] for each in PAGES])
+@pytest.mark.parametrize(("content", "own"), [page[1:] for page in PAGES], ids=[page[0] for page in PAGES])
 def test_only_own_pages_are_overwritten(content: bytes, own: bool, tmp_path: Path) -> None:
     path = tmp_path / "report.html"
     path.write_bytes(content)

@@ -17,7 +17,7 @@ from lensforge.report.light_section import ReceiverPictures, receiver_pictures
 from lensforge.report.results import Results
 from lensforge.results import Conditions
 
-TURNED = {**WALL, "targets": tuple({**each, "rotation_deg": 45.0} for each in WALL["targets"])}
+TURNED = {**WALL, "targets": tuple({**target, "rotation_deg": 45.0} for target in WALL["targets"])}
 
 
 def whole_page_results():
@@ -57,7 +57,7 @@ def _boxes(figure):
     renderer = figure._get_renderer()
     texts = [each for each in figure.findobj(Text) if each.get_visible() and each.get_text().strip()]
     hidden = set(_undrawn(figure))
-    return [(each.get_text(), each.get_window_extent(renderer)) for each in texts if each not in hidden]
+    return [(text.get_text(), text.get_window_extent(renderer)) for text in texts if text not in hidden]
 
 
 def _undrawn(figure):

@@ -71,7 +71,9 @@ def _beam(table, c_deg):
 
 def _zones(lamp):
     """Flux (lm) of each sample forward and back, at gamma to 30, 60, 80 and 90 degrees, by midpoints."""
-    lateral, gamma = (each.ravel() for each in np.meshgrid(np.arange(360) + 0.5, np.arange(0.25, 90.0, 0.5)))
+    lateral, gamma = (
+        coordinates.ravel() for coordinates in np.meshgrid(np.arange(360) + 0.5, np.arange(0.25, 90.0, 0.5))
+    )
     flux = lamp.intensities(lateral, gamma) * np.sin(np.radians(gamma)) * np.radians(1.0) * np.radians(0.5)
     zone = np.digitize(gamma, (30.0, 60.0, 80.0)) + 4 * (np.cos(np.radians(lateral)) < 0.0)
     return np.stack([np.bincount(zone, one, minlength=8).reshape(2, 4) for one in flux])

@@ -13,7 +13,8 @@ from result_folders import STAGES, criterion, finding, make_light, make_proof, m
 from lensforge.cad.part_limits import KeepOutDistance
 from lensforge.light.evaluation_result import FittedLight, LightMetrics, PresetError, TableError
 from lensforge.light.light_ways import LightWay
-from lensforge.light.receiver_light import Flux, MissedByCause, RegionLight
+from lensforge.light.receiver_light import Flux, MissedByCause
+from lensforge.light.region_light import RegionLight
 from lensforge.made.tolerance_result import ErrorRow, Sensitivity
 from lensforge.report.results import Results
 from lensforge.results import Conditions, Fact, Metric

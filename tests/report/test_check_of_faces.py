@@ -57,6 +57,6 @@ def test_facts_are_of_each_face_and_a_plot_of_the_one_that_is_named() -> None:
 )
 def test_entries_that_do_not_fit_each_other_are_refused(changes, words) -> None:
     if "verdicts" in changes:
-        changes = {"verdicts": tuple(replace(each, place="top") for each in four().verdicts)}
+        changes = {"verdicts": tuple(replace(verdict, place="top") for verdict in four().verdicts)}
     with pytest.raises(ValueError, match=words):
         four(**changes)

@@ -179,7 +179,7 @@ def parts(drawn):
     assert lines["parts"][:, 0] == pytest.approx(np.sort(study.without_noise(metric)))
     assert lines["parts"][[0, -1], 1].tolist() == [100.0 / study.parts, 100.0]
     assert lines["as designed"][0, 0] == study.metrics[metric].designed.value
-    (bound,) = [each for each in study.bounds if each.metric == metric]
+    (bound,) = [bound for bound in study.bounds if bound.metric == metric]
     if "bound" in lines:
         assert lines["bound"][0, 0] == bound.bound
         wrong = drawn.axes.patches[-1].get_extents().transformed(drawn.axes.transData.inverted())

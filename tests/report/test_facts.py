@@ -6,14 +6,16 @@ from dataclasses import replace
 import pytest
 from addon_rows import addon_rows
 from pydantic import TypeAdapter, ValidationError
-from shown_folders import FOLDERS, folder_of
+from shown_folders import FOLDERS, folder_of, make_sensitivity
 
 from lensforge.cad.part import part_facts
 from lensforge.errors import CriterionMissed
 from lensforge.light.evaluation_result import LightMetrics
-from lensforge.light.light_facts import change_facts, metric_facts
+from lensforge.light.light_facts import change_facts
+from lensforge.made.yield_facts import sensitivity_facts
 from lensforge.results import Fact, Group, Metric, Record
 from lensforge.results.criteria import Criteria, at_least, at_most, missed, require
+from lensforge.results.figure import facts_in
 from lensforge.results.record import values_of
 from lensforge.results.verdict import Verdict, judge, worst
 
@@ -121,7 +123,7 @@ def told():
 @pytest.mark.parametrize(("key", "label", "unit", "value"), TOLD, ids=[each[0] for each in TOLD])
 def test_a_fact_has_the_number_that_its_label_names(told, key, label, unit, value):
     results, facts = told
-    fact = next(each for each in facts if each.key == key)
+    fact = next(fact for fact in facts if fact.key == key)
     assert (fact.label, fact.unit) == (label, unit)
     assert fact.value == pytest.approx(value(results), rel=1e-15)
 
@@ -144,9 +146,10 @@ def test_a_failure_outweighs_a_doubt():
 def test_a_mean_square_below_nothing_is_at_most_its_error_and_a_change_is_what_it_is() -> None:
     below = Metric(value=-0.0012, standard_error=0.0031)
     nmse = LightMetrics(nmse=below, uniformity=None, rsd=None, efficiency=Metric(value=0.8, standard_error=0.01))
-    assert next(fact.text for fact in metric_facts(nmse)) == "≤ 0.0031"
-    changed = [next(fact.text for fact in facts) for facts in (metric_facts(nmse, changes=True), change_facts(nmse))]
-    assert changed == ["−0.0012 ± 0.0031"] * 2
+    assert next(fact.text for fact in facts_in(nmse)) == "≤ 0.0031"
+    study = make_sensitivity()
+    _, of_row = sensitivity_facts(study.changed(rows=(study.rows[0].changed(change=nmse),)))
+    assert of_row.fact("nmse").text == next(fact.text for fact in change_facts(nmse)) == "−0.0012 ± 0.0031"
 
 
 def test_a_fact_says_value_limit_and_reason():
@@ -177,7 +180,7 @@ def test_a_criterion_with_a_standard_error_can_be_undecided(value, error, state)
     """Which is no failure: nothing is required of it, and the verdict on its files is undecided."""
     judged = [at_most("gap", value, 1.0, "mm", "look again", error=error),
               at_least("gap", -value, -1.0, "mm", "look again", error=error)]  # fmt: skip
-    assert [each.state for each in judged] == [state] * 2
+    assert [limit.state for limit in judged] == [state] * 2
     assert [found for found, _ in missed(judged)] == [state] * 2 * (state != "pass")
     with nullcontext() if state != "fail" else pytest.raises(CriterionMissed, match=r"missed by .* mm; look again"):
         require(judged)

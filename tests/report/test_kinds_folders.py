@@ -105,7 +105,7 @@ def test_a_row_of_a_sweep_counts_the_part_of_every_kind() -> None:
         lens = SimpleNamespace(kind=kind)
         kinds.append(SimpleNamespace(lens=lens, light=light, design=design, verdict=verdict, criteria=criteria.copy))
     row = _row(Variant(1.0, {}, small_spec()), kinds)
-    assert [(each.key, each.holds) for each in row.criteria] == [
+    assert [(criterion.key, criterion.holds) for criterion in row.criteria] == [
         ("height", True), ("edge: height", False), ("corner: height", True)
     ]  # fmt: skip
     assert (row.cutting, row.efficiency) == ("fail", light.efficiency)

@@ -75,7 +75,9 @@ def test_other_light_changes_nothing_above_its_section():
 
 def test_other_results_say_their_conditions_and_misses():
     proof = make_proof(small_lens(), conditions=Conditions.of(rays=64), inputs={})
-    proof = proof.model_copy(update={"criteria": tuple(replace(each, limit=0.001).judged() for each in proof.criteria)})
+    proof = proof.model_copy(
+        update={"criteria": tuple(replace(criterion, limit=0.001).judged() for criterion in proof.criteria)}
+    )
     (row,) = other_results(with_others(proof))
     assert (row.title, row.fact("conditions").text) == ("verify_64rays.json", "64 rays")
     assert "Efficiency of the part 84.75\u2009%" in row.fact("figures").text

@@ -9,7 +9,7 @@ from shown_folders import BEAM, SKY, lens_of
 from shown_folders import WALL as PLAIN_WALL
 from undrawn import undrawn
 
-from lensforge.light.light_facts import mask_words
+from lensforge.light.receiver_light import mask_words
 from lensforge.proof.proof_facts import tracer_groups
 from lensforge.report.compare import ComparedPictures, render_comparison
 from lensforge.report.headline import required_facts
@@ -193,5 +193,5 @@ def test_the_size_of_a_mask_has_the_unit_of_its_receiver():
     spec = lens_of(wanted={"receivers": (PLAIN_WALL, SKY)}).spec
     oblong = {**PLAIN_WALL, "targets": ({**PLAIN_WALL["targets"][0], "uniform_mm": (40.0, 25.0)},)}
     wide = lens_of(wanted={"receivers": (oblong, SKY)}).spec
-    assert [mask_words(each, 0) for each in (spec, wide)] == ["of 40 mm", "of 40 × 25 mm"]
-    assert mask_words(spec, 1) == "of 10°"
+    assert [mask_words(wanted, "wall") for wanted in (spec, wide)] == ["of 40 mm", "of 40 × 25 mm"]
+    assert mask_words(spec, "sky") == "of 10°"

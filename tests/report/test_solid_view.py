@@ -69,7 +69,7 @@ def test_the_part_is_shown_from_three_sides(tmp_path, monkeypatch):
         pytest.skip("no off-screen renderer here")
     pictures = re.findall(r'src="data:image/png;base64,([^"]+)', markup)
     assert len(pictures) == 3
-    flat = [np.asarray(Image.open(io.BytesIO(base64.b64decode(each)))).reshape(-1, 4) for each in pictures]
+    flat = [np.asarray(Image.open(io.BytesIO(base64.b64decode(picture)))).reshape(-1, 4) for picture in pictures]
     faces = [Counter(map(tuple, each[each[:, 3] == 255].tolist())).most_common(1)[0][1] / len(each) for each in flat]
     assert faces[1] > 0.1 > max(faces[0], faces[2]), "the face of the cut, in a colour without shades"
     for picture in pictures:

@@ -15,7 +15,7 @@ from shown_folders import SKY, WALL, lens_of
 from lensforge.cli.conclusion import _limit_rows, _require_pass
 from lensforge.errors import CriterionMissed, InputError
 from lensforge.light.light_facts import light_facts
-from lensforge.light.receiver_light import LARGEST_NMSE, LEAST_SHARE, Possible, judged_figures
+from lensforge.light.receiver_light import LARGEST_NMSE, LEAST_SHARE, Possible
 from lensforge.report.headline import headline
 from lensforge.report.results import Results
 from lensforge.report.stored import load_results
@@ -258,8 +258,7 @@ def test_a_face_needs_one_tool_of_the_shop_not_all() -> None:
 
 def test_what_is_undecided_is_decided_by_more_rays() -> None:
     light = make_results(("evaluate",)).light
-    judged = judged_figures(light.first, 0.92)["share_in_target"]
-    share = Metric(value=judged.bound, standard_error=0.03)
+    share = Metric(value=LEAST_SHARE * TRANSMITTED, standard_error=0.03)
     receiver = light.first.model_copy(update={"share_in_target": share, "nmse": metric(0.01)})
     results = Results(lens_of(), {"evaluate": light.model_copy(update={"receivers": (receiver,)})})
     assert results.verdict.light == "undecided"
@@ -288,13 +287,13 @@ def test_limits_that_are_undecided_are_not_counted_as_held_on_the_screen() -> No
 def test_the_light_on_each_receiver_decides(number: int, field: str, good: float, bad: float) -> None:
     results = make_results(("evaluate",), lens_of(wanted={"receivers": (WALL, SKY)}))
     figures = {"nmse": metric(0.01), "share_in_target": metric(0.85)}
-    receivers = [each.model_copy(update=figures) for each in results.light.receivers]
+    receivers = [receiver.model_copy(update=figures) for receiver in results.light.receivers]
     states = []
     for value in (good, bad):
         receivers[number] = receivers[number].model_copy(update={field: metric(value)})
         light = results.light.model_copy(update={"receivers": tuple(receivers)})
         states.append(Results(results.lens, {"evaluate": light}).verdict)
-    assert [each.light for each in states] == ["pass", "fail"]
+    assert [state.light for state in states] == ["pass", "fail"]
     (reason,) = states[1].reasons.light
     assert f", {receivers[number].name} = " in reason and receivers[1 - number].name not in reason
 

@@ -86,6 +86,20 @@ def test_every_tolerance_is_on_the_page_with_its_largest_amount(page, found):
     assert (rows[-1].fact("at_most").text, rows[-1].fact("at_most").state) == ("× 0.875", "fail")
 
 
+def test_the_first_group_tells_who_passes_then_what_decides_then_the_budget(found):
+    told = yield_facts(found)[0]
+    texts = [(fact.label, fact.text.replace("\u2009", " ")) for fact in told.facts if fact.key != "main_cause"]
+    assert texts == [
+        ("Yield", "95 %"), ("Parts", f"{PARTS}"), ("Rays of each part", f"{found.rays}"),
+        ("Tolerances together", "× 0.875"), ("Required yield", "95 %"),
+    ]  # fmt: skip
+    notes = {fact.key: fact.note.replace("\u2009", " ") for fact in told.facts}
+    interval = found.budget.together.interval_words.replace("\u2009", " ")
+    assert notes["together"] == f"one factor on all, for a yield of 95 %; {interval}"
+    low, high = (percent(end).replace("\u2009", " ") for end in (found.pass_rate.low, found.pass_rate.high))
+    assert notes["pass_rate"] == f"95 % confidence: {low} to {high}"
+
+
 def test_each_road_is_on_the_page_with_the_parts_that_hold_its_class(page, found):
     words = "90 %, 76.9 % to 96 %, nmse, of 62.5 % of the parts".replace(" %", "\u2009%").split(", ", 2)
     causes = ("source, decentre, 50.0 ± 6.2\u2009%", "undecided: within the ray noise")
@@ -251,7 +265,7 @@ def test_the_page_shows_each_led_and_the_worst_parts_by_the_one_that_decides(len
     study = found.model_copy(
         update={
             "leds": ("near", "far"), "worst_leds": ("far",), "metrics": renamed, "variance": {},
-            "bounds": tuple(each.changed(metric=changes[each.metric]) for each in found.bounds),
+            "bounds": tuple(bound.changed(metric=changes[bound.metric]) for bound in found.bounds),
             "columns": tuple(changes.get(name, name) for name in found.columns),
             "worst": tuple(
                 each.changed(metrics={changes[k]: v for k, v in each.metrics.items()}) for each in found.worst

@@ -108,7 +108,7 @@ def test_the_second_of_two_leds_fails_the_files(lens: lf.Lens, light: lf.Light, 
     assert list(good.by_led) == ["even", "aside"]
     assert [str(each) for each in good.all_criteria() if not each.holds] == []
     missed = [each.key for each in bad.all_criteria() if not each.holds]
-    assert missed == ["aside: wall: lamps_nmse_vs_sum"] and all(each.holds for each in bad.criteria)
+    assert missed == ["aside: wall: lamps_nmse_vs_sum"] and all(criterion.holds for criterion in bad.criteria)
     verdict = Results(lens, {each.stage: each for each in (wrong, part, bad)}).verdict
     assert verdict.files == "fail" and "aside" in str(verdict.reasons_of("files"))
     titles = [group.title for group in Results(lens, {"evaluate": light}).facts(bad)]
@@ -153,7 +153,10 @@ def moment(found: lf.Photometry, turned: np.ndarray = LEVEL) -> np.ndarray:
     """Integral of intensity times direction above the horizon, of a lamp that is ``turned``; files are turned over."""
     table = TabulatedIntensity.of(photometric_of(found.ies, "lens.ies").intensity)
     over = np.array([1.0, -1.0, 1.0])
-    z, turn = (each.ravel() for each in np.meshgrid((np.arange(400) + 0.5) / 400, np.arange(0, 360, 2) * np.pi / 180))
+    z, turn = (
+        coordinates.ravel()
+        for coordinates in np.meshgrid((np.arange(400) + 0.5) / 400, np.arange(0, 360, 2) * np.pi / 180)
+    )
     u = np.stack([np.sqrt(1 - z**2) * np.cos(turn), np.sqrt(1 - z**2) * np.sin(turn), z], axis=1)
     integral: np.ndarray = (table.intensity((u @ turned) * over)[:, None] * u).mean(axis=0)
     return table.flux() * 2 * np.pi * integral

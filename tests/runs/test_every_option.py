@@ -159,8 +159,8 @@ def test_an_option_is_heard(
         found: list[object] = []
         for where, args, named in calls:
             parts = [*args, *named.values()]
-            fields = {k: v for each in parts if hasattr(each, "__dict__") for k, v in vars(each).items()}
-            of_spec = [each.optimise.rays for each in parts if isinstance(each, lf.Spec)] if keyword == "rays" else []
+            fields = {k: v for part in parts if hasattr(part, "__dict__") for k, v in vars(part).items()}
+            of_spec = [part.optimise.rays for part in parts if isinstance(part, lf.Spec)] if keyword == "rays" else []
             asked = [({**fields, **named})[keyword]] if keyword in {**fields, **named} else []
             asked = [", ".join(led.name for led in each) for each in asked] if keyword == "sources" else asked
             found += asked + of_spec if keyword else [where, *map(str, parts)]

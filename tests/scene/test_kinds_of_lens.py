@@ -74,7 +74,7 @@ def test_the_record_has_every_kind(tmp_path: Path) -> None:
     lens = lens_of({**GRID, "kinds": "place"}, *(uneven(seed) for seed in range(3)))
     lens.save(tmp_path / "lens.json")
     read = load_lens(tmp_path / "lens.json")
-    assert read == lens and [each.kind for each in read.kinds] == ["middle", "edge", "corner"]
+    assert read == lens and [kind.kind for kind in read.kinds] == ["middle", "edge", "corner"]
     corner = read.of_kind("corner")
     assert set(corner.others) == {"middle", "edge"}
     assert corner.to_json()["faces"] == lens.to_json()["others"]["corner"]

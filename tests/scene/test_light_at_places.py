@@ -112,7 +112,8 @@ def test_a_table_is_read_between_its_planes_and_angles(planes: list[float], gamm
     values = np.random.default_rng(0).random((len(planes), len(gammas)))
     table = TabulatedIntensity(np.array(planes), np.array(gammas), values)
     azimuth, gamma = (
-        each.ravel() for each in np.meshgrid(np.radians([1.0, 95.0, 181.0, 359.0]), [0.5, 20.0, 39.9, 79.0])
+        coordinates.ravel()
+        for coordinates in np.meshgrid(np.radians([1.0, 95.0, 181.0, 359.0]), [0.5, 20.0, 39.9, 79.0])
     )
     x, y = gamma * np.cos(azimuth), gamma * np.sin(azimuth)
     by_hand = [by_loops(table, one, other) for one, other in zip(x, y, strict=True)]

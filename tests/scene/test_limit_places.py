@@ -46,8 +46,8 @@ def test_light_between_pixels_is_bilinear_and_beyond_the_last_that_of_the_last(c
     receiver = Plane(AXIAL, PixelGrid(120.0, 80.0, columns, rows))
     image = np.random.default_rng(0).random((rows, columns))
     x, y = (
-        each.ravel()
-        for each in np.meshgrid([-70.0, -60.0, -49.0, 3.0, 50.0, 60.0, 61.0], [-41.0, -33.0, 1.0, 30.0, 40.0])
+        coordinates.ravel()
+        for coordinates in np.meshgrid([-70.0, -60.0, -49.0, 3.0, 50.0, 60.0, 61.0], [-41.0, -33.0, 1.0, 30.0, 40.0])
     )
     read = _bilinear(receiver, x, y) @ image.ravel()
     by_hand = [reading(image, one, other, (120.0, 80.0)) for one, other in zip(x, y, strict=True)]
@@ -165,7 +165,9 @@ def test_a_limit_reads_the_receiver_that_it_names_and_a_road_the_lamp_of_all_len
     for own, more in (({}, {}), ({}, {"photometry": {"lenses": 24}}), ({"lamp_lm": 6000.0}, {"lamps": lamps})):
         spec = small_spec(target=None, receivers=[WALL, far], base={"kind": "none"}, **more).replace(roads=[road | own])
         built = receivers_of(spec, 24)
-        first = next(each for each in light_limits(spec, built, Efficacy(250.0), 2.0) if each.quantity == PlaceLight())
+        first = next(
+            limit for limit in light_limits(spec, built, Efficacy(250.0), 2.0) if limit.quantity == PlaceLight()
+        )
         assert first.receiver == 1
         light.append(float(first.of(np.ones((1, 24, 24)))[0].mean()))
     assert light[1] == pytest.approx(24.0 * light[0]) and light[2] == pytest.approx(6000.0 / 500.0 * light[0])

@@ -211,7 +211,7 @@ def test_a_short_budget_is_shared_among_the_levels() -> None:
         found = Followed(schedule(effort=effort, budget_s=budget_s), halved)
         assert found.levels == (9, 25, 81) and found.outcomes[-1].seconds <= budget_s
         steps[budget_s] = [stage.steps for stage in found.stages[1:4]]
-    assert [each[0] for each in steps.values()] == [60] * 3, "how long a step takes is known after the first level"
+    assert [step[0] for step in steps.values()] == [60] * 3, "how long a step takes is known after the first level"
     assert 10 <= max(steps[150.0][1:]) < min(steps[250.0][1:]) and steps[2000.0] == [60] * 3
     assert Followed(schedule(effort=effort, budget_s=90.0), halved).levels == (9,)
 
@@ -254,8 +254,10 @@ def test_the_error_of_a_gain_is_that_of_many_pairs_of_samples() -> None:
         own = 0.01 * draw.normal(size=(2, SLICES))
         slices = np.array([1.0, 0.8])[:, None] + shared + own
         before, after = (
-            Judgement(merit=float(each.mean()), image=2.0, without=tuple(((each.sum() - each) / (SLICES - 1)).tolist()))
-            for each in slices
+            Judgement(
+                merit=float(block.mean()), image=2.0, without=tuple(((block.sum() - block) / (SLICES - 1)).tolist())
+            )
+            for block in slices
         )
         gain = before.gain_of(after)
         shares.append(gain.share)

@@ -109,7 +109,7 @@ def test_a_search_mixes_colours() -> None:
         spec = spec_of(1.6, weight, constraints__cavity_radius_mm=1.5, **steps)
         lens = search(spec, searched_source(spec), accuracy=FEW).lens
         merit = MeritFunction.of(spec_of(1.6, 1.0), source_of(spec), SphereParameters.of(spec, 4.0))
-        tables = np.stack([tabulate(merit.parametrisation.grid, each) for each in lens.surfaces.values()])
+        tables = np.stack([tabulate(merit.parametrisation.grid, surface) for surface in lens.surfaces.values()])
         lights = [merit.light_of(torch.from_numpy(tables), source_of(spec).sample(2**16, seed)) for seed in (1, 2)]
         assert merit.colour is not None
         left.append(merit.colour.error(lights[0].colours, lights[1].colours).item())

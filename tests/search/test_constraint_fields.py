@@ -167,11 +167,11 @@ def test_the_draft_counts_up_to_30_degrees_and_has_a_slope_at_the_horizon() -> N
 def test_each_limit_may_be_missed_by_its_tolerance(excess: float, passed: bool) -> None:
     spec = shop_spec()
     limits = limits_of(spec)
-    margins = Margins.of({each: -excess * each.tolerance for each in limits})
+    margins = Margins.of({limit: -excess * limit.tolerance for limit in limits})
     criteria = constraint_criteria(spec, margins)
-    assert [each.holds for each in criteria] == [passed] * 9
-    assert [each.key for each in criteria] == [each.name for each in limits]
-    assert {each.name for each in limits} >= {"inner curvature margin", "outer draft margin", "height margin"}
+    assert [criterion.holds for criterion in criteria] == [passed] * 9
+    assert [criterion.key for criterion in criteria] == [limit.name for limit in limits]
+    assert {limit.name for limit in limits} >= {"inner curvature margin", "outer draft margin", "height margin"}
     unknown = Margins(cavity_clearance_mm=0.0, wall_margin_mm=0.0, radius_margin_mm=0.0)
     assert [each.holds for each in constraint_criteria(spec, unknown)] == [True] * 3 + [False] * 6
 

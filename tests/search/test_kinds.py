@@ -79,7 +79,7 @@ def test_each_lens_has_the_mirrors_of_its_kind(changes: dict[str, Any], of_sum: 
     assert problem.spec.lens.symmetry == of_sum
     weights = torch.from_numpy(0.01 * np.random.default_rng(1).normal(size=(34, 6)))
     lens = problem.parametrisation.lens(weights, torch.tensor(3 * [1.0, 1.1]), problem.spec, 0, "draft")
-    assert [each.symmetry for each in lens.kinds] == of_lenses
+    assert [kind.symmetry for kind in lens.kinds] == of_lenses
 
 
 ROW = {"lamps": {**GRID, "rows": 1, "kinds": "place"}, "target__height_mm": 20.0, "target__uniform_mm": 20.0}

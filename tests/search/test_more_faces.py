@@ -66,7 +66,7 @@ def test_a_wall_is_between_the_two_faces_that_it_names(between: tuple[str, str])
     usual = AugmentedLagrangian.of(small_spec(constraints__min_thickness_mm=3.5), (grid := four()[0].grid))
     surfaces = [random_surface(seed, float(radius), 0.02, (9, 25)) for seed, radius in enumerate(SCALE_MM)]
     tables = torch.from_numpy(
-        np.stack([grid.coefficients(each.radius(grid.sample_directions())[:, None]) for each in surfaces])
+        np.stack([grid.coefficients(surface.radius(grid.sample_directions())[:, None]) for surface in surfaces])
     ).reshape(4, grid.side, grid.side)
     numbers = [NAMES.index(name) for name in between]
     inside, outside = between

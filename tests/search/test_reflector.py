@@ -235,7 +235,7 @@ def test_limits_are_those_of_the_body() -> None:
 def test_a_short_search_gains_light_and_keeps_the_limits() -> None:
     spec = reflector().replace({"optimise.steps_per_level": [8]})
     design = lf.design(spec, accuracy=FEW)
-    assert all(each.holds for each in design.criteria)
+    assert all(criterion.holds for criterion in design.criteria)
     start = Lens(ProfileParameters.of(spec, 2.5).start_surfaces, spec, 0, FEW)
     before, after = (lf.evaluate(each, rays=2**13).share_in_target.value for each in (start, design.lens))
     assert after > before + 0.01
@@ -352,7 +352,7 @@ def test_a_leaning_cup_keeps_its_sizes_and_lets_a_tool_in(room_mm: float, draft_
     face = cup.face(60.0, 0.7)
     mouth = cup.height_mm
     polar, azimuth = (
-        each.ravel() for each in np.meshgrid(np.linspace(0.0, np.pi / 2, 400), np.linspace(0.0, 6.28, 91))
+        coordinates.ravel() for coordinates in np.meshgrid(np.linspace(0.0, np.pi / 2, 400), np.linspace(0.0, 6.28, 91))
     )
     u = np.column_stack([np.sin(polar) * np.cos(azimuth), np.sin(polar) * np.sin(azimuth), np.cos(polar)])
     points = face.radius(u)[:, None] * u
@@ -415,7 +415,9 @@ def test_a_cup_does_not_close_over_its_mouth() -> None:
     weights, offsets = parameters.start()
     offsets[2] *= 1.4  # the mouth rises
     lens = parameters.lens(weights, offsets, spec, 0, FEW)
-    polar, azimuth = (each.ravel() for each in np.meshgrid(np.linspace(0.0, OPEN_RAD, 30), np.linspace(0.0, 6.2, 60)))
+    polar, azimuth = (
+        coordinates.ravel() for coordinates in np.meshgrid(np.linspace(0.0, OPEN_RAD, 30), np.linspace(0.0, 6.2, 60))
+    )
     u = np.column_stack([np.sin(polar) * np.cos(azimuth), np.sin(polar) * np.sin(azimuth), np.cos(polar)])
     expected = float((lens.surfaces["cup"].radius(u) - lens.surfaces["mouth"].radius(u)).min())
     found = constraints.least(constraints.fields(parameters.tables(weights, offsets)))["opening_margin_mm"]

@@ -130,7 +130,8 @@ def test_the_radius_of_a_freeform_lens_is_held_where_wall_and_exit_meet() -> Non
     found = constraints.least(constraints.fields(parameters.tables(weights, offsets)))["radius_margin_mm"]
     faces = parameters.surfaces(weights, offsets)
     polar, azimuth = (
-        each.ravel() for each in np.meshgrid(np.linspace(0.0, 0.5 * np.pi, 4000), np.linspace(0.0, 3.14, 97))
+        coordinates.ravel()
+        for coordinates in np.meshgrid(np.linspace(0.0, 0.5 * np.pi, 4000), np.linspace(0.0, 3.14, 97))
     )
     across = np.sin(polar)
     directions = np.column_stack([across * np.cos(azimuth), across * np.sin(azimuth), np.cos(polar)])
@@ -299,7 +300,7 @@ def test_a_search_keeps_the_edges_that_are_asked_for() -> None:
         for body in (start, kept.lens.body)
     ]
     assert least[0] < 63.0 and least[1] > 66.0 - 0.01
-    assert {"cap edge margin", "wall edge margin"} <= {each.key for each in kept.criteria if each.holds}
+    assert {"cap edge margin", "wall edge margin"} <= {criterion.key for criterion in kept.criteria if criterion.holds}
 
 
 @pytest.mark.nightly("twenty seconds; by day that of a reflector, by the same parameters")

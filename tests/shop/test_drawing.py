@@ -92,7 +92,7 @@ def test_the_dxf_read_back_has_no_errors_and_the_sizes_of_the_table(drawings, na
     assert document.units == ezdxf.units.MM
     (height,) = {dimension_text(dimension).height_mm for dimension in sheet.marks.dimensions}
     assert document.dimstyles.get("LENSFORGE").dxf.dimtxt == pytest.approx(height / sheet.scale), "as on paper"
-    measured = sorted(each.get_measurement() for each in document.modelspace().query("DIMENSION"))
+    measured = sorted(entity.get_measurement() for entity in document.modelspace().query("DIMENSION"))
     table = sorted(dimension.value_mm for dimension in content.views.dimensions if dimension.ends is not None)
     np.testing.assert_allclose(measured, table, atol=1e-9)
     for each in document.modelspace().query("DIMENSION"):  # what a reader sees is what it measures
@@ -119,7 +119,9 @@ def test_the_same_sheet_is_the_same_dxf_in_whatever_order_a_set_is_walked_throug
 def test_the_section_in_the_dxf_is_the_part_at_its_size_in_its_coordinates(parts, drawings, name):
     lens, _, _ = parts[name]
     document = read_back(drawings[name][1])
-    chains = [np.array(each.get_points("xy")) for each in document.modelspace().query("LWPOLYLINE[layer=='OUTLINE']")]
+    chains = [
+        np.array(entity.get_points("xy")) for entity in document.modelspace().query("LWPOLYLINE[layer=='OUTLINE']")
+    ]
     section = max((chain for chain in chains if np.abs(chain).max() < 30.0), key=len)
     z, x = section[section[:, 0] > 1e-6].T
     directions = np.column_stack([x, np.zeros_like(x), z])

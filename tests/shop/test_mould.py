@@ -171,7 +171,7 @@ def test_the_largest_ball_in_a_freeform_body_has_no_rival() -> None:
     )
     plan = lay_out(*fit_lens(lens, NODES, NODES), BaseSection(kind="none"))
     diameter, centre = largest_ball(
-        np.concatenate([each.points for each in pieces_of(plan, azimuths=360, along=96)], axis=1)
+        np.concatenate([piece.points for piece in pieces_of(plan, azimuths=360, along=96)], axis=1)
     )
     rng = np.random.default_rng(3)
     z, turn, share = rng.random(20_000), 2.0 * np.pi * rng.random(20_000), rng.random((20_000, 1))

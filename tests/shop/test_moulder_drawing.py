@@ -348,10 +348,10 @@ def test_what_the_flange_leaves_of_its_cylinder_has_no_draft_and_is_said() -> No
         found["crease of flange and wall, along x, above z = 0"][1],
         found["crease of exit and flange, along x"][1],
     )
-    found = [(each.low_mm, each.high_mm) for each in mould.upright]
+    found = [(cylinder.low_mm, cylinder.high_mm) for cylinder in mould.upright]
     within_mm = 5e-5  # form error of either fit of the faces
     assert found == [pytest.approx((wall, under), abs=within_mm), pytest.approx((top, exit_), abs=within_mm)]
-    assert [each.radius_mm for each in mould.upright] == pytest.approx([radius] * 2, abs=within_mm)
+    assert [cylinder.radius_mm for cylinder in mould.upright] == pytest.approx([radius] * 2, abs=within_mm)
     words = (
         f"cylinder ⌀{2.0 * radius:.3f} beside the flange, z = {wall:.3f} to {under:.3f} and {top:.3f} to {exit_:.3f} mm"
     )

@@ -73,7 +73,7 @@ def lens_on(kind: str) -> Lens:
     lamps, plate = KINDS[kind]
     lens = small_lens({"kind": "none"}, lamps=lamps, plate=plate)
     other = {"inner": sphere(2.5), "outer": sphere(5.5)}
-    return replace(lens, others={each.name: other for each in lens.spec.all_lamps.kinds[1:]})
+    return replace(lens, others={kind.name: other for kind in lens.spec.all_lamps.kinds[1:]})
 
 
 @pytest.fixture(scope="module")
@@ -181,13 +181,17 @@ def test_sizes_read_back_from_the_dxf_are_those_of_the_design(part: Part, name: 
     pin, boss, bore = seen  # from the front: widths and heights, and the pin 10 mm to the left of the boss
     assert [np.ptp(each, axis=0) for each in seen] == [pytest.approx(xy) for xy in ([2, 1.25], [5, 2], [wide, 3])]
     assert [np.mean(each - pin, axis=0)[0] for each in (boss, bore)] == pytest.approx([10.0, 10.0])
-    below = [each.length_mm for each in sheet.marks.dimensions if each.name == "height below the plate"]
+    below = [dimension.length_mm for dimension in sheet.marks.dimensions if dimension.name == "height below the plate"]
     assert sorted(below) == [1.25, 2.0]  # of the pin, and of the boss
     for axis, outermost in ((0, 20.0), (1, 12.5)):
-        (pitch,) = (each for each in sheet.marks.dimensions if each.name == f"pitch of the lenses along {'xy'[axis]}")
+        (pitch,) = (
+            dimension
+            for dimension in sheet.marks.dimensions
+            if dimension.name == f"pitch of the lenses along {'xy'[axis]}"
+        )
         ends = [(end[axis] - sheet.origin[axis]) / sheet.scale for end in (pitch.start, pitch.end)]
         assert ends == pytest.approx([-outermost, outermost]), "the outermost axes"
-    texts = {each.name: each.text for each in sheet.marks.dimensions}
+    texts = {dimension.name: dimension.text for dimension in sheet.marks.dimensions}
     assert texts["pitch of the lenses along x"] == "2 × 20.000 = 40.000"
     assert texts["pitch of the lenses along y"] == "25.000"
 
@@ -318,7 +322,7 @@ def test_datums_of_a_plate_are_the_axes_that_place_it_or_its_outline(part: Part,
     thickness = lines["thickness of the plate"]
     assert at["A"][1] == pytest.approx(max(thickness.start[1], thickness.end[1])), "level with the top"
     above = {letter: letters[letter][1] > at[letter][1] for letter in letters}
-    assert above["A"] and not any(above[each.letter] for each in scheme.datums if each.dimension in marks)
+    assert above["A"] and not any(above[datum.letter] for datum in scheme.datums if datum.dimension in marks)
 
 
 def test_one_hole_leaves_the_turn_to_the_outline() -> None:

@@ -119,8 +119,10 @@ def test_edges_sharper_than_asked_miss_their_criterion() -> None:
     facts = next(group for group in check_facts(found) if group.key == "edges").facts
     assert [(fact.limit, fact.state) for fact in facts] == [(150.0, "pass"), (150.0, "fail")]
     blunt = replace(lens, spec=lens.spec.replace(constraints={"min_edge_angle_deg": 10.0}))
-    judged = [each for each in found.model_copy(update={"lens": blunt}).judge() if each.key.startswith("edge")]
-    assert [each.holds for each in judged] == [True, True]
+    judged = [
+        criterion for criterion in found.model_copy(update={"lens": blunt}).judge() if criterion.key.startswith("edge")
+    ]
+    assert [limit.holds for limit in judged] == [True, True]
 
 
 def test_a_flat_face_has_no_radius() -> None:

@@ -107,7 +107,7 @@ def test_the_section_and_the_sheet_show_every_face(handed):
         assert float(stated) == pytest.approx(widest, abs=2e-3)
     document = ezdxf.read(io.StringIO(made.dxf.decode("utf-8")))
     assert not document.audit().errors
-    measured = np.array([each.get_measurement() for each in document.modelspace().query("DIMENSION")])
+    measured = np.array([entity.get_measurement() for entity in document.modelspace().query("DIMENSION")])
     for dimension in dimensions(lens):
         assert dimension.ends is None or np.abs(measured - dimension.value_mm).min() < 1e-9, dimension.name
     page = made.html.decode("utf-8")

@@ -36,7 +36,7 @@ def plane(c_deg: float) -> np.ndarray:
 
 def flux_of_plane(c_deg: float, up_to_deg: float = 110.0) -> float:
     values = plane(c_deg)
-    edges = [each for each in GAMMA_DEG if each < up_to_deg]
+    edges = [gamma_deg for gamma_deg in GAMMA_DEG if gamma_deg < up_to_deg]
     parts = zip(edges, [*edges[1:], up_to_deg], strict=True)
     at = [quad(lambda g: np.interp(g, GAMMA_DEG, values) * np.sin(np.deg2rad(g)), *part)[0] for part in parts]
     return sum(at)

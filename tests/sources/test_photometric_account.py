@@ -173,7 +173,7 @@ SHAPES_1995 = {
 
 
 @pytest.mark.parametrize(
-    ("year", "sizes"), [*((2002, each) for each in SHAPES_2002), *((1995, each) for each in SHAPES_1995)]
+    ("year", "sizes"), [*((2002, shape) for shape in SHAPES_2002), *((1995, shape) for shape in SHAPES_1995)]
 )
 def test_an_opening_by_its_signs(year: int, sizes: tuple[float, float, float], tmp_path: Path) -> None:
     """Shape and sizes of each edition; written by the newest signs, they are the same."""
@@ -186,10 +186,10 @@ def test_an_opening_by_its_signs(year: int, sizes: tuple[float, float, float], t
     np.testing.assert_allclose([found.opening.width_mm, found.opening.length_mm, found.opening.height_mm], expected)
     assert (found.opening.diameter_mm > 0.0) == (shape in ("circle", "vertical cylinder", "sphere"))
     assert len(found.warnings) == (shape == "unknown")
-    assert not any("opening" in each for each in convert_photometric(tmp_path / "a.ies", tmp_path / "b.ies").lost)
+    assert not any("opening" in loss for loss in convert_photometric(tmp_path / "a.ies", tmp_path / "b.ies").lost)
     for suffix in (".ldt", ".iesxml"):
         account = convert_photometric(tmp_path / "a.ies", tmp_path / f"b{suffix}")
         kept = read_photometric(tmp_path / f"b{suffix}").opening
-        assert any("opening" in each for each in account.lost) == (kept.shape != shape)
+        assert any("opening" in loss for loss in account.lost) == (kept.shape != shape)
         if shape in ("rectangle", "box", "circle", "vertical cylinder"):
             assert kept.shape == shape and kept.width_mm == pytest.approx(expected[0])

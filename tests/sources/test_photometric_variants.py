@@ -22,7 +22,7 @@ def _ways(kind, rows_deg, columns_deg):
     Type B: up by V about the horizontal axis C 90, after a turn by H away from C 90. Type A: to the side by H about
     the vertical axis C 0, after a turn up by V towards C 0.
     """
-    row, column = (each.ravel() for each in np.meshgrid(rows_deg, columns_deg, indexing="ij"))
+    row, column = (coordinates.ravel() for coordinates in np.meshgrid(rows_deg, columns_deg, indexing="ij"))
     axes, angles = {"C": ("ZY", (row, column)), "B": ("YX", (column, row)), "A": ("XY", (row, column))}[kind]
     turns = Rotation.from_euler(axes, np.stack(angles, axis=1), degrees=True)
     return turns.apply([0.0, 0.0, 1.0]).reshape(len(rows_deg), len(columns_deg), 3)

@@ -60,10 +60,10 @@ def test_blocks_follow_each_other_and_end_at_the_count(count: int) -> None:
     slices = list(block_slices(count))
     assert slices[0].start == 0 and slices[-1].stop == count
     assert all(one.stop == other.start for one, other in pairwise(slices))
-    assert max(each.stop - each.start for each in slices) <= BLOCK_RAYS == 262_144
+    assert max(block.stop - block.start for block in slices) <= BLOCK_RAYS == 262_144
     assert (len(slices) == 1) == (count <= BLOCK_RAYS)
     values = np.random.default_rng(1).random(count)
-    assert total_of(count, [float(values[each].sum()) for each in slices]) == values.sum()
+    assert total_of(count, [float(values[block].sum()) for block in slices]) == values.sum()
     assert total_of(count, [7.5]) == 7.5
 
 

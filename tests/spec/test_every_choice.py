@@ -91,7 +91,7 @@ def kinds(name: str) -> Case:
     """A row of three: the outer two are mirror images of each other."""
     lamps = {"kind": "grid", "columns": 3, "rows": 1, "pitch_mm": 20.0, "kinds": name}
     found = small_spec(lamps=lamps, base={"kind": "none"}, target__receiver_mm=200.0).all_lamps
-    return sorted(len(each.numbers) for each in found.kinds), {"one": [], "place": [1, 2]}[name]
+    return sorted(len(kind.numbers) for kind in found.kinds), {"one": [], "place": [1, 2]}[name]
 
 
 def lattice(name: str) -> Case:

@@ -71,9 +71,9 @@ def test_every_kind_of_file_counts_by_its_content(tmp_path: Path) -> None:
 
 
 def _sections(kind: type[Section]) -> Iterator[type[Section]]:
-    for each in kind.__subclasses__():
-        yield each
-        yield from _sections(each)
+    for subclass in kind.__subclasses__():
+        yield subclass
+        yield from _sections(subclass)
 
 
 def _needed(kind: type[Section]) -> list[str]:
@@ -112,7 +112,7 @@ def _words(adapter: TypeAdapter[object], content: object, folder: Path) -> str:
 
 def test_the_named_files_are_all_there() -> None:
     assert {"surface_file", "wet_surface_file", "outline", "keep_out", "material_file", "start", "file"} == {
-        each.values[1] for each in NAMED
+        kind.values[1] for kind in NAMED
     }
 
 

@@ -30,11 +30,11 @@ def test_lamps_on_poles_have_heights_and_aims() -> None:
     poles = lamps_of(
         {"kind": "table", "places_mm": [[0, 0, 5], [30, 0]], "aims_mm": [[0, -4, 8], [30, 0, 9]], "turns_deg": [5, 6]}
     )
-    assert poles.places_mm == ((0.0, 0.0), (30.0, 0.0)) and [each.place_mm[2] for each in poles.lamps] == [5.0, 0.0]
+    assert poles.places_mm == ((0.0, 0.0), (30.0, 0.0)) and [lamp.place_mm[2] for lamp in poles.lamps] == [5.0, 0.0]
     assert poles.posed and poles.turns_deg == (5.0 - 90.0, 6.0)
-    np.testing.assert_allclose([each.axis for each in poles.lamps], [(0.0, -0.8, 0.6), (0.0, 0.0, 1.0)], atol=1e-15)
+    np.testing.assert_allclose([lamp.axis for lamp in poles.lamps], [(0.0, -0.8, 0.6), (0.0, 0.0, 1.0)], atol=1e-15)
     assert poles.nearest_mm() == pytest.approx(925.0**0.5) and poles.reach_mm == 30.0
-    assert poles.in_far_field.lamps == tuple(each._replace(place_mm=(0.0, 0.0, 0.0)) for each in poles.lamps)
+    assert poles.in_far_field.lamps == tuple(lamp._replace(place_mm=(0.0, 0.0, 0.0)) for lamp in poles.lamps)
     assert not lamps_of({"kind": "table", "places_mm": [[0, 0], [19, 0, 0]], "aims_mm": [[0, 0, 8], [19, 0, 1]]}).posed
 
 

@@ -90,7 +90,7 @@ def _require_kept(spec: Spec, folder: Path) -> None:
 
 
 def test_the_receivers_and_targets_here_are_of_every_kind() -> None:
-    assert {type(each) for each in RECEIVERS} == set(ReceiverSection.kinds.values())
+    assert {type(receiver) for receiver in RECEIVERS} == set(ReceiverSection.kinds.values())
     assert {target["kind"] for target in IN_DEGREES} == set(KINDS)
     assert {target["kind"] for target in IN_MM} == set(KINDS) - {target["kind"] for target in OF_DIRECTIONS}
 

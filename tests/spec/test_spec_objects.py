@@ -171,15 +171,19 @@ OUTER = (FixedSphere(radius_mm=6.0), FixedAsphere(vertex_z_mm=6.0, radius_mm=-6.
 OF_FILES = {FixedLensFace, FixedCadFace, FixedPoints}  # which become a given surface
 RECTANGLE = {"width_mm": 1.0, "height_mm": 2.0}
 SECTIONS: list[dict[str, Section]] = [
-    *({"source": each} for each in SOURCES),
-    *({"source": source_sections.RectangleSource(intensity=each, **RECTANGLE)} for each in INTENSITIES),
-    *({"source": source_sections.RectangleSource(spectrum=each, **RECTANGLE)} for each in SPECTRA),
+    *({"source": source} for source in SOURCES),
+    *({"source": source_sections.RectangleSource(intensity=intensity, **RECTANGLE)} for intensity in INTENSITIES),
+    *({"source": source_sections.RectangleSource(spectrum=spectrum, **RECTANGLE)} for spectrum in SPECTRA),
     *(
-        {"source": source_sections.RayfilesSource(files=(source_sections.RayfilePart(file="a.ray", spectrum=each),))}
-        for each in SPECTRA
+        {
+            "source": source_sections.RayfilesSource(
+                files=(source_sections.RayfilePart(file="a.ray", spectrum=spectrum),)
+            )
+        }
+        for spectrum in SPECTRA
     ),
-    *({"lens": lf.LensSection(levels=(9, 25), inner={"fixed": each}, outer={"offset_mm": 6.0})} for each in INNER),
-    *({"lens": lf.LensSection(levels=(9, 25), inner={"offset_mm": 3.0}, outer={"fixed": each})} for each in OUTER),
+    *({"lens": lf.LensSection(levels=(9, 25), inner={"fixed": face}, outer={"offset_mm": 6.0})} for face in INNER),
+    *({"lens": lf.LensSection(levels=(9, 25), inner={"offset_mm": 3.0}, outer={"fixed": face})} for face in OUTER),
 ]
 
 

@@ -207,11 +207,11 @@ def photometry(case):
     per_watt = source_lm / watts
     tables = once(case, Tables)
     samples = once(case, leaving)
-    up = jackknife([each[0] for each in samples])
+    up = jackknife([sample[0] for sample in samples])
     # Lamps take rays by chance, as many each: of kinds that differ the flux is that of a mean ray within its noise.
     near = 4.0 if kinds_in(case) > 1 else 0.02
     count = sum(len(each[2]) for each in case.rays["photometry"])
-    fates = {name: np.mean([each[3][name] for each in samples]) for name in samples[0][3]}
+    fates = {name: np.mean([sample[3][name] for sample in samples]) for name in samples[0][3]}
     lost = {name: plain(fates[name], floor=near * up[1]) for name in (*LOST, "missed_receiver")}
     lost |= {"not_converged": 0.0, "bodies": plain(sum(v for k, v in fates.items() if k.startswith("body")))}
     c, gamma = np.unravel_index(np.argmax(tables.whole), tables.whole.shape)
@@ -244,7 +244,7 @@ def photometry(case):
         "files": {
             **dict.fromkeys(("ies", "ldt", "tm33"), written),
             "tm25ray": written | {
-                "rays": (sum(len(each[2]) for each in samples) / kinds_in(case), near * 9), "lumens": known_lm,
+                "rays": (sum(len(sample[2]) for sample in samples) / kinds_in(case), near * 9), "lumens": known_lm,
                 "watts": metric(up, "W", near)["value"],
             },
         },
@@ -332,7 +332,7 @@ def area(case, exit_lm):
 def distribution(tables, street_deg):
     turns = np.arange(360.0)
     gammas = np.arange(0, 89, 0.1)
-    lateral, gamma = (each.ravel() for each in np.meshgrid(turns, gammas, indexing="ij"))
+    lateral, gamma = (coordinates.ravel() for coordinates in np.meshgrid(turns, gammas, indexing="ij"))
     far = np.tan(np.radians(gamma))
     along = abs(far * np.sin(np.radians(lateral)))
     across = far * np.cos(np.radians(lateral))
@@ -375,7 +375,7 @@ def near_horizon(tables, exit_lm):
     found = {}
     for name, least in (("above_70", 70.0), ("above_80", 80.0)):
         nodes = np.array([least, *tables.gamma[tables.gamma > least]])
-        at, down = (each.ravel() for each in np.meshgrid(tables.azimuth, nodes, indexing="ij"))
+        at, down = (coordinates.ravel() for coordinates in np.meshgrid(tables.azimuth, nodes, indexing="ij"))
         found[name] = metric(
             scaled(largest(bilinear(tables.azimuth, tables.gamma, tables.samples, at, down)), 1000 / exit_lm), "cd/klm"
         )
@@ -422,7 +422,7 @@ def road_record(case, road):
     return {
         "name": road["name"], "lighting_class": road["lighting_class"], "reached": page_road.reached(road, found),
         "surface": road["surface"], "q0": 0.07, "s1": plain(s1), "drivers": drivers,
-        "edges": [metric(each) for each in found["edges"]], "mean_lx": metric(found["mean_lx"], "lx"),
+        "edges": [metric(edge) for edge in found["edges"]], "mean_lx": metric(found["mean_lx"], "lx"),
         "least_lx": metric(found["least_lx"], "lx"), "uniformity_lx": metric(found["u_lx"]),
         "power_density": metric(found["power"], "W/lx/m²"), "yearly_energy": metric(found["energy"], "kWh/m²"),
         "limits": limits, "standard": "EN 13201",
@@ -457,9 +457,9 @@ def ldt(text):
     gammas = int(lines[5])
     sets = int(lines[25])
     at = 26 + 6 * sets + 10
-    c = np.array([float(each) for each in lines[at : at + planes]])
-    gamma = np.array([float(each) for each in lines[at + planes : at + planes + gammas]])
-    values = np.array([float(each) for each in lines[at + planes + gammas :]]).reshape(-1, gammas)
+    c = np.array([float(line) for line in lines[at : at + planes]])
+    gamma = np.array([float(line) for line in lines[at + planes : at + planes + gammas]])
+    values = np.array([float(line) for line in lines[at + planes + gammas :]]).reshape(-1, gammas)
     return (
         c,
         gamma,

@@ -51,7 +51,7 @@ def traced(case, calls, warm):
     others = lens.get("others") or {}
     own_kinds = [*(kind for kind in dict.fromkeys(kinds) if kind not in others), *others]
     receivers = receivers_of(spec)
-    targets = [target_light(each)[1] for each in receivers]
+    targets = [target_light(receiver)[1] for receiver in receivers]
     found = {}
     for kind, call in zip(own_kinds, calls, strict=True):
         faces = faces_of(lens, others.get(kind, lens["faces"]))
@@ -159,7 +159,7 @@ def receiver_record(spec, receiver, means, watts, number):
         own = mean[mask]
         record["raw"] |= {"uniformity": plain(own.min() / own.mean(), 1e-3), "rsd": plain(own.std() / own.mean(), 1e-3)}
     if spec["colour"]:
-        pictures = [np.array([filtered(each, variance) for each in got["colours"]]) for got, _ in means]
+        pictures = [np.array([filtered(colour, variance) for colour in got["colours"]]) for got, _ in means]
         record["colour"] = beam_record(beam_colour(pictures, {"fwhm": 0.5, "tenth": 0.1}[spec["colour"]["within"]]))
     return record, np.array(images)
 
@@ -241,7 +241,7 @@ def road_limits(case, receivers):
 
     for road in case.lens["spec"].get("roads") or []:
         for limit in road_record(case, road)["limits"]:
-            sky = next(each.name for each in receivers if each.kind == "far_field")
+            sky = next(receiver.name for receiver in receivers if receiver.kind == "far_field")
             yield limit | {"name": f"{road['name']}: {limit['name']}", "receiver": sky}
 
 

@@ -46,7 +46,7 @@ class Filter:
         self.knots = np.concatenate([[-WIDEST] * 3, breaks, [WIDEST] * 3])
         places = ((breaks[1:] + breaks[:-1]) / 2 + np.array([[-1], [1]]) * np.diff(breaks) / 2 / np.sqrt(3)).T.ravel()
         weights = np.repeat(np.diff(breaks) / 2, 2)
-        at = from_chart(*(each.ravel() for each in np.meshgrid(places, places, indexing="ij")))
+        at = from_chart(*(coordinates.ravel() for coordinates in np.meshgrid(places, places, indexing="ij")))
         m = face.exact(at)[0] * (1 + at[:, 2])  # mm for a unit of the chart
         area = np.outer(weights, weights).ravel() * m**2
         by = [sparse.csr_array(BSpline(self.knots, np.eye(count + 3), 3)(places, nu=order)) for order in range(3)]
@@ -63,7 +63,7 @@ class Filter:
 
     def basis(self, u):
         places = np.clip(u[:, :2].T / (1 + u[:, 2]), -WIDEST, WIDEST)
-        return [BSpline(self.knots, np.eye(len(self.knots) - 4), 3)(each) for each in places]
+        return [BSpline(self.knots, np.eye(len(self.knots) - 4), 3)(place) for place in places]
 
     def rows(self, u):
         return sparse.csr_array(np.einsum("ni,nj->nij", *self.basis(u)).reshape(len(u), -1))
@@ -159,7 +159,7 @@ class Measured:
 def map_of(measured, own, control):
     """Of a change over the chart, along the normal (um), and areas (mm^2); nan beyond the rim."""
     axis = np.linspace(-1, 1, 201)
-    x, y = (each.ravel() for each in np.meshgrid(axis, axis))
+    x, y = (coordinates.ravel() for coordinates in np.meshgrid(axis, axis))
     inside = x**2 + y**2 <= 1
     found = np.full(201**2, np.nan)
     area = np.full(201**2, np.nan)

@@ -137,13 +137,13 @@ def source(case):
         "model": None,
     }
     if spec["source"]["kind"] == "rayfile":
-        p, d, flux = (each.astype(float) for each in led_rays("near"))
+        p, d, flux = (rays.astype(float) for rays in led_rays("near"))
         d /= np.linalg.norm(d, axis=1)[:, None]
         across = flux[:, None, None] * (np.eye(3) - d[:, :, None] * d[:, None, :])
         focus = np.linalg.solve(across.sum(axis=0), np.einsum("nij,nj->i", across, p))
         record |= {
             "rays": len(p), "effective_rays": plain(flux.sum() ** 2 / (flux**2).sum()),
-            "virtual_focus_mm": [plain(each) for each in focus],
+            "virtual_focus_mm": [plain(place) for place in focus],
         }  # fmt: skip
     return record
 
@@ -174,7 +174,7 @@ ORACLES = {
     "design.height": size("height_mm", "max_height_mm", "height_margin_mm"),
     "design.cavity": size("cavity_clearance_mm", None, "cavity_clearance_mm"),
     "design.levels": levels,
-    "design.steps": lambda case, place: Expected(sum(len(each["loss"]) for each in case.json("design")["history"])),
+    "design.steps": lambda case, place: Expected(sum(len(level["loss"]) for level in case.json("design")["history"])),
     "design.functions": lambda case, place: Expected(case.json("design")["history"][-1]["functions"]),
 }
 RECORDS = {

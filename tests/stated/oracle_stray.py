@@ -190,14 +190,14 @@ class Split:
     nm: np.ndarray
 
     def take(self, rows):
-        return Split(*(getattr(self, each.name)[rows] for each in fields(self)))
+        return Split(*(getattr(self, field.name)[rows] for field in fields(self)))
 
     def but(self, **changes):
-        return Split(**{each.name: changes.get(each.name, getattr(self, each.name)) for each in fields(self)})
+        return Split(**{field.name: changes.get(field.name, getattr(self, field.name)) for field in fields(self)})
 
 
 def joined(parts):
-    return Split(*(np.concatenate([getattr(part, each.name) for part in parts]) for each in fields(Split)))
+    return Split(*(np.concatenate([getattr(part, field.name) for part in parts]) for field in fields(Split)))
 
 
 def emitted(case, solid):

@@ -276,9 +276,9 @@ def behind_chain(case, section, own, nm, numbers, name, value):
     """As :func:`behind_double`, of a lens of more faces, which a ray may meet again; each begins with a key."""
     faces = list(faces_of(case.lens, case.lens["faces"]))
     turns = {}
-    face = next((each for each in faces if each.name == face_of(section, name)), None)
+    face = next((face for face in faces if face.name == face_of(section, name)), None)
     if face is not None and name.endswith(ROUGH):
-        number = [each.name for each in faces].index(face.name)
+        number = [face.name for face in faces].index(face.name)
         noise, keys = numbers
         slopes = [noise[:, 2 * number : 2 * number + 2]]
         for times in range(1, section["events"]):
@@ -397,7 +397,7 @@ def of_case(case):
 
 
 def names_of(case):
-    return [each["name"] for each in case.lens["spec"]["sources"]] or [""]
+    return [source["name"] for source in case.lens["spec"]["sources"]] or [""]
 
 
 def within(figure):

@@ -25,7 +25,7 @@ class Tabulated:
         self.name, self.before, self.behind = (getattr(face, key, "") for key in ("name", "before", "behind"))
         step = 2 * HALF / (nodes - 1)
         axis = -HALF + step * np.arange(-BEYOND, nodes + BEYOND)
-        u = from_chart(*(each.ravel() for each in np.meshgrid(axis, axis, indexing="ij")))
+        u = from_chart(*(coordinates.ravel() for coordinates in np.meshgrid(axis, axis, indexing="ij")))
         rho = face.exact(u)[0].reshape(len(axis), -1)
         self.spline = RectBivariateSpline(axis, axis, rho)
         self.largest = rho.max()

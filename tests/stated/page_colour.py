@@ -95,10 +95,10 @@ def colour_temperature(at):
 
 def beam_colour(pictures, level):
     """Figures of the beam of filtered pictures [replicate, X Y Z, row, column]."""
-    light = np.array([each[1].ravel() for each in pictures])
+    light = np.array([picture[1].ravel() for picture in pictures])
     peak = largest(light)[0]
-    inside = np.mean([each[1] for each in pictures], axis=0) >= level * peak
-    own = np.array([each[:, inside] for each in pictures])
+    inside = np.mean([picture[1] for picture in pictures], axis=0) >= level * peak
+    own = np.array([picture[:, inside] for picture in pictures])
     totals = own.sum(axis=2)
     u0, v0 = uv(totals.mean(axis=0))
     mean = denominator(own.mean(axis=0))

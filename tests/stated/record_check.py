@@ -87,7 +87,7 @@ def mould_record(case, names):
     faces = {}
     for name in names:
         upper, lower, heights, draft_deg = half(case, name)
-        hidden = {"undercut_heights_mm": [(each, 0.25) for each in heights] if heights else None}
+        hidden = {"undercut_heights_mm": [(height, 0.25) for height in heights] if heights else None}
         shares = {"upper_fraction": upper, "lower_fraction": lower, "undercut_fraction": 1 - upper - lower}
         shares = {key: (share, 0.015) for key, share in shares.items()}
         faces[name] = {**shares, "draft_deg": (draft_deg, 0.02), **hidden}

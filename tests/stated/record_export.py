@@ -166,7 +166,7 @@ def tolerance_record(case):
 
 def reach_mm(chip):
     corners = [complex(x * chip["width_mm"], y * chip["height_mm"]) / 2 for x in (-1, 1) for y in (-1, 1)]
-    return max(abs(complex(chip["x_mm"], chip["y_mm"]) + each) for each in corners)
+    return max(abs(complex(chip["x_mm"], chip["y_mm"]) + corner) for corner in corners)
 
 
 def export_record(case):

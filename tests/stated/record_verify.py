@@ -126,8 +126,8 @@ def verify_record(case):
         "volume_mm3": near(volume_mm3, 1e-6), "sizes": found["sizes"] and sizes_record(case), "emission_apart": ...,
         "facet_height_um": {"rms": ..., "max": ...}, "far_facets": 0, "altered_files": [],
         "plain_cast": {"rays": min(200, found["rays"]), "casts": ..., "disagreements": 0},
-        "together": together, "forms": [form_record(case, each["name"]) for each in found["forms"]],
-        "criteria": [criterion_record(case, each) for each in found["criteria"]],
+        "together": together, "forms": [form_record(case, form["name"]) for form in found["forms"]],
+        "criteria": [criterion_record(case, criterion) for criterion in found["criteria"]],
         **{key: every[0][key] for key in ("nmse_vs_design", "noise_floor_nmse", "efficiency")},
         "deviation_mm": {key: every[0]["against_design"][key] for key in GAPS},
     }  # fmt: skip

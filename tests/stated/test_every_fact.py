@@ -115,7 +115,7 @@ def differences(fact: Fact, expected: Expected) -> Iterator[str]:
     if fact.unit != expected.unit:
         yield f"in {fact.unit!r}, must be in {expected.unit!r}"
     errors = fact.standard_error, expected.standard_error
-    known = [each for each in errors if each is not None]
+    known = [error for error in errors if error is not None]
     if len(known) == 1 or (known and abs(known[0] - known[1]) > expected.error_within):
         yield f"standard error {errors[0]!r}, must be {errors[1]!r}"
     if fact.state != expected.state:

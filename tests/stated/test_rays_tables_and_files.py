@@ -75,10 +75,10 @@ def test_rays_of_files_are_those_of_the_files(case: Callable[[str], Case]) -> No
         rows = []
         parts = []
         for stem, part in zip(OF_LEDS[led["name"]], source.get("files") or [{"flux_w": None}], strict=True):
-            p, d, flux = (each.astype(float) for each in led_rays(stem))
+            p, d, flux = (rays.astype(float) for rays in led_rays(stem))
             rows.append((p, d / np.linalg.norm(d, axis=1)[:, None]))
             parts.append(flux / flux.sum() * (part["flux_w"] or 0.4))
-        p, d = (np.concatenate([each[k] for each in rows]) for k in (0, 1))
+        p, d = (np.concatenate([row[k] for row in rows]) for k in (0, 1))
         p, d = page_tracer.into_own_frame(source, p, d)
         known = {tuple(np.round(each, 4)): k for k, each in enumerate(np.column_stack([p, d]))}
         used = []
@@ -89,7 +89,7 @@ def test_rays_of_files_are_those_of_the_files(case: Callable[[str], Case]) -> No
             stated = np.concatenate(parts)[found]
             assert flux / flux.sum() == pytest.approx(stated / stated.sum(), rel=1e-5)
             for _, factor, _, _, own_flux, _ in call:
-                assert (factor * own_flux).sum() == pytest.approx(sum(each.sum() for each in parts), rel=1e-5)
+                assert (factor * own_flux).sum() == pytest.approx(sum(part.sum() for part in parts), rel=1e-5)
         judged, searched = map(set, used)
         assert len(used[0]) == len(judged) == round(0.3 * len(p)) and not judged & searched
         assert judged | searched == set(range(len(p)))
@@ -116,7 +116,7 @@ def test_table_of_the_far_field_has_the_light_of_the_rays(case: Callable[[str], 
         tables = oracle_far.once(own, oracle_far.Tables)
         samples = oracle_far.once(own, oracle_far.leaving)
         watts, source_lm, _ = oracle_far.lumens(own)
-        flux = sum(each[0] for each in samples) / 16 * source_lm / watts
+        flux = sum(sample[0] for sample in samples) / 16 * source_lm / watts
         turned = oracle_far.together(own) > 1  # by angles that the moments do not know
         fine = np.radians(np.linspace(0, 90, 721)[:-1] + 1 / 16)
         at = np.radians(np.arange(0, 360, 2.0) + 1)
@@ -125,7 +125,7 @@ def test_table_of_the_far_field_has_the_light_of_the_rays(case: Callable[[str], 
         light = values * np.sin(down) * (fine[1] - fine[0]) * np.radians(2)
         assert light.sum() == pytest.approx(flux, rel=4e-3 if own.lens["spec"]["lamps"] else 1e-3)
         u = np.sin(down) * np.cos(azimuth), np.sin(down) * np.sin(azimuth), np.cos(down)
-        d, weight = (np.concatenate([each[k] for each in samples]) for k in (1, 2))
+        d, weight = (np.concatenate([sample[k] for sample in samples]) for k in (1, 2))
         ways = ((2,), (2, 2)) if turned else ((0,), (1,), (2,), (0, 0), (0, 1), (1, 1), (0, 2), (1, 2), (2, 2))
         for way in ways:
             table = np.prod([u[k] for k in way], axis=0)

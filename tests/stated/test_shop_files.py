@@ -120,7 +120,7 @@ def test_points_of_the_tables(case: Callable[[str], Case], name: str) -> None:
     lens = lf.load_lens(own.folder / "lens.json")
     text = points_table(lens, own.results["check"], [])
     rows = list(csv.reader(line for line in text.splitlines() if not line.startswith("#")))[1:]
-    for face in (each for each in body.parts if each in check):
+    for face in (part for part in body.parts if part in check):
         values = np.array([row[1:] for row in rows if row[0] == face], dtype=float)
         points = values[:, :3]
         air = values[:, 3:6]

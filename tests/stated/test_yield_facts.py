@@ -68,7 +68,7 @@ def parts_of(folder: Path, record: dict[str, Any]) -> made.Parts:
 
 
 def test_bounds_are_those_of_the_spec(study: Any) -> None:
-    bounds = {each["metric"]: (each["sense"], each["bound"]) for each in study.record["bounds"]}
+    bounds = {bound["metric"]: (bound["sense"], bound["bound"]) for bound in study.record["bounds"]}
     for led in study.prefixes:
         for number, road in enumerate(ROADS, 1):
             for lane in (1, 2):
@@ -144,7 +144,7 @@ def expected_cause(study: Any, fact: Fact, group: Group) -> Expected:
     """Of the two metrics with the most failing parts, of those that have causes."""
     parts = study.parts
     name = next(
-        each for each in parts.failing_first() if made.in_words(each) == fact.label.removeprefix("Main cause, ")
+        name for name in parts.failing_first() if made.in_words(name) == fact.label.removeprefix("Main cause, ")
     )
     assert parts.failing_first().index(name) < 4
     found, certain, _ = parts.shares(parts.table[name], parts.errors[name])

@@ -66,7 +66,7 @@ def test_every_led_has_its_own_design_and_one_has_them_all(study: tuple[Path, Sw
         lights = results.light.by_led.values()
         assert row.efficiency.value == min(light.efficiency.value for light in lights)
         assert row.nmse.value == max(light.nmse.value for light in lights)
-        titles = [each.title for each in results.spec.each_source]
+        titles = [source.title for source in results.spec.each_source]
         own = {"small": ["0.5 mm square Lambertian source"], "wide": ["1.4 mm × 0.7 mm source"]}
         assert titles == own.get(str(row.value), [*own["small"], *own["wide"], *own["small"]])
     rows = list(csv.DictReader((folder / "sweep.csv").read_text(encoding="utf-8").splitlines()))
@@ -130,7 +130,7 @@ def test_workers_get_all_options_and_their_designs_are_in_the_order_of_the_leds(
             asked.update(options)
             for number in reversed(range(len(specs))):
                 made = folder / specs[number].name
-                content = {each.name: each.read_bytes() for each in made.iterdir()} if made.exists() else "cannot be"
+                content = {path.name: path.read_bytes() for path in made.iterdir()} if made.exists() else "cannot be"
                 yield number, content
 
     monkeypatch.setattr("lensforge.report.sweep_runs.connected", lambda scheduler: nullcontext(Backwards(scheduler)))

@@ -177,7 +177,7 @@ def test_rows_of_several_leds_and_kinds_are_of_the_worst_led_and_of_all_lamps():
     lens = replace(small_lens(), spec=small_spec(base={"kind": "none"}, source=None, sources=leds, optimise=steps))
     rows = lf.tradeoff(lens.spec, lens=lens, most_rays=2**12, accuracy=FEW).series("rays")
     light = lf.evaluate(lens, rays=2**12)
-    one, two = (each.nmse for each in light.by_led.values())
+    one, two = (result.nmse for result in light.by_led.values())
     assert two.value > one.value and light.by_led["two"].efficiency.value > light.efficiency.value
     assert [(row.nmse, row.efficiency) for row in rows] == [(two, light.by_led["one"].efficiency)]
     assert rows[0].by_led["one"].nmse == one and rows[0].facts.title == "4096 rays, worst of 2 LEDs"

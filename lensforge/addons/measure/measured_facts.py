@@ -10,8 +10,7 @@ from lensforge.addons.measure.measurement_result import (
     SurfaceComparison,
 )
 from lensforge.light.evaluation_result import LightMetrics
-from lensforge.light.light_facts import change_facts, metric_facts
-from lensforge.light.receiver_light import METRICS
+from lensforge.light.light_facts import change_facts
 from lensforge.report.results import facts_of
 from lensforge.results import Fact, Group
 from lensforge.results.criteria import state_of
@@ -98,8 +97,7 @@ def _lights(by_led: Mapping[str, MeasuredLight], how: str) -> Iterator[Fact]:
 
 
 def _against(light: LightMetrics, design: LightMetrics, how: str) -> Iterator[Fact]:
-    designed = {fact.key: fact.text for fact in metric_facts(design)}
-    for fact in metric_facts(light):
+    designed = {fact.key: fact.text for fact in facts_in(design)}
+    for fact in facts_in(light):
         if fact.key != "rsd":
-            note = f"{how}; designed {designed[fact.key]}"
-            yield replace(fact, label=METRICS[fact.key], note=note)
+            yield replace(fact, note=f"{how}; designed {designed[fact.key]}")

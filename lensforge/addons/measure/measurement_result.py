@@ -35,7 +35,7 @@ from lensforge.results import (
 from lensforge.results.arguments import require_choice
 from lensforge.results.chart import Chart
 from lensforge.results.criteria import Criteria
-from lensforge.results.figure import Criterion, Figure, figure
+from lensforge.results.figure import Apart, Criterion, Figure, figure
 from lensforge.results.numerals import percent, quantity
 from lensforge.results.plots import Axes, plot_curves, plot_face
 from lensforge.results.stage_result import OnPage
@@ -312,8 +312,8 @@ class MeasuredFace(SimulatedResult):
     ]
     pose: RegisteredPose
     rays: Count
-    design: LightMetrics
-    change: LightMetrics
+    design: Annotated[LightMetrics, Apart()]
+    change: Annotated[LightMetrics, Apart()]
     by_led: dict[Text, MeasuredLight] = Field(default_factory=dict)
     criteria: Criteria = ()
     chart: Annotated[Float[np.ndarray, " m"], Array("m")]
@@ -355,7 +355,7 @@ class SurfaceComparison(MeasuredFace):
     far_field: Flag
     width: Positive
     height: Positive
-    measured: LightMetrics
+    measured: Annotated[LightMetrics, Apart()]
     nmse_between: NotNegative
     points: Annotated[Float[np.ndarray, "n 3"], Array("n", 3)]
     distance_um: Annotated[Float[np.ndarray, " n"], Array("n")]
@@ -474,8 +474,8 @@ class Correction(MeasuredFace):
     step_volume_change: Annotated[NotNegative, round_trip_limit("the STEP file", _LONGER_WAVES)]
     form_error_nm: Annotated[Extent, step_face_limit("form error", FINEST_NM, _LONGER_WAVES)]
     normal_error_mrad: Annotated[Extent, step_face_limit("normal error", FINEST_MRAD, _LONGER_WAVES)]
-    first_cut: LightMetrics
-    second_cut: LightMetrics
+    first_cut: Annotated[LightMetrics, Apart()]
+    second_cut: Annotated[LightMetrics, Apart()]
     file: FileStamp
     deviation_map_um: FaceMap
     correction_map_um: FaceMap

@@ -66,7 +66,7 @@ def test_the_page_shows_it(folder: Path, undrawn: None) -> None:
 def test_other_rays_have_files_of_their_own(folder: Path) -> None:
     done = run(folder, "--points", folder / "points.csv", "--surface", "inner", "--wavelength", 3.0, "--rays", 64)
     assert done.exit_code == 0, done.output
-    assert {"correct_inner_64rays.json", "lens_corrected_inner_64rays.step"} <= {each.name for each in folder.iterdir()}
+    assert {"correct_inner_64rays.json", "lens_corrected_inner_64rays.step"} <= {path.name for path in folder.iterdir()}
     assert "lens_corrected_inner_64rays.step" in done.stdout and "lens_corrected_inner.step" not in done.stdout
     assert lf.load(folder).of_faces(lf.Correction)["inner"].wavelength_mm == 2.5
 

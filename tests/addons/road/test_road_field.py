@@ -174,7 +174,7 @@ def test_the_mean_of_a_field_is_the_sum_over_directions(more) -> None:
     road = RoadSection(**ROAD | {"lanes": 2, "maintenance_factor": 0.7, "pole_spacing_m": 12.0} | more)
     z = (np.arange(1000) + 0.5) / 1000
     turn = 2.0 * np.pi * (np.arange(2000) + 0.5) / 2000
-    z, turn = (each.ravel() for each in np.meshgrid(z, turn))
+    z, turn = (coordinates.ravel() for coordinates in np.meshgrid(z, turn))
     units = np.stack([np.sqrt(1.0 - z * z) * np.cos(turn), np.sqrt(1.0 - z * z) * np.sin(turn), z], axis=1)
     lumens = _candela(np.degrees(turn) - 40.0, np.degrees(np.arccos(z))) * 2.0 * np.pi / len(z)
     asks = [ask for ask in requirements_of(RoadReadings.of(road)) if ask.most is not None]
@@ -392,7 +392,7 @@ def test_the_tables_have_the_published_lightness_and_gloss(name: str) -> None:
 def test_a_wet_road_must_be_even_for_every_driver(tmp_path) -> None:
     fields = ROAD | {"lanes": 2, "maintenance_factor": 0.8}
     wet = RoadReadings.of(RoadSection(**fields, wet_surface="W4"))
-    asks = [each for each in requirements_of(wet) if each.name.endswith("wet")]
+    asks = [requirement for requirement in requirements_of(wet) if requirement.name.endswith("wet")]
     assert [(each.name, each.quantity, each.bound) for each in asks] == [
         (f"lane {lane}: uniformity U0, wet", LeastOverMean(), 0.15) for lane in (1, 2)
     ]
@@ -404,7 +404,7 @@ def test_a_wet_road_must_be_even_for_every_driver(tmp_path) -> None:
     path.write_text(_HEAD + "1,100,80,90\n2,90,20,30\n12,40,0,0\n")
     own = RoadReadings.of(RoadSection(**fields, wet_surface_file=path, wet_uniformity=0.2))
     np.testing.assert_allclose(_of(own.wet[1]), _plain_luminance(own.road, read_surface(path), 5.25), rtol=1e-9)
-    assert [each.bound for each in requirements_of(own) if "wet" in each.name] == [0.2, 0.2]
+    assert [requirement.bound for requirement in requirements_of(own) if "wet" in requirement.name] == [0.2, 0.2]
     assert RoadReadings.of(RoadSection(**fields)).wet == ()
 
 
@@ -425,13 +425,19 @@ def test_a_class_asks_of_every_observer() -> None:
     glare = _of(asks[3].light)
     assert mean == pytest.approx(0.8 * glare[-1])  # glare is that of new lamps
     per_lux = RoadReadings.of(RoadSection(**ROAD, maintenance_factor=0.8, luminance_per_lux=0.08))
-    (light,) = (each.light for each in requirements_of(per_lux) if each.name == "lane 1: per lux Q")
+    (light,) = (
+        requirement.light for requirement in requirements_of(per_lux) if requirement.name == "lane 1: per lux Q"
+    )
     wanted = [_of(per_lux.luminance[0]).mean(), _of(per_lux.illuminance).mean()]
     np.testing.assert_allclose(_of(light), wanted)
     path = RoadReadings.of(RoadSection(**ROAD | {"lighting_class": "P4", "width_m": 2.0, "lanes": 1}))
-    assert [(each.sense, each.bound) for each in requirements_of(path)] == [(">=", 5.0), ("<=", 7.5), (">=", 1.0)]
+    assert [(requirement.sense, requirement.bound) for requirement in requirements_of(path)] == [
+        (">=", 5.0),
+        ("<=", 7.5),
+        (">=", 1.0),
+    ]
     beside = RoadReadings.of(RoadSection(**ROAD | {"lighting_class": "P4", "edge_ratio": 0.4}))
-    assert [each.bound for each in requirements_of(beside)][3:] == [0.4, 0.4]
+    assert [requirement.bound for requirement in requirements_of(beside)][3:] == [0.4, 0.4]
 
 
 _HEAD = "tan_gamma,0,90,180\n0,300,300,300\n"
@@ -551,7 +557,7 @@ def test_the_longest_work_of_a_road_is_bounded() -> None:
     """Lamps at the least spacing, as many lanes as there may be: the largest matrix of weights."""
     most = {"width_m": 200.0, "lanes": 12, "pole_height_m": 100.0, "pole_spacing_m": 10.0, "arrangement": "opposite"}
     readings = RoadReadings.of(RoadSection(**ROAD | most))
-    assert sum(each.weights.nnz for each in readings.luminance) < 2_000_000
+    assert sum(reading.weights.nnz for reading in readings.luminance) < 2_000_000
     low = {"width_m": 30.0, "lanes": 12, "pole_height_m": 2.0, "pole_spacing_m": 0.2, "oncoming_lanes": 6}
     glaring = RoadReadings.of(RoadSection(**ROAD | low | {"lighting_class": "local low"})).veiling
     assert sum(each.weights.nnz for each in glaring) < 2_000_000

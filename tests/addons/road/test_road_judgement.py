@@ -88,7 +88,7 @@ def test_a_lens_and_its_file_are_judged_alike(fields, tmp_path) -> None:
     roads.write_text("[[roads]]\n" + "\n".join(f"{name} = {json.dumps(value)}" for name, value in fields.items()))
     done = lensforge("road", path, "--road", roads, "--street-c", "270", "--json")
     (read,) = json.loads(done.stdout)["roads"]
-    assert [each["value"]["value"] for each in read["limits"]] == pytest.approx(_figures(by_table), rel=1e-4)
+    assert [limit["value"]["value"] for limit in read["limits"]] == pytest.approx(_figures(by_table), rel=1e-4)
     held = all(limit.holds for limit in by_table.limits)
     assert done.code == (0 if held else 1)
     lux = RoadReadings.of(road).seen_lux[0]
@@ -218,7 +218,7 @@ def test_each_figure_of_each_driver_and_edge_decides_the_class_that_is_reached(n
         found = reached(drivers, edges)
         worst = [max if field == "glare_percent" else min for field in _OF_M]
         figures = [
-            pick(getattr(each, field).value for each in drivers) for pick, field in zip(worst, _OF_M, strict=True)
+            pick(getattr(driver, field).value for driver in drivers) for pick, field in zip(worst, _OF_M, strict=True)
         ]
         held = [
             each
@@ -289,8 +289,8 @@ def test_the_merit_falls_along_its_gradient_and_is_zero_where_the_class_is_held(
     of_ratios = {MostOverLeast(): 1.05, VEILING_RATIO: 1e-3}
     receivers = receivers_of(spec, 32)
     limits = [
-        replace(each, bound=of_ratios.get(each.quantity, each.bound))
-        for each in light_limits(spec, receivers, Efficacy(), 1.0)
+        replace(limit, bound=of_ratios.get(limit.quantity, limit.bound))
+        for limit in light_limits(spec, receivers, Efficacy(), 1.0)
     ]
     picture = torch.from_numpy(np.random.default_rng(2).uniform(0.5, 1.5, receivers[0].grid.shape)) * 1e-4
     ask = picture.clone().requires_grad_()
@@ -304,10 +304,10 @@ def test_the_merit_falls_along_its_gradient_and_is_zero_where_the_class_is_held(
         assert float(term.loss((picture,))) > 0.0, limit.name
         assert float((slope * step).sum()) == pytest.approx(float(high - low) / 2e-9, rel=1e-4, abs=1e-6), limit.name
     (slope,) = torch.autograd.grad(JoinedTerms.of(limits).loss((ask,)), ask)
-    (wanted,) = torch.autograd.grad(sum((LimitTerm.of(each).loss((ask,)) for each in limits), torch.zeros(())), ask)
+    (wanted,) = torch.autograd.grad(sum((LimitTerm.of(limit).loss((ask,)) for limit in limits), torch.zeros(())), ask)
     torch.testing.assert_close(slope, wanted)
     easy = {LeastOverMean(): 1e-3, LeastOverMost(): 1e-3, PlaceLight(): 1e-6, RatioOfTwo(): 1e-6}
-    kept = [LimitTerm.of(replace(each, bound=easy.get(each.quantity, 1e3))) for each in limits]
+    kept = [LimitTerm.of(replace(limit, bound=easy.get(limit.quantity, 1e3))) for limit in limits]
     assert sum(float(term.loss((picture,))) for term in kept) == 0.0
 
 
@@ -380,7 +380,7 @@ def test_the_largest_spacing_is_where_a_class_ceases_to_be_held(fields, tmp_path
     asked = []
     monkeypatch.setattr(road_judgement, "held_spacing", lambda *given: asked.append(given) or found)
     done = lensforge("road", path, "--road", roads, "--street-c", "270", "--json", "--spacing")
-    (fact,) = (each for each in json.loads(done.stdout)["facts"][0]["facts"] if each["key"] == "largest_spacing")
+    (fact,) = (fact for fact in json.loads(done.stdout)["facts"][0]["facts"] if fact["key"] == "largest_spacing")
     assert fact["value"] == pytest.approx(found.largest, abs=0.05) and found.beyond.label in fact["note"]
     assert [each[0] for each in asked] == [road]
 
@@ -394,14 +394,16 @@ def test_the_flux_and_the_spacing_that_are_named_keep_the_mean_of_the_class(tmp_
         return judge_road(there, of_lens(_lamp(), factor)).limits
 
     def state(limits, part: str) -> set[str]:
-        return {each.state for each in limits if part in each.key}
+        return {limit.state for limit in limits if part in limit.key}
 
     found = {limit.key: limit for limit in with_remedies(judged(0.05))}
     remedy = found["lane 1: mean luminance"].remedy
     flux, spacing, glare = map(float, re.findall(r"([0-9.]+) (?:lumens|the spacing|%, above)", remedy))
     assert "fail" in state(judged(0.05 * flux * 0.99), "mean") and state(judged(0.05 * flux), "mean") == {"pass"}
-    assert max(each.value for each in judged(0.05 * flux) if "glare" in each.key) == pytest.approx(glare, rel=5e-3)
-    assert [each.value for each in judged(0.05, spacing) if "mean" in each.key] == pytest.approx([1.5, 1.5], rel=0.15)
+    assert max(limit.value for limit in judged(0.05 * flux) if "glare" in limit.key) == pytest.approx(glare, rel=5e-3)
+    assert [limit.value for limit in judged(0.05, spacing) if "mean" in limit.key] == pytest.approx(
+        [1.5, 1.5], rel=0.15
+    )
     assert "the flux does not change it" in found["lane 2: uniformity U0"].remedy
     dim = RoadSection(**_NOT_TOO_MUCH)
     (bright,) = (

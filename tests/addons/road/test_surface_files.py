@@ -36,4 +36,4 @@ def test_the_wet_surface_of_a_road_is_the_one_beside_its_file(tmp_path: Path, mo
         (tmp_path / folder / "wet.csv").write_text(folder)
     (tmp_path / "sub" / "r.toml").write_text(f"[[roads]]\n{road}[[roads]]\n{road}")
     monkeypatch.chdir(tmp_path / "other")
-    assert [each.wet_surface_file for each in load_roads(Path("../sub/r.toml"))] == [tmp_path / "sub" / "wet.csv"] * 2
+    assert [road.wet_surface_file for road in load_roads(Path("../sub/r.toml"))] == [tmp_path / "sub" / "wet.csv"] * 2
