@@ -99,8 +99,8 @@ HEAD = """# Gallery
 Every shipped spec, its light, and what it shows. `lensforge examples NAME` copies a spec, with the files that it
 names, into the folder that you are in.
 
-The pictures are of drafts, {rays:,} rays, or more where a spec states them (`python docs/make_gallery.py`, a minute each).
-Finished lenses are better: [validation](validation.md#designs).
+The pictures are of drafts, {rays:,} rays, or more where a spec states them (`python docs/make_gallery.py`, a minute
+each). Finished lenses are better: [validation](validation.md#designs).
 
 Scripts: `examples/design_to_step.py`, from objects to a STEP file; `examples/faces_to_step.py`, a TIR lens from four
 given faces, traced, exported and proven. Notebooks: [a first lens and its light](notebooks/first_light.ipynb), [size
