@@ -395,7 +395,8 @@ def road_record(case, road):
     side = spec["photometry"]["street_side_deg"]
     factor = road["lamp_lm"] / source_lm if road["lamp_lm"] else spec["photometry"]["lenses"]
 
-    in_file = np.array([tables.whole, *tables.left_out])
+    left_out = [np.delete(tables.samples, k, axis=0).mean(axis=0) for k in range(16)]
+    in_file = np.array([tables.whole, *(above_zero(table, tables.weights) for table in left_out)])
 
     def candela(lateral, gamma):
         return factor * bilinear(tables.azimuth, tables.gamma, in_file, lateral + side, np.minimum(gamma, 90))
