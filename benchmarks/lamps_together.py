@@ -23,6 +23,7 @@ from lensforge.sources.build_source import build_source
 EXAMPLES = Path(__file__).parents[1] / "examples"
 BACKLIGHT = lf.load_spec(EXAMPLES / "backlight.toml")
 THIN = lf.load_spec(EXAMPLES / "backlight_thin.toml")
+HEAD = "pitch  min/max            min/mean           deviation          efficiency  of possible  search"
 THIN_MM = {60.0: 0.98, 80.0: 0.95, 100.0: 0.90}  # pitch at a depth of 10 mm, and the min/max that is asked for
 PITCHES_MM, RAYS, PIXELS = (20.0, 30.0, 40.0), 2**26, 64
 LEVELS, STEP_RAYS = (25, 81, 289), 2**17
@@ -48,9 +49,6 @@ def thin(accuracy: str) -> None:
     for pitch_mm, bound in THIN_MM.items():
         limit = {"name": "evenness", "kind": "zone", "at_least_min_over_max": bound}
         searched(THIN.replace({**square(pitch_mm, pitch_mm=pitch_mm), "limits": [limit]}), accuracy)
-
-
-HEAD = "pitch  min/max            min/mean           deviation          efficiency  of possible  search"
 
 
 def searched(spec: lf.Spec, accuracy: str) -> lf.Lens:

@@ -20,6 +20,7 @@ from lensforge.cad.mesh import BodyMesh
 from lensforge.errors import InputError
 from lensforge.results.file_bounds import (
     MOST_TRIANGLES,
+    NamedMesh,
     made_here,
     read_3mf,
     read_named_3mf,
@@ -134,10 +135,10 @@ def parse_named_3mf(content: bytes, origin: str = _THREEMF) -> BodyMesh:
     """
     if made_here(content):
         with temporary_file(content, _THREEMF) as path:
-            vertices, triangles, face, names = read_named_3mf(path, origin, _AGAIN)
+            mesh = read_named_3mf(path, origin, _AGAIN)
     else:
-        vertices, triangles, face, names = _read_by_child(content, origin, named=True)
-    return BodyMesh(vertices, triangles, face, tuple(map(str, names)), rings=0)
+        mesh = NamedMesh(*_read_by_child(content, origin, named=True))
+    return BodyMesh(mesh.vertices, mesh.triangles, mesh.face, tuple(map(str, mesh.names)), rings=0)
 
 
 def _read_by_child(content: bytes, origin: str, *, named: bool) -> Any:

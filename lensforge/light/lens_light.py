@@ -72,7 +72,7 @@ def evaluate(
 
     lens = require(lens, Lens, "evaluate").of_state(state or "")
     if source is not None and lens.spec.states:
-        raise InputError("source: this lens has states, each with its LED; evaluate it in one, state = its name")
+        raise InputError("source: this lens has states, each with its LED; give the name of one as state")
     other = None if source is None else other_source(lens.spec, source)
     first, *further = lens.by_state
     designed_led = lens.spec.in_first_state.source

@@ -146,7 +146,7 @@ class CandelaTables:
         return CandelaTable(self.whole.c_deg, self.whole.gamma_deg, values)
 
     def _angle(self, c_deg: float, peak: ExtremeEstimate, share: float) -> Metric | None:
-        """Width of the beam at ``share`` of its ``peak``, by each half of the samples at that of its own peak."""
+        """Width of the beam at ``share`` of ``peak``; its error is by half-samples, each with a peak of its own."""
 
         def width(table: CandelaTable, largest: float) -> float:
             return width_above(*plane_profile(table, c_deg), share * largest) or 0.0

@@ -37,7 +37,7 @@ class PlaneFigures(Record):
         return f"{wanted}; {level}" if wanted else level
 
     def beam_notice(self, spec: Spec) -> str:
-        """A notice of a beam angle far from that of the target."""
+        """Warning if the beam angle is far from that of the target; else empty."""
         angle = self.beam_angle_deg
         wanted_deg = _target_beam_deg(spec).get(self.c_deg)
         if angle is None or wanted_deg is None:
@@ -49,17 +49,17 @@ class PlaneFigures(Record):
         """True if a limit judges the beam angle, and reports it."""
         return self.c_deg in _judged_planes(spec)
 
-    def _wanted(self, spec: Spec) -> str:
-        wanted_deg = _target_beam_deg(spec).get(self.c_deg)
-        known = wanted_deg is not None and self.beam_angle_deg is not None
-        return f"the target wants {quantity(wanted_deg, '°', digits=3)}" if known else ""
-
     def in_doubt(self, other: "PlaneFigures", doubt: float) -> "PlaneFigures":
         """These figures with the doubt that other rays would choose ``other``."""
         names = ("peak_cd", "beam_angle_deg", "field_angle_deg")
         pairs = {name: (getattr(self, name), getattr(other, name)) for name in names}
         known = {name: pair for name, pair in pairs.items() if None not in pair}
         return self.changed(**{name: in_doubt(*pair, doubt) for name, pair in known.items()})
+
+    def _wanted(self, spec: Spec) -> str:
+        wanted_deg = _target_beam_deg(spec).get(self.c_deg)
+        known = wanted_deg is not None and self.beam_angle_deg is not None
+        return f"the target wants {quantity(wanted_deg, '°', digits=3)}" if known else ""
 
 
 def _judged_planes(spec: Spec) -> Iterator[float]:

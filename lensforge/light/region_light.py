@@ -1,4 +1,4 @@
-"""Light in a region of a receiver, that of the target's uniform light or where the target is bright, without noise."""
+"""Light in the uniform region of a target, or where the target is bright, corrected for the noise of the rays."""
 
 from typing import Annotated, Literal
 

@@ -247,7 +247,7 @@ class ApplicationYield(Record):
 
     @property
     def nearest_words(self) -> str:
-        """The most critical figure, and the parts of which it is that."""
+        """The most critical figure, and the share of the parts in which it is the most critical."""
         return f"{self.nearest.removeprefix(f'{self.name}: ')}, of {percent(self.nearest_share)} of the parts"
 
 

@@ -12,7 +12,7 @@ import ctypes
 import hashlib
 import re
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -110,9 +110,16 @@ def read_3mf(path: Path, origin: str, remedy: str) -> tuple[Float[np.ndarray, "v
     return _bounded(_only_mesh(model, origin, remedy), origin, remedy)
 
 
-def read_named_3mf(
-    path: Path, origin: str, remedy: str
-) -> tuple[Float[np.ndarray, "v 3"], Int[np.ndarray, "t 3"], Int[np.ndarray, " t"], tuple[str, ...]]:
+class NamedMesh(NamedTuple):
+    """Vertices (mm) and triangles of a mesh, the number of each triangle's face, and the names of the faces."""
+
+    vertices: Float[np.ndarray, "v 3"]
+    triangles: Int[np.ndarray, "t 3"]
+    face: Int[np.ndarray, " t"]
+    names: tuple[str, ...]
+
+
+def read_named_3mf(path: Path, origin: str, remedy: str) -> NamedMesh:
     """Vertices (mm) and triangles, as :func:`read_3mf` has them, the number of each triangle's face, and the names.
 
     Raises :class:`InputError` for a triangle in no named face, too.
@@ -126,7 +133,7 @@ def read_named_3mf(
         face[members.GetTriangleList()] = number
     if (face < 0).any():
         raise InputError(f"{origin}: {int((face < 0).sum())} triangles belong to no named face; {remedy}")
-    return vertices, triangles, face, tuple(members.GetName() for members in named)
+    return NamedMesh(vertices, triangles, face, tuple(members.GetName() for members in named))
 
 
 def _model_of_3mf(path: Path, origin: str, remedy: str) -> Any:

@@ -21,7 +21,7 @@ def at_temperature(lens: Lens, celsius: float) -> Lens:
         raise InputError(f"temperature_c = {celsius:g}: must be {LOWEST_C:g} to {HIGHEST_C:g} (Celsius)")
     if any(state.temperature_c is not None for state in lens.spec.states):
         raise InputError(
-            f"temperature_c = {celsius:g}: states of this lens have their own; evaluate it in one, state = its name"
+            f"temperature_c = {celsius:g}: states of this lens have their own; give the name of one as state"
         )
     if celsius == section.temperature_law.reference_c and section.at_work_c is None:
         return lens

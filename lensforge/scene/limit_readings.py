@@ -34,7 +34,8 @@ _STEPS_PER_PIXEL = 2  # places along a line or a cut: the light between them is 
 _PHOTOMETRIC = ("lx", "cd", "cd/m²")
 _OF_PHOTONS = "µmol/(m² s)"
 _OF_DOSE = "mJ/cm²"
-_PER_CM2 = 0.1  # mW/cm² of 1 W/m²
+_MW_PER_CM2 = 0.1  # of 1 W/m²
+_PER_WATT = {"mW/cm²": _MW_PER_CM2}
 FILTER_PIXELS = 4.0  # diameter of a disc with the variance of the picture's filter, one square pixel along each axis
 _FEWEST_RINGS = 2  # of places over a light meter
 _MOST_RINGS = 8
@@ -247,6 +248,8 @@ class _Picture:
 def _scale(limit: LimitSection, bounded: str, where: str, efficacy: Efficacy) -> float:
     """Light by 1 W, per m² or per sr, in the unit of what ``limit`` bounds."""
     unit = limit.unit_of(bounded)
+    if unit == _OF_DOSE and limit.exposure_s is not None:
+        return _MW_PER_CM2 * limit.exposure_s
     if unit == _OF_PHOTONS:
         if efficacy.photons is None:
             raise InputError(
@@ -255,7 +258,7 @@ def _scale(limit: LimitSection, bounded: str, where: str, efficacy: Efficacy) ->
             )
         return efficacy.photons
     if unit not in _PHOTOMETRIC:
-        return {"mW/cm²": _PER_CM2, _OF_DOSE: _PER_CM2 * (limit.exposure_s or 0.0)}.get(unit, 1.0)
+        return _PER_WATT.get(unit, 1.0)
     if efficacy.lumens is None:
         raise InputError(
             f"{where}: its bound is in {unit}, but the source's lumens are not known; give source.flux_lm, a "

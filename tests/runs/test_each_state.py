@@ -94,7 +94,7 @@ def test_a_warm_lens_is_warm_in_each_state(lens: lf.Lens) -> None:
         alone = lf.evaluate(cold, rays=1024, temperature_c=80.0)
         assert warm.by_led[name].receivers == alone.receivers != lf.evaluate(cold, rays=1024).receivers
     with pytest.raises(
-        lf.InputError, match=r"^temperature_c = 80: states of this lens have their own; evaluate it in one, state"
+        lf.InputError, match=r"^temperature_c = 80: states of this lens have their own; give the name of one as state"
     ):
         lf.evaluate(lens, temperature_c=80.0)
 
@@ -162,7 +162,7 @@ def test_the_drawing_names_the_stops_of_an_led_that_moves(lens: lf.Lens) -> None
 
 
 def test_what_needs_one_led_says_to_take_a_state(lens: lf.Lens) -> None:
-    with pytest.raises(lf.InputError, match=r"^source: this lens has states, .* state = its name$"):
+    with pytest.raises(lf.InputError, match=r"^source: this lens has states, .* give the name of one as state$"):
         lf.evaluate(lens, source=lf.DiscSource(diameter_mm=0.3))
     with pytest.raises(lf.InputError, match=r"^redesign: this lens has states, "):
         lf.redesign(lens, lf.DiscSource(diameter_mm=0.3))

@@ -101,9 +101,9 @@ def _product(variants: Sequence[LuminaireVariant], spec: Spec, watts: float | No
     _local(about, "ProductNumber", spec.drawing.part_number or spec.name)
     _local(about, "Name", spec.drawing.part_name or spec.name)
     _local(about, "Description", _description(watts))
-    every = SubElement(product, "Variants")
+    listed = SubElement(product, "Variants")
     for number, variant in enumerate(variants, 1):
-        element = SubElement(every, "Variant", {"id": f"variant{number}"})
+        element = SubElement(listed, "Variant", {"id": f"variant{number}"})
         _local(element, "Name", variant.name)
         if bright := variant.figures.luminance_cd_per_m2:
             _local(element, "Description", f"Luminance at {GLARE_DEG:g}°: {bright:.0f} cd/m² at most")
@@ -145,7 +145,7 @@ def _definitions(general: Element, variants: Sequence[LuminaireVariant], watts: 
 
 
 def _described(variant: LuminaireVariant, watts: float | None) -> Iterator[tuple[str, str | dict[str, str]]]:
-    """Elements of ``DescriptivePhotometry`` in their order; what is not known is left out."""
+    """Elements of ``DescriptivePhotometry`` in the order of the schema; unknown figures are omitted."""
     lit = variant.photometry
     ratio = lit.light_output_ratio.value
     down = variant.file.intensity.share_up_to(90.0)

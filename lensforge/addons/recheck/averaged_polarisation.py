@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 from lensforge.light.table_trace import TracedBundle
+from lensforge.optics.dielectric import fresnel_transmittances
 from lensforge.optics.face_roles import DOUBLE
 from lensforge.proof.receiver_screen import Screen
 from lensforge.report.ray_fan import fan_tables
@@ -28,32 +29,27 @@ def less_polarisation(efficiency: Metric, lens: Lens, screen: Screen, rays: RayB
     traced = fan_tables(lens)
     bundle = TracedBundle.of(traced.tables, traced.scene, rays)
     exits = bundle.exits
-    first = rays.origins + bundle.lengths[:, :1] * rays.directions
-    within = exits.points - first
-    index = lens.media.body.refractive_index
+    seen = np.flatnonzero(exits.left_lens & screen.in_window(screen.land(exits.points, exits.directions)))
+    before = rays.directions[seen]
+    within = exits.points[seen] - rays.origins[seen] - bundle.lengths[seen, :1] * before
     lengths = np.linalg.norm(within, axis=1)
     within /= lengths[:, None]
-    averaged = np.exp(-lens.media.body.absorption_per_mm * lengths)
-    averaged *= transmittance(rays.directions, within, 1.0, index)
-    averaged *= transmittance(within, exits.directions, index, 1.0)
-    seen = exits.left_lens & screen.in_window(screen.land(exits.points, exits.directions))
-    change = np.where(seen, averaged - exits.flux / rays.flux, 0.0)
+    body = lens.media.body
+    averaged = np.exp(-body.absorption_per_mm * lengths)
+    averaged *= transmittance(before, within, 1.0 / body.refractive_index)
+    averaged *= transmittance(within, exits.directions[seen], body.refractive_index)
+    change = np.zeros(len(rays))
+    change[seen] = averaged - exits.flux[seen] / rays.flux[seen]
     error = float(np.hypot(efficiency.standard_error or 0.0, change.std() / np.sqrt(len(change))))
     return Metric(value=efficiency.value + float(change.mean()), unit=efficiency.unit, standard_error=error)
 
 
-def transmittance(before: _Rows, behind: _Rows, index_before: float, index_behind: float) -> Float[np.ndarray, " n"]:
+def transmittance(before: _Rows, behind: _Rows, ratio: float) -> Float[np.ndarray, " n"]:
     """Mean of Fresnel's transmittance for both polarisations, of light refracted from one direction to another.
 
-    By Snell's law n k - n' k' is along the normal.
+    ``ratio``: index before the face over that behind. By Snell's law n k - n' k' is along the normal.
     """
-    normal = index_before * before - index_behind * behind
-    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
-    cosine, cosine_behind = (np.abs(np.sum(normal * along, axis=1)) for along in (before, behind))
-    across = (index_before * cosine - index_behind * cosine_behind) / (
-        index_before * cosine + index_behind * cosine_behind
-    )
-    along = (index_behind * cosine - index_before * cosine_behind) / (
-        index_behind * cosine + index_before * cosine_behind
-    )
-    return np.asarray(1.0 - 0.5 * (across**2 + along**2))
+    normal = ratio * before - behind
+    cosine = np.abs(np.sum(normal * before, axis=1)) / np.linalg.norm(normal, axis=1)
+    across, along, _ = fresnel_transmittances(cosine, ratio)
+    return np.asarray(0.5 * (across + along))

@@ -75,7 +75,7 @@ def _require_plain(lens: Lens) -> None:
     """Raise :class:`InputError` where the programs would have to know more than bare faces of one index."""
     spec = lens.spec
     media = lens.media
-    beyond = {
+    not_in_kits = {
         "states": bool(spec.all_states),
         "several lamps": not spec.all_lamps.is_single,
         "coated faces or mirrors": bool(media.coatings),
@@ -87,10 +87,10 @@ def _require_plain(lens: Lens) -> None:
         "surroundings other than air": (media.cavity_index, media.outside_index) != (1.0, 1.0),
         f"a receiver of kind {spec.all_receivers[0].kind}": spec.all_receivers[0].kind not in _KINDS,
     }
-    found = [words for words, holds in beyond.items() if holds]
-    if found:
+    reason = next((reason for reason, holds in not_in_kits.items() if holds), None)
+    if reason is not None:
         raise InputError(
-            f"{spec.name}: has {found[0]}; a kit is of one lens with bare polished faces in air, over one LED, on a "
+            f"{spec.name}: has {reason}; a kit is of one lens with bare polished faces in air, over one LED, on a "
             "plane or in the far field; `lensforge verify` checks others"
         )
 

@@ -90,8 +90,8 @@ def test_transmittance_is_that_of_fresnel(degrees):
     before = np.array([[np.sin(angle), 0.0, np.cos(angle)]])
     refracted = np.array([[np.sin(behind), 0.0, np.cos(behind)]])
     wanted = np.mean(fresnel(1.5, np.cos(angle), np.cos(behind)))
-    assert transmittance(before, refracted, 1.0, 1.5) == pytest.approx(wanted, rel=1e-12)
-    assert transmittance(refracted, before, 1.5, 1.0) == pytest.approx(wanted, rel=1e-12)
+    assert transmittance(before, refracted, 1.0 / 1.5) == pytest.approx(wanted, rel=1e-12)
+    assert transmittance(refracted, before, 1.5) == pytest.approx(wanted, rel=1e-12)
 
 
 def test_light_without_polarisation_is_less_by_the_product_of_both_differences():

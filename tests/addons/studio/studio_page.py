@@ -4,7 +4,18 @@ import re
 import time
 from contextlib import contextmanager
 
+import lensforge as lf
+
 PATIENCE_S = 240.0
+
+
+@contextmanager
+def studio_on(text, folder):
+    """A studio on the spec of ``text``, which it may save."""
+    (folder / "studio.toml").write_text(text, encoding="utf-8")
+    opened = lf.studio(folder, browser=False)
+    yield opened
+    opened.close()
 
 
 @contextmanager

@@ -5,7 +5,7 @@ import shutil
 
 import browser
 import pytest
-from studio_page import page_of, phase, step, until
+from studio_page import phase, step, studio_on, until
 
 import lensforge as lf
 from lensforge.report.folder import load, opened
@@ -57,23 +57,8 @@ required = false
 @pytest.fixture(scope="module")
 def studio(tmp_path_factory):
     """A studio on a small spec, which its search leaves unfinished: a test stops it."""
-    folder = tmp_path_factory.mktemp("studio")
-    (folder / "studio.toml").write_text(SPEC, encoding="utf-8")
-    opened = lf.studio(folder, browser=False)
-    yield opened
-    opened.close()
-
-
-@pytest.fixture(scope="module")
-def started():
-    with browser.chromium() as running:
+    with studio_on(SPEC, tmp_path_factory.mktemp("studio")) as running:
         yield running
-
-
-@pytest.fixture
-def window(studio, started):
-    with page_of(studio, started) as page:
-        yield page
 
 
 def test_a_part_is_made_and_its_step_downloaded(studio, window, tmp_path):

@@ -6,7 +6,7 @@ from pathlib import Path
 import browser
 import pytest
 from axe_playwright_python.sync_playwright import Axe
-from studio_page import page_of, phase, pixels, step, until
+from studio_page import phase, pixels, step, studio_on, until
 
 import lensforge as lf
 from lensforge.report.folder import load
@@ -20,24 +20,8 @@ NAME = "quickstart"
 @pytest.fixture(scope="module")
 def studio(tmp_path_factory):
     """A studio on a shipped spec, which it may save."""
-    folder = tmp_path_factory.mktemp("studio")
-    text = shipped_specs()[NAME].read_text(encoding="utf-8")
-    (folder / "studio.toml").write_text(text, encoding="utf-8")
-    opened = lf.studio(folder, browser=False)
-    yield opened
-    opened.close()
-
-
-@pytest.fixture(scope="module")
-def started():
-    with browser.chromium() as running:
+    with studio_on(shipped_specs()[NAME].read_text(encoding="utf-8"), tmp_path_factory.mktemp("studio")) as running:
         yield running
-
-
-@pytest.fixture
-def window(studio, started):
-    with page_of(studio, started) as page:
-        yield page
 
 
 def test_a_changed_field_moves_the_bound_and_the_text_and_a_wrong_one_has_its_line(window):

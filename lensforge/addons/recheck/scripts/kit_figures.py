@@ -13,6 +13,7 @@ HERE = Path(__file__).resolve().parent
 KIT = json.loads((HERE / "kit.json").read_text(encoding="utf-8"))
 DETECTOR = KIT["detector"]
 AXES = np.array(DETECTOR["axes"])  # unit vectors x, y and the normal, as rows
+IS_FAR = DETECTOR["kind"] == "far_field"  # a detector of directions
 WITHIN = 2.0  # standard errors
 
 
@@ -32,7 +33,7 @@ def landings(points: np.ndarray, directions: np.ndarray) -> np.ndarray:
     On a plane in mm; in the far field on the chart of radius 2 sin(gamma / 2) about its axis.
     """
     along = directions @ AXES.T
-    if DETECTOR["kind"] == "far_field":
+    if IS_FAR:
         across = np.hypot(along[:, 0], along[:, 1])
         radius = 2.0 * np.sin(0.5 * np.arctan2(across, along[:, 2]))
         return along[:, :2] * (radius / np.maximum(across, 1e-300))[:, None]
@@ -58,7 +59,7 @@ def shares(places: np.ndarray, count: int) -> tuple[float, np.ndarray]:
 
 
 def judged(program: str, share: float, zones: np.ndarray, count: int) -> int:
-    """Print what ``program`` found by ``count`` rays beside what is expected; 0 where both agree, else 1.
+    """Print the share by ``count`` rays of ``program`` beside the expected one; return 0 if they agree, else 1.
 
     The program averages the polarisation at every face.
     """

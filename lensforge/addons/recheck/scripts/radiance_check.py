@@ -14,7 +14,7 @@ from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
-from kit_figures import AXES, DETECTOR, HERE, KIT, judged, source_rays
+from kit_figures import AXES, DETECTOR, HERE, IS_FAR, KIT, judged, source_rays
 
 SCENE = """void dielectric glass
 0
@@ -49,16 +49,16 @@ def main() -> int:
         scene = SCENE.format(clear=clear, index=KIT["refractive_index"], **screen())
         (folder / "scene.rad").write_text(scene)
         (folder / "scene.oct").write_bytes(run(folder, "oconv", "scene.rad"))
-        (folder / "zones.cal").write_text(zones_of_directions() if is_far() else zones_of_points())
-        words = ["-h", "-V-", "-lr", "1", "-lw", "0.3", "-ab", "0", "-fad", "-c", str(len(rays))]
-        words += ["-f", "zones.cal", "-bn", str(2 * rows * columns), "-b", "zone", "-m", "there", "scene.oct"]
+        (folder / "zones.cal").write_text(zones_of_directions() if IS_FAR else zones_of_points())
+        options = ["-h", "-V-", "-lr", "1", "-lw", "0.3", "-ab", "0", "-fad", "-c", str(len(rays))]
+        options += ["-f", "zones.cal", "-bn", str(2 * rows * columns), "-b", "zone", "-m", "there", "scene.oct"]
         text = "\n".join(" ".join(f"{value:.12g}" for value in ray) for ray in rays) + "\n"
-        found = np.frombuffer(run(folder, "rcontrib", *words, given=text.encode()), dtype=np.float64)
-    counted = found.reshape(2, rows, columns, 3)[..., 0]  # outside the window, in it
+        light = np.frombuffer(run(folder, "rcontrib", *options, given=text.encode()), dtype=np.float64)
+    counted = light.reshape(2, rows, columns, 3)[..., 0]  # outside the window, in it
     return judged("Radiance", float(counted[1].sum()), counted.sum(axis=0), len(rays))
 
 
-def run(folder: Path, *words: str, given: bytes = b"") -> bytes:
+def run(folder: Path, *command: str, given: bytes = b"") -> bytes:
     """Run a program of Radiance, and return its output."""
     package = find_spec("pyradiance")
     there = dict(os.environ)
@@ -66,21 +66,17 @@ def run(folder: Path, *words: str, given: bytes = b"") -> bytes:
         home = Path(package.origin).parent
         there |= {"PATH": f"{home / 'bin'}{os.pathsep}{there['PATH']}", "RAYPATH": f".:{home / 'lib'}"}
     try:
-        return subprocess.run(words, cwd=folder, input=given, stdout=subprocess.PIPE, env=there, check=True).stdout
+        return subprocess.run(command, cwd=folder, input=given, stdout=subprocess.PIPE, env=there, check=True).stdout
     except FileNotFoundError:
-        sys.exit(f"{words[0]}: not found; pip install pyradiance, or install Radiance")
-
-
-def is_far() -> bool:
-    """True for a detector of directions."""
-    return DETECTOR["kind"] == "far_field"
+        sys.exit(f"{command[0]}: not found; pip install pyradiance, or install Radiance")
 
 
 def screen() -> dict[str, str]:
     """The detector: a rectangle, or all directions."""
-    if is_far():
+    if IS_FAR:
         return {"shape": "source", "numbers": "4 0 0 1 360"}
-    x, y = 0.5 * DETECTOR["width"] * AXES[0], 0.5 * DETECTOR["height"] * AXES[1]
+    x = 0.5 * DETECTOR["width"] * AXES[0]
+    y = 0.5 * DETECTOR["height"] * AXES[1]
     corners = np.array(DETECTOR["centre_mm"]) + np.array([-x - y, x - y, x + y, y - x])
     return {"shape": "polygon", "numbers": " ".join(f"{value:.12g}" for value in (12, *corners.ravel()))}
 
