@@ -47,7 +47,7 @@ class Figure:
         limit_note: whose limit it is.
         judged_by: the criterion whose state it has; without a ``limit`` its limit, too. By default the
             :class:`Criterion` of the same field.
-        possible: the best that physics allows.
+        possible: the best that physics allows; None for no bound, and then no note.
         possible_note: the law that says so.
         remedy: what to change where its own limit is missed.
         notice: what a reader must not miss.
@@ -315,13 +315,14 @@ def _fact(declared: _Declared[Figure], held: Sequence[Fact]) -> Fact | None:
         if not isinstance(value, str):
             value = converted(value, declared.field_unit, declared.unit)
         fact = Fact(key, label, None if value == "" else value, declared.unit, note=note)
+    possible = declared.number(mark.possible)
     fact = replace(
         fact,
         digits=mark.digits,
         is_square=mark.is_square,
         sense=mark.sense,
-        possible=declared.number(mark.possible),
-        possible_note=declared.text(mark.possible_note),
+        possible=possible,
+        possible_note="" if possible is None else declared.text(mark.possible_note),
         remedy=declared.text(mark.remedy),
         notice=declared.text(mark.notice),
     )

@@ -157,7 +157,7 @@ class Spot(StageResult):
     rows: Annotated[Count, Figure("Pixels", value=lambda spot, most: f"{spot.rows} × {2 * spot.rows}")]
     depth_mm: Annotated[float, Figure("Depth", limit=2.0)]
     beam: Annotated[Beam, Apart()]
-    least: float = 0.01
+    least: float | None = 0.01
     law: str = "étendue"
 
 
@@ -182,6 +182,12 @@ def test_a_figure_with_a_limit_of_its_own_is_judged_by_its_value(nmse: float, er
     assert (told["nmse"].possible, told["nmse"].possible_note, told["nmse"].remedy) == (0.01, "étendue", "refocus 24°")
     unasked = next(iter(facts_in(spot(nmse, error), (), None, None)))
     assert (unasked.limit, unasked.state, unasked.limit_note, unasked.is_square) == (None, "", "", True)
+
+
+def test_a_law_is_told_with_its_bound_alone() -> None:
+    free = spot().model_copy(update={"least": None})
+    (told,) = (fact for fact in facts_in(free, (), None, 0.1) if fact.key == "nmse")
+    assert (told.possible, told.possible_note) == (None, "")
 
 
 @pytest.mark.parametrize(("share", "state"), [(0.741, "pass"), (0.739, "undecided"), (0.659, "fail")])
