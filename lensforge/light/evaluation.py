@@ -20,8 +20,9 @@ from lensforge.light.evaluation_result import FittedLight, Light, LightMetrics, 
 from lensforge.light.far_field import limits_by_intensities
 from lensforge.light.judged_limits import colour_limits, judged_limits, stated_figures
 from lensforge.light.light_ways import FluxByWay
-from lensforge.light.received_flux import CAUSES, MISSED_RECEIVER, ReceivedFlux, named_flux
+from lensforge.light.received_flux import BLOCKED, CAUSES, MISSED_RECEIVER, ReceivedFlux, named_flux
 from lensforge.light.receiver_light import (
+    BlockedLight,
     EstimatedLight,
     Flux,
     MissedByCause,
@@ -330,6 +331,7 @@ def receiver_light(
         flux=flux,
         missed_by_cause=missed,
         lost_in_bodies=dict(zip((body.name for body in physics.light.media.bodies), lost.tolist(), strict=True)),
+        blocked=_blocked(received, receiver, emitted_w),
         map=mean / measure,
         raw_map=raw / measure,
         target_map=target * mean.sum() / measure,
@@ -338,10 +340,22 @@ def receiver_light(
     )
 
 
+def _blocked(received: ReceivedFlux, receiver: PosedReceiver, emitted_w: float) -> tuple[BlockedLight, ...]:
+    """Light that each body of the scene blocks, of those that do."""
+    names = () if receiver.housing is None else receiver.housing.names
+    return tuple(
+        BlockedLight(name=name, share=flux / emitted_w, place_mm=tuple(np.array(moments) / flux))
+        for name, (flux, *moments) in zip(names, received.by_housing.mean(axis=0).tolist(), strict=True)
+        if flux > 0.0
+    )
+
+
 def _losses(received: ReceivedFlux, by_way: FluxByWay) -> Float[np.ndarray, "r c"]:
     """Flux (W) by cause of loss, in the order of ``scene.light_ends``, in each replicate."""
     ended = received.by_fate[:, : len(Fate)] @ (NUMBER_BY_FATE[:, None] == np.arange(len(LOSSES)))
-    ended[:, LOSSES.index("beside")] = received.outside + received.by_fate[:, MISSED_RECEIVER]
+    ended[:, LOSSES.index("beside")] = (
+        received.outside + received.by_fate[:, [MISSED_RECEIVER, BLOCKED]].sum(axis=1)
+    )
     return np.concatenate([ended, by_way.leaked()], axis=1)
 
 
@@ -389,7 +403,7 @@ def _flux_budget(received: ReceivedFlux, emitted_w: float) -> tuple[Flux, Missed
         detected=float(received.window.mean() / emitted_w),
         outside=float(received.outside.mean() / emitted_w),
         missed=sum(missed.model_dump().values()),
-        **{name: named[name] for name in ("total_reflection", "not_converged", "absorbed", "cover_glass", "bodies")},
+        **{name: named[name] for name in ("total_reflection", "not_converged", "absorbed", "cover_glass", "bodies", "housing")},
         reflected=max(0.0, 1.0 - float(share.sum())),  # the rest: all of it may be rounding
     )
     return flux, missed

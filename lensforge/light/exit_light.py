@@ -14,6 +14,7 @@ from lensforge.light.received_flux import flux_by_fate
 from lensforge.light.simulation import TracedLens, bundles
 from lensforge.results import Metric
 from lensforge.scene.exit_rays import ExitRays
+from lensforge.scene.housing import Housing, Shadow
 from lensforge.sources.ray_bundle import RayBundle, Source
 from lensforge.spec.lamps_section import ALONE, Lamps
 
@@ -23,7 +24,8 @@ class Goniophotometer:
     """The sphere of a radius (mm) around the ``lamps`` on which exit rays start, and how it is read.
 
     ``symmetry``: mirror group of lens, source and ``lamps``, under which the light is averaged. ``street_deg``: azimuth
-    of the street. ``to_horizon``: the table is fine up to the horizon, where little light makes glare.
+    of the street. ``to_horizon``: the table is fine up to the horizon, where little light makes glare. ``housing``:
+    opaque bodies around the lamps.
     """
 
     sphere_mm: float
@@ -31,6 +33,7 @@ class Goniophotometer:
     street_deg: float
     lamps: Lamps = ALONE
     to_horizon: bool = False
+    housing: Housing | None = None
 
 
 @dataclass(frozen=True)
@@ -44,17 +47,23 @@ class RaysOnSphere:
     by_fate_w: Float[np.ndarray, " f"]
 
 
-def exit_rays(lens: TracedLens, rays: RayBundle, sphere_mm: float, lamps: Lamps = ALONE) -> RaysOnSphere:
-    """Trace ``rays`` and start those that leave upwards on the sphere of radius ``sphere_mm`` around the lamps.
+def exit_rays(lens: TracedLens, rays: RayBundle, meter: Goniophotometer) -> RaysOnSphere:
+    """Trace ``rays`` and start those that leave upwards, and meet no body, on the sphere of ``meter``.
 
     Rays are dealt to the lamps at random, equally many to each, and carry the flux of all.
     """
-    traced = lens.trace(rays) if lamps.is_single else _of_lamps(lens, rays, lamps)
-    upwards = traced.left_lens & (traced.directions[:, 2] > 0.0)
+    traced = lens.trace(rays) if meter.lamps.is_single else _of_lamps(lens, rays, meter.lamps)
+    left = traced.left_lens
+    shadow = Shadow.none_of(len(left))
+    if meter.housing is not None:
+        rows = np.flatnonzero(left)
+        ends = np.full(len(rows), np.inf)
+        shadow = shadow.with_rows(rows, meter.housing.shadow(traced.points[rows], traced.directions[rows], ends))
+    upwards = left & (traced.directions[:, 2] > 0.0) & ~shadow.met
     points, directions, flux = (values[upwards] for values in (traced.points, traced.directions, traced.flux))
     directions = directions / np.linalg.norm(directions, axis=1, keepdims=True)
-    by_fate = flux_by_fate(traced, traced.left_lens & ~upwards)
-    return RaysOnSphere(RayBundle(_on_sphere(points, directions, sphere_mm), directions, flux), by_fate)
+    by_fate = flux_by_fate(traced, left & ~upwards, shadow)
+    return RaysOnSphere(RayBundle(_on_sphere(points, directions, meter.sphere_mm), directions, flux), by_fate)
 
 
 def _of_lamps(lens: TracedLens, rays: RayBundle, lamps: Lamps) -> ExitRays:
@@ -164,7 +173,7 @@ class _Sums:
     def add(self, rays: Iterator[RayBundle]) -> None:
         """Trace another bundle for each sample; each bundle carries all the flux."""
         for part, bundle in enumerate(rays):
-            out = exit_rays(self._lens, bundle, self._meter.sphere_mm, self._meter.lamps)
+            out = exit_rays(self._lens, bundle, self._meter)
             if self._grid is None:
                 self._grid = finest_grid(90.0 if self._meter.to_horizon else _reach_deg(out.rays))
             deposit = self._grid.deposit(out.rays)

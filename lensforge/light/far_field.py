@@ -9,6 +9,7 @@ from lensforge.light.exit_light import ExitLight, Goniophotometer, trace_exit_li
 from lensforge.light.luminaire_classes import LampLight
 from lensforge.light.simulation import TracedLens
 from lensforge.results import Fact
+from lensforge.scene.housing import Housing
 from lensforge.scene.lens import Lens
 from lensforge.sources.ray_bundle import Source
 from lensforge.spec import Spec
@@ -29,16 +30,21 @@ def lamps_of_files(spec: Spec) -> Lamps:
 def trace_far_field(lens: Lens, source: Source, preset: Preset, *, rays: int | None, seed: int) -> ExitLight:
     """Light of ``lens`` and its lamps; without ``rays`` the noise of the table sets their number."""
     lamps = lamps_of_files(lens.spec)
+    housing = Housing.of(lens.spec.scene)
     lens_mm = max(lens.body.largest_mm, reach_mm(lens.media.bodies))
     return trace_exit_light(
         TracedLens.of(lens, preset.evaluate_nodes_per_sigma),
         source,
         Goniophotometer(
             sphere_mm=_SLACK * (lens_mm + lamps.reach_mm),
-            symmetry=shared_symmetry([source.symmetry, lens.symmetry], lamps.in_far_field.has_mirrors),
+            symmetry=shared_symmetry(
+                [source.symmetry, lens.symmetry],
+                lambda group: lamps.in_far_field.has_mirrors(group) and (housing is None or housing.has_mirrors(group)),
+            ),
             street_deg=lens.spec.photometry.street_side_deg,
             lamps=lamps,
             to_horizon=bool(lens.spec.applications),
+            housing=housing,
         ),
         rays=rays,
         by_itself=preset.photometry_rays,

@@ -145,6 +145,8 @@ def unit_on(light: Light, receiver: ReceiverLight) -> LightUnit:
 def _figures(case: Case[Light], lens: Lens) -> Iterator[Fact]:
     receiver = case.record
     yield from case.facts(lens)
+    for blocked in receiver.blocked:
+        yield from facts_in(blocked)
     if not lens.spec.applications:  # which judge the light of all lenses of their lamps
         yield from _in_region(receiver, unit_on(case.result, receiver), one_of_lenses(lens.spec))
     if receiver.tristimulus_map is not None:

@@ -206,6 +206,7 @@ class LostFlux(Record):
     absorbed: NotNegative = 0.0
     cover_glass: NotNegative = 0.0
     bodies: NotNegative = 0.0
+    housing: NotNegative = 0.0
 
 
 def one_of_lenses(spec: Spec) -> str:

@@ -8,6 +8,7 @@ from jaxtyping import Bool, Float
 
 from lensforge.kernels.fate import Fate
 from lensforge.scene.exit_rays import ExitRays
+from lensforge.scene.housing import Shadow
 from lensforge.scene.lamp_pictures import LampPictures
 from lensforge.scene.pixel_grid import bin_flux, rebinned
 from lensforge.scene.receiver import Landings, PosedReceiver
@@ -16,7 +17,8 @@ from lensforge.scene.region import Region
 MISSED_RECEIVER = len(Fate)  # after the fates: left the lens, but never reaches the receiver
 ABSORBED = len(Fate) + 1  # in the body, of rays of any fate
 IN_GLASS = len(Fate) + 2  # reflected or absorbed by the cover glass
-CAUSES = len(Fate) + 3  # behind them, the flux lost in each of the further bodies
+BLOCKED = len(Fate) + 3  # left the lens, and met a body of the scene before the receiver
+CAUSES = len(Fate) + 4  # behind them, the flux lost in each of the further bodies
 
 
 @dataclass(frozen=True)
@@ -24,8 +26,9 @@ class ReceivedFlux:
     """Flux (W) on one receiver in each replicate: per pixel (r, h, w), by fate (r, f), in the window and outside it.
 
     The fates are those of :class:`~lensforge.kernels.fate.Fate`, where ``LEFT_LENS`` holds what landed, and
-    ``MISSED_RECEIVER``, ``ABSORBED`` and ``IN_GLASS``; then each of the further bodies. ``in_regions``: in each of the
-    ``regions`` (k). ``colours``: X, Y and Z (lm) per pixel; None without colour.
+    ``MISSED_RECEIVER``, ``ABSORBED``, ``IN_GLASS`` and ``BLOCKED``; then each of the further bodies. ``in_regions``: in each of the
+    ``regions`` (k). ``by_housing``: flux that each body of the scene blocks, and that times the place (mm) at which it
+    does, x, y and z. ``colours``: X, Y and Z (lm) per pixel; None without colour.
     """
 
     images: Float[np.ndarray, "r h w"]
@@ -33,6 +36,7 @@ class ReceivedFlux:
     window: Float[np.ndarray, " r"]
     outside: Float[np.ndarray, " r"]
     in_regions: Float[np.ndarray, "r k"]
+    by_housing: Float[np.ndarray, "r b 4"]
     regions: tuple[Region, ...] = ()
     colours: Float[np.ndarray, "3 r h w"] | None = None
 
@@ -51,7 +55,8 @@ class ReceivedFlux:
         in_regions = np.zeros((replicates, len(regions)))
         colours = np.zeros((3, *images.shape)) if coloured else None
         by_fate = np.zeros((replicates, CAUSES + bodies))
-        return ReceivedFlux(images, by_fate, none, none.copy(), in_regions, regions, colours)
+        blocked = np.zeros((replicates, len(receiver.housing or ()), 4))
+        return ReceivedFlux(images, by_fate, none, none.copy(), in_regions, blocked, regions, colours)
 
     @staticmethod
     def mean(of_kinds: Sequence["ReceivedFlux"], shares: Sequence[float]) -> "ReceivedFlux":
@@ -62,7 +67,7 @@ class ReceivedFlux:
             return np.asarray(np.sum([share * getattr(flux, name) for share, flux in parts], axis=0))
 
         first = of_kinds[0]
-        amounts = ("images", "by_fate", "window", "outside", "in_regions")
+        amounts = ("images", "by_fate", "window", "outside", "in_regions", "by_housing")
         colours = None if first.colours is None else mean("colours")
         return ReceivedFlux(**{name: mean(name) for name in amounts}, regions=first.regions, colours=colours)
 
@@ -79,7 +84,9 @@ class ReceivedFlux:
         hits = landings.hits
         flux = landings.flux * share
         self.images[replicate] += bin_flux(hits, flux, receiver.grid)
-        self.by_fate[replicate] += share * flux_by_fate(rays, landings.missed_receiver)
+        self.by_fate[replicate] += share * flux_by_fate(rays, landings.missed_receiver, landings.shadow)
+        if landings.shadow is not None:
+            self.by_housing[replicate] += share * _blocked(rays, landings.shadow, self.by_housing.shape[1])
         inside = receiver.window.contains(hits)
         self.window[replicate] += flux[inside].sum()
         self.outside[replicate] += flux[~inside].sum()
@@ -106,25 +113,42 @@ class ReceivedFlux:
         by_fate = lamps.mean([raster.by_fate for raster in rasters])
         seen = [raster.colours for raster in rasters if raster.colours is not None]
         colours = lamps.added(seen) if seen else None
-        return ReceivedFlux(images, by_fate, window, np.maximum(landed - window, 0.0), in_regions, regions, colours)
+        blocked = lamps.mean([raster.by_housing for raster in rasters])
+        outside = np.maximum(landed - window, 0.0)
+        return ReceivedFlux(images, by_fate, window, outside, in_regions, blocked, regions, colours)
 
 
 def named_flux(by_fate: Float[np.ndarray, " f"]) -> dict[str, float]:
     """Flux of each fate by its name, the further bodies summed."""
     places = {fate.name.lower(): int(fate) for fate in Fate}
     places |= {"missed_receiver": MISSED_RECEIVER, "absorbed": ABSORBED, "cover_glass": IN_GLASS}
+    places["housing"] = BLOCKED
     named = {name: float(by_fate[place]) for name, place in places.items()}
     return {**named, "bodies": float(by_fate[CAUSES:].sum())}
 
 
-def flux_by_fate(rays: ExitRays, missed_receiver: Bool[np.ndarray, " n"]) -> Float[np.ndarray, " f"]:
-    """Flux (W) by fate; rays that left the lens but ``missed_receiver``, and absorbed flux, are counted apart.
+def flux_by_fate(
+    rays: ExitRays, missed_receiver: Bool[np.ndarray, " n"], shadow: Shadow | None = None
+) -> Float[np.ndarray, " f"]:
+    """Flux (W) by fate; rays that left the lens but ``missed_receiver``, or met a body of the scene, and absorbed flux
+    are counted apart.
 
     Then the flux lost in each further body.
     """
-    by_fate = np.bincount(np.where(missed_receiver, MISSED_RECEIVER, rays.fates), rays.flux, minlength=CAUSES)
+    fates = np.where(missed_receiver, MISSED_RECEIVER, rays.fates)
+    if shadow is not None:
+        fates = np.where(shadow.met, BLOCKED, fates)
+    by_fate = np.bincount(fates, rays.flux, minlength=CAUSES)
     if rays.absorbed is not None:
         by_fate[ABSORBED] = rays.absorbed.sum()
     if rays.lost_in_glass is not None:
         by_fate[IN_GLASS] = rays.lost_in_glass.sum()
     return by_fate if rays.lost_in_bodies is None else np.concatenate([by_fate, rays.lost_in_bodies.sum(axis=1)])
+
+
+def _blocked(rays: ExitRays, shadow: Shadow, bodies: int) -> Float[np.ndarray, "b 4"]:
+    """Flux (W) that each body blocks, and that times the place (mm) at which it does."""
+    met = shadow.met
+    flux = rays.flux[met]
+    amounts = (flux, *(flux * coordinate for coordinate in shadow.places[met].T))
+    return np.stack([np.bincount(shadow.bodies[met], amount, bodies) for amount in amounts], axis=1)

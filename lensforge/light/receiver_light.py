@@ -19,7 +19,7 @@ from lensforge.light.beam_colour import BeamColour
 from lensforge.light.region_light import RegionLight
 from lensforge.optics.fundamental_limits import BY_SYMMETRY, LEVELS, transmittance_of
 from lensforge.public import public
-from lensforge.results import Irradiance, Metric, NotNegative, Number, Positive, Record, Share, Text
+from lensforge.results import Irradiance, Metric, NotNegative, Number, Point, Positive, Record, Share, Text
 from lensforge.results.chart import Chart
 from lensforge.results.estimates import (
     nmse,
@@ -44,7 +44,8 @@ class Flux(Record):
 
     ``detected``: in the window. ``outside``: on the receiver's surface outside the window. ``missed``: never reached
     that surface. ``absorbed``: by the body from face to face, and by mirrors. ``cover_glass``: reflected and absorbed
-    by it. ``bodies``: likewise by the further bodies, and light that ends there. ``reflected``: at faces that let light
+    by it. ``bodies``: likewise by the further bodies, and light that ends there. ``housing``: blocked by the opaque
+    bodies of the scene. ``reflected``: at faces that let light
     through, which a sequential design does not follow.
     """
 
@@ -56,6 +57,7 @@ class Flux(Record):
     absorbed: Share = 0.0
     cover_glass: Share = 0.0
     bodies: Share = 0.0
+    housing: Share = 0.0
     reflected: Share
 
 
@@ -69,6 +71,22 @@ class MissedByCause(Record):
     surfaces_intersect: Share
     event_limit: Share = 0.0
     flange: Share = 0.0
+
+
+class BlockedLight(Record):
+    """Light that an opaque body of the scene blocks before the receiver.
+
+    ``share``: of the emitted flux; ``place_mm``: mean of the places at which it meets the body, weighted by flux.
+    """
+
+    name: Text
+    share: Annotated[Share, Figure("Blocked by housing", "{place_words}", key="blocked", unit="%")]
+    place_mm: Point
+
+    @property
+    def place_words(self) -> str:
+        """Words for the body and the place."""
+        return f"by {self.name}, about ({', '.join(f'{number(value, 3)}' for value in self.place_mm)}) mm"
 
 
 class RawMetrics(Record):
@@ -262,7 +280,8 @@ class ReceiverLight(Record):
     ``uniform_mm`` or ``uniform_deg``; None if the spec names none. ``in_region``: mean light and evenness there, or
     where the target is bright, and the peak; None if one of the replicates is dark.
 
-    ``lost_in_bodies``: flux lost in each of the further bodies, by its name, as shares of the emitted flux.
+    ``lost_in_bodies``: flux lost in each of the further bodies, by its name, as shares of the emitted flux;
+    ``blocked``: by each of the bodies of the scene that blocks some.
 
     ``nmse``, ``uniformity`` and ``rsd`` are those of the light, without ray noise; ``raw``: those of ``map``, with it.
     Where the replicates are too few to tell light from noise, both are the same, and there is no standard error.
@@ -326,6 +345,7 @@ class ReceiverLight(Record):
     flux: Flux
     missed_by_cause: MissedByCause
     lost_in_bodies: dict[str, Share] = Field(default_factory=dict)
+    blocked: Annotated[tuple[BlockedLight, ...], Apart()] = ()
     map: Irradiance
     raw_map: Irradiance
     target_map: Irradiance

@@ -239,7 +239,7 @@ def _simulate_kinds(
 class DesignLandings:
     """Landings of the same rays on one receiver: hits, NaN where they do not land, their flux (W) there, their fates.
 
-    Fates are the names of :class:`~lensforge.kernels.fate.Fate`, "landed" and "missed_receiver". ``met``: number of the
+    Fates are the names of :class:`~lensforge.kernels.fate.Fate`, "landed", "missed_receiver" and "housing". ``met``: number of the
     face at each event of a chain, -1 where there was none; None of a double-freeform lens.
     """
 
@@ -256,9 +256,11 @@ def design_landings(lens: TracedLens, spec: Spec, rays: RayBundle) -> list[Desig
     names = np.array(["landed", *(fate.name.lower() for fate in Fate if fate != Fate.LEFT_LENS), "missed_receiver"])
     for receiver in receivers_of(spec, spec.evaluate.pixels):
         landings = receiver.land(exit_rays)
-        fates = np.where(landings.missed_receiver, MISSED_RECEIVER, exit_rays.fates)
+        fates = names[np.where(landings.missed_receiver, MISSED_RECEIVER, exit_rays.fates)]
+        if landings.shadow is not None:
+            fates = np.where(landings.shadow.met, "housing", fates)
         hits = np.where(landings.landed[:, None], landings.hits, np.nan)
-        by_receiver.append(DesignLandings(hits, landings.flux, names[fates], exit_rays.met))
+        by_receiver.append(DesignLandings(hits, landings.flux, fates, exit_rays.met))
     return by_receiver
 
 

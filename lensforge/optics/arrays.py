@@ -25,6 +25,11 @@ def like(array: Array, values: Array) -> Array:
     return sys.modules["torch"].as_tensor(values, dtype=array.dtype, device=array.device)
 
 
+def as_numpy(array: Array) -> np.ndarray:
+    """``array`` in NumPy; no gradient passes."""
+    return array if isinstance(array, np.ndarray) else np.asarray(array.detach().cpu())
+
+
 def replaced(array: Array, rows: Int[Array, " k"], values: Inexact[Array, "k *shape"]) -> Array:
     """A copy of ``array`` with ``values`` in some of its rows; differentiable in both."""
     if not isinstance(array, np.ndarray):

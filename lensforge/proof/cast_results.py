@@ -19,6 +19,7 @@ class PartFlux(Record):
     absorbed: Share = 0.0
     cover_glass: Share = 0.0
     bodies: Share = 0.0
+    housing: Share = 0.0
     reflected: Share
 
 

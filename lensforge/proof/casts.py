@@ -189,7 +189,8 @@ def _of_first_lamp(lens: Lens) -> Spec:
     """Reduce the scene to one lamp at the origin: of posed lamps the first that carries ``lens``."""
     from lensforge.scene.receiver_shapes import seen_by_lamp
 
-    return seen_by_lamp(lens.spec, lens.first_lamp) if lens.spec.all_lamps.posed else lens.spec.of_one_lamp
+    spec = lens.spec
+    return seen_by_lamp(spec, lens.first_lamp) if spec.all_lamps.posed or spec.scene else spec.of_one_lamp
 
 
 @public

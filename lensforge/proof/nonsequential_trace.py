@@ -313,6 +313,7 @@ class _Light:
         """
         split, plain = (self.lamps.stood(light, number).landed(screen) for light in (self.split, self.passage))
         reached = split.fates == CastFate.LANDED
+        blocked = split.fates == CastFate.HOUSING
         stray = self.causes != Cause.SEQUENTIAL
         inside = screen.in_window(split.landings)
         direct = ~stray
@@ -325,7 +326,8 @@ class _Light:
             "detected_stray": inside & stray,
             "outside_direct": reached & ~inside & direct,
             "outside_stray": reached & ~inside & stray,
-            "backward": ~reached,
+            "backward": ~reached & ~blocked,
+            "housing": blocked,
         }
         return {name: float(split.flux[some].sum()) for name, some in (ends | by_cause).items()} | {
             "sequential": float(plain.flux[screen.in_window(plain.landings)].sum()),

@@ -25,6 +25,7 @@ _ENDS = {
     "absorbed": "absorbed in the lens",
     "cover_glass": "lost in the cover glass",
     "bodies": "lost in the further bodies",
+    "housing": "blocked by housing",
     "base": "absorbed by the base",
     "too_dim": "below the flux cut-off",
     "leaked": "leaked at the mesh's edges",

@@ -20,10 +20,12 @@ from lensforge.optics.image_reading import read_light
 from lensforge.proof import independent_draws
 from lensforge.proof.optical_faces import Expansion, OpticalFaces, PlateOfLenses
 from lensforge.proof.part_comparison import RAYS, IndependentLight, LampsApart, LampsOnPlate, LampStands
+from lensforge.proof.obstacles import Obstacles
 from lensforge.proof.receiver_screen import Screen
 from lensforge.scene.body import Body, radii
 from lensforge.scene.lens import Lens
 from lensforge.scene.pixel_grid import Window
+from lensforge.scene.housing_mesh import mesh_of
 from lensforge.scene.receiver_shapes import receivers_of
 from lensforge.sources.light_files import read_photometric
 from lensforge.sources.measured_rays import RefittedSource
@@ -116,6 +118,8 @@ def stands_of(lamps: Lamps) -> LampStands:
 def screens_of(spec: Spec, pixels: int | None = None) -> list[Screen]:
     """Screens with as many pixels as the evaluation's images, by default those of the spec."""
     receivers = receivers_of(spec, pixels or spec.evaluate.pixels)
+    bodies = [(*mesh_of(body), body.rotate_z_deg, body.tilt_deg, body.centre_mm) for body in spec.scene]
+    obstacles = Obstacles.of(bodies)
     return [
         Screen.kinds[section.kind](
             centre_mm=section.centre_mm,
@@ -126,6 +130,7 @@ def screens_of(spec: Spec, pixels: int | None = None) -> list[Screen]:
             filter_variance=spec.evaluate.filter_variance,
             numbers={name: value for name, value in section if isinstance(value, float)},
             period_mm=spec.all_lamps.period_mm,
+            obstacles=obstacles,
         )
         for section, receiver in zip(spec.all_receivers, receivers, strict=True)
     ]

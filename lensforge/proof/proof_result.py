@@ -486,6 +486,7 @@ class StrayFlux(Record):
     absorbed: Share
     cover_glass: Share = 0.0
     bodies: Share = 0.0
+    housing: Share = 0.0
     base: Share
     too_dim: Share
     leaked: Share

@@ -14,6 +14,7 @@ from scipy.ndimage import convolve1d
 from scipy.spatial.transform import Rotation
 
 from lensforge.errors import InputError
+from lensforge.proof.obstacles import Obstacles
 
 _AT_ONE_METRE = 1000.0  # mm: gaps between directions are given as they are there
 _FLATTEST = 1e-3  # cosine of arrival: pixels seen edge on would allow any gap
@@ -36,7 +37,7 @@ class Screen(ABC):
     ``filter_variance`` (pixels^2) is that of the paper's 3 x 3 Gaussian filter; 0: none. At the edge of the receiver
     the filter repeats the outermost pixels. ``numbers``: further numbers that the spec states for this kind.
     ``period_mm``: of an endless lattice of lamps, whose light is that of one lamp with all landings moved into one
-    period.
+    period. ``obstacles``: opaque bodies before it.
     """
 
     centre_mm: Triple
@@ -50,6 +51,7 @@ class Screen(ABC):
     filter_variance: float = 1.0
     numbers: Mapping[str, float] = field(default_factory=dict)
     period_mm: tuple[float, float] | None = None
+    obstacles: Obstacles | None = None
 
     kinds: ClassVar[dict[str, "type[Screen]"]] = {}
     kind: ClassVar[str]  # that of the receiver's section
@@ -113,6 +115,20 @@ class Screen(ABC):
         with np.errstate(divide="ignore", invalid="ignore"):
             places = self._landed((points - self.centre_mm) @ axes.T, directions @ axes.T)
         return places if self.period_mm is None else places - self.period_mm * np.round(places / self.period_mm)
+
+    def blocked(
+        self, points: Float[np.ndarray, "n 3"], directions: Float[np.ndarray, "n 3"], landings: Float[np.ndarray, "n 2"]
+    ) -> Bool[np.ndarray, " n"]:
+        """True for rays that meet an obstacle before they land, or where they never do."""
+        if self.obstacles is None:
+            return np.zeros(len(points), dtype=bool)
+        paths_mm = np.full(len(points), np.inf)
+        lands = ~np.isnan(landings[:, 0])
+        if not self.is_far and lands.any():
+            places, _ = self._surface(*landings[lands].T)
+            away = places @ self.axes + self.centre_mm - points[lands]
+            paths_mm[lands] = np.sum(away * directions[lands], axis=1)
+        return self.obstacles.block(points, directions, paths_mm)
 
     def on_pixels(self, landings: Float[np.ndarray, "n 2"]) -> Bool[np.ndarray, " n"]:
         """True for landings on any pixel; False for NaN."""

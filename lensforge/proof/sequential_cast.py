@@ -47,6 +47,7 @@ class CastFate(IntEnum):
     STARTS_OUTSIDE = 8  # met the outside of the lens first: it started neither in the cavity nor below it
     EVENT_LIMIT = 9  # reflected by a mirror, or still not out of the lens, at its last event
     FLANGE = 10  # absorbed at the flange, by what holds it
+    HOUSING = 11  # left the lens, and met an opaque body of the scene before the receiver
 
 
 @dataclass(frozen=True)
@@ -92,6 +93,9 @@ class Passage:
         left = np.nonzero(self.fates == CastFate.LANDED)[0]
         landings[left] = screen.land(self.points[left], self.directions[left])
         fates[left[np.isnan(landings[left, 0])]] = CastFate.MISSED_RECEIVER
+        blocked = left[screen.blocked(self.points[left], self.directions[left], landings[left])]
+        fates[blocked] = CastFate.HOUSING
+        landings[blocked] = np.nan
         return LandedRays(**{**vars(self), "fates": fates}, landings=landings)
 
 

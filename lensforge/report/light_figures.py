@@ -351,6 +351,7 @@ _WORDS = {
     "reflected": "reflected at the surfaces",
     "cover_glass": "lost in the cover glass",
     "bodies": "",  # each by its name
+    "housing": "blocked by housing",
     "outside": "outside the window",
 }
 

@@ -21,6 +21,7 @@ from lensforge.errors import InputError
 from lensforge.optics.arrays import Array, lengths, like, module_of, replaced, rows_of
 from lensforge.optics.pose import Pose
 from lensforge.scene.exit_rays import ExitRays, Sensitivities
+from lensforge.scene.housing import Housing
 from lensforge.scene.pixel_grid import PixelGrid
 from lensforge.scene.receiver import Landings
 from lensforge.scene.receiver_shapes import Plane
@@ -60,11 +61,17 @@ class EyeView(Plane):
     label: str = field(kw_only=True)
     of_mean: bool = field(kw_only=True)
 
-    def land(self, rays: ExitRays) -> Landings:
-        """Land ``rays``, NumPy arrays."""
-        return self.land_by_arrays(rays)
+    def _land(self, rays: ExitRays) -> Landings:
+        return self._land_by_arrays(rays)
 
-    def land_by_arrays(self, rays: ExitRays) -> Landings:
+    def _reach_mm(
+        self, points: Float[np.ndarray, "n 3"], directions: Float[np.ndarray, "n 3"], landings: Landings
+    ) -> Float[np.ndarray, " n"]:
+        """Path (mm) of each ray until it passes the eye."""
+        eye = self.pose.points(np.array([0.0, 0.0, self.distance_mm]))
+        return np.asarray(((eye - points) * directions).sum(axis=1))
+
+    def _land_by_arrays(self, rays: ExitRays) -> Landings:
         """Land ``rays``, with their flux times the kernel; NumPy or torch."""
         rows = self._near(rays)
         points = self.pose.to_local_points(rays.points[rows])
@@ -110,7 +117,7 @@ class EyeView(Plane):
         scale = 1.5 / (pi * self._width * (1.0 - 0.25 * self._width))
         return lines, distances, xp.where(rest > 0.0, rest, 0.0), scale
 
-    def adjoint(
+    def _adjoint(
         self, rays: ExitRays, by_hits: Float[np.ndarray, "n 2"], by_flux: Float[np.ndarray, " n"]
     ) -> tuple[Sensitivities, Float[np.ndarray, " n"]]:
         """Sensitivities to exit rays and to their flux from those to their hits and to the flux that lands."""
@@ -193,7 +200,7 @@ class RingView(EyeView):
         """Its eyes."""
         return self.eyes
 
-    def land_by_arrays(self, rays: ExitRays) -> Landings:
+    def _land_by_arrays(self, rays: ExitRays) -> Landings:
         """Land ``rays``, each on the picture of the eye that it comes near; NumPy or torch."""
         first, *further = (self._landed(number, rays) for number in range(len(self.eyes)))
         hits = first.hits
@@ -205,14 +212,14 @@ class RingView(EyeView):
 
     def _landed(self, number: int, rays: ExitRays) -> Landings:
         """Landings on the picture of one eye; beyond it is that of another."""
-        landed = self.eyes[number].land_by_arrays(rays)
+        landed = self.eyes[number]._land_by_arrays(rays)
         across = landed.hits[:, 0]
         up = landed.hits[:, 1]
         within = abs(up) <= 0.5 * self.eyes[number].grid.height
         hits = module_of(up).stack([across, up + self.raised(number)], 1)
         return replace(landed, hits=hits, flux=landed.flux * within)
 
-    def adjoint(
+    def _adjoint(
         self, rays: ExitRays, by_hits: Float[np.ndarray, "n 2"], by_flux: Float[np.ndarray, " n"]
     ) -> tuple[Sensitivities, Float[np.ndarray, " n"]]:
         """Sensitivities to exit rays and to their flux, each by the eye that it comes near."""
@@ -221,7 +228,7 @@ class RingView(EyeView):
         of_flux = np.zeros_like(by_flux)
         for number, eye in enumerate(self.eyes):
             near = self._landed(number, rays).arrived
-            by, by_flux_of_eye = eye.adjoint(rays, by_hits * near[:, None], by_flux * near)
+            by, by_flux_of_eye = eye._adjoint(rays, by_hits * near[:, None], by_flux * near)
             points += by.by_points
             directions += by.by_directions
             of_flux += by_flux_of_eye
@@ -266,6 +273,8 @@ def eye_views(spec: Spec, *, searched: bool = False) -> tuple[EyeView, ...]:
         return ()
     reach = max(spec.lens.extent_mm(spec.constraints), reach_mm(spec.media.bodies))
     lamp = spec.all_lamps.lamps[0].pose
+    housing = Housing.of(spec.scene)
+    housing = None if housing is None else housing.seen_from(lamp)
     views: list[EyeView] = []
     for number, limit in limits:
         labelled = zip(limit.eye_labels(number), limit.eyes(), strict=True)
@@ -273,7 +282,7 @@ def eye_views(spec: Spec, *, searched: bool = False) -> tuple[EyeView, ...]:
             _view(limit, label, lamp.to_local_points(_place(eye)), reach, searched) for label, (_, eye) in labelled
         )
         views += eyes if limit.from_deg is None else [RingView.of(eyes, *limit.labels(number))]
-    return tuple(views)
+    return tuple(replace(view, housing=housing) for view in views)
 
 
 def _place(eye: tuple[float, ...]) -> Float[np.ndarray, "3"]:

@@ -36,13 +36,11 @@ _Images = Float[np.ndarray, "..."]  # of replicates, or one
 class PeriodPlane(Plane):
     """A plane on which each landing is moved by whole periods of a lattice into one; those around take the splat."""
 
-    def land(self, rays: ExitRays) -> Landings:
-        """Land ``rays``, NumPy arrays, and move their hits."""
-        return self._within(super().land(rays))
+    def _land(self, rays: ExitRays) -> Landings:
+        return self._within(super()._land(rays))
 
-    def land_by_arrays(self, rays: ExitRays) -> Landings:
-        """:meth:`land` in NumPy or in torch."""
-        return self._within(super().land_by_arrays(rays))
+    def _land_by_arrays(self, rays: ExitRays) -> Landings:
+        return self._within(super()._land_by_arrays(rays))
 
     def _within(self, landings: Landings) -> Landings:
         period = self.lamps.period_mm
@@ -169,15 +167,15 @@ def _pictures(receiver: PosedReceiver) -> LampPictures:
     if lamps.is_single:
         return LampPictures(receiver, (Raster(receiver, 1),))
     moves = np.array(lamps.places_mm) @ receiver.pose.rotation[:2, :2] / receiver.grid.pixel
-    level = receiver.is_flat and not any(receiver.pose.axis[:2]) and not lamps.posed
+    alike = receiver.housing is None  # no two lamps see the bodies of a scene at one place
+    level = alike and receiver.is_flat and not any(receiver.pose.axis[:2]) and not lamps.posed
     for members in _alike(receiver, moves, level):
         if lamps.period_mm is not None:
             rasters.append(_period(receiver, members[0]))
         elif level:
             rasters.append(_wider(receiver, members, moves[members]))
         else:
-            pose = receiver.pose.seen_from(lamps.lamps[members[0]].pose)
-            seen = replace(receiver, pose=pose, lamps=ALONE)
+            seen = _seen(receiver, lamps.lamps[members[0]].pose)
             rasters.append(Raster(seen, len(members), ((0, 0),) * len(members), tuple(members)))
     return LampPictures(receiver, tuple(rasters))
 
@@ -188,7 +186,7 @@ def _alike(receiver: PosedReceiver, moves: Float[np.ndarray, "n 2"], level: bool
     groups = dict[object, list[int]]()
     for number, turn in enumerate(lamps.turns_deg):
         key: object = number
-        if receiver.is_far:
+        if receiver.is_far and receiver.housing is None:
             key = round(turn % 360.0, 9), *(round(along, 12) for along in lamps.lamps[number].axis)
         elif level and lamps.period_mm is None:
             parts = np.round((moves[number] - np.round(moves[number])) / WHOLE).astype(int)
@@ -264,7 +262,13 @@ def patch_pictures(receiver: PosedReceiver, columns: int, rows: int) -> LampPict
 def seen_by(receiver: PosedReceiver, number: int) -> PosedReceiver:
     """The receiver as one of its lamps sees it, in whose frame rays start from the origin."""
     lamps = receiver.lamps
-    pose = receiver.pose.seen_from(lamps.lamps[number].pose)
+    lamp = lamps.lamps[number].pose
     if lamps.period_mm is not None:
-        return PeriodPlane(pose, receiver.grid, Window(), lamps)
-    return replace(receiver, pose=pose, lamps=ALONE)
+        return PeriodPlane(receiver.pose.seen_from(lamp), receiver.grid, Window(), lamps)
+    return _seen(receiver, lamp)
+
+
+def _seen(receiver: PosedReceiver, lamp: Pose) -> PosedReceiver:
+    """The receiver, and the bodies before it, as one lamp at a pose sees them."""
+    housing = None if receiver.housing is None else receiver.housing.seen_from(lamp)
+    return replace(receiver, pose=receiver.pose.seen_from(lamp), lamps=ALONE, housing=housing)

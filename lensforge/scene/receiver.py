@@ -15,9 +15,10 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from lensforge.kernels.parallel import in_pieces
-from lensforge.optics.arrays import Array, module_of, replaced, rows_of
+from lensforge.optics.arrays import Array, as_numpy, like, module_of, replaced, rows_of
 from lensforge.optics.pose import Pose
 from lensforge.scene.exit_rays import ExitRays, Sensitivities
+from lensforge.scene.housing import Housing, Shadow
 from lensforge.scene.pixel_grid import PixelGrid, Window
 from lensforge.spec.lamps_section import ALONE, Lamps
 from lensforge.spec.receiver_fields import ReceiverSection
@@ -31,12 +32,14 @@ class Landings:
 
     ``hits``: coordinates on the receiver's chart; ``flux``: W; both 0 where a ray did not land. ``landed``: rays that
     reach the surface in which the receiver lies. ``missed_receiver``: rays that left the lens and never do.
+    ``shadow``: of the bodies before it, in NumPy; None without any.
     """
 
     hits: Float[Array, "n 2"]
     flux: Float[Array, " n"]
     landed: Bool[Array, " n"]
     missed_receiver: Bool[Array, " n"]
+    shadow: Shadow | None = None
 
     @property
     def arrived(self) -> Bool[Array, " n"]:
@@ -45,7 +48,9 @@ class Landings:
 
     def take(self, rows: Int[Array, " k"] | slice) -> "Landings":
         """Landings of some of the rays."""
-        return Landings(*(column[rows] for column in (self.hits, self.flux, self.landed, self.missed_receiver)))
+        columns = (self.hits, self.flux, self.landed, self.missed_receiver)
+        shadow = None if self.shadow is None else self.shadow.take(rows)
+        return Landings(*(column[rows] for column in columns), shadow)
 
 
 Kernel = Callable[..., Any]
@@ -57,13 +62,14 @@ class PosedReceiver(ABC):
 
     Subclasses say in arrays where rays land, and may name a pair of kernels that do the same, many times as quickly.
     ``lamps``: those whose light it sees. Rays land from one at the origin; its pictures hold the mean flux of a lamp on
-    each pixel.
+    each pixel. ``housing``: opaque bodies before it; None without any.
     """
 
     pose: Pose
     grid: PixelGrid
     window: Window = field(default_factory=Window)
     lamps: Lamps = ALONE
+    housing: Housing | None = None
 
     kernels: ClassVar[tuple[Kernel, Kernel] | None] = None  # hits and whether they are reached; the adjoint
     radius_mm: ClassVar[float] = inf
@@ -79,8 +85,64 @@ class PosedReceiver(ABC):
 
     def land(self, rays: ExitRays) -> Landings:
         """Land ``rays``, NumPy arrays, by a compiled kernel where there is one."""
+        return self._in_shadow(rays, self._land(rays))
+
+    def land_by_arrays(self, rays: ExitRays) -> Landings:
+        """:meth:`land` in NumPy or in torch, on any device and in any precision; there differentiable.
+
+        But for the edges of shadows.
+        """
+        return self._in_shadow(rays, self._land_by_arrays(rays))
+
+    def adjoint(
+        self, rays: ExitRays, by_hits: Float[np.ndarray, "n 2"], by_flux: Float[np.ndarray, " n"]
+    ) -> tuple[Sensitivities, Float[np.ndarray, " n"]]:
+        """Sensitivities to exit rays and to their flux, from those to their hits and to the flux that lands."""
+        if self.housing is None:
+            return self._adjoint(rays, by_hits, by_flux)
+        landings = self._land(rays)
+        shadow = self._shadow(self.housing, rays, landings)
+        by, of_flux = self._adjoint(rays, by_hits, by_flux * shadow.weights)
+        by_weight = (by_flux * landings.flux)[:, None]
+        by_points = by.by_points + by_weight * shadow.by_points
+        return Sensitivities(by_points, by.by_directions + by_weight * shadow.by_directions), of_flux
+
+    def _in_shadow(self, rays: ExitRays, landings: Landings) -> Landings:
+        """``landings`` of ``rays`` that meet no body before; in a search rays that are dimmed land, or count as such."""
+        if self.housing is None:
+            return landings
+        shadow = self._shadow(self.housing, rays, landings)
+        free = module_of(landings.flux).asarray(~shadow.met)
+        return Landings(
+            landings.hits,
+            landings.flux * like(landings.flux, shadow.weights),
+            landings.landed if self.housing.rim > 0.0 else landings.landed & free,
+            landings.missed_receiver & free,
+            shadow,
+        )
+
+    def _shadow(self, housing: Housing, rays: ExitRays, landings: Landings) -> Shadow:
+        """Shadow of the ``housing`` on ``rays``, in NumPy; those that were lost in the lens have none."""
+        points, directions, left = (as_numpy(column) for column in (rays.points, rays.directions, rays.left_lens))
+        rows = np.flatnonzero(left)
+        reach_mm = self._reach_mm(points, directions, landings)[rows]
+        return Shadow.none_of(len(left)).with_rows(rows, housing.shadow(points[rows], directions[rows], reach_mm))
+
+    def _reach_mm(
+        self, points: Float[np.ndarray, "n 3"], directions: Float[np.ndarray, "n 3"], landings: Landings
+    ) -> Float[np.ndarray, " n"]:
+        """Path (mm) of each ray to the surface; infinite where it never gets there."""
+        reach_mm = np.full(len(points), inf)
+        if not self.is_far:
+            landed = as_numpy(landings.landed)
+            places = self.places(*as_numpy(landings.hits)[landed].T)
+            reach_mm[landed] = ((places - points[landed]) * directions[landed]).sum(axis=1)
+        return reach_mm
+
+    def _land(self, rays: ExitRays) -> Landings:
+        """:meth:`land` without bodies before it."""
         if self.kernels is None:
-            return self.land_by_arrays(rays)
+            return self._land_by_arrays(rays)
         landing = self.kernels[0]
         points = rays.points
         directions = rays.directions
@@ -114,14 +176,14 @@ class PosedReceiver(ABC):
         in_pieces(work, len(points), worth=_WORTH_SHARING)
         return by
 
-    def adjoint(
+    def _adjoint(
         self, rays: ExitRays, by_hits: Float[np.ndarray, "n 2"], by_flux: Float[np.ndarray, " n"]
     ) -> tuple[Sensitivities, Float[np.ndarray, " n"]]:
-        """Sensitivities to exit rays and to their flux, from those to their hits and to the flux that lands."""
+        """:meth:`adjoint` without bodies before it."""
         return self.sensitivities(rays, by_hits), by_flux
 
-    def land_by_arrays(self, rays: ExitRays) -> Landings:
-        """:meth:`land` in NumPy or in torch, on any device and in any precision; there differentiable."""
+    def _land_by_arrays(self, rays: ExitRays) -> Landings:
+        """:meth:`land_by_arrays` without bodies before it."""
         points = self.pose.to_local_points(rays.points)
         directions = self.pose.to_local_directions(rays.directions)
         landed = rays.left_lens & self._reached(points, directions)
@@ -138,7 +200,7 @@ class PosedReceiver(ABC):
         flux = torch.tensor(rays.flux)
         fates = torch.tensor(rays.fates)
         with torch.enable_grad():  # a search asks for them from within its own step backwards
-            hits = self.land_by_arrays(ExitRays(points, directions, flux, flux, fates)).hits
+            hits = self._land_by_arrays(ExitRays(points, directions, flux, flux, fates)).hits
         by = torch.autograd.grad(hits, (points, directions), torch.tensor(by_hits), materialize_grads=True)
         return Sensitivities(*(gradient.numpy() for gradient in by))
 

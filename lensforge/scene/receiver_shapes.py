@@ -28,6 +28,7 @@ from lensforge.kernels.landing import (
 )
 from lensforge.optics.arrays import Array, lengths, module_of
 from lensforge.optics.pose import Pose
+from lensforge.scene.housing import Housing
 from lensforge.scene.pixel_grid import PixelGrid, Window
 from lensforge.scene.receiver import Kernel, PosedReceiver, equal_area, from_equal_area, posed_receiver
 from lensforge.spec import ReceiverSection, Spec
@@ -168,7 +169,8 @@ def chart_radius(gamma_deg: float) -> float:
 
 def receivers_of(spec: Spec, pixels: int) -> tuple[PosedReceiver, ...]:
     """The receivers of ``spec``, with ``pixels`` along the longer side of each."""
-    built = [build_receiver(section, pixels) for section in spec.all_receivers]
+    housing = Housing.of(spec.scene)
+    built = [replace(build_receiver(section, pixels), housing=housing) for section in spec.all_receivers]
     if not spec.all_lamps.is_single:
         built = [with_all_lamps(receiver, spec.all_lamps) for receiver in built]
     side = spec.evaluate.window_mm
@@ -183,7 +185,8 @@ def seen_by_lamp(spec: Spec, number: int) -> Spec:
     """The spec of one of its lamps at the origin, with the receivers where that lamp sees them."""
     lamp = spec.all_lamps.lamps[number].pose
     sections = tuple(_alone(section).posed(section.pose.seen_from(lamp)) for section in spec.all_receivers)
-    return spec.of_one_lamp.changed(target=None, receivers=sections)
+    scene = tuple(body.posed(body.pose.seen_from(lamp)) for body in spec.scene)
+    return spec.of_one_lamp.changed(target=None, receivers=sections, scene=scene)
 
 
 def _alone(section: ReceiverSection) -> ReceiverSection:
@@ -203,12 +206,13 @@ def with_all_lamps(receiver: PosedReceiver, lamps: Lamps) -> PosedReceiver:
     is then one picture, moved by whole pixels.
     """
     grid = receiver.grid
-    if receiver.is_flat and lamps.period_mm is None and not lamps.posed:
+    if receiver.is_flat and lamps.period_mm is None and not lamps.posed and receiver.housing is None:
         moves = np.array(lamps.places_mm) @ receiver.pose.rotation[:2, :2]
         columns = _alike(grid.columns, moves[:, 0] / grid.width)
         rows = _alike(grid.rows, moves[:, 1] / grid.height)
         grid = replace(grid, columns=columns, rows=rows)
-    return replace(receiver, grid=grid, lamps=lamps.in_far_field if receiver.is_far else lamps)
+    at_one_place = receiver.is_far and receiver.housing is None
+    return replace(receiver, grid=grid, lamps=lamps.in_far_field if at_one_place else lamps)
 
 
 def _alike(asked: int, moves: Float[np.ndarray, " n"]) -> int:

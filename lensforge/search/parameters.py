@@ -232,7 +232,8 @@ ChartMirrors = tuple[tuple[tuple[int, int], tuple[int, int]], ...]  # signed per
 
 def chart_mirrors(receiver: PosedReceiver, name: str) -> ChartMirrors | None:
     """Action of a mirror group's generators on a receiver's chart; None if its mirror image is another receiver."""
-    if not receiver.lamps.has_mirrors(name):
+    housing = receiver.housing
+    if not receiver.lamps.has_mirrors(name) or (housing is not None and not housing.has_mirrors(name)):
         return None
     mirrors = []
     centre = np.array(receiver.pose.origin_mm)

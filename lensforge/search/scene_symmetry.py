@@ -14,6 +14,7 @@ from jaxtyping import Float
 
 from lensforge.errors import InputError
 from lensforge.optics.efficacy import Efficacy
+from lensforge.scene.housing import Housing
 from lensforge.scene.limit_readings import light_limits
 from lensforge.scene.receiver import PosedReceiver
 from lensforge.scene.receiver_shapes import receivers_of
@@ -61,14 +62,16 @@ def _groups(spec: Spec, name: str) -> list[str]:
 
 
 def _in_fixed(spec: Spec, name: str) -> str | None:
-    """Field of a fixed surface, or name of a body, that lacks the symmetry; None if all have it."""
+    """Field of a fixed surface, name of a body, or scene that lacks the symmetry; None if all have it."""
     lacking = (
         f"lens.{face}.fixed"
         for face, surface in spec.lens.fixed.items()
         if surface is not None and not contains(surface.symmetry, name)
     )
     bodies = (f"body {body.name!r}" for body in spec.media.bodies if not has_mirrors(body, name))
-    return next(chain(lacking, bodies), None)
+    housing = Housing.of(spec.scene)
+    scene = ["scene"] if housing is not None and not housing.has_mirrors(name) else []
+    return next(chain(lacking, bodies, scene), None)
 
 
 @dataclass(frozen=True)

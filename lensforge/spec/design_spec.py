@@ -26,6 +26,7 @@ from lensforge.spec.derived_values import derived_sizes, receiver_of
 from lensforge.spec.double_lens import LensSection
 from lensforge.spec.emitter_section import EmitterSection
 from lensforge.spec.feasible import require_drawn_over_plate, require_feasible
+from lensforge.spec.housing_sections import MOST_BODIES, HousingSection, require_scene
 from lensforge.spec.lamps_section import AnyLamps, Lamps, lamps_of
 from lensforge.spec.lamps_together import require_kinds, require_together
 from lensforge.spec.lens_section import LensShape
@@ -114,6 +115,9 @@ class Spec(Section):
     bodies: Annotated[tuple[BodySection, ...], Field(max_length=_MOST_BODIES)] = Field(
         default=(), description="Given optics that the light passes behind the lens, in this order: domes, covers."
     )
+    scene: Annotated[tuple[HousingSection, ...], Field(max_length=MOST_BODIES)] = Field(
+        default=(), description="Opaque bodies in the light behind the lens: a bezel, a tube, a wall."
+    )
     constraints: ConstraintsSection = Field(
         description="Limits that every lens of the search keeps: room for the LED, wall, size, and what can be made."
     )
@@ -175,8 +179,9 @@ class Spec(Section):
 
     @model_serializer(mode="wrap")
     def _as_before_states(self, write: SerializerFunctionWrapHandler) -> dict[str, object]:
-        """The spec without what it lacks: one without states or application keeps the hash of before there were any."""
-        return {name: value for name, value in write(self).items() if name not in ("states", "application") or value}
+        """The spec without what it lacks: one without states, application or scene keeps its hash of before them."""
+        later = ("states", "application", "scene")
+        return {name: value for name, value in write(self).items() if name not in later or value}
 
     @check
     def _sources_are_told_apart(self) -> None:
@@ -313,6 +318,7 @@ class Spec(Section):
     @check
     def _sections_fit_together(self) -> None:
         require_bodies(self.bodies, self.lens, self.constraints, self.all_lamps)
+        require_scene(self.scene, self.lens, self.all_lamps)
         for name, spec in self.by_state.items():
             with fault_of(f"states: {name}" if self.states else ""):
                 spec._require_fitting_light()

@@ -1,0 +1,239 @@
+"""Rays among triangles, by a tree of boxes: the first triangle that each meets, and the rim that it passes nearest.
+
+The tree is binary and whole: node k has the children 2 k + 1 and 2 k + 2, so that a walk needs no stack. A ray meets a
+triangle by Möller and Trumbore, J. Graphics Tools 2, 21 (1997), from either side.
+"""
+
+from math import inf, sqrt
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from lensforge.kernels.compiled import inline, kernel
+
+_IN_LEAF = 4  # triangles at most
+_INSIDE = -1e-9  # barycentric coordinates down to this are inside: no ray slips between two triangles
+_FLAT = 1e-300  # a determinant of a triangle seen edge on
+_AHEAD = 1e-6  # of a length: how far before a ray's start, at least, a rim lies that it can pass
+
+
+class TriangleTree(NamedTuple):
+    """Triangles (mm) in the order of the leaves, the ``numbers`` that they had, and the tree over them.
+
+    ``boxes``: low and high corner of each node, the root first. Leaf k holds the triangles from ``starts[k]`` to
+    ``starts[k + 1]``.
+    """
+
+    corners: Float[np.ndarray, "t 3 3"]
+    numbers: Int[np.ndarray, " t"]
+    boxes: Float[np.ndarray, "b 2 3"]
+    starts: Int[np.ndarray, " s"]
+
+
+def tree_of(corners: Float[np.ndarray, "t 3 3"]) -> TriangleTree:
+    """The tree over at least one triangle: each node is halved by number, across the longest side of its centres."""
+    count = len(corners)
+    depth = max(0, int(np.ceil(np.log2(count / _IN_LEAF))))
+    centres = corners.mean(axis=1)
+    order = np.arange(count)
+    for level in range(depth):
+        edges = count * np.arange(2**level + 1) // 2**level
+        sizes = np.diff(edges)
+        ordered = centres[order]
+        spans = np.maximum.reduceat(ordered, edges[:-1]) - np.minimum.reduceat(ordered, edges[:-1])
+        along = np.repeat(spans.argmax(axis=1), sizes)
+        order = order[np.lexsort((ordered[np.arange(count), along], np.repeat(np.arange(len(sizes)), sizes)))]
+    starts = count * np.arange(2**depth + 1) // 2**depth
+    ordered = corners[order]
+    boxes = np.empty((2 ** (depth + 1) - 1, 2, 3))
+    boxes[2**depth - 1 :, 0] = np.minimum.reduceat(ordered.min(axis=1), starts[:-1])
+    boxes[2**depth - 1 :, 1] = np.maximum.reduceat(ordered.max(axis=1), starts[:-1])
+    for node in range(2**depth - 2, -1, -1):
+        boxes[node, 0] = np.minimum(*boxes[2 * node + 1 : 2 * node + 3, 0])
+        boxes[node, 1] = np.maximum(*boxes[2 * node + 1 : 2 * node + 3, 1])
+    return TriangleTree(np.ascontiguousarray(ordered), order, boxes, starts)
+
+
+@inline
+def _difference(a, b):
+    return a[0] - b[0], a[1] - b[1], a[2] - b[2]
+
+
+@inline
+def _dot(a, b):
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+@inline
+def _cross(a, b):
+    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+
+
+@inline
+def _next(node):
+    """The node after the whole of this one, in depth-first order; 0 behind the last."""
+    while node > 0 and node % 2 == 0:
+        node = node // 2 - 1
+    return 0 if node == 0 else node + 1
+
+
+@inline
+def _meets(box, point, inverse, nearest):
+    """True if a ray meets a box before the distance ``nearest``."""
+    near = 0.0
+    far = nearest
+    for axis in range(3):
+        low = (box[0, axis] - point[axis]) * inverse[axis]
+        high = (box[1, axis] - point[axis]) * inverse[axis]
+        near = max(near, min(low, high))
+        far = min(far, max(low, high))
+    return near <= far
+
+
+@inline
+def _reciprocal(component):
+    return 1.0 / component if component != 0.0 else 1e300
+
+
+@inline
+def _distance(point, direction, corners):
+    """Distance along a ray to a triangle; infinite if the ray misses it, or has it behind."""
+    first = _difference(corners[1], corners[0])
+    second = _difference(corners[2], corners[0])
+    across = _cross(direction, second)
+    determinant = _dot(first, across)
+    if abs(determinant) < _FLAT:
+        return inf
+    away = _difference(point, corners[0])
+    u = _dot(away, across) / determinant
+    aside = _cross(away, first)
+    v = _dot(direction, aside) / determinant
+    distance = _dot(second, aside) / determinant
+    return distance if min(u, v, 1.0 - u - v) >= _INSIDE and distance > 0.0 else inf
+
+
+@kernel
+def first_hits(points, directions, skins, tree, distances, numbers):
+    """Fill the ``distances`` (mm) to the first triangle beyond the ``skins`` (mm), infinite for none, and its number.
+
+    That is -1 for none.
+    """
+    leaves = len(tree.starts) - 1
+    for ray in range(len(points)):
+        point = points[ray]
+        direction = directions[ray]
+        inverse = _reciprocal(direction[0]), _reciprocal(direction[1]), _reciprocal(direction[2])
+        nearest = inf
+        number = -1
+        node = 0
+        going = True
+        while going:
+            if not _meets(tree.boxes[node], point, inverse, nearest):
+                node = _next(node)
+            elif node < leaves - 1:
+                node = 2 * node + 1
+                continue
+            else:
+                leaf = node - (leaves - 1)
+                for k in range(tree.starts[leaf], tree.starts[leaf + 1]):
+                    distance = _distance(point, direction, tree.corners[k])
+                    if skins[ray] < distance < nearest:
+                        nearest = distance
+                        number = tree.numbers[k]
+                node = _next(node)
+            going = node > 0
+        distances[ray] = nearest
+        numbers[ray] = number
+
+
+@inline
+def _may_be_near(box, point, direction, most):
+    """True unless the ball about a box lies wholly outside the cone of the tangent ``most`` around a ray."""
+    x = 0.5 * (box[0, 0] + box[1, 0]) - point[0]
+    y = 0.5 * (box[0, 1] + box[1, 1]) - point[1]
+    z = 0.5 * (box[0, 2] + box[1, 2]) - point[2]
+    radius = 0.5 * sqrt((box[1, 0] - box[0, 0]) ** 2 + (box[1, 1] - box[0, 1]) ** 2 + (box[1, 2] - box[0, 2]) ** 2)
+    along = x * direction[0] + y * direction[1] + z * direction[2]
+    if along < -radius:
+        return False
+    aside = sqrt(max(x * x + y * y + z * z - along * along, 0.0))
+    return aside <= most * (along + radius) + radius
+
+
+@inline
+def _nearest_of_edge(start, end, direction, most_along):
+    """Least tangent of the angle between a ray and the points of an edge seen from its start, and the place there.
+
+    ``start``, ``end``: from the start of the ray. Seen along the ray, points at the depth z are at (x, y)/z.
+    """
+    z0 = _dot(start, direction)
+    z1 = _dot(end, direction)
+    none = inf, 0.0, 0.0, 0.0
+    if max(z0, z1) <= _AHEAD:
+        return none
+    if z0 < _AHEAD or z1 < _AHEAD:  # cut off what lies behind the start
+        share = (_AHEAD - z0) / (z1 - z0)
+        cut = (
+            start[0] + share * (end[0] - start[0]),
+            start[1] + share * (end[1] - start[1]),
+            start[2] + share * (end[2] - start[2]),
+        )
+        if z0 < _AHEAD:
+            start, z0 = cut, _AHEAD
+        else:
+            end, z1 = cut, _AHEAD
+    a = (
+        start[0] / z0 - direction[0],
+        start[1] / z0 - direction[1],
+        start[2] / z0 - direction[2],
+    )
+    b = (
+        end[0] / z1 - direction[0],
+        end[1] / z1 - direction[1],
+        end[2] / z1 - direction[2],
+    )
+    along = _difference(b, a)
+    square = _dot(along, along)
+    share = min(max(-_dot(a, along) / square, 0.0), 1.0) if square > 0.0 else 0.0
+    x, y, z = a[0] + share * along[0], a[1] + share * along[1], a[2] + share * along[2]
+    depth = 1.0 / ((1.0 - share) / z0 + share / z1)
+    if depth >= most_along:
+        return none
+    tangent = sqrt(x * x + y * y + z * z)
+    return tangent, depth * (x + direction[0]), depth * (y + direction[1]), depth * (z + direction[2])
+
+
+@kernel
+def nearest_rims(points, directions, most_along, most, tree, tangents, rims):
+    """Fill the ``tangents`` of the angles between rays and the nearest triangles that they pass, seen from their start.
+
+    At most ``most``, which stands where no triangle is so near; with the place (mm) there from the start in ``rims``.
+    Places at ``most_along`` (mm) and beyond do not count.
+    """
+    leaves = len(tree.starts) - 1
+    for ray in range(len(points)):
+        point = points[ray]
+        direction = directions[ray]
+        nearest = most
+        node = 0
+        going = True
+        while going:
+            if not _may_be_near(tree.boxes[node], point, direction, nearest):
+                node = _next(node)
+            elif node < leaves - 1:
+                node = 2 * node + 1
+                continue
+            else:
+                leaf = node - (leaves - 1)
+                for k in range(tree.starts[leaf], tree.starts[leaf + 1]):
+                    for edge in range(3):
+                        start = _difference(tree.corners[k, edge], point)
+                        end = _difference(tree.corners[k, (edge + 1) % 3], point)
+                        tangent, x, y, z = _nearest_of_edge(start, end, direction, most_along[ray])
+                        if tangent < nearest:
+                            nearest = tangent
+                            rims[ray, 0], rims[ray, 1], rims[ray, 2] = x, y, z
+                node = _next(node)
+            going = node > 0
+        tangents[ray] = nearest

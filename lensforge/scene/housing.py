@@ -1,0 +1,157 @@
+"""The bodies of a ``[[scene]]`` in the way of light from the lens to a receiver or an eye.
+
+A ray that meets one of them before its end is lost there. A search, in which light must fade out, also dims rays that
+pass a rim closely: seen from the point at which a ray leaves the lens, by the tangent t of the least angle between the
+ray and a body, it counts with the weight ``x^2 (3 - 2 x)``, ``x = t / rim``, below 1. Its slope is the ray's distance
+from the rim's. Bodies then seem larger by half of that angle; with the rim it goes to 0, and the noise of the slope
+grows.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from lensforge.kernels.parallel import in_pieces
+from lensforge.kernels.triangle_tree import TriangleTree, first_hits, nearest_rims, tree_of
+from lensforge.optics.pose import IN_PLACE, Pose
+from lensforge.scene.housing_mesh import placed_mesh
+from lensforge.spec.housing_sections import HousingSection
+from lensforge.surfaces.mirror_group import group
+
+_DIGITS = 5  # of a mm, to which corners have mirror images
+_AT_END_MM = 1e-6  # a body in the very surface of a receiver is none before it
+_WORTH_SHARING = 2**10  # rays: a millisecond of work
+
+_Vectors = Float[np.ndarray, "n 3"]
+_Values = Float[np.ndarray, " n"]
+
+
+class Shadow(NamedTuple):
+    """Rays in the shadow of bodies: the ``weights`` with which they get through, and the body that each meets, or -1.
+
+    ``places``: at which they meet it (mm), in the frame of the bodies; 0 of others. ``by_points``, ``by_directions``: slopes of the weights by the points (1/mm) and directions of the rays.
+    """
+
+    weights: _Values
+    bodies: Int[np.ndarray, " n"]
+    places: _Vectors
+    by_points: _Vectors
+    by_directions: _Vectors
+
+    @staticmethod
+    def none_of(count: int) -> "Shadow":
+        """Rays that all get through."""
+        return Shadow(np.ones(count), np.full(count, -1), *np.zeros((3, count, 3)))
+
+    @property
+    def met(self) -> Bool[np.ndarray, " n"]:
+        """True for rays that meet a body."""
+        return self.bodies >= 0
+
+    def with_rows(self, rows: Int[np.ndarray, " k"], shadow: "Shadow") -> "Shadow":
+        """The shadow, in place with that of some of the rays."""
+        for every, some in zip(self, shadow, strict=True):
+            every[rows] = some
+        return self
+
+    def take(self, rows: Int[np.ndarray, " k"] | slice) -> "Shadow":
+        """The shadow on some of the rays."""
+        return Shadow(*(column[rows] for column in self))
+
+
+@dataclass(frozen=True, eq=False)
+class Housing:
+    """The opaque bodies of a scene: their ``names``, the ``tree`` of their triangles, and of each triangle its body.
+
+    ``place``: of the bodies in the frame of the rays. ``rim``: largest tangent of the angle to a rim at which rays are
+    dimmed; 0: none is.
+    """
+
+    names: tuple[str, ...]
+    tree: TriangleTree
+    bodies: Int[np.ndarray, " t"]
+    place: Pose = IN_PLACE
+    rim: float = 0.0
+
+    def __len__(self) -> int:
+        return len(self.names)
+
+    @staticmethod
+    def of(sections: Sequence[HousingSection]) -> "Housing | None":
+        """The bodies of a spec; None without any. Raises :class:`InputError` for a file that cannot be read."""
+        return _housing(tuple(sections)) if sections else None
+
+    def seen_from(self, frame: Pose) -> "Housing":
+        """The bodies as a lamp in ``frame`` sees them."""
+        return replace(self, place=self.place.seen_from(frame))
+
+    def has_mirrors(self, symmetry: str) -> bool:
+        """True if the bodies together have the mirror group ``symmetry`` about the axis: each corner has its images."""
+        corners = self.place.points(self.tree.corners.reshape(-1, 3))
+        known = {tuple(corner) for corner in (np.round(corners, _DIGITS) + 0.0).tolist()}
+        images = (np.round(corners @ mirror.T, _DIGITS) + 0.0 for mirror in group(symmetry))
+        return all(tuple(corner) in known for image in images for corner in image.tolist())
+
+    def shadow(self, points: _Vectors, directions: _Vectors, reach_mm: _Values) -> Shadow:
+        """Shadow on rays from ``points`` (mm), each of which ends after ``reach_mm``."""
+        points = np.ascontiguousarray(self.place.to_local_points(points))
+        directions = np.ascontiguousarray(self.place.to_local_directions(directions))
+        count = len(points)
+        distances = np.empty(count)
+        numbers = np.empty(count, dtype=np.int64)
+        skins = np.zeros(count)
+
+        def hit(part: slice) -> None:
+            ends = distances[part], numbers[part]
+            first_hits(points[part], directions[part], skins[part], self.tree, *ends)
+
+        in_pieces(hit, count, worth=_WORTH_SHARING)
+        met = distances < reach_mm - _AT_END_MM
+        shadow = Shadow.none_of(count)
+        shadow.bodies[met] = self.bodies[numbers[met]]
+        shadow.weights[met] = 0.0
+        shadow.places[met] = points[met] + distances[met, None] * directions[met]
+        if self.rim > 0.0:
+            self._dim(shadow, np.flatnonzero(~met), points, directions, reach_mm)
+        return shadow
+
+    def _dim(
+        self, shadow: Shadow, rows: Int[np.ndarray, " k"], points: _Vectors, directions: _Vectors, reach_mm: _Values
+    ) -> None:
+        """Dim the rays ``rows`` beside rims, in the frame of the bodies."""
+        points, directions, reach_mm = points[rows], directions[rows], reach_mm[rows] - _AT_END_MM
+        tangents = np.empty(len(rows))
+        rims = np.zeros((len(rows), 3))
+
+        def pass_by(part: slice) -> None:
+            ends = tangents[part], rims[part]
+            nearest_rims(points[part], directions[part], reach_mm[part], self.rim, self.tree, *ends)
+
+        in_pieces(pass_by, len(rows), worth=_WORTH_SHARING)
+        close = np.flatnonzero(tangents < self.rim)
+        tangent = tangents[close]
+        away = rims[close]
+        directions = directions[close]
+        along = (away * directions).sum(axis=1)
+        aside = away - along[:, None] * directions
+        aside /= np.maximum(np.linalg.norm(aside, axis=1), np.finfo(float).tiny)[:, None]
+        x = tangent / self.rim
+        slope = (6.0 * x * (1.0 - x) / self.rim)[:, None]
+        by_point = (tangent[:, None] * directions - aside) / along[:, None]
+        by_direction = -aside - (tangent / along)[:, None] * away
+        numbers = rows[close]
+        shadow.weights[numbers] = x * x * (3.0 - 2.0 * x)
+        shadow.by_points[numbers] = self.place.directions(slope * by_point)
+        shadow.by_directions[numbers] = self.place.directions(slope * by_direction)
+
+
+@lru_cache(maxsize=8)
+def _housing(sections: tuple[HousingSection, ...]) -> Housing:
+    meshes = [placed_mesh(section) for section in sections]
+    corners = np.concatenate([mesh.vertices[mesh.triangles] for mesh in meshes])
+    bodies = np.repeat(np.arange(len(meshes)), [len(mesh.triangles) for mesh in meshes])
+    return Housing(tuple(section.name for section in sections), tree_of(corners), bodies)

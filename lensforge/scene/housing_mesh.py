@@ -1,0 +1,67 @@
+"""Triangles of the bodies of a ``[[scene]]``, in their own frames."""
+
+from functools import lru_cache, singledispatch
+from itertools import product
+from math import acos, ceil, pi
+
+import numpy as np
+from jaxtyping import Float
+
+from lensforge.spec.housing_sections import HousingBox, HousingCylinder, HousingFile, HousingSection
+from lensforge.surfaces.solid_file import SolidMesh, merged, read_solid
+
+_CHORD_MM = 1e-3  # of the facets of a cylinder, whose edges lie on it
+_FEWEST = 24  # facets around a cylinder
+_MOST = 1440
+
+
+@lru_cache(maxsize=16)
+def placed_mesh(section: HousingSection) -> SolidMesh:
+    """Mesh of a body, in the coordinates of the lens or of all lamps."""
+    mesh = mesh_of(section)
+    return mesh._replace(vertices=section.pose.points(mesh.vertices))
+
+
+@singledispatch
+def mesh_of(section: HousingSection) -> SolidMesh:
+    """Closed mesh of a body in its own frame, its triangles facing outwards.
+
+    A kind of body registers its function here. Raises :class:`InputError` for a file that holds none.
+    """
+    raise NotImplementedError(f"no body of kind {section.kind}: register a function with mesh_of")
+
+
+@mesh_of.register
+def _(section: HousingBox) -> SolidMesh:
+    corners = 0.5 * np.array(section.size_mm) * np.array(list(product((-1.0, 1.0), repeat=3)))
+    sides = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
+    halves = [triangle for a, b, c, d in sides for triangle in ((a, b, c), (a, c, d))]
+    return SolidMesh(corners, np.array(halves))
+
+
+@mesh_of.register
+def _(section: HousingCylinder) -> SolidMesh:
+    half = 0.5 * section.length_mm
+    profile = [(section.bore_mm, -half), (section.radius_mm, -half), (section.radius_mm, half), (section.bore_mm, half)]
+    share = min(_CHORD_MM / section.radius_mm, 1.0)
+    sides = min(max(ceil(pi / acos(1.0 - share)), _FEWEST), _MOST)
+    return _turned(np.array(profile), sides)
+
+
+@mesh_of.register
+def _(section: HousingFile) -> SolidMesh:
+    return read_solid(section.file)
+
+
+def _turned(profile: Float[np.ndarray, "k 2"], sides: int) -> SolidMesh:
+    """The closed ``profile`` (distance from the axis, height), turned about the z axis, in ``sides`` facets."""
+    angles = 2.0 * pi * np.arange(sides) / sides
+    radius, height = profile.T
+    rings = np.stack(
+        [radius * np.cos(angles)[:, None], radius * np.sin(angles)[:, None], np.broadcast_to(height, (sides, len(height)))],
+        axis=2,
+    )
+    along = np.roll(rings, -1, axis=0)
+    quads = rings, along, np.roll(along, -1, axis=1), np.roll(rings, -1, axis=1)
+    a, b, c, d = (corner.reshape(-1, 3) for corner in quads)
+    return merged(np.concatenate([np.stack([a, b, c], axis=1), np.stack([a, c, d], axis=1)]))
