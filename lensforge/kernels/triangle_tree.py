@@ -15,7 +15,7 @@ from lensforge.kernels.compiled import inline, kernel
 _IN_LEAF = 4  # triangles at most
 _INSIDE = -1e-9  # barycentric coordinates down to this are inside: no ray slips between two triangles
 _FLAT = 1e-300  # a determinant of a triangle seen edge on
-_AHEAD = 1e-6  # of a length: how far before a ray's start, at least, a rim lies that it can pass
+_AHEAD_MM = 1e-6  # beyond the start of a ray, where rims begin to count
 
 
 class TriangleTree(NamedTuple):
@@ -114,11 +114,8 @@ def _distance(point, direction, corners):
 
 
 @kernel
-def first_hits(points, directions, skins, tree, distances, numbers):
-    """Fill the ``distances`` (mm) to the first triangle beyond the ``skins`` (mm), infinite for none, and its number.
-
-    That is -1 for none.
-    """
+def first_hits(points, directions, tree, distances, numbers):
+    """Fill the ``distances`` (mm) to the first triangle of each ray, infinite for none, and its number, -1 for none."""
     leaves = len(tree.starts) - 1
     for ray in range(len(points)):
         point = points[ray]
@@ -138,7 +135,7 @@ def first_hits(points, directions, skins, tree, distances, numbers):
                 leaf = node - (leaves - 1)
                 for k in range(tree.starts[leaf], tree.starts[leaf + 1]):
                     distance = _distance(point, direction, tree.corners[k])
-                    if skins[ray] < distance < nearest:
+                    if distance < nearest:
                         nearest = distance
                         number = tree.numbers[k]
                 node = _next(node)
@@ -162,27 +159,27 @@ def _may_be_near(box, point, direction, most):
 
 
 @inline
-def _nearest_of_edge(start, end, direction, most_along):
-    """Least tangent of the angle between a ray and the points of an edge seen from its start, and the place there.
+def _nearest_of_edge(start, end, direction, least_along, most_along):
+    """Least tangent of the angle between a line and the places of an edge as its point sees them, and that place.
 
-    ``start``, ``end``: from the start of the ray. Seen along the ray, points at the depth z are at (x, y)/z.
+    ``start``, ``end``: from that point. Seen along the line, places at the depth z are at (x, y)/z.
     """
     z0 = _dot(start, direction)
     z1 = _dot(end, direction)
     none = inf, 0.0, 0.0, 0.0
-    if max(z0, z1) <= _AHEAD:
+    if max(z0, z1) <= least_along:
         return none
-    if z0 < _AHEAD or z1 < _AHEAD:  # cut off what lies behind the start
-        share = (_AHEAD - z0) / (z1 - z0)
+    if z0 < least_along or z1 < least_along:  # cut off what lies behind the start of the ray
+        share = (least_along - z0) / (z1 - z0)
         cut = (
             start[0] + share * (end[0] - start[0]),
             start[1] + share * (end[1] - start[1]),
             start[2] + share * (end[2] - start[2]),
         )
-        if z0 < _AHEAD:
-            start, z0 = cut, _AHEAD
+        if z0 < least_along:
+            start, z0 = cut, least_along
         else:
-            end, z1 = cut, _AHEAD
+            end, z1 = cut, least_along
     a = (
         start[0] / z0 - direction[0],
         start[1] / z0 - direction[1],
@@ -205,16 +202,17 @@ def _nearest_of_edge(start, end, direction, most_along):
 
 
 @kernel
-def nearest_rims(points, directions, most_along, most, tree, tangents, rims):
-    """Fill the ``tangents`` of the angles between rays and the nearest triangles that they pass, seen from their start.
+def nearest_rims(points, directions, spans, most, tree, tangents, rims):
+    """Fill the ``tangents`` of the angles between rays and the nearest triangles that they pass, seen from ``points``.
 
-    At most ``most``, which stands where no triangle is so near; with the place (mm) there from the start in ``rims``.
-    Places at ``most_along`` (mm) and beyond do not count.
+    At most ``most``, which stands where no triangle is so near; with the place (mm) there in ``rims``. ``spans``: the
+    distances (mm) from the points at which each ray begins and ends, by its direction; places beyond do not count.
     """
     leaves = len(tree.starts) - 1
     for ray in range(len(points)):
         point = points[ray]
         direction = directions[ray]
+        least_along = max(spans[ray, 0], 0.0) + _AHEAD_MM
         nearest = most
         node = 0
         going = True
@@ -230,10 +228,10 @@ def nearest_rims(points, directions, most_along, most, tree, tangents, rims):
                     for edge in range(3):
                         start = _difference(tree.corners[k, edge], point)
                         end = _difference(tree.corners[k, (edge + 1) % 3], point)
-                        tangent, x, y, z = _nearest_of_edge(start, end, direction, most_along[ray])
+                        tangent, x, y, z = _nearest_of_edge(start, end, direction, least_along, spans[ray, 1])
                         if tangent < nearest:
                             nearest = tangent
-                            rims[ray, 0], rims[ray, 1], rims[ray, 2] = x, y, z
+                            rims[ray, 0], rims[ray, 1], rims[ray, 2] = point[0] + x, point[1] + y, point[2] + z
                 node = _next(node)
             going = node > 0
         tangents[ray] = nearest

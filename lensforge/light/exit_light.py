@@ -47,23 +47,27 @@ class RaysOnSphere:
     by_fate_w: Float[np.ndarray, " f"]
 
 
-def exit_rays(lens: TracedLens, rays: RayBundle, meter: Goniophotometer) -> RaysOnSphere:
-    """Trace ``rays`` and start those that leave upwards, and meet no body, on the sphere of ``meter``.
+def exit_rays(
+    lens: TracedLens, rays: RayBundle, sphere_mm: float, lamps: Lamps = ALONE, housing: Housing | None = None
+) -> RaysOnSphere:
+    """Trace ``rays`` and start those that leave upwards on the sphere of radius ``sphere_mm`` around the lamps.
+
+    Those that meet the ``housing`` end there.
 
     Rays are dealt to the lamps at random, equally many to each, and carry the flux of all.
     """
-    traced = lens.trace(rays) if meter.lamps.is_single else _of_lamps(lens, rays, meter.lamps)
+    traced = lens.trace(rays) if lamps.is_single else _of_lamps(lens, rays, lamps)
     left = traced.left_lens
     shadow = Shadow.none_of(len(left))
-    if meter.housing is not None:
+    if housing is not None:
         rows = np.flatnonzero(left)
         ends = np.full(len(rows), np.inf)
-        shadow = shadow.with_rows(rows, meter.housing.shadow(traced.points[rows], traced.directions[rows], ends))
+        shadow = shadow.with_rows(rows, housing.shadow(traced.points[rows], traced.directions[rows], ends))
     upwards = left & (traced.directions[:, 2] > 0.0) & ~shadow.met
     points, directions, flux = (values[upwards] for values in (traced.points, traced.directions, traced.flux))
     directions = directions / np.linalg.norm(directions, axis=1, keepdims=True)
     by_fate = flux_by_fate(traced, left & ~upwards, shadow)
-    return RaysOnSphere(RayBundle(_on_sphere(points, directions, meter.sphere_mm), directions, flux), by_fate)
+    return RaysOnSphere(RayBundle(_on_sphere(points, directions, sphere_mm), directions, flux), by_fate)
 
 
 def _of_lamps(lens: TracedLens, rays: RayBundle, lamps: Lamps) -> ExitRays:
@@ -173,7 +177,8 @@ class _Sums:
     def add(self, rays: Iterator[RayBundle]) -> None:
         """Trace another bundle for each sample; each bundle carries all the flux."""
         for part, bundle in enumerate(rays):
-            out = exit_rays(self._lens, bundle, self._meter)
+            meter = self._meter
+            out = exit_rays(self._lens, bundle, meter.sphere_mm, meter.lamps, meter.housing)
             if self._grid is None:
                 self._grid = finest_grid(90.0 if self._meter.to_horizon else _reach_deg(out.rays))
             deposit = self._grid.deposit(out.rays)

@@ -1,10 +1,10 @@
 """The bodies of a ``[[scene]]`` in the way of light from the lens to a receiver or an eye.
 
 A ray that meets one of them before its end is lost there. A search, in which light must fade out, also dims rays that
-pass a rim closely: seen from the point at which a ray leaves the lens, by the tangent t of the least angle between the
-ray and a body, it counts with the weight ``x^2 (3 - 2 x)``, ``x = t / rim``, below 1. Its slope is the ray's distance
-from the rim's. Bodies then seem larger by half of that angle; with the rim it goes to 0, and the noise of the slope
-grows.
+pass a rim closely. With c the distance of a place of a body from the ray's line, and L how far that place lies along
+it from the origin of the lamp, the least t = c / L counts: below ``rim`` a ray has the weight ``x^2 (3 - 2 x)``, x =
+t / rim, whose slope is that of its distance from the body. Bodies then seem larger by half of the angle ``rim``; with
+it that goes to 0, and the noise of the slope grows.
 """
 
 from collections.abc import Sequence
@@ -17,6 +17,7 @@ from jaxtyping import Bool, Float, Int
 
 from lensforge.kernels.parallel import in_pieces
 from lensforge.kernels.triangle_tree import TriangleTree, first_hits, nearest_rims, tree_of
+from lensforge.optics.arrays import Array, lengths, like
 from lensforge.optics.pose import IN_PLACE, Pose
 from lensforge.scene.housing_mesh import placed_mesh
 from lensforge.spec.housing_sections import HousingSection
@@ -24,6 +25,7 @@ from lensforge.surfaces.mirror_group import group
 
 _DIGITS = 5  # of a mm, to which corners have mirror images
 _AT_END_MM = 1e-6  # a body in the very surface of a receiver is none before it
+_SEARCHED_RIM = 0.01  # 0.6 degrees
 _WORTH_SHARING = 2**10  # rays: a millisecond of work
 
 _Vectors = Float[np.ndarray, "n 3"]
@@ -46,6 +48,14 @@ class Shadow(NamedTuple):
     def none_of(count: int) -> "Shadow":
         """Rays that all get through."""
         return Shadow(np.ones(count), np.full(count, -1), *np.zeros((3, count, 3)))
+
+    def weights_by(self, points: Float[Array, "n 3"], directions: Float[Array, "n 3"]) -> Float[Array, " n"]:
+        """The weights; of rays in torch differentiable."""
+        weights = like(points, self.weights)
+        if isinstance(points, np.ndarray):
+            return weights
+        moved = (points - points.detach()) * like(points, self.by_points)
+        return weights + (moved + (directions - directions.detach()) * like(points, self.by_directions)).sum(1)
 
     @property
     def met(self) -> Bool[np.ndarray, " n"]:
@@ -85,6 +95,11 @@ class Housing:
         """The bodies of a spec; None without any. Raises :class:`InputError` for a file that cannot be read."""
         return _housing(tuple(sections)) if sections else None
 
+    @property
+    def faded(self) -> "Housing":
+        """The bodies as a search sees them, which dim rays beside their rims."""
+        return replace(self, rim=_SEARCHED_RIM)
+
     def seen_from(self, frame: Pose) -> "Housing":
         """The bodies as a lamp in ``frame`` sees them."""
         return replace(self, place=self.place.seen_from(frame))
@@ -98,55 +113,55 @@ class Housing:
 
     def shadow(self, points: _Vectors, directions: _Vectors, reach_mm: _Values) -> Shadow:
         """Shadow on rays from ``points`` (mm), each of which ends after ``reach_mm``."""
-        points = np.ascontiguousarray(self.place.to_local_points(points))
-        directions = np.ascontiguousarray(self.place.to_local_directions(directions))
-        count = len(points)
-        distances = np.empty(count)
-        numbers = np.empty(count, dtype=np.int64)
-        skins = np.zeros(count)
+        starts = np.ascontiguousarray(self.place.to_local_points(points))
+        units = np.ascontiguousarray(self.place.to_local_directions(directions))
+        distances = np.empty(len(points))
+        numbers = np.empty(len(points), dtype=np.int64)
 
         def hit(part: slice) -> None:
-            ends = distances[part], numbers[part]
-            first_hits(points[part], directions[part], skins[part], self.tree, *ends)
+            first_hits(starts[part], units[part], self.tree, distances[part], numbers[part])
 
-        in_pieces(hit, count, worth=_WORTH_SHARING)
+        in_pieces(hit, len(points), worth=_WORTH_SHARING)
         met = distances < reach_mm - _AT_END_MM
-        shadow = Shadow.none_of(count)
+        shadow = Shadow.none_of(len(points))
         shadow.bodies[met] = self.bodies[numbers[met]]
         shadow.weights[met] = 0.0
-        shadow.places[met] = points[met] + distances[met, None] * directions[met]
+        shadow.places[met] = starts[met] + distances[met, None] * units[met]
         if self.rim > 0.0:
-            self._dim(shadow, np.flatnonzero(~met), points, directions, reach_mm)
+            rows = np.flatnonzero(~met)
+            self._dim(shadow, rows, points[rows], directions[rows], reach_mm[rows] - _AT_END_MM)
         return shadow
 
     def _dim(
         self, shadow: Shadow, rows: Int[np.ndarray, " k"], points: _Vectors, directions: _Vectors, reach_mm: _Values
     ) -> None:
-        """Dim the rays ``rows`` beside rims, in the frame of the bodies."""
-        points, directions, reach_mm = points[rows], directions[rows], reach_mm[rows] - _AT_END_MM
+        """Dim the rays ``rows`` beside rims."""
+        begin = (points * directions).sum(axis=1)
+        spans = np.stack([begin, begin + reach_mm], axis=1)
+        feet = np.ascontiguousarray(self.place.to_local_points(points - begin[:, None] * directions))
+        units = np.ascontiguousarray(self.place.to_local_directions(directions))
         tangents = np.empty(len(rows))
         rims = np.zeros((len(rows), 3))
 
         def pass_by(part: slice) -> None:
-            ends = tangents[part], rims[part]
-            nearest_rims(points[part], directions[part], reach_mm[part], self.rim, self.tree, *ends)
+            nearest_rims(feet[part], units[part], spans[part], self.rim, self.tree, tangents[part], rims[part])
 
         in_pieces(pass_by, len(rows), worth=_WORTH_SHARING)
         close = np.flatnonzero(tangents < self.rim)
-        tangent = tangents[close]
-        away = rims[close]
-        directions = directions[close]
-        along = (away * directions).sum(axis=1)
-        aside = away - along[:, None] * directions
-        aside /= np.maximum(np.linalg.norm(aside, axis=1), np.finfo(float).tiny)[:, None]
+        tangent = tangents[close, None]
+        place = self.place.points(rims[close])
+        direction = directions[close]
+        along = (place * direction).sum(axis=1)[:, None]
+        aside = place - points[close]
+        ahead = (aside * direction).sum(axis=1)[:, None]
+        aside -= ahead * direction
+        aside /= np.maximum(lengths(aside), np.finfo(float).tiny)[:, None]
         x = tangent / self.rim
-        slope = (6.0 * x * (1.0 - x) / self.rim)[:, None]
-        by_point = (tangent[:, None] * directions - aside) / along[:, None]
-        by_direction = -aside - (tangent / along)[:, None] * away
+        slope = 6.0 * x * (1.0 - x) / (self.rim * along)
         numbers = rows[close]
-        shadow.weights[numbers] = x * x * (3.0 - 2.0 * x)
-        shadow.by_points[numbers] = self.place.directions(slope * by_point)
-        shadow.by_directions[numbers] = self.place.directions(slope * by_direction)
+        shadow.weights[numbers] = (x * x * (3.0 - 2.0 * x))[:, 0]
+        shadow.by_points[numbers] = -slope * aside
+        shadow.by_directions[numbers] = -slope * (ahead * aside + tangent * place)
 
 
 @lru_cache(maxsize=8)

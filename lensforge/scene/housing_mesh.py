@@ -44,8 +44,8 @@ def _(section: HousingCylinder) -> SolidMesh:
     half = 0.5 * section.length_mm
     profile = [(section.bore_mm, -half), (section.radius_mm, -half), (section.radius_mm, half), (section.bore_mm, half)]
     share = min(_CHORD_MM / section.radius_mm, 1.0)
-    sides = min(max(ceil(pi / acos(1.0 - share)), _FEWEST), _MOST)
-    return _turned(np.array(profile), sides)
+    sides = min(max(pi / acos(1.0 - share), _FEWEST), _MOST)
+    return _turned(np.array(profile), 8 * ceil(sides / 8))  # with the mirrors of a square
 
 
 @mesh_of.register

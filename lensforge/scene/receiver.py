@@ -6,7 +6,7 @@ alike.
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import singledispatch
 from math import inf
 from typing import Any, ClassVar
@@ -15,7 +15,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from lensforge.kernels.parallel import in_pieces
-from lensforge.optics.arrays import Array, as_numpy, like, module_of, replaced, rows_of
+from lensforge.optics.arrays import Array, as_numpy, module_of, replaced, rows_of
 from lensforge.optics.pose import Pose
 from lensforge.scene.exit_rays import ExitRays, Sensitivities
 from lensforge.scene.housing import Housing, Shadow
@@ -88,10 +88,7 @@ class PosedReceiver(ABC):
         return self._in_shadow(rays, self._land(rays))
 
     def land_by_arrays(self, rays: ExitRays) -> Landings:
-        """:meth:`land` in NumPy or in torch, on any device and in any precision; there differentiable.
-
-        But for the edges of shadows.
-        """
+        """:meth:`land` in NumPy or in torch, on any device and in any precision; there differentiable."""
         return self._in_shadow(rays, self._land_by_arrays(rays))
 
     def adjoint(
@@ -107,6 +104,11 @@ class PosedReceiver(ABC):
         by_points = by.by_points + by_weight * shadow.by_points
         return Sensitivities(by_points, by.by_directions + by_weight * shadow.by_directions), of_flux
 
+    @property
+    def searched(self) -> "PosedReceiver":
+        """The receiver of a search, in which shadows fade out."""
+        return self if self.housing is None else replace(self, housing=self.housing.faded)
+
     def _in_shadow(self, rays: ExitRays, landings: Landings) -> Landings:
         """``landings`` of ``rays`` that meet no body before; in a search rays that are dimmed land, or count as such."""
         if self.housing is None:
@@ -115,7 +117,7 @@ class PosedReceiver(ABC):
         free = module_of(landings.flux).asarray(~shadow.met)
         return Landings(
             landings.hits,
-            landings.flux * like(landings.flux, shadow.weights),
+            landings.flux * shadow.weights_by(rays.points, rays.directions),
             landings.landed if self.housing.rim > 0.0 else landings.landed & free,
             landings.missed_receiver & free,
             shadow,

@@ -29,6 +29,7 @@ from lensforge.kernels.landing import (
 from lensforge.optics.arrays import Array, lengths, module_of
 from lensforge.optics.pose import Pose
 from lensforge.scene.housing import Housing
+from lensforge.scene.housing_room import require_room
 from lensforge.scene.pixel_grid import PixelGrid, Window
 from lensforge.scene.receiver import Kernel, PosedReceiver, equal_area, from_equal_area, posed_receiver
 from lensforge.spec import ReceiverSection, Spec
@@ -178,6 +179,7 @@ def receivers_of(spec: Spec, pixels: int) -> tuple[PosedReceiver, ...]:
         built = [replace(built[0], window=Window(side, side))]
     _require_behind_glass(spec, built)
     _require_outside_bodies(spec, built)
+    require_room(spec)
     return tuple(built)
 
 

@@ -24,6 +24,7 @@ from lensforge.optics.fundamental_limits import LEVELS
 from lensforge.results.table_names import QUARTER_TURN_RAD
 from lensforge.scene.body import Chain
 from lensforge.scene.exit_rays import Sensitivities
+from lensforge.scene.housing_room import bodies_that_may_be_in_inches, dark_share
 from lensforge.scene.intensity_limit import LumensBound
 from lensforge.scene.lens import Lens
 from lensforge.scene.limit_readings import LightLimit, light_limits
@@ -228,6 +229,7 @@ _ANGULAR_WIDTHS = ("fwhm_deg", "width_deg", "height_deg", "diameter_deg", "outer
 # Shares that a user should know of before waiting for a search.
 _WARN_LOST = 0.1
 _WARN_POSSIBLE = 0.7
+_WARN_DARK = 0.01
 _MAIN_CAUSE = 0.1  # of the light that is lost: smaller causes need no remedy of their own
 _LOST = {
     Fate.BACKWARD: "goes backward, towards -z",
@@ -293,7 +295,25 @@ class SceneCheck:
             *lines,
             *(f"target: {warning}" for warning in angles_that_may_be_radians(self.spec) if lines),
             *self._raster(stroke),
+            *self._in_shadow(),
+            *bodies_that_may_be_in_inches(self.spec),
         )
+
+    def _in_shadow(self) -> Iterator[str]:
+        """A line where bodies of the scene keep light from a target, whatever the lens; of one lamp."""
+        if not (self.spec.scene and self.spec.all_lamps.is_single):
+            return
+        receivers = receivers_of(self.spec, self.spec.optimise.pixels)
+        for receiver, section, (field, _) in zip(receivers, self.spec.all_receivers, self._required(), strict=False):
+            wanted = target_light(section.targets, receiver)
+            corners = receiver.corners()
+            places = 0.25 * (corners[1:, 1:] + corners[1:, :-1] + corners[:-1, 1:] + corners[:-1, :-1])
+            share = dark_share(self.spec, places.reshape(-1, 3), wanted.ravel(), receiver.is_far)
+            if share > _WARN_DARK:
+                yield (
+                    f"{field}: bodies of the scene keep {_percent(share)} of its light from it, whatever the lens; "
+                    "move the bodies, or make the target smaller"
+                )
 
     def _blur(self, stroke: TargetStroke) -> Iterator[str]:
         """A line where the image of the LED is wider than any stroke of the target."""

@@ -45,6 +45,12 @@ SEEN = {"limits": [EYES | {"eyes_mm": [[8.0, -3.0, 15.0], [40.0, 9.0, 20.0]]}, E
 HALF = {"kind": "zone", "zone": {"kind": "rectangle", "width_mm": 120.0, "height_mm": 120.0}, "at_least_share": 0.5}
 BRIGHT = {"kind": "points", "at_mm": [[40, 40], [-40, 20]], "at_least": 60.0, "unit": "w_per_m2"}
 OF_PARTS = {"optimise__robust": 0.9, "limits": [HALF, BRIGHT], **tolerance_changes(LARGE)}
+BEZEL = {
+    "kind": "cylinder", "name": "bezel", "radius_mm": 40.0, "bore_mm": 11.0, "length_mm": 2.0,
+    "centre_mm": [1.0, -2.0, 16.0], "tilt_deg": [8.0, -5.0],
+}  # fmt: skip
+WALL = {"kind": "box", "name": "wall", "size_mm": [60.0, 1.0, 30.0], "centre_mm": [3.0, 22.0, 20.0], "rotate_z_deg": 9.0}
+SCENE = {"scene": [BEZEL, WALL]}
 LEDS = [
     {"name": "large", "share": 3.0, "source": {"kind": "square", "side_mm": 1.0, "flux_w": 2.0}},
     {"name": "aside", "source": {"kind": "disc", "diameter_mm": 0.6, "flux_w": 0.5, "position_mm": [0.1, -0.2, 0.0]}},
@@ -82,6 +88,8 @@ SPECS: dict[str, dict[str, Any]] = {
     },
     "seen by eyes": SEEN,
     "seen by eyes, robust, coloured": SEEN | COLOURS | ROBUST | tolerance_changes(LARGE),
+    "beside bodies, all receivers": SCENE | {"target": None, "receivers": list(RECEIVERS.values())},
+    "beside bodies, lamps, seen by eyes": SCENE | SEEN | LAMPS,
     "robust, large": ROBUST | tolerance_changes(LARGE),
     "robust, symmetric": ROBUST | tolerance_changes(LARGE) | {"lens__symmetry": "square"},
     "coloured, all receivers": COLOURS | {"target": None, "receivers": list(RECEIVERS.values())},
@@ -97,6 +105,7 @@ SPECS: dict[str, dict[str, Any]] = {
 ON_DEVICES = [  # scenes in which rays are traced in other ways
     "free", "ray file", "dispersed", "lossless", "all receivers", "lamps in a ring",
     "lenses of two kinds, turned, all receivers", "robust, large", "seen by eyes", "coloured, robust, dispersed",
+    "beside bodies, all receivers",
 ]  # fmt: skip
 
 
