@@ -83,6 +83,7 @@ from lensforge.spec.emitter_section import (
     TableSpectrum,
 )
 from lensforge.spec.fixed_surface import FixedFace
+from lensforge.spec.housing_sections import HousingSection
 from lensforge.spec.lamps_section import EndlessLamps, GridLamps, HexagonLamps, RingLamps, TableLamps
 from lensforge.spec.lens_material import OpticalData
 from lensforge.spec.light_field import LightFieldLimit
@@ -144,6 +145,7 @@ __all__ = [
     "GridLamps",
     "Handover",
     "HexagonLamps",
+    "HousingSection",
     "InputError",
     "LambertianScatter",
     "LayerSection",
@@ -229,7 +231,7 @@ __all__ = [
 ]  # fmt: skip
 
 
-_OF_KINDS = (EmitterSection, FixedFace, TargetSection, ReceiverSection)
+_OF_KINDS = (EmitterSection, FixedFace, TargetSection, ReceiverSection, HousingSection)
 NAMES: dict[str, Any] = {name: globals()[name] for name in __all__} | {
     kind.__name__: kind for base in _OF_KINDS for kind in base.kinds.values()
 }

@@ -343,19 +343,19 @@ def receiver_light(
 def _blocked(received: ReceivedFlux, receiver: PosedReceiver, emitted_w: float) -> tuple[BlockedLight, ...]:
     """Light that each body of the scene blocks, of those that do."""
     names = () if receiver.housing is None else receiver.housing.names
-    return tuple(
-        BlockedLight(name=name, share=flux / emitted_w, place_mm=tuple(np.array(moments) / flux))
-        for name, (flux, *moments) in zip(names, received.by_housing.mean(axis=0).tolist(), strict=True)
-        if flux > 0.0
-    )
+    blocked = []
+    for name, amounts in zip(names, np.moveaxis(received.by_housing, 1, 0), strict=True):
+        flux, *moments = amounts.mean(axis=0)
+        if flux > 0.0:
+            share = jackknife_metric(amounts[:, 0] / emitted_w, float)
+            blocked.append(BlockedLight(name=name, share=share, place_mm=tuple(np.array(moments) / flux)))
+    return tuple(blocked)
 
 
 def _losses(received: ReceivedFlux, by_way: FluxByWay) -> Float[np.ndarray, "r c"]:
     """Flux (W) by cause of loss, in the order of ``scene.light_ends``, in each replicate."""
     ended = received.by_fate[:, : len(Fate)] @ (NUMBER_BY_FATE[:, None] == np.arange(len(LOSSES)))
-    ended[:, LOSSES.index("beside")] = (
-        received.outside + received.by_fate[:, [MISSED_RECEIVER, BLOCKED]].sum(axis=1)
-    )
+    ended[:, LOSSES.index("beside")] = received.outside + received.by_fate[:, [MISSED_RECEIVER, BLOCKED]].sum(axis=1)
     return np.concatenate([ended, by_way.leaked()], axis=1)
 
 
@@ -403,7 +403,10 @@ def _flux_budget(received: ReceivedFlux, emitted_w: float) -> tuple[Flux, Missed
         detected=float(received.window.mean() / emitted_w),
         outside=float(received.outside.mean() / emitted_w),
         missed=sum(missed.model_dump().values()),
-        **{name: named[name] for name in ("total_reflection", "not_converged", "absorbed", "cover_glass", "bodies", "housing")},
+        **{
+            name: named[name]
+            for name in ("total_reflection", "not_converged", "absorbed", "cover_glass", "bodies", "housing")
+        },
         reflected=max(0.0, 1.0 - float(share.sum())),  # the rest: all of it may be rounding
     )
     return flux, missed

@@ -26,8 +26,8 @@ class ReceivedFlux:
     """Flux (W) on one receiver in each replicate: per pixel (r, h, w), by fate (r, f), in the window and outside it.
 
     The fates are those of :class:`~lensforge.kernels.fate.Fate`, where ``LEFT_LENS`` holds what landed, and
-    ``MISSED_RECEIVER``, ``ABSORBED``, ``IN_GLASS`` and ``BLOCKED``; then each of the further bodies. ``in_regions``: in each of the
-    ``regions`` (k). ``by_housing``: flux that each body of the scene blocks, and that times the place (mm) at which it
+    ``MISSED_RECEIVER``, ``ABSORBED``, ``IN_GLASS`` and ``BLOCKED``; then each of the further bodies. ``in_regions``: in
+    each of the ``regions`` (k). ``by_housing``: flux that each body of the scene blocks, and that times the place (mm) at which it
     does, x, y and z. ``colours``: X, Y and Z (lm) per pixel; None without colour.
     """
 

@@ -80,7 +80,7 @@ class BlockedLight(Record):
     """
 
     name: Text
-    share: Annotated[Share, Figure("Blocked by housing", "{place_words}", key="blocked", unit="%")]
+    share: Annotated[Metric, Figure("Blocked by housing", "{place_words}", key="blocked", unit="%")]
     place_mm: Point
 
     @property

@@ -239,8 +239,8 @@ def _simulate_kinds(
 class DesignLandings:
     """Landings of the same rays on one receiver: hits, NaN where they do not land, their flux (W) there, their fates.
 
-    Fates are the names of :class:`~lensforge.kernels.fate.Fate`, "landed", "missed_receiver" and "housing". ``met``: number of the
-    face at each event of a chain, -1 where there was none; None of a double-freeform lens.
+    Fates are the names of :class:`~lensforge.kernels.fate.Fate`, "landed", "missed_receiver" and "housing". ``met``:
+    number of the face at each event of a chain, -1 where there was none; None of a double-freeform lens.
     """
 
     hits: Float[np.ndarray, "n 2"]

@@ -18,14 +18,14 @@ from lensforge.light.evaluation_result import Light
 from lensforge.optics.face_roles import BODY
 from lensforge.optics.image_reading import read_light
 from lensforge.proof import independent_draws
+from lensforge.proof.obstacles import Obstacles
 from lensforge.proof.optical_faces import Expansion, OpticalFaces, PlateOfLenses
 from lensforge.proof.part_comparison import RAYS, IndependentLight, LampsApart, LampsOnPlate, LampStands
-from lensforge.proof.obstacles import Obstacles
 from lensforge.proof.receiver_screen import Screen
 from lensforge.scene.body import Body, radii
+from lensforge.scene.housing_mesh import mesh_of
 from lensforge.scene.lens import Lens
 from lensforge.scene.pixel_grid import Window
-from lensforge.scene.housing_mesh import mesh_of
 from lensforge.scene.receiver_shapes import receivers_of
 from lensforge.sources.light_files import read_photometric
 from lensforge.sources.measured_rays import RefittedSource

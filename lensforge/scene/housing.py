@@ -35,7 +35,8 @@ _Values = Float[np.ndarray, " n"]
 class Shadow(NamedTuple):
     """Rays in the shadow of bodies: the ``weights`` with which they get through, and the body that each meets, or -1.
 
-    ``places``: at which they meet it (mm), in the frame of the bodies; 0 of others. ``by_points``, ``by_directions``: slopes of the weights by the points (1/mm) and directions of the rays.
+    ``places``: at which they meet it (mm), in the frame of the bodies; 0 of others. ``by_points``, ``by_directions``:
+    slopes of the weights by the points (1/mm) and directions of the rays.
     """
 
     weights: _Values

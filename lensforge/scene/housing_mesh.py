@@ -42,7 +42,12 @@ def _(section: HousingBox) -> SolidMesh:
 @mesh_of.register
 def _(section: HousingCylinder) -> SolidMesh:
     half = 0.5 * section.length_mm
-    profile = [(section.bore_mm, -half), (section.radius_mm, -half), (section.radius_mm, half), (section.bore_mm, half)]
+    profile = [
+        (section.bore_radius_mm, -half),
+        (section.radius_mm, -half),
+        (section.radius_mm, half),
+        (section.bore_radius_mm, half),
+    ]
     share = min(_CHORD_MM / section.radius_mm, 1.0)
     sides = min(max(pi / acos(1.0 - share), _FEWEST), _MOST)
     return _turned(np.array(profile), 8 * ceil(sides / 8))  # with the mirrors of a square
@@ -58,7 +63,11 @@ def _turned(profile: Float[np.ndarray, "k 2"], sides: int) -> SolidMesh:
     angles = 2.0 * pi * np.arange(sides) / sides
     radius, height = profile.T
     rings = np.stack(
-        [radius * np.cos(angles)[:, None], radius * np.sin(angles)[:, None], np.broadcast_to(height, (sides, len(height)))],
+        [
+            radius * np.cos(angles)[:, None],
+            radius * np.sin(angles)[:, None],
+            np.broadcast_to(height, (sides, len(height))),
+        ],
         axis=2,
     )
     along = np.roll(rings, -1, axis=0)

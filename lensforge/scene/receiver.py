@@ -110,7 +110,7 @@ class PosedReceiver(ABC):
         return self if self.housing is None else replace(self, housing=self.housing.faded)
 
     def _in_shadow(self, rays: ExitRays, landings: Landings) -> Landings:
-        """``landings`` of ``rays`` that meet no body before; in a search rays that are dimmed land, or count as such."""
+        """``landings`` without ``rays`` that meet a body before; in a search these land, too, without flux."""
         if self.housing is None:
             return landings
         shadow = self._shadow(self.housing, rays, landings)

@@ -71,13 +71,15 @@ class HousingCylinder(HousingSection):
 
     kind: Literal["cylinder"] = "cylinder"
     radius_mm: Millimetres = Field(description="Radius.")
-    bore_mm: MillimetresOrZero = Field(default=0.0, description="Radius of its bore, 0 for none.")
+    bore_radius_mm: MillimetresOrZero = Field(default=0.0, description="Radius of its bore, 0 for none.")
     length_mm: Millimetres = Field(description="Length along z.")
 
     @check
     def _bore_lies_within(self) -> None:
-        if self.bore_mm >= self.radius_mm:
-            raise ValueError(f"bore_mm = {self.bore_mm:g}: must be less than radius_mm = {self.radius_mm:g}")
+        if self.bore_radius_mm >= self.radius_mm:
+            raise ValueError(
+                f"bore_radius_mm = {self.bore_radius_mm:g}: must be less than radius_mm = {self.radius_mm:g}"
+            )
 
 
 @public

@@ -2,7 +2,7 @@
 
 from functools import lru_cache
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -72,21 +72,37 @@ def _write_mesh(folder: Path) -> None:
 
 
 def _step_corners(path: Path, origin: str) -> Float[np.ndarray, "t 3 3"]:
-    import cadquery as cq
+    from OCP.BRepMesh import BRepMesh_IncrementalMesh
 
     from lensforge.surfaces.step_file import parts_of, products_in
 
-    corners = [np.zeros((0, 3, 3))]
+    corners = list[Float[np.ndarray, "t 3 3"]]()
     for product in products_in(path, origin, _REMEDY):
         for solid in parts_of(product.shape, "SOLID"):
-            for face in cq.Shape.cast(solid).Faces():
-                vertices, triangles = face.tessellate(CHORD_MM, _ANGLE_RAD)
-                places = np.array([vertex.toTuple() for vertex in vertices]).reshape(-1, 3)
-                corners.append(places[np.array(triangles, dtype=np.int64).reshape(-1, 3)])
-    every = np.concatenate(corners)
-    if not len(every):
+            BRepMesh_IncrementalMesh(solid, CHORD_MM, False, _ANGLE_RAD)
+            corners += map(_face_corners, parts_of(solid, "FACE"))
+    if not corners:
         raise InputError(f"{origin}: holds no solid; {_REMEDY}")
-    return every
+    return np.concatenate(corners)
+
+
+def _face_corners(face: Any) -> Float[np.ndarray, "t 3 3"]:
+    """Corners of the triangles of a face (TopoDS_Face), facing out of its solid."""
+    from OCP.BRep import BRep_Tool
+    from OCP.TopAbs import TopAbs_Orientation
+    from OCP.TopLoc import TopLoc_Location
+
+    location = TopLoc_Location()
+    mesh = BRep_Tool.Triangulation_s(face, location)
+    if mesh is None:
+        return np.zeros((0, 3, 3))
+    move = location.Transformation()
+    nodes = (mesh.Node(number + 1).Transformed(move) for number in range(mesh.NbNodes()))
+    places = np.array([(node.X(), node.Y(), node.Z()) for node in nodes])
+    triangles = np.array([mesh.Triangle(number + 1).Get() for number in range(mesh.NbTriangles())]) - 1
+    if face.Orientation() == TopAbs_Orientation.TopAbs_REVERSED:
+        triangles = triangles[:, ::-1]
+    return np.asarray(places[triangles])
 
 
 def merged(corners: Float[np.ndarray, "t 3 3"]) -> SolidMesh:

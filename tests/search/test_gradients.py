@@ -46,10 +46,16 @@ HALF = {"kind": "zone", "zone": {"kind": "rectangle", "width_mm": 120.0, "height
 BRIGHT = {"kind": "points", "at_mm": [[40, 40], [-40, 20]], "at_least": 60.0, "unit": "w_per_m2"}
 OF_PARTS = {"optimise__robust": 0.9, "limits": [HALF, BRIGHT], **tolerance_changes(LARGE)}
 BEZEL = {
-    "kind": "cylinder", "name": "bezel", "radius_mm": 40.0, "bore_mm": 11.0, "length_mm": 2.0,
+    "kind": "cylinder", "name": "bezel", "radius_mm": 40.0, "bore_radius_mm": 11.0, "length_mm": 2.0,
     "centre_mm": [1.0, -2.0, 16.0], "tilt_deg": [8.0, -5.0],
 }  # fmt: skip
-WALL = {"kind": "box", "name": "wall", "size_mm": [60.0, 1.0, 30.0], "centre_mm": [3.0, 22.0, 20.0], "rotate_z_deg": 9.0}
+WALL = {
+    "kind": "box",
+    "name": "wall",
+    "size_mm": [60.0, 1.0, 30.0],
+    "centre_mm": [3.0, 22.0, 20.0],
+    "rotate_z_deg": 9.0,
+}
 SCENE = {"scene": [BEZEL, WALL]}
 LEDS = [
     {"name": "large", "share": 3.0, "source": {"kind": "square", "side_mm": 1.0, "flux_w": 2.0}},
