@@ -79,8 +79,9 @@ GROUPS: dict[str, tuple[str, tuple[str, ...]]] = {
         ("flat_top_milled", "robust_pi", "fixed_inner", "fixed_outer", "fixed_step_face"),
     ),
     "Materials and covers": (
-        "Other materials, coatings, given optics around the lens ([materials](sources.md#materials-and-temperature)).",
-        ("silicone", "coated_cover_glass", "domed_cover"),
+        "Other materials, coatings, given optics around the lens, and a housing in its light"
+        " ([materials](sources.md#materials-and-temperature)).",
+        ("silicone", "coated_cover_glass", "domed_cover", "bezel"),
     ),
     "The paper's designs": (
         "Designs of the paper whose method this is ([figures](validation.md#of-the-paper)).",

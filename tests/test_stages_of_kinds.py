@@ -6,6 +6,7 @@ Cells of a day: what makes no sense, and the light. By night every other cell is
 import re
 from collections.abc import Callable
 from pathlib import Path
+from tempfile import mkdtemp
 from typing import Any, get_args
 
 import pytest
@@ -21,6 +22,7 @@ from lensforge.results import ResultByLed
 from lensforge.search.scene_symmetry import settled_symmetry
 from lensforge.search.start_faces import start_faces
 from lensforge.spec import ReceiverSection
+from lensforge.spec.housing_sections import HousingSection
 from lensforge.spec.lamps_section import AnyLamps
 from lensforge.spec.lens_section import LensShape
 from lensforge.surfaces.surface import Surface
@@ -40,6 +42,21 @@ ROAD = {"lighting_class": "P4", "width_m": 5.0, "pole_height_m": 5.0, "pole_spac
 DISC = [{"kind": "disc", "diameter_mm": 60.0}]
 ROUND = {"centre_mm": [0.0, 0.0, 100.0], "facing": [0.0, 0.0, 1.0], "radius_mm": 200.0}
 NEAR = {"kind": "disc", "diameter_mm": 60.0, "distance_mm": 100.0, "receiver_mm": 60.0}
+
+
+LEANING = {"tilt_deg": [4.0, -7.0], "rotate_z_deg": 20.0}
+WALL = "solid wall\n{}endsolid wall\n"
+CORNERS = [(-9.0, -1.0, 0.0), (9.0, -1.0, 0.0), (0.0, 8.0, 0.0), (0.0, 0.0, 20.0)]
+
+
+def wall_file() -> Path:
+    """A file of a body with four corners."""
+    path = Path(mkdtemp()) / "wall.stl"
+    sides = [(0, 2, 1), (0, 1, 3), (1, 2, 3), (2, 0, 3)]
+    vertices = ["".join(f"vertex {' '.join(map(str, CORNERS[corner]))}\n" for corner in side) for side in sides]
+    facets = (f"facet normal 0 0 0\nouter loop\n{side}endloop\nendfacet\n" for side in vertices)
+    path.write_text(WALL.format("".join(facets)), encoding="utf-8")
+    return path
 
 
 def on(**receiver: Any) -> dict[str, Any]:
@@ -97,6 +114,28 @@ SCENES: dict[str, dict[str, Any]] = {
             }
         ]
     },
+    "scene box": {
+        "scene": [
+            {"kind": "box", "name": "wall", "size_mm": [80.0, 2.0, 30.0], "centre_mm": [3.0, 25.0, 30.0], **LEANING}
+        ],
+        "lamps": LAMPS,
+    },
+    "scene cylinder": {
+        "scene": [
+            {
+                "kind": "cylinder",
+                "name": "bezel",
+                "radius_mm": 50.0,
+                "bore_radius_mm": 15.0,
+                "length_mm": 2.0,
+                **LEANING,
+            }
+            | {"centre_mm": [1.0, -2.0, 25.0]}
+        ],
+    },
+    "scene file": {
+        "scene": [{"kind": "file", "name": "wall", "file": str(wall_file()), "centre_mm": [0.0, 30.0, 40.0]}]
+    },
     "cover glass": {"lens__cover_glass": {"distance_mm": 20.0, "thickness_mm": 2.0, "refractive_index": 1.5}},
 }
 NAMES = {"several LEDs": ["one", "two"], "states": ["near", "far"]}
@@ -150,7 +189,7 @@ def test_every_kind_and_every_stage_has_its_place() -> None:
     """A kind that is registered, and a stage of the table of commands, stand in the table; and no cell is empty."""
     lamps = [kind.model_fields["kind"].default for kind in get_args(get_args(AnyLamps)[0])]
     kinds = {f"lens {kind}" for kind in LensShape.kinds} | {f"lamps {kind}" for kind in lamps}
-    kinds |= {f"receiver {kind}" for kind in ReceiverSection.kinds}
+    kinds |= {f"receiver {kind}" for kind in ReceiverSection.kinds} | {f"scene {kind}" for kind in HousingSection.kinds}
     assert kinds <= set(cells()) and set(cells()) == set(SCENES)
     stages = {stage.name for stage in (*STAGES, STRAY)}
     for row in cells().values():

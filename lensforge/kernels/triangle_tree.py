@@ -14,7 +14,7 @@ from lensforge.kernels.compiled import inline, kernel
 
 _IN_LEAF = 4  # triangles at most
 _INSIDE = -1e-9  # barycentric coordinates down to this are inside: no ray slips between two triangles
-_FLAT = 1e-300  # a determinant of a triangle seen edge on
+_FLAT = 1e-24  # square of a sine: a triangle without area, or one that is seen edge on
 _AHEAD_MM = 1e-6  # beyond the start of a ray, where rims begin to count
 
 
@@ -103,7 +103,7 @@ def _distance(point, direction, corners):
     second = _difference(corners[2], corners[0])
     across = _cross(direction, second)
     determinant = _dot(first, across)
-    if abs(determinant) < _FLAT:
+    if determinant * determinant <= _FLAT * _dot(first, first) * _dot(second, second):
         return inf
     away = _difference(point, corners[0])
     u = _dot(away, across) / determinant

@@ -27,8 +27,8 @@ class ReceivedFlux:
 
     The fates are those of :class:`~lensforge.kernels.fate.Fate`, where ``LEFT_LENS`` holds what landed, and
     ``MISSED_RECEIVER``, ``ABSORBED``, ``IN_GLASS`` and ``BLOCKED``; then each of the further bodies. ``in_regions``: in
-    each of the ``regions`` (k). ``by_housing``: flux that each body of the scene blocks, and that times the place (mm) at which it
-    does, x, y and z. ``colours``: X, Y and Z (lm) per pixel; None without colour.
+    each of the ``regions`` (k). ``by_housing``: flux that each body of the scene blocks, and that times x, y and z (mm)
+    of the place at which it does. ``colours``: X, Y and Z (lm) per pixel; None without colour.
     """
 
     images: Float[np.ndarray, "r h w"]

@@ -108,9 +108,8 @@ class Housing:
     def has_mirrors(self, symmetry: str) -> bool:
         """True if the bodies together have the mirror group ``symmetry`` about the axis: each corner has its images."""
         corners = self.place.points(self.tree.corners.reshape(-1, 3))
-        known = {tuple(corner) for corner in (np.round(corners, _DIGITS) + 0.0).tolist()}
-        images = (np.round(corners @ mirror.T, _DIGITS) + 0.0 for mirror in group(symmetry))
-        return all(tuple(corner) in known for image in images for corner in image.tolist())
+        known, *images = (_rounded(corners @ mirror.T) for mirror in group(symmetry))
+        return all(image <= known for image in images)
 
     def shadow(self, points: _Vectors, directions: _Vectors, reach_mm: _Values) -> Shadow:
         """Shadow on rays from ``points`` (mm), each of which ends after ``reach_mm``."""
@@ -163,6 +162,10 @@ class Housing:
         shadow.weights[numbers] = (x * x * (3.0 - 2.0 * x))[:, 0]
         shadow.by_points[numbers] = -slope * aside
         shadow.by_directions[numbers] = -slope * (ahead * aside + tangent * place)
+
+
+def _rounded(points: _Vectors) -> set[tuple[float, ...]]:
+    return {*map(tuple, (np.round(points, _DIGITS) + 0.0).tolist())}
 
 
 @lru_cache(maxsize=8)

@@ -9,7 +9,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import singledispatch
 from math import inf
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Self
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -48,9 +48,10 @@ class Landings:
 
     def take(self, rows: Int[Array, " k"] | slice) -> "Landings":
         """Landings of some of the rays."""
-        columns = (self.hits, self.flux, self.landed, self.missed_receiver)
-        shadow = None if self.shadow is None else self.shadow.take(rows)
-        return Landings(*(column[rows] for column in columns), shadow)
+        hits, flux, landed, missed = (
+            column[rows] for column in (self.hits, self.flux, self.landed, self.missed_receiver)
+        )
+        return Landings(hits, flux, landed, missed, None if self.shadow is None else self.shadow.take(rows))
 
 
 Kernel = Callable[..., Any]
@@ -105,7 +106,7 @@ class PosedReceiver(ABC):
         return Sensitivities(by_points, by.by_directions + by_weight * shadow.by_directions), of_flux
 
     @property
-    def searched(self) -> "PosedReceiver":
+    def searched(self) -> Self:
         """The receiver of a search, in which shadows fade out."""
         return self if self.housing is None else replace(self, housing=self.housing.faded)
 

@@ -6,7 +6,7 @@ from scenes import small_spec
 
 from lensforge.kernels.fate import Fate
 from lensforge.light.evaluation import _flux_budget, receiver_light
-from lensforge.light.received_flux import ABSORBED, CAUSES, IN_GLASS, MISSED_RECEIVER, ReceivedFlux
+from lensforge.light.received_flux import ABSORBED, BLOCKED, CAUSES, IN_GLASS, MISSED_RECEIVER, ReceivedFlux
 from lensforge.light.receiver_light import ReceiverLight, by_pixels, possible_share
 from lensforge.optics.exit_space import ExitBall
 from lensforge.optics.media import Media, Medium
@@ -119,14 +119,17 @@ def test_every_fate_has_its_share_of_the_budget() -> None:
     by_fate[:] = np.arange(1.0, CAUSES + 3.0) / 300.0
     inside = np.array([0.002, 0.004])
     landed = by_fate[:, Fate.LEFT_LENS]
-    received = ReceivedFlux(np.zeros((2, 1, 1)), by_fate, inside, landed - inside, np.zeros((2, 0)))
+    received = ReceivedFlux(
+        np.zeros((2, 1, 1)), by_fate, inside, landed - inside, np.zeros((2, 0)), np.zeros((2, 0, 4))
+    )
     flux, missed = _flux_budget(received, 0.5)
     share = by_fate[0] / 0.5
-    assert (len(Fate), len(Fate) + 1, len(Fate) + 2, len(Fate) + 3) == (MISSED_RECEIVER, ABSORBED, IN_GLASS, CAUSES)
+    places = (MISSED_RECEIVER, ABSORBED, IN_GLASS, BLOCKED, CAUSES)
+    assert places == tuple(len(Fate) + k for k in range(5))
     expected = {
         "detected": 0.006, "outside": share[0] - 0.006, "total_reflection": share[4], "not_converged": share[5],
         "missed": share[[1, 2, 3, 6, 7, 8, 9]].sum(), "absorbed": share[10], "cover_glass": share[11],
-        "bodies": share[12:].sum(), "reflected": 1.0 - share.sum(),
+        "housing": share[12], "bodies": share[13:].sum(), "reflected": 1.0 - share.sum(),
     }  # fmt: skip
     assert flux.model_dump() == pytest.approx(expected)
     causes = ("backward", "outside_cavity", "base", "surfaces_intersect", "event_limit", "flange", "missed_receiver")

@@ -213,7 +213,11 @@ def photometry(case):
     count = sum(len(each[2]) for each in case.rays["photometry"])
     fates = {name: np.mean([sample[3][name] for sample in samples]) for name in samples[0][3]}
     lost = {name: plain(fates[name], floor=near * up[1]) for name in (*LOST, "missed_receiver")}
-    lost |= {"not_converged": 0.0, "bodies": plain(sum(v for k, v in fates.items() if k.startswith("body")))}
+    lost |= {
+        "not_converged": 0.0,
+        "housing": 0.0,
+        "bodies": plain(sum(v for k, v in fates.items() if k.startswith("body"))),
+    }
     c, gamma = np.unravel_index(np.argmax(tables.whole), tables.whole.shape)
     planes = {f"beam_c{c_deg}": plane_record(tables, c_deg) for c_deg in (0, 90)}
     (axis,) = doubted(tables, lambda given: [given.figure(lambda _c, _g, values: values[0, 0])])
