@@ -89,6 +89,7 @@ from lensforge.spec.lens_material import OpticalData
 from lensforge.spec.light_field import LightFieldLimit
 from lensforge.spec.light_limits import (
     BeamAngleLimit,
+    BlockedLimit,
     ColourSection,
     GlareLimit,
     LineLimit,
@@ -112,6 +113,7 @@ __all__ = [
     "AbgScatter",
     "BaseSection",
     "BeamAngleLimit",
+    "BlockedLimit",
     "BodySection",
     "Cancelled",
     "Check",

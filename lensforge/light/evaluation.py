@@ -355,7 +355,8 @@ def _blocked(received: ReceivedFlux, receiver: PosedReceiver, emitted_w: float) 
 def _losses(received: ReceivedFlux, by_way: FluxByWay) -> Float[np.ndarray, "r c"]:
     """Flux (W) by cause of loss, in the order of ``scene.light_ends``, in each replicate."""
     ended = received.by_fate[:, : len(Fate)] @ (NUMBER_BY_FATE[:, None] == np.arange(len(LOSSES)))
-    ended[:, LOSSES.index("beside")] = received.outside + received.by_fate[:, [MISSED_RECEIVER, BLOCKED]].sum(axis=1)
+    ended[:, LOSSES.index("beside")] = received.outside + received.by_fate[:, MISSED_RECEIVER]
+    ended[:, LOSSES.index("housing")] = received.by_fate[:, BLOCKED]
     return np.concatenate([ended, by_way.leaked()], axis=1)
 
 

@@ -151,4 +151,5 @@ def _blocked(rays: ExitRays, shadow: Shadow, bodies: int) -> Float[np.ndarray, "
     met = shadow.met
     flux = rays.flux[met]
     amounts = (flux, *(flux * coordinate for coordinate in shadow.places[met].T))
-    return np.stack([np.bincount(shadow.bodies[met], amount, bodies) for amount in amounts], axis=1)
+    sums = [np.bincount(shadow.bodies[met], amount, bodies) for amount in amounts]
+    return np.stack(sums, axis=1).astype(np.float64)  # of nothing the sums are integers

@@ -28,6 +28,7 @@ from lensforge.made.part_light import (
     Channels,
     PartLight,
     ReceivedImages,
+    blocked_flux,
     flux_by_cause,
     in_channels,
     judged_colour,
@@ -230,12 +231,16 @@ class BoardLight(PartLight):
     def _with_losses(self, parts: Sequence[MadePart] | None, lit: Iterable[ReceivedImages]) -> Iterator[ReceivedImages]:
         """The light on each receiver, and the mean flux of a lamp by the cause of its loss."""
         by_cause: list[Float[np.ndarray, "r k"]] = []
-        for lens, share, part in zip(self._lens_of_lamp, self._shares, parts or repeat(None), strict=False):
+        blocked: list[list[Float[np.ndarray, " r"]]] = []
+        lamps = zip(self._lens_of_lamp, self._shares, self._seen, parts or repeat(None), strict=False)
+        for lens, share, seen, part in lamps:
             exits = rays_behind(lens, part, share.rays)
             flux = 1.0 if part is None else part.flux
             by_cause.append(flux_by_cause(lens, exits, share, flux))
-        for received in lit:
-            losses = with_beside(np.sum(by_cause, axis=0), received.window * received.emitted_w)
+            blocked.append([blocked_flux(receiver.land(exits), exits, share, flux) for receiver in seen])
+        for received, of_lamps in zip(lit, zip(*blocked, strict=True), strict=True):
+            in_window = received.window * received.emitted_w
+            losses = with_beside(np.sum(by_cause, axis=0), in_window, np.sum(of_lamps, axis=0))
             yield replace(received, losses=losses)
 
     def _designed(self, receiver: int, fluxes: Float[np.ndarray, " n"]) -> Channels:

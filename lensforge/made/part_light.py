@@ -22,7 +22,7 @@ from lensforge.scene.light_ends import cause_numbers, loss_names, with_beside
 from lensforge.scene.limit_readings import LightLimit, zones_on
 from lensforge.scene.made_part import MadePart
 from lensforge.scene.pixel_grid import bin_replicates, gaussian3
-from lensforge.scene.receiver import PosedReceiver
+from lensforge.scene.receiver import Landings, PosedReceiver
 from lensforge.scene.region import Region
 from lensforge.scene.target_pattern import DrawnTarget, drawn_target, uniform_region
 from lensforge.sources.ray_bundle import RayBundle
@@ -102,6 +102,14 @@ def flux_by_cause(lens: TracedLens, exits: ExitRays, held: ReplicateRays, flux: 
     return flux * np.bincount(places[ends], exits.flux[ends], held.replicates * causes).reshape(-1, causes)
 
 
+def blocked_flux(landings: Landings, exits: ExitRays, held: ReplicateRays, flux: float) -> Float[np.ndarray, " r"]:
+    """Flux (W) of the ``held`` rays that bodies of the scene block, in every replicate; ``flux``: of the LED."""
+    if landings.shadow is None:
+        return np.zeros(held.replicates)
+    (blocked,) = held.flux_in((landings.shadow.met,), flux * exits.flux)
+    return np.asarray(blocked)
+
+
 @dataclass(frozen=True, eq=False)
 class PartLight:
     """Simulation of parts of one lens: ``receivers`` of ``spec``, their ``limits``, and the rays of all parts."""
@@ -140,7 +148,9 @@ class PartLight:
                 for channel_rays in in_channels(carried, held.rays, colour)
             ]
             smooth = gaussian3(np.stack(raw), self.spec.evaluate.filter_variance)
-            losses = None if by_cause is None else with_beside(by_cause, window * emitted_w)
+            losses = None
+            if by_cause is not None:
+                losses = with_beside(by_cause, window * emitted_w, blocked_flux(landings, exits, held, flux))
             images.append(ReceivedImages(smooth, window, lit, in_zones, emitted_w, losses))
         return (*images, *self.seen(exits, held, flux))
 

@@ -6,6 +6,7 @@ Turned by rotations of its own, and cast through the grid by which it casts the 
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -13,9 +14,23 @@ from scipy.spatial.transform import Rotation
 
 from lensforge.proof.facet_casting import Grid, Leg
 
-Placed = tuple[Float[np.ndarray, "v 3"], Int[np.ndarray, "t 3"], float, tuple[float, float], tuple[float, float, float]]
-
 _AT_END_MM = 1e-6  # a body in the very surface of a receiver is none before it
+
+
+class ObstacleBody(NamedTuple):
+    """Vertices (mm) and triangles of a body in its own frame, which is turned about z, tilted, and then placed."""
+
+    vertices: Float[np.ndarray, "v 3"]
+    triangles: Int[np.ndarray, "t 3"]
+    rotate_z_deg: float
+    tilt_deg: tuple[float, float]
+    centre_mm: tuple[float, float, float]
+
+    @property
+    def corners(self) -> Float[np.ndarray, "t 3 3"]:
+        """Corners (mm) of its triangles, in its place."""
+        turn = Rotation.from_euler("zxy", [self.rotate_z_deg, *self.tilt_deg], degrees=True)  # small: about fixed axes
+        return np.asarray((turn.apply(self.vertices) + self.centre_mm)[self.triangles])
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,13 +40,9 @@ class Obstacles:
     corners: Float[np.ndarray, "t 3 3"]
 
     @staticmethod
-    def of(bodies: Sequence[Placed]) -> "Obstacles | None":
-        """Bodies by vertices and triangles in their own frames, turn (degrees), tilts and place; None without any."""
-        corners = []
-        for vertices, triangles, rotate_z_deg, tilt_deg, centre_mm in bodies:
-            turn = Rotation.from_euler("zxy", [rotate_z_deg, *tilt_deg], degrees=True)  # small: about fixed axes
-            corners.append((turn.apply(vertices) + centre_mm)[triangles])
-        return Obstacles(np.concatenate(corners)) if corners else None
+    def of(bodies: Sequence[ObstacleBody]) -> "Obstacles | None":
+        """All ``bodies``; None without any."""
+        return Obstacles(np.concatenate([body.corners for body in bodies])) if bodies else None
 
     @cached_property
     def _grid(self) -> Grid:

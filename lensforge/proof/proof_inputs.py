@@ -18,7 +18,7 @@ from lensforge.light.evaluation_result import Light
 from lensforge.optics.face_roles import BODY
 from lensforge.optics.image_reading import read_light
 from lensforge.proof import independent_draws
-from lensforge.proof.obstacles import Obstacles
+from lensforge.proof.obstacles import ObstacleBody, Obstacles
 from lensforge.proof.optical_faces import Expansion, OpticalFaces, PlateOfLenses
 from lensforge.proof.part_comparison import RAYS, IndependentLight, LampsApart, LampsOnPlate, LampStands
 from lensforge.proof.receiver_screen import Screen
@@ -118,7 +118,7 @@ def stands_of(lamps: Lamps) -> LampStands:
 def screens_of(spec: Spec, pixels: int | None = None) -> list[Screen]:
     """Screens with as many pixels as the evaluation's images, by default those of the spec."""
     receivers = receivers_of(spec, pixels or spec.evaluate.pixels)
-    bodies = [(*mesh_of(body), body.rotate_z_deg, body.tilt_deg, body.centre_mm) for body in spec.scene]
+    bodies = [ObstacleBody(*mesh_of(body), body.rotate_z_deg, body.tilt_deg, body.centre_mm) for body in spec.scene]
     obstacles = Obstacles.of(bodies)
     return [
         Screen.kinds[section.kind](

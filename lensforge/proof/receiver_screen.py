@@ -23,8 +23,8 @@ _BEHIND = 1e-12  # of a plane's normal: a ray that rises less never reaches it
 Triple = tuple[float, float, float]
 _Rows = Float[np.ndarray, "n 3"]
 _Places = Float[np.ndarray, "n 2"]
-_Coordinates = Float[np.ndarray, "h w"]
-_Vectors = Float[np.ndarray, "h w 3"]
+_Coordinates = Float[np.ndarray, "*n"]
+_Vectors = Float[np.ndarray, "*n 3"]
 
 
 @dataclass(frozen=True)

@@ -10,6 +10,7 @@ it that goes to 0, and the noise of the slope grows.
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from math import radians, tan
 from typing import NamedTuple
 
 import numpy as np
@@ -25,7 +26,6 @@ from lensforge.surfaces.mirror_group import group
 
 _DIGITS = 5  # of a mm, to which corners have mirror images
 _AT_END_MM = 1e-6  # a body in the very surface of a receiver is none before it
-_SEARCHED_RIM = 0.01  # 0.6 degrees
 _WORTH_SHARING = 2**10  # rays: a millisecond of work
 
 _Vectors = Float[np.ndarray, "n 3"]
@@ -96,10 +96,9 @@ class Housing:
         """The bodies of a spec; None without any. Raises :class:`InputError` for a file that cannot be read."""
         return _housing(tuple(sections)) if sections else None
 
-    @property
-    def faded(self) -> "Housing":
+    def faded(self, rim_deg: float) -> "Housing":
         """The bodies as a search sees them, which dim rays beside their rims."""
-        return replace(self, rim=_SEARCHED_RIM)
+        return replace(self, rim=tan(radians(rim_deg)))
 
     def seen_from(self, frame: Pose) -> "Housing":
         """The bodies as a lamp in ``frame`` sees them."""

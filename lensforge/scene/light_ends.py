@@ -51,11 +51,16 @@ def cause_numbers(rays: ExitRays, chain: Chain | None) -> Int[Array, " n"]:
     return module.where(leaks, len(LOSSES) + last, numbers)
 
 
-def with_beside(by_cause: Float[Array, "*r c"], in_window: Float[Array, "*r"]) -> Float[Array, "*r c"]:
+def with_beside(
+    by_cause: Float[Array, "*r c"], in_window: Float[Array, "*r"], blocked: Float[Array, "*r"]
+) -> Float[Array, "*r c"]:
     """Flux by cause, whose first column is of all light that left by the exit, with the light beside the window there.
 
-    That is all light that left, by whichever face, and is not ``in_window``.
+    That is all light that left, by whichever face, and is neither ``in_window`` nor ``blocked`` by bodies of the scene,
+    which is a cause of its own.
     """
     module = module_of(by_cause)
     left = by_cause[..., 0] + by_cause[..., len(LOSSES) :].sum(-1)
-    return module.concatenate([(left - in_window)[..., None], by_cause[..., 1:]], -1)
+    columns = [left - in_window - blocked, *module.moveaxis(by_cause, -1, 0)[1:]]
+    columns[LOSSES.index("housing")] = blocked
+    return module.stack(columns, -1)

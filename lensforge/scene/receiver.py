@@ -105,10 +105,9 @@ class PosedReceiver(ABC):
         by_points = by.by_points + by_weight * shadow.by_points
         return Sensitivities(by_points, by.by_directions + by_weight * shadow.by_directions), of_flux
 
-    @property
-    def searched(self) -> Self:
-        """The receiver of a search, in which shadows fade out."""
-        return self if self.housing is None else replace(self, housing=self.housing.faded)
+    def searched(self, rim_deg: float) -> Self:
+        """The receiver of a search, in which shadows fade out over an angle."""
+        return self if self.housing is None else replace(self, housing=self.housing.faded(rim_deg))
 
     def _in_shadow(self, rays: ExitRays, landings: Landings) -> Landings:
         """``landings`` without ``rays`` that meet a body before; in a search these land, too, without flux."""

@@ -48,9 +48,12 @@ class Collected:
     colours: Float[Tensor, "2 h w"] | None = None
     losses: Float[Tensor, " c"] | None = None
 
-    def with_losses(self, flux: Float[Tensor, " n"], numbers: Int[Tensor, " n"], causes: int) -> "Collected":
+    def with_losses(
+        self, flux: Float[Tensor, " n"], numbers: Int[Tensor, " n"], causes: int, blocked: Float[Tensor, ""]
+    ) -> "Collected":
         """The same, and the ``flux`` by the ``numbers`` of so many ``causes`` by which rays end.
 
+        ``blocked``: flux that bodies of the scene block.
         Light has no gradient at the window's edge, and an infinite one where a face begins to reflect totally: light
         beside the window has that of the flux off the receiver, light through faces that of total reflection.
         """
@@ -60,8 +63,14 @@ class Collected:
         towards[LOSSES.index("total_reflection")] = 1.0
         towards[len(LOSSES) :] = 1.0
         gradients = towards * (self.total_reflection - self.total_reflection.detach())
-        losses = with_beside(by_cause, self.in_window.detach()) + gradients
+        losses = with_beside(by_cause, self.in_window.detach(), blocked.detach()) + gradients
+        losses = losses + _only(LOSSES.index("housing"), blocked - blocked.detach(), causes)
         return replace(self, losses=_more_beside(losses, self.outside_receiver - self.outside_receiver.detach()))
+
+
+def _only(number: int, flux: Float[Tensor, ""], causes: int) -> Float[Tensor, " c"]:
+    """``flux`` as that of the cause of this number, of so many."""
+    return torch.nn.functional.one_hot(torch.tensor(number), causes).to(flux) * flux
 
 
 def _more_beside(losses: Float[Tensor, " c"], flux: Float[Tensor, ""]) -> Float[Tensor, " c"]:

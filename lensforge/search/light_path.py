@@ -29,7 +29,7 @@ from lensforge.light.table_trace import Scene, TracedBundle, trace_tables
 from lensforge.scene.exit_rays import Sensitivities
 from lensforge.scene.eye_view import EyeView
 from lensforge.scene.lamp_pictures import LampPictures
-from lensforge.scene.light_ends import cause_numbers
+from lensforge.scene.light_ends import LOSSES, cause_numbers
 from lensforge.scene.made_part import ErrorField, FaceNodes, MadePart, PartMaker, waviness
 from lensforge.scene.perturbations import Draws
 from lensforge.scene.receiver import Landings, PosedReceiver
@@ -138,7 +138,9 @@ class LightPath:
             weights = None if self.colour is None else torch.from_numpy(self.colour.weights(rays))
             found = tuple(
                 self._with_losses(
-                    collected(landings, exits.sin2_exit, emitted, receiver.grid, receiver.window, weights), exits
+                    collected(landings, exits.sin2_exit, emitted, receiver.grid, receiver.window, weights),
+                    exits,
+                    landings,
                 )
                 for receiver, landings in zip(self.seen, landed, strict=True)
             )
@@ -168,8 +170,12 @@ class LightPath:
                     areas[number] = seen_receiver.outline_mm2(exits)
         return [image / area for image, area in zip(images, areas, strict=True)]
 
-    def _with_losses(self, light: Collected, exits: EndedRays) -> Collected:
-        return light.with_losses(exits.flux, exits.causes, self.losses) if self.losses else light
+    def _with_losses(self, light: Collected, exits: EndedRays, landings: Landings) -> Collected:
+        if not self.losses:
+            return light
+        left = (exits.causes == LOSSES.index("beside")) | (exits.causes >= len(LOSSES))
+        blocked = ((exits.flux - landings.flux) * (left & ~landings.missed_receiver)).sum()
+        return light.with_losses(exits.flux, exits.causes, self.losses, blocked)
 
     def _together(self, collected: tuple[Collected, ...]) -> tuple[Collected, ...]:
         rest = iter(collected)
@@ -203,7 +209,8 @@ class LightPath:
                 places = (receiver.grid, receiver.window)
                 collected = collected_on_device(landings, exit_rays.sin2_exit, emitted, *places, weights)
                 ended = EndedRays(exit_rays.sin2_exit, exit_rays.flux, cause_numbers(exit_rays, self.scene.chain))
-                sums += (total for total in vars(self._with_losses(collected, ended)).values() if total is not None)
+                counted = self._with_losses(collected, ended, landings)
+                sums += (total for total in vars(counted).values() if total is not None)
             return tuple(sums)
 
         return checkpoint(light, use_reentrant=False, preserve_rng_state=False)

@@ -221,7 +221,9 @@ class MeritFunction(Merit[SampledLight]):
         Rays are traced on ``device``, or by the compiled kernels for None; all else stays on the CPU. ``single``: the
         kernels trace a double-freeform lens in single precision.
         """
-        receivers = tuple(receiver.searched for receiver in receivers_of(spec, spec.optimise.pixels))
+        receivers = tuple(
+            receiver.searched(spec.optimise.rim_deg) for receiver in receivers_of(spec, spec.optimise.pixels)
+        )
         sections = spec.all_receivers
         fresnel = spec.optimise.fresnel
         limit = (transmittance_of(spec.media) if fresnel else 1.0) * source.flux_w
@@ -236,7 +238,7 @@ class MeritFunction(Merit[SampledLight]):
         scene = Scene(spec.media, parametrisation.grid, fresnel, chain=Chain.of_lens(spec.lens), single=single)
         scene = replace(scene, made=at_work(spec, scene.names))
         efficacy = efficacy_of(source, spec.source, photons=spec.counts_photons)
-        views = tuple(view.searched for view in eye_views(spec, searched=True))
+        views = tuple(view.searched(spec.optimise.rim_deg) for view in eye_views(spec, searched=True))
         asked = light_limits(spec, receivers, efficacy, source.flux_w, views)
         crossing = source if scene.chain is not None and aims(source) else None
         losses = max((limit.readings.shape[1] for limit in asked if limit.quantity.of_losses), default=0)

@@ -38,7 +38,7 @@ from lensforge.spec.target_sections import DegreesOff, InOneUnit, TargetSection,
 Amount = Annotated[float, Field(ge=1e-30, le=1e12)]
 Fraction = Annotated[float, Field(gt=0.0, le=1.0)]
 Azimuth = Annotated[float, Field(ge=-360.0, le=360.0)]
-LossCause = Literal["beside", "opening", "base", "flange", "total_reflection", "trapped"]
+LossCause = Literal["beside", "opening", "base", "flange", "total_reflection", "trapped", "housing"]
 LightUnitName = Literal[
     "w_per_m2", "mw_per_cm2", "mj_per_cm2", "lx", "umol_per_m2_s", "w_per_sr", "cd", "w_per_m2_sr", "cd_per_m2",
     "relative",
@@ -382,8 +382,9 @@ class LossLimit(LimitSection):
         description='"beside": leaves the lens, and reaches no window of the receiver. "opening": starts outside '
         'the cavity, or goes back through its opening. "base": in the body, down through z = 0. '
         '"flange": at the flange. "total_reflection": at a face that lets light out. "trapped": still '
-        "in the body after all its events. Or the name of a face by which light is not to leave, such "
-        'as "wall". The search lowers light beside, by faces and by total reflection.'
+        'in the body after all its events. "housing": blocked by bodies of the scene. Or the name of a face by which '
+        'light is not to leave, such as "wall". The search lowers light beside, by faces, by total reflection and by '
+        "bodies."
     )
     at_most_share: Fraction = Field(description="Largest share of the flux of the source.")
 
@@ -391,6 +392,14 @@ class LossLimit(LimitSection):
     def _bounds_the_share(self) -> None:
         if self.unit is not None or self.given_unit is not None:
             raise ValueError("a loss is bounded by at_most_share alone")
+
+
+@public
+class BlockedLimit(LossLimit):
+    """Light that the bodies of the scene keep from a receiver: the share of the flux of the source."""
+
+    kind: Literal["blocked"] = "blocked"  # type: ignore[assignment]  # a kind of its own
+    cause: Literal["housing"] = Field(default="housing", description="They block it.")
 
 
 _Point = tuple[Coordinate, Coordinate, Coordinate]
@@ -563,13 +572,17 @@ def _require_limit_fits(limit: LimitSection, unit: Unit, extent: tuple[float, fl
 
 
 def require_limits_fit(
-    limits: Sequence[LimitSection], receivers: Sequence[ReceiverSection], leaks: Sequence[str]
+    limits: Sequence[LimitSection],
+    receivers: Sequence[ReceiverSection],
+    leaks: Sequence[str],
+    *,
+    has_scene: bool = False,
 ) -> None:
     """Raise ``ValueError`` for limits that name an unknown or incompatible receiver.
 
-    ``leaks``: names of the faces through which light can be lost.
+    ``leaks``: names of the faces through which light can be lost. ``has_scene``: bodies may block some.
     """
-    causes = (*get_args(LossCause), *leaks)
+    causes = (*(cause for cause in get_args(LossCause) if has_scene or cause != "housing"), *leaks)
     by_name = {receiver.name: receiver for receiver in receivers}
     for number, limit in enumerate(limits):
         name = limit.receiver or next(iter(by_name))
@@ -579,7 +592,7 @@ def require_limits_fit(
         if isinstance(limit, LuminanceLimit):
             continue
         if isinstance(limit, LossLimit) and limit.cause not in causes:
-            raise ValueError(f"limits.{number}.cause = {limit.cause!r}: of this lens it is one of {', '.join(causes)}")
+            raise ValueError(f"limits.{number}.cause = {limit.cause!r}: of this scene it is one of {', '.join(causes)}")
         with fault_of(f"limits.{number}"):
             _require_limit_fits(limit, by_name[name].unit, by_name[name].extent, f"receiver {name!r}")
 

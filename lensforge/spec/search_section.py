@@ -2,7 +2,7 @@
 
 from typing import Annotated, Literal
 
-from pydantic import BeforeValidator, Field
+from pydantic import BeforeValidator, Field, SerializerFunctionWrapHandler, model_serializer
 
 from lensforge.public import public
 from lensforge.spec.spec_section import (
@@ -22,6 +22,7 @@ MOST_STEPS = 1_000_000  # of a level; a search of 5000 takes minutes, and its hi
 Steps = Annotated[int, Field(ge=1, le=MOST_STEPS)]
 LARGEST = 10.0  # over the largest radius: a lens may miss that, but not by far; tables of it would not end
 KEEP_OUT_MARGIN_MM = 0.1  # a placed package may be off by 0.05 mm, and so may a lens on its board
+RIM_DEG = 0.6
 
 
 @public
@@ -169,6 +170,17 @@ class OptimiseSection(Section):
         default=True,
         description="Count what both surfaces and a cover glass reflect in the search; the evaluation always does.",
     )
+
+    rim_deg: Annotated[float, Field(ge=1e-3, le=10.0)] = Field(
+        default=RIM_DEG,
+        description="Angle from the rims of bodies of the `scene` within which light fades out in the search: less is "
+        "nearer to the light as it is, and needs more rays.",
+    )
+
+    @model_serializer(mode="wrap")
+    def _as_before_scenes(self, write: SerializerFunctionWrapHandler) -> dict[str, object]:
+        """The section without the usual rim: specs without a scene keep the hash that they had before."""
+        return {name: value for name, value in write(self).items() if name != "rim_deg" or value != RIM_DEG}
 
     @property
     def share(self) -> float | None:

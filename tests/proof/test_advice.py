@@ -250,7 +250,8 @@ def test_the_flux_budget_of_a_few_rays_by_hand():
     screen = replace(Screen.square(DISTANCE, 10.0, 2), window=(10.0, 6.0, None))
     found = flux_budget(rays, landed, screen).model_dump()
     by_hand = {"detected": 0.5, "outside": 1.5, "missed": 2.5, "total_reflection": 3.0, "event_limit": 0.0,
-               "absorbed": 0.3, "cover_glass": 0.4, "bodies": 0.5, "housing": 0.0, "reflected": 10.0 - 7.5 - 1.2}  # fmt: skip
+               "absorbed": 0.3, "cover_glass": 0.4, "bodies": 0.5, "housing": 0.0,
+               "reflected": 10.0 - 7.5 - 1.2}  # fmt: skip
     assert found == pytest.approx({name: 0.1 * each for name, each in by_hand.items()}) and sum(found.values()) == 1.0
 
 

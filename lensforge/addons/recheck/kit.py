@@ -82,6 +82,7 @@ def _require_plain(lens: Lens) -> None:
         "faces that scatter": bool(media.scatter),
         "bodies behind the lens": bool(media.bodies),
         "a cover glass": media.cover_glass is not None,
+        "a scene of opaque bodies": bool(spec.scene),
         "a material with dispersion": lens.dispersion is not None,
         "a lens that grows with its temperature": spec.lens.scale != 1.0,
         "surroundings other than air": (media.cavity_index, media.outside_index) != (1.0, 1.0),

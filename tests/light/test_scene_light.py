@@ -1,0 +1,156 @@
+"""The light of lenses among opaque bodies: halves, budgets, a limit, and the same shadows by code that shares none."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from presets import FEW
+from scenes import small_spec
+
+import lensforge as lf
+from lensforge.light.lens_light import searched_source
+from lensforge.light.light_facts import light_facts
+from lensforge.proof.proof_inputs import screens_of
+from lensforge.proof.sequential_cast import CastFate, Passage
+from lensforge.scene.exit_rays import ExitRays
+from lensforge.scene.light_ends import LOSSES
+from lensforge.scene.receiver_shapes import receivers_of, seen_by_lamp
+from lensforge.search.merit import MeritFunction
+from lensforge.search.parameters import Parametrisation
+from lensforge.search.problem import Problems
+from lensforge.search.start_faces import start_faces
+from lensforge.sources.ray_bundle import RayBundle
+from lensforge.spec import Spec
+
+HALF = {"kind": "box", "name": "half", "size_mm": [400.0, 900.0, 2.0], "centre_mm": [200.0, 0.0, 40.0]}
+BEZEL = {
+    "kind": "cylinder", "name": "bezel", "radius_mm": 70.0, "bore_radius_mm": 12.0, "length_mm": 3.0,
+    "centre_mm": [2.0, -3.0, 25.0], "tilt_deg": [12.0, -9.0], "rotate_z_deg": 20.0,
+}  # fmt: skip
+POST = {
+    "kind": "box", "name": "post", "size_mm": [6.0, 9.0, 60.0], "centre_mm": [9.0, -12.0, 45.0],
+    "tilt_deg": [-25.0, 14.0], "rotate_z_deg": 35.0,
+}  # fmt: skip
+LIMIT = {"kind": "blocked", "at_most_share": 0.1}
+
+
+def lens_of(spec: Spec) -> lf.Lens:
+    return lf.Lens(start_faces(spec), spec, 0, FEW)
+
+
+def light_of(*scene: dict[str, Any], **more: Any) -> tuple[lf.Light, lf.Lens]:
+    lens = lens_of(small_spec(scene=list(scene), **more))
+    return lf.evaluate(lens, rays=2**14), lens
+
+
+def test_a_wall_over_a_half_takes_half_of_the_light() -> None:
+    """Of a lens with the mirrors of the wall: half of what lands, half of what leaves; the budget stays whole."""
+    free, _ = light_of()
+    found, lens = light_of(HALF, limits=[LIMIT])
+    (whole,) = free.receivers
+    (half,) = found.receivers
+    error = 4.0 * (half.efficiency.standard_error or 0.0)
+    assert half.efficiency.value == pytest.approx(0.5 * whole.efficiency.value, abs=error)
+    # Light that leaves along the wall passes below it.
+    assert half.flux.housing == pytest.approx(0.5 * (whole.flux.detected + whole.flux.outside), abs=0.01)
+    assert sum(half.flux.model_dump().values()) == pytest.approx(1.0, abs=1e-12)
+    (blocked,) = half.blocked
+    assert (blocked.name, blocked.share.value) == ("half", pytest.approx(half.flux.housing))
+    x, y, z = blocked.place_mm
+    assert x > 0.0 and abs(y) < 1.0 and z == pytest.approx(39.0, abs=0.1)
+    (limit,) = found.limits
+    assert limit.value == pytest.approx(half.flux.housing) and limit.state == "fail"
+    told = [fact for group in light_facts(found, lens) for fact in group.facts if fact.key == "blocked"]
+    assert [fact.value for fact in told] == [pytest.approx(100.0 * half.flux.housing)]
+    assert told[0].note.startswith("by half, about (")
+
+
+def test_two_bodies_share_what_they_block() -> None:
+    """In the order in which light meets them: what the bezel leaves, the post behind it may take."""
+    alone = light_of(BEZEL)[0].receivers[0]
+    both = light_of(BEZEL, POST)[0].receivers[0]
+    shares = {each.name: each.share.value for each in both.blocked}
+    assert set(shares) == {"bezel", "post"} and sum(shares.values()) == pytest.approx(both.flux.housing)
+    assert 0.0 < both.flux.housing - alone.flux.housing <= shares["post"]
+    assert all((each.share.standard_error or 0.0) > 0.0 for each in both.blocked)
+
+
+def test_the_far_field_and_the_evaluation_block_the_same() -> None:
+    """All that leaves meets the wall or goes on; on a plane before the wall nothing is lost."""
+    lens = lens_of(small_spec(scene=[BEZEL]))
+    far = lf.photometry(lens, rays=2**14).lost_w.housing / searched_source(lens.spec).flux_w
+    (near,) = lf.evaluate(lens, rays=2**14).receivers
+    assert far == pytest.approx(near.flux.housing, abs=0.01) and far > 0.05
+    before = lens_of(small_spec(scene=[{**BEZEL, "centre_mm": [2.0, -3.0, 300.0]}]))
+    assert lf.evaluate(before, rays=2**12).receivers[0].flux.housing == 0.0
+
+
+LAMPS = {"kind": "table", "places_mm": [[-20.0, 3.0], [18.0, -2.0, 5.0]], "turns_deg": [30.0, 200.0]}
+
+
+@pytest.mark.parametrize("lamps", [None, LAMPS], ids=["one lamp", "the second of two lamps"])
+def test_the_proof_has_the_shadows_of_the_design(lamps: dict[str, Any] | None) -> None:
+    """Ray by ray, through a grid in the place of a tree, turned by other rotations."""
+    spec = small_spec(scene=[BEZEL, POST], lamps=lamps)
+    if lamps is not None:
+        spec = seen_by_lamp(spec, 1)
+    rng = np.random.default_rng(3)
+    directions = rng.normal(size=(4000, 3)) * [0.5, 0.5, 0.0] + [0.0, 0.0, 1.0]
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    points = 5.0 * directions + rng.normal(size=(4000, 3))
+    flux = rng.random(4000)
+    exits = ExitRays(points, directions, flux, flux, np.zeros(4000, dtype=np.int8))
+    passage = replace(
+        Passage.of(RayBundle(points, directions, flux), 0), points=points, directions=directions,
+        fates=np.full(4000, CastFate.LANDED),
+    )  # fmt: skip
+    for receiver, screen in zip(receivers_of(spec, 16), screens_of(spec), strict=True):
+        designed = receiver.land(exits)
+        cast = passage.landed(screen)
+        assert designed.shadow is not None and 200 < designed.shadow.met.sum() < 3800
+        assert ((cast.fates == CastFate.HOUSING) == designed.shadow.met).all()
+        assert cast.landings[designed.landed] == pytest.approx(designed.hits[designed.landed], abs=1e-9)
+        assert np.isnan(cast.landings[~designed.landed]).all()
+
+
+@pytest.mark.parametrize("lamps", [None, LAMPS], ids=["one lamp", "two lamps"])
+def test_a_search_counts_what_is_blocked_as_the_evaluation_does(lamps: dict[str, Any] | None) -> None:
+    """With a narrow rim; light beside the window is without it."""
+    limits = [LIMIT, {"kind": "loss", "cause": "beside", "at_most_share": 0.2}]
+    scene = [BEZEL, POST | {"centre_mm": [9.0, -12.0, 60.0]}]
+    spec = small_spec(scene=scene, limits=limits, lamps=lamps, optimise__rim_deg=0.01)
+    source = searched_source(spec)
+    problem = Problems(spec, source, 3.0, None, False).of((9, 25))
+    merit = problem.merit
+    assert isinstance(merit, MeritFunction) and isinstance(problem.parametrisation, Parametrisation)
+    rays = source.sample(2**12, 5)
+    light = merit.light_of(problem.parametrisation.tables(*problem.parametrisation.start()), rays)
+    judged = lf.evaluate(lf.Lens(start_faces(spec), spec, 0, FEW), rays=2**13).limits
+    for cause, limit in zip(("housing", "beside"), judged, strict=True):
+        found = float(light.losses[0][LOSSES.index(cause)]) / light.emitted_w
+        assert found == pytest.approx(limit.value, abs=0.02) and limit.value > 0.02, cause
+
+
+GLASS = {"refractive_index": 1.5, "distance_mm": 90.0, "thickness_mm": 2.0}
+REFUSED: list[tuple[dict[str, Any], str]] = [
+    ({"scene": [BEZEL, BEZEL]}, "scene: two have the name 'bezel'; give each its own"),
+    ({"scene": [{**BEZEL, "bore_radius_mm": 70.0}]}, "bore_radius_mm = 70: must be less than radius_mm = 70"),
+    ({"scene": [BEZEL], "lamps": {"kind": "endless", "pitch_mm": 60.0}}, "an endless lattice of lamps would need"),
+    ({"scene": [BEZEL], "lens__cover_glass": GLASS}, "leave out the glass"),
+    ({"limits": [LIMIT]}, "limits.0.cause = 'housing': of this scene it is one of beside"),
+    ({"scene": [{**BEZEL, "surface": "mirror"}]}, "surface = 'mirror': must be 'black'"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("changes", "words"), REFUSED)
+def test_a_scene_that_is_not_modelled_is_refused_in_a_line(changes: dict[str, Any], words: str) -> None:
+    with pytest.raises(lf.InputError) as refusal:
+        small_spec(**changes)
+    assert words in str(refusal.value) and "\n" not in str(refusal.value)
+
+
+def test_a_spec_without_a_scene_keeps_its_hash() -> None:
+    content = small_spec().model_dump()
+    assert "scene" not in content and "rim_deg" not in content["optimise"]
+    assert "scene" in small_spec(scene=[BEZEL]).model_dump()
