@@ -342,9 +342,10 @@ def receiver_light(
 
 def _blocked(received: ReceivedFlux, receiver: PosedReceiver, emitted_w: float) -> tuple[BlockedLight, ...]:
     """Light that each body of the scene blocks, of those that do."""
-    names = () if receiver.housing is None else receiver.housing.names
+    if receiver.housing is None or received.by_housing is None:
+        return ()
     blocked = []
-    for name, amounts in zip(names, np.moveaxis(received.by_housing, 1, 0), strict=True):
+    for name, amounts in zip(receiver.housing.names, np.moveaxis(received.by_housing, 1, 0), strict=True):
         flux, *moments = amounts.mean(axis=0)
         if flux > 0.0:
             share = jackknife_metric(amounts[:, 0] / emitted_w, float)

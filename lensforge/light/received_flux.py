@@ -27,8 +27,8 @@ class ReceivedFlux:
 
     The fates are those of :class:`~lensforge.kernels.fate.Fate`, where ``LEFT_LENS`` holds what landed, and
     ``MISSED_RECEIVER``, ``ABSORBED``, ``IN_GLASS`` and ``BLOCKED``; then each of the further bodies. ``in_regions``: in
-    each of the ``regions`` (k). ``by_housing``: flux that each body of the scene blocks, and that times x, y and z (mm)
-    of the place at which it does. ``colours``: X, Y and Z (lm) per pixel; None without colour.
+    each of the ``regions`` (k). ``colours``: X, Y and Z (lm) per pixel; None without colour. ``by_housing``: flux that
+    each body of the scene blocks, and that times x, y and z (mm) of the place at which it does; None without a scene.
     """
 
     images: Float[np.ndarray, "r h w"]
@@ -36,9 +36,9 @@ class ReceivedFlux:
     window: Float[np.ndarray, " r"]
     outside: Float[np.ndarray, " r"]
     in_regions: Float[np.ndarray, "r k"]
-    by_housing: Float[np.ndarray, "r b 4"]
     regions: tuple[Region, ...] = ()
     colours: Float[np.ndarray, "3 r h w"] | None = None
+    by_housing: Float[np.ndarray, "r b 4"] | None = None
 
     @staticmethod
     def none_yet(
@@ -55,8 +55,8 @@ class ReceivedFlux:
         in_regions = np.zeros((replicates, len(regions)))
         colours = np.zeros((3, *images.shape)) if coloured else None
         by_fate = np.zeros((replicates, CAUSES + bodies))
-        blocked = np.zeros((replicates, len(receiver.housing or ()), 4))
-        return ReceivedFlux(images, by_fate, none, none.copy(), in_regions, blocked, regions, colours)
+        blocked = None if receiver.housing is None else np.zeros((replicates, len(receiver.housing), 4))
+        return ReceivedFlux(images, by_fate, none, none.copy(), in_regions, regions, colours, blocked)
 
     @staticmethod
     def mean(of_kinds: Sequence["ReceivedFlux"], shares: Sequence[float]) -> "ReceivedFlux":
@@ -67,9 +67,9 @@ class ReceivedFlux:
             return np.asarray(np.sum([share * getattr(flux, name) for share, flux in parts], axis=0))
 
         first = of_kinds[0]
-        amounts = ("images", "by_fate", "window", "outside", "in_regions", "by_housing")
-        colours = None if first.colours is None else mean("colours")
-        return ReceivedFlux(**{name: mean(name) for name in amounts}, regions=first.regions, colours=colours)
+        amounts = ("images", "by_fate", "window", "outside", "in_regions")
+        further = {name: mean(name) for name in ("colours", "by_housing") if getattr(first, name) is not None}
+        return ReceivedFlux(**{name: mean(name) for name in amounts}, regions=first.regions, **further)
 
     def add(
         self,
@@ -85,7 +85,7 @@ class ReceivedFlux:
         flux = landings.flux * share
         self.images[replicate] += bin_flux(hits, flux, receiver.grid)
         self.by_fate[replicate] += share * flux_by_fate(rays, landings.missed_receiver, landings.shadow)
-        if landings.shadow is not None:
+        if landings.shadow is not None and self.by_housing is not None:
             self.by_housing[replicate] += share * _blocked(rays, landings.shadow, self.by_housing.shape[1])
         inside = receiver.window.contains(hits)
         self.window[replicate] += flux[inside].sum()
@@ -113,9 +113,10 @@ class ReceivedFlux:
         by_fate = lamps.mean([raster.by_fate for raster in rasters])
         seen = [raster.colours for raster in rasters if raster.colours is not None]
         colours = lamps.added(seen) if seen else None
-        blocked = lamps.mean([raster.by_housing for raster in rasters])
+        by_housing = [raster.by_housing for raster in rasters if raster.by_housing is not None]
+        blocked = lamps.mean(by_housing) if by_housing else None
         outside = np.maximum(landed - window, 0.0)
-        return ReceivedFlux(images, by_fate, window, outside, in_regions, blocked, regions, colours)
+        return ReceivedFlux(images, by_fate, window, outside, in_regions, regions, colours, blocked)
 
 
 def named_flux(by_fate: Float[np.ndarray, " f"]) -> dict[str, float]:

@@ -119,9 +119,7 @@ def test_every_fate_has_its_share_of_the_budget() -> None:
     by_fate[:] = np.arange(1.0, CAUSES + 3.0) / 300.0
     inside = np.array([0.002, 0.004])
     landed = by_fate[:, Fate.LEFT_LENS]
-    received = ReceivedFlux(
-        np.zeros((2, 1, 1)), by_fate, inside, landed - inside, np.zeros((2, 0)), np.zeros((2, 0, 4))
-    )
+    received = ReceivedFlux(np.zeros((2, 1, 1)), by_fate, inside, landed - inside, np.zeros((2, 0)))
     flux, missed = _flux_budget(received, 0.5)
     share = by_fate[0] / 0.5
     places = (MISSED_RECEIVER, ABSORBED, IN_GLASS, BLOCKED, CAUSES)
