@@ -26,15 +26,14 @@ MOST_BODIES = 32
 class HousingSection(OfSeveralKinds, Section):
     """Fields of every opaque body in the light behind the lens. It is black: light that meets it is lost there.
 
-    It stands in the coordinates of the lens, or of all lamps, and so do the receivers; those behind it are in its
-    shadow. The search knows it. Light that a file of its own holds does not meet it before the lens.
+    It stands in the coordinates of the lens, or of all lamps, as receivers do; those behind it are in its shadow. The
+    search knows it. No body may reach into the room of the lens.
     """
 
     kind: str
     name: Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]{1,64}$")] = Field(
         description="Name, by which the light that is lost there is stated."
     )
-    surface: Literal["black"] = Field(default="black", description='"black": it absorbs all light that meets it.')
     centre_mm: tuple[Coordinate, Coordinate, Coordinate] = Field(
         default=(0.0, 0.0, 0.0), description="Place of its origin."
     )
@@ -84,7 +83,7 @@ class HousingCylinder(HousingSection):
 
 @public
 class HousingFile(HousingSection):
-    """The closed bodies of a STEP, STL or 3MF file, in its coordinates."""
+    """Closed bodies of a STEP, STL or 3MF file, in its coordinates."""
 
     kind: Literal["file"] = "file"
     file: FilePath = Field(description="STEP, STL or 3MF; STL and 3MF in mm.")

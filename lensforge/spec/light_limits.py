@@ -399,7 +399,7 @@ class BlockedLimit(LossLimit):
     """Light that the bodies of the scene keep from a receiver: the share of the flux of the source."""
 
     kind: Literal["blocked"] = "blocked"  # type: ignore[assignment]  # a kind of its own
-    cause: Literal["housing"] = Field(default="housing", description="They block it.")
+    cause: Annotated[str, Field(pattern="^housing$")] = Field(default="housing", description="Bodies of the scene.")
 
 
 _Point = tuple[Coordinate, Coordinate, Coordinate]

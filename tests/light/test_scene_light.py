@@ -139,7 +139,6 @@ REFUSED: list[tuple[dict[str, Any], str]] = [
     ({"scene": [BEZEL], "lamps": {"kind": "endless", "pitch_mm": 60.0}}, "an endless lattice of lamps would need"),
     ({"scene": [BEZEL], "lens__cover_glass": GLASS}, "leave out the glass"),
     ({"limits": [LIMIT]}, "limits.0.cause = 'housing': of this scene it is one of beside"),
-    ({"scene": [{**BEZEL, "surface": "mirror"}]}, "surface = 'mirror': must be 'black'"),
 ]  # fmt: skip
 
 
