@@ -19,20 +19,23 @@ _AHEAD_MM = 1e-6  # beyond the start of a ray, where rims begin to count
 
 
 class TriangleTree(NamedTuple):
-    """Triangles (mm) in the order of the leaves, the ``numbers`` that they had, and the tree over them.
+    """Triangles (mm), or edges, in the order of the leaves, the ``numbers`` that they had, and the tree over them.
 
     ``boxes``: low and high corner of each node, the root first. Leaf k holds the triangles from ``starts[k]`` to
     ``starts[k + 1]``.
     """
 
-    corners: Float[np.ndarray, "t 3 3"]
+    corners: Float[np.ndarray, "t k 3"]
     numbers: Int[np.ndarray, " t"]
     boxes: Float[np.ndarray, "b 2 3"]
     starts: Int[np.ndarray, " s"]
 
 
-def tree_of(corners: Float[np.ndarray, "t 3 3"]) -> TriangleTree:
-    """The tree over at least one triangle: each node is halved by number, across the longest side of its centres."""
+def tree_of(corners: Float[np.ndarray, "t k 3"]) -> TriangleTree:
+    """The tree over at least one triangle or edge.
+
+    Each node is halved by number, across the longest side of its centres.
+    """
     count = len(corners)
     depth = max(0, int(np.ceil(np.log2(count / _IN_LEAF))))
     centres = corners.mean(axis=1)
@@ -145,17 +148,26 @@ def first_hits(points, directions, tree, distances, numbers):
 
 
 @inline
-def _may_be_near(box, point, direction, most):
-    """True unless the ball about a box lies wholly outside the cone of the tangent ``most`` around a ray."""
+def _may_be_near(box, point, direction, inverse, most):
+    """True unless a box lies wholly outside the cone of the tangent ``most`` around a line.
+
+    The cone is at most as wide as where the ball about the box ends: the line then meets the box grown by that much.
+    """
     x = 0.5 * (box[0, 0] + box[1, 0]) - point[0]
     y = 0.5 * (box[0, 1] + box[1, 1]) - point[1]
     z = 0.5 * (box[0, 2] + box[1, 2]) - point[2]
     radius = 0.5 * sqrt((box[1, 0] - box[0, 0]) ** 2 + (box[1, 1] - box[0, 1]) ** 2 + (box[1, 2] - box[0, 2]) ** 2)
-    along = x * direction[0] + y * direction[1] + z * direction[2]
-    if along < -radius:
+    far = x * direction[0] + y * direction[1] + z * direction[2] + radius
+    if far < 0.0:
         return False
-    aside = sqrt(max(x * x + y * y + z * z - along * along, 0.0))
-    return aside <= most * (along + radius) + radius
+    wide = most * far
+    near = 0.0
+    for axis in range(3):
+        low = (box[0, axis] - wide - point[axis]) * inverse[axis]
+        high = (box[1, axis] + wide - point[axis]) * inverse[axis]
+        near = max(near, min(low, high))
+        far = min(far, max(low, high))
+    return near <= far
 
 
 @inline
@@ -203,21 +215,22 @@ def _nearest_of_edge(start, end, direction, least_along, most_along):
 
 @kernel
 def nearest_rims(points, directions, spans, most, tree, tangents, rims):
-    """Fill the ``tangents`` of the angles between rays and the nearest triangles that they pass, seen from ``points``.
+    """Fill the ``tangents`` of the angles between rays and the nearest edges that they pass, seen from ``points``.
 
-    At most ``most``, which stands where no triangle is so near; with the place (mm) there in ``rims``. ``spans``: the
-    distances (mm) from the points at which each ray begins and ends, by its direction; places beyond do not count.
+    At most ``most``, which stands where no edge of the ``tree`` is so near; with the place (mm) there in ``rims``.
+    ``spans``: the distances (mm) from the points at which each ray begins and ends; places beyond do not count.
     """
     leaves = len(tree.starts) - 1
     for ray in range(len(points)):
         point = points[ray]
         direction = directions[ray]
+        inverse = _reciprocal(direction[0]), _reciprocal(direction[1]), _reciprocal(direction[2])
         least_along = max(spans[ray, 0], 0.0) + _AHEAD_MM
         nearest = most
         node = 0
         going = True
         while going:
-            if not _may_be_near(tree.boxes[node], point, direction, nearest):
+            if not _may_be_near(tree.boxes[node], point, direction, inverse, nearest):
                 node = _next(node)
             elif node < leaves - 1:
                 node = 2 * node + 1
@@ -225,13 +238,12 @@ def nearest_rims(points, directions, spans, most, tree, tangents, rims):
             else:
                 leaf = node - (leaves - 1)
                 for k in range(tree.starts[leaf], tree.starts[leaf + 1]):
-                    for edge in range(3):
-                        start = _difference(tree.corners[k, edge], point)
-                        end = _difference(tree.corners[k, (edge + 1) % 3], point)
-                        tangent, x, y, z = _nearest_of_edge(start, end, direction, least_along, spans[ray, 1])
-                        if tangent < nearest:
-                            nearest = tangent
-                            rims[ray, 0], rims[ray, 1], rims[ray, 2] = point[0] + x, point[1] + y, point[2] + z
+                    start = _difference(tree.corners[k, 0], point)
+                    end = _difference(tree.corners[k, 1], point)
+                    tangent, x, y, z = _nearest_of_edge(start, end, direction, least_along, spans[ray, 1])
+                    if tangent < nearest:
+                        nearest = tangent
+                        rims[ray, 0], rims[ray, 1], rims[ray, 2] = point[0] + x, point[1] + y, point[2] + z
                 node = _next(node)
             going = node > 0
         tangents[ray] = nearest

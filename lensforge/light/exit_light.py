@@ -60,9 +60,7 @@ def exit_rays(
     left = traced.left_lens
     shadow = Shadow.none_of(len(left))
     if housing is not None:
-        rows = np.flatnonzero(left)
-        ends = np.full(len(rows), np.inf)
-        shadow = shadow.with_rows(rows, housing.shadow(traced.points[rows], traced.directions[rows], ends))
+        shadow = housing.shadow(traced.points, traced.directions, np.where(left, np.inf, -np.inf))
     upwards = left & (traced.directions[:, 2] > 0.0) & ~shadow.met
     points, directions, flux = (values[upwards] for values in (traced.points, traced.directions, traced.flux))
     directions = directions / np.linalg.norm(directions, axis=1, keepdims=True)

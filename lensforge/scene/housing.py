@@ -7,7 +7,7 @@ t / rim, whose slope is that of its distance from the body. Bodies then seem lar
 it that goes to 0, and the noise of the slope grows.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from math import radians, tan
@@ -23,6 +23,7 @@ from lensforge.optics.pose import IN_PLACE, Pose
 from lensforge.scene.housing_mesh import placed_mesh
 from lensforge.spec.housing_sections import HousingSection
 from lensforge.surfaces.mirror_group import group
+from lensforge.surfaces.solid_file import rims_of
 
 _DIGITS = 5  # of a mm, to which corners have mirror images
 _AT_END_MM = 1e-6  # a body in the very surface of a receiver is none before it
@@ -63,12 +64,6 @@ class Shadow(NamedTuple):
         """True for rays that meet a body."""
         return self.bodies >= 0
 
-    def with_rows(self, rows: Int[np.ndarray, " k"], shadow: "Shadow") -> "Shadow":
-        """The shadow, in place with that of some of the rays."""
-        for every, some in zip(self, shadow, strict=True):
-            every[rows] = some
-        return self
-
     def take(self, rows: Int[np.ndarray, " k"] | slice) -> "Shadow":
         """The shadow on some of the rays."""
         return Shadow(*(column[rows] for column in self))
@@ -78,12 +73,13 @@ class Shadow(NamedTuple):
 class Housing:
     """The opaque bodies of a scene: their ``names``, the ``tree`` of their triangles, and of each triangle its body.
 
-    ``place``: of the bodies in the frame of the rays. ``rim``: largest tangent of the angle to a rim at which rays are
-    dimmed; 0: none is.
+    ``edges``: the tree of the edges in which they are not flat. ``place``: of the bodies in the frame of the rays.
+    ``rim``: largest tangent of the angle to an edge at which rays are dimmed; 0: none is.
     """
 
     names: tuple[str, ...]
     tree: TriangleTree
+    edges: TriangleTree
     bodies: Int[np.ndarray, " t"]
     place: Pose = IN_PLACE
     rim: float = 0.0
@@ -106,14 +102,14 @@ class Housing:
 
     def has_mirrors(self, symmetry: str) -> bool:
         """True if the bodies together have the mirror group ``symmetry`` about the axis: each corner has its images."""
-        corners = self.place.points(self.tree.corners.reshape(-1, 3))
+        corners = self.place.points(self.edges.corners.reshape(-1, 3))
         known, *images = (_rounded(corners @ mirror.T) for mirror in group(symmetry))
         return all(image <= known for image in images)
 
     def shadow(self, points: _Vectors, directions: _Vectors, reach_mm: _Values) -> Shadow:
-        """Shadow on rays from ``points`` (mm), each of which ends after ``reach_mm``."""
-        starts = np.ascontiguousarray(self.place.to_local_points(points))
-        units = np.ascontiguousarray(self.place.to_local_directions(directions))
+        """Shadow on rays from ``points`` (mm), each of which ends after ``reach_mm``; below 0 it has none."""
+        starts = self._local(points, self.place.to_local_points)
+        units = self._local(directions, self.place.to_local_directions)
         distances = np.empty(len(points))
         numbers = np.empty(len(points), dtype=np.int64)
 
@@ -127,9 +123,13 @@ class Housing:
         shadow.weights[met] = 0.0
         shadow.places[met] = starts[met] + distances[met, None] * units[met]
         if self.rim > 0.0:
-            rows = np.flatnonzero(~met)
+            rows = np.flatnonzero(~met & (reach_mm > 0.0))
             self._dim(shadow, rows, points[rows], directions[rows], reach_mm[rows] - _AT_END_MM)
         return shadow
+
+    def _local(self, vectors: _Vectors, move: Callable[[_Vectors], _Vectors]) -> _Vectors:
+        """Vectors in the frame of the bodies, in the order that kernels take."""
+        return np.ascontiguousarray(move(vectors) if self.place.moves else vectors)
 
     def _dim(
         self, shadow: Shadow, rows: Int[np.ndarray, " k"], points: _Vectors, directions: _Vectors, reach_mm: _Values
@@ -137,13 +137,13 @@ class Housing:
         """Dim the rays ``rows`` beside rims."""
         begin = (points * directions).sum(axis=1)
         spans = np.stack([begin, begin + reach_mm], axis=1)
-        feet = np.ascontiguousarray(self.place.to_local_points(points - begin[:, None] * directions))
-        units = np.ascontiguousarray(self.place.to_local_directions(directions))
+        feet = self._local(points - begin[:, None] * directions, self.place.to_local_points)
+        units = self._local(directions, self.place.to_local_directions)
         tangents = np.empty(len(rows))
         rims = np.zeros((len(rows), 3))
 
         def pass_by(part: slice) -> None:
-            nearest_rims(feet[part], units[part], spans[part], self.rim, self.tree, tangents[part], rims[part])
+            nearest_rims(feet[part], units[part], spans[part], self.rim, self.edges, tangents[part], rims[part])
 
         in_pieces(pass_by, len(rows), worth=_WORTH_SHARING)
         close = np.flatnonzero(tangents < self.rim)
@@ -172,4 +172,5 @@ def _housing(sections: tuple[HousingSection, ...]) -> Housing:
     meshes = [placed_mesh(section) for section in sections]
     corners = np.concatenate([mesh.vertices[mesh.triangles] for mesh in meshes])
     bodies = np.repeat(np.arange(len(meshes)), [len(mesh.triangles) for mesh in meshes])
-    return Housing(tuple(section.name for section in sections), tree_of(corners), bodies)
+    edges = np.concatenate([rims_of(mesh) for mesh in meshes])
+    return Housing(tuple(section.name for section in sections), tree_of(corners), tree_of(edges), bodies)

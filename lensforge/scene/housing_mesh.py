@@ -10,7 +10,7 @@ from jaxtyping import Float
 from lensforge.spec.housing_sections import HousingBox, HousingCylinder, HousingFile, HousingSection
 from lensforge.surfaces.solid_file import SolidMesh, merged, read_solid
 
-_CHORD_MM = 1e-3  # of the facets of a cylinder, whose edges lie on it
+_CHORD_MM = 5e-3  # of the facets of a cylinder, whose edges lie on it
 _FEWEST = 24  # facets around a cylinder
 _MOST = 1440
 

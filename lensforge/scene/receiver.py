@@ -93,15 +93,24 @@ class PosedReceiver(ABC):
         return self._in_shadow(rays, self._land_by_arrays(rays))
 
     def adjoint(
-        self, rays: ExitRays, by_hits: Float[np.ndarray, "n 2"], by_flux: Float[np.ndarray, " n"]
+        self,
+        rays: ExitRays,
+        by_hits: Float[np.ndarray, "n 2"],
+        by_flux: Float[np.ndarray, " n"],
+        landings: Landings | None = None,
     ) -> tuple[Sensitivities, Float[np.ndarray, " n"]]:
-        """Sensitivities to exit rays and to their flux, from those to their hits and to the flux that lands."""
+        """Sensitivities to exit rays and to their flux, from those to their hits and to the flux that lands.
+
+        ``landings``: of the rays, where they are known.
+        """
         if self.housing is None:
             return self._adjoint(rays, by_hits, by_flux)
-        landings = self._land(rays)
-        shadow = self._shadow(self.housing, rays, landings)
+        landings = landings or self.land(rays)
+        shadow = landings.shadow
+        assert shadow is not None, "behind bodies"
         by, of_flux = self._adjoint(rays, by_hits, by_flux * shadow.weights)
-        by_weight = (by_flux * landings.flux)[:, None]
+        weights = np.where(shadow.weights > 0.0, shadow.weights, 1.0)  # what is dark has no slope
+        by_weight = (by_flux * landings.flux / weights)[:, None]
         by_points = by.by_points + by_weight * shadow.by_points
         return Sensitivities(by_points, by.by_directions + by_weight * shadow.by_directions), of_flux
 
@@ -126,9 +135,8 @@ class PosedReceiver(ABC):
     def _shadow(self, housing: Housing, rays: ExitRays, landings: Landings) -> Shadow:
         """Shadow of the ``housing`` on ``rays``, in NumPy; those that were lost in the lens have none."""
         points, directions, left = (as_numpy(column) for column in (rays.points, rays.directions, rays.left_lens))
-        rows = np.flatnonzero(left)
-        reach_mm = self._reach_mm(points, directions, landings)[rows]
-        return Shadow.none_of(len(left)).with_rows(rows, housing.shadow(points[rows], directions[rows], reach_mm))
+        reach_mm = np.where(left, self._reach_mm(points, directions, landings), -inf)
+        return housing.shadow(points, directions, reach_mm)
 
     def _reach_mm(
         self, points: Float[np.ndarray, "n 3"], directions: Float[np.ndarray, "n 3"], landings: Landings

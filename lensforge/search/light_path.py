@@ -237,7 +237,7 @@ class _Landing(torch.autograd.Function):
         landed = [receiver.land(traced.exits) for receiver in receivers]
         ctx.traced = traced
         ctx.receivers = receivers
-        ctx.missed = [landings.missed_receiver for landings in landed]
+        ctx.landed = landed
         parts = [
             torch.from_numpy(field)
             for each in landed
@@ -253,13 +253,14 @@ class _Landing(torch.autograd.Function):
         exits = ctx.traced.exits
         total_flux = np.zeros(len(by_sin2))
         total: Sensitivities | None = None
-        for k, (receiver, missed) in enumerate(zip(ctx.receivers, ctx.missed, strict=True)):
+        for k, (receiver, landings) in enumerate(zip(ctx.receivers, ctx.landed, strict=True)):
             by_hits, by_flux = by_fields[4 * k : 4 * k + 2]
+            missed = landings.missed_receiver
             if missed.any():  # their hit and flux are constants; those of rays lost in the lens never count
                 missed_rays = torch.from_numpy(missed)
                 by_hits = by_hits.masked_fill(missed_rays[:, None], 0.0)
                 by_flux = by_flux.masked_fill(missed_rays, 0.0)
-            by, of_flux = receiver.adjoint(exits, by_hits.contiguous().numpy(), by_flux.contiguous().numpy())
+            by, of_flux = receiver.adjoint(exits, by_hits.contiguous().numpy(), by_flux.contiguous().numpy(), landings)
             total = by if total is None else Sensitivities(*(a + b for a, b in zip(total, by, strict=True)))
             total_flux = total_flux + of_flux
         by_tables = ctx.traced.gradients(total, total_flux, by_sin2.contiguous().numpy())

@@ -21,6 +21,7 @@ _REMEDY = "repair it in CAD, and export closed bodies as STEP, or as STL or 3MF 
 _FILE = "solid"
 _JOB = "job.json"
 _READ = "read.npz"
+_FLAT = 1e-9  # of a length: rounding of two normals that are alike
 _DIGITS = 9  # of a mm: vertices of two faces on their common edge are equal
 
 
@@ -118,6 +119,19 @@ def open_edges(mesh: SolidMesh) -> int:
     sense = np.where(ends[:, 0] < ends[:, 1], 1, -1)
     _, edge = np.unique(np.sort(ends, axis=1), axis=0, return_inverse=True)
     return int((np.bincount(edge.ravel(), sense) != 0).sum())
+
+
+def rims_of(mesh: SolidMesh) -> Float[np.ndarray, "e 2 3"]:
+    """Ends (mm) of the edges in which a mesh is not flat: all at which it may end, as it is seen from anywhere."""
+    corners = mesh.vertices[mesh.triangles]
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), np.finfo(float).tiny)
+    ends = np.stack([mesh.triangles, np.roll(mesh.triangles, -1, axis=1)], axis=2).reshape(-1, 2)
+    edges, edge, count = np.unique(np.sort(ends, axis=1), axis=0, return_inverse=True, return_counts=True)
+    sums = np.zeros((len(edges), 3))
+    np.add.at(sums, edge.ravel(), np.repeat(normals, 3, axis=0))
+    flat = np.linalg.norm(sums, axis=1) > (1.0 - _FLAT) * count  # all normals there are alike
+    return np.asarray(mesh.vertices[edges[~flat]])
 
 
 def _require_closed(mesh: SolidMesh, origin: str) -> None:

@@ -68,7 +68,8 @@ def test_the_nearest_rim_is_that_of_all_edges(most: float) -> None:
             wanted = np.minimum(wanted, tangents.min(axis=1))
     found = np.empty(len(points))
     rims = np.zeros((len(points), 3))
-    nearest_rims(points, directions, spans, most, tree_of(corners), found, rims)
+    edges = np.concatenate([corners[:, [k, (k + 1) % 3]] for k in range(3)])
+    nearest_rims(points, directions, spans, most, tree_of(edges), found, rims)
     free = spans[:, 1] == FAR  # at the end of a span an edge may come nearer still, or not at all
     assert found[free] == pytest.approx(wanted[free], abs=2e-3 * most)
     assert 10 < (found < most).sum() < len(points)

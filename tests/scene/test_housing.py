@@ -23,7 +23,7 @@ from lensforge.scene.housing_room import bodies_that_may_be_in_inches, dark_shar
 from lensforge.scene.lamp_pictures import LampPictures, seen_by
 from lensforge.scene.receiver_shapes import receivers_of
 from lensforge.spec.housing_sections import HousingBox, HousingCylinder, HousingFile, HousingSection
-from lensforge.surfaces.solid_file import open_edges
+from lensforge.surfaces.solid_file import open_edges, rims_of
 
 TURNED: dict[str, Any] = {"centre_mm": (4.0, -7.0, 31.0), "tilt_deg": (20.0, -35.0), "rotate_z_deg": 50.0}
 SIZE = (30.0, 16.0, 9.0)
@@ -81,7 +81,7 @@ def test_rays_end_in_a_turned_body_before_a_receiver(receiver: Any, body: Housin
     assert meets.sum() > 15 and not found.flux[met].any() and not (found.landed | found.missed_receiver)[met].any()
     for before, after in ((plain.flux, found.flux), (plain.landed, found.landed)):
         assert (before[~met] == after[~met]).all()
-    assert np.abs(placed_distance(body, found.shadow.places[met])).max() < 2e-3
+    assert np.abs(placed_distance(body, found.shadow.places[met])).max() < 5.1e-3
 
 
 def placed_distance(body: HousingSection, points: np.ndarray) -> np.ndarray:
@@ -208,6 +208,15 @@ def test_a_scene_has_the_mirrors_of_its_bodies(bodies: tuple[str, ...], kept: st
     names = ("none", "mirror_x", "mirror_y", "diagonal", "rectangle", "square")
     within = {"square": set(names), "mirror_y": {"none", "mirror_y"}, "none": {"none"}}[kept]
     assert {name for name in names if housing_of(*sections).has_mirrors(name)} == within
+
+
+def test_the_rims_of_a_body_are_the_edges_in_which_it_is_not_flat() -> None:
+    """Of a box its twelve; of a tube four circles, and the lines along its facets, but none across a flat face."""
+    rims = rims_of(mesh_of(BOX))
+    assert sorted(np.linalg.norm(rims[:, 1] - rims[:, 0], axis=1)) == pytest.approx([9.0] * 4 + [16.0] * 4 + [30.0] * 4)
+    mesh = mesh_of(TUBE)
+    sides = len(mesh.vertices) // 4
+    assert len(rims_of(mesh)) == 6 * sides
 
 
 def test_a_step_file_is_the_body_in_it(tmp_path: Path) -> None:
