@@ -20,7 +20,7 @@ from lensforge.kernels.parallel import in_pieces
 from lensforge.kernels.triangle_tree import TriangleTree, first_hits, nearest_rims, tree_of
 from lensforge.optics.arrays import Array, lengths, like
 from lensforge.optics.pose import IN_PLACE, Pose
-from lensforge.scene.housing_mesh import placed_mesh
+from lensforge.scene.housing_mesh import contents_of, placed_mesh
 from lensforge.spec.housing_sections import HousingSection
 from lensforge.surfaces.mirror_group import group
 from lensforge.surfaces.solid_file import rims_of
@@ -90,7 +90,7 @@ class Housing:
     @staticmethod
     def of(sections: Sequence[HousingSection]) -> "Housing | None":
         """The bodies of a spec; None without any. Raises :class:`InputError` for a file that cannot be read."""
-        return _housing(tuple(sections)) if sections else None
+        return _housing(tuple(sections), contents_of(sections)) if sections else None
 
     def faded(self, rim_deg: float) -> "Housing":
         """The bodies as a search sees them, which dim rays beside their rims."""
@@ -168,7 +168,7 @@ def _rounded(points: _Vectors) -> set[tuple[float, ...]]:
 
 
 @lru_cache(maxsize=8)
-def _housing(sections: tuple[HousingSection, ...]) -> Housing:
+def _housing(sections: tuple[HousingSection, ...], _contents: tuple[str, ...]) -> Housing:
     meshes = [placed_mesh(section) for section in sections]
     corners = np.concatenate([mesh.vertices[mesh.triangles] for mesh in meshes])
     bodies = np.repeat(np.arange(len(meshes)), [len(mesh.triangles) for mesh in meshes])

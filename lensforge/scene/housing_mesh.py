@@ -1,6 +1,7 @@
 """Triangles of the bodies of a ``[[scene]]``, in their own frames."""
 
-from functools import lru_cache, singledispatch
+from collections.abc import Sequence
+from functools import singledispatch
 from itertools import product
 from math import acos, ceil, pi
 
@@ -8,6 +9,7 @@ import numpy as np
 from jaxtyping import Float
 
 from lensforge.spec.housing_sections import HousingBox, HousingCylinder, HousingFile, HousingSection
+from lensforge.spec.spec_files import input_hashes
 from lensforge.surfaces.solid_file import SolidMesh, merged, read_solid
 
 _CHORD_MM = 5e-3  # of the facets of a cylinder, whose edges lie on it
@@ -15,7 +17,11 @@ _FEWEST = 24  # facets around a cylinder
 _MOST = 1440
 
 
-@lru_cache(maxsize=16)
+def contents_of(sections: Sequence[HousingSection]) -> tuple[str, ...]:
+    """Hashes of the files of bodies: what is kept of these is kept by their contents."""
+    return tuple(digest for section in sections for digest in input_hashes(section).values())
+
+
 def placed_mesh(section: HousingSection) -> SolidMesh:
     """Mesh of a body, in the coordinates of the lens or of all lamps."""
     mesh = mesh_of(section)

@@ -8,7 +8,7 @@ from jaxtyping import Float
 
 from lensforge.errors import InputError
 from lensforge.scene.housing import Housing
-from lensforge.scene.housing_mesh import placed_mesh
+from lensforge.scene.housing_mesh import contents_of, placed_mesh
 from lensforge.spec import Spec
 from lensforge.spec.housing_sections import HousingFile, HousingSection
 from lensforge.surfaces.placed_bodies import depths
@@ -30,7 +30,7 @@ def require_room(spec: Spec) -> None:
     for section in spec.scene:
         for lamp in spec.all_lamps.lamps:
             body = section.posed(section.pose.seen_from(lamp.pose))
-            _require_beside_lens(body, *size)
+            _require_beside_lens(body, contents_of([body]), *size)
             for optic in spec.media.bodies:
                 vertices = placed_mesh(body).vertices
                 depth = depths(optic, vertices, inner=False)
@@ -43,7 +43,9 @@ def require_room(spec: Spec) -> None:
 
 
 @lru_cache(maxsize=64)
-def _require_beside_lens(body: HousingSection, radius_mm: float, height_mm: float, about_axis: bool) -> None:
+def _require_beside_lens(
+    body: HousingSection, _contents: tuple[str, ...], radius_mm: float, height_mm: float, about_axis: bool
+) -> None:
     from manifold3d import Error, Manifold
 
     mesh = _solid(placed_mesh(body))

@@ -28,6 +28,7 @@ from lensforge.optics.coatings import coating_tables, least_reflectance, reflect
 from lensforge.optics.exit_space import ExitColumn, _on_level
 from lensforge.optics.media import Media, Medium, ReflectanceTable, SecondaryOptic
 from lensforge.optics.scattering import RingScatter
+from lensforge.scene.housing import Housing
 from lensforge.scene.lamp_pictures import _pictures
 from lensforge.scene.lens import Lens, load_lens
 from lensforge.scene.made_part import _noise
@@ -39,6 +40,7 @@ from lensforge.shop.face_samples import area_rule
 from lensforge.shop.sheet import _width_points
 from lensforge.spec import LensSection, TirSection
 from lensforge.spec.fixed_surface import FixedSphere
+from lensforge.spec.housing_sections import HousingFile
 from lensforge.spec.tolerances_section import _causes
 from lensforge.surfaces.asphere import sphere as ball
 from lensforge.surfaces.bicubic_table import TableGrid, _cubic_pieces
@@ -49,13 +51,14 @@ from lensforge.surfaces.srbf import fibonacci_hemisphere
 U = fibonacci_hemisphere(50)
 NO_NUMBER = {  # pools, compiled functions, folders, words; and what is keyed by the object itself
     "kernels.compiled._folder_of", "kernels.parallel._pool", "kernels.precision.in_single",
-    "cad.plate_mesh.lens_meshes",
+    "cad.plate_mesh.lens_meshes", "scene.housing_room._require_beside_lens",
     "results.validation._alone", "search.constraint_points._extent_at", "search.constraint_points._outline",
 }  # fmt: skip
 BY_CONTENT = {
     "sources.modelled_rays._best",
     "spec.plate_section._read_outline",
     "surfaces.imported_face._sampled",
+    "surfaces.solid_file._read",
     "surfaces.step_file._tested",
 }
 RINGS = RingScatter((0.0, 0.2, 0.7), ((0.0, 0.1, 0.4), (0.0, 0.3, 0.5)), (0.3, 0.9))
@@ -93,6 +96,19 @@ def target(diameter_mm: float, width_mm: float = 300.0) -> np.ndarray:
 
 
 CUT = {"lens__inner": {"offset_mm": 3.0, "concave_radius_mm": 1.0}, "lens__outer": {"offset_mm": 6.0, "draft_deg": 0.0}}
+
+
+def wall_hits(thick: float, high: float, folder: Path) -> list[float]:
+    """Corners of a wall of a file, whose name stays the same, at a height."""
+    import trimesh
+
+    trimesh.creation.box((9.0, 9.0, thick)).export(folder / "wall.stl")
+    housing = Housing.of([HousingFile(name="wall", file=folder / "wall.stl", centre_mm=(0.0, 0.0, high))])
+    assert housing is not None
+    corners: list[float] = np.sort(housing.tree.corners[:, :, 2].ravel()).tolist()
+    return corners
+
+
 # By the cache: the question, and arguments of which the first two and any two others differ in one thing.
 ASKED: dict[str, tuple[Callable[..., Any], list[tuple[Any, ...]]]] = {
     "cad.boundary.lens_boundaries": (
@@ -115,6 +131,7 @@ ASKED: dict[str, tuple[Callable[..., Any], list[tuple[Any, ...]]]] = {
         lambda *all_: _on_level(*all_)[1],
         [(ExitColumn(5.0, ((0.0, 2.0),)), 50.0), (ExitColumn(5.5, ((0.0, 2.0),)), 50.0),
          (ExitColumn(5.0, ((0.0, 2.0),)), 60.0), (ExitColumn(5.0, ((0.0, 2.5),)), 50.0)]),
+    "scene.housing._housing": (wall_hits, [(2.0, 30.0, Path()), (3.0, 30.0, Path()), (2.0, 35.0, Path())]),
     "scene.made_part._noise": (_noise, [(9, 2), (10, 2), (9, 3)]),
     "scene.lamp_pictures._pictures": (
         lambda each: [raster.receiver.pose.origin_mm for raster in _pictures(each).rasters],
