@@ -57,7 +57,7 @@ class Handover(Record):
 
     ``name``: of the design. ``html``: the page. ``pdf``, ``dxf``: the drawing. ``points_csv``: table for a measuring
     machine. ``plate_pdf``, ``plate_dxf``: the drawing of the plate; None without one. ``models``: glTF files by name,
-    of the lens, also with rays if asked for, and of all lamps or the plate where there are. ``points``: number of
+    of the lens, and with rays on request, and of all lamps or the plate where there are. ``points``: number of
     points in the table. ``scale``: of the mould's faces relative to the lens's, if the points are of the mould; None:
     of the lens. ``grids``: dense tables for milling and turning. ``sha256``: of the files that go to the shop, by name,
     except page and PDF; the page lists them. ``refused``: verdicts of the check that do not hold.
