@@ -239,9 +239,14 @@ def test_the_handover_has_both_drawings(part: Part) -> None:
     assert {"plate.pdf", "plate.dxf", "lens.glb", "plate.glb"} < set(made.files) and made.files["plate.pdf"].startswith(
         b"%PDF"
     )
+    largest = {}
+    for name in ("plate.dxf", "drawing.dxf"):
+        sizes = ezdxf.read(io.StringIO(made.files[name].decode("utf-8"))).modelspace().query("DIMENSION")
+        largest[name] = max(size.get_measurement() * size.override().get("dimlfac", 1.0) for size in sizes)
     plate = trimesh.load_scene(io.BytesIO(made.models["plate.glb"]), file_type="glb")
     low, high = np.array(part.plate.bounds_mm if part.plate else [])
     np.testing.assert_allclose(1e3 * plate.bounds[1], [high[0], high[2], -low[1]], atol=1e-5)
+    assert largest["plate.dxf"] == pytest.approx(max(high - low), abs=1e-3) and largest["drawing.dxf"] < 0.7 * max(high)
     page = made.html.decode("utf-8")
     assert page.count('<figure class="drawing">') == 2 and made.sha256["plate.dxf"] in page
     assert page.index("plate of 6 lenses") < page.index("sheet 1 of 2") < page.index("sheet 2 of 2"), "the plate first"
