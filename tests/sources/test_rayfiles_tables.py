@@ -77,6 +77,17 @@ def test_a_sign_that_changes_far_down_is_refused():
         decode(image(f"x_mm;y_mm;z_mm;kx;ky;kz;flux_w\n{rows.replace(',', '.')}1;1;1;0;0;1;1,5\n".encode()))
 
 
+@pytest.mark.parametrize("added", [(), ("angle",), ("r_std", "run")])
+def test_columns_of_rays_that_are_not_used_are_told(added):
+    names, *rows = (line.split(",") for line in TABLE.splitlines())
+    wide = [[f"{k}7" for k, _ in enumerate(added)] + row for row in rows]
+    content = "\n".join(",".join(row) for row in ([*added, *names], *wide)) + "\n"
+    found = decode(image(content.encode()))
+    assert found.warnings == ((f"columns that are not used: {', '.join(map(repr, added))}",) if added else ())
+    assert found.positions_mm.tolist() == [[0.5, -1.25, 1000.0], [1.0, 2.0, 3.0]]
+    assert found.header["columns"] == [*added, *names]
+
+
 def test_text_of_other_programs_may_have_decimal_commas():
     zemax = "2 4\n1,5 2 3 0 0 1 0,5\n4 5 6,25 0 0,6 0,8 0,25\n"
     for content in (zemax.encode(), zemax.replace("\n", "\r").encode("utf-16")):
