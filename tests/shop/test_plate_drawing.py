@@ -189,8 +189,10 @@ def test_sizes_read_back_from_the_dxf_are_those_of_the_design(part: Part, name: 
             for dimension in sheet.marks.dimensions
             if dimension.name == f"pitch of the lenses along {'xy'[axis]}"
         )
-        ends = [(end[axis] - sheet.origin[axis]) / sheet.scale for end in (pitch.start, pitch.end)]
-        assert ends == pytest.approx([-outermost, outermost]), "the outermost axes"
+        ends = [(np.array(end) - sheet.origin) / sheet.scale for end in (pitch.start, pitch.end)]
+        assert [end[axis] for end in ends] == pytest.approx([-outermost, outermost]), "the outermost axes"
+        places = np.array(lens.spec.all_lamps.places_mm)
+        assert all(np.abs(places - end).sum(axis=1).min() < 1e-9 for end in ends), "both at lenses"
     texts = {dimension.name: dimension.text for dimension in sheet.marks.dimensions}
     assert texts["pitch of the lenses along x"] == "2 × 20.000 = 40.000"
     assert texts["pitch of the lenses along y"] == "25.000"

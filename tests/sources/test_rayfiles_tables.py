@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 from rayfile_samples import encoded, image, rays
 
+import lensforge as lf
 from lensforge.errors import InputError
-from lensforge.sources.rayfiles.ray_file_io import decode
+from lensforge.sources.light_files import holds_far_field
+from lensforge.sources.rayfiles.ray_file_io import decode, is_rayfile
 
 TABLE = "x_mm,y_mm,z_mm,kx,ky,kz,flux_w,wavelength_nm\n0.5,-1.25,1000,0,0.6,0.8,0.125,450\n1,2,3,0,0,1,2.5e-1,550.5\n"
 GERMAN = TABLE.replace(",", ";").replace(".", ",")
@@ -119,3 +121,13 @@ def test_each_unit_of_a_table_of_rays(unit, mm):
     found = decode(image((head + "1.5;2;3;0;0.6;0.8;250;0.4505\n").encode()))
     np.testing.assert_allclose(found.positions_mm, mm * np.array([[1.5, 2.0, 3.0]]), rtol=1e-6)
     assert (found.flux[0], found.wavelengths_nm[0]) == pytest.approx((0.25, 450.5)) and found.flux_unit == "W"
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-16"])
+def test_rays_that_are_named_as_a_far_field_are_read_as_rays(encoding, tmp_path):
+    path = tmp_path / "led.ies"
+    path.write_bytes(TABLE.encode(encoding))
+    assert is_rayfile(path) and not holds_far_field(path) and lf.rays(path).rays == 2
+    path.write_bytes("x_mm,y_mm\n1,2\n".encode(encoding))
+    assert not is_rayfile(path) and holds_far_field(path), "by its name alone"
+    assert not is_rayfile(tmp_path) and not is_rayfile(tmp_path / "none.ray")
