@@ -80,7 +80,9 @@ PARTS = np.array([4.0, 1.0, 3.0, 2.0])
 @pytest.mark.parametrize(("designed", "low", "high"), [(4.5, 0.5, 5.0), (5.5, 0.0, 7.0), (-40.0, -3.0, 4.3)])
 def test_the_distribution_of_parts_shows_all_bounds_near_them_and_their_wrong_sides(designed, low, high) -> None:
     """The parts are 3 wide, and 4.5 beside them is as far as anything is shown."""
-    bounds = [MetricBound(metric="x", sense=sense, bound=bound, unit="") for sense, bound in (("<=", high), (">=", low))]
+    bounds = [
+        MetricBound(metric="x", sense=sense, bound=bound, unit="") for sense, bound in (("<=", high), (">=", low))
+    ]
     axes = distribution(PARTS, designed, bounds, "x (mm)", share=False).axes[0]
     shares, *verticals = axes.lines
     assert shares.get_xydata().tolist() == [[1.0, 25.0], [2.0, 50.0], [3.0, 75.0], [4.0, 100.0]]

@@ -332,7 +332,7 @@ def test_paragraphs_stay_in_their_box_and_the_last_line_tells_of_those_that_do_n
         shown[8:] = ["More notes: on manufacturing.html."]
     assert [line.text for line in lines] == shown
     heights = [line.at[1] for line in lines]
-    assert sorted(heights, reverse=True) == heights and 100.0 < heights[-1] and heights[0] < 142.0 - lines[0].height_mm
+    assert sorted(heights, reverse=True) == heights and heights[-1] > 100.0 and heights[0] < 142.0 - lines[0].height_mm
 
 
 def test_the_second_section_is_cut_where_the_part_differs_and_named_where_it_is_cut(parts, drawings):

@@ -11,7 +11,6 @@ from scenes import small_spec
 
 import lensforge as lf
 from lensforge.errors import InputError
-from lensforge.optics.material import MATERIALS
 from lensforge.optics.colorimetry import tristimulus_at, tristimulus_of
 from lensforge.optics.material import MATERIALS
 from lensforge.proof.proof_inputs import independent_rays
