@@ -7,7 +7,7 @@ import pytest
 from rayfile_samples import encoded, image, rays
 
 import lensforge as lf
-from lensforge.errors import InputError
+from lensforge.errors import FileWarning, InputError
 from lensforge.sources.light_files import holds_far_field
 from lensforge.sources.rayfiles.ray_file_io import decode, is_rayfile
 
@@ -131,3 +131,12 @@ def test_rays_that_are_named_as_a_far_field_are_read_as_rays(encoding, tmp_path)
     path.write_bytes("x_mm,y_mm\n1,2\n".encode(encoding))
     assert not is_rayfile(path) and holds_far_field(path), "by its name alone"
     assert not is_rayfile(tmp_path) and not is_rayfile(tmp_path / "none.ray")
+
+
+def test_a_doubt_on_commas_is_told_once_by_the_name_of_the_file(tmp_path):
+    path = tmp_path / "led.csv"
+    path.write_text(f"{TABLE.splitlines()[0]}\n1,2,0,0,0,1,1,450\n0,3,1,0,0,1,1,520\n")
+    with pytest.warns(FileWarning) as told:
+        assert lf.rays(path).rays == 2
+    (warning,) = told
+    assert str(warning.message).startswith(f"{path}: no number has a decimal point: its commas are taken to separate")
