@@ -4,7 +4,7 @@ No lens is evaluated by the rays that designed it. Seeds follow from that of a r
 is 2^40 wide, room for every seed of a run.
 """
 
-from functools import cache
+from functools import cache, lru_cache
 
 import numpy as np
 from jaxtyping import Float, UInt32
@@ -20,6 +20,7 @@ _PARTS_OF_STEPS, _VALIDATION_PARTS, OF_FILE, _FACETS = (
     k * _RANGE for k in (512, 1024, 2048, 4096)
 )  # OF_FILE: divides its rays
 _BITS = 30  # of a number of a sequence
+_FEW = 2**12  # points of a sequence that is kept: a search aims many small samples that begin at the same places
 # For each dimension the coefficients of a primitive polynomial, and the first direction numbers: Joe, Kuo 2008.
 _OF_RAYS = (1,), (3, 1), (7, 1, 3), (11, 1, 3, 1)
 _DIMENSIONS = (*_OF_RAYS, (13, 1, 1, 1), (19, 1, 1, 3, 3), (25, 1, 3, 5, 13), (37, 1, 1, 5, 5, 17))
@@ -96,6 +97,17 @@ def sobol(count: int, dimensions: int, seed: int | np.random.Generator) -> Float
     Scrambled Sobol sequences (Owen 1998; Matousek's linear scramble) in at most eight ``dimensions``. They are those of
     ``scipy.stats.qmc.Sobol``, bit for bit, without the second that scipy.stats takes to load.
     """
+    if count <= _FEW and isinstance(seed, int):
+        return _few(count, dimensions, seed).copy()
+    return _drawn(count, dimensions, seed)
+
+
+@lru_cache(maxsize=64)
+def _few(count: int, dimensions: int, seed: int) -> Float[np.ndarray, "n d"]:
+    return _drawn(count, dimensions, seed)
+
+
+def _drawn(count: int, dimensions: int, seed: int | np.random.Generator) -> Float[np.ndarray, "n d"]:
     rng = seed if isinstance(seed, np.random.Generator) else np.random.default_rng(seed).spawn(1)[0]
     places = 1 << np.arange(_BITS, dtype=np.uint32)
     shift = rng.integers(2, size=(dimensions, _BITS), dtype=np.uint32) @ places

@@ -30,7 +30,6 @@ _APART = 3.0  # this many steps of the samples apart
 _FIRST = 16  # of the samples, every so many bound the least distance
 _LEAF = 64  # points in a leaf of a tree: where all are about as far, a search takes half as long as with 16
 _ROUNDING = 1e-9  # relative
-_SAME = 1e-12  # of the chart
 _FAR = 1e9  # mm: in the directions of an opening
 _PRECISION = 1e-14  # of the squared distance, relative
 _SPACINGS = (0.02, 0.003)  # of the points by which a ball grows, over the width of the part
@@ -153,8 +152,7 @@ def _samples(domain: Domain = WHOLE) -> Float[np.ndarray, "k 2"]:
     around = np.stack([np.cos(azimuth), np.sin(azimuth)], axis=1)
     inside = grid[np.sum(grid**2, axis=-1) < 1.0]
     edges = [radius[:, None] * around for radius in domain.radii(azimuth)[0 if domain.inside else 1 :]]
-    is_inside = np.abs(domain.within(inside) - inside).max(axis=1) < _SAME
-    return np.concatenate([inside[is_inside], *edges])
+    return np.concatenate([inside[domain.holds(inside)], *edges])
 
 
 def _radial(cavity: Boundary[Patch], envelope: Boundary[Patch], sign: float) -> Span:

@@ -9,13 +9,13 @@ from typing import Any, Literal
 import click
 
 from lensforge.cli.conclusion import finish, finish_handover, finish_page
-from lensforge.cli.options import FOLDER, OPTIONS, Command, Number, resume_after_interrupt
+from lensforge.cli.options import FOLDER, OPTIONS, Command, Number, WholeNumber, resume_after_interrupt
 from lensforge.cli.output import Output, with_output
 from lensforge.cli.studies import renewed_for
 from lensforge.errors import InputError
 from lensforge.report.folder import opened
 from lensforge.report.pipeline import write_comparison, write_report
-from lensforge.report.results import REPORT_FILE
+from lensforge.report.results import MOST_MODEL_RAYS, REPORT_FILE
 from lensforge.report.results import handover as make_handover
 from lensforge.results import StageResult
 from lensforge.results.files import require_own, require_writable
@@ -95,6 +95,9 @@ STAGE_COMMANDS = tuple(command_of(stage) for stage in STAGES)
     help="TOML file whose [drawing] replaces the spec's: another revision.",
 )
 @OPTIONS["process"]
+@click.option(
+    "--rays", metavar="N", type=WholeNumber(0, MOST_MODEL_RAYS), default=0, help="Rays of the LED in lens_rays.glb."
+)
 @with_output
 def handover(
     directory: Path,
@@ -103,6 +106,7 @@ def handover(
     interpolation: Literal["bicubic", "linear"],
     drawing: Path | None,
     process: Process | None,
+    rays: int,
     output: Output,
 ) -> None:
     """Write the files that go to the shop with the STEP.
@@ -124,6 +128,7 @@ def handover(
                 interpolation=interpolation,
                 drawing=drawing,
                 process=other,
+                rays=rays,
             )
             for note in made.notes:
                 clock.warn(note)

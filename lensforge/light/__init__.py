@@ -4,6 +4,7 @@
 - ``evaluation_result.Light``: its result
 - ``simulation.TracedLens``: a lens ready for rays
 - ``table_trace.trace_tables``: rays through tables, by the kernels
+- ``ray_lines``: rays as lines for a drawing, with their ends
 - ``reference_trace.trace_reference``: rays through any bodies in torch: to read, to test by, and for devices
 - ``reference_hits``: the hits of rays on exact faces and on tables
 - ``receiver_light.ReceiverLight``: the figures of one receiver

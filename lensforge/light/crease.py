@@ -18,11 +18,12 @@ rim; and rays that only just touch a face.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, replace
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 from jaxtyping import Float, Int
 
+from lensforge.kernels.bicubic import FaceBounds
 from lensforge.kernels.image_sums import SAFE_SIN2, SIN2_SCALE, ByRaysAtReceiver, RaysAtReceiver, collect_adjoint
 from lensforge.light.table_trace import Scene, Tables, TracedBundle
 from lensforge.optics.face_roles import CAVITY
@@ -34,6 +35,8 @@ from lensforge.surfaces.surface import gradient_on_sphere, to_sphere
 
 RayAdjoint = Callable[[TracedBundle], Float[np.ndarray, " n"]]
 """Derivative of a merit by the flux (W) with which each ray leaves the source; the rays have 1 W each."""
+Trace = Callable[[RayBundle], TracedBundle]
+"""Rays through the faces of one lens."""
 
 _MERIDIANS = 256  # on which creases are sought
 _STEPS = 32  # of the chart's radius from the axis to the rim
@@ -45,12 +48,19 @@ _Values = Float[np.ndarray, " p"]
 
 
 def crease_gradients(
-    tables: Tables, scene: Scene, source: Source, worth: RayAdjoint, count: int = 2**11, seed: int = 0
+    tables: Tables,
+    scene: Scene,
+    source: Source,
+    worth: RayAdjoint,
+    count: int = 2**11,
+    seed: int = 0,
+    bounds: FaceBounds | None = None,
 ) -> Tables:
     """Gradients of a merit by all ``tables`` for light that crosses the creases of the cavity; 0 where it has none.
 
     ``count`` start points of ``source`` are drawn by ``seed``, each with a point of a crease and two rays. ``worth``
-    says what light on each way adds to the merit: see :func:`adjoint_on`. Of a lens as made the roughness is left out.
+    says what light on each way adds to the merit: see :func:`adjoint_on`. ``bounds``: of the faces, if they are known.
+    Of a lens as made the roughness is left out.
     Raises :class:`InputError` for a source that cannot say how much light goes into a direction, such as rays of a file
     that are not turned.
     """
@@ -64,7 +74,8 @@ def crease_gradients(
     numbers = (points * len(creases)).astype(int)
     crossing = creases.take(numbers)
     rays = towards(source, _seen_from_source(scene, crossing.one.points), seed)
-    change = rays.flux * _gain(tables, scene, rays, crossing, worth) * (len(creases) * 2.0 * np.pi / _MERIDIANS)
+    trace = partial(TracedBundle.of, tables, scene, bounds=bounds)
+    change = rays.flux * _gain(trace, scene, rays, crossing, worth) * (len(creases) * 2.0 * np.pi / _MERIDIANS)
     for side, by_radius in zip((creases.one, creases.other), crossing.flows(in_lens(scene, rays)), strict=True):
         side.add(np.bincount(numbers, change * by_radius, len(creases)), total)
     return total
@@ -254,7 +265,7 @@ def _places(face: Int[np.ndarray, " p"], corner: Int[np.ndarray, "p 2"]) -> tupl
 
 
 def _gain(
-    tables: Tables, scene: Scene, rays: RayBundle, crossing: CreasePoints, worth: RayAdjoint
+    trace: Trace, scene: Scene, rays: RayBundle, crossing: CreasePoints, worth: RayAdjoint
 ) -> Float[np.ndarray, " n"]:
     """Difference in worth of light on both sides of the crease for each ray: it leaves the side of ``across``.
 
@@ -268,5 +279,5 @@ def _gain(
         directions = rays.directions + sign * BESIDE * across
         directions /= np.linalg.norm(directions, axis=1, keepdims=True)
         beside.append(replace(rays, directions=directions, flux=np.ones(len(rays))))
-    from_side, to_side = worth(TracedBundle.of(tables, scene, RayBundle.joined(beside))).reshape(2, -1)
+    from_side, to_side = worth(trace(RayBundle.joined(beside))).reshape(2, -1)
     return to_side - from_side

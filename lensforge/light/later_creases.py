@@ -10,16 +10,16 @@ that it met before: the adjoint of the tracer has that, of a path that ends befo
 Left out, as there: the edge of total reflection, the rim, and rays that only just touch a face.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
 from functools import partial
 
 import numpy as np
 from jaxtyping import Bool, Float, Int, Int8
 
+from lensforge.kernels.bicubic import FaceBounds
 from lensforge.kernels.fate import Fate
 from lensforge.kernels.traced_body import BODY, FROM_BEHIND, REFLECTED, ByRaysOut
-from lensforge.light.crease import BESIDE, OnFaces, RayAdjoint, in_lens, without_roughness
+from lensforge.light.crease import BESIDE, OnFaces, RayAdjoint, Trace, in_lens, without_roughness
 from lensforge.light.passage import BodyPassage
 from lensforge.light.table_trace import Scene, Tables, TracedBundle, face_bounds
 from lensforge.optics.pose import FACES_IN_PLACE
@@ -34,23 +34,31 @@ _TOGETHER = 1e-3  # of their path: so close to each other they meet the faces of
 
 _Values = Float[np.ndarray, " k"]
 _Vectors = Float[np.ndarray, "k 3"]
-_Trace = Callable[[RayBundle], TracedBundle]  # through the faces of one lens
 _Numbers = Int[np.ndarray, " k"]
 
 
 def later_crease_gradients(
-    tables: Tables, scene: Scene, source: Source, worth: RayAdjoint, fans: int = 2**8, rays: int = 48, seed: int = 0
+    tables: Tables,
+    scene: Scene,
+    source: Source,
+    worth: RayAdjoint,
+    fans: int = 2**8,
+    rays: int = 48,
+    seed: int = 0,
+    bounds: FaceBounds | None = None,
 ) -> Tables:
     """Gradients of a merit by all ``tables`` for light that crosses creases at its second event and later.
 
-    ``fans``: their number, of ``rays`` each, from start points of ``source`` that are drawn by ``seed``; ``worth`` as
-    in :func:`~lensforge.light.crease.crease_gradients`, with the same errors.
+    ``fans``: their number, of ``rays`` each, from start points of ``source`` that are drawn by ``seed``; ``worth`` and
+    ``bounds`` as in :func:`~lensforge.light.crease.crease_gradients`, with the same errors.
     """
     scene = without_roughness(scene)
     total: Tables = np.zeros(tables.shape)
     if scene.chain is None:
         return total
-    trace = partial(TracedBundle.of, tables, scene, bounds=face_bounds(tables, scene))  # of some twenty bundles
+    trace = partial(
+        TracedBundle.of, tables, scene, bounds=bounds or face_bounds(tables, scene)
+    )  # of some twenty bundles
     drawn = Fans.of(source, float(tables[0].max()), fans, rays, seed)
     changes = _changes(drawn, trace)
     changes = changes.take(changes.later)
@@ -145,7 +153,7 @@ class _Changes:
         """Select intervals by row."""
         return _Changes(*(getattr(self, field.name)[rows] for field in fields(self)))
 
-    def narrowed(self, fans: Fans, trace: _Trace) -> "_Changes":
+    def narrowed(self, fans: Fans, trace: Trace) -> "_Changes":
         """Narrow each interval down to the first change in it."""
         closer = self
         rows = np.arange(len(self.fan))
@@ -161,7 +169,7 @@ class _Changes:
         return closer
 
 
-def _changes(fans: Fans, trace: _Trace) -> _Changes:
+def _changes(fans: Fans, trace: Trace) -> _Changes:
     """All angles in fans at which rays change their way, narrowed down; also several in one interval."""
     count = len(fans.azimuths)
     steps = len(fans.angles)

@@ -64,22 +64,28 @@ def _exit(lens: Lens) -> tuple[_Points, _Points]:
         faces = lens.body.envelope
     numbers = [number for number, face in enumerate(faces) if face.name in {role.name for role in roles}]
 
-    def seen(polars: _Polars) -> tuple[Bool[np.ndarray, "a k"], _Points]:
+    def directions_at(polars: _Polars) -> _Points:
         sine = np.sin(polars)
-        directions = np.stack([sine * np.cos(_AZIMUTHS), sine * np.sin(_AZIMUTHS), np.cos(polars)], axis=-1)
-        nearest_face = nearest(faces, directions)
+        return np.stack([sine * np.cos(_AZIMUTHS), sine * np.sin(_AZIMUTHS), np.cos(polars)], axis=-1)
+
+    def lit_at(polars: _Polars) -> Bool[np.ndarray, "a k"]:
+        return np.isin(nearest(faces, directions_at(polars)), numbers)
+
+    def points_at(polars: _Polars) -> _Points:
+        directions = directions_at(polars)
         flat = directions.reshape(-1, 3)
         radius = np.min([faces[number].surface.radius(flat) for number in numbers], axis=0).reshape(polars.shape)
-        return np.isin(nearest_face, numbers), radius[..., None] * directions
+        return radius[..., None] * directions
 
-    lit, points = seen(np.tile(_POLARS, (len(_AZIMUTHS), 1)))
+    everywhere = np.tile(_POLARS, (len(_AZIMUTHS), 1))
+    lit = lit_at(everywhere)
     last = lit.shape[1] - 1 - np.argmax(lit[:, ::-1], axis=1)[:, None]
     inside = _POLARS[last]
     beyond = _POLARS[np.minimum(last + 1, lit.shape[1] - 1)]
     for _ in range(_HALVINGS):
         middle = 0.5 * (inside + beyond)
-        is_lit = seen(middle)[0]
+        is_lit = lit_at(middle)
         inside = np.where(is_lit, middle, inside)
         beyond = np.where(is_lit, beyond, middle)
-    rim = seen(inside)[1][lit.any(axis=1), 0]
-    return np.concatenate([points[lit], rim, *map(outside_of, lens.media.bodies)]), rim
+    rim = points_at(inside)[lit.any(axis=1), 0]
+    return np.concatenate([points_at(everywhere)[lit], rim, *map(outside_of, lens.media.bodies)]), rim

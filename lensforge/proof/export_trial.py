@@ -26,7 +26,6 @@ from lensforge.errors import InputError
 from lensforge.kernels.parallel import thread_count
 from lensforge.light.lens_light import judging_source
 from lensforge.light.simulation import TracedLens
-from lensforge.optics.media import Surface
 from lensforge.proof.acceptance import (
     DEVIATION_RAD,
     OF_SPREAD,
@@ -44,7 +43,7 @@ from lensforge.results import Fact
 from lensforge.scene.lens import Lens
 from lensforge.sources.measured_rays import rays_of_file
 from lensforge.sources.ray_bundle import RayBundle
-from lensforge.surfaces.bicubic_table import tabulate
+from lensforge.surfaces.bicubic_table import TableGrid, evaluate_table
 from lensforge.surfaces.surface import to_chart, to_sphere
 
 MARGIN = 2.0  # of the limits, which other rays and the faces as read back use otherwise
@@ -179,7 +178,7 @@ class _Trial:
         grid = self._traced.scene.grid
         for table, name in zip(tables, self._traced.scene.names, strict=True):
             if name in fitted:
-                table += tabulate(grid, _FormError(self._lens.surfaces[name], fitted[name]))
+                table += _form_error(grid, table, fitted[name])
         return self._most_used(self._landings(replace(self._traced, tables=tables)), _as_step)
 
     def used_by_mesh(self, mesh: BodyMesh) -> float:
@@ -214,23 +213,13 @@ def _as_step(agreement: Agreement, reach_mm: float) -> Sequence[Fact]:
     return brep_criteria(cast, reach_mm)
 
 
-@dataclass(frozen=True, eq=False)
-class _FormError(Surface):
-    """Distance of a ``fitted`` face from its ``exact`` surface; beyond the edges that at the edge."""
+def _form_error(
+    grid: TableGrid, table: Float[np.ndarray, "side side"], fitted: TrimmedFace[Patch]
+) -> Float[np.ndarray, "side side"]:
+    """Table of the distance of a ``fitted`` face from that of the exact ``table``; beyond the edges that at the edge.
 
-    exact: Surface
-    fitted: TrimmedFace[Patch]
-
-    @property
-    def detail_rad(self) -> float:
-        """Sigma (rad) of its narrowest feature, that of the exact surface."""
-        return self.exact.detail_rad
-
-    def gradient(self, directions: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
-        """Raise: tables are made of radii alone."""
-        raise NotImplementedError("the form error of a face has no gradient")
-
-    def radius(self, directions: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, " n"]:
-        """Difference of the radii (mm)."""
-        within = to_sphere(self.fitted.domain.within(to_chart(directions)))
-        return self.fitted.shape.radius(within) - self.exact.radius(within)
+    At the nodes of its ``grid`` a table is the exact surface, without a sum of basis functions.
+    """
+    within = to_sphere(fitted.domain.within(to_chart(grid.sample_directions()), tabulated=True))
+    error_mm = fitted.shape.radius(within) - evaluate_table(grid, table, within)
+    return grid.coefficients(error_mm[:, None]).reshape(table.shape)

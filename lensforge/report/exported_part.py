@@ -14,12 +14,12 @@ from jaxtyping import Float
 from lensforge.cad.form_error import remember_fit
 from lensforge.cad.part import Part
 from lensforge.errors import refused
+from lensforge.light.ray_lines import fan_tables
 from lensforge.proof.proof_facts import stray_budget
 from lensforge.proof.proof_result import Proof, ReceiverProof, StrayLight
 from lensforge.report import lens_figures, light_figures, study_figures
 from lensforge.report.light_section import top_of, unit_of_light
 from lensforge.report.page import PagePicture, numbered, picture
-from lensforge.report.ray_fan import fan_tables
 from lensforge.report.results import REPORT_FILE, Results
 from lensforge.results.files import MIB
 from lensforge.results.numerals import number, size

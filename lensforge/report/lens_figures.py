@@ -12,8 +12,8 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter, PercentF
 
 from lensforge.cad.boundary import lens_boundaries
 from lensforge.cad.section import body_outlines
+from lensforge.light.ray_lines import trace_fan
 from lensforge.light.simulation import TracedLens
-from lensforge.report.ray_fan import trace_fan
 from lensforge.results.figure_style import (
     BLUE,
     GREEN,

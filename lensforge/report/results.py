@@ -18,7 +18,7 @@ from lensforge.proof.proof_facts import proof_facts, stray_facts
 from lensforge.proof.proof_result import Proof, StrayLight
 from lensforge.public import public
 from lensforge.results import Conditions, Fact, Group, SimulatedResult, StageResult
-from lensforge.results.arguments import require, with_known_names
+from lensforge.results.arguments import count_of, require, with_known_names
 from lensforge.results.criteria import missed
 from lensforge.results.stage_result import OF_FOLDERS, ResultByLed
 from lensforge.results.verdict import Reason, Verdict
@@ -38,6 +38,7 @@ REPORT_FILE = "report.html"
 # Results of a whole run, each after those that it is made from.
 STAGES: tuple[type[StageResult], ...] = (Design, Light, Part, Check, Proof, Photometry)
 
+MOST_MODEL_RAYS = 10_000  # a viewer turns as many lines smoothly
 _Result = TypeVar("_Result", bound=StageResult)
 
 
@@ -270,6 +271,7 @@ def handover(
     interpolation: Literal["bicubic", "linear"] = "bicubic",
     drawing: DrawingSection | Path | str | None = None,
     process: Process | None = None,
+    rays: int = 0,
 ) -> "Handover":
     """Make the documents for the shop: drawing, verdicts, tables of points, hashes.
 
@@ -280,8 +282,9 @@ def handover(
         interpolation: by which the shop's program fills them.
         drawing: words of title block and notes, or a TOML file that has them; None: the spec's.
         process: by which this part is made, such as a turned prototype of a moulded lens; None: that of the spec.
+        rays: number of rays of the LED in ``lens_rays.glb``, 0 to 10,000; 0: no such file.
     Returns: The bytes of all files.
-    Raises: :class:`InputError` for too many points, or a process by which no such part is made.
+    Raises: :class:`InputError` for too many points or rays, or a process by which no such part is made.
         :class:`MissingResult`: the run has no part or no check.
     Example:
         >>> handover = lf.handover(lf.load("cad_out/quickstart"), spacing_mm=0.5)
@@ -298,4 +301,5 @@ def handover(
     check = run.check
     if process is not None and process != part.lens.spec.manufacture.process:
         part, check = made_by(part, process), check_made_by(part.lens, process)
-    return make_handover(part, check, run.yield_facts, request, section)
+    drawn = count_of("rays", rays, 0, most=MOST_MODEL_RAYS)
+    return make_handover(part, check, run.yield_facts, request, section, drawn or 0)

@@ -157,6 +157,8 @@ def radii(faces: tuple[Face, ...], directions: Float[np.ndarray, "*n 3"]) -> Flo
 
 def nearest(faces: tuple[Face, ...], directions: Float[np.ndarray, "*n 3"]) -> Int[np.ndarray, "*n"]:
     """Number of the face that bounds the medium in each direction."""
+    if len(faces) == 1:
+        return np.zeros(directions.shape[:-1], dtype=np.intp)
     return np.argmin(radii(faces, directions), axis=0)
 
 

@@ -25,7 +25,7 @@ from lensforge.light.crease import adjoint_on, crease_gradients
 from lensforge.light.later_creases import later_crease_gradients
 from lensforge.light.reference_bodies import ReferenceBody
 from lensforge.light.reference_trace import HitMemory, trace_reference
-from lensforge.light.table_trace import Scene, TracedBundle, trace_tables
+from lensforge.light.table_trace import Scene, TracedBundle, face_bounds, trace_tables
 from lensforge.scene.exit_rays import Sensitivities
 from lensforge.scene.eye_view import EyeView
 from lensforge.scene.lamp_pictures import LampPictures
@@ -78,7 +78,9 @@ class _AtCreases(torch.autograd.Function):
         images = [gradients["image"].contiguous().numpy() for gradients in seen]
         sums = [np.array([float(gradients[name]) for name in _OF_CREASES[1:]]) for gradients in seen]
         places = ctx.tables, ctx.scene, ctx.source, adjoint_on(ctx.receivers, images, sums)
-        by_creases = crease_gradients(*places) + later_crease_gradients(*places, _FANS, _RAYS_OF_FAN)
+        bounds = face_bounds(ctx.tables, ctx.scene)
+        by_creases = crease_gradients(*places, bounds=bounds)
+        by_creases += later_crease_gradients(*places, _FANS, _RAYS_OF_FAN, bounds=bounds)
         return ctx.flux * torch.from_numpy(by_creases), None, None, None, None, *by
 
 

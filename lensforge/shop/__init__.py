@@ -13,5 +13,6 @@
 - ``drawing``: the sheet's content
 - ``sheet_writers``: the sheet as SVG, PDF and DXF
 - ``point_tables``: points for measuring and milling
+- ``part_models``: the part as glTF, alone and with rays
 - ``handover.Handover``: all files for the shop
 """

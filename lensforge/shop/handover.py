@@ -19,9 +19,6 @@ DXF_FILE = "drawing.dxf"
 POINTS_FILE = "points.csv"
 PLATE_PDF_FILE = "plate.pdf"
 PLATE_DXF_FILE = "plate.dxf"
-GLB_FILE = "lens.glb"
-LAMPS_GLB_FILE = "lamps.glb"
-PLATE_GLB_FILE = "plate.glb"
 NO_SHRINKAGE = (
     "manufacture.shrinkage: not given, so the tables are of inserts as large as the lens; ask the moulder, and give "
     "it, such as shrinkage = 0.005"
@@ -60,10 +57,10 @@ class Handover(Record):
 
     ``name``: of the design. ``html``: the page. ``pdf``, ``dxf``: the drawing. ``points_csv``: table for a measuring
     machine. ``plate_pdf``, ``plate_dxf``: the drawing of the plate; None without one. ``models``: glTF files by name,
-    of the lens, and of all lamps or the plate where there are. ``points``: number of points in the table. ``scale``: of
-    the mould's faces relative to the lens's, if the points are of the mould; None: of the lens. ``grids``: dense tables
-    for milling and turning. ``sha256``: of the files that go to the shop, by name, except page and PDF; the page lists
-    them. ``refused``: verdicts of the check that do not hold.
+    of the lens, and with rays on request, and of all lamps or the plate where there are. ``points``: number of
+    points in the table. ``scale``: of the mould's faces relative to the lens's, if the points are of the mould; None:
+    of the lens. ``grids``: dense tables for milling and turning. ``sha256``: of the files that go to the shop, by name,
+    except page and PDF; the page lists them. ``refused``: verdicts of the check that do not hold.
     """
 
     name: Text

@@ -10,11 +10,8 @@ from markupsafe import Markup
 from matplotlib.figure import Figure
 
 from lensforge.cad.cutter_room import as_built
-from lensforge.cad.glb_file import glb_bytes
-from lensforge.cad.mesh_files import parse_named_3mf
 from lensforge.cad.part import SURFACES_FILE, Part, part_facts
 from lensforge.cad.plate_layout import PlateLayout, layout_of
-from lensforge.cad.plate_result import PLATE_THREEMF_FILE
 from lensforge.results import Fact, Group
 from lensforge.results.criteria import shown as shown_criterion
 from lensforge.results.figure_style import to_svg
@@ -26,16 +23,14 @@ from lensforge.shop.dimensions import dimensions
 from lensforge.shop.drawing import DrawingContent, drawing_content, make_sheet, scale_label
 from lensforge.shop.handover import (
     DXF_FILE,
-    GLB_FILE,
-    LAMPS_GLB_FILE,
     PDF_FILE,
     PLATE_DXF_FILE,
-    PLATE_GLB_FILE,
     PLATE_PDF_FILE,
     POINTS_FILE,
     Handover,
     PointGrid,
 )
+from lensforge.shop.part_models import models_of
 from lensforge.shop.plate_drawing import place_rows, plate_notes, plate_sheet
 from lensforge.shop.point_tables import GridRequest, dense_tables, faces_to_cut, origin_lines, points_table
 from lensforge.shop.sheet import Sheet, shown
@@ -67,11 +62,13 @@ def make_handover(
     studied: list[Group],
     request: GridRequest | None = None,
     drawing: DrawingSection | None = None,
+    rays: int = 0,
 ) -> Handover:
     """Make the files that go to the shop with the STEP.
 
     ``studied``: facts of the yield, empty if it has not been computed. ``request``: of the dense tables. ``drawing``:
-    of title block and notes; None: the spec's. Raises :class:`InputError` for tables that cannot be made so.
+    of title block and notes; None: the spec's. ``rays``: in a model beside that of the lens alone. Raises
+    :class:`InputError` for tables that cannot be made so.
     """
     lens = part.lens
     request = request or GridRequest()
@@ -89,7 +86,7 @@ def make_handover(
     figures = _pictures(check)
     plate_dxf = None if plate is None else sheet_dxf(plate)
     hashes = {name: stamp.sha256 for name, stamp in part.files.items()}
-    models = dict(_models(part))
+    models = dict(models_of(part, rays))
     hashed = {**tables, **models, DXF_FILE: dxf, **({} if plate_dxf is None else {PLATE_DXF_FILE: plate_dxf})}
     hashes |= {name: sha256(content).hexdigest() for name, content in hashed.items()}
     content = _tables(part, check, drawn, tolerances, grids, hashes)
@@ -113,18 +110,6 @@ def make_handover(
         sha256=hashes,
         refused=tuple(verdict for verdict in check.verdicts if not verdict.holds),
     )
-
-
-def _models(part: Part) -> Iterator[tuple[str, bytes]]:
-    """glTF files of the lens, and of the plate or of all lamps with this lens, with their names."""
-    mesh = parse_named_3mf(part.threemf)
-    name = part.lens.spec.name
-    yield GLB_FILE, glb_bytes(mesh, name)
-    lamps = part.lens.of_own_lamps.spec.all_lamps
-    if part.plate_threemf is not None:
-        yield PLATE_GLB_FILE, glb_bytes(parse_named_3mf(part.plate_threemf, PLATE_THREEMF_FILE), f"{name} plate")
-    elif len(lamps) > 1 and part.lens.spec.plate is None:
-        yield LAMPS_GLB_FILE, glb_bytes(mesh, name, [lamp.pose for lamp in lamps.lamps])
 
 
 def made_by(part: Part, process: Process) -> Part:

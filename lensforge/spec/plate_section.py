@@ -409,7 +409,10 @@ def _require_gate(
     (x, y) = gate.place_mm
     off = plate.to_edge_mm(gate.place_mm, size)
     if abs(off) > _ON_EDGE_MM:
-        raise ValueError(f"plate.gate.place_mm = ({x:g}, {y:g}): {off:.4g} mm inside the outline; move it onto that")
+        side = "inside" if off > 0.0 else "outside of"
+        raise ValueError(
+            f"plate.gate.place_mm = ({x:g}, {y:g}): {abs(off):.4g} mm {side} the outline; move it onto that"
+        )
     near = [(hypot(at[0] - x, at[1] - y) - lens_mm, "a lens") for at in lenses.places_mm]
     near += [(mark.away_mm(gate.place_mm) - mark.radius_mm, name) for name, mark in plate.marks]
     away, neighbour = min(near)

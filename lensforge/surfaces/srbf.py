@@ -8,6 +8,7 @@ Where the paper is silent: the centres are a Fibonacci grid on the *hemisphere*,
 mirror symmetry, in which case each basis function is averaged over its mirror images.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Annotated, Literal
@@ -143,7 +144,9 @@ class SrbfSurface(ByContent, Surface):
 
     def radius(self, directions: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, " n"]:
         """``rho`` (mm) at unit ``directions``, by the exact sum in float64."""
-        return self.radius_and_gradient(directions)[0]
+        from lensforge.kernels.basis_sum import sum_values
+
+        return self.offset_mm + self._summed(sum_values, directions, np.empty(len(directions)))
 
     def radius_on_grid(self, directions: Float[np.ndarray, "n n 3"]) -> Float[np.ndarray, "n n"]:
         """``rho`` (mm) on a square chart grid centred on the axis: its mirror images come from one evaluation."""
@@ -158,26 +161,35 @@ class SrbfSurface(ByContent, Surface):
     def radius_and_gradient(
         self, directions: Float[np.ndarray, "n 3"]
     ) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, "n 3"]]:
-        """Radius and gradient, by one sum over the functions.
+        """Radius and gradient, by one sum over the functions."""
+        from lensforge.kernels.basis_sum import sum_functions
 
-        Directions go to the kernel as neighbours: it is quick if a block of them covers a small part of the sphere.
+        total = self._summed(sum_functions, directions, np.empty((len(directions), 4)))
+        return self.offset_mm + total[:, 0], total[:, 1:]
+
+    def _summed(
+        self, sum_up: Callable[..., None], directions: Float[np.ndarray, "n 3"], total: Float[np.ndarray, "n ..."]
+    ) -> Float[np.ndarray, "n ..."]:
+        """Fill ``total`` by the kernel ``sum_up`` over the functions.
+
+        Directions go to it as neighbours: it is quick if a block of them covers a small part of the sphere.
         """
-        from lensforge.kernels.basis_sum import BLOCK, ROWS, sum_functions
+        from lensforge.kernels.basis_sum import BLOCK, ROWS
 
         basis = self.basis
         order = _as_neighbours(directions, BLOCK)
         ordered = np.ascontiguousarray(directions[order])
-        (sums, total) = np.empty((2, len(directions), 4))
+        sums = np.empty_like(total)
         images = np.stack(group(basis.symmetry))
         weights = np.ascontiguousarray(self.weights_mm)
 
         def work(_: int, part: slice) -> None:
             space = np.empty((ROWS, BLOCK))
-            sum_functions(ordered[part], images, basis.centres, basis.sigmas, basis.reaches, weights, space, sums[part])
+            sum_up(ordered[part], images, basis.centres, basis.sigmas, basis.reaches, weights, space, sums[part])
 
         in_chunks(work, len(ordered))
         total[order] = sums
-        return self.offset_mm + total[:, 0], total[:, 1:]
+        return total
 
 
 def _as_neighbours(directions: Float[np.ndarray, "n 3"], together: int) -> Int[np.ndarray, " n"]:

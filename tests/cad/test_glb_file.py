@@ -1,13 +1,14 @@
 """glTF files, as trimesh reads them: names, volume and places of a crooked lens, in metres with y up."""
 
 import io
+import json
 
 import numpy as np
 import pytest
 import trimesh
 from geometry_lenses import make_lens, plan_of
 
-from lensforge.cad.glb_file import glb_bytes
+from lensforge.cad.glb_file import Lines, glb_bytes
 from lensforge.cad.mesh import build_mesh
 from lensforge.cad.mesh_files import parse_named_3mf, threemf_bytes
 from lensforge.errors import InputError
@@ -18,6 +19,9 @@ from lensforge.optics.pose import Pose
 def mesh():
     lens = make_lens(6.0, 12.7, 0.02, seed=3)
     return build_mesh(plan_of(lens.inner, lens.outer, lens.spec.base), 24)
+
+
+LINES = 1  # as glTF numbers them
 
 
 def read(content):
@@ -65,6 +69,30 @@ def test_bodies_stand_at_their_places_and_share_their_meshes(mesh):
         x, y, z = 1e-3 * place.points(mesh.vertices).T
         np.testing.assert_allclose(body.bounds[0], [x.min(), z.min(), -y.max()], atol=1e-8)
         assert body.volume == pytest.approx(1e-9 * mesh.volume(), rel=1e-6)
+
+
+def test_lines_stand_beside_the_body_in_their_colour(mesh):
+    """The second of two has more points; a line ends where it ends, and is not joined to the next."""
+    bent = [
+        np.array([[0.0, 0.0, 0.0], [1.0, 2.0, 5.0], [-3.0, 2.0, 9.0]]),
+        np.array([[0.0, 1.0, 0.0], [4.0, 1.0, 7.0]]),
+    ]
+    drawn = {"rays: leaves": Lines(bent, (217, 119, 6)), "rays: base": Lines(bent[1:], (10, 20, 30))}
+    content = glb_bytes(mesh, "crooked", lines=drawn)
+    scene = read(content)
+    assert set(scene.graph.nodes_geometry) == {*mesh.names, *drawn}
+    matrix, geometry = scene.graph["rays: leaves"]
+    ends = trimesh.transform_points(scene.geometry[geometry].vertices, matrix).reshape(-1, 2, 3)  # of each segment
+    pairs = np.concatenate([np.stack([places[:-1], places[1:]], axis=1) for places in bent])
+    x, y, z = np.moveaxis(1e-3 * pairs, -1, 0)
+    np.testing.assert_allclose(ends, np.stack([x, z, -y], axis=-1), atol=1e-9)
+    end = 20 + int.from_bytes(content[12:16], "little")
+    document = json.loads(content[20:end])  # the first chunk; then one of numbers
+    (base,) = (kept["primitives"][0] for kept in document["meshes"] if kept["name"] == "rays: base")
+    assert base["mode"] == LINES
+    view = document["bufferViews"][document["accessors"][base["attributes"]["COLOR_0"]]["bufferView"]]
+    assert content[end + 8 + view["byteOffset"] :][: view["byteLength"]] == bytes([10, 20, 30, 255]) * 2
+    assert body_of(scene, mesh.names).volume == pytest.approx(1e-9 * mesh.volume(), rel=1e-6)
 
 
 @pytest.mark.parametrize("from_elsewhere", [False, pytest.param(True, marks=pytest.mark.nightly("a child reads it"))])

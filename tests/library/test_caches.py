@@ -36,6 +36,7 @@ from lensforge.scene.receiver_shapes import receivers_of
 from lensforge.scene.rough_faces import _tables
 from lensforge.scene.target_pattern import target_light
 from lensforge.search.face_fields import _directions
+from lensforge.seeds import sobol
 from lensforge.shop.face_samples import area_rule
 from lensforge.shop.sheet import _width_points
 from lensforge.spec import LensSection, TirSection
@@ -143,6 +144,7 @@ ASKED: dict[str, tuple[Callable[..., Any], list[tuple[Any, ...]]]] = {
         [(RINGS, None), (None, RINGS), (replace(RINGS, follows=False), None)]),
     "scene.target_pattern._drawn": (target, [(90.0, 300.0), (120.0, 300.0), (90.0, 200.0)]),
     "search.face_fields._directions": (_directions, [(TableGrid(9),), (TableGrid(11),)]),
+    "seeds._few": (sobol, [(64, 4, 7), (64, 4, 8), (128, 4, 7), (64, 5, 7)]),
     "shop.face_samples.area_rule": (lambda *all_: area_rule(*all_).weights, [(24, 32), (25, 32), (24, 40)]),
     "shop.sheet._width_points": (_width_points, [("iii",), ("mmm",)]),
     "spec.fixed_surface._shape_of": (

@@ -1,5 +1,7 @@
 """Figures that are declared at their fields: what is told, judged, stored, and held against a file."""
 
+import re
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated, Any, ClassVar
 
@@ -10,7 +12,7 @@ from lensforge.results import Count, Extent, Flag, Metric, NotNegative, Record, 
 from lensforge.results.criteria import Criteria
 from lensforge.results.figure import Apart, Criterion, Figure, criteria_in, facts_in, figure, figures_of, limits_in
 from lensforge.results.files import read_json, write_json
-from lensforge.results.record import InCriterion
+from lensforge.results.record import InCriterion, require_what_follows
 from lensforge.results.stage_result import with_checksum
 
 
@@ -262,3 +264,44 @@ def test_words_of_another_version_are_kept(tmp_path: Path) -> None:
     assert (slip.remedy, slip.label) == ("as it was said before", "largest slip")
     assert [criterion.key for criterion in again.criteria] == [criterion["name"] for criterion in stored["criteria"]]
     assert again.sha256 != made.sha256
+
+
+class Leaf(Record):
+    """A record with a figure that follows from another."""
+
+    wide_mm: float
+    area_mm2: float
+
+    def follows(self) -> Iterator[tuple[str, float, float]]:
+        yield "area_mm2", self.area_mm2, self.wide_mm**2
+
+
+class Branch(Record):
+    """Several records, and one."""
+
+    leaves: tuple[Leaf, ...]
+    last: Leaf
+
+
+class Tree(Record):
+    """Records in records."""
+
+    branches: tuple[Branch, ...]
+
+
+@pytest.mark.parametrize("place", [None, "branches.1.leaves.2", "branches.0.last", "branches.1.last"])
+def test_a_figure_that_does_not_follow_is_named_by_its_whole_path(place: str | None) -> None:
+    def leaf(path: str) -> Leaf:
+        return Leaf(wide_mm=3.0, area_mm2=8.0 if path == place else 9.0 * (1.0 + 1e-13))
+
+    tree = Tree(
+        branches=tuple(
+            Branch(leaves=tuple(leaf(f"branches.{i}.leaves.{k}") for k in range(3)), last=leaf(f"branches.{i}.last"))
+            for i in range(2)
+        )
+    )
+    if place is None:
+        require_what_follows(tree)
+        return
+    with pytest.raises(ValueError, match=rf"^{re.escape(place)}\.area_mm2 = 8: the other entries make it 9$"):
+        require_what_follows(tree)

@@ -18,6 +18,10 @@ from lensforge.verbs import UNLISTED, public_names
 PUBLIC = {name: each for name, each in public_names().items() if not isinstance(each, str)}
 
 
+def is_exception(named: object) -> bool:
+    return isinstance(named, type) and issubclass(named, Exception)
+
+
 @pytest.mark.parametrize("name", [name for name, each in PUBLIC.items() if inspect.isfunction(each)])
 def test_the_example_of_a_verb_runs(
     whole_run: lf.Run, examples: Path, tmp_path: Path, name: str, monkeypatch: pytest.MonkeyPatch, undrawn: None
@@ -48,6 +52,13 @@ def test_help_is_enough_to_go_on(name: str) -> None:
     if inspect.isfunction(PUBLIC[name]):
         assert [each.split(":")[0] for each in listed] == list(inspect.signature(PUBLIC[name]).parameters)
         assert "\nReturns: " in words and "\nRaises: " in words and "\nExample:\n" in words
+
+
+@pytest.mark.parametrize("name", [name for name, named in PUBLIC.items() if not is_exception(named)])
+def test_a_signature_shows_types_without_modules_of_the_package_and_marks_of_their_validation(name: str) -> None:
+    """Of verbs, of dataclasses, and of classes of pydantic."""
+    shown = str(inspect.signature(PUBLIC[name]))
+    assert re.findall(r"lensforge\.|Annotated|FieldInfo|Validator|Discriminator|Strict", shown) == [], shown
 
 
 @pytest.mark.parametrize("name", [name for name, named in PUBLIC.items() if is_dataclass(named)])

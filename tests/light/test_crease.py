@@ -7,13 +7,15 @@ import pytest
 import torch
 from chains import REACH, clear, collimator, tables_of, upwards
 from nightly import first_by_day
+from own_media import with_own
 
 from lensforge.errors import InputError
 from lensforge.light.crease import adjoint_on, crease_gradients
-from lensforge.light.later_creases import later_crease_gradients
+from lensforge.light.later_creases import _behind, _Lines, later_crease_gradients
 from lensforge.light.table_trace import Scene, TracedBundle
 from lensforge.optics.face_roles import BODY, CAVITY, OUTSIDE
 from lensforge.optics.material import MATERIALS
+from lensforge.optics.media import Media, Medium
 from lensforge.optics.pose import Pose
 from lensforge.scene.body import Body, Face
 from lensforge.scene.made_part import AsMade
@@ -164,6 +166,26 @@ def test_rays_that_change_a_later_face_are_the_slope(make, base, name: str, step
     error = float(np.sqrt((shares**2).sum()))
     assert error < 0.05 * abs(slope)
     assert abs(slope - shares.sum()) < 3.0 * error
+
+
+def test_rays_are_followed_to_any_of_their_events_each_with_the_indices_of_its_colour() -> None:
+    """To the last, where they leave: by the points and directions of the tracer."""
+    body = collimator(0.1)
+    indices = np.random.default_rng(1).uniform(1.45, 1.6, 2000)
+    rays, medium = with_own(LED.sample(2000, 3), Medium(1.5), indices)
+    here = Scene(Media(medium), GRID, chain=body.chain(4))
+    tables = tables_of(body, GRID)
+    left = TracedBundle.of(tables, here, rays).exits.left_lens
+    traced = TracedBundle.of(tables, here, rays.take(left))
+    assert traced.met is not None
+    event = (traced.met >= 0).sum(axis=1) - 1
+    assert set(event) == {1, 2}
+    rows = np.random.default_rng(2).permutation(len(event))
+    lines = _Lines.of(traced, event, rows)
+    assert np.abs(lines.hits - traced.exits.points[rows]).max() < 1e-9
+    code = traced.met[rows, event[rows]].astype(int)
+    out = _behind(traced, rows, code, lines.hits, lines.directions)
+    assert np.abs(out - traced.exits.directions[rows]).max() < 1e-9
 
 
 def test_crease_and_adjoint_together_are_the_slope_of_an_image_error() -> None:

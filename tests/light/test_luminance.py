@@ -202,6 +202,8 @@ def test_the_picture_is_upright_and_a_spot_is_the_mean_over_a_disc() -> None:
     distances = np.linalg.norm(centres - middle @ centres, axis=1)
     assert 0.5 * (middle @ distances**2) + pixel**2 / 12.0 == pytest.approx(1.25**2 / 4.0, rel=0.01)
     assert away[middle.toarray().ravel() > 0.0].max() < 1.25 + 0.75 * pixel
+    own = centres[view.grid.columns * (view.grid.rows // 2) + view.grid.columns // 2]
+    assert np.abs(middle @ centres - own).max() < 1e-9 * pixel, "about the centre of its pixel"
     turned = {"kind": "table", "places_mm": [[50.0, 8.0], [0.0, 0.0]], "turns_deg": [90.0, 0.0]}
     first = crooked({"eyes_mm": [(50.0, 18.0, 40.0)]} | {"spot_mm": 1.0}, lamps=turned)
     alone = crooked({"eyes_mm": [(10.0, 0.0, 40.0)]} | {"spot_mm": 1.0})

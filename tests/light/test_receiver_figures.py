@@ -7,7 +7,7 @@ from scenes import small_spec
 from lensforge.kernels.fate import Fate
 from lensforge.light.evaluation import _flux_budget, receiver_light
 from lensforge.light.received_flux import ABSORBED, BLOCKED, CAUSES, IN_GLASS, MISSED_RECEIVER, ReceivedFlux
-from lensforge.light.receiver_light import ReceiverLight, by_pixels, possible_share
+from lensforge.light.receiver_light import EstimatedLight, ReceiverLight, by_pixels, possible_share
 from lensforge.optics.exit_space import ExitBall
 from lensforge.optics.media import Media, Medium
 from lensforge.results.estimates import nmse, nmse_estimate, relative_deviation, uniformity
@@ -112,6 +112,18 @@ def test_the_most_light_in_the_target_is_set_by_the_faces_or_by_the_law_of_physi
         assert share == pytest.approx(most)
         faces = possible >= transmitted
         assert law == ("two faces transmit into the target" if faces else f"is the upper bound ({physics.law})")
+
+
+@pytest.mark.parametrize(("bound", "estimate"), [(0.4, 0.3), (0.4, 0.45), (0.9, 0.44), (0.9, 0.47)])
+def test_the_most_light_to_be_expected_is_the_least_of_faces_bound_and_estimate(bound: float, estimate: float) -> None:
+    transmitted = 0.5 * 15.0 / 16.5
+    found = known_receiver()
+    of_source = EstimatedLight(efficiency=0.95, share_in_target=estimate, nmse=0.0)
+    physics = found.possible.model_copy(update={"share_in_target": bound, "estimate": of_source})
+    share, law = possible_share(found.model_copy(update={"possible": physics}), 0.5)
+    assert share == pytest.approx(min(bound, estimate, transmitted))
+    laws = {estimate: "étendue may leave, by an estimate", bound: f"is the upper bound ({physics.law})"}
+    assert law == laws.get(share, "two faces transmit into the target") and physics.luminance_estimated
 
 
 def test_every_fate_has_its_share_of_the_budget() -> None:

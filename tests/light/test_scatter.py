@@ -17,7 +17,7 @@ from lensforge.kernels.seen_slopes import added_slope, seen_number
 from lensforge.light.table_trace import Scene, TracedBundle
 from lensforge.optics.media import FaceScatter, Media
 from lensforge.optics.scattering import FacetTurn, GaussianFacets, RingScatter, gaussian, lambertian
-from lensforge.proof.facet_tilt import Arrival, FaceNumbers, tilted
+from lensforge.proof.facet_tilt import Arrival, FaceNumbers, _seen, tilted
 from lensforge.proof.refraction import LitRays
 from lensforge.proof.ring_spread import Spreading, spread
 from lensforge.scene.made_part import AsMade
@@ -102,6 +102,7 @@ def test_light_sees_the_facets_that_face_it(a: float, k: float) -> None:
     seen = [quad(lambda x: (k + x) * np.exp(-0.5 * x * x), *ends, epsabs=1e-13, epsrel=1e-12, limit=200)[0]
             for ends in ((max(-k, -12.0), SEEN(a, k)[0]), (SEEN(a, k)[0], 12.0))]  # fmt: skip
     assert seen[a > 0.0] / sum(seen) == pytest.approx(norm.cdf(-abs(a)), rel=1e-7)
+    assert _seen(np.array([a]), np.array([k]))[0] == pytest.approx(SEEN(a, k)[0], rel=1e-9, abs=1e-9), "of the proof"
     step = 1e-4
     for k, by in ((1, [a + step, a - step]), (2, None)):
         ends = [(each, 0.7) for each in by] if by else [(a, 0.7 + step), (a, 0.7 - step)]

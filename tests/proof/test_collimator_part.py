@@ -6,6 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from chains import clear, collimator, mirrors, tables_of, upwards
+from scenes import small_spec
 from tir_lenses import spot_lens
 
 from lensforge.cad.body_export import build_body
@@ -14,15 +15,18 @@ from lensforge.cad.step import step_bytes
 from lensforge.kernels.fate import Fate
 from lensforge.light.table_trace import Scene, TracedBundle
 from lensforge.optics.face_roles import OUTSIDE
-from lensforge.proof.casts import expected_of
+from lensforge.proof.casts import expected_of, traced_exactly
 from lensforge.proof.facet_casting import Grid
 from lensforge.proof.part_mesh import read_part_mesh
-from lensforge.proof.proof_inputs import optical_of
+from lensforge.proof.proof_inputs import optical_at_work, optical_of
 from lensforge.proof.sequential_cast import CastBody, CastFate, MeshBody, send_through_body
 from lensforge.proof.step_body import StepBody
 from lensforge.scene.body import Body
+from lensforge.scene.lens import Lens
+from lensforge.scene.rough_faces import with_facets
 from lensforge.sources.build_source import build_source
 from lensforge.spec import BaseSection
+from lensforge.surfaces.asphere import sphere
 from lensforge.surfaces.bicubic_table import TableGrid
 
 BODY = collimator(0.05)
@@ -84,3 +88,25 @@ def test_the_way_of_the_design_is_told_by_the_faces_of_the_part() -> None:
     count = {way: ways.count(way) for way in set(ways)}
     usual = {way: count[way] for way in (("cap", "exit"), ("side", "wall", "exit"))}
     assert min(usual.values()) > 100 and sum(usual.values()) > 0.99 * landed.sum() > 900
+
+
+def test_the_landings_of_the_design_are_by_the_faces_that_are_asked_for() -> None:
+    """Of a frosted lens with its facets, or where it is polished, and with tables of another lens."""
+    frosted, plain, wider = (
+        Lens.double(sphere(2.0), sphere(radius), small_spec(**changes), 0, "draft")
+        for radius, changes in (
+            (6.0, {"lens__outer__scatter": {"kind": "gaussian", "sigma_deg": 5.0}}), (6.0, {}), (6.3, {})
+        )
+    )  # fmt: skip
+    rays = with_facets(upwards(200, 5, 0.5), 1)
+    optical = optical_at_work(plain)
+
+    def hits(lens: Lens, **asked: object) -> np.ndarray:
+        (found,) = expected_of(lens, None, rays, optical, **asked)
+        return found.landings
+
+    polished = hits(plain)
+    np.testing.assert_array_equal(hits(frosted, polished=True), polished)
+    np.testing.assert_array_equal(hits(plain, traced=traced_exactly(wider)), hits(wider))
+    for other in (hits(frosted), hits(wider)):
+        assert np.nanmedian(np.linalg.norm(other - polished, axis=1)) > 0.1

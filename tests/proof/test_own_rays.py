@@ -162,8 +162,8 @@ def test_their_light_is_among_what_every_proof_is_judged_by(small_run: lf.Run) -
     second = first.model_copy(update={"name": "wall"})
     limits = {criterion.key: criterion.limit for criterion in proof.criteria}
     assert limits["own_rays_emission"] == MOST_APART
-    for factor, passed in ((0.99, True), (1.01, False)):
-        light = own.efficiency_design.value + factor * limits["own_rays_efficiency"]
+    for factor, sign, passed in ((0.99, 1.0, True), (1.01, 1.0, False), (0.99, -1.0, True), (1.01, -1.0, False)):
+        light = own.efficiency_design.value + sign * factor * limits["own_rays_efficiency"]
         worse = {
             "efficiency": own.efficiency.model_copy(update={"value": light}),
             "nmse_less_noise": own.nmse_less_noise.model_copy(update={"value": factor * limits["own_rays_nmse"]}),

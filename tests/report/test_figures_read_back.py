@@ -5,8 +5,9 @@ import pytest
 from made_photometry import make_photometry
 from result_folders import small_lens
 
+from lensforge.made.tolerance_result import MetricBound
 from lensforge.report import light_figures
-from lensforge.report.study_figures import ground_diagram, polar_diagram
+from lensforge.report.study_figures import distribution, ground_diagram, polar_diagram
 from lensforge.results.chart import Chart, light_unit
 from lensforge.shop import surface_figures
 
@@ -71,6 +72,31 @@ def test_lux_on_the_ground_are_those_of_all_lenses_at_the_height_of_the_pole() -
         [share * top for share in (0.01, 0.05, 0.2, 0.5)], rel=0.15
     )
     assert any("of the maximum" in line.get_label() for line in relative.lines)
+
+
+PARTS = np.array([4.0, 1.0, 3.0, 2.0])
+
+
+@pytest.mark.parametrize(("designed", "low", "high"), [(4.5, 0.5, 5.0), (5.5, 0.0, 7.0), (-40.0, -3.0, 4.3)])
+def test_the_distribution_of_parts_shows_all_bounds_near_them_and_their_wrong_sides(designed, low, high) -> None:
+    """The parts are 3 wide, and 4.5 beside them is as far as anything is shown."""
+    bounds = [
+        MetricBound(metric="x", sense=sense, bound=bound, unit="") for sense, bound in (("<=", high), (">=", low))
+    ]
+    axes = distribution(PARTS, designed, bounds, "x (mm)", share=False).axes[0]
+    shares, *verticals = axes.lines
+    assert shares.get_xydata().tolist() == [[1.0, 25.0], [2.0, 50.0], [3.0, 75.0], [4.0, 100.0]]
+    assert shares.get_drawstyle() == "steps-post", "so many have at most the value"
+    near = [designed] if designed > -4.0 else []
+    drawn = [(line.get_xdata()[0], line.get_label()) for line in verticals]
+    assert drawn == [*((value, "as designed") for value in near), (high, "bound"), (low, drawn[-1][1])]
+    assert drawn[-1][1].startswith("_"), "one entry in the legend"
+    ends = [*PARTS, low, high, *near]
+    margin = 0.04 * np.ptp(ends)
+    left, right = min(ends) - margin, max(ends) + margin
+    assert axes.get_xlim() == pytest.approx((left, right))
+    spans = [patch.get_extents().transformed(axes.transData.inverted()).intervalx for patch in axes.patches]
+    np.testing.assert_allclose(spans, [(high, right), (left, low)], atol=1e-9)
 
 
 def test_maps_of_a_face_have_x_to_the_right_and_lengths_as_they_can_be_read() -> None:

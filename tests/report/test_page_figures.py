@@ -4,13 +4,13 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
-from result_folders import face_maps, make_design, make_light, small_lens
+from result_folders import face_maps, make_check, make_design, make_light, small_lens
 
 from lensforge.light.receiver_light import Flux, MissedByCause
 from lensforge.report import lens_figures, light_figures
 from lensforge.results.chart import WATTS, Chart, LightUnit
 from lensforge.results.figure_style import INK, to_svg
-from lensforge.shop import surface_figures
+from lensforge.shop import shop_files, surface_figures
 from lensforge.spec import BaseSection
 
 SIDE = 200.0
@@ -172,6 +172,27 @@ def test_the_curvature_map_marks_the_mill_only_where_it_is_too_large():
     assert path[:, 1] == pytest.approx(-0.4, abs=0.02), "where -0.8 + 0.5 Y = -1, along Y and not X"
     fitting = surface_figures.curvature_map(kappa, 0.5).axes[0]
     assert not [item for item in fitting.collections if hasattr(item, "levels")]
+
+
+@pytest.mark.parametrize("radius_mm", [1.0, None])
+def test_pictures_of_a_handover_are_of_their_faces_with_the_line_of_the_tool(radius_mm):
+    check = make_check(small_lens())
+    inner = check.faces["inner"]
+    cutter = None if radius_mm is None else inner.cutter.model_copy(update={"radius_mm": radius_mm})
+    twice = {name: 2.0 * values for name, values in face_maps().items()}
+    faces = {"inner": inner.model_copy(update={"cutter": cutter}), "outer": inner.model_copy(update=twice)}
+    pictures = shop_files._pictures(check.model_copy(update={"inner": faces["inner"], "outer": faces["outer"]}))
+    assert [title.partition(":")[0] for title, _ in pictures] == ["outer", "outer", "inner", "inner"]
+    for (title, sag), (_, curved), face in zip(pictures[::2], pictures[1::2], list(faces.values())[::-1], strict=True):
+        assert title.endswith("departure from the best-fit sphere")
+        for figure, values in ((sag, face.sag_mm), (curved, face.kappa_min)):
+            shown = np.ma.filled(figure.axes[0].images[0].get_array(), np.nan)
+            known = np.isfinite(shown) & np.isfinite(values.T)
+            assert known.sum() > 50 and shown[known] == pytest.approx(values.T[known])
+        levels = [list(item.levels) for item in curved.axes[0].collections if hasattr(item, "levels")]
+        assert levels == ([] if face.cutter is None else [[-1.0 / face.cutter.radius_mm]])
+    told = f"; line: where a ball of {radius_mm:g} mm just fits" if radius_mm else ""
+    assert pictures[3][0] == f"inner: smaller principal curvature{told}"
 
 
 def test_maps_have_x_to_the_right_and_lose_no_sample():

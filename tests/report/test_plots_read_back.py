@@ -35,6 +35,7 @@ def test_the_parts_of_a_study_have_their_design_and_their_bound():
     for metric, number in (("nmse", 0), ("share_in_target", 1)):
         curves = curves_of(study.plot(metric=metric))
         assert curves["parts"][0].tolist() == sorted(study.column(metric).tolist())
+        assert curves["parts"][1] == pytest.approx([100.0 * k / study.parts for k in range(1, study.parts + 1)])
         assert curves["as designed"][0][0] == study.metrics[metric].designed.value
         assert curves["bound"][0][0] == study.bounds[number].bound
 

@@ -2,6 +2,7 @@
 
 from contextlib import nullcontext
 from dataclasses import replace
+from itertools import product
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -20,7 +21,7 @@ from lensforge.report.headline import headline
 from lensforge.report.results import Results
 from lensforge.report.stored import load_results
 from lensforge.results import Fact, Metric
-from lensforge.results.verdict import Verdict, worst
+from lensforge.results.verdict import TITLES, Verdict, worst
 from lensforge.scene.lens import Lens
 
 TRANSMITTED = (1.0 - (0.4936 / 2.4936) ** 2) ** 2  # of PMMA's two faces at normal incidence: 0.9232
@@ -306,3 +307,25 @@ def test_the_criteria_that_are_missed_are_counted_and_named(missed: int, words: 
     results = make_results(design={"criteria": (*criteria, criterion("held", 0.5, 1.0))})
     count = len([1 for _ in results.criteria()])
     assert headline(results).criteria == f"{missed} of {count} criteria on simulation and files {words}"
+
+
+@pytest.mark.parametrize("cutting", [False, True])
+@pytest.mark.parametrize("parts", [(), ("light",), ("files", "cutting"), ("light", "files", "cutting")])
+def test_an_exit_names_what_fails_and_has_the_reasons_of_that_alone(cutting: bool, parts: tuple[str, ...]) -> None:
+    """Over all states of the three; what is undecided has a reason, too, and fails nothing."""
+    for states in product(("pass", "fail", "undecided"), repeat=3):
+        of_name = dict(zip(TITLES, states, strict=True))
+        reasons = {
+            name: [] if state == "pass" else [(state, f"{name} {state}, {k}") for k in range(2)]
+            for name, state in of_name.items()
+        }
+        verdict = Verdict.of(**reasons)
+        assert verdict.states == of_name
+        asked = [name for name in parts or TITLES if cutting or name != "cutting"]
+        failed = [name for name in asked if of_name[name] == "fail"]
+        with pytest.raises(CriterionMissed) if failed else nullcontext() as missed:
+            verdict.require(cutting=cutting, parts=parts)
+        if failed:
+            named, _, told = str(missed.value).partition(": ")
+            assert named == ", ".join(TITLES[name] for name in failed)
+            assert told.split("; ") == [f"{name} fail, {k}" for name in failed for k in range(2)]

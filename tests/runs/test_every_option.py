@@ -273,3 +273,25 @@ def test_an_option_is_seen(name: str, flag: str, tmp_path: Path) -> None:
 @pytest.mark.parametrize("name", sorted(all_commands()))
 def test_every_option_has_a_row(name: str) -> None:
     assert options_of(name) == ({*HEARD[name], *OUTPUT} if name in HEARD else set(SHOWN[name][1]))
+
+
+@pytest.mark.parametrize("quiet", [[], ["--quiet"]])
+@pytest.mark.parametrize("told", [{}, {"notes": ("a note",)}, {"notes": ("a note",), "warnings": ("rough", "dark")}])
+def test_notes_and_warnings_of_a_result_are_told(
+    told: dict[str, tuple[str, ...]],
+    quiet: list[str],
+    calls: Calls,
+    places: dict[str, Path],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """On standard error, also in silence: of a stage, and the notes of a handover."""
+    monkeypatch.setattr("lensforge.verbs.FolderStage.run_in", lambda *_, **__: SimpleNamespace(**told))
+    lines = invoked("photometry", places["folder"], *quiet).stderr.splitlines()
+    sentences = [sentence for group in told.values() for sentence in group]
+    assert [line for line in lines if line.endswith(("a note", "rough", "dark"))] == [
+        f"warning: {sentence}" for sentence in sentences
+    ]
+    made = SimpleNamespace(notes=told.get("notes", ()), save=lambda _: None)
+    monkeypatch.setattr("lensforge.cli.stages.make_handover", lambda *_, **__: made)
+    lines = invoked("handover", places["folder"], *quiet).stderr.splitlines()
+    assert sum(line.endswith("a note") for line in lines) == len(made.notes)

@@ -31,6 +31,7 @@ from lensforge.sources.build_source import SquareEmitter, build_source
 from lensforge.sources.ray_bundle import RayBundle
 from lensforge.spec import Spec, load_spec
 from lensforge.spec.source_sections import RaySource
+from lensforge.surfaces.mirror_group import REVOLUTION
 
 SQUARE = SquareEmitter(2.0)
 RAYS = SQUARE.sample(2**14, 0)
@@ -242,6 +243,21 @@ def test_the_bounds_of_a_region_are_those_of_its_solid_angle_and_of_the_cone_aro
         for flux, way, index in zip(bundle.flux, bundle.directions, INDICES, strict=True)
     )
     assert found.by_refraction == pytest.approx(passed / bundle.flux.sum(), rel=1e-9)
+
+
+@pytest.mark.parametrize("media", MEDIA.values(), ids=list(MEDIA))
+def test_a_lens_of_revolution_sends_what_it_transmits_to_an_arc_and_all_else_around(media: Media) -> None:
+    """One pixel in a corner of the far field, as wide as the azimuths of its corners."""
+    receiver = RECEIVERS["far field"]
+    pixel = np.zeros((4, 6), dtype=bool)
+    pixel[3, 5] = True
+    azimuths = np.arctan2(*receiver.corners()[3:, 5:, 1::-1].reshape(-1, 2).T)
+    share = np.ptp(azimuths) / (2.0 * math.pi)
+    assert 0.02 < share < 0.2
+    around = PossibleLight(replace(light(media), round_by=REVOLUTION), receiver, ExitBall(4.0))
+    found = around.in_region(pixel)
+    assert around.light.transmittance < 0.95
+    assert found.by_symmetry == pytest.approx(around.light.transmittance * share, rel=1e-9)
 
 
 def test_a_larger_lens_holds_a_share_by_the_square_of_its_radius() -> None:

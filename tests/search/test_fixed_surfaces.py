@@ -50,6 +50,18 @@ def test_the_gradient_of_the_free_surface_is_right_and_that_of_the_fixed_one_not
     assert np.allclose(weights.grad[:, 1].numpy(), 6.0 * np.array(each), rtol=1e-12)
 
 
+def test_the_grid_resolves_a_fixed_face_that_is_narrower_than_all_functions() -> None:
+    """A dome with a tip, 0.24 rad wide; the functions of the other face are wider."""
+    tip = {"kind": "asphere", "vertex_z_mm": 6.0, "radius_mm": -0.2, "conic_constant": -2.0}
+    lens = {"inner": {"offset_mm": 3.0}, "outer": {"fixed": tip}, "levels": [4]}
+    free = {**lens, "outer": {"offset_mm": 6.0}}
+    grid, alone = (
+        SphereParameters.of(small_spec(lens=faces, optimise__steps_per_level=[1]), 4.0).grid for faces in (lens, free)
+    )
+    face = Asphere(6.0, -0.2, -2.0)
+    assert 2.0 * grid.step <= face.detail_rad / 4.0 < 0.8 * (2.0 * alone.step)
+
+
 def test_rays_refract_at_the_sphere_itself() -> None:
     """Snell's law at the fixed sphere and at a concentric one, in closed form."""
     spec = small_spec(**FIXED_INNER)

@@ -14,6 +14,7 @@ from lensforge.search.tool_costs import _cost, holding_tools, tool_costs
 from lensforge.spec.accuracy import AnyAccuracy, preset_of
 
 RAYS = 131072  # of each light that is compared
+FREE = SimpleNamespace(accuracy="draft")  # that a search without limits finds
 BALL_MM = 2.5  # so large that the first steps are at it
 MILLED = {"process": "milled", "cutter_radius_mm": BALL_MM, "required": True}
 
@@ -108,10 +109,10 @@ def test_shorter_steps_are_tried_where_the_usual_ones_gain_nothing(gaining, rate
     def search(spec: lf.Spec, *_: object, accuracy: AnyAccuracy, **__: object) -> SimpleNamespace:
         rates.append(preset_of(accuracy).effort.learning_rate / preset_of("draft").effort.learning_rate)
         is_free = spec.manufacture.process == "none"
-        return SimpleNamespace(kept_start=not is_free or rates[-1] not in gaining, lens="free")
+        return SimpleNamespace(kept_start=not is_free or rates[-1] not in gaining, lens=FREE)
 
-    def light(lens: object, rays: int) -> SimpleNamespace:
-        share = 0.8 if lens == "free" else 0.7 if lens is made.lens else None
+    def light(lens: object, **_: object) -> SimpleNamespace:
+        share = 0.8 if lens is FREE else 0.7 if lens is made.lens else None
         return SimpleNamespace(nmse=None, cases=lambda: iter([SimpleNamespace(result=figures(share))]))
 
     def figures(share: float | None) -> SimpleNamespace:
@@ -134,10 +135,10 @@ def test_a_study_ends_with_its_first_search_where_that_gains_less_than_is_told(g
 
     def search(spec: lf.Spec, *_: object, accuracy: AnyAccuracy, **__: object) -> SimpleNamespace:
         rays.append(preset_of(accuracy).design_rays)
-        return SimpleNamespace(kept_start=spec.manufacture.process != "none", lens="free")
+        return SimpleNamespace(kept_start=spec.manufacture.process != "none", lens=FREE)
 
-    def light(lens: object, rays: int) -> SimpleNamespace:
-        figures = SimpleNamespace(efficiency=Metric(value=0.7 + gain if lens == "free" else 0.7))
+    def light(lens: object, **_: object) -> SimpleNamespace:
+        figures = SimpleNamespace(efficiency=Metric(value=0.7 + gain if lens is FREE else 0.7))
         return SimpleNamespace(nmse=None, cases=lambda: iter([SimpleNamespace(result=figures)]))
 
     monkeypatch.setattr("lensforge.search.optimiser.search", search)

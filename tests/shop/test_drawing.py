@@ -25,7 +25,7 @@ from lensforge.shop.datums import datum_scheme
 from lensforge.shop.dimensions import dimensions
 from lensforge.shop.drawing import SIZES, _notes_box, drawing_content, inside_of, make_sheet, unit_of
 from lensforge.shop.sheet import TYPEFACE, Marks, Sheet, SheetText, box_of, shown
-from lensforge.shop.sheet_marks import axes_mark, dimension_text, strokes_of, text_span
+from lensforge.shop.sheet_marks import axes_mark, dimension_text, paragraphs_in, strokes_of, text_span
 from lensforge.shop.sheet_tables import _texture, index_wavelength, tolerance_table
 from lensforge.shop.sheet_writers import _write_text, sheet_dxf, sheet_pdf
 from lensforge.shop.view_drawing import SCALES, _candidates
@@ -321,6 +321,18 @@ def test_long_words_are_cut_to_their_cells_and_notes_that_do_not_fit_say_so(chec
         assert left > 20.0 and right < sheet.size_mm[0] - 10.0, words.text
     assert any(words.text.endswith("…") and words.text.startswith("Drawn: x") for words in sheet.marks.texts)
     assert sum(words.text.startswith("More notes") for words in sheet.marks.texts) == 1
+
+
+@pytest.mark.parametrize("count", [1, 9, 10, 40])
+def test_paragraphs_stay_in_their_box_and_the_last_line_tells_of_those_that_do_not_fit(count):
+    """Nine lines of 2.5 mm fit into 42 mm."""
+    lines = paragraphs_in((30.0, 100.0, 130.0, 142.0), [f"note {number}" for number in range(1, count + 1)], 1.0)
+    shown = [f"{number}. note {number}" for number in range(1, count + 1)]
+    if count > 9:
+        shown[8:] = ["More notes: on manufacturing.html."]
+    assert [line.text for line in lines] == shown
+    heights = [line.at[1] for line in lines]
+    assert sorted(heights, reverse=True) == heights and heights[-1] > 100.0 and heights[0] < 142.0 - lines[0].height_mm
 
 
 def test_the_second_section_is_cut_where_the_part_differs_and_named_where_it_is_cut(parts, drawings):

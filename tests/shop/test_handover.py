@@ -10,6 +10,7 @@ import pytest
 import trimesh
 from shop_lenses import small_lens
 
+from lensforge.cad.mesh_files import parse_named_3mf
 from lensforge.cad.part_export import build_part
 from lensforge.errors import InputError
 from lensforge.report.results import Results, handover
@@ -18,6 +19,7 @@ from lensforge.results.criteria import at_least
 from lensforge.shop.check import check_lens
 from lensforge.shop.check_facts import finding_groups
 from lensforge.shop.findings import as_finding
+from lensforge.shop.part_models import _rays_by_end
 from lensforge.shop.point_tables import GridRequest
 from lensforge.shop.shop_files import make_handover
 
@@ -124,11 +126,27 @@ def test_lamps_without_a_plate_stand_in_a_model_of_all():
     places = [[0.0, 0.0, 0.0], [30.0, -2.0, 1.5], [-4.0, 25.0, 0.0]]
     lens = small_lens({"kind": "none"}, lamps={"kind": "table", "places_mm": places, "turns_deg": [0.0, 40.0, 0.0]})
     part = build_part(lens, rings=12)
-    models = make_handover(part, check_lens(lens, part.nodes), [], COARSE).models
-    assert list(models) == ["lens.glb", "lamps.glb"]
+    models = make_handover(part, check_lens(lens, part.nodes), [], COARSE, rays=40).models
+    assert list(models) == ["lens.glb", "lens_rays.glb", "lamps.glb"]
     scene = trimesh.load_scene(io.BytesIO(models["lamps.glb"]), file_type="glb")
     for number, (x, y, z) in enumerate(places, 1):
         np.testing.assert_allclose(scene.graph[f"shop {number}"][0][:3, 3], [1e-3 * x, 1e-3 * z, -1e-3 * y], atol=1e-12)
+
+
+def test_the_model_with_rays_has_each_ray_of_the_led_in_the_lines_of_its_end():
+    """A sphere about a shifted LED: rays that leave end at three times the part's largest distance from the origin."""
+    led = {"kind": "square", "side_mm": 1.0, "position_mm": [0.4, -0.3, 0.0]}
+    lens = small_lens({"kind": "none"}, source=led)
+    part = build_part(lens, rings=12)
+    lines = _rays_by_end(lens, parse_named_3mf(part.threemf), 64)
+    assert sum(len(line.places_mm) for line in lines.values()) == 64
+    starts = np.array([places[0] for line in lines.values() for places in line.places_mm])
+    half = 0.5 * lens.spec.source.side_mm
+    assert (np.abs(starts - [0.4, -0.3, 0.0]) <= [half, half, 0.0]).all() and len(np.unique(starts, axis=0)) == 64
+    reach_mm = 3.0 * np.linalg.norm(parse_named_3mf(part.threemf).vertices, axis=1).max()
+    ends = np.array([places[-1] for places in lines["rays: leaves"].places_mm])
+    assert np.linalg.norm(ends, axis=1) == pytest.approx(reach_mm)
+    assert len({line.colour for line in lines.values()}) == len(lines)
 
 
 @pytest.fixture(scope="module")

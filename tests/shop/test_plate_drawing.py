@@ -189,8 +189,10 @@ def test_sizes_read_back_from_the_dxf_are_those_of_the_design(part: Part, name: 
             for dimension in sheet.marks.dimensions
             if dimension.name == f"pitch of the lenses along {'xy'[axis]}"
         )
-        ends = [(end[axis] - sheet.origin[axis]) / sheet.scale for end in (pitch.start, pitch.end)]
-        assert ends == pytest.approx([-outermost, outermost]), "the outermost axes"
+        ends = [(np.array(end) - sheet.origin) / sheet.scale for end in (pitch.start, pitch.end)]
+        assert [end[axis] for end in ends] == pytest.approx([-outermost, outermost]), "the outermost axes"
+        places = np.array(lens.spec.all_lamps.places_mm)
+        assert all(np.abs(places - end).sum(axis=1).min() < 1e-9 for end in ends), "both at lenses"
     texts = {dimension.name: dimension.text for dimension in sheet.marks.dimensions}
     assert texts["pitch of the lenses along x"] == "2 × 20.000 = 40.000"
     assert texts["pitch of the lenses along y"] == "25.000"
@@ -239,9 +241,14 @@ def test_the_handover_has_both_drawings(part: Part) -> None:
     assert {"plate.pdf", "plate.dxf", "lens.glb", "plate.glb"} < set(made.files) and made.files["plate.pdf"].startswith(
         b"%PDF"
     )
+    largest = {}
+    for name in ("plate.dxf", "drawing.dxf"):
+        sizes = ezdxf.read(io.StringIO(made.files[name].decode("utf-8"))).modelspace().query("DIMENSION")
+        largest[name] = max(size.get_measurement() * size.override().get("dimlfac", 1.0) for size in sizes)
     plate = trimesh.load_scene(io.BytesIO(made.models["plate.glb"]), file_type="glb")
     low, high = np.array(part.plate.bounds_mm if part.plate else [])
     np.testing.assert_allclose(1e3 * plate.bounds[1], [high[0], high[2], -low[1]], atol=1e-5)
+    assert largest["plate.dxf"] == pytest.approx(max(high - low), abs=1e-3) and largest["drawing.dxf"] < 0.7 * max(high)
     page = made.html.decode("utf-8")
     assert page.count('<figure class="drawing">') == 2 and made.sha256["plate.dxf"] in page
     assert page.index("plate of 6 lenses") < page.index("sheet 1 of 2") < page.index("sheet 2 of 2"), "the plate first"

@@ -69,9 +69,10 @@ def test_rays_that_name_their_table_are_drawn_from_it(tmp_path):
     waves = sample({"kind": "rayfile", "file": str(tmp_path / "led.ray")}, count=5).wavelengths_nm
     np.testing.assert_allclose(waves, [450.0, 600.0, 600.0, 450.0, 600.0], atol=5.0)
     assert decode(image(with_spectrum_numbers([1, 2, 2]))).warnings == ()
-    (tmp_path / "led.ray").write_bytes(with_spectrum_numbers([1, 3, 2]))
-    with pytest.raises(InputError, match="spectrum number 3 of a ray: 1 to 2"):
-        sample({"kind": "rayfile", "file": str(tmp_path / "led.ray")})
+    for wrong in (3, 0, -1):
+        (tmp_path / "led.ray").write_bytes(with_spectrum_numbers([1, wrong, 2]))
+        with pytest.raises(InputError, match=f"spectrum number {wrong} of a ray: 1 to 2"):
+            sample({"kind": "rayfile", "file": str(tmp_path / "led.ray")})
 
 
 def test_several_tables_that_nobody_claims_are_refused(tmp_path):

@@ -109,6 +109,15 @@ def test_what_is_taken_is_said_and_nothing_else(text, words, tmp_path):
     assert len(found) == len(words) and all(word in line for word, line in zip(words, found, strict=True)), found
 
 
+@pytest.mark.parametrize("line", [*range(13, 22), 25, 27, 32, 33, 38, 39, 44])
+def test_a_word_for_a_number_is_told_by_its_line_in_each_set_of_lamps(line, tmp_path):
+    """Sizes, tilt, and of three sets the number of lamps and the watts; the light is that of the file without it."""
+    text = _ldt({line: "2x18"}, sets=SETS)
+    (told,) = [words for words in _read(tmp_path, text).warnings if "where EULUMDAT has a number" in words]
+    assert told == f"line {line}: '2x18' where EULUMDAT has a number: left out"
+    assert _read(tmp_path, text).intensity.flux() == _read(tmp_path, _ldt(sets=SETS)).intensity.flux()
+
+
 @pytest.mark.parametrize("line", [27, 29, 32, 59])
 def test_thousands_beside_decimals_are_refused_wherever_they_stand(line, tmp_path):
     changes = {line: "1,200", 24: "1.5"} if line < 33 else {24: "1.5"}

@@ -91,6 +91,22 @@ def test_rays_of_chips_disperse_by_the_spectra_of_their_own(proof: bool) -> None
     assert (low < 440.0, high > 640.0) == (True, True)
 
 
+def test_what_is_beyond_the_known_index_counts_by_the_flux_of_each_chip() -> None:
+    """Chips of 3 W and 1 W, the second with more light where the index is extrapolated."""
+    pmma = MATERIALS["PMMA"]
+    spectra = lf.GaussianSpectrum(peak_nm=630.0, fwhm_nm=100.0), lf.GaussianSpectrum(peak_nm=415.0, fwhm_nm=24.0)
+    fluxes = (3.0, 1.0)
+    lit = [chip.model_copy(update={"flux_w": flux}) for chip, flux in zip(chips(*spectra).chips, fluxes, strict=True)]
+    alone = [build_source(chips(spectrum), pmma).index_range for spectrum in spectra]
+    both = build_source(lf.ChipsSource(chips=lit), pmma).index_range
+    shares = [each.extrapolated_index_share for each in alone]
+    assert shares[0] < 0.1 * shares[1] and shares[1] > 0.05
+    assert both.extrapolated_index_share == pytest.approx((3.0 * shares[0] + shares[1]) / 4.0)
+    assert both.clamped_index_share == pytest.approx(
+        (3.0 * alone[0].clamped_index_share + alone[1].clamped_index_share) / 4.0
+    )
+
+
 @pytest.mark.parametrize("material", [None, "PMMA"])
 def test_several_ray_files_have_a_colour_each(material: str | None, tmp_path: Path) -> None:
     """The mean over many rays is that of the parts by their power, dispersed or not; a file's own spectrum decides."""

@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 from rayfile_samples import encoded, image, rays
 
-from lensforge.errors import InputError
-from lensforge.sources.rayfiles.ray_file_io import decode
+import lensforge as lf
+from lensforge.errors import FileWarning, InputError
+from lensforge.sources.light_files import holds_far_field
+from lensforge.sources.rayfiles.ray_file_io import decode, is_rayfile
 
 TABLE = "x_mm,y_mm,z_mm,kx,ky,kz,flux_w,wavelength_nm\n0.5,-1.25,1000,0,0.6,0.8,0.125,450\n1,2,3,0,0,1,2.5e-1,550.5\n"
 GERMAN = TABLE.replace(",", ";").replace(".", ",")
@@ -77,6 +79,17 @@ def test_a_sign_that_changes_far_down_is_refused():
         decode(image(f"x_mm;y_mm;z_mm;kx;ky;kz;flux_w\n{rows.replace(',', '.')}1;1;1;0;0;1;1,5\n".encode()))
 
 
+@pytest.mark.parametrize("added", [(), ("angle",), ("r_std", "run")])
+def test_columns_of_rays_that_are_not_used_are_told(added):
+    names, *rows = (line.split(",") for line in TABLE.splitlines())
+    wide = [[f"{k}7" for k, _ in enumerate(added)] + row for row in rows]
+    content = "\n".join(",".join(row) for row in ([*added, *names], *wide)) + "\n"
+    found = decode(image(content.encode()))
+    assert found.warnings == ((f"columns that are not used: {', '.join(map(repr, added))}",) if added else ())
+    assert found.positions_mm.tolist() == [[0.5, -1.25, 1000.0], [1.0, 2.0, 3.0]]
+    assert found.header["columns"] == [*added, *names]
+
+
 def test_text_of_other_programs_may_have_decimal_commas():
     zemax = "2 4\n1,5 2 3 0 0 1 0,5\n4 5 6,25 0 0,6 0,8 0,25\n"
     for content in (zemax.encode(), zemax.replace("\n", "\r").encode("utf-16")):
@@ -108,3 +121,22 @@ def test_each_unit_of_a_table_of_rays(unit, mm):
     found = decode(image((head + "1.5;2;3;0;0.6;0.8;250;0.4505\n").encode()))
     np.testing.assert_allclose(found.positions_mm, mm * np.array([[1.5, 2.0, 3.0]]), rtol=1e-6)
     assert (found.flux[0], found.wavelengths_nm[0]) == pytest.approx((0.25, 450.5)) and found.flux_unit == "W"
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-16"])
+def test_rays_that_are_named_as_a_far_field_are_read_as_rays(encoding, tmp_path):
+    path = tmp_path / "led.ies"
+    path.write_bytes(TABLE.encode(encoding))
+    assert is_rayfile(path) and not holds_far_field(path) and lf.rays(path).rays == 2
+    path.write_bytes("x_mm,y_mm\n1,2\n".encode(encoding))
+    assert not is_rayfile(path) and holds_far_field(path), "by its name alone"
+    assert not is_rayfile(tmp_path) and not is_rayfile(tmp_path / "none.ray")
+
+
+def test_a_doubt_on_commas_is_told_once_by_the_name_of_the_file(tmp_path):
+    path = tmp_path / "led.csv"
+    path.write_text(f"{TABLE.splitlines()[0]}\n1,2,0,0,0,1,1,450\n0,3,1,0,0,1,1,520\n")
+    with pytest.warns(FileWarning) as told:
+        assert lf.rays(path).rays == 2
+    (warning,) = told
+    assert str(warning.message).startswith(f"{path}: no number has a decimal point: its commas are taken to separate")

@@ -110,6 +110,7 @@ def test_a_plate_is_read_as_it_was_written(tmp_path: Any) -> None:
         ({"bosses": [{**BOSS, "bore_depth_mm": 5.0}]}, GRID, "bore_depth_mm = 5: goes through the plate; .* 5,"),
         ({"bosses": [{**BOSS, "place_mm": [20.0, 8.0]}]}, GRID, "bosses.0: .* meets a lens of 7 mm radius, 7 mm away"),
         ({"gate": {"place_mm": [25.0, 0.0], "width_mm": 6.0}}, GRID, r"place_mm = \(25, 0\): 4 mm inside the outline"),
+        ({"gate": {"place_mm": [31.5, 0.0], "width_mm": 6.0}}, GRID, r"\(31.5, 0\): 2.5 mm outside of the outline"),
         ({"gate": {"place_mm": [29.0, 14.0], "width_mm": 6.0}}, GRID, "gate: 2.055 mm from a lens, but clear_mm = 3;"),
         ({"gate": GATE, "holes": [{**MIDDLE, "place_mm": [25, 0]}]}, GRID, "gate: 2 mm from plate.holes.0, but"),
     ],

@@ -192,16 +192,30 @@ def values(case):
         known |= {f"{start}{key}": each[key] for key in ("nmse_same_rays", "nmse_vs_design")}
         known[f"{start}fate_disagreement_flux"] = each["against_design"]["fates_flux"]
         known[f"{start}brep_fate_disagreements"] = each["brep"]["against_design"]["fates"]
-    known |= {f"{form['name']}: form": form["off_um"] for form in found["forms"]}
+        own = each["own_rays"]
+        known[f"{start}own_rays_efficiency"] = abs(own["efficiency"]["value"] - own["efficiency_design"]["value"])
+        known[f"{start}own_rays_nmse"] = own["nmse_less_noise"] and own["nmse_less_noise"]["value"]
+    known |= size_changes(found["sizes"]) | {f"{form['name']}: form": form["off_um"] for form in found["forms"]}
     known |= {f"{form['name']}: gaps": form["open_edges"] + len(form["lacking"]) for form in found["forms"]}
     return known | {f"{lit['name']}: {lamps_in(case)}_nmse_vs_sum": lit["nmse_vs_sum"] for lit in found["together"]}
+
+
+def size_changes(sizes):
+    """Relative changes of volume and area, and the largest change (mm) of a side of the box, of each file."""
+    known = {}
+    for start, file in (("", sizes["mesh"]), ("brep_", sizes["step"])) if sizes else ():
+        exported, size = sizes["exported"], file["size"]
+        known |= {f"{start}{key}_change": abs(size[f"{key}_{unit}"] / exported[f"{key}_{unit}"] - 1.0)
+                  for key, unit in (("volume", "mm3"), ("area", "mm2"))}  # fmt: skip
+        known[f"{start}box_change"] = float(np.abs(np.subtract(size["bounds_mm"], exported["bounds_mm"])).max())
+    return known
 
 
 def criterion_record(case, found):
     name = found["name"]
     limit = limits(case)[found["name"]]
     return {
-        "name": name, "value": values(case).get(name, ...), "sense": "<=", "limit": near(limit, 1e-9), "unit": ...,
+        "name": name, "value": values(case)[name], "sense": "<=", "limit": near(limit, 1e-9), "unit": ...,
         "tolerance": 0.0, "remedy": ..., "passed": found["value"] <= limit,
     }  # fmt: skip
 

@@ -21,7 +21,7 @@ from lensforge.report.sweep import Sweep
 from lensforge.report.sweep_runs import run_sweep
 from lensforge.report.variation import ONE_FOR_ALL, sources_of
 from lensforge.search.checkpoint import CHECKPOINT
-from lensforge.spec.source_list import read_sources, require_told_apart
+from lensforge.spec.source_list import read_sources, require_told_apart, source_with_file
 
 pytestmark = pytest.mark.usefixtures("undrawn")
 
@@ -168,6 +168,27 @@ def test_lists_are_files_patterns_tables_and_sections(examples: Path, tmp_path: 
     )
     (third,) = read_sources([sections], own)
     assert third.source.file == tmp_path / "a.tm25ray"
+
+
+def test_a_file_in_the_place_of_a_ray_file_is_placed_and_read_as_that_was(tmp_path: Path) -> None:
+    """All fields but the file; of a row of a table that states its light, none of what the spec states of that."""
+    (tmp_path / "b.ray").touch()
+    placed = {
+        "origin": (0.1, 0.2, -0.3), "scale": 1.5, "axis": "-x", "mirror": "y", "model": "rays", "rotate_z_deg": 30.0,
+        "tilt_deg": (4.0, -5.0), "position_mm": (0.5, 0.0, 0.1), "spectrum": {"kind": "line", "wavelength_nm": 620.0},
+    }  # fmt: skip
+    own = lf.RayfileSource(file=tmp_path / "a.ray", flux_lm=90.0, luminous_efficacy_lm_per_w=200.0, **placed)
+    assert {*placed, "flux_lm", "luminous_efficacy_lm_per_w", "file", "kind", "flux_w"} == {
+        *lf.RayfileSource.model_fields
+    }
+    kept = own.model_copy(update={"file": tmp_path / "b.ray"})
+    assert source_with_file(own, tmp_path / "b.ray") == kept
+    assert [led.source for led in read_sources([tmp_path / "b.ray", tmp_path / "*.ray"], own)] == [kept, kept]
+    table = tmp_path / "leds.csv"
+    table.write_text("file,flux_w\nb.ray,0.25\n", encoding="utf-8")
+    (of_table,) = read_sources([table], own)
+    lit = {"flux_w": 0.25, "flux_lm": None}
+    assert of_table.source == kept.model_copy(update=lit)
 
 
 @pytest.mark.parametrize(

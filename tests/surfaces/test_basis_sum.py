@@ -78,3 +78,13 @@ def test_what_is_no_direction_leaves_its_neighbours_alone() -> None:
     others = np.arange(len(u)) != 17
     assert np.array_equal(surface.radius(spoilt)[others], surface.radius(u)[others])
     assert np.array_equal(surface.gradient(spoilt)[others], surface.gradient(u)[others])
+
+
+def test_a_sum_alone_has_the_bits_of_the_sum_with_its_slope() -> None:
+    """Broad functions, too, whose angle is taken at its half, and mirror images."""
+    rng = np.random.default_rng(5)
+    directions = rng.normal(size=(400, 3))
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    basis = SrbfBasis((3, 40), 1.7, "mirror_x")
+    surface = SrbfSurface(basis, rng.normal(size=basis.size), 9.0)
+    assert np.array_equal(surface.radius(directions), surface.radius_and_gradient(directions)[0])

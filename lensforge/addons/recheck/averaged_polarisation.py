@@ -7,11 +7,11 @@ light. The difference is that of one sample of rays traced with and without it.
 import numpy as np
 from jaxtyping import Float
 
+from lensforge.light.ray_lines import fan_tables
 from lensforge.light.table_trace import TracedBundle
 from lensforge.optics.dielectric import fresnel_transmittances
 from lensforge.optics.face_roles import DOUBLE
 from lensforge.proof.receiver_screen import Screen
-from lensforge.report.ray_fan import fan_tables
 from lensforge.results import Metric
 from lensforge.scene.lens import Lens
 from lensforge.sources.ray_bundle import RayBundle

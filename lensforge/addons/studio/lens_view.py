@@ -14,9 +14,9 @@ from scipy.spatial import cKDTree
 from lensforge.cad.patch import PrincipalCurvatures
 from lensforge.cad.section import body_outlines
 from lensforge.light.lens_light import source_of
+from lensforge.light.ray_lines import trace_fan
 from lensforge.light.simulation import TracedLens
 from lensforge.light.table_trace import Scene, Tables, TracedBundle
-from lensforge.report.ray_fan import trace_fan
 from lensforge.scene.body import Chain, Face, radii
 from lensforge.scene.lens import Lens
 from lensforge.shop.ball_cutter import largest_ball_mm

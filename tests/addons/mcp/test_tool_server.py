@@ -16,6 +16,7 @@ from mcp import Client
 from mcp.client.stdio import StdioServerParameters, stdio_client
 from mcp.types import CallToolResult, ImageContent, TextContent
 
+from lensforge.addons.mcp.folder_tools import FOLDER_TOOLS
 from lensforge.addons.mcp.tool_server import ToolServer
 
 SPEC = """
@@ -190,3 +191,19 @@ def test_the_command_serves_on_its_streams(folder: Path) -> None:
 
     asyncio.run(client())
     assert (folder / "a.toml").is_file()
+
+
+def test_a_list_of_many_files_says_how_many_it_leaves_out(tmp_path: Path) -> None:
+    """Links and folders are no files, and the first 500 by name are listed."""
+    for number in range(503):
+        (tmp_path / f"{number:03d}.csv").write_bytes(bytes(number % 7))
+    (tmp_path / "a link.csv").symlink_to(tmp_path / "000.csv")
+    (tmp_path / "folder").mkdir()
+    (tmp_path / "folder" / "z.csv").write_bytes(b"12345")
+    lines = FOLDER_TOOLS["list_files"].answer({}, tmp_path).splitlines()
+    assert lines[:3] == ["000.csv  0 bytes", "001.csv  1 bytes", "002.csv  2 bytes"]
+    assert (len(lines), lines[499], lines[500]) == (501, f"499.csv  {499 % 7} bytes", "and 4 more")
+    for number in range(3, 503):
+        (tmp_path / f"{number:03d}.csv").unlink()
+    listed = FOLDER_TOOLS["list_files"].answer({}, tmp_path)
+    assert listed == "000.csv  0 bytes\n001.csv  1 bytes\n002.csv  2 bytes\nfolder/z.csv  5 bytes"

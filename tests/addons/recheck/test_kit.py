@@ -8,6 +8,7 @@ import subprocess
 import sys
 from importlib.util import find_spec
 from pathlib import Path
+from unittest.mock import MagicMock
 
 import numpy as np
 import pytest
@@ -193,3 +194,84 @@ def test_another_program_finds_the_same_light_and_another_index_is_seen(
 def test_programs_that_nobody_ran_say_so_first(files, name):
     assert files[name].startswith(b"# Not run by us: ")
     compile(files[name], name, "exec")
+
+
+KIT_OF_NUMBERS = {
+    "name": "crooked", "refractive_index": 1.37, "absorption_per_mm": 0.02, "wavelength_nm": 620.0, "source_w": 1.7,
+    "expected": {"efficiency": {"value": 0.8, "standard_error": 0.001}}, "zone_shares": [[0.0]],
+}  # fmt: skip
+TURNED = [[0.0, 1.0, 0.0], [-0.6, 0.0, 0.8], [0.8, 0.0, 0.6]]
+
+
+def program(name, libraries, folder, monkeypatch, absorption=0.02, axes=TURNED):
+    """A program of a kit, not yet run, with stand-ins for the ``libraries`` that are not here."""
+    detector = {"kind": "plane", "centre_mm": [12.0, -7.0, 80.0], "axes": axes, "width": 90.0, "height": 60.0}
+    kit = KIT_OF_NUMBERS | {"absorption_per_mm": absorption, "detector": {**detector, "window": [70.0, None, None]}}
+    (folder / "kit.json").write_text(json.dumps(kit))
+    (folder / "lens.obj").write_text("v 1 2 3\nv 4 5 6\nv 7 8 9\nvn 0 0 1\nf 1//1 3//1 2//1\n")
+    np.save(folder / "source.npy", np.zeros((321, 6)))
+    for library in libraries:
+        monkeypatch.setitem(sys.modules, library, MagicMock())
+    monkeypatch.delitem(sys.modules, "kit_figures", raising=False)
+    for script in ("kit_figures.py", name):
+        (folder / script).write_bytes((SCRIPTS / script).read_bytes())
+    monkeypatch.syspath_prepend(folder)
+    spec = importlib.util.spec_from_file_location(name.removesuffix(".py"), folder / name)
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    monkeypatch.delitem(sys.modules, "kit_figures")
+    return module
+
+
+SPEOS = [f"ansys.speos.core{part}" for part in ("", ".launcher", ".sensor", ".simulation", ".source")]
+
+
+def test_the_scene_of_speos_is_that_of_the_kit(tmp_path, monkeypatch, capsys):
+    module = program("speos_check.py", ["ansys", "ansys.speos", *SPEOS], tmp_path, monkeypatch)
+    module.Project.return_value.create_simulation.return_value.compute_CPU.return_value = ("done",)
+    assert module.main() == 0
+    project = module.Project.return_value
+    optic = project.create_optical_property.return_value.set_volume_optic.return_value
+    assert (optic.index, optic.absorption) == (1.37, 0.02)
+    face = project.create_root_part.return_value.create_body.return_value.create_face.return_value
+    assert (face.vertices, face.normals, face.facets) == ([*map(float, range(1, 10))], [0.0, 0.0, 1.0], [0, 2, 1])
+    sensor = project.create_sensor.return_value
+    assert sensor.axis_system == [12.0, -7.0, 80.0, *np.ravel(TURNED)]
+    size = sensor.set_dimensions.return_value
+    assert (size.x_start, size.x_end, size.y_start, size.y_end) == (-35.0, 35.0, -30.0, 30.0)
+    assert project.create_simulation.return_value.stop_condition_rays_number == 321
+    assert project.create_source.return_value.ray_file_uri == tmp_path / "source.ray"
+    assert "0.80000 of 1.7 W, that is 1.36000 W on the sensor" in capsys.readouterr().out
+
+
+def test_the_scene_of_opticstudio_is_that_of_the_kit(tmp_path, monkeypatch, capsys):
+    module = program("opticstudio_check.py", ["zospy"], tmp_path, monkeypatch, 0.0, np.eye(3).tolist())
+    system = module.zp.ZOS.return_value.connect.return_value
+    module.zp.ZOS.return_value.Application.ObjectsDir = str(tmp_path)
+    for folder, file in (("CAD Files", "lens.step"), ("Sources/Source Files", "source.dat")):
+        (tmp_path / folder).mkdir(parents=True)
+        (tmp_path / file).write_bytes(file.encode())
+    objects = {number: MagicMock() for number in (1, 2, 3)}
+    system.NCE.GetObjectAt.side_effect = objects.get
+    system.NCE.GetDetectorData.return_value = (True, 1.36)
+    assert module.main() == 0
+    assert system.SystemData.Wavelengths.GetWavelength.return_value.Wavelength == pytest.approx(0.62)
+    assert objects[1].ObjectData.NumberOfAnalysisRays == 321
+    material = objects[2].MaterialCell.CreateSolveType.return_value
+    assert material._S_MaterialModel.IndexNd == 1.37
+    assert objects[2].MaterialCell.SetSolveData.call_args.args == (material,)
+    detector = objects[3]
+    assert (detector.XPosition, detector.YPosition, detector.ZPosition) == (12.0, -7.0, 80.0)
+    assert (detector.ObjectData.XHalfWidth, detector.ObjectData.YHalfWidth) == (35.0, 30.0)
+    assert (tmp_path / "CAD Files" / "lensforge_lens.step").read_bytes() == b"lens.step"
+    assert (tmp_path / "Sources" / "Source Files" / "lensforge_source.dat").read_bytes() == b"source.dat"
+    said = capsys.readouterr().out
+    assert "share of the light: 0.80000; expected 0.80000" in said and f"{np.sqrt(0.16 / 321):.5f} of these" in said
+
+
+@pytest.mark.parametrize(("absorption", "axes"), [(0.02, np.eye(3).tolist()), (0.0, TURNED)])
+def test_what_the_program_of_opticstudio_cannot_repeat_ends_it(absorption, axes, tmp_path, monkeypatch):
+    module = program("opticstudio_check.py", ["zospy"], tmp_path, monkeypatch, absorption, axes)
+    with pytest.raises(SystemExit, match=r"level plane alone|absorbs"):
+        module.main()
+    module.zp.ZOS.assert_not_called()

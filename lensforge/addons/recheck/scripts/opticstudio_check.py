@@ -20,6 +20,10 @@ def main() -> int:
     """Build the scene, trace, and print both shares."""
     if DETECTOR["kind"] != "plane" or not np.allclose(AXES, np.eye(3)):
         sys.exit("this program places a level plane alone; place the detector of kit.json by hand")
+    if KIT["absorption_per_mm"]:
+        sys.exit(
+            "this program gives the lens an index alone, and yours absorbs; enter a glass with its transmission by hand"
+        )
     zos = zp.ZOS()
     kinds = zp.constants.Editors.NCE.ObjectType  # there from here on
     system = zos.connect("standalone")

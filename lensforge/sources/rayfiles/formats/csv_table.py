@@ -5,11 +5,12 @@ Lines that start with `#` before the names are comments. Written with commas and
 spreadsheet.
 """
 
+import warnings
 from collections.abc import Iterator
 
 import numpy as np
 
-from lensforge.errors import InputError
+from lensforge.errors import FileWarning, InputError
 from lensforge.results.table_names import MILLIMETRES, NANOMETRES, Column, header_cells
 from lensforge.results.text_table import TextTable
 from lensforge.sources.rayfiles.ray_file import FluxUnit, Format, RayFile, register
@@ -49,7 +50,9 @@ def _table_of(head: bytes, name: str = "") -> TextTable:
 
 def _matches(head: bytes, size: int) -> bool:
     try:
-        table = _table_of(head)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", FileWarning)  # who reads the file tells, with its name
+            table = _table_of(head)
         rows = [header_cells(line, table.dialect, "") for line in (*table.header, *table.remarks)]
     except InputError:
         return False

@@ -1,10 +1,11 @@
-"""Rays from a source through a lens for a drawing: every face that they meet, and where they leave the drawing."""
+"""Rays from a source through a lens as lines for a drawing: the places where they meet faces, and how they end."""
 
-from dataclasses import replace
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 
 from lensforge.kernels.fate import Fate
 from lensforge.kernels.traced_body import FROM_BEHIND, REFLECTED
@@ -21,6 +22,17 @@ _NODES_PER_SIGMA = 4.0  # of the tables: hits lie within some micrometres of the
 _STEPS = 192  # along a ray between two faces: far finer than a lens's features
 _CAVITY_MM = 1e-9  # a point is in the cavity from this depth on
 
+ENDS = ("leaves", "opening", "base", "flange", "total reflection", "cavity again", "lost in the lens")
+"""How a ray ends, in words."""
+_LEAVES = ENDS.index("leaves")
+_BACK = ENDS.index("cavity again")
+_END_BY_FATE = np.full(len(Fate), ENDS.index("lost in the lens"))
+_END_BY_FATE[Fate.LEFT_LENS] = _LEAVES
+_END_BY_FATE[[Fate.BACKWARD, Fate.OUTSIDE_CAVITY]] = ENDS.index("opening")
+_END_BY_FATE[Fate.BASE] = ENDS.index("base")
+_END_BY_FATE[Fate.FLANGE] = ENDS.index("flange")
+_END_BY_FATE[Fate.TOTAL_REFLECTION] = ENDS.index("total reflection")
+
 Points = Float[np.ndarray, "n 3"]
 
 
@@ -32,20 +44,40 @@ def fan_tables(lens: Lens) -> TracedLens:
 def trace_fan(
     lens: Lens, start_mm: Points, directions: Points, reach_mm: float, traced: TracedLens | None = None
 ) -> Float[np.ndarray, "n p 3"]:
+    """Places of :func:`ray_lines` for rays by their starts and directions."""
+    return ray_lines(lens, RayBundle(start_mm, directions, np.ones(len(start_mm))), reach_mm, traced).places_mm
+
+
+@dataclass(frozen=True)
+class RayLines:
+    """Places (mm) of ``n`` rays from start to end, NaN behind it, and the end of each, of :data:`ENDS`."""
+
+    places_mm: Float[np.ndarray, "n p 3"]
+    ends: Int[np.ndarray, " n"]
+
+    def by_end(self) -> dict[str, list[Points]]:
+        """Lines of the rays with each end that occurs."""
+        lines = [places[~np.isnan(places[:, 0])] for places in self.places_mm]
+        return {name: [lines[k] for k in np.flatnonzero(self.ends == end)] for end, name in self._names()}
+
+    def _names(self) -> Iterator[tuple[int, str]]:
+        return ((int(end), ENDS[end]) for end in np.unique(self.ends))
+
+
+def ray_lines(lens: Lens, rays: RayBundle, reach_mm: float, traced: TracedLens | None = None) -> RayLines:
     """Start, the hits on all faces that rays meet, further bodies' too, and a point at ``reach_mm`` from the origin.
 
-    ``traced``: by :func:`fan_tables`, where they are made already. NaN after their end. Faces that scatter are drawn as
-    if polished.
+    ``traced``: by :func:`fan_tables`, where they are made already. Faces that scatter are drawn as if polished.
     A ray ends where it meets z = 0, re-enters the cavity, or is totally reflected: it has no last point. One that
     starts below z = 0 must pass that plane inside the cavity; directions are upwards.
     """
     traced = traced or fan_tables(lens)
     scene = replace(traced.scene, media=traced.scene.media.polished)
-    bundle = TracedBundle.of(traced.tables, scene, RayBundle(start_mm, directions, np.ones(len(start_mm))))
+    bundle = TracedBundle.of(traced.tables, scene, rays)
     in_order = np.where(bundle.lengths > 0.0, 4 * np.arange(bundle.lengths.shape[1]), -1)  # a double lens: both faces
-    points = start_mm.copy()
-    along = directions.copy()
-    places = [start_mm]
+    points = rays.origins.copy()
+    along = rays.directions.copy()
+    places = [rays.origins]
     for lengths, met in zip(bundle.lengths.T, (in_order if bundle.met is None else bundle.met).T, strict=True):
         rows = met >= 0
         points[rows] += lengths[rows, None] * along[rows]
@@ -53,17 +85,17 @@ def trace_fan(
             here = rows & (met // 4 == number)
             along[here] = _behind(lens, name, points[here], along[here], met[here])
         places.append(np.where(rows[:, None], points, np.nan))
-    left = bundle.exits.left_lens
+    ends = _END_BY_FATE[bundle.exits.fates]
     if bundle.met is None:
-        back = _returns(lens.inner, places[1], places[2])
-        left = left & ~back
+        back = (ends == _LEAVES) & _returns(lens.inner, places[1], places[2])
+        ends[back] = _BACK
         places[2][back] = np.nan
     if bundle.optics:
         places += _in_optics(bundle)
         points = bundle.exits.points
         along = bundle.exits.directions
-    ends = np.where(left[:, None], _at_distance(points, along, reach_mm), np.nan)
-    return np.stack([*_without_gaps(places), ends], axis=1)
+    last = np.where((ends == _LEAVES)[:, None], _at_distance(points, along, reach_mm), np.nan)
+    return RayLines(np.stack([*_without_gaps(places), last], axis=1), ends)
 
 
 def _in_optics(bundle: TracedBundle) -> list[Points]:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from result_folders import small_lens
 
-from lensforge.report.ray_fan import trace_fan
+from lensforge.light.ray_lines import trace_fan
 from lensforge.surfaces.srbf import SrbfBasis, SrbfSurface
 
 REACH = 30.0
