@@ -423,7 +423,9 @@ class Spec(Section):
         if self.lamps is not None and not self.all_lamps.is_single:
             lenses = self.photometry.lenses
             receivers = self.receivers_in_states
-            require_together(self.all_lamps, self.constraints, self.base_made, receivers, lenses)
+            require_together(
+                self.all_lamps, self.lens.apart(self.all_lamps), self.constraints, self.base_made, receivers, lenses
+            )
             unfit = {"sources": bool(self.sources), "states": bool(self.states)}
             unfit["optimise.robust"] = bool(self.optimise.robust)
             require_kinds(self.lamps, receivers, unfit, self.limits)

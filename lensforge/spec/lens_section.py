@@ -13,6 +13,7 @@ from lensforge.optics.face_roles import BODY, MOST_EVENTS
 from lensforge.public import public
 from lensforge.results.registered_kinds import OfSeveralKinds
 from lensforge.spec.derived_values import LensSizes
+from lensforge.spec.lamps_section import Lamps
 from lensforge.spec.lens_material import LensMaterial
 from lensforge.spec.processes import Process
 from lensforge.spec.search_section import ConstraintsSection
@@ -84,6 +85,7 @@ class LensShape(OfSeveralKinds, LensMaterial):
     which it is advised (``search.lens_advice``). ``parametrisation``: how a search shapes its faces, a name in
     ``search.problem``. ``may_be_round``: it has a shape without any level, faces of revolution. ``radius_about_axis``:
     its radius is its distance from the axis, not from the LED: its exit or mouth is flat, and it lies in a cylinder.
+    ``largest_symmetry``: mirror group of the most symmetric one.
     """
 
     usual_kind = "double"
@@ -92,6 +94,7 @@ class LensShape(OfSeveralKinds, LensMaterial):
     parametrisation: ClassVar[str] = "spheres"
     may_be_round: ClassVar[bool] = False
     radius_about_axis: ClassVar[bool] = False
+    largest_symmetry: ClassVar[str] = "square"
     kind: str
     levels: Levels = Field(
         default="auto",
@@ -168,6 +171,15 @@ class LensShape(OfSeveralKinds, LensMaterial):
         if all(map(self.is_revolved, self.names)):
             return "turned"
         return "moulded" if self.has_creases and not self.is_opaque else "milled"
+
+    @property
+    def drawn_half_mm(self) -> float | None:
+        """Half of the length of faces that are drawn along y, infinite without an end; None for any other."""
+        return None
+
+    def apart(self, lamps: Lamps) -> Lamps:
+        """The lamps with a lens of their own: all, where no kind of lens is over several."""
+        return lamps
 
     @property
     def opening_mm(self) -> float | None:
