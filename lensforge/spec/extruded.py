@@ -53,6 +53,11 @@ class ExtrudedSection(LensSection):
             raise ValueError(f'symmetry = "{self.symmetry}": a linear lens has no diagonal; at most "rectangle"')
 
     @property
+    def drawn_mm(self) -> float:
+        """Length of the part."""
+        return self.length_mm
+
+    @property
     def drawn_half_mm(self) -> float:
         """Half of its length where its ends are capped; infinite where they are free."""
         return 0.5 * self.length_mm if self.ends == "capped" else inf

@@ -1,6 +1,6 @@
 """The ``[lens]`` of a spec: what all kinds of it share, and those whose faces are shaped by profiles."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from math import degrees, hypot, sqrt
 from typing import Annotated, ClassVar, Literal, NamedTuple
@@ -85,7 +85,7 @@ class LensShape(OfSeveralKinds, LensMaterial):
     which it is advised (``search.lens_advice``). ``parametrisation``: how a search shapes its faces, a name in
     ``search.problem``. ``may_be_round``: it has a shape without any level, faces of revolution. ``radius_about_axis``:
     its radius is its distance from the axis, not from the LED: its exit or mouth is flat, and it lies in a cylinder.
-    ``largest_symmetry``: mirror group of the most symmetric one.
+    ``largest_symmetry``: mirror group of the most symmetric one. ``without``: stages that it does not have, and why.
     """
 
     usual_kind = "double"
@@ -95,6 +95,7 @@ class LensShape(OfSeveralKinds, LensMaterial):
     may_be_round: ClassVar[bool] = False
     radius_about_axis: ClassVar[bool] = False
     largest_symmetry: ClassVar[str] = "square"
+    without: ClassVar[Mapping[str, str]] = {}
     kind: str
     levels: Levels = Field(
         default="auto",
@@ -175,6 +176,16 @@ class LensShape(OfSeveralKinds, LensMaterial):
     @property
     def drawn_half_mm(self) -> float | None:
         """Half of the length of faces that are drawn along y, infinite without an end; None for any other."""
+        return None
+
+    def require_stage(self, stage: str) -> None:
+        """Raise :class:`InputError` with the reason for a ``stage`` that such a lens does not have."""
+        if (reason := self.without.get(stage)) is not None:
+            raise InputError(f"{stage}: {reason}")
+
+    @property
+    def drawn_mm(self) -> float | None:
+        """Length of a part whose faces are drawn along y; None for any other."""
         return None
 
     def apart(self, lamps: Lamps) -> Lamps:
