@@ -23,7 +23,6 @@ from lensforge.cad.body_export import BodyProof
 from lensforge.cad.boundary import optical_name
 from lensforge.cad.edges import curve_of, wire
 from lensforge.cad.face_tolerance import MAX_NODES, FaceTolerance
-from lensforge.cad.facets import CHORD_MM
 from lensforge.cad.form_error import FormError, face_points, form_error
 from lensforge.cad.mesh import BodyMesh, check_closed
 from lensforge.cad.mesh_files import parse_3mf, parse_stl
@@ -33,12 +32,15 @@ from lensforge.cad.step import parse_step
 from lensforge.errors import InputError
 from lensforge.surfaces.drawn_profile import DrawnFace
 
-END = "END"
+END_FACE = "END"
 _DEGREE = 7
 _LEAST_NODES = 24
 _MORE = 1.3  # nodes of a finer spline over those of one that misses its tolerance
 _SAMPLES = 4001  # angles at which a profile is looked at
 _AIM = 0.9  # of the tolerances
+# of the strips of the mesh, which cost little: rays are judged by normals that are interpolated across them
+_CHORD_MM = 1e-4
+_NORMAL_RAD = 3e-5
 _ALONG = 3  # places along y at which a face is compared
 
 _Points = Float[np.ndarray, "n 2"]
@@ -142,7 +144,7 @@ def _solid(splines: Mapping[str, BSpline], length_mm: float) -> Solid:
     prism = BRepPrimAPI_MakePrism(BRepBuilderAPI_MakeFace(around, True).Face(), gp_Vec(0.0, length_mm, 0.0))
     named = [(name, prism.Generated(edge).First()) for name, edge in edges.items()]
     named += [(RIM, prism.Generated(edge).First()) for edge in feet]
-    named += [(END, prism.FirstShape()), (END, prism.LastShape())]
+    named += [(END_FACE, prism.FirstShape()), (END_FACE, prism.LastShape())]
     faces = uniquely_named([(name, TopoDS.Face_s(face)) for name, face in named])
     return Solid(TopoDS.Solid_s(prism.Shape()), faces, is_prism=True)
 
@@ -165,7 +167,7 @@ def _mesh(surfaces: Mapping[str, DrawnFace], length_mm: float) -> tuple[BodyMesh
     end = np.asarray(manifold3d.triangulate([np.ascontiguousarray(section[::-1])]))
     front = count - 1 - end
     triangles = np.concatenate([*walls, front, front[:, ::-1] + count])
-    labels = np.array([*names, *names, *[END] * (2 * len(front))])
+    labels = np.array([*names, *names, *[END_FACE] * (2 * len(front))])
     places = [np.insert(section, 1, side * length_mm, axis=1) for side in (-0.5, 0.5)]
     known, faces = np.unique(labels, return_inverse=True)
     mesh = BodyMesh(np.concatenate(places), triangles, faces, tuple(map(str, known)), count)
@@ -178,15 +180,19 @@ def _turned(mesh: BodyMesh) -> tuple[Any, ...]:
 
 
 def _polygon(face: DrawnFace) -> _Points:
-    """Points of a profile, whose sides stay within ``CHORD_MM`` of it: a sagitta goes as the squared length."""
+    """Points of a profile whose sides stay within ``_CHORD_MM``, and normals that are interpolated between them within
+    ``_NORMAL_RAD``: both errors go as the squared length.
+    """
     angles = _angles(_SAMPLES)
     points = face.points(angles)
     tangents = np.gradient(points, angles, axis=0)
-    turned = np.abs(np.gradient(np.unwrap(np.arctan2(tangents[:, 1], tangents[:, 0])), angles))
     speed = np.linalg.norm(tangents, axis=1)
-    density = np.sqrt(np.maximum(turned * speed, 1e-3 * speed.max()) / (8.0 * _AIM * _AIM * CHORD_MM))
+    turned = np.gradient(np.unwrap(np.arctan2(tangents[:, 1], tangents[:, 0])), angles)
+    by_chord = np.abs(turned) * speed / _CHORD_MM
+    by_normal = np.abs(np.gradient(turned, angles)) / _NORMAL_RAD
+    density = np.sqrt(np.maximum(by_chord, by_normal) / (8.0 * _AIM * _AIM)) + _LEAST_NODES
     steps = np.concatenate([[0.0], np.cumsum(0.5 * (density[1:] + density[:-1]) * np.diff(angles))])
-    wanted = np.linspace(0.0, steps[-1], max(_LEAST_NODES, int(np.ceil(steps[-1])) + 1))
+    wanted = np.linspace(0.0, steps[-1], int(np.ceil(steps[-1])) + 1)
     return _on_plane(face.points(np.interp(wanted, steps, angles)))
 
 

@@ -183,11 +183,6 @@ class LensShape(OfSeveralKinds, LensMaterial):
         if (reason := self.without.get(stage)) is not None:
             raise InputError(f"{stage}: {reason}")
 
-    @property
-    def drawn_mm(self) -> float | None:
-        """Length of a part whose faces are drawn along y; None for any other."""
-        return None
-
     def apart(self, lamps: Lamps) -> Lamps:
         """The lamps with a lens of their own: all, where no kind of lens is over several."""
         return lamps
