@@ -82,6 +82,30 @@ class Crease:
         return float(radii.min()), float(radii.max())
 
 
+@dataclass(frozen=True)
+class SectionEdge:
+    """The edge of a narrow band along the section y = 0, of a face that is drawn along y: what holds there holds all
+    along. ``half_width``: of the chart.
+    """
+
+    half_width: float = 0.1
+
+    def radius(self, azimuths: _Values) -> _Values:
+        """Distance from the chart's centre at azimuths (rad), at most that of the rim."""
+        return np.minimum(1.0, self.half_width / np.maximum(np.abs(np.sin(azimuths)), self.half_width))
+
+    tabulated = radius
+
+    def chart(self, azimuths: _Values) -> Float[np.ndarray, "n 2"]:
+        """Its chart points."""
+        return _on_chart(azimuths, self.radius(azimuths))
+
+    @property
+    def extent(self) -> tuple[float, float]:
+        """Least and largest distance from the chart's centre."""
+        return self.half_width, 1.0
+
+
 @dataclass(frozen=True, eq=False)
 class Domain:
     """Part of the chart where a face bounds its medium, from the crease ``inside`` to that ``outside``.
@@ -90,10 +114,10 @@ class Domain:
     """
 
     inside: Crease | None = None
-    outside: Crease | None = None
+    outside: Crease | SectionEdge | None = None
 
     @property
-    def edges(self) -> tuple[Crease, ...]:
+    def edges(self) -> tuple[Crease | SectionEdge, ...]:
         """The creases at which it begins and ends."""
         return tuple(crease for crease in (self.inside, self.outside) if crease is not None)
 
@@ -186,7 +210,8 @@ class Boundary(Generic[Shape]):
     @property
     def creases(self) -> tuple[Crease, ...]:
         """Creases between each face and the next, from the axis on."""
-        return tuple(face.domain.outside for face in self.faces if face.domain.outside is not None)
+        outer = (face.domain.outside for face in self.faces[:-1])
+        return tuple(crease for crease in outer if isinstance(crease, Crease))
 
     def radius(self, directions: Float[np.ndarray, "n 3"]) -> _Values:
         """Distance (mm) from the origin in unit ``directions``, also a little below z = 0."""
@@ -215,6 +240,8 @@ class Boundary(Generic[Shape]):
 
     def of(self, shapes: Sequence[Other]) -> "Boundary[Other]":
         """The same boundary with similar ``shapes``; creases lie where these meet."""
+        if len(self.faces) == 1:
+            return Boundary((TrimmedFace(self.faces[0].name, shapes[0], self.faces[0].domain),))
         radii = [crease.radius(_azimuths()) for crease in self.creases]
         return _nested(self.faces, shapes, [(radius * (1.0 - _REACH), radius * (1.0 + _REACH)) for radius in radii])
 
@@ -303,8 +330,12 @@ def _around_opening(cavity: Boundary[Shape], envelope: Boundary[Shape]) -> Pair[
 
 @lru_cache(maxsize=4)  # sections and drawing ask for it
 def lens_boundaries(lens: Lens) -> Pair[Surface]:
-    """The boundaries of the body of ``lens``."""
-    return boundaries(lens.body)
+    """The boundaries of the body of ``lens``; of faces that are drawn along y within a band about their section."""
+    pair = boundaries(lens.body)
+    if lens.spec.lens.drawn_mm is None:
+        return pair
+    cavity, envelope = (Boundary((replace(side.faces[0], domain=Domain(outside=SectionEdge())),)) for side in pair)
+    return cavity, envelope
 
 
 def _boundary(faces: tuple[Face, ...]) -> Boundary[Surface]:
