@@ -110,27 +110,33 @@ class SectionEdge:
 class Domain:
     """Part of the chart where a face bounds its medium, from the crease ``inside`` to that ``outside``.
 
-    None: from the axis, or to the rim.
+    None: from the axis, or to the rim. ``section``: edge of a band, within which all counts.
     """
 
     inside: Crease | None = None
-    outside: Crease | SectionEdge | None = None
+    outside: Crease | None = None
+    section: SectionEdge | None = None
 
     @property
     def edges(self) -> tuple[Crease | SectionEdge, ...]:
-        """The creases at which it begins and ends."""
-        return tuple(crease for crease in (self.inside, self.outside) if crease is not None)
+        """The creases at which it begins and ends, or the edge of its band."""
+        return tuple(edge for edge in (self.inside, self.outer_edge) if edge is not None)
+
+    @property
+    def outer_edge(self) -> Crease | SectionEdge | None:
+        """Its edge outwards; None for the rim."""
+        return self.section if self.outside is None else self.outside
 
     @property
     def extent(self) -> tuple[float, float]:
         """Least and largest distance from the chart's centre; 0 and 1 for the whole hemisphere."""
         low = 0.0 if self.inside is None else self.inside.extent[0]
-        return low, 1.0 if self.outside is None else self.outside.extent[1]
+        return low, 1.0 if self.outer_edge is None else self.outer_edge.extent[1]
 
     def radii(self, azimuths: _Values) -> tuple[_Values, _Values]:
         """Distances from the chart's centre at its inner and outer edge."""
         low = np.zeros_like(azimuths) if self.inside is None else self.inside.radius(azimuths)
-        return low, np.ones_like(azimuths) if self.outside is None else self.outside.radius(azimuths)
+        return low, np.ones_like(azimuths) if self.outer_edge is None else self.outer_edge.radius(azimuths)
 
     def held(self, directions: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "k 3"]:
         """Select the directions above z = 0 that lie in it."""
@@ -210,8 +216,7 @@ class Boundary(Generic[Shape]):
     @property
     def creases(self) -> tuple[Crease, ...]:
         """Creases between each face and the next, from the axis on."""
-        outer = (face.domain.outside for face in self.faces[:-1])
-        return tuple(crease for crease in outer if isinstance(crease, Crease))
+        return tuple(face.domain.outside for face in self.faces if face.domain.outside is not None)
 
     def radius(self, directions: Float[np.ndarray, "n 3"]) -> _Values:
         """Distance (mm) from the origin in unit ``directions``, also a little below z = 0."""
@@ -334,7 +339,7 @@ def lens_boundaries(lens: Lens) -> Pair[Surface]:
     pair = boundaries(lens.body)
     if lens.spec.lens.drawn_mm is None:
         return pair
-    cavity, envelope = (Boundary((replace(side.faces[0], domain=Domain(outside=SectionEdge())),)) for side in pair)
+    cavity, envelope = (Boundary((replace(side.faces[0], domain=Domain(section=SectionEdge())),)) for side in pair)
     return cavity, envelope
 
 

@@ -204,7 +204,7 @@ def _inside(inner: Domain, outer: Domain) -> dict[str, Callable[[Float[np.ndarra
         for domain, place in ((inner, at[:2]), (outer, at[2:])):
             azimuth = np.arctan2(place[1:], place[:1])
             squared = place @ place
-            margins.append((domain.outside.tabulated(azimuth) ** 2 if domain.outside else 1.0) - squared)
+            margins.append((domain.outer_edge.tabulated(azimuth) ** 2 if domain.outer_edge else 1.0) - squared)
             margins.append(squared - (domain.inside.tabulated(azimuth) ** 2 if domain.inside else 0.0))
         return np.concatenate([np.atleast_1d(margin) for margin in margins])
 

@@ -140,7 +140,7 @@ def designed_lens(lens: Lens) -> DesignedBody:
     if length_mm is not None:
         profiles = [_profile(optical_name(name), surface) for name, surface in lens.surfaces.items()]
         return DesignedBody(
-            [*profiles, Ends(_numbered([END_FACE, END_FACE]), 0.5 * length_mm)], [Levels((RIM,), np.zeros(1))]
+            [*profiles, Ends((f"{END_FACE}_1", f"{END_FACE}_2"), 0.5 * length_mm)], [Levels((RIM,), np.zeros(1))]
         )
     cavity, envelope = lens_boundaries(lens)
     plan = lay_out(cavity, envelope, base_with_room(lens))

@@ -269,7 +269,7 @@ class AugmentedLagrangian:
         derivatives = any(constraint.derivatives for constraint in constraints)
         detailed = derivatives or spec.constraints.keep_out is not None
         every = (1 if detailed else 2) if sparse else None
-        if spec.lens.drawn_half_mm is not None:
+        if spec.lens.drawn_mm is not None:
             points = section_points(grid, symmetry)
         elif spec.lens.has_creases:
             detail_rad = None if spec.lens.is_round else spec.lens.basis.detail_rad

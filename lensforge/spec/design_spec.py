@@ -199,7 +199,9 @@ class Spec(Section):
         of_shop = {"cutter_radius_mm": usual_ball_mm(self.constraints), "required": PROCESSES[process].is_judged}
         self._fill("manufacture", {"process": process, **of_shop})
         hidden = self.lens.drawn_from_below is not None
-        self._fill("base", usual_base(self.base, self.manufacture, self.constraints, hidden))
+        without_base = self.lens.drawn_mm is not None and not self.base.model_fields_set
+        base = usual_base(self.base, self.manufacture, self.constraints, hidden)
+        self._fill("base", {"kind": "none"} if without_base else base)
 
     def _fill(self, name: str, derived: Mapping[str, Any]) -> None:
         section: Section | None = getattr(self, name)
@@ -580,6 +582,22 @@ class Spec(Section):
                     f"lens.{name}.offset_mm = {face.offset_mm:g} is beyond constraints.max_radius_mm = {largest:g}, "
                     "the largest lens; lower it, or raise the radius"
                 )
+
+    @check
+    def _linear_lens_stands_alone(self) -> None:
+        if self.lens.drawn_mm is None:
+            return
+        given = {
+            "base": self.base.kind != "none",
+            "plate": self.plate is not None,
+            "bodies": bool(self.bodies),
+            "constraints.keep_out": self.constraints.keep_out is not None,
+        }
+        for name in (name for name, is_given in given.items() if is_given):
+            raise ValueError(
+                f"{name}: does not go with lens.kind = {self.lens.kind!r}, drawn from end to end and standing on its "
+                "feet; leave it out"
+            )
 
     @check
     def _limits_can_be_kept(self) -> None:

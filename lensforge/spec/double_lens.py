@@ -23,13 +23,10 @@ WHY["lens.inner.offset_mm"] = f"{_INNER:g} x max_radius_mm, the inner hemisphere
 WHY["lens.outer.offset_mm"] = f"{_OUTER:g} x max_radius_mm, the outer hemisphere of the start"
 
 
-@public
-class LensSection(LensShape):
-    """Double-freeform lens: an inner face towards the source, an outer one towards the target."""
+class ShellShape(LensShape):
+    """A lens of two faces, one within the other, each of which refracts the light."""
 
     roles = SHELL
-    title = "double-freeform lens"
-    kind: Literal["double"] = "double"
     inner: FaceSection = Field(
         default_factory=FaceSection,
         description="Face towards the source: it bounds the cavity, and the others are placed against it.",
@@ -55,6 +52,14 @@ class LensSection(LensShape):
         outer = three_digits(_OUTER * sizes.max_radius_mm, floor)
         wanted = max(_INNER * sizes.max_radius_mm, _AROUND_CAVITY * sizes.cavity_radius_mm)
         return {"inner": three_digits(min(wanted, outer - 1.5 * sizes.min_thickness_mm), floor), "outer": outer}
+
+
+@public
+class LensSection(ShellShape):
+    """Double-freeform lens: an inner face towards the source, an outer one towards the target."""
+
+    title = "double-freeform lens"
+    kind: Literal["double"] = "double"
 
     def start_faces(self, conditions: StartConditions) -> dict[str, Surface]:
         """Spheres about the origin."""

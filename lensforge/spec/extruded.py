@@ -1,14 +1,15 @@
 """The linear lens: the profiles of two faces drawn along y, over one LED or a row of them."""
 
+from collections.abc import Mapping
 from math import hypot, inf, sqrt
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field
 
 from lensforge.optics.exit_space import ExitBall, ExitSpace
 from lensforge.public import public
-from lensforge.spec.double_lens import LensSection
+from lensforge.spec.double_lens import ShellShape
 from lensforge.spec.lamps_section import Lamps
 from lensforge.spec.lens_section import StartConditions
 from lensforge.spec.processes import Process
@@ -23,13 +24,18 @@ _OF_ERRORS = (25,)  # functions of form errors, of which a profile has the secti
 
 
 @public
-class ExtrudedSection(LensSection):
+class ExtrudedSection(ShellShape):
     """A linear lens: the profiles of two faces drawn along y, whose search shapes the profiles."""
 
     title = "linear lens"
     parametrisation = "drawn"
     may_be_round = True
     largest_symmetry = "rectangle"
+    without: ClassVar[Mapping[str, str]] = {
+        "handover": "a linear lens has no drawing yet; lens.step holds its profiles exactly, extruded",
+        "compare": "a linear lens is not compared with points of its faces yet; compare its light with a photograph",
+        "correct": "a linear lens is cut by its profile, which points of its faces do not correct yet",
+    }
     kind: Literal["extruded"] = "extruded"
     levels: Annotated[tuple[int, ...], Field(max_length=0)] = Field(
         default=(), description="Empty: a profile has coefficients alone, `profile`."
