@@ -86,7 +86,7 @@ def move_to_face(packet, count, at, table, grid):
     for k in range(count):
         p = add_scaled(three(packet, at + P + k), packet[at + PATH + k], three(packet, at + D + k))
         write(packet, at + P + k, p)
-        mark_hit(packet, k, across(p, grid), at + CELL, side, grid)
+        mark_hit(packet, k, across(p, grid.half_mm), at + CELL, side, grid)
 
 
 @inline
@@ -96,7 +96,7 @@ def take_jets(packet, count, at, grid):
     for k in range(count):
         share_x, share_y = packet[at + CELL + 2 * SIZE + k], packet[at + CELL + 3 * SIZE + k]
         jet = jet_at(packet, k, share_x, share_y, inverse_step)
-        slopes = across(jet[:2] + jet[:1], grid)
+        slopes = across(jet[:2] + jet[:1], grid.half_mm)
         write(packet, at + JET + k, (slopes[0], slopes[1], jet[2]))
         write(packet, at + JET + 2 * SIZE + k, jet[2:])
 
@@ -116,7 +116,7 @@ def fetch_facets(packet, count, at, face, noise, keys, slopes, grid):
         for k in range(count):
             x, y = drawn_slope(int(packet[RAY + k]), face.face, face.times, noise, keys, slopes)
             jet = jet_of(packet, at + JET + k)
-            normal = outward_normal(across(three(packet, at + P + k), grid), jet[0], jet[1])
+            normal = outward_normal(across(three(packet, at + P + k), grid.half_mm), jet[0], jet[1])
             d = three(packet, at + D + k)
             seen, by_c, by_along = seen_slope(x, y, slopes[face.face], normal, d)
             write(packet, at + FACET + k, (x, y, seen))
@@ -132,7 +132,7 @@ def hit_at(packet, k, at, face, rays, grid):
     p = three(packet, at + P + k)
     d = three(packet, at + D + k)
     jet = jet_of(packet, at + JET + k)
-    normal = outward_normal(across(p, grid), jet[0], jet[1])
+    normal = outward_normal(across(p, grid.half_mm), jet[0], jet[1])
     tilted = facet_normal(packet, at + FACET + k, normal, d, rays.noise)
     return Hit(number, ratio, p, d, jet, normal, scaled(face.side, tilted))
 
@@ -192,7 +192,7 @@ def back_to_ray(packet, k, at, face, hit, by, rays, grid):
     f = add_scaled(f, 1.0, by.direction_before)
     h, f = facet_normal_adjoint(packet, at + FACET + k, hit.normal, hit.d, rays.noise, scaled(face.side, h), f)
     e = add_scaled(by.hit, by.path, hit.d)
-    e, by_table = hit_adjoint(across(hit.p, grid), hit.d, hit.normal, e, across(h, grid), hit.jet)
+    e, by_table = hit_adjoint(across(hit.p, grid.half_mm), hit.d, hit.normal, e, across(h, grid.half_mm), hit.jet)
     f = add_scaled(f, packet[at + PATH + k], e)
     smooth = packet[SMOOTH + k] == 1.0
     by_table = by_table[0] if smooth else 0.0, by_table[1] if smooth else 0.0, by_table[2] if smooth else 0.0

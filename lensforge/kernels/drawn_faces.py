@@ -14,17 +14,17 @@ _LEAST = 1e-12  # of a direction across y: along y no ray meets a face
 
 
 @inline
-def across(vector, grid):
+def across(vector, half_mm):
     """The part of a vector across y; the vector itself where faces are not drawn."""
-    if grid.half_mm is None:  # known to the compiler
+    if half_mm is None:  # known to the compiler
         return vector
     return vector[0], 0.0, vector[2]
 
 
 @inline
-def shadows(rays, count, grid):
+def shadows(rays, count, half_mm):
     """Take searching rays to their shadows in the plane y = 0."""
-    if grid.half_mm is not None:  # known to the compiler
+    if half_mm is not None:  # known to the compiler
         for k in range(count):
             per_length = 1.0 / max(sqrt(rays[DX + k] * rays[DX + k] + rays[DZ + k] * rays[DZ + k]), _LEAST)
             rays[Y0 + k] = 0.0
@@ -34,17 +34,17 @@ def shadows(rays, count, grid):
 
 
 @inline
-def from_shadows(rays, count, grid):
+def from_shadows(rays, count, half_mm):
     """Take the paths that were found for shadows to those of the rays, and normals across y."""
-    if grid.half_mm is not None:  # known to the compiler
+    if half_mm is not None:  # known to the compiler
         for k in range(count):
             rays[LENGTH + k] /= max(sqrt(rays[DX + k] * rays[DX + k] + rays[DZ + k] * rays[DZ + k]), _LEAST)
             rays[RHO_Y + k] = 0.0
 
 
 @inline
-def is_past_end(y, grid):
+def is_past_end(y, half_mm):
     """True for light that leaves a drawn face beyond its ends."""
-    if grid.half_mm is None:  # known to the compiler
+    if half_mm is None:  # known to the compiler
         return False
-    return abs(y) > grid.half_mm
+    return abs(y) > half_mm

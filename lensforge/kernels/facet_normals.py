@@ -51,7 +51,7 @@ def fetch_facet(packet, lane, face, times, noise, keys, slopes, grid):
         x, y = drawn_slope(int(packet[RAY + lane]), face, times, noise, keys, slopes)
         d = three(packet, DX + lane)
         p = add_scaled(three(packet, PX + lane), packet[LENGTH + lane], d)
-        normal = outward_normal(across(p, grid), packet[RHO_X + lane], packet[RHO_Y + lane])
+        normal = outward_normal(across(p, grid.half_mm), packet[RHO_X + lane], packet[RHO_Y + lane])
         write(packet, FACET + lane, (x, y, seen_slope(x, y, slopes[face], normal, d)[0]))
 
 

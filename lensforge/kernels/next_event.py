@@ -230,7 +230,7 @@ def pass_on(packet, count, event, rays, body, ways, exits):
         exits.flux[k] = flux
         if mirror > 0.0:
             exits.absorbed[k] += arrived * (1.0 - mirror)
-        if behind == OUTSIDE and not mirrored and is_past_end(packet[PX + SIZE + lane], body.grid):
+        if behind == OUTSIDE and not mirrored and is_past_end(packet[PX + SIZE + lane], body.grid.half_mm):
             exits.fates[k] = Fate.FLANGE
             exits.flux[k] = arrived
             exits.sin2_exit[k] = 0.0

@@ -62,7 +62,7 @@ def refract_in_order(packet, count, face, film, rays, body, axis):
         ratio = packet[RATIO + k]
         p = add_scaled(three(packet, PX + k), packet[LENGTH + k], d)
         write(packet, PX + k, p)
-        n = outward_normal(across(p, body.grid), packet[RHO_X + k], packet[RHO_Y + k])
+        n = outward_normal(across(p, body.grid.half_mm), packet[RHO_X + k], packet[RHO_Y + k])
         n = unit(facet_normal(packet, FACET + k, n, d, rays.noise))
         b, c, q_squared = refract(d, n, ratio)
         met = packet[STATUS + k] == FOUND and p[2] >= 0.0
@@ -125,7 +125,7 @@ def refract_any(packet, count, event, rays, body, met):
         d = three(packet, DX + k)
         p = add_scaled(three(packet, PX + k), packet[LENGTH + k], d)
         write(packet, PX + k, p)
-        n = outward_normal(across(p, body.grid), packet[RHO_X + k], packet[RHO_Y + k])
+        n = outward_normal(across(p, body.grid.half_mm), packet[RHO_X + k], packet[RHO_Y + k])
         n = scaled(packet[SIDE + k], unit(facet_normal(packet, FACET + k, n, d, rays.noise)))
         b, packet[COSINE + k], packet[BEHIND + k] = refract(d, n, packet[RATIO + k])
         write(packet, MX + k, n)

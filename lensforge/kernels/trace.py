@@ -52,9 +52,9 @@ def meet(packet, count, event, rays, body, balls):
     """Find the crossing of each ray of a packet with the face that it meets."""
     if balls is None:  # known to the compiler
         going = start_all(packet, count)
-        shadows(packet, going, body.grid)
+        shadows(packet, going, body.grid.half_mm)
         first_hits(packet, going, body.tables[event], body.grid, bounds_of(body.bounds, event), False, False)
-        from_shadows(packet, count, body.grid)
+        from_shadows(packet, count, body.grid.half_mm)
         note_order(packet, count, event, body.sides)
     else:
         meet_nearest(packet, count, body)

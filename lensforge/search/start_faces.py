@@ -13,7 +13,7 @@ from lensforge.scene.receiver import PosedReceiver
 from lensforge.scene.receiver_shapes import receivers_of
 from lensforge.scene.target_pattern import drawn_target, in_target, target_light
 from lensforge.spec import Spec
-from lensforge.spec.lens_section import Beam, StartConditions
+from lensforge.spec.lens_section import Beam, LightAcross, StartConditions
 from lensforge.surfaces.surface import Surface
 
 _NARROWEST_BEAM_RAD = radians(0.1)
@@ -26,7 +26,9 @@ def start_faces(spec: Spec) -> dict[str, Surface]:
     """
     lens = spec.lens
     first = spec.in_first_state
-    surfaces = lens.start_faces(StartConditions(spec.constraints, first.source.extent_mm, lambda: beam_of(first)))
+    surfaces = lens.start_faces(
+        StartConditions(spec.constraints, first.source.extent_mm, lambda: beam_of(first), lambda: light_across(first))
+    )
     if lens.has_creases:
         with remedy("change lens.*.offset_mm, or leave it out"):
             Body.of(surfaces, lens.body_roles).require_sound()
@@ -94,6 +96,17 @@ class TargetStroke:
         sides = [np.linalg.norm(np.gradient(directions, axis=axis), axis=2) for axis in along]
         seen = across * np.sqrt(sides[0] * sides[-1])
         return TargetStroke(float(seen.max()), float(across.max()) * spec.optimise.pixels / spec.evaluate.pixels)
+
+
+def light_across(spec: Spec) -> LightAcross:
+    """The light that the first target wants, by the angle in the plane y = 0 under which it is seen."""
+    receiver = receivers_of(spec, spec.optimise.pixels)[0]
+    light = target_light(spec.all_receivers[0].targets, receiver).ravel()
+    directions = pixel_directions(receiver).reshape(-1, 3)
+    angles = np.arctan2(directions[:, 0], directions[:, 2])
+    order = np.argsort(angles, kind="stable")
+    shares = np.cumsum(light[order])
+    return LightAcross(angles[order], (shares - 0.5 * light[order]) / shares[-1])
 
 
 def beam_of(spec: Spec) -> Beam:

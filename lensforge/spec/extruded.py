@@ -15,10 +15,11 @@ from lensforge.spec.lens_section import StartConditions
 from lensforge.spec.processes import Process
 from lensforge.spec.search_section import ConstraintsSection
 from lensforge.spec.spec_section import Millimetres, check
-from lensforge.surfaces.drawn_profile import round_profile
+from lensforge.surfaces.drawn_profile import REACH, round_profile
 from lensforge.surfaces.profile import LEAST_COEFFICIENTS
 from lensforge.surfaces.srbf import SrbfBasis
 from lensforge.surfaces.surface import Surface
+from lensforge.surfaces.tailored_profiles import Room, tailored_profiles
 
 _OF_ERRORS = (25,)  # functions of form errors, of which a profile has the section
 
@@ -113,8 +114,17 @@ class ExtrudedSection(ShellShape):
         return (self.profile,)
 
     def start_faces(self, conditions: StartConditions) -> dict[str, Surface]:
-        """Half cylinders about the y axis."""
-        largest_mm = conditions.limits.max_radius_mm
+        """Profiles tailored to a point and the wanted light where there is room for them, else half cylinders."""
+        limits = conditions.limits
+        largest_mm = limits.max_radius_mm
+        given = any(face.model_fields_set & {"offset_mm"} for face in self.faces.values())
+        if conditions.across is not None and not given:
+            clear_mm = max(limits.cavity_radius_mm, limits.cavity_height_mm) + 2.0 * limits.margin_mm
+            room = Room(largest_mm, clear_mm, limits.min_thickness_mm)
+            index = self.refractive_index / self.outside_index
+            tailored = tailored_profiles(index, conditions.across().turned, room, REACH * largest_mm, self.profile)
+            if tailored is not None:
+                return dict(zip(self.names, tailored, strict=True))
         return {name: round_profile(radius_mm, largest_mm, self.profile) for name, radius_mm in self.start_mm.items()}
 
     def exit_space(self, limits: ConstraintsSection) -> ExitSpace:

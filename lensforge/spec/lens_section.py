@@ -5,6 +5,8 @@ from dataclasses import dataclass
 from math import degrees, hypot, sqrt
 from typing import Annotated, ClassVar, Literal, NamedTuple
 
+import numpy as np
+from jaxtyping import Float
 from pydantic import AfterValidator, Discriminator, Field, Tag
 
 from lensforge.errors import InputError
@@ -52,16 +54,29 @@ class Beam(NamedTuple):
     half_rad: float = 0.0
 
 
+class LightAcross(NamedTuple):
+    """Wanted light in the plane y = 0: ``shares`` of it up to ``angles_rad`` from z, positive towards +x."""
+
+    angles_rad: Float[np.ndarray, " n"]
+    shares: Float[np.ndarray, " n"]
+
+    def turned(self, angles_rad: Float[np.ndarray, " m"]) -> Float[np.ndarray, " m"]:
+        """Angles to which light of a Lambertian source at ``angles_rad`` is to go: as much on each side there."""
+        return np.interp(0.5 * (1.0 + np.sin(angles_rad)), self.shares, self.angles_rad)
+
+
 @dataclass(frozen=True)
 class StartConditions:
     """Conditions that the first faces of a search are to suit: limits, source, and ``beam``, which takes a moment.
 
-    ``extent_mm``: radius of a circle that holds the source; None if its section does not state it.
+    ``extent_mm``: radius of a circle that holds the source; None if its section does not state it. ``across``: the
+    wanted light in the plane y = 0, which takes a moment, too.
     """
 
     limits: ConstraintsSection
     extent_mm: float | None
     beam: Callable[[], Beam]
+    across: Callable[[], LightAcross] | None = None
 
     @property
     def clear_mm(self) -> float:

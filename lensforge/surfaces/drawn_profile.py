@@ -106,9 +106,9 @@ class DrawnFace(ReciprocalSurface):
         return self.basis.splines(np.array(self.coefficients))
 
 
-_REACH = 1.6  # of a face over the largest radius of its lens
+REACH = 1.6  # of a face over the largest radius of its lens
 
 
 def round_profile(radius_mm: float, largest_mm: float, count: int) -> DrawnFace:
     """The cylinder of ``radius_mm`` about the y axis, in a lens whose profiles stay within ``largest_mm``."""
-    return DrawnFace(_REACH * largest_mm, (1.0 / radius_mm,) * count)
+    return DrawnFace(REACH * largest_mm, (1.0 / radius_mm,) * count)
