@@ -9,11 +9,11 @@ from pydantic import Field
 
 from lensforge.optics.exit_space import ExitBall, ExitSpace
 from lensforge.public import public
-from lensforge.spec.double_lens import ShellShape
 from lensforge.spec.lamps_section import Lamps
-from lensforge.spec.lens_section import StartConditions
+from lensforge.spec.lens_section import LightShape, StartConditions
 from lensforge.spec.processes import Process
 from lensforge.spec.search_section import ConstraintsSection
+from lensforge.spec.shell_shape import ShellShape
 from lensforge.spec.spec_section import Millimetres, check
 from lensforge.surfaces.drawn_profile import REACH, round_profile
 from lensforge.surfaces.profile import LEAST_COEFFICIENTS
@@ -32,6 +32,7 @@ class ExtrudedSection(ShellShape):
     parametrisation = "drawn"
     may_be_round = True
     largest_symmetry = "rectangle"
+    is_advised = False
     without: ClassVar[Mapping[str, str]] = {
         "handover": "a linear lens has no drawing yet; lens.step holds its profiles exactly, extruded",
         "compare": "a linear lens is not compared with points of its faces yet; compare its light with a photograph",
@@ -50,6 +51,11 @@ class ExtrudedSection(ShellShape):
     profile: Annotated[int, Field(ge=LEAST_COEFFICIENTS, le=64)] = Field(
         default=24, description="Coefficients of the profile of each face."
     )
+
+    @classmethod
+    def first_tables(cls, shape: LightShape) -> dict[str, dict[str, object]]:
+        """Fields of a lens of 100 mm, which goes on without end for the light; without a base."""
+        return {"lens": {"length_mm": 100.0, "ends": "free"}, "base": {"kind": "none"}}
 
     @check
     def _has_free_profiles(self) -> None:

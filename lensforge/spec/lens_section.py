@@ -100,7 +100,8 @@ class LensShape(OfSeveralKinds, LensMaterial):
     which it is advised (``search.lens_advice``). ``parametrisation``: how a search shapes its faces, a name in
     ``search.problem``. ``may_be_round``: it has a shape without any level, faces of revolution. ``radius_about_axis``:
     its radius is its distance from the axis, not from the LED: its exit or mouth is flat, and it lies in a cylinder.
-    ``largest_symmetry``: mirror group of the most symmetric one. ``without``: stages that it does not have, and why.
+    ``largest_symmetry``: mirror group of the most symmetric one. ``is_advised``: `lensforge new` weighs it
+    against others, unasked. ``without``: stages that it does not have, and why.
     """
 
     usual_kind = "double"
@@ -110,6 +111,7 @@ class LensShape(OfSeveralKinds, LensMaterial):
     may_be_round: ClassVar[bool] = False
     radius_about_axis: ClassVar[bool] = False
     largest_symmetry: ClassVar[str] = "square"
+    is_advised: ClassVar[bool] = True
     without: ClassVar[Mapping[str, str]] = {}
     kind: str
     levels: Levels = Field(

@@ -387,7 +387,7 @@ def test_a_terminal_is_asked_again_until_the_answer_is_one() -> None:
     spec = parse_spec(tomllib.loads(found.stdout), "asked")
     assert spec.source.diameter_mm == 1.0 and spec.manufacture.cutter_radius_mm == 2.5
     assert all(f"{kind}:" in found.stderr for kind in ("ellipse", "cross", "ring", "text", "beam"))
-    assert spec.lens.kind == "double" and "--lens cube: must be one of double, tir, reflector" in found.stderr
+    assert spec.lens.kind == "double" and "--lens cube: must be one of double, extruded, tir, reflector" in found.stderr
     assert "disk:1: no kind with its size" in found.stderr and "--max-radius -3: must be" in found.stderr
 
 
