@@ -26,7 +26,8 @@ _UPRIGHT_RAD = 0.02  # least turn of a profile from one ray to the next, over th
 _SIDES = 60  # angles of an upright side
 
 _Angles = Float[np.ndarray, " n"]
-_Points = Float[np.ndarray, "*c n 2"]
+_Points = Float[np.ndarray, "c n 2"]
+_EachAngles = Float[np.ndarray, "c n"]
 
 
 class Room(NamedTuple):
@@ -69,7 +70,7 @@ def _ways(angles: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n 2"]:
 
 
 def _apart(
-    inner: _Points, outer: _Points, angles: _Angles, reached: _Points, shares: Float[np.ndarray, " c"]
+    inner: _Points, outer: _Points, angles: _Angles, reached: _EachAngles, shares: Float[np.ndarray, " c"]
 ) -> Float[np.ndarray, " c"]:
     """Least path of light in the body; negative where the profiles cross."""
     in_body = _ways(angles - shares[:, None] * (angles - reached))
@@ -77,7 +78,7 @@ def _apart(
 
 
 def _followed(
-    index: float, angles: _Angles, reached: _Points, shares: Float[np.ndarray, " c"], walls: Float[np.ndarray, " c"]
+    index: float, angles: _Angles, reached: _EachAngles, shares: Float[np.ndarray, " c"], walls: Float[np.ndarray, " c"]
 ) -> tuple[_Points, _Points]:
     """Both profiles from the axis outwards, the inner one at 1 on the axis, the outer one a wall above."""
     within = angles - shares[:, None] * (angles - reached)

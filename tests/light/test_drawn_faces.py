@@ -50,7 +50,8 @@ def test_light_of_the_axis_leaves_concentric_cylinders_undeviated_from_any_place
     assert np.abs(exits.directions - rays.directions).max() < 1e-12
     assert np.abs(np.hypot(exits.points[:, 0], exits.points[:, 2]) - 10.0).max() < 1e-10
     steep = rays.directions[:, 1] / np.hypot(rays.directions[:, 0], rays.directions[:, 2])
-    assert np.allclose(exits.points[:, 1] - rays.origins[:, 1], 10.0 * steep, rtol=1e-8)
+    in_body = rays.directions[:, 1] / np.sqrt(INDEX**2 - rays.directions[:, 1] ** 2)
+    assert np.allclose(exits.points[:, 1] - rays.origins[:, 1], 4.0 * steep + 6.0 * in_body, rtol=1e-8)
 
 
 def in_the_plane(face: DrawnFace, start: np.ndarray, way: np.ndarray) -> tuple[float, np.ndarray]:
