@@ -47,7 +47,7 @@ def render_report(results: Results, folder: Path | None = None, *, beside: bool 
         views = SolidViews({}, problem="No 3-D picture: no part has been exported.")
         return template(REPORT_FILE).render(**_context(results, folder, beside), **_solid(views))
     radius_mm = float(lens_boundaries(results.lens)[1].radius(results.lens.directions(500)).max())  # to a per cent
-    of = part.stl, radius_mm, part.plate_stl
+    of = part.stl, hypot(radius_mm, 0.5 * (results.spec.lens.drawn_mm or 0.0)), part.plate_stl
     solid = ThreadPoolExecutor(1).submit(
         made_once, ("solid", *of), lambda: _solid(solid_views(*of)), dict[str, Any], lambda it: not it["views_problem"]
     )
