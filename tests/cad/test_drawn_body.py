@@ -5,6 +5,7 @@ import pytest
 from scenes import small_spec
 
 import lensforge as lf
+from lensforge.cad.section import body_outlines
 from lensforge.cad.step import parse_step
 from lensforge.errors import InputError
 from lensforge.proof.step_body import StepBody
@@ -65,3 +66,19 @@ def test_a_closed_form_a_half_pipe() -> None:
 def test_profiles_that_meet_have_no_body() -> None:
     with pytest.raises(InputError, match="the outer profile must lie outside the inner one"):
         lf.build(lens_of(INNER, round_profile(3.05, 7.0, 9)))
+
+
+def test_its_sections_are_its_profiles_and_along_y_a_wall_from_end_to_end() -> None:
+    lens = lens_of(INNER, OUTER)
+    (across,) = body_outlines(lens, 0.0)
+    x, z = across.T
+    assert abs(0.5 * np.sum(x * np.roll(z, -1) - z * np.roll(x, -1))) == pytest.approx(
+        area_mm2((INNER, OUTER)), rel=1e-4
+    )
+    (along,) = body_outlines(lens, 90.0)
+    low, high = (float(face.points(np.zeros(1))[0, 1]) for face in (INNER, OUTER))
+    y, z = along.T
+    assert abs(0.5 * np.sum(y * np.roll(z, -1) - z * np.roll(y, -1))) == pytest.approx(
+        (high - low) * LENGTH_MM, rel=1e-2
+    )
+    assert np.abs(y).max() == pytest.approx(0.5 * LENGTH_MM)
