@@ -21,6 +21,7 @@ from lensforge.surfaces.srbf import SrbfBasis
 from lensforge.surfaces.surface import Surface
 from lensforge.surfaces.tailored_profiles import Room, tailored_profiles
 
+_ENDLESS = 50.0  # of the largest radius: that far along y light goes in a lens without end
 _OF_ERRORS = (25,)  # functions of form errors, of which a profile has the section
 
 
@@ -134,8 +135,9 @@ class ExtrudedSection(ShellShape):
         return {name: round_profile(radius_mm, largest_mm, self.profile) for name, radius_mm in self.start_mm.items()}
 
     def exit_space(self, limits: ConstraintsSection) -> ExitSpace:
-        """The ball that holds it; that of a lens with free ends is no smaller, as light leaves within it or beyond."""
-        return ExitBall(self.extent_mm(limits))
+        """The ball that holds it; of one without end that which all but 3e-6 of a Lambertian LED's light leaves."""
+        endless_mm = 0.0 if self.ends == "capped" else _ENDLESS * limits.max_radius_mm
+        return ExitBall(max(self.extent_mm(limits), endless_mm))
 
     def extent_mm(self, limits: ConstraintsSection, rise: float | None = None) -> float:
         """Distance from the origin to its farthest corner, or along the normal of a plane."""
