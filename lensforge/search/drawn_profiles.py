@@ -38,6 +38,8 @@ class DrawnParameters(Parametrisation):
             grid = grid_for(min(face.detail_rad for face in profiles), nodes_per_sigma)
         symmetry = spec.lens.symmetry
         symmetric = symmetry != "auto" and contains(symmetry, "mirror_x")
+        if symmetric:
+            profiles = [face.mirrored for face in profiles]
         return DrawnParameters(grid, tuple(faces), tuple(profiles), symmetric)
 
     @property

@@ -17,6 +17,7 @@ from lensforge.spec.lens_section import Beam, LightAcross, StartConditions
 from lensforge.surfaces.surface import Surface
 
 _NARROWEST_BEAM_RAD = radians(0.1)
+_DIGITS = 6  # of an angle (rad), by which pixels of one column are one
 
 
 def start_faces(spec: Spec) -> dict[str, Surface]:
@@ -103,10 +104,11 @@ def light_across(spec: Spec) -> LightAcross:
     receiver = receivers_of(spec, spec.optimise.pixels)[0]
     light = target_light(spec.all_receivers[0].targets, receiver).ravel()
     directions = pixel_directions(receiver).reshape(-1, 3)
-    angles = np.arctan2(directions[:, 0], directions[:, 2])
-    order = np.argsort(angles, kind="stable")
-    shares = np.cumsum(light[order])
-    return LightAcross(angles[order], (shares - 0.5 * light[order]) / shares[-1])
+    angles, column = np.unique(np.arctan2(directions[:, 0], directions[:, 2]).round(_DIGITS), return_inverse=True)
+    between = 0.5 * (angles[1:] + angles[:-1])
+    edges = np.concatenate([2.0 * angles[:1] - between[:1], between, 2.0 * angles[-1:] - between[-1:]])
+    shares = np.concatenate([[0.0], np.cumsum(np.bincount(column, light))])
+    return LightAcross(edges, shares / shares[-1])
 
 
 def beam_of(spec: Spec) -> Beam:

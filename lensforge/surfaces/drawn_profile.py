@@ -65,6 +65,12 @@ class DrawnFace(ReciprocalSurface):
         """Sigma (rad) of the narrowest function of its basis."""
         return _DETAIL * np.pi * self.basis.step
 
+    @property
+    def mirrored(self) -> "DrawnFace":
+        """The mean of the face and its image in the plane x = 0."""
+        sides = np.array(self.coefficients)
+        return DrawnFace(self.reach_mm, tuple((0.5 * (sides + sides[::-1])).tolist()))
+
     def with_coefficients(self, count: int) -> "DrawnFace":
         """The nearest face of so many coefficients; itself where it has them."""
         if count == len(self.coefficients):
