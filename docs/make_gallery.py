@@ -44,6 +44,10 @@ GROUPS: dict[str, tuple[str, tuple[str, ...]]] = {
         "A mirror in place of a lens ([reflectors](beams.md#reflectors)).",
         ("reflector", "ellipsoidal_reflector"),
     ),
+    "Linear lenses": (
+        "A profile drawn along a row of LEDs ([linear lenses](beams.md#linear-lenses)).",
+        ("shelf",),
+    ),
     "In the figures of a trade": (
         "What a screen, a simulator, a surgical lamp, curing, a bicycle, a backlight and plants are judged by"
         " ([figures of a trade](limits.md#figures-of-a-trade)).",

@@ -101,7 +101,9 @@ def test_a_kind_of_lens_of_ones_own_is_read_lit_searched_built_and_proven(
     assert spec.part_tolerances.amount("mirror", "form_um") == 0.5
     with pytest.raises(lf.InputError, match=r"well\.shift_mm: this face is what the next is placed against; give mirr"):
         spec.replace({"lens.well.shift_mm": 0.1})
-    with pytest.raises(lf.InputError, match=r"lens\.kind = 'dash': must be one of double, tir, reflector, dish"):
+    with pytest.raises(
+        lf.InputError, match=r"lens\.kind = 'dash': must be one of double, extruded, tir, reflector, dish"
+    ):
         spec.replace({"lens.kind": "dash"})
 
     start = lf.evaluate(Lens(start_faces(spec), spec, 0, FAR), rays=2**14)

@@ -40,6 +40,15 @@ class BuiltBody:
     chord_mm: float
     solid: Solid
 
+    @property
+    def nodes(self) -> Mapping[str, int]:
+        """Nodes across the spline of each face, by its name."""
+        return {face.name: face.shape.nodes for face in (*self.plan.cavity.faces, *self.plan.envelope.faces)}
+
+    def prove(self, step: bytes, stl: bytes, threemf: bytes) -> "BodyProof":
+        """Read the files of the body back, and compare their faces with the surfaces."""
+        return prove(self, step, stl, threemf)
+
     def files(self, product: str) -> tuple[bytes, bytes, bytes]:
         """The STEP (AP214), STL and 3MF file."""
         return step_bytes(self.solid, product), stl_bytes(self.mesh), threemf_bytes(self.mesh, product)

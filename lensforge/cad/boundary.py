@@ -83,31 +83,61 @@ class Crease:
         return float(radii.min()), float(radii.max())
 
 
+@dataclass(frozen=True)
+class SectionEdge:
+    """The edge of a narrow band along the section y = 0, of a face that is drawn along y: what holds there holds all
+    along. ``half_width``: of the chart.
+    """
+
+    half_width: float = 0.1
+
+    def radius(self, azimuths: _Values) -> _Values:
+        """Distance from the chart's centre at azimuths (rad), at most that of the rim."""
+        return np.minimum(1.0, self.half_width / np.maximum(np.abs(np.sin(azimuths)), self.half_width))
+
+    tabulated = radius
+
+    def chart(self, azimuths: _Values) -> Float[np.ndarray, "n 2"]:
+        """Its chart points."""
+        return _on_chart(azimuths, self.radius(azimuths))
+
+    @property
+    def extent(self) -> tuple[float, float]:
+        """Least and largest distance from the chart's centre."""
+        return self.half_width, 1.0
+
+
 @dataclass(frozen=True, eq=False)
 class Domain:
     """Part of the chart where a face bounds its medium, from the crease ``inside`` to that ``outside``.
 
-    None: from the axis, or to the rim.
+    None: from the axis, or to the rim. ``section``: edge of a band, within which all counts.
     """
 
     inside: Crease | None = None
     outside: Crease | None = None
+    section: SectionEdge | None = None
 
     @property
-    def edges(self) -> tuple[Crease, ...]:
-        """The creases at which it begins and ends."""
-        return tuple(crease for crease in (self.inside, self.outside) if crease is not None)
+    def edges(self) -> tuple[Crease | SectionEdge, ...]:
+        """The creases at which it begins and ends, or the edge of its band."""
+        return tuple(edge for edge in (self.inside, self.outer_edge) if edge is not None)
+
+    @property
+    def outer_edge(self) -> Crease | SectionEdge | None:
+        """Its edge outwards; None for the rim."""
+        return self.section if self.outside is None else self.outside
 
     @property
     def extent(self) -> tuple[float, float]:
         """Least and largest distance from the chart's centre; 0 and 1 for the whole hemisphere."""
         low = 0.0 if self.inside is None else self.inside.extent[0]
-        return low, 1.0 if self.outside is None else self.outside.extent[1]
+        return low, 1.0 if self.outer_edge is None else self.outer_edge.extent[1]
 
     def radii(self, azimuths: _Values) -> tuple[_Values, _Values]:
         """Distances from the chart's centre at its inner and outer edge."""
         low = np.zeros_like(azimuths) if self.inside is None else self.inside.radius(azimuths)
-        return low, np.ones_like(azimuths) if self.outside is None else self.outside.radius(azimuths)
+        return low, np.ones_like(azimuths) if self.outer_edge is None else self.outer_edge.radius(azimuths)
 
     def tabulated_radii(self, azimuths: _Values) -> tuple[_Values, _Values]:
         """The same distances by the tables of the edges, much faster."""
@@ -233,6 +263,8 @@ class Boundary(Generic[Shape]):
 
     def of(self, shapes: Sequence[Other]) -> "Boundary[Other]":
         """The same boundary with similar ``shapes``; creases lie where these meet."""
+        if len(self.faces) == 1:
+            return Boundary((TrimmedFace(self.faces[0].name, shapes[0], self.faces[0].domain),))
         radii = [crease.radius(_azimuths()) for crease in self.creases]
         return _nested(self.faces, shapes, [(radius * (1.0 - _REACH), radius * (1.0 + _REACH)) for radius in radii])
 
@@ -321,8 +353,12 @@ def _around_opening(cavity: Boundary[Shape], envelope: Boundary[Shape]) -> Pair[
 
 @lru_cache(maxsize=4)  # sections and drawing ask for it
 def lens_boundaries(lens: Lens) -> Pair[Surface]:
-    """The boundaries of the body of ``lens``."""
-    return boundaries(lens.body)
+    """The boundaries of the body of ``lens``; of faces that are drawn along y within a band about their section."""
+    pair = boundaries(lens.body)
+    if lens.spec.lens.drawn_mm is None:
+        return pair
+    cavity, envelope = (Boundary((replace(side.faces[0], domain=Domain(section=SectionEdge())),)) for side in pair)
+    return cavity, envelope
 
 
 def _boundary(faces: tuple[Face, ...]) -> Boundary[Surface]:

@@ -101,7 +101,7 @@ def _edges_on(
             between = np.linspace(*ends, 4 * len(space.c))
             for patch, plane in zip(patches, planes, strict=True):
                 gap = max(gap, float(np.linalg.norm(patch.points(plane(between)) - space(between), axis=1).max()))
-            curves[-1].append((space, tuple(map(_curve, planes))))
+            curves[-1].append((space, tuple(map(curve_of, planes))))
     return _chains(chains, curves, lambda azimuths: places(azimuths)[:, of_space:], gap, surfaces)
 
 
@@ -175,7 +175,7 @@ def _chains(
 
     def edge(ends: _Ends, space: BSpline, planes: tuple[Any, ...]) -> Any:
         start, end = ends
-        made = BRepBuilderAPI_MakeEdge(_curve(space), vertices[start], vertices[following[start]], start, end).Edge()
+        made = BRepBuilderAPI_MakeEdge(curve_of(space), vertices[start], vertices[following[start]], start, end).Edge()
         for plane, surface in zip(planes, surfaces, strict=True):
             BRep_Builder().UpdateEdge(made, plane, surface, TopLoc_Location(), tolerance)
         return made
@@ -329,7 +329,7 @@ def _spline_along(
     return make_interp_spline(azimuths, points(azimuths), k=DEGREE)
 
 
-def _curve(spline: BSpline) -> Any:
+def curve_of(spline: BSpline) -> Any:
     """``Geom_BSplineCurve`` in space, ``Geom2d_BSplineCurve`` in a plane."""
     of_space = spline.c.shape[1] == 3
     poles = (TColgp_Array1OfPnt if of_space else TColgp_Array1OfPnt2d)(1, len(spline.c))

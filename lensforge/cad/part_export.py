@@ -7,10 +7,11 @@ shop cuts a mould, must keep the limits of the faces of the part.
 
 import time
 
-from lensforge.cad.body_export import BuiltBody, on_base, prove
+from lensforge.cad.body_export import BuiltBody, on_base
 from lensforge.cad.boundary import Pair
 from lensforge.cad.custom_base import read_custom_base
 from lensforge.cad.cutter_room import base_with_room
+from lensforge.cad.drawn_body import DrawnBody, drawn_body
 from lensforge.cad.face_tolerance import FaceTolerance, face_tolerance
 from lensforge.cad.facets import CHORD_MM
 from lensforge.cad.flange import ring_of
@@ -31,9 +32,11 @@ from lensforge.cad.plate_export import LensOfPlate, build_plate
 from lensforge.cad.plate_result import PLATE_STEP_FILE, PLATE_STL_FILE, PLATE_THREEMF_FILE
 from lensforge.cad.solid import untrimmed_faces
 from lensforge.cad.step import parse_surfaces, parts_bytes, require_schema, signed_step
+from lensforge.errors import InputError
 from lensforge.results import Extent
 from lensforge.scene.lens import Lens
 from lensforge.spec.accuracy import preset_of
+from lensforge.surfaces.drawn_profile import DrawnFace
 from lensforge.surfaces.step_file import Schema, parts_of
 from lensforge.surfaces.surface import scaled
 
@@ -66,22 +69,31 @@ def build_part(
     require_schema(schema)
     rings = preset_of(lens.accuracy).part.mesh_rings if rings is None else rings
     tolerance = tolerance or face_tolerance(lens)
-    pair = fit_lens(lens, *([] if nodes is None else [nodes] * len(lens.surfaces)), tolerance=tolerance)
-    body = _build(lens, pair, rings, chord_mm, least_rings)
+    body = _drawn(lens, tolerance, nodes)
+    whole = None
+    if body is None:
+        pair = fit_lens(lens, *([] if nodes is None else [nodes] * len(lens.surfaces)), tolerance=tolerance)
+        body = whole = _build(lens, pair, rings, chord_mm, least_rings)
     name = lens.spec.name
     signed = signed_step(body.solid, lens.spec, name, schema, date)
     step = signed.content
     untrimmed = None
     surfaces_step = None
     if extension_deg is not None:
-        untrimmed, surfaces_step = _untrimmed(lens, body.plan, tolerance, extension_deg, schema, signed.signature)
+        if whole is None:
+            raise InputError(
+                f"extension = {extension_deg:g}: a linear lens has no faces beyond its section; leave it out"
+            )
+        untrimmed, surfaces_step = _untrimmed(lens, whole.plan, tolerance, extension_deg, schema, signed.signature)
     stl = stl_bytes(body.mesh)
     threemf = threemf_bytes(body.mesh, name)
-    proof = prove(body, step, stl, threemf)
+    proof = body.prove(step, stl, threemf)
     form = worst(list(proof.form.values()))
-    keep_out = _keep_out(lens, body)
-    lens_of_plate = LensOfPlate(body.plan, form.form_max_nm, proof.solid.volume_mm3)
-    plate = build_plate(lens, lens_of_plate, nodes, tolerance, schema, date)
+    keep_out = plate = None
+    if whole is not None:
+        keep_out = _keep_out(lens, whole)
+        lens_of_plate = LensOfPlate(whole.plan, form.form_max_nm, proof.solid.volume_mm3)
+        plate = build_plate(lens, lens_of_plate, nodes, tolerance, schema, date)
     files = {STEP_FILE: step, STL_FILE: stl, THREEMF_FILE: threemf} | ({} if plate is None else dict(plate.files))
     if surfaces_step is not None:
         files[SURFACES_FILE] = surfaces_step
@@ -105,7 +117,7 @@ def build_part(
         genus=proof.stl.genus,
         genus_difference=abs(proof.stl.genus - proof.solid.genus),
         faces=Faces(count=len(parts_of(proof.solid.shape, "FACE")), names=tuple(sorted(proof.solid.faces))),
-        nodes={face.name: face.shape.nodes for face in (*body.plan.cavity.faces, *body.plan.envelope.faces)},
+        nodes=dict(body.nodes),
         step_schema=schema,
         form_tolerances=signed.tolerances,
         signature=signed.signature,
@@ -128,6 +140,15 @@ def build_part(
         plate_stl=files.get(PLATE_STL_FILE),
         plate_threemf=files.get(PLATE_THREEMF_FILE),
     )
+
+
+def _drawn(lens: Lens, tolerance: FaceTolerance, nodes: int | None) -> BuiltBody | DrawnBody | None:
+    """The body of a lens whose faces are profiles drawn along y; None for any other."""
+    length_mm = lens.spec.lens.drawn_mm
+    if length_mm is None:
+        return None
+    inner, outer = (face for face in lens.surfaces.values() if isinstance(face, DrawnFace))
+    return drawn_body(inner, outer, length_mm, tolerance, nodes)
 
 
 def _build(lens: Lens, pair: Pair[Patch], rings: int | None, chord_mm: float, least_rings: int) -> BuiltBody:

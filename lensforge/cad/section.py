@@ -15,10 +15,12 @@ from lensforge.cad.flange import ring_of
 from lensforge.cad.plan import Corner, Plan, base_corners, rim_directions
 from lensforge.scene.lens import Lens
 from lensforge.spec import BaseSection
+from lensforge.surfaces.drawn_profile import DrawnFace
 from lensforge.surfaces.surface import Surface
 
 Curve = Float[np.ndarray, "n 2"]
 
+_DRAWN_ANGLES = 721
 _DRAWN_MM = 1e-3  # last digit of a drawn size: sections that differ by less are the same
 
 
@@ -29,6 +31,10 @@ def body_outlines(lens: Lens, azimuth_deg: float) -> list[Curve]:
     """
     azimuth = np.radians(azimuth_deg)
     across = rim_directions(np.array([azimuth]))[0]
+    length_mm = lens.spec.lens.drawn_mm
+    if length_mm is not None:
+        inner, outer = (_drawn_curve(face, across, length_mm) for face in lens.surfaces.values())
+        return [np.concatenate([outer, inner[::-1]])]
     plan = lens_plan(lens)
     base = plan.base
     of_file = [] if plan.base.file is None else _cut_of_file(plan.base, across)
@@ -42,6 +48,16 @@ def body_outlines(lens: Lens, azimuth_deg: float) -> list[Curve]:
         return [np.concatenate([outer, inner[::-1]]), *of_file]
     right, left = (_at(corners, azimuth + turn) for turn in (0.0, np.pi))
     return [np.concatenate([outer, right, inner[::-1], left[::-1] * (-1.0, 1.0)]), *_cut_feet(base, azimuth_deg)]
+
+
+def _drawn_curve(face: Surface, across: Float[np.ndarray, "3"], length_mm: float) -> Curve:
+    """A face that is drawn along y in the plane through z and ``across``, from end to end."""
+    assert isinstance(face, DrawnFace)
+    polar = np.linspace(-0.5 * np.pi, 0.5 * np.pi, _DRAWN_ANGLES)
+    plane = np.column_stack([np.sin(polar), np.cos(polar)])
+    directions = plane[:, :1] * across + plane[:, 1:] * np.array([0.0, 0.0, 1.0])
+    reciprocals = np.maximum(face.value(directions), np.abs(directions[:, 1]) * 2.0 / length_mm)
+    return plane / reciprocals[:, None]
 
 
 def _cut_feet(base: BaseSection, azimuth_deg: float) -> list[Float[np.ndarray, "4 2"]]:

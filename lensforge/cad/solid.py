@@ -211,10 +211,11 @@ _OUTWARD = {
 
 @dataclass(frozen=True)
 class Solid:
-    """A solid (TopoDS_Solid, mm) and its faces (TopoDS_Face) by name."""
+    """A solid (TopoDS_Solid, mm) and its faces (TopoDS_Face) by name; ``is_prism``: long, and extruded."""
 
     shape: Any
     faces: Shapes
+    is_prism: bool = False
 
     @cached_property
     def valid(self) -> bool:
@@ -238,7 +239,7 @@ class Solid:
 
     @cached_property
     def _size(self) -> tuple[float, float]:
-        return volume_and_area(self.shape)
+        return volume_and_area(self.shape, by_sectors=self.is_prism)
 
     @cached_property
     def default_volume_mm3(self) -> float:

@@ -165,8 +165,9 @@ def _radial(cavity: Boundary[Patch], envelope: Boundary[Patch], sign: float) -> 
 
     turn = np.linspace(0.0, 2.0 * np.pi, _RIM, endpoint=False)
     creases = [crease for side in (cavity, envelope) for crease in side.creases if crease is not side.opening]
-    places = np.concatenate([_samples(), *(crease.chart(turn) for crease in creases)])
-    place, most = refined_maximum(figure, places, figure(places), _STEP)
+    domain = cavity.faces[0].domain if len(cavity.faces) == 1 else WHOLE
+    places = np.concatenate([_samples(domain), *(crease.chart(turn) for crease in creases)])
+    place, most = refined_maximum(figure, places, figure(places), _STEP, within=domain.within)
     return Span(sign * most, *(points_in(boundary, to_sphere(place[None]))[0] for boundary in (cavity, envelope)))
 
 
@@ -201,7 +202,7 @@ def _inside(inner: Domain, outer: Domain) -> dict[str, Callable[[Float[np.ndarra
         for domain, place in ((inner, at[:2]), (outer, at[2:])):
             azimuth = np.arctan2(place[1:], place[:1])
             squared = place @ place
-            margins.append((domain.outside.tabulated(azimuth) ** 2 if domain.outside else 1.0) - squared)
+            margins.append((domain.outer_edge.tabulated(azimuth) ** 2 if domain.outer_edge else 1.0) - squared)
             margins.append(squared - (domain.inside.tabulated(azimuth) ** 2 if domain.inside else 0.0))
         return np.concatenate([np.atleast_1d(margin) for margin in margins])
 

@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 from lensforge.kernels.bicubic import scatter
 from lensforge.kernels.compiled import inline
+from lensforge.kernels.drawn_faces import across
 from lensforge.kernels.facet_normals import drawn_slope, facet_normal, facet_normal_adjoint, seen_slope
 from lensforge.kernels.fresnel import outward_normal, reflect_adjoint, refract_adjoint
 from lensforge.kernels.ray_packet import COEFFICIENTS, SIZE, fields, jet_at, mark_hit, three, write
@@ -85,16 +86,18 @@ def move_to_face(packet, count, at, table, grid):
     for k in range(count):
         p = add_scaled(three(packet, at + P + k), packet[at + PATH + k], three(packet, at + D + k))
         write(packet, at + P + k, p)
-        mark_hit(packet, k, p, at + CELL, side, grid)
+        mark_hit(packet, k, across(p, grid.half_mm), at + CELL, side, grid)
 
 
 @inline
-def take_jets(packet, count, at, inverse_step):
+def take_jets(packet, count, at, grid):
     """Derivatives of the table at all hits, whose coefficients have been fetched."""
+    inverse_step = grid.inverse_step
     for k in range(count):
         share_x, share_y = packet[at + CELL + 2 * SIZE + k], packet[at + CELL + 3 * SIZE + k]
         jet = jet_at(packet, k, share_x, share_y, inverse_step)
-        write(packet, at + JET + k, jet[:3])
+        slopes = across(jet[:2] + jet[:1], grid.half_mm)
+        write(packet, at + JET + k, (slopes[0], slopes[1], jet[2]))
         write(packet, at + JET + 2 * SIZE + k, jet[2:])
 
 
@@ -107,13 +110,13 @@ def jet_of(packet, place):
 
 
 @inline
-def fetch_facets(packet, count, at, face, noise, keys, slopes):
+def fetch_facets(packet, count, at, face, noise, keys, slopes, grid):
     """The facets that all rays meet at an event, at whose hits they are."""
     if noise is not None:  # known to the compiler
         for k in range(count):
             x, y = drawn_slope(int(packet[RAY + k]), face.face, face.times, noise, keys, slopes)
             jet = jet_of(packet, at + JET + k)
-            normal = outward_normal(three(packet, at + P + k), jet[0], jet[1])
+            normal = outward_normal(across(three(packet, at + P + k), grid.half_mm), jet[0], jet[1])
             d = three(packet, at + D + k)
             seen, by_c, by_along = seen_slope(x, y, slopes[face.face], normal, d)
             write(packet, at + FACET + k, (x, y, seen))
@@ -122,14 +125,14 @@ def fetch_facets(packet, count, at, face, noise, keys, slopes):
 
 
 @inline
-def hit_at(packet, k, at, face, rays):
+def hit_at(packet, k, at, face, rays, grid):
     """The hit of ray k of the packet at an event, as a :class:`Hit`."""
     number = int(packet[RAY + k])
     ratio = packet[at + INDEX_RATIO + k]
     p = three(packet, at + P + k)
     d = three(packet, at + D + k)
     jet = jet_of(packet, at + JET + k)
-    normal = outward_normal(p, jet[0], jet[1])
+    normal = outward_normal(across(p, grid.half_mm), jet[0], jet[1])
     tilted = facet_normal(packet, at + FACET + k, normal, d, rays.noise)
     return Hit(number, ratio, p, d, jet, normal, scaled(face.side, tilted))
 
@@ -180,7 +183,7 @@ def hit_adjoint(p, d, n, e, m, jet):
 
 
 @inline
-def back_to_ray(packet, k, at, face, hit, by, rays):
+def back_to_ray(packet, k, at, face, hit, by, rays, grid):
     """Sensitivities to start and direction of a ray before an event from those ``by`` it; fills that to the table."""
     if face.mirrored:
         f, h = reflect_adjoint(hit.d, hit.tilted, by.direction, by.cosine, by.normal)
@@ -189,7 +192,7 @@ def back_to_ray(packet, k, at, face, hit, by, rays):
     f = add_scaled(f, 1.0, by.direction_before)
     h, f = facet_normal_adjoint(packet, at + FACET + k, hit.normal, hit.d, rays.noise, scaled(face.side, h), f)
     e = add_scaled(by.hit, by.path, hit.d)
-    e, by_table = hit_adjoint(hit.p, hit.d, hit.normal, e, h, hit.jet)
+    e, by_table = hit_adjoint(across(hit.p, grid.half_mm), hit.d, hit.normal, e, across(h, grid.half_mm), hit.jet)
     f = add_scaled(f, packet[at + PATH + k], e)
     smooth = packet[SMOOTH + k] == 1.0
     by_table = by_table[0] if smooth else 0.0, by_table[1] if smooth else 0.0, by_table[2] if smooth else 0.0

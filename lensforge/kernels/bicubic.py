@@ -44,10 +44,15 @@ cubic_splines = inline(uniform_cubic)
 
 
 class TableSpacing(NamedTuple):
-    """Place of coefficient 0 of a table on the chart, on both axes, and one over the step."""
+    """Place of coefficient 0 of a table on the chart, on both axes, and one over the step.
+
+    ``half_mm``: of faces that are profiles drawn along y half of their length, at whose ends light is absorbed; None
+    for any other.
+    """
 
     origin: float
     inverse_step: float
+    half_mm: float | None = None
 
 
 @inline

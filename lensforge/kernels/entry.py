@@ -4,6 +4,7 @@ from math import sqrt
 
 from lensforge.kernels.bicubic import bounds_of, jet, tile_of
 from lensforge.kernels.compiled import inline
+from lensforge.kernels.drawn_faces import across
 from lensforge.kernels.fate import Fate
 from lensforge.kernels.fields import unpolarised
 from lensforge.kernels.frames import INTO, into_faces, turned
@@ -22,7 +23,7 @@ def entry(p, d, table, grid, bounds):
     if d[2] <= 0.0 and not p[2] > 0.0:
         return Fate.BACKWARD, 0.0
     start = -p[2] / d[2] if p[2] < 0.0 else 0.0
-    x, y, z = p[0] + start * d[0], p[1] + start * d[1], max(p[2], 0.0)
+    x, y, z = across((p[0] + start * d[0], p[1] + start * d[1], max(p[2], 0.0)), grid.half_mm)
     r = sqrt(x * x + y * y + z * z)
     if not r <= bounds.most:  # in this form also where x is NaN
         return Fate.OUTSIDE_CAVITY, start

@@ -8,6 +8,7 @@ is one of vector instructions.
 from math import cos, log1p, pi, sin, sqrt
 
 from lensforge.kernels.compiled import inline
+from lensforge.kernels.drawn_faces import across
 from lensforge.kernels.fresnel import outward_normal
 from lensforge.kernels.ray_draws import drawn
 from lensforge.kernels.ray_packet import DX, FACET, LENGTH, PX, RAY, RHO_X, RHO_Y, SIZE, three, write
@@ -44,13 +45,13 @@ def seen_slope(x, y, rms, normal, d):
 
 
 @inline
-def fetch_facet(packet, lane, face, times, noise, keys, slopes):
+def fetch_facet(packet, lane, face, times, noise, keys, slopes, grid):
     """The facet that a ray of a packet meets at its crossing, if faces are rough."""
     if noise is not None:  # known to the compiler
         x, y = drawn_slope(int(packet[RAY + lane]), face, times, noise, keys, slopes)
         d = three(packet, DX + lane)
         p = add_scaled(three(packet, PX + lane), packet[LENGTH + lane], d)
-        normal = outward_normal(p, packet[RHO_X + lane], packet[RHO_Y + lane])
+        normal = outward_normal(across(p, grid.half_mm), packet[RHO_X + lane], packet[RHO_Y + lane])
         write(packet, FACET + lane, (x, y, seen_slope(x, y, slopes[face], normal, d)[0]))
 
 

@@ -24,4 +24,4 @@ class Fate(IntEnum):
     NOT_CONVERGED = 5  # the intersection search gave up; zero at standard accuracy
     SURFACES_INTERSECT = 6  # met the inner surface where the outer one lies inside it
     EVENT_LIMIT = 7  # still in the body after as many refractions and reflections as the scene follows
-    FLANGE = 8  # absorbed at the flange of the lens, by what holds it
+    FLANGE = 8  # absorbed by what holds the lens: at its flange, or at a capped end of a profile drawn along y

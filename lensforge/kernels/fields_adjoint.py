@@ -85,10 +85,10 @@ def absorb_on_way(packet, count):
 
 
 @inline
-def refract_all_at(packet, count, face, rays):
+def refract_all_at(packet, count, face, rays, grid):
     """Cosines, normals and refracted directions of all rays at an event."""
     for k in range(count):
-        hit = hit_at(packet, k, FIRST_EVENT, face, rays)
+        hit = hit_at(packet, k, FIRST_EVENT, face, rays, grid)
         n = unit(hit.tilted)
         b, c, q_squared = refract(hit.d, n, hit.ratio)
         packet[C + k] = c
@@ -236,7 +236,7 @@ def back_before_spread(packet, k, face, turned, body, shifts, keys):
 @inline
 def forward_at(packet, count, face, rays, body):
     """Take all rays through the face of an event."""
-    refract_all_at(packet, count, face, rays)
+    refract_all_at(packet, count, face, rays, body.grid)
     all_amplitudes(packet, count, face, rays, body)
     turn_all_fields(packet, count, face.mirrored)
     spread_all(packet, count, face, body, rays.shifts, rays.keys)
@@ -340,11 +340,11 @@ def back_through(packet, count, face, last, rays, body):
         by_c, by_n, by_d, by_b = field_back(packet, k, 0, turned)
         also_c, also_n, also_d, also_b = field_back(packet, k, 2, turned)
         f = add_scaled(add_scaled(three(packet, FX + k), 1.0, by_b), 1.0, also_b)
-        hit = hit_at(packet, k, FIRST_EVENT, face, rays)
+        hit = hit_at(packet, k, FIRST_EVENT, face, rays, body.grid)
         by_c += of_spread_c + also_c + at_exit * hit.ratio * hit.ratio * packet[C + k] * packet[BY_SIN2 + k]
         by_n = add_scaled(add_scaled(by_n, 1.0, also_n), 1.0, of_spread_n)
         by_d = add_scaled(by_d, 1.0, also_d)
         by = ByEvent(three(packet, EX + k), f, by_c, by_n, by_d, in_body * packet[BY_PATH + k])
-        e, f = back_to_ray(packet, k, FIRST_EVENT, face, hit, by, rays)
+        e, f = back_to_ray(packet, k, FIRST_EVENT, face, hit, by, rays, body.grid)
         write(packet, EX + k, e)
         write(packet, FX + k, f)

@@ -9,6 +9,7 @@ from math import exp
 
 from lensforge.kernels.bicubic import bounds_of
 from lensforge.kernels.compiled import inline
+from lensforge.kernels.drawn_faces import is_past_end
 from lensforge.kernels.entry import entry
 from lensforge.kernels.fate import Fate
 from lensforge.kernels.first_hit import FOUND, LOST
@@ -229,7 +230,11 @@ def pass_on(packet, count, event, rays, body, ways, exits):
         exits.flux[k] = flux
         if mirror > 0.0:
             exits.absorbed[k] += arrived * (1.0 - mirror)
-        if behind == OUTSIDE and not mirrored:
+        if behind == OUTSIDE and not mirrored and is_past_end(packet[PX + SIZE + lane], body.grid.half_mm):
+            exits.fates[k] = Fate.FLANGE
+            exits.flux[k] = arrived
+            exits.sin2_exit[k] = 0.0
+        elif behind == OUTSIDE and not mirrored:
             leave(packet, lane, arrived, rays, body, exits)
         elif last or (mirrored and ordered):
             exits.fates[k] = Fate.TOTAL_REFLECTION if mirrored and mirror < 0.0 else Fate.EVENT_LIMIT

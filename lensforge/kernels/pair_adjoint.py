@@ -53,7 +53,7 @@ def refract_inner(packet, count, film, rays, body):
     """Refract all rays at the inner face, and put them on their way to the outer one."""
     face = inner_face()
     for k in range(count):
-        hit = hit_at(packet, k, FIRST_EVENT, face, rays)
+        hit = hit_at(packet, k, FIRST_EVENT, face, rays, body.grid)
         n = unit(hit.tilted)
         ratio = hit.ratio
         b, c, q_squared = refract(hit.d, n, ratio)
@@ -74,7 +74,7 @@ def back_through_outer(packet, count, film, absorbing, rays, body, axis):
     """Sensitivities at the outer face, and to the ray behind the inner one, in the frame of that."""
     face = outer_face()
     for k in range(count):
-        hit = hit_at(packet, k, SECOND_EVENT, face, rays)
+        hit = hit_at(packet, k, SECOND_EVENT, face, rays, body.grid)
         left = packet[LEFT + k] == 1.0
         n = unit(hit.tilted)
         ratio = hit.ratio
@@ -110,7 +110,7 @@ def back_through_outer(packet, count, film, absorbing, rays, body, axis):
         e = add_scaled(e, -dot(e, to), to)
         f = add_scaled(f, arrived, by_b)
         by = ByEvent(e, f, by_cosine, by_n, scaled(arrived, by_d), by_path)
-        e, f = back_to_ray(packet, k, SECOND_EVENT, face, hit, by, rays)
+        e, f = back_to_ray(packet, k, SECOND_EVENT, face, hit, by, rays, body.grid)
         write(packet, BY_NORMAL + k, turned_back(body.placement, BETWEEN, scaled(arrived, by_m)))
         write(packet, EX + k, turned_back(body.placement, BETWEEN, e))
         write(packet, FX + k, turned_back(body.placement, BETWEEN, f))
@@ -122,12 +122,12 @@ def back_through_inner(packet, count, rays, body):
     face = inner_face()
     none = (0.0, 0.0, 0.0)
     for k in range(count):
-        hit = hit_at(packet, k, FIRST_EVENT, face, rays)
+        hit = hit_at(packet, k, FIRST_EVENT, face, rays, body.grid)
         f = three(packet, FX + k)
         normal = three(packet, BY_NORMAL + k)
         cosine = packet[BY_COSINE + k]
         by = ByEvent(three(packet, EX + k), f, cosine, normal, none, 0.0)
-        back_to_ray(packet, k, FIRST_EVENT, face, hit, by, rays)
+        back_to_ray(packet, k, FIRST_EVENT, face, hit, by, rays, body.grid)
 
 
 @inline

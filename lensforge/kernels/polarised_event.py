@@ -7,6 +7,7 @@ carries its fields (``kernels.fields``).
 from math import sqrt
 
 from lensforge.kernels.compiled import inline
+from lensforge.kernels.drawn_faces import across
 from lensforge.kernels.facet_normals import facet_normal, fetch_facet
 from lensforge.kernels.fields import FieldTurn, field_behind, passing, reflect, reflecting, squared_lengths
 from lensforge.kernels.first_hit import FOUND
@@ -61,7 +62,7 @@ def refract_in_order(packet, count, face, film, rays, body, axis):
         ratio = packet[RATIO + k]
         p = add_scaled(three(packet, PX + k), packet[LENGTH + k], d)
         write(packet, PX + k, p)
-        n = outward_normal(p, packet[RHO_X + k], packet[RHO_Y + k])
+        n = outward_normal(across(p, body.grid.half_mm), packet[RHO_X + k], packet[RHO_Y + k])
         n = unit(facet_normal(packet, FACET + k, n, d, rays.noise))
         b, c, q_squared = refract(d, n, ratio)
         met = packet[STATUS + k] == FOUND and p[2] >= 0.0
@@ -94,7 +95,7 @@ def refract_at(packet, count, face, films, rays, body, axis):
     """:func:`refract_in_order` for the whole vectors of a packet, at a face that may have a film."""
     whole = in_whole_vectors(count)
     for k in range(count):
-        fetch_facet(packet, k, face, 0, rays.noise, rays.keys, body.slopes)
+        fetch_facet(packet, k, face, 0, rays.noise, rays.keys, body.slopes, body.grid)
     if films is None:  # known to the compiler
         refract_in_order(packet, whole, face, None, rays, body, axis)
     else:
@@ -119,12 +120,12 @@ def refract_any(packet, count, event, rays, body, met):
     for k in range(count):
         face = int(packet[FACE + k])
         times = times_met(met, int(packet[RAY + k]), event, face)
-        fetch_facet(packet, k, face, times, rays.noise, rays.keys, body.slopes)
+        fetch_facet(packet, k, face, times, rays.noise, rays.keys, body.slopes, body.grid)
     for k in range(count):
         d = three(packet, DX + k)
         p = add_scaled(three(packet, PX + k), packet[LENGTH + k], d)
         write(packet, PX + k, p)
-        n = outward_normal(p, packet[RHO_X + k], packet[RHO_Y + k])
+        n = outward_normal(across(p, body.grid.half_mm), packet[RHO_X + k], packet[RHO_Y + k])
         n = scaled(packet[SIDE + k], unit(facet_normal(packet, FACET + k, n, d, rays.noise)))
         b, packet[COSINE + k], packet[BEHIND + k] = refract(d, n, packet[RATIO + k])
         write(packet, MX + k, n)

@@ -7,6 +7,7 @@ Path lengths and faces that were met are kept, so that the adjoint need not sear
 
 from lensforge.kernels.bicubic import bounds_of
 from lensforge.kernels.compiled import inline, kernel
+from lensforge.kernels.drawn_faces import from_shadows, shadows
 from lensforge.kernels.entry import enter
 from lensforge.kernels.first_hit import FOUND, first_hits, start_all
 from lensforge.kernels.nearest_face import FACE, MEDIUM, NEXT, NEXT_STATUS, NEXT_X, NEXT_Y, SIDE, meet_nearest
@@ -51,7 +52,9 @@ def meet(packet, count, event, rays, body, balls):
     """Find the crossing of each ray of a packet with the face that it meets."""
     if balls is None:  # known to the compiler
         going = start_all(packet, count)
+        shadows(packet, going, body.grid.half_mm)
         first_hits(packet, going, body.tables[event], body.grid, bounds_of(body.bounds, event), False, False)
+        from_shadows(packet, count, body.grid.half_mm)
         note_order(packet, count, event, body.sides)
     else:
         meet_nearest(packet, count, body)

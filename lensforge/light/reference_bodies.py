@@ -9,7 +9,7 @@ from jaxtyping import Bool, Complex, Float, Int, Int8
 from torch import Tensor
 
 from lensforge.kernels.fate import Fate
-from lensforge.light.reference_hits import CPU, ExactFace, TableFace, TracedFace
+from lensforge.light.reference_hits import CPU, DrawnTracedFace, ExactFace, TableFace, TracedFace
 from lensforge.light.secondary_optics import TWO_FACES, tabled
 from lensforge.light.table_trace import Scene, Tables, checked_bounds
 from lensforge.optics.dielectric import unpolarised_fields
@@ -29,7 +29,8 @@ class ReferenceBody:
     ``in_order``: where every ray meets the faces one after another, and what they reflect is lost, as in the usual
     lens. ``placement``: of the faces, where they do not stand in the frame of the rays. ``made``: for their roughness.
     ``origin``: prefix of fields named in errors. ``scatters_before``: number of
-    faces that scatter on the bodies before it.
+    faces that scatter on the bodies before it. ``half_mm``: half of the length of faces that are drawn along y, which
+    absorb light at their ends.
     """
 
     faces: tuple[TracedFace, ...]
@@ -40,13 +41,16 @@ class ReferenceBody:
     made: AsMade | None = None
     origin: str = "lens."
     scatters_before: int = 0
+    half_mm: float | None = None
 
     @staticmethod
     def of_lens(faces: Sequence[TracedFace], scene: Scene, device: torch.device = CPU) -> "tuple[ReferenceBody, ...]":
         """A lens of these faces, in the order of ``scene``, and the optics behind it by their tables on ``device``."""
         placement = None if scene.made is None else scene.made.placed
         chain = scene.chain or TWO_FACES
-        lens = ReferenceBody(tuple(faces), chain, scene.media, scene.chain is None, placement, scene.made)
+        drawn = tuple(faces if scene.drawn_half_mm is None else map(DrawnTracedFace, faces))
+        in_order = scene.chain is None
+        lens = ReferenceBody(drawn, chain, scene.media, in_order, placement, scene.made, half_mm=scene.drawn_half_mm)
         return lens, *(_of_optic(number, scene.media, device) for number in range(len(scene.media.bodies)))
 
     @staticmethod

@@ -38,6 +38,7 @@ CPU = torch.device("cpu")
 _SIZE_DIRECTIONS = 1000  # over the hemisphere, at which the reach of a surface is sampled
 _STEPS_AT_ONCE = 32  # of a scan
 _BACKED_OFF = 1e-9  # of the way: a scan starts so far from the face that a ray has just met
+_LEAST_ACROSS = 1e-12  # of a direction: along y no ray meets a face that is drawn so
 _GOING = 3  # states of a search besides the kernel's
 _BRACKETED = 5  # of the second the next root is the only one ahead
 
@@ -387,6 +388,36 @@ class TableFace(TracedFace):
             states[going] = torch.where(converged, FOUND, torch.where(below, BELOW, LOST)).to(torch.int8)
             going = going[~(converged | below)]
         return roots, states
+
+
+@dataclass(frozen=True)
+class DrawnTracedFace(TracedFace):
+    """A ``face`` that is a profile drawn along y: rays meet it where their shadows in the plane y = 0 do."""
+
+    face: TracedFace
+
+    def gap(self, points: Float[Tensor, "n 3"]) -> Float[Tensor, " n"]:
+        """F (mm): positive inside."""
+        return self.face.gap(_shadow(points))
+
+    def normal(self, points: Float[Tensor, "n 3"]) -> Float[Tensor, "n 3"]:
+        """Gradient across y: away from the y axis, not normalised."""
+        return _shadow(self.face.normal(_shadow(points)))
+
+    @torch.no_grad()
+    def next_crossing(self, rays: Approach) -> Crossing:
+        """First crossings of the shadows, as paths of the rays."""
+        across = _shadow(rays.directions)
+        share = torch.linalg.norm(across, dim=1).clamp(min=_LEAST_ACROSS)
+        shadows = rays._replace(
+            points=_shadow(rays.points), directions=across / share[:, None], limits_mm=rays.limits_mm * share
+        )
+        crossing = self.face.next_crossing(shadows)
+        return crossing._replace(paths_mm=crossing.paths_mm / share)
+
+
+def _shadow(vectors: Float[Tensor, "n 3"]) -> Float[Tensor, "n 3"]:
+    return vectors * vectors.new_tensor([1.0, 0.0, 1.0])
 
 
 def _per_shift(points: Float[Tensor, "n 3"]) -> Float[Tensor, " n"]:

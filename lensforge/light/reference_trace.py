@@ -286,6 +286,10 @@ class _Passage:
         sense, behind = (1.0, self.body.chain.behind[number]) if before == medium else (-1.0, before)
         path, points = face.hit(light.points, light.directions, paths_mm, sense)
         light = self._dimmed(light, path, medium)
+        if behind == OUTSIDE and self.body.half_mm is not None:
+            past = points[:, 1].abs() > self.body.half_mm
+            yield _ENDED, light.take(past)._replace(sin2_exit=torch.zeros_like(path[past])).ended(Fate.FLANGE)
+            light, points, paths_mm = light.take(~past), points[~past], paths_mm[~past]
         met = Meeting(number, light.times[:, number], light.numbers)
         times = light.times.clone()
         times[:, number] += 1

@@ -88,11 +88,12 @@ class TracedLens:
         with remedy("take a lower accuracy"):
             grid: TableGrid = grid_for(min(lens.detail_rad, _WIDEST_DETAIL_RAD), nodes_per_sigma)
         tables = np.stack([tabulate(grid, surface) for surface in lens.surfaces.values()])
+        scene = Scene(lens.media, grid, drawn_half_mm=lens.spec.lens.drawn_half_mm)
         errors = {
             name: 1e6 * table_error(grid, table, surface)
             for table, (name, surface) in zip(tables, lens.surfaces.items(), strict=True)
         }
-        return TracedLens(Scene(lens.media, grid), tables, errors).at_work(lens.spec)
+        return TracedLens(scene, tables, errors).at_work(lens.spec)
 
     def at_work(self, spec: Spec) -> "TracedLens":
         """The same lens in the media and at the temperature of ``spec``, one of its states."""

@@ -38,7 +38,8 @@ class Scene:
     Without ``fresnel`` all faces let all light through that they do not reflect totally, coated or not. ``made``: where
     the lens is not as designed; None for one that is. ``chain``: the faces where a ray may meet any of them; None for
     a double lens, in which it is refracted at the inner face and then at the outer one. ``single``: whether the usual
-    lens is traced in single precision, for a search: its noise is far above the error.
+    lens is traced in single precision, for a search: its noise is far above the error. ``drawn_half_mm``: of faces that
+    are drawn along y half of their length; None for others.
     """
 
     media: Media
@@ -47,6 +48,7 @@ class Scene:
     made: AsMade | None = None
     chain: Chain | None = None
     single: bool = False
+    drawn_half_mm: float | None = None
 
     @property
     def precision(self) -> Precision:
@@ -82,7 +84,7 @@ class Scene:
         return TracedBody(
             tables=tables,
             bounds=bounds,
-            grid=TableSpacing(self.grid.origin, 1.0 / self.grid.step),
+            grid=TableSpacing(self.grid.origin, 1.0 / self.grid.step, self.drawn_half_mm),
             fresnel=self.fresnel,
             cavity_index=self.media.cavity_index,
             outside_index=self.media.outside_index,

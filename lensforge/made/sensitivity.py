@@ -18,7 +18,6 @@ from lensforge.scene.perturbations import Deviations
 from lensforge.search.room_for_parts import require_feasible_tolerances
 from lensforge.spec.tolerances_section import Factor
 from lensforge.surfaces.bicubic_table import evaluate_table
-from lensforge.surfaces.srbf import fibonacci_hemisphere
 
 _SHAPE_SEED = 11  # of the form errors: any number
 _SAMPLES = 4000
@@ -102,7 +101,7 @@ def _shape(kind: LensOnBoard, factor: Factor) -> Float[np.ndarray, " k"]:
     if not len(tables):  # too fine for the tables: its slope counts, by the rms of its numbers
         return amount * numbers / float(np.sqrt(np.mean(numbers**2)))
     body = kind.lens.body
-    u = fibonacci_hemisphere(_SAMPLES)
+    u = kind.lens.directions(_SAMPLES)
     face = next(face for face in body.faces if factor.name.startswith(f"{face.name}_"))
     beside = body.bounding(face.before)
     u = u[nearest(beside, u) == beside.index(face)]

@@ -17,7 +17,7 @@ from jaxtyping import Bool, Float, Int
 from lensforge.proof.optical_faces import PlateOfLenses
 
 if TYPE_CHECKING:
-    from scipy.interpolate import RectBivariateSpline
+    from scipy.interpolate import BSpline, RectBivariateSpline
     from scipy.spatial import cKDTree
 
 ABOVE_MM = 1e-4  # what is higher than z = 0 by that belongs to an optical face, or to a flange
@@ -141,6 +141,46 @@ class StandingWalls:
 
 
 @dataclass(frozen=True, eq=False)
+class DrawnProfile:
+    """An optical face that is drawn along y: ``reciprocal`` distances (1/mm) from the y axis at ``angles`` from z."""
+
+    name: str
+    angles: _Values
+    reciprocal: _Values
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Its single name."""
+        return (self.name,)
+
+    @cached_property
+    def _spline(self) -> "BSpline":
+        from scipy.interpolate import make_interp_spline
+
+        return make_interp_spline(self.angles, self.reciprocal, k=5)
+
+    def off_mm(self, points: _Points, small_mm: float = _SMALL_MM) -> tuple[_Values, _Numbers]:
+        """Distance (mm) along the normal, to first order."""
+        angles = np.arctan2(points[:, 0], points[:, 2])
+        value = np.maximum(self._spline(angles), _TINY)
+        slant = np.hypot(1.0, self._spline(angles, 1) / value)
+        off = np.abs(np.hypot(points[:, 0], points[:, 2]) - 1.0 / value) / slant
+        return off, np.zeros(len(points), dtype=np.int64)
+
+
+@dataclass(frozen=True, eq=False)
+class Ends:
+    """Planes across y at both ends of a body, ``half_mm`` from its middle."""
+
+    names: tuple[str, str]
+    half_mm: float
+
+    def off_mm(self, points: _Points, small_mm: float = _SMALL_MM) -> tuple[_Values, _Numbers]:
+        """Distance (mm) from the nearer plane, and that plane's number."""
+        return np.abs(np.abs(points[:, 1]) - self.half_mm), (points[:, 1] > 0.0).astype(np.int64)
+
+
+@dataclass(frozen=True, eq=False)
 class PlacedFace:
     """The same optical face of all ``lenses`` of a plate; a point belongs to the lens with the nearest axis.
 
@@ -184,7 +224,7 @@ class PlacedFace:
 
 
 # One face, or several of a kind that do not meet: their ``names``, and how far off the nearest of them points are.
-Designed = DesignedFace | PlacedFace | Levels | StandingWalls
+Designed = DesignedFace | DrawnProfile | PlacedFace | Levels | StandingWalls | Ends
 
 
 @dataclass(frozen=True, eq=False)

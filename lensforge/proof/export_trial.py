@@ -71,6 +71,8 @@ def fineness(lens: Lens, tolerance: FaceTolerance, nodes: int | None = None, rin
 
     ``nodes``, ``rings``: fixed numbers, if given.
     """
+    if lens.spec.lens.drawn_mm is not None:  # its splines are of one variable, and cost nothing
+        return Fineness(tolerance)
     try:
         trials = [_Trial(led_lens) for led_lens in lens.by_state.values()]
     except InputError as error:  # a file of the source that is gone, or no light that could be traced

@@ -10,8 +10,9 @@ from dataclasses import dataclass, field
 import numpy as np
 from jaxtyping import Float
 
-from lensforge.cad.boundary import TrimmedFace, lens_boundaries
+from lensforge.cad.boundary import TrimmedFace, lens_boundaries, optical_name
 from lensforge.cad.cutter_room import base_with_room
+from lensforge.cad.drawn_body import END_FACE
 from lensforge.cad.facets import CHORD_MM
 from lensforge.cad.flange import FlangeRing, ring_of
 from lensforge.cad.form_error import chart_samples, remember_fit
@@ -21,6 +22,7 @@ from lensforge.cad.part import SURFACES_FILE, Part
 from lensforge.cad.plan import (
     FOOT_END,
     FOOT_SIDE,
+    RIM,
     RIM_FLANGE_BOTTOM,
     RIM_FLANGE_SIDE,
     RIM_FLANGE_TOP,
@@ -47,10 +49,20 @@ from lensforge.cad.plate_layout import (
     layout_of,
 )
 from lensforge.cad.plate_result import PLATE_FILES
-from lensforge.proof.designed_body import Designed, DesignedBody, DesignedFace, Levels, PlacedFace, StandingWalls
+from lensforge.proof.designed_body import (
+    Designed,
+    DesignedBody,
+    DesignedFace,
+    DrawnProfile,
+    Ends,
+    Levels,
+    PlacedFace,
+    StandingWalls,
+)
 from lensforge.proof.file_form import Chords, DesignedFile
 from lensforge.proof.optical_faces import PlateOfLenses
 from lensforge.scene.lens import Lens
+from lensforge.surfaces.drawn_profile import in_section
 from lensforge.surfaces.plane_loop import Loop, LoopEdge, circle_at
 from lensforge.surfaces.surface import Surface, scaled, to_sphere
 
@@ -64,6 +76,8 @@ _PIECES = 1536  # of a closed curve, and of an edge of a plate's outline: a quar
 _EDGE_PIECES = 384
 _UPRIGHT = 0.0, 0.0, 0.0, 0.0
 _FAR = 1e6
+_PROFILE_RAD = 1.6  # a little below z = 0
+_PROFILE_NODES = 4001  # of a profile that is drawn along y
 _NO_AREA_MM = 1e-4  # a ring this narrow is none: a base flush with the rim
 
 
@@ -71,7 +85,8 @@ def designed_files(part: Part) -> Iterator[DesignedFile]:
     """Every exported file, with the body that it should hold."""
     lens = part.lens
     plate = layout_of(part.lens)
-    remember_fit(lens, part.nodes)  # by which the base has room for the cutter
+    if lens.spec.lens.drawn_mm is None:
+        remember_fit(lens, part.nodes)  # by which the base has room for the cutter
     body = designed_lens(lens)
     chord_mm = 1e-3 * part.triangulation.chord_error_um
     tolerance_um = 1e-3 * part.face_tolerance.form_nm
@@ -120,7 +135,13 @@ def _tabulated(face: TrimmedFace[Surface], surface: Surface, beyond_deg: float) 
 
 
 def designed_lens(lens: Lens) -> DesignedBody:
-    """The body of one lens on its base."""
+    """The body of one lens on its base; of a linear lens between its ends."""
+    length_mm = lens.spec.lens.drawn_mm
+    if length_mm is not None:
+        profiles = [_profile(optical_name(name), surface) for name, surface in lens.surfaces.items()]
+        return DesignedBody(
+            [*profiles, Ends((f"{END_FACE}_1", f"{END_FACE}_2"), 0.5 * length_mm)], [Levels((RIM,), np.zeros(1))]
+        )
     cavity, envelope = lens_boundaries(lens)
     plan = lay_out(cavity, envelope, base_with_room(lens))
     above: list[Designed] = list(designed_faces(lens))
@@ -128,6 +149,11 @@ def designed_lens(lens: Lens) -> DesignedBody:
     if ring is not None:
         above += _of_ring(ring, next(face.label for face in envelope.of_material if face.is_flange))
     return DesignedBody(above, None if plan.base.kind == "step" else _of_base(plan).faces)
+
+
+def _profile(name: str, surface: Surface) -> DrawnProfile:
+    angles = np.linspace(-_PROFILE_RAD, _PROFILE_RAD, _PROFILE_NODES)
+    return DrawnProfile(name, angles, 1.0 / surface.radius(in_section(angles)))
 
 
 def _of_ring(ring: FlangeRing, cylinder: str) -> list[Designed]:

@@ -201,7 +201,7 @@ class _Caster:
     def _frame(self, hit: Any, ray: Any, drawn: FaceNumbers, before: list[int]) -> Any:
         """Frame of the facet hit by a ray that has met the faces ``before``."""
         face = int(self.faces[hit.prim_index])
-        if self.rms[face] == 0.0:
+        if face == self.flange or self.rms[face] == 0.0:
             return hit.sh_frame
         met = Arrival(*(np.array([list(vector)]) for vector in (hit.p, hit.sh_frame.n, ray.d)))
         facet = tilted(met, self.rms[[face]], drawn.at(np.array([face]), np.array([before.count(face)])))[0]

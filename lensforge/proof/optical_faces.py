@@ -162,7 +162,8 @@ class OpticalFaces:
     such bodies, seen from the one that is lit; None for one. ``of_kinds``: of the body of each kind; by default all are
     like these. ``opening``: number of a face at which there is no material: light that rises and meets the part no more
     has left by it. ``flange_face``: number of the face at which a flange begins, ``flange_mm``: its radius; all of the
-    part that is farther from the axis above z = 0 counts as it; None without one. ``expansion``: of the part at work.
+    part that is farther from the axis above z = 0 counts as it; None without one. ``end_mm``: distance of the ends of a
+    part that is drawn along y from its middle, which are the flange then. ``expansion``: of the part at work.
     """
 
     names: tuple[str, ...] = DOUBLE
@@ -174,6 +175,7 @@ class OpticalFaces:
     opening: int | None = None
     flange_face: int | None = None
     flange_mm: float | None = None
+    end_mm: float | None = None
     expansion: Expansion = AS_IN_FILES
 
     def __post_init__(self) -> None:
@@ -217,8 +219,9 @@ class OpticalFaces:
         away = faces_away(points, normals)
         numbers = np.full(len(points), NO_FACE)
         apart = np.zeros(len(points))
+        passed = self.opening, None if self.end_mm is None else self.flange_face
         for side in (False, True):
-            candidates = np.array([k for k, outward in enumerate(self.away) if outward == side and k != self.opening])
+            candidates = np.array([k for k, outward in enumerate(self.away) if outward == side and k not in passed])
             rows = np.nonzero(above & (away == side))[0]
             numbers[rows] = candidates[0]
             if len(candidates) > 1:
@@ -230,6 +233,8 @@ class OpticalFaces:
             beyond = above & (np.hypot(points[:, 0], points[:, 1]) > self.flange_mm + _AT_FLANGE_MM)
             numbers[beyond] = self.flange
             apart[beyond] = 0.0
+        if self.end_mm is not None:
+            numbers[above & (np.abs(points[:, 1]) > self.end_mm - _AT_FLANGE_MM)] = self.flange
         return numbers, apart
 
     def _sorted_on(

@@ -173,7 +173,8 @@ def part_mesh_of(mesh: trimesh.Trimesh, optical: OpticalFaces = USUAL_LENS) -> P
         bare &= ((highest > _LEANS) & (highest < _MOST_LEANING))[faces]
     even = _evenly_broad(mesh, faces)
     flat = bare & ~even
-    walls = frozenset(faces[bare & even].tolist())
+    drawn = ~bare & _drawn_along_y(mesh, faces)
+    walls = frozenset(faces[(bare & even) | drawn].tolist())
     faces[flat] = faces.max() + 1 + np.arange(np.count_nonzero(flat))
     keys, corners = np.unique(mesh.faces.astype(np.int64) * (faces.max() + 1) + faces[:, None], return_inverse=True)
     corners = corners.reshape(-1, 3)
@@ -195,6 +196,16 @@ def smooth_faces(mesh: trimesh.Trimesh, optical: Int[np.ndarray, " t"] | None = 
     count = len(mesh.faces)
     graph = coo_array((np.ones(len(first)), (first, second)), shape=(count, count))
     return connected_components(graph, directed=False)[1].astype(np.int64)
+
+
+def _drawn_along_y(mesh: trimesh.Trimesh, faces: Int[np.ndarray, " t"]) -> Bool[np.ndarray, " t"]:
+    """True for triangles of faces that are drawn along y: strips from end to end, whose vertices tell no slope there.
+
+    The mean of the normals of two strips is that between them.
+    """
+    steepest = np.zeros(faces.max() + 1)
+    np.maximum.at(steepest, faces, np.abs(mesh.face_normals[:, 1]))
+    return (steepest < _LEANS)[faces]
 
 
 def _evenly_broad(mesh: trimesh.Trimesh, faces: Int[np.ndarray, " t"]) -> Bool[np.ndarray, " t"]:

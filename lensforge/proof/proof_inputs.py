@@ -15,7 +15,7 @@ from numpy.random import Generator
 from lensforge import seeds
 from lensforge.errors import InputError
 from lensforge.light.evaluation_result import Light
-from lensforge.optics.face_roles import BODY
+from lensforge.optics.face_roles import BODY, DRAWN_END
 from lensforge.optics.image_reading import read_light
 from lensforge.proof import independent_draws
 from lensforge.proof.obstacles import ObstacleBody, Obstacles
@@ -70,7 +70,12 @@ def optical_of(body: Body, events: int = 2) -> OpticalFaces:
 def optical_at_work(lens: Lens) -> OpticalFaces:
     """The faces of ``lens``, whose part has the size of its temperature at work."""
     expansion = Expansion(lens.spec.lens.scale, lens.spec.base.seat_mm)
-    return replace(optical_of(lens.body, lens.events), expansion=expansion)
+    length_mm = lens.spec.lens.drawn_mm
+    optical = replace(optical_of(lens.body, lens.events), expansion=expansion)
+    if length_mm is None:
+        return optical
+    names, away = (*optical.names, DRAWN_END.name), (*optical.away, True)
+    return replace(optical, names=names, away=away, flange_face=len(optical.names), end_mm=0.5 * length_mm)
 
 
 def plate_of(lamps: Lamps) -> PlateOfLenses:

@@ -230,7 +230,7 @@ class StepBody:
     def size(self) -> BodySize:
         """Volume, area and box of the solid, by integrals over its faces and by points on them; takes a second."""
         corners = bounds_mm(self._solid, self._faces)
-        volume, area = volume_and_area(self._solid)
+        volume, area = volume_and_area(self._solid, by_sectors=self.optical.end_mm is not None)
         return BodySize(volume_mm3=volume, area_mm2=area, bounds_mm=as_box(np.array(corners)))
 
     def form(self, file: DesignedFile) -> FileForm:

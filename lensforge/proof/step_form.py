@@ -21,7 +21,7 @@ from OCP.TopoDS import TopoDS
 from OCP.TopTools import TopTools_IndexedMapOfShape
 from scipy.interpolate import BSpline
 
-from lensforge.proof.designed_body import ABOVE_MM, Designed, DesignedFace, Levels, PlacedFace, StandingWalls
+from lensforge.proof.designed_body import ABOVE_MM, Designed, DesignedFace, PlacedFace
 from lensforge.proof.file_form import DesignedFile, Farthest, FileForm
 from lensforge.results.brep_size import explored, spline_poles
 
@@ -213,7 +213,7 @@ class _Seen:
     def _within(self, read: ReadFace, face: Designed) -> _Points:
         """Points between the knots, without those beyond the trim that lie off the face."""
         places, points = read.grid()
-        if not isinstance(face, Levels | StandingWalls):
+        if isinstance(face, DesignedFace | PlacedFace):
             known = _known(face, points)
             places = places[known]
             points = points[known]

@@ -30,7 +30,6 @@ from lensforge.scene.lens import Lens
 from lensforge.search.design_result import Level
 from lensforge.surfaces.placed_bodies import depths
 from lensforge.surfaces.placed_bodies import reach_mm as bodies_reach_mm
-from lensforge.surfaces.srbf import fibonacci_hemisphere
 
 _FAN_DEG = np.linspace(-75.0, 75.0, 21)
 _CUT_NODES = 401  # along a side of the raster on which further bodies are cut
@@ -73,7 +72,7 @@ def lens_section(
 
 def reach_mm(lens: Lens) -> float:
     """Half the width (mm) of a drawing that holds the lens, its maximum radius, and the bodies behind it."""
-    largest = float(lens_boundaries(lens)[1].radius(fibonacci_hemisphere(2000)).max())
+    largest = float(lens_boundaries(lens)[1].radius(lens.directions(2000)).max())
     return _MARGIN * max(largest, lens.spec.constraints.max_radius_mm, bodies_reach_mm(lens.media.bodies))
 
 

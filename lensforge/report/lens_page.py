@@ -5,6 +5,7 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from datetime import UTC, datetime
 from functools import partial
+from math import hypot
 from pathlib import Path
 from typing import Any
 
@@ -32,7 +33,6 @@ from lensforge.search.design_result import Design
 from lensforge.shop.check_facts import finding_groups
 from lensforge.shop.check_result import Check
 from lensforge.surfaces.imported_face import LENS_FILE
-from lensforge.surfaces.srbf import fibonacci_hemisphere
 from lensforge.version import __version__, versions_of
 
 _PACKAGES = ("numpy", "scipy", "torch", "numba", "cadquery", "trimesh", "manifold3d", "matplotlib", "pyvista")
@@ -47,8 +47,8 @@ def render_report(results: Results, folder: Path | None = None, *, beside: bool 
     if part is None:
         views = SolidViews({}, problem="No 3-D picture: no part has been exported.")
         return template(REPORT_FILE).render(**_context(results, folder, beside), **_solid(views))
-    radius_mm = float(lens_boundaries(results.lens)[1].radius(fibonacci_hemisphere(500)).max())  # to a per cent
-    of = part.stl, radius_mm, part.plate_stl
+    radius_mm = float(lens_boundaries(results.lens)[1].radius(results.lens.directions(500)).max())  # to a per cent
+    of = part.stl, hypot(radius_mm, 0.5 * (results.spec.lens.drawn_mm or 0.0)), part.plate_stl
     solid = ThreadPoolExecutor(1).submit(
         made_once, ("solid", *of), lambda: _solid(solid_views(*of)), dict[str, Any], lambda it: not it["views_problem"]
     )

@@ -104,7 +104,7 @@ class NewScene:
         """A spec with each kind of lens that has room within these sizes, by its name."""
         from lensforge.search.start_faces import start_faces
 
-        for kind in LensShape.kinds:
+        for kind in (kind for kind, section in LensShape.kinds.items() if section.is_advised):
             with suppress(InputError):
                 made = self._spec(self.content(kind, shape=shape))
                 start_faces(made)

@@ -297,6 +297,7 @@ def handover(
     require(run, Results, "handover")
     section = read_drawing(Path(drawing)) if isinstance(drawing, Path | str) else drawing
     request = GridRequest(spacing_mm, error_nm, interpolation)
+    run.lens.spec.lens.require_stage("handover")
     part = run.part
     check = run.check
     if process is not None and process != part.lens.spec.manufacture.process:

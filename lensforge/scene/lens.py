@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 import numpy as np
+from jaxtyping import Float
 from pydantic import Field, JsonValue
 
 from lensforge.errors import InputError, WrongFields
@@ -29,6 +30,7 @@ from lensforge.scene.body import Body, radii
 from lensforge.spec import AnyAccuracy, Spec, parse_spec
 from lensforge.spec.accuracy import stated
 from lensforge.spec.search_section import LARGEST
+from lensforge.surfaces.drawn_profile import in_section
 from lensforge.surfaces.mirror_group import shared_symmetry
 from lensforge.surfaces.placed_bodies import has_mirrors
 from lensforge.surfaces.srbf import SrbfBasis, SrbfSurface, fibonacci_hemisphere
@@ -186,6 +188,12 @@ class Lens:
     def detail_rad(self) -> float:
         """Sigma (rad) of the narrowest feature of all surfaces, which a common table must resolve."""
         return min(surface.detail_rad for surface in self.surfaces.values())
+
+    def directions(self, count: int) -> Float[np.ndarray, "n 3"]:
+        """``count`` unit directions in which its size is measured: of faces that are drawn along y in their section."""
+        if self.spec.lens.drawn_mm is None:
+            return fibonacci_hemisphere(count)
+        return in_section(np.linspace(-0.5 * np.pi, 0.5 * np.pi, count))
 
     @property
     def symmetry(self) -> str:

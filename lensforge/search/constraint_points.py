@@ -152,6 +152,16 @@ def meridian_points(grid: TableGrid, detail_rad: float | None, symmetry: str) ->
     return points[first_images(points, symmetry)]
 
 
+def section_points(grid: TableGrid, symmetry: str) -> Float[np.ndarray, "k 2"]:
+    """Chart points of the section y = 0, close together: of faces that are drawn along y, and look the same all along.
+
+    Of mirror images under the group ``symmetry`` only one is kept.
+    """
+    along = np.linspace(-1.0, 1.0, 2 * _PER_STEP * int(np.ceil(1.0 / grid.step)) + 1)
+    points = np.stack([along, np.zeros_like(along)], axis=1)
+    return points[first_images(points, symmetry)]
+
+
 def _evaluation(grid: TableGrid, points: Float[np.ndarray, "k 2"], order: tuple[int, int]) -> csr_matrix:
     """Matrix with one row for each point: the mixed derivative ``order`` of the table there."""
     (at_x, by_x), (at_y, by_y) = (_taps(grid, points[:, axis], order[axis]) for axis in (0, 1))
@@ -187,6 +197,7 @@ def _taps(
 
 
 _FEWEST_MERIDIANS = 48
+_PER_STEP = 2  # points of a section
 PER_NODE = 8  # points of a meridian: a rim of 8 mm is then met to some micrometres
 # Directions at which the outline is looked for around the points of a search, and their distance on the chart: a bond
 # wire with its margin is 0.2 mm across, 0.1 rad at 2 mm.

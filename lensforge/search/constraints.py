@@ -32,6 +32,7 @@ from lensforge.search.constraint_points import (
     constraint_points,
     meridian_points,
     nearest_of,
+    section_points,
 )
 from lensforge.search.design_result import CURVATURE, DRAFT, EDGE, FLANGE_ROOM, OPENING_ROOM, Limit, limits_of
 from lensforge.search.face_fields import draft_sine, least_curvature, meridian_curvature, wall_mm
@@ -268,7 +269,9 @@ class AugmentedLagrangian:
         derivatives = any(constraint.derivatives for constraint in constraints)
         detailed = derivatives or spec.constraints.keep_out is not None
         every = (1 if detailed else 2) if sparse else None
-        if spec.lens.has_creases:
+        if spec.lens.drawn_mm is not None:
+            points = section_points(grid, symmetry)
+        elif spec.lens.has_creases:
             detail_rad = None if spec.lens.is_round else spec.lens.basis.detail_rad
             points = meridian_points(grid, detail_rad, symmetry)
         else:

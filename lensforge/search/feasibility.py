@@ -16,7 +16,7 @@ from torch import Tensor
 
 from lensforge.errors import InputError
 from lensforge.scene.lens import Lens
-from lensforge.search.constraint_points import ChartOperator, ChartPoints, RadiusJet, constraint_points
+from lensforge.search.constraint_points import ChartOperator, ChartPoints, RadiusJet, constraint_points, section_points
 from lensforge.search.constraints import WALL, AugmentedLagrangian, Constraint, constraints_of
 from lensforge.search.design_result import DIRECTIONS, EDGE, FLANGE_ROOM, Limit, Margins
 from lensforge.search.parameters import Parametrisation
@@ -26,7 +26,6 @@ from lensforge.spec import AnyAccuracy, Spec
 from lensforge.surfaces import surface as chart
 from lensforge.surfaces.bicubic_table import TableGrid, grid_for, tabulate
 from lensforge.surfaces.mirror_group import first_images
-from lensforge.surfaces.srbf import fibonacci_hemisphere
 
 # Curvature and draft come from a table of the exact sum, by differences of fourth order: at 8 nodes across the
 # narrowest function its curvature is off by less than 1e-4, and a window of 21 x 21 points looks between the nodes.
@@ -59,7 +58,7 @@ def _measured(lens: Lens, directions: int) -> dict[Limit, float]:
     from lensforge.cad.wall import thinnest_of
 
     constraints = constraints_of(lens.spec)
-    points, exact = _exact_radii(lens, directions)
+    places, exact = _exact_radii(lens, directions)
     least: dict[Limit, float] = {}
     for constraint in constraints:
         if constraint.kind == WALL:
@@ -74,20 +73,24 @@ def _measured(lens: Lens, directions: int) -> dict[Limit, float]:
             low, high = flange_heights_mm(lens_boundaries(lens)[1])
             least[constraint] = high - low - constraint.given
         elif not constraint.derivatives:
-            least[constraint] = float(constraint.of(exact, points).min())
+            least[constraint] = float(constraint.of(exact, places).min())
     of_shape = [constraint for constraint in constraints if constraint not in least]
     if of_shape:
         grid = grid_for(lens.detail_rad, _NODES_PER_SIGMA)
         tables = {name: torch.from_numpy(tabulate(grid, surface)) for name, surface in lens.surfaces.items()}
-        everywhere = ChartOperator.of(grid, constraint_points(grid, lens.symmetry), derivatives=True)
+        drawn = lens.spec.lens.drawn_mm is not None
+        points = (section_points if drawn else constraint_points)(grid, lens.symmetry)
+        everywhere = ChartOperator.of(grid, points, derivatives=True)
         least |= {limit: _least(limit, grid, everywhere, tables) for limit in of_shape}
     return least
 
 
 def _exact_radii(lens: Lens, directions: int) -> tuple[ChartPoints, dict[str, RadiusJet]]:
-    azimuth = np.linspace(0.0, 2.0 * np.pi, 2048, endpoint=False)
-    rim = np.stack([np.cos(azimuth), np.sin(azimuth), np.zeros_like(azimuth)], axis=1)
-    u = np.concatenate([fibonacci_hemisphere(directions), rim])
+    u = lens.directions(directions)
+    if lens.spec.lens.drawn_mm is None:
+        azimuth = np.linspace(0.0, 2.0 * np.pi, 2048, endpoint=False)
+        rim = np.stack([np.cos(azimuth), np.sin(azimuth), np.zeros_like(azimuth)], axis=1)
+        u = np.concatenate([u, rim])
     u = u[first_images(u, lens.symmetry)]
     nothing = torch.empty(0, len(u), dtype=torch.float64)
     exact = {name: RadiusJet(torch.from_numpy(surface.radius(u)), nothing) for name, surface in lens.surfaces.items()}

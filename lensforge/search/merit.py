@@ -235,7 +235,14 @@ class MeritFunction(Merit[SampledLight]):
             for section, receiver in zip(sections, receivers, strict=True)
         )
         single = single and not isinstance(spec.lamps, EndlessLamps)  # whose light comes from any distance
-        scene = Scene(spec.media, parametrisation.grid, fresnel, chain=Chain.of_lens(spec.lens), single=single)
+        scene = Scene(
+            spec.media,
+            parametrisation.grid,
+            fresnel,
+            chain=Chain.of_lens(spec.lens),
+            single=single,
+            drawn_half_mm=spec.lens.drawn_half_mm,
+        )
         scene = replace(scene, made=at_work(spec, scene.names))
         efficacy = efficacy_of(source, spec.source, photons=spec.counts_photons)
         views = tuple(view.searched(spec.optimise.rim_deg) for view in eye_views(spec, searched=True))

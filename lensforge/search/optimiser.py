@@ -42,7 +42,6 @@ from lensforge.spec.accuracy import preset_of
 from lensforge.spec.spec_files import input_hashes, section_sha256
 from lensforge.surfaces.bicubic_table import TableGrid
 from lensforge.surfaces.mirror_group import first_images
-from lensforge.surfaces.srbf import fibonacci_hemisphere
 
 _CHECKPOINT_SECONDS = 2.0
 _HALVINGS = 6  # of a step that leads to no lens; Adam goes as far in the next one
@@ -416,7 +415,7 @@ def _design(
     """The record of a finished search; ``warnings`` on its scene go with those on its source."""
     source = each_of(source)[0]
     summary = summarise(source, lens.spec.in_first_state.source)
-    directions = fibonacci_hemisphere(_SIZE_DIRECTIONS)
+    directions = lens.directions(_SIZE_DIRECTIONS)
     directions = directions if lens.others else directions[first_images(directions, lens.symmetry)]
     radius = np.max([radii(kind.body.envelope, directions).min(axis=0) for kind in lens.kinds], axis=0)
     across = np.hypot(directions[:, 0], directions[:, 1]) if lens.spec.lens.radius_about_axis else 1.0

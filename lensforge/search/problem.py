@@ -18,6 +18,7 @@ from torch import Tensor
 from lensforge import seeds
 from lensforge.kernels.bicubic import surface_bounds
 from lensforge.search.constraints import AugmentedLagrangian
+from lensforge.search.drawn_profiles import DrawnParameters
 from lensforge.search.kinds import KindsParameters, spec_of_each_kind
 from lensforge.search.light_path import SearchParts
 from lensforge.search.merit import Merit, MeritFunction, MeritParts
@@ -77,6 +78,7 @@ class Problem:
 PARAMETRISATIONS: dict[str, Callable[[Spec, float], Parametrisation]] = {
     "spheres": SphereParameters.of,
     "profiles": ProfileParameters.of,
+    "drawn": DrawnParameters.of,
 }
 
 

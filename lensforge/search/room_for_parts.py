@@ -10,7 +10,6 @@ from lensforge.errors import InputError
 from lensforge.scene.lens import Lens
 from lensforge.sources.build_source import build_source
 from lensforge.spec.tolerances_section import Factor, factor_name
-from lensforge.surfaces.srbf import fibonacci_hemisphere
 
 _DIRECTIONS = 4000
 # Farthest that a drawn number lies: a normal one beyond twice its amount in one part of 30,000.
@@ -33,7 +32,7 @@ def require_feasible_tolerances(lens: Lens, factors: Sequence[Factor]) -> None:
 def _require_feasible(lens: Lens, factors: Sequence[Factor]) -> None:
     cavity, envelope = lens_boundaries(lens)
     wall = thinnest_of(lens).thickness_mm
-    reach = float(envelope.radius(fibonacci_hemisphere(_DIRECTIONS)).max())
+    reach = float(envelope.radius(lens.directions(_DIRECTIONS)).max())
     roles = lens.spec.lens.roles
     nearest = " or ".join(face.name for face in lens.body.cavity)
     of_faces = [factor_name(roles, role.name, field) for role in roles for field in _OF_FACE]

@@ -42,7 +42,8 @@ def settled_symmetry(spec: Spec, source: Source) -> Spec:
     name = spec.lens.symmetry
     scene = _Scene.of(spec, source)
     if name == "auto":
-        symmetry = next(name for name in reversed(NAMES) if name != "diagonal" and scene.has_symmetry(name))
+        of_lens = [name for name in reversed(NAMES) if contains(spec.lens.largest_symmetry, name)]
+        symmetry = next(name for name in of_lens if name != "diagonal" and scene.has_symmetry(name))
         return spec.changed(lens=spec.lens.changed(symmetry=symmetry))
     is_kept = scene.orbits(name) is not None
     for group in _groups(spec, name):

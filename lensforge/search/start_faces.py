@@ -13,10 +13,11 @@ from lensforge.scene.receiver import PosedReceiver
 from lensforge.scene.receiver_shapes import receivers_of
 from lensforge.scene.target_pattern import drawn_target, in_target, target_light
 from lensforge.spec import Spec
-from lensforge.spec.lens_section import Beam, StartConditions
+from lensforge.spec.lens_section import Beam, LightAcross, StartConditions
 from lensforge.surfaces.surface import Surface
 
 _NARROWEST_BEAM_RAD = radians(0.1)
+_DIGITS = 6  # of an angle (rad), by which pixels of one column are one
 
 
 def start_faces(spec: Spec) -> dict[str, Surface]:
@@ -26,7 +27,9 @@ def start_faces(spec: Spec) -> dict[str, Surface]:
     """
     lens = spec.lens
     first = spec.in_first_state
-    surfaces = lens.start_faces(StartConditions(spec.constraints, first.source.extent_mm, lambda: beam_of(first)))
+    surfaces = lens.start_faces(
+        StartConditions(spec.constraints, first.source.extent_mm, lambda: beam_of(first), lambda: light_across(first))
+    )
     if lens.has_creases:
         with remedy("change lens.*.offset_mm, or leave it out"):
             Body.of(surfaces, lens.body_roles).require_sound()
@@ -94,6 +97,18 @@ class TargetStroke:
         sides = [np.linalg.norm(np.gradient(directions, axis=axis), axis=2) for axis in along]
         seen = across * np.sqrt(sides[0] * sides[-1])
         return TargetStroke(float(seen.max()), float(across.max()) * spec.optimise.pixels / spec.evaluate.pixels)
+
+
+def light_across(spec: Spec) -> LightAcross:
+    """The light that the first target wants, by the angle in the plane y = 0 under which it is seen."""
+    receiver = receivers_of(spec, spec.optimise.pixels)[0]
+    light = target_light(spec.all_receivers[0].targets, receiver).ravel()
+    directions = pixel_directions(receiver).reshape(-1, 3)
+    angles, column = np.unique(np.arctan2(directions[:, 0], directions[:, 2]).round(_DIGITS), return_inverse=True)
+    between = 0.5 * (angles[1:] + angles[:-1])
+    edges = np.concatenate([2.0 * angles[:1] - between[:1], between, 2.0 * angles[-1:] - between[-1:]])
+    shares = np.concatenate([[0.0], np.cumsum(np.bincount(column, light))])
+    return LightAcross(edges, shares / shares[-1])
 
 
 def beam_of(spec: Spec) -> Beam:

@@ -10,6 +10,7 @@ from lensforge.spec.accuracy import Accuracy, AnyAccuracy, Preset
 from lensforge.spec.camera_target import CameraTarget
 from lensforge.spec.cut_off import CutOffLimit
 from lensforge.spec.double_lens import LensSection
+from lensforge.spec.extruded import ExtrudedSection
 from lensforge.spec.face_section import FaceSection, FlangeSection
 from lensforge.spec.far_field_targets import BeamTarget
 from lensforge.spec.internal_reflection import ExitFace, TirSection
@@ -50,6 +51,7 @@ __all__ = [
     "DrawingSection",
     "EvaluateSection",
     "ExitFace",
+    "ExtrudedSection",
     "FaceSection",
     "FlangeSection",
     "FlatTopTarget",

@@ -204,7 +204,9 @@ class Spec(Section):
         of_shop = {"cutter_radius_mm": usual_ball_mm(self.constraints), "required": PROCESSES[process].is_judged}
         self._fill("manufacture", {"process": process, **of_shop})
         hidden = self.lens.drawn_from_below is not None
-        self._fill("base", usual_base(self.base, self.manufacture, self.constraints, hidden))
+        without_base = self.lens.drawn_mm is not None and not self.base.model_fields_set
+        base = usual_base(self.base, self.manufacture, self.constraints, hidden)
+        self._fill("base", {"kind": "none"} if without_base else base)
 
     def _fill(self, name: str, derived: Mapping[str, Any]) -> None:
         section: Section | None = getattr(self, name)
@@ -429,7 +431,9 @@ class Spec(Section):
         if self.lamps is not None and not self.all_lamps.is_single:
             lenses = self.photometry.lenses
             receivers = self.receivers_in_states
-            require_together(self.all_lamps, self.constraints, self.base_made, receivers, lenses)
+            require_together(
+                self.all_lamps, self.lens.apart(self.all_lamps), self.constraints, self.base_made, receivers, lenses
+            )
             unfit = {"sources": bool(self.sources), "states": bool(self.states)}
             unfit["optimise.robust"] = bool(self.optimise.robust)
             require_kinds(self.lamps, receivers, unfit, self.limits)
@@ -584,6 +588,22 @@ class Spec(Section):
                     f"lens.{name}.offset_mm = {face.offset_mm:g} is beyond constraints.max_radius_mm = {largest:g}, "
                     "the largest lens; lower it, or raise the radius"
                 )
+
+    @check
+    def _linear_lens_stands_alone(self) -> None:
+        if self.lens.drawn_mm is None:
+            return
+        given = {
+            "base": self.base.kind != "none",
+            "plate": self.plate is not None,
+            "bodies": bool(self.bodies),
+            "constraints.keep_out": self.constraints.keep_out is not None,
+        }
+        for name in (name for name, is_given in given.items() if is_given):
+            raise ValueError(
+                f"{name}: does not go with lens.kind = {self.lens.kind!r}, drawn from end to end and standing on its "
+                "feet; leave it out"
+            )
 
     @check
     def _limits_can_be_kept(self) -> None:

@@ -152,6 +152,11 @@ class FacesSection(Section):
         return None
 
     @property
+    def drawn_mm(self) -> float | None:
+        """Length of a part whose faces are drawn along y; None for any other."""
+        return None
+
+    @property
     def body_roles(self) -> tuple[FaceRole, ...]:
         """All faces of the body, from the source on: those that have tables, and before the last that of a flange."""
         return self.roles if self.rim_flange is None else (*self.roles[:-1], RIM_FLANGE, self.roles[-1])

@@ -19,10 +19,18 @@ _SAME = 1e-9  # relative: rounding of a place, and of the side of a receiver tha
 
 
 def require_together(
-    lamps: Lamps, limits: ConstraintsSection, base: BaseSection, receivers: Sequence[ReceiverSection], lenses: int
+    lamps: Lamps,
+    apart: Lamps,
+    limits: ConstraintsSection,
+    base: BaseSection,
+    receivers: Sequence[ReceiverSection],
+    lenses: int,
 ) -> None:
-    """Raise ``ValueError`` where lamps overlap, a receiver is between them, or ``photometry.lenses`` counts them."""
-    _require_apart(lamps, limits, base)
+    """Raise ``ValueError`` where lamps overlap, a receiver is between them, or ``photometry.lenses`` counts them.
+
+    ``apart``: those that have a lens of their own, where some share one.
+    """
+    _require_apart(apart, limits, base)
     for receiver in receivers:
         _require_seen_by(receiver, lamps, limits)
     if lenses != 1:

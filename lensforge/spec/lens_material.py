@@ -12,7 +12,7 @@ from typing import Annotated, Any, Self
 import numpy as np
 from pydantic import Field, SerializerFunctionWrapHandler, ValidationInfo, model_serializer, model_validator
 
-from lensforge.optics.face_roles import BODY, CAVITY, OUTSIDE, RIM_FLANGE
+from lensforge.optics.face_roles import BODY, CAVITY, DRAWN_END, OUTSIDE, RIM_FLANGE
 from lensforge.optics.material import (
     D_LINE_NM,
     HIGHEST_C,
@@ -445,6 +445,10 @@ class LensMaterial(OfMaterial, FacesSection):
                 coatings.append(FaceCoating(name, around, face.coating.coating(body)))
         if self.rim_flange is not None:  # it takes all light that meets it
             coatings.append(FaceCoating(RIM_FLANGE.name, RIM_FLANGE.around, Mirror(0.0)))
+        roles = self.body_roles
+        if self.drawn_mm is not None:  # what holds its ends takes the light there
+            coatings.append(FaceCoating(DRAWN_END.name, DRAWN_END.around, Mirror(0.0)))
+            roles += (DRAWN_END,)
         medium = Medium(self.refractive_index, absorption, self.dispersion)
         celsius = self.at_work_c
         if celsius is not None:
@@ -456,7 +460,7 @@ class LensMaterial(OfMaterial, FacesSection):
             glass,
             tuple(coatings),
             wavelength_nm=self.design_wavelength_nm,
-            faces=self.body_roles,
+            faces=roles,
             scatter=tuple(self._scatter),
         )
 

@@ -1,10 +1,12 @@
 """The ``[lens]`` of a spec: what all kinds of it share, and those whose faces are shaped by profiles."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from math import degrees, hypot, sqrt
 from typing import Annotated, ClassVar, Literal, NamedTuple
 
+import numpy as np
+from jaxtyping import Float
 from pydantic import AfterValidator, Discriminator, Field, Tag
 
 from lensforge.errors import InputError
@@ -13,6 +15,7 @@ from lensforge.optics.face_roles import BODY, MOST_EVENTS
 from lensforge.public import public
 from lensforge.results.registered_kinds import OfSeveralKinds
 from lensforge.spec.derived_values import LensSizes
+from lensforge.spec.lamps_section import Lamps
 from lensforge.spec.lens_material import LensMaterial
 from lensforge.spec.processes import Process
 from lensforge.spec.search_section import ConstraintsSection
@@ -51,16 +54,29 @@ class Beam(NamedTuple):
     half_rad: float = 0.0
 
 
+class LightAcross(NamedTuple):
+    """Wanted light in the plane y = 0: ``shares`` of it up to ``angles_rad`` from z, positive towards +x."""
+
+    angles_rad: Float[np.ndarray, " n"]
+    shares: Float[np.ndarray, " n"]
+
+    def turned(self, angles_rad: Float[np.ndarray, " m"]) -> Float[np.ndarray, " m"]:
+        """Angles to which light of a Lambertian source at ``angles_rad`` is to go: as much on each side there."""
+        return np.interp(0.5 * (1.0 + np.sin(angles_rad)), self.shares, self.angles_rad)
+
+
 @dataclass(frozen=True)
 class StartConditions:
     """Conditions that the first faces of a search are to suit: limits, source, and ``beam``, which takes a moment.
 
-    ``extent_mm``: radius of a circle that holds the source; None if its section does not state it.
+    ``extent_mm``: radius of a circle that holds the source; None if its section does not state it. ``across``: the
+    wanted light in the plane y = 0, which takes a moment, too.
     """
 
     limits: ConstraintsSection
     extent_mm: float | None
     beam: Callable[[], Beam]
+    across: Callable[[], LightAcross] | None = None
 
     @property
     def clear_mm(self) -> float:
@@ -84,6 +100,8 @@ class LensShape(OfSeveralKinds, LensMaterial):
     which it is advised (``search.lens_advice``). ``parametrisation``: how a search shapes its faces, a name in
     ``search.problem``. ``may_be_round``: it has a shape without any level, faces of revolution. ``radius_about_axis``:
     its radius is its distance from the axis, not from the LED: its exit or mouth is flat, and it lies in a cylinder.
+    ``largest_symmetry``: mirror group of the most symmetric one. ``is_advised``: `lensforge new` weighs it
+    against others, unasked. ``without``: stages that it does not have, and why.
     """
 
     usual_kind = "double"
@@ -92,6 +110,9 @@ class LensShape(OfSeveralKinds, LensMaterial):
     parametrisation: ClassVar[str] = "spheres"
     may_be_round: ClassVar[bool] = False
     radius_about_axis: ClassVar[bool] = False
+    largest_symmetry: ClassVar[str] = "square"
+    is_advised: ClassVar[bool] = True
+    without: ClassVar[Mapping[str, str]] = {}
     kind: str
     levels: Levels = Field(
         default="auto",
@@ -168,6 +189,20 @@ class LensShape(OfSeveralKinds, LensMaterial):
         if all(map(self.is_revolved, self.names)):
             return "turned"
         return "moulded" if self.has_creases and not self.is_opaque else "milled"
+
+    @property
+    def drawn_half_mm(self) -> float | None:
+        """Half of the length of faces that are drawn along y, infinite without an end; None for any other."""
+        return None
+
+    def require_stage(self, stage: str) -> None:
+        """Raise :class:`InputError` with the reason for a ``stage`` that such a lens does not have."""
+        if (reason := self.without.get(stage)) is not None:
+            raise InputError(f"{stage}: {reason}")
+
+    def apart(self, lamps: Lamps) -> Lamps:
+        """The lamps with a lens of their own: all, where no kind of lens is over several."""
+        return lamps
 
     @property
     def opening_mm(self) -> float | None:

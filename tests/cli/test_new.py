@@ -61,7 +61,7 @@ def undercut_deg(spec: Spec) -> float:
     """Least draft of a cavity: the shank of the ball, on the axis at the top of the hemisphere, touches its edge."""
     mouth_mm = spec.lens.faces["inner"].offset_mm
     assert mouth_mm is not None
-    above_mm = mouth_mm + spec.base.height_mm
+    above_mm = mouth_mm + (0.0 if spec.base.kind == "none" else spec.base.height_mm)
     shank = math.asin(spec.manufacture.cutter_radius_mm / math.hypot(mouth_mm, above_mm))
     return -math.degrees(math.atan2(mouth_mm, above_mm) - shank)
 
@@ -204,13 +204,14 @@ def test_a_new_spec_of_every_kind_is_valid_and_names_examples(kind: str, tmp_pat
     assert (code, spec.lens.kind) == (0, kind)
     said = "lensforge: 1.5 mm square Lambertian source; target: gaussian beam 20° in the far field, to 26.7°\n"
     assert errors == said, "what was written"
-    assert spec.manufacture.process == ("milled" if kind == "double" else "turned")
+    milled = kind in {"double", "extruded"}
+    assert spec.manufacture.process == ("milled" if milled else "turned")
     shaped = [name for name in spec.lens.free if not spec.lens.role(name).follows]
     kept = {name: tuple(vars(spec.face_limits(name)).values()) for name in shaped}
-    if kind == "double":
+    if milled:  # what is drawn has no base below its outer face that a draft would be for
         assert kept == {
             "inner": (0.7, pytest.approx(undercut_deg(spec))),
-            "outer": (0.7, 0.0),
+            "outer": (0.7, 0.0 if kind == "double" else None),
         }
     else:
         assert set(kept.values()) == {(0.02, None)}, "of the nose"
@@ -218,7 +219,7 @@ def test_a_new_spec_of_every_kind_is_valid_and_names_examples(kind: str, tmp_pat
     text = (tmp_path / "new.toml").read_text(encoding="utf-8")
     (named,) = re.findall(r"# Nearest shipped examples: (.*)\.", text)
     assert all(load_spec(EXAMPLES / f"{name}.toml").lens.kind == kind for name in named.split(", "))
-    assert text.count("cutter_radius_mm = 0.7") == (kind == "double"), "what is turned needs no ball"
+    assert text.count("cutter_radius_mm = 0.7") == milled, "what is turned needs no ball"
 
 
 def test_a_wall_beside_the_axis_is_a_receiver_in_its_place_and_takes_a_lens_that_is_not_of_revolution() -> None:

@@ -94,6 +94,12 @@ def kinds(name: str) -> Case:
     return sorted(len(kind.numbers) for kind in found.kinds), {"one": [], "place": [1, 2]}[name]
 
 
+def ends(name: str) -> Case:
+    """Distance from the middle of a linear lens of 50 mm at which light ends."""
+    lens = lf.ExtrudedSection(length_mm=50.0, ends=name)
+    return lens.drawn_half_mm, {"capped": 25.0, "free": np.inf}[name]
+
+
 def lattice(name: str) -> Case:
     found = small_spec(lamps={"kind": "endless", "lattice": name, "pitch_mm": 100.0},
                        target__receiver_mm=100.0 if name == "rectangle" else None,
@@ -195,6 +201,7 @@ def emitting_luminance(name: str, folder: Path) -> Case:
 CASES = {
     **addon_rows("CHOICES"), "symmetry": symmetry,
     "profile": profile, "distribution": distribution, "preset": preset, "kinds": kinds, "lattice": lattice,
+    "ends": ends,
     "BaseSection.kind": base, "PlateSection.kind": plate, "within": within, "unit": unit, "sheet": sheet,
     "ImageTarget.luminance": luminance, "LuminanceSource.luminance": emitting_luminance,
 }  # fmt: skip

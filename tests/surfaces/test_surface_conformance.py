@@ -17,6 +17,7 @@ from lensforge.surfaces import surface as chart
 from lensforge.surfaces.asphere import Asphere, Biconic, ImplicitSurface, sphere
 from lensforge.surfaces.bicubic_table import grid_for, table_error, tabulate
 from lensforge.surfaces.chart_spline import HALF_WIDTH, ChartSpline
+from lensforge.surfaces.drawn_profile import DrawnFace
 from lensforge.surfaces.profile import FormedFace, ProfileFace
 from lensforge.surfaces.reciprocal import ConeFace, ConicFace, PlaneFace, ReciprocalSurface
 from lensforge.surfaces.surface import ScaledSurface, Surface, scaled
@@ -38,6 +39,7 @@ CASES = {
     "cone": ConeFace(8.0, 6.0, 0.1),
     "conic": ConicFace(20.0, 6.0, 0.7, (0.1, 0.2, 1.0)),
     "profile": ProfileFace(20.0, -0.3, 1.0, (0.21, 0.2, 0.188, 0.178, 0.17, 0.166, 0.166, 0.168, 0.172)),
+    "drawn along y": DrawnFace(12.0, (0.17, 0.165, 0.16, 0.158, 0.155, 0.154, 0.156, 0.16, 0.164, 0.17)),
     "face of an insert": scaled(random_surface(3, 6.0, levels=(9, 25)), 1.006),
 }
 

@@ -106,6 +106,7 @@ def compare(
         return comparison.changed(inputs=inputs, led=lit.led)
     if isinstance(measured, Lens) and points is not None and on is None:
         _refuse_unused("points", of_photo)
+        measured.spec.lens.require_stage("compare")
         from lensforge.addons.measure.measured_surface import ChangedLens, compare_surface
 
         side = require_choice("surface", surface, [face.name for face in measured.body.faces if face.is_optical])
@@ -212,7 +213,7 @@ def correct(
     from lensforge.addons.measure.first_cut import Request
     from lensforge.addons.measure.measured_surface import ChangedLens
 
-    require(lens, Lens, "correct")
+    require(lens, Lens, "correct").spec.lens.require_stage("correct")
     file = path_of("points", points)
     if file is None:
         raise InputError("points = None: give the file of the points measured on the first cut")

@@ -65,7 +65,7 @@ class _Tabulated(Surface):
 def as_tabulated(lens: Lens, grid: TableGrid, tables: Tables) -> tuple[Lens, TracedLens]:
     """A lens of one kind with the tables of its search as its faces, and as rays meet them."""
     faces = {name: _Tabulated(grid, table) for name, table in zip(lens.surfaces, tables, strict=True)}
-    scene = Scene(lens.media, grid, chain=Chain.of_lens(lens.spec.lens))
+    scene = Scene(lens.media, grid, chain=Chain.of_lens(lens.spec.lens), drawn_half_mm=lens.spec.lens.drawn_half_mm)
     return replace(lens, surfaces=faces), TracedLens(scene, tables, {})
 
 

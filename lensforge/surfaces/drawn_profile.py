@@ -1,0 +1,120 @@
+"""Faces that are a profile drawn along y: its reciprocal distance from the y axis as a spline of the angle from z.
+
+Seen from the origin ``1/rho`` is ``q S(theta)``, where q is the length of the direction's shadow in the plane y = 0 and
+theta the angle of that shadow from the z axis, positive towards +x: smooth but for the poles on the y axis, where the
+face is far away. Rays meet such a face by their shadows (``kernels.drawn_faces``), in the plane y = 0 alone, so that
+its radius elsewhere serves curvatures and normals beside that plane.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from jaxtyping import Float
+
+from lensforge.errors import InputError
+from lensforge.surfaces.profile import ProfileBasis, Reciprocals
+from lensforge.surfaces.reciprocal import ReciprocalSurface
+from lensforge.surfaces.surface import recorded
+
+_Vectors = Float[np.ndarray, "n 3"]
+_Values = Float[np.ndarray, " n"]
+
+BEYOND_RAD = 0.15  # below the plane z = 0 up to which a profile bends: tables and exports reach a little below it
+_SIDES = 2001  # angles at which profiles are compared
+_DETAIL = 0.7  # of a step between knots: sigma of a Gaussian as wide as a quintic B-spline
+_TINY = np.finfo(float).tiny
+
+
+def profile_basis(count: int) -> ProfileBasis:
+    """The functions of a profile with ``count`` coefficients, over the angle as a share of a half turn."""
+    side = 0.5 + BEYOND_RAD / np.pi
+    return ProfileBasis(-side, side, count)
+
+
+def in_half_turns(directions: _Vectors) -> tuple[_Values, _Values]:
+    """Lengths of the shadows of unit ``directions`` in the plane y = 0, and their angles from z in half turns."""
+    return np.hypot(directions[:, 0], directions[:, 2]), np.arctan2(directions[:, 0], directions[:, 2]) / np.pi
+
+
+def in_section(angles_rad: _Values) -> _Vectors:
+    """Unit directions in the plane y = 0 at these angles from z, positive towards +x."""
+    return np.column_stack([np.sin(angles_rad), np.zeros_like(angles_rad), np.cos(angles_rad)])
+
+
+@recorded("extruded", "A face drawn along y: the reciprocal distance (1/mm) from the y axis as a spline of the angle.")
+@dataclass(frozen=True)
+class DrawnFace(ReciprocalSurface):
+    """A profile drawn along y: ``coefficients`` times the functions of :func:`profile_basis` are S, in 1/mm.
+
+    ``reach_mm``: distance from the origin up to which ``radius`` is that of the face; beyond, it is continued smoothly.
+    """
+
+    coefficients: Reciprocals
+
+    def __post_init__(self) -> None:
+        if not np.isfinite(self.coefficients).all():
+            raise InputError("extruded: a coefficient is infinite, or no number")
+        least = float(self._splines[0](np.linspace(0.0, len(self.coefficients) - 5.0, _SIDES)).min())
+        if not least > 0.0:
+            raise InputError(f"extruded: the profile falls to {least:.3g} /mm, and meets itself; it must stay above 0")
+        super().__post_init__()
+
+    @property
+    def detail_rad(self) -> float:
+        """Sigma (rad) of the narrowest function of its basis."""
+        return _DETAIL * np.pi * self.basis.step
+
+    @property
+    def mirrored(self) -> "DrawnFace":
+        """The mean of the face and its image in the plane x = 0."""
+        sides = np.array(self.coefficients)
+        return DrawnFace(self.reach_mm, tuple((0.5 * (sides + sides[::-1])).tolist()))
+
+    def with_coefficients(self, count: int) -> "DrawnFace":
+        """The nearest face of so many coefficients; itself where it has them."""
+        if count == len(self.coefficients):
+            return self
+        basis = profile_basis(count)
+        angles = np.linspace(basis.low, basis.high, _SIDES)
+        return DrawnFace(self.reach_mm, basis.nearest(angles, self.basis.value(self._splines, angles)))
+
+    @cached_property
+    def basis(self) -> ProfileBasis:
+        """Functions that the coefficients weigh."""
+        return profile_basis(len(self.coefficients))
+
+    @property
+    def symmetry(self) -> str:
+        """Largest mirror group."""
+        return "rectangle" if self.coefficients == self.coefficients[::-1] else "mirror_y"
+
+    def reciprocal(self, directions: _Vectors) -> tuple[_Values, _Vectors]:
+        """``q S`` and its gradient in space."""
+        shadow, angle = in_half_turns(directions)
+        value, slope = self.basis.at(self._splines, angle)
+        x, z = (directions[:, axis] / np.maximum(shadow, _TINY) for axis in (0, 2))
+        slope = slope / np.pi
+        return shadow * value, np.column_stack([x * value + z * slope, np.zeros_like(x), z * value - x * slope])
+
+    def value(self, directions: _Vectors) -> _Values:
+        """``q S``."""
+        shadow, angle = in_half_turns(directions)
+        return shadow * self.basis.value(self._splines, angle)
+
+    def points(self, angles_rad: _Values) -> Float[np.ndarray, "n 2"]:
+        """Points (x, z) in mm of the profile at angles from z, positive towards +x."""
+        distances = 1.0 / self.basis.value(self._splines, angles_rad / np.pi)
+        return distances[:, None] * np.column_stack([np.sin(angles_rad), np.cos(angles_rad)])
+
+    @cached_property
+    def _splines(self):  # type: ignore[no-untyped-def]  # three splines of SciPy
+        return self.basis.splines(np.array(self.coefficients))
+
+
+REACH = 1.6  # of a face over the largest radius of its lens
+
+
+def round_profile(radius_mm: float, largest_mm: float, count: int) -> DrawnFace:
+    """The cylinder of ``radius_mm`` about the y axis, in a lens whose profiles stay within ``largest_mm``."""
+    return DrawnFace(REACH * largest_mm, (1.0 / radius_mm,) * count)

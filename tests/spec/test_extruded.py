@@ -1,0 +1,53 @@
+"""What a linear lens takes and what it refuses, each in one line."""
+
+from typing import Any
+
+import pytest
+from scenes import small_spec
+
+import lensforge as lf
+from lensforge.surfaces.drawn_profile import DrawnFace
+
+LENS = {"kind": "extruded", "length_mm": 50.0}
+ALONE = {"lens": LENS, "optimise__steps_per_level": [1], "base": {"kind": "none"}}
+ROW = {"kind": "grid", "columns": 1, "rows": 5, "pitch_mm": 6.0}
+
+
+def test_a_row_closer_than_a_lens_is_wide_lies_below_one_lens() -> None:
+    spec = small_spec(**ALONE | {"lens": LENS | {"ends": "free"}, "lamps": ROW})
+    assert len(spec.all_lamps) == 5 and spec.lens.apart(spec.all_lamps).places_mm == ((0.0, 0.0),)
+
+
+def test_without_a_base_of_its_own_it_has_none() -> None:
+    spec = small_spec(**ALONE)
+    assert (
+        lf.Spec(
+            name="x", source=spec.source, lens=spec.lens, constraints=spec.constraints, target=spec.target
+        ).base.kind
+        == "none"
+    )
+
+
+@pytest.mark.parametrize(
+    ("changes", "line"),
+    [
+        ({"lamps": ROW}, 'lens.ends = "capped": each of 5 lamps would see other ends'),
+        ({"lens": LENS | {"ends": "free"}, "lamps": ROW | {"pitch_mm": 60.0}}, "lens.length_mm = 50: below the pitch"),
+        ({"lens": LENS | {"ends": "free"}, "lamps": ROW | {"columns": 2}}, "the nearest two stand 6 mm apart"),
+        ({"base": {"diameter_mm": 20.0}}, "base: does not go with lens.kind = 'extruded'"),
+        ({"constraints__keep_out": "none.step"}, "constraints.keep_out"),
+        ({"lens": LENS | {"symmetry": "square"}}, "a linear lens has no diagonal"),
+        ({"lens": LENS | {"levels": [9]}}, "levels"),
+        ({"lens": LENS | {"outer": {"fixed": {"kind": "sphere", "radius_mm": 6.0}}}}, "outer.fixed: a given surface"),
+        ({"lens": {"kind": "extruded"}}, "length_mm"),
+    ],
+)
+def test_it_is_refused_in_a_line(changes: dict[str, Any], line: str) -> None:
+    with pytest.raises(lf.InputError) as refused:
+        small_spec(**ALONE | changes)
+    assert line in str(refused.value) and "\n" not in str(refused.value)
+
+
+def test_a_profile_that_meets_itself_is_refused() -> None:
+    with pytest.raises(lf.InputError, match="meets itself"):
+        DrawnFace(10.0, (0.2, 0.2, 0.2, -0.3, -0.3, -0.3, 0.2, 0.2, 0.2))
