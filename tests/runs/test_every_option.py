@@ -60,7 +60,7 @@ HEARD: dict[str, dict[str, tuple[str, str, Any]]] = {  # arguments, keyword (or 
     "handover": {
         "--spacing": ("0.25", "spacing_mm", 0.25), "--error": ("3.5", "error_nm", 3.5),
         "--interpolation": ("linear", "interpolation", "linear"), "--drawing": ("d.toml", "drawing", Path("d.toml")),
-        "--process": ("moulded", "process", "moulded"),
+        "--process": ("moulded", "process", "moulded"), "--rays": ("1e3", "rays", 1000),
     },
     "photometry": {
         **COUNT, "--seed": ("5", "seed", 5), "--lumens": ("250", "lumens", 250.0),
