@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import ClassVar
 
 import numpy as np
 import torch
@@ -24,6 +25,7 @@ from lensforge.surfaces.surface import Surface
 class DrawnParameters(Parametrisation):
     """Profiles by their coefficients, of one ``start`` each; ``symmetric``: about the plane x = 0."""
 
+    is_steep: ClassVar[bool] = True
     grid: TableGrid
     names: tuple[str, ...]
     start_faces: tuple[DrawnFace, ...]

@@ -132,7 +132,7 @@ class Descent:
         steps = range(self.state.step, stage.steps)
         between = preset_of(self.accuracy).effort.multiplier_steps
         own_seeds = (seeds.of_step(self.seed, earlier + step) for step in steps)
-        limited = bool(problem.spec.limits_in_states)
+        looked_at = bool(problem.spec.limits_in_states) or problem.parametrisation.is_steep
         for step, rays in zip(steps, rays_ahead(self.source, stage.rays, own_seeds), strict=True):
             with remedy(f"raise {' or '.join(f'lens.{name}.offset_mm' for name in problem.spec.lens.names)}"):
                 every = torch.cat([weights, still]) if still.any() else weights
@@ -144,7 +144,7 @@ class Descent:
             result.loss.backward()
             unmoved = Parameters(weights.detach().clone(), offsets.detach().clone())
             optimiser.step(stage.rate(step))
-            if limited:  # without them no step leads there, and to look costs a fourteenth of it
+            if looked_at:  # else no step leads there, and to look costs a fourteenth of it
                 _shorten(problem, unmoved, Parameters(weights, offsets), still)
             if step % between == between - 1:
                 problem.constraints.update(result.fields)
@@ -267,7 +267,8 @@ class Descent:
 def _shorten(problem: Problem, before: Parameters, after: Parameters, still: Float[Tensor, "s f"]) -> None:
     """Halve a step in place until the lens ``after`` it can be traced, or take it back.
 
-    Where limits on the light are missed by far, the first steps follow these against all constraints.
+    Where limits on the light are missed by far, the first steps follow these against all constraints; tables of a
+    profile overshoot where it turns steeply.
     """
     for _ in range(_HALVINGS):
         if problem.can_be_traced(torch.cat([after.weights, still]), after.offsets):

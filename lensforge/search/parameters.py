@@ -7,7 +7,7 @@ receivers and targets share, and no larger one.
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, cast
+from typing import Any, ClassVar, cast
 
 import numpy as np
 import torch
@@ -70,6 +70,7 @@ class Parametrisation(ABC):
     a face that is ``fixed`` has no effect.
     """
 
+    is_steep: ClassVar[bool] = False  # True where a step of the usual length may lead to tables that no ray can follow
     grid: TableGrid
     names: tuple[str, ...]
     fixed: tuple[Surface | None, ...]
