@@ -142,7 +142,7 @@ class Domain:
     def tabulated_radii(self, azimuths: _Values) -> tuple[_Values, _Values]:
         """The same distances by the tables of the edges, much faster."""
         low = np.zeros_like(azimuths) if self.inside is None else self.inside.tabulated(azimuths)
-        return low, np.ones_like(azimuths) if self.outside is None else self.outside.tabulated(azimuths)
+        return low, np.ones_like(azimuths) if self.outer_edge is None else self.outer_edge.tabulated(azimuths)
 
     def holds(self, places: Float[np.ndarray, "n 2"]) -> Bool[np.ndarray, " n"]:
         """Mask of the chart points that lie in it."""

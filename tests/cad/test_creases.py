@@ -307,3 +307,17 @@ def test_other_arrangements_are_one_line(envelope: dict[str, Surface], line: str
     with pytest.raises(InputError, match=line) as caught:
         build_body(body({"cavity": sphere(2.0)}, envelope))
     assert "\n" not in str(caught.value)
+
+
+def test_a_domain_holds_the_places_that_it_does_not_move():
+    """Of crooked faces, on both sides of every crease and as near as a tenth of a micrometre; also on its own edge."""
+    places = np.random.default_rng(8).uniform(-1.0, 1.0, (4000, 2))
+    turns = np.linspace(0.0, 6.0, 400)
+    for boundary in boundaries(FREE):
+        near = [(1.0 + step) * crease.chart(turns) for crease in boundary.creases for step in (-1e-7, 1e-7)]
+        tried = np.concatenate([places, *near])
+        for face in boundary.faces:
+            held = face.domain.holds(tried)
+            stays = np.abs(face.domain.within(tried) - tried).max(axis=1) < 1e-9
+            np.testing.assert_array_equal(held, stays)
+            assert held.any() and not held.all()

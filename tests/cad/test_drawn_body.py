@@ -3,10 +3,12 @@
 import numpy as np
 import pytest
 from scenes import small_spec
+from scipy.spatial import cKDTree
 
 import lensforge as lf
 from lensforge.cad.section import body_outlines
 from lensforge.cad.step import parse_step
+from lensforge.cad.wall import thinnest_of
 from lensforge.errors import InputError
 from lensforge.proof.step_body import StepBody
 from lensforge.surfaces.drawn_profile import DrawnFace, round_profile
@@ -61,6 +63,16 @@ def test_a_closed_form_a_half_pipe() -> None:
     part = lf.build(lens_of(round_profile(3.0, 7.0, 9), round_profile(6.0, 7.0, 9)))
     assert part.volume_mm3 == pytest.approx(0.5 * np.pi * (36.0 - 9.0) * LENGTH_MM, rel=1e-8)
     assert part.area_mm2 == pytest.approx(np.pi * 9.0 * LENGTH_MM + 6.0 * LENGTH_MM + np.pi * 27.0, rel=1e-7)
+
+
+def test_its_wall_is_that_of_the_section() -> None:
+    """Far along y, beyond the reach of its radius from the LED, the two faces bend towards each other."""
+    lens = lens_of(INNER, OUTER)
+    angles = np.linspace(-0.5 * np.pi, 0.5 * np.pi, 4001)
+    inner, outer = (face.points(angles) for face in (INNER, OUTER))
+    assert thinnest_of(lens).thickness_mm == pytest.approx(cKDTree(outer).query(inner)[0].min(), abs=1e-5)
+    half_pipe = lens_of(round_profile(3.0, 7.0, 9), round_profile(6.5, 7.0, 9))
+    assert thinnest_of(half_pipe).thickness_mm == pytest.approx(3.5, abs=1e-6)
 
 
 def test_profiles_that_meet_have_no_body() -> None:
