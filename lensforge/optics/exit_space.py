@@ -88,6 +88,20 @@ class ExitBall:
 
 
 @dataclass(frozen=True)
+class DrawnBall(ExitBall):
+    """The ball about a lens that is drawn along y, whose section lies within ``section_mm`` of the y axis.
+
+    Such a lens keeps the part of a direction along y.
+    """
+
+    section_mm: float
+
+    def grown(self, by_mm: float) -> "DrawnBall":
+        """A larger ball, and a larger section."""
+        return DrawnBall(self.radius_mm + by_mm, self.section_mm + by_mm)
+
+
+@dataclass(frozen=True)
 class ExitColumn:
     """The part of a cylinder about the axis between the heights of one of its ``slabs_mm``, which may be a disc.
 

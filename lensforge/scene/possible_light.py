@@ -16,7 +16,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from lensforge.optics.coatings import whole_span
-from lensforge.optics.exit_space import ExitBall, ExitSpace
+from lensforge.optics.exit_space import DrawnBall, ExitBall, ExitSpace
 from lensforge.optics.fundamental_limits import BY_SYMMETRY, best_transmittance, cone_around, least_by_way
 from lensforge.optics.media import Media
 from lensforge.scene.lamp_pictures import LampPictures
@@ -313,6 +313,7 @@ class PossibleLight:
         most = self.light.transmittance
         estimated = self.light.curve.estimated
         by = "two refractions" if self.light.media.exit_mirror is None else "a mirror"
+        by = by if self._drawn is None else "two refractions by profiles"
         if self.receiver.lamps.period_mm is not None:  # some of it lies in every direction
             return LargestShare(held, most, by, estimated=estimated)
         regions = list(zip(self._lamps.receivers, self._corners, self._lamps.regions(pixels > 0.0), strict=True))
@@ -329,8 +330,37 @@ class PossibleLight:
         rays = self.light.rays
         axis, half_rad = cone_around(corners, pixels)
         turns = np.arccos(np.clip(rays.directions @ axis, -1.0, 1.0)) - half_rad - self._parallax_rad(receiver, corners)
-        passed = rays.flux @ self.light.best_transmittances(turns)
+        held = self._may_come_along_y(receiver, *_around(corners, pixels))
+        passed = (rays.flux * held) @ self.light.best_transmittances(turns)
         return float(passed / rays.flux.sum())
+
+    @cached_property
+    def _drawn(self) -> DrawnBall | None:
+        """The space of a lens that keeps directions along y; None for others, and where something behind turns them."""
+        free = not (self.light.media.bodies or self.light.media.scattering)
+        return self.space if isinstance(self.space, DrawnBall) and free else None
+
+    def _may_come_along_y(
+        self, receiver: PosedReceiver, places: Float[np.ndarray, "k 3"], cell: float
+    ) -> Bool[np.ndarray, " n"]:
+        """Mask of the rays that a lens drawn along y may send among ``places``, which cells of the size ``cell`` join.
+
+        It keeps n d_y of each ray. On its way
+        through the air from the section to the places a ray moves on along y by at least their distance times the
+        tangent of its angle with the plane y = const.
+        """
+        rays = self.light.rays
+        if self._drawn is None:
+            return np.ones(len(rays), dtype=bool)
+        media = self.light.media
+        along = rays.directions[:, 1] * media.cavity_index / media.outside_index
+        low, high = places[:, 1].min() - cell, places[:, 1].max() + cell
+        if receiver.is_far:
+            return np.asarray((low <= along) & (along <= high))
+        near_mm = max(np.hypot(places[:, 0], places[:, 2]).min() - cell - self._drawn.section_mm, 0.0)
+        moves_mm = near_mm * along / np.sqrt(np.maximum(1.0 - along**2, np.finfo(float).tiny))
+        least = rays.origins[:, 1] + moves_mm
+        return np.asarray(np.where(along > 0.0, least <= high, least >= low))
 
     def beside_axis(self, pixels: Region) -> bool:
         """True for a region to one side of the axis of a lens whose faces are of revolution, as each lamp sees it."""
@@ -346,12 +376,8 @@ class PossibleLight:
 
         A ray from ``r`` beside the axis that lands ``d`` beside it comes from an azimuth up to asin(r/d) aside.
         """
-        used = np.zeros(corners.shape[:2], dtype=bool)
-        for rows, columns in ((slice(-1), slice(-1)), (slice(-1), slice(1, None)), (slice(1, None), slice(-1))):
-            used[rows, columns] |= pixels
-        used[1:, 1:] |= pixels
-        x, y, _ = corners[used].T
-        diagonal = np.linalg.norm(corners[1:, 1:] - corners[:-1, :-1], axis=-1)[pixels].max()
+        places, diagonal = _around(corners, pixels)
+        x, y, _ = places.T
         near = float(np.hypot(x, y).min() - diagonal)
         from_mm = 0.0 if receiver.is_far else self._exit.radius_mm
         if near <= from_mm:
@@ -419,6 +445,18 @@ class PossibleLight:
             off_mm = np.linalg.norm(np.cross(self.light.rays.origins, self.light.rays.directions), axis=1)
             off_mm += 0.0 if glass is None else glass.thickness_mm
         return np.asarray(np.arcsin(np.minimum(1.0, off_mm / nearest_mm)))
+
+
+def _around(
+    corners: Float[np.ndarray, "m n 3"], pixels: Bool[np.ndarray, "h w"]
+) -> tuple[Float[np.ndarray, "k 3"], float]:
+    """The corners of ``pixels``, and the largest diagonal of one."""
+    used = np.zeros(corners.shape[:2], dtype=bool)
+    for rows, columns in ((slice(-1), slice(-1)), (slice(-1), slice(1, None)), (slice(1, None), slice(-1))):
+        used[rows, columns] |= pixels
+    used[1:, 1:] |= pixels
+    diagonal = np.linalg.norm(corners[1:, 1:] - corners[:-1, :-1], axis=-1)[pixels].max()
+    return corners[used], float(diagonal)
 
 
 def _filled(target: Float[np.ndarray, "*n"], caps: Float[np.ndarray, "*n"], total: float) -> Float[np.ndarray, "*n"]:

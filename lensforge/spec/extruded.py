@@ -7,7 +7,7 @@ from typing import Annotated, ClassVar, Literal
 import numpy as np
 from pydantic import Field
 
-from lensforge.optics.exit_space import ExitBall, ExitSpace
+from lensforge.optics.exit_space import DrawnBall, ExitSpace
 from lensforge.public import public
 from lensforge.spec.lamps_section import Lamps
 from lensforge.spec.lens_section import LightShape, StartConditions
@@ -137,7 +137,7 @@ class ExtrudedSection(ShellShape):
     def exit_space(self, limits: ConstraintsSection) -> ExitSpace:
         """The ball that holds it; of one without end that which all but 3e-6 of a Lambertian LED's light leaves."""
         endless_mm = 0.0 if self.ends == "capped" else _ENDLESS * limits.max_radius_mm
-        return ExitBall(max(self.extent_mm(limits), endless_mm))
+        return DrawnBall(max(self.extent_mm(limits), endless_mm), limits.max_radius_mm)
 
     def extent_mm(self, limits: ConstraintsSection, rise: float | None = None) -> float:
         """Distance from the origin to its farthest corner, or along the normal of a plane."""

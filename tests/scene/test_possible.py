@@ -10,14 +10,15 @@ import pytest
 from known_refraction import normal_transmittance
 from own_media import with_own
 from presets import FEW
+from scenes import small_spec
 from scipy.optimize import minimize
 
 import lensforge as lf
 from lensforge.errors import InputError
 from lensforge.optics.coatings import whole_span
-from lensforge.optics.exit_space import ExitBall
+from lensforge.optics.exit_space import DrawnBall, ExitBall
 from lensforge.optics.fundamental_limits import best_transmittance, least_by_way
-from lensforge.optics.media import CoverGlass, Media, Medium
+from lensforge.optics.media import CoverGlass, Media, Medium, SecondaryOptic
 from lensforge.optics.pose import Pose
 from lensforge.scene.lens import Lens
 from lensforge.scene.pixel_grid import PixelGrid, Window
@@ -31,6 +32,7 @@ from lensforge.sources.build_source import SquareEmitter, build_source
 from lensforge.sources.ray_bundle import RayBundle
 from lensforge.spec import Spec, load_spec
 from lensforge.spec.source_sections import RaySource
+from lensforge.surfaces.asphere import sphere
 from lensforge.surfaces.mirror_group import REVOLUTION
 
 SQUARE = SquareEmitter(2.0)
@@ -495,3 +497,40 @@ def test_the_starting_lens_of_each_kind_of_scene_keeps_the_bounds(path: Path) ->
 @pytest.mark.parametrize("path", SCENES, ids=lambda path: path.stem)
 def test_a_draft_of_each_shipped_scene_keeps_the_bounds(path: Path) -> None:
     require_possible(lf.evaluate(lf.design(load_spec(path), accuracy="draft").lens))
+
+
+def below(cosine: float) -> float:
+    """Share of a Lambertian source's light whose direction has less than this along y."""
+    return 0.5 + (cosine * math.sqrt(1.0 - cosine**2) + math.asin(cosine)) / math.pi
+
+
+def test_profiles_drawn_along_y_bring_light_to_no_band_that_its_directions_along_y_miss() -> None:
+    """On a plane so wide that no ray need turn across the band, and by directions; the band lies beside the axis."""
+    far_mm, cell_mm, section_mm = 1e5, 5e3 * math.sqrt(2.0), 5.0
+    receiver = plane(2e6, 400, far_mm)
+    band = whole(receiver)
+    y = (np.arange(400) + 0.5) * 5e3 - 1e6
+    band[(y < -2e4) | (y > 6e4)] = False
+    physics = replace(possible(receiver, 300.0, 1.5), space=DrawnBall(300.0, section_mm))
+    near_mm = far_mm - cell_mm - section_mm
+    low, high = ((place + sign * cell_mm) / near_mm for place, sign in ((-2e4, -1.0), (6e4, 1.0)))
+    share = below(high / math.hypot(high, 1.0)) - below(low / math.hypot(low, 1.0))
+    found = physics.in_region(band)
+    assert found.by_refraction == pytest.approx(normal_transmittance(1.5) ** 2 * share, abs=2e-3)
+    assert found.law == "deflection and loss of two refractions by profiles"
+    assert possible(receiver, 300.0, 1.5).in_region(band).by_refraction > 1.5 * found.by_refraction
+    dome = Media(Medium(1.5), bodies=(SecondaryOptic("dome", Medium(1.5), sphere(310.0), sphere(312.0)),))
+    assert "profiles" not in replace(physics, light=replace(physics.light, media=dome)).in_region(band).law
+
+
+def test_light_through_profiles_stays_below_its_bound() -> None:
+    """Of an LED beside the origin onto a field that lies to the other side of it."""
+    spec = small_spec(
+        source={"kind": "square", "side_mm": 1.0, "position_mm": [0.2, 0.4, 0.0]},
+        lens={"kind": "extruded", "length_mm": 60.0, "ends": "free", "profile": 9},
+        target={"kind": "rectangle", "width_mm": 200.0, "height_mm": 30.0, "centre_mm": [10.0, -40.0],
+                "distance_mm": 100.0, "receiver_mm": 300.0},
+        optimise__steps_per_level=[1], base={"kind": "none"},
+    )  # fmt: skip
+    (light,) = lf.evaluate(Lens(start_faces(spec), spec, 0, FEW), rays=2**15, pixels=100).receivers
+    assert 0.1 < light.share_in_target.value < light.possible.share_in_target < 0.35
