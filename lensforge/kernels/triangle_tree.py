@@ -1,7 +1,7 @@
 """Rays among triangles, by a tree of boxes: the first triangle that each meets, and the rim that it passes nearest.
 
 The tree is binary and whole: node k has the children 2 k + 1 and 2 k + 2, so that a walk needs no stack. A ray meets a
-triangle by Möller and Trumbore, J. Graphics Tools 2, 21 (1997), from either side.
+triangle by Moeller and Trumbore, J. Graphics Tools 2, 21 (1997), from either side.
 """
 
 from math import inf, sqrt

@@ -11,7 +11,7 @@ from geometry_lenses import make_lens
 from keep_outs import ball, box, step_file
 from presets import COARSE_SPLINES
 
-from lensforge.cad import part_export
+from lensforge.cad import body_export
 from lensforge.cad.body_export import BuiltBody
 from lensforge.cad.form_error import fit_lens
 from lensforge.cad.keep_out import FACET_MM, keep_out_distance, mesh_error_mm, read_keep_out
@@ -25,7 +25,7 @@ from lensforge.scene.lens import Lens
 from lensforge.spec import BaseSection
 
 INNER_MM, OUTER_MM = 0.8, 2.45
-PROVE, PROOFS = part_export.prove, {}
+PROVE, PROOFS = body_export.prove, {}
 HERE = pytest.mark.usefixtures("cad_read_here")
 
 
@@ -39,7 +39,7 @@ def part_with(path: Path, margin_mm: float = 0.1, **base: object) -> Part:
 def built(lens: Lens) -> Part:
     """The part of two hemispheres, whose files are proved once for each base: they do not depend on the keep-out."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(part_export, "prove", _proved_once)
+        patch.setattr(body_export, "prove", _proved_once)
         return build_part(lens, rings=24)
 
 

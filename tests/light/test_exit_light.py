@@ -9,7 +9,7 @@ from lensforge.kernels.fate import Fate
 from lensforge.light import exit_light
 from lensforge.light.exit_light import ExitLight, Goniophotometer, RaysOnSphere, _on_sphere, trace_exit_light
 from lensforge.light.photometry_result import LostFlux
-from lensforge.light.received_flux import ABSORBED, CAUSES, IN_GLASS, MISSED_RECEIVER, named_flux
+from lensforge.light.received_flux import ABSORBED, BLOCKED, CAUSES, IN_GLASS, MISSED_RECEIVER, named_flux
 from lensforge.light.simulation import TracedLens
 from lensforge.scene.exit_rays import ExitRays
 from lensforge.sources.build_source import SquareEmitter
@@ -38,8 +38,8 @@ def by_fate(rays: RayBundle) -> np.ndarray:
 
 @pytest.fixture(autouse=True)
 def half_transparent(monkeypatch: pytest.MonkeyPatch) -> None:
-    def traced(lens: TracedLens, rays: RayBundle, sphere_mm: float, lamps: Lamps) -> RaysOnSphere:
-        assert lens is LENS and sphere_mm == 7.0 and lamps.is_single
+    def traced(lens: TracedLens, rays: RayBundle, sphere_mm: float, lamps: Lamps, housing: None) -> RaysOnSphere:
+        assert lens is LENS and sphere_mm == 7.0 and lamps.is_single and housing is None
         return RaysOnSphere(behind(rays), by_fate(rays))
 
     monkeypatch.setattr(exit_light, "exit_rays", traced)
@@ -151,7 +151,7 @@ def test_every_fate_has_its_own_loss() -> None:
     found = named_flux(flux)
     assert set(LostFlux.model_fields) == set(found) - {"left_lens"}
     expected = {fate.name.lower(): fate + 1.0 for fate in Fate}
-    others = {"missed_receiver": MISSED_RECEIVER, "absorbed": ABSORBED, "cover_glass": IN_GLASS}
+    others = {"missed_receiver": MISSED_RECEIVER, "absorbed": ABSORBED, "cover_glass": IN_GLASS, "housing": BLOCKED}
     bodies = {"bodies": flux[CAUSES:].sum()}
     assert found == expected | bodies | {name: place + 1.0 for name, place in others.items()}
 

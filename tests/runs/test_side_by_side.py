@@ -133,8 +133,8 @@ def test_the_seconds_of_the_whole_command_stay_until_the_next_design(small_run: 
     assert lf.load(folder).seconds == whole, "a stage that ran again is no whole command"
     RunFolder(folder).write(small_run.design)
     assert lf.load(folder).seconds is None
-    RunFolder(folder).renew(seconds=12.5)
-    assert lf.load(folder).seconds == 12.5
+    RunFolder(folder).renew(seconds=whole + 12.5)
+    assert lf.load(folder).seconds == whole + 12.5
 
 
 @pytest.fixture
