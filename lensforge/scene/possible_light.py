@@ -134,6 +134,8 @@ _JOINT = 8  # steps with one joint bound
 _DIGITS = 12  # of a share; the same bound by two sums differs behind these
 _BISECTIONS = 60  # of the level that fills a target: to the last digits
 
+BY_PROFILES = "two refractions by profiles"  # what turns light in a lens that is drawn along y
+
 Image = Float[np.ndarray, "h w"]
 Region = Bool[np.ndarray, "h w"] | Float[np.ndarray, "h w"]  # pixels, or the share of each that counts
 
@@ -313,7 +315,7 @@ class PossibleLight:
         most = self.light.transmittance
         estimated = self.light.curve.estimated
         by = "two refractions" if self.light.media.exit_mirror is None else "a mirror"
-        by = by if self._drawn is None else "two refractions by profiles"
+        by = by if self._drawn is None else BY_PROFILES
         if self.receiver.lamps.period_mm is not None:  # some of it lies in every direction
             return LargestShare(held, most, by, estimated=estimated)
         regions = list(zip(self._lamps.receivers, self._corners, self._lamps.regions(pixels > 0.0), strict=True))

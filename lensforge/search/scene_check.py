@@ -28,7 +28,7 @@ from lensforge.scene.housing_room import bodies_that_may_be_in_inches, dark_shar
 from lensforge.scene.intensity_limit import LumensBound
 from lensforge.scene.lens import Lens
 from lensforge.scene.limit_readings import LightLimit, light_limits
-from lensforge.scene.possible_light import LargestShare, PossibleLight, SourceLight
+from lensforge.scene.possible_light import BY_PROFILES, LargestShare, PossibleLight, SourceLight
 from lensforge.scene.receiver_shapes import receivers_of
 from lensforge.scene.target_pattern import in_target, target_light
 from lensforge.search.start_faces import TargetStroke, start_faces
@@ -104,6 +104,8 @@ class Requirement:
             advice = "a smaller or brighter source, or a lower bound"
         elif bounds.by_symmetry < min(bounds.by_etendue, bounds.by_refraction):
             return LEVELS
+        elif bounds.by_etendue > bounds.by_refraction and bounds.turned_by == BY_PROFILES:
+            return "a target that is longer along y, or another lens.kind: a linear lens turns no light along y"
         elif bounds.by_etendue > bounds.by_refraction:
             return "a larger lens.refractive_index, or a target nearer to the source's axis"
         return f"a larger lens (>= {rounded_up(self.radius_mm)} mm), {advice}" if isfinite(self.radius_mm) else advice
