@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from lensforge.spec.camera_target import *  # noqa: F403
     from lensforge.spec.far_field_targets import *  # noqa: F403
     from lensforge.spec.fixed_surface import *  # noqa: F403
+    from lensforge.spec.housing_sections import *  # noqa: F403
     from lensforge.spec.picture_targets import *  # noqa: F403
     from lensforge.spec.receiver_sections import *  # noqa: F403
     from lensforge.spec.shape_targets import *  # noqa: F403
