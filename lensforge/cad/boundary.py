@@ -85,14 +85,15 @@ class Crease:
 
 @dataclass(frozen=True)
 class SectionEdge:
-    """The edge of a narrow band along the section y = 0, of a face that is drawn along y: what holds there holds all
-    along. ``half_width``: of the chart.
+    """Edge of a narrow band about the section y = 0 of a face that is drawn along y, which is alike all along.
+
+    ``half_width``: of the band, on the chart.
     """
 
     half_width: float = 0.1
 
     def radius(self, azimuths: _Values) -> _Values:
-        """Distance from the chart's centre at azimuths (rad), at most that of the rim."""
+        """Distance from the chart's centre at azimuths (rad); 1, the rim, where the edge lies beyond it."""
         return np.minimum(1.0, self.half_width / np.maximum(np.abs(np.sin(azimuths)), self.half_width))
 
     tabulated = radius
@@ -159,7 +160,7 @@ class Domain:
         return directions[self.holds(to_chart(directions))] if self.edges else directions
 
     def within(self, places: Places, *, tabulated: bool = False) -> Places:
-        """Chart points, those outside moved along their meridian to its edge; ``tabulated``: to that of its tables."""
+        """Move chart points that lie outside along their meridian to the edge, or to the ``tabulated`` edge."""
         if not self.edges:
             return in_disc(places)
         radii = self.tabulated_radii if tabulated else self.radii

@@ -11,6 +11,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from lensforge.kernels.compiled import inline, kernel
+from lensforge.kernels.vectors import add_scaled, cross, difference, dot, length_of, scaled
 
 _IN_LEAF = 4  # triangles at most
 _INSIDE = -1e-9  # barycentric coordinates down to this are inside: no ray slips between two triangles
@@ -59,26 +60,13 @@ def tree_of(corners: Float[np.ndarray, "t k 3"]) -> TriangleTree:
 
 
 @inline
-def _difference(a, b):
-    return a[0] - b[0], a[1] - b[1], a[2] - b[2]
-
-
-@inline
-def _dot(a, b):
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-
-
-@inline
-def _cross(a, b):
-    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
-
-
-@inline
-def _next(node):
-    """The node after the whole of this one, in depth-first order; 0 behind the last."""
+def _following(node, leaves, entered):
+    """The next node of a walk, depth first: the first child of an inner one that is ``entered``; -1 behind the last."""
+    if entered and node < leaves - 1:
+        return 2 * node + 1
     while node > 0 and node % 2 == 0:
         node = node // 2 - 1
-    return 0 if node == 0 else node + 1
+    return -1 if node == 0 else node + 1
 
 
 @inline
@@ -102,17 +90,17 @@ def _reciprocal(component):
 @inline
 def _distance(point, direction, corners):
     """Distance along a ray to a triangle; infinite if the ray misses it, or has it behind."""
-    first = _difference(corners[1], corners[0])
-    second = _difference(corners[2], corners[0])
-    across = _cross(direction, second)
-    determinant = _dot(first, across)
-    if determinant * determinant <= _FLAT * _dot(first, first) * _dot(second, second):
+    first = difference(corners[1], corners[0])
+    second = difference(corners[2], corners[0])
+    across = cross(direction, second)
+    determinant = dot(first, across)
+    if determinant * determinant <= _FLAT * dot(first, first) * dot(second, second):
         return inf
-    away = _difference(point, corners[0])
-    u = _dot(away, across) / determinant
-    aside = _cross(away, first)
-    v = _dot(direction, aside) / determinant
-    distance = _dot(second, aside) / determinant
+    away = difference(point, corners[0])
+    u = dot(away, across) / determinant
+    aside = cross(away, first)
+    v = dot(direction, aside) / determinant
+    distance = dot(second, aside) / determinant
     return distance if min(u, v, 1.0 - u - v) >= _INSIDE and distance > 0.0 else inf
 
 
@@ -127,22 +115,16 @@ def first_hits(points, directions, tree, distances, numbers):
         nearest = inf
         number = -1
         node = 0
-        going = True
-        while going:
-            if not _meets(tree.boxes[node], point, inverse, nearest):
-                node = _next(node)
-            elif node < leaves - 1:
-                node = 2 * node + 1
-                continue
-            else:
+        while node >= 0:
+            entered = _meets(tree.boxes[node], point, inverse, nearest)
+            if entered and node >= leaves - 1:
                 leaf = node - (leaves - 1)
                 for k in range(tree.starts[leaf], tree.starts[leaf + 1]):
                     distance = _distance(point, direction, tree.corners[k])
                     if distance < nearest:
                         nearest = distance
                         number = tree.numbers[k]
-                node = _next(node)
-            going = node > 0
+            node = _following(node, leaves, entered)
         distances[ray] = nearest
         numbers[ray] = number
 
@@ -176,41 +158,29 @@ def _nearest_of_edge(start, end, direction, least_along, most_along):
 
     ``start``, ``end``: from that point. Seen along the line, places at the depth z are at (x, y)/z.
     """
-    z0 = _dot(start, direction)
-    z1 = _dot(end, direction)
+    z0 = dot(start, direction)
+    z1 = dot(end, direction)
     none = inf, 0.0, 0.0, 0.0
     if max(z0, z1) <= least_along:
         return none
     if z0 < least_along or z1 < least_along:  # cut off what lies behind the start of the ray
         share = (least_along - z0) / (z1 - z0)
-        cut = (
-            start[0] + share * (end[0] - start[0]),
-            start[1] + share * (end[1] - start[1]),
-            start[2] + share * (end[2] - start[2]),
-        )
+        cut = add_scaled(start, share, difference(end, start))
         if z0 < least_along:
             start, z0 = cut, least_along
         else:
             end, z1 = cut, least_along
-    a = (
-        start[0] / z0 - direction[0],
-        start[1] / z0 - direction[1],
-        start[2] / z0 - direction[2],
-    )
-    b = (
-        end[0] / z1 - direction[0],
-        end[1] / z1 - direction[1],
-        end[2] / z1 - direction[2],
-    )
-    along = _difference(b, a)
-    square = _dot(along, along)
-    share = min(max(-_dot(a, along) / square, 0.0), 1.0) if square > 0.0 else 0.0
-    x, y, z = a[0] + share * along[0], a[1] + share * along[1], a[2] + share * along[2]
+    a = difference(scaled(1.0 / z0, start), direction)
+    b = difference(scaled(1.0 / z1, end), direction)
+    along = difference(b, a)
+    square = dot(along, along)
+    share = min(max(-dot(a, along) / square, 0.0), 1.0) if square > 0.0 else 0.0
+    aside = add_scaled(a, share, along)
     depth = 1.0 / ((1.0 - share) / z0 + share / z1)
     if depth >= most_along:
         return none
-    tangent = sqrt(x * x + y * y + z * z)
-    return tangent, depth * (x + direction[0]), depth * (y + direction[1]), depth * (z + direction[2])
+    x, y, z = scaled(depth, add_scaled(aside, 1.0, direction))
+    return length_of(aside), x, y, z
 
 
 @kernel
@@ -228,22 +198,18 @@ def nearest_rims(points, directions, spans, most, tree, tangents, rims):
         least_along = max(spans[ray, 0], 0.0) + _AHEAD_MM
         nearest = most
         node = 0
-        going = True
-        while going:
-            if not _may_be_near(tree.boxes[node], point, direction, inverse, nearest):
-                node = _next(node)
-            elif node < leaves - 1:
-                node = 2 * node + 1
-                continue
-            else:
+        while node >= 0:
+            entered = _may_be_near(tree.boxes[node], point, direction, inverse, nearest)
+            if entered and node >= leaves - 1:
                 leaf = node - (leaves - 1)
                 for k in range(tree.starts[leaf], tree.starts[leaf + 1]):
-                    start = _difference(tree.corners[k, 0], point)
-                    end = _difference(tree.corners[k, 1], point)
+                    start = difference(tree.corners[k, 0], point)
+                    end = difference(tree.corners[k, 1], point)
                     tangent, x, y, z = _nearest_of_edge(start, end, direction, least_along, spans[ray, 1])
                     if tangent < nearest:
                         nearest = tangent
-                        rims[ray, 0], rims[ray, 1], rims[ray, 2] = point[0] + x, point[1] + y, point[2] + z
-                node = _next(node)
-            going = node > 0
+                        rims[ray, 0] = point[0] + x
+                        rims[ray, 1] = point[1] + y
+                        rims[ray, 2] = point[2] + z
+            node = _following(node, leaves, entered)
         tangents[ray] = nearest

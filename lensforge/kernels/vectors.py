@@ -12,6 +12,18 @@ def dot(a, b):
 
 
 @inline
+def difference(a, b):
+    """The vector a - b."""
+    return a[0] - b[0], a[1] - b[1], a[2] - b[2]
+
+
+@inline
+def cross(a, b):
+    """The vector product of two vectors."""
+    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+
+
+@inline
 def scaled(a, x):
     """The vector a x."""
     return a * x[0], a * x[1], a * x[2]

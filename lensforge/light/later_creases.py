@@ -56,9 +56,8 @@ def later_crease_gradients(
     total: Tables = np.zeros(tables.shape)
     if scene.chain is None:
         return total
-    trace = partial(
-        TracedBundle.of, tables, scene, bounds=bounds or face_bounds(tables, scene)
-    )  # of some twenty bundles
+    bounds = face_bounds(tables, scene) if bounds is None else bounds  # for some twenty bundles
+    trace = partial(TracedBundle.of, tables, scene, bounds=bounds)
     drawn = Fans.of(source, float(tables[0].max()), fans, rays, seed)
     changes = _changes(drawn, trace)
     changes = changes.take(changes.later)

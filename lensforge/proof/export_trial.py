@@ -218,7 +218,7 @@ def _as_step(agreement: Agreement, reach_mm: float) -> Sequence[Fact]:
 def _form_error(
     grid: TableGrid, table: Float[np.ndarray, "side side"], fitted: TrimmedFace[Patch]
 ) -> Float[np.ndarray, "side side"]:
-    """Table of the distance of a ``fitted`` face from that of the exact ``table``; beyond the edges that at the edge.
+    """Table of the form error of a ``fitted`` face against the exact ``table``, continued unchanged beyond its edges.
 
     At the nodes of its ``grid`` a table is the exact surface, without a sum of basis functions.
     """

@@ -107,7 +107,7 @@ class Housing:
         return all(image <= known for image in images)
 
     def shadow(self, points: _Vectors, directions: _Vectors, reach_mm: _Values) -> Shadow:
-        """Shadow on rays from ``points`` (mm), each of which ends after ``reach_mm``; below 0 it has none."""
+        """Shadow on rays from ``points`` (mm) that end after ``reach_mm``; a ray of negative reach is in none."""
         starts = self._local(points, self.place.to_local_points)
         units = self._local(directions, self.place.to_local_directions)
         distances = np.empty(len(points))

@@ -18,7 +18,7 @@ _MOST = 1440
 
 
 def contents_of(sections: Sequence[HousingSection]) -> tuple[str, ...]:
-    """Hashes of the files of bodies: what is kept of these is kept by their contents."""
+    """Hashes of the files of bodies, by which meshes are cached."""
     return tuple(digest for section in sections for digest in input_hashes(section).values())
 
 

@@ -356,7 +356,8 @@ class PossibleLight:
             return np.ones(len(rays), dtype=bool)
         media = self.light.media
         along = rays.directions[:, 1] * media.cavity_index / media.outside_index
-        low, high = places[:, 1].min() - cell, places[:, 1].max() + cell
+        low = places[:, 1].min() - cell
+        high = places[:, 1].max() + cell
         if receiver.is_far:
             return np.asarray((low <= along) & (along <= high))
         near_mm = max(np.hypot(places[:, 0], places[:, 2]).min() - cell - self._drawn.section_mm, 0.0)

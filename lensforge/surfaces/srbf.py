@@ -8,7 +8,6 @@ Where the paper is silent: the centres are a Fibonacci grid on the *hemisphere*,
 mirror symmetry, in which case each basis function is averaged over its mirror images.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Annotated, Literal
@@ -144,9 +143,7 @@ class SrbfSurface(ByContent, Surface):
 
     def radius(self, directions: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, " n"]:
         """``rho`` (mm) at unit ``directions``, by the exact sum in float64."""
-        from lensforge.kernels.basis_sum import sum_values
-
-        return self.offset_mm + self._summed(sum_values, directions, np.empty(len(directions)))
+        return self._summed(directions, None)
 
     def radius_on_grid(self, directions: Float[np.ndarray, "n n 3"]) -> Float[np.ndarray, "n n"]:
         """``rho`` (mm) on a square chart grid centred on the axis: its mirror images come from one evaluation."""
@@ -162,34 +159,38 @@ class SrbfSurface(ByContent, Surface):
         self, directions: Float[np.ndarray, "n 3"]
     ) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, "n 3"]]:
         """Radius and gradient, by one sum over the functions."""
-        from lensforge.kernels.basis_sum import sum_functions
-
-        total = self._summed(sum_functions, directions, np.empty((len(directions), 4)))
-        return self.offset_mm + total[:, 0], total[:, 1:]
+        gradients = np.empty((len(directions), 3))
+        return self._summed(directions, gradients), gradients
 
     def _summed(
-        self, sum_up: Callable[..., None], directions: Float[np.ndarray, "n 3"], total: Float[np.ndarray, "n ..."]
-    ) -> Float[np.ndarray, "n ..."]:
-        """Fill ``total`` by the kernel ``sum_up`` over the functions.
+        self, directions: Float[np.ndarray, "n 3"], gradients: Float[np.ndarray, "n 3"] | None
+    ) -> Float[np.ndarray, " n"]:
+        """Radius by the sum over the functions; fill the ``gradients`` unless None.
 
-        Directions go to it as neighbours: it is quick if a block of them covers a small part of the sphere.
+        Directions go to the kernel as neighbours: it is quick if a block of them covers a small part of the sphere.
         """
-        from lensforge.kernels.basis_sum import BLOCK, ROWS
+        from lensforge.kernels.basis_sum import BLOCK, ROWS, sum_functions
 
         basis = self.basis
         order = _as_neighbours(directions, BLOCK)
         ordered = np.ascontiguousarray(directions[order])
-        sums = np.empty_like(total)
+        sums = np.empty(len(directions))
+        slopes = None if gradients is None else np.empty(gradients.shape)
         images = np.stack(group(basis.symmetry))
-        weights = np.ascontiguousarray(self.weights_mm)
+        functions = basis.centres, basis.sigmas, basis.reaches, np.ascontiguousarray(self.weights_mm)
 
         def work(_: int, part: slice) -> None:
             space = np.empty((ROWS, BLOCK))
-            sum_up(ordered[part], images, basis.centres, basis.sigmas, basis.reaches, weights, space, sums[part])
+            sum_functions(
+                ordered[part], images, *functions, space, sums[part], None if slopes is None else slopes[part]
+            )
 
         in_chunks(work, len(ordered))
-        total[order] = sums
-        return total
+        radius = np.empty(len(directions))
+        radius[order] = self.offset_mm + sums
+        if gradients is not None:
+            gradients[order] = slopes
+        return radius
 
 
 def _as_neighbours(directions: Float[np.ndarray, "n 3"], together: int) -> Int[np.ndarray, " n"]:
