@@ -88,7 +88,7 @@ class TracedLens:
         with remedy("take a lower accuracy"):
             grid: TableGrid = grid_for(min(lens.detail_rad, _WIDEST_DETAIL_RAD), nodes_per_sigma)
         tables = np.stack([tabulate(grid, surface) for surface in lens.surfaces.values()])
-        scene = Scene(lens.media, grid, drawn_half_mm=lens.spec.lens.drawn_half_mm)
+        scene = Scene.of_lens(lens.spec.lens, lens.media, grid)
         errors = {
             name: 1e6 * table_error(grid, table, surface)
             for table, (name, surface) in zip(tables, lens.surfaces.items(), strict=True)

@@ -25,6 +25,7 @@ from lensforge.scene.exit_rays import ExitRays, Sensitivities
 from lensforge.scene.made_part import AsMade
 from lensforge.scene.rough_faces import Roughness, roughness
 from lensforge.sources.ray_bundle import RayBundle
+from lensforge.spec.lens_section import LensShape
 from lensforge.surfaces.bicubic_table import TableGrid
 
 Table = Float[np.ndarray, "side side"]
@@ -49,6 +50,14 @@ class Scene:
     chain: Chain | None = None
     single: bool = False
     drawn_half_mm: float | None = None
+
+    @staticmethod
+    def of_lens(
+        shape: LensShape, media: Media, grid: TableGrid, *, fresnel: bool = True, single: bool = False
+    ) -> "Scene":
+        """The faces of a lens of that ``shape``, as designed."""
+        chain = Chain.of_lens(shape)
+        return Scene(media, grid, fresnel, chain=chain, single=single, drawn_half_mm=shape.drawn_half_mm)
 
     @property
     def precision(self) -> Precision:

@@ -18,7 +18,6 @@ from torch import Tensor
 from lensforge.light.judged_limits import limit_value
 from lensforge.light.table_trace import Scene
 from lensforge.optics.fundamental_limits import transmittance_of
-from lensforge.scene.body import Chain
 from lensforge.scene.eye_view import eye_views
 from lensforge.scene.limit_readings import LightLimit, light_limits
 from lensforge.scene.made_part import at_work
@@ -235,14 +234,7 @@ class MeritFunction(Merit[SampledLight]):
             for section, receiver in zip(sections, receivers, strict=True)
         )
         single = single and not isinstance(spec.lamps, EndlessLamps)  # whose light comes from any distance
-        scene = Scene(
-            spec.media,
-            parametrisation.grid,
-            fresnel,
-            chain=Chain.of_lens(spec.lens),
-            single=single,
-            drawn_half_mm=spec.lens.drawn_half_mm,
-        )
+        scene = Scene.of_lens(spec.lens, spec.media, parametrisation.grid, fresnel=fresnel, single=single)
         scene = replace(scene, made=at_work(spec, scene.names))
         efficacy = efficacy_of(source, spec.source, photons=spec.counts_photons)
         views = tuple(view.searched(spec.optimise.rim_deg) for view in eye_views(spec, searched=True))

@@ -22,7 +22,6 @@ from lensforge.light.lens_light import searched_source
 from lensforge.light.table_trace import Scene, TracedBundle, trace_tables
 from lensforge.optics.fundamental_limits import LEVELS
 from lensforge.results.table_names import QUARTER_TURN_RAD
-from lensforge.scene.body import Chain
 from lensforge.scene.exit_rays import Sensitivities
 from lensforge.scene.housing_room import bodies_that_may_be_in_inches, dark_share
 from lensforge.scene.intensity_limit import LumensBound
@@ -386,7 +385,7 @@ def image_rad(spec: Spec) -> float:
 def _shares_by_fate(spec: Spec, rays: RayBundle, start: Lens | None) -> dict[Fate, float]:
     surfaces = (start_faces(spec) if start is None else start.surfaces).values()
     grid = grid_for(min(surface.detail_rad for surface in surfaces), _NODES_PER_SIGMA)
-    scene = Scene(spec.lens.media, grid, chain=Chain.of_lens(spec.lens), drawn_half_mm=spec.lens.drawn_half_mm)
+    scene = Scene.of_lens(spec.lens, spec.lens.media, grid)
     exits = trace_tables([tabulate(grid, surface) for surface in surfaces], scene, rays)
     by_fate = np.bincount(exits.fates, rays.flux, minlength=len(Fate)) / rays.flux.sum()
     return {fate: float(by_fate[fate]) for fate in Fate}
@@ -400,14 +399,7 @@ def compile_search_kernels(spec: Spec) -> None:
     """Compile the trace of a search and its adjoint, by one ray: where that is done already, load them."""
     surfaces = start_faces(spec).values()
     grid = grid_for(min(surface.detail_rad for surface in surfaces), _NODES_PER_SIGMA)
-    scene = Scene(
-        spec.lens.media,
-        grid,
-        spec.optimise.fresnel,
-        chain=Chain.of_lens(spec.lens),
-        single=True,
-        drawn_half_mm=spec.lens.drawn_half_mm,
-    )
+    scene = Scene.of_lens(spec.lens, spec.lens.media, grid, fresnel=spec.optimise.fresnel, single=True)
     rays = searched_source(spec).sample(1, _SEED)
     nothing = np.zeros((1, 3))
     traced = TracedBundle.of([tabulate(grid, surface) for surface in surfaces], scene, rays)

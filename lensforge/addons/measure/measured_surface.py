@@ -28,7 +28,6 @@ from lensforge.light.table_trace import Scene
 from lensforge.results import Conditions, Extent, Metric
 from lensforge.results.arguments import require_choice
 from lensforge.results.estimates import relative_square
-from lensforge.scene.body import Chain
 from lensforge.scene.lens import Lens
 from lensforge.scene.receiver_shapes import receivers_of
 from lensforge.sources.ray_bundle import Source
@@ -111,7 +110,7 @@ class ChangedLens:
         details = [_WIDER * change.detail_rad for change in changes if change is not None]
         grid = grid_for(min(self.lens.detail_rad, *details), self.nodes_per_sigma)
         tables = {name: tabulate(grid, surface) for name, surface in self.lens.surfaces.items()}
-        scene = Scene(self.lens.media, grid, chain=Chain.of_lens(self.lens.spec.lens))
+        scene = Scene.of_lens(self.lens.spec.lens, self.lens.media, grid)
         kinds = self._of_all_kinds()
         lenses = []
         for change in changes:

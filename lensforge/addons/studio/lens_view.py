@@ -17,7 +17,7 @@ from lensforge.light.lens_light import source_of
 from lensforge.light.ray_lines import trace_fan
 from lensforge.light.simulation import TracedLens
 from lensforge.light.table_trace import Scene, Tables, TracedBundle
-from lensforge.scene.body import Chain, Face, radii
+from lensforge.scene.body import Face, radii
 from lensforge.scene.lens import Lens
 from lensforge.shop.ball_cutter import largest_ball_mm
 from lensforge.sources.ray_bundle import RayBundle
@@ -65,7 +65,7 @@ class _Tabulated(Surface):
 def as_tabulated(lens: Lens, grid: TableGrid, tables: Tables) -> tuple[Lens, TracedLens]:
     """A lens of one kind with the tables of its search as its faces, and as rays meet them."""
     faces = {name: _Tabulated(grid, table) for name, table in zip(lens.surfaces, tables, strict=True)}
-    scene = Scene(lens.media, grid, chain=Chain.of_lens(lens.spec.lens), drawn_half_mm=lens.spec.lens.drawn_half_mm)
+    scene = Scene.of_lens(lens.spec.lens, lens.media, grid)
     return replace(lens, surfaces=faces), TracedLens(scene, tables, {})
 
 
