@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from result_folders import small_lens
 
-from lensforge.light.ray_lines import trace_fan
+from lensforge.light.ray_lines import ENDS, ray_lines, trace_fan
+from lensforge.sources.ray_bundle import RayBundle
 from lensforge.surfaces.srbf import SrbfBasis, SrbfSurface
 
 REACH = 30.0
@@ -81,3 +82,13 @@ def test_rays_that_go_below_the_plane_end():
     paths = trace_fan(small_lens(bump_mm=0.0), np.zeros((2, 3)), directions, REACH)
     assert np.isnan(paths[0, -1]).all() and (paths[0, :-1] == 0.0).all()
     assert np.isfinite(paths[1]).all()
+
+
+def test_each_way_to_end_has_its_name():
+    """Straight up; refracted down through the lens to z = 0; down to z = 0 in the cavity."""
+    directions = unit(np.array([[0.0, 0.0, 1.0], [1.0, 0.0, -0.45], [1.0, 0.0, -1.0]]))
+    starts = np.tile([0.0, 0.0, 2.0], (3, 1))
+    lines = ray_lines(small_lens(bump_mm=0.0), RayBundle(starts, directions, np.ones(3)), REACH)
+    assert [ENDS[end] for end in lines.ends] == ["leaves", "base", "opening"]
+    assert {name: len(drawn) for name, drawn in lines.by_end().items()} == {"leaves": 1, "base": 1, "opening": 1}
+    assert lines.by_end()["leaves"][0][-1] == pytest.approx([0.0, 0.0, REACH])

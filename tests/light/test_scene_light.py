@@ -14,6 +14,7 @@ from lensforge.light.light_facts import light_facts
 from lensforge.proof.proof_inputs import screens_of
 from lensforge.proof.sequential_cast import CastFate, Passage
 from lensforge.scene.exit_rays import ExitRays
+from lensforge.scene.eye_view import eye_views
 from lensforge.scene.light_ends import LOSSES
 from lensforge.scene.receiver_shapes import receivers_of, seen_by_lamp
 from lensforge.search.merit import MeritFunction
@@ -74,6 +75,49 @@ def test_two_bodies_share_what_they_block() -> None:
     assert set(shares) == {"bezel", "post"} and sum(shares.values()) == pytest.approx(both.flux.housing)
     assert 0.0 < both.flux.housing - alone.flux.housing <= shares["post"]
     assert all((each.share.standard_error or 0.0) > 0.0 for each in both.blocked)
+
+
+def test_what_each_of_two_bodies_blocks_and_where_is_told_by_its_own_name() -> None:
+    """Walls of unequal size on both sides; the second blocks more."""
+    small = HALF | {"name": "left", "size_mm": [400.0, 900.0, 2.0], "centre_mm": [-215.0, 0.0, 40.0]}
+    light, _ = light_of(small, HALF | {"name": "right"})
+    (receiver,) = light.receivers
+    left, right = receiver.blocked
+    assert (left.name, right.name) == ("left", "right")
+    assert 0.05 < left.share.value < 0.8 * right.share.value
+    assert left.place_mm[0] < -15.0 and right.place_mm[0] > 0.0
+
+
+def test_a_search_fades_light_beside_rims_by_the_angle_of_the_spec() -> None:
+    """On receivers and in the view of an eye: bodies seem larger by half of it, so that less light lands."""
+    eye = {"kind": "luminance", "at_most": 1e9, "unit": "cd_per_m2", "eyes_mm": [[140.0, -20.0, 380.0]], "spot_mm": 2.0}
+    source = searched_source(small_spec())
+    landed = []
+    for rim_deg in (0.1, 3.0):
+        spec = small_spec(scene=[BEZEL], optimise__rim_deg=rim_deg, limits=[eye], source__flux_lm=100.0)
+        problem = Problems(spec, source, 3.0, None, False).of((9,))
+        merit = problem.merit
+        assert isinstance(merit, MeritFunction) and isinstance(problem.parametrisation, Parametrisation)
+        tables = problem.parametrisation.tables(*problem.parametrisation.start())
+        light = merit.light_of(tables, source.sample(2**12, 5))
+        landed.append([float(image.sum()) for image in light.images])
+    assert all(wide < 0.99 * narrow for narrow, wide in zip(*landed, strict=True))
+
+
+def test_a_body_beyond_an_eye_blocks_none_of_its_view() -> None:
+    """One nearer than the eye does, also in the second half of the way."""
+    plate = {"kind": "box", "name": "plate", "size_mm": [900.0, 900.0, 1.0]}
+    eye = {"kind": "luminance", "at_most": 1e9, "unit": "cd_per_m2", "eyes_mm": [[5.0, -3.0, 120.0]], "spot_mm": 1.0}
+    seen = []
+    for height_mm in (100.0, 140.0):
+        spec = small_spec(scene=[plate | {"centre_mm": [0.0, 0.0, height_mm]}], limits=[eye], source__flux_lm=100.0)
+        (view,) = eye_views(spec)
+        points = np.array([[0.5, 0.2, 8.0], [-1.0, 0.4, 7.5]])
+        directions = np.array([5.0, -3.0, 120.0]) - points
+        directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+        exits = ExitRays(points, directions, np.ones(2), np.zeros(2), np.zeros(2, dtype=np.int8))
+        seen.append(view.land(exits).landed.tolist())
+    assert seen == [[False, False], [True, True]]
 
 
 def test_the_far_field_and_the_evaluation_block_the_same() -> None:

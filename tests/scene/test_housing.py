@@ -287,7 +287,8 @@ def test_a_body_in_inches_and_one_that_keeps_a_place_dark_are_told(tmp_path: Pat
         ring.copy().apply_scale(scale).export(tmp_path / f"{told}.stl")
         section = {"kind": "file", "name": "it", "file": str(tmp_path / f"{told}.stl"), "centre_mm": (0.0, 0.0, 60.0)}
         spec = small_spec(scene=[section])
-        assert len(bodies_that_may_be_in_inches(spec)) == told
+        lines = bodies_that_may_be_in_inches(spec)
+        assert len(lines) == told and all("25.4 times too large" in line for line in lines)
     spec = small_spec(
         scene=[{"kind": "box", "name": "cap", "size_mm": (40.0, 40.0, 1.0), "centre_mm": (60.0, 0.0, 79.0)}]
     )

@@ -122,3 +122,21 @@ def test_a_fixed_surface_limits_the_symmetry() -> None:
     assert settled_symmetry(found, SquareEmitter(1.0)).lens.symmetry == "rectangle"
     with pytest.raises(InputError, match=r"'square': lens.inner.fixed is not symmetric in this way"):
         settled_symmetry(wanted, SquareEmitter(1.0))
+
+
+def test_bodies_of_a_scene_limit_the_symmetry() -> None:
+    """A wall to one side of a lens that has the mirrors of a square with a tube about the axis."""
+    tube = {"kind": "cylinder", "name": "tube", "radius_mm": 70.0, "bore_radius_mm": 12.0, "length_mm": 3.0,
+            "centre_mm": [0.0, 0.0, 25.0]}  # fmt: skip
+    wall = {"kind": "box", "name": "wall", "size_mm": [40.0, 90.0, 2.0], "centre_mm": [60.0, 0.0, 40.0]}
+    target = {"kind": "rectangle", "width_mm": 60.0, "height_mm": 60.0, "edge_mm": 5.0, **PLACE}
+    found = {
+        len(scene): settled_symmetry(
+            small_spec(target=target, optimise__pixels=64, lens__symmetry="auto", scene=scene), SquareEmitter(1.0)
+        ).lens.symmetry
+        for scene in ([tube], [tube, wall])
+    }
+    assert found == {1: "square", 2: "mirror_y"}
+    stated = small_spec(target=target, optimise__pixels=64, lens__symmetry="rectangle", scene=[tube, wall])
+    with pytest.raises(InputError, match="'rectangle': scene is not symmetric in this way"):
+        settled_symmetry(stated, SquareEmitter(1.0))
