@@ -14,19 +14,18 @@ from jaxtyping import Float, Int
 from OCP.Bnd import Bnd_Box
 from OCP.BRepAlgoAPI import BRepAlgoAPI_Common, BRepAlgoAPI_Fuse
 from OCP.BRepBndLib import BRepBndLib
-from OCP.BRepMesh import BRepMesh_IncrementalMesh
 from OCP.TopExp import TopExp
 from OCP.TopoDS import TopoDS
 from OCP.TopTools import TopTools_IndexedMapOfShape
 
 from lensforge.cad.boundary import optical_name
 from lensforge.cad.mesh import BodyMesh, manifold_of
-from lensforge.cad.mesh_files import merged_rows
 from lensforge.cad.plan import RIM
 from lensforge.cad.solid import Solid, uniquely_named
 from lensforge.errors import InputError
 from lensforge.results.file_bounds import MOST_STEP_MIB
 from lensforge.results.files import MIB, read_file
+from lensforge.surfaces.solid_file import tessellated
 from lensforge.surfaces.step_file import Product, parse_apart, parts_of
 
 BASE = "BASE"
@@ -35,7 +34,6 @@ _PLANE_MM = 1e-5  # the uncertainty that STEP files state
 _COVERED_SHARE = 1e-4  # of the opening: a bore as wide as the cavity covers none of it, up to rounding
 _VOLUME_SHARE = 1e-7  # of the base: largest change of volume in the union
 _MOST_SHOWN = 60  # characters of a name
-_ANGLE_RAD = 0.1  # between neighbouring facets of a curved face of the base
 
 
 @dataclass(frozen=True)
@@ -176,7 +174,7 @@ def join_mesh(mesh: BodyMesh, base: CustomBase, chord_mm: float) -> BodyMesh:
     Raises :class:`InputError` where the CAD kernel's mesh of the base is not closed.
     """
     lens = manifold_of(mesh.vertices, mesh.triangles, mesh.face)
-    vertices, triangles = tessellated(base.solid, chord_mm)
+    vertices, triangles = tessellated(base.solid.shape, chord_mm)
     below = manifold_of(vertices, triangles, np.full(len(triangles), len(mesh.names)))
     if below.is_empty():
         raise InputError(f"{base.path}: the mesh of its solid is not closed; repair the solid in CAD")
@@ -192,19 +190,4 @@ def join_mesh(mesh: BodyMesh, base: CustomBase, chord_mm: float) -> BodyMesh:
 
 def mesh_of_base(path: Path, chord_mm: float = 1e-2) -> tuple[Float[np.ndarray, "v 3"], Int[np.ndarray, "t 3"]]:
     """Vertices and triangles of the base in the file ``path``, finer than a drawn line by default."""
-    return tessellated(read_custom_base(path).solid, chord_mm)
-
-
-def tessellated(base: Solid, chord_mm: float) -> tuple[Float[np.ndarray, "v 3"], Int[np.ndarray, "t 3"]]:
-    """Vertices and triangles by the CAD kernel, face by face, equal vertices on shared edges merged."""
-    import cadquery as cq
-
-    BRepMesh_IncrementalMesh(base.shape, chord_mm, False, _ANGLE_RAD)
-    points: list[tuple[float, float, float]] = []
-    corners = []
-    for face in cq.Shape.cast(base.shape).Faces():
-        vertices, triangles = face.tessellate(chord_mm, _ANGLE_RAD)
-        corners.append(np.array(triangles, dtype=np.int64) + len(points))
-        points += [vertex.toTuple() for vertex in vertices]
-    merged, index = merged_rows(np.round(np.array(points), 9))
-    return merged, index[np.concatenate(corners)]
+    return tessellated(read_custom_base(path).solid.shape, chord_mm)

@@ -24,7 +24,7 @@ _GLASS = {"name": "lens", "baseColorFactor": (163, 191, 216, 153), "metallicFact
 class Lines:
     """Broken lines of one ``colour`` (red, green, blue, 0 to 255), each by its points (mm)."""
 
-    places_mm: Sequence[Float[np.ndarray, "k 3"]]
+    places_mm: Sequence[Float[np.ndarray, "_ 3"]]
     colour: tuple[int, int, int]
 
 

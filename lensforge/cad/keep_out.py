@@ -19,6 +19,7 @@ from lensforge.errors import InputError
 from lensforge.results.file_bounds import MOST_STEP_MIB
 from lensforge.results.files import MIB, read_file
 from lensforge.spec import BaseSection
+from lensforge.surfaces.solid_file import tessellated
 
 # Largest distance of the meshes from curved faces. The CAD kernel keeps its chord at the edges of its triangles; in the
 # middle of those of a ball it is off by 1.7 times as much.
@@ -69,7 +70,7 @@ def read_keep_out(path: Path) -> KeepOut:
 
 @lru_cache(maxsize=2)
 def _meshed(content: bytes, path: Path) -> KeepOut:
-    from lensforge.cad.custom_base import solids_in, tessellated
+    from lensforge.cad.custom_base import solids_in
 
     solids = solids_in(content, path)
     if not solids:
@@ -80,7 +81,7 @@ def _meshed(content: bytes, path: Path) -> KeepOut:
                 f"{path}: its solid {number} of {len(solids)} is not valid (open, with a void, or self-intersecting); "
                 "repair it in CAD"
             )
-    return KeepOut(path, tuple(KeepOutSolid(*tessellated(solid, _CHORD_MM)) for solid in solids))
+    return KeepOut(path, tuple(KeepOutSolid(*tessellated(solid.shape, _CHORD_MM)) for solid in solids))
 
 
 _SLACK = 1.0 + 1e-9  # of a distance in which to look for a smaller one

@@ -76,7 +76,7 @@ def reach_mm(lens: Lens) -> float:
     return _MARGIN * max(largest, lens.spec.constraints.max_radius_mm, bodies_reach_mm(lens.media.bodies))
 
 
-def _draw_body(axes: Axes, outlines: list[Float[np.ndarray, "n 2"]]) -> None:
+def _draw_body(axes: Axes, outlines: list[Float[np.ndarray, "_ 2"]]) -> None:
     for number, outline in enumerate(outlines):
         label = "lens" if number == 0 else None
         axes.add_patch(Polygon(outline, facecolor=BLUE, alpha=0.2, linewidth=0.0, label=label))

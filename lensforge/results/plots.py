@@ -69,7 +69,7 @@ def plot_curves(
     return axes
 
 
-def plot_outlines(outlines: Sequence[Float[np.ndarray, "n 2"]], across: str, axes: "Axes | None" = None) -> "Axes":
+def plot_outlines(outlines: Sequence[Float[np.ndarray, "_ 2"]], across: str, axes: "Axes | None" = None) -> "Axes":
     """Closed outlines of a section (position ``across`` the axis and z, mm), filled and to scale."""
     axes = new_axes(axes)
     for outline in outlines:

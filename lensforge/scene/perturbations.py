@@ -77,7 +77,7 @@ class Draws:
     """
 
     factors: tuple[Factor, ...]
-    numbers: Mapping[str, Float[np.ndarray, "n k"]]
+    numbers: Mapping[str, Float[np.ndarray, "n _"]]
     lamps: int = 1
     common: frozenset[str] = frozenset()
 

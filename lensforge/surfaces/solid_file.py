@@ -13,7 +13,7 @@ from lensforge.results.files import MIB, read_file, read_json, temporary_folder,
 from lensforge.results.sandbox import ChildLimits, serve, work_in_child
 
 CHORD_MM = 1e-2  # distance of the triangles from curved faces of a STEP file
-_ANGLE_RAD = 0.1
+_ANGLE_RAD = 0.1  # between neighbouring facets of a curved face
 _MOST_MIB = 128
 _MOST_TRIANGLES = 1_000_000
 _LIMITS = ChildLimits(memory_mib=2400, seconds=120.0)
@@ -73,18 +73,23 @@ def _write_mesh(folder: Path) -> None:
 
 
 def _step_corners(path: Path, origin: str) -> Float[np.ndarray, "t 3 3"]:
-    from OCP.BRepMesh import BRepMesh_IncrementalMesh
-
     from lensforge.surfaces.step_file import parts_of, products_in
 
-    corners = list[Float[np.ndarray, "t 3 3"]]()
-    for product in products_in(path, origin, _REMEDY):
-        for solid in parts_of(product.shape, "SOLID"):
-            BRepMesh_IncrementalMesh(solid, CHORD_MM, False, _ANGLE_RAD)
-            corners += map(_face_corners, parts_of(solid, "FACE"))
-    if not corners:
+    solids = [solid for product in products_in(path, origin, _REMEDY) for solid in parts_of(product.shape, "SOLID")]
+    if not solids:
         raise InputError(f"{origin}: holds no solid; {_REMEDY}")
-    return np.concatenate(corners)
+    meshes = [tessellated(solid, CHORD_MM) for solid in solids]
+    return np.concatenate([mesh.vertices[mesh.triangles] for mesh in meshes])
+
+
+def tessellated(shape: Any, chord_mm: float) -> SolidMesh:
+    """Mesh of a solid (TopoDS_Shape) by the CAD kernel, face by face, equal vertices on shared edges merged."""
+    from OCP.BRepMesh import BRepMesh_IncrementalMesh
+
+    from lensforge.surfaces.step_file import parts_of
+
+    BRepMesh_IncrementalMesh(shape, chord_mm, False, _ANGLE_RAD)
+    return merged(np.concatenate([_face_corners(face) for face in parts_of(shape, "FACE")]))
 
 
 def _face_corners(face: Any) -> Float[np.ndarray, "t 3 3"]:
