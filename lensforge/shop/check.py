@@ -112,6 +112,7 @@ def _faces(lens: Lens, pair: Pair[Patch], fixture: Points | None) -> dict[str, F
     ``fixture``: points of base and flange; None for a mould insert.
     """
     manufacture = lens.spec.manufacture
+    length_mm = lens.spec.lens.drawn_mm
     nodes = preset_of(lens.accuracy).part.check_nodes
     measured = dict[str, FaceCheck]()
     at_lathe = np.empty((0, 2)) if fixture is None else fixture
@@ -123,7 +124,8 @@ def _faces(lens: Lens, pair: Pair[Patch], fixture: Points | None) -> dict[str, F
             cut = replace(trimmed.shape, control=manufacture.scale * trimmed.shape.control)
             sense = -1 if lens.spec.lens.role(trimmed.name).widens else 1
             air = air_side(lens.body.face(trimmed.name), manufacture)
-            faces[trimmed.name] = OpticalFace(cut, air, trimmed.domain, sense=sense)
+            drawn_mm = None if length_mm is None else manufacture.scale * length_mm
+            faces[trimmed.name] = OpticalFace(cut, air, trimmed.domain, sense=sense, drawn_mm=drawn_mm)
         for name, face in faces.items():
             whole = manufacture.cuts == "lens"  # each half of a mould has faces of its own
             beside = (other for other in faces.values() if other is not face and (whole or other.sense == face.sense))

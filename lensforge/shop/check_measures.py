@@ -83,7 +83,10 @@ FacePoints = Annotated[Float[np.ndarray, "c c 3"], Array("c", "c", 3, gaps=True)
 
 
 class Sphere(Record):
-    """The sphere of least squares over the area, its centre on the axis, and the face's departure along its normal."""
+    """The sphere of least squares over the area, its centre on the axis, and the face's departure along its normal.
+
+    Of a linear lens it is a cylinder along y.
+    """
 
     radius_mm: Positive
     centre_mm: Point
@@ -247,7 +250,7 @@ class FaceResult(Record):
         Sphere,
         Figure(
             "Best-fit sphere",
-            lambda check, face, name: f"radius{check.of_insert}",
+            lambda check, face, name: f"radius{check.of_drawn}{check.of_insert}",
             key="sphere",
             of="radius_or_plane_mm",
             digits=5,

@@ -150,6 +150,11 @@ class Check(SimulatedResult):
         """Phrase appended to a figure of a face of the insert rather than the lens; empty otherwise."""
         return "" if self.cut_body == "lens" else f", of the {self.cut_body}"
 
+    @property
+    def of_drawn(self) -> str:
+        """Phrase for the shape that is fitted to a face of a linear lens; empty for any other."""
+        return "" if self.spec.lens.drawn_mm is None else ", of a cylinder along y"
+
     def body_at(self, edge: Edge) -> str:
         """The body whose edge it is, as a phrase: at the cavity of a moulded lens the tool."""
         first = self.spec.lens.role(edge.faces[0])

@@ -2,8 +2,9 @@
 
 Of a lens with a flange, by which a holder takes it, A is the flange's underside and B its axis. Else A is a plane that
 can be touched: the base's top or the rim where it lies in z = 0, else the bottom. B is the axis of a round base or of a
-body of revolution, or the middle plane of two sides of a square base; C stops the part from turning. A of a plate is
-its top, B and C are the axes of the pins and holes by which it is placed, or of its outline.
+body of revolution, or the middle plane of two sides of a square base; C stops the part from turning. Of a linear lens A
+is the plane of its feet, B the middle between them, C that of its ends. A of a plate is its top, B and C are the axes
+of the pins and holes by which it is placed, or of its outline.
 """
 
 from collections.abc import Iterator
@@ -12,12 +13,14 @@ from typing import Literal
 
 from lensforge.cad.boundary import lens_boundaries
 from lensforge.cad.cutter_room import lens_plan
+from lensforge.cad.drawn_body import END_FACE
 from lensforge.cad.flange import ring_of
 from lensforge.cad.part import Part
 from lensforge.cad.plan import BOTTOM, RIM, RIM_FLANGE_BOTTOM, RIM_FLANGE_SIDE, SIDE, TOP, Plan
 from lensforge.cad.plate_layout import PlateLayout
 from lensforge.scene.lens import Lens
 from lensforge.shop.dimensions import FLANGE_WIDTH, RIM_WIDTH
+from lensforge.shop.drawn_views import LENGTH, WIDTH
 from lensforge.shop.profile_table import is_round
 from lensforge.shop.sheet import shown
 from lensforge.spec import BaseSection
@@ -63,6 +66,8 @@ class DatumScheme:
 
 def datum_scheme(lens: Lens, part: Part) -> DatumScheme:
     """The datums of a lens with its base or its flange."""
+    if lens.spec.lens.drawn_mm is not None:
+        return _of_linear_lens()
     plan = lens_plan(lens)
     base = plan.base
     candidates = _plane(lens, plan, part), _centre(lens, base), _turn(base)
@@ -78,6 +83,12 @@ def datum_scheme(lens: Lens, part: Part) -> DatumScheme:
     elif candidates[2] is None and not (is_round(lens) and base.feet is None):
         missing.append("The part has no azimuth mark; azimuths are from +x of lens.step")
     return DatumScheme.of(datums, missing)
+
+
+def _of_linear_lens() -> DatumScheme:
+    plane = Datum("A", f"plane z = 0, the two strips {RIM} between the feet of the profiles", z_mm=0.0)
+    across = Datum("B", "middle plane of the feet of the outer profile, across x", WIDTH)
+    return DatumScheme.of([plane, across, Datum("C", f"middle plane of the ends {END_FACE}, across y", LENGTH)], [])
 
 
 def _plane(lens: Lens, plan: Plan[Surface], part: Part) -> Datum:

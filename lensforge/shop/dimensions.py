@@ -4,7 +4,7 @@ All are of the exact surfaces, and a dimension that is drawn has its two ends on
 measured in the section; its own file defines it.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Literal
@@ -35,7 +35,7 @@ _ALONG_CREASE = 3601  # azimuths: 0.1 degrees apart
 _AXIS = np.array([[0.0, 0.0, 1.0]])
 
 Measured = Callable[[Float[np.ndarray, "n 3"]], Float[np.ndarray, " n"]]
-Scope = Literal["axis", "section", "second", "largest", "part", "flange", "base"]
+Scope = Literal["axis", "section", "second", "largest", "part", "flange", "base", "length"]
 SCOPES: dict[Scope, str] = {
     "axis": "on the axis",
     "section": "in the section S–S",
@@ -44,6 +44,7 @@ SCOPES: dict[Scope, str] = {
     "part": "of the whole part",
     "flange": "of the flange, all around",
     "base": "of the base, all around",
+    "length": "from end to end",
 }
 ViewName = Literal["S", "T", "base", "dome"]
 _SCOPE_OF: dict[ViewName, Scope] = {"S": "section", "T": "second"}
@@ -83,7 +84,7 @@ class Dimension:
     @property
     def is_auxiliary(self) -> bool:
         """True for a size that follows from others or from a freeform face: in parentheses, as the STEP defines it."""
-        return self.scope not in ("base", "flange") and self.tolerance_mm is None
+        return self.scope not in ("base", "flange", "length") and self.tolerance_mm is None
 
     def repeats(self, other: "Dimension") -> bool:
         """True if ``other`` measures the same length between the same places: equal circles, or the same planes of z.
@@ -103,11 +104,13 @@ class Dimension:
 
 
 def dimensions(lens: Lens) -> list[Dimension]:
-    """Dimensions of the lens, of its base and of the whole part.
-
-    Of equal ones one is drawn: preferably a toleranced one, else one in a section.
-    """
+    """Dimensions of the lens, of its base and of the whole part."""
     every = [*_lens_dimensions(lens), *_flange_dimensions(lens), *_base_dimensions(lens), *_part_dimensions(lens)]
+    return without_repeats(every)
+
+
+def without_repeats(every: Sequence[Dimension]) -> list[Dimension]:
+    """All of these; of equal ones one is drawn: preferably a toleranced one, else one in a section."""
     drawn: list[Dimension] = []
     order = sorted(every, key=lambda size: (size.is_auxiliary, size.scope in ("largest", "part")))
     for dimension in order:

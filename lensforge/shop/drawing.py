@@ -25,10 +25,11 @@ from lensforge.shop.check_measures import BASE
 from lensforge.shop.check_result import Check
 from lensforge.shop.datums import DatumScheme, datum_scheme
 from lensforge.shop.dimensions import Dimension
+from lensforge.shop.drawn_views import drawn_dome_lines, drawn_end_lines, section_of_drawn
 from lensforge.shop.findings import BODY, OfLathe, OfMill
 from lensforge.shop.handover import PDF_FILE, PLATE_PDF_FILE
 from lensforge.shop.mould_facts import mould_line, thick_line, upright_phrase
-from lensforge.shop.profile_table import ASPHERE_NOTE, PROFILE_NOTE, equation, profile_rows, profile_widths
+from lensforge.shop.profile_table import ASPHERE_NOTE, DRAWN_NOTE, PROFILE_NOTE, equation, profile_rows, profile_widths
 from lensforge.shop.sheet import Box, Marks, Place, Sheet, box_of
 from lensforge.shop.sheet_marks import cell, draw_rows, frame_of, paragraphs_in, row_height
 from lensforge.shop.sheet_tables import OpticalTable, ToleranceTable, is_general, optical_table
@@ -50,7 +51,7 @@ def drawing_notes(
         f"{defined}; sizes in parentheses are auxiliary. The optical faces end in z = 0.",
         *([GENERAL_NOTE] if any(is_general(face, lens) for face in check.faces) else []),
         *(f"{line}." for line in datums.lines),
-        *([PROFILE_NOTE] if profile_rows(lens, tuple(check.faces)) else []),
+        *([_profile_note(lens)] if profile_rows(lens, tuple(check.faces)) else []),
         *([ASPHERE_NOTE] if any("asphere" in str(equation(face)) for face in lens.surfaces.values()) else []),
         _sources(lens, tolerances),
         *travel_notes(lens),
@@ -63,6 +64,10 @@ def drawing_notes(
         *_open_findings(lens, check),
         "Notation as in ISO 10110 and ISO 1101; conformance is not claimed. A dash: nothing is stated.",
     ]
+
+
+def _profile_note(lens: Lens) -> str:
+    return PROFILE_NOTE if lens.spec.lens.drawn_mm is None else DRAWN_NOTE
 
 
 def _draft_notes(lens: Lens, check: Check) -> Iterator[str]:
@@ -288,20 +293,26 @@ def drawing_content(
 ) -> DrawingContent:
     """Collect the content from the results of the lens and, for the title block, from ``drawing`` of the spec."""
     datums = datum_scheme(lens, part)
-    second_deg = other_section_deg(lens)
-    sections = [section_view(lens, "S", 0.0)]
-    if second_deg is not None:
-        sections.append(section_view(lens, "T", second_deg))
     return DrawingContent(
-        views=ViewContent(
-            sections, end_lines(lens), dome_lines(lens), dimensions, datums, _mould_marks(lens, check, sections[0])
-        ),
+        views=_views(lens, check, dimensions, datums),
         notes=drawing_notes(lens, check, datums, tolerances, drawing),
         profiles=profile_rows(lens, tuple(reversed(check.faces))),
         table=optical_table(lens, part, check, drawing),
         block=title_block(lens, part, drawing),
         title=title_of(lens, drawing),
     )
+
+
+def _views(lens: Lens, check: Check, dimensions: list[Dimension], datums: DatumScheme) -> ViewContent:
+    if lens.spec.lens.drawn_mm is not None:
+        sides = drawn_end_lines(lens), drawn_dome_lines(lens)
+        return ViewContent([section_of_drawn(lens)], *sides, dimensions, datums, {})
+    second_deg = other_section_deg(lens)
+    sections = [section_view(lens, "S", 0.0)]
+    if second_deg is not None:
+        sections.append(section_view(lens, "T", second_deg))
+    marks = _mould_marks(lens, check, sections[0])
+    return ViewContent(sections, end_lines(lens), dome_lines(lens), dimensions, datums, marks)
 
 
 def _mould_marks(lens: Lens, check: Check, section: SectionView) -> dict[str, Place]:

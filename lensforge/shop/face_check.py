@@ -1,8 +1,9 @@
 """Measurements of one face: best-fit sphere, curvature, draft, and of one that is milled the reach of the ball cutter.
 
-The best-fit sphere is that of least squares over the area, its centre on the axis. A deviation is measured along the
-sphere's normal, ``|P - c| - R``: positive where the face is farther from the centre than the sphere. Along z it would
-diverge at the steep rim of a hemisphere.
+The best-fit sphere is that of least squares over the area, its centre on the axis; of a face that is drawn along y it
+is a cylinder, its axis along y through the z axis. A deviation is measured along the sphere's normal, ``|P - c| - R``:
+positive where the face is farther from the centre than the sphere. Along z it would diverge at the steep rim of a
+hemisphere.
 """
 
 from dataclasses import dataclass
@@ -51,8 +52,8 @@ class FaceCheck:
     @property
     def sag_mm(self) -> Float[np.ndarray, " k"]:
         """Deviation (mm) of each sample from the best-fit sphere."""
-        away = self.samples.points - np.array(self.sphere.centre_mm)
-        return np.asarray(np.linalg.norm(away, axis=1) - self.sphere.radius_mm)
+        distances = self.samples.face.distances(self.samples.points, np.array(self.sphere.centre_mm))
+        return distances - self.sphere.radius_mm
 
 
 @dataclass(frozen=True)
@@ -146,17 +147,20 @@ def bounded(value: float) -> float | None:
 
 
 def best_fit_sphere(samples: FaceSamples) -> Sphere:
-    """Fit the sphere to a face; its extreme departures are searched for between the samples too."""
+    """Fit the sphere to a face, or a cylinder to one that is drawn along y.
+
+    Its extreme departures are searched for between the samples too.
+    """
     area = samples.area
-    patch = samples.face.patch
+    face = samples.face
     centre = _least_squares_centre(area)
-    from_area = np.linalg.norm(area.points - centre, axis=1)
+    from_area = face.distances(area.points, centre)
     radius = float(area.shares @ from_area)
 
     def beyond(points: Float[np.ndarray, "m 2"]) -> Float[np.ndarray, " m"]:
-        return np.asarray(np.linalg.norm(patch.points(points) - centre, axis=1) - radius)
+        return face.distances(face.patch.points(points), centre) - radius
 
-    at_samples = np.linalg.norm(samples.points - centre, axis=1) - radius
+    at_samples = face.distances(samples.points, centre) - radius
     highest = samples.largest(beyond, at_samples)
     lowest = -samples.largest(lambda c: -beyond(c), -at_samples)
     return Sphere(

@@ -105,7 +105,8 @@ class OpticalFace:
     """An exported face and its air side; the rim is the unit circle of the stereographic chart.
 
     ``domain``: the part of the chart on which it bounds its medium; ``beside``: the faces that bound the rest of the
-    medium. ``sense``: -1 for a face of the envelope that is made and cut from below, as the cavity is.
+    medium. ``sense``: -1 for a face of the envelope that is made and cut from below, as the cavity is. ``drawn_mm``:
+    length along y of a face of a linear lens, whose ``domain`` is a band about its section; None for any other.
     """
 
     patch: Patch
@@ -113,11 +114,17 @@ class OpticalFace:
     domain: Domain = WHOLE
     beside: "tuple[OpticalFace, ...]" = ()
     sense: int = 1
+    drawn_mm: float | None = None
 
     @property
     def away(self) -> Float[np.ndarray, "3"]:
         """Unit vector from the face to the holder of a tool along the axis."""
         return np.array([0.0, 0.0, float(self.sense * self.air)])
+
+    def distances(self, points: Float[np.ndarray, "n 3"], centre: Float[np.ndarray, "3"]) -> Float[np.ndarray, " n"]:
+        """Distances (mm) from the ``centre`` of its best-fit sphere, or of a drawn face from a line along y there."""
+        away = points - centre
+        return np.linalg.norm(away if self.drawn_mm is None else away[:, ::2], axis=1)
 
     def radius(self, points: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, " n"]:
         """Distance (mm) from the origin at chart ``points``; outside the patch's square, the value at its edge."""
@@ -180,7 +187,14 @@ class FaceSamples:
 
     @cached_property
     def area(self) -> "FaceArea":
-        """The face's integration points; they differ from the samples."""
+        """The face's integration points; they differ from the samples. Of a drawn face they lie in its section."""
+        length_mm = self.face.drawn_mm
+        if length_mm is not None:
+            rule = area_rule(azimuths=2)
+            jet = self.face.patch.jet(rule.chart)
+            on_radius = rule.weights / (np.pi * np.abs(rule.chart[:, 0]))  # two azimuths: each a half of the disc
+            areas = on_radius * np.linalg.norm(jet.x, axis=1) * length_mm
+            return FaceArea(rule, jet.point, jet.normal, areas, self.face.sense)
         rule = area_rule()
         chart, weights = rule.over(self.face.domain)
         jet = self.face.patch.jet(chart)

@@ -31,7 +31,7 @@ def models_of(part: Part, rays: int) -> Iterator[tuple[str, bytes]]:
     yield GLB_FILE, glb_bytes(mesh, name)
     if rays:
         yield RAYS_GLB_FILE, glb_bytes(mesh, name, lines=_rays_by_end(lens, mesh, rays))
-    lamps = lens.of_own_lamps.spec.all_lamps
+    lamps = lens.spec.lens.apart(lens.of_own_lamps.spec.all_lamps)  # one linear lens stands over a whole row
     if part.plate_threemf is not None:
         yield PLATE_GLB_FILE, glb_bytes(parse_named_3mf(part.plate_threemf, PLATE_THREEMF_FILE), f"{name} plate")
     elif len(lamps) > 1 and lens.spec.plate is None:

@@ -36,9 +36,9 @@ _WORDS: dict[Interpolation, str] = {
     "bicubic": "bicubic, the polynomial through the 4 x 4 nearest nodes",
     "linear": "bilinear, between the 4 nearest nodes",
 }
-_ORDER: dict[Interpolation, int] = {"bicubic": 4, "linear": 2}  # the error falls with this power of the spacing
+ORDER: dict[Interpolation, int] = {"bicubic": 4, "linear": 2}  # the error falls with this power of the spacing
 # Nodes needed beyond a cell on each side.
-_BEYOND: dict[Interpolation, int] = {"bicubic": 1, "linear": 0}
+BEYOND: dict[Interpolation, int] = {"bicubic": 1, "linear": 0}
 _MIDDLE: dict[Interpolation, tuple[float, ...]] = {
     "bicubic": (-1.0 / 16.0, 9.0 / 16.0, 9.0 / 16.0, -1.0 / 16.0),
     "linear": (0.5, 0.5),
@@ -52,7 +52,7 @@ _TRIALS = 8  # trials
 _WIDER = 4.0  # most from one to a wider one
 _TRIED_DEG = 181  # polar angles at which the length of a face is measured
 _MARGIN = 0.95  # of the spacing that the power law gives
-_ROUNDING_NM = 1e-3  # of the files
+ROUNDING_NM = 1e-3  # of the files
 _RIM_DEG = 90.0
 _MOST_STEP_DEG = 6.0  # the ring that the interpolation needs below the rim lies where the surfaces still have a radius
 
@@ -150,6 +150,24 @@ def faces_to_cut(lens: Lens) -> list[FaceToCut]:
     ]
 
 
+@dataclass(frozen=True)
+class PointTables:
+    """``measured``: table of places to measure at, as bytes, and their number ``places``; ``grids``: dense tables."""
+
+    measured: bytes
+    places: int
+    grids: tuple[PointGrid, ...]
+
+
+def point_tables(lens: Lens, check: Check, head: list[str], request: GridRequest) -> PointTables:
+    """Points to measure and the dense table of each face, each text beginning with ``head``.
+
+    Raises :class:`InputError` for a table of too many points.
+    """
+    places = sum(len(face.ring_angles) for face in faces_to_cut(lens))
+    return PointTables(points_table(lens, check, head).encode(), places, dense_tables(lens, head, request))
+
+
 def points_table(lens: Lens, check: Check, head: list[str]) -> str:
     """Points to measure, each with its normal and its departure (mm) from the check's best-fit sphere."""
     lines = [*(f"# {line}" for line in head), POINT_COLUMNS]
@@ -235,15 +253,15 @@ class DenseTable:
 
     def _middles(self, scheme: Interpolation) -> Float[np.ndarray, "k 4"]:
         """Polar angle, azimuth, and interpolated R and Z in the middle of every cell and side of the face."""
-        beyond = _BEYOND[scheme]
+        beyond = BEYOND[scheme]
         turns = len(self.azimuths_deg)
         begin = self.begin
         rings = self.values[begin - beyond :] if begin else self.values
         if not begin:  # the ring before the apex is the first one seen from the other side; the azimuths go around
             rings = np.concatenate([np.roll(rings[1 : 1 + beyond], turns // 2, axis=1) * [-1.0, 1.0], rings])
-        along = _halfway(rings, 0, scheme)[: self.rim - begin]
-        around = _halfway(_wrapped(self.values[begin : self.rim + 1], beyond), 1, scheme)
-        both = _halfway(_wrapped(along, beyond), 1, scheme)
+        along = halfway(rings, 0, scheme)[: self.rim - begin]
+        around = halfway(_wrapped(self.values[begin : self.rim + 1], beyond), 1, scheme)
+        both = halfway(_wrapped(along, beyond), 1, scheme)
         at = self.polar_deg[begin : self.rim + 1]
         half_ring = at[:-1] + 0.5 * self.step_deg
         half_turn = self.azimuths_deg + 0.5 * self.azimuths_deg[1]
@@ -263,10 +281,10 @@ def _wrapped(values: Float[np.ndarray, "n m 2"], beyond: int) -> Float[np.ndarra
     return values.take(range(-beyond, turns + 1 + beyond), axis=1, mode="wrap")
 
 
-def _halfway(values: Float[np.ndarray, "n m c"], axis: int, scheme: Interpolation) -> Float[np.ndarray, "k l c"]:
+def halfway(values: Float[np.ndarray, "n m c"], axis: int, scheme: Interpolation) -> Float[np.ndarray, "k l c"]:
     """Values halfway between the nodes along ``axis``; NaN where a node that this needs is NaN.
 
-    The first is ``_BEYOND`` nodes and a half from the first node.
+    The first is ``BEYOND`` nodes and a half from the first node.
     """
     weights = _MIDDLE[scheme]
     count = values.shape[axis] - len(weights) + 1
@@ -282,7 +300,7 @@ def dense_tables(lens: Lens, head: list[str], request: GridRequest) -> tuple[Poi
 
 
 def _grid(table: DenseTable, errors: Float[np.ndarray, " k"], head: list[str], request: GridRequest) -> PointGrid:
-    error_nm = float(errors.max()) + _ROUNDING_NM
+    error_nm = float(errors.max()) + ROUNDING_NM
     return PointGrid(
         file=f"grid_{table.face.name}.csv",
         face=table.face.name,
@@ -290,7 +308,7 @@ def _grid(table: DenseTable, errors: Float[np.ndarray, " k"], head: list[str], r
         interpolation=request.interpolation,
         error_nm=error_nm,
         points=len(table.rows),
-        content=_table_text(table, [*head, *_table_lines(table, request, error_nm, len(errors))]).encode(),
+        content=table_text(table.rows, COLUMNS, [*head, *_table_lines(table, request, error_nm, len(errors))]).encode(),
     )
 
 
@@ -313,10 +331,10 @@ def _table_for(face: FaceToCut, request: GridRequest) -> tuple[DenseTable, Float
         error = float(table.errors_nm(scheme, _TRIED).max())
         if trial > 0 and error <= request.error_nm:
             errors = table.errors_nm(scheme, _MEASURED)
-            error = float(errors.max()) + _ROUNDING_NM
+            error = float(errors.max()) + ROUNDING_NM
             if error <= request.error_nm:
                 return table, errors
-        wider = _MARGIN * (request.error_nm / max(error, _ROUNDING_NM)) ** (1.0 / _ORDER[scheme])
+        wider = _MARGIN * (request.error_nm / max(error, ROUNDING_NM)) ** (1.0 / ORDER[scheme])
         tried = spacing
         spacing = spacing * min(wider, _WIDER)
     raise InputError(
@@ -346,12 +364,12 @@ def make_table(face: FaceToCut, spacing_mm: float, scheme: Interpolation) -> Den
     span = end_deg - begin_deg
     count = max(int(np.ceil(span / _MOST_STEP_DEG)), int(np.ceil(np.radians(span) * along / spacing_mm)))
     turns = 2 * max(4, int(np.ceil(np.pi * around / spacing_mm)))
-    begin = _BEYOND[scheme] if begin_deg > 0.0 else 0
+    begin = BEYOND[scheme] if begin_deg > 0.0 else 0
     step = span / count
     rim = begin + count
     azimuths = 360.0 / turns * np.arange(turns)
     first_deg = begin_deg - begin * step
-    polar = first_deg + step * np.arange(rim + 1 + _BEYOND[scheme])
+    polar = first_deg + step * np.arange(rim + 1 + BEYOND[scheme])
     polar[rim] = end_deg
     points, normals = face.at(np.stack(np.meshgrid(polar, azimuths, indexing="ij"), axis=-1).reshape(-1, 2))
     values = np.stack([np.linalg.norm(points[:, :2], axis=1), points[:, 2]], axis=-1)
@@ -360,18 +378,22 @@ def make_table(face: FaceToCut, spacing_mm: float, scheme: Interpolation) -> Den
     return DenseTable(face, first_deg, step, begin, rim, azimuths, *nodes)
 
 
-def _table_text(table: DenseTable, head: list[str]) -> str:
-    """The table as text: lines beginning with # that say how to read it, then rows."""
-    rows = (np.round(table.rows, 9) + 0.0).tolist()  # no minus zero
-    body = [",".join(f"{value:.9f}" for value in row) for row in rows]
-    return "\n".join([*(f"# {line}" for line in head), COLUMNS, *body]) + "\n"
+def table_text(rows: Float[np.ndarray, "n c"], columns: str, head: list[str]) -> str:
+    """A table as text: lines beginning with # that say how to read it, the names of its columns, then rows."""
+    numbers = (np.round(rows, 9) + 0.0).tolist()  # no minus zero
+    body = [",".join(f"{value:.9f}" for value in row) for row in numbers]
+    return "\n".join([*(f"# {line}" for line in head), columns, *body]) + "\n"
+
+
+def side_phrase(face: FaceToCut) -> str:
+    """Phrase for the side on which the tool is."""
+    return f"its air, where the tool is, lies {'away from' if face.air > 0 else 'towards'} the origin"
 
 
 def _table_lines(table: DenseTable, request: GridRequest, error_nm: float, measured: int) -> list[str]:
     """Lines on the face, the nodes, the interpolation, and its error at ``measured`` places."""
     turns = len(table.azimuths_deg)
-    side = "away from" if table.face.air > 0 else "towards"
-    beyond = _BEYOND[request.interpolation]
+    beyond = BEYOND[request.interpolation]
     first = table.first_deg
     begins = f"b + i p with b = {first:.15g} degrees and"
     apex = ""
@@ -389,7 +411,7 @@ def _table_lines(table: DenseTable, request: GridRequest, error_nm: float, measu
         rim = "is the rim"
         where = where if table.begin else "below it"
     return [
-        f"face: {table.face.name}; its air, where the tool is, lies {side} the origin",
+        f"face: {table.face.name}; {side_phrase(table.face)}",
         f"nodes: rings of polar angle {begins} p = {table.step_deg:.15g} degrees, seen from the origin; {turns} "
         f"azimuths k q with q = {360.0 / turns:.15g} degrees; {apex}spacing up to {table.spacing_mm:.4g} mm",
         f"extent: all of the face{extent}; ring {table.rim} {rim}, {beyond} more {where} "

@@ -1,4 +1,7 @@
-"""Faces of revolution on the drawing: the equation of a known form, or else a table of places along the meridian."""
+"""Faces of revolution on the drawing, and profiles of a linear lens: the equation of a known form, or else a table.
+
+The table has places along the meridian, or along the profile from foot to foot.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -11,6 +14,7 @@ from lensforge.scene.lens import Lens
 from lensforge.shop.check_facts import face_title
 from lensforge.spec.spec_section import rounded_up
 from lensforge.surfaces.asphere import Asphere, Biconic
+from lensforge.surfaces.drawn_profile import in_section
 from lensforge.surfaces.reciprocal import ConeFace, ConicFace, PlaneFace
 from lensforge.surfaces.surface import Surface, to_sphere
 
@@ -19,9 +23,10 @@ DIGITS = 4  # of its lengths (mm): 0.1 um
 _DENSE = 2001  # places of a meridian along which lengths and errors are measured
 _UM_PER_MM = 1e3
 PROFILE_NOTE = "Profiles: distance r from the axis and height z, mm; the spline is cubic over the chords."
+DRAWN_NOTE = "Profiles: x and z, mm, the same at every y; the spline is cubic over the chords."
 ASPHERE_NOTE = "Asphere: z = z_v + (r^2/R) / (1 + √(1 − (1 + k) r^2/R^2)) + A4 r^4 + A6 r^6 + …, mm."
 
-Meridian = Float[np.ndarray, "n 2"]  # distance from the axis, and height (mm)
+Meridian = Float[np.ndarray, "n 2"]  # distance from the axis, or x of a linear lens, and height (mm)
 
 
 def is_round(lens: Lens) -> bool:
@@ -60,33 +65,44 @@ class Profile:
     """The meridian of a face: ``places_mm`` in the digits of the sheet, evenly along it, from the axis or a crease on.
 
     ``error_um``: the largest distance from the face of a cubic spline through them over the length of their chords.
+    ``across``: symbol of the first of two coordinates, r or x.
     """
 
     face: str
     places_mm: Meridian
     error_um: float
+    across: str = "r"
 
     @property
     def rows(self) -> list[list[str]]:
         """Rows of r and of z, each with its label."""
-        labels = f"{face_title(self.face)}: r", f"z; spline within {rounded_up(self.error_um, 2)} µm"
+        labels = f"{face_title(self.face)}: {self.across}", f"z; spline within {rounded_up(self.error_um, 2)} µm"
         columns = zip(labels, self.places_mm.T, strict=True)
         return [[label, *(f"{value:.{DIGITS}f}" for value in values + 0.0)] for label, values in columns]
 
 
 def profile_of(lens: Lens, face: str) -> Profile:
-    """The meridian of a face of revolution over its part of the body."""
+    """The meridian of a face of revolution over its part of the body, or the profile of one that is drawn along y."""
     surface = lens.surfaces[face]
+    if lens.spec.lens.drawn_mm is not None:
+        angles = np.linspace(-0.5 * np.pi, 0.5 * np.pi, _DENSE)
+        return _tabulated(face, surface, in_section(angles), "x")
     turn = np.zeros(1)
     (low,), (high,) = domain_of(lens, face).radii(turn)
     chart = np.linspace(low, high, _DENSE)
-    directions = to_sphere(np.column_stack([chart, np.zeros(_DENSE)]))
-    meridian = surface.radius(directions)[:, None] * directions[:, ::2]
-    length = way_along(meridian)
+    return _tabulated(face, surface, to_sphere(np.column_stack([chart, np.zeros(_DENSE)])), "r")
+
+
+def _tabulated(face: str, surface: Surface, directions: Float[np.ndarray, "n 3"], across: str) -> Profile:
+    """Places evenly along the curve of ``surface`` over these ``directions`` in the plane y = 0."""
+    curve = surface.radius(directions)[:, None] * directions[:, ::2]
+    length = way_along(curve)
     even = np.linspace(0.0, length[-1], PLACES)
-    directions = to_sphere(np.column_stack([np.interp(even, length, chart), np.zeros(PLACES)]))
-    places = np.round(surface.radius(directions)[:, None] * directions[:, ::2], DIGITS)
-    return Profile(face, places, _UM_PER_MM * float(np.abs(distance_mm(surface, spline_through(places))).max()))
+    angles = np.arctan2(directions[:, 0], directions[:, 2])
+    chosen = in_section(np.interp(even, length, angles))
+    places = np.round(surface.radius(chosen)[:, None] * chosen[:, ::2], DIGITS)
+    error_um = _UM_PER_MM * float(np.abs(distance_mm(surface, spline_through(places))).max())
+    return Profile(face, places, error_um, across)
 
 
 def spline_through(places: Meridian) -> Float[np.ndarray, "d 2"]:
@@ -111,10 +127,15 @@ def way_along(points: Float[np.ndarray, "n d"]) -> Float[np.ndarray, " n"]:
     return np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
 
 
+def has_profile(lens: Lens, face: str) -> bool:
+    """True where one curve tells all of a face: a meridian, or the profile of a linear lens."""
+    return lens.spec.lens.drawn_mm is not None or lens.spec.lens.is_revolved(face)
+
+
 def profile_rows(lens: Lens, faces: Sequence[str]) -> list[list[str]]:
-    """Rows for those ``faces`` of revolution that have no equation."""
-    revolved = filter(lens.spec.lens.is_revolved, faces)
-    listed = [name for name in revolved if equation(lens.surfaces[name]) is None]
+    """Rows for those ``faces``, of revolution or drawn along y, that have no equation."""
+    told = [name for name in faces if has_profile(lens, name)]
+    listed = [name for name in told if equation(lens.surfaces[name]) is None]
     return [row for name in listed for row in profile_of(lens, name).rows]
 
 

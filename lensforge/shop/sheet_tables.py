@@ -22,7 +22,8 @@ from lensforge.shop.check_facts import face_title
 from lensforge.shop.check_measures import FLAT_MM
 from lensforge.shop.check_result import Check
 from lensforge.shop.dimensions import widest_mm
-from lensforge.shop.profile_table import equation
+from lensforge.shop.drawn_views import drawn_width_mm
+from lensforge.shop.profile_table import equation, has_profile
 from lensforge.shop.sheet import Marks
 from lensforge.shop.sheet_marks import draw_rows, row_height
 from lensforge.spec import DrawingSection
@@ -103,11 +104,10 @@ def index_wavelength(lens: Lens) -> str:
 
 def _face(name: str, lens: Lens, part: Part, check: Check, drawing: DrawingSection) -> _TEXT:
     face = check.faces[name]
-    across = widest_mm(lens.surfaces[name], domain_of(lens, name))
     return {
         "title": f"{face_title(name)}, {'GS: ' if is_general(name, lens) else ''}{optical_name(name)}",
         "shape": _shape(name, lens, check),
-        "aperture": f"Effective aperture: ⌀{across:.3f}, whole face",
+        "aperture": f"Effective aperture: {_aperture(name, lens)}, whole face",
         "form": _form(name, lens),
         "profile": _profile(name, lens, part),
         "centring": _centring(name, lens),
@@ -115,6 +115,13 @@ def _face(name: str, lens: Lens, part: Part, check: Check, drawing: DrawingSecti
         "texture": _texture(name, lens, drawing.roughness_nm),
         "coating": f"Coating: {_coating(name, lens)}; {face.area_mm2 / check.scale**2:.1f} mm²",
     }
+
+
+def _aperture(name: str, lens: Lens) -> str:
+    length_mm = lens.spec.lens.drawn_mm
+    if length_mm is None:
+        return f"⌀{widest_mm(lens.surfaces[name], domain_of(lens, name)):.3f}"
+    return f"{drawn_width_mm(lens, name):.3f} × {length_mm:.3f}"
 
 
 def _coating(name: str, lens: Lens) -> str:
@@ -130,13 +137,15 @@ def _shape(name: str, lens: Lens, check: Check) -> str:
     radius_mm = sphere.radius_mm / check.scale
     pv_mm = sphere.pv_mm / check.scale
     fitted = f"R {radius_mm:.3f}" if sphere.radius_mm < FLAT_MM else "plane"
+    if lens.spec.lens.drawn_mm is not None:
+        return "drawn along y, profile in the table"
     form = "of revolution, profile in the table" if lens.spec.lens.is_revolved(name) else "freeform"
     return equation(lens.surfaces[name]) or f"{form}; best-fit {fitted}, PV {pv_mm:.3f}"
 
 
 def is_general(name: str, lens: Lens) -> bool:
     """True for a face that neither an equation nor a profile on the sheet gives."""
-    return not (lens.spec.lens.is_revolved(name) or equation(lens.surfaces[name]))
+    return not (has_profile(lens, name) or equation(lens.surfaces[name]))
 
 
 def _form(name: str, lens: Lens) -> str:

@@ -21,6 +21,8 @@ from lensforge.shop.check_facts import check_facts, finding_groups
 from lensforge.shop.check_result import Check
 from lensforge.shop.dimensions import dimensions
 from lensforge.shop.drawing import DrawingContent, drawing_content, make_sheet, scale_label
+from lensforge.shop.drawn_tables import drawn_point_tables
+from lensforge.shop.drawn_views import drawn_dimensions
 from lensforge.shop.handover import (
     DXF_FILE,
     PDF_FILE,
@@ -32,7 +34,7 @@ from lensforge.shop.handover import (
 )
 from lensforge.shop.part_models import models_of
 from lensforge.shop.plate_drawing import place_rows, plate_notes, plate_sheet
-from lensforge.shop.point_tables import GridRequest, dense_tables, faces_to_cut, origin_lines, points_table
+from lensforge.shop.point_tables import GridRequest, origin_lines, point_tables
 from lensforge.shop.sheet import Sheet, shown
 from lensforge.shop.sheet_tables import ToleranceTable, tolerance_table
 from lensforge.shop.sheet_writers import sheet_dxf, sheet_figure, sheet_pdf
@@ -73,11 +75,14 @@ def make_handover(
     lens = part.lens
     request = request or GridRequest()
     head = origin_lines(lens, part)
-    grids = dense_tables(lens, head, request)
-    tables = {POINTS_FILE: points_table(lens, check, head).encode(), **{grid.file: grid.content for grid in grids}}
+    is_drawn = lens.spec.lens.drawn_mm is not None
+    points = drawn_point_tables(lens, head, request) if is_drawn else point_tables(lens, check, head, request)
+    grids = points.grids
+    tables = {POINTS_FILE: points.measured, **{grid.file: grid.content for grid in grids}}
     tolerances = tolerance_table(lens, studied)
     drawing = drawing or lens.spec.drawing
-    drawn = drawing_content(lens, part, check, dimensions(lens), tolerances, drawing)
+    sizes = drawn_dimensions(lens) if is_drawn else dimensions(lens)
+    drawn = drawing_content(lens, part, check, sizes, tolerances, drawing)
     sheet = make_sheet(drawn, drawing.sheet or "A3")
     layout = layout_of(lens)
     made = layout is not None and lens.makes_plate
@@ -105,7 +110,7 @@ def make_handover(
         points_csv=tables[POINTS_FILE],
         models=models,
         scale=lens.spec.manufacture.scale if lens.spec.manufacture.cuts == "inserts" else None,
-        points=sum(len(face.ring_angles) for face in faces_to_cut(lens)),
+        points=points.places,
         grids=grids,
         sha256=hashes,
         refused=tuple(verdict for verdict in check.verdicts if not verdict.holds),

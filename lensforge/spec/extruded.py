@@ -35,7 +35,6 @@ class ExtrudedSection(ShellShape):
     largest_symmetry = "rectangle"
     is_advised = False
     without: ClassVar[Mapping[str, str]] = {
-        "handover": "a linear lens has no drawing yet; lens.step holds its profiles exactly, extruded",
         "compare": "a linear lens is not compared with points of its faces yet; compare its light with a photograph",
         "correct": "a linear lens is cut by its profile, which points of its faces do not correct yet",
     }

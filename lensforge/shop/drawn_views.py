@@ -1,0 +1,124 @@
+"""Views and sizes of a linear lens: its section, and its two sides, of which a long one is drawn interrupted.
+
+The section is the same at every y. The views along the axis show how the part goes on along y: where it is longer than
+a few of its widths, two ends of it beside a gap between zigzag lines, as ISO 128-3 has interrupted views.
+"""
+
+from collections.abc import Iterator
+
+import numpy as np
+from jaxtyping import Float
+
+from lensforge.cad.section import body_outlines
+from lensforge.scene.lens import Lens
+from lensforge.shop.dimensions import Dimension, without_repeats
+from lensforge.shop.sheet import Points
+from lensforge.shop.view_lines import SectionView, ViewLine
+from lensforge.surfaces.drawn_profile import in_section
+
+LENGTH = "length along y"
+WIDTH = "width across the feet, along x"
+_WHOLE = 3.0  # widths up to which a part is drawn whole
+_SHOWN = 0.6  # of a width: half of an interrupted view along y
+_GAP = 0.1  # of a width: half of the gap
+_TEETH = 9
+_FOOT_RAD = 0.5 * np.pi
+_FEET_RAD = np.array([-_FOOT_RAD, _FOOT_RAD])
+_DENSE_RAD = np.linspace(-_FOOT_RAD, _FOOT_RAD, 1441)  # an eighth of a degree apart
+
+
+def section_of_drawn(lens: Lens) -> SectionView:
+    """The section across the part, in (z, x)."""
+    return SectionView("S", 0.0, [outline[:, ::-1] for outline in body_outlines(lens, 0.0)], [])
+
+
+def drawn_end_lines(lens: Lens) -> list[ViewLine]:
+    """Lines of the part seen from below, as (y, x): its feet, and the silhouette of its outer profile beyond them."""
+    lines = [*_feet_mm(lens, "outer"), *_feet_mm(lens, "inner")]
+    return _interrupted(lens, [*lines, *_ends_mm(lens, "outer")])
+
+
+def drawn_dome_lines(lens: Lens) -> list[ViewLine]:
+    """Lines of the part seen along -z, as (-y, x): the silhouette of its outer profile."""
+    return _interrupted(lens, _ends_mm(lens, "outer"))
+
+
+def drawn_dimensions(lens: Lens) -> list[Dimension]:
+    """Sizes of the section, and the length."""
+    return without_repeats([*_of_section(lens), *_along(lens)])
+
+
+def _profile(lens: Lens, face: str, angles_rad: Float[np.ndarray, " n"]) -> Points:
+    """Points (z, x) of a profile at angles from z."""
+    directions = in_section(angles_rad)
+    directions[np.abs(angles_rad) == _FOOT_RAD, 2] = 0.0
+    return (lens.surfaces[face].radius(directions)[:, None] * directions)[:, ::-2]
+
+
+def _feet_mm(lens: Lens, face: str) -> list[float]:
+    """x of both feet of a profile."""
+    return [float(x) for x in _profile(lens, face, _FEET_RAD)[:, 1]]
+
+
+def drawn_width_mm(lens: Lens, face: str) -> float:
+    """Width (mm) of a profile along x."""
+    low, high = _ends_mm(lens, face)
+    return high - low
+
+
+def _ends_mm(lens: Lens, face: str) -> list[float]:
+    """Least and largest x of a profile."""
+    across = _profile(lens, face, _DENSE_RAD)[:, 1]
+    return [float(across.min()), float(across.max())]
+
+
+def _half_mm(lens: Lens) -> tuple[float, bool]:
+    """Half of the length (mm) that views along the axis show, and whether they are interrupted."""
+    low, high = _ends_mm(lens, "outer")
+    length_mm = lens.spec.lens.drawn_mm
+    assert length_mm is not None
+    width = high - low
+    return (0.5 * length_mm, False) if length_mm <= _WHOLE * width else (_SHOWN * width, True)
+
+
+def _interrupted(lens: Lens, across_mm: list[float]) -> list[ViewLine]:
+    """Lines along y at these x, closed by the ends of the part, the gap between zigzags where it is interrupted."""
+    half, is_interrupted = _half_mm(lens)
+    low, high = min(across_mm), max(across_mm)
+    ends = [ViewLine(np.array([(y, low), (y, high)]), closed=False) for y in (-half, half)]
+    if not is_interrupted:
+        return [*ends, *(ViewLine(np.array([(-half, x), (half, x)]), closed=False) for x in across_mm)]
+    gap = _GAP * (high - low)
+    pieces = [
+        ViewLine(np.array([(side * half, x), (side * gap, x)]), closed=False) for x in across_mm for side in (-1.0, 1.0)
+    ]
+    teeth = 0.25 * gap * np.where(np.arange(_TEETH) % 2, 1.0, -1.0)
+    zigzag = np.column_stack([teeth, np.linspace(low, high, _TEETH)])
+    breaks = [ViewLine(zigzag + np.array([side * gap, 0.0]), closed=False, pen="thin") for side in (-1.0, 1.0)]
+    return [*ends, *pieces, *breaks]
+
+
+def _of_section(lens: Lens) -> Iterator[Dimension]:
+    gap = lens.spec.part_tolerances.amount("outer", "gap_mm")
+    low, high = (float(_profile(lens, face, np.zeros(1))[0, 0]) for face in ("inner", "outer"))
+    feet = {face: _feet_mm(lens, face) for face in ("outer", "inner")}
+    side = feet["outer"][0]
+    outline = _profile(lens, "outer", _DENSE_RAD)
+    top = outline[np.argmax(outline[:, 0])]
+    left, right = (outline[k(outline[:, 1])] for k in (np.argmin, np.argmax))
+    yield Dimension("outer apex above z = 0", high, "axis", ((0.0, side), (high, 0.0)))
+    yield Dimension("apex of the cavity above z = 0", low, "axis", ((0.0, side), (low, 0.0)))
+    yield Dimension("thickness on the axis", high - low, "axis", ((low, 0.0), (high, 0.0)), tolerance_mm=gap or None)
+    yield Dimension("overall height", float(top[0]), "section", ((0.0, side), (float(top[0]), float(top[1]))))
+    for name, face in ((WIDTH, "outer"), ("opening of the cavity in z = 0, along x", "inner")):
+        start, end = feet[face]
+        yield Dimension(name, end - start, "section", ((0.0, start), (0.0, end)), upright=True)
+    ends = (float(left[0]), float(left[1])), (float(right[0]), float(right[1]))
+    yield Dimension("largest width, along x", ends[1][1] - ends[0][1], "section", ends, upright=True)
+
+
+def _along(lens: Lens) -> Iterator[Dimension]:
+    half, _ = _half_mm(lens)
+    length_mm = lens.spec.lens.drawn_mm
+    assert length_mm is not None
+    yield Dimension(LENGTH, length_mm, "length", ((-half, 0.0), (half, 0.0)), "base")
