@@ -30,8 +30,8 @@ def lobe(azimuth: np.ndarray, gamma: np.ndarray) -> np.ndarray:
 
 def judged(factor: float = 1.0, **fields: object) -> RouteJudgement:
     def candela(light: CandelaSum) -> np.ndarray:
-        found = lobe(np.radians(light.azimuth_deg + STREET_DEG), np.radians(light.gamma_deg))
-        return factor * found[None]
+        intensity = lobe(np.radians(light.azimuth_deg + STREET_DEG), np.radians(light.gamma_deg))
+        return factor * intensity[None]
 
     return RouteLight(RouteSection(**ROUTE | fields)).judged(candela, "route")
 
@@ -56,12 +56,12 @@ def test_a_crooked_lamp_lights_a_route_as_plain_loops_say() -> None:
     places = np.linspace(0.0, 11.0, count + 1)
     line = [lux(x, 0.0) for x in places]
     band = [lux(x, y) for x in places for y in (-0.45, -0.225, 0.0, 0.225, 0.45)]
-    found = judged(maintenance_factor=0.7)
-    least, of_band, diversity, glare = (limit.value for limit in found.limits)
+    judgement = judged(maintenance_factor=0.7)
+    least, of_band, diversity, glare = (limit.value for limit in judgement.limits)
     assert least == pytest.approx(0.7 * min(line), rel=1e-9)
     assert of_band == pytest.approx(0.7 * min(band), rel=1e-9) and of_band < least
     assert diversity == pytest.approx(max(line) / min(line), rel=1e-9)
-    assert found.line_lx.value == pytest.approx(0.7 * np.mean(line), rel=1e-9)
+    assert judgement.line_lx.value == pytest.approx(0.7 * np.mean(line), rel=1e-9)
     steep = [lobe(np.radians(c), np.radians(g)) for c in np.arange(0.0, 360.0, 2.5) for g in range(60, 91)]
     assert glare == pytest.approx(max(steep), rel=1e-9), "of a new lamp"
 
@@ -73,15 +73,15 @@ def test_each_limit_is_held_on_one_side_of_its_number_alone(number: int, off: fl
     whole = [limit.value for limit in judged().limits]
     match number:
         case 0:
-            found = judged(line_lx=whole[0] * (1.0 - off))
+            judgement = judged(line_lx=whole[0] * (1.0 - off))
         case 1:
-            found = judged(line_lx=2.0 * whole[1] * (1.0 - off))
+            judgement = judged(line_lx=2.0 * whole[1] * (1.0 - off))
         case 2:
-            found = judged(spacing_m=_spacing_at(40.0) * (1.0 - off))
+            judgement = judged(spacing_m=_spacing_at(40.0) * (1.0 - off))
         case _:
-            found = judged(900.0 / whole[3] * (1.0 - off))
-    assert found.limits[number].holds == (off > 0.0)
-    assert found.reached == ("escape route" if all(limit.holds for limit in found.limits) else "none")
+            judgement = judged(900.0 / whole[3] * (1.0 - off))
+    assert judgement.limits[number].holds == (off > 0.0)
+    assert judgement.reached == ("escape route" if all(limit.holds for limit in judgement.limits) else "none")
 
 
 def _spacing_at(diversity: float) -> float:
@@ -123,8 +123,8 @@ def test_the_evaluation_the_photometry_and_the_file_have_one_figure(tmp_path: Pa
     far.save(tmp_path / "lens.ies")
     lamp = of_file(read_photometric(tmp_path / "lens.ies"), -spec.photometry.street_side_deg, 200.0)
     read = RouteLight(spec.routes[0]).judged(lamp, "route")
-    found, stated = ([limit.metric.value for limit in judged.limits] for judged in (read, route))
-    np.testing.assert_allclose(found, stated, rtol=1e-3)
+    figures, stated = ([limit.metric.value for limit in judged.limits] for judged in (read, route))
+    np.testing.assert_allclose(figures, stated, rtol=1e-3)
 
 
 def test_pixels_of_the_far_field_read_the_same_route() -> None:

@@ -67,7 +67,7 @@ def test_gradients_are_those_of_finite_differences():
         tangent = axis - (v @ axis)[:, None] * v
         step = 1e-5
         there, here = ((v + sign * step * tangent) for sign in (1.0, -1.0))
-        lengths = [np.linalg.norm(each, axis=1)[:, None] for each in (there, here)]
+        lengths = [np.linalg.norm(vectors, axis=1)[:, None] for vectors in (there, here)]
         slope = (part.radius(there / lengths[0]) - part.radius(here / lengths[1])) / (2.0 * step)
         np.testing.assert_allclose(slope, part.gradient(v) @ axis, atol=1e-6)
 

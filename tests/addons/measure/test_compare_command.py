@@ -79,9 +79,9 @@ def test_light_on_a_rectangle_is_compared_where_its_lens_says(tmp_path: Path) ->
     made = on_receiver(kind="plane", centre_mm=(0.0, 0.0, 100.0), width_mm=160.0, height_mm=80.0, targets=[target])
     light = lf.evaluate(made, rays=2**12)
     corners = seen_straight_on(light.map, tmp_path / "on.png")
-    found = lf.compare(light, on=tmp_path / "on.png", corners=corners, lens=made)
-    assert found.ssim > 0.99 and found.measured.shape == light.map.shape
-    assert found.simulated_evenness.uniformity == pytest.approx(light.raw.uniformity)
+    comparison = lf.compare(light, on=tmp_path / "on.png", corners=corners, lens=made)
+    assert comparison.ssim > 0.99 and comparison.measured.shape == light.map.shape
+    assert comparison.simulated_evenness.uniformity == pytest.approx(light.raw.uniformity)
     assert lf.compare(light, on=tmp_path / "on.png", corners=corners).simulated_evenness.uniformity is None
     with pytest.raises(InputError, match="lens: the light was evaluated with another lens"):
         lf.compare(light, on=tmp_path / "on.png", corners=corners, lens=LENS)

@@ -15,8 +15,8 @@ TARGET = TARGET_MM, TARGET_MM
 GRID = PixelGrid.square(TARGET_MM, 100)
 
 
-def error_px(found, corners=CORNERS):
-    return np.linalg.norm(found.corners - corners, axis=1).max()
+def error_px(location, corners=CORNERS):
+    return np.linalg.norm(location.corners - corners, axis=1).max()
 
 
 # Two patterns by day, one with a photograph without light; all pairs nightly.
@@ -27,9 +27,9 @@ PAIRS += [(pattern, not dark) for pattern, dark in PAIRS]
 @pytest.mark.parametrize(("pattern", "dark"), first_by_day(2, PAIRS))
 def test_corners_are_found_to_a_fifth_of_a_pixel_whatever_the_pattern(pattern, dark):
     on, off = Scene(pattern).pictures()
-    found = locate(on, off if dark else None, border_share=0.0)
-    assert error_px(found) < 0.2
-    assert not found.located.lit
+    location = locate(on, off if dark else None, border_share=0.0)
+    assert error_px(location) < 0.2
+    assert not location.located.lit
 
 
 @pytest.mark.parametrize(
@@ -76,11 +76,11 @@ def test_two_squares_one_within_the_other_are_both_named():
 
 def test_the_edges_of_a_square_of_light_are_taken_when_its_side_is_given():
     on, off = Scene("flat top", room=0.0, spill=0.0).pictures()
-    found = locate(on, off, border_share=0.0, lit_square=True)
-    assert found.located.lit
+    location = locate(on, off, border_share=0.0, lit_square=True)
+    assert location.located.lit
     # Half of the edges' level lies at +-70 mm: seen through the panel's homography.
     plane = PixelGrid.square(TARGET_MM, 300)
-    light = rectify(on - off, found.corners, (140.0, 140.0), PixelGrid.square(140.0, 140))
+    light = rectify(on - off, location.corners, (140.0, 140.0), PixelGrid.square(140.0, 140))
     assert light.min() > 0.15 * light.max()
     panel = rectify(on - off, CORNERS, TARGET, plane)
     wide = np.abs(plane.x()) < 70.0
@@ -124,14 +124,14 @@ def simulated():
 
 def test_a_photograph_is_compared_by_the_corners_that_were_found(shot):
     given = {"simulated": simulated(), "grid": GRID, "uniform": None}
-    found = compare_photo(shot(), **given)
-    assert found.ssim > 0.9
-    assert found.nmse < 0.03
-    place = found.alignment
+    comparison = compare_photo(shot(), **given)
+    assert comparison.ssim > 0.9
+    assert comparison.nmse < 0.03
+    place = comparison.alignment
     assert max(abs(place.displacement_x_mm.value), abs(place.displacement_y_mm.value)) < 0.2
     assert place.scale.value == pytest.approx(1.0, abs=3e-3)
-    assert found.corners_located.seen_in in ("on", "off")
-    assert np.linalg.norm(np.array(found.corners) - CORNERS, axis=1).max() < 0.2
+    assert comparison.corners_located.seen_in in ("on", "off")
+    assert np.linalg.norm(np.array(comparison.corners) - CORNERS, axis=1).max() < 0.2
 
 
 def test_a_mirrored_picture_is_said_to_be_one(shot, tmp_path):

@@ -27,7 +27,7 @@ def test_a_measured_face_changes_the_light_of_each_led() -> None:
     rays = 2**12
     dent = sphere(0.05)
     cuts, _ = ChangedLens.of(both, "inner", rays)
-    found = cuts.by_led(cuts.lights(None, dent, sphere(0.02)))
+    lights = cuts.by_led(cuts.lights(None, dent, sphere(0.02)))
     for led, source in (("near", NEAR), ("far", FAR)):
         alone, _ = ChangedLens.of(lens_for({"source": source}), "inner", rays)
         design, measured, corrected = alone.lights(None, dent, sphere(0.02))[""]
@@ -37,11 +37,11 @@ def test_a_measured_face_changes_the_light_of_each_led() -> None:
             corrected=corrected.metrics,
             change=corrected.replicates.change_from(design.replicates),
         )
-        assert found[led] == wanted and wanted.change.efficiency.value != 0.0
-    assert list(found) == ["near", "far"] and found["near"] != found["far"]
-    shown = {fact.key: fact for fact in measured_facts._lights(found, "expected")}
-    assert shown["nmse_far"].metric == found["far"].corrected.nmse and shown["nmse_far"].label.endswith("(NMSE), far")
-    assert shown["efficiency_change_far"].value == 100.0 * found["far"].change.efficiency.value
+        assert lights[led] == wanted and wanted.change.efficiency.value != 0.0
+    assert list(lights) == ["near", "far"] and lights["near"] != lights["far"]
+    shown = {fact.key: fact for fact in measured_facts._lights(lights, "expected")}
+    assert shown["nmse_far"].metric == lights["far"].corrected.nmse and shown["nmse_far"].label.endswith("(NMSE), far")
+    assert shown["efficiency_change_far"].value == 100.0 * lights["far"].change.efficiency.value
 
 
 def test_a_measured_face_of_one_kind_changes_the_lamps_that_have_it() -> None:
@@ -50,8 +50,8 @@ def test_a_measured_face_of_one_kind_changes_the_lamps_that_have_it() -> None:
     cuts, _ = ChangedLens.of(whole.of_kind("b"), "inner", 2**14)
     design, measured = cuts.lights(None, sphere(0.1))[""]
     part = replace(whole, others={"b": {**KINDS["b"], "inner": sphere(3.1)}})
-    for found, lens in ((design, whole), (measured, part)):
+    for light, lens in ((design, whole), (measured, part)):
         traced = TracedLens.of(lens, cuts.nodes_per_sigma)
         wanted = traced_light(traced, lens.spec, cuts.leds[""], 2**14, 0)
-        assert np.abs(found.map - wanted.map).sum() < 1e-3 * wanted.map.sum(), "a ray or two at the edge of a pixel"
+        assert np.abs(light.map - wanted.map).sum() < 1e-3 * wanted.map.sum(), "a ray or two at the edge of a pixel"
     assert np.abs(measured.map - design.map).sum() > 0.01 * design.map.sum()

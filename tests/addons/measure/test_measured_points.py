@@ -48,9 +48,9 @@ def test_columns_are_taken_by_what_they_say(content: str, wanted: np.ndarray, tm
     path.write_text("\n".join([*repeated, *(repeated[begin:] if len(wanted) < 100 else [])]), encoding="utf-8")
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", FileWarning)
-        found = read_cloud(path, of=OF)
-    np.testing.assert_allclose(found[: len(wanted)], wanted, atol=1e-12)
-    assert len(found) in (len(wanted), 2 * len(wanted))
+        cloud = read_cloud(path, of=OF)
+    np.testing.assert_allclose(cloud[: len(wanted)], wanted, atol=1e-12)
+    assert len(cloud) in (len(wanted), 2 * len(wanted))
 
 
 @pytest.mark.parametrize(("head", "told"), [
@@ -61,10 +61,10 @@ def test_columns_are_taken_by_what_they_say(content: str, wanted: np.ndarray, tm
 def test_a_column_by_which_rows_are_chosen_is_used(head: str, told: list[str], tmp_path: Path) -> None:
     content = rows(POINTS, lambda n, p: comma("outer", *p, 1), f"{head}\n")
     (tmp_path / "cloud.csv").write_text(content, encoding="utf-8")
-    with warnings.catch_warnings(record=True) as said:
+    with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         read_cloud(tmp_path / "cloud.csv", of=OF)
-    assert [str(warning.message).partition("not used: ")[2] for warning in said] == told
+    assert [str(warning.message).partition("not used: ")[2] for warning in caught] == told
 
 
 @pytest.mark.parametrize(("content", "words"), [
@@ -118,10 +118,10 @@ def test_a_damaged_ply_is_refused_in_one_line(content: bytes, words: str, tmp_pa
 
 def told(cloud: np.ndarray, registration: str = "rigid") -> tuple[np.ndarray, float, list[str]]:
     """Gaps (mm) of the points that count, their share, and what was said."""
-    with warnings.catch_warnings(record=True) as said:
+    with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
-        found = registered(PATCH, cloud, registration)
-    return distances(PATCH, found.points)[0], found.share, [str(each.message) for each in said]
+        placement = registered(PATCH, cloud, registration)
+    return distances(PATCH, placement.points)[0], placement.share, [str(warning.message) for warning in caught]
 
 
 @pytest.mark.parametrize("registration", ["rigid", "shift", "none"])
@@ -131,10 +131,10 @@ def test_points_off_the_face_are_left_out_and_told(registration: str) -> None:
     good = np.abs(told(cloud, registration)[0]).max()
     cloud[7], cloud[20:23] = 0.0, 1.1 * cloud[20:23]
     cloud[200] *= 1.0 + 0.1 / np.linalg.norm(cloud[200])
-    gaps, share, said = told(cloud, registration)
+    gaps, share, messages = told(cloud, registration)
     assert share == 595 / 600 and np.abs(gaps).max() < 1.2 * good < 6e-3
-    assert said[0] == "points: 1 at 0, 0, 0, as a machine writes what it did not reach, are left out"
-    assert said[1].startswith("points: 4 of 599 lie up to 1.") and len(said) == 2
+    assert messages[0] == "points: 1 at 0, 0, 0, as a machine writes what it did not reach, are left out"
+    assert messages[1].startswith("points: 4 of 599 lie up to 1.") and len(messages) == 2
 
 
 def test_form_error_stays_whatever_its_height() -> None:
@@ -142,8 +142,8 @@ def test_form_error_stays_whatever_its_height() -> None:
     u = directions(900, 3)
     for height_mm, noise_mm in ((0.05, 0.0), (0.2, 0.0), (0.05, 5e-4), (-0.1, 1e-3)):
         radius = LENS.outer.radius(u) + dent(u, height_mm) + noise_mm * np.random.default_rng(1).normal(size=len(u))
-        gaps, share, said = told(u * radius[:, None], "none")
-        assert share == 1.0 and said == [] and np.abs(gaps).max() > 0.8 * abs(height_mm)
+        gaps, share, messages = told(u * radius[:, None], "none")
+        assert share == 1.0 and messages == [] and np.abs(gaps).max() > 0.8 * abs(height_mm)
 
 
 def test_only_few_points_of_noise_count_as_off() -> None:
@@ -154,9 +154,9 @@ def test_only_few_points_of_noise_count_as_off() -> None:
 
 
 def test_the_designs_own_points_are_asked_for() -> None:
-    _, share, said = told(np.round(probed(LENS.outer, 500), 5), "none")
+    _, share, messages = told(np.round(probed(LENS.outer, 500), 5), "none")
     assert share == 1.0
-    (words,) = said
+    (words,) = messages
     assert words.endswith("nm (rms) of the design, as no part does: are these the design's points, not measured ones?")
     assert told(probed(LENS.outer, 500, noise_mm=1e-4), "none")[2] == []
 
@@ -174,8 +174,8 @@ def test_a_start_without_points_is_a_failed_start_and_the_other_one_counts(monke
 def test_points_of_both_faces_without_a_word_are_told_as_left_out() -> None:
     """A third of them lies at half of the face's distance, where a start could lose all points of the face."""
     cloud = np.concatenate([probed(LENS.outer, 400), probed(LENS.inner, 200)])
-    _, share, said = told(cloud, "none")
-    assert share == pytest.approx(400 / 600, abs=0.01) and "points: 200 of 600 lie up to" in said[0]
+    _, share, messages = told(cloud, "none")
+    assert share == pytest.approx(400 / 600, abs=0.01) and "points: 200 of 600 lie up to" in messages[0]
 
 
 def test_the_table_for_the_shop_reads_back_to_nothing_by_its_surface(tmp_path: Path) -> None:

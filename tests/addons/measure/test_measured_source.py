@@ -43,6 +43,6 @@ def studies(made, **rays):
     ("rays", "traced"), first_by_day(1, [(64, 64), (4096, 90)], "three studies; by day they state fewer rays")
 )
 def test_a_study_states_the_rays_that_no_search_has_used(made, rays, traced):
-    for found in studies(made, rays=rays):
-        assert found.rays == traced, found.stage
-        assert (found.conditions is None) if rays > traced else (found.conditions.rays == traced)
+    for study in studies(made, rays=rays):
+        assert study.rays == traced, study.stage
+        assert (study.conditions is None) if rays > traced else (study.conditions.rays == traced)

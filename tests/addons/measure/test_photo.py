@@ -69,11 +69,11 @@ def shot(folder, gamma=1.0, noise=0.0, dark=True, scale=0.4):
     return Shot(on, off, CORNERS, SIDE, gamma)
 
 
-def assert_aligned(found, expected, tolerances):
+def assert_aligned(comparison, expected, tolerances):
     """Displacements (mm), scale and rotation (deg), each to a tolerance of its own."""
-    place = found.alignment
+    place = comparison.alignment
     values = [
-        each.value for each in (place.displacement_x_mm, place.displacement_y_mm, place.scale, place.rotation_deg)
+        metric.value for metric in (place.displacement_x_mm, place.displacement_y_mm, place.scale, place.rotation_deg)
     ]
     assert (np.abs(np.subtract(values, expected)) < tolerances).all(), values
 
@@ -101,16 +101,16 @@ def test_a_homography_is_undone():
 
 @pytest.mark.parametrize("gamma", [1.0, 2.2])
 def test_a_photograph_of_the_design_is_found_alike(tmp_path, gamma):
-    found = compare(shot(tmp_path, gamma=gamma, noise=0.01))
-    assert found.ssim > 0.99
-    assert found.nmse < 1e-4
-    assert_aligned(found, [0.0, 0.0, 1.0, 0.0], [0.1, 0.1, 2e-3, 0.1])
-    assert found.likely_cause == ""
-    assert found.measured_evenness.uniformity == pytest.approx(found.simulated_evenness.uniformity, rel=0.03)
-    assert found.criteria[0].holds
-    assert found.corners_located is None
-    np.testing.assert_allclose(found.measured, found.simulated, atol=0.06)
-    assert found.measured.mean() == pytest.approx(1.0)
+    comparison = compare(shot(tmp_path, gamma=gamma, noise=0.01))
+    assert comparison.ssim > 0.99
+    assert comparison.nmse < 1e-4
+    assert_aligned(comparison, [0.0, 0.0, 1.0, 0.0], [0.1, 0.1, 2e-3, 0.1])
+    assert comparison.likely_cause == ""
+    assert comparison.measured_evenness.uniformity == pytest.approx(comparison.simulated_evenness.uniformity, rel=0.03)
+    assert comparison.criteria[0].holds
+    assert comparison.corners_located is None
+    np.testing.assert_allclose(comparison.measured, comparison.simulated, atol=0.06)
+    assert comparison.measured.mean() == pytest.approx(1.0)
 
 
 def test_a_photograph_of_a_rectangle_is_found_alike(tmp_path):
@@ -118,23 +118,23 @@ def test_a_photograph_of_a_rectangle_is_found_alike(tmp_path):
     light = 0.4 * photographed(CORNERS, (6.0, -4.0), target=WIDE.size)
     taken = Shot(write(tmp_path / "on.png", light), None, CORNERS)
     mask = Window(60.0, 30.0).pixels(WIDE)
-    found = compare_photo(taken, simulated=simulated(grid=WIDE), grid=WIDE, uniform=mask)
-    assert_aligned(found, [6.0, -4.0, 1.0, 0.0], [0.25, 0.25, 5e-3, 0.3])
-    assert found.aligned.ssim > 0.97 and found.aligned.ssim > found.ssim
-    assert found.measured.shape == (50, 80) and found.pixels == 80
-    assert found.target_mm == (found.width_mm, found.height_mm) == WIDE.size
-    inside = found.simulated[mask]
-    assert found.simulated_evenness.rsd == pytest.approx(inside.std() / inside.mean())
-    assert found.plot(axis="y").lines[0].get_xdata() == pytest.approx(WIDE.y())
+    comparison = compare_photo(taken, simulated=simulated(grid=WIDE), grid=WIDE, uniform=mask)
+    assert_aligned(comparison, [6.0, -4.0, 1.0, 0.0], [0.25, 0.25, 5e-3, 0.3])
+    assert comparison.aligned.ssim > 0.97 and comparison.aligned.ssim > comparison.ssim
+    assert comparison.measured.shape == (50, 80) and comparison.pixels == 80
+    assert comparison.target_mm == (comparison.width_mm, comparison.height_mm) == WIDE.size
+    inside = comparison.simulated[mask]
+    assert comparison.simulated_evenness.rsd == pytest.approx(inside.std() / inside.mean())
+    assert comparison.plot(axis="y").lines[0].get_xdata() == pytest.approx(WIDE.y())
 
 
 def test_a_square_target_on_a_rectangle_is_its_middle(tmp_path):
     light = 0.4 * photographed(CORNERS, target=(120.0, 120.0))
     narrow = PixelGrid(100.0, 120.0, 40, 48)
     taken = Shot(write(tmp_path / "on.png", light), None, CORNERS, 120.0)
-    found = compare_photo(taken, simulated=simulated(grid=narrow), grid=narrow, uniform=None)
-    assert found.target_mm == (120.0, 120.0) and found.ssim > 0.99
-    assert found.measured_evenness.uniformity is None
+    comparison = compare_photo(taken, simulated=simulated(grid=narrow), grid=narrow, uniform=None)
+    assert comparison.target_mm == (120.0, 120.0) and comparison.ssim > 0.99
+    assert comparison.measured_evenness.uniformity is None
 
 
 def test_the_wrong_gamma_or_no_dark_frame_shows(tmp_path):
@@ -156,10 +156,10 @@ def test_the_wrong_gamma_or_no_dark_frame_shows(tmp_path):
 )
 def test_size_and_rotation_are_found_with_the_displacement(tmp_path, scale, turn_deg, shift):
     light = 0.4 * photographed(CORNERS, light=transformed(pattern, scale, turn_deg, shift))
-    found = compare(Shot(write(tmp_path / "on.png", light, noise=0.005), None, CORNERS, SIDE))
-    assert_aligned(found, [*shift, scale, turn_deg], [0.15, 0.15, 2e-3, 0.1])
-    assert found.aligned.nmse < min(found.nmse, 2e-3)
-    cause = found.likely_cause
+    comparison = compare(Shot(write(tmp_path / "on.png", light, noise=0.005), None, CORNERS, SIDE))
+    assert_aligned(comparison, [*shift, scale, turn_deg], [0.15, 0.15, 2e-3, 0.1])
+    assert comparison.aligned.nmse < min(comparison.nmse, 2e-3)
+    cause = comparison.likely_cause
     assert ("farther away" in cause, "closer" in cause) == (scale > 1.0, scale < 1.0)
     assert ("turned against each other" in cause, "off the axis" in cause) == (turn_deg != 0.0, shift != (0.0, 0.0))
 
@@ -208,9 +208,9 @@ def test_what_the_light_cannot_tell_is_not_stated(light, known):
 
 
 def test_clipped_light_fails(tmp_path):
-    found = compare(shot(tmp_path, scale=1.5))
-    assert found.clipped > 0.05
-    assert not found.criteria[0].holds
+    comparison = compare(shot(tmp_path, scale=1.5))
+    assert comparison.clipped > 0.05
+    assert not comparison.criteria[0].holds
 
 
 def test_sections_run_through_the_centre():

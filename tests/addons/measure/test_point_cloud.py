@@ -102,13 +102,13 @@ def test_standard_errors_are_the_scatter_over_parts(form):
     """Parts with form error of known correlation, 2 um of noise: by noise alone, errors are up to 5 times too small."""
     u, repeats = directions(400, 5), 20
     radius, normals = LENS.outer.radius(u), LENS.outer.normal(u)
-    found, stated = [], []
+    estimates, stated = [], []
     for k in range(repeats):
         deviation = FORMS[form](u, k) + 0.002 * np.random.default_rng(1000 + k).normal(size=len(u))
         motion = register(PATCH, u * radius[:, None] + deviation[:, None] * normals)
-        found.append(np.concatenate([motion.rotation_rad, motion.translation_mm]))
+        estimates.append(np.concatenate([motion.rotation_rad, motion.translation_mm]))
         stated.append(np.concatenate([motion.rotation_error_rad, motion.translation_error_mm]))
-    ratio = np.sqrt(np.mean((np.array(found) / np.array(stated)) ** 2, axis=0))
+    ratio = np.sqrt(np.mean((np.array(estimates) / np.array(stated)) ** 2, axis=0))
     # Scatter of a root mean square over 20 parts: 16 %; of its mean over the six, about 9 %.
     assert 0.7 < ratio.mean() < 1.4, ratio
     assert ratio.min() > 0.5 and ratio.max() < 1.7, ratio

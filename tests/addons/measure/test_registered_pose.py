@@ -29,7 +29,7 @@ def test_an_error_that_is_zero_or_without_limit_is_none() -> None:
     pose = pose_of(motion)
     given = [getattr(pose, f"{kind}_{axis}_{unit}") for kind, unit in (("rotation", "deg"), ("translation", "mm"))
              for axis in "xyz"]  # fmt: skip
-    assert [each.standard_error is None for each in given] == [True, True, False, True, False, True]
+    assert [metric.standard_error is None for metric in given] == [True, True, False, True, False, True]
 
 
 @pytest.mark.parametrize("order", [1, -1])

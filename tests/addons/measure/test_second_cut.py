@@ -44,8 +44,8 @@ def corrected(tmp_path_factory):
             if registration == "rigid":  # what is motion is pose, and no form that a correction could know
                 error = without_motion(of, error)
             np.savetxt(file, measured(of, error, POINTS[side]), delimiter=",")
-            found = lf.correct(LENS, points=file, surface=side, registration=registration, **settings)
-            made[key] = found, CutAgain(found.step, side, of, error), error
+            correction = lf.correct(LENS, points=file, surface=side, registration=registration, **settings)
+            made[key] = correction, CutAgain(correction.step, side, of, error), error
         return made[key]
 
     return run
@@ -57,28 +57,28 @@ def corrected(tmp_path_factory):
 )
 def test_the_second_cut_is_within_a_micrometre(corrected, side, registration):
     """The oracle reads the STEP by the CAD kernel, and adds the machine's error to it."""
-    found, again, error = corrected(side, registration)
+    correction, again, error = corrected(side, registration)
     u = directions(20000, 77)
     first = 1e3 * error(u) * cosine(getattr(LENS, side), u)
     second = 1e3 * again.along_normals(u)
     assert np.abs(first).max() > 3.5
     assert rms(second) < 0.2 and np.abs(second).max() < 1.0
-    assert found.deviation_um.rms == pytest.approx(rms(first), rel=0.05)
-    assert found.noise_rms_um == pytest.approx(0.3, rel=0.15)
-    assert found.expected_um.rms == pytest.approx(rms(second), rel=0.3)
-    assert [str(criterion) for criterion in found.criteria if not criterion.holds] == []
+    assert correction.deviation_um.rms == pytest.approx(rms(first), rel=0.05)
+    assert correction.noise_rms_um == pytest.approx(0.3, rel=0.15)
+    assert correction.expected_um.rms == pytest.approx(rms(second), rel=0.3)
+    assert [str(criterion) for criterion in correction.criteria if not criterion.holds] == []
 
 
 @pytest.mark.parametrize("side", first_by_day(1, ["inner", "outer"]))
 def test_the_second_cut_has_the_light_of_the_design(corrected, side):
-    found, again, error = corrected(side, "none" if side == "outer" else "rigid")
+    correction, again, error = corrected(side, "none" if side == "outer" else "rigid")
     # The outer face moves half as much light: less than 2^17 rays see. What it moves lowers the NMSE of this lens,
     # which is that of no search.
     rays = {"inner": 2**17, "outer": 2**19}[side]
     leds = {"": build_source(LENS.spec.source)}
     cuts = ChangedLens(LENS, side, leds, PRESETS["draft"].evaluate_nodes_per_sigma, rays)
     design, first, second = cuts.lights(None, OfRadius(error, 0.05), again)[""]
-    changes = [each.replicates.change_from(design.replicates) for each in (first, second)]
+    changes = [light.replicates.change_from(design.replicates) for light in (first, second)]
     uncorrected, left, lost = changes[0].nmse, changes[1].nmse, changes[1].efficiency
     assert abs(uncorrected.value) > 3.0 * uncorrected.standard_error
     assert abs(left.value) <= 2.0 * design.metrics.nmse.standard_error
@@ -87,30 +87,30 @@ def test_the_second_cut_has_the_light_of_the_design(corrected, side):
     assert abs(left.value) <= 0.2 * abs(uncorrected.value) + 2.0 * left.standard_error
     off = [np.sum((cut.map - design.map) ** 2) for cut in (first, second)]
     assert off[1] < 0.1 * off[0]
-    assert abs(found.change.nmse.value) <= 3.0 * found.change.nmse.standard_error
+    assert abs(correction.change.nmse.value) <= 3.0 * correction.change.nmse.standard_error
 
 
 @pytest.mark.nightly("four seconds; by day a whole gain")
 def test_half_a_gain_leaves_half(corrected):
-    found, again, error = corrected("inner", "rigid", gain=0.5, wavelength_mm=1.5, rays=64)
+    correction, again, error = corrected("inner", "rigid", gain=0.5, wavelength_mm=1.5, rays=64)
     u = directions(5000, 5)
     first = error(u) * cosine(LENS.inner, u)
     assert np.polyfit(first, again.along_normals(u), 1)[0] == pytest.approx(0.515, abs=0.02)  # of the wave, 0.885 pass
-    assert found.expected_um.rms == pytest.approx(1e3 * rms(again.along_normals(u)), rel=0.1)
-    assert found.gain == 0.5 and found.wavelength_given and found.conditions.rays == 64
+    assert correction.expected_um.rms == pytest.approx(1e3 * rms(again.along_normals(u)), rel=0.1)
+    assert correction.gain == 0.5 and correction.wavelength_given and correction.conditions.rays == 64
 
 
 def test_a_motion_of_the_part_is_no_correction():
     """A perfect part that lies askew in the measuring machine; by datums the same points are an error of form."""
     u = directions(3000, 3)
     cloud = u * LENS.inner.radius(u)[:, None] + np.array([0.02, -0.01, 0.03])
-    found = {
+    cuts = {
         registration: FirstCut.of(LENS.inner, fit_patch(LENS.inner), cloud, Request(1.5, registration=registration))
         for registration in ("rigid", "none")
     }
-    assert np.abs(found["rigid"].chosen.change.radius(u)).max() < 2e-5
-    np.testing.assert_allclose(found["rigid"].placed.motion.translation_mm, (-0.02, 0.01, -0.03), atol=1e-4)
-    shifted = np.abs(found["none"].chosen.change.radius(u)).max()
+    assert np.abs(cuts["rigid"].chosen.change.radius(u)).max() < 2e-5
+    np.testing.assert_allclose(cuts["rigid"].placed.motion.translation_mm, (-0.02, 0.01, -0.03), atol=1e-4)
+    shifted = np.abs(cuts["none"].chosen.change.radius(u)).max()
     assert shifted == pytest.approx(np.linalg.norm([0.02, -0.01, 0.03]), rel=0.05)
 
 

@@ -33,11 +33,11 @@ HEIGHT = 0.02
 def test_a_deformation_is_found_in_a_moved_cloud(noise):
     cloud = probed(LENS.outer, 3500, height_mm=HEIGHT, noise_mm=noise, rotation=ROTATION, shift=SHIFT)
     cut, u = FirstCut.of(LENS.outer, PATCH, cloud, Request()), directions(3000, 99)
-    found = cosine(LENS.outer, u) * cut.likeliest.change.radius(u)
+    deviation = cosine(LENS.outer, u) * cut.likeliest.change.radius(u)
     wanted = cosine(LENS.outer, u) * without_motion(LENS.outer, lambda at: dent(at, HEIGHT))(u)
-    error = np.sqrt(np.mean((found - wanted) ** 2))
+    error = np.sqrt(np.mean((deviation - wanted) ** 2))
     assert error < 0.02 * HEIGHT + 0.25 * noise
-    assert np.corrcoef(found, wanted)[0, 1] > 0.99
+    assert np.corrcoef(deviation, wanted)[0, 1] > 0.99
     assert cut.left_um(cut.likeliest) == pytest.approx(1e3 * noise, abs=0.2)
 
 
@@ -86,12 +86,12 @@ def test_the_light_is_that_of_the_deformed_lens(registration):
     true = evaluate_lens(part, TRACED.leds[""], FEW).map
     motion = {"rigid": {"rotation": ROTATION, "shift": SHIFT}, "shift": {"shift": SHIFT}, "none": {}}[registration]
     cloud = probed(part.outer, 3000, noise_mm=0.0005, **motion)
-    found = compare_surface(cloud, TRACED, registration)
-    left, before = found.irradiance_measured - true, found.irradiance_design - true
+    comparison = compare_surface(cloud, TRACED, registration)
+    left, before = comparison.irradiance_measured - true, comparison.irradiance_design - true
     assert np.sum(left**2) < 0.05 * np.sum(before**2)
-    assert found.nmse_between > 1e-3
-    assert (found.pose.translation_x_mm == Metric(value=0.0, unit="mm")) == (registration == "none")
-    assert (found.pose.rotation_x_deg.standard_error is None) == (registration != "rigid")
+    assert comparison.nmse_between > 1e-3
+    assert (comparison.pose.translation_x_mm == Metric(value=0.0, unit="mm")) == (registration == "none")
+    assert (comparison.pose.rotation_x_deg.standard_error is None) == (registration != "rigid")
 
 
 def test_a_registration_of_no_kind_is_input_error():
@@ -122,7 +122,9 @@ def test_a_face_of_a_reflector_is_measured_where_it_bounds_the_cavity() -> None:
     traced, _ = ChangedLens.of(lens, "cup", 2**12)
     for amount in (1.0, 0.0):
         points = cup.radius(u)[:, None] * u + amount * deviation[:, None] * cup.normal(u)
-        found = compare_surface(points, traced, "none")
-        assert found.covered_share == 1.0 and found.form_deviation_um.rms == pytest.approx(amount * wanted, rel=0.05)
-        assert (found.nmse_between > 1e-6) == (amount > 0.0)
-    assert np.isnan(found.deviation_um).mean() > 0.3, "nothing is measured in the mouth"
+        comparison = compare_surface(points, traced, "none")
+        assert comparison.covered_share == 1.0 and comparison.form_deviation_um.rms == pytest.approx(
+            amount * wanted, rel=0.05
+        )
+        assert (comparison.nmse_between > 1e-6) == (amount > 0.0)
+    assert np.isnan(comparison.deviation_um).mean() > 0.3, "nothing is measured in the mouth"

@@ -31,12 +31,12 @@ def office(**fields: object) -> OfficeSection:
 
 @pytest.mark.parametrize("room", PRINTED)
 def test_example_of_the_standard(room: str) -> None:
-    found = []
+    ratings = []
     for reflectances in ("70/50/20", "30/30/20"):
         section = office(room=room, reflectances=reflectances, spacing=1.0, luminous_m=LUMINOUS_M)
         judged = OfficeLight(section).judged(luminaire(), "office")
-        found.append((judged.crosswise.value, judged.endwise.value))
-    (cross, end), (cross_dark, end_dark) = found
+        ratings.append((judged.crosswise.value, judged.endwise.value))
+    (cross, end), (cross_dark, end_dark) = ratings
     assert (cross, cross_dark, end, end_dark) == pytest.approx(PRINTED[room], abs=0.14)
 
 
@@ -134,8 +134,8 @@ def test_a_crooked_lamp_by_plain_loops(turn_deg: float) -> None:
     section = office(room="4H 6H", reflectances="50/30/20", spacing=1.0, above_eyes_m=1.4, luminous_m=(0.3, 0.8))
     judged = OfficeLight(section).judged(of_table(crooked(), 270.0, 1.0), "office")
     rating, background = by_loops(section, crooked(), turn_deg)
-    found = judged.crosswise if turn_deg == 0.0 else judged.endwise
-    assert found.value == pytest.approx(rating, abs=2e-3)
+    metric = judged.crosswise if turn_deg == 0.0 else judged.endwise
+    assert metric.value == pytest.approx(rating, abs=2e-3)
     assert judged.background_cd_per_m2.value == pytest.approx(background, rel=1e-3)
     assert judged.crosswise.value != pytest.approx(judged.endwise.value, abs=0.1)
 

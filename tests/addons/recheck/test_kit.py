@@ -118,11 +118,11 @@ def test_light_without_polarisation_is_less_by_the_product_of_both_differences()
             start, way = point, np.array(turned)
         change -= differences[0] * differences[1] / 4.0 / len(starts)
     screen = Screen.square(100.0, 1e6, 16)
-    found = less_polarisation(
+    share = less_polarisation(
         Metric(value=0.9, unit="", standard_error=0.003), lens, screen, RayBundle(starts, along, np.ones(3))
     )
-    assert found.value - 0.9 == pytest.approx(change, rel=2e-3) and change < -1e-4
-    assert found.standard_error > 0.003
+    assert share.value - 0.9 == pytest.approx(change, rel=2e-3) and change < -1e-4
+    assert share.standard_error > 0.003
 
 
 def kit_figures_in(folder, screen, kind):
@@ -265,8 +265,8 @@ def test_the_scene_of_opticstudio_is_that_of_the_kit(tmp_path, monkeypatch, caps
     assert (detector.ObjectData.XHalfWidth, detector.ObjectData.YHalfWidth) == (35.0, 30.0)
     assert (tmp_path / "CAD Files" / "lensforge_lens.step").read_bytes() == b"lens.step"
     assert (tmp_path / "Sources" / "Source Files" / "lensforge_source.dat").read_bytes() == b"source.dat"
-    said = capsys.readouterr().out
-    assert "share of the light: 0.80000; expected 0.80000" in said and f"{np.sqrt(0.16 / 321):.5f} of these" in said
+    output = capsys.readouterr().out
+    assert "share of the light: 0.80000; expected 0.80000" in output and f"{np.sqrt(0.16 / 321):.5f} of these" in output
 
 
 @pytest.mark.parametrize(("absorption", "axes"), [(0.02, np.eye(3).tolist()), (0.0, TURNED)])

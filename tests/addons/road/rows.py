@@ -37,10 +37,10 @@ def arrangement(name: str) -> Case:
         for number in range(-40, 41):
             away = (x - start - 30.0 * number) ** 2 + (y - across) ** 2 + 64.0
             total += np.where(away - 64.0 <= 40.0**2, 4000.0 * 8.0 / away**1.5, 0.0)  # up to 5 heights
-    found = judged(arrangement=name, overhang_m=-1.0, maintenance_factor=1.0, **more)
-    right, left = (edge.value for edge in found.edges)
+    judgement = judged(arrangement=name, overhang_m=-1.0, maintenance_factor=1.0, **more)
+    right, left = (edge.value for edge in judgement.edges)
     brighter = {"right": 1, "left": -1, "median": -1}.get(name, 0)
-    figures = found.mean_lx.value, found.least_lx.value, int(np.sign(round(right - left, 9)))
+    figures = judgement.mean_lx.value, judgement.least_lx.value, int(np.sign(round(right - left, 9)))
     return figures, (pytest.approx(total.mean(), rel=2e-3), pytest.approx(total.min(), rel=0.03), brighter)
 
 
@@ -118,8 +118,8 @@ def of_road(flag: str, here: Path) -> bool:
         (here / f"{name}.toml").write_text(ROADS.format(lumens))
 
     def lux(*more: object, roads: str = "a") -> float:
-        found = json.loads(printed(here / "lamp.ies", "--road", here / f"{roads}.toml", "--json", *more))
-        return float(found["roads"][0]["mean_lx"]["value"])
+        record = json.loads(printed(here / "lamp.ies", "--road", here / f"{roads}.toml", "--json", *more))
+        return float(record["roads"][0]["mean_lx"]["value"])
 
     match flag:
         case "--road":
@@ -127,7 +127,7 @@ def of_road(flag: str, here: Path) -> bool:
         case "--street-c":
             return lux("--street-c", "0") > 1.1 * lux("--street-c", "180")
         case "--spacing":
-            words = [printed(here / "lamp.ies", "--road", here / "b.toml", *each) for each in ((), (flag,))]
+            words = [printed(here / "lamp.ies", "--road", here / "b.toml", *flags) for flags in ((), (flag,))]
             return "spacing" in words[1].lower() and "spacing" not in words[0].lower()
     return printed(here / "lamp.ies", "--road", here / "b.toml", "--quiet") == ""
 

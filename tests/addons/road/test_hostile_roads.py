@@ -58,8 +58,8 @@ def finite(value: object) -> bool:
 
 
 def judged(road: RoadSection) -> None:
-    found = judge_road(road, of_file(lamp(), 90.0, road.lamp_lm))
-    assert finite(found.model_dump()) and road_facts(found, road).plain()
+    judgement = judge_road(road, of_file(lamp(), 90.0, road.lamp_lm))
+    assert finite(judgement.model_dump()) and road_facts(judgement, road).plain()
 
 
 def surface(path: Path, road: RoadSection) -> None:
@@ -90,7 +90,10 @@ def any_of(kind: type[BaseModel], name: str, chance: random.Random) -> Any:
     texts += [text for text in parts if isinstance(text, str)]
     if texts:
         return chance.choice(texts)
-    marks = [*field.metadata, *(mark for part in parts for each in get_args(part)[1:] for mark in _marks(each))]
+    marks = [
+        *field.metadata,
+        *(mark for part in parts for annotation in get_args(part)[1:] for mark in _marks(annotation)),
+    ]
     lows = [mark.ge if isinstance(mark, Ge) else mark.gt for mark in marks if isinstance(mark, Ge | Gt)]
     highs = [mark.le if isinstance(mark, Le) else mark.lt for mark in marks if isinstance(mark, Le | Lt)]
     if not (lows and highs):
@@ -139,5 +142,5 @@ def test_the_spacing_of_any_road_is_found_or_none(tmp_path: Path) -> None:
             road = section_of(RoadSection, fields, "road", tmp_path)
         except lf.InputError:
             continue
-        found = held_spacing(road, of_file(lamp(), 90.0, 1e4))
-        assert found is None or 0.0 < found.least <= found.largest
+        spacings = held_spacing(road, of_file(lamp(), 90.0, 1e4))
+        assert spacings is None or 0.0 < spacings.least <= spacings.largest

@@ -70,12 +70,12 @@ def _r(surface: RoadSurface, beta: float, tan_gamma: float) -> float:
 
 def _plain_luminance(road: RoadSection, surface: RoadSurface, eye_y: float) -> list[float]:
     count = max(10, ceil(road.pole_spacing_m / 3.0))
-    found = []
+    luminances = []
     for row in range(3 * road.lanes):
         y = (row + 0.5) * road.width_m / (3 * road.lanes)
         for step in range(count):
-            found.append(_plain_luminance_at(road, surface, eye_y, (step + 0.5) * road.pole_spacing_m / count, y))
-    return found
+            luminances.append(_plain_luminance_at(road, surface, eye_y, (step + 0.5) * road.pole_spacing_m / count, y))
+    return luminances
 
 
 def _plain_luminance_at(road: RoadSection, surface: RoadSurface, eye_y: float, x: float, y: float) -> float:
@@ -94,7 +94,7 @@ def _plain_luminance_at(road: RoadSection, surface: RoadSurface, eye_y: float, x
 
 def _plain_veil(road: RoadSection, eye_y: float) -> list[float]:
     count = max(10, ceil(road.pole_spacing_m / 3.0))
-    found = []
+    veils = []
     for step in range(count):
         x = step * road.pole_spacing_m / count - 2.75 * (road.pole_height_m - 1.5)
         total = 0.0
@@ -110,8 +110,8 @@ def _plain_veil(road: RoadSection, eye_y: float) -> list[float]:
                 total += 9.86 * (1.0 + (23.0 / 66.4) ** 4) * eye_lx / theta**2 if theta <= 60.0 else 0.0
             else:
                 total += eye_lx * (10.0 / theta**3 + 5.0 / theta**2 * (1.0 + (23.0 / 62.5) ** 4))
-        found.append(total)
-    return found
+        veils.append(total)
+    return veils
 
 
 def _plain_mean_lux(road: RoadSection, low: float, high: float, step_m: float = 3.0) -> float:
@@ -140,8 +140,8 @@ def _plain_mean_lux(road: RoadSection, low: float, high: float, step_m: float = 
     ],
 )
 def test_a_road_as_plain_loops_have_it(arrangement, overhang_m, tilt_deg, lanes, surface, more) -> None:
-    own = {"arrangement": arrangement, "overhang_m": overhang_m, "tilt_deg": tilt_deg, "lanes": lanes} | more
-    road = RoadSection(**ROAD | own, surface=surface, surface_q0=0.085)
+    fields = {"arrangement": arrangement, "overhang_m": overhang_m, "tilt_deg": tilt_deg, "lanes": lanes} | more
+    road = RoadSection(**ROAD | fields, surface=surface, surface_q0=0.085)
     readings = RoadReadings.of(road)
     table = RoadSurface.of(surface, q0=0.085)
     for lane in range(lanes):
@@ -193,7 +193,7 @@ _VEIL = {
 def _by_rp8(road: RoadSection, ways) -> list[tuple[np.ndarray, np.ndarray]]:
     """Luminance and veiling luminance of all points of each direction, (heading, lanes from the right)."""
     table = RoadSurface.of(road.surface)
-    found = []
+    readings = []
     count = max(10, ceil(road.pole_spacing_m / 5.0))
     for heading, lanes in ways:
         light = []
@@ -209,8 +209,8 @@ def _by_rp8(road: RoadSection, ways) -> list[tuple[np.ndarray, np.ndarray]]:
                     total += _intensity(road, lamp, x, y, 0.0) * r / high**2
                 light.append(total)
                 veil.append(_rp8_veil(road, heading, x - 83.07 * heading, y))
-        found.append((np.array(light), np.array(veil)))
-    return found
+        readings.append((np.array(light), np.array(veil)))
+    return readings
 
 
 def _rp8_veil(road: RoadSection, heading: float, x: float, y: float) -> float:
@@ -273,10 +273,16 @@ def test_a_class_of_rp_8_asks_for_its_ratios(name: str) -> None:
     ]  # fmt: skip
     assert tuple(requirement.bound for requirement in asks) == _RP8[name]
     assert _of(asks[0].light).item() == pytest.approx(0.7 * _of(asks[1].light).mean())
-    own = RoadSection(**ROAD | {"lighting_class": name, "uniformity": 0.5, "mean_cd_per_m2": 2.0, "oncoming_lanes": 1})
-    both = list(requirements_of(RoadReadings.of(own.model_copy(update={"luminance_per_lux": 0.07}))))
-    assert [each.bound for each in both[:2]] == [2.0, 2.0] and both[3].bound == 0.07 and own.standard == "RP-8-14"
-    assert [each.name for each in both[5:]] == [f"oncoming: {each.name}" for each in both[:5]]
+    road = RoadSection(**ROAD | {"lighting_class": name, "uniformity": 0.5, "mean_cd_per_m2": 2.0, "oncoming_lanes": 1})
+    both = list(requirements_of(RoadReadings.of(road.model_copy(update={"luminance_per_lux": 0.07}))))
+    assert (
+        [requirement.bound for requirement in both[:2]] == [2.0, 2.0]
+        and both[3].bound == 0.07
+        and road.standard == "RP-8-14"
+    )
+    assert [requirement.name for requirement in both[5:]] == [
+        f"oncoming: {requirement.name}" for requirement in both[:5]
+    ]
 
 
 def test_a_driver_sees_by_a_pinhole_60_m_before_the_field() -> None:
@@ -327,12 +333,12 @@ def test_the_mirror_image_of_a_road_has_the_mirror_image_of_its_figures(arrangem
         mirrored = _of(other.luminance[lane], -1.0).reshape(9, -1)
         np.testing.assert_allclose(mirrored[::-1], seen, rtol=1e-9)
         np.testing.assert_allclose(_of(other.veiling[lane], -1.0), _of(one.veiling[lane]), rtol=1e-9)
-        middle, wanted = (each.luminance[lane].places(each.middle(lane)) for each in (other, one))
+        middle, wanted = (readings.luminance[lane].places(readings.middle(lane)) for readings in (other, one))
         np.testing.assert_allclose(_of(middle, -1.0), _of(wanted), rtol=1e-9)
     np.testing.assert_allclose(_of(other.illuminance, -1.0).reshape(7, -1)[::-1].ravel(), _of(one.illuminance))
     for edge, wanted in zip(other.edges, one.edges[::-1], strict=True):
         np.testing.assert_allclose(_of(edge, -1.0), _of(wanted), rtol=1e-9)
-    poles = [DriverView(each.road, 0).lamps(59.0, 61.0)[2] for each in (one, other)]
+    poles = [DriverView(readings.road, 0).lamps(59.0, 61.0)[2] for readings in (one, other)]
     np.testing.assert_allclose(np.sort(9.6 - poles[1]), np.sort(poles[0]))
 
 
@@ -368,13 +374,13 @@ def test_an_even_lamp_over_a_surface_that_looks_alike_from_everywhere(tmp_path) 
     assert read_surface(path).q0 == pytest.approx(q, rel=1e-5)
     road = RoadSection(**ROAD, surface_file=path, arrangement="opposite")
     for lane, light in enumerate(RoadReadings.of(road).luminance):
-        found = light.of(np.full((1, len(light.gamma_deg)), 500.0))[0].reshape(6, 11)
+        luminance = light.of(np.full((1, len(light.gamma_deg)), 500.0))[0].reshape(6, 11)
         for row, x in ((0, 1.5), (3, 16.5), (5, 31.5)):
             y = (row + 0.5) * 7.0 / 6
             lamps = [(33.0 * k - x, edge - y) for k in range(-9, 10) for edge in (0.0, 7.0)]
             counted = [(dx, dy) for dx, dy in lamps if -45.0 <= dx <= 108.0]
             lux = sum(500.0 * 9.0 / (dx * dx + dy * dy + 81.0) ** 1.5 for dx, dy in counted)
-            assert found[row, int(x / 3.0)] == pytest.approx(q * lux, rel=2e-5), lane
+            assert luminance[row, int(x / 3.0)] == pytest.approx(q * lux, rel=2e-5), lane
 
 
 @pytest.mark.parametrize("name", STANDARD_SURFACES)
@@ -393,7 +399,7 @@ def test_a_wet_road_must_be_even_for_every_driver(tmp_path) -> None:
     fields = ROAD | {"lanes": 2, "maintenance_factor": 0.8}
     wet = RoadReadings.of(RoadSection(**fields, wet_surface="W4"))
     asks = [requirement for requirement in requirements_of(wet) if requirement.name.endswith("wet")]
-    assert [(each.name, each.quantity, each.bound) for each in asks] == [
+    assert [(requirement.name, requirement.quantity, requirement.bound) for requirement in asks] == [
         (f"lane {lane}: uniformity U0, wet", LeastOverMean(), 0.15) for lane in (1, 2)
     ]
     for eye_y, ask in zip((1.75, 5.25), asks, strict=True):
@@ -402,9 +408,11 @@ def test_a_wet_road_must_be_even_for_every_driver(tmp_path) -> None:
         assert min(wanted) / np.mean(wanted) < 0.8 * _of(wet.luminance[0]).min() / _of(wet.luminance[0]).mean()
     path = tmp_path / "wet.csv"
     path.write_text(_HEAD + "1,100,80,90\n2,90,20,30\n12,40,0,0\n")
-    own = RoadReadings.of(RoadSection(**fields, wet_surface_file=path, wet_uniformity=0.2))
-    np.testing.assert_allclose(_of(own.wet[1]), _plain_luminance(own.road, read_surface(path), 5.25), rtol=1e-9)
-    assert [requirement.bound for requirement in requirements_of(own) if "wet" in requirement.name] == [0.2, 0.2]
+    readings = RoadReadings.of(RoadSection(**fields, wet_surface_file=path, wet_uniformity=0.2))
+    np.testing.assert_allclose(
+        _of(readings.wet[1]), _plain_luminance(readings.road, read_surface(path), 5.25), rtol=1e-9
+    )
+    assert [requirement.bound for requirement in requirements_of(readings) if "wet" in requirement.name] == [0.2, 0.2]
     assert RoadReadings.of(RoadSection(**fields)).wet == ()
 
 
@@ -476,9 +484,9 @@ _HEAD = "tan_gamma,0,90,180\n0,300,300,300\n"
 def test_a_table_that_is_none_has_one_line(content: str, words: str, tmp_path) -> None:
     path = tmp_path / "surface.csv"
     path.write_text(content)
-    with pytest.raises(InputError, match=words.replace("^", r"\^").replace("+", r"\+")) as found:
+    with pytest.raises(InputError, match=words.replace("^", r"\^").replace("+", r"\+")) as error:
         read_surface(path)
-    assert "\n" not in str(found.value)
+    assert "\n" not in str(error.value)
 
 
 @pytest.mark.parametrize(
@@ -494,10 +502,10 @@ def test_a_table_that_is_none_has_one_line(content: str, words: str, tmp_path) -
 def test_a_table_of_any_program_is_the_same(content: str, tmp_path) -> None:
     path = tmp_path / "surface.csv"
     path.write_bytes(content.encode())
-    found = read_surface(path)
-    assert found.tan_gamma.tolist() == [0.0, 1.5] and found.beta_deg.tolist() == [0.0, 90.0, 180.0]
-    np.testing.assert_allclose(1e4 * found.r, [[300.5] * 3, [100.0, 80.0, 0.0]])
-    assert found.s1 is None, "the table ends before tan gamma = 2"
+    table = read_surface(path)
+    assert table.tan_gamma.tolist() == [0.0, 1.5] and table.beta_deg.tolist() == [0.0, 90.0, 180.0]
+    np.testing.assert_allclose(1e4 * table.r, [[300.5] * 3, [100.0, 80.0, 0.0]])
+    assert table.s1 is None, "the table ends before tan gamma = 2"
 
 
 def test_a_table_in_another_unit_is_no_road_unless_it_is_scaled(tmp_path) -> None:
@@ -560,4 +568,4 @@ def test_the_longest_work_of_a_road_is_bounded() -> None:
     assert sum(reading.weights.nnz for reading in readings.luminance) < 2_000_000
     low = {"width_m": 30.0, "lanes": 12, "pole_height_m": 2.0, "pole_spacing_m": 0.2, "oncoming_lanes": 6}
     glaring = RoadReadings.of(RoadSection(**ROAD | low | {"lighting_class": "local low"})).veiling
-    assert sum(each.weights.nnz for each in glaring) < 2_000_000
+    assert sum(glare.weights.nnz for glare in glaring) < 2_000_000

@@ -72,8 +72,8 @@ def _spec(**road) -> Spec:
     return small_spec(target=FAR).replace(roads=[ROAD | {"lamp_lm": 3000.0} | road])
 
 
-def _figures(found):
-    return [limit.value for limit in found.limits]
+def _figures(judgement):
+    return [limit.value for limit in judgement.limits]
 
 
 @pytest.mark.parametrize("fields", [ROAD, RP8 | {"oncoming_lanes": 1}])
@@ -116,26 +116,26 @@ def test_ratios_of_rp_8_are_stated_as_it_states_them(bright: float) -> None:
     """Mean over least, largest over least, veiling over mean; the classes that the road has, and those only."""
     road = RoadSection(**RP8, maintenance_factor=0.8)
     candela = of_lens(_lamp(), bright)
-    found = judge_road(road, candela)
+    judgement = judge_road(road, candela)
     readings = RoadReadings.of(road)
     seen, veil = (light[0].of(candela(light[0])).mean(axis=0) for light in (readings.luminance, readings.veiling))
     figures = 0.8 * seen.mean(), seen.mean() / seen.min(), seen.max() / seen.min(), veil.max() / seen.mean()
-    assert _figures(found) == pytest.approx(figures, rel=1e-6)
-    (driver,) = found.drivers
+    assert _figures(judgement) == pytest.approx(figures, rel=1e-6)
+    (driver,) = judgement.drivers
     assert (driver.uniformity.value, driver.uniformity_along.value) == pytest.approx((1 / figures[1], 1 / figures[2]))
     assert driver.veiling_ratio.value == pytest.approx(figures[3]) and driver.glare_percent is None
     held = []
     for name in RP8_CLASSES:
         limits = judge_road(road.model_copy(update={"lighting_class": name}), candela).limits
         held += [name] if all(limit.holds for limit in limits) else []
-    assert found.reached == (", ".join(held) or "none")
+    assert judgement.reached == (", ".join(held) or "none")
     assert ("collector low" in held) == ("freeway B" in held) == (bright == 1.0)
     glaring = driver.model_copy(update={"veiling_ratio": driver.veiling_ratio.model_copy(update={"value": 0.35})})
     assert classes_held((driver, glaring)) == (", ".join(name for name in held if name[0] in "cl") or "none")
     for name in ("uniformity", "uniformity_along"):
         uneven = driver.model_copy(update={name: getattr(driver, name).model_copy(update={"value": 1e-3})})
         assert classes_held((driver, uneven)) == "none", name
-    assert found.standard == "RP-8-14"
+    assert judgement.standard == "RP-8-14"
 
 
 def test_the_evaluation_the_photometry_and_the_file_have_one_figure(tmp_path) -> None:
@@ -169,8 +169,8 @@ def test_dark_roads_hold_no_ratio() -> None:
 def test_noise_chooses_no_minimum(fields) -> None:
     road = RoadSection(**fields, lamp_w=50.0)
     quiet, noisy = (judge_road(road, of_lens(_lamp(noise), 1.0)) for noise in (0.0, 0.3))
-    for true, found in zip(quiet.limits, noisy.limits, strict=True):
-        assert abs(found.value - true.value) < 4.0 * found.standard_error + 1e-9, found.label
+    for true, limit in zip(quiet.limits, noisy.limits, strict=True):
+        assert abs(limit.value - true.value) < 4.0 * limit.standard_error + 1e-9, limit.label
 
 
 @pytest.mark.parametrize(
@@ -180,10 +180,10 @@ def test_power_and_energy_are_those_of_the_lamps_of_one_field(arrangement, lamps
     """Of two on a median the second lights another road."""
     median = {"median_m": 3.0} if arrangement == "median" else {}
     road = RoadSection(**ROAD, arrangement=arrangement, lamp_w=50.0, hours=1234.0, **median)
-    found = judge_road(road, of_lens(_lamp(), 1.0))
+    judgement = judge_road(road, of_lens(_lamp(), 1.0))
     watts = lamps * 50.0 / (7.0 * 30.0)  # per m^2
-    assert found.power_density.value == pytest.approx(watts / found.mean_lx.value, rel=1e-9)
-    assert found.yearly_energy.value == pytest.approx(1e-3 * 1234.0 * watts, rel=1e-12)
+    assert judgement.power_density.value == pytest.approx(watts / judgement.mean_lx.value, rel=1e-9)
+    assert judgement.yearly_energy.value == pytest.approx(1e-3 * 1234.0 * watts, rel=1e-12)
 
 
 _EN_13201_2 = {  # cd/m^2, U0, Ul, TI in %, edge ratio
@@ -201,7 +201,7 @@ def test_each_figure_of_each_driver_and_edge_decides_the_class_that_is_reached(n
     asked = dict(zip(_OF_M, _EN_13201_2[name], strict=False))
 
     def driver(**figures):
-        given = {field: getattr(first, field).model_copy(update={"value": each}) for field, each in figures.items()}
+        given = {field: getattr(first, field).model_copy(update={"value": value}) for field, value in figures.items()}
         return first.model_copy(update=given)
 
     def reached(drivers, edges):
@@ -212,22 +212,22 @@ def test_each_figure_of_each_driver_and_edge_decides_the_class_that_is_reached(n
     far = driver(mean_cd_per_m2=9.0, uniformity=0.9, uniformity_along=0.9, glare_percent=1.0)
     assert reached((far, at), (least, least)) == name
     beyond = [driver(**{**asked, field: asked[field] * (1.001 if "glare" in field else 0.999)}) for field in _OF_M]
-    tried = [((far, each), (9.0, 9.0)) for each in beyond] + [((each, far), (9.0, 9.0)) for each in beyond]
+    tried = [((far, value), (9.0, 9.0)) for value in beyond] + [((value, far), (9.0, 9.0)) for value in beyond]
     tried += [((at, at), (0.999 * least, 9.0)), ((at, at), (9.0, 0.999 * least))]
     for drivers, edges in tried:
-        found = reached(drivers, edges)
+        reached_class = reached(drivers, edges)
         worst = [max if field == "glare_percent" else min for field in _OF_M]
         figures = [
             pick(getattr(driver, field).value for driver in drivers) for pick, field in zip(worst, _OF_M, strict=True)
         ]
         held = [
-            each
-            for each, bounds in _EN_13201_2.items()
+            lighting_class
+            for lighting_class, bounds in _EN_13201_2.items()
             if all(value >= bound for value, bound in zip(figures[:3], bounds, strict=False))
             and figures[3] <= bounds[3]
             and min(edges) >= bounds[4]
         ]
-        assert found == (held or ["none"])[0] != name
+        assert reached_class == (held or ["none"])[0] != name
 
 
 def test_each_road_has_its_own_lamp_and_its_own_spacing(tmp_path) -> None:
@@ -244,7 +244,7 @@ def test_each_road_has_its_own_lamp_and_its_own_spacing(tmp_path) -> None:
     assert first["name"] != second["name"]
     apart = [fact["value"] for group in content["facts"] for fact in group["facts"] if fact["key"] == "largest_spacing"]
     assert apart[1] > 1.1 * apart[0] > 0.0
-    assert [all(limit["state"] == "held" for limit in each["limits"]) for each in (first, second)] == [True, False]
+    assert [all(limit["state"] == "held" for limit in road["limits"]) for road in (first, second)] == [True, False]
     assert done.code == 1 and "road 2: " in done.stderr, "any of them decides"
 
 
@@ -260,17 +260,17 @@ def test_pixels_of_the_far_field_read_the_same_road(pixels: int, most: float, li
     limits = light_limits(spec, receivers, Efficacy(), 1.0)
     by_pixels = judged_limits(limits, [np.stack([light] * 16)], ["sky"])
     by_table = judge_road(spec.roads[0], of_lens(_lamp(), 1.0))
-    assert [each.label for each in by_pixels] == [f"road: {each.label}" for each in by_table.limits]
-    np.testing.assert_allclose([each.value for each in by_pixels], _figures(by_table), rtol=most)
+    assert [limit.label for limit in by_pixels] == [f"road: {limit.label}" for limit in by_table.limits]
+    np.testing.assert_allclose([limit.value for limit in by_pixels], _figures(by_table), rtol=most)
 
 
 _MISSED = {"mean_cd_per_m2": 9.0, "uniformity": 0.9, "luminance_per_lux": 0.9, "edge_ratio": 1.0}
 
 
-@pytest.mark.parametrize("own", [{"uniformity_along": 0.95, "glare_percent": 0.5}, RP8])
-def test_the_merit_begins_6_percent_inside_of_each_bound(own) -> None:
+@pytest.mark.parametrize("fields", [{"uniformity_along": 0.95, "glare_percent": 0.5}, RP8])
+def test_the_merit_begins_6_percent_inside_of_each_bound(fields) -> None:
     """Where the judged figure is farther inside, the term of a limit is 0; nearer it is not."""
-    spec = _spec(**own, luminance_per_lux=0.07)
+    spec = _spec(**fields, luminance_per_lux=0.07)
     receivers = receivers_of(spec, 48)
     picture = torch.from_numpy(np.random.default_rng(2).uniform(0.5, 1.5, receivers[0].grid.shape)) * 1e-4
     images = np.stack([smoothed(picture).numpy()] * 16)
@@ -283,9 +283,9 @@ def test_the_merit_begins_6_percent_inside_of_each_bound(own) -> None:
             assert (float(term.loss((picture,))) > 0.0) == missed, limit.name
 
 
-@pytest.mark.parametrize("own", [{"uniformity_along": 0.95, "glare_percent": 0.5}, RP8])
-def test_the_merit_falls_along_its_gradient_and_is_zero_where_the_class_is_held(own) -> None:
-    spec = _spec(**own, **_MISSED)
+@pytest.mark.parametrize("fields", [{"uniformity_along": 0.95, "glare_percent": 0.5}, RP8])
+def test_the_merit_falls_along_its_gradient_and_is_zero_where_the_class_is_held(fields) -> None:
+    spec = _spec(**fields, **_MISSED)
     of_ratios = {MostOverLeast(): 1.05, VEILING_RATIO: 1e-3}
     receivers = receivers_of(spec, 32)
     limits = [
@@ -326,9 +326,9 @@ def _limits(target, road) -> None:
     ],
 )
 def test_roads_that_no_light_can_be_judged_on(target, road, words: str) -> None:
-    with pytest.raises(InputError, match=words) as found:
+    with pytest.raises(InputError, match=words) as error:
         _limits(target, road)
-    assert "\n" not in str(found.value)
+    assert "\n" not in str(error.value)
 
 
 def test_a_field_of_one_road_is_changed_by_its_number() -> None:
@@ -361,28 +361,28 @@ _NOT_TOO_MUCH = ROAD | {"lighting_class": "P3"}  # at most 1.5 times its mean: p
 def test_the_largest_spacing_is_where_a_class_ceases_to_be_held(fields, tmp_path, monkeypatch) -> None:
     road = RoadSection(**fields)
     candela = of_file(_file(), 270.0, None)
-    found = held_spacing(road, candela)
+    spacings = held_spacing(road, candela)
 
     def held(spacing_m: float) -> bool:
         there = road.model_copy(update={"pole_spacing_m": spacing_m})
         return all(limit.holds for limit in judge_road(there, candela).limits)
 
-    assert held(found.largest) and not held(found.largest + 0.002)
-    assert held(found.least) and (found.least == 4.5 or not held(found.least - 0.002))
-    assert (found.least > 20.0) == (fields is _NOT_TOO_MUCH)
-    assert not any(held(spacing) for spacing in np.linspace(found.largest + 0.9, 108.0, 4))
-    assert held(0.5 * (found.least + found.largest)) and found.beyond.outcome == "missed"
+    assert held(spacings.largest) and not held(spacings.largest + 0.002)
+    assert held(spacings.least) and (spacings.least == 4.5 or not held(spacings.least - 0.002))
+    assert (spacings.least > 20.0) == (fields is _NOT_TOO_MUCH)
+    assert not any(held(spacing) for spacing in np.linspace(spacings.largest + 0.9, 108.0, 4))
+    assert held(0.5 * (spacings.least + spacings.largest)) and spacings.beyond.outcome == "missed"
     assert held_spacing(road.model_copy(update={"maintenance_factor": 1e-9}), candela, most_steps=15) is None
     path = tmp_path / "lens.ies"
     roads = tmp_path / "roads.toml"
     write_photometric(path, _file())
     roads.write_text("[[roads]]\n" + "\n".join(f"{name} = {json.dumps(value)}" for name, value in fields.items()))
     asked = []
-    monkeypatch.setattr(road_judgement, "held_spacing", lambda *given: asked.append(given) or found)
+    monkeypatch.setattr(road_judgement, "held_spacing", lambda *given: asked.append(given) or spacings)
     done = lensforge("road", path, "--road", roads, "--street-c", "270", "--json", "--spacing")
     (fact,) = (fact for fact in json.loads(done.stdout)["facts"][0]["facts"] if fact["key"] == "largest_spacing")
-    assert fact["value"] == pytest.approx(found.largest, abs=0.05) and found.beyond.label in fact["note"]
-    assert [each[0] for each in asked] == [road]
+    assert fact["value"] == pytest.approx(spacings.largest, abs=0.05) and spacings.beyond.label in fact["note"]
+    assert [call[0] for call in asked] == [road]
 
 
 def test_the_flux_and_the_spacing_that_are_named_keep_the_mean_of_the_class(tmp_path) -> None:
@@ -396,22 +396,22 @@ def test_the_flux_and_the_spacing_that_are_named_keep_the_mean_of_the_class(tmp_
     def state(limits, part: str) -> set[str]:
         return {limit.state for limit in limits if part in limit.key}
 
-    found = {limit.key: limit for limit in with_remedies(judged(0.05))}
-    remedy = found["lane 1: mean luminance"].remedy
+    by_key = {limit.key: limit for limit in with_remedies(judged(0.05))}
+    remedy = by_key["lane 1: mean luminance"].remedy
     flux, spacing, glare = map(float, re.findall(r"([0-9.]+) (?:lumens|the spacing|%, above)", remedy))
     assert "fail" in state(judged(0.05 * flux * 0.99), "mean") and state(judged(0.05 * flux), "mean") == {"pass"}
     assert max(limit.value for limit in judged(0.05 * flux) if "glare" in limit.key) == pytest.approx(glare, rel=5e-3)
     assert [limit.value for limit in judged(0.05, spacing) if "mean" in limit.key] == pytest.approx(
         [1.5, 1.5], rel=0.15
     )
-    assert "the flux does not change it" in found["lane 2: uniformity U0"].remedy
+    assert "the flux does not change it" in by_key["lane 2: uniformity U0"].remedy
     dim = RoadSection(**_NOT_TOO_MUCH)
     (bright,) = (
         limit for limit in with_remedies(judge_road(dim, of_lens(_lamp(), 2.0)).limits) if "maximum" in limit.key
     )
     (less,) = re.findall(r"× ([0-9.]+) lumens", bright.remedy)
     kept = judge_road(dim, of_lens(_lamp(), 2.0 * float(less))).limits
-    assert {each.state for each in kept if "maximum" in each.key} == {"pass"}
+    assert {limit.state for limit in kept if "maximum" in limit.key} == {"pass"}
     uneven = replace(judged(1.0)[0], sense="<=", limit=0.5, key="largest").judged()
     for limits in ((uneven, judged(0.05)[0]), judged(0.0)):
         assert next(with_remedies(limits)).remedy == "no luminous flux meets all limits: the light must be more uniform"
@@ -419,7 +419,7 @@ def test_the_flux_and_the_spacing_that_are_named_keep_the_mean_of_the_class(tmp_
     roads = tmp_path / "roads.toml"
     write_photometric(path, _file())
     roads.write_text(
-        "[[roads]]\n" + "\n".join(f"{name} = {json.dumps(each)}" for name, each in ROAD.items()) + "\nlamp_lm = 9.0"
+        "[[roads]]\n" + "\n".join(f"{name} = {json.dumps(value)}" for name, value in ROAD.items()) + "\nlamp_lm = 9.0"
     )
     ahead, behind = (lensforge("road", path, "--road", roads, "--street-c", street).stderr for street in ("270", "90"))
     assert "lumens, or ×" in ahead and "is the street on that side" not in ahead
@@ -432,8 +432,8 @@ def test_tables_in_steps_of_5_degrees_of_gamma_are_a_tenth_off_in_glare_and_name
     def glare(step: int) -> tuple[float, list[str]]:
         fine = _file().intensity
         file = PhotometricFile(TabulatedIntensity(fine.c_deg, fine.gamma_deg[::step], fine.values[:, ::step]))
-        found = judge_road(road, of_file(file, 270.0, 3000.0))
-        return found.drivers[0].glare_percent.value, list(coarse_for_roads(file))
+        judgement = judge_road(road, of_file(file, 270.0, 3000.0))
+        return judgement.drivers[0].glare_percent.value, list(coarse_for_roads(file))
 
     (finest, _) = glare(1)
     (of_cie, quiet) = glare(5)
@@ -446,10 +446,12 @@ def test_a_class_may_be_held_at_any_spacing_or_at_none() -> None:
     easy = {"mean_cd_per_m2": 1e-9, "uniformity": 1e-9, "uniformity_along": 1e-9, "glare_percent": 900.0}
     road = RoadSection(**ROAD, **easy, edge_ratio=1e-9, lanes=1)
     candela = of_file(_file(), 270.0, None)
-    found = held_spacing(road, candela)
-    assert (found.least, found.largest, found.beyond) == (4.5, 108.0, None)
-    assert spacing_fact(found).note == "class met from 4.5 m up"
-    assert spacing_fact(replace(found, least=4.92031)).note == "class met from 4.93 m up", "rounded up: there it is met"
+    spacings = held_spacing(road, candela)
+    assert (spacings.least, spacings.largest, spacings.beyond) == (4.5, 108.0, None)
+    assert spacing_fact(spacings).note == "class met from 4.5 m up"
+    assert spacing_fact(replace(spacings, least=4.92031)).note == "class met from 4.93 m up", (
+        "rounded up: there it is met"
+    )
     assert spacing_fact(None).text == "class met at none"
 
 
@@ -469,9 +471,9 @@ def test_lamps_together_share_the_lumens_of_a_road() -> None:
 @pytest.mark.parametrize(("name", "reached"), [("P2", p_class), ("C5", c_class)])
 def test_a_road_by_illuminance_reaches_a_class_of_its_kind(name: str, reached: Callable[[float, float], str]) -> None:
     road = RoadSection(**{**ROAD, "lighting_class": name, "pole_spacing_m": 20.0})
-    found = judge_road(road, lambda light: 1500.0 * np.cos(np.radians(light.gamma_deg))[None])
-    second = found.least_lx if name == "P2" else found.uniformity_lx
-    assert found.reached == reached(found.mean_lx.value, second.value) != "none"
+    judgement = judge_road(road, lambda light: 1500.0 * np.cos(np.radians(light.gamma_deg))[None])
+    second = judgement.least_lx if name == "P2" else judgement.uniformity_lx
+    assert judgement.reached == reached(judgement.mean_lx.value, second.value) != "none"
 
 
 def test_each_figure_of_a_road_is_told_where_it_is_worst() -> None:
@@ -487,7 +489,7 @@ def test_each_figure_of_a_road_is_told_where_it_is_worst() -> None:
     judged += [limit("a wall: lane 1: mean luminance", 0.0, ">=", 1.0)]
     roads = [RoadSection(**{**ROAD, "name": name, "lanes": 2, "oncoming_lanes": k}) for k, name in enumerate("ab")]
     head, *told = RoadLight.worst(roads, judged).facts
-    assert [(each.label, each.value, each.note) for each in told] == [
+    assert [(fact.label, fact.value, fact.note) for fact in told] == [
         ("Glare TI", 12.2, "worst: a: lane 2"),
         ("Mean luminance", 1.05, "worst: b: lane 1"),
         ("Edge ratio", 0.31, "worst: b: left edge"),

@@ -33,8 +33,8 @@ def shown(photometry, lens):
 def test_a_road_by_night_has_its_lamps_in_place_and_the_luminance_of_its_drivers(fields, seats):
     """From the left lane first. A lamp at the right edge is 6.5 m above the eye and y aside, at 60 m and at 90 m."""
     lens = lens_on(lighting_class="M4", **fields)
-    found = make_photometry(lens)
-    night, above = (draw(shown(found, lens)).axes[:2] for draw in (road_by_night, road_from_above))
+    photometry = make_photometry(lens)
+    night, above = (draw(shown(photometry, lens)).axes[:2] for draw in (road_by_night, road_from_above))
     for (lane, eye_y, heading), axes, plan in zip(seats, night, above, strict=True):
         mesh, *_, heads = axes.collections
         middles = np.array([path.vertices[[0, 2]].mean(axis=0) for path in heads.get_paths()])
@@ -45,7 +45,7 @@ def test_a_road_by_night_has_its_lamps_in_place_and_the_luminance_of_its_drivers
         assert np.allclose((u * away)[[0, -1]], heading * np.array([[eye_y], [eye_y - 7.0]]))  # the edges of the road
         rows, field = mesh.get_array().reshape(u.shape), np.arange(61.5, 90.0, 3.0)
         mean = np.mean([np.interp(field, ahead, row) for ahead, row in zip(away, rows, strict=True)])
-        assert mean == pytest.approx(found.roads[0].drivers[lane - 1].mean_cd_per_m2.value, rel=0.01)
+        assert mean == pytest.approx(photometry.roads[0].drivers[lane - 1].mean_cd_per_m2.value, rel=0.01)
         assert plan.images[0].get_array().mean() == pytest.approx(mean, rel=0.01)
         assert axes.get_title("left") == f"from lane {lane}" + (", oncoming" if heading < 0 else "")
         (arrow,) = (line for line in plan.lines if line.get_marker() in "<>")
@@ -56,11 +56,11 @@ def test_a_road_by_night_has_its_lamps_in_place_and_the_luminance_of_its_drivers
 def test_a_road_from_above_is_what_its_figures_say(lighting_class):
     """A view for each driver, the left lane first, whose mean is the stated one; of a path one, in lux."""
     lens = lens_on(lighting_class=lighting_class)
-    found = make_photometry(lens)
-    (judged,) = found.roads
-    drawn = photometry_pictures(make_results(("photometry",), lens, photometry=found))
-    assert [each.title for each in drawn][2:] == ["Road", "Road by night"][: 2 if lighting_class == "M4" else 1]
-    views = road_from_above(shown(found, lens)).axes[:-1]  # the last is the colour bar
+    photometry = make_photometry(lens)
+    (judged,) = photometry.roads
+    drawn = photometry_pictures(make_results(("photometry",), lens, photometry=photometry))
+    assert [picture.title for picture in drawn][2:] == ["Road", "Road by night"][: 2 if lighting_class == "M4" else 1]
+    views = road_from_above(shown(photometry, lens)).axes[:-1]  # the last is the colour bar
     means = [view.images[0].get_array().mean() for view in views]
     if lighting_class == "P2":
         assert means == pytest.approx([judged.mean_lx.value], rel=1e-3)
@@ -72,15 +72,15 @@ def test_a_road_from_above_is_what_its_figures_say(lighting_class):
 
 def test_a_road_by_rp_8_from_above_has_a_view_for_each_direction_of_travel():
     lens = lens_on(lighting_class="local low", lanes=3, oncoming_lanes=1)
-    found = make_photometry(lens)
-    drivers = found.roads[0].drivers
-    far, near = road_from_above(shown(found, lens)).axes[:-1]
+    photometry = make_photometry(lens)
+    drivers = photometry.roads[0].drivers
+    far, near = road_from_above(shown(photometry, lens)).axes[:-1]
     for view, driver, ends, words in ((far, drivers[1], (14 / 3, 7.0), "3"), (near, drivers[0], (0.0, 14 / 3), "1")):
         assert view.images[0].get_array().mean() == pytest.approx(driver.mean_cd_per_m2.value, rel=1e-3)
         assert view.images[0].get_extent() == pytest.approx([0.0, 30.0, *ends])
         assert view.get_title("left").startswith(f"from lane {words} on: mean {driver.mean_cd_per_m2.value:.2f} cd/m²")
         assert view.get_title("left").endswith(f"Lv/Lavg {driver.veiling_ratio.value:.2f}")
-    drawn = photometry_pictures(make_results(("photometry",), lens, photometry=found))[2]
+    drawn = photometry_pictures(make_results(("photometry",), lens, photometry=photometry))[2]
     assert "83 m" in drawn.caption
 
 
@@ -92,11 +92,11 @@ def test_views_of_a_road_have_metres_on_their_axes_and_each_driver_looks_ahead(m
     far = {"kind": "beam", "fwhm_deg": (60.0, 25.0), "half_angle_deg": 90.0}
     lens = small_lens(wanted={"target": far, "roads": [near, wide], "photometry": ROAD})
     figure = road_from_above(ShownApplication(make_photometry(lens), lens.spec, 1, 0))
-    found = []
+    views = []
     for axes in (axis for axis in figure.axes if axis.images):
         (mark,) = (line for line in axes.lines if line.get_marker() in "<>")
-        found.append((axes.images[0].get_extent(), mark.get_marker(), *mark.get_xydata().tolist()))
-    assert found == [([0.0, 44.0, 8.0, 12.0], "<", [44.0, 10.0]), ([0.0, 44.0, 0.0, 8.0], ">", [0.0, 2.0])]
+        views.append((axes.images[0].get_extent(), mark.get_marker(), *mark.get_xydata().tolist()))
+    assert views == [([0.0, 44.0, 8.0, 12.0], "<", [44.0, 10.0]), ([0.0, 44.0, 0.0, 8.0], ">", [0.0, 2.0])]
     asked, drawn = [], study_figures.ground_diagram
     monkeypatch.setattr(study_figures, "ground_diagram", lambda *given: asked.append(given[1:]) or drawn(*given))
     photometry_pictures(make_results(("photometry",), lens, photometry=make_photometry(lens)))

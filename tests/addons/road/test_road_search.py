@@ -53,8 +53,8 @@ def test_the_first_lens_of_a_road_keeps_the_bounds_of_its_light(examples: Path, 
     spec = load_spec(examples / f"{name}.toml")
     most = road_bounds(spec)
     light = lf.evaluate(Lens(start_faces(spec), spec, 0, FEW), rays=2**17)
-    found = {limit.label: limit.metric.value for limit in light.limits if limit.label in most}
-    assert len(found) == len(most) == 2 and all(0.0 < found[label] < most[label] for label in most)
+    values = {limit.label: limit.metric.value for limit in light.limits if limit.label in most}
+    assert len(values) == len(most) == 2 and all(0.0 < values[label] < most[label] for label in most)
 
 
 @pytest.mark.parametrize(("road", "height_m"), [("road_m3", 9.0), ("road_wide", 12.0), ("road_luminance", 10.0)])
@@ -63,9 +63,9 @@ def test_rays_of_a_step_see_the_limits_of_a_road_as_many_more_do(examples: Path,
     spec = load_spec(examples / f"{road}.toml").replace(changes)
     source = build_source(spec.source)
     preset = preset_for(spec, "draft")
-    own = Problems(spec, source, 2.5, None).of((9,))
-    merit = own.merit
-    tables = own.parametrisation.tables(*own.parametrisation.start())
+    problem = Problems(spec, source, 2.5, None).of((9,))
+    merit = problem.merit
+    tables = problem.parametrisation.tables(*problem.parametrisation.start())
 
     def loss(rays: int) -> float:
         return float(merit.training_loss(merit.light_of(tables, source.sample(rays, 1)), uniform=False).loss)

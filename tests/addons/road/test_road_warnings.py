@@ -23,12 +23,12 @@ def _said(spec: Spec, lenses: int = 16, source_lm: float | None = 250.0) -> Sequ
     return [*application_warnings(spec.applications, spec.all_receivers, lenses, source_lm)]
 
 
-@pytest.mark.parametrize(("lamp_lm", "said"), [(4000.0, 0), (4039.0, 0), (4041.0, 1), (9000.0, 1), (None, 0)])
-def test_lumens_that_are_stated_twice_agree_within_a_hundredth(lamp_lm: float | None, said: int) -> None:
-    found = _said(_spec(lamp_lm=lamp_lm))
-    assert len(found) == said
-    if said:
-        assert f"lamp_lm = {lamp_lm:g}, but 16 lenses over 250 lm have 4000 lm" in found[0]
+@pytest.mark.parametrize(("lamp_lm", "count"), [(4000.0, 0), (4039.0, 0), (4041.0, 1), (9000.0, 1), (None, 0)])
+def test_lumens_that_are_stated_twice_agree_within_a_hundredth(lamp_lm: float | None, count: int) -> None:
+    messages = _said(_spec(lamp_lm=lamp_lm))
+    assert len(messages) == count
+    if count:
+        assert f"lamp_lm = {lamp_lm:g}, but 16 lenses over 250 lm have 4000 lm" in messages[0]
 
 
 def test_where_one_is_not_stated_nothing_is_said() -> None:
@@ -36,10 +36,10 @@ def test_where_one_is_not_stated_nothing_is_said() -> None:
     assert not _said(_spec(lamp_lm=9000.0), lenses=1), "as many lenses as the lumens take"
 
 
-@pytest.mark.parametrize(("height_mm", "said"), [(8000.0, 0), (8079.0, 0), (9000.0, 1)])
-def test_the_plane_below_lies_as_far_as_the_poles_are_high(height_mm: float, said: int) -> None:
-    found = _said(_spec(height_mm))
-    assert len(found) == said
-    if said:
-        assert "receivers: ground lies 9 m below the lamps, pole_height_m of roads is 8" in found[0]
-        assert "z = 8000" in found[0]
+@pytest.mark.parametrize(("height_mm", "count"), [(8000.0, 0), (8079.0, 0), (9000.0, 1)])
+def test_the_plane_below_lies_as_far_as_the_poles_are_high(height_mm: float, count: int) -> None:
+    messages = _said(_spec(height_mm))
+    assert len(messages) == count
+    if count:
+        assert "receivers: ground lies 9 m below the lamps, pole_height_m of roads is 8" in messages[0]
+        assert "z = 8000" in messages[0]

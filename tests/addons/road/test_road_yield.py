@@ -33,7 +33,7 @@ def test_a_part_that_misses_one_bound_of_several_does_not_pass_and_is_among_the_
     for part, bound in ((7, study.bounds[0]), (11, study.bounds[-1])):
         measured[part, study.names.index(bound.metric), 0] = bound.bound * (0.9 if bound.sense == ">=" else 1.1)
     (first, second, third), _ = yield_study._worst(study, measured)
-    assert {first.part, second.part} == {7, 11} and [each.passes for each in (first, second, third)] == [
+    assert {first.part, second.part} == {7, 11} and [worst_part.passes for worst_part in (first, second, third)] == [
         False,
         False,
         True,
@@ -72,6 +72,8 @@ def test_limits_read_at_once_are_those_read_one_by_one() -> None:
         THRESHOLD_INCREMENT,
         LeastOverMost(),
     }
-    for limit, found in zip(light.limits, light.measured(received).limits, strict=True):
+    for limit, values in zip(light.limits, light.measured(received).limits, strict=True):
         kept = [images, *(np.delete(images, k, axis=0) for k in range(len(images)))]
-        np.testing.assert_array_equal(found, [limit_value(limit, each).value for each in kept], err_msg=limit.name)
+        np.testing.assert_array_equal(
+            values, [limit_value(limit, replicates).value for replicates in kept], err_msg=limit.name
+        )

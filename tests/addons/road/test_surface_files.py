@@ -21,9 +21,9 @@ TABLE = "0,2,180\n0,700,700,700\n1,300,200,100\n"
 
 def test_a_road_has_its_angles_in_a_remark_and_no_gamma_for_its_tangent(tmp_path: Path) -> None:
     wanted = read_surface(_written(tmp_path, rf"tan_gamma\beta,{TABLE}"))
-    found = read_surface(_written(tmp_path, rf"# tan_gamma\beta,{TABLE}"))
-    np.testing.assert_array_equal(found.beta_deg, [0.0, 2.0, 180.0])
-    np.testing.assert_array_equal(found.r, wanted.r)
+    table = read_surface(_written(tmp_path, rf"# tan_gamma\beta,{TABLE}"))
+    np.testing.assert_array_equal(table.beta_deg, [0.0, 2.0, 180.0])
+    np.testing.assert_array_equal(table.r, wanted.r)
     for mark in ("", "# "):
         with pytest.raises(InputError, match="rows must be those of tan gamma, not of gamma"):
             read_surface(_written(tmp_path, rf"{mark}gamma\beta,{TABLE}"))

@@ -80,11 +80,11 @@ def by_loops() -> tuple[float, float, float]:
 
 def test_a_crooked_field_by_plain_loops() -> None:
     mean, least, rating = by_loops()
-    found = judged(maintenance_factor=0.8)
-    assert found.mean_lx.value == pytest.approx(0.8 * mean, rel=1e-9)
-    assert found.least_lx.value == pytest.approx(0.8 * least, rel=1e-9)
-    assert found.uniformity.value == pytest.approx(least / mean, rel=1e-9)
-    assert found.glare.value == pytest.approx(rating, abs=1e-9) and 20.0 < rating < 80.0
+    judgement = judged(maintenance_factor=0.8)
+    assert judgement.mean_lx.value == pytest.approx(0.8 * mean, rel=1e-9)
+    assert judgement.least_lx.value == pytest.approx(0.8 * least, rel=1e-9)
+    assert judgement.uniformity.value == pytest.approx(least / mean, rel=1e-9)
+    assert judgement.glare.value == pytest.approx(rating, abs=1e-9) and 20.0 < rating < 80.0
 
 
 def test_glare_hardly_changes_with_the_flux() -> None:
@@ -96,10 +96,10 @@ def test_a_class_is_held_on_one_side_of_its_mean_alone() -> None:
     most = {"lighting_class": "tennis III", "floodlights": FLAT, "length_m": 2.0, "width_m": 2.0}
     whole = judged(**most).mean_lx.value
     for off in (1e-9, -1e-9):
-        found = judged(200.0 / whole * (1.0 + off), **most)
-        mean, even, glare = found.limits
+        judgement = judged(200.0 / whole * (1.0 + off), **most)
+        mean, even, glare = judgement.limits
         assert mean.holds == (off > 0.0) and even.holds and glare.holds
-        assert found.reached == ("tennis III" if off > 0.0 else "none")
+        assert judgement.reached == ("tennis III" if off > 0.0 else "none")
 
 
 # Lamps high above a small field light it evenly, and stand beyond 60 degrees from every view.
@@ -113,9 +113,9 @@ def test_lamps_out_of_sight_do_not_glare() -> None:
 def test_the_search_follows_the_rating() -> None:
     """1 at the bound for the eye that has it; gradients by finite differences."""
     light = np.array([0.3, 0.8, 0.5, 0.6])
-    found = GlareRating().value(light[None], "<=", "", light[None]).value
-    assert found == pytest.approx(27.0 + 24.0 * log10(0.8 / 0.6**0.9))
-    assert GlareRating().relative(light, found, light)[1] == pytest.approx(1.0)
+    rating = GlareRating().value(light[None], "<=", "", light[None]).value
+    assert rating == pytest.approx(27.0 + 24.0 * log10(0.8 / 0.6**0.9))
+    assert GlareRating().relative(light, rating, light)[1] == pytest.approx(1.0)
     leaf = torch.tensor(light, requires_grad=True)
     GlareRating().relative(leaf, 50.0, leaf).sum().backward()
     steps = 1e-6 * np.eye(4)
@@ -127,9 +127,9 @@ def test_the_error_of_the_rating_has_both_parts() -> None:
     """Of 16 replicates whose veil and environment vary by themselves, to first order."""
     random = np.random.default_rng(4)
     readings = np.array([0.8, 0.6]) * (1.0 + 0.02 * random.standard_normal((16, 2)))
-    found = GlareRating().value(readings, "<=", "", readings)
+    rating = GlareRating().value(readings, "<=", "", readings)
     veil, around = readings.std(axis=0, ddof=1) / 4.0 / readings.mean(axis=0)
-    assert found.standard_error == pytest.approx(24.0 / np.log(10.0) * np.hypot(veil, 0.9 * around), rel=0.02)
+    assert rating.standard_error == pytest.approx(24.0 / np.log(10.0) * np.hypot(veil, 0.9 * around), rel=0.02)
     dark = np.zeros((1, 2))
     assert GlareRating().value(dark, "<=", "", dark).value == 1e6
 

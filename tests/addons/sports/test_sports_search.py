@@ -33,8 +33,8 @@ def test_the_evaluation_the_photometry_and_the_file_have_one_figure(tmp_path: Pa
     file = read_photometric(tmp_path / "lens.ies")
     lamp = of_file(file, -spec.photometry.street_side_deg, 200_000.0)
     read = SportsLight(spec.sports[0]).judged(lamp, "field")
-    found, stated = ([limit.metric.value for limit in judged.limits] for judged in (read, field))
-    np.testing.assert_allclose(found, stated, rtol=2e-4)
+    figures, stated = ([limit.metric.value for limit in judged.limits] for judged in (read, field))
+    np.testing.assert_allclose(figures, stated, rtol=2e-4)
 
 
 def intensity(azimuth: np.ndarray, gamma: np.ndarray) -> np.ndarray:

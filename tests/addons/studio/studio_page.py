@@ -38,10 +38,10 @@ def page_of(studio, started):
 
 def until(condition, seconds=PATIENCE_S):
     end = time.monotonic() + seconds
-    while not (found := condition()):
+    while not (value := condition()):
         assert time.monotonic() < end, "it did not come to be"
         time.sleep(0.1)
-    return found
+    return value
 
 
 def phase(window, name):
@@ -53,5 +53,5 @@ def pixels(window, canvas="own"):
 
 
 def step(window):
-    found = re.search(r"step (\d+) of", window.inner_text("#progress"))
-    return int(found[1]) if found else 0
+    match = re.search(r"step (\d+) of", window.inner_text("#progress"))
+    return int(match[1]) if match else 0

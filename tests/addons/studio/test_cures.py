@@ -15,11 +15,11 @@ from lensforge.results.figure import Criterion, marks_of
 def run(remedy: str = "", accuracy: str = "draft", rings: int = 68, changes: tuple[Change, ...] = ()) -> Any:
     missed = SimpleNamespace(holds=not remedy, remedy=remedy, state="fail" if remedy else "pass")
     findings = [SimpleNamespace(changes=()), SimpleNamespace(changes=changes)]
-    found = SimpleNamespace(triangulation=SimpleNamespace(rings=rings), judgements=lambda: {"verdicts": findings})
+    result = SimpleNamespace(triangulation=SimpleNamespace(rings=rings), judgements=lambda: {"verdicts": findings})
     lens = SimpleNamespace(accuracy=accuracy)
     met = SimpleNamespace(holds=True, remedy="")
     return SimpleNamespace(
-        criteria=lambda: [("export", met), ("verify", missed)], find=lambda kind: found, lens=lens, missing=[]
+        criteria=lambda: [("export", met), ("verify", missed)], find=lambda kind: result, lens=lens, missing=[]
     )
 
 

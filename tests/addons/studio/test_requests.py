@@ -104,15 +104,15 @@ def test_the_secret_is_another_one_each_time_and_the_door_is_this_machine(tmp_pa
 def test_a_change_by_form_has_its_line_and_the_text_keeps_its_comments(page: lf.Studio) -> None:
     text = "# my lens\n" + small_spec().to_toml()
     ask(page, "spec", {"text": text})
-    found = json.loads(ask(page, "spec", {"place": ["constraints", "max_radius_mm"], "value": {"toml": "-1"}})[2])
-    assert found["lines"] == [
+    answer = json.loads(ask(page, "spec", {"place": ["constraints", "max_radius_mm"], "value": {"toml": "-1"}})[2])
+    assert answer["lines"] == [
         ["constraints.max_radius_mm", "constraints.max_radius_mm = -1: must be at least 0.000001"]
     ]
-    found = json.loads(ask(page, "spec", {"place": ["constraints", "max_radius"], "value": {"toml": "7"}})[2])
+    answer = json.loads(ask(page, "spec", {"place": ["constraints", "max_radius"], "value": {"toml": "7"}})[2])
     assert ["constraints.max_radius", "did you mean max_radius_mm?"] in [
-        [name, words.rpartition("; ")[2]] for name, words in found["lines"]
+        [name, words.rpartition("; ")[2]] for name, words in answer["lines"]
     ]
-    assert found["text"].startswith("# my lens\n")
+    assert answer["text"].startswith("# my lens\n")
     assert json.loads(ask(page, "spec", {"text": text})[2])["lines"] == []
     status, _, lines = ask(page, "spec", {"place": ["name", "x"], "value": 3})
     assert status == 422 and json.loads(lines)["lines"][0].startswith("name.x: cannot be changed")
@@ -131,10 +131,10 @@ def test_a_ray_file_is_drawn_and_becomes_the_source(page: lf.Studio) -> None:
     rays = "x_mm,y_mm,z_mm,kx,ky,kz,flux_w\n" + "".join(
         f"0,0,0,0,{k / 100},{(1 - k * k / 1e4) ** 0.5},1\n" for k in range(90)
     )
-    found = json.loads(ask(page, "dropped/led.csv", rays.encode())[2])
-    assert found["fits"] == ["source"] and "90" in found["words"]
-    assert ask(page, f"dropped/{found['plot']}")[2].startswith(b"\x89PNG")
-    made = json.loads(ask(page, "spec", {"use": found["name"], "as": "source"})[2])
+    answer = json.loads(ask(page, "dropped/led.csv", rays.encode())[2])
+    assert answer["fits"] == ["source"] and "90" in answer["words"]
+    assert ask(page, f"dropped/{answer['plot']}")[2].startswith(b"\x89PNG")
+    made = json.loads(ask(page, "spec", {"use": answer["name"], "as": "source"})[2])
     assert made["tables"]["source"]["kind"] == "rayfile" and "sources" not in made["tables"]
 
 
@@ -172,8 +172,8 @@ def test_a_file_is_used_as_what_it_is(page: lf.Studio) -> None:
 
     picture = io.BytesIO()
     Image.new("L", (8, 4), 200).save(picture, "PNG")
-    found = json.loads(ask(page, "dropped/logo.png", picture.getvalue())[2])
-    assert (found["words"], found["fits"]) == ("logo.png: 8 × 4 pixels", ["target"])
+    answer = json.loads(ask(page, "dropped/logo.png", picture.getvalue())[2])
+    assert (answer["words"], answer["fits"]) == ("logo.png: 8 × 4 pixels", ["target"])
     status, _, lines = ask(page, "spec", {"use": "logo.png", "as": "source"})
     assert (status, json.loads(lines)["lines"]) == (422, ["logo.png: no source; use it as target"])
     made = json.loads(ask(page, "spec", {"use": "logo.png", "as": "target"})[2])
@@ -239,8 +239,8 @@ def test_what_there_is_not_to_do_is_not_done(page: lf.Studio) -> None:
         ("figure", {}, 400), ("beside", {"name": "../.."}, 422), ("search", {"accuracy": "best"}, 422),
         ("search", {"seed": 2**40}, 422), ("search", {"anew": 1}, 400), ("search", {"speed": 1}, 400),
     ):  # fmt: skip
-        found, _, content = ask(page, f"do/{what}", body)
-        assert found == status, (what, body, content)
+        code, _, content = ask(page, f"do/{what}", body)
+        assert code == status, (what, body, content)
         assert status == 404 or len(json.loads(content)["lines"]) == 1
 
 

@@ -31,8 +31,8 @@ def session_on(folder: Path | None, text: str = TEXT, path: Path | None = None) 
 
 def run(work: Callable[[], Any]) -> Any:
     async def in_loop() -> Any:
-        found = work()
-        return await found if asyncio.iscoroutine(found) else found
+        result = work()
+        return await result if asyncio.iscoroutine(result) else result
 
     return asyncio.run(in_loop())
 

@@ -188,8 +188,8 @@ def test_axe_finds_nothing_and_a_narrow_window_needs_no_sideways_scrolling(studi
     until(lambda: page.inner_text("#bounds"), 30.0)
     for details in page.query_selector_all("details:not([open]) > summary")[:6]:
         details.click()
-    found = Axe().run(page).response["violations"]
-    assert [(each["id"], [node["html"][:90] for node in each["nodes"][:3]]) for each in found] == []
+    violations = Axe().run(page).response["violations"]
+    assert [(violation["id"], [node["html"][:90] for node in violation["nodes"][:3]]) for violation in violations] == []
     assert page.evaluate("document.documentElement.scrollWidth") <= width
     context.close()
 
@@ -199,10 +199,10 @@ def test_a_page_of_another_site_learns_and_changes_nothing(studio, started):
     page.route("http://evil.example/", lambda route: route.fulfill(body="<p>x</p>", content_type="text/html"))
     page.goto("http://evil.example/")
     for options in ("{}", "{mode: 'no-cors'}", "{method: 'POST', mode: 'no-cors', body: '{\"text\": \"x\"}'}"):
-        said = page.evaluate(
+        answer = page.evaluate(
             f"fetch('{studio.address}spec', {options}).then(got => got.text()).catch(error => 'refused')"
         )
-        assert said in ("refused", ""), options
+        assert answer in ("refused", ""), options
     page.close()
 
 

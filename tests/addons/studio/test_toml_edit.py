@@ -14,11 +14,11 @@ SPECS = shipped_specs()
 
 def places(value: object, before: Place = ()) -> Iterator[tuple[Place, object]]:
     if isinstance(value, dict):
-        for name, each in value.items():
-            yield from places(each, (*before, name))
+        for name, item in value.items():
+            yield from places(item, (*before, name))
     elif isinstance(value, list) and value and isinstance(value[0], dict):
-        for number, each in enumerate(value):
-            yield from places(each, (*before, number))
+        for number, item in enumerate(value):
+            yield from places(item, (*before, number))
     else:
         yield before, value
 
@@ -31,21 +31,21 @@ def comments(text: str) -> list[str]:
 def test_a_value_is_set_and_left_out_and_all_else_stays(name: str) -> None:
     text = SPECS[name].read_text(encoding="utf-8")
     for place, value in places(tomllib.loads(text)):
-        found = edited(text, place, 7.25)
-        assert comments(found) == comments(text)
-        read = dict(places(tomllib.loads(found)))
+        result = edited(text, place, 7.25)
+        assert comments(result) == comments(text)
+        read = dict(places(tomllib.loads(result)))
         assert read == dict(places(tomllib.loads(text))) | {place: 7.25}
         gone = dict(places(tomllib.loads(edited(text, place, None))))
-        assert gone == {own: each for own, each in places(tomllib.loads(text)) if own != place}, value
+        assert gone == {key: item for key, item in places(tomllib.loads(text)) if key != place}, value
 
 
 def test_tables_are_added_and_a_derived_value_takes_its_comments_place() -> None:
     text = "[constraints]\nmax_radius_mm = 14.0\n# cavity_radius_mm = 1.2   # derived: of the source\n\n[base]\n"
-    found = edited(text, ("constraints", "cavity_radius_mm"), 2.5)
-    assert found == text.replace("# cavity_radius_mm = 1.2 ", "cavity_radius_mm = 2.5 ")
-    made = edited(edited(found, ("limits", 0), {"kind": "zone"}), ("limits", 0, "at_most"), 3)
-    assert tomllib.loads(made) == tomllib.loads(found) | {"limits": [{"kind": "zone", "at_most": 3}]}
-    assert made.startswith(found.rstrip()) and "derived: of the source" in made
+    result = edited(text, ("constraints", "cavity_radius_mm"), 2.5)
+    assert result == text.replace("# cavity_radius_mm = 1.2 ", "cavity_radius_mm = 2.5 ")
+    made = edited(edited(result, ("limits", 0), {"kind": "zone"}), ("limits", 0, "at_most"), 3)
+    assert tomllib.loads(made) == tomllib.loads(result) | {"limits": [{"kind": "zone", "at_most": 3}]}
+    assert made.startswith(result.rstrip()) and "derived: of the source" in made
 
 
 def test_what_has_no_place_is_refused_in_one_line() -> None:
