@@ -42,14 +42,14 @@ def test_the_bias_of_the_splat_is_what_its_second_moment_says():
         pitch = 200.0 / level.setting
         box, triangle = 20.0**2 + pitch**2 / 12.0, 20.0**2 + pitch**2 / 6.0
         expected = 1.0 + box / triangle - 4.0 * box / (box + triangle)
-        found = level.errors["splat_nmse"]
-        assert abs(found.value - expected) < 0.05 * expected + 3.0 * found.standard_error
+        error = level.errors["splat_nmse"]
+        assert abs(error.value - expected) < 0.05 * expected + 3.0 * error.standard_error
 
 
 def test_noise_does_not_count_as_bias():
     noise = np.random.default_rng(1)
-    found = [bias(1.0 + noise.normal(size=(8, 30, 30)), np.ones((8, 30, 30))) for _ in range(50)]
-    assert abs(np.mean(found)) < 4.0 * np.std(found) / np.sqrt(50)
+    biases = [bias(1.0 + noise.normal(size=(8, 30, 30)), np.ones((8, 30, 30))) for _ in range(50)]
+    assert abs(np.mean(biases)) < 4.0 * np.std(biases) / np.sqrt(50)
 
 
 def test_an_order_is_the_slope_and_knows_its_error():

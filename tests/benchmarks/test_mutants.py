@@ -52,10 +52,10 @@ def test_a_number_gives_two_mutants_and_a_name_that_lines_above_do_not_change(tm
 
     module = tmp_path / "m.py"
     module.write_text("x = 7\n")
-    found = mutants_of(tmp_path, "m.py")
-    assert [mutated("x = 7\n", each).split() for each in found] == [["x", "=", "8"], ["x", "=", "6"]]
+    number_mutants = mutants_of(tmp_path, "m.py")
+    assert [mutated("x = 7\n", mutant).split() for mutant in number_mutants] == [["x", "=", "8"], ["x", "=", "6"]]
     module.write_text("y = 'no number'\nx = 7\n")
-    assert [each.key for each in mutants_of(tmp_path, "m.py")] == [each.key for each in found]
+    assert [mutant.key for mutant in mutants_of(tmp_path, "m.py")] == [mutant.key for mutant in number_mutants]
 
 
 def test_bugs_are_counted_without_those_that_are_none(tmp_path, monkeypatch):

@@ -29,8 +29,8 @@ def as_splines(shape):
 def test_size_is_that_of_the_closed_form(name):
     body, volume, area = SOLIDS[name]
     for shape in (body.val().wrapped, as_splines(body.val().wrapped)):
-        for sign, each in ((1.0, shape), (-1.0, shape.Reversed())):  # the faces of a reversed one face inwards
-            assert volume_and_area(each) == (pytest.approx(sign * volume, rel=2e-6), pytest.approx(area, rel=2e-6))
+        for sign, solid in ((1.0, shape), (-1.0, shape.Reversed())):  # the faces of a reversed one face inwards
+            assert volume_and_area(solid) == (pytest.approx(sign * volume, rel=2e-6), pytest.approx(area, rel=2e-6))
 
 
 def rippled_strip(height_mm, per_mm, knots):

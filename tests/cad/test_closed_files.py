@@ -30,7 +30,7 @@ def test_a_torn_file_is_said_to_be_open_and_the_whole_one_beside_it_is_not(
 ) -> None:
     content = {"stl_bytes": stl_bytes(torn()), "threemf_bytes": threemf_bytes(torn(), "torn")}[open_file]
     monkeypatch.setattr(part_export, open_file, lambda *_: content)
-    found = {criterion.key: criterion.value for criterion in build_part(make_lens(0.8, 2.45), rings=12).criteria}
-    assert (found["watertight"], found["watertight_3mf"]) == closed
+    values = {criterion.key: criterion.value for criterion in build_part(make_lens(0.8, 2.45), rings=12).criteria}
+    assert (values["watertight"], values["watertight_3mf"]) == closed
     whole = {criterion.key: criterion.value for criterion in part().criteria}
     assert (whole["watertight"], whole["watertight_3mf"]) == (1.0, 1.0)

@@ -117,9 +117,9 @@ def test_two_spheres_meet_in_their_circle_and_have_its_volume(round_body: BuiltB
     height = 1.45
     radius = np.sqrt(36.0 - (height + 2.0) ** 2)
     (crease,) = round_body.plan.envelope.creases
-    found = points_of(crease, round_body.surfaces["exit"])
-    np.testing.assert_allclose(found[:, 2], height, atol=1e-6)
-    np.testing.assert_allclose(np.hypot(found[:, 0], found[:, 1]), radius, atol=1e-6)
+    points = points_of(crease, round_body.surfaces["exit"])
+    np.testing.assert_allclose(points[:, 2], height, atol=1e-6)
+    np.testing.assert_allclose(np.hypot(points[:, 0], points[:, 1]), radius, atol=1e-6)
     edges = shared_edges(round_body, "exit", "wall")
     assert sum(edge.Length() for edge in edges) == pytest.approx(2.0 * np.pi * radius, abs=1e-6)
     for edge in edges:
@@ -140,9 +140,9 @@ def test_shifted_spheres_meet_in_a_tilted_circle(free_body: BuiltBody) -> None:
         low, high = crease.extent
         assert high - low > 0.05, "the angle of the crease depends on the azimuth"
         one, other = (free_body.surfaces[face.name] for face in boundary.faces)
-        found = points_of(crease, crease.one)
+        points = points_of(crease, crease.one)
         for ball in (one, other):
-            assert np.abs(np.linalg.norm(found - np.array(ball.centre), axis=1) - ball.axes[0]).max() < 1e-6
+            assert np.abs(np.linalg.norm(points - np.array(ball.centre), axis=1) - ball.axes[0]).max() < 1e-6
         for edge in shared_edges(free_body, *(face.name for face in boundary.faces)):
             place = np.array(edge.positionAt(0.41).toTuple())
             for ball in (one, other):
@@ -198,9 +198,9 @@ def test_the_mesh_is_closed_along_creases_and_its_vertices_there_lie_on_both_fac
             for face in (one, other):
                 assert np.abs(face.shape.radius(mesh.vertices[shared] / radius[:, None]) - radius).max() < 1e-11
             for face in (one, other):
-                own = mesh.vertices[np.unique(mesh.part(face.label))]
-                length = np.linalg.norm(own, axis=1)
-                assert (length <= boundary.radius(own / length[:, None]) + 1e-11).all()
+                vertices = mesh.vertices[np.unique(mesh.part(face.label))]
+                length = np.linalg.norm(vertices, axis=1)
+                assert (length <= boundary.radius(vertices / length[:, None]) + 1e-11).all()
     assert mesh_error(mesh, free_body.plan) <= 0.01
 
 
@@ -243,9 +243,9 @@ def test_walls_are_measured_between_the_faces_where_they_bound_the_body(free_bod
 
     near = points(plan.cavity)
     far = points(plan.envelope)
-    found = thinnest(plan.cavity, plan.envelope)
+    wall = thinnest(plan.cavity, plan.envelope)
     shortest = cKDTree(far).query(points(plan.cavity, 2**11))[0].min()
-    assert shortest - 5e-3 < found.thickness_mm <= shortest
+    assert shortest - 5e-3 < wall.thickness_mm <= shortest
     longest = (np.linalg.norm(far, axis=1) - np.linalg.norm(near, axis=1)).max()
     assert longest <= thickest(plan.cavity, plan.envelope).thickness_mm < longest + 1e-3
 
@@ -256,7 +256,7 @@ def test_the_wall_at_a_corner_of_the_cavity_is_on_the_crease() -> None:
     side = sphere(2.6, (0.0, 0.0, 0.8))
     radius = 5.0
     pair = boundaries(body({"cap": cap, "side": side}, {"wall": sphere(radius)}))
-    fits = {face.name: fit_to_form(face.shape, domain=face.domain) for each in pair for face in each.faces}
+    fits = {face.name: fit_to_form(face.shape, domain=face.domain) for boundary in pair for face in boundary.faces}
     between = np.array(side.centre) - np.array(cap.centre)
     away = np.linalg.norm(between)
     along = (away**2 + cap.axes[0] ** 2 - side.axes[0] ** 2) / (2.0 * away)
@@ -268,9 +268,9 @@ def test_the_wall_at_a_corner_of_the_cavity_is_on_the_crease() -> None:
 
 
 def test_the_wall_at_a_cap_is_on_the_axis(round_body: BuiltBody) -> None:
-    found = thinnest(round_body.plan.cavity, round_body.plan.envelope)
-    assert found.thickness_mm == pytest.approx(2.0, abs=1e-6)
-    assert found.envelope_mm == pytest.approx((0.0, 0.0, 4.0), abs=1e-3)
+    wall = thinnest(round_body.plan.cavity, round_body.plan.envelope)
+    assert wall.thickness_mm == pytest.approx(2.0, abs=1e-6)
+    assert wall.envelope_mm == pytest.approx((0.0, 0.0, 4.0), abs=1e-3)
 
 
 def test_the_section_has_its_corner_at_the_crease() -> None:

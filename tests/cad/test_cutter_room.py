@@ -40,9 +40,9 @@ def test_room_that_ends_at_the_least_wall_is_no_error_of_the_plan(pocket_mm: flo
     """The rim of an uneven cavity, which a ball must leave: its bore takes all of the room that there is."""
     base = {"diameter_mm": 13.0} if pocket_mm is None else {"diameter_mm": 26.0, "pocket_diameter_mm": pocket_mm}
     lens = cut_lens(1e-6, 0.03, **base)
-    found = base_with_room(lens)
-    assert found.bore_setback_mm is not None
-    make_plan(*fit_lens(lens), found)
+    cut_base = base_with_room(lens)
+    assert cut_base.bore_setback_mm is not None
+    make_plan(*fit_lens(lens), cut_base)
 
 
 def test_the_step_s_wall_keeps_off_the_bore_that_the_spec_gives_be_it_0(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -40,8 +40,8 @@ def test_faces_of_another_size_use_what_their_light_is_displaced(lens: Lens, tri
     rays = trial._rays
     surfaces = {**lens.surfaces, "inner": ScaledSurface(lens.surfaces["inner"], 1.0001)}
     landed = [
-        design_landings(TracedLens._of_one(each, 12.0), lens.spec, rays)[0].hits
-        for each in (lens, Lens(surfaces, lens.spec, lens.seed, lens.accuracy))
+        design_landings(TracedLens._of_one(design, 12.0), lens.spec, rays)[0].hits
+        for design in (lens, Lens(surfaces, lens.spec, lens.seed, lens.accuracy))
     ]
     half = 0.5 * lens.spec.all_receivers[0].width_mm
     both = (np.abs(landed[0]) < half).all(axis=1) & (np.abs(landed[1]) < half).all(axis=1)
@@ -58,14 +58,14 @@ def test_normals_and_rings_are_as_fine_as_half_of_what_verification_allows() -> 
     lens = make_lens(3.0, 7.0, 0.05, seed=5, levels=ALL_LEVELS, base={"kind": "none"})
     trial = _Trial(lens)
     assert trial.used_by_faces(fit_lens(lens, tolerance=COARSE)) > 1.0
-    found = fineness(lens, COARSE)
-    pair = fit_lens(lens, tolerance=found.tolerance)
-    assert found.tolerance.normal_mrad < COARSE.normal_mrad and found.tolerance.form_nm == COARSE.form_nm
+    resolution = fineness(lens, COARSE)
+    pair = fit_lens(lens, tolerance=resolution.tolerance)
+    assert resolution.tolerance.normal_mrad < COARSE.normal_mrad and resolution.tolerance.form_nm == COARSE.form_nm
     assert trial.used_by_faces(pair) <= 0.5
     plan = make_plan(*pair, base_with_room(lens))
-    assert trial.used_by_mesh(build_mesh(plan, found.rings, 2e-3)) <= 0.5
+    assert trial.used_by_mesh(build_mesh(plan, resolution.rings, 2e-3)) <= 0.5
     assert trial.used_by_mesh(build_mesh(plan, 12)) > 1.0
-    assert fineness(lens, found.tolerance, rings=12) == Fineness(found.tolerance)
+    assert fineness(lens, resolution.tolerance, rings=12) == Fineness(resolution.tolerance)
 
 
 def test_a_trial_ends_and_tells_what_its_facets_use(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -30,7 +30,7 @@ def built(base: dict) -> BuiltBody:
 
 @pytest.mark.parametrize("name", BASES)
 def test_feet_add_their_own_volume_to_one_closed_named_body(name: str) -> None:
-    with_feet, without = (built({**BASES[name], **each}) for each in ({}, {"feet": None}))
+    with_feet, without = (built({**BASES[name], **changes}) for changes in ({}, {"feet": None}))
     solid = parse_step(step_bytes(with_feet.solid, "feet"))
     assert solid.valid and solid.genus == 0
     assert solid.default_volume_mm3 - without.solid.default_volume_mm3 == pytest.approx(OWN, rel=1e-3)

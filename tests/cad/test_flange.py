@@ -78,8 +78,8 @@ def test_solid_mesh_and_section_hold_the_same_ring() -> None:
     x, z = body_outlines(lens, 0.0)[0].T
     (a, b), (low, high) = np.maximum(np.stack([x, np.roll(x, -1)]), 0.0), np.stack([z, np.roll(z, -1)])
     volume = abs(np.pi / 3.0 * np.sum((a**2 + a * b + b**2) * (high - low)))
-    own = np.pi * (ring.outer_mm**2 - ring.inner_mm**2) * (ring.high_mm - ring.low_mm)
-    assert body.solid.valid and body.solid.genus == 0 and own > 0.05 * volume
+    ring_volume = np.pi * (ring.outer_mm**2 - ring.inner_mm**2) * (ring.high_mm - ring.low_mm)
+    assert body.solid.valid and body.solid.genus == 0 and ring_volume > 0.05 * volume
     assert body.mesh.volume() == pytest.approx(volume, rel=2e-3)
     assert body.solid.default_volume_mm3 == pytest.approx(volume, rel=1e-3)
     (low_x, _, _), (high_x, _, _) = body.mesh.bounds_mm
@@ -90,9 +90,9 @@ def test_light_that_meets_the_flange_has_a_fate_of_its_own(lit: lf.Light) -> Non
     (function, source), lens = merit(), built()[0]
     parameters, scene = function.parametrisation, function.light.scene
     rays = source.sample(2**14, 5)
-    found = TracedBundle.of(parameters.tables(*parameters.start()).numpy(), scene, rays)
-    ended = found.exits.fates == Fate.FLANGE
-    assert 0.001 < ended.mean() < 0.02 and (found.exits.fates != Fate.NOT_CONVERGED).all()
+    traced = TracedBundle.of(parameters.tables(*parameters.start()).numpy(), scene, rays)
+    ended = traced.exits.fates == Fate.FLANGE
+    assert 0.001 < ended.mean() < 0.02 and (traced.exits.fates != Fate.NOT_CONVERGED).all()
     some = rays.take(np.flatnonzero(ended)[:20])
     assert (exactly(lens.surfaces, scene, some).fates == Fate.FLANGE).mean() > 0.9
     assert lit.missed_by_cause.flange == pytest.approx(rays.flux[ended].sum() / rays.flux.sum(), rel=0.2)
@@ -111,10 +111,10 @@ def test_the_derivative_counts_light_that_begins_to_meet_the_flange(face: str) -
         return function.terms[0].loss(function.light_of(parameters.tables(weights, moved), rays).images[0], False)
 
     step, moving = 4e-3, offsets.clone().requires_grad_()
-    found = float(loss(offsets + step * along) - loss(offsets - step * along)) / (2.0 * step)
+    slope = float(loss(offsets + step * along) - loss(offsets - step * along)) / (2.0 * step)
     loss(moving).backward()
-    assert float((moving.grad * along).sum()) == pytest.approx(found, abs=0.02), "differences err by 0.01"
-    assert abs(found) > 0.06 or face == "exit"
+    assert float((moving.grad * along).sum()) == pytest.approx(slope, abs=0.02), "differences err by 0.01"
+    assert abs(slope) > 0.06 or face == "exit"
 
 
 @pytest.mark.parametrize("levels", first_by_day(1, [[9], []]))
@@ -157,15 +157,15 @@ def test_a_search_leaves_the_room() -> None:
 def test_the_referee_finds_the_light_that_the_flange_takes(lit: lf.Light) -> None:
     lens, _, body = built()
     rays = build_source(lens.spec.source, None).sample(2**14, 9)
-    found = passage_through(stl_bytes(body.mesh), optical_of(lens.body, lens.events), lens.media, rays)
-    share = found.flux[found.fates == CastFate.FLANGE].sum() / rays.flux.sum()
-    assert share == pytest.approx(lit.missed_by_cause.flange, abs=1e-3) and not found.absorbed.any()
+    passage = passage_through(stl_bytes(body.mesh), optical_of(lens.body, lens.events), lens.media, rays)
+    share = passage.flux[passage.fates == CastFate.FLANGE].sum() / rays.flux.sum()
+    assert share == pytest.approx(lit.missed_by_cause.flange, abs=1e-3) and not passage.absorbed.any()
 
 
 def test_views_and_sizes_show_it() -> None:
     lens, ring, _ = built()
     drawn = {dimension.name: dimension for dimension in dimensions(lens)}
-    sizes = {name: each.value_mm for name, each in drawn.items()}
+    sizes = {name: dimension.value_mm for name, dimension in drawn.items()}
     assert sizes["thickness of the rim's flange"] == pytest.approx(1.0)
     for name in ("thickness of the rim's flange", "underside of the rim's flange above z = 0"):
         assert {across for _, across in drawn[name].ends or ()} == {-10.0}, "on the side of the heights, not across"

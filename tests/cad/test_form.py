@@ -37,8 +37,8 @@ def test_a_patch_has_the_bits_of_scipys_spline():
     knots = np.repeat(np.linspace(-1.2, 1.2, 24), [8, *[1] * 22, 8])
     patch = Patch(rng.normal(size=(30, 30, 3)), knots)
     chart = np.concatenate([rng.uniform(-1.3, 1.3, (500, 2)), knots[[[4, 9], [30, 7]]], [[np.nan, 0.0]]])
-    for found, order in zip(vars(patch.jet(chart)).values(), _JET_ORDERS, strict=True):
-        np.testing.assert_array_equal(found, NdBSpline((knots, knots), patch.control, DEGREE)(chart, nu=order))
+    for derivative, order in zip(vars(patch.jet(chart)).values(), _JET_ORDERS, strict=True):
+        np.testing.assert_array_equal(derivative, NdBSpline((knots, knots), patch.control, DEGREE)(chart, nu=order))
 
 
 def test_an_offset_is_reported_along_the_normal():
@@ -113,21 +113,21 @@ def test_the_largest_errors_are_sought_between_the_samples():
 
     chart = chart_samples(1024)
     sampled = form_error(SURFACE, *bumpy(chart))
-    found = largest_errors(SURFACE, bumpy, chart)
+    errors = largest_errors(SURFACE, bumpy, chart)
     tilt = SURFACE.normal(to_sphere(peak[None]))[0] @ to_sphere(peak)
-    assert found.form_max_nm == pytest.approx(5.0 * tilt, rel=1e-4)
-    assert sampled.form_max_nm < 0.95 * found.form_max_nm
-    assert found.form_rms_nm == sampled.form_rms_nm
+    assert errors.form_max_nm == pytest.approx(5.0 * tilt, rel=1e-4)
+    assert sampled.form_max_nm < 0.95 * errors.form_max_nm
+    assert errors.form_rms_nm == sampled.form_rms_nm
 
 
 def test_the_largest_errors_of_a_spline_are_those_of_dense_samples():
     surface = random_surface(2.45, 0.05, seed=5, levels=(9, 25, 81))
     patch = fit_patch(surface, 48)
-    found = largest_errors(surface, lambda chart: (patch.points(chart), patch.normals(chart)), chart_samples())
+    errors = largest_errors(surface, lambda chart: (patch.points(chart), patch.normals(chart)), chart_samples())
     many = chart_samples(2**17, seed=3)
     dense = form_error(surface, patch.points(many), patch.normals(many))
-    assert 0.96 * dense.form_max_nm < found.form_max_nm < 1.02 * dense.form_max_nm
-    assert 0.96 * dense.normal_max_mrad < found.normal_max_mrad < 1.02 * dense.normal_max_mrad
+    assert 0.96 * dense.form_max_nm < errors.form_max_nm < 1.02 * dense.form_max_nm
+    assert 0.96 * dense.normal_max_mrad < errors.normal_max_mrad < 1.02 * dense.normal_max_mrad
 
 
 def test_a_coarse_spline_has_its_own_points_in_their_directions():

@@ -67,13 +67,13 @@ def test_the_distance_to_a_spherical_cavity_is_that_of_geometry(
     tmp_path: Path, shape: object, distance_mm: float
 ) -> None:
     part = part_with(step_file(tmp_path / "led.step", shape))
-    found = part.keep_out
-    assert found is not None
-    assert found.distance_mm == pytest.approx(distance_mm, abs=found.error_mm)
-    assert found.error_mm < 5e-3
-    apart = np.linalg.norm(np.subtract(found.body_point_mm, found.keep_out_point_mm))
-    assert apart == pytest.approx(found.distance_mm, abs=1e-9)
-    assert np.linalg.norm(found.body_point_mm) == pytest.approx(INNER_MM, abs=0.01)
+    clearance = part.keep_out
+    assert clearance is not None
+    assert clearance.distance_mm == pytest.approx(distance_mm, abs=clearance.error_mm)
+    assert clearance.error_mm < 5e-3
+    apart = np.linalg.norm(np.subtract(clearance.body_point_mm, clearance.keep_out_point_mm))
+    assert apart == pytest.approx(clearance.distance_mm, abs=1e-9)
+    assert np.linalg.norm(clearance.body_point_mm) == pytest.approx(INNER_MM, abs=0.01)
     assert missed(part) == []
 
 
@@ -103,10 +103,10 @@ def test_a_lens_that_is_not_closed_has_no_distance_and_is_no_fault_of_the_keep_o
 def test_of_several_solids_the_nearest_is_named(tmp_path: Path) -> None:
     """Balls of 0.2 mm in a spherical cavity, the second 0.3 mm nearer to its wall."""
     places = [(0.2, 0.0, 0.1), (0.0, 0.55, 0.1)]
-    found = part_with(step_file(tmp_path / "leds.step", *(ball(0.1, place) for place in places))).keep_out
-    assert found is not None
-    assert found.distance_mm == pytest.approx(INNER_MM - float(np.hypot(0.55, 0.1)) - 0.1, abs=found.error_mm)
-    assert np.linalg.norm(np.subtract(found.keep_out_point_mm, places[1])) == pytest.approx(0.1, abs=0.01)
+    clearance = part_with(step_file(tmp_path / "leds.step", *(ball(0.1, place) for place in places))).keep_out
+    assert clearance is not None
+    assert clearance.distance_mm == pytest.approx(INNER_MM - float(np.hypot(0.55, 0.1)) - 0.1, abs=clearance.error_mm)
+    assert np.linalg.norm(np.subtract(clearance.keep_out_point_mm, places[1])) == pytest.approx(0.1, abs=0.01)
 
 
 @HERE
@@ -149,8 +149,8 @@ def test_the_remedy_names_the_field_of_the_place(
     width = "side_mm" if base == "square" else "diameter_mm"
     plain = make_lens(INNER_MM, OUTER_MM, 0.0, base={"kind": base, width: 6.0, "height_mm": 2.0})
     spec = plain.spec.replace({"constraints.keep_out": "clamp.step", "constraints.keep_out_margin_mm": 0.1})
-    found = KeepOutDistance(distance_mm=distance_mm, body_point_mm=body, keep_out_point_mm=keep_out, error_mm=1e-3)
-    remedy = keep_out_remedy(spec, found)
+    clearance = KeepOutDistance(distance_mm=distance_mm, body_point_mm=body, keep_out_point_mm=keep_out, error_mm=1e-3)
+    remedy = keep_out_remedy(spec, clearance)
     assert words in remedy
     assert remedy.endswith("; the body is closest at ({:g}, {:g}, {:g}) mm".format(*body))
 

@@ -63,8 +63,8 @@ class OfPlate(Record):
 
 
 def criteria_of(made: Part | BuiltPlate) -> list[Fact]:
-    own = made if isinstance(made, Part) else OfPlate(face_tolerance=FINEST, plate=made.figures)
-    return list(criteria_in(own))
+    part = made if isinstance(made, Part) else OfPlate(face_tolerance=FINEST, plate=made.figures)
+    return list(criteria_in(part))
 
 
 def failed(made: Part | BuiltPlate) -> list[str]:
@@ -80,8 +80,8 @@ def fitted(relative: float = 0.0) -> Any:
 def plate_alone(lens: Lens, relative: float = 0.0) -> BuiltPlate:
     """The plate of ``lens`` without the files of one lens, which take twice as long."""
     plan = make_plan(*fitted(relative), BaseSection(kind="none"))
-    own = LensOfPlate(plan, 0.5, build_solid(plan).volume_mm3)
-    plate = build_plate(lens, own, None, FINEST, "AP214", None)
+    plate_lens = LensOfPlate(plan, 0.5, build_solid(plan).volume_mm3)
+    plate = build_plate(lens, plate_lens, None, FINEST, "AP214", None)
     assert plate is not None
     return plate
 
@@ -122,12 +122,14 @@ def test_each_place_of_a_plate_has_the_lens_of_its_kind() -> None:
     some = u[::60, ::300].reshape(-1, 3)
     volume = 25.0 * 24.0
     for number, (place, turn, kind) in enumerate(zip(places, np.radians(turns), kinds, strict=True)):
-        own = lens.of_kind(kind)
-        cubes = [face.radius(u.reshape(-1, 3)).reshape(u.shape[:2]) ** 3 for face in (own.outer, own.inner)]
+        single = lens.of_kind(kind)
+        cubes = [face.radius(u.reshape(-1, 3)).reshape(u.shape[:2]) ** 3 for face in (single.outer, single.inner)]
         volume += np.pi * weights @ (cubes[0] - cubes[1]).mean(axis=1) / 3.0
-        volume -= np.pi * np.mean(own.inner.radius(np.stack([np.cos(around), np.sin(around), 0 * around], axis=1)) ** 2)
+        volume -= np.pi * np.mean(
+            single.inner.radius(np.stack([np.cos(around), np.sin(around), 0 * around], axis=1)) ** 2
+        )
         turned = np.array([[np.cos(turn), np.sin(turn), 0.0], [-np.sin(turn), np.cos(turn), 0.0], [0.0, 0.0, 1.0]])
-        for name, surface in own.surfaces.items():
+        for name, surface in single.surfaces.items():
             points = (surface.radius(some)[:, None] * some) @ turned + [*place, 0.0]
             face = cq.Face(solid.faces[f"OPTICAL_{name.upper()}_{number + 1}"])
             assert max(_away(face, point.tolist()) for point in points) < 1e-4, (name, number)
@@ -191,7 +193,7 @@ def test_a_plate_of_turned_lenses_has_the_volume_of_its_parts(ring: Part) -> Non
     nearest = (radius**2 / np.hypot(radius, turned)).min()  # of a tangent of the rim to the axis
     scale = 1.0 + 2.0 * SLOPE / nearest
     bores = 3.0 * np.pi * np.mean(radius**2) * 2.0 * (1.0 + scale + scale**2) / 3.0
-    sizes = [[each - 2.0 * inset for each in (*layout.size_mm, 3.0)] for inset in (0.0, SLOPE, 2.0 * SLOPE)]
+    sizes = [[length - 2.0 * inset for length in (*layout.size_mm, 3.0)] for inset in (0.0, SLOPE, 2.0 * SLOPE)]
     areas = [x * y - (1.0 - np.pi / 4.0) * corner**2 for x, y, corner in sizes]
     sides = 2.0 * (areas[0] + 4.0 * areas[1] + areas[2]) / 6.0  # exact of a square of the depth
     expected = 3.0 * ring.volume_mm3 + sides - bores - holes
@@ -239,8 +241,8 @@ def test_the_least_gap_of_turned_freeform_lenses_is_that_of_their_points() -> No
     u = np.stack([np.sin(polar) * np.cos(azimuth), np.sin(polar) * np.sin(azimuth), np.cos(polar)], axis=1)
     kinds = [kind.outer.radius(u)[:, None] * u for kind in lens.kinds]
     stand = [
-        own @ np.array([[np.cos(t), np.sin(t), 0.0], [-np.sin(t), np.cos(t), 0.0], [0.0, 0.0, 1.0]]) + [*place, 0.0]
-        for own, place, t in zip((kinds[0], kinds[0], kinds[1]), places, turns, strict=True)
+        outline @ np.array([[np.cos(t), np.sin(t), 0.0], [-np.sin(t), np.cos(t), 0.0], [0.0, 0.0, 1.0]]) + [*place, 0.0]
+        for outline, place, t in zip((kinds[0], kinds[0], kinds[1]), places, turns, strict=True)
     ]
     apart = [float(cKDTree(stand[a]).query(stand[b])[0].min()) for a, b in ((0, 1), (0, 2), (1, 2))]
     assert gap_mm == pytest.approx(min(apart), abs=0.01) and apart[1] + 0.2 < apart[0]
@@ -327,11 +329,11 @@ def test_the_ball_must_fit_between_lenses_that_are_cut(cutter: float, process: s
     """Spheres of 2.45 mm, 9 mm apart, leave 4.1 mm."""
     lens = on_plate({"thickness_mm": 1.0}, {"kind": "table", "places_mm": [[-4.5, 0.0], [4.5, 0.0]]})
     spec = lens.spec.replace({"manufacture.cutter_radius_mm": cutter, "manufacture.process": process})
-    found = [finding for finding in findings(replace(lens, spec=spec)) if finding.key == "gap"]
-    assert [each.holds for each in found] == ([] if holds is None else [holds])
-    for each in found:
-        assert each.limit == pytest.approx(4.1, abs=2e-3)
-        assert ("manufacture.cutter_radius_mm = 2.0" in each.remedy) == (not each.holds)
+    gaps = [finding for finding in findings(replace(lens, spec=spec)) if finding.key == "gap"]
+    assert [finding.holds for finding in gaps] == ([] if holds is None else [holds])
+    for gap in gaps:
+        assert gap.limit == pytest.approx(4.1, abs=2e-3)
+        assert ("manufacture.cutter_radius_mm = 2.0" in gap.remedy) == (not gap.holds)
 
 
 @pytest.mark.parametrize(
@@ -349,8 +351,11 @@ def test_the_thinnest_wall_of_a_plate_is_found(place: list[float], wall: float, 
     plate = {"thickness_mm": 1.0, "width_mm": 7.0, "height_mm": 7.0, "holes": [hole], "pins": [pin], "draft_deg": 0.0}
     lens = make_lens(INNER, OUTER, base={"kind": "none"})
     spec = lens.spec.replace({"constraints.max_radius_mm": 2.5, "plate": plate})
-    (found,) = [finding for finding in findings(replace(lens, spec=spec)) if finding.key == "plate"]
-    assert found.value == pytest.approx(wall, abs=1e-6) and f"between plate.pins.0 and {between}" in found.note
+    (plate_finding,) = [finding for finding in findings(replace(lens, spec=spec)) if finding.key == "plate"]
+    assert (
+        plate_finding.value == pytest.approx(wall, abs=1e-6)
+        and f"between plate.pins.0 and {between}" in plate_finding.note
+    )
 
 
 @pytest.mark.parametrize(
@@ -372,9 +377,9 @@ def test_walls_are_those_at_turned_cavities_and_at_the_nearer_edge(
     turn = np.linspace(0.0, 2.0 * np.pi, 3601)
     assert layout is not None
     sizes = (2.0, 0.8), (2.3, 0.5)
-    found = layout.thinnest_wall([np.column_stack([x * np.cos(turn), y * np.sin(turn)]) for x, y in sizes])
-    assert found is not None and found.thickness_mm == pytest.approx(wall, abs=1e-6)
-    assert found.between == f"plate.pins.0 and {between}"
+    thinnest = layout.thinnest_wall([np.column_stack([x * np.cos(turn), y * np.sin(turn)]) for x, y in sizes])
+    assert thinnest is not None and thinnest.thickness_mm == pytest.approx(wall, abs=1e-6)
+    assert thinnest.between == f"plate.pins.0 and {between}"
 
 
 @pytest.mark.parametrize(
@@ -387,8 +392,8 @@ def test_walls_are_those_at_turned_cavities_and_at_the_nearer_edge(
 def test_the_walls_of_a_boss_are_judged(bore: dict[str, float], wall: float, between: str) -> None:
     boss = {"place_mm": [5.5, 0.0], "diameter_mm": 2.0, "height_mm": 1.0, **bore}
     lens = on_plate({"thickness_mm": 1.0, "width_mm": 16.0, "height_mm": 16.0, "bosses": [boss]})
-    (found,) = [finding for finding in findings(lens) if finding.key == "plate"]
-    assert found.value == pytest.approx(wall, abs=1e-9) and between in found.note
+    (plate_finding,) = [finding for finding in findings(lens) if finding.key == "plate"]
+    assert plate_finding.value == pytest.approx(wall, abs=1e-9) and between in plate_finding.note
     drafted = lens.spec.replace({"plate.draft_deg": DRAFT_DEG})
     (less,) = [finding for finding in findings(replace(lens, spec=drafted)) if finding.key == "plate"]
     lost = SLOPE * (1.0 + bore["bore_depth_mm"]) if "its bore" in between else 0.0
@@ -404,9 +409,9 @@ def test_walls_are_judged_at_the_bottom_where_drafts_have_widened_bores_and_hole
         assert layout is not None
         layout = replace(layout, plate=layout.plate.model_validate(plate))
         turn = np.linspace(0.0, 2.0 * np.pi, 3600, endpoint=False)
-        found = layout.thinnest_wall([INNER * np.column_stack([np.cos(turn), np.sin(turn)])])
-        assert found is not None
-        assert found.thickness_mm == pytest.approx(gap - 3.0 * widened * SLOPE, abs=1e-6)
+        thinnest = layout.thinnest_wall([INNER * np.column_stack([np.cos(turn), np.sin(turn)])])
+        assert thinnest is not None
+        assert thinnest.thickness_mm == pytest.approx(gap - 3.0 * widened * SLOPE, abs=1e-6)
 
 
 def test_a_pin_or_a_boss_that_its_draft_leaves_nothing_of_is_refused() -> None:

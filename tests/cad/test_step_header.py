@@ -86,12 +86,14 @@ BASES = [
 def test_ap242_carries_the_form_tolerance_on_the_optical_faces(base):
     part = tolerated(base)
     datum = BASES[base][1]
-    found = read_tolerances(part.step)
-    assert {each.face for each in found} == {"OPTICAL_OUTER", "OPTICAL_INNER"}
-    for each in found:
-        assert each.width_um == pytest.approx(1.2345, rel=1e-12)
-        assert {re.sub(r"^BASE_TOP.*", "BASE_TOP", name) for name in each.datum_faces} == datum
-    assert sorted(tolerance.face for tolerance in part.form_tolerances) == sorted(tolerance.face for tolerance in found)
+    callouts = read_tolerances(part.step)
+    assert {tolerance.face for tolerance in callouts} == {"OPTICAL_OUTER", "OPTICAL_INNER"}
+    for callout in callouts:
+        assert callout.width_um == pytest.approx(1.2345, rel=1e-12)
+        assert {re.sub(r"^BASE_TOP.*", "BASE_TOP", name) for name in callout.datum_faces} == datum
+    assert sorted(tolerance.face for tolerance in part.form_tolerances) == sorted(
+        tolerance.face for tolerance in callouts
+    )
     assert part.criteria and all(criterion.holds for criterion in part.criteria)
     assert set(parse_step(part.step).faces) == set(part.faces.names), "names and faces are kept"
 

@@ -39,43 +39,43 @@ def test_concentric_hemispheres_have_one_thickness() -> None:
 def test_the_wall_between_decentred_spheres_is_on_the_line_of_their_centres() -> None:
     c_in = np.array([0.1, 0.0, 0.2])
     c_out = np.array([-0.3, 0.2, -0.1])
-    found = span(sphere(SMALL, tuple(c_in)), sphere(LARGE, tuple(c_out)))
+    wall = span(sphere(SMALL, tuple(c_in)), sphere(LARGE, tuple(c_out)))
     shift = c_in - c_out
-    assert found.thickness_mm == pytest.approx(LARGE - SMALL - np.linalg.norm(shift), abs=1e-8)
+    assert wall.thickness_mm == pytest.approx(LARGE - SMALL - np.linalg.norm(shift), abs=1e-8)
     along = shift / np.linalg.norm(shift)
-    np.testing.assert_allclose(found.cavity_mm, c_in + SMALL * along, atol=1e-4)
-    np.testing.assert_allclose(found.envelope_mm, c_out + LARGE * along, atol=1e-4)
-    assert np.linalg.norm(found.envelope_mm - found.cavity_mm) == pytest.approx(found.thickness_mm, abs=1e-12)
+    np.testing.assert_allclose(wall.cavity_mm, c_in + SMALL * along, atol=1e-4)
+    np.testing.assert_allclose(wall.envelope_mm, c_out + LARGE * along, atol=1e-4)
+    assert np.linalg.norm(wall.envelope_mm - wall.cavity_mm) == pytest.approx(wall.thickness_mm, abs=1e-12)
 
 
 def test_below_the_rim_there_is_no_face() -> None:
     """The centres' line points downwards: the wall is thinnest on the rim of the inner face, towards the outer one."""
     centre = np.array([0.3, 0.1, -0.3])
-    found = span(sphere(SMALL, tuple(centre)), sphere(LARGE))
+    wall = span(sphere(SMALL, tuple(centre)), sphere(LARGE))
     reach = np.linalg.norm(centre[:2]) + np.sqrt(SMALL**2 - centre[2] ** 2)
-    assert found.thickness_mm == pytest.approx(LARGE - reach, abs=1e-7)
-    assert abs(found.cavity_mm[2]) < 1e-7
+    assert wall.thickness_mm == pytest.approx(LARGE - reach, abs=1e-7)
+    assert abs(wall.cavity_mm[2]) < 1e-7
 
 
 def test_a_steep_cavity_has_its_wall_in_the_body_and_not_behind_it() -> None:
     """A line along the normal of this cavity, sought by secants, ended 12.3 mm behind its start, beyond the cavity."""
     inner = Ellipsoid((3.5, 6.4, 6.0), (-2.7, 0.0, 0.0))
     outer = Ellipsoid((13.5, 7.0, 7.0), (2.0, 0.0, 0.0))
-    found = span(inner, outer)
+    wall = span(inner, outer)
     (shortest, _) = distance_of_points(inner, outer)
-    assert 0.1 < found.thickness_mm <= shortest < found.thickness_mm + 5e-3
+    assert 0.1 < wall.thickness_mm <= shortest < wall.thickness_mm + 5e-3
 
 
 @pytest.mark.parametrize("seed", first_by_day(1, range(3)))
 def test_the_thinnest_wall_is_the_shortest_way_through(seed: int) -> None:
     inner = random_surface(seed, 3.0, 0.06, (9, 25))
     outer = random_surface(seed + 10, 5.0, 0.06, (9, 25))
-    found = span(inner, outer)
+    wall = span(inner, outer)
     (shortest, radial) = distance_of_points(inner, outer)
-    assert shortest - 5e-3 < found.thickness_mm <= shortest
-    assert found.thickness_mm < radial + 1e-9
-    line = (found.envelope_mm - found.cavity_mm) / found.thickness_mm
-    for face, point in ((inner, found.cavity_mm), (outer, found.envelope_mm)):
+    assert shortest - 5e-3 < wall.thickness_mm <= shortest
+    assert wall.thickness_mm < radial + 1e-9
+    line = (wall.envelope_mm - wall.cavity_mm) / wall.thickness_mm
+    for face, point in ((inner, wall.cavity_mm), (outer, wall.envelope_mm)):
         if point[2] > 1e-6:
             assert line @ face.normal((point / np.linalg.norm(point))[None])[0] == pytest.approx(1.0, abs=1e-9)
 
@@ -86,7 +86,7 @@ def test_crossing_faces_have_a_negative_wall() -> None:
 
 def test_the_thickest_wall_is_along_a_ray() -> None:
     """Between two spheres whose centres are 0.5 mm apart in z: 3.5 mm on the axis, less all around it."""
-    found = thickest(fit_patch(sphere(3.0)), fit_patch(sphere(6.0, (0.0, 0.0, 0.5))))
-    assert found.thickness_mm == pytest.approx(3.5, abs=1e-6)
-    assert found.cavity_mm == pytest.approx((0.0, 0.0, 3.0), abs=1e-6)
-    assert found.envelope_mm == pytest.approx((0.0, 0.0, 6.5), abs=1e-6)
+    wall = thickest(fit_patch(sphere(3.0)), fit_patch(sphere(6.0, (0.0, 0.0, 0.5))))
+    assert wall.thickness_mm == pytest.approx(3.5, abs=1e-6)
+    assert wall.cavity_mm == pytest.approx((0.0, 0.0, 3.0), abs=1e-6)
+    assert wall.envelope_mm == pytest.approx((0.0, 0.0, 6.5), abs=1e-6)

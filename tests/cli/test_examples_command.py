@@ -43,8 +43,8 @@ def test_a_copy_has_the_files_that_it_names(
     source = (EXAMPLES / name.removesuffix(".toml")).with_suffix(".toml")
     stem = source.stem
     assert {path.name for path in tmp_path.iterdir()} == {f"{stem}.toml", *files}
-    for each in (f"{stem}.toml", *files):
-        assert (tmp_path / each).read_bytes() == (source.parent / each).read_bytes()
+    for file in (f"{stem}.toml", *files):
+        assert (tmp_path / file).read_bytes() == (source.parent / file).read_bytes()
     assert load_spec(f"{stem}.toml").name == stem
 
 
@@ -80,8 +80,8 @@ def test_a_wheel_holds_the_specs_and_all_that_the_program_reads(checkout: Path) 
     held = set(zipfile.ZipFile(wheel).namelist())
     shipped = {f"lensforge/shipped/{stem}.toml" for stem in SPECS}
     assert shipped | {"lensforge/shipped/led.tm25ray", "lensforge/shipped/arrow.png"} <= held
-    own = {path for path in (ROOT / "lensforge").rglob("*") if path.is_file() and "__pycache__" not in path.parts}
-    assert {path.relative_to(ROOT).as_posix() for path in own} <= held
+    paths = {path for path in (ROOT / "lensforge").rglob("*") if path.is_file() and "__pycache__" not in path.parts}
+    assert {path.relative_to(ROOT).as_posix() for path in paths} <= held
 
 
 def test_an_editable_install_is_a_path_which_type_checkers_read(checkout: Path) -> None:
@@ -115,6 +115,6 @@ def test_mypy_finds_the_package_from_outside_the_checkout(checkout: Path, tmp_pa
     (packages / "others.pth").write_text(str(numpy.parent), encoding="utf-8")
     (tmp_path / "user.py").write_text(USER, encoding="utf-8")
     command = [sys.executable, "-m", "mypy", "--strict", "--python-executable", tmp_path / "env" / "bin" / "python"]
-    found = subprocess.run([*command, "user.py"], cwd=tmp_path, capture_output=True, text=True, check=False)
+    result = subprocess.run([*command, "user.py"], cwd=tmp_path, capture_output=True, text=True, check=False)
     wrong = 'user.py:11: error: Unexpected keyword argument "materiel" for "LensSection"'
-    assert found.stdout.startswith(wrong) and "Found 1 error in 1 file" in found.stdout, found.stdout + found.stderr
+    assert result.stdout.startswith(wrong) and "Found 1 error in 1 file" in result.stdout, result.stdout + result.stderr

@@ -124,7 +124,7 @@ def test_the_kind_of_lens_suits_the_light(light: str, kind: str) -> None:
     even = light.startswith("rectangle")
     assert spec.lens.levels == ("auto" if kind == "double" else (25, 81) if even else ())
     if light == "beam:12":
-        bounds = [float(each) for each in re.findall(r"([0-9.]+) % with a ", errors)]
+        bounds = [float(number) for number in re.findall(r"([0-9.]+) % with a ", errors)]
         assert bounds == [92.3, 88.4, 86.1], "total reflection, a reflector, two faces"
 
 
@@ -184,8 +184,8 @@ def test_the_base_of_two_freeform_faces_has_a_flat_where_it_has_room(
 
 
 def test_a_new_moulded_lens_says_that_its_shrinkage_is_not_known() -> None:
-    said = [lensforge("new", *LAMP, "--cutter", each)[2] for each in ("mould", "1")]
-    assert ["shrinkage is not given" in each for each in said] == [True, False]
+    messages = [lensforge("new", *LAMP, "--cutter", cutter)[2] for cutter in ("mould", "1")]
+    assert ["shrinkage is not given" in message for message in messages] == [True, False]
 
 
 def test_a_lens_that_has_no_room_is_not_advised() -> None:
@@ -203,8 +203,8 @@ def test_a_new_spec_of_every_kind_is_valid_and_names_examples(kind: str, tmp_pat
     code, _, errors = lensforge("new", tmp_path / "new.toml", *light, "--cutter", "0.7", *force)
     spec = load_spec(tmp_path / "new.toml")
     assert (code, spec.lens.kind) == (0, kind)
-    said = "lensforge: 1.5 mm square Lambertian source; target: gaussian beam 20° in the far field, to 26.7°\n"
-    assert errors.endswith(said) and (errors == said) == (not force), "what was written"
+    message = "lensforge: 1.5 mm square Lambertian source; target: gaussian beam 20° in the far field, to 26.7°\n"
+    assert errors.endswith(message) and (errors == message) == (not force), "what was written"
     assert ("try a target that is longer along y" in errors) == bool(force)
     milled = kind in {"double", "extruded"}
     assert spec.manufacture.process == ("milled" if milled else "turned")
@@ -257,7 +257,7 @@ def test_the_ratio_behind_the_choice_of_a_kind_is_said() -> None:
 
     The LED is so small that no drafts are known.
     """
-    said = {}
+    ratios = {}
     for size in ("600x400", "900x600"):
         light = ("--source", "square:0.4", "--target", f"rectangle:{size}@1000", "--max-radius", "14")
         _, output, errors = lensforge("new", *light)
@@ -265,8 +265,8 @@ def test_the_ratio_behind_the_choice_of_a_kind_is_said() -> None:
         bounds = {words: float(value) for value, words in re.findall(r"([0-9.]+) % with a ([a-z-]+)", errors)}
         (ratio,) = re.findall(r"double has ([0-9.]+), tir has 1", errors)
         assert float(ratio) == pytest.approx(bounds["double-freeform"] / bounds["lens"], abs=1e-3)
-        said[parse_spec(tomllib.loads(output), "lamp").lens.kind] = float(ratio)
-    assert said["tir"] < 0.97 <= said["double"]
+        ratios[parse_spec(tomllib.loads(output), "lamp").lens.kind] = float(ratio)
+    assert ratios["tir"] < 0.97 <= ratios["double"]
     _, _, errors = lensforge("new", *light[:2], "--target", "cross:200x60@150", *light[4:])
     assert "double is used, the only kind that suits this light; --lens" in errors
 
@@ -291,8 +291,8 @@ def test_the_nearest_example_is_named_first(light: str, kind: str, nearest: str)
 @pytest.mark.parametrize(("kind", "place"), [("double", "from the origin"), ("tir", "axis"), ("reflector", "axis")])
 def test_the_largest_radius_is_said_as_this_kind_of_lens_has_it(kind: str, place: str) -> None:
     _, text, _ = lensforge("new", "--source", "square:1", "--target", "beam:20", "--max-radius", "14", "--lens", kind)
-    (said,) = (line for line in text.splitlines() if line.startswith("max_radius_mm"))
-    assert place in said and ("height" in said) == (kind == "double") and "total" not in said
+    (row,) = (line for line in text.splitlines() if line.startswith("max_radius_mm"))
+    assert place in row and ("height" in row) == (kind == "double") and "total" not in row
     (levels,) = re.findall("(?m)^levels = .*", text) or [""]
     assert ('"auto"' in levels) == ("refined" in levels) == (kind == "double")
 
@@ -347,8 +347,8 @@ def test_what_is_impossible_is_said_at_once_and_not_written(tmp_path: Path) -> N
     code, output, errors = lensforge("new", *cob, "--force")
     assert code == 0 and parse_spec(tomllib.loads(output), "cob").constraints.max_radius_mm == 14.0
     assert "25.2 %" in errors
-    code, _, said = lensforge("new", *cob, "--anyway")
-    assert code == 2 and "No such option: --anyway; it is --force now" in said
+    code, _, refusal = lensforge("new", *cob, "--anyway")
+    assert code == 2 and "No such option: --anyway; it is --force now" in refusal
 
 
 def test_a_ray_file_and_a_photometric_file_are_named_from_the_folder_of_the_spec(tmp_path: Path) -> None:
@@ -385,13 +385,13 @@ def answered(answers: str, *arguments: str) -> Result:
 
 
 def test_a_terminal_is_asked_again_until_the_answer_is_one() -> None:
-    found = answered("rectangle:200x150@300\ndisk:1\ndisc:1\n-3\n14\ncube\ndouble\n\n2.5\n")
-    assert found.exit_code == 0, found.output
-    spec = parse_spec(tomllib.loads(found.stdout), "asked")
+    result = answered("rectangle:200x150@300\ndisk:1\ndisc:1\n-3\n14\ncube\ndouble\n\n2.5\n")
+    assert result.exit_code == 0, result.output
+    spec = parse_spec(tomllib.loads(result.stdout), "asked")
     assert spec.source.diameter_mm == 1.0 and spec.manufacture.cutter_radius_mm == 2.5
-    assert all(f"{kind}:" in found.stderr for kind in ("ellipse", "cross", "ring", "text", "beam"))
-    assert spec.lens.kind == "double" and "--lens cube: must be one of double, tir, reflector" in found.stderr
-    assert "disk:1: no kind with its size" in found.stderr and "--max-radius -3: must be" in found.stderr
+    assert all(f"{kind}:" in result.stderr for kind in ("ellipse", "cross", "ring", "text", "beam"))
+    assert spec.lens.kind == "double" and "--lens cube: must be one of double, tir, reflector" in result.stderr
+    assert "disk:1: no kind with its size" in result.stderr and "--max-radius -3: must be" in result.stderr
 
 
 def test_the_usual_answer_is_what_such_a_lens_is_made_by() -> None:

@@ -200,8 +200,10 @@ def refracting(section, name, medium, before, behind, c, nm, total):
     t = fresnel(c, np.sqrt(np.where(total, 0, 1 - ratio**2 * (1 - c**2))), ratio)
     coating = section[name].get("coating") if name in section else None
     if coating is not None:
-        own = ~total
-        t[:, own] = coated(coating, nm[own], before[own], behind[own], np.minimum(c[own], 1), medium == "body")
+        partial = ~total
+        t[:, partial] = coated(
+            coating, nm[partial], before[partial], behind[partial], np.minimum(c[partial], 1), medium == "body"
+        )
     return np.where(total, back_s, np.sqrt(np.where(total, 0, t[0]))), np.where(
         total, back_p, np.sqrt(np.where(total, 0, t[1]))
     )
@@ -214,12 +216,12 @@ def fields_behind(fields, d, on, n, a_s, a_p, reflected):
     s = unit(np.where(flat[:, None], np.cross(d, [1.0, 0.2, 0.1]), s))
     p_before = np.cross(d, s)
     p_behind = np.where(reflected[:, None], p_before - 2 * (p_before * n).sum(axis=1)[:, None] * n, np.cross(on, s))
-    found = np.empty_like(fields)
+    outgoing = np.empty_like(fields)
     for k in (0, 1):
         in_s = (fields[:, k] * s).sum(axis=1)
         in_p = (fields[:, k] * p_before).sum(axis=1)
-        found[:, k] = (a_s * in_s)[:, None] * s + (a_p * in_p)[:, None] * p_behind
-    return found
+        outgoing[:, k] = (a_s * in_s)[:, None] * s + (a_p * in_p)[:, None] * p_behind
+    return outgoing
 
 
 def meet(light, face, medium, rows, t, media, section, nm, event):
@@ -319,7 +321,7 @@ def keys_of(p, d):
 def drawn(keys, i):
     """Two numbers of each ray in [0, 1)."""
     h = mix(keys + G ^ np.uint64(i))
-    return [(mix(each) >> np.uint64(11)) / 2.0**53 for each in (h + G, h + G + G)]
+    return [(mix(state) >> np.uint64(11)) / 2.0**53 for state in (h + G, h + G + G)]
 
 
 def leave_chain(lens, faces, p, d, nm=None, turns=None):

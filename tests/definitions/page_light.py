@@ -68,10 +68,10 @@ def pattern(target, x, y, folder):
 
 def blurred(image, q):
     """Convolved with a Gaussian of standard deviations ``q`` along rows and columns; nothing outside."""
-    for axis, own in enumerate(q):
-        if own > 0:
-            i = np.arange(-np.floor(4 * own + 0.5), np.floor(4 * own + 0.5) + 1)
-            taps = np.exp(-(i**2) / (2 * own**2))
+    for axis, sigma in enumerate(q):
+        if sigma > 0:
+            i = np.arange(-np.floor(4 * sigma + 0.5), np.floor(4 * sigma + 0.5) + 1)
+            taps = np.exp(-(i**2) / (2 * sigma**2))
             image = ndimage.convolve1d(image, taps / taps.sum(), axis=axis, mode="constant")
     return image
 

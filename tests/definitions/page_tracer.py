@@ -398,7 +398,7 @@ def regula_falsi(inside, rows, low, high, f_low, f_high):
 def layers_reflect(layers, nm, before, behind, c):
     """R_s and R_p of a stack, a matrix for each ray and layer; ``layers`` as the light meets them."""
     along = before * np.sqrt(1 - c**2)
-    found = []
+    reflectances = []
     for p in (0, 2):
         whole = np.tile(np.eye(2, dtype=complex), (len(c), 1, 1))
         for layer in layers:
@@ -406,14 +406,14 @@ def layers_reflect(layers, nm, before, behind, c):
             normal = np.sqrt(index**2 - along**2 + 0j)
             eta = normal / index**p
             phase = 2 * np.pi * layer["thickness_nm"] * normal / nm
-            each = [[np.cos(phase), -1j * np.sin(phase) / eta], [-1j * np.sin(phase) * eta, np.cos(phase)]]
-            whole = whole @ np.moveaxis(np.array(each), 2, 0)
+            matrix = [[np.cos(phase), -1j * np.sin(phase) / eta], [-1j * np.sin(phase) * eta, np.cos(phase)]]
+            whole = whole @ np.moveaxis(np.array(matrix), 2, 0)
         first, last = (np.sqrt(index**2 - along**2) / index**p for index in (before, behind))
         (a, b), (e, g) = np.moveaxis(whole, 0, 2)
         into = (a + b * last) * first
         out = e + g * last
-        found.append(abs((into - out) / (into + out)) ** 2)
-    return np.array(found)
+        reflectances.append(abs((into - out) / (into + out)) ** 2)
+    return np.array(reflectances)
 
 
 def coated(coating, nm, before, behind, c, outwards=False):
@@ -429,9 +429,9 @@ def coated(coating, nm, before, behind, c, outwards=False):
         angles = [*angles, 90]
         rows = [[*row, 1] for row in rows]
     places = np.cos(np.radians(angles))[::-1]
-    each = np.array([interpolate.PchipInterpolator(places, row[::-1])(mu) for row in rows])
+    at_angle = np.array([interpolate.PchipInterpolator(places, row[::-1])(mu) for row in rows])
     waves = coating["wavelength_nm"] or [0]
-    one = 1 - np.array([np.interp(w, waves, column) for w, column in zip(nm, each.T, strict=True)])
+    one = 1 - np.array([np.interp(w, waves, column) for w, column in zip(nm, at_angle.T, strict=True)])
     return np.array([one, one])
 
 
@@ -445,15 +445,15 @@ def fresnel(c, q, ratio):
 def stokes_behind(stokes, d, n, t):
     """Share I that passes a face with T_s and T_p; Q/I, U/I and the direction s to which they refer, behind it."""
     q, u, s = stokes
-    own = np.cross(n, d)
-    flat = np.linalg.norm(own, axis=1) < 1e-9  # at normal incidence s and p are alike
-    own = unit(np.where(flat[:, None], s, own))
-    x, y = (own * s).sum(axis=1), (own * np.cross(d, s)).sum(axis=1)  # cosine and sine of the angle from s to own
+    s_face = np.cross(n, d)
+    flat = np.linalg.norm(s_face, axis=1) < 1e-9  # at normal incidence s and p are alike
+    s_face = unit(np.where(flat[:, None], s, s_face))
+    x, y = (s_face * s).sum(axis=1), (s_face * np.cross(d, s)).sum(axis=1)  # cosine and sine from s to s_face
     q, u = q * (x * x - y * y) + u * 2 * x * y, u * (x * x - y * y) - q * 2 * x * y
     mean = (t[0] + t[1]) / 2
     half = (t[0] - t[1]) / 2
     i = mean + half * q
-    return i, ((half + mean * q) / i, np.sqrt(t[0] * t[1]) * u / i, own)
+    return i, ((half + mean * q) / i, np.sqrt(t[0] * t[1]) * u / i, s_face)
 
 
 def refracted(surface, p, d, before, behind, coating, nm, outwards, stokes):
@@ -483,7 +483,7 @@ def behind_glass(section, p, d, nm, stokes):
     q = inside[:, 2]
     t = fresnel(c, q, ratio)
     if glass.get("coating") is not None:
-        before, behind = (np.full(len(p), each) for each in (section["outside_index"], glass["refractive_index"]))
+        before, behind = (np.full(len(p), index) for index in (section["outside_index"], glass["refractive_index"]))
         t = coated(glass["coating"], nm, before, behind, c)
     passed, _ = stokes_behind(stokes, d, np.tile([0.0, 0.0, 1.0], (len(p), 1)), t**2)
     return p + path[:, None] * inside, passed * np.exp(-glass["absorption_per_mm"] * path)

@@ -293,8 +293,8 @@ def test_every_ray_through_more_than_two_faces(folder: Path, case: str) -> None:
     codes = np.array([left[fate] if fate in left else Fate[fate.upper()] for fate in page_tracer.FATES])
     np.testing.assert_array_equal(codes[fate], exits.fates)
     np.testing.assert_allclose(flux, exits.flux, atol=1e-4)
-    for own, library in ((absorbed, exits.absorbed), (in_glass, exits.lost_in_glass)):
-        np.testing.assert_allclose(own, 0.0 if library is None else library, atol=1e-4)
+    for by_page, library in ((absorbed, exits.absorbed), (in_glass, exits.lost_in_glass)):
+        np.testing.assert_allclose(by_page, 0.0 if library is None else library, atol=1e-4)
     landed = fate == page_tracer.LANDED
     points = exits.points[landed]
     ways = exits.directions[landed]

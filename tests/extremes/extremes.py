@@ -58,20 +58,20 @@ def sound(
     """Trace; every output and gradient is finite, every ray has one fate, and no flux comes out of nothing."""
     grid = TableGrid(nodes)
     tables = [quick_table_of(surface, grid).requires_grad_() for surface in (inner, outer)]
-    found = by_kernels(tables, Scene(Media(Medium(index)), grid), rays, distance)
-    is_sound(found, rays, tables)
-    return found
+    landed = by_kernels(tables, Scene(Media(Medium(index)), grid), rays, distance)
+    is_sound(landed, rays, tables)
+    return landed
 
 
-def is_sound(found: Landed, rays: RayBundle, parameters: list[torch.Tensor]) -> None:
-    outputs = (found.hits, found.flux, found.sin2_exit)
-    assert all(torch.isfinite(output).all() for output in (*outputs, found.exits.points, found.exits.directions))
-    assert set(found.fates.tolist()) <= set(Fate)
+def is_sound(landed: Landed, rays: RayBundle, parameters: list[torch.Tensor]) -> None:
+    outputs = (landed.hits, landed.flux, landed.sin2_exit)
+    assert all(torch.isfinite(output).all() for output in (*outputs, landed.exits.points, landed.exits.directions))
+    assert set(landed.fates.tolist()) <= set(Fate)
     assert (
-        torch.equal(found.landed | found.missed_receiver, found.exits.left_lens)
-        and not (found.landed & found.missed_receiver).any()
+        torch.equal(landed.landed | landed.missed_receiver, landed.exits.left_lens)
+        and not (landed.landed & landed.missed_receiver).any()
     )
-    carried, rounding = found.carried.detach().numpy(), max(1e-12, 8.0 * torch.finfo(found.flux.dtype).eps)
+    carried, rounding = landed.carried.detach().numpy(), max(1e-12, 8.0 * torch.finfo(landed.flux.dtype).eps)
     assert (carried >= 0.0).all() and (carried <= rays.flux * (1.0 + rounding)).all()
     rng = np.random.default_rng(0)
     mixed = sum((output * torch.as_tensor(rng.normal(size=output.shape))).sum() for output in outputs)

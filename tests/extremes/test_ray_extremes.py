@@ -56,9 +56,9 @@ def test_concentric_spheres_do_what_bouguer_says(index, size, thickness, distanc
     arrived = arrivals.landed.numpy()
     assert set(arrivals.fates.tolist()) <= {Fate.LEFT_LENS, Fate.BASE}
     expected = _expected_hits(emitted, (inner, outer), index, plane)[arrived]
-    found = arrivals.hits.detach().numpy()[arrived]
+    hits = arrivals.hits.detach().numpy()[arrived]
     scale = plane + np.linalg.norm(expected, axis=1, keepdims=True) ** 2 / plane  # a tilt moves far hits more
-    assert (np.abs(found - expected) <= 1e-10 * scale).all()
+    assert (np.abs(hits - expected) <= 1e-10 * scale).all()
     if width == 0.0:
         assert arrived.all()
         assert arrivals.flux.sum().item() == pytest.approx(normal_transmittance(index) ** 2, rel=1e-12)

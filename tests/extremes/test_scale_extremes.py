@@ -40,7 +40,7 @@ SIZE = st.floats(-3.0, 4.0).map(lambda exponent: 10.0**exponent)  # 1e-3 to 1e4
 
 def _times(length: Any, factor: float) -> Any:
     """A length, or a position, times ``factor``."""
-    return [each * factor for each in length] if isinstance(length, list) else length * factor
+    return [value * factor for value in length] if isinstance(length, list) else length * factor
 
 
 def _scaled(spec: Spec, factor: float) -> Spec:
@@ -91,11 +91,11 @@ def test_a_scaled_scene_is_designed_and_judged_alike(size: float) -> None:
     """Neither the search nor the judgement knows how long a millimetre is."""
     spec = small_spec(optimise__steps_per_level=[2, 2], optimise__rays=256)
     histories, lights = [], []
-    for each in (spec, _scaled(spec, size)):
-        source = SquareEmitter(each.source.side_mm)
-        found = search(each, source, accuracy=COARSE)
-        histories.append(np.concatenate([level.nmse for level in found.history]))
-        lights.append(evaluate_lens(found.lens, source, COARSE, rays=4096))
+    for case in (spec, _scaled(spec, size)):
+        source = SquareEmitter(case.source.side_mm)
+        result = search(case, source, accuracy=COARSE)
+        histories.append(np.concatenate([level.nmse for level in result.history]))
+        lights.append(evaluate_lens(result.lens, source, COARSE, rays=4096))
     assert np.allclose(*histories, rtol=1e-7)
     for name in ("efficiency", "nmse", "uniformity"):
         assert getattr(lights[0], name).value == pytest.approx(getattr(lights[1], name).value, rel=1e-6)
@@ -130,9 +130,9 @@ def test_a_lambertian_point_on_receivers_of_any_size(distance: float, half_angle
     _complete(light)
     a = x / np.hypot(1.0, x)
     expected = 4.0 / np.pi * a * np.arctan(a) * normal_transmittance(1.4936) ** 2
-    found = light.efficiency
-    assert found.value == pytest.approx(expected, abs=5 * found.standard_error + 1e-4)
-    assert light.raw_map.sum() * (2e-3 * x * distance / 16) ** 2 == pytest.approx(found.value, rel=1e-9)
+    efficiency = light.efficiency
+    assert efficiency.value == pytest.approx(expected, abs=5 * efficiency.standard_error + 1e-4)
+    assert light.raw_map.sum() * (2e-3 * x * distance / 16) ** 2 == pytest.approx(efficiency.value, rel=1e-9)
 
 
 def _collected(hits: torch.Tensor, flux: torch.Tensor, sin2_exit: torch.Tensor, grid: PixelGrid) -> Collected:

@@ -160,15 +160,15 @@ def test_a_search_from_anywhere_stays_finite(index, side, receiver, mask, pixels
         target__uniform_mm=mask * receiver,
         optimise={"steps_per_level": [3] * len(levels), "rays": 64, "pixels": pixels},
     )
-    found, refused = None, ""
+    result, refused = None, ""
     try:
-        found = search(spec, SquareEmitter(side), accuracy=COARSE, seed=seed)
+        result = search(spec, SquareEmitter(side), accuracy=COARSE, seed=seed)
     except InputError as refusal:
         refused = str(refusal)
-    if found is None:
+    if result is None:
         assert "of the light" in refused, "none in the lens, or a target that no lens can light"
         return
-    assert np.isfinite([value for level in found.history for value in level.nmse + level.efficiency]).all()
-    own = found.constraints.model_dump().values()
-    margins = [each for value in own for each in (value.values() if isinstance(value, dict) else [value])]
+    assert np.isfinite([value for level in result.history for value in level.nmse + level.efficiency]).all()
+    limits = result.constraints.model_dump().values()
+    margins = [limit for value in limits for limit in (value.values() if isinstance(value, dict) else [value])]
     assert np.isfinite([value for value in margins if value is not None]).all()
