@@ -78,11 +78,11 @@ def test_a_kernel_is_locked_from_the_first_look_for_it_until_it_is_kept(monkeypa
     ("folder", "sources"), [(KERNELS, SOURCES), (PROOF, [PROOF / "grid_walk.py", PROOF / "vertex_fit.py"])]
 )
 def test_kernels_take_their_constants_from_their_own_folder(folder: Path, sources: list[Path]) -> None:
-    own = f"lensforge.{folder.name}"
+    room = f"lensforge.{folder.name}"
     for path in sources:
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
             if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("lensforge"):
-                assert node.module.startswith((own, "lensforge.kernels.compiled")), path
+                assert node.module.startswith((room, "lensforge.kernels.compiled")), path
 
 
 def test_the_fates_are_their_places_in_arrays() -> None:

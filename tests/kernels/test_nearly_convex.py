@@ -17,8 +17,8 @@ GRID = TableGrid(81)
 
 def test_a_sphere_and_a_plane_bend_as_they_must() -> None:
     for surface, wanted in ((sphere(4.0), 0.25), (PlaneFace(30.0, 8.0), 0.0), (ConicFace(40.0, 5.0, 0.8), 0.2)):
-        found, rho = alone(least_bend)(tabulate(GRID, surface), 50, 45, GRID.origin, GRID.step)
-        assert found == pytest.approx(wanted, abs=2e-3)
+        bend, rho = alone(least_bend)(tabulate(GRID, surface), 50, 45, GRID.origin, GRID.step)
+        assert bend == pytest.approx(wanted, abs=2e-3)
         direction = np.array([GRID.origin + 50 * GRID.step, GRID.origin + 45 * GRID.step])
         square = direction @ direction
         up = np.array([[*(2.0 * direction), 1.0 - square]]) / (1.0 + square)
@@ -59,8 +59,8 @@ def test_proven_crossings_are_those_of_the_search_without_proof(monkeypatch: pyt
     bounds = table_trace.chain_bounds
 
     def hopeless(*arguments: object) -> object:
-        found = bounds(*arguments)
-        return found._replace(hollows=np.full_like(found.hollows, np.inf))
+        result = bounds(*arguments)
+        return result._replace(hollows=np.full_like(result.hollows, np.inf))
 
     monkeypatch.setattr(table_trace, "chain_bounds", hopeless)
     walked = TracedBundle.of(tables, scene, rays)

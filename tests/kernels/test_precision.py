@@ -132,15 +132,15 @@ def test_rays_and_gradients_of_every_scene_are_those_in_double(name: str, colour
     assert (double.at_lens.fates == single.at_lens.fates).all()
     assert 0.5 < (double.at_lens.fates == Fate.LEFT_LENS).mean() < 1.0
     for field in ("points", "directions", "flux", "sin2_exit", "absorbed", "axial"):
-        wanted, found = (getattr(each.exits, field) for each in (double, single))
-        assert (wanted is None) == (found is None)
+        wanted, value = (getattr(traced.exits, field) for traced in (double, single))
+        assert (wanted is None) == (value is None)
         if wanted is not None and len(wanted):
-            assert found.dtype == np.float64
-            assert np.abs(found - wanted).max() <= 3e-5 * np.abs(wanted).max(), field
+            assert value.dtype == np.float64
+            assert np.abs(value - wanted).max() <= 3e-5 * np.abs(wanted).max(), field
     by = Sensitivities(rng.normal(size=(len(rays), 3)), rng.normal(size=(len(rays), 3)))
     by_flux, by_sin2 = rng.normal(size=(2, len(rays)))
-    wanted, found = (each.gradients(by, by_flux, by_sin2) for each in (double, single))
-    for a, b in zip(wanted, found, strict=True):
+    wanted, value = (traced.gradients(by, by_flux, by_sin2) for traced in (double, single))
+    for a, b in zip(wanted, value, strict=True):
         assert 1e-9 < np.linalg.norm(b - a) / np.linalg.norm(a) < 2e-5
 
 

@@ -30,11 +30,11 @@ def test_a_factor_need_not_be_contiguous() -> None:
 
 def test_the_bits_do_not_depend_on_the_threads() -> None:
     rng = np.random.default_rng(0)
-    found = []
+    products = []
     matrix = SparseMatrix(csr_matrix(random_array((1200, 1100), density=0.4, rng=rng)))
     dense = torch.from_numpy(rng.normal(size=(1100, 2))).requires_grad_()
     for count in (1, 3):
         with threads_of_torch(count):
             product = matrix @ dense
-            found.append((product.detach(), *torch.autograd.grad(product.sin().sum(), dense)))
-    assert all(torch.equal(one, three) for one, three in zip(*found, strict=True))
+            products.append((product.detach(), *torch.autograd.grad(product.sin().sum(), dense)))
+    assert all(torch.equal(one, three) for one, three in zip(*products, strict=True))

@@ -40,12 +40,12 @@ def test_the_first_hit_is_that_of_all_triangles(count: int) -> None:
         shares = [(np.cross(q - p, places - p) * normals).sum(axis=2) / area for p, q in ((a, b), (b, c), (c, a))]
         inside = (np.min(shares, axis=0) >= 0.0) & (distances > 0.0) & (area > 0.0)
     every = np.where(inside, distances, np.inf)
-    found = np.empty(len(points))
+    lengths = np.empty(len(points))
     numbers = np.empty(len(points), dtype=np.int64)
-    first_hits(points, directions, tree_of(corners), found, numbers)
-    assert found == pytest.approx(every.min(axis=1), rel=1e-9)
-    hit = np.isfinite(found)
-    assert (numbers[~hit] == -1).all() and (every[hit, numbers[hit]] == pytest.approx(found[hit]))
+    first_hits(points, directions, tree_of(corners), lengths, numbers)
+    assert lengths == pytest.approx(every.min(axis=1), rel=1e-9)
+    hit = np.isfinite(lengths)
+    assert (numbers[~hit] == -1).all() and (every[hit, numbers[hit]] == pytest.approx(lengths[hit]))
     assert count < 30 or 20 < hit.sum() < 690
 
 
@@ -66,15 +66,17 @@ def test_the_nearest_rim_is_that_of_all_edges(most: float) -> None:
             counts = (along > spans[:, :1]) & (along < spans[:, 1:])
             tangents = np.where(counts, aside / np.maximum(along, 1e-9), np.inf)
             wanted = np.minimum(wanted, tangents.min(axis=1))
-    found = np.empty(len(points))
+    distances = np.empty(len(points))
     rims = np.zeros((len(points), 3))
     edges = np.concatenate([corners[:, [k, (k + 1) % 3]] for k in range(3)])
-    nearest_rims(points, directions, spans, most, tree_of(edges), found, rims)
+    nearest_rims(points, directions, spans, most, tree_of(edges), distances, rims)
     free = spans[:, 1] == FAR  # at the end of a span an edge may come nearer still, or not at all
-    assert found[free] == pytest.approx(wanted[free], abs=2e-3 * most)
-    assert 10 < (found < most).sum() < len(points)
-    close = np.flatnonzero(found < most)
+    assert distances[free] == pytest.approx(wanted[free], abs=2e-3 * most)
+    assert 10 < (distances < most).sum() < len(points)
+    close = np.flatnonzero(distances < most)
     away = rims[close] - points[close]
     along = (away * directions[close]).sum(axis=1)
-    assert np.linalg.norm(np.cross(away, directions[close]), axis=1) / along == pytest.approx(found[close], rel=1e-9)
+    assert np.linalg.norm(np.cross(away, directions[close]), axis=1) / along == pytest.approx(
+        distances[close], rel=1e-9
+    )
     assert ((along > 2.0) & (along < spans[close, 1])).all()

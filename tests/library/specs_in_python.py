@@ -32,13 +32,13 @@ def _text(value: object, annotation: Any) -> str:
     if isinstance(value, dict):
         models = models_in(annotation)
         if not models:
-            return "{" + ", ".join(f"{key!r}: {_text(each, None)}" for key, each in value.items()) + "}"
+            return "{" + ", ".join(f"{key!r}: {_text(item, None)}" for key, item in value.items()) + "}"
         model = _class_of(value, models)
-        fields = {name: each for name, each in value.items() if not (name == "kind" and kind_of(model))}
-        given = (f"{name}={_text(each, model.model_fields[name].annotation)}" for name, each in fields.items())
+        fields = {name: item for name, item in value.items() if not (name == "kind" and kind_of(model))}
+        given = (f"{name}={_text(item, model.model_fields[name].annotation)}" for name, item in fields.items())
         return f"lf.{model.__name__}({', '.join(given)})"
     if isinstance(value, list):
-        return "(" + "".join(f"{_text(each, annotation)}, " for each in value) + ")"
+        return "(" + "".join(f"{_text(item, annotation)}, " for item in value) + ")"
     return f"Path({value!r})" if isinstance(value, str) and "Path" in str(annotation) else repr(value)
 
 

@@ -86,14 +86,14 @@ def coated(reflectance: float) -> Media:
 
 
 def rooms(of: Lens) -> list[float]:
-    found = base_with_room(of)
-    return [found.relief_step_mm or 0.0, found.relief_setback_mm or 0.0, found.bore_setback_mm or 0.0]
+    base = base_with_room(of)
+    return [base.relief_step_mm or 0.0, base.relief_setback_mm or 0.0, base.bore_setback_mm or 0.0]
 
 
 def target(diameter_mm: float, width_mm: float = 300.0) -> np.ndarray:
-    found = receiver(width_mm=width_mm)
+    plane = receiver(width_mm=width_mm)
     section = lensforge.PlaneReceiver(**{**PLANE, "targets": [{"kind": "disc", "diameter_mm": diameter_mm}]})
-    return target_light(section.targets, found)
+    return target_light(section.targets, plane)
 
 
 CUT = {"lens__inner": {"offset_mm": 3.0, "concave_radius_mm": 1.0}, "lens__outer": {"offset_mm": 6.0, "draft_deg": 0.0}}
@@ -113,11 +113,11 @@ def wall_hits(thick: float, high: float, folder: Path) -> list[float]:
 # By the cache: the question, and arguments of which the first two and any two others differ in one thing.
 ASKED: dict[str, tuple[Callable[..., Any], list[tuple[Any, ...]]]] = {
     "cad.boundary.lens_boundaries": (
-        lambda each: lens_boundaries(each)[1].faces[0].shape.radius(U), [(lens(),), (lens(6.5),)]),
+        lambda design: lens_boundaries(design)[1].faces[0].shape.radius(U), [(lens(),), (lens(6.5),)]),
     "cad.cutter_room.base_with_room": (rooms, [(lens(**CUT),), (lens(**CUT, manufacture__cutter_radius_mm=2.5),)]),
     "cad.cutter_room.lens_plan": (
-        lambda each: lens_plan(each).base.height_mm, [(lens(),), (lens(base__height_mm=3.5),)]),
-    "cad.form_error._fits": (lambda each: fit_lens(each)[1].faces[0].shape.control, [(lens(),), (lens(6.5),)]),
+        lambda design: lens_plan(design).base.height_mm, [(lens(),), (lens(base__height_mm=3.5),)]),
+    "cad.form_error._fits": (lambda design: fit_lens(design)[1].faces[0].shape.control, [(lens(),), (lens(6.5),)]),
     "light.secondary_optics.tabled": (lambda *faces: tabled(SecondaryOptic("a", Medium(1.5), *faces)).tables,
                                     [(ball(7.0), ball(9.0)), (ball(7.0), ball(9.5)), (ball(7.5), ball(9.0))]),
     "optics.coatings.coating_tables": (
@@ -135,7 +135,7 @@ ASKED: dict[str, tuple[Callable[..., Any], list[tuple[Any, ...]]]] = {
     "scene.housing._housing": (wall_hits, [(2.0, 30.0, Path()), (3.0, 30.0, Path()), (2.0, 35.0, Path())]),
     "scene.made_part._noise": (_noise, [(9, 2), (10, 2), (9, 3)]),
     "scene.lamp_pictures._pictures": (
-        lambda each: [raster.receiver.pose.origin_mm for raster in _pictures(each).rasters],
+        lambda design: [raster.receiver.pose.origin_mm for raster in _pictures(design).rasters],
         [(receiver(),), (receiver({**ROW, "places_mm": [[-30.0, 0.0], [40.0, 0.0]]}),),
          (receiver({**ROW, "turns_deg": [0.0, 20.0]}),), (receiver(centre_mm=[0.0, 0.0, 110.0]),)]),
     "scene.lens._lens_in": (lambda outer, folder: _of_file(outer, folder), [(6.0, Path()), (6.5, Path())]),
@@ -157,7 +157,7 @@ ASKED: dict[str, tuple[Callable[..., Any], list[tuple[Any, ...]]]] = {
         [(6.0, 0.0), (6.5, 0.0), (6.0, 0.3)]),
     "surfaces.bicubic_table._cubic_pieces": (lambda order: [list(row) for row in _cubic_pieces(order)], [(0,), (1,)]),
     "surfaces.collimator.best_collimator": (
-        lambda **fields: [float(each) for each in vars(best_collimator(**fields)).values() if isinstance(each, float)],
+        lambda **fields: [float(size) for size in vars(best_collimator(**fields)).values() if isinstance(size, float)],
 [BEST, BEST | {"radius_mm": 12.0}, BEST | {"draft_rad": 0.1}]),
     "surfaces.reflector_cup.best_leaning_cup": (
         lambda *sizes: list(vars(best_leaning_cup(*sizes)).values()),
@@ -177,15 +177,15 @@ def caches() -> Iterator[str]:
     """The caches of the package, of functions that take arguments."""
     for module in pkgutil.walk_packages(lensforge.__path__, "lensforge."):
         if not module.name.endswith("__main__"):
-            for name, found in vars(importlib.import_module(module.name)).items():
-                own = getattr(found, "__module__", "") == module.name
-                if own and isinstance(found, functools._lru_cache_wrapper) and inspect.signature(found).parameters:
+            for name, member in vars(importlib.import_module(module.name)).items():
+                local = getattr(member, "__module__", "") == module.name
+                if local and isinstance(member, functools._lru_cache_wrapper) and inspect.signature(member).parameters:
                     yield f"{module.name.partition('.')[2]}.{name}"
 
 
 def test_every_cache_has_a_row() -> None:
-    found = set(caches())
-    assert found == {*ASKED, *NO_NUMBER, *BY_CONTENT, "cad.keep_out._meshed"}
+    names = set(caches())
+    assert names == {*ASKED, *NO_NUMBER, *BY_CONTENT, "cad.keep_out._meshed"}
     for name in (*BY_CONTENT, "cad.keep_out._meshed", "scene.lens._lens_in"):
         module, _, function = name.rpartition(".")
         first = next(
@@ -203,7 +203,8 @@ def test_an_answer_is_that_of_what_is_asked(name: str, tmp_path: Path) -> None:
     """Each answer when nothing is kept, and again after all others: the same; and no two are alike."""
     ask, asked = ASKED[name]
     asked = [
-        tuple(tmp_path if each == Path() else each for each in one) if isinstance(one, tuple) else one for one in asked
+        tuple(tmp_path if argument == Path() else argument for argument in one) if isinstance(one, tuple) else one
+        for one in asked
     ]
     module, _, function = name.rpartition(".")
     kept = getattr(importlib.import_module(f"lensforge.{module}"), function)
@@ -213,13 +214,13 @@ def test_an_answer_is_that_of_what_is_asked(name: str, tmp_path: Path) -> None:
         alone.append(_plain(answered(ask, arguments)))
     for arguments, wanted in zip([*asked, *asked[::-1]], [*alone, *alone[::-1]], strict=True):
         assert _plain(answered(ask, arguments)) == wanted
-    assert len({json.dumps(each) for each in alone}) == len(asked)
+    assert len({json.dumps(answer) for answer in alone}) == len(asked)
 
 
-def _plain(found: Any) -> Any:
-    if isinstance(found, np.ndarray):
-        return found.tolist()
-    return [_plain(each) for each in found] if isinstance(found, list | tuple) else found
+def _plain(answer: Any) -> Any:
+    if isinstance(answer, np.ndarray):
+        return answer.tolist()
+    return [_plain(part) for part in answer] if isinstance(answer, list | tuple) else answer
 
 
 @pytest.mark.usefixtures("cad_read_here")

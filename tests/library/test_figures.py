@@ -207,9 +207,9 @@ def test_a_number_without_standard_error_is_exact(depth_mm: float, state: str) -
 
 
 def test_limits_are_those_of_the_figures_that_are_told() -> None:
-    own = [("share", ">=", 0.7), ("depth", "<=", 2.0)]
-    assert list(limits_in(spot(), None, 0.1)) == [("nmse", "<=", 0.1), *own]
-    assert list(limits_in(spot(), None, None)) == own and list(limits_in(spot(), None, 0.0)) == own
+    limits = [("share", ">=", 0.7), ("depth", "<=", 2.0)]
+    assert list(limits_in(spot(), None, 0.1)) == [("nmse", "<=", 0.1), *limits]
+    assert list(limits_in(spot(), None, None)) == limits and list(limits_in(spot(), None, 0.0)) == limits
     assert list(limits_in(Held(radius_mm=6.5, margin_mm=0.5))) == [], "judged by another figure"
 
 

@@ -15,14 +15,14 @@ from presets import FEW_STEPS
 import lensforge as lf
 from lensforge.verbs import UNLISTED, public_names
 
-PUBLIC = {name: each for name, each in public_names().items() if not isinstance(each, str)}
+PUBLIC = {name: member for name, member in public_names().items() if not isinstance(member, str)}
 
 
 def is_exception(named: object) -> bool:
     return isinstance(named, type) and issubclass(named, Exception)
 
 
-@pytest.mark.parametrize("name", [name for name, each in PUBLIC.items() if inspect.isfunction(each)])
+@pytest.mark.parametrize("name", [name for name, member in PUBLIC.items() if inspect.isfunction(member)])
 def test_the_example_of_a_verb_runs(
     whole_run: lf.Run, examples: Path, tmp_path: Path, name: str, monkeypatch: pytest.MonkeyPatch, undrawn: None
 ) -> None:
@@ -38,8 +38,8 @@ def test_the_example_of_a_verb_runs(
 
 
 def test_what_names_the_library_as_its_module_is_found_there() -> None:
-    for each in (*PUBLIC.values(), *UNLISTED.values()):
-        assert each.__module__ == "lensforge" and pickle.loads(pickle.dumps(each)) is each
+    for member in (*PUBLIC.values(), *UNLISTED.values()):
+        assert member.__module__ == "lensforge" and pickle.loads(pickle.dumps(member)) is member
 
 
 @pytest.mark.parametrize("name", PUBLIC)
@@ -48,9 +48,9 @@ def test_help_is_enough_to_go_on(name: str) -> None:
     assert re.findall(r"lensforge\.[a-z]\w*\.\w", shown) == [], "no private path"
     assert not words.startswith("The "), "begins with the noun or the verb itself"
     listed = re.split(r"\n {4}(?=\w)", re.sub(r"(?s)^.*\n(Args|Fields):|\n\w+: .*", "", words))[1:]
-    assert [each for each in listed if not re.match(r"\w+( \([^:]*\))?: (?!Has )\S", " ".join(each.split()))] == []
+    assert [line for line in listed if not re.match(r"\w+( \([^:]*\))?: (?!Has )\S", " ".join(line.split()))] == []
     if inspect.isfunction(PUBLIC[name]):
-        assert [each.split(":")[0] for each in listed] == list(inspect.signature(PUBLIC[name]).parameters)
+        assert [line.split(":")[0] for line in listed] == list(inspect.signature(PUBLIC[name]).parameters)
         assert "\nReturns: " in words and "\nRaises: " in words and "\nExample:\n" in words
 
 

@@ -99,8 +99,8 @@ def test_a_remark_of_no_names_stays_one(remark):
 
 def test_columns_that_are_left_over_are_told():
     with pytest.warns(FileWarning, match="line 1: columns that are not used: 'R_std', 'remark'"):
-        found = TextTable.of("R_std,lambda,R,remark\n9,400,0.5,1", "t.csv").columns(COLUMNS)
-    np.testing.assert_array_equal(found, [[400.0, 0.5]])
+        rows = TextTable.of("R_std,lambda,R,remark\n9,400,0.5,1", "t.csv").columns(COLUMNS)
+    np.testing.assert_array_equal(rows, [[400.0, 0.5]])
     with pytest.warns(
         FileWarning, match="line 1: 'hue', 'chroma': taken as a title, and the columns as wavelength_nm, r"
     ):
@@ -123,8 +123,11 @@ def written(folder, content, name="t.csv"):
     ],
 )  # fmt: skip
 def test_a_third_column_of_a_material_absorbs_as_its_name_says(name, per_mm, tmp_path):
-    found = read_material(written(tmp_path, f"wavelength_nm,index,{name}\n650,1.49,0.9\n450,1.5,0.9\n"), None)
-    assert found.absorption.per_mm[0] == pytest.approx(per_mm) and found.absorption.wavelengths_nm == (450.0, 650.0)
+    material = read_material(written(tmp_path, f"wavelength_nm,index,{name}\n650,1.49,0.9\n450,1.5,0.9\n"), None)
+    assert material.absorption.per_mm[0] == pytest.approx(per_mm) and material.absorption.wavelengths_nm == (
+        450.0,
+        650.0,
+    )
 
 
 @pytest.mark.parametrize(
@@ -184,8 +187,8 @@ def test_coatings_and_scatter_functions_take_no_other_quantity(tmp_path):
         TableScatter.read(written(tmp_path, "incidence_deg,scattering_deg,log10_bsdf\n0,0,2\n0,10,2\n"))
     with pytest.raises(InputError, match="'bsdf_log10': its unit must be one of per_sr"):
         TableScatter.read(written(tmp_path, "incidence_deg,scattering_deg,bsdf_log10\n0,0,2\n0,10,2\n"))
-    found = TableScatter.read(written(tmp_path, "aoi,theta_s,bsdf\nrad,rad,1/sr\n0,0,2\n0,0.5,1\n"))
-    np.testing.assert_allclose(found["scattering_deg"], [0.0, np.rad2deg(0.5)])
+    table = TableScatter.read(written(tmp_path, "aoi,theta_s,bsdf\nrad,rad,1/sr\n0,0,2\n0,0.5,1\n"))
+    np.testing.assert_allclose(table["scattering_deg"], [0.0, np.rad2deg(0.5)])
 
 
 @pytest.mark.parametrize("units", ["µm;W/nm", "um;mW nm-1", "[µm];[W/m²/nm]", "µm;µW·cm^-2·nm^-1"])

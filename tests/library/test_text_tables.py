@@ -65,8 +65,8 @@ def test_marks_in_numbers_and_between_them(content, rows):
 )
 def test_what_can_be_read_in_two_ways_is_said(content, rows, message):
     with pytest.warns(FileWarning, match=message):
-        found = TextTable.of(content, "t.csv")
-    np.testing.assert_array_equal(found.numbers(), rows)
+        text_table = TextTable.of(content, "t.csv")
+    np.testing.assert_array_equal(text_table.numbers(), rows)
 
 
 @pytest.mark.parametrize(
@@ -147,10 +147,10 @@ def test_a_number_alone_before_the_rows_is_their_count():
 
 
 def test_chosen_columns_leave_words_and_rows_of_any_length_behind():
-    found = table("1;2,5;P1\n3;4;\n5;6;a;b\n")
-    np.testing.assert_array_equal(found.numbers(used=[1, 0], further=True), [[2.5, 1.0], [4.0, 3.0], [6.0, 5.0]])
+    text_table = table("1;2,5;P1\n3;4;\n5;6;a;b\n")
+    np.testing.assert_array_equal(text_table.numbers(used=[1, 0], further=True), [[2.5, 1.0], [4.0, 3.0], [6.0, 5.0]])
     with pytest.raises(InputError, match="line 3: 4 cells, line 1 has 3"):
-        found.numbers(used=[1, 0])
+        text_table.numbers(used=[1, 0])
     for further in (True, False):
         with pytest.raises(InputError, match="line 2: 1 cells, must be 2 at least"):
             table("1;2;P1\n3\n").numbers(used=[0, 1], further=further)

@@ -36,13 +36,13 @@ LENS = lf.Lens.double(sphere(3.0), sphere(6.0), small_spec(), 0, FEW)
 
 def results() -> dict[str, type[StageResult]]:
     """Every class of a result, by its name."""
-    found, waiting = {}, [StageResult]
+    kinds, waiting = {}, [StageResult]
     while waiting:
         for kind in waiting.pop().__subclasses__():
-            found[kind.__name__] = kind
+            kinds[kind.__name__] = kind
             waiting.append(kind)
-    own = {name: kind for name, kind in found.items() if kind.__module__.startswith("lensforge")}
-    return {name: kind for name, kind in own.items() if hasattr(kind, "stage")}
+    packaged = {name: kind for name, kind in kinds.items() if kind.__module__.startswith("lensforge")}
+    return {name: kind for name, kind in packaged.items() if hasattr(kind, "stage")}
 
 
 def test_a_run_comes_back_to_the_bit(small_run: lf.Run, whole_run: lf.Run) -> None:
@@ -253,9 +253,9 @@ def test_the_shortest_script_is_that_of_the_readme_and_its_spec_is_valid() -> No
     lines = [line for line in SCRIPT.read_text(encoding="utf-8").splitlines() if line and not line.startswith('"""')]
     assert len(lines) <= 10 and sum("import" in line for line in lines) == 1
     assert "\n".join(lines) in (ROOT / "README.md").read_text(encoding="utf-8").replace("\n\n", "\n")
-    found: dict[str, object] = {}
-    exec("\n".join(lines[: next(row for row, line in enumerate(lines) if "lf.design(" in line)]), found)
-    assert isinstance(found["spec"], lf.Spec)
+    namespace: dict[str, object] = {}
+    exec("\n".join(lines[: next(row for row, line in enumerate(lines) if "lf.design(" in line)]), namespace)
+    assert isinstance(namespace["spec"], lf.Spec)
 
 
 @pytest.mark.nightly("more than a minute; by day each of its verbs is called")
