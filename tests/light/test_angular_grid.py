@@ -55,26 +55,28 @@ def _fitted(width_deg, tilt_deg, per_part, reach_deg, seed=0):
 )
 def test_a_narrow_beam_keeps_its_peak(width, tilt, reach):
     """Within 1 % by half a million rays, and in the table by 2 %: bins of 1 by 5 degrees make it too low by 7 %."""
-    found, flux = _fitted(width, tilt, 2**15, reach)
+    intensity, flux = _fitted(width, tilt, 2**15, reach)
     truth = float(_intensity([0.0], [tilt], width, tilt)[0, 0])
-    assert found.peak.value == pytest.approx(truth, rel=0.01)
-    assert abs(found.peak.value - truth) < 3.0 * found.peak.standard_error + found.interpolation_error * truth
-    table = found.grid.table(found.values)
+    assert intensity.peak.value == pytest.approx(truth, rel=0.01)
+    assert (
+        abs(intensity.peak.value - truth) < 3.0 * intensity.peak.standard_error + intensity.interpolation_error * truth
+    )
+    table = intensity.grid.table(intensity.values)
     assert table.values.max() == pytest.approx(truth, rel=0.02)
     assert table.flux() == pytest.approx(flux, rel=1e-12)
-    assert found.node_error.rms < 0.02
-    assert found.interpolation_error < 0.01
+    assert intensity.node_error.rms < 0.02
+    assert intensity.interpolation_error < 0.01
 
 
 def test_the_stated_errors_are_those_of_the_nodes():
     """Five beams of a closed form: (value - truth) / error, of rays and interpolation together, is about 1 rms."""
     ratios = []
     for seed in range(5):
-        found, _ = _fitted(8.0, 10.0, 2**12, 42.0, seed)
-        truth = _intensity(found.grid.c_deg, found.grid.gamma_deg, 8.0, 10.0)
+        intensity, _ = _fitted(8.0, 10.0, 2**12, 42.0, seed)
+        truth = _intensity(intensity.grid.c_deg, intensity.grid.gamma_deg, 8.0, 10.0)
         bright = truth > 0.1 * truth.max()
-        squares = found.standard_errors[bright] ** 2 + (found.interpolation_error * truth.max()) ** 2
-        ratios.append((found.values - truth)[bright] ** 2 / squares)
+        squares = intensity.standard_errors[bright] ** 2 + (intensity.interpolation_error * truth.max()) ** 2
+        ratios.append((intensity.values - truth)[bright] ** 2 / squares)
     assert 0.7 < np.sqrt(np.mean(np.concatenate(ratios))) < 1.4  # sqrt(15 / 13) by 16 samples alone
 
 
@@ -112,10 +114,10 @@ def test_the_peak_is_not_that_of_the_noise(slope, bias):
     peaks, errors, largest = [], [], []
     for seed in range(60):
         noise = np.random.default_rng(seed).normal(size=(16, 36, 31))
-        found = FittedIntensity(grid, truth + 0.12 * noise, None)
-        peaks.append(found.peak.value)
-        errors.append(found.peak.standard_error)
-        largest.append(found.values.max())
+        intensity = FittedIntensity(grid, truth + 0.12 * noise, None)
+        peaks.append(intensity.peak.value)
+        errors.append(intensity.peak.standard_error)
+        largest.append(intensity.values.max())
     assert np.mean(largest) > 1.08
     assert abs(np.mean(peaks) - 1.0) < bias
     assert 0.75 < np.std(peaks) / np.mean(errors) < 1.25
@@ -174,8 +176,8 @@ def test_mirror_images_of_the_deposits_are_those_of_the_rays(name):
         rays.origins, rays.directions @ np.array([[0.8, -0.6, 0.0], [0.6, 0.8, 0.0], [0.0, 0.0, 1.0]]), rays.flux
     )
     images = [grid.deposit(_rays(turned.directions @ image.T, turned.flux)) for image in group(name)]
-    found = grid.images_mean(grid.deposit(turned)[None], name)[0]
-    np.testing.assert_allclose(found, np.mean(images, axis=0), atol=1e-12)
+    deposits = grid.images_mean(grid.deposit(turned)[None], name)[0]
+    np.testing.assert_allclose(deposits, np.mean(images, axis=0), atol=1e-12)
 
 
 @pytest.mark.parametrize("dip", [0.0, 0.03, 0.1])

@@ -50,12 +50,12 @@ def _lambertian_rays(count: int = 2**16) -> RayBundle:
 @pytest.mark.parametrize("street_deg", [0.0, 90.0, 37.3, -200.0])
 def test_zones_of_a_lambertian_lamp(street_deg: float) -> None:
     """Half of sin^2 of the upper angle less that of the lower, in front and at the back."""
-    found = zone_flux(_lambertian_rays(), street_deg, "none")
+    flux = zone_flux(_lambertian_rays(), street_deg, "none")
     edges = np.sin(np.deg2rad([0.0, 30.0, 60.0, 80.0, 90.0])) ** 2
-    np.testing.assert_allclose(found, np.tile(0.5 * np.diff(edges), (2, 1)), atol=2e-3)
-    zones = ZoneLumens.of(1000.0 * np.stack([found, 1.02 * found]))
-    assert zones.back_mid.value == pytest.approx(1010.0 * found[1, 1])
-    assert zones.back_mid.standard_error == pytest.approx(10.0 * found[1, 1])
+    np.testing.assert_allclose(flux, np.tile(0.5 * np.diff(edges), (2, 1)), atol=2e-3)
+    zones = ZoneLumens.of(1000.0 * np.stack([flux, 1.02 * flux]))
+    assert zones.back_mid.value == pytest.approx(1010.0 * flux[1, 1])
+    assert zones.back_mid.standard_error == pytest.approx(10.0 * flux[1, 1])
     assert zones.up_low.value == zones.up_high.value == 0.0
 
 
@@ -126,26 +126,26 @@ def test_every_bound_of_tm_15_is_seen_from_both_sides(
     ),
 )
 def test_types_of_lamps_with_two_lobes(lateral: float, gamma: float, wanted: str) -> None:
-    found = distribution_type(_lobes(lateral, gamma, width_deg=5.0))
-    assert found.along_mh == pytest.approx(np.tan(np.deg2rad(gamma)) * np.sin(np.deg2rad(lateral)), rel=0.02)
-    assert str(found) == wanted
+    distribution = distribution_type(_lobes(lateral, gamma, width_deg=5.0))
+    assert distribution.along_mh == pytest.approx(np.tan(np.deg2rad(gamma)) * np.sin(np.deg2rad(lateral)), rel=0.02)
+    assert str(distribution) == wanted
 
 
 def test_a_lamp_that_is_the_same_all_around_is_type_five() -> None:
-    found = distribution_type(_lambertian(100.0))
-    assert str(found) == "type V very short"
-    assert found.roundness.value == pytest.approx(1.0)
+    distribution = distribution_type(_lambertian(100.0))
+    assert str(distribution) == "type V very short"
+    assert distribution.roundness.value == pytest.approx(1.0)
     ring = _lamp(lambda lateral, gamma: np.exp(-(((gamma - 1.2) / 0.1) ** 2)))
     assert str(distribution_type(ring)) == "type V medium"
 
 
 def test_the_reach_of_half_the_light_is_that_of_the_lobe() -> None:
     """A lobe of Gaussian shape straight towards the street: half of it is 1.1774 standard deviations out."""
-    found = distribution_type(
+    distribution = distribution_type(
         _lamp(lambda lateral, gamma: np.exp(-0.5 * ((gamma - 0.8) / 0.1) ** 2) * (np.cos(lateral) > 0.9))
     )
-    assert found.street_mh.value == pytest.approx(np.tan(0.8 + 0.1 * np.sqrt(2.0 * np.log(2.0))), abs=0.02)
-    assert found.house_mh.value == 0.0
+    assert distribution.street_mh.value == pytest.approx(np.tan(0.8 + 0.1 * np.sqrt(2.0 * np.log(2.0))), abs=0.02)
+    assert distribution.house_mh.value == 0.0
 
 
 # EN 13201-2:2015, table A.1, typed a second time: most cd/klm from 70 and from 80 degrees; G*4 to G*6 have the same 80.
@@ -167,11 +167,13 @@ def test_a_lamp_of_many_lenses_has_their_light() -> None:
     section = PhotometrySection(use="area", lenses=48)
     one = Metric(value=10.0 * np.pi, unit="lm", standard_error=0.1)
     zones_lm = np.full((16, 2, 4), 10.0 * np.pi / 8.0)
-    found = AreaLamp.of(section, lamp, one, zones_lm)
-    assert found is not None
-    assert found.lumens.value == pytest.approx(480.0 * np.pi)
-    assert found.lumens.standard_error == pytest.approx(4.8)
-    assert found.glare.above_70.value == pytest.approx(1000.0 / np.pi * np.cos(np.deg2rad(70.0))), "of its own lumens"
-    zones = found.bug.zones.model_dump()
+    area_lamp = AreaLamp.of(section, lamp, one, zones_lm)
+    assert area_lamp is not None
+    assert area_lamp.lumens.value == pytest.approx(480.0 * np.pi)
+    assert area_lamp.lumens.standard_error == pytest.approx(4.8)
+    assert area_lamp.glare.above_70.value == pytest.approx(1000.0 / np.pi * np.cos(np.deg2rad(70.0))), (
+        "of its own lumens"
+    )
+    zones = area_lamp.bug.zones.model_dump()
     assert sum(zone["value"] for zone in zones.values()) == pytest.approx(480.0 * np.pi, rel=1e-4)
     assert AreaLamp.of(PhotometrySection(), lamp, one, zones_lm) is None

@@ -57,11 +57,11 @@ def test_a_lens_as_designed_has_the_same_bits() -> None:
 def test_the_tracer_in_torch_agrees(absorption: float) -> None:
     media = Media(Medium(N, absorption))
     exact = trace_exact(*_exact(), media, RAYS, ODD)
-    found = trace_tables(TABLES, _scene(ODD, media), RAYS)
-    assert torch.equal(found.fates, exact.fates)
+    exits = trace_tables(TABLES, _scene(ODD, media), RAYS)
+    assert torch.equal(exits.fates, exact.fates)
     for name, most in (("points", 3e-5), ("directions", 1e-4), ("flux", 1e-5)):
-        assert (getattr(found, name) - getattr(exact, name)).abs().max() < most
-    assert not found.left_lens.all()
+        assert (getattr(exits, name) - getattr(exact, name)).abs().max() < most
+    assert not exits.left_lens.all()
 
 
 def test_a_rigid_motion_of_everything_moves_the_light_and_nothing_else() -> None:
@@ -139,11 +139,11 @@ def test_spheres_about_another_centre_refract_as_closed_forms_say() -> None:
     rays = RayBundle(np.repeat(shift[None], 3, axis=0), along, np.ones(3))
     spheres = [table_of(sphere(r), GRID) for r in (1.0, 3.0)]
     everything = AsMade(source=Pose(), lens=Pose.displaced(tuple(shift)))
-    found = trace_tables(spheres, _scene(everything), rays)
-    assert np.allclose(found.points.numpy(), shift + 3.0 * along, atol=1e-9)
+    exits = trace_tables(spheres, _scene(everything), rays)
+    assert np.allclose(exits.points.numpy(), shift + 3.0 * along, atol=1e-9)
     only_outer = AsMade(faces={"outer": Pose.displaced(tuple(shift))})
-    found = trace_tables(spheres, Scene(Media(Medium(1.0)), GRID, made=only_outer), rays)
-    assert np.allclose(found.points.numpy(), shift + 3.0 * along, atol=1e-9)
+    exits = trace_tables(spheres, Scene(Media(Medium(1.0)), GRID, made=only_outer), rays)
+    assert np.allclose(exits.points.numpy(), shift + 3.0 * along, atol=1e-9)
 
 
 def test_rays_below_the_plane_of_a_raised_outer_face_enter_it_through_that_plane_or_the_base() -> None:
@@ -155,9 +155,9 @@ def test_rays_below_the_plane_of_a_raised_outer_face_enter_it_through_that_plane
     balls = [sphere(r) for r in (1.0, 2.0)]
     in_torch = trace_exact(*map(ExactSurface.of, balls), media, rays, raised)
     in_kernels = trace_tables([table_of(ball, GRID) for ball in balls], _scene(raised, media), rays)
-    for found in (in_kernels, in_torch):
-        assert found.fates.tolist() == [Fate.BASE, Fate.LEFT_LENS, Fate.LEFT_LENS]
-        out = found.points.numpy()[1:] - [0.0, 0.0, 0.3]
+    for exits in (in_kernels, in_torch):
+        assert exits.fates.tolist() == [Fate.BASE, Fate.LEFT_LENS, Fate.LEFT_LENS]
+        out = exits.points.numpy()[1:] - [0.0, 0.0, 0.3]
         assert np.allclose(np.linalg.norm(out, axis=1), 2.0)
 
 
@@ -173,9 +173,9 @@ def test_roughness_is_a_convolution_and_loses_no_light() -> None:
         # the inner face turns the ray by slope (1 - 1/n), at 2 mm from the outer one, which turns it n-fold and back
         (AsMade(slopes={"inner": slope}), slope * (1.0 - 1.0 / N) * (N - (N - 1.0) * 2.0 / 3.0)),
     ):
-        found = trace_tables(spheres, Scene(Media(Medium(N)), GRID, fresnel=False, made=made), rays)
-        assert (found.fates == Fate.LEFT_LENS).all()
-        assert float(found.flux.sum()) == pytest.approx(1.0, abs=1e-12)
-        across = found.directions[:, :2]
+        exits = trace_tables(spheres, Scene(Media(Medium(N)), GRID, fresnel=False, made=made), rays)
+        assert (exits.fates == Fate.LEFT_LENS).all()
+        assert float(exits.flux.sum()) == pytest.approx(1.0, abs=1e-12)
+        across = exits.directions[:, :2]
         assert across.std(dim=0).numpy() == pytest.approx([spread, spread], rel=0.01)
         assert across.mean(dim=0).abs().max() < 5.0 * spread / np.sqrt(count)

@@ -42,20 +42,20 @@ def halves(side: int = 20) -> np.ndarray:
 
 
 def test_two_colours_side_by_side_in_closed_form() -> None:
-    found = BeamColour.of(pictures(halves()), 0.5)
-    assert found is not None
+    colour = BeamColour.of(pictures(halves()), 0.5)
+    assert colour is not None
     mean = uv_of(WARM + COOL)
-    apart = [float(np.linalg.norm(uv_of(each) - mean)) for each in (WARM, COOL)]
-    assert (found.u.value, found.v.value) == pytest.approx(tuple(mean))
-    assert found.rms.value == pytest.approx(np.sqrt(np.mean(np.square(apart))))
-    assert max(apart) * np.cos(np.pi / 32.0) - 1e-12 <= found.worst.value <= max(apart) + 1e-12
-    assert found.pixels == 144
-    assert found.cct is not None and found.cct.unit == "K" and 3000.0 < found.cct.value < 7000.0
+    apart = [float(np.linalg.norm(uv_of(light) - mean)) for light in (WARM, COOL)]
+    assert (colour.u.value, colour.v.value) == pytest.approx(tuple(mean))
+    assert colour.rms.value == pytest.approx(np.sqrt(np.mean(np.square(apart))))
+    assert max(apart) * np.cos(np.pi / 32.0) - 1e-12 <= colour.worst.value <= max(apart) + 1e-12
+    assert colour.pixels == 144
+    assert colour.cct is not None and colour.cct.unit == "K" and 3000.0 < colour.cct.value < 7000.0
 
 
 def test_the_beam_ends_at_its_level_of_the_peak() -> None:
     light = np.ones((21, 21, 1)) * WARM * np.linspace(1.0, 0.001, 21)[:, None, None]
-    assert [found.pixels for level in (0.5, 0.1) if (found := BeamColour.of(pictures(light), level))] == [
+    assert [colour.pixels for level in (0.5, 0.1) if (colour := BeamColour.of(pictures(light), level))] == [
         11 * 21,
         19 * 21,
     ]
@@ -78,10 +78,10 @@ def test_noise_of_the_rays_is_no_difference_of_colours() -> None:
 
 def test_differences_under_noise_are_the_true_ones_within_their_errors() -> None:
     truth = BeamColour.of(pictures(halves(40)), 0.5)
-    found = [BeamColour.of(pictures(halves(40), 0.02, seed), 0.5) for seed in range(16)]
+    colours = [BeamColour.of(pictures(halves(40), 0.02, seed), 0.5) for seed in range(16)]
     assert truth is not None
     for name in ("u", "v", "rms", "worst"):
-        figures = [getattr(each, name) for each in found if each]
+        figures = [getattr(colour, name) for colour in colours if colour]
         values, errors = np.array([(figure.value, figure.standard_error) for figure in figures]).T
         scores = (values - getattr(truth, name).value) / errors
         assert abs(scores.mean()) < 1.0 and np.abs(scores).max() < 4.5, name
@@ -105,8 +105,8 @@ EVEN = np.where(np.arange(18)[:, None] < 9, AS_MUCH, WARM) * np.ones((20, 1, 1))
 def test_no_pixel_farther_than_the_worst(light: np.ndarray, replicates: int, noise: float) -> None:
     """The largest of the distances is at least their root mean square."""
     for seed in range(12 if noise else 1):
-        found = BeamColour.of(pictures(light, noise, seed)[:, :replicates], 0.3)
-        assert found is not None and found.worst.value >= found.rms.value >= 0.0
+        colour = BeamColour.of(pictures(light, noise, seed)[:, :replicates], 0.3)
+        assert colour is not None and colour.worst.value >= colour.rms.value >= 0.0
 
 
 def chip(x: float, spectrum: Any, flux_w: float = 1.0) -> dict[str, Any]:
@@ -129,13 +129,13 @@ def xyz(spectrum: dict[str, Any]) -> np.ndarray:
 
 def test_superposed_chips_have_their_mixed_colour_everywhere() -> None:
     light = lit(spheres(chip(0.0, RED, 1.0), chip(0.0, BLUE, 3.0), colour={}))
-    found = light.first.colour
-    assert found is not None
+    colour = light.first.colour
+    assert colour is not None
     mixed = uv_of(xyz(RED) + 3.0 * xyz(BLUE))
-    for metric, wanted in zip((found.u, found.v), mixed, strict=True):
+    for metric, wanted in zip((colour.u, colour.v), mixed, strict=True):
         assert abs(metric.value - wanted) < 4.0 * (metric.standard_error or 0.0)
-    assert found.rms.value < 3.0 * (found.rms.standard_error or 0.0)
-    assert found.cct is None, "purple is no white"
+    assert colour.rms.value < 3.0 * (colour.rms.standard_error or 0.0)
+    assert colour.cct is None, "purple is no white"
 
 
 @pytest.mark.parametrize("lamps", [None, {"kind": "grid", "columns": 2, "rows": 1, "pitch_mm": 25.0}])
@@ -143,9 +143,9 @@ def test_the_light_of_chips_together_is_the_sum_of_each(lamps: dict[str, Any] | 
     """Same flux of each, so that the chips share the rays of one sample; X, Y, Z add up within the noise."""
     more = {} if lamps is None else {"lamps": lamps}
     both = lit(spheres(chip(-0.5, RED), chip(0.5, BLUE), colour={}, **more)).first
-    each = [lit(spheres(chip(x, spectrum), colour={}, **more)).first for x, spectrum in ((-0.5, RED), (0.5, BLUE))]
+    singles = [lit(spheres(chip(x, spectrum), colour={}, **more)).first for x, spectrum in ((-0.5, RED), (0.5, BLUE))]
     together, alone = (
-        np.array([found.tristimulus_map.sum(axis=(1, 2)) for found in lights]) for lights in ([both], each)
+        np.array([light.tristimulus_map.sum(axis=(1, 2)) for light in lights]) for lights in ([both], singles)
     )
     np.testing.assert_allclose(together[0], alone.sum(axis=0), rtol=3e-3)
     watts = both.map.sum()
@@ -202,8 +202,8 @@ def test_each_of_several_leds_has_its_colour() -> None:
     sources = [{"name": f"led_{number}", "source": led} for number, led in enumerate(leds)]
     spec = small_spec(sources=sources, source=None, colour={}, base={"kind": "none"})
     light = lit(Lens.double(sphere(3.0), sphere(6.0), spec, 0, FEW))
-    found = [result.receivers[0].colour for result in light.by_led.values()]
-    assert [each is not None and (each.u.value, each.v.value) for each in found] == [
+    colours = [result.receivers[0].colour for result in light.by_led.values()]
+    assert [colour is not None and (colour.u.value, colour.v.value) for colour in colours] == [
         pytest.approx(tuple(uv_of(xyz(spectrum)))) for spectrum in (RED, BLUE)
     ]
 
@@ -220,5 +220,5 @@ def test_the_pixels_of_a_beam_are_those_of_the_mean_of_its_replicates() -> None:
     uneven = np.array([0.4, 1.6, 1.3, 0.7])[:, None, None, None] * ramp
     uneven[0, :, 4:] *= 0.1
     uneven[1, :, 4:] *= (4.0 - 0.7 - 1.3 - 0.04) / 1.6
-    found = BeamColour.of(np.moveaxis(uneven, -1, 0), 0.45)
-    assert found is not None and found.pixels == 6 * int((ramp[0, :, 1] >= 0.45 * WARM[1]).sum()) == 36
+    colour = BeamColour.of(np.moveaxis(uneven, -1, 0), 0.45)
+    assert colour is not None and colour.pixels == 6 * int((ramp[0, :, 1] >= 0.45 * WARM[1]).sum()) == 36

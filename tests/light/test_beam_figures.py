@@ -47,10 +47,10 @@ def test_the_error_of_a_figure_is_that_of_the_rays():
 @pytest.mark.parametrize("share", [0.5, 0.1])
 def test_the_error_of_a_width_is_by_halves_each_at_the_level_of_its_peak(share):
     peaks = PEAK_CD * np.array([0.97, 1.02, 1.0, 1.04])
-    found = tables()._angle(0.0, ExtremeEstimate(PEAK_CD, peaks), share)
-    assert found.value == pytest.approx(width(share * PEAK_CD))
+    angle = tables()._angle(0.0, ExtremeEstimate(PEAK_CD, peaks), share)
+    assert angle.value == pytest.approx(width(share * PEAK_CD))
     widths = [width(share * peak, scale) for peak, scale in zip(peaks, SCALES, strict=True)]
-    assert found.standard_error == pytest.approx(by_halves(*widths))
+    assert angle.standard_error == pytest.approx(by_halves(*widths))
     assert tables()._angle(0.0, ExtremeEstimate(PEAK_CD), share).standard_error is None
     assert tables(())._angle(0.0, ExtremeEstimate(PEAK_CD, peaks), share).standard_error is None
 
@@ -85,30 +85,30 @@ def samples_of(count):
 def test_tables_of_all_samples_and_of_each_half_are_in_candela_and_turned_over(count):
     grid = AngularGrid(8, np.array([0.0, 20.0, 50.0, 90.0]))
     samples = samples_of(count)
-    found = CandelaTables.of(FittedIntensity(grid, samples, None), 300.0)
+    candela = CandelaTables.of(FittedIntensity(grid, samples, None), 300.0)
 
     def expected(some):
         values = 300.0 * np.mean(some, axis=0)
         return np.concatenate([values, values[:1]])[::-1]
 
-    np.testing.assert_allclose(found.whole.values, expected(samples), rtol=1e-9)
-    np.testing.assert_allclose(found.whole.c_deg, np.linspace(0.0, 360.0, 9))
-    assert len(found.by_halves) == (30 if count == 16 else 0)
-    pairs = list(zip(found.by_halves[::2], found.by_halves[1::2], strict=True))
+    np.testing.assert_allclose(candela.whole.values, expected(samples), rtol=1e-9)
+    np.testing.assert_allclose(candela.whole.c_deg, np.linspace(0.0, 360.0, 9))
+    assert len(candela.by_halves) == (30 if count == 16 else 0)
+    pairs = list(zip(candela.by_halves[::2], candela.by_halves[1::2], strict=True))
     for bits, (odd, even) in enumerate(pairs, start=1):
         parity = np.array([(k & bits).bit_count() % 2 for k in range(16)])
         np.testing.assert_allclose(even.values, expected(samples[parity == 0]), rtol=1e-9)
         np.testing.assert_allclose(odd.values, expected(samples[parity == 1]), rtol=1e-9)
-    for one, sample in zip(found.samples, samples, strict=True):
+    for one, sample in zip(candela.samples, samples, strict=True):
         np.testing.assert_allclose(one, expected(sample[None]), rtol=1e-12)
 
 
 def test_half_of_the_rays_without_light_tells_no_error():
     grid = AngularGrid(8, np.array([0.0, 20.0, 50.0, 90.0]))
     samples = samples_of(16) * (np.arange(16) % 2)[:, None, None]
-    found = CandelaTables.of(FittedIntensity(grid, samples, None), 300.0)
-    assert found.whole.values.any() and len(found.by_halves) == 0
-    assert found.axis_cd.standard_error is None
+    candela = CandelaTables.of(FittedIntensity(grid, samples, None), 300.0)
+    assert candela.whole.values.any() and len(candela.by_halves) == 0
+    assert candela.axis_cd.standard_error is None
 
 
 def test_a_plane_has_its_own_peak_and_both_widths():
@@ -118,12 +118,12 @@ def test_a_plane_has_its_own_peak_and_both_widths():
     whole = TabulatedIntensity(C_DEG, cone().gamma_deg, values)
     made = CandelaTables(whole, [whole] * 30, np.stack([values] * 16))
     for c_deg, peak in ((0.0, PEAK_CD), (90.0, 2.0 * PEAK_CD)):
-        found = made.plane(c_deg)
-        assert found.c_deg == c_deg and found.peak_cd.unit == "cd" and found.beam_angle_deg.unit == "°"
-        assert found.peak_cd.value == pytest.approx(peak)
-        assert found.beam_angle_deg.value == pytest.approx(50.0) and found.field_angle_deg.value == pytest.approx(90.0)
-        assert found.peak_cd.standard_error == pytest.approx(0.0, abs=1e-9)
-        assert found.beam_angle_deg.standard_error == pytest.approx(0.0, abs=1e-9)
+        plane = made.plane(c_deg)
+        assert plane.c_deg == c_deg and plane.peak_cd.unit == "cd" and plane.beam_angle_deg.unit == "°"
+        assert plane.peak_cd.value == pytest.approx(peak)
+        assert plane.beam_angle_deg.value == pytest.approx(50.0) and plane.field_angle_deg.value == pytest.approx(90.0)
+        assert plane.peak_cd.standard_error == pytest.approx(0.0, abs=1e-9)
+        assert plane.beam_angle_deg.standard_error == pytest.approx(0.0, abs=1e-9)
 
 
 def test_figures_that_other_steps_would_change_know_it_each_by_its_own_change():
@@ -133,23 +133,23 @@ def test_figures_that_other_steps_would_change_know_it_each_by_its_own_change():
     rival = replace(rival, whole=TabulatedIntensity(C_DEG, cone().gamma_deg, other))
     sure = CandelaTables(cone(), [cone(0.98), cone(1.02)] * 15, np.stack([cone().values] * 16))
     doubt = np.sqrt(1.0 / 6.0 * 5.0 / 6.0)
-    found = replace(sure, rival=rival, doubt=doubt)
-    pairs = [(found.axis_cd, sure.axis_cd, rival.axis_cd)]
+    unsure = replace(sure, rival=rival, doubt=doubt)
+    pairs = [(unsure.axis_cd, sure.axis_cd, rival.axis_cd)]
     for c_deg in (0.0, 90.0):
-        planes = [tables.plane(c_deg) for tables in (found, sure, rival)]
+        planes = [tables.plane(c_deg) for tables in (unsure, sure, rival)]
         pairs += [tuple(getattr(plane, name) for plane in planes) for name in FIGURES]
     for figure, alone, changed in pairs:
         assert figure.value == alone.value and abs(changed.value - alone.value) > 1.0
         expected = np.hypot(alone.standard_error, doubt * (changed.value - alone.value))
         assert figure.standard_error == pytest.approx(expected)
     dark = replace(rival, whole=TabulatedIntensity(C_DEG, cone().gamma_deg, 0.0 * other))
-    assert replace(found, rival=dark).plane(0.0).beam_angle_deg == sure.plane(0.0).beam_angle_deg
+    assert replace(unsure, rival=dark).plane(0.0).beam_angle_deg == sure.plane(0.0).beam_angle_deg
 
 
 def test_the_rival_of_a_far_field_is_in_candela_too():
     grid = AngularGrid(8, np.array([0.0, 20.0, 50.0, 90.0]))
     rival = Rival(FittedIntensity(grid, samples_of(5), None), 0.3)
-    found = CandelaTables.of(FittedIntensity(grid, 2.0 * samples_of(5), None, rival), 300.0)
-    assert found.doubt == 0.3
-    np.testing.assert_allclose(found.rival.whole.values, 0.5 * found.whole.values, rtol=1e-12)
-    assert found.rival.rival is None
+    candela = CandelaTables.of(FittedIntensity(grid, 2.0 * samples_of(5), None, rival), 300.0)
+    assert candela.doubt == 0.3
+    np.testing.assert_allclose(candela.rival.whole.values, 0.5 * candela.whole.values, rtol=1e-12)
+    assert candela.rival.rival is None

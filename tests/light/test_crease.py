@@ -76,10 +76,10 @@ def test_flux_through_the_cap_changes_as_view_factors_do(disc: float) -> None:
     source = PlanarEmitter(Disc(disc), CosinePower()) if disc else SquareEmitter(0.0)
     tables = tables_of(pocket(), GRID)
     base = {"height": 4.0, "radius": 3.0}
-    found = crease_gradients(tables, scene(pocket()), source, lambda traced: 1.0 * (traced.met[:, 0] < 4), 2**12, 1)
+    gradients = crease_gradients(tables, scene(pocket()), source, lambda traced: 1.0 * (traced.met[:, 0] < 4), 2**12, 1)
     for name in base:
         more, less = (at_cap(**(base | {name: base[name] + sign * SMALL}), disc=disc) for sign in (1.0, -1.0))
-        slope = (found * by_parameter(pocket, base, name)).sum()
+        slope = (gradients * by_parameter(pocket, base, name)).sum()
         assert slope == pytest.approx((more - less) / (2.0 * SMALL), rel=3e-4)
 
 
@@ -199,8 +199,8 @@ def test_crease_and_adjoint_together_are_the_slope_of_an_image_error() -> None:
 
     def loss(given: torch.Tensor, rays: RayBundle) -> tuple[torch.Tensor, torch.Tensor]:
         (landings,), exits = landed_through(given, here, rays, (receiver,))
-        found = collected(landings, exits.sin2_exit, torch.from_numpy(rays.flux), receiver.grid, receiver.window)
-        return nmse_loss(found.image, wanted) + 3.0 * found.outside_receiver - 2.0 * found.in_window, found.image
+        light = collected(landings, exits.sin2_exit, torch.from_numpy(rays.flux), receiver.grid, receiver.window)
+        return nmse_loss(light.image, wanted) + 3.0 * light.outside_receiver - 2.0 * light.in_window, light.image
 
     apart = []
     alone = []
@@ -264,8 +264,8 @@ def test_light_into_directions_is_the_light_of_a_sample(name: str) -> None:
     targets = corner + sides * np.column_stack([sobol(2**17, 6, 2)[:, 4:], np.zeros(2**17)])
     aimed = towards(source, targets, 1)
     distance = np.linalg.norm(targets - aimed.origins, axis=1)
-    found = (aimed.flux * aimed.directions[:, 2] / distance**2).sum() * 3.0
-    assert found == pytest.approx(wanted, rel=0.01)
+    flux = (aimed.flux * aimed.directions[:, 2] / distance**2).sum() * 3.0
+    assert flux == pytest.approx(wanted, rel=0.01)
     assert (aimed.wavelengths_nm is None) == (rays.wavelengths_nm is None)
 
 
@@ -274,9 +274,9 @@ def test_the_crease_of_a_part_with_its_led_out_of_place_is_that_of_a_led_that_st
     made = Pose.displaced((0.2, -0.3, 0.15), (0.06, -0.09, 0.0))
     tables = tables_of(pocket(**BASES[pocket][0]), GRID)
     here = scene(pocket(**BASES[pocket][0]))
-    own = PlanarEmitter(Disc(1.0), CosinePower(1.5))
-    there = PlacedSource(own, made)
+    emitter = PlanarEmitter(Disc(1.0), CosinePower(1.5))
+    there = PlacedSource(emitter, made)
     wanted = crease_gradients(tables, here, there, mixed, 2**10, 3)
     names = tuple(face.name for face in pocket().faces)
-    found = crease_gradients(tables, replace(here, made=AsMade(names, source=made)), own, mixed, 2**10, 3)
-    assert np.abs(found - wanted).max() < 1e-9 * np.abs(wanted).max()
+    gradients = crease_gradients(tables, replace(here, made=AsMade(names, source=made)), emitter, mixed, 2**10, 3)
+    assert np.abs(gradients - wanted).max() < 1e-9 * np.abs(wanted).max()

@@ -30,7 +30,7 @@ def _by_tracer(tracer: str, surfaces, rays: RayBundle, nodes: int) -> ExitRays:
     if tracer == "device":
         return on_device(tables, Scene(Media(Medium(INDEX)), grid), rays)
     guides = [None if tracer == "exact" else TableFace.of(table, grid) for table in tables]
-    faces = [ExactSurface.of(each).face(guide) for each, guide in zip(surfaces, guides, strict=True)]
+    faces = [ExactSurface.of(surface).face(guide) for surface, guide in zip(surfaces, guides, strict=True)]
     return trace_exact(*(replace(face, steps=96, bisections=44) for face in faces), Media(Medium(INDEX)), rays)
 
 
@@ -44,12 +44,12 @@ def test_concentric_spheres_in_closed_form(tracer: str) -> None:
     rays = downward_rays(4000, 1, 41.0)
     rays.origins[::13, 2] *= -1.0  # some start below the plane
     expected = through_spheres(rays, radii)
-    found = _by_tracer(tracer, [sphere(r) for r in radii], rays, 40)
-    assert np.array_equal(found.fates.numpy(), expected.fates)
+    exits = _by_tracer(tracer, [sphere(r) for r in radii], rays, 40)
+    assert np.array_equal(exits.fates.numpy(), expected.fates)
     assert set(expected.fates.tolist()) == {Fate.LEFT_LENS, Fate.BACKWARD, Fate.OUTSIDE_CAVITY, Fate.BASE}
-    np.testing.assert_allclose(found.points.numpy(), expected.points, rtol=0.0, atol=1e-9)
-    np.testing.assert_allclose(found.directions.numpy(), expected.directions, rtol=0.0, atol=1e-10)
-    np.testing.assert_allclose(found.flux.numpy(), expected.flux, rtol=1e-9)
+    np.testing.assert_allclose(exits.points.numpy(), expected.points, rtol=0.0, atol=1e-9)
+    np.testing.assert_allclose(exits.directions.numpy(), expected.directions, rtol=0.0, atol=1e-10)
+    np.testing.assert_allclose(exits.flux.numpy(), expected.flux, rtol=1e-9)
     rises = expected.directions[expected.fates == Fate.LEFT_LENS, 2] > 0.0
     assert 0.1 < rises.mean() < 0.9
 
@@ -70,7 +70,7 @@ def test_no_crossing_near_the_rim_is_missed(seed: int) -> None:
     directions[:, 2] = -np.abs(directions[:, 2])
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
     bounds = surface_bounds(table, grid.origin, grid.step)
-    lengths, found, lost = all_hits(starts, directions, table, grid)
+    lengths, hit, lost = all_hits(starts, directions, table, grid)
 
     end = np.minimum(-starts[:, 2] / directions[:, 2], 2.2 * bounds.most)
     t = end[:, None] * np.linspace(0.0, 1.0, 800)
@@ -79,13 +79,13 @@ def test_no_crossing_near_the_rim_is_missed(seed: int) -> None:
     crossed = inside[:, :-1] & ~inside[:, 1:]
     first = np.where(crossed.any(axis=1), t[np.arange(count), 1 + crossed.argmax(axis=1)], np.inf)
     assert not lost.any()
-    assert 200 < found.sum() < count - 200
-    assert not (~found & np.isfinite(first)).any()
-    assert (lengths <= first + 1e-9)[found].all()
+    assert 200 < hit.sum() < count - 200
+    assert not (~hit & np.isfinite(first)).any()
+    assert (lengths <= first + 1e-9)[hit].all()
     crossing = TableFace.of(torch.from_numpy(table), grid, bounds).next_crossing(approach(starts, directions))
     above = starts[:, 2] + crossing.paths_mm.numpy() * directions[:, 2] >= 0.0
-    assert np.array_equal(crossing.found.numpy() & above, found)
-    assert np.abs(crossing.paths_mm.numpy() - lengths)[found].max() < 1e-9
+    assert np.array_equal(crossing.found.numpy() & above, hit)
+    assert np.abs(crossing.paths_mm.numpy() - lengths)[hit].max() < 1e-9
 
 
 class Flared(Surface):

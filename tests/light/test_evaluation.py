@@ -62,12 +62,12 @@ def test_the_efficiency_is_the_share_of_the_light_in_the_window(changes: dict, w
     if "receivers" in changes:
         changes = {**changes, "receivers": [{**change, "targets": targets} for change in changes["receivers"]]}
     spec = small_spec(source={"kind": "square", "side_mm": 0.0}, evaluate__rays=2**14, **changes)
-    found = _evaluate(Lens.double(sphere(3.0), sphere(6.0), spec, 0, FEW)).efficiency
+    efficiency = _evaluate(Lens.double(sphere(3.0), sphere(6.0), spec, 0, FEW)).efficiency
     x, y = np.meshgrid(*((np.arange(400) + 0.5) / 400 * side - 0.5 * side for side in (width, height)))
     share = np.mean(100.0**2 / (100.0**2 + x**2 + y**2) ** 2) * width * height / np.pi
     expected = normal_transmittance(1.4936) ** 2 * share
-    assert found.standard_error is not None
-    assert found.value == pytest.approx(expected, abs=5.0 * found.standard_error + 1e-4)
+    assert efficiency.standard_error is not None
+    assert efficiency.value == pytest.approx(expected, abs=5.0 * efficiency.standard_error + 1e-4)
 
 
 @pytest.mark.parametrize("variance", [0.0, 0.3, 2.0])
@@ -122,7 +122,7 @@ def test_a_lens_for_a_ray_file_is_judged_by_the_rays_that_no_search_uses(tmp_pat
     files = {name: tmp_path / f"{name}.tm25ray" for name in ("own", "copy", "other")}
     for name, path in files.items():
         order = slice(None, None, -1 if name == "other" else 1)
-        columns = (each[order].astype(np.float32) for each in (rays.origins, turned))
+        columns = (vectors[order].astype(np.float32) for vectors in (rays.origins, turned))
         write_rayfile(path, RayFile(*columns, np.full(4096, 1 / 4096, np.float32), "W", header_flux_w=1.0), "tm25")
     source = RayfileSource(file=files["own"], model="rays", flux_w=1.0)
     lens = Lens.double(sphere(3.0), sphere(6.0), small_spec().model_copy(update={"source": source}), 0, FEW)

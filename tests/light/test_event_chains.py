@@ -80,13 +80,13 @@ def test_a_paraboloid_sends_the_light_of_its_focus_along_the_axis() -> None:
     rays = upwards(4000, 1)
     grid = TableGrid(301)
     media = clear(coatings=mirrors(0.9, mirror=CAVITY))
-    found = TracedBundle.of(tables_of(body, grid), scene(body, media, events=2, grid=grid), rays)
-    assert (found.exits.fates == Fate.LEFT_LENS).all()
-    by_mirror = found.met[:, 1] >= 0
+    traced = TracedBundle.of(tables_of(body, grid), scene(body, media, events=2, grid=grid), rays)
+    assert (traced.exits.fates == Fate.LEFT_LENS).all()
+    by_mirror = traced.met[:, 1] >= 0
     assert 0.3 < by_mirror.mean() < 0.8
-    assert np.abs(found.exits.directions[by_mirror][:, :2]).max() < 3e-6  # of its table
-    np.testing.assert_allclose(found.exits.flux, np.where(by_mirror, 0.9, 1.0) * rays.flux, rtol=1e-14)
-    direct = found.exits.directions[~by_mirror]
+    assert np.abs(traced.exits.directions[by_mirror][:, :2]).max() < 3e-6  # of its table
+    np.testing.assert_allclose(traced.exits.flux, np.where(by_mirror, 0.9, 1.0) * rays.flux, rtol=1e-14)
+    direct = traced.exits.directions[~by_mirror]
     assert np.abs(direct - rays.directions[~by_mirror]).max() < 1e-14, "an opening bends nothing"
 
 
@@ -108,16 +108,16 @@ def test_the_kernels_agree_with_the_reference_tracer_on_exact_faces(case: str, f
     events = 2 if case == "two mirrors" else 6
     rays = upwards(60, 3, 0.5)
     here = scene(body, media, made, events, FINE, fresnel)
-    found = TracedBundle.of(fine_tables(), here, rays).exits
+    exits = TracedBundle.of(fine_tables(), here, rays).exits
     wanted = exactly({face.name: face.surface for face in body.faces}, here, rays)
-    assert np.array_equal(found.fates, wanted.fates)
-    assert np.abs(found.points - wanted.points).max() < 3e-4
-    assert np.abs(found.directions - wanted.directions).max() < 1e-4
-    for name in ("flux", "sin2_exit") if found.axial is None else ("flux", "sin2_exit", "axial"):
-        assert np.abs(getattr(found, name) - getattr(wanted, name)).max() < 5e-4, name
-    assert (wanted.absorbed is None) == (found.absorbed is None)
-    if found.absorbed is not None:
-        assert np.abs(found.absorbed - wanted.absorbed).max() < 1e-5
+    assert np.array_equal(exits.fates, wanted.fates)
+    assert np.abs(exits.points - wanted.points).max() < 3e-4
+    assert np.abs(exits.directions - wanted.directions).max() < 1e-4
+    for name in ("flux", "sin2_exit") if exits.axial is None else ("flux", "sin2_exit", "axial"):
+        assert np.abs(getattr(exits, name) - getattr(wanted, name)).max() < 5e-4, name
+    assert (wanted.absorbed is None) == (exits.absorbed is None)
+    if exits.absorbed is not None:
+        assert np.abs(exits.absorbed - wanted.absorbed).max() < 1e-5
 
 
 @pytest.mark.parametrize("case", CASES)
@@ -195,11 +195,13 @@ def test_the_skewness_of_a_ray_is_kept_by_a_rotational_body() -> None:
     body = collimator()
     rays = upwards(3000, 7, 0.7)
     grid = TableGrid(401)
-    found = TracedBundle.of(tables_of(body, grid), scene(body, clear(1.49, mirrors(0.9, side=CAVITY)), grid=grid), rays)
-    exits = found.exits
-    left = found.exits.fates == Fate.LEFT_LENS
+    traced = TracedBundle.of(
+        tables_of(body, grid), scene(body, clear(1.49, mirrors(0.9, side=CAVITY)), grid=grid), rays
+    )
+    exits = traced.exits
+    left = traced.exits.fates == Fate.LEFT_LENS
     skew = [np.cross(*way)[left, 2] for way in ((rays.origins, rays.directions), (exits.points, exits.directions))]
-    assert (found.met[left] >= 0).sum(1).max() >= 4
+    assert (traced.met[left] >= 0).sum(1).max() >= 4
     assert np.abs(skew[0] - skew[1]).max() < 7e-5  # of the tables; it falls with the third power of their step
 
 
@@ -224,12 +226,12 @@ def test_light_that_a_facet_sends_through_its_own_face_is_trapped() -> None:
     rays = upwards(20_000, 8, 0.5)
     media = replace(clear(), scatter=tuple(FaceScatter(name, GaussianFacets(0.3)) for name in ("wall", "exit")))
     few = rays.take(slice(0, 2000))
-    found = TracedBundle.of(tables_of(body, FINE), scene(body, media, grid=FINE), rays)
-    assert not (found.exits.fates == Fate.NOT_CONVERGED).any()
-    after_two = (found.exits.fates == Fate.EVENT_LIMIT) & (found.met[:, 2] < 0)
+    traced = TracedBundle.of(tables_of(body, FINE), scene(body, media, grid=FINE), rays)
+    assert not (traced.exits.fates == Fate.NOT_CONVERGED).any()
+    after_two = (traced.exits.fates == Fate.EVENT_LIMIT) & (traced.met[:, 2] < 0)
     assert 0.001 < after_two.mean() < 0.1
     wanted = exactly({face.name: face.surface for face in body.faces}, scene(body, media, grid=FINE), few)
-    assert np.mean(wanted.fates != found.exits.fates[:2000]) < 0.002, "but at the edges of tables"
+    assert np.mean(wanted.fates != traced.exits.fates[:2000]) < 0.002, "but at the edges of tables"
 
 
 @pytest.mark.parametrize("events", [1, 2, 3, 6])
@@ -237,11 +239,11 @@ def test_a_mirror_absorbs_what_it_does_not_reflect_at_the_last_event_too(events:
     media = clear(coatings=mirrors(0.7, wall=OUTSIDE, side=CAVITY))
     body = collimator(0.05)
     rays = upwards(3000, 8, 0.5)
-    found = TracedBundle.of(tables_of(body, GRID), scene(body, media, events=events, fresnel=False), rays)
-    left = 0.7 ** np.isin(found.met // 4, [NAMES.index("side"), NAMES.index("wall")]).sum(axis=1)
-    assert (found.exits.fates[left < 1.0] == Fate.EVENT_LIMIT).sum() > (900 if events < 3 else 0)
-    np.testing.assert_allclose(found.exits.flux, left * rays.flux, rtol=1e-12)
-    np.testing.assert_allclose(found.exits.absorbed, (1.0 - left) * rays.flux, rtol=1e-12, atol=1e-15)
+    traced = TracedBundle.of(tables_of(body, GRID), scene(body, media, events=events, fresnel=False), rays)
+    left = 0.7 ** np.isin(traced.met // 4, [NAMES.index("side"), NAMES.index("wall")]).sum(axis=1)
+    assert (traced.exits.fates[left < 1.0] == Fate.EVENT_LIMIT).sum() > (900 if events < 3 else 0)
+    np.testing.assert_allclose(traced.exits.flux, left * rays.flux, rtol=1e-12)
+    np.testing.assert_allclose(traced.exits.absorbed, (1.0 - left) * rays.flux, rtol=1e-12, atol=1e-15)
 
 
 @pytest.mark.parametrize("behind", [None, STEEP, lambertian(0.3)])
@@ -280,9 +282,9 @@ HIDDEN = [Face("shell", sphere(9.0), BODY, OUTSIDE), Face("top", PlaneFace(REACH
     ],
 )
 def test_faces_that_make_no_body_are_refused(cavity: float, envelope: list[Face], words: str) -> None:
-    with pytest.raises(InputError) as found:
+    with pytest.raises(InputError) as error:
         Body((Face("cap", sphere(cavity), CAVITY, BODY), *envelope)).require_sound()
-    assert words in str(found.value) and "\n" not in str(found.value)
+    assert words in str(error.value) and "\n" not in str(error.value)
 
 
 @pytest.mark.parametrize("events", [0, 65])

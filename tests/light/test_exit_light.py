@@ -30,10 +30,10 @@ def behind(rays: RayBundle) -> RayBundle:
 
 
 def by_fate(rays: RayBundle) -> np.ndarray:
-    found = np.zeros(CAUSES)
-    found[Fate.LEFT_LENS] = behind(rays).flux.sum()
-    found[Fate.BASE] = rays.flux.sum() - found[Fate.LEFT_LENS]
-    return found
+    flux = np.zeros(CAUSES)
+    flux[Fate.LEFT_LENS] = behind(rays).flux.sum()
+    flux[Fate.BASE] = rays.flux.sum() - flux[Fate.LEFT_LENS]
+    return flux
 
 
 @pytest.fixture(autouse=True)
@@ -52,7 +52,7 @@ def measured(
     return trace_exit_light(LENS, source, meter, rays=rays, by_itself=by_itself, seed=SEED)
 
 
-def agrees(found: ExitLight, parts: list[list[RayBundle]]) -> None:
+def agrees(light: ExitLight, parts: list[list[RayBundle]]) -> None:
     """``parts``: of each sample its bundles, each of all the flux; weights are their numbers of rays."""
     exits = []
     fates = []
@@ -60,18 +60,18 @@ def agrees(found: ExitLight, parts: list[list[RayBundle]]) -> None:
         weights = np.array([len(bundle) for bundle in bundles], dtype=float)
         exits.append(weights @ [behind(bundle).flux.sum() for bundle in bundles] / weights.sum())
         fates.append(weights @ np.array([by_fate(bundle) for bundle in bundles]) / weights.sum())
-    assert found.rays == sum(len(bundle) for bundles in parts for bundle in bundles)
-    assert found.exit_w.value == pytest.approx(np.mean(exits)) and found.exit_w.unit == "W"
+    assert light.rays == sum(len(bundle) for bundles in parts for bundle in bundles)
+    assert light.exit_w.value == pytest.approx(np.mean(exits)) and light.exit_w.unit == "W"
     error = np.sqrt(np.var(exits, ddof=1) / len(exits)) if len(exits) > 1 else None
-    assert found.exit_w.standard_error == pytest.approx(error, abs=1e-15)
-    np.testing.assert_allclose(found.by_fate_w, np.mean(fates, axis=0), atol=1e-15)
-    assert found.sample.flux.sum() == pytest.approx(found.exit_w.value)
+    assert light.exit_w.standard_error == pytest.approx(error, abs=1e-15)
+    np.testing.assert_allclose(light.by_fate_w, np.mean(fates, axis=0), atol=1e-15)
+    assert light.sample.flux.sum() == pytest.approx(light.exit_w.value)
     kept = RayBundle.joined([behind(bundles[0]) for bundles in parts])
-    np.testing.assert_array_equal(found.sample.directions, kept.directions)
-    np.testing.assert_allclose(found.sample.flux / found.sample.flux.sum(), kept.flux / kept.flux.sum())
-    grid = found.intensity.grid
-    flux = (found.intensity.values * grid.solid_angles).sum()
-    assert flux == pytest.approx(np.mean(exits)) and len(found.intensity.samples) == len(parts)
+    np.testing.assert_array_equal(light.sample.directions, kept.directions)
+    np.testing.assert_allclose(light.sample.flux / light.sample.flux.sum(), kept.flux / kept.flux.sum())
+    grid = light.intensity.grid
+    flux = (light.intensity.values * grid.solid_angles).sum()
+    assert flux == pytest.approx(np.mean(exits)) and len(light.intensity.samples) == len(parts)
 
 
 def drawn(source: SquareEmitter, counts: list[int]) -> list[list[RayBundle]]:
@@ -84,10 +84,10 @@ def drawn(source: SquareEmitter, counts: list[int]) -> list[list[RayBundle]]:
     ]
 
 
-@pytest.mark.parametrize(("rays", "each"), [(1, 1), (16, 1), (17, 2), (1000, 63)])
-def test_rays_are_dealt_to_sixteen_samples_of_the_whole_flux(rays: int, each: int) -> None:
+@pytest.mark.parametrize(("rays", "per_sample"), [(1, 1), (16, 1), (17, 2), (1000, 63)])
+def test_rays_are_dealt_to_sixteen_samples_of_the_whole_flux(rays: int, per_sample: int) -> None:
     source = SquareEmitter(1.0, 2.0)
-    agrees(measured(source, rays), drawn(source, [each]))
+    agrees(measured(source, rays), drawn(source, [per_sample]))
 
 
 def test_a_table_for_roads_has_steps_of_5_and_2_5_degrees_at_most() -> None:
@@ -122,20 +122,20 @@ def test_the_rays_of_a_measured_source_are_dealt_at_random(count: int, rays: int
     order = np.random.default_rng(SEED).permutation(taken)
     parts = [everything.take(rows) for rows in np.array_split(order, min(PARTS, taken))]
     scaled = [RayBundle(part.origins, part.directions, 2.0 * part.flux / part.flux.sum()) for part in parts]
-    agrees(measured(source, rays), [[each] for each in scaled])
+    agrees(measured(source, rays), [[bundle] for bundle in scaled])
 
 
 def test_the_file_has_rays_of_every_sample_and_all_the_flux() -> None:
     source = SquareEmitter(1.0, 2.0)
-    found = measured(source, 16 * 20_000)
+    light = measured(source, 16 * 20_000)
     kept = [behind(bundles[0]).directions[:8192] for bundles in drawn(source, [20_000])]
-    np.testing.assert_array_equal(found.sample.directions, np.concatenate(kept))
-    assert found.sample.flux.sum() == pytest.approx(found.exit_w.value)
+    np.testing.assert_array_equal(light.sample.directions, np.concatenate(kept))
+    assert light.sample.flux.sum() == pytest.approx(light.exit_w.value)
 
 
 def test_the_light_is_the_mean_of_its_mirror_images() -> None:
-    found = measured(SquareEmitter(1.0), 640, symmetry="square").intensity.samples
-    np.testing.assert_allclose(found, np.roll(found, found.shape[1] // 4, axis=1), atol=1e-12)
+    samples = measured(SquareEmitter(1.0), 640, symmetry="square").intensity.samples
+    np.testing.assert_allclose(samples, np.roll(samples, samples.shape[1] // 4, axis=1), atol=1e-12)
     other = measured(SquareEmitter(1.0), 640).intensity.samples
     assert np.abs(other - np.roll(other, other.shape[1] // 4, axis=1)).max() > 0.01
 
@@ -148,12 +148,12 @@ def test_without_light_upwards_there_is_none_to_write() -> None:
 
 def test_every_fate_has_its_own_loss() -> None:
     flux = np.arange(1.0, CAUSES + 3.0)  # the last two of bodies
-    found = named_flux(flux)
-    assert set(LostFlux.model_fields) == set(found) - {"left_lens"}
+    losses = named_flux(flux)
+    assert set(LostFlux.model_fields) == set(losses) - {"left_lens"}
     expected = {fate.name.lower(): fate + 1.0 for fate in Fate}
     others = {"missed_receiver": MISSED_RECEIVER, "absorbed": ABSORBED, "cover_glass": IN_GLASS, "housing": BLOCKED}
     bodies = {"bodies": flux[CAUSES:].sum()}
-    assert found == expected | bodies | {name: place + 1.0 for name, place in others.items()}
+    assert losses == expected | bodies | {name: place + 1.0 for name, place in others.items()}
 
 
 @pytest.mark.parametrize(
@@ -168,8 +168,8 @@ def test_light_has_the_mirrors_that_source_and_lens_share(source: str, lens: str
 def test_rays_inside_a_sphere_leave_it_ahead_of_them() -> None:
     points = np.array([[3.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, 3.0, 5.0]])
     ways = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
-    found = _on_sphere(points, ways, 5.0)
-    np.testing.assert_allclose(found, [[3.0, 0.0, 4.0], [np.sqrt(24.0), 0.0, 1.0], [0.0, 3.0, -4.0]], atol=1e-12)
+    ends = _on_sphere(points, ways, 5.0)
+    np.testing.assert_allclose(ends, [[3.0, 0.0, 4.0], [np.sqrt(24.0), 0.0, 1.0], [0.0, 3.0, -4.0]], atol=1e-12)
     beside = _on_sphere(np.array([[6.0, 0.0, 2.0]]), np.array([[0.0, 0.0, 1.0]]), 5.0)
     assert beside.tolist() == [[6.0, 0.0, 0.0]], "no chord: where it is closest"
 
@@ -182,10 +182,10 @@ def test_rays_are_dealt_to_lamps_evenly_and_carry_the_flux_of_all() -> None:
 
     lamps = Lamps.level(((-3.0, 0.0), (1.0, 0.0), (2.0, 5.0)), (0.0, 30.0, 60.0))
     rays = bundle_of(12)
-    found = exit_light._of_lamps(object.__new__(Upwards), rays, lamps)
+    bundle = exit_light._of_lamps(object.__new__(Upwards), rays, lamps)
     for x, _ in lamps.places_mm:
-        assert np.count_nonzero(found.points[:, 0] == x) == 4
-    np.testing.assert_allclose(found.flux, 3.0 * rays.flux)
+        assert np.count_nonzero(bundle.points[:, 0] == x) == 4
+    np.testing.assert_allclose(bundle.flux, 3.0 * rays.flux)
 
 
 def bundle_of(count: int) -> RayBundle:

@@ -16,20 +16,20 @@ from lensforge.spec.source_sections import ChipsSource, RayfileSource, RayfilesS
 
 
 def test_rays_of_one_wavelength_are_a_line():
-    found = _of_rays(lambda: [(np.full(3, 621.3), np.ones(3))])
-    assert (found.wavelengths_nm.tolist(), found.power_density.tolist()) == ([621.3], [1.0])
+    result = _of_rays(lambda: [(np.full(3, 621.3), np.ones(3))])
+    assert (result.wavelengths_nm.tolist(), result.power_density.tolist()) == ([621.3], [1.0])
 
 
 def test_parts_have_in_their_mixture_the_powers_that_they_have():
     """A line of 3 W and a triangle of 1 W, of which the areas are the powers."""
     line = Spectrum(np.array([450.0]), np.ones(1))
     table = Spectrum(np.array([550.0, 600.0, 650.0]), np.array([0.0, 4.0, 0.0]))
-    found = _mixed([line, table], [3.0, 1.0])
-    below = found.wavelengths_nm < 500.0
-    areas = [np.trapezoid(found.power_density[part], found.wavelengths_nm[part]) for part in (below, ~below)]
+    result = _mixed([line, table], [3.0, 1.0])
+    below = result.wavelengths_nm < 500.0
+    areas = [np.trapezoid(result.power_density[part], result.wavelengths_nm[part]) for part in (below, ~below)]
     assert areas[0] / areas[1] == pytest.approx(3.0)
-    assert found.power_density.max() == 1.0
-    assert found.wavelengths_nm[below].tolist() == [445.0, 450.0, 455.0]
+    assert result.power_density.max() == 1.0
+    assert result.wavelengths_nm[below].tolist() == [445.0, 450.0, 455.0]
 
 
 def test_the_reach_is_the_angle_that_holds_nearly_all_the_flux():
@@ -55,10 +55,10 @@ def spectrum(spec):
 
 def test_given_rays_have_the_spectrum_of_their_wavelengths_and_fluxes():
     waves = [500.0, 500.0, 600.0]
-    found = spectrum(RaySource(ROWS, flux_w=1.0, wavelengths_nm=waves))
-    lit = found.power_density > 0.0
-    assert found.wavelengths_nm[lit].tolist() == [500.0, 600.0]
-    assert found.power_density[lit].tolist() == pytest.approx([0.6, 1.0])
+    result = spectrum(RaySource(ROWS, flux_w=1.0, wavelengths_nm=waves))
+    lit = result.power_density > 0.0
+    assert result.wavelengths_nm[lit].tolist() == [500.0, 600.0]
+    assert result.power_density[lit].tolist() == pytest.approx([0.6, 1.0])
     even = spectrum(RaySource(ROWS[:, :6], flux_w=1.0, wavelengths_nm=waves))
     assert even.power_density[even.power_density > 0.0].tolist() == pytest.approx([1.0, 0.5])
     assert spectrum(RaySource(ROWS, flux_w=1.0)) is None
@@ -95,7 +95,7 @@ def test_a_table_in_the_header_of_a_file_is_its_spectrum(tmp_path):
 def test_chips_have_the_spectrum_of_all_by_their_power():
     chip = {"x_mm": 0.0, "y_mm": 0.0, "width_mm": 1.0, "height_mm": 1.0}
     colours = [{"kind": "line", "wavelength_nm": wave} for wave in (450.0, 633.0)]
-    chips = [{**chip, "flux_w": flux, "spectrum": each} for flux, each in zip((1.0, 3.0), colours, strict=True)]
+    chips = [{**chip, "flux_w": flux, "spectrum": colour} for flux, colour in zip((1.0, 3.0), colours, strict=True)]
     both = spectrum(ChipsSource(chips=chips, spectrum=colours[0]))
     red = both.wavelengths_nm > 550.0
     areas = [np.trapezoid(both.power_density[part], both.wavelengths_nm[part]) for part in (~red, red)]

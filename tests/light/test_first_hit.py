@@ -19,7 +19,7 @@ def _wrong(seed: int, roughness: float, count: int) -> tuple[int, int]:
     table = tabulate(grid, surface)
     starts, directions = hard_rays(table, grid, count, seed)
     bounds = surface_bounds(table, grid.origin, grid.step)
-    lengths, found, lost = all_hits(starts, directions, table, grid)
+    lengths, crossed, lost = all_hits(starts, directions, table, grid)
 
     # quadratically denser near the start, where tangent rays cross
     t = 2.2 * bounds.most * np.linspace(0, 1, SCAN) ** 2
@@ -37,10 +37,10 @@ def _wrong(seed: int, roughness: float, count: int) -> tuple[int, int]:
         gone = (~above).any(axis=1) & (t[below] <= first[part])
         first[part[gone]] = np.inf
 
-    ends = starts + np.where(found, lengths, 0.0)[:, None] * directions
-    late = found & (lengths > first + 1e-9)
-    missed = ~found & np.isfinite(first)
-    astray = found & (np.abs(gap(np.where(found[:, None], ends, 1.0), table, grid)) > 1e-9)
+    ends = starts + np.where(crossed, lengths, 0.0)[:, None] * directions
+    late = crossed & (lengths > first + 1e-9)
+    missed = ~crossed & np.isfinite(first)
+    astray = crossed & (np.abs(gap(np.where(crossed[:, None], ends, 1.0), table, grid)) > 1e-9)
     return int((late | missed | astray | lost).sum()), several
 
 

@@ -45,38 +45,38 @@ def test_a_ray_is_shared_by_the_four_nodes_around_it():
     np.testing.assert_allclose(grid.deposit(rays), expected, atol=1e-12)
     values = np.random.default_rng(2).random((8, 8))
     read = grid.readings(c_deg + 360.0 * np.arange(-2, 3), gamma_deg) @ values.ravel()
-    by_hand = [_bilinear(values, *each) for each in zip(c_deg, gamma_deg, strict=True)]
+    by_hand = [_bilinear(values, *angles) for angles in zip(c_deg, gamma_deg, strict=True)]
     np.testing.assert_allclose(read, by_hand, rtol=1e-12)
 
 
 def _bilinear(values, c_deg, gamma_deg):
-    column = [np.interp(c_deg, 45.0 * np.arange(9), [*each, each[0]]) for each in values.T]
+    column = [np.interp(c_deg, 45.0 * np.arange(9), [*ring, ring[0]]) for ring in values.T]
     return np.interp(gamma_deg, GAMMA_DEG, column)
 
 
 def gram():
     """Integrals of the products of two functions of gamma with its sine, by adaptive quadrature."""
-    found = np.zeros((8, 8))
+    matrix = np.zeros((8, 8))
     nodes = range(8)
     for one in nodes:
         for other in nodes:
             edges = [GAMMA_DEG[k] for k in nodes if abs(k - one) <= 1 and abs(k - other) <= 1]
-            found[one, other] = sum(
+            matrix[one, other] = sum(
                 quad(lambda g, i=one, j=other: hat(i, g) * hat(j, g) * np.sin(np.deg2rad(g)), low, high)[0]
                 for low, high in pairwise(edges)
             )
-    return found * np.deg2rad(1.0)
+    return matrix * np.deg2rad(1.0)
 
 
 def first_cones(planes):
     """For each wave around the axis the first cone on which its half length is not below the step of gamma."""
     gamma = np.deg2rad(GAMMA_DEG)
     steps = np.gradient(gamma)
-    found = []
+    cones = []
     for wave in range(planes // 2 + 1):
         fine = [k for k in range(8) if np.pi * np.sin(gamma[k]) >= wave * steps[k]]
-        found.append(fine[0] if fine else 8)
-    return found
+        cones.append(fine[0] if fine else 8)
+    return cones
 
 
 @pytest.mark.parametrize("planes", [8, 30, 7])
@@ -128,14 +128,14 @@ def drawn_to_parabolas(means, flux, solid_angles, planes):
 def along_gamma(flux, mass, first):
     values = np.zeros(8)
     values[first:] = np.linalg.solve(mass[first:, first:], flux[first:])
-    found = values.copy()
+    result = values.copy()
     for low in range(7):
         share = 0.5 * min((6 - low) / 4.0, 1.0)
         flow = share * mass[low, low + 1] * (values[low + 1] - values[low])
-        found[low] += flow / mass[low].sum()
-        found[low + 1] -= flow / mass[low + 1].sum()
-    found[:first] = 0.0
-    return found
+        result[low] += flow / mass[low].sum()
+        result[low + 1] -= flow / mass[low + 1].sum()
+    result[:first] = 0.0
+    return result
 
 
 def test_solid_angles_are_row_sums_and_add_up_to_a_hemisphere():

@@ -44,29 +44,29 @@ def scene(*bodies: SecondaryOptic, fresnel: bool = True) -> Scene:
 
 def test_a_shell_about_a_point_source_bends_nothing_and_loses_by_the_closed_form() -> None:
     rays = upwards(2000, 1)
-    found = TracedBundle.of(CONCENTRIC, scene(placed("shell", SHELL)), rays).exits
-    out = found.left_lens
+    exits = TracedBundle.of(CONCENTRIC, scene(placed("shell", SHELL)), rays).exits
+    out = exits.left_lens
     assert 0.8 < out.mean() < 1.0, "some go past its tilted rim"
-    assert np.abs(found.directions - rays.directions)[out].max() < 1e-9
+    assert np.abs(exits.directions - rays.directions)[out].max() < 1e-9
     at_lens = (4.0 * N / (N + 1.0) ** 2) ** 2 * np.exp(-3.0 * LOSS)
     at_shell = (4.0 * COVER_N / (COVER_N + 1.0) ** 2) ** 2 * np.exp(-2.5 * COVER_LOSS)
-    assert found.flux[out] == pytest.approx(rays.flux[out] * at_lens * at_shell, rel=1e-10)
-    assert found.lost_in_bodies[0, out] == pytest.approx(rays.flux[out] * at_lens * (1.0 - at_shell), rel=1e-9)
-    assert found.lost_in_bodies[0, ~out] == pytest.approx(rays.flux[~out] * at_lens, rel=1e-10)
+    assert exits.flux[out] == pytest.approx(rays.flux[out] * at_lens * at_shell, rel=1e-10)
+    assert exits.lost_in_bodies[0, out] == pytest.approx(rays.flux[out] * at_lens * (1.0 - at_shell), rel=1e-9)
+    assert exits.lost_in_bodies[0, ~out] == pytest.approx(rays.flux[~out] * at_lens, rel=1e-10)
 
 
 def test_displaced_spheres_refract_and_polarise_as_written_by_hand() -> None:
     """Light is polarised by a lens of displaced faces, and more by each of two tilted, displaced shells."""
     rays = upwards(3000, 2, 1.0)
-    found = TracedBundle.of(tables(sphere(3.0, 0.5), sphere(6.0, -1.0)), scene(DOME, SECOND), rays).exits
+    exits = TracedBundle.of(tables(sphere(3.0, 0.5), sphere(6.0, -1.0)), scene(DOME, SECOND), rays).exits
     shells = [(np.array([0.0, 0.0, 0.5]), 3.0, 1.0, N, 0.0), (np.array([0.0, 0.0, -1.0]), 6.0, N, 1.0, LOSS)]
     shells += [*spheres_of(DOME), *spheres_of(SECOND)]
     points, along, share = by_hand(rays.origins, rays.directions, shells)
-    out = found.left_lens
+    out = exits.left_lens
     assert out.mean() > 0.6
-    assert np.abs(found.points - points)[out].max() < 1e-5
-    assert np.abs(found.directions - along)[out].max() < 1e-6  # of the tables
-    assert found.flux[out] == pytest.approx((rays.flux * share)[out], rel=1e-6)
+    assert np.abs(exits.points - points)[out].max() < 1e-5
+    assert np.abs(exits.directions - along)[out].max() < 1e-6  # of the tables
+    assert exits.flux[out] == pytest.approx((rays.flux * share)[out], rel=1e-6)
 
 
 def test_a_body_of_the_index_around_it_changes_nothing() -> None:
@@ -89,11 +89,11 @@ def test_a_body_of_faces_of_a_file_sends_light_as_the_spheres_that_the_file_hold
     given = {name: ChartSpline.through(axis, getattr(DOME, name).radius_on_grid(places)) for name in ("inner", "outer")}
     rays = upwards(2000, 6, 1.0)
     lens = tables(sphere(3.0, 0.5), sphere(6.0, -1.0))
-    found, exact = (TracedBundle.of(lens, scene(body), rays).exits for body in (replace(DOME, **given), DOME))
+    exits, exact = (TracedBundle.of(lens, scene(body), rays).exits for body in (replace(DOME, **given), DOME))
     out = exact.left_lens
-    assert 0.6 < out.mean() < 1.0 and (found.left_lens == out).all()
-    assert np.abs(found.directions - exact.directions)[out].max() < 1e-6
-    assert found.flux[out] == pytest.approx(exact.flux[out], rel=1e-6)
+    assert 0.6 < out.mean() < 1.0 and (exits.left_lens == out).all()
+    assert np.abs(exits.directions - exact.directions)[out].max() < 1e-6
+    assert exits.flux[out] == pytest.approx(exact.flux[out], rel=1e-6)
     assert tabled(replace(DOME, **given)) is tabled(replace(DOME, **given))
 
 
@@ -113,10 +113,10 @@ def test_light_reflected_totally_in_a_body_is_lost_there() -> None:
     """A ball of a high index whose cavity is flat: oblique light does not leave it."""
     hollow = placed("hollow", (sphere(12.0, -11.0), sphere(5.5)), turn=Pose(), medium=Medium(3.0))
     rays = upwards(2000, 5)
-    found = TracedBundle.of(tables(sphere(0.5), sphere(0.9)), scene(hollow), rays).exits
-    total = found.fates == Fate.TOTAL_REFLECTION
-    assert total.any() and found.left_lens.any()
-    assert (found.lost_in_bodies[0, total] > 0.0).all() and (found.flux[total] == 0.0).all()
+    exits = TracedBundle.of(tables(sphere(0.5), sphere(0.9)), scene(hollow), rays).exits
+    total = exits.fates == Fate.TOTAL_REFLECTION
+    assert total.any() and exits.left_lens.any()
+    assert (exits.lost_in_bodies[0, total] > 0.0).all() and (exits.flux[total] == 0.0).all()
 
 
 @pytest.mark.parametrize("kind", ["double", "as made", "behind a glass", "frosted", "opal", "tir"])
@@ -128,24 +128,24 @@ def test_gradients_through_tilted_bodies_are_those_of_differences(kind: str) -> 
     if kind in ("frosted", "opal"):  # a face of the lens, and others of both bodies
         model = GaussianFacets(0.02) if kind == "frosted" else lambertian(0.3)
         facets = (FaceScatter(face, model) for face in ("outer", "inner", "outer"))
-        own, first, second = ((facet,) for facet in facets)
-        media = replace(media, scatter=own, bodies=(replace(coated, scatter=first), replace(BOWL, scatter=second)))
+        of_lens, first, second = ((facet,) for facet in facets)
+        media = replace(media, scatter=of_lens, bodies=(replace(coated, scatter=first), replace(BOWL, scatter=second)))
     if kind == "behind a glass":
         media = replace(media, cover_glass=CoverGlass(1.52, 3.0, 40.0, 2e-3))
     if kind != "tir":
-        own = tables(sphere(3.0, 0.5), sphere(6.0, -1.0))
+        table = tables(sphere(3.0, 0.5), sphere(6.0, -1.0))
         made = MADE if kind == "as made" else None
         here = Scene(media, GRID, made=made)
     else:
         body = collimator(0.03)
-        own = tables_of(body, GRID)
+        table = tables_of(body, GRID)
         here = Scene(media, GRID, chain=body.chain(6))
     if kind in ("frosted", "opal"):
         few = upwards(60, 6, 0.8)
-        same = as_arrays(trace_reference(ReferenceBody.by_tables(torch.from_numpy(own), here), few))
-        assert np.abs(TracedBundle.of(own, here, few).exits.directions - same.directions).max() < 1e-9
-    direction = np.random.default_rng(7).normal(size=own.shape) * 1e-3
-    slope = MixedLight(own, here, upwards(1500, 6, 0.8), 8).slope(direction, 2e-4)
+        same = as_arrays(trace_reference(ReferenceBody.by_tables(torch.from_numpy(table), here), few))
+        assert np.abs(TracedBundle.of(table, here, few).exits.directions - same.directions).max() < 1e-9
+    direction = np.random.default_rng(7).normal(size=table.shape) * 1e-3
+    slope = MixedLight(table, here, upwards(1500, 6, 0.8), 8).slope(direction, 2e-4)
     assert slope.crossed < 150
     assert abs(slope.adjoint - slope.differences) < 20.0 * slope.error, slope
     assert abs(slope.adjoint - slope.differences) < 1e-4 * abs(slope.differences) + 1e-6, slope
@@ -179,8 +179,8 @@ def test_colours_are_bent_apart_by_the_index_of_each() -> None:
     glass = MATERIALS["PC"]
     rays = upwards(600, 9, 0.5).with_wavelengths(np.linspace(450.0, 650.0, 600))
     coloured = replace(DOME, medium=Medium(1.586, 0.0, glass))
-    found = TracedBundle.of(CONCENTRIC, scene(coloured), rays).exits
+    exits = TracedBundle.of(CONCENTRIC, scene(coloured), rays).exits
     for wave in (0, 300, 599):
         one = replace(DOME, medium=Medium(float(glass.index(rays.wavelengths_nm[wave : wave + 1])[0])))
         alone = TracedBundle.of(CONCENTRIC, scene(one), replace(rays, waves=None)).exits
-        assert found.directions[wave] == pytest.approx(alone.directions[wave], abs=1e-13)
+        assert exits.directions[wave] == pytest.approx(alone.directions[wave], abs=1e-13)

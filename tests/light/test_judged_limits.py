@@ -49,11 +49,11 @@ def judged(limit: dict[str, object], noise: float = 0.0, peak: float = 5.0, seed
 def test_the_value_that_decides_is_the_one_of_the_closed_form(
     limit: dict[str, object], value: float, noise: float
 ) -> None:
-    (found,) = judged(limit, noise)
-    error = found.standard_error or 0.0
+    (judgement,) = judged(limit, noise)
+    error = judgement.standard_error or 0.0
     rough = 0.08 if limit["kind"] in ("zone", "glare") else 0.03  # whole pixels at their edge
-    assert found.value == pytest.approx(value, rel=rough, abs=4.0 * error)
-    assert found.place == "sky" and (noise == 0.0 or 0.0 < error < 0.1 * value)
+    assert judgement.value == pytest.approx(value, rel=rough, abs=4.0 * error)
+    assert judgement.place == "sky" and (noise == 0.0 or 0.0 < error < 0.1 * value)
 
 
 @pytest.mark.parametrize(
@@ -71,15 +71,15 @@ def test_a_limit_is_decided_beyond_two_standard_errors(
     value: float, error: float | None, state: str, sense: str
 ) -> None:
     signed = value if sense == ">=" else 2.0 - value
-    found = Fact("a", "a", signed, "cd", error, sense, 1.0, note="light", place="sky").judged(error)
-    assert found.outcome == state
+    fact = Fact("a", "a", signed, "cd", error, sense, 1.0, note="light", place="sky").judged(error)
+    assert fact.outcome == state
     records = TypeAdapter(JudgedLimits)
-    (stored,) = records.dump_python((found,))
+    (stored,) = records.dump_python((fact,))
     assert stored == {
         "name": "a", "receiver": "sky", "quantity": "light", "sense": sense, "bound": 1.0, "unit": "cd", "state": state,
         "value": {"value": signed, "unit": "cd", "standard_error": error},
     }  # fmt: skip
-    assert records.validate_python([stored]) == (found,)
+    assert records.validate_python([stored]) == (fact,)
     other = "held" if state != "held" else "missed"
     with pytest.raises(ValidationError, match="state: not as it follows from the other entries"):
         records.validate_python([{**stored, "state": other}])
@@ -95,8 +95,8 @@ def test_no_noise_lifts_a_ratio_to_the_largest_above_one(noise: float) -> None:
         assert MostOverLeast().value(readings, "<=", "", readings).value >= 1.0
     above = Metric(value=1.2, standard_error=0.1)
     below = Metric(value=1.0, standard_error=0.05)
-    found = ratio_of(above, below)
-    assert (found.value, found.standard_error) == (1.0, pytest.approx(np.hypot(0.1, 0.06)))
+    ratio = ratio_of(above, below)
+    assert (ratio.value, ratio.standard_error) == (1.0, pytest.approx(np.hypot(0.1, 0.06)))
 
 
 def test_the_light_of_a_lens_has_its_limits_and_its_verdict_follows_them() -> None:

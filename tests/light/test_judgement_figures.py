@@ -68,11 +68,11 @@ def test_a_region_is_bright_above_half_of_the_maximum_and_not_where_it_has_just_
 def test_light_of_a_region_is_that_of_its_pixels() -> None:
     images = np.array([[[1.0, 2.0, 9.0]], [[2.0, 6.0, 9.0]]]) / 10.0
     target = np.array([[1.0, 0.8, 0.1]])
-    found = RegionLight.of(images, target, None, "lx")
-    assert found is not None and found.mean.value == pytest.approx(0.275) and found.mean.unit == "lx"
-    assert found.mean.standard_error == pytest.approx(np.std([0.15, 0.4], ddof=1) / np.sqrt(2.0))
-    assert found.u0.value == pytest.approx(0.15 / 0.275)
-    assert found.u1.value == pytest.approx(0.15 / 0.4)
+    light = RegionLight.of(images, target, None, "lx")
+    assert light is not None and light.mean.value == pytest.approx(0.275) and light.mean.unit == "lx"
+    assert light.mean.standard_error == pytest.approx(np.std([0.15, 0.4], ddof=1) / np.sqrt(2.0))
+    assert light.u0.value == pytest.approx(0.15 / 0.275)
+    assert light.u1.value == pytest.approx(0.15 / 0.4)
     assert RegionLight.of(images * [[[0.0]], [[1.0]]], target, None, "lx") is None
     masked = RegionLight.of(images, target, np.array([[False, False, True]]), "lx")
     assert masked is not None and masked.region == "uniform" and masked.mean.value == pytest.approx(0.9)
@@ -80,9 +80,9 @@ def test_light_of_a_region_is_that_of_its_pixels() -> None:
 
 def box(rows: slice, columns: slice) -> np.ndarray:
     """A region on 70 x 120 pixels."""
-    found = np.zeros((70, 120), dtype=bool)
-    found[rows, columns] = True
-    return found
+    mask = np.zeros((70, 120), dtype=bool)
+    mask[rows, columns] = True
+    return mask
 
 
 def test_the_peak_is_that_of_known_light() -> None:
@@ -96,11 +96,11 @@ def test_the_peak_is_that_of_known_light() -> None:
     exact = RegionLight.of(np.stack([light] * 16), target, None, "lx")
     assert exact is not None and exact.peak.value == pytest.approx(peak, rel=1e-12)
     noisy = np.random.default_rng(1).poisson(200.0 * light, (16, 70, 120)).astype(float)
-    found = RegionLight.of(noisy, 3.0 * target, None, "lx")
-    assert found is not None and found.peak.standard_error and 0.0 < found.peak.standard_error < 0.05
+    region = RegionLight.of(noisy, 3.0 * target, None, "lx")
+    assert region is not None and region.peak.standard_error and 0.0 < region.peak.standard_error < 0.05
     mean = noisy.mean(axis=0)
-    assert abs(found.peak.value - peak) < 3.0 * found.peak.standard_error
-    assert abs(found.peak.value - peak) <= abs(mean.max() / mean.sum() * target.sum() - peak)
+    assert abs(region.peak.value - peak) < 3.0 * region.peak.standard_error
+    assert abs(region.peak.value - peak) <= abs(mean.max() / mean.sum() * target.sum() - peak)
 
 
 def test_the_error_of_a_change_is_that_of_what_both_lenses_do_not_share() -> None:
@@ -129,13 +129,13 @@ def test_changes_by_common_rays_scatter_by_what_is_stated_however_noisy_both_lig
     """The noise of either is 4,000 times that of the change, of which there are 16 replicates."""
     chance = np.random.default_rng(2)
     dark = PairEstimate(0.0), None, None
-    found = []
+    changes = []
     for _ in range(200):
         before = chance.normal(0.9, 4e-3, 16)
         after = before + chance.normal(1e-4, 1e-6, 16)
         change = ReplicateMetrics(*dark, after).change_from(ReplicateMetrics(*dark, before)).efficiency
-        found.append((change.value, change.standard_error))
-    values, stated = np.array(found).T
+        changes.append((change.value, change.standard_error))
+    values, stated = np.array(changes).T
     truth = 1e-6 / np.sqrt(16.0)
     # The scatter of 200 is known to 5 %, the stated rms to 1.3 %.
     assert values.std(ddof=1) == pytest.approx(truth, rel=0.2)
@@ -146,9 +146,9 @@ def test_metrics_of_replicates_are_those_in_the_mask() -> None:
     images = np.random.default_rng(1).uniform(0.5, 1.5, (5, 2, 3))
     mask = np.array([[True, True, False], [True, False, False]])
     target = np.ones((2, 3))
-    found = ReplicateMetrics.of(images, target, mask, np.full(5, 0.25)).metrics()
-    assert found.uniformity is not None and found.uniformity.value == uniformity(images.mean(axis=0), mask)
-    assert found.efficiency == Metric(value=0.25, standard_error=0.0)
+    metrics = ReplicateMetrics.of(images, target, mask, np.full(5, 0.25)).metrics()
+    assert metrics.uniformity is not None and metrics.uniformity.value == uniformity(images.mean(axis=0), mask)
+    assert metrics.efficiency == Metric(value=0.25, standard_error=0.0)
     alone = ReplicateMetrics.of(images, target, None, np.full(5, 0.25)).metrics()
-    assert alone.uniformity is None and alone.rsd is None and alone.nmse == found.nmse
+    assert alone.uniformity is None and alone.rsd is None and alone.nmse == metrics.nmse
     assert debiased_minimum(images[:, mask]).value == pytest.approx(images.mean(axis=0)[mask].min())

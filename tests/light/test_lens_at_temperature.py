@@ -26,19 +26,19 @@ def lens_of(spec: Spec, accuracy: Preset = FEW) -> Lens:
     return Lens.double(random_surface(1, 3.0, 0.01, (9,)), random_surface(2, 6.0, 0.01, (9,)), spec, 0, accuracy)
 
 
-def require_same(found: lf.Light, wanted: lf.Light, larger: float = 1.0) -> None:
+def require_same(light: lf.Light, wanted: lf.Light, larger: float = 1.0) -> None:
     """The same shares and pictures, the latter on a receiver ``larger`` times as wide."""
     for name in ("nmse", "efficiency", "uniformity", "share_in_target"):
-        assert getattr(found, name).value == pytest.approx(getattr(wanted, name).value, rel=1e-9), name
-    assert found.flux.model_dump() == pytest.approx(wanted.flux.model_dump(), abs=1e-12)
-    np.testing.assert_allclose(found.map * larger**2, wanted.map, rtol=1e-9)
+        assert getattr(light, name).value == pytest.approx(getattr(wanted, name).value, rel=1e-9), name
+    assert light.flux.model_dump() == pytest.approx(wanted.flux.model_dump(), abs=1e-12)
+    np.testing.assert_allclose(light.map * larger**2, wanted.map, rtol=1e-9)
 
 
 def test_the_reference_temperature_gives_the_same_bits() -> None:
     lens = lens_of(small_spec(**PLASTIC, lens__reference_temperature_c=25.0))
     plain = lf.evaluate(lens)
-    found = lf.evaluate(lens, temperature_c=25.0)
-    assert found.conditions is None and found.sha256 == plain.sha256
+    light = lf.evaluate(lens, temperature_c=25.0)
+    assert light.conditions is None and light.sha256 == plain.sha256
     unknown = lens_of(small_spec())
     assert lf.evaluate(unknown, temperature_c=20).conditions is None, "nothing of its change needs to be known"
 
@@ -92,8 +92,8 @@ def test_rays_with_an_index_of_their_own_have_that_of_their_wavelength() -> None
 
 def test_a_source_without_wavelengths_has_the_index_at_the_design_wavelength() -> None:
     lens = lens_of(small_spec(lens__material="N-BK7", lens__design_wavelength_nm=546.074))
-    found = at_temperature(lens, 40.0).media.body.refractive_index - lens.media.body.refractive_index
-    assert found / 20.0 == pytest.approx(3.0e-6, abs=0.051e-6)
+    change = at_temperature(lens, 40.0).media.body.refractive_index - lens.media.body.refractive_index
+    assert change / 20.0 == pytest.approx(3.0e-6, abs=0.051e-6)
 
 
 def test_concentric_spheres_reflect_what_fresnel_says() -> None:

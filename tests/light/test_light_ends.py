@@ -157,17 +157,17 @@ def test_the_search_counts_the_flux_of_each_cause_and_lowers_what_leaks() -> Non
     exits = as_arrays(trace_reference(ReferenceBody.by_tables(tables, merit.light.scene), rays))
     numbers = cause_numbers(exits, merit.light.scene.chain)
     names = loss_names(merit.light.scene.chain)
-    found = merit.light_of(tables, rays).losses[0].detach().numpy()
+    losses = merit.light_of(tables, rays).losses[0].detach().numpy()
     for number, cause in enumerate(names[1:], 1):
-        assert found[number] == pytest.approx(exits.flux[numbers == number].sum(), rel=1e-9, abs=1e-15), cause
+        assert losses[number] == pytest.approx(exits.flux[numbers == number].sum(), rel=1e-9, abs=1e-15), cause
     inside = merit.light_of(tables, rays).images[0].sum()
-    assert found[0] == pytest.approx(float(exits.flux[exits.left_lens].sum() - inside), rel=0.05), "the splat is wider"
+    assert losses[0] == pytest.approx(float(exits.flux[exits.left_lens].sum() - inside), rel=0.05), "the splat is wider"
     at = offsets.clone().requires_grad_()
     without_creases = replace(merit.light, source=None)
     (light,) = without_creases.collect(parameters.tables(weights, at), rays)
     for cause, stand_in in (("wall", light.total_reflection), ("beside", light.outside_receiver)):
         loss = light.losses[names.index(cause)]
-        one, other = (torch.autograd.grad(each, at, retain_graph=True)[0] for each in (loss, stand_in))
+        one, other = (torch.autograd.grad(term, at, retain_graph=True)[0] for term in (loss, stand_in))
         assert torch.allclose(one, other, rtol=1e-9) and float(one.abs().max()) > 0.0, cause
 
 
@@ -216,7 +216,7 @@ def test_a_board_loses_the_mean_of_its_lamps() -> None:
     one, other, both = (
         light.received([lamps[number] for number in which])[0].losses for which in ((0, 0), (1, 1), (0, 1))
     )
-    values = [np.sum(each, axis=0)[1:] for each in (one, other, both)]
+    values = [np.sum(flux, axis=0)[1:] for flux in (one, other, both)]
     assert values[2] == pytest.approx(0.5 * (values[0] + values[1]), rel=0.1)
     assert abs(values[0] - values[1]).max() > 0.1 * values[2].max(), "the lamps are not alike"
     brighter = light.received([replace(lamps[0], flux=2.0 * lamps[0].flux)] * 2)[0].losses

@@ -49,8 +49,8 @@ def test_receivers_of_lamps_have_rasters_of_their_own() -> None:
     lamps = {"kind": "grid", "columns": 2, "rows": 3, "pitch_mm": [17.0, 23.0]}
     spec = small_spec(target=None, receivers=planes, lamps=lamps, base={"kind": "none"})
     light = evaluate_traced(TracedLens.of(bumpy(spec), 2.0), spec, build_source(spec.source), 512, 3, pixels=128)
-    found = [receiver.pixels for receiver in light.receivers]
-    assert light.pixels == 128 and len(set(found)) == 2 and all(abs(each - 128) < 16 for each in found)
+    pixels = [receiver.pixels for receiver in light.receivers]
+    assert light.pixels == 128 and len(set(pixels)) == 2 and all(abs(count - 128) < 16 for count in pixels)
 
 
 def test_evenness_is_a_fact_of_the_receiver_that_has_an_even_region(light: Light, scene: tuple[Any, Spec, Any]) -> None:
@@ -72,8 +72,8 @@ def test_maps_count_by_their_hash_alone(light: Light, tmp_path: Path) -> None:
     content = json.loads(path.read_text(encoding="utf-8"))
     del content["arrays_sha256"]
     for maps in ((), ("map", "raw_map", "target_map")):
-        for own, receiver in zip(content["receivers"], light.receivers, strict=True):
-            own |= {name: getattr(receiver, name).tolist() for name in maps}
+        for record, receiver in zip(content["receivers"], light.receivers, strict=True):
+            record |= {name: getattr(receiver, name).tolist() for name in maps}
         path.write_text(json.dumps(with_checksum(content)), encoding="utf-8")
         with pytest.raises(InputError, match=r"npz: not the arrays that evaluate.json describes; run `.*` again$"):
             Light.read(tmp_path)
@@ -95,18 +95,20 @@ def test_rays_pixels_and_seed_are_those_given_or_those_of_spec_and_lens(
     limit = {"kind": "points", "at_mm": [[0.0, 0.0]], "unit": "lx", "at_least": 3.0}
     lens = Lens.double(random_surface(1, 3.0), random_surface(2, 6.0), spec.replace(limits=[limit]), 5, "draft")
     asked: list[Any] = []
-    monkeypatch.setattr(evaluation, "evaluate_traced", lambda *own, **named: asked.append((own, named)) or light)
-    monkeypatch.setattr(evaluation, "measure_preset", lambda *own: asked.append(own) or None)
+    monkeypatch.setattr(
+        evaluation, "evaluate_traced", lambda *positional, **named: asked.append((positional, named)) or light
+    )
+    monkeypatch.setattr(evaluation, "measure_preset", lambda *positional: asked.append(positional) or None)
     monkeypatch.setattr(evaluation.TracedLens, "of", lambda lens, nodes: nodes)
     source = build_source(spec.source)
     preset = PRESETS["draft"]
-    found = evaluation.evaluate_lens(lens, source, preset, efficacy=Efficacy(250.0), **given)
-    ((traced, *own, rays, seed), named), measured = asked
-    assert (rays, named["pixels"], seed) == wanted and own == [lens.spec, source]
+    result = evaluation.evaluate_lens(lens, source, preset, efficacy=Efficacy(250.0), **given)
+    ((traced, *inputs, rays, seed), named), measured = asked
+    assert (rays, named["pixels"], seed) == wanted and inputs == [lens.spec, source]
     assert (traced, measured) == (preset.evaluate_nodes_per_sigma, (lens, source, preset.nodes_per_sigma, traced))
     (limit_there,) = named["limits"]
     assert limit_there.readings.shape[1] == wanted[1] * round(wanted[1] * 2 / 3)
-    assert found.lumens_per_watt == 250.0 and found.inputs == {"lens": lens.sha256}
+    assert result.lumens_per_watt == 250.0 and result.inputs == {"lens": lens.sha256}
 
 
 def test_the_map_of_one_lens_does_not_stand_for_its_lamp_or_a_road(light: Light, scene: tuple[Any, Spec, Any]) -> None:

@@ -36,11 +36,11 @@ def test_long_and_faint_ways_count_together() -> None:
     fates = np.array([0] * 12 + [4], dtype=np.int8)
     by_way = FluxByWay.none_yet(collimator().chain(6), 1)
     by_way.add(0, 3.0, ExitRays(nowhere, nowhere, flux, np.zeros(13), fates, met=met))
-    found = [(way.title, way.share.value) for way in by_way.ways(6.0)]
+    ways = [(way.title, way.share.value) for way in by_way.ways(6.0)]
     names = ("cap", "side", "wall", "exit")
     wanted = [(" → ".join(names[k] for k in way).capitalize(), 0.5 * flux[n]) for n, way in enumerate(TOLD[:6])]
     rest = [("Through the wall", 0.5 * flux[8:10].sum()), ("Other paths", 0.5 * flux[[6, 7, 10, 11]].sum())]
-    assert found == [(title, pytest.approx(share, rel=1e-15)) for title, share in (*wanted, *rest)]
+    assert ways == [(title, pytest.approx(share, rel=1e-15)) for title, share in (*wanted, *rest)]
 
 
 def test_ways_add_up_to_the_light_that_leaves_and_stand_in_the_record(tmp_path: Path) -> None:
@@ -77,8 +77,8 @@ def test_the_record_of_a_usual_lens_says_nothing_of_ways() -> None:
     assert light.ways == () and "ways" not in light.plain()
 
 
-@pytest.mark.parametrize(("share", "said"), [(0.0099, False), (0.0101, True)])
-def test_a_leak_above_a_hundredth_is_said_with_what_to_try(share: float, said: bool) -> None:
+@pytest.mark.parametrize(("share", "warned"), [(0.0099, False), (0.0101, True)])
+def test_a_leak_above_a_hundredth_is_said_with_what_to_try(share: float, warned: bool) -> None:
     def way(value: float, *faces: str) -> LightWay:
         return LightWay(faces=faces, share=Metric(value=value, standard_error=1e-4))
 
@@ -87,7 +87,7 @@ def test_a_leak_above_a_hundredth_is_said_with_what_to_try(share: float, said: b
 
     leaking = (way(0.8, "side", "wall", "exit"), way(share, "wall"))
     facts = list(leak_facts(spot().lens, leaking, Lost(flange=share)))
-    assert [fact.label for fact in facts] == (["Lost through the wall", "Lost in the flange"] if said else [])
+    assert [fact.label for fact in facts] == (["Lost through the wall", "Lost in the flange"] if warned else [])
     assert all("lens." in fact.note and fact.value == pytest.approx(100.0 * share) for fact in facts)
     assert all(fact.notice == "above 1 %" and fact.sentence.endswith("; above 1 %") for fact in facts)
     cup = lf.ReflectorSection()

@@ -39,7 +39,7 @@ def test_metrics_of_a_picture_are_their_sums_over_pixels() -> None:
     target = np.arange(1.0, 13.0).reshape(SHAPE)
     share = sum(image.flat) / sum(target.flat)
     above = sum((one - share * other) ** 2 for one, other in zip(image.flat, target.flat, strict=True))
-    assert nmse(image, target) == pytest.approx(above / sum((share * each) ** 2 for each in target.flat), rel=1e-12)
+    assert nmse(image, target) == pytest.approx(above / sum((share * pixel) ** 2 for pixel in target.flat), rel=1e-12)
     inside = [value for value, within in zip(image.flat, MASK.flat, strict=True) if within]
     mean = sum(inside) / len(inside)
     assert uniformity(image, MASK) == pytest.approx(min(inside) / mean, rel=1e-12)
@@ -47,7 +47,7 @@ def test_metrics_of_a_picture_are_their_sums_over_pixels() -> None:
     assert relative_deviation(image, MASK) == pytest.approx(spread / mean, rel=1e-12)
     both = np.stack([image, 0.01 * target])
     apart = sum((one - other) ** 2 for one, other in zip(*both.reshape(2, -1), strict=True))
-    assert relative_square(both) == pytest.approx(apart / sum(each**2 for each in both[1].flat), rel=1e-12)
+    assert relative_square(both) == pytest.approx(apart / sum(pixel**2 for pixel in both[1].flat), rel=1e-12)
 
 
 def test_a_dark_picture_has_the_largest_error_and_no_uniformity() -> None:
@@ -58,28 +58,28 @@ def test_a_dark_picture_has_the_largest_error_and_no_uniformity() -> None:
     assert relative_square(np.stack([light, dark])) == 0.0
 
 
-@pytest.mark.parametrize("own", [0.0, 3.0])
-def test_theerror_over_pairs_is_the_jackknife_less_what_it_counts_twice(own: float) -> None:
+@pytest.mark.parametrize("coupling", [0.0, 3.0])
+def test_theerror_over_pairs_is_the_jackknife_less_what_it_counts_twice(coupling: float) -> None:
     """Products with effects of their replicates, and without, where noise outweighs them."""
     chance = np.random.default_rng(3)
     count = 6
     apart = chance.normal(size=(count, count))
-    products = apart + apart.T + own * np.add.outer(*2 * (chance.normal(size=count),))
+    products = apart + apart.T + coupling * np.add.outer(*2 * (chance.normal(size=count),))
     pairs = list(permutations(range(count), 2))
-    if own == 0.0:  # no effects: every row has the same mean
+    if coupling == 0.0:  # no effects: every row has the same mean
         for _ in range(60):
             rows = np.array([sum(products[j, k] for k in range(count) if k != j) for j in range(count)])
             products -= np.add.outer(rows, rows) / (2.0 * (count - 1))
     mean = sum(products[j, k] for j, k in pairs) / len(pairs)
     without = [np.mean([products[j, k] for j, k in pairs if left not in (j, k)]) for left in range(count)]
-    jackknife = (count - 1) / count * sum((each - np.mean(without)) ** 2 for each in without)
+    jackknife = (count - 1) / count * sum((value - np.mean(without)) ** 2 for value in without)
     effects = [
         (sum(products[j, k] for k in range(count) if k != j) - (count - 1) * mean) / (count - 2) for j in range(count)
     ]
     z = sum((products[j, k] - mean - effects[j] - effects[k]) ** 2 for j, k in pairs) / (count * (count - 3))
     interactions = 2.0 * z / (count * (count - 1))
     expected = jackknife - 4.0 * z / (count * (count - 2)) + interactions
-    assert (expected > 0.5 * interactions) == (own > 0.0)
+    assert (expected > 0.5 * interactions) == (coupling > 0.0)
     assert error_over_pairs(products) == pytest.approx(max(expected, 0.5 * interactions) ** 0.5, rel=1e-9)
 
 
@@ -94,7 +94,7 @@ def test_the_error_over_pairs_of_noise_alone_is_what_they_scatter_by() -> None:
 def pair_means(first: list[np.ndarray], scales: list[float]) -> tuple[float, float]:
     pairs = list(permutations(range(len(first)), 2))
     return tuple(  # type: ignore[return-value]
-        sum(float(np.sum(each[j] * each[k])) for j, k in pairs) / len(pairs) for each in (first, scales)
+        sum(float(np.sum(terms[j] * terms[k])) for j, k in pairs) / len(pairs) for terms in (first, scales)
     )
 
 
@@ -106,13 +106,13 @@ def test_the_nmse_of_each_pair_and_its_distance_from_the_estimate(count: int) ->
     errors = [image - scale * target for image, scale in zip(images, scales, strict=True)]
     norms = [scale * np.sqrt(np.sum(target**2)) for scale in scales]
     above, below = pair_means(errors, norms)
-    found = nmse_estimate(images, target)
-    assert found.value == pytest.approx(above / below, rel=1e-10)
-    assert found.deviations is not None
+    estimate = nmse_estimate(images, target)
+    assert estimate.value == pytest.approx(above / below, rel=1e-10)
+    assert estimate.deviations is not None
     for j, k in np.ndindex(count, count):
-        away = (np.sum(errors[j] * errors[k]) - found.value * norms[j] * norms[k]) / below
-        assert found.deviations[j, k] == pytest.approx(away, rel=1e-9, abs=1e-12)
-    assert found.metric().standard_error == error_over_pairs(found.deviations)
+        away = (np.sum(errors[j] * errors[k]) - estimate.value * norms[j] * norms[k]) / below
+        assert estimate.deviations[j, k] == pytest.approx(away, rel=1e-9, abs=1e-12)
+    assert estimate.metric().standard_error == error_over_pairs(estimate.deviations)
 
 
 @pytest.mark.parametrize("noise", [0.02, 2.0])
@@ -122,22 +122,22 @@ def test_the_rsd_is_the_root_of_the_mean_over_pairs_or_zero(noise: float) -> Non
     if noise > 1.0:  # each is as uneven as the one before, the other way
         images = 0.01 + np.array([1.0, -1.0, 1.5, -1.5, 0.5, -0.5])[:, None, None] * (pictures(1, 0.1) - 0.01)
     inside = [image[MASK] for image in images]
-    means = [float(each.mean()) for each in inside]
-    errors = [(each - mean) / len(each) ** 0.5 for each, mean in zip(inside, means, strict=True)]
+    means = [float(pixels.mean()) for pixels in inside]
+    errors = [(pixels - mean) / len(pixels) ** 0.5 for pixels, mean in zip(inside, means, strict=True)]
     above, below = pair_means(errors, means)
-    found = rsd_estimate(images, MASK)
-    assert found.value == pytest.approx(max(above / below, 0.0) ** 0.5, rel=1e-9)
-    assert (found.value == 0.0) == (noise > 1.0)
+    estimate = rsd_estimate(images, MASK)
+    assert estimate.value == pytest.approx(max(above / below, 0.0) ** 0.5, rel=1e-9)
+    assert (estimate.value == 0.0) == (noise > 1.0)
     squares = np.array([[(a @ b - above / below * m * n) / below for b, n in zip(errors, means, strict=True)]
                         for a, m in zip(errors, means, strict=True)])  # fmt: skip
-    slope = 2.0 * max(found.value, error_over_pairs(squares) ** 0.5)
-    np.testing.assert_allclose(found.deviations, squares / slope, rtol=1e-8)
-    assert found.metric().standard_error == pytest.approx(error_over_pairs(squares) / slope, rel=1e-8)
+    slope = 2.0 * max(estimate.value, error_over_pairs(squares) ** 0.5)
+    np.testing.assert_allclose(estimate.deviations, squares / slope, rtol=1e-8)
+    assert estimate.metric().standard_error == pytest.approx(error_over_pairs(squares) / slope, rel=1e-8)
 
 
 def test_exactly_even_light_has_no_deviation_and_no_error() -> None:
-    found = rsd_estimate(np.full((5, *SHAPE), 0.25), MASK).metric()
-    assert (found.value, found.standard_error) == (0.0, 0.0)
+    metric = rsd_estimate(np.full((5, *SHAPE), 0.25), MASK).metric()
+    assert (metric.value, metric.standard_error) == (0.0, 0.0)
 
 
 def test_four_replicates_with_light_are_enough_whatever_the_others() -> None:
@@ -249,11 +249,11 @@ def test_as_dark_but_for_rounding_is_as_dark() -> None:
     """Light of equal rays: of another unit it has the same least value and error."""
     chance = np.random.default_rng(7)
     readings = chance.poisson(0.4, (16, 60)) @ (0.1 * np.eye(60) + 0.03 * np.eye(60, k=1)) + 0.01
-    found = debiased_minimum(readings)
+    minimum = debiased_minimum(readings)
     for unit in (1.0 / 3.0, 0.7, 1.1):
         other = debiased_minimum(unit * readings)
-        assert other.value == pytest.approx(unit * found.value, rel=1e-9)
-        assert other.standard_error == pytest.approx(unit * found.standard_error, rel=1e-9)
+        assert other.value == pytest.approx(unit * minimum.value, rel=1e-9)
+        assert other.standard_error == pytest.approx(unit * minimum.standard_error, rel=1e-9)
 
 
 @pytest.mark.parametrize("count", [3, 16])
@@ -262,8 +262,8 @@ def test_a_bound_holds_where_the_readings_are_beyond_it(count: int) -> None:
     least = debiased_minimum(readings).value
     largest = debiased_maximum(readings).value
     assert [debiased_minimum(readings, most).value for most in (0.5 * least, 2.0 * largest)] == [0.5 * least, least]
-    found = [debiased_maximum(readings, bound).value for bound in (0.5 * least, 2.0 * largest)]
-    assert found == [largest, 2.0 * largest]
+    values = [debiased_maximum(readings, bound).value for bound in (0.5 * least, 2.0 * largest)]
+    assert values == [largest, 2.0 * largest]
 
 
 @pytest.mark.parametrize("count", [1, 15, 17])
@@ -293,5 +293,5 @@ def test_what_no_extrapolation_tells_is_a_part_of_the_error() -> None:
     error = ExtremeEstimate(0.5, by_halves, 0.04).metric().standard_error
     assert error == pytest.approx((((14 * 0.1**2) + 0.2**2) / 15 + 0.04**2) ** 0.5, rel=1e-12)
     assert ExtremeEstimate(0.5).metric() == Metric(value=0.5)
-    found = debiased_minimum(np.random.default_rng(0).poisson(0.1, (16, 4000)).astype(float))
-    assert (found.value, found.standard_error) == (0.0, pytest.approx(0.1, rel=0.1)), "each block has dark pixels"
+    minimum = debiased_minimum(np.random.default_rng(0).poisson(0.1, (16, 4000)).astype(float))
+    assert (minimum.value, minimum.standard_error) == (0.0, pytest.approx(0.1, rel=0.1)), "each block has dark pixels"

@@ -30,8 +30,8 @@ def test_throw_is_where_the_peak_makes_a_quarter_of_a_lux() -> None:
 
 
 def test_throw_is_that_of_the_peak_and_unknown_without_lumens() -> None:
-    found = measured()
-    assert found.figures.throw == throw_of(found.peak_cd) and found.figures.throw.value > 10.0
+    photometry = measured()
+    assert photometry.figures.throw == throw_of(photometry.peak_cd) and photometry.figures.throw.value > 10.0
     section = LENS.spec.source.changed(luminous_efficacy_lm_per_w=None)
     dark = Lens.double(*LENS.surfaces.values(), SPEC.changed(source=section), seed=5, accuracy="draft")
     assert measured(dark).figures.throw is None and measured(dark).per_1000_lm
@@ -52,12 +52,12 @@ def by_midpoints(values: np.ndarray, c_deg: np.ndarray, gamma_deg: np.ndarray) -
 
 def test_shares_are_those_of_the_table_with_its_errors(given: dict) -> None:
     """The error of a share is by halves of the samples of rays, of which the table is the mean."""
-    found = measured()
-    *cones, down, lor = found.figures.flux_code
-    shares = [*cones, found.figures.direct_ratios[0]]
+    photometry = measured()
+    *cones, down, lor = photometry.figures.flux_code
+    shares = [*cones, photometry.figures.direct_ratios[0]]
     values = [share.value for share in shares]
-    assert values == pytest.approx(by_midpoints(found.candela, found.c_deg, found.gamma_deg), rel=2e-4)
-    assert (down.value, down.standard_error) == (1.0, 0.0) and lor == found.light_output_ratio
+    assert values == pytest.approx(by_midpoints(photometry.candela, photometry.c_deg, photometry.gamma_deg), rel=2e-4)
+    assert (down.value, down.standard_error) == (1.0, 0.0) and lor == photometry.light_output_ratio
     intensity = given["light"].intensity
     samples = intensity.samples
     apart = []
@@ -74,9 +74,9 @@ def test_shares_are_those_of_the_table_with_its_errors(given: dict) -> None:
 
 
 def test_screen_says_the_flux_code_in_per_cent() -> None:
-    found = measured()
-    facts = {fact.key: fact for fact in facts_in(found.figures)}
-    code = [round(100.0 * share.value) for share in found.figures.flux_code]
+    photometry = measured()
+    facts = {fact.key: fact for fact in facts_in(photometry.figures)}
+    code = [round(100.0 * share.value) for share in photometry.figures.flux_code]
     assert facts["flux_code"].value == " ".join(map(str, code)) and facts["throw"].unit == "m"
 
 
@@ -85,5 +85,5 @@ def test_spectrum_of_the_source_has_its_figures() -> None:
     spectrum = {"kind": "table", "wavelength_nm": [430.0, 455.0, 560.0, 690.0], "weight": [0.1, 0.9, 0.7, 0.2]}
     source = {"spectrum": spectrum, "luminous_efficacy_lm_per_w": None}
     spec = SPEC.replace({f"source.{name}": value for name, value in source.items()})
-    found = measured(Lens.double(*LENS.surfaces.values(), spec, seed=5, accuracy="draft")).spectrum
-    assert found is not None and found.rf == pytest.approx(80.693, abs=0.01)
+    figures = measured(Lens.double(*LENS.surfaces.values(), spec, seed=5, accuracy="draft")).spectrum
+    assert figures is not None and figures.rf == pytest.approx(80.693, abs=0.01)

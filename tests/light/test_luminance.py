@@ -90,9 +90,9 @@ def radiance_backwards(points: np.ndarray, directions: np.ndarray, spec: Spec) -
     d, first = passed(d, -normals, 1.0 / INDEX)
     p, normals, cavity = to_sphere(p, d, np.zeros(3), INNER, -1.0)
     d, second = passed(d, -normals, INDEX)
-    own = pose.to_local_points(p)
+    local = pose.to_local_points(p)
     along = pose.to_local_directions(d)
-    hits = own[:, :2] - (own[:, 2] / along[:, 2])[:, None] * along[:, :2]
+    hits = local[:, :2] - (local[:, 2] / along[:, 2])[:, None] * along[:, :2]
     lit = met & cavity & (along[:, 2] < 0.0) & (np.abs(hits) < 0.5 * spec.source.side_mm).all(axis=1)
     return np.where(lit, RADIANCE * first * second, 0.0)
 
@@ -202,8 +202,8 @@ def test_the_picture_is_upright_and_a_spot_is_the_mean_over_a_disc() -> None:
     distances = np.linalg.norm(centres - middle @ centres, axis=1)
     assert 0.5 * (middle @ distances**2) + pixel**2 / 12.0 == pytest.approx(1.25**2 / 4.0, rel=0.01)
     assert away[middle.toarray().ravel() > 0.0].max() < 1.25 + 0.75 * pixel
-    own = centres[view.grid.columns * (view.grid.rows // 2) + view.grid.columns // 2]
-    assert np.abs(middle @ centres - own).max() < 1e-9 * pixel, "about the centre of its pixel"
+    centre = centres[view.grid.columns * (view.grid.rows // 2) + view.grid.columns // 2]
+    assert np.abs(middle @ centres - centre).max() < 1e-9 * pixel, "about the centre of its pixel"
     turned = {"kind": "table", "places_mm": [[50.0, 8.0], [0.0, 0.0]], "turns_deg": [90.0, 0.0]}
     first = crooked({"eyes_mm": [(50.0, 18.0, 40.0)]} | {"spot_mm": 1.0}, lamps=turned)
     alone = crooked({"eyes_mm": [(10.0, 0.0, 40.0)]} | {"spot_mm": 1.0})
@@ -215,7 +215,7 @@ def test_each_eye_is_judged_and_the_second_decides() -> None:
     eyes = {"eyes_mm": [BESIDE, NEAR], "blur_deg": 6.0, "spot_deg": 3.0, "name": "desk"}
     lens = balls(crooked(eyes))
     dim, bright = lf.evaluate(lens, accuracy=FEW).limits
-    assert [each.key for each in (dim, bright)] == [
+    assert [eye.key for eye in (dim, bright)] == [
         "desk, seen from (6, -25, 3) mm",
         "desk, seen from (-20, 14, 30) mm",
     ]
@@ -272,16 +272,16 @@ def test_the_picture_of_a_ring_holds_those_of_its_eyes() -> None:
     rng = np.random.default_rng(4)
     by_hits = rng.normal(size=landed.hits.shape)
     by_flux = rng.normal(size=len(rays))
-    found, of_flux = ring.adjoint(exits, by_hits, by_flux)
+    gradients, of_flux = ring.adjoint(exits, by_hits, by_flux)
     points = np.zeros_like(exits.points)
     fluxes = np.zeros(len(rays))
     for eye, part in zip(ring.eyes, parts, strict=True):
-        own = eye.land(exits)
-        np.testing.assert_allclose(part, bin_flux(own.hits, own.flux, eye.grid), atol=1e-12)
-        by, flux = eye.adjoint(exits, by_hits * own.arrived[:, None], by_flux * own.arrived)
+        landing = eye.land(exits)
+        np.testing.assert_allclose(part, bin_flux(landing.hits, landing.flux, eye.grid), atol=1e-12)
+        by, flux = eye.adjoint(exits, by_hits * landing.arrived[:, None], by_flux * landing.arrived)
         points += by.by_points
         fluxes += flux
-    np.testing.assert_allclose(found.by_points, points)
+    np.testing.assert_allclose(gradients.by_points, points)
     np.testing.assert_allclose(of_flux, fluxes)
     spots = (ring.spots() @ np.concatenate(parts).ravel()).reshape(len(ring.eyes), -1)
     np.testing.assert_allclose(spots[1], ring.eyes[1].spots() @ parts[1].ravel())
@@ -339,7 +339,7 @@ def test_the_page_shows_the_lens_as_seen_and_its_mean_over_the_outline(tmp_path:
     assert np.pi * 5.0**2 < seen.outline_mm2 < np.pi * OUTER**2, "a part of the outer sphere"
     results = Results(lens, {"evaluate": light}, {})
     *_, pictures = receiver_pictures(results)
-    assert pictures.heading == "The lens as seen" and [each.title for each in pictures.seen] == ["From (30, 10)°"]
+    assert pictures.heading == "The lens as seen" and [picture.title for picture in pictures.seen] == ["From (30, 10)°"]
     (group,) = (shown for shown in results.facts(light) if shown.key == "seen")
     assert group.facts[0].value == seen.mean.value and group.facts[0].unit == "W/(m² sr)"
 
@@ -356,9 +356,9 @@ def test_the_search_pays_for_spots_above_the_bound_alone() -> None:
     assert inside.mean() > 0.7
     images = (ones, 9.3 * ones)
     assert term.loss(images).item() == 0.0
-    found = term.loss((ones, 12.0 * ones)).item()
+    loss = term.loss((ones, 12.0 * ones)).item()
     excess = np.maximum(limit.of(12.0 * ones.numpy()[None]) / 10.0 - 0.94, 0.0)
-    assert found == pytest.approx(300.0 * np.mean(excess**2 / (1.0 + excess)))
+    assert loss == pytest.approx(300.0 * np.mean(excess**2 / (1.0 + excess)))
     square = small_spec(lens__symmetry="auto")
     looked_at = square.replace(limits=[LIMIT | {"eyes_deg": [FAR], "spot_mm": 1.0}])
     source = build_source(square.source)

@@ -35,8 +35,8 @@ COLLIMATOR = lf.Lens(
 
 
 def _sizes(lens: lf.Lens, lamps: Lamps = ALONE) -> list[float]:
-    found = luminous_opening(lens, lamps)
-    return [found.length_mm, found.width_mm, *found.heights_mm[:1]]
+    opening = luminous_opening(lens, lamps)
+    return [opening.length_mm, opening.width_mm, *opening.heights_mm[:1]]
 
 
 def test_a_dome_is_a_cylinder_as_high_as_it_rises() -> None:
@@ -124,8 +124,8 @@ def _ball(radius_mm: float) -> dict[str, object]:
     ("lens", "sizes"), [(COLLIMATOR, [2.0 * RIM_MM, 2.0 * RIM_MM, 0.0]), (DOME, [12.0, 12.0, 6.0])]
 )
 def test_the_files_state_it(lens, sizes, tmp_path) -> None:
-    found = lf.photometry(lens, rays=2**10)
-    for suffix, content in found.products().items():
+    photometry = lf.photometry(lens, rays=2**10)
+    for suffix, content in photometry.products().items():
         (tmp_path / f"lens{suffix}").write_bytes(content)
     for suffix in (".ies", ".ldt", ".iesxml"):
         read = lf.rays(tmp_path / f"lens{suffix}")

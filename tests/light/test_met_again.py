@@ -32,9 +32,9 @@ def test_light_in_a_white_sphere_ends_as_its_closed_form_says() -> None:
     a ray meets the mirror changed what goes back by a tenth.
     """
     rays = build_source(SquareSource(side_mm=0.0), facets=1).sample(2**17, 3)
-    found = TracedBundle.of(tables_of(BALL, GRID), Scene(WHITE, GRID, chain=BALL.chain(EVENTS)), rays)
-    exits = found.exits
-    met = (found.met >= 0).sum(axis=1)
+    traced = TracedBundle.of(tables_of(BALL, GRID), Scene(WHITE, GRID, chain=BALL.chain(EVENTS)), rays)
+    exits = traced.exits
+    met = (traced.met >= 0).sum(axis=1)
     times = np.arange(1, EVENTS)
     wanted = 0.64 * 0.9**times * 0.4 ** (times - 1)
     for number, share in zip(times, wanted, strict=True):
@@ -51,8 +51,8 @@ def test_facets_of_a_mirror_that_is_met_again_are_others() -> None:
     media = replace(WHITE, scatter=(FaceScatter("cup", GaussianFacets(0.2)),))
     rays = upwards(50_000, 4)
     rough, steep = (
-        TracedBundle.of(tables_of(BALL, GRID), Scene(each, GRID, chain=BALL.chain(3)), rays)
-        for each in (media, replace(media, scatter=(FaceScatter("cup", GaussianFacets(1e-9)),)))
+        TracedBundle.of(tables_of(BALL, GRID), Scene(materials, GRID, chain=BALL.chain(3)), rays)
+        for materials in (media, replace(media, scatter=(FaceScatter("cup", GaussianFacets(1e-9)),)))
     )
     assert (rough.met >= 0).sum(axis=1).max() == 3 and not np.array_equal(rough.met, steep.met)
     keys = roughness(media, ("cup", "mouth"), rays).keys

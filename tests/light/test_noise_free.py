@@ -47,7 +47,7 @@ TARGET = np.ones((SIDE, SIDE)) / SIDE**2
 def _estimates(truth: np.ndarray, noise: float, repeats: int = 150) -> dict[str, tuple[np.ndarray, np.ndarray]]:
     """Value and standard error of each repeat, by metric."""
     rng = np.random.default_rng(5)
-    found: dict[str, list[tuple[float, float]]] = {"nmse": [], "rsd": []}
+    estimates: dict[str, list[tuple[float, float]]] = {"nmse": [], "rsd": []}
     for _ in range(repeats):
         images = noisy(truth, noise, rng)
         for name, metric in (
@@ -55,8 +55,8 @@ def _estimates(truth: np.ndarray, noise: float, repeats: int = 150) -> dict[str,
             ("rsd", rsd_estimate(images, EVERYWHERE).metric()),
         ):
             assert metric.standard_error is not None
-            found[name].append((metric.value, metric.standard_error))
-    return {name: (np.array(rows)[:, 0], np.array(rows)[:, 1]) for name, rows in found.items()}
+            estimates[name].append((metric.value, metric.standard_error))
+    return {name: (np.array(rows)[:, 0], np.array(rows)[:, 1]) for name, rows in estimates.items()}
 
 
 @pytest.mark.parametrize(
@@ -89,11 +89,11 @@ def test_too_few_replicates_leave_the_noise_in_and_have_no_error(lit: int) -> No
     for few in (images[: max(lit, 1)], np.where(np.arange(16)[:, None, None] < lit, images, 0.0)):
         if lit == 0:
             few = np.zeros_like(few)
-        found = nmse_estimate(few, TARGET).metric()
+        metric = nmse_estimate(few, TARGET).metric()
         even = rsd_estimate(few, EVERYWHERE).metric()
-        assert found.value == nmse(few.mean(axis=0), TARGET)
+        assert metric.value == nmse(few.mean(axis=0), TARGET)
         assert even.value == relative_deviation(few.mean(axis=0), EVERYWHERE)
-        assert found.standard_error is None and even.standard_error is None
+        assert metric.standard_error is None and even.standard_error is None
 
 
 LARGE = 40
@@ -148,26 +148,28 @@ def test_two_pixels_follow_clark_and_stein() -> None:
     d = 0.02
     spread = 0.1
     rng = np.random.default_rng(8)
-    found = []
+    pairs = []
     for _ in range(500):
         choices = _Choices.of(np.array([1.0, 1.0 + d]) + spread * rng.normal(size=(16, 2)), _halves())
         level = choices.within(np.ones((1, 16)))
-        found.append((level.minimum[0], level.read[0]))
+        pairs.append((level.minimum[0], level.read[0]))
     t = spread**2 / 8.0  # variance of the mean of eight
     theta = np.sqrt(2.0 * t)
     minimum = 1.0 + d * norm.cdf(-d / theta) - theta * norm.pdf(d / theta)
     chosen = 1.0 + d * norm.cdf(-d / theta)
     by_variance = -norm.pdf(d / theta) / theta  # of the minimum, by t
     assert chosen == pytest.approx(minimum - 2.0 * t * by_variance, rel=1e-12)
-    means = np.mean(found, axis=0)
-    errors = np.std(found, axis=0) / np.sqrt(len(found))
+    means = np.mean(pairs, axis=0)
+    errors = np.std(pairs, axis=0) / np.sqrt(len(pairs))
     assert abs(means[0] - minimum) < 4.0 * errors[0]
     assert abs(means[1] - chosen) < 4.0 * errors[1]
 
 
 def test_places_read_twice_change_no_least_value() -> None:
     readings = noisy(bumpy(SIDE, 0.02), 0.01, np.random.default_rng(3)).reshape(REPLICATES, -1)
-    once, twice = (least_over_mean(each) for each in (readings, np.concatenate([readings, readings[:, ::-1]], axis=1)))
+    once, twice = (
+        least_over_mean(sample) for sample in (readings, np.concatenate([readings, readings[:, ::-1]], axis=1))
+    )
     assert once.metric().standard_error and once.by_halves is not None
     assert twice.value == pytest.approx(once.value, rel=1e-12)
     assert twice.by_halves == pytest.approx(once.by_halves, rel=1e-12)

@@ -64,12 +64,14 @@ def test_gradients_are_the_sum_of_those_of_the_parts() -> None:
     by.by_points[::3] = 0.0
     by.by_directions[::3] = 0.0
     whole = TracedBundle.of(tables, SCENE, rays).gradients(by, by_flux, by_sin2)
-    total = [np.zeros_like(each) for each in whole]
+    total = [np.zeros_like(gradient) for gradient in whole]
     for start in range(0, COUNT, 101):
         part = slice(start, start + 101)
         traced = TracedBundle.of(tables, SCENE, rays.take(part))
-        own = traced.gradients(Sensitivities(by.by_points[part], by.by_directions[part]), by_flux[part], by_sin2[part])
-        total = [a + b for a, b in zip(total, own, strict=True)]
+        gradients = traced.gradients(
+            Sensitivities(by.by_points[part], by.by_directions[part]), by_flux[part], by_sin2[part]
+        )
+        total = [a + b for a, b in zip(total, gradients, strict=True)]
     for summed, at_once in zip(total, whole, strict=True):
         assert np.allclose(summed, at_once, rtol=1e-11, atol=1e-11 * np.abs(at_once).max())
 

@@ -58,16 +58,16 @@ def test_exit_rays_go_where_the_tracer_says():
 
 def test_figures_of_a_point_source_in_concentric_spheres_are_lambertian():
     """pi lumens per axis candela, 120 degrees of beam, 2 arccos(0.1) of field: each within its standard error."""
-    found = measured(replace(SYMMETRIC, spec=small_spec(source__side_mm=0.0)), rays=2**18, lumens=1000.0)
-    _agrees(found.axis_cd, 1000.0 * THROUGH / np.pi)
-    _agrees(found.exit_lm, np.pi * found.axis_cd.value, found.axis_cd.standard_error * np.pi)
-    for plane in (found.beam_c0, found.beam_c90):
+    photometry = measured(replace(SYMMETRIC, spec=small_spec(source__side_mm=0.0)), rays=2**18, lumens=1000.0)
+    _agrees(photometry.axis_cd, 1000.0 * THROUGH / np.pi)
+    _agrees(photometry.exit_lm, np.pi * photometry.axis_cd.value, photometry.axis_cd.standard_error * np.pi)
+    for plane in (photometry.beam_c0, photometry.beam_c90):
         _agrees(plane.peak_cd, 1000.0 * THROUGH / np.pi)
         _agrees(plane.beam_angle_deg, 120.0)
         _agrees(plane.field_angle_deg, 2.0 * np.rad2deg(np.arccos(0.1)))
         assert plane.beam_angle_deg.standard_error < 2.0
-    assert found.peak_direction.gamma_deg < 15.0
-    assert found.road is None
+    assert photometry.peak_direction.gamma_deg < 15.0
+    assert photometry.road is None
 
 
 def _agrees(metric, truth, more=0.0):
@@ -79,10 +79,10 @@ def test_a_lamp_for_an_area_needs_lumens():
     with pytest.raises(InputError, match="its ratings count lumens") as error:
         measured(replace(SHELL, spec=spec), rays=1024)
     assert "\n" not in str(error.value)
-    found = measured(replace(SHELL, spec=spec), rays=2**14, lumens=5000.0)
-    assert found.road.distribution.lateral == "V"
-    zones = sum(each["value"] for each in found.road.bug.zones.model_dump().values())
-    assert zones == pytest.approx(found.exit_lm.value, rel=1e-6)
+    photometry = measured(replace(SHELL, spec=spec), rays=2**14, lumens=5000.0)
+    assert photometry.road.distribution.lateral == "V"
+    zones = sum(zone["value"] for zone in photometry.road.bug.zones.model_dump().values())
+    assert zones == pytest.approx(photometry.exit_lm.value, rel=1e-6)
 
 
 def measured(lens, **options):
@@ -91,20 +91,22 @@ def measured(lens, **options):
 
 def test_the_files_hold_the_light_and_every_loss_is_named(tmp_path):
     dated = replace(ROUGH, spec=ROUGH.spec.replace({"manufacture.date": "2025-03-04"}))
-    found = measured(dated, rays=2**14, lumens=250.0)
-    found.write(tmp_path)
-    assert Photometry.read(tmp_path) == found
-    assert found.inputs == {"lens": dated.sha256}
-    assert all(criterion.holds for criterion in found.criteria)
-    assert len(found.criteria) == 4
-    assert found.exit_w.value + sum(found.lost_w.model_dump().values()) + found.reflected_w == pytest.approx(1.0)
-    assert found.exit_lm.value == pytest.approx(250.0 * found.exit_w.value)
-    assert 0.0 < found.exit_w.standard_error < 1e-3
+    photometry = measured(dated, rays=2**14, lumens=250.0)
+    photometry.write(tmp_path)
+    assert Photometry.read(tmp_path) == photometry
+    assert photometry.inputs == {"lens": dated.sha256}
+    assert all(criterion.holds for criterion in photometry.criteria)
+    assert len(photometry.criteria) == 4
+    assert photometry.exit_w.value + sum(
+        photometry.lost_w.model_dump().values()
+    ) + photometry.reflected_w == pytest.approx(1.0)
+    assert photometry.exit_lm.value == pytest.approx(250.0 * photometry.exit_w.value)
+    assert 0.0 < photometry.exit_w.standard_error < 1e-3
     for name in ("lens.ies", "lens.ldt", "lens.iesxml"):
         photometric = read_photometric(tmp_path / name)
-        assert photometric.intensity.flux() == pytest.approx(found.exit_lm.value, rel=1e-6)
-        np.testing.assert_allclose(photometric.intensity.values, found.candela, rtol=1e-6, atol=1e-9)
-        np.testing.assert_allclose(photometric.intensity.gamma_deg, found.gamma_deg)
+        assert photometric.intensity.flux() == pytest.approx(photometry.exit_lm.value, rel=1e-6)
+        np.testing.assert_allclose(photometric.intensity.values, photometry.candela, rtol=1e-6, atol=1e-9)
+        np.testing.assert_allclose(photometric.intensity.gamma_deg, photometry.gamma_deg)
         assert photometric.lamp_lumens == 250.0
         assert photometric.issued == "2025-03-04"
         seen = ROUGH.outer.radius(fibonacci_hemisphere(4000)) * np.hypot(*fibonacci_hemisphere(4000).T[:2])
@@ -129,29 +131,29 @@ def test_the_ray_file_is_the_light_that_the_tracer_sees(tmp_path):
 
 
 def test_without_lumens_record_and_files_say_that_candela_are_relative(tmp_path):
-    found = measured(SYMMETRIC, rays=2**16)
-    found.write(tmp_path)
-    assert (found.source_lm, found.source_lm_from, found.per_1000_lm) == (1000.0, "not known", True)
-    assert len(found.warnings) == 1 and "candela are per 1000 lm of the source" in found.warnings[0]
+    photometry = measured(SYMMETRIC, rays=2**16)
+    photometry.write(tmp_path)
+    assert (photometry.source_lm, photometry.source_lm_from, photometry.per_1000_lm) == (1000.0, "not known", True)
+    assert len(photometry.warnings) == 1 and "candela are per 1000 lm of the source" in photometry.warnings[0]
     assert "[OTHER] luminous flux of the source not known: 1000 lm taken" in (tmp_path / "lens.ies").read_text()
     assert "luminous flux of the source not known" in (tmp_path / "lens.ldt").read_text().splitlines()[11]
     assert read_rayfile(tmp_path / "lens.tm25ray").header_flux_lm is None
     stated = measured(SYMMETRIC, rays=2**16, lumens=300.0)
     assert (stated.source_lm_from, stated.per_1000_lm, stated.warnings) == ("given", False, ())
-    np.testing.assert_allclose(stated.candela, 0.3 * found.candela, rtol=1e-12)
+    np.testing.assert_allclose(stated.candela, 0.3 * photometry.candela, rtol=1e-12)
 
 
 def test_the_ray_file_has_watts_and_lumens_and_the_spectrum(tmp_path):
     wave = {"kind": "table", "wavelength_nm": [430.0, 450.0, 470.0], "weight": [0.0, 1.0, 0.5]}
-    found = measured(replace(SHELL, spec=small_spec(source__spectrum=wave)), rays=2**14, lumens=300.0)
-    found.save(tmp_path / "lens.tm25ray")
+    photometry = measured(replace(SHELL, spec=small_spec(source__spectrum=wave)), rays=2**14, lumens=300.0)
+    photometry.save(tmp_path / "lens.tm25ray")
     rayfile = read_rayfile(tmp_path / "lens.tm25ray")
-    assert rayfile.header_flux_w == pytest.approx(found.exit_w.value, rel=1e-6)
-    assert rayfile.header_flux_lm == pytest.approx(found.exit_lm.value, rel=1e-6)
+    assert rayfile.header_flux_w == pytest.approx(photometry.exit_w.value, rel=1e-6)
+    assert rayfile.header_flux_lm == pytest.approx(photometry.exit_lm.value, rel=1e-6)
     (table,) = rayfile.spectral_tables
     np.testing.assert_array_equal(table.wavelengths_nm, [430.0, 450.0, 470.0])
     np.testing.assert_array_equal(table.power_density, [0.0, 1.0, 0.5])
-    assert found.files.tm25ray.lumens == pytest.approx(found.exit_lm.value, rel=1e-6)
+    assert photometry.files.tm25ray.lumens == pytest.approx(photometry.exit_lm.value, rel=1e-6)
     line = measured(
         replace(SHELL, spec=small_spec(source__spectrum={"kind": "line", "wavelength_nm": 589.0})), rays=2**10
     )
@@ -162,10 +164,13 @@ def test_the_ray_file_has_watts_and_lumens_and_the_spectrum(tmp_path):
 def test_c_90_is_minus_y():
     """Light that leans towards +y: turned over about the x axis, the lens sends it towards C = 270."""
     leaning = replace(SHELL, spec=small_spec(source__side_mm=0.0, source__tilt_deg=[-30.0, 0.0]))
-    found = measured(leaning, rays=2**14)
-    cone = int(np.argmin(np.abs(found.gamma_deg - 30.0)))
-    mean = np.sum(found.candela[:-1, cone] * np.exp(1j * np.deg2rad(found.c_deg[:-1])))
+    photometry = measured(leaning, rays=2**14)
+    cone = int(np.argmin(np.abs(photometry.gamma_deg - 30.0)))
+    mean = np.sum(photometry.candela[:-1, cone] * np.exp(1j * np.deg2rad(photometry.c_deg[:-1])))
     assert np.rad2deg(np.angle(mean)) % 360.0 == pytest.approx(270.0, abs=2.0)
-    quarter = len(found.c_deg) // 4
-    beyond = int(np.argmin(np.abs(found.gamma_deg - 75.0)))  # at C = 90 below the horizon of the source
-    assert found.candela_standard_error[quarter, beyond] < 0.3 * found.candela_standard_error[3 * quarter, beyond]
+    quarter = len(photometry.c_deg) // 4
+    beyond = int(np.argmin(np.abs(photometry.gamma_deg - 75.0)))  # at C = 90 below the horizon of the source
+    assert (
+        photometry.candela_standard_error[quarter, beyond]
+        < 0.3 * photometry.candela_standard_error[3 * quarter, beyond]
+    )

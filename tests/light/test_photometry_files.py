@@ -24,33 +24,33 @@ DATED = replace(ROUGH, spec=small_spec(manufacture__date="2026-03-01"))
 def cosine(tmp_path_factory):
     """The far field of a point source in concentric spheres, T cos(gamma) / pi, and the folder of its files."""
     folder = tmp_path_factory.mktemp("cosine")
-    found = measured(replace(SYMMETRIC, spec=small_spec(source__side_mm=0.0)), rays=2**17, lumens=250.0)
-    found.write(folder)
-    return found, folder
+    photometry = measured(replace(SYMMETRIC, spec=small_spec(source__side_mm=0.0)), rays=2**17, lumens=250.0)
+    photometry.write(folder)
+    return photometry, folder
 
 
 @pytest.mark.parametrize("suffix", [".ies", ".ldt", ".iesxml"])
 def test_other_readers_find_the_light_within_its_stated_error(suffix, cosine):
     """The record's candela to the digits written; the closed form within the standard error of each node."""
-    found, folder = cosine
+    photometry, folder = cosine
     read = by_element if suffix == ".iesxml" else by_photompy
     c, gamma, candela, lumens, _ = read(folder / f"lens{suffix}")
     assert lumens == 250.0
-    np.testing.assert_allclose(candela, found.candela, rtol=5e-7, atol=1e-9)
-    assert (np.abs(candela - found.candela) <= found.candela_standard_error).all()
-    assert flux(c, gamma, candela) == pytest.approx(found.exit_lm.value, rel=1e-6)
+    np.testing.assert_allclose(candela, photometry.candela, rtol=5e-7, atol=1e-9)
+    assert (np.abs(candela - photometry.candela) <= photometry.candela_standard_error).all()
+    assert flux(c, gamma, candela) == pytest.approx(photometry.exit_lm.value, rel=1e-6)
     truth = 250.0 * THROUGH / np.pi * np.cos(np.deg2rad(gamma))
-    assert (np.abs(candela - truth) < 6.0 * found.candela_standard_error + 0.004 * truth[0]).all()
-    bright = found.candela > 0.1 * found.candela.max()
-    assert np.abs(candela / truth - 1.0)[bright].max() < 6.0 * found.node_error.max
+    assert (np.abs(candela - truth) < 6.0 * photometry.candela_standard_error + 0.004 * truth[0]).all()
+    bright = photometry.candela > 0.1 * photometry.candela.max()
+    assert np.abs(candela / truth - 1.0)[bright].max() < 6.0 * photometry.node_error.max
 
 
 def test_the_file_of_a_lamp_holds_the_light_of_all_its_lenses(cosine, tmp_path):
     """Beside those of one lens; both say whose light they have, and so do the figures."""
     one, folder = cosine
     spec = small_spec(source__side_mm=0.0, photometry={"lenses": 12})
-    found = measured(replace(SYMMETRIC, spec=spec), rays=2**12, lumens=250.0)
-    found.write(tmp_path)
+    photometry = measured(replace(SYMMETRIC, spec=spec), rays=2**12, lumens=250.0)
+    photometry.write(tmp_path)
     # in an IES file of each of the 12, in the others of all
     for suffix, read, of_lamp in (
         (".ies", by_photompy, 250.0),
@@ -59,18 +59,18 @@ def test_the_file_of_a_lamp_holds_the_light_of_all_its_lenses(cosine, tmp_path):
     ):
         _, _, candela, lumens, _ = read(tmp_path / f"luminaire{suffix}")
         assert lumens == of_lamp
-        np.testing.assert_allclose(candela, 12.0 * found.candela, rtol=5e-7, atol=1e-9)
-    for each in (found.luminaire.ies, found.luminaire.ldt, found.luminaire.tm33):
-        assert each.lumens == pytest.approx(12.0 * found.exit_lm.value, rel=1e-6)
-    assert b"12 lenses" in found.luminaire_ies and b"12 lenses" not in found.ies
-    peaks = [_peak(each) for each in (found.ies, found.luminaire_ies)]
-    assert peaks == pytest.approx([found.peak_cd.value, 12.0 * found.peak_cd.value], rel=1e-4)
-    assert [_lamps(each) for each in (found.ies, found.luminaire_ies)] == [["1", "250"], ["12", "250"]]
-    checked = [criterion.key.split()[2] for criterion in found.criteria if criterion.holds]
+        np.testing.assert_allclose(candela, 12.0 * photometry.candela, rtol=5e-7, atol=1e-9)
+    for file in (photometry.luminaire.ies, photometry.luminaire.ldt, photometry.luminaire.tm33):
+        assert file.lumens == pytest.approx(12.0 * photometry.exit_lm.value, rel=1e-6)
+    assert b"12 lenses" in photometry.luminaire_ies and b"12 lenses" not in photometry.ies
+    peaks = [_peak(content) for content in (photometry.ies, photometry.luminaire_ies)]
+    assert peaks == pytest.approx([photometry.peak_cd.value, 12.0 * photometry.peak_cd.value], rel=1e-4)
+    assert [_lamps(content) for content in (photometry.ies, photometry.luminaire_ies)] == [["1", "250"], ["12", "250"]]
+    checked = [criterion.key.split()[2] for criterion in photometry.criteria if criterion.holds]
     assert checked[-3:] == ["luminaire.ies", "luminaire.ldt", "luminaire.iesxml"]
-    assert Photometry.read(tmp_path) == found
+    assert Photometry.read(tmp_path) == photometry
     assert not (folder / "luminaire.ies").exists() and one.luminaire is None
-    titles = {group.key: group.title for group in photometry_facts(found, spec)}
+    titles = {group.key: group.title for group in photometry_facts(photometry, spec)}
     assert titles["far_field"] == "Far field, one lens of 12"
     area = small_spec(photometry={"lenses": 12, "use": "area"}, target__distance_mm=1e4, target__receiver_mm=1e4)
     far = measured(replace(SYMMETRIC, spec=area), rays=2**12, lumens=250.0)
@@ -107,24 +107,24 @@ def _lamps(ies: bytes) -> list[str]:
 def test_the_files_count_the_leds_of_several_lamps():
     """LM-63: number of lamps, and lumens of each of them; EULUMDAT: their number, and lumens of all."""
     spec = small_spec(lamps={"kind": "grid", "columns": 5, "rows": 4, "pitch_mm": 20.0})
-    found = measured(replace(SYMMETRIC, spec=spec), rays=2**12, lumens=250.0)
-    assert _lamps(found.ies) == ["20", "250"] and found.source_lm == 5000.0
-    lines = found.ldt.decode("latin-1").split("\r\n")
+    photometry = measured(replace(SYMMETRIC, spec=spec), rays=2**12, lumens=250.0)
+    assert _lamps(photometry.ies) == ["20", "250"] and photometry.source_lm == 5000.0
+    lines = photometry.ldt.decode("latin-1").split("\r\n")
     assert (lines[26], lines[28]) == ("20", "5000")
-    assert found.files.ies.lumens == pytest.approx(found.exit_lm.value, rel=1e-6)
+    assert photometry.files.ies.lumens == pytest.approx(photometry.exit_lm.value, rel=1e-6)
 
 
 def test_every_file_says_that_it_is_computed_and_when():
     """The date is that of the spec, and none where the spec has none: the same bits on any day."""
     for lens, date in ((DATED, "2026-03-01"), (ROUGH, "")):
-        found = measured(lens, rays=2**10, lumens=90.0)
-        assert date or found.products() == measured(lens, rays=2**10, lumens=90.0).products()
-        ies = found.ies.decode("ascii").split("\r\n")
+        photometry = measured(lens, rays=2**10, lumens=90.0)
+        assert date or photometry.products() == measured(lens, rays=2**10, lumens=90.0).products()
+        ies = photometry.ies.decode("ascii").split("\r\n")
         assert ies[0] == "IES:LM-63-2019" and f"[ISSUEDATE] {date or 'not stated'}" in ies
         assert ies[ies.index("TILT=NONE") + 2].split()[1] == "1.00010"
-        assert found.ldt.decode("ascii").split("\r\n")[11].startswith(date)
-        assert f"<ReportDate>{date or '1970-01-01'}</ReportDate>" in found.tm33.decode("utf-8")
-        assert "<Simulation>true</Simulation>" in found.tm33.decode("utf-8")
+        assert photometry.ldt.decode("ascii").split("\r\n")[11].startswith(date)
+        assert f"<ReportDate>{date or '1970-01-01'}</ReportDate>" in photometry.tm33.decode("utf-8")
+        assert "<Simulation>true</Simulation>" in photometry.tm33.decode("utf-8")
 
 
 def test_the_library_and_the_command_write_older_editions(tmp_path):

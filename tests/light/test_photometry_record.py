@@ -59,35 +59,46 @@ def measured(lens: Lens = LENS, **options: object) -> Photometry:
 
 
 def test_every_field_is_that_of_the_light(asked: dict) -> None:
-    found = measured(rays=1000)
+    photometry = measured(rays=1000)
     given = light()
     assert (asked["rays"], asked["by_itself"], asked["seed"]) == (1000, PRESETS["draft"].photometry_rays, 5)
     assert asked["meter"].sphere_mm == pytest.approx(1.001 * 6.0) and asked["meter"].symmetry == "none"
-    assert found.inputs == {"lens": LENS.sha256} and (found.rays, found.source_w, found.source_lm) == (640, 2.0, 600.0)
+    assert photometry.inputs == {"lens": LENS.sha256} and (
+        photometry.rays,
+        photometry.source_w,
+        photometry.source_lm,
+    ) == (640, 2.0, 600.0)
     for metric, factor, unit in (
-        (found.exit_w, 1.0, "W"),
-        (found.exit_lm, 300.0, "lm"),
-        (found.light_output_ratio, 0.5, ""),
+        (photometry.exit_w, 1.0, "W"),
+        (photometry.exit_lm, 300.0, "lm"),
+        (photometry.light_output_ratio, 0.5, ""),
     ):
         assert (metric.value, metric.standard_error) == pytest.approx((1.5 * factor, 0.02 * factor))
         assert metric.unit == unit
-    assert found.reflected_w == pytest.approx(FLUX_W - given.by_fate_w.sum())
-    assert found.lost_w.base == given.by_fate_w[Fate.BASE]
+    assert photometry.reflected_w == pytest.approx(FLUX_W - given.by_fate_w.sum())
+    assert photometry.lost_w.base == given.by_fate_w[Fate.BASE]
     tables = CandelaTables.of(given.intensity, 300.0)
-    assert found.axis_cd == tables.axis_cd and found.peak_direction == tables.peak_direction
-    assert (found.beam_c0, found.beam_c90) == (tables.plane(0.0), tables.plane(90.0))
-    assert found.beam_c0.peak_cd != found.beam_c90.peak_cd
-    assert found.peak_cd.value == pytest.approx(300.0 * given.intensity.peak.value) and found.peak_cd.unit == "cd"
-    assert found.road is None and found.node_error == given.intensity.node_error and found.interpolation_error == 0.0123
-    np.testing.assert_array_equal(found.candela, tables.whole.values)
-    assert (found.c_deg.tolist(), found.gamma_deg.tolist()) == (
+    assert photometry.axis_cd == tables.axis_cd and photometry.peak_direction == tables.peak_direction
+    assert (photometry.beam_c0, photometry.beam_c90) == (tables.plane(0.0), tables.plane(90.0))
+    assert photometry.beam_c0.peak_cd != photometry.beam_c90.peak_cd
+    assert (
+        photometry.peak_cd.value == pytest.approx(300.0 * given.intensity.peak.value)
+        and photometry.peak_cd.unit == "cd"
+    )
+    assert (
+        photometry.road is None
+        and photometry.node_error == given.intensity.node_error
+        and photometry.interpolation_error == 0.0123
+    )
+    np.testing.assert_array_equal(photometry.candela, tables.whole.values)
+    assert (photometry.c_deg.tolist(), photometry.gamma_deg.tolist()) == (
         np.linspace(0.0, 360.0, 9).tolist(),
         GRID.gamma_deg.tolist(),
     )
     errors = 300.0 * given.intensity.samples.std(axis=0, ddof=1) / 4.0
-    np.testing.assert_allclose(found.candela_standard_error, np.concatenate([errors, errors[:1]])[::-1])
-    assert found.warnings == () and found.seconds < 60.0 and len(found.criteria) == 4
-    text = found.ies.decode("ascii")
+    np.testing.assert_allclose(photometry.candela_standard_error, np.concatenate([errors, errors[:1]])[::-1])
+    assert photometry.warnings == () and photometry.seconds < 60.0 and len(photometry.criteria) == 4
+    text = photometry.ies.decode("ascii")
     assert "[ISSUEDATE] 2026-03-01" in text and "640 rays; standard error" in text and "peak without noise" in text
     sizes = text.split("TILT=NONE")[1].split()
     assert float(sizes[1]) == 600.0 and sorted(map(float, sizes[7:10]))[:2] == pytest.approx([-0.012, -0.012], abs=2e-4)

@@ -41,7 +41,7 @@ def ray_matrix(d, n, ratio):
     if np.linalg.norm(s) < 1e-9:
         s = np.cross(d, [0.6, -0.8, 0.1])
     s /= np.linalg.norm(s)
-    i, t = (np.arctan2(np.linalg.norm(np.cross(each, n)), each @ n) for each in (d, b))
+    i, t = (np.arctan2(np.linalg.norm(np.cross(direction, n)), direction @ n) for direction in (d, b))
     if i < 1e-7:
         r_s = r_p = (1.0 - ratio) / (1.0 + ratio)
     else:
@@ -87,7 +87,7 @@ def of_two(d, m, within, n):
     second, _ = transmittances(e, snell(within, n, N) @ n, N)
     y = m @ n - (m @ within) * e
     b = snell(within, n, N)
-    first_normal, *at = (tuple(each.tolist()) for each in (m, n, within, b))
+    first_normal, *at = (tuple(vector.tolist()) for vector in (m, n, within, b))
     axial = axial_share(first, second, first_normal, fresnel.SecondFace(N, e, b @ n, *at), (0.0, 0.0, 1.0))[0]
     return polarised_share(first, second, y)[0], axial
 
@@ -103,14 +103,14 @@ def test_two_faces_transmit_as_the_ray_matrices_of_chipman_and_yun_say():
 def test_light_that_passes_and_light_that_returns_add_up_face_after_face():
     """For unpolarised light and the mean of two polarised rays alike; what is split keeps fields across it."""
     d = np.array([face[0] for face in two_faces(count=60)])
-    normals = np.array([near(each, angle) for each, angle in zip(d, np.linspace(0.0, 1.4, 60), strict=True)])
+    normals = np.array([near(direction, angle) for direction, angle in zip(d, np.linspace(0.0, 1.4, 60), strict=True)])
     waves = np.full(60, 550.0)
     layers = LayerStack((CoatingLayer(IndexCurve((2.1,)), 80.0),), IndexCurve((N,)), (300.0, 900.0))
     for coating in (None, layers):
         into = RefractingFace(np.ones(60), np.full(60, N), coating, waves, True)
         at = AtFace.of(into, d, normals, unpolarised(d))
         one, other = (np.repeat(unpolarised(d)[:, k : k + 1], 2, axis=1) for k in (0, 1))
-        apart = [AtFace.of(into, d, normals, each).transmittance for each in (one, other)]
+        apart = [AtFace.of(into, d, normals, state).transmittance for state in (one, other)]
         np.testing.assert_allclose(np.mean(apart, axis=0), at.transmittance, atol=1e-14)
         for way, fields in ((at.bent, at.passed), (at.mirrored, at.returned)):
             assert np.abs(np.einsum("nfi,ni->nf", fields, way)).max() < 1e-13
@@ -118,9 +118,9 @@ def test_light_that_passes_and_light_that_returns_add_up_face_after_face():
         for light, way in ((at.passed, at.bent), (at.returned, at.mirrored)):
             once = AtFace.of(into, way, near_all(way), light)
             returned = [
-                np.sum(np.abs(each.passed) ** 2 * each.transmittance[:, None, None], axis=(1, 2))
-                + np.sum(np.abs(each.returned) ** 2 * (1.0 - each.transmittance)[:, None, None], axis=(1, 2))
-                for each in (once,)
+                np.sum(np.abs(at_face.passed) ** 2 * at_face.transmittance[:, None, None], axis=(1, 2))
+                + np.sum(np.abs(at_face.returned) ** 2 * (1.0 - at_face.transmittance)[:, None, None], axis=(1, 2))
+                for at_face in (once,)
             ]
             np.testing.assert_allclose(returned[0], 2.0, rtol=1e-12)
 
@@ -139,11 +139,11 @@ def test_skew_rays_through_spheres_transmit_as_their_matrices_say(glass):
     """From beside the centre, with planes of incidence of their own; and the same when all is turned about z."""
     rays = SquareEmitter(1.0).sample(64, 3)
     rays = replace(rays, flux=np.ones(64))
-    tables = [table_of(sphere(each), GRID) for each in (0.8, 1.3)]
+    tables = [table_of(sphere(radius_mm), GRID) for radius_mm in (0.8, 1.3)]
     media = Media(Medium(N), cover_glass=glass)
-    found = trace_tables(tables, Scene(media, GRID), rays)
-    assert found.left_lens.sum() > 50
-    for k in np.nonzero(found.left_lens.numpy() & (found.directions[:, 2].numpy() > 0.05))[0]:
+    exits = trace_tables(tables, Scene(media, GRID), rays)
+    assert exits.left_lens.sum() > 50
+    for k in np.nonzero(exits.left_lens.numpy() & (exits.directions[:, 2].numpy() > 0.05))[0]:
         p = rays.origins[k]
         d = rays.directions[k]
         faces = []
@@ -154,10 +154,10 @@ def test_skew_rays_through_spheres_transmit_as_their_matrices_say(glass):
             faces.append((p / radius, ratio))
             way = snell(way, p / radius, ratio)
         if glass is not None:
-            faces += [(np.array([0.0, 0.0, 1.0]), each) for each in (1.0 / 1.52, 1.52)]
-        assert found.flux[k].item() == pytest.approx(chain(d, faces)[0], rel=2e-9)
+            faces += [(np.array([0.0, 0.0, 1.0]), quotient) for quotient in (1.0 / 1.52, 1.52)]
+        assert exits.flux[k].item() == pytest.approx(chain(d, faces)[0], rel=2e-9)
     turned = trace_tables(tables, Scene(media, GRID), rotated(rays, 0.7))
-    assert torch.allclose(turned.flux, found.flux, rtol=1e-9)
+    assert torch.allclose(turned.flux, exits.flux, rtol=1e-9)
 
 
 @pytest.mark.parametrize("coated", [False, True])
@@ -188,10 +188,10 @@ def test_gradients_at_nearly_normal_incidence_are_those_of_differences(glass):
     def value(*moved):
         return (1e3 * by_flux * by_kernels(list(moved), scene, rays, 1e4).flux).sum()
 
-    found = torch.autograd.grad(value(*(table.requires_grad_() for table in tables)), tables)
-    for which, gradient in enumerate(found):
+    gradients = torch.autograd.grad(value(*(table.requires_grad_() for table in tables)), tables)
+    for which, gradient in enumerate(gradients):
         way = torch.from_numpy(RNG.normal(size=gradient.shape)) * (gradient != 0)
         ahead, behind = (
-            value(*(each.detach() + s * 1e-7 * way * (k == which) for k, each in enumerate(tables))) for s in (1, -1)
+            value(*(table.detach() + s * 1e-7 * way * (k == which) for k, table in enumerate(tables))) for s in (1, -1)
         )
         assert ((ahead - behind) / 2e-7).item() == pytest.approx((gradient * way).sum().item(), rel=1e-5, abs=1e-6)

@@ -43,12 +43,12 @@ def _landed(lens, exits):
 
 def test_the_standard_errors_are_the_scatter_over_seeds(lens, source):
     traced = _traced(lens, TableGrid(40))
-    found = [
+    errors = [
         measure_preset(replace(lens, seed=seed), source, traced, traced).design for seed in range(12 if NIGHTLY else 6)
     ]
     for name in ("hit_mm", "irradiance_nmse"):
-        scatter = np.std([getattr(one, name).value for one in found], ddof=1)
-        stated = np.mean([getattr(one, name).standard_error for one in found])
+        scatter = np.std([getattr(one, name).value for one in errors], ddof=1)
+        stated = np.mean([getattr(one, name).standard_error for one in errors])
         assert 0.4 < stated / scatter < 2.5
 
 

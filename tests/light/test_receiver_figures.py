@@ -33,10 +33,10 @@ def lit(images: np.ndarray, spec: Spec, emitted_w: float = 2.0) -> tuple[Receive
     drawn = drawn_target(spec.all_receivers[0].targets, receiver)
     received = ReceivedFlux(images, by_fate, 0.7 * whole, 0.3 * whole, 0.4 * whole[:, None], (drawn,))
     light = SourceLight.of(SquareEmitter(1.0), Media(Medium(1.5)), 256)
-    found = receiver_light(
+    result = receiver_light(
         spec.all_receivers[0], PossibleLight(light, receiver, ExitBall(7.0)), received, 1.0, emitted_w
     )
-    return found, drawn.light
+    return result, drawn.light
 
 
 @pytest.mark.parametrize("uniform_mm", [None, [30.0, 20.0]])
@@ -44,71 +44,71 @@ def test_the_light_on_a_receiver_is_that_of_its_pictures(uniform_mm: list[float]
     spec = spec_of(uniform_mm=uniform_mm)
     images = np.random.default_rng(0).uniform(0.5, 1.5, (5, 4, 6)) / 40.0
     smooth = np.stack([gaussian3(image, 1.0) for image in images])
-    found, target = lit(images, spec)
+    light, target = lit(images, spec)
     # pixels of 10 mm
     measure = 1e-4
     mean = smooth.mean(axis=0)
-    np.testing.assert_allclose(found.map, mean / measure)
-    np.testing.assert_allclose(found.raw_map, images.mean(axis=0) / measure)
-    np.testing.assert_allclose(found.target_map, target * mean.sum() / measure)
+    np.testing.assert_allclose(light.map, mean / measure)
+    np.testing.assert_allclose(light.raw_map, images.mean(axis=0) / measure)
+    np.testing.assert_allclose(light.target_map, target * mean.sum() / measure)
     inside = np.zeros((4, 6), dtype=bool)
     inside[1:3, 1:5] = True  # centres at 5 and 15 mm: the target ends on the latter
     share = 0.4 * images.sum(axis=(1, 2)) / 2.0
-    assert found.share_in_target.value == pytest.approx(share.mean())
-    assert found.share_in_target.standard_error == pytest.approx(share.std(ddof=1) / np.sqrt(5.0))
+    assert light.share_in_target.value == pytest.approx(share.mean())
+    assert light.share_in_target.standard_error == pytest.approx(share.std(ddof=1) / np.sqrt(5.0))
     coarse = gaussian3(images.reshape(5, 2, 2, 3, 2).sum(axis=(2, 4)), 1.0)
     half = nmse_estimate(coarse, coarser_target(spec.all_receivers[0].targets, receivers_of(spec, 6)[0]).light).metric()
-    assert found.nmse_of_raster == pytest.approx(found.nmse.value - half.value)
-    assert by_pixels(found) == f"; depends on the pixels: {half.value:.2g} with pixels twice as wide"
-    assert found.efficiency.value == pytest.approx(0.7 * images.sum() / 5.0 / 2.0)
-    assert found.raw.nmse == pytest.approx(nmse(mean, target))
+    assert light.nmse_of_raster == pytest.approx(light.nmse.value - half.value)
+    assert by_pixels(light) == f"; depends on the pixels: {half.value:.2g} with pixels twice as wide"
+    assert light.efficiency.value == pytest.approx(0.7 * images.sum() / 5.0 / 2.0)
+    assert light.raw.nmse == pytest.approx(nmse(mean, target))
     noise = np.sum([(image - mean) ** 2 for image in smooth]) / 4.0 / 5.0 / np.sum(mean**2)
-    assert found.nmse_of_noise == pytest.approx(noise)
-    assert (found.name, found.kind, found.width, found.height) == ("plane", "plane", 60.0, 40.0)
-    assert (found.window.width, found.window.height, found.window.radius) == (30.0, 30.0, None)
-    assert found.flux.detected == found.efficiency.value and found.wanted_in_target == pytest.approx(1.0)
-    assert found.flux.outside == pytest.approx(0.3 * images.sum() / 5.0 / 2.0)
-    region = found.in_region
+    assert light.nmse_of_noise == pytest.approx(noise)
+    assert (light.name, light.kind, light.width, light.height) == ("plane", "plane", 60.0, 40.0)
+    assert (light.window.width, light.window.height, light.window.radius) == (30.0, 30.0, None)
+    assert light.flux.detected == light.efficiency.value and light.wanted_in_target == pytest.approx(1.0)
+    assert light.flux.outside == pytest.approx(0.3 * images.sum() / 5.0 / 2.0)
+    region = light.in_region
     assert region is not None and region.region == ("bright" if uniform_mm is None else "uniform")
     assert region.mean.value == pytest.approx(mean[inside].mean() / measure) and region.mean.unit == "W/m²"
     if uniform_mm is None:
-        assert found.uniformity is None and found.raw.rsd is None and found.rsd is None
+        assert light.uniformity is None and light.raw.rsd is None and light.rsd is None
     else:
-        assert found.raw.uniformity == pytest.approx(uniformity(mean, inside))
-        assert found.raw.rsd == pytest.approx(relative_deviation(mean, inside))
-    physics = found.possible
+        assert light.raw.uniformity == pytest.approx(uniformity(mean, inside))
+        assert light.raw.rsd == pytest.approx(relative_deviation(mean, inside))
+    physics = light.possible
     assert physics.efficiency > 0.9 and physics.share_in_target > 0.9 and not physics.luminance_estimated
 
 
 def test_a_receiver_without_light_has_no_figures_that_need_some() -> None:
     dark = np.zeros((5, 4, 6))
-    found, _ = lit(dark, spec_of(uniform_mm=20.0))
-    assert found.uniformity is None and found.in_region is None and found.nmse_of_noise is None
-    assert found.nmse.value == 1.0 and found.wanted_in_target == 1.0
-    assert found.flux.reflected == 1.0
+    light, _ = lit(dark, spec_of(uniform_mm=20.0))
+    assert light.uniformity is None and light.in_region is None and light.nmse_of_noise is None
+    assert light.nmse.value == 1.0 and light.wanted_in_target == 1.0
+    assert light.flux.reflected == 1.0
 
 
 def known_receiver() -> ReceiverLight:
     """Light whose target has 15 of 16.5 W above a tenth of its maximum."""
-    found, _ = lit(np.ones((2, 4, 6)), spec_of(), 48.0)
+    light, _ = lit(np.ones((2, 4, 6)), spec_of(), 48.0)
     wanted = np.zeros((4, 6))
     wanted[0, :4] = 10.0, 5.0, 1.0, 0.5
-    return found.model_copy(update={"target_map": wanted})
+    return light.model_copy(update={"target_map": wanted})
 
 
 def test_the_wanted_light_in_the_target_is_that_above_a_tenth_of_the_maximum() -> None:
-    found = known_receiver()
-    assert found.wanted_in_target == pytest.approx(15.0 / 16.5)
-    less = found.model_copy(update={"target_map": 1e-3 * found.target_map})
+    light = known_receiver()
+    assert light.wanted_in_target == pytest.approx(15.0 / 16.5)
+    less = light.model_copy(update={"target_map": 1e-3 * light.target_map})
     assert less.wanted_in_target == pytest.approx(15.0 / 16.5)
 
 
 def test_the_most_light_in_the_target_is_set_by_the_faces_or_by_the_law_of_physics() -> None:
     transmitted = 0.5 * 15.0 / 16.5
     for possible, most in ((0.4, 0.4), (transmitted, transmitted), (0.6, transmitted)):
-        found = known_receiver()
-        physics = found.possible.model_copy(update={"share_in_target": possible})
-        share, law = possible_share(found.model_copy(update={"possible": physics}), 0.5)
+        light = known_receiver()
+        physics = light.possible.model_copy(update={"share_in_target": possible})
+        share, law = possible_share(light.model_copy(update={"possible": physics}), 0.5)
         assert share == pytest.approx(most)
         faces = possible >= transmitted
         assert law == ("two faces transmit into the target" if faces else f"is the upper bound ({physics.law})")
@@ -117,10 +117,10 @@ def test_the_most_light_in_the_target_is_set_by_the_faces_or_by_the_law_of_physi
 @pytest.mark.parametrize(("bound", "estimate"), [(0.4, 0.3), (0.4, 0.45), (0.9, 0.44), (0.9, 0.47)])
 def test_the_most_light_to_be_expected_is_the_least_of_faces_bound_and_estimate(bound: float, estimate: float) -> None:
     transmitted = 0.5 * 15.0 / 16.5
-    found = known_receiver()
+    light = known_receiver()
     of_source = EstimatedLight(efficiency=0.95, share_in_target=estimate, nmse=0.0)
-    physics = found.possible.model_copy(update={"share_in_target": bound, "estimate": of_source})
-    share, law = possible_share(found.model_copy(update={"possible": physics}), 0.5)
+    physics = light.possible.model_copy(update={"share_in_target": bound, "estimate": of_source})
+    share, law = possible_share(light.model_copy(update={"possible": physics}), 0.5)
     assert share == pytest.approx(min(bound, estimate, transmitted))
     laws = {estimate: "étendue may leave, by an estimate", bound: f"is the upper bound ({physics.law})"}
     assert law == laws.get(share, "two faces transmit into the target") and physics.luminance_estimated

@@ -58,13 +58,13 @@ def _enter(surface: Surface, points: np.ndarray, directions: np.ndarray, reach: 
 
     low = np.zeros(len(points))
     high = np.full(len(points), np.inf)
-    found = np.zeros(len(points), dtype=bool)
+    entered = np.zeros(len(points), dtype=bool)
     for t in np.linspace(1e-3, reach, 600):
-        here = inside(np.full(len(points), t)) & ~found
+        here = inside(np.full(len(points), t)) & ~entered
         high[here] = t
-        found |= here
-        low[~found] = t
-    assert found.all()
+        entered |= here
+        low[~entered] = t
+    assert entered.all()
     for _ in range(60):
         middle = 0.5 * (low + high)
         below = inside(middle)
@@ -85,8 +85,8 @@ def _back(lens: tuple[Surface, Surface], hits: np.ndarray, directions: np.ndarra
         d = torch.from_numpy(directions)
         n = torch.from_numpy(normals)
         behind = dielectric.refract(d, n, ratio)
-        found = dielectric.fresnel_transmittances((d * n).sum(dim=1), ratio)
-        fields = dielectric.fields_behind(fields, d, behind, n, dielectric.passing_amplitudes(found, ratio))
+        transmittances = dielectric.fresnel_transmittances((d * n).sum(dim=1), ratio)
+        fields = dielectric.fields_behind(fields, d, behind, n, dielectric.passing_amplitudes(transmittances, ratio))
         directions = behind.numpy()
     carried = 0.5 * (fields**2).sum(dim=(1, 2)).numpy()
     return points - points[:, 2:] / directions[:, 2:] * directions, directions, carried

@@ -41,16 +41,16 @@ def _both(device: str, tables: list[torch.Tensor], rays: RayBundle, scene: Scene
     return by_kernels(tables, scene, rays, DISTANCE), in_torch(on_device(tables, scene, rays, device), DISTANCE)
 
 
-def _agree(kernels: Landed, found: Landed) -> None:
+def _agree(kernels: Landed, reference: Landed) -> None:
     """The same to rounding, which the way to the receiver multiplies: some rays land 50 m aside."""
-    assert torch.equal(found.fates, kernels.fates)
-    assert torch.allclose(found.carried, kernels.carried, rtol=1e-10, atol=0.0)
-    assert torch.allclose(found.sin2_exit, kernels.sin2_exit, rtol=0.0, atol=1e-11)
+    assert torch.equal(reference.fates, kernels.fates)
+    assert torch.allclose(reference.carried, kernels.carried, rtol=1e-10, atol=0.0)
+    assert torch.allclose(reference.sin2_exit, kernels.sin2_exit, rtol=0.0, atol=1e-11)
     gentle = kernels.sin2_exit < 0.99  # nearer to the critical angle, rounding grows on the way to the receiver
-    apart = (found.hits - kernels.hits).norm(dim=1)
+    apart = (reference.hits - kernels.hits).norm(dim=1)
     far = kernels.hits.norm(dim=1)
     assert (apart <= 1e-9 + 5e-10 * far)[gentle].all()
-    assert torch.allclose(found.hits, kernels.hits, rtol=1e-7, atol=1e-7)
+    assert torch.allclose(reference.hits, kernels.hits, rtol=1e-7, atol=1e-7)
 
 
 def test_every_fate_is_that_of_the_kernels(device: str) -> None:
@@ -67,9 +67,11 @@ def test_every_fate_is_that_of_the_kernels(device: str) -> None:
     rays = RayBundle(origins, directions, rng.random(count))
     seen: set[int | str] = set()
     for seed, roughness, radii in ((1, 0.06, (0.8, 1.6)), (3, 0.15, (1.0, 1.3)), (5, 0.0, (1.0, 0.5))):
-        kernels, found = _both(device, _tables(seed, roughness, *radii), rays, replace(SCENE, media=Media(Medium(1.6))))
-        _agree(kernels, found)
-        assert torch.equal(found.missed_receiver, kernels.missed_receiver)
+        kernels, reference = _both(
+            device, _tables(seed, roughness, *radii), rays, replace(SCENE, media=Media(Medium(1.6)))
+        )
+        _agree(kernels, reference)
+        assert torch.equal(reference.missed_receiver, kernels.missed_receiver)
         seen |= set(kernels.fates.tolist()) | ({"missed_receiver"} if kernels.missed_receiver.any() else set())
     assert seen == set(Fate) - {Fate.NOT_CONVERGED, Fate.EVENT_LIMIT, Fate.FLANGE} | {"missed_receiver"}
 
@@ -108,16 +110,16 @@ def test_chains_of_events_and_their_gradients_are_those_of_the_kernels(name: str
     chain = None if events is None else body.chain(events)
     rays = upwards(1500, 3, 0.5)
     scene = Scene(media, GRID, fresnel, made, chain)
-    kernels, found = _both(device, list(tables), rays, scene)
-    _agree(kernels, found)
+    kernels, reference = _both(device, list(tables), rays, scene)
+    _agree(kernels, reference)
     for lost in ("absorbed", "lost_in_glass", "lost_in_bodies"):
-        one, other = (getattr(each.exits, lost) for each in (found, kernels))
+        one, other = (getattr(landed.exits, lost) for landed in (reference, kernels))
         assert (one is None) == (other is None), lost
         assert one is None or torch.allclose(one, other, rtol=1e-9, atol=1e-14), lost
-    by_torch, by_hand = (torch.autograd.grad(each.mixed(DISTANCE), tables)[0] for each in (found, kernels))
+    by_torch, by_hand = (torch.autograd.grad(landed.mixed(DISTANCE), tables)[0] for landed in (reference, kernels))
     assert torch.linalg.norm(by_torch - by_hand) < 1e-8 * torch.linalg.norm(by_hand)
     if events == 2 and "TIR" in name:
-        assert {Fate.FLANGE, Fate.EVENT_LIMIT} <= set(found.fates.tolist())
+        assert {Fate.FLANGE, Fate.EVENT_LIMIT} <= set(reference.fates.tolist())
 
 
 @pytest.mark.parametrize(("seed", "roughness"), [(1, 0.01), (2, 0.03), (3, 0.06)])
@@ -128,11 +130,11 @@ def test_hard_rays_cross_where_the_kernel_says(device: str, seed: int, roughness
     starts, directions = hard_rays(table, grid, count, seed)
     lengths, hit, lost = all_hits(starts, directions, table, grid)
     face = TableFace.of(torch.from_numpy(table), grid, device=torch.device(device))
-    found = face.next_crossing(approach(starts, directions, device=device))
-    paths = found.paths_mm.cpu().numpy()
+    crossing = face.next_crossing(approach(starts, directions, device=device))
+    paths = crossing.paths_mm.cpu().numpy()
     above = starts[:, 2] + paths * directions[:, 2] >= 0.0
-    assert np.array_equal(found.found.cpu().numpy() & above, hit)
-    assert not lost.any() and not found.lost.any()
+    assert np.array_equal(crossing.found.cpu().numpy() & above, hit)
+    assert not lost.any() and not crossing.lost.any()
     assert np.abs(paths - lengths)[hit].max() < 1e-9
 
 
@@ -150,15 +152,15 @@ def test_rays_from_outside_come_in_where_a_dense_scan_says(device: str) -> None:
     aims[:, 2] = np.abs(aims[:, 2])
     directions = (aims - starts) / np.linalg.norm(aims - starts, axis=1, keepdims=True)
     face = TableFace.of(torch.from_numpy(table), grid, device=torch.device(device))
-    found = face.next_crossing(approach(starts, directions, -1.0, device))
-    paths = found.paths_mm.cpu().numpy()
+    crossing = face.next_crossing(approach(starts, directions, -1.0, device))
+    paths = crossing.paths_mm.cpu().numpy()
     fall = np.where(directions[:, 2] < 0.0, -starts[:, 2] / np.minimum(directions[:, 2], -1e-300), np.inf)
     ways = np.minimum(fall, 15.0)[:, None] * np.linspace(0.0, 1.0, 2000)
     inside = gap(starts[:, None] + ways[..., None] * directions[:, None], table, grid) > 0.0
     first = np.where(inside.any(axis=1), ways[np.arange(count), inside.argmax(axis=1)], np.inf)
-    enters = found.found.cpu().numpy()
+    enters = crossing.found.cpu().numpy()
     step = ways[:, 1]
-    assert not found.lost.any() and 300 < enters.sum() < count - 300
+    assert not crossing.lost.any() and 300 < enters.sum() < count - 300
     assert not (~enters & np.isfinite(first)).any()
     at = starts[enters] + paths[enters, None] * directions[enters]
     assert np.abs(gap(at, table, grid)).max() < 1e-9

@@ -84,15 +84,15 @@ def straight(exits: ExitRays | None = None) -> Straight:
 )
 def test_a_source_is_sampled_for_each_replicate_in_parts_of_a_million_rays(rays, replicates, parts) -> None:
     source = Given()
-    found = list(bundles(source, rays, replicates, 5))
-    each = rays // replicates
+    rows = list(bundles(source, rays, replicates, 5))
+    per_replicate = rays // replicates
     expected = [
-        (-(-each // parts), seeds.of_replicate(5, replicates, replicate, parts, part))
+        (-(-per_replicate // parts), seeds.of_replicate(5, replicates, replicate, parts, part))
         for replicate in range(replicates)
         for part in range(parts)
     ]
     assert source.asked == expected
-    assert [(replicate, share) for replicate, share, _ in found] == [
+    assert [(replicate, share) for replicate, share, _ in rows] == [
         (replicate, 1.0 / parts) for replicate in range(replicates) for _ in range(parts)
     ]
 
@@ -100,36 +100,36 @@ def test_a_source_is_sampled_for_each_replicate_in_parts_of_a_million_rays(rays,
 @pytest.mark.parametrize(("rays", "taken"), [(8, 8), (11, 11), (50, 11)])
 def test_rays_of_a_file_are_divided_at_random_and_each_part_stands_for_all_light(rays: int, taken: int) -> None:
     source = Given(upwards(11, list(np.linspace(0.1, 2.0, 11))))
-    found = list(bundles(source, rays, 4, 3))
-    numbers = np.concatenate([part.origins[:, 0] for _, _, part in found])
+    rows = list(bundles(source, rays, 4, 3))
+    numbers = np.concatenate([part.origins[:, 0] for _, _, part in rows])
     assert sorted(numbers) == list(range(taken)) and list(numbers) != list(range(taken))
-    assert [replicate for replicate, _, _ in found] == [0, 1, 2, 3]
-    assert {len(part) for _, _, part in found} <= {taken // 4, taken // 4 + 1}
-    for _, share, part in found:
+    assert [replicate for replicate, _, _ in rows] == [0, 1, 2, 3]
+    assert {len(part) for _, _, part in rows} <= {taken // 4, taken // 4 + 1}
+    for _, share, part in rows:
         assert share * part.flux.sum() == pytest.approx(3.0)
 
 
 @pytest.mark.parametrize(("rays", "of_file", "replicates"), [(64, None, 16), (5, None, 5), (64, 7, 7), (3, 7, 3)])
 def test_there_are_up_to_sixteen_replicates_and_none_without_a_ray(rays, of_file, replicates) -> None:
     source = Given(None if of_file is None else upwards(of_file))
-    found = simulate(straight(), source, (PLANE,), rays, 1)
-    (received,) = found.received
+    traced = simulate(straight(), source, (PLANE,), rays, 1)
+    (received,) = traced.received
     assert len(received.images) == len(received.window) == len(received.by_fate) == replicates
-    assert found.emitted_w == 3.0
+    assert traced.emitted_w == 3.0
     if of_file is None:  # one ray of 3 W in each, on the axis
-        assert found.rays == replicates
+        assert traced.rays == replicates
         assert (
             (received.outside == 0.0).all()
             and (received.window == 3.0).all()
             and (received.images.sum(axis=(1, 2)) == 3.0).all()
         )
     else:  # the plane holds rays up to x = 3, its window those up to 2
-        assert found.rays == min(rays, of_file)
+        assert traced.rays == min(rays, of_file)
         total = received.by_fate[:, Fate.LEFT_LENS].mean()
         assert total == pytest.approx(3.0) and received.by_fate.sum() == pytest.approx(3.0 * replicates)
-        on_grid, in_window = (sum(1 for x in range(found.rays) if x <= most) for most in (2, 2))
+        on_grid, in_window = (sum(1 for x in range(traced.rays) if x <= most) for most in (2, 2))
         assert received.window.sum() == pytest.approx(3.0 * in_window)
-        assert received.outside.sum() == pytest.approx(3.0 * (found.rays - in_window))
+        assert received.outside.sum() == pytest.approx(3.0 * (traced.rays - in_window))
         assert received.images.sum() == pytest.approx(3.0 * on_grid)
 
 
@@ -141,10 +141,10 @@ def test_flux_is_counted_by_its_fate_and_by_what_took_it() -> None:
     none = np.zeros((6, 3))
     exits = ExitRays(none, none, flux, np.zeros(6), fates, taken, glass)
     missed = np.array([False, True, False, False, False, True])
-    found = flux_by_fate(exits, missed)
-    assert found.tolist() == [1.0, 3.0, 0.0, 5.0, 0.0, 0.0, 4.0, 0.0, 0.0, 2.0 + 6.0, 6 * 0.25, 6 * 0.5, 0.0]
+    by_fate = flux_by_fate(exits, missed)
+    assert by_fate.tolist() == [1.0, 3.0, 0.0, 5.0, 0.0, 0.0, 4.0, 0.0, 0.0, 2.0 + 6.0, 6 * 0.25, 6 * 0.5, 0.0]
     plain = flux_by_fate(replace(exits, absorbed=None, lost_in_glass=None), missed)
-    assert plain.tolist() == [*found[:10], 0.0, 0.0, 0.0]
+    assert plain.tolist() == [*by_fate[:10], 0.0, 0.0, 0.0]
 
 
 def exit_rays(shift: float = 0.0, count: int = 16) -> ExitRays:
@@ -162,8 +162,8 @@ def exit_rays(shift: float = 0.0, count: int = 16) -> ExitRays:
 
 def test_tables_of_a_lens_state_their_error_in_nanometres() -> None:
     lens = Lens.double(random_surface(1, 3.0, 0.01, (9,)), sphere(6.0), small_spec(), 0, "draft")
-    found = TracedLens.of(lens, 2.0)
-    for name, table in zip(("inner", "outer"), found.tables, strict=True):
-        error_mm = table_error(found.scene.grid, table, getattr(lens, name))
-        assert found.table_error_nm[name] == pytest.approx(error_mm * 1e6, rel=1e-12)
+    traced = TracedLens.of(lens, 2.0)
+    for name, table in zip(("inner", "outer"), traced.tables, strict=True):
+        error_mm = table_error(traced.scene.grid, table, getattr(lens, name))
+        assert traced.table_error_nm[name] == pytest.approx(error_mm * 1e6, rel=1e-12)
     assert simulation.REPLICATES == 16

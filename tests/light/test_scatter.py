@@ -82,11 +82,11 @@ def test_a_frosted_face_lets_through_what_its_facets_do(face: str, sigma_deg: fl
     def weighted(x: float) -> float:
         return passed(np.arctan(slope * x)) * x * np.exp(-0.5 * x * x)
 
-    found = TracedBundle.of(SPHERES, Scene(media, GRID), RAYS).exits
+    exits = TracedBundle.of(SPHERES, Scene(media, GRID), RAYS).exits
     wanted = quad(weighted, 0.0, 12.0, epsabs=1e-12)[0]
     if face == "outer":
         wanted *= 4.0 * N / (N + 1.0) ** 2
-        assert found.flux[found.left_lens].sum() == pytest.approx(wanted, abs=2e-4)
+        assert exits.flux[exits.left_lens].sum() == pytest.approx(wanted, abs=2e-4)
     else:
         lit = LitRays.of(with_facets(RAYS, 1), media, ("inner", "outer"))
         rms = np.full(len(RAYS), slope)
@@ -105,7 +105,7 @@ def test_light_sees_the_facets_that_face_it(a: float, k: float) -> None:
     assert _seen(np.array([a]), np.array([k]))[0] == pytest.approx(SEEN(a, k)[0], rel=1e-9, abs=1e-9), "of the proof"
     step = 1e-4
     for k, by in ((1, [a + step, a - step]), (2, None)):
-        ends = [(each, 0.7) for each in by] if by else [(a, 0.7 + step), (a, 0.7 - step)]
+        ends = [(incidence, 0.7) for incidence in by] if by else [(a, 0.7 + step), (a, 0.7 - step)]
         above, below = (SEEN(*end)[0] for end in ends)
         assert SEEN(a, 0.7)[k] == pytest.approx((above - below) / (2.0 * step), rel=1e-4)
 
@@ -116,13 +116,13 @@ def test_what_is_seen_changes_with_the_incidence_as_its_derivatives_say(rms: flo
     """By differences, also beside the place from which a series is summed; light from behind sees the other slopes."""
     along = 0.8 * rms * np.sqrt(1.0 - cosine**2)
     step = min(1e-5, 0.3 * (1.0 - abs(cosine)))
-    found = ADDED(rms, cosine, along)
+    terms = ADDED(rms, cosine, along)
     by_c = [ADDED(rms, cosine + sign * step, along)[0] for sign in (1.0, -1.0)]
-    assert found[1] == pytest.approx((by_c[0] - by_c[1]) / (2.0 * step), rel=2e-3, abs=1e-9)
+    assert terms[1] == pytest.approx((by_c[0] - by_c[1]) / (2.0 * step), rel=2e-3, abs=1e-9)
     by_along = [ADDED(rms, cosine, along + sign * 1e-4 * rms)[0] for sign in (1.0, -1.0)]
-    assert found[2] == pytest.approx((by_along[0] - by_along[1]) / (2e-4 * rms), rel=2e-3, abs=1e-9)
+    assert terms[2] == pytest.approx((by_along[0] - by_along[1]) / (2e-4 * rms), rel=2e-3, abs=1e-9)
     other = ADDED(rms, -cosine, -along)
-    assert other == pytest.approx((-found[0], found[1], found[2]), rel=1e-12)
+    assert other == pytest.approx((-terms[0], terms[1], terms[2]), rel=1e-12)
 
 
 @pytest.mark.parametrize(
@@ -143,7 +143,7 @@ def test_oblique_light_goes_on_as_the_facets_that_it_sees_send_it(
     place = np.tile([radius * np.sin(turn), 0.0, 0.1], (count, 1))
     numbers = np.random.default_rng(1).random((count, 2))
     rays = replace(RAYS, origins=place, directions=np.tile([0.0, 0.0, 1.0], (count, 1)), facets=numbers)
-    tables = np.stack([tabulate(GRID, sphere(each)) for each in (2.0, 3.0)])
+    tables = np.stack([tabulate(GRID, sphere(radius_mm)) for radius_mm in (2.0, 3.0)])
     exits = TracedBundle.of(tables, Scene(media, GRID, fresnel=False), rays).exits
     x, y = np.meshgrid(*[media.scatter[0].model.slope * np.linspace(-6.0, 6.0, 1201)] * 2)
     facets = np.stack([x, y, np.ones_like(x)], axis=-1) / np.sqrt(1.0 + x**2 + y**2)[..., None]
@@ -159,13 +159,13 @@ def test_oblique_light_goes_on_as_the_facets_that_it_sees_send_it(
     assert met.mean() == pytest.approx(share, abs=3e-3 if face == "outer" else 1e-12)
     to_face = np.column_stack([[-np.cos(turn), 0.0, np.sin(turn)], [0.0, 1.0, 0.0], [np.sin(turn), 0.0, np.cos(turn)]])
     forwards = passes * (behind[..., 2] > 0.3)  # others come to the cavity again, or go down
-    found = exits.directions[exits.left_lens] @ to_face
-    found = found[found[:, 2] > 0.3]
-    assert len(found) / count == pytest.approx(forwards.sum() / weights.sum(), abs=3e-3)
+    directions = exits.directions[exits.left_lens] @ to_face
+    directions = directions[directions[:, 2] > 0.3]
+    assert len(directions) / count == pytest.approx(forwards.sum() / weights.sum(), abs=3e-3)
     mean = (behind * forwards[..., None]).sum(axis=(0, 1)) / forwards.sum()
     squares = (behind**2 * forwards[..., None]).sum(axis=(0, 1)) / forwards.sum()
-    assert found.mean(axis=0) == pytest.approx(mean, abs=2e-3)
-    assert (found**2).mean(axis=0) == pytest.approx(squares, abs=2e-3)
+    assert directions.mean(axis=0) == pytest.approx(mean, abs=2e-3)
+    assert (directions**2).mean(axis=0) == pytest.approx(squares, abs=2e-3)
 
 
 def test_a_ray_meets_the_same_facets_alone_and_among_others() -> None:
@@ -195,11 +195,13 @@ def test_a_polished_face_costs_no_bits_and_one_face_does_not_scatter_for_another
 
 def test_the_proof_draws_facets_of_its_own_with_the_same_light() -> None:
     media = frosted("outer", 8.0)
-    own, design = (FaceNumbers.of(with_facets(RAYS, 1), media, ("inner", "outer"), seed=seed) for seed in (7, None))
+    proof, design = (FaceNumbers.of(with_facets(RAYS, 1), media, ("inner", "outer"), seed=seed) for seed in (7, None))
     normals = RAYS.directions
     faces = np.ones(len(RAYS), dtype=int)
     rms = np.full(len(RAYS), 0.25)
-    numbers = [each.at(faces, np.full(len(RAYS), times)) for each in (own, design) for times in (0, 1, 2)]
+    numbers = [
+        face_numbers.at(faces, np.full(len(RAYS), times)) for face_numbers in (proof, design) for times in (0, 1, 2)
+    ]
     assert np.abs(np.corrcoef(np.column_stack(numbers).T) - np.eye(12)).max() < 0.012, "each time that a face is met"
     facets = [tilted(Arrival(*[normals] * 3), rms, number) for number in numbers]
     angles = [np.arccos((facet * normals).sum(axis=1)) for facet in facets]
@@ -256,11 +258,11 @@ def test_the_proof_meets_the_facets_of_the_design_on_the_lens_and_on_a_body() ->
         for times, sign in ((0, 1.0), (1, 1.0), (2, -1.0), (300, -1.0)):
             numbers = draws.at(faces, np.full(500, times))
             ways = sign * (cosine * normals + sine * sideways)
-            found = tilted(Arrival(normals, normals, ways), rms, numbers)
+            tilted_normals = tilted(Arrival(normals, normals, ways), rms, numbers)
             slopes = facet_slopes(rays, kinds, before).reshape(500, 2, 2)[np.arange(500), faces]
             if times:
-                own = np.stack([numbers_again(keys, face, np.full(500, times)) for face in (0, 1)])
-                one, other = own[faces, np.arange(500)].T
+                by_face = np.stack([numbers_again(keys, face, np.full(500, times)) for face in (0, 1)])
+                one, other = by_face[faces, np.arange(500)].T
                 assert numbers[rms > 0.0] == pytest.approx(np.column_stack([one, other])[rms > 0.0], abs=0.0)
                 length = rms * np.sqrt(-2.0 * np.log(1.0 - one))
                 slopes = length[:, None] * np.column_stack([np.cos(2 * np.pi * other), np.sin(2 * np.pi * other)])
@@ -273,7 +275,7 @@ def test_the_proof_meets_the_facets_of_the_design_on_the_lens_and_on_a_body() ->
             ]
             wanted = normals + tilts + np.array(more)[:, None] * sideways
             wanted /= np.linalg.norm(wanted, axis=1, keepdims=True)
-            assert np.abs(found - wanted).max() < 1e-10
+            assert np.abs(tilted_normals - wanted).max() < 1e-10
 
 
 def test_a_mirror_turns_light_by_twice_the_slope() -> None:
@@ -365,8 +367,8 @@ def test_the_proof_spreads_each_ray_as_the_design_does(model: RingScatter) -> No
     wanted = rough.directions[left]
     normals = (points - [0.0, 0.0, -2.5]) / 6.0
     met = Arrival(points, -normals, refracted(ways, normals))
-    found = spread(ways, Spreading.of(model, rays.facets[left], met))
-    assert left.sum() > 3500 and found == pytest.approx(wanted, abs=2e-5), "of the tables"
+    directions = spread(ways, Spreading.of(model, rays.facets[left], met))
+    assert left.sum() > 3500 and directions == pytest.approx(wanted, abs=2e-5), "of the tables"
     assert rough.flux == pytest.approx(plain.flux, rel=1e-12)
 
 
@@ -381,8 +383,8 @@ def test_light_beyond_grazing_comes_back_by_as_much() -> None:
     """Of shift 0.9 along x on a direction of 0.5 along it, 1.4 is folded to 1/1.4; azimuth 0 by the numbers."""
     model = RingScatter((0.0, 0.9), ((0.0, 1.0),))
     met = Spreading(model, np.array([[1.0 - 1e-15, 0.0]]), np.eye(3)[2:], np.array([0.9]))
-    found = spread(np.array([[0.5, 0.0, np.sqrt(0.75)]]), met)
-    assert found[0] == pytest.approx([1.0 / 1.4, 0.0, np.sqrt(1.0 - 1.4**-2)], abs=1e-9)
+    directions = spread(np.array([[0.5, 0.0, np.sqrt(0.75)]]), met)
+    assert directions[0] == pytest.approx([1.0 / 1.4, 0.0, np.sqrt(1.0 - 1.4**-2)], abs=1e-9)
 
 
 @pytest.mark.parametrize(

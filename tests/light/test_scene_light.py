@@ -48,9 +48,9 @@ def light_of(*scene: dict[str, Any], **more: Any) -> tuple[lf.Light, lf.Lens]:
 def test_a_wall_over_a_half_takes_half_of_the_light() -> None:
     """Of a lens with the mirrors of the wall: half of what lands, half of what leaves; the budget stays whole."""
     free, _ = light_of()
-    found, lens = light_of(HALF, limits=[LIMIT])
+    light, lens = light_of(HALF, limits=[LIMIT])
     (whole,) = free.receivers
-    (half,) = found.receivers
+    (half,) = light.receivers
     error = 4.0 * (half.efficiency.standard_error or 0.0)
     assert half.efficiency.value == pytest.approx(0.5 * whole.efficiency.value, abs=error)
     # Light that leaves along the wall passes below it.
@@ -60,9 +60,9 @@ def test_a_wall_over_a_half_takes_half_of_the_light() -> None:
     assert (blocked.name, blocked.share.value) == ("half", pytest.approx(half.flux.housing))
     x, y, z = blocked.place_mm
     assert x > 0.0 and abs(y) < 1.0 and z == pytest.approx(39.0, abs=0.1)
-    (limit,) = found.limits
+    (limit,) = light.limits
     assert limit.value == pytest.approx(half.flux.housing) and limit.state == "fail"
-    told = [fact for group in light_facts(found, lens) for fact in group.facts if fact.key == "blocked"]
+    told = [fact for group in light_facts(light, lens) for fact in group.facts if fact.key == "blocked"]
     assert [fact.value for fact in told] == [pytest.approx(100.0 * half.flux.housing)]
     assert told[0].note.startswith("by half, about (")
 
@@ -71,10 +71,10 @@ def test_two_bodies_share_what_they_block() -> None:
     """In the order in which light meets them: what the bezel leaves, the post behind it may take."""
     alone = light_of(BEZEL)[0].receivers[0]
     both = light_of(BEZEL, POST)[0].receivers[0]
-    shares = {each.name: each.share.value for each in both.blocked}
+    shares = {body.name: body.share.value for body in both.blocked}
     assert set(shares) == {"bezel", "post"} and sum(shares.values()) == pytest.approx(both.flux.housing)
     assert 0.0 < both.flux.housing - alone.flux.housing <= shares["post"]
-    assert all((each.share.standard_error or 0.0) > 0.0 for each in both.blocked)
+    assert all((body.share.standard_error or 0.0) > 0.0 for body in both.blocked)
 
 
 def test_what_each_of_two_bodies_blocks_and_where_is_told_by_its_own_name() -> None:
@@ -172,8 +172,8 @@ def test_a_search_counts_what_is_blocked_as_the_evaluation_does(lamps: dict[str,
     light = merit.light_of(problem.parametrisation.tables(*problem.parametrisation.start()), rays)
     judged = lf.evaluate(lf.Lens(start_faces(spec), spec, 0, FEW), rays=2**13).limits
     for cause, limit in zip(("housing", "beside"), judged, strict=True):
-        found = float(light.losses[0][LOSSES.index(cause)]) / light.emitted_w
-        assert found == pytest.approx(limit.value, abs=0.02) and limit.value > 0.02, cause
+        share = float(light.losses[0][LOSSES.index(cause)]) / light.emitted_w
+        assert share == pytest.approx(limit.value, abs=0.02) and limit.value > 0.02, cause
 
 
 GLASS = {"refractive_index": 1.5, "distance_mm": 90.0, "thickness_mm": 2.0}

@@ -30,8 +30,8 @@ def figures(nm: np.ndarray, density: np.ndarray) -> SpectralFigures:
 @pytest.mark.parametrize("name", LUXPY)
 def test_another_program_finds_the_same(name: str) -> None:
     table, expected = LUXPY[name]
-    found = figures(*table)
-    assert [getattr(found, figure) for figure in NAMES] == pytest.approx(expected, rel=1e-3)
+    result = figures(*table)
+    assert [getattr(result, figure) for figure in NAMES] == pytest.approx(expected, rel=1e-3)
 
 
 def standard(name: str) -> tuple[np.ndarray, np.ndarray]:
@@ -54,8 +54,8 @@ def test_published_rendering_of_fluorescent_lamps(name: str, ra: float) -> None:
 
 def test_incandescent_light() -> None:
     """S/P of illuminant A: 1.41 (CIE 191:2010); its melanopic DER: 0.496 (CIE S 026)."""
-    found = figures(*standard("A"))
-    assert (found.scotopic_ratio, found.melanopic_der) == pytest.approx((1.41, 0.496), abs=5e-3)
+    result = figures(*standard("A"))
+    assert (result.scotopic_ratio, result.melanopic_der) == pytest.approx((1.41, 0.496), abs=5e-3)
 
 
 def test_a_line_has_the_photons_of_its_wavelength() -> None:
@@ -68,8 +68,8 @@ def test_a_line_has_the_photons_of_its_wavelength() -> None:
 
 def test_photons_end_at_400_and_700_nm() -> None:
     """Of equal power from 390 to 720 nm: the integral of the wavelength from 400 to 700."""
-    found = figures([390.0, 720.0], [1.0, 1.0])
-    assert found.ppf_umol_per_j == pytest.approx((700.0**2 - 400.0**2) / 2.0 / 330.0 / 119.62656, rel=1e-6)
+    result = figures([390.0, 720.0], [1.0, 1.0])
+    assert result.ppf_umol_per_j == pytest.approx((700.0**2 - 400.0**2) / 2.0 / 330.0 / 119.62656, rel=1e-6)
     for beyond in ([380.0], [710.0]):
         assert figures(beyond, [1.0]).ppf_umol_per_j == 0.0
 
@@ -81,6 +81,6 @@ def test_light_without_a_colour_temperature_has_no_rendering() -> None:
 
 
 def test_invisible_light_has_photons_alone() -> None:
-    found = figures([840.0, 850.0, 860.0], [0.0, 1.0, 0.0])
-    assert found.ppf_umol_per_j == 0.0
-    assert {found.ra, found.scotopic_ratio, found.melanopic_der, found.ppfd_umol_per_m2_s_klx} == {None}
+    result = figures([840.0, 850.0, 860.0], [0.0, 1.0, 0.0])
+    assert result.ppf_umol_per_j == 0.0
+    assert {result.ra, result.scotopic_ratio, result.melanopic_der, result.ppfd_umol_per_m2_s_klx} == {None}

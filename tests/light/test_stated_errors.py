@@ -23,19 +23,19 @@ def uneven(**changes: object) -> lf.Lens:
 @pytest.mark.parametrize("rays", [2**12, pytest.param(2**15, marks=pytest.mark.nightly("a minute"))])
 def test_figures_of_the_light_scatter_by_what_is_stated(rays: int) -> None:
     lens = uneven()
-    found = stated_errors([lf.evaluate(lens, rays=rays, seed=100 + seed) for seed in range(SEEDS)])
+    errors = stated_errors([lf.evaluate(lens, rays=rays, seed=100 + seed) for seed in range(SEEDS)])
     figures = ("nmse", "efficiency", "share_in_target", "uniformity", "rsd", "in_region.mean", "in_region.u0")
     (receiver,) = lens.spec.all_receivers
     for name in (*figures, "in_region.u1", "in_region.peak"):
-        assert WITHIN[0] < found[f"receivers.{receiver.name}.{name}"].ratio < WITHIN[1], name
+        assert WITHIN[0] < errors[f"receivers.{receiver.name}.{name}"].ratio < WITHIN[1], name
 
 
 @pytest.mark.nightly("two minutes")
 def test_figures_of_the_far_field_scatter_by_what_is_stated() -> None:
     lens = uneven()
-    found = stated_errors([lf.photometry(lens, rays=2**14, seed=100 + seed) for seed in range(SEEDS)])
+    errors = stated_errors([lf.photometry(lens, rays=2**14, seed=100 + seed) for seed in range(SEEDS)])
     for name in BY_RAYS:
-        assert 0.6 < found[name].ratio < 1.6, name
+        assert 0.6 < errors[name].ratio < 1.6, name
 
 
 def test_one_circle_has_one_share_whatever_the_pixels() -> None:
@@ -49,9 +49,9 @@ def test_one_circle_has_one_share_whatever_the_pixels() -> None:
 
 def test_photometry_takes_a_seed_and_says_so() -> None:
     lens = uneven()
-    own, same, other = (lf.photometry(lens, rays=2**10, seed=seed) for seed in (None, 0, 7))
-    np.testing.assert_array_equal(own.candela, same.candela)
-    assert own.exit_w.value != other.exit_w.value
-    assert same.conditions == own.conditions
+    unseeded, same, other = (lf.photometry(lens, rays=2**10, seed=seed) for seed in (None, 0, 7))
+    np.testing.assert_array_equal(unseeded.candela, same.candela)
+    assert unseeded.exit_w.value != other.exit_w.value
+    assert same.conditions == unseeded.conditions
     assert (other.conditions.seed, other.conditions.rays) == (7, 2**10)
     assert lf.photometry(lens, seed=7, rays=2**10).exit_w == other.exit_w

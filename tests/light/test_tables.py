@@ -45,10 +45,10 @@ def test_table_and_exact_tracer_converge_to_each_other(symmetry: str) -> None:
 def test_the_flux_of_lost_rays_is_a_constant() -> None:
     grid = TableGrid(64)
     tables = [table_of(random_surface(3, *shape), grid).requires_grad_() for shape in ((0.8, 0.1), (2.45, 0.1))]
-    found = by_kernels(tables, Scene(Media(Medium(N)), grid), SquareEmitter(0.9).sample(4096, 1), Z)
-    lost = ~found.landed
-    assert found.missed_receiver.any() and (found.fates == Fate.TOTAL_REFLECTION).any()
-    for gradient in torch.autograd.grad(found.flux[lost].sum() + found.hits[lost].sum(), tables):
+    landed = by_kernels(tables, Scene(Media(Medium(N)), grid), SquareEmitter(0.9).sample(4096, 1), Z)
+    lost = ~landed.landed
+    assert landed.missed_receiver.any() and (landed.fates == Fate.TOTAL_REFLECTION).any()
+    for gradient in torch.autograd.grad(landed.flux[lost].sum() + landed.hits[lost].sum(), tables):
         assert not gradient.any()
 
 
@@ -74,18 +74,18 @@ def test_gradients_reach_weights_and_offsets_as_in_the_exact_tracer() -> None:
     grid = TableGrid(161)
     matrix = torch.from_numpy(weight_matrix(grid, surfaces[0].basis))
     tables = [(matrix @ e.weights_mm + e.offset_mm).reshape(grid.side, -1) for e in exact]
-    found = torch.autograd.grad(by_kernels(tables, Scene(Media(Medium(N)), grid), rays, Z).mixed(Z), parameters)
-    for a, b in zip(found, expected, strict=True):
+    gradients = torch.autograd.grad(by_kernels(tables, Scene(Media(Medium(N)), grid), rays, Z).mixed(Z), parameters)
+    for a, b in zip(gradients, expected, strict=True):
         assert ((a - b).norm() / b.norm()).item() < 3e-3
 
 
 def test_a_lens_of_air_is_not_there() -> None:
     rays = SquareEmitter(0.6).sample(1000, 4)
-    found = _fused((random_surface(1, 0.8), random_surface(2, 2.45)), rays, 48, index=1.0)
-    arrived = found.landed.numpy()
+    landed = _fused((random_surface(1, 0.8), random_surface(2, 2.45)), rays, 48, index=1.0)
+    arrived = landed.landed.numpy()
     straight = rays.origins + (Z / rays.directions[:, 2])[:, None] * rays.directions
-    assert np.allclose(found.hits.numpy()[arrived], straight[arrived, :2], rtol=1e-9, atol=1e-9)
-    assert np.array_equal(found.flux.numpy()[arrived], rays.flux[arrived])
+    assert np.allclose(landed.hits.numpy()[arrived], straight[arrived, :2], rtol=1e-9, atol=1e-9)
+    assert np.array_equal(landed.flux.numpy()[arrived], rays.flux[arrived])
 
 
 def test_the_same_rays_give_the_same_bits_on_any_number_of_threads() -> None:
@@ -97,8 +97,8 @@ def test_the_same_rays_give_the_same_bits_on_any_number_of_threads() -> None:
     for count in (1, 3):
         torch.set_num_threads(count)
         tables = [table_of(s, grid).requires_grad_() for s in surfaces]
-        found = by_kernels(tables, Scene(Media(Medium(N)), grid), rays, Z)
-        results.append((found.hits, *torch.autograd.grad(found.mixed(Z), tables)))
+        landed = by_kernels(tables, Scene(Media(Medium(N)), grid), rays, Z)
+        results.append((landed.hits, *torch.autograd.grad(landed.mixed(Z), tables)))
     torch.set_num_threads(threads)
     assert all(torch.equal(a, b) for a, b in zip(*results, strict=True))
 

@@ -47,7 +47,7 @@ GEL = 1.41
 WATER = 1.333
 Z = 1000.0
 GRID = TableGrid(64)
-TABLES = [table_of(each, GRID) for each in (random_surface(3, 0.8, 0.03), random_surface(8, 2.45, 0.05))]
+TABLES = [table_of(surface, GRID) for surface in (random_surface(3, 0.8, 0.03), random_surface(8, 2.45, 0.05))]
 RAYS = SquareEmitter(0.9).sample(512, 1)
 RNG = np.random.default_rng(3)
 LOSING, LOSES = with_own(RAYS, Medium(N, 0.21), absorptions=RNG.uniform(0.0, 0.5, 512))
@@ -57,8 +57,8 @@ COLOURED = RAYS.with_wavelengths(RNG.uniform(420.0, 680.0, 512))
 
 def stack(*layers: tuple[float, float], body: float = N) -> LayerStack:
     """Layers of index and thickness (nm), the first outside."""
-    found = tuple(CoatingLayer(IndexCurve((index,)), thickness) for index, thickness in layers)
-    return LayerStack(found, IndexCurve((body,)), (100.0, 20_000.0))
+    films = tuple(CoatingLayer(IndexCurve((index,)), thickness) for index, thickness in layers)
+    return LayerStack(films, IndexCurve((body,)), (100.0, 20_000.0))
 
 
 def constant(share: float) -> ReflectanceTable:
@@ -70,7 +70,9 @@ BROAD = ReflectanceTable(
 )
 STACK = stack((1.38, 95.0))
 OTHER = stack((1.46, 80.0), (2.1, 110.0), (1.62, 70.0))
-CLEAR, DIM, EACH_LOSES, EACH_BENDS = (Scene(Media(each), GRID) for each in (Medium(N), Medium(N, 0.21), LOSES, BENDS))
+CLEAR, DIM, EACH_LOSES, EACH_BENDS = (
+    Scene(Media(medium), GRID) for medium in (Medium(N), Medium(N, 0.21), LOSES, BENDS)
+)
 WET = Scene(Media(Medium(N, 0.1), GEL, WATER), GRID)
 GLASS = CoverGlass(1.52, 40.0, 10.0, 0.003)
 COVERED = Scene(Media(Medium(N), outside_index=1.1, cover_glass=GLASS), GRID)
@@ -112,18 +114,18 @@ def test_the_tracer_in_torch_and_its_gradients_are_those_of_the_kernels(name: st
     scene = replace(SCENES[name][0], fresnel=fresnel)
     rays = SCENES[name][1]
     tables = [table.clone().requires_grad_() for table in TABLES]
-    found = on_device(tables, scene, rays, device)
-    twin = in_torch(found, Z)
+    exits = on_device(tables, scene, rays, device)
+    twin = in_torch(exits, Z)
     kernels = by_kernels(tables, scene, rays, Z)
     assert torch.equal(twin.fates, kernels.fates)
     gentle = kernels.sin2_exit < 0.99  # nearer to the critical angle, rounding grows on the way to the receiver
     assert torch.allclose(twin.hits[gentle], kernels.hits[gentle], rtol=1e-8, atol=1e-6)
     assert torch.allclose(twin.carried, kernels.carried, rtol=1e-10, atol=0.0)
     assert torch.allclose(twin.sin2_exit, kernels.sin2_exit, rtol=0.0, atol=1e-11)
-    for one, other in ((found.absorbed, kernels.exits.absorbed), (found.lost_in_glass, kernels.exits.lost_in_glass)):
+    for one, other in ((exits.absorbed, kernels.exits.absorbed), (exits.lost_in_glass, kernels.exits.lost_in_glass)):
         assert (one is None) == (other is None)
         assert one is None or torch.allclose(one, other, rtol=1e-9, atol=1e-15)
-    for one, other in zip(*(torch.autograd.grad(each.mixed(Z), tables) for each in (twin, kernels)), strict=True):
+    for one, other in zip(*(torch.autograd.grad(landed.mixed(Z), tables) for landed in (twin, kernels)), strict=True):
         assert torch.linalg.norm(one - other) < 1e-8 * torch.linalg.norm(other)
 
 
@@ -140,7 +142,7 @@ def test_gradients_are_those_of_finite_differences(name: str, fresnel: bool) -> 
         direction = torch.from_numpy(np.random.default_rng(5).normal(size=gradient.shape)) * (gradient != 0)
         values = []
         for sign in (1, -1):
-            moved = [each + sign * 1e-7 * direction * (k == which) for k, each in enumerate(TABLES)]
+            moved = [table + sign * 1e-7 * direction * (k == which) for k, table in enumerate(TABLES)]
             after = by_kernels(moved, scene, rays, Z)
             assert torch.equal(after.fates, before.fates)
             values.append(after.mixed(Z).item())
@@ -230,7 +232,7 @@ def test_rays_and_their_fates_are_those_of_bare_faces() -> None:
 
 def test_a_gel_of_the_index_of_the_lens_makes_the_inner_face_do_nothing() -> None:
     gel = Scene(Media(Medium(N), cavity_index=N), GRID)
-    one, other = (trace_tables((each, TABLES[1]), gel, RAYS) for each in (TABLES[0], table_of(sphere(0.7), GRID)))
+    one, other = (trace_tables((inner, TABLES[1]), gel, RAYS) for inner in (TABLES[0], table_of(sphere(0.7), GRID)))
     out = one.left_lens & other.left_lens
     assert out.sum() > 400
     for name in ("points", "directions", "flux", "sin2_exit"):
@@ -249,21 +251,21 @@ def test_rays_from_a_point_are_shifted_and_dimmed_as_a_plate_does() -> None:
 
     From the centre of spheres the light comes unpolarised, and both faces of the plate have one plane of incidence.
     """
-    bare, found = (from_the_centre(Media(Medium(N), cover_glass=glass)) for glass in (None, GLASS))
+    bare, covered = (from_the_centre(Media(Medium(N), cover_glass=glass)) for glass in (None, GLASS))
     directions = hemisphere_directions(300)
     a = np.arccos(directions[:, 2])
     b = np.arcsin(np.sin(a) / GLASS.refractive_index)
-    across = found.points.numpy() - bare.points.numpy()
+    across = covered.points.numpy() - bare.points.numpy()
     across -= np.sum(across * directions, axis=1)[:, None] * directions
     wanted = GLASS.thickness_mm * np.sin(a - b) / np.cos(b)
     np.testing.assert_allclose(np.linalg.norm(across, axis=1), wanted, rtol=1e-9, atol=1e-9)
-    np.testing.assert_allclose(found.directions.numpy(), bare.directions.numpy(), atol=1e-15)
+    np.testing.assert_allclose(covered.directions.numpy(), bare.directions.numpy(), atol=1e-15)
     r_s = np.sin(a - b) / np.sin(a + b)
     r_p = np.tan(a - b) / np.tan(a + b)
     share = 0.5 * ((1.0 - r_s**2) ** 2 + (1.0 - r_p**2) ** 2) * np.exp(-0.003 * GLASS.thickness_mm / np.cos(b))
-    np.testing.assert_allclose(found.flux.numpy(), bare.flux.numpy() * share, rtol=1e-8)
-    assert found.lost_in_glass is not None
-    assert torch.allclose(found.lost_in_glass + found.flux, bare.flux, rtol=1e-14)
+    np.testing.assert_allclose(covered.flux.numpy(), bare.flux.numpy() * share, rtol=1e-8)
+    assert covered.lost_in_glass is not None
+    assert torch.allclose(covered.lost_in_glass + covered.flux, bare.flux, rtol=1e-14)
 
 
 def by_referee(rays: RayBundle, media: Media) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -300,13 +302,13 @@ def by_referee(rays: RayBundle, media: Media) -> tuple[np.ndarray, np.ndarray, n
 def test_the_referees_send_every_ray_the_same_way_with_the_same_flux(name: str) -> None:
     """Through spheres, from beside their centre: the light comes to a plate polarised, in planes of its own."""
     scene, rays = SCENES[name]
-    found = trace_tables((table_of(sphere(r), GRID) for r in (0.8, 2.45)), scene, rays)
+    exits = trace_tables((table_of(sphere(r), GRID) for r in (0.8, 2.45)), scene, rays)
     points, directions, flux = by_referee(rays, scene.media)
-    steep = found.left_lens.numpy() & (directions[:, 2] > 0.05)
+    steep = exits.left_lens.numpy() & (directions[:, 2] > 0.05)
     assert steep.sum() > 400
-    np.testing.assert_allclose(found.flux.numpy()[steep], flux[steep], rtol=1e-8 if scene is COVERED else 4e-5)
-    np.testing.assert_allclose(directions[steep], found.directions.numpy()[steep], atol=1e-12)
-    apart = points - found.points.numpy()
+    np.testing.assert_allclose(exits.flux.numpy()[steep], flux[steep], rtol=1e-8 if scene is COVERED else 4e-5)
+    np.testing.assert_allclose(directions[steep], exits.directions.numpy()[steep], atol=1e-12)
+    apart = points - exits.points.numpy()
     apart -= np.sum(apart * directions, axis=1)[:, None] * directions  # the same line
     assert np.abs(apart[steep]).max() < 1e-8
 
@@ -350,7 +352,7 @@ def test_light_outside_of_a_coating_is_one_line(coating: Coating, message: str) 
     with pytest.raises(InputError, match=r"480 nm: 4\.07 % of the flux is outside"):
         trace_tables(TABLES, scene, replace(few, flux=np.where(tail, 0.5, 1.0)))
     ends = few.with_wavelengths(np.maximum(few.wavelengths_nm, 420.0 if coating is BROAD else 400.0))
-    one, other = (trace_tables(TABLES, scene, each).flux for each in (few, ends))
+    one, other = (trace_tables(TABLES, scene, rays).flux for rays in (few, ends))
     assert torch.allclose(one, other, rtol=1e-5)
     blue = replace(scene, media=replace(scene.media, wavelength_nm=300.0))
     with pytest.raises(InputError, match=r"the source has light of 300 nm: 100 % .*lens.design_wavelength_nm"):

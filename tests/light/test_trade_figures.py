@@ -49,13 +49,13 @@ SCREEN = {"kind": "screen", "width_mm": 180.0, "height_mm": 90.0, "centre_mm": [
 def test_a_screen_is_judged_by_its_nine_and_thirteen_points(meter: dict[str, float]) -> None:
     """Of E = 10 + x/50 - y/40 the mean of nine is that at the middle; the extremes are in the corners, at 0.9."""
     bounds = {"unit": "lx", "at_least": 1.0, "at_least_min_over_mean": 0.1, "at_most_max_over_mean": 2.0}
-    found = read(spec_with(SCREEN | bounds | meter), lambda x, y: 10.0 + x / 50.0 - y / 40.0)
+    figures = read(spec_with(SCREEN | bounds | meter), lambda x, y: 10.0 + x / 50.0 - y / 40.0)
     middle = 10.0 + 30.0 / 50.0 + 20.0 / 40.0
     off = 0.9 * (90.0 / 50.0 + 45.0 / 40.0)
-    assert found["mean light of nine points"].value == pytest.approx(LM_PER_W * middle, rel=1e-9)
-    assert found["mean light of nine points"].unit == "lx"
-    assert found["min of 13 points/mean of 9"].value == pytest.approx(1.0 - off / middle, rel=1e-9)
-    assert found["max of 13 points/mean of 9"].value == pytest.approx(1.0 + off / middle, rel=1e-9)
+    assert figures["mean light of nine points"].value == pytest.approx(LM_PER_W * middle, rel=1e-9)
+    assert figures["mean light of nine points"].unit == "lx"
+    assert figures["min of 13 points/mean of 9"].value == pytest.approx(1.0 - off / middle, rel=1e-9)
+    assert figures["max of 13 points/mean of 9"].value == pytest.approx(1.0 + off / middle, rel=1e-9)
 
 
 def test_one_dark_corner_decides_a_screen_and_a_dark_middle_of_an_edge_does_not() -> None:
@@ -101,8 +101,8 @@ def test_the_gradient_of_a_cut_off_is_its_steepest_tenth_of_a_degree(width_deg: 
     """Of log10 I = -tanh((v + 0.6 + x/10)/w) it is 2 tanh(0.05/w); the line at x = -2.5 has its edge at -0.35."""
     limit = {"kind": "cut_off", "at_least_gradient": 0.1, "at_most_gradient": 3.0}
     spec = spec_with(limit, target=FAR)
-    found = read(spec, lambda x, y: 5.0 * 10.0 ** -np.tanh((y + 0.6 + 0.1 * x) / width_deg), pixels=800)
-    assert found["gradient G of the cut-off"].value == pytest.approx(2.0 * np.tanh(0.05 / width_deg), rel=0.02)
+    figures = read(spec, lambda x, y: 5.0 * 10.0 ** -np.tanh((y + 0.6 + 0.1 * x) / width_deg), pixels=800)
+    assert figures["gradient G of the cut-off"].value == pytest.approx(2.0 * np.tanh(0.05 / width_deg), rel=0.02)
 
 
 def test_light_above_the_brightest_place_moves_with_it() -> None:
@@ -111,10 +111,10 @@ def test_light_above_the_brightest_place_moves_with_it() -> None:
     above = {"kind": "peak", "unit": "lx", "at_most": 1e6, "up_mm": 50.0}
     for x0, y0 in ((30.0, 40.0), (-55.0, -70.0)):
         gaussian = lambda x, y: 3.0 * np.exp(-((x - x0) ** 2 + (y - y0) ** 2) / 60.0**2)  # noqa: E731, B023
-        found = read(spec_with(light, above), gaussian, pixels=400)
-        assert found["light of the brightest place"].value == pytest.approx(3.0 * LM_PER_W, rel=2e-3)
+        figures = read(spec_with(light, above), gaussian, pixels=400)
+        assert figures["light of the brightest place"].value == pytest.approx(3.0 * LM_PER_W, rel=2e-3)
         falls = np.exp(-(50.0**2) / 60.0**2)
-        assert found["light above the brightest place"].value == pytest.approx(3.0 * LM_PER_W * falls, rel=0.03)
+        assert figures["light above the brightest place"].value == pytest.approx(3.0 * LM_PER_W * falls, rel=0.03)
     over_edge = read(spec_with(light, above), lambda x, y: 1.0 + y / 300.0)
     assert over_edge["light above the brightest place"].value == 0.0
 
