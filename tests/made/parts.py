@@ -20,9 +20,9 @@ def lens_with(
 ) -> Lens:
     """A lens with these tolerances and no others; None: those of the preset."""
     inner, outer = (random_surface(seed, 3.0 * seed, roughness, (9, 25)) for seed in (1, 2))
-    own = {} if tolerances is None else tolerance_changes({**NO_TOLERANCES, **tolerances})
-    own |= {} if target is None else {"target": target}
-    return Lens.double(inner, outer, small_spec(**own).replace(**sections), 0, accuracy)
+    fields = {} if tolerances is None else tolerance_changes({**NO_TOLERANCES, **tolerances})
+    fields |= {} if target is None else {"target": target}
+    return Lens.double(inner, outer, small_spec(**fields).replace(**sections), 0, accuracy)
 
 
 def part_of(study: PartStudy, number: int) -> tuple[MadePart, ...]:

@@ -37,8 +37,8 @@ def study_of(
 ) -> PartStudy:
     """Of a point source in concentric spheres; as many rays of the lens as designed as of each part."""
     changes = {"target": PATTERN, "base": {"kind": "none"}, "evaluate__filter_variance": 0.0, **changes}
-    own = tolerance_changes({**NO_TOLERANCES, **tolerances})
-    lens = Lens.double(sphere(3.0), sphere(6.0), small_spec(lamps=lamps, **changes, **own), 0, FEW)
+    fields = tolerance_changes({**NO_TOLERANCES, **tolerances})
+    lens = Lens.double(sphere(3.0), sphere(6.0), small_spec(lamps=lamps, **changes, **fields), 0, FEW)
     return PartStudy(Recipe(lens, parts, rays, 0, rays))
 
 
@@ -54,9 +54,9 @@ def test_lamps_of_other_flux_make_the_sum_of_lamps_that_are_lit_one_by_one(lamps
         lens = study_of({"source_flux": 0.3}, one).recipe.lens
         lit = evaluate(replace(lens, seed=0), rays=N, pixels=16).receivers[0]
         total += flux * lit.map * study.leds[0].light.one.receivers[0].pixel_measure
-    found = study.leds[0].light.received(part_of(study, 3))[0]
-    np.testing.assert_allclose(found.images.mean(axis=0), total, rtol=1e-3, atol=2e-3 * total.max())
-    assert found.emitted_w == pytest.approx(fluxes.mean() * study.leds[0].light.held.emitted_w, rel=1e-12)
+    received = study.leds[0].light.received(part_of(study, 3))[0]
+    np.testing.assert_allclose(received.images.mean(axis=0), total, rtol=1e-3, atol=2e-3 * total.max())
+    assert received.emitted_w == pytest.approx(fluxes.mean() * study.leds[0].light.held.emitted_w, rel=1e-12)
 
 
 def test_light_of_parts_is_in_proportion_to_the_flux_of_their_leds() -> None:
@@ -64,7 +64,7 @@ def test_light_of_parts_is_in_proportion_to_the_flux_of_their_leds() -> None:
     study = study_of({"outer_shift_mm": 0.2, "source_flux": 0.05}, GRID, rays=2**10)
     parts = part_of(study, 2)
     bright = tuple(replace(part, flux=1.3 * part.flux) for part in parts)
-    images, brighter, designed = (study.leds[0].light.received(each)[0].images for each in (parts, bright, None))
+    images, brighter, designed = (study.leds[0].light.received(batch)[0].images for batch in (parts, bright, None))
     np.testing.assert_allclose(brighter, 1.3 * images, rtol=1e-9, atol=1e-12 * images.max())
     assert np.abs(images - designed).max() > 0.05 * designed.max()
 
@@ -84,16 +84,16 @@ def test_a_patch_of_equal_lamps_is_the_lattice_again_and_again(lattice: str) -> 
     receiver |= {"targets": [{"kind": "disc", "diameter_mm": 10.0, "uniform_mm": 6.0}]}
     study = study_of({"index": 1e-3}, {**ENDLESS, "lattice": lattice}, target=None, receivers=[receiver], limits=limits)
     lit = evaluate(study.recipe.lens, rays=N, pixels=16, seed=0)
-    found = study.leds[0].light.measured(study.leds[0].light.received(None))
+    measurement = study.leds[0].light.measured(study.leds[0].light.received(None))
     image = study.leds[0].light.received(None)[0].images.mean(axis=0) / study.leds[0].light.receivers[0].pixel_measure
     np.testing.assert_allclose(image, np.tile(lit.receivers[0].map, (3, 3)), rtol=2e-3, atol=1e-3 * image.max())
-    metrics = found.metrics[0].metrics()
+    metrics = measurement.metrics[0].metrics()
     for name in ("nmse", "efficiency", "rsd"):
         assert getattr(metrics, name).value == pytest.approx(getattr(lit.receivers[0], name).value, rel=2e-2), name
-    assert found.shares[0].mean() == pytest.approx(lit.receivers[0].share_in_target.value, rel=2e-2)
-    for own, limit in zip(found.limits, lit.limits, strict=True):
+    assert measurement.shares[0].mean() == pytest.approx(lit.receivers[0].share_in_target.value, rel=2e-2)
+    for values, limit in zip(measurement.limits, lit.limits, strict=True):
         of_one = 0.25 if "seen" in limit.label else 0.05  # by the rays of the first lamp
-        assert own[0] == pytest.approx(limit.value, rel=of_one), limit.label
+        assert values[0] == pytest.approx(limit.value, rel=of_one), limit.label
 
 
 @pytest.mark.parametrize(("lamps", "number"), [(GRID, 1), (ENDLESS, 5)])
@@ -108,16 +108,16 @@ def test_a_lamp_that_is_moved_as_a_whole_moves_its_own_picture(lamps: dict[str, 
     moved = {name: np.array([2.0 * step, -2.0 * step]) for name in still}
     deviations = [still] * len(study.lamps)
     deviations[number] = moved
-    found = light.received(study.leds[0].made(deviations))[0].images
+    images = light.received(study.leds[0].made(deviations))[0].images
     one = np.zeros(len(study.lamps))
     one[number] = 1.0
     (picture,) = light.kinds[0].boards[0].added(light.designed[0][0], one)
-    change = (found - light.received(None)[0].images)[:, 2:-2, 2:-2]
+    change = (images - light.received(None)[0].images)[:, 2:-2, 2:-2]
 
     def off(rows: int, columns: int) -> float:
         """Distance from the picture moved so, in standard errors."""
         wanted = (np.roll(picture, (rows, columns), axis=(1, 2)) - picture)[:, 2:-2, 2:-2]
-        noise = (change - wanted).reshape(len(found), -1)
+        noise = (change - wanted).reshape(len(images), -1)
         return float(np.sqrt(np.mean(noise.mean(axis=0) ** 2) / np.mean(noise.var(axis=0, ddof=1) / len(noise))))
 
     assert off(-2, 2) < 1.25
@@ -129,7 +129,7 @@ def test_lamps_are_drawn_apart_and_their_mean_scatters_as_that_of_independent_on
     fluxes = np.array([study.draws.of_lamp("source_flux", k)[:, 0] for k in range(6)])
     assert np.abs(np.corrcoef(fluxes) - np.eye(6)).max() < 0.06
     assert fluxes.mean(axis=0).std() == pytest.approx(fluxes.std() / np.sqrt(6.0), rel=0.04)
-    sums = [np.bincount(own.replicate, own.rays.flux) for own in study.leds[0].light.held.shared_out(6)]
+    sums = [np.bincount(share.replicate, share.rays.flux) for share in study.leds[0].light.held.shared_out(6)]
     np.testing.assert_allclose(sums, study.leds[0].light.held.emitted_w / 6.0, rtol=1e-12)
     parts = part_of(study, 5)
     assert len({part.index for part in parts}) == 1 and len({part.made.lens.origin_mm for part in parts}) == 6
@@ -151,17 +151,17 @@ def test_lenses_of_a_plate_move_with_it_as_one_body() -> None:
     plate = {"lens_shift_mm": np.array([0.01, -0.02]), "lens_height_mm": np.array([0.03]), "index": np.array([1e-3])}
     plate |= {"lens_tilt_deg": np.array([2e-5, -3e-5]), "shrinkage": np.array([shrinkage])}
     lamp = Lamp((*place, 0.0), turn_deg=turn)
-    own = in_plate(plate, lamp)
+    deviations = in_plate(plate, lamp)
     points = np.random.default_rng(0).normal(size=(5, 3))
 
-    def moved(found: Any, at: np.ndarray) -> np.ndarray:
-        x, y = found["lens_shift_mm"]
-        body = Pose.displaced((x, y, found["lens_height_mm"][0]), (*found["lens_tilt_deg"], 0.0))
+    def moved(numbers: Any, at: np.ndarray) -> np.ndarray:
+        x, y = numbers["lens_shift_mm"]
+        body = Pose.displaced((x, y, numbers["lens_height_mm"][0]), (*numbers["lens_tilt_deg"], 0.0))
         return np.asarray(body.points(at * (1.0 + shrinkage)))
 
-    by_lens = lamp.pose.points(moved(own, points))
+    by_lens = lamp.pose.points(moved(deviations, points))
     np.testing.assert_allclose(by_lens, moved(plate, lamp.pose.points(points)), atol=1e-7)
-    assert own["index"] is plate["index"]
+    assert deviations["index"] is plate["index"]
 
 
 def test_causes_of_boards_are_those_of_a_known_sum() -> None:
@@ -169,11 +169,13 @@ def test_causes_of_boards_are_those_of_a_known_sum() -> None:
     spread = {"unit": "", "to_internal": 1.0, "amount": 1.0, "kind": "spread", "numbers": 1}
     factors = tuple(Factor(name=name, words=name, distribution="uniform", **spread) for name in ("own", "index"))  # type: ignore[arg-type]
     draws = Draws.of(factors, 4096, 0, 4, frozenset({"index"}))
-    own = np.sqrt(3.0) * draws.numbers["own"]
+    per_lamp = np.sqrt(3.0) * draws.numbers["own"]
     common = np.sqrt(3.0) * draws.numbers["index"][:, 0]
-    assert own.shape == (4096, 4)
-    found = contributions(draws, 3.0 * own.mean(axis=1) + own[:, 0] * own[:, 2] + np.sqrt(2.0) * common, 0.0)
-    shares = {cause.tolerance: cause for cause in found.causes}
+    assert per_lamp.shape == (4096, 4)
+    contribution = contributions(
+        draws, 3.0 * per_lamp.mean(axis=1) + per_lamp[:, 0] * per_lamp[:, 2] + np.sqrt(2.0) * common, 0.0
+    )
+    shares = {cause.tolerance: cause for cause in contribution.causes}
     for name, share in (("own", 3.25 / 5.25), ("index", 2.0 / 5.25)):
         assert abs(shares[name].share - share) < 4.0 * shares[name].standard_error < 0.2, name
 
@@ -183,12 +185,12 @@ def test_yield_and_sensitivity_of_a_board() -> None:
     limit = {"kind": "points", "at_mm": [[0.0, 0.0]], "at_least": 1.0, "unit": "w_per_m2"}
     tolerances = {"source_flux": {"amount": 0.3, "distribution": "uniform"}, "index": 1e-4}
     lens = study_of(tolerances, ENDLESS, target=PERIOD, limits=[limit]).recipe.lens
-    found = measure_yield(lens, parts=40, rays=2**11, with_budget=False)
-    assert found.lamps == 9 and found.columns[0] == "index" and "source_flux" not in found.columns
-    assert found.worst_maps.shape == (3, 48, 48)
-    assert "40 parts of 9 lamps each" in pass_sentence(found)
-    assert found.notes[0].startswith("each part is a board of 3 × 3 periods") and "refractive index" in found.notes[0]
-    least = found.metrics["limits.0: light"]
+    result = measure_yield(lens, parts=40, rays=2**11, with_budget=False)
+    assert result.lamps == 9 and result.columns[0] == "index" and "source_flux" not in result.columns
+    assert result.worst_maps.shape == (3, 48, 48)
+    assert "40 parts of 9 lamps each" in pass_sentence(result)
+    assert result.notes[0].startswith("each part is a board of 3 × 3 periods") and "refractive index" in result.notes[0]
+    least = result.metrics["limits.0: light"]
     assert least.p50 < 0.9 * least.designed.value  # the darkest of nine lamps decides
     rows = {row.name: row for row in measure_sensitivity(lens, rays=2**11).rows if row.amount > 0.0}
     assert abs(rows["source, flux"].change.nmse.value) < 1e-9  # all alike: no other shape

@@ -24,7 +24,7 @@ class KnownParts:
         self.numbers = {name: rng.permutation(norm.ppf((np.arange(PARTS) + 0.5) / PARTS)) for name in widths}
         self.measured = 0
         factors = tuple(Factor(name, name, "mm", 1.0, 0.1, "spread", "normal", 1) for name in widths)
-        numbers = {name: own[:, None] for name, own in self.numbers.items()}
+        numbers = {name: values[:, None] for name, values in self.numbers.items()}
         self.study = SimpleNamespace(
             factors=factors,
             recipe=SimpleNamespace(parts=COUNT),
@@ -54,8 +54,8 @@ def _true_scale(known: KnownParts, names: list[str], bound: float, rate: float =
 @pytest.mark.parametrize("bound", [1.0, 3.0, 6.0])
 def test_amounts_are_those_of_the_known_parts(bound: float) -> None:
     known = KnownParts(bound, {"one": 0.5, "other": 0.3, "nothing": 0.0})
-    found = budget(known, known.excess, lambda _: None)
-    rows = {row.tolerance: row for row in (*found.alone, found.together)}
+    result = budget(known, known.excess, lambda _: None)
+    rows = {row.tolerance: row for row in (*result.alone, result.together)}
     for name, names in (("one", ["one"]), ("other", ["other"]), ("all", list(known.widths))):
         amount = 1.0 if name == "all" else 0.1
         true = amount * _true_scale(known, names, bound)
@@ -66,9 +66,9 @@ def test_amounts_are_those_of_the_known_parts(bound: float) -> None:
         assert row.at_most == pytest.approx(true, rel=0.08)
         error = np.sqrt(PASS_RATE * (1.0 - PASS_RATE) / PARTS)  # of a share of so many parts
         assert row.low <= row.at_most <= row.high
-        for found, rate in ((row.low, PASS_RATE + error), (row.high, PASS_RATE - error)):
+        for limit, rate in ((row.low, PASS_RATE + error), (row.high, PASS_RATE - error)):
             end = amount * _true_scale(known, names, bound, rate)
-            assert found == pytest.approx(end, rel=0.08) or end == 0.0
+            assert limit == pytest.approx(end, rel=0.08) or end == 0.0
     free = rows["nothing"]
     assert free.unlimited or rows["one"].at_most is None or rows["one"].at_most < 0.1
     assert known.measured < 20 * PARTS
@@ -91,18 +91,18 @@ def test_a_tolerance_that_does_nothing_has_no_limit() -> None:
 def test_the_cheapest_is_the_tolerance_that_changes_least_and_few_parts_tell_of_those_that_do_not_help() -> None:
     """Of two that reach the share alone the one with the larger part of its amount; three that cannot cost 48 parts."""
     known = KnownParts(1.0, {"one": 0.5, "other": 0.3, "small": 0.01, "tiny": 0.001, "nothing": 0.0})
-    found = budget(known, known.excess, lambda _: None)
+    result = budget(known, known.excess, lambda _: None)
     true = {name: _true_scale(known, [name], 1.0) for name in known.widths}
-    assert not found.reached and found.cheapest is not None
-    assert found.cheapest.tolerance == max((n for n in true if 0.0 < true[n] < 1.0), key=lambda n: true[n])
+    assert not result.reached and result.cheapest is not None
+    assert result.cheapest.tolerance == max((n for n in true if 0.0 < true[n] < 1.0), key=lambda n: true[n])
     failing = int((known.excess > 0.0).sum())
     assert known.measured < 3 * 16 + 3 * (failing * 4 + 2 * 16), "two looks for the interval of each that helps"
     none = KnownParts(0.5, {"one": 0.5, "other": 3.0, "third": 3.0})
-    found = budget(none, none.excess, lambda _: None)
-    assert found.cheapest is None and not found.reached
+    result = budget(none, none.excess, lambda _: None)
+    assert result.cheapest is None and not result.reached
     easy = KnownParts(10.0, {"one": 0.5})
-    found = budget(easy, easy.excess, lambda _: None)
-    assert found.cheapest is None and found.reached
+    result = budget(easy, easy.excess, lambda _: None)
+    assert result.cheapest is None and result.reached
 
 
 class OneSided(KnownParts):
@@ -110,15 +110,15 @@ class OneSided(KnownParts):
 
     def metric(self, scales: dict[str, float | np.ndarray]) -> np.ndarray:
         grown = {name: scales.get(name, 1.0) * w * self.numbers[name] for name, w in self.widths.items()}
-        return sum(np.maximum(each, 0.0) ** 2 for each in grown.values())
+        return sum(np.maximum(amounts, 0.0) ** 2 for amounts in grown.values())
 
 
 @pytest.mark.parametrize("bound", [1.0, 4.0])
 def test_few_parts_tell_the_amount_where_half_of_them_do_not_mind(bound: float) -> None:
     known = OneSided(bound, {"one": 0.5, "other": 0.2, "nothing": 0.0})
-    found = budget(known, known.excess, lambda _: None)
+    result = budget(known, known.excess, lambda _: None)
     asked = {"one": ["one"], "other": ["other"], "nothing": ["nothing"], "all": list(known.widths)}
-    for row in (*found.alone, found.together):
+    for row in (*result.alone, result.together):
         names = asked[row.tolerance]
         true = row.specified * _true_scale(known, names, bound)
         assert row.unlimited == (names == ["nothing"])
@@ -129,20 +129,20 @@ def test_a_tolerance_that_cannot_matter_costs_one_look_and_those_that_do_less_th
     """Rounds are told with their number, those that follow, too."""
     names = [f"harmless {k}" for k in range(12)]
     known = KnownParts(3.0, {"one": 0.5, **dict.fromkeys(names, 1e-4)})
-    said = list[str]()
+    lines = list[str]()
     before = KnownParts(3.0, {"one": 0.5})
     budget(before, before.excess, lambda _: None)
-    budget(known, known.excess, said.append)
+    budget(known, known.excess, lines.append)
     assert before.measured < 2 * 3 * PARTS and known.measured <= before.measured + 12 * 16 + 3 * 16
-    assert said[0] == "budget: 1 of 14, one" and said[-1] == "budget: 14 of 14, all tolerances together"
+    assert lines[0] == "budget: 1 of 14, one" and lines[-1] == "budget: 14 of 14, all tolerances together"
 
 
 @pytest.mark.parametrize("wanted", [0.6, 0.9])
 def test_another_share_has_amounts_of_its_own(wanted: float) -> None:
     known = KnownParts(1.0, {"one": 0.5, "other": 0.3})
-    found = budget(known, known.excess, lambda _: None, wanted)
-    rows = {row.tolerance: row for row in (*found.alone, found.together)}
-    assert found.pass_rate == wanted
+    result = budget(known, known.excess, lambda _: None, wanted)
+    rows = {row.tolerance: row for row in (*result.alone, result.together)}
+    assert result.pass_rate == wanted
     true = _true_scale(known, ["one", "other"], 1.0, wanted)
     assert rows["all"].at_most == pytest.approx(true, rel=0.08)
 

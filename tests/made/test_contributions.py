@@ -18,15 +18,15 @@ def _draws(parts: int, seed: int = 0, distribution: str = "uniform", **amounts: 
 
 
 def _shares(draws: Draws, values: np.ndarray, noise: float = 0.0) -> dict:
-    found = contributions(draws, values, noise)
-    assert sum(cause.share for cause in found.causes) + found.interactions.value == pytest.approx(1.0)
-    shares = {cause.tolerance: (cause.share, cause.standard_error) for cause in found.causes}
-    return {**shares, "together": (found.interactions.value, found.interactions.standard_error)}
+    result = contributions(draws, values, noise)
+    assert sum(cause.share for cause in result.causes) + result.interactions.value == pytest.approx(1.0)
+    shares = {cause.tolerance: (cause.share, cause.standard_error) for cause in result.causes}
+    return {**shares, "together": (result.interactions.value, result.interactions.standard_error)}
 
 
-def _agree(found: dict, truth: dict) -> None:
+def _agree(shares: dict, truth: dict) -> None:
     for name, share in truth.items():
-        value, error = found[name]
+        value, error = shares[name]
         assert abs(value - share) < 4.0 * error + 0.01, name
         assert error < 0.06
 
@@ -36,18 +36,18 @@ def test_shares_of_the_ishigami_function() -> None:
     draws = _draws(4000, gap_mm=1.0, index=0.1, shrinkage=0.1)
     x, y, z = (np.pi * draws.numbers[name][:, 0] for name in ("gap_mm", "index", "shrinkage"))
     values = np.sin(x) + 7.0 * np.sin(y) ** 2 + 0.1 * z**4 * np.sin(x)
-    found = _shares(draws, values)
+    shares = _shares(draws, values)
     # sin^2 over a whole period is a polynomial of degree 4 to a quarter of its variance
-    assert found["gap_mm"][0] == pytest.approx(0.3139, abs=0.04)
-    assert found["shrinkage"][0] == pytest.approx(0.0, abs=0.02)
-    assert found["together"][0] > 0.2
+    assert shares["gap_mm"][0] == pytest.approx(0.3139, abs=0.04)
+    assert shares["shrinkage"][0] == pytest.approx(0.0, abs=0.02)
+    assert shares["together"][0] > 0.2
 
 
 def test_shares_of_a_sum_and_a_product() -> None:
     draws = _draws(2000, distribution="normal", gap_mm=1.0, index=0.1, shrinkage=0.1)
     x, y, z = (2.0 * draws.numbers[name][:, 0] for name in ("gap_mm", "index", "shrinkage"))
-    found = _shares(draws, 3.0 + 2.0 * x + y**2 + np.sqrt(3.0) * x * z)
-    _agree(found, {"gap_mm": 4.0 / 9.0, "index": 2.0 / 9.0, "shrinkage": 0.0, "together": 3.0 / 9.0})
+    shares = _shares(draws, 3.0 + 2.0 * x + y**2 + np.sqrt(3.0) * x * z)
+    _agree(shares, {"gap_mm": 4.0 / 9.0, "index": 2.0 / 9.0, "shrinkage": 0.0, "together": 3.0 / 9.0})
 
 
 def test_a_shift_in_x_and_y_is_one_cause() -> None:
@@ -82,11 +82,11 @@ def test_what_is_certain_leads_and_not_what_is_large() -> None:
         draws = _draws(200, seed, inner_waviness_um=1.0, gap_mm=0.1, index=0.1)
         gap = np.sqrt(3.0) * draws.numbers["gap_mm"][:, 0]
         noise = np.random.default_rng(seed).normal(size=200)
-        found = contributions(draws, np.sqrt(0.2) * gap + np.sqrt(0.8) * noise, 0.0).causes
-        by_value += max(found, key=lambda cause: cause.share).tolerance == "inner_waviness_um"
-        sure = [max(cause.share - 2.0 * cause.standard_error, 0.0) for cause in found]
+        causes = contributions(draws, np.sqrt(0.2) * gap + np.sqrt(0.8) * noise, 0.0).causes
+        by_value += max(causes, key=lambda cause: cause.share).tolerance == "inner_waviness_um"
+        sure = [max(cause.share - 2.0 * cause.standard_error, 0.0) for cause in causes]
         assert sure == sorted(sure, reverse=True)
-        assert found[0].tolerance == "gap_mm" or sure[0] == 0.0 or found[0].share > 0.3
+        assert causes[0].tolerance == "gap_mm" or sure[0] == 0.0 or causes[0].share > 0.3
     assert by_value > 2, "the seeds tell the two orders apart"
 
 
@@ -99,11 +99,11 @@ def test_noise_of_rays_is_nobodys() -> None:
 
 def test_shares_have_no_bias_and_true_errors() -> None:
     """Without any cause, over 100 seeds: their mean is 0, and they scatter as their errors say."""
-    found = []
+    estimates = []
     for seed in range(100):
         draws = _draws(400, seed, inner_waviness_um=1.0)
-        found.append(_shares(draws, np.random.default_rng(seed).normal(size=400))["inner_waviness_um"])
-    shares, errors = np.array(found).T
+        estimates.append(_shares(draws, np.random.default_rng(seed).normal(size=400))["inner_waviness_um"])
+    shares, errors = np.array(estimates).T
     assert abs(shares.mean()) < 4.0 * shares.std() / 10.0
     assert 0.6 < shares.std() / errors.mean() < 1.4
 
@@ -111,7 +111,7 @@ def test_shares_have_no_bias_and_true_errors() -> None:
 def test_features_are_orthonormal() -> None:
     draws = _draws(40_000, outer_shift_mm=0.1, inner_form_um=1.0)
     for factor in draws.factors:
-        found = features(factor, draws.numbers[factor.name])
-        products = found.T @ found / len(found)
+        columns = features(factor, draws.numbers[factor.name])
+        products = columns.T @ columns / len(columns)
         assert np.abs(products - np.eye(len(products))).max() < 0.12
-        assert np.abs(found.mean(axis=0)).max() < 0.03
+        assert np.abs(columns.mean(axis=0)).max() < 0.03

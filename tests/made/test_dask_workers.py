@@ -33,9 +33,9 @@ def cluster():
     forkserver.ensure_running()
     with (
         dask.config.set({"distributed.worker.multiprocessing-method": "forkserver"}),
-        distributed.LocalCluster(n_workers=1, threads_per_worker=1, dashboard_address=":0", silence_logs=50) as found,
+        distributed.LocalCluster(n_workers=1, threads_per_worker=1, dashboard_address=":0", silence_logs=50) as workers,
     ):
-        yield found
+        yield workers
 
 
 @pytest.fixture
@@ -45,8 +45,8 @@ def short(monkeypatch):
 
 
 def study(**others):
-    found = lf.tolerance(lens_with(), parts=40, rays=2**10, budget=False, **others)
-    return found.model_copy(update={"seconds": 0.0})
+    result = lf.tolerance(lens_with(), parts=40, rays=2**10, budget=False, **others)
+    return result.model_copy(update={"seconds": 0.0})
 
 
 def one_killed(cluster):
@@ -129,10 +129,10 @@ def test_what_does_not_answer_as_a_scheduler_is_refused_within_seconds(monkeypat
             connected(address),
         ):
             pass
-    with pytest.raises(InputError, match="no Dask scheduler") as found, connected(address):
+    with pytest.raises(InputError, match="no Dask scheduler") as error, connected(address):
         pass
     assert time.monotonic() - started < 15.0
-    assert "\n" not in str(found.value)
+    assert "\n" not in str(error.value)
 
 
 @pytest.mark.parametrize("given", ["", "here", "local:0", "local:", "http://a:1", "tcp://a", "local:99999", 4])

@@ -99,8 +99,8 @@ def test_other_numbers_than_those_that_were_measured_are_refused(tmp_path, name:
     study = study_of(rays=256)
     file = tmp_path / "parts.npz"
     _parts(study, file).of(range(3), {"gap_mm": 2.0})
-    with np.load(file) as found:
-        arrays = {key: found[key].copy() for key in found.files}
+    with np.load(file) as archive:
+        arrays = {key: archive[key].copy() for key in archive.files}
     if name == "head":
         arrays["head"][-3] ^= 1
     elif rewritten:
@@ -136,15 +136,15 @@ def test_threads_do_not_change_a_bit() -> None:
 
     study = study_of(rays=512)
     before = torch.get_num_threads()
-    found = []
+    results = []
     try:
         for threads in (1, 2):
             torch.set_num_threads(threads)
-            found.append(_parts(study_of(rays=512)).of(range(6)))
+            results.append(_parts(study_of(rays=512)).of(range(6)))
     finally:
         torch.set_num_threads(before)
-    assert (found[0] == found[1]).all()
-    assert np.isfinite(found[0]).all()
+    assert (results[0] == results[1]).all()
+    assert np.isfinite(results[0]).all()
     assert study.names[0] == "nmse"
 
 

@@ -27,7 +27,7 @@ def square_lens():
 def changes():
     """Changes of each metric (value, standard error) by single errors, each by the rays of several seeds."""
     lens = square_lens()
-    found = {}
+    pairs = {}
     wanted = {
         "decentre in x": ("outer_shift_mm", 0),
         "decentre in y": ("outer_shift_mm", 1),
@@ -41,8 +41,8 @@ def changes():
             led = study.leds[0]
             lit = led.light.measured(led.light.received(led.made(errors[factor][number].deviations))).metrics[0]
             for metric, change in lit.change_from(led.designed.metrics[0]):
-                found.setdefault((name, metric), []).append((change.value, change.standard_error))
-    return {key: np.array(values) for key, values in found.items()}
+                pairs.setdefault((name, metric), []).append((change.value, change.standard_error))
+    return {key: np.array(values) for key, values in pairs.items()}
 
 
 @pytest.mark.parametrize("metric", ["nmse", "rsd", "uniformity", "efficiency"])
@@ -82,8 +82,8 @@ def test_limits_change_by_what_a_tolerance_does_to_them():
         },
     ]
     lens = lens_with({"source_flux": 0.05, "source_shift_mm": 0.4}, limits=limits)
-    found = measure_sensitivity(lens, rays=RAYS)
-    brighter = [row for row in found.rows if row.name.startswith("source, flux")]
+    sensitivity = measure_sensitivity(lens, rays=RAYS)
+    brighter = [row for row in sensitivity.rows if row.name.startswith("source, flux")]
     assert sorted(row.amount for row in brighter) == [-0.05, 0.05]
     for row in brighter:
         light, share = row.limits
@@ -91,7 +91,7 @@ def test_limits_change_by_what_a_tolerance_does_to_them():
         assert light.change.value == pytest.approx(light.value.value * row.amount / (1.0 + row.amount), rel=1e-9)
         assert share.change.value == pytest.approx(0.0, abs=1e-12) and 0.01 < share.value.value < 1.0
         assert (row.change.nmse.value, row.change.nmse.standard_error) == (0.0, 0.0), "the shape is the same"
-    shifted = next(row for row in found.rows if row.name.endswith("decentre in x"))
+    shifted = next(row for row in sensitivity.rows if row.name.endswith("decentre in x"))
     moved = lens.spec.source.position_mm[0] + 0.4
     spec = lens.spec.replace({"source.position_mm": [moved, *lens.spec.source.position_mm[1:]]})
     by_itself = evaluate_lens(replace(lens, spec=spec), build_source(spec.source), STUDY, rays=RAYS)
@@ -99,7 +99,7 @@ def test_limits_change_by_what_a_tolerance_does_to_them():
         # a lens by itself is traced by finer tables
         assert abs(limit.value.value - judged.metric.value) < 0.15 * abs(limit.change.value), (limit, judged.metric)
         assert abs(limit.change.value) > 2.0 * limit.change.standard_error
-    first = sensitivity_facts(found)[0]
+    first = sensitivity_facts(sensitivity)[0]
     assert first.fact("limit_0").value == pytest.approx(shifted.limits[0].value.value - shifted.limits[0].change.value)
 
 
@@ -113,9 +113,9 @@ def test_common_rays_leave_little_noise(changes):
 def test_the_table_is_the_same_when_read_back_and_says_how_far_it_is(tmp_path):
     lens = lens_with()
     steps = []
-    found = measure_sensitivity(lens, rays=1024, progress=lambda done, total: steps.append((done, total)))
-    found.write(tmp_path)
-    assert Sensitivity.read(tmp_path) == found
-    assert found.preset == "standard"
-    lenses = len(found.rows) + 1
+    sensitivity = measure_sensitivity(lens, rays=1024, progress=lambda done, total: steps.append((done, total)))
+    sensitivity.write(tmp_path)
+    assert Sensitivity.read(tmp_path) == sensitivity
+    assert sensitivity.preset == "standard"
+    lenses = len(sensitivity.rows) + 1
     assert steps == [(done, lenses) for done in range(1, lenses + 1)]

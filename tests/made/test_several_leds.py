@@ -28,8 +28,8 @@ def light_limit(bound: float) -> dict[str, Any]:
 
 
 def lens_for(leds: dict[str, Any], tolerances: dict[str, Any], **changes: Any) -> Lens:
-    own = tolerance_changes({**NO_TOLERANCES, **tolerances})
-    return replace(lens_with(), spec=small_spec(**own, **{**leds, **changes}))
+    fields = tolerance_changes({**NO_TOLERANCES, **tolerances})
+    return replace(lens_with(), spec=small_spec(**fields, **{**leds, **changes}))
 
 
 def test_a_part_has_with_each_led_the_metrics_that_it_has_with_that_one_alone() -> None:
@@ -38,7 +38,7 @@ def test_a_part_has_with_each_led_the_metrics_that_it_has_with_that_one_alone() 
     for led, (name, source) in zip(study.leds, (("near", NEAR), ("far", FAR)), strict=True):
         alone = PartStudy(replace(study.recipe, lens=lens_for({"source": source}, tolerances)))
         names = tuple(led.of_design)
-        assert names == tuple(f"{name}: {each}" for each in alone.names)
+        assert names == tuple(f"{name}: {metric}" for metric in alone.names)
         rows = [study.names.index(name) for name in names]
         for number in range(3):
             assert np.array_equal(study.measure(number)[rows], alone.measure(number))
@@ -55,13 +55,13 @@ def test_a_part_that_is_turned_turns_the_light_of_each_led_about_its_own_place()
         rays = led.light.held.rays
         middle = np.array(source.get("position_mm", [0.0, 0.0, 0.0]))
         turned = replace(rays, origins=middle + (rays.origins - middle) @ turn.T, directions=rays.directions @ turn.T)
-        found = led.light.exit_rays(part)
+        exits = led.light.exit_rays(part)
         wanted = led.light.nominal.trace(turned)
-        both = found.left_lens & wanted.left_lens
+        both = exits.left_lens & wanted.left_lens
         assert both.mean() > 0.9
         for name in ("points", "directions"):
-            np.testing.assert_allclose(getattr(found, name)[both], getattr(wanted, name)[both], atol=1e-9)
-        assert np.abs(found.directions - led.light.exit_rays(None).directions)[both].max() > 0.5 * angle
+            np.testing.assert_allclose(getattr(exits, name)[both], getattr(wanted, name)[both], atol=1e-9)
+        assert np.abs(exits.directions - led.light.exit_rays(None).directions)[both].max() > 0.5 * angle
 
 
 @pytest.fixture(scope="module")
@@ -99,16 +99,16 @@ def test_facts_and_files_name_each_led(study: Yield, tmp_path: Any) -> None:
 
 def test_sensitivity_has_the_rows_of_each_led(tmp_path: Any) -> None:
     tolerances = {"source_shift_mm": 0.2, "index": 0.01}
-    found = measure_sensitivity(lens_for(BOTH, tolerances), rays=1024)
-    found.write(tmp_path)
-    assert type(found).read(tmp_path) == found
-    for led, source in zip(found.by_led.values(), (NEAR, FAR), strict=True):
+    sensitivity = measure_sensitivity(lens_for(BOTH, tolerances), rays=1024)
+    sensitivity.write(tmp_path)
+    assert type(sensitivity).read(tmp_path) == sensitivity
+    for led, source in zip(sensitivity.by_led.values(), (NEAR, FAR), strict=True):
         alone = measure_sensitivity(lens_for({"source": source}, tolerances), rays=1024)
         assert (led.nominal, led.rows, led.rays) == (alone.nominal, alone.rows, alone.rays)
-    assert list(found.by_led) == ["near", "far"]
-    groups = sensitivity_facts(found)
+    assert list(sensitivity.by_led) == ["near", "far"]
+    groups = sensitivity_facts(sensitivity)
     assert [group.title for group in groups[:2]] == ["As designed, near", "As designed, far"]
-    assert len(groups) == 2 + 2 * len(found.rows) and groups[-1].title.endswith(", far")
+    assert len(groups) == 2 + 2 * len(sensitivity.rows) and groups[-1].title.endswith(", far")
 
 
 # -- Colour ------------------------------------------------------------------------------------------------------------
@@ -128,13 +128,13 @@ def test_distances_of_two_colours_side_by_side_are_those_of_their_mixture() -> N
     weights = halves @ [1.0, 15.0, 3.0]
     uv = np.stack([4.0 * halves[:, 0], 9.0 * halves[:, 1]], axis=1) / weights[:, None]
     away = np.linalg.norm(uv - weights @ uv / weights.sum(), axis=1)
-    found = distances_left_out(pictures, 0.5)
+    rows = distances_left_out(pictures, 0.5)
     whole = BeamColour.of(pictures, 0.5)
-    assert len(found) == 17 and whole is not None
-    for each in [*found, {"rms": whole.rms, "worst": whole.worst}]:
-        assert each is not None
-        assert each["rms"].value == pytest.approx(np.sqrt(np.mean(away**2)), rel=1e-9)
-        assert each["worst"].value == pytest.approx(away.max(), rel=0.006)
+    assert len(rows) == 17 and whole is not None
+    for row in [*rows, {"rms": whole.rms, "worst": whole.worst}]:
+        assert row is not None
+        assert row["rms"].value == pytest.approx(np.sqrt(np.mean(away**2)), rel=1e-9)
+        assert row["worst"].value == pytest.approx(away.max(), rel=0.006)
     assert distances_left_out(0.0 * pictures, 0.5) == [None] * 17
 
 
@@ -150,15 +150,15 @@ RMS = "Δu′v′ rms within half of the peak: distance from the mean colour"
 def test_chips_that_stand_farther_apart_mix_less_and_miss_the_limit_on_their_colour() -> None:
     """Distances of colours are as the distance of the chips, to first order; the flux of the LED changes none."""
     bound = evaluate(coloured(0.05), rays=2**15, seed=0).limits[0].metric
-    found = measure_yield(coloured(bound.value), parts=60, rays=2**14, with_budget=False)
-    rms = found.column(RMS)
-    grown = 1.0 + found.column("source_size")
-    assert [bound.metric for bound in found.bounds] == [RMS, RMS.replace("rms", "worst")]
-    assert found.metrics[RMS].designed.value == pytest.approx(bound.value, abs=3.0 * (bound.standard_error or 0.0))
-    np.testing.assert_allclose(rms, found.metrics[RMS].designed.value * grown, rtol=0.1)
+    result = measure_yield(coloured(bound.value), parts=60, rays=2**14, with_budget=False)
+    rms = result.column(RMS)
+    grown = 1.0 + result.column("source_size")
+    assert [bound.metric for bound in result.bounds] == [RMS, RMS.replace("rms", "worst")]
+    assert result.metrics[RMS].designed.value == pytest.approx(bound.value, abs=3.0 * (bound.standard_error or 0.0))
+    np.testing.assert_allclose(rms, result.metrics[RMS].designed.value * grown, rtol=0.1)
     clear = np.abs(grown - 1.0) > 0.12
-    assert np.array_equal(found.passing[clear], (grown < 1.0)[clear]) and 0.2 < found.passing.mean() < 0.8
-    causes = found.variance[RMS].certain
+    assert np.array_equal(result.passing[clear], (grown < 1.0)[clear]) and 0.2 < result.passing.mean() < 0.8
+    causes = result.variance[RMS].certain
     assert [cause.tolerance for cause in causes] == ["source_size"] and causes[0].share > 0.8
 
 
@@ -170,7 +170,7 @@ def test_light_of_one_colour_keeps_any_bound_on_each_receiver_of_a_board() -> No
     lamps = {"kind": "grid", "columns": 2, "rows": 1, "pitch_mm": 20.0}
     lens = coloured(1e-6, lamps=lamps, target=None, receivers=several, source=one, base={"kind": "none"})
     study = PartStudy(Recipe(lens, 2, 1024, 0, 1024))
-    names = [f"{place}: {RMS.replace('rms', each)}" for place in ("low", "high") for each in ("rms", "worst")]
+    names = [f"{place}: {RMS.replace('rms', figure)}" for place in ("low", "high") for figure in ("rms", "worst")]
     assert [bound.metric for bound in study.bounds] == names
     assert (study.excess(study.measure(1)[:, 0]) <= 0.0).all()
 
@@ -197,24 +197,24 @@ def test_a_board_of_two_kinds_is_the_sum_of_its_lamps_each_with_its_own_lens_and
             total += lit.images.mean(axis=0) / 3.0
         return total
 
-    found = led.light.received(parts)[0]
-    noise = np.sqrt(np.mean(found.images.var(axis=0, ddof=1) / 16.0))
+    received = led.light.received(parts)[0]
+    noise = np.sqrt(np.mean(received.images.var(axis=0, ddof=1) / 16.0))
 
     def off(wanted: Any) -> float:
-        return float(np.sqrt(np.mean((found.images.mean(axis=0) - wanted) ** 2)) / noise)
+        return float(np.sqrt(np.mean((received.images.mean(axis=0) - wanted) ** 2)) / noise)
 
     assert off(summed(["a", "b", "b"], fluxes)) < 1.5
     assert min(off(summed(["b", "a", "a"], fluxes)), off(summed(["a", "b", "b"], (0.4, 2.0, 1.0)))) > 3.0
-    assert found.emitted_w == pytest.approx(np.mean(fluxes), rel=1e-12)
+    assert received.emitted_w == pytest.approx(np.mean(fluxes), rel=1e-12)
 
 
 def test_yield_and_sensitivity_of_lenses_of_two_kinds() -> None:
     tolerances = {"source_flux": UNIFORM, "outer_form_um": 40.0, "index": 1e-3}
-    found = measure_yield(board(tolerances), parts=40, rays=2**11, with_budget=False)
+    result = measure_yield(board(tolerances), parts=40, rays=2**11, with_budget=False)
     lit = evaluate(board(tolerances), rays=2**15, seed=0).receivers[0]
-    assert found.lamps == 3 and "each part is a board with 3 lamps" in found.notes[0]
+    assert result.lamps == 3 and "each part is a board with 3 lamps" in result.notes[0]
     for name in ("nmse", "efficiency"):
-        assert found.metrics[name].designed.value == pytest.approx(getattr(lit, name).value, abs=0.02), name
+        assert result.metrics[name].designed.value == pytest.approx(getattr(lit, name).value, abs=0.02), name
     kinds = PartStudy(Recipe(board(tolerances), 1, 512, 0, 512)).kinds
     assert [kind.numbers for kind in kinds] == [(0,), (1, 2)]
     rows = {row.name: row.change for row in measure_sensitivity(board(tolerances), rays=2**11).rows}
@@ -230,12 +230,12 @@ def test_lamps_seen_from_afar_change_as_one_of_them_does(kinds: tuple[str, ...])
     far = {"kind": "rectangle", "width_deg": 40.0, "height_deg": 25.0, "half_angle_deg": 60.0, "uniform_deg": 16.0}
     lamps = {"kind": "table", "places_mm": [[-15.0, 3.0], [14.0, -6.0]], **({"kinds": kinds} if kinds else {})}
     tolerances = {"source_shift_mm": 0.4, "outer_form_um": 90.0, "lens_tilt_deg": 6.0, "index": 0.03, "gap_mm": 0.3}
-    found = []
+    results = []
     for changes in ({}, {"lamps": lamps}):
         lens = lens_for({}, tolerances, target=far, base={"kind": "none"}, **changes)
         others = {"b": lens.surfaces} if kinds and changes else {}
-        found.append(measure_sensitivity(replace(lens, others=others), rays=2**14))
-    one, together = found
+        results.append(measure_sensitivity(replace(lens, others=others), rays=2**14))
+    one, together = results
     sure = 0
     for row, other in zip(one.rows, together.rows, strict=True):
         assert (row.name, row.amount) == (other.name, other.amount)

@@ -33,25 +33,25 @@ def test_a_warm_part_sends_each_ray_where_the_lens_at_that_temperature_does(mate
     (led,) = study.leds
     celsius = (lens.spec.lens.temperature_c or 20.0) + 17.0
     warm = at_temperature(lens, celsius)
-    found = led.light.exit_rays(led.made([{"temperature_k": np.array([17.0])}])[0])
+    exits = led.light.exit_rays(led.made([{"temperature_k": np.array([17.0])}])[0])
     wanted = led.light.nominal.at_work(warm.spec).trace(led.light.held.rays)
-    np.testing.assert_allclose(found.points, wanted.points, atol=1e-11)
-    np.testing.assert_allclose(found.directions, wanted.directions, atol=1e-12)
+    np.testing.assert_allclose(exits.points, wanted.points, atol=1e-11)
+    np.testing.assert_allclose(exits.directions, wanted.directions, atol=1e-12)
     cold = led.light.exit_rays(None)
-    assert np.abs(found.directions - cold.directions).max() > 1e-5
+    assert np.abs(exits.directions - cold.directions).max() > 1e-5
 
 
 def test_sensitivity_states_both_ends_of_it() -> None:
     """Warm plastic bends less, cold one more: the changes have opposite signs, and those of the lens at both ends."""
     lens = lens_of(**PLASTIC, **ALONE)
-    found = lf.sensitivity(lens, rays=2**14)
-    assert [(row.name, row.amount, row.unit) for row in found.rows] == [
+    sensitivity = lf.sensitivity(lens, rays=2**14)
+    assert [(row.name, row.amount, row.unit) for row in sensitivity.rows] == [
         ("temperature of the lens", amount, "K") for amount in (30.0, -30.0)
     ]
-    for row in found.rows:
+    for row in sensitivity.rows:
         light = lf.evaluate(lens, temperature_c=20.0 + row.amount, rays=2**14, pixels=16)
         assert row.metrics.efficiency.value == pytest.approx(light.efficiency.value, abs=2e-4)
-    warm, cold = (row.change.efficiency.value for row in found.rows)
+    warm, cold = (row.change.efficiency.value for row in sensitivity.rows)
     assert warm > 1e-4 and cold < -1e-4
 
 

@@ -60,15 +60,15 @@ def test_the_light_of_a_face_out_of_place_is_that_of_the_moved_body(name: str) -
     other = TracedLens.of_body(Body.of({**faces, **moved}, TirSection.roles), clear(), 6, 12.0)
     factors = tuple(factor for factor in factors_of(spec.part_tolerances) if factor.name == name)
     part = PartMaker.of(spec, faces, designed.scene.grid, factors).part({name: np.array(deviation)})
-    found = trace_tables(part.tables(designed.tables), replace(designed.scene, made=part.made), rays)
+    exits = trace_tables(part.tables(designed.tables), replace(designed.scene, made=part.made), rays)
     before = designed.trace(rays)
     wanted = other.trace(rays)
-    same = wanted.left_lens & found.left_lens & before.left_lens
-    same &= (found.met == wanted.met).all(axis=1) & (found.met == before.met).all(axis=1)
+    same = wanted.left_lens & exits.left_lens & before.left_lens
+    same &= (exits.met == wanted.met).all(axis=1) & (exits.met == before.met).all(axis=1)
     assert same.mean() > 0.7
     for kind in ("points", "directions"):
         off, effect = (
-            np.sqrt(np.mean((getattr(each, kind) - getattr(wanted, kind))[same] ** 2)) for each in (found, before)
+            np.sqrt(np.mean((getattr(ends, kind) - getattr(wanted, kind))[same] ** 2)) for ends in (exits, before)
         )
         assert off < 0.01 * effect or (name == "exit_gap_mm" and kind == "directions" and off < 2e-6)
 
@@ -91,9 +91,11 @@ def test_a_form_error_has_its_rms_over_the_part_of_the_face_that_light_meets() -
         (error,) = single_errors(study, factors[f"{name}_form_um"])
         table = study.leds[0].made(error.deviations)[0].errors[name]
         beside = lens.body.cavity if number < 2 else lens.body.envelope
-        own = u[nearest(beside, u) == number % 2]
-        normal = lens.surfaces[name].normal(own)
-        along = evaluate_table(study.leds[0].light.nominal.scene.grid, table, own) * np.sum(normal * own, axis=1)
+        directions = u[nearest(beside, u) == number % 2]
+        normal = lens.surfaces[name].normal(directions)
+        along = evaluate_table(study.leds[0].light.nominal.scene.grid, table, directions) * np.sum(
+            normal * directions, axis=1
+        )
         assert np.sqrt(np.mean(along**2)) == pytest.approx(1e-3, rel=0.03), name
 
 
@@ -103,9 +105,9 @@ def test_sensitivity_and_yield_know_every_face() -> None:
     rows = {row.name for row in measure_sensitivity(lens, rays=64).rows}
     assert {"wall face against cap, tilt about y", "exit face against cap, gap", "waviness, wall face"} <= rows
     assert {"roughness, side face", "refractive index"} <= rows and "waviness, cap face" not in rows
-    found = lf.tolerance(lens, parts=40, rays=64, budget=False)
-    assert [bound.metric for bound in found.bounds] == ["limits.0: share of the flux"]
-    assert {"wall_shift_mm 2", "cap_roughness_mrad", "wall_waviness_um 32", "exit_tilt_deg 1"} <= set(found.columns)
+    result = lf.tolerance(lens, parts=40, rays=64, budget=False)
+    assert [bound.metric for bound in result.bounds] == ["limits.0: share of the flux"]
+    assert {"wall_shift_mm 2", "cap_roughness_mrad", "wall_waviness_um 32", "exit_tilt_deg 1"} <= set(result.columns)
 
 
 @pytest.mark.parametrize(("face", "field"), [("side", "shift_mm"), ("cap", "tilt_deg")])
@@ -117,8 +119,8 @@ def test_a_place_of_the_cavity_is_refused(face: str, field: str) -> None:
 
 def test_tolerances_of_other_faces_are_refused(tmp_path: Path) -> None:
     (tmp_path / "own.toml").write_text("[lens.wall]\nform_um = 0.4\n", encoding="utf-8")
-    own = read_tolerances(str(tmp_path / "own.toml"), TirSection.roles)
-    assert spot().with_tolerances(own).part_tolerances.amount("wall", "form_um") == 0.4
+    tolerances = read_tolerances(str(tmp_path / "own.toml"), TirSection.roles)
+    assert spot().with_tolerances(tolerances).part_tolerances.amount("wall", "form_um") == 0.4
     with pytest.raises(InputError, match=r"own\.toml: lens\.wall: the faces of this lens are inner, outer; give these"):
         read_tolerances(str(tmp_path / "own.toml"))
     with pytest.raises(InputError, match="tolerances of the faces outer: this lens has cap, side, wall, exit"):

@@ -130,14 +130,14 @@ def test_luminance_of_a_part_is_that_of_a_lens_over_a_led_that_is_off_as_much() 
     lens = lens_with({"source_shift_mm": 1.0}, limits=EYES)
     study = PartStudy(Recipe(lens, 2, 2**16, 0, 2**16))
     away = np.array([-0.5, 0.4])
-    found = study.leds[0].measure([{"source_shift_mm": away}])
+    figures = study.leds[0].measure([{"source_shift_mm": away}])
     moved = replace(lens, spec=lens.spec.replace({"source.position_mm": [*away, 0.0]}))
-    there, here = (evaluate(each, rays=2**16, seed=0).limits for each in (moved, lens))
-    for bound, own, designed in zip(study.bounds, there, here, strict=True):
-        value, error = found[study.names.index(bound.metric)]
-        assert own.value < 0.95 * designed.value, designed.note
-        within = 0.1 * (designed.value - own.value) if "brightest" in designed.note else 1e-3 * own.value
-        assert value == pytest.approx(own.value, abs=within), designed.note
+    there, here = (evaluate(design, rays=2**16, seed=0).limits for design in (moved, lens))
+    for bound, limit, designed in zip(study.bounds, there, here, strict=True):
+        value, error = figures[study.names.index(bound.metric)]
+        assert limit.value < 0.95 * designed.value, designed.note
+        within = 0.1 * (designed.value - limit.value) if "brightest" in designed.note else 1e-3 * limit.value
+        assert value == pytest.approx(limit.value, abs=within), designed.note
         assert 0.0 < error < 0.01 * value, designed.note
 
 
@@ -152,16 +152,16 @@ def test_flux_of_the_source_scales_light_and_no_share() -> None:
     before = {name: metric.value for name, metric in study.of_design.items()}
     for number in range(4):
         flux = part_of(study, number)[0].flux
-        found = dict(zip(study.names, study.measure(number)[:, 0], strict=True))
+        values = dict(zip(study.names, study.measure(number)[:, 0], strict=True))
         (light,) = (name for name in study.names if name.startswith("axis"))
         designed = study.leds[0].designed.limits[0][0]
-        assert found[light] - before[light] == pytest.approx(designed * (flux - 1.0), rel=1e-6)
+        assert values[light] - before[light] == pytest.approx(designed * (flux - 1.0), rel=1e-6)
         seen = [name for name in study.names if "seen from" in name]
-        assert [found[name] / before[name] for name in seen] == pytest.approx([flux] * 2, rel=1e-9)
+        assert [values[name] / before[name] for name in seen] == pytest.approx([flux] * 2, rel=1e-9)
         limited = [name for name in study.names if name.startswith(("in zone", "lost"))]
         assert len(limited) == 2 and all(before[name] > 0.0 for name in limited)
         for name in ("nmse", "efficiency", "share_in_target", *limited):
-            assert found[name] == pytest.approx(before[name], rel=1e-9), name
+            assert values[name] == pytest.approx(before[name], rel=1e-9), name
 
 
 @pytest.mark.parametrize(
@@ -170,8 +170,8 @@ def test_flux_of_the_source_scales_light_and_no_share() -> None:
 )
 def test_the_interval_is_that_of_published_examples(passed: int, count: int, low: float, high: float) -> None:
     """Newcombe, Statistics in Medicine 17, 857 (1998), table I, method 3."""
-    found = PassRate.of(passed, count)
-    assert (found.value, found.low, found.high) == pytest.approx((passed / count, low, high), abs=5e-5)
+    rate = PassRate.of(passed, count)
+    assert (rate.value, rate.low, rate.high) == pytest.approx((passed / count, low, high), abs=5e-5)
     mirrored = PassRate.of(count - passed, count)
     assert (mirrored.low, mirrored.high) == pytest.approx((1.0 - high, 1.0 - low), abs=5e-5)
 
@@ -283,10 +283,10 @@ def test_a_tolerance_that_the_part_cannot_bear_is_one_line(tolerances: dict, wor
 
 
 def test_rays_are_doubled_until_a_part_is_certain() -> None:
-    found = measure_yield(lens_with({"gap_mm": 0.2}), parts=48, with_budget=False)
-    nmse = found.metrics["nmse"]
-    assert found.rays > 256
-    assert found.rays == 2**10 or nmse.standard_error <= 0.15 * max(nmse.spread, 0.01 * nmse.mean.value)
+    study = measure_yield(lens_with({"gap_mm": 0.2}), parts=48, with_budget=False)
+    nmse = study.metrics["nmse"]
+    assert study.rays > 256
+    assert study.rays == 2**10 or nmse.standard_error <= 0.15 * max(nmse.spread, 0.01 * nmse.mean.value)
 
 
 def test_limits_of_the_same_name_are_metrics_of_their_own() -> None:
@@ -311,11 +311,11 @@ def test_other_tolerances_name_themselves() -> None:
         lf.TolerancesSection(preset="precision"),
         lf.PartTolerances(preset="moulded", faces={"outer": {"gap_mm": 0.1}}),
     )
-    plain, other, own = (
+    plain, other, custom = (
         lf.tolerance(lens, parts=40, rays=8192, budget=False, tolerances=tolerances) for tolerances in given
     )
     assert plain.conditions is None and other.conditions.name == "precision"
-    assert own.conditions.name.startswith("own_")
+    assert custom.conditions.name.startswith("own_")
     names = {_name_of(lf.PartTolerances(preset="precision", faces={"outer": {"gap_mm": gap}})) for gap in (0.1, 0.2)}
     assert len(names) == 2 and "precision" not in names
     assert other.inputs["lens"] == plain.inputs["lens"] == lens.sha256
@@ -329,11 +329,11 @@ def test_the_worst_part_is_the_farthest_beyond_its_bound_in_units_of_the_spread(
     excess = np.array([[-300.0, -0.1], [40.0, -0.3], [-100.0, 3.0], [-200.0, -0.2]])
     leds = tuple(SimpleNamespace(led=name, bounds=("of one",)) for name in ("near", "far"))
     study = SimpleNamespace(excess=lambda values: values, names=("lux", "lumen"), leds=leds)
-    found, of_parts = yield_study._worst(study, np.stack([excess, excess], axis=-1))
+    worst, of_parts = yield_study._worst(study, np.stack([excess, excess], axis=-1))
     assert of_parts[:2] == ("far", "near")
-    assert [each.part for each in found[:2]] == [2, 1]
-    assert [each.passes for each in found] == [False, False, True, True][: len(found)]
-    assert found[0].metrics == {"lux": -100.0, "lumen": 3.0}
+    assert [row.part for row in worst[:2]] == [2, 1]
+    assert [row.passes for row in worst] == [False, False, True, True][: len(worst)]
+    assert worst[0].metrics == {"lux": -100.0, "lumen": 3.0}
 
 
 def test_a_part_has_the_roughness_that_was_drawn_for_each_face() -> None:
@@ -348,12 +348,12 @@ def test_a_part_has_the_roughness_that_was_drawn_for_each_face() -> None:
 def test_with_the_flux_that_a_study_names_as_many_parts_pass() -> None:
     """Parts of a lens with that LED, traced; and of one with a little less."""
     limits = [{"kind": "points", "at_mm": [[20, 10], [-20, 10]], "unit": "w_per_m2", "at_least": 1.0}]
-    own = {"source_shift_mm": 0.3, "source_flux": 0.05}
-    designed = measure_yield(lens_with(own, limits=limits), parts=40, rays=2048, with_budget=False)
+    amounts = {"source_shift_mm": 0.3, "source_flux": 0.05}
+    designed = measure_yield(lens_with(amounts, limits=limits), parts=40, rays=2048, with_budget=False)
     limits[0]["at_least"] = designed.metrics[designed.bounds[0].metric].p50
 
     def studied(flux_w: float) -> Yield:
-        lens = lens_with(own, limits=limits)
+        lens = lens_with(amounts, limits=limits)
         lens = replace(lens, spec=lens.spec.replace({"source.flux_w": flux_w}))
         return measure_yield(lens, parts=40, rays=2048, with_budget=False)
 
@@ -367,14 +367,14 @@ def test_with_the_flux_that_a_study_names_as_many_parts_pass() -> None:
 def test_a_study_says_where_the_spec_has_no_limits() -> None:
     """By what its parts pass then, in numbers; one limit of the spec is enough to say nothing."""
     limit = {"kind": "points", "at_mm": [[20, 10]], "unit": "w_per_m2", "at_least": 1e-6}
-    said = {}
+    notes = {}
     for limits in ([], [limit]):
-        found = measure_yield(lens_with({"gap_mm": 0.1}, limits=limits), parts=40, rays=128, with_budget=False)
-        said[len(limits)] = [note for note in found.notes if "[[limits]]" in note]
+        study = measure_yield(lens_with({"gap_mm": 0.1}, limits=limits), parts=40, rays=128, with_budget=False)
+        notes[len(limits)] = [note for note in study.notes if "[[limits]]" in note]
         if not limits:
-            bounds = "; ".join(map(str, found.bounds))
-            assert bounds.startswith("nmse <= 0.1; share_in_target >= 0.") and bounds in said[0][0]
-    assert len(said[0]) == 1 and said[1] == []
+            bounds = "; ".join(map(str, study.bounds))
+            assert bounds.startswith("nmse <= 0.1; share_in_target >= 0.") and bounds in notes[0][0]
+    assert len(notes[0]) == 1 and notes[1] == []
 
 
 @pytest.mark.parametrize(("aim", "names"), [("pattern", ["nmse", "share_in_target"]), ("share", ["share_in_target"])])
@@ -399,9 +399,9 @@ def test_shapes_finer_than_the_tables_are_told_where_the_spec_states_them_not_of
 def test_the_mean_of_the_parts_is_uncertain_by_parts_by_the_design_and_by_the_rays_that_all_share() -> None:
     """By hand: variance of 1, 2, 6 over 3, squares of 0.5 and of a quarter of the mean of 0.1, 0.2 and 0.4 squared."""
     values = np.array([[1.0, 0.1], [2.0, 0.2], [6.0, 0.4]])
-    found = yield_study._spread(Metric(value=2.5, unit="lx", standard_error=0.5), values, 0.25)
-    assert (found.mean.value, found.mean.unit) == (3.0, "lx")
-    assert found.mean.standard_error == pytest.approx(np.sqrt(7.0 / 3.0 + 0.25 + 0.25 * 0.21 / 3.0), rel=1e-12)
+    spread = yield_study._spread(Metric(value=2.5, unit="lx", standard_error=0.5), values, 0.25)
+    assert (spread.mean.value, spread.mean.unit) == (3.0, "lx")
+    assert spread.mean.standard_error == pytest.approx(np.sqrt(7.0 / 3.0 + 0.25 + 0.25 * 0.21 / 3.0), rel=1e-12)
     exact = yield_study._spread(Metric(value=2.5), values * [1.0, 0.0], 0.25)
     assert exact.mean.standard_error == pytest.approx(np.sqrt(7.0 / 3.0), rel=1e-12)
 
@@ -410,12 +410,12 @@ def test_the_mean_of_the_parts_is_uncertain_by_parts_by_the_design_and_by_the_ra
 def test_noise_that_all_parts_have_is_told_from_that_of_each(share: float) -> None:
     """Of 32 parts by 16 replicates: noise of known variance that is in all, and noise of each part's own."""
     chance = np.random.default_rng(5)
-    found = []
+    shares = []
     for _ in range(100):
         common = chance.standard_normal(16)
         alone = chance.standard_normal((32, 16))
-        found.append(part_study._in_common(np.sqrt(share) * common + np.sqrt(1.0 - share) * alone))
-    assert np.mean(found) == pytest.approx(share, abs=0.05)  # each scatters by up to 0.2, and is 0 at least
+        shares.append(part_study._in_common(np.sqrt(share) * common + np.sqrt(1.0 - share) * alone))
+    assert np.mean(shares) == pytest.approx(share, abs=0.05)  # each scatters by up to 0.2, and is 0 at least
     assert part_study._in_common(np.zeros((32, 16))) == part_study._in_common(np.zeros((32, 0))) == 0.0
 
 
@@ -437,10 +437,10 @@ def test_what_replicates_add_to_the_noise_of_a_part_is_in_the_order_of_its_metri
 def test_the_mean_of_the_parts_scatters_over_the_seeds_by_its_error(rays: int) -> None:
     """By few rays, whose noise all parts share: the scatter of the parts over the root of their number is a fifth."""
     lens = lens_with()
-    found = []
+    studies = []
     for seed in range(20):
-        found.append(lf.tolerance(replace(lens, seed=seed), parts=40, rays=rays, seed=seed, budget=False))
+        studies.append(lf.tolerance(replace(lens, seed=seed), parts=40, rays=rays, seed=seed, budget=False))
     for name in ("nmse", "efficiency", "share_in_target", "rsd", "uniformity"):
-        means = [each.metrics[name].mean for each in found]
+        means = [study.metrics[name].mean for study in studies]
         stated = np.sqrt(np.mean([(mean.standard_error or 0.0) ** 2 for mean in means]))
         assert 0.6 < np.std([mean.value for mean in means], ddof=1) / stated < 1.5, name  # known to 16 %

@@ -26,10 +26,10 @@ def planck(kelvin: float) -> np.ndarray:
 
 @pytest.mark.parametrize("kelvin", [1800.0, 2856.0, 4000.0, 6504.0, 12_000.0])
 def test_black_bodies_lie_on_plancks_locus_at_their_temperature(kelvin: float) -> None:
-    found = colour_temperature(uv_of(tristimulus_of(WAVES, planck(kelvin))))
-    assert found is not None
-    assert found.cct_k == pytest.approx(kelvin, rel=2e-4)
-    assert found.duv == pytest.approx(0.0, abs=2e-5)
+    colour = colour_temperature(uv_of(tristimulus_of(WAVES, planck(kelvin))))
+    assert colour is not None
+    assert colour.cct_k == pytest.approx(kelvin, rel=2e-4)
+    assert colour.duv == pytest.approx(0.0, abs=2e-5)
 
 
 def test_equal_energy_is_the_point_of_equal_shares() -> None:
@@ -44,8 +44,8 @@ def test_equal_energy_is_the_point_of_equal_shares() -> None:
 )
 def test_lines_lie_on_the_locus_of_the_cie(wavelength_nm: float, xy: tuple[float, float]) -> None:
     """Chromaticities x, y of CIE 15, table of the 1931 observer."""
-    found = tristimulus_at(np.array([float(wavelength_nm)]))[0]
-    assert found[:2] / found.sum() == pytest.approx(xy, abs=1e-4)
+    tristimulus = tristimulus_at(np.array([float(wavelength_nm)]))[0]
+    assert tristimulus[:2] / tristimulus.sum() == pytest.approx(xy, abs=1e-4)
 
 
 @pytest.mark.parametrize(
@@ -63,8 +63,8 @@ def test_narrow_light_has_the_efficacy_of_each_nm_as_its_colour_has(
 
 def test_a_line_between_whole_nm_and_at_both_ends_of_sight() -> None:
     """CIE 018: V is 0.107 at 650 nm, 0.1014762 at 651, 3.917e-6 at 360 and 4.518e-7 at 830 nm."""
-    found = efficacy_at(np.array([359.9, 360.0, 650.5, 830.0, 830.1])) / 683.002
-    assert found == pytest.approx([0.0, 3.917e-6, 0.1042381, 4.518e-7, 0.0], rel=1e-3)
+    efficacy = efficacy_at(np.array([359.9, 360.0, 650.5, 830.0, 830.1])) / 683.002
+    assert efficacy == pytest.approx([0.0, 3.917e-6, 0.1042381, 4.518e-7, 0.0], rel=1e-3)
     assert luminous_efficacy(np.array([650.5]), np.ones(1)) == pytest.approx(683.002 * 0.1042381, rel=2e-4)
 
 

@@ -58,8 +58,8 @@ def test_fresnel_by_its_sines_and_tangents(index: float) -> None:
         a = np.deg2rad(degrees)
         b = np.arcsin(ratio * np.sin(a))
         expected = 1 - 0.5 * ((np.sin(a - b) / np.sin(a + b)) ** 2 + (np.tan(a - b) / np.tan(a + b)) ** 2)
-        found = fresnel_transmittance(torch.cos(torch.from_numpy(a)), ratio).numpy()
-        assert np.allclose(found, expected, rtol=1e-9, atol=1e-12)
+        transmittance = fresnel_transmittance(torch.cos(torch.from_numpy(a)), ratio).numpy()
+        assert np.allclose(transmittance, expected, rtol=1e-9, atol=1e-12)
 
 
 def test_no_difference_of_index_no_refraction_to_the_last_bit_of_grazing() -> None:
@@ -78,5 +78,5 @@ def test_each_ray_may_meet_another_index() -> None:
         alone = slice(row, row + 1)
         assert torch.equal(together[alone], refract(directions[alone], normals[alone], 1 / index))
         assert together[row, 0].item() == pytest.approx(0.5 / index, rel=1e-15)
-        found = fresnel_transmittance(cosine, 1 / indices)[row]
-        assert torch.equal(found, fresnel_transmittance(cosine[alone], 1 / index)[0])
+        transmittance = fresnel_transmittance(cosine, 1 / indices)[row]
+        assert torch.equal(transmittance, fresnel_transmittance(cosine[alone], 1 / index)[0])

@@ -32,8 +32,8 @@ def test_between_coaxial_discs_it_is_that_of_their_view_factor(mouth_mm, apart_m
     corners = level(2.0 * disc_mm, 300, 7.0 + apart_mm)
     for upward in (True, False):
         space = ExitColumn(mouth_mm, ((7.0, 7.0),), upward)
-        found = float((space.etendues(corners, far=False)[0] * within(corners, disc_mm)).sum())
-        assert found == pytest.approx(math.pi * math.pi * mouth_mm**2 * factor, rel=1e-3)
+        etendue = float((space.etendues(corners, far=False)[0] * within(corners, disc_mm)).sum())
+        assert etendue == pytest.approx(math.pi * math.pi * mouth_mm**2 * factor, rel=1e-3)
 
 
 def lines_that_meet(space: ExitColumn, point: np.ndarray, normal: np.ndarray) -> float:
@@ -69,8 +69,8 @@ def lines_that_meet(space: ExitColumn, point: np.ndarray, normal: np.ndarray) ->
 def test_lines_through_a_point_that_meet_a_column(slab, point, normal, upward) -> None:
     space = ExitColumn(7.0, (slab,), upward)
     unit = np.array(normal) / np.linalg.norm(normal)
-    found = float(space.projected_sr(np.array([point]), unit[None])[0, 0])
-    assert found == pytest.approx(lines_that_meet(space, np.array(point), unit), rel=0.02, abs=1e-3)
+    projected = float(space.projected_sr(np.array([point]), unit[None])[0, 0])
+    assert projected == pytest.approx(lines_that_meet(space, np.array(point), unit), rel=0.02, abs=1e-3)
 
 
 def test_a_level_plane_and_a_tilted_one_that_is_level_again_get_the_same() -> None:
@@ -89,8 +89,8 @@ def test_a_crooked_cell_is_seen_from_its_middle(tilt: float) -> None:
     share = np.linspace(0.0, 1.0, 17)
     sides = whole[:1] + share[:, None, None] * (whole[1:] - whole[:1])
     parts = sides[:, :1] + share[:, None] * (sides[:, 1:] - sides[:, :1])
-    found = float(space.etendues(whole, far=False)[0, 0, 0])
-    assert found == pytest.approx(float(space.etendues(parts, far=False)[0].sum()), rel=0.005)
+    etendue = float(space.etendues(whole, far=False)[0, 0, 0])
+    assert etendue == pytest.approx(float(space.etendues(parts, far=False)[0].sum()), rel=0.005)
 
 
 @pytest.mark.parametrize(
@@ -133,5 +133,5 @@ def test_a_mouth_at_any_height_has_the_most_of_all_heights_and_a_little_more() -
         float(ExitColumn(7.0, ((height, height),), True).etendues(corners, far=False).sum())
         for height in np.linspace(0.1, 20.0, 60).tolist()
     )
-    found = float(ExitColumn.of_mouth(7.0, 20.0).etendues(corners, far=False).sum(axis=(1, 2)).max())
-    assert most <= found < 1.3 * most
+    etendue = float(ExitColumn.of_mouth(7.0, 20.0).etendues(corners, far=False).sum(axis=(1, 2)).max())
+    assert most <= etendue < 1.3 * most

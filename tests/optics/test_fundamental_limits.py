@@ -54,9 +54,9 @@ def test_etendue_of_a_ball_against_an_integral_over_its_rays() -> None:
     directions = np.stack([sine * np.cos(azimuth), sine * np.sin(azimuth), -np.sqrt(1.0 - sine**2)], axis=1)
     points = np.stack([x, y, np.full(count, distance)], axis=1)
     nearest = np.linalg.norm(np.cross(points, directions), axis=1)
-    found = 32.0 * pi * (nearest < radius).mean()
+    etendue = 32.0 * pi * (nearest < radius).mean()
     solid_angle = of_plane(np.array([2.0, 6.0]), np.array([-4.0, 4.0]), distance)[0, 0]
-    assert etendue_from_ball(radius, solid_angle) == pytest.approx(found, rel=0.01)
+    assert etendue_from_ball(radius, solid_angle) == pytest.approx(etendue, rel=0.01)
 
 
 def test_a_cone_holds_its_cells() -> None:
@@ -83,7 +83,7 @@ def s_and_p(turned: np.ndarray, index: float) -> np.ndarray:
         r_s = np.sin(turned) / np.sin(air + within)
         r_p = np.tan(turned) / np.tan(air + within)
     normal = (index - 1.0) / (index + 1.0)
-    r_s, r_p = (np.where(turned > 0.0, each, normal) for each in (r_s, r_p))
+    r_s, r_p = (np.where(turned > 0.0, amplitude, normal) for amplitude in (r_s, r_p))
     return np.where(possible, 1.0 - np.array([r_s, r_p]) ** 2, 0.0)
 
 
@@ -116,9 +116,9 @@ def test_no_split_of_the_turn_transmits_more_than_halves(index: float) -> None:
     turns = np.linspace(0.0, largest_deviation_rad(index), 101)
     parts = np.linspace(0.0, 1.0, 1001)
     every = [(s_and_p(parts * turn, index) * s_and_p((1.0 - parts) * turn, index)).mean(axis=0) for turn in turns]
-    found = np.max(every, axis=1)
+    largest = np.max(every, axis=1)
     best = best_transmittance(turns, index)
-    more = np.maximum.accumulate(found[::-1])[::-1]  # a ray may be turned further than it must be
+    more = np.maximum.accumulate(largest[::-1])[::-1]  # a ray may be turned further than it must be
     assert (best >= more - 1e-9).all()
     assert np.abs(best - more)[:-1].max() < (1e-9 if index < 2.5 else 1e-3)
     assert (np.diff(best) <= 0.0).all(), "a larger turn never transmits more"
@@ -132,7 +132,7 @@ def test_no_split_of_the_turn_transmits_more_than_halves(index: float) -> None:
 @pytest.mark.parametrize(("cavity", "outside"), [(1.0, 1.333), (1.41, 1.0), (1.53, 1.333), (1.6, 1.0)])
 def test_two_faces_that_differ_have_a_bound_that_no_split_passes_and_some_nearly_reaches(cavity, outside):
     index = 1.4936
-    first, second = (max(index / each, each / index) for each in (cavity, outside))
+    first, second = (max(index / medium, medium / index) for medium in (cavity, outside))
     turns = np.linspace(0.0, 0.9, 31)
     parts = np.linspace(0.0, 1.0, 4001)
     brute = np.array([

@@ -91,11 +91,11 @@ def test_every_formula_has_its_line_here():
 @pytest.mark.parametrize("name", BY_HAND)
 def test_formulas_are_those_of_the_manuals(name):
     coefficients, wanted = BY_HAND[name]
-    found = Formula(name, coefficients).index(np.array([1e3 * W]))[0]
+    value = Formula(name, coefficients).index(np.array([1e3 * W]))[0]
     if name == "rii 8":  # by what it says of n: (n^2 - 1) / (n^2 + 2)
-        assert (found**2 - 1) / (found**2 + 2) == pytest.approx(0.2 + 0.1 * W**2 / (W**2 - 0.02) - 0.001 * W**2)
+        assert (value**2 - 1) / (value**2 + 2) == pytest.approx(0.2 + 0.1 * W**2 / (W**2 - 0.02) - 0.001 * W**2)
     else:
-        assert found == pytest.approx(wanted, rel=1e-14)
+        assert value == pytest.approx(wanted, rel=1e-14)
 
 
 @pytest.mark.parametrize("name", [name for name in COEFFICIENTS if name.startswith("rii")])
@@ -111,7 +111,7 @@ def test_missing_coefficients_are_0_and_unknown_names_are_refused():
     waves = np.array([550.0])
     two = (2.27, -0.01)
     six = (2.27, -0.01, 0.0, 0.0, 0.0, 0.0)
-    short, whole = (Formula("agf 1", each).index(waves)[0] for each in (two, six))
+    short, whole = (Formula("agf 1", coefficients).index(waves)[0] for coefficients in (two, six))
     assert short == whole == pytest.approx(sqrt(2.27 - 0.01 * W**2))
     with pytest.raises(InputError, match="dispersion formula 'agf 14': must be one of sellmeier, cauchy, agf 1"):
         Formula("agf 14", (1.0,))
@@ -241,10 +241,10 @@ def test_its_changes_are_those_of_the_data_sheet(
 ) -> None:
     """SCHOTT data sheet of N-BK7 (2017): change per kelvin, in 1e-6, at 1060.0 nm, e and g, in air and in vacuum."""
     for nm, in_air, in_vacuum in zip((1060.0, 546.074, 435.835), relative, absolute, strict=True):
-        found = (index(nm, high) - index(nm, low)) / (high - low)
-        assert 1e6 * found == pytest.approx(in_air, abs=0.051)
-        found = (index(nm, high) * air(nm, high) - index(nm, low) * air(nm, low)) / (high - low)
-        assert 1e6 * found == pytest.approx(in_vacuum, abs=0.051)
+        change = (index(nm, high) - index(nm, low)) / (high - low)
+        assert 1e6 * change == pytest.approx(in_air, abs=0.051)
+        change = (index(nm, high) * air(nm, high) - index(nm, low) * air(nm, low)) / (high - low)
+        assert 1e6 * change == pytest.approx(in_vacuum, abs=0.051)
 
 
 def test_air_has_its_published_index() -> None:
@@ -279,8 +279,8 @@ def test_a_catalogue_states_the_law_and_a_spec_keeps_it(tmp_path: Path) -> None:
     spec = small_spec(lens__material="glass-a", lens__material_file=str(path))
     path.unlink()
     spec.save(tmp_path / "spec.toml")
-    for each in (spec, load_spec(tmp_path / "spec.toml"), parse_spec(spec.model_dump(mode="json"), "lens.json")):
-        assert each.lens.temperature_law == GLASS.temperature
+    for copy in (spec, load_spec(tmp_path / "spec.toml"), parse_spec(spec.model_dump(mode="json"), "lens.json")):
+        assert copy.lens.temperature_law == GLASS.temperature
 
 
 ZEROS = (0.0,) * 4

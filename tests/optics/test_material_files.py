@@ -56,30 +56,30 @@ def written(folder, name, text):
 
 
 def test_a_glass_of_a_catalogue_has_its_formula_range_and_absorption(tmp_path):
-    found = read_material(written(tmp_path, "c.agf", AGF), "glass-a")
+    material = read_material(written(tmp_path, "c.agf", AGF), "glass-a")
     waves = np.linspace(310.0, 2400.0, 50)
-    np.testing.assert_allclose(found.dispersion.index(waves), MATERIALS["N-BK7"].index(waves), rtol=1e-14)
-    assert found.name == "GLASS-A" and found.range_nm == (300.0, 2500.0) and found.source == "c.agf: GLASS-A"
-    assert found.absorption.wavelengths_nm == (400.0, 550.0, 700.0)  # the line without a thickness says nothing
-    for per_mm, (transmittance, thickness) in zip(found.absorption.per_mm, [(0.998, 10), (0.9, 5)], strict=False):
+    np.testing.assert_allclose(material.dispersion.index(waves), MATERIALS["N-BK7"].index(waves), rtol=1e-14)
+    assert material.name == "GLASS-A" and material.range_nm == (300.0, 2500.0) and material.source == "c.agf: GLASS-A"
+    assert material.absorption.wavelengths_nm == (400.0, 550.0, 700.0)  # the line without a thickness says nothing
+    for per_mm, (transmittance, thickness) in zip(material.absorption.per_mm, [(0.998, 10), (0.9, 5)], strict=False):
         assert exp(-per_mm * thickness) == pytest.approx(transmittance, rel=1e-14)
-    assert exp(-found.absorption.per_mm[2] * 25) == pytest.approx(1e-6)
+    assert exp(-material.absorption.per_mm[2] * 25) == pytest.approx(1e-6)
     again = read_material(written(tmp_path, "wide.AGF", AGF), "GLASS-B")
     np.testing.assert_allclose(again.dispersion.index(waves), MATERIALS["B270"].dispersion.index(waves), rtol=1e-7)
     (tmp_path / "u.agf").write_text(AGF, encoding="utf-16")
-    assert read_material(tmp_path / "u.agf", "GLASS-A").dispersion == found.dispersion
+    assert read_material(tmp_path / "u.agf", "GLASS-A").dispersion == material.dispersion
 
 
 def test_a_file_of_refractiveindex_info_has_its_index_and_its_absorption(tmp_path):
-    found = read_material(written(tmp_path, "e48r.yml", NK), None)
+    material = read_material(written(tmp_path, "e48r.yml", NK), None)
     waves = np.linspace(437.0, 1050.0, 50)
-    np.testing.assert_allclose(found.dispersion.index(waves), MATERIALS["COP"].index(waves), rtol=1e-14)
-    assert found.name == "e48r" and found.absorption.wavelengths_nm == (400.0, 500.0, 600.0)
-    assert found.absorption.per_mm[1] == pytest.approx(4 * pi * 3e-7 / 500e-6)
+    np.testing.assert_allclose(material.dispersion.index(waves), MATERIALS["COP"].index(waves), rtol=1e-14)
+    assert material.name == "e48r" and material.absorption.wavelengths_nm == (400.0, 500.0, 600.0)
+    assert material.absorption.per_mm[1] == pytest.approx(4 * pi * 3e-7 / 500e-6)
     table = "DATA:\n  - type: tabulated nk\n    data: |\n        0.4 1.42 1e-7\n        0.5 1.41 2e-7\n"
-    found = read_material(written(tmp_path, "nk.yaml", table), "own")
-    assert (found.name, found.range_nm, found.dispersion.indices) == ("own", (400.0, 500.0), (1.42, 1.41))
-    assert found.absorption.per_mm[0] == pytest.approx(4 * pi * 1e-7 / 400e-6)
+    material = read_material(written(tmp_path, "nk.yaml", table), "own")
+    assert (material.name, material.range_nm, material.dispersion.indices) == ("own", (400.0, 500.0), (1.42, 1.41))
+    assert material.absorption.per_mm[0] == pytest.approx(4 * pi * 1e-7 / 400e-6)
 
 
 def test_the_same_file_by_another_program(tmp_path):
@@ -87,20 +87,20 @@ def test_the_same_file_by_another_program(tmp_path):
     from optiland.materials import MaterialFile
 
     path = written(tmp_path, "e48r.yml", NK.replace("        0.600 1.0E-7\n", "") + "        0.600 1.0E-7\n")
-    found = read_material(path, None)
+    material = read_material(path, None)
     other = MaterialFile(str(path))
     for nm in np.linspace(440.0, 590.0, 31):
-        assert found.index_at(nm) == pytest.approx(np.asarray(other.n(1e-3 * nm)).item(), rel=1e-12)
+        assert material.index_at(nm) == pytest.approx(np.asarray(other.n(1e-3 * nm)).item(), rel=1e-12)
         wanted = 4 * pi * np.asarray(other.k(1e-3 * nm)).item() / (1e-6 * nm)
-        waves = np.array(found.absorption.wavelengths_nm)
-        per_mm = np.array(found.absorption.per_mm)
+        waves = np.array(material.absorption.wavelengths_nm)
+        per_mm = np.array(material.absorption.per_mm)
         assert np.interp(nm, waves, per_mm * waves) / nm == pytest.approx(wanted, rel=1e-12)
 
 
 def test_a_table_has_index_and_transmittance(tmp_path):
-    found = read_material(written(tmp_path, "t.csv", TABLE), None)
-    assert found.dispersion.index(np.array([450.0]))[0] == pytest.approx(1.515)
-    np.testing.assert_allclose(np.exp(-np.array(found.absorption.per_mm)), [0.99, 0.995, 1.0])
+    material = read_material(written(tmp_path, "t.csv", TABLE), None)
+    assert material.dispersion.index(np.array([450.0]))[0] == pytest.approx(1.515)
+    np.testing.assert_allclose(np.exp(-np.array(material.absorption.per_mm)), [0.99, 0.995, 1.0])
     bare = read_material(written(tmp_path, "bare.txt", "# nm n\n700\t1.50\n400\t1.52\n"), "resin")
     assert bare.absorption is None and bare.dispersion.indices == (1.52, 1.50)
 
@@ -108,10 +108,10 @@ def test_a_table_has_index_and_transmittance(tmp_path):
 @pytest.mark.parametrize("cut", [" 0.231792344", " 1.01046945", " 103.560653"])
 def test_a_line_of_a_catalogue_that_goes_on_in_the_next_is_one(tmp_path, cut):
     whole = read_material(written(tmp_path, "c.agf", AGF), "GLASS-A")
-    found = read_material(
+    material = read_material(
         written(tmp_path, "cut.agf", AGF.replace(cut, f"\n{cut}").replace("IT 0.70 0 ", "IT 0.70\n0 ")), "GLASS-A"
     )
-    assert (found.dispersion, found.absorption) == (whole.dispersion, whole.absorption)
+    assert (material.dispersion, material.absorption) == (whole.dispersion, whole.absorption)
 
 
 def test_coefficients_that_are_missing_are_said_and_a_glass_twice_alike_is_one(tmp_path):
@@ -148,11 +148,11 @@ def test_an_index_against_vacuum_becomes_that_against_air(tmp_path, kind):
 )
 def test_a_table_of_a_spreadsheet_is_the_same_table(tmp_path, text):
     (tmp_path / "t.csv").write_text(text, encoding="utf-16", newline="")
-    found = read_material(tmp_path / "t.csv", None)
+    material = read_material(tmp_path / "t.csv", None)
     wanted = read_material(written(tmp_path, "u.csv", TABLE), None)
-    assert found.dispersion.indices == wanted.dispersion.indices
-    np.testing.assert_allclose(found.dispersion.wavelengths_nm, wanted.dispersion.wavelengths_nm, rtol=1e-15)
-    np.testing.assert_allclose(found.absorption.per_mm, wanted.absorption.per_mm, atol=1e-15)
+    assert material.dispersion.indices == wanted.dispersion.indices
+    np.testing.assert_allclose(material.dispersion.wavelengths_nm, wanted.dispersion.wavelengths_nm, rtol=1e-15)
+    np.testing.assert_allclose(material.absorption.per_mm, wanted.absorption.per_mm, atol=1e-15)
 
 
 def spec_file(folder, lens):
@@ -368,10 +368,10 @@ def test_two_indices_and_two_absorptions_of_a_file_are_compared(tmp_path):
 )  # fmt: skip
 def test_the_index_and_abbes_number_of_a_catalogue_are_those_of_its_coefficients(n_d, v_d, told, tmp_path):
     catalogue = AGF.replace("1.5168 64.17", f"{n_d} {v_d}")
-    with warnings.catch_warnings(record=True) as said:
+    with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         read_material(written(tmp_path, "c.agf", catalogue), "GLASS-A")
-    words = " ".join(str(each.message) for each in said)
+    words = " ".join(str(warning.message) for warning in caught)
     assert (told in words) if told else not words
 
 

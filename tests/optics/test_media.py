@@ -53,9 +53,9 @@ def test_an_answer_has_the_bits_of_the_material_whoever_was_asked_before(name: s
     material = MATERIALS[name]
     for seed in range(3):
         waves = Wavelengths(np.random.default_rng(seed).uniform(300.0, 900.0, 10_001))
-        for medium, own in ((Medium(1.5, 0.0, material), material), (Medium(1.5, 0.0, SMOKED), SMOKED)):
+        for medium, glass in ((Medium(1.5, 0.0, material), material), (Medium(1.5, 0.0, SMOKED), SMOKED)):
             for _ in range(2):
-                assert medium.index(waves).tobytes() == own.nearest_index(waves.nm).tobytes()
+                assert medium.index(waves).tobytes() == glass.nearest_index(waves.nm).tobytes()
 
 
 def test_the_same_rays_are_bent_and_dimmed_by_what_each_medium_answers() -> None:
@@ -63,17 +63,17 @@ def test_the_same_rays_are_bent_and_dimmed_by_what_each_medium_answers() -> None
     rays = SquareEmitter(0.5).sample(256, 1)
     coloured = rays.with_wavelengths(np.linspace(420.0, 680.0, 256))
     tables = [table_of(sphere(radius), grid).numpy() for radius in (1.0, 2.0)]
-    found = [
+    results = [
         trace_tables(tables, Scene(Media(body), grid), coloured)
         for body in (Medium(1.51), Medium(1.51, 0.0, SMOKED), Medium(1.51, 0.0, MATERIALS["PC"]))
     ]
-    ways = [each.directions[each.left_lens] for each in found]
+    ways = [exits.directions[exits.left_lens] for exits in results]
     assert np.abs(ways[0] - ways[1]).max() > 1e-4 and np.abs(ways[1] - ways[2]).max() > 1e-3
-    assert found[0].absorbed is None and found[1].absorbed is not None and found[2].absorbed is None
+    assert results[0].absorbed is None and results[1].absorbed is not None and results[2].absorbed is None
 
 
 def test_coatings_and_what_lies_around_are_found_by_name() -> None:
-    bright, dark = (ReflectanceTable((0.0, 90.0), ((each, each),)) for each in (0.01, 0.5))
+    bright, dark = (ReflectanceTable((0.0, 90.0), ((share, share),)) for share in (0.01, 0.5))
     films = FaceCoating("inner", CAVITY, bright), FaceCoating("outer", OUTSIDE, dark)
     media = Media(Medium(1.5), 1.1, 1.2, coatings=films)
     assert (media.coating("inner"), media.coating("outer"), media.coating("cap")) == (bright, dark, None)

@@ -39,7 +39,7 @@ def test_to_face_a_direction_it_is_tilted_the_shortest_way_and_turned(direction,
     unit = np.array(direction) / np.linalg.norm(direction)
     about = np.cross([0.0, 0.0, 1.0], unit)
     sine = np.linalg.norm(about)
-    tilted = (rotated(each, about / sine, math.atan2(sine, unit[2])) for each in np.eye(3))
+    tilted = (rotated(axis, about / sine, math.atan2(sine, unit[2])) for axis in np.eye(3))
     turned = [rotated(axis, unit, math.radians(degrees)) for axis in tilted]
     pose = Pose.facing(direction, PLACE, degrees)
     np.testing.assert_allclose(pose.frame.T, [*turned, PLACE], atol=1e-6 if unit[2] < -0.99 else 1e-13)
@@ -80,9 +80,9 @@ def test_crooked_poses_go_there_and_back_and_are_chained() -> None:
     rotation = CROOKED.rotation
     np.testing.assert_allclose(CROOKED.to_local_map(mirror), rotation.T @ mirror @ rotation, atol=1e-15)
     tensor = torch.from_numpy(POINTS).float().requires_grad_()
-    found = CROOKED.to_local_points(CROOKED.points(tensor))
-    torch.autograd.backward(found.sum())
-    assert found.dtype == torch.float32 and torch.allclose(tensor.grad, torch.ones(3, 3), atol=1e-6)
+    points = CROOKED.to_local_points(CROOKED.points(tensor))
+    torch.autograd.backward(points.sum())
+    assert points.dtype == torch.float32 and torch.allclose(tensor.grad, torch.ones(3, 3), atol=1e-6)
 
 
 def test_a_source_a_body_a_lamp_and_a_receiver_in_one_pose_put_a_point_at_the_same_place() -> None:

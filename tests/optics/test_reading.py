@@ -64,8 +64,8 @@ def test_the_one_transparent_colour_is_dark(light, depth):
     colours[1, 2] = (2**depth - 1, 2**depth - 1, 2**depth - 2)  # one of the lowest bit from white
     colours[0, 0] = (1, 2, 3)
     key = b"".join(int(v).to_bytes(2, "big") for v in colours[1, 2])
-    found = light(png(colours, "rgb", depth, extra=[(b"tRNS", key)]))
-    assert found[1, 2] == 0.0 and found[0, 0] > 0.0 and (found.ravel()[1:7] == 1.0).all()
+    picture = light(png(colours, "rgb", depth, extra=[(b"tRNS", key)]))
+    assert picture[1, 2] == 0.0 and picture[0, 0] > 0.0 and (picture.ravel()[1:7] == 1.0).all()
 
 
 def test_palette_with_transparency(light):
@@ -74,8 +74,8 @@ def test_palette_with_transparency(light):
     opacity = np.array([255, 128, 0, 255])  # the last is not written
     extra = [(b"PLTE", bytes(palette.ravel().tolist())), (b"tRNS", bytes(opacity[:3].tolist()))]
     for depth in (2, 4, 8):
-        found = light(png(indices, "palette", depth, extra=extra))
-        np.testing.assert_allclose(found, (palette / 255 @ LUMA * opacity / 255)[indices], atol=1e-5)
+        picture = light(png(indices, "palette", depth, extra=extra))
+        np.testing.assert_allclose(picture, (palette / 255 @ LUMA * opacity / 255)[indices], atol=1e-5)
 
 
 @pytest.mark.parametrize("order", ["<", ">"])
@@ -144,20 +144,20 @@ def _with_profile(grey, profile):
 
 def test_profiles_count_where_values_are_decoded(light, refused):
     colours = numbers("uint8", 3)
-    own = ImageCms.ImageCmsProfile(ImageCms.createProfile("sRGB")).tobytes()
-    np.testing.assert_allclose(light(_with_profile(colours, own), "srgb"), srgb(colours / 255) @ REC709, rtol=1e-12)
-    place = own.index(b"rXYZ")
-    start = int.from_bytes(own[place + 4 : place + 8], "big")
+    profile = ImageCms.ImageCmsProfile(ImageCms.createProfile("sRGB")).tobytes()
+    np.testing.assert_allclose(light(_with_profile(colours, profile), "srgb"), srgb(colours / 255) @ REC709, rtol=1e-12)
+    place = profile.index(b"rXYZ")
+    start = int.from_bytes(profile[place + 4 : place + 8], "big")
     other = (
-        own[: start + 12]
-        + (int.from_bytes(own[start + 12 : start + 16], "big") + 2000).to_bytes(4, "big")
-        + own[start + 16 :]
+        profile[: start + 12]
+        + (int.from_bytes(profile[start + 12 : start + 16], "big") + 2000).to_bytes(4, "big")
+        + profile[start + 16 :]
     )
     assert "not the sRGB profile" in refused(_with_profile(colours, other), "srgb")
     np.testing.assert_allclose(light(_with_profile(colours, other)), colours / 255 @ LUMA, atol=1e-5)
     lab = ImageCms.ImageCmsProfile(ImageCms.createProfile("LAB")).tobytes()
     assert "colour profile" in refused(_with_profile(colours, lab), "srgb")
-    assert "damaged" in refused(_with_profile(colours, own[:150]), "srgb")
+    assert "damaged" in refused(_with_profile(colours, profile[:150]), "srgb")
 
 
 def test_stated_gamma(light, refused):
@@ -233,7 +233,7 @@ def test_large_pictures_are_refused_before_they_are_decoded(refused):
     header = struct.pack(">IIBBBBB", 2**14, 2**14, 8, 0, 0, 0, 0)
     rows = zlib.compress(bytes(2**20))
     bomb = b"\x89PNG\r\n\x1a\n" + b"".join(
-        chunk(*each) for each in ((b"IHDR", header), (b"IDAT", rows), (b"IEND", b""))
+        chunk(*fields) for fields in ((b"IHDR", header), (b"IDAT", rows), (b"IEND", b""))
     )
     assert "67.1 million" in refused(bomb)
     wide = with_tag(tiff(numbers("uint8", 1)), 256, 2**20)

@@ -74,12 +74,12 @@ def test_a_stack_reflects_as_by_a_thin_film_library(face):
 @pytest.mark.parametrize("inwards", [True, False])
 def test_the_verification_sums_the_same_from_either_side(face, inwards):
     coating, around, body = face
-    before, behind = (np.full(60, each) for each in ((around, body) if inwards else (body, around)))
+    before, behind = (np.full(60, index) for index in ((around, body) if inwards else (body, around)))
     sines = min(around, body) * np.sqrt(1.0 - COSINES**2)
     of_rays = RefractingFace(before, behind, coating, WAVES, inwards)
     amplitudes = of_rays.reflected(np.sqrt(1.0 - (sines / before) ** 2), np.ones(60, dtype=bool))
-    found = np.abs(amplitudes) ** 2
-    np.testing.assert_allclose(found, one_by_one(coating, around), rtol=0, atol=1e-9)
+    reflectances = np.abs(amplitudes) ** 2
+    np.testing.assert_allclose(reflectances, one_by_one(coating, around), rtol=0, atol=1e-9)
 
 
 def test_closed_forms():
@@ -106,15 +106,15 @@ def by_table(media, which):
     tables = coating_tables(media, (400.0, 700.0))
     rows = np.interp(WAVES, tables.wavelengths_nm, np.arange(len(tables.wavelengths_nm)))
     ratio = 0.5  # into what is denser: the cosine before counts
-    given = (torch.from_numpy(each) for each in (tables.faces[which], rows))
+    given = (torch.from_numpy(array) for array in (tables.faces[which], rows))
     return 1.0 - torch.stack(coated_transmittances(torch.from_numpy(COSINES), ratio, *given)[:2]).numpy()
 
 
 def test_tables_err_by_less_than_a_hundred_thousandth(face):
     coating, around, body = face
-    found = by_table(Media(Medium(body), outside_index=around, coatings=coatings(outer=coating)), "outer")
+    reflectances = by_table(Media(Medium(body), outside_index=around, coatings=coatings(outer=coating)), "outer")
     far = COSINES > 0.25
-    assert np.abs(found - one_by_one(coating, around))[:, far].max() < 1.5e-5
+    assert np.abs(reflectances - one_by_one(coating, around))[:, far].max() < 1.5e-5
 
 
 def test_a_table_is_its_own_interpolation():
@@ -168,7 +168,7 @@ def test_no_light_passes_two_coated_faces_beyond_the_bound(face):
     assert transmittance_of(Media(Medium(1.5), coatings=coatings(half, half))) == 0.25
     # Of a lens for total internal reflection by the best of its ways: the side is bare, the wall a mirror.
     faces = {"cap": half, "exit": ReflectanceTable((0.0, 90.0), ((0.01, 0.01),)), "wall": Mirror(0.9)}
-    films = tuple(FaceCoating(name, "outside", each) for name, each in faces.items())
+    films = tuple(FaceCoating(name, "outside", film) for name, film in faces.items())
     tir = Media(Medium(1.5), coatings=films, faces=TirSection.roles)
     assert transmittance_of(tir) == pytest.approx(0.96 * 0.99, rel=1e-12)
     closed = tuple(FaceCoating(name, "outside", Mirror(0.9)) for name in ("wall", "exit"))
