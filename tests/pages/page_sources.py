@@ -25,13 +25,13 @@ def name_of(page: Path) -> str:
 
 def blocks(*languages: str, pages: list[Path] = PAGES) -> list[Block]:
     """All blocks of these languages, of all pages."""
-    found = []
+    all_blocks = []
     for page in pages:
         text = page.read_text(encoding="utf-8")
         for match in _FENCE.finditer(text):
             line = text.count("\n", 0, match.start()) + 1
-            found.append(Block(f"{name_of(page)}:{line}", match[2].strip(), match[3]))
-    return [block for block in found if block.language in languages]
+            all_blocks.append(Block(f"{name_of(page)}:{line}", match[2].strip(), match[3]))
+    return [block for block in all_blocks if block.language in languages]
 
 
 def prose(page: Path) -> str:
@@ -52,16 +52,16 @@ def links(page: Path) -> list[tuple[str, str]]:
 
 def anchors(page: Path) -> set[str]:
     """Anchors of the headings of a page, as GitHub and the site make them."""
-    found = set()
+    names = set()
     for heading in re.findall(r"^#+ (.*)$", prose(page), flags=re.MULTILINE):
         words = re.sub(r"\[([^\]]*)\]\([^)]*\)", r"\1", heading).replace("`", "").strip().lower()
-        found.add(re.sub(r"[^\w\- ]", "", words).replace(" ", "-"))
-    return found
+        names.add(re.sub(r"[^\w\- ]", "", words).replace(" ", "-"))
+    return names
 
 
 def shell_commands(text: str, program: str) -> list[list[str]]:
     """Arguments of each call of ``program`` in lines of a shell, loops and comments taken apart."""
-    found = []
+    commands = []
     for line in text.replace("\\\n", " ").splitlines():
         for part in re.split(r";|&&| \| ", re.sub(r"(^|\s)#.*", "", line)):
             if not re.search(rf"(^|[ /]){program}( |$)", part):
@@ -69,5 +69,5 @@ def shell_commands(text: str, program: str) -> list[list[str]]:
             words = shlex.split(part)
             names = [word.rpartition("/")[2] for word in words]
             if program in names:
-                found.append(words[names.index(program) + 1 :])
-    return found
+                commands.append(words[names.index(program) + 1 :])
+    return commands

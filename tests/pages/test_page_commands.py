@@ -38,14 +38,14 @@ def _check_choices(command: click.Command, values: dict[str, object], place: str
     for option in command.params:
         value = values.get(option.name or "")
         if isinstance(option.type, click.Choice) and isinstance(value, str):
-            for each in value.split("|"):
-                assert each in option.type.choices, f"{place}: {option.opts[0]} {each}"
+            for choice in value.split("|"):
+                assert choice in option.type.choices, f"{place}: {option.opts[0]} {choice}"
 
 
 def test_commands_in_blocks_are_taken() -> None:
-    found = [(block.place, words) for block in SHELL for words in shell_commands(block.text, "lensforge")]
-    assert len(found) > 30
-    for place, words in found:
+    commands = [(block.place, words) for block in SHELL for words in shell_commands(block.text, "lensforge")]
+    assert len(commands) > 30
+    for place, words in commands:
         check(words, place)
 
 
@@ -91,11 +91,11 @@ def test_an_option_that_does_not_exist_is_found() -> None:
 
 
 def test_scripts_that_pages_name_are_there_with_their_options() -> None:
-    found = [(block.place, words) for block in SHELL for words in shell_commands(block.text, "python")]
+    commands = [(block.place, words) for block in SHELL for words in shell_commands(block.text, "python")]
     spans_of = [
         (name_of(page), span.split()[1:]) for page in PAGES for span in spans(page) if span.startswith("python ")
     ]
-    scripts = [(place, words) for place, words in found + spans_of if words and words[0].endswith(".py")]
+    scripts = [(place, words) for place, words in commands + spans_of if words and words[0].endswith(".py")]
     assert len(scripts) > 15
     for place, (script, *rest) in scripts:
         assert (ROOT / script).is_file(), f"{place}: {script}"
@@ -117,9 +117,9 @@ def test_the_specs_of_a_page_are_written_and_take_its_sweep(
     page: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    found = _commands(page)
-    assert found[0][0] == "new"
-    for name, spec, *rest in found:
+    commands = _commands(page)
+    assert commands[0][0] == "new"
+    for name, spec, *rest in commands:
         if name == "new":
             assert CliRunner().invoke(cli, [name, spec, *rest]).exit_code == 0
         elif name == "sweep":

@@ -38,7 +38,7 @@ def missing(span: str) -> list[str]:
 
 @pytest.mark.parametrize("page", [page for page in PAGES if page.stem not in ("terms",)], ids=name_of)
 def test_what_a_page_names_is_there(page: Path) -> None:
-    assert {span: found for span in spans(page) if (found := missing(span))} == {}
+    assert {span: reason for span in spans(page) if (reason := missing(span))} == {}
 
 
 def test_a_name_that_is_gone_is_found() -> None:

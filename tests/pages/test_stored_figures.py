@@ -64,9 +64,9 @@ SENTENCES = [
 
 @pytest.mark.parametrize(("page", "words", "value"), SENTENCES)
 def test_a_sentence_has_the_stored_figure(page: str, words: str, value: float) -> None:
-    found = re.findall(words, text_of(page).replace("\n", " "))
-    assert found, f"{page}: {words}"
-    for shown in found:
+    matches = re.findall(words, text_of(page).replace("\n", " "))
+    assert matches, f"{page}: {words}"
+    for shown in matches:
         assert rounded(shown, value), f"{page}: {shown}, stored {value}"
 
 
@@ -76,10 +76,10 @@ def test_tables_are_as_filled_from_the_stored_designs(page: str) -> None:
 
 
 def test_every_stored_design_says_when_and_how_it_was_made() -> None:
-    for name, found in DESIGNS.items():
-        assert re.fullmatch(r"\d{4}-\d\d-\d\d", found["date"]), name
-        assert re.fullmatch(r"[0-9a-f]{7,}", found["commit"]), name
-        assert "lensforge " in found["command"] or "benchmarks/" in found["command"], name
+    for name, design in DESIGNS.items():
+        assert re.fullmatch(r"\d{4}-\d\d-\d\d", design["date"]), name
+        assert re.fullmatch(r"[0-9a-f]{7,}", design["commit"]), name
+        assert "lensforge " in design["command"] or "benchmarks/" in design["command"], name
 
 
 def test_the_gallery_shows_every_shipped_spec() -> None:

@@ -36,10 +36,10 @@ def labels() -> list[tuple[str, str]]:
     """Keys and labels of facts, each up to the name of a face, a plane or a tool."""
     kinds = ("Group", "Fact", "Row", "Fact.measured", "Fact.share")
     calls = (node for node in nodes() if isinstance(node, ast.Call) and ast.unparse(node.func) in kinds)
-    found = ((start(call.args[0]), start(call.args[1])) for call in calls if len(call.args) > 1)
+    pairs = ((start(call.args[0]), start(call.args[1])) for call in calls if len(call.args) > 1)
     figures = (figure for kind in kinds_of_results() for figure in figures_of(kind))
     declared = ((key.partition("{")[0], figure.label) for key, figure in figures if isinstance(figure.label, str))
-    return [(key, label.partition("{")[0]) for key, label in (*found, *declared) if label.partition("{")[0]]
+    return [(key, label.partition("{")[0]) for key, label in (*pairs, *declared) if label.partition("{")[0]]
 
 
 def of_label(term: str, label: str) -> bool:
@@ -68,6 +68,6 @@ def texts() -> Iterator[tuple[str, str]]:
 def test_no_banned_word_is_in_use() -> None:
     words = re.findall(r"`(.+?)`", BANNED)
     banned = re.compile("|".join(rf"\b{re.escape(word)}(?!\w)" for word in words), re.IGNORECASE)
-    found = [f"{name}: {match[0]} in {text[max(0, match.start() - 40) : match.end() + 20]!r}"
+    uses = [f"{name}: {match[0]} in {text[max(0, match.start() - 40) : match.end() + 20]!r}"
              for name, text in texts() for match in banned.finditer(re.sub(r"\s+", " ", text))]  # fmt: skip
-    assert len(words) > 20 and found == []
+    assert len(words) > 20 and uses == []

@@ -85,7 +85,7 @@ def paraboloid(focal):
 
 def body_of(cap, side, wall, exit):
     sides = (("cap", cap, CAVITY, BODY), ("side", side, CAVITY, BODY), ("wall", wall, BODY, OUTSIDE))
-    return Body(tuple(Face(*each) for each in (*sides, ("exit", exit, BODY, OUTSIDE))))
+    return Body(tuple(Face(*fields) for fields in (*sides, ("exit", exit, BODY, OUTSIDE))))
 
 
 CAP = plane(2.5)
@@ -94,7 +94,7 @@ EXIT = plane(10.0)
 CONE = cone(6.0, 1.0)
 PARABOLOID = paraboloid(3.0)
 BALL = sphere(8.0, 4.0)
-OF_CONE, OF_PARABOLOID, OF_BALL = (body_of(CAP, SIDE, each, EXIT) for each in (CONE, PARABOLOID, BALL))
+OF_CONE, OF_PARABOLOID, OF_BALL = (body_of(CAP, SIDE, wall, EXIT) for wall in (CONE, PARABOLOID, BALL))
 
 
 def crease(inner, outer):
@@ -120,8 +120,8 @@ def mesh_of(body, count):
     rim = np.arange(len(directions) - 6 * count, len(directions))
     vertices = []
     theta = np.arccos(np.clip(directions[:, 2], 0.0, 1.0))
-    for own in (body.envelope, body.cavity):
-        first, second = (face.surface for face in own)
+    for boundary in (body.envelope, body.cavity):
+        first, second = (face.surface for face in boundary)
         at = crease(first, second)
         ring = round(count * at / (0.5 * np.pi)) / count * 0.5 * np.pi
         bent = np.interp(theta, [0.0, ring, 0.5 * np.pi], [0.0, at, 0.5 * np.pi])
@@ -144,19 +144,19 @@ def solid_of(body, names):
     shape = outer.cut(cavity).val()
     shape = shape.Solids()[0] if hasattr(shape, "Solids") else shape
     heights = {"cap": (0.3, 0.2, 2.5), "exit": (0.3, 0.2, 10.0)}
-    found = {}
+    faces = {}
     for face in shape.Faces():
         centre = face.Center().toTuple()
         for name, place in heights.items():
             if face.geomType() == "PLANE" and abs(centre[2] - place[2]) < 1e-6:
-                found[name] = face
+                faces[name] = face
         if face.geomType() == "CONE" or (face.geomType() == "SPHERE" and face.Area() > 150.0):
-            found["wall"] = face
+            faces["wall"] = face
         elif face.geomType() == "SPHERE":
-            found["side"] = face
-    assert set(found) == {"cap", "side", "wall", "exit"}
+            faces["side"] = face
+    assert set(faces) == {"cap", "side", "wall", "exit"}
     return step_bytes(
-        Solid(shape.wrapped, {names[name]: found[name].wrapped for name in found if name in names}), "body"
+        Solid(shape.wrapped, {names[name]: faces[name].wrapped for name in faces if name in names}), "body"
     )
 
 
@@ -190,7 +190,7 @@ def follow_exactly(body, rays, events, index=INDEX, mirrors=None, absorption=0.0
     """Every ray by closed forms, one after the other: ``mirrors`` has the reflectance of faces by name."""
     count = len(rays)
     mirrors = mirrors or {}
-    found = Followed(*np.full((2, count, 3), np.nan), *np.zeros((2, count)), np.zeros(count, dtype=bool), [])
+    result = Followed(*np.full((2, count, 3), np.nan), *np.zeros((2, count)), np.zeros(count, dtype=bool), [])
     for k in range(count):
         p = rays.origins[k]
         d = rays.directions[k]
@@ -216,18 +216,18 @@ def follow_exactly(body, rays, events, index=INDEX, mirrors=None, absorption=0.0
             n = face.surface.normal_at(p[None])[0]
             ratio = index if medium == BODY else 1.0 / index
             d, coherency, passes, lost = _at(d, n, ratio, coherency, mirrors.get(face.name))
-            found.in_mirrors[k] += rays.flux[k] * lost
+            result.in_mirrors[k] += rays.flux[k] * lost
             chain += face.name[0].upper() if passes else face.name[0]
             if passes:
                 medium = OUTSIDE if medium == BODY else BODY
             if medium == OUTSIDE:
-                found.points[k] = p
-                found.directions[k] = d
+                result.points[k] = p
+                result.directions[k] = d
                 break
-        found.inside[k] = medium != OUTSIDE and chain[-1:] not in ("x", "c")
-        found.flux[k] = rays.flux[k] * np.trace(coherency).real
-        found.chains.append(chain)
-    return found
+        result.inside[k] = medium != OUTSIDE and chain[-1:] not in ("x", "c")
+        result.flux[k] = rays.flux[k] * np.trace(coherency).real
+        result.chains.append(chain)
+    return result
 
 
 def _meets_cavity(body, p, d, length):

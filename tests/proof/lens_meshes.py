@@ -145,7 +145,7 @@ def s_and_p(directions, normals, ratio):
     safe = np.where(slanted, before, 0.5), np.where(slanted, after, 0.3)
     across = (np.sin(safe[0] - safe[1]) / np.sin(safe[0] + safe[1])) ** 2
     within = (np.tan(safe[0] - safe[1]) / np.tan(safe[0] + safe[1])) ** 2
-    shares = (1.0 - np.where(slanted, each, ((1 - ratio) / (1 + ratio)) ** 2) for each in (across, within))
+    shares = (1.0 - np.where(slanted, amplitude, ((1 - ratio) / (1 + ratio)) ** 2) for amplitude in (across, within))
     return np.where(lost[:, None], np.nan, bent), *(np.where(lost, 0.0, share) for share in shares)
 
 
@@ -155,7 +155,7 @@ def oracle(inner: Quadric, outer: Quadric, rays: RayBundle, index: float, distan
     first, *one = s_and_p(rays.directions, inner.normal(points), 1.0 / index)
     ends = points + outer.far_hit(points, first)[:, None] * first
     second, *other = s_and_p(first, outer.normal(ends), index)
-    planes = [np.cross(first, face.normal(each)) for face, each in ((inner, points), (outer, ends))]
+    planes = [np.cross(first, face.normal(place)) for face, place in ((inner, points), (outer, ends))]
     product = np.linalg.norm(planes[0], axis=1) * np.linalg.norm(planes[1], axis=1)
     cosine = np.sum(planes[0] * planes[1], axis=1) / np.where(product > 0.0, product, 1.0)
     # of what s and p carry, the part that stays s and p

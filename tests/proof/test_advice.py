@@ -183,9 +183,9 @@ def test_rays_that_met_other_faces_count_as_of_another_fate():
     places = np.array([[0.0, 0.5], [1.0, 0.0], [0.0, 0.0]])
     landed = landed_rays(rays, places + np.array([[0.0, 0.0], [0.0, 0.0], [0.0, 3.0]]), fates=fates, met=part)
     one_way = Expected(Screen.square(DISTANCE, 10.0, 2), np.ones((2, 2)), places, ones)
-    found, alike = (compare(rays, landed, each) for each in (replace(one_way, met=design), one_way))
-    assert (found.compared, found.fates, found.max) == (2, 1, pytest.approx(3.0))
-    assert found.fates_flux == pytest.approx(rays.flux[1] / rays.flux.sum())
+    agreement, alike = (compare(rays, landed, reference) for reference in (replace(one_way, met=design), one_way))
+    assert (agreement.compared, agreement.fates, agreement.max) == (2, 1, pytest.approx(3.0))
+    assert agreement.fates_flux == pytest.approx(rays.flux[1] / rays.flux.sum())
     assert (alike.compared, alike.fates) == (3, 0)
     assert replace(one_way, met=design).take(np.array([1, 2])).met.tolist() == design[1:].tolist()
 
@@ -200,9 +200,9 @@ def test_gaps_are_mm_on_the_receiver_and_of_directions_those_at_a_metre(kind, un
     off = np.array([[3e-3, -4e-3], [5e-3, 12e-3], [np.nan, 0.0]])
     landed = landed_rays(rays, places + off, fates=fates)
     expected = Expected(screen, np.ones((4, 8)), places, np.ones(3))
-    found = compare(rays, landed, expected)
-    assert (found.compared, found.fates) == (2, 1)
-    assert (found.rms, found.max) == pytest.approx((unit * np.sqrt(97e-6), 0.013 * unit))
+    agreement = compare(rays, landed, expected)
+    assert (agreement.compared, agreement.fates) == (2, 1)
+    assert (agreement.rms, agreement.max) == pytest.approx((unit * np.sqrt(97e-6), 0.013 * unit))
     assert gap_quantiles(landed, expected)[[0, 250, 500]] == pytest.approx(unit * np.array([5e-3, 9e-3, 13e-3]))
     nowhere = compare(rays, replace(landed, landings=np.full((3, 2), np.nan)), expected)
     assert nowhere.rms == pytest.approx(unit * np.hypot(1.5, 1.0)), "the diagonal"
@@ -222,17 +222,21 @@ def test_each_figure_of_a_cast_is_judged_by_its_own_limit(prefix, beyond):
                      fates_flux=beyond * 2e-3)  # fmt: skip
     common = {"rays": 1024, "seconds": 1.0, "against_design": seen}
     if prefix == "brep_":
-        found = brep_criteria(BrepCast(**common, against_mesh=seen), 2000.0)
+        criteria = brep_criteria(BrepCast(**common, against_mesh=seen), 2000.0)
     else:
         nmse = {"nmse_vs_design": beyond * (2.5 * 0.01 + 1e-3), "noise_floor_nmse": 0.01, "nmse_same_rays": 0.0}
-        found = mitsuba_criteria(MitsubaCast(version="3", **common, **nmse), 2000.0)
-    assert {each.key: each.holds for each in found} == {each.key: beyond < 1.0 for each in found}
+        criteria = mitsuba_criteria(MitsubaCast(version="3", **common, **nmse), 2000.0)
+    assert {criterion.key: criterion.holds for criterion in criteria} == {
+        criterion.key: beyond < 1.0 for criterion in criteria
+    }
     if prefix == "brep_":  # of four times as many rays four times as many may end otherwise
         more = BrepCast(
             **{**common, "rays": 4096, "against_design": seen.model_copy(update={"fates": 8})}, against_mesh=seen
         )
         assert brep_criteria(more, 2000.0)[-1].holds and brep_criteria(more, 2000.0)[-1].limit == 8.0
-    assert f"{prefix}deviation_rms" in {each.key for each in found} and len(found) == (3 if prefix == "brep_" else 4)
+    assert f"{prefix}deviation_rms" in {criterion.key for criterion in criteria} and len(criteria) == (
+        3 if prefix == "brep_" else 4
+    )
 
 
 EXACT = Metric(value=1.0, standard_error=0.0)
@@ -246,13 +250,17 @@ def test_the_flux_budget_of_a_few_rays_by_hand():
     lost = {"absorbed": [0.1, 0.0, 0.2, 0.0], "in_glass": [0.0, 0.3, 0.0, 0.1], "in_bodies": [0.2, 0.0, 0.0, 0.3]}
     places = np.array([[1.0, 2.0], [1.0, 4.0], [np.nan, np.nan], [np.nan, np.nan]])
     flux = np.array([0.5, 1.5, 2.5, 3.0])
-    landed = landed_rays(rays, places, fates=fates, flux=flux, **{name: np.array(each) for name, each in lost.items()})
+    landed = landed_rays(
+        rays, places, fates=fates, flux=flux, **{name: np.array(values) for name, values in lost.items()}
+    )
     screen = replace(Screen.square(DISTANCE, 10.0, 2), window=(10.0, 6.0, None))
-    found = flux_budget(rays, landed, screen).model_dump()
+    budget = flux_budget(rays, landed, screen).model_dump()
     by_hand = {"detected": 0.5, "outside": 1.5, "missed": 2.5, "total_reflection": 3.0, "event_limit": 0.0,
                "absorbed": 0.3, "cover_glass": 0.4, "bodies": 0.5, "housing": 0.0,
                "reflected": 10.0 - 7.5 - 1.2}  # fmt: skip
-    assert found == pytest.approx({name: 0.1 * each for name, each in by_hand.items()}) and sum(found.values()) == 1.0
+    assert (
+        budget == pytest.approx({name: 0.1 * share for name, share in by_hand.items()}) and sum(budget.values()) == 1.0
+    )
 
 
 @pytest.mark.parametrize("uneven", [0.0, 0.5])
@@ -269,8 +277,10 @@ def test_a_picture_without_the_noise_of_its_rays_scatters_by_its_stated_error(un
         places = np.random.default_rng(seed).uniform(-5.0, 5.0, (count, 2))
         up = {"points": np.column_stack([places, np.zeros(count)]), "directions": np.tile([0.0, 0.0, 1.0], (count, 1))}
         passage = replace(Passage.of(rays, 2), **up, flux=np.ones(count), fates=fates)
-        found = judge_independent_rays(rays, passage, Expected(screen, wanted, places, np.ones(count)), (EXACT, 0.0))
-        values.append((found.nmse_less_noise.value, found.nmse_less_noise.standard_error))
+        judgement = judge_independent_rays(
+            rays, passage, Expected(screen, wanted, places, np.ones(count)), (EXACT, 0.0)
+        )
+        values.append((judgement.nmse_less_noise.value, judgement.nmse_less_noise.standard_error))
     off, errors = np.array(values).T
     truth = 0.5 * uneven**2 / (0.5 * (1.0 + uneven) ** 2 + 0.5)
     assert off.mean() == pytest.approx(truth, abs=4.0 * off.std() / np.sqrt(len(off)))
@@ -295,12 +305,12 @@ def test_the_error_of_a_picture_without_the_noise_of_its_rays_by_pairs_of_blocks
         errors.append(screen.irradiance(places[rows], flux[rows]) * count / len(rows) - wanted)
     pairs = [(one * other).sum() for a, one in enumerate(errors) for b, other in enumerate(errors) if a != b]
     design = Metric(value=0.9, standard_error=1e-3)
-    found, unknown = (judge_independent_rays(rays, passage, expected, (design, noise)) for noise in (0.002, None))
-    assert found.nmse_less_noise.value == pytest.approx(np.mean(pairs) / (wanted**2).sum() - 0.002, rel=1e-9)
-    assert unknown.nmse_less_noise is None and found.efficiency_design == design
+    judgement, unknown = (judge_independent_rays(rays, passage, expected, (design, noise)) for noise in (0.002, None))
+    assert judgement.nmse_less_noise.value == pytest.approx(np.mean(pairs) / (wanted**2).sum() - 0.002, rel=1e-9)
+    assert unknown.nmse_less_noise is None and judgement.efficiency_design == design
     inside = flux * (np.abs(places) <= 5.0).all(axis=1) / rays.flux.sum()
-    assert found.efficiency.value == pytest.approx(inside.sum())
-    assert found.efficiency.standard_error == pytest.approx(np.std(count * inside, ddof=1) / np.sqrt(count))
+    assert judgement.efficiency.value == pytest.approx(inside.sum())
+    assert judgement.efficiency.standard_error == pytest.approx(np.std(count * inside, ddof=1) / np.sqrt(count))
 
 
 def form(name, off_um=0.01):
@@ -319,15 +329,15 @@ def test_a_mesh_with_coarse_facets_fails_nothing_beside_a_step_file_that_is_righ
     limit_mm = proof.first.deviation_limit_mm
     none = {"flux": 0.0, "fates": 0, "fates_flux": 0.0}
     casts = [
-        BrepCast(rays=9, seconds=0.0, against_design=each, against_mesh=each)
-        for each in (Agreement(compared=9, rms=of * limit_mm, p99=1.0, max=1.0, **none) for of in (0.4, 0.6))
+        BrepCast(rays=9, seconds=0.0, against_design=agreement, against_mesh=agreement)
+        for agreement in (Agreement(compared=9, rms=of * limit_mm, p99=1.0, max=1.0, **none) for of in (0.4, 0.6))
     ]
     right_one, wrong_one = (proof.first.changed(brep=cast) for cast in casts)
     second = right_one.changed(name="second")
     forms = tuple(map(form, ("lens.step", "lens.stl", "lens.3mf")))
     coarse = judged(proof, receivers=(right_one, second), forms=forms)
     missed = coarse.facet_misses
-    assert {"deviation_rms", "second: deviation_rms"} <= {each.key for each in missed}
+    assert {"deviation_rms", "second: deviation_rms"} <= {criterion.key for criterion in missed}
     assert all(criterion.holds for criterion in coarse.deciding_criteria()) and len(missed) + len(
         list(coarse.deciding_criteria())
     ) == len(coarse.criteria)

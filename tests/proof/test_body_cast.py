@@ -35,8 +35,8 @@ def test_displaced_shells_refract_polarise_and_absorb_as_written_by_hand() -> No
     out = share > 0.0
     assert 0.5 < out.mean() < 1.0 and np.isnan(points[~out]).all()
     wanted = by_hand(rays.origins, rays.directions, [*spheres_of(DOME), *spheres_of(SECOND)])
-    for found, exact, error in zip((points, along, share), wanted, (1e-10, 1e-12, 1e-12), strict=True):
-        assert np.abs(found - exact)[out].max() < error
+    for values, exact, error in zip((points, along, share), wanted, (1e-10, 1e-12, 1e-12), strict=True):
+        assert np.abs(values - exact)[out].max() < error
 
 
 def test_light_past_the_rim_or_reflected_totally_is_lost() -> None:
@@ -69,20 +69,20 @@ STEEP = RingScatter((0.0, 0.05, 0.2, 0.5), ((0.0, 0.1, 0.3, 0.6), (0.0, 0.3, 0.4
 def test_kernels_and_cast_agree_on_the_light_behind_bodies_and_the_cover_glass(scatters: bool) -> None:
     """Light that a lens of displaced, rough faces, out of place, has polarised; through faces that scatter it, too."""
     grid = TableGrid(161)
-    tables = np.stack([tabulate(grid, each) for each in (sphere(3.0, 0.5), sphere(6.0, -1.0))])
+    tables = np.stack([tabulate(grid, surface) for surface in (sphere(3.0, 0.5), sphere(6.0, -1.0))])
     media = replace(clear(absorption=0.01), bodies=(DOME, SECOND), cover_glass=GLASS)
     rays = upwards(2000, 4, 0.8)
     rough: list[FaceNumbers] = []
     if scatters:
-        each = (
+        by_body = (
             (FaceScatter("outer", STEEP),),
             (FaceScatter("inner", GaussianFacets(0.05)), FaceScatter("outer", STEEP)),
         )
-        bodies = (replace(body, scatter=own) for body, own in zip((DOME, SECOND), each, strict=True))
+        bodies = (replace(body, scatter=facets) for body, facets in zip((DOME, SECOND), by_body, strict=True))
         media = replace(media, bodies=tuple(bodies))
         rays = with_facets(rays, 3)
         met = [(rays, body.media(media), DOUBLE, media.scattering_before(k)) for k, body in enumerate(media.bodies)]
-        rough = [FaceNumbers.of(*own) for own in met]
+        rough = [FaceNumbers.of(*arguments) for arguments in met]
     made = AsMade(lens=Pose.displaced((0.1, -0.2, 0.0), (0.02, -0.03, 0.0)), slopes={"inner": 2e-3}, scale=1.01)
     traced = TracedBundle.of(tables, Scene(media, grid, made=made), rays)
     lens = traced.at_lens
@@ -116,8 +116,8 @@ def test_each_lens_of_a_plate_has_bodies_of_its_own() -> None:
         there = plate.placed(rays, numbers)
         wanted = plate.placed(RayBundle(alone.points, alone.directions, rays.flux), numbers)
         seen = Pose.of_tilts(turn_deg=0.0 if lit is None else np.degrees(turns[lit])).rotation
-        found = behind_optics(plate.from_lit(there.origins), there.directions @ seen, media, waves, plate=plate)
+        exits = behind_optics(plate.from_lit(there.origins), there.directions @ seen, media, waves, plate=plate)
         out = alone.through_bodies > 0.0
-        assert found.through_bodies == pytest.approx(alone.through_bodies, abs=1e-12)
-        assert np.abs(found.points - plate.from_lit(wanted.origins))[out].max() < 1e-9
-        assert np.abs(found.directions - wanted.directions @ seen)[out].max() < 1e-12
+        assert exits.through_bodies == pytest.approx(alone.through_bodies, abs=1e-12)
+        assert np.abs(exits.points - plate.from_lit(wanted.origins))[out].max() < 1e-9
+        assert np.abs(exits.directions - wanted.directions @ seen)[out].max() < 1e-12

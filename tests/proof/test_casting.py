@@ -84,8 +84,8 @@ def test_a_grid_that_is_wrong_is_noticed(monkeypatch):
     part = part_mesh_of(lens_mesh(sphere(6.0).radius, sphere(13.7).radius, 10))
     grid = Grid(part.mesh)
     rays = lambertian(400, 1.0)
-    found = cast_plain(part, grid, rays, Media(Medium(1.5)), 50)()
-    assert (found.rays, found.casts, found.disagreements) == (50, 100, 0)
+    cast = cast_plain(part, grid, rays, Media(Medium(1.5)), 50)()
+    assert (cast.rays, cast.casts, cast.disagreements) == (50, 100, 0)
     honest = Grid.first_hits
 
     def shifted(self, leg):

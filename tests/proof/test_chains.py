@@ -79,7 +79,7 @@ def step_of(name):
 
 def test_the_oracle_sees_every_kind_of_chain():
     chains = Counter(exact("cone", 3).chains)
-    assert min(chains[each] for each in ("CE", "SE", "SwE", "SeW")) > 10
+    assert min(chains[chain] for chain in ("CE", "SE", "SwE", "SeW")) > 10
     assert exact("ball", 6).inside.sum() < exact("ball", 3).inside.sum()
 
 
@@ -87,21 +87,21 @@ def test_the_oracle_sees_every_kind_of_chain():
 def test_the_ways_of_the_light_are_those_of_every_ray(coatings, events):
     """The share of each way, and of all that leaves by the wall, with their errors."""
     lens = TracedLens.of_body(body_of(*CONE_FACES), clear(INDEX, coatings), events, 12.0)
-    found = FluxByWay.none_yet(lens.scene.chain, 4)
+    by_way = FluxByWay.none_yet(lens.scene.chain, 4)
     shares = Counter()
     for k, rays in enumerate(RAYS.take(slice(first, first + 50)) for first in (0, 50, 100, 150)):
         for half in (0.5, 0.5):
-            found.add(k, half, lens.trace(rays))
+            by_way.add(k, half, lens.trace(rays))
         wanted = follow_exactly(OF_CONE, rays, events, mirrors={"wall": 0.8} if coatings else None)
         for chain, flux in zip(wanted.chains, wanted.flux, strict=True):
             if chain[-1] in "EW":
                 shares[chain.upper() if chain[-1] == "E" else "W", k] += 4.0 * flux
-    ways = {"".join(face[0] for face in way.faces).upper(): way.share for way in found.ways(0.25)}
+    ways = {"".join(face[0] for face in way.faces).upper(): way.share for way in by_way.ways(0.25)}
     assert set(ways) == {way for way, _ in shares} | {"W"} and len(ways) == (5 if coatings else 4)
     for way, share in ways.items():
-        each = np.array([shares[way, k] for k in range(4)])
-        assert share.value == pytest.approx(each.mean(), rel=1e-3)
-        assert share.standard_error == pytest.approx(each.std(ddof=1) / 2.0, rel=1e-2, abs=1e-12)
+        samples = np.array([shares[way, k] for k in range(4)])
+        assert share.value == pytest.approx(samples.mean(), rel=1e-3)
+        assert share.standard_error == pytest.approx(samples.std(ddof=1) / 2.0, rel=1e-2, abs=1e-12)
 
 
 @pytest.mark.parametrize(
@@ -117,22 +117,22 @@ def test_the_kernel_sends_every_ray_along_its_chain(name, events, absorption):
     wanted = exact(name, events, absorption)
     (body, coatings, _) = {"cone": CONE, "ball": BRIGHT_BALL}[name]
     media = clear(INDEX, coatings, absorption)
-    found = send_through_body(StepBody(step_of(name), optical_of(body, events)), RAYS, media)
+    passage = send_through_body(StepBody(step_of(name), optical_of(body, events)), RAYS, media)
     out = np.isfinite(wanted.points[:, 0])
     # The oracle ends where a ray comes back to the cavity; the cast follows it through, where there are events left.
     told = ~np.array([chain.endswith("c") and len(chain) + 2 <= events for chain in wanted.chains])
     assert told.all() or (events == 6 and told.sum() > 0.6 * len(told))
-    np.testing.assert_array_equal((found.fates == CastFate.LANDED)[told], out[told])
+    np.testing.assert_array_equal((passage.fates == CastFate.LANDED)[told], out[told])
     lost = [CastFate.TOTAL_REFLECTION, CastFate.EVENT_LIMIT]
-    np.testing.assert_array_equal(np.isin(found.fates, lost)[told], wanted.inside[told])
+    np.testing.assert_array_equal(np.isin(passage.fates, lost)[told], wanted.inside[told])
     by_mirror = wanted.inside & np.array([chain.endswith("w") and name == "ball" for chain in wanted.chains])
-    np.testing.assert_array_equal((found.fates == CastFate.EVENT_LIMIT)[told], by_mirror[told])
-    np.testing.assert_allclose(found.points[out], wanted.points[out], rtol=0.0, atol=1e-9)
-    np.testing.assert_allclose(found.directions[out], wanted.directions[out], rtol=0.0, atol=1e-10)
+    np.testing.assert_array_equal((passage.fates == CastFate.EVENT_LIMIT)[told], by_mirror[told])
+    np.testing.assert_allclose(passage.points[out], wanted.points[out], rtol=0.0, atol=1e-9)
+    np.testing.assert_allclose(passage.directions[out], wanted.directions[out], rtol=0.0, atol=1e-10)
     kept = out | wanted.inside  # with the flux that is left in it, polarised by all that it has met
-    np.testing.assert_allclose(found.flux[kept], wanted.flux[kept], rtol=1e-9)
+    np.testing.assert_allclose(passage.flux[kept], wanted.flux[kept], rtol=1e-9)
     if absorption == 0.0:
-        np.testing.assert_allclose(found.absorbed[told], wanted.in_mirrors[told], rtol=1e-9, atol=1e-15)
+        np.testing.assert_allclose(passage.absorbed[told], wanted.in_mirrors[told], rtol=1e-9, atol=1e-15)
 
 
 def test_light_ends_at_a_flange_with_what_the_face_before_has_left():
@@ -160,11 +160,11 @@ def test_facets_send_every_ray_along_its_chain(name, events, precision):
     for count in (30, 60):
         part, grid = part_of(name, count, events)
         assert part.far == 0 and part.open_edges == 0
-        found = send_through(part, grid, RAYS, media)
-        assert np.mean((found.fates == CastFate.LANDED) != out) < 0.01
-        both = out & (found.fates == CastFate.LANDED)
-        errors.append(np.sqrt(np.mean((found.directions - wanted.directions)[both] ** 2)))
-        np.testing.assert_allclose(found.flux[both].sum(), wanted.flux[both].sum(), rtol=1e-4)
+        passage = send_through(part, grid, RAYS, media)
+        assert np.mean((passage.fates == CastFate.LANDED) != out) < 0.01
+        both = out & (passage.fates == CastFate.LANDED)
+        errors.append(np.sqrt(np.mean((passage.directions - wanted.directions)[both] ** 2)))
+        np.testing.assert_allclose(passage.flux[both].sum(), wanted.flux[both].sum(), rtol=1e-4)
     assert errors[1] < precision and errors[1] < 0.3 * errors[0]
 
 
@@ -179,44 +179,44 @@ def test_rays_that_meet_a_rough_face_again_go_as_in_the_design(model):
     again = (design.met == optical.names.index("wall")).sum(axis=1) > 1
     assert again.mean() > 0.05, "by which this is seen"
     body = StepBody(step_of("cone"), optical)
-    same, own = (send_through_body(body, rays, media, seed) for seed in (None, 5))
+    same, anew = (send_through_body(body, rays, media, seed) for seed in (None, 5))
     alike = (same.met == np.where(design.met < 0, NO_FACE, design.met)).all(axis=1)
     assert np.mean(alike) > 0.9 and np.mean(alike[again]) > 0.8, "but at the edges of tables"
     out = alike & design.left_lens & (same.fates == CastFate.LANDED)
     assert (out & again).sum() > 2
     assert np.abs(same.directions - design.directions)[out].max() < 5e-3
     assert np.abs(same.flux - design.flux)[out].max() < 5e-3
-    assert np.mean((own.met == same.met).all(axis=1)) < 0.9
+    assert np.mean((anew.met == same.met).all(axis=1)) < 0.9
 
 
 def test_a_paraboloid_sends_the_light_of_its_focus_along_the_axis():
     """By total reflection, its last face met at right angles: flux and directions in closed form."""
     rays = rays_from(3000, 0.0, seed=2)
     part, grid = part_of("paraboloid", 60, 3)
-    found = send_through(part, grid, rays, Media(Medium(INDEX)))
-    assert (found.fates == CastFate.LANDED).all()
+    passage = send_through(part, grid, rays, Media(Medium(INDEX)))
+    assert (passage.fates == CastFate.LANDED).all()
     cosine = rays.directions[:, 2]
     by_wall = cosine < 0.62  # the crease is at 0.625
-    np.testing.assert_allclose(found.directions[by_wall], np.tile([0.0, 0.0, 1.0], (by_wall.sum(), 1)), atol=1e-4)
+    np.testing.assert_allclose(passage.directions[by_wall], np.tile([0.0, 0.0, 1.0], (by_wall.sum(), 1)), atol=1e-4)
     radius = 6.0 / (1.0 - cosine[by_wall, None])
-    np.testing.assert_allclose(found.points[by_wall, :2], (radius * rays.directions[by_wall, :2]), atol=1e-3)
+    np.testing.assert_allclose(passage.points[by_wall, :2], (radius * rays.directions[by_wall, :2]), atol=1e-3)
     once = 4.0 * INDEX / (1.0 + INDEX) ** 2
-    np.testing.assert_allclose(found.flux[by_wall], rays.flux[by_wall] * once**2, rtol=1e-6)
+    np.testing.assert_allclose(passage.flux[by_wall], rays.flux[by_wall] * once**2, rtol=1e-6)
 
 
 @pytest.mark.parametrize("name", ["cone", "ball"])
 def test_bouguers_invariant_holds_along_the_chain(name):
     """``n r sin`` about the axis: n (x dy - y dx), 1 before and behind bodies of revolution, whatever they reflect."""
     body = {"cone": OF_CONE, "ball": OF_BALL}[name]
-    found = passage_through(step_of(name), optical_of(body, 6), Media(Medium(INDEX)), RAYS)
-    out = found.fates == CastFate.LANDED
+    passage = passage_through(step_of(name), optical_of(body, 6), Media(Medium(INDEX)), RAYS)
+    out = passage.fates == CastFate.LANDED
     assert out.sum() > 150
 
     def invariant(points, directions):
         return points[:, 0] * directions[:, 1] - points[:, 1] * directions[:, 0]
 
     before = invariant(RAYS.origins, RAYS.directions)
-    behind = invariant(found.points, found.directions)
+    behind = invariant(passage.points, passage.directions)
     np.testing.assert_allclose(behind[out], before[out], rtol=0.0, atol=1e-12)
 
 
@@ -237,12 +237,12 @@ def test_all_flux_is_accounted_for_and_the_path_of_the_cast_is_no_stray_light(na
 def test_the_event_limit_is_a_fate_of_their_own_with_its_flux():
     part, grid = part_of("ball", 30, 3)
     media = clear(INDEX, SILVERED)
-    found = send_through(part, grid, RAYS, media)
-    budget = flux_budget(RAYS, found.landed(SCREEN), SCREEN)
-    ends = found.fates == CastFate.EVENT_LIMIT
-    assert budget.event_limit == pytest.approx(found.flux[ends].sum(), rel=1e-12) and budget.event_limit > 0.1
-    total = found.fates == CastFate.TOTAL_REFLECTION
-    assert budget.total_reflection == pytest.approx(found.flux[total].sum(), rel=1e-12)
+    passage = send_through(part, grid, RAYS, media)
+    budget = flux_budget(RAYS, passage.landed(SCREEN), SCREEN)
+    ends = passage.fates == CastFate.EVENT_LIMIT
+    assert budget.event_limit == pytest.approx(passage.flux[ends].sum(), rel=1e-12) and budget.event_limit > 0.1
+    total = passage.fates == CastFate.TOTAL_REFLECTION
+    assert budget.total_reflection == pytest.approx(passage.flux[total].sum(), rel=1e-12)
     assert sum(budget.model_dump().values()) == pytest.approx(1.0, abs=1e-12)
     with pytest.raises(InputError, match=r"events = 1: .* must be >= 2"):
         optical_of(OF_CONE, 1)
@@ -264,8 +264,8 @@ def test_names_in_the_file_say_which_face_it_is_and_shapes_where_there_are_none(
 
 
 def test_facets_of_another_body_are_counted():
-    own = part_mesh_of(mesh_of(OF_BALL, 16), optical_of(OF_CONE))
-    assert own.far > 100
+    mesh = part_mesh_of(mesh_of(OF_BALL, 16), optical_of(OF_CONE))
+    assert mesh.far > 100
 
 
 def test_a_shallow_crease_is_no_smooth_face():
@@ -294,8 +294,8 @@ def test_total_reflection_on_the_way_in_keeps_the_flux_of_the_ray():
     """In gel denser than the body; the design's fate is the same."""
     part = part_mesh_of(right(20))
     ray = RayBundle(np.array([[0.0, 0.0, 4.5]]), np.array([[1.0, 0.0, 0.0]]), np.ones(1))
-    found = send_through(part, Grid(part.mesh), ray, Media(Medium(1.05), cavity_index=1.7))
-    assert found.fates[0] == CastFate.TOTAL_REFLECTION and found.flux[0] == 1.0
+    passage = send_through(part, Grid(part.mesh), ray, Media(Medium(1.05), cavity_index=1.7))
+    assert passage.fates[0] == CastFate.TOTAL_REFLECTION and passage.flux[0] == 1.0
 
 
 def test_a_mirror_takes_what_it_does_not_reflect_and_a_table_splits_the_light():
@@ -305,8 +305,10 @@ def test_a_mirror_takes_what_it_does_not_reflect_and_a_table_splits_the_light():
     silver = Mirror(0.3)
     table = ReflectanceTable((0.0, 90.0), ((0.3, 0.3),))
     first, second = (
-        send_through(part, Grid(part.mesh), ray, Media(Medium(INDEX), coatings=(FaceCoating("outer", OUTSIDE, each),)))
-        for each in (silver, table)
+        send_through(
+            part, Grid(part.mesh), ray, Media(Medium(INDEX), coatings=(FaceCoating("outer", OUTSIDE, coating),))
+        )
+        for coating in (silver, table)
     )
     entered = second.flux[0] / 0.7
     # back through the cavity, and out of its opening
@@ -340,9 +342,9 @@ def test_every_referee_verifies_a_body_of_four_faces(mitsuba_rays):
 def test_mitsuba_sends_every_ray_along_its_chain(name):
     wanted = exact(name, 4)
     media = clear(INDEX, {"cone": (), "ball": SILVERED}[name])
-    found = send_through_mitsuba(part_of(name, 60, 4)[0], RAYS, media)[1]
+    passage = send_through_mitsuba(part_of(name, 60, 4)[0], RAYS, media)[1]
     out = np.isfinite(wanted.points[:, 0])
-    assert np.mean((found.fates == CastFate.LANDED) != out) < 0.02
-    both = out & (found.fates == CastFate.LANDED)
-    assert np.median(np.abs(found.directions - wanted.directions)[both]) < 1e-3
-    np.testing.assert_allclose(found.flux[both].sum(), wanted.flux[both].sum(), rtol=1e-3)
+    assert np.mean((passage.fates == CastFate.LANDED) != out) < 0.02
+    both = out & (passage.fates == CastFate.LANDED)
+    assert np.median(np.abs(passage.directions - wanted.directions)[both]) < 1e-3
+    np.testing.assert_allclose(passage.flux[both].sum(), wanted.flux[both].sum(), rtol=1e-3)

@@ -65,15 +65,15 @@ def design_of(kind: str) -> TracedBundle:
 @pytest.mark.parametrize("kind", MEDIA)
 def test_the_exported_body_sends_every_ray_where_the_design_does(kind: str, file: str) -> None:
     design = design_of(kind)
-    found = send_through_body(cast_body(file), RAYS, MEDIA[kind])
+    passage = send_through_body(cast_body(file), RAYS, MEDIA[kind])
     left = design.exits.fates == Fate.LEFT_LENS
-    assert left.sum() > 220 and np.array_equal(found.fates == CastFate.LANDED, left)
+    assert left.sum() > 220 and np.array_equal(passage.fates == CastFate.LANDED, left)
     assert (design.met[left, 2] >= 0).mean() > 0.1, "three events and more"
     point, direction, flux = LIMITS[file]
-    assert np.linalg.norm(found.points - design.exits.points, axis=1)[left].max() < point
-    assert np.abs(found.directions - design.exits.directions)[left].max() < direction
-    assert np.abs(found.flux - design.exits.flux)[left].max() < flux
-    assert np.array_equal(found.met[left], design.exits.met[left])
+    assert np.linalg.norm(passage.points - design.exits.points, axis=1)[left].max() < point
+    assert np.abs(passage.directions - design.exits.directions)[left].max() < direction
+    assert np.abs(passage.flux - design.exits.flux)[left].max() < flux
+    assert np.array_equal(passage.met[left], design.exits.met[left])
 
 
 def test_the_way_of_the_design_is_told_by_the_faces_of_the_part() -> None:
@@ -82,9 +82,9 @@ def test_the_way_of_the_design_is_told_by_the_faces_of_the_part() -> None:
     light = SimpleNamespace(pixels=8, receivers=[SimpleNamespace(map=np.ones((8, 8)))])
     optical = optical_of(Body(lens.body.faces[::-1]), lens.events)  # in another order than the design has them
     rays = build_source(lens.spec.source, None).sample(1000, 3)
-    (found,) = expected_of(lens, light, rays, optical)  # type: ignore[arg-type]  # of which no more is asked
-    landed = ~np.isnan(found.landings[:, 0])
-    ways = [tuple(optical.names[face] for face in row if face >= 0) for row in found.met[landed]]
+    (expected,) = expected_of(lens, light, rays, optical)  # type: ignore[arg-type]  # of which no more is asked
+    landed = ~np.isnan(expected.landings[:, 0])
+    ways = [tuple(optical.names[face] for face in row if face >= 0) for row in expected.met[landed]]
     count = {way: ways.count(way) for way in set(ways)}
     usual = {way: count[way] for way in (("cap", "exit"), ("side", "wall", "exit"))}
     assert min(usual.values()) > 100 and sum(usual.values()) > 0.99 * landed.sum() > 900
@@ -102,8 +102,8 @@ def test_the_landings_of_the_design_are_by_the_faces_that_are_asked_for() -> Non
     optical = optical_at_work(plain)
 
     def hits(lens: Lens, **asked: object) -> np.ndarray:
-        (found,) = expected_of(lens, None, rays, optical, **asked)
-        return found.landings
+        (expected,) = expected_of(lens, None, rays, optical, **asked)
+        return expected.landings
 
     polished = hits(plain)
     np.testing.assert_array_equal(hits(frosted, polished=True), polished)

@@ -183,9 +183,11 @@ def test_a_dent_is_named_with_file_face_place_and_height() -> None:
     assert (form.face, form.open_edges, form.lacking) == ("OPTICAL_OUTER_2", 0, ())
     assert form.off_um == pytest.approx(1.5, abs=0.05)
     assert form.at_mm[:2] == pytest.approx((8.0, 0.5), abs=0.2)
-    (said,) = missed(form)
+    (message,) = missed(form)
     assert (
-        re.match(r"plate\.stl: form = 1\.[45]\d* um", said) and "next to OPTICAL_OUTER_2" in said and "\n" not in said
+        re.match(r"plate\.stl: form = 1\.[45]\d* um", message)
+        and "next to OPTICAL_OUTER_2" in message
+        and "\n" not in message
     )
 
 
@@ -207,7 +209,7 @@ def test_a_shallow_hole_that_is_closed_again_lacks_nothing_but_is_off() -> None:
     def without(vertices: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         gone = int(np.linalg.norm(vertices - DOME, axis=1).argmin())
         around = triangles[(triangles == gone).any(axis=1)]
-        turns = [np.roll(each, -list(each).index(gone)) for each in around]
+        turns = [np.roll(corners, -list(corners).index(gone)) for corners in around]
         ahead = {int(turn[1]): int(turn[2]) for turn in turns}
         ring = [next(iter(ahead))]
         while len(ring) < len(ahead):
@@ -222,8 +224,8 @@ def test_a_shallow_hole_that_is_closed_again_lacks_nothing_but_is_off() -> None:
 
 def entity_points(step: str, surface: int) -> list[str]:
     """References of the control points of the spline surface of that number, row by row."""
-    found = sorted({match.group(1) for match in re.finditer(r"#(\d+) = B_SPLINE_SURFACE_WITH_KNOTS", step)}, key=int)
-    rows = re.search(r"\(\s*\((.*?)\)\s*\)", step[step.index(f"#{found[surface]} = ") :], re.DOTALL)
+    numbers = sorted({match.group(1) for match in re.finditer(r"#(\d+) = B_SPLINE_SURFACE_WITH_KNOTS", step)}, key=int)
+    rows = re.search(r"\(\s*\((.*?)\)\s*\)", step[step.index(f"#{numbers[surface]} = ") :], re.DOTALL)
     assert rows is not None
     return re.findall(r"#(\d+)", rows.group(1))
 
@@ -236,7 +238,7 @@ def dented(step: bytes, surface: int, share: float, by_mm: float) -> bytes:
     chosen = points[side // 2 * side + int(share * side)]
 
     def lifted(match: "re.Match[str]") -> str:
-        place = np.array([float(each) for each in match.group(2).split(",")])
+        place = np.array([float(number) for number in match.group(2).split(",")])
         x, y, z = (place * (1.0 + by_mm / np.linalg.norm(place))).tolist()
         return f"{match.group(1)}({x!r},{y!r},{z!r}))"
 
@@ -406,7 +408,7 @@ def test_distances_are_those_of_closed_forms() -> None:
     points = centre + (radius + height)[:, None] * out
     assert face.off_mm(points)[0] == pytest.approx(np.abs(height), abs=3e-7)
     levels = Levels(("TOP", "BOTTOM"), np.array([0.0, -2.0]))
-    assert [each.tolist() for each in levels.off_mm(np.array([[9.0, 0.0, -0.5], [0.0, 0.0, -2.25]]))] == [
+    assert [gaps.tolist() for gaps in levels.off_mm(np.array([[9.0, 0.0, -0.5], [0.0, 0.0, -2.25]]))] == [
         [0.5, 0.25],
         [0, 1],
     ]
@@ -428,7 +430,9 @@ def test_distances_are_those_of_closed_forms() -> None:
 
 def test_open_edges_are_those_that_do_not_join_two_facets_of_one_sense() -> None:
     closed = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]])
-    assert [open_edges(each, 4) for each in (closed, closed[1:], np.concatenate([closed[:1, ::-1], closed[1:]]))] == [
+    assert [
+        open_edges(triangles, 4) for triangles in (closed, closed[1:], np.concatenate([closed[:1, ::-1], closed[1:]]))
+    ] == [
         0,
         3,
         6,

@@ -72,7 +72,7 @@ def test_a_plane_window_transmits_as_the_series_of_its_echoes(absorption):
 
 
 def test_a_coated_window_transmits_as_the_series_of_its_echoes_and_its_bare_base_as_fresnel_says():
-    first, second = (ReflectanceTable((0.0, 90.0), ((each, each),)) for each in (0.02, 0.3))
+    first, second = (ReflectanceTable((0.0, 90.0), ((share, share),)) for share in (0.02, 0.3))
     budget = follow(window(2.0, coatings=coatings(first, second)), beam(), EVERYTHING)
     assert landed(budget, Cause.SEQUENTIAL) == pytest.approx(0.98 * 0.7, rel=1e-12)
     assert landed(budget) == pytest.approx(0.98 * 0.7 / (1 - 0.02 * 0.3), rel=1e-12)
@@ -170,6 +170,6 @@ def test_rays_with_an_index_each_go_as_if_the_lens_had_it():
     for index in (1.45, 1.55):
         given, medium = with_own(rays, Medium(INDEX), np.full(12, index))
         alone = follow(PartBody(LENS, GRID, Media(Medium(index))), rays, EVERYTHING)
-        own = follow(PartBody(LENS, GRID, Media(medium)), given, EVERYTHING)
+        traced = follow(PartBody(LENS, GRID, Media(medium)), given, EVERYTHING)
         for name in ("points", "directions", "flux"):
-            np.testing.assert_array_equal(getattr(own.escaped(), name), getattr(alone.escaped(), name))
+            np.testing.assert_array_equal(getattr(traced.escaped(), name), getattr(alone.escaped(), name))

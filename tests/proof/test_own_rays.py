@@ -101,10 +101,10 @@ def test_the_design_draws_the_same_light(name: str) -> None:
     """First and second moments of position and direction, within the noise of independent rays."""
     spec = spec_of(SOURCES[name])
     source = source_of(spec)
-    own = independent_rays(spec, source, COUNT, 1)
+    proof_rays = independent_rays(spec, source, COUNT, 1)
     design = source.sample(2**16, 2)
-    assert own.flux.sum() == pytest.approx(source.flux_w, rel=1e-12)
-    columns, wanted = (np.column_stack([rays.origins, rays.directions]) for rays in (own, design))
+    assert proof_rays.flux.sum() == pytest.approx(source.flux_w, rel=1e-12)
+    columns, wanted = (np.column_stack([rays.origins, rays.directions]) for rays in (proof_rays, design))
     for k in range(6):
         for m in range(k, 6):
             assert near(columns[:, k] * columns[:, m], float(np.mean(wanted[:, k] * wanted[:, m]))), (k, m)
@@ -147,9 +147,9 @@ TRUE_SAMPLE = SquareEmitter.sample
 def test_a_broken_sampler_is_many_standard_errors_off(broken: type) -> None:
     emitter = SquareEmitter(2.0, 3.0)
     spec = spec_of(SOURCES["square"])
-    own = independent_rays(spec, emitter, RAYS, 1)
-    assert emission_difference(own, emitter.sample(RAYS, 2)) < MOST_APART
-    assert emission_difference(own, broken.sample(emitter, RAYS, 2)) > 3.0 * MOST_APART
+    proof_rays = independent_rays(spec, emitter, RAYS, 1)
+    assert emission_difference(proof_rays, emitter.sample(RAYS, 2)) < MOST_APART
+    assert emission_difference(proof_rays, broken.sample(emitter, RAYS, 2)) > 3.0 * MOST_APART
 
 
 def test_their_light_is_among_what_every_proof_is_judged_by(small_run: lf.Run) -> None:
@@ -157,22 +157,22 @@ def test_their_light_is_among_what_every_proof_is_judged_by(small_run: lf.Run) -
     proof = small_run.proof
     assert {criterion.key for criterion in proof.criteria} >= OWN
     first = proof.first
-    own = first.own_rays
-    assert own is not None and own.nmse_less_noise is not None
+    own_rays = first.own_rays
+    assert own_rays is not None and own_rays.nmse_less_noise is not None
     second = first.model_copy(update={"name": "wall"})
     limits = {criterion.key: criterion.limit for criterion in proof.criteria}
     assert limits["own_rays_emission"] == MOST_APART
     for factor, sign, passed in ((0.99, 1.0, True), (1.01, 1.0, False), (0.99, -1.0, True), (1.01, -1.0, False)):
-        light = own.efficiency_design.value + sign * factor * limits["own_rays_efficiency"]
+        light = own_rays.efficiency_design.value + sign * factor * limits["own_rays_efficiency"]
         worse = {
-            "efficiency": own.efficiency.model_copy(update={"value": light}),
-            "nmse_less_noise": own.nmse_less_noise.model_copy(update={"value": factor * limits["own_rays_nmse"]}),
+            "efficiency": own_rays.efficiency.model_copy(update={"value": light}),
+            "nmse_less_noise": own_rays.nmse_less_noise.model_copy(update={"value": factor * limits["own_rays_nmse"]}),
         }
-        far = second.model_copy(update={"own_rays": own.model_copy(update=worse)})
-        found = proof.model_copy(
+        far = second.model_copy(update={"own_rays": own_rays.model_copy(update=worse)})
+        altered = proof.model_copy(
             update={"receivers": (first, far), "emission_apart": factor * limits["own_rays_emission"]}
         )
-        judged = {criterion.key: criterion.holds for criterion in found.judge()}
+        judged = {criterion.key: criterion.holds for criterion in altered.judge()}
         assert judged["own_rays_efficiency"] and judged["own_rays_nmse"]
         for name in ("own_rays_emission", "wall: own_rays_efficiency", "wall: own_rays_nmse"):
             assert judged[name] == passed, name
@@ -188,9 +188,13 @@ def test_a_broken_sampler_is_seen_by_these_rays_alone(
     missed = {criterion.key for criterion in proof.criteria if not criterion.holds}
     assert "own_rays_emission" in missed and missed <= OWN
     assert broken is TwiceAsLarge or "own_rays_nmse" in missed
-    own = proof.first.own_rays
-    assert own is not None and own.efficiency.standard_error is not None and own.efficiency.standard_error < 0.005
-    assert sum(own.flux.model_dump().values()) == pytest.approx(1.0, abs=1e-12)
+    own_rays = proof.first.own_rays
+    assert (
+        own_rays is not None
+        and own_rays.efficiency.standard_error is not None
+        and own_rays.efficiency.standard_error < 0.005
+    )
+    assert sum(own_rays.flux.model_dump().values()) == pytest.approx(1.0, abs=1e-12)
 
 
 @pytest.mark.parametrize("power", [0.0, 1.0, 2.5, 300.0])

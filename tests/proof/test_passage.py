@@ -29,14 +29,14 @@ def test_refraction_obeys_snell_and_fresnel(ratio):
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
     face = RefractingFace(np.full(5000, ratio), np.ones(5000), None, np.full(5000, 550.0), True)
-    found = AtFace.of(face, directions, normals, unpolarised(directions))
+    at_face = AtFace.of(face, directions, normals, unpolarised(directions))
     expected, share = snell(directions, normals, ratio)
     passes = share > 0.0
     assert (ratio < 1.0) == passes.all()
-    assert np.array_equal(passes, found.transmittance > 0.0)
-    np.testing.assert_allclose(found.bent[passes], expected[passes], atol=1e-9)
-    np.testing.assert_allclose(found.transmittance, share, atol=1e-8)
-    np.testing.assert_allclose(found.reflectance, 1.0 - share, atol=1e-8)
+    assert np.array_equal(passes, at_face.transmittance > 0.0)
+    np.testing.assert_allclose(at_face.bent[passes], expected[passes], atol=1e-9)
+    np.testing.assert_allclose(at_face.transmittance, share, atol=1e-8)
+    np.testing.assert_allclose(at_face.reflectance, 1.0 - share, atol=1e-8)
 
 
 def test_two_ellipsoids_agree_with_their_closed_forms():

@@ -89,12 +89,12 @@ def test_a_neighbour_meets_what_its_solid_angle_asks_for() -> None:
     ways = np.stack([np.cos(up) * np.cos(beside), np.cos(up) * np.sin(beside), np.sin(up)], axis=1)
     flux = np.sin(up) * np.cos(up) * (half / count) ** 2 / np.pi
     rays = RayBundle(np.zeros_like(ways), ways, flux)
-    found = cast(lens_on({"margin_mm": 0.0}, [[0.0, 0.0], [APART, 0.0]], []), rays, "black")
+    light = cast(lens_on({"margin_mm": 0.0}, [[0.0, 0.0], [APART, 0.0]], []), rays, "black")
     h = APART / OUTER
     factor = (np.arctan(1.0 / np.sqrt(h**2 - 1.0)) - np.sqrt(h**2 - 1.0) / h**2) / np.pi
     through = (1.0 - ((INDEX - 1.0) / (INDEX + 1.0)) ** 2) ** 2
-    assert found.lenses == 2 and found.flux.leaked < 1e-4
-    assert found.neighbours * flux.sum() == pytest.approx(factor * through, rel=5e-3)
+    assert light.lenses == 2 and light.flux.leaked < 1e-4
+    assert light.neighbours * flux.sum() == pytest.approx(factor * through, rel=5e-3)
 
 
 def test_a_plate_of_one_sends_the_light_of_the_lens_on_a_base_of_its_shape() -> None:
@@ -162,8 +162,8 @@ def test_a_point_of_any_lens_is_found_in_its_own_coordinates() -> None:
         )
         seen = plate.from_lit(there + np.array([*place, 0.0]))
         turned = plate.from_lit(ahead + np.array([*plate.places[1], 0.0]))
-        own = plate.to_local(seen, turned)
-        np.testing.assert_allclose(np.concatenate(own), np.concatenate([point, normal]), atol=1e-12)
+        local = plate.to_local(seen, turned)
+        np.testing.assert_allclose(np.concatenate(local), np.concatenate([point, normal]), atol=1e-12)
         assert (plate.nearest(seen)[0] == 1) == (turn == turns[1])
 
 
@@ -189,18 +189,18 @@ def test_the_light_of_all_lamps_is_the_sum_of_each_moved_by_hand() -> None:
         passage = passages[number % 2 == 0]
         points = passage.points @ around + [x, y, 0.0]
         ways = passage.directions @ around
-        own = replace(passage, points=points, directions=ways)
-        landed = own.landed(screen)
+        moved = replace(passage, points=points, directions=ways)
+        landed = moved.landed(screen)
         total += screen.irradiance(landed.landings, np.where(drawn == number, 3.0, 0.0) * landed.flux)
     lamps = replace(lamps, designed=[("light", screen, total)])
-    (found,) = light_of_lamps(lamps, passages[0], rays, Media(Medium(INDEX)), 1)
-    assert (found.lamps, found.rays) == (3, 6000) and found.nmse_vs_sum < 1e-4 < found.noise_floor_nmse
-    assert found.efficiency == pytest.approx(total.sum() * screen.pixel_measure / 3.0, rel=1e-3)
+    (judgement,) = light_of_lamps(lamps, passages[0], rays, Media(Medium(INDEX)), 1)
+    assert (judgement.lamps, judgement.rays) == (3, 6000) and judgement.nmse_vs_sum < 1e-4 < judgement.noise_floor_nmse
+    assert judgement.efficiency == pytest.approx(total.sum() * screen.pixel_measure / 3.0, rel=1e-3)
 
 
 def test_the_faces_of_a_place_are_sorted_by_those_of_its_kind() -> None:
     """Two faces outwards, of a lens at 3 and 5 mm from its origin, and of the other kind at 5 and 3 mm."""
-    tables = [np.tile(1.0 / np.reshape(each, (3, 1, 1)), (1, 9, 9)) for each in ((1.0, 3.0, 5.0), (1.0, 5.0, 3.0))]
+    tables = [np.tile(1.0 / np.reshape(radii, (3, 1, 1)), (1, 9, 9)) for radii in ((1.0, 3.0, 5.0), (1.0, 5.0, 3.0))]
     kinds = tuple(OpticalFaces(("inner", "lower", "upper"), (False, True, True), 3, table) for table in tables)
     plate = replace(plate_of(Lamps.level([(0.0, 0.0), (20.0, 0.0)], (0.0, 40.0))), kinds=(0, 1))
     points = np.array([[0.0, 3.0, 0.1], [20.0, 3.0, 0.1], [0.0, 0.5, 0.8]])
@@ -227,15 +227,15 @@ def test_the_part_makes_the_light_of_an_endless_lattice() -> None:
     passage = send_through(part, Grid(part.mesh), rays, lens.media)
     together = lamps_together(None, (lens, light), rays)
     assert isinstance(together, LampsApart) and together.count == 2
-    (found,) = light_of_lamps(together, passage, rays, lens.media, 1)
-    assert found.nmse_vs_sum < 1.5 * found.noise_floor_nmse
-    assert found.efficiency == pytest.approx(light.efficiency.value, abs=0.01)
+    (judgement,) = light_of_lamps(together, passage, rays, lens.media, 1)
+    assert judgement.nmse_vs_sum < 1.5 * judgement.noise_floor_nmse
+    assert judgement.efficiency == pytest.approx(light.efficiency.value, abs=0.01)
     one = replace(together, numbers=0 * together.numbers)
-    assert light_of_lamps(one, passage, rays, lens.media, 1)[0].nmse_vs_sum > 5.0 * found.nmse_vs_sum
+    assert light_of_lamps(one, passage, rays, lens.media, 1)[0].nmse_vs_sum > 5.0 * judgement.nmse_vs_sum
     given = {"rays": rays, "media": lens.media, "screens": screens_of(spec), "lamps": stands_of(spec.all_lamps)}
     stray = trace_stray(stl, **given)
     assert stray.efficiency_sequential == pytest.approx(light.efficiency.value, abs=0.01)
     assert stray.flux.outside_direct == stray.flux.outside_stray == 0.0 < stray.flux.detected_stray
     off = np.sum((stray.first.sequential - light.map) ** 2) / np.sum(light.map**2)
-    assert off < 1.5 * found.noise_floor_nmse
+    assert off < 1.5 * judgement.noise_floor_nmse
     assert stray_facts(stray, lens.own_lamps_words)[0].note == "of all lamps of the endless lattice"

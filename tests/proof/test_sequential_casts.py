@@ -66,8 +66,8 @@ PART = part_mesh_of(lens_mesh(INNER.radius, OUTER.radius, 36, (16.0, 2.0)))
 def cast_of(step_bytes):
     mesh = send_through(PART, Grid(PART.mesh), RAYS, Media(Medium(INDEX)))
     expected = Expected(SCREEN, np.ones((8, 8)), HITS, WEIGHTS)
-    (found,) = judge_brep(cast_step(step_bytes, RAYS, Media(Medium(INDEX)))(), RAYS, [expected], mesh)
-    return found
+    (cast,) = judge_brep(cast_step(step_bytes, RAYS, Media(Medium(INDEX)))(), RAYS, [expected], mesh)
+    return cast
 
 
 def test_a_step_is_held_against_the_way_in_the_mesh(lens_step):
@@ -79,8 +79,8 @@ def test_a_step_is_held_against_the_way_in_the_mesh(lens_step):
     other[first, 1] = way[second, 0] = way[third, 1] = -1
     expected = Expected(SCREEN, np.ones((8, 8)), HITS, WEIGHTS, met=way)
     step = cast_step(lens_step, RAYS, Media(Medium(INDEX)))()
-    ((found, _),) = judge_brep(step, RAYS, [expected], replace(mesh, met=other))
-    assert (found.against_design.fates, found.against_mesh.fates) == (2, 1)
+    ((cast, _),) = judge_brep(step, RAYS, [expected], replace(mesh, met=other))
+    assert (cast.against_design.fates, cast.against_mesh.fates) == (2, 1)
 
 
 def failed(cast):
@@ -105,27 +105,27 @@ def caster(request, lens_step):
 
 
 @pytest.mark.parametrize(
-    "own", first_by_day(1, [None, np.linspace(0.0, 0.1, len(RAYS))]), ids=["one for all", "of each ray"]
+    "absorption", first_by_day(1, [None, np.linspace(0.0, 0.1, len(RAYS))]), ids=["one for all", "of each ray"]
 )
-def test_rays_lose_by_their_paths_in_the_body_what_the_law_says(caster, own):
+def test_rays_lose_by_their_paths_in_the_body_what_the_law_says(caster, absorption):
     send, precision = caster
     entered = RAYS.origins + INNER.far_hit(RAYS.origins, RAYS.directions)[:, None] * RAYS.directions
     once = snell(RAYS.directions, INNER.normal(entered), 1.0 / INDEX)[1]
     rays = RAYS
     body = Medium(INDEX, 0.05)
-    if own is not None:
-        rays, body = with_own(RAYS, body, absorptions=own)
+    if absorption is not None:
+        rays, body = with_own(RAYS, body, absorptions=absorption)
     clear = send(RAYS, Media(Medium(INDEX)))
-    found = send(rays, Media(body))
+    passage = send(rays, Media(body))
     left = clear.fates == CastFate.LANDED
-    lost = -np.expm1(-(0.05 if own is None else own) * np.linalg.norm(clear.points - entered, axis=1))
-    np.testing.assert_allclose(found.flux[left], (clear.flux * (1.0 - lost))[left], rtol=precision)
+    lost = -np.expm1(-(0.05 if absorption is None else absorption) * np.linalg.norm(clear.points - entered, axis=1))
+    np.testing.assert_allclose(passage.flux[left], (clear.flux * (1.0 - lost))[left], rtol=precision)
     absorbed = (RAYS.flux * once * lost)[left]
     rough = max(1e-4, 10.0 * precision)
-    np.testing.assert_allclose(found.absorbed[left], absorbed, rtol=rough, atol=rough * absorbed.max())
-    assert not clear.absorbed.any() and not found.absorbed[found.fates == CastFate.BASE].any()
-    assert flux_budget(RAYS, found.landed(SCREEN), SCREEN).absorbed == pytest.approx(
-        found.absorbed.sum() / RAYS.flux.sum(), rel=1e-12
+    np.testing.assert_allclose(passage.absorbed[left], absorbed, rtol=rough, atol=rough * absorbed.max())
+    assert not clear.absorbed.any() and not passage.absorbed[passage.fates == CastFate.BASE].any()
+    assert flux_budget(RAYS, passage.landed(SCREEN), SCREEN).absorbed == pytest.approx(
+        passage.absorbed.sum() / RAYS.flux.sum(), rel=1e-12
     )
 
 
@@ -134,12 +134,12 @@ def test_gel_and_water_bend_the_rays_as_their_indices_say(caster):
     send, precision = caster
     ends = RAYS.origins + OUTER.far_hit(RAYS.origins, RAYS.directions)[:, None] * RAYS.directions
     directions, once = snell(RAYS.directions, OUTER.normal(ends), INDEX / 1.333)
-    found = send(RAYS, Media(Medium(INDEX), cavity_index=INDEX, outside_index=1.333))
-    left = found.fates == CastFate.LANDED
+    passage = send(RAYS, Media(Medium(INDEX), cavity_index=INDEX, outside_index=1.333))
+    left = passage.fates == CastFate.LANDED
     assert left.sum() > 250
-    np.testing.assert_allclose(found.points[left], ends[left], atol=20.0 * precision)
-    np.testing.assert_allclose(found.directions[left], directions[left], atol=5.0 * precision)
-    np.testing.assert_allclose(found.flux[left], (RAYS.flux * once)[left], rtol=precision)
+    np.testing.assert_allclose(passage.points[left], ends[left], atol=20.0 * precision)
+    np.testing.assert_allclose(passage.directions[left], directions[left], atol=5.0 * precision)
+    np.testing.assert_allclose(passage.flux[left], (RAYS.flux * once)[left], rtol=precision)
 
 
 def test_coated_faces_let_pass_what_they_do_not_reflect(caster):
@@ -147,30 +147,30 @@ def test_coated_faces_let_pass_what_they_do_not_reflect(caster):
     send, precision = caster
     rounding = 2e-6 if precision > 1e-4 else 1e-12  # Mitsuba's normals are of single precision
     inner = ReflectanceTable((0.0, 90.0), ((0.1, 0.1), (0.3, 0.3)), (400.0, 600.0))
-    outer, of_glass = (ReflectanceTable((0.0, 90.0), ((each, each),)) for each in (0.05, 0.2))
+    outer, of_glass = (ReflectanceTable((0.0, 90.0), ((share, share),)) for share in (0.05, 0.2))
     glass = CoverGlass(1.5, 2.0, 30.0, coating=of_glass)
     bare = Media(Medium(INDEX), cover_glass=CoverGlass(1.5, 2.0, 30.0))
     media = replace(bare, coatings=coatings(inner, outer), cover_glass=glass)
     waves = np.random.default_rng(1).uniform(400.0, 600.0, len(RAYS))
     rays = RAYS.with_wavelengths(waves)
     at_lens = rays.flux * (0.9 - 0.2 * (waves - 400.0) / 200.0) * 0.95
-    found = send(rays, media)
+    passage = send(rays, media)
     was = send(rays, bare)
-    np.testing.assert_array_equal(found.fates, was.fates)
-    np.testing.assert_array_equal(found.points, was.points)
-    left = found.fates == CastFate.LANDED
-    np.testing.assert_allclose(found.flux[left], (at_lens * 0.8**2)[left], rtol=rounding)
-    np.testing.assert_allclose(found.in_glass[left], (at_lens * (1.0 - 0.8**2))[left], rtol=rounding)
+    np.testing.assert_array_equal(passage.fates, was.fates)
+    np.testing.assert_array_equal(passage.points, was.points)
+    left = passage.fates == CastFate.LANDED
+    np.testing.assert_allclose(passage.flux[left], (at_lens * 0.8**2)[left], rtol=rounding)
+    np.testing.assert_allclose(passage.in_glass[left], (at_lens * (1.0 - 0.8**2))[left], rtol=rounding)
 
 
 def test_rays_with_an_index_each_go_as_if_the_lens_had_it(caster):
     send, _ = caster
-    own = np.where(np.arange(len(RAYS)) % 2, 1.45, 1.55)
-    rays, body = with_own(RAYS, Medium(INDEX), own)
+    indices = np.where(np.arange(len(RAYS)) % 2, 1.45, 1.55)
+    rays, body = with_own(RAYS, Medium(INDEX), indices)
     mixed = send(rays, Media(body))
     for index in (1.45, 1.55):
         alone = send(RAYS, Media(Medium(index)))
-        rows = own == index
+        rows = indices == index
         for name in ("points", "directions", "flux"):
             np.testing.assert_array_equal(getattr(mixed, name)[rows], getattr(alone, name)[rows])
 
@@ -210,8 +210,8 @@ def test_a_step_whose_faces_another_program_has_split_casts_the_same(tmp_path, l
     split = StepBody(written(one.union(other, clean=False), tmp_path / "split.step"))
     np.testing.assert_allclose(split.size().volume_mm3, whole.size().volume_mm3, rtol=1e-7)
     np.testing.assert_allclose(split.size().bounds_mm, whole.size().bounds_mm, rtol=0.0, atol=1e-5)
-    found, wanted = (send_through_body(body, RAYS, Media(Medium(INDEX))) for body in (split, whole))
-    np.testing.assert_array_equal(found.fates, wanted.fates)
+    passage, wanted = (send_through_body(body, RAYS, Media(Medium(INDEX))) for body in (split, whole))
+    np.testing.assert_array_equal(passage.fates, wanted.fates)
 
 
 WRONG = {

@@ -31,20 +31,20 @@ def test_a_black_base_takes_light_that_a_polished_one_lets_go():
 
 
 def test_a_cut_off_that_leaves_too_much_out_fails():
-    found = run(limits=Limits(cut_off=0.1))
-    (missed,) = [criterion for criterion in found.criteria if not criterion.holds]
+    proof = run(limits=Limits(cut_off=0.1))
+    (missed,) = [criterion for criterion in proof.criteria if not criterion.holds]
     assert missed.key == "stray_too_dim"
     assert "lens.absorption_per_mm" in missed.remedy and "--base black" in missed.remedy
 
 
 def test_the_budget_must_close_on_every_receiver():
-    found = run(screens=[SCREEN, Screen.square(90.0, 200.0, PIXELS, 0.0)], names=("far", "near"))
-    assert all(criterion.holds for criterion in found.judge())
+    proof = run(screens=[SCREEN, Screen.square(90.0, 200.0, PIXELS, 0.0)], names=("far", "near"))
+    assert all(criterion.holds for criterion in proof.judge())
     for number in (0, 1):
         for error, passed in ((0.99 * BALANCE, True), (1.01 * BALANCE, False)):
-            receivers = list(found.receivers)
+            receivers = list(proof.receivers)
             receivers[number] = receivers[number].model_copy(update={"balance_error": error})
-            balance, *_ = found.changed(receivers=tuple(receivers)).judge()
+            balance, *_ = proof.changed(receivers=tuple(receivers)).judge()
             assert (balance.key, balance.holds) == ("stray_balance", passed)
 
 

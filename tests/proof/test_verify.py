@@ -90,18 +90,18 @@ def test_rays_of_a_lens_that_scatters_are_compared_one_by_one_where_it_is_polish
     media = Media(Medium(INDEX), scatter=(FaceScatter("outer", model),))
     file = FilesOfPart(right().export(file_type="stl"))
     seen = with_facets(RAYS, 1)
-    plain, found, wrong = (
-        verify_part(file, each, Referees(20)).first
-        for each in (
+    plain, rough, wrong = (
+        verify_part(file, design, Referees(20)).first
+        for design in (
             LightOfDesign(RAYS, Media(Medium(INDEX)), [light]),
             LightOfDesign(seen, media, [light], [light]),
             LightOfDesign(seen, media, [light]),
         )
     )
-    assert found.against_design == plain.against_design and wrong.against_design.rms > 10.0
-    assert found.flux != plain.flux and found.nmse_same_rays > 100.0 * plain.nmse_same_rays
+    assert rough.against_design == plain.against_design and wrong.against_design.rms > 10.0
+    assert rough.flux != plain.flux and rough.nmse_same_rays > 100.0 * plain.nmse_same_rays
     more = 1.0 + 0.01 * spread_rad / 1e-4
-    assert found.deviation_limit_mm == pytest.approx(more * plain.deviation_limit_mm, rel=1e-12)
+    assert rough.deviation_limit_mm == pytest.approx(more * plain.deviation_limit_mm, rel=1e-12)
 
 
 def test_own_rays_meet_the_rough_faces_of_a_part_by_facets_of_their_own():
@@ -112,15 +112,17 @@ def test_own_rays_meet_the_rough_faces_of_a_part_by_facets_of_their_own():
     part = read_part_mesh(mesh, USUAL_LENS)
     many = send_through(part, Grid(part.mesh), with_facets(lambertian(40_000, 2.0, seed=5), 1), media).landed(screen)
     seen = with_facets(RAYS, 1)
-    own = IndependentLight(lambertian(20_000, 2.0, seed=6), ((Metric(value=0.9, standard_error=0.001), 0.0),), 7)
-    design = Expected(screen, screen.irradiance(many.landings, many.flux), HITS, WEIGHTS)
-    found, polished = (
-        verify_part(
-            FilesOfPart(mesh), LightOfDesign(seen, each, [design], [design], independent=own), Referees(20)
-        ).first
-        for each in (media, media.polished)
+    independent = IndependentLight(
+        lambertian(20_000, 2.0, seed=6), ((Metric(value=0.9, standard_error=0.001), 0.0),), 7
     )
-    off = found.own_rays.nmse_less_noise
+    design = Expected(screen, screen.irradiance(many.landings, many.flux), HITS, WEIGHTS)
+    frosted, polished = (
+        verify_part(
+            FilesOfPart(mesh), LightOfDesign(seen, finish, [design], [design], independent=independent), Referees(20)
+        ).first
+        for finish in (media, media.polished)
+    )
+    off = frosted.own_rays.nmse_less_noise
     assert abs(off.value) < 0.002 + 4.0 * off.standard_error, "the noise of the design's rays"
     assert polished.own_rays.nmse_less_noise.value > 0.3
 
@@ -191,12 +193,14 @@ def test_gaps_of_directions_are_mm_at_one_metre(verify):
     both = (abs(here).max(axis=1) < chart / 2) & (abs(there).max(axis=1) < chart / 2)
     gaps = 1000.0 * np.linalg.norm(here - there, axis=1)[both]
     light = far.irradiance(here, flux)
-    found = verify(right(48, outer=wrong), plain_rays=1, screen=far, landings=here, irradiance=light).first
-    assert found.against_design.rms == pytest.approx(np.sqrt(np.mean(gaps**2)), rel=0.02)
-    assert found.against_design.p99 == pytest.approx(np.quantile(gaps, 0.99), rel=0.05)
-    assert found.against_design.max == pytest.approx(gaps.max(), rel=0.1)
-    assert found.deviation_limit_mm == pytest.approx(0.1) and 0.05 < found.against_design.rms < 0.1
-    cast = BrepCast(rays=1024, seconds=1.0, against_design=found.against_design, against_mesh=found.against_design)
+    judgement = verify(right(48, outer=wrong), plain_rays=1, screen=far, landings=here, irradiance=light).first
+    assert judgement.against_design.rms == pytest.approx(np.sqrt(np.mean(gaps**2)), rel=0.02)
+    assert judgement.against_design.p99 == pytest.approx(np.quantile(gaps, 0.99), rel=0.05)
+    assert judgement.against_design.max == pytest.approx(gaps.max(), rel=0.1)
+    assert judgement.deviation_limit_mm == pytest.approx(0.1) and 0.05 < judgement.against_design.rms < 0.1
+    cast = BrepCast(
+        rays=1024, seconds=1.0, against_design=judgement.against_design, against_mesh=judgement.against_design
+    )
     limits = {criterion.key: (criterion.limit, criterion.holds) for criterion in brep_criteria(cast, 1000.0)}
     assert limits["brep_deviation_rms"] == (pytest.approx(0.05), False), "half of the mesh's"
 
