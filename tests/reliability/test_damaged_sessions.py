@@ -72,7 +72,7 @@ def damage(whole: Path, place: Path, chance: Random) -> Path:
 def read(place: Path) -> None:
     """All that a page reads: every record, the verdict, and the rows of all results."""
     results = Stored.read(place).results()
-    assert results.verdict.row() and all(each.row() for each in results.found.values())
+    assert results.verdict.row() and all(result.row() for result in results.found.values())
     existing(place).trusted()
 
 

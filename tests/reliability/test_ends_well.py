@@ -66,12 +66,12 @@ STREAMS: list[tuple[str, int, list[str]]] = [
 
 
 @FULL
-@pytest.mark.parametrize(("line", "code", "said"), first_by_day(2, STREAMS, "a process each"))
+@pytest.mark.parametrize(("line", "code", "messages"), first_by_day(2, STREAMS, "a process each"))
 def test_a_stream_that_fails_costs_one_line_at_most(
-    line: str, code: int, said: list[str], ray_file: Path, tmp_path: Path
+    line: str, code: int, messages: list[str], ray_file: Path, tmp_path: Path
 ) -> None:
     done = shell(line, tmp_path)
-    assert (done.returncode, done.stderr.splitlines()) == (code, said)
+    assert (done.returncode, done.stderr.splitlines()) == (code, messages)
     if "--to" in line:
         assert (tmp_path / "led.csv").read_text(encoding="utf-8").count("\n") > 20_000, "the work is done"
 
@@ -89,7 +89,7 @@ def test_a_stage_whose_reader_has_left_does_all_its_work(small_run: lf.Run, tmp_
 def unusable(tmp_path: Path) -> dict[str, Path]:
     (tmp_path / "file").write_text("in the way", encoding="utf-8")
     (tmp_path / "folder").mkdir()
-    found = {
+    paths = {
         "a file in the way": tmp_path / "file" / "page.html",
         "a folder": tmp_path / "folder",
         "a NUL": tmp_path / "a\0b",
@@ -100,8 +100,8 @@ def unusable(tmp_path: Path) -> dict[str, Path]:
     }
     if os.geteuid() != 0:  # who may write anywhere
         (tmp_path / "read-only").mkdir(mode=0o500)
-        found["read-only"] = tmp_path / "read-only" / "new" / "page.html"
-    return found
+        paths["read-only"] = tmp_path / "read-only" / "new" / "page.html"
+    return paths
 
 
 def test_a_place_that_cannot_be_written_is_said_before_the_work(tmp_path: Path) -> None:
@@ -137,11 +137,11 @@ PAGES: list[tuple[str, bytes, bool]] = [
 ]
 
 
-@pytest.mark.parametrize(("content", "own"), [page[1:] for page in PAGES], ids=[page[0] for page in PAGES])
-def test_only_own_pages_are_overwritten(content: bytes, own: bool, tmp_path: Path) -> None:
+@pytest.mark.parametrize(("content", "ours"), [page[1:] for page in PAGES], ids=[page[0] for page in PAGES])
+def test_only_own_pages_are_overwritten(content: bytes, ours: bool, tmp_path: Path) -> None:
     path = tmp_path / "report.html"
     path.write_bytes(content)
-    if own:
+    if ours:
         write_page("new", path)
         assert path.read_text() == "new"
         return
@@ -184,10 +184,10 @@ def test_a_bug_is_one_line_wherever_its_details_go(usable: bool, tmp_path: Path)
 
 
 @pytest.mark.parametrize(
-    ("error", "said"), [(EOFError("ends"), "internal error: EOFError: ends"), (KeyboardInterrupt(), "interrupted")]
+    ("error", "message"), [(EOFError("ends"), "internal error: EOFError: ends"), (KeyboardInterrupt(), "interrupted")]
 )
 def test_the_end_of_a_file_is_no_interrupt(
-    error: BaseException, said: str, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+    error: BaseException, message: str, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
     def end(**_: object) -> None:
         raise error
@@ -195,7 +195,7 @@ def test_the_end_of_a_file_is_no_interrupt(
     monkeypatch.setattr(cli.cli.commands["examples"], "callback", end)
     with pytest.raises(SystemExit):
         cli.main(arguments=["examples"])
-    assert capfd.readouterr().err.startswith(f"lensforge: {said}")
+    assert capfd.readouterr().err.startswith(f"lensforge: {message}")
 
 
 COMMANDS = (
@@ -221,7 +221,7 @@ def test_a_full_disk_is_one_line_and_old_files_stay(command: str, small_run: lf.
         check=False,
     )
     *progress, line = done.stderr.splitlines()
-    assert [each for each in progress if name != "sensitivity" or not each.startswith("sensitivity  ")] == []
+    assert [row for row in progress if name != "sensitivity" or not row.startswith("sensitivity  ")] == []
     assert done.returncode == 2 and ("File too large" in line or "full disk" in line), line
     assert {path.name: path.read_bytes() for path in folder.iterdir()} == before
     assert not list(temporary.iterdir())

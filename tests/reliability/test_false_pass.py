@@ -248,9 +248,9 @@ def test_the_next_command_takes_over_no_result_but_its_own(folder: Path) -> None
     light = lf.load(folder).light
     better = light.model_copy(update={"rays": light.rays + 1})
     better.write(folder)
-    found = RunFolder(folder)
-    found.write(found.run.check)
-    assert found.run.verdict.light == "undecided"
+    run_folder = RunFolder(folder)
+    run_folder.write(run_folder.run.check)
+    assert run_folder.run.verdict.light == "undecided"
     assert "whose hash run.json states" in refusal(write_report, folder)
     assert "evaluate" in RunFolder(folder).run.outdated and "verify" in RunFolder(folder).run.outdated
     RunFolder(folder).write(light)
@@ -258,12 +258,12 @@ def test_the_next_command_takes_over_no_result_but_its_own(folder: Path) -> None
 
 
 def test_a_command_killed_before_run_json_is_mended_by_running_it_again(folder: Path) -> None:
-    found = lf.load(folder)
-    sensitivity = found.found["sensitivity"]
+    results = lf.load(folder)
+    sensitivity = results.found["sensitivity"]
     sensitivity.model_copy(update={"rays": 1}).write(folder)
     assert refusal(write_report, folder).endswith("run `lensforge sensitivity` again")
     RunFolder(folder).write(sensitivity)
-    assert lf.load(folder) == found
+    assert lf.load(folder) == results
 
 
 def test_folders_travel_and_may_lack_run_json(folder: Path, tmp_path: Path) -> None:

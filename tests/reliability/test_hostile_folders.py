@@ -46,7 +46,7 @@ def new(path: Path) -> Path:
 
 
 def swap(path: Path, chance: Chance) -> None:
-    others = sorted(each for each in path.parent.iterdir() if each.is_file() and not each.is_symlink())
+    others = sorted(file for file in path.parent.iterdir() if file.is_file() and not file.is_symlink())
     other = chance.choice(others)
     content = other.read_bytes() if other.stat().st_size < 2**26 else b""
     new(path).write_bytes(content)
@@ -96,9 +96,9 @@ def gone(path: Path, chance: Chance) -> None:
 def forge(path: Path, chance: Chance) -> None:
     """One figure changed, and the checksum with it."""
     records = [
-        each
-        for each in sorted(path.parent.glob("*.json"))
-        if not each.is_symlink() and each.is_file() and each.stat().st_size < 2**22
+        file
+        for file in sorted(path.parent.glob("*.json"))
+        if not file.is_symlink() and file.is_file() and file.stat().st_size < 2**22
     ]
     if not records:
         return

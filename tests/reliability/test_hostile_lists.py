@@ -56,12 +56,12 @@ def varied(content: bytes, chance: random.Random) -> bytes:
         return changed(content, chance)
     for _ in range(chance.randint(1, 3)):
         places = list(_NUMBER.finditer(content))
-        found = chance.choice(places) if places else None
-        if found is None:
+        match = chance.choice(places) if places else None
+        if match is None:
             break
-        near = str(round(float(found[0].replace(b",", b".")) * chance.uniform(0.8, 1.2))).encode()
+        near = str(round(float(match[0].replace(b",", b".")) * chance.uniform(0.8, 1.2))).encode()
         other = near if chance.random() < 0.6 else chance.choice(_OTHERS)
-        content = content[: found.start()] + other + content[found.end() :]
+        content = content[: match.start()] + other + content[match.end() :]
     return content
 
 
@@ -73,8 +73,8 @@ _TABLES = (
 )
 
 
-def leds_of(given: str, own: lf.SquareSource | lf.RayfileSource) -> None:
-    leds = read_sources([given], own)
+def leds_of(given: str, source: lf.SquareSource | lf.RayfileSource) -> None:
+    leds = read_sources([given], source)
     assert leds and all(isinstance(led.source, lf.RayfileSource) and led.source.file.is_file() for led in leds)
     require_told_apart(leds)
 
@@ -83,11 +83,11 @@ def test_a_changed_table_of_leds_is_read_or_refused_in_one_line(tmp_path: Path) 
     for name in ("l0.ray", "l1.ray"):
         (tmp_path / name).write_bytes(b"")
     path = tmp_path / "leds.csv"
-    own = lf.SquareSource(side_mm=1.0, flux_lm=90.0), lf.RayfileSource(file=tmp_path / "l0.ray", flux_w=0.5)
+    sources = lf.SquareSource(side_mm=1.0, flux_lm=90.0), lf.RayfileSource(file=tmp_path / "l0.ray", flux_w=0.5)
     used = 0
     for number in range(scaled(_CASES, by_day=_BY_DAY)):
         path.write_bytes(varied(_TABLES[number % 4], random.Random(f"leds {number}")))
-        used += require_line(partial(leds_of, str(path), own[number % 2]), f"leds {number}")
+        used += require_line(partial(leds_of, str(path), sources[number % 2]), f"leds {number}")
     assert used > 0
 
 
@@ -104,10 +104,10 @@ def test_any_pattern_of_leds_is_read_or_refused_in_one_line(tmp_path: Path, monk
     if os.name == "posix":
         (tmp_path / "a" / "loop").symlink_to(tmp_path)
     monkeypatch.chdir(tmp_path)
-    own = lf.SquareSource(side_mm=1.0)
+    source = lf.SquareSource(side_mm=1.0)
     for number in range(scaled(_CASES, by_day=100)):
         chance = random.Random(f"pattern {number}")
         pattern = "".join(chance.choices(_PIECES, k=chance.randint(1, 8)))
         if pattern.startswith("/") or ".." in pattern:
             continue  # other folders, of any size
-        require_line(partial(leds_of, pattern, own), f"pattern {number}: {pattern!r:.60}")
+        require_line(partial(leds_of, pattern, source), f"pattern {number}: {pattern!r:.60}")

@@ -73,10 +73,10 @@ def changed(content: bytes, chance: random.Random) -> bytes:
     for _ in range(chance.randint(1, 4)):
         kind = chance.randrange(6)
         pattern = (_NUMBER, _REFERENCE, _REFERENCE, _ENTITY, _LIST, _NUMBER)[kind]
-        found = list(pattern.finditer(content, content.find(b"DATA;")))
-        if not found:
+        matches = list(pattern.finditer(content, content.find(b"DATA;")))
+        if not matches:
             continue
-        one, other = chance.choice(found), chance.choice(found)
+        one, other = chance.choice(matches), chance.choice(matches)
         new = (
             chance.choice(_NUMBERS),
             other[0],

@@ -48,8 +48,8 @@ def test_a_conversion_never_replaces_the_file_itself(tmp_path):
     before = file.read_bytes()
     (tmp_path / "link.csv").symlink_to(file)
     for name in ("led.csv", "link.csv"):
-        found = CliRunner().invoke(cli, ["rays", str(file), "--to", str(tmp_path / name), "--format", "csv"])
-        assert isinstance(found.exception, InputError) and "is the input file" in str(found.exception)
+        result = CliRunner().invoke(cli, ["rays", str(file), "--to", str(tmp_path / name), "--format", "csv"])
+        assert isinstance(result.exception, InputError) and "is the input file" in str(result.exception)
     assert file.read_bytes() == before
 
 

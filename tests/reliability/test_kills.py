@@ -13,9 +13,9 @@ def test_killed_commands_end_in_the_same_bits(commands: tuple[tuple[str, ...], .
     (one, seconds), (two, _) = (uninterrupted(tmp_path / name, commands) for name in ("one", "two"))
     assert one.failures == two.failures == differences(two.files(), one.files(), two.files()) == []
     for seed in range(1, 9):
-        found = killed(tmp_path / f"killed-{seed}", seed, commands, seconds, most=3, of_one=8)
-        assert found.failures + differences(found.files(), one.files(), two.files()) == []
-        if found.kills:
+        outcome = killed(tmp_path / f"killed-{seed}", seed, commands, seconds, most=3, of_one=8)
+        assert outcome.failures + differences(outcome.files(), one.files(), two.files()) == []
+        if outcome.kills:
             return
     pytest.fail("no kill came before the command had ended")
 
@@ -36,9 +36,9 @@ def test_what_differs_is_seen() -> None:
     assert seen(a=json.dumps(record | {"nmse": 0.5}).encode()) == ["other bits: a.json"]
     assert seen(b=b"00") == ["other bits: b.npz"]
     assert seen(c=b"<p>1.0 s</p>\n<p>0.5</p>") == seen(c=pages[0] + b"\n") == ["other bits: c.html"]
-    one, two = (b"<p>on 2026-11-23 20:07 UTC, 1.5 s</p>\n<i>%d</i>" % each for each in (0, 9))
-    found = b"<p>on 2026-11-23 20:08 UTC, 1.7 s (stages can run side by side)</p>\n<i>1</i>"
-    assert differences({"c.html": found}, {"c.html": one}, {"c.html": two}) == []
+    one, two = (b"<p>on 2026-11-23 20:07 UTC, 1.5 s</p>\n<i>%d</i>" % digit for digit in (0, 9))
+    page = b"<p>on 2026-11-23 20:08 UTC, 1.7 s (stages can run side by side)</p>\n<i>1</i>"
+    assert differences({"c.html": page}, {"c.html": one}, {"c.html": two}) == []
     assert differences({"c.dxf": b"1"}, {"c.dxf": b"0"}, {"c.dxf": b"1"}) == ["other bits: c.dxf"], "each time another"
     assert seen(left=b"") == ["left over: .lensforge-writing-x"]
     assert differences({}, {"b.npz": b"01"}, {"b.npz": b"01"}) == ["missing: b.npz"]

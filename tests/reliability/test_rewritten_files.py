@@ -64,11 +64,11 @@ def test_files_written_again_pass_with_a_note(folder: Path) -> None:
     rewritten_stl(folder, lambda mesh: mesh)
     with pytest.raises(lf.InputError, match=r"lens\.step: not the file .* or `lensforge verify`"):
         lf.load(folder)
-    code, printed, said = verified(folder)
-    assert code == 0, said
+    code, printed, errors = verified(folder)
+    assert code == 0, errors
     assert printed.startswith("CAD files: pass\n")
     for name in ("lens.step", "lens.stl"):
-        assert NOTE.format(name) in said
+        assert NOTE.format(name) in errors
     run = lf.load(folder)
     assert run.verdict.files == "pass" and run.proof.altered_files == ("lens.step", "lens.stl")
     assert NOTE.format("lens.step") in str(run.proof)
@@ -121,9 +121,9 @@ def test_a_3mf_that_was_packed_again_passes_with_a_note_and_a_damaged_one_is_ref
         for name in packed.namelist():
             target.writestr(name, packed.read(name))
     path.write_bytes(again.getvalue())
-    code, printed, said = verified(folder)
-    assert code == 0 and printed.startswith("CAD files: pass\n"), said
-    assert "lens.3mf is not the file that was exported: judged by its geometry" in said
+    code, printed, errors = verified(folder)
+    assert code == 0 and printed.startswith("CAD files: pass\n"), errors
+    assert "lens.3mf is not the file that was exported: judged by its geometry" in errors
     path.write_bytes(again.getvalue()[:-100])
-    code, _, said = verified(folder)
-    assert code == 2 and "lens.3mf: not readable as 3MF" in said
+    code, _, errors = verified(folder)
+    assert code == 2 and "lens.3mf: not readable as 3MF" in errors
