@@ -23,8 +23,8 @@ TURNED = {**WALL, "targets": tuple({**target, "rotation_deg": 45.0} for target i
 def whole_page_results():
     """Two receivers, all tracers, stray light, yield, measurements, another condition."""
     lens = small_lens(wanted={"receivers": (TURNED, SKY)})
-    found = whole_results(lens=lens, **{"yield": make_yield(lens)}).found
-    return Results(lens, found, {}, {"evaluate_64rays": make_light(lens, conditions=Conditions.of(rays=64))})
+    results = whole_results(lens=lens, **{"yield": make_yield(lens)}).found
+    return Results(lens, results, {}, {"evaluate_64rays": make_light(lens, conditions=Conditions.of(rays=64))})
 
 
 class DrawnPage(NamedTuple):
@@ -37,15 +37,15 @@ class DrawnPage(NamedTuple):
 
 def draw_page(results):
     """The page on ``results`` without three-dimensional views."""
-    found, draw = {}, page.to_svg
+    by_name, draw = {}, page.to_svg
 
     def drawn(figure, name, title):
-        found[name] = faults(figure)
+        by_name[name] = faults(figure)
         return draw(figure, name, title)
 
     with without_views(), pytest.MonkeyPatch.context() as patch:
         patch.setattr(page, "to_svg", drawn)
-        return DrawnPage(render_report(results), receiver_pictures(results), found)
+        return DrawnPage(render_report(results), receiver_pictures(results), by_name)
 
 
 _TOUCH = 1.0  # pixel: boxes of texts have a margin
@@ -55,7 +55,7 @@ def _boxes(figure):
     """Visible texts with their boxes in pixels, after the layout."""
     figure.draw_without_rendering()
     renderer = figure._get_renderer()
-    texts = [each for each in figure.findobj(Text) if each.get_visible() and each.get_text().strip()]
+    texts = [text for text in figure.findobj(Text) if text.get_visible() and text.get_text().strip()]
     hidden = set(_undrawn(figure))
     return [(text.get_text(), text.get_window_extent(renderer)) for text in texts if text not in hidden]
 
@@ -78,15 +78,15 @@ def _undrawn(figure):
 
 def faults(figure):
     """Texts that are cut off, and pairs of texts that collide."""
-    found, width, height = _boxes(figure), *(figure.get_size_inches() * figure.dpi)
+    boxes, width, height = _boxes(figure), *(figure.get_size_inches() * figure.dpi)
     cut = [
         text
-        for text, box in found
+        for text, box in boxes
         if min(box.x0, box.y0) < -_TOUCH or box.x1 > width + _TOUCH or box.y1 > height + _TOUCH
     ]
     return cut + [
         (one, other)
-        for (one, first), (other, second) in combinations(found, 2)
+        for (one, first), (other, second) in combinations(boxes, 2)
         if min(first.x1, second.x1) - max(first.x0, second.x0) > _TOUCH
         and min(first.y1, second.y1) - max(first.y0, second.y0) > _TOUCH
     ]

@@ -37,7 +37,7 @@ def _value(annotation, name):
     if origin is dict:
         return {}
     if origin is tuple:
-        return () if inner[-1] is Ellipsis else tuple(_value(each, f"{name}{k}") for k, each in enumerate(inner))
+        return () if inner[-1] is Ellipsis else tuple(_value(element, f"{name}{k}") for k, element in enumerate(inner))
     return filled(annotation)
 
 
@@ -52,15 +52,15 @@ def told_apart(record):
 
 def _changed(value, numbers):
     if isinstance(value, Record):
-        fields = {name: each for name, each in values_of(value).items() if name not in _KEPT}
-        return value.model_copy(update={name: _changed(each, numbers) for name, each in fields.items()})
+        fields = {name: item for name, item in values_of(value).items() if name not in _KEPT}
+        return value.model_copy(update={name: _changed(item, numbers) for name, item in fields.items()})
     if isinstance(value, Fact):
         numbers_of = {name: _changed(getattr(value, name), numbers) for name in ("value", "limit", "tolerance")}
         return replace(value, **numbers_of).judged()
     if isinstance(value, dict):
-        return {key: _changed(each, numbers) for key, each in value.items()}
+        return {key: _changed(item, numbers) for key, item in value.items()}
     if isinstance(value, tuple):
-        return tuple(_changed(each, numbers) for each in value)
+        return tuple(_changed(item, numbers) for item in value)
     if isinstance(value, bool) or not isinstance(value, int | float) or value == 0:
         return value
     part = 0.8 + 0.2 * (next(numbers) * 0.6180339887498949 % 1.0)  # the golden ratio: no two alike

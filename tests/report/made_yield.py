@@ -26,7 +26,7 @@ def make_yield(lens):
     """A study of ``lens``: NMSE and flux in the target of 40 parts, 38 of which pass."""
     rng = np.random.default_rng(3)
     factors = factors_of(lens.spec.part_tolerances)
-    names = [name for each in factors for name in _columns(each)]
+    names = [name for factor in factors for name in _columns(factor)]
     drawn = rng.uniform(-1.0, 1.0, (PARTS, len(names)))
     nmse, share = np.linspace(0.02, 0.1025, PARTS), np.linspace(0.82, 0.78, PARTS)
     metrics = {"nmse": nmse, "share_in_target": share}
@@ -41,7 +41,7 @@ def make_yield(lens):
         rays=512,
         seed=0,
         preset=lens.spec.tolerances.preset,
-        tolerances=tuple(_amount(each) for each in factors),
+        tolerances=tuple(_amount(factor) for factor in factors),
         bounds=bounds,
         pass_rate=_wilson(int((nmse <= 0.0985).sum()), PARTS),
         metrics={name: _spread(values) for name, values in metrics.items()},
@@ -89,8 +89,8 @@ def _spread(values):
     """Ray noise has a tenth of the variance."""
     scatter = float(values.std(ddof=1))
     spread = np.sqrt(0.9) * scatter
-    own = values.mean() + (values - values.mean()) * np.sqrt(0.9)
-    p5, p50, p95 = np.percentile(own, [5, 50, 95]).tolist()
+    scaled = values.mean() + (values - values.mean()) * np.sqrt(0.9)
+    p5, p50, p95 = np.percentile(scaled, [5, 50, 95]).tolist()
     mean = Metric(value=float(values.mean()), standard_error=scatter / PARTS**0.5)
     return MetricSpread(
         unit="", designed=Metric(value=float(values[0])), p5=p5, p50=p50, p95=p95, mean=mean, spread=float(spread),
@@ -101,8 +101,8 @@ def _spread(values):
 def _variance(factors):
     shares = [0.5, 0.25, *(0.001 for _ in factors[2:])]
     causes = tuple(
-        CauseShare(tolerance=each.name, words=each.words, share=share, standard_error=0.0625)
-        for each, share in zip(factors, shares, strict=True)
+        CauseShare(tolerance=factor.name, words=factor.words, share=share, standard_error=0.0625)
+        for factor, share in zip(factors, shares, strict=True)
     )
     return Variance(causes=causes, interactions=Metric(value=1.0 - sum(shares), standard_error=0.125))
 
@@ -110,13 +110,13 @@ def _variance(factors):
 def _budget(factors):
     """The first may be as large as 1.5 times, the second is unlimited; of the first 40 parts 95 % pass."""
     rows = []
-    for number, each in enumerate(factors):
+    for number, factor in enumerate(factors):
         scales = (1.5, 1.25, 1.75) if number != 1 else (None, None, None)
-        at_most, low, high = (None if scale is None else scale * each.amount for scale in scales)
+        at_most, low, high = (None if scale is None else scale * factor.amount for scale in scales)
         rows.append(
             BudgetRow(
-                tolerance=each.name, words=each.words, unit=each.unit, specified=each.amount, at_most=at_most,
-                low=low, high=high, searched_to=16.0 * each.amount, unlimited=number == 1,
+                tolerance=factor.name, words=factor.words, unit=factor.unit, specified=factor.amount, at_most=at_most,
+                low=low, high=high, searched_to=16.0 * factor.amount, unlimited=number == 1,
             )
         )  # fmt: skip
     together = BudgetRow(

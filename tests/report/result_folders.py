@@ -83,16 +83,16 @@ def criterion(name, value, limit, sense="<="):
 def make_results(stages=STAGES, lens=None, outdated=None, **records):
     """The results of ``stages`` for ``lens``; ``records``: others by their stem, or changes of one as a dict."""
     lens = lens or small_lens()
-    found = {}
+    results = {}
     for stem in dict.fromkeys((*stages, *records)):
         given = records.get(stem, {})
-        found[stem] = MAKERS[stem](lens, **given) if isinstance(given, dict) else given
+        results[stem] = MAKERS[stem](lens, **given) if isinstance(given, dict) else given
     for stem in ("verify", "stray", "compare"):
-        if stem in found:
-            made_from = {name: found[name].sha256 for name in ("export", "evaluate") if name in found}
+        if stem in results:
+            made_from = {name: results[name].sha256 for name in ("export", "evaluate") if name in results}
             inputs = dict.fromkeys(("export", "evaluate"), "0" * 64) | {"lens": lens.sha256} | made_from
-            found[stem] = found[stem].model_copy(update={"inputs": inputs})
-    return Results(lens, found, outdated or {})
+            results[stem] = results[stem].model_copy(update={"inputs": inputs})
+    return Results(lens, results, outdated or {})
 
 
 def make_folder(folder, stages=STAGES, lens=None, **records):
@@ -102,10 +102,10 @@ def make_folder(folder, stages=STAGES, lens=None, **records):
     results.lens.save(folder / "lens.json")
     for stem, result in results.found.items():
         made = result.judgements_on(results.lens)  # a folder with others is refused
-        own = {field: tuple(judgements) for field, judgements in made.items()}
+        fields = {field: tuple(judgements) for field, judgements in made.items()}
         if isinstance(result, Check | Proof):
-            own = {field: tuple(made) for field, made in result.judgements().items()}
-        result.model_copy(update=own).write(folder, stem)
+            fields = {field: tuple(made) for field, made in result.judgements().items()}
+        result.model_copy(update=fields).write(folder, stem)
     return folder
 
 
@@ -146,7 +146,7 @@ def face_maps():
         "kappa_max": 0.2 + 0.1 * points[..., 1],
         "residual_mm": np.maximum(0.0, points[..., 0] - 0.5),
     }
-    maps = {name: np.where(outside, np.nan, each) for name, each in values.items()}
+    maps = {name: np.where(outside, np.nan, value) for name, value in values.items()}
     return {"xyz": 5.0 * chart.to_sphere(points), **maps}
 
 

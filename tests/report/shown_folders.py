@@ -57,14 +57,14 @@ def lens_of(wanted=None, lumens_per_watt=None, **sections):
 def _folder(stages, lens, more=None, **records):
     """Results of ``stages`` and ``more`` with numbers told apart."""
     made = make_results(stages, lens, **records)
-    found = {stem: told_apart(result) for stem, result in {**made.found, **(more or {})}.items()}
-    return replace(made, found=found, seconds=123.4)
+    results = {stem: told_apart(result) for stem, result in {**made.found, **(more or {})}.items()}
+    return replace(made, found=results, seconds=123.4)
 
 
 def _metrics(nmse, efficiency, uniformity=None):
-    each = (Metric(value=value, standard_error=error) for value, error in (nmse, efficiency))
+    metrics = (Metric(value=value, standard_error=error) for value, error in (nmse, efficiency))
     even = None if uniformity is None else Metric(value=uniformity[0], standard_error=uniformity[1])
-    return LightMetrics(**dict(zip(("nmse", "efficiency"), each, strict=True)), uniformity=even, rsd=even)
+    return LightMetrics(**dict(zip(("nmse", "efficiency"), metrics, strict=True)), uniformity=even, rsd=even)
 
 
 def make_sensitivity(**changes):
@@ -116,7 +116,7 @@ def limits_missed():
         {**named, "name": "HV", "unit": "w_per_m2", "at_least": 60.0},
         {**named, "name": "off", "unit": "w_per_m2", "at_most": 90.0},
     ]
-    found = tuple(
+    limit_facts = tuple(
         Fact("limit", name, value, "W/m²", 0.5, sense, bound, note="light", place="light").judged(0.5)
         for name, sense, bound, value in (("HV", ">=", 60.0, 41.0), ("off", "<=", 90.0, 71.5))
     )
@@ -129,7 +129,7 @@ def limits_missed():
         check={"criteria": (unknown,), "verdicts": (wall,)},
         evaluate={"nmse": Metric(value=0.3, standard_error=0.001)},
     )
-    light = told_apart(results.light).model_copy(update={"limits": found})  # bounds are those of the spec
+    light = told_apart(results.light).model_copy(update={"limits": limit_facts})  # bounds are those of the spec
     return replace(results, found={**results.found, "evaluate": light, "design": told_apart(results.design)})
 
 
@@ -176,8 +176,8 @@ def moulded():
     )
     check = results.check
     findings = check_findings(lens.spec, check.faces, check.min_wall_mm, check.relief, check.tools)
-    found = {**results.found, "check": check.model_copy(update={"verdicts": findings})}
-    return replace(results, found=found)
+    records = {**results.found, "check": check.model_copy(update={"verdicts": findings})}
+    return replace(results, found=records)
 
 
 def far_field():
@@ -204,7 +204,7 @@ def other_conditions():
         *(make(lens).model_copy(update=other) for make in addon_rows("OF_FACES").values()),
         *(make_results((stem,), lens).found[stem].model_copy(update=other) for stem in ("stray", "photometry")),
     )
-    others = {f"{each.stage}_{each.conditions.name}": told_apart(each) for each in made}
+    others = {f"{result.stage}_{result.conditions.name}": told_apart(result) for result in made}
     return replace(_folder(("evaluate",), lens), others=others)
 
 

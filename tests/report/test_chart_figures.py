@@ -30,10 +30,10 @@ def test_the_far_field_is_labelled_in_degrees_where_they_lie():
     axes, bar = light_figures.irradiance_map(np.ones((8, 8)), SKY, 1.0, unit=light_unit(None, far_field=True)).axes
     assert (axes.get_xlabel(), axes.get_ylabel(), bar.get_ylabel()) == ("x (°)", "y (°)", "intensity (W/sr)")
     for axis in (axes.xaxis, axes.yaxis):
-        found = ticks(axis)
-        assert list(found) == ["−60", "−45", "−30", "−15", "0", "15", "30", "45", "60"]
-        assert found["30"] == pytest.approx(2.0 * np.sin(np.radians(15.0)))
-        assert found["60"] == pytest.approx(1.0)
+        labels = ticks(axis)
+        assert list(labels) == ["−60", "−45", "−30", "−15", "0", "15", "30", "45", "60"]
+        assert labels["30"] == pytest.approx(2.0 * np.sin(np.radians(15.0)))
+        assert labels["60"] == pytest.approx(1.0)
     circles = [patch.radius for patch in axes.patches if isinstance(patch, Circle)]
     assert circles == pytest.approx([2.0 * np.sin(np.radians(0.5 * angle)) for angle in (15, 30, 45, 60)])
     assert axes.get_xlim() == axes.get_ylim() == (-1.0, 1.0)
@@ -67,10 +67,10 @@ def test_the_third_line_goes_where_the_target_is_brightest_or_to_the_largest_ang
 )
 def test_labels_are_round_angles_on_the_chart(half_angle, last):
     side = 4.0 * np.sin(np.radians(0.5 * half_angle))
-    found = ticks(plot_map(np.ones((4, 4)), Chart(side, side, far_field=True)).xaxis)
-    assert list(found)[-1] == last
-    assert len(found) <= 13
-    assert max(found.values()) <= 0.5 * side * (1.0 + 1e-9)
+    labels = ticks(plot_map(np.ones((4, 4)), Chart(side, side, far_field=True)).xaxis)
+    assert list(labels)[-1] == last
+    assert len(labels) <= 13
+    assert max(labels.values()) <= 0.5 * side * (1.0 + 1e-9)
 
 
 def test_a_rectangle_keeps_its_shape():

@@ -16,10 +16,10 @@ NAMES = ("cap", "side", "wall", "exit")
 
 def four(**changes: object) -> Check:
     """The check of a body of four faces."""
-    found = make_check(small_lens())
-    fields = {name: getattr(found, name) for name in Check.model_fields}
+    check = make_check(small_lens())
+    fields = {name: getattr(check, name) for name in Check.model_fields}
     another = {"lens": "0" * 64}  # which has these faces
-    return Check(**{**fields, "inputs": another, **dict.fromkeys(NAMES, found.faces["outer"]), **changes})
+    return Check(**{**fields, "inputs": another, **dict.fromkeys(NAMES, check.faces["outer"]), **changes})
 
 
 def test_a_body_of_four_faces_has_an_entry_for_each(tmp_path) -> None:

@@ -24,9 +24,9 @@ def rings(side: int = 40) -> np.ndarray:
 
 
 def beam(light: np.ndarray) -> BeamColour:
-    found = BeamColour.of(np.repeat(light[:, None], 16, axis=1), 0.5)
-    assert found is not None
-    return found
+    colour = BeamColour.of(np.repeat(light[:, None], 16, axis=1), 0.5)
+    assert colour is not None
+    return colour
 
 
 def test_the_light_has_its_colours_and_the_map_their_distances() -> None:

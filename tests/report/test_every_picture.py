@@ -47,7 +47,7 @@ def page_results():
     face = make_check(lens).faces["inner"]
     twice = {name: 2.0 * values for name, values in face_maps().items()}
     study = make_yield(lens).model_copy(update={"worst_maps": random_image(13)[None]})
-    found = {
+    fields = {
         "evaluate": {"map": random_image(1), "target_map": random_image(2), "raw_map": random_image(3)},
         "verify": {**verified(), "design_irradiance": random_image(4), "irradiance": random_image(5)},
         "stray": {"sequential": random_image(6), "direct": random_image(7), "stray": random_image(8)},
@@ -56,7 +56,7 @@ def page_results():
         "yield": study,
     }
     other = make_light(lens, conditions=Conditions.of(rays=64), map=random_image(14))
-    return replace(whole_results(lens=lens, **found), others={"evaluate_64rays": other})
+    return replace(whole_results(lens=lens, **fields), others={"evaluate_64rays": other})
 
 
 @dataclass(frozen=True)
@@ -156,7 +156,7 @@ def steps_of(quantity):
 def margins(drawn):
     values = [list(line.get_ydata()) for line in drawn.axes.lines]
     for level in drawn.of.design.history:
-        assert all(list(each) in values for each in level.constraints.values())
+        assert all(list(row) in values for row in level.constraints.values())
 
 
 def gaps(drawn):
@@ -190,10 +190,10 @@ def parts(drawn):
 def causes(drawn):
     """Bars in per cent from 0, and bars of errors from a standard error below to one above, the first cause on top."""
     variance = list(drawn.of.found["yield"].variance.values())[drawn.index]
-    shown = [(100.0 * each.share, 100.0 * each.standard_error) for each in variance.certain]
+    shown = [(100.0 * cause.share, 100.0 * cause.standard_error) for cause in variance.certain]
     shown.append((100.0 * variance.interactions.value, 100.0 * variance.interactions.standard_error))
     assert len(shown) == 3 and bars(drawn) == [(0.0, pytest.approx(value)) for value, _ in shown]
-    (errors,) = [each for each in drawn.axes.collections if hasattr(each, "get_segments")]
+    (errors,) = [collection for collection in drawn.axes.collections if hasattr(collection, "get_segments")]
     ends = [(segment[0, 0], segment[1, 0]) for segment in errors.get_segments()]
     assert ends == [pytest.approx((value - error, value + error)) for value, error in shown]
     assert drawn.axes.yaxis_inverted() and drawn.axes.get_yticklabels()[0].get_text() == variance.certain[0].words
@@ -245,7 +245,7 @@ def drawn_figures(results):
 @pytest.fixture(scope="module")
 def drawn():
     results = page_results()
-    found = {}
+    pictures = {}
     for name, figure in drawn_figures(results).items():
         plain, index = number_of(name) if name not in READERS else (name, 0)
         counted = re.fullmatch(COUNTED, name if name not in READERS else "")
@@ -253,8 +253,8 @@ def drawn():
             plain, index = counted[1] or counted[3], int(counted[2] or counted[4])
         elif re.fullmatch(r"(photo-)?line\d-2", name):
             plain = "line"
-        found[name] = plain, Drawn(figure, results, index)
-    return found
+        pictures[name] = plain, Drawn(figure, results, index)
+    return pictures
 
 
 def test_every_picture_has_a_reader(drawn):
@@ -264,10 +264,10 @@ def test_every_picture_has_a_reader(drawn):
 
 @pytest.mark.parametrize("name", READERS)
 def test_pictures_show_what_the_records_hold(drawn, name):
-    of_name = [each for plain, each in drawn.values() if plain == name]
+    of_name = [drawing for plain, drawing in drawn.values() if plain == name]
     assert of_name
-    for each in of_name:
-        READERS[name](each)
+    for picture in of_name:
+        READERS[name](picture)
 
 
 def test_the_lens_as_an_eye_sees_it_has_its_brightest_spot_in_the_circle():

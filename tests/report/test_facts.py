@@ -48,7 +48,7 @@ def test_the_value_of_every_fact_is_one_of_its_record(name):
     spec += [] if results.spec.lens.density is None else [results.spec.lens.density.g_per_cm3]
     for result in (*results.found.values(), *results.others.values()):
         known = [*numbers_of(result), *spec]
-        known += [factor * each for each in known for factor in (100.0, 1e3, efficacy)]
+        known += [factor * number for number in known for factor in (100.0, 1e3, efficacy)]
         if result.stage == "yield":
             known += [100.0 * float(bound.kept_by(result.column(bound.metric)).mean()) for bound in result.bounds]
         for group in results.facts(result):
@@ -56,7 +56,7 @@ def test_the_value_of_every_fact_is_one_of_its_record(name):
                 limit = None if fact.key == "share_in_target" else fact.limit  # a part of what is possible
                 for value in (fact.value, fact.standard_error, limit):
                     if isinstance(value, int | float):
-                        assert any(value == pytest.approx(each, rel=1e-12) for each in known), (group.title, fact)
+                        assert any(value == pytest.approx(number, rel=1e-12) for number in known), (group.title, fact)
 
 
 # Key of a fact, its label, its unit, and the number of the record.
@@ -116,11 +116,11 @@ def test_the_size_of_one_of_several_lenses_is_called_that(changes, words):
 @pytest.fixture(scope="module")
 def told():
     results = folder_of("every stage")
-    facts = [fact for each in results.found.values() for group in results.facts(each) for fact in group.facts]
+    facts = [fact for record in results.found.values() for group in results.facts(record) for fact in group.facts]
     return results, facts
 
 
-@pytest.mark.parametrize(("key", "label", "unit", "value"), TOLD, ids=[each[0] for each in TOLD])
+@pytest.mark.parametrize(("key", "label", "unit", "value"), TOLD, ids=[row[0] for row in TOLD])
 def test_a_fact_has_the_number_that_its_label_names(told, key, label, unit, value):
     results, facts = told
     fact = next(fact for fact in facts if fact.key == key)
@@ -139,8 +139,8 @@ def test_values_are_judged_in_one_place(value, error, state):
 
 
 def test_a_failure_outweighs_a_doubt():
-    found = [worst(states) for states in (("pass", "undecided"), ("undecided", "fail"), ())]
-    assert found == ["undecided", "fail", "pass"]
+    outcomes = [worst(states) for states in (("pass", "undecided"), ("undecided", "fail"), ())]
+    assert outcomes == ["undecided", "fail", "pass"]
 
 
 def test_a_mean_square_below_nothing_is_at_most_its_error_and_a_change_is_what_it_is() -> None:
@@ -181,14 +181,16 @@ def test_a_criterion_with_a_standard_error_can_be_undecided(value, error, state)
     judged = [at_most("gap", value, 1.0, "mm", "look again", error=error),
               at_least("gap", -value, -1.0, "mm", "look again", error=error)]  # fmt: skip
     assert [limit.state for limit in judged] == [state] * 2
-    assert [found for found, _ in missed(judged)] == [state] * 2 * (state != "pass")
+    assert [outcome for outcome, _ in missed(judged)] == [state] * 2 * (state != "pass")
     with nullcontext() if state != "fail" else pytest.raises(CriterionMissed, match=r"missed by .* mm; look again"):
         require(judged)
     assert ("too close to tell" in str(judged[0])) == (state == "undecided")
     assert Verdict.of([], list(missed(judged)), []).files == state
     records = TypeAdapter(Criteria)
     stored = records.dump_python(tuple(judged), mode="json")
-    assert [("standard_error" in each, each["passed"]) for each in stored] == [(error is not None, state == "pass")] * 2
+    assert [("standard_error" in record, record["passed"]) for record in stored] == [
+        (error is not None, state == "pass")
+    ] * 2
     assert records.validate_python(stored) == tuple(judged)
 
 

@@ -40,27 +40,27 @@ def test_lines_have_both_lights_over_millimetres() -> None:
 def test_losses_stand_end_to_end_from_the_emitted_flux_to_what_is_kept() -> None:
     bars = light_figures.waterfall([("a", 0.1), ("b", 0.25)], [("c", 0.4), ("d", 0.25)]).axes[0].patches
     assert [(bar.get_x(), bar.get_width()) for bar in bars] == [
-        pytest.approx(each) for each in ((0.0, 1.0), (0.9, 0.1), (0.65, 0.25), (0.0, 0.4), (0.4, 0.25))
+        pytest.approx(extent) for extent in ((0.0, 1.0), (0.9, 0.1), (0.65, 0.25), (0.0, 0.4), (0.4, 0.25))
     ]
 
 
 def lamp():
     """A lens with more light towards C 0 than C 180, and more towards C 90 than all others."""
-    found = make_photometry(small_lens())
-    c, gamma = np.radians(found.c_deg)[:, None], np.radians(found.gamma_deg)
+    photometry = make_photometry(small_lens())
+    c, gamma = np.radians(photometry.c_deg)[:, None], np.radians(photometry.gamma_deg)
     candela = 100.0 * np.cos(gamma) * (1.0 + np.sin(gamma) * (0.3 * np.cos(c) + 0.6 * np.sin(c)))
-    return found.model_copy(update={"candela": candela})
+    return photometry.model_copy(update={"candela": candela})
 
 
 def test_a_polar_diagram_has_each_half_plane_on_its_side() -> None:
     curves = {line.get_label(): line.get_xydata() for line in polar_diagram(lamp()).axes[0].lines}
-    found = []
+    spans = []
     for name, towards in (("C 0", 0.3), ("C 90", 0.6)):
         ((x, y),) = (curve.T for label, curve in curves.items() if label.startswith(name))
         gamma, light = np.arctan2(x, -y), np.hypot(x, y)
         assert light == pytest.approx(100.0 * np.cos(gamma) * (1.0 + towards * np.sin(gamma)), abs=0.5)
-        found.append(np.ptp(gamma))
-    assert min(found) > 3.0, "both half-planes"
+        spans.append(np.ptp(gamma))
+    assert min(spans) > 3.0, "both half-planes"
 
 
 def test_lux_on_the_ground_are_those_of_all_lenses_at_the_height_of_the_pole() -> None:
@@ -68,7 +68,7 @@ def test_lux_on_the_ground_are_those_of_all_lenses_at_the_height_of_the_pole() -
     by_height, relative = (ground_diagram(lamp(), 90.0, 24, height).axes[0] for height in (8.0, None))
     words = [line.get_label() for line in by_height.lines if line.get_label().endswith("lx")]
     top = 24.0 * 100.0 / 64.0
-    assert [float(each.split()[0]) for each in words] == pytest.approx(
+    assert [float(text.split()[0]) for text in words] == pytest.approx(
         [share * top for share in (0.01, 0.05, 0.2, 0.5)], rel=0.15
     )
     assert any("of the maximum" in line.get_label() for line in relative.lines)
@@ -115,7 +115,7 @@ def test_maps_of_a_face_have_x_to_the_right_and_lengths_as_they_can_be_read() ->
     for angle in (30.0, 60.0, 90.0):
         radius = np.hypot(*at[f"{angle:.0f}°"])
         assert radius == pytest.approx(np.tan(np.radians(angle) / 2.0))
-        assert [circles[each] for each in circles if each == pytest.approx(radius)] == [(0.0, 0.0)]
+        assert [circles[length] for length in circles if length == pytest.approx(radius)] == [(0.0, 0.0)]
     curved = surface_figures.curvature_map(np.where(values > 0.0, -2.0, -0.1), 1.0)
     assert curved.axes[0].images[0].get_array()[6, 2] == -2.0
     form = surface_figures.form_map(-1.5 * np.sign(values)).axes[0].images[0]

@@ -15,15 +15,15 @@ from lensforge.report.stored import load_results
 
 
 def links(markup):
-    return [each for each in Page(markup).references if not each.startswith(("#", "data:"))]
+    return [reference for reference in Page(markup).references if not reference.startswith(("#", "data:"))]
 
 
 def test_every_file_of_the_folder_has_a_link_and_no_other_is_named(tmp_path):
     make_folder(tmp_path)
     (tmp_path / "a strange & name #1.csv").write_text("1", encoding="utf-8")
     (tmp_path / "report.html").write_text("the page before", encoding="utf-8")
-    found = {unquote(link) for link in links(undrawn_page_of(load_results(tmp_path), tmp_path))}
-    assert found == {path.name for path in tmp_path.iterdir()} - {"report.html"}
+    names = {unquote(link) for link in links(undrawn_page_of(load_results(tmp_path), tmp_path))}
+    assert names == {path.name for path in tmp_path.iterdir()} - {"report.html"}
     purposes = {row.name: row.purpose for row in folder_files(tmp_path, (), linked=True)}
     assert purposes["lens.step"] == "solid for CAD and CAM" and purposes["lens.json"] == ""
     assert purposes["a strange & name #1.csv"] == "table"

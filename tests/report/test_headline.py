@@ -67,15 +67,15 @@ def test_what_a_moulder_would_ask_stands_at_the_top_and_on_the_screen(ratio, gat
     line = PartingLine(places=("outer",), radius_mm=5.0, low_mm=2.0, high_mm=2.0)
     ball = InscribedBall(diameter_mm=ratio * results.check.min_wall_mm, centre_mm=(0.0, 0.0, 1.0))
     mould = Mould(faces={}, parting=line, thickest=ball, gate=gate, cooling_s=None)
-    found = {**results.found, "check": results.check.model_copy(update={"mould": mould})}
+    records = {**results.found, "check": results.check.model_copy(update={"mould": mould})}
     of_mould = {"Parting line", "Gate", "Thickest place", "Max/min thickness", "Cooling time"}
     for labels in (
-        [fact.label for fact in required_facts(replace(results, found=found))],
-        [label for label, _ in _manufacture(replace(results, found=found))],
+        [fact.label for fact in required_facts(replace(results, found=records))],
+        [label for label, _ in _manufacture(replace(results, found=records))],
     ):
         assert [label for label in labels if label in of_mould] == told
     look = f"; look at: {', '.join(told).lower()}" if told else ""
-    assert _title("cutting", "pass", _of_mould(replace(results, found=found))) == f"Manufacture: pass{look}"
+    assert _title("cutting", "pass", _of_mould(replace(results, found=records))) == f"Manufacture: pass{look}"
 
 
 def test_of_a_moulded_lens_the_worst_face_stands_at_the_top():
@@ -153,6 +153,6 @@ def test_cutting_that_fails_says_whether_it_counts(required, words):
     results = make_results(check={"verdicts": verdicts})
     shop = results.spec.manufacture.model_copy(update={"required": required})
     spec = results.spec.model_copy(update={"manufacture": shop})
-    found = headline(replace(results, lens=replace(results.lens, spec=spec)))
-    assert found.sentence.startswith(words)
-    assert found.shown == ("fail" if required else "open")
+    summary = headline(replace(results, lens=replace(results.lens, spec=spec)))
+    assert summary.sentence.startswith(words)
+    assert summary.shown == ("fail" if required else "open")

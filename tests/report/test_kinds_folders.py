@@ -38,9 +38,9 @@ def three_kinds() -> Lens:
 
 def test_the_verdict_on_several_parts_is_the_worst_and_names_them() -> None:
     """Their light is the same."""
-    found = PASSES.with_parts({"edge": PASSES, "corner": FAILS})
-    assert (found.light, found.files, found.cutting) == ("pass", "fail", "fail")
-    assert found.reasons.files == ("corner: STEP is not valid",) and found.reasons.light == ()
+    verdict = PASSES.with_parts({"edge": PASSES, "corner": FAILS})
+    assert (verdict.light, verdict.files, verdict.cutting) == ("pass", "fail", "fail")
+    assert verdict.reasons.files == ("corner: STEP is not valid",) and verdict.reasons.light == ()
     assert FAILS.with_parts({}) == FAILS
 
 
@@ -62,8 +62,8 @@ def test_a_kind_counts_by_the_record_of_its_own_lens(tmp_path: Path) -> None:
 def test_the_screen_names_the_kind_that_cannot_be_cut_and_its_folder(tmp_path: Path) -> None:
     """All rows of the first kind, whose check is shown, may hold."""
     lens, verdict = three_kinds(), PASSES.with_parts({"edge": FAILS, "corner": PASSES})
-    found = make_results(("check",), lens)
-    run = SimpleNamespace(folder=tmp_path, lens=lens, spec=lens.spec, find=found.find, facts=found.facts)
+    results = make_results(("check",), lens)
+    run = SimpleNamespace(folder=tmp_path, lens=lens, spec=lens.spec, find=results.find, facts=results.facts)
     rows = dict(_manufacture(SimpleNamespace(**vars(run), verdict=verdict)))
     assert rows["Not met"] == "edge: too tight" and rows["Remedy"] == f"see `lensforge check {tmp_path / 'edge'}`"
     assert not {"Not met", "Remedy"} & set(dict(_manufacture(SimpleNamespace(**vars(run), verdict=PASSES))))
@@ -86,13 +86,13 @@ def test_what_is_nearly_flat_limits_no_tip(radius_mm: float | None, shown: float
 
 def test_each_page_leads_to_those_of_the_other_kinds() -> None:
     lens = three_kinds()
-    first, corner = (kinds(Results(each), linked=True) for each in (lens, lens.of_kind("corner")))
-    assert [(each.name, each.lamps, each.page) for each in first] == [
+    first, corner = (kinds(Results(design), linked=True) for design in (lens, lens.of_kind("corner")))
+    assert [(row.name, row.lamps, row.page) for row in first] == [
         ("middle", 1, None),
         ("edge", 4, "edge/report.html"),
         ("corner", 4, "corner/report.html"),
     ]
-    assert [each.page for each in corner] == ["../report.html", "../edge/report.html", None]
+    assert [row.page for row in corner] == ["../report.html", "../edge/report.html", None]
     assert kinds(Results(replace(lens, others={}, spec=small_spec())), linked=True) == []
 
 

@@ -18,9 +18,9 @@ LENSES = {
 }
 
 
-def require_whole_labels(found, least):
-    assert len(found) > least
-    assert {name: wrong for name, wrong in found.items() if wrong} == {}
+def require_whole_labels(by_picture, least):
+    assert len(by_picture) > least
+    assert {name: wrong for name, wrong in by_picture.items() if wrong} == {}
 
 
 def test_labels_are_whole_and_stand_alone(drawn_page):
@@ -30,8 +30,8 @@ def test_labels_are_whole_and_stand_alone(drawn_page):
 @pytest.mark.nightly("ten seconds each")
 @pytest.mark.parametrize(("wanted", "stages"), LENSES.values(), ids=LENSES)
 def test_labels_of_other_receivers_are_whole(wanted, stages):
-    found = draw_page(make_results(stages, small_lens(**wanted), verify=verified())).faults
-    require_whole_labels(found, 30 if "design" in stages else 20)
+    by_picture = draw_page(make_results(stages, small_lens(**wanted), verify=verified())).faults
+    require_whole_labels(by_picture, 30 if "design" in stages else 20)
 
 
 @pytest.mark.parametrize("height_mm", first_by_day(2, [2.0, 2.5, 3.0, 5.0], "more heights"))

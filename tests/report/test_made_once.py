@@ -44,8 +44,8 @@ def test_a_page_has_the_same_pictures_by_all_results_and_as_they_were_kept(tmp_p
     assert all(drawn.values())
     with kept_in(tmp_path) as folder:
         for _ in range(2):
-            found = _pictures(results)
-            assert {name: found[name] for name in drawn} == drawn
+            pictures = _pictures(results)
+            assert {name: pictures[name] for name in drawn} == drawn
         assert len(list(folder.iterdir())) == len(drawn)
         for number, path in enumerate(folder.iterdir()):
             path.write_bytes(path.read_bytes()[:-100] if number % 2 else b"")
@@ -61,8 +61,8 @@ def test_what_is_made_of_something_else_or_does_not_last_is_made_anew(tmp_path: 
 
     assert [made_once(["a"], make, int) for _ in range(2)] == [1, 2], "a script keeps nothing"
     with kept_in(tmp_path):
-        assert [made_once([each], make, int) for each in ("a", "a", "b", "a")] == [3, 3, 4, 3]
-        assert [made_once(["c"], make, int, lambda found: found > 5) for _ in range(3)] == [5, 6, 6]
+        assert [made_once([key], make, int) for key in ("a", "a", "b", "a")] == [3, 3, 4, 3]
+        assert [made_once(["c"], make, int, lambda number: number > 5) for _ in range(3)] == [5, 6, 6]
     with kept_in(Path("/dev/null")):
         assert [made_once(["a"], make, int) for _ in range(2)] == [7, 8]
 

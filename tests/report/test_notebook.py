@@ -75,10 +75,10 @@ def test_a_result_that_is_printed_fits_on_a_screen(results, tmp_path):
     folder = tmp_path / "own"
     make_folder(folder)
     printed = [*results.found.values(), make_yield(lens), make_photometry(lens), lens, lensforge.load(folder)]
-    assert {type(each) for each in results.found.values()} == set(STAGES)
-    for each in printed:
-        for text in (str(each), repr(each)):
-            assert text.count("\n") < 40 and len(text) < 6000, type(each)
+    assert {type(record) for record in results.found.values()} == set(STAGES)
+    for result in printed:
+        for text in (str(result), repr(result)):
+            assert text.count("\n") < 40 and len(text) < 6000, type(result)
     rows = str(results.find(Design)).splitlines()
     assert rows[0] == "Design" and "  constraints.wall_margin_mm          0.25" in rows
     assert re.search(r"^  exit_w +0\.90000 ± 0\.00010 W$", str(make_photometry(lens)), re.MULTILINE), (

@@ -52,13 +52,13 @@ def test_criteria_of_these_results_count_under_their_names(page):
 
 
 def test_each_tracer_has_its_row_and_its_verdict(results):
-    found = tracer_groups(results.proof)
-    assert [row.note.partition(";")[0] for row in found] == [
+    rows = tracer_groups(results.proof)
+    assert [row.note.partition(";")[0] for row in rows] == [
         "lens.stl", "lens.stl", "lens.step", "lens.stl", "lens.stl",
     ]  # fmt: skip
-    assert found[2].fact("rms").text == "0.0015 mm"
-    assert found[3].title.startswith("Mitsuba 3.9.1") and "within the 0.0085" in found[3].note
-    assert [row.state for row in found] == ["pass"] * 5
+    assert rows[2].fact("rms").text == "0.0015 mm"
+    assert rows[3].title.startswith("Mitsuba 3.9.1") and "within the 0.0085" in rows[3].note
+    assert [row.state for row in rows] == ["pass"] * 5
 
 
 def test_a_tracer_is_judged_by_its_own_receiver(results):

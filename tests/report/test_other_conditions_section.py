@@ -37,8 +37,12 @@ def dim_light(lens=None, **changes):
 
 def test_light_under_other_conditions_stands_beside_the_own():
     results = with_others(dim_light())
-    own, other = other_lights(results)
-    assert (own.title, own.fact("efficiency").text, own.state) == ("nominal", "85.000 ± 0.020\u2009%", "pass")
+    nominal, other = other_lights(results)
+    assert (nominal.title, nominal.fact("efficiency").text, nominal.state) == (
+        "nominal",
+        "85.000 ± 0.020\u2009%",
+        "pass",
+    )
     assert (other.title, other.fact("source").text) == ("cold_64rays", "ray file cold.ray")
     assert other.fact("rays").text == "64"
     assert (other.fact("efficiency").text, other.state) == ("0\u2009%", "fail")
@@ -52,9 +56,9 @@ def test_light_under_other_conditions_stands_beside_the_own():
 
 def test_light_of_several_leds_under_other_conditions_has_a_row_and_a_picture_of_each():
     near, dim = make_light(small_lens()), dim_light(conditions=None)
-    own = type(near).joined({"near": near, "far": dim})
-    other = own.changed(conditions=Conditions.of(rays=64), others=(dim.changed(led="far", rays=77),))
-    results = Results(with_leds(small_lens(), "near", "far"), {"evaluate": own}, {}, {"evaluate_64rays": other})
+    light = type(near).joined({"near": near, "far": dim})
+    other = light.changed(conditions=Conditions.of(rays=64), others=(dim.changed(led="far", rays=77),))
+    results = Results(with_leds(small_lens(), "near", "far"), {"evaluate": light}, {}, {"evaluate_64rays": other})
     rows = other_lights(results)
     assert [(row.title, row.fact("efficiency").text, row.fact("rays").text, row.state) for row in rows] == [
         ("nominal, near", "85.000 ± 0.020\u2009%", "65\u2009536", "pass"),
@@ -63,14 +67,14 @@ def test_light_of_several_leds_under_other_conditions_has_a_row_and_a_picture_of
         ("64rays, far", "0\u2009%", "77", "fail"),
     ]  # fmt: skip
     drawn = other_pictures(results)
-    assert [each.title for each in drawn] == ["nominal, near", "nominal, far", "64rays, near", "64rays, far"]
+    assert [picture.title for picture in drawn] == ["nominal, near", "nominal, far", "64rays, near", "64rays, far"]
 
 
 def test_other_light_changes_nothing_above_its_section():
-    own, other = (undrawn_page_of(each) for each in (make_results(), with_others(dim_light())))
+    plain, other = (undrawn_page_of(results) for results in (make_results(), with_others(dim_light())))
     menu = '<a href="#other">Other conditions</a>\n'
     end = other.index('<h2 id="other"')
-    assert menu in other and other[:end].replace(menu, "") == own[: end - len(menu)]
+    assert menu in other and other[:end].replace(menu, "") == plain[: end - len(menu)]
 
 
 def test_other_results_say_their_conditions_and_misses():

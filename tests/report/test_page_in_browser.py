@@ -78,29 +78,29 @@ def test_every_picture_is_seen_without_scrolling_sideways(markup, tmp_path, widt
     frame = tmp_path / "frame.html"
     frame.write_text(_FRAME.format(sandbox=sandbox, width=width, page=escape(markup)), encoding="utf-8")
     document, _ = browser.run(frame, tmp_path)
-    found = json.loads(browser.title(document))
-    assert found["overall"] <= width
-    assert found["pictures"] == markup.count("<svg") + 3
-    assert found["turns"] == scripts
+    answer = json.loads(browser.title(document))
+    assert answer["overall"] <= width
+    assert answer["pictures"] == markup.count("<svg") + 3
+    assert answer["turns"] == scripts
     hidden = 1 if scripts else 0  # the still picture makes room for the lens that turns
-    assert found["seen"] == found["pictures"] - hidden
+    assert answer["seen"] == answer["pictures"] - hidden
 
 
 def test_the_lens_turns_and_no_script_fails(markup, tmp_path):
     page = tmp_path / "play.html"
     page.write_text(markup.replace("</head>", f"{_PLAY}</head>"), encoding="utf-8")
     document, console = browser.run(page, tmp_path)
-    found = json.loads(browser.title(document))
-    assert found["errors"] == []
+    answer = json.loads(browser.title(document))
+    assert answer["errors"] == []
     assert [line for line in console if "GL Driver Message" not in line] == []
-    assert found["glError"] == 0
-    assert 0.1 < found["first"][0] < 0.9, "the part stands on a transparent ground"
-    assert found["first"][1] > 0.99, "of glass"
-    assert found["first"] != found["turned"]
-    assert found["turned"] == found["hovered"], "it moves only while it is held"
-    assert found["again"] == found["first"]
-    assert found["key"] != found["first"]
-    assert found["cut"][1] < 0.5, "the cut has a colour of its own"
+    assert answer["glError"] == 0
+    assert 0.1 < answer["first"][0] < 0.9, "the part stands on a transparent ground"
+    assert answer["first"][1] > 0.99, "of glass"
+    assert answer["first"] != answer["turned"]
+    assert answer["turned"] == answer["hovered"], "it moves only while it is held"
+    assert answer["again"] == answer["first"]
+    assert answer["key"] != answer["first"]
+    assert answer["cut"][1] < 0.5, "the cut has a colour of its own"
 
 
 def test_on_paper_stands_what_is_read_there(markup, tmp_path):

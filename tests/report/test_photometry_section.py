@@ -72,24 +72,24 @@ def _curves(figure, label):
 
 def test_the_polar_diagram_has_the_stated_beam():
     """Of its curve, directions at half of its length lie the beam angle apart; the longest is the peak."""
-    found = make_photometry(small_lens())
-    line = _curves(polar_diagram(found), "C 0 – C 180")
+    photometry = make_photometry(small_lens())
+    line = _curves(polar_diagram(photometry), "C 0 – C 180")
     x, y = line.get_data()
     radius, angle = np.hypot(x, y), np.rad2deg(np.arctan2(x, -y))
-    assert radius.max() == pytest.approx(found.beam_c0.peak_cd.value)
+    assert radius.max() == pytest.approx(photometry.beam_c0.peak_cd.value)
     lit = angle[radius >= 0.5 * radius.max() - 1e-9]
-    assert lit.max() - lit.min() == pytest.approx(found.beam_c0.beam_angle_deg.value, abs=1e-6)
+    assert lit.max() - lit.min() == pytest.approx(photometry.beam_c0.beam_angle_deg.value, abs=1e-6)
 
 
 @pytest.mark.parametrize(
     ("peak", "rings"), [(168_120.0, (60e3, 120e3, 180e3)), (1.7, (0.6, 1.2, 1.8)), (38.0, (15.0, 30.0, 45.0))]
 )
 def test_the_rings_of_the_polar_diagram_are_round_and_hold_the_curve(peak, rings):
-    found = make_photometry(small_lens())
-    scaled = found.candela * peak / found.candela.max()
-    axes = polar_diagram(found.model_copy(update={"candela": scaled})).axes[0]
+    photometry = make_photometry(small_lens())
+    scaled = photometry.candela * peak / photometry.candela.max()
+    axes = polar_diagram(photometry.model_copy(update={"candela": scaled})).axes[0]
     assert [text.get_text() for text in axes.texts if not text.get_text().endswith("°")] == [
-        number(each, 3) for each in rings
+        number(ring, 3) for ring in rings
     ]
     drawn = [line.get_xdata().max() for line in axes.lines if line.get_color() == GREY and len(line.get_xdata()) > 2]
     assert drawn == pytest.approx(rings)
@@ -140,8 +140,10 @@ def test_isolux_lines_of_a_lamp_lie_where_its_illuminance_is():
 
 def test_isolux_lines_reach_towards_the_street():
     """The file counts C the other way than the lens its azimuth: a street at 90 degrees is at C 270."""
-    found = make_photometry(road_lens())
-    towards = 1.0 + 0.5 * np.cos(np.deg2rad(found.c_deg - 270.0))[:, None]
-    axes = ground_diagram(found.model_copy(update={"candela": found.candela * towards}), 90.0, 24, 8.0).axes[0]
+    photometry = make_photometry(road_lens())
+    towards = 1.0 + 0.5 * np.cos(np.deg2rad(photometry.c_deg - 270.0))[:, None]
+    axes = ground_diagram(photometry.model_copy(update={"candela": photometry.candela * towards}), 90.0, 24, 8.0).axes[
+        0
+    ]
     along, across = axes.collections[2].get_paths()[0].vertices.T
     assert abs(along.mean()) < 0.05 and across.mean() > 0.1

@@ -23,8 +23,8 @@ def test_the_effect_of_each_tolerance_has_its_standard_error():
     study = make_sensitivity(rows=(first, second))
     axes = study.plot(metric="efficiency")
     changes = [row.change.efficiency for row in study.rows]
-    assert [bar.get_width() for bar in axes.patches] == [each.value for each in changes]
-    (errors,) = [each for each in axes.collections if hasattr(each, "get_segments")]
+    assert [bar.get_width() for bar in axes.patches] == [change.value for change in changes]
+    (errors,) = [collection for collection in axes.collections if hasattr(collection, "get_segments")]
     ends = [segment[:, 0].tolist() for segment in errors.get_segments()]
     assert ends == [[e.value - e.standard_error, e.value + e.standard_error] for e in changes]
     assert axes.yaxis_inverted() and axes.get_yticklabels()[0].get_text().startswith(study.rows[0].name)
@@ -59,10 +59,10 @@ def test_stray_light_is_plotted_on_the_receiver_that_is_named():
 
 
 def test_intensities_are_those_of_their_half_planes():
-    found = make_photometry(small_lens())
-    candela = found.candela * (1.0 + np.arange(len(found.c_deg)))[:, None]
-    curves = curves_of(found.model_copy(update={"candela": candela}).plot())
+    photometry = make_photometry(small_lens())
+    candela = photometry.candela * (1.0 + np.arange(len(photometry.c_deg)))[:, None]
+    curves = curves_of(photometry.model_copy(update={"candela": candela}).plot())
     for c_deg in (0.0, 90.0):
         gamma, light = curves[f"C = {c_deg:g}°"]
-        row = int(np.flatnonzero(found.c_deg == c_deg)[0])
-        assert np.array_equal(gamma, found.gamma_deg) and light == pytest.approx(candela[row])
+        row = int(np.flatnonzero(photometry.c_deg == c_deg)[0])
+        assert np.array_equal(gamma, photometry.gamma_deg) and light == pytest.approx(candela[row])

@@ -37,8 +37,8 @@ def page(tmp_path_factory, drawn_page):
 
 @pytest.fixture(scope="module")
 def started():
-    with browser.chromium() as found:
-        yield found
+    with browser.chromium() as chromium:
+        yield chromium
 
 
 def test_the_page_can_be_sent_by_mail(page):
@@ -66,8 +66,8 @@ def test_axe_finds_nothing_against_the_page(started, page, width, scheme):
         window.evaluate(FEWER_ROWS)
         for unfold in ("", UNFOLD):
             window.evaluate(unfold)
-            found = Axe().run(window, DRAWN, {"resultTypes": ["violations"]}).response["violations"]
-            assert {each["id"]: [node["target"] for node in each["nodes"]] for each in found} == {}
+            violations = Axe().run(window, DRAWN, {"resultTypes": ["violations"]}).response["violations"]
+            assert {violation["id"]: [node["target"] for node in violation["nodes"]] for violation in violations} == {}
 
 
 def test_links_lead_to_sections_of_the_folded_page(started, page):

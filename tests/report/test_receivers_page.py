@@ -51,15 +51,15 @@ def pictures(drawn_page):
 def test_every_receiver_has_its_pictures_under_its_name(pictures, markup):
     first, second = pictures
     assert (first.heading, second.heading) == ("wall, centred at (100, 0, 200) mm", "sky, in the far field, to 80°")
-    for each in (first, second):
-        assert [picture.title for picture in each.seen] == [each.heading], (
+    for receiver in (first, second):
+        assert [picture.title for picture in receiver.seen] == [receiver.heading], (
             "of several receivers the light is seen first"
         )
-        assert [picture.title for picture in each.more[0]] == ["Target", "Simulated minus target"]
+        assert [picture.title for picture in receiver.more[0]] == ["Target", "Simulated minus target"]
     with undrawn():
         (only,) = receiver_pictures(make_results(("evaluate",)))
-    assert [each.title for each in only.seen] == ["Target", "Simulated", "Simulated minus target"]
-    assert [len(each.seen) + sum(map(len, each.more)) for each in (first, second)] == [9, 9]
+    assert [picture.title for picture in only.seen] == ["Target", "Simulated", "Simulated minus target"]
+    assert [len(group.seen) + sum(map(len, group.more)) for group in (first, second)] == [9, 9]
     text = Page(markup).text
     assert text.index("wall, centred at") < text.index("sky, in the far field")
     # the first, those of the receivers, photometry, sections, faces, proof, stray light, search, the measured part,
@@ -83,9 +83,9 @@ def test_each_receiver_is_shown_in_its_own_unit(pictures):
 
 
 def test_several_receivers_have_a_row_each_for_every_figure(both):
-    found = {fact.label: fact.text for fact in required_facts(both)}
-    assert found["Pattern error (NMSE), wall"] == "0.01230 ± 0.00040"
-    assert found["Efficiency, sky"] == "85.000 ± 0.020\u2009%"
+    texts = {fact.label: fact.text for fact in required_facts(both)}
+    assert texts["Pattern error (NMSE), wall"] == "0.01230 ± 0.00040"
+    assert texts["Efficiency, sky"] == "85.000 ± 0.020\u2009%"
     alone = required_facts(make_results(("evaluate",)))
     assert alone and not any("," in fact.label for fact in alone)
 
@@ -133,9 +133,9 @@ def test_designs_on_receivers_of_different_kinds_have_no_common_scale():
     designs = [make_results(("evaluate",)), make_results(("evaluate",), far_lens())]
     pictures = ComparedPictures(("near", "far"), designs)
     assert not pictures.one_scale and "the designs differ too much for one scale" in pictures.scale_words
-    assert [each.caption for each in pictures.maps] == ["At 150 mm.", "In the far field, to 80°."]
+    assert [picture.caption for picture in pictures.maps] == ["At 150 mm.", "In the far field, to 80°."]
     curves = ("Along y = 0", "Along x = 0", "Encircled energy")
-    assert [each.title for each in pictures.curves] == [
+    assert [picture.title for picture in pictures.curves] == [
         f"{curve}, {where}" for where in ("at a distance", "in the far field") for curve in curves
     ]
     markup = render_comparison(designs, ["near", "far"])
@@ -148,7 +148,7 @@ def test_far_fields_are_compared_on_one_scale_in_degrees():
     designs = [make_results(("evaluate",), lens) for lens in (narrow, far_lens())]
     pictures = ComparedPictures(("narrow", "wide"), designs)
     assert pictures.one_scale and pictures.scale_words == "All maps have the same colours and the same angles."
-    assert all("position on the line (°)" in each.svg for each in pictures.curves[:2])
+    assert all("position on the line (°)" in picture.svg for picture in pictures.curves[:2])
     with undrawn():
         assert "the same angles" in render_comparison(designs)
 
@@ -157,7 +157,7 @@ def test_far_fields_are_compared_on_one_scale_in_degrees():
 def test_every_receiver_is_compared(both):
     designs = [both, make_results(("evaluate",))]
     pictures = ComparedPictures(("both", "one"), designs)
-    assert [each.title for each in pictures.maps] == ["both, wall", "both, sky", "one"]
+    assert [picture.title for picture in pictures.maps] == ["both, wall", "both, sky", "one"]
     assert pictures.maps[0].caption == "Centred at (100, 0, 200) mm."
     text = Page(render_comparison(designs)).text
     assert "Pattern error (NMSE), sky" in text and "Efficiency, wall" in text

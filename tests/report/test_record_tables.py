@@ -40,8 +40,8 @@ def test_a_table_holds_what_the_json_file_holds_and_no_more(stem):
 
 
 def test_files_under_other_conditions_have_names_of_their_own():
-    own, other = (RESULTS["photometry"].contents(stem) for stem in ("photometry", "photometry_64rays"))
-    assert not set(own) & set(other) and "lens.ies" in own and "lens_64rays.ies" in other
+    nominal, other = (RESULTS["photometry"].contents(stem) for stem in ("photometry", "photometry_64rays"))
+    assert not set(nominal) & set(other) and "lens.ies" in nominal and "lens_64rays.ies" in other
 
 
 def test_a_metric_is_one_row_in_its_own_unit():
@@ -53,7 +53,7 @@ def test_a_metric_is_one_row_in_its_own_unit():
 
 def test_arrays_of_a_spec_are_told_apart_and_not_written_out():
     target = {"distance_mm": 100.0, "receiver_mm": 100.0, "width_mm": 50.0}
-    first, second = (rows(ArrayTarget(values=np.eye(40) + each, **target).model_dump()) for each in (0.0, 1.0))
+    first, second = (rows(ArrayTarget(values=np.eye(40) + offset, **target).model_dump()) for offset in (0.0, 1.0))
     (one,), (other,) = ([row.value for row in table if row.path == "values"] for table in (first, second))
     assert one.startswith("40 × 40 numbers")
     assert len(one) < 60

@@ -63,8 +63,10 @@ def said_by(fact: Fact) -> Iterator[str]:
 
 def known_of(results: Results) -> set[str]:
     """Numbers of the facts of a folder, of its records and its spec, and of sentences that stand in templates."""
-    found = [*results.found.values(), *results.others.values()]
-    groups = [group for each in found for group in results.facts(each, light_section.possible_limits(results.spec))]
+    records = [*results.found.values(), *results.others.values()]
+    groups = [
+        group for record in records for group in results.facts(record, light_section.possible_limits(results.spec))
+    ]
     groups += [*headline.criterion_groups(results), *light_section.other_lights(results)]
     groups += [
         *light_section.other_results(results),
@@ -78,11 +80,11 @@ def known_of(results: Results) -> set[str]:
     texts += results.design.source.warnings if "design" in results.found else ()
     texts += [str(result.conditions) for result in results.others.values()]
     texts += [f"{len(group.facts)} criteria" for group in headline.criterion_groups(results)]
-    for study in (each for each in found if isinstance(each, Yield)):
+    for study in (record for record in records if isinstance(record, Yield)):
         texts += [pass_sentence(study), budget_sentence(study), *texts_of(drawn_rows(study)), *study.notes]
         texts += [worst_phrase(study, worst) for worst in study.worst]
     texts += [template.read_text(encoding="utf-8") for template in TEMPLATES.glob("*.html")]
-    return {each for text in texts for each in numbers_in(text)} | {str(len(results.others)), *map(str, range(40))}
+    return {number for text in texts for number in numbers_in(text)} | {str(len(results.others)), *map(str, range(40))}
 
 
 def unknown(text: str, known: set[str]) -> list[str]:
@@ -135,13 +137,13 @@ def make_tradeoff(lens):
 
 
 def test_every_number_of_the_tradeoff_is_one_of_a_fact(capsys):
-    found = make_tradeoff(lens_of())
-    groups = [row.facts for row in found.rows]
-    known = {each for text in texts_of(groups) for each in numbers_in(text)}
-    print_screen([Block("Error of each preset", list(rows_of(found.facts)))])
+    tradeoff = make_tradeoff(lens_of())
+    groups = [row.facts for row in tradeoff.rows]
+    known = {number for text in texts_of(groups) for number in numbers_in(text)}
+    print_screen([Block("Error of each preset", list(rows_of(tradeoff.facts)))])
     assert unknown(capsys.readouterr().out, known) == []
     with undrawn():
-        page = tradeoff_page(found)
+        page = tradeoff_page(tradeoff)
     tables = re.findall(r"<table.*?</table>", page, flags=re.DOTALL)
     assert len(tables) == 3 and unknown(seen_in("<body>" + " ".join(tables)), known) == []
 
@@ -156,7 +158,7 @@ def test_every_number_of_the_page_for_the_shop_is_one_of_a_fact(name):
         made = shop_files.make_handover(results.part, results.check, results.yield_facts, GridRequest(spacing_mm=1.0))
     _, _, drawn, tolerances, grids, hashes = kept["given"]
     lens, part, check = results.lens, results.part, results.check
-    criteria = [shown(each) for each in (*part.criteria, *check.criteria)]
+    criteria = [shown(criterion) for criterion in (*part.criteria, *check.criteria)]
     groups = [shop_facts(lens, part, check), *face_groups(lens, check), *finding_groups(check)]
     texts = [*texts_of([*groups, table_facts(grids), Group("", "", tuple(criteria))]), *hashes, *drawn.notes]
     texts += [
@@ -169,7 +171,7 @@ def test_every_number_of_the_page_for_the_shop_is_one_of_a_fact(name):
     page = made.html.decode()
     caption = page[page.index("<figcaption>") :].partition("</figcaption>")[0]
     places = {f"{k}." for k in range(1, len(drawn.notes) + 1)}  # of the notes
-    known = {each for text in (*texts, caption, *places) for each in numbers_in(text)}
+    known = {number for text in (*texts, caption, *places) for number in numbers_in(text)}
     assert unknown(seen_in(page), known) == []
 
 

@@ -70,7 +70,7 @@ def test_the_part_is_shown_from_three_sides(tmp_path, monkeypatch):
     pictures = re.findall(r'src="data:image/png;base64,([^"]+)', markup)
     assert len(pictures) == 3
     flat = [np.asarray(Image.open(io.BytesIO(base64.b64decode(picture)))).reshape(-1, 4) for picture in pictures]
-    faces = [Counter(map(tuple, each[each[:, 3] == 255].tolist())).most_common(1)[0][1] / len(each) for each in flat]
+    faces = [Counter(map(tuple, view[view[:, 3] == 255].tolist())).most_common(1)[0][1] / len(view) for view in flat]
     assert faces[1] > 0.1 > max(faces[0], faces[2]), "the face of the cut, in a colour without shades"
     for picture in pictures:
         alpha = np.asarray(Image.open(io.BytesIO(base64.b64decode(picture))))[..., 3]
@@ -91,7 +91,9 @@ def test_only_the_picture_of_the_cut_lacks_a_half():
     middles = {}
     for name, picture in views.pictures.items():
         alpha = np.asarray(Image.open(io.BytesIO(picture)))[..., 3]
-        middles[name] = [0.5 * (each.min() + each.max() + 1) for each in np.nonzero(alpha)] / np.array(alpha.shape)
+        middles[name] = [0.5 * (indices.min() + indices.max() + 1) for indices in np.nonzero(alpha)] / np.array(
+            alpha.shape
+        )
     assert np.abs([middles["above"], middles["below"]] - np.array(0.5)).max() < 0.005
     assert np.abs(middles["cut"] - 0.5).max() > 0.02
 

@@ -18,15 +18,15 @@ from lensforge.report.results import Results
 @pytest.fixture
 def figures(monkeypatch):
     """The figures of the section, by the names of their pictures."""
-    found = {}
+    by_name = {}
 
     def keep(name, figure, title, caption=""):
-        found[name] = figure
+        by_name[name] = figure
         return page.PagePicture("", title, caption)
 
     monkeypatch.setattr(travel_section, "picture", keep)
     assert travel_section.travel_pictures(results()) is not None
-    return found
+    return by_name
 
 
 def test_every_picture_of_the_travel_is_that_of_its_stop(figures):

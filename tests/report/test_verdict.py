@@ -253,8 +253,10 @@ def test_draft_counts_where_a_mould_is_asked_for_and_the_wall_where_a_part_is_cu
 def test_a_face_needs_one_tool_of_the_shop_not_all() -> None:
     lens = with_manufacture()
     assert cut(lens, finding("tool", holds=False), finding("tool", holds=True)).verdict.cutting == "pass"
-    found = cut(lens, finding("tool", "inner", holds=True), finding("tool", "outer"), finding("tool", "outer")).verdict
-    assert found.cutting == "fail" and found.reasons.cutting == ("tool of outer; tool of outer",)
+    verdict = cut(
+        lens, finding("tool", "inner", holds=True), finding("tool", "outer"), finding("tool", "outer")
+    ).verdict
+    assert verdict.cutting == "fail" and verdict.reasons.cutting == ("tool of outer; tool of outer",)
 
 
 def test_what_is_undecided_is_decided_by_more_rays() -> None:

@@ -37,13 +37,13 @@ def lens():
 
 
 @pytest.fixture(scope="module")
-def found(lens):
+def yield_record(lens):
     return make_yield(lens)
 
 
 @pytest.fixture(scope="module")
-def html(lens, found):
-    return undrawn_page_of(make_results(("evaluate",), lens, **{"yield": found}))
+def html(lens, yield_record):
+    return undrawn_page_of(make_results(("evaluate",), lens, **{"yield": yield_record}))
 
 
 @pytest.fixture(scope="module")
@@ -51,8 +51,8 @@ def page(html):
     return Page(html)
 
 
-def test_who_passes_is_said_first_with_its_interval(page, found):
-    rate = found.pass_rate
+def test_who_passes_is_said_first_with_its_interval(page, yield_record):
+    rate = yield_record.pass_rate
     assert rate.value == 38 / PARTS
     interval = f"{percent(rate.low)} to {percent(rate.high)}".replace("\u2009", " ")
     text = page.text.replace("\u2009", " ")
@@ -63,8 +63,8 @@ def test_who_passes_is_said_first_with_its_interval(page, found):
     assert text.index("meet all limits") < text.index("Distribution over the parts")
 
 
-def test_every_percentile_and_bound_is_on_the_page(page, found):
-    for row, (name, spread) in zip(spread_rows(found), found.metrics.items(), strict=True):
+def test_every_percentile_and_bound_is_on_the_page(page, yield_record):
+    for row, (name, spread) in zip(spread_rows(yield_record), yield_record.metrics.items(), strict=True):
         assert row.title == metric_label(name)
         factor = 100.0 if row.facts[0].unit == "%" else 1.0
         wanted = (spread.designed.value, spread.p5, spread.p50, spread.p95, spread.spread)
@@ -74,10 +74,10 @@ def test_every_percentile_and_bound_is_on_the_page(page, found):
     assert "≤ 0.0985" in page.text and "outweighs the spread of the parts" not in page.text
 
 
-def test_every_tolerance_is_on_the_page_with_its_largest_amount(page, found):
-    rows = budget_rows(found)
-    assert len(rows) == len(found.tolerances) + 1
-    for row, record in zip(rows, (*found.budget.alone, found.budget.together), strict=True):
+def test_every_tolerance_is_on_the_page_with_its_largest_amount(page, yield_record):
+    rows = budget_rows(yield_record)
+    assert len(rows) == len(yield_record.tolerances) + 1
+    for row, record in zip(rows, (*yield_record.budget.alone, yield_record.budget.together), strict=True):
         assert row.title == record.words
         for fact in row.facts:
             assert folded(fact.text) in page.text, fact
@@ -86,51 +86,51 @@ def test_every_tolerance_is_on_the_page_with_its_largest_amount(page, found):
     assert (rows[-1].fact("at_most").text, rows[-1].fact("at_most").state) == ("× 0.875", "fail")
 
 
-def test_the_first_group_tells_who_passes_then_what_decides_then_the_budget(found):
-    told = yield_facts(found)[0]
+def test_the_first_group_tells_who_passes_then_what_decides_then_the_budget(yield_record):
+    told = yield_facts(yield_record)[0]
     texts = [(fact.label, fact.text.replace("\u2009", " ")) for fact in told.facts if fact.key != "main_cause"]
     assert texts == [
-        ("Yield", "95 %"), ("Parts", f"{PARTS}"), ("Rays of each part", f"{found.rays}"),
+        ("Yield", "95 %"), ("Parts", f"{PARTS}"), ("Rays of each part", f"{yield_record.rays}"),
         ("Tolerances together", "× 0.875"), ("Required yield", "95 %"),
     ]  # fmt: skip
     notes = {fact.key: fact.note.replace("\u2009", " ") for fact in told.facts}
-    interval = found.budget.together.interval_words.replace("\u2009", " ")
+    interval = yield_record.budget.together.interval_words.replace("\u2009", " ")
     assert notes["together"] == f"one factor on all, for a yield of 95 %; {interval}"
-    low, high = (percent(end).replace("\u2009", " ") for end in (found.pass_rate.low, found.pass_rate.high))
+    low, high = (
+        percent(end).replace("\u2009", " ") for end in (yield_record.pass_rate.low, yield_record.pass_rate.high)
+    )
     assert notes["pass_rate"] == f"95 % confidence: {low} to {high}"
 
 
-def test_each_road_is_on_the_page_with_the_parts_that_hold_its_class(page, found):
+def test_each_road_is_on_the_page_with_the_parts_that_hold_its_class(page, yield_record):
     words = "90 %, 76.9 % to 96 %, nmse, of 62.5 % of the parts".replace(" %", "\u2009%").split(", ", 2)
     causes = ("source, decentre, 50.0 ± 6.2\u2009%", "undecided: within the ray noise")
-    for number, (row, main) in enumerate(zip(application_rows(found), causes, strict=True), start=1):
+    for number, (row, main) in enumerate(zip(application_rows(yield_record), causes, strict=True), start=1):
         assert [fact.text for fact in row.facts] == ["M3", *words, main]
         assert row.title == f"Road {number}" and folded(main) in page.text and folded(words[2]) in page.text
 
 
-def test_a_tolerance_of_which_no_amount_is_small_enough_is_named(found):
-    row = budget_row(found.budget.alone[0].model_copy(update={"at_most": None, "low": None, "high": None}))
+def test_a_tolerance_of_which_no_amount_is_small_enough_is_named(yield_record):
+    row = budget_row(yield_record.budget.alone[0].model_copy(update={"at_most": None, "low": None, "high": None}))
     assert row.fact("interval").text == "the other tolerances alone give too low a yield"
     assert (row.fact("at_most").text, row.fact("at_most").state) == ("–", "fail")
 
 
-def test_what_reaches_the_required_yield_is_said_where_it_is_missed(lens, found):
+def test_what_reaches_the_required_yield_is_said_where_it_is_missed(lens, yield_record):
     """The second tolerance need shrink by a third, the third by more; none; none alone; and the flux."""
-    assert not [fact for fact in yield_facts(found)[0].facts if fact.key in ("cheapest", "flux")]
-    low = found.pass_rate.changed(value=0.9)
+    assert not [fact for fact in yield_facts(yield_record)[0].facts if fact.key in ("cheapest", "flux")]
+    low = yield_record.pass_rate.changed(value=0.9)
     flux = FluxNeeded(pass_rate=0.95, factor=1.0421, low=1.03, high=None, most=0.96, best=1.05)
 
     def first(**changes):
-        budget = found.budget.model_copy(update=changes)
-        return yield_facts(found.model_copy(update={"pass_rate": low, "budget": budget, "flux": flux}))[0]
+        budget = yield_record.budget.model_copy(update=changes)
+        return yield_facts(yield_record.model_copy(update={"pass_rate": low, "budget": budget, "flux": flux}))[0]
 
-    one, other, third, *rest = found.budget.alone
+    one, other, third, *rest = yield_record.budget.alone
     scales = {other: 2.0 / 3.0, third: 0.5}
     tight = [
-        each.changed(
-            at_most=scale * each.specified, low=0.6 * each.specified, high=0.9 * each.specified, unlimited=False
-        )
-        for each, scale in scales.items()
+        row.changed(at_most=scale * row.specified, low=0.6 * row.specified, high=0.9 * row.specified, unlimited=False)
+        for row, scale in scales.items()
     ]
     facts = first(alone=(one, *tight, *rest))
     assert facts.fact("cheapest").text == "source, height, from 0.05 mm to 0.0333 mm"
@@ -142,18 +142,18 @@ def test_what_reaches_the_required_yield_is_said_where_it_is_missed(lens, found)
     )  # fmt: skip
     assert first().fact("cheapest").text == "none is enough"
     few = flux.changed(factor=None, low=None, most=0.9)
-    for own, words in (
+    for named_flux, words in (
         (few, "× 1.05 gives the highest, 90\u2009%"),
         (few.changed(best=None), "no part passes at any flux"),
     ):
-        fact = yield_facts(found.model_copy(update={"flux": own}))[0].fact("flux")
+        fact = yield_facts(yield_record.model_copy(update={"flux": named_flux}))[0].fact("flux")
         assert (fact.text, fact.note) == (
             "none is enough",
             f"for a yield of 95\u2009%, tolerances as specified; {words}",
         )
-    enough = found.budget.together.changed(at_most=1.1, high=1.2)
+    enough = yield_record.budget.together.changed(at_most=1.1, high=1.2)
     assert first(together=enough).fact("cheapest").text == "none"
-    study = found.model_copy(update={"pass_rate": low, "flux": flux})
+    study = yield_record.model_copy(update={"pass_rate": low, "flux": flux})
     text = Page(undrawn_page_of(make_results(("evaluate",), lens, **{"yield": study}))).text
     assert "none is enough" in text and "× 1.042" in text
 
@@ -163,33 +163,35 @@ def test_shares_are_in_per_cent_and_other_numbers_in_their_unit():
     assert amount_words("source_tilt_deg", 0.5, "deg") == "0.5°" and amount_words("inner_form_um", 1.0, "um") == "1 µm"
 
 
-def test_causes_worst_parts_and_remarks_are_there_and_text_is_escaped(page, html, found):
-    assert cause_rows(found)[0].line.startswith("source, decentre 50.0 ± 6.2\u2009%, ")
+def test_causes_worst_parts_and_remarks_are_there_and_text_is_escaped(page, html, yield_record):
+    assert cause_rows(yield_record)[0].line.startswith("source, decentre 50.0 ± 6.2\u2009%, ")
     assert f"Part {PARTS - 1}: fails" in page.text
     assert "a &lt;remark&gt; of the study" in html and "a <remark>" not in html
 
 
-def test_a_cause_within_two_standard_errors_is_shown_nowhere(found):
-    first, second, *_ = found.variance["nmse"].causes
+def test_a_cause_within_two_standard_errors_is_shown_nowhere(yield_record):
+    first, second, *_ = yield_record.variance["nmse"].causes
     doubtful = {"share": 1.99 * first.standard_error}
     variance = Variance(
         causes=(second, first.model_copy(update=doubtful)), interactions=Metric(value=0.1, standard_error=0.051)
     )
-    few = found.model_copy(update={"variance": {"nmse": variance}})
+    few = yield_record.model_copy(update={"variance": {"nmse": variance}})
     assert [fact.label for row in cause_rows(few) for fact in row.facts] == [second.words]
     sure = Variance(causes=(second, first), interactions=Metric(value=0.103, standard_error=0.051))
-    rows = cause_rows(found.model_copy(update={"variance": {"nmse": sure}}))
+    rows = cause_rows(yield_record.model_copy(update={"variance": {"nmse": sure}}))
     assert [fact.label for row in rows for fact in row.facts] == [second.words, first.words, "interactions"]
     none = Variance(causes=(first.model_copy(update=doubtful),), interactions=Metric(value=0.5, standard_error=0.3))
-    nobody = yield_facts(found.model_copy(update={"variance": {"nmse": none}}))
+    nobody = yield_facts(yield_record.model_copy(update={"variance": {"nmse": none}}))
     assert [fact.text for group in nobody for fact in group.facts if fact.key in ("main_cause", "together")] == [
-        "not significant with so few parts", budget_row(found.budget.together).fact("at_most").text,
+        "not significant with so few parts", budget_row(yield_record.budget.together).fact("at_most").text,
         "not significant with so few parts",
     ]  # fmt: skip
 
 
-def test_no_budget_and_no_causes_are_said(lens, found):
-    text = text_of(make_results((), lens, **{"yield": found.model_copy(update={"budget": None, "variance": {}})}))
+def test_no_budget_and_no_causes_are_said(lens, yield_record):
+    text = text_of(
+        make_results((), lens, **{"yield": yield_record.model_copy(update={"budget": None, "variance": {}})})
+    )
     assert "Largest tolerances" not in text
     assert "No share is significant against the noise of rays and parts." in text
     assert 'id="yield"' not in undrawn_page_of(make_results((), lens))
@@ -197,9 +199,9 @@ def test_no_budget_and_no_causes_are_said(lens, found):
 
 def test_the_drawing_has_the_tolerances_of_the_spec_and_says_where_they_are_from(lens):
     given = PartTolerances(preset="precision", faces={"outer": {"gap_mm": 0.0123}})
-    own = lens.spec.with_tolerances(given)
-    assert own.part_tolerances == given
-    table = tolerance_table(type(lens)(lens.surfaces, own, 0, "draft"))
+    spec = lens.spec.with_tolerances(given)
+    assert spec.part_tolerances == given
+    table = tolerance_table(type(lens)(lens.surfaces, spec, 0, "draft"))
     rows = {row.name: row for row in (*table.lens, *table.assembly)}
     gap, decentre = rows["outer face against inner, gap"], rows["outer face against inner, decentre"]
     assert (gap.amount, gap.source, gap.at_most) == ("± 0.0123 mm", "specification", "")
@@ -209,8 +211,8 @@ def test_the_drawing_has_the_tolerances_of_the_spec_and_says_where_they_are_from
     assert "not computed yet" in table.sentence
 
 
-def test_the_drawing_has_the_largest_amounts_of_the_yield_study(lens, found):
-    table = tolerance_table(lens, yield_facts(found))
+def test_the_drawing_has_the_largest_amounts_of_the_yield_study(lens, yield_record):
+    table = tolerance_table(lens, yield_facts(yield_record))
     rows = {row.name: row for row in (*table.lens, *table.assembly)}
     assert rows["source, decentre"].at_most == "0.075 mm"
     assert rows["source, height"].at_most == "above 0.8 mm"
@@ -218,21 +220,21 @@ def test_the_drawing_has_the_largest_amounts_of_the_yield_study(lens, found):
 
 
 def test_a_spec_without_tolerances_has_no_table(lens):
-    own = lens.spec.with_tolerances(part_tolerances())
-    table = tolerance_table(type(lens)(lens.surfaces, own, 0, "draft"))
+    spec = lens.spec.with_tolerances(part_tolerances())
+    table = tolerance_table(type(lens)(lens.surfaces, spec, 0, "draft"))
     assert (table.lens, table.assembly) == ((), ()) and table.sentence == "The specification sets no tolerances."
 
 
-def test_the_table_of_parts_keeps_names_with_commas_whole(found):
-    renamed = found.model_copy(update={"columns": (*found.columns[:-1], 'wall, left: "share"')})
+def test_the_table_of_parts_keeps_names_with_commas_whole(yield_record):
+    renamed = yield_record.model_copy(update={"columns": (*yield_record.columns[:-1], 'wall, left: "share"')})
     rows = list(csv.reader(io.StringIO(renamed.products()[".csv"].decode())))
     assert rows[0] == ["part", *renamed.columns] and len(rows) == PARTS + 1
-    np.testing.assert_allclose(np.array(rows[1:], dtype=float)[:, 1:], found.table, rtol=1e-8)
+    np.testing.assert_allclose(np.array(rows[1:], dtype=float)[:, 1:], yield_record.table, rtol=1e-8)
 
 
-def test_a_yield_by_other_tolerances_has_a_section_of_its_own(lens, found):
-    other = found.model_copy(update={"conditions": Conditions.of(tolerances="moulded")})
-    results = replace(make_results(("evaluate",), lens, **{"yield": found}), others={"yield_moulded": other})
+def test_a_yield_by_other_tolerances_has_a_section_of_its_own(lens, yield_record):
+    other = yield_record.model_copy(update={"conditions": Conditions.of(tolerances="moulded")})
+    results = replace(make_results(("evaluate",), lens, **{"yield": yield_record}), others={"yield_moulded": other})
     both = Page(undrawn_page_of(results)).text
     assert both.count("Distribution over the parts") == 2 and "yield_moulded.csv" in both
     assert str(other.conditions) in both
@@ -246,8 +248,8 @@ def test_the_worst_parts_of_a_lattice_are_drawn_over_all_its_periods(monkeypatch
     plane = {"kind": "plane", "centre_mm": [0.0, 0.0, 100.0], "width_mm": 60.0, "height_mm": 40.0, "targets": [disc]}
     lamps = {"kind": "endless", "pitch_mm": [60.0, 40.0]}
     lens = small_lens(wanted={"receivers": [plane], "lamps": lamps})
-    found = make_yield(lens).model_copy(update={"worst_maps": np.ones((1, 33, 48))})
-    yield_section._worst_pictures("yield", found, make_results((), lens))
+    record = make_yield(lens).model_copy(update={"worst_maps": np.ones((1, 33, 48))})
+    yield_section._worst_pictures("yield", record, make_results((), lens))
     for axes in drawn:
         assert [*np.ptp([axes.get_xlim(), axes.get_ylim()], axis=1)] == pytest.approx([180.0, 120.0])
     assert drawn
@@ -259,16 +261,16 @@ def test_the_page_shows_each_led_and_the_worst_parts_by_the_one_that_decides(len
     lens = with_leds(lens, "near", "far")
     dimmer = light.changed(lumens_per_watt=150.0)
     light = type(light).joined({"near": light, "far": dimmer})
-    found = make_yield(lens)
-    renamed = {f"far: {name}": spread for name, spread in found.metrics.items()}
+    record = make_yield(lens)
+    renamed = {f"far: {name}": spread for name, spread in record.metrics.items()}
     changes = {name.removeprefix("far: "): name for name in renamed}
-    study = found.model_copy(
+    study = record.model_copy(
         update={
             "leds": ("near", "far"), "worst_leds": ("far",), "metrics": renamed, "variance": {},
-            "bounds": tuple(bound.changed(metric=changes[bound.metric]) for bound in found.bounds),
-            "columns": tuple(changes.get(name, name) for name in found.columns),
+            "bounds": tuple(bound.changed(metric=changes[bound.metric]) for bound in record.bounds),
+            "columns": tuple(changes.get(name, name) for name in record.columns),
             "worst": tuple(
-                each.changed(metrics={changes[k]: v for k, v in each.metrics.items()}) for each in found.worst
+                part.changed(metrics={changes[k]: v for k, v in part.metrics.items()}) for part in record.worst
             ),
         }
     )  # fmt: skip
