@@ -99,7 +99,7 @@ def test_bad_specs_end_in_one_line_before_anything_is_written(
     result = lensforge("design", write_spec(tmp_path, **replace), "--out", tmp_path / "out")
     line, *beneath = result.stderr.splitlines()
     assert result.code == 2 and line.startswith("lensforge: ") and message in line
-    assert all(each.startswith("  ") for each in beneath), "the place of a slip"
+    assert all(detail.startswith("  ") for detail in beneath), "the place of a slip"
     assert not (tmp_path / "out" / "lens.json").exists()
 
 

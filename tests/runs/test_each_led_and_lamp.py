@@ -78,7 +78,7 @@ def test_figures_and_reasons_tell_led_and_receiver(light: lf.Light) -> None:
     cases = [(led, receiver) for led in ("even", "aside") for receiver in ("wall", "sky")]
     assert list(by_title) == [f"{receiver}, {led}" for led, receiver in cases]
     for led, receiver in cases:
-        on = next(each for each in light.by_led[led].receivers if each.name == receiver)
+        on = next(candidate for candidate in light.by_led[led].receivers if candidate.name == receiver)
         told = by_title[f"{receiver}, {led}"]
         assert (told.fact("efficiency").value, told.fact("nmse").value) == (100.0 * on.efficiency.value, on.nmse.value)
     exact = Metric(value=LARGEST_NMSE, standard_error=0.0)
@@ -104,12 +104,12 @@ def test_the_second_of_two_leds_fails_the_files(lens: lf.Lens, light: lf.Light, 
     wall, *rest = light.others[0].receivers
     turned = wall.changed(map=np.roll(wall.map, 5, axis=1).copy())
     wrong = light.changed(others=(light.others[0].changed(receivers=(turned, *rest)),))
-    good, bad = (lf.verify(part, each, rays=2**11) for each in (light, wrong))
+    good, bad = (lf.verify(part, design, rays=2**11) for design in (light, wrong))
     assert list(good.by_led) == ["even", "aside"]
-    assert [str(each) for each in good.all_criteria() if not each.holds] == []
-    missed = [each.key for each in bad.all_criteria() if not each.holds]
+    assert [str(criterion) for criterion in good.all_criteria() if not criterion.holds] == []
+    missed = [criterion.key for criterion in bad.all_criteria() if not criterion.holds]
     assert missed == ["aside: wall: lamps_nmse_vs_sum"] and all(criterion.holds for criterion in bad.criteria)
-    verdict = Results(lens, {each.stage: each for each in (wrong, part, bad)}).verdict
+    verdict = Results(lens, {result.stage: result for result in (wrong, part, bad)}).verdict
     assert verdict.files == "fail" and "aside" in str(verdict.reasons_of("files"))
     titles = [group.title for group in Results(lens, {"evaluate": light}).facts(bad)]
     assert titles[:4] == [f"Exported part, {led}, {on}" for led in ("even", "aside") for on in ("wall", "sky")]
@@ -118,10 +118,10 @@ def test_the_second_of_two_leds_fails_the_files(lens: lf.Lens, light: lf.Light, 
 def test_light_of_all_poles_through_the_part_is_the_sum_of_the_design(light: lf.Light, part: lf.Part) -> None:
     proof = lf.verify(part, light, rays=2**13)
     for of_led, designed in zip(proof.by_led.values(), light.by_led.values(), strict=True):
-        assert [each.lamps for each in of_led.together] == [2, 2]
-        for each, receiver in zip(of_led.together, designed.receivers, strict=True):
-            assert each.nmse_vs_sum <= 2.5 * each.noise_floor_nmse + 1e-3
-            assert each.efficiency == pytest.approx(receiver.efficiency.value, abs=0.02)
+        assert [judgement.lamps for judgement in of_led.together] == [2, 2]
+        for total, receiver in zip(of_led.together, designed.receivers, strict=True):
+            assert total.nmse_vs_sum <= 2.5 * total.noise_floor_nmse + 1e-3
+            assert total.efficiency == pytest.approx(receiver.efficiency.value, abs=0.02)
 
 
 def test_light_without_that_of_every_led_is_refused(light: lf.Light, part: lf.Part) -> None:
@@ -133,13 +133,13 @@ def test_stray_light_of_each_led(part: lf.Part) -> None:
     """Each by its own rays: budgets that close, of which the second has more light beside the wall."""
     first, second = lf.stray_light(part, rays=256).by_led.values()
     assert first.rays == second.rays == 256 and first.flux != second.flux
-    for each in (first, second):
-        assert sum(each.flux.model_dump().values()) == pytest.approx(1.0, abs=1e-9)
+    for receiver in (first, second):
+        assert sum(receiver.flux.model_dump().values()) == pytest.approx(1.0, abs=1e-9)
 
 
 def test_candela_of_poles_are_the_sum_of_each_turned(lens: lf.Lens, whole: lf.Photometry) -> None:
     """The lens alone with each LED, its table read in the lamp's own directions; as much light is lost as by one."""
-    for led, source in zip(LEDS, (each["source"] for each in LEDS), strict=True):
+    for led, source in zip(LEDS, (section["source"] for section in LEDS), strict=True):
         of_led, one = whole.by_led[str(led["name"])], lens_with(sources=(), source=source, lamps=None)
         alone = lf.photometry(one, rays=MOST_RAYS)
         assert of_led.source_w == 2 * alone.source_w and of_led.source_lm == 2 * alone.source_lm
@@ -149,9 +149,9 @@ def test_candela_of_poles_are_the_sum_of_each_turned(lens: lf.Lens, whole: lf.Ph
         np.testing.assert_allclose(moment(of_led), total, atol=0.01 * np.linalg.norm(total))
 
 
-def moment(found: lf.Photometry, turned: np.ndarray = LEVEL) -> np.ndarray:
+def moment(photometry: lf.Photometry, turned: np.ndarray = LEVEL) -> np.ndarray:
     """Integral of intensity times direction above the horizon, of a lamp that is ``turned``; files are turned over."""
-    table = TabulatedIntensity.of(photometric_of(found.ies, "lens.ies").intensity)
+    table = TabulatedIntensity.of(photometric_of(photometry.ies, "lens.ies").intensity)
     over = np.array([1.0, -1.0, 1.0])
     z, turn = (
         coordinates.ravel()
@@ -169,7 +169,7 @@ def test_opening_holds_all_lamps_and_only_one_lens_is_round(lens: lf.Lens, whole
     rim = np.column_stack([np.cos(turns), np.sin(turns), np.zeros(360)])
     face, rims = (lens.surfaces["outer"].radius(u)[:, None] * u for u in (fibonacci_hemisphere(20_000), rim))
     lamps = lens.spec.all_lamps.lamps
-    points = np.concatenate([lamp.pose.points(each) for lamp in lamps for each in (face, rims)])
+    points = np.concatenate([lamp.pose.points(outline) for lamp in lamps for outline in (face, rims)])
     x_mm, y_mm, _ = np.ptp(points, axis=0)
     height_mm = points[:, 2].max() - min(lamp.pose.points(rims)[:, 2].min() for lamp in lamps)
     sizes = opening.length_mm, opening.width_mm, opening.heights_mm[0]
@@ -190,7 +190,7 @@ def test_road_is_lit_by_poles_that_carry_all_lamps(light: lf.Light, whole: lf.Ph
 
 def test_height_of_a_lamp_moves_no_candela() -> None:
     raised = {"kind": "table", "places_mm": [[3.0, 4.0, 7.0]]}
-    level, high = (lf.photometry(lens_with(lamps=each), rays=2**10) for each in (None, raised))
+    level, high = (lf.photometry(lens_with(lamps=lamps), rays=2**10) for lamps in (None, raised))
     assert np.array_equal(level.candela, high.candela) and level.exit_w == high.exit_w
 
 
@@ -227,7 +227,7 @@ def test_an_led_moved_by_a_known_pose_is_told_and_stands_there(light: lf.Light) 
 
 
 def test_light_on_the_wall_is_the_mean_of_both_lamps(lens: lf.Lens, light: lf.Light) -> None:
-    for led, own in lens.by_state.items():
-        seen = [replace(own, spec=seen_by_lamp(own.spec, number).replace(NO_ROADS)) for number in (0, 1)]
-        shares = [lf.evaluate(each, rays=MOST_RAYS).efficiency.value for each in seen]
+    for led, state in lens.by_state.items():
+        seen = [replace(state, spec=seen_by_lamp(state.spec, number).replace(NO_ROADS)) for number in (0, 1)]
+        shares = [lf.evaluate(design, rays=MOST_RAYS).efficiency.value for design in seen]
         assert light.by_led[led].efficiency.value == pytest.approx(np.mean(shares), abs=0.01)

@@ -126,7 +126,7 @@ def invoked(*arguments: object) -> Result:
 
 
 def options_of(name: str) -> set[str]:
-    return {flag for each in all_commands()[name].params if isinstance(each, click.Option) for flag in each.opts}
+    return {flag for option in all_commands()[name].params if isinstance(option, click.Option) for flag in option.opts}
 
 
 @pytest.fixture
@@ -154,27 +154,27 @@ def test_an_option_is_heard(
             return type(words)(map(given, words))
         return type(words)(str(words).format(**places)) if isinstance(words, str | Path) else words
 
-    def said() -> list[object]:
+    def arguments() -> list[object]:
         """What the calls had under the keyword, or all that they had."""
-        found: list[object] = []
+        values: list[object] = []
         for where, args, named in calls:
             parts = [*args, *named.values()]
             fields = {k: v for part in parts if hasattr(part, "__dict__") for k, v in vars(part).items()}
             of_spec = [part.optimise.rays for part in parts if isinstance(part, lf.Spec)] if keyword == "rays" else []
             asked = [({**fields, **named})[keyword]] if keyword in {**fields, **named} else []
-            asked = [", ".join(led.name for led in each) for each in asked] if keyword == "sources" else asked
-            found += asked + of_spec if keyword else [where, *map(str, parts)]
+            asked = [", ".join(led.name for led in source) for source in asked] if keyword == "sources" else asked
+            values += asked + of_spec if keyword else [where, *map(str, parts)]
         calls.clear()
-        return found
+        return values
 
-    base = [given(each) for each in BASE[name]]
+    base = [given(argument) for argument in BASE[name]]
     without = invoked(name, *base)
     assert without.exception is None or isinstance(without.exception, lf.LensforgeError), without.exception
-    before = said()
+    before = arguments()
     words = [value] if value.startswith("--no-") else [flag, *given(value).split()]
     done = invoked(name, *base, *words)
     assert done.exception is None or isinstance(done.exception, lf.LensforgeError), done.exception
-    after = said()
+    after = arguments()
     assert given(wanted) in after and given(wanted) not in before, (before, after, done.output)
 
 
@@ -218,8 +218,10 @@ def of_rays(flag: str, here: Path) -> bool:
             given = {name: ("--format", name) if name == "zemax_binary" else () for name in kinds}
             for name, path in kinds.items():
                 printed("rays", led, "--to", path, *given[name])
-            found = [json.loads(printed("rays", path, "--json")) for path in kinds.values()]
-            return [each["format"] for each in found] == list(kinds) and {each["rays"] for each in found} == {2}
+            records = [json.loads(printed("rays", path, "--json")) for path in kinds.values()]
+            return [record["format"] for record in records] == list(kinds) and {
+                record["rays"] for record in records
+            } == {2}
         case "--ies-version":
             printed("rays", lamp, "--to", to, flag, "2002")
             return to.read_text().startswith("IESNA:LM-63-2002")
@@ -245,11 +247,11 @@ def of_new(flag: str, here: Path) -> bool:
         "--off-axis": "30",
         "--tilt": "30",
     }
-    text, base = other.get(flag, ""), [each for pair in LAMP.items() for each in pair]
+    text, base = other.get(flag, ""), [argument for pair in LAMP.items() for argument in pair]
     if flag in FORCE:
         narrow = {**LAMP, "--source": "square:12", "--target": "beam:2x2"}
         refused, forced = (
-            invoked("new", *(each for pair in narrow.items() for each in pair), *more) for more in ((), (flag,))
+            invoked("new", *(argument for pair in narrow.items() for argument in pair), *more) for more in ((), (flag,))
         )
         return isinstance(refused.exception, lf.InputError) and "[source]" in forced.stdout
     lines = [set(printed("new", *base, *more).splitlines()) for more in ((), (flag, text))]

@@ -81,8 +81,8 @@ def test_every_command_renews_the_verdict_and_exits_by_what_it_decides(
         (folder / "report.html").unlink()  # building it again would renew the verdict by itself
     (folder / "run.json").unlink()
     name, *options = command
-    found, _, stderr = lensforge(name, folder, *options)
-    assert found == code, stderr
+    status, _, stderr = lensforge(name, folder, *options)
+    assert status == code, stderr
     assert verdict_in(folder)["light"] == "fail"
     assert verdict_in(folder)["files"] in ("pass", "undecided")
 

@@ -54,8 +54,8 @@ def test_the_help_says_which_rays_of_a_search_are_set_and_those_of_each_preset(n
 
 @pytest.mark.parametrize(("text", "number"), [("1e6", 10**6), ("2.5E3", 2500), ("1_000", 1000), ("65536", 65536)])
 def test_a_whole_number_may_have_an_exponent(text: str, number: int) -> None:
-    found = WholeNumber(1, 10**9).convert(text, None, None)
-    assert found == number and isinstance(found, int)
+    whole = WholeNumber(1, 10**9).convert(text, None, None)
+    assert whole == number and isinstance(whole, int)
 
 
 @pytest.mark.parametrize("text", ["1.5", "1e-3", "0", "1e10", "1e999999999", "nan", "inf", "1e6x", "", "-5"])

@@ -119,12 +119,12 @@ def test_a_preview_has_light_and_picture_and_nothing_for_the_shop(tmp_path: Path
         patch.setattr("click.launch", opened.append)
         patch.setattr(searches, "design", lambda spec, **rest: asked.append(rest["preview"]) or search(spec, **rest))
         command = ["preview", str(tmp_path / "small.toml"), "--out", str(tmp_path / "first"), "--open"]
-        found = CliRunner().invoke(cli, command)
-    assert found.exit_code == 0, found.output
+        result = CliRunner().invoke(cli, command)
+    assert result.exit_code == 0, result.output
     assert asked == [True]
     written = {path.name for path in (tmp_path / "first").iterdir()}
     assert written == {"lens.json", "design.json", "evaluate.json", "evaluate.npz", "light.png", "run.json"}
-    assert opened == [str(tmp_path / "first" / "light.png")] and "NMSE" in found.stdout and " ± " in found.stdout
+    assert opened == [str(tmp_path / "first" / "light.png")] and "NMSE" in result.stdout and " ± " in result.stdout
     run = lf.load(tmp_path / "first")
     assert run.light.rays == 4096 and not hasattr(run, "part")
 
@@ -147,8 +147,8 @@ def test_the_picture_of_a_preview_is_there_after_the_first_level_and_outlasts_an
 
     monkeypatch.setattr(searches, "design", interrupted)
     monkeypatch.setattr("click.launch", opened.append)
-    found = invoked("preview", tmp_path / "small.toml", "--out", tmp_path / "first", "--open")
-    assert found.exit_code != 0 and opened == [str(picture)], "shown once, as soon as it is there"
+    result = invoked("preview", tmp_path / "small.toml", "--out", tmp_path / "first", "--open")
+    assert result.exit_code != 0 and opened == [str(picture)], "shown once, as soon as it is there"
     first, second = seen
     assert first.startswith(b"\x89PNG") and second != first, "and renewed"
     assert [path.name for path in (tmp_path / "first").glob("[!.]*")] == ["light.png"]
@@ -161,8 +161,8 @@ def test_a_preview_takes_fewer_rays_than_a_draft(tmp_path: Path, monkeypatch: py
 
     monkeypatch.setattr(searches, "design", search)
     small_spec(evaluate__rays=2**20).save(tmp_path / "small.toml")
-    found = invoked("preview", tmp_path / "small.toml", "--out", tmp_path / "first")
-    assert str(found.exception) == "131072 rays"
+    result = invoked("preview", tmp_path / "small.toml", "--out", tmp_path / "first")
+    assert str(result.exception) == "131072 rays"
 
 
 def first_level(preview: bool) -> list[float]:

@@ -68,14 +68,14 @@ def test_another_process_is_named_and_a_kill_frees_the_folder(tmp_path: Path) ->
 
 
 def test_a_thread_may_lock_again_and_another_thread_may_not(tmp_path: Path) -> None:
-    said: list[str] = []
+    messages: list[str] = []
 
     def other() -> None:
         try:
             with locked(tmp_path):
-                said.append("locked")
+                messages.append("locked")
         except InputError as error:
-            said.append(str(error))
+            messages.append(str(error))
 
     (tmp_path / "link").symlink_to(tmp_path)
     with locked(tmp_path):
@@ -87,7 +87,7 @@ def test_a_thread_may_lock_again_and_another_thread_may_not(tmp_path: Path) -> N
     thread = threading.Thread(target=other)
     thread.start()
     thread.join()
-    assert said == [
+    assert messages == [
         f"{tmp_path}: in use by another thread of this process; wait until it has ended, or give another folder",
         "locked",
     ]
@@ -96,19 +96,21 @@ def test_a_thread_may_lock_again_and_another_thread_may_not(tmp_path: Path) -> N
 
 def test_a_process_of_the_same_number_on_another_machine_is_another_one(tmp_path: Path) -> None:
     """As on a shared disk: the number of a process tells it on its own machine alone."""
-    said: list[str] = []
+    messages: list[str] = []
 
     def other() -> None:
         with pytest.raises(InputError) as caught, locked(tmp_path):
             pass
-        said.append(str(caught.value))
+        messages.append(str(caught.value))
 
     with locked(tmp_path):
         (tmp_path / LOCK_FILE).write_text(f"{os.getpid()}\nelsewhere\nlensforge design\n12:00\n", encoding="utf-8")
         thread = threading.Thread(target=other)
         thread.start()
         thread.join()
-    assert f"in use by process {os.getpid()} on elsewhere (`lensforge design`, since 12:00); if it is gone" in said[0]
+    assert (
+        f"in use by process {os.getpid()} on elsewhere (`lensforge design`, since 12:00); if it is gone" in messages[0]
+    )
 
 
 def test_a_lock_file_that_is_left_over_is_taken(tmp_path: Path) -> None:

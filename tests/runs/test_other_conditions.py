@@ -51,7 +51,7 @@ def rough_lens(spec: lf.Spec) -> Lens:
 
 
 @pytest.fixture(scope="module")
-def own(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def original(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A lens with its own light, and a report."""
     folder = tmp_path_factory.mktemp("own")
     rough_lens(small_spec()).save(folder / "lens.json")
@@ -62,9 +62,9 @@ def own(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture
-def folder(own: Path, tmp_path: Path) -> Path:
+def folder(original: Path, tmp_path: Path) -> Path:
     """A copy for a test that writes."""
-    return Path(shutil.copytree(own, tmp_path / "lens"))
+    return Path(shutil.copytree(original, tmp_path / "lens"))
 
 
 def shown(screen: str) -> dict[str, str]:
@@ -202,8 +202,8 @@ def test_every_study_with_other_rays_goes_beside(folder: Path) -> None:
     assert (folder / "compare_inner_512rays.json").exists()
     run = lf.load(folder)
     assert set(run.others) == {"sensitivity_512rays", "compare_inner_512rays", "photometry_512rays"}
-    found = run.others["photometry_512rays"]
-    assert isinstance(found, lf.Photometry) and (folder / "lens_512rays.ies").read_bytes() == found.ies
+    photometry = run.others["photometry_512rays"]
+    assert isinstance(photometry, lf.Photometry) and (folder / "lens_512rays.ies").read_bytes() == photometry.ies
     write_report(folder)
     page = (folder / "report.html").read_text(encoding="utf-8")
     for stem in run.others:
@@ -217,8 +217,8 @@ def test_lumens_are_other_conditions_where_the_spec_knows_its_own() -> None:
         assert (None if conditions is None else conditions.name) == name
 
 
-def test_light_knows_its_conditions(own: Path) -> None:
-    lens = lf.load_lens(own / "lens.json")
+def test_light_knows_its_conditions(original: Path) -> None:
+    lens = lf.load_lens(original / "lens.json")
     assert lf.evaluate(lens).conditions is None
     light = lf.evaluate(lens, source=lf.DiscSource(diameter_mm=1.0), rays=256, pixels=8, seed=3, accuracy="standard")
     assert light.conditions is not None
@@ -234,11 +234,11 @@ def test_a_source_is_warned_of_before_the_search(tmp_path: Path, monkeypatch: py
     source = {"kind": "rayfile", "file": str(led)}
     spec = small_spec(source=source, optimise__steps_per_level=[1, 1])
     heard: list[str] = []
-    found = lf.design(spec, accuracy=FEW, warn=heard.append, progress=lambda step: heard.append("step"))
-    assert heard[-2:] == ["step", "step"] and tuple(heard[:-2]) == found.source.warnings != ()
+    result = lf.design(spec, accuracy=FEW, warn=heard.append, progress=lambda step: heard.append("step"))
+    assert heard[-2:] == ["step", "step"] and tuple(heard[:-2]) == result.source.warnings != ()
     with pytest.warns(SourceWarning) as warned:
         lf.design(spec, accuracy=OWN)
-    assert [str(each.message) for each in warned if each.category is SourceWarning] == heard[:-2]
+    assert [str(warning.message) for warning in warned if warning.category is SourceWarning] == heard[:-2]
     spec.save(tmp_path / "led.toml")
     done = CliRunner().invoke(
         cli, ["design", str(tmp_path / "led.toml"), "--accuracy", "draft", "--out", str(tmp_path / "o")]
@@ -246,7 +246,7 @@ def test_a_source_is_warned_of_before_the_search(tmp_path: Path, monkeypatch: py
     lines = done.stderr.splitlines()
     assert [f"warning: {words}" for words in heard[:-2]] == lines[: len(heard) - 2], done.stderr
     stored = json.loads((tmp_path / "o" / "design.json").read_text(encoding="utf-8"))
-    assert tuple(stored["source"]["warnings"]) == found.source.warnings
+    assert tuple(stored["source"]["warnings"]) == result.source.warnings
     page = (tmp_path / "o" / "report.html").read_text(encoding="utf-8")
     assert "on the source</strong>" in page[: page.index('id="light"')]
 

@@ -66,7 +66,7 @@ def test_the_clock_of_a_terminal_goes_on_by_itself_in_60_columns(
     shown = frames(capsys.readouterr().err)
     assert max(map(len, shown)) <= 60
     times = [re.search(r"([\d.]+) s ", line) for line in shown]
-    assert len({found.group(1) for found in times if found}) >= 3, "it stands still"
+    assert len({match.group(1) for match in times if match}) >= 3, "it stands still"
     assert "0.0045" in shown[-1], "the line that stays"
 
 
@@ -88,8 +88,8 @@ def test_a_study_says_once_in_a_pipe_how_long_it_takes(
             monkeypatch.setattr("lensforge.cli.progress.time.monotonic", lambda now=seconds: now)
             progress.on_parts(done, 50)
         monkeypatch.undo()
-    said = [line for line in capsys.readouterr().err.splitlines() if "left" in line]
-    assert said == ["14 of 50 parts, at least 3 min 00 s left"]
+    lines = [line for line in capsys.readouterr().err.splitlines() if "left" in line]
+    assert lines == ["14 of 50 parts, at least 3 min 00 s left"]
 
 
 def test_the_amounts_of_a_budget_are_one_stage(capsys: pytest.CaptureFixture[str]) -> None:
@@ -98,7 +98,7 @@ def test_the_amounts_of_a_budget_are_one_stage(capsys: pytest.CaptureFixture[str
         for words in ("parts", "budget: 1 of 3, source height", "budget: 2 of 3, index", "worst parts"):
             progress.on_stage(words)
             progress.on_parts(14, 50)
-    said = capsys.readouterr().err.splitlines()
-    assert [line[:12].strip() for line in said] == ["yield", "parts", "budget", "worst parts"]
-    assert said[1].endswith(" 14 of 50 parts") and said[3].endswith(" 14 of 50 parts")
-    assert said[2].endswith("2 of 3, index: 14 of 50 parts"), "how many rounds follow"
+    lines = capsys.readouterr().err.splitlines()
+    assert [line[:12].strip() for line in lines] == ["yield", "parts", "budget", "worst parts"]
+    assert lines[1].endswith(" 14 of 50 parts") and lines[3].endswith(" 14 of 50 parts")
+    assert lines[2].endswith("2 of 3, index: 14 of 50 parts"), "how many rounds follow"

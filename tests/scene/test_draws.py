@@ -39,8 +39,8 @@ def test_polynomials_are_orthonormal_over_the_parts(distribution: str, kind: str
     low = 0.0 if kind == "one-sided" else -5.0
     values = low + (5.0 - low) * (np.arange(200_000) + 0.5) / 200_000
     shares = TRUTHS[distribution].pdf(values)
-    found = np.column_stack([np.ones(len(values)), orthonormal(factor, values, 4)])
-    assert np.allclose((found.T * shares) @ found / shares.sum(), np.eye(5), atol=1e-3)
+    basis = np.column_stack([np.ones(len(values)), orthonormal(factor, values, 4)])
+    assert np.allclose((basis.T * shares) @ basis / shares.sum(), np.eye(5), atol=1e-3)
 
 
 def test_a_tolerance_has_its_amount_in_the_unit_of_its_name() -> None:
@@ -128,8 +128,8 @@ def test_tolerances_come_from_a_preset_or_a_file(tmp_path) -> None:
         "[source]\nkind = 'disc'\n[tolerances]\npreset = 'precision'\n[lens.outer]\ngap_mm = 0.5\noffset_mm = 6.0\n",
     ):
         file.write_text(text)
-        found = read_tolerances(str(file))
-        assert (found.tolerance("gap_mm").amount, found.tolerance("outer_shift_mm").amount) == (0.5, 0.005)
+        tolerances = read_tolerances(str(file))
+        assert (tolerances.tolerance("gap_mm").amount, tolerances.tolerance("outer_shift_mm").amount) == (0.5, 0.005)
     file.write_text("[lens.outer]\ngap_mm = 0.5\n")
     assert read_tolerances(str(file)) == PartTolerances(faces={"outer": {"gap_mm": 0.5}})
     for text, words in (

@@ -43,7 +43,7 @@ def _structure(lags_mm: np.ndarray) -> np.ndarray:
     """Mean squared difference of the fields between points that far apart."""
     nodes = FaceNodes.of(GRID, sphere(10.0))
     tables = waviness(nodes, 2.5, 20.0, 1).tables
-    found = []
+    squares = []
     for lag in lags_mm:
         chord = lag / 10.0
         turn = 2.0 * np.arcsin(0.5 * chord)
@@ -51,8 +51,8 @@ def _structure(lags_mm: np.ndarray) -> np.ndarray:
         across = np.cross(low, [0.0, 0.0, 1.0])
         across /= np.linalg.norm(across, axis=1)[:, None]
         other = np.cos(turn) * low + np.sin(turn) * across
-        found.append(np.mean([(evaluate_table(GRID, t, low) - evaluate_table(GRID, t, other)) ** 2 for t in tables]))
-    return np.array(found) * len(tables)
+        squares.append(np.mean([(evaluate_table(GRID, t, low) - evaluate_table(GRID, t, other)) ** 2 for t in tables]))
+    return np.array(squares) * len(tables)
 
 
 def test_the_spectrum_is_a_power_law_between_its_wavelengths() -> None:
@@ -81,9 +81,9 @@ def test_tables_hold_a_wave_that_counts_as_fitting() -> None:
     grid = TableGrid(101)
     finer = TableGrid(201)
     limit = 2.0 * 2.0 * grid.step * 5.0 * 2.0 * np.pi / np.sqrt(2.0)  # wavelength of the limiting width
-    own = waviness(FaceNodes.of(grid, surface), limit * 1.001, limit * 1.01, 0).tables[0]
+    table = waviness(FaceNodes.of(grid, surface), limit * 1.001, limit * 1.01, 0).tables[0]
     true = waviness(FaceNodes.of(finer, surface), limit * 1.001, limit * 1.01, 0).tables[0]
-    one = evaluate_table(grid, own, U)
+    one = evaluate_table(grid, table, U)
     other = evaluate_table(finer, true, U)
     assert np.std(one - other) < 0.01 * np.std(other)
 
@@ -112,9 +112,9 @@ def test_an_led_tilts_and_grows_about_its_own_place_in_each_state() -> None:
     )
     for place in np.array([[0.3, -0.2, 0.5], [0.0, 0.0, -0.4]]):
         made = part.in_state(small_spec(source__position_mm=place.tolist())).made
-        found = made.placed.into.points(np.array([place, place + np.eye(3)[0]]), made.source_size)
+        points = made.placed.into.points(np.array([place, place + np.eye(3)[0]]), made.source_size)
         beside = [1.1 * np.cos(0.03), 0.0, -1.1 * np.sin(0.03)]
-        np.testing.assert_allclose(found - place, [shift, shift + beside], atol=1e-12)
+        np.testing.assert_allclose(points - place, [shift, shift + beside], atol=1e-12)
 
 
 def test_a_part_is_as_large_as_its_shrinkage_and_the_temperature_of_the_state_make_it() -> None:

@@ -63,7 +63,7 @@ def in_tube(points: np.ndarray) -> np.ndarray:
 def test_rays_end_in_a_turned_body_before_a_receiver(receiver: Any, body: HousingSection, inside: Any) -> None:
     """By steps along the rays, which see no triangle; rays that were lost in the lens are not blocked."""
     rays = exits()
-    found = replace(receiver, housing=housing_of(body)).land(rays)
+    landings = replace(receiver, housing=housing_of(body)).land(rays)
     plain = receiver.land(rays)
     steps = np.arange(0.0, 130.0, 0.02)
     ends = np.full(len(rays.flux), np.inf)
@@ -75,13 +75,17 @@ def test_rays_end_in_a_turned_body_before_a_receiver(receiver: Any, body: Housin
     for row in np.flatnonzero(rays.left_lens):
         way = rays.points[row] + steps[:, None] * rays.directions[row]
         meets[row] = (inside(way) & (steps < ends[row])).any()
-    assert found.shadow is not None
-    assert (found.shadow.met != meets).sum() <= 1, "a ray that passes an edge by less than a step"
-    met = found.shadow.met
-    assert meets.sum() > 15 and not found.flux[met].any() and not (found.landed | found.missed_receiver)[met].any()
-    for before, after in ((plain.flux, found.flux), (plain.landed, found.landed)):
+    assert landings.shadow is not None
+    assert (landings.shadow.met != meets).sum() <= 1, "a ray that passes an edge by less than a step"
+    met = landings.shadow.met
+    assert (
+        meets.sum() > 15
+        and not landings.flux[met].any()
+        and not (landings.landed | landings.missed_receiver)[met].any()
+    )
+    for before, after in ((plain.flux, landings.flux), (plain.landed, landings.landed)):
         assert (before[~met] == after[~met]).all()
-    assert np.abs(placed_distance(body, found.shadow.places[met])).max() < 5.1e-3
+    assert np.abs(placed_distance(body, landings.shadow.places[met])).max() < 5.1e-3
 
 
 def placed_distance(body: HousingSection, points: np.ndarray) -> np.ndarray:

@@ -44,14 +44,14 @@ def lens_of(lamps: dict[str, Any], outer: Surface, *others: Surface, **changes: 
 def light_of(lens: Lens, rays: int = 2**16, seed: int = 0) -> ReceivedFlux:
     receivers = receivers_of(lens.spec, 18)
     source = build_source(lens.spec.source, None)
-    found = simulate(TracedLens.of(lens, 3.0), source, receivers, rays, seed)
-    assert found.rays == pytest.approx(rays, rel=1e-3)
-    return found.received[0]
+    simulation = simulate(TracedLens.of(lens, 3.0), source, receivers, rays, seed)
+    assert simulation.rays == pytest.approx(rays, rel=1e-3)
+    return simulation.received[0]
 
 
-def coarse(found: ReceivedFlux) -> np.ndarray:
+def coarse(received: ReceivedFlux) -> np.ndarray:
     """The mean picture on 6 x 6 pixels, whose noise is small."""
-    return np.asarray(found.images.mean(axis=0).reshape(6, 3, 6, 3).sum(axis=(1, 3)))
+    return np.asarray(received.images.mean(axis=0).reshape(6, 3, 6, 3).sum(axis=(1, 3)))
 
 
 TABLE = {
@@ -63,10 +63,10 @@ TABLE = {
 def test_a_lens_at_a_mirrored_place_is_turned_where_it_keeps_its_own_mirror() -> None:
     """Then the sum has the mirrors of the grid; without its own mirror it has not."""
     for turned, symmetries in ((True, ("square", "mirror_y", "diagonal")), (False, ("square", "mirror_x", "none"))):
-        bases = [replace(BASIS, symmetry=own) for own in symmetries]
+        bases = [replace(BASIS, symmetry=symmetry) for symmetry in symmetries]
         faces = [SrbfSurface(basis, 2.0 * uneven(1).weights_mm, 6.0) for basis in bases]
-        found = coarse(light_of(lens_of({**GRID, "kinds": "place"}, *faces), 2**19))
-        apart = max(np.abs(image - found).max() for image in (found[::-1], found[:, ::-1], found.T)) / found.max()
+        light = coarse(light_of(lens_of({**GRID, "kinds": "place"}, *faces), 2**19))
+        apart = max(np.abs(image - light).max() for image in (light[::-1], light[:, ::-1], light.T)) / light.max()
         assert apart < 0.005 if turned else apart > 0.008
 
 
@@ -92,13 +92,13 @@ def test_rays_leave_each_lamp_through_its_kind_of_lens_as_it_is_turned() -> None
     dealt = np.random.default_rng(600).permutation(600) % 3
     leaving = []
     for number, lamp in enumerate(lamps.lamps):
-        (kind,) = (k for k, each in enumerate(lamps.kinds) if number in each.numbers)
+        (kind,) = (k for k, lens_kind in enumerate(lamps.kinds) if number in lens_kind.numbers)
         alone = traced.kinds[kind].trace(rays.take(dealt == number))
         turned = alone.directions @ lamp.pose.rotation.T
         rows = np.column_stack([turned, 3.0 * alone.flux])
         leaving.append(rows[alone.left_lens & (turned[:, 2] > 0.0)])
-    found = exit_rays(traced, rays, 100.0, lamps).rays
-    rows = np.column_stack([found.directions, found.flux])
+    exits = exit_rays(traced, rays, 100.0, lamps).rays
+    rows = np.column_stack([exits.directions, exits.flux])
     expected = np.concatenate(leaving)
     assert len(rows) == len(expected) > 500
     np.testing.assert_allclose(rows[np.lexsort(rows.T)], expected[np.lexsort(expected.T)], rtol=1e-9)

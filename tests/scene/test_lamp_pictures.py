@@ -85,14 +85,14 @@ def panned_and_tilted(place: np.ndarray, aim: list[float] | None, turn_deg: floa
     return about_z(pan) @ tilted @ about_z(np.radians(turn_deg))
 
 
-def moved_by_hand(lamps: dict[str, Any], found: Any) -> list[tuple[np.ndarray, np.ndarray]]:
+def moved_by_hand(lamps: dict[str, Any], receiver: Any) -> list[tuple[np.ndarray, np.ndarray]]:
     """Place of each lamp, and its axes in the scene: by its aim where it has one, else by its turn alone."""
     if "aims_mm" in lamps:
-        places = [np.array(each) for each in lamps["places_mm"]]
+        places = [np.array(place) for place in lamps["places_mm"]]
         poses = zip(places, lamps["aims_mm"], lamps["turns_deg"], strict=True)
     else:
-        places = [np.array([*each, 0.0]) for each in found.lamps.places_mm]
-        poses = zip(places, [None] * len(places), found.lamps.turns_deg, strict=True)
+        places = [np.array([*place, 0.0]) for place in receiver.lamps.places_mm]
+        poses = zip(places, [None] * len(places), receiver.lamps.turns_deg, strict=True)
     return [(pose[0], panned_and_tilted(*pose)) for pose in poses]
 
 
@@ -101,19 +101,19 @@ def moved_by_hand(lamps: dict[str, Any], found: Any) -> list[tuple[np.ndarray, n
 def test_the_sum_is_that_of_rays_moved_one_lamp_after_another(
     lamps: dict[str, Any], receiver: dict[str, Any], pictures: int, deposit: Any
 ) -> None:
-    found = receivers_of(together(lamps, receiver), 32)[0]
+    whole = receivers_of(together(lamps, receiver), 32)[0]
     rays = exits()
-    board = LampPictures.of(found)
+    board = LampPictures.of(whole)
     assert len(board.rasters) == pictures
-    total = np.zeros(found.grid.shape)
-    for place, axes in moved_by_hand(lamps, found):
+    total = np.zeros(whole.grid.shape)
+    for place, axes in moved_by_hand(lamps, whole):
         points = rays.points @ axes.T + (0.0 if receiver["kind"] == "far_field" else place)
-        landings = found.land(replace(rays, points=points, directions=rays.directions @ axes.T))
-        total += deposit(landings.hits, landings.flux, found.grid)
-    own = [deposit(each.hits, each.flux, r.grid) for r in board.receivers for each in [r.land(rays)]]
-    np.testing.assert_allclose(len(found.lamps) * board.added(own), total, atol=1e-9 * total.max())
+        landings = whole.land(replace(rays, points=points, directions=rays.directions @ axes.T))
+        total += deposit(landings.hits, landings.flux, whole.grid)
+    deposits = [deposit(landed.hits, landed.flux, r.grid) for r in board.receivers for landed in [r.land(rays)]]
+    np.testing.assert_allclose(len(whole.lamps) * board.added(deposits), total, atol=1e-9 * total.max())
     rng = np.random.default_rng(1)
-    forth = [rng.random(each.shape) for each in own]
+    forth = [rng.random(picture.shape) for picture in deposits]
     back = rng.random(total.shape)
     moved_back = sum(np.vdot(a, b) for a, b in zip(forth, board.spread(back), strict=True))
     assert np.vdot(board.added(forth), back) == pytest.approx(moved_back, rel=1e-12)
@@ -123,9 +123,9 @@ def test_the_sum_is_that_of_rays_moved_one_lamp_after_another(
 def test_a_lamp_on_a_pole_sees_the_receiver_as_its_raster_does(receiver: dict[str, Any]) -> None:
     """As a yield draws each lamp, and the proof casts one."""
     spec = together(POLES, receiver)
-    (found,) = receivers_of(spec, 32)
-    for number, raster in enumerate(LampPictures.of(found).rasters):
-        assert seen_by(found, number).pose == raster.receiver.pose
+    (whole,) = receivers_of(spec, 32)
+    for number, raster in enumerate(LampPictures.of(whole).rasters):
+        assert seen_by(whole, number).pose == raster.receiver.pose
         (alone,) = receivers_of(seen_by_lamp(spec, number), 32)
         np.testing.assert_allclose(alone.corners(), raster.receiver.corners(), atol=1e-9)
 
@@ -134,8 +134,8 @@ def test_a_picture_of_all_lamps_has_so_many_pixels_at_most() -> None:
     """Sides of the receiver and the way from the first to the last lamp, 60 by 40 mm, in pixels."""
 
     def pixels(count: int) -> int:
-        (found,) = receivers_of(together(GRID, SHEET), count)
-        across, along = np.array([150.0, 120.0]) / [found.grid.columns, found.grid.rows]
+        (receiver,) = receivers_of(together(GRID, SHEET), count)
+        across, along = np.array([150.0, 120.0]) / [receiver.grid.columns, receiver.grid.rows]
         return round((150.0 + 60.0) / across) * round((120.0 + 40.0) / along)
 
     most = bisect_right(range(2048), 2**22, lo=32, key=pixels) - 1
@@ -149,18 +149,21 @@ def test_a_period_holds_all_light_and_moves_round() -> None:
     """No flux is lost at its edge, and rays from three pixels further make the same picture three pixels further."""
     period = {**SHEET, "centre_mm": [0.0, 0.0, 60.0], "width_mm": 20.0, "height_mm": 20.0 * 3.0**0.5, "targets": DISC}
     lamps = {"kind": "endless", "lattice": "hexagon", "pitch_mm": 20.0}
-    found = receivers_of(together(lamps, period), 32)[0]
+    receiver = receivers_of(together(lamps, period), 32)[0]
     rays = exits()
-    board = LampPictures.of(found)
-    (width, height) = found.grid.pixel
+    board = LampPictures.of(receiver)
+    (width, height) = receiver.grid.pixel
     pictures = []
     for move in (0.0, 3.0):
         moved = replace(rays, points=rays.points + np.array([move * width, move * height, 0.0]))
-        own = [splat_flux(each.hits, each.flux, r.grid) for r in board.receivers for each in [r.land(moved)]]
-        pictures.append(board.added(own))
+        deposits = [splat_flux(landed.hits, landed.flux, r.grid) for r in board.receivers for landed in [r.land(moved)]]
+        pictures.append(board.added(deposits))
     assert pictures[0].sum() == pytest.approx(rays.flux.sum(), rel=1e-12)
     np.testing.assert_allclose(np.roll(pictures[0], (3, 3), axis=(0, 1)), pictures[1], atol=1e-9)
-    half = found.grid.rows // 2, found.grid.columns // 2  # where the second lamp stands: the lattice is the same there
+    half = (
+        receiver.grid.rows // 2,
+        receiver.grid.columns // 2,
+    )  # where the second lamp stands: the lattice is the same there
     np.testing.assert_allclose(np.roll(pictures[0], half, axis=(0, 1)), pictures[0], atol=1e-9)
 
 
@@ -220,10 +223,10 @@ def test_two_lamps_superpose_and_one_is_the_lens() -> None:
     moved = [light_of(target=None, receivers=[{**sheet, "centre_mm": [x, 0.0, 20.0]}]) for x in (15.0, -15.0)]
     np.testing.assert_allclose(both.map, moved[0].map + moved[1].map, rtol=1e-9)
     for name in ("efficiency", "share_in_target"):
-        mean = 0.5 * sum(getattr(each, name).value for each in moved)
+        mean = 0.5 * sum(getattr(light, name).value for light in moved)
         assert getattr(both, name).value == pytest.approx(mean, rel=1e-9)
     assert both.flux.outside == pytest.approx(0.5 * (moved[0].flux.outside + moved[1].flux.outside), rel=1e-9)
-    assert both.possible.efficiency <= 0.5 * sum(each.possible.efficiency for each in moved) + 0.02
+    assert both.possible.efficiency <= 0.5 * sum(light.possible.efficiency for light in moved) + 0.02
 
 
 def test_what_is_possible_from_afar_is_that_of_one_lamp() -> None:
@@ -252,14 +255,14 @@ def test_aimed_lambertian_lamps_light_a_plane_as_their_closed_form_says() -> Non
     places = [[-90.0, 10.0, 20.0], [60.0, -60.0, -10.0]]
     aims = [[20.0, 0.0, 80.0], [-30.0, 40.0, 80.0]]
     lamps = {"kind": "table", "places_mm": places, "aims_mm": aims}
-    lit, above = (light_of(**DIRECT, receivers=[sheet], **each) for each in ({"lamps": lamps}, {}))
+    lit, above = (light_of(**DIRECT, receivers=[sheet], **fields) for fields in ({"lamps": lamps}, {}))
     centres = 100.0 * ((np.arange(50) + 0.5) / 50.0 - 0.5)
 
     def on_pixels(place: list[float], aim: list[float]) -> np.ndarray:
         return irradiance(place, aim, 80.0, centres).reshape(5, 10, 5, 10).mean(axis=(1, 3))
 
     one = on_pixels([0.0, 0.0, 0.0], [0.0, 0.0, 80.0])
-    wanted = sum(on_pixels(*each) for each in zip(places, aims, strict=True))
+    wanted = sum(on_pixels(*lamp) for lamp in zip(places, aims, strict=True))
     passed = above.map.sum() / one.sum()
     np.testing.assert_allclose(lit.map, passed * wanted, rtol=0.02)
     assert wanted.max() > 2.5 * wanted.min()

@@ -60,7 +60,7 @@ def test_corners_of_pixels_lie_on_the_surface_in_rows_from_below(receiver: Posed
 def rays(points: np.ndarray, directions: np.ndarray) -> ExitRays:
     fates = np.full(len(points), int(Fate.LEFT_LENS), dtype=np.int8)
     flux = np.ones(len(points))
-    return ExitRays(*(np.ascontiguousarray(each) for each in (points, directions, flux, 0.0 * flux, fates)))
+    return ExitRays(*(np.ascontiguousarray(array) for array in (points, directions, flux, 0.0 * flux, fates)))
 
 
 def both_landings(receiver: PosedReceiver, points: np.ndarray, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -122,8 +122,8 @@ def test_angles_of_the_far_field_are_those_of_its_chart_and_back() -> None:
 @pytest.mark.parametrize("variance", [0.3, 1.0, 2.5])
 def test_pictures_are_filtered_one_by_one_with_their_edges_repeated(variance: float) -> None:
     images = np.random.default_rng(2).random((2, 3, 4))
-    found = gaussian3(images, variance)
-    for image, smooth in zip(images, found, strict=True):
+    filtered = gaussian3(images, variance)
+    for image, smooth in zip(images, filtered, strict=True):
         padded = np.pad(image, 1, mode="edge")
         for row, column in np.ndindex(3, 4):
             weights = np.exp(-np.add.outer(np.arange(-1, 2) ** 2, np.arange(-1, 2) ** 2) / (2.0 * variance))
@@ -181,13 +181,13 @@ KINDS = {"plane": Plane, "cylinder": Cylinder, "sphere": SphericalReceiver, "far
 @pytest.mark.parametrize("kind", list(SECTIONS))
 def test_a_receiver_of_a_spec_stands_where_it_says(kind: str) -> None:
     section = SECTIONS[kind]
-    (found,) = receivers_of(small_spec(target=None, receivers=[section]), 32)
+    (receiver,) = receivers_of(small_spec(target=None, receivers=[section]), 32)
     centre = tuple(section.get("centre_mm", (0.0, 0.0, 0.0)))
-    assert type(found) is KINDS[kind] and found.pose == Pose.facing((0.1, 0.2, 1.0), centre, 25.0)
+    assert type(receiver) is KINDS[kind] and receiver.pose == Pose.facing((0.1, 0.2, 1.0), centre, 25.0)
     side = 2.0 * math.sin(math.radians(20.0)) * (70.0 if kind == "sphere" else 1.0)
     flat = kind in ("plane", "cylinder")
-    assert found.grid.size == pytest.approx((80.0, 40.0) if flat else (2.0 * side, 2.0 * side))
-    window = found.window
+    assert receiver.grid.size == pytest.approx((80.0, 40.0) if flat else (2.0 * side, 2.0 * side))
+    window = receiver.window
     assert (window.width, window.height) == ((80.0, 40.0) if flat else (math.inf, math.inf))
     assert window.radius == (math.inf if flat else pytest.approx(side))
 
@@ -207,8 +207,8 @@ def test_receivers_stand_behind_the_cover_glass_and_the_far_field_always_does(di
 
 
 def test_the_window_of_the_evaluation_is_that_of_the_target_s_own_receiver() -> None:
-    (found,) = receivers_of(small_spec(evaluate__window_mm=60.0), 8)
-    assert found.window == Window(60.0, 60.0)
+    (receiver,) = receivers_of(small_spec(evaluate__window_mm=60.0), 8)
+    assert receiver.window == Window(60.0, 60.0)
     wall = {"kind": "plane", "centre_mm": [0.0, 0.0, 60.0], "width_mm": 80.0, "height_mm": 40.0, "targets": [DISC]}
     (other,) = receivers_of(small_spec(target=None, receivers=[{**wall, "window_mm": [20.0, 10.0]}]), 8)
     assert other.window == Window(20.0, 10.0)

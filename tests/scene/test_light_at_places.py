@@ -24,19 +24,19 @@ ANGLES = at((0.0, 0.0), (0.4, 0.3), (30.0, 0.0), (0.0, 12.5), (-20.0, 7.0), (3.0
 
 
 def test_a_gaussian_beam_halves_at_its_ellipse() -> None:
-    found = BeamTarget(fwhm_deg=(60.0, 25.0)).light(*ANGLES)
+    light = BeamTarget(fwhm_deg=(60.0, 25.0)).light(*ANGLES)
     by_hand = [
         math.exp(-4.0 * math.log(2.0) * ((x / 60.0) ** 2 + (y / 25.0) ** 2)) for x, y in zip(*ANGLES, strict=True)
     ]
-    np.testing.assert_allclose(found, by_hand, rtol=1e-12)
-    assert found[2] == found[3] == pytest.approx(0.5)
+    np.testing.assert_allclose(light, by_hand, rtol=1e-12)
+    assert light[2] == light[3] == pytest.approx(0.5)
 
 
 @pytest.mark.parametrize("fwhm", [(60.0, 25.0), (170.0, 100.0)])
 def test_a_cosine_beam_is_the_power_of_the_cosine_that_halves_on_the_ellipse_in_each_direction(fwhm) -> None:
     x, y = at((0.0, 0.0), (0.4, 0.3), (30.0, 0.0), (0.0, 12.5), (-20.0, 7.0), (3.0, -40.0), (0.0, 89.5), (89.5, 0.0))
-    found = BeamTarget(fwhm_deg=fwhm, profile="cosine").light(x, y)
-    for light, one, other in zip(found, x, y, strict=True):
+    lights = BeamTarget(fwhm_deg=fwhm, profile="cosine").light(x, y)
+    for light, one, other in zip(lights, x, y, strict=True):
         gamma = math.hypot(one, other)
         if gamma == 0.0:
             assert light == 1.0
@@ -128,12 +128,12 @@ def test_a_polygon_holds_what_an_odd_number_of_its_edges_lies_beside() -> None:
         (5.0 * math.sin(4.0 * math.pi * k / 5.0), 5.0 * math.cos(4.0 * math.pi * k / 5.0)) for k in range(5)
     )
     x, y = np.random.default_rng(0).uniform(-5.0, 5.0, (2, 400))
-    found = PolygonTarget(corners_mm=corners).contains(x, y)
-    for one, other, inside in zip(x, y, found, strict=True):
+    mask = PolygonTarget(corners_mm=corners).contains(x, y)
+    for one, other, inside in zip(x, y, mask, strict=True):
         turns = [math.atan2(b - other, a - one) for a, b in (*corners, corners[0])]
         whole = sum((b - a + math.pi) % (2.0 * math.pi) - math.pi for a, b in pairwise(turns))
         assert inside == (round(whole / (2.0 * math.pi)) % 2 == 1)
-    assert 0 < found.sum() < 200
+    assert 0 < mask.sum() < 200
     square = PolygonTarget(corners_mm=((0.0, 0.0), (2.0, 0.0), (2.0, 2.0), (0.0, 2.0)))
     edges = at((0.0, 1.0), (2.0, 1.0), (1.0, 0.0), (1.0, 2.0), (-1.0, 0.0), (-1.0, 2.0))
     assert square.contains(*edges).tolist() == [True, False, True, False, False, False], "each edge belongs to one side"

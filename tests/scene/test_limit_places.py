@@ -20,7 +20,7 @@ WALL = {"kind": "plane", "centre_mm": [0.0, 0.0, 100.0], "width_mm": 120.0, "hei
 FAR = {"kind": "far_field", "name": "sky", "half_angle_deg": 50.0, "targets": [{"kind": "beam", "fwhm_deg": 30.0}]}
 
 
-def found(
+def limits_on(
     *limits: dict, receivers: tuple = (WALL,), pixels: int = 12, lumens: float | None = 250.0
 ) -> tuple[tuple[LightLimit, ...], list[PosedReceiver]]:
     spec = small_spec(target=None, receivers=list(receivers)).replace(limits=limits)
@@ -63,7 +63,7 @@ def test_a_line_is_read_twice_per_pixel_of_either_direction_and_at_both_ends() -
         ((3.0, 3.0), (3.1, 3.0), 2),
     ):
         line = {"kind": "line", "from_mm": start, "to_mm": end, "unit": "w_per_m2", "at_least": 1.0}
-        (limit,), (receiver,) = found(line, receivers=(wall,), pixels=16)
+        (limit,), (receiver,) = limits_on(line, receivers=(wall,), pixels=16)
         assert receiver.grid.pixel == (10.0, 10.0)
         x, y = np.meshgrid(receiver.grid.x(), receiver.grid.y())
         light = 7.0 + 0.02 * x - 0.03 * y
@@ -75,12 +75,12 @@ def test_a_line_is_read_twice_per_pixel_of_either_direction_and_at_both_ends() -
 
 def test_a_cut_goes_from_rim_to_rim_in_half_pixels() -> None:
     limit = {"kind": "beam_angle", "azimuth_deg": 30.0, "level": 0.25, "at_least_deg": 10.0, "at_most_deg": 90.0}
-    (least, most), (receiver,) = found(limit, receivers=(FAR,), pixels=40)
+    (least, most), (receiver,) = limits_on(limit, receivers=(FAR,), pixels=40)
     assert (least.sense, least.bound, most.sense, most.bound) == (">=", 10.0, "<=", 90.0)
-    for each in (least, most):
-        assert isinstance(each.quantity, BeamAngle)
-        assert (each.unit, each.quantity.level) == ("°", 0.25)
-        np.testing.assert_allclose(each.quantity.angles_deg, np.linspace(-50.0, 50.0, 81), atol=1e-9)
+    for angle in (least, most):
+        assert isinstance(angle.quantity, BeamAngle)
+        assert (angle.unit, angle.quantity.level) == ("°", 0.25)
+        np.testing.assert_allclose(angle.quantity.angles_deg, np.linspace(-50.0, 50.0, 81), atol=1e-9)
     x, y = receiver.target_coordinates(*np.meshgrid(receiver.grid.x(), receiver.grid.y()))
     light = 90.0 + x + 0.5 * y
     read = least.of((light * receiver.pixel_measure)[None])[0]
@@ -91,7 +91,7 @@ def test_a_cut_goes_from_rim_to_rim_in_half_pixels() -> None:
 
 def test_zones_and_glare_are_the_pixels_whose_centres_lie_in_them() -> None:
     disc = {"kind": "rectangle", "width_mm": 60.0, "height_mm": 20.0, "centre_mm": [10.0, 0.0]}
-    (light, share), (receiver,) = found(
+    (light, share), (receiver,) = limits_on(
         {"kind": "zone", "zone": disc, "unit": "lx", "at_most": 5.0, "at_most_share": 0.5}
     )
     x, y = np.meshgrid(receiver.grid.x(), receiver.grid.y())
@@ -103,7 +103,7 @@ def test_zones_and_glare_are_the_pixels_whose_centres_lie_in_them() -> None:
     assert (light.unit, light.quantity, share.unit, share.quantity) == ("lx", PlaceLight(), "", FluxShare())
     assert (light.name, light.receiver) == ("limits.0", 0)
     glare = {"kind": "glare", "name": "dazzle", "from_deg": 30.0, "receiver": "sky", "unit": "cd", "at_most": 4.0}
-    (dazzle,), both = found(glare, receivers=(WALL, FAR))
+    (dazzle,), both = limits_on(glare, receivers=(WALL, FAR))
     gx, gy = both[1].target_coordinates(*np.meshgrid(both[1].grid.x(), both[1].grid.y()))
     gamma = np.hypot(gx, gy)
     pixels = np.flatnonzero((gamma >= 30.0) & (gamma <= 50.0))
@@ -114,20 +114,20 @@ def test_zones_and_glare_are_the_pixels_whose_centres_lie_in_them() -> None:
 def test_points_of_the_far_field_read_the_intensity_there_in_candela() -> None:
     """Of 3 + x/10 - y/20 W/sr, x and y in degrees."""
     points = {"kind": "points", "at_deg": [[0, 0], [10, 0], [-12.3, 20]], "unit": "cd", "at_least": 1.0, "at_most": 1e9}
-    (least, most), (receiver,) = found(points, receivers=(FAR,), pixels=64)
+    (least, most), (receiver,) = limits_on(points, receivers=(FAR,), pixels=64)
     x, y = receiver.target_coordinates(*np.meshgrid(receiver.grid.x(), receiver.grid.y()))
     flux = (3.0 + 0.1 * x - 0.05 * y) * receiver.pixel_measure
     for limit in (least, most):
         np.testing.assert_allclose(limit.of(flux[None])[0], 250.0 * np.array([3.0, 4.0, 3.0 - 1.23 - 1.0]), rtol=1e-3)
     assert (least.sense, most.sense, least.unit, least.quantity) == (">=", "<=", "cd", PlaceLight())
     with pytest.raises(InputError, match=r"limits\.0.*lumens are not known; give source\.flux_lm"):
-        found(points, receivers=(FAR,), lumens=None)
+        limits_on(points, receivers=(FAR,), lumens=None)
 
 
 def test_a_zone_between_pixels_is_refused() -> None:
     tiny = {"kind": "disc", "diameter_deg": 0.01, "centre_deg": [0.3, 0.3]}
     with pytest.raises(InputError, match="no pixel of the receiver lies in it"):
-        found({"kind": "zone", "zone": tiny, "unit": "cd", "at_most": 1.0}, receivers=(FAR,))
+        limits_on({"kind": "zone", "zone": tiny, "unit": "cd", "at_most": 1.0}, receivers=(FAR,))
 
 
 @pytest.mark.parametrize(
@@ -143,11 +143,11 @@ def test_a_zone_between_pixels_is_refused() -> None:
 def test_each_quantity_has_its_unit_and_only_photometric_ones_the_lumens(quantity, unit, kind, scale) -> None:
     light = kind in (PlaceLight(), RelativeLight())
     bound = {"unit": quantity, "at_least": 0.5} if light else {f"at_least_{quantity}": 0.5}
-    (limit,), _ = found({"kind": "zone", **bound})
+    (limit,), _ = limits_on({"kind": "zone", **bound})
     assert (limit.unit, limit.quantity, limit.sense, limit.bound) == (unit, kind, ">=", 0.5)
     assert limit.light_per_flux == pytest.approx(scale / 1e-4)
     if light:
-        (between,), _ = found({"kind": "points", "at_mm": [[1.0, 2.0], [7.0, 3.0]], **bound})
+        (between,), _ = limits_on({"kind": "points", "at_mm": [[1.0, 2.0], [7.0, 3.0]], **bound})
         assert between.light_per_flux == pytest.approx(scale / 1e-4), "bilinear weights add up to 1"
 
 
@@ -155,15 +155,17 @@ def test_each_quantity_has_its_unit_and_only_photometric_ones_the_lumens(quantit
 def test_a_limit_reads_the_receiver_that_it_names_and_a_road_the_lamp_of_all_lenses() -> None:
     """A wall and a far field, 250 lm/W and 2 W; the road's lamp has 24 such LEDs, or the lumens that it states."""
     point = {"kind": "points", "receiver": "sky", "at_deg": [[10.0, 5.0]], "unit": "cd", "at_least": 1.0}
-    (limit,), (_, sky) = found(point, receivers=(WALL, FAR))
+    (limit,), (_, sky) = limits_on(point, receivers=(WALL, FAR))
     assert limit.receiver == 1
     assert limit.of(np.full((1, *sky.grid.shape), 2e-3))[0] == pytest.approx(250.0 * 2e-3 / sky.pixel_measure)
     far = {"kind": "far_field", "half_angle_deg": 90.0, "targets": [{"kind": "beam", "fwhm_deg": 60.0}]}
     road = {"lighting_class": "M3", "width_m": 7.0, "pole_height_m": 9.0, "pole_spacing_m": 30.0}
     lamps = {"kind": "table", "places_mm": [[0.0, 0.0], [60.0, 0.0], [0.0, 60.0]]}
     light = []
-    for own, more in (({}, {}), ({}, {"photometry": {"lenses": 24}}), ({"lamp_lm": 6000.0}, {"lamps": lamps})):
-        spec = small_spec(target=None, receivers=[WALL, far], base={"kind": "none"}, **more).replace(roads=[road | own])
+    for fields, more in (({}, {}), ({}, {"photometry": {"lenses": 24}}), ({"lamp_lm": 6000.0}, {"lamps": lamps})):
+        spec = small_spec(target=None, receivers=[WALL, far], base={"kind": "none"}, **more).replace(
+            roads=[road | fields]
+        )
         built = receivers_of(spec, 24)
         first = next(
             limit for limit in light_limits(spec, built, Efficacy(250.0), 2.0) if limit.quantity == PlaceLight()

@@ -60,16 +60,16 @@ def test_rays_land_where_their_lines_meet_it(receiver: PosedReceiver) -> None:
     assert landed.sum() > 400 and not landings.hits[~landed].any()
     assert np.array_equal(landings.missed_receiver, rays.left_lens & ~landed)
     assert np.array_equal(landings.flux, np.where(landed, rays.flux, 0.0))
-    found = receiver.places(*landings.hits[landed].T)
+    places = receiver.places(*landings.hits[landed].T)
     points = rays.points[landed]
     directions = rays.directions[landed]
     if receiver.is_far:
-        assert np.allclose(found, directions, atol=1e-9)
+        assert np.allclose(places, directions, atol=1e-9)
         return
-    steep = np.linalg.norm(found, axis=1) < 1e4
-    across = np.cross(found - points, directions)[steep]
-    assert np.abs(across).max() < 1e-9 and on_surface(receiver, found[steep]).max() < 1e-9
-    assert (np.sum((found - points) * directions, axis=1) > 0.0).all(), "ahead, not behind"
+    steep = np.linalg.norm(places, axis=1) < 1e4
+    across = np.cross(places - points, directions)[steep]
+    assert np.abs(across).max() < 1e-9 and on_surface(receiver, places[steep]).max() < 1e-9
+    assert (np.sum((places - points) * directions, axis=1) > 0.0).all(), "ahead, not behind"
 
 
 @each_receiver
@@ -97,11 +97,11 @@ def test_the_twin_in_torch_lands_them_alike(receiver: PosedReceiver, device: str
     there = [
         tensor.to(device, dtype) for tensor in (tensors.points, tensors.directions, tensors.flux, tensors.sin2_exit)
     ]
-    found = receiver.land_by_arrays(ExitRays(*there, tensors.fates.to(device)))
-    assert found.hits.dtype == dtype and found.hits.device.type == device
-    assert np.array_equal(found.landed.cpu()[rows], wanted.landed[rows])
+    landings = receiver.land_by_arrays(ExitRays(*there, tensors.fates.to(device)))
+    assert landings.hits.dtype == dtype and landings.hits.device.type == device
+    assert np.array_equal(landings.landed.cpu()[rows], wanted.landed[rows])
     tolerance = 200.0 * torch.finfo(dtype).eps
-    assert np.allclose(found.hits.cpu().double()[rows], wanted.hits[rows], rtol=tolerance, atol=1e4 * tolerance)
+    assert np.allclose(landings.hits.cpu().double()[rows], wanted.hits[rows], rtol=tolerance, atol=1e4 * tolerance)
 
 
 @each_receiver
@@ -116,9 +116,9 @@ def test_its_sensitivities_to_exit_rays_are_those_of_the_twin(receiver: PosedRec
     loss = (moved.hits * torch.from_numpy(by_hits)).sum()
     gradients = torch.autograd.grad(loss, (points, directions), allow_unused=True)
     rows = landed & (rays.directions @ receiver.pose.axes[2] > 1e-3)
-    for found, wanted in zip(by, gradients, strict=True):
-        exact = np.zeros_like(found) if wanted is None else wanted.numpy()
-        assert np.allclose(_across(found, rays)[rows], _across(exact, rays)[rows], rtol=1e-9, atol=1e-9)
+    for gradient, wanted in zip(by, gradients, strict=True):
+        exact = np.zeros_like(gradient) if wanted is None else wanted.numpy()
+        assert np.allclose(_across(gradient, rays)[rows], _across(exact, rays)[rows], rtol=1e-9, atol=1e-9)
 
 
 def _across(vectors: np.ndarray, rays: ExitRays) -> np.ndarray:

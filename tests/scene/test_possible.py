@@ -75,21 +75,21 @@ def whole(receiver: PosedReceiver) -> np.ndarray:
 def test_a_small_far_target_holds_its_share_of_a_lambertian_source() -> None:
     """pi r^2 (side / distance)^2 of the source's pi A, and what two faces transmit of it."""
     receiver = plane(10.0, 8, 1000.0)
-    found = largest_share(whole(receiver), receiver, 15.0, 1.5)
-    assert found.by_etendue == pytest.approx(normal_transmittance(1.5) ** 2 * 15.0**2 * 1e-4 / 4.0, rel=1e-3)
-    assert found.by_etendue < found.by_refraction < normal_transmittance(1.5) ** 2 and found.value == found.by_etendue
-    assert "étendue" in str(found)
+    bound = largest_share(whole(receiver), receiver, 15.0, 1.5)
+    assert bound.by_etendue == pytest.approx(normal_transmittance(1.5) ** 2 * 15.0**2 * 1e-4 / 4.0, rel=1e-3)
+    assert bound.by_etendue < bound.by_refraction < normal_transmittance(1.5) ** 2 and bound.value == bound.by_etendue
+    assert "étendue" in str(bound)
 
 
 def test_without_a_lens_the_bound_is_kept_by_straight_rays() -> None:
     """Index 1: light flies straight. What lands in the region never exceeds either bound, and comes near the second."""
     for side, distance in ((20.0, 30.0), (100.0, 30.0), (30.0, 300.0)):
         receiver = plane(side, 4, distance)
-        found = largest_share(whole(receiver), receiver, 2.0, 1.0)
+        bound = largest_share(whole(receiver), receiver, 2.0, 1.0)
         hits = RAYS.origins[:, :2] + distance * RAYS.directions[:, :2] / RAYS.directions[:, 2:]
         landed = float((np.abs(hits) <= 0.5 * side).all(axis=1).mean())
-        assert landed <= found.by_refraction and landed <= 1.1 * found.by_etendue
-        assert found.by_refraction < 3.5 * landed
+        assert landed <= bound.by_refraction and landed <= 1.1 * bound.by_etendue
+        assert bound.by_refraction < 3.5 * landed
 
 
 def test_a_collimated_source_reaches_no_target_far_to_its_side() -> None:
@@ -119,7 +119,7 @@ def test_the_least_nmse_is_that_of_the_nearest_pattern_within_the_bounds() -> No
     region = target > 0.1 * target.max()
     for arriving in (0.006, 0.01, 0.02):
         caps = np.maximum(physics.on_pixels.ravel() / arriving, 0.0)
-        found = physics.least_nmse(target, region, arriving)
+        least = physics.least_nmse(target, region, arriving)
         assert caps.sum() > 1.0 and (caps < target.ravel()).any(), "some bounds bind, all together leave room"
         best = minimize(
             lambda pattern: np.sum((pattern - target.ravel()) ** 2),
@@ -129,7 +129,7 @@ def test_the_least_nmse_is_that_of_the_nearest_pattern_within_the_bounds() -> No
             constraints={"type": "eq", "fun": lambda pattern: pattern.sum() - 1.0},
             options={"ftol": 1e-14, "maxiter": 1000},
         )
-        assert best.success and found == pytest.approx(best.fun / np.sum(target**2), rel=1e-4, abs=1e-9)
+        assert best.success and least == pytest.approx(best.fun / np.sum(target**2), rel=1e-4, abs=1e-9)
     assert physics.least_nmse(target, region, 1e-6) == pytest.approx(0.0, abs=1e-12), (
         "little light can have any pattern"
     )
@@ -140,22 +140,22 @@ def test_the_bound_of_a_window_is_that_of_a_receiver_of_its_size(width_mm: float
     """Whether the window is narrower than the receiver, or wider and to both sides of what the light can reach."""
     pose = Pose.facing((0.2, -0.1, 1.0), (60.0, -40.0, 500.0))
     receiver = Plane(pose, PixelGrid(200.0, 120.0, 40, 24), Window(width_mm, 0.4 * width_mm))
-    own = Plane(pose, PixelGrid(width_mm, 0.4 * width_mm, 40, 24))
-    found = possible(receiver, 9.0, 1.5).in_window()
-    expected = largest_share(whole(own), own, 9.0, 1.5)
-    assert found.by_etendue == pytest.approx(expected.by_etendue, rel=1e-9)
-    assert found.by_refraction == pytest.approx(expected.by_refraction, rel=1e-9)
+    window = Plane(pose, PixelGrid(width_mm, 0.4 * width_mm, 40, 24))
+    bound = possible(receiver, 9.0, 1.5).in_window()
+    expected = largest_share(whole(window), window, 9.0, 1.5)
+    assert bound.by_etendue == pytest.approx(expected.by_etendue, rel=1e-9)
+    assert bound.by_refraction == pytest.approx(expected.by_refraction, rel=1e-9)
 
 
 def test_the_bound_of_a_round_window_is_that_of_its_disc() -> None:
     """Wider than the receiver's pixels along y."""
     pose = Pose.facing((0.2, -0.1, 1.0), (60.0, -40.0, 500.0))
     receiver = Plane(pose, PixelGrid(200.0, 120.0, 40, 24), Window(math.inf, math.inf, 70.0))
-    own = Plane(pose, PixelGrid.square(140.0, 56))
-    disc = np.hypot(*np.meshgrid(own.grid.x(), own.grid.y())) <= 70.0
-    found = possible(receiver, 9.0, 1.5).in_window()
-    expected = largest_share(disc, own, 9.0, 1.5)
-    assert found.by_etendue == pytest.approx(expected.by_etendue, rel=0.02)
+    window = Plane(pose, PixelGrid.square(140.0, 56))
+    disc = np.hypot(*np.meshgrid(window.grid.x(), window.grid.y())) <= 70.0
+    bound = possible(receiver, 9.0, 1.5).in_window()
+    expected = largest_share(disc, window, 9.0, 1.5)
+    assert bound.by_etendue == pytest.approx(expected.by_etendue, rel=0.02)
 
 
 GRID = PixelGrid(60.0, 40.0, 6, 4)
@@ -183,9 +183,9 @@ INDICES = np.random.default_rng(1).uniform(1.45, 1.55, 40)
 
 def light(media: Media) -> SourceLight:
     """Rays with an index each."""
-    own, body = with_own(rays(), media.body, INDICES)
+    coloured, body = with_own(rays(), media.body, INDICES)
     curve = EtendueCurve(np.array([0.0, 2.0, 9.0]), np.array([0.1, 0.7, 1.0]), False)
-    return SourceLight(own, curve, replace(media, body=body))
+    return SourceLight(coloured, curve, replace(media, body=body))
 
 
 GLASS = CoverGlass(1.5, 1.5, 300.0)
@@ -201,8 +201,8 @@ def solid_angles(receiver: PosedReceiver) -> np.ndarray:
     """Of every pixel seen from the origin, by two triangles each (L'Huilier)."""
     corners = receiver.corners()
     units = corners / np.linalg.norm(corners, axis=-1, keepdims=True)
-    found = np.zeros(receiver.grid.shape)
-    for row, column in np.ndindex(found.shape):
+    angles = np.zeros(receiver.grid.shape)
+    for row, column in np.ndindex(angles.shape):
         a, b, c, d = (units[row + i, column + j] for i, j in ((0, 0), (0, 1), (1, 1), (1, 0)))
         for one, other, third in ((a, b, c), (a, c, d)):
             sides = [
@@ -210,8 +210,8 @@ def solid_angles(receiver: PosedReceiver) -> np.ndarray:
             ]
             half = sum(sides) / 2.0
             product = math.prod(math.tan(0.5 * (half - side)) for side in (0.0, *sides))
-            found[row, column] += 4.0 * math.atan(math.sqrt(max(product, 0.0)))
-    return found
+            angles[row, column] += 4.0 * math.atan(math.sqrt(max(product, 0.0)))
+    return angles
 
 
 @each_receiver
@@ -226,15 +226,15 @@ def test_the_bounds_of_a_region_are_those_of_its_solid_angle_and_of_the_cone_aro
         return at_best * float(np.interp(math.pi * ball**2 * angle, [0.0, 2.0, 9.0], [0.1, 0.7, 1.0]))
 
     np.testing.assert_allclose(physics.on_pixels, np.vectorize(share)(angles), rtol=1e-6)
-    found = physics.in_region(PIXELS)
-    assert found.by_etendue == pytest.approx(share(angles[PIXELS].sum()), rel=1e-6)
+    bound = physics.in_region(PIXELS)
+    assert bound.by_etendue == pytest.approx(share(angles[PIXELS].sum()), rel=1e-6)
     corners = receiver.corners()
     units = corners / np.linalg.norm(corners, axis=-1, keepdims=True)
     around = [
         units[row + i, column + j] for row, column in np.argwhere(PIXELS) for i, j in ((0, 0), (0, 1), (1, 1), (1, 0))
     ]
     axis = np.mean(around, axis=0) / np.linalg.norm(np.mean(around, axis=0))
-    half = max(math.acos(min(1.0, float(each @ axis))) for each in around)
+    half = max(math.acos(min(1.0, float(direction @ axis))) for direction in around)
     nearest = float(np.linalg.norm(corners, axis=-1).min())
     if receiver.is_flat:
         nearest = 0.6 * 30.0 + 0.8 * 50.0
@@ -244,7 +244,7 @@ def test_the_bounds_of_a_region_are_those_of_its_solid_angle_and_of_the_cone_aro
         flux * best(math.acos(min(1.0, float(way @ axis))) - half - parallax, index, media)
         for flux, way, index in zip(bundle.flux, bundle.directions, INDICES, strict=True)
     )
-    assert found.by_refraction == pytest.approx(passed / bundle.flux.sum(), rel=1e-9)
+    assert bound.by_refraction == pytest.approx(passed / bundle.flux.sum(), rel=1e-9)
 
 
 @pytest.mark.parametrize("media", MEDIA.values(), ids=list(MEDIA))
@@ -257,9 +257,9 @@ def test_a_lens_of_revolution_sends_what_it_transmits_to_an_arc_and_all_else_aro
     share = np.ptp(azimuths) / (2.0 * math.pi)
     assert 0.02 < share < 0.2
     around = PossibleLight(replace(light(media), round_by=REVOLUTION), receiver, ExitBall(4.0))
-    found = around.in_region(pixel)
+    bound = around.in_region(pixel)
     assert around.light.transmittance < 0.95
-    assert found.by_symmetry == pytest.approx(around.light.transmittance * share, rel=1e-9)
+    assert bound.by_symmetry == pytest.approx(around.light.transmittance * share, rel=1e-9)
 
 
 def test_a_larger_lens_holds_a_share_by_the_square_of_its_radius() -> None:
@@ -303,8 +303,8 @@ def test_a_given_ellipsoid_is_bounded_by_the_view_of_its_mouth() -> None:
     mouth = math.sqrt((43.0**2 - 40.0**2) * (1.0 - (30.0 / 43.0) ** 2)) / 10.0
     x = 1.0 + (1.0 + mouth**2) / 0.2**2
     factor = 0.5 * (x - math.sqrt(x**2 - 4.0 * (mouth / 0.2) ** 2))
-    found = share_of(spec)
-    assert found.by_etendue == pytest.approx(factor, rel=0.01) and found.value > 0.2396, "a tracer of its own"
+    bound = share_of(spec)
+    assert bound.by_etendue == pytest.approx(factor, rel=0.01) and bound.value > 0.2396, "a tracer of its own"
     assert bounds_of(spec.replace({"lens.mouth.offset_mm": 40.0})).by_etendue(
         np.ones((128, 128), dtype=bool)
     ) == pytest.approx(1.0), "all of the receiver"
@@ -365,12 +365,14 @@ KINDS = ("batwing", "curved_screen", "coated_cover_glass", "two_distances")  # t
 
 
 def require_possible(light: lf.Light) -> None:
-    for each in light.receivers:
+    for receiver in light.receivers:
         for name in ("efficiency", "share_in_target"):
-            found = getattr(each, name)
-            most = getattr(each.possible, name)
-            assert found.value <= most + 3.0 * (found.standard_error or 0.0), f"{each.name}: {name}"
-        assert each.nmse.value >= each.possible.nmse - 3.0 * (each.nmse.standard_error or 0.0), each.name
+            metric = getattr(receiver, name)
+            most = getattr(receiver.possible, name)
+            assert metric.value <= most + 3.0 * (metric.standard_error or 0.0), f"{receiver.name}: {name}"
+        assert receiver.nmse.value >= receiver.possible.nmse - 3.0 * (receiver.nmse.standard_error or 0.0), (
+            receiver.name
+        )
 
 
 HOT = ((0.2, 0.9), (2.0, 0.1))  # sides (mm) of two squares, one within the other, and their shares of the flux
@@ -442,10 +444,10 @@ def test_an_opal_lens_is_not_refused_what_no_two_refractions_would_turn() -> Non
         lens={"refractive_index": 1.4936, "inner": {"offset_mm": 3.0}, "outer": {"offset_mm": 6.0}},
     )  # fmt: skip
     for scatter, most in (("polished", 0.0), ("frosted", 0.0), ("opal", normal_transmittance(1.4936) ** 2)):
-        own = spec if scatter == "polished" else spec.replace({"lens.outer.scatter": SCATTER[scatter]})
-        found = share_of(own)
-        assert found.by_refraction == pytest.approx(most, abs=1e-3), scatter
-        check = SceneCheck.of(own, build_source(own.source))
+        case = spec if scatter == "polished" else spec.replace({"lens.outer.scatter": SCATTER[scatter]})
+        bound = share_of(case)
+        assert bound.by_refraction == pytest.approx(most, abs=1e-3), scatter
+        check = SceneCheck.of(case, build_source(case.source))
         if most > 0.0:
             check.require_light()
             continue
@@ -463,17 +465,17 @@ def test_an_estimate_of_the_luminance_is_no_bound_and_refuses_nothing() -> None:
     chips = spec_of(source=HOT_CHIPS, **sections)
     rays = spec_of(source=hot_rays(2**12), **sections)
     known = share_of(chips)
-    found = share_of(rays)
+    bound = share_of(rays)
     transmitted = normal_transmittance(1.4936) ** 2
     radiance = 0.9 / (math.pi * 0.2**2) + 0.1 / (math.pi * 2.0**2)  # of the place where both are
     etendue = math.pi * 3.0**2 * math.pi * math.sin(math.radians(1.0)) ** 2
     assert known.by_etendue == pytest.approx(transmitted * radiance * etendue, rel=0.05)
     assert known.value == known.certain == known.by_etendue and not known.is_estimate
-    assert found.is_estimate and found.value == found.by_etendue < 0.5 * found.certain
-    assert found.certain == pytest.approx(known.by_refraction, rel=0.02)
+    assert bound.is_estimate and bound.value == bound.by_etendue < 0.5 * bound.certain
+    assert bound.certain == pytest.approx(known.by_refraction, rel=0.02)
     light = lf.evaluate(starting_lens(rays), rays=2**12).first
-    assert light.possible.share_in_target == pytest.approx(found.certain, rel=1e-6) and light.possible.nmse == 0.0
-    assert light.possible.estimate.share_in_target == pytest.approx(found.value, rel=0.02)
+    assert light.possible.share_in_target == pytest.approx(bound.certain, rel=1e-6) and light.possible.nmse == 0.0
+    assert light.possible.estimate.share_in_target == pytest.approx(bound.value, rel=0.02)
     assert lf.evaluate(starting_lens(chips), rays=2**12).first.possible.estimate is None
     with pytest.raises(InputError, match=r"upper bound .*\(étendue\)"):
         SceneCheck.of(chips, build_source(chips.source)).require_light()
@@ -515,10 +517,10 @@ def test_profiles_drawn_along_y_bring_light_to_no_band_that_its_directions_along
     near_mm = far_mm - cell_mm - section_mm
     low, high = ((place + sign * cell_mm) / near_mm for place, sign in ((-2e4, -1.0), (6e4, 1.0)))
     share = below(high / math.hypot(high, 1.0)) - below(low / math.hypot(low, 1.0))
-    found = physics.in_region(band)
-    assert found.by_refraction == pytest.approx(normal_transmittance(1.5) ** 2 * share, abs=2e-3)
-    assert found.law == "deflection and loss of two refractions by profiles"
-    assert possible(receiver, 300.0, 1.5).in_region(band).by_refraction > 1.5 * found.by_refraction
+    bound = physics.in_region(band)
+    assert bound.by_refraction == pytest.approx(normal_transmittance(1.5) ** 2 * share, abs=2e-3)
+    assert bound.law == "deflection and loss of two refractions by profiles"
+    assert possible(receiver, 300.0, 1.5).in_region(band).by_refraction > 1.5 * bound.by_refraction
     dome = Media(Medium(1.5), bodies=(SecondaryOptic("dome", Medium(1.5), sphere(310.0), sphere(312.0)),))
     assert "profiles" not in replace(physics, light=replace(physics.light, media=dome)).in_region(band).law
 

@@ -28,8 +28,8 @@ def wanted(*targets: dict[str, Any], **receiver: Any) -> tuple[np.ndarray, Posed
     """Light wanted on a plane 300 mm wide and 200 mm high, or on another receiver."""
     plane = {"kind": "plane", "centre_mm": [0.0, 0.0, 150.0], "width_mm": 300.0, "height_mm": 200.0}
     spec = small_spec(target=None, receivers=[{**(receiver or plane), "targets": list(targets)}])
-    found = receivers_of(spec, PIXELS)[0]
-    return target_light(spec.all_receivers[0].targets, found), found
+    raster = receivers_of(spec, PIXELS)[0]
+    return target_light(spec.all_receivers[0].targets, raster), raster
 
 
 def moments(light: np.ndarray, receiver: PosedReceiver) -> tuple[float, float, float, float]:
@@ -90,8 +90,8 @@ def test_tables_are_read_row_by_row_from_the_top(tmp_path: Path) -> None:
     (tmp_path / "light.csv").write_text("# light\n0;1;2\n3;4;5\n")
     by_array, _ = wanted({"kind": "array", "values": values, "width_mm": 150.0})
     for name in ("light.npz", "light.csv"):
-        found, _ = wanted({"kind": "table", "file": str(tmp_path / name), "width_mm": 150.0})
-        assert np.array_equal(found, by_array)
+        light, _ = wanted({"kind": "table", "file": str(tmp_path / name), "width_mm": 150.0})
+        assert np.array_equal(light, by_array)
     taller, receiver = wanted({"kind": "array", "values": values, "width_mm": 150.0, "height_mm": 50.0})
     assert np.ptp(receiver.grid.y()[taller.any(axis=1)]) == pytest.approx(50.0, abs=5.0)
     (tmp_path / "light.csv").write_text("1,2\n3\n")
@@ -127,11 +127,11 @@ def test_a_photometric_file_is_wanted_as_it_stands(tmp_path: Path) -> None:
     with pytest.warns(FileWarning, match=r"few\.ies: its light has 209\.\d+ lm, its lamps only 100 lm"):
         wanted({**target, "file": str(tmp_path / "few.ies")}, **FAR)
     x, on_x, y, on_y = along(*wanted(target, **FAR))
-    own = turned_over(TabulatedIntensity(c, gamma, values))
+    table = turned_over(TabulatedIntensity(c, gamma, values))
     for angles, light, azimuths in ((x, on_x, (0.0, 180.0)), (y, on_y, (90.0, 270.0))):
         for side, azimuth in zip((1.0, -1.0), azimuths, strict=True):
             ahead = side * angles > 0.0
-            exact = np.interp(np.abs(angles[ahead]), gamma, own.at(azimuth))
+            exact = np.interp(np.abs(angles[ahead]), gamma, table.at(azimuth))
             assert np.allclose(light[ahead] / light[ahead].max(), exact / exact.max(), atol=0.02)
     assert on_x[x > 30.0].sum() > 1.2 * on_x[x < -30.0].sum() and on_y[y < -30.0].sum() > on_y[y > 30.0].sum()
     light, receiver = wanted({**target, "rotation_deg": 180.0}, **FAR)
@@ -190,7 +190,7 @@ def test_targets_add_up_by_their_levels_and_one_that_lies_beside_the_receiver_ad
     left, right = (RectangleTarget(width_mm=width, height_mm=20.0, centre_mm=(x, 0.0), level=level)
                    for width, x, level in ((20.0, -40.0, 2.0), (10.0, 40.0, 0.5)))  # fmt: skip
     beside = RectangleTarget(width_mm=10.0, height_mm=10.0, centre_mm=(500.0, 0.0))
-    one, other = (target_light((each,), OBLONG) for each in (left, right))
+    one, other = (target_light((section,), OBLONG) for section in (left, right))
     for targets in ((left, right), (left, beside, right)):
         both = target_light(targets, OBLONG)
         np.testing.assert_allclose(both, (8.0 * one + other) / 9.0, atol=1e-15)  # by level and area
@@ -206,8 +206,8 @@ def test_the_region_of_uniform_light_is_that_of_any_target_by_the_centres_of_pix
     other = RectangleTarget(width_mm=9.0, height_mm=9.0, uniform_mm=30.0, centre_mm=(25.0, -15.0))
     plain = RectangleTarget(width_mm=9.0, height_mm=9.0)
     for wider in (0.0, 1.5):
-        found = uniform_region((plain, one, other), OBLONG, wider)
-        assert found is not None
+        mask = uniform_region((plain, one, other), OBLONG, wider)
+        assert mask is not None
         for row, column in np.ndindex(8, 24):
             x, y = -60.0 + 5.0 * (column + 0.5), -40.0 + 10.0 * (row + 0.5)
             turned = np.radians(30.0)
@@ -215,7 +215,7 @@ def test_the_region_of_uniform_light_is_that_of_any_target_by_the_centres_of_pix
             v = np.cos(turned) * (y - 10.0) - np.sin(turned) * (x + 20.0)
             in_one = abs(u) <= 20.0 + 2.5 * wider and abs(v) <= 10.0 + 5.0 * wider
             in_other = abs(x - 25.0) <= 15.0 + 2.5 * wider and abs(y + 15.0) <= 15.0 + 5.0 * wider
-            assert found[row, column] == (in_one or in_other), (x, y)
+            assert mask[row, column] == (in_one or in_other), (x, y)
     assert uniform_region((plain,), OBLONG) is None
 
 

@@ -57,9 +57,9 @@ def test_every_bit_of_a_picture_is_irradiance(tmp_path, content, light):
 
 def test_a_mirrored_picture_is_that_of_its_other_side(tmp_path):
     """Value by value: row 0 at the top, the last column on the left; turned about its centre after that."""
-    own, other = (irradiance(tmp_path, png(GREY16, "grey", 16), mirrored=each) for each in (False, True))
-    np.testing.assert_allclose(other, own[:, ::-1], rtol=1e-12)
-    assert np.abs(other - own).max() > 0.1 * own.max()
+    upright, other = (irradiance(tmp_path, png(GREY16, "grey", 16), mirrored=mirrored) for mirrored in (False, True))
+    np.testing.assert_allclose(other, upright[:, ::-1], rtol=1e-12)
+    assert np.abs(other - upright).max() > 0.1 * upright.max()
 
 
 def test_another_picture_of_the_same_name_is_another_target(tmp_path):
@@ -227,7 +227,7 @@ def test_a_photometric_target_does_not_go_on_beyond_its_receiver(tmp_path: Path)
     gamma = np.arange(0.0, 91.0, 10.0)
     candela = np.where(gamma <= 60.0, 100.0, 49.0)
     lines = ["IESNA:LM-63-2002", "TILT=NONE", f"1 1000 1 {len(gamma)} 1 1 2 0.1 0.1 0", "1 1 10"]
-    rows = [" ".join(f"{each:g}" for each in values) for values in (gamma, (0.0,), candela)]
+    rows = [" ".join(f"{value:g}" for value in values) for values in (gamma, (0.0,), candela)]
     (tmp_path / "wide.ies").write_text("\n".join([*lines, *rows]) + "\n", encoding="ascii")
     wide = TargetSection.kinds["photometric"](file=tmp_path / "wide.ies")
     with pytest.raises(InputError, match=r"wide\.ies goes on beyond its receiver of half_angle_deg = 40, up to 6\d"):
