@@ -70,11 +70,11 @@ class Step:
         """The merit with the parameters moved along their ways; ``light``: changes of the path of the light."""
         merit = self.problem.merit
         if light and isinstance(merit.light, LightOfKinds):
-            paths = tuple(replace(each, **light) for each in merit.light.paths)
+            paths = tuple(replace(path, **light) for path in merit.light.paths)
             merit = replace(merit, light=replace(merit.light, paths=paths))
         elif light:
             merit = replace(merit, light=replace(merit.light, **light))
-        moved = (own + step * way for own, step, way in zip(self.parameters, by, self.ways, strict=True))
+        moved = (parameter + step * way for parameter, step, way in zip(self.parameters, by, self.ways, strict=True))
         return merit.step_loss(*moved, self.rays, self.problem.constraints, True, self.pairs).loss
 
     def values(self, **light: Any) -> tuple[torch.Tensor, ...]:

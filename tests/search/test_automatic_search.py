@@ -81,9 +81,9 @@ def test_a_level_that_is_left_out_at_the_very_end_leaves_its_functions_out(
     path = tmp_path / "checkpoint.bin"
     for resume in (False, True):
         judge_as(monkeypatch, 1.0, 0.5, 0.51, 0.49)
-        found = search(spec, build_source(spec.source), accuracy=FEW_STEPS, checkpoint=path, resume=resume)
-        assert found.lens.basis.levels == (9,) and found.steps == 3 * FEW.steps[0]
-        assert "25 functions more lower the error by" in str(found.ended)
+        result = search(spec, build_source(spec.source), accuracy=FEW_STEPS, checkpoint=path, resume=resume)
+        assert result.lens.basis.levels == (9,) and result.steps == 3 * FEW.steps[0]
+        assert "25 functions more lower the error by" in str(result.ended)
 
 
 @pytest.mark.parametrize("seed", first_by_day(1, range(4)))
@@ -100,7 +100,7 @@ def test_a_search_by_few_points_still_ends_within_its_limits(seed: int) -> None:
     offsets[1] = factor
     weights, offsets = feasibility.project_to_feasible(*problem.in_full(), weights, offsets)
     lens = problem.parametrisation.lens(weights, offsets, problem.spec, 0, "draft")
-    assert all(each.holds for each in constraint_criteria(lens.spec, feasibility.measure_constraints(lens)))
+    assert all(criterion.holds for criterion in constraint_criteria(lens.spec, feasibility.measure_constraints(lens)))
 
 
 @pytest.mark.nightly("six seconds; by day a search by few points ends within its limits")
@@ -119,7 +119,7 @@ def test_a_limit_that_the_coarse_table_keeps_is_kept_by_the_lens_itself() -> Non
     lens, margins = feasibility.feasible_lens(problem, state, 0, "draft")
     assert first.curvature_margin_per_mm["inner"] < -0.005
     assert margins == feasibility.measure_constraints(lens)
-    assert all(each.holds for each in constraint_criteria(problem.spec, margins))
+    assert all(criterion.holds for criterion in constraint_criteria(problem.spec, margins))
 
 
 def test_the_force_of_a_constraint_is_the_same_on_the_next_level() -> None:
@@ -173,8 +173,8 @@ def judged_again(spec: Spec, design: lf.Design, effort: SearchEffort, seed: int 
     source = build_source(spec.source)
     problem = Problems(spec, source, PRESETS["draft"].nodes_per_sigma, None).of(design.lens.basis.levels)
     validation, _ = ValidationRays.of(source, effort.validation_rays, seed)
-    found, _ = validation.judge(problem, *problem.parametrisation.parameters_of(design.lens), False)
-    return found
+    judgement, _ = validation.judge(problem, *problem.parametrisation.parameters_of(design.lens), False)
+    return judgement
 
 
 @pytest.mark.parametrize("seed", first_by_day(1, range(3)))
@@ -183,9 +183,9 @@ def test_no_search_ends_above_what_validation_rays_have_accepted(seed: int, monk
     judge = ValidationRays.judge
 
     def noted(self: ValidationRays, *given: Any) -> Any:
-        found = judge(self, *given)
-        seen.append(found[0].merit)
-        return found
+        judgement = judge(self, *given)
+        seen.append(judgement[0].merit)
+        return judgement
 
     monkeypatch.setattr(ValidationRays, "judge", noted)
     spec = automatic(target__uniform_mm=None)
@@ -219,10 +219,10 @@ def test_a_machine_that_becomes_slower_keeps_the_budget(monkeypatch: pytest.Monk
     monkeypatch.setattr(MeritFunction, "step_loss", compiled)
     spec = automatic(optimise__seconds=50.0)
     path = tmp_path / "checkpoint.bin"
-    found = search(spec, build_source(spec.source), accuracy=FEW_STEPS, progress=observe, checkpoint=path)
-    assert found.seconds == 4.0 + 2 * 30.0, "the step that goes beyond the budget is the last"
+    result = search(spec, build_source(spec.source), accuracy=FEW_STEPS, progress=observe, checkpoint=path)
+    assert result.seconds == 4.0 + 2 * 30.0, "the step that goes beyond the budget is the last"
     assert compiling[0] == 1000.0, "is no time of the search"
-    assert str(found.ended).endswith("optimise.seconds = 50 are used")
-    assert len(levels) == len(found.lens.basis.levels)
+    assert str(result.ended).endswith("optimise.seconds = 50 are used")
+    assert len(levels) == len(result.lens.basis.levels)
     resumed = search(spec, build_source(spec.source), accuracy=FEW_STEPS, checkpoint=path, resume=True)
-    assert resumed.lens.sha256 == found.lens.sha256 and resumed.steps == found.steps == FEW.steps[0] + 2
+    assert resumed.lens.sha256 == result.lens.sha256 and resumed.steps == result.steps == FEW.steps[0] + 2

@@ -77,14 +77,14 @@ def test_the_slope_of_the_merit_by_a_weight_is_that_of_differences(scene: str) -
 def test_bounds_allow_for_the_size_of_the_bodies_and_for_what_they_turn() -> None:
     spec = spec_with()
     alone = spec_with(bodies=[])
-    light, bare = (SourceLight.of(build_source(spec.source), each.media) for each in (spec, alone))
+    light, bare = (SourceLight.of(build_source(spec.source), scene.media) for scene in (spec, alone))
     (receiver,) = receivers_of(spec, 16)
-    with_it, without = (PossibleLight(each, receiver, ExitBall(7.0)) for each in (light, bare))
+    with_it, without = (PossibleLight(source, receiver, ExitBall(7.0)) for source in (light, bare))
     assert (with_it.on_pixels >= without.on_pixels).all() and with_it.on_pixels.sum() > 1.5 * without.on_pixels.sum()
     assert with_it.in_region(receiver.window.pixels(receiver.grid)).by_refraction >= 0.9
 
 
 def test_the_most_that_the_lens_transmits_is_less_by_both_faces_of_a_body() -> None:
     of_faces = (1.0 - (0.586 / 2.586) ** 2) ** 2
-    found = transmittance_of(spec_with().media) / transmittance_of(spec_with(bodies=[]).media)
-    assert found == pytest.approx(of_faces, rel=1e-12)
+    share = transmittance_of(spec_with().media) / transmittance_of(spec_with(bodies=[]).media)
+    assert share == pytest.approx(of_faces, rel=1e-12)

@@ -29,15 +29,15 @@ def weights_along(place: float, order: int) -> np.ndarray:
     position = (place + 1.02) / step + 1.0  # the first coefficient lies a step before the chart's square
     offsets = position - np.arange(15.0)
     inside = np.abs(offsets) < 2.0
-    found = np.where(inside, SPLINE(np.where(inside, offsets, 0.0), nu=order), 0.0) / step**order
+    values = np.where(inside, SPLINE(np.where(inside, offsets, 0.0), nu=order), 0.0) / step**order
     if order == 2:  # what the second derivative lacks, by the fourth difference around the place
         cell = math.floor(position + 1e-9)
         part = position - cell
         lack = (1.0 / 12.0 - part * (1.0 - part) / 2.0) / step**2
         for centre, share in ((cell, 1.0 - part), (cell + 1, part)):
             middle = min(max(centre, 2), 12)
-            found[middle - 2 : middle + 3] += lack * share * np.array([1.0, -4.0, 6.0, -4.0, 1.0])
-    weights: np.ndarray = found
+            values[middle - 2 : middle + 3] += lack * share * np.array([1.0, -4.0, 6.0, -4.0, 1.0])
+    weights: np.ndarray = values
     return weights
 
 
@@ -50,10 +50,10 @@ def test_radius_and_derivatives_are_sums_over_the_splines_of_a_table() -> None:
     tables = chance.normal(size=(2, 15, 15))
     jets = ChartOperator.of(GRID, points, True, 0.25).jets(torch.from_numpy(tables))
     for table, jet in zip(tables, jets, strict=True):
-        found = torch.cat([jet.rho[None], jet.derivatives]).numpy()
+        derivatives = torch.cat([jet.rho[None], jet.derivatives]).numpy()
         for row, (dx, dy) in enumerate(((0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2))):
             wanted = [weights_along(x, dx) @ table @ weights_along(y, dy) for x, y in points]
-            np.testing.assert_allclose(found[row], wanted, rtol=1e-9, atol=1e-9 * np.abs(wanted).max())
+            np.testing.assert_allclose(derivatives[row], wanted, rtol=1e-9, atol=1e-9 * np.abs(wanted).max())
     alone = ChartOperator.of(GRID, points, False)
     plain, _ = alone.jets(torch.from_numpy(tables))
     assert torch.equal(plain.rho, jets[0].rho) and plain.derivatives.shape == (0, len(points))
@@ -73,12 +73,12 @@ def test_limits_hold_at_nodes_centres_and_on_the_rim_each_once_among_mirror_imag
     count = 8 * math.ceil(0.25 * math.pi / GRID.step)
     places = [place for place in places if math.hypot(*place) < 1.0]
     places += [(math.cos(2.0 * math.pi * k / count), math.sin(2.0 * math.pi * k / count)) for k in range(count)]
-    found = constraint_points(GRID, symmetry, every_node=every)
-    images = [tuple(np.round(image[:2, :2] @ point, 9) + 0.0) for point in found for image in group(symmetry)]
+    points = constraint_points(GRID, symmetry, every_node=every)
+    images = [tuple(np.round(image[:2, :2] @ point, 9) + 0.0) for point in points for image in group(symmetry)]
     assert set(images) == {(round(x, 9) + 0.0, round(y, 9) + 0.0) for x, y in places}
-    for point in found:
+    for point in points:
         assert all(tuple(np.round(point, 9)) >= tuple(np.round(image[:2, :2] @ point, 9)) for image in group(symmetry))
-    assert len(found) == len(np.unique(np.round(found, 9), axis=0))
+    assert len(points) == len(np.unique(np.round(points, 9), axis=0))
 
 
 def jet_at_random(count: int, seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -153,7 +153,7 @@ def test_a_search_that_starts_anew_drops_the_checkpoint_of_an_earlier_one(tmp_pa
     with pytest.raises(Stop):
         search(spec, build_source(spec.source), accuracy="draft", checkpoint=path, progress=stop)
     head, _ = load_checkpoint(path, fingerprint(spec, 0, "draft", None, None))
-    assert ([each.steps for each in head.outcomes], head.step) == ([0], 0), (
+    assert ([outcome.steps for outcome in head.outcomes], head.step) == ([0], 0), (
         "the step whose observer was interrupted is taken again"
     )
     with pytest.raises(InputError, match="belongs to another spec"):  # fewer steps are not the same search

@@ -69,8 +69,8 @@ def _sums(light: Collected) -> tuple[torch.Tensor, ...]:
 def test_sums_are_those_of_the_definitions(window: Window) -> None:
     rays = replace(Rays.at_random(3000), window=window)
     light = rays.collected()
-    for found, wanted in zip(_sums(light), _plainly(rays), strict=True):
-        assert found.item() == pytest.approx(wanted.item(), rel=1e-12)
+    for total, wanted in zip(_sums(light), _plainly(rays), strict=True):
+        assert total.item() == pytest.approx(wanted.item(), rel=1e-12)
     image = splat_flux(rays.landings.hits.detach().numpy(), rays.landings.flux.detach().numpy(), GRID)
     assert np.allclose(light.image.detach().numpy(), image, rtol=1e-12, atol=1e-15)
 
@@ -80,8 +80,8 @@ def test_gradients_of_the_sums_are_those_of_the_definitions() -> None:
     mixed = (sum(c * s for c, s in zip((1.0, 2.0, -3.0), sums, strict=True)) for sums in (
         _sums(rays.collected()), _plainly(rays),
     ))  # fmt: skip
-    found, wanted = (torch.autograd.grad(value, rays.inputs) for value in mixed)
-    for one, other in zip(found, wanted, strict=True):
+    gradients, wanted = (torch.autograd.grad(value, rays.inputs) for value in mixed)
+    for one, other in zip(gradients, wanted, strict=True):
         assert torch.allclose(one, other, rtol=1e-11, atol=1e-15)
 
 
@@ -119,18 +119,18 @@ def test_any_device_collects_the_same(device: str) -> None:
         rays.landings.hits[: len(corners)] = corners
     landings = rays.landings
     there = Landings(
-        *(each.to(device) for each in (landings.hits, landings.flux, landings.landed, landings.missed_receiver))
+        *(tensor.to(device) for tensor in (landings.hits, landings.flux, landings.landed, landings.missed_receiver))
     )
     wanted = rays.collected()
-    found = collected_on_device(there, rays.sin2_exit.to(device), rays.emitted.to(device), GRID, rays.window)
-    assert found.image.device.type == device
-    assert torch.allclose(found.image.cpu(), wanted.image, rtol=1e-12, atol=1e-14)
-    for one, other in zip(_sums(found), _sums(wanted), strict=True):
+    sums = collected_on_device(there, rays.sin2_exit.to(device), rays.emitted.to(device), GRID, rays.window)
+    assert sums.image.device.type == device
+    assert torch.allclose(sums.image.cpu(), wanted.image, rtol=1e-12, atol=1e-14)
+    for one, other in zip(_sums(sums), _sums(wanted), strict=True):
         assert one.item() == pytest.approx(other.item(), rel=1e-12)
     mixer = torch.from_numpy(np.random.default_rng(1).normal(size=GRID.shape))
     one, other = (
         torch.autograd.grad((light.image.cpu() * mixer).sum() + sum(s.cpu() for s in _sums(light)), rays.inputs)
-        for light in (found, wanted)
+        for light in (sums, wanted)
     )
     for by_found, by_wanted in zip(one, other, strict=True):
         assert torch.allclose(by_found, by_wanted, rtol=1e-10, atol=1e-14)

@@ -58,7 +58,7 @@ def test_the_term_is_that_of_the_pictures_by_hand() -> None:
     u0, v0 = uv_of(whole)
     below = denominator(pictures)
     away = (4.0 * pictures[..., 0] - u0 * below, 9.0 * pictures[..., 1] - v0 * below)
-    both = sum(gaussian_filter(each, 2.0, mode="constant", truncate=3.0) ** 2 for each in away)
+    both = sum(gaussian_filter(image, 2.0, mode="constant", truncate=3.0) ** 2 for image in away)
     wanted = merit.terms[0].wanted.numpy()
     by_hand = both.sum() / np.sum((wanted * denominator(whole)) ** 2)
     light = merit.light_of(tables, rays)
@@ -77,7 +77,7 @@ def test_two_samples_judge_without_the_noise_of_their_rays() -> None:
     lights = [merit.light_of(tables, source.sample(2**10, seed)) for seed in range(24)]
     term = merit.colour
     assert term is not None
-    squares = np.mean([term.error(each.colours, each.colours).item() for each in lights])
+    squares = np.mean([term.error(light.colours, light.colours).item() for light in lights])
     pairs = np.array([term.error(a.colours, b.colours).item() for a, b in zip(lights[::2], lights[1::2], strict=True)])
     assert abs(pairs.mean()) < 3.0 * pairs.std(ddof=1) / np.sqrt(len(pairs)) < 0.5 * squares
     first, second = lights[:2]
@@ -95,10 +95,10 @@ def test_without_a_weight_nothing_is_collected() -> None:
 
 
 def test_the_colour_of_a_source_is_that_of_its_light() -> None:
-    found = SourceColour.of(build_source(spec_of(1.0).source, coloured=True))
+    colour = SourceColour.of(build_source(spec_of(1.0).source, coloured=True))
     red, blue = tristimulus_at(np.array(WAVES))
-    assert found.uv == pytest.approx(uv_of(2.0 * red + blue), abs=1e-4)
-    assert found.per_watt == pytest.approx(denominator((2.0 * red + blue) / 3.0), rel=1e-3)
+    assert colour.uv == pytest.approx(uv_of(2.0 * red + blue), abs=1e-4)
+    assert colour.per_watt == pytest.approx(denominator((2.0 * red + blue) / 3.0), rel=1e-3)
 
 
 def test_a_search_mixes_colours() -> None:

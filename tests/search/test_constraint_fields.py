@@ -41,12 +41,16 @@ def test_fields_of_all_constraints_are_their_definitions(process: str) -> None:
     spec = shop_spec(manufacture={"process": process}, constraints__cavity_radius_mm=1.25)
     inner, outer, points = jets()
     faces = {"inner": inner, "outer": outer}
-    found = {each.key: each.of(faces, points).numpy() for each in constraints_of(spec) if each.key != WALL}
+    fields = {
+        constraint.key: constraint.of(faces, points).numpy()
+        for constraint in constraints_of(spec)
+        if constraint.key != WALL
+    }
     a = inner.rho.numpy()
     b = outer.rho.numpy()
     cosine = points.cosine.numpy()
     sign = 1 if process == "milled" else -1
-    drafts = [np.degrees(np.arcsin(np.clip(draft_sine(each, points).numpy(), -1.0, 0.5))) for each in (inner, outer)]
+    drafts = [np.degrees(np.arcsin(np.clip(draft_sine(jet, points).numpy(), -1.0, 0.5))) for jet in (inner, outer)]
     wanted = {
         "cavity_clearance_mm": 0.5 / 1.25**2 * a**2 * (1.0 - cosine**2) + a * cosine - 0.5,
         "radius_margin_mm": 7.0 - b,
@@ -57,9 +61,9 @@ def test_fields_of_all_constraints_are_their_definitions(process: str) -> None:
         "largest_wall_margin_mm": 2.5 - (b - a),
         "height_margin_mm": 5.0 - b * cosine,
     }
-    assert list(found) == list(wanted)
+    assert list(fields) == list(wanted)
     for key, values in wanted.items():
-        np.testing.assert_allclose(found[key], values, atol=1e-9, err_msg=key)
+        np.testing.assert_allclose(fields[key], values, atol=1e-9, err_msg=key)
 
 
 def test_a_face_that_is_turned_has_the_curvature_of_its_meridian() -> None:
@@ -80,11 +84,13 @@ def test_a_face_that_is_turned_has_the_curvature_of_its_meridian() -> None:
     wanted = (rho**2 + 2.0 * first**2 - rho * second) / (rho**2 + first**2) ** 1.5
     for air in (1, -1):
         np.testing.assert_allclose(meridian_curvature(jet, operator.points, air), air * wanted, atol=2e-4)
-    moved = [each.clone().requires_grad_() for each in (jet.rho, jet.derivatives)]
+    moved = [tensor.clone().requires_grad_() for tensor in (jet.rho, jet.derivatives)]
     assert torch.autograd.gradcheck(lambda *jet: meridian_curvature(RadiusJet(*jet), operator.points, 1), moved)
     for process, of_face in (("turned", meridian_curvature), ("milled", least_curvature)):
         spec = shop_spec(manufacture={"process": process})
-        limit = next(each for each in constraints_of(spec) if each.key == "outer_curvature_margin_per_mm")
+        limit = next(
+            constraint for constraint in constraints_of(spec) if constraint.key == "outer_curvature_margin_per_mm"
+        )
         jets = {"inner": RadiusJet(jet.rho - 1.0, jet.derivatives), "outer": jet}
         np.testing.assert_allclose(limit.of(jets, operator.points), 0.25 + of_face(jet, operator.points, 1), rtol=1e-12)
 
@@ -107,25 +113,25 @@ def test_the_wall_is_the_distance_to_the_outer_face_where_it_may_bind(limit_mm: 
     inner, outer = operator.jets(
         torch.stack([decentred(4.2, (-0.2, 0.0, 0.1), grid), decentred(6.0, (0.9, 0.4, 0.2), grid)])
     )
-    found = constraints_of(spec)[1].field(inner, outer, operator.points).numpy() + limit_mm
+    field = constraints_of(spec)[1].field(inner, outer, operator.points).numpy() + limit_mm
     start = (inner.rho[:, None] * operator.points.directions).numpy()
     away = start - centre
     wall = 6.0 - np.linalg.norm(away, axis=1)
     radial = (outer.rho - inner.rho).numpy()
     above = (centre + 6.0 * away / np.linalg.norm(away, axis=1, keepdims=True))[:, 2] > 0.01
     thin = above & (wall < limit_mm)
-    assert thin.any() == bound and (found <= radial + 1e-12).all()
-    np.testing.assert_allclose(found[thin], wall[thin], atol=1e-5)
-    assert bound or np.array_equal(found, radial), "where it does not bind it is not sought"
-    assert not bound or (radial[thin] - found[thin]).max() > 0.03
+    assert thin.any() == bound and (field <= radial + 1e-12).all()
+    np.testing.assert_allclose(field[thin], wall[thin], atol=1e-5)
+    assert bound or np.array_equal(field, radial), "where it does not bind it is not sought"
+    assert not bound or (radial[thin] - field[thin]).max() > 0.03
 
 
 def test_the_wall_of_faces_that_cross_is_below_zero() -> None:
     grid = TableGrid(40)
     operator = ChartOperator.of(grid, constraint_points(grid, "none", every_node=4), derivatives=False)
     tables = torch.stack([torch.full((grid.side, grid.side), radius, dtype=torch.float64) for radius in (5.0, 4.0)])
-    found = constraints_of(small_spec())[1].field(*operator.jets(tables), operator.points)
-    np.testing.assert_allclose(found.numpy(), -1.0 - small_spec().constraints.min_thickness_mm, atol=1e-9)
+    field = constraints_of(small_spec())[1].field(*operator.jets(tables), operator.points)
+    np.testing.assert_allclose(field.numpy(), -1.0 - small_spec().constraints.min_thickness_mm, atol=1e-9)
 
 
 def test_all_constraints_have_their_derivatives() -> None:
@@ -151,7 +157,7 @@ def test_all_constraints_have_their_derivatives() -> None:
 def test_the_draft_counts_up_to_30_degrees_and_has_a_slope_at_the_horizon() -> None:
     """At the apex of a sphere the normal is along the axis, in an undercut against it."""
     inner, outer, _ = jets(3)
-    draft = next(each for each in constraints_of(shop_spec()) if each.key == "outer_draft_margin_deg")
+    draft = next(constraint for constraint in constraints_of(shop_spec()) if constraint.key == "outer_draft_margin_deg")
     points = ChartPoints.of(np.array([[0.0, 0.0], [1.0 / math.sqrt(3.0), 0.0], [1.0, 0.0]]))
     flat = RadiusJet(outer.rho, torch.zeros(5, 3, dtype=torch.float64))
     np.testing.assert_allclose(draft.of({"inner": inner, "outer": flat}, points).numpy(), [28.0, 28.0, -2.0], atol=1e-9)
@@ -173,7 +179,7 @@ def test_each_limit_may_be_missed_by_its_tolerance(excess: float, passed: bool) 
     assert [criterion.key for criterion in criteria] == [limit.name for limit in limits]
     assert {limit.name for limit in limits} >= {"inner curvature margin", "outer draft margin", "height margin"}
     unknown = Margins(cavity_clearance_mm=0.0, wall_margin_mm=0.0, radius_margin_mm=0.0)
-    assert [each.holds for each in constraint_criteria(spec, unknown)] == [True] * 3 + [False] * 6
+    assert [criterion.holds for criterion in constraint_criteria(spec, unknown)] == [True] * 3 + [False] * 6
 
 
 def known(fields: int = 2) -> tuple[AugmentedLagrangian, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
@@ -186,15 +192,15 @@ def known(fields: int = 2) -> tuple[AugmentedLagrangian, np.ndarray, np.ndarray,
         )
         for name, factor, margin in (("a", 0.25, 0.4), ("b", 0.5, 0.6))
     )
-    own = AugmentedLagrangian(constraints, operator, DOUBLE, 40.0)
-    own.multipliers = torch.tensor([[0.0, 2.0, 1.0], [0.5, 0.0, 30.0]], dtype=torch.float64)
+    lagrangian = AugmentedLagrangian(constraints, operator, DOUBLE, 40.0)
+    lagrangian.multipliers = torch.tensor([[0.0, 2.0, 1.0], [0.5, 0.0, 30.0]], dtype=torch.float64)
     area = (2.0 / (1.0 + np.sum(places**2, axis=1))) ** 2
     values = np.array([[0.05, 0.3, 0.1], [-0.2, 0.31, 0.9]])
-    return own, values, area / area.sum(), np.array([[0.1], [0.3]]), own.multipliers.numpy().copy()
+    return lagrangian, values, area / area.sum(), np.array([[0.1], [0.3]]), lagrangian.multipliers.numpy().copy()
 
 
 def test_the_terms_are_means_over_the_solid_angle_of_the_points() -> None:
-    own, values, area, margins, multipliers = known()
+    lagrangian, values, area, margins, multipliers = known()
     fields = torch.from_numpy(values)
     total = 0.0
     alone = 0.0
@@ -204,51 +210,51 @@ def test_the_terms_are_means_over_the_solid_angle_of_the_points() -> None:
         updated[c, k] = max(multipliers[c, k] + 40.0 * missing, 0.0)
         total += area[k] * (updated[c, k] ** 2 - multipliers[c, k] ** 2) / 80.0
         alone += 20.0 * area[k] * max(missing, 0.0) ** 2
-    assert own.term(fields).item() == pytest.approx(total, rel=1e-12)
-    assert own.penalty_alone(fields).item() == pytest.approx(alone, rel=1e-12)
-    assert own.shortfall(fields) == pytest.approx(1.0 + 0.2 / 0.3)
-    assert own.shortfall(fields + 0.2) == pytest.approx(1.0)
-    assert own.shortfall(fields + 0.45) == pytest.approx(0.05 / 0.3)
-    assert own.shortfall(fields + 5.0) == 0.0
-    assert own.least(fields) == pytest.approx({"a_mm": 0.05 / 0.25, "b_mm": -0.2 / 0.5})
-    assert own.keys == ("a_mm", "b_mm")
-    own.update(fields)
-    np.testing.assert_allclose(own.multipliers.numpy(), updated, rtol=1e-12)
-    fresh = own.fresh(7.0)
+    assert lagrangian.term(fields).item() == pytest.approx(total, rel=1e-12)
+    assert lagrangian.penalty_alone(fields).item() == pytest.approx(alone, rel=1e-12)
+    assert lagrangian.shortfall(fields) == pytest.approx(1.0 + 0.2 / 0.3)
+    assert lagrangian.shortfall(fields + 0.2) == pytest.approx(1.0)
+    assert lagrangian.shortfall(fields + 0.45) == pytest.approx(0.05 / 0.3)
+    assert lagrangian.shortfall(fields + 5.0) == 0.0
+    assert lagrangian.least(fields) == pytest.approx({"a_mm": 0.05 / 0.25, "b_mm": -0.2 / 0.5})
+    assert lagrangian.keys == ("a_mm", "b_mm")
+    lagrangian.update(fields)
+    np.testing.assert_allclose(lagrangian.multipliers.numpy(), updated, rtol=1e-12)
+    fresh = lagrangian.fresh(7.0)
     assert fresh.penalty == 7.0 and not fresh.multipliers.any() and fresh.multipliers.shape == (2, 3)
 
 
 def test_fields_are_scaled_by_the_factor_of_each() -> None:
-    own, *_ = known()
+    lagrangian, *_ = known()
     grid = TableGrid(24)
     tables = torch.stack([torch.full((grid.side, grid.side), radius, dtype=torch.float64) for radius in (2.0, 3.0)])
-    np.testing.assert_allclose(own.fields(tables).numpy(), np.array([[0.25], [0.5]]) * np.full((2, 3), 3.0))
-    stricter = own.tightened({"b_mm": 1.0})
+    np.testing.assert_allclose(lagrangian.fields(tables).numpy(), np.array([[0.25], [0.5]]) * np.full((2, 3), 3.0))
+    stricter = lagrangian.tightened({"b_mm": 1.0})
     np.testing.assert_allclose(stricter.fields(tables).numpy(), [[0.75] * 3, [1.0] * 3])
-    assert stricter.penalty == own.penalty and not stricter.multipliers.any()
+    assert stricter.penalty == lagrangian.penalty and not stricter.multipliers.any()
 
 
 def test_multipliers_go_to_the_nearest_point_and_keep_the_force_on_a_length() -> None:
-    own, *_ = known()
+    lagrangian, *_ = known()
     places = np.array([[0.45, 0.0], [-0.1, 0.05], [-0.2, 0.8], [0.5, 0.2]])
     operator = ChartOperator.of(TableGrid(24), places, derivatives=False)
-    scaled = tuple(replace(each, factor=2.0 * each.factor) for each in own.constraints)
+    scaled = tuple(replace(constraint, factor=2.0 * constraint.factor) for constraint in lagrangian.constraints)
     here = AugmentedLagrangian(scaled, operator, DOUBLE, 40.0)
-    found = here.at_nearest(own, own.multipliers)
-    np.testing.assert_allclose(found.numpy(), 0.5 * own.multipliers.numpy()[:, [1, 0, 2, 1]])
+    nearest = here.at_nearest(lagrangian, lagrangian.multipliers)
+    np.testing.assert_allclose(nearest.numpy(), 0.5 * lagrangian.multipliers.numpy()[:, [1, 0, 2, 1]])
 
 
 def test_spheres_have_the_constraints_that_geometry_gives() -> None:
     spec = small_spec()
-    found = measure_constraints(Lens.double(sphere(3.0), sphere(6.0), spec, 0, "draft"))
+    margins = measure_constraints(Lens.double(sphere(3.0), sphere(6.0), spec, 0, "draft"))
     limits = spec.constraints
     # on a sphere of radius r, (a/b^2) r^2 sin^2 + r cos - a is least at the rim or at the pole
     a = limits.cavity_height_mm
     b = limits.cavity_radius_mm
-    assert found.cavity_clearance_mm == pytest.approx(min(a / b**2 * 9.0 - a, 3.0 - a), abs=1e-4)
-    assert found.wall_margin_mm == pytest.approx(6.0 - 3.0 - limits.min_thickness_mm, abs=2e-6)
-    assert found.radius_margin_mm == pytest.approx(limits.max_radius_mm - 6.0, abs=1e-12)
-    assert all(criterion.holds for criterion in constraint_criteria(spec, found))
+    assert margins.cavity_clearance_mm == pytest.approx(min(a / b**2 * 9.0 - a, 3.0 - a), abs=1e-4)
+    assert margins.wall_margin_mm == pytest.approx(6.0 - 3.0 - limits.min_thickness_mm, abs=2e-6)
+    assert margins.radius_margin_mm == pytest.approx(limits.max_radius_mm - 6.0, abs=1e-12)
+    assert all(criterion.holds for criterion in constraint_criteria(spec, margins))
 
 
 def test_the_term_is_a_mean_over_the_solid_angle() -> None:

@@ -35,8 +35,8 @@ def test_a_design_gets_better_and_keeps_its_history() -> None:
     kept = {limit.key: result.constraints.at(limit) for limit in limits_of(result.lens.spec)}
     assert last == pytest.approx(kept, abs=0.03), "one small step before the end"
     turned = result.model_copy(update={"lens": spot_lens()})
-    for each, where in ((result, "Outer radius"), (turned, "Outer radius")):
-        assert design_facts(each)[0].facts[0].label == where
+    for record, where in ((result, "Outer radius"), (turned, "Outer radius")):
+        assert design_facts(record)[0].facts[0].label == where
 
 
 def test_an_interrupted_design_goes_on_to_the_same_bits(tmp_path: Path) -> None:
@@ -65,21 +65,21 @@ def test_the_first_steps_of_profiles_are_as_large_as_their_light_bears() -> None
     for spec, pattern, share in (*tir, (small_spec(), (1.0,), (1.0,))):
         for aim, factors in (("pattern", pattern), ("share", share)):
             aimed = spec.replace({"optimise.aim": aim})
-            first = [each for each in fixed_schedule(aimed, preset, last_only=False).stages if each.level == 0]
-            rates = [each.learning_rate / preset.effort.learning_rate for each in first]
+            first = [stage for stage in fixed_schedule(aimed, preset, last_only=False).stages if stage.level == 0]
+            rates = [stage.learning_rate / preset.effort.learning_rate for stage in first]
             assert rates == pytest.approx(factors, rel=1e-12)
-            assert sum(each.steps for each in first) == (aimed.optimise.steps_per_level or ())[0]
-            assert all(each.steps > 0 for each in first)
+            assert sum(stage.steps for stage in first) == (aimed.optimise.steps_per_level or ())[0]
+            assert all(stage.steps > 0 for stage in first)
 
 
 def test_a_search_is_as_precise_as_its_preset_says() -> None:
     assert [name for name, preset in PRESETS.items() if not preset.single] == ["reference"]
     spec = small_spec(optimise__steps_per_level=[1, 1])
-    found = []
+    weights = []
     for single in (True, False):
         accuracy = FEW.replace("own", single=single)
-        found.append(search(spec, build_source(spec.source), accuracy=accuracy).lens.outer.weights_mm)
-    assert 0.0 < np.abs(found[0] - found[1]).max() < 1e-5 * np.abs(found[1]).max()
+        weights.append(search(spec, build_source(spec.source), accuracy=accuracy).lens.outer.weights_mm)
+    assert 0.0 < np.abs(weights[0] - weights[1]).max() < 1e-5 * np.abs(weights[1]).max()
 
 
 def test_a_search_from_a_lens_begins_with_that_lens() -> None:
@@ -109,18 +109,18 @@ def test_a_lens_of_other_functions_is_fitted_as_a_start() -> None:
 def test_a_search_has_the_same_bits_on_any_number_of_threads() -> None:
     """Of a lens whose tables torch multiplies and adds up."""
     spec = spot()
-    found = set[str]()
+    hashes = set[str]()
     source = build_source(spec.source)
 
     def keep_second(step: Progress) -> bool:
         if step.steps_done == 2:
-            found.add(step.lens().sha256)
+            hashes.add(step.lens().sha256)
         return step.steps_done < 2
 
     for threads in (1, 2):
         with threads_of_torch(threads), pytest.raises(Cancelled):
             search(spec, source, accuracy=FEW, progress=keep_second)
-    assert len(found) == 1
+    assert len(hashes) == 1
 
 
 def test_an_observer_that_has_enough_ends_the_search_and_its_checkpoint_goes_on_to_the_same_bits(
@@ -136,9 +136,9 @@ def test_an_observer_that_has_enough_ends_the_search_and_its_checkpoint_goes_on_
         return ENOUGH if step.steps_done == 3 else None
 
     whole = design(spec, accuracy=FEW)
-    found = design(spec, accuracy=FEW, checkpoint=kept, progress=three_steps)
-    assert found.steps == len(shown) == 3
-    assert found.ended is not None and found.ended.endswith("ended by its observer after 3 steps")
+    result = design(spec, accuracy=FEW, checkpoint=kept, progress=three_steps)
+    assert result.steps == len(shown) == 3
+    assert result.ended is not None and result.ended.endswith("ended by its observer after 3 steps")
     assert [step.images[0].sum() for step in shown] == pytest.approx([step.efficiency for step in shown], rel=1e-12)
     grid, tables = shown[1].tables() if shown[1].tables is not None else (None, ())
     directions = hemisphere_directions(200, 7)

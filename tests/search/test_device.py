@@ -28,10 +28,10 @@ def test_a_design_ends_where_the_kernels_end(device: str) -> None:
     double = FEW_STEPS.replace("double", single=False)
     spec = small_spec(optimise__steps_per_level=[2, 1], optimise__rays=256)
     source = build_source(spec.source)
-    kernels, found = (search(spec, source, accuracy=double, device=d) for d in (None, torch.device(device)))
-    for one, other in zip(found.history, kernels.history, strict=True):
+    kernels, in_torch = (search(spec, source, accuracy=double, device=d) for d in (None, torch.device(device)))
+    for one, other in zip(in_torch.history, kernels.history, strict=True):
         assert one.loss == pytest.approx(other.loss, rel=1e-8)
-    assert np.allclose(found.lens.outer.weights_mm, kernels.lens.outer.weights_mm, rtol=1e-6, atol=1e-9)
+    assert np.allclose(in_torch.lens.outer.weights_mm, kernels.lens.outer.weights_mm, rtol=1e-6, atol=1e-9)
 
 
 def test_a_checkpoint_is_not_resumed_on_another_device(tmp_path: Path) -> None:
@@ -67,12 +67,14 @@ def test_a_step_of_any_body_is_that_of_the_kernels(name: str, device: str) -> No
     source = build_source(spec.source, spec.lens.dispersion)
     parameters = parameters_of(spec, 2.5)
     weights, offsets = parameters.start()
-    own = [(weights + 0.003 * torch.from_numpy(rng.normal(size=weights.shape))).requires_grad_()]
-    own.append((offsets + 0.003).requires_grad_())
+    tensors = [(weights + 0.003 * torch.from_numpy(rng.normal(size=weights.shape))).requires_grad_()]
+    tensors.append((offsets + 0.003).requires_grad_())
     values = []
     for place in (None, torch.device(device)):
         merit = MeritFunction.of(spec, source, parameters, place)
-        loss = merit.training_loss(merit.light_of(parameters.tables(*own), source.sample(2**10, 3)), uniform=False).loss
-        values.append((loss.detach(), *torch.autograd.grad(loss, own)))
+        loss = merit.training_loss(
+            merit.light_of(parameters.tables(*tensors), source.sample(2**10, 3)), uniform=False
+        ).loss
+        values.append((loss.detach(), *torch.autograd.grad(loss, tensors)))
     for one, other in zip(*values, strict=True):
         assert torch.linalg.norm(one - other) <= 1e-8 * torch.linalg.norm(other)

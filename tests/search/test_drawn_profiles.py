@@ -61,9 +61,9 @@ def test_faces_come_back_from_their_parameters(symmetry: str) -> None:
     again = parametrisation.surfaces(*parametrisation.parameters_of(lens))
     angles = np.linspace(-1.5, 1.5, 50)
     for name, surface in surfaces.items():
-        known, found = surface, again[name]
-        assert isinstance(known, DrawnFace) and isinstance(found, DrawnFace)
-        assert np.allclose(known.points(angles), found.points(angles), rtol=1e-12)
+        known, copy = surface, again[name]
+        assert isinstance(known, DrawnFace) and isinstance(copy, DrawnFace)
+        assert np.allclose(known.points(angles), copy.points(angles), rtol=1e-12)
 
 
 def test_the_start_sends_as_much_light_to_each_side_as_is_wanted_there() -> None:

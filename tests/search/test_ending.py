@@ -41,14 +41,14 @@ def faces_of(lens: Lens) -> list[float]:
 )
 def test_a_given_level_that_loses_is_taken_back(merits: tuple[float, ...], begins: list[str], lost: str) -> None:
     following = list(FixedSchedule(STAGES).next_stages([outcome(merit) for merit in merits]))
-    assert [each.begin for each in following] == begins
-    assert [each.stage.steps if each.stage else None for each in following] == [0, 4, 4, None]
+    assert [step.begin for step in following] == begins
+    assert [step.stage.steps if step.stage else None for step in following] == [0, 4, 4, None]
     assert (lost in following[-1].why) and bool(lost) == bool(following[-1].why)
 
 
 def test_what_does_not_move_has_no_stage() -> None:
     still = FixedSchedule(tuple(Stage(0, (9,), 9, 0, 64, 0.01) for _ in range(2)))
-    assert [each.stage is None for each in still.next_stages([outcome(0.5)])] == [False, True]
+    assert [step.stage is None for step in still.next_stages([outcome(0.5)])] == [False, True]
 
 
 def spec_of_few_steps(**changes: object) -> Spec:
@@ -61,12 +61,12 @@ def test_a_search_that_only_loses_ends_with_its_start_and_says_so(monkeypatch: p
     better = search(spec, source, accuracy=FEW)
     assert not better.kept_start and better.ended is None
     judge_as(monkeypatch, 0.3, 0.4)
-    found = search(spec, source, accuracy=FEW, start=better.lens)
-    assert found.kept_start and found.steps > 0 and found.ended is not None
-    assert "did not improve on its start" in found.ended and "optimise.steps_per_level" in found.ended
-    assert faces_of(found.lens) == pytest.approx(faces_of(better.lens), rel=1e-9, abs=1e-9)
-    told = next(fact for group in design_facts(found) for fact in group.facts if fact.key == "kept_start")
-    assert told.note == found.ended
+    result = search(spec, source, accuracy=FEW, start=better.lens)
+    assert result.kept_start and result.steps > 0 and result.ended is not None
+    assert "did not improve on its start" in result.ended and "optimise.steps_per_level" in result.ended
+    assert faces_of(result.lens) == pytest.approx(faces_of(better.lens), rel=1e-9, abs=1e-9)
+    told = next(fact for group in design_facts(result) for fact in group.facts if fact.key == "kept_start")
+    assert told.note == result.ended
 
 
 def test_a_projection_that_costs_more_than_the_search_gained_gives_way_to_the_start(
@@ -81,10 +81,10 @@ def test_a_projection_that_costs_more_than_the_search_gained_gives_way_to_the_st
     judge = Candidates(rays, even=False, seed=0, accuracy=FEW)
     for merits, kept in (((0.4,), False), ((0.6, 0.5), True), ((0.6, 0.7), False)):  # of the end, then of the start
         judge_as(monkeypatch, *merits)
-        found = judge.better(outcome(0.5), (problem, start), (problem, end))
-        assert bool(found.why) == kept and found.margins == measure_constraints(found.lens)
-        assert bool(found.lens.inner.weights_mm.any()) != kept
-        assert found.merits == ((merits[1] if kept else merits[0]),)
+        ending = judge.better(outcome(0.5), (problem, start), (problem, end))
+        assert bool(ending.why) == kept and ending.margins == measure_constraints(ending.lens)
+        assert bool(ending.lens.inner.weights_mm.any()) != kept
+        assert ending.merits == ((merits[1] if kept else merits[0]),)
 
 
 def test_a_search_that_goes_on_from_a_checkpoint_keeps_the_same_lens(
@@ -102,7 +102,7 @@ def test_a_search_that_goes_on_from_a_checkpoint_keeps_the_same_lens(
     judge_as(monkeypatch, 0.4)
     again = search(spec, source, accuracy=FEW, checkpoint=path, resume=True)
     assert again.lens.sha256 == whole.lens.sha256 and again.ended == whole.ended is not None
-    assert torch.equal(*(torch.from_numpy(each.lens.outer.weights_mm) for each in (again, whole)))
+    assert torch.equal(*(torch.from_numpy(design.lens.outer.weights_mm) for design in (again, whole)))
 
 
 def _stop_at_third(step) -> None:

@@ -54,13 +54,13 @@ def ball_extent(u: np.ndarray, growth_mm: float) -> np.ndarray:
 
 def box_extent(u: np.ndarray, half: np.ndarray, centre: np.ndarray, growth_mm: float) -> np.ndarray:
     """The last place within the growth of a box, by bisection from afar: the distance is convex along a ray."""
-    found = np.zeros(len(u))
+    extent = np.zeros(len(u))
     for k, direction in enumerate(u):
         t = np.linspace(0.0, 6.0, 20_001)
         beyond = np.maximum(np.abs(t[:, None] * direction - centre) - half, 0.0)
         inside = np.flatnonzero(np.linalg.norm(beyond, axis=1) <= growth_mm)
-        found[k] = t[inside[-1]] if len(inside) else 0.0
-    return found
+        extent[k] = t[inside[-1]] if len(inside) else 0.0
+    return extent
 
 
 def test_the_extent_of_a_grown_ball_is_a_larger_ball(ball_file: Path, tmp_path: Path) -> None:
@@ -82,12 +82,12 @@ def test_the_extent_of_a_grown_box_has_round_edges_and_corners(tmp_path: Path) -
 
 def test_margins_of_spheres_are_those_of_geometry(ball_file: Path) -> None:
     spec = kept_out(ball_file, constraints__max_wall_mm=2.5, constraints__max_height_mm=5.0)
-    found = measure_constraints(Lens.double(sphere(3.0), sphere(6.0), spec, 0, "draft"))
-    assert found.largest_wall_margin_mm == pytest.approx(2.5 - 3.0, abs=1e-12)
-    assert found.height_margin_mm == pytest.approx(5.0 - 6.0, abs=1e-3)
+    margins = measure_constraints(Lens.double(sphere(3.0), sphere(6.0), spec, 0, "draft"))
+    assert margins.largest_wall_margin_mm == pytest.approx(2.5 - 3.0, abs=1e-12)
+    assert margins.height_margin_mm == pytest.approx(5.0 - 6.0, abs=1e-3)
     furthest = np.linalg.norm(CENTRE) + BALL_MM + GROWTH_MM
-    assert found.keep_out_clearance_mm == pytest.approx(3.0 - furthest, abs=2e-3)
-    failed = [criterion.key for criterion in constraint_criteria(spec, found) if not criterion.holds]
+    assert margins.keep_out_clearance_mm == pytest.approx(3.0 - furthest, abs=2e-3)
+    failed = [criterion.key for criterion in constraint_criteria(spec, margins) if not criterion.holds]
     assert failed == ["largest wall margin", "height margin"]
 
 
@@ -100,9 +100,9 @@ def test_height_and_largest_wall_of_a_freeform_are_those_of_its_points() -> None
     height = float((outer * u[:, 2]).max())
     wall = float((outer - inner).max())
     assert height < outer.max() - 0.1, "the furthest point is not the highest"
-    found = measure_constraints(lens)
-    assert found.height_margin_mm == pytest.approx(5.0 - height, abs=2e-3)
-    assert found.largest_wall_margin_mm == pytest.approx(2.5 - wall, abs=2e-3)
+    margins = measure_constraints(lens)
+    assert margins.height_margin_mm == pytest.approx(5.0 - height, abs=2e-3)
+    assert margins.largest_wall_margin_mm == pytest.approx(2.5 - wall, abs=2e-3)
 
 
 def test_a_search_that_starts_outside_its_envelope_ends_inside(tmp_path: Path) -> None:
@@ -119,15 +119,15 @@ def test_a_search_that_starts_outside_its_envelope_ends_inside(tmp_path: Path) -
     start = constraint_criteria(spec, measure_constraints(Lens.double(sphere(3.0), sphere(6.0), spec, 0, "draft")))
     missed = {criterion.key for criterion in start if not criterion.holds}
     assert missed == {"largest wall margin", "height margin", "keep out clearance"}
-    found = search(spec, build_source(spec.source), accuracy=FAR)
-    assert all(criterion.holds for criterion in found.criteria), [str(criterion) for criterion in found.criteria]
+    result = search(spec, build_source(spec.source), accuracy=FAR)
+    assert all(criterion.holds for criterion in result.criteria), [str(criterion) for criterion in result.criteria]
     u = hemisphere_directions(3000)
-    inner = found.lens.inner.radius(u)
-    outer = found.lens.outer.radius(u)
+    inner = result.lens.inner.radius(u)
+    outer = result.lens.outer.radius(u)
     assert (outer - inner).max() <= 2.6 and (outer * u[:, 2]).max() <= 5.7
     beyond = np.maximum(np.abs(inner[:, None] * u - [0.3, 0.0, 1.4]) - [0.75, 0.5, 1.7], 0.0)
     assert np.linalg.norm(beyond, axis=1).min() >= 0.1
-    assert found.inputs["file:led.step"] == hashlib.sha256(path.read_bytes()).hexdigest()
+    assert result.inputs["file:led.step"] == hashlib.sha256(path.read_bytes()).hexdigest()
 
 
 def test_a_keep_out_that_no_cavity_holds_is_refused_before_the_search(tmp_path: Path) -> None:

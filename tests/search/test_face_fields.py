@@ -39,11 +39,11 @@ def test_the_curvature_of_a_sphere_has_finite_slopes() -> None:
     rho = torch.full((5,), 4.0, dtype=torch.float64)
     derivatives = torch.zeros(5, 5, dtype=torch.float64)
     jet = RadiusJet(rho.requires_grad_(), derivatives.requires_grad_())
-    found = least_curvature(jet, ChartPoints.of(PLACES), 1)
-    np.testing.assert_allclose(found.detach().numpy(), 0.25, rtol=1e-9)
-    slopes = torch.autograd.grad(found.sum(), (rho, derivatives))
+    curvature = least_curvature(jet, ChartPoints.of(PLACES), 1)
+    np.testing.assert_allclose(curvature.detach().numpy(), 0.25, rtol=1e-9)
+    slopes = torch.autograd.grad(curvature.sum(), (rho, derivatives))
     np.testing.assert_allclose(slopes[0].numpy(), -1.0 / 16.0, rtol=1e-9)
-    assert all(torch.isfinite(each).all() for each in slopes)
+    assert all(torch.isfinite(slope).all() for slope in slopes)
 
 
 def test_the_wall_has_the_slopes_of_differences() -> None:

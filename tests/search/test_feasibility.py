@@ -60,8 +60,8 @@ def test_a_sphere_that_is_too_large_shrinks_to_the_limit_and_no_further() -> Non
 
 def test_a_projection_does_not_load_the_compiler_of_torch(monkeypatch: pytest.MonkeyPatch) -> None:
     """It takes seconds. Where another test has loaded it, torch has kept what it needs of it: that goes, too."""
-    for each in (torch.optim.Optimizer.add_param_group, torch.optim.Optimizer.zero_grad):
-        monkeypatch.delattr(inspect.unwrap(each), "__dynamo_disable", raising=False)
+    for method in (torch.optim.Optimizer.add_param_group, torch.optim.Optimizer.zero_grad):
+        monkeypatch.delattr(inspect.unwrap(method), "__dynamo_disable", raising=False)
     monkeypatch.setitem(sys.modules, "torch._dynamo", None)
     parametrisation, constraints, weights, offsets = scene(small_spec(lens__symmetry="square"), 0.0, 7.05 / 6.0)
     moved = project_to_feasible(parametrisation, constraints, weights, offsets)
@@ -91,8 +91,10 @@ def test_a_limit_is_made_stricter_by_all_that_its_points_see_too_much(
         return margins.changed(radius_margin_mm=measured[-1])
 
     monkeypatch.setattr(feasibility, "measure_constraints", with_gap)
-    found = Parameters(torch.zeros(9, 2, dtype=torch.float64), torch.tensor([1.0, 7.03 / 6.0], dtype=torch.float64))
-    lens, margins, _ = feasible_lens(problem, found, 0, "draft")
+    parameters = Parameters(
+        torch.zeros(9, 2, dtype=torch.float64), torch.tensor([1.0, 7.03 / 6.0], dtype=torch.float64)
+    )
+    lens, margins, _ = feasible_lens(problem, parameters, 0, "draft")
     assert len(measured) == rounds and margins.radius_margin_mm == measured[-1]
     margin_mm = lens.spec.constraints.margin_mm
     assert 0.3 * margin_mm <= margins.radius_margin_mm + 1e-9 <= margin_mm + 2e-9
@@ -129,7 +131,9 @@ def test_where_limits_exclude_each_other_the_worst_of_them_is_lessened() -> None
     strict = constraints.tightened({"radius_margin_mm": 5.5})
     start = torch.zeros(9, 2, dtype=torch.float64), torch.tensor([1.0, 7.03 / 6.0], dtype=torch.float64)
     moved = project_to_feasible(parametrisation, strict, *start)
-    before, after = (strict.shortfall(strict.fields(parametrisation.tables(*each))) for each in (start, moved))
+    before, after = (
+        strict.shortfall(strict.fields(parametrisation.tables(*parameters))) for parameters in (start, moved)
+    )
     assert 1.0 < after < 0.9 * before
 
 
@@ -141,8 +145,8 @@ def test_of_lenses_that_all_miss_a_limit_the_one_that_misses_least_is_kept(monke
         return Margins(cavity_clearance_mm=0.1, wall_margin_mm=0.0, radius_margin_mm=-next(misses))
 
     monkeypatch.setattr(feasibility, "measure_constraints", measured)
-    found = Parameters(*problem.parametrisation.start())
-    assert feasible_lens(problem, found, 0, "draft")[1].radius_margin_mm == -0.01 and not [*misses]
+    parameters = Parameters(*problem.parametrisation.start())
+    assert feasible_lens(problem, parameters, 0, "draft")[1].radius_margin_mm == -0.01 and not [*misses]
 
 
 def test_limits_that_only_a_projection_shows_to_exclude_each_other_are_named_before_the_search() -> None:
@@ -178,5 +182,5 @@ def test_a_wall_is_measured_on_the_rim_itself_and_at_the_apex(raised_mm: float, 
     spec = small_spec(constraints__min_thickness_mm=0.25)
     lens = Lens.double(Asphere(3.0, -3.0), Asphere(raised_mm + 6.0, -6.0), spec, 0, "draft")
     at_rim = raised_mm > 0.0
-    found = measure_constraints(lens).wall_margin_mm
-    assert found == pytest.approx(wall_mm - 0.25, abs=1e-6 if at_rim else 1e-4)
+    margin = measure_constraints(lens).wall_margin_mm
+    assert margin == pytest.approx(wall_mm - 0.25, abs=1e-6 if at_rim else 1e-4)

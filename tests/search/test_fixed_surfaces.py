@@ -46,8 +46,8 @@ def test_the_gradient_of_the_free_surface_is_right_and_that_of_the_fixed_one_not
     (inner.sum() + outer.sum()).backward()
     assert (weights.grad[:, 0] == 0.0).all() and offsets.grad[0] == 0.0
     assert offsets.grad[1] == pytest.approx(6.0 * outer.numel())
-    each = [parametrisation.basis_tables.table(one).sum() for one in np.eye(34)]
-    assert np.allclose(weights.grad[:, 1].numpy(), 6.0 * np.array(each), rtol=1e-12)
+    sums = [parametrisation.basis_tables.table(one).sum() for one in np.eye(34)]
+    assert np.allclose(weights.grad[:, 1].numpy(), 6.0 * np.array(sums), rtol=1e-12)
 
 
 def test_the_grid_resolves_a_fixed_face_that_is_narrower_than_all_functions() -> None:
@@ -67,7 +67,7 @@ def test_rays_refract_at_the_sphere_itself() -> None:
     spec = small_spec(**FIXED_INNER)
     lens = SphereParameters.of(spec, 2.5).lens(torch.zeros(34, 2).double(), torch.ones(2).double(), spec, 0, "draft")
     rays = build_source(spec.source).sample(2048, 3)
-    found = receivers_of(spec, 16)[0].land(TracedLens.of(lens, 12.0).trace(rays))
+    landings = receivers_of(spec, 16)[0].land(TracedLens.of(lens, 12.0).trace(rays))
     at = rays.origins
     along = rays.directions
     for centre, radius, ratio in ((-1.0, 3.0, 1.0 / 1.4936), (0.0, 6.0, 1.4936)):
@@ -78,9 +78,9 @@ def test_rays_refract_at_the_sphere_itself() -> None:
         cosine = np.sum(along * normal, axis=1)[:, None]
         along = ratio * along + (np.sqrt(1.0 - ratio**2 * (1.0 - cosine**2)) - ratio * cosine) * normal
     hits = (at + ((100.0 - at[:, 2]) / along[:, 2])[:, None] * along)[:, :2]
-    arrived = found.landed & (np.linalg.norm(hits, axis=1) < 1000.0)
+    arrived = landings.landed & (np.linalg.norm(hits, axis=1) < 1000.0)
     assert arrived.sum() > 1500
-    assert np.allclose(found.hits[arrived], hits[arrived], rtol=1e-6, atol=1e-4)
+    assert np.allclose(landings.hits[arrived], hits[arrived], rtol=1e-6, atol=1e-4)
 
 
 @pytest.mark.parametrize(

@@ -37,9 +37,9 @@ def test_a_frosted_search_goes_on_from_the_polished_lens(tmp_path: Path) -> None
     assert [now.steps_done for now in heard] == list(range(1, 21))
     assert [now.steps_total for now in heard] == [12] * 12 + [24] * 8
     assert {now.lens().spec.lens.outer.scatter for now in heard} == {SPEC.lens.outer.scatter}
-    found = search_in_turn(SPEC, source, accuracy=FAR, checkpoint=path, resume=True)
-    assert search_in_turn(SPEC, source, accuracy=FAR).lens.sha256 == found.lens.sha256
-    assert (found.steps, [level.level for level in found.history], found.lens.spec) == (24, [0, 1], SPEC)
+    result = search_in_turn(SPEC, source, accuracy=FAR, checkpoint=path, resume=True)
+    assert search_in_turn(SPEC, source, accuracy=FAR).lens.sha256 == result.lens.sha256
+    assert (result.steps, [level.level for level in result.history], result.lens.spec) == (24, [0, 1], SPEC)
     delete_checkpoint(path)
     assert not list(tmp_path.iterdir())
 
@@ -49,8 +49,8 @@ def test_a_frosted_lens_is_better_than_the_polished_one_frosted_afterwards() -> 
     source = build_source(SPEC.source, facets=1)
     clear = search(polished(SPEC), source, accuracy=FAR).lens
     at_once = search(SPEC.replace({"optimise.steps_per_level": [24]}), source, accuracy=FAR).lens
-    found = search_in_turn(SPEC, source, accuracy=FAR).lens
-    now, afterwards, before = (lf.evaluate(lens, rays=2**15) for lens in (found, replace(clear, spec=SPEC), at_once))
+    frosted = search_in_turn(SPEC, source, accuracy=FAR).lens
+    now, afterwards, before = (lf.evaluate(lens, rays=2**15) for lens in (frosted, replace(clear, spec=SPEC), at_once))
     for other in (afterwards, before):
         assert now.nmse.value < 0.93 * other.nmse.value
         assert now.efficiency.value > other.efficiency.value + 0.005

@@ -145,9 +145,9 @@ IN_SINGLE = ["free", "lamps without an end", "all receivers", "robust, large"]
 @pytest.mark.parametrize("name", first_by_day(4, IN_SINGLE + [name for name in SPECS if name not in IN_SINGLE]))
 def test_loss_and_gradient_in_single_precision_are_those_in_double(name: str) -> None:
     """Lamps without an end are traced in double precision: rays that graze their plane come from far."""
-    found = Step(SPECS[name], single=True).values()
+    values = Step(SPECS[name], single=True).values()
     wanted = Step(SPECS[name]).values()
-    errors = [torch.linalg.norm(a - b) / torch.linalg.norm(b) for a, b in zip(found, wanted, strict=True)]
+    errors = [torch.linalg.norm(a - b) / torch.linalg.norm(b) for a, b in zip(values, wanted, strict=True)]
     assert max(errors) == 0.0 if "without an end" in name else 1e-9 < max(errors) < 2e-5
 
 
@@ -156,7 +156,7 @@ def test_chunks_add_up_and_search_for_each_crossing_once(monkeypatch: pytest.Mon
     whole = step.values(device=CPU)
     searched: list[int] = []
     search = TableFace.next_crossing
-    monkeypatch.setattr(TableFace, "next_crossing", lambda own, rays: (searched.append(1), search(own, rays))[1])
+    monkeypatch.setattr(TableFace, "next_crossing", lambda face, rays: (searched.append(1), search(face, rays))[1])
     assert close(step.values(device=CPU, chunk=150), whole)
     assert len(searched) == 2 * 7, "seven chunks, two surfaces, and none again in the backward pass"
 
@@ -170,6 +170,6 @@ def test_receivers_count_by_their_shares() -> None:
     """Each alone, and both together with shares of 3 to 1; the light near total reflection counts once."""
     first = RECEIVERS["far field"]
     second = RECEIVERS["sphere"]
-    alone = [Step({"target": None, "receivers": [each]}).loss().item() for each in (first, second)]
+    alone = [Step({"target": None, "receivers": [receiver]}).loss().item() for receiver in (first, second)]
     both = Step({"target": None, "receivers": [{**first, "share": 3.0}, second]})
     assert both.loss().item() == pytest.approx(0.75 * alone[0] + 0.25 * alone[1], rel=1e-9)

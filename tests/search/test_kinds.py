@@ -58,7 +58,7 @@ def test_equal_kinds_have_the_light_and_the_constraints_of_one_lens() -> None:
     weights[1:] = 0.0
     alone = light_on(one, weights, offsets)
     together = light_on(three, weights.repeat(1, 3), offsets.repeat(3))
-    coarse = [each.reshape(8, -1, 8, each.shape[1] // 8).sum(axis=(1, 3)) for each in (alone, together)]
+    coarse = [image.reshape(8, -1, 8, image.shape[1] // 8).sum(axis=(1, 3)) for image in (alone, together)]
     np.testing.assert_allclose(coarse[1], coarse[0], atol=0.01 * coarse[0].max())
     np.testing.assert_allclose(together, together[::-1], atol=1e-12 * together.max())
 
@@ -100,12 +100,12 @@ def test_a_search_from_one_lens_lights_the_ends_better(tmp_path: Path) -> None:
     with pytest.raises(Stop):
         search_in_turn(spec, source, accuracy=FEW, checkpoint=path, progress=stop)
     assert heard == list(range(1, 25))
-    found = search_in_turn(spec, source, accuracy=FEW, checkpoint=path, resume=True)
-    assert search_in_turn(spec, source, accuracy=FEW).lens.sha256 == found.lens.sha256
-    one, kinds = found.history
-    assert (found.steps, one.level, kinds.level) == (28, 0, 1)
+    result = search_in_turn(spec, source, accuracy=FEW, checkpoint=path, resume=True)
+    assert search_in_turn(spec, source, accuracy=FEW).lens.sha256 == result.lens.sha256
+    one, kinds = result.history
+    assert (result.steps, one.level, kinds.level) == (28, 0, 1)
     assert np.mean(kinds.nmse[-3:]) < 0.9 * np.mean(one.nmse[-3:])
-    assert all(criterion.holds for criterion in found.criteria)
+    assert all(criterion.holds for criterion in result.criteria)
 
 
 def test_the_margins_are_the_least_of_all_kinds() -> None:
@@ -114,12 +114,12 @@ def test_the_margins_are_the_least_of_all_kinds() -> None:
     faces = [{"inner": sphere(one), "outer": sphere(other)} for one, other in zip(inner, outer, strict=True)]
     spec = spec_of(lens__symmetry="square", constraints__max_radius_mm=6.3)
     lens = Lens(faces[0], spec, 0, "draft", others={"edge": faces[1], "corner": faces[2]})
-    found = measure_constraints(lens, 500)
+    margins = measure_constraints(lens, 500)
     limits = spec.constraints
-    assert found.wall_margin_mm == pytest.approx(3.6 - limits.min_thickness_mm, abs=1e-6)
-    assert found.radius_margin_mm == pytest.approx(6.3 - 6.4)
+    assert margins.wall_margin_mm == pytest.approx(3.6 - limits.min_thickness_mm, abs=1e-6)
+    assert margins.radius_margin_mm == pytest.approx(6.3 - 6.4)
     alone = measure_constraints(replace(lens, others={}, spec=spec_of("one")), 500)
-    assert found.cavity_clearance_mm == alone.cavity_clearance_mm
+    assert margins.cavity_clearance_mm == alone.cavity_clearance_mm
 
 
 def test_a_symmetry_that_the_led_lacks_is_refused() -> None:

@@ -68,5 +68,5 @@ def test_limits_that_are_held_with_the_margin_cost_nothing() -> None:
 def test_only_limits_that_read_places_take_more_rays(limit: dict[str, object], rays: int) -> None:
     spec = small_spec(target=BEAM).replace(limits=[limit] if limit else [], optimise={"pixels": 128})
     assert preset_for(spec, "draft").effort.rays[0] == rays
-    own = preset_of("draft").replace("own", effort={"rays": (2**10, 2**11)})
-    assert preset_for(spec, own) == own
+    preset = preset_of("draft").replace("own", effort={"rays": (2**10, 2**11)})
+    assert preset_for(spec, preset) == preset

@@ -76,17 +76,17 @@ def test_the_merit_is_the_sum_of_its_terms(symmetry: str, uniform: bool, fresnel
     offsets = torch.ones(2, dtype=torch.float64)
     rays = source.sample(4096, 1)
     constraints = AugmentedLagrangian.of(spec, parametrisation.grid)
-    found = merit.step_loss(weights, offsets, rays, constraints, uniform)
+    step = merit.step_loss(weights, offsets, rays, constraints, uniform)
     (light,) = merit.light.collect(parametrisation.tables(weights, offsets), rays)
     image = _mirrored(light.image.numpy(), symmetry)
     wanted = _wanted(merit, 1.0, fresnel)
     in_window, outside, reflected = (
-        each.item() for each in (light.in_window, light.outside_receiver, light.total_reflection)
+        tensor.item() for tensor in (light.in_window, light.outside_receiver, light.total_reflection)
     )
     assert min(in_window, outside, reflected) > 1e-3, "every term counts"
     nmse = np.sum((image - wanted) ** 2) / np.sum(wanted**2)
-    assert found.nmse == pytest.approx(nmse, rel=1e-5)
-    assert found.efficiency == pytest.approx(image.sum(), rel=1e-12)
+    assert step.nmse == pytest.approx(nmse, rel=1e-5)
+    assert step.efficiency == pytest.approx(image.sum(), rel=1e-12)
     expected = nmse + 0.3 * outside - 0.15 * in_window + 0.3 * reflected
     if symmetry == "square":  # it has a region of uniform light
         expected = nmse + 0.3 * outside - 1.2 * in_window + 0.1 * reflected
@@ -98,8 +98,8 @@ def test_the_merit_is_the_sum_of_its_terms(symmetry: str, uniform: bool, fresnel
         shortfall = np.maximum(0.97 - smooth / smooth.mean(), 0.0)
         if uniform:
             expected += 10.0 * np.mean((even - 1.0) ** 2) + 300.0 * np.mean(shortfall**2)
-    term = constraints.term(found.fields).item()
-    assert found.loss.item() - term == pytest.approx(expected, abs=2e-5), "pixels of 64 x 64 points"
+    term = constraints.term(step.fields).item()
+    assert step.loss.item() - term == pytest.approx(expected, abs=2e-5), "pixels of 64 x 64 points"
 
 
 @pytest.mark.parametrize("fresnel", [True, False])

@@ -38,10 +38,10 @@ def tensor(values: Any) -> torch.Tensor:
 def smooth(image: np.ndarray) -> np.ndarray:
     padded = np.pad(image, 1, mode="edge")
     weights = np.exp(-0.5 * np.add.outer(*2 * (np.array([1.0, 0.0, 1.0]),)))
-    found = [
+    rows = [
         [np.sum(weights * padded[r : r + 3, c : c + 3]) for c in range(image.shape[1])] for r in range(image.shape[0])
     ]
-    return np.array(found) / weights.sum()
+    return np.array(rows) / weights.sum()
 
 
 PICTURE = np.linspace(0.2, 1.6, 12).reshape(3, 4)[:, ::-1] * CHANCE.uniform(0.9, 1.1, (3, 4))
@@ -87,11 +87,11 @@ def test_the_cost_of_a_limit_is_a_mean_over_its_places(quantity: str, sense: str
         if quantity == "beam_angle" and not (off < 0.0 if sense == ">=" else off > 0.0):
             excess = 0.0
         total += excess**2 / (1.0 + excess)
-    found = (
+    cost = (
         term(quantity, sense, bound, level=level if quantity == "beam_angle" else 1.0).loss((tensor(picture),)).item()
     )
-    assert found == pytest.approx(150.0 * total / 5.0, rel=1e-12)
-    assert found > 0.0 or (dark and sense == "<=")
+    assert cost == pytest.approx(150.0 * total / 5.0, rel=1e-12)
+    assert cost > 0.0 or (dark and sense == "<=")
 
 
 def test_losses_of_a_dim_picture_are_sums_over_its_pixels() -> None:
@@ -100,14 +100,14 @@ def test_losses_of_a_dim_picture_are_sums_over_its_pixels() -> None:
     apart = sum((a - b) ** 2 for a, b in zip(image.flat, wanted.flat, strict=True))
     assert nmse_loss(tensor(image), tensor(wanted)).item() == pytest.approx(apart / (12 * 0.012**2))
     inside = image[MASK.numpy()]
-    uneven = sum((each / inside.mean() - 1.0) ** 2 for each in inside) / 4.0
+    uneven = sum((pixel / inside.mean() - 1.0) ** 2 for pixel in inside) / 4.0
     assert uniformity_loss(tensor(image), MASK).item() == pytest.approx(uneven)
     even = smooth(image)[MASK.numpy()]
-    missing = [max(0.95 - each / even.mean(), 0.0) for each in even]
-    short = sum(each**2 for each in missing) / 4.0
+    missing = [max(0.95 - pixel / even.mean(), 0.0) for pixel in even]
+    short = sum(lack**2 for lack in missing) / 4.0
     assert shortfall_loss(tensor(image), MASK, 0.05).item() == pytest.approx(short) and short > 0.0
     terms = ImageTerms(tensor(wanted), MASK, (), 0.5)
-    in_full = sum(max(0.97 - each / even.mean(), 0.0) ** 2 for each in even) / 4.0
+    in_full = sum(max(0.97 - pixel / even.mean(), 0.0) ** 2 for pixel in even) / 4.0
     nmse = apart / (12 * 0.012**2)
     assert terms.loss(tensor(image), False).item() == pytest.approx(nmse)
     assert terms.loss(tensor(image), True).item() == pytest.approx(nmse + 10.0 * uneven + 300.0 * in_full)

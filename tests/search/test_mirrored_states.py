@@ -112,8 +112,8 @@ def test_the_loss_is_that_of_all_states_by_the_mirrored_rays() -> None:
     offsets = torch.tensor([1.0, 1.05], dtype=torch.float64)
     rays = traced_source(spec, source).sample(2048, 1)
     constraints = AugmentedLagrangian.of(spec, parametrisation.grid)
-    found = merit.step_loss(weights, offsets, rays, constraints, False)
-    term = constraints.term(found.fields)
+    step = merit.step_loss(weights, offsets, rays, constraints, False)
+    term = constraints.term(step.fields)
     left, inner = merit.source.shared_out(rays)
     flip = np.array([-1.0, 1.0, 1.0])
     own_rays = [
@@ -122,14 +122,14 @@ def test_the_loss_is_that_of_all_states_by_the_mirrored_rays() -> None:
         *(replace(r, origins=flip * r.origins, directions=flip * r.directions) for r in (inner, left)),
     ]
     losses = []
-    for state, led, own in zip(spec.by_state.values(), source.sources, own_rays, strict=True):
+    for state, led, state_rays in zip(spec.by_state.values(), source.sources, own_rays, strict=True):
         alone = state.changed(lens=state.lens.changed(symmetry="mirror_y"))
         member = MeritFunction.of(alone, led, parametrisation)
-        losses.append(member.step_loss(weights, offsets, own, constraints, False).loss - term)
+        losses.append(member.step_loss(weights, offsets, state_rays, constraints, False).loss - term)
     wanted = sum(share * loss for share, loss in zip((2 / 6, 1 / 6, 1 / 6, 2 / 6), losses, strict=True))
     assert losses[0].item() == pytest.approx(losses[3].item(), rel=1e-12) and abs(losses[0] - losses[1]) > 1e-3
-    assert (found.loss - term).item() == pytest.approx(wanted.item(), rel=1e-12)
-    by_two, by_all = (torch.autograd.grad(loss, weights, retain_graph=True)[0] for loss in (found.loss, wanted + term))
+    assert (step.loss - term).item() == pytest.approx(wanted.item(), rel=1e-12)
+    by_two, by_all = (torch.autograd.grad(loss, weights, retain_graph=True)[0] for loss in (step.loss, wanted + term))
     assert torch.allclose(by_two, by_all, rtol=1e-9, atol=1e-12) and float(by_all.abs().max()) > 1e-3
 
 

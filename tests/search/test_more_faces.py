@@ -39,11 +39,11 @@ def test_each_face_has_the_table_and_the_gradient_that_it_has_alone() -> None:
     by = torch.from_numpy(np.random.default_rng(1).normal(size=tables.shape))
     (gradient,) = torch.autograd.grad((by * tables).sum(), weights)
     for number in range(4):
-        own = weights.detach()[:, number : number + 1].clone().requires_grad_()
-        alone = of_one(faces, number).tables(own, offsets[number : number + 1])
+        column = weights.detach()[:, number : number + 1].clone().requires_grad_()
+        alone = of_one(faces, number).tables(column, offsets[number : number + 1])
         assert torch.equal(alone[0], tables[number])
         if faces.fixed[number] is None:
-            (by_own,) = torch.autograd.grad((by[number] * alone[0]).sum(), own)
+            (by_own,) = torch.autograd.grad((by[number] * alone[0]).sum(), column)
             assert torch.equal(by_own[:, 0], gradient[:, number])
     assert not gradient[:, 2].any(), "the fixed face"
 
@@ -53,12 +53,12 @@ def test_a_lens_has_the_faces_by_their_names_and_gives_their_parameters_back() -
     lens = faces.lens(weights, offsets, small_spec(), 0, "draft")
     assert tuple(lens.surfaces) == NAMES and lens.surfaces["wall"] is faces.fixed[2]
     turned = Lens(dict(reversed(lens.surfaces.items())), lens.spec, 0, "draft")
-    for each in (lens, turned):
-        found, places = faces.parameters_of(each)
+    for design in (lens, turned):
+        coefficients, places = faces.parameters_of(design)
         free = [0, 1, 3]
-        np.testing.assert_allclose(found[:, free].numpy(), weights[:, free].numpy(), rtol=1e-14)
+        np.testing.assert_allclose(coefficients[:, free].numpy(), weights[:, free].numpy(), rtol=1e-14)
         np.testing.assert_allclose(places[free].numpy(), offsets[free].numpy(), rtol=1e-14)
-        assert not found[:, 2].any() and places[2] == 1.0
+        assert not coefficients[:, 2].any() and places[2] == 1.0
 
 
 @pytest.mark.parametrize("between", [("cap", "exit"), ("side", "wall")])
@@ -76,7 +76,7 @@ def test_a_wall_is_between_the_two_faces_that_it_names(between: tuple[str, str])
         return replace(constraint, faces=tuple(replace(face, name=names[face.name]) for face in constraint.faces))
 
     named = replace(usual, names=NAMES, constraints=tuple(map(renamed, usual.constraints)))
-    assert [each.names for each in named.constraints] == [(inside,), between, (outside,)]
+    assert [constraint.names for constraint in named.constraints] == [(inside,), between, (outside,)]
     fields = named.fields(tables)
     assert torch.equal(fields, usual.fields(tables[numbers]))
     assert (fields[1] < 0.0).any() and (fields[1] > 0.0).any() == (inside == "cap")

@@ -87,8 +87,8 @@ def test_an_ellipsoid_sends_the_light_of_one_focus_to_the_other() -> None:
 
 def test_light_by_way_is_that_of_a_lambertian_point() -> None:
     light = lf.evaluate(given(source={"kind": "disc", "diameter_mm": 1e-3}), rays=2**14)
-    found = {way.faces: way.share.value for way in light.ways}
-    assert found == {
+    shares = {way.faces: way.share.value for way in light.ways}
+    assert shares == {
         ("mouth",): pytest.approx(DIRECT, abs=1e-4),
         ("cup", "mouth"): pytest.approx(MIRROR * (1.0 - DIRECT), abs=1e-4),
     }
@@ -153,10 +153,10 @@ def test_the_derivative_of_the_merit_is_that_of_differences(along: list[float]) 
     def loss(moved: torch.Tensor) -> torch.Tensor:
         return merit.terms[0].loss(merit.light_of(parameters.tables(weights, moved), rays).images[0], False)
 
-    found = (loss(offsets + step * direction) - loss(offsets - step * direction)).item() / (2.0 * step)
+    slope = (loss(offsets + step * direction) - loss(offsets - step * direction)).item() / (2.0 * step)
     moving = offsets.clone().requires_grad_()
     loss(moving).backward()
-    assert float((moving.grad * direction).sum()) == pytest.approx(found, rel=0.05)
+    assert float((moving.grad * direction).sum()) == pytest.approx(slope, rel=0.05)
 
 
 @pytest.mark.parametrize("offset_mm", [3.0, 4.5])
@@ -205,7 +205,7 @@ def test_the_back_follows_the_cup() -> None:
     now = parameters.surfaces(weights, offsets)
     polar = np.linspace(np.arctan2(9.0, 13.0), 0.5 * np.pi, 40)
     directions = np.column_stack([np.sin(polar), np.zeros(40), np.cos(polar)])
-    walls = [each["back"].radius(directions) - each["cup"].radius(directions) for each in (start, now)]
+    walls = [faces["back"].radius(directions) - faces["cup"].radius(directions) for faces in (start, now)]
     assert walls[1] == pytest.approx(walls[0], rel=0.1)
     assert np.abs(now["cup"].radius(directions) - start["cup"].radius(directions)).max() > 0.02
     again = parameters.tables(*parameters.parameters_of(parameters.lens(weights, offsets, reflector(), 0, FEW)))
@@ -237,7 +237,7 @@ def test_a_short_search_gains_light_and_keeps_the_limits() -> None:
     design = lf.design(spec, accuracy=FEW)
     assert all(criterion.holds for criterion in design.criteria)
     start = Lens(ProfileParameters.of(spec, 2.5).start_surfaces, spec, 0, FEW)
-    before, after = (lf.evaluate(each, rays=2**13).share_in_target.value for each in (start, design.lens))
+    before, after = (lf.evaluate(lens, rays=2**13).share_in_target.value for lens in (start, design.lens))
     assert after > before + 0.01
 
 
@@ -420,6 +420,6 @@ def test_a_cup_does_not_close_over_its_mouth() -> None:
     )
     u = np.column_stack([np.sin(polar) * np.cos(azimuth), np.sin(polar) * np.sin(azimuth), np.cos(polar)])
     expected = float((lens.surfaces["cup"].radius(u) - lens.surfaces["mouth"].radius(u)).min())
-    found = constraints.least(constraints.fields(parameters.tables(weights, offsets)))["opening_margin_mm"]
-    assert found == pytest.approx(expected, rel=0.1)
+    margin = constraints.least(constraints.fields(parameters.tables(weights, offsets)))["opening_margin_mm"]
+    assert margin == pytest.approx(expected, rel=0.1)
     assert "opening_margin_mm" not in AugmentedLagrangian.of(reflector(), parameters.grid).keys

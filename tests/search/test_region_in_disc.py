@@ -37,7 +37,7 @@ def test_a_bright_square_in_a_disc_is_no_gain() -> None:
 
 @pytest.mark.nightly("a minute; by day the merit of such pictures")
 def test_a_region_of_uniform_light_is_more_even_and_costs_little() -> None:
-    bare, region = (lf.design(disc(each), accuracy="draft").lens for each in (None, 280.0))
+    bare, region = (lf.design(disc(diameter_mm), accuracy="draft").lens for diameter_mm in (None, 280.0))
     asked = disc(280.0)
     before, after = (lf.evaluate(replace(lens, spec=asked), rays=2**20) for lens in (bare, region))
     assert before.rsd is not None and after.rsd is not None

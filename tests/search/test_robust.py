@@ -93,11 +93,11 @@ def test_an_led_is_off_by_the_same_in_every_state_about_its_own_place() -> None:
         moved = replace(
             rays, origins=place + off.points(rays.origins - place), directions=off.directions(rays.directions)
         )
-        found, wanted = (
+        image, wanted = (
             member.light_of(tables, light, pairs).images[0] for light, pairs in ((rays, ((part, part),)), (moved, ()))
         )
         before = member.light_of(tables, rays).images[0]
-        assert float((found - wanted).abs().max()) < 1e-9 * float((before - wanted).abs().max())
+        assert float((image - wanted).abs().max()) < 1e-9 * float((before - wanted).abs().max())
 
 
 def test_slices_of_a_sample_join_to_its_light() -> None:
@@ -118,7 +118,7 @@ def test_steps_draw_other_parts_and_the_same_again() -> None:
     assert parts is not None and again is not None
     far = parts.of_step(1, 5000)[0][0].made  # of another block than the first
     made = [parts.of_step(1, number)[0][0].made for number in range(3)]
-    assert len({str(each) for each in (*made, far)}) == 4
+    assert len({str(part) for part in (*made, far)}) == 4
     assert [again.of_step(1, number)[0][0].made for number in range(3)] == made
     assert again.of_step(1, 5000)[0][0].made == far
     assert parts.of_step(2, 0)[0][0].made != made[0]
@@ -131,8 +131,8 @@ def test_steps_draw_other_parts_and_the_same_again() -> None:
 
 def test_fine_errors_scatter_as_roughness() -> None:
     plain, rough = (
-        problem_of(robust(**tolerance_changes(NO_TOLERANCES | own))).parts
-        for own in ({"outer_form_um": 1.0}, {"outer_waviness_um": 1.0})
+        problem_of(robust(**tolerance_changes(NO_TOLERANCES | amounts))).parts
+        for amounts in ({"outer_form_um": 1.0}, {"outer_waviness_um": 1.0})
     )
     assert plain is not None and rough is not None
     assert plain.of_step(0, 0)[0][0].made.slopes["outer"] == 0.0
@@ -176,5 +176,5 @@ def expected_merit(lens: Lens) -> float:
     spec = lens.spec.replace(optimise={"robust": True})
     problem = problem_of(spec)
     validation, _ = ValidationRays.of(build_source(spec.source), 2**15, 77)
-    found, _ = validation.judge(problem, *problem.parametrisation.parameters_of(lens), False)
-    return found.merit
+    judgement, _ = validation.judge(problem, *problem.parametrisation.parameters_of(lens), False)
+    return judgement.merit

@@ -39,17 +39,17 @@ def beam(direction: tuple[float, float, float], backward: float = 0.0, **more: o
 def test_kernels_that_a_second_process_compiles_are_those_of_the_search() -> None:
     compile_search_kernels(small_spec())
     kernels = in_single(trace), in_single(adjoint_of_pairs)
-    compiled = [list(each.signatures) for each in kernels]
+    compiled = [list(kernel.signatures) for kernel in kernels]
     with pytest.raises(Cancelled):
         lf.design(small_spec(), progress=lambda step: False)
-    assert all(compiled) and compiled == [list(each.signatures) for each in kernels]
+    assert all(compiled) and compiled == [list(kernel.signatures) for kernel in kernels]
 
 
 def test_a_source_in_its_cavity_sends_all_its_light_into_the_lens() -> None:
-    found = check(small_spec())
-    assert found.entering == 1.0 and 0.9 < found.targets[0].bounds.value < normal_transmittance(1.4936) ** 2
-    assert found.warnings() == ()
-    found.require_light()
+    scene_check = check(small_spec())
+    assert scene_check.entering == 1.0 and 0.9 < scene_check.targets[0].bounds.value < normal_transmittance(1.4936) ** 2
+    assert scene_check.warnings() == ()
+    scene_check.require_light()
 
 
 def test_the_mean_direction_counts_each_ray_by_its_flux() -> None:
@@ -75,11 +75,11 @@ def wall(height_mm: float, **more: object) -> tuple[str, ...]:
 def test_shares_of_a_disc_that_is_wider_than_the_cavity_are_those_of_its_area() -> None:
     """A square of 6 mm around a cavity of 1.5 mm radius: pi 1.5^2 of its 36 mm^2 starts inside."""
     spec = small_spec(source__side_mm=6.0, lens__inner__offset_mm=1.5)
-    found = check(spec)
+    scene_check = check(spec)
     inside = np.pi * 1.5**2 / 36.0
-    assert found.entering == pytest.approx(inside, abs=4.0 * sqrt(inside * (1.0 - inside) / 2**14))
-    assert found.lost[Fate.OUTSIDE_CAVITY] == pytest.approx(1.0 - found.entering)
-    assert "a larger lens.inner.offset_mm" in found.warnings()[0]
+    assert scene_check.entering == pytest.approx(inside, abs=4.0 * sqrt(inside * (1.0 - inside) / 2**14))
+    assert scene_check.lost[Fate.OUTSIDE_CAVITY] == pytest.approx(1.0 - scene_check.entering)
+    assert "a larger lens.inner.offset_mm" in scene_check.warnings()[0]
     wide = Lens.double(sphere(5.0), sphere(6.5), spec, 0, "draft")
     assert check(spec, wide).entering == 1.0, "the lens to begin from decides"
 
@@ -156,10 +156,10 @@ def test_a_target_of_which_less_than_half_is_possible_is_refused_with_the_lens_t
     radius_mm = float(words.partition(">= ")[2].split()[0])
     assert 25.0 < radius_mm < 29.0
     assert check(spec.replace({"constraints.max_radius_mm": radius_mm})).targets[0].bounds.by_etendue >= 0.92
-    said: list[str] = []
+    messages: list[str] = []
     with pytest.raises(Cancelled):
-        lf.design(spec, accuracy=FEW, force=True, progress=lambda _: False, warn=said.append)
-    assert any("(étendue)" in each for each in said), "it says so all the same"
+        lf.design(spec, accuracy=FEW, force=True, progress=lambda _: False, warn=messages.append)
+    assert any("(étendue)" in message for message in messages), "it says so all the same"
 
 
 def test_a_limit_beyond_half_of_what_the_luminance_allows_is_refused_by_its_name() -> None:
@@ -203,8 +203,8 @@ def test_light_beside_the_axis_is_said_to_need_levels() -> None:
         InputError, match=r"upper bound 23\.1 % of the light \(the symmetry of faces of revolution\).*try lens\.levels"
     ):
         check(aside()).require_light()
-    found = check(aside(**{"lens.levels": [25]}))
-    assert found.warnings() == () and found.targets[0].bounds.by_symmetry == 1.0
+    scene_check = check(aside(**{"lens.levels": [25]}))
+    assert scene_check.warnings() == () and scene_check.targets[0].bounds.by_symmetry == 1.0
     off_centre = aside(**{"source.position_mm": [0.1, 0.2, 0.0]})
     check(off_centre).require_light()
     (words,) = check(off_centre).warnings()
@@ -230,7 +230,7 @@ def test_a_target_narrower_than_the_image_of_the_led_is_said(radius_mm: float, b
     band = {"kind": "rectangle", "width_mm": 30.0, "height_mm": 80.0, "distance_mm": 300.0, "rotation_deg": 20.0}
     content = {"source": {"kind": "square", "side_mm": 1.0}, "constraints": {"max_radius_mm": radius_mm}}
     words = check(Spec.model_validate({**content, "lens": {"kind": "tir", "levels": [25]}, "target": band})).warnings()
-    assert ["blurs it; try a larger lens (>= 14.1" in each for each in words] == [True] * blurred
+    assert ["blurs it; try a larger lens (>= 14.1" in text for text in words] == [True] * blurred
 
 
 @pytest.mark.parametrize(("width_mm", "degrees", "pixels"), [(10.0, "1.15", "0.43"), (40.0, "4.58", "1.7")])
@@ -239,7 +239,7 @@ def test_a_line_is_as_wide_as_it_is_and_asks_for_pixels(width_mm: float, degrees
     line = {"kind": "rectangle", "width_mm": 1000.0, "height_mm": width_mm, "distance_mm": 500.0, "receiver_mm": 1500.0}
     content = {"source": {"kind": "square", "side_mm": 1.0}, "constraints": {"max_radius_mm": 15.0}, "target": line}
     blur, raster = check(Spec.model_validate(content)).warnings()
-    widths = [float(re.findall(r"wider than ([\d.]+)", each)[0]) for each in (blur, raster)]
+    widths = [float(re.findall(r"wider than ([\d.]+)", warning)[0]) for warning in (blur, raster)]
     assert widths == [pytest.approx(float(degrees), abs=0.25), pytest.approx(float(pixels), abs=0.1)]  # a sub-pixel
     finer = {"optimise": {"pixels": round(3.3 / float(pixels) * 64)}}
     assert len(check(Spec.model_validate(content | finer)).warnings()) == 1
@@ -248,15 +248,15 @@ def test_a_line_is_as_wide_as_it_is_and_asks_for_pixels(width_mm: float, degrees
 def test_an_estimated_luminance_warns_and_stops_nothing() -> None:
     rays = build_source(cob().source).sample(20_000, 1)
     spec = cob().replace(source=RaySource(positions_mm=rays.origins, directions=rays.directions, flux_w=1.0))
-    found = check(spec)
-    assert found.targets[0].estimated and found.targets[0].met < 0.5
-    found.require_light()
-    assert any("estimate of the source's luminance" in words for words in found.warnings())
+    scene_check = check(spec)
+    assert scene_check.targets[0].estimated and scene_check.targets[0].met < 0.5
+    scene_check.require_light()
+    assert any("estimate of the source's luminance" in words for words in scene_check.warnings())
 
 
 def test_warnings_stand_in_the_record_of_the_design() -> None:
     spec = small_spec(target__distance_mm=3000.0, target__width_mm=300.0, target__receiver_mm=400.0)
-    said: list[str] = []
-    found = lf.design(spec, accuracy=FEW, warn=said.append)
-    assert any("étendue" in words for words in said)
-    assert tuple(said) == found.source.warnings
+    messages: list[str] = []
+    result = lf.design(spec, accuracy=FEW, warn=messages.append)
+    assert any("étendue" in words for words in messages)
+    assert tuple(messages) == result.source.warnings

@@ -46,12 +46,12 @@ def test_a_sample_has_rays_of_each_in_turn_and_each_is_a_sample_of_its_own() -> 
     assert isinstance(source, SeveralSources) and source.flux_w == pytest.approx(2.5)
     rays = source.sample(101, 7)
     assert np.array_equal(rays.of_source, np.tile([0, 1], 51))
-    for own, alone in zip(source.shared_out(rays), map(source_of, spec.by_state.values()), strict=True):
+    for bundle, alone in zip(source.shared_out(rays), map(source_of, spec.by_state.values()), strict=True):
         wanted = alone.sample(51, 7)
         for name in ("origins", "directions", "flux"):
-            assert np.array_equal(getattr(own, name), getattr(wanted, name))
+            assert np.array_equal(getattr(bundle, name), getattr(wanted, name))
     for part in rays.divided(3):
-        assert len({len(own) for own in source.shared_out(part)}) == 1
+        assert len({len(sample) for sample in source.shared_out(part)}) == 1
 
 
 def test_the_symmetry_is_what_all_have() -> None:
@@ -131,25 +131,27 @@ def test_the_merit_is_the_mean_by_shares_or_the_worst(over: str, changes: dict[s
     rays = source.sample(4096, 1)
     constraints = AugmentedLagrangian.of(spec, parametrisation.grid)
     pairs = SearchParts.of(spec, parametrisation).of_step(0, 3) if spec.optimise.robust else ()
-    found = merit.step_loss(weights, offsets, rays, constraints, False, pairs)
+    step = merit.step_loss(weights, offsets, rays, constraints, False, pairs)
     alone = []
-    for own in spec.by_state.values():
-        led = source_of(own)
-        alone.append(MeritFunction.of(own, led, parametrisation).step_loss(
+    for state in spec.by_state.values():
+        led = source_of(state)
+        alone.append(MeritFunction.of(state, led, parametrisation).step_loss(
             weights, offsets, led.sample(2048, 1), constraints, False, pairs
         ))  # fmt: skip
-    term = constraints.term(found.fields)
-    losses = [each.loss - term for each in alone]
+    term = constraints.term(step.fields)
+    losses = [member.loss - term for member in alone]
     assert abs(losses[0] - losses[1]) > 0.01
     shares = [0.75, 0.25]
     if over == "worst":
-        shares = np.exp([4.0 * each.item() / found.nmse for each in losses])
+        shares = np.exp([4.0 * loss.item() / step.nmse for loss in losses])
         shares /= shares.sum()
-        assert max(shares) > 0.6 and np.argmax(shares) == np.argmax([each.item() for each in losses])
+        assert max(shares) > 0.6 and np.argmax(shares) == np.argmax([loss.item() for loss in losses])
     wanted = shares[0] * losses[0] + shares[1] * losses[1]
-    assert (found.loss - term).item() == pytest.approx(wanted.item(), rel=1e-12)
-    assert found.nmse == pytest.approx(0.75 * alone[0].nmse + 0.25 * alone[1].nmse, rel=1e-12)
-    by_all, by_each = (torch.autograd.grad(each, weights, retain_graph=True)[0] for each in (found.loss, wanted + term))
+    assert (step.loss - term).item() == pytest.approx(wanted.item(), rel=1e-12)
+    assert step.nmse == pytest.approx(0.75 * alone[0].nmse + 0.25 * alone[1].nmse, rel=1e-12)
+    by_all, by_each = (
+        torch.autograd.grad(total, weights, retain_graph=True)[0] for total in (step.loss, wanted + term)
+    )
     assert torch.allclose(by_all, by_each, rtol=1e-9, atol=1e-14) and float(by_all.abs().max()) > 1e-3
 
 
@@ -160,19 +162,19 @@ def test_a_judgement_is_that_of_each_by_its_own_samples(over: str) -> None:
     problem = Problems(spec, source, 3.0, None).of((9,))
     weights, offsets = problem.parametrisation.start()
     judged, _ = ValidationRays.of(source, 4096, 0)[0].judge(problem, weights, offsets, False)
-    found = []
-    for own in spec.by_state.values():
-        led = source_of(own)
-        alone = Problems(own, led, 3.0, None).of((9,))
-        found.append(ValidationRays.of(led, 2048, 0)[0].judge(alone, weights, offsets, False)[0])
+    judgements = []
+    for state in spec.by_state.values():
+        led = source_of(state)
+        alone = Problems(state, led, 3.0, None).of((9,))
+        judgements.append(ValidationRays.of(led, 2048, 0)[0].judge(alone, weights, offsets, False)[0])
     missing = float(problem.constraints.penalty_alone(problem.constraints.fields(problem.parametrisation.tables(
         weights, offsets))))  # fmt: skip
-    merits = [each.merit - missing for each in found]
+    merits = [judgement.merit - missing for judgement in judgements]
     wanted = max(merits) if over == "worst" else 0.75 * merits[0] + 0.25 * merits[1]
     assert judged.merit - missing == pytest.approx(wanted, rel=1e-9)
     for slice_number, value in enumerate(judged.without):
-        each = [judgement.without[slice_number] - missing for judgement in found]
-        wanted = max(each) if over == "worst" else 0.75 * each[0] + 0.25 * each[1]
+        without = [judgement.without[slice_number] - missing for judgement in judgements]
+        wanted = max(without) if over == "worst" else 0.75 * without[0] + 0.25 * without[1]
         assert value - missing == pytest.approx(wanted, rel=1e-9)
 
 
@@ -221,9 +223,9 @@ def test_the_light_of_every_led_is_its_own_evaluation_and_is_judged() -> None:
     assert list(light.by_led) == ["left", "right"]
     for led in spec.sources:
         alone = lf.evaluate(made.lens, source=led.source)
-        own = light.by_led[led.name]
-        assert (own.nmse, own.efficiency, own.limits) == (alone.nmse, alone.efficiency, alone.limits)
-        assert np.array_equal(own.map, alone.map)
+        result = light.by_led[led.name]
+        assert (result.nmse, result.efficiency, result.limits) == (alone.nmse, alone.efficiency, alone.limits)
+        assert np.array_equal(result.map, alone.map)
     assert light.by_led["right"].nmse != light.nmse and str(light).count("with right") == 1
     assert list(light_reasons(light, made.lens)) == []
     missed = replace(light.others[0].limits[0], limit=0.999).judged()
@@ -237,7 +239,7 @@ def test_the_cavity_has_room_for_the_largest_and_an_led_that_cannot_be_is_named(
     sizes = {"cavity_height_mm": None, "cavity_radius_mm": None, "min_thickness_mm": None, "max_radius_mm": 7.0}
     several = _spec(constraints=sizes, lens=lens).constraints
     alone = [small_spec(source=led["source"], constraints=sizes, lens=lens).constraints for led in LEDS]
-    assert several.cavity_radius_mm == max(each.cavity_radius_mm for each in alone)
+    assert several.cavity_radius_mm == max(source.cavity_radius_mm for source in alone)
     assert alone[0].cavity_radius_mm != alone[1].cavity_radius_mm
     backwards = [LEDS[0], {"name": "right", "source": {**RIGHT, "tilt_deg": [180.0, 0.0]}}]
     with pytest.raises(lf.InputError, match=r"at least 10 % must enter; .*the LED is right"):

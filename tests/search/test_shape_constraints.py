@@ -49,7 +49,7 @@ def shop_spec(**changes: Any) -> Spec:
 def test_the_manufacturing_check_finds_the_same_curvature_and_draft(process: str) -> None:
     spec = shop_spec(manufacture={"process": process})
     lens = Lens.double(random_surface(1, 3.0, 0.01, (25,)), random_surface(2, 6.0, 0.01, (25,)), spec, 0, "draft")
-    found = measure_constraints(lens)
+    margins = measure_constraints(lens)
     airs = (AirSide.INSIDE, AirSide.OUTSIDE) if process == "milled" else (AirSide.OUTSIDE, AirSide.INSIDE)
     for name, surface, air, radius, draft in (
         ("inner", lens.inner, airs[0], 2.5, 3.0),
@@ -57,8 +57,8 @@ def test_the_manufacturing_check_finds_the_same_curvature_and_draft(process: str
     ):
         samples = sample_face(OpticalFace(fit_patch(surface), air), SAMPLE_NODES)
         kappa = samples.lowest_curvature()
-        assert found.curvature_margin_per_mm[name] - 1.0 / radius == pytest.approx(kappa, rel=1e-3)
-        assert found.draft_margin_deg[name] + draft == pytest.approx(
+        assert margins.curvature_margin_per_mm[name] - 1.0 / radius == pytest.approx(kappa, rel=1e-3)
+        assert margins.draft_margin_deg[name] + draft == pytest.approx(
             np.degrees(np.arcsin(samples.outward[:, 2].min())), abs=0.02
         )
 
@@ -85,9 +85,9 @@ def test_a_design_for_a_cutter_passes_the_check_of_the_shop() -> None:
         optimise__steps_per_level=[15, 15],
         optimise__rays=256,
     )
-    found = search(spec, build_source(spec.source), accuracy=FAR)
-    inner = sample_face(OpticalFace(fit_patch(found.lens.inner), AirSide.INSIDE), SAMPLE_NODES)
-    assert all(criterion.holds for criterion in found.criteria), [str(criterion) for criterion in found.criteria]
+    result = search(spec, build_source(spec.source), accuracy=FAR)
+    inner = sample_face(OpticalFace(fit_patch(result.lens.inner), AirSide.INSIDE), SAMPLE_NODES)
+    assert all(criterion.holds for criterion in result.criteria), [str(criterion) for criterion in result.criteria]
     assert -1.0 / inner.lowest_curvature() >= 3.5 * (1.0 - 1e-3)
     assert np.degrees(least_draft_rad(inner)) >= 1.0 - 0.01
-    assert np.abs(found.lens.inner.weights_mm).max() > 1e-3, "it is a freeform"
+    assert np.abs(result.lens.inner.weights_mm).max() > 1e-3, "it is a freeform"

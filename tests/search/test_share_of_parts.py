@@ -117,7 +117,7 @@ def test_a_share_that_no_search_can_have_is_refused(changes: dict[str, Any], wor
 
 def test_a_yield_is_the_share_that_a_budget_asks_for() -> None:
     given = (True, "yield", 0.8, 0.5, 0.999)  # the last two are the least and the most
-    shares = [small_spec(optimise__robust=each, limits=[EVEN]).optimise.share for each in given]
+    shares = [small_spec(optimise__robust=robust, limits=[EVEN]).optimise.share for robust in given]
     assert shares == [None, PASS_RATE, 0.8, 0.5, 0.999]
 
 
@@ -138,7 +138,10 @@ def test_more_of_other_parts_hold_the_limits_than_of_a_plain_search() -> None:
 
 
 def test_tolerances_that_are_all_0_or_wider_than_the_lens_are_refused() -> None:
-    for own, words in (({}, "all of them are 0"), ({"source_shift_mm": 4.0}, r"source_shift_mm = 4: .* at most 1\.")):
-        spec = small_spec(optimise__robust="yield", limits=[EVEN], **tolerance_changes(NO_TOLERANCES | own))
+    for amounts, words in (
+        ({}, "all of them are 0"),
+        ({"source_shift_mm": 4.0}, r"source_shift_mm = 4: .* at most 1\."),
+    ):
+        spec = small_spec(optimise__robust="yield", limits=[EVEN], **tolerance_changes(NO_TOLERANCES | amounts))
         with pytest.raises(InputError, match=words):
             search(spec, build_source(spec.source), accuracy="draft")

@@ -80,13 +80,13 @@ def test_automatic_levels_move_the_broad_functions_of_the_lens_first_and_keep_th
         lf.design(spec, accuracy=FEW, progress=lambda step: seen.append(step) or len(seen) < 3)
     assert [step.functions for step in seen] == [9, 9, 9]
     start = load_lens(finished / "lens.json")
-    found = seen[-1].lens()
-    for before, after in ((start.inner, found.inner), (start.outer, found.outer)):
+    lens = seen[-1].lens()
+    for before, after in ((start.inner, lens.inner), (start.outer, lens.outer)):
         assert isinstance(before, SrbfSurface) and isinstance(after, SrbfSurface)
         moved = np.abs(after.weights_mm - before.weights_mm)
         assert after.basis.levels == (9, 25) and moved[:9].min() > 1e-6
         assert np.array_equal(after.weights_mm[9:], before.weights_mm[9:])
-    turned = Lens.double(*(_narrow_turned(each) for each in (start.inner, start.outer)), start.spec, 0, "draft")
+    turned = Lens.double(*(_narrow_turned(surface) for surface in (start.inner, start.outer)), start.spec, 0, "draft")
     others: list[lf.Progress] = []
     with pytest.raises(lf.Cancelled):
         lf.design(spec, accuracy=FEW, start=turned, progress=lambda step: others.append(step) or False)

@@ -19,9 +19,9 @@ from lensforge.spec.accuracy import preset_of
 @pytest.mark.parametrize("steps", [40, 100])
 def test_the_rate_falls_by_half_a_cosine_to_a_twentieth(steps: int) -> None:
     stage = Stage(0, (9,), 9, steps, 64, 0.2, uniform=False)
-    found = [stage.rate(quarter * steps // 4) for quarter in range(5)]
+    rates = [stage.rate(quarter * steps // 4) for quarter in range(5)]
     shares = [1.0, 0.05 + 0.95 * (0.5 + 8.0**-0.5), 0.525, 0.05 + 0.95 * (0.5 - 8.0**-0.5), 0.05]
-    assert found == pytest.approx([0.2 * share for share in shares], rel=1e-12)
+    assert rates == pytest.approx([0.2 * share for share in shares], rel=1e-12)
 
 
 BETAS = (0.9, 0.99)
@@ -51,8 +51,8 @@ def test_the_steps_are_those_of_torch_to_the_last_bit() -> None:
     for step in range(ADAM_STEPS):
         for group in reference.param_groups:
             group["lr"] = _rate(step)
-        for parameters, own in ((ours, optimiser), (theirs, reference)):
-            own.zero_grad()
+        for parameters, adam in ((ours, optimiser), (theirs, reference)):
+            adam.zero_grad()
             _loss(parameters, step).backward()
         optimiser.step(_rate(step))
         reference.step()
@@ -76,7 +76,7 @@ def test_a_resumed_adam_takes_the_same_steps() -> None:
     one = _start()
     whole = Adam(*one, BETAS, EPS)
     _take(3, one, whole)
-    two = [each.detach().clone().requires_grad_() for each in one]
+    two = [tensor.detach().clone().requires_grad_() for tensor in one]
     resumed = Adam(*two, BETAS, EPS, 3, whole.moments)
     _take(4, one, whole)
     _take(4, two, resumed)

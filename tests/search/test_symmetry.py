@@ -56,17 +56,17 @@ def by_places(receiver: PosedReceiver, image: np.ndarray, mirror: np.ndarray) ->
 @pytest.mark.parametrize("symmetry", ["none", "mirror_x", "mirror_y", "rectangle", "square"])
 def test_light_is_mirrored_to_the_pixels_of_the_mirrored_places(name: str, symmetry: str) -> None:
     receiver = RECEIVERS[name]
-    found = chart_mirrors(receiver, symmetry)
+    mirrors = chart_mirrors(receiver, symmetry)
     wanted = np.random.default_rng(0).random(receiver.grid.shape)
     image = torch.from_numpy(wanted)
     for mirror in generators(symmetry):
         other = by_places(receiver, wanted, mirror)
         if other is None:
-            assert found is None
+            assert mirrors is None
             return
         wanted = 0.5 * (wanted + other)
-    assert found is not None
-    np.testing.assert_allclose(mirrored_light(image, found).numpy(), wanted, atol=1e-15)
+    assert mirrors is not None
+    np.testing.assert_allclose(mirrored_light(image, mirrors).numpy(), wanted, atol=1e-15)
 
 
 @pytest.mark.parametrize(
@@ -89,8 +89,8 @@ def test_a_symmetry_that_the_scene_lacks_is_refused(symmetry: str, side: str, wo
         settled_symmetry(spec, LONG if side == "source" else SquareEmitter(1.0))
     allowed = spec.replace({"lens.symmetry": "mirror_y"})
     assert settled_symmetry(allowed, LONG) is allowed
-    found = settled_symmetry(spec.replace({"lens.symmetry": "auto"}), SquareEmitter(1.0)).lens.symmetry
-    assert found == {"source": "square", "target": "mirror_y" if symmetry == "mirror_x" else "rectangle"}[side]
+    settled = settled_symmetry(spec.replace({"lens.symmetry": "auto"}), SquareEmitter(1.0)).lens.symmetry
+    assert settled == {"source": "square", "target": "mirror_y" if symmetry == "mirror_x" else "rectangle"}[side]
 
 
 @pytest.mark.parametrize(
@@ -116,10 +116,11 @@ def test_a_fixed_surface_limits_the_symmetry() -> None:
     inner = {"kind": "biconic", "vertex_z_mm": 3.0, "radius_x_mm": -3.0, "radius_y_mm": -2.9}
     lens = {"levels": [9, 25], "inner": {"fixed": inner}, "outer": {"offset_mm": 6.0}}
     target = {"kind": "rectangle", "width_mm": 60.0, "height_mm": 60.0, "edge_mm": 5.0, **PLACE}
-    found, wanted = (
-        small_spec(optimise__pixels=64, target=target, lens=lens | {"symmetry": each}) for each in ("auto", "square")
+    automatic, wanted = (
+        small_spec(optimise__pixels=64, target=target, lens=lens | {"symmetry": symmetry})
+        for symmetry in ("auto", "square")
     )
-    assert settled_symmetry(found, SquareEmitter(1.0)).lens.symmetry == "rectangle"
+    assert settled_symmetry(automatic, SquareEmitter(1.0)).lens.symmetry == "rectangle"
     with pytest.raises(InputError, match=r"'square': lens.inner.fixed is not symmetric in this way"):
         settled_symmetry(wanted, SquareEmitter(1.0))
 
@@ -130,13 +131,13 @@ def test_bodies_of_a_scene_limit_the_symmetry() -> None:
             "centre_mm": [0.0, 0.0, 25.0]}  # fmt: skip
     wall = {"kind": "box", "name": "wall", "size_mm": [40.0, 90.0, 2.0], "centre_mm": [60.0, 0.0, 40.0]}
     target = {"kind": "rectangle", "width_mm": 60.0, "height_mm": 60.0, "edge_mm": 5.0, **PLACE}
-    found = {
+    symmetries = {
         len(scene): settled_symmetry(
             small_spec(target=target, optimise__pixels=64, lens__symmetry="auto", scene=scene), SquareEmitter(1.0)
         ).lens.symmetry
         for scene in ([tube], [tube, wall])
     }
-    assert found == {1: "square", 2: "mirror_y"}
+    assert symmetries == {1: "square", 2: "mirror_y"}
     stated = small_spec(target=target, optimise__pixels=64, lens__symmetry="rectangle", scene=[tube, wall])
     with pytest.raises(InputError, match="'rectangle': scene is not symmetric in this way"):
         settled_symmetry(stated, SquareEmitter(1.0))

@@ -92,15 +92,15 @@ def test_a_lens_with_levels_is_taken_up_from_a_start_with_other_bounds() -> None
     """A start that has moved has profiles over other angles: they and the functions are fitted, and count once."""
     parameters = begun(4, 9)
     above = fibonacci_hemisphere(4000)
-    found = parameters.lens(*moved(parameters, 0.01), spot(levels=[4, 9]), 0, "draft")
+    lens = parameters.lens(*moved(parameters, 0.01), spot(levels=[4, 9]), 0, "draft")
     other = ProfileParameters.of(spot(levels=[4, 9]).replace(constraints={"max_radius_mm": 8.3}), 2.5)
     assert other.parameters[0].basis != parameters.parameters[0].basis
-    again = other.surfaces(*other.parameters_of(found))
+    again = other.surfaces(*other.parameters_of(lens))
     for name in ("cap", "wall"):
-        own = parameters.parameters[parameters.names.index(name)].basis
+        basis = parameters.parameters[parameters.names.index(name)].basis
         there = other.parameters[parameters.names.index(name)].basis
-        seen = above[(above[:, 2] > max(own.low, there.low, 0.0)) & (above[:, 2] < min(own.high, there.high))]
-        was = found.surfaces[name].radius(seen)
+        seen = above[(above[:, 2] > max(basis.low, there.low, 0.0)) & (above[:, 2] < min(basis.high, there.high))]
+        was = lens.surfaces[name].radius(seen)
         now = again[name].radius(seen)
         assert np.abs(now - was)[was < 9.0].max() < 0.02, name  # mm, where it may bound the lens
 
@@ -127,7 +127,7 @@ def test_the_radius_of_a_freeform_lens_is_held_where_wall_and_exit_meet() -> Non
     parameters = ProfileParameters.of(spec, 2.5)
     weights, offsets = moved(parameters, 0.01)
     constraints = AugmentedLagrangian.of(spec, parameters.grid)
-    found = constraints.least(constraints.fields(parameters.tables(weights, offsets)))["radius_margin_mm"]
+    margin = constraints.least(constraints.fields(parameters.tables(weights, offsets)))["radius_margin_mm"]
     faces = parameters.surfaces(weights, offsets)
     polar, azimuth = (
         coordinates.ravel()
@@ -136,7 +136,7 @@ def test_the_radius_of_a_freeform_lens_is_held_where_wall_and_exit_meet() -> Non
     across = np.sin(polar)
     directions = np.column_stack([across * np.cos(azimuth), across * np.sin(azimuth), np.cos(polar)])
     rim = across * np.minimum(faces["wall"].radius(directions), faces["exit"].radius(directions))
-    assert found == pytest.approx(spec.constraints.max_radius_mm - rim.max(), abs=0.008)
+    assert margin == pytest.approx(spec.constraints.max_radius_mm - rim.max(), abs=0.008)
 
 
 def test_the_derivative_of_the_merit_counts_light_that_crosses_creases() -> None:
@@ -149,18 +149,18 @@ def test_the_derivative_of_the_merit_counts_light_that_crosses_creases() -> None
     along = torch.tensor([1.0, -1.0, 0.0, 0.0], dtype=torch.float64)  # cap and side against each other: their crease
     rays = source.sample(2**16, 3)
 
-    def loss(moved: torch.Tensor, own: MeritFunction = merit) -> torch.Tensor:
-        return own.terms[0].loss(own.light_of(parameters.tables(weights, moved), rays).images[0], False)
+    def loss(moved: torch.Tensor, function: MeritFunction = merit) -> torch.Tensor:
+        return function.terms[0].loss(function.light_of(parameters.tables(weights, moved), rays).images[0], False)
 
     step = 3.2e-2
     slopes = []
-    found = (loss(offsets + step * along) - loss(offsets - step * along)).item() / (2.0 * step)
-    for own in (merit, without):
+    slope = (loss(offsets + step * along) - loss(offsets - step * along)).item() / (2.0 * step)
+    for merit_function in (merit, without):
         moving = offsets.clone().requires_grad_()
-        loss(moving, own).backward()
+        loss(moving, merit_function).backward()
         slopes.append(float((moving.grad * along).sum()))
-    assert slopes[0] == pytest.approx(found, rel=0.06)
-    assert abs(slopes[1] - found) > 0.2 * abs(found), "which no light without the crease explains"
+    assert slopes[0] == pytest.approx(slope, rel=0.06)
+    assert abs(slopes[1] - slope) > 0.2 * abs(slope), "which no light without the crease explains"
 
 
 @pytest.mark.parametrize("along", first_by_day(1, [[1.0, -1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]]))
@@ -176,18 +176,18 @@ def test_the_derivative_through_made_parts_counts_it_too(along: list[float]) -> 
     rays = source.sample(2**15, 3)
     assert abs(pairs[0][0].made.source.origin_mm[0]) > 0.03 and pairs[0][0].flux != 1.0
 
-    def loss(moved: torch.Tensor, own: MeritFunction = merit) -> torch.Tensor:
-        return own.training_loss(own.light_of(parameters.tables(weights, moved), rays, pairs), False).loss
+    def loss(moved: torch.Tensor, function: MeritFunction = merit) -> torch.Tensor:
+        return function.training_loss(function.light_of(parameters.tables(weights, moved), rays, pairs), False).loss
 
     step = 8e-3
     direction = torch.tensor(along, dtype=torch.float64)
-    found = float(loss(offsets + step * direction) - loss(offsets - step * direction)) / (2.0 * step)
+    slope = float(loss(offsets + step * direction) - loss(offsets - step * direction)) / (2.0 * step)
     slopes = []
-    for own in (merit, replace(merit, light=replace(merit.light, source=None))):
+    for merit_function in (merit, replace(merit, light=replace(merit.light, source=None))):
         moving = offsets.clone().requires_grad_()
-        loss(moving, own).backward()
+        loss(moving, merit_function).backward()
         slopes.append(float((moving.grad * direction).sum()))
-    assert slopes[0] == pytest.approx(found, abs=0.015) and abs(slopes[1] - found) > 0.06
+    assert slopes[0] == pytest.approx(slope, abs=0.015) and abs(slopes[1] - slope) > 0.06
 
 
 def test_rays_of_half_the_flux_have_half_the_derivative() -> None:
@@ -226,9 +226,9 @@ def test_the_derivative_of_a_share_of_the_parts_counts_it_once(along: list[float
     step = 1.6e-2
     direction = torch.tensor(along, dtype=torch.float64)
     moving = offsets.clone().requires_grad_()
-    found = float(term(offsets + step * direction) - term(offsets - step * direction)) / (2.0 * step)
+    slope = float(term(offsets + step * direction) - term(offsets - step * direction)) / (2.0 * step)
     term(moving).backward()
-    assert len(pairs) == 4 and float((moving.grad * direction).sum()) == pytest.approx(found, rel=0.25)
+    assert len(pairs) == 4 and float((moving.grad * direction).sum()) == pytest.approx(slope, rel=0.25)
 
 
 def test_a_robust_search_takes_parts_in_its_steps() -> None:
@@ -236,7 +236,7 @@ def test_a_robust_search_takes_parts_in_its_steps() -> None:
     spec = spot().replace(optimise={"robust": True, "steps_per_level": [1]}, tolerances=amounts)
     with wall_not_measured():
         plain_spec = spec.replace(optimise={"robust": False})
-        robust, plain = (lf.design(each, accuracy=FEW_STEPS) for each in (spec, plain_spec))
+        robust, plain = (lf.design(case, accuracy=FEW_STEPS) for case in (spec, plain_spec))
     assert robust.lens != plain.lens and all(criterion.holds for criterion in robust.criteria)
     assert robust.history[0].loss[0] > plain.history[0].loss[0] + 0.003, "parts are worse than the lens as designed"
 
@@ -287,8 +287,8 @@ def test_edges_in_the_search_are_those_of_the_faces_and_have_their_derivative(le
     none = torch.zeros((), dtype=torch.float64)
     step = torch.tensor(1e-5, dtype=torch.float64)
     assert edges(none).numpy() == pytest.approx(np.array(list(margins.values())), abs=0.01)
-    found = (edges(step) - edges(-step)) / (2.0 * step)
-    assert torch.autograd.functional.jacobian(edges, none).numpy() == pytest.approx(found.numpy(), rel=1e-5)
+    differences = (edges(step) - edges(-step)) / (2.0 * step)
+    assert torch.autograd.functional.jacobian(edges, none).numpy() == pytest.approx(differences.numpy(), rel=1e-5)
 
 
 @pytest.mark.nightly("ten seconds; by day edges in the search have their derivative, and another search is made")
@@ -310,8 +310,8 @@ def test_a_short_search_gains_light_and_keeps_the_limits(tmp_path: object) -> No
     merit = MeritFunction.of(spec, build_source(spec.source, None), ProfileParameters.of(spec, 2.5))
     parameters = merit.parametrisation
     start, end = (
-        share_within(spec, parameters.tables(*each).numpy(), merit.light.scene, 10.0)
-        for each in (parameters.start(), parameters.parameters_of(design.lens))
+        share_within(spec, parameters.tables(*point).numpy(), merit.light.scene, 10.0)
+        for point in (parameters.start(), parameters.parameters_of(design.lens))
     )
     assert end > start + 0.003 and end > 0.9
     limits = design.lens.spec.constraints
