@@ -20,9 +20,15 @@ BASE = {"diameter_mm": 16.0, "relief_step_mm": 0.4, "flange_diameter_mm": 20.0, 
 
 def small_lens(base=BASE, manufacture=None, **sections):
     inner, outer = (random_surface(height, float(height), 0.01, (9, 25)) for height in (3, 6))
-    own = {"source__side_mm": 0.5, "lens__refractive_index": 1.49, "lens__material": "<PMMA> & co"}
-    own |= {"constraints__cavity_radius_mm": 0.5, "constraints__min_thickness_mm": 0.1, "constraints__max_radius_mm": 8}
-    spec = small_spec(name="shop", **own, base=base, manufacture={"required": False} | (manufacture or {}), **sections)
+    fields = {"source__side_mm": 0.5, "lens__refractive_index": 1.49, "lens__material": "<PMMA> & co"}
+    fields |= {
+        "constraints__cavity_radius_mm": 0.5,
+        "constraints__min_thickness_mm": 0.1,
+        "constraints__max_radius_mm": 8,
+    }
+    spec = small_spec(
+        name="shop", **fields, base=base, manufacture={"required": False} | (manufacture or {}), **sections
+    )
     return Lens.double(inner, outer, spec, 0, CHECKED)
 
 
@@ -58,7 +64,7 @@ def between_nodes(head, rows, count):
         int(re.search(words, head).group(1))
         for words in (r"; (\d+) azimuths", r"ring (\d+) (?:is|reaches its crease,)")
     )
-    begin = int(found.group(1)) if (found := re.search(r"from ring (\d+),", head)) else 0
+    begin = int(match.group(1)) if (match := re.search(r"from ring (\d+),", head)) else 0
     rings = (rows if begin else rows[1:]).reshape(-1, turns, 8)
     shift = 0 if begin else 1
     on_face = rings[begin : rim + 1 - shift]

@@ -111,9 +111,9 @@ def test_a_base_that_says_nothing_gives_the_cutter_room(base: dict[str, float]) 
 def test_a_base_in_the_way_costs_as_much_as_the_check_says(base: dict[str, float]) -> None:
     lens = designed_for_the_ball(**base)
     relief = check_lens(lens).relief
-    found = tried(lens, part_mesh(lens))
-    assert min(found.values()) < 0.99, "a case in which nothing is in the way"
-    assert {name: each.flush_fraction for name, each in relief.faces.items()} == pytest.approx(found, abs=0.02)
+    shares = tried(lens, part_mesh(lens))
+    assert min(shares.values()) < 0.99, "a case in which nothing is in the way"
+    assert {name: face.flush_fraction for name, face in relief.faces.items()} == pytest.approx(shares, abs=0.02)
 
 
 @pytest.mark.nightly("designs every shipped lens that is to be cut: minutes each")

@@ -77,8 +77,8 @@ def test_the_faces_measured_are_those_of_the_step_file(rough):
             measured = [getattr(check.faces[surface], f"kappa_{end}")[i, j] for end in ("min", "max")]
             np.testing.assert_allclose(measured, kappa, rtol=0.0, atol=1e-8)
             away.append(np.linalg.norm(point - sphere.centre_mm) - sphere.radius_mm)
-        found = check.faces[surface].sag_mm[tuple(places.T)]
-        np.testing.assert_allclose(found, away, rtol=0.0, atol=1e-11)
+        sag_mm = check.faces[surface].sag_mm[tuple(places.T)]
+        np.testing.assert_allclose(sag_mm, away, rtol=0.0, atol=1e-11)
         lens_surface = part.lens.surfaces[surface]
         u = chart.to_sphere(np.stack([axis[places[:, 0]], axis[places[:, 1]]], axis=-1))
         exact = lens_surface.radius(u)[:, None] * u
@@ -151,11 +151,11 @@ def test_what_the_verdict_asks_for_is_enough(rough):
     base = {"height_mm": 6.0}
     for _ in range(3):
         plan = lay_out(inner.samples.face.patch, outer.samples.face.patch, BaseSection(**base))
-        found = clearance_findings(check_ball_clearance(plan, None, {"inner": inner, "outer": outer}), plan.base)[1]
-        if found.holds:
+        finding = clearance_findings(check_ball_clearance(plan, None, {"inner": inner, "outer": outer}), plan.base)[1]
+        if finding.holds:
             break
-        base |= {key: float(value) for key, value in re.findall(r"base\.(\w+) = ([\d.]+)", found.remedy)}
-    assert found.holds
+        base |= {key: float(value) for key, value in re.findall(r"base\.(\w+) = ([\d.]+)", finding.remedy)}
+    assert finding.holds
     assert set(base) == {"height_mm", "relief_step_mm", "relief_setback_mm"}
 
 
@@ -166,16 +166,16 @@ def test_a_part_is_judged_by_another_process_as_if_its_spec_named_it(process: st
     made = replace(made, spec=made.spec.replace({"manufacture.layer_um": 9.0, "manufacture.process": "printed"}))
     of_process = {"process": process} if process == "printed" else {"process": process, "layer_um": None}
     stated = check_lens(replace(made, spec=made.spec.replace(manufacture=of_process)))
-    found = lf.check(made, process=process)
+    result = lf.check(made, process=process)
     if process == "printed":
-        assert found.conditions is None, "it is the spec's own"
+        assert result.conditions is None, "it is the spec's own"
         return
-    assert found.inputs == {"lens": made.sha256} and str(found.conditions) == process
-    own = {"lens": stated.lens, "inputs": stated.inputs, "seconds": stated.seconds}
-    assert found.changed(conditions=None, **own) == stated
+    assert result.inputs == {"lens": made.sha256} and str(result.conditions) == process
+    fields = {"lens": stated.lens, "inputs": stated.inputs, "seconds": stated.seconds}
+    assert result.changed(conditions=None, **fields) == stated
     made.save(tmp_path / "lens.json")
-    found.save(tmp_path / f"check_{process}.json")
+    result.save(tmp_path / f"check_{process}.json")
     run = lf.load(tmp_path)
-    assert run.find(Check) is None and run.others[f"check_{process}"] == found
-    labels = [fact.label for group in run.facts(found) for fact in group.facts]
+    assert run.find(Check) is None and run.others[f"check_{process}"] == result
+    labels = [fact.label for group in run.facts(result) for fact in group.facts]
     assert ("Parting line" in labels) == (process == "moulded")

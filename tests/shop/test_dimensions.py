@@ -31,21 +31,21 @@ def rim(ball):
 
 
 def test_the_sizes_of_two_spheres_are_in_closed_form():
-    found = sizes(OfSpheres({"inner": INNER, "outer": OUTER}, small_lens({"kind": "none"}).spec, 0, CHECKED))
+    lengths = sizes(OfSpheres({"inner": INNER, "outer": OUTER}, small_lens({"kind": "none"}).spec, 0, CHECKED))
     inner, outer = (apex(ball) for ball in (INNER, OUTER))
-    assert found.pop("outer apex above z = 0") == pytest.approx(outer, abs=1e-12)
-    assert found.pop("apex of the cavity above z = 0") == pytest.approx(inner, abs=1e-12)
-    assert found.pop("thickness on the axis") == pytest.approx(outer - inner, abs=1e-12)
-    assert found.pop("highest point above z = 0") == pytest.approx(0.8 + 7.0, abs=1e-9)
+    assert lengths.pop("outer apex above z = 0") == pytest.approx(outer, abs=1e-12)
+    assert lengths.pop("apex of the cavity above z = 0") == pytest.approx(inner, abs=1e-12)
+    assert lengths.pop("thickness on the axis") == pytest.approx(outer - inner, abs=1e-12)
+    assert lengths.pop("highest point above z = 0") == pytest.approx(0.8 + 7.0, abs=1e-9)
     widest = 2.0 * (rim(OUTER)[0] + 7.0)
-    assert found.pop("width of the dome") == pytest.approx(widest, abs=1e-6)
-    assert found.pop("largest width") == pytest.approx(widest, abs=1e-6)
-    assert found.pop("overall length") == pytest.approx(0.8 + 7.0, abs=1e-9)
+    assert lengths.pop("width of the dome") == pytest.approx(widest, abs=1e-6)
+    assert lengths.pop("largest width") == pytest.approx(widest, abs=1e-6)
+    assert lengths.pop("overall length") == pytest.approx(0.8 + 7.0, abs=1e-9)
     for name, ball in (("outer rim", OUTER), ("opening of the cavity", INNER)):
         _, radius = rim(ball)
-        assert found.pop(f"{name} in z = 0, along x") == pytest.approx(2.0 * sqrt(radius**2 - ball.centre[1] ** 2))
-        assert found.pop(f"{name} in z = 0, along y") == pytest.approx(2.0 * sqrt(radius**2 - ball.centre[0] ** 2))
-    assert not found
+        assert lengths.pop(f"{name} in z = 0, along x") == pytest.approx(2.0 * sqrt(radius**2 - ball.centre[1] ** 2))
+        assert lengths.pop(f"{name} in z = 0, along y") == pytest.approx(2.0 * sqrt(radius**2 - ball.centre[0] ** 2))
+    assert not lengths
 
 
 def test_a_size_that_is_drawn_ends_where_the_part_does():
@@ -94,9 +94,9 @@ def test_the_sizes_of_the_base_are_those_of_the_spec(base, wanted):
     ),
 )
 def test_length_and_width_are_those_of_the_whole_part(base, below, width):
-    found = sizes(small_lens(base))
-    assert found["overall length"] == pytest.approx(found["highest point above z = 0"] + below)
-    assert found["largest width"] == pytest.approx(found["width of the dome"] if width is None else width)
+    lengths = sizes(small_lens(base))
+    assert lengths["overall length"] == pytest.approx(lengths["highest point above z = 0"] + below)
+    assert lengths["largest width"] == pytest.approx(lengths["width of the dome"] if width is None else width)
 
 
 @pytest.mark.parametrize("ball", [sphere(5.0, (0.7, -0.4, 0.3)), sphere(5.0, (0.0, 0.0, 0.3))])

@@ -95,24 +95,24 @@ def test_the_dxf_read_back_has_no_errors_and_the_sizes_of_the_table(drawings, na
     measured = sorted(entity.get_measurement() for entity in document.modelspace().query("DIMENSION"))
     table = sorted(dimension.value_mm for dimension in content.views.dimensions if dimension.ends is not None)
     np.testing.assert_allclose(measured, table, atol=1e-9)
-    for each in document.modelspace().query("DIMENSION"):  # what a reader sees is what it measures
+    for mark in document.modelspace().query("DIMENSION"):  # what a reader sees is what it measures
         texts = [
             entity.dxf.text if entity.dxftype() == "TEXT" else entity.text
-            for entity in each.virtual_entities()
+            for entity in mark.virtual_entities()
             if entity.dxftype() in ("TEXT", "MTEXT")
         ]
-        assert shown(each.get_measurement()) in "".join(texts)
+        assert shown(mark.get_measurement()) in "".join(texts)
 
 
 def test_the_same_sheet_is_the_same_dxf_in_whatever_order_a_set_is_walked_through(drawings, monkeypatch):
     """The order of a set of words is another one in every process."""
     _, sheet = drawings["full"]
     used = EntityDB.dxf_types_in_use
-    found = set()
+    files = set()
     for order in (sorted, lambda names: sorted(names, reverse=True)):
         monkeypatch.setattr(EntityDB, "dxf_types_in_use", lambda database, order=order: order(used(database)))
-        found.add(sheet_dxf(sheet))
-    assert len(found) == 1
+        files.add(sheet_dxf(sheet))
+    assert len(files) == 1
 
 
 @pytest.mark.parametrize("name", BASES)
@@ -171,11 +171,11 @@ def test_a_page_of_the_pdf_is_the_sheet_in_vectors_at_its_size(drawings):
     width, height = (float(v) for v in re.search(rb"/MediaBox \[ 0 0 ([\d.]+) ([\d.]+) \]", content).groups())
     assert (width / 72.0 * 25.4, height / 72.0 * 25.4) == pytest.approx(sheet.size_mm)
     assert b"/Subtype /Image" not in content
-    found = re.findall(rb"stream\r?\n(x.*?)\nendstream", content, re.DOTALL)
-    streams = [zlib.decompressobj().decompress(each) for each in found]
+    matches = re.findall(rb"stream\r?\n(x.*?)\nendstream", content, re.DOTALL)
+    streams = [zlib.decompressobj().decompress(stream) for stream in matches]
     page = next(stream for stream in streams if stream.count(b" l\n") > 500)
     # The base, 15 mm square: its lower edge is a straight line of that length times the scale.
-    points = np.array([[float(v) for v in each] for each in re.findall(rb"([\d.-]+) ([\d.-]+) [ml]\n", page)])
+    points = np.array([[float(v) for v in pair] for pair in re.findall(rb"([\d.-]+) ([\d.-]+) [ml]\n", page)])
     sides = np.abs(np.diff(points, axis=0)) / 72.0 * 25.4
     assert np.any(np.abs(sides[:, 0] - 15.0 * sheet.scale) < 1e-3)
 
@@ -245,12 +245,18 @@ def test_arrows_name_the_axes_and_margins_of_a_smaller_sheet_are_smaller(drawing
 
 def test_texts_of_a_dimension_are_tried_in_its_middle_near_both_ends_and_beyond_both(drawings):
     dimension = replace(drawings["full"][1].marks.dimensions[0], start=(0.0, 0.0), end=(80.0, 80.0))
-    found = list(_candidates(dimension, 0.0, []))
+    candidates = list(_candidates(dimension, 0.0, []))
     (low, high) = sorted(dimension.ends_mm)
-    middle, right, left, above, below = (sum(text_span(each)) / 2.0 for each in found)
+    middle, right, left, above, below = (sum(text_span(candidate)) / 2.0 for candidate in candidates)
     assert middle == pytest.approx(0.5 * (low + high)) and right - middle == pytest.approx(middle - left)
-    assert all(low < end < high for each in found[:3] for end in text_span(each)) and left < middle - 0.1 * (high - low)
-    assert text_span(found[3])[0] > high and text_span(found[4])[1] < low and above - high == pytest.approx(low - below)
+    assert all(
+        low < end < high for candidate in candidates[:3] for end in text_span(candidate)
+    ) and left < middle - 0.1 * (high - low)
+    assert (
+        text_span(candidates[3])[0] > high
+        and text_span(candidates[4])[1] < low
+        and above - high == pytest.approx(low - below)
+    )
 
 
 def test_the_plane_that_the_step_carries_is_datum_a(parts, part_of):
@@ -289,7 +295,7 @@ def test_the_title_block_and_the_notes_say_what_the_spec_says_and_else_that_it_d
     tolerances = PartTolerances(faces={"outer": {"gap_mm": 0.07, "form_um": 0.4}})
     lens = replace(lens, spec=lens.spec.with_tolerances(tolerances))
     content, sheet = content_of(lens, part_of(lens), check, "A3")
-    stated = "\n".join(each.text for each in all_words(sheet)).replace("\n", " ")
+    stated = "\n".join(label.text for label in all_words(sheet)).replace("\n", " ")
     for text in (
         "Number: LF-0042", "Revision: C", "Checked: C. Checker", "Drawn: A. Author", "Date: 2026-03-31",
         "Organisation: Works", "Sizes “general”: ISO 2768-m", "radius or chamfer 0.2 at most",
@@ -300,7 +306,7 @@ def test_the_title_block_and_the_notes_say_what_the_spec_says_and_else_that_it_d
         assert text in stated, text
     assert content.title == "Kerbside lens, LF-0042, revision C"
     _, bare = content_of(small_lens(ROUND), part_of(small_lens(ROUND)), check)
-    stated = " ".join(each.text for each in all_words(bare))
+    stated = " ".join(label.text for label in all_words(bare))
     for text in (
         "Number: not stated",
         "Date: not stated",
@@ -470,6 +476,6 @@ def test_capitals_in_the_pdf_are_as_high_as_is_asked_for(height_mm):
     sheet = Sheet("A4", (297.0, 210.0), 1.0, 1.0, "one letter", (0.0, 0.0), Marks(texts=[words]))
     streams = re.findall(rb"stream\r?\n(.*?)\r?\nendstream", sheet_pdf(sheet), re.DOTALL)
     written = b"".join(zlib.decompress(stream) for stream in streams if stream[:1] == b"x")
-    (points,) = (float(each) for each in re.findall(rb"/F\S+ ([\d.]+) Tf", written))
+    (points,) = (float(size) for size in re.findall(rb"/F\S+ ([\d.]+) Tf", written))
     of_em = TextPath((0.0, 0.0), "H", size=1.0, prop=FontProperties(family=TYPEFACE)).get_extents().height
     assert points * of_em * 25.4 / 72.0 == pytest.approx(height_mm, rel=0.01)

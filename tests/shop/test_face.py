@@ -75,9 +75,9 @@ def test_the_tightest_hollow_is_found_between_the_samples():
     surface = random_surface(0.8, 0.05, 4)
     coarse = sampled(surface, AirSide.INSIDE, nodes=61)
     fine = sampled(surface, AirSide.INSIDE, nodes=801)
-    found = coarse.lowest_curvature()
+    curvature = coarse.lowest_curvature()
     lowest = fine.curvatures.minimum.min()
-    assert abs(found - lowest) < 1e-4 * abs(lowest)
+    assert abs(curvature - lowest) < 1e-4 * abs(lowest)
     assert coarse.curvatures.minimum.min() > lowest * (1.0 - 1e-3)
 
 

@@ -30,11 +30,11 @@ def checked(shop: dict[str, object], base: dict[str, object] | None = None) -> C
 
 
 def faults(check: Check, face: str) -> FaceFaults:
-    return next(found for found in check.faults if found.face == face)
+    return next(fault for fault in check.faults if fault.face == face)
 
 
 def note(check: Check, key: str, face: str) -> str:
-    finding = next(found for found in check.verdicts if (found.key, found.place) == (key, face))
+    finding = next(verdict for verdict in check.verdicts if (verdict.key, verdict.place) == (key, face))
     return finding.note.replace("\u2009", " ").replace("−", "-")
 
 
@@ -42,16 +42,16 @@ def note(check: Check, key: str, face: str) -> str:
 def test_the_map_of_a_milled_dome_is_steep_below_the_height_at_which_the_axis_tilts_no_farther(tilt_deg, fails) -> None:
     """A sphere is undercut by asin((c - z) / R); at its rim, in the plane of the LED, by 23.6 degrees."""
     check = checked({**MILLED, "max_tilt_deg": tilt_deg})
-    assert [found.face for found in check.faults] == (["outer"] if fails else [])
+    assert [fault.face for fault in check.faults] == (["outer"] if fails else [])
     if not fails:
         return
-    found = faults(check, "outer")
+    face_map = faults(check, "outer")
     steep_mm = CENTRE_MM - RADIUS_MM * np.sin(np.radians(tilt_deg))
-    inside = np.isfinite(found.kinds)
-    np.testing.assert_array_equal(found.kinds[inside] == Fault.STEEP, check.outer.xyz[inside, 2] < steep_mm)
-    assert set(np.unique(found.kinds[inside])) == {float(Fault.NONE), float(Fault.STEEP)}
+    inside = np.isfinite(face_map.kinds)
+    np.testing.assert_array_equal(face_map.kinds[inside] == Fault.STEEP, check.outer.xyz[inside, 2] < steep_mm)
+    assert set(np.unique(face_map.kinds[inside])) == {float(Fault.NONE), float(Fault.STEEP)}
     assert degrees(asin(CENTRE_MM / RADIUS_MM)) == pytest.approx(23.58, abs=0.01)
-    x, y, z = found.places_mm["tilt"]
+    x, y, z = face_map.places_mm["tilt"]
     assert (np.hypot(x, y), z) == (pytest.approx(np.sqrt(21.0), abs=1e-5), pytest.approx(0.0, abs=1e-5))
     assert note(check, "tilt", "outer").endswith(" mm") and "worst at (" in note(check, "tilt", "outer")
 
@@ -59,17 +59,17 @@ def test_the_map_of_a_milled_dome_is_steep_below_the_height_at_which_the_axis_ti
 def test_what_neither_half_releases_is_what_lies_below_the_equator_over_a_base_and_places_are_on_the_lens() -> None:
     """The insert is larger than the lens by the shrinkage, its map that of the lens all the same."""
     check = checked(MOULDED, WIDE)
-    found = faults(check, "outer")
+    face_map = faults(check, "outer")
     height_mm = check.outer.xyz[..., 2] / 1.02
     certain = np.abs(height_mm - CENTRE_MM) > 0.03  # of sections 0.02 mm apart, and NaN beside the face
-    np.testing.assert_array_equal(found.kinds[certain] == Fault.UNDERCUT, height_mm[certain] < CENTRE_MM)
-    x, y, z = found.places_mm["undercut"]
+    np.testing.assert_array_equal(face_map.kinds[certain] == Fault.UNDERCUT, height_mm[certain] < CENTRE_MM)
+    x, y, z = face_map.places_mm["undercut"]
     assert np.linalg.norm((x, y, z - CENTRE_MM)) == pytest.approx(RADIUS_MM, abs=1e-4)
     assert 0.0 <= z < 0.06, "the steepest undercut is at the rim"
-    x, y, z = found.places_mm["draft"]
+    x, y, z = face_map.places_mm["draft"]
     assert z == pytest.approx(CENTRE_MM, abs=0.1), "what is released has its least draft at the equator"
     assert "28.5 % of the outer face is undercut" in note(check, "undercut", "outer")
-    assert f"worst at ({found.places_mm['undercut'][0]:.4g}, " in note(check, "undercut", "outer")
+    assert f"worst at ({face_map.places_mm['undercut'][0]:.4g}, " in note(check, "undercut", "outer")
 
 
 def test_the_map_of_the_base_in_the_way_has_the_share_that_the_clearance_states() -> None:
@@ -78,11 +78,11 @@ def test_the_map_of_the_base_in_the_way_has_the_share_that_the_clearance_states(
     Its centre is at z (R + r) / R - r c / R, and must be 0.2 mm above the plane of the LED.
     """
     check = checked({**MILLED, "max_tilt_deg": 90.0}, {**WIDE, "relief_step_mm": 0.3})
-    found = faults(check, "outer")
-    inside = np.isfinite(found.kinds)
+    face_map = faults(check, "outer")
+    inside = np.isfinite(face_map.kinds)
     highest_mm = (0.2 + 0.5 * CENTRE_MM / RADIUS_MM) / (1.0 + 0.5 / RADIUS_MM)
-    np.testing.assert_array_equal(found.kinds[inside] == Fault.BASE, check.outer.xyz[inside, 2] < highest_mm)
-    assert found.places_mm["relief"][2] == pytest.approx(0.0, abs=1e-5)
+    np.testing.assert_array_equal(face_map.kinds[inside] == Fault.BASE, check.outer.xyz[inside, 2] < highest_mm)
+    assert face_map.places_mm["relief"][2] == pytest.approx(0.0, abs=1e-5)
     share = highest_mm / (RADIUS_MM + CENTRE_MM)
     assert check.relief.faces["outer"].flush_fraction == pytest.approx(1.0 - share, abs=0.01)
     assert "worst at (" in note(check, "relief", "outer")
@@ -90,11 +90,11 @@ def test_the_map_of_the_base_in_the_way_has_the_share_that_the_clearance_states(
 
 def test_a_cavity_tighter_than_the_ball_is_out_of_reach_and_its_ball_is_where_it_is_tightest() -> None:
     check = checked({**MILLED, "cutter_radius_mm": 2.5, "max_tilt_deg": 90.0})
-    (found,) = check.faults
-    assert found.face == "inner", "the second of two faces is free"
-    inside = np.isfinite(found.kinds)
-    assert (found.kinds[inside] == Fault.TOOL).all()
-    assert np.linalg.norm(found.places_mm["cutter"]) == pytest.approx(2.0, abs=1e-5)
+    (face_map,) = check.faults
+    assert face_map.face == "inner", "the second of two faces is free"
+    inside = np.isfinite(face_map.kinds)
+    assert (face_map.kinds[inside] == Fault.TOOL).all()
+    assert np.linalg.norm(face_map.places_mm["cutter"]) == pytest.approx(2.0, abs=1e-5)
     assert "worst at (" in note(check, "cutter", "inner")
     assert "worst" not in note(check, "cutter", "outer")
 

@@ -56,11 +56,17 @@ def cutter(radius_mm: float, largest_mm: float | None, reached: float = 0.6789) 
     ],
 )
 def test_a_ball_up_to_the_largest_reaches_all_but_for_rounding(radius_mm, largest_mm, holds, words) -> None:
-    found = cutter_finding("inner", cutter(radius_mm, largest_mm), NO_BASE, small_spec())
-    assert "base" not in found.note
-    assert found.holds == holds and words in plain(found.note)
-    assert (found.key, found.place, found.sense, found.unit, found.value) == ("cutter", "inner", "<=", "mm", radius_mm)
-    assert found.limit == largest_mm, "the largest itself; its tolerance stands beside it"
+    finding = cutter_finding("inner", cutter(radius_mm, largest_mm), NO_BASE, small_spec())
+    assert "base" not in finding.note
+    assert finding.holds == holds and words in plain(finding.note)
+    assert (finding.key, finding.place, finding.sense, finding.unit, finding.value) == (
+        "cutter",
+        "inner",
+        "<=",
+        "mm",
+        radius_mm,
+    )
+    assert finding.limit == largest_mm, "the largest itself; its tolerance stands beside it"
 
 
 def test_tilt_has_the_tolerance_of_angles_and_the_wall_that_of_the_search() -> None:
@@ -143,8 +149,8 @@ def test_a_mould_needs_two_degrees_and_a_part_what_its_spec_asks_to_the_error_of
     ],
 )
 def test_a_vertical_rim_is_no_undercut(least_deg, undercut, value, words) -> None:
-    found = draft_finding("outer", face(least_deg, undercut), small_spec(manufacture__process="moulded"))
-    assert found.value == value and plain(found.note).startswith(words)
+    finding = draft_finding("outer", face(least_deg, undercut), small_spec(manufacture__process="moulded"))
+    assert finding.value == value and plain(finding.note).startswith(words)
 
 
 def plain(text: str) -> str:
@@ -186,13 +192,13 @@ FLANGED = BaseSection(height_mm=3.0, flange_diameter_mm=40.0, flange_height_mm=1
     ],
 )
 def test_a_base_in_the_way_of_the_dome_is_told_how_to_clear_it(relief, base, value, remedy) -> None:
-    (found,) = clearance_findings(BallClearance(faces={"outer": relief}), base)
-    assert (found.value, found.holds, found.remedy) == (value, value == 0.0, remedy)
-    assert (found.key, found.place, found.sense, found.limit) == ("relief", "outer", "<=", 0.0)
+    (finding,) = clearance_findings(BallClearance(faces={"outer": relief}), base)
+    assert (finding.value, finding.holds, finding.remedy) == (value, value == 0.0, remedy)
+    assert (finding.key, finding.place, finding.sense, finding.limit) == ("relief", "outer", "<=", 0.0)
     says = {None: "reaches no part of the outer face, with or without the base", 0.0: "the base clears the ball"}
-    assert says.get(value, "with this base the ball reaches 45.6 % of the outer face") in plain(found.note)
-    assert ("rim is undercut" in found.note) == bool(relief.step_clearance_mm)
-    alone = [change for change in found.changes if change.field.startswith("base.")]
+    assert says.get(value, "with this base the ball reaches 45.6 % of the outer face") in plain(finding.note)
+    assert ("rim is undercut" in finding.note) == bool(relief.step_clearance_mm)
+    alone = [change for change in finding.changes if change.field.startswith("base.")]
     assert [str(change) for change in alone] == ([] if " and " in remedy or not remedy else [remedy.split(", or ")[0]])
 
 
@@ -209,8 +215,13 @@ def test_a_base_in_the_way_of_the_dome_is_told_how_to_clear_it(relief, base, val
     ],
 )
 def test_a_base_in_the_way_in_the_cavity_is_told_how_to_clear_it(relief, value, remedy) -> None:
-    (found,) = clearance_findings(BallClearance(faces={"inner": relief}), BASE)
-    assert (found.value, found.holds, plain(found.remedy), found.place) == (value, value == 0.0, remedy, "inner")
+    (finding,) = clearance_findings(BallClearance(faces={"inner": relief}), BASE)
+    assert (finding.value, finding.holds, plain(finding.remedy), finding.place) == (
+        value,
+        value == 0.0,
+        remedy,
+        "inner",
+    )
 
 
 def tool(ball: float, whole: float, name: str = "mill") -> ToolResult:
@@ -239,11 +250,11 @@ def tool(ball: float, whole: float, name: str = "mill") -> ToolResult:
 )
 def test_what_limits_a_tool_is_its_ball_or_its_shank(ball, whole, holds, collides, largest) -> None:
     mill = tool(ball, whole)
-    found, other = (tool_finding(mill, name, reach, 0.456789) for name, reach in mill.faces.items())
-    assert (found.place, found.value, found.holds) == ("inner", whole, holds)
-    assert plain(found.note).startswith(f"mill reaches {100.0 * whole:.0f} % of the inner face")
-    assert (f"its ball alone reaches {100.0 * ball:.0f} %" in plain(found.note)) == collides
-    assert ("radius: 0.4568 mm" in found.note) == largest
+    finding, other = (tool_finding(mill, name, reach, 0.456789) for name, reach in mill.faces.items())
+    assert (finding.place, finding.value, finding.holds) == ("inner", whole, holds)
+    assert plain(finding.note).startswith(f"mill reaches {100.0 * whole:.0f} % of the inner face")
+    assert (f"its ball alone reaches {100.0 * ball:.0f} %" in plain(finding.note)) == collides
+    assert ("radius: 0.4568 mm" in finding.note) == largest
     assert (other.place, other.holds, plain(other.note)) == ("outer", True, "mill reaches 100 % of the outer face")
     assert "has" not in tool_finding(tool(0.8, 0.8), "inner", tool(0.8, 0.8).faces["inner"], None).note
 
@@ -256,16 +267,18 @@ def test_all_findings_are_there_and_each_has_its_own_numbers() -> None:
     halves = MouldedFace(upper_fraction=1.0, lower_fraction=0.0, undercut_fraction=0.0, draft_deg=3.0)
     hidden = {"upper_fraction": 0.75, "undercut_fraction": 0.25, "undercut_heights_mm": (0.0, 1.0), "draft_deg": 1.5}
     mould = Mould.model_construct(faces={"inner": halves, "outer": halves.changed(**hidden)})
-    found = check_findings(spec, faces, 1.25, relief, (tool(1.0, 1.0), tool(0.5, 0.5, name="drill")), mould)
+    findings = check_findings(spec, faces, 1.25, relief, (tool(1.0, 1.0), tool(0.5, 0.5, name="drill")), mould)
     subjects = ["cutter inner", "cutter outer", "relief inner", "relief outer", "wall body"]
     subjects += ["undercut inner", "undercut outer", "draft inner", "draft outer"]
     subjects += ["tool inner", "tool outer", "tool inner", "tool outer"]
-    assert [f"{each.key} {each.place}" for each in found] == subjects, "no tilt of a tool"
-    assert [each.value for each in found[2:]] == [0.1, 0.5, 1.25, 0.0, 0.25, 3.0, 1.5, 1.0, 1.0, 0.5, 1.0]
+    assert [f"{finding.key} {finding.place}" for finding in findings] == subjects, "no tilt of a tool"
+    assert [finding.value for finding in findings[2:]] == [0.1, 0.5, 1.25, 0.0, 0.25, 3.0, 1.5, 1.0, 1.0, 0.5, 1.0]
     cut = check_findings(spec.replace({"manufacture.process": "milled"}), faces, 1.25, relief, ())
-    assert [(each.value, each.limit) for each in cut if each.key == "tilt"] == [(0.0, 90.0), (0.0, 90.0)]
+    assert [(finding.value, finding.limit) for finding in cut if finding.key == "tilt"] == [(0.0, 90.0), (0.0, 90.0)]
     part = check_findings(small_spec(lens__outer__draft_deg=1.0), faces, 1.25, relief, ())
-    assert [each.place for each in part if each.key == "draft"] == ["outer"], "where a part that is cut needs one"
+    assert [finding.place for finding in part if finding.key == "draft"] == ["outer"], (
+        "where a part that is cut needs one"
+    )
 
 
 WIDER = "lens.outer.concave_radius_mm = 1 and design again"
@@ -315,9 +328,9 @@ def test_no_undercut_or_more_tilt_is_advised_as_far_as_a_spec_takes_it(allowed, 
 
 
 def test_no_machine_that_tilts_farther_is_advised_where_the_mouth_of_the_cavity_is_in_the_way() -> None:
-    found = tilt_finding("inner", face(-30.0, free_deg=25.0), small_spec())
-    assert (found.holds, found.limit, found.remedy) == (False, 25.0, "lens.inner.draft_deg = 0 and design again")
-    assert "the mouth of the cavity leaves 25" in found.note
+    finding = tilt_finding("inner", face(-30.0, free_deg=25.0), small_spec())
+    assert (finding.holds, finding.limit, finding.remedy) == (False, 25.0, "lens.inner.draft_deg = 0 and design again")
+    assert "the mouth of the cavity leaves 25" in finding.note
 
 
 def test_the_draft_of_a_mould_or_of_the_spec_is_asked_of_the_search() -> None:
@@ -338,16 +351,16 @@ def test_the_draft_of_a_mould_or_of_the_spec_is_asked_of_the_search() -> None:
     ],
 )
 def test_a_smaller_or_a_longer_tool_is_advised_by_what_limits_it(ball, whole, largest_mm, expected) -> None:
-    found = tool(ball, whole)
-    assert tool_finding(found, "inner", found.faces["inner"], largest_mm).remedy == expected
-    assert tool_finding(found, "outer", found.faces["outer"], None).remedy == "", "it holds"
+    reach = tool(ball, whole)
+    assert tool_finding(reach, "inner", reach.faces["inner"], largest_mm).remedy == expected
+    assert tool_finding(reach, "outer", reach.faces["outer"], None).remedy == "", "it holds"
 
 
 def test_each_tool_is_judged_by_the_face_that_it_is_to_reach() -> None:
     spec = small_spec()
     hollow = face(90.0).model_copy(update={"cutter": cutter(0.1, 0.3)})
-    found = check_findings(spec, {"inner": hollow, "outer": face(90.0)}, 1.0, NO_BASE, (tool(0.8, 0.8),))
-    inner, outside = (each for each in found if each.key == "tool")
+    findings = check_findings(spec, {"inner": hollow, "outer": face(90.0)}, 1.0, NO_BASE, (tool(0.8, 0.8),))
+    inner, outside = (finding for finding in findings if finding.key == "tool")
     assert "radius_mm = 0.3 or less" in inner.remedy and not inner.holds
     assert outside.holds and outside.place == "outer"
 

@@ -67,7 +67,7 @@ def test_page_and_pdf_say_what_the_shop_must_know(results, handed):
         **handed.models,
     } | {grid.file: grid.content for grid in handed.grids}
     assert list(handed.models) == ["lens.glb"]
-    assert handed.sha256 == {name: hashlib.sha256(each).hexdigest() for name, each in content.items()}
+    assert handed.sha256 == {name: hashlib.sha256(data).hexdigest() for name, data in content.items()}
     for digest in handed.sha256.values():
         assert digest in page
     for value in ("16.000", "0.400", "20.000", "7.000"):

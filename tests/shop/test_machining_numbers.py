@@ -26,8 +26,8 @@ def test_axes_are_tried_every_15_degrees_of_tilt_and_30_of_azimuth(most_deg: flo
         for tilt in np.deg2rad(tilts):
             for turn in np.deg2rad(30.0) * np.arange(12):
                 expected.append([np.sin(tilt) * np.cos(turn), np.sin(tilt) * np.sin(turn), away * np.cos(tilt)])
-        found = tool_axes(np.array([0.0, 0.0, away]), np.deg2rad(most_deg))
-        np.testing.assert_allclose(found, expected, atol=1e-12)
+        axes = tool_axes(np.array([0.0, 0.0, away]), np.deg2rad(most_deg))
+        np.testing.assert_allclose(axes, expected, atol=1e-12)
 
 
 TOOL = Tool(name="mill", radius_mm=0.5, shank_radius_mm=0.6, length_mm=2.0, holder_half_angle_deg=30.0)
@@ -51,9 +51,9 @@ def test_a_tool_is_clear_where_no_obstacle_is_in_its_shank_or_holder(axis: list[
     random = np.random.default_rng(4)
     centres = random.uniform(-3.0, 3.0, (600, 3))
     obstacles = random.uniform(-4.0, 4.0, (12, 3))
-    found = _is_clear(centres, np.array(axis), TOOL, obstacles)
-    assert found.tolist() == [clear_by_hand(centre, np.array(axis), obstacles) for centre in centres]
-    assert 50 < found.sum() < 550
+    clear = _is_clear(centres, np.array(axis), TOOL, obstacles)
+    assert clear.tolist() == [clear_by_hand(centre, np.array(axis), obstacles) for centre in centres]
+    assert 50 < clear.sum() < 550
     frame = np.stack([np.array(axis), *_across(np.array(axis))])
     np.testing.assert_allclose(frame @ frame.T, np.eye(3), atol=1e-12)
     assert np.linalg.det(frame) == pytest.approx(1.0)
@@ -76,14 +76,14 @@ def test_a_tool_reaches_what_any_of_its_axes_reaches_and_its_ball_fits() -> None
     down = np.array([0.0, 0.0, -1.0])
     most = np.deg2rad(20.0)
     ceiling = np.random.default_rng(1).uniform(-2.5, 2.5, (40, 3)) * [1.0, 1.0, 0.1] - [0.0, 0.0, 1.0]
-    found = tool_reach(samples, fits, TOOL, down, most, ceiling)
+    reach = tool_reach(samples, fits, TOOL, down, most, ceiling)
     centres = samples.points + 0.5 * samples.normals
     clear = np.array([[clear_by_hand(centre, axis, ceiling) for centre in centres] for axis in tool_axes(down, most)])
     areas = samples.areas / samples.areas.sum()
-    assert found.ball_reachable_fraction == pytest.approx(areas[fits].sum())
-    assert found.reachable_fraction_untilted == pytest.approx(areas[fits & clear[0]].sum())
-    assert found.reachable_fraction == pytest.approx(areas[fits & clear.any(axis=0)].sum())
-    assert 0.0 < found.reachable_fraction_untilted < found.reachable_fraction < found.ball_reachable_fraction
+    assert reach.ball_reachable_fraction == pytest.approx(areas[fits].sum())
+    assert reach.reachable_fraction_untilted == pytest.approx(areas[fits & clear[0]].sum())
+    assert reach.reachable_fraction == pytest.approx(areas[fits & clear.any(axis=0)].sum())
+    assert 0.0 < reach.reachable_fraction_untilted < reach.reachable_fraction < reach.ball_reachable_fraction
 
 
 @pytest.mark.parametrize("limit", [0.1, 0.5, 0.77])
@@ -113,7 +113,7 @@ def test_the_base_is_an_obstacle_by_rings_between_its_corners(make: dict) -> Non
     for corner, following in pairwise(corners):
         for ring in range(9):
             for angle in turn:
-                start, end = (float(each.radius(np.array([angle]))[0]) for each in (corner, following))
+                start, end = (float(edge.radius(np.array([angle]))[0]) for edge in (corner, following))
                 radius = start + (end - start) * ring / 8.0
                 depth = corner.depth_mm + (following.depth_mm - corner.depth_mm) * ring / 8.0
                 expected.append([radius * np.cos(angle), radius * np.sin(angle), -depth])
@@ -125,11 +125,11 @@ def test_the_base_is_an_obstacle_by_rings_between_its_corners(make: dict) -> Non
 def test_the_wall_of_a_lens_is_its_own_whatever_is_cut() -> None:
     """Of two spheres, the second 0.1 mm lower: it is thinnest on the axis, thickest in z = 0."""
     spheres = sphere(1.3), sphere(2.6, (0.0, 0.0, -0.1))
-    found = _walls(as_pair(*(exported(each, AirSide.OUTSIDE).patch for each in spheres)))
-    assert found.thinnest.thickness_mm == pytest.approx(1.2, abs=1e-8)
-    assert found.thinnest.cavity_point_mm == pytest.approx((0.0, 0.0, 1.3), abs=1e-4)
-    assert found.thinnest.envelope_point_mm == pytest.approx((0.0, 0.0, 2.5), abs=1e-4)
-    assert found.thickest.thickness_mm == pytest.approx(np.sqrt(2.6**2 - 0.01) - 1.3, abs=1e-8)
+    walls = _walls(as_pair(*(exported(ball, AirSide.OUTSIDE).patch for ball in spheres)))
+    assert walls.thinnest.thickness_mm == pytest.approx(1.2, abs=1e-8)
+    assert walls.thinnest.cavity_point_mm == pytest.approx((0.0, 0.0, 1.3), abs=1e-4)
+    assert walls.thinnest.envelope_point_mm == pytest.approx((0.0, 0.0, 2.5), abs=1e-4)
+    assert walls.thickest.thickness_mm == pytest.approx(np.sqrt(2.6**2 - 0.01) - 1.3, abs=1e-8)
 
 
 def mill(radius, shank, length):
@@ -144,22 +144,22 @@ def checked(**manufacture):
 
 
 def test_every_tool_has_its_verdict():
-    found = checked(tools=(mill(0.5, 0.4, 8.0), mill(1.0, 1.0, 8.0)), max_tilt_deg=60.0)
-    small, large = found.tools
+    check = checked(tools=(mill(0.5, 0.4, 8.0), mill(1.0, 1.0, 8.0)), max_tilt_deg=60.0)
+    small, large = check.tools
     assert small.faces["inner"].reachable_fraction == 1.0
     assert large.faces["inner"].reachable_fraction == 0.0
-    verdicts = [v for v in found.verdicts if v.key == "tool"]
+    verdicts = [v for v in check.verdicts if v.key == "tool"]
     assert [v.holds for v in verdicts if v.place == "inner"] == [True, False]
-    tilt = next(v for v in found.verdicts if (v.key, v.place) == ("tilt", "outer"))
+    tilt = next(v for v in check.verdicts if (v.key, v.place) == ("tilt", "outer"))
     assert tilt.holds and tilt.value == pytest.approx(0.0, abs=1e-3), "a ball cuts a hemisphere up to its equator"
 
 
 def test_a_mould_insert_swaps_hollow_and_bump():
-    found = checked(process="moulded")
-    assert found.inner.cutter.reachable_fraction == 1.0
-    assert found.inner.curvature.kappa_min_per_mm == pytest.approx(1.0 / 0.8, abs=1e-5)
-    assert found.outer.cutter.largest_radius_mm == pytest.approx(2.45, abs=2e-5)
-    assert found.inner.undercut_fraction == 0.0
+    check = checked(process="moulded")
+    assert check.inner.cutter.reachable_fraction == 1.0
+    assert check.inner.curvature.kappa_min_per_mm == pytest.approx(1.0 / 0.8, abs=1e-5)
+    assert check.outer.cutter.largest_radius_mm == pytest.approx(2.45, abs=2e-5)
+    assert check.inner.undercut_fraction == 0.0
 
 
 def test_a_thick_shank_stops_where_it_meets_the_wall():
@@ -176,5 +176,5 @@ def test_a_thick_shank_stops_where_it_meets_the_wall():
     assert 0.0 < samples.fraction(clear) < 1.0
     everywhere = np.ones(len(samples.points), dtype=bool)
     down = np.array([0.0, 0.0, -1.0])
-    found = tool_reach(samples, everywhere, mill(ball, shank, 50.0), down, 0.0, samples.points)
-    assert found.reachable_fraction_untilted == pytest.approx(samples.fraction(clear), abs=0.02)
+    reach = tool_reach(samples, everywhere, mill(ball, shank, 50.0), down, 0.0, samples.points)
+    assert reach.reachable_fraction_untilted == pytest.approx(samples.fraction(clear), abs=0.02)

@@ -42,17 +42,17 @@ def dome(base: dict[str, Any] = NO_BASE, **sections: Any) -> Mould:
 
 
 def test_the_halves_of_a_sphere_meet_at_its_equator() -> None:
-    found = dome()
-    outer, inner = found.faces["outer"], found.faces["inner"]
+    mould = dome()
+    outer, inner = mould.faces["outer"], mould.faces["inner"]
     assert outer.upper_fraction == pytest.approx(5.0 / 7.0, abs=1e-3), "a zone's area is its height"
     assert outer.lower_fraction == pytest.approx(2.0 / 7.0, abs=1e-3)
     assert (outer.undercut_fraction, outer.undercut_heights_mm, outer.draft_deg) == (0.0, None, 0.0)
     assert (inner.upper_fraction, inner.draft_deg) == (0.0, pytest.approx(0.0, abs=1e-3))
     assert inner.lower_fraction == pytest.approx(1.0)
-    line = found.parting
+    line = mould.parting
     assert (line.places, line.radius_mm) == (("outer",), pytest.approx(5.0, abs=1e-5))
     assert (line.low_mm, line.high_mm) == (pytest.approx(2.0, abs=1e-5), pytest.approx(2.0, abs=1e-5))
-    assert found.thickest.diameter_mm == pytest.approx(5.0, rel=1e-3) and found.gate is None
+    assert mould.thickest.diameter_mm == pytest.approx(5.0, rel=1e-3) and mould.gate is None
 
 
 @pytest.mark.parametrize(("wide_mm", "share"), [(9.0, 0.0), (14.0, 2.0 / 7.0), (9.6, None)])
@@ -82,10 +82,10 @@ def test_a_drafted_base_parts_at_the_top_of_its_widest_side(flange: dict[str, An
 
 
 def test_a_plate_is_in_the_way_of_its_lenses_and_parts_at_its_top() -> None:
-    found = dome(plate={"thickness_mm": 1.5}, constraints={"max_radius_mm": 8.0})
-    assert found.faces["outer"].undercut_fraction == pytest.approx(2.0 / 7.0, abs=1e-3)
-    assert found.parting == PartingLine(places=("plate",), radius_mm=None, low_mm=0.0, high_mm=0.0)
-    assert found.gate == "plate"
+    mould = dome(plate={"thickness_mm": 1.5}, constraints={"max_radius_mm": 8.0})
+    assert mould.faces["outer"].undercut_fraction == pytest.approx(2.0 / 7.0, abs=1e-3)
+    assert mould.parting == PartingLine(places=("plate",), radius_mm=None, low_mm=0.0, high_mm=0.0)
+    assert mould.gate == "plate"
 
 
 @pytest.mark.parametrize("draft_deg", [-12.0, -0.5, 1.0, 15.0])
@@ -98,8 +98,8 @@ def test_a_cone_is_drawn_by_the_half_that_it_widens_towards_with_its_own_draft(d
         "wall": ConeFace(14.0, 6.0, slope),
         "exit": sphere(40.0, (0.0, 0.0, exit_mm - 40.0)),
     }
-    found = moulded(faces, spot().replace(base=NO_BASE))
-    wall, side, line = found.faces["wall"], found.faces["side"], found.parting
+    mould = moulded(faces, spot().replace(base=NO_BASE))
+    wall, side, line = mould.faces["wall"], mould.faces["side"], mould.parting
     assert wall.draft_deg == pytest.approx(abs(draft_deg), abs=5e-3)
     assert side.draft_deg == pytest.approx(3.0, abs=2e-3) and side.lower_fraction == pytest.approx(1.0)
     assert (wall.lower_fraction, wall.upper_fraction)[draft_deg < 0.0] == pytest.approx(1.0)
@@ -127,11 +127,11 @@ def test_a_wall_that_widens_above_a_plate_or_a_base_is_undercut_and_the_spec_say
 
 def test_a_flange_is_the_widest_and_a_place_for_the_gate() -> None:
     lens = spot_lens(spot(flange={"diameter_mm": 20.0, "thickness_mm": 1.2}), base=NO_BASE)
-    found = Moulding.of(lens, fit_lens(lens)).mould()
-    line = found.parting
-    assert (line.places, line.radius_mm, found.gate) == (("flange",), pytest.approx(10.0), "flange")
+    mould = Moulding.of(lens, fit_lens(lens)).mould()
+    line = mould.parting
+    assert (line.places, line.radius_mm, mould.gate) == (("flange",), pytest.approx(10.0), "flange")
     assert line.high_mm - line.low_mm == pytest.approx(1.2)
-    assert found.faces["wall"].lower_fraction == pytest.approx(1.0) == found.faces["exit"].upper_fraction
+    assert mould.faces["wall"].lower_fraction == pytest.approx(1.0) == mould.faces["exit"].upper_fraction
 
 
 def test_a_mould_fills_the_flange_before_the_base() -> None:
@@ -263,16 +263,16 @@ def test_an_undercut_is_judged_by_its_share_and_the_draft_by_what_is_drawn() -> 
     split = undercut_finding("outer", FACE.changed(upper_fraction=0.5, lower_fraction=0.5), spec)
     assert split.holds and split.note == "both halves of the mould release the outer face"
     hidden = FACE.changed(upper_fraction=0.9, undercut_fraction=0.1, undercut_heights_mm=(0.0, 0.4561))
-    found = undercut_finding("outer", hidden, spec)
+    finding = undercut_finding("outer", hidden, spec)
     assert (
-        not found.holds
-        and found.value == 0.1
-        and "10 % of the outer face is undercut, from z = 0 to 0.46 mm" in plain(found.note)
+        not finding.holds
+        and finding.value == 0.1
+        and "10 % of the outer face is undercut, from z = 0 to 0.46 mm" in plain(finding.note)
     )
-    assert found.remedy == 'base.kind = "none", or a narrower base', "its draft is enough, the base is in the way"
+    assert finding.remedy == 'base.kind = "none", or a narrower base', "its draft is enough, the base is in the way"
     steep = undercut_finding("outer", hidden.changed(draft_deg=0.0), spec.replace({"base.kind": "none"}))
     assert steep.remedy == "lens.outer.draft_deg = 2 and design again"
     signed = FaceResult.model_construct(draft_deg=Draft(min=-9.0), undercut_fraction=0.5)
     for draft_deg, holds in ((2.0, True), (1.981, True), (1.979, False), (None, False)):
-        found = draft_finding("outer", signed, spec, FACE.changed(draft_deg=draft_deg))
-        assert found.holds == holds and found.value == draft_deg
+        finding = draft_finding("outer", signed, spec, FACE.changed(draft_deg=draft_deg))
+        assert finding.holds == holds and finding.value == draft_deg

@@ -123,21 +123,21 @@ def test_each_size_in_the_dxf_is_that_of_the_step_and_stands_there_once() -> Non
     lens, _, sheet = drawn()
     document = ezdxf.read(io.StringIO(sheet_dxf(sheet).decode("utf-8")))
     names = [dimension.name for dimension in sheet.marks.dimensions]
-    found = dict(zip(names, document.query("DIMENSION"), strict=True))
-    assert set(found) == set(measured()) and len(names) == len(found), "none is missing, and none is drawn twice"
+    by_name = dict(zip(names, document.query("DIMENSION"), strict=True))
+    assert set(by_name) == set(measured()) and len(names) == len(by_name), "none is missing, and none is drawn twice"
     for name, ends in measured().items():
         upright = int(ends[0][1] == -ends[1][1] != 0.0)
-        dxf, length = found[name].dxf, abs(ends[1][upright] - ends[0][upright])
-        assert [tuple(each)[:2] for each in (dxf.defpoint2, dxf.defpoint3)] == [
+        dxf, length = by_name[name].dxf, abs(ends[1][upright] - ends[0][upright])
+        assert [tuple(point)[:2] for point in (dxf.defpoint2, dxf.defpoint3)] == [
             pytest.approx(end, abs=1e-4) for end in ends
         ]
-        assert found[name].get_measurement() == pytest.approx(length, abs=2e-4)
+        assert by_name[name].get_measurement() == pytest.approx(length, abs=2e-4)
         before, after = ("%%c" if upright else ""), " %%p0.040" if "rim's flange" in name else " %%p0.020"
         is_own = "rim's flange" in name or name == "thickness on the axis"
         assert dxf.text == (f"{before}<>{after}" if is_own else f"({before}<>)"), name
         (text,) = (dimension.text for dimension in sheet.marks.dimensions if dimension.name == name)
         assert float(re.search(r"\d+\.\d{3}", text)[0]) == pytest.approx(length, abs=5.5e-4)
-    assert {dimension.name for dimension in dimensions(lens)} > set(found), "the others are told in the list"
+    assert {dimension.name for dimension in dimensions(lens)} > set(by_name), "the others are told in the list"
     names_of_base = {dimension.name: dimension for dimension in dimensions(small_lens({"diameter_mm": 12.5}))}
     assert names_of_base["largest width"].ends is None and names_of_base["diameter of the base"].ends, "the widest"
 
@@ -153,7 +153,7 @@ def test_each_size_in_the_dxf_is_that_of_the_step_and_stands_there_once() -> Non
 )  # fmt: skip
 def test_a_size_repeats_another_where_both_ends_are_in_the_same_planes(one: Any, other: Any, same: bool) -> None:
     assert Dimension(*other).repeats(Dimension(*one)) is same
-    upright = [replace(Dimension(*each), upright=True) for each in (one, other)]
+    upright = [replace(Dimension(*fields), upright=True) for fields in (one, other)]
     assert not upright[1].repeats(upright[0]), "across they end elsewhere"
     assert not upright[1].repeats(Dimension(*one)) and not replace(Dimension(*other), view="T").repeats(Dimension(*one))
 
@@ -212,9 +212,9 @@ def rows_on(sheet: Sheet, face: str) -> list[np.ndarray]:
     axis = int(min(abs(head[1] - number.at[1]) for number in numbers) < 0.01)  # in a row, or below each other
     lines = sorted({round(number.at[axis], 3) for number in numbers}, reverse=axis == 1)
     (start,) = (k for k, line in enumerate(lines) if abs(line - head[axis]) < 0.01)
-    ordered = sorted(numbers, key=lambda each: each.at[0] - each.at[1])
+    ordered = sorted(numbers, key=lambda number: number.at[0] - number.at[1])
     return [
-        np.array([float(each.text) for each in ordered if abs(each.at[axis] - line) < 0.01])
+        np.array([float(number.text) for number in ordered if abs(number.at[axis] - line) < 0.01])
         for line in lines[start : start + 2]
     ]
 
@@ -289,11 +289,11 @@ def test_the_title_block_and_notes_are_in_the_words_of_a_toolmaker() -> None:
         "Optical faces: polished, without marks of gate, ejector or parting line. All other faces: VDI 3400, class 18.",
         "Sizes are those of the moulded part; the faces of the mould inserts are these times 1.006 about the origin.",
     ]
-    own = flanged(drawing={}, manufacture={"process": "moulded"}).spec.replace(
+    spec = flanged(drawing={}, manufacture={"process": "moulded"}).spec.replace(
         {"lens.material": "own", "lens.refractive_index": 1.5}
     )
-    part = bare_part()[0].model_copy(update={"lens": replace(lens, spec=own), "mass_g": None})
-    bare = drawing_content(part.lens, part, check_of(lens), [], tolerance_table(lens), own.drawing)
+    part = bare_part()[0].model_copy(update={"lens": replace(lens, spec=spec), "mass_g": None})
+    bare = drawing_content(part.lens, part, check_of(lens), [], tolerance_table(lens), spec.drawing)
     assert bare.block["mass"] == ("Density: not stated", f"Volume: {part.volume_mm3:.1f} mm³")
     for words in ("faces: largest radius not", "edges: largest break not", "faces: finish not", "Shrinkage: not"):
         assert sum(f"{words} stated" in note for note in bare.notes) == 1, words
@@ -316,24 +316,24 @@ def drawing_content_of_spheres() -> DrawingContent:
 
 def test_figures_of_the_faces_are_the_parts_though_the_record_is_of_an_insert_that_is_larger() -> None:
     lens, part = flanged(), bare_part()[0]
-    own, insert = check_of(lens), check_of(lens)
-    for name, face in own.faces.items():
+    part_check, insert = check_of(lens), check_of(lens)
+    for name, face in part_check.faces.items():
         sphere = face.best_fit_sphere.changed(
             radius_mm=1.006 * face.best_fit_sphere.radius_mm, pv_mm=1.006 * face.best_fit_sphere.pv_mm
         )
         larger = face.changed(best_fit_sphere=sphere, area_mm2=1.006**2 * face.area_mm2)
         insert.__pydantic_extra__[name] = larger
     insert = insert.model_copy(update={"scale": 1.006})
-    of_part, of_insert = (optical_table(lens, part, each, lens.spec.drawing) for each in (own, insert))
+    of_part, of_insert = (optical_table(lens, part, check, lens.spec.drawing) for check in (part_check, insert))
     assert of_part == of_insert
     (first,) = re.findall(r"best-fit R ([0-9.]+)", of_insert.columns["wall"]["shape"])
-    assert float(first) == pytest.approx(own.faces["wall"].best_fit_sphere.radius_mm, abs=5.1e-4)
+    assert float(first) == pytest.approx(part_check.faces["wall"].best_fit_sphere.radius_mm, abs=5.1e-4)
     told = {fact.key: fact.note for group in check_facts(insert) for fact in group.facts}
     for key in ("sphere", "departure", "departure_rms", "area", "concave"):
         assert "of the mould insert" in told[f"wall_{key}"], key
     cut = {
         fact.key: fact.note
-        for group in check_facts(own.model_copy(update={"lens": flanged(manufacture={})}))
+        for group in check_facts(part_check.model_copy(update={"lens": flanged(manufacture={})}))
         for fact in group.facts
     }
     assert not any("insert" in note for note in cut.values())
@@ -341,16 +341,16 @@ def test_figures_of_the_faces_are_the_parts_though_the_record_is_of_an_insert_th
 
 def test_what_the_flange_leaves_of_its_cylinder_has_no_draft_and_is_said() -> None:
     """From the wall to the underside, and from the top to the exit, as the corners in the STEP have it."""
-    lens, found = flanged(), measured()
+    lens, sizes = flanged(), measured()
     mould = Moulding.of(lens, fit_lens(lens)).mould()
-    (under, _), (top, _) = found["thickness of the rim's flange"]
+    (under, _), (top, _) = sizes["thickness of the rim's flange"]
     (wall, radius), (exit_, _) = (
-        found["crease of flange and wall, along x, above z = 0"][1],
-        found["crease of exit and flange, along x"][1],
+        sizes["crease of flange and wall, along x, above z = 0"][1],
+        sizes["crease of exit and flange, along x"][1],
     )
-    found = [(cylinder.low_mm, cylinder.high_mm) for cylinder in mould.upright]
+    heights = [(cylinder.low_mm, cylinder.high_mm) for cylinder in mould.upright]
     within_mm = 5e-5  # form error of either fit of the faces
-    assert found == [pytest.approx((wall, under), abs=within_mm), pytest.approx((top, exit_), abs=within_mm)]
+    assert heights == [pytest.approx((wall, under), abs=within_mm), pytest.approx((top, exit_), abs=within_mm)]
     assert [cylinder.radius_mm for cylinder in mould.upright] == pytest.approx([radius] * 2, abs=within_mm)
     words = (
         f"cylinder ⌀{2.0 * radius:.3f} beside the flange, z = {wall:.3f} to {under:.3f} and {top:.3f} to {exit_:.3f} mm"
@@ -415,7 +415,7 @@ def test_findings_are_on_the_drawing_where_they_do_not_hold_and_matter() -> None
 def test_the_screen_says_of_what_the_points_are() -> None:
     bare = dict.fromkeys(("html", "pdf", "dxf", "points_csv"), b"")
     inserts = "for a measuring machine: points of the mould inserts"
-    said = {1.006: f"{inserts} (the lens times 1.006)", 1.0: f"{inserts} (no shrinkage stated)"}
-    for scale, words in {**said, None: "for a measuring machine"}.items():
+    phrases = {1.006: f"{inserts} (the lens times 1.006)", 1.0: f"{inserts} (no shrinkage stated)"}
+    for scale, words in {**phrases, None: "for a measuring machine"}.items():
         made = Handover(name="a lens", points=5, scale=scale, grids=(), sha256={}, refused=(), **bare)
         assert made.facts.fact("points").note == words

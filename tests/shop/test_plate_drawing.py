@@ -114,7 +114,7 @@ def test_each_place_has_its_kind_and_each_lens_its_sheet() -> None:
     assert blocks[1]["name"] == ("shop, lens edge of the plate",)
     sheet = plate_sheet(lens, one, layout, lens.spec.drawing)
     round_ones = [stroke.points for stroke in sheet.marks.strokes if stroke.closed and len(stroke.points) == 181]
-    widths = [np.ptp(each[:, 0]) / sheet.scale for each in round_ones]
+    widths = [np.ptp(ring[:, 0]) / sheet.scale for ring in round_ones]
     assert [widths[k] for k in (0, 1, 4, 5)] == pytest.approx([11.0, 5.0, 11.0, 5.0], abs=1e-3)
     assert widths[2] > 11.5 and widths[3] > 5.5
     angles = np.linspace(-0.5 * np.pi, 0.5 * np.pi, 4001)
@@ -153,13 +153,13 @@ def test_sizes_read_back_from_the_dxf_are_those_of_the_design(part: Part, name: 
     sheet = sheet_of(part, "grid", name)
     document = ezdxf.read(io.StringIO(sheet_dxf(sheet).decode("utf-8")))
     assert not document.audit().errors
-    found = {}
-    for dimension, each in zip(sheet.marks.dimensions, document.modelspace().query("DIMENSION"), strict=True):
-        factor = each.override().get("dimlfac", 1.0)
-        found[dimension.name] = each.get_measurement() * factor
-        assert found[dimension.name] == pytest.approx(dimension.length_mm, abs=1e-9), dimension.name
+    lengths = {}
+    for dimension, mark in zip(sheet.marks.dimensions, document.modelspace().query("DIMENSION"), strict=True):
+        factor = mark.override().get("dimlfac", 1.0)
+        lengths[dimension.name] = mark.get_measurement() * factor
+        assert lengths[dimension.name] == pytest.approx(dimension.length_mm, abs=1e-9), dimension.name
         texts = [
-            e.dxf.text if e.dxftype() == "TEXT" else e.text for e in each.virtual_entities() if "TEXT" in e.dxftype()
+            e.dxf.text if e.dxftype() == "TEXT" else e.text for e in mark.virtual_entities() if "TEXT" in e.dxftype()
         ]
         assert f"{dimension.length_mm:.3f}" in "".join(texts)
     lens = lens_on("grid")
@@ -172,15 +172,15 @@ def test_sizes_read_back_from_the_dxf_are_those_of_the_design(part: Part, name: 
         "thickness of the plate": 2.5, "height below the plate": 2.0,
         "rim of a lens in z = 0": lens.outer.radius(x).sum(), "opening of a lens in z = 0": lens.inner.radius(x).sum(),
     }  # fmt: skip
-    assert {key: found[key] for key in wanted} == pytest.approx(wanted, abs=1e-6)
-    assert found["height of a lens"] > found["height of a cavity"] > 2.0
+    assert {key: lengths[key] for key in wanted} == pytest.approx(wanted, abs=1e-6)
+    assert lengths["height of a lens"] > lengths["height of a cavity"] > 2.0
     seen = [
         stroke.points / sheet.scale for stroke in sheet.marks.strokes if len(stroke.points) == 4 and not stroke.closed
     ]
     wide = 2.5 + 6.0 * np.tan(np.radians(1.0))  # of the bore at its mouth, by the draft
     pin, boss, bore = seen  # from the front: widths and heights, and the pin 10 mm to the left of the boss
-    assert [np.ptp(each, axis=0) for each in seen] == [pytest.approx(xy) for xy in ([2, 1.25], [5, 2], [wide, 3])]
-    assert [np.mean(each - pin, axis=0)[0] for each in (boss, bore)] == pytest.approx([10.0, 10.0])
+    assert [np.ptp(outline, axis=0) for outline in seen] == [pytest.approx(xy) for xy in ([2, 1.25], [5, 2], [wide, 3])]
+    assert [np.mean(circle - pin, axis=0)[0] for circle in (boss, bore)] == pytest.approx([10.0, 10.0])
     below = [dimension.length_mm for dimension in sheet.marks.dimensions if dimension.name == "height below the plate"]
     assert sorted(below) == [1.25, 2.0]  # of the pin, and of the boss
     for axis, outermost in ((0, 20.0), (1, 12.5)):
@@ -201,7 +201,7 @@ def test_sizes_read_back_from_the_dxf_are_those_of_the_design(part: Part, name: 
 @pytest.mark.parametrize("kind", KINDS)
 def test_no_text_meets_another_or_the_frame(part: Part, kind: str) -> None:
     sheet = sheet_of(part, kind)
-    boxes = [box_of(each) for each in (*sheet.marks.texts, *map(dimension_text, sheet.marks.dimensions))]
+    boxes = [box_of(text) for text in (*sheet.marks.texts, *map(dimension_text, sheet.marks.dimensions))]
     for a, b in combinations(boxes, 2):
         assert a[2] <= b[0] or b[2] <= a[0] or a[3] <= b[1] or b[3] <= a[1]
     left, bottom, right, top = np.array(boxes).T
@@ -282,9 +282,9 @@ def test_the_front_of_a_turned_lens_is_its_silhouette(turn_deg: float) -> None:
     x, y, z = (lens.surfaces["outer"].radius(u)[:, None] * u).T
     seen, drawn = np.stack([c * x - s * y, z]), front_line(lens, turn_deg).T
     farthest = [np.zeros(90), np.zeros(90)]
-    for found, (across, up) in zip(farthest, (seen, drawn), strict=True):
+    for radii, (across, up) in zip(farthest, (seen, drawn), strict=True):
         sector = np.clip((np.degrees(np.arctan2(across, up)) + 90.0) // 2.0, 0, 89).astype(int)
-        np.maximum.at(found, sector, np.hypot(across, up))
+        np.maximum.at(radii, sector, np.hypot(across, up))
     np.testing.assert_allclose(farthest[1], farthest[0], rtol=0.0, atol=2e-3)
 
 
@@ -309,7 +309,7 @@ def test_datums_of_a_plate_are_the_axes_that_place_it_or_its_outline(part: Part,
     scheme = plate_datums(layout)  # type: ignore[arg-type]
     assert scheme.lines == (
         "Datum A: plane z = 0, the top of the plate",
-        *(f"Datum {letter}: {each}" for letter, each in zip("BC", words, strict=False)),
+        *(f"Datum {letter}: {feature}" for letter, feature in zip("BC", words, strict=False)),
     )
     triangles = [stroke.points for stroke in sheet.marks.strokes if stroke.filled and len(stroke.points) == 3]
     feet = np.array([0.5 * (p + q) for p, q, _ in triangles if abs(np.linalg.norm(p - q) - 2.6) < 0.01])  # no arrows

@@ -35,8 +35,8 @@ def faces() -> tuple[MilledFace, MilledFace]:
 
 def centres(face: MilledFace) -> list[tuple[float, float]]:
     """Distance from the axis and height of the ball that touches each sample."""
-    found = face.samples.points + BALL * face.samples.normals
-    return [(hypot(x, y), z) for x, y, z in found.tolist()]
+    points = face.samples.points + BALL * face.samples.normals
+    return [(hypot(x, y), z) for x, y, z in points.tolist()]
 
 
 def step(distance: float, height: float, base_mm: float) -> float:
@@ -87,11 +87,11 @@ OUTER_BASES = [
 @pytest.mark.parametrize("sizes", OUTER_BASES)
 def test_the_dome_needs_a_step_and_a_wall_and_a_low_flange(sizes: dict[str, float], faces) -> None:
     plan = lay_out(INNER.patch, OUTER.patch, BaseSection(**sizes))
-    found = check_ball_clearance(plan, None, by_name(faces)).faces["outer"]
+    relief = check_ball_clearance(plan, None, by_name(faces)).faces["outer"]
     present = sizes.get("relief_step_mm", 0.0)
     contacts = centres(faces[1])
     steps = [beyond(step(*contact, sizes["diameter_mm"] / 2.0) - present) for contact in contacts]
-    steps = [each + present if each > 0.0 else 0.0 for each in steps]
+    steps = [height + present if height > 0.0 else 0.0 for height in steps]
     flange = [0.0] * len(contacts)
     if "flange_diameter_mm" in sizes:
         shoulder = sizes["height_mm"] - sizes["flange_height_mm"]
@@ -103,10 +103,10 @@ def test_the_dome_needs_a_step_and_a_wall_and_a_low_flange(sizes: dict[str, floa
         depth = present or (sizes["height_mm"] if sizes["diameter_mm"] / 2.0 > RIM_OUT else 0.0)
         set_back = wall_retreat_mm(faces[1].samples, BALL, depth).tolist() if depth else [0.0] * len(contacts)
     (one, two, three), clear = judged(faces[1], steps, set_back, flange)
-    assert found.smallest_step_mm == pytest.approx(one, abs=2e-6)
-    assert found.step_clearance_mm == pytest.approx(two, abs=2e-6)
-    assert found.flange_clearance_mm == pytest.approx(three, abs=2e-6)
-    assert found.flush_fraction == pytest.approx(clear, abs=1e-9)
+    assert relief.smallest_step_mm == pytest.approx(one, abs=2e-6)
+    assert relief.step_clearance_mm == pytest.approx(two, abs=2e-6)
+    assert relief.flange_clearance_mm == pytest.approx(three, abs=2e-6)
+    assert relief.flush_fraction == pytest.approx(clear, abs=1e-9)
 
 
 INNER_BASES = [
@@ -127,14 +127,14 @@ def test_the_cavity_needs_a_bore_and_a_pocket(sizes: dict[str, float], aside: tu
         faces = milled_face(inner, BALL, 25), faces[1]
     RIM_IN = sqrt(1.2**2 - 0.3**2) + hypot(*aside)
     plan = lay_out(faces[0].samples.face.patch, OUTER.patch, BaseSection(height_mm=3.0, **sizes))
-    found = check_ball_clearance(plan, None, by_name(faces)).faces["inner"]
+    relief = check_ball_clearance(plan, None, by_name(faces)).faces["inner"]
     contacts = centres(faces[0])
     pocket_mm = sizes.get("pocket_diameter_mm")
     depth = 3.0 - sizes.get("pocket_depth_mm", 0.0)
     if sizes["bore_setback_mm"] > 0.0:
-        own = RIM_IN + sizes["bore_setback_mm"]
+        mouth = RIM_IN + sizes["bore_setback_mm"]
         radii = [bore(*contact, 0.0, depth) for contact in contacts]
-        bores = [radius - RIM_IN if radius > own + CLEAR_MM else 0.0 for radius in radii]
+        bores = [radius - RIM_IN if radius > mouth + CLEAR_MM else 0.0 for radius in radii]
     else:
         bores = wall_retreat_mm(faces[0].samples, BALL, depth).tolist()
     pockets = [0.0] * len(contacts)
@@ -142,17 +142,17 @@ def test_the_cavity_needs_a_bore_and_a_pocket(sizes: dict[str, float], aside: tu
         radii = [bore(*contact, depth, 3.0) for contact in contacts]
         pockets = [2.0 * radius if radius > pocket_mm / 2.0 + CLEAR_MM else 0.0 for radius in radii]
     (one, two), clear = judged(faces[0], bores, pockets)
-    assert found.bore_clearance_mm == pytest.approx(one, abs=2e-6)
-    assert found.pocket_diameter_mm == pytest.approx(two, abs=4e-6)
-    assert found.flush_fraction == pytest.approx(clear, abs=1e-9)
+    assert relief.bore_clearance_mm == pytest.approx(one, abs=2e-6)
+    assert relief.pocket_diameter_mm == pytest.approx(two, abs=4e-6)
+    assert relief.flush_fraction == pytest.approx(clear, abs=1e-9)
 
 
 @pytest.mark.parametrize("depth_mm", [0.0, 0.05, 0.3, 10.0])
 def test_a_round_wall_enters_the_ball_by_what_is_missing_across_it(depth_mm: float, faces) -> None:
     """The rim is a circle: the distance of a centre from it is the difference of two radii."""
     for face, rim in zip(faces, (RIM_IN, RIM_OUT), strict=True):
-        found = wall_retreat_mm(face.samples, BALL, depth_mm)
-        for retreat, (distance, height) in zip(found, centres(face), strict=True):
+        retreats = wall_retreat_mm(face.samples, BALL, depth_mm)
+        for retreat, (distance, height) in zip(retreats, centres(face), strict=True):
             below = max(-height - depth_mm, 0.0)
             enters = height < 0.0 and below < BALL
             expected = sqrt(BALL**2 - below**2) - abs(rim - distance) if enters else 0.0
@@ -169,8 +169,8 @@ def test_without_a_base_there_is_nothing_to_clear_and_a_note_says_why(faces) -> 
 def test_of_a_face_that_the_ball_does_not_reach_nothing_is_known(faces) -> None:
     both = [replace(face, ball_mm=np.zeros(len(face.ball_mm))) for face in faces]
     plan = lay_out(INNER.patch, OUTER.patch, BaseSection(height_mm=3.0))
-    found = check_ball_clearance(plan, None, by_name(both)).faces["inner"]
-    assert (found.bore_clearance_mm, found.pocket_diameter_mm, found.flush_fraction) == (None, None, 0.0)
+    relief = check_ball_clearance(plan, None, by_name(both)).faces["inner"]
+    assert (relief.bore_clearance_mm, relief.pocket_diameter_mm, relief.flush_fraction) == (None, None, 0.0)
 
 
 DOME = 2.45
@@ -206,10 +206,10 @@ def test_obstacles_lie_on_the_base(tmp_path):
 @pytest.mark.usefixtures("cad_read_here")
 def test_shank_and_holder_are_kept_off_the_face_itself_and_off_a_base_from_a_file(tmp_path):
     base = plate(tmp_path, 2.0, step=1.0)
-    found = _obstacles(milled_face(INNER, BALL, 25), None, base)
-    on_base = found[len(found) - len(base.points()) :]
+    obstacles = _obstacles(milled_face(INNER, BALL, 25), None, base)
+    on_base = obstacles[len(obstacles) - len(base.points()) :]
     assert np.array_equal(on_base, base.points())
-    away = np.linalg.norm(found[: -len(on_base)] - [0.0, 0.0, -0.3], axis=1)
+    away = np.linalg.norm(obstacles[: -len(on_base)] - [0.0, 0.0, -0.3], axis=1)
     assert len(away) > 1000 and away == pytest.approx(1.2, abs=1e-6)
 
 
@@ -234,7 +234,7 @@ def test_derived_room_clears_the_ball_and_2_hundredths_less_do_not(pocket, monke
         return
     for field in (None, "bore_setback_mm", "relief_step_mm", "relief_setback_mm"):
         less = {} if field is None else {field: getattr(base, field) - 0.02}
-        found = check_ball_clearance(lay_out(inner.patch, outer.patch, base.model_copy(update=less)), None, faces)
-        shares = [found.faces[name].flush_fraction for name in ("inner", "outer")]
+        clearance = check_ball_clearance(lay_out(inner.patch, outer.patch, base.model_copy(update=less)), None, faces)
+        shares = [clearance.faces[name].flush_fraction for name in ("inner", "outer")]
         touched = {None: [], "bore_setback_mm": [0]}.get(field, [1])
         assert [number for number, share in enumerate(shares) if share < 1.0 - 1e-9] == touched, field

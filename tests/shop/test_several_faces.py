@@ -34,12 +34,14 @@ def cavity() -> dict[str, OpticalFace]:
 
 def test_each_face_is_measured_up_to_the_crease(cavity) -> None:
     for name, radius, height, steepest in (("cap", 2.0, 1.5 - MET_MM, MET_MM + 0.5), ("side", 1.8, MET_MM, 0.0)):
-        found = face_result(milled_face(cavity[name], 1.0, 81), small_spec())
-        assert found.area_mm2 == pytest.approx(2.0 * np.pi * radius * height, rel=1e-8), "a zone of a sphere"
-        assert found.best_fit_sphere.radius_mm == pytest.approx(radius, abs=1e-6) and found.best_fit_sphere.pv_mm < 1e-6
-        assert found.curvature.smallest_concave_radius_mm == pytest.approx(radius, abs=1e-4)
-        assert found.draft_deg.min == pytest.approx(np.degrees(np.arcsin(steepest / radius)), abs=1e-3)
-        heights = found.xyz[..., 2][np.isfinite(found.sag_mm)]
+        result = face_result(milled_face(cavity[name], 1.0, 81), small_spec())
+        assert result.area_mm2 == pytest.approx(2.0 * np.pi * radius * height, rel=1e-8), "a zone of a sphere"
+        assert (
+            result.best_fit_sphere.radius_mm == pytest.approx(radius, abs=1e-6) and result.best_fit_sphere.pv_mm < 1e-6
+        )
+        assert result.curvature.smallest_concave_radius_mm == pytest.approx(radius, abs=1e-4)
+        assert result.draft_deg.min == pytest.approx(np.degrees(np.arcsin(steepest / radius)), abs=1e-3)
+        heights = result.xyz[..., 2][np.isfinite(result.sag_mm)]
         low, high = (MET_MM, 1.5) if name == "cap" else (0.0, MET_MM)
         assert low - 1e-6 < heights.min() < low + 0.06 and high - 0.06 < heights.max() < high + 1e-6
 
@@ -48,16 +50,16 @@ def test_no_ball_reaches_the_crease_of_a_cavity_and_no_other_place_is_beyond_it(
     """A ball that rests on both spheres touches each where their centres are its radius nearer: on the axis side."""
     ball = 0.5
     for name, radius, centre in (("cap", 2.0, -0.5), ("side", 1.8, 0.0)):
-        found = milled_face(cavity[name], ball, 101)
-        assert 0.0 < found.samples.fraction(found.reached) < 1.0
+        face = milled_face(cavity[name], ball, 101)
+        assert 0.0 < face.samples.fraction(face.reached) < 1.0
         # Its centre lies on a sphere of 1.5 mm about (0, -0.5) and one of 1.3 mm about the origin.
         up = (1.5**2 - 1.3**2 - 0.25) / 1.0
         across = np.sqrt(1.3**2 - up**2)
         contact = np.array([across, up - centre]) * radius / (radius - ball) + [0.0, centre]
-        height = found.samples.points[:, 2]
+        height = face.samples.points[:, 2]
         reached = height > contact[1] + 0.05 if name == "cap" else height < contact[1] - 0.05
         lost = (height < contact[1] - 0.05) if name == "cap" else height > contact[1] + 0.05
-        assert found.reached[reached].all() and not found.reached[lost].any()
+        assert face.reached[reached].all() and not face.reached[lost].any()
         assert reached.any() and lost.any()
 
 

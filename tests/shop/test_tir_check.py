@@ -61,18 +61,18 @@ def test_a_wall_that_narrows_upwards_is_undercut() -> None:
 def test_what_lies_over_the_base_is_drawn_by_neither_half_and_a_mould_says_so() -> None:
     over = 6.0 - np.sqrt(144.0 - 11.0**2)  # where the wall is 11 mm from the axis
     base = {"kind": "cylinder", "diameter_mm": 22.0, "height_mm": 2.0}
-    found, _ = checked(OPEN, base=base, manufacture={"process": "moulded", "shrinkage": 0.01})
-    assert found.mould is not None
-    wall = found.mould.faces["wall"]
+    check, _ = checked(OPEN, base=base, manufacture={"process": "moulded", "shrinkage": 0.01})
+    assert check.mould is not None
+    wall = check.mould.faces["wall"]
     assert wall.undercut_fraction == pytest.approx(over / OPEN_MM, abs=1e-3) and wall.draft_deg == pytest.approx(
-        found.faces["wall"].draft_deg.min, abs=0.02
+        check.faces["wall"].draft_deg.min, abs=0.02
     )
-    judged = {(verdict.key, verdict.place): verdict for verdict in found.verdicts}
+    judged = {(verdict.key, verdict.place): verdict for verdict in check.verdicts}
     finding = judged["undercut", "wall"]
     assert not finding.holds and finding.remedy == 'base.kind = "none", or a narrower base'
     assert "of the wall face is undercut, from z = 0 to 1.2 mm" in finding.note.replace("\u2009", " ")
     assert judged["draft", "wall"].holds and all(judged["undercut", name].holds for name in ("cap", "side", "exit"))
-    shown = {fact.key: fact for group in check_facts(found) for fact in group.facts}
+    shown = {fact.key: fact for group in check_facts(check) for fact in group.facts}
     assert shown["wall_drawn"].value == pytest.approx(100.0 * (1.0 - over / OPEN_MM), abs=0.1)
     assert shown["gate"].value == "at the side of the base"
     assert shown["inner_corners"].value == "cap and side" and shown["parting"].value == "where exit and wall meet"
@@ -80,17 +80,17 @@ def test_what_lies_over_the_base_is_drawn_by_neither_half_and_a_mould_says_so() 
 
 def test_an_edge_has_the_angle_of_the_spheres_that_meet_there(bare: tuple[Check, Lens]) -> None:
     """By the law of cosines: of the lines from a point of both spheres to their centres."""
-    (found, _) = bare
+    (check, _) = bare
     wanted = {}
     for names, ((one, low), (other, high)) in (((TIR[0], TIR[1]), CAVITY), ((TIR[3], TIR[2]), OPEN[::-1])):
         turned = np.degrees(np.arccos((one**2 + other**2 - (low - high) ** 2) / (2.0 * one * other)))
         wanted[names] = 180.0 - turned
-    assert {edge.faces: edge.angle_deg for edge in found.edges} == {
+    assert {edge.faces: edge.angle_deg for edge in check.edges} == {
         names: pytest.approx(angle, abs=5e-3) for names, angle in wanted.items()
     }
-    assert [edge.point_mm[2] for edge in found.edges] == pytest.approx([0.51, OPEN_MM], abs=1e-4)
-    facts = next(group for group in check_facts(found) if group.key == "edges").facts
-    assert [fact.value for fact in facts] == [edge.angle_deg for edge in found.edges]
+    assert [edge.point_mm[2] for edge in check.edges] == pytest.approx([0.51, OPEN_MM], abs=1e-4)
+    facts = next(group for group in check_facts(check) if group.key == "edges").facts
+    assert [fact.value for fact in facts] == [edge.angle_deg for edge in check.edges]
     assert "cavity" in facts[0].note and "lens" in facts[1].note
 
 
@@ -100,35 +100,35 @@ def test_the_search_keeps_the_draft_of_the_wall_from_below() -> None:
     grid = parameters.refined().grid
     tables = parameters.refined().tables(*parameters.start())
     constraints = AugmentedLagrangian.of(spec, grid)
-    found = constraints.least(constraints.fields(tables))
-    (least,) = (value for key, value in found.items() if "draft" in key)
+    margins = constraints.least(constraints.fields(tables))
+    (least,) = (value for key, value in margins.items() if "draft" in key)
     faces = parameters.start_surfaces
     polar = np.linspace(0.0, 0.5 * np.pi, 20_001)
     u = np.column_stack([np.sin(polar), np.zeros_like(polar), np.cos(polar)])
-    own = faces["wall"].radius(u) <= faces["exit"].radius(u)
-    draft = -np.degrees(np.arcsin(faces["wall"].normal(u[own])[:, 2].max()))
+    on_wall = faces["wall"].radius(u) <= faces["exit"].radius(u)
+    draft = -np.degrees(np.arcsin(faces["wall"].normal(u[on_wall])[:, 2].max()))
     assert draft > 10.0 and least == pytest.approx(min(draft, 30.0) - 5.0, abs=0.2)
 
 
 def test_edges_sharper_than_asked_miss_their_criterion() -> None:
-    found, lens = checked(OPEN, base={"kind": "none"}, constraints={"min_edge_angle_deg": 150.0})
-    own = {criterion.key: criterion for criterion in found.criteria if criterion.key.startswith("edge")}
-    assert set(own) == {"edge of cap and side", "edge of exit and wall"}
-    assert [each.value for each in own.values()] == [edge.angle_deg for edge in found.edges]
-    assert [each.holds for each in own.values()] == [True, False], "the cavity's is nearly flat"
-    facts = next(group for group in check_facts(found) if group.key == "edges").facts
+    check, lens = checked(OPEN, base={"kind": "none"}, constraints={"min_edge_angle_deg": 150.0})
+    criteria = {criterion.key: criterion for criterion in check.criteria if criterion.key.startswith("edge")}
+    assert set(criteria) == {"edge of cap and side", "edge of exit and wall"}
+    assert [criterion.value for criterion in criteria.values()] == [edge.angle_deg for edge in check.edges]
+    assert [criterion.holds for criterion in criteria.values()] == [True, False], "the cavity's is nearly flat"
+    facts = next(group for group in check_facts(check) if group.key == "edges").facts
     assert [(fact.limit, fact.state) for fact in facts] == [(150.0, "pass"), (150.0, "fail")]
     blunt = replace(lens, spec=lens.spec.replace(constraints={"min_edge_angle_deg": 10.0}))
     judged = [
-        criterion for criterion in found.model_copy(update={"lens": blunt}).judge() if criterion.key.startswith("edge")
+        criterion for criterion in check.model_copy(update={"lens": blunt}).judge() if criterion.key.startswith("edge")
     ]
     assert [limit.holds for limit in judged] == [True, True]
 
 
 def test_a_flat_face_has_no_radius() -> None:
     lens = spot_lens(spot(exit={"flat": True}), base={"kind": "none"})
-    found = on_few_nodes(lens)
-    assert found.faces["exit"].curvature.smallest_concave_radius_mm is None
-    assert found.faces["exit"].cutter.largest_radius_mm is None and found.faces["exit"].best_fit_sphere.pv_mm < 1e-6
-    facts = {fact.key: fact.value for group in check_facts(found) for fact in group.facts}
+    check = on_few_nodes(lens)
+    assert check.faces["exit"].curvature.smallest_concave_radius_mm is None
+    assert check.faces["exit"].cutter.largest_radius_mm is None and check.faces["exit"].best_fit_sphere.pv_mm < 1e-6
+    facts = {fact.key: fact.value for group in check_facts(check) for fact in group.facts}
     assert (facts["exit_sphere"], facts["exit_nose"]) == ("plane", "any")

@@ -31,11 +31,11 @@ WIDTH = {
 @pytest.fixture(scope="module")
 def handed():
     """The lens and its files."""
-    (part, found) = bare_part()
+    (part, record) = bare_part()
     lens = spot_lens()
-    twice = {name: found.faces["inner" if name in ("cap", "side") else "outer"] for name in TIR}
-    fields = {name: getattr(found, name) for name in type(found).model_fields}
-    check = type(found).model_construct(**{**fields, **twice, "lens": lens})
+    twice = {name: record.faces["inner" if name in ("cap", "side") else "outer"] for name in TIR}
+    fields = {name: getattr(record, name) for name in type(record).model_fields}
+    check = type(record).model_construct(**{**fields, **twice, "lens": lens})
     return lens, make_handover(part.model_copy(update={"lens": lens}), check, [])
 
 
@@ -43,7 +43,7 @@ def domain_of(lens, name, polar):
     """True where the face of that name bounds its medium in the directions of the meridian at azimuth 0."""
     beside = TIR[:2] if name in TIR[:2] else TIR[2:]
     u = np.column_stack([np.sin(polar), np.zeros_like(polar), np.cos(polar)])
-    radii = {each: lens.surfaces[each].radius(u) for each in beside}
+    radii = {face: lens.surfaces[face].radius(u) for face in beside}
     return radii[name] <= np.min(list(radii.values()), axis=0) + 1e-9
 
 
@@ -54,8 +54,8 @@ def test_a_table_from_crease_to_rim_read_back_and_interpolated_is_within_its_sta
         surface = lens.surfaces[name]
         between, rings = between_nodes(head, rows, 4)
         begin, rim = np.radians(rings[[0, -1], 0, 6])
-        own = domain_of(lens, name, np.linspace(begin if name in ("side", "wall") else 0.0, rim, 400))
-        assert own[1:-1].all() and (("from ring" in head) == (name in ("side", "wall")) == (rim > 1.5))
+        domain = domain_of(lens, name, np.linspace(begin if name in ("side", "wall") else 0.0, rim, 400))
+        assert domain[1:-1].all() and (("from ring" in head) == (name in ("side", "wall")) == (rim > 1.5))
         radius = np.linalg.norm(between, axis=1, keepdims=True)
         u = between / radius
         off = (radius[:, 0] - surface.radius(u)) * np.sum(surface.normal(u) * u, axis=1)
@@ -66,21 +66,21 @@ def test_the_sizes_of_creases_are_those_of_spheres_that_meet():
     faces = {name: sphere(radius, (0.0, 0.0, height)) for name, (radius, height) in SPHERES.items()}
     spec = spot(exit={"gap_mm": 0.07}).replace(base={"kind": "none"})
     lens = OfSpheres(faces, spec, 0, CHECKED)
-    found = {dimension.name: dimension for dimension in dimensions(lens)}
+    by_name = {dimension.name: dimension for dimension in dimensions(lens)}
     for name, height in MET.items():
         radius = 0.5 * WIDTH[name]
-        width, above = (found[f"crease of {name}, along x{more}"] for more in ("", ", above z = 0"))
+        width, above = (by_name[f"crease of {name}, along x{more}"] for more in ("", ", above z = 0"))
         assert width.value_mm == pytest.approx(2.0 * radius, abs=1e-9)
         assert above.value_mm == pytest.approx(height, abs=1e-9)
         assert width.ends == (pytest.approx((height, -radius)), pytest.approx((height, radius)))
         assert width.tolerance == above.tolerance == "auxiliary"
-    assert found["thickness on the axis"].tolerance_mm == 0.07
+    assert by_name["thickness on the axis"].tolerance_mm == 0.07
     lens = OfSpheres(
         {**faces, "wall": sphere(12.0, (0.0, 0.0, 6.0)), "exit": sphere(40.0, (0.0, 0.0, -35.0))}, spec, 0, ""
     )
-    found = {dimension.name: dimension.value_mm for dimension in dimensions(lens)}
+    by_name = {dimension.name: dimension.value_mm for dimension in dimensions(lens)}
     rim = 2.0 * np.sqrt(144.0 - (267.0 / 82.0 - 6.0) ** 2)
-    assert found["width of the lens"] == pytest.approx(rim, abs=1e-9), "widest at its crease"
+    assert by_name["width of the lens"] == pytest.approx(rim, abs=1e-9), "widest at its crease"
     lens = OfSpheres(faces, spec, 0, CHECKED)
     (seen,) = (
         line.points for line in section_view(lens, "S", 0.0).lines if np.abs(line.points[:, 0] - 0.51).max() < 1e-9
@@ -96,12 +96,12 @@ def test_the_section_and_the_sheet_show_every_face(handed):
     u = np.column_stack([x / distance, np.zeros_like(x), z / distance])
     off = {name: np.abs(lens.surfaces[name].radius(u) - distance) for name in TIR}
     assert np.min(list(off.values()), axis=0).max() < 1e-9
-    assert all((each < 1e-9).sum() > 20 for each in off.values()), "of all four faces"
+    assert all((gaps < 1e-9).sum() > 20 for gaps in off.values()), "of all four faces"
     page = made.html.decode("utf-8")
     for name in TIR:  # as far as it bounds its medium
         polar = np.radians(np.linspace(0.0, 90.0, 90_001))
-        own = domain_of(lens, name, polar)
-        ways = np.column_stack([np.sin(polar), 0.0 * polar, np.cos(polar)])[own]
+        domain = domain_of(lens, name, polar)
+        ways = np.column_stack([np.sin(polar), 0.0 * polar, np.cos(polar)])[domain]
         widest = 2.0 * float((lens.surfaces[name].radius(ways) * ways[:, 0]).max())
         stated = re.findall("Effective aperture: ⌀([0-9.]+)", page)[("exit", "wall", "side", "cap").index(name)]
         assert float(stated) == pytest.approx(widest, abs=2e-3)

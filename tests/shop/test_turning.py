@@ -37,27 +37,27 @@ def turned(surface: Surface, air: AirSide, lathe: LatheTool, fixture: np.ndarray
 @pytest.mark.parametrize(("flank_deg", "whole"), [(22.0, True), (23.5, False)])
 def test_a_hemisphere_is_bored_by_a_tool_of_45_degrees(flank_deg: float, whole: bool) -> None:
     """At its rim the axis leans over by the flank, and at its apex the other flank meets the far rim at 45 degrees."""
-    found = turned(sphere(3.0), AirSide.INSIDE, tool(1e-3, flank_deg))
-    assert found.largest_radius_mm == pytest.approx(3.0, rel=1e-5)
-    assert found.slope_deg == pytest.approx(45.0, abs=1e-4)
-    assert (found.reachable_fraction == 1.0) == whole and found.corner_fraction == 0.0
-    assert found.residual_mm == 0.0 or not whole
+    cutter = turned(sphere(3.0), AirSide.INSIDE, tool(1e-3, flank_deg))
+    assert cutter.largest_radius_mm == pytest.approx(3.0, rel=1e-5)
+    assert cutter.slope_deg == pytest.approx(45.0, abs=1e-4)
+    assert (cutter.reachable_fraction == 1.0) == whole and cutter.corner_fraction == 0.0
+    assert cutter.residual_mm == 0.0 or not whole
 
 
 @pytest.mark.parametrize(("most_tilt_deg", "share"), [(90.0, 1.0), (0.0, 1.0 - np.cos(np.deg2rad(60.0)))])
 def test_a_dome_is_turned_down_to_the_slope_of_the_flank(most_tilt_deg: float, share: float) -> None:
-    found = turned(sphere(3.0), AirSide.OUTSIDE, tool(0.1, 30.0, most_tilt_deg))
-    assert found.reachable_fraction == pytest.approx(share, abs=5e-3) and found.largest_radius_mm is None
-    assert found.slope_deg == pytest.approx(45.0 if most_tilt_deg else 90.0, abs=1e-4)
+    cutter = turned(sphere(3.0), AirSide.OUTSIDE, tool(0.1, 30.0, most_tilt_deg))
+    assert cutter.reachable_fraction == pytest.approx(share, abs=5e-3) and cutter.largest_radius_mm is None
+    assert cutter.slope_deg == pytest.approx(45.0 if most_tilt_deg else 90.0, abs=1e-4)
 
 
 @pytest.mark.parametrize(("radius_mm", "share"), [(1.98, 1.0), (2.02, 0.0)])
 def test_a_nose_fits_a_sphere_of_a_larger_radius(radius_mm: float, share: float) -> None:
     """The cavity is shallow, a cap of 30 degrees: a tool of no flank leaves it everywhere."""
     surface = sphere(2.0, (0.0, 0.0, -1.0 + 1e-9))
-    found = turned(surface, AirSide.INSIDE, tool(radius_mm, 0.0))
-    assert found.largest_radius_mm == pytest.approx(2.0, rel=1e-5)
-    assert found.reachable_fraction == share
+    cutter = turned(surface, AirSide.INSIDE, tool(radius_mm, 0.0))
+    assert cutter.largest_radius_mm == pytest.approx(2.0, rel=1e-5)
+    assert cutter.reachable_fraction == share
 
 
 def line(
@@ -75,8 +75,8 @@ def test_a_cone_is_turned_where_its_draft_is_that_of_the_flank(draft_deg: float,
     """A wide cone, bored along its axis from below: the flank has 15 degrees with its clearance."""
     slope = np.deg2rad(draft_deg)
     cone = line((20.0, 5.0), (20.0 + 5.0 * np.tan(slope), 0.0), (-np.cos(slope), -np.sin(slope)))
-    found = tool(0.1, 15.0).is_clear(cone, -1.0, 0.0, cone.points)
-    assert found[:-1].all() if clear else not found[:-10].any()
+    reached = tool(0.1, 15.0).is_clear(cone, -1.0, 0.0, cone.points)
+    assert reached[:-1].all() if clear else not reached[:-10].any()
 
 
 @pytest.mark.parametrize("radius_mm", [0.05, 0.2])
@@ -95,9 +95,9 @@ def test_a_shank_must_have_room_beside_the_axis(width_mm: float, whole: bool) ->
     disc = line((0.0, 4.0), (2.0, 4.0), (0.0, -1.0))
     wall = line((2.0, 4.0), (2.0, 0.0), (-1.0, 0.0), 4001)
     both = np.concatenate([wall.points, wall.points * (-1.0, 1.0)])
-    found = tool(0.01, 40.0, width_mm=width_mm).is_clear(disc, -1.0, np.deg2rad(-40.0), both)
+    reached = tool(0.01, 40.0, width_mm=width_mm).is_clear(disc, -1.0, np.deg2rad(-40.0), both)
     inside = disc.points[:, 0] < 2.0 - 0.01
-    assert (found[inside].all() if whole else not found[0]) and found[len(found) // 2]
+    assert (reached[inside].all() if whole else not reached[0]) and reached[len(reached) // 2]
 
 
 def by_rays(face: Meridian, lathe: LatheTool, axis: np.ndarray, obstacles: np.ndarray, k: int) -> bool:
@@ -124,10 +124,10 @@ def test_a_crooked_profile_is_reached_where_no_ray_of_the_tool_is_in_the_way() -
     face = Meridian(r, np.column_stack([r, z]), normals, r, np.zeros_like(r))
     both = np.concatenate([face.points, face.points * (-1.0, 1.0)])
     for tilt in np.deg2rad([-30.0, 0.0, 20.0]):
-        found = lathe.is_clear(face, 1.0, tilt, both) & ~lathe.nose_enters(face, both)
+        reached = lathe.is_clear(face, 1.0, tilt, both) & ~lathe.nose_enters(face, both)
         axis = np.array([np.sin(tilt), np.cos(tilt)])
         wanted = [by_rays(face, lathe, axis, both, k) for k in range(161)]
-        assert 10 < sum(wanted) < 161 and np.count_nonzero(found != wanted) <= 3, "but where a flank just touches"
+        assert 10 < sum(wanted) < 161 and np.count_nonzero(reached != wanted) <= 3, "but where a flank just touches"
 
 
 def test_the_hollows_of_the_meridian_count_alone() -> None:
@@ -138,16 +138,16 @@ def test_the_hollows_of_the_meridian_count_alone() -> None:
     first = -1.5 * np.sin(6.0 * polar)
     second = -9.0 * np.cos(6.0 * polar)
     kappa = (rho**2 + 2.0 * first**2 - rho * second) / (rho**2 + first**2) ** 1.5
-    found = turned(grooved, AirSide.OUTSIDE, tool(0.1, 20.0))
-    assert found.largest_radius_mm == pytest.approx(-1.0 / kappa.min(), rel=2e-4)
+    cutter = turned(grooved, AirSide.OUTSIDE, tool(0.1, 20.0))
+    assert cutter.largest_radius_mm == pytest.approx(-1.0 / kappa.min(), rel=2e-4)
 
 
 def test_what_stands_around_the_work_is_in_the_way_and_is_told_apart() -> None:
     """A disc in z = 0 of 6 mm around a dome of 3 mm: a nose of 0.5 mm ends where its centre is so high above it."""
     ring = np.column_stack([np.linspace(3.0, 6.0, 3001), np.zeros(3001)])
-    found = turned(sphere(3.0), AirSide.OUTSIDE, tool(0.5, 10.0), ring)
-    assert found.bare_fraction == 1.0
-    assert found.reachable_fraction == pytest.approx(1.0 - 0.5 / 3.5, abs=5e-3), "a zone's area is its height"
+    cutter = turned(sphere(3.0), AirSide.OUTSIDE, tool(0.5, 10.0), ring)
+    assert cutter.bare_fraction == 1.0
+    assert cutter.reachable_fraction == pytest.approx(1.0 - 0.5 / 3.5, abs=5e-3), "a zone's area is its height"
 
 
 CAVITY = ((2.0, -0.5), (1.8, 0.0))
@@ -164,18 +164,18 @@ def of_spheres(**sections: object) -> Lens:
 def test_inserts_of_a_lens_of_revolution_are_turned_each_half_by_itself() -> None:
     """The core is convex, and the bowl of the wall is not under the lid of the exit's insert."""
     lens = of_spheres(manufacture={"process": "moulded"})
-    found = check_lens(lens, dict.fromkeys(TIR, 81))
+    check = check_lens(lens, dict.fromkeys(TIR, 81))
     for name, radius in zip(TIR, (None, None, 12.0, 40.0), strict=True):
-        cutter = found.faces[name].cutter
+        cutter = check.faces[name].cutter
         assert cutter.largest_radius_mm == (None if radius is None else pytest.approx(radius, rel=1e-4))
         assert (cutter.reachable_fraction, cutter.corner_fraction) == (1.0, 0.0), name
-    assert {verdict.key for verdict in found.verdicts} == {"nose", "slope", "turning", "wall", "draft", "undercut"}
-    assert all(verdict.holds for verdict in found.verdicts if verdict.key in ("nose", "slope", "turning"))
+    assert {verdict.key for verdict in check.verdicts} == {"nose", "slope", "turning", "wall", "draft", "undercut"}
+    assert all(verdict.holds for verdict in check.verdicts if verdict.key in ("nose", "slope", "turning"))
 
 
-def note_on_edge(found: Check, process: str) -> str:
+def note_on_edge(check: Check, process: str) -> str:
     spec = spot().replace({"manufacture.process": process})
-    made = found.model_copy(update={"lens": replace(found.lens, spec=spec)})
+    made = check.model_copy(update={"lens": replace(check.lens, spec=spec)})
     (edge,) = (group for group in check_facts(made) if group.key == "edges")
     return next(fact.note for fact in edge.facts if fact.label.startswith("Cap"))
 
@@ -187,20 +187,20 @@ def test_a_hollow_that_is_as_good_as_straight_limits_no_nose(radius_mm: float, l
 
 def test_a_lens_that_is_turned_says_what_its_nose_leaves() -> None:
     """Cap and side meet at 3.9 degrees less than 180: the fillet is that of a nose in so blunt a corner."""
-    found = check_lens(of_spheres(manufacture={"nose_radius_mm": 0.5}), dict.fromkeys(TIR, 81))
-    findings = {(verdict.key, verdict.place): verdict for verdict in found.verdicts}
+    check = check_lens(of_spheres(manufacture={"nose_radius_mm": 0.5}), dict.fromkeys(TIR, 81))
+    findings = {(verdict.key, verdict.place): verdict for verdict in check.verdicts}
     assert ("tilt", "cap") not in findings and ("cutter", "cap") not in findings
-    assert not found.relief.faces and found.relief.note == "no face is milled"
+    assert not check.relief.faces and check.relief.note == "no face is milled"
     assert findings["nose", "cap"].limit == pytest.approx(2.0, rel=1e-4) and findings["nose", "cap"].holds
-    facts = {fact.key: fact for group in check_facts(found) for fact in group.facts}
+    facts = {fact.key: fact for group in check_facts(check) for fact in group.facts}
     assert facts["cap_slope"].limit == 90.0 - 35.0 / 2.0 - 2.0 and facts["cap_slope"].state == "pass"
     assert facts["wall_nose"].value == "any" and facts["wall_nose"].note == "no concave region limits the nose"
     assert facts["cap_nose"].note.endswith("concave parts of the meridian")
-    told = [note_on_edge(found, process) for process in ("turned", "printed", "moulded")]
+    told = [note_on_edge(check, process) for process in ("turned", "printed", "moulded")]
     assert ["core" in note for note in told] == [False, False, True]
     assert "cap_ball" not in facts and "cap_tilt" not in facts
     tight = spot().replace({"manufacture.nose_radius_mm": 2.1, "manufacture.shank_width_mm": 5.0})
-    nose = next(turning_findings(tight, found.faces))
+    nose = next(turning_findings(tight, check.faces))
     assert nose.limit == pytest.approx(2.0, rel=1e-4)
 
 
@@ -224,20 +224,20 @@ def test_a_freeform_face_is_not_turned_and_a_print_has_layers() -> None:
     shapes = random_surface(1, 3.2, 0.02, (9, 25)), random_surface(2, 6.5, 0.02, (9, 25))
     for process, more in (("turned", {}), ("printed", {"layer_um": 10.0, "form_tolerance_um": 12.0})):
         spec = small_spec(base={"kind": "none"}, manufacture={"process": process, **more})
-        found = check_lens(Lens.double(*shapes, spec, 0, FEW))
-        assert all(face.cutter is None for face in found.faces.values()) and not found.relief.faces
-        named = {(verdict.key, verdict.place): verdict for verdict in found.verdicts}
+        check = check_lens(Lens.double(*shapes, spec, 0, FEW))
+        assert all(face.cutter is None for face in check.faces.values()) and not check.relief.faces
+        named = {(verdict.key, verdict.place): verdict for verdict in check.verdicts}
         if process == "turned":
             assert {key for key, _ in named} == {"nose", "wall"} and not named["nose", "outer"].holds
             assert named["nose", "outer"].remedy == 'manufacture.process = "milled"'
             assert "not of revolution" in named["nose", "inner"].note
             continue
         assert {key for key, _ in named} == {"layer", "wall"}
-        steps = [face.layer_step_um for face in found.faces.values()]
+        steps = [face.layer_step_um for face in check.faces.values()]
         assert all(9.0 < step <= 10.0 for step in steps), "the apex is nearly level"
         assert [named["layer", name].holds for name in ("inner", "outer")] == [False, False]
         finer = spec.replace({"manufacture.layer_um": 6.0})
-        half = {name: face.changed(layer_step_um=0.6 * face.layer_step_um) for name, face in found.faces.items()}
+        half = {name: face.changed(layer_step_um=0.6 * face.layer_step_um) for name, face in check.faces.items()}
         assert all(finding.holds for finding in layer_findings(finer, half))
 
 
