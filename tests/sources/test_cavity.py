@@ -52,12 +52,12 @@ def test_stray_light_of_one_per_cent_stays_outside() -> None:
 
 def test_no_more_rays_are_asked_for_than_there_are() -> None:
     few, many, endless = (Points(on_paraboloid(1.0), np.ones(3), count) for count in (300, 10**6, None))
-    assert [cavity_radius(each) for each in (few, many, endless)] == pytest.approx([ROOM] * 3)
+    assert [cavity_radius(source) for source in (few, many, endless)] == pytest.approx([ROOM] * 3)
     assert (few.asked, many.asked) == (300, endless.asked)
 
 
 def test_the_cavity_of_an_even_disc() -> None:
-    found = cavity_around(DiscSource(kind="disc", diameter_mm=4.0))
+    cavity = cavity_around(DiscSource(kind="disc", diameter_mm=4.0))
     radius = ROOM * np.sqrt(SHARE) * 2.0
-    assert found["cavity_radius_mm"] == pytest.approx(radius, rel=0.02)
-    assert found["cavity_height_mm"] == pytest.approx(PROPORTION * radius, rel=0.02)
+    assert cavity["cavity_radius_mm"] == pytest.approx(radius, rel=0.02)
+    assert cavity["cavity_height_mm"] == pytest.approx(PROPORTION * radius, rel=0.02)

@@ -33,9 +33,9 @@ def path(tmp_path: Path) -> Path:
 def rays(path: Path, monkeypatch: pytest.MonkeyPatch) -> StoredRays:
     """Rays that stay in their file."""
     monkeypatch.setattr(stored_rays, "LOADED_RAYS", 100)
-    found = StoredRays.of(read_rayfile(path))
-    assert found.loaded() is found
-    return found
+    stored = StoredRays.of(read_rayfile(path))
+    assert stored.loaded() is stored
+    return stored
 
 
 @pytest.mark.parametrize(

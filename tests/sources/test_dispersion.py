@@ -56,9 +56,9 @@ def test_rays_of_a_file_have_their_own_wavelength(tmp_path):
 def test_a_common_table_of_the_header_is_drawn_from_and_belongs_to_the_rays(tmp_path):
     spec = small_spec(source=saved(tmp_path, with_tables(rays(4000))), lens__material="PMMA")
     emitter = build_source(spec.source, spec.lens.dispersion)
-    found = np.sort(emitter.sample(4000, 1).wavelengths_nm)
+    waves = np.sort(emitter.sample(4000, 1).wavelengths_nm)
     table = Spectrum(np.array([430.0, 450.0, 470.0]), np.array([0.25, 1.0, 0.5]))
-    np.testing.assert_allclose(found, np.sort(table.at((np.arange(4000) + 0.5) / 4000)), atol=0.1)
+    np.testing.assert_allclose(waves, np.sort(table.at((np.arange(4000) + 0.5) / 4000)), atol=0.1)
     np.testing.assert_array_equal(emitter.sample(4000, 1).wavelengths_nm, emitter.sample(4000, 2).wavelengths_nm)
     summary = summarise(emitter, spec.source)
     assert 430.0 < summary.wavelengths_nm[0] < summary.wavelengths_nm[1] < 470.0

@@ -79,12 +79,12 @@ def test_light_is_counted_by_what_is_known_at_its_wavelength_ends_included(part)
     inside = set(range(*part.indices(12)))
     count, flux = len(inside), FLUX[part]
     rays = RayBundle(np.zeros((count, 3)), np.tile([0.0, 0.0, 1.0], (count, 1)), flux).with_wavelengths(WAVES[part])
-    found, account = coloured(rays, PMMA, "lamp")
+    bundle, account = coloured(rays, PMMA, "lamp")
     assert account.clamped_index_share == pytest.approx(FLUX[[*({0, 2, 9, 10, 11} & inside)]].sum() / flux.sum())
     assert account.extrapolated_index_share == pytest.approx(FLUX[[*({1, 3, 7, 8} & inside)]].sum() / flux.sum())
     usable = sorted(set(range(10)) & inside)
     assert account.wavelengths_nm == (WAVES[usable].min(), 1782.1)
-    assert found.wavelengths_nm[-1] == pytest.approx(FLUX[usable] @ WAVES[usable] / FLUX[usable].sum())
+    assert bundle.wavelengths_nm[-1] == pytest.approx(FLUX[usable] @ WAVES[usable] / FLUX[usable].sum())
     with pytest.raises(InputError, match="lamp: no ray has a usable wavelength"):
         coloured(rays.with_wavelengths(np.full(count, np.nan)), PMMA, "lamp")
 
@@ -102,23 +102,23 @@ def test_one_per_cent_may_have_the_index_at_the_end_of_the_range(share: float, r
         with pytest.raises(InputError, match=r"1\.01 % of the flux is outside, at most 1 % may be"):
             coloured(rays, PMMA, "lamp")
         return
-    found, known = coloured(rays, PMMA, "lamp")
+    bundle, known = coloured(rays, PMMA, "lamp")
     assert known.clamped_index_share == pytest.approx(0.01) and known.extrapolated_index_share == pytest.approx(0.2)
     assert known.wavelengths_nm == (400.0, 1800.0)
     indices = [PMMA.index_at(400.0), float(PMMA.nearest_index(np.array([1800.0]))[0])]
     assert list(known.refractive_indices) == pytest.approx(indices)
-    own = Medium(1.49, 0.01, PMMA)
-    assert own.index(found.waves).tolist() == pytest.approx([indices[1], indices[0], PMMA.index_at(600.0)])
-    assert found.wavelengths_nm.tolist() == waves.tolist() and found.flux.tolist() == flux.tolist()
-    assert PMMA.absorption is None and own.absorption(found.waves).tolist() == [0.01]
+    medium = Medium(1.49, 0.01, PMMA)
+    assert medium.index(bundle.waves).tolist() == pytest.approx([indices[1], indices[0], PMMA.index_at(600.0)])
+    assert bundle.wavelengths_nm.tolist() == waves.tolist() and bundle.flux.tolist() == flux.tolist()
+    assert PMMA.absorption is None and medium.absorption(bundle.waves).tolist() == [0.01]
 
 
 @pytest.mark.parametrize(
     ("extrapolated", "clamped", "words"), [(0.01, 0.0, []), (0.0101, 0.0, ["1.01 %"]), (0.5, 1e-9, ["50 %", "1e-07 %"])]
 )
 def test_more_than_one_per_cent_is_mentioned_and_any_light_beyond_what_is_known(extrapolated, clamped, words) -> None:
-    found = IndexRange(extrapolated_index_share=extrapolated, clamped_index_share=clamped)
-    assert [warning.split(" of the flux")[0] for warning in index_warnings(found, PMMA)] == words
+    index_range = IndexRange(extrapolated_index_share=extrapolated, clamped_index_share=clamped)
+    assert [warning.split(" of the flux")[0] for warning in index_warnings(index_range, PMMA)] == words
 
 
 @pytest.mark.parametrize(
@@ -132,8 +132,8 @@ def test_more_than_one_per_cent_is_mentioned_and_any_light_beyond_what_is_known(
     ],
 )
 def test_a_spectrum_ends_where_its_light_ends_and_is_counted_exactly(waves, density, ends) -> None:
-    found = index_of_spectrum(Spectrum(np.array(waves), np.array(density)), PMMA)
-    assert found.wavelengths_nm == ends
+    index_range = index_of_spectrum(Spectrum(np.array(waves), np.array(density)), PMMA)
+    assert index_range.wavelengths_nm == ends
 
     def light(low: float, high: float) -> float:
         edges = [low, *[wave for wave in waves if low < wave < high], high]
@@ -143,8 +143,8 @@ def test_a_spectrum_ends_where_its_light_ends_and_is_counted_exactly(waves, dens
     whole = light(360.0, 1800.0)
     clamped = light(360.0, 378.0) + light(1782.0, 1800.0)
     extrapolated = light(378.0, 420.0) + light(1620.0, 1782.0)
-    assert found.clamped_index_share == pytest.approx(clamped / whole, abs=1e-12)
-    assert found.extrapolated_index_share == pytest.approx(extrapolated / whole, abs=1e-12)
+    assert index_range.clamped_index_share == pytest.approx(clamped / whole, abs=1e-12)
+    assert index_range.extrapolated_index_share == pytest.approx(extrapolated / whole, abs=1e-12)
 
 
 def test_wavelengths_are_drawn_one_from_each_share_part_by_part() -> None:

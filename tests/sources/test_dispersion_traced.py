@@ -62,10 +62,10 @@ def fused(rays, body):
 @pytest.mark.parametrize("trace", [exact, fused])
 def test_every_colour_lands_where_bouguer_says(trace):
     rays, body = dispersed_rays()
-    found = trace(rays, body)
-    assert found.arrived.all()
+    landings = trace(rays, body)
+    assert landings.arrived.all()
     landed = bouguer(rays, body.indices(rays.waves, len(rays)))
-    np.testing.assert_allclose(found.hits, landed, atol=1e-8)
+    np.testing.assert_allclose(landings.hits, landed, atol=1e-8)
     assert np.linalg.norm(landed - bouguer(rays, body.refractive_index), axis=1).max() > 0.05, (
         "colours must part, or nothing is shown"
     )

@@ -92,12 +92,12 @@ def test_the_intensity_of_a_table_is_bilinear_and_of_flux_1_over_all_directions(
             gamma, c = (0.5 * (a + b) + 0.5 * (b - a) * nodes for a, b in ((low, high), (first, last)))
             turn, rise = np.meshgrid(np.deg2rad(c), gamma, indexing="ij")
             ways = np.stack([np.sin(rise) * np.cos(turn), np.sin(rise) * np.sin(turn), np.cos(rise)], axis=-1)
-            found = table.intensity(ways.reshape(-1, 3)).reshape(20, 20)
-            for angle, row in zip(c, found, strict=True):
+            intensities = table.intensity(ways.reshape(-1, 3)).reshape(20, 20)
+            for angle, row in zip(c, intensities, strict=True):
                 values = plane(angle) if planes == 4 else VALUES[0]
                 np.testing.assert_allclose(row * table.flux(), np.interp(gamma, np.deg2rad(GAMMA_DEG), values))
             width = 0.25 * np.deg2rad(last - first) * (high - low)
-            total += width * float(weights @ found @ (weights * np.sin(gamma)))
+            total += width * float(weights @ intensities @ (weights * np.sin(gamma)))
     assert total == pytest.approx(1.0, rel=1e-10)
 
 

@@ -34,8 +34,8 @@ def test_the_density_is_the_share_over_the_area_of_each_rectangle_at_a_point() -
     """On the edge, by the rounding of a start point beyond it, and just outside."""
     inside, outside = 0.25 / 0.5, 0.75 / 6.0
     points = [[1.0, 0.0], [1.25, 0.5], [1.25 + 5e-10, 0.0], [1.25 + 1e-8, 0.0], [1.0, -0.5 - 1e-8], [-3.0, -1.0]]
-    found = CHIPS.density(np.array([*points, [-1.0, 2.0], [-1.0 + 1e-6, 2.0]]))
-    np.testing.assert_allclose(found, [inside, inside, inside, 0.0, 0.0, outside, outside, 0.0], atol=1e-15)
+    densities = CHIPS.density(np.array([*points, [-1.0, 2.0], [-1.0 + 1e-6, 2.0]]))
+    np.testing.assert_allclose(densities, [inside, inside, inside, 0.0, 0.0, outside, outside, 0.0], atol=1e-15)
     twice = Rectangles(np.zeros((2, 2)), np.array([[2.0, 2.0], [1.0, 1.0]]), np.array([0.4, 0.6]))
     np.testing.assert_allclose(twice.density(np.array([[0.9, 0.0], [0.1, 0.2]])), [0.1, 0.7])
 
@@ -85,8 +85,8 @@ def test_a_picture_has_the_mirrors_of_its_pixels() -> None:
 
 def test_a_picture_is_as_wide_as_stated_and_all_of_it_has_the_flux(tmp_path: Path) -> None:
     Image.fromarray(np.array([[50, 0, 0, 100], [0, 0, 0, 50]], dtype=np.uint8)).save(tmp_path / "led.png")
-    found = planar_emitter(LuminanceSource(file=tmp_path / "led.png", width_mm=6.0)).area
-    assert found.pitch_mm == 1.5 and found.values.tolist() == [[0.25, 0.0, 0.0, 0.5], [0.0, 0.0, 0.0, 0.25]]
+    area = planar_emitter(LuminanceSource(file=tmp_path / "led.png", width_mm=6.0)).area
+    assert area.pitch_mm == 1.5 and area.values.tolist() == [[0.25, 0.0, 0.0, 0.5], [0.0, 0.0, 0.0, 0.25]]
     Image.new("L", (4, 4)).save(tmp_path / "dark.png")
     with pytest.raises(InputError, match="must not be all dark"):
         planar_emitter(LuminanceSource(file=tmp_path / "dark.png", width_mm=6.0))

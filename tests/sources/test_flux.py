@@ -252,19 +252,19 @@ def test_a_ray_file_in_lumens_has_the_power_of_each_ray_by_its_wavelength(loaded
     [(1e-6, 1e-6), (0.99e-6, None), (683.002, 683.002), (683.002 * 1.00009, 683.002), (683.002 * 1.0002, None)],
 )
 def test_both_totals_of_a_file_have_a_ratio_that_light_can_have(lumens: float, efficacy: float | None) -> None:
-    found = settled_flux(FluxSection(), own_flux=OwnFlux(1.0, lumens))
-    assert found.efficacy == (None if efficacy is None else pytest.approx(efficacy, rel=1e-12))
-    assert found.flux_w == 1.0 and found.in_lumens and len(found.warnings) == (efficacy is None)
+    flux = settled_flux(FluxSection(), own_flux=OwnFlux(1.0, lumens))
+    assert flux.efficacy == (None if efficacy is None else pytest.approx(efficacy, rel=1e-12))
+    assert flux.flux_w == 1.0 and flux.in_lumens and len(flux.warnings) == (efficacy is None)
     if efficacy is None:
-        assert ("no light has more than 683" if lumens > 1.0 else "that is no visible light") in found.warnings[0]
+        assert ("no light has more than 683" if lumens > 1.0 else "that is no visible light") in flux.warnings[0]
 
 
 def test_parts_are_joined_by_their_sums_and_their_warnings_are_told_once() -> None:
     parts = [SourceFlux(1.0, 100.0, warnings=("a", "b")), SourceFlux(3.0, 300.0, True, warnings=("b",))]
-    found = joined_flux(FluxSection(), parts)
-    assert (found.flux_w, found.efficacy, found.in_lumens, found.warnings) == (4.0, 250.0, True, ("a", "b"))
-    found = joined_flux(FluxSection(), [parts[0], SourceFlux(3.0)])
-    assert (found.flux_w, found.efficacy, found.in_lumens) == (4.0, None, False)
+    flux = joined_flux(FluxSection(), parts)
+    assert (flux.flux_w, flux.efficacy, flux.in_lumens, flux.warnings) == (4.0, 250.0, True, ("a", "b"))
+    flux = joined_flux(FluxSection(), [parts[0], SourceFlux(3.0)])
+    assert (flux.flux_w, flux.efficacy, flux.in_lumens) == (4.0, None, False)
     assert (
         joined_flux(FluxSection(), [parts[0]], 120.0).in_lumens
         and joined_flux(FluxSection(flux_lm=5.0), parts).in_lumens

@@ -40,18 +40,18 @@ def unread(monkeypatch):
 def led(count=COUNT, seed=3, waves=False, bad=0) -> RayFile:
     """A square LED, a little off the axis, of unequal rays; some go down, and one in ``bad`` has no flux or place."""
     sample, random = SquareEmitter(2.0).sample(count, seed), np.random.default_rng(seed)
-    found = RayFile(
+    rayfile = RayFile(
         (sample.origins + np.array([0.1, -0.2, 0.05])).astype(np.float32),
         sample.directions.astype(np.float32),
         random.uniform(0.5, 1.5, count).astype(np.float32),
         "W",
         random.uniform(420.0, 680.0, count).astype(np.float32) if waves else None,
     )
-    found.directions[::97, 2] *= -1.0
+    rayfile.directions[::97, 2] *= -1.0
     if bad:
-        found.flux[::bad] = 0.0
-        found.positions_mm[5::bad, 1] = np.nan
-    return found
+        rayfile.flux[::bad] = 0.0
+        rayfile.positions_mm[5::bad, 1] = np.nan
+    return rayfile
 
 
 def saved(path, rayfile, format="tm25"):
@@ -94,25 +94,25 @@ NAMES = [
 
 def arrays(bundle):
     every = bundle.origins, bundle.directions, bundle.flux, bundle.wavelengths_nm
-    return [each for each in every if each is not None]
+    return [array for array in every if array is not None]
 
 
 def light(emitter, spec):
     """All that a design takes from a source, by name: lists of arrays."""
-    found = {}
+    samples = {}
     for count in (1, 300, 2000, len(emitter), len(emitter) + 50, 2 * len(emitter)):
-        found[f"sample of {count}"] = arrays(emitter.sample(count, count))
+        samples[f"sample of {count}"] = arrays(emitter.sample(count, count))
     steps, held = divided(emitter, 0.8, 7)
     first, second = divided(held, 0.5, 8)
-    found["split"] = [*arrays(steps.sample(500, 1)), *arrays(first.sample(50, 2)), *arrays(second.sample(100, 3))]
-    found["turned"] = arrays(smoothed(steps).sample(200, 3))
+    samples["split"] = [*arrays(steps.sample(500, 1)), *arrays(first.sample(50, 2)), *arrays(second.sample(100, 3))]
+    samples["turned"] = arrays(smoothed(steps).sample(200, 3))
     for count in (3000, len(emitter)):
         evaluated = bundles(emitter, count, 16, 3)
-        found[f"evaluation of {count}"] = [
-            each for _, share, part in evaluated for each in [*arrays(part), np.array(share)]
+        samples[f"evaluation of {count}"] = [
+            array for _, share, part in evaluated for array in [*arrays(part), np.array(share)]
         ]
-    found["verification"] = arrays(independent_rays(small_spec(), emitter, 1000, 9))
-    return found
+    samples["verification"] = arrays(independent_rays(small_spec(), emitter, 1000, 9))
+    return samples
 
 
 @pytest.mark.parametrize("name", first_by_day(4, NAMES))
@@ -125,11 +125,11 @@ def test_the_light_of_a_file_left_on_disk_is_that_of_the_loaded_one(name, tmp_pa
     left = load_ray_set(spec, material)
     assert isinstance(loaded.rays, RayBundle) and not isinstance(left.rays, RayBundle)
     np.testing.assert_allclose(left.outline(), loaded.outline(), rtol=1e-9, atol=1e-12)
-    found, again = light(left, spec), spectrum_of_source(spec, left.summary)
-    assert found.keys() == expected.keys()
-    for part, own in expected.items():
-        assert len(found[part]) == len(own)
-        for one, other in zip(found[part], own, strict=True):
+    samples, again = light(left, spec), spectrum_of_source(spec, left.summary)
+    assert samples.keys() == expected.keys()
+    for part, known in expected.items():
+        assert len(samples[part]) == len(known)
+        for one, other in zip(samples[part], known, strict=True):
             # watts of lumens by a mean over blocks: the same to rounding
             np.testing.assert_allclose(one, other, rtol=1e-14 if name == "lumens" else 0.0, err_msg=part)
     assert (spectrum is None) == (again is None)

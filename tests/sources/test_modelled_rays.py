@@ -58,9 +58,9 @@ def two_chips(count: int, seed: int, stray: float = 0.01) -> RayBundle:
 def fitted(count: int = 30_000) -> ModelledRays:
     rays = two_chips(count, 1).placed(ASKEW)
     file = RaySetEmitter(rays, 2.5, pose=ASKEW)
-    found = _best(_Content.of(file))
-    assert isinstance(found, ModelledRays)
-    return found
+    model = _best(_Content.of(file))
+    assert isinstance(model, ModelledRays)
+    return model
 
 
 def test_functions_of_the_angle_are_a_partition_of_one_with_known_integrals() -> None:
@@ -75,8 +75,8 @@ def test_functions_of_the_angle_are_a_partition_of_one_with_known_integrals() ->
     grid, directions = angles.on_grid(weights)[..., 0], directions[:50]
     turn, square = np.arctan2(directions[:, 1], directions[:, 0]) / (2.0 * np.pi) % 1.0, 1.0 - directions[:, 2] ** 2
     at = [
-        np.interp(each, angles.squares, [np.interp(around, np.arange(25) / 24.0, ring) for ring in grid.T])
-        for around, each in zip(turn, square, strict=True)
+        np.interp(squared, angles.squares, [np.interp(around, np.arange(25) / 24.0, ring) for ring in grid.T])
+        for around, squared in zip(turn, square, strict=True)
     ]
     np.testing.assert_allclose((shares[:50] * weights[nodes[:50], 0]).sum(axis=1), at, rtol=1e-9)
 
@@ -85,11 +85,11 @@ def test_a_step_never_lowers_the_likelihood() -> None:
     rays = two_chips(20_000, 3, stray=0.0)
     surface = LightSurface.of(rays, curved=False)
     rays = rays.take(surface.holds(rays))
-    model, found = FittedRadiance.of(rays, surface, Detail(12, factors=3, blur=0.0), 1), []
+    model, likelihoods = FittedRadiance.of(rays, surface, Detail(12, factors=3, blur=0.0), 1), []
     for _ in range(6):
         model = model.fitted(rays, 1)
-        found.append(float(np.average(model.logarithms(rays), weights=rays.flux)))
-    assert np.diff(found).min() > 0.0 and found[-1] > found[0] + 1e-3
+        likelihoods.append(float(np.average(model.logarithms(rays), weights=rays.flux)))
+    assert np.diff(likelihoods).min() > 0.0 and likelihoods[-1] > likelihoods[0] + 1e-3
 
 
 def test_a_model_is_nearer_to_the_radiance_than_its_rays_are_and_nearer_with_more() -> None:
@@ -120,11 +120,11 @@ def test_rays_keep_flux_stray_light_place_and_direction() -> None:
     model = fitted()
     rays, file = model.sample(2**17, 4), model.file.rays
     assert rays.flux.sum() == pytest.approx(2.5, rel=1e-12) and np.ptp(rays.flux) == 0.0
-    own, of_file = rays.seen_from(ASKEW), file.seen_from(ASKEW)
+    drawn, of_file = rays.seen_from(ASKEW), file.seen_from(ASKEW)
     for column in ("origins", "directions"):
         mean = np.average(getattr(of_file, column), axis=0, weights=of_file.flux)
-        np.testing.assert_allclose(getattr(own, column).mean(axis=0), mean, atol=4e-3)
-    stray = (own.directions[:, 2] < 0.0).mean()
+        np.testing.assert_allclose(getattr(drawn, column).mean(axis=0), mean, atol=4e-3)
+    stray = (drawn.directions[:, 2] < 0.0).mean()
     assert stray == pytest.approx(backward_share(fitted_to(model)), rel=0.005)
     apart = (0.25 * backward_share(of_file) / len(file)) ** 0.5  # four fifths of the rays by chance, from all of them
     assert stray == pytest.approx(backward_share(of_file), abs=3.0 * apart)
@@ -136,17 +136,17 @@ def test_rays_keep_flux_stray_light_place_and_direction() -> None:
 def test_edges_stay_sharp() -> None:
     """Between the chips it is dark within a cell of them, and a cell is a twentieth of the light or finer."""
     model = fitted()
-    own = model.sample(2**17, 3).seen_from(ASKEW)
-    lit = own.directions[:, 2] > 0.0
+    drawn = model.sample(2**17, 3).seen_from(ASKEW)
+    lit = drawn.directions[:, 2] > 0.0
     cell = float((model.radiance.surface.high - model.radiance.surface.low)[0]) / model.radiance.shape[1]
     assert cell < 0.13
-    gap = np.abs(own.origins[lit, 0]) < 0.5 - 0.5 * SIDES[0] - cell
+    gap = np.abs(drawn.origins[lit, 0]) < 0.5 - 0.5 * SIDES[0] - cell
     assert gap.mean() < 2e-3
 
 
 def test_quasi_random_rays_have_less_noise() -> None:
     model, count = fitted(), 2**12
-    means = [(own := model.sample(count, seed).seen_from(ASKEW)).directions[:, 0].mean() + own.origins[:, 1].mean()
+    means = [(drawn := model.sample(count, seed).seen_from(ASKEW)).directions[:, 0].mean() + drawn.origins[:, 1].mean()
              for seed in range(12)]  # fmt: skip
     many = model.sample(2**16, 1).seen_from(ASKEW)
     of_random = float(np.std(many.directions[:, 0] + many.origins[:, 1])) / count**0.5
@@ -160,7 +160,7 @@ def test_light_behind_a_window_comes_from_another_height_for_every_angle() -> No
     starts, directions = LED["_through_top"](random, LED["_on_chip"](random, count))
     starts[:, 2] += LED["WINDOW_TOP_MM"]
     rays = RayBundle(starts, directions, np.ones(count))
-    curved, plane = (LightSurface.of(rays, curved=each) for each in (True, False))
+    curved, plane = (LightSurface.of(rays, curved=is_curved) for is_curved in (True, False))
     sine = np.sqrt(curved.squares)
     inside = np.tan(np.arcsin(sine / LED["INDEX"])) / np.tan(np.arcsin(sine))
     np.testing.assert_allclose(curved.heights, LED["WINDOW_TOP_MM"] - LED["WINDOW_MM"] * inside, atol=0.04)
@@ -231,8 +231,8 @@ def test_light_that_mirrors_leave_as_it_is_falls_onto_one_image(brighter: float,
     others = one_chip(200_000, 8, brighter)
     fitted_to = 0.8 * 30_000  # the others are held back
     assert _apart(model.radiance, others.take(surface.holds(others))) < share * BLOCKS / fitted_to
-    own = model.sample(2**17, 3)
-    leaning = [np.cov(rays.origins[:, 0], rays.directions[:, 0])[0, 1] for rays in (own, others)]
+    drawn = model.sample(2**17, 3)
+    leaning = [np.cov(rays.origins[:, 0], rays.directions[:, 0])[0, 1] for rays in (drawn, others)]
     assert leaning[0] == pytest.approx(leaning[1], rel=0.03)
 
 
@@ -248,8 +248,8 @@ def test_densities_integrate_to_the_light_of_the_surface(rays) -> None:
     )
     starts, outside = surface.outward(places, directions)
     index = 1.0 if surface.dome is None else surface.dome.index
-    found = np.exp(model.radiance.logarithms(RayBundle(starts, outside, np.ones(count))))
-    assert found.mean() * np.pi * index**2 * np.prod(surface.high - surface.low) == pytest.approx(1.0, abs=0.03)
+    densities = np.exp(model.radiance.logarithms(RayBundle(starts, outside, np.ones(count))))
+    assert densities.mean() * np.pi * index**2 * np.prod(surface.high - surface.low) == pytest.approx(1.0, abs=0.03)
     assert model.radiance.surface.mirrors == ("square" if rays is one_chip else "none")
 
 
@@ -296,9 +296,9 @@ def test_refits_tell_what_the_file_leaves_open() -> None:
     """Their mean directions scatter as those of files of so many rays do."""
     model = fitted(5_000)
     shifts = [model.refitted(seed).sample(2**13, 1).seen_from(ASKEW).directions[:, 0].mean() for seed in range(16)]
-    own = model.file.rays.seen_from(ASKEW)
-    weights = own.flux / own.flux.sum()
-    error = float(np.sqrt(np.sum(weights**2 * (own.directions[:, 0] - np.sum(weights * own.directions[:, 0])) ** 2)))
+    seen = model.file.rays.seen_from(ASKEW)
+    weights = seen.flux / seen.flux.sum()
+    error = float(np.sqrt(np.sum(weights**2 * (seen.directions[:, 0] - np.sum(weights * seen.directions[:, 0])) ** 2)))
     assert 0.5 * error < np.std(shifts) < 1.6 * error
 
 
@@ -307,7 +307,7 @@ def test_the_picture_shows_the_chips_from_each_side_in_the_file_and_in_the_model
     rays = two_chips(40_000, 2, stray=0.0)
     left = rays.origins[:, 0] < 0.0
     rays.directions[left, 0] = np.abs(rays.directions[left, 0])
-    columns = (each.astype(np.float32) for each in (rays.origins, rays.directions, rays.flux))
+    columns = (column.astype(np.float32) for column in (rays.origins, rays.directions, rays.flux))
     write_rayfile(tmp_path / "led.tm25ray", RayFile(*columns, "W"), "tm25")
     picture = tmp_path / "led.svg"
     done = CliRunner().invoke(cli, ["rays", str(tmp_path / "led.tm25ray"), "--model", "--plot", str(picture)])
@@ -318,7 +318,7 @@ def test_the_picture_shows_the_chips_from_each_side_in_the_file_and_in_the_model
     drawn = picture.read_text(encoding="utf-8")
     panels = re.findall('data:image/png;base64,([^"]+)', drawn)
     assert drawn.count("scale(1 -1)") == len(panels)  # the first row of each is the lowest
-    values = [shown(each, "inferno" if number < 12 else "RdBu_r")[::-1] for number, each in enumerate(panels)]
+    values = [shown(panel, "inferno" if number < 12 else "RdBu_r")[::-1] for number, panel in enumerate(panels)]
     assert len(values) == 18  # from the front, 45 degrees from +x, +y, -x, -y, and the far field
     for front, right, up, away, down, far in (values[:6], values[6:12]):
         middle = front.shape[1] // 2

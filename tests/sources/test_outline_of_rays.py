@@ -28,10 +28,10 @@ def reached(values: list[float], flux: list[float], wanted: float) -> float:
     raise ValueError(wanted)
 
 
-def by_loop(found: RayBundle, forward: bool = True) -> tuple[set[tuple[float, float]], float]:
+def by_loop(bundle: RayBundle, forward: bool = True) -> tuple[set[tuple[float, float]], float]:
     """Points of the plane within the distance of 95 % of the flux from the middle of the light, and that distance."""
     points, flux = [], []
-    for start, way, part in zip(found.origins, found.directions, found.flux, strict=True):
+    for start, way, part in zip(bundle.origins, bundle.directions, bundle.flux, strict=True):
         if (way[2] > 0.0) == forward:
             length = 0.0 if abs(way[2]) < 1e-9 else -start[2] / way[2]
             points.append(start[:2] + length * way[:2])
@@ -60,18 +60,18 @@ def test_the_outline_is_around_the_nearest_of_the_crossings(
 ) -> None:
     """Of rays that go up, or, where none does, of those that go down; rays of a file in nine blocks."""
     monkeypatch.setattr(ray_bundle, "BLOCK_RAYS", 100)
-    found = rays(900, down=down)
-    assert (found.directions[:, 2] > 0.0).any() == forward
-    agrees(outline_of(LazyRays([found]) if unread else found, Pose()), by_loop(found, forward)[0])
+    bundle = rays(900, down=down)
+    assert (bundle.directions[:, 2] > 0.0).any() == forward
+    agrees(outline_of(LazyRays([bundle]) if unread else bundle, Pose()), by_loop(bundle, forward)[0])
 
 
 def test_the_outline_of_a_posed_source_is_that_of_the_source_posed() -> None:
-    own, pose = rays(300), Pose.of_tilts((1.0, 2.0, -3.0), (145.0, 0.0))
-    posed = own.placed(pose)
+    bundle, pose = rays(300), Pose.of_tilts((1.0, 2.0, -3.0), (145.0, 0.0))
+    posed = bundle.placed(pose)
     assert (posed.directions[:, 2] > 0.0).any() and (posed.directions[:, 2] < 0.0).any()
-    found, expected = outline_of(posed, pose), pose.points(outline_of(own, Pose()))
-    order, other = np.lexsort(np.round(found, 6).T), np.lexsort(np.round(expected, 6).T)
-    np.testing.assert_allclose(found[order], expected[other], atol=1e-9)
+    outline, expected = outline_of(posed, pose), pose.points(outline_of(bundle, Pose()))
+    order, other = np.lexsort(np.round(outline, 6).T), np.lexsort(np.round(expected, 6).T)
+    np.testing.assert_allclose(outline[order], expected[other], atol=1e-9)
 
 
 def test_rays_along_the_plane_stay_where_they_start() -> None:
@@ -97,15 +97,15 @@ def test_around_leaves_out_the_rays_beyond_95_per_cent() -> None:
 
 def test_one_ray_of_many_that_has_the_light_of_many_is_in_the_outline() -> None:
     """No sample of them is likely to hold it: it reaches ten times as far as any other, with 6 % of the flux."""
-    count, found = 2**20 + 1, rays(2**20 + 1, down=0.0)  # too many to sort
-    found.directions[:] = (0.0, 0.0, 1.0)
-    found.origins[:, :2] = np.random.default_rng(5).uniform(-1.0, 1.0, (count, 2))
-    found.flux[:] = 1.0
-    found.origins[70_003, :2], found.flux[70_003] = (-3.0, 10.0), 0.064 * count
-    outline = outline_of(LazyRays([found]), Pose())
+    count, bundle = 2**20 + 1, rays(2**20 + 1, down=0.0)  # too many to sort
+    bundle.directions[:] = (0.0, 0.0, 1.0)
+    bundle.origins[:, :2] = np.random.default_rng(5).uniform(-1.0, 1.0, (count, 2))
+    bundle.flux[:] = 1.0
+    bundle.origins[70_003, :2], bundle.flux[70_003] = (-3.0, 10.0), 0.064 * count
+    outline = outline_of(LazyRays([bundle]), Pose())
     assert [-3.0, 10.0, 0.0] in outline.tolist()
-    found.flux[70_003] = 0.05 * count  # 4.8 %: left out, and all others are within
-    np.testing.assert_allclose(outline_of(LazyRays([found]), Pose()), outline_of(found, Pose()), rtol=0.0, atol=0.0)
+    bundle.flux[70_003] = 0.05 * count  # 4.8 %: left out, and all others are within
+    np.testing.assert_allclose(outline_of(LazyRays([bundle]), Pose()), outline_of(bundle, Pose()), rtol=0.0, atol=0.0)
 
 
 @pytest.mark.parametrize("share", [0.1, 0.5, 0.95])

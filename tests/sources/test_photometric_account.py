@@ -104,11 +104,11 @@ def test_a_statement_is_kept_or_lost(origin: str, target: str, tmp_path: Path) -
     expected, rest = LOST[origin, target], list(account.lost)
     for words in expected:
         fitting = [
-            each for each in rest if each.startswith(f"{words} (") or each == words or each.startswith(f"{words},")
+            line for line in rest if line.startswith(f"{words} (") or line == words or line.startswith(f"{words},")
         ]
-        fitting = fitting or [each for each in rest if each.startswith(words)]
+        fitting = fitting or [line for line in rest if line.startswith(words)]
         assert fitting, (words, rest)
-        rest = [each for each in rest if each not in fitting]
+        rest = [line for line in rest if line not in fitting]
     assert rest == []
 
 
@@ -135,10 +135,10 @@ FIELDS_OF_LDT = {
 @pytest.mark.parametrize(("suffix", "fields"), [(".ies", FIELDS_OF_IES), (".ldt", FIELDS_OF_LDT)])
 def test_every_line_of_a_header_is_a_field(suffix: str, fields: dict[str, object], tmp_path: Path) -> None:
     (tmp_path / f"a{suffix}").write_text(FILES[suffix], encoding="utf-8")
-    found = read_photometric(tmp_path / f"a{suffix}")
-    assert {name: getattr(found, name) for name in fields} == fields
+    photometric = read_photometric(tmp_path / f"a{suffix}")
+    assert {name: getattr(photometric, name) for name in fields} == fields
     factor = 2.0 * 0.9 if suffix == ".ies" else 2.0 * 1.2  # multiplier and ballast; conversion factor and lumens
-    assert found.intensity.values[0, 1] == pytest.approx(factor * 250.5)
+    assert photometric.intensity.values[0, 1] == pytest.approx(factor * 250.5)
 
 
 def test_the_account_knows_every_field_of_the_record() -> None:
@@ -181,11 +181,13 @@ def test_an_opening_by_its_signs(year: int, sizes: tuple[float, float, float], t
     numbers = " ".join(map(str, sizes))
     text = f"IESNA:LM-63-{year}\n[TEST] x\nTILT=NONE\n1 1000 1 3 1 1 2 {numbers}\n1 1 10\n0 45 90\n0\n300 200 0\n"
     (tmp_path / "a.ies").write_text(text)
-    found = read_photometric(tmp_path / "a.ies")
-    assert found.opening.shape == shape
-    np.testing.assert_allclose([found.opening.width_mm, found.opening.length_mm, found.opening.height_mm], expected)
-    assert (found.opening.diameter_mm > 0.0) == (shape in ("circle", "vertical cylinder", "sphere"))
-    assert len(found.warnings) == (shape == "unknown")
+    photometric = read_photometric(tmp_path / "a.ies")
+    assert photometric.opening.shape == shape
+    np.testing.assert_allclose(
+        [photometric.opening.width_mm, photometric.opening.length_mm, photometric.opening.height_mm], expected
+    )
+    assert (photometric.opening.diameter_mm > 0.0) == (shape in ("circle", "vertical cylinder", "sphere"))
+    assert len(photometric.warnings) == (shape == "unknown")
     assert not any("opening" in loss for loss in convert_photometric(tmp_path / "a.ies", tmp_path / "b.ies").lost)
     for suffix in (".ldt", ".iesxml"):
         account = convert_photometric(tmp_path / "a.ies", tmp_path / f"b{suffix}")

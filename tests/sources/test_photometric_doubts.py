@@ -16,7 +16,7 @@ PLANES = {90: (300, 200, 100, 280), 120: (300, 150, 240)}  # cd at gamma 45 by t
 
 def _ldt(changes=(), symmetry=1, planes=(0,), sets=(("1", "LED", "1000", "", "", "10"),), cd=((300, 200, 0),)):
     head = ["maker", "3", str(symmetry), str(len(planes)), "0", "3", "45", "r", "lamp", "c", "f", "d"] + ["0"] * 9
-    head += ["100", "0", "1", "0", str(len(sets)), *(line for each in sets for line in each)]
+    head += ["100", "0", "1", "0", str(len(sets)), *(line for lamp_set in sets for line in lamp_set)]
     for line, text in dict(changes).items():
         head[line - 1] = text
     return "\n".join([*head, *["0"] * 10, *map(str, planes), "0", "45", "90", *(str(n) for row in cd for n in row)])
@@ -52,9 +52,9 @@ def test_a_turn_of_few_planes_without_the_last_is_whole_in_every_format(step, tm
     h = range(0, 360, step)
     mean = sum(PLANES[step]) / len(PLANES[step])
     truth = _read(tmp_path, _ldt(cd=[(300, mean, 0)])).intensity.flux()
-    for text, said in ((_ldt(symmetry=0, planes=h, cd=cd), 0), (_ies(h=h, cd=cd), 1), (_tm33(h, cd), 0)):
+    for text, count in ((_ldt(symmetry=0, planes=h, cd=cd), 0), (_ies(h=h, cd=cd), 1), (_tm33(h, cd), 0)):
         file = _read(tmp_path, text)
-        assert file.intensity.flux() == pytest.approx(truth) and len(file.warnings) == said
+        assert file.intensity.flux() == pytest.approx(truth) and len(file.warnings) == count
         assert file.intensity.c_deg.tolist() == [*h, 360.0]
     with pytest.raises(InputError, match="C angles from"):
         _read(tmp_path, _ies(h=(0, 30, 60), cd=cd[:3]))
@@ -105,8 +105,10 @@ SETS = tuple(("1", "LED", lumens, "4000", "80", "10") for lumens in ("500", "120
 )  # fmt: skip
 def test_what_is_taken_is_said_and_nothing_else(text, words, tmp_path):
     (tmp_path / "x").write_text(text)
-    found = lf.rays(tmp_path / "x").warnings
-    assert len(found) == len(words) and all(word in line for word, line in zip(words, found, strict=True)), found
+    messages = lf.rays(tmp_path / "x").warnings
+    assert len(messages) == len(words) and all(word in line for word, line in zip(words, messages, strict=True)), (
+        messages
+    )
 
 
 @pytest.mark.parametrize("line", [*range(13, 22), 25, 27, 32, 33, 38, 39, 44])
@@ -175,8 +177,8 @@ def _said(tmp_path, text):
 )  # fmt: skip
 def test_what_eulumdat_says_of_its_angles_is_compared_with_them(changes, planes, words, tmp_path):
     text = _ldt(changes, symmetry=1 if len(planes) == 1 else 0, planes=planes, cd=[(300, 200, 0)] * len(planes))
-    said = _said(tmp_path, text)
-    assert (words in said) if words else ("states steps" not in said and "go down" not in said)
+    message = _said(tmp_path, text)
+    assert (words in message) if words else ("states steps" not in message and "go down" not in message)
 
 
 def test_blank_lines_of_eulumdat_are_left_out_or_named(tmp_path):
@@ -208,8 +210,8 @@ def test_an_ies_file_without_tilt_is_named(first, tmp_path):
 )  # fmt: skip
 def test_the_symmetry_that_tm33_states_is_that_of_its_angles(symmetry, h, words, tmp_path):
     cd = [(300, 200 + 20 * abs(90 - angle % 180) / 90, 0) for angle in h]
-    said = _said(tmp_path, _tm33(h, cd, symmetry))
-    assert (words in said) if words else "Symm" not in said
+    message = _said(tmp_path, _tm33(h, cd, symmetry))
+    assert (words in message) if words else "Symm" not in message
 
 
 @pytest.mark.parametrize(
@@ -220,8 +222,8 @@ def test_the_symmetry_that_tm33_states_is_that_of_its_angles(symmetry, h, words,
      ("Symm_Full", (150, 250, 150, 250), False), ("Symm_Full", (200, 200, 200, 200), True)],
 )  # fmt: skip
 def test_a_symmetry_of_tm33_holds_for_a_whole_turn_of_intensities(symmetry, of_c, kept, tmp_path):
-    said = _said(tmp_path, _tm33((0, 90, 180, 270), [(300, value, 0) for value in of_c], symmetry))
-    assert ("its intensities have not that symmetry" not in said) == kept
+    message = _said(tmp_path, _tm33((0, 90, 180, 270), [(300, value, 0) for value in of_c], symmetry))
+    assert ("its intensities have not that symmetry" not in message) == kept
 
 
 @pytest.mark.parametrize(
@@ -230,8 +232,8 @@ def test_a_symmetry_of_tm33_holds_for_a_whole_turn_of_intensities(symmetry, of_c
      ("10 1 0", False), ("10.1 1 0", True), ("-0.0005 -0.0005 0", True), ("0 0 0", False), ("0.1 0.1 11", True)],
 )  # fmt: skip
 def test_openings_that_no_luminaire_has_are_told(sizes, told, tmp_path):
-    said = _said(tmp_path, _ies().replace(" 2 0 0 0\n", f" 2 {sizes}\n"))
-    assert ("its luminous opening is" in said and "in another unit?" in said) == told
+    message = _said(tmp_path, _ies().replace(" 2 0 0 0\n", f" 2 {sizes}\n"))
+    assert ("its luminous opening is" in message and "in another unit?" in message) == told
 
 
 def test_a_housing_in_metres_is_told(tmp_path):

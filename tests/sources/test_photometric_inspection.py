@@ -39,17 +39,21 @@ def lambertian(c, gamma):
 @pytest.mark.parametrize("suffix", [".ies", ".ldt", ".iesxml"])
 def test_a_lambertian_emitter_has_its_closed_forms(suffix, tmp_path):
     path = saved(tmp_path / f"led{suffix}", lambertian, 4000.0, title="Lambert", maker="Johann", watts=40.0)
-    found = lf.rays(path)
-    assert isinstance(found, PhotometricSummary)
-    assert found.lumens == pytest.approx(1000.0 * np.pi, rel=1e-4)
-    assert (found.luminaire, found.maker, found.watts, found.lamp_lumens) == ("Lambert", "Johann", 40.0, 4000.0)
-    assert found.lumens_per_electric_watt == pytest.approx(25.0 * np.pi, rel=1e-4)
-    assert (found.peak.intensity_cd, found.peak.gamma_deg, found.axis_cd) == (pytest.approx(1000.0), 0.0, found.axis_cd)
-    for beam in (found.beam_c0, found.beam_c90):
+    summary = lf.rays(path)
+    assert isinstance(summary, PhotometricSummary)
+    assert summary.lumens == pytest.approx(1000.0 * np.pi, rel=1e-4)
+    assert (summary.luminaire, summary.maker, summary.watts, summary.lamp_lumens) == ("Lambert", "Johann", 40.0, 4000.0)
+    assert summary.lumens_per_electric_watt == pytest.approx(25.0 * np.pi, rel=1e-4)
+    assert (summary.peak.intensity_cd, summary.peak.gamma_deg, summary.axis_cd) == (
+        pytest.approx(1000.0),
+        0.0,
+        summary.axis_cd,
+    )
+    for beam in (summary.beam_c0, summary.beam_c90):
         assert beam.beam_angle_deg == pytest.approx(120.0, abs=1e-4)
         assert beam.field_angle_deg == pytest.approx(2.0 * np.rad2deg(np.arccos(0.1)), abs=1e-3)
-    assert (found.symmetry, found.angles.planes, found.angles.gammas) == ("revolution", 1, 361)
-    assert (found.photometric_type, found.share_above_90, found.warnings) == ("C", 0.0, ())
+    assert (summary.symmetry, summary.angles.planes, summary.angles.gammas) == ("revolution", 1, 361)
+    assert (summary.photometric_type, summary.share_above_90, summary.warnings) == ("C", 0.0, ())
 
 
 def test_a_narrow_wide_beam_has_an_angle_in_each_plane(tmp_path):
@@ -59,11 +63,13 @@ def test_a_narrow_wide_beam_has_an_angle_in_each_plane(tmp_path):
         half = np.deg2rad(10.0) * np.cos(c) ** 2 + np.deg2rad(30.0) * np.sin(c) ** 2
         return 500.0 * 2.0 ** (-((gamma / half) ** 2))
 
-    found = lf.rays(saved(tmp_path / "x.ies", beam, c_deg=np.linspace(0.0, 360.0, 73), gamma=np.linspace(0, 180, 721)))
-    assert found.beam_c0.beam_angle_deg == pytest.approx(20.0, abs=0.01)
-    assert found.beam_c90.beam_angle_deg == pytest.approx(60.0, abs=0.01)
-    assert found.beam_c90.field_angle_deg == pytest.approx(60.0 * np.sqrt(np.log2(10.0)), abs=0.02)
-    assert (found.symmetry, found.lamp_lumens, found.watts) == ("rectangle", None, None)
+    summary = lf.rays(
+        saved(tmp_path / "x.ies", beam, c_deg=np.linspace(0.0, 360.0, 73), gamma=np.linspace(0, 180, 721))
+    )
+    assert summary.beam_c0.beam_angle_deg == pytest.approx(20.0, abs=0.01)
+    assert summary.beam_c90.beam_angle_deg == pytest.approx(60.0, abs=0.01)
+    assert summary.beam_c90.field_angle_deg == pytest.approx(60.0 * np.sqrt(np.log2(10.0)), abs=0.02)
+    assert (summary.symmetry, summary.lamp_lumens, summary.watts) == ("rectangle", None, None)
     uniform = lf.rays(saved(tmp_path / "y.ies", lambda c, gamma: np.where(gamma > np.pi / 2, 3.0, 1.0)))
     assert uniform.share_above_90 == pytest.approx(0.75, abs=0.005)
     assert uniform.lumens == pytest.approx(8.0 * np.pi, rel=0.005)
@@ -72,10 +78,10 @@ def test_a_narrow_wide_beam_has_an_angle_in_each_plane(tmp_path):
 def test_an_off_axis_beam_is_measured_between_its_outermost_directions(tmp_path):
     """Wings at 40 degrees, dark in the middle: the beam reaches from -45 to 45 degrees, not from the axis."""
     wings = np.interp(GAMMA, [30.0, 40.0, 50.0], [0.0, 1.0, 0.0])
-    found = lf.rays(saved(tmp_path / "x.ies", lambda c, gamma: wings))
-    assert found.beam_c0.beam_angle_deg == pytest.approx(90.0)
-    assert found.beam_c0.field_angle_deg == pytest.approx(98.0)
-    assert (found.axis_cd, found.peak.gamma_deg) == (0.0, 40.0)
+    summary = lf.rays(saved(tmp_path / "x.ies", lambda c, gamma: wings))
+    assert summary.beam_c0.beam_angle_deg == pytest.approx(90.0)
+    assert summary.beam_c0.field_angle_deg == pytest.approx(98.0)
+    assert (summary.axis_cd, summary.peak.gamma_deg) == (0.0, 40.0)
 
 
 def test_the_angles_of_a_plane_are_shares_of_its_own_peak(tmp_path):
@@ -87,8 +93,8 @@ def test_the_angles_of_a_plane_are_shares_of_its_own_peak(tmp_path):
     def two_beams(c, gamma):
         return ring if abs(np.cos(c)) > 0.5 else cone
 
-    found = lf.rays(saved(tmp_path / "x.ies", two_beams, c_deg=planes))
-    beams = [found.beam_c0, found.beam_c90]
+    summary = lf.rays(saved(tmp_path / "x.ies", two_beams, c_deg=planes))
+    beams = [summary.beam_c0, summary.beam_c90]
     assert [beam.peak_cd for beam in beams] == [100.0, 20.0]
     assert [beam.beam_angle_deg for beam in beams] == pytest.approx([90.0, 60.0])
     assert [beam.field_angle_deg for beam in beams] == pytest.approx([114.0, 108.0])
@@ -101,8 +107,10 @@ def test_odd_files_are_warned_of(tmp_path):
     assert cut.beam_c0.field_angle_deg == pytest.approx(120.0)  # from end to end of the table
     around = np.linspace(0.0, 360.0, 5)
     aside = saved(tmp_path / "x.ies", lambda c, g: lambertian(c, g) * (1.0 - np.cos(c)), gamma=cut_deg, c_deg=around)
-    found = lf.rays(aside).warnings
-    assert any("its last gamma is 60 degrees, with 50 % of the largest" in each for each in found), "none of it in C 0"
+    messages = lf.rays(aside).warnings
+    assert any("its last gamma is 60 degrees, with 50 % of the largest" in message for message in messages), (
+        "none of it in C 0"
+    )
     bright = lf.rays(saved(tmp_path / "x.ies", lambertian, 2000.0, watts=2.0))
     assert [words.split(":")[-1].strip() for words in bright.warnings] == [
         "check its factors",
@@ -133,13 +141,13 @@ def test_the_command_summarises_draws_and_converts(tmp_path):
 
 
 def test_a_summary_is_saved_and_read_back_without_its_intensities(tmp_path):
-    found = lf.rays(saved(tmp_path / "led.ies", lambertian))
-    found.save(tmp_path / "led.json")
+    summary = lf.rays(saved(tmp_path / "led.ies", lambertian))
+    summary.save(tmp_path / "led.json")
     back = PhotometricSummary.read(tmp_path, "led")
-    assert back == found and "<img" in found._repr_html_() and "<img" not in back._repr_html_()
+    assert back == summary and "<img" in summary._repr_html_() and "<img" not in back._repr_html_()
     with pytest.raises(InputError, match="read the photometric file again"):
         back.plot()
-    curves = {line.get_label(): line.get_ydata() for line in found.plot().lines}
+    curves = {line.get_label(): line.get_ydata() for line in summary.plot().lines}
     assert curves["C0 - C180"].min() == pytest.approx(-1000.0)
 
 

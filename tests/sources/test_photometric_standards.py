@@ -53,13 +53,17 @@ def test_an_edition_is_read_for_what_it_says(version, tmp_path):
         "opening": LuminousOpening.disc(20.0),
     }
     path, _ = written(tmp_path, version, **fields)
-    found, file = read_photometric(path), far_field("none", 417.25)
-    np.testing.assert_allclose(found.intensity.values, file.intensity.values, rtol=5e-7)
-    assert found.edition == f"LM-63-{version}" and found.warnings == ()
-    assert found.opening.diameter_mm == pytest.approx(20.0)
-    assert found.generated == (SIMULATED if version == 2019 else UNDEFINED)
-    assert (found.title, found.catalogue, found.maker) == (("Leuchte " * 30).strip(), "L 1", "lensforge")
-    assert (found.issued, found.laboratory[:4]) == ("2026-03-01", "none")
+    photometric, file = read_photometric(path), far_field("none", 417.25)
+    np.testing.assert_allclose(photometric.intensity.values, file.intensity.values, rtol=5e-7)
+    assert photometric.edition == f"LM-63-{version}" and photometric.warnings == ()
+    assert photometric.opening.diameter_mm == pytest.approx(20.0)
+    assert photometric.generated == (SIMULATED if version == 2019 else UNDEFINED)
+    assert (photometric.title, photometric.catalogue, photometric.maker) == (
+        ("Leuchte " * 30).strip(),
+        "L 1",
+        "lensforge",
+    )
+    assert (photometric.issued, photometric.laboratory[:4]) == ("2026-03-01", "none")
 
 
 OLD = "A luminaire of 1987\nLamp: FL 36 W\nTILT=NONE\n1 1000 1 3 1 1 1 0 0 0\n1.0 {} 40\n0 45 90\n0\n300 200 0\n"
@@ -69,10 +73,10 @@ def test_a_file_of_1986_has_no_first_line_and_a_factor(tmp_path):
     """The ballast-lamp photometric factor multiplies the candela until 1991; later its place has no meaning."""
     for head, number, first in (("", "1", 300.0), ("", "0.9", 270.0), ("", "0", 300.0), (FIRST[2002], "0.9", 300.0)):
         (tmp_path / "x.ies").write_text(f"{head}\n{OLD.format(number)}", encoding="ascii")
-        found = read_photometric(tmp_path / "x.ies")
-        assert found.intensity.values[0, 0] == pytest.approx(first)
-        assert len(found.warnings) == (1 if number == "0.9" else 0)  # used or not, that is said
-        assert found.title == ("" if head else "A luminaire of 1987")
+        photometric = read_photometric(tmp_path / "x.ies")
+        assert photometric.intensity.values[0, 0] == pytest.approx(first)
+        assert len(photometric.warnings) == (1 if number == "0.9" else 0)  # used or not, that is said
+        assert photometric.title == ("" if head else "A luminaire of 1987")
     (tmp_path / "x.ies").write_text(OLD.format("1").replace("1 1 1 0 0 0", "1 1 1 -0.1 0 0"), encoding="ascii")
     assert read_photometric(tmp_path / "x.ies").opening.diameter_mm == pytest.approx(30.48)  # a tenth of a foot
 
@@ -104,7 +108,7 @@ def test_a_measured_file_is_not_made_a_simulated_one(tmp_path):
     assert "1 1.00001 40" in (tmp_path / "new.ies").read_text(encoding="ascii").split("\n")
     lost = convert_photometric(path, tmp_path / "c.ies", ies_version=2002).lost
     assert lost == ("generation of the data (Test at an accredited lab)", f"method ({far_field('none', 1.0).method})")
-    assert "true" not in [each.text for each in _tm33(path, tmp_path).iter("Simulation")]
+    assert "true" not in [element.text for element in _tm33(path, tmp_path).iter("Simulation")]
 
 
 def _tm33(path, tmp_path):
@@ -132,12 +136,12 @@ def test_the_conversion_factor_of_eulumdat_multiplies_the_intensities(tmp_path):
     write_photometric(tmp_path / "x.ldt", far_field("none", 417.25))
     lines = (tmp_path / "x.ldt").read_text(encoding="ascii").split("\n")
     assert float(lines[23]) == 1.0  # line 24 of the format
-    found = {}
+    intensities = {}
     for factor in ("1", "2.5", "0"):  # 0: not stated
         (tmp_path / "y.ldt").write_text("\n".join([*lines[:23], factor, *lines[24:]]), encoding="ascii")
-        found[factor] = read_photometric(tmp_path / "y.ldt").intensity.values
-    np.testing.assert_allclose(found["2.5"], 2.5 * found["1"], rtol=1e-12)
-    np.testing.assert_array_equal(found["0"], found["1"])
+        intensities[factor] = read_photometric(tmp_path / "y.ldt").intensity.values
+    np.testing.assert_allclose(intensities["2.5"], 2.5 * intensities["1"], rtol=1e-12)
+    np.testing.assert_array_equal(intensities["0"], intensities["1"])
 
 
 # Children of each element in the order of the schema of TM-33-23; 1: required.
@@ -182,7 +186,7 @@ def test_the_elements_of_tm_33_are_those_of_its_schema_in_their_order(lumens, tm
         if element.tag in DECIMALS:
             assert element.text.replace(".", "", 1).isdigit(), element.text  # xs:decimal has no exponent
     assert root.findtext("Emitter/DataGeneration/Simulation") == "true"
-    assert "a < b & c" in [each.text for each in root.iter("Comment")]
+    assert "a < b & c" in [comment.text for comment in root.iter("Comment")]
     back = read_photometric(tmp_path / "x.iesxml")
     assert (back.generated, back.lamp_lumens, back.watts, back.edition) == (SIMULATED, lumens, 2.5, "TM-33-23")
     assert (back.opening.diameter_mm, back.catalogue, back.title) == (pytest.approx(20.0), "L 1", "a lens")
@@ -199,8 +203,8 @@ def test_both_spellings_of_an_xml_boolean_are_read(word, is_true, tmp_path):
         assert before in text
         text = text.replace(before, f"{before[: before.index('>') + 1]}{word}<")
     (tmp_path / "x.iesxml").write_text(text, encoding="utf-8")
-    found = read_photometric(tmp_path / "x.iesxml")
-    assert (found.lamp_lumens is None, found.generated == SIMULATED) == (is_true, is_true)
+    photometric = read_photometric(tmp_path / "x.iesxml")
+    assert (photometric.lamp_lumens is None, photometric.generated == SIMULATED) == (is_true, is_true)
 
 
 def test_tm_33_of_other_programs(tmp_path):
@@ -215,13 +219,15 @@ def test_tm_33_of_other_programs(tmp_path):
         + "</t:LuminousIntensity></t:LuminousData></t:Emitter></t:IESTM33>"
     )
     (tmp_path / "x.dat").write_text(text, encoding="utf-16")
-    found = read_photometric(tmp_path / "x.dat")
-    assert (found.format, found.edition, found.lamp_lumens) == ("tm33", "TM-33-18", 200.0)
-    assert TabulatedIntensity.of(found.intensity).symmetry == "rectangle" and len(found.intensity.c_deg) == 9
-    np.testing.assert_allclose(
-        found.intensity.values[:3], [[180.0, 90.0, 0.0], [1080.0, 990.0, 900.0], [1980.0, 1890.0, 1800.0]]
+    photometric = read_photometric(tmp_path / "x.dat")
+    assert (photometric.format, photometric.edition, photometric.lamp_lumens) == ("tm33", "TM-33-18", 200.0)
+    assert (
+        TabulatedIntensity.of(photometric.intensity).symmetry == "rectangle" and len(photometric.intensity.c_deg) == 9
     )
-    assert found.warnings[0] == "2 emitters in one: the intensities are taken as those of all"
+    np.testing.assert_allclose(
+        photometric.intensity.values[:3], [[180.0, 90.0, 0.0], [1080.0, 990.0, 900.0], [1980.0, 1890.0, 1800.0]]
+    )
+    assert photometric.warnings[0] == "2 emitters in one: the intensities are taken as those of all"
     summary = lf.rays(tmp_path / "x.dat")
     assert (summary.format, summary.title) == ("tm33", "ANSI/IES TM-33")
     source = lf.DiscSource(diameter_mm=1.0, intensity={"kind": "photometric", "file": tmp_path / "x.dat"})
@@ -250,19 +256,21 @@ DIGITS = 5e-7  # relative: seven digits are written
 @pytest.mark.parametrize("form", [*VERSIONS, "ldt", "iesxml"])
 def test_another_reader_finds_the_nodes_the_candela_and_the_lumens(form, lumens, kind, tmp_path):
     file, version = far_field(kind, lumens), form if form in VERSIONS else None
-    path, own = tmp_path / ("lens.ies" if version else f"lens.{form}"), file.intensity
+    path, intensity = tmp_path / ("lens.ies" if version else f"lens.{form}"), file.intensity
     write_photometric(path, file, **({"ies_version": version} if version else {}))
     if form == "iesxml":
         c, gamma, candela, stated, luminaire = by_element(path)
-        assert luminaire == pytest.approx(own.flux(), rel=DIGITS)
+        assert luminaire == pytest.approx(intensity.flux(), rel=DIGITS)
     else:
         c, gamma, candela, stated, read = by_photompy(path)
         (require_header_of_eulumdat if form == "ldt" else require_header_of_lm_63)(read, file, version)
-    np.testing.assert_allclose(c, own.c_deg, rtol=DIGITS, atol=1e-9)
-    np.testing.assert_allclose(gamma, own.gamma_deg, rtol=DIGITS, atol=1e-9)
-    np.testing.assert_allclose(candela, own.values, rtol=DIGITS)
-    assert flux(c, gamma, candela) == pytest.approx(own.flux(), rel=1e-6)
-    absolute = own.flux() if form == "ldt" else -1.0  # EULUMDAT states the lumens of the luminaire in place of a lamp's
+    np.testing.assert_allclose(c, intensity.c_deg, rtol=DIGITS, atol=1e-9)
+    np.testing.assert_allclose(gamma, intensity.gamma_deg, rtol=DIGITS, atol=1e-9)
+    np.testing.assert_allclose(candela, intensity.values, rtol=DIGITS)
+    assert flux(c, gamma, candela) == pytest.approx(intensity.flux(), rel=1e-6)
+    absolute = (
+        intensity.flux() if form == "ldt" else -1.0
+    )  # EULUMDAT states the lumens of the luminaire in place of a lamp's
     assert stated == pytest.approx(lumens or absolute, rel=DIGITS)
 
 

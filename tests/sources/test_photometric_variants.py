@@ -120,19 +120,19 @@ def test_end_marks_and_padding_after_the_last_number(text, tail, tmp_path):
 def test_encodings_and_line_ends(text, end, mark, encoding, tmp_path):
     plain = _read(tmp_path, text)
     named = text.replace("a name", "Leuchte für außen").replace("[TEST] none", "[LUMINAIRE] Leuchte für außen")
-    found = _read(tmp_path, mark + end.join(named.splitlines()).encode(encoding))
-    np.testing.assert_array_equal(found.intensity.values, plain.intensity.values)
-    assert found.title == "Leuchte für außen"
+    photometric = _read(tmp_path, mark + end.join(named.splitlines()).encode(encoding))
+    np.testing.assert_array_equal(photometric.intensity.values, plain.intensity.values)
+    assert photometric.title == "Leuchte für außen"
 
 
 def test_intensities_slightly_below_0_are_0(tmp_path):
     cd = 100.0 + np.zeros((7, 10))
     cd[2:4, 9] = -0.02
-    found = _read(tmp_path, _ies(C, GAMMA, cd))
-    assert found.warnings == (
+    photometric = _read(tmp_path, _ies(C, GAMMA, cd))
+    assert photometric.warnings == (
         "2 of 70 intensities are below 0, the least -0.02 cd (0.0002 of the largest): taken as 0",
     )
-    assert found.intensity.values.min() == 0.0
+    assert photometric.intensity.values.min() == 0.0
     cd[2, 9] = -1.5
     with pytest.raises(InputError, match=r"intensities from -1\.5 to 100 cd must lie within 0"):
         _read(tmp_path, _ies(C, GAMMA, cd))
@@ -203,9 +203,9 @@ def test_every_part_of_a_turn_is_the_whole_turn(ends, wave, step, tmp_path):
     cd = np.outer(wave(np.deg2rad(c)), np.ones(10))
     table = _read(tmp_path, _ies(c, GAMMA, cd)).intensity
     held = np.arange(0.0, 361.0, step)
-    found = np.array([table.at(angle)[3] for angle in held])
+    intensities = np.array([table.at(angle)[3] for angle in held])
     inside = slice(None) if ends[1] != 330.0 or step == 30.0 else held <= 330.0
-    np.testing.assert_allclose(found[inside], wave(np.deg2rad(held))[inside], rtol=1e-9)
+    np.testing.assert_allclose(intensities[inside], wave(np.deg2rad(held))[inside], rtol=1e-9)
 
 
 def test_a_turn_with_a_part_left_out_is_refused(tmp_path):

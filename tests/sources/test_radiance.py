@@ -170,8 +170,8 @@ def around(values: list[float]) -> np.ndarray:
     ],
 )
 def test_a_table_is_whole_or_one_line_says_what_it_lacks(changes: dict[str, np.ndarray], words: str) -> None:
-    found = _problem(good(**changes))
-    assert words in found and bool(found) == bool(words)
+    problem = _problem(good(**changes))
+    assert words in problem and bool(problem) == bool(words)
 
 
 def test_a_file_comes_back_bit_by_bit(tmp_path: Path) -> None:
@@ -189,7 +189,7 @@ def test_files_that_are_no_table_are_refused_in_one_line(tmp_path: Path) -> None
     for arrays, message in (
         (None, "no such file"),
         (named, "no array 'c_deg'"),
-        *((good(radiance=each), "not readable as a NumPy archive") for each in words),
+        *((good(radiance=content), "not readable as a NumPy archive") for content in words),
         (good(gamma_deg=np.array([0.0, 120.0])), r"led\.npz: gamma_deg = 0 to 120: within 0 to 90"),
         (good(radiance=np.zeros((2, 1, 1, 2))), "its flux is 0 W: radiances must not be all dark"),
         (good(radiance=np.full((2, 1, 1, 2), 9e19)), "W: radiances must not be all dark, or huge"),
@@ -233,8 +233,8 @@ def _table_file(folder, x_mm, gamma_deg):
 )  # fmt: skip
 def test_units_that_a_table_cannot_have_are_told(width_mm, last_deg, told, tmp_path):
     path = _table_file(tmp_path, [-0.5 * width_mm, 0.5 * width_mm], [0.0, 0.5 * last_deg, last_deg])
-    with warnings.catch_warnings(record=True) as said:
+    with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         read_radiance(path)
-    words = " ".join(str(each.message) for each in said)
+    words = " ".join(str(warning.message) for warning in caught)
     assert (told in words) if told else not words

@@ -37,23 +37,27 @@ def xyz(spectrum: Any) -> np.ndarray:
     return tristimulus_of(table.wavelengths_nm, table.power_density)
 
 
-def of(found: RayBundle) -> np.ndarray:
-    assert found.tristimulus is not None
-    return found.tristimulus
+def of(bundle: RayBundle) -> np.ndarray:
+    assert bundle.tristimulus is not None
+    return bundle.tristimulus
 
 
 def test_a_gaussian_spectrum_has_its_width_and_halves() -> None:
-    found = spectrum_of(lf.GaussianSpectrum(peak_nm=530.0, fwhm_nm=30.0))
-    assert found.share_up_to(530.0) == pytest.approx(0.5)
-    assert np.interp([515.0, 545.0], found.wavelengths_nm, found.power_density) == pytest.approx([0.5, 0.5], abs=1e-3)
-    assert found.share_up_to(545.0) - found.share_up_to(515.0) == pytest.approx(0.7610, abs=1e-3)  # erf(sqrt(ln 2))
+    spectrum = spectrum_of(lf.GaussianSpectrum(peak_nm=530.0, fwhm_nm=30.0))
+    assert spectrum.share_up_to(530.0) == pytest.approx(0.5)
+    assert np.interp([515.0, 545.0], spectrum.wavelengths_nm, spectrum.power_density) == pytest.approx(
+        [0.5, 0.5], abs=1e-3
+    )
+    assert spectrum.share_up_to(545.0) - spectrum.share_up_to(515.0) == pytest.approx(
+        0.7610, abs=1e-3
+    )  # erf(sqrt(ln 2))
 
 
 def test_rays_of_a_chip_have_its_colour() -> None:
-    found = build_source(chips(RED, BLUE, spectrum=RED), coloured=True).sample(512, 3)
-    blue = found.origins[:, 0] > 0.6
+    bundle = build_source(chips(RED, BLUE, spectrum=RED), coloured=True).sample(512, 3)
+    blue = bundle.origins[:, 0] > 0.6
     assert 0.45 < blue.mean() < 0.55
-    np.testing.assert_allclose(of(found), np.where(blue[:, None], xyz(BLUE), xyz(RED)))
+    np.testing.assert_allclose(of(bundle), np.where(blue[:, None], xyz(BLUE), xyz(RED)))
 
 
 def test_a_mirror_image_of_other_colours_is_no_symmetry() -> None:
@@ -79,14 +83,14 @@ def test_chips_of_lumens_have_the_watts_of_their_own_spectra() -> None:
 def test_rays_of_chips_disperse_by_the_spectra_of_their_own(proof: bool) -> None:
     spec = small_spec(source=chips(RED, BLUE).model_dump(), lens__material="PMMA")
     source = build_source(spec.source, spec.lens.dispersion, coloured=True)
-    found = independent_rays(spec, source, 2**12, 5) if proof else source.sample(2**12, 5)
-    assert found.wavelengths_nm is not None
-    for own, spectrum in ((found.origins[:, 0] < 0.6, RED), (found.origins[:, 0] > 0.6, BLUE)):
-        waves, sigma = found.wavelengths_nm[own], spectrum.fwhm_nm / 2.3548
-        assert waves.mean() == pytest.approx(spectrum.peak_nm, abs=4.0 * sigma / np.sqrt(own.sum()))
+    bundle = independent_rays(spec, source, 2**12, 5) if proof else source.sample(2**12, 5)
+    assert bundle.wavelengths_nm is not None
+    for on_chip, spectrum in ((bundle.origins[:, 0] < 0.6, RED), (bundle.origins[:, 0] > 0.6, BLUE)):
+        waves, sigma = bundle.wavelengths_nm[on_chip], spectrum.fwhm_nm / 2.3548
+        assert waves.mean() == pytest.approx(spectrum.peak_nm, abs=4.0 * sigma / np.sqrt(on_chip.sum()))
         assert waves.std() == pytest.approx(sigma, rel=0.06)
     if not proof:
-        np.testing.assert_array_equal(of(found), tristimulus_at(found.wavelengths_nm))
+        np.testing.assert_array_equal(of(bundle), tristimulus_at(bundle.wavelengths_nm))
     low, high = summarise(source, spec.source).wavelengths_nm or (0.0, 0.0)
     assert (low < 440.0, high > 640.0) == (True, True)
 
@@ -99,7 +103,7 @@ def test_what_is_beyond_the_known_index_counts_by_the_flux_of_each_chip() -> Non
     lit = [chip.model_copy(update={"flux_w": flux}) for chip, flux in zip(chips(*spectra).chips, fluxes, strict=True)]
     alone = [build_source(chips(spectrum), pmma).index_range for spectrum in spectra]
     both = build_source(lf.ChipsSource(chips=lit), pmma).index_range
-    shares = [each.extrapolated_index_share for each in alone]
+    shares = [account.extrapolated_index_share for account in alone]
     assert shares[0] < 0.1 * shares[1] and shares[1] > 0.05
     assert both.extrapolated_index_share == pytest.approx((3.0 * shares[0] + shares[1]) / 4.0)
     assert both.clamped_index_share == pytest.approx(
@@ -118,25 +122,25 @@ def test_several_ray_files_have_a_colour_each(material: str | None, tmp_path: Pa
     ]
     spec = lf.RayfilesSource(files=parts, spectrum=RED)
     source = build_source(spec, material and MATERIALS[material], coloured=True)
-    found = source.sample(8000, 1)
-    mean = found.flux @ of(found) / found.flux.sum()
+    bundle = source.sample(8000, 1)
+    mean = bundle.flux @ of(bundle) / bundle.flux.sum()
     np.testing.assert_allclose(mean, 0.75 * xyz(BLUE) + 0.25 * xyz(RED), rtol=1e-9 if material is None else 0.02)
 
 
 def test_rays_of_a_file_have_the_colours_of_their_own_wavelengths(tmp_path: Path) -> None:
     written = rays(50, wavelengths="each")
     write_rayfile(tmp_path / "each.tm25ray", written, "tm25")
-    found = build_source(lf.RayfileSource(file=tmp_path / "each.tm25ray"), coloured=True).sample(50, 1)
-    assert found.wavelengths_nm is None, "a lens of one index does not part them"
-    np.testing.assert_allclose(of(found), tristimulus_at(np.asarray(written.wavelengths_nm, dtype=np.float64)))
+    bundle = build_source(lf.RayfileSource(file=tmp_path / "each.tm25ray"), coloured=True).sample(50, 1)
+    assert bundle.wavelengths_nm is None, "a lens of one index does not part them"
+    np.testing.assert_allclose(of(bundle), tristimulus_at(np.asarray(written.wavelengths_nm, dtype=np.float64)))
 
 
 def test_colours_stay_with_their_rays() -> None:
-    found = build_source(chips(RED, BLUE), coloured=True).sample(64, 1)
+    bundle = build_source(chips(RED, BLUE), coloured=True).sample(64, 1)
     some = np.array([5, 2, 60])
-    np.testing.assert_array_equal(of(found.take(some)), of(found)[some])
-    again = RayBundle.joined([found.take(slice(0, 9)), found.take(slice(9, 64))])
-    np.testing.assert_array_equal(of(again), of(found))
+    np.testing.assert_array_equal(of(bundle.take(some)), of(bundle)[some])
+    again = RayBundle.joined([bundle.take(slice(0, 9)), bundle.take(slice(9, 64))])
+    np.testing.assert_array_equal(of(again), of(bundle))
     assert build_source(chips(RED, BLUE)).sample(64, 1).tristimulus is None, "nobody asked"
 
 

@@ -38,8 +38,8 @@ def test_a_sample_has_each_ray_as_often_as_the_count_goes_round(count: int, in_m
         times[number] += 1
     expected = [number for number, often in enumerate(times) for _ in range(often)]
     flux = np.array([FLUX[number] / times[number] for number in expected])
-    for found in (emitter.sample(count, 9), emitter.drawn(count, 9)):
-        taken = found.take(slice(0, count))
+    for drawn in (emitter.sample(count, 9), emitter.drawn(count, 9)):
+        taken = drawn.take(slice(0, count))
         assert taken.origins[:, 0].tolist() == [3.0 * number for number in expected]
         np.testing.assert_array_equal(taken.directions, RAYS.directions[expected])
         np.testing.assert_allclose(taken.flux, 5.0 * flux / flux.sum())
@@ -68,19 +68,19 @@ def test_rays_are_shifted_scaled_turned_to_the_axis_mirrored_and_posed(axis: str
         axis=axis, scale=2.0, mirror="y", rotate_z_deg=20.0, tilt_deg=(5.0, -3.0), position_mm=(1, 2, 3)
     )
     origin = np.array([0.5, -1.0, 2.0])
-    found = placed(RAYS, origin, placement)
+    moved = placed(RAYS, origin, placement)
     pose = placement.pose
     for number in range(COUNT):
         for vector, turned, shift in (
-            (2.0 * (RAYS.origins[number] - origin), found.origins[number], np.array([1.0, 2.0, 3.0])),
-            (RAYS.directions[number], found.directions[number], np.zeros(3)),
+            (2.0 * (RAYS.origins[number] - origin), moved.origins[number], np.array([1.0, 2.0, 3.0])),
+            (RAYS.directions[number], moved.directions[number], np.zeros(3)),
         ):
             x, y, z = vector
             cyclic = {"x": (y, z, x), "y": (z, x, y), "z": (x, y, z)}[axis[1]]
             by_hand = np.array(cyclic) * ([1.0, 1.0, 1.0] if axis[0] == "+" else [1.0, -1.0, -1.0])
             expected = pose.rotation @ (by_hand * [1.0, -1.0, 1.0]) + shift
             np.testing.assert_allclose(turned, expected, atol=1e-13)
-    np.testing.assert_array_equal(found.flux, RAYS.flux)
+    np.testing.assert_array_equal(moved.flux, RAYS.flux)
     plain = placed(RAYS, np.zeros(3), Placement())
     np.testing.assert_array_equal(plain.origins, RAYS.origins)
     mirrored = placed(RAYS, np.zeros(3), Placement(mirror="x"))
@@ -88,8 +88,8 @@ def test_rays_are_shifted_scaled_turned_to_the_axis_mirrored_and_posed(axis: str
 
 
 def test_sums_over_rays() -> None:
-    found = RaySums.of(RAYS)
-    assert found.effective_rays == pytest.approx(FLUX.sum() ** 2 / (FLUX**2).sum())
+    sums = RaySums.of(RAYS)
+    assert sums.effective_rays == pytest.approx(FLUX.sum() ** 2 / (FLUX**2).sum())
     directions = np.array(
         [[0, 0, 1.0], [0, 0, -1.0], [0, 0, -1.0], [0, 0, -1.0], [1.0, 0, 0], [0, 0, -1.0], [0, 0, 1.0]]
     )
@@ -122,27 +122,27 @@ def test_rays_that_are_not_in_memory_are_those_that_are() -> None:
 
 def turned_by_hand(rays: RayBundle, turns: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
     """About the crossing with z = 0; rays too flat before, or after, stay as they are."""
-    found = []
+    pairs = []
     for start, way, turn in zip(rays.origins, rays.directions, turns, strict=True):
         other = (way + turn) / np.linalg.norm(way + turn)
         flat = abs(way[2]) <= 0.1 or other[2] * np.sign(way[2]) <= 0.05
         crossing = start - start[2] / way[2] * way
-        found.append((start, way) if flat else (crossing + start[2] / other[2] * other, other))
-    return found
+        pairs.append((start, way) if flat else (crossing + start[2] / other[2] * other, other))
+    return pairs
 
 
 @pytest.mark.parametrize("posed", [False, True])
 def test_each_ray_is_turned_by_a_normal_number_for_each_coordinate(posed: bool) -> None:
     count, sigma, seed = 400, 0.15, 5
-    own = bundle(count)
+    straight = bundle(count)
     pose = Pose.of_tilts((0.3, -0.2, 1.0), (23.0, 0.0)) if posed else Pose()
-    found = TurnedRays(RaySetEmitter(own.placed(pose), 1.0, pose=pose), sigma).sample(count, seed)
-    expected = turned_by_hand(own, sigma * np.random.default_rng(seed).standard_normal((count, 3)))
-    same = [np.array_equal(way, before) for (_, way), before in zip(expected, own.directions, strict=True)]
+    turned = TurnedRays(RaySetEmitter(straight.placed(pose), 1.0, pose=pose), sigma).sample(count, seed)
+    expected = turned_by_hand(straight, sigma * np.random.default_rng(seed).standard_normal((count, 3)))
+    same = [np.array_equal(way, before) for (_, way), before in zip(expected, straight.directions, strict=True)]
     assert 20 < sum(same) < 200, "flat ones stay"
-    starts, ways = (np.array(each) for each in zip(*expected, strict=True))
-    np.testing.assert_allclose(found.origins, pose.points(starts), rtol=1e-9, atol=1e-9)
-    np.testing.assert_allclose(found.directions, pose.directions(ways), atol=1e-12)
+    starts, ways = (np.array(rows) for rows in zip(*expected, strict=True))
+    np.testing.assert_allclose(turned.origins, pose.points(starts), rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(turned.directions, pose.directions(ways), atol=1e-12)
 
 
 @pytest.mark.parametrize(("count", "sigma"), [(13_000, 0.15), (30_000, 0.1), (120_000, 0.05)])

@@ -35,14 +35,14 @@ ORIGINALS = {
 
 def known(rayfile):
     """Everything that a file says of its light, by the words under which a loss of it is listed."""
-    found = {f"total flux in {unit}": rayfile.flux_in(unit) for unit in ("W", "lm")}
+    quantities = {f"total flux in {unit}": rayfile.flux_in(unit) for unit in ("W", "lm")}
     if rayfile.wavelengths_nm is not None:
-        found["wavelengths"] = np.asarray(rayfile.wavelengths_nm, dtype=float)
+        quantities["wavelengths"] = np.asarray(rayfile.wavelengths_nm, dtype=float)
     if rayfile.spectral_tables:
-        found["spectral tables"] = np.array([t["weight"] for t in rayfile.header["spectral_tables"]])
+        quantities["spectral tables"] = np.array([t["weight"] for t in rayfile.header["spectral_tables"]])
     if rayfile.spectrum_numbers is not None:
-        found["spectral table of each ray"] = np.asarray(rayfile.spectrum_numbers, dtype=float)
-    return {name: value for name, value in found.items() if value is not None}
+        quantities["spectral table of each ray"] = np.asarray(rayfile.spectrum_numbers, dtype=float)
+    return {name: value for name, value in quantities.items() if value is not None}
 
 
 def holds(name, rayfile):
@@ -99,8 +99,8 @@ def test_rays_totals_and_spectrum_survive_any_conversion_or_are_listed(source, t
             survives = name in after and np.allclose(after[name], value, rtol=1e-5)
             assert survives != (name in listed), (name, report.lost)
         assert set(listed) == set(facts) & (set() if source == target else cannot_hold(target, before.flux_unit))
-        own = f"total flux in {before.flux_unit}"
-        assert own not in listed and after[own] == pytest.approx(facts[own], rel=1e-5)
+        total = f"total flux in {before.flux_unit}"
+        assert total not in listed and after[total] == pytest.approx(facts[total], rel=1e-5)
     assert held or {source, target} & {"speos", "speos_text"}
 
 

@@ -205,8 +205,8 @@ def test_lighttools_text_with_carriage_returns_and_long_exponents():
     assert (rayfile.flux_unit, rayfile.total_flux()) == ("lm", 4.0)
     mm = {"system": 1, "millimeters": 1, "centimeters": 10, "meters": 1e3, "inches": 25.4, "feet": 304.8}
     for unit, length in (mm | {"microns": 1e-3, "micrometers": 1e-3, "nanometers": 1e-6}).items():
-        found = decode(image(content.replace("centimeters", unit).encode())).positions_mm
-        np.testing.assert_allclose(found[:, 1:], length * np.array([[2, 3], [5, 6]]), rtol=1e-6, err_msg=unit)
+        positions_mm = decode(image(content.replace("centimeters", unit).encode())).positions_mm
+        np.testing.assert_allclose(positions_mm[:, 1:], length * np.array([[2, 3], [5, 6]]), rtol=1e-6, err_msg=unit)
     for old, new, message in (
         ("luminous_flux", "photons", "lt_datatype: photons"),
         ("centimeters", "furlongs", "lt_length_units: furlongs"),

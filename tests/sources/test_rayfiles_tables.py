@@ -84,10 +84,10 @@ def test_columns_of_rays_that_are_not_used_are_told(added):
     names, *rows = (line.split(",") for line in TABLE.splitlines())
     wide = [[f"{k}7" for k, _ in enumerate(added)] + row for row in rows]
     content = "\n".join(",".join(row) for row in ([*added, *names], *wide)) + "\n"
-    found = decode(image(content.encode()))
-    assert found.warnings == ((f"columns that are not used: {', '.join(map(repr, added))}",) if added else ())
-    assert found.positions_mm.tolist() == [[0.5, -1.25, 1000.0], [1.0, 2.0, 3.0]]
-    assert found.header["columns"] == [*added, *names]
+    rayfile = decode(image(content.encode()))
+    assert rayfile.warnings == ((f"columns that are not used: {', '.join(map(repr, added))}",) if added else ())
+    assert rayfile.positions_mm.tolist() == [[0.5, -1.25, 1000.0], [1.0, 2.0, 3.0]]
+    assert rayfile.header["columns"] == [*added, *names]
 
 
 def test_text_of_other_programs_may_have_decimal_commas():
@@ -118,9 +118,9 @@ def test_directions_of_another_length_are_said_and_angles_refused(name):
 def test_each_unit_of_a_table_of_rays(unit, mm):
     """Of places; of flux mW, and of wavelengths um, beside."""
     head = f"x [{unit}];y [{unit}];z [{unit}];kx;ky;kz;flux [mW];wavelength [um]\n"
-    found = decode(image((head + "1.5;2;3;0;0.6;0.8;250;0.4505\n").encode()))
-    np.testing.assert_allclose(found.positions_mm, mm * np.array([[1.5, 2.0, 3.0]]), rtol=1e-6)
-    assert (found.flux[0], found.wavelengths_nm[0]) == pytest.approx((0.25, 450.5)) and found.flux_unit == "W"
+    rayfile = decode(image((head + "1.5;2;3;0;0.6;0.8;250;0.4505\n").encode()))
+    np.testing.assert_allclose(rayfile.positions_mm, mm * np.array([[1.5, 2.0, 3.0]]), rtol=1e-6)
+    assert (rayfile.flux[0], rayfile.wavelengths_nm[0]) == pytest.approx((0.25, 450.5)) and rayfile.flux_unit == "W"
 
 
 @pytest.mark.parametrize("encoding", ["utf-8", "utf-16"])

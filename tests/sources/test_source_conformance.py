@@ -156,9 +156,9 @@ def _emitter_classes():
     """All classes of the package that can be sampled, found by walking it."""
     for module in walk_packages(sources.__path__, f"{sources.__name__}."):
         for _, member in inspect.getmembers(import_module(module.name), inspect.isclass):
-            own = member.__module__ == module.name
+            local = member.__module__ == module.name
             samples = hasattr(member, "sample") and hasattr(member, "outline")
-            if own and samples and member not in (Source, ChangedSource):
+            if local and samples and member not in (Source, ChangedSource):
                 yield member
 
 
@@ -169,11 +169,11 @@ def test_every_kind_and_every_emitter_class_has_a_case(tmp_path):
         type(_built({"kind": kind, **form})) for kind, form in without_files if kind not in ("luminance", "radiance")
     }
     radiant = _built({"kind": "radiance", "file": _radiance(tmp_path / "square.npz")})
-    found = set(_emitter_classes())
-    assert len(found) >= 3
+    classes = set(_emitter_classes())
+    assert len(classes) >= 3
     turned = smoothed(_built({"kind": "rayfile", "file": LED, "model": "rays"}))  # made by a search, not by a spec
     several = {SeveralSources, FacetedSource, RefittedSource}  # of these; they have tests of their own
-    assert found == built | several | {type(radiant), type(turned)}
+    assert classes == built | several | {type(radiant), type(turned)}
     assert isinstance(turned, Source)
 
 
@@ -249,11 +249,11 @@ def test_its_place_moves_every_ray_by_one_rotation_and_one_shift(source, request
     place = {name: given.get(name, 0.0) for name in PLACE}
     turn = Rotation.from_euler("zxy", [place["rotate_z_deg"], *np.broadcast_to(place["tilt_deg"], 2)], degrees=True)
     shift = np.broadcast_to(place["position_mm"], 3)
-    own, moved = plain.sample(500, seed=4), source.sample(500, seed=4)
-    np.testing.assert_allclose(moved.origins, turn.apply(own.origins) + shift, rtol=0.0, atol=1e-12)
-    np.testing.assert_allclose(moved.directions, turn.apply(own.directions), rtol=0.0, atol=1e-12)
-    np.testing.assert_array_equal(moved.flux, own.flux)
-    np.testing.assert_array_equal(moved.wavelengths_nm, own.wavelengths_nm)
+    still, moved = plain.sample(500, seed=4), source.sample(500, seed=4)
+    np.testing.assert_allclose(moved.origins, turn.apply(still.origins) + shift, rtol=0.0, atol=1e-12)
+    np.testing.assert_allclose(moved.directions, turn.apply(still.directions), rtol=0.0, atol=1e-12)
+    np.testing.assert_array_equal(moved.flux, still.flux)
+    np.testing.assert_array_equal(moved.wavelengths_nm, still.wavelengths_nm)
     np.testing.assert_allclose(source.outline(), turn.apply(plain.outline()) + shift, rtol=0.0, atol=1e-9)
 
 

@@ -69,19 +69,19 @@ PMMA = MATERIALS["PMMA"]
 def test_a_curve_of_etendue_begins_with_the_brightest_cells() -> None:
     """Radiances 4, 1 and 2, a dark cell, and two without extent."""
     volume, flux = np.array([1.0, 0.0, 2.0, 0.5, 3.0, -0.0]), np.array([4.0, 0.5, 2.0, 1.0, 0.0, 1.5])
-    found = _curve(volume, flux, estimated=True)
-    np.testing.assert_allclose(found.etendue_mm2_sr, [0.0, 1.0, 1.5, 3.5, 6.5])
-    np.testing.assert_allclose(found.share, np.array([2.0, 6.0, 7.0, 9.0, 9.0]) / 9.0)
-    assert found.estimated
-    assert found.shares_within(0.25) == pytest.approx(3.0 / 9.0) and found.shares_within(99.0) == 1.0
-    np.testing.assert_allclose(found.shares_within(np.array([[0.25, 1.25]])), [[3.0 / 9.0, 6.5 / 9.0]])
+    curve = _curve(volume, flux, estimated=True)
+    np.testing.assert_allclose(curve.etendue_mm2_sr, [0.0, 1.0, 1.5, 3.5, 6.5])
+    np.testing.assert_allclose(curve.share, np.array([2.0, 6.0, 7.0, 9.0, 9.0]) / 9.0)
+    assert curve.estimated
+    assert curve.shares_within(0.25) == pytest.approx(3.0 / 9.0) and curve.shares_within(99.0) == 1.0
+    np.testing.assert_allclose(curve.shares_within(np.array([[0.25, 1.25]])), [[3.0 / 9.0, 6.5 / 9.0]])
 
 
 def cells_by_halving(points: np.ndarray, flux: np.ndarray) -> list[tuple[float, float]]:
     """Halve at the median of the side that is widest of all rays' own, until a cell has less than 64 rays."""
     levels = int(np.log2(len(flux) / 32))
-    each = len(flux) >> levels
-    used, left_over = each << levels, flux[each << levels :].sum()
+    per_cell = len(flux) >> levels
+    used, left_over = per_cell << levels, flux[per_cell << levels :].sum()
     scale = np.ptp(points, axis=0)
     parts = [np.arange(used)]
     for _ in range(levels):
@@ -92,11 +92,11 @@ def cells_by_halving(points: np.ndarray, flux: np.ndarray) -> list[tuple[float, 
             halves += [ordered[: len(part) // 2], ordered[len(part) // 2 :]]
         parts = halves
     total = flux[:used].sum()
-    found = []
+    cells = []
     for part in parts:
-        sides = np.ptp(points[part], axis=0) * (each + 1) / (each - 1)
-        found.append((float(np.prod(sides)), float(flux[part].sum() * (1.0 + left_over / total))))
-    return found
+        sides = np.ptp(points[part], axis=0) * (per_cell + 1) / (per_cell - 1)
+        cells.append((float(np.prod(sides)), float(flux[part].sum() * (1.0 + left_over / total))))
+    return cells
 
 
 def slanted(count: int) -> RayBundle:
@@ -126,8 +126,8 @@ def test_rays_are_taken_where_they_lie_closest_together() -> None:
         return rays.origins[:, :2] + away[:, None] * rays.directions[:, :2]
 
     def spread(z_mm: float) -> float:
-        found = at(z_mm)
-        return float((weights[:, None] * (found - np.average(found, axis=0, weights=weights)) ** 2).sum())
+        places = at(z_mm)
+        return float((weights[:, None] * (places - np.average(places, axis=0, weights=weights)) ** 2).sum())
 
     fit = np.polyfit([-1.0, 0.0, 1.0], [spread(z) for z in (-1.0, 0.0, 1.0)], 2)
     points = _phase_space(rays)
@@ -141,5 +141,5 @@ def test_a_source_that_is_moved_and_dispersed_has_its_own_radiances() -> None:
     pose = Pose.of_tilts((1.0, 0.0, 2.0), (20.0, 0.0))
     line = Spectrum(np.array([500.0]), np.ones(1))
     source = ColouredSource.of(PlacedSource(SquareEmitter(2.0, 3.0), pose), line, PMMA)
-    found = EtendueCurve.of_source(source, source.sample(64, 1), 1)
-    assert not found.estimated and found.etendue_mm2_sr[-1] == pytest.approx(4.0 * np.pi)
+    curve = EtendueCurve.of_source(source, source.sample(64, 1), 1)
+    assert not curve.estimated and curve.etendue_mm2_sr[-1] == pytest.approx(4.0 * np.pi)
