@@ -54,7 +54,7 @@ def warnings_of(radius_mm: float, **changes: Any) -> list[str]:
 def test_a_lens_as_large_as_a_warning_of_blur_names_has_no_such_blur(stroke_mm: float) -> None:
     cross = {"kind": "cross", "length_mm": 160.0, "stroke_mm": stroke_mm, "distance_mm": 100.0, "receiver_mm": 200.0}
     fine = {"target": cross, "optimise__pixels": 256, "evaluate__pixels": 512}
-    (said,) = (line for line in warnings_of(7.0, **fine) if "blurs it" in line)
-    (advised,) = re.findall(r"a larger lens \(>= ([0-9.]+) mm\)", said)
+    (message,) = (line for line in warnings_of(7.0, **fine) if "blurs it" in line)
+    (advised,) = re.findall(r"a larger lens \(>= ([0-9.]+) mm\)", message)
     assert not any("blurs it" in line for line in warnings_of(1.0001 * float(advised), **fine))
     assert any("blurs it" in line for line in warnings_of(0.99 * float(advised), **fine))

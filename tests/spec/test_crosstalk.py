@@ -35,9 +35,9 @@ def test_each_state_limits_its_light_in_its_own_segment_and_in_those_beyond_its_
     spec = row([CROSSTALK, glare])
     wanted = {"c0": [2, 3], "c1": [3], "c2": [0], "c3": [0, 1]}
     for number, (name, others) in enumerate(wanted.items()):
-        own = lf.ZoneLimit(name="crosstalk: own segment", zone=zone(number), at_least_share=0.7)
+        zone_limit = lf.ZoneLimit(name="crosstalk: own segment", zone=zone(number), at_least_share=0.7)
         beside = [lf.ZoneLimit(name=f"crosstalk: in c{k}", zone=zone(k), at_most_share=0.05) for k in others]
-        assert spec.by_state[name].limits == (own, *beside, lf.GlareLimit(**glare))
+        assert spec.by_state[name].limits == (zone_limit, *beside, lf.GlareLimit(**glare))
     every = row([{"kind": "crosstalk", "name": "ghost", "at_most_share": 0.01}]).by_state["c1"].limits
     assert [limit.name for limit in every] == ["ghost: in c0", "ghost: in c2", "ghost: in c3"]
     assert lf.CrosstalkLimit(**CROSSTALK) == spec.limits[0], "the spec keeps what was written"

@@ -162,7 +162,7 @@ def test_chips_have_the_cavity_of_the_circle_that_holds_all_of_them() -> None:
                                      {"x_mm": 0.0, "y_mm": -1.2, "width_mm": 0.6, "height_mm": 0.2}]},
          (0.3, 1.3), (0.95, 1.55)),
     ],
-    ids=lambda each: each["kind"] if isinstance(each, dict) else "",
+    ids=lambda case: case["kind"] if isinstance(case, dict) else "",
 )  # fmt: skip
 def test_the_extent_of_an_emitter_is_the_way_to_its_farthest_corner(
     source: dict, corner: tuple[float, float], sides: tuple[float, float]
@@ -190,20 +190,20 @@ def test_the_extent_of_an_emitter_is_the_way_to_its_farthest_corner(
         ({"kind": "beam", "fwhm_deg": [30.0, 60.0]}, 80.0), ({"kind": "beam", "fwhm_deg": [60.0, 30.0]}, 80.0),
         ({"kind": "beam", "fwhm_deg": 75.0}, 85.0), ({"kind": "batwing", "to_deg": 45.0}, 60.0),
     ],
-    ids=lambda each: each["kind"] if isinstance(each, dict) else "",
+    ids=lambda case: case["kind"] if isinstance(case, dict) else "",
 )  # fmt: skip
 def test_the_receiver_of_a_pattern_has_room_around_it(target: dict, size: float) -> None:
     """One and a half of the square about the axis that holds it; of a beam four thirds of its wider side."""
     place = {} if target["kind"] in ("beam", "batwing") else {"distance_mm": 300.0}
-    found = parse_spec({**tomllib.loads(SHORTEST), "target": target | place}, "lamp").target
-    assert (found.receiver_mm if place else found.half_angle_deg) == pytest.approx(size, rel=1e-9)
+    section = parse_spec({**tomllib.loads(SHORTEST), "target": target | place}, "lamp").target
+    assert (section.receiver_mm if place else section.half_angle_deg) == pytest.approx(size, rel=1e-9)
 
 
 def test_a_turned_pattern_has_room_for_its_corners() -> None:
     turned = {"kind": "rectangle", "width_mm": 100.0, "height_mm": 150.0, "distance_mm": 300.0, "rotation_deg": 20.0}
-    found = parse_spec({**tomllib.loads(SHORTEST), "target": turned}, "lamp").target
+    section = parse_spec({**tomllib.loads(SHORTEST), "target": turned}, "lamp").target
     across, up = (abs(np.cos(np.radians(20.0 + 90.0 * k))) for k in (0, 1))
-    assert 1.5 * (150.0 * across + 100.0 * up) <= found.receiver_mm <= 1.5 * 150.0 * 2.0**0.5 + 1.0
+    assert 1.5 * (150.0 * across + 100.0 * up) <= section.receiver_mm <= 1.5 * 150.0 * 2.0**0.5 + 1.0
 
 
 @pytest.mark.parametrize(

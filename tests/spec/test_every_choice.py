@@ -44,8 +44,8 @@ PLACE = {"distance_mm": 100.0, "receiver_mm": 300.0}
 def symmetry(name: str) -> Case:
     """Free weights of 81 functions that a mirror group joins, each with its images."""
     if name == "auto":
-        found = small_spec(lens__symmetry="auto", source__kind="square").lens
-        return found.symmetry, "auto"
+        lens = small_spec(lens__symmetry="auto", source__kind="square").lens
+        return lens.symmetry, "auto"
     basis = SrbfBasis((9, 25), 1.75, name)
     u = np.array([[0.6, 0.3, np.sqrt(1.0 - 0.45)]])
     images = {"none": [], "mirror_x": [(-1, 1)], "mirror_y": [(1, -1)], "diagonal": ["swap"],
@@ -75,14 +75,14 @@ def profile(name: str) -> Case:
 def distribution(name: str) -> Case:
     """Share of the parts within half of the amount."""
     factor = Factor("a", "a", "mm", 1.0, 0.1, "spread", name, 1)
-    found = np.abs(quantiles(factor, (np.arange(10_000) + 0.5) / 10_000))
+    deviations = np.abs(quantiles(factor, (np.arange(10_000) + 0.5) / 10_000))
     by_hand = {"uniform": 0.5, "normal": 2.0 * ndtr(1.0) - 1.0, "truncated": 2.0 * truncnorm(-2, 2).cdf(1.0) - 1.0}
-    return float((found <= 0.5).mean()), pytest.approx(by_hand[name], abs=1e-3)
+    return float((deviations <= 0.5).mean()), pytest.approx(by_hand[name], abs=1e-3)
 
 
 def preset(name: str) -> Case:
-    found = small_spec(tolerances={"preset": name}).part_tolerances
-    amounts = [found.tolerance(each).amount for each in ("gap_mm", "source_tilt_deg", "inner_form_um", "index")]
+    tolerances = small_spec(tolerances={"preset": name}).part_tolerances
+    amounts = [tolerances.tolerance(key).amount for key in ("gap_mm", "source_tilt_deg", "inner_form_um", "index")]
     return amounts, {"precision": [0.005, 0.2, 0.3, 0.0005], "standard": [0.02, 0.5, 1.0, 0.001],
                      "moulded": [0.025, 0.5, 2.0, 0.001]}[name]  # fmt: skip
 
@@ -90,8 +90,8 @@ def preset(name: str) -> Case:
 def kinds(name: str) -> Case:
     """A row of three: the outer two are mirror images of each other."""
     lamps = {"kind": "grid", "columns": 3, "rows": 1, "pitch_mm": 20.0, "kinds": name}
-    found = small_spec(lamps=lamps, base={"kind": "none"}, target__receiver_mm=200.0).all_lamps
-    return sorted(len(kind.numbers) for kind in found.kinds), {"one": [], "place": [1, 2]}[name]
+    all_lamps = small_spec(lamps=lamps, base={"kind": "none"}, target__receiver_mm=200.0).all_lamps
+    return sorted(len(kind.numbers) for kind in all_lamps.kinds), {"one": [], "place": [1, 2]}[name]
 
 
 def ends(name: str) -> Case:
@@ -101,10 +101,10 @@ def ends(name: str) -> Case:
 
 
 def lattice(name: str) -> Case:
-    found = small_spec(lamps={"kind": "endless", "lattice": name, "pitch_mm": 100.0},
+    all_lamps = small_spec(lamps={"kind": "endless", "lattice": name, "pitch_mm": 100.0},
                        target__receiver_mm=100.0 if name == "rectangle" else None,
                        **({} if name == "rectangle" else _hexagonal())).all_lamps  # fmt: skip
-    return found.period_mm, pytest.approx((100.0, 100.0 if name == "rectangle" else 100.0 * 3.0**0.5))
+    return all_lamps.period_mm, pytest.approx((100.0, 100.0 if name == "rectangle" else 100.0 * 3.0**0.5))
 
 
 def _hexagonal() -> dict[str, Any]:
@@ -188,8 +188,8 @@ def luminance(name: str, folder: Path) -> Case:
 
 
 def _plane(target: lf.ImageTarget) -> lf.PlaneReceiver:
-    own = target.model_copy(update={"distance_mm": None, "receiver_mm": None})
-    return lf.PlaneReceiver(centre_mm=(0.0, 0.0, 100.0), width_mm=300.0, height_mm=300.0, targets=(own,))
+    pattern = target.model_copy(update={"distance_mm": None, "receiver_mm": None})
+    return lf.PlaneReceiver(centre_mm=(0.0, 0.0, 100.0), width_mm=300.0, height_mm=300.0, targets=(pattern,))
 
 
 def emitting_luminance(name: str, folder: Path) -> Case:
@@ -221,11 +221,11 @@ OF_FILES = {("BaseSection.kind", "step"), ("PlateSection.kind", "step")}  # in c
 def choices() -> Iterator[tuple[str, str]]:
     """Fields of more than one word, and each word; of fields of one name with other words with their section."""
     known: dict[str, set[tuple[str, ...]]] = {}
-    found = [(section, name, words) for section in all_sections(Spec) for name, field in section.model_fields.items()
+    rows = [(section, name, words) for section in all_sections(Spec) for name, field in section.model_fields.items()
              for words in literals(field.annotation)]  # fmt: skip
-    for _, name, words in found:
+    for _, name, words in rows:
         known.setdefault(name, set()).add(words)
-    for section, name, words in found:
+    for section, name, words in rows:
         if len(words) > 1 or name != "kind":
             plain = len(known[name]) == 1 and name not in ("luminance", "lighting_class")
             yield from ((name if plain else f"{section.__name__}.{name}", word) for word in words)
@@ -246,5 +246,5 @@ def test_every_word_changes_a_number(field: str, word: str, tmp_path: Path) -> N
         assert f'"{word}"' in text or DEFAULTS.get(field) == word
     elif (field, word) not in OF_FILES:
         case = CASES[field]
-        found, wanted = case(word, tmp_path) if field.endswith("luminance") else case(word)
-        assert found == wanted
+        value, wanted = case(word, tmp_path) if field.endswith("luminance") else case(word)
+        assert value == wanted

@@ -75,9 +75,9 @@ def test_the_least_lens_that_is_accepted_exists() -> None:
         )
         margin = spec.constraints.margin_mm
         spheres = sphere(max(height, radius) + margin), sphere(max(height, radius) + wall + 2.0 * margin)
-        found = measure_constraints(Lens.double(*spheres, spec, 0, "draft"), directions=2000)
-        assert found.wall_margin_mm >= margin * 0.999 and found.radius_margin_mm >= margin * 0.999
-        assert found.cavity_clearance_mm >= 0.0
+        margins = measure_constraints(Lens.double(*spheres, spec, 0, "draft"), directions=2000)
+        assert margins.wall_margin_mm >= margin * 0.999 and margins.radius_margin_mm >= margin * 0.999
+        assert margins.cavity_clearance_mm >= 0.0
         with pytest.raises(InputError, match="do not fit into max_radius_mm"):
             small_spec(constraints=limits | {"max_radius_mm": least * (1.0 - 1e-6)}, target__distance_mm=1e3, **start)
 
@@ -91,8 +91,8 @@ def test_the_smallest_cavity_with_a_draft_is_the_paraboloid_with_the_steepest_al
     """By brute force: of all heights of the paraboloid, each falls by cot(draft) per mm at most."""
     limits = {"cavity_height_mm": height, "cavity_radius_mm": radius, "min_thickness_mm": 0.1, "max_radius_mm": 20.0}
     spec = small_spec(constraints=limits, lens__inner__draft_deg=draft or None)
-    found, polar = smallest_cavity_mm(spec.lens, spec.constraints)[::4], POLAR[::4]
-    r, z = found * np.sin(polar), found * np.cos(polar)
+    cavity_mm, polar = smallest_cavity_mm(spec.lens, spec.constraints)[::4], POLAR[::4]
+    r, z = cavity_mm * np.sin(polar), cavity_mm * np.cos(polar)
     source = np.linspace(0.0, radius, 20_001)
     paraboloid = height * (1.0 - (source / radius) ** 2)
     steepest = 1.0 / np.tan(np.deg2rad(draft)) if draft else np.inf

@@ -23,13 +23,13 @@ def test_a_copy_of_a_file_in_another_folder_is_the_same_source(tmp_path: Path) -
     folder.mkdir()
     for name in ("led.tm25ray", "other.tm25ray"):
         shutil.copy(LED, folder / name)
-    own, copied, renamed = (
+    original, copied, renamed = (
         section_sha256(lf.RayfileSource(file=file)) for file in (LED, folder / "led.tm25ray", folder / "other.tm25ray")
     )
-    assert own == copied
-    assert own != renamed
+    assert original == copied
+    assert original != renamed
     (folder / "led.tm25ray").write_bytes(LED.read_bytes()[:-1] + b"\0")
-    assert section_sha256(lf.RayfileSource(file=folder / "led.tm25ray")) != own
+    assert section_sha256(lf.RayfileSource(file=folder / "led.tm25ray")) != original
 
 
 def test_files_of_one_name_in_two_folders_both_count(tmp_path: Path) -> None:
@@ -57,17 +57,17 @@ def test_files_of_one_name_in_two_folders_both_count(tmp_path: Path) -> None:
 
 def test_every_kind_of_file_counts_by_its_content(tmp_path: Path) -> None:
     """Each field of a spec that names a file, found in the classes themselves."""
-    kinds = [kind for kind in _sections(Section) if any(_is_file(each) for each in kind.model_fields.values())]
+    kinds = [kind for kind in _sections(Section) if any(_is_file(field) for field in kind.model_fields.values())]
     assert len(kinds) >= 6, "ray files, photometric file, spectrum, luminance picture, target picture, base"
     file = tmp_path / "input"
     for kind in kinds:
         section = kind.model_construct(file=file, **dict.fromkeys(_needed(kind)))
-        found = []
+        hashes = []
         for content in (b"1", b"2"):
             file.write_bytes(content)
-            found.append((input_hashes(section), section_sha256(section)))
-        assert found[0][0] != found[1][0] and found[0][1] != found[1][1], kind.__name__
-        assert list(found[0][0]) == ["file:input"]
+            hashes.append((input_hashes(section), section_sha256(section)))
+        assert hashes[0][0] != hashes[1][0] and hashes[0][1] != hashes[1][1], kind.__name__
+        assert list(hashes[0][0]) == ["file:input"]
 
 
 def _sections(kind: type[Section]) -> Iterator[type[Section]]:
@@ -125,11 +125,11 @@ def test_a_file_in_lists_tables_and_choices_counts_from_its_folder(tmp_path: Pat
         several: list[Inner]
 
     given = {"tables": [{"a": 1.0}, {"b": "../x.csv"}]}
-    found = section_of(
+    section = section_of(
         Outer, {"either": "y.csv", "several": [given, given]}, "t.toml", NamedFrom(tmp_path / "sub", there=False)
     )
-    assert found.either == tmp_path / "sub" / "y.csv"
-    assert [each.tables[1] for each in found.several] == [{"b": tmp_path / "x.csv"}] * 2
+    assert section.either == tmp_path / "sub" / "y.csv"
+    assert [entry.tables[1] for entry in section.several] == [{"b": tmp_path / "x.csv"}] * 2
     assert section_of(Inner, given, "script").tables[1]["b"] == Path("../x.csv").absolute()
 
 

@@ -76,8 +76,10 @@ def test_lamps_stand_about_the_origin() -> None:
     ],
 )
 def test_lamps_have_the_mirrors_that_move_each_onto_another_one(lamps: dict[str, Any], groups: list[str]) -> None:
-    own = lamps_of(lamps)
-    assert [name for name in ("none", "mirror_x", "mirror_y", "rectangle", "square") if own.has_mirrors(name)] == groups
+    board = lamps_of(lamps)
+    assert [
+        name for name in ("none", "mirror_x", "mirror_y", "rectangle", "square") if board.has_mirrors(name)
+    ] == groups
 
 
 def test_a_lattice_has_the_mirrors_of_its_cell() -> None:
@@ -148,27 +150,27 @@ WIDE = {"kind": "table", "places_mm": [[-30.0, 0.0], [0.0, 0.0], [30.0, 0.0]], "
     ],
 )
 def test_places_are_shared_out_to_kinds_from_the_middle_on(lamps: dict[str, Any], counts: dict[str, int]) -> None:
-    own = lamps_of(lamps)
-    assert {kind.name: len(kind.numbers) for kind in own.kinds} == counts and len(own) == sum(counts.values())
-    assert sorted(k for kind in own.kinds for k in kind.numbers) == list(range(len(own)))
+    board = lamps_of(lamps)
+    assert {kind.name: len(kind.numbers) for kind in board.kinds} == counts and len(board) == sum(counts.values())
+    assert sorted(k for kind in board.kinds for k in kind.numbers) == list(range(len(board)))
 
 
 @pytest.mark.parametrize("rings", [1, 2])
 def test_lamps_at_the_rim_face_outwards_and_are_their_own_mirror_images(rings: int) -> None:
     """Each mirror of the grid takes a turned lens to the same one at another place, by matrices alone."""
-    own = lamps_of({**BY_PLACE, "rim_rings": rings})
+    board = lamps_of({**BY_PLACE, "rim_rings": rings})
     diagonal, along_x = np.array([[0.0, 1.0], [1.0, 0.0]]), np.diag([1.0, -1.0])
-    for kind in own.kinds[1:]:
+    for kind in board.kinds[1:]:
         mirror = diagonal if "corner" in kind.name else along_x
-        turns = np.radians(own.turns_deg)
+        turns = np.radians(board.turns_deg)
         turned = {k: np.array([[np.cos(t), -np.sin(t)], [np.sin(t), np.cos(t)]]) for k, t in enumerate(turns)}
-        by_place = {tuple(np.round(own.places_mm[k], 6)): turned[k] for k in kind.numbers}
+        by_place = {tuple(np.round(board.places_mm[k], 6)): turned[k] for k in kind.numbers}
         for place, turn in by_place.items():
             axis = turn @ ([1.0, 1.0] if "corner" in kind.name else [1.0, 0.0])
             assert np.allclose(axis, np.sign(place)) if "corner" in kind.name else axis @ place > 40.0 - 20.0 * rings
             for of_scene in (np.diag([-1.0, 1.0]), along_x, diagonal):
                 np.testing.assert_allclose(of_scene @ turn @ mirror, by_place[tuple(of_scene @ place)], atol=1e-9)
-    assert own.has_mirrors("square") and not own.of_kind(own.kinds[-1]).has_mirrors("mirror_x")
+    assert board.has_mirrors("square") and not board.of_kind(board.kinds[-1]).has_mirrors("mirror_x")
 
 
 @pytest.mark.parametrize("lamps", [BY_PLACE, {"kind": "hexagon", "rings": 2, "pitch_mm": 20.0, "kinds": "place"}, WIDE])

@@ -17,7 +17,7 @@ from lensforge.spec.spec_section import numbers_of
 
 
 def _types_in(annotation: Any) -> set[Any]:
-    return {annotation} | {found for part in get_args(annotation) for found in _types_in(part)}
+    return {annotation} | {kind for part in get_args(annotation) for kind in _types_in(part)}
 
 
 def _numeric_fields() -> Iterator[tuple[type[Any], str]]:

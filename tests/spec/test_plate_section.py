@@ -68,10 +68,10 @@ def test_a_plate_of_a_lattice_has_its_rows_and_columns() -> None:
         ],
     )
     assert staggered.plate is not None
-    found = np.array(staggered.plate.lenses(staggered.lamps).places_mm)
-    away = np.sort(np.linalg.norm(found[:, None] - found, axis=2), axis=1)
-    assert len(found) == 20
-    np.testing.assert_allclose(found.mean(axis=0), [-5.0, 0.0], atol=1e-9)
+    lenses = np.array(staggered.plate.lenses(staggered.lamps).places_mm)
+    away = np.sort(np.linalg.norm(lenses[:, None] - lenses, axis=2), axis=1)
+    assert len(lenses) == 20
+    np.testing.assert_allclose(lenses.mean(axis=0), [-5.0, 0.0], atol=1e-9)
     np.testing.assert_allclose(away[:, 1:3], 100.0)
     assert (np.isclose(away, 100.0).sum(axis=1) == 6).any(), "a lens inside has six neighbours"
 
@@ -286,5 +286,7 @@ def test_what_does_not_go_with_an_outline_is_refused(loops: list[Any], plate: di
 def test_distances_from_a_drawn_edge_are_those_by_hand() -> None:
     spec = drawn([L_LOOP, HOLE, SLOT])
     assert spec.plate is not None
-    found = [spec.plate.to_edge_mm(place, (0.0, 0.0)) for place in [(9.0, 7.0), (24.0, -1.0), (0.0, 0.0), (-13.0, 0.0)]]
-    np.testing.assert_allclose(found, [1.0, 9.0, 10.0, -1.0], atol=1e-12)
+    distances = [
+        spec.plate.to_edge_mm(place, (0.0, 0.0)) for place in [(9.0, 7.0), (24.0, -1.0), (0.0, 0.0), (-13.0, 0.0)]
+    ]
+    np.testing.assert_allclose(distances, [1.0, 9.0, 10.0, -1.0], atol=1e-12)

@@ -160,7 +160,7 @@ def test_a_file_of_a_target_is_relative_to_the_folder_of_the_spec(tmp_path: Path
 
 
 def _bad_receivers() -> list[tuple[Table, str]]:
-    plane, far, cylinder, sphere = (_on(each, DISC) for each in (PLANE, FAR, CYLINDER, SPHERE))
+    plane, far, cylinder, sphere = (_on(receiver, DISC) for receiver in (PLANE, FAR, CYLINDER, SPHERE))
     far["targets"] = [_in_degrees(DISC)]
     return [
         ({**plane, "centre_mm": [0.0, 0.0, 5.0]}, "distance of the plane = 5 is inside the lens: it must exceed"),

@@ -192,7 +192,7 @@ SECTIONS: list[dict[str, Section]] = [
     [(SpectrumSpec, SPECTRA), (IntensitySpec, INTENSITIES), (EmitterSection, SOURCES), (FixedSurface, INNER)],
 )
 def test_the_sections_below_are_of_every_kind(union: object, made: tuple[Section, ...]) -> None:
-    assert {type(each) for each in made} == set(models_in(union)) - OF_FILES
+    assert {type(section) for section in made} == set(models_in(union)) - OF_FILES
 
 
 @pytest.mark.parametrize("sections", SECTIONS, ids=lambda sections: repr(*sections.values())[:60])
@@ -202,18 +202,18 @@ def test_a_kind_left_to_its_class_is_kept_by_replace_and_save(sections: dict[str
     spec = lf.Spec(**(parts | sections))  # made of objects: no kind was written
     changed = spec.replace(name="x")
     assert changed.name == "x" and changed.replace(name=spec.name) == spec
-    for number, each in enumerate((spec, changed)):
-        each.save(tmp_path / f"{number}.toml")
+    for number, written in enumerate((spec, changed)):
+        written.save(tmp_path / f"{number}.toml")
         text = (tmp_path / f"{number}.toml").read_text(encoding="utf-8")
-        assert parse_spec(tomllib.loads(text), "again", tmp_path) == each  # load_spec wants the files that it names
+        assert parse_spec(tomllib.loads(text), "again", tmp_path) == written  # load_spec wants the files that it names
 
 
 def test_a_spec_with_automatic_levels_keeps_all_that_does_not_go_with_given_ones() -> None:
     spec = small_spec(target__uniform_mm=60.0)
-    found = spec.with_automatic_levels()
-    assert found.lens.levels == "auto"
-    assert found.optimise.model_dump(exclude_unset=True) == {"pixels": 16}
-    assert found.target == spec.target and found.constraints == spec.constraints
+    automatic = spec.with_automatic_levels()
+    assert automatic.lens.levels == "auto"
+    assert automatic.optimise.model_dump(exclude_unset=True) == {"pixels": 16}
+    assert automatic.target == spec.target and automatic.constraints == spec.constraints
 
 
 @pytest.mark.parametrize(

@@ -78,12 +78,12 @@ def test_dimmed_chips_give_their_shares_of_the_flux_and_dark_ones_are_left_out()
 
 
 def test_chips_of_an_array_are_dimmed_row_by_row_from_the_corner_at_minus_x_and_minus_y() -> None:
-    found = lit(ARRAY, [0.0, 1.0, 0.0, 0.0, 0.0, 0.5])
-    places = [(chip.x_mm, chip.y_mm, chip.flux_w) for chip in found.chips]
+    dimmed = lit(ARRAY, [0.0, 1.0, 0.0, 0.0, 0.0, 0.5])
+    places = [(chip.x_mm, chip.y_mm, chip.flux_w) for chip in dimmed.chips]
     assert places == [pytest.approx((0.0, -0.2, 1.0 / 6.0)), pytest.approx((0.3, 0.2, 0.5 / 6.0))]
-    assert found.pose == lf.ChipArraySource(**ARRAY).pose
+    assert dimmed.pose == lf.ChipArraySource(**ARRAY).pose
     whole = summarise(build_source(lf.ChipArraySource(**ARRAY)), lf.ChipArraySource(**ARRAY)).flux_w
-    assert summarise(build_source(found), found).flux_w == pytest.approx(whole * 1.5 / 6.0)
+    assert summarise(build_source(dimmed), dimmed).flux_w == pytest.approx(whole * 1.5 / 6.0)
 
 
 def test_a_state_has_its_temperature_and_its_wavelength() -> None:

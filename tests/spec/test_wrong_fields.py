@@ -106,13 +106,13 @@ def lines_of(changes: dict[str, Any]) -> tuple[str, ...]:
     ],
 )
 def test_a_wrong_field_is_named_as_written_with_what_was_meant(changes: dict[str, Any], line: str) -> None:
-    (found,) = lines_of(changes)
-    assert found.startswith(line)
+    (message,) = lines_of(changes)
+    assert message.startswith(line)
 
 
 def test_all_wrong_fields_are_told_unknown_names_first() -> None:
-    found = lines_of({"source.side_mm": -1.0, "evaluate.pixel": 9, "optimise.rays": 2, "tolerances.lens_height": 1.0})
-    assert [line.split(":")[0] for line in found] == [
+    lines = lines_of({"source.side_mm": -1.0, "evaluate.pixel": 9, "optimise.rays": 2, "tolerances.lens_height": 1.0})
+    assert [line.split(":")[0] for line in lines] == [
         "evaluate.pixel = 9",
         "tolerances.lens_height = 1.0",
         "source.side_mm = -1.0",
@@ -121,8 +121,8 @@ def test_all_wrong_fields_are_told_unknown_names_first() -> None:
 
 
 def test_a_thousand_wrong_numbers_are_a_screen() -> None:
-    found = lines_of({"lens.levels": [0] * 20, "optimise.steps_per_level": [0] * 20, "evaluate.pixels": 0})
-    assert len(found) == 21 and found[-1] == "21 more wrong fields"
+    lines = lines_of({"lens.levels": [0] * 20, "optimise.steps_per_level": [0] * 20, "evaluate.pixels": 0})
+    assert len(lines) == 21 and lines[-1] == "21 more wrong fields"
 
 
 def test_the_command_says_each_in_a_line_of_its_own(tmp_path: Path) -> None:
@@ -158,8 +158,8 @@ def test_a_table_of_an_add_on_that_is_not_installed_is_empty_or_names_it(monkeyp
         name: str = "a"
 
     monkeypatch.setattr(application, "usable_addons", tuple)
-    found = section_of(with_tables(Without), {"roads": []}, "t.toml")
+    section = section_of(with_tables(Without), {"roads": []}, "t.toml")
     empty = {"name": "a", "offices": [], "roads": [], "routes": [], "sports": []}
-    assert json.loads(found.model_dump_json()) == json.loads(Without().model_dump_json()) == empty
+    assert json.loads(section.model_dump_json()) == json.loads(Without().model_dump_json()) == empty
     with pytest.raises(WrongFields, match=r'^t.toml: roads.*: needs pip install "lensforge\[road\]"$'):
         section_of(Without, {"roads": [{"width_m": 7.0}]}, "t.toml")
