@@ -14,7 +14,7 @@ def case(shared: Path) -> Callable[[str], "object"]:
     from crooked import made
 
     @cache
-    def found(name: str) -> object:
+    def case_of(name: str) -> object:
         return made_once(shared / f"crooked_{name}", lambda folder: made(name, folder))
 
-    return found
+    return case_of

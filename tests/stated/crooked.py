@@ -130,9 +130,9 @@ class Case:
                     other = path.with_stem(f"{path.stem}_{name}")
                     file.symlink_to(other if led and other.exists() else path)
         spec = self.lens["spec"] | {"source": sources[led]["source"], "sources": []}
-        each = len(self.rays["photometry"]) // len(sources)
+        per_led = len(self.rays["photometry"]) // len(sources)
         rays = self.rays | {
-            "photometry": self.rays["photometry"][led * each : (led + 1) * each],
+            "photometry": self.rays["photometry"][led * per_led : (led + 1) * per_led],
             "tables": self.rays["tables of LEDs"][led], "stray": self.rays["stray"][led:],
         }  # fmt: skip
         return replace(self, name=f"{self.name} {name}", folder=folder, lens=self.lens | {"spec": spec}, rays=rays)
@@ -149,9 +149,9 @@ class Case:
             counted = Counter(group.key for group in groups)
             for group in groups:
                 before: dict[str, int] = {}
-                led, own = divmod(seen.get(group.key, 0), max(1, counted[group.key] // leds))
+                led, number = divmod(seen.get(group.key, 0), max(1, counted[group.key] // leds))
                 for fact in group.facts:
-                    place = Place(stage, fact.key, own, before.get(fact.key, 0), group.title, led)
+                    place = Place(stage, fact.key, number, before.get(fact.key, 0), group.title, led)
                     yield place, fact
                     before[fact.key] = before.get(fact.key, 0) + 1
                 seen[group.key] = seen.get(group.key, 0) + 1
@@ -197,14 +197,14 @@ def led_rays(name: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     x, y = along * (a**1.2 - 0.5), 0.4 * (b - 0.5)
     sine = np.sqrt(c)
     turn = 2 * np.pi * e
-    own = np.stack([sine * np.cos(turn), sine * np.sin(turn) * (0.6 + 0.4 * a), np.sqrt(1 - c) + 0.05], axis=1)
-    own /= np.linalg.norm(own, axis=1)[:, None]
+    directions = np.stack([sine * np.cos(turn), sine * np.sin(turn) * (0.6 + 0.4 * a), np.sqrt(1 - c) + 0.05], axis=1)
+    directions /= np.linalg.norm(directions, axis=1)[:, None]
     p = np.stack([x, y, 0.1 * a], axis=1)
     if name == "near":  # its light goes along +x of the file
         p = p[:, [2, 0, 1]]
-        own = own[:, [2, 0, 1]]
+        directions = directions[:, [2, 0, 1]]
     flux = (0.5 + a * c) / count * (0.37 if name == "near" else 0.81)
-    return (p + shift).astype("f4"), own.astype("f4"), flux.astype("f4")
+    return (p + shift).astype("f4"), directions.astype("f4"), flux.astype("f4")
 
 
 def write_leds(folder: Path) -> None:
@@ -317,11 +317,11 @@ class Record:
             return [light.grid.c_deg, light.grid.gamma_deg, light.samples, rival]
 
         def fit(*given: Any) -> Any:
-            found = fitted(*given)
+            result = fitted(*given)
             if self.stage == "photometry":
-                self.rays["tables"] = tables_of(found)
+                self.rays["tables"] = tables_of(result)
                 self.rays.setdefault("tables of LEDs", []).append(self.rays["tables"])
-            return found
+            return result
 
         def arrays(bundle: Any) -> tuple[Any, ...]:
             return bundle.origins, bundle.directions, bundle.flux, bundle.wavelengths_nm

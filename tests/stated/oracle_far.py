@@ -58,14 +58,14 @@ def leaving(case):
     Of lamps with aims each ray is of one, drawn by chance, as many of each.
     """
     lens = case.lens
-    found = []
+    by_sample = []
     turns = lamps_of(case.lens["spec"])[1]
     aimed = bool((lens["spec"]["lamps"] or {}).get("aims_mm"))
     kinds = lamps_of(lens["spec"])[2]
     others = lens.get("others") or {}
     faces = {kind: faces_of(lens, others.get(kind, lens["faces"])) for kind in dict.fromkeys(kinds)}
     bundles = [(p, d, nm) for p, d, _, nm in case.rays["photometry"]]
-    traced = {kind: list(exits_of_each(lens, own, bundles)) for kind, own in faces.items()}
+    traced = {kind: list(exits_of_each(lens, kind_faces, bundles)) for kind, kind_faces in faces.items()}
     for number, (_, _, flux, _) in enumerate(case.rays["photometry"]):
         flux = flux * together(case)
         upward = 0.0
@@ -86,8 +86,8 @@ def leaving(case):
             lost = by_fate(behind, flux, LOST[:-2]) | {"missed_receiver": (behind.flux * flux)[rest].sum()}
             for name, amount in lost.items():
                 fates[name] = fates.get(name, 0) + share * amount
-        found.append((upward, np.concatenate(on), np.concatenate(of_ray), fates))
-    return found
+        by_sample.append((upward, np.concatenate(on), np.concatenate(of_ray), fates))
+    return by_sample
 
 
 def lumens(case):
@@ -104,14 +104,14 @@ def lumens(case):
 def solid_angles(c_deg, gamma_deg):
     """Integral of the bilinear function of one node of each cone, by Simpson's rule in fine steps."""
     gamma = np.radians(gamma_deg)
-    found = np.zeros(len(gamma))
+    angles = np.zeros(len(gamma))
     for k, (low, high) in enumerate(pairwise(gamma)):
         at = np.linspace(low, high, 201)
         part = (at - low) / (high - low)
         weights = np.array([1, *[4, 2] * 99, 4, 1]) * (high - low) / 600
-        found[k] += (weights * np.sin(at) * (1 - part)).sum()
-        found[k + 1] += (weights * np.sin(at) * part).sum()
-    return found * 2 * np.pi / len(c_deg)
+        angles[k] += (weights * np.sin(at) * (1 - part)).sum()
+        angles[k + 1] += (weights * np.sin(at) * part).sum()
+    return angles * 2 * np.pi / len(c_deg)
 
 
 def above_zero(values, weights):
@@ -150,11 +150,11 @@ class Tables:
 
 def doubted(tables, read):
     """Figures with their errors, in which is what they are in other steps."""
-    found = read(tables)
+    values = read(tables)
     if tables.rival is None:
-        return found
+        return values
     doubt, other = tables.rival
-    pairs = zip(found, read(other), strict=True)
+    pairs = zip(values, read(other), strict=True)
     return [(value, np.hypot(error, doubt * (value - changed))) for (value, error), (changed, _) in pairs]
 
 
@@ -183,15 +183,15 @@ def plane(tables, c_deg):
     readings = profile(tables.azimuth, tables.gamma, tables.samples, c_deg)[1]
     peak = largest(readings)
     peaks = -least_parts(-readings)[1].ravel()
-    found = [peak]
+    figures = [peak]
     for share in (0.5, 0.1):
 
         def width(table, most, share=share):
             return width_above(*profile(tables.azimuth, tables.gamma, table, c_deg), share * most)
 
         by_half = [width(table, most) for table, most in zip(tables.by_halves, peaks, strict=True)]
-        found.append((width(tables.whole, peak[0]), by_half_samples(np.reshape(by_half, (15, 2)))))
-    return found
+        figures.append((width(tables.whole, peak[0]), by_half_samples(np.reshape(by_half, (15, 2)))))
+    return figures
 
 
 def plane_record(tables, c_deg):
@@ -210,7 +210,7 @@ def photometry(case):
     up = jackknife([sample[0] for sample in samples])
     # Lamps take rays by chance, as many each: of kinds that differ the flux is that of a mean ray within its noise.
     near = 4.0 if kinds_in(case) > 1 else 0.02
-    count = sum(len(each[2]) for each in case.rays["photometry"])
+    count = sum(len(part[2]) for part in case.rays["photometry"])
     fates = {name: np.mean([sample[3][name] for sample in samples]) for name in samples[0][3]}
     lost = {name: plain(fates[name], floor=near * up[1]) for name in (*LOST, "missed_receiver")}
     lost |= {
@@ -264,11 +264,11 @@ def luminaire(tables, light_output_ratio, peak):
 
         return [given.figure(share(number)) for number in range(14)]
 
-    found = [metric(share, near=RAY) for share in doubted(tables, shares)]
+    metrics = [metric(share, near=RAY) for share in doubted(tables, shares)]
     throw = None
     if peak is not None:
         throw = metric((np.sqrt(4 * peak[0]), peak[1] / np.sqrt(peak[0])), "m")
-    return {"throw": throw, "flux_code": [*found[:4], light_output_ratio], "direct_ratios": found[4:]}
+    return {"throw": throw, "flux_code": [*metrics[:4], light_output_ratio], "direct_ratios": metrics[4:]}
 
 
 def spectrum_of(case):
@@ -276,10 +276,10 @@ def spectrum_of(case):
     return page_luminaire.spectral(case.lens["spec"]["source"])
 
 
-def rounded(found):
+def rounded(record):
     """Figures of a spectrum as a record has them."""
     within = {"melanopic_der": 0.03}
-    return found and {name: v if v is None else plain(v, within.get(name, 1e-3)) for name, v in found.items()}
+    return record and {name: v if v is None else plain(v, within.get(name, 1e-3)) for name, v in record.items()}
 
 
 # -- A lamp for an area ------------------------------------------------------------------------------------------------
@@ -315,12 +315,12 @@ def area(case, exit_lm):
     street = np.array([np.cos(side), np.sin(side)])
     for row, name in enumerate(("forward", "back")):
         for low, high, zone in zip((0, 30, 60, 80), (30, 60, 80, 90.001), ZONES, strict=True):
-            each = []
+            samples = []
             for _, d, flux, _ in once(case, leaving):
                 gamma = np.degrees(np.arccos(d[:, 2]))
                 ahead = d[:, :2] @ street > 0
-                each.append(flux[(gamma >= low) & (gamma < high) & (ahead == (row == 0))].sum() * source_lm / watts)
-            zones[f"{name}_{zone}"] = metric(jackknife(each), "lm")
+                samples.append(flux[(gamma >= low) & (gamma < high) & (ahead == (row == 0))].sum() * source_lm / watts)
+            zones[f"{name}_{zone}"] = metric(jackknife(samples), "lm")
     ratings = {
         name: max(sum(zones[zone]["value"][0] > most for most in bounds) for zone, bounds in table.items())
         for name, table in BUG.items()
@@ -376,16 +376,16 @@ def distribution(tables, street_deg):
 
 
 def near_horizon(tables, exit_lm):
-    found = {}
+    levels = {}
     for name, least in (("above_70", 70.0), ("above_80", 80.0)):
         nodes = np.array([least, *tables.gamma[tables.gamma > least]])
         at, down = (coordinates.ravel() for coordinates in np.meshgrid(tables.azimuth, nodes, indexing="ij"))
-        found[name] = metric(
+        levels[name] = metric(
             scaled(largest(bilinear(tables.azimuth, tables.gamma, tables.samples, at, down)), 1000 / exit_lm), "cd/klm"
         )
-    values = [found[name]["value"][0] for name in ("above_70", "above_80")]
+    values = [levels[name]["value"][0] for name in ("above_70", "above_80")]
     keeps = (name for name, bounds in GLARE.items() if values[0] <= bounds[0] and values[1] <= bounds[1])
-    return found | {"glare_class": next(keeps, "none")}
+    return levels | {"glare_class": next(keeps, "none")}
 
 
 # -- Roads -------------------------------------------------------------------------------------------------------------
@@ -405,7 +405,7 @@ def road_record(case, road):
     def candela(lateral, gamma):
         return factor * bilinear(tables.azimuth, tables.gamma, in_file, lateral + side, np.minimum(gamma, 90))
 
-    found = page_road.figures(road, candela)
+    judgement = page_road.figures(road, candela)
     drivers = [
         {
             "lane": number + 1, "mean_cd_per_m2": metric(lane["mean"], "cd/m²"),
@@ -413,10 +413,10 @@ def road_record(case, road):
             "glare_percent": metric(lane["glare"], "%"),
             "luminance_per_lux": metric(lane["q"], "cd/m²/lx"), "veiling_ratio": None,
         }
-        for number, lane in enumerate(found["lanes"])
+        for number, lane in enumerate(judgement["lanes"])
     ]  # fmt: skip
     limits = []
-    for name, quantity, value, unit, sense, bound in page_road.asked(road, found):
+    for name, quantity, value, unit, sense, bound in page_road.asked(road, judgement):
         stated = metric(value, unit)
         limits.append({
             "name": name, "receiver": road["name"], "quantity": quantity, "value": stated, "sense": sense,
@@ -425,11 +425,11 @@ def road_record(case, road):
     _, tans, r = page_road.surface(road["surface"])
     s1 = np.interp(2, tans, r[:, 0]) / r[0, 0]
     return {
-        "name": road["name"], "lighting_class": road["lighting_class"], "reached": page_road.reached(road, found),
+        "name": road["name"], "lighting_class": road["lighting_class"], "reached": page_road.reached(road, judgement),
         "surface": road["surface"], "q0": 0.07, "s1": plain(s1), "drivers": drivers,
-        "edges": [metric(edge) for edge in found["edges"]], "mean_lx": metric(found["mean_lx"], "lx"),
-        "least_lx": metric(found["least_lx"], "lx"), "uniformity_lx": metric(found["u_lx"]),
-        "power_density": metric(found["power"], "W/lx/m²"), "yearly_energy": metric(found["energy"], "kWh/m²"),
+        "edges": [metric(edge) for edge in judgement["edges"]], "mean_lx": metric(judgement["mean_lx"], "lx"),
+        "least_lx": metric(judgement["least_lx"], "lx"), "uniformity_lx": metric(judgement["u_lx"]),
+        "power_density": metric(judgement["power"], "W/lx/m²"), "yearly_energy": metric(judgement["energy"], "kWh/m²"),
         "limits": limits, "standard": "EN 13201",
     }  # fmt: skip
 
@@ -439,7 +439,7 @@ def road_record(case, road):
 
 def ies(text):
     """C, gamma and candela of an IES file by its numbers alone."""
-    numbers = [float(each) for each in text.split("TILT=NONE")[1].split()]
+    numbers = [float(number) for number in text.split("TILT=NONE")[1].split()]
     gammas = int(numbers[3])
     planes = int(numbers[4])
     factor = numbers[2] * numbers[10]
@@ -475,13 +475,13 @@ def ldt(text):
 
 def tm33(text):
     """C, gamma and candela of a TM-33 file."""
-    found = {}
-    for each in ET.fromstring(text).iter():
-        if each.tag.split("}")[-1] == "IntData":
-            found[float(each.get("h")), float(each.get("v"))] = float(each.text)
-    c = sorted({h for h, _ in found})
-    gamma = sorted({v for _, v in found})
-    return np.array(c), np.array(gamma), np.array([[found[h, v] for v in gamma] for h in c])
+    candela = {}
+    for element in ET.fromstring(text).iter():
+        if element.tag.split("}")[-1] == "IntData":
+            candela[float(element.get("h")), float(element.get("v"))] = float(element.text)
+    c = sorted({h for h, _ in candela})
+    gamma = sorted({v for _, v in candela})
+    return np.array(c), np.array(gamma), np.array([[candela[h, v] for v in gamma] for h in c])
 
 
 # -- Facts -------------------------------------------------------------------------------------------------------------
@@ -514,7 +514,7 @@ def plane_fact(key):
 
 
 def flux_code(case, place):
-    shares = [each["value"][0] for each in recorded(case)["figures"]["flux_code"]]
+    shares = [share["value"][0] for share in recorded(case)["figures"]["flux_code"]]
     return Expected(" ".join(f"{100 * share:.0f}" for share in shares))
 
 
@@ -546,13 +546,13 @@ def above(case, place):
 
 
 def kind_of_light(case, place):
-    found = recorded(case)["road"]["distribution"]
-    return Expected(f"{found['lateral']} {found['longitudinal']}")
+    road_type = recorded(case)["road"]["distribution"]
+    return Expected(f"{road_type['lateral']} {road_type['longitudinal']}")
 
 
 def bug(case, place):
-    found = recorded(case)["road"]["bug"]
-    return Expected(f"B{found['backlight']} U{found['uplight']} G{found['glare']}")
+    rating = recorded(case)["road"]["bug"]
+    return Expected(f"B{rating['backlight']} U{rating['uplight']} G{rating['glare']}")
 
 
 ORACLES = {

@@ -52,7 +52,7 @@ def traced(case, calls, warm):
     own_kinds = [*(kind for kind in dict.fromkeys(kinds) if kind not in others), *others]
     receivers = receivers_of(spec)
     targets = [target_light(receiver)[1] for receiver in receivers]
-    found = {}
+    parts = {}
     for kind, call in zip(own_kinds, calls, strict=True):
         faces = faces_of(lens, others.get(kind, lens["faces"]))
         share = kinds.count(kind) / len(kinds)
@@ -63,18 +63,18 @@ def traced(case, calls, warm):
             fates = by_fate(behind, factor * flux, NOT_LEFT)
             for number, receiver in enumerate(receivers):
                 got = receive(receiver, targets[number], lamps, behind, factor * flux, colours)
-                found.setdefault((number, replicate), []).append((share, got, fates))
+                parts.setdefault((number, replicate), []).append((share, got, fates))
                 if number == 0 and behind.ways is not None:
-                    ways = found.setdefault(("ways", replicate), {})
+                    ways = parts.setdefault(("ways", replicate), {})
                     for row in behind.left:
                         ways[behind.ways[row]] = ways.get(behind.ways[row], 0) + behind.flux[row] * factor * flux[row]
-    return receivers, found
+    return receivers, parts
 
 
 def mean_of(parts):
     """Of lamps of several kinds: means by their shares."""
     names = parts[0][1].__dict__
-    got = {name: sum(share * getattr(each, name) for share, each, _ in parts) for name in names}
+    got = {name: sum(share * getattr(received, name) for share, received, _ in parts) for name in names}
     return got, {name: sum(share * fates[name] for share, _, fates in parts) for name in parts[0][2]}
 
 
@@ -82,13 +82,13 @@ def light_of(case, calls, source, warm):
     """The record of the light with one LED: receivers, ways, limits; and pictures of each receiver."""
     spec = case.lens["spec"]
     watts, efficacy = flux_and_efficacy(source, case.files)
-    receivers, found = traced(case, calls, warm)
+    receivers, parts = traced(case, calls, warm)
     count = len(calls[0])
     lit = []
     images = []
     raw = []
     for number, receiver in enumerate(receivers):
-        means = [mean_of(found[number, k]) for k in range(count)]
+        means = [mean_of(parts[number, k]) for k in range(count)]
         record, pictures = receiver_record(spec, receiver, means, watts, number)
         lit.append(record)
         images.append(pictures)
@@ -96,11 +96,11 @@ def light_of(case, calls, source, warm):
     record = {"receivers": lit, "limits": limits_of(case, receivers, images, raw, efficacy, watts, lit)}
     if figures := figures_of(case, receivers, images, efficacy):
         record["figures"] = figures
-    ways = [found[each] for each in sorted(each for each in found if each[0] == "ways")]
+    ways = [parts[key] for key in sorted(key for key in parts if key[0] == "ways")]
     if ways:
         record["ways"] = ways_of(case.lens, ways, watts)
     record |= {
-        "rays": sum(len(each[2]) for call in calls for each in call),
+        "rays": sum(len(part[2]) for call in calls for part in call),
         "lumens_per_watt": (efficacy, 1e-4 * efficacy) if efficacy else None,
     }
     return record, images
@@ -125,7 +125,7 @@ def receiver_record(spec, receiver, means, watts, number):
     noise = np.var(images, axis=0, ddof=1).sum() / len(images) / (mean**2).sum()
     pattern = nmse(images, target)
     radius = receiver.window[0] if len(receiver.window) == 1 else None
-    fates = {name: np.mean([each[name] for _, each in means]) / watts for name in means[0][1]}
+    fates = {name: np.mean([lost[name] for _, lost in means]) / watts for name in means[0][1]}
     landed = np.mean([got["window"] + got["outside"] for got, _ in means]) / watts
     missed = {name: plain(fates[name]) for name in MISSED if name in fates}
     missed["missed_receiver"] = plain(np.mean([got["missed"] for got, _ in means]) / watts)
@@ -156,8 +156,8 @@ def receiver_record(spec, receiver, means, watts, number):
         values = [image[mask] for image in images]
         record["uniformity"] = metric(least_over_mean(values), near=RAY)
         record["rsd"] = metric(rsd(values), near=RAY)
-        own = mean[mask]
-        record["raw"] |= {"uniformity": plain(own.min() / own.mean(), 1e-3), "rsd": plain(own.std() / own.mean(), 1e-3)}
+        lit = mean[mask]
+        record["raw"] |= {"uniformity": plain(lit.min() / lit.mean(), 1e-3), "rsd": plain(lit.std() / lit.mean(), 1e-3)}
     if spec["colour"]:
         pictures = [np.array([filtered(colour, variance) for colour in got["colours"]]) for got, _ in means]
         record["colour"] = beam_record(beam_colour(pictures, {"fwhm": 0.5, "tenth": 0.1}[spec["colour"]["within"]]))
@@ -170,10 +170,10 @@ def covered(inside, shape):
     return inside.reshape(shape[0], k, shape[1], k).mean(axis=(1, 3))
 
 
-def beam_record(found):
+def beam_record(beam):
     units = {"u": "", "v": "", "cct": "K", "duv": "", "rms": "", "worst": ""}
-    record = {"level": found["level"], "pixels": found["pixels"]}
-    return record | {name: found[name] and metric(found[name], unit) for name, unit in units.items()}
+    record = {"level": beam["level"], "pixels": beam["pixels"]}
+    return record | {name: beam[name] and metric(beam[name], unit) for name, unit in units.items()}
 
 
 def region_of(images, target, mask, measure, unit):
@@ -215,24 +215,24 @@ def ways_of(lens, replicates, watts):
 
 def limits_of(case, receivers, images, raw, efficacy, watts, lit):
     spec = case.lens["spec"]
-    found = []
+    limits = []
     named = [receiver.name for receiver in receivers]
     for limit in spec["limits"] or []:
         number = named.index(limit["receiver"]) if limit["receiver"] else 0
         pictures = images[number], raw[number]
-        found += own_limits(limit, receivers[number], *pictures, efficacy, watts, len(lamps_of(spec)[0]))
-    found += road_limits(case, receivers)
+        limits += own_limits(limit, receivers[number], *pictures, efficacy, watts, len(lamps_of(spec)[0]))
+    limits += road_limits(case, receivers)
     if spec["colour"]:
         for receiver, record in zip(receivers, lit, strict=True):
             for words, field in (("rms", "max_rms_delta_uv"), ("worst", "max_delta_uv")):
                 value = record["colour"][words]
                 beam = {"fwhm": "half", "tenth": "a tenth"}[spec["colour"]["within"]]
-                found.append({
+                limits.append({
                     "name": f"Δu′v′ {words} within {beam} of the peak", "receiver": receiver.name,
                     "quantity": "distance from the mean colour", "value": value, "sense": "<=",
                     "bound": spec["colour"][field], "unit": "", "state": state_of(value, "<=", spec["colour"][field]),
                 })  # fmt: skip
-    return found
+    return limits
 
 
 def road_limits(case, receivers):
@@ -364,28 +364,28 @@ def evaluated(case, stage):
     records = []
     pictures = None
     for name, source in leds:
-        own, images = light_of(case, calls[:kinds], source, stage == "warm")
+        light, images = light_of(case, calls[:kinds], source, stage == "warm")
         calls = calls[kinds:]
         pictures = images if pictures is None else pictures
         if source["kind"] in ("rayfile", "rayfiles"):
             fitted, _ = light_of(case, [calls.pop(0)], source, stage == "warm")
-            own["fitted"] = {
+            light["fitted"] = {
                 "rays": fitted["rays"], **{key: fitted["receivers"][0][key] for key in ("nmse", "efficiency")}
             }  # fmt: skip
-        records.append((name, own))
+        records.append((name, light))
     tables = tables_record(case, flux_and_efficacy(leds[0][1], case.files)[0], stage == "warm")
     told = [
-        own | ({"place": place} if (place := where_led_stands(source)) else {}) | tables | {
+        of_led | ({"place": place} if (place := where_led_stands(source)) else {}) | tables | {
             "conditions": ..., "led": name, "replicates": 16, "pixels": spec["evaluate"]["pixels"],
             "filter": f"3x3 Gaussian, variance {spec['evaluate']['filter_variance']:g} pixel^2, hard bins", "seed": 3,
             "fitted": None, "by_file": None, "others": [], "criteria": [...],
-            **{key: own["receivers"][0][key] for key in OF_THE_FIRST},
+            **{key: of_led["receivers"][0][key] for key in OF_THE_FIRST},
         }
-        for (name, own), (_, source) in zip(records, leds, strict=True)
+        for (name, of_led), (_, source) in zip(records, leds, strict=True)
     ]  # fmt: skip
-    others = [each | {"preset_error": None} for each in told[1:]]
+    others = [other | {"preset_error": None} for other in told[1:]]
     record = told[0] | {"fitted": records[0][1].get("fitted"), "others": others}
-    return record, pictures, [own for _, own in records]
+    return record, pictures, [of_led for _, of_led in records]
 
 
 def where_led_stands(source):
@@ -409,7 +409,7 @@ def led_place(*path):
         value = where_led_stands(sources[place.group])
         for key in path:
             value = value[key]
-        text = ", ".join(f"{each:g}".replace("-", "−") for each in value)
+        text = ", ".join(f"{coordinate:g}".replace("-", "−") for coordinate in value)
         return Expected(f"({text})°" if "tilt_deg" in path else f"({text}) mm")
 
     return oracle
@@ -419,8 +419,8 @@ def place_of(case, place):
     """The record of an LED, and that of its receiver, for a group of the light."""
     leds = evaluation(case, place.stage)[2]
     count = len(leds[0]["receivers"])
-    own = leds[place.group // count]
-    return own, own["receivers"][place.group % count]
+    light = leds[place.group // count]
+    return light, light["receivers"][place.group % count]
 
 
 def stated(entry, factor=1.0, unit=None, **more):
@@ -444,14 +444,14 @@ def least_share(case, place):
         return None
     led, number = divmod(place.group, len(receivers_of(spec)))
     target = target_light(receivers_of(spec)[number])[0]
-    own = record["others"][led - 1] if led else record
-    possible = own["receivers"][number]["possible"]["share_in_target"]
+    light = record["others"][led - 1] if led else record
+    possible = light["receivers"][number]["possible"]["share_in_target"]
     return 0.7 * min(transmitted(spec) * target[target > 0.1 * target.max()].sum(), possible)
 
 
 def transmitted(spec):
     """What all faces transmit at normal incidence, those of further bodies, too; light of a reflector may meet none."""
-    found = 1.0
+    share = 1.0
     for body in (spec["lens"], *(spec["bodies"] or [])):
         if body.get("kind") == "reflector":
             continue
@@ -461,8 +461,8 @@ def transmitted(spec):
             n = body["refractive_index"]
             around = body.get(beside, spec["lens"]["outside_index"])
             bare = ((n - around) / (n + around)) ** 2
-            found *= 1 - min(np.min(coating["reflectance"]) if coating else bare for coating in coatings)
-    return found
+            share *= 1 - min(np.min(coating["reflectance"]) if coating else bare for coating in coatings)
+    return share
 
 
 def mirrored(face):
@@ -493,19 +493,19 @@ def from_receiver(*path, factor=1.0, unit=None, **more):
 
 
 def level_fact(case, place):
-    own, receiver = place_of(case, place)
+    light, receiver = place_of(case, place)
     entry = receiver["in_region"]["mean"]
-    efficacy = own["lumens_per_watt"]
+    efficacy = light["lumens_per_watt"]
     if efficacy is None:
         return stated(entry)
     unit = {"W/m²": "lx", "W/sr": "cd"}[entry["unit"]]
-    found = stated(entry, efficacy[0], unit)
+    figure = stated(entry, efficacy[0], unit)
     return Expected(
-        found.value,
-        found.within + 1e-4 * found.value,
+        figure.value,
+        figure.within + 1e-4 * figure.value,
         unit,
-        found.standard_error,
-        0.1 * found.error_within + 0.1 * found.standard_error,
+        figure.standard_error,
+        0.1 * figure.error_within + 0.1 * figure.standard_error,
     )
 
 
@@ -568,12 +568,12 @@ def table_fact(key, unit=""):
     """Of the tables of the evaluation; in the far field the angle at that distance from the axis."""
 
     def oracle(case, place):
-        found = stated(evaluation(case, place.stage)[0]["preset_error"]["evaluation"][key])
+        figure = stated(evaluation(case, place.stage)[0]["preset_error"]["evaluation"][key])
         if not unit:
-            return found
+            return figure
         far = receivers_of(case.lens["spec"])[0].kind == "far_field"
         factor = np.degrees(1) if far else 1.0  # of twice the arcsine of half of a small distance
-        return Expected(factor * found.value, factor * found.within, "°" if far else unit)
+        return Expected(factor * figure.value, factor * figure.within, "°" if far else unit)
 
     return oracle
 

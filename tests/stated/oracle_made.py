@@ -48,7 +48,7 @@ class Parts:
         """Share of the variance of ``values`` by each tolerance with its standard error, the most certain first."""
         y = values - values.mean()
         block = np.arange(self.count) % BLOCKS
-        found = {}
+        shares = {}
         sums = np.zeros(BLOCKS + 1)
         without = [np.ones(self.count, dtype=bool)] + [block != k for k in range(BLOCKS)]
         total = np.array([(y[rows] ** 2).mean() * self.count / (self.count - 1) for rows in without])
@@ -58,10 +58,10 @@ class Parts:
             pairs = [(f[rows].sum(axis=0) ** 2 - (f[rows] ** 2).sum(axis=0)).sum() / (rows.sum() * (rows.sum() - 1))
                      for rows in without]  # fmt: skip
             sums += pairs
-            found[name] = jackknife(np.array(pairs) / total)
-        order = sorted(found, key=lambda name: -(found[name][0] - CERTAIN * found[name][1]))
-        certain = [name for name in order if found[name][0] > CERTAIN * found[name][1]]
-        return found, certain, jackknife(1 - sums / total)
+            shares[name] = jackknife(np.array(pairs) / total)
+        order = sorted(shares, key=lambda name: -(shares[name][0] - CERTAIN * shares[name][1]))
+        certain = [name for name in order if shares[name][0] > CERTAIN * shares[name][1]]
+        return shares, certain, jackknife(1 - sums / total)
 
 
 def functions(numbers):
@@ -70,7 +70,7 @@ def functions(numbers):
     weights = np.exp(-2 * x**2)
     weights[[0, -1]] /= 2
     triangle = np.linalg.qr(np.vander(x, 5, increasing=True) * np.sqrt(weights / weights.sum())[:, None])[1]
-    single = [np.linalg.solve(triangle.T, np.vander(each, 5, increasing=True).T).T[:, 1:] for each in numbers.T]
+    single = [np.linalg.solve(triangle.T, np.vander(column, 5, increasing=True).T).T[:, 1:] for column in numbers.T]
     both = [a[:, i] * b[:, j] for a, b in combinations(single, 2) for i in range(4) for j in range(4) if i + j + 2 <= 4]
     return np.column_stack([*single, *both])
 
@@ -101,13 +101,13 @@ def spread(parts, metric):
     """Mean, 5, 50 and 95 % and standard deviation of the parts without the scatter that noise adds."""
     values = parts.table[metric]
     scatter = values.std(ddof=1)
-    own = np.sqrt(max(scatter**2 - (parts.errors[metric] ** 2).mean(), 0))
-    drawn = values.mean() + (values - values.mean()) * own / scatter
+    deviation = np.sqrt(max(scatter**2 - (parts.errors[metric] ** 2).mean(), 0))
+    drawn = values.mean() + (values - values.mean()) * deviation / scatter
     return {
         "p5": np.percentile(drawn, 5),
         "p50": np.percentile(drawn, 50),
         "p95": np.percentile(drawn, 95),
-        "spread": own,
+        "spread": deviation,
     }
 
 

@@ -70,10 +70,10 @@ def halves(case, name):
     down = below & (facing < UPRIGHT)
     hidden = ~(up | down) & (abs(facing) > UPRIGHT)
     upper = up & ((facing > 0) | ~down)
-    shares = [areas[each].sum() / areas.sum() for each in (upper, ~upper & ~hidden)]
+    shares = [areas[mask].sum() / areas.sum() for mask in (upper, ~upper & ~hidden)]
     heights = (p[hidden, 2].min(), p[hidden, 2].max()) if hidden.any() else None
     share, phi = np.meshgrid(np.linspace(0, 1, 61), 2 * np.pi * np.arange(240) / 240)
-    q, m, _ = (each.reshape(-1, 3) for each in part.at(share, phi))
+    q, m, _ = (array.reshape(-1, 3) for array in part.at(share, phi))
     if m[:, 2].min() < 0 < m[:, 2].max():
         return *shares, heights, 0.0
     drawn = free(case, q + 1e-4 * out * m, np.sign(out * m[:, 2].mean())) if hidden.any() else np.full(len(q), True)
@@ -136,12 +136,12 @@ def sought_ball(case):
         tried = best[:, None] + step * rng.normal(size=(1, 80, 3))
         larger = coarse.query(tried)[0] > radii[:, None]
         larger[larger] = within(tried[larger])
-        found = np.zeros(larger.shape)
-        found[larger] = tree.query(tried[larger])[0]
-        better = found.argmax(axis=1)
-        wins = found.max(axis=1) > radii
+        distances = np.zeros(larger.shape)
+        distances[larger] = tree.query(tried[larger])[0]
+        better = distances.argmax(axis=1)
+        wins = distances.max(axis=1) > radii
         best = np.where(wins[:, None], tried[np.arange(len(best)), better], best)
-        radii = np.where(wins, found.max(axis=1), radii)
+        radii = np.where(wins, distances.max(axis=1), radii)
         step = step * 0.9
     return 2 * radii.max()
 
@@ -199,6 +199,6 @@ def undercut(case, place):
 
 ORACLES = {f"check.{name}_drawn": drawn(name) for name in ("inner", "outer", "cap", "side", "wall", "exit")} | {
     "check.parting": parting_line,
-    **{f"check.{each.__name__}": each
-       for each in (gate, inner_corners, thickest_ball, thickness_ratio, cooling, undercut)},
+    **{f"check.{oracle.__name__}": oracle
+       for oracle in (gate, inner_corners, thickest_ball, thickness_ratio, cooling, undercut)},
 }  # fmt: skip

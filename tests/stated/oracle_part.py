@@ -52,7 +52,7 @@ def errors_of(part, spline):
     """Distances (nm) from the exact face along its normal, and angles between the normals (mrad), all over it."""
     knots = np.unique(spline.knots[0])
     places = np.linspace(knots[0], knots[-1], 5 * len(knots))
-    p, n = (each.reshape(-1, 3) for each in spline.at(places, places))
+    p, n = (array.reshape(-1, 3) for array in spline.at(places, places))
     u = unit(p)
     low, high = part.ends(np.arctan2(u[:, 1], u[:, 0]))
     theta = np.arctan2(np.hypot(u[:, 0], u[:, 1]), u[:, 2])
@@ -72,7 +72,7 @@ def errors_of(part, spline):
 def worst_errors(case):
     """The largest distance (nm) and angle (mrad) of all optical faces in the STEP file."""
     return kept_of(case, "errors", lambda: np.max([
-        [each.max() for each in errors_of(body_of(case).parts[name.removeprefix("OPTICAL_").lower()], spline)]
+        [errors.max() for errors in errors_of(body_of(case).parts[name.removeprefix("OPTICAL_").lower()], spline)]
         for name, spline in splines_of(case, "lens.step").items() if name.startswith("OPTICAL_")
     ], axis=0).tolist())  # fmt: skip
 
@@ -122,8 +122,8 @@ def with_room(case):
     share, phi = np.meshgrid(np.linspace(0, 1, 241), 2 * np.pi * np.arange(720) / 720)
 
     def contacts(parts, side):
-        found = [part.at(share, phi)[:2] for part in parts if is_cut(case, part.name)]
-        b = np.concatenate([(p + side * r * n).reshape(-1, 3) for p, n in found]) if found else np.zeros((0, 3))
+        samples = [part.at(share, phi)[:2] for part in parts if is_cut(case, part.name)]
+        b = np.concatenate([(p + side * r * n).reshape(-1, 3) for p, n in samples]) if samples else np.zeros((0, 3))
         return np.hypot(b[:, 0], b[:, 1]), b[:, 2]
 
     across, z = contacts(body.cavity, -1)
@@ -247,11 +247,11 @@ def own_places(case, points):
     """Points of a plate in the coordinates of the lens that is nearest."""
     places, turns = lamps_of(case)
     number = np.linalg.norm(points[:, None, :2] - places, axis=2).argmin(axis=1)
-    found = np.empty_like(points)
+    local = np.empty_like(points)
     for k, (place, turn) in enumerate(zip(places, turns, strict=True)):
         rows = number == k
-        found[rows] = placed(points[rows] - [*place, 0], (0.0, 0.0), -turn)
-    return found
+        local[rows] = placed(points[rows] - [*place, 0], (0.0, 0.0), -turn)
+    return local
 
 
 def gap_mm(case):
@@ -265,7 +265,7 @@ def gap_mm(case):
 
     one = np.linspace(-1, 1, 9)
     around = np.stack(np.meshgrid(one, one), axis=-1).reshape(-1, 2)
-    found = []
+    gaps = []
     theta, phi = np.meshgrid(np.linspace(0, np.pi / 2, 16), 2 * np.pi * np.arange(60) / 60)
     every = np.stack([theta, phi], axis=-1).reshape(-1, 2)
     for i, j in combinations(range(len(places)), 2):
@@ -280,8 +280,8 @@ def gap_mm(case):
             a, b = np.unravel_index(apart.argmin(), apart.shape)
             ends = [near[0][a], near[1][b]]
             step = step / 1.7
-        found.append(apart.min())
-    return min(found)
+        gaps.append(apart.min())
+    return min(gaps)
 
 
 def plate_lenses(case, place):
@@ -318,11 +318,11 @@ def plate_size(case, place):
 
 def plate_form_error(case, place):
     """The lens's own, and how far any pole of its copies is from where the lens at its place has it."""
-    own = splines_of(case, "lens.step")
+    splines = splines_of(case, "lens.step")
     copies = splines_of(case, "plate.step")
     (places, turns) = lamps_of(case)
     off = 0.0
-    for name, spline in own.items():
+    for name, spline in splines.items():
         for k, (at, turn) in enumerate(zip(places, turns, strict=True)):
             copy = copies[f"{name}_{k + 1}"].poles.reshape(-1, 3)
             off = max(off, np.linalg.norm(copy - placed(spline.poles.reshape(-1, 3), at, turn), axis=1).max())
@@ -393,7 +393,7 @@ def plate_files(case, place):
 
 
 ORACLES = {
-    f"export.{each.__name__}": each
-    for each in (form_error, normal_error, volume, density, mass, mesh, schema, scale, plate_lenses, plate_gap,
+    f"export.{oracle.__name__}": oracle
+    for oracle in (form_error, normal_error, volume, density, mass, mesh, schema, scale, plate_lenses, plate_gap,
                  plate_size, plate_form_error, plate_volume, plate_mesh, plate_files)
 }  # fmt: skip

@@ -27,11 +27,11 @@ def rectified(case, receiver):
     to_pixel = np.linalg.svd(np.array(rows))[2][-1].reshape(3, 3)
     x, y = receiver.centres(FINE)
     columns, lines, scale = np.einsum("ij,jkl->ikl", to_pixel, np.array([x, y, np.ones_like(x)]))
-    found = []
+    pictures = []
     for picture in (on ** SHOT["gamma"] - off ** SHOT["gamma"], (on >= 1).astype(float)):
         fine = map_coordinates(picture, [lines / scale, columns / scale], order=1)
-        found.append(fine.reshape(receiver.shape[0], FINE, receiver.shape[1], FINE).mean(axis=(1, 3)))
-    return found[0] / found[0].mean(), found[1].mean()
+        pictures.append(fine.reshape(receiver.shape[0], FINE, receiver.shape[1], FINE).mean(axis=(1, 3)))
+    return pictures[0] / pictures[0].mean(), pictures[1].mean()
 
 
 def ssim(one, other):
@@ -56,7 +56,7 @@ class Aligned:
 
     def __init__(self, measured, simulated, receiver):
         (self.rows, self.columns), (self.width, self.height) = measured.shape, receiver.size
-        self.x, self.y = (each.ravel() for each in receiver.centres())
+        self.x, self.y = (array.ravel() for array in receiver.centres())
         self.seen, light = (gaussian_filter(image, 1.0, mode="nearest") for image in (measured, simulated))
         self.spline = spline_filter(light)
         self.units = np.array([1.0, 1.0, self.width, self.height])
@@ -128,8 +128,8 @@ def photo_record(case):
                  for name, value, error, unit in zip(NAMES, values, errors, UNITS, strict=True)}  # fmt: skip
     aligned = fit.undone(measured)
     regions = (measured[mask], simulated[mask])
-    evenness = [{"uniformity": near(own.min() / own.mean(), 0.02), "rsd": near(own.std() / own.mean(), 0.02)}
-                for own in regions]  # fmt: skip
+    evenness = [{"uniformity": near(area.min() / area.mean(), 0.02), "rsd": near(area.std() / area.mean(), 0.02)}
+                for area in regions]  # fmt: skip
     return {
         "on": "on.png", "off": "off.png", "corners": SHOT["corners"], "corners_located": None,
         "target_mm": list(receiver.size), "width_mm": receiver.size[0], "height_mm": receiver.size[1],
@@ -165,9 +165,9 @@ def told(path, factor=1.0, unit="", state="", limit=None):
 def cause(case, place):
     """Named are the causes of what is beyond three standard errors."""
     words = case.json("compare")["likely_cause"]
-    found = kept_of(case, "photo", lambda: photo_record(case))["alignment"]
-    for (name, each), told_as in zip(found.items(), ("scale", "rotation", "along x", "along y"), strict=True):
-        beyond = abs(each["value"][0] - (name == "scale")) > 3 * each["standard_error"][0]
+    alignment = kept_of(case, "photo", lambda: photo_record(case))["alignment"]
+    for (name, figure), told_as in zip(alignment.items(), ("scale", "rotation", "along x", "along y"), strict=True):
+        beyond = abs(figure["value"][0] - (name == "scale")) > 3 * figure["standard_error"][0]
         assert (told_as in words) == beyond, name
     return Expected(words)
 

@@ -105,7 +105,7 @@ class Measured:
 
         self.motion = np.zeros(6)
         for _ in range(3 if registration == "rigid" else 0):
-            self.motion = least_squares(lambda m, own=over: self.distance(placed(m)[own]), self.motion, xtol=1e-14).x
+            self.motion = least_squares(lambda m, used=over: self.distance(placed(m)[used]), self.motion, xtol=1e-14).x
             over = self.over(placed(self.motion))
         self.count = len(cloud)
         self.points = placed(self.motion)[over]
@@ -143,12 +143,12 @@ class Measured:
         steps = 1 + int(np.floor(np.log(self.radius / shortest) / np.log(np.sqrt(2))))
         tried = [Filter(self.face, self.u, shortest * np.sqrt(2) ** k) for k in range(steps)]
         scores = []
-        for k, own in enumerate(tried):
-            left = np.eye(len(self.u)) - own.passed(np.eye(len(self.u)))
-            square = own.mean_square(self.d - own.passed(self.d))
+        for k, trial in enumerate(tried):
+            left = np.eye(len(self.u)) - trial.passed(np.eye(len(self.u)))
+            square = trial.mean_square(self.d - trial.passed(self.d))
             scores.append(square / (np.trace(left) / len(self.u)) ** 2)
             if k == 0:
-                noise = (own.weights[:, None] * (left / own.c) ** 2).sum() / (own.weights / own.c**2).sum()
+                noise = (trial.weights[:, None] * (left / trial.c) ** 2).sum() / (trial.weights / trial.c**2).sum()
                 self.noise = np.sqrt(square / noise)
         allowed = min(scores) * (1 + np.sqrt(2 / len(self.u)))
         self.wavelength, self.form = max(
@@ -156,19 +156,19 @@ class Measured:
         )
 
 
-def map_of(measured, own, control):
+def map_of(measured, form, control):
     """Of a change over the chart, along the normal (um), and areas (mm^2); nan beyond the rim."""
     axis = np.linspace(-1, 1, 201)
     x, y = (coordinates.ravel() for coordinates in np.meshgrid(axis, axis))
     inside = x**2 + y**2 <= 1
-    found = np.full(201**2, np.nan)
+    values = np.full(201**2, np.nan)
     area = np.full(201**2, np.nan)
     u = from_chart(x[inside], y[inside])
     rho, n = measured.face.exact(u)
     c = (n * u).sum(axis=1)
-    found[inside] = 1e3 * c * own.at(u, control)
+    values[inside] = 1e3 * c * form.at(u, control)
     area[inside] = (rho * (1 + u[:, 2]) * 0.01) ** 2 / c
-    return found.reshape(201, 201), area.reshape(201, 201)
+    return values.reshape(201, 201), area.reshape(201, 201)
 
 
 def extent(values, area):
@@ -187,9 +187,9 @@ def light(case, face, call):
     receiver = receivers_of(spec)[0]
     images = []
     window = []
-    flux = np.concatenate([factor * each for _, factor, _, _, each, _ in call])
-    number = np.concatenate([np.full(len(each), k) for k, _, _, _, each, _ in call])
-    p, d, nm = (np.concatenate([each[k] for each in call]) for k in (2, 3, 5))
+    flux = np.concatenate([factor * part for _, factor, _, _, part, _ in call])
+    number = np.concatenate([np.full(len(part), k) for k, _, _, _, part, _ in call])
+    p, d, nm = (np.concatenate([part[k] for part in call]) for k in (2, 3, 5))
     behind = exits(case.lens, [face or faces[0], *faces[1:]], p, d, nm)
     at = receiver.land(behind.p[behind.left], behind.d[behind.left])
     flux = (behind.flux * flux)[behind.left]
@@ -202,13 +202,13 @@ def light(case, face, call):
 
 
 def count_of(call):
-    return sum(len(each[2]) for each in call)
+    return sum(len(part[2]) for part in call)
 
 
-def near_light(found, of_value=0.0, of_error=0.1):
+def near_light(readings, of_value=0.0, of_error=0.1):
     """Figures of a light by another shape of the same form: within a part of their change and of its error."""
     return {name: {"value": (value, of_value * abs(value) + of_error * error), "unit": "",
-                   "standard_error": near(error, 0.2)} for name, (value, error, *_) in found.items()}  # fmt: skip
+                   "standard_error": near(error, 0.2)} for name, (value, error, *_) in readings.items()}  # fmt: skip
 
 
 def motion_errors(measured):
@@ -237,13 +237,13 @@ def motion_errors(measured):
 
 def pose_record(measured):
     """Of each parameter of the motion the value and its standard error; none is fitted to points that stay."""
-    found = {}
+    pose = {}
     errors = motion_errors(measured)
     for k, axis in enumerate("xyz"):
-        found[f"rotation_{axis}_deg"] = np.degrees(measured.motion[k]), np.degrees(errors[k]), "deg"
-        found[f"translation_{axis}_mm"] = measured.motion[3 + k], errors[3 + k], "mm"
+        pose[f"rotation_{axis}_deg"] = np.degrees(measured.motion[k]), np.degrees(errors[k]), "deg"
+        pose[f"translation_{axis}_mm"] = measured.motion[3 + k], errors[3 + k], "mm"
     return {key: {"value": (value, 5e-3), "unit": unit, "standard_error": near(error, 0.35) if value else None}
-            for key, (value, error, unit) in found.items()}  # fmt: skip
+            for key, (value, error, unit) in pose.items()}  # fmt: skip
 
 
 class Changed(Bent):
@@ -256,8 +256,8 @@ class Changed(Bent):
         return self.radius(u), self.normal(u)
 
 
-def changed(measured, own, control):
-    return Changed(measured.face, lambda u: own.at(u, control))
+def changed(measured, form, control):
+    return Changed(measured.face, lambda u: form.at(u, control))
 
 
 def criterion(name, value, sense, limit, unit, passed=True):
@@ -275,8 +275,8 @@ def settled(case, registration):
 
     def make():
         measured = Measured(case, registration)
-        found = case.json("correct_inner")["point_spacing_mm"]
-        measured.spacing_mm = found if registration == "none" else measured.spacing()
+        spacing_mm = case.json("correct_inner")["point_spacing_mm"]
+        measured.spacing_mm = spacing_mm if registration == "none" else measured.spacing()
         measured.settle(measured.spacing_mm)
         return measured
 
@@ -285,22 +285,22 @@ def settled(case, registration):
 
 def compare_record(case):
     measured = settled(case, "rigid")
-    own = measured.form
+    fit = measured.form
     receiver = receivers_of(case.lens["spec"])[0]
-    control = own.through(measured.d)
-    form, area = map_of(measured, own, control)
-    distance = 1e3 * measured.d * own.c
-    residual = own.mean_square(measured.d - own.passed(measured.d))
+    control = fit.through(measured.d)
+    form, area = map_of(measured, fit, control)
+    distance = 1e3 * measured.d * fit.c
+    residual = fit.mean_square(measured.d - fit.passed(measured.d))
     calls = case.rays["compare_inner"]
-    faces = zip((None, changed(measured, own, control)), calls, strict=True)
-    (before, designed), (after, found) = (light(case, face, call) for face, call in faces)
+    faces = zip((None, changed(measured, fit, control)), calls, strict=True)
+    (before, designed), (after, traced) = (light(case, face, call) for face, call in faces)
     covered = (measured.covered(measured.spacing_mm), 0.005)
     rays = count_of(calls[0])
     mean = (before.mean(axis=0), after.mean(axis=0))
     maps = arrays(case, "compare_inner")
     assert np.nanmax(abs(maps["deviation_um"] - form)) < 0.1 * np.nanmax(abs(form))
-    for name, own in zip(("irradiance_design", "irradiance_measured"), mean, strict=True):
-        assert abs(maps[name] * receiver.measure - own).max() < 0.05 * own.max(), name
+    for name, fit in zip(("irradiance_design", "irradiance_measured"), mean, strict=True):
+        assert abs(maps[name] * receiver.measure - fit).max() < 0.05 * fit.max(), name
     return {
         "conditions": None, "surface": FACE, "registration": "rigid", "point_count": measured.count,
         "used_share": measured.used, "covered_share": covered, "pose": pose_record(measured),
@@ -310,7 +310,7 @@ def compare_record(case):
                               "min": near(np.nanmin(form), 2 * NEAR), "max": near(np.nanmax(form), 2 * NEAR)},
         "residual_rms_um": near(1e3 * np.sqrt(residual)), "rays": rays, "receiver": receiver.name, "far_field": False,
         "width": receiver.size[0], "height": receiver.size[1], "design": metrics_record(metrics_of(designed)),
-        "measured": near_light(metrics_of(found)), "change": near_light(change_of(found, designed), 0.1),
+        "measured": near_light(metrics_of(traced)), "change": near_light(change_of(traced, designed), 0.1),
         "nmse_between": near(((mean[1] - mean[0]) ** 2).sum() / (mean[0] ** 2).sum(), 0.2),
         "criteria": of_points(measured, covered),
     }  # fmt: skip
@@ -319,9 +319,9 @@ def compare_record(case):
 def correct_record(case):
     spec = case.lens["spec"]
     measured = settled(case, "none")
-    found = case.json("correct_inner")
-    chosen = Filter(measured.face, measured.u, found["wavelength_mm"])
-    gain = found["gain"]
+    stored = case.json("correct_inner")
+    chosen = Filter(measured.face, measured.u, stored["wavelength_mm"])
+    gain = stored["gain"]
     control = chosen.through(measured.d)
     likeliest = measured.form.through(measured.d)
     deviation, area = map_of(measured, measured.form, likeliest)
@@ -358,10 +358,10 @@ def correct_record(case):
         "second_cut": near_light(metrics_of(second), of_error=0.25),
         "change": near_light(change_of(second, designed), 0.3),
         "criteria": [*of_points(measured, covered),
-                     criterion("concave_radius", found["cutter"]["concave_radius_mm"], ">=", near(0.499, 1e-9), "mm"),
-                     criterion("step_volume_change", found["step_volume_change"], "<=", 1e-9, ""),
-                     criterion("form_error", found["form_error_nm"]["max"], "<=", 1.0, "nm"),
-                     criterion("normal_error", found["normal_error_mrad"]["max"], "<=", 0.02, "mrad")],
+                     criterion("concave_radius", stored["cutter"]["concave_radius_mm"], ">=", near(0.499, 1e-9), "mm"),
+                     criterion("step_volume_change", stored["step_volume_change"], "<=", 1e-9, ""),
+                     criterion("form_error", stored["form_error_nm"]["max"], "<=", 1.0, "nm"),
+                     criterion("normal_error", stored["normal_error_mrad"]["max"], "<=", 0.02, "mrad")],
         "file": {"bytes": len(content), "sha256": sha256(content).hexdigest()},
     }  # fmt: skip
     cut_as_stated(case, measured)

@@ -37,15 +37,15 @@ def screens(case):
         if one.get("half_angle_deg"):
             return [("far_field", None, None, None, 0.0)]
         return [("plane", np.array([0, 0, one["distance_mm"]]), np.array([0.0, 0, 1]), [one["receiver_mm"]] * 2, 0.0)]
-    found = []
+    planes = []
     for one in spec["receivers"]:
         normal = None
         if one["kind"] == "plane":
             a, b = np.radians(one["tilt_deg"] or (0, 0))
             normal = np.array(one["normal"] or [np.cos(a) * np.sin(b), -np.sin(a), np.cos(a) * np.cos(b)], dtype=float)
         sides = [one.get("width_mm"), one.get("height_mm")]
-        found.append((one["kind"], np.array(one.get("centre_mm", (0.0, 0, 0))), normal, sides, one["rotation_deg"]))
-    return found
+        planes.append((one["kind"], np.array(one.get("centre_mm", (0.0, 0, 0))), normal, sides, one["rotation_deg"]))
+    return planes
 
 
 def reach_mm(case, index):
@@ -100,9 +100,9 @@ def nmse_vs_design(case, place):
 
 def nmse_same_rays(case, place):
     """Part and design are the same within nm: pictures by the same rays differ by rays on the edge of a pixel."""
-    found = record(case)["receivers"][place.group]
-    limit = same_rays_limit(found)
-    return Expected(0.0, limit, limit=("<=", limit), state=kept(found["nmse_same_rays"], limit))
+    receiver = record(case)["receivers"][place.group]
+    limit = same_rays_limit(receiver)
+    return Expected(0.0, limit, limit=("<=", limit), state=kept(receiver["nmse_same_rays"], limit))
 
 
 def same_rays_limit(receiver):
@@ -144,13 +144,13 @@ def landed_rms(case, index, file):
 def off_nm(case, points):
     """The largest distance of points from the optical faces to which each belongs, of those that lie on one."""
     u = unit(points)
-    each = []
+    distances = []
     for part in body_of(case).parts.values():
         if part.name in ("mouth", "flange"):
             continue
         rho, n = part.exact(u)
-        each.append(abs(np.linalg.norm(points, axis=1) - rho) * (n * u).sum(axis=1))
-    off = np.where(np.array(each) < 1e-4, each, 0.0)  # at a crease of both faces
+        distances.append(abs(np.linalg.norm(points, axis=1) - rho) * (n * u).sum(axis=1))
+    off = np.where(np.array(distances) < 1e-4, distances, 0.0)  # at a crease of both faces
     return 1e6 * off[:, points[:, 2] > -1e-6].max()
 
 
@@ -160,7 +160,7 @@ def vertices_of(path):
         return np.asarray(mesh_of(path).vertices)
     with zipfile.ZipFile(path) as archive:
         text = archive.read(next(name for name in archive.namelist() if name.endswith(".model"))).decode()
-    return np.array([re.findall(r'"([^"]+)"', each) for each in re.findall(r"<vertex ([^>]*)>", text)], dtype=float)
+    return np.array([re.findall(r'"([^"]+)"', vertex) for vertex in re.findall(r"<vertex ([^>]*)>", text)], dtype=float)
 
 
 def of_mesh(file):
@@ -176,13 +176,17 @@ def of_mesh(file):
 
 def of_step(file):
     def form(case, place):
-        own = splines_of(case, "lens.step")
+        splines = splines_of(case, "lens.step")
         off = 0.0
         if file == "plate.step":
             copies = splines_of(case, file)
             lamps = list(enumerate(zip(*lamps_of(case), strict=True), 1))
-            apart = [copies[f"{name}_{k}"].poles - placed(own[name].poles, *lamp) for name in own for k, lamp in lamps]
-            off = max(np.linalg.norm(each, axis=2).max() for each in apart)
+            apart = [
+                copies[f"{name}_{k}"].poles - placed(splines[name].poles, *lamp)
+                for name in splines
+                for k, lamp in lamps
+            ]
+            off = max(np.linalg.norm(gaps, axis=2).max() for gaps in apart)
         value = worst_errors(case)[0] + 1e6 * off
         return Expected(value, 0.2 * value + TABLE_NM, "nm", limit=("<=", FORM_NM), state=kept(value, FORM_NM))
 
@@ -212,8 +216,8 @@ def floor_of(case, index):
         landed[receiver.in_window(*np.meshgrid(x, y))].sum()
         / case.json("evaluate")["receivers"][index]["efficiency"]["value"]
     )
-    each = emitted * (1 - one["flux"]["cover_glass"] - one["flux"]["reflected"] - one["flux"]["absorbed"]) / rays
-    return (taps**2).sum() ** 2 * (each * landed - landed**2 / rays).sum() / (landed**2).sum()
+    per_ray = emitted * (1 - one["flux"]["cover_glass"] - one["flux"]["reflected"] - one["flux"]["absorbed"]) / rays
+    return (taps**2).sum() ** 2 * (per_ray * landed - landed**2 / rays).sum() / (landed**2).sum()
 
 
 def nmse_vs_sum(case, place):
@@ -226,7 +230,7 @@ def nmse_vs_sum(case, place):
 
 FILES = [f"{name}.{kind}" for name in ("lens", "plate") for kind in ("stl", "3mf", "step")]
 ORACLES = {
-    f"verify.{each.__name__}": each
-    for each in (landing, nmse_vs_design, nmse_same_rays, print_mesh, part_efficiency, part_rays, nmse_vs_sum)
+    f"verify.{oracle.__name__}": oracle
+    for oracle in (landing, nmse_vs_design, nmse_same_rays, print_mesh, part_efficiency, part_rays, nmse_vs_sum)
 } | {f"verify.form {name}": of_step(name) if name.endswith("step") else of_mesh(name) for name in FILES}
 ORACLES["verify.plate_efficiency"] = part_efficiency

@@ -47,13 +47,13 @@ def thinnest(case):
         pair = []
         for face, (a, b) in zip((inner, outer), (x[:2], x[2:]), strict=True):
             z = np.clip(np.cos(a), 0, 1)
-            own = np.array([[np.sqrt(1 - z**2) * np.cos(b), np.sqrt(1 - z**2) * np.sin(b), z]])
-            pair.append(face.exact(own)[0][0] * own[0])
+            direction = np.array([[np.sqrt(1 - z**2) * np.cos(b), np.sqrt(1 - z**2) * np.sin(b), z]])
+            pair.append(face.exact(direction)[0][0] * direction[0])
         return np.linalg.norm(pair[0] - pair[1])
 
     start = [v for k in (best, at[best]) for v in (np.arccos(np.clip(u[k, 2], 0, 1)), np.arctan2(u[k, 1], u[k, 0]))]
-    found = minimize(apart, start, method="Nelder-Mead", options={"xatol": 1e-7, "fatol": 1e-9, "maxiter": 2000})
-    return min(found.fun, away[best])
+    minimum = minimize(apart, start, method="Nelder-Mead", options={"xatol": 1e-7, "fatol": 1e-9, "maxiter": 2000})
+    return min(minimum.fun, away[best])
 
 
 KEPT = {}
@@ -61,16 +61,16 @@ KEPT = {}
 
 def design(case):
     if case.name not in KEPT:
-        KEPT[case.name] = found(case)
+        KEPT[case.name] = worst_record(case)
     return KEPT[case.name]
 
 
-def found(case):
+def worst_record(case):
     """Of lenses of several kinds the worst of all."""
     others = (case.lens.get("others") or {}).values()
-    each = [found_of(replace(case, lens=case.lens | {"faces": faces})) for faces in (case.lens["faces"], *others)]
-    record = each[0]
-    for other in each[1:]:
+    records = [record_of(replace(case, lens=case.lens | {"faces": faces})) for faces in (case.lens["faces"], *others)]
+    record = records[0]
+    for other in records[1:]:
         record |= {key: max(record[key], other[key]) for key in ("max_radius_mm", "height_mm")}
         for key, value in record["constraints"].items():
             if isinstance(value, tuple):
@@ -78,7 +78,7 @@ def found(case):
     return record
 
 
-def found_of(case):
+def record_of(case):
     spec = case.lens["spec"]
     u = directions(20_000)
     limits = spec["constraints"]
@@ -152,13 +152,13 @@ def size(key, limit, margin):
     """A length with its limit, which is kept where its margin is not below 0 but for the tolerance."""
 
     def oracle(case, _place):
-        own = design(case)
+        values = design(case)
         limits = case.lens["spec"]["constraints"]
-        value, near = own[key] if key in own else own["constraints"][key]
+        value, near = values[key] if key in values else values["constraints"][key]
         bound = 0.0 if limit is None else limits[limit]
         if bound is None:
             return Expected(value, near, "mm")
-        kept = own["constraints"][margin][0] >= -7e-5 * limits["max_radius_mm"]
+        kept = values["constraints"][margin][0] >= -7e-5 * limits["max_radius_mm"]
         sense = ">=" if limit is None else "<="
         return Expected(value, near, "mm", limit=(sense, bound), state="pass" if kept else "fail")
 

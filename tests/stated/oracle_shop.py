@@ -32,8 +32,8 @@ class CutFace:
         self.cutter = shop["cutter_radius_mm"]
         self.air = (-1 if self.part.before == "cavity" else 1) * (-1 if shop["process"] == "moulded" else 1)
         self.sense = -1 if name in FROM_BELOW else 1
-        own = body.cavity if self.part.before == "cavity" else body.envelope
-        others = [part for part in own if part.name not in (name, "mouth", "flange")]
+        boundary = body.cavity if self.part.before == "cavity" else body.envelope
+        others = [part for part in boundary if part.name not in (name, "mouth", "flange")]
         halves = shop["process"] == "moulded"  # each half has an insert of its own
         self.beside = [part for part in others if not halves or (part.name in FROM_BELOW) == (name in FROM_BELOW)]
 
@@ -92,16 +92,16 @@ class CutFace:
         kappa = self.least_curvature(share, phi).ravel()
         p = self.scale * p.reshape(-1, 3)
         a = self.air * n.reshape(-1, 3)
-        others = np.concatenate([p, *(self.scale * each.at(share, phi)[0].reshape(-1, 3) for each in self.beside)])
-        found = np.where(kappa < -1 / PLANE_MM, -1 / np.minimum(kappa, -1e-12), np.inf)
+        others = np.concatenate([p, *(self.scale * face.at(share, phi)[0].reshape(-1, 3) for face in self.beside)])
+        radii = np.where(kappa < -1 / PLANE_MM, -1 / np.minimum(kappa, -1e-12), np.inf)
         for k, (place, normal) in enumerate(zip(p, a, strict=True)):
             away = others - place
             ahead = away @ normal
             near = ahead > 1e-9
             if near.any():
-                found[k] = min(found[k], ((away[near] ** 2).sum(axis=1) / (2 * ahead[near])).min())
+                radii[k] = min(radii[k], ((away[near] ** 2).sum(axis=1) / (2 * ahead[near])).min())
         reach = 20 * np.linalg.norm(p, axis=1).max()
-        return np.where(found < reach, found, np.inf), areas.ravel()
+        return np.where(radii < reach, radii, np.inf), areas.ravel()
 
     @cached_property
     def largest_ball(self):
@@ -354,7 +354,7 @@ def relief(case, name):
         if base["bore_setback_mm"]:
             radius = across + needed(np.maximum(b[:, 2], -b[:, 2] - depth))
             bore = np.where(radius > rim.max() + base["bore_setback_mm"] + CLEAR_MM, radius - rim.max(), 0.0)
-        found = {"bore_clearance_mm": bore, "pocket_diameter_mm": 0 * bore}
+        figures = {"bore_clearance_mm": bore, "pocket_diameter_mm": 0 * bore}
     else:
         disc = base["diameter_mm"] / 2
         present = base["relief_step_mm"] or 0.0
@@ -367,9 +367,9 @@ def relief(case, name):
             wall = np.where(tight, rim.min() - largest, 0.0)
         else:
             wall = beyond(along_rim(present or base["height_mm"])) if present or disc > rim.max() else 0 * step
-        found = {"smallest_step_mm": step, "step_clearance_mm": wall, "flange_clearance_mm": 0 * step}
-    clear = np.max(list(found.values()), axis=0) == 0.0
-    return {key: values.max() for key, values in found.items()} | {"flush_fraction": areas[clear].sum() / areas.sum()}
+        figures = {"smallest_step_mm": step, "step_clearance_mm": wall, "flange_clearance_mm": 0 * step}
+    clear = np.max(list(figures.values()), axis=0) == 0.0
+    return {key: values.max() for key, values in figures.items()} | {"flush_fraction": areas[clear].sum() / areas.sum()}
 
 
 def relief_of(case, name):
@@ -378,8 +378,8 @@ def relief_of(case, name):
 
 def relief_state(case, name):
     """Of a face that the ball reaches: pass where nothing is lacking."""
-    found = relief_of(case, name)
-    return "pass" if max(value for key, value in found.items() if key.endswith("mm")) == 0.0 else "fail"
+    figures = relief_of(case, name)
+    return "pass" if max(value for key, value in figures.items() if key.endswith("mm")) == 0.0 else "fail"
 
 
 def answer(state):

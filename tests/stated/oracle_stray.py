@@ -129,8 +129,8 @@ class Solid:
             face[rows] = np.argmin(off, axis=0)
             for k, part in enumerate(self.faces):
                 some = face[rows] == k
-                own = part.exact(unit(q[some]))[1] * (1 if self.is_envelope(k) else -1)
-                n[rows[some]] = placed(own, (0, 0), turn)
+                normal = part.exact(unit(q[some]))[1] * (1 if self.is_envelope(k) else -1)
+                n[rows[some]] = placed(normal, (0, 0), turn)
         flat = (face < 0) & (
             np.min([abs(p[:, 2]), abs(p[:, 2] - self.low), abs(p[:, 2] - self.floor())], axis=0) < 1e-6
         )
@@ -233,8 +233,8 @@ def amplitudes(solid, light, face, n):
         coating = (solid.spec["lens"].get(solid.name(k)) or {}).get("coating")
         rows = np.flatnonzero((face == k) & ~total)
         if coating is not None and len(rows):
-            own = (each[rows] for each in (light.nm, before, behind, np.minimum(c, 1)))
-            back[:, rows] = np.sqrt(1 - coated(coating, *own, solid.is_envelope(k)))
+            arguments = (column[rows] for column in (light.nm, before, behind, np.minimum(c, 1)))
+            back[:, rows] = np.sqrt(1 - coated(coating, *arguments, solid.is_envelope(k)))
     passed = np.where(total, 0, np.sqrt(np.maximum(1 - abs(back) ** 2, 0)))
     bent = unit(r[:, None] * light.d + np.where(total, 0, q.real - r * c)[:, None] * ahead)
     return ahead, back, passed, bent, light.d - 2 * c[:, None] * ahead
@@ -272,12 +272,14 @@ def step(solid, light, least, ends):
     ahead, back, passed, bent, mirrored = amplitudes(solid, light, face, n)
     away = (light.p * n).sum(axis=1) > 0
     for number in range(1, len(solid.lenses)):
-        own = beside & (solid.nearest(light.p) == number)
-        away[own] = (solid.own(light.p[own], number) * placed(n[own], (0, 0), -solid.lenses[number][1])).sum(axis=1) > 0
+        here = beside & (solid.nearest(light.p) == number)
+        away[here] = (solid.own(light.p[here], number) * placed(n[here], (0, 0), -solid.lenses[number][1])).sum(
+            axis=1
+        ) > 0
     total = (passed == 0).all(axis=0)
     into, returned = causes(solid, light, face, away, total)
     at = light.but(events=light.events + 1, beside=light.beside | beside)
-    found = []
+    parts = []
     for amplitude, way, cause, reflected in ((passed, bent, into, False), (back, mirrored, returned, True)):
         e = fields_behind(light.e, light.d, way, ahead, *amplitude, np.full(len(face), reflected))
         share = (abs(e) ** 2).sum(axis=(1, 2)) / 2
@@ -285,8 +287,8 @@ def step(solid, light, least, ends):
         one = at.but(d=way, e=e, flux=light.flux * share, cause=cause)
         if not reflected:
             one = one.but(inside=~light.inside, sides=np.where(light.inside, np.where(away, 2, 0), 1))
-        found.append(one)
-    both = joined(found)
+        parts.append(one)
+    both = joined(parts)
     bright = both.flux > least
     ends["too_dim"] += both.flux[~bright].sum()
     return both.take(bright)
@@ -353,7 +355,7 @@ def light_at(case):
     rows = direct.left
     own_flux = (direct.flux * rays[2])[rows]
     variance = spec["evaluate"]["filter_variance"]
-    found = []
+    lights = []
     for receiver in receivers_of(spec):
         sums = Counter()
         by_cause = Counter()
@@ -366,12 +368,12 @@ def light_at(case):
             at[left] = receiver.land(p[left] @ turn.T + shift, d[left] @ turn.T)
             lands = ~np.isnan(at[:, 0])
             seen = lands & receiver.in_window(*np.nan_to_num(at, nan=np.inf).T)
-            own = receiver.land(direct.p[rows] @ turn.T + shift, direct.d[rows] @ turn.T)
-            on = ~np.isnan(own[:, 0])
+            landed = receiver.land(direct.p[rows] @ turn.T + shift, direct.d[rows] @ turn.T)
+            on = ~np.isnan(landed[:, 0])
             images = [image + filtered(receiver.bins(at[some], flux[some]), variance)
                       for image, some in zip(images, (lands & ~stray, lands & stray), strict=True)]  # fmt: skip
-            plain = plain + filtered(receiver.bins(own[on], own_flux[on]), variance)
-            undivided += own_flux[on & receiver.in_window(*np.nan_to_num(own, nan=np.inf).T)].sum() / watts
+            plain = plain + filtered(receiver.bins(landed[on], own_flux[on]), variance)
+            undivided += own_flux[on & receiver.in_window(*np.nan_to_num(landed, nan=np.inf).T)].sum() / watts
             sums.update({
                 "detected_direct": flux[seen & ~stray].sum(), "detected_stray": flux[seen & stray].sum(),
                 "outside_direct": flux[lands & ~seen & ~stray].sum(),
@@ -381,10 +383,10 @@ def light_at(case):
                 "housing": 0.0, "base": 0.0, "too_dim": ends["too_dim"], "leaked": ends["leaked"],
             })  # fmt: skip
             by_cause.update({name: flux[seen & (light.cause == k)].sum() / watts for k, name in enumerate(CAUSES) if k})
-        found.append(
-            (receiver, {name: each / watts for name, each in sums.items()}, by_cause, *images, plain, undivided)
+        lights.append(
+            (receiver, {name: value / watts for name, value in sums.items()}, by_cause, *images, plain, undivided)
         )
-    return found, ends["neighbours"] / ends["watts"]
+    return lights, ends["neighbours"] / ends["watts"]
 
 
 def of_case(case):
@@ -401,13 +403,13 @@ def receiver_record(case, number):
     whole = direct + stray
     area = np.prod(receiver.size) / direct.size * (1 if receiver.kind == "far_field" else 1e-6)
     for name, image in (("direct", direct), ("stray", stray), ("sequential", plain)):
-        found = arrays(case, "stray")[f"receivers.{number}.{name}"] * area
-        assert abs(found - image).sum() < 0.1 * image.sum() + FEW * watts, name
+        stored = arrays(case, "stray")[f"receivers.{number}.{name}"] * area
+        assert abs(stored - image).sum() < 0.1 * image.sum() + FEW * watts, name
     return {
         "name": receiver.name, "width": receiver.size[0], "height": receiver.size[1],
         "far_field": receiver.kind == "far_field", "balance_error": (0.0, 1e-9),
-        "flux": {name: near(each, PIXEL if name == "too_dim" else NEAR) for name, each in flux.items()},
-        "detected_stray_by_cause": {name: near(each) for name, each in by_cause.items()},
+        "flux": {name: near(value, PIXEL if name == "too_dim" else NEAR) for name, value in flux.items()},
+        "detected_stray_by_cause": {name: near(value) for name, value in by_cause.items()},
         "misplaced_flux": near(abs(whole - plain).sum() / watts),
         "nmse_vs_sequential": near(((whole - plain) ** 2).sum() / (plain**2).sum(), PIXEL),
         "peak_of_mean": near(stray.max() / plain.mean(), PIXEL),
@@ -417,18 +419,18 @@ def receiver_record(case, number):
 
 def stray_record(case):
     spec = case.lens["spec"]
-    found = [receiver_record(case, k) for k in range(len(of_case(case)[0]))]
-    values = [0.0, *(found[0]["flux"][name] for name in ("leaked", "too_dim"))]
+    receivers = [receiver_record(case, k) for k in range(len(of_case(case)[0]))]
+    values = [0.0, *(receivers[0]["flux"][name] for name in ("leaked", "too_dim"))]
     criteria = [
         {"name": name, "value": (0.0, 1e-9) if name == "stray_balance" else value, "sense": "<=", "limit": limit,
          "unit": "of the flux", "tolerance": 0.0, "remedy": ..., "passed": True}
         for (name, limit), value in zip(LIMITS.items(), values, strict=True)
     ]  # fmt: skip
     return {
-        "conditions": None, "receivers": found, "rays": len(case.rays["stray"][0][2]), "base": "polished",
+        "conditions": None, "receivers": receivers, "rays": len(case.rays["stray"][0][2]), "base": "polished",
         "lenses": len(spec["lamps"]["places_mm"]) if spec["plate"] else 1, "neighbours": near(of_case(case)[1]),
         "absorption_per_mm": spec["lens"]["absorption_per_mm"], "cut_off": CUT_OFF, "depth": DEPTH,
-        "criteria": criteria, **{key: found[0][key] for key in ("flux", "efficiency", "efficiency_sequential")},
+        "criteria": criteria, **{key: receivers[0][key] for key in ("flux", "efficiency", "efficiency_sequential")},
     }  # fmt: skip
 
 
@@ -450,6 +452,6 @@ OF_RECEIVER = {
 }  # fmt: skip
 ORACLES = {f"stray.{key}": in_percent(*path) for key, path in OF_RECEIVER.items()} | {
     "stray.stray_rays": lambda case, place: Expected(len(case.rays["stray"][0][2])),
-    "stray.neighbours": lambda case, place: Expected(*(100 * each for each in near(of_case(case)[1])), "%"),
+    "stray.neighbours": lambda case, place: Expected(*(100 * number for number in near(of_case(case)[1])), "%"),
 }
 RECORDS = {"stray": stray_record}

@@ -20,7 +20,7 @@ FACES = {"double": (("inner", "outer"), ("outer",)), "tir": (("cap", "side", "wa
 def kinds_of(section):
     """Words by the name of a tolerance, and whether it is to both sides, along x and y, about x and y, or one shape."""
     (first, *_), placed = faces, _ = FACES[section["kind"]]
-    found = {
+    kinds = {
         "source_shift_mm": ("source, decentre", "in"), "source_height_mm": ("source, height", "±"),
         "source_tilt_deg": ("source, tilt", "about"), "source_flux": ("source, flux", "±"),
         "source_size": ("source, size", "±"),
@@ -28,16 +28,16 @@ def kinds_of(section):
     for kind, words, way in (("shift_mm", "decentre", "in"), ("gap_mm", "gap", "±"), ("tilt_deg", "tilt", "about")):
         for face in placed:
             name = "gap_mm" if (face, kind) == ("outer", "gap_mm") else f"{face}_{kind}"
-            found[name] = f"{face} face against {first}, {words}", way
-    found |= {
+            kinds[name] = f"{face} face against {first}, {words}", way
+    kinds |= {
         "lens_shift_mm": ("lens against source, decentre", "in"),
         "lens_height_mm": ("lens against source, height", "±"),
         "lens_tilt_deg": ("lens against source, tilt", "about"),
     }  # fmt: skip
     if section["kind"] != "reflector":
-        found |= {"index": ("refractive index", "±"), "shrinkage": ("shrinkage", "±")}
+        kinds |= {"index": ("refractive index", "±"), "shrinkage": ("shrinkage", "±")}
     shapes = ("roughness", "mrad"), ("ripple", "um"), ("form", "um"), ("waviness", "um")
-    return found | {f"{face}_{kind}_{unit}": (f"{kind}, {face} face", "") for kind, unit in shapes for face in faces}
+    return kinds | {f"{face}_{kind}_{unit}": (f"{kind}, {face} face", "") for kind, unit in shapes for face in faces}
 
 
 STILL = np.eye(3), np.zeros(3)
@@ -75,8 +75,8 @@ def amount_of(spec, name):
 
 def face_of(section, name):
     """The face of a tolerance; None for one of the lens or the source."""
-    own = [face for face in FACES[section["kind"]][0] if name.startswith(f"{face}_")]
-    return own[0] if own else "outer" if name == "gap_mm" else None
+    faces = [face for face in FACES[section["kind"]][0] if name.startswith(f"{face}_")]
+    return faces[0] if faces else "outer" if name == "gap_mm" else None
 
 
 def turn_by(x, y):
@@ -185,7 +185,7 @@ def hemisphere(count):
     return np.column_stack([np.sqrt(1 - z**2) * np.cos(phi), np.sqrt(1 - z**2) * np.sin(phi), z])
 
 
-def shape_of(name, amount, own=lambda u: np.full(len(u), True)):
+def shape_of(name, amount, covers=lambda u: np.full(len(u), True)):
     """The one shape of a form error: nine broad functions with numbers from the name of the tolerance.
 
     ``own``: directions in which the face bounds its medium.
@@ -193,7 +193,7 @@ def shape_of(name, amount, own=lambda u: np.full(len(u), True)):
     numbers = np.random.default_rng([11, *name.encode()]).standard_normal(9)
     functions = Functions({"levels": [9], "sigma_c": 1.75, "symmetry": "none"}, numbers)
     u = hemisphere(4000)
-    rms = np.sqrt((functions.mean(u[own(u)])[0] ** 2).mean())
+    rms = np.sqrt((functions.mean(u[covers(u)])[0] ** 2).mean())
     return lambda u: amount * functions.mean(u)[0] / rms
 
 
@@ -236,9 +236,9 @@ def light_with(case, led, name="", value=None):
     keys = keys_of(p, d)
     p = source["position_mm"] + size * (p - source["position_mm"]) @ source_at[0].T + source_at[1]
     d = d @ source_at[0].T
-    own = ((p - shift) @ turn - up) / scale, d @ turn
+    local = ((p - shift) @ turn - up) / scale, d @ turn
     behind = behind_double if section["kind"] == "double" else behind_chain
-    left, p, d, share, nm, (q, u, s) = behind(case, section, own, nm, (noise, keys), name, value)
+    left, p, d, share, nm, (q, u, s) = behind(case, section, local, nm, (noise, keys), name, value)
     p = (scale * p + up) @ turn.T + shift
     d = d @ turn.T
     stokes = (q, u, s @ turn.T)
@@ -256,7 +256,7 @@ def light_with(case, led, name="", value=None):
     return np.array(images), np.array(window)
 
 
-def behind_double(case, section, own, nm, numbers, name, value):
+def behind_double(case, section, local, nm, numbers, name, value):
     """Rays behind a lens of two faces with one error: numbers of those that leave it, places, directions, shares."""
     faces = list(faces_of(case.lens, case.lens["faces"]))
     k = int(name.startswith("outer"))
@@ -265,14 +265,14 @@ def behind_double(case, section, own, nm, numbers, name, value):
     elif name.startswith(("outer_shift", "outer_tilt", "gap_")):
         faces[1] = Moved(faces[1], *motion(name, value))
     elif name.endswith(ROUGH):
-        fate = leave({"spec": {"lens": section}}, faces, *own, nm)[3]
+        fate = leave({"spec": {"lens": section}}, faces, *local, nm)[3]
         rows = (fate == LANDED) | (fate == TOTAL) if k else (fate != BACKWARD) & (fate != OUTSIDE_CAVITY)
         faces[k] = Rough(faces[k], slope_of(case, name, value), numbers[0][rows, 2 * k : 2 * k + 2])
-    left, p, d, _, share, _, nm, stokes = leave({"spec": {"lens": section}}, faces, *own, nm)
+    left, p, d, _, share, _, nm, stokes = leave({"spec": {"lens": section}}, faces, *local, nm)
     return left, p, d, share, nm, stokes
 
 
-def behind_chain(case, section, own, nm, numbers, name, value):
+def behind_chain(case, section, local, nm, numbers, name, value):
     """As :func:`behind_double`, of a lens of more faces, which a ray may meet again; each begins with a key."""
     faces = list(faces_of(case.lens, case.lens["faces"]))
     turns = {}
@@ -290,15 +290,15 @@ def behind_chain(case, section, own, nm, numbers, name, value):
         rms = slope_of(case, name, value)
         turns = {face.name: (rms * slopes, rms)}
     elif face is not None:
-        beside = [each for each in faces if each.before == face.before]
+        beside = [neighbour for neighbour in faces if neighbour.before == face.before]
 
         def nearest(u):
-            return np.argmin([each.exact(u)[0] for each in beside], axis=0) == beside.index(face)
+            return np.argmin([neighbour.exact(u)[0] for neighbour in beside], axis=0) == beside.index(face)
 
         form = shape_of(name, value, nearest) if name.endswith("form_um") else None
         error = displaced(name, value) if form is None else lambda u, rho, n: form(u)
         faces[faces.index(face)] = BentFace(face, error)
-    left, p, d, _, share, _, nm, stokes, _ = leave_chain({"spec": {"lens": section}}, faces, *own, nm, turns)
+    left, p, d, _, share, _, nm, stokes, _ = leave_chain({"spec": {"lens": section}}, faces, *local, nm, turns)
     return left, p, d, share, nm, stokes
 
 
@@ -316,9 +316,9 @@ def rays_of(case, led):
 def noise_of(d, width):
     """Numbers by which normals are turned, at each face: those of lensforge, whose rays are in order of direction."""
     order = np.lexsort((d[:, 1], np.floor(32 * d[:, 0])))
-    found = np.empty((len(d), width))
-    found[order] = np.random.default_rng(2029).standard_normal((len(d), width))
-    return found
+    noise = np.empty((len(d), width))
+    noise[order] = np.random.default_rng(2029).standard_normal((len(d), width))
+    return noise
 
 
 def motion(name, value):
@@ -350,32 +350,34 @@ def figures(case, images, window):
     return {"nmse": nmse, "rsd": (value, slopes), "uniformity": least, "efficiency": window}
 
 
-def metrics_of(found):
+def metrics_of(readings):
     """Value and standard error of each."""
-    pairs = {name: (found[name][0], error_over_pairs(found[name][1])) for name in ("nmse", "rsd") if name in found}
-    if "uniformity" in found:
-        value, by_halves, unsure = found["uniformity"]
+    pairs = {
+        name: (readings[name][0], error_over_pairs(readings[name][1])) for name in ("nmse", "rsd") if name in readings
+    }
+    if "uniformity" in readings:
+        value, by_halves, unsure = readings["uniformity"]
         pairs["uniformity"] = value, np.hypot(by_half_samples(by_halves), unsure)
-    return pairs | {"efficiency": jackknife(found["efficiency"])}
+    return pairs | {"efficiency": jackknife(readings["efficiency"])}
 
 
-def change_of(found, before):
+def change_of(after, before):
     """The difference of each figure, with the error of what the noise of both has not in common; rounding is none."""
-    changes = difference_of(found, before)
+    changes = difference_of(after, before)
     rounding = {name for name, figure in changes.items() if max(map(abs, figure)) <= 1e-11}
     return {name: (0.0,) * len(figure) if name in rounding else figure for name, figure in changes.items()}
 
 
-def difference_of(found, before):
+def difference_of(after, before):
     changes = {}
-    for name in [name for name in ("nmse", "rsd") if name in found]:
-        (value, apart) = found[name]
+    for name in [name for name in ("nmse", "rsd") if name in after]:
+        (value, apart) = after[name]
         (other, others) = before[name]
         changes[name] = value - other, error_over_pairs(apart - others)
-    changes["efficiency"] = jackknife(found["efficiency"] - before["efficiency"])
-    if "uniformity" not in found:
+    changes["efficiency"] = jackknife(after["efficiency"] - before["efficiency"])
+    if "uniformity" not in after:
         return changes
-    value, by_halves, unsure = found["uniformity"]
+    value, by_halves, unsure = after["uniformity"]
     before_value, before_by_halves, before_unsure = before["uniformity"]
     error = np.hypot(by_half_samples(by_halves - before_by_halves), unsure - before_unsure)
     return changes | {"uniformity": (value - before_value, error)}
@@ -386,8 +388,8 @@ def study(case, led):
     before = figures(case, *light_with(case, led))
     rows = []
     for *words, name, value in rows_of(case):
-        found = figures(case, *light_with(case, led, name, value))
-        rows.append((words, metrics_of(found), change_of(found, before)))
+        readings = figures(case, *light_with(case, led, name, value))
+        rows.append((words, metrics_of(readings), change_of(readings, before)))
     return metrics_of(before), rows
 
 
@@ -406,8 +408,8 @@ def within(figure):
     return (value, NEAR * error + CLOSE * abs(value) + OF_TABLES), (error, NEAR * error + OF_TABLES / np.sqrt(15))
 
 
-def metrics_record(found):
-    pairs = {name: within(figure) for name, figure in found.items()}
+def metrics_record(metrics):
+    pairs = {name: within(figure) for name, figure in metrics.items()}
     none = {"uniformity": None, "rsd": None}  # without a region of uniform light
     return none | {
         name: {"value": value, "unit": "", "standard_error": error} for name, (value, error) in pairs.items()
@@ -421,12 +423,12 @@ def sensitivity_record(case):
 
 def led_record(case, led):
     before, rows = of_case(case)[led]
-    own = {"led": names_of(case)[led]} if names_of(case)[led] else {}
-    return own | {
+    led_name = {"led": names_of(case)[led]} if names_of(case)[led] else {}
+    return led_name | {
         "conditions": None, "preset": case.lens["spec"]["tolerances"]["preset"],
         "nominal": metrics_record(before), "rays": len(rays_of(case, led)[0]),
-        "rows": [{"name": name, "amount": amount, "unit": unit, "metrics": metrics_record(found),
-                  "change": metrics_record(change), "limits": []} for (name, amount, unit), found, change in rows],
+        "rows": [{"name": name, "amount": amount, "unit": unit, "metrics": metrics_record(metrics),
+                  "change": metrics_record(change), "limits": []} for (name, amount, unit), metrics, change in rows],
     }  # fmt: skip
 
 
@@ -436,8 +438,8 @@ def fact(key):
 
     def oracle(case, place):
         as_designed = place.title.startswith("As designed")
-        found = of_case(case)[place.group][0] if as_designed else row_of(case, place)[2]
-        (value, near), (error, near_error) = within(found[key])
+        readings = of_case(case)[place.group][0] if as_designed else row_of(case, place)[2]
+        (value, near), (error, near_error) = within(readings[key])
         return Expected(factor * value, factor * near, unit, factor * error, factor * near_error)
 
     return oracle
@@ -451,9 +453,9 @@ def row_of(case, place):
     """The row of a group: those of one LED come after those of another."""
     every = of_case(case)
     led, number = divmod(place.group, len(every[0][1]))
-    (name, *words), *found = ordered(every[led][1])[number]
+    (name, *words), *readings = ordered(every[led][1])[number]
     end = f", {names_of(case)[led]}" if names_of(case)[led] else ""
-    return (f"{name}{end}", *words), *found
+    return (f"{name}{end}", *words), *readings
 
 
 def amount(case, place):

@@ -63,8 +63,8 @@ def width_rad(record):
     u = np.stack([np.sin(polar) * np.cos(turn), np.sin(polar) * np.sin(turn), np.cos(polar) + 0 * turn], axis=-1)
     rho = Face("exit", record).exact(u.reshape(-1, 3))[0].reshape(721, 24)
     bend = abs(np.diff(rho, 2, axis=0)).max() / polar[1, 0] ** 2
-    own = min(WIDEST, np.sqrt(2 * np.ptp(rho) / bend)) if np.ptp(rho) > 1e-9 else WIDEST
-    return min(own, Functions(record["functions"], [0]).sigmas.min()) if "functions" in record else own
+    width = min(WIDEST, np.sqrt(2 * np.ptp(rho) / bend)) if np.ptp(rho) > 1e-9 else WIDEST
+    return min(width, Functions(record["functions"], [0]).sigmas.min()) if "functions" in record else width
 
 
 def nodes_of(lens, stage):
@@ -82,12 +82,12 @@ def largest_nm(lens, faces, tables):
     turn = 2 * np.pi * rng.random(4096)
     u = np.column_stack([np.sqrt(1 - z**2) * np.cos(turn), np.sqrt(1 - z**2) * np.sin(turn), z])
     rho = [face.exact(u)[0] for face in faces]
-    found = {}
+    errors = {}
     for number, (name, face) in enumerate(zip(lens["faces"], faces, strict=True)):
-        beside = [each for each, other in zip(rho, faces, strict=True) if other is face or together(face, other)]
+        beside = [radius for radius, other in zip(rho, faces, strict=True) if other is face or together(face, other)]
         rows = rho[number] <= np.min(beside, axis=0)
-        found[name] = 1e6 * abs(tables[number].radius(u) - rho[number])[rows].max()
-    return found
+        errors[name] = 1e6 * abs(tables[number].radius(u) - rho[number])[rows].max()
+    return errors
 
 
 def together(face, other):
@@ -134,14 +134,14 @@ def stage_error(both, receiver, watts):
     lost = []
     most = 0.0
     for rows in np.split(np.arange(len(both[0][1])), SCRAMBLES):
-        (by_table, flux), (exact, other) = ((place[rows], own[rows]) for place, own in both)
+        (by_table, flux), (exact, other) = ((place[rows], power[rows]) for place, power in both)
         on = (flux > 0) & (other > 0) & (abs(exact) <= np.array(receiver.size) / 2).all(axis=1)
         away = np.linalg.norm((by_table - exact)[on], axis=1)
         most = max(most, away.max())
         squares.append([(away**2).sum(), on.sum()])
         pair = (by_table, flux), (exact, other)
-        pictures.append([shared(receiver, place[own > 0], own[own > 0]) for place, own in pair])
-        seen = [own[receiver.in_window(*place.T)].sum() for place, own in pair]
+        pictures.append([shared(receiver, place[power > 0], power[power > 0]) for place, power in pair])
+        seen = [power[receiver.in_window(*place.T)].sum() for place, power in pair]
         lost.append((seen[0] - seen[1]) / watts)
     unit = "" if receiver.kind == "far_field" else "mm"
     return {
@@ -159,13 +159,13 @@ def tables_record(case, watts, warm):
     pixels = {"evaluate": spec["evaluate"] | {"pixels": spec["optimise"]["pixels"]}}
     receiver = receivers_of(spec | pixels)[0]
     exact = landings(case, lens, faces, raised, receiver)
-    found = {}
+    stages = {}
     for stage in NODES:
         tables = [Tabulated(face, nodes_of(lens, stage)) for face in faces]
         off = largest_nm(lens, faces, tables)
         by_table = landings(case, lens, tables, raised, receiver)
-        found[stage] = {"table_error_nm": near(max(off.values())), **stage_error((by_table, exact), receiver, watts)}
+        stages[stage] = {"table_error_nm": near(max(off.values())), **stage_error((by_table, exact), receiver, watts)}
     return {
-        "table_nodes": nodes_of(lens, "evaluation"), "table_error_nm": {name: near(each) for name, each in off.items()},
-        "preset_error": {"rays": len(exact[1]), "scrambles": SCRAMBLES, **found},
+        "table_nodes": nodes_of(lens, "evaluation"), "table_error_nm": {name: near(gap) for name, gap in off.items()},
+        "preset_error": {"rays": len(exact[1]), "scrambles": SCRAMBLES, **stages},
     }  # fmt: skip

@@ -35,7 +35,9 @@ class TurnedFace:
         p, n, _ = face.part.at(np.linspace(0, 1, 401), np.zeros(401))
         self.p = face.scale * p[:, ::2]
         self.n = face.air * n[:, ::2]
-        rest = [face.scale * each.at(np.linspace(0, 1, 401), np.zeros(401))[0][:, ::2] for each in face.beside]
+        rest = [
+            face.scale * neighbour.at(np.linspace(0, 1, 401), np.zeros(401))[0][:, ::2] for neighbour in face.beside
+        ]
         self.beside = np.concatenate([np.empty((0, 2)), *rest])
         slopes = np.degrees(np.arctan2(self.n[:, 0], self.up * self.n[:, 1]))
         most = shop["max_tilt_deg"]
@@ -47,7 +49,7 @@ class TurnedFace:
         """True where no point of the half of the mould is within a nose of a ray of the tool, at 41 contacts."""
         turn = np.radians(self.tilt_deg + np.linspace(-self.flank_deg, self.flank_deg, 721))
         rays = np.column_stack([np.sin(turn), self.up * np.cos(turn)])
-        work = np.concatenate([each * side for each in (self.p, self.beside) for side in ((1, 1), (-1, 1))])
+        work = np.concatenate([points * side for points in (self.p, self.beside) for side in ((1, 1), (-1, 1))])
         for place, normal in zip(self.p[::10], self.n[::10], strict=True):
             away = work - (place + self.nose * normal)
             along = np.maximum(away @ rays.T, 0)
@@ -63,11 +65,11 @@ def turned(case, name):
 
 def largest_mm(case, name):
     """Radius of the tightest hollow of the meridian; of a straight one that of its spline."""
-    found = turned(case, name)
-    step = np.gradient(found.p, axis=0)
+    profile = turned(case, name)
+    step = np.gradient(profile.p, axis=0)
     bend = np.gradient(step, axis=0)
     way = np.hypot(*step.T)
-    kappa = -(bend * found.n).sum(axis=1)[2:-2] / way[2:-2] ** 2
+    kappa = -(bend * profile.n).sum(axis=1)[2:-2] / way[2:-2] ** 2
     if kappa.min() > -1 / NEARLY_FLAT_MM:
         return in_file(case, name, "cutter", "largest_radius_mm"), 0.0
     return -1 / kappa.min(), 1e-3 / -kappa.min()
@@ -75,37 +77,41 @@ def largest_mm(case, name):
 
 def cutter_record(case, name):
     """The record of the tool; where it does not reach all at the middle tilt, its best is not sought here."""
-    found = turned(case, name)
+    profile = turned(case, name)
     whole = turned(case, name).reaches_all
     share = 1.0 if whole else ...
     return {
-        "radius_mm": found.nose, "largest_radius_mm": largest_mm(case, name), "reachable_fraction": share,
+        "radius_mm": profile.nose, "largest_radius_mm": largest_mm(case, name), "reachable_fraction": share,
         "bare_fraction": share, "residual_mm": 0.0 if whole else ..., "corner_fraction": 0.0 if whole else ...,
-        "slope_deg": (found.slope_deg, 1e-3), "tilt_deg": (found.tilt_deg, 1e-3) if whole else ...,
+        "slope_deg": (profile.slope_deg, 1e-3), "tilt_deg": (profile.tilt_deg, 1e-3) if whole else ...,
     }  # fmt: skip
 
 
 def states(case, name):
     """Whether the nose fits, the flanks clear, and the tool reaches all; the limits of the first two."""
-    found = turned(case, name)
+    profile = turned(case, name)
     (largest, within) = largest_mm(case, name)
-    fits = largest is None or found.nose <= largest * (1 + FIT)
+    fits = largest is None or profile.nose <= largest * (1 + FIT)
     return {
-        "nose": (found.nose, None if largest is None else (largest, within), fits),
-        "slope": ((found.slope_deg, 1e-3), 90 - found.flank_deg, found.slope_deg <= 90 - found.flank_deg + ANGLE_DEG),
-        "turning": (1.0, 1.0, found.reaches_all),
+        "nose": (profile.nose, None if largest is None else (largest, within), fits),
+        "slope": (
+            (profile.slope_deg, 1e-3),
+            90 - profile.flank_deg,
+            profile.slope_deg <= 90 - profile.flank_deg + ANGLE_DEG,
+        ),
+        "turning": (1.0, 1.0, profile.reaches_all),
     }
 
 
-def findings(case, names, said):
+def findings(case, names, verdict):
     """The findings on turned faces, in their order."""
     for name in names:
         by_name = states(case, name)
         (nose, largest, fits), (slope, most, clears), (share, whole, reached) = by_name.values()
         fit = 0.0 if largest is None else (FIT * largest[0], FIT * largest[1] + 1e-9)
-        yield said("nose", name, nose, "<=", largest, "mm", fit, "pass" if fits else "fail")
-        yield said("slope", name, slope, "<=", most, "deg", ANGLE_DEG, "pass" if clears else "fail")
-        yield said("turning", name, share, ">=", whole, "of the face", 1e-9, "pass" if reached else "fail")
+        yield verdict("nose", name, nose, "<=", largest, "mm", fit, "pass" if fits else "fail")
+        yield verdict("slope", name, slope, "<=", most, "deg", ANGLE_DEG, "pass" if clears else "fail")
+        yield verdict("turning", name, share, ">=", whole, "of the face", 1e-9, "pass" if reached else "fail")
 
 
 def reached(case, name):

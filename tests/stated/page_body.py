@@ -75,8 +75,8 @@ class Part:
                            places[0][1] - places[1][1]])  # fmt: skip
         first = np.array([[(a[0] * b[0]).sum(axis=1) for b in slopes] for a in slopes])
         second = np.array([[(a[0] * b[1]).sum(axis=1) for b in slopes] for a in slopes])
-        found = np.linalg.eigvals(np.linalg.solve(np.moveaxis(first, 2, 0), np.moveaxis(second, 2, 0))).real
-        return found.min(axis=1).reshape(share.shape), found.max(axis=1).reshape(share.shape)
+        curvatures = np.linalg.eigvals(np.linalg.solve(np.moveaxis(first, 2, 0), np.moveaxis(second, 2, 0))).real
+        return curvatures.min(axis=1).reshape(share.shape), curvatures.max(axis=1).reshape(share.shape)
 
     def extreme(self, figure, sign=1.0, across=61):
         """The largest (``sign`` = -1: least) figure(share, phi) over the face, its edges included."""

@@ -19,7 +19,7 @@ def observer():
 def tristimulus_at(nm):
     """X, Y, Z (lm) of 1 W at each wavelength."""
     at, functions = observer()
-    return 683.002 * np.column_stack([np.interp(nm, at, each, left=0, right=0) for each in functions.T])
+    return 683.002 * np.column_stack([np.interp(nm, at, column, left=0, right=0) for column in functions.T])
 
 
 def spectrum(section):
@@ -41,19 +41,19 @@ def efficacy(section):
 def flux_and_efficacy(source, files):
     """W, and lm/W or None, of a source; ``files``: W and lm/W of each ray file by its stem."""
     if source["kind"] == "chips":
-        each = [(chip["flux_lm"] / efficacy(chip["spectrum"]), chip["flux_lm"]) for chip in source["chips"]]
-        watts, lumens = np.sum(each, axis=0)
+        pairs = [(chip["flux_lm"] / efficacy(chip["spectrum"]), chip["flux_lm"]) for chip in source["chips"]]
+        watts, lumens = np.sum(pairs, axis=0)
         return watts, lumens / watts
     if source["kind"] == "rayfiles":
         stems = [part["file"].split("/")[-1].split(".")[0] for part in source["files"]]
         watts = [part["flux_w"] for part in source["files"]]
         return sum(watts), sum(w * files[s][1] for w, s in zip(watts, stems, strict=True)) / sum(watts)
-    own = source.get("luminous_efficacy_lm_per_w")
+    lumens_per_watt = source.get("luminous_efficacy_lm_per_w")
     if source.get("spectrum"):
-        own = efficacy(source["spectrum"])
+        lumens_per_watt = efficacy(source["spectrum"])
     if source["kind"] == "rayfile":
-        own = files[source["file"].split("/")[-1].split(".")[0]][1]
-    return source["flux_w"] or source["flux_lm"] / own, own
+        lumens_per_watt = files[source["file"].split("/")[-1].split(".")[0]][1]
+    return source["flux_w"] or source["flux_lm"] / lumens_per_watt, lumens_per_watt
 
 
 def denominator(xyz):
@@ -71,8 +71,8 @@ def locus():
     kelvin = np.geomspace(1000, 25_000, 6001)
     at = tristimulus_at(nm)
     power = nm**-5.0 / np.expm1(HC_OVER_K / (nm * kelvin[:, None]))
-    found = np.array([uv(xyz) for xyz in (power / power.max(axis=1, keepdims=True)) @ at])
-    return kelvin, found * [1, 2 / 3]
+    places = np.array([uv(xyz) for xyz in (power / power.max(axis=1, keepdims=True)) @ at])
+    return kelvin, places * [1, 2 / 3]
 
 
 def colour_temperature(at):
@@ -98,26 +98,26 @@ def beam_colour(pictures, level):
     light = np.array([picture[1].ravel() for picture in pictures])
     peak = largest(light)[0]
     inside = np.mean([picture[1] for picture in pictures], axis=0) >= level * peak
-    own = np.array([picture[:, inside] for picture in pictures])
-    totals = own.sum(axis=2)
+    lit = np.array([picture[:, inside] for picture in pictures])
+    totals = lit.sum(axis=2)
     u0, v0 = uv(totals.mean(axis=0))
-    mean = denominator(own.mean(axis=0))
+    mean = denominator(lit.mean(axis=0))
     away = []
-    for each in own:
-        d = denominator(each)
-        away.append(np.array([4 * each[0] - u0 * d, 9 * each[1] - v0 * d]) / mean)
+    for sample in lit:
+        d = denominator(sample)
+        away.append(np.array([4 * sample[0] - u0 * d, 9 * sample[1] - v0 * d]) / mean)
     count = inside.sum()
-    rms = root(*over_pairs([each / np.sqrt(count) for each in away], [1.0] * len(away)))
+    rms = root(*over_pairs([offset / np.sqrt(count) for offset in away], [1.0] * len(away)))
     turns = 2 * np.pi * np.arange(32) / 32
-    along = [np.concatenate([each[0] * np.cos(a) + each[1] * np.sin(a) for a in turns]) for each in away]
+    along = [np.concatenate([offset[0] * np.cos(a) + offset[1] * np.sin(a) for a in turns]) for offset in away]
     known = colour_temperature((u0, v0))
-    found = {
+    record = {
         "level": level, "pixels": int(count), "rms": rms, "worst": largest(along, rms[0]),
         "u": jackknife(totals, lambda m: uv(m)[0]), "v": jackknife(totals, lambda m: uv(m)[1]), "cct": None,
         "duv": None,
     }  # fmt: skip
     if known is not None:
-        found["cct"], found["duv"] = (
+        record["cct"], record["duv"] = (
             jackknife(totals, lambda m, k=k: (colour_temperature(uv(m)) or known)[k]) for k in (0, 1)
         )
-    return found
+    return record

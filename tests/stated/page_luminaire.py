@@ -29,7 +29,7 @@ def shares_of_nodes(c_deg, gamma_deg):
     seen += [solid * np.clip(1 - x / (2 * k), 0, 1) * np.clip(1 - y / (2 * k), 0, 1) for k in ROOMS]
     step = 360 / len(c_deg)
     around = np.maximum(0, 1 - abs((turn[:, None] - np.asarray(c_deg) + 180) % 360 - 180) / step)
-    down = np.stack([np.interp(gamma, gamma_deg, own) for own in np.eye(len(gamma_deg))])
+    down = np.stack([np.interp(gamma, gamma_deg, node) for node in np.eye(len(gamma_deg))])
     return np.array([around.T @ part @ down.T for part in seen])
 
 
@@ -68,9 +68,9 @@ def mixed(source):
     nm = np.arange(360, 830.05, 0.1)
     density = 0 * nm
     for section, lumens in parts:
-        at, own = spectrum(section)
-        own = np.interp(nm, at, own, left=0, right=0)
-        density += own * (lumens / (own @ tristimulus_at(nm)[:, 1]))
+        at, power = spectrum(section)
+        power = np.interp(nm, at, power, left=0, right=0)
+        density += power * (lumens / (power @ tristimulus_at(nm)[:, 1]))
     return (nm, density) if parts else None
 
 
@@ -90,7 +90,7 @@ def spectral(source):
     night = 1700.06 * density @ np.interp(nm, rods.wavelengths, rods.values, left=0, right=0)
     clock = density @ melanopic(nm) / 1.3262e-3
     photons = (density * nm)[(nm > 400) & (nm < 700)].sum() / 119.62656
-    found = {
+    figures = {
         "scotopic_ratio": night / seen[1], "melanopic_der": clock / seen[1], "ppf_umol_per_j": photons / power,
         "ppfd_umol_per_m2_s_klx": 1000 * photons / seen[1], "ra": None, "rf": None, "rg": None,
     }  # fmt: skip
@@ -98,5 +98,5 @@ def spectral(source):
         whole = np.arange(360, 831)
         table = SpectralDistribution(dict(zip(whole.tolist(), np.interp(whole, nm, density), strict=True)))
         many = colour_fidelity_index_ANSIIESTM3018(table, additional_data=True)
-        found |= {"ra": colour_rendering_index(table), "rf": many.R_f, "rg": many.R_g}
-    return found
+        figures |= {"ra": colour_rendering_index(table), "rf": many.R_f, "rg": many.R_g}
+    return figures

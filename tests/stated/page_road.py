@@ -85,7 +85,7 @@ class Road:
         heading = self.comes(lane)
         eye_y = (self.from_right(lane) + 0.5) * self.lane_m
         eye_x = -60.0 if heading > 0 else self.s + 60.0
-        found = []
+        rows = []
         for y in self.y:
             for x in self.x:
                 row = []
@@ -99,13 +99,13 @@ class Road:
                     r = reduced(table, beta, np.hypot(ahead, aside) / self.high)
                     if r:
                         row.append((r / self.high**2, *self.toward(lamp, x, y, 0.0)))
-                found.append(row)
-        return found
+                rows.append(row)
+        return rows
 
     def veiling(self, lane):
         heading = self.comes(lane)
         y = (self.from_right(lane) + 0.5) * self.lane_m
-        found = []
+        rows = []
         for k in range(self.n):
             ahead_of_start = k * self.s / self.n - 2.75 * (self.high - 1.5)
             x = ahead_of_start if heading > 0 else self.s - ahead_of_start
@@ -119,12 +119,12 @@ class Road:
                 if 0.1 <= theta <= 60:
                     veil = VEIL[0] / theta**2 if theta >= 1.5 else 10 / theta**3 + VEIL[1] / theta**2
                     row.append((veil * cosine / (to @ to), *self.toward(lamp, x, y, 1.5)))
-            found.append(row)
-        return found
+            rows.append(row)
+        return rows
 
     def lux(self, low, high):
         across = max(3, ceil((high - low) / 1.5 - 1e-9))
-        found = []
+        rows = []
         for y in low + (np.arange(across) + 0.5) * (high - low) / across:
             for x in self.x:
                 row = []
@@ -132,8 +132,8 @@ class Road:
                     away = np.hypot(lamp[0] - x, lamp[1] - y)
                     if away <= 5 * self.high:
                         row.append((self.high / np.hypot(away, self.high) ** 3, *self.toward(lamp, x, y, 0.0)))
-                found.append(row)
-        return found
+                rows.append(row)
+        return rows
 
     def edges(self):
         """Outside and inside of the right and of the left edge."""
@@ -145,10 +145,10 @@ class Road:
 def light(rows, candela):
     """Values at places by each sample: ``candela(lateral, gamma)`` [sample, direction], none above 90 degrees."""
     lengths = [len(row) for row in rows]
-    weights, lateral, gamma = np.array([each for row in rows for each in row]).T
-    each = np.where(gamma <= 90, candela(lateral, gamma), 0) * weights
+    weights, lateral, gamma = np.array([entry for row in rows for entry in row]).T
+    products = np.where(gamma <= 90, candela(lateral, gamma), 0) * weights
     places = np.repeat(np.arange(len(rows)), lengths)
-    return np.array([np.bincount(places, weights=one, minlength=len(rows)) for one in each])
+    return np.array([np.bincount(places, weights=one, minlength=len(rows)) for one in products])
 
 
 def figure(readings, read):
@@ -166,70 +166,70 @@ def increment(row):
 
 def figures(road, candela):
     """All figures of a road, each a value and its error; of each lane, and of the whole."""
-    own = Road(road)
+    field = Road(road)
     m = road["maintenance_factor"]
-    lux = m * light(own.lux(0, road["width_m"]), candela)
+    lux = m * light(field.lux(0, road["width_m"]), candela)
     table = surface("R3")
     lanes = []
-    for lane in range(own.lanes):
-        seen = light(own.luminance(lane, table), candela)
-        veil = light(own.veiling(lane), candela)
-        middle = 3 * own.from_right(lane) + 1
+    for lane in range(field.lanes):
+        seen = light(field.luminance(lane, table), candela)
+        veil = light(field.veiling(lane), candela)
+        middle = 3 * field.from_right(lane) + 1
         mean = seen.mean(axis=1)[:, None]
-        found = {
+        record = {
             "mean": figure(m * mean, np.mean), "uniformity": figure(seen, lambda row: row.min() / row.mean()),
-            "along": figure(seen[:, middle * own.n : (middle + 1) * own.n], lambda row: row.min() / row.max()),
+            "along": figure(seen[:, middle * field.n : (middle + 1) * field.n], lambda row: row.min() / row.max()),
             "glare": figure(np.hstack([veil, mean]), increment),
             "q": figure(np.hstack([mean, lux.mean(axis=1)[:, None] / m]), lambda row: row[0] / row[1]),
         }  # fmt: skip
         if road["wet_surface"]:
-            wet = light(own.luminance(lane, surface(road["wet_surface"])), candela)
-            found["wet"] = figure(wet, lambda row: row.min() / row.mean())
-        lanes.append(found)
+            wet = light(field.luminance(lane, surface(road["wet_surface"])), candela)
+            record["wet"] = figure(wet, lambda row: row.min() / row.mean())
+        lanes.append(record)
     edges = []
-    for outside, inside in own.edges():
+    for outside, inside in field.edges():
         both = [light(rows, candela).mean(axis=1) for rows in (outside, inside)]
         edges.append(figure(np.stack(both, axis=1), lambda row: row[0] / row[1]))
     mean_lx = figure(lux, np.mean)
-    shared = road["width_m"] * own.s / (2 if road["arrangement"] in ("opposite", "staggered") else 1)
-    found = {
+    shared = road["width_m"] * field.s / (2 if road["arrangement"] in ("opposite", "staggered") else 1)
+    record = {
         "lanes": lanes, "edges": edges, "mean_lx": mean_lx, "least_lx": figure(lux, np.min),
         "u_lx": figure(lux, lambda row: row.min() / row.mean()),
     }  # fmt: skip
     if road["lamp_w"]:
-        found["power"] = scaled(mean_lx, road["lamp_w"] / mean_lx[0] ** 2 / shared)
-        found["energy"] = (road["lamp_w"] * road["hours"] / 1000 / shared, 0.0)
-    return found
+        record["power"] = scaled(mean_lx, road["lamp_w"] / mean_lx[0] ** 2 / shared)
+        record["energy"] = (road["lamp_w"] * road["hours"] / 1000 / shared, 0.0)
+    return record
 
 
-def reached(road, found):
+def reached(road, record):
     """The best class of the kind that is asked for."""
     if road["lighting_class"] in P_CLASSES:
-        mean = found["mean_lx"][0]
-        lowest = found["least_lx"][0]
+        mean = record["mean_lx"][0]
+        lowest = record["least_lx"][0]
         met = (name for name, (a, b) in P_CLASSES.items() if a <= mean <= 1.5 * a and lowest >= b)
         return next(met, "none")
     for name, (mean, uniformity, along_lane, glare, edge) in M_CLASSES.items():
         lanes = all(
             lane["mean"][0] >= mean and lane["uniformity"][0] >= uniformity and lane["along"][0] >= along_lane
-            and lane["glare"][0] <= glare for lane in found["lanes"]
+            and lane["glare"][0] <= glare for lane in record["lanes"]
         )  # fmt: skip
-        if lanes and all(each[0] >= edge for each in found["edges"]):
+        if lanes and all(side[0] >= edge for side in record["edges"]):
             return name
     return "none"
 
 
-def asked(road, found):
+def asked(road, record):
     """Name, quantity, value, unit, sense and bound of all that the class asks for."""
     name = road["lighting_class"]
     if name in P_CLASSES:
         mean, lowest = P_CLASSES[name]
-        yield "mean illuminance", "light", found["mean_lx"], "lx", ">=", mean
-        yield "maximum mean illuminance", "light", found["mean_lx"], "lx", "<=", 1.5 * mean
-        yield "minimum illuminance", "light", found["least_lx"], "lx", ">=", lowest
+        yield "mean illuminance", "light", record["mean_lx"], "lx", ">=", mean
+        yield "maximum mean illuminance", "light", record["mean_lx"], "lx", "<=", 1.5 * mean
+        yield "minimum illuminance", "light", record["least_lx"], "lx", ">=", lowest
         return
     mean, uniformity, along_lane, glare, edge = M_CLASSES[name]
-    for number, lane in enumerate(found["lanes"]):
+    for number, lane in enumerate(record["lanes"]):
         of = f"lane {number + 1}: "
         yield f"{of}mean luminance", "light", lane["mean"], "cd/m²", ">=", mean
         yield f"{of}uniformity U0", "min/mean of the light", lane["uniformity"], "", ">=", uniformity
@@ -237,7 +237,7 @@ def asked(road, found):
             yield f"{of}uniformity U0, wet", "min/mean of the light", lane["wet"], "", ">=", 0.15
         yield f"{of}uniformity Ul", "min/max of the light", lane["along"], "", ">=", along_lane
         yield f"{of}glare TI", "threshold increment", lane["glare"], "%", "<=", glare
-    for side, value in zip(("right", "left"), found["edges"], strict=True):
+    for side, value in zip(("right", "left"), record["edges"], strict=True):
         yield f"{side} edge ratio", "ratio of means", value, "", ">=", edge
 
 
@@ -250,7 +250,7 @@ def worst_on(roads, limits):
             figure = "edge ratio" if entry["name"].endswith("edge ratio") else entry["name"].rpartition(": ")[2]
             part = entry["value"]["value"][0] / entry["bound"]
             worst.setdefault((figure, entry["sense"]), []).append((part if entry["sense"] == "<=" else 1 / part, entry))
-    return [max(each, key=lambda found: found[0])[1] for each in worst.values()]
+    return [max(candidates, key=lambda candidate: candidate[0])[1] for candidates in worst.values()]
 
 
 def traffic_of(road):

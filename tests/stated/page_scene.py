@@ -29,8 +29,8 @@ class Exits:
 
 
 def faces_of(lens, faces):
-    own = {"faces": faces, "spec": lens["spec"]}
-    return page_tracer.surfaces(own) if lens["spec"]["lens"]["kind"] == "double" else page_chain.chain_faces(own)
+    design = {"faces": faces, "spec": lens["spec"]}
+    return page_tracer.surfaces(design) if lens["spec"]["lens"]["kind"] == "double" else page_chain.chain_faces(design)
 
 
 def at_temperature(lens, celsius):
@@ -110,7 +110,7 @@ def through(body, section, left, p, d, flux, nm, stokes):
     origin = np.array(body["centre_mm"])
     outside = section["outside_index"]
     inner, outer = ({"coating": (body[face] or {}).get("coating")} for face in ("inner", "outer"))
-    own = {
+    as_lens = {
         "refractive_index": body["refractive_index"], "abbe_number": body["abbe_number"], "material": "",
         "cavity_index": outside, "outside_index": outside, "absorption_per_mm": body["absorption_per_mm"],
         "design_wavelength_nm": section["design_wavelength_nm"], "inner": inner, "outer": outer,
@@ -120,7 +120,7 @@ def through(body, section, left, p, d, flux, nm, stokes):
     q, u, s = stokes
     known = (q, u, s @ turn)
     args = (p[left] - origin) @ turn, d[left] @ turn
-    out, at, on, _, passed, _, _, behind = page_tracer.leave({"spec": {"lens": own}}, pair, *args, nm[left], known)
+    out, at, on, _, passed, _, _, behind = page_tracer.leave({"spec": {"lens": as_lens}}, pair, *args, nm[left], known)
     lost = np.zeros(len(flux))
     after = np.zeros(len(left))
     after[out] = before[out] * passed[out]
@@ -277,7 +277,7 @@ def read_at(receiver, image, x, y):
 
 def receivers_of(spec):
     pixels = spec["evaluate"]["pixels"]
-    found = []
+    receivers = []
     sections = spec["receivers"] or [spec["target"]]
     for section in sections:
         kind = section["kind"]
@@ -323,13 +323,13 @@ def receivers_of(spec):
         if level and spec["lamps"]:
             shape = even_pixels(size, shape, lamps_of(spec)[0] @ axes.T)
         name = (section.get("name") or kind) if spec["receivers"] else "light"
-        found.append(Receiver(name, kind, centre, axes, tuple(size), shape, window, radius, targets, level))
-    return found
+        receivers.append(Receiver(name, kind, centre, axes, tuple(size), shape, window, radius, targets, level))
+    return receivers
 
 
 def even_pixels(size, shape, places):
     """Of 0.75 to 1.3 of the pixels those with the fewest different parts of one, then the nearest number."""
-    found = []
+    counts = []
     for side, count, along in zip(size, shape[::-1], places.T[:2], strict=True):
         least = None
         for tried in range(int(np.ceil(0.75 * count)), int(1.3 * count) + 1):
@@ -337,8 +337,8 @@ def even_pixels(size, shape, places):
             different = len({round(part % 1, 6) % 1 for part in parts - np.round(parts)})
             rank = (different, abs(tried - count), tried)
             least = rank if least is None or rank < least else least
-        found.append(least[2])
-    return found[1], found[0]
+        counts.append(least[2])
+    return counts[1], counts[0]
 
 
 # -- Section 9: targets ------------------------------------------------------------------------------------------------
@@ -384,9 +384,9 @@ def drawn(receiver, shape):
     n = max(receiver.shape)
     k = max(1, min(max(8, 512 // n), 4096 // n))
     rows, columns = shape or receiver.shape
-    own = Receiver(**{**receiver.__dict__, "shape": (rows, columns)})
-    x, y = own.to_target(*own.centres(k))
-    within = own.in_window(*own.centres(k)) if receiver.kind == "far_field" else np.full(x.shape, True)
+    raster = Receiver(**{**receiver.__dict__, "shape": (rows, columns)})
+    x, y = raster.to_target(*raster.centres(k))
+    within = raster.in_window(*raster.centres(k)) if receiver.kind == "far_field" else np.full(x.shape, True)
     total = np.zeros((rows, columns))
     fine_total = np.zeros(x.shape)
     for target in receiver.targets:
@@ -399,7 +399,7 @@ def drawn(receiver, shape):
             fine = ndimage.map_coordinates(canvas, places, order=1, mode="constant")
         else:
             fine = in_shape(target, x, y).astype(float)
-            pitch = own.size[1] / (rows * k), own.size[0] / (columns * k)
+            pitch = raster.size[1] / (rows * k), raster.size[0] / (columns * k)
             fine = blurred(fine, [edge / pitch[0], edge / pitch[1]]) if edge else fine
         fine = np.where(within, fine, 0)
         image = fine.reshape(rows, k, columns, k).mean(axis=(1, 3))
@@ -416,8 +416,8 @@ def mask_of(receiver):
         sides = target.get("uniform_mm") or target.get("uniform_deg")
         if sides:
             u, v = sides if isinstance(sides, list) else (sides, sides)
-            own = own_place(target, x, y)
-            inside = (abs(own[0]) <= u / 2) & (abs(own[1]) <= v / 2)
+            local = own_place(target, x, y)
+            inside = (abs(local[0]) <= u / 2) & (abs(local[1]) <= v / 2)
             mask = inside if mask is None else mask | inside
     return mask
 
@@ -453,9 +453,9 @@ def contains(inside, receiver, place):
     rows, columns = inside.shape
     j, i = np.floor((place / receiver.size + 0.5) * (columns, rows)).T
     on = (j >= 0) & (j < columns) & (i >= 0) & (i < rows)
-    found = np.full(len(place), False)
-    found[on] = inside[i[on].astype(int), j[on].astype(int)]
-    return found
+    mask = np.full(len(place), False)
+    mask[on] = inside[i[on].astype(int), j[on].astype(int)]
+    return mask
 
 
 def receive(receiver, target, lamps, behind, flux_w, tristimulus=None):
@@ -474,16 +474,16 @@ def receive(receiver, target, lamps, behind, flux_w, tristimulus=None):
             ahead = behind.p[rows] @ turn.T + place - receiver.centre
             lands &= ahead @ receiver.axes[2] < 0
         at = at[lands]
-        own = flux[lands]
+        power = flux[lands]
         inside = receiver.in_window(*at.T)
-        total.image += receiver.bins(at, own)
-        total.window += own[inside].sum()
-        total.outside += own[~inside].sum()
+        total.image += receiver.bins(at, power)
+        total.window += power[inside].sum()
+        total.outside += power[~inside].sum()
         total.missed += flux[~lands].sum()
-        total.in_target += own[contains(target, receiver, at)].sum()
+        total.in_target += power[contains(target, receiver, at)].sum()
         if tristimulus is not None:
             for k in range(3):
-                total.colours[k] += receiver.bins(at, own * tristimulus[rows][lands, k])
+                total.colours[k] += receiver.bins(at, power * tristimulus[rows][lands, k])
     for name, amount in total.__dict__.items():
         setattr(total, name, amount / len(lamps))
     return total
@@ -494,7 +494,9 @@ def by_fate(behind, flux_w, names):
     gone = np.full(len(flux_w), True)
     gone[behind.left] = False
     lost_in = np.sum([*behind.in_bodies.values(), np.zeros(len(flux_w))], axis=0) > 0
-    found = {name: (behind.flux * flux_w)[gone & ~lost_in & (behind.fate == FATES.index(name))].sum() for name in names}
-    found["absorbed"] = (behind.absorbed * flux_w).sum()
-    found["cover_glass"] = (behind.in_glass * flux_w).sum()
-    return found | {f"body {name}": (lost * flux_w).sum() for name, lost in behind.in_bodies.items()}
+    losses = {
+        name: (behind.flux * flux_w)[gone & ~lost_in & (behind.fate == FATES.index(name))].sum() for name in names
+    }
+    losses["absorbed"] = (behind.absorbed * flux_w).sum()
+    losses["cover_glass"] = (behind.in_glass * flux_w).sum()
+    return losses | {f"body {name}": (lost * flux_w).sum() for name, lost in behind.in_bodies.items()}

@@ -10,7 +10,7 @@ _ENTITY = re.compile(r"#(\d+)\s*=\s*([A-Z_]+)\s*\(((?:[^;'']|'[^']*')*)\)\s*;")
 
 
 def numbers(text):
-    return np.array([float(each) for each in re.findall(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:E[-+]?\d+)?", text)])
+    return np.array([float(number) for number in re.findall(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:E[-+]?\d+)?", text)])
 
 
 @dataclass
@@ -39,7 +39,7 @@ class StepSpline:
 def spline_faces(text):
     """The spline faces of a STEP file by their names."""
     kinds = {number: (kind, body) for number, kind, body in _ENTITY.findall(text)}
-    found = {}
+    splines = {}
     for kind, body in kinds.values():
         if kind != "ADVANCED_FACE":
             continue
@@ -52,5 +52,5 @@ def spline_faces(text):
         poles = np.array([[numbers(kinds[point][1].split("'")[2]) for point in row] for row in rows])
         many_x, many_y, at_x, at_y = map(numbers, groups[-4:])
         knots = tuple(np.repeat(at, many.astype(int)) for at, many in ((at_x, many_x), (at_y, many_y)))
-        found[name] = StepSpline(knots, poles)
-    return found
+        splines[name] = StepSpline(knots, poles)
+    return splines

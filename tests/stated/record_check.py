@@ -31,14 +31,14 @@ from oracle_shop import (
 FREE_TILT_DEG = 0.1  # the highest undercut place is read at the nodes
 
 
-def wall_record(case, found, thickness):
+def wall_record(case, wall, thickness):
     """Of a wall: its two ends are on the exact faces, as far apart as it is thick."""
     body = body_of(case)
-    ends = np.array([found["cavity_point_mm"], found["envelope_point_mm"]])
+    ends = np.array([wall["cavity_point_mm"], wall["envelope_point_mm"]])
     for end, parts in zip(ends, (body.cavity, body.envelope), strict=True):
         away = np.linalg.norm(end)
         assert min(abs(part.exact(end[None] / away)[0][0] - away) for part in parts) < 1e-5
-    assert abs(np.linalg.norm(ends[0] - ends[1]) - found["thickness_mm"]) < 1e-5
+    assert abs(np.linalg.norm(ends[0] - ends[1]) - wall["thickness_mm"]) < 1e-5
     return {"thickness_mm": (thickness, slack_mm(case)), "cavity_point_mm": [...] * 3, "envelope_point_mm": [...] * 3}
 
 
@@ -95,7 +95,7 @@ def mould_record(case, names):
     diameter = ball(case)
     seconds = cooling_s(case)
     return {
-        "faces": faces, "parting": {key: list(each) if key == "places" else each for key, each in line.items()},
+        "faces": faces, "parting": {key: list(value) if key == "places" else value for key, value in line.items()},
         "thickest": {"diameter_mm": (diameter, 4e-3 * diameter), "centre_mm": [...] * 3},
         "upright": [], "gate": "plate" if case.lens["spec"]["plate"] else "base",
         "cooling_s": None if seconds is None else (seconds, 1e-2 * seconds),
@@ -110,12 +110,12 @@ def least_draft(case, name):
     return max((draft for draft in asked if draft is not None), default=-90.0)
 
 
-def is_faulty(case, name, found):
+def is_faulty(case, name, stored):
     """True of a face that is too steep, undercut, beside a base in the way, or out of its tool's reach."""
     steep = face_of(case, name).draft_deg < least_draft(case, name) - ANGLE_DEG
     hidden = is_moulded(case) and half(case, name)[2] is not None
     if turning.is_turned(case, name):
-        return steep or hidden or found[name]["cutter"]["reachable_fraction"] < 1
+        return steep or hidden or stored[name]["cutter"]["reachable_fraction"] < 1
     return steep or hidden or relief_fails(case, name) or cutter_state(case, name) == "fail"
 
 
@@ -124,7 +124,7 @@ def relief_fails(case, name):
     return based and relief_state(case, name) == "fail"
 
 
-def faults_record(case, name, found):
+def faults_record(case, name, stored):
     """Worst places of a face that cannot be made: each is on the exact face, the steepest within a sample of that."""
     part = face_of(case, name).part
     turned = turning.is_turned(case, name)
@@ -132,7 +132,7 @@ def faults_record(case, name, found):
     keys = {"tilt", "draft", *(("nose", "turning", "corner") if turned else ("cutter",))}
     keys |= {"relief"} if not turned and relief_fails(case, name) else set()
     keys |= {"undercut"} if hidden else set()
-    places = next(fault["places_mm"] for fault in found["faults"] if fault["face"] == name)
+    places = next(fault["places_mm"] for fault in stored["faults"] if fault["face"] == name)
     drafts = {}
     for key, place in places.items():
         away = np.linalg.norm(place)
@@ -158,7 +158,7 @@ def judged(name, value, sense, limit, unit, tolerance, **more):
 def check_record(case):
     spec = case.lens["spec"]
     body = body_of(case)
-    found = case.json("check")
+    stored = case.json("check")
     limits = spec["constraints"]
     shop = spec["manufacture"]
     slack = slack_mm(case)
@@ -181,23 +181,23 @@ def check_record(case):
         ]  # fmt: skip
     based = spec["base"]["kind"] != "none" and shop["process"] != "moulded"
     note = "a mould insert has no base" if shop["process"] == "moulded" else "there is no base"
-    each = {name: {key: (value, 2e-2 * value + 2e-5) for key, value in relief_of(case, name).items()}
+    reliefs = {name: {key: (value, 2e-2 * value + 2e-5) for key, value in relief_of(case, name).items()}
             for name in names if based}  # fmt: skip
-    faults = [faults_record(case, name, found) for name in names if is_faulty(case, name, found)]
+    faults = [faults_record(case, name, stored) for name in names if is_faulty(case, name, stored)]
     return {
         **({"faults": faults} if faults else {}),
         "process": shop["process"], "scale": (1 + shop["shrinkage"] if shop["process"] == "moulded" else 1.0, 1e-12),
         "min_wall_mm": thin,
-        "walls": {"thinnest": wall_record(case, found["walls"]["thinnest"], thin[0]),
-                  "thickest": wall_record(case, found["walls"]["thickest"], thick)},
-        "relief": {"faces": each, "note": None if based else note},
-        "edges": edges, "criteria": criteria, "verdicts": list(verdicts(case, names, each, thin)),
+        "walls": {"thinnest": wall_record(case, stored["walls"]["thinnest"], thin[0]),
+                  "thickest": wall_record(case, stored["walls"]["thickest"], thick)},
+        "relief": {"faces": reliefs, "note": None if based else note},
+        "edges": edges, "criteria": criteria, "verdicts": list(verdicts(case, names, reliefs, thin)),
         **({"mould": mould_record(case, names)} if is_moulded(case) else {}),
         **{name: face_record(case, name) for name in names},
     }  # fmt: skip
 
 
-def verdicts(case, names, each, thin):
+def verdicts(case, names, reliefs, thin):
     """The findings in their order: value, limit and tolerance of each."""
     spec = case.lens["spec"]
     limits = spec["constraints"]
@@ -205,7 +205,7 @@ def verdicts(case, names, each, thin):
     slack = slack_mm(case)
     cut = spec["manufacture"]["process"] != "moulded"
 
-    def said(name, surface, value, sense, limit, unit, tolerance, state):
+    def verdict(name, surface, value, sense, limit, unit, tolerance, state):
         return judged(name, value, sense, limit, unit, tolerance, surface=surface, reason=..., holds=state == "pass")
 
     lathe = [name for name in names if turning.is_turned(case, name)]
@@ -213,36 +213,36 @@ def verdicts(case, names, each, thin):
     for name in milled:
         ball, within = ball_mm(case, name)
         largest, fit = (None, 0.0) if ball is None else ((ball, within), (FIT * ball, FIT * within + 1e-9))
-        yield said("cutter", name, shop["cutter_radius_mm"], "<=", largest, "mm", fit, cutter_state(case, name))
-    for name, found in each.items():
-        most = max((value for key, value in found.items() if key.endswith("mm")), key=lambda pair: pair[0])
-        yield said("relief", name, most, "<=", 0.0, "mm", 0.0, relief_state(case, name))
+        yield verdict("cutter", name, shop["cutter_radius_mm"], "<=", largest, "mm", fit, cutter_state(case, name))
+    for name, figures in reliefs.items():
+        most = max((value for key, value in figures.items() if key.endswith("mm")), key=lambda pair: pair[0])
+        yield verdict("relief", name, most, "<=", 0.0, "mm", 0.0, relief_state(case, name))
     for name in milled if cut else ():
         tilted = (max(0, -face_of(case, name).draft_deg), 0.003)
-        yield said(
+        yield verdict(
             "tilt", name, tilted, "<=", (free_tilt(case, name), FREE_TILT_DEG), "deg", ANGLE_DEG, tilt_state(case, name)
         )
-    yield said("wall", "body", thin, ">=", limits["min_thickness_mm"], "mm", slack, wall_state(case))
+    yield verdict("wall", "body", thin, ">=", limits["min_thickness_mm"], "mm", slack, wall_state(case))
     for name in names if is_moulded(case) else ():
         upper, lower, heights, _ = half(case, name)
         share = (1 - upper - lower, 0.015) if heights else 0.0
-        yield said("undercut", name, share, "<=", 0.0, "of the face", 0.0, "fail" if heights else "pass")
+        yield verdict("undercut", name, share, "<=", 0.0, "of the face", 0.0, "fail" if heights else "pass")
     for name in names:
         wanted = asked_draft(case, name)
         if cut and wanted is None:
             continue
         least = (half(case, name)[3], 0.02) if is_moulded(case) else (face_of(case, name).draft_deg, 0.003)
         wanted = GOOD_DRAFT_DEG if wanted is None else wanted
-        yield said("draft", name, least, ">=", wanted, "deg", ANGLE_DEG, draft_state(case, name))
-    yield from turning.findings(case, lathe, said)
+        yield verdict("draft", name, least, ">=", wanted, "deg", ANGLE_DEG, draft_state(case, name))
+    yield from turning.findings(case, lathe, verdict)
     if spec["plate"] is not None:
         if cut:
             wide = 2 * shop["cutter_radius_mm"]
             gap = (gap_mm(case), 0.004)
-            yield said("gap", "body", wide, "<=", gap, "mm", slack, "pass" if wide <= gap[0] + slack else "fail")
+            yield verdict("gap", "body", wide, "<=", gap, "mm", slack, "pass" if wide <= gap[0] + slack else "fail")
         least = (plate_wall_mm(case), 1e-4)
         state = "pass" if least[0] >= limits["min_thickness_mm"] - slack else "fail"
-        yield said("plate", "body", least, ">=", limits["min_thickness_mm"], "mm", slack, state)
+        yield verdict("plate", "body", least, ">=", limits["min_thickness_mm"], "mm", slack, state)
 
 
 RECORDS = {"check": check_record}

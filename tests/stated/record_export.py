@@ -100,11 +100,11 @@ def box_mm(case):
     return np.array([low, high])
 
 
-def chord_um(case, path, own=lambda p: p):
+def chord_um(case, path, to_local=lambda p: p):
     """The largest distance of the middles of facets and of their sides from the face on which all corners lie."""
     mesh = mesh_of(path)
     most = 0.0
-    corners = own(np.asarray(mesh.triangles).reshape(-1, 3)).reshape(-1, 3, 3)
+    corners = to_local(np.asarray(mesh.triangles).reshape(-1, 3)).reshape(-1, 3, 3)
     corners = corners[(corners[..., 2] > -1e-5).all(axis=1) & (corners[..., 2] > 1e-5).any(axis=1)]
     for part in body_of(case).parts.values():
         if part.name in ("mouth", "flange"):
@@ -124,9 +124,9 @@ def chord_um(case, path, own=lambda p: p):
 
 def mesh_figures(path):
     """Volume, area, closed, genus, facets and vertices of a mesh file."""
-    found = mesh_of(path)
-    genus = 1 - (len(found.vertices) - len(found.faces) // 2) // 2
-    return found.volume, found.area, bool(found.is_watertight), genus, len(found.faces), len(found.vertices)
+    mesh = mesh_of(path)
+    genus = 1 - (len(mesh.vertices) - len(mesh.faces) // 2) // 2
+    return mesh.volume, mesh.area, bool(mesh.is_watertight), genus, len(mesh.faces), len(mesh.vertices)
 
 
 def judged(name, value, sense, limit, unit=""):
@@ -171,7 +171,7 @@ def reach_mm(chip):
 
 def export_record(case):
     spec = case.lens["spec"]
-    found = case.json("export")
+    stored = case.json("export")
     stl = case.folder / "lens.stl"
     (form, normal) = worst_errors(case)
     density = density_of(case)
@@ -180,7 +180,7 @@ def export_record(case):
     names = sorted(re.findall(r"ADVANCED_FACE\s*\(\s*'([^']*)'", (case.folder / "lens.step").read_text()))
     chord = chord_um(case, stl)
     angle = judged("normal_error", near(normal, 0.1), "<=", normal_mrad(case), "mrad")
-    files = {name: (case.folder / name).read_bytes() for name in found["files"]}
+    files = {name: (case.folder / name).read_bytes() for name in stored["files"]}
     record = {
         "face_tolerance": tolerance_record(case), "keep_out": None,
         "form_error_nm": {"max": near(form, 0.1), "rms": ...},
@@ -188,20 +188,20 @@ def export_record(case):
         "volume_mm3": near(solid, 3e-6), "volume_mesh_mm3": near(volume_mm3, 1e-6),
         "mass_g": near(solid * density / 1000, 3e-6) if density else None,
         "area_mm2": near(area_mm2(case), 3e-6), "area_mesh_mm2": near(area, 1e-6),
-        "bounds_mm": [[(each, 2e-3 * chord + 1e-5) for each in corner] for corner in box_mm(case)],
+        "bounds_mm": [[(x, 2e-3 * chord + 1e-5) for x in corner] for corner in box_mm(case)],
         "watertight": closed_, "genus": genus, "faces": {"count": len(names), "names": names},
-        "nodes": dict.fromkeys(found["nodes"], ...), "step_schema": schema(case, None).value,
+        "nodes": dict.fromkeys(stored["nodes"], ...), "step_schema": schema(case, None).value,
         "signature": {name: spec["manufacture"][name] for name in ("author", "organisation", "date")},
         "untrimmed_surfaces": None,
         "triangulation": {"triangles": facets, "vertices": corners, "rings": ..., "chord_error_um": near(chord, 0.1)},
-        "files": {name: {"bytes": len(each), "sha256": sha256(each).hexdigest()} for name, each in files.items()},
+        "files": {name: {"bytes": len(data), "sha256": sha256(data).hexdigest()} for name, data in files.items()},
         "criteria": criteria_of("", near(form, 0.1), [angle], volume_mm3, solid),
     }  # fmt: skip
     if spec["plate"] is None:
         return record | {"plate": None}
-    own, criteria = plate_record(case)
+    plate, criteria = plate_record(case)
     *of_lens, facets_cut = record["criteria"]  # follows from two fields, and stands behind those of the plate
-    return record | {"plate": own, "criteria": [*of_lens, *criteria, facets_cut]}
+    return record | {"plate": plate, "criteria": [*of_lens, *criteria, facets_cut]}
 
 
 def plate_record(case):
@@ -217,7 +217,7 @@ def plate_record(case):
         "lenses": len(lamps_of(case)[0]), "gap_mm": (gap_mm(case), 0.004), "form_error_nm": (form.value, form.within),
         "volume_mm3": near(solid, 3e-6), "volume_mesh_mm3": near(volume_mm3, 1e-6),
         "mass_g": near(solid * density / 1000, 3e-6) if density else None,
-        "bounds_mm": [[near(each, 1e-6) for each in corner] for corner in box], "watertight": closed_, "genus": genus,
+        "bounds_mm": [[near(x, 1e-6) for x in corner] for corner in box], "watertight": closed_, "genus": genus,
         "faces": len(re.findall("ADVANCED_FACE", (case.folder / "plate.step").read_text())), "triangles": facets,
         "chord_error_um": near(chord, 0.1), "seconds": ...,
     }, criteria  # fmt: skip

@@ -69,16 +69,16 @@ def name_of(place: Place, fact: Fact) -> str:
 @pytest.mark.parametrize("name", NAMES)
 def test_every_fact(case: Callable[[str], Case], name: str) -> None:
     """Value, unit, standard error, limit, bound and state of each."""
-    own = case(name)
+    scene = case(name)
     wrong = []
-    for place, fact in own.stated():
+    for place, fact in scene.stated():
         key = name_of(place, fact)
         if key not in ORACLES:
             wrong.append(f"{key} ({place}): no oracle; it says {fact.sentence}")
             continue
         wrong += [
             f"{key} ({place.title}, {fact.label}): {words}"
-            for words in differences(fact, ORACLES[key](seen(own, place.stage, place.led), place))
+            for words in differences(fact, ORACLES[key](seen(scene, place.stage, place.led), place))
         ]
     assert not wrong, "\n".join(wrong)
 
@@ -102,8 +102,8 @@ def expected_record(case: Case, stage: str) -> Any:
 
 @pytest.mark.parametrize("name", NAMES)
 def test_a_folder_is_read_back_with_every_judgement_made_again(case: Callable[[str], Case], name: str) -> None:
-    own = case(name)
-    assert lf.load(own.folder).found == {stage: result for stage, result in own.results.items() if stage != "warm"}
+    scene = case(name)
+    assert lf.load(scene.folder).found == {stage: result for stage, result in scene.results.items() if stage != "warm"}
 
 
 def differences(fact: Fact, expected: Expected) -> Iterator[str]:
@@ -152,22 +152,22 @@ def leaves(content: Any, path: str = "") -> Iterator[tuple[str, Any]]:
 @pytest.mark.parametrize("stage", RECORDS)
 def test_every_number_of_a_record(case: Callable[[str], Case], stage: str, name: str) -> None:
     """A record that is expected has tuples (value, within) in the place of numbers that are not exact."""
-    own = case(name)
-    if stage not in own.results:
+    scene = case(name)
+    if stage not in scene.results:
         return
-    expected = dict(pairs(expected_record(own, stage)))
-    skipped = tuple(path for path, each in expected.items() if each is ...)
-    expected = {path: each for path, each in expected.items() if each is not ...}
-    found = {
-        path: each
-        for path, each in leaves(own.json(stage))
+    expected = dict(pairs(expected_record(scene, stage)))
+    skipped = tuple(path for path, value in expected.items() if value is ...)
+    expected = {path: value for path, value in expected.items() if value is not ...}
+    stored = {
+        path: value
+        for path, value in leaves(scene.json(stage))
         if not (NO_FIGURE_OF.match(path) or path.startswith(skipped))
     }
-    wrong = [f"{path}: {found[path]!r}, nothing is expected" for path in found if path not in expected]
-    wrong += [f"{path}: missing" for path in expected if path not in found]
-    for path, each in expected.items():
-        if path in found and not same(found[path], each):
-            wrong.append(f"{path}: {found[path]!r}, must be {each!r}")
+    wrong = [f"{path}: {stored[path]!r}, nothing is expected" for path in stored if path not in expected]
+    wrong += [f"{path}: missing" for path in expected if path not in stored]
+    for path, wanted in expected.items():
+        if path in stored and not same(stored[path], wanted):
+            wrong.append(f"{path}: {stored[path]!r}, must be {wanted!r}")
     assert not wrong, "\n".join(wrong)
 
 
@@ -183,12 +183,12 @@ def pairs(content: Any, path: str = "") -> Iterator[tuple[str, Any]]:
         yield path, content
 
 
-def same(found: Any, expected: Any) -> bool:
+def same(stored: Any, expected: Any) -> bool:
     """True within the tolerance, or to rounding."""
     value, within = expected if isinstance(expected, tuple) else (expected, None)
-    if isinstance(found, bool) or not isinstance(found, float | int) or not isinstance(value, float | int):
-        return bool(found == value)
-    return abs(found - value) <= (1e-9 * abs(value) if within is None else within)
+    if isinstance(stored, bool) or not isinstance(stored, float | int) or not isinstance(value, float | int):
+        return bool(stored == value)
+    return abs(stored - value) <= (1e-9 * abs(value) if within is None else within)
 
 
 def test_every_oracle_has_a_fact(case: Callable[[str], Case]) -> None:

@@ -55,9 +55,9 @@ def held_back(case: Case) -> Any:
 def test_they_are_those_of_the_light_of_these_rays(modelled: Case) -> None:
     record, _ = light_of(modelled, [held_back(modelled)], modelled.lens["spec"]["source"], warm=False)
     oracle = record["receivers"][0]
-    said = facts(modelled)
-    wrong = [*differences(said["file_nmse"], stated(oracle["nmse"]))]
-    wrong += differences(said["file_efficiency"], stated(oracle["efficiency"], 100.0, "%"))
+    by_key = facts(modelled)
+    wrong = [*differences(by_key["file_nmse"], stated(oracle["nmse"]))]
+    wrong += differences(by_key["file_efficiency"], stated(oracle["efficiency"], 100.0, "%"))
     assert not wrong, "\n".join(wrong)
 
 

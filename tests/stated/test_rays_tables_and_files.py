@@ -17,18 +17,18 @@ POWER = {"roads": 1.3}
 def own_rays(source, call):
     """Rays of a call in the coordinates of the source: positions, directions, flux, wavelengths."""
     turn = turn_of(source["tilt_deg"], source["rotate_z_deg"])
-    p, d, flux = (np.concatenate([each[k] for each in call]) for k in (2, 3, 4))
-    nm = None if call[0][5] is None else np.concatenate([each[5] for each in call])
+    p, d, flux = (np.concatenate([part[k] for part in call]) for k in (2, 3, 4))
+    nm = None if call[0][5] is None else np.concatenate([part[5] for part in call])
     return (p - source["position_mm"]) @ turn, d @ turn, flux, nm
 
 
 @pytest.mark.parametrize("name", [name for name in NAMES if name != "leds"])
 def test_rays_of_a_planar_source(case: Callable[[str], Case], name: str) -> None:
     """Places and directions by their moments, within five standard errors of independent rays; flux and colours."""
-    own = case(name)
-    source = own.lens["spec"]["source"]
-    watts = flux_and_efficacy(source, own.files)[0]
-    for call in own.rays["evaluate"][: kinds_in(own)]:
+    scene = case(name)
+    source = scene.lens["spec"]["source"]
+    watts = flux_and_efficacy(source, scene.files)[0]
+    for call in scene.rays["evaluate"][: kinds_in(scene)]:
         p, d, _, nm = own_rays(source, call)
         assert abs(p[:, 2]).max() < 1e-12 and d[:, 2].min() >= 0
         for _, factor, _, _, flux, _ in call:
@@ -68,9 +68,9 @@ def chips_are_right(source, p, nm, count) -> None:
 
 def test_rays_of_files_are_those_of_the_files(case: Callable[[str], Case]) -> None:
     """Each ray that judges is one of its LED's; three tenths of all, none twice, none that the search has used."""
-    own = case("leds")
-    calls = iter(own.rays["evaluate"])
-    for led in own.lens["spec"]["sources"]:
+    scene = case("leds")
+    calls = iter(scene.rays["evaluate"])
+    for led in scene.lens["spec"]["sources"]:
         source = led["source"]
         rows = []
         parts = []
@@ -80,13 +80,13 @@ def test_rays_of_files_are_those_of_the_files(case: Callable[[str], Case]) -> No
             parts.append(flux / flux.sum() * (part["flux_w"] or 0.4))
         p, d = (np.concatenate([row[k] for row in rows]) for k in (0, 1))
         p, d = page_tracer.into_own_frame(source, p, d)
-        known = {tuple(np.round(each, 4)): k for k, each in enumerate(np.column_stack([p, d]))}
+        known = {tuple(np.round(row, 4)): k for k, row in enumerate(np.column_stack([p, d]))}
         used = []
         for call in (next(calls), next(calls)):
             at, on, flux, _ = own_rays(source, call)
-            found = [known[tuple(np.round(each, 4) + 0.0)] for each in np.column_stack([at, on])]
-            used.append(found)
-            stated = np.concatenate(parts)[found]
+            numbers = [known[tuple(np.round(row, 4) + 0.0)] for row in np.column_stack([at, on])]
+            used.append(numbers)
+            stated = np.concatenate(parts)[numbers]
             assert flux / flux.sum() == pytest.approx(stated / stated.sum(), rel=1e-5)
             for _, factor, _, _, own_flux, _ in call:
                 assert (factor * own_flux).sum() == pytest.approx(sum(part.sum() for part in parts), rel=1e-5)
@@ -98,13 +98,15 @@ def test_rays_of_files_are_those_of_the_files(case: Callable[[str], Case]) -> No
 @pytest.mark.parametrize("name", NAMES)
 def test_pictures_of_each_receiver(case: Callable[[str], Case], name: str) -> None:
     """Light, and target scaled to it, in W/m² or W/sr of all lamps."""
-    own = case(name)
-    arrays = np.load(own.folder / "evaluate.npz")
-    lamps = len((own.lens["spec"]["lamps"] or {}).get("places_mm", [0]))
-    for number, (receiver, images) in enumerate(zip(receivers_of(own.lens["spec"]), evaluation(own)[1], strict=True)):
+    scene = case(name)
+    arrays = np.load(scene.folder / "evaluate.npz")
+    lamps = len((scene.lens["spec"]["lamps"] or {}).get("places_mm", [0]))
+    for number, (receiver, images) in enumerate(
+        zip(receivers_of(scene.lens["spec"]), evaluation(scene)[1], strict=True)
+    ):
         light = images.mean(axis=0) * lamps / receiver.measure
-        found = arrays[f"receivers.{number}.map"]
-        assert abs(found - light).sum() < 5e-3 * light.sum()
+        stored = arrays[f"receivers.{number}.map"]
+        assert abs(stored - light).sum() < 5e-3 * light.sum()
         target = target_light(receiver)[0] * light.sum()
         assert abs(arrays[f"receivers.{number}.target_map"] - target).max() < 1e-4 * target.max()
 
@@ -112,18 +114,18 @@ def test_pictures_of_each_receiver(case: Callable[[str], Case], name: str) -> No
 @pytest.mark.parametrize("name", NAMES)
 def test_table_of_the_far_field_has_the_light_of_the_rays(case: Callable[[str], Case], name: str) -> None:
     """Flux, and means of products of the components of the direction."""
-    for own in case(name).of_leds():
-        tables = oracle_far.once(own, oracle_far.Tables)
-        samples = oracle_far.once(own, oracle_far.leaving)
-        watts, source_lm, _ = oracle_far.lumens(own)
+    for scene in case(name).of_leds():
+        tables = oracle_far.once(scene, oracle_far.Tables)
+        samples = oracle_far.once(scene, oracle_far.leaving)
+        watts, source_lm, _ = oracle_far.lumens(scene)
         flux = sum(sample[0] for sample in samples) / 16 * source_lm / watts
-        turned = oracle_far.together(own) > 1  # by angles that the moments do not know
+        turned = oracle_far.together(scene) > 1  # by angles that the moments do not know
         fine = np.radians(np.linspace(0, 90, 721)[:-1] + 1 / 16)
         at = np.radians(np.arange(0, 360, 2.0) + 1)
         down, azimuth = np.meshgrid(fine, at)
         values = oracle_far.bilinear(tables.azimuth, tables.gamma, tables.whole, np.degrees(azimuth), np.degrees(down))
         light = values * np.sin(down) * (fine[1] - fine[0]) * np.radians(2)
-        assert light.sum() == pytest.approx(flux, rel=4e-3 if own.lens["spec"]["lamps"] else 1e-3)
+        assert light.sum() == pytest.approx(flux, rel=4e-3 if scene.lens["spec"]["lamps"] else 1e-3)
         u = np.sin(down) * np.cos(azimuth), np.sin(down) * np.sin(azimuth), np.cos(down)
         d, weight = (np.concatenate([sample[k] for sample in samples]) for k in (1, 2))
         ways = ((2,), (2, 2)) if turned else ((0,), (1,), (2,), (0, 0), (0, 1), (1, 1), (0, 2), (1, 2), (2, 2))
@@ -137,10 +139,10 @@ def test_table_of_the_far_field_has_the_light_of_the_rays(case: Callable[[str], 
 @pytest.mark.parametrize("name", NAMES)
 def test_files_of_the_far_field_hold_its_table(case: Callable[[str], Case], name: str) -> None:
     """By readers of a few lines each; the rays of the TM-25 file leave a sphere about the lens."""
-    for own in case(name).of_leds():
-        tables = oracle_far.once(own, oracle_far.Tables)
-        (_, source_lm, known) = oracle_far.lumens(own)
-        arrays = np.load(own.folder / "photometry.npz")
+    for scene in case(name).of_leds():
+        tables = oracle_far.once(scene, oracle_far.Tables)
+        (_, source_lm, known) = oracle_far.lumens(scene)
+        arrays = np.load(scene.folder / "photometry.npz")
         c = arrays["c_deg"]
         gamma = arrays["gamma_deg"]
         candela = arrays["candela"]
@@ -148,20 +150,20 @@ def test_files_of_the_far_field_hold_its_table(case: Callable[[str], Case], name
             tables.azimuth, tables.gamma, tables.whole, *np.meshgrid(-c % 360, gamma, indexing="ij")
         )
         assert c[-1] == 360 and abs(candela - turned).max() < 1e-4 * candela.max()
-        ies_c, ies_gamma, ies_cd, head = oracle_far.ies((own.folder / "lens.ies").read_text(encoding="utf-8"))
-        ldt_c, ldt_gamma, ldt_cd, more = oracle_far.ldt((own.folder / "lens.ldt").read_text(encoding="latin-1"))
-        tm_c, tm_gamma, tm_cd = oracle_far.tm33((own.folder / "lens.iesxml").read_text(encoding="utf-8"))
+        ies_c, ies_gamma, ies_cd, head = oracle_far.ies((scene.folder / "lens.ies").read_text(encoding="utf-8"))
+        ldt_c, ldt_gamma, ldt_cd, more = oracle_far.ldt((scene.folder / "lens.ldt").read_text(encoding="latin-1"))
+        tm_c, tm_gamma, tm_cd = oracle_far.tm33((scene.folder / "lens.iesxml").read_text(encoding="utf-8"))
         for at, down, values in ((ies_c, ies_gamma, ies_cd), (ldt_c, ldt_gamma, ldt_cd), (tm_c, tm_gamma, tm_cd)):
             assert down[: len(gamma)] == pytest.approx(gamma)
             assert at == pytest.approx(c[: len(at)])
             assert values[:, : len(gamma)] == pytest.approx(candela[: len(at)], abs=2e-6 * candela.max())
         assert head["lamps"] * abs(head["lumens"]) == pytest.approx(source_lm, rel=1e-4)
         assert float(more["lumens"]) == pytest.approx(source_lm, rel=1e-4)
-        content = (own.folder / "lens.tm25ray").read_bytes()
-        count = own.json("photometry")["files"]["tm25ray"]["rays"]
+        content = (scene.folder / "lens.tm25ray").read_bytes()
+        count = scene.json("photometry")["files"]["tm25ray"]["rays"]
         rows = np.frombuffer(content[-28 * count :], dtype="<f4").reshape(count, 7).astype(float)
         far = np.linalg.norm(rows[:, :3], axis=1)
         assert far.max() - far.min() < 1e-4 * far.max() and (rows[:, 5] > 0).all()
         assert np.linalg.norm(rows[:, 3:6], axis=1) == pytest.approx(1.0, abs=1e-5)
-        assert rows[:, 6].sum() == pytest.approx(own.json("photometry")["exit_w"]["value"], rel=1e-5)
-        assert known == (not own.json("photometry")["per_1000_lm"])
+        assert rows[:, 6].sum() == pytest.approx(scene.json("photometry")["exit_w"]["value"], rel=1e-5)
+        assert known == (not scene.json("photometry")["per_1000_lm"])

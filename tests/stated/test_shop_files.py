@@ -72,25 +72,27 @@ def across_mm(part) -> float:
 @pytest.mark.parametrize("file", [TIR, DESIGNS / "cup" / "lens.json", DESIGNS / "plate" / "lens.json"], ids=str)
 def test_every_dimension(file: Path) -> None:
     expected = dict(dimensions_of(json.loads(file.read_text(encoding="utf-8"))))
-    found = dimensions(lf.load_lens(file))
-    assert {each.name: each.value_mm for each in found} == {
+    sizes = dimensions(lf.load_lens(file))
+    assert {size.name: size.value_mm for size in sizes} == {
         name: pytest.approx(value, abs=5e-4 if "crease" in name or "flange" in name else 2e-5)
         for name, value in expected.items()
     }
-    for each in found:  # a size that is drawn is the distance of its ends, measured across or along the axis
-        if each.ends is not None and each.view in ("S", "T"):
-            (z, x), (other_z, other_x) = each.ends
-            assert each.value_mm == pytest.approx(abs(other_x - x) if each.upright else abs(other_z - z), abs=1e-9)
+    for dimension in sizes:  # a size that is drawn is the distance of its ends, measured across or along the axis
+        if dimension.ends is not None and dimension.view in ("S", "T"):
+            (z, x), (other_z, other_x) = dimension.ends
+            assert dimension.value_mm == pytest.approx(
+                abs(other_x - x) if dimension.upright else abs(other_z - z), abs=1e-9
+            )
 
 
 @pytest.mark.parametrize("name", ["cup", "plate"])
 def test_faces_on_the_drawing(case: Callable[[str], Case], name: str) -> None:
     """Sphere, departure, aperture between the creases, and area of each face of the part, whatever is cut."""
-    own = case(name)
-    check = own.results["check"]
-    part = own.results["export"]
-    lens = lf.load_lens(own.folder / "lens.json")
-    body = PageBody(own.lens)
+    scene = case(name)
+    check = scene.results["check"]
+    part = scene.results["export"]
+    lens = lf.load_lens(scene.folder / "lens.json")
+    body = PageBody(scene.lens)
     told = 0
     for face, column in optical_table(lens, part, check, lens.spec.drawing).columns.items():
         if face not in body.parts:
@@ -99,8 +101,8 @@ def test_faces_on_the_drawing(case: Callable[[str], Case], name: str) -> None:
         words = " ".join(column.values())
         assert column["title"].lower().startswith(f"{face} face")
         stated = {key: float(re.search(rf"{key} ?(-?[\d.]+)", words)[1]) for key in ("best-fit R", "PV", "aperture: ⌀")}
-        record = own.json("check")[face]
-        scale = own.json("check")["scale"]
+        record = scene.json("check")[face]
+        scale = scene.json("check")["scale"]
         assert stated["best-fit R"] == pytest.approx(record["best_fit_sphere"]["radius_mm"] / scale, abs=6e-4)
         assert stated["PV"] == pytest.approx(record["best_fit_sphere"]["pv_mm"] / scale, abs=6e-4)
         assert stated["aperture: ⌀"] == pytest.approx(2.0 * across_mm(body.parts[face]), abs=6e-4)
@@ -111,14 +113,14 @@ def test_faces_on_the_drawing(case: Callable[[str], Case], name: str) -> None:
 @pytest.mark.parametrize("name", ["cup", "plate"])
 def test_points_of_the_tables(case: Callable[[str], Case], name: str) -> None:
     """Points and normals into the air of the exact faces, times the scale of a mould; departures from the sphere."""
-    own = case(name)
-    body = PageBody(own.lens)
-    shop = own.lens["spec"]["manufacture"]
-    check = own.json("check")
+    scene = case(name)
+    body = PageBody(scene.lens)
+    shop = scene.lens["spec"]["manufacture"]
+    check = scene.json("check")
     insert = shop["process"] == "moulded"
     scale = 1.0 + shop["shrinkage"] if insert else 1.0
-    lens = lf.load_lens(own.folder / "lens.json")
-    text = points_table(lens, own.results["check"], [])
+    lens = lf.load_lens(scene.folder / "lens.json")
+    text = points_table(lens, scene.results["check"], [])
     rows = list(csv.reader(line for line in text.splitlines() if not line.startswith("#")))[1:]
     for face in (part for part in body.parts if part in check):
         values = np.array([row[1:] for row in rows if row[0] == face], dtype=float)
@@ -139,10 +141,10 @@ def test_points_of_the_tables(case: Callable[[str], Case], name: str) -> None:
 
 def test_dense_tables_say_their_error(case: Callable[[str], Case]) -> None:
     """Between the nodes bilinear interpolation over the angles is off by what is stated, found anew in the middles."""
-    own = case("plate")
-    lens = lf.load_lens(own.folder / "lens.json")
+    scene = case("plate")
+    lens = lf.load_lens(scene.folder / "lens.json")
     scale = 1.007
-    body = PageBody(own.lens)
+    body = PageBody(scene.lens)
     for grid in dense_tables(lens, [], GridRequest(spacing_mm=0.3, interpolation="linear")):
         lines = [line for line in grid.content.decode().splitlines() if line and not line.startswith("#")]
         table = np.array([line.split(",")[-8:] for line in lines[1:]], dtype=float)
@@ -150,26 +152,26 @@ def test_dense_tables_say_their_error(case: Callable[[str], Case]) -> None:
         turns = np.unique(table[:, 7])
         every = np.concatenate([np.repeat(table[:1], len(turns), axis=0), table[1:]])  # the apex stands there once
         height, across = (
-            each.reshape(len(rings), len(turns)) for each in (every[:, 2], np.hypot(every[:, 0], every[:, 1]))
+            column.reshape(len(rings), len(turns)) for column in (every[:, 2], np.hypot(every[:, 0], every[:, 1]))
         )
         assert grid.points == len(table) and (np.diff(rings) < rings[1] * 1.01).all()
         off = []
         for z, r, _, phi in middles(height, across, rings, turns):
-            found = np.stack([r * np.cos(phi), r * np.sin(phi), z], axis=-1).reshape(-1, 3)
-            away = np.linalg.norm(found, axis=1)
-            rho, n = body.parts[grid.face].exact(found / away[:, None])
-            off.append(abs((away - scale * rho) * (n * found).sum(axis=1) / away).max())
+            points = np.stack([r * np.cos(phi), r * np.sin(phi), z], axis=-1).reshape(-1, 3)
+            away = np.linalg.norm(points, axis=1)
+            rho, n = body.parts[grid.face].exact(points / away[:, None])
+            off.append(abs((away - scale * rho) * (n * points).sum(axis=1) / away).max())
         assert grid.error_nm == pytest.approx(1e6 * max(off), rel=0.05)
 
 
 def middles(height, across, rings, turns) -> Iterator[tuple[np.ndarray, ...]]:
     """Values in the middle of cells and of their sides, with their angles (rad)."""
     turned = np.radians(np.append(turns, turns[0] + 360.0))
-    height, across = (np.column_stack([each, each[:, :1]]) for each in (height, across))
+    height, across = (np.column_stack([array, array[:, :1]]) for array in (height, across))
     theta = np.radians(rings)
     for a, b in ((1, 0), (0, 1), (1, 1)):
         rows = len(theta) - a
         columns = len(turned) - b
-        mean = [sum(each[i : i + rows, j : j + columns] for i in {0, a} for j in {0, b}) / (1 + a) / (1 + b)
-                for each in (height, across)]  # fmt: skip
+        mean = [sum(array[i : i + rows, j : j + columns] for i in {0, a} for j in {0, b}) / (1 + a) / (1 + b)
+                for array in (height, across)]  # fmt: skip
         yield *mean, theta[:rows, None], ((turned[:columns] + turned[b : columns + b]) / 2)[None, :]

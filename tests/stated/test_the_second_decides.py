@@ -25,21 +25,21 @@ from lensforge.surfaces.srbf import SrbfBasis, SrbfSurface
 @needs_addon("road")
 def test_roads_of_a_file_each_with_its_own_lumens(case: Callable[[str], Case], tmp_path: Path) -> None:
     """``lensforge road``: of an IES file, whose numbers are read anew."""
-    own = case("roads")
-    roads = [road | {"lamp_lm": lm} for road, lm in zip(own.lens["spec"]["roads"], (8100.0, 2300.0), strict=True)]
+    scene = case("roads")
+    roads = [road | {"lamp_lm": lm} for road, lm in zip(scene.lens["spec"]["roads"], (8100.0, 2300.0), strict=True)]
     text = "".join(
         "[[roads]]\n" + "".join(f"{key} = {json.dumps(value)}\n" for key, value in road.items() if value is not None)
         for road in roads
     )
     (tmp_path / "roads.toml").write_text(text, encoding="utf-8")
-    side = own.lens["spec"]["photometry"]["street_side_deg"]
+    side = scene.lens["spec"]["photometry"]["street_side_deg"]
     ended = lensforge(
-        "road", own.folder / "lens.ies", "--road", tmp_path / "roads.toml", "--street-c", -side, "--json"
+        "road", scene.folder / "lens.ies", "--road", tmp_path / "roads.toml", "--street-c", -side, "--json"
     )  # fmt: skip
-    found = json.loads(ended.stdout)["roads"]
-    c, gamma, candela, head = ies((own.folder / "lens.ies").read_text(encoding="utf-8"))
+    records = json.loads(ended.stdout)["roads"]
+    c, gamma, candela, head = ies((scene.folder / "lens.ies").read_text(encoding="utf-8"))
     assert (c[0], c[-1], gamma[0], gamma[-1]) == (0, 360, 0, 90)
-    for record, road in zip(found, roads, strict=True):
+    for record, road in zip(records, roads, strict=True):
         factor = road["lamp_lm"] / abs(head["lamps"] * head["lumens"])
 
         def seen(lateral, down, factor=factor):
@@ -54,7 +54,7 @@ def test_roads_of_a_file_each_with_its_own_lumens(case: Callable[[str], Case], t
         assert record["mean_lx"]["value"] == pytest.approx(expected["mean_lx"][0], rel=1e-6)
         assert record["power_density"]["value"] == pytest.approx(expected["power"][0], rel=1e-6)
         assert record["reached"] == page_road.reached(road, expected)
-    assert found[0]["mean_lx"]["value"] > 3 * found[1]["mean_lx"]["value"]
+    assert records[0]["mean_lx"]["value"] > 3 * records[1]["mean_lx"]["value"]
 
 
 IES = """IESNA:LM-63-2002
@@ -132,14 +132,14 @@ def test_far_field_of_a_square_lens_has_the_symmetry_of_its_led_alone(turn_deg: 
     content["source"] = {"kind": "rectangle", "width_mm": 2.0, "height_mm": 0.4, "rotate_z_deg": turn_deg}
     spec = parse_spec(content | {"lens": {"levels": [9, 25], "symmetry": "none"}}, "square")
     faces = {name: SrbfSurface(SrbfBasis((4,), 1.75, "square"), np.zeros(4), mm) for name, mm in DOME.items()}
-    found = lf.photometry(lf.Lens(faces, spec, 0, "draft"), rays=2**12)
-    by_c = found.candela[:-1]
-    planes = len(found.candela) - 1
+    photometry = lf.photometry(lf.Lens(faces, spec, 0, "draft"), rays=2**12)
+    by_c = photometry.candela[:-1]
+    planes = len(photometry.candela) - 1
     mirrored = {
         "x": np.roll(by_c[::-1], planes // 2 + 1, axis=0), "y": np.roll(by_c[::-1], 1, axis=0),
         "diagonal": np.roll(by_c[::-1], planes // 4 + 1, axis=0),
     }  # fmt: skip
-    same = {name for name, each in mirrored.items() if np.allclose(each, by_c, rtol=1e-6, atol=1e-6 * by_c.max())}
+    same = {name for name, table in mirrored.items() if np.allclose(table, by_c, rtol=1e-6, atol=1e-6 * by_c.max())}
     assert same == ({"x", "y"} if turn_deg == 0.0 else set())
 
 

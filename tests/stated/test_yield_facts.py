@@ -50,12 +50,12 @@ def study(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFacto
     few = FEW.replace("few_of_each", studies={"designed_rays": 2**12, "worst_rays": 2**11})
     lens = lf.Lens.double(*(random_surface(seed, 3.0 * seed, 0.01, (9, 25)) for seed in (1, 2)), spec, 0, few)
     folder = tmp_path_factory.mktemp("yield")
-    found = measure_yield(lens, parts=PARTS, rays=RAYS, with_budget=False, file=folder / "kept.npz")
-    found.write(folder)
+    result = measure_yield(lens, parts=PARTS, rays=RAYS, with_budget=False, file=folder / "kept.npz")
+    result.write(folder)
     record = json.loads((folder / "yield.json").read_text(encoding="utf-8"))
     assert record.get("leds", []) == (["near", "far"] if several else [])
     prefixes = ["near: ", "far: "] if several else [""]
-    return SimpleNamespace(facts=yield_facts(found), record=record, parts=parts_of(folder, record), prefixes=prefixes)
+    return SimpleNamespace(facts=yield_facts(result), record=record, parts=parts_of(folder, record), prefixes=prefixes)
 
 
 def parts_of(folder: Path, record: dict[str, Any]) -> made.Parts:
@@ -63,7 +63,7 @@ def parts_of(folder: Path, record: dict[str, Any]) -> made.Parts:
         table = dict(zip(record["columns"], arrays["table"].T, strict=True))
     with np.load(folder / "kept.npz") as kept:
         errors = dict(zip(record["metrics"], kept["values"][np.argsort(kept["numbers"])][..., 1].T, strict=True))
-    designed = {name: each["designed"]["value"] for name, each in record["metrics"].items()}
+    designed = {name: metric["designed"]["value"] for name, metric in record["metrics"].items()}
     return made.Parts(table, record["bounds"], COLUMNS, AMOUNTS, errors, designed)
 
 
@@ -100,10 +100,10 @@ def expected_of(study: Any, group: Group, number: int, fact: Fact) -> Expected:
         sign = {"<=": "≤", ">=": "≥"}[bound["sense"]]
         words = f"{sign} {bound['bound']:.4g}" + {"": "", "%": "\u2009%"}.get(bound["unit"], f" {bound['unit']}")
         return Expected(words) if fact.key == "bound" else Expected(100.0 * parts.kept(bound).mean(), 1e-9, "%")
-    found = made.spread(parts, name)
-    if found["spread"] < np.median(parts.errors[name]):
+    spread = made.spread(parts, name)
+    if spread["spread"] < np.median(parts.errors[name]):
         return Expected("undecided")
-    return made.value_of(name, found[fact.key], 1e-9 * (abs(found[fact.key]) + 1.0), unit)
+    return made.value_of(name, spread[fact.key], 1e-9 * (abs(spread[fact.key]) + 1.0), unit)
 
 
 def expected_flux(study: Any) -> Expected:
@@ -116,12 +116,12 @@ def expected_flux(study: Any) -> Expected:
         ratios[number] = study.parts.table[bound["metric"]] / bound["bound"], power, bound["sense"]
         if power and bound["sense"] == ">=":
             fluxes += [*(study.parts.table[bound["metric"]] / bound["bound"]) ** (-1.0 / power)]
-    found = [
+    shares = [
         np.mean(np.all([(r * f**p >= 1.0 - 1e-12) if s == ">=" else (r * f**p <= 1.0 + 1e-12)
                         for r, p, s in ratios.values()], axis=0))
         for f in fluxes
     ]  # fmt: skip
-    enough = [f for f, share in zip(fluxes, found, strict=True) if share >= 0.95]
+    enough = [f for f, share in zip(fluxes, shares, strict=True) if share >= 0.95]
     return Expected("none is enough") if not enough else Expected(f"× {min(enough):.4g}")
 
 
@@ -132,8 +132,8 @@ def expected_first(study: Any, fact: Fact, group: Group) -> Expected:
         return expected_cause(study, fact, group)
     if fact.key == "passes_with":
         led = f"{fact.label.removeprefix('Yield with ')}: "
-        own = [bound for bound in study.parts.bounds if bound["metric"].startswith(led)]
-        return Expected(100.0 * study.parts.passing(own).mean(), 1e-9, "%")
+        bounds = [bound for bound in study.parts.bounds if bound["metric"].startswith(led)]
+        return Expected(100.0 * study.parts.passing(bounds).mean(), 1e-9, "%")
     values = {"parts": PARTS, "rays": RAYS * len(study.prefixes)}
     return (
         Expected(values[fact.key]) if fact.key in values else Expected(100.0 * study.parts.passing().mean(), 1e-9, "%")
@@ -147,10 +147,10 @@ def expected_cause(study: Any, fact: Fact, group: Group) -> Expected:
         name for name in parts.failing_first() if made.in_words(name) == fact.label.removeprefix("Main cause, ")
     )
     assert parts.failing_first().index(name) < 4
-    found, certain, _ = parts.shares(parts.table[name], parts.errors[name])
+    shares, certain, _ = parts.shares(parts.table[name], parts.errors[name])
     if not certain:
         return Expected("not significant with so few parts")
-    share, error = found[certain[0]]
+    share, error = shares[certain[0]]
     return Expected(100.0 * share, NEAR, "%", 100.0 * error, NEAR)
 
 
@@ -169,10 +169,10 @@ def expected_road(study: Any, number: int, fact: Fact) -> Expected:
     if fact.key == "main":
         margin = np.min(margins, axis=0)
         errors = [parts.errors[bounds[k]["metric"]][part] / bounds[k]["bound"] for part, k in enumerate(nearest)]
-        found, certain, _ = parts.shares(margin, errors)
+        shares, certain, _ = parts.shares(margin, errors)
         assert fact.value.startswith(MAIN[certain[0]])
         share = float(fact.value.split(", ")[-1].split(" ")[0].rstrip("%\u2009"))
-        assert share == pytest.approx(100.0 * found[certain[0]][0], abs=0.5)
+        assert share == pytest.approx(100.0 * shares[certain[0]][0], abs=0.5)
     return {
         "lighting_class": Expected(road["lighting_class"]),
         "holds": Expected(100.0 * rate, 1e-9, "%"),
@@ -205,11 +205,11 @@ def test_every_fact_of_a_yield(study: Any) -> None:
 def wrong_causes(study: Any, group: Group) -> Iterator[str]:
     """The three leading causes that are certain, and interactions where they stand out."""
     parts = study.parts
-    name = next(each for each in parts.table if made.in_words(each) == group.title)
-    found, certain, together = parts.shares(parts.table[name], parts.errors[name])
+    name = next(column for column in parts.table if made.in_words(column) == group.title)
+    shares, certain, together = parts.shares(parts.table[name], parts.errors[name])
     for fact in group.facts:
         if fact.key != "together":
-            share, error = found[fact.key]
+            share, error = shares[fact.key]
             yield from (
                 f"{group.title}: {words}"
                 for words in differences(fact, Expected(100 * share, NEAR, "%", 100 * error, NEAR))
