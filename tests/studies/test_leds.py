@@ -37,11 +37,11 @@ def designed(spec: lf.Spec, folder: Path, resume: bool) -> None:
     """Design and evaluation of one LED, the files of a whole run left out; ``wide`` fails where it is alone."""
     if spec.name.endswith("-failing"):
         raise InputError("source: it cannot be")
-    found = design(spec, accuracy=FEW, checkpoint=folder / CHECKPOINT)
-    found.lens.save(folder / "lens.json")
-    found.write(folder)
+    result = design(spec, accuracy=FEW, checkpoint=folder / CHECKPOINT)
+    result.lens.save(folder / "lens.json")
+    result.write(folder)
     (folder / CHECKPOINT).unlink()
-    evaluate(found.lens).write(folder)
+    evaluate(result.lens).write(folder)
 
 
 def copied(made: Path, folder: Path) -> None:
@@ -59,21 +59,21 @@ def study(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Sweep]:
 
 
 def test_every_led_has_its_own_design_and_one_has_them_all(study: tuple[Path, Sweep]) -> None:
-    folder, found = study
-    assert found.values == ("small", "wide", ONE_FOR_ALL) and found.failed == {"failing": "source: it cannot be"}
-    for row in found.designs:
+    folder, sweep = study
+    assert sweep.values == ("small", "wide", ONE_FOR_ALL) and sweep.failed == {"failing": "source: it cannot be"}
+    for row in sweep.designs:
         results = load_results(folder / row.folder)
         lights = results.light.by_led.values()
         assert row.efficiency.value == min(light.efficiency.value for light in lights)
         assert row.nmse.value == max(light.nmse.value for light in lights)
         titles = [source.title for source in results.spec.each_source]
-        own = {"small": ["0.5 mm square Lambertian source"], "wide": ["1.4 mm × 0.7 mm source"]}
-        assert titles == own.get(str(row.value), [*own["small"], *own["wide"], *own["small"]])
+        by_led = {"small": ["0.5 mm square Lambertian source"], "wide": ["1.4 mm × 0.7 mm source"]}
+        assert titles == by_led.get(str(row.value), [*by_led["small"], *by_led["wide"], *by_led["small"]])
     rows = list(csv.DictReader((folder / "sweep.csv").read_text(encoding="utf-8").splitlines()))
     assert [row["value"] for row in rows] == ["small", "wide", ONE_FOR_ALL, "failing"]
-    assert float(rows[1]["efficiency.value"]) == found.designs[1].efficiency.value
+    assert float(rows[1]["efficiency.value"]) == sweep.designs[1].efficiency.value
     assert rows[3]["failed"] == "source: it cannot be"
-    common = found.designs[2]
+    common = sweep.designs[2]
     assert common.nmse == common.by_led["wide"].nmse != common.by_led["small"].nmse, "the worst, not the first"
     page = (folder / "sweep.html").read_text(encoding="utf-8")
     assert "it cannot be" in page and "small in one lens for all" in page
@@ -81,15 +81,16 @@ def test_every_led_has_its_own_design_and_one_has_them_all(study: tuple[Path, Sw
 
 
 def test_the_loss_of_each_led_is_against_its_own_lens(study: tuple[Path, Sweep]) -> None:
-    folder, found = study
-    with_all = load_results(folder / found.designs[2].folder).light.by_led
-    for row in found.designs[:2]:
-        (loss,) = (group for group in found.facts if group.title == f"{row.value} in one lens for all")
+    folder, sweep = study
+    with_all = load_results(folder / sweep.designs[2].folder).light.by_led
+    for row in sweep.designs[:2]:
+        (loss,) = (group for group in sweep.facts if group.title == f"{row.value} in one lens for all")
         common = with_all[str(row.value)]
         told = {"own_efficiency": (row.efficiency, 100.0, "%"), "efficiency": (common.efficiency, 100.0, "%"),
                 "own_nmse": (row.nmse, 1.0, ""), "nmse": (common.nmse, 1.0, "")}  # fmt: skip
         expected = {
-            key: (factor * each.value, factor * each.standard_error, unit) for key, (each, factor, unit) in told.items()
+            key: (factor * metric.value, factor * metric.standard_error, unit)
+            for key, (metric, factor, unit) in told.items()
         }
         expected["lost"] = 100.0 * (1.0 - common.efficiency.value / row.efficiency.value), None, "%"
         expected["more"] = common.nmse.value / row.nmse.value, None, ""
@@ -98,28 +99,28 @@ def test_the_loss_of_each_led_is_against_its_own_lens(study: tuple[Path, Sweep])
             assert (fact.value, fact.unit) == (pytest.approx(value), unit)
             assert fact.standard_error == (None if error is None else pytest.approx(error))
         assert not expected
-        assert found.designs[2].by_led[str(row.value)].efficiency == common.efficiency != row.efficiency
+        assert sweep.designs[2].by_led[str(row.value)].efficiency == common.efficiency != row.efficiency
 
 
 def test_a_study_goes_on_with_what_is_finished(study: tuple[Path, Sweep], tmp_path: Path) -> None:
-    folder, found = study
+    folder, sweep = study
     shutil.copytree(folder, tmp_path / "leds")
     made = []
     again = run_sweep(
-        found.spec, sources_of(found.spec.sources, found.spec), tmp_path / "leds",
+        sweep.spec, sources_of(sweep.spec.sources, sweep.spec), tmp_path / "leds",
         lambda spec, where, resume: made.append(spec.name) or designed(spec, where, resume),
         accuracy=FEW, resume=True,
     )  # fmt: skip
-    assert made == ["small-failing"] and again == found
+    assert made == ["small-failing"] and again == sweep
     other = [SPEC.sources[0], lf.NamedSource(name="wide", source=lf.SquareSource(side_mm=1.1))]
     with pytest.raises(InputError, match="designed for another LED wide"):
-        run_sweep(found.spec, sources_of(other, SPEC), tmp_path / "leds", designed, accuracy=FEW, resume=True)
+        run_sweep(sweep.spec, sources_of(other, SPEC), tmp_path / "leds", designed, accuracy=FEW, resume=True)
 
 
 def test_workers_get_all_options_and_their_designs_are_in_the_order_of_the_leds(
     study: tuple[Path, Sweep], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    folder, found = study
+    folder, sweep = study
     asked = {}
 
     class Backwards:
@@ -135,11 +136,11 @@ def test_workers_get_all_options_and_their_designs_are_in_the_order_of_the_leds(
 
     monkeypatch.setattr("lensforge.report.sweep_runs.connected", lambda scheduler: nullcontext(Backwards(scheduler)))
     there = run_sweep(
-        found.spec, sources_of(found.spec.sources, found.spec), tmp_path, pytest.fail, accuracy=FEW, seed=2,
+        sweep.spec, sources_of(sweep.spec.sources, sweep.spec), tmp_path, pytest.fail, accuracy=FEW, seed=2,
         scheduler="tcp://host:8786", force=True,
     )  # fmt: skip
     assert asked == {"accuracy": FEW, "seed": 2, "force": True, "scheduler": "tcp://host:8786"}
-    assert there.values == found.values and there.failed == {"failing": "cannot be"}
+    assert there.values == sweep.values and there.failed == {"failing": "cannot be"}
 
 
 def test_a_study_without_any_design_says_why(tmp_path: Path) -> None:
@@ -151,22 +152,22 @@ def test_a_study_without_any_design_says_why(tmp_path: Path) -> None:
 def test_lists_are_files_patterns_tables_and_sections(examples: Path, tmp_path: Path) -> None:
     for name in ("b x.tm25ray", "a.tm25ray"):
         shutil.copy(examples / "led.tm25ray", tmp_path / name)
-    own = lf.SquareSource(side_mm=1.0, flux_lm=90.0, position_mm=(0.0, 0.0, 0.1))
-    listed = read_sources([tmp_path / "*.tm25ray"], own)
+    source = lf.SquareSource(side_mm=1.0, flux_lm=90.0, position_mm=(0.0, 0.0, 0.1))
+    listed = read_sources([tmp_path / "*.tm25ray"], source)
     assert [led.name for led in listed] == ["a", "b_x"]
     assert listed[1].source == lf.RayfileSource(
         file=tmp_path / "b x.tm25ray", origin="virtual_focus", flux_lm=90.0, position_mm=(0.0, 0.0, 0.1)
     )
     table = tmp_path / "leds.csv"
     table.write_text("name,file,flux_lm,share\nfirst,a.tm25ray,120,2\n,b x.tm25ray,,\n", encoding="utf-8")
-    first, second = read_sources([str(table)], own)
+    first, second = read_sources([str(table)], source)
     assert (first.name, first.share, first.source.flux_lm, second.name) == ("first", 2.0, 120.0, "b_x")
     assert second.source.flux_lm == 90.0
     sections = tmp_path / "leds.toml"
     sections.write_text(
         '[[sources]]\nname = "c"\nsource = { kind = "rayfile", file = "a.tm25ray" }\n', encoding="utf-8"
     )
-    (third,) = read_sources([sections], own)
+    (third,) = read_sources([sections], source)
     assert third.source.file == tmp_path / "a.tm25ray"
 
 
@@ -177,16 +178,16 @@ def test_a_file_in_the_place_of_a_ray_file_is_placed_and_read_as_that_was(tmp_pa
         "origin": (0.1, 0.2, -0.3), "scale": 1.5, "axis": "-x", "mirror": "y", "model": "rays", "rotate_z_deg": 30.0,
         "tilt_deg": (4.0, -5.0), "position_mm": (0.5, 0.0, 0.1), "spectrum": {"kind": "line", "wavelength_nm": 620.0},
     }  # fmt: skip
-    own = lf.RayfileSource(file=tmp_path / "a.ray", flux_lm=90.0, luminous_efficacy_lm_per_w=200.0, **placed)
+    source = lf.RayfileSource(file=tmp_path / "a.ray", flux_lm=90.0, luminous_efficacy_lm_per_w=200.0, **placed)
     assert {*placed, "flux_lm", "luminous_efficacy_lm_per_w", "file", "kind", "flux_w"} == {
         *lf.RayfileSource.model_fields
     }
-    kept = own.model_copy(update={"file": tmp_path / "b.ray"})
-    assert source_with_file(own, tmp_path / "b.ray") == kept
-    assert [led.source for led in read_sources([tmp_path / "b.ray", tmp_path / "*.ray"], own)] == [kept, kept]
+    kept = source.model_copy(update={"file": tmp_path / "b.ray"})
+    assert source_with_file(source, tmp_path / "b.ray") == kept
+    assert [led.source for led in read_sources([tmp_path / "b.ray", tmp_path / "*.ray"], source)] == [kept, kept]
     table = tmp_path / "leds.csv"
     table.write_text("file,flux_w\nb.ray,0.25\n", encoding="utf-8")
-    (of_table,) = read_sources([table], own)
+    (of_table,) = read_sources([table], source)
     lit = {"flux_w": 0.25, "flux_lm": None}
     assert of_table.source == kept.model_copy(update=lit)
 
@@ -269,8 +270,8 @@ def test_tables_of_other_programs_are_read(content: bytes, tmp_path: Path) -> No
     for name in ("l0.ray", "l1.ray"):
         (tmp_path / name).write_bytes(b"")
     (tmp_path / "T.CSV").write_bytes(content)
-    own = lf.SquareSource(side_mm=1.0, flux_w=0.5)
-    first, second = read_sources([tmp_path / "T.CSV"], own)
+    source = lf.SquareSource(side_mm=1.0, flux_w=0.5)
+    first, second = read_sources([tmp_path / "T.CSV"], source)
     assert (first.name, second.name, second.source.flux_w, second.source.flux_lm) == ("l0", "l1", 0.5, None)
     stated = (None, 100.5) if b"f\0l\0u\0x" in content else (0.5, None)
     assert (first.source.flux_w, first.source.flux_lm) == stated

@@ -40,11 +40,11 @@ class Designer:
         self.made: list[str] = []
 
     def __call__(self, spec, folder, resume) -> None:
-        found = searched(spec, folder, resume)
-        found.lens.save(folder / "lens.json")
-        found.write(folder)
+        result = searched(spec, folder, resume)
+        result.lens.save(folder / "lens.json")
+        result.write(folder)
         (folder / CHECKPOINT).unlink()
-        evaluate(found.lens).write(folder)
+        evaluate(result.lens).write(folder)
         self.made.append(folder.name)
 
 
@@ -86,33 +86,35 @@ def test_every_number_of_a_row_is_of_the_files_of_its_design(swept):
     stored = json.loads((folder / "sweep.json").read_text(encoding="utf-8"))["designs"]
     for group, row, cells, value in zip(content.facts, stored, table, (6.5, 8.0), strict=True):
         name = f"small-{value:g}".replace(".", "_")
-        light, found = (json.loads((folder / name / f"{stage}.json").read_text()) for stage in ("evaluate", "design"))
+        light, of_design = (
+            json.loads((folder / name / f"{stage}.json").read_text()) for stage in ("evaluate", "design")
+        )
         changes = {"constraints.max_radius_mm": value}
         changes |= {field: pytest.approx(start * value / 7.0) for field, start in zip(SCALED, (3.0, 6.0), strict=True)}
         expected = {
             "value": value, "folder": name, "changes": changes, **{key: light[key] for key in METRICS},
-            **{key: found[key] for key in (*SIZES, "seconds", "constraints")}, "cutting": "undecided", "by_led": {},
-            "criteria": found["criteria"] + light["criteria"],
+            **{key: of_design[key] for key in (*SIZES, "seconds", "constraints")}, "cutting": "undecided", "by_led": {},
+            "criteria": of_design["criteria"] + light["criteria"],
         }  # fmt: skip
         assert row == expected
-        facts = {key: (each, None, "") for key, each in changes.items()}
+        facts = {key: (change, None, "") for key, change in changes.items()}
         for key in METRICS:
             factor, unit = (100.0, "%") if key in ("efficiency", "share_in_target") else (1.0, "")
             pair = (pytest.approx(factor * light[key][part], rel=1e-12) for part in ("value", "standard_error"))
             facts[key] = (*pair, unit)
         keys = zip(("radius", "height", "steps"), ("mm", "mm", ""), SIZES, strict=True)
-        facts |= {key: (found[size], None, unit) for key, unit, size in keys}
+        facts |= {key: (of_design[size], None, unit) for key, unit, size in keys}
         facts |= {"criteria": ("all met", None, ""), "cutting": ("undecided", None, "")}
         assert {fact.key: (fact.value, fact.standard_error, fact.unit) for fact in group.facts} == facts
         assert numbers_in(cells) == numbers_in(content.designs[stored.index(row)].row())
         for key in METRICS:
             assert float(cells[f"{key}.value"]) == pytest.approx(light[key]["value"], rel=1e-9)
-        assert [float(cells[key]) for key in SIZES] == pytest.approx([found[key] for key in SIZES])
+        assert [float(cells[key]) for key in SIZES] == pytest.approx([of_design[key] for key in SIZES])
     assert len({cells["nmse.value"] for cells in table}) == len({cells["max_radius_mm"] for cells in table}) == 2
 
 
 def numbers_in(cells):
-    return {key: str(each) for key, each in cells.items() if each not in (None, "")}
+    return {key: str(value) for key, value in cells.items() if value not in (None, "")}
 
 
 def test_the_screen_has_a_table_of_what_differs_and_of_the_verdicts(swept):
@@ -127,7 +129,7 @@ def test_the_screen_has_a_table_of_what_differs_and_of_the_verdicts(swept):
             told[head[begin:end].strip()] = [row[begin:end].strip() for row in rows]
         assert [row.split()[0] for row in rows] == [group.title for group in groups]
     columns = zip(*(group.facts for group in groups), strict=True)
-    facts = {pair[0].label: [" ".join(each.text.split()) for each in pair] for pair in columns}
+    facts = {pair[0].label: [" ".join(fact.text.split()) for fact in pair] for pair in columns}
     verdicts = {"Criteria", "Manufacture"}
     assert told == {label: texts for label, texts in facts.items() if label in verdicts or texts[0] != texts[1]}
     assert facts.keys() > told.keys() > verdicts, "both took as many steps"
@@ -306,7 +308,7 @@ def test_values_whose_designs_would_share_a_folder_are_refused_before_the_first(
         lf.sweep(SPEC, variation.field, variation.values)
     assert not list(tmp_path.iterdir())
     kept = parse_variation("constraints.max_radius_mm=14.0001,14.0002,8").variants(SPEC.replace({"name": "a"}))
-    assert [each.spec.name for each in kept] == ["a-8", "a-14_0001", "a-14_0002"]
+    assert [variant.spec.name for variant in kept] == ["a-8", "a-14_0001", "a-14_0002"]
 
 
 def test_a_value_never_replaces_the_design_of_another_that_is_finished(swept):
@@ -333,11 +335,11 @@ def test_criteria_are_named_by_their_design(tmp_path):
 def test_a_sweep_in_memory_is_that_of_the_folders(swept):
     folder, content = swept
     variation = variation_of("constraints.max_radius_mm", [8, 6.5, 8], SCALED)
-    found = [(variant, [load_results(folder / variant.spec.name)]) for variant in variation.variants(SPEC)]
-    assert sweep_of(SPEC, variation, found) == content
+    runs = [(variant, [load_results(folder / variant.spec.name)]) for variant in variation.variants(SPEC)]
+    assert sweep_of(SPEC, variation, runs) == content
     assert [row["nmse.value"] for row in content.rows()] == [row.nmse.value for row in content.designs]
     with pytest.raises(InputError, match="there is no result of this stage"):
-        sweep_of(SPEC, variation, [(found[0][0], [Results(found[0][1][0].lens)])])
+        sweep_of(SPEC, variation, [(runs[0][0], [Results(runs[0][1][0].lens)])])
 
 
 @pytest.mark.nightly("two sweeps")

@@ -64,18 +64,18 @@ def test_every_row_of_a_finished_lens_is_its_evaluation(folder):
 
 
 def test_every_row_of_a_search_is_the_lens_at_the_end_of_a_stage(folder):
-    found = []
+    expected = []
 
     def keep(step):
         if step.steps_done == step.steps_total:
             grown = {"functions": step.functions, "steps": step.steps_done}
             light = lf.evaluate(step.lens(), rays=RAYS)
-            found.append(stated(light, series="search", setting=f"{step.functions} functions", **grown))
+            expected.append(stated(light, series="search", setting=f"{step.functions} functions", **grown))
 
     result = lf.design(SPEC.with_automatic_levels(), accuracy=FEW, progress=keep)
-    assert rows_of_series(folder, "search") == found
-    assert [row["functions"] for row in found[:2]] == [9, 34]
-    assert [row["steps"] for row in found[:3]] == [4, 8, 14] and found[-1]["steps"] == result.steps
+    assert rows_of_series(folder, "search") == expected
+    assert [row["functions"] for row in expected[:2]] == [9, 34]
+    assert [row["steps"] for row in expected[:3]] == [4, 8, 14] and expected[-1]["steps"] == result.steps
     rows = Tradeoff.read(folder).series("search")
     assert [row.seconds for row in rows] == sorted(row.seconds for row in rows)
     assert [row.error("efficiency") for row in rows] == [1.0 - row.efficiency.value for row in rows]
@@ -97,29 +97,29 @@ def test_a_stage_has_the_seconds_of_the_search_so_far(monkeypatch):
 
 
 def test_page_and_screen_show_every_setting(folder, capsys):
-    found, page = Tradeoff.read(folder), (folder / "tradeoff.html").read_text(encoding="utf-8")
-    lines = [(fact.label, fact.value, fact.standard_error) for fact in found.facts[0].facts]
-    assert lines == [(r.setting, r.nmse.value, r.nmse.standard_error) for r in found.rows if r.series != "rays"]
+    tradeoff, page = Tradeoff.read(folder), (folder / "tradeoff.html").read_text(encoding="utf-8")
+    lines = [(fact.label, fact.value, fact.standard_error) for fact in tradeoff.facts[0].facts]
+    assert lines == [(r.setting, r.nmse.value, r.nmse.standard_error) for r in tradeoff.rows if r.series != "rays"]
     assert not re.search(r'(src|href)="(?!data:|#)', page) and page.count("<svg") == 2
-    print_screen([Block("Error of each preset on this scene", list(rows_of(found.facts)))])
+    print_screen([Block("Error of each preset on this scene", list(rows_of(tradeoff.facts)))])
     screen = capsys.readouterr().out
-    for row in found.rows:
+    for row in tradeoff.rows:
         assert f"<td>{row.setting}</td>" in page
         assert row.series == "rays" or f"{row.setting} {row.nmse}" in " ".join(screen.split())
 
 
 def test_plots_have_errors_over_seconds(folder):
-    found = Tradeoff.read(folder)
+    tradeoff = Tradeoff.read(folder)
     for series in ("rays", "search"):
-        rows = found.series(series)
-        (line,) = found.plot(series=series, error="nmse").lines
-        drawn = tradeoff_figure(found, series).axes[0].lines[0]
+        rows = tradeoff.series(series)
+        (line,) = tradeoff.plot(series=series, error="nmse").lines
+        drawn = tradeoff_figure(tradeoff, series).axes[0].lines[0]
         for one in (line, drawn):
             assert one.get_xydata().tolist() == [[row.seconds, row.error("nmse")] for row in rows]
     with pytest.raises(InputError, match=r"^series = 'foo': must be one of .*rays"):
-        found.plot(series="foo")
+        tradeoff.plot(series="foo")
     with pytest.raises(InputError, match=r"^error = 'foo': must be one of .*nmse"):
-        found.plot(error="foo")
+        tradeoff.plot(error="foo")
 
 
 def test_a_measured_source_has_no_more_rays_than_its_file():
@@ -185,7 +185,7 @@ def test_rows_of_several_leds_and_kinds_are_of_the_worst_led_and_of_all_lamps():
     spec = small_spec(base={"kind": "none"}, lamps=lamps, optimise=steps)
     narrow = {**small_lens().surfaces, "outer": random_surface(5, 6.5, 0.02, (9, 25))}
     kinds = replace(small_lens(), spec=spec, others={"narrow": narrow})
-    found = lf.tradeoff(spec, lens=kinds, most_rays=2**12, accuracy=FEW)
-    assert found.series("rays")[0].nmse == lf.evaluate(kinds, rays=2**12).nmse
-    settings = [row.setting for row in found.series("search")]
+    tradeoff = lf.tradeoff(spec, lens=kinds, most_rays=2**12, accuracy=FEW)
+    assert tradeoff.series("rays")[0].nmse == lf.evaluate(kinds, rays=2**12).nmse
+    settings = [row.setting for row in tradeoff.series("search")]
     assert settings[0] == "9 functions" and settings[-1].endswith("functions, 2 kinds")

@@ -40,12 +40,12 @@ def in_inches(path: Path, to: Path) -> Path:
     metre = "( LENGTH_UNIT() NAMED_UNIT(*) SI_UNIT(.MILLI.,.METRE.) )"
     assert metre in text
     number = max(int(line.split("=")[0][1:]) for line in text.splitlines() if line.startswith("#")) + 1
-    own = text.split(metre)[0].splitlines()[-1].split("=")[0].strip()
+    unit = text.split(metre)[0].splitlines()[-1].split("=")[0].strip()
     inch = (
-        f"{own} = ( CONVERSION_BASED_UNIT('INCH',#{number}) LENGTH_UNIT() NAMED_UNIT(#{number + 1}) );\n"
+        f"{unit} = ( CONVERSION_BASED_UNIT('INCH',#{number}) LENGTH_UNIT() NAMED_UNIT(#{number + 1}) );\n"
         f"#{number} = LENGTH_MEASURE_WITH_UNIT(LENGTH_MEASURE(25.4),#{number + 2});\n"
         f"#{number + 1} = DIMENSIONAL_EXPONENTS(1.,0.,0.,0.,0.,0.,0.);\n"
         f"#{number + 2} = {metre};"
     )
-    to.write_text(text.replace(f"{own} = {metre};", inch))
+    to.write_text(text.replace(f"{unit} = {metre};", inch))
     return to

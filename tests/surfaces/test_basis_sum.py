@@ -45,8 +45,8 @@ def test_one_function_is_its_closed_form(sigma: float) -> None:
 
 def test_opposite_the_centre_a_function_is_finite_and_flat() -> None:
     basis = SrbfBasis((289,), 20.0)
-    for own, centre in zip(np.eye(289)[::17], basis.centres[::17], strict=True):
-        surface = SrbfSurface(basis, own, 0.0)
+    for weights, centre in zip(np.eye(289)[::17], basis.centres[::17], strict=True):
+        surface = SrbfSurface(basis, weights, 0.0)
         opposite = -centre[None]
         assert surface.radius(opposite) == pytest.approx(np.exp(-((np.pi / basis.sigmas[0]) ** 2)), rel=1e-5)
         assert np.abs(surface.gradient(opposite)).max() < 1e-6

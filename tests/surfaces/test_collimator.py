@@ -47,16 +47,16 @@ def test_all_light_of_a_point_leaves_along_the_axis(name: str) -> None:
     grid = TableGrid(401)
     scenes = [Scene(media, grid, fresnel, chain=body.chain(4)) for fresnel in (True, False)]
     tables = tables_of(body, grid)
-    found, whole = (TracedBundle.of(tables, scene, rays) for scene in scenes)
-    assert (found.exits.fates == Fate.LEFT_LENS).all() and np.allclose(whole.exits.flux, rays.flux, rtol=1e-12)
-    by_cap, by_wall = ((found.met == way).all(axis=1) for way in (BY_CAP, BY_WALL))
+    traced, whole = (TracedBundle.of(tables, scene, rays) for scene in scenes)
+    assert (traced.exits.fates == Fate.LEFT_LENS).all() and np.allclose(whole.exits.flux, rays.flux, rtol=1e-12)
+    by_cap, by_wall = ((traced.met == way).all(axis=1) for way in (BY_CAP, BY_WALL))
     assert (by_cap | by_wall).all() and min(by_cap.sum(), by_wall.sum()) > 1000
     assert np.mean(by_cap != (rays.directions[:, 2] > np.cos(lens.crease_rad))) < 1e-3, "of the tables, at the crease"
     for way in (by_cap, by_wall):
-        assert np.linalg.norm(found.exits.directions[way][:, :2], axis=1).max() < 1e-4
-    axial = found.exits.flux[np.argmax(rays.directions[:, 2])] / rays.flux[np.argmax(rays.directions[:, 2])]
+        assert np.linalg.norm(traced.exits.directions[way][:, :2], axis=1).max() < 1e-4
+    axial = traced.exits.flux[np.argmax(rays.directions[:, 2])] / rays.flux[np.argmax(rays.directions[:, 2])]
     assert axial == pytest.approx((4.0 * lens.index / (lens.index + 1.0) ** 2) ** 2, rel=1e-4)
-    points = found.exits.points
+    points = traced.exits.points
     assert np.hypot(points[:, 0], points[:, 1]).max() == pytest.approx(lens.radius_mm, abs=0.01)
     assert np.abs(points[:, 2] - lens.height_mm).max() < 1e-4
 
@@ -66,9 +66,9 @@ def test_the_faces_themselves_turn_it_to_a_hundredth_of_a_milliradian() -> None:
     media = clear(INDEX)
     rays = upwards(300, 2)
     body = body_of(lens)
-    found = exactly(lens.faces, Scene(media, TableGrid(24), chain=body.chain(4)), rays)
-    assert (found.fates == Fate.LEFT_LENS).all()
-    assert np.linalg.norm(found.directions[:, :2], axis=1).max() < 1e-5
+    exits = exactly(lens.faces, Scene(media, TableGrid(24), chain=body.chain(4)), rays)
+    assert (exits.fates == Fate.LEFT_LENS).all()
+    assert np.linalg.norm(exits.directions[:, :2], axis=1).max() < 1e-5
 
 
 def test_all_paths_from_the_source_to_the_exit_are_equally_long() -> None:
@@ -90,21 +90,21 @@ def test_the_best_sends_most_light_of_a_chip_into_its_beam(radius_mm: float, hal
     lens = best_collimator(INDEX, radius_mm, 1.0, half)
     rays = SquareEmitter(1.0).sample(2**15, 3)
 
-    def traced(each: Collimator) -> float:
-        lens = TracedLens.of_body(body_of(each), clear(INDEX), 6, PRESETS["standard"].evaluate_nodes_per_sigma)
+    def traced(collimator: Collimator) -> float:
+        lens = TracedLens.of_body(body_of(collimator), clear(INDEX), 6, PRESETS["standard"].evaluate_nodes_per_sigma)
         assert max(lens.table_error_nm.values()) < 50.0
-        found = lens.trace(rays)
-        assert found.flux.sum() < 0.92 and (found.fates == Fate.LEFT_LENS).mean() > 0.995
-        return float(found.flux[(found.fates == Fate.LEFT_LENS) & (found.directions[:, 2] > np.cos(half))].sum())
+        exits = lens.trace(rays)
+        assert exits.flux.sum() < 0.92 and (exits.fates == Fate.LEFT_LENS).mean() > 0.995
+        return float(exits.flux[(exits.fates == Fate.LEFT_LENS) & (exits.directions[:, 2] > np.cos(half))].sum())
 
     twice = replace(lens, radius_mm=2.0 * radius_mm, cavity_mm=2.0 * lens.cavity_mm, cap_mm=2.0 * lens.cap_mm)
     assert twice.share(half, 2.0) == pytest.approx(lens.share(half, 1.0), abs=1e-6), "light has no length of its own"
     smaller = Collimator(INDEX, radius_mm, 0.7 * lens.cavity_mm, 0.7 * lens.cap_mm)
-    found = traced(lens)
+    light = traced(lens)
     less = traced(smaller)
-    assert found == pytest.approx(share, abs=0.003)
-    assert lens.share(half, 1.0) == pytest.approx(found / 0.905, abs=0.01)  # two faces pass 0.905
-    assert less < found - 0.01 and smaller.share(half, 1.0) < lens.share(half, 1.0) - 0.01
+    assert light == pytest.approx(share, abs=0.003)
+    assert lens.share(half, 1.0) == pytest.approx(light / 0.905, abs=0.01)  # two faces pass 0.905
+    assert less < light - 0.01 and smaller.share(half, 1.0) < lens.share(half, 1.0) - 0.01
 
 
 def test_a_largest_height_is_kept() -> None:

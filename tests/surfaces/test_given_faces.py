@@ -28,10 +28,10 @@ HERE = pytest.mark.usefixtures("cad_read_here")
 U = np.concatenate([hemisphere_directions(3000), [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]])
 
 
-def differences(found: Surface, given: Surface) -> tuple[float, float]:
+def differences(copy: Surface, given: Surface) -> tuple[float, float]:
     """Largest distance (nm) and angle between normals (urad)."""
-    distance = np.abs(found.radius(U) - given.radius(U)).max() * 1e6
-    return float(distance), float(np.linalg.norm(np.cross(found.normal(U), given.normal(U)), axis=1).max() * 1e6)
+    distance = np.abs(copy.radius(U) - given.radius(U)).max() * 1e6
+    return float(distance), float(np.linalg.norm(np.cross(copy.normal(U), given.normal(U)), axis=1).max() * 1e6)
 
 
 @pytest.fixture(scope="module")
@@ -148,7 +148,7 @@ def test_the_face_of_a_lens_is_that_face(tmp_path: Path) -> None:
 def test_a_wave_has_the_same_detail_along_both_axes() -> None:
     axis = np.linspace(-1.2, 1.2, 41)
     wave = np.broadcast_to(3.0 + 0.1 * np.sin(9.0 * axis), (41, 41))
-    along_y, along_x = (ChartSpline.through(axis, each).detail for each in (wave, wave.T))
+    along_y, along_x = (ChartSpline.through(axis, grid).detail for grid in (wave, wave.T))
     assert along_x == pytest.approx(along_y, rel=1e-6) and 0.2 < along_x < 0.4
 
 
@@ -187,10 +187,10 @@ def pierced() -> cq.Shape:
 def test_steps_from_a_ray_beside_find_no_point_in_a_hole() -> None:
     """Rays near the axis have met the face; those through the hole, 0.3 mm about (0, 2) in x and z, meet none."""
     sphere_alone = cq.Workplane(pierced()).faces("%SPHERE").vals()
-    cast = FaceCast([min(sphere_alone, key=lambda each: each.Area()).wrapped], np.zeros(3))
+    cast = FaceCast([min(sphere_alone, key=lambda face: face.Area()).wrapped], np.zeros(3))
     cast.begin_at(np.array([[0.0, 0.5, 0.87], [0.0, 0.9, 0.1]]))
-    found, _ = cast.points(np.array([[0.0, 2.2, 2.0], [0.6, 2.2, 2.0]]))
-    assert np.isnan(found[0]) and found[1] > 2.9
+    distances, _ = cast.points(np.array([[0.0, 2.2, 2.0], [0.6, 2.2, 2.0]]))
+    assert np.isnan(distances[0]) and distances[1] > 2.9
 
 
 def cone() -> cq.Shape:

@@ -44,11 +44,11 @@ def test_distances_are_those_of_many_points_along_the_loop(corners: list[tuple[f
     random = np.random.default_rng(3)
     chain = points_on(loop, 1e-3)
     chain = np.concatenate([np.linspace(a, b, 300) for a, b in zip(chain, np.roll(chain, -1, axis=0), strict=True)])
-    low, high = (np.array(each) for each in box_of_loop(loop))
+    low, high = (np.array(corner) for corner in box_of_loop(loop))
     for place in random.uniform(low - 3.0, high + 3.0, (60, 2)):
         ways = (chain - place) @ [1.0, 1.0j]
         turned = np.angle(np.roll(ways, -1) / ways).sum()
-        found = inside_by_mm(loop, (float(place[0]), float(place[1])))
-        assert abs(found) == pytest.approx(np.abs(ways).min(), abs=0.1)
-        assert abs(found) <= np.abs(ways).min() + 1e-3  # the chords are within a micrometre
-        assert (found > 0.0) == (abs(turned) > 1.0)
+        distance = inside_by_mm(loop, (float(place[0]), float(place[1])))
+        assert abs(distance) == pytest.approx(np.abs(ways).min(), abs=0.1)
+        assert abs(distance) <= np.abs(ways).min() + 1e-3  # the chords are within a micrometre
+        assert (distance > 0.0) == (abs(turned) > 1.0)

@@ -26,10 +26,10 @@ def test_what_is_linear_in_the_cosine_is_held_exactly(name: str) -> None:
     face, line = LINEAR[name]
     basis = ProfileBasis(0.1, 0.9, 8)
     held = ProfileFace(20.0, 0.1, 0.9, tuple(line(basis.averages).tolist()))
-    for each in (held, ProfileFace.fitted(face, 0.1, 0.9, 8, 20.0), ProfileFace.fitted(line, 0.1, 0.9, 8, 20.0)):
-        assert each.coefficients == pytest.approx(held.coefficients, abs=1e-12)
-        assert np.abs(each.radius(U) - face.radius(U)).max() < 1e-11
-        assert np.abs(each.gradient(U) - face.gradient(U)).max() < 1e-10
+    for fit in (held, ProfileFace.fitted(face, 0.1, 0.9, 8, 20.0), ProfileFace.fitted(line, 0.1, 0.9, 8, 20.0)):
+        assert fit.coefficients == pytest.approx(held.coefficients, abs=1e-12)
+        assert np.abs(fit.radius(U) - face.radius(U)).max() < 1e-11
+        assert np.abs(fit.gradient(U) - face.gradient(U)).max() < 1e-10
     assert held.symmetry == "square"
 
 
@@ -45,8 +45,8 @@ def test_the_functions_are_quintic_b_splines_with_four_derivatives() -> None:
     slopes = slopes_of(basis, u)
     assert np.abs(matrix.sum(axis=1) - 1.0).max() < 1e-14
     assert basis.matrix(basis.averages[5:6])[0, 2:9] * 120.0 == pytest.approx([0, 1, 26, 66, 26, 1, 0], abs=1e-12)
-    found = (basis.matrix(u + h) - basis.matrix(u - h)) / (2.0 * h)
-    assert np.abs(found - slopes).max() < 1e-6  # at the ends, too, where the bend goes on
+    differences = (basis.matrix(u + h) - basis.matrix(u - h)) / (2.0 * h)
+    assert np.abs(differences - slopes).max() < 1e-6  # at the ends, too, where the bend goes on
     within = slopes[(u > basis.low) & (u < basis.high)]
     fourth = np.diff(within, 3, axis=0)
     assert np.abs(np.diff(fourth, axis=0)).max() < 0.03 * np.abs(fourth).max(), "of a jump it would be all"

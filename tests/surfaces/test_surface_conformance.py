@@ -99,7 +99,7 @@ def test_its_spline_reaches_the_form_of_an_export(surface: Surface) -> None:
     assert error.form_max_nm < 1.0 and error.normal_max_mrad < 0.02
 
 
-@pytest.mark.parametrize("name", [name for name, each in CASES.items() if not isinstance(each, ScaledSurface)])
+@pytest.mark.parametrize("name", [name for name, shape in CASES.items() if not isinstance(shape, ScaledSurface)])
 def test_a_lens_file_gives_the_same_surface_back(name: str, tmp_path) -> None:
     """But for the face of an insert, which is written with a factor on the lens's."""
     surface = CASES[name]
