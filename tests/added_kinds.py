@@ -168,19 +168,20 @@ class GableScreen(Screen, kind="gable"):
         return np.array([[np.cos(angle), 0.0, -np.sin(angle)], [0.0, 1.0, 0.0], [np.sin(angle), 0.0, np.cos(angle)]])
 
     def _landed(self, away: np.ndarray, along: np.ndarray) -> np.ndarray:
-        found = np.full((len(away), 2), np.nan)
+        hits = np.full((len(away), 2), np.nan)
         for side in (1.0, -1.0):
             start, way = away @ self._turned(side).T, along @ self._turned(side).T
             place = start - (start[:, 2:] / way[:, 2:]) * way
             here = (way[:, 2] > 0.0) & (start[:, 2] < 0.0) & (side * place[:, 0] >= 0.0)
-            found[here] = place[here, :2]
-        return found
+            hits[here] = place[here, :2]
+        return hits
 
     def _surface(self, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         flat, up = np.stack([x, y, 0.0 * x], axis=-1), np.array([0.0, 0.0, 1.0])
         right = (x >= 0.0)[..., None]
         points, normals = (
-            [each @ self._turned(side) for side in (1.0, -1.0)] for each in (flat, np.broadcast_to(up, flat.shape))
+            [vectors @ self._turned(side) for side in (1.0, -1.0)]
+            for vectors in (flat, np.broadcast_to(up, flat.shape))
         )
         return np.where(right, *points), np.where(right, *normals)
 

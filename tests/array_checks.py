@@ -49,7 +49,7 @@ def checked(subject: Any = None, *, typechecker: Callable[..., Any]) -> Any:
 
 
 def _in_first_calls(function: Callable[..., Any], typechecker: Callable[..., Any]) -> Callable[..., Any]:
-    if not any("jaxtyping" in repr(each) for each in function.__annotations__.values()):
+    if not any("jaxtyping" in repr(annotation) for annotation in function.__annotations__.values()):
         return function
     name = function.__module__, function.__qualname__, function.__code__.co_firstlineno
     count = _calls.setdefault(name, [0])

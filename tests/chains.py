@@ -83,25 +83,25 @@ class MixedLight:
         along = ((start - exits.points) * way).sum(1) / np.where(self.left, (exits.directions * way).sum(1), 1.0)
         points = exits.points + along[:, None] * exits.directions
         seen = (self.by_points * points).sum(1) + (self.by_directions * exits.directions).sum(1)
-        found = self.left * (seen + self.by_flux * exits.flux)
-        return found + (self.left | self.reflected) * self.by_sin2 * exits.sin2_exit
+        value = self.left * (seen + self.by_flux * exits.flux)
+        return value + (self.left | self.reflected) * self.by_sin2 * exits.sin2_exit
 
     def slope(self, direction: np.ndarray, step: float) -> Slope:
         """Along ``direction``, over the rays that meet the same faces on both sides."""
-        found, same = [], np.ones(len(self.rays), dtype=bool)
+        slopes, same = [], np.ones(len(self.rays), dtype=bool)
         for size in (step, 2.0 * step):
             ends = [TracedBundle.of(self.tables + s * size * direction, self.scene, self.rays) for s in (1.0, -1.0)]
             for end in ends:
                 same &= end.exits.fates == self.base.exits.fates
                 if end.met is not None:  # of the usual lens nothing tells
                     same &= (end.met == self.base.met).all(axis=1)
-            found.append((self._value(ends[0]) - self._value(ends[1])) / (2.0 * size))
+            slopes.append((self._value(ends[0]) - self._value(ends[1])) / (2.0 * size))
         left, seen = self.left & same, (self.left | self.reflected) & same
         by = Sensitivities(self.by_points * left[:, None], self.by_directions * left[:, None])
         gradients = self.base.gradients(by, self.by_flux * left, self.by_sin2 * seen)
-        error = np.abs(found[0] - found[1])[same].sum() + 1e-6 * np.abs(found[0])[same].sum()
+        error = np.abs(slopes[0] - slopes[1])[same].sum() + 1e-6 * np.abs(slopes[0])[same].sum()
         return Slope(
-            float(found[0][same].sum()), float(error), float((gradients * direction).sum()), int((~same).sum())
+            float(slopes[0][same].sum()), float(error), float((gradients * direction).sum()), int((~same).sum())
         )
 
 

@@ -107,8 +107,8 @@ def cad_read_here(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.fixture(scope="session")
 def shared(tmp_path_factory: pytest.TempPathFactory, worker_id: str) -> Path:
     """A folder of all processes that run these tests together, where they can lock files."""
-    own = tmp_path_factory.getbasetemp()
-    return own if worker_id == "master" or fcntl is None else own.parent
+    folder = tmp_path_factory.getbasetemp()
+    return folder if worker_id == "master" or fcntl is None else folder.parent
 
 
 @pytest.fixture(scope="session", autouse=True)

@@ -47,5 +47,5 @@ def flux(c_deg, gamma_deg, candela):
     fine = np.unique(np.concatenate([np.linspace(a, b, 21) for a, b in pairwise(gamma_deg)]))
     points = np.stack(np.meshgrid(c_deg, fine, indexing="ij"), axis=-1)
     at = RegularGridInterpolator((c_deg, gamma_deg), candela)(points)
-    each = simpson(at * np.sin(np.deg2rad(fine)), x=np.deg2rad(fine), axis=1)
-    return float(np.trapezoid(each, np.deg2rad(c_deg)))
+    per_plane = simpson(at * np.sin(np.deg2rad(fine)), x=np.deg2rad(fine), axis=1)
+    return float(np.trapezoid(per_plane, np.deg2rad(c_deg)))

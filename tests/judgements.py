@@ -20,7 +20,7 @@ def judge_as(monkeypatch: pytest.MonkeyPatch, *merits: float) -> None:
     coming = iter(merits)
 
     def judge(self: ValidationRays, *given: Any) -> tuple[Judgement, Judgement | None]:
-        found = judged(next(coming, merits[-1]))
-        return found, found if given[-1] else None
+        judgement = judged(next(coming, merits[-1]))
+        return judgement, judgement if given[-1] else None
 
     monkeypatch.setattr(ValidationRays, "judge", judge)

@@ -27,7 +27,7 @@ def png(samples, layout="grey", depth=8, extra=()):
     header = struct.pack(">IIBBBBB", width, height, depth, _COLOUR_TYPES[layout], 0, 0, 0)
     pixels = zlib.compress(np.pad(rows, ((0, 0), (1, 0))).tobytes())  # no filter before each row
     chunks = [(b"IHDR", header), *extra, (b"IDAT", pixels), (b"IEND", b"")]
-    return b"\x89PNG\r\n\x1a\n" + b"".join(chunk(*each) for each in chunks)
+    return b"\x89PNG\r\n\x1a\n" + b"".join(chunk(*fields) for fields in chunks)
 
 
 def tiff(samples, order="<", orientation=1, **options):

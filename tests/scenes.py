@@ -91,11 +91,11 @@ def small_spec(**changes: Any) -> Spec:
 
 def tolerance_changes(amounts: Mapping[str, Any], joint: str = "__") -> dict[str, Any]:
     """Changes of a spec that give tolerances by the names of their factors, such as ``inner_form_um``."""
-    found = {}
+    changes = {}
     for name, amount in amounts.items():
         face, _, field = ("outer", "_", name) if name == "gap_mm" else name.partition("_")
-        found[joint.join(("lens", face, field) if face in DOUBLE else ("tolerances", name))] = amount
-    return found
+        changes[joint.join(("lens", face, field) if face in DOUBLE else ("tolerances", name))] = amount
+    return changes
 
 
 def part_tolerances(**amounts: Any) -> PartTolerances:

@@ -24,12 +24,12 @@ SECOND = placed("second", (sphere(30.0, -2.0), sphere(33.0)), (3.0, 2.0, 0.5), T
 
 def spheres_of(body: SecondaryOptic) -> list[tuple]:
     """The faces of a body of spheres for :func:`by_hand`."""
-    found = []
+    spheres = []
     for face, before, behind, loss in ((body.inner, 1.0, COVER_N, 0.0), (body.outer, COVER_N, 1.0, COVER_LOSS)):
         radius = -face.radius_mm
         centre = body.pose.points(np.array([0.0, 0.0, face.vertex_mm - radius]))
-        found.append((centre, radius, before, behind, loss))
-    return found
+        spheres.append((centre, radius, before, behind, loss))
+    return spheres
 
 
 def by_hand(points, along, shells):

@@ -152,8 +152,8 @@ def test_an_application_of_an_add_on_is_judged_by_the_intensity_that_files_hold(
         "(shelf,) = lit.shelves; (limit,) = shelf.limits; (same,) = lf.evaluate(own, rays=2**14).limits; "
         "print(limit.value / lit.axis_cd.value * lit.source_lm / 250.0, same.label, same.value / limit.value)"
     )
-    code, printed, said = ended(installed(tmp_path, SHELF, SHELF_LIGHT), "-c", judge)
-    assert (code, said) == (0, "")
+    code, printed, errors = ended(installed(tmp_path, SHELF, SHELF_LIGHT), "-c", judge)
+    assert (code, errors) == (0, "")
     on_axis, label, by_light = printed.split(" ", 1)[0], printed.split(" ")[1:3], printed.split(" ")[-1]
     assert (
         float(on_axis) == pytest.approx(1.0) and label == ["shelf:", "axis"] and float(by_light) == pytest.approx(1.0)

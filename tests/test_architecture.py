@@ -54,7 +54,7 @@ _BODIES = (ast.FunctionDef, ast.AsyncFunctionDef, ast.ClassDef)
 def _walked(path: Path) -> list[tuple[ast.AST, bool]]:
     """Every import and every constant of a module, and whether it stands in a function or a class."""
     outer = [(node, isinstance(body, _BODIES)) for body in _tree(path).body for node in ast.walk(body)]
-    return [each for each in outer if isinstance(each[0], ast.Import | ast.ImportFrom | ast.Constant)]
+    return [pair for pair in outer if isinstance(pair[0], ast.Import | ast.ImportFrom | ast.Constant)]
 
 
 @cache
@@ -93,12 +93,12 @@ def _at_the_top(name: str) -> list[str]:
 @cache
 def _loaded_by(name: str) -> set[str]:
     """All that loads with a module of ours, by the imports at the top of it and of what it imports."""
-    found, waiting = set(), [name]
+    loaded, waiting = set(), [name]
     while waiting:
-        new = set(_at_the_top(waiting.pop())) - found
-        found |= new
+        new = set(_at_the_top(waiting.pop())) - loaded
+        loaded |= new
         waiting += new & NAMES
-    return found
+    return loaded
 
 
 def test_imports_run_one_way() -> None:
@@ -120,9 +120,9 @@ DECLARED = sorted(PACKAGE.glob("addons/*/__init__.py"))  # what each add-on adds
 def test_the_core_imports_no_add_on_and_no_add_on_another() -> None:
     wrong = []
     for path in MODULES:
-        own = PACKAGE / "addons" in path.parents and _name(path).split(".")[2:3]
+        addon = PACKAGE / "addons" in path.parents and _name(path).split(".")[2:3]
         added = [name.split(".") for name in _own(path) if name.startswith("lensforge.addons.")]
-        wrong += [f"{_name(path)} imports {'.'.join(name)}" for name in added if path != NAMED and name[2:3] != own]
+        wrong += [f"{_name(path)} imports {'.'.join(name)}" for name in added if path != NAMED and name[2:3] != addon]
     assert wrong == []
     assert all(isinstance(node, ast.If | ast.Expr | ast.ImportFrom) for node in _tree(NAMED).body)
     assert _at_the_top("lensforge.addons") == ["typing"], "only for those who check types"
@@ -151,7 +151,7 @@ def test_own_imports_inside_functions_put_off_something_heavy() -> None:
     for path in sorted({*MODULES} - {*DECLARED}):
         for name in _named(node for node, inside in _walked(path) if inside):
             if name.startswith("lensforge."):
-                loaded = {each.split(".")[0] for each in _loaded_by(name)}
+                loaded = {module.split(".")[0] for module in _loaded_by(name)}
                 seldom = name.startswith(SELDOM) and not _name(path).startswith(SELDOM)
                 if not (loaded & HEAVY or seldom):
                     at_the_top.append(f"{_name(path)}: {name} loads nothing heavy")
@@ -228,8 +228,8 @@ def _loaded_too_early(group: int) -> dict[str, list[str]]:
         "print(json.dumps(found))"
     )
     command = [sys.executable, "-c", code, json.dumps(ABSENT[group])]
-    found: dict[str, list[str]] = json.loads(subprocess.run(command, capture_output=True, check=True).stdout)
-    return found
+    loaded: dict[str, list[str]] = json.loads(subprocess.run(command, capture_output=True, check=True).stdout)
+    return loaded
 
 
 @pytest.mark.parametrize(

@@ -79,11 +79,11 @@ def test_a_face_of_a_kind_of_ones_own_is_traced_exported_and_cast(added: ModuleT
     proof = prove(built, *files)
     assert proof.solid.valid and proof.stl.watertight
     assert max(error.form_max_nm for error in proof.form.values()) < 1.0
-    found = passage_through(files[0], optical_of(body, 3), media, rays)
+    passage = passage_through(files[0], optical_of(body, 3), media, rays)
     left = design.exits.fates == Fate.LEFT_LENS
-    assert np.array_equal(found.fates == CastFate.LANDED, left) and left.sum() > 100
-    assert np.linalg.norm(found.points - design.exits.points, axis=1)[left].max() < 1e-5
-    assert found.flux[left] == pytest.approx(design.exits.flux[left], rel=1e-4)
+    assert np.array_equal(passage.fates == CastFate.LANDED, left) and left.sum() > 100
+    assert np.linalg.norm(passage.points - design.exits.points, axis=1)[left].max() < 1e-5
+    assert passage.flux[left] == pytest.approx(design.exits.flux[left], rel=1e-4)
 
 
 SPEC = """
@@ -142,8 +142,8 @@ def test_one_of_each_goes_through_spec_search_evaluation_files_and_proof(run: lf
     assert run.design.steps == 12 and run.light.nmse.value < 0.95 * lf.evaluate(_begun(run.lens)).nmse.value
     assert sum(run.light.flux.model_dump().values()) == pytest.approx(1.0, abs=1e-9)
     assert run.part.form_error_nm.max < 1.0 and all(criterion.holds for criterion in run.proof.criteria)
-    (found,) = run.proof.receivers
-    assert found.against_design.rms < 5e-5 * 100.0
+    (receiver,) = run.proof.receivers
+    assert receiver.against_design.rms < 5e-5 * 100.0
     page = (run.folder / "report.html").read_text(encoding="utf-8")
     assert "1 mm ring source" in page and "star of 5 points, 70 mm long on a gable at 100 mm" in page
 
@@ -193,17 +193,17 @@ def test_a_receiver_of_ones_own_lands_rays_as_the_planes_of_which_it_is(added: M
     ways /= np.linalg.norm(ways, axis=1, keepdims=True)
     ones, fates = np.ones(400), np.full(400, int(Fate.LEFT_LENS), dtype=np.int8)
     rays = ExitRays(random.uniform(-5.0, 5.0, (400, 3)), ways, ones, 0.0 * ones, fates)
-    found, by_hits = gable.land(rays), random.normal(size=(400, 2))
-    by_hits[~found.landed] = 0.0
+    landings, by_hits = gable.land(rays), random.normal(size=(400, 2))
+    by_hits[~landings.landed] = 0.0
     by, pitch = gable.sensitivities(rays, by_hits), np.radians(20.0)
     for side in (1.0, -1.0):
         pose = Pose.facing((side * np.sin(pitch), 0.0, np.cos(pitch)), (0.0, 0.0, 100.0))
-        plane, here = Plane(pose, gable.grid), found.landed & (side * found.hits[:, 0] > 0.0)
+        plane, here = Plane(pose, gable.grid), landings.landed & (side * landings.hits[:, 0] > 0.0)
         assert here.sum() > 100
-        assert found.hits[here] == pytest.approx(plane.land(rays).hits[here], abs=1e-9)
-        for own, known in zip(by, plane.sensitivities(rays, by_hits), strict=True):
-            assert own[here] == pytest.approx(known[here], abs=1e-9)
-    assert np.where(found.landed[:, None], found.hits, np.nan) == pytest.approx(
+        assert landings.hits[here] == pytest.approx(plane.land(rays).hits[here], abs=1e-9)
+        for gradient, known in zip(by, plane.sensitivities(rays, by_hits), strict=True):
+            assert gradient[here] == pytest.approx(known[here], abs=1e-9)
+    assert np.where(landings.landed[:, None], landings.hits, np.nan) == pytest.approx(
         screen.land(rays.points, ways), abs=1e-9, nan_ok=True
     )
     with pytest.raises(lf.InputError, match=r"the gable leaves 6\.578 mm around the lens origin"):

@@ -162,7 +162,7 @@ OF_ADDONS: dict[str, Callable[[lf.Lens, Path], Any]] = addon_rows("VERBS")
 
 def whole(lens: lf.Lens) -> Results:
     part = lf.build(lens)
-    return Results(lens, {each.stage: each for each in (part, lf.check(part))})
+    return Results(lens, {result.stage: result for result in (part, lf.check(part))})
 
 
 def lens_of(row: str) -> lf.Lens:
@@ -184,7 +184,7 @@ def cells() -> dict[str, dict[str, str]]:
     return {name: dict(zip(head[1:], row, strict=True)) for name, *row in rows if name not in absent}
 
 
-CELLS = [(row, stage, cell) for row, own in cells().items() for stage, cell in own.items()]
+CELLS = [(row, stage, cell) for row, by_stage in cells().items() for stage, cell in by_stage.items()]
 
 
 def test_every_kind_and_every_stage_has_its_place() -> None:
@@ -203,10 +203,10 @@ def test_every_kind_and_every_stage_has_its_place() -> None:
 def test_what_makes_no_sense_is_said_by_the_result(row: str, stage: str, cell: str, tmp_path: Path) -> None:
     """In one line, the reason of the table first; or refused in such a line, behind the name of the stage."""
     try:
-        said = (VERBS | OF_ADDONS)[stage](lens_of(row), tmp_path).warnings
+        messages = (VERBS | OF_ADDONS)[stage](lens_of(row), tmp_path).warnings
     except lf.InputError as error:
-        said = (str(error).removeprefix(f"{stage}: "),)
-    (line,) = [words for words in said if words.startswith(cell.removeprefix(NO_SENSE))]
+        messages = (str(error).removeprefix(f"{stage}: "),)
+    (line,) = [words for words in messages if words.startswith(cell.removeprefix(NO_SENSE))]
     assert "\n" not in line
 
 
@@ -228,6 +228,6 @@ OTHERS = [
 def test_every_other_cell_runs(row: str, stage: str, tmp_path: Path) -> None:
     """Of several LEDs or states a light, a proof and a far field that are of all name each."""
     with undrawn():
-        found = VERBS[stage](lens_of(row), tmp_path)
-    if row in NAMES and isinstance(found, ResultByLed):
-        assert list(found.by_led) == NAMES[row]
+        result = VERBS[stage](lens_of(row), tmp_path)
+    if row in NAMES and isinstance(result, ResultByLed):
+        assert list(result.by_led) == NAMES[row]

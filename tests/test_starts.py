@@ -16,22 +16,22 @@ from lensforge.surfaces.imported_face import LENS_FILE
 
 
 def test_the_best_of_the_starts_is_the_design_of_its_seed(tmp_path):
-    spec, said = small_spec(), []
-    found = lf.best_design(spec, starts=2, seed=5, accuracy=FEW, announce=said.append)
-    assert [start.seed for start in found.starts] == [5, 6]
-    best = min(found.starts, key=lambda start: (start.missed, start.merit))
+    spec, messages = small_spec(), []
+    result = lf.best_design(spec, starts=2, seed=5, accuracy=FEW, announce=messages.append)
+    assert [start.seed for start in result.starts] == [5, 6]
+    best = min(result.starts, key=lambda start: (start.missed, start.merit))
     alone = lf.design(spec, seed=best.seed, accuracy=FEW)
-    assert found.lens == alone.lens
+    assert result.lens == alone.lens
     judged, chosen = lf.evaluate(alone.lens), lf.evaluate(alone.lens, seed=seeds.of_choice(5))
     assert (best.nmse, best.efficiency) == (chosen.nmse, chosen.efficiency), "by the same rays for every start"
     assert best.nmse != judged.nmse, "and not by those that judge the best"
-    assert found.spread > 0.0
+    assert result.spread > 0.0
     assert alone.spread is None
-    found.lens.save(tmp_path / LENS_FILE)
-    found.write(tmp_path)
-    assert load_results(tmp_path).design == found
-    assert len(said) == 2
-    assert said[0].startswith("start 1 of 2: seed 5, NMSE ")
+    result.lens.save(tmp_path / LENS_FILE)
+    result.write(tmp_path)
+    assert load_results(tmp_path).design == result
+    assert len(messages) == 2
+    assert messages[0].startswith("start 1 of 2: seed 5, NMSE ")
 
 
 @pytest.mark.nightly("three searches")
@@ -40,8 +40,8 @@ def test_rays_of_a_file_that_judge_the_best_do_not_choose_it(monkeypatch):
     rays = Path(__file__).parents[1] / "examples" / "led.tm25ray"
     spec = small_spec(source={"kind": "rayfile", "model": "rays", "file": str(rays), "origin": "virtual_focus"})
     monkeypatch.setattr("lensforge.light.evaluation.held_back", lambda _: pytest.fail("held back"))
-    found = lf.best_design(spec, starts=2, accuracy=FEW, force=True)
-    assert len(found.starts) == 2
+    result = lf.best_design(spec, starts=2, accuracy=FEW, force=True)
+    assert len(result.starts) == 2
 
 
 def test_limits_that_a_start_misses_with_the_second_led_count():
@@ -49,9 +49,9 @@ def test_limits_that_a_start_misses_with_the_second_led_count():
     leds = [{"name": n, "source": {"kind": "square", "side_mm": 1.0, "flux_w": w}} for n, w in (("a", 2.0), ("b", 0.5))]
     limit = {"kind": "points", "at_mm": [[0.0, 0.0]], "unit": "w_per_m2", "at_least": 30.0}
     spec = small_spec(source=None, sources=leds, target__uniform_mm=None, limits=[limit])
-    found, start = SeededSearch(spec, FEW, (), None, 7).made(0)
-    states = [limit.state for light in _light_by_other_rays(found.lens, 7) for limit in light.limits]
-    assert states == ["pass", "fail"] and start.missed == 1 + sum(not criterion.holds for criterion in found.criteria)
+    result, start = SeededSearch(spec, FEW, (), None, 7).made(0)
+    states = [limit.state for light in _light_by_other_rays(result.lens, 7) for limit in light.limits]
+    assert states == ["pass", "fail"] and start.missed == 1 + sum(not criterion.holds for criterion in result.criteria)
 
 
 def test_a_lens_that_misses_a_constraint_is_no_better_for_its_light():

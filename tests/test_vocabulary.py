@@ -45,7 +45,7 @@ _ROOMS = {"surfaces", "optics", "scene", "kernels", "sources", "search", "cad", 
 
 def test_docstrings_name_what_there_is() -> None:
     """Modules, classes, functions and fields by names that the code has, in itself or in its texts, such as a key."""
-    known, said = {*dir(builtins), "js", "json", "html", "ies", "lens_x", "photometry_x", "_deBoor_D"}, []
+    known, mentions = {*dir(builtins), "js", "json", "html", "ies", "lens_x", "photometry_x", "_deBoor_D"}, []
     for path in MODULES:
         nodes = list(ast.walk(_tree(path)))
         words = {node.value for node in nodes if isinstance(node, ast.Expr)}  # docstrings, and of fields
@@ -54,9 +54,9 @@ def test_docstrings_name_what_there_is() -> None:
         texts = [text for node, text in constants.items() if node not in words]
         known |= set(re.findall(r"\w+", f"{path} {' '.join(map(str, names))} {' '.join(texts)}"))
         for node in words & constants.keys():
-            said += [(path, one or other) for one, other in _SPAN.findall(constants[node])]
+            mentions += [(path, one or other) for one, other in _SPAN.findall(constants[node])]
     stale = []
-    for path, name in said:
+    for path, name in mentions:
         first, *rest = name.removeprefix("lensforge.").split(".")
         room = PACKAGE.joinpath(first, *rest[:1])
         gone = bool(rest) and first in _ROOMS and not (room.is_dir() or room.with_suffix(".py").is_file())
@@ -88,11 +88,11 @@ def test_every_class_has_a_name_of_its_own() -> None:
     for path, node in _documented():
         if isinstance(node, ast.ClassDef):
             places[node.name].append(str(path.relative_to(PACKAGE)))
-    assert {name: found for name, found in places.items() if len(found) > 1} == {}
+    assert {name: paths for name, paths in places.items() if len(paths) > 1} == {}
 
 
 def _fields(node: ast.ClassDef) -> set[str]:
-    lines = (each.target for each in node.body if isinstance(each, ast.AnnAssign))
+    lines = (statement.target for statement in node.body if isinstance(statement, ast.AnnAssign))
     return {target.id for target in lines if isinstance(target, ast.Name)}
 
 
