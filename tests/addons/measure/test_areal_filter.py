@@ -22,8 +22,8 @@ def wave(u, length_mm):
 
 def passed_share(passed, u, length_mm, where):
     """Amplitude of the wave in ``passed``."""
-    one = wave(u, length_mm)[where]
-    return np.sum(passed[where] * one) / np.sum(one**2)
+    sine = wave(u, length_mm)[where]
+    return np.sum(passed[where] * sine) / np.sum(sine**2)
 
 
 def filtered(deviations, u, wavelength_mm):

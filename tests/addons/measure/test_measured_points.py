@@ -67,14 +67,14 @@ def test_a_column_by_which_rows_are_chosen_is_used(head: str, told: list[str], t
     assert [str(warning.message).partition("not used: ")[2] for warning in caught] == told
 
 
-@pytest.mark.parametrize(("content", "words"), [
+@pytest.mark.parametrize(("content", "message"), [
     (rows(POINTS, lambda n, p: comma(n, *p)), "line 1, column 1: this column counts the rows"),
     (rows(POINTS, lambda n, p: comma(n - 1, *p, 0.5)), "line 1, column 1: this column counts the rows"),
     (rows(POINTS, lambda n, p: comma("inner", *p), "surface,x,y,z\n"), "no row of surface 'outer'; found 'inner'"),
 ])  # fmt: skip
-def test_what_is_not_of_the_face_is_refused(content: str, words: str, tmp_path: Path) -> None:
+def test_what_is_not_of_the_face_is_refused(content: str, message: str, tmp_path: Path) -> None:
     (tmp_path / "cloud.csv").write_text(content, encoding="utf-8")
-    with pytest.raises(InputError, match=words):
+    with pytest.raises(InputError, match=message):
         read_cloud(tmp_path / "cloud.csv", of=OF)
 
 
@@ -96,7 +96,7 @@ def test_ply_is_read_by_its_header(layout: str, tmp_path: Path) -> None:
     np.testing.assert_array_equal(read_cloud(tmp_path / "cloud.ply"), POINTS)
 
 
-@pytest.mark.parametrize(("content", "words"), [
+@pytest.mark.parametrize(("content", "message"), [
     (b"ply\nformat ascii 1.0\n", "its PLY header must state"),
     (header("ascii", "element vertex 150", "property float x", "property float y"), "its PLY header must state"),
     (header("ascii", "element face 1", "property list uchar int v", "element vertex 9", *ORDER), "header must state"),
@@ -109,9 +109,9 @@ def test_ply_is_read_by_its_header(layout: str, tmp_path: Path) -> None:
     (header("binary_little_endian", "element vertex 999999999", *ORDER), "ends before the last of its 999999999"),
     (header("ascii", "element vertex 0", *ORDER), "0 lines of vertices"),
 ])  # fmt: skip
-def test_a_damaged_ply_is_refused_in_one_line(content: bytes, words: str, tmp_path: Path) -> None:
+def test_a_damaged_ply_is_refused_in_one_line(content: bytes, message: str, tmp_path: Path) -> None:
     (tmp_path / "cloud.ply").write_bytes(content)
-    with pytest.raises(InputError, match=words) as caught:
+    with pytest.raises(InputError, match=message) as caught:
         read_cloud(tmp_path / "cloud.ply")
     assert str(caught.value).isprintable()
 
@@ -156,8 +156,10 @@ def test_only_few_points_of_noise_count_as_off() -> None:
 def test_the_designs_own_points_are_asked_for() -> None:
     _, share, messages = told(np.round(probed(LENS.outer, 500), 5), "none")
     assert share == 1.0
-    (words,) = messages
-    assert words.endswith("nm (rms) of the design, as no part does: are these the design's points, not measured ones?")
+    (message,) = messages
+    assert message.endswith(
+        "nm (rms) of the design, as no part does: are these the design's points, not measured ones?"
+    )
     assert told(probed(LENS.outer, 500, noise_mm=1e-4), "none")[2] == []
 
 

@@ -160,17 +160,17 @@ def test_rays_land_where_the_proof_has_them(kind, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("section", "words"),
+    ("section", "phrase"),
     [
         ({"lens__outer": {"offset_mm": 6.0, "scatter": {"kind": "gaussian", "sigma_deg": 5.0}}}, "faces that scatter"),
         ({"lamps": {"kind": "grid", "columns": 2, "rows": 1, "pitch_mm": 40.0}}, "several lamps"),
         ({"lens__refractive_index": 1.49, "lens__abbe_number": 57.0}, "a material with dispersion"),
     ],
 )
-def test_what_the_programs_cannot_repeat_is_refused(section, words, small_run):
+def test_what_the_programs_cannot_repeat_is_refused(section, phrase, small_run):
     spec = small_spec(**section)
     lens = Lens.double(sphere(3.0), sphere(6.0), spec, 0, "draft")
-    with pytest.raises(InputError, match=f"has {words}; a kit is of one lens"):
+    with pytest.raises(InputError, match=f"has {phrase}; a kit is of one lens"):
         kit_files(Results(lens, small_run.found), 1024)
 
 

@@ -127,8 +127,8 @@ def of_road(flag: str, here: Path) -> bool:
         case "--street-c":
             return lux("--street-c", "0") > 1.1 * lux("--street-c", "180")
         case "--spacing":
-            words = [printed(here / "lamp.ies", "--road", here / "b.toml", *flags) for flags in ((), (flag,))]
-            return "spacing" in words[1].lower() and "spacing" not in words[0].lower()
+            screens = [printed(here / "lamp.ies", "--road", here / "b.toml", *flags) for flags in ((), (flag,))]
+            return "spacing" in screens[1].lower() and "spacing" not in screens[0].lower()
     return printed(here / "lamp.ies", "--road", here / "b.toml", "--quiet") == ""
 
 

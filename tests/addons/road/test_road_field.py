@@ -452,7 +452,7 @@ _HEAD = "tan_gamma,0,90,180\n0,300,300,300\n"
 
 
 @pytest.mark.parametrize(
-    ("content", "words"),
+    ("content", "message"),
     [
         (_HEAD + "1,100,,90\n2,50,40,30\n", "no number at tan gamma = 1, beta = 90"),
         (_HEAD + "1,100,,\n2,50,40,\n", "no number at tan gamma = 1, beta = 90"),
@@ -481,10 +481,10 @@ _HEAD = "tan_gamma,0,90,180\n0,300,300,300\n"
         ("t,0,180\n0,1,1\n", "no r-table"),
     ],
 )
-def test_a_table_that_is_none_has_one_line(content: str, words: str, tmp_path) -> None:
+def test_a_table_that_is_none_has_one_line(content: str, message: str, tmp_path) -> None:
     path = tmp_path / "surface.csv"
     path.write_text(content)
-    with pytest.raises(InputError, match=words.replace("^", r"\^").replace("+", r"\+")) as error:
+    with pytest.raises(InputError, match=message.replace("^", r"\^").replace("+", r"\+")) as error:
         read_surface(path)
     assert "\n" not in str(error.value)
 
@@ -532,7 +532,7 @@ def test_a_table_in_another_unit_is_no_road_unless_it_is_scaled(tmp_path) -> Non
 
 
 @pytest.mark.parametrize(
-    ("fields", "words"),
+    ("fields", "message"),
     [
         ({"lanes": 4}, "no class by luminance has lanes as narrow"),
         ({"overhang_m": 7.5}, "hangs over the other side"),
@@ -556,8 +556,8 @@ def test_a_table_in_another_unit_is_no_road_unless_it_is_scaled(tmp_path) -> Non
         ({"lighting_class": "local low", "wet_surface": "W4"}, "wet_surface is of a class M"),
     ],
 )
-def test_no_such_road(fields, words: str) -> None:
-    with pytest.raises(InputError, match=words):
+def test_no_such_road(fields, message: str) -> None:
+    with pytest.raises(InputError, match=message):
         RoadSection(**ROAD | fields)
 
 

@@ -317,7 +317,7 @@ def _limits(target, road) -> None:
 
 
 @pytest.mark.parametrize(
-    ("target", "road", "words"),
+    ("target", "road", "message"),
     [
         ({**FAR, "half_angle_deg": 70.0}, {}, "the first has half_angle_deg = 70"),
         ({"kind": "flat_top", "width_mm": 9.0, "distance_mm": 100.0, "receiver_mm": 20.0}, {}, "there is none"),
@@ -325,8 +325,8 @@ def _limits(target, road) -> None:
         (FAR, {}, "lamp_lm is missing"),
     ],
 )
-def test_roads_that_no_light_can_be_judged_on(target, road, words: str) -> None:
-    with pytest.raises(InputError, match=words) as error:
+def test_roads_that_no_light_can_be_judged_on(target, road, message: str) -> None:
+    with pytest.raises(InputError, match=message) as error:
         _limits(target, road)
     assert "\n" not in str(error.value)
 
@@ -464,8 +464,8 @@ def test_lamps_together_share_the_lumens_of_a_road() -> None:
         return light_limits(spec, receivers_of(spec, far), Efficacy(300.0), 1.5)[0].readings.toarray()
 
     for road, times in (({}, 1.0), ({"lamp_lm": None}, 2.0)):
-        one = _spec(**road)
-        np.testing.assert_allclose(readings(one.replace(pair)), times * readings(one), rtol=1e-12)
+        single = _spec(**road)
+        np.testing.assert_allclose(readings(single.replace(pair)), times * readings(single), rtol=1e-12)
 
 
 @pytest.mark.parametrize(("name", "reached"), [("P2", p_class), ("C5", c_class)])
@@ -498,5 +498,5 @@ def test_each_figure_of_a_road_is_told_where_it_is_worst() -> None:
     assert of_one.sentence == "12.200 ± 0.010 (required ≤ 15); worst: lane 2"
     name = ROAD["lighting_class"]
     assert head.value == f"{name}, 2 lanes, both one way; {name}, 2 lanes, 1 oncoming"
-    words = [RoadSection(**{**ROAD, "lanes": lanes}).traffic for lanes in (1, 3)]
-    assert words == ["1 lane, one way", "3 lanes, all one way"]
+    traffic = [RoadSection(**{**ROAD, "lanes": lanes}).traffic for lanes in (1, 3)]
+    assert traffic == ["1 lane, one way", "3 lanes, all one way"]

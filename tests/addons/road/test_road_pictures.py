@@ -75,10 +75,10 @@ def test_a_road_by_rp_8_from_above_has_a_view_for_each_direction_of_travel():
     photometry = make_photometry(lens)
     drivers = photometry.roads[0].drivers
     far, near = road_from_above(shown(photometry, lens)).axes[:-1]
-    for view, driver, ends, words in ((far, drivers[1], (14 / 3, 7.0), "3"), (near, drivers[0], (0.0, 14 / 3), "1")):
+    for view, driver, ends, label in ((far, drivers[1], (14 / 3, 7.0), "3"), (near, drivers[0], (0.0, 14 / 3), "1")):
         assert view.images[0].get_array().mean() == pytest.approx(driver.mean_cd_per_m2.value, rel=1e-3)
         assert view.images[0].get_extent() == pytest.approx([0.0, 30.0, *ends])
-        assert view.get_title("left").startswith(f"from lane {words} on: mean {driver.mean_cd_per_m2.value:.2f} cd/m²")
+        assert view.get_title("left").startswith(f"from lane {label} on: mean {driver.mean_cd_per_m2.value:.2f} cd/m²")
         assert view.get_title("left").endswith(f"Lv/Lavg {driver.veiling_ratio.value:.2f}")
     drawn = photometry_pictures(make_results(("photometry",), lens, photometry=photometry))[2]
     assert "83 m" in drawn.caption

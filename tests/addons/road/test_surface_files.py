@@ -30,7 +30,7 @@ def test_a_road_has_its_angles_in_a_remark_and_no_gamma_for_its_tangent(tmp_path
 
 
 @pytest.mark.parametrize(
-    ("rows", "words"),
+    ("rows", "message"),
     [
         ("0,2,170\n0,700,700,700\n1,300,200,100\n", "beta ends at 170 degrees, must end at 180, .* behind the eye$"),
         ("0,1,2\n0,700,700,700\n180,300,200,100\n", "beta ends at 2 degrees, .*; rows and columns are swapped"),
@@ -41,8 +41,8 @@ def test_a_road_has_its_angles_in_a_remark_and_no_gamma_for_its_tangent(tmp_path
         ("0,2,180\n0,700,700,700\n1,300,,100\n", "no number at tan gamma = 1, beta = 2, but some beyond it; give it"),
     ],
 )
-def test_a_table_of_a_road_is_refused_by_what_it_lacks(rows: str, words: str, tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=words) as caught:
+def test_a_table_of_a_road_is_refused_by_what_it_lacks(rows: str, message: str, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=message) as caught:
         read_surface(_written(tmp_path, rf"tan_gamma\beta,{rows}"))
     assert "\n" not in str(caught.value)
 

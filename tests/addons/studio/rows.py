@@ -10,12 +10,12 @@ from lensforge.cli.cli import cli
 
 def of_studio(flag: str, _here: Path) -> bool:
     """The verb hears of the port, and of the browser."""
-    words, changed = {
+    arguments, changed = {
         "--port": (["--port", "8123"], {"port": 8123}),
         "--browser": (["--no-browser"], {"browser": False}),
     }[flag]
     with patch("lensforge.addons.studio.command.open_studio") as opened:
-        CliRunner().invoke(cli, ["studio", "lens.toml", *words])
+        CliRunner().invoke(cli, ["studio", "lens.toml", *arguments])
     return bool(opened.call_args.kwargs == {"port": 0, "browser": True} | changed)
 
 

@@ -108,7 +108,7 @@ def test_every_edit_makes_a_spec_or_a_line_for_each_wrong_field() -> None:
             spec = edited(number)
             if spec is None:
                 continue
-            assert all(words.isprintable() and len(words) < 1000 for _, words in spec.lines), (number, spec.lines)
+            assert all(line.isprintable() and len(line) < 1000 for _, line in spec.lines), (number, spec.lines)
             assert (spec.spec is None) == bool(spec.lines), number
             if spec.spec is not None:
                 used += 1

@@ -110,7 +110,7 @@ def test_a_change_by_form_has_its_line_and_the_text_keeps_its_comments(page: lf.
     ]
     answer = json.loads(ask(page, "spec", {"place": ["constraints", "max_radius"], "value": {"toml": "7"}})[2])
     assert ["constraints.max_radius", "did you mean max_radius_mm?"] in [
-        [name, words.rpartition("; ")[2]] for name, words in answer["lines"]
+        [name, line.rpartition("; ")[2]] for name, line in answer["lines"]
     ]
     assert answer["text"].startswith("# my lens\n")
     assert json.loads(ask(page, "spec", {"text": text})[2])["lines"] == []
@@ -208,8 +208,8 @@ def test_every_answer_is_json_of_a_browser(number: str, path: str, page: lf.Stud
     status, _, content = ask(page, "spec", {"text": text})
     shown = json.loads(content, parse_constant=refused)
     assert status == 200 and shown["tables"]["source"]["side_mm"] == NUMBERS.get(number, number)
-    [[field, words]] = shown["lines"]
-    assert field == "source.side_mm" and words.isprintable()
+    [[field, line]] = shown["lines"]
+    assert field == "source.side_mm" and line.isprintable()
     again = json.loads(ask(page, "spec")[2], parse_constant=refused)
     assert again["lines"] == shown["lines"], "after a reload, too"
     assert json.loads(ask(page, "spec", {"text": small_spec().to_toml()})[2])["lines"] == []
@@ -254,13 +254,13 @@ def test_connections_without_the_secret_make_room_for_the_page(page: lf.Studio) 
     kept = [half_open(page, b"GET / HTTP/1.1\r\nHost:") for _ in range(MOST_STRANGERS + 20)]
     assert ask(page, "spec")[0] == 200
     ended = 0
-    for one in kept:
-        one.settimeout(0.05)
+    for connection in kept:
+        connection.settimeout(0.05)
         with contextlib.suppress(TimeoutError):
-            ended += not one.recv(1)
+            ended += not connection.recv(1)
     assert 20 <= ended <= 22, "the oldest of them, and no other"
-    for one in kept:
-        one.close()
+    for connection in kept:
+        connection.close()
 
 
 def test_half_of_a_request_has_a_time(page: lf.Studio, monkeypatch: pytest.MonkeyPatch) -> None:

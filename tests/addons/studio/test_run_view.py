@@ -9,8 +9,8 @@ from lensforge.report.folder import Run
 
 def test_the_studio_has_the_pictures_of_every_stop_behind_the_receivers(tmp_path):
     run = Run(results().lens, results().found, {}, {}, folder=tmp_path)
-    arrays, words = run_arrays(run, "sag"), run_words(run)
-    *receivers, over = words["receivers"]
+    arrays, texts = run_arrays(run, "sag"), run_words(run)
+    *receivers, over = texts["receivers"]
     assert len(receivers) == len(run.light.receivers) and (over["width"], over["far"], over["unit"]) == (
         400.0,
         False,

@@ -31,7 +31,7 @@ def test_no_text_takes_long_to_be_refused(text: str) -> None:
 
 def test_names_like_an_unknown_one_are_told_for_the_first_ten() -> None:
     lines = SpecText.of("".join(f"evaluate.pixels{number} = 1\n" for number in range(30)), SPEC).lines
-    hinted = [words for _, words in lines if "did you mean pixels?" in words]
+    hinted = [line for _, line in lines if "did you mean pixels?" in line]
     assert len(hinted) == 10 and lines[10] == ("evaluate.pixels10", "evaluate.pixels10: unknown")
 
 
