@@ -70,7 +70,7 @@ def test_sections_views_and_sizes_show_them() -> None:
 
 
 @pytest.mark.parametrize(
-    ("base", "words"),
+    ("base", "message"),
     [
         ({"feet": {**FEET, "circle_diameter_mm": 2.0}}, "4 feet of diameter_mm = 1.5 overlap .* must be above 2.12"),
         ({"feet": {**FEET, "circle_diameter_mm": 24.0}}, "they reach 25.5 mm across, and must stand within 25.4"),
@@ -78,8 +78,8 @@ def test_sections_views_and_sizes_show_them() -> None:
         ({"feet": {**FEET, "number": 0}}, "number"),
     ],
 )
-def test_feet_that_cannot_stand_are_refused_in_one_line(base: dict, words: str) -> None:
-    with pytest.raises(ValueError, match=words):
+def test_feet_that_cannot_stand_are_refused_in_one_line(base: dict, message: str) -> None:
+    with pytest.raises(ValueError, match=message):
         BaseSection.model_validate(base)
 
 

@@ -177,7 +177,7 @@ def test_views_and_sizes_show_it() -> None:
 
 
 @pytest.mark.parametrize(
-    ("changes", "words"),
+    ("changes", "message"),
     [
         ({"lens": {"kind": "tir", "flange": {**FLANGE, "diameter_mm": 15.0}}}, "must exceed that .* above 16"),
         (
@@ -189,7 +189,7 @@ def test_views_and_sizes_show_it() -> None:
         ({"lens": {"kind": "tir", "flange": FLANGE}, "plate": {"thickness_mm": 2.0}}, "the plate holds the lenses"),
     ],
 )
-def test_what_cannot_be_is_refused_in_one_line(changes: dict, words: str) -> None:
-    with pytest.raises(lf.InputError, match=words) as caught:
+def test_what_cannot_be_is_refused_in_one_line(changes: dict, message: str) -> None:
+    with pytest.raises(lf.InputError, match=message) as caught:
         parse_spec({**SPOT, **changes}, "spot")
     assert "\n" not in str(caught.value)

@@ -130,7 +130,7 @@ def test_what_only_touches_is_free_without_a_margin(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("base", "distance_mm", "body", "keep_out", "words"),
+    ("base", "distance_mm", "body", "keep_out", "phrase"),
     [
         ("cylinder", 0.05, (3.0, 0.0, 0.0), (3.05, 0.0, 0.0), "beside the base: lower base.diameter_mm"),
         ("square", 0.05, (3.0, 0.0, 0.0), (3.05, 0.0, 0.0), "beside the base: lower base.side_mm"),
@@ -143,7 +143,7 @@ def test_what_only_touches_is_free_without_a_margin(tmp_path: Path) -> None:
     ],
 )  # fmt: skip
 def test_the_remedy_names_the_field_of_the_place(
-    base: str, distance_mm: float, body: tuple[float, ...], keep_out: tuple[float, ...], words: str
+    base: str, distance_mm: float, body: tuple[float, ...], keep_out: tuple[float, ...], phrase: str
 ) -> None:
     """Base 6 mm wide and 2 mm high; its side has vertices at z = 0 and at its bottom alone."""
     width = "side_mm" if base == "square" else "diameter_mm"
@@ -151,7 +151,7 @@ def test_the_remedy_names_the_field_of_the_place(
     spec = plain.spec.replace({"constraints.keep_out": "clamp.step", "constraints.keep_out_margin_mm": 0.1})
     clearance = KeepOutDistance(distance_mm=distance_mm, body_point_mm=body, keep_out_point_mm=keep_out, error_mm=1e-3)
     remedy = keep_out_remedy(spec, clearance)
-    assert words in remedy
+    assert phrase in remedy
     assert remedy.endswith("; the body is closest at ({:g}, {:g}, {:g}) mm".format(*body))
 
 
@@ -201,14 +201,14 @@ def test_what_is_no_solid_beside_one_is_named_and_two_solids_count(tmp_path: Pat
     """A shell in which the lens stands would else be no keep-out at all."""
     solid, other = box((0.3, 0.3, 0.3), (0.0, 0.0, 0.0)), box((1.0, 1.0, 1.0), (3.0, 0.0, 0.0))
     faces = cq.Shape.cast(other.wrapped).Faces()
-    loose, words = {
+    loose, message = {
         "closed shell": (cq.Shell.makeShell(faces), "would not count: 6, in shells: 1, of which closed: 1"),
         "open shell": (cq.Shell.makeShell(faces[:5]), "would not count: 5, in shells: 1, of which closed: 0"),
         "sheet": (faces[0], "would not count: 1, in shells: "),
     }[kind]
     for number, shapes in enumerate(((solid, loose), (loose, solid))):
         path = step_file(tmp_path / f"led{number}.step", cq.Compound.makeCompound(shapes))
-        with pytest.raises(InputError, match=words):
+        with pytest.raises(InputError, match=message):
             read_keep_out(path)
     both = step_file(tmp_path / "both.step", cq.Compound.makeCompound((solid, other)))
     assert len(read_keep_out(both).solids) == 2

@@ -153,7 +153,7 @@ MOUTH = Face("mouth", PlaneFace(REACH, 8.0), CAVITY, OUTSIDE)
 
 
 @pytest.mark.parametrize(
-    ("faces", "words"),
+    ("faces", "message"),
     [
         ((CUP, MOUTH), "none bounds the body; the body is not closed"),
         ((BACK, MOUTH), "none bounds the cavity; the body is not closed"),
@@ -162,13 +162,13 @@ MOUTH = Face("mouth", PlaneFace(REACH, 8.0), CAVITY, OUTSIDE)
         ((CUP, BACK, MOUTH, replace(MOUTH, name="hatch", surface=PlaneFace(REACH, 8.0, (0.4, 0.0, 1.0)))), "hatch"),
     ],
 )
-def test_faces_that_make_no_body_are_refused_in_one_line(faces: tuple[Face, ...], words: str) -> None:
-    with pytest.raises(lf.InputError, match=words) as caught:
+def test_faces_that_make_no_body_are_refused_in_one_line(faces: tuple[Face, ...], message: str) -> None:
+    with pytest.raises(lf.InputError, match=message) as caught:
         build_body(Body(faces))
     assert "\n" not in str(caught.value)
 
 
 def test_its_words_are_those_of_a_reflector(lens: Lens) -> None:
-    words = task(lens.spec)
-    assert "reflector, metallised plastic, cup face fixed (focal conic)" in words and "n =" not in words
+    text = task(lens.spec)
+    assert "reflector, metallised plastic, cup face fixed (focal conic)" in text and "n =" not in text
     assert {factor.name for factor in factors_of(lens.spec.part_tolerances)}.isdisjoint({"index", "back_form_um"})

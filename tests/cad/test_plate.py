@@ -317,8 +317,8 @@ def test_lenses_that_overlap_and_pins_in_a_cavity_are_refused_in_one_line() -> N
     with pytest.raises(InputError, match=r"^plate: two lenses, 4 mm apart, overlap; raise the pitch.*$"):
         build_part(replace(lens, spec=lens.spec.replace(narrow)), rings=16)
     pin = {"place_mm": [0.9, 0.0], "diameter_mm": 0.4, "height_mm": 1.0}
-    words = r"^plate: the wall between plate\.pins\.0 and the cavity of a lens is -0\.1\d* mm; .* at least 0\.01;.*$"
-    with pytest.raises(InputError, match=words):
+    message = r"^plate: the wall between plate\.pins\.0 and the cavity of a lens is -0\.1\d* mm; .* at least 0\.01;.*$"
+    with pytest.raises(InputError, match=message):
         build_part(on_plate({"thickness_mm": 1.0, "pins": [pin]}), rings=16)
 
 

@@ -26,7 +26,7 @@ def ran(*arguments: str) -> Result:
 
 def test_the_list_names_every_shipped_spec_and_its_content() -> None:
     rows = dict(line.split("\t") for line in ran().output.splitlines())
-    assert set(rows) == SPECS and all(len(words) > 20 for words in rows.values())
+    assert set(rows) == SPECS and all(len(text) > 20 for text in rows.values())
     assert rows["quickstart"].startswith("A cross of light, 200 mm wide")
     assert "Regulation No. 7" in rows["signal"] and "J. Zhejiang Univ. Sci. C 13" in rows["published/circle"]
 

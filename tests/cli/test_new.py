@@ -236,8 +236,8 @@ def test_a_wall_beside_the_axis_is_a_receiver_in_its_place_and_takes_a_lens_that
     assert "wall_washer" in next(line for line in output.splitlines() if "Nearest shipped" in line)
     code, output, errors = lensforge("new", *light, "--max-radius", "14", "--lens", "reflector")
     assert code == 0 and parse_spec(tomllib.loads(output), "wall").lens.levels == (25, 81)
-    words = "light to one side takes two faces, --lens double; a reflector has a larger error there"
-    assert errors == f"lensforge: lens: {words}\n"
+    message = "light to one side takes two faces, --lens double; a reflector has a larger error there"
+    assert errors == f"lensforge: lens: {message}\n"
     _, _, errors = lensforge("new", *light, "--max-radius", "14", "--lens", "double")
     assert errors == "", "it is the one"
     code, _, errors = lensforge(
@@ -262,7 +262,7 @@ def test_the_ratio_behind_the_choice_of_a_kind_is_said() -> None:
         light = ("--source", "square:0.4", "--target", f"rectangle:{size}@1000", "--max-radius", "14")
         _, output, errors = lensforge("new", *light)
         assert errors.rstrip().endswith("; drafts like this are not known; --lens selects another")
-        bounds = {words: float(value) for value, words in re.findall(r"([0-9.]+) % with a ([a-z-]+)", errors)}
+        bounds = {kind: float(value) for value, kind in re.findall(r"([0-9.]+) % with a ([a-z-]+)", errors)}
         (ratio,) = re.findall(r"double has ([0-9.]+), tir has 1", errors)
         assert float(ratio) == pytest.approx(bounds["double-freeform"] / bounds["lens"], abs=1e-3)
         ratios[parse_spec(tomllib.loads(output), "lamp").lens.kind] = float(ratio)
@@ -412,7 +412,7 @@ def test_nothing_is_asked_without_a_terminal() -> None:
 
 
 @pytest.mark.parametrize(
-    ("words", "fields"),
+    ("word", "fields"),
     [
         ("disc:50@200", {"kind": "disc", "diameter_mm": 50.0, "distance_mm": 200.0}),
         ("rectangle:9@20", {"kind": "rectangle", "width_mm": 9.0, "height_mm": 9.0, "distance_mm": 20.0}),
@@ -424,19 +424,19 @@ def test_nothing_is_asked_without_a_terminal() -> None:
         ("cross:200x60@150", {"kind": "cross", "length_mm": 200.0, "stroke_mm": 60.0, "distance_mm": 150.0}),
     ],
 )
-def test_targets_in_a_word(words: str, fields: dict[str, object]) -> None:
-    assert target_in(words) == fields
+def test_targets_in_a_word(word: str, fields: dict[str, object]) -> None:
+    assert target_in(word) == fields
 
 
 NO_TARGETS = ["disc:50", "disc:a@3", "star:3@4", "text:5@3", "beam:60x25x3", "no.ies", "disc:0@1", "image:a.png@2"]
 
 
-@pytest.mark.parametrize("words", [*NO_TARGETS, "beam:9deg", "image:no.png:2@3"])
-def test_targets_that_are_none_are_refused_with_what_is_allowed(words: str) -> None:
-    with pytest.raises(InputError, match=rf"^--target {words}: ") as refusal:
-        target_in(words)
+@pytest.mark.parametrize("word", [*NO_TARGETS, "beam:9deg", "image:no.png:2@3"])
+def test_targets_that_are_none_are_refused_with_what_is_allowed(word: str) -> None:
+    with pytest.raises(InputError, match=rf"^--target {word}: ") as refusal:
+        target_in(word)
     assert "give" in str(refusal.value) or "such as" in str(refusal.value)
-    assert "in degrees" in str(refusal.value) or not words.startswith("beam")
+    assert "in degrees" in str(refusal.value) or not word.startswith("beam")
 
 
 def test_sources_in_a_word() -> None:

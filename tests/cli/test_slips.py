@@ -14,7 +14,7 @@ NEW = ("new", "--source", "square:1", "--target")
 
 
 @pytest.mark.parametrize(
-    ("arguments", "words"),
+    ("arguments", "message"),
     [
         ((*NEW, "rectangle:200x150@300", "--max-radius", "10,5"), "'10,5': a number has a decimal point; write 10.5"),
         ((*NEW, "rectangle:200,5x150@300"), "a number has a decimal point; write 200.5x150"),
@@ -26,9 +26,9 @@ NEW = ("new", "--source", "square:1", "--target")
         (("evaluate", "x", "--rays", "1,000"), "'1,000' is no number; write it without a comma"),
     ],
 )
-def test_a_decimal_comma_is_named(arguments: tuple[str, ...], words: str) -> None:
+def test_a_decimal_comma_is_named(arguments: tuple[str, ...], message: str) -> None:
     code, _, errors = lensforge(*arguments)
-    assert code == 2 and words in errors
+    assert code == 2 and message in errors
 
 
 @pytest.mark.parametrize(
@@ -78,14 +78,14 @@ def test_a_keyword_that_a_verb_has_not_is_told_which_was_meant() -> None:
         "run: acuracy: unknown; did you mean accuracy": lambda: lf.run(small_spec(), "x", acuracy="draft"),  # type: ignore[call-arg]
         "evaluate: zzz: unknown; known here: lens, ": lambda: lf.evaluate(None, zzz=1),  # type: ignore[call-arg,arg-type]
     }
-    for words, call in calls.items():
-        with pytest.raises(InputError, match=words) as caught:
+    for message, call in calls.items():
+        with pytest.raises(InputError, match=message) as caught:
             call()
         assert isinstance(caught.value, TypeError)
 
 
 @pytest.mark.parametrize(("fwhm_deg", "told"), [(0.17, "9.74"), (1.57, "89.95"), (1.6, "")])
 def test_degrees_that_may_be_radians_are_told(fwhm_deg: float, told: str) -> None:
-    words = " ".join(angles_that_may_be_radians(small_spec(target={"kind": "beam", "fwhm_deg": fwhm_deg})))
-    assert words == (f"fwhm_deg = {fwhm_deg:g}: angles are in degrees, {fwhm_deg:g} rad are {told}" if told else "")
+    message = " ".join(angles_that_may_be_radians(small_spec(target={"kind": "beam", "fwhm_deg": fwhm_deg})))
+    assert message == (f"fwhm_deg = {fwhm_deg:g}: angles are in degrees, {fwhm_deg:g} rad are {told}" if told else "")
     assert not list(angles_that_may_be_radians(small_spec()))

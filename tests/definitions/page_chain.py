@@ -333,8 +333,8 @@ def leave_chain(lens, faces, p, d, nm=None, turns=None):
     media |= {medium: np.full(count, section[f"{medium}_index"]) for medium in ("cavity", "outside")}
     nm = np.full(count, section["design_wavelength_nm"]) if nm is None else nm
     fate, p = enter(p, d, lambda points: room_in(faces, "cavity", points) > 0)
-    one = unit(np.cross(d, np.where(abs(d[:, :1]) < 0.9, [1.0, 0.0, 0.0], [0.0, 1.0, 0.0])))
-    fields = np.stack([one, np.cross(d, one)], axis=1).astype(complex)
+    side = unit(np.cross(d, np.where(abs(d[:, :1]) < 0.9, [1.0, 0.0, 0.0], [0.0, 1.0, 0.0])))
+    fields = np.stack([side, np.cross(d, side)], axis=1).astype(complex)
     times = {name: np.zeros(count, int) for name in turns or {}}
     light = Light(p, d.copy(), fields, np.ones(count), np.zeros(count), fate, turns or {}, times)
     ways = [()] * count

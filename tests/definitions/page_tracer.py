@@ -431,8 +431,8 @@ def coated(coating, nm, before, behind, c, outwards=False):
     places = np.cos(np.radians(angles))[::-1]
     at_angle = np.array([interpolate.PchipInterpolator(places, row[::-1])(mu) for row in rows])
     waves = coating["wavelength_nm"] or [0]
-    one = 1 - np.array([np.interp(w, waves, column) for w, column in zip(nm, at_angle.T, strict=True)])
-    return np.array([one, one])
+    passed = 1 - np.array([np.interp(w, waves, column) for w, column in zip(nm, at_angle.T, strict=True)])
+    return np.array([passed, passed])
 
 
 def fresnel(c, q, ratio):

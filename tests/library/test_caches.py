@@ -203,8 +203,8 @@ def test_an_answer_is_that_of_what_is_asked(name: str, tmp_path: Path) -> None:
     """Each answer when nothing is kept, and again after all others: the same; and no two are alike."""
     ask, asked = ASKED[name]
     asked = [
-        tuple(tmp_path if argument == Path() else argument for argument in one) if isinstance(one, tuple) else one
-        for one in asked
+        tuple(tmp_path if argument == Path() else argument for argument in call) if isinstance(call, tuple) else call
+        for call in asked
     ]
     module, _, function = name.rpartition(".")
     kept = getattr(importlib.import_module(f"lensforge.{module}"), function)

@@ -44,14 +44,14 @@ def test_what_names_the_library_as_its_module_is_found_there() -> None:
 
 @pytest.mark.parametrize("name", PUBLIC)
 def test_help_is_enough_to_go_on(name: str) -> None:
-    words, shown = inspect.getdoc(PUBLIC[name]) or "", pydoc.plaintext.document(PUBLIC[name], name)
+    text, shown = inspect.getdoc(PUBLIC[name]) or "", pydoc.plaintext.document(PUBLIC[name], name)
     assert re.findall(r"lensforge\.[a-z]\w*\.\w", shown) == [], "no private path"
-    assert not words.startswith("The "), "begins with the noun or the verb itself"
-    listed = re.split(r"\n {4}(?=\w)", re.sub(r"(?s)^.*\n(Args|Fields):|\n\w+: .*", "", words))[1:]
+    assert not text.startswith("The "), "begins with the noun or the verb itself"
+    listed = re.split(r"\n {4}(?=\w)", re.sub(r"(?s)^.*\n(Args|Fields):|\n\w+: .*", "", text))[1:]
     assert [line for line in listed if not re.match(r"\w+( \([^:]*\))?: (?!Has )\S", " ".join(line.split()))] == []
     if inspect.isfunction(PUBLIC[name]):
         assert [line.split(":")[0] for line in listed] == list(inspect.signature(PUBLIC[name]).parameters)
-        assert "\nReturns: " in words and "\nRaises: " in words and "\nExample:\n" in words
+        assert "\nReturns: " in text and "\nRaises: " in text and "\nExample:\n" in text
 
 
 @pytest.mark.parametrize("name", [name for name, named in PUBLIC.items() if not is_exception(named)])
