@@ -32,8 +32,8 @@ def approach(starts: np.ndarray, directions: np.ndarray, sense: float = 1.0, dev
     """These rays on their way to a face, from inside or, with a ``sense`` of -1, from outside."""
     points = torch.from_numpy(starts).to(device)
     along = torch.from_numpy(directions).to(device)
-    one = torch.ones_like(points[:, 0])
-    return Approach(points, along, sense * one, one < 0.0, torch.inf * one)
+    ones = torch.ones_like(points[:, 0])
+    return Approach(points, along, sense * ones, ones < 0.0, torch.inf * ones)
 
 
 def gap(points: np.ndarray, table: np.ndarray, grid: TableGrid) -> np.ndarray:

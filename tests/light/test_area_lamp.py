@@ -165,9 +165,9 @@ def test_glare_classes_ask_for_both_angles(at_70: float, at_80: float, wanted: s
 def test_a_lamp_of_many_lenses_has_their_light() -> None:
     lamp = _lambertian(10.0)
     section = PhotometrySection(use="area", lenses=48)
-    one = Metric(value=10.0 * np.pi, unit="lm", standard_error=0.1)
+    flux = Metric(value=10.0 * np.pi, unit="lm", standard_error=0.1)
     zones_lm = np.full((16, 2, 4), 10.0 * np.pi / 8.0)
-    area_lamp = AreaLamp.of(section, lamp, one, zones_lm)
+    area_lamp = AreaLamp.of(section, lamp, flux, zones_lm)
     assert area_lamp is not None
     assert area_lamp.lumens.value == pytest.approx(480.0 * np.pi)
     assert area_lamp.lumens.standard_error == pytest.approx(4.8)
@@ -176,4 +176,4 @@ def test_a_lamp_of_many_lenses_has_their_light() -> None:
     )
     zones = area_lamp.bug.zones.model_dump()
     assert sum(zone["value"] for zone in zones.values()) == pytest.approx(480.0 * np.pi, rel=1e-4)
-    assert AreaLamp.of(PhotometrySection(), lamp, one, zones_lm) is None
+    assert AreaLamp.of(PhotometrySection(), lamp, flux, zones_lm) is None

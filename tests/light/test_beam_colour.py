@@ -166,7 +166,7 @@ def test_chips_that_change_places_mirror_the_colours_of_the_far_field() -> None:
 
 
 def _reasons(light: Light, lens: Lens) -> Sequence[str]:
-    return [words for _, words in light_reasons(light, lens)]
+    return [reason for _, reason in light_reasons(light, lens)]
 
 
 def test_limits_on_colour_are_judged_by_the_verdict() -> None:
@@ -177,7 +177,7 @@ def test_limits_on_colour_are_judged_by_the_verdict() -> None:
     light = lit(lens)
     assert [limit.outcome for limit in light.limits] == ["missed", "held"]
     assert [limit.metric for limit in light.limits] == [light.first.colour.rms, light.first.colour.worst]
-    assert [words.split(" = ")[0] for words in _reasons(light, lens)] == ["Δu′v′ rms within a tenth of the peak"]
+    assert [reason.split(" = ")[0] for reason in _reasons(light, lens)] == ["Δu′v′ rms within a tenth of the peak"]
     assert _reasons(light, lens)[0].endswith(
         ": take a larger lens, a softer edge of the target, or a face that scatters"
     )

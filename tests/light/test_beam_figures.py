@@ -99,8 +99,8 @@ def test_tables_of_all_samples_and_of_each_half_are_in_candela_and_turned_over(c
         parity = np.array([(k & bits).bit_count() % 2 for k in range(16)])
         np.testing.assert_allclose(even.values, expected(samples[parity == 0]), rtol=1e-9)
         np.testing.assert_allclose(odd.values, expected(samples[parity == 1]), rtol=1e-9)
-    for one, sample in zip(candela.samples, samples, strict=True):
-        np.testing.assert_allclose(one, expected(sample[None]), rtol=1e-12)
+    for table, sample in zip(candela.samples, samples, strict=True):
+        np.testing.assert_allclose(table, expected(sample[None]), rtol=1e-12)
 
 
 def test_half_of_the_rays_without_light_tells_no_error():

@@ -273,7 +273,7 @@ HIDDEN = [Face("shell", sphere(9.0), BODY, OUTSIDE), Face("top", PlaneFace(REACH
 
 
 @pytest.mark.parametrize(
-    ("cavity", "envelope", "words"),
+    ("cavity", "envelope", "phrase"),
     [
         (4.0, [], "faces cap: none bounds the body; the body is not closed"),
         (5.0, [Face("exit", sphere(6.0, -2.0), BODY, OUTSIDE)], "wall = -0.99"),
@@ -281,10 +281,10 @@ HIDDEN = [Face("shell", sphere(9.0), BODY, OUTSIDE), Face("top", PlaneFace(REACH
         (4.0, HOLED, "must be one piece without a hole"),
     ],
 )
-def test_faces_that_make_no_body_are_refused(cavity: float, envelope: list[Face], words: str) -> None:
+def test_faces_that_make_no_body_are_refused(cavity: float, envelope: list[Face], phrase: str) -> None:
     with pytest.raises(InputError) as error:
         Body((Face("cap", sphere(cavity), CAVITY, BODY), *envelope)).require_sound()
-    assert words in str(error.value) and "\n" not in str(error.value)
+    assert phrase in str(error.value) and "\n" not in str(error.value)
 
 
 @pytest.mark.parametrize("events", [0, 65])

@@ -181,6 +181,6 @@ def test_colours_are_bent_apart_by_the_index_of_each() -> None:
     coloured = replace(DOME, medium=Medium(1.586, 0.0, glass))
     exits = TracedBundle.of(CONCENTRIC, scene(coloured), rays).exits
     for wave in (0, 300, 599):
-        one = replace(DOME, medium=Medium(float(glass.index(rays.wavelengths_nm[wave : wave + 1])[0])))
-        alone = TracedBundle.of(CONCENTRIC, scene(one), replace(rays, waves=None)).exits
+        dome = replace(DOME, medium=Medium(float(glass.index(rays.wavelengths_nm[wave : wave + 1])[0])))
+        alone = TracedBundle.of(CONCENTRIC, scene(dome), replace(rays, waves=None)).exits
         assert exits.directions[wave] == pytest.approx(alone.directions[wave], abs=1e-13)

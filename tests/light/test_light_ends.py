@@ -102,7 +102,7 @@ def test_a_leak_is_judged_on_each_side_of_its_limit(factor: float, state: str) -
 
 
 @pytest.mark.parametrize(
-    ("spec", "words"),
+    ("spec", "message"),
     [
         (lambda: small_spec().replace(limits=[{"kind": "loss", "cause": "wall", "at_most_share": 0.1}]), "beside"),
         (lambda: crooked("exit"), "trapped, wall"),
@@ -111,8 +111,8 @@ def test_a_leak_is_judged_on_each_side_of_its_limit(factor: float, state: str) -
             {"kind": "loss", "cause": "wall", "unit": "lx", "at_most": 2.0, "at_most_share": 0.1}]), "share alone"),
     ],
 )  # fmt: skip
-def test_a_cause_that_the_lens_does_not_have_is_refused(spec: Any, words: str) -> None:
-    with pytest.raises(InputError, match=words):
+def test_a_cause_that_the_lens_does_not_have_is_refused(spec: Any, message: str) -> None:
+    with pytest.raises(InputError, match=message):
         spec()
 
 

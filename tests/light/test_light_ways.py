@@ -129,11 +129,11 @@ def test_shares_that_limits_bound_are_in_per_cent_and_what_is_missed_names_what_
     figures = shown[0]
     limits = next(group for group in shown if group.key == "limits")
     assert (figures.fact("nmse").remedy, figures.fact("share_in_target").remedy) == (LEVELS, LEVELS)
-    rows = [words for _, words in _limit_rows(limits)]
+    rows = [text for _, text in _limit_rows(limits)]
     assert rows[1].replace("\u2009", " ").startswith("beside: 25.00 ± 0.10 % (required ≤ 20 %); lost share")
-    (words,) = {row[row.index("the road needs") :].split(";")[0] for row in rows if "the road needs" in row}
-    needed, spacing = map(float, re.findall(r"× ([0-9.]+)", words))
+    (need,) = {row[row.index("the road needs") :].split(";")[0] for row in rows if "the road needs" in row}
+    needed, spacing = map(float, re.findall(r"× ([0-9.]+)", need))
     assert needed == pytest.approx(dim.bound / dim.metric.value, rel=6e-3)
     assert spacing == pytest.approx(1.0 / needed, rel=6e-3)
     tables = Environment(loader=PackageLoader("lensforge.report")).get_template("tables.html").module
-    assert words in tables.required_table(limits.facts)
+    assert need in tables.required_table(limits.facts)

@@ -168,12 +168,12 @@ def test_a_surface_of_one_luminance_to_all_sides_keeps_it_exactly(blur: float) -
     e /= np.linalg.norm(e)
     h = 1.0 - np.cos(view.blur_rad)
     (nodes, weights) = np.polynomial.legendre.leggauss(4)
-    one = np.cross(e, normal) / np.linalg.norm(np.cross(e, normal))
+    side = np.cross(e, normal) / np.linalg.norm(np.cross(e, normal))
     cosine, turn = (
         coordinates.ravel() for coordinates in np.meshgrid(1.0 - 0.5 * h * (nodes + 1.0), 0.25 * np.pi * np.arange(8))
     )
     d = cosine[:, None] * e + np.sqrt(1.0 - cosine**2)[:, None] * (
-        np.cos(turn)[:, None] * one + np.sin(turn)[:, None] * np.cross(e, one)
+        np.cos(turn)[:, None] * side + np.sin(turn)[:, None] * np.cross(e, side)
     )
     flux = 3.0 * d @ normal * np.tile(0.5 * h * weights, 8) * 0.25 * np.pi  # of an area of 1, L = 3
     there = np.tile(view.pose.points(place), (32, 1))
@@ -367,10 +367,10 @@ def test_the_search_pays_for_spots_above_the_bound_alone() -> None:
     )
 
 
-@pytest.mark.parametrize(("eye", "words"), [
+@pytest.mark.parametrize(("eye", "message"), [
     ((1.0, 2.0, 7.0), r"it lies in the lens's space, to 8.4 mm; move it farther away"),
     ((0.0, 0.0, 100.0), r"a spot of 0.028 mm is too fine .* give spot_mm = 0.08\d or more"),
 ])  # fmt: skip
-def test_an_eye_that_sees_no_picture_is_refused_in_one_line(eye: tuple[float, ...], words: str) -> None:
-    with pytest.raises(InputError, match=rf"^limits.0, seen from .* mm: {words}[^\n]*$"):
+def test_an_eye_that_sees_no_picture_is_refused_in_one_line(eye: tuple[float, ...], message: str) -> None:
+    with pytest.raises(InputError, match=rf"^limits.0, seen from .* mm: {message}[^\n]*$"):
         eye_views(crooked({"eyes_mm": [eye]}))

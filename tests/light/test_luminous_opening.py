@@ -82,9 +82,9 @@ def test_several_lamps_have_the_box_of_all_and_each_is_seen_as_it_leans() -> Non
     assert _sizes(DOME, level) == pytest.approx([42.0, 12.0, 6.0], rel=1e-9)
     assert _sizes(COLLIMATOR, level) == pytest.approx([30.0 + 2.0 * RIM_MM, 2.0 * RIM_MM, 0.0], rel=1e-9)
     lean = radians(30.0)
-    one = Lamps((Lamp((0.0, 0.0, 100.0), (sin(lean), 0.0, cos(lean))),))
+    lamps = Lamps((Lamp((0.0, 0.0, 100.0), (sin(lean), 0.0, cos(lean))),))
     across = 2.0 * RIM_MM
-    assert _sizes(COLLIMATOR, one) == pytest.approx([across * cos(lean), across, across * sin(lean)], rel=1e-9)
+    assert _sizes(COLLIMATOR, lamps) == pytest.approx([across * cos(lean), across, across * sin(lean)], rel=1e-9)
     high = Lamps((Lamp((0.0, 0.0, 0.0), ALONG_Z), Lamp((0.0, 40.0, 7.0), ALONG_Z)))
     assert _sizes(COLLIMATOR, high) == pytest.approx([across, 40.0 + across, 7.0], rel=1e-9)
 

@@ -47,7 +47,7 @@ def test_other_readers_find_the_light_within_its_stated_error(suffix, cosine):
 
 def test_the_file_of_a_lamp_holds_the_light_of_all_its_lenses(cosine, tmp_path):
     """Beside those of one lens; both say whose light they have, and so do the figures."""
-    one, folder = cosine
+    alone, folder = cosine
     spec = small_spec(source__side_mm=0.0, photometry={"lenses": 12})
     photometry = measured(replace(SYMMETRIC, spec=spec), rays=2**12, lumens=250.0)
     photometry.write(tmp_path)
@@ -69,7 +69,7 @@ def test_the_file_of_a_lamp_holds_the_light_of_all_its_lenses(cosine, tmp_path):
     checked = [criterion.key.split()[2] for criterion in photometry.criteria if criterion.holds]
     assert checked[-3:] == ["luminaire.ies", "luminaire.ldt", "luminaire.iesxml"]
     assert Photometry.read(tmp_path) == photometry
-    assert not (folder / "luminaire.ies").exists() and one.luminaire is None
+    assert not (folder / "luminaire.ies").exists() and alone.luminaire is None
     titles = {group.key: group.title for group in photometry_facts(photometry, spec)}
     assert titles["far_field"] == "Far field, one lens of 12"
     area = small_spec(photometry={"lenses": 12, "use": "area"}, target__distance_mm=1e4, target__receiver_mm=1e4)
@@ -133,8 +133,8 @@ def test_the_library_and_the_command_write_older_editions(tmp_path):
     with pytest.raises(InputError, match="ies_version = 2020: 2002 or 2019"):
         lf.photometry(ROUGH, rays=2**10, ies_version=2020)
     ROUGH.save(tmp_path / "lens.json")
-    words = ["photometry", str(tmp_path), "--rays", "1024", "--lumens", "90", "--ies-version", "2002"]
-    assert CliRunner().invoke(cli, words).exit_code == 0
+    command = ["photometry", str(tmp_path), "--rays", "1024", "--lumens", "90", "--ies-version", "2002"]
+    assert CliRunner().invoke(cli, command).exit_code == 0
     assert (tmp_path / "lens_1024rays.ies").read_bytes().startswith(b"IESNA:LM-63-2002\r\n")
     np.testing.assert_array_equal(by_position(tmp_path / "lens_1024rays.ies")[2].shape, old.candela.shape)
     assert (tmp_path / "lens_1024rays.iesxml").is_file()

@@ -47,8 +47,8 @@ def test_the_standard_errors_are_the_scatter_over_seeds(lens, source):
         measure_preset(replace(lens, seed=seed), source, traced, traced).design for seed in range(12 if NIGHTLY else 6)
     ]
     for name in ("hit_mm", "irradiance_nmse"):
-        scatter = np.std([getattr(one, name).value for one in errors], ddof=1)
-        stated = np.mean([getattr(one, name).standard_error for one in errors])
+        scatter = np.std([getattr(error, name).value for error in errors], ddof=1)
+        stated = np.mean([getattr(error, name).standard_error for error in errors])
         assert 0.4 < stated / scatter < 2.5
 
 

@@ -388,7 +388,7 @@ def test_light_beyond_grazing_comes_back_by_as_much() -> None:
 
 
 @pytest.mark.parametrize(
-    ("section", "words"),
+    ("section", "message"),
     [
         (lambda: AbgScatter(kind="abg", a=0.05, b=1e-4, g=2.0).model(FacetTurn(N)), "scatter 1.45 .*up to 0.0346"),
         (lambda: TableScatter(kind="table", incidence_deg=[0.0], scattering_deg=[0.0, 90.0], bsdf_per_sr=[[0.4, 0.4]])
@@ -398,8 +398,8 @@ def test_light_beyond_grazing_comes_back_by_as_much() -> None:
         (lambda: TableScatter(kind="table", **MEASURED | {"bsdf_per_sr": [[1.0, -1.0, 0.0, 0.0]] * 2}), "bsdf_per_sr"),
     ],
 )  # fmt: skip
-def test_no_face_scatters_more_light_than_it_takes(section: Callable[[], object], words: str) -> None:
-    with pytest.raises((ValueError, InputError), match=words):
+def test_no_face_scatters_more_light_than_it_takes(section: Callable[[], object], message: str) -> None:
+    with pytest.raises((ValueError, InputError), match=message):
         section()
 
 

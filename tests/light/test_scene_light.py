@@ -186,11 +186,11 @@ REFUSED: list[tuple[dict[str, Any], str]] = [
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize(("changes", "words"), REFUSED)
-def test_a_scene_that_is_not_modelled_is_refused_in_a_line(changes: dict[str, Any], words: str) -> None:
+@pytest.mark.parametrize(("changes", "phrase"), REFUSED)
+def test_a_scene_that_is_not_modelled_is_refused_in_a_line(changes: dict[str, Any], phrase: str) -> None:
     with pytest.raises(lf.InputError) as refusal:
         small_spec(**changes)
-    assert words in str(refusal.value) and "\n" not in str(refusal.value)
+    assert phrase in str(refusal.value) and "\n" not in str(refusal.value)
 
 
 def test_a_spec_without_a_scene_keeps_its_hash() -> None:
