@@ -50,8 +50,8 @@ def test_lamps_of_other_flux_make_the_sum_of_lamps_that_are_lit_one_by_one(lamps
     assert len(fluxes) == len(study.lamps) and np.ptp(fluxes) > 0.1
     total = np.zeros((16, 16))
     for place, turn, flux in zip(study.lamps.places_mm, study.lamps.turns_deg, fluxes, strict=True):
-        one = {"kind": "table", "places_mm": [list(place)], "turns_deg": [turn]}
-        lens = study_of({"source_flux": 0.3}, one).recipe.lens
+        table = {"kind": "table", "places_mm": [list(place)], "turns_deg": [turn]}
+        lens = study_of({"source_flux": 0.3}, table).recipe.lens
         lit = evaluate(replace(lens, seed=0), rays=N, pixels=16).receivers[0]
         total += flux * lit.map * study.leds[0].light.one.receivers[0].pixel_measure
     received = study.leds[0].light.received(part_of(study, 3))[0]
@@ -109,9 +109,9 @@ def test_a_lamp_that_is_moved_as_a_whole_moves_its_own_picture(lamps: dict[str, 
     deviations = [still] * len(study.lamps)
     deviations[number] = moved
     images = light.received(study.leds[0].made(deviations))[0].images
-    one = np.zeros(len(study.lamps))
-    one[number] = 1.0
-    (picture,) = light.kinds[0].boards[0].added(light.designed[0][0], one)
+    unit = np.zeros(len(study.lamps))
+    unit[number] = 1.0
+    (picture,) = light.kinds[0].boards[0].added(light.designed[0][0], unit)
     change = (images - light.received(None)[0].images)[:, 2:-2, 2:-2]
 
     def off(rows: int, columns: int) -> float:

@@ -121,13 +121,13 @@ def test_a_pipe_and_a_device_are_no_parts(tmp_path) -> None:
     (tmp_path / "nowhere.npz").symlink_to(tmp_path / "none")
     with (tmp_path / "large.npz").open("wb") as file:
         file.truncate(2**30)
-    for name, words in {
+    for name, message in {
         "parts": "a pipe",
         "device": "a device",
         "nowhere": "no such file",
         "large": "1024 MiB",
     }.items():
-        with pytest.raises(InputError, match=words):
+        with pytest.raises(InputError, match=message):
             _parts(study, tmp_path / f"{name}.npz")
 
 

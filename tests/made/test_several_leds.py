@@ -163,12 +163,12 @@ def test_chips_that_stand_farther_apart_mix_less_and_miss_the_limit_on_their_col
 
 
 def test_light_of_one_colour_keeps_any_bound_on_each_receiver_of_a_board() -> None:
-    one = {**CHIPS, "chips": [{**chip, "spectrum": RED} for chip in CHIPS["chips"]]}
+    source = {**CHIPS, "chips": [{**chip, "spectrum": RED} for chip in CHIPS["chips"]]}
     plane = {"kind": "plane", "centre_mm": [0.0, 0.0, 40.0], "width_mm": 90.0, "height_mm": 80.0}
     plane |= {"targets": [{"kind": "disc", "diameter_mm": 50.0}]}
     several = [{**plane, "name": "low"}, {**plane, "name": "high", "centre_mm": [0.0, 0.0, 60.0]}]
     lamps = {"kind": "grid", "columns": 2, "rows": 1, "pitch_mm": 20.0}
-    lens = coloured(1e-6, lamps=lamps, target=None, receivers=several, source=one, base={"kind": "none"})
+    lens = coloured(1e-6, lamps=lamps, target=None, receivers=several, source=source, base={"kind": "none"})
     study = PartStudy(Recipe(lens, 2, 1024, 0, 1024))
     names = [f"{place}: {RMS.replace('rms', figure)}" for place in ("low", "high") for figure in ("rms", "worst")]
     assert [bound.metric for bound in study.bounds] == names
@@ -191,8 +191,8 @@ def test_a_board_of_two_kinds_is_the_sum_of_its_lamps_each_with_its_own_lens_and
         """Light of lamps that are lit one by one, each with a lens of its kind."""
         total = np.zeros((16, 16))
         for number, (kind, flux) in enumerate(zip(kinds, fluxes, strict=True)):
-            one = {"kind": "table", "places_mm": [PLACES[number]], "turns_deg": [TABLE["turns_deg"][number]]}
-            alone = PartStudy(Recipe(board(tolerances, one, kind), 1, rays, 0, rays)).leds[0]
+            table = {"kind": "table", "places_mm": [PLACES[number]], "turns_deg": [TABLE["turns_deg"][number]]}
+            alone = PartStudy(Recipe(board(tolerances, table, kind), 1, rays, 0, rays)).leds[0]
             lit = alone.light.received([replace(parts[number], flux=flux)])[0]
             total += lit.images.mean(axis=0) / 3.0
         return total

@@ -112,8 +112,8 @@ def test_sensitivity_and_yield_know_every_face() -> None:
 
 @pytest.mark.parametrize(("face", "field"), [("side", "shift_mm"), ("cap", "tilt_deg")])
 def test_a_place_of_the_cavity_is_refused(face: str, field: str) -> None:
-    words = rf"{face}\.{field}: this face is what the next is placed against; give wall\.{field}"
-    with pytest.raises(InputError, match=words):
+    message = rf"{face}\.{field}: this face is what the next is placed against; give wall\.{field}"
+    with pytest.raises(InputError, match=message):
         spot(**{face: {field: 0.1}})
 
 

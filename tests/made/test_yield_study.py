@@ -268,7 +268,7 @@ def test_the_record_agrees_with_its_table_and_is_read_back(result: Yield, tmp_pa
 
 
 @pytest.mark.parametrize(
-    ("tolerances", "words"),
+    ("tolerances", "message"),
     [
         ({"gap_mm": 4.0}, "tolerances.gap_mm = 4: parts at its end move by 4 mm, but the faces are"),
         # x and y at their ends together
@@ -276,8 +276,8 @@ def test_the_record_agrees_with_its_table_and_is_read_back(result: Yield, tmp_pa
         ({"source_height_mm": 4.9}, "the source is .* mm from the inner face at its closest; at most"),
     ],
 )
-def test_a_tolerance_that_the_part_cannot_bear_is_one_line(tolerances: dict, words: str) -> None:
-    with pytest.raises(InputError, match=words) as error:
+def test_a_tolerance_that_the_part_cannot_bear_is_one_line(tolerances: dict, message: str) -> None:
+    with pytest.raises(InputError, match=message) as error:
         measure_yield(lens_with(tolerances), parts=48, rays=256)
     assert "\n" not in str(error.value)
 

@@ -91,8 +91,8 @@ def s_and_p(turned: np.ndarray, index: float) -> np.ndarray:
 def test_two_refractions_turn_a_ray_by_no_more_and_almost_as_much(index: float) -> None:
     """Snell's law at both faces, each between grazing and normal incidence in air."""
     air = np.linspace(0.0, 0.5 * pi, 2001)
-    one = np.abs(air - np.arcsin(np.sin(air) / index))
-    assert 2.0 * one.max() == pytest.approx(largest_deviation_rad(index), abs=1e-12)
+    turn = np.abs(air - np.arcsin(np.sin(air) / index))
+    assert 2.0 * turn.max() == pytest.approx(largest_deviation_rad(index), abs=1e-12)
     assert largest_deviation_rad(index) == pytest.approx(pi - 2.0 * asin(1.0 / index))
 
 

@@ -323,5 +323,5 @@ def test_a_spec_that_contradicts_itself_is_one_line(fields: dict[str, object], m
 
 def test_schotts_formula_is_extrapolated_with_a_warning() -> None:
     assert GLASS.temperature.warnings(140.0) == () == TemperatureLaw(index_per_k=1e-6).warnings(300.0)
-    (words,) = GLASS.temperature.warnings(150.0)
-    assert words == "the index at 150 C is extrapolated: SCHOTT's formula holds from -100 to 140 C"
+    (message,) = GLASS.temperature.warnings(150.0)
+    assert message == "the index at 150 C is extrapolated: SCHOTT's formula holds from -100 to 140 C"

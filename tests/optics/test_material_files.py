@@ -371,8 +371,8 @@ def test_the_index_and_abbes_number_of_a_catalogue_are_those_of_its_coefficients
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         read_material(written(tmp_path, "c.agf", catalogue), "GLASS-A")
-    words = " ".join(str(warning.message) for warning in caught)
-    assert (told in words) if told else not words
+    message = " ".join(str(warning.message) for warning in caught)
+    assert (told in message) if told else not message
 
 
 def test_exponents_of_fortran_are_read_in_catalogues_and_formulas(tmp_path):
