@@ -54,8 +54,8 @@ def anchors(page: Path) -> set[str]:
     """Anchors of the headings of a page, as GitHub and the site make them."""
     names = set()
     for heading in re.findall(r"^#+ (.*)$", prose(page), flags=re.MULTILINE):
-        words = re.sub(r"\[([^\]]*)\]\([^)]*\)", r"\1", heading).replace("`", "").strip().lower()
-        names.add(re.sub(r"[^\w\- ]", "", words).replace(" ", "-"))
+        anchor = re.sub(r"\[([^\]]*)\]\([^)]*\)", r"\1", heading).replace("`", "").strip().lower()
+        names.add(re.sub(r"[^\w\- ]", "", anchor).replace(" ", "-"))
     return names
 
 
@@ -66,8 +66,8 @@ def shell_commands(text: str, program: str) -> list[list[str]]:
         for part in re.split(r";|&&| \| ", re.sub(r"(^|\s)#.*", "", line)):
             if not re.search(rf"(^|[ /]){program}( |$)", part):
                 continue  # no shell at all: a formula, a drawing
-            words = shlex.split(part)
-            names = [word.rpartition("/")[2] for word in words]
+            tokens = shlex.split(part)
+            names = [word.rpartition("/")[2] for word in tokens]
             if program in names:
-                commands.append(words[names.index(program) + 1 :])
+                commands.append(tokens[names.index(program) + 1 :])
     return commands

@@ -43,10 +43,10 @@ def _check_choices(command: click.Command, values: dict[str, object], place: str
 
 
 def test_commands_in_blocks_are_taken() -> None:
-    commands = [(block.place, words) for block in SHELL for words in shell_commands(block.text, "lensforge")]
+    commands = [(block.place, arguments) for block in SHELL for arguments in shell_commands(block.text, "lensforge")]
     assert len(commands) > 30
-    for place, words in commands:
-        check(words, place)
+    for place, command in commands:
+        check(command, place)
 
 
 @pytest.mark.parametrize("page", PAGES, ids=name_of)
@@ -91,11 +91,11 @@ def test_an_option_that_does_not_exist_is_found() -> None:
 
 
 def test_scripts_that_pages_name_are_there_with_their_options() -> None:
-    commands = [(block.place, words) for block in SHELL for words in shell_commands(block.text, "python")]
+    commands = [(block.place, command) for block in SHELL for command in shell_commands(block.text, "python")]
     spans_of = [
         (name_of(page), span.split()[1:]) for page in PAGES for span in spans(page) if span.startswith("python ")
     ]
-    scripts = [(place, words) for place, words in commands + spans_of if words and words[0].endswith(".py")]
+    scripts = [(place, command) for place, command in commands + spans_of if command and command[0].endswith(".py")]
     assert len(scripts) > 15
     for place, (script, *rest) in scripts:
         assert (ROOT / script).is_file(), f"{place}: {script}"
@@ -109,7 +109,7 @@ IN_ORDER = ["first_lens", "choosing"]  # pages whose commands build on one anoth
 
 def _commands(page: str) -> list[list[str]]:
     path = ROOT / "docs" / f"{page}.md"
-    return [words for block in blocks("", pages=[path]) for words in shell_commands(block.text, "lensforge")]
+    return [command for block in blocks("", pages=[path]) for command in shell_commands(block.text, "lensforge")]
 
 
 @pytest.mark.parametrize("page", IN_ORDER)
@@ -133,16 +133,16 @@ def test_the_specs_of_a_page_are_written_and_take_its_sweep(
 @pytest.mark.nightly("designs, and a sweep of four: ten minutes")
 @pytest.mark.parametrize("page", IN_ORDER)
 def test_the_commands_of_a_page_run_in_its_order(page: str, tmp_path: Path) -> None:
-    for words in _commands(page):
+    for command in _commands(page):
         done = subprocess.run(
-            [sys.executable, "-m", "lensforge", *words], cwd=tmp_path, capture_output=True, encoding="utf-8"
+            [sys.executable, "-m", "lensforge", *command], cwd=tmp_path, capture_output=True, encoding="utf-8"
         )
-        assert done.returncode in (0, 1) and "Traceback" not in done.stderr, f"{words}: {done.stderr}"
+        assert done.returncode in (0, 1) and "Traceback" not in done.stderr, f"{command}: {done.stderr}"
 
 
 def test_make_targets_that_pages_name_are_there() -> None:
     makefile = (ROOT / "Makefile").read_text(encoding="utf-8")
     named = {(name_of(page), name) for page in PAGES for name in re.findall(r"`make (\w+)", prose(page))}
-    named |= {(block.place, words[0]) for block in SHELL for words in shell_commands(block.text, "make") if words}
+    named |= {(block.place, command[0]) for block in SHELL for command in shell_commands(block.text, "make") if command}
     for place, target in named:
         assert re.search(rf"^{target}:", makefile, flags=re.MULTILINE), f"{place}: make {target}"

@@ -46,9 +46,9 @@ def test_the_screen_on_a_page_is_that_of_the_stored_design(page: str, name: str)
     screen = re.search(r"^(?:\w+: .*\n)?Photometry: .*?```", text_of(page), flags=re.MULTILINE | re.DOTALL)
     assert screen
     seen = 0
-    for words, value in expected(DESIGNS[name]).items():
-        for shown in re.findall(words + r"([\d.]+\d)", screen[0]):
-            assert rounded(shown, value), f"{page}: {words} {shown}, stored {value}"
+    for phrase, value in expected(DESIGNS[name]).items():
+        for shown in re.findall(phrase + r"([\d.]+\d)", screen[0]):
+            assert rounded(shown, value), f"{page}: {phrase} {shown}, stored {value}"
             seen += 1
     assert seen >= 5
 
@@ -62,10 +62,10 @@ SENTENCES = [
 ]
 
 
-@pytest.mark.parametrize(("page", "words", "value"), SENTENCES)
-def test_a_sentence_has_the_stored_figure(page: str, words: str, value: float) -> None:
-    matches = re.findall(words, text_of(page).replace("\n", " "))
-    assert matches, f"{page}: {words}"
+@pytest.mark.parametrize(("page", "phrase", "value"), SENTENCES)
+def test_a_sentence_has_the_stored_figure(page: str, phrase: str, value: float) -> None:
+    matches = re.findall(phrase, text_of(page).replace("\n", " "))
+    assert matches, f"{page}: {phrase}"
     for shown in matches:
         assert rounded(shown, value), f"{page}: {shown}, stored {value}"
 

@@ -66,8 +66,8 @@ def texts() -> Iterator[tuple[str, str]]:
 
 
 def test_no_banned_word_is_in_use() -> None:
-    words = re.findall(r"`(.+?)`", BANNED)
-    banned = re.compile("|".join(rf"\b{re.escape(word)}(?!\w)" for word in words), re.IGNORECASE)
+    terms = re.findall(r"`(.+?)`", BANNED)
+    banned = re.compile("|".join(rf"\b{re.escape(word)}(?!\w)" for word in terms), re.IGNORECASE)
     uses = [f"{name}: {match[0]} in {text[max(0, match.start() - 40) : match.end() + 20]!r}"
              for name, text in texts() for match in banned.finditer(re.sub(r"\s+", " ", text))]  # fmt: skip
-    assert len(words) > 20 and uses == []
+    assert len(terms) > 20 and uses == []

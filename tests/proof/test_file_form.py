@@ -296,12 +296,12 @@ def test_a_step_written_again_passes() -> None:
         assert missed(form_of(replace(file, content=transformed(file.content, np.eye(3))))) == []
 
 
-@pytest.mark.parametrize("one", ["lens.step", "lens.stl", "lens.3mf", "lens_surfaces.step", "plate.step", "plate.3mf"])
-def test_another_lens_or_another_file_fails(one: str) -> None:
-    file = designed(plated)[one]
-    others = [plated(2).exported[one]]
-    if one in ("lens.step", "lens.stl", "lens.3mf"):
-        others.append(plated().exported[one.replace("lens", "plate")])
+@pytest.mark.parametrize("name", ["lens.step", "lens.stl", "lens.3mf", "lens_surfaces.step", "plate.step", "plate.3mf"])
+def test_another_lens_or_another_file_fails(name: str) -> None:
+    file = designed(plated)[name]
+    others = [plated(2).exported[name]]
+    if name in ("lens.step", "lens.stl", "lens.3mf"):
+        others.append(plated().exported[name.replace("lens", "plate")])
     for content in others:
         assert missed(form_of(replace(file, content=content)))
 
@@ -326,15 +326,15 @@ def test_of_every_pair_a_copy_in_the_place_of_another_body_fails_it_alone(place:
 def test_bodies_and_faces_too_many_are_refused() -> None:
     file = designed(plated)["lens.step"]
     solid = parse_step(plated().step)
-    for shapes, words in (
+    for shapes, message in (
         ([solid.shape, solid.shape], "holds 2 solids"),
         ([solid.shape, solid.faces["RIM"]], "beside its solid"),
     ):
-        with pytest.raises(InputError, match=rf"lens\.step: .*{words}"):
+        with pytest.raises(InputError, match=rf"lens\.step: .*{message}"):
             form_of(replace(file, content=step_bytes(Solid(_together(shapes), {}), "two")))
     vertices, triangles = parse_3mf(plated().threemf)
-    for change, words in ((_two_objects, "builds 2 of 2 objects"), (_scaled_item, "moves, turns or scales")):
-        with pytest.raises(InputError, match=rf"lens\.3mf: {words}"):
+    for change, message in ((_two_objects, "builds 2 of 2 objects"), (_scaled_item, "moves, turns or scales")):
+        with pytest.raises(InputError, match=rf"lens\.3mf: {message}"):
             form_of(replace(designed(plated)["lens.3mf"], content=change(vertices, triangles)))
 
 

@@ -230,8 +230,8 @@ def test_the_part_makes_the_light_of_an_endless_lattice() -> None:
     (judgement,) = light_of_lamps(together, passage, rays, lens.media, 1)
     assert judgement.nmse_vs_sum < 1.5 * judgement.noise_floor_nmse
     assert judgement.efficiency == pytest.approx(light.efficiency.value, abs=0.01)
-    one = replace(together, numbers=0 * together.numbers)
-    assert light_of_lamps(one, passage, rays, lens.media, 1)[0].nmse_vs_sum > 5.0 * judgement.nmse_vs_sum
+    single = replace(together, numbers=0 * together.numbers)
+    assert light_of_lamps(single, passage, rays, lens.media, 1)[0].nmse_vs_sum > 5.0 * judgement.nmse_vs_sum
     given = {"rays": rays, "media": lens.media, "screens": screens_of(spec), "lamps": stands_of(spec.all_lamps)}
     stray = trace_stray(stl, **given)
     assert stray.efficiency_sequential == pytest.approx(light.efficiency.value, abs=0.01)

@@ -164,7 +164,7 @@ def test_facets_that_face_inwards_are_named(verify):
 
 def test_a_mesh_too_coarse_for_the_light_is_told_of_a_finer_one(verify):
     missed = [str(criterion) for criterion in verify(right(rings=8), plain_rays=1).criteria if not criterion.holds]
-    assert any("finer mesh: without --rings" in words for words in missed)
+    assert any("finer mesh: without --rings" in message for message in missed)
 
 
 def test_the_deviation_of_landings_is_their_root_mean_square(verify):

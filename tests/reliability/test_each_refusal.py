@@ -99,14 +99,14 @@ def test_a_file_is_refused_by_what_it_lacks_and_read_without_that(name: str, wro
 
 
 @pytest.mark.parametrize(
-    ("content", "words"),
+    ("content", "message"),
     [
         (b"[NaN]", "NaN is not valid JSON"), (b"[-Infinity]", "-Infinity is not valid JSON"),
         (b"[" * 100_000 + b"]" * 100_000, "nested too deep"),
     ],
 )  # fmt: skip
-def test_json_that_no_record_has_is_refused(content: bytes, words: str) -> None:
-    with pytest.raises(ValueError, match=f"^{words}$"):
+def test_json_that_no_record_has_is_refused(content: bytes, message: str) -> None:
+    with pytest.raises(ValueError, match=f"^{message}$"):
         parse_json(content)
     assert parse_json(b"[[1.5, null]]") == [[1.5, None]]
 

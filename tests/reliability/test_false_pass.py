@@ -277,7 +277,7 @@ def test_folders_travel_and_may_lack_run_json(folder: Path, tmp_path: Path) -> N
     assert "delete it" in refusal(write_report, moved)
 
 
-@pytest.mark.parametrize(("field", "value", "words"), [
+@pytest.mark.parametrize(("field", "value", "message"), [
     ("seed", 41, "seed = 41, lens.json has 0"),
     ("name", "another", "name = 'another', lens.json has 'small'"),
     ("accuracy", "reference", "accuracy = 'reference', lens.json has"),
@@ -285,7 +285,7 @@ def test_folders_travel_and_may_lack_run_json(folder: Path, tmp_path: Path) -> N
     ("verdict", None, "its verdict is not that of the results beside it"),
 ])  # fmt: skip
 def test_what_run_json_states_is_compared_though_its_checksum_is_made_anew(
-    folder: Path, field: str, value: Any, words: str
+    folder: Path, field: str, value: Any, message: str
 ) -> None:
     content = record_in(folder, "run")
     verdict = content["verdict"]
@@ -293,7 +293,7 @@ def test_what_run_json_states_is_compared_though_its_checksum_is_made_anew(
     assert content[field] != value
     write(folder, "run", content | {field: verdict | {"light": turned} if field == "verdict" else value})
     for command in (write_report, handed_over, lf.load):
-        assert words in refusal(command, folder)
+        assert message in refusal(command, folder)
     (folder / "run.json").unlink()
     assert refusal(lf.load, folder) == ""
 

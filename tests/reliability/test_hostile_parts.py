@@ -40,8 +40,8 @@ def test_a_child_ends_in_the_way_that_it_says(tmp_path: Path) -> None:
     refusal = "from lensforge.errors import InputError\nraise InputError('bad:\\n worse')"
     assert child_of(tmp_path, refusal) == (Ending.REFUSED, "bad: worse")
     assert child_of(tmp_path, "1 / 0") == (Ending.FAILED, "stopped its reader (ZeroDivisionError: division by zero)")
-    ending, words = child_of(tmp_path, "import os, signal\nos.kill(os.getpid(), signal.SIGSEGV)")
-    assert (ending, words) == (Ending.CRASHED, "stopped its reader (SIGSEGV)")
+    ending, message = child_of(tmp_path, "import os, signal\nos.kill(os.getpid(), signal.SIGSEGV)")
+    assert (ending, message) == (Ending.CRASHED, "stopped its reader (SIGSEGV)")
 
 
 def test_a_child_that_takes_too_long_ends_with_all_that_it_started(tmp_path: Path) -> None:
@@ -51,8 +51,8 @@ def test_a_child_that_takes_too_long_ends_with_all_that_it_started(tmp_path: Pat
         "(folder / 'pid').write_text(str(process.pid))\n"
         "time.sleep(600)"
     )
-    ending, words = child_of(tmp_path, body, ChildLimits(400, 1.0))
-    assert (ending, words) == (Ending.TIME, "took more than 4 s")
+    ending, message = child_of(tmp_path, body, ChildLimits(400, 1.0))
+    assert (ending, message) == (Ending.TIME, "took more than 4 s")
     grandchild = int((tmp_path / "work" / "pid").read_text(encoding="utf-8"))
     deadline = time.monotonic() + 5.0  # a process that was killed ends when the system comes to it
     while is_running(grandchild) and time.monotonic() < deadline:
@@ -99,7 +99,7 @@ def changed(value: float) -> bytes:
 
 
 @pytest.mark.parametrize(
-    ("content", "words"),
+    ("content", "message"),
     [
         (b"", "states 0 triangles, 84 bytes, and has 0"),
         (binary(ball(2))[:-1], "states 320 triangles, 16084 bytes, and has 16083"),
@@ -113,9 +113,9 @@ def changed(value: float) -> bytes:
     ],
     ids=["empty", "short", "none", "far", "infinite", "nan", "corner", "number", "overflow"],
 )
-def test_a_hostile_stl_is_refused_before_any_work(content: bytes, words: str) -> None:
+def test_a_hostile_stl_is_refused_before_any_work(content: bytes, message: str) -> None:
     for read in (parse_stl, read_part_mesh):
-        with pytest.raises(InputError, match=words) as caught:
+        with pytest.raises(InputError, match=message) as caught:
             read(content)
         assert "\n" not in str(caught.value)
 

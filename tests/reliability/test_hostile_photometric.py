@@ -15,7 +15,7 @@ def _ies(head="1 1000 1 3 1 1 2 0 0 0 1 1 10", angles="0 45 90 0", candela="300 
 
 
 @pytest.mark.parametrize(
-    ("text", "words"),
+    ("text", "message"),
     [
         (_ies(head="1 1000 1 1000000 1 1 2 0 0 0 1 1 10"), "truncated"),
         (_ies(head="1 1000 1 2 5000 1 2 0 0 0 1 1 10", angles="0 90 " + " ".join(map(str, range(5000))),
@@ -26,15 +26,15 @@ def _ies(head="1 1000 1 3 1 1 2 0 0 0 1 1 10", angles="0 45 90 0", candela="300 
         (_ies(angles="179.9998 179.9999 180 0", candela="0 0 1e-25"), "hold no flux"),
     ],
 )  # fmt: skip
-def test_lm_63_that_lies_is_refused(text, words, tmp_path):
+def test_lm_63_that_lies_is_refused(text, message, tmp_path):
     (tmp_path / "x.ies").write_text(text)
-    with pytest.raises(InputError, match=words) as refusal:
+    with pytest.raises(InputError, match=message) as refusal:
         read_photometric(tmp_path / "x.ies")
     one_line(refusal)
 
 
 @pytest.mark.parametrize(
-    ("text", "words"),
+    ("text", "phrase"),
     [
         (_ies(head="0 1000 1 3 1 1 2 0 0 0 1 1 10"), "0 lamps of 1000 lm: taken as absolute"),
         (_ies(head="1 10 1 3 1 1 2 0 0 0 1 1 10"), "its lamps only 10 lm"),
@@ -45,7 +45,7 @@ def test_lm_63_that_lies_is_refused(text, words, tmp_path):
         (_ies(candela="300 200 -1"), "below 0"),
     ],
 )  # fmt: skip
-def test_what_contradicts_itself_is_told_in_a_summary_and_in_a_design(text, words, tmp_path):
+def test_what_contradicts_itself_is_told_in_a_summary_and_in_a_design(text, phrase, tmp_path):
     (tmp_path / "x.ies").write_text(text)
     section = lf.DiscSource(diameter_mm=1.0, intensity={"kind": "photometric", "file": tmp_path / "x.ies"})
     placed = section.model_copy(update={"position_mm": (0.0, 0.0, -1.0)})
@@ -54,7 +54,7 @@ def test_what_contradicts_itself_is_told_in_a_summary_and_in_a_design(text, word
         summarise(build_source(section), section).warnings,
         summarise(build_source(placed), placed).warnings,
     ):
-        assert any(words in warning for warning in warnings), warnings
+        assert any(phrase in warning for warning in warnings), warnings
 
 
 def test_one_half_plane_at_0_and_360_is_light_of_revolution(tmp_path):

@@ -80,10 +80,10 @@ def test_counts_in_headers_take_no_memory(tmp_path):
         "spectrum": (_tm25(tables=1, block=struct.pack("<i2f", 1, 1e38, 1.0), rows=ONE_RAY), "not finite and below"),
         "speos": (b"1e300\n1 0 0 0 0 0 1 500 1\n2 0 0 0 0 0 1 500 1\n", r"promises 1e\+300 rays"),
     }
-    for name, (content, words) in lies.items():
+    for name, (content, message) in lies.items():
         (tmp_path / name).write_bytes(content)
         tracemalloc.start()
-        with pytest.raises(InputError, match=words) as refusal:
+        with pytest.raises(InputError, match=message) as refusal:
             read_rayfile(tmp_path / name)
         assert tracemalloc.get_traced_memory()[1] < 2 * MIB, name
         tracemalloc.stop()

@@ -173,8 +173,8 @@ def test_sigterm_saves_the_search_and_says_so(tmp_path: Path) -> None:
     process.send_signal(signal.SIGTERM)
     _, stderr = process.communicate(timeout=120)
     assert process.returncode == 143
-    words = "lensforge: terminated; the same command with --resume continues from the last checkpoint"
-    assert stderr.splitlines()[-1] == words  # after the lines of further steps, on a fast machine
+    message = "lensforge: terminated; the same command with --resume continues from the last checkpoint"
+    assert stderr.splitlines()[-1] == message  # after the lines of further steps, on a fast machine
     assert [path.name for path in (tmp_path / "out").iterdir()] == [CHECKPOINT]
 
 
@@ -239,8 +239,8 @@ def test_ctrl_c_at_any_moment_is_one_line_and_leaves_nothing(
     if process.returncode == -signal.SIGINT:  # all is done, and Python ends: there is nothing to say
         assert re.fullmatch(rf"{command} +[\d.]+ s", stderr.splitlines()[-1]), stderr
     elif process.returncode not in (0, 1):
-        *stages, words = stderr.splitlines()  # a stage that has ended left its line
-        assert (process.returncode, words) == (130, "lensforge: interrupted") and len(stages) <= 1
+        *stages, message = stderr.splitlines()  # a stage that has ended left its line
+        assert (process.returncode, message) == (130, "lensforge: interrupted") and len(stages) <= 1
     assert not list(temporary.iterdir()) and not [path for path in folder.iterdir() if path.name.startswith(".")]
 
 
