@@ -76,4 +76,4 @@ def _zones(lamp):
     )
     flux = lamp.intensities(lateral, gamma) * np.sin(np.radians(gamma)) * np.radians(1.0) * np.radians(0.5)
     zone = np.digitize(gamma, (30.0, 60.0, 80.0)) + 4 * (np.cos(np.radians(lateral)) < 0.0)
-    return np.stack([np.bincount(zone, one, minlength=8).reshape(2, 4) for one in flux])
+    return np.stack([np.bincount(zone, replicate, minlength=8).reshape(2, 4) for replicate in flux])

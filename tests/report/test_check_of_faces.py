@@ -48,15 +48,15 @@ def test_facts_are_of_each_face_and_a_plot_of_the_one_that_is_named() -> None:
 
 
 @pytest.mark.parametrize(
-    ("changes", "words"),
+    ("changes", "message"),
     [
         ({"verdicts": None}, "tools and findings are on top"),
         ({"chart_axis": np.linspace(-1.0, 1.0, 5)}, r"cap.sag_mm: shape \(21, 21\), must be of the 5 nodes"),
         ({"cap": 3.0}, "cap"),
     ],
 )
-def test_entries_that_do_not_fit_each_other_are_refused(changes, words) -> None:
+def test_entries_that_do_not_fit_each_other_are_refused(changes, message) -> None:
     if "verdicts" in changes:
         changes = {"verdicts": tuple(replace(verdict, place="top") for verdict in four().verdicts)}
-    with pytest.raises(ValueError, match=words):
+    with pytest.raises(ValueError, match=message):
         four(**changes)

@@ -140,8 +140,8 @@ def flux_ends(drawn):
 
 def stray_ends(drawn):
     flux = stray(drawn).flux
-    words = [text.get_text() for text in drawn.axes.texts]
-    assert bars(drawn)[0] == (0.0, 1.0) and f"{100.0 * flux.detected_direct:.2f} %" in words
+    texts = [text.get_text() for text in drawn.axes.texts]
+    assert bars(drawn)[0] == (0.0, 1.0) and f"{100.0 * flux.detected_direct:.2f} %" in texts
     assert (0.0, pytest.approx(flux.detected_direct)) in bars(drawn)
 
 

@@ -99,18 +99,18 @@ TOLD = (
 
 
 @pytest.mark.parametrize(
-    ("changes", "words"),
+    ("changes", "suffix"),
     [
         ({}, ""),
         ({"photometry": {"lenses": 3}}, " of a lens"),
         ({"lamps": {"kind": "table", "places_mm": [[-30.0, 0.0], [0.0, 0.0], [30.0, 0.0]]}}, " of a lens"),
     ],
 )
-def test_the_size_of_one_of_several_lenses_is_called_that(changes, words):
+def test_the_size_of_one_of_several_lenses_is_called_that(changes, suffix):
     part = folder_of("every stage").part
     several = part.changed(lens=replace(part.lens, spec=part.lens.spec.replace(changes)))
     facts = {fact.key: fact.label for group in part_facts(several) for fact in group.facts}
-    assert facts["volume"] == f"Volume{words}"
+    assert facts["volume"] == f"Volume{suffix}"
 
 
 @pytest.fixture(scope="module")
@@ -195,7 +195,7 @@ def test_a_criterion_with_a_standard_error_can_be_undecided(value, error, state)
 
 
 @pytest.mark.parametrize(
-    ("changes", "words"),
+    ("changes", "message"),
     [
         ({"passed": False}, "passed: not as it follows"),
         ({"limit": None}, "limit: must be a number"),
@@ -205,11 +205,11 @@ def test_a_criterion_with_a_standard_error_can_be_undecided(value, error, state)
         ({"sense": "<"}, "should be '<=' or '>='"),
     ],
 )
-def test_a_stored_criterion_is_what_its_entries_make(changes, words):
+def test_a_stored_criterion_is_what_its_entries_make(changes, message):
     records = TypeAdapter(Criteria)
     (stored,) = records.dump_python((at_most("gap", 0.5, 1.0, "mm", "look again"),), mode="json")
     forged = {name: entry for name, entry in {**stored, **changes}.items() if entry is not ...}
-    with pytest.raises(ValidationError, match=words):
+    with pytest.raises(ValidationError, match=message):
         records.validate_python([forged])
 
 

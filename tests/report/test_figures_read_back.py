@@ -66,9 +66,9 @@ def test_a_polar_diagram_has_each_half_plane_on_its_side() -> None:
 def test_lux_on_the_ground_are_those_of_all_lenses_at_the_height_of_the_pole() -> None:
     """Largest under the lamp, where the intensity is 100 cd: of 24 lenses 8 m up it is 24 x 100 / 64 lx."""
     by_height, relative = (ground_diagram(lamp(), 90.0, 24, height).axes[0] for height in (8.0, None))
-    words = [line.get_label() for line in by_height.lines if line.get_label().endswith("lx")]
+    labels = [line.get_label() for line in by_height.lines if line.get_label().endswith("lx")]
     top = 24.0 * 100.0 / 64.0
-    assert [float(text.split()[0]) for text in words] == pytest.approx(
+    assert [float(text.split()[0]) for text in labels] == pytest.approx(
         [share * top for share in (0.01, 0.05, 0.2, 0.5)], rel=0.15
     )
     assert any("of the maximum" in line.get_label() for line in relative.lines)

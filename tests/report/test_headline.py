@@ -38,8 +38,8 @@ def test_a_verdict_that_is_no_pass_comes_with_its_reason():
 
 def test_what_has_not_run_leaves_a_verdict_undecided():
     text = text_of(make_results(("design",)))
-    for words in ("Photometry: undecided", "CAD files: undecided", "Manufacture: undecided"):
-        assert words in text
+    for line in ("Photometry: undecided", "CAD files: undecided", "Manufacture: undecided"):
+        assert line in text
     assert "Manufacture: undecided The part has not been checked." in text
 
 
@@ -103,13 +103,13 @@ def test_a_limit_that_is_kept_by_its_tolerance_alone_shows_it():
 
 
 @pytest.mark.parametrize(
-    ("base", "flange", "words"),
+    ("base", "flange", "holders"),
     [("none", False, ""), ("none", True, ", flange included"), ("cylinder", False, ", base included")],
 )
-def test_only_a_base_that_there_is_counts_as_included(base, flange, words):
+def test_only_a_base_that_there_is_counts_as_included(base, flange, holders):
     spec = spot(**({"flange": {"diameter_mm": 20.0, "thickness_mm": 1.0}} if flange else {}))
     made = {"kind": base} if base == "none" else {"kind": base, "diameter_mm": 14.0, "height_mm": 2.0}
-    assert included_holders(spec.replace(base=made)) == words
+    assert included_holders(spec.replace(base=made)) == holders
 
 
 @pytest.mark.parametrize(("aim", "shown"), [("pattern", ["nmse", "share_in_target"]), ("share", ["share_in_target"])])
@@ -146,13 +146,13 @@ def test_a_record_of_an_earlier_version_is_named_without_the_path_of_its_folder(
 
 
 @pytest.mark.parametrize(
-    ("required", "words"), [(False, "Manufacture fails (not required)."), (True, "Manufacture fails.")]
+    ("required", "beginning"), [(False, "Manufacture fails (not required)."), (True, "Manufacture fails.")]
 )
-def test_cutting_that_fails_says_whether_it_counts(required, words):
+def test_cutting_that_fails_says_whether_it_counts(required, beginning):
     verdicts = (finding("cutter", "inner", False, "no ball fits"),)
     results = make_results(check={"verdicts": verdicts})
     shop = results.spec.manufacture.model_copy(update={"required": required})
     spec = results.spec.model_copy(update={"manufacture": shop})
     summary = headline(replace(results, lens=replace(results.lens, spec=spec)))
-    assert summary.sentence.startswith(words)
+    assert summary.sentence.startswith(beginning)
     assert summary.shown == ("fail" if required else "open")

@@ -59,11 +59,11 @@ def test_the_place_of_each_led_stands_where_it_is_named_first():
     both = light.model_copy(update={"others": (other,)})
     markup = undrawn_page_of(replace(made, lens=lens, found={"evaluate": both}))
     head = re.sub("<[^>]+>|\\s+", " ", markup[markup.index("<header>") : markup.index("<main>")])
-    for words in (
+    for phrase in (
         "LED, red: tilted by (0, 7.5)°, Shifted by (0.1, −0.2, 0.4) mm",
         "LED, green: tilted by (0, 7.5)°, Shi",
     ):
-        assert f"Place of the {words}" in head
+        assert f"Place of the {phrase}" in head
 
 
 def test_nothing_is_written(tmp_path, monkeypatch):

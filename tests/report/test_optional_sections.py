@@ -37,8 +37,8 @@ def test_sections_pictures_and_links_are_there(page):
     assert {"#stray", "#measured"} <= set(page.references)
     # the whole report's, 3 of stray light, 3 + 3 of the photograph, 3 of the surface
     assert page.tags.count("svg") == 26 + 2 + 3 + 6 + 3
-    for words in ("found in the photograph with the LED off", "12 345", "12.5 µm"):
-        assert folded(words.replace("12 345", "12\u2009345")) in page.text
+    for phrase in ("found in the photograph with the LED off", "12 345", "12.5 µm"):
+        assert folded(phrase.replace("12 345", "12\u2009345")) in page.text
 
 
 @needs_addon("measure")

@@ -136,9 +136,9 @@ def test_constraints_run_on_from_level_to_level_and_what_is_not_allowed_is_shade
 
 
 def test_numbers_of_short_levels_do_not_cover_each_other():
-    one = make_design(small_lens()).history[0]
+    level = make_design(small_lens()).history[0]
     sizes = {9: 60, 34: 60, 115: 60, 404: 60, 1493: 1260}
-    levels = [one.model_copy(update={"functions": n, "nmse": (0.1,) * steps}) for n, steps in sizes.items()]
+    levels = [level.model_copy(update={"functions": n, "nmse": (0.1,) * steps}) for n, steps in sizes.items()]
     figure = lens_figures.history(levels, "nmse")
     figure.canvas.draw()
     boxes = [text.get_window_extent() for text in figure.axes[0].texts]

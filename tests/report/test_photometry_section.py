@@ -59,9 +59,9 @@ def test_the_page_has_the_section_and_says_where_it_is_missing():
     page = text_of(make_results())
     assert "Beam angle, C 0" in page
     assert "There is no photometry.json" in text_of(make_results(("evaluate",)))
-    for relative, words in ((False, "are absolute"), (True, "per 1000 lm of the source, whose flux is not known")):
+    for relative, phrase in ((False, "are absolute"), (True, "per 1000 lm of the source, whose flux is not known")):
         made = {"photometry": make_photometry(small_lens(), per_1000_lm=relative)}
-        assert f"Candela and lumens {words}." in _photometry_sentence(
+        assert f"Candela and lumens {phrase}." in _photometry_sentence(
             make_results(("photometry",), small_lens(), **made)
         )
 
@@ -134,8 +134,8 @@ def test_isolux_lines_of_a_lamp_lie_where_its_illuminance_is():
     axes = ground_diagram(make_photometry(lens), 90.0, 24, 8.0).axes[0]
     fifth = axes.collections[2].get_paths()[0].vertices
     assert np.allclose(np.hypot(*fifth.T), np.sqrt(np.sqrt(5.0) - 1.0), atol=0.02)
-    words = [line.get_label() for line in axes.lines]
-    assert f"{0.2 * 24 * 1000.0 / np.pi / 64.0:.2g} lx" in words
+    labels = [line.get_label() for line in axes.lines]
+    assert f"{0.2 * 24 * 1000.0 / np.pi / 64.0:.2g} lx" in labels
 
 
 def test_isolux_lines_reach_towards_the_street():

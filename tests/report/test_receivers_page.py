@@ -168,12 +168,12 @@ def test_verification_and_stray_light_are_shown_on_every_receiver():
     results = whole_results(lens=lens_with(WALL, SKY))
     page = Page(page_of(results))
     assert len(page.ids) == len(set(page.ids))
-    for words in (
+    for phrase in (
         "Exported part, wall", "Exported part, sky", "Part minus design, sky", "rms, at 1 m, part against design",
         "Ray displacement, sky", "Stray light on the receiver, sky", "for directions at 1 m", "Stray light, wall",
         "of the part; ray noise alone: ",
     ):  # fmt: skip
-        assert words in page.text, words
+        assert phrase in page.text, phrase
     names = [group.title.rpartition(", ")[2] for group in tracer_groups(results.proof)]
     assert names == ["wall", "Plain ray cast by trimesh", "wall", "wall", "wall", "sky", "sky"]
 

@@ -54,7 +54,7 @@ def test_the_page_tells_rays_and_pixels_and_each_number_is_one_of_a_fact():
     text = seen_in(f"<body>{section}")
     assert re.search(r"By 4\s?321 rays at each stop, the same at all, on 16 × 8 pixels", text)
     assert "0.125 mm: illuminance on the axis 625 ± 16 lx, full width at half maximum 83 mm" in text
-    known = {number for words in texts_of(travel_section.travel_groups(results())) for number in numbers_in(words)}
+    known = {number for line in texts_of(travel_section.travel_groups(results())) for number in numbers_in(line)}
     assert numbers_in(text) - known <= {"4321", "4", "321", "16", "8"}
 
 

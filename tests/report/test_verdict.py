@@ -276,11 +276,11 @@ def test_limits_that_are_undecided_are_not_counted_as_held_on_the_screen() -> No
     (group,) = (group for group in light_facts(results.light, results.lens) if group.key == "limits")
     (_, held), *others = _limit_rows(group)
     assert held == "1 of 3 met"
-    shown = [(label.strip(), words.partition(":")[0]) for label, words in others]
+    shown = [(label.strip(), reason.partition(":")[0]) for label, reason in others]
     assert shown == [("undecided", "near"), ("missed", "far")]
     many = replace(group, facts=(*group.facts, *(replace(group.facts[2], label=name) for name in "abc")))
     (_, held), *others = _limit_rows(many)
-    assert held == "1 of 6 met" and [words.partition(":")[0] for _, words in others] == [
+    assert held == "1 of 6 met" and [reason.partition(":")[0] for _, reason in others] == [
         "near", "far", "a", "and 2 more, in evaluate.json",
     ]  # fmt: skip
 
@@ -302,13 +302,13 @@ def test_the_light_on_each_receiver_decides(number: int, field: str, good: float
 
 
 @pytest.mark.parametrize(
-    ("missed", "words"), [(1, "is not met: something 0."), (2, "are not met: something 0, something 1.")]
+    ("missed", "phrase"), [(1, "is not met: something 0."), (2, "are not met: something 0, something 1.")]
 )
-def test_the_criteria_that_are_missed_are_counted_and_named(missed: int, words: str) -> None:
+def test_the_criteria_that_are_missed_are_counted_and_named(missed: int, phrase: str) -> None:
     criteria = tuple(criterion(f"something_{number}", 2.0, 1.0) for number in range(missed))
     results = make_results(design={"criteria": (*criteria, criterion("held", 0.5, 1.0))})
     count = len([1 for _ in results.criteria()])
-    assert headline(results).criteria == f"{missed} of {count} criteria on simulation and files {words}"
+    assert headline(results).criteria == f"{missed} of {count} criteria on simulation and files {phrase}"
 
 
 @pytest.mark.parametrize("cutting", [False, True])

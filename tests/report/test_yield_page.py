@@ -69,8 +69,8 @@ def test_every_percentile_and_bound_is_on_the_page(page, yield_record):
         factor = 100.0 if row.facts[0].unit == "%" else 1.0
         wanted = (spread.designed.value, spread.p5, spread.p50, spread.p95, spread.spread)
         assert [fact.value for fact in row.facts] == [factor * value for value in wanted]
-        for words in (row.title, *(fact.text for fact in row.facts)):
-            assert folded(words) in page.text, words
+        for text in (row.title, *(fact.text for fact in row.facts)):
+            assert folded(text) in page.text, text
     assert "≤ 0.0985" in page.text and "outweighs the spread of the parts" not in page.text
 
 
@@ -103,11 +103,11 @@ def test_the_first_group_tells_who_passes_then_what_decides_then_the_budget(yiel
 
 
 def test_each_road_is_on_the_page_with_the_parts_that_hold_its_class(page, yield_record):
-    words = "90 %, 76.9 % to 96 %, nmse, of 62.5 % of the parts".replace(" %", "\u2009%").split(", ", 2)
+    figures = "90 %, 76.9 % to 96 %, nmse, of 62.5 % of the parts".replace(" %", "\u2009%").split(", ", 2)
     causes = ("source, decentre, 50.0 ± 6.2\u2009%", "undecided: within the ray noise")
     for number, (row, main) in enumerate(zip(application_rows(yield_record), causes, strict=True), start=1):
-        assert [fact.text for fact in row.facts] == ["M3", *words, main]
-        assert row.title == f"Road {number}" and folded(main) in page.text and folded(words[2]) in page.text
+        assert [fact.text for fact in row.facts] == ["M3", *figures, main]
+        assert row.title == f"Road {number}" and folded(main) in page.text and folded(figures[2]) in page.text
 
 
 def test_a_tolerance_of_which_no_amount_is_small_enough_is_named(yield_record):
@@ -142,14 +142,14 @@ def test_what_reaches_the_required_yield_is_said_where_it_is_missed(lens, yield_
     )  # fmt: skip
     assert first().fact("cheapest").text == "none is enough"
     few = flux.changed(factor=None, low=None, most=0.9)
-    for named_flux, words in (
+    for named_flux, phrase in (
         (few, "× 1.05 gives the highest, 90\u2009%"),
         (few.changed(best=None), "no part passes at any flux"),
     ):
         fact = yield_facts(yield_record.model_copy(update={"flux": named_flux}))[0].fact("flux")
         assert (fact.text, fact.note) == (
             "none is enough",
-            f"for a yield of 95\u2009%, tolerances as specified; {words}",
+            f"for a yield of 95\u2009%, tolerances as specified; {phrase}",
         )
     enough = yield_record.budget.together.changed(at_most=1.1, high=1.2)
     assert first(together=enough).fact("cheapest").text == "none"
@@ -278,8 +278,8 @@ def test_the_page_shows_each_led_and_the_worst_parts_by_the_one_that_decides(len
     errors = type(alone).joined({"near": alone, "far": alone.changed(rays=99)})
     records = {"evaluate": light, "yield": study, "sensitivity": errors}
     text = Page(undrawn_page_of(make_results((), lens, **records))).text
-    for words in ("meet all limits with each of 2 LEDs", "Yield with far", "Changes by each of 2 errors"):
-        assert words in text, words
+    for phrase in ("meet all limits with each of 2 LEDs", "Yield with far", "Changes by each of 2 errors"):
+        assert phrase in text, phrase
     assert "As designed, far" in text and "Part 39, far: fails" in text and "As designed, near" not in text
     assert "decentre in x, near" in text and "decentre in x, far" in text
     tops = []
