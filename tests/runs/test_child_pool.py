@@ -202,8 +202,8 @@ def has_ended(number: int) -> bool:
 @pytest.mark.skipif(sys.platform != "linux", reason="elsewhere it ends with its work")
 def test_a_script_needs_no_guard_and_its_end_is_that_of_the_other_process(tmp_path: Path) -> None:
     process = started(tmp_path)
-    words, errors = process.communicate(timeout=60)
-    first, number = words.splitlines()
+    output, errors = process.communicate(timeout=60)
+    first, number = output.splitlines()
     assert (first, errors, process.returncode) == ("script", "", 0)
     assert has_ended(int(number)) and not list(tmp_path.iterdir())
 

@@ -96,7 +96,7 @@ def test_figures_and_reasons_tell_led_and_receiver(light: lf.Light) -> None:
             for led, alone in light.by_led.items()
         }
         reasons = light_reasons(lf.Light.joined(leds), of_no_road)
-        assert [words.partition(" = ")[0] for _, words in reasons] == missed
+        assert [reason.partition(" = ")[0] for _, reason in reasons] == missed
 
 
 def test_the_second_of_two_leds_fails_the_files(lens: lf.Lens, light: lf.Light, part: lf.Part) -> None:
@@ -140,8 +140,8 @@ def test_stray_light_of_each_led(part: lf.Part) -> None:
 def test_candela_of_poles_are_the_sum_of_each_turned(lens: lf.Lens, whole: lf.Photometry) -> None:
     """The lens alone with each LED, its table read in the lamp's own directions; as much light is lost as by one."""
     for led, source in zip(LEDS, (section["source"] for section in LEDS), strict=True):
-        of_led, one = whole.by_led[str(led["name"])], lens_with(sources=(), source=source, lamps=None)
-        alone = lf.photometry(one, rays=MOST_RAYS)
+        of_led, single = whole.by_led[str(led["name"])], lens_with(sources=(), source=source, lamps=None)
+        alone = lf.photometry(single, rays=MOST_RAYS)
         assert of_led.source_w == 2 * alone.source_w and of_led.source_lm == 2 * alone.source_lm
         away = of_led.exit_w.value + sum(of_led.lost_w.model_dump().values()) + of_led.reflected_w
         assert away == pytest.approx(of_led.source_w, rel=1e-9)

@@ -103,8 +103,8 @@ def test_the_second_state_decides(lens: lf.Lens, light: lf.Light) -> None:
     assert list(light_reasons(light, lens)) == []
     missed = replace(light.others[0].limits[0], limit=0.999).judged()
     other = light.others[0].model_copy(update={"limits": (missed,)})
-    ((state, words),) = light_reasons(light.model_copy(update={"others": (other,)}), lens)
-    assert state == "fail" and words.startswith("middle, far = ")
+    ((state, reason),) = light_reasons(light.model_copy(update={"others": (other,)}), lens)
+    assert state == "fail" and reason.startswith("middle, far = ")
 
 
 def test_each_state_has_its_far_field_and_its_files(lens: lf.Lens) -> None:

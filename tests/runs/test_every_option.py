@@ -149,10 +149,10 @@ ROWS = [(name, flag, *row) for name, rows in HEARD.items() for flag, row in {**r
 def test_an_option_is_heard(
     name: str, flag: str, value: str, keyword: str, wanted: object, calls: Calls, places: dict[str, Path]
 ) -> None:
-    def given(words: object) -> Any:
-        if isinstance(words, list | tuple):
-            return type(words)(map(given, words))
-        return type(words)(str(words).format(**places)) if isinstance(words, str | Path) else words
+    def given(argument: object) -> Any:
+        if isinstance(argument, list | tuple):
+            return type(argument)(map(given, argument))
+        return type(argument)(str(argument).format(**places)) if isinstance(argument, str | Path) else argument
 
     def arguments() -> list[object]:
         """What the calls had under the keyword, or all that they had."""
@@ -171,8 +171,8 @@ def test_an_option_is_heard(
     without = invoked(name, *base)
     assert without.exception is None or isinstance(without.exception, lf.LensforgeError), without.exception
     before = arguments()
-    words = [value] if value.startswith("--no-") else [flag, *given(value).split()]
-    done = invoked(name, *base, *words)
+    options = [value] if value.startswith("--no-") else [flag, *given(value).split()]
+    done = invoked(name, *base, *options)
     assert done.exception is None or isinstance(done.exception, lf.LensforgeError), done.exception
     after = arguments()
     assert given(wanted) in after and given(wanted) not in before, (before, after, done.output)

@@ -19,8 +19,8 @@ def test_the_bare_command_prints_its_help() -> None:
     assert done.exit_code == 0 and done.stderr == ""
     assert done.stdout.startswith("Usage: lensforge") or done.stdout.startswith("Usage: cli")
     assert all(f"\n  {name}" in done.stdout for name in all_commands())
-    for words in ("lengths in mm", "--accuracy draft", "_LENSFORGE_COMPLETE=bash_source", "2 bad input"):
-        assert words in done.stdout
+    for phrase in ("lengths in mm", "--accuracy draft", "_LENSFORGE_COMPLETE=bash_source", "2 bad input"):
+        assert phrase in done.stdout
     assert max(map(len, done.stdout.splitlines())) <= 80
 
 
@@ -39,14 +39,14 @@ def test_every_command_says_what_it_does_in_a_line(name: str) -> None:
 @pytest.mark.parametrize("name", ["design", "sweep"])
 def test_the_help_says_which_rays_of_a_search_are_set_and_those_of_each_preset(name: str) -> None:
     """The numbers are those of the steps of a search with given levels; a TIR lens of revolution takes a quarter."""
-    words = " ".join(CliRunner().invoke(cli, [name, "--help"]).stdout.split())
-    assert "Rays of each step of the search" in words and "1e6" not in words
+    text = " ".join(CliRunner().invoke(cli, [name, "--help"]).stdout.split())
+    assert "Rays of each step of the search" in text and "1e6" not in text
     page = (Path(__file__).parents[2] / "docs/choosing.md").read_text(encoding="utf-8")
     (row,) = [line for line in page.splitlines() if line.startswith("| rays of each step")]
     assert [int(cell.replace(",", "")) for cell in row.split("|")[2:-1]] == [2**14, 2**16, 2**18]
     spec = load_spec(Path(__file__).parents[2] / "examples/spot.toml")
     for preset, rays in zip(("draft", "standard", "reference"), (2**14, 2**16, 2**18), strict=True):
-        assert f"{rays} {preset}" in words
+        assert f"{rays} {preset}" in text
         assert {stage.rays for stage in fixed_schedule(spec, PRESETS[preset], last_only=False).stages} == {rays // 4}
     of_spec = spec.replace({"optimise.rays": 20_000})
     assert {stage.rays for stage in fixed_schedule(of_spec, PRESETS["draft"], last_only=False).stages} == {20_000}

@@ -91,18 +91,18 @@ def test_labels_and_texts_stand_in_columns(capsys: pytest.CaptureFixture[str]) -
 
 
 @pytest.mark.parametrize(
-    ("seconds", "words"),
+    ("seconds", "text"),
     [(0.04, "0.0 s"), (9.96, "10 s"), (59.6, "1 min 00 s"), (425.0, "7 min 05 s"), (4320.0, "1 h 12 min")],
 )
-def test_a_time_is_shown_in_two_units_at_most(seconds: float, words: str) -> None:
-    assert duration(seconds) == words
+def test_a_time_is_shown_in_two_units_at_most(seconds: float, text: str) -> None:
+    assert duration(seconds) == text
 
 
 def test_a_pipe_is_not_wrapped_and_a_terminal_is(capsys: pytest.CaptureFixture[str]) -> None:
-    words = "word " * 60
-    block = Block("Title", [("Label", words)])
+    text = "word " * 60
+    block = Block("Title", [("Label", text)])
     print_screen([block])
-    assert capsys.readouterr().out.splitlines() == ["Title", f"  Label  {words.strip()}"]
+    assert capsys.readouterr().out.splitlines() == ["Title", f"  Label  {text.strip()}"]
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("sys.stdout.isatty", lambda: True)
         print_screen([block])

@@ -133,9 +133,9 @@ def test_light_that_goes_backward_is_no_light_of_the_lens(folder: Path, tmp_path
     assert isinstance(light, lf.Light) and light.efficiency.value == 0.0
     assert light.missed_by_cause.backward > 0.99  # a few start above z = 0 and graze the inner surface
     assert done.stdout.startswith("Photometry under other conditions: fail\n")
-    assert light.conditions is not None and any("-z" in words for words in light.conditions.warnings)
-    for words in light.conditions.warnings:
-        assert f"warning: {words}" in done.stderr.splitlines()
+    assert light.conditions is not None and any("-z" in warning for warning in light.conditions.warnings)
+    for message in light.conditions.warnings:
+        assert f"warning: {message}" in done.stderr.splitlines()
     assert page_top(folder) == top, "the own light, its verdict and its figures"
     page = (folder / "report.html").read_text(encoding="utf-8")
     row = page[page.index('id="other"') :]
@@ -244,7 +244,7 @@ def test_a_source_is_warned_of_before_the_search(tmp_path: Path, monkeypatch: py
         cli, ["design", str(tmp_path / "led.toml"), "--accuracy", "draft", "--out", str(tmp_path / "o")]
     )
     lines = done.stderr.splitlines()
-    assert [f"warning: {words}" for words in heard[:-2]] == lines[: len(heard) - 2], done.stderr
+    assert [f"warning: {message}" for message in heard[:-2]] == lines[: len(heard) - 2], done.stderr
     stored = json.loads((tmp_path / "o" / "design.json").read_text(encoding="utf-8"))
     assert tuple(stored["source"]["warnings"]) == result.source.warnings
     page = (tmp_path / "o" / "report.html").read_text(encoding="utf-8")

@@ -162,8 +162,8 @@ def test_a_terminal_shows_what_runs_beside(terminal: None) -> None:
         assert [line.split() for line in shown_lines(clock)] == [["evaluate", "0.0", "s"]]
 
 
-@pytest.mark.parametrize(("levels", "words"), [([9, 25], "22 s left"), ("auto", "at least 22 s left")])
-def test_the_time_left_is_that_of_the_whole_command(levels: list[int] | str, words: str, terminal: None) -> None:
+@pytest.mark.parametrize(("levels", "phrase"), [([9, 25], "22 s left"), ("auto", "at least 22 s left")])
+def test_the_time_left_is_that_of_the_whole_command(levels: list[int] | str, phrase: str, terminal: None) -> None:
     """Half of a search took 10 s; the stages after it take 0.6 of its 20 s at standard accuracy: 22 s are left."""
     with StageClock("design") as clock:
         spec = small_spec(lens__levels=levels, **({"optimise": {}} if levels == "auto" else {}))
@@ -175,6 +175,6 @@ def test_the_time_left_is_that_of_the_whole_command(levels: list[int] | str, wor
             )  # fmt: skip
             shown.on_step(step)
             if done == 50:
-                assert shown_lines(clock)[0].rstrip().endswith(f"NMSE 0.1000, {words}")
+                assert shown_lines(clock)[0].rstrip().endswith(f"NMSE 0.1000, {phrase}")
         shown.on_stage("evaluate")
         assert shown_lines(clock)[0].rstrip().endswith("s, 12 s left"), "of the later stages"

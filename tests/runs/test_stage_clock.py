@@ -50,11 +50,11 @@ def test_quiet_says_nothing_but_warnings(capsys: pytest.CaptureFixture[str], ter
 
 def test_brackets_of_a_message_are_no_markup(capsys: pytest.CaptureFixture[str]) -> None:
     """Tables of a spec stand in brackets, and a spec may name a thing by a tag of the terminal."""
-    words = "[limits] of [lens.inner]: [red]lamp[/red] and [/]"
+    message = "[limits] of [lens.inner]: [red]lamp[/red] and [/]"
     with StageClock("yield") as clock:
-        clock.note(words)
-        clock.warn(words)
-    assert frames(capsys.readouterr().err)[:2] == [words, f"warning: {words}"]
+        clock.note(message)
+        clock.warn(message)
+    assert frames(capsys.readouterr().err)[:2] == [message, f"warning: {message}"]
 
 
 def test_the_clock_of_a_terminal_goes_on_by_itself_in_60_columns(
@@ -95,8 +95,8 @@ def test_a_study_says_once_in_a_pipe_how_long_it_takes(
 def test_the_amounts_of_a_budget_are_one_stage(capsys: pytest.CaptureFixture[str]) -> None:
     with StageClock("yield") as clock:
         progress = PartsProgress(clock)
-        for words in ("parts", "budget: 1 of 3, source height", "budget: 2 of 3, index", "worst parts"):
-            progress.on_stage(words)
+        for stage in ("parts", "budget: 1 of 3, source height", "budget: 2 of 3, index", "worst parts"):
+            progress.on_stage(stage)
             progress.on_parts(14, 50)
     lines = capsys.readouterr().err.splitlines()
     assert [line[:12].strip() for line in lines] == ["yield", "parts", "budget", "worst parts"]

@@ -84,7 +84,7 @@ def test_mirrored_parts_are_the_opposite_but_for_roughness() -> None:
 
 
 @pytest.mark.parametrize(
-    ("changes", "words"),
+    ("changes", "message"),
     [
         ({"faces": {"outer": {"gap_mm": {"amount": 0, "distribution": "normal"}}}}, "a distribution has a width"),
         ({"faces": {"outer": {"gap_mm": {"distribution": "normal"}}}}, "outer.gap_mm.amount: missing"),
@@ -99,8 +99,8 @@ def test_mirrored_parts_are_the_opposite_but_for_roughness() -> None:
         ({"waviness_shortest_mm": 8.0}, "must be below waviness_longest_mm = 5"),
     ],
 )
-def test_a_wrong_tolerance_is_one_line(changes: dict, words: str) -> None:
-    with pytest.raises(InputError, match=words) as error:
+def test_a_wrong_tolerance_is_one_line(changes: dict, message: str) -> None:
+    with pytest.raises(InputError, match=message) as error:
         PartTolerances(**changes)
     assert "\n" not in str(error.value)
 
@@ -132,14 +132,14 @@ def test_tolerances_come_from_a_preset_or_a_file(tmp_path) -> None:
         assert (tolerances.tolerance("gap_mm").amount, tolerances.tolerance("outer_shift_mm").amount) == (0.5, 0.005)
     file.write_text("[lens.outer]\ngap_mm = 0.5\n")
     assert read_tolerances(str(file)) == PartTolerances(faces={"outer": {"gap_mm": 0.5}})
-    for text, words in (
+    for text, message in (
         ("[lens.outer]\ngap_mm = 9.0\n", "own.toml: lens.outer: gap_mm = 9: must be at most 5"),
         ("[lens.outer]\ngapp_mm = 0.5\n", "own.toml: lens.outer: gapp_mm = 0.5: unknown; did you mean gap_mm"),
         ("[lens.inner]\ngap_mm = 0.5\n", "own.toml: lens: inner.gap_mm: this face is what"),
         ("[tolerances]\nouter = {}\n", "own.toml: tolerances: outer: unknown"),
     ):
         file.write_text(text)
-        with pytest.raises(InputError, match=words):
+        with pytest.raises(InputError, match=message):
             read_tolerances(str(file))
     file.write_text("[lens]\n")
     with pytest.raises(InputError, match="has no \\[tolerances\\]"):

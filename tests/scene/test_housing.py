@@ -258,10 +258,10 @@ FILES = {
 
 @pytest.mark.parametrize("name", FILES)
 def test_a_file_that_holds_no_body_is_one_line(name: str, tmp_path: Path) -> None:
-    make, words = FILES[name]
+    make, phrase = FILES[name]
     with pytest.raises(InputError) as refusal:
         mesh_of(HousingFile(name="it", file=make(tmp_path / "it.stl")))
-    assert words in str(refusal.value) and "\n" not in str(refusal.value)
+    assert phrase in str(refusal.value) and "\n" not in str(refusal.value)
 
 
 TWO = {"lamps": {"kind": "table", "places_mm": [[0.0, 0.0], [0.0, 30.0, 38.0]]}}
@@ -274,14 +274,14 @@ ROOM: list[tuple[dict[str, Any], dict[str, Any], str]] = [
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize(("wall", "more", "words"), ROOM)
-def test_no_body_stands_in_the_lens(wall: dict[str, Any], more: dict[str, Any], words: str) -> None:
+@pytest.mark.parametrize(("wall", "more", "message"), ROOM)
+def test_no_body_stands_in_the_lens(wall: dict[str, Any], more: dict[str, Any], message: str) -> None:
     """Where a lens may be, and at each lamp; below it a body may stand."""
     spec = small_spec(scene=[{"kind": "box", "name": "wall", "size_mm": (20.0, 20.0, 2.0), **wall}], **more)
-    if not words:
+    if not message:
         receivers_of(spec, 16)
         return
-    with pytest.raises(InputError, match=words.replace("(", r"\(")):
+    with pytest.raises(InputError, match=message.replace("(", r"\(")):
         receivers_of(spec, 16)
 
 

@@ -261,9 +261,9 @@ def test_aimed_lambertian_lamps_light_a_plane_as_their_closed_form_says() -> Non
     def on_pixels(place: list[float], aim: list[float]) -> np.ndarray:
         return irradiance(place, aim, 80.0, centres).reshape(5, 10, 5, 10).mean(axis=(1, 3))
 
-    one = on_pixels([0.0, 0.0, 0.0], [0.0, 0.0, 80.0])
+    single = on_pixels([0.0, 0.0, 0.0], [0.0, 0.0, 80.0])
     wanted = sum(on_pixels(*lamp) for lamp in zip(places, aims, strict=True))
-    passed = above.map.sum() / one.sum()
+    passed = above.map.sum() / single.sum()
     np.testing.assert_allclose(lit.map, passed * wanted, rtol=0.02)
     assert wanted.max() > 2.5 * wanted.min()
     share = lit.map.sum() / 2.0 / above.map.sum()
