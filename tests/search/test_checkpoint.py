@@ -168,7 +168,7 @@ FORMS = {"a": Form(("n", 2)), "b": Form((3,), "int64", least=0.0)}
 
 
 @pytest.mark.parametrize(
-    ("changes", "words"),
+    ("changes", "message"),
     [
         ({}, ""),
         ({"a": np.ones((5, 2)), "b": np.array([0, 1, 2])}, ""),
@@ -182,13 +182,13 @@ FORMS = {"a": Form(("n", 2)), "b": Form((3,), "int64", least=0.0)}
         ({"c": np.ones(1)}, "'c' is none of it"),
     ],
 )
-def test_arrays_are_compared_with_their_forms(changes: dict[str, np.ndarray], words: str) -> None:
+def test_arrays_are_compared_with_their_forms(changes: dict[str, np.ndarray], message: str) -> None:
     arrays = {"a": np.ones((4, 2)), "b": np.ones(3, np.int64)} | changes
     there = {name: array for name, array in arrays.items() if array is not None}
-    if not words:
+    if not message:
         require_forms(there, FORMS)
         return
-    with pytest.raises(ValueError, match=words):
+    with pytest.raises(ValueError, match=message):
         require_forms(there, FORMS)
 
 

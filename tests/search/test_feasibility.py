@@ -154,8 +154,8 @@ def test_limits_that_only_a_projection_shows_to_exclude_each_other_are_named_bef
     limits = {"constraints__cavity_height_mm": 5.5, "lens__inner__concave_radius_mm": 5.5}
     spec = small_spec(**limits, lens__outer__draft_deg=25.0, lens__symmetry="square")
     begun: list[object] = []
-    words = r"no lens meets all of .*lens\.outer\.draft_deg = 25"
-    with pytest.raises(InputError, match=words) as refusal:
+    message = r"no lens meets all of .*lens\.outer\.draft_deg = 25"
+    with pytest.raises(InputError, match=message) as refusal:
         search(spec, build_source(spec.source), accuracy="draft", progress=begun.append)
     assert not begun
     assert "keep_out" not in str(refusal.value), "a limit that the spec does not set"

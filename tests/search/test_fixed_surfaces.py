@@ -46,7 +46,7 @@ def test_the_gradient_of_the_free_surface_is_right_and_that_of_the_fixed_one_not
     (inner.sum() + outer.sum()).backward()
     assert (weights.grad[:, 0] == 0.0).all() and offsets.grad[0] == 0.0
     assert offsets.grad[1] == pytest.approx(6.0 * outer.numel())
-    sums = [parametrisation.basis_tables.table(one).sum() for one in np.eye(34)]
+    sums = [parametrisation.basis_tables.table(unit).sum() for unit in np.eye(34)]
     assert np.allclose(weights.grad[:, 1].numpy(), 6.0 * np.array(sums), rtol=1e-12)
 
 

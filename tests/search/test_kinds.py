@@ -50,13 +50,13 @@ def light_on(problem: Problem, weights: torch.Tensor, offsets: torch.Tensor, ray
 
 
 def test_equal_kinds_have_the_light_and_the_constraints_of_one_lens() -> None:
-    one = problem_of(spec_of("one"))
+    problem = problem_of(spec_of("one"))
     three = problem_of(spec_of())
     weights = 0.02 * torch.from_numpy(np.random.default_rng(0).normal(size=(34, 2)))
     offsets = torch.tensor([1.0, 1.1], dtype=torch.float64)
     # of one function that has all mirrors by itself, so that the lens is the same in every kind
     weights[1:] = 0.0
-    alone = light_on(one, weights, offsets)
+    alone = light_on(problem, weights, offsets)
     together = light_on(three, weights.repeat(1, 3), offsets.repeat(3))
     coarse = [image.reshape(8, -1, 8, image.shape[1] // 8).sum(axis=(1, 3)) for image in (alone, together)]
     np.testing.assert_allclose(coarse[1], coarse[0], atol=0.01 * coarse[0].max())

@@ -248,7 +248,7 @@ def test_a_given_reflector_is_taken_as_it_is() -> None:
 
 
 @pytest.mark.parametrize(
-    ("changes", "words"),
+    ("changes", "message"),
     [
         ({"lens": {"cup": {"coating": {"reflectance": 0.1}}}}, "the cup is a mirror; give cup.mirror"),
         ({"lens": {"cup": {"mirror": 1.2}}}, r"cup.mirror = 1.2"),
@@ -270,9 +270,9 @@ def test_a_given_reflector_is_taken_as_it_is() -> None:
         ),
     ],
 )
-def test_what_cannot_be_is_refused_in_one_line(changes: dict[str, Any], words: str) -> None:
+def test_what_cannot_be_is_refused_in_one_line(changes: dict[str, Any], message: str) -> None:
     lens = {**BEAM["lens"], **changes.pop("lens", {})}
-    with pytest.raises(lf.InputError, match=words) as caught:
+    with pytest.raises(lf.InputError, match=message) as caught:
         lf.design(parse_spec({**BEAM, "lens": lens, **changes}, "beam"), accuracy=FEW)
     assert "\n" not in str(caught.value)
 

@@ -92,7 +92,7 @@ def test_light_that_goes_backward_is_a_warning_until_there_is_none_left() -> Non
     with pytest.raises(InputError, match=r"less than half of the .*89 % goes backward.*force"):
         check(small_spec().replace(source=beam((0.0, 0.0, 1.0), backward=0.89))).require_light()
     assert most.lost[Fate.BACKWARD] == pytest.approx(0.98)
-    assert any("2 % of the light enters" in words and "98 % goes backward" in words for words in most.warnings())
+    assert any("2 % of the light enters" in warning and "98 % goes backward" in warning for warning in most.warnings())
     with pytest.raises(InputError, match=r"0 % of the light enters.*100 % goes backward.*source\.axis") as refusal:
         check(small_spec().replace(source=beam((0.0, 0.0, -1.0)))).require_light()
     assert "(0.00, 0.00, -1.00)" in str(refusal.value) and "\n" not in str(refusal.value)
@@ -151,9 +151,9 @@ def test_a_target_of_which_less_than_half_is_possible_is_refused_with_the_lens_t
     assert target.bounds.by_etendue == pytest.approx(closed_form, rel=0.05)
     with pytest.raises(InputError) as refusal:
         lf.design(spec, accuracy=FEW)
-    words = str(refusal.value)
-    assert "(étendue)" in words and "force" in words and "\n" not in words
-    radius_mm = float(words.partition(">= ")[2].split()[0])
+    reason = str(refusal.value)
+    assert "(étendue)" in reason and "force" in reason and "\n" not in reason
+    radius_mm = float(reason.partition(">= ")[2].split()[0])
     assert 25.0 < radius_mm < 29.0
     assert check(spec.replace({"constraints.max_radius_mm": radius_mm})).targets[0].bounds.by_etendue >= 0.92
     messages: list[str] = []
@@ -175,7 +175,7 @@ def test_a_limit_beyond_half_of_what_the_luminance_allows_is_refused_by_its_name
     most = transmitted * radius_mm**2 / 1.0
     assert asking(1.0).limits[0].possible == pytest.approx(most, rel=0.01)
     asking(1.9 * most).require_light()
-    assert any(words.startswith("limits: axis: upper bound") for words in asking(1.9 * most).warnings())
+    assert any(warning.startswith("limits: axis: upper bound") for warning in asking(1.9 * most).warnings())
     with pytest.raises(
         InputError, match=r"limits: axis: upper bound .* W/sr \(étendue\).*a larger lens \(>= "
     ) as refusal:
@@ -207,8 +207,8 @@ def test_light_beside_the_axis_is_said_to_need_levels() -> None:
     assert scene_check.warnings() == () and scene_check.targets[0].bounds.by_symmetry == 1.0
     off_centre = aside(**{"source.position_mm": [0.1, 0.2, 0.0]})
     check(off_centre).require_light()
-    (words,) = check(off_centre).warnings()
-    assert "faces of revolution make round light" in words and "lens.levels" in words
+    (warning,) = check(off_centre).warnings()
+    assert "faces of revolution make round light" in warning and "lens.levels" in warning
     assert not check(aside(**{"target.centre_deg": [0.0, 5.0]})).targets[0].beside
 
 
@@ -220,8 +220,8 @@ def test_no_larger_lens_is_promised_where_a_near_target_is_smaller_than_the_sour
         "constraints": {"max_radius_mm": 12.0},
         "target": {"kind": "disc", "diameter_mm": 2.0, "distance_mm": 20.0, "receiver_mm": 4.0},
     }
-    (words,) = check(Spec.model_validate(content)).warnings()
-    assert "try a smaller source or a larger target" in words and "larger lens" not in words
+    (warning,) = check(Spec.model_validate(content)).warnings()
+    assert "try a smaller source or a larger target" in warning and "larger lens" not in warning
 
 
 @pytest.mark.parametrize(("radius_mm", "blurred"), [(13.5, True), (14.6, False)])
@@ -229,8 +229,10 @@ def test_a_target_narrower_than_the_image_of_the_led_is_said(radius_mm: float, b
     """A band of 30 mm, 300 mm away, is 0.1 rad wide: the diagonal of a 1 mm LED at 14.1 mm."""
     band = {"kind": "rectangle", "width_mm": 30.0, "height_mm": 80.0, "distance_mm": 300.0, "rotation_deg": 20.0}
     content = {"source": {"kind": "square", "side_mm": 1.0}, "constraints": {"max_radius_mm": radius_mm}}
-    words = check(Spec.model_validate({**content, "lens": {"kind": "tir", "levels": [25]}, "target": band})).warnings()
-    assert ["blurs it; try a larger lens (>= 14.1" in text for text in words] == [True] * blurred
+    warnings = check(
+        Spec.model_validate({**content, "lens": {"kind": "tir", "levels": [25]}, "target": band})
+    ).warnings()
+    assert ["blurs it; try a larger lens (>= 14.1" in text for text in warnings] == [True] * blurred
 
 
 @pytest.mark.parametrize(("width_mm", "degrees", "pixels"), [(10.0, "1.15", "0.43"), (40.0, "4.58", "1.7")])
@@ -251,12 +253,12 @@ def test_an_estimated_luminance_warns_and_stops_nothing() -> None:
     scene_check = check(spec)
     assert scene_check.targets[0].estimated and scene_check.targets[0].met < 0.5
     scene_check.require_light()
-    assert any("estimate of the source's luminance" in words for words in scene_check.warnings())
+    assert any("estimate of the source's luminance" in warning for warning in scene_check.warnings())
 
 
 def test_warnings_stand_in_the_record_of_the_design() -> None:
     spec = small_spec(target__distance_mm=3000.0, target__width_mm=300.0, target__receiver_mm=400.0)
     messages: list[str] = []
     result = lf.design(spec, accuracy=FEW, warn=messages.append)
-    assert any("étendue" in words for words in messages)
+    assert any("étendue" in message for message in messages)
     assert tuple(messages) == result.source.warnings

@@ -230,8 +230,8 @@ def test_the_light_of_every_led_is_its_own_evaluation_and_is_judged() -> None:
     assert list(light_reasons(light, made.lens)) == []
     missed = replace(light.others[0].limits[0], limit=0.999).judged()
     other = light.others[0].model_copy(update={"limits": (missed,)})
-    ((state, words),) = light_reasons(light.model_copy(update={"others": (other,)}), made.lens)
-    assert state == "fail" and ", right = " in words
+    ((state, reason),) = light_reasons(light.model_copy(update={"others": (other,)}), made.lens)
+    assert state == "fail" and ", right = " in reason
 
 
 def test_the_cavity_has_room_for_the_largest_and_an_led_that_cannot_be_is_named() -> None:

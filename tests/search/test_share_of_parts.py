@@ -99,7 +99,7 @@ def test_the_second_of_two_limits_decides_and_the_gradient_is_that_of_difference
 
 
 @pytest.mark.parametrize(
-    ("changes", "words"),
+    ("changes", "message"),
     [
         ({"optimise__robust": "yield"}, "asks for parts that hold limits, and there are none"),
         ({"optimise__robust": 1.0, "limits": [EVEN]}, "robust = 1.0: must be true, false"),
@@ -109,8 +109,8 @@ def test_the_second_of_two_limits_decides_and_the_gradient_is_that_of_difference
     ],
     ids=["no limits", "all parts", "nearly all parts", "less than half", "no share"],
 )
-def test_a_share_that_no_search_can_have_is_refused(changes: dict[str, Any], words: str) -> None:
-    with pytest.raises(InputError, match=words) as error:
+def test_a_share_that_no_search_can_have_is_refused(changes: dict[str, Any], message: str) -> None:
+    with pytest.raises(InputError, match=message) as error:
         small_spec(**changes)
     assert "\n" not in str(error.value)
 
@@ -138,10 +138,10 @@ def test_more_of_other_parts_hold_the_limits_than_of_a_plain_search() -> None:
 
 
 def test_tolerances_that_are_all_0_or_wider_than_the_lens_are_refused() -> None:
-    for amounts, words in (
+    for amounts, message in (
         ({}, "all of them are 0"),
         ({"source_shift_mm": 4.0}, r"source_shift_mm = 4: .* at most 1\."),
     ):
         spec = small_spec(optimise__robust="yield", limits=[EVEN], **tolerance_changes(NO_TOLERANCES | amounts))
-        with pytest.raises(InputError, match=words):
+        with pytest.raises(InputError, match=message):
             search(spec, build_source(spec.source), accuracy="draft")

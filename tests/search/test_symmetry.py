@@ -70,14 +70,14 @@ def test_light_is_mirrored_to_the_pixels_of_the_mirrored_places(name: str, symme
 
 
 @pytest.mark.parametrize(
-    ("symmetry", "side", "words"),
+    ("symmetry", "side", "message"),
     [
         ("square", "source", "the source has only 'rectangle'"),
         ("square", "target", "the target is not symmetric in this way"),
         ("mirror_x", "target", "the target is not symmetric in this way"),
     ],
 )
-def test_a_symmetry_that_the_scene_lacks_is_refused(symmetry: str, side: str, words: str) -> None:
+def test_a_symmetry_that_the_scene_lacks_is_refused(symmetry: str, side: str, message: str) -> None:
     target = {"kind": "rectangle", "width_mm": 60.0, "height_mm": 60.0, "distance_mm": 100.0, "receiver_mm": 200.0}
     if side == "target":
         target["height_mm"] = 30.0
@@ -85,7 +85,7 @@ def test_a_symmetry_that_the_scene_lacks_is_refused(symmetry: str, side: str, wo
         target["centre_mm"] = [20.0, 0.0]
 
     spec = small_spec(target=target, lens__symmetry=symmetry)
-    with pytest.raises(InputError, match=words):
+    with pytest.raises(InputError, match=message):
         settled_symmetry(spec, LONG if side == "source" else SquareEmitter(1.0))
     allowed = spec.replace({"lens.symmetry": "mirror_y"})
     assert settled_symmetry(allowed, LONG) is allowed

@@ -357,7 +357,7 @@ def test_a_silvered_wall_keeps_its_share_of_the_light_that_it_turns() -> None:
 
 
 @pytest.mark.parametrize(
-    ("changes", "words"),
+    ("changes", "message"),
     [
         ({"lens": {"kind": "tir", "refractive_index": 1.2}}, "index = 1.2: the wall reflects totally from .* a mirror"),
         (
@@ -383,8 +383,8 @@ def test_a_silvered_wall_keeps_its_share_of_the_light_that_it_turns() -> None:
         ({"lens": {"kind": "tir", "inner": {"offset_mm": 3.0}}}, "lens.inner"),
     ],
 )
-def test_what_cannot_be_is_refused_in_one_line(changes: dict, words: str) -> None:
-    with pytest.raises(lf.InputError, match=words) as caught:
+def test_what_cannot_be_is_refused_in_one_line(changes: dict, message: str) -> None:
+    with pytest.raises(lf.InputError, match=message) as caught:
         lf.design(parse_spec({**SPOT, **changes}, "spot"), accuracy="draft")
     assert "\n" not in str(caught.value)
 
