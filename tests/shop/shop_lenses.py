@@ -61,8 +61,8 @@ def between_nodes(head, rows, count):
     Its rings on the face are returned, too: [ring, azimuth, column], of a face at the axis without the apex.
     """
     turns, rim = (
-        int(re.search(words, head).group(1))
-        for words in (r"; (\d+) azimuths", r"ring (\d+) (?:is|reaches its crease,)")
+        int(re.search(pattern, head).group(1))
+        for pattern in (r"; (\d+) azimuths", r"ring (\d+) (?:is|reaches its crease,)")
     )
     begin = int(match.group(1)) if (match := re.search(r"from ring (\d+),", head)) else 0
     rings = (rows if begin else rows[1:]).reshape(-1, turns, 8)
@@ -96,7 +96,7 @@ def all_words(sheet):
 
 def boxes_of(sheet):
     """The box of each text, all of them apart and within the frame."""
-    boxes = [box_of(words) for words in all_words(sheet)]
+    boxes = [box_of(label) for label in all_words(sheet)]
     for a, b in combinations(boxes, 2):
         assert a[2] <= b[0] or b[2] <= a[0] or a[3] <= b[1] or b[3] <= a[1]
     assert min(box[0] for box in boxes) > 20.0 and max(box[2] for box in boxes) < sheet.size_mm[0] - 10.0

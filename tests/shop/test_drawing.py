@@ -143,7 +143,7 @@ def test_no_text_meets_another_nor_a_line_of_a_dimension_nor_the_edge(drawings, 
         for (x1, y1), (x2, y2) in lines:
             apart = max(x1, x2) <= left or min(x1, x2) >= right or max(y1, y2) <= bottom or min(y1, y2) >= top
             assert apart, "a line crosses a text"
-    heights = {words.height_mm for words in all_words(sheet)}
+    heights = {label.height_mm for label in all_words(sheet)}
     assert len(heights) == 1 and heights.pop() >= 1.75
 
 
@@ -157,7 +157,7 @@ def test_the_scale_is_one_of_iso_5455_and_the_views_have_it(parts, drawings):
             np.ptp(stroke.points[:, 0]) for stroke in sheet.marks.strokes if stroke.pen == "outline" and stroke.closed
         ]
         assert any(length == pytest.approx(sheet.scale * (high - low), abs=1e-9) for length in lengths)
-        assert any(words.text == f"Scale: {sheet.scale:g} : 1" for words in sheet.marks.texts)
+        assert any(label.text == f"Scale: {sheet.scale:g} : 1" for label in sheet.marks.texts)
     content, _ = drawings["full"]
     for wanted, size in SIZES.items():
         sheet = make_sheet(content, wanted)
@@ -198,19 +198,19 @@ def test_the_datums_are_features_of_the_part(parts, drawings, name, faces, absen
     lens, part, _ = parts[name]
     scheme = datum_scheme(lens, part)
     text = "\n".join(scheme.lines)
-    for words in faces:
-        assert words in text
-    for words in absent:
-        assert words not in text
+    for feature in faces:
+        assert feature in text
+    for feature in absent:
+        assert feature not in text
     for word in re.findall(r"\b(?:BASE|RIM|OPTICAL)[A-Z_]*\b", text):
         assert any(face.startswith(word) for face in part.faces.names), word
-    letters = [words.text for words in drawings[name][1].marks.texts if words.text in ("A", "B", "C")]
+    letters = [label.text for label in drawings[name][1].marks.texts if label.text in ("A", "B", "C")]
     assert sorted(letters) == sorted(datum.letter for datum in scheme.datums), "each symbol once"
 
 
 def test_the_symbol_of_the_clocking_flat_stands_on_it(drawings):
     _, sheet = drawings["flat"]
-    letter = next(words for words in sheet.marks.texts if words.text == "C")
+    letter = next(label for label in sheet.marks.texts if label.text == "C")
     triangles = [stroke.points for stroke in sheet.marks.strokes if stroke.filled and len(stroke.points) == 3]
     feet = np.array([0.5 * (corners[0] + corners[1]) for corners in triangles])
     foot = feet[np.argmin(np.linalg.norm(feet - letter.at, axis=1))]
@@ -227,7 +227,7 @@ def test_the_symbol_of_the_clocking_flat_stands_on_it(drawings):
 
 def test_notes_begin_beside_the_top_of_the_table(drawings):
     content, sheet = drawings["full"]
-    rows = {words.text: words.at[1] for words in sheet.marks.texts}
+    rows = {label.text: label.at[1] for label in sheet.marks.texts}
     first = next(row for text, row in rows.items() if text.startswith(f"1. {content.notes[0][:20]}"))
     assert first == pytest.approx(rows[content.table.columns["outer"]["title"]], abs=1.0)
 
@@ -237,7 +237,7 @@ def test_arrows_name_the_axes_and_margins_of_a_smaller_sheet_are_smaller(drawing
         mark = axes_mark((3.0, 4.0), "z", "x", 0.5, *given)
         lines = [stroke.points.tolist() for stroke in mark.strokes if not stroke.filled]
         assert lines == [[[3.0, 4.0], [3.0 + 3.5 * towards, 4.0]], [[3.0, 4.0], [3.0, 7.5]]]
-        assert {words.text: words.at for words in mark.texts} == {"z": (3.0 + 4.5 * towards, 4.0), "x": (3.0, 8.5)}
+        assert {label.text: label.at for label in mark.texts} == {"z": (3.0 + 4.5 * towards, 4.0), "x": (3.0, 8.5)}
     content, _ = drawings["full"]
     wide, small = (np.subtract(_notes_box(content, name), inside_of(name))[:3] / unit_of(name) for name in ("A3", "A4"))
     assert small == pytest.approx(wide)
@@ -279,7 +279,7 @@ def test_sizes_of_freeform_faces_are_auxiliary_and_the_others_bare(drawings):
 
 
 def test_the_title_block_and_the_notes_say_what_the_spec_says_and_else_that_it_does_not(check, part_of):
-    words = {
+    fields = {
         "part_name": "Kerbside lens",
         "part_number": "LF-0042",
         "revision": "C",
@@ -291,7 +291,7 @@ def test_the_title_block_and_the_notes_say_what_the_spec_says_and_else_that_it_d
         "sheet": "A3",
     }
     shop = {"author": "A. Author", "date": "2026-03-31", "organisation": "Works"}
-    lens = small_lens(ROUND, shop, drawing=words)
+    lens = small_lens(ROUND, shop, drawing=fields)
     tolerances = PartTolerances(faces={"outer": {"gap_mm": 0.07, "form_um": 0.4}})
     lens = replace(lens, spec=lens.spec.with_tolerances(tolerances))
     content, sheet = content_of(lens, part_of(lens), check, "A3")
@@ -322,11 +322,11 @@ def test_long_words_are_cut_to_their_cells_and_notes_that_do_not_fit_say_so(chec
     lens = small_lens(ROUND, {"author": long}, drawing={"part_name": long, "general_tolerances": long})
     content, _ = content_of(lens, part_of(lens), check)
     sheet = make_sheet(replace(content, notes=[*content.notes, *[long] * 20]))
-    for words in sheet.marks.texts:
-        left, _, right, _ = box_of(words)
-        assert left > 20.0 and right < sheet.size_mm[0] - 10.0, words.text
-    assert any(words.text.endswith("…") and words.text.startswith("Drawn: x") for words in sheet.marks.texts)
-    assert sum(words.text.startswith("More notes") for words in sheet.marks.texts) == 1
+    for text in sheet.marks.texts:
+        left, _, right, _ = box_of(text)
+        assert left > 20.0 and right < sheet.size_mm[0] - 10.0, text.text
+    assert any(label.text.endswith("…") and label.text.startswith("Drawn: x") for label in sheet.marks.texts)
+    assert sum(label.text.startswith("More notes") for label in sheet.marks.texts) == 1
 
 
 @pytest.mark.parametrize("count", [1, 9, 10, 40])
@@ -355,9 +355,9 @@ def test_the_second_section_is_cut_where_the_part_differs_and_named_where_it_is_
         distance = np.linalg.norm(directions, axis=1)
         radii = [face.radius(directions / distance[:, None]) for face in (lens.inner, lens.outer)]
         assert np.minimum(*(np.abs(radius - distance) for radius in radii)).max() < 1e-9
-    texts = [words.text for words in sheet.marks.texts]
+    texts = [label.text for label in sheet.marks.texts]
     assert texts.count("S") == texts.count("T") == 2 and "S–S" in texts and "T–T" in texts
-    level = [words.at for words in sheet.marks.texts if words.text == "T"]
+    level = [label.at for label in sheet.marks.texts if label.text == "T"]
     assert level[0][1] == pytest.approx(level[1][1]), "the plane x = 0 is level in the view from the base"
 
 
@@ -425,7 +425,7 @@ def test_another_revision_is_read_from_a_file_and_wrong_ones_are_a_line(tmp_path
 
 
 @pytest.mark.parametrize(
-    ("material", "words"),
+    ("material", "phrase"),
     [
         ({"material": "PMMA at 564 nm", "refractive_index": 1.49}, "at 564 nm"),
         ({"material": "PMMA"}, "at 587.56"),
@@ -434,9 +434,9 @@ def test_another_revision_is_read_from_a_file_and_wrong_ones_are_a_line(tmp_path
         ({"material": "own", "refractive_index": 1.5, "abbe_number": 50.0}, "at 587.56"),
     ],
 )
-def test_the_index_has_its_wavelength(material, words):
+def test_the_index_has_its_wavelength(material, phrase):
     lens = small_lens(lens={"levels": [9, 25], "inner": {"offset_mm": 3.0}, "outer": {"offset_mm": 6.0}, **material})
-    assert index_wavelength(lens).startswith(words)
+    assert index_wavelength(lens).startswith(phrase)
 
 
 @pytest.mark.parametrize(("turned", "place"), [(0, (50.0, 35.0)), (90, (55.0, 40.0))])
@@ -449,8 +449,8 @@ def test_capitals_have_their_middle_where_the_words_are(turned, place):
 
 def test_words_in_the_dxf_stand_turned_and_as_large_as_on_paper_at_the_size_of_the_part():
     """At 2:1, about the part's origin in the section: half of the distances and of the heights on paper."""
-    words = [SheetText((50.0, 40.0), "H", 3.5, "left", 90), SheetText((120.0, 90.0), "K", 5.0, "right")]
-    sheet = Sheet("A4", (297.0, 210.0), 1.0, 2.0, "two letters", (100.0, 80.0), Marks(texts=words))
+    labels = [SheetText((50.0, 40.0), "H", 3.5, "left", 90), SheetText((120.0, 90.0), "K", 5.0, "right")]
+    sheet = Sheet("A4", (297.0, 210.0), 1.0, 2.0, "two letters", (100.0, 80.0), Marks(texts=labels))
     document = ezdxf.read(io.StringIO(sheet_dxf(sheet).decode("utf-8")))
     texts = [(t.dxf.text, t.dxf.rotation, t.dxf.height, *t.get_placement()[:2]) for t in document.query("TEXT")]
     (high, level) = texts
@@ -472,8 +472,8 @@ def test_departures_are_in_micrometres(check) -> None:
 @pytest.mark.parametrize("height_mm", [3.5, 1.75])
 def test_capitals_in_the_pdf_are_as_high_as_is_asked_for(height_mm):
     """The size of the type in the PDF's own words, times the height of an H in the typeface."""
-    words = SheetText((50.0, 50.0), "H", height_mm)
-    sheet = Sheet("A4", (297.0, 210.0), 1.0, 1.0, "one letter", (0.0, 0.0), Marks(texts=[words]))
+    label = SheetText((50.0, 50.0), "H", height_mm)
+    sheet = Sheet("A4", (297.0, 210.0), 1.0, 1.0, "one letter", (0.0, 0.0), Marks(texts=[label]))
     streams = re.findall(rb"stream\r?\n(.*?)\r?\nendstream", sheet_pdf(sheet), re.DOTALL)
     written = b"".join(zlib.decompress(stream) for stream in streams if stream[:1] == b"x")
     (points,) = (float(size) for size in re.findall(rb"/F\S+ ([\d.]+) Tf", written))

@@ -102,5 +102,5 @@ def test_a_cavity_tighter_than_the_ball_is_out_of_reach_and_its_ball_is_where_it
 def test_a_study_of_light_has_no_faults_and_a_map_has_a_legend_of_what_it_shows() -> None:
     assert checked({"process": "none"}).faults == ()
     drawn = fault_map(faults(checked(MOULDED, WIDE), "outer").kinds)
-    words = [text.get_text() for text in drawn.axes[0].get_legend().get_texts()]
-    assert "undercut" in words and "base in the way" not in words
+    labels = [text.get_text() for text in drawn.axes[0].get_legend().get_texts()]
+    assert "undercut" in labels and "base in the way" not in labels

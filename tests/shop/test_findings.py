@@ -47,7 +47,7 @@ def cutter(radius_mm: float, largest_mm: float | None, reached: float = 0.6789) 
 
 
 @pytest.mark.parametrize(
-    ("radius_mm", "largest_mm", "holds", "words"),
+    ("radius_mm", "largest_mm", "holds", "phrase"),
     [
         (0.5, None, True, "a ball of 0.5 mm radius reaches the whole inner face; usable radius: any"),
         (0.5, 0.5, True, "usable radius: at most 0.5 mm"),
@@ -55,10 +55,10 @@ def cutter(radius_mm: float, largest_mm: float | None, reached: float = 0.6789) 
         (0.5 * (1.0 + 1.1e-6), 0.5, False, "67.9 % of the inner face; largest usable radius: 0.5 mm"),
     ],
 )
-def test_a_ball_up_to_the_largest_reaches_all_but_for_rounding(radius_mm, largest_mm, holds, words) -> None:
+def test_a_ball_up_to_the_largest_reaches_all_but_for_rounding(radius_mm, largest_mm, holds, phrase) -> None:
     finding = cutter_finding("inner", cutter(radius_mm, largest_mm), NO_BASE, small_spec())
     assert "base" not in finding.note
-    assert finding.holds == holds and words in plain(finding.note)
+    assert finding.holds == holds and phrase in plain(finding.note)
     assert (finding.key, finding.place, finding.sense, finding.unit, finding.value) == (
         "cutter",
         "inner",
@@ -87,13 +87,13 @@ def test_tilt_has_the_tolerance_of_angles_and_the_wall_that_of_the_search() -> N
 
 @pytest.mark.parametrize(("largest_mm", "larger"), [(None, True), (0.51, True), (0.5, False), (0.3, False)])
 def test_a_larger_ball_than_the_shops_names_the_ball_for_which_the_base_is_checked(largest_mm, larger) -> None:
-    words = " (base: 0.5 mm ball)"
+    suffix = " (base: 0.5 mm ball)"
     ball = cutter(0.5, largest_mm)
     for surface, relief in (
         ("outer", BallClearance(faces={"outer": outer()})),
         ("inner", BallClearance(faces={"inner": inner(0.0, 0.0)})),
     ):
-        assert cutter_finding(surface, ball, relief, small_spec()).note.endswith(words) == larger
+        assert cutter_finding(surface, ball, relief, small_spec()).note.endswith(suffix) == larger
 
 
 WALL = Wall(thickness_mm=1.5, cavity_point_mm=(1.0, -1e-9, 0.123456), envelope_point_mm=(0.0, 0.0, 2.0))
@@ -141,16 +141,16 @@ def test_a_mould_needs_two_degrees_and_a_part_what_its_spec_asks_to_the_error_of
 
 
 @pytest.mark.parametrize(
-    ("least_deg", "undercut", "value", "words"),
+    ("least_deg", "undercut", "value", "beginning"),
     [
         (1.5, 0.0, 1.5, "the minimum draft of the outer face is 1.5 deg; a mould needs"),
         (-1e-9, 0.0, 0.0, "the minimum draft of the outer face is 0 deg"),
         (-3.0, 0.02, -3.0, "2 % of the outer face is undercut, down to a draft of −3 deg"),
     ],
 )
-def test_a_vertical_rim_is_no_undercut(least_deg, undercut, value, words) -> None:
+def test_a_vertical_rim_is_no_undercut(least_deg, undercut, value, beginning) -> None:
     finding = draft_finding("outer", face(least_deg, undercut), small_spec(manufacture__process="moulded"))
-    assert finding.value == value and plain(finding.note).startswith(words)
+    assert finding.value == value and plain(finding.note).startswith(beginning)
 
 
 def plain(text: str) -> str:

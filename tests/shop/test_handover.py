@@ -197,12 +197,12 @@ def test_page_and_tables_name_author_date_tolerance_and_shrinkage(moulded):
     part = moulded.part
     handed = files_of(moulded)
     text = unescape(handed.html.decode("utf-8"))
-    for words in ("0.0125;", "the lens times 1.0125", "0.0025"):
-        assert words in text
+    for phrase in ("0.0125;", "the lens times 1.0125", "0.0025"):
+        assert phrase in text
     assert "lens_surfaces.step, the tables" in text
     assert f"form error {part.untrimmed_surfaces.form_error_nm:.2g} nm" in text
     for name in ("points.csv", *(grid.file for grid in handed.grids)):
         head = [line for line in handed.files[name].decode().splitlines() if line.startswith("# ")]
-        for words in ("A. Author", "2026-03-31", "0.0125", lens.sha256, "units: mm", "the lens times 1.0125"):
-            assert any(words in line for line in head), (name, words)
+        for phrase in ("A. Author", "2026-03-31", "0.0125", lens.sha256, "units: mm", "the lens times 1.0125"):
+            assert any(phrase in line for line in head), (name, phrase)
     require_faces(lens, handed, 1.0125, {"inner": 1.0, "outer": -1.0})  # a mould's material is where the lens has none

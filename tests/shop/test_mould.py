@@ -118,8 +118,8 @@ def test_a_wall_that_widens_above_a_plate_or_a_base_is_undercut_and_the_spec_say
         with pytest.raises(InputError, match=r"plate: the wall of .* 'tir' widens above it.*\[lens\.flange\]"):
             lens.spec.replace({"manufacture.process": "moulded"})
     wide, limits = spot().base, spot().constraints
-    (words,) = base_warnings(spot().lens, limits, wide, "moulded")
-    assert words.startswith("base: the wall of lens.kind = 'tir' widens above it") and "base.kind = 'none'" in words
+    (warning,) = base_warnings(spot().lens, limits, wide, "moulded")
+    assert warning.startswith("base: the wall of lens.kind = 'tir' widens above it") and "base.kind = 'none'" in warning
     narrow = wide.changed(diameter_mm=15.9)
     others = (spot().lens, narrow, "turned"), (spot().lens, wide, "printed"), (small_spec().lens, wide, "moulded")
     assert not any(base_warnings(shape, limits, base, process) for shape, base, process in others)
@@ -235,9 +235,9 @@ def test_what_a_moulder_is_told() -> None:
     assert "estimate" in shown["cooling"].note and shown["cooling"].value == pytest.approx(
         PLASTICS["pmma"].cooling_s(3.0)
     )
-    for material, words in (("silicone resin", "cures"), ("a plastic", "thermal data of a plastic not known")):
+    for material, phrase in (("silicone resin", "cures"), ("a plastic", "thermal data of a plastic not known")):
         fact = facts(small_spec(lens__material=material, lens__refractive_index=1.41))["cooling"]
-        assert fact.value == "no estimate" and words in fact.note
+        assert fact.value == "no estimate" and phrase in fact.note
     crease = PartingLine(places=("exit", "wall"), radius_mm=5.0, low_mm=3.0, high_mm=3.25)
     fact = facts(spec, line=crease)["parting"]
     assert fact.value == "where exit and wall meet" and "z = 3 to 3.25 mm" in plain(fact.note)

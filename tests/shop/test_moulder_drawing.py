@@ -187,7 +187,7 @@ def test_the_datums_of_a_flange_are_on_it_and_those_of_a_body_of_revolution_its_
     assert "Datum B: axis of the rim's flange, RIM_FLANGE_SIDE; the optical axis z." in content.notes
     triangles = [stroke.points for stroke in sheet.marks.strokes if stroke.filled and len(stroke.points) == 3]
     feet = [0.5 * (p + q) for p, q, _ in triangles if abs(np.linalg.norm(p - q) - 2.6) < 0.01]  # no arrows
-    letters = {words.text: np.array(words.at) for words in sheet.marks.texts if words.text in ("A", "B", "C")}
+    letters = {label.text: np.array(label.at) for label in sheet.marks.texts if label.text in ("A", "B", "C")}
     near = {name: min(feet, key=lambda foot: np.linalg.norm(foot - at)) for name, at in letters.items()}
     assert set(near) == {"A", "B"}
     assert near["A"][0] == pytest.approx(sheet.origin[0] + sheet.scale * low, abs=1e-3)
@@ -266,13 +266,13 @@ def test_the_profiles_on_the_sheet_give_the_exported_faces_within_what_they_stat
     ],
 )  # fmt: skip
 def test_an_equation_holds_on_its_face_to_a_nanometre(surface: Any, form: str, zero: Any) -> None:
-    words = equation(surface)
-    sizes = {name: float(value) for name, value in re.findall(r"(\w+) = ([-\d.e]+)", words)}
+    text = equation(surface)
+    sizes = {name: float(value) for name, value in re.findall(r"(\w+) = ([-\d.e]+)", text)}
     chart = np.column_stack([np.linspace(0.3, 0.6, 40), np.zeros(40)])
     points = surface.radius(to_sphere(chart))[:, None] * to_sphere(chart)
-    assert words.startswith(form) and np.abs(zero(points[:, 0], points[:, 2], sizes)).max() < 2e-7
+    assert text.startswith(form) and np.abs(zero(points[:, 0], points[:, 2], sizes)).max() < 2e-7
     if form == "cone":
-        assert "3.3 − 0.0349 z, 1.999° to the axis" in words
+        assert "3.3 − 0.0349 z, 1.999° to the axis" in text
     if form == "plane":
         assert equation(PlaneFace(60.0, 7.4, (0.1, 0.0, 1.0))) is None, "tilted"
 
@@ -281,7 +281,7 @@ def test_the_title_block_and_notes_are_in_the_words_of_a_toolmaker() -> None:
     lens, content, sheet = drawn()
     assert content.block["material"] == ("Material: PMMA at 564 nm", "Grade: PMMA 8N", "Process: moulded")
     assert content.block["mass"] == ("Density: 1.19 g/cm³", "Mass: 1.469 g; Volume: 1234.5 mm³")
-    assert {*content.block["material"], *content.block["mass"]} < {words.text for words in sheet.marks.texts}
+    assert {*content.block["material"], *content.block["mass"]} < {label.text for label in sheet.marks.texts}
     assert content.notes[-2].startswith("Draft of the rim's flange: 1°; size at its top")
     assert content.notes[-5:-2] == [
         "Rims and creases of the optical faces: R 0.06 at most. "
@@ -295,8 +295,8 @@ def test_the_title_block_and_notes_are_in_the_words_of_a_toolmaker() -> None:
     part = bare_part()[0].model_copy(update={"lens": replace(lens, spec=spec), "mass_g": None})
     bare = drawing_content(part.lens, part, check_of(lens), [], tolerance_table(lens), spec.drawing)
     assert bare.block["mass"] == ("Density: not stated", f"Volume: {part.volume_mm3:.1f} mm³")
-    for words in ("faces: largest radius not", "edges: largest break not", "faces: finish not", "Shrinkage: not"):
-        assert sum(f"{words} stated" in note for note in bare.notes) == 1, words
+    for phrase in ("faces: largest radius not", "edges: largest break not", "faces: finish not", "Shrinkage: not"):
+        assert sum(f"{phrase} stated" in note for note in bare.notes) == 1, phrase
     shapes = {name: column.get("shape", "") for name, column in content.table.columns.items()}
     assert shapes["side"] == equation(lens.surfaces["side"]) and shapes["wall"].startswith("of revolution, profile in")
     assert not any("GS" in column["title"] for column in content.table.columns.values())
@@ -352,14 +352,14 @@ def test_what_the_flange_leaves_of_its_cylinder_has_no_draft_and_is_said() -> No
     within_mm = 5e-5  # form error of either fit of the faces
     assert heights == [pytest.approx((wall, under), abs=within_mm), pytest.approx((top, exit_), abs=within_mm)]
     assert [cylinder.radius_mm for cylinder in mould.upright] == pytest.approx([radius] * 2, abs=within_mm)
-    words = (
+    text = (
         f"cylinder ⌀{2.0 * radius:.3f} beside the flange, z = {wall:.3f} to {under:.3f} and {top:.3f} to {exit_:.3f} mm"
     )
     told = {fact.key: fact.value for fact in mould_facts(mould, check_of(lens))}
-    assert told["upright"] == words
+    assert told["upright"] == text
     part, check = bare_part()[0].model_copy(update={"lens": lens}), check_of(lens).model_copy(update={"mould": mould})
     notes = drawing_content(lens, part, check, dimensions(lens), tolerance_table(lens), lens.spec.drawing).notes
-    assert f"Without draft: {words}." in notes
+    assert f"Without draft: {text}." in notes
     bare = Moulding.of(spot_lens(), fit_lens(spot_lens())).mould()
     assert bare.upright == () and "upright" not in {fact.key for fact in mould_facts(bare, check)}
 
@@ -416,6 +416,6 @@ def test_the_screen_says_of_what_the_points_are() -> None:
     bare = dict.fromkeys(("html", "pdf", "dxf", "points_csv"), b"")
     inserts = "for a measuring machine: points of the mould inserts"
     phrases = {1.006: f"{inserts} (the lens times 1.006)", 1.0: f"{inserts} (no shrinkage stated)"}
-    for scale, words in {**phrases, None: "for a measuring machine"}.items():
+    for scale, note in {**phrases, None: "for a measuring machine"}.items():
         made = Handover(name="a lens", points=5, scale=scale, grids=(), sha256={}, refused=(), **bare)
-        assert made.facts.fact("points").note == words
+        assert made.facts.fact("points").note == note

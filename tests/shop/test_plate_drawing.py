@@ -128,7 +128,7 @@ def test_frames_of_datums_lie_on_no_lens_and_a_moulded_plate_shows_where_it_is_f
     """Holes between lenses: below them the next lens is in the way. The gate is in the middle of a longest side."""
     sheet, layout = sheet_of(part, "grid"), layout_of(lens_on("grid"))
     assert layout is not None
-    letters = {words.text: np.array(words.at) for words in sheet.marks.texts if words.text in ("B", "C")}
+    letters = {label.text: np.array(label.at) for label in sheet.marks.texts if label.text in ("B", "C")}
     assert set(letters) == {"B", "C"}
     middles = np.array(sheet.origin) + sheet.scale * np.array(layout.lenses.places_mm)
     dome_mm = float(dome_radius(lens_on("grid"), np.zeros(1))[0])
@@ -229,7 +229,7 @@ def test_lenses_of_the_drawing_stand_where_they_are(part: Part) -> None:
     places = np.array(lens.spec.all_lamps.places_mm)
     away = np.linalg.norm(np.array(middles)[:, None] - places, axis=2)
     assert (away.min(axis=0) < 0.2).all()
-    labels = {words.text: (np.array(words.at) - sheet.origin) / sheet.scale for words in sheet.marks.texts[::-1]}
+    labels = {label.text: (np.array(label.at) - sheet.origin) / sheet.scale for label in sheet.marks.texts[::-1]}
     for number, place in enumerate(places, start=1):  # to the right and above of the lens, beside its circle
         across, up = labels[f"L{number}"] - place
         assert across == pytest.approx(up) and 7.0 < np.hypot(across, up) < 14.0
@@ -296,7 +296,7 @@ def test_the_height_over_all_begins_at_the_longest_pin() -> None:
 
 
 @pytest.mark.parametrize(
-    ("kind", "words"),
+    ("kind", "features"),
     [
         ("grid", ["axis of P1, pin", "axis of H1, hole"]),
         ("one", ["middle plane of the width of the plate", "middle plane of the height of the plate"]),
@@ -304,17 +304,19 @@ def test_the_height_over_all_begins_at_the_longest_pin() -> None:
         ("drawn", ["axis of H1, hole"]),
     ],
 )
-def test_datums_of_a_plate_are_the_axes_that_place_it_or_its_outline(part: Part, kind: str, words: list[str]) -> None:
+def test_datums_of_a_plate_are_the_axes_that_place_it_or_its_outline(
+    part: Part, kind: str, features: list[str]
+) -> None:
     layout, sheet = layout_of(lens_on(kind)), sheet_of(part, kind)
     scheme = plate_datums(layout)  # type: ignore[arg-type]
     assert scheme.lines == (
         "Datum A: plane z = 0, the top of the plate",
-        *(f"Datum {letter}: {feature}" for letter, feature in zip("BC", words, strict=False)),
+        *(f"Datum {letter}: {feature}" for letter, feature in zip("BC", features, strict=False)),
     )
     triangles = [stroke.points for stroke in sheet.marks.strokes if stroke.filled and len(stroke.points) == 3]
     feet = np.array([0.5 * (p + q) for p, q, _ in triangles if abs(np.linalg.norm(p - q) - 2.6) < 0.01])  # no arrows
     letters = {text.text: np.array(text.at) for text in sheet.marks.texts if text.text in ("A", "B", "C")}
-    assert len(feet) == len(letters) == 1 + len(words)
+    assert len(feet) == len(letters) == 1 + len(features)
     at = {letter: feet[np.argmin(np.linalg.norm(feet - place, axis=1))] for letter, place in letters.items()}
     marks = dict(labelled(layout))  # type: ignore[arg-type]
     lines = {dimension.name: dimension for dimension in sheet.marks.dimensions}
