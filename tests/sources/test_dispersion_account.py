@@ -114,11 +114,14 @@ def test_one_per_cent_may_have_the_index_at_the_end_of_the_range(share: float, r
 
 
 @pytest.mark.parametrize(
-    ("extrapolated", "clamped", "words"), [(0.01, 0.0, []), (0.0101, 0.0, ["1.01 %"]), (0.5, 1e-9, ["50 %", "1e-07 %"])]
+    ("extrapolated", "clamped", "messages"),
+    [(0.01, 0.0, []), (0.0101, 0.0, ["1.01 %"]), (0.5, 1e-9, ["50 %", "1e-07 %"])],
 )
-def test_more_than_one_per_cent_is_mentioned_and_any_light_beyond_what_is_known(extrapolated, clamped, words) -> None:
+def test_more_than_one_per_cent_is_mentioned_and_any_light_beyond_what_is_known(
+    extrapolated, clamped, messages
+) -> None:
     index_range = IndexRange(extrapolated_index_share=extrapolated, clamped_index_share=clamped)
-    assert [warning.split(" of the flux")[0] for warning in index_warnings(index_range, PMMA)] == words
+    assert [warning.split(" of the flux")[0] for warning in index_warnings(index_range, PMMA)] == messages
 
 
 @pytest.mark.parametrize(

@@ -377,8 +377,8 @@ def test_rays_without_a_model_stay_and_it_is_said_why(rays, why: str) -> None:
     kept = RaySource(**section, model="auto")
     source = build_source(kept)
     assert source.ray_count == len(given)
-    words = summarise(source, kept).model
-    assert words is not None and words.startswith("rays: ") and why in words
+    reason = summarise(source, kept).model
+    assert reason is not None and reason.startswith("rays: ") and why in reason
     with pytest.raises(InputError, match=why) as error:
         build_source(RaySource(**section, model="radiance"))
     assert str(error.value).endswith('set source.model = "rays", or "auto"') and "\n" not in str(error.value)

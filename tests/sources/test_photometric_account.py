@@ -102,12 +102,14 @@ def test_a_statement_is_kept_or_lost(origin: str, target: str, tmp_path: Path) -
     (tmp_path / f"a{origin}").write_text(FILES[origin], encoding="utf-8")
     account = convert_photometric(tmp_path / f"a{origin}", tmp_path / f"b{target}")
     expected, rest = LOST[origin, target], list(account.lost)
-    for words in expected:
+    for statement in expected:
         fitting = [
-            line for line in rest if line.startswith(f"{words} (") or line == words or line.startswith(f"{words},")
+            line
+            for line in rest
+            if line.startswith(f"{statement} (") or line == statement or line.startswith(f"{statement},")
         ]
-        fitting = fitting or [line for line in rest if line.startswith(words)]
-        assert fitting, (words, rest)
+        fitting = fitting or [line for line in rest if line.startswith(statement)]
+        assert fitting, (statement, rest)
         rest = [line for line in rest if line not in fitting]
     assert rest == []
 

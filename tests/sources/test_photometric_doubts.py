@@ -81,7 +81,7 @@ SETS = tuple(("1", "LED", lumens, "4000", "80", "10") for lumens in ("500", "120
 
 
 @pytest.mark.parametrize(
-    ("text", "words"),
+    ("text", "phrases"),
     [
         (_ldt(sets=SETS), ("3 sets of lamps, of 500, 1200, 700 lm",)),
         (_ldt({25: "-15"}), ("tilted by -15 degrees",)),
@@ -103,10 +103,10 @@ SETS = tuple(("1", "LED", lumens, "4000", "80", "10") for lumens in ("500", "120
         (_ies(tilt="lamp.tlt"), ("TILT=lamp.tlt",)),
     ],
 )  # fmt: skip
-def test_what_is_taken_is_said_and_nothing_else(text, words, tmp_path):
+def test_what_is_taken_is_said_and_nothing_else(text, phrases, tmp_path):
     (tmp_path / "x").write_text(text)
     messages = lf.rays(tmp_path / "x").warnings
-    assert len(messages) == len(words) and all(word in line for word, line in zip(words, messages, strict=True)), (
+    assert len(messages) == len(phrases) and all(word in line for word, line in zip(phrases, messages, strict=True)), (
         messages
     )
 
@@ -115,7 +115,7 @@ def test_what_is_taken_is_said_and_nothing_else(text, words, tmp_path):
 def test_a_word_for_a_number_is_told_by_its_line_in_each_set_of_lamps(line, tmp_path):
     """Sizes, tilt, and of three sets the number of lamps and the watts; the light is that of the file without it."""
     text = _ldt({line: "2x18"}, sets=SETS)
-    (told,) = [words for words in _read(tmp_path, text).warnings if "where EULUMDAT has a number" in words]
+    (told,) = [warning for warning in _read(tmp_path, text).warnings if "where EULUMDAT has a number" in warning]
     assert told == f"line {line}: '2x18' where EULUMDAT has a number: left out"
     assert _read(tmp_path, text).intensity.flux() == _read(tmp_path, _ldt(sets=SETS)).intensity.flux()
 
@@ -164,7 +164,7 @@ def _said(tmp_path, text):
 
 
 @pytest.mark.parametrize(
-    ("changes", "planes", "words"),
+    ("changes", "planes", "phrase"),
     [
         ({7: "45"}, (0,), ""), ({7: "0"}, (0,), ""), ({7: "45.4"}, (0,), ""), ({7: ""}, (0,), ""),
         ({7: "46"}, (0,), "line 7 states steps of gamma of 46 degrees, its angles have 45: these are taken"),
@@ -175,10 +175,10 @@ def _said(tmp_path, text):
         ({22: "0"}, (0,), "line 22: 0 % of its light go down, by its intensities it is 100 %"), ({22: ""}, (0,), ""),
     ],
 )  # fmt: skip
-def test_what_eulumdat_says_of_its_angles_is_compared_with_them(changes, planes, words, tmp_path):
+def test_what_eulumdat_says_of_its_angles_is_compared_with_them(changes, planes, phrase, tmp_path):
     text = _ldt(changes, symmetry=1 if len(planes) == 1 else 0, planes=planes, cd=[(300, 200, 0)] * len(planes))
     message = _said(tmp_path, text)
-    assert (words in message) if words else ("states steps" not in message and "go down" not in message)
+    assert (phrase in message) if phrase else ("states steps" not in message and "go down" not in message)
 
 
 def test_blank_lines_of_eulumdat_are_left_out_or_named(tmp_path):
@@ -198,7 +198,7 @@ def test_an_ies_file_without_tilt_is_named(first, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("symmetry", "h", "words"),
+    ("symmetry", "h", "phrase"),
     [
         ("Symm_None", (0, 45, 90), "Symm = 'Symm_None', but its angles h are 0 to 90: taken as mirrored at h 90"),
         ("Symm_Bi0", (0, 45, 90), "taken as mirrored at h 90"), ("Symm_Bi90", (0, 90, 180), "mirrored at h 180"),
@@ -208,10 +208,10 @@ def test_an_ies_file_without_tilt_is_named(first, tmp_path):
         ("Symm_Odd", (0, 45, 90), "'Symm_Odd' is not known"),
     ],
 )  # fmt: skip
-def test_the_symmetry_that_tm33_states_is_that_of_its_angles(symmetry, h, words, tmp_path):
+def test_the_symmetry_that_tm33_states_is_that_of_its_angles(symmetry, h, phrase, tmp_path):
     cd = [(300, 200 + 20 * abs(90 - angle % 180) / 90, 0) for angle in h]
     message = _said(tmp_path, _tm33(h, cd, symmetry))
-    assert (words in message) if words else "Symm" not in message
+    assert (phrase in message) if phrase else "Symm" not in message
 
 
 @pytest.mark.parametrize(

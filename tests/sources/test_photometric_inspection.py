@@ -112,7 +112,7 @@ def test_odd_files_are_warned_of(tmp_path):
         "none of it in C 0"
     )
     bright = lf.rays(saved(tmp_path / "x.ies", lambertian, 2000.0, watts=2.0))
-    assert [words.split(":")[-1].strip() for words in bright.warnings] == [
+    assert [note.split(":")[-1].strip() for note in bright.warnings] == [
         "check its factors",
         "check its lumens and watts",
     ]
@@ -123,8 +123,8 @@ def test_odd_files_are_warned_of(tmp_path):
     assert warning.startswith("its intensities integrate to 3141.") and warning.endswith("the file states 2000 lm")
 
 
-def invoked(*words):
-    return CliRunner().invoke(cli, ["rays", *map(str, words)])
+def invoked(*arguments):
+    return CliRunner().invoke(cli, ["rays", *map(str, arguments)])
 
 
 def test_the_command_summarises_draws_and_converts(tmp_path):

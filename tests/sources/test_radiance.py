@@ -138,7 +138,7 @@ def around(values: list[float]) -> np.ndarray:
 
 
 @pytest.mark.parametrize(
-    ("changes", "words"),
+    ("changes", "phrase"),
     [
         ({}, ""),
         ({"x_mm": LONG[:-1], "radiance": np.ones((2, 4095, 1, 2))}, ""),
@@ -169,9 +169,9 @@ def around(values: list[float]) -> np.ndarray:
         ({"radiance": np.array([[[[1.0, 0.0]]], [[[2.0, -1e-9]]]])}, "none below 0"),
     ],
 )
-def test_a_table_is_whole_or_one_line_says_what_it_lacks(changes: dict[str, np.ndarray], words: str) -> None:
+def test_a_table_is_whole_or_one_line_says_what_it_lacks(changes: dict[str, np.ndarray], phrase: str) -> None:
     problem = _problem(good(**changes))
-    assert words in problem and bool(problem) == bool(words)
+    assert phrase in problem and bool(problem) == bool(phrase)
 
 
 def test_a_file_comes_back_bit_by_bit(tmp_path: Path) -> None:
@@ -185,11 +185,11 @@ def test_a_file_comes_back_bit_by_bit(tmp_path: Path) -> None:
 def test_files_that_are_no_table_are_refused_in_one_line(tmp_path: Path) -> None:
     path = tmp_path / "led.npz"
     named = {name: good()[name] for name in ("x_mm", "y_mm")}
-    words = np.array(["a"]), np.array([{}], dtype=object)
+    contents = np.array(["a"]), np.array([{}], dtype=object)
     for arrays, message in (
         (None, "no such file"),
         (named, "no array 'c_deg'"),
-        *((good(radiance=content), "not readable as a NumPy archive") for content in words),
+        *((good(radiance=content), "not readable as a NumPy archive") for content in contents),
         (good(gamma_deg=np.array([0.0, 120.0])), r"led\.npz: gamma_deg = 0 to 120: within 0 to 90"),
         (good(radiance=np.zeros((2, 1, 1, 2))), "its flux is 0 W: radiances must not be all dark"),
         (good(radiance=np.full((2, 1, 1, 2), 9e19)), "W: radiances must not be all dark, or huge"),
@@ -236,5 +236,5 @@ def test_units_that_a_table_cannot_have_are_told(width_mm, last_deg, told, tmp_p
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         read_radiance(path)
-    words = " ".join(str(warning.message) for warning in caught)
-    assert (told in words) if told else not words
+    text = " ".join(str(warning.message) for warning in caught)
+    assert (told in text) if told else not text

@@ -145,7 +145,7 @@ def test_colours_stay_with_their_rays() -> None:
 
 
 @pytest.mark.parametrize(
-    ("source", "words"),
+    ("source", "message"),
     [
         (lf.SquareSource(side_mm=1.0), "source: its colour is not known; give its spectrum"),
         (lf.SquareSource(side_mm=1.0, spectrum=INFRARED), "source.spectrum: from 940 to 940 nm, no light that is seen"),
@@ -153,19 +153,19 @@ def test_colours_stay_with_their_rays() -> None:
         (chips(RED, None), r"source.chips\[1\]: no spectrum, as other chips have"),
     ],
 )
-def test_colour_without_a_visible_spectrum_is_refused(source: Any, words: str) -> None:
-    with pytest.raises(InputError, match=words):
+def test_colour_without_a_visible_spectrum_is_refused(source: Any, message: str) -> None:
+    with pytest.raises(InputError, match=message):
         build_source(source, coloured=True)
 
 
 @pytest.mark.parametrize(
-    ("waves", "words"), [(None, "its colour is not known"), (940.0, "from 930 to 950 nm, no light that is seen")]
+    ("waves", "message"), [(None, "its colour is not known"), (940.0, "from 930 to 950 nm, no light that is seen")]
 )
-def test_ray_files_without_a_visible_spectrum_are_refused(waves: float | None, words: str, tmp_path: Path) -> None:
+def test_ray_files_without_a_visible_spectrum_are_refused(waves: float | None, message: str, tmp_path: Path) -> None:
     written = rays(20)
     if waves is not None:
         written = replace(written, wavelengths_nm=np.linspace(waves - 10.0, waves + 10.0, 20, dtype=np.float32))
     write_rayfile(tmp_path / "led.tm25ray", written, "tm25")
-    with pytest.raises(InputError, match=words) as caught:
+    with pytest.raises(InputError, match=message) as caught:
         build_source(lf.RayfileSource(file=tmp_path / "led.tm25ray"), coloured=True)
     assert "\n" not in str(caught.value)

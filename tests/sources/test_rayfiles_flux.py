@@ -94,7 +94,7 @@ def test_rays_totals_and_spectrum_survive_any_conversion_or_are_listed(source, t
         np.testing.assert_allclose(converted.positions_mm, original.positions_mm, rtol=1e-7)
         np.testing.assert_allclose(converted.directions, original.directions, rtol=1e-7)
         after, facts = known(converted), known(before)
-        listed = [words.split(" (")[0] for words in report.lost]
+        listed = [entry.split(" (")[0] for entry in report.lost]
         for name, value in facts.items():
             survives = name in after and np.allclose(after[name], value, rtol=1e-5)
             assert survives != (name in listed), (name, report.lost)

@@ -104,6 +104,6 @@ def test_the_published_spectra_of_a_white_led():
     for name, peak_nm in (("blue", 448.9), ("yellow", 554.0)):
         (path,) = (SHARED / "osram").glob(f"*white-{name}*spectrum.txt")
         waves, power = read_spectrum_file(path)
-        words = [float(word) for word in path.read_text(encoding="latin-1").split()]
-        np.testing.assert_array_equal((waves, power), (words[::2], words[1::2]))
+        numbers = [float(word) for word in path.read_text(encoding="latin-1").split()]
+        np.testing.assert_array_equal((waves, power), (numbers[::2], numbers[1::2]))
         assert abs(float(waves[np.argmax(power)]) - peak_nm) < 8.0
