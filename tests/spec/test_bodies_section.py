@@ -52,7 +52,7 @@ def test_a_spec_with_bodies_is_saved_and_read(tmp_path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("bodies", "words"),
+    ("bodies", "message"),
     [
         ([{**COVER, "outer": sphere(19.0)}], "inner and outer of body 'cover' cross: -1 mm"),
         ([{**COVER, "inner": sphere(9.0)}], "the lens may reach .* mm out of its cavity"),
@@ -66,8 +66,8 @@ def test_a_spec_with_bodies_is_saved_and_read(tmp_path) -> None:
         ),
     ],
 )
-def test_what_is_no_shell_about_the_lens_is_refused(bodies, words) -> None:
-    with pytest.raises(InputError, match=words):
+def test_what_is_no_shell_about_the_lens_is_refused(bodies, message) -> None:
+    with pytest.raises(InputError, match=message):
         spec_with(*bodies)
 
 
@@ -82,8 +82,11 @@ def test_the_cover_glass_stands_in_front_of_all_bodies_and_lamps_beside_each_oth
 
     for more in (glass(20.01), lamps(49.4), {"optimise": {"robust": True}}):
         assert spec_with(COVER, **more).media.bodies
-    for more, words in ((glass(19.9), "body 'cover' reaches z = 20 mm"), (lamps(49.0), "body 'cover' of each reaches")):
-        with pytest.raises(InputError, match=words):
+    for more, message in (
+        (glass(19.9), "body 'cover' reaches z = 20 mm"),
+        (lamps(49.0), "body 'cover' of each reaches"),
+    ):
+        with pytest.raises(InputError, match=message):
             spec_with(COVER, **more)
 
 

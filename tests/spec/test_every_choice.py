@@ -221,14 +221,14 @@ OF_FILES = {("BaseSection.kind", "step"), ("PlateSection.kind", "step")}  # in c
 def choices() -> Iterator[tuple[str, str]]:
     """Fields of more than one word, and each word; of fields of one name with other words with their section."""
     known: dict[str, set[tuple[str, ...]]] = {}
-    rows = [(section, name, words) for section in all_sections(Spec) for name, field in section.model_fields.items()
-             for words in literals(field.annotation)]  # fmt: skip
-    for _, name, words in rows:
-        known.setdefault(name, set()).add(words)
-    for section, name, words in rows:
-        if len(words) > 1 or name != "kind":
+    rows = [(section, name, literal) for section in all_sections(Spec) for name, field in section.model_fields.items()
+             for literal in literals(field.annotation)]  # fmt: skip
+    for _, name, values in rows:
+        known.setdefault(name, set()).add(values)
+    for section, name, values in rows:
+        if len(values) > 1 or name != "kind":
             plain = len(known[name]) == 1 and name not in ("luminance", "lighting_class")
-            yield from ((name if plain else f"{section.__name__}.{name}", word) for word in words)
+            yield from ((name if plain else f"{section.__name__}.{name}", word) for word in values)
 
 
 def literals(annotation: object) -> Iterator[tuple[str, ...]]:

@@ -136,6 +136,6 @@ def test_a_file_in_lists_tables_and_choices_counts_from_its_folder(tmp_path: Pat
 @pytest.mark.skipif(os.name != "posix", reason="makes a pipe")
 def test_what_is_no_file_is_refused_at_once(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "pipe")
-    for name, words in (("pipe", "a pipe, must be a file"), ("none", "no such file"), (".", "a folder, must be")):
-        with pytest.raises(lf.InputError, match=rf"{words}.*; the spec names it"):
+    for name, message in (("pipe", "a pipe, must be a file"), ("none", "no such file"), (".", "a folder, must be")):
+        with pytest.raises(lf.InputError, match=rf"{message}.*; the spec names it"):
             section_sha256(lf.RayfileSource(file=tmp_path / name))

@@ -96,7 +96,7 @@ def plane(**changes: Any) -> dict[str, Any]:
 
 
 @pytest.mark.parametrize(
-    ("changes", "words"),
+    ("changes", "message"),
     [
         ({"lamps": {**GRID, "pitch_mm": 13.0}}, "13 mm apart, lenses of constraints.max_radius_mm = 7 overlap; .* 14"),
         ({"lamps": {**GRID, "pitch_mm": 15.0}}, "15 mm apart, their rims of base.kind = 'cylinder' are 16 mm wide"),
@@ -120,8 +120,8 @@ def plane(**changes: Any) -> dict[str, Any]:
         ({"lamps": GRID, "photometry__lenses": 6}, r"photometry.lenses = 6: \[lamps\] are 6 already"),
     ],
 )  # fmt: skip
-def test_what_cannot_be_is_one_line(changes: dict[str, Any], words: str) -> None:
-    with pytest.raises(InputError, match=words) as caught:
+def test_what_cannot_be_is_one_line(changes: dict[str, Any], message: str) -> None:
+    with pytest.raises(InputError, match=message) as caught:
         small_spec(**changes)
     assert len(str(caught.value).splitlines()) == 1
 
@@ -177,8 +177,8 @@ def test_lamps_at_the_rim_face_outwards_and_are_their_own_mirror_images(rings: i
 def test_the_same_places_may_have_one_lens(lamps: dict[str, Any]) -> None:
     section = small_spec(lamps=lamps, base={"kind": "none"}).lamps
     assert section is not None and section.lamps.kinds
-    one = section.of_one_kind.lamps
-    assert one.kinds == () and one.places_mm == section.lamps.places_mm and set(one.turns_deg) == {0.0}
+    single = section.of_one_kind.lamps
+    assert single.kinds == () and single.places_mm == section.lamps.places_mm and set(single.turns_deg) == {0.0}
 
 
 def test_kinds_of_a_table_have_the_mirrors_that_keep_them() -> None:
@@ -189,7 +189,7 @@ def test_kinds_of_a_table_have_the_mirrors_that_keep_them() -> None:
 
 
 @pytest.mark.parametrize(
-    ("lamps", "words"),
+    ("lamps", "message"),
     [
         ({**BY_PLACE, "columns": 2, "rows": 2}, "all 4 lamps are of the kind 'corner'"),
         ({**WIDE, "kinds": ["wide", "narrow"]}, "kinds has 2 names, places_mm 3 places"),
@@ -197,13 +197,13 @@ def test_kinds_of_a_table_have_the_mirrors_that_keep_them() -> None:
         ({**WIDE, "kinds": ["../x", "b", "b"]}, "kinds"),
     ],
 )
-def test_kinds_that_cannot_be(lamps: dict[str, Any], words: str) -> None:
-    with pytest.raises(InputError, match=words):
+def test_kinds_that_cannot_be(lamps: dict[str, Any], message: str) -> None:
+    with pytest.raises(InputError, match=message):
         lamps_of(lamps)
 
 
 @pytest.mark.parametrize(
-    ("changes", "words"),
+    ("changes", "message"),
     [
         ({"optimise__robust": True, "plate": {"thickness_mm": 2.0}}, "optimise.robust goes with"),
         ({"limits": [{"kind": "luminance", "eyes_mm": [[0, 0, 900]], "unit": "cd_per_m2", "at_most": 1.0}]},
@@ -215,8 +215,8 @@ def test_kinds_that_cannot_be(lamps: dict[str, Any], words: str) -> None:
         ),
     ],
 )  # fmt: skip
-def test_what_goes_with_one_lens_alone(changes: dict[str, Any], words: str) -> None:
-    with pytest.raises(InputError, match=words):
+def test_what_goes_with_one_lens_alone(changes: dict[str, Any], message: str) -> None:
+    with pytest.raises(InputError, match=message):
         small_spec(**{"lamps": BY_PLACE, "base": {"kind": "none"}, "target__receiver_mm": 200.0, **changes})
 
 

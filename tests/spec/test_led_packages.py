@@ -66,8 +66,8 @@ def test_a_name_is_the_source_that_it_stands_for(typed: str, source: dict[str, o
 def test_a_new_spec_names_the_package_beside_its_source() -> None:
     code, text, _ = lensforge(*NEW, "3535-dome")
     (line,) = (line for line in text.splitlines() if "package" in line)
-    words = "package 3535 dome: 1.4 × 1.4 mm in a dome of index 1.41, 120 to 450 lm"
-    assert code == 0 and line.startswith('kind = "square" ') and line.endswith(f"# {words}")
+    comment = "package 3535 dome: 1.4 × 1.4 mm in a dome of index 1.41, 120 to 450 lm"
+    assert code == 0 and line.startswith('kind = "square" ') and line.endswith(f"# {comment}")
     assert parse_spec(tomllib.loads(text), "lamp").source.side_mm == 1.974
     code, text, _ = lensforge(*NEW, "CSP 1919")
     assert code == 0 and parse_spec(tomllib.loads(text), "lamp").source.intensity.power == 0.646

@@ -37,7 +37,7 @@ def test_a_limit_survives_the_round_trip_through_toml(limit: dict[str, object]) 
 
 
 @pytest.mark.parametrize(
-    ("limit", "words"),
+    ("limit", "message"),
     [
         ({"kind": "points", "at_deg": [[0, 0]]}, "sets no limit"),
         ({"kind": "points", "unit": "cd", "at_least": 1.0}, "at_mm: missing"),
@@ -63,14 +63,14 @@ def test_a_limit_survives_the_round_trip_through_toml(limit: dict[str, object]) 
         ({"kind": "luminance", "eyes_mm": [[0, 0, 900]]}, "sets no limit"),
     ],
 )  # fmt: skip
-def test_a_wrong_limit_is_refused_in_one_line(limit: dict[str, object], words: str) -> None:
-    with pytest.raises(InputError, match=words) as refusal:
+def test_a_wrong_limit_is_refused_in_one_line(limit: dict[str, object], message: str) -> None:
+    with pytest.raises(InputError, match=message) as refusal:
         far(limit)
     assert "\n" not in str(refusal.value) and "limits.0" in str(refusal.value)
 
 
 @pytest.mark.parametrize(
-    ("limit", "words"),
+    ("limit", "message"),
     [
         ({"kind": "glare", "from_deg": 5.0, "unit": "relative", "at_most": 0.1}, "one of the far field"),
         ({"kind": "beam_angle", "at_least_deg": 5.0}, "one of the far field"),
@@ -81,6 +81,6 @@ def test_a_wrong_limit_is_refused_in_one_line(limit: dict[str, object], words: s
         ({"kind": "points", "at_mm": [[1000, 0]], "unit": "lx", "at_least": 3.0}, "is off receiver 'light'"),
     ],
 )
-def test_on_a_plane_light_is_irradiance_and_has_no_angles(limit: dict[str, object], words: str) -> None:
-    with pytest.raises(InputError, match=words):
+def test_on_a_plane_light_is_irradiance_and_has_no_angles(limit: dict[str, object], message: str) -> None:
+    with pytest.raises(InputError, match=message):
         small_spec().replace(limits=[limit])

@@ -86,7 +86,7 @@ def test_a_plate_is_read_as_it_was_written(tmp_path: Any) -> None:
 
 
 @pytest.mark.parametrize(
-    ("plate", "lamps", "words"),
+    ("plate", "lamps", "message"),
     [
         ({}, ENDLESS, "plate.columns and plate.rows: an infinite lattice needs them; give both"),
         ({"columns": 3, "rows": 3}, GRID, 'they go with lamps of kind = "endless"; leave them out'),
@@ -116,9 +116,9 @@ def test_a_plate_is_read_as_it_was_written(tmp_path: Any) -> None:
     ],
 )  # fmt: skip
 def test_a_plate_that_cannot_be_is_refused_in_one_line(
-    plate: dict[str, Any], lamps: dict[str, Any], words: str
+    plate: dict[str, Any], lamps: dict[str, Any], message: str
 ) -> None:
-    with pytest.raises(InputError, match=words) as caught:
+    with pytest.raises(InputError, match=message) as caught:
         plated(plate, lamps)
     assert "\n" not in str(caught.value)
 
@@ -231,8 +231,8 @@ REFUSED: dict[str, tuple[Any, str]] = {
 
 @pytest.mark.parametrize("name", REFUSED)
 def test_what_is_no_outline_is_refused_in_one_line(name: str, tmp_path: Path) -> None:
-    make, words = REFUSED[name]
-    with pytest.raises(InputError, match=words) as caught:
+    make, message = REFUSED[name]
+    with pytest.raises(InputError, match=message) as caught:
         read_here(make(), tmp_path)
     assert "\n" not in str(caught.value) and str(caught.value).startswith("plate.step: ")
 
@@ -262,7 +262,7 @@ SLOT = [[10, -9, 0], [14, -9, 0], [14, 7, 0], [10, 7, 0]]  # between two lenses
 
 
 @pytest.mark.parametrize(
-    ("loops", "plate", "words"),
+    ("loops", "plate", "message"),
     [
         ([L_LOOP], {"kind": "round"}, 'kind = "step" and outline go together'),
         ([L_LOOP], {"outline": None}, 'kind = "step" and outline go together'),
@@ -277,8 +277,8 @@ SLOT = [[10, -9, 0], [14, -9, 0], [14, 7, 0], [10, 7, 0]]  # between two lenses
         ([L_LOOP], {"gate": {"place_mm": [20, 7], "width_mm": 3}}, r"gate.place_mm = \(20, 7\): 1 mm inside"),
     ],
 )  # fmt: skip
-def test_what_does_not_go_with_an_outline_is_refused(loops: list[Any], plate: dict[str, Any], words: str) -> None:
-    with pytest.raises(InputError, match=words) as caught:
+def test_what_does_not_go_with_an_outline_is_refused(loops: list[Any], plate: dict[str, Any], message: str) -> None:
+    with pytest.raises(InputError, match=message) as caught:
         drawn(loops, **plate)
     assert "\n" not in str(caught.value)
 

@@ -81,15 +81,15 @@ STATED_WRONGLY: dict[str, tuple[Any, str]] = {
 
 @pytest.mark.parametrize("case", STATED_WRONGLY)
 def test_no_accuracy_that_is_not_whole_is_read(case: str, tmp_path: Path) -> None:
-    stated, words = STATED_WRONGLY[case]
+    stated, message = STATED_WRONGLY[case]
     (tmp_path / "lens.json").write_text(json.dumps({**lens_of(OWN).to_json(), "accuracy": stated}), encoding="utf-8")
-    with pytest.raises(lf.InputError, match=words) as error:
+    with pytest.raises(lf.InputError, match=message) as error:
         load_lens(tmp_path / "lens.json")
     assert "\n" not in str(error.value) and "lens.json: accuracy" in str(error.value)
 
 
 @pytest.mark.parametrize(
-    ("made", "words"),
+    ("made", "message"),
     [
         (lambda: OWN.replace("draft"), "preset 'draft': name = 'draft': that of a preset of the program"),
         (lambda: OWN.replace("a/b"), "preset 'a/b': name = 'a/b': "),
@@ -101,6 +101,6 @@ def test_no_accuracy_that_is_not_whole_is_read(case: str, tmp_path: Path) -> Non
         ),
     ],
 )
-def test_a_preset_with_what_it_cannot_have_is_refused_in_one_line(made: Any, words: str) -> None:
-    with pytest.raises(lf.InputError, match=words):
+def test_a_preset_with_what_it_cannot_have_is_refused_in_one_line(made: Any, message: str) -> None:
+    with pytest.raises(lf.InputError, match=message):
         made()

@@ -49,11 +49,13 @@ def schema() -> dict[str, Any]:
 
 def test_every_field_has_words_and_every_number_a_unit(schema: dict[str, Any]) -> None:
     for section, name in FIELDS:
-        words = field_description(section, name)
+        description = field_description(section, name)
         where = f"{section.__name__}.{name}"
-        assert len(words) >= 5 and words.removesuffix(f" [{unit_in(name)}]").endswith("."), f"{where}: no sentence"
+        assert len(description) >= 5 and description.removesuffix(f" [{unit_in(name)}]").endswith("."), (
+            f"{where}: no sentence"
+        )
         field = {**schema["$defs"], "Spec": schema}[section.__name__]["properties"][name]
-        assert field["description"] == words, where
+        assert field["description"] == description, where
         if any(f'"type": "{kind}"' in json.dumps(field) for kind in ("number", "integer")):
             assert unit_in(name) or name in PURE, f"{where}: a number's name ends with its unit, or it has none"
 

@@ -14,7 +14,7 @@ SPEC = Path("own.toml")
 _AT_ONCE_S = 2.0  # of processor time; by the square they took from ten seconds to hours
 
 
-@pytest.mark.parametrize(("text", "words"), [
+@pytest.mark.parametrize(("text", "message"), [
     ("# one\n" + "a." * 20_000 + "a = 1", "line 2: a name of 20001 parts, must be at most 64; is it a spec?"),
     ("[" + "a." * 64 + "a]", "line 1: a name of 65 parts, must be at most 64; is it a spec?"),
     ("'a'.\"b\" . " * 40 + "c = 1", "line 1: a name of 81 parts, must be at most 64; is it a spec?"),
@@ -25,11 +25,11 @@ _AT_ONCE_S = 2.0  # of processor time; by the square they took from ten seconds 
     ("levels = [" + "1," * 500_000 + "]",
      "1.0 MB beside its texts, must be at most 1 MB; rays, pictures and tables go into files of their own"),
 ])  # fmt: skip
-def test_a_text_beyond_the_bounds_is_refused_in_one_line_at_once(text: str, words: str) -> None:
+def test_a_text_beyond_the_bounds_is_refused_in_one_line_at_once(text: str, message: str) -> None:
     begun = time.process_time()
     with pytest.raises(InputError) as caught:
         tables_of(text, SPEC)
-    assert str(caught.value) == f"own.toml: {words}"
+    assert str(caught.value) == f"own.toml: {message}"
     assert time.process_time() - begun < _AT_ONCE_S
 
 

@@ -68,7 +68,7 @@ def test_a_slip_is_told_with_the_line_as_it_was_meant(typed: str, meant: str) ->
     assert tomllib.loads(written) == tomllib.loads(meant)
 
 
-@pytest.mark.parametrize(("typed", "words"), [
+@pytest.mark.parametrize(("typed", "phrase"), [
     ("side_mm =", "its value is missing"),
     ("side_mm = none", "a field without a value is left out"),
     ("width_mm = 10 cm", "width_mm is in mm; write the number of mm, without a unit"),
@@ -76,8 +76,8 @@ def test_a_slip_is_told_with_the_line_as_it_was_meant(typed: str, meant: str) ->
     ("date = 3/4/2026", "write 2026-03-04 or 2026-04-03"),
     ("side_mm = 1/2", "not readable as TOML (expected newline or end of document after a statement)"),
 ])  # fmt: skip
-def test_what_can_be_meant_in_two_ways_is_not_decided(typed: str, words: str) -> None:
-    assert refused(f"\n{typed}\n").lines[0].endswith(words)
+def test_what_can_be_meant_in_two_ways_is_not_decided(typed: str, phrase: str) -> None:
+    assert refused(f"\n{typed}\n").lines[0].endswith(phrase)
 
 
 def test_all_slips_are_named_at_once_each_with_its_place_beneath() -> None:

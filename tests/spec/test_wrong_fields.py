@@ -140,8 +140,8 @@ def test_levels_that_shape_nothing_are_named_before_the_search() -> None:
     spec = load_spec(EXAMPLE)
     assert spec.lens.warnings == ()
     changed = {"optimise.seconds": None, "lens.levels": (10, 20)}
-    (words,) = spec.replace(changed).lens.warnings
-    assert words.startswith("lens.levels = [10, 20]: the finest functions are 32° wide") and '"auto"' in words
+    (warning,) = spec.replace(changed).lens.warnings
+    assert warning.startswith("lens.levels = [10, 20]: the finest functions are 32° wide") and '"auto"' in warning
     assert spec.replace({**changed, "lens.levels": (9, 25, 81)}).lens.warnings == ()
 
 

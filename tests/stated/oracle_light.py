@@ -224,11 +224,11 @@ def limits_of(case, receivers, images, raw, efficacy, watts, lit):
     limits += road_limits(case, receivers)
     if spec["colour"]:
         for receiver, record in zip(receivers, lit, strict=True):
-            for words, field in (("rms", "max_rms_delta_uv"), ("worst", "max_delta_uv")):
-                value = record["colour"][words]
+            for statistic, field in (("rms", "max_rms_delta_uv"), ("worst", "max_delta_uv")):
+                value = record["colour"][statistic]
                 beam = {"fwhm": "half", "tenth": "a tenth"}[spec["colour"]["within"]]
                 limits.append({
-                    "name": f"Δu′v′ {words} within {beam} of the peak", "receiver": receiver.name,
+                    "name": f"Δu′v′ {statistic} within {beam} of the peak", "receiver": receiver.name,
                     "quantity": "distance from the mean colour", "value": value, "sense": "<=",
                     "bound": spec["colour"][field], "unit": "", "state": state_of(value, "<=", spec["colour"][field]),
                 })  # fmt: skip
@@ -432,8 +432,8 @@ def stated(entry, factor=1.0, unit=None, **more):
 
 
 def judged(entry, sense, bound):
-    words = {"held": "pass", "missed": "fail", "undecided": "undecided"}
-    return {"limit": (sense, bound), "state": words[state_of(entry, sense, bound)]}
+    verdicts = {"held": "pass", "missed": "fail", "undecided": "undecided"}
+    return {"limit": (sense, bound), "state": verdicts[state_of(entry, sense, bound)]}
 
 
 def least_share(case, place):

@@ -263,8 +263,8 @@ def gap_mm(case):
         u = directions(np.clip(x[:, 0], 0, np.pi / 2), x[:, 1])
         return placed(body.radius(body.envelope, u)[:, None] * u, places[k], turns[k])
 
-    one = np.linspace(-1, 1, 9)
-    around = np.stack(np.meshgrid(one, one), axis=-1).reshape(-1, 2)
+    ticks = np.linspace(-1, 1, 9)
+    around = np.stack(np.meshgrid(ticks, ticks), axis=-1).reshape(-1, 2)
     gaps = []
     theta, phi = np.meshgrid(np.linspace(0, np.pi / 2, 16), 2 * np.pi * np.arange(60) / 60)
     every = np.stack([theta, phi], axis=-1).reshape(-1, 2)

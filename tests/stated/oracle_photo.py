@@ -164,12 +164,12 @@ def told(path, factor=1.0, unit="", state="", limit=None):
 
 def cause(case, place):
     """Named are the causes of what is beyond three standard errors."""
-    words = case.json("compare")["likely_cause"]
+    likely = case.json("compare")["likely_cause"]
     alignment = kept_of(case, "photo", lambda: photo_record(case))["alignment"]
     for (name, figure), told_as in zip(alignment.items(), ("scale", "rotation", "along x", "along y"), strict=True):
         beyond = abs(figure["value"][0] - (name == "scale")) > 3 * figure["standard_error"][0]
-        assert (told_as in words) == beyond, name
-    return Expected(words)
+        assert (told_as in likely) == beyond, name
+    return Expected(likely)
 
 
 ORACLES = {f"compare.{name}": told(f"alignment.{name}", 1.0, unit) for name, unit in zip(NAMES, UNITS, strict=True)}

@@ -33,18 +33,30 @@ def screens(case):
     """Name, kind, centre, normal and size of each receiver's plane; of directions the kind alone."""
     spec = case.lens["spec"]
     if not spec["receivers"]:
-        one = spec["target"]
-        if one.get("half_angle_deg"):
+        section = spec["target"]
+        if section.get("half_angle_deg"):
             return [("far_field", None, None, None, 0.0)]
-        return [("plane", np.array([0, 0, one["distance_mm"]]), np.array([0.0, 0, 1]), [one["receiver_mm"]] * 2, 0.0)]
+        return [
+            (
+                "plane",
+                np.array([0, 0, section["distance_mm"]]),
+                np.array([0.0, 0, 1]),
+                [section["receiver_mm"]] * 2,
+                0.0,
+            )
+        ]
     planes = []
-    for one in spec["receivers"]:
+    for section in spec["receivers"]:
         normal = None
-        if one["kind"] == "plane":
-            a, b = np.radians(one["tilt_deg"] or (0, 0))
-            normal = np.array(one["normal"] or [np.cos(a) * np.sin(b), -np.sin(a), np.cos(a) * np.cos(b)], dtype=float)
-        sides = [one.get("width_mm"), one.get("height_mm")]
-        planes.append((one["kind"], np.array(one.get("centre_mm", (0.0, 0, 0))), normal, sides, one["rotation_deg"]))
+        if section["kind"] == "plane":
+            a, b = np.radians(section["tilt_deg"] or (0, 0))
+            normal = np.array(
+                section["normal"] or [np.cos(a) * np.sin(b), -np.sin(a), np.cos(a) * np.cos(b)], dtype=float
+            )
+        sides = [section.get("width_mm"), section.get("height_mm")]
+        planes.append(
+            (section["kind"], np.array(section.get("centre_mm", (0.0, 0, 0))), normal, sides, section["rotation_deg"])
+        )
     return planes
 
 
@@ -125,7 +137,7 @@ def print_mesh(case, place):
     The designs are exported with 24 rings: facets of tir land light nine limits off, a fourteenth of one by STEP.
     """
     landed = {name: [landed_rms(case, index, name) for index in range(len(screens(case)))] for name in ("mesh", "step")}
-    limits = [one["deviation_limit_mm"] for one in record(case)["receivers"]]
+    limits = [receiver["deviation_limit_mm"] for receiver in record(case)["receivers"]]
     assert case.json("export")["triangulation"]["rings"] == 24
     assert any(off > limit for off, limit in zip(landed["mesh"], limits, strict=True)), (landed, limits)
     assert all(off <= 0.5 * limit for off, limit in zip(landed["step"], limits, strict=True)), (landed, limits)
@@ -204,7 +216,7 @@ def floor_of(case, index):
     """Noise of independent rays: of a pixel's flux F in rays of f each, f F - F^2/n, through the squared taps."""
     light = arrays(case, "evaluate")[f"receivers.{index}.map"]
     spec = case.lens["spec"]
-    one = record(case)["receivers"][index]
+    stored = record(case)["receivers"][index]
     receiver = receivers_of(spec)[index]
     e = np.exp(-1 / (2 * spec["evaluate"]["filter_variance"]))
     taps = np.array([e, 1, e]) / (1 + 2 * e)
@@ -216,7 +228,9 @@ def floor_of(case, index):
         landed[receiver.in_window(*np.meshgrid(x, y))].sum()
         / case.json("evaluate")["receivers"][index]["efficiency"]["value"]
     )
-    per_ray = emitted * (1 - one["flux"]["cover_glass"] - one["flux"]["reflected"] - one["flux"]["absorbed"]) / rays
+    per_ray = (
+        emitted * (1 - stored["flux"]["cover_glass"] - stored["flux"]["reflected"] - stored["flux"]["absorbed"]) / rays
+    )
     return (taps**2).sum() ** 2 * (per_ray * landed - landed**2 / rays).sum() / (landed**2).sum()
 
 

@@ -203,8 +203,8 @@ def joined(parts):
 def emitted(case, solid):
     p, d, flux, nm = case.rays["stray"][0]
     count = len(p)
-    one = unit(np.cross(d, np.where(abs(d[:, :1]) < 0.9, [1.0, 0, 0], [0, 1.0, 0])))
-    e = np.stack([one, np.cross(d, one)], axis=1).astype(complex)
+    side = unit(np.cross(d, np.where(abs(d[:, :1]) < 0.9, [1.0, 0, 0], [0, 1.0, 0])))
+    e = np.stack([side, np.cross(d, side)], axis=1).astype(complex)
     none = np.zeros(count, dtype=int)
     index = refractive_index(case.lens, nm, count)
     waves = np.full(count, solid.spec["lens"]["design_wavelength_nm"]) if nm is None else nm
@@ -284,10 +284,10 @@ def step(solid, light, least, ends):
         e = fields_behind(light.e, light.d, way, ahead, *amplitude, np.full(len(face), reflected))
         share = (abs(e) ** 2).sum(axis=(1, 2)) / 2
         e = e / np.sqrt(np.where(share > 0, share, 1))[:, None, None]
-        one = at.but(d=way, e=e, flux=light.flux * share, cause=cause)
+        part = at.but(d=way, e=e, flux=light.flux * share, cause=cause)
         if not reflected:
-            one = one.but(inside=~light.inside, sides=np.where(light.inside, np.where(away, 2, 0), 1))
-        parts.append(one)
+            part = part.but(inside=~light.inside, sides=np.where(light.inside, np.where(away, 2, 0), 1))
+        parts.append(part)
     both = joined(parts)
     bright = both.flux > least
     ends["too_dim"] += both.flux[~bright].sum()

@@ -25,10 +25,10 @@ def kinds_of(section):
         "source_tilt_deg": ("source, tilt", "about"), "source_flux": ("source, flux", "±"),
         "source_size": ("source, size", "±"),
     }  # fmt: skip
-    for kind, words, way in (("shift_mm", "decentre", "in"), ("gap_mm", "gap", "±"), ("tilt_deg", "tilt", "about")):
+    for kind, label, way in (("shift_mm", "decentre", "in"), ("gap_mm", "gap", "±"), ("tilt_deg", "tilt", "about")):
         for face in placed:
             name = "gap_mm" if (face, kind) == ("outer", "gap_mm") else f"{face}_{kind}"
-            kinds[name] = f"{face} face against {first}, {words}", way
+            kinds[name] = f"{face} face against {first}, {label}", way
     kinds |= {
         "lens_shift_mm": ("lens against source, decentre", "in"),
         "lens_height_mm": ("lens against source, height", "±"),
@@ -51,18 +51,18 @@ UNITS = {"mm": 1.0, "deg": np.pi / 180, "um": 1e-3, "mrad": 1e-3}
 
 def rows_of(case):
     """Name, amount, unit and tolerance with its numbers (mm, rad or 1) of every row."""
-    for name, (words, way) in kinds_of(case.lens["spec"]["lens"]).items():
+    for name, (label, way) in kinds_of(case.lens["spec"]["lens"]).items():
         unit = name.rpartition("_")[2] if name.rpartition("_")[2] in UNITS else ""
         amount = amount_of(case.lens["spec"], name)
         factor = UNITS.get(unit, 1.0)
         if way == "±":
             for sign in (1.0, -1.0):
-                yield words, sign * amount, unit, name, sign * amount * factor
+                yield label, sign * amount, unit, name, sign * amount * factor
         elif way:
             for axis, along in (("x", [1.0, 0.0]), ("y", [0.0, 1.0])):
-                yield f"{words} {way} {axis}", amount, unit, name, amount * factor * np.array(along)
+                yield f"{label} {way} {axis}", amount, unit, name, amount * factor * np.array(along)
         else:
-            yield words, amount, unit, name, amount * factor
+            yield label, amount, unit, name, amount * factor
 
 
 def amount_of(spec, name):
@@ -387,9 +387,9 @@ def study(case, led):
     """Figures as designed with one LED, and those and their changes of every row."""
     before = figures(case, *light_with(case, led))
     rows = []
-    for *words, name, value in rows_of(case):
+    for *labels, name, value in rows_of(case):
         readings = figures(case, *light_with(case, led, name, value))
-        rows.append((words, metrics_of(readings), change_of(readings, before)))
+        rows.append((labels, metrics_of(readings), change_of(readings, before)))
     return metrics_of(before), rows
 
 
@@ -453,9 +453,9 @@ def row_of(case, place):
     """The row of a group: those of one LED come after those of another."""
     every = of_case(case)
     led, number = divmod(place.group, len(every[0][1]))
-    (name, *words), *readings = ordered(every[led][1])[number]
+    (name, *labels), *readings = ordered(every[led][1])[number]
     end = f", {names_of(case)[led]}" if names_of(case)[led] else ""
-    return (f"{name}{end}", *words), *readings
+    return (f"{name}{end}", *labels), *readings
 
 
 def amount(case, place):

@@ -64,8 +64,8 @@ class Part:
     def curvatures(self, share, phi):
         """Least and largest principal curvature, positive where the face is convex seen from outside."""
         flat = self.at(share, phi)[2].reshape(-1, 3)
-        one = unit(np.cross(flat, np.where(abs(flat[:, 2:]) < 0.9, [0.0, 0, 1], [1.0, 0, 0])))
-        tangents = (one, np.cross(flat, one))
+        side = unit(np.cross(flat, np.where(abs(flat[:, 2:]) < 0.9, [0.0, 0, 1], [1.0, 0, 0])))
+        tangents = (side, np.cross(flat, side))
         h = 1e-4
         slopes = []
         for along in tangents:
@@ -99,8 +99,8 @@ def at_angles(p):
 
 def refined(figure, starts, step):
     """The largest figure(places) near any of the starts, by grids of 7 x 7 that shrink about their best place."""
-    one = np.linspace(-1, 1, 7)
-    around = np.stack(np.meshgrid(one, one), axis=-1).reshape(1, 49, 2)
+    ticks = np.linspace(-1, 1, 7)
+    around = np.stack(np.meshgrid(ticks, ticks), axis=-1).reshape(1, 49, 2)
     for _ in range(12):
         places = starts[:, None] + step * around
         values = figure(places)
@@ -175,8 +175,8 @@ class PageBody:
 
     def shortest(self, ends, step=0.1):
         """The shortest line whose ends are near two directions: grids about both, which shrink."""
-        one = np.linspace(-1, 1, 7)
-        around = np.stack(np.meshgrid(one, one), axis=-1).reshape(49, 2)
+        ticks = np.linspace(-1, 1, 7)
+        around = np.stack(np.meshgrid(ticks, ticks), axis=-1).reshape(49, 2)
         for _ in range(32):
             places = [end + step * around for end in ends]
             points = []

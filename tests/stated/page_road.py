@@ -148,7 +148,7 @@ def light(rows, candela):
     weights, lateral, gamma = np.array([entry for row in rows for entry in row]).T
     products = np.where(gamma <= 90, candela(lateral, gamma), 0) * weights
     places = np.repeat(np.arange(len(rows)), lengths)
-    return np.array([np.bincount(places, weights=one, minlength=len(rows)) for one in products])
+    return np.array([np.bincount(places, weights=product, minlength=len(rows)) for product in products])
 
 
 def figure(readings, read):

@@ -150,7 +150,7 @@ def lamps_in(case):
 def limits(case):
     """The largest value of each criterion, by the end of its name; those of sizes by what is stated of the facets."""
     stored = record(case)
-    one = stored["receivers"]
+    receivers = stored["receivers"]
     sizes = stored["sizes"]
     known = {"open_edges": 0.0, "plain_cast_disagreements": 0.0, "own_rays_emission": 5.5, "gaps": 0.0}
     for start, file in (("", sizes["mesh"]), ("brep_", sizes["step"])) if sizes else ():
@@ -160,7 +160,7 @@ def limits(case):
         known[f"{start}volume_change"] = min(file["facets_mm3"], MOST_CHORD_MM * area) / volume_mm3 + moved
         known[f"{start}area_change"] = min(file["facets_mm2"] / area, MOST_AREA) + moved
         known[f"{start}box_change"] = min(file["chord_mm"], MOST_CHORD_MM) + sizes["chord_mm"] + MOVED_MM
-    for index, receiver in enumerate(one):
+    for index, receiver in enumerate(receivers):
         start = f"{receiver['name']}: " if index else ""
         floor = receiver["noise_floor_nmse"]
         own_rays = receiver["own_rays"]

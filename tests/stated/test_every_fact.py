@@ -77,8 +77,8 @@ def test_every_fact(case: Callable[[str], Case], name: str) -> None:
             wrong.append(f"{key} ({place}): no oracle; it says {fact.sentence}")
             continue
         wrong += [
-            f"{key} ({place.title}, {fact.label}): {words}"
-            for words in differences(fact, ORACLES[key](seen(scene, place.stage, place.led), place))
+            f"{key} ({place.title}, {fact.label}): {difference}"
+            for difference in differences(fact, ORACLES[key](seen(scene, place.stage, place.led), place))
         ]
     assert not wrong, "\n".join(wrong)
 

@@ -44,9 +44,9 @@ def dimensions_of(lens: dict) -> Iterator[tuple[str, float]]:
             for one, other in pairwise(parts):
                 u = directions(one.ends(ways)[1], ways)
                 p = one.exact(u)[0][:, None] * u
-                words = f"crease of {one.name} and {other.name}, along {name}"
-                yield words, np.hypot(p[:, 0], p[:, 1]).sum()
-                yield f"{words}, above z = 0", p[0, 2]
+                label = f"crease of {one.name} and {other.name}, along {name}"
+                yield label, np.hypot(p[:, 0], p[:, 1]).sum()
+                yield f"{label}, above z = 0", p[0, 2]
     height = 0.0
     if base["kind"] != "none":
         height = base["height_mm"]
@@ -98,15 +98,15 @@ def test_faces_on_the_drawing(case: Callable[[str], Case], name: str) -> None:
         if face not in body.parts:
             continue
         told = told + 1
-        words = " ".join(column.values())
+        text = " ".join(column.values())
         assert column["title"].lower().startswith(f"{face} face")
-        stated = {key: float(re.search(rf"{key} ?(-?[\d.]+)", words)[1]) for key in ("best-fit R", "PV", "aperture: ⌀")}
+        stated = {key: float(re.search(rf"{key} ?(-?[\d.]+)", text)[1]) for key in ("best-fit R", "PV", "aperture: ⌀")}
         record = scene.json("check")[face]
         scale = scene.json("check")["scale"]
         assert stated["best-fit R"] == pytest.approx(record["best_fit_sphere"]["radius_mm"] / scale, abs=6e-4)
         assert stated["PV"] == pytest.approx(record["best_fit_sphere"]["pv_mm"] / scale, abs=6e-4)
         assert stated["aperture: ⌀"] == pytest.approx(2.0 * across_mm(body.parts[face]), abs=6e-4)
-        assert f"{record['area_mm2'] / scale**2:.1f} mm²" in words
+        assert f"{record['area_mm2'] / scale**2:.1f} mm²" in text
     assert told == len(check.faces)
 
 

@@ -73,7 +73,7 @@ def test_bounds_are_those_of_the_spec(study: Any) -> None:
         for number, road in enumerate(ROADS, 1):
             for lane in (1, 2):
                 start = f"{led}road {number}: lane {lane}: "
-                mean, glare = (bounds[f"{start}{words}"] for words in ("mean luminance: light", GLARE_WORDS))
+                mean, glare = (bounds[f"{start}{key}"] for key in ("mean luminance: light", GLARE_WORDS))
                 assert (mean, glare) == ((">=", road["mean_cd_per_m2"]), ("<=", road["glare_percent"]))
         assert bounds[f"{led}limits.0: light relative to its maximum"] == ("<=", 0.55)
     assert len(bounds) == 21 * len(study.prefixes)
@@ -98,8 +98,8 @@ def expected_of(study: Any, group: Group, number: int, fact: Fact) -> Expected:
     if group.key == "bound":
         bound = parts.bounds[number]
         sign = {"<=": "≤", ">=": "≥"}[bound["sense"]]
-        words = f"{sign} {bound['bound']:.4g}" + {"": "", "%": "\u2009%"}.get(bound["unit"], f" {bound['unit']}")
-        return Expected(words) if fact.key == "bound" else Expected(100.0 * parts.kept(bound).mean(), 1e-9, "%")
+        text = f"{sign} {bound['bound']:.4g}" + {"": "", "%": "\u2009%"}.get(bound["unit"], f" {bound['unit']}")
+        return Expected(text) if fact.key == "bound" else Expected(100.0 * parts.kept(bound).mean(), 1e-9, "%")
     spread = made.spread(parts, name)
     if spread["spread"] < np.median(parts.errors[name]):
         return Expected("undecided")
@@ -111,8 +111,8 @@ def expected_flux(study: Any) -> Expected:
     ratios = {}
     fluxes = []
     for number, bound in enumerate(study.parts.bounds):
-        words = bound["metric"].rpartition(": ")[2]
-        power = {"light": 1.0, "threshold increment": 0.2}.get(words, 0.0)
+        quantity = bound["metric"].rpartition(": ")[2]
+        power = {"light": 1.0, "threshold increment": 0.2}.get(quantity, 0.0)
         ratios[number] = study.parts.table[bound["metric"]] / bound["bound"], power, bound["sense"]
         if power and bound["sense"] == ">=":
             fluxes += [*(study.parts.table[bound["metric"]] / bound["bound"]) ** (-1.0 / power)]
@@ -165,7 +165,7 @@ def expected_road(study: Any, number: int, fact: Fact) -> Expected:
     rate, low, high = made.wilson(parts.passing(bounds).sum(), PARTS)
     nearest = np.argmin(margins, axis=0)
     most = np.bincount(nearest).argmax()
-    words = bounds[most]["metric"].removeprefix(name)
+    label = bounds[most]["metric"].removeprefix(name)
     if fact.key == "main":
         margin = np.min(margins, axis=0)
         errors = [parts.errors[bounds[k]["metric"]][part] / bounds[k]["bound"] for part, k in enumerate(nearest)]
@@ -177,7 +177,7 @@ def expected_road(study: Any, number: int, fact: Fact) -> Expected:
         "lighting_class": Expected(road["lighting_class"]),
         "holds": Expected(100.0 * rate, 1e-9, "%"),
         "confidence": Expected(f"{made.percent(low)} to {made.percent(high)}"),
-        "nearest": Expected(f"{words}, of {made.percent(np.mean(nearest == most))} of the parts"),
+        "nearest": Expected(f"{label}, of {made.percent(np.mean(nearest == most))} of the parts"),
         "main": Expected(fact.value),
     }[fact.key]
 
@@ -197,7 +197,9 @@ def test_every_fact_of_a_yield(study: Any) -> None:
         for fact in group.facts:
             expected = expected_of(study, group, number, fact)
             told = told + 1
-            wrong += [f"{group.key}, {group.title}, {fact.key}: {words}" for words in differences(fact, expected)]
+            wrong += [
+                f"{group.key}, {group.title}, {fact.key}: {difference}" for difference in differences(fact, expected)
+            ]
     assert not wrong, "\n".join(wrong)
     assert told > 150 and {"yield", "application", "bound", "spread", "causes"} <= set(seen)
 
@@ -211,8 +213,8 @@ def wrong_causes(study: Any, group: Group) -> Iterator[str]:
         if fact.key != "together":
             share, error = shares[fact.key]
             yield from (
-                f"{group.title}: {words}"
-                for words in differences(fact, Expected(100 * share, NEAR, "%", 100 * error, NEAR))
+                f"{group.title}: {difference}"
+                for difference in differences(fact, Expected(100 * share, NEAR, "%", 100 * error, NEAR))
             )
         elif isinstance(fact.value, float):
             yield from differences(fact, Expected(100 * together[0], NEAR, "%", 100 * together[1], NEAR))

@@ -328,14 +328,14 @@ def test_several_specs_are_designed_in_one_call(
     assert made == [("a", "cad_out/a"), ("c", "cad_out/c")]
     assert ended.code == 2 and "lensforge: b: target: too far" in ended.stderr.splitlines()
     shutil.copy("a.toml", "d.toml")
-    for arguments, words in (
+    for arguments, message in (
         (("a.toml", "d.toml"), "two have the name 'a'"),
         (("a.toml", "c.toml", "--out", "x"), "--out: goes with one SPEC, 2 are given"),
         (("a.toml", "c.toml", "--resume"), "--resume: goes with one SPEC"),
         (("a.toml", "none.toml"), "none.toml: no such file"),
     ):
         ended = lensforge("design", *arguments)
-        assert ended.code == 2 and words in ended.stderr and ended.stderr.count("\n") == 1
+        assert ended.code == 2 and message in ended.stderr and ended.stderr.count("\n") == 1
     assert len(made) == 2
 
 

@@ -244,8 +244,8 @@ def test_light_over_tools_is_drawn_by_a_line_and_over_processes_by_points_alone(
     over_tools = study.changed(vary="manufacture.cutter_radius_mm")
     drawn = sweep_figure(over_tools).axes[0]
     assert drawn.get_xlabel() == "radius of the ball (mm)" and drawn.lines[0].get_linestyle() == "-"
-    words = [row.changed(value=name) for row, name in zip(study.designs, ("milled", "none"), strict=True)]
-    drawn = sweep_figure(study.changed(vary="manufacture.process", designs=tuple(words))).axes[0]
+    designs = [row.changed(value=name) for row, name in zip(study.designs, ("milled", "none"), strict=True)]
+    drawn = sweep_figure(study.changed(vary="manufacture.process", designs=tuple(designs))).axes[0]
     assert [text.get_text() for text in drawn.get_xticklabels()] == ["milled", "none"]
     assert drawn.lines[0].get_linestyle() == "None"
 
@@ -257,14 +257,14 @@ def test_another_sweep_is_not_resumed(swept):
         parse_variation("lens.outer.offset_mm=5.5,6"),
         parse_variation("constraints.max_radius_mm=6.5,8"),
     )
-    for words, spec, variation, settings in (
+    for difference, spec, variation, settings in (
         ("seed", SPEC, vary, SETTINGS | {"seed": 4}),
         ("accuracy", SPEC, vary, SETTINGS | {"accuracy": "standard"}),
         ("spec", small_spec(), vary, SETTINGS),
         ("field", SPEC, other, SETTINGS),
         ("scaled fields", SPEC, unscaled, SETTINGS),
     ):
-        with pytest.raises(InputError, match=f"a sweep with another {words}"):
+        with pytest.raises(InputError, match=f"a sweep with another {difference}"):
             run_sweep(spec, variation, folder, Designer(), **settings, resume=True)
 
 
@@ -294,17 +294,17 @@ def test_bad_variations_are_one_line(text, scaled, message, tmp_path):
 
 @pytest.mark.nightly("a sweep of its own")
 @pytest.mark.parametrize(
-    ("values", "words"),
+    ("values", "message"),
     [
         ("14.0000001,8,14.0000002", "14.0000001 and 14.0000002: both designs would go to the folder small-14"),
         ("1e6,1000000.1", "1000000.0 and 1000000.1: both designs would go to the folder small-1e06"),
     ],
 )
-def test_values_whose_designs_would_share_a_folder_are_refused_before_the_first(values, words, tmp_path):
+def test_values_whose_designs_would_share_a_folder_are_refused_before_the_first(values, message, tmp_path):
     variation = parse_variation(f"constraints.max_radius_mm={values}")
-    with pytest.raises(InputError, match=words):
+    with pytest.raises(InputError, match=message):
         run_sweep(SPEC, variation, tmp_path, pytest.fail, **SETTINGS)
-    with pytest.raises(InputError, match=words):
+    with pytest.raises(InputError, match=message):
         lf.sweep(SPEC, variation.field, variation.values)
     assert not list(tmp_path.iterdir())
     kept = parse_variation("constraints.max_radius_mm=14.0001,14.0002,8").variants(SPEC.replace({"name": "a"}))

@@ -114,8 +114,8 @@ def test_plots_have_errors_over_seconds(folder):
         rows = tradeoff.series(series)
         (line,) = tradeoff.plot(series=series, error="nmse").lines
         drawn = tradeoff_figure(tradeoff, series).axes[0].lines[0]
-        for one in (line, drawn):
-            assert one.get_xydata().tolist() == [[row.seconds, row.error("nmse")] for row in rows]
+        for curve in (line, drawn):
+            assert curve.get_xydata().tolist() == [[row.seconds, row.error("nmse")] for row in rows]
     with pytest.raises(InputError, match=r"^series = 'foo': must be one of .*rays"):
         tradeoff.plot(series="foo")
     with pytest.raises(InputError, match=r"^error = 'foo': must be one of .*nmse"):
@@ -145,9 +145,9 @@ def test_without_a_lens_a_draft_is_designed(tmp_path):
     heard = []
     spec = small_spec(base={"kind": "none"}, lens__symmetry="auto")
 
-    def stop(words: str) -> None:
-        heard.append(words)
-        if words.startswith("rays"):
+    def stop(message: str) -> None:
+        heard.append(message)
+        if message.startswith("rays"):
             raise StopIteration
 
     for _ in range(2):  # the second time the lens is there, and is that of its spec, whose symmetry it names
