@@ -33,7 +33,10 @@ def by_element(path):
     """The intensities of TM-33, and the lumens of its emitter."""
     emitter = ET.parse(path).getroot().find("Emitter")
     intensity = emitter.find("LuminousData").find("LuminousIntensity")
-    data = {(float(one.get("h")), float(one.get("v"))): float(one.text) for one in intensity.findall("IntData")}
+    data = {
+        (float(element.get("h")), float(element.get("v"))): float(element.text)
+        for element in intensity.findall("IntData")
+    }
     h, v = (sorted({pair[axis] for pair in data}) for axis in (0, 1))
     counts = [int(intensity.find(name).text) for name in ("NumberHorz", "NumberVert", "NumberMeasured")]
     assert counts == [len(h), len(v), len(data)]

@@ -160,13 +160,13 @@ def test_an_application_of_an_add_on_is_judged_by_the_intensity_that_files_hold(
     )
 
 
-@pytest.mark.parametrize(("module", "words"), [
+@pytest.mark.parametrize(("module", "message"), [
     ("import nowhere", "add-on acme: cannot be loaded (No module named 'nowhere'); install or remove it"),
     ("", "add-on acme: cannot be loaded (module 'acme_lenses' has no attribute 'ADDON'); install or remove it"),
     ("ADDON = 3", "add-on acme: its ADDON is no lensforge.addon.Addon"),
 ])  # fmt: skip
 def test_an_add_on_that_cannot_be_used_is_refused_in_a_line(
-    tmp_path: Path, module: str, words: str, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, module: str, message: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     installed(tmp_path, module)
     monkeypatch.syspath_prepend(tmp_path)
@@ -174,7 +174,7 @@ def test_an_add_on_that_cannot_be_used_is_refused_in_a_line(
     (point,) = entry_points(group="lensforge.addons")
     with pytest.raises(lf.InputError) as caught:
         _installed(point)
-    assert str(caught.value) == words
+    assert str(caught.value) == message
     sys.modules.pop("acme_lenses", None)
 
 

@@ -206,7 +206,7 @@ def test_what_makes_no_sense_is_said_by_the_result(row: str, stage: str, cell: s
         messages = (VERBS | OF_ADDONS)[stage](lens_of(row), tmp_path).warnings
     except lf.InputError as error:
         messages = (str(error).removeprefix(f"{stage}: "),)
-    (line,) = [words for words in messages if words.startswith(cell.removeprefix(NO_SENSE))]
+    (line,) = [message for message in messages if message.startswith(cell.removeprefix(NO_SENSE))]
     assert "\n" not in line
 
 

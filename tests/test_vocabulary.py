@@ -48,12 +48,12 @@ def test_docstrings_name_what_there_is() -> None:
     known, mentions = {*dir(builtins), "js", "json", "html", "ies", "lens_x", "photometry_x", "_deBoor_D"}, []
     for path in MODULES:
         nodes = list(ast.walk(_tree(path)))
-        words = {node.value for node in nodes if isinstance(node, ast.Expr)}  # docstrings, and of fields
+        docstrings = {node.value for node in nodes if isinstance(node, ast.Expr)}  # docstrings, and of fields
         names = [getattr(node, kind, "") for node in nodes for kind in ("id", "attr", "arg", "name", "asname")]
         constants = {node: str(node.value) for node in nodes if isinstance(node, ast.Constant)}
-        texts = [text for node, text in constants.items() if node not in words]
+        texts = [text for node, text in constants.items() if node not in docstrings]
         known |= set(re.findall(r"\w+", f"{path} {' '.join(map(str, names))} {' '.join(texts)}"))
-        for node in words & constants.keys():
+        for node in docstrings & constants.keys():
             mentions += [(path, one or other) for one, other in _SPAN.findall(constants[node])]
     stale = []
     for path, name in mentions:
@@ -72,9 +72,9 @@ ROOMS = sorted(str(path.parent.relative_to(PACKAGE)) for path in PACKAGE.glob("*
 def test_a_room_asks_its_question_and_names_its_public_things(room: str) -> None:
     """Each name is ``module`` or ``module.name`` of the room; the specification's are those that it exports."""
     tree = _tree(PACKAGE / room / "__init__.py")
-    words = ast.get_docstring(tree) or ""
-    assert "?" in words.split("\n\n")[0]
-    named = re.findall(r"^- ``([\w.]+)``: \w", words, re.MULTILINE)
+    docstring = ast.get_docstring(tree) or ""
+    assert "?" in docstring.split("\n\n")[0]
+    named = re.findall(r"^- ``([\w.]+)``: \w", docstring, re.MULTILINE)
     assert room == "addons" or 5 <= len(named) <= 15 or any(isinstance(node, ast.Assign) for node in tree.body)
     for name in named:
         module, _, member = name.rpartition(".") if "." in name else (name, "", "")
