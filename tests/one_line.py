@@ -6,7 +6,7 @@ import lensforge as lf
 
 
 def require_line(read: Callable[[], object], case: str) -> bool:
-    """True where ``read`` accepts the case; False where it refuses it, in one line, or a spec in one for each field."""
+    """True if ``read`` accepts the case; False if it refuses it in one line, or a spec in a line for each field."""
     try:
         read()
     except lf.InputError as error:

@@ -13,7 +13,7 @@ SHARED = Path(__file__).parents[1] / ".." / "shared" / "rayfiles"
 
 
 def rays(count=12, unit="W", wavelengths="none", seed=1) -> RayFile:
-    """Seeded rays in float32; ``wavelengths``: none, one for all, or each its own."""
+    """Seeded rays in float32; ``wavelengths``: none, one for all rays, or one for each ray."""
     random = np.random.default_rng(seed)
     directions = random.normal(size=(count, 3))
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)

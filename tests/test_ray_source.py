@@ -1,4 +1,4 @@
-"""Rays given as arrays: the same light as the same rays from a file, to the bit; what is no ray source is one line."""
+"""Rays given as arrays: the same light as the same rays from a file, to the bit; all else is refused in one line."""
 
 from pathlib import Path
 

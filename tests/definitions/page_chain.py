@@ -192,7 +192,7 @@ class Light:
 
 
 def refracting(section, name, medium, before, behind, c, nm, total):
-    """Amplitudes of s and p at a face: of what passes, or of what is reflected totally."""
+    """Amplitudes of s and p at a face: of the light that passes, or of the light that is reflected totally."""
     ratio = before / behind
     evanescent = np.sqrt(np.where(total, ratio**2 * (1 - c**2) - 1, 0))
     back_s = (ratio * c - 1j * evanescent) / (ratio * c + 1j * evanescent)
@@ -275,8 +275,11 @@ def trace_chain(lens, faces, p, d, nm=None):
 
 
 def facet(n, d, slopes, s):
-    """Normals of facets on a face with normals n away from the origin: slopes along x and y, turned as z is to n; and
-    along the light of those that it sees the one below which the same share lies, of facets of rms s."""
+    """Normals of facets of rms slope s on a face with normals n away from the origin.
+
+    Slopes are along x and y, turned as z is turned to n. Along the light a slope y becomes the slope w: the share above
+    w of the facets that the light sees is the share above y of all facets.
+    """
     axis = np.stack([-n[:, 1], n[:, 0], np.zeros(len(n))], axis=1)
     flat = np.column_stack([slopes, np.zeros(len(n))])
     v = n[:, 2:] * flat + np.cross(axis, flat) + (axis * flat).sum(axis=1)[:, None] * axis / (1.0 + n[:, 2:])

@@ -159,7 +159,7 @@ def test_chosen_columns_leave_words_and_rows_of_any_length_behind():
 
 
 def test_columns_by_names_have_rows_of_one_length():
-    """A row that is there twice in one line would else give a first number of the one, a second of the other."""
+    """A row that stands twice in a line would otherwise give a number of the first and a number of the second."""
     for text in ("lambda;n\n400;1.5\n500;1.5500;1.5\n", "400 1.5 0.9\n500 1.5 0.9500 1.5 0.9\n"):
         with pytest.raises(InputError, match=r"line [23]: [35] cells, line [12] has [23]"):
             table(text).columns(COLUMNS)

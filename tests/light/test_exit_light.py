@@ -75,7 +75,7 @@ def agrees(light: ExitLight, parts: list[list[RayBundle]]) -> None:
 
 
 def drawn(source: SquareEmitter, counts: list[int]) -> list[list[RayBundle]]:
-    """Bundles of each sample, one for each round of ``counts`` rays, each by a seed of its own."""
+    """Bundles of each sample, one for each round of ``counts`` rays, drawn by seeds that differ."""
     numbers = ((count, PARTS * number) for number, count in enumerate(counts))
     rounds = [(count, first) for count, first in numbers]
     return [

@@ -260,7 +260,7 @@ def test_eyes_all_around_are_judged_by_the_one_that_sees_most() -> None:
 
 
 def test_the_picture_of_a_ring_holds_those_of_its_eyes() -> None:
-    """Pictures, spots and the slope of the search are those of each eye alone, the second one above the first."""
+    """Pictures, spots and the slope of the search are as for an eye alone, those of the second above the first's."""
     spec = crooked(RING)
     ring = around(spec)
     rays = build_source(spec.source).sample(2**14, 3)

@@ -18,7 +18,7 @@ PROOFS = ["scipy.stats", "lensforge.proof.step_cast", "lensforge.proof.nonsequen
 
 
 def _loaded(*commands: tuple[list[str], list[str]]) -> list[str]:
-    """Modules of its list that are loaded after each command, one after another in one process."""
+    """Modules of the list that are loaded after a command; commands follow one another in one process."""
     code = "import sys; from lensforge.cli.cli import cli\n" + "".join(
         f"cli.main({arguments!r}, prog_name='lensforge', standalone_mode=False)\n"
         f"print('loaded:', [name for name in {names!r} if name in sys.modules])\n"

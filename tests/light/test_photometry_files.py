@@ -46,7 +46,7 @@ def test_other_readers_find_the_light_within_its_stated_error(suffix, cosine):
 
 
 def test_the_file_of_a_lamp_holds_the_light_of_all_its_lenses(cosine, tmp_path):
-    """Beside those of one lens; both say whose light they have, and so do the figures."""
+    """They stand beside the files of one lens; both say whose light they hold, and so do the figures."""
     alone, folder = cosine
     spec = small_spec(source__side_mm=0.0, photometry={"lenses": 12})
     photometry = measured(replace(SYMMETRIC, spec=spec), rays=2**12, lumens=250.0)

@@ -26,7 +26,7 @@ distributed = pytest.importorskip("distributed")
 def cluster():
     """One process at first; a test may ask for more.
 
-    They are forked from a process that has loaded what they need, which takes seconds for each that loads it itself.
+    Workers are forked from a process that has loaded the modules they need: loading takes seconds.
     """
     context = multiprocessing.get_context("forkserver")
     context.set_forkserver_preload(["distributed", "lensforge.made.measured_parts", "lensforge.search.searches"])

@@ -226,7 +226,7 @@ def test_yield_and_sensitivity_of_lenses_of_two_kinds() -> None:
 
 @pytest.mark.parametrize("kinds", [(), ("a", "b")])
 def test_lamps_seen_from_afar_change_as_one_of_them_does(kinds: tuple[str, ...]) -> None:
-    """All stand at one place: each row is that of one lamp, within the errors of both; two kinds have the same lens."""
+    """All lamps stand at one place: rows are as for one lamp, within the errors of both; two kinds have one lens."""
     far = {"kind": "rectangle", "width_deg": 40.0, "height_deg": 25.0, "half_angle_deg": 60.0, "uniform_deg": 16.0}
     lamps = {"kind": "table", "places_mm": [[-15.0, 3.0], [14.0, -6.0]], **({"kinds": kinds} if kinds else {})}
     tolerances = {"source_shift_mm": 0.4, "outer_form_um": 90.0, "lens_tilt_deg": 6.0, "index": 0.03, "gap_mm": 0.3}

@@ -187,7 +187,7 @@ class Followed:
 
 
 def follow_exactly(body, rays, events, index=INDEX, mirrors=None, absorption=0.0):
-    """Every ray by closed forms, one after the other: ``mirrors`` has the reflectance of faces by name."""
+    """Rays followed one by one, by closed forms; ``mirrors``: reflectances by the names of the faces."""
     count = len(rays)
     mirrors = mirrors or {}
     result = Followed(*np.full((2, count, 3), np.nan), *np.zeros((2, count)), np.zeros(count, dtype=bool), [])

@@ -178,5 +178,5 @@ OUTER = Quadric((-0.4, 0.3, -0.5), (13.7, 13.0, 14.0))
 
 
 def right(rings=36, inner=INNER, outer=OUTER, base=BASE):
-    """Its mesh, which is the right one but for what is given."""
+    """Mesh of the right lens, if no argument changes it."""
     return lens_mesh(inner.radius, outer.radius, rings, base)

@@ -170,7 +170,7 @@ def test_facets_send_every_ray_along_its_chain(name, events, precision):
 
 @pytest.mark.parametrize("model", [GaussianFacets(0.1), lambertian(0.8)])
 def test_rays_that_meet_a_rough_face_again_go_as_in_the_design(model):
-    """Facets and rings about a mirror, ray by ray by the numbers of the design; those of the proof's own are others."""
+    """Facets and rings about a mirror, ray by ray with the numbers of the design; the proof draws other numbers."""
     rough = FaceScatter("exit", GaussianFacets(0.05)), FaceScatter("wall", model)
     media = replace(clear(INDEX, SILVERED), scatter=rough)
     rays = with_facets(RAYS, 2)

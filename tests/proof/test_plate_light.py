@@ -211,7 +211,7 @@ def test_the_faces_of_a_place_are_sorted_by_those_of_its_kind() -> None:
 
 
 def test_the_part_makes_the_light_of_an_endless_lattice() -> None:
-    """Two lamps in a period, against the design's sum; with one of them alone the pattern is another."""
+    """Two lamps in a period, against the design's sum; one lamp alone makes another pattern."""
     period = (20.0, 20.0 * 3.0**0.5)
     plane = {"kind": "plane", "centre_mm": [0.0, 0.0, 14.0], "width_mm": period[0], "height_mm": period[1]}
     lamps = {"kind": "endless", "lattice": "hexagon", "pitch_mm": 20.0}

@@ -1,4 +1,4 @@
-"""Receivers as verification sees them, against those of the design, which are other code; hard pixels, and noise."""
+"""Receivers of the verification against those of the design, which share no code with them; hard pixels, and noise."""
 
 from dataclasses import replace
 

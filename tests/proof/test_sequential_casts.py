@@ -143,7 +143,7 @@ def test_gel_and_water_bend_the_rays_as_their_indices_say(caster):
 
 
 def test_coated_faces_let_pass_what_they_do_not_reflect(caster):
-    """The inner one by its wavelength, the outer one by a constant, the glass by another."""
+    """The coating of the inner face reflects by wavelength; those of the outer face and of the glass by a constant."""
     send, precision = caster
     rounding = 2e-6 if precision > 1e-4 else 1e-12  # Mitsuba's normals are of single precision
     inner = ReflectanceTable((0.0, 90.0), ((0.1, 0.1), (0.3, 0.3)), (400.0, 600.0))

@@ -105,7 +105,7 @@ def test_rays_of_a_lens_that_scatters_are_compared_one_by_one_where_it_is_polish
 
 
 def test_own_rays_meet_the_rough_faces_of_a_part_by_facets_of_their_own():
-    """The light of a frosted lens by other rays and other facets is that of the design; a polished one has another."""
+    """By other rays and other facets a frosted lens has the light of the design; a polished lens has other light."""
     media = Media(Medium(INDEX), scatter=(FaceScatter("outer", GaussianFacets(0.6)),))
     screen = Screen.square(DISTANCE, SIDE, 12)
     mesh = right().export(file_type="stl")

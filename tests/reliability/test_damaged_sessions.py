@@ -28,7 +28,7 @@ _SIZES = (0.0, -1.0, 1e-320, 1e300, -1e300, np.nan, np.inf, 2.0**31)
 
 
 def changed_arrays(content: bytes, chance: Random) -> bytes:
-    """An archive with one array of other values, shape or type, without it, or with one more."""
+    """An archive in which an array has other values, shape or type, is missing, or is added."""
     with np.load(io.BytesIO(content)) as archive:
         arrays = dict(archive)
     name = chance.choice(sorted(arrays))

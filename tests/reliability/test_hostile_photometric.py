@@ -1,4 +1,4 @@
-"""IES files that lie: refused in one line, or read with a warning that says what contradicts what."""
+"""IES files that lie: refused in one line, or read with a warning that names the contradiction."""
 
 import pytest
 from refusals import one_line

@@ -1,7 +1,7 @@
 """Every picture of the page read back: pixels in their unit and on their side, lines, bars and the bars of errors.
 
-The images are random, each its own, so that one taken for another, turned about or subtracted the wrong way round is
-seen. A picture that has neither a reader here nor a test elsewhere fails.
+The images are random and differ, so that a test fails where an image is taken for another, turned about or subtracted
+the wrong way round. A picture that has neither a reader here nor a test elsewhere fails.
 """
 
 import re

@@ -41,7 +41,7 @@ def numbers_of(value):
 
 @pytest.mark.parametrize("name", FOLDERS)
 def test_the_value_of_every_fact_is_one_of_its_record(name):
-    """In a folder no two numbers are alike, so that a fact of another number, or in another unit, is found."""
+    """No two numbers of a folder are alike: a fact with the number of another fact, or in another unit, is noticed."""
     results = folder_of(name)
     efficacy = (results.light.lumens_per_watt if "evaluate" in results.found else None) or 1.0
     spec = [*numbers_of(results.spec.model_dump()), results.spec.manufacture.scale, results.spec.photometry.lenses]

@@ -10,7 +10,7 @@ from lensforge.spec import ArrayTarget
 
 
 def leaves(content):
-    """How many values there are; a metric and an empty list are one each."""
+    """Number of values; a metric counts as one, and so does an empty list."""
     if isinstance(content, dict):
         return 1 if content.keys() == {"value", "unit", "standard_error"} else sum(map(leaves, content.values()))
     if isinstance(content, list):

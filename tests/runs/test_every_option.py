@@ -91,7 +91,7 @@ Calls = list[tuple[str, tuple[object, ...], dict[str, object]]]
 
 @pytest.fixture
 def calls(monkeypatch: pytest.MonkeyPatch, small_run: lf.Run) -> Calls:
-    """What the verbs of the commands are called with; each returns what the command shows next."""
+    """Arguments of the verbs that commands call; a verb returns the result that its command shows next."""
     heard: Calls = []
 
     def hear(where: str, returned: object = None) -> None:
@@ -236,7 +236,7 @@ def of_rays(flag: str, here: Path) -> bool:
 
 
 def of_new(flag: str, here: Path) -> bool:
-    """One field of the spec is another one."""
+    """The option changes one field of the spec."""
     other = {
         "--source": "square:2",
         "--target": "disc:120@300",

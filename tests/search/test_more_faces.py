@@ -1,4 +1,4 @@
-"""Parameters, tables and constraints of a lens of four faces: each is as alone, under its own name."""
+"""Parameters, tables and constraints of a lens of four faces: those of a face are as for that face alone."""
 
 from dataclasses import replace
 

@@ -55,7 +55,7 @@ def flanged(**changes: Any) -> Lens:
 
 
 def check_of(lens: Lens, verdicts: tuple[Fact, ...] = ()) -> Check:
-    """A check of the faces of ``lens``, which are those of another under their names."""
+    """A check of ``lens`` with the faces of another lens, under the names of this one."""
     check = bare_part()[1]
     faces = {name: check.faces["inner" if name in ("cap", "side") else "outer"] for name in lens.spec.lens.names}
     fields = {name: getattr(check, name) for name in type(check).model_fields}

@@ -1,4 +1,4 @@
-"""From spectra to wavelengths of rays: which rays get one, which one, and when none is needed."""
+"""From spectra to wavelengths of rays: which rays get a wavelength, which wavelength, and when none is needed."""
 
 from dataclasses import replace
 

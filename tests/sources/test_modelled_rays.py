@@ -184,7 +184,7 @@ def in_dome(count: int, seed: int, radius: float = 2.0, index: float = 1.5, heig
 
 
 def test_light_in_a_dome_is_that_of_a_plane_within() -> None:
-    """Which dome, its rays tell; then each pattern of angles is that of a chip, and edges are those of chips."""
+    """The rays tell the dome; then patterns of angles are those of chips, and so are edges."""
     rays = in_dome(30_000, 5)
     exact = GlassDome(2.0, 0.2, 1.5)
     points, along = exact.inward(rays)

@@ -24,7 +24,7 @@ def led(count=COUNT, **changes):
 
 
 def doubtful():
-    """Files about each of which exactly one thing is to be said, by a word of what is said."""
+    """Files of which each deserves exactly one warning, by a word of that warning."""
     plain, half = led(), np.ones(COUNT, dtype=np.float32)
     half[: COUNT // 2] = 1e-6
     down = np.array(plain.directions)

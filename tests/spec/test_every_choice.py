@@ -219,7 +219,7 @@ OF_FILES = {("BaseSection.kind", "step"), ("PlateSection.kind", "step")}  # in c
 
 
 def choices() -> Iterator[tuple[str, str]]:
-    """Fields of more than one word, and each word; of fields of one name with other words with their section."""
+    """Fields of more than one word, and each word; fields of one name with other words have their section's."""
     known: dict[str, set[tuple[str, ...]]] = {}
     rows = [(section, name, literal) for section in all_sections(Spec) for name, field in section.model_fields.items()
              for literal in literals(field.annotation)]  # fmt: skip

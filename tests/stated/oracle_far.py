@@ -55,7 +55,7 @@ def together(case):
 def leaving(case):
     """Of each of 16 samples: flux (W) upwards, directions and flux of these rays, and flux by fate.
 
-    Of lamps with aims each ray is of one, drawn by chance, as many of each.
+    If lamps have aims, a ray is of a lamp that is drawn by chance; all lamps have as many rays.
     """
     lens = case.lens
     by_sample = []
@@ -149,7 +149,7 @@ class Tables:
 
 
 def doubted(tables, read):
-    """Figures with their errors, in which is what they are in other steps."""
+    """Figures with their errors, which count how the figures change in tables of other steps."""
     values = read(tables)
     if tables.rival is None:
         return values

@@ -44,7 +44,7 @@ MISSED = ("backward", "outside_cavity", "base", "missed_receiver", "surfaces_int
 
 
 def traced(case, calls, warm):
-    """Receivers, what each gets in each replicate, of each kind of lens, and flux (W) by the faces that it met."""
+    """Receivers, their light by replicate and kind of lens, and flux (W) by the faces that it met."""
     (lens, raised) = at_temperature(case.lens, HOT_C) if warm else (case.lens, 0.0)
     spec = case.lens["spec"]
     places, turns, kinds = lamps_of(spec)

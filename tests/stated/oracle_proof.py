@@ -154,7 +154,7 @@ def landed_rms(case, index, file):
 
 
 def off_nm(case, points):
-    """The largest distance of points from the optical faces to which each belongs, of those that lie on one."""
+    """The largest distance of those of ``points`` that lie on an optical face from that face."""
     u = unit(points)
     distances = []
     for part in body_of(case).parts.values():

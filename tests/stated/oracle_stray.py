@@ -29,7 +29,7 @@ LIMITS = {"stray_balance": 1e-9, "stray_leaked": 1e-3, "stray_too_dim": 1e-2}
 class Solid:
     """The part as a function above 0 in the material: lenses above z = 0, below it their base or plate.
 
-    ``lenses``: place and turn (degrees) of each in the coordinates of the one that is lit, which is the first.
+    ``lenses``: place and turn (degrees) of each lens in the coordinates of the first, which is lit.
     """
 
     def __init__(self, case):
@@ -61,7 +61,7 @@ class Solid:
         plate = self.spec["plate"]
         return -plate["thickness_mm"] - max((pin["height_mm"] for pin in plate["pins"]), default=0.0), top
 
-    def own(self, p, number):
+    def to_local(self, p, number):
         """Points in the coordinates of a lens."""
         place, turn = self.lenses[number]
         return placed(p - [*place, 0], (0, 0), -turn)
@@ -85,7 +85,7 @@ class Solid:
         return np.hypot(q[:, 0], q[:, 1]) - rim
 
     def below(self, p):
-        bores = np.min([self.rim(self.own(p, number)) for number in range(len(self.lenses))], axis=0)
+        bores = np.min([self.rim(self.to_local(p, number)) for number in range(len(self.lenses))], axis=0)
         if not self.spec["plate"]:
             base = base_of(self.case)
             assert not base["bore_setback_mm"] and not base["relief_step_mm"], "a plain base"
@@ -111,7 +111,7 @@ class Solid:
         value[~up] = self.below(p[~up])
         value[(p[:, 2] < self.low)] = -1.0
         for number in range(len(self.lenses)):
-            q = self.own(p[up], number)
+            q = self.to_local(p[up], number)
             near = np.hypot(q[:, 0], q[:, 1]) < self.spec["constraints"]["max_radius_mm"]
             rows = np.flatnonzero(up)[near]
             value[rows] = np.maximum(value[rows], self.rooms(q[near]))
@@ -124,7 +124,7 @@ class Solid:
         near = self.nearest(p)
         for number, (_, turn) in enumerate(self.lenses):
             rows = np.flatnonzero((near == number) & (p[:, 2] > 1e-7))
-            q = self.own(p[rows], number)
+            q = self.to_local(p[rows], number)
             off = [abs(part.exact(unit(q))[0] - np.linalg.norm(q, axis=1)) for part in self.faces]
             face[rows] = np.argmin(off, axis=0)
             for k, part in enumerate(self.faces):
@@ -273,7 +273,7 @@ def step(solid, light, least, ends):
     away = (light.p * n).sum(axis=1) > 0
     for number in range(1, len(solid.lenses)):
         here = beside & (solid.nearest(light.p) == number)
-        away[here] = (solid.own(light.p[here], number) * placed(n[here], (0, 0), -solid.lenses[number][1])).sum(
+        away[here] = (solid.to_local(light.p[here], number) * placed(n[here], (0, 0), -solid.lenses[number][1])).sum(
             axis=1
         ) > 0
     total = (passed == 0).all(axis=0)

@@ -95,18 +95,18 @@ class Moved:
         self.shift = np.array(shift)
         self.largest = face.largest + 1.0
 
-    def own(self, p):
+    def to_local(self, p):
         return (p - self.shift) @ self.turn
 
     def radius(self, u):
         rho = self.face.radius(u)
         for _ in range(8):
-            q = self.own(rho[:, None] * u)
+            q = self.to_local(rho[:, None] * u)
             rho = rho + self.face.radius(unit(q)) - np.linalg.norm(q, axis=1)
         return rho
 
     def normal(self, u):
-        return self.face.normal(unit(self.own(self.radius(u)[:, None] * u))) @ self.turn.T
+        return self.face.normal(unit(self.to_local(self.radius(u)[:, None] * u))) @ self.turn.T
 
 
 class Bent:
@@ -314,7 +314,7 @@ def rays_of(case, led):
 
 
 def noise_of(d, width):
-    """Numbers by which normals are turned, at each face: those of lensforge, whose rays are in order of direction."""
+    """Numbers by which normals are turned at each face: lensforge's, which has its rays in order of direction."""
     order = np.lexsort((d[:, 1], np.floor(32 * d[:, 0])))
     noise = np.empty((len(d), width))
     noise[order] = np.random.default_rng(2029).standard_normal((len(d), width))
@@ -450,7 +450,7 @@ def ordered(rows):
 
 
 def row_of(case, place):
-    """The row of a group: those of one LED come after those of another."""
+    """The row of a group: all rows of the first LED come first, then those of the next."""
     every = of_case(case)
     led, number = divmod(place.group, len(every[0][1]))
     (name, *labels), *readings = ordered(every[led][1])[number]

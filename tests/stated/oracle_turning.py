@@ -64,7 +64,7 @@ def turned(case, name):
 
 
 def largest_mm(case, name):
-    """Radius of the tightest hollow of the meridian; of a straight one that of its spline."""
+    """Radius of the tightest hollow of the meridian; if that is straight, of its spline."""
     profile = turned(case, name)
     step = np.gradient(profile.p, axis=0)
     bend = np.gradient(step, axis=0)

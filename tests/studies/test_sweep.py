@@ -80,7 +80,7 @@ SIZES = ("max_radius_mm", "height_mm", "steps")
 
 
 def test_every_number_of_a_row_is_of_the_files_of_its_design(swept):
-    """Record, facts and cells of the table by each folder's own records, which are unlike; nothing else is stated."""
+    """Record, facts and cells of the table are by the folders' records, which are unlike; nothing else is stated."""
     folder, content = swept
     table = list(csv.DictReader((folder / "sweep.csv").read_text(encoding="utf-8").splitlines()))
     stored = json.loads((folder / "sweep.json").read_text(encoding="utf-8"))["designs"]

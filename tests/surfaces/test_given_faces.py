@@ -1,4 +1,4 @@
-"""Faces that are given in several ways, against one another and against what was given."""
+"""Faces that are given in several ways, against one another and against the surfaces that were given."""
 
 from pathlib import Path
 

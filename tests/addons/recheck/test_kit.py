@@ -96,7 +96,7 @@ def test_transmittance_is_that_of_fresnel(degrees):
 
 
 def test_light_without_polarisation_is_less_by_the_product_of_both_differences():
-    """Rays in one plane through spheres: half of (Ts - Tp) of one face times half of that of the other, for each."""
+    """Rays in one plane through spheres: each loses half of (Ts - Tp) at one face times half of it at the other."""
     lens = Lens.double(sphere(3.0), sphere(6.0), small_spec(lens__refractive_index=1.5), 0, "draft")
     starts = np.array([[2.4, 0.0, 0.0], [-2.0, 0.0, 0.0], [2.6, 0.0, 0.0]])
     along = np.array([[0.6, 0.0, 0.8], [0.28, 0.0, 0.96], [-0.8, 0.0, 0.6]])
