@@ -54,7 +54,7 @@ def test_docstrings_name_what_there_is() -> None:
         texts = [text for node, text in constants.items() if node not in docstrings]
         known |= set(re.findall(r"\w+", f"{path} {' '.join(map(str, names))} {' '.join(texts)}"))
         for node in docstrings & constants.keys():
-            mentions += [(path, one or other) for one, other in _SPAN.findall(constants[node])]
+            mentions += [(path, span or role) for span, role in _SPAN.findall(constants[node])]
     stale = []
     for path, name in mentions:
         first, *rest = name.removeprefix("lensforge.").split(".")

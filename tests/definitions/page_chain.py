@@ -369,10 +369,10 @@ def as_stokes(light, rows):
     d = light.d[rows]
     fields = light.fields[rows]
     s = unit(np.cross(d, np.where(abs(d[:, :1]) < 0.9, [1.0, 0.0, 0.0], [0.0, 1.0, 0.0])))
-    one, other = ((fields * axis[:, None]).sum(axis=2) for axis in (s, np.cross(d, s)))
-    i = (abs(one) ** 2 + abs(other) ** 2).sum(axis=1)
-    q = (abs(one) ** 2 - abs(other) ** 2).sum(axis=1) / i
-    u = 2 * (one * other.conj()).real.sum(axis=1) / i
+    a_s, a_p = ((fields * axis[:, None]).sum(axis=2) for axis in (s, np.cross(d, s)))
+    i = (abs(a_s) ** 2 + abs(a_p) ** 2).sum(axis=1)
+    q = (abs(a_s) ** 2 - abs(a_p) ** 2).sum(axis=1) / i
+    u = 2 * (a_s * a_p.conj()).real.sum(axis=1) / i
     return [q, u, s]
 
 

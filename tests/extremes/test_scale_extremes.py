@@ -82,8 +82,8 @@ def test_a_scaled_lens_gives_scaled_hits_and_equal_gradients(size: float, seed: 
         by_table = torch.autograd.grad((arrivals.hits * torch.tensor([0.3, -0.7])).sum(), tables)
         results.append((arrivals.fates, arrivals.hits / factor, arrivals.carried, arrivals.sin2_exit, *by_table))
     assert torch.equal(results[0][0], results[1][0])
-    for one, other in zip(results[0][1:], results[1][1:], strict=True):
-        assert torch.allclose(one, other, rtol=1e-9, atol=1e-10 * float(one.detach().abs().max()))
+    for value, scaled in zip(results[0][1:], results[1][1:], strict=True):
+        assert torch.allclose(value, scaled, rtol=1e-9, atol=1e-10 * float(value.detach().abs().max()))
 
 
 @pytest.mark.parametrize("size", first_by_day(1, [1e-3, 1e4]))

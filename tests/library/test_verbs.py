@@ -50,8 +50,8 @@ def test_a_run_comes_back_to_the_bit(small_run: lf.Run, whole_run: lf.Run) -> No
     assert again == small_run
     for stem, result in small_run.found.items():
         for field in values_of(result):
-            one, other = getattr(result, field), getattr(again.found[stem], field)
-            same = np.array_equal(one, other, equal_nan=True) if isinstance(one, np.ndarray) else one == other
+            value, read = getattr(result, field), getattr(again.found[stem], field)
+            same = np.array_equal(value, read, equal_nan=True) if isinstance(value, np.ndarray) else value == read
             assert same, f"{stem}.{field}"
     assert again != whole_run, "another folder, and more in it"
 
@@ -67,8 +67,8 @@ def test_verbs_write_nothing_and_give_what_a_run_gives(
         made += [lf.check(made[1]), lf.verify(made[1], made[0])]
     assert not list(tmp_path.iterdir()) and capfd.readouterr() == ("", "")
     assert run.design.lens == design.lens
-    for one, other in zip(made, (run.light, run.part, run.check, run.proof), strict=False):
-        assert one.sha256 == other.sha256, type(one).__name__
+    for result, of_run in zip(made, (run.light, run.part, run.check, run.proof), strict=False):
+        assert result.sha256 == of_run.sha256, type(result).__name__
 
 
 def test_every_kind_of_result_plots_saves_shows_itself_and_is_a_row(whole_run: lf.Run, tmp_path: Path) -> None:

@@ -156,8 +156,8 @@ def test_the_light_of_chips_together_is_the_sum_of_each(lamps: dict[str, Any] | 
 def test_chips_that_change_places_mirror_the_colours_of_the_far_field() -> None:
     far = {"kind": "disc", "half_angle_deg": 40.0, "diameter_deg": 60.0}
     ratios = []
-    for one, other in ((RED, BLUE), (BLUE, RED)):
-        light = lit(spheres(chip(-0.8, one), chip(0.8, other), target=far, colour={"within": "tenth"})).first
+    for left, right in ((RED, BLUE), (BLUE, RED)):
+        light = lit(spheres(chip(-0.8, left), chip(0.8, right), target=far, colour={"within": "tenth"})).first
         x, _, z = light.tristimulus_map
         ratios.append((x[:, :8].sum() / z[:, :8].sum()) / (x[:, 8:].sum() / z[:, 8:].sum()))
         assert light.colour is not None and light.colour.level == 0.1

@@ -32,8 +32,8 @@ def width(level_cd, scale=1.0):
     return 2.0 * EDGE_DEG * (1.0 - level_cd / (PEAK_CD * scale))
 
 
-def by_halves(one, other, third, fourth):
-    return 0.5 * np.sqrt(((one - other) ** 2 + (third - fourth) ** 2) / 2.0)
+def by_halves(first, second, third, fourth):
+    return 0.5 * np.sqrt(((first - second) ** 2 + (third - fourth) ** 2) / 2.0)
 
 
 def test_the_error_of_a_figure_is_that_of_the_rays():

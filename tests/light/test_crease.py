@@ -157,9 +157,9 @@ def test_rays_that_change_a_later_face_are_the_slope(make, base, name: str, step
     more, less = (TracedBundle.of(tables, here, rays) for tables in ends)
     row = np.arange(len(rays))
     event = (more.met != less.met).argmax(axis=1)
-    one = more.met[row, event]
-    other = less.met[row, event]
-    crossing = (event > 0) & (one >= 0) & (other >= 0) & (one >> 2 != other >> 2)
+    met_more = more.met[row, event]
+    met_less = less.met[row, event]
+    crossing = (event > 0) & (met_more >= 0) & (met_less >= 0) & (met_more >> 2 != met_less >> 2)
     shares = ((worth(more) - worth(less)) / (2.0 * step))[crossing]
     gradients = later_crease_gradients(tables_of(make(**base), GRID), here, LED, worth, 2**9, 64, 1)
     slope = float((gradients * by_parameter(make, base, name)).sum())

@@ -255,15 +255,15 @@ def test_the_usual_lens_is_a_chain_of_two_faces(behind: RingScatter | None) -> N
     media = clear(absorption=0.02)
     if behind is not None:
         media = replace(media, scatter=(FaceScatter("inner", GaussianFacets(0.05)), FaceScatter("outer", behind)))
-    one = TracedBundle.of(tables, Scene(media, GRID), rays)
-    assert one.met is None, "without fields"
-    other = TracedBundle.of(tables, scene(body, media, events=2), rays)
-    assert np.array_equal(one.exits.fates, other.exits.fates)
+    usual = TracedBundle.of(tables, Scene(media, GRID), rays)
+    assert usual.met is None, "without fields"
+    chained = TracedBundle.of(tables, scene(body, media, events=2), rays)
+    assert np.array_equal(usual.exits.fates, chained.exits.fates)
     for name in ("points", "directions", "flux", "sin2_exit", "absorbed"):
-        assert getattr(one.exits, name) == pytest.approx(getattr(other.exits, name), rel=1e-12, abs=1e-14), name
+        assert getattr(usual.exits, name) == pytest.approx(getattr(chained.exits, name), rel=1e-12, abs=1e-14), name
     by = np.random.default_rng(1).normal(size=(2000, 3))
     seen = np.random.default_rng(2).normal(size=2000)
-    first, second = (traced.gradients(Sensitivities(by, by), seen, seen) for traced in (one, other))
+    first, second = (traced.gradients(Sensitivities(by, by), seen, seen) for traced in (usual, chained))
     assert first == pytest.approx(second, rel=1e-9, abs=1e-12 * np.abs(first).max())
 
 

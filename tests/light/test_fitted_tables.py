@@ -58,11 +58,11 @@ def gram():
     """Integrals of the products of two functions of gamma with its sine, by adaptive quadrature."""
     matrix = np.zeros((8, 8))
     nodes = range(8)
-    for one in nodes:
-        for other in nodes:
-            edges = [GAMMA_DEG[k] for k in nodes if abs(k - one) <= 1 and abs(k - other) <= 1]
-            matrix[one, other] = sum(
-                quad(lambda g, i=one, j=other: hat(i, g) * hat(j, g) * np.sin(np.deg2rad(g)), low, high)[0]
+    for row in nodes:
+        for column in nodes:
+            edges = [GAMMA_DEG[k] for k in nodes if abs(k - row) <= 1 and abs(k - column) <= 1]
+            matrix[row, column] = sum(
+                quad(lambda g, i=row, j=column: hat(i, g) * hat(j, g) * np.sin(np.deg2rad(g)), low, high)[0]
                 for low, high in pairwise(edges)
             )
     return matrix * np.deg2rad(1.0)

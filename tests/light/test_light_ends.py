@@ -167,8 +167,8 @@ def test_the_search_counts_the_flux_of_each_cause_and_lowers_what_leaks() -> Non
     (light,) = without_creases.collect(parameters.tables(weights, at), rays)
     for cause, stand_in in (("wall", light.total_reflection), ("beside", light.outside_receiver)):
         loss = light.losses[names.index(cause)]
-        one, other = (torch.autograd.grad(term, at, retain_graph=True)[0] for term in (loss, stand_in))
-        assert torch.allclose(one, other, rtol=1e-9) and float(one.abs().max()) > 0.0, cause
+        gradient, wanted = (torch.autograd.grad(term, at, retain_graph=True)[0] for term in (loss, stand_in))
+        assert torch.allclose(gradient, wanted, rtol=1e-9) and float(gradient.abs().max()) > 0.0, cause
 
 
 LAMPS = {

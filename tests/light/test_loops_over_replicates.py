@@ -38,7 +38,7 @@ def test_metrics_of_a_picture_are_their_sums_over_pixels() -> None:
     image = pictures(1, 0.2)[0]
     target = np.arange(1.0, 13.0).reshape(SHAPE)
     share = sum(image.flat) / sum(target.flat)
-    above = sum((one - share * other) ** 2 for one, other in zip(image.flat, target.flat, strict=True))
+    above = sum((value - share * wanted) ** 2 for value, wanted in zip(image.flat, target.flat, strict=True))
     assert nmse(image, target) == pytest.approx(above / sum((share * pixel) ** 2 for pixel in target.flat), rel=1e-12)
     inside = [value for value, within in zip(image.flat, MASK.flat, strict=True) if within]
     mean = sum(inside) / len(inside)

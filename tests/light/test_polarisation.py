@@ -109,8 +109,8 @@ def test_light_that_passes_and_light_that_returns_add_up_face_after_face():
     for coating in (None, layers):
         into = RefractingFace(np.ones(60), np.full(60, N), coating, waves, True)
         at = AtFace.of(into, d, normals, unpolarised(d))
-        one, other = (np.repeat(unpolarised(d)[:, k : k + 1], 2, axis=1) for k in (0, 1))
-        apart = [AtFace.of(into, d, normals, state).transmittance for state in (one, other)]
+        s_state, p_state = (np.repeat(unpolarised(d)[:, k : k + 1], 2, axis=1) for k in (0, 1))
+        apart = [AtFace.of(into, d, normals, state).transmittance for state in (s_state, p_state)]
         np.testing.assert_allclose(np.mean(apart, axis=0), at.transmittance, atol=1e-14)
         for way, fields in ((at.bent, at.passed), (at.mirrored, at.returned)):
             assert np.abs(np.einsum("nfi,ni->nf", fields, way)).max() < 1e-13

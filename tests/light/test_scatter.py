@@ -262,10 +262,12 @@ def test_the_proof_meets_the_facets_of_the_design_on_the_lens_and_on_a_body() ->
             slopes = facet_slopes(rays, kinds, before).reshape(500, 2, 2)[np.arange(500), faces]
             if times:
                 by_face = np.stack([numbers_again(keys, face, np.full(500, times)) for face in (0, 1)])
-                one, other = by_face[faces, np.arange(500)].T
-                assert numbers[rms > 0.0] == pytest.approx(np.column_stack([one, other])[rms > 0.0], abs=0.0)
-                length = rms * np.sqrt(-2.0 * np.log(1.0 - one))
-                slopes = length[:, None] * np.column_stack([np.cos(2 * np.pi * other), np.sin(2 * np.pi * other)])
+                radial, azimuthal = by_face[faces, np.arange(500)].T
+                assert numbers[rms > 0.0] == pytest.approx(np.column_stack([radial, azimuthal])[rms > 0.0], abs=0.0)
+                length = rms * np.sqrt(-2.0 * np.log(1.0 - radial))
+                slopes = length[:, None] * np.column_stack(
+                    [np.cos(2 * np.pi * azimuthal), np.sin(2 * np.pi * azimuthal)]
+                )
             along = (slopes * normals[:, :2]).sum(axis=1) / (1.0 + normals[:, 2])
             tilts = np.column_stack([slopes, 0.0 * along]) - along[:, None] * (normals + np.eye(3)[2])
             drawn = sine * (tilts * sideways).sum(axis=1)

@@ -220,11 +220,11 @@ def test_each_ray_loses_by_its_own_path_and_nothing_else_changes(scene: Scene, r
 
 def test_rays_and_their_fates_are_those_of_bare_faces() -> None:
     bare = replace(COATED, media=replace(COATED.media, coatings=()))
-    one, other = (trace_tables(TABLES, scene, COLOURED) for scene in (COATED, bare))
+    coated, plain = (trace_tables(TABLES, scene, COLOURED) for scene in (COATED, bare))
     for name in ("points", "directions", "sin2_exit", "fates"):
-        assert torch.equal(getattr(one, name), getattr(other, name)), name
-    assert (one.fates == Fate.TOTAL_REFLECTION).sum() > 5
-    assert not torch.equal(one.flux, other.flux)
+        assert torch.equal(getattr(coated, name), getattr(plain, name)), name
+    assert (coated.fates == Fate.TOTAL_REFLECTION).sum() > 5
+    assert not torch.equal(coated.flux, plain.flux)
     dark = (replace(scene, fresnel=False) for scene in (COATED, bare))
     first, second = (trace_tables(TABLES, scene, COLOURED) for scene in dark)
     assert torch.equal(first.flux, second.flux)  # no face loses any
@@ -352,8 +352,8 @@ def test_light_outside_of_a_coating_is_one_line(coating: Coating, message: str) 
     with pytest.raises(InputError, match=r"480 nm: 4\.07 % of the flux is outside"):
         trace_tables(TABLES, scene, replace(few, flux=np.where(tail, 0.5, 1.0)))
     ends = few.with_wavelengths(np.maximum(few.wavelengths_nm, 420.0 if coating is BROAD else 400.0))
-    one, other = (trace_tables(TABLES, scene, rays).flux for rays in (few, ends))
-    assert torch.allclose(one, other, rtol=1e-5)
+    flux, flux_at_ends = (trace_tables(TABLES, scene, rays).flux for rays in (few, ends))
+    assert torch.allclose(flux, flux_at_ends, rtol=1e-5)
     blue = replace(scene, media=replace(scene.media, wavelength_nm=300.0))
     with pytest.raises(InputError, match=r"the source has light of 300 nm: 100 % .*lens.design_wavelength_nm"):
         trace_tables(TABLES, blue, RAYS)

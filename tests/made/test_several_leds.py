@@ -235,13 +235,13 @@ def test_lamps_seen_from_afar_change_as_one_of_them_does(kinds: tuple[str, ...])
         lens = lens_for({}, tolerances, target=far, base={"kind": "none"}, **changes)
         others = {"b": lens.surfaces} if kinds and changes else {}
         results.append(measure_sensitivity(replace(lens, others=others), rays=2**14))
-    one, together = results
+    alone, together = results
     sure = 0
-    for row, other in zip(one.rows, together.rows, strict=True):
-        assert (row.name, row.amount) == (other.name, other.amount)
+    for row, row_together in zip(alone.rows, together.rows, strict=True):
+        assert (row.name, row.amount) == (row_together.name, row_together.amount)
         for name in ("nmse", "efficiency", "rsd"):
             change = getattr(row.change, name)
-            seen = getattr(other.change, name)
+            seen = getattr(row_together.change, name)
             error = np.hypot(change.standard_error, seen.standard_error)
             assert abs(change.value - seen.value) < 4.0 * error, (row.name, name)
             sure += abs(change.value) > 8.0 * error

@@ -76,16 +76,16 @@ def changed(content: bytes, chance: random.Random) -> bytes:
         matches = list(pattern.finditer(content, content.find(b"DATA;")))
         if not matches:
             continue
-        one, other = chance.choice(matches), chance.choice(matches)
+        match, donor = chance.choice(matches), chance.choice(matches)
         new = (
             chance.choice(_NUMBERS),
-            other[0],
-            other[0],
-            chance.choice((b"", one[0] * 2)),
-            chance.choice((b"()", other[0], one[0][: one[0].find(b",")] + b")")),
+            donor[0],
+            donor[0],
+            chance.choice((b"", match[0] * 2)),
+            chance.choice((b"()", donor[0], match[0][: match[0].find(b",")] + b")")),
             b"%.6f" % chance.gauss(0.0, 30.0),
         )[kind]
-        content = content[: one.start()] + new + content[one.end() :]
+        content = content[: match.start()] + new + content[match.end() :]
     return content
 
 

@@ -83,9 +83,9 @@ def test_tables_hold_a_wave_that_counts_as_fitting() -> None:
     limit = 2.0 * 2.0 * grid.step * 5.0 * 2.0 * np.pi / np.sqrt(2.0)  # wavelength of the limiting width
     table = waviness(FaceNodes.of(grid, surface), limit * 1.001, limit * 1.01, 0).tables[0]
     true = waviness(FaceNodes.of(finer, surface), limit * 1.001, limit * 1.01, 0).tables[0]
-    one = evaluate_table(grid, table, U)
-    other = evaluate_table(finer, true, U)
-    assert np.std(one - other) < 0.01 * np.std(other)
+    coarse = evaluate_table(grid, table, U)
+    fine = evaluate_table(finer, true, U)
+    assert np.std(coarse - fine) < 0.01 * np.std(fine)
 
 
 def test_a_face_is_as_rough_as_its_finish_and_what_is_too_fine_for_its_table() -> None:

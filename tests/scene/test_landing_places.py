@@ -66,13 +66,15 @@ def rays(points: np.ndarray, directions: np.ndarray) -> ExitRays:
 def both_landings(receiver: PosedReceiver, points: np.ndarray, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Hits and whether they landed; the compiled landing and that by arrays agree."""
     exits = rays(points, directions)
-    one = receiver.land(exits)
-    other = receiver.land_by_arrays(exits)
-    assert np.array_equal(one.landed, other.landed) and np.array_equal(one.missed_receiver, other.missed_receiver)
-    assert np.array_equal(one.missed_receiver, ~one.landed) and np.array_equal(one.flux, other.flux)
-    assert np.array_equal(one.arrived, one.landed), "all have flux"
-    np.testing.assert_allclose(one.hits, other.hits, rtol=1e-9, atol=1e-9)
-    return one.hits, one.landed
+    landings = receiver.land(exits)
+    by_arrays = receiver.land_by_arrays(exits)
+    assert np.array_equal(landings.landed, by_arrays.landed) and np.array_equal(
+        landings.missed_receiver, by_arrays.missed_receiver
+    )
+    assert np.array_equal(landings.missed_receiver, ~landings.landed) and np.array_equal(landings.flux, by_arrays.flux)
+    assert np.array_equal(landings.arrived, landings.landed), "all have flux"
+    np.testing.assert_allclose(landings.hits, by_arrays.hits, rtol=1e-9, atol=1e-9)
+    return landings.hits, landings.landed
 
 
 def unit(x: float, y: float, z: float) -> np.ndarray:
@@ -107,10 +109,10 @@ def test_angles_of_the_far_field_are_those_of_its_chart_and_back() -> None:
     far = EVERY["far field"]
     angles = np.array([[0.0, 0.0], [0.5, 0.0], [0.0, -30.0], [20.0, 40.0], [-120.0, 60.0], [180.0, 0.0]])
     x, y = far.chart_coordinates(*angles.T)
-    for (one, other), a, b in zip(angles, x, y, strict=True):
-        gamma = math.hypot(one, other)
+    for (angle_x, angle_y), a, b in zip(angles, x, y, strict=True):
+        gamma = math.hypot(angle_x, angle_y)
         assert math.hypot(a, b) == pytest.approx(2.0 * math.sin(math.radians(0.5 * gamma)), abs=1e-15)
-        assert a * other == pytest.approx(b * one) and a * one >= 0.0 and b * other >= 0.0
+        assert a * angle_y == pytest.approx(b * angle_x) and a * angle_x >= 0.0 and b * angle_y >= 0.0
         assert math.hypot(a, b) == pytest.approx(chart_radius(gamma), abs=1e-15)
     np.testing.assert_allclose(np.column_stack(far.target_coordinates(x, y)), angles, atol=1e-6)
     assert far.target_coordinates(np.array([5.0]), np.zeros(1))[0] == pytest.approx(180.0), "the rim, and beyond it"

@@ -36,12 +36,12 @@ def test_a_gaussian_beam_halves_at_its_ellipse() -> None:
 def test_a_cosine_beam_is_the_power_of_the_cosine_that_halves_on_the_ellipse_in_each_direction(fwhm) -> None:
     x, y = at((0.0, 0.0), (0.4, 0.3), (30.0, 0.0), (0.0, 12.5), (-20.0, 7.0), (3.0, -40.0), (0.0, 89.5), (89.5, 0.0))
     lights = BeamTarget(fwhm_deg=fwhm, profile="cosine").light(x, y)
-    for light, one, other in zip(lights, x, y, strict=True):
-        gamma = math.hypot(one, other)
+    for light, angle_x, angle_y in zip(lights, x, y, strict=True):
+        gamma = math.hypot(angle_x, angle_y)
         if gamma == 0.0:
             assert light == 1.0
             continue
-        reach = 1.0 / math.hypot(2.0 * one / gamma / fwhm[0], 2.0 * other / gamma / fwhm[1])
+        reach = 1.0 / math.hypot(2.0 * angle_x / gamma / fwhm[0], 2.0 * angle_y / gamma / fwhm[1])
         power = math.log(0.5) / math.log(math.cos(math.radians(reach)))
         assert light == pytest.approx(math.cos(math.radians(gamma)) ** power, rel=1e-9)
     beyond = at((90.0, 0.0), (0.0, -90.0), (90.5, 0.0), (100.0, 100.0))
@@ -53,11 +53,11 @@ def test_a_batwing_is_even_on_a_plane_up_to_its_edge_and_dark_at_the_horizon() -
     x, y = -0.6 * gammas, 0.8 * gammas
     sharp = BatwingTarget(to_deg=60.0).light(np.append(x, 60.0), np.append(y, 0.0))
     soft = BatwingTarget(to_deg=60.0, edge_deg=8.0).light(x, y)
-    for gamma, one, other in zip(gammas, sharp, soft, strict=False):
+    for gamma, light, blurred in zip(gammas, sharp, soft, strict=False):
         even = 0.0 if gamma >= 89.0 else math.cos(math.radians(gamma)) ** -3
         if gamma != 60.0:  # to the last bit of the place
-            assert one == pytest.approx(even if gamma < 60.0 else 0.0)
-        assert other == pytest.approx(0.5 * math.erfc((gamma - 60.0) / (8.0 * math.sqrt(2.0))) * even, rel=1e-9)
+            assert light == pytest.approx(even if gamma < 60.0 else 0.0)
+        assert blurred == pytest.approx(0.5 * math.erfc((gamma - 60.0) / (8.0 * math.sqrt(2.0))) * even, rel=1e-9)
     assert sharp[-1] == pytest.approx(8.0), "up to its edge, which belongs to it"
 
 
@@ -116,7 +116,7 @@ def test_a_table_is_read_between_its_planes_and_angles(planes: list[float], gamm
         for coordinates in np.meshgrid(np.radians([1.0, 95.0, 181.0, 359.0]), [0.5, 20.0, 39.9, 79.0])
     )
     x, y = gamma * np.cos(azimuth), gamma * np.sin(azimuth)
-    by_hand = [by_loops(table, one, other) for one, other in zip(x, y, strict=True)]
+    by_hand = [by_loops(table, angle_x, angle_y) for angle_x, angle_y in zip(x, y, strict=True)]
     np.testing.assert_allclose(photometric(table, x, y), by_hand, rtol=1e-9)
     last = photometric(table, np.array([gammas[-1], 0.0, gammas[-1] + NEAR]), np.zeros(3))
     np.testing.assert_allclose(last, [values[0, -1], values[0, 0], 0.0])
@@ -129,8 +129,8 @@ def test_a_polygon_holds_what_an_odd_number_of_its_edges_lies_beside() -> None:
     )
     x, y = np.random.default_rng(0).uniform(-5.0, 5.0, (2, 400))
     mask = PolygonTarget(corners_mm=corners).contains(x, y)
-    for one, other, inside in zip(x, y, mask, strict=True):
-        turns = [math.atan2(b - other, a - one) for a, b in (*corners, corners[0])]
+    for place_x, place_y, inside in zip(x, y, mask, strict=True):
+        turns = [math.atan2(b - place_y, a - place_x) for a, b in (*corners, corners[0])]
         whole = sum((b - a + math.pi) % (2.0 * math.pi) - math.pi for a, b in pairwise(turns))
         assert inside == (round(whole / (2.0 * math.pi)) % 2 == 1)
     assert 0 < mask.sum() < 200

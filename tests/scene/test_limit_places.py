@@ -50,7 +50,7 @@ def test_light_between_pixels_is_bilinear_and_beyond_the_last_that_of_the_last(c
         for coordinates in np.meshgrid([-70.0, -60.0, -49.0, 3.0, 50.0, 60.0, 61.0], [-41.0, -33.0, 1.0, 30.0, 40.0])
     )
     read = _bilinear(receiver, x, y) @ image.ravel()
-    by_hand = [reading(image, one, other, (120.0, 80.0)) for one, other in zip(x, y, strict=True)]
+    by_hand = [reading(image, place_x, place_y, (120.0, 80.0)) for place_x, place_y in zip(x, y, strict=True)]
     np.testing.assert_allclose(read, by_hand, atol=1e-12)
 
 

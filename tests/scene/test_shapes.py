@@ -190,10 +190,10 @@ def test_targets_add_up_by_their_levels_and_one_that_lies_beside_the_receiver_ad
     left, right = (RectangleTarget(width_mm=width, height_mm=20.0, centre_mm=(x, 0.0), level=level)
                    for width, x, level in ((20.0, -40.0, 2.0), (10.0, 40.0, 0.5)))  # fmt: skip
     beside = RectangleTarget(width_mm=10.0, height_mm=10.0, centre_mm=(500.0, 0.0))
-    one, other = (target_light((section,), OBLONG) for section in (left, right))
+    left_light, right_light = (target_light((section,), OBLONG) for section in (left, right))
     for targets in ((left, right), (left, beside, right)):
         both = target_light(targets, OBLONG)
-        np.testing.assert_allclose(both, (8.0 * one + other) / 9.0, atol=1e-15)  # by level and area
+        np.testing.assert_allclose(both, (8.0 * left_light + right_light) / 9.0, atol=1e-15)  # by level and area
     with pytest.raises(InputError, match="dark everywhere on the receiver"):
         target_light((beside,), OBLONG)
 

@@ -63,8 +63,8 @@ def test_a_mirrored_picture_is_that_of_its_other_side(tmp_path):
 
 
 def test_another_picture_of_the_same_name_is_another_target(tmp_path):
-    one, other = (irradiance(tmp_path, png(grey, "grey", 16)) for grey in (GREY16, GREY16[::-1]))
-    np.testing.assert_array_equal(one, other[::-1])
+    picture, flipped = (irradiance(tmp_path, png(grey, "grey", 16)) for grey in (GREY16, GREY16[::-1]))
+    np.testing.assert_array_equal(picture, flipped[::-1])
 
 
 def test_a_pattern_that_is_kept_cannot_be_changed(tmp_path):

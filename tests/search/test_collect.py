@@ -81,8 +81,8 @@ def test_gradients_of_the_sums_are_those_of_the_definitions() -> None:
         _sums(rays.collected()), _plainly(rays),
     ))  # fmt: skip
     gradients, wanted = (torch.autograd.grad(value, rays.inputs) for value in mixed)
-    for one, other in zip(gradients, wanted, strict=True):
-        assert torch.allclose(one, other, rtol=1e-11, atol=1e-15)
+    for gradient, expected in zip(gradients, wanted, strict=True):
+        assert torch.allclose(gradient, expected, rtol=1e-11, atol=1e-15)
 
 
 def test_gradients_of_the_image_are_its_differences() -> None:

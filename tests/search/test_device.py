@@ -29,8 +29,8 @@ def test_a_design_ends_where_the_kernels_end(device: str) -> None:
     spec = small_spec(optimise__steps_per_level=[2, 1], optimise__rays=256)
     source = build_source(spec.source)
     kernels, in_torch = (search(spec, source, accuracy=double, device=d) for d in (None, torch.device(device)))
-    for one, other in zip(in_torch.history, kernels.history, strict=True):
-        assert one.loss == pytest.approx(other.loss, rel=1e-8)
+    for level, expected in zip(in_torch.history, kernels.history, strict=True):
+        assert level.loss == pytest.approx(expected.loss, rel=1e-8)
     assert np.allclose(in_torch.lens.outer.weights_mm, kernels.lens.outer.weights_mm, rtol=1e-6, atol=1e-9)
 
 

@@ -115,8 +115,8 @@ ON_DEVICES = [  # scenes in which rays are traced in other ways
 ]  # fmt: skip
 
 
-def close(one: tuple[torch.Tensor, ...], other: tuple[torch.Tensor, ...]) -> bool:
-    return all(torch.linalg.norm(a - b) <= 1e-9 * torch.linalg.norm(b) for a, b in zip(one, other, strict=True))
+def close(gradients: tuple[torch.Tensor, ...], wanted: tuple[torch.Tensor, ...]) -> bool:
+    return all(torch.linalg.norm(a - b) <= 1e-9 * torch.linalg.norm(b) for a, b in zip(gradients, wanted, strict=True))
 
 
 @pytest.mark.parametrize("changes", SPECS.values(), ids=SPECS)

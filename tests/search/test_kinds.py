@@ -111,7 +111,9 @@ def test_a_search_from_one_lens_lights_the_ends_better(tmp_path: Path) -> None:
 def test_the_margins_are_the_least_of_all_kinds() -> None:
     inner = (2.4, 2.6, 2.5)
     outer = (6.0, 6.2, 6.4)
-    faces = [{"inner": sphere(one), "outer": sphere(other)} for one, other in zip(inner, outer, strict=True)]
+    faces = [
+        {"inner": sphere(inner_mm), "outer": sphere(outer_mm)} for inner_mm, outer_mm in zip(inner, outer, strict=True)
+    ]
     spec = spec_of(lens__symmetry="square", constraints__max_radius_mm=6.3)
     lens = Lens(faces[0], spec, 0, "draft", others={"edge": faces[1], "corner": faces[2]})
     margins = measure_constraints(lens, 500)

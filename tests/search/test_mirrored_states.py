@@ -137,8 +137,8 @@ def test_a_search_lights_both_of_a_pair_alike() -> None:
     made = lf.design(bar(), accuracy=FEW)
     light = lf.evaluate(made.lens, rays=2**16)
     assert made.lens.symmetry == "rectangle"
-    for one, other in (("c0", "c3"), ("c1", "c2")):
-        first, second = light.by_led[one], light.by_led[other]
+    for led, partner in (("c0", "c3"), ("c1", "c2")):
+        first, second = light.by_led[led], light.by_led[partner]
         error = np.hypot(first.efficiency.standard_error, second.efficiency.standard_error)
         assert abs(first.efficiency.value - second.efficiency.value) < 5.0 * error
         noise = (first.nmse_of_noise + second.nmse_of_noise) * np.sum(second.map**2)

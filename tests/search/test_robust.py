@@ -52,9 +52,9 @@ def test_without_deviations_it_is_the_merit_of_the_lens_as_designed(changes: dic
 
 def test_the_merit_of_a_pair_is_the_mean_over_its_parts() -> None:
     step = RobustStep(LARGE)
-    ((one, other),) = step.problem.parts.of_step(0, 3)
+    ((part, mirrored),) = step.problem.parts.of_step(0, 3)
     losses = []
-    for pair in ((one, other), (one, one), (other, other)):
+    for pair in ((part, mirrored), (part, part), (mirrored, mirrored)):
         step.pairs = (pair,)
         with torch.no_grad():
             losses.append(step.loss().item())
@@ -123,10 +123,10 @@ def test_steps_draw_other_parts_and_the_same_again() -> None:
     assert again.of_step(1, 5000)[0][0].made == far
     assert parts.of_step(2, 0)[0][0].made != made[0]
     assert parts.of_validation(1, 2)[0][0].made != made[0]
-    ((one, other),) = parts.of_step(1, 0)
-    assert np.allclose(np.array(one.made.source.origin_mm), -np.array(other.made.source.origin_mm))
-    assert np.allclose(one.errors["outer"], -other.errors["outer"]) and one.index == -other.index
-    assert one.made.slopes == other.made.slopes
+    ((drawn, mirrored),) = parts.of_step(1, 0)
+    assert np.allclose(np.array(drawn.made.source.origin_mm), -np.array(mirrored.made.source.origin_mm))
+    assert np.allclose(drawn.errors["outer"], -mirrored.errors["outer"]) and drawn.index == -mirrored.index
+    assert drawn.made.slopes == mirrored.made.slopes
 
 
 def test_fine_errors_scatter_as_roughness() -> None:

@@ -28,8 +28,8 @@ def cavity() -> dict[str, OpticalFace]:
     )
     faces = boundaries(body)[0].faces
     alone = {face.name: replace(exported(face.shape, AirSide.INSIDE), domain=face.domain) for face in faces}
-    one, other = alone.values()
-    return {"cap": replace(one, beside=(other,)), "side": replace(other, beside=(one,))}
+    cap, side = alone.values()
+    return {"cap": replace(cap, beside=(side,)), "side": replace(side, beside=(cap,))}
 
 
 def test_each_face_is_measured_up_to_the_crease(cavity) -> None:

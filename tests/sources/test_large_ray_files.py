@@ -129,9 +129,9 @@ def test_the_light_of_a_file_left_on_disk_is_that_of_the_loaded_one(name, tmp_pa
     assert samples.keys() == expected.keys()
     for part, known in expected.items():
         assert len(samples[part]) == len(known)
-        for one, other in zip(samples[part], known, strict=True):
+        for sample, other in zip(samples[part], known, strict=True):
             # watts of lumens by a mean over blocks: the same to rounding
-            np.testing.assert_allclose(one, other, rtol=1e-14 if name == "lumens" else 0.0, err_msg=part)
+            np.testing.assert_allclose(sample, other, rtol=1e-14 if name == "lumens" else 0.0, err_msg=part)
     assert (spectrum is None) == (again is None)
     if spectrum is not None:
         np.testing.assert_allclose(again.power_density, spectrum.power_density, rtol=1e-12)

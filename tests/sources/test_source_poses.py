@@ -59,7 +59,7 @@ def test_a_changed_source_passes_on_all_but_its_rays() -> None:
 def test_blocks_follow_each_other_and_end_at_the_count(count: int) -> None:
     slices = list(block_slices(count))
     assert slices[0].start == 0 and slices[-1].stop == count
-    assert all(one.stop == other.start for one, other in pairwise(slices))
+    assert all(block.stop == following.start for block, following in pairwise(slices))
     assert max(block.stop - block.start for block in slices) <= BLOCK_RAYS == 262_144
     assert (len(slices) == 1) == (count <= BLOCK_RAYS)
     values = np.random.default_rng(1).random(count)

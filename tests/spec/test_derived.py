@@ -101,8 +101,8 @@ def test_the_rules_are_those_of_the_shipped_specs(name: str) -> None:
     assert derived.lens.start_mm == pytest.approx(given.lens.start_mm, rel=0.05)
     for field in ("cavity_radius_mm", "cavity_height_mm"):
         assert getattr(derived.constraints, field) == pytest.approx(getattr(given.constraints, field), rel=0.2)
-    for one, other in zip(derived.all_receivers, given.all_receivers, strict=True):
-        assert one.size == pytest.approx(other.size, rel=0.12)
+    for receiver, wanted in zip(derived.all_receivers, given.all_receivers, strict=True):
+        assert receiver.size == pytest.approx(wanted.size, rel=0.12)
 
 
 @pytest.mark.parametrize("radius_mm", [0.5, 2.45, 14.0, 40.0, 1000.0])

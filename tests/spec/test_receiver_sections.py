@@ -139,8 +139,10 @@ def test_receivers_without_a_name_have_that_of_their_kind_and_a_number_where_it_
 
 def test_either_side_of_a_plane_may_be_named() -> None:
     """Light comes from the lens, so that the normal points away from it; a tilt is about x, then about y."""
-    one, other = (_spec(_on({**PLANE, "normal": normal}, DISC)) for normal in ([0.0, 0.5, 2.0], [0.0, -0.5, -2.0]))
-    assert one.all_receivers[0].facing == other.all_receivers[0].facing
+    upward, downward = (
+        _spec(_on({**PLANE, "normal": normal}, DISC)) for normal in ([0.0, 0.5, 2.0], [0.0, -0.5, -2.0])
+    )
+    assert upward.all_receivers[0].facing == downward.all_receivers[0].facing
     beside = {**PLANE, "centre_mm": [100.0, 0.0, 0.0]}
     tilted = _spec(_on({**beside, "tilt_deg": [30.0, 90.0]}, DISC)).all_receivers[0]
     assert tilted.facing == pytest.approx((np.cos(np.pi / 6), -0.5, 0.0), abs=1e-12)

@@ -173,7 +173,7 @@ def gate(case, place):
 
 def inner_corners(case, place):
     """Creases of the cavity, and the foot of the dome on its plate."""
-    pairs = [f"{one.name} and {other.name}" for one, other in pairwise(body_of(case).cavity)]
+    pairs = [f"{part.name} and {following.name}" for part, following in pairwise(body_of(case).cavity)]
     return Expected(", ".join([*pairs, *(["plate and outer"] if case.lens["spec"]["plate"] else [])]))
 
 

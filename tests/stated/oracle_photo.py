@@ -34,18 +34,18 @@ def rectified(case, receiver):
     return pictures[0] / pictures[0].mean(), pictures[1].mean()
 
 
-def ssim(one, other):
+def ssim(picture, reference):
     """Wang et al., IEEE Trans. Image Process. 13 (2004): a Gaussian window of 1.5 pixels, 11 wide, inside the edge."""
 
     def mean(image):
         return gaussian_filter(image, 1.5, truncate=3.5)
 
-    a = mean(one)
-    b = mean(other)
-    span = np.ptp(other)
-    aa = mean(one**2) - a**2
-    bb = mean(other**2) - b**2
-    ab = mean(one * other) - a * b
+    a = mean(picture)
+    b = mean(reference)
+    span = np.ptp(reference)
+    aa = mean(picture**2) - a**2
+    bb = mean(reference**2) - b**2
+    ab = mean(picture * reference) - a * b
     c = (0.01 * span) ** 2
     d = (0.03 * span) ** 2
     return ((2 * a * b + c) * (2 * ab + d) / ((a**2 + b**2 + c) * (aa + bb + d)))[5:-5, 5:-5].mean()
@@ -143,8 +143,8 @@ def photo_record(case):
     }  # fmt: skip
 
 
-def between(one, other):
-    return ((one - other) ** 2).sum() / (other**2).sum()
+def between(picture, reference):
+    return ((picture - reference) ** 2).sum() / (reference**2).sum()
 
 
 def near(value, part=NEAR):

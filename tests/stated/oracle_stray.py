@@ -317,11 +317,11 @@ def behind(case, solid, light):
     section = solid.spec["lens"]
     count = len(light.flux)
     s = unit(np.cross(light.d, np.where(abs(light.d[:, :1]) < 0.9, [1.0, 0, 0], [0, 1.0, 0])))
-    one, other = ((light.e * axis[:, None]).sum(axis=2) for axis in (s, np.cross(light.d, s)))
-    whole = (abs(one) ** 2 + abs(other) ** 2).sum(axis=1)
+    a_s, a_p = ((light.e * axis[:, None]).sum(axis=2) for axis in (s, np.cross(light.d, s)))
+    whole = (abs(a_s) ** 2 + abs(a_p) ** 2).sum(axis=1)
     stokes = [
-        (abs(one) ** 2 - abs(other) ** 2).sum(axis=1) / whole,
-        2 * (one * other.conj()).real.sum(axis=1) / whole,
+        (abs(a_s) ** 2 - abs(a_p) ** 2).sum(axis=1) / whole,
+        2 * (a_s * a_p.conj()).real.sum(axis=1) / whole,
         s,
     ]
     left = np.arange(count)

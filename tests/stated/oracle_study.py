@@ -282,9 +282,9 @@ def behind_chain(case, section, local, nm, numbers, name, value):
         noise, keys = numbers
         slopes = [noise[:, 2 * number : 2 * number + 2]]
         for times in range(1, section["events"]):
-            one, other = drawn(keys, 256 * times + number)
-            length = np.sqrt(-2 * np.log(1 - one))
-            turn = 2 * np.pi * other
+            radial, azimuthal = drawn(keys, 256 * times + number)
+            length = np.sqrt(-2 * np.log(1 - radial))
+            turn = 2 * np.pi * azimuthal
             slopes.append(length[:, None] * np.column_stack([np.cos(turn), np.sin(turn)]))
         slopes = np.stack(slopes, axis=1)
         rms = slope_of(case, name, value)

@@ -134,8 +134,8 @@ class PageBody:
         angles = np.linspace(1e-6, np.pi / 2, 721)
         rho = [part.exact(directions(angles, 0.3))[0] for part in parts]
         order = list(dict.fromkeys(np.argmin(rho, axis=0)))
-        for one, other in pairwise(order):
-            parts[one].high = parts[other].low = crease(parts[one], parts[other])
+        for number, following in pairwise(order):
+            parts[number].high = parts[following].low = crease(parts[number], parts[following])
         return [parts[k] for k in order]
 
     @staticmethod

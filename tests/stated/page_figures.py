@@ -76,7 +76,7 @@ def least(values, most=None):
 
 def by_half_samples(by_halves):
     """Error of a value of all replicates by those of halves, a pair of halves in each row."""
-    return np.sqrt(np.mean([((one - other) / 2) ** 2 for one, other in by_halves]))
+    return np.sqrt(np.mean([((half - complement) / 2) ** 2 for half, complement in by_halves]))
 
 
 def least_parts(values, most=None):

@@ -171,7 +171,9 @@ def check_record(case):
         criteria.append(
             judged("largest radial wall", (thick, slack), "<=", limits["max_wall_mm"], "mm", slack, passed=...)
         )
-    pairs = [(one.name, other.name) for parts in (body.cavity, body.envelope) for one, other in pairwise(parts)]
+    pairs = [
+        (part.name, following.name) for parts in (body.cavity, body.envelope) for part, following in pairwise(parts)
+    ]
     edges = [{"faces": list(pair), "angle_deg": (edge_deg(case, *pair), 0.01), "point_mm": [...] * 3} for pair in pairs]
     least_deg = limits["min_edge_angle_deg"]
     if least_deg is not None:

@@ -41,10 +41,10 @@ def dimensions_of(lens: dict) -> Iterator[tuple[str, float]]:
         yield f"outer rim in z = 0, along {name}", body.radius(body.envelope, flat).sum()
         yield f"opening of the cavity in z = 0, along {name}", body.radius(body.cavity, flat).sum()
         for parts in (body.envelope, body.cavity):
-            for one, other in pairwise(parts):
-                u = directions(one.ends(ways)[1], ways)
-                p = one.exact(u)[0][:, None] * u
-                label = f"crease of {one.name} and {other.name}, along {name}"
+            for face, following in pairwise(parts):
+                u = directions(face.ends(ways)[1], ways)
+                p = face.exact(u)[0][:, None] * u
+                label = f"crease of {face.name} and {following.name}, along {name}"
                 yield label, np.hypot(p[:, 0], p[:, 1]).sum()
                 yield f"{label}, above z = 0", p[0, 2]
     height = 0.0

@@ -14,8 +14,8 @@ def test_distances_from_both_foci_of_a_tilted_ellipsoid_add_up_to_its_length() -
     axis = np.array([2.0, 3.0, 6.0]) / 7.0
     length = 2.0 * 6.0 / (1.0 - 0.7**2)
     points = u * ConicFace(21.0, 6.0, 0.7, (2.0, 3.0, 6.0)).radius(u)[:, None]
-    one, other = (np.linalg.norm(points - focus * axis, axis=1) for focus in (0.0, 0.7 * length))
-    assert np.allclose(one + other, length, rtol=1e-13)
+    from_near, from_far = (np.linalg.norm(points - focus * axis, axis=1) for focus in (0.0, 0.7 * length))
+    assert np.allclose(from_near + from_far, length, rtol=1e-13)
 
 
 @pytest.mark.parametrize("centre", [0.0, 3.0, -4.0, -5.9])

@@ -326,19 +326,19 @@ def test_poles_stand_beside_the_road(fields, lamp_y, foot_y) -> None:
 def test_the_mirror_image_of_a_road_has_the_mirror_image_of_its_figures(arrangement, image, more) -> None:
     """With lamps that are mirror images, too, each driver sees in the same lane what the other does, left for right."""
     fields = ROAD | {"width_m": 9.6, "lanes": 3} | more
-    one = RoadReadings.of(RoadSection(**fields, arrangement=arrangement))
-    other = RoadReadings.of(RoadSection(**fields, arrangement=image, driving_side="left"))
+    original = RoadReadings.of(RoadSection(**fields, arrangement=arrangement))
+    mirror = RoadReadings.of(RoadSection(**fields, arrangement=image, driving_side="left"))
     for lane in range(3):
-        seen = _of(one.luminance[lane]).reshape(9, -1)
-        mirrored = _of(other.luminance[lane], -1.0).reshape(9, -1)
+        seen = _of(original.luminance[lane]).reshape(9, -1)
+        mirrored = _of(mirror.luminance[lane], -1.0).reshape(9, -1)
         np.testing.assert_allclose(mirrored[::-1], seen, rtol=1e-9)
-        np.testing.assert_allclose(_of(other.veiling[lane], -1.0), _of(one.veiling[lane]), rtol=1e-9)
-        middle, wanted = (readings.luminance[lane].places(readings.middle(lane)) for readings in (other, one))
+        np.testing.assert_allclose(_of(mirror.veiling[lane], -1.0), _of(original.veiling[lane]), rtol=1e-9)
+        middle, wanted = (readings.luminance[lane].places(readings.middle(lane)) for readings in (mirror, original))
         np.testing.assert_allclose(_of(middle, -1.0), _of(wanted), rtol=1e-9)
-    np.testing.assert_allclose(_of(other.illuminance, -1.0).reshape(7, -1)[::-1].ravel(), _of(one.illuminance))
-    for edge, wanted in zip(other.edges, one.edges[::-1], strict=True):
+    np.testing.assert_allclose(_of(mirror.illuminance, -1.0).reshape(7, -1)[::-1].ravel(), _of(original.illuminance))
+    for edge, wanted in zip(mirror.edges, original.edges[::-1], strict=True):
         np.testing.assert_allclose(_of(edge, -1.0), _of(wanted), rtol=1e-9)
-    poles = [DriverView(readings.road, 0).lamps(59.0, 61.0)[2] for readings in (one, other)]
+    poles = [DriverView(readings.road, 0).lamps(59.0, 61.0)[2] for readings in (original, mirror)]
     np.testing.assert_allclose(np.sort(9.6 - poles[1]), np.sort(poles[0]))
 
 
