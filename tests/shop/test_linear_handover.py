@@ -100,6 +100,8 @@ def test_a_half_pipe_departs_from_no_cylinder() -> None:
         assert check.faces[name].best_fit_sphere.radius_mm == pytest.approx(radius_mm, abs=1e-6)
         assert check.faces[name].best_fit_sphere.pv_mm < 1e-5
     groups = {group.key: group for group in check_facts(check)}
+    mark = groups["orientation"].fact("azimuth_mark")
+    assert (mark.value, mark.notice) == ("length", ""), "no base holds a flat that would mark it"
     assert groups["outer"].fact("outer_sphere").note == "radius, of a cylinder along y"
 
 
