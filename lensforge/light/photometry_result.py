@@ -300,7 +300,17 @@ class Photometry(ResultByLed):
     source_lm: Positive
     source_lm_from: Literal["given", "spec or source file", "not known"]
     per_1000_lm: Flag
-    exit_lm: Annotated[Metric, Figure("Luminous flux", _flux_note, key="exit_lm")]
+    exit_lm: Annotated[
+        Metric,
+        Figure("Luminous flux", _flux_note, key="exit_lm"),
+        Figure(
+            "Flux per metre",
+            "of the linear lens",
+            key="exit_lm_per_m",
+            value=lambda photometry, spec: photometry.exit_lm.over(1e-3 * spec.lens.drawn_mm, "lm/m"),
+            when=lambda photometry, spec: spec.lens.drawn_mm is not None,
+        ),
+    ]
     peak_cd: Annotated[Metric, Figure("Peak intensity", _peak_note, key="peak_cd")]
     axis_cd: Annotated[Metric, Figure("Intensity on the axis", key="axis_cd")]
     peak_direction: Direction

@@ -34,9 +34,13 @@ def _face(name: str, face: FaceResult, check: Check) -> Iterator[Fact]:
 def _orientation(spec: Spec) -> Iterator[Group]:
     """Feature by which a non-round part is oriented in its mount; None for a plate, which has marks."""
     if spec.plate is None and not all(map(spec.lens.is_revolved, spec.lens.names)):
-        yield Group("orientation", "Orientation", (_mark(spec.base_made),))
+        mark = _mark(spec.base_made) if spec.lens.drawn_mm is None else _MARK_OF_LENGTH
+        yield Group("orientation", "Orientation", (mark,))
 
 
+_MARK_OF_LENGTH = Fact(
+    "azimuth_mark", "Azimuth mark", "length", note="y lies along the part; +x is not marked between its two sides"
+)
 _TURNED_HOW = "the light is not round, and the part does not show how it is turned"
 
 

@@ -107,7 +107,7 @@ class Curvature(Record):
     smallest_concave_radius_mm: Positive | None
 
 
-_FLAT_FOR_TIPS_MM = 1e3  # a radius beyond it is that of a plane for every tip
+FLAT_FOR_TIPS_MM = 1e3  # a radius beyond it is that of a plane for every tip
 
 
 class Cutter(Record):
@@ -145,7 +145,7 @@ class Cutter(Record):
     def usable_radius_mm(self) -> float | str:
         """The largest radius (mm), or the term for an unlimited one."""
         largest_mm = self.largest_radius_mm
-        return "any" if largest_mm is None or largest_mm >= _FLAT_FOR_TIPS_MM else largest_mm
+        return "any" if largest_mm is None or largest_mm >= FLAT_FOR_TIPS_MM else largest_mm
 
     @property
     def room_phrase(self) -> str:

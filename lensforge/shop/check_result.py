@@ -22,6 +22,7 @@ from lensforge.results.record import InCriterion
 from lensforge.results.stage_result import SimulatedResult
 from lensforge.scene.lens import Lens
 from lensforge.shop.check_measures import BallClearance, Edge, FaceFaults, FaceResult, Mould, ToolResult, Walls
+from lensforge.shop.extrusion_findings import extrusion_findings
 from lensforge.shop.findings import BODY, Findings, check_findings, plate_findings
 from lensforge.shop.turning_findings import layer_findings, turning_findings
 from lensforge.spec import Spec
@@ -121,6 +122,7 @@ class Check(SimulatedResult):
             return
         yield from check_findings(spec, self.faces, self.min_wall_mm, self.relief, self.tools, self.mould)
         yield from turning_findings(spec, self.faces)
+        yield from extrusion_findings(spec, self.faces, self.walls)
         yield from layer_findings(spec, self.faces)
         wall_mm = self.plate_wall_mm
         yield from plate_findings(

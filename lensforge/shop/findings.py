@@ -34,7 +34,8 @@ if TYPE_CHECKING:
 
 OfMill = Literal["cutter", "relief", "tilt", "tool", "gap"]
 OfLathe = Literal["nose", "slope", "turning", "corner"]
-FindingName = OfMill | OfLathe | Literal["layer", "wall", "draft", "undercut", "plate"]
+OfDie = Literal["wire", "even"]
+FindingName = OfMill | OfLathe | OfDie | Literal["layer", "wall", "draft", "undercut", "plate"]
 BODY = "body"  # the place of a finding on none of the faces
 # Question, sense and unit of each finding.
 FINDINGS: dict[str, tuple[str, Sense, str]] = {
@@ -43,6 +44,8 @@ FINDINGS: dict[str, tuple[str, Sense, str]] = {
     "slope": ("Flanks clear the face", "<=", "deg"),
     "turning": ("Tool reaches the face", ">=", "of the face"),
     "corner": ("Fillets small enough", "<=", "of the face"),
+    "wire": ("Wire cuts the die", "<=", "mm"),
+    "even": ("Walls even enough", "<=", ""),
     "layer": ("Layers fine enough", "<=", "µm"),
     "relief": ("Base clears the ball", "<=", "mm"),
     "tilt": ("Tool tilt within limit", "<=", "deg"),

@@ -590,6 +590,14 @@ class Spec(Section):
                 )
 
     @check
+    def _only_a_linear_lens_is_extruded(self) -> None:
+        if self.manufacture.making.is_drawn and self.lens.drawn_mm is None:
+            raise ValueError(
+                f'manufacture.process = "{self.manufacture.process}": a lens of kind "{self.lens.kind}" is drawn '
+                'through no die; take lens.kind = "extruded", or process = "milled" or "moulded"'
+            )
+
+    @check
     def _linear_lens_stands_alone(self) -> None:
         if self.lens.drawn_mm is None:
             return

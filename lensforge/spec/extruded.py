@@ -106,8 +106,8 @@ class ExtrudedSection(ShellShape):
 
     @property
     def made_alone(self) -> Process:
-        """Process by which it is made: milled, as no lathe turns it."""
-        return "milled"
+        """Process by which it is made: drawn through a die."""
+        return "extruded"
 
     @property
     def basis(self) -> SrbfBasis:

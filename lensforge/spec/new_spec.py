@@ -201,7 +201,7 @@ _NOTES = {
     "source.origin": "the file's virtual focus lies at the lens origin",
     **dict.fromkeys(_OF_CAVITY, _MEASURED),
     "manufacture.cutter_radius_mm": "of the ball, which reaches all of both faces",
-    "manufacture.process": "the search keeps what its tools need; milled, turned, moulded, printed, or none",
+    "manufacture.process": "the search keeps what its tools need; milled, turned, moulded, extruded, printed, or none",
     "receivers.centre_mm": "(x, y, z), from the LED",
     **{f"{target}.{field}": _READ for target in ("target", "receivers.targets") for field in _DRAWN.values()},
     "receivers.tilt_deg": "of its normal from the axis, about x, then about y",

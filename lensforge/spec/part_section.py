@@ -306,9 +306,9 @@ class ManufactureSection(Section):
     process: Process | None = Field(
         default=None,
         description="Process by which the lens is made, whose limits the search keeps: milled or turned itself, "
-        'moulded between inserts that are, or printed; "none": a study of light, of which nothing is made or judged. '
-        "By default a lens whose faces are all of revolution is turned, a `[plate]` and a lens whose edges no ball "
-        "reaches are moulded, any other lens is milled.",
+        'moulded between inserts that are, extruded through a die, or printed; "none": a study of light, of which '
+        "nothing is made or judged. By default a lens whose faces are all of revolution is turned, a linear lens is "
+        "extruded, a `[plate]` and a lens whose edges no ball reaches are moulded, any other lens is milled.",
     )
     shrinkage: Annotated[float, Field(ge=0.0, le=_MOST_SHRINKAGE)] = Field(
         default=0.0,
@@ -326,6 +326,14 @@ class ManufactureSection(Section):
     shank_width_mm: Millimetres = Field(
         default=1.5,
         description="Width of the turning tool in a bore, from its nose across: there its shank runs along the axis.",
+    )
+    wire_radius_mm: Millimetres = Field(
+        default=0.15,
+        description="Radius of the wire that cuts the die of an extrusion: no place of a profile is rounder.",
+    )
+    most_wall_ratio: Annotated[float, Field(ge=1.0, le=1e3)] | None = Field(
+        default=None,
+        description="Largest ratio of the thickest to the thinnest wall of an extrusion; left out, it is not judged.",
     )
     layer_um: Annotated[float, Field(ge=1e-3, le=1e4)] | None = Field(
         default=None, description="Height of the layers of a print, along the axis."

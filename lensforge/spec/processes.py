@@ -7,7 +7,7 @@ here. A further process is a class here, with its name in :data:`Process`.
 from dataclasses import dataclass
 from typing import ClassVar, Literal, NamedTuple, Protocol
 
-Process = Literal["milled", "turned", "moulded", "printed", "none"]
+Process = Literal["milled", "turned", "moulded", "extruded", "printed", "none"]
 Cutting = Literal["milled", "turned"]
 
 GOOD_DRAFT_DEG = 2.0  # of an optical face, for a mould that releases it without marks
@@ -61,14 +61,15 @@ class Tools(Protocol):
 class MakingProcess:
     """A process. ``cuts``: the body that tools cut, the lens itself or the inserts of its mould; None for no tools.
 
-    ``is_judged``: False for a study of light, of which nothing is made. ``comes_from_below``: True where a face that
-    widens upwards is reached from there. ``side_draft_deg``: of base and flange. ``face_draft_deg``: least
-    draft of an optical face where none is stated; None if it needs none. ``fields``: those of ``[manufacture]`` that go
-    with it alone.
+    ``is_drawn``: True where the part is drawn through a die. ``is_judged``: False for a study of light, of which
+    nothing is made. ``comes_from_below``: True where a face that widens upwards is reached from there.
+    ``side_draft_deg``: of base and flange. ``face_draft_deg``: least draft of an optical face where none is stated;
+    None if it needs none. ``fields``: those of ``[manufacture]`` that go with it alone.
     """
 
     name: ClassVar[Process]
     cuts: ClassVar[Literal["lens", "inserts"] | None] = None
+    is_drawn: ClassVar[bool] = False
     is_judged: ClassVar[bool] = True
     comes_from_below: ClassVar[bool] = False
     side_draft_deg: ClassVar[float] = 0.0
@@ -141,6 +142,15 @@ class _Moulded(MakingProcess):
 
     def asks(self, tools: Tools, revolved: bool, undercut_deg: float) -> FaceLimits:
         return FaceLimits(tools.nose_radius_mm if revolved else tools.cutter_radius_mm, self.face_draft_deg)
+
+
+class _Extruded(MakingProcess):
+    """Extrusion of a linear lens through a die, whose opening has corners as round as its wire."""
+
+    name = "extruded"
+    is_drawn = True
+    fields = ("most_wall_ratio",)
+    words = ProcessWords("the cavity", "burr of the saw", "lines of the die", "")
 
 
 class _Printed(MakingProcess):

@@ -4,6 +4,7 @@ An option without a row fails. The seams are the verbs that a command calls: wha
 with them.
 """
 
+import contextlib
 import json
 import shutil
 from contextlib import nullcontext
@@ -297,3 +298,40 @@ def test_notes_and_warnings_of_a_result_are_told(
     monkeypatch.setattr("lensforge.cli.stages.make_handover", lambda *_, **__: made)
     lines = invoked("handover", places["folder"], *quiet).stderr.splitlines()
     assert sum(line.endswith("a note") for line in lines) == len(made.notes)
+
+
+@pytest.mark.parametrize(
+    ("options", "line"),
+    [
+        (["{led}", "--format", "tm25"], "--format tm25: give --to FILE with it"),
+        (
+            ["{lamp}", "--to", "b.ies", "--format", "tm25"],
+            "--format tm25: {lamp} is photometric; the suffix of --to, .ies, .ldt or .iesxml, is enough",
+        ),
+        (
+            ["{lamp}", "--to", "b.ldt", "--ies-version", "2002"],
+            "--ies-version 2002: give --to FILE.ies with it; other files have no such version",
+        ),
+        (
+            ["{led}", "--model", "--to", "b.tm25ray"],
+            "--model with --to FILE needs --rays N, which is for these two alone",
+        ),
+        (["{led}", "--rays", "20"], "--model with --to FILE needs --rays N, which is for these two alone"),
+        (
+            ["{lamp}", "--model"],
+            "--model {lamp}: of the rays of a ray file; leave it out for a header or a photometric file",
+        ),
+        (["{led}", "--to", "{led}"], "--to {led}: is the input file; give another name"),
+    ],
+)
+def test_options_of_rays_that_do_not_go_together_are_refused_and_write_nothing(
+    tmp_path: Path, options: list[str], line: str
+) -> None:
+    files = {"led": tmp_path / "led.txt", "lamp": tmp_path / "lamp.ies"}
+    files["led"].write_text(RAYS), files["lamp"].write_text(SMALL_IES)
+    given = [option.format(**files) for option in options]
+    with contextlib.chdir(tmp_path):
+        refused = invoked("rays", *given)
+    assert isinstance(refused.exception, lf.InputError)
+    assert str(refused.exception) == line.format(**files)
+    assert {path.name: path.read_text() for path in tmp_path.iterdir()} == {"led.txt": RAYS, "lamp.ies": SMALL_IES}

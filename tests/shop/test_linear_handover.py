@@ -13,7 +13,9 @@ from scipy.optimize import minimize_scalar
 
 import lensforge as lf
 from lensforge.errors import InputError
+from lensforge.light.light_facts import photometry_facts
 from lensforge.report.results import Results
+from lensforge.results import Fact
 from lensforge.shop import drawn_tables
 from lensforge.shop.check import check_lens
 from lensforge.shop.check_facts import check_facts
@@ -98,6 +100,8 @@ def test_a_half_pipe_departs_from_no_cylinder() -> None:
         assert check.faces[name].best_fit_sphere.radius_mm == pytest.approx(radius_mm, abs=1e-6)
         assert check.faces[name].best_fit_sphere.pv_mm < 1e-5
     groups = {group.key: group for group in check_facts(check)}
+    mark = groups["orientation"].fact("azimuth_mark")
+    assert (mark.value, mark.notice) == ("length", ""), "no base holds a flat that would mark it"
     assert groups["outer"].fact("outer_sphere").note == "radius, of a cylinder along y"
 
 
@@ -213,6 +217,46 @@ def test_a_short_part_is_drawn_whole() -> None:
     widest = profile_points(OUTER)[:, 0]
     assert across == pytest.approx(sorted([*feet, widest.min(), widest.max()]), abs=1e-4)
     assert not any(line.pen == "thin" for line in content.views.base)
+
+
+def finding(check: lf.Check, name: str, place: str) -> Fact:
+    return next(verdict for verdict in check.verdicts if (verdict.key, verdict.place) == (name, place))
+
+
+def test_a_die_is_cut_by_a_wire_that_fits_all_convex_places(results: Results) -> None:
+    """Of the outer profile by its curvature in differences; the inner one is hollow everywhere."""
+    points = profile_points(OUTER)
+    x, z = points.T
+    dx, dz = np.gradient(x), np.gradient(z)
+    curvature = (np.gradient(dx) * dz - dx * np.gradient(dz)) / np.hypot(dx, dz) ** 3
+    tightest_mm = 1.0 / np.abs(curvature[5:-5]).max()
+    for factor, holds in ((0.999, True), (1.001, False)):
+        wire = {"manufacture.wire_radius_mm": factor * tightest_mm}
+        check = check_lens(lf.Lens(FACES, results.lens.spec.replace(wire), 0, "draft"))
+        judged = finding(check, "wire", "outer")
+        assert judged.holds == holds and judged.limit == pytest.approx(tightest_mm, rel=2e-4)
+        assert judged.remedy.startswith("manufacture.wire_radius_mm = 6.2") != holds
+        assert finding(check, "wire", "inner").holds and finding(check, "wire", "inner").limit is None
+        assert [verdict for verdict in check.verdicts if verdict.key in ("cutter", "tilt", "relief", "even")] == []
+
+
+def test_walls_are_as_even_as_the_spec_asks_where_it_does(results: Results) -> None:
+    walls = results.check.walls
+    ratio = walls.thickest.thickness_mm / walls.thinnest.thickness_mm
+    assert ratio > 1.01
+    for factor, holds in ((1.001, True), (0.999, False)):
+        spec = results.lens.spec.replace({"manufacture.most_wall_ratio": factor * ratio})
+        judged = finding(check_lens(lf.Lens(FACES, spec, 0, "draft")), "even", "body")
+        assert judged.holds == holds and judged.value == pytest.approx(ratio)
+        assert ("manufacture.most_wall_ratio = " in judged.remedy) != holds
+
+
+def test_flux_per_metre_is_that_of_the_lens_over_its_length(results: Results) -> None:
+    light = lf.photometry(results.lens, rays=2**10)
+    facts = {fact.key: fact for group in photometry_facts(light, results.lens.spec) for fact in group.facts}
+    assert facts["exit_lm_per_m"].value == pytest.approx(light.exit_lm.value / 0.137)
+    assert facts["exit_lm_per_m"].standard_error == pytest.approx(light.exit_lm.standard_error / 0.137)
+    assert facts["exit_lm_per_m"].unit == "lm/m"
 
 
 def test_one_lens_stands_over_a_whole_row_of_lamps(results: Results) -> None:

@@ -11,7 +11,12 @@ from lensforge.spec.processes import PROCESSES, Process
 
 PLATE = {"plate": {"thickness_mm": 1.0}, "lamps": {"kind": "grid", "rows": 1, "columns": 1, "pitch_mm": 80.0}}
 ROUND = {"kind": "asphere", "vertex_z_mm": 3.0, "radius_mm": -3.0}
+LINEAR = small_spec(
+    lens={"kind": "extruded", "length_mm": 40.0, "profile": 9}, base={"kind": "none"}, manufacture={},
+    optimise__steps_per_level=[1],
+)  # fmt: skip
 FREE = {"kind": "biconic", "vertex_z_mm": 3.0, "radius_x_mm": -3.0, "radius_y_mm": -3.5}
+CUTS = {"moulded": "inserts", "extruded": None, "printed": None, "none": None}
 
 
 @pytest.mark.parametrize(
@@ -23,6 +28,8 @@ FREE = {"kind": "biconic", "vertex_z_mm": 3.0, "radius_x_mm": -3.0, "radius_y_mm
         (small_spec(manufacture__process="moulded", lens__inner={"fixed": ROUND}), "moulded", ["turned", "milled"]),
         (small_spec(manufacture__process="moulded", lens__inner={"fixed": FREE}), "moulded", ["milled", "milled"]),
         (small_spec(manufacture__process="printed"), "printed", [None, None]),
+        (LINEAR, "extruded", [None, None]),
+        (LINEAR.replace({"manufacture.process": "milled"}), "milled", ["milled", "milled"]),
         (spot(), "turned", ["turned"] * 4),
         (spot(levels=[25]), "moulded", ["milled", "turned", "milled", "milled"]),
         (small_spec(manufacture__process="none"), "none", [None, None]),
@@ -40,7 +47,7 @@ def test_faces_of_revolution_are_turned_unless_the_spec_says_otherwise(
 ) -> None:
     assert spec.manufacture.process == process
     assert [spec.cutting(name) for name in spec.lens.names] == faces
-    assert spec.manufacture.cuts == {"moulded": "inserts", "printed": None, "none": None}.get(process, "lens")
+    assert spec.manufacture.cuts == CUTS.get(process, "lens")
 
 
 def test_a_plate_is_moulded_and_a_derived_process_follows_the_spec() -> None:
@@ -72,6 +79,15 @@ def test_what_is_not_moulded_does_not_shrink() -> None:
     assert spot().replace({"manufacture": {"process": "moulded", "shrinkage": 0.01}}).manufacture.scale == 1.01
     with pytest.raises(lf.InputError, match=r'shrinkage = 0\.01 goes with process = "moulded", not "turned"'):
         spot().replace({"manufacture.shrinkage": 0.01})
+
+
+@pytest.mark.parametrize("spec", [small_spec(), spot()])
+def test_only_a_linear_lens_is_extruded(spec: lf.Spec) -> None:
+    kind = spec.lens.kind
+    with pytest.raises(lf.InputError, match=rf'process = "extruded": a lens of kind "{kind}" is drawn through no die'):
+        spec.replace({"manufacture.process": "extruded"})
+    with pytest.raises(lf.InputError, match=r'most_wall_ratio = 3 goes with process = "extruded", not "milled"'):
+        LINEAR.replace({"manufacture": {"process": "milled", "most_wall_ratio": 3.0}})
 
 
 NOTHING = (None, None)
@@ -107,6 +123,7 @@ NOTHING = (None, None)
             dict.fromkeys(("cap", "side", "wall", "exit"), (0.05, 2.0)),
         ),
         (small_spec(manufacture={"process": "printed"}), {"inner": NOTHING, "outer": NOTHING}),
+        (LINEAR, {"inner": NOTHING, "outer": NOTHING}),
         (small_spec(manufacture={"process": "none"}), {"inner": NOTHING, "outer": NOTHING}),
         (small_spec(manufacture={"required": False}), {"inner": NOTHING, "outer": NOTHING}),
         (small_spec(lens__inner={"fixed": ROUND}, manufacture={}), {"inner": NOTHING, "outer": (0.5, 0.0)}),

@@ -37,7 +37,7 @@ PURE = {
     "steps_per_level", "filter_variance", "lenses", "maintenance_factor", "max_rms_delta_uv", "max_delta_uv",
     "rings", "rim_rings", "count", "amount", "index", "source_flux", "source_size", "at_least", "at_most",
     "at_least_min_over_mean", "at_least_min_over_max", "at_most_contrast",
-    "at_most_max_over_mean", "at_least_d50_over_d10", "at_least_gradient", "at_most_gradient",
+    "at_most_max_over_mean", "most_wall_ratio", "at_least_d50_over_d10", "at_least_gradient", "at_most_gradient",
     "at_least_share", "at_most_share", "a", "b", "g", "robust", "rolloff",
 }  # fmt: skip
 
