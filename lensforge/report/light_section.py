@@ -145,7 +145,7 @@ def _possible_limits(spec: Spec) -> LimitBounds:
     _, limits = light_requirements(spec, build_source(spec.source))
     return {
         (limit.name, limit.required): Attainable(
-            limit.possible, "étendue" if limit.bounds is None else limit.bounds.law
+            limit.possible, limit.law if limit.bounds is None else limit.bounds.law
         )
         for limit in limits
         if not limit.estimated

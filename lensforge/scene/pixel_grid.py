@@ -5,6 +5,7 @@ from math import inf
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
+from scipy import sparse
 from scipy.ndimage import convolve1d
 
 from lensforge.kernels.image_sums import add_to_bins, splat
@@ -154,3 +155,9 @@ def gaussian3(image: Float[np.ndarray, "*r h w"], variance: float) -> Float[np.n
     taps = np.array([side, 1.0, side]) / (1.0 + 2.0 * side)
     smoothed = convolve1d(convolve1d(image, taps, axis=-2, mode="nearest"), taps, axis=-1, mode="nearest")
     return np.asarray(smoothed, dtype=np.float64)
+
+
+def smoothing(shape: tuple[int, int]) -> sparse.csr_array:
+    """Matrix of :func:`gaussian3` of variance 1 for an image of this ``shape``."""
+    along = (gaussian3(np.eye(count)[:, None, :], 1.0)[:, 0] for count in shape)
+    return sparse.csr_array(sparse.kron(*(sparse.csr_array(matrix.T) for matrix in along), format="csr"))
