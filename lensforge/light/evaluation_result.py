@@ -111,9 +111,10 @@ class Light(ResultByLed):
     ``receivers``: metrics, flux and maps on each receiver, in the order of the spec. ``limits``: those of the spec,
     each with its value and judgement. ``figures``: those of the spec's application. ``ways``: shares of the emitted
     flux by way, of a lens of more than two faces. ``seen``: the lens as eyes of limits see it. ``on_bodies``: the light
-    on measured bodies of the scene. ``place``: of the LED, where it is from a ray file or is moved. ``travel``: the light
-    of the LED between its places in the states, where these differ by them alone. ``replicates``: independent samples, whose scatter gives the standard
-    errors. ``pixels``: along the longer side of a map as required; lamps together may need somewhat more or fewer.
+    on measured bodies of the scene. ``place``: of the LED, where it is from a ray file or is moved. ``travel``: the
+    light of the LED between its places in the states, where these differ by them alone. ``replicates``: independent
+    samples, whose scatter gives the standard errors. ``pixels``: along the longer side of a map as required; lamps
+    together may need somewhat more or fewer.
     ``filter``: the filter of the maps, in words. ``lumens_per_watt``: efficacy of the light; None if nothing states it.
     ``table_nodes``: across the tables by which faces are traced. ``table_error_nm``: their largest error, by face.
     ``preset_error``: their effect on the light; None if it was not measured. ``fitted``: figures by the rays of the

@@ -38,7 +38,7 @@ class IrradiatedBody(Record):
         readings = len(view.lamps) * flux / areas_m2
         irradiance = readings.mean(axis=0)
         means = readings @ areas_m2 / areas_m2.sum()
-        x, y, z = view.patches.centres_mm[irradiance.argmin()].tolist()
+        x, y, z = view.centres_mm[irradiance.argmin()].tolist()
         return IrradiatedBody(
             name=view.name,
             area_mm2=1e6 * float(areas_m2.sum()),
@@ -58,8 +58,18 @@ def body_groups(bodies: Sequence[IrradiatedBody], lumens_per_watt: float | None)
         place = ", ".join(number(coordinate, 4) for coordinate in body.least_mm)
         lit = "" if body.dark <= 0.0 else f"; {percent(body.dark)} of its surface is dark"
         facts = (
-            Fact.measured("body_mean", "Mean", scaled(body.mean, unit.per_watt, unit.symbol), f"over its surface{lit}"),
-            Fact.measured("body_least", "Least", scaled(body.least, unit.per_watt, unit.symbol), f"at ({place}) mm"),
+            Fact.measured(
+                "body_mean",
+                f"Mean on {body.name}",
+                scaled(body.mean, unit.per_watt, unit.symbol),
+                f"over its surface{lit}",
+            ),
+            Fact.measured(
+                "body_least",
+                f"Least on {body.name}",
+                scaled(body.least, unit.per_watt, unit.symbol),
+                f"at ({place}) mm",
+            ),
         )
         groups.append(Group("bodies", f"Light on {body.name}", facts))
     return groups

@@ -13,7 +13,7 @@ from jaxtyping import Float, Int
 
 from lensforge.errors import InputError
 from lensforge.kernels.triangle_tree import TriangleTree, tree_of
-from lensforge.scene.housing_mesh import contents_of, placed_mesh
+from lensforge.scene.housing_mesh import contents_of, mesh_of
 from lensforge.spec.housing_sections import HousingSection
 
 _OF_PATCH = 0.5  # longest edge of a piece over the width of a patch
@@ -45,7 +45,7 @@ class BodyPatches:
 
     @staticmethod
     def of(section: HousingSection) -> "BodyPatches":
-        """The patches of a body that has ``patch_mm``, in the coordinates of the lens or of all lamps.
+        """The patches of a body that has ``patch_mm``, in its own coordinates.
 
         Raises :class:`InputError` for patches so small that they are too many.
         """
@@ -55,7 +55,7 @@ class BodyPatches:
 @lru_cache(maxsize=8)
 def _patches(section: HousingSection, _contents: tuple[str, ...]) -> BodyPatches:
     assert section.patch_mm is not None
-    mesh = placed_mesh(section)
+    mesh = mesh_of(section)
     corners = _halved(mesh.vertices[mesh.triangles], _OF_PATCH * section.patch_mm, section)
     doubled = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     areas = 0.5 * np.linalg.norm(doubled, axis=1)

@@ -6,6 +6,7 @@ chart of directions: neighbours there are neighbours on the body, but at its rim
 """
 
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -15,12 +16,13 @@ from lensforge.errors import InputError
 from lensforge.kernels.parallel import in_pieces
 from lensforge.kernels.triangle_tree import first_hits
 from lensforge.optics.arrays import Array, as_numpy, lengths, like, module_of
-from lensforge.optics.pose import IN_PLACE, ORIGIN, Pose
+from lensforge.optics.pose import Pose
 from lensforge.scene.body_patches import BodyPatches
 from lensforge.scene.housing import Housing
 from lensforge.scene.pixel_grid import PixelGrid, smoothing, splat_flux
 from lensforge.scene.receiver import Landings, PosedReceiver, equal_area, from_equal_area
 from lensforge.spec import Spec
+from lensforge.spec.housing_sections import HousingSection
 from lensforge.spec.light_limits import BodyLimit
 
 _WORTH_SHARING = 2**10  # rays: a millisecond of work
@@ -34,10 +36,25 @@ _M2 = 1e-6  # in a mm2
 
 @dataclass(frozen=True)
 class LitBody(PosedReceiver):
-    """The surface of the body ``name`` in ``patches``; ``housing``: of the other bodies."""
+    """The surface of the body ``name`` in ``patches``, in its pose; ``housing``: of the other bodies."""
 
     name: str = field(kw_only=True)
     patches: BodyPatches = field(kw_only=True)
+
+    @property
+    def centres_mm(self) -> Float[np.ndarray, "p 3"]:
+        """Middles of the patches in the coordinates of the scene."""
+        return self.pose.points(self.patches.centres_mm)
+
+    def counted(self, limit: BodyLimit) -> Int[np.ndarray, " k"]:
+        """Numbers of the patches that ``limit`` counts. Raises :class:`InputError` for none."""
+        counted = np.flatnonzero(limit.counts(self.pose.directions(self.patches.normals)))
+        if not len(counted):
+            raise InputError(
+                f"limits: no patch of {self.name!r} faces {limit.facing} within {limit.within_deg:g} deg; widen "
+                "within_deg, or turn facing"
+            )
+        return counted
 
     def shows(self, number: int, limit: BodyLimit) -> bool:
         """True if it reads this ``limit``, which has that ``number``."""
@@ -74,14 +91,15 @@ class BodyView(LitBody):
     """The body as an evaluation sees it: patch k is pixel k of a picture of one row."""
 
     @staticmethod
-    def of(name: str, patches: BodyPatches) -> "BodyView":
-        """The body alone, in the coordinates of its patches."""
+    def of(section: HousingSection) -> "BodyView":
+        """The body alone."""
+        patches = BodyPatches.of(section)
         grid = PixelGrid(float(len(patches)), 1.0, len(patches), 1)
-        return BodyView(IN_PLACE, grid, name=name, patches=patches)
+        return BodyView(section.pose, grid, name=section.name, patches=patches)
 
     def readings(self, limit: BodyLimit) -> sparse.csr_array:
         """Matrix from flux to light of each patch that counts, or to the mean over all of them."""
-        counted = counted_patches(limit, self.patches)
+        counted = self.counted(limit)
         areas_m2 = _M2 * self.patches.areas_mm2[counted]
         rows = np.arange(len(counted))
         if limit.of == "mean":
@@ -108,26 +126,34 @@ class BodyView(LitBody):
 class BodyPicture(LitBody):
     """The body as a lens at the origin sees it, for the limit of this ``number``: places are directions from there.
 
-    ``towards``: the frame of the chart. ``counted``: patches that the limit counts.
+    ``towards``: the frame of the chart. ``pieces``: numbers of those whose patches the limit counts.
     """
 
     number: int = field(kw_only=True)
     towards: Pose = field(kw_only=True)
-    counted: frozenset[int] = field(kw_only=True)
+    pieces: frozenset[int] = field(kw_only=True)
 
     @staticmethod
     def of(view: BodyView, number: int, limit: BodyLimit, width_mm: float, most: int) -> "BodyPicture":
         """The picture for a ``limit``, whose pixels are about ``width_mm`` wide on the body, ``most`` along a side."""
-        patches = view.patches
-        counted = counted_patches(limit, patches)
-        towards = Pose.facing(tuple(patches.centres_mm[counted].mean(axis=0).tolist()))
-        corners = patches.corners[np.isin(patches.numbers, counted)].reshape(-1, 3)
+        counted = view.counted(limit)
+        towards = Pose.facing(tuple(view.centres_mm[counted].mean(axis=0).tolist()))
+        pieces = np.flatnonzero(np.isin(view.patches.numbers, counted))
+        corners = view.pose.points(view.patches.corners[pieces].reshape(-1, 3))
         away_mm = np.linalg.norm(corners, axis=1, keepdims=True)
         reach = 2.0 * _AROUND * np.abs(equal_area(towards.to_local_directions(corners / away_mm))).max(axis=0)
-        pixels = int(np.clip(max(reach) * float(away_mm.mean()) / width_mm, _FEWEST, most))
-        grid = PixelGrid.of(*reach.tolist(), pixels)
-        frame = {"number": number, "towards": towards, "counted": frozenset(counted.tolist())}
-        return BodyPicture(view.pose, grid, housing=view.housing, name=view.name, patches=patches, **frame)
+        pixels = int(np.clip(reach.max() * float(away_mm.mean()) / width_mm, _FEWEST, most))
+        width, height = reach.tolist()
+        return BodyPicture(
+            view.pose,
+            PixelGrid.of(width, height, pixels),
+            housing=view.housing,
+            name=view.name,
+            patches=view.patches,
+            number=number,
+            towards=towards,
+            pieces=frozenset(pieces.tolist()),
+        )
 
     def shows(self, number: int, limit: BodyLimit) -> bool:
         """True for the limit of its number."""
@@ -139,63 +165,52 @@ class BodyPicture(LitBody):
         The area of the body in a pixel is spread over pixels as light is.
         """
         if limit.of == "mean":
-            area_m2 = _M2 * self.patches.areas_mm2[sorted(self.counted)].sum()
+            area_m2 = _M2 * self.patches.areas_mm2[self.counted(limit)].sum()
             return sparse.csr_array(np.full((1, self.grid.rows * self.grid.columns), 1.0 / area_m2))
         fine = self.grid.finer(_OVERSAMPLING)
         x, y = (coordinates.ravel() for coordinates in np.meshgrid(fine.x(), fine.y()))
+        start = np.zeros((x.size, 3))
         units = self.towards.directions(from_equal_area(x, y))
-        start = np.broadcast_to(ORIGIN, units.shape)
-        distances, pieces = self.met(start, units)
-        cosines = -(units * self._normals[pieces]).sum(axis=1)
-        seen = (pieces >= 0) & self._counts[pieces] & (cosines > _FLATTEST)
+        ways = self.pose.to_local_points(start), self.pose.to_local_directions(units)
+        distances, pieces = self.met(*ways)
+        cosines = -(ways[1] * self.patches.piece_normals[pieces]).sum(axis=1)
+        seen = self._counts[pieces] & (cosines > _FLATTEST)
         if self.housing is not None:
             seen &= ~self.housing.shadow(start, units, distances).met
         hits = np.stack([x, y], axis=1)
-        width, height = fine.pixel
-        filled = np.where(seen, width * height, 0.0)
-        areas_m2 = _M2 * filled * np.where(seen, distances**2, 0.0) / np.where(seen, cosines, 1.0)
-        whole = width * height * _OVERSAMPLING**2
-        rows = np.flatnonzero(splat_flux(hits, filled, self.grid).ravel() > _LEAST_OF_PIXEL * whole)
+        pixel_sr = fine.width / fine.columns * (fine.height / fine.rows)
+        filled_sr = np.where(seen, pixel_sr, 0.0)
+        areas_m2 = _M2 * filled_sr * np.where(seen, distances, 0.0) ** 2 / np.where(seen, cosines, 1.0)
+        least_sr = _LEAST_OF_PIXEL * pixel_sr * _OVERSAMPLING**2
+        rows = np.flatnonzero(splat_flux(hits, filled_sr, self.grid).ravel() > least_sr)
         matrix = smoothing(self.grid.shape)
         around_m2 = matrix @ splat_flux(hits, areas_m2, self.grid).ravel()
         return sparse.csr_array(sparse.diags_array(1.0 / around_m2[rows]) @ matrix[rows])
 
-    @property
-    def _normals(self) -> Float[np.ndarray, "t 3"]:
-        return self.patches.piece_normals
-
-    @property
+    @cached_property
     def _counts(self) -> Bool[np.ndarray, " t"]:
-        """Pieces of patches that count."""
-        return np.isin(self.patches.numbers, list(self.counted))
+        """True for pieces that count; the last one, which stands for none, does not."""
+        counts = np.zeros(len(self.patches.numbers) + 1, dtype=bool)
+        counts[list(self.pieces)] = True
+        return counts
 
     def _reached(self, points: Float[Array, "n 3"], directions: Float[Array, "n 3"]) -> Bool[Array, " n"]:
         _, pieces = self.met(as_numpy(points), as_numpy(directions))
-        return module_of(points).asarray((pieces >= 0) & self._counts[pieces])
+        return module_of(points).asarray(self._counts[pieces])
 
     def _chart(self, points: Float[Array, "n 3"], directions: Float[Array, "n 3"]) -> Float[Array, "n 2"]:
         _, pieces = self.met(as_numpy(points), as_numpy(directions))
-        normals = like(points, self._normals[pieces])
+        normals = like(points, self.patches.piece_normals[pieces])
         first = like(points, self.patches.corners[pieces, 0])
         paths = ((first - points) * normals).sum(1) / (directions * normals).sum(1)
-        places = points + paths[:, None] * directions
+        places = self.pose.points(points + paths[:, None] * directions)
         return equal_area(self.towards.to_local_directions(places / lengths(places)[:, None]))
 
     def _local(self, x: Float[np.ndarray, "*n"], y: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n 3"]:
-        units = self.towards.directions(from_equal_area(x, y))
-        distances, _ = self.met(np.zeros((x.size, 3)), units.reshape(-1, 3))
-        return np.asarray(distances.reshape(*x.shape, 1) * units)
-
-
-def counted_patches(limit: BodyLimit, patches: BodyPatches) -> Int[np.ndarray, " k"]:
-    """Numbers of the patches that ``limit`` counts. Raises :class:`InputError` for none."""
-    counted = np.flatnonzero(limit.counts(patches.normals))
-    if not len(counted):
-        raise InputError(
-            f"limits: no patch of {limit.body!r} faces {limit.facing} within {limit.within_deg:g} deg; widen "
-            "within_deg, or turn facing"
-        )
-    return counted
+        units = self.pose.to_local_directions(self.towards.directions(from_equal_area(x, y)))
+        start = self.pose.to_local_points(np.zeros((x.size, 3)))
+        distances, _ = self.met(start, units.reshape(-1, 3))
+        return np.asarray((start + distances[:, None] * units.reshape(-1, 3)).reshape(units.shape))
 
 
 def body_views(spec: Spec) -> tuple[BodyView, ...]:
@@ -204,8 +219,7 @@ def body_views(spec: Spec) -> tuple[BodyView, ...]:
     for section in spec.scene:
         if section.patch_mm is not None:
             others = Housing.of([body for body in spec.scene if body is not section])
-            view = BodyView.of(section.name, BodyPatches.of(section))
-            views.append(replace(view, lamps=spec.all_lamps, housing=others))
+            views.append(replace(BodyView.of(section), lamps=spec.all_lamps, housing=others))
     return tuple(views)
 
 

@@ -14,5 +14,6 @@ def limit_views(spec: Spec, *, coarse: bool = False) -> tuple[LimitView, ...]:
 
 def searched_views(spec: Spec) -> tuple[LimitView, ...]:
     """Views as a search needs them, whose light has a gradient."""
-    views = (*eye_views(spec, searched=True), *body_pictures(spec))
-    return tuple(view.searched(spec.optimise.rim_deg) for view in views)
+    eyes = (view.searched(spec.optimise.rim_deg) for view in eye_views(spec, searched=True))
+    bodies = (view.searched(spec.optimise.rim_deg) for view in body_pictures(spec))
+    return (*eyes, *bodies)
