@@ -21,8 +21,6 @@ _BEND = 0.6  # distance of the unit normals in a patch: 35 degrees
 _MOST_PIECES = 2**19
 _NO_AREA = 1e-12  # mm2
 
-Corners = Float[np.ndarray, "t 3 3"]
-
 
 @dataclass(frozen=True, eq=False)
 class BodyPatches:
@@ -32,7 +30,7 @@ class BodyPatches:
     last two as means over their area.
     """
 
-    corners: Corners
+    corners: Float[np.ndarray, "t 3 3"]
     tree: TriangleTree
     piece_normals: Float[np.ndarray, "t 3"]
     numbers: Int[np.ndarray, " t"]
@@ -75,7 +73,9 @@ def _patches(section: HousingSection, _contents: tuple[str, ...]) -> BodyPatches
     return BodyPatches(*of_pieces, of_patches, sums[0] / of_patches[:, None], mean_normals)
 
 
-def _halved(corners: Corners, longest_mm: float, section: HousingSection) -> Corners:
+def _halved(
+    corners: Float[np.ndarray, "m 3 3"], longest_mm: float, section: HousingSection
+) -> Float[np.ndarray, "t 3 3"]:
     """Triangles halved across their longest edges until none is longer than ``longest_mm``."""
     small = []
     while len(corners):

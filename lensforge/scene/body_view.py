@@ -27,6 +27,7 @@ from lensforge.spec.light_limits import BodyLimit
 
 _WORTH_SHARING = 2**10  # rays: a millisecond of work
 _AROUND = 1.05  # of a picture over the body in it
+_OF_PATCH = 0.3  # width of a pixel over that of a patch: what is read is a mean over three
 _FEWEST = 8  # pixels along the longer side of a picture
 _OVERSAMPLING = 8  # sub-pixels along a side, by which the area in a pixel is measured
 _FLATTEST = 0.05  # cosine of arrival: a surface that is seen more edge on is left out
@@ -135,14 +136,14 @@ class BodyPicture(LitBody):
 
     @staticmethod
     def of(view: BodyView, number: int, limit: BodyLimit, width_mm: float, most: int) -> "BodyPicture":
-        """The picture for a ``limit``, whose pixels are about ``width_mm`` wide on the body, ``most`` along a side."""
+        """The picture for a ``limit`` by patches ``width_mm`` wide, with at most so many pixels along a side."""
         counted = view.counted(limit)
         towards = Pose.facing(tuple(view.centres_mm[counted].mean(axis=0).tolist()))
         pieces = np.flatnonzero(np.isin(view.patches.numbers, counted))
         corners = view.pose.points(view.patches.corners[pieces].reshape(-1, 3))
         away_mm = np.linalg.norm(corners, axis=1, keepdims=True)
         reach = 2.0 * _AROUND * np.abs(equal_area(towards.to_local_directions(corners / away_mm))).max(axis=0)
-        pixels = int(np.clip(reach.max() * float(away_mm.mean()) / width_mm, _FEWEST, most))
+        pixels = int(np.clip(reach.max() * float(away_mm.mean()) / (_OF_PATCH * width_mm), _FEWEST, most))
         width, height = reach.tolist()
         return BodyPicture(
             view.pose,
