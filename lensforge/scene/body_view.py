@@ -11,6 +11,7 @@ from functools import cached_property
 import numpy as np
 from jaxtyping import Bool, Float, Int
 from scipy import sparse
+from scipy.ndimage import distance_transform_edt
 
 from lensforge.errors import InputError
 from lensforge.kernels.parallel import in_pieces
@@ -19,19 +20,19 @@ from lensforge.optics.arrays import Array, as_numpy, lengths, like, module_of
 from lensforge.optics.pose import Pose
 from lensforge.scene.body_patches import BodyPatches
 from lensforge.scene.housing import Housing
-from lensforge.scene.pixel_grid import PixelGrid, smoothing, splat_flux
+from lensforge.scene.pixel_grid import PixelGrid, bilinear
 from lensforge.scene.receiver import Landings, PosedReceiver, equal_area, from_equal_area
 from lensforge.spec import Spec
 from lensforge.spec.housing_sections import HousingSection
 from lensforge.spec.light_limits import BodyLimit
 
 _WORTH_SHARING = 2**10  # rays: a millisecond of work
-_AROUND = 1.05  # of a picture over the body in it
-_OF_PATCH = 0.3  # width of a pixel over that of a patch: what is read is a mean over three
+_AROUND = 1.2  # of a picture over the body in it
+_OF_PATCH = 0.3  # width of a pixel over that of a patch
+_MOST_OF_SEARCH = 2  # times the pixels of a receiver: bodies are seen long and narrow
 _FEWEST = 8  # pixels along the longer side of a picture
 _OVERSAMPLING = 8  # sub-pixels along a side, by which the area in a pixel is measured
-_FLATTEST = 0.05  # cosine of arrival: a surface that is seen more edge on is left out
-_LEAST_OF_PIXEL = 0.5  # of a pixel that the body must fill
+_STEPS_TO_DEPTH = 3  # of a ray beside a body: the lens is small beside its distance
 _M2 = 1e-6  # in a mm2
 
 
@@ -127,12 +128,12 @@ class BodyView(LitBody):
 class BodyPicture(LitBody):
     """The body as a lens at the origin sees it, for the limit of this ``number``: places are directions from there.
 
-    ``towards``: the frame of the chart. ``pieces``: numbers of those whose patches the limit counts.
+    Rays that pass beside the body land beside it, at its depth there: what moves them onto it is a gain that a search
+    sees. ``towards``: the frame of the chart.
     """
 
     number: int = field(kw_only=True)
     towards: Pose = field(kw_only=True)
-    pieces: frozenset[int] = field(kw_only=True)
 
     @staticmethod
     def of(view: BodyView, number: int, limit: BodyLimit, width_mm: float, most: int) -> "BodyPicture":
@@ -153,7 +154,6 @@ class BodyPicture(LitBody):
             patches=view.patches,
             number=number,
             towards=towards,
-            pieces=frozenset(pieces.tolist()),
         )
 
     def shows(self, number: int, limit: BodyLimit) -> bool:
@@ -161,57 +161,93 @@ class BodyPicture(LitBody):
         return number == self.number
 
     def readings(self, limit: BodyLimit) -> sparse.csr_array:
-        """Matrix from flux to the light about each pixel that the body fills, or to the mean of all patches that count.
+        """Matrix from flux to light of each patch that counts and is seen, or to the mean over all that count.
 
-        The area of the body in a pixel is spread over pixels as light is.
+        A patch has the light that goes into the solid angle in which it is seen; the intensity is bilinear between
+        pixels.
         """
-        if limit.of == "mean":
-            area_m2 = _M2 * self.patches.areas_mm2[self.counted(limit)].sum()
-            return sparse.csr_array(np.full((1, self.grid.rows * self.grid.columns), 1.0 / area_m2))
         fine = self.grid.finer(_OVERSAMPLING)
         x, y = (coordinates.ravel() for coordinates in np.meshgrid(fine.x(), fine.y()))
-        start = np.zeros((x.size, 3))
         units = self.towards.directions(from_equal_area(x, y))
-        ways = self.pose.to_local_points(start), self.pose.to_local_directions(units)
-        distances, pieces = self.met(*ways)
-        cosines = -(ways[1] * self.patches.piece_normals[pieces]).sum(axis=1)
-        seen = self._counts[pieces] & (cosines > _FLATTEST)
+        distances, pieces = self._seen(units)
+        patches = self.patches.numbers[pieces]
+        counted = self.counted(limit)
+        seen = (pieces >= 0) & np.isin(patches, counted)
         if self.housing is not None:
-            seen &= ~self.housing.shadow(start, units, distances).met
-        hits = np.stack([x, y], axis=1)
-        pixel_sr = fine.width / fine.columns * (fine.height / fine.rows)
-        filled_sr = np.where(seen, pixel_sr, 0.0)
-        areas_m2 = _M2 * filled_sr * np.where(seen, distances, 0.0) ** 2 / np.where(seen, cosines, 1.0)
-        least_sr = _LEAST_OF_PIXEL * pixel_sr * _OVERSAMPLING**2
-        rows = np.flatnonzero(splat_flux(hits, filled_sr, self.grid).ravel() > least_sr)
-        matrix = smoothing(self.grid.shape)
-        around_m2 = matrix @ splat_flux(hits, areas_m2, self.grid).ravel()
-        return sparse.csr_array(sparse.diags_array(1.0 / around_m2[rows]) @ matrix[rows])
+            seen &= ~self.housing.shadow(np.zeros_like(units), units, distances).met
+        rows = np.flatnonzero(seen)
+        parts = bilinear(self.grid, x[rows], y[rows]) / _OVERSAMPLING**2  # of the flux of pixels, in each sub-pixel
+        places = patches[rows], np.arange(len(rows))
+        flux = sparse.csr_array((np.ones(len(rows)), places), (len(self.patches), len(rows))) @ parts
+        areas_m2 = _M2 * self.patches.areas_mm2
+        if limit.of == "mean":
+            return sparse.csr_array(flux.sum(axis=0)[None, :] / areas_m2[counted].sum())
+        return sparse.csr_array(sparse.diags_array(1.0 / areas_m2) @ flux)[np.unique(patches[rows])]
+
+    def _seen(self, units: Float[np.ndarray, "n 3"]) -> tuple[Float[np.ndarray, " n"], Int[np.ndarray, " n"]]:
+        """Distance (mm) of the body from the origin in directions of the scene, and the piece there."""
+        start = self.pose.to_local_points(np.zeros_like(units))
+        return self.met(start, self.pose.to_local_directions(units))
 
     @cached_property
-    def _counts(self) -> Bool[np.ndarray, " t"]:
-        """True for pieces that count; the last one, which stands for none, does not."""
-        counts = np.zeros(len(self.patches.numbers) + 1, dtype=bool)
-        counts[list(self.pieces)] = True
-        return counts
+    def _depths_mm(self) -> Float[np.ndarray, "h w"]:
+        """Distance of the body from the origin in each pixel; beside it that in the nearest pixel that has one."""
+        x, y = np.meshgrid(self.grid.x(), self.grid.y())
+        distances, pieces = self._seen(self.towards.directions(from_equal_area(x, y)).reshape(-1, 3))
+        missed = (pieces < 0).reshape(x.shape)
+        nearest = distance_transform_edt(missed, return_distances=False, return_indices=True)
+        return np.asarray(distances.reshape(x.shape)[tuple(nearest)])
+
+    def _paths(
+        self, points: Float[np.ndarray, "n 3"], directions: Float[np.ndarray, "n 3"]
+    ) -> tuple[Float[np.ndarray, " n"], Int[np.ndarray, " n"]]:
+        """Path (mm) of each ray to the body, or to its depth beside it, and the piece that it meets, or -1."""
+        paths, pieces = self.met(points, directions)
+        beside = np.flatnonzero(pieces < 0)
+        starts = self.pose.points(points[beside])
+        ways = self.pose.directions(directions[beside])
+        along = (starts * ways).sum(axis=1)
+        depths = np.full(len(beside), self._depths_mm.mean())
+        for _ in range(_STEPS_TO_DEPTH):
+            reached = np.sqrt(np.maximum(along**2 - (starts**2).sum(axis=1) + depths**2, 0.0)) - along
+            column, row = self._pixels(equal_area(self._directions_to(starts + reached[:, None] * ways)))
+            depths = self._depths_mm[row, column]
+        paths[beside] = reached
+        return paths, pieces
+
+    def _directions_to(self, places: Float[Array, "n 3"]) -> Float[Array, "n 3"]:
+        """Directions, in the frame of the chart, of places in the scene."""
+        return self.towards.to_local_directions(places / lengths(places)[:, None])
+
+    def _pixels(self, hits: Float[np.ndarray, "n 2"]) -> Int[np.ndarray, "2 n"]:
+        """Column and row of the nearest pixel to each of ``hits``."""
+        counts = np.array([self.grid.columns, self.grid.rows])
+        return np.clip(np.floor((hits / self.grid.size + 0.5) * counts), 0, counts - 1).astype(np.int64).T
+
+    def _reach_mm(
+        self, points: Float[np.ndarray, "n 3"], directions: Float[np.ndarray, "n 3"], landings: Landings
+    ) -> Float[np.ndarray, " n"]:
+        paths, _ = self._paths(self.pose.to_local_points(points), self.pose.to_local_directions(directions))
+        return np.where(as_numpy(landings.landed), paths, np.inf)
 
     def _reached(self, points: Float[Array, "n 3"], directions: Float[Array, "n 3"]) -> Bool[Array, " n"]:
-        _, pieces = self.met(as_numpy(points), as_numpy(directions))
-        return module_of(points).asarray(self._counts[pieces])
+        rises = self.pose.directions(as_numpy(directions)) @ np.array(self.towards.axis) > 0.0
+        return module_of(points).asarray(rises)
 
     def _chart(self, points: Float[Array, "n 3"], directions: Float[Array, "n 3"]) -> Float[Array, "n 2"]:
-        _, pieces = self.met(as_numpy(points), as_numpy(directions))
+        paths, pieces = self._paths(as_numpy(points), as_numpy(directions))
         normals = like(points, self.patches.piece_normals[pieces])
         first = like(points, self.patches.corners[pieces, 0])
-        paths = ((first - points) * normals).sum(1) / (directions * normals).sum(1)
-        places = self.pose.points(points + paths[:, None] * directions)
-        return equal_area(self.towards.to_local_directions(places / lengths(places)[:, None]))
+        exact = ((first - points) * normals).sum(1) / (directions * normals).sum(1)
+        met = module_of(points).asarray(pieces >= 0)
+        paths = module_of(points).where(met, exact, like(points, paths))
+        return equal_area(self._directions_to(self.pose.points(points + paths[:, None] * directions)))
 
     def _local(self, x: Float[np.ndarray, "*n"], y: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n 3"]:
-        units = self.pose.to_local_directions(self.towards.directions(from_equal_area(x, y)))
-        start = self.pose.to_local_points(np.zeros((x.size, 3)))
-        distances, _ = self.met(start, units.reshape(-1, 3))
-        return np.asarray((start + distances[:, None] * units.reshape(-1, 3)).reshape(units.shape))
+        units = self.towards.directions(from_equal_area(x, y))
+        column, row = self._pixels(np.stack([x, y], axis=-1).reshape(-1, 2))
+        depths = self._depths_mm[row, column].reshape(x.shape)
+        return np.asarray(self.pose.to_local_points(depths[..., None] * units))
 
 
 def body_views(spec: Spec) -> tuple[BodyView, ...]:
@@ -231,7 +267,9 @@ def body_pictures(spec: Spec) -> tuple[BodyPicture, ...]:
     views = {view.name: view for view in body_views(spec)}
     width_mm = {body.name: body.patch_mm for body in spec.scene}
     return tuple(
-        BodyPicture.of(views[limit.body], number, limit, width_mm[limit.body] or 0.0, spec.optimise.pixels)
+        BodyPicture.of(
+            views[limit.body], number, limit, width_mm[limit.body] or 0.0, _MOST_OF_SEARCH * spec.optimise.pixels
+        )
         for number, limit in enumerate(spec.limits)
         if isinstance(limit, BodyLimit)
     )

@@ -19,6 +19,7 @@ from lensforge.scene.eye_view import EyeView
 from lensforge.scene.intensity_limit import LumensBound
 from lensforge.scene.light_ends import loss_names
 from lensforge.scene.limit_views import LimitView, limit_views
+from lensforge.scene.pixel_grid import bilinear
 from lensforge.scene.receiver import PosedReceiver, equal_area
 from lensforge.scene.region import Region, ZoneOfLimit
 from lensforge.spec import Spec
@@ -178,7 +179,7 @@ def _of_application(
     scale = lamp_lm / flux_w / receiver.pixel_measure
     for wanted in light_in(entry).limits():
         units = wanted.light.directions(spec.photometry.street_side_deg)
-        pixels = _bilinear(receiver, *equal_area(receiver.pose.to_local_directions(units)).T)
+        pixels = bilinear(receiver.grid, *equal_area(receiver.pose.to_local_directions(units)).T)
         readings = sparse.csr_array(scale * (wanted.light.weights * (units[:, 2] >= 0.0)) @ pixels)
         label = f"{name}: {wanted.name}"
         limit = LightLimit(label, index, wanted.quantity, wanted.sense, wanted.unit, readings, wanted.bound)
@@ -311,7 +312,7 @@ def _read(
             rows = np.arange(len(pixels))
             return at, sparse.csr_array((np.ones(len(pixels)), (rows, pixels)), shape=(len(pixels), x.size))
     offsets = np.zeros((1, 2)) if wide is None else _over_meter(wide, receiver)
-    parts = [_bilinear(receiver, *receiver.chart_coordinates(*(at + offset).T)) for offset in offsets]
+    parts = [bilinear(receiver.grid, *receiver.chart_coordinates(*(at + offset).T)) for offset in offsets]
     return at, sparse.csr_array(sum(parts[1:], parts[0]) / len(parts))
 
 
@@ -329,26 +330,3 @@ def _over_meter(wide: float, receiver: PosedReceiver) -> Float[np.ndarray, "n 2"
     radii = 0.5 * np.sqrt(rest * (np.arange(rings) + 0.5) / rings)
     turns = 2.0 * np.pi * (np.arange(_AROUND) + 0.5 * (np.arange(rings) % 2)[:, None]) / _AROUND
     return (radii[:, None, None] * np.stack([np.cos(turns), np.sin(turns)], axis=-1)).reshape(-1, 2)
-
-
-def _bilinear(receiver: PosedReceiver, x: Float[np.ndarray, " k"], y: Float[np.ndarray, " k"]) -> sparse.csr_array:
-    """Matrix from pixels to places on the chart, bilinear between their centres, as at the edge beyond the last."""
-    grid = receiver.grid
-    column = np.maximum((x / grid.width + 0.5) * grid.columns - 0.5, 0.0)
-    row = np.maximum((y / grid.height + 0.5) * grid.rows - 0.5, 0.0)
-    left = column.astype(int)
-    below = row.astype(int)
-    right = column - left
-    up = row - below
-    entries = []
-    rows = []
-    pixels = []
-    for more_x, share_x in ((0, 1.0 - right), (1, right)):
-        for more_y, share_y in ((0, 1.0 - up), (1, up)):
-            entries.append(share_x * share_y)
-            rows.append(np.arange(len(column)))
-            pixels.append(
-                np.minimum(below + more_y, grid.rows - 1) * grid.columns + np.minimum(left + more_x, grid.columns - 1)
-            )
-    together = np.concatenate(entries), (np.concatenate(rows), np.concatenate(pixels))
-    return sparse.csr_array(together, shape=(len(column), grid.rows * grid.columns))

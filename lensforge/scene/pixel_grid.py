@@ -157,7 +157,23 @@ def gaussian3(image: Float[np.ndarray, "*r h w"], variance: float) -> Float[np.n
     return np.asarray(smoothed, dtype=np.float64)
 
 
-def smoothing(shape: tuple[int, int]) -> sparse.csr_array:
-    """Matrix of :func:`gaussian3` of variance 1 for an image of this ``shape``."""
-    along = (gaussian3(np.eye(count)[:, None, :], 1.0)[:, 0] for count in shape)
-    return sparse.csr_array(sparse.kron(*(sparse.csr_array(matrix.T) for matrix in along), format="csr"))
+def bilinear(grid: PixelGrid, x: Float[np.ndarray, " k"], y: Float[np.ndarray, " k"]) -> sparse.csr_array:
+    """Matrix from pixels to places on the chart, bilinear between their centres, as at the edge beyond the last."""
+    column = np.maximum((x / grid.width + 0.5) * grid.columns - 0.5, 0.0)
+    row = np.maximum((y / grid.height + 0.5) * grid.rows - 0.5, 0.0)
+    left = column.astype(int)
+    below = row.astype(int)
+    right = column - left
+    up = row - below
+    entries = []
+    rows = []
+    pixels = []
+    for more_x, share_x in ((0, 1.0 - right), (1, right)):
+        for more_y, share_y in ((0, 1.0 - up), (1, up)):
+            entries.append(share_x * share_y)
+            rows.append(np.arange(len(column)))
+            pixels.append(
+                np.minimum(below + more_y, grid.rows - 1) * grid.columns + np.minimum(left + more_x, grid.columns - 1)
+            )
+    together = np.concatenate(entries), (np.concatenate(rows), np.concatenate(pixels))
+    return sparse.csr_array(together, shape=(len(column), grid.rows * grid.columns))
