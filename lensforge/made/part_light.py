@@ -161,7 +161,7 @@ class PartLight:
         return limit_views(self.spec, coarse=True) if any(limit.quantity.of_view for limit in self.limits) else ()
 
     def seen(self, exits: ExitRays, held: ReplicateRays, flux: float) -> Iterator[ReceivedImages]:
-        """What each view sees by the ``exits`` of the ``held`` rays; ``flux``: of the LED over theirs."""
+        """Pictures of every view by the ``exits`` of the ``held`` rays; ``flux``: of the LED over theirs."""
         none = np.zeros(held.replicates)
         for view in self.views:
             landings = view.land(exits)

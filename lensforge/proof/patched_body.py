@@ -12,7 +12,7 @@ from jaxtyping import Float, Int
 
 from lensforge.proof.facet_casting import Grid, Leg
 from lensforge.proof.obstacles import ObstacleBody
-from lensforge.proof.proof_result import BodyProof
+from lensforge.proof.proof_result import BodyLightProof
 from lensforge.proof.sequential_cast import CastFate, Passage
 from lensforge.results import Metric
 from lensforge.sources.ray_bundle import RayBundle
@@ -34,7 +34,7 @@ class PatchedBody:
     others: Sequence[ObstacleBody]
     designed: Float[np.ndarray, " p"]
 
-    def judge(self, rays: RayBundle, passage: Passage) -> BodyProof:
+    def judge(self, rays: RayBundle, passage: Passage) -> BodyLightProof:
         """The light of ``rays``, by their ``passage`` through the part, against the design's."""
         flux, squares = self._on_patches(passage)
         areas_m2 = self._areas_m2
@@ -46,7 +46,7 @@ class PatchedBody:
         darkest = int(self.designed.argmin())
         whole_m2 = float(areas_m2.sum())
         error_w = np.sqrt(max(float(squares.sum()) - float(flux.sum()) ** 2 / len(rays), 0.0))
-        return BodyProof(
+        return BodyLightProof(
             name=self.name,
             rays=len(rays),
             mean=Metric(value=float(flux.sum()) / whole_m2, standard_error=float(error_w) / whole_m2, unit="W/m²"),

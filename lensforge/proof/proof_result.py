@@ -256,7 +256,7 @@ class LampsTogether(Record):
     noise_floor_nmse: NotNegative
 
 
-class BodyProof(Record):
+class BodyLightProof(Record):
     """Light on the body ``name`` of the scene, by rays that verification has drawn and walks of its own.
 
     ``mean``: over its surface, ``least``: on the patch that is darkest by the design (W/m²). ``apart``: mean square
@@ -387,7 +387,7 @@ class Proof(ResultByLed):
         ),
     ]
     together: tuple[LampsTogether, ...] = ()
-    on_bodies: tuple[BodyProof, ...] = ()
+    on_bodies: tuple[BodyLightProof, ...] = ()
     forms: tuple[FileForm, ...] = ()
     on_plate: Annotated[Flag, Field(exclude=True)] = False
     criteria: Criteria = ()

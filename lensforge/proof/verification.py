@@ -35,7 +35,7 @@ from lensforge.proof.part_comparison import (
     share,
 )
 from lensforge.proof.part_mesh import PartMesh, read_part_mesh, sized_mesh
-from lensforge.proof.proof_result import BodyProof, IndependentRays, Proof, ReceiverProof
+from lensforge.proof.proof_result import BodyLightProof, IndependentRays, Proof, ReceiverProof
 from lensforge.proof.receiver_screen import nmse
 from lensforge.proof.sequential_cast import LandedRays, Passage, send_through, send_through_body
 from lensforge.proof.step_cast import StepCast, cast_step, form_of_step, judge_brep, read_step
@@ -144,7 +144,7 @@ def verify_part(
     none: list[Any] = [None] * len(expected)
     by_mitsuba = cast_mitsuba(part, rays, media, expected, referees.mitsuba_rays) if referees.mitsuba_rays else none
     by_own = none
-    on_bodies: tuple[BodyProof, ...] = ()
+    on_bodies: tuple[BodyLightProof, ...] = ()
     if independent is not None:
         own = send_through(part, grid, independent.rays, media, threads, independent.seed)
         by_own = _own_light(independent, own, expected)

@@ -1,4 +1,4 @@
-"""What limits look at beside receivers: the lens as eyes see it, and the surfaces of bodies."""
+"""Views of limits beside receivers: the lens as eyes see it, and the surfaces of bodies."""
 
 from lensforge.scene.body_view import LitBody, body_pictures, body_views
 from lensforge.scene.eye_view import EyeView, eye_views
