@@ -211,22 +211,16 @@ class BodyPicture(LitBody):
         nearest = distance_transform_edt(missed, return_distances=False, return_indices=True)
         return np.asarray(distances.reshape(x.shape)[tuple(nearest)])
 
-    def _paths(
+    def _depths_at(
         self, points: Float[np.ndarray, "n 3"], directions: Float[np.ndarray, "n 3"]
-    ) -> tuple[Float[np.ndarray, " n"], Int[np.ndarray, " n"]]:
-        """Path (mm) of each ray to the body, or to its depth beside it, and the piece that it meets, or -1."""
-        paths, pieces = self.met(points, directions)
-        beside = np.flatnonzero(pieces < 0)
-        starts = self.pose.points(points[beside])
-        ways = self.pose.directions(directions[beside])
-        along = (starts * ways).sum(axis=1)
-        depths = np.full(len(beside), self._depths_mm.mean())
+    ) -> Float[np.ndarray, " n"]:
+        """Distance (mm) from the origin of where each ray is at the depth of the body, or of its nearest part."""
+        depths = np.full(len(points), self._depths_mm.mean())
         for _ in range(_STEPS_TO_DEPTH):
-            reached = np.sqrt(np.maximum(along**2 - (starts**2).sum(axis=1) + depths**2, 0.0)) - along
-            column, row = self._pixels(equal_area(self._directions_to(starts + reached[:, None] * ways)))
+            reached = points + _path_to(points, directions, depths)[:, None] * directions
+            column, row = self._pixels(equal_area(self._directions_to(reached)))
             depths = self._depths_mm[row, column]
-        paths[beside] = reached
-        return paths, pieces
+        return depths
 
     def _directions_to(self, places: Float[Array, "n 3"]) -> Float[Array, "n 3"]:
         """Directions, in the frame of the chart, of places in the scene."""
@@ -240,27 +234,42 @@ class BodyPicture(LitBody):
     def _reach_mm(
         self, points: Float[np.ndarray, "n 3"], directions: Float[np.ndarray, "n 3"], landings: Landings
     ) -> Float[np.ndarray, " n"]:
-        paths, _ = self._paths(self.pose.to_local_points(points), self.pose.to_local_directions(directions))
-        return np.where(as_numpy(landings.landed), paths, np.inf)
+        """Path (mm) of each ray to the body; beside it for as far as the body is away there."""
+        paths = super()._reach_mm(points, directions, landings)
+        beside = np.flatnonzero(np.isinf(paths) & as_numpy(landings.landed))
+        ways = points[beside], directions[beside]
+        paths[beside] = _path_to(*ways, self._depths_at(*ways))
+        return paths
 
     def _reached(self, points: Float[Array, "n 3"], directions: Float[Array, "n 3"]) -> Bool[Array, " n"]:
         rises = self.pose.directions(as_numpy(directions)) @ np.array(self.towards.axis) > 0.0
         return module_of(points).asarray(rises)
 
     def _chart(self, points: Float[Array, "n 3"], directions: Float[Array, "n 3"]) -> Float[Array, "n 2"]:
-        paths, pieces = self._paths(as_numpy(points), as_numpy(directions))
-        normals = like(points, self.patches.piece_normals[pieces])
-        first = like(points, self.patches.corners[pieces, 0])
-        exact = ((first - points) * normals).sum(1) / (directions * normals).sum(1)
-        met = module_of(points).asarray(pieces >= 0)
-        paths = module_of(points).where(met, exact, like(points, paths))
-        return equal_area(self._directions_to(self.pose.points(points + paths[:, None] * directions)))
+        _, pieces = self.met(as_numpy(points), as_numpy(directions))
+        starts = self.pose.points(points)
+        ways = self.pose.directions(directions)
+        normals = like(points, self.pose.directions(self.patches.piece_normals[pieces]))
+        corners = like(points, self.pose.points(self.patches.corners[pieces, 0]))
+        to_body = ((corners - starts) * normals).sum(1) / (ways * normals).sum(1)
+        beside = like(points, self._depths_at(as_numpy(starts), as_numpy(ways)))
+        paths = module_of(points).where(like(points, pieces) >= 0.0, to_body, _path_to(starts, ways, beside))
+        return equal_area(self._directions_to(starts + paths[:, None] * ways))
 
     def _local(self, x: Float[np.ndarray, "*n"], y: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n 3"]:
         units = self.towards.directions(from_equal_area(x, y))
         column, row = self._pixels(np.stack([x, y], axis=-1).reshape(-1, 2))
         depths = self._depths_mm[row, column].reshape(x.shape)
         return np.asarray(self.pose.to_local_points(depths[..., None] * units))
+
+
+def _path_to(
+    points: Float[Array, "n 3"], directions: Float[Array, "n 3"], depths: Float[Array, " n"]
+) -> Float[Array, " n"]:
+    """Path (mm) along rays to where they are so far from the origin."""
+    along = (points * directions).sum(1)
+    square = along**2 - (points**2).sum(1) + depths**2
+    return module_of(points).sqrt(square) - along
 
 
 def body_views(spec: Spec) -> tuple[BodyView, ...]:

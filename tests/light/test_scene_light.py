@@ -18,10 +18,12 @@ from lensforge.scene.body_view import body_views
 from lensforge.scene.exit_rays import ExitRays
 from lensforge.scene.eye_view import eye_views
 from lensforge.scene.light_ends import LOSSES
+from lensforge.scene.possible_light import SourceLight
 from lensforge.scene.receiver_shapes import receivers_of, seen_by_lamp
 from lensforge.search.merit import MeritFunction
 from lensforge.search.parameters import Parametrisation
 from lensforge.search.problem import Problems
+from lensforge.search.scene_check import light_requirements
 from lensforge.search.start_faces import start_faces
 from lensforge.sources.ray_bundle import RayBundle
 from lensforge.spec import Spec
@@ -211,6 +213,20 @@ def test_a_body_has_the_light_that_it_keeps_from_a_receiver(lamps: dict[str, Any
     facts = {fact.key: fact for group in light_facts(light, lens) for fact in group.facts}
     assert facts["body_mean"].value == pytest.approx(body.mean.value) and "is dark" in facts["body_mean"].note
     assert facts["body_least"].label == "Least on mast" and facts["body_least"].note.startswith("at (")
+
+
+def test_no_lens_brings_more_to_a_body_than_two_faces_transmit() -> None:
+    """Evenly over the patches that count, of which a design is told before it searches."""
+    spec = small_spec(scene=[MAST], limits=[DOSE | {"facing": [0.0, 0.0, -1.0]}, DOSE | {"of": "mean"}])
+    source = searched_source(spec)
+    _, required = light_requirements(spec, source)
+    (view,) = body_views(spec)
+    areas_mm2 = view.patches.areas_mm2
+    passed_w = source.flux_w * SourceLight.of(source, spec.media, lens=spec.lens).transmittance
+    counted = view.counted(spec.limits[0])
+    for requirement, area_mm2 in zip(required, (areas_mm2[counted].sum(), areas_mm2.sum()), strict=True):
+        assert requirement.possible == pytest.approx(0.1 * 40.0 * passed_w / (1e-6 * area_mm2))
+        assert requirement.possible_words.endswith("mJ/cm² (all that two faces transmit)")
 
 
 def test_a_yield_judges_a_limit_on_a_body_of_one_lamp_alone() -> None:

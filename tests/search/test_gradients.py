@@ -124,7 +124,7 @@ SPECS: dict[str, dict[str, Any]] = {
 ON_DEVICES = [  # scenes in which rays are traced in other ways
     "free", "ray file", "dispersed", "lossless", "all receivers", "lamps in a ring",
     "lenses of two kinds, turned, all receivers", "robust, large", "seen by eyes", "coloured, robust, dispersed",
-    "beside bodies, all receivers",
+    "beside bodies, all receivers", "on a body",
 ]  # fmt: skip
 
 
