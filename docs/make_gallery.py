@@ -85,7 +85,7 @@ GROUPS: dict[str, tuple[str, tuple[str, ...]]] = {
     "Materials and covers": (
         "Other materials, coatings, given optics around the lens, and a housing in its light"
         " ([materials](sources.md#materials-and-temperature)).",
-        ("silicone", "coated_cover_glass", "domed_cover", "bezel"),
+        ("silicone", "coated_cover_glass", "domed_cover", "bezel", "uvc_handle"),
     ),
     "The paper's designs": (
         "Designs of the paper whose method this is ([figures](validation.md#of-the-paper)).",
@@ -130,8 +130,11 @@ def picture(name: str) -> Path:
 
 
 def draw(name: str) -> dict[str, object]:
-    """Design a draft, draw its light in each state and on each receiver side by side, and return its figures."""
+    """Design a draft, draw its light in each state, on each receiver and on bodies, and return its figures."""
     import lensforge as lf
+    from lensforge.report.body_figures import lit_body
+    from lensforge.results.chart import light_unit
+    from lensforge.scene.body_view import body_views
 
     spec = lf.load_spec(EXAMPLES / f"{name}.toml")
     if spec.optimise.seconds is not None:  # the same draft on every machine, not as much as a time allows
@@ -140,8 +143,11 @@ def draw(name: str) -> dict[str, object]:
     light = lf.evaluate(lf.design(spec, accuracy="draft", force=True).lens, rays=rays)
     panels = []
     cases = list(light.cases("receivers"))
-    for case in cases:
-        figure = case.result.plot(receiver=case.record.name).figure
+    unit = light_unit(light.lumens_per_watt)
+    figures = [case.result.plot(receiver=case.record.name).figure for case in cases]
+    for view, body in zip(body_views(spec), light.on_bodies, strict=True):
+        figures.append(lit_body(view, body.irradiance, unit, "lit"))
+    for figure in figures:
         figure.set_size_inches(3.6, 2.8)
         buffer = BytesIO()
         figure.savefig(buffer, format="png", dpi=90, facecolor="white", bbox_inches="tight")
@@ -151,7 +157,7 @@ def draw(name: str) -> dict[str, object]:
         sheet.paste(each, (sum(other.width for other in panels[:index]), 0))
     PICTURES.mkdir(exist_ok=True)
     sheet.quantize(64).save(picture(name), optimize=True)
-    stated = light.figures or (light.limits if spec.applications else ())
+    stated = light.figures or (light.limits if spec.applications or light.on_bodies else ())
     return {
         "accuracy": "draft",
         "aim": spec.optimise.aim,

@@ -91,6 +91,7 @@ from lensforge.spec.light_field import LightFieldLimit
 from lensforge.spec.light_limits import (
     BeamAngleLimit,
     BlockedLimit,
+    BodyLimit,
     ColourSection,
     GlareLimit,
     LineLimit,
@@ -115,6 +116,7 @@ __all__ = [
     "BaseSection",
     "BeamAngleLimit",
     "BlockedLimit",
+    "BodyLimit",
     "BodySection",
     "Cancelled",
     "Check",

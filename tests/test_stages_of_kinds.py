@@ -118,7 +118,14 @@ SCENES: dict[str, dict[str, Any]] = {
     },
     "scene box": {
         "scene": [
-            {"kind": "box", "name": "wall", "size_mm": [80.0, 2.0, 30.0], "centre_mm": [3.0, 25.0, 30.0], **LEANING}
+            {
+                "kind": "box",
+                "name": "wall",
+                "size_mm": [80.0, 2.0, 30.0],
+                "centre_mm": [3.0, 25.0, 30.0],
+                "patch_mm": 9.0,
+            }
+            | LEANING
         ],
         "lamps": LAMPS,
     },
@@ -130,10 +137,12 @@ SCENES: dict[str, dict[str, Any]] = {
                 "radius_mm": 50.0,
                 "bore_radius_mm": 15.0,
                 "length_mm": 2.0,
+                "patch_mm": 6.0,
                 **LEANING,
             }
             | {"centre_mm": [1.0, -2.0, 25.0]}
         ],
+        "limits": [{"kind": "body", "body": "bezel", "of": "mean", "at_least": 1e-9, "unit": "w_per_m2"}],
     },
     "scene file": {
         "scene": [{"kind": "file", "name": "wall", "file": str(wall_file()), "centre_mm": [0.0, 30.0, 40.0]}]

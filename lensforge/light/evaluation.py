@@ -18,6 +18,7 @@ from lensforge.kernels.fate import Fate
 from lensforge.light.beam_colour import BeamColour
 from lensforge.light.evaluation_result import FittedLight, Light, LightMetrics, PresetError, TableError
 from lensforge.light.far_field import limits_by_intensities
+from lensforge.light.irradiated_body import IrradiatedBody
 from lensforge.light.judged_limits import colour_limits, judged_limits, stated_figures
 from lensforge.light.light_ways import FluxByWay
 from lensforge.light.received_flux import BLOCKED, CAUSES, MISSED_RECEIVER, ReceivedFlux, named_flux
@@ -47,11 +48,13 @@ from lensforge.results.estimates import (
     uniformity,
     with_error,
 )
+from lensforge.scene.body_view import BodyView, body_views
 from lensforge.scene.exit_rays import ExitRays
-from lensforge.scene.eye_view import EyeView, eye_views
+from lensforge.scene.eye_view import EyeView
 from lensforge.scene.lens import Lens
 from lensforge.scene.light_ends import LOSSES, NUMBER_BY_FATE
 from lensforge.scene.limit_readings import LightLimit, LightReading, light_limits, stated_readings, zones_on
+from lensforge.scene.limit_views import LimitView, limit_views
 from lensforge.scene.pixel_grid import flux_in, gaussian3, rebinned, splat_flux
 from lensforge.scene.possible_light import PossibleLight, SourceLight
 from lensforge.scene.receiver import Landings, PosedReceiver
@@ -234,7 +237,7 @@ def evaluate_traced(
         (drawn_target(section.targets, receiver), *eyee)
         for section, receiver, eyee in zip(spec.all_receivers, receivers, zones, strict=True)
     ]
-    views = eye_views(spec) if any(limit.quantity.of_view for limit in limits) else ()
+    views = limit_views(spec) if any(limit.quantity.of_view for limit in limits) else body_views(spec)
     simulation = simulate(
         traced, source, (*receivers, *views), rays, seed, [*regions, *[()] * len(views)], coloured=colour is not None
     )
@@ -248,9 +251,12 @@ def evaluate_traced(
         for section, receiver, received in zip(spec.all_receivers, receivers, looked_at, strict=True)
     )
     eyes = tuple(_seen(traced, source, seed, zip(views, seen, strict=True)))
+    outlines = iter(eyes)
     images = [gaussian3(flux.images, variance) for flux in looked_at] if limits or stated else []
-    for view, received, eye in zip(views, seen, eyes, strict=True):
-        images.append(received.images / (eye.outline_mm2 or np.inf) if view.of_mean else received.images)
+    for view, received in zip(views, seen, strict=True):
+        over = (next(outlines).outline_mm2 or np.inf) if isinstance(view, EyeView) else 1.0
+        of_mean = isinstance(view, EyeView) and view.of_mean
+        images.append(received.images / over if of_mean else received.images)
     losses = [_losses(received, simulation.by_way) for received in looked_at] if limits else []
     shares = [flux.in_regions[:, 1:] / simulation.emitted_w for flux in looked_at]
     names = [receiver.name for receiver in lit] + [""] * len(views)
@@ -260,6 +266,11 @@ def evaluate_traced(
         figures=tuple(stated_figures(stated, images, names)),
         ways=simulation.by_way.ways(simulation.emitted_w),
         seen=eyes,
+        on_bodies=tuple(
+            IrradiatedBody.of(view, received.images[:, 0])
+            for view, received in zip(views, seen, strict=True)
+            if isinstance(view, BodyView)
+        ),
         rays=simulation.rays,
         replicates=len(simulation.received[0].images),
         pixels=side,
@@ -274,11 +285,13 @@ def evaluate_traced(
 
 
 def _seen(
-    traced: TracedLens, source: Source, seed: int, views: Iterable[tuple[EyeView, ReceivedFlux]]
+    traced: TracedLens, source: Source, seed: int, views: Iterable[tuple[LimitView, ReceivedFlux]]
 ) -> Iterator[SeenLens]:
-    """The lens in every view; additional rays determine its outline."""
+    """The lens in the view of every eye; additional rays determine its outline."""
     exits = None
     for view, received in views:
+        if not isinstance(view, EyeView):
+            continue
         exits = exits or traced.trace(source.sample(min(_RAYS_OF_OUTLINE, source.ray_count or _RAYS_OF_OUTLINE), seed))
         yield SeenLens.of(view, received.images, exits)
 

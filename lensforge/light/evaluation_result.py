@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, get_args
 
 from pydantic import Field
 
+from lensforge.light.irradiated_body import IrradiatedBody
 from lensforge.light.light_ways import LightWay
 from lensforge.light.receiver_light import (
     EFFICIENCY,
@@ -109,10 +110,11 @@ class Light(ResultByLed):
 
     ``receivers``: metrics, flux and maps on each receiver, in the order of the spec. ``limits``: those of the spec,
     each with its value and judgement. ``figures``: those of the spec's application. ``ways``: shares of the emitted
-    flux by way, of a lens of more than two faces. ``seen``: the lens as eyes of limits see it. ``place``: of the LED,
-    where it is from a ray file or is moved. ``travel``: the light of the LED between its places in the states, where
-    these differ by them alone. ``replicates``: independent samples, whose scatter gives the standard
-    errors. ``pixels``: along the longer side of a map as required; lamps together may need somewhat more or fewer.
+    flux by way, of a lens of more than two faces. ``seen``: the lens as eyes of limits see it. ``on_bodies``: the light
+    on measured bodies of the scene. ``place``: of the LED, where it is from a ray file or is moved. ``travel``: the
+    light of the LED between its places in the states, where these differ by them alone. ``replicates``: independent
+    samples, whose scatter gives the standard errors. ``pixels``: along the longer side of a map as required; lamps
+    together may need somewhat more or fewer.
     ``filter``: the filter of the maps, in words. ``lumens_per_watt``: efficacy of the light; None if nothing states it.
     ``table_nodes``: across the tables by which faces are traced. ``table_error_nm``: their largest error, by face.
     ``preset_error``: their effect on the light; None if it was not measured. ``fitted``: figures by the rays of the
@@ -121,7 +123,7 @@ class Light(ResultByLed):
 
     stage: ClassVar[str] = "evaluate"
     made_from: ClassVar[tuple[str, ...]] = ("lens", "source")
-    omit_if_empty: ClassVar[tuple[str, ...]] = ("figures", "ways", "seen", "place", "travel")
+    omit_if_empty: ClassVar[tuple[str, ...]] = ("figures", "ways", "seen", "on_bodies", "place", "travel")
     judged_in: ClassVar[tuple[str, ...]] = ("criteria", "limits")
 
     receivers: Annotated[tuple[ReceiverLight, ...], Field(min_length=1)]
@@ -129,6 +131,7 @@ class Light(ResultByLed):
     figures: StatedFigures = ()
     ways: tuple[LightWay, ...] = ()
     seen: tuple[SeenLens, ...] = ()
+    on_bodies: tuple[IrradiatedBody, ...] = ()
     place: SourcePlace | None = None
     travel: Travel | None = None
     others: "tuple[Light, ...]" = ()

@@ -12,6 +12,7 @@ from typing import NamedTuple
 from lensforge.light.area_lamp import AreaLamp
 from lensforge.light.beam_colour import BeamColour
 from lensforge.light.evaluation_result import Light, LightMetrics
+from lensforge.light.irradiated_body import body_groups
 from lensforge.light.light_ways import leak_facts, way_facts
 from lensforge.light.photometry_result import Photometry, light_of, one_of_lenses
 from lensforge.light.receiver_light import ReceiverLight
@@ -71,6 +72,7 @@ def _with_led(led: Case[Light], lens: Lens, possible: LimitBounds) -> Iterator[G
     if light.ways:
         yield way_facts(light.ways)
     yield from seen_groups(light.seen, light.lumens_per_watt)
+    yield from body_groups(light.on_bodies, light.lumens_per_watt)
     if light.limits:
         yield Group("limits", "Limits", tuple(limit_facts(led, lens.spec.applications, possible)))
         yield from _worst(light.limits, lens.spec.applications)

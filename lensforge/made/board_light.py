@@ -47,6 +47,7 @@ from lensforge.sources.ray_bundle import Source
 from lensforge.spec import Spec
 from lensforge.spec.lamp_places import Lamp
 from lensforge.spec.light_limits import ColourSection
+from lensforge.spec.quantities import BodyLight, BodyMean
 
 _PERIODS = 3  # along x and along y, of a lattice without a plate
 _MOST_PIXELS = 2**20  # of a patch, of which a study keeps sixteen pictures at a time
@@ -166,7 +167,10 @@ class BoardLight(PartLight):
         kinds: tuple[LensOnBoard, ...],
         designed: list[list[list[Channels]]],
     ) -> "BoardLight":
-        """Boards on ``receivers``, with the limits of the spec. Raises :class:`InputError` for too few rays."""
+        """Boards on ``receivers``, with the limits of the spec.
+
+        Raises :class:`InputError` for too few rays, and for a limit on a body.
+        """
         periods = periods_of(light.spec)
         lamps = len(receivers[0].lamps)
         rays = len(light.held)
@@ -174,6 +178,12 @@ class BoardLight(PartLight):
             least = REPLICATES * lamps
             raise InputError(f"yield: {rays} rays for {lamps} lamps: {REPLICATES} each at least; give {least}")
         limits = light.limits
+        on_body = next((limit.name for limit in limits if isinstance(limit.quantity, BodyLight | BodyMean)), None)
+        if on_body is not None:
+            raise InputError(
+                f"yield: {on_body}: light on a body is of all lamps, whose parts are drawn apart; it is not judged, "
+                "leave out the limit, or lamps"
+            )
         if periods != (1, 1):
             limits = tuple(
                 limit

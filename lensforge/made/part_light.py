@@ -17,9 +17,10 @@ from lensforge.light.table_trace import trace_tables
 from lensforge.results import Metric
 from lensforge.results.estimates import Images, jackknife_error, jackknife_metric
 from lensforge.scene.exit_rays import ExitRays
-from lensforge.scene.eye_view import EyeView, eye_views
+from lensforge.scene.eye_view import EyeView
 from lensforge.scene.light_ends import cause_numbers, loss_names, with_beside
 from lensforge.scene.limit_readings import LightLimit, zones_on
+from lensforge.scene.limit_views import LimitView, limit_views
 from lensforge.scene.made_part import MadePart
 from lensforge.scene.pixel_grid import bin_replicates, gaussian3
 from lensforge.scene.receiver import Landings, PosedReceiver
@@ -155,17 +156,17 @@ class PartLight:
         return (*images, *self.seen(exits, held, flux))
 
     @cached_property
-    def views(self) -> tuple[EyeView, ...]:
-        """Views of the eyes of limits, as coarse as those of a search: a part has too few rays for a fine spot."""
-        return eye_views(self.spec, searched=True) if any(limit.quantity.of_view for limit in self.limits) else ()
+    def views(self) -> tuple[LimitView, ...]:
+        """Views of limits, of eyes as coarse as those of a search: a part has too few rays for a fine spot."""
+        return limit_views(self.spec, coarse=True) if any(limit.quantity.of_view for limit in self.limits) else ()
 
     def seen(self, exits: ExitRays, held: ReplicateRays, flux: float) -> Iterator[ReceivedImages]:
-        """The lens as each eye sees it, by the ``exits`` of the ``held`` rays; ``flux``: of the LED over theirs."""
+        """Pictures of every view by the ``exits`` of the ``held`` rays; ``flux``: of the LED over theirs."""
         none = np.zeros(held.replicates)
         for view in self.views:
             landings = view.land(exits)
             image = bin_replicates(landings.hits, flux * landings.flux, view.grid, held.replicate, held.replicates)
-            over = view.outline_mm2(exits) if view.of_mean else 1.0
+            over = view.outline_mm2(exits) if isinstance(view, EyeView) and view.of_mean else 1.0
             yield ReceivedImages(image[None] / over, none, none, (), flux * held.emitted_w)
 
     @property

@@ -37,10 +37,10 @@ from lensforge.optics.efficacy import Efficacy
 from lensforge.results import Fact, Metric
 from lensforge.results.estimates import scaled
 from lensforge.results.figure import limits_in
-from lensforge.scene.eye_view import EyeView, eye_views
 from lensforge.scene.lamp_pictures import LampPictures
 from lensforge.scene.lens import Lens
 from lensforge.scene.limit_readings import LightLimit, light_limits
+from lensforge.scene.limit_views import LimitView, limit_views
 from lensforge.scene.made_part import MadePart, PartMaker
 from lensforge.scene.perturbations import Deviations, Draws
 from lensforge.scene.receiver import PosedReceiver
@@ -240,7 +240,7 @@ class LedStudy:
         """Limits of the spec, as an evaluation judges them."""
         return self._limits_by(None)
 
-    def _limits_by(self, views: Sequence[EyeView] | None) -> tuple[LightLimit, ...]:
+    def _limits_by(self, views: Sequence[LimitView] | None) -> tuple[LightLimit, ...]:
         return light_limits(self.spec, self.receivers, self._efficacy, self._source.flux_w, views)
 
     @cached_property
@@ -266,7 +266,7 @@ class LedStudy:
         study = self.study
         recipe = self.study.recipe
         held = ReplicateRays.of(held_back(self._source), recipe.rays, recipe.seed)
-        coarse = self._limits_by(eye_views(self.spec, searched=True))
+        coarse = self._limits_by(limit_views(self.spec, coarse=True))
         light = PartLight(self.spec, self.kinds[0].nominal, self.receivers, coarse, held)
         if study.lamps.is_single:
             return light

@@ -18,6 +18,7 @@ from lensforge.proof.cast_results import Agreement, FatePair, PartFlux
 from lensforge.proof.facet_casting import Grid
 from lensforge.proof.optical_faces import OpticalFaces
 from lensforge.proof.part_mesh import PartMesh, read_part_mesh
+from lensforge.proof.patched_body import PatchedBody
 from lensforge.proof.proof_result import IndependentRays, LampsTogether
 from lensforge.proof.receiver_screen import Screen, squared_norm
 from lensforge.proof.sequential_cast import CastFate, LandedRays, Passage, send_through
@@ -176,12 +177,13 @@ class IndependentLight:
     """Rays (of equal flux) drawn by verification, and the design's light on each receiver.
 
     The latter are its efficiency, and the NMSE of its map by noise, None if unknown. ``seed``: for the facets that the
-    rays meet.
+    rays meet. ``bodies``: measured ones of the scene.
     """
 
     rays: RayBundle
     designs: tuple[tuple[Metric, float | None], ...]
     seed: int
+    bodies: tuple[PatchedBody, ...] = ()
 
 
 def emission_difference(independent: RayBundle, design: RayBundle) -> float:

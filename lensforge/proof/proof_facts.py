@@ -43,7 +43,8 @@ def proof_facts(proof: Proof, lamp: str = "", lamps: str = "") -> list[Group]:
     forms = [fact for case in proof.cases("forms") for fact in case.facts()]
     title = "All lamps of the plate" if proof.on_plate else "All lamps with this lens"
     together = [Group("together", case.title(title), tuple(_together(case, lamps))) for case in proof.cases("together")]
-    return [*parts, *([Group("forms", "Form of the files", tuple(forms))] if forms else []), *together]
+    bodies = [Group("bodies", case.title("Light on a body"), tuple(case.facts())) for case in proof.cases("on_bodies")]
+    return [*parts, *([Group("forms", "Form of the files", tuple(forms))] if forms else []), *together, *bodies]
 
 
 def _part(case: Case[Proof], lamp: str) -> Iterator[Fact]:

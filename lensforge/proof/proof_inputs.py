@@ -21,8 +21,10 @@ from lensforge.proof import independent_draws
 from lensforge.proof.obstacles import ObstacleBody, Obstacles
 from lensforge.proof.optical_faces import Expansion, OpticalFaces, PlateOfLenses
 from lensforge.proof.part_comparison import RAYS, IndependentLight, LampsApart, LampsOnPlate, LampStands
+from lensforge.proof.patched_body import PatchedBody
 from lensforge.proof.receiver_screen import Screen
 from lensforge.scene.body import Body, radii
+from lensforge.scene.body_patches import BodyPatches
 from lensforge.scene.housing_mesh import mesh_of
 from lensforge.scene.lens import Lens
 from lensforge.scene.pixel_grid import Window
@@ -36,6 +38,7 @@ from lensforge.sources.source_flux import chip_fluxes
 from lensforge.sources.source_spectrum import spectrum_of
 from lensforge.spec import Spec
 from lensforge.spec.emitter_section import CosineIntensity, EmitterSection, IntensitySpec, SpectrumSpec, TableIntensity
+from lensforge.spec.housing_sections import HousingSection
 from lensforge.spec.lamps_section import Lamps
 from lensforge.spec.source_sections import (
     ChipArraySource,
@@ -46,6 +49,7 @@ from lensforge.spec.source_sections import (
     RectangleSource,
     SquareSource,
 )
+from lensforge.surfaces.solid_file import SolidMesh
 from lensforge.surfaces.surface import grid, to_sphere
 
 _Points = independent_draws.Points
@@ -123,8 +127,7 @@ def stands_of(lamps: Lamps) -> LampStands:
 def screens_of(spec: Spec, pixels: int | None = None) -> list[Screen]:
     """Screens with as many pixels as the evaluation's images, by default those of the spec."""
     receivers = receivers_of(spec, pixels or spec.evaluate.pixels)
-    bodies = [ObstacleBody(*mesh_of(body), body.rotate_z_deg, body.tilt_deg, body.centre_mm) for body in spec.scene]
-    obstacles = Obstacles.of(bodies)
+    obstacles = Obstacles.of([_obstacle(body, mesh_of(body)) for body in spec.scene])
     return [
         Screen.kinds[section.kind](
             centre_mm=section.centre_mm,
@@ -146,11 +149,30 @@ def _bounds(window: Window) -> tuple[float | None, float | None, float | None]:
     return width, height, radius
 
 
+def _obstacle(body: HousingSection, mesh: SolidMesh) -> ObstacleBody:
+    return ObstacleBody(*mesh, body.rotate_z_deg, body.tilt_deg, body.centre_mm)
+
+
+def _patched_bodies(spec: Spec, light: Light) -> tuple[PatchedBody, ...]:
+    """The measured bodies of ``spec``, whose ``light`` is that of one lamp."""
+    irradiance = {body.name: body.irradiance for body in light.on_bodies}
+    patched = []
+    for body in spec.scene:
+        if body.name in irradiance:
+            patches = BodyPatches.of(body)
+            pieces = SolidMesh(patches.corners.reshape(-1, 3), np.arange(patches.corners.size // 3).reshape(-1, 3))
+            others = [_obstacle(other, mesh_of(other)) for other in spec.scene if other is not body]
+            placed = _obstacle(body, pieces)
+            patched.append(PatchedBody(body.name, placed, patches.numbers, others, irradiance[body.name]))
+    return tuple(patched)
+
+
 def independent_light(lens: Lens, source: Source, light: Light, most: int) -> IndependentLight:
     """Verification's own rays, at most ``most``, and the ``light`` of ``lens`` to compare theirs with."""
     seed = seeds.of_own_rays(lens.seed)
     rays = independent_rays(lens.spec, source, min(most, RAYS), seed)
-    return IndependentLight(rays, tuple((lit.efficiency, lit.nmse_of_noise) for lit in light.receivers), seed)
+    designs = tuple((lit.efficiency, lit.nmse_of_noise) for lit in light.receivers)
+    return IndependentLight(rays, designs, seed, _patched_bodies(lens.spec, light))
 
 
 def independent_rays(spec: Spec, source: Source, count: int, seed: int) -> RayBundle:

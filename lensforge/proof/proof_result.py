@@ -256,6 +256,63 @@ class LampsTogether(Record):
     noise_floor_nmse: NotNegative
 
 
+class BodyLightProof(Record):
+    """Light on the body ``name`` of the scene, by rays that verification has drawn and walks of its own.
+
+    ``mean``: over its surface, ``least``: on the patch that is darkest by the design (W/m²). ``apart``: mean square
+    distance from the light of the design, in standard errors, over ``groups`` of neighbouring patches that should have
+    ten rays each. ``in_dark``: share of the emitted flux on patches that are dark by the design.
+    """
+
+    name: Text
+    rays: Count
+    mean: Annotated[Metric, Figure("Mean on {name}", "the design’s: {mean_design:4}", key="body_mean")]
+    mean_design: NotNegative
+    least: Annotated[Metric, Figure("Least on {name}", "the design’s: {least_design:4}", key="body_least")]
+    least_design: NotNegative
+    groups: Count
+    apart: Annotated[
+        NotNegative,
+        Figure(
+            "Patches apart", "mean square, in standard errors, of {groups} groups of patches; noise alone: 1", digits=3
+        ),
+        Criterion(
+            "<=",
+            lambda proof, body: 1.0 + ERRORS * (2.0 / max(body.groups, 1)) ** 0.5,
+            "light on the patches of a body, against the design",
+            OTHER_LIGHT,
+            name="body_patches",
+            unit="",
+        ),
+    ]
+    in_dark: Annotated[
+        Share,
+        Criterion(
+            "<=",
+            FLUX_SHARE,
+            "light on patches of a body that are dark by the design",
+            OTHER_LIGHT,
+            name="body_in_dark",
+            unit="of the flux",
+        ),
+    ]
+
+    @property
+    @figure(
+        Criterion(
+            "<=",
+            lambda proof, body: FLUX_SHARE * body.mean_design + ERRORS * (body.mean.standard_error or 0.0),
+            "mean light on a body, against the design",
+            OTHER_LIGHT,
+            name="body_mean_apart",
+            unit="W/m²",
+        )
+    )
+    def mean_apart(self) -> float:
+        """Distance of the mean from the design's."""
+        return abs(self.mean.value - self.mean_design)
+
+
 _LANDING = ("deviation_rms", "flux_deviation", "fate_disagreement_flux")
 # Misses of one mesh with coarse facets; the latter also have causes that are not facets, and need one of the former.
 _OF_FACETS = {*_LANDING, "nmse_same_rays", *(f"mitsuba_{name}" for name in (*_LANDING, "nmse_vs_design"))}
@@ -275,8 +332,9 @@ class Proof(ResultByLed):
     ``facet_height_um``: of the mesh's vertices over the design. ``far_facets``: optical facets of the mesh far from
     every face of the design, of a body of more than two. ``altered_files``: those whose content was not what
     export.json describes when the rays were cast. ``plain_cast``: first hits by trimesh's own cast against these.
-    ``together``: all lamps through their plate. ``forms``: form of every file of the part, told once, with the first
-    LED. ``on_plate``: all lamps stand on one plate, which the names of its criteria tell.
+    ``together``: all lamps through their plate. ``on_bodies``: the light of one lamp on each measured body. ``forms``:
+    form of every file of the part, told once, with the first LED. ``on_plate``: all lamps stand on one plate, which the
+    names of its criteria tell.
     """
 
     stage: ClassVar[str] = "verify"
@@ -329,6 +387,7 @@ class Proof(ResultByLed):
         ),
     ]
     together: tuple[LampsTogether, ...] = ()
+    on_bodies: tuple[BodyLightProof, ...] = ()
     forms: tuple[FileForm, ...] = ()
     on_plate: Annotated[Flag, Field(exclude=True)] = False
     criteria: Criteria = ()
@@ -350,6 +409,8 @@ class Proof(ResultByLed):
             yield from map(case.named, _receiver_criteria(self, case.record))
         for lamps in self.together:
             yield from (under(lamps.name, criterion) for criterion in criteria_in(self, lamps))
+        for body in self.on_bodies:
+            yield from (under(body.name, criterion) for criterion in criteria_in(self, body))
 
     def deciding_criteria(self) -> Iterator[Fact]:
         """The criteria by which files pass or fail: all but ``facet_misses``."""

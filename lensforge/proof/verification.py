@@ -35,7 +35,7 @@ from lensforge.proof.part_comparison import (
     share,
 )
 from lensforge.proof.part_mesh import PartMesh, read_part_mesh, sized_mesh
-from lensforge.proof.proof_result import IndependentRays, Proof, ReceiverProof
+from lensforge.proof.proof_result import BodyLightProof, IndependentRays, Proof, ReceiverProof
 from lensforge.proof.receiver_screen import nmse
 from lensforge.proof.sequential_cast import LandedRays, Passage, send_through, send_through_body
 from lensforge.proof.step_cast import StepCast, cast_step, form_of_step, judge_brep, read_step
@@ -143,7 +143,12 @@ def verify_part(
     alone = passage if light.polished is None else send_through(part, grid, rays, bare, threads)
     none: list[Any] = [None] * len(expected)
     by_mitsuba = cast_mitsuba(part, rays, media, expected, referees.mitsuba_rays) if referees.mitsuba_rays else none
-    by_own = none if independent is None else _own_light(part, grid, independent, media, expected, threads)
+    by_own = none
+    on_bodies: tuple[BodyLightProof, ...] = ()
+    if independent is not None:
+        own = send_through(part, grid, independent.rays, media, threads, independent.seed)
+        by_own = _own_light(independent, own, expected)
+        on_bodies = tuple(body.judge(independent.rays, own) for body in independent.bodies)
     compared = plain()
     cast = None if through is None else through()
     by_step = none if cast is None else judge_brep(cast, rays, by_ray, alone)
@@ -172,6 +177,7 @@ def verify_part(
         far_facets=part.far,
         plain_cast=compared,
         together=() if lamps is None else light_of_lamps(lamps, passage, rays, media, threads),
+        on_bodies=on_bodies,
         forms=tuple(forms[file.name] for file in files.designed),
         on_plate=isinstance(lamps, LampsOnPlate),
         seconds=perf_counter() - started,
@@ -186,10 +192,7 @@ def passage_through(file: bytes, optical: OpticalFaces, media: Media, rays: RayB
     return send_through(part, Grid(part.mesh), rays, media)
 
 
-def _own_light(
-    part: PartMesh, grid: Grid, independent: IndependentLight, media: Media, expected: Sequence[Expected], threads: int
-) -> list[IndependentRays]:
-    passage = send_through(part, grid, independent.rays, media, threads, independent.seed)
+def _own_light(independent: IndependentLight, passage: Passage, expected: Sequence[Expected]) -> list[IndependentRays]:
     pairs = zip(expected, independent.designs, strict=True)
     return [judge_independent_rays(independent.rays, passage, by_design, design) for by_design, design in pairs]
 

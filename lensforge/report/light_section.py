@@ -14,7 +14,7 @@ from lensforge.light.light_facts import Attainable, LimitBounds, light_reasons, 
 from lensforge.light.photometry_result import Photometry
 from lensforge.light.receiver_light import ReceiverLight, mask_words, window_words
 from lensforge.light.seen_lens import radiance_unit
-from lensforge.report import colour_figures, light_figures, study_figures
+from lensforge.report import body_figures, colour_figures, light_figures, study_figures
 from lensforge.report.added_section import pictures_of_applications
 from lensforge.report.page import PagePicture, numbered, picture
 from lensforge.report.results import Results
@@ -23,6 +23,7 @@ from lensforge.results.case import Case
 from lensforge.results.chart import Chart, LightUnit, light_unit
 from lensforge.results.numerals import number, percent
 from lensforge.results.verdict import worst
+from lensforge.scene.body_view import body_views
 from lensforge.scene.receiver_shapes import receivers_of
 from lensforge.scene.target_pattern import uniform_region
 from lensforge.search.design_result import Design
@@ -32,6 +33,8 @@ from lensforge.spec import Spec
 
 OWN = "nominal"
 _SEEN = "Seen from behind the receiver, towards the lens."
+_SIDES: dict[body_figures.Side, str] = {"lit": "from the lens", "far": "from behind"}
+_OF_PATCHES = "Each patch in the mean of its light, which rays bring to its outside. 25° aside."
 _FIRST = 4.6  # inches: half of the page
 _ABOVE = 1.1  # of the target's peak: shows the ripple of a flat target
 _HOT = 1.25  # of the target's peak: brighter light has a scale of its own
@@ -145,7 +148,7 @@ def _possible_limits(spec: Spec) -> LimitBounds:
     _, limits = light_requirements(spec, build_source(spec.source))
     return {
         (limit.name, limit.required): Attainable(
-            limit.possible, "étendue" if limit.bounds is None else limit.bounds.law
+            limit.possible, limit.law if limit.bounds is None else limit.bounds.law
         )
         for limit in limits
         if not limit.estimated
@@ -177,8 +180,9 @@ def first_picture(results: Results) -> PagePicture | None:
 
 
 def receiver_pictures(results: Results) -> list[ReceiverPictures]:
-    """The pictures of every receiver of the lens's own light, and those of the lens as the eyes of limits see it."""
-    return [*(_of_receiver(shown, results.light) for shown in shown_receivers(results)), *_seen_by_eyes(results)]
+    """Pictures of the lens's own light: on every receiver, as the eyes of limits see the lens, and on bodies."""
+    on_receivers = (_of_receiver(shown, results.light) for shown in shown_receivers(results))
+    return [*on_receivers, *_seen_by_eyes(results), *_on_bodies(results)]
 
 
 def _seen_by_eyes(results: Results) -> Iterator[ReceiverPictures]:
@@ -196,6 +200,21 @@ def _seen_by_eyes(results: Results) -> Iterator[ReceiverPictures]:
     ]
     if drawn:
         yield ReceiverPictures("The lens as seen", drawn, ())
+
+
+def _on_bodies(results: Results) -> Iterator[ReceiverPictures]:
+    light = results.find(Light)
+    drawn: list[PagePicture] = []
+    for case in light.cases() if light else ():
+        views = {view.name: view for view in body_views(results.spec.of_state(case.result.led))}
+        for body in case.result.on_bodies:
+            unit = light_unit(case.result.lumens_per_watt)
+            for side, words in _SIDES.items():
+                figure = body_figures.lit_body(views[body.name], body.irradiance, unit, side)
+                name = numbered("body", len(drawn))
+                drawn.append(picture(name, figure, case.title(f"{body.name}, {words}"), _OF_PATCHES))
+    if drawn:
+        yield ReceiverPictures("Light on bodies of the scene", drawn, ())
 
 
 def _of_receiver(shown: ShownReceiver, whole: Light) -> ReceiverPictures:

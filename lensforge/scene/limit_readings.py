@@ -14,14 +14,18 @@ from lensforge.optics.efficacy import Efficacy
 from lensforge.results import Sense
 from lensforge.scene.application_light import light_in
 from lensforge.scene.body import Chain
-from lensforge.scene.eye_view import EyeView, eye_views
+from lensforge.scene.body_view import LitBody
+from lensforge.scene.eye_view import EyeView
 from lensforge.scene.intensity_limit import LumensBound
 from lensforge.scene.light_ends import loss_names
+from lensforge.scene.limit_views import LimitView, limit_views
+from lensforge.scene.pixel_grid import bilinear
 from lensforge.scene.receiver import PosedReceiver, equal_area
 from lensforge.scene.region import Region, ZoneOfLimit
 from lensforge.spec import Spec
 from lensforge.spec.application import names_of
 from lensforge.spec.light_limits import (
+    BodyLimit,
     LimitSection,
     LossLimit,
     LuminanceLimit,
@@ -49,9 +53,9 @@ class LightReading:
 
     ``readings``: matrix from the flux (W) on each pixel to the light at each place, in ``unit``; relative light and
     angles in W/m² or W/sr. Of a loss they are of the flux (W) by cause, as ``scene.light_ends`` orders them. Of a
-    luminance they are spots on the view of an eye, of a mean its sum over the area (mm²) of the outline; views are
-    numbered behind the receivers; ``coarser`` are these spots by half as many pixels. ``blurred``: share of the value
-    by which the blur of a view may change it.
+    luminance they are spots on the view of an eye, of a mean its sum over the area (mm²) of the outline; views of eyes
+    and bodies are numbered behind the receivers; ``coarser`` are these spots by half as many pixels. ``blurred``: share
+    of the value by which the blur of a view may change it.
     """
 
     name: str
@@ -105,24 +109,31 @@ def light_limits(
     receivers: Sequence[PosedReceiver],
     efficacy: Efficacy,
     flux_w: float,
-    views: Sequence[EyeView] | None = None,
+    views: Sequence[LimitView] | None = None,
 ) -> tuple[LightLimit, ...]:
     """The limits of ``spec`` on pictures of ``receivers``; those with two bounds twice.
 
-    ``efficacy``, ``flux_w``: of the source. ``views``: of the eyes, by default as an evaluation sees them.
+    ``efficacy``, ``flux_w``: of the source. ``views``: of eyes and bodies, by default as an evaluation sees
+    them; a limit on a body without one is left out.
 
     Raises :class:`InputError` for lux or candela of a source whose lumens are not known, photons of one whose spectrum
     is not, and zones without a pixel.
     """
     names = [section.name for section in spec.all_receivers]
     judged: list[LightLimit] = []
-    seen = enumerate(eye_views(spec) if views is None else views, len(names))
+    seen = list(enumerate(limit_views(spec) if views is None else views, len(names)))
+    eyes = ((index, view) for index, view in seen if isinstance(view, EyeView))
     for number, limit in enumerate(spec.limits):
         if isinstance(limit, LuminanceLimit):
             scale = _scale(limit, limit.unit or "", f"limits.{number}", efficacy)
             judged += [
-                judged_limit for _ in limit.labels(number) for judged_limit in _of_view(limit, scale, *next(seen))
+                judged_limit for _ in limit.labels(number) for judged_limit in _of_view(limit, scale, *next(eyes))
             ]
+            continue
+        if isinstance(limit, BodyLimit):
+            for index, view in seen:
+                if isinstance(view, LitBody) and view.shows(number, limit):
+                    judged += _of_body(limit, f"limits.{number}", index, view, efficacy)
             continue
         index = 0 if limit.receiver is None else names.index(limit.receiver)
         where = f"limits.{number}"
@@ -168,7 +179,7 @@ def _of_application(
     scale = lamp_lm / flux_w / receiver.pixel_measure
     for wanted in light_in(entry).limits():
         units = wanted.light.directions(spec.photometry.street_side_deg)
-        pixels = _bilinear(receiver, *equal_area(receiver.pose.to_local_directions(units)).T)
+        pixels = bilinear(receiver.grid, *equal_area(receiver.pose.to_local_directions(units)).T)
         readings = sparse.csr_array(scale * (wanted.light.weights * (units[:, 2] >= 0.0)) @ pixels)
         label = f"{name}: {wanted.name}"
         limit = LightLimit(label, index, wanted.quantity, wanted.sense, wanted.unit, readings, wanted.bound)
@@ -191,6 +202,15 @@ def _of_view(limit: LuminanceLimit, scale: float, index: int, view: EyeView) -> 
         if bound is not None:
             judged = LightLimit(view.label, index, quantity, sense, limit.unit_of(limit.unit or ""), readings, bound)
             yield judged if view.of_mean else _with_doubt(judged, view, scale)
+
+
+def _of_body(limit: BodyLimit, where: str, index: int, view: LitBody, efficacy: Efficacy) -> Iterator[LightLimit]:
+    (bounded,) = limit.quantities()
+    readings = sparse.csr_array(_scale(limit, bounded, where, efficacy) * view.readings(limit))
+    quantity = limit.quantity(bounded, np.zeros((0, 2)))
+    for sense, bound in zip(_SENSES, limit.bounds(bounded), strict=True):
+        if bound is not None:
+            yield LightLimit(limit.name or where, index, quantity, sense, limit.unit_of(bounded), readings, bound)
 
 
 def _with_doubt(limit: LightLimit, view: EyeView, scale: float) -> LightLimit:
@@ -292,7 +312,7 @@ def _read(
             rows = np.arange(len(pixels))
             return at, sparse.csr_array((np.ones(len(pixels)), (rows, pixels)), shape=(len(pixels), x.size))
     offsets = np.zeros((1, 2)) if wide is None else _over_meter(wide, receiver)
-    parts = [_bilinear(receiver, *receiver.chart_coordinates(*(at + offset).T)) for offset in offsets]
+    parts = [bilinear(receiver.grid, *receiver.chart_coordinates(*(at + offset).T)) for offset in offsets]
     return at, sparse.csr_array(sum(parts[1:], parts[0]) / len(parts))
 
 
@@ -310,26 +330,3 @@ def _over_meter(wide: float, receiver: PosedReceiver) -> Float[np.ndarray, "n 2"
     radii = 0.5 * np.sqrt(rest * (np.arange(rings) + 0.5) / rings)
     turns = 2.0 * np.pi * (np.arange(_AROUND) + 0.5 * (np.arange(rings) % 2)[:, None]) / _AROUND
     return (radii[:, None, None] * np.stack([np.cos(turns), np.sin(turns)], axis=-1)).reshape(-1, 2)
-
-
-def _bilinear(receiver: PosedReceiver, x: Float[np.ndarray, " k"], y: Float[np.ndarray, " k"]) -> sparse.csr_array:
-    """Matrix from pixels to places on the chart, bilinear between their centres, as at the edge beyond the last."""
-    grid = receiver.grid
-    column = np.maximum((x / grid.width + 0.5) * grid.columns - 0.5, 0.0)
-    row = np.maximum((y / grid.height + 0.5) * grid.rows - 0.5, 0.0)
-    left = column.astype(int)
-    below = row.astype(int)
-    right = column - left
-    up = row - below
-    entries = []
-    rows = []
-    pixels = []
-    for more_x, share_x in ((0, 1.0 - right), (1, right)):
-        for more_y, share_y in ((0, 1.0 - up), (1, up)):
-            entries.append(share_x * share_y)
-            rows.append(np.arange(len(column)))
-            pixels.append(
-                np.minimum(below + more_y, grid.rows - 1) * grid.columns + np.minimum(left + more_x, grid.columns - 1)
-            )
-    together = np.concatenate(entries), (np.concatenate(rows), np.concatenate(pixels))
-    return sparse.csr_array(together, shape=(len(column), grid.rows * grid.columns))

@@ -5,6 +5,7 @@ from math import inf
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
+from scipy import sparse
 from scipy.ndimage import convolve1d
 
 from lensforge.kernels.image_sums import add_to_bins, splat
@@ -154,3 +155,25 @@ def gaussian3(image: Float[np.ndarray, "*r h w"], variance: float) -> Float[np.n
     taps = np.array([side, 1.0, side]) / (1.0 + 2.0 * side)
     smoothed = convolve1d(convolve1d(image, taps, axis=-2, mode="nearest"), taps, axis=-1, mode="nearest")
     return np.asarray(smoothed, dtype=np.float64)
+
+
+def bilinear(grid: PixelGrid, x: Float[np.ndarray, " k"], y: Float[np.ndarray, " k"]) -> sparse.csr_array:
+    """Matrix from pixels to places on the chart, bilinear between their centres, as at the edge beyond the last."""
+    column = np.maximum((x / grid.width + 0.5) * grid.columns - 0.5, 0.0)
+    row = np.maximum((y / grid.height + 0.5) * grid.rows - 0.5, 0.0)
+    left = column.astype(int)
+    below = row.astype(int)
+    right = column - left
+    up = row - below
+    entries = []
+    rows = []
+    pixels = []
+    for more_x, share_x in ((0, 1.0 - right), (1, right)):
+        for more_y, share_y in ((0, 1.0 - up), (1, up)):
+            entries.append(share_x * share_y)
+            rows.append(np.arange(len(column)))
+            pixels.append(
+                np.minimum(below + more_y, grid.rows - 1) * grid.columns + np.minimum(left + more_x, grid.columns - 1)
+            )
+    together = np.concatenate(entries), (np.concatenate(rows), np.concatenate(pixels))
+    return sparse.csr_array(together, shape=(len(column), grid.rows * grid.columns))

@@ -18,8 +18,8 @@ from torch import Tensor
 from lensforge.light.judged_limits import limit_value
 from lensforge.light.table_trace import Scene
 from lensforge.optics.fundamental_limits import transmittance_of
-from lensforge.scene.eye_view import eye_views
 from lensforge.scene.limit_readings import LightLimit, light_limits
+from lensforge.scene.limit_views import searched_views
 from lensforge.scene.made_part import at_work
 from lensforge.scene.receiver_shapes import receivers_of
 from lensforge.search.collected_light import Collected
@@ -237,7 +237,7 @@ class MeritFunction(Merit[SampledLight]):
         scene = Scene.of_lens(spec.lens, spec.media, parametrisation.grid, fresnel=fresnel, single=single)
         scene = replace(scene, made=at_work(spec, scene.names))
         efficacy = efficacy_of(source, spec.source, photons=spec.counts_photons)
-        views = tuple(view.searched(spec.optimise.rim_deg) for view in eye_views(spec, searched=True))
+        views = searched_views(spec)
         asked = light_limits(spec, receivers, efficacy, source.flux_w, views)
         crossing = source if scene.chain is not None and aims(source) else None
         losses = max((limit.readings.shape[1] for limit in asked if limit.quantity.of_losses), default=0)

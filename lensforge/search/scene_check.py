@@ -35,7 +35,7 @@ from lensforge.sources.joined_spectrum import efficacy_of
 from lensforge.sources.ray_bundle import RayBundle, Source
 from lensforge.spec import Spec
 from lensforge.spec.feasible import smallest_cavity_mm
-from lensforge.spec.quantities import FluxShare, PlaceLight
+from lensforge.spec.quantities import BodyLight, BodyMean, FluxShare, PlaceLight
 from lensforge.spec.source_sections import Placement
 from lensforge.spec.spec_section import rounded_up
 from lensforge.spec.target_sections import TargetSection
@@ -52,7 +52,8 @@ class Requirement:
     requires all that two faces transmit into its bright part. Of a limit on light, that at its worst place.
     ``radius_mm``: of the smallest lens whose étendue suffices. ``estimated``: by a luminance that is estimated from the
     rays of the source, which is no bound and stops no search. ``beside``: it lies to one side of the axis of a lens of
-    revolution. ``by_lumens``: the bound by the lumens of lamps that counts beside étendue, if there is one.
+    revolution. ``by_lumens``: the bound by the lumens of lamps that counts beside étendue, if there is one. ``law``:
+    that of light without ``bounds``.
     """
 
     name: str
@@ -64,6 +65,7 @@ class Requirement:
     bounds: LargestShare | None = None
     beside: bool = False
     by_lumens: LumensBound | None = None
+    law: str = "étendue"
 
     @property
     def met(self) -> float:
@@ -84,7 +86,7 @@ class Requirement:
         if self.estimated:
             bound = "by an estimate of the source's luminance, which is no bound, at most about"
         if self.bounds is None:
-            law = "étendue" if self.by_lumens is None else self.by_lumens.law
+            law = self.law if self.by_lumens is None else self.by_lumens.law
             return f"{bound} {self.possible:.3g} {self.unit} ({law})"
         return f"{bound} {self.bounds}"
 
@@ -151,9 +153,16 @@ def light_requirements(spec: Spec, source: Source) -> tuple[tuple[Requirement, .
 
 
 def _of_view(limit: LightLimit, light: SourceLight, flux_w: float) -> Requirement | None:
-    """The mean luminance that an eye is to see at least: at most that of the brightest light of the source."""
+    """The light that a body is to have at least, or the mean luminance that an eye is to see.
+
+    At most a body has all that two faces transmit, spread evenly; an eye sees the brightest light of the source.
+    """
     if limit.sense != ">=":
         return None
+    if isinstance(limit.quantity, BodyLight | BodyMean):
+        even = 1.0 / float((1.0 / limit.readings.max(axis=1).toarray()).sum())  # light by 1 W
+        possible = even * flux_w * light.transmittance
+        return Requirement(limit.name, limit.bound, possible, limit.unit, inf, False, law="all that two faces transmit")
     per_watt = 1e-6 * float(limit.readings.max())  # per W/(m² sr)
     possible = per_watt * flux_w * light.brightest
     return Requirement(limit.name, limit.bound, possible, limit.unit, inf, light.curve.estimated)

@@ -331,7 +331,7 @@ class Spec(Section):
             receiver.require_outside(self.lens, self.constraints, field)
             require_target_fits(receiver, self.all_lamps.period_mm is not None)
         require_seen_from_afar(self.photometry, self.all_receivers, self.constraints)
-        require_limits_fit(self.limits, self.all_receivers, self.lens.leaks, has_scene=bool(self.scene))
+        require_limits_fit(self.limits, self.all_receivers, self.lens.leaks, self.scene)
         require_all_below(self.applications, self.all_receivers)
         if self.evaluate.window_mm is not None and (self.target is None or self.target.distance_mm is None):
             raise ValueError(

@@ -41,6 +41,10 @@ class HousingSection(OfSeveralKinds, Section):
         default=(0.0, 0.0), description="Tilt of its axis from +z: about x, then about y."
     )
     rotate_z_deg: Turn = Field(default=0.0, description="Turn about its own axis, before the tilt.")
+    patch_mm: Millimetres | None = Field(
+        default=None,
+        description="Width of the patches by which the light on its surface is measured; by default it is not.",
+    )
 
     @property
     def pose(self) -> Pose:

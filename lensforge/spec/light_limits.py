@@ -5,7 +5,7 @@ which lighting the lens is for.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
-from math import cos, pi, radians, sin
+from math import cos, hypot, pi, radians, sin
 from typing import Annotated, Any, ClassVar, Literal, Protocol, get_args
 
 import numpy as np
@@ -17,8 +17,11 @@ from lensforge.public import public
 from lensforge.results.numerals import unit_in
 from lensforge.results.record import Sense
 from lensforge.results.registered_kinds import OfSeveralKinds
+from lensforge.spec.housing_sections import HousingSection
 from lensforge.spec.quantities import (
     BeamAngle,
+    BodyLight,
+    BodyMean,
     Contrast,
     FluxShare,
     LeastOverMean,
@@ -29,7 +32,7 @@ from lensforge.spec.quantities import (
     Quantity,
     RelativeLight,
 )
-from lensforge.spec.receiver_fields import OF_RECEIVER, ReceiverSection, require_on
+from lensforge.spec.receiver_fields import OF_RECEIVER, Direction, ReceiverSection, require_on
 from lensforge.spec.search_section import ConstraintsSection
 from lensforge.spec.shape_targets import DiscTarget, EllipseTarget, PolygonTarget, RectangleTarget, RingTarget
 from lensforge.spec.spec_section import Coordinate, Label, Section, check, fault_of
@@ -85,6 +88,7 @@ class LimitSection(OfSeveralKinds, InOneUnit):
     others: ClassVar[_Quantities] = {}
 
     far_field_only: ClassVar[bool] = False
+    of_receiver: ClassVar[bool] = True
 
     kind: str
     name: Label | None = Field(default=None, description="Name in records and on pages.")
@@ -402,6 +406,50 @@ class BlockedLimit(LossLimit):
     cause: Annotated[str, Field(pattern="^housing$")] = Field(default="housing", description="Bodies of the scene.")
 
 
+@public
+class BodyLimit(LimitSection):
+    """Light on the surface of a body of the scene, on all of its sides, in its own shadow and in that of others.
+
+    The search knows it where one lamp lights it.
+    """
+
+    of_receiver: ClassVar[bool] = False
+
+    kind: Literal["body"] = "body"
+    body: Annotated[str, Field(max_length=64)] = Field(description="Name of the body, which has `patch_mm`.")
+    of: Literal["patch", "mean"] = Field(
+        default="patch", description="The patch with the least or the most light, or the mean over all that count."
+    )
+    facing: Direction | None = Field(
+        default=None, description="Direction (x, y, z) that patches face if they count; by default all do."
+    )
+    within_deg: Annotated[float, Field(gt=0.0, le=180.0)] = Field(
+        default=90.0, description="Largest angle of their normals with `facing`."
+    )
+
+    def quantity(self, bounded: str, at: Places) -> Quantity:
+        """Light on patches, or its mean."""
+        return BodyMean() if self.of == "mean" else BodyLight()
+
+    def counts(self, normals: Float[np.ndarray, "k 3"]) -> Bool[np.ndarray, " k"]:
+        """True for patches that count, by their unit ``normals``."""
+        if self.facing is None:
+            return np.ones(len(normals), dtype=bool)
+        facing = np.array(self.facing) / hypot(*self.facing)
+        return np.asarray(normals @ facing >= cos(radians(self.within_deg)))
+
+    @check
+    def _is_of_a_body(self) -> None:
+        if self.receiver is not None:
+            raise ValueError("receiver: it is on the body itself; leave it out")
+        if self.given_unit is not None:
+            raise ValueError("meter: light on a body is the mean of a patch; give the body patch_mm")
+        if self.unit not in _OF_SURFACES:
+            raise ValueError(f"give at_least or at_most, and unit: {', '.join(_OF_SURFACES)}")
+        if self.facing == ORIGIN:
+            raise ValueError("facing = (0, 0, 0) is no direction")
+
+
 _Point = tuple[Coordinate, Coordinate, Coordinate]
 _Angle = Annotated[float, Field(ge=1e-3, le=45.0)]
 
@@ -418,6 +466,8 @@ class LuminanceLimit(LimitSection):
 
     They see one lens, of several lamps that of the first, lit by its own LED.
     """
+
+    of_receiver: ClassVar[bool] = False
 
     kind: Literal["luminance"] = "luminance"
     of: Literal["peak", "mean"] = Field(
@@ -575,21 +625,26 @@ def require_limits_fit(
     limits: Sequence[LimitSection],
     receivers: Sequence[ReceiverSection],
     leaks: Sequence[str],
-    *,
-    has_scene: bool = False,
+    scene: Sequence[HousingSection] = (),
 ) -> None:
-    """Raise ``ValueError`` for limits that name an unknown or incompatible receiver.
+    """Raise ``ValueError`` for limits that name an unknown or incompatible receiver, or a body that is not measured.
 
-    ``leaks``: names of the faces through which light can be lost. ``has_scene``: bodies may block some.
+    ``leaks``: names of the faces through which light can be lost. ``scene``: bodies that may block some.
     """
-    causes = (*(cause for cause in get_args(LossCause) if has_scene or cause != "housing"), *leaks)
+    causes = (*(cause for cause in get_args(LossCause) if scene or cause != "housing"), *leaks)
+    measured = [body.name for body in scene if body.patch_mm is not None]
     by_name = {receiver.name: receiver for receiver in receivers}
     for number, limit in enumerate(limits):
         name = limit.receiver or next(iter(by_name))
         if name not in by_name:
             known = ", ".join(str(name) for name in by_name)
             raise ValueError(f"limits.{number}.receiver = {name!r}: there is none of that name; known: {known}")
-        if isinstance(limit, LuminanceLimit):
+        if isinstance(limit, BodyLimit) and limit.body not in measured:
+            raise ValueError(
+                f"limits.{number}.body = {limit.body!r}: the scene has no body of that name with patch_mm; "
+                f"known: {', '.join(measured) or 'none'}"
+            )
+        if not limit.of_receiver:
             continue
         if isinstance(limit, LossLimit) and limit.cause not in causes:
             raise ValueError(f"limits.{number}.cause = {limit.cause!r}: of this scene it is one of {', '.join(causes)}")

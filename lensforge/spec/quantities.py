@@ -47,8 +47,8 @@ class Quantity(ABC):
     """A figure of the light at ``k`` places.
 
     ``words``: its name on screens and pages. ``flux_power``: power of the flux of the source by which it grows.
-    ``searched``: a search lowers what it lacks. ``of_view``: it is of what an eye sees, ``of_losses``: of flux by
-    cause, ``of_whole``: it compares places with the whole picture.
+    ``searched``: a search lowers what it lacks. ``of_view``: it is of what an eye sees, or of a body, ``of_losses``: of
+    flux by cause, ``of_whole``: it compares places with the whole picture.
     """
 
     words: ClassVar[str]
@@ -117,6 +117,22 @@ class MeanLuminance(PlaceLight):
     """Mean luminance that an eye sees."""
 
     words = "mean luminance over the outline"
+    of_view = True
+
+
+@dataclass(frozen=True)
+class BodyLight(PlaceLight):
+    """Light on the patch of a body that has least or most of it."""
+
+    words = "light on the body"
+    of_view = True
+
+
+@dataclass(frozen=True)
+class BodyMean(PlaceLight):
+    """Mean light on a body."""
+
+    words = "mean light on the body"
     of_view = True
 
 

@@ -28,6 +28,7 @@ from lensforge.optics.coatings import coating_tables, least_reflectance, reflect
 from lensforge.optics.exit_space import ExitColumn, _on_level
 from lensforge.optics.media import Media, Medium, ReflectanceTable, SecondaryOptic
 from lensforge.optics.scattering import RingScatter
+from lensforge.scene.body_patches import BodyPatches
 from lensforge.scene.housing import Housing
 from lensforge.scene.lamp_pictures import _pictures
 from lensforge.scene.lens import Lens, load_lens
@@ -110,6 +111,16 @@ def wall_hits(thick: float, high: float, folder: Path) -> list[float]:
     return corners
 
 
+def wall_patches(thick: float, patch_mm: float, folder: Path) -> list[float]:
+    """Areas of the patches of a wall of a file, whose name stays the same."""
+    import trimesh
+
+    trimesh.creation.box((9.0, 9.0, thick)).export(folder / "measured.stl")
+    patches = BodyPatches.of(HousingFile(name="wall", file=folder / "measured.stl", patch_mm=patch_mm))
+    areas: list[float] = np.sort(patches.areas_mm2).tolist()
+    return areas
+
+
 # By the cache: the question, and arguments of which the first two and any two others differ in one thing.
 ASKED: dict[str, tuple[Callable[..., Any], list[tuple[Any, ...]]]] = {
     "cad.boundary.lens_boundaries": (
@@ -132,6 +143,8 @@ ASKED: dict[str, tuple[Callable[..., Any], list[tuple[Any, ...]]]] = {
         lambda *all_: _on_level(*all_)[1],
         [(ExitColumn(5.0, ((0.0, 2.0),)), 50.0), (ExitColumn(5.5, ((0.0, 2.0),)), 50.0),
          (ExitColumn(5.0, ((0.0, 2.0),)), 60.0), (ExitColumn(5.0, ((0.0, 2.5),)), 50.0)]),
+    "scene.body_patches._patches": (
+        wall_patches, [(2.0, 3.0, Path()), (3.0, 3.0, Path()), (2.0, 1.5, Path())]),
     "scene.housing._housing": (wall_hits, [(2.0, 30.0, Path()), (3.0, 30.0, Path()), (2.0, 35.0, Path())]),
     "scene.made_part._noise": (_noise, [(9, 2), (10, 2), (9, 3)]),
     "scene.lamp_pictures._pictures": (

@@ -11,15 +11,19 @@ from scenes import small_spec
 import lensforge as lf
 from lensforge.light.lens_light import searched_source
 from lensforge.light.light_facts import light_facts
+from lensforge.made.yield_study import measure_yield
 from lensforge.proof.proof_inputs import screens_of
 from lensforge.proof.sequential_cast import CastFate, Passage
+from lensforge.scene.body_view import body_views
 from lensforge.scene.exit_rays import ExitRays
 from lensforge.scene.eye_view import eye_views
 from lensforge.scene.light_ends import LOSSES
+from lensforge.scene.possible_light import SourceLight
 from lensforge.scene.receiver_shapes import receivers_of, seen_by_lamp
 from lensforge.search.merit import MeritFunction
 from lensforge.search.parameters import Parametrisation
 from lensforge.search.problem import Problems
+from lensforge.search.scene_check import light_requirements
 from lensforge.search.start_faces import start_faces
 from lensforge.sources.ray_bundle import RayBundle
 from lensforge.spec import Spec
@@ -174,6 +178,69 @@ def test_a_search_counts_what_is_blocked_as_the_evaluation_does(lamps: dict[str,
     for cause, limit in zip(("housing", "beside"), judged, strict=True):
         share = float(light.losses[0][LOSSES.index(cause)]) / light.emitted_w
         assert share == pytest.approx(limit.value, abs=0.02) and limit.value > 0.02, cause
+
+
+MAST = {**POST, "name": "mast", "patch_mm": 6.0, "centre_mm": [9.0, -12.0, 60.0]}
+DOSE = {"kind": "body", "body": "mast", "at_least": 1e-3, "unit": "mj_per_cm2", "exposure_s": 40.0}
+
+
+@pytest.mark.parametrize("lamps", [None, LAMPS], ids=["one lamp", "two lamps"])
+def test_a_body_has_the_light_that_it_keeps_from_a_receiver(lamps: dict[str, Any] | None) -> None:
+    """Of the second of two bodies, behind the first; of lamps the sum. Limits are of the same patches."""
+    limits = [
+        DOSE | {"facing": [0.0, 0.0, -1.0], "within_deg": 70.0},
+        DOSE | {"of": "mean"},
+        DOSE | {"facing": [0.0, 0.0, 1.0]},
+    ]
+    light, lens = light_of(BEZEL, MAST, lamps=lamps, limits=limits)
+    (body,) = light.on_bodies
+    share = {blocked.name: blocked.share for blocked in light.receivers[0].blocked}["mast"]
+    lit_w = searched_source(lens.spec).flux_w * share.value * len(lens.spec.all_lamps)
+    assert body.area_mm2 == pytest.approx(2.0 * (6 * 9 + 9 * 60 + 60 * 6), rel=1e-9)
+    assert body.mean.value * 1e-6 * body.area_mm2 == pytest.approx(lit_w, rel=1e-9) and lit_w > 0.0
+    assert body.mean.standard_error == pytest.approx(
+        body.mean.value * (share.standard_error or 0) / share.value, rel=1e-6
+    )
+    (view,) = body_views(lens.spec)
+    assert body.least.value == body.irradiance.min() == 0.0
+    assert body.least_mm == pytest.approx(view.centres_mm[body.irradiance.argmin()])
+    up = view.pose.directions(view.patches.normals)[:, 2]
+    least, mean, above = light.limits
+    assert mean.value == pytest.approx(0.1 * 40.0 * body.mean.value) and mean.unit == "mJ/cm²"
+    assert above.value == 0.0 and above.state == "fail"
+    noise = 3.0 * (least.standard_error or 0.0)
+    assert least.value == pytest.approx(4.0 * body.irradiance[-up >= np.cos(np.radians(70.0))].min(), abs=noise)
+    facts = {fact.key: fact for group in light_facts(light, lens) for fact in group.facts}
+    assert facts["body_mean"].value == pytest.approx(body.mean.value) and "is dark" in facts["body_mean"].note
+    assert facts["body_least"].label == "Least on mast" and facts["body_least"].note.startswith("at (")
+
+
+def test_no_lens_brings_more_to_a_body_than_two_faces_transmit() -> None:
+    """Evenly over the patches that count, of which a design is told before it searches."""
+    spec = small_spec(scene=[MAST], limits=[DOSE | {"facing": [0.0, 0.0, -1.0]}, DOSE | {"of": "mean"}])
+    source = searched_source(spec)
+    _, required = light_requirements(spec, source)
+    (view,) = body_views(spec)
+    areas_mm2 = view.patches.areas_mm2
+    passed_w = source.flux_w * SourceLight.of(source, spec.media, lens=spec.lens).transmittance
+    counted = view.counted(spec.limits[0])
+    for requirement, area_mm2 in zip(required, (areas_mm2[counted].sum(), areas_mm2.sum()), strict=True):
+        assert requirement.possible == pytest.approx(0.1 * 40.0 * passed_w / (1e-6 * area_mm2))
+        assert requirement.possible_words.endswith("mJ/cm² (all that two faces transmit)")
+
+
+def test_a_yield_judges_a_limit_on_a_body_of_one_lamp_alone() -> None:
+    """The mean dose, by parts whose lens is moved a little; parts of several lamps are drawn apart, and refused."""
+    mean = DOSE | {"of": "mean"}
+    moved = {"lens_shift_mm": 0.05}
+    lens = lens_of(small_spec(scene=[MAST], limits=[mean], tolerances=moved))
+    spread = measure_yield(lens, parts=4, rays=2**11, with_budget=False).metrics["limits.0: mean light on the body"]
+    (judged,) = lf.evaluate(lens, rays=2**14).limits
+    assert judged.value is not None and judged.value > 0.0
+    assert spread.mean.value == pytest.approx(judged.value, rel=0.1)
+    lamps = lens_of(small_spec(scene=[MAST], lamps=LAMPS, limits=[mean], tolerances=moved))
+    with pytest.raises(lf.InputError, match=r"yield: limits.0: light on a body is of all lamps, whose parts are drawn"):
+        measure_yield(lamps, parts=4, rays=2**9, with_budget=False)
 
 
 GLASS = {"refractive_index": 1.5, "distance_mm": 90.0, "thickness_mm": 2.0}

@@ -8,8 +8,8 @@ from scenes import small_spec
 from lensforge.errors import InputError
 from lensforge.optics.efficacy import Efficacy
 from lensforge.optics.pose import Pose
-from lensforge.scene.limit_readings import LightLimit, _bilinear, light_limits
-from lensforge.scene.pixel_grid import PixelGrid
+from lensforge.scene.limit_readings import LightLimit, light_limits
+from lensforge.scene.pixel_grid import PixelGrid, bilinear
 from lensforge.scene.receiver import PosedReceiver
 from lensforge.scene.receiver_shapes import Plane, receivers_of
 from lensforge.spec.quantities import BeamAngle, FluxShare, LeastOverMean, LeastOverMost, PlaceLight, RelativeLight
@@ -49,7 +49,7 @@ def test_light_between_pixels_is_bilinear_and_beyond_the_last_that_of_the_last(c
         coordinates.ravel()
         for coordinates in np.meshgrid([-70.0, -60.0, -49.0, 3.0, 50.0, 60.0, 61.0], [-41.0, -33.0, 1.0, 30.0, 40.0])
     )
-    read = _bilinear(receiver, x, y) @ image.ravel()
+    read = bilinear(receiver.grid, x, y) @ image.ravel()
     by_hand = [reading(image, place_x, place_y, (120.0, 80.0)) for place_x, place_y in zip(x, y, strict=True)]
     np.testing.assert_allclose(read, by_hand, atol=1e-12)
 

@@ -57,6 +57,18 @@ WALL = {
     "rotate_z_deg": 9.0,
 }
 SCENE = {"scene": [BEZEL, WALL]}
+BLOCK = {
+    "kind": "box", "name": "block", "size_mm": [50.0, 40.0, 30.0], "centre_mm": [9.0, -6.0, 70.0],
+    "tilt_deg": [25.0, -20.0], "patch_mm": 9.0,
+}  # fmt: skip
+ON_BLOCK = {"kind": "body", "body": "block", "unit": "w_per_m2"}
+LIT = {
+    "scene": [WALL | {"centre_mm": [3.0, 16.0, 25.0]}, BLOCK],
+    "limits": [
+        ON_BLOCK | {"facing": [0.0, 0.0, -1.0], "within_deg": 60.0, "at_least": 60.0},
+        ON_BLOCK | {"of": "mean", "at_most": 10.0},
+    ],
+}
 LEDS = [
     {"name": "large", "share": 3.0, "source": {"kind": "square", "side_mm": 1.0, "flux_w": 2.0}},
     {"name": "aside", "source": {"kind": "disc", "diameter_mm": 0.6, "flux_w": 0.5, "position_mm": [0.1, -0.2, 0.0]}},
@@ -96,6 +108,7 @@ SPECS: dict[str, dict[str, Any]] = {
     "seen by eyes, robust, coloured": SEEN | COLOURS | ROBUST | tolerance_changes(LARGE),
     "beside bodies, all receivers": SCENE | {"target": None, "receivers": list(RECEIVERS.values())},
     "beside bodies, lamps, seen by eyes": SCENE | SEEN | LAMPS,
+    "on a body": LIT,
     "robust, large": ROBUST | tolerance_changes(LARGE),
     "robust, symmetric": ROBUST | tolerance_changes(LARGE) | {"lens__symmetry": "square"},
     "coloured, all receivers": COLOURS | {"target": None, "receivers": list(RECEIVERS.values())},
@@ -111,7 +124,7 @@ SPECS: dict[str, dict[str, Any]] = {
 ON_DEVICES = [  # scenes in which rays are traced in other ways
     "free", "ray file", "dispersed", "lossless", "all receivers", "lamps in a ring",
     "lenses of two kinds, turned, all receivers", "robust, large", "seen by eyes", "coloured, robust, dispersed",
-    "beside bodies, all receivers",
+    "beside bodies, all receivers", "on a body",
 ]  # fmt: skip
 
 

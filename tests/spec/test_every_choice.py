@@ -211,10 +211,16 @@ ELSEWHERE = {  # where each value is one of a test's cases
     **addon_rows("CHOSEN_ELSEWHERE"),
     "process": "spec/test_process.py", "use": "light/test_photometry.py", "aim": "search/test_merit_terms.py",
     "levels": "search/test_automatic_search.py", "over_sources": "search/test_several_sources.py",
-    "of": "light/test_luminance.py", "model": "sources/test_modelled_rays.py",
+    "LuminanceLimit.of": "light/test_luminance.py", "BodyLimit.of": "scene/test_body_view.py",
+    "model": "sources/test_modelled_rays.py",
     "robust": "search/test_share_of_parts.py", "application": "light/test_trade_figures.py",
 }  # fmt: skip
-DEFAULTS = {"use": "general", "aim": "pattern", "origin": "file"}  # what every other test takes
+DEFAULTS = {
+    "use": "general",
+    "aim": "pattern",
+    "origin": "file",
+    "BodyLimit.of": "patch",
+}  # what every other test takes
 OF_FILES = {("BaseSection.kind", "step"), ("PlateSection.kind", "step")}  # in cad/test_custom_base.py and of outlines
 
 

@@ -1,0 +1,75 @@
+"""Light on the whole surface of a measured body of the scene, by patches."""
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Annotated
+
+import numpy as np
+from jaxtyping import Float
+
+from lensforge.results import Fact, Group, Metric, Point, Positive, Record, Share, Text
+from lensforge.results.chart import light_unit
+from lensforge.results.estimates import debiased_minimum, jackknife_metric, scaled
+from lensforge.results.numerals import number, percent
+from lensforge.results.record import Array
+
+if TYPE_CHECKING:
+    from lensforge.scene.body_view import BodyView  # which loads the kernels
+
+
+class IrradiatedBody(Record):
+    """Light on a body: the ``least`` of its patches and the ``mean`` over its surface, both in W/m².
+
+    ``area_mm2``: of the surface. ``least_mm``: middle of the patch with the least light. ``dark``: share of the surface
+    that no ray meets. ``irradiance``: of each patch (W/m²).
+    """
+
+    name: Text
+    area_mm2: Positive
+    least: Metric
+    least_mm: Point
+    mean: Metric
+    dark: Share
+    irradiance: Annotated[Float[np.ndarray, " p"], Array("p", least=0.0)]
+
+    @staticmethod
+    def of(view: "BodyView", flux: Float[np.ndarray, "r p"]) -> "IrradiatedBody":
+        """The light by the ``flux`` (W) on each patch, the mean of a lamp, of every replicate."""
+        areas_m2 = 1e-6 * view.patches.areas_mm2
+        readings = len(view.lamps) * flux / areas_m2
+        irradiance = readings.mean(axis=0)
+        means = readings @ areas_m2 / areas_m2.sum()
+        x, y, z = view.centres_mm[irradiance.argmin()].tolist()
+        return IrradiatedBody(
+            name=view.name,
+            area_mm2=1e6 * float(areas_m2.sum()),
+            least=debiased_minimum(readings).changed(unit="W/m²"),
+            least_mm=(x, y, z),
+            mean=jackknife_metric(means, float, "W/m²"),
+            dark=float(areas_m2[irradiance <= 0.0].sum() / areas_m2.sum()),
+            irradiance=irradiance,
+        )
+
+
+def body_groups(bodies: Sequence[IrradiatedBody], lumens_per_watt: float | None) -> list[Group]:
+    """A group of the light on each body, in lux if the source's luminous efficacy is known, else in W/m²."""
+    unit = light_unit(lumens_per_watt)
+    groups = []
+    for body in bodies:
+        place = ", ".join(number(coordinate, 4) for coordinate in body.least_mm)
+        lit = "" if body.dark <= 0.0 else f"; {percent(body.dark)} of its surface is dark"
+        facts = (
+            Fact.measured(
+                "body_mean",
+                f"Mean on {body.name}",
+                scaled(body.mean, unit.per_watt, unit.symbol),
+                f"over its surface{lit}",
+            ),
+            Fact.measured(
+                "body_least",
+                f"Least on {body.name}",
+                scaled(body.least, unit.per_watt, unit.symbol),
+                f"at ({place}) mm",
+            ),
+        )
+        groups.append(Group("bodies", f"Light on {body.name}", facts))
+    return groups

@@ -1,0 +1,106 @@
+"""A measured body of the scene as verification sees it: the light of its own rays on each patch, by its own walk.
+
+Which piece of the surface belongs to which patch is told by the design; where the pieces are, how large they are, and
+which one a ray meets first is found here.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from lensforge.proof.facet_casting import Grid, Leg
+from lensforge.proof.obstacles import ObstacleBody
+from lensforge.proof.proof_result import BodyLightProof
+from lensforge.proof.sequential_cast import CastFate, Passage
+from lensforge.results import Metric
+from lensforge.sources.ray_bundle import RayBundle
+
+_OF_GROUP = 10.0  # rays that a group of patches should have, to be compared
+_M2 = 1e-6  # in a mm2
+
+
+@dataclass(frozen=True, eq=False)
+class PatchedBody:
+    """The body ``name``: the ``pieces`` of its surface, the number of the patch of each, and the ``others`` before it.
+
+    ``designed``: irradiance (W/m²) of each patch by the design.
+    """
+
+    name: str
+    pieces: ObstacleBody
+    patches: Int[np.ndarray, " t"]
+    others: Sequence[ObstacleBody]
+    designed: Float[np.ndarray, " p"]
+
+    def judge(self, rays: RayBundle, passage: Passage) -> BodyLightProof:
+        """The light of ``rays``, by their ``passage`` through the part, against the design's."""
+        flux, squares = self._on_patches(passage)
+        areas_m2 = self._areas_m2
+        emitted_w = float(rays.flux.sum())
+        expected = self.designed * areas_m2
+        dark = expected <= 0.0
+        per_ray_w = float(squares.sum()) / (float(flux.sum()) or np.inf)  # the mean, weighted by flux
+        apart = _apart(flux[~dark], expected[~dark], per_ray_w or float(rays.flux.mean()))
+        darkest = int(self.designed.argmin())
+        whole_m2 = float(areas_m2.sum())
+        error_w = np.sqrt(max(float(squares.sum()) - float(flux.sum()) ** 2 / len(rays), 0.0))
+        return BodyLightProof(
+            name=self.name,
+            rays=len(rays),
+            mean=Metric(value=float(flux.sum()) / whole_m2, standard_error=float(error_w) / whole_m2, unit="W/m²"),
+            mean_design=float(expected.sum()) / whole_m2,
+            least=Metric(
+                value=float(flux[darkest] / areas_m2[darkest]),
+                standard_error=float(np.sqrt(squares[darkest]) / areas_m2[darkest]),
+                unit="W/m²",
+            ),
+            least_design=float(self.designed[darkest]),
+            groups=len(apart),
+            apart=float(apart.mean()) if len(apart) else 0.0,
+            in_dark=float(flux[dark].sum()) / emitted_w,
+        )
+
+    @property
+    def _areas_m2(self) -> Float[np.ndarray, " p"]:
+        """Area of each patch, by the lengths of the edges of its pieces (Heron)."""
+        corners = self.pieces.corners
+        a, b, c = (np.linalg.norm(corners[:, k] - corners[:, k - 1], axis=1) for k in range(3))
+        half = 0.5 * (a + b + c)
+        areas = np.sqrt(np.maximum(half * (half - a) * (half - b) * (half - c), 0.0))
+        return np.bincount(self.patches, _M2 * areas, len(self.designed))
+
+    def _on_patches(self, passage: Passage) -> tuple[Float[np.ndarray, " p"], Float[np.ndarray, " p"]]:
+        """Flux (W) on each patch, and the sum of the squares of that of its rays."""
+        import trimesh
+
+        corners = self.pieces.corners
+        count = len(corners)
+        every = np.concatenate([corners, *(body.corners for body in self.others)])
+        numbers = np.arange(3 * len(every)).reshape(-1, 3)
+        grid = Grid(trimesh.Trimesh(every.reshape(-1, 3), numbers, process=False))
+        left = passage.fates == CastFate.LANDED
+        ways = passage.points[left], passage.directions[left]
+        met = grid.first_hits(Leg(*ways, np.zeros(len(ways[0])))).triangles
+        on_body = (met >= 0) & (met < count)
+        flux = passage.flux[left][on_body]
+        patches = self.patches[met[on_body]]
+        size = len(self.designed)
+        return np.bincount(patches, flux, size), np.bincount(patches, flux**2, size)
+
+
+def _apart(
+    flux: Float[np.ndarray, " k"], expected: Float[np.ndarray, " k"], per_ray_w: float
+) -> Float[np.ndarray, " g"]:
+    """Squares of the distances of ``flux`` from what is ``expected``, in standard errors, of groups of patches.
+
+    Patches that follow one another are neighbours; a group has as many as should have ten rays. The last may have fewer
+    rays, and is left out.
+    """
+    reached = np.cumsum(expected) / (_OF_GROUP * per_ray_w)
+    groups = np.ceil(reached).astype(np.int64) - 1 if len(reached) else np.zeros(0, dtype=np.int64)
+    wanted = np.bincount(groups, expected)
+    square = (np.bincount(groups, flux) - wanted) ** 2
+    full = np.flatnonzero(wanted > 0.5 * _OF_GROUP * per_ray_w)
+    return np.asarray(square[full] / (wanted[full] * per_ray_w))

@@ -1,0 +1,297 @@
+"""Measured bodies of a ``[[scene]]`` as receivers: light on their surface, on all sides.
+
+A ray counts where it meets the body first, from outside: what the body itself or others shade is dark. An evaluation
+counts it by patches. A search, whose gradient moves hits, sees the surface from the lens instead, on the equal-area
+chart of directions: neighbours there are neighbours on the body, but at its rims.
+"""
+
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+from scipy import sparse
+from scipy.ndimage import distance_transform_edt
+
+from lensforge.errors import InputError
+from lensforge.kernels.parallel import in_pieces
+from lensforge.kernels.triangle_tree import first_hits
+from lensforge.optics.arrays import Array, as_numpy, lengths, like, module_of
+from lensforge.optics.pose import Pose
+from lensforge.scene.body_patches import BodyPatches
+from lensforge.scene.exit_rays import ExitRays
+from lensforge.scene.housing import Housing
+from lensforge.scene.pixel_grid import PixelGrid, bilinear
+from lensforge.scene.receiver import Landings, PosedReceiver, equal_area, from_equal_area
+from lensforge.spec import Spec
+from lensforge.spec.housing_sections import HousingSection
+from lensforge.spec.light_limits import BodyLimit
+
+_WORTH_SHARING = 2**10  # rays: a millisecond of work
+_AROUND = 1.2  # of a picture over the body in it
+_OF_PATCH = 0.3  # width of a pixel over that of a patch
+_MOST_OF_SEARCH = 2  # times the pixels of a receiver: bodies are seen long and narrow
+_FEWEST = 8  # pixels along the longer side of a picture
+_OVERSAMPLING = 8  # sub-pixels along a side, by which the area in a pixel is measured
+_STEPS_TO_DEPTH = 3  # of a ray beside a body: the lens is small beside its distance
+_M2 = 1e-6  # in a mm2
+
+
+@dataclass(frozen=True)
+class LitBody(PosedReceiver):
+    """The surface of the body ``name`` in ``patches``, in its pose; ``housing``: of the other bodies."""
+
+    name: str = field(kw_only=True)
+    patches: BodyPatches = field(kw_only=True)
+
+    @property
+    def centres_mm(self) -> Float[np.ndarray, "p 3"]:
+        """Middles of the patches in the coordinates of the scene."""
+        return self.pose.points(self.patches.centres_mm)
+
+    def counted(self, limit: BodyLimit) -> Int[np.ndarray, " k"]:
+        """Numbers of the patches that ``limit`` counts. Raises :class:`InputError` for none."""
+        counted = np.flatnonzero(limit.counts(self.pose.directions(self.patches.normals)))
+        if not len(counted):
+            raise InputError(
+                f"limits: no patch of {self.name!r} faces {limit.facing} within {limit.within_deg:g} deg; widen "
+                "within_deg, or turn facing"
+            )
+        return counted
+
+    def shows(self, number: int, limit: BodyLimit) -> bool:
+        """True if it reads this ``limit``, which has that ``number``."""
+        return limit.body == self.name
+
+    def readings(self, limit: BodyLimit) -> sparse.csr_array:
+        """Matrix from the flux (W) on each pixel, the mean of a lamp, to the light (W/m²) that ``limit`` bounds."""
+        raise NotImplementedError
+
+    def met(
+        self, points: Float[np.ndarray, "n 3"], directions: Float[np.ndarray, "n 3"]
+    ) -> tuple[Float[np.ndarray, " n"], Int[np.ndarray, " n"]]:
+        """Distance (mm) along rays to the body, in its coordinates, and the piece there; infinite and -1 for none."""
+        starts = np.ascontiguousarray(points)
+        units = np.ascontiguousarray(directions)
+        distances = np.empty(len(points))
+        pieces = np.empty(len(points), dtype=np.int64)
+
+        def work(part: slice) -> None:
+            first_hits(starts[part], units[part], self.patches.tree, distances[part], pieces[part])
+
+        in_pieces(work, len(points), worth=_WORTH_SHARING)
+        return distances, pieces
+
+    def _reach_mm(
+        self, points: Float[np.ndarray, "n 3"], directions: Float[np.ndarray, "n 3"], landings: Landings
+    ) -> Float[np.ndarray, " n"]:
+        distances, _ = self.met(self.pose.to_local_points(points), self.pose.to_local_directions(directions))
+        return distances
+
+
+@dataclass(frozen=True)
+class BodyView(LitBody):
+    """The body as an evaluation sees it: patch k is pixel k of a picture of one row."""
+
+    @staticmethod
+    def of(section: HousingSection) -> "BodyView":
+        """The body alone."""
+        patches = BodyPatches.of(section)
+        grid = PixelGrid(float(len(patches)), 1.0, len(patches), 1)
+        return BodyView(section.pose, grid, name=section.name, patches=patches)
+
+    def readings(self, limit: BodyLimit) -> sparse.csr_array:
+        """Matrix from flux to light of each patch that counts, or to the mean over all of them."""
+        counted = self.counted(limit)
+        areas_m2 = _M2 * self.patches.areas_mm2[counted]
+        rows = np.arange(len(counted))
+        if limit.of == "mean":
+            areas_m2 = np.full(len(counted), areas_m2.sum())
+            rows = np.zeros_like(counted)
+        shape = (rows[-1] + 1, len(self.patches))
+        return sparse.csr_array((len(self.lamps) / areas_m2, (rows, counted)), shape=shape)
+
+    def _land_by_arrays(self, rays: ExitRays) -> Landings:
+        """Land ``rays``, NumPy arrays, with one cast in the place of two."""
+        ways = self.pose.to_local_points(rays.points), self.pose.to_local_directions(rays.directions)
+        _, pieces = self.met(*ways)
+        landed = rays.left_lens & (pieces >= 0)
+        hits = np.where(landed[:, None], self._places(pieces), 0.0)
+        return Landings(hits, rays.flux * landed, landed, rays.left_lens & ~landed)
+
+    def _reached(self, points: Float[Array, "n 3"], directions: Float[Array, "n 3"]) -> Bool[Array, " n"]:
+        _, pieces = self.met(points, directions)
+        return np.asarray(pieces >= 0)
+
+    def _chart(self, points: Float[Array, "n 3"], directions: Float[Array, "n 3"]) -> Float[Array, "n 2"]:
+        _, pieces = self.met(points, directions)
+        return self._places(pieces)
+
+    def _places(self, pieces: Int[np.ndarray, " n"]) -> Float[np.ndarray, "n 2"]:
+        """Places of the patches of ``pieces`` in the picture."""
+        across = self.patches.numbers[pieces] + 0.5 * (1 - len(self.patches))
+        return np.stack([across, np.zeros_like(across)], axis=1)
+
+    def _local(self, x: Float[np.ndarray, "*n"], y: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n 3"]:
+        patch = np.round(x - 0.5 * (1 - len(self.patches))).astype(np.int64)
+        return np.asarray(self.patches.centres_mm[patch])
+
+
+@dataclass(frozen=True)
+class BodyPicture(LitBody):
+    """The body as a lens at the origin sees it, for the limit of this ``number``: places are directions from there.
+
+    Rays that pass beside the body land beside it, at its depth there: what moves them onto it is a gain that a search
+    sees. ``towards``: the frame of the chart.
+    """
+
+    number: int = field(kw_only=True)
+    towards: Pose = field(kw_only=True)
+
+    @staticmethod
+    def of(view: BodyView, number: int, limit: BodyLimit, width_mm: float, most: int) -> "BodyPicture":
+        """The picture for a ``limit`` by patches ``width_mm`` wide, with at most so many pixels along a side."""
+        counted = view.counted(limit)
+        towards = Pose.facing(tuple(view.centres_mm[counted].mean(axis=0).tolist()))
+        pieces = np.flatnonzero(np.isin(view.patches.numbers, counted))
+        corners = view.pose.points(view.patches.corners[pieces].reshape(-1, 3))
+        away_mm = np.linalg.norm(corners, axis=1, keepdims=True)
+        reach = 2.0 * _AROUND * np.abs(equal_area(towards.to_local_directions(corners / away_mm))).max(axis=0)
+        pixels = int(np.clip(reach.max() * float(away_mm.mean()) / (_OF_PATCH * width_mm), _FEWEST, most))
+        width, height = reach.tolist()
+        return BodyPicture(
+            view.pose,
+            PixelGrid.of(width, height, pixels),
+            housing=view.housing,
+            name=view.name,
+            patches=view.patches,
+            number=number,
+            towards=towards,
+        )
+
+    def shows(self, number: int, limit: BodyLimit) -> bool:
+        """True for the limit of its number."""
+        return number == self.number
+
+    def readings(self, limit: BodyLimit) -> sparse.csr_array:
+        """Matrix from flux to light of each patch that counts and is seen, or to the mean over all that count.
+
+        A patch has the light that goes into the solid angle in which it is seen; the intensity is bilinear between
+        pixels.
+        """
+        fine = self.grid.finer(_OVERSAMPLING)
+        x, y = (coordinates.ravel() for coordinates in np.meshgrid(fine.x(), fine.y()))
+        units = self.towards.directions(from_equal_area(x, y))
+        distances, pieces = self._seen(units)
+        patches = self.patches.numbers[pieces]
+        counted = self.counted(limit)
+        seen = (pieces >= 0) & np.isin(patches, counted)
+        if self.housing is not None:
+            seen &= ~self.housing.shadow(np.zeros_like(units), units, distances).met
+        rows = np.flatnonzero(seen)
+        parts = bilinear(self.grid, x[rows], y[rows]) / _OVERSAMPLING**2  # of the flux of pixels, in each sub-pixel
+        places = patches[rows], np.arange(len(rows))
+        flux = sparse.csr_array((np.ones(len(rows)), places), (len(self.patches), len(rows))) @ parts
+        areas_m2 = _M2 * self.patches.areas_mm2
+        if limit.of == "mean":
+            return sparse.csr_array(flux.sum(axis=0)[None, :] / areas_m2[counted].sum())
+        return sparse.csr_array(sparse.diags_array(1.0 / areas_m2) @ flux)[np.unique(patches[rows])]
+
+    def _seen(self, units: Float[np.ndarray, "n 3"]) -> tuple[Float[np.ndarray, " n"], Int[np.ndarray, " n"]]:
+        """Distance (mm) of the body from the origin in directions of the scene, and the piece there."""
+        start = self.pose.to_local_points(np.zeros_like(units))
+        return self.met(start, self.pose.to_local_directions(units))
+
+    @cached_property
+    def _depths_mm(self) -> Float[np.ndarray, "h w"]:
+        """Distance of the body from the origin in each pixel; beside it that in the nearest pixel that has one."""
+        x, y = np.meshgrid(self.grid.x(), self.grid.y())
+        distances, pieces = self._seen(self.towards.directions(from_equal_area(x, y)).reshape(-1, 3))
+        missed = (pieces < 0).reshape(x.shape)
+        nearest = distance_transform_edt(missed, return_distances=False, return_indices=True)
+        return np.asarray(distances.reshape(x.shape)[tuple(nearest)])
+
+    def _depths_at(
+        self, points: Float[np.ndarray, "n 3"], directions: Float[np.ndarray, "n 3"]
+    ) -> Float[np.ndarray, " n"]:
+        """Distance (mm) from the origin of where each ray is at the depth of the body, or of its nearest part."""
+        depths = np.full(len(points), self._depths_mm.mean())
+        for _ in range(_STEPS_TO_DEPTH):
+            reached = points + _path_to(points, directions, depths)[:, None] * directions
+            column, row = self._pixels(equal_area(self._directions_to(reached)))
+            depths = self._depths_mm[row, column]
+        return depths
+
+    def _directions_to(self, places: Float[Array, "n 3"]) -> Float[Array, "n 3"]:
+        """Directions, in the frame of the chart, of places in the scene."""
+        return self.towards.to_local_directions(places / lengths(places)[:, None])
+
+    def _pixels(self, hits: Float[np.ndarray, "n 2"]) -> Int[np.ndarray, "2 n"]:
+        """Column and row of the nearest pixel to each of ``hits``."""
+        counts = np.array([self.grid.columns, self.grid.rows])
+        return np.clip(np.floor((hits / self.grid.size + 0.5) * counts), 0, counts - 1).astype(np.int64).T
+
+    def _reach_mm(
+        self, points: Float[np.ndarray, "n 3"], directions: Float[np.ndarray, "n 3"], landings: Landings
+    ) -> Float[np.ndarray, " n"]:
+        """Path (mm) of each ray to the body; beside it for as far as the body is away there."""
+        paths = super()._reach_mm(points, directions, landings)
+        beside = np.flatnonzero(np.isinf(paths) & as_numpy(landings.landed))
+        ways = points[beside], directions[beside]
+        paths[beside] = _path_to(*ways, self._depths_at(*ways))
+        return paths
+
+    def _reached(self, points: Float[Array, "n 3"], directions: Float[Array, "n 3"]) -> Bool[Array, " n"]:
+        rises = self.pose.directions(as_numpy(directions)) @ np.array(self.towards.axis) > 0.0
+        return module_of(points).asarray(rises)
+
+    def _chart(self, points: Float[Array, "n 3"], directions: Float[Array, "n 3"]) -> Float[Array, "n 2"]:
+        _, pieces = self.met(as_numpy(points), as_numpy(directions))
+        starts = self.pose.points(points)
+        ways = self.pose.directions(directions)
+        normals = like(points, self.pose.directions(self.patches.piece_normals[pieces]))
+        corners = like(points, self.pose.points(self.patches.corners[pieces, 0]))
+        to_body = ((corners - starts) * normals).sum(1) / (ways * normals).sum(1)
+        beside = like(points, self._depths_at(as_numpy(starts), as_numpy(ways)))
+        paths = module_of(points).where(like(points, pieces) >= 0.0, to_body, _path_to(starts, ways, beside))
+        return equal_area(self._directions_to(starts + paths[:, None] * ways))
+
+    def _local(self, x: Float[np.ndarray, "*n"], y: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n 3"]:
+        units = self.towards.directions(from_equal_area(x, y))
+        column, row = self._pixels(np.stack([x, y], axis=-1).reshape(-1, 2))
+        depths = self._depths_mm[row, column].reshape(x.shape)
+        return np.asarray(self.pose.to_local_points(depths[..., None] * units))
+
+
+def _path_to(
+    points: Float[Array, "n 3"], directions: Float[Array, "n 3"], depths: Float[Array, " n"]
+) -> Float[Array, " n"]:
+    """Path (mm) along rays to where they are so far from the origin."""
+    along = (points * directions).sum(1)
+    square = along**2 - (points**2).sum(1) + depths**2
+    return module_of(points).sqrt(square) - along
+
+
+def body_views(spec: Spec) -> tuple[BodyView, ...]:
+    """The bodies of ``spec`` that have ``patch_mm``, in the light of all lamps, as an evaluation sees them."""
+    views = []
+    for section in spec.scene:
+        if section.patch_mm is not None:
+            others = Housing.of([body for body in spec.scene if body is not section])
+            views.append(replace(BodyView.of(section), lamps=spec.all_lamps, housing=others))
+    return tuple(views)
+
+
+def body_pictures(spec: Spec) -> tuple[BodyPicture, ...]:
+    """Pictures of bodies for a search, one for each limit on them; none of several lamps, which see other sides."""
+    if not spec.all_lamps.is_single:
+        return ()
+    views = {view.name: view for view in body_views(spec)}
+    width_mm = {body.name: body.patch_mm for body in spec.scene}
+    return tuple(
+        BodyPicture.of(
+            views[limit.body], number, limit, width_mm[limit.body] or 0.0, _MOST_OF_SEARCH * spec.optimise.pixels
+        )
+        for number, limit in enumerate(spec.limits)
+        if isinstance(limit, BodyLimit)
+    )
