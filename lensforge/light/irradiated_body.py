@@ -6,9 +6,10 @@ from typing import TYPE_CHECKING, Annotated
 import numpy as np
 from jaxtyping import Float
 
-from lensforge.results import Fact, Group, Metric, Point, Positive, Record, Share, Text
+from lensforge.results import Group, Metric, Point, Positive, Record, Share, Text
 from lensforge.results.chart import light_unit
 from lensforge.results.estimates import debiased_minimum, jackknife_metric, scaled
+from lensforge.results.figure import Figure, facts_in
 from lensforge.results.numerals import number, percent
 from lensforge.results.record import Array
 
@@ -25,11 +26,32 @@ class IrradiatedBody(Record):
 
     name: Text
     area_mm2: Positive
-    least: Metric
+    mean: Annotated[
+        Metric,
+        Figure(
+            lambda body, unit: f"Mean on {body.name}",
+            lambda body, unit: f"over its surface{body.dark_phrase}",
+            key="body_mean",
+            value=lambda body, unit: scaled(body.mean, unit.per_watt, unit.symbol),
+        ),
+    ]
+    least: Annotated[
+        Metric,
+        Figure(
+            lambda body, unit: f"Least on {body.name}",
+            lambda body, unit: f"at ({', '.join(number(coordinate, 4) for coordinate in body.least_mm)}) mm",
+            key="body_least",
+            value=lambda body, unit: scaled(body.least, unit.per_watt, unit.symbol),
+        ),
+    ]
     least_mm: Point
-    mean: Metric
     dark: Share
     irradiance: Annotated[Float[np.ndarray, " p"], Array("p", least=0.0)]
+
+    @property
+    def dark_phrase(self) -> str:
+        """Phrase for the share of its surface that is dark; empty if all of it is lit."""
+        return f"; {percent(self.dark)} of its surface is dark" if self.dark > 0.0 else ""
 
     @staticmethod
     def of(view: "BodyView", flux: Float[np.ndarray, "r p"]) -> "IrradiatedBody":
@@ -53,23 +75,4 @@ class IrradiatedBody(Record):
 def body_groups(bodies: Sequence[IrradiatedBody], lumens_per_watt: float | None) -> list[Group]:
     """A group of the light on each body, in lux if the source's luminous efficacy is known, else in W/m²."""
     unit = light_unit(lumens_per_watt)
-    groups = []
-    for body in bodies:
-        place = ", ".join(number(coordinate, 4) for coordinate in body.least_mm)
-        lit = "" if body.dark <= 0.0 else f"; {percent(body.dark)} of its surface is dark"
-        facts = (
-            Fact.measured(
-                "body_mean",
-                f"Mean on {body.name}",
-                scaled(body.mean, unit.per_watt, unit.symbol),
-                f"over its surface{lit}",
-            ),
-            Fact.measured(
-                "body_least",
-                f"Least on {body.name}",
-                scaled(body.least, unit.per_watt, unit.symbol),
-                f"at ({place}) mm",
-            ),
-        )
-        groups.append(Group("bodies", f"Light on {body.name}", facts))
-    return groups
+    return [Group("bodies", f"Light on {body.name}", tuple(facts_in(body, (), None, unit))) for body in bodies]
