@@ -92,13 +92,12 @@ class GroovedParameters:
         first = within.count // 2
         lens = ProfileBasis(max(within.low, groove.cosine - _BEYOND), within.high, first)
         ring = ProfileBasis(within.low, min(within.high, groove.cosine + _BEYOND), within.count - first)
-        return GroovedParameters(
-            face,
-            (
-                FaceParameters(face.lens, lens, groove.value, np.full(first, groove.value)),
-                FaceParameters(face.ring, ring, groove.value, np.full(within.count - first, groove.value)),
-            ),
+        scale = groove.value
+        lens_zone, ring_zone = (
+            FaceParameters(zone, basis, scale, np.full(basis.count, scale))
+            for zone, basis in ((face.lens, lens), (face.ring, ring))
         )
+        return GroovedParameters(face, (lens_zone, ring_zone))
 
     @property
     def parts(self) -> tuple[slice, slice]:
@@ -116,7 +115,7 @@ class GroovedParameters:
         return np.concatenate(moved)
 
     def face(self, weights: Float[np.ndarray, " c"], factor: float) -> GroovedFace:
-        """The face of these weights, its reciprocal radius times ``factor``."""
+        """The face of these weights, the reciprocal radii of its zones times ``factor``."""
         lens, ring = (
             ProfileFace(
                 zone.start.reach_mm,
@@ -126,7 +125,7 @@ class GroovedParameters:
             )
             for zone, part in zip(self.zones, self.parts, strict=True)
         )
-        return GroovedFace(self.start.reach_mm, lens, ring, factor * self.start.band_per_mm)
+        return replace(self.start, lens=lens, ring=ring)
 
 
 _Shape = FaceParameters | GroovedParameters | ReciprocalSurface
@@ -205,7 +204,7 @@ class ProfileParameters(Parametrisation):
                 tables.append(table)
                 continue
             assert shape is not None
-            values = self._reciprocal(shape, face, weights, sums) / offsets[face]
+            values = self._reciprocal(shape, face, weights, sums, offsets[face]) / offsets[face]
             reach = shape.reach_mm if isinstance(shape, ReciprocalSurface) else shape.start.reach_mm
             samples = (1.0 / bent(values, reach)).reshape(len(self._filter[0]), -1)
             tables.append(self._filter @ samples @ self._filter.T)
@@ -222,8 +221,8 @@ class ProfileParameters(Parametrisation):
             torch.tensor(columns) == torch.tensor(unchanged), 1.0, offsets
         ) * offsets[columns]
 
-    def _reciprocal(self, shape: _Shape, face: int, weights: Tensor, sums: Tensor | None) -> Tensor:
-        """``1/rho`` (1/mm) at the nodes, before the offset."""
+    def _reciprocal(self, shape: _Shape, face: int, weights: Tensor, sums: Tensor | None, offset: Tensor) -> Tensor:
+        """``1/rho`` (1/mm) at the nodes, before the offset: times that the band of a groove is that of the start."""
         if isinstance(shape, ReciprocalSurface):
             return torch.from_numpy(shape.value(self._nodes))
         if isinstance(shape, GroovedParameters):
@@ -231,7 +230,7 @@ class ProfileParameters(Parametrisation):
                 functions @ _column(zone, weights[part, face])
                 for functions, zone, part in zip(self._profiles[face], shape.zones, shape.parts, strict=True)
             )
-            return blended(lens, ring, shape.start.band_per_mm)
+            return blended(lens, ring, shape.start.band_per_mm * offset)
         (functions,) = self._profiles[face]
         values = functions @ _column(shape, weights[: self.profile, face]) + self._start_sums[face]
         return values if sums is None else values + shape.scale * sums[face].reshape(-1)

@@ -119,6 +119,11 @@ class TirSection(ProfiledShape):
         return (stays and self.faces[face].fixed is None) or super().is_revolved(face)
 
     @property
+    def begins_tailored(self) -> bool:
+        """True for an exit with a groove."""
+        return self.exit.groove_radius_mm is not None
+
+    @property
     def rim_flange(self) -> FlangeSection | None:
         """The flange at the exit's rim."""
         return self.flange

@@ -24,11 +24,11 @@ _Vectors = Float[np.ndarray, "n 3"]
 _Values = Float[np.ndarray, " n"]
 
 _BEND = 15.0 / 16.0  # second derivative of the blend in the middle of its band
-_DETAIL = 1.5  # sigma over half of the band: tables of six nodes a sigma have four in it
+_DETAIL = 3.0  # sigma over half of the band: tables of six nodes a sigma have two in it
 _SOUGHT = 2000  # cosines between which the groove is looked for
 
 
-def blended(one: Float[Array, " n"], other: Float[Array, " n"], band: float) -> Float[Array, " n"]:
+def blended(one: Float[Array, " n"], other: Float[Array, " n"], band: Float[Array, ""] | float) -> Float[Array, " n"]:
     """The lesser of two reciprocal radii (1/mm), blended where they differ by less than ``band``; differentiable.
 
     In NumPy or in torch.
