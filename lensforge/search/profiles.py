@@ -101,7 +101,7 @@ class GroovedParameters:
 
     @property
     def parts(self) -> tuple[slice, slice]:
-        """Which of the coefficients each zone has."""
+        """Coefficients of lens and ring, of all in a row."""
         first = self.zones[0].basis.count
         return slice(0, first), slice(first, None)
 

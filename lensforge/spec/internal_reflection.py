@@ -38,7 +38,8 @@ class ExitFace(FaceSection):
     groove_radius_mm: Millimetres | None = Field(
         default=None,
         description="Radius of the meridian in the middle of a groove, by which the exit is a lens over the cap within "
-        "a ring over the wall. Such a lens is as high as `constraints.max_height_mm`, half as high as without.",
+        "a ring over the wall, where the search starts. The lens is as high as `constraints.max_height_mm`, which may "
+        "be half of what it is without; left out, one smooth face.",
     )
 
     @check

@@ -24,7 +24,7 @@ _Vectors = Float[np.ndarray, "n 3"]
 _Values = Float[np.ndarray, " n"]
 
 _BEND = 15.0 / 16.0  # second derivative of the blend in the middle of its band
-_DETAIL = 3.0  # sigma over half of the band: tables of six nodes a sigma have two in it
+_DETAIL = 2.0  # sigma over half of the band: tables of six nodes a sigma have three in it
 _SOUGHT = 2000  # cosines between which the groove is looked for
 
 
@@ -95,7 +95,7 @@ class GroovedFace(ReciprocalSurface):
 
 @dataclass(frozen=True)
 class Groove:
-    """Where two zones meet first from the axis on: ``cosine`` to it, and ``value`` of ``1/rho`` (1/mm).
+    """Crossing of two zones, the first from the axis on: ``cosine`` to it, and ``value`` of ``1/rho`` (1/mm).
 
     ``slope``, ``turn``: mean of its slopes by the angle from the axis, and their difference.
     """

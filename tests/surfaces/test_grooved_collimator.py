@@ -59,7 +59,7 @@ def zones(up: float) -> tuple[ProfileFace, ProfileFace]:
 
 @pytest.mark.parametrize("radius_mm", [0.1, 0.3])
 def test_a_groove_has_the_radius_that_is_asked_for(radius_mm: float) -> None:
-    """Between faces of 45 degrees, by three points of the meridian in its middle; a lower one lies within a wide band."""
+    """Between faces of 45 degrees, by three points of the meridian in its middle."""
     face = GroovedFace.of(30.0, *zones(6.0), radius_mm)
     middle = np.arctan2(2.0, 4.0)  # r = 2 mm, z = 4 mm
     polar = middle + np.array([-2e-4, 0.0, 2e-4])
