@@ -137,23 +137,6 @@ class GroovedCollimator:
     @cached_property
     def _paths(self) -> tuple[_Path, _Path]:
         """Light through the cap, and through the side."""
-        inner = self._inner_rays
-        sines = np.column_stack([np.sin(self.turn * inner), np.cos(self.turn * inner)])
-        normals = self.index * sines - [0.0, 1.0]  # in a frame in which the light comes along the axis
-        into_lens = _passed(normals[:, 1] / np.linalg.norm(normals, axis=1), 1.0 / self.index, self._bent(self.turn))
-        lens = self._cap(inner) + self._lens_in_body[:, None] * _towards((1.0 - self.turn) * inner)
-        through_lens = into_lens * self._bent(1.0 - self.turn)
-        points, ways, _, into_side = self._at_side(self._outer_rays)
-        wall = points + self._wall_in_body[:, None] * ways
-        up, through_ring = self._to_ring
-        above = self._ring_height(wall[:, 0]) - wall[:, 1]
-        ring = wall + (above / (up[1] - self.slope * up[0]))[:, None] * up
-        reflects = self.mirrored | (self.index * np.sqrt(0.5 + 0.5 * ways @ up) > 1.0)
-        return _Path(inner, lens, through_lens), _Path(self._outer_rays, ring, into_side * through_ring * reflects)
-
-    @cached_property
-    def _paths(self) -> tuple[_Path, _Path]:
-        """Light through the cap, and through the side."""
         polar = np.linspace(1e-3, self.crease_rad, _RAYS)
         lens = self._lens(polar)
         through_lens = self._passing(self.turn * polar) * self._passing((1.0 - self.turn) * polar)

@@ -24,7 +24,7 @@ _Vectors = Float[np.ndarray, "n 3"]
 _Values = Float[np.ndarray, " n"]
 
 _BEND = 15.0 / 16.0  # second derivative of the blend in the middle of its band
-_DETAIL = 2.0  # sigma over half of the band: tables of six nodes a sigma have three in it
+_DETAIL = 1.6  # sigma over half of the band: tables of six nodes a sigma have four in it
 _SOUGHT = 2000  # cosines between which the groove is looked for
 
 
