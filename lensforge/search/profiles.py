@@ -13,7 +13,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from lensforge.errors import remedy
+from lensforge.errors import InputError, remedy
 from lensforge.scene.body import Body, Face, nearest
 from lensforge.scene.lens import Lens
 from lensforge.search.parameters import Parametrisation, mirror_mean, sums_of
@@ -289,7 +289,11 @@ class ProfileParameters(Parametrisation):
                 towards = HORIZON if isinstance(shape, ConeFace) else AXIS
                 offsets[face] = surface.radius(towards)[0] / shape.radius(towards)[0]
             elif isinstance(shape, GroovedParameters):
-                assert isinstance(surface, GroovedFace)
+                if not isinstance(surface, GroovedFace):
+                    raise InputError(
+                        f"lens.start: its {name} has no groove; leave lens.{name}.groove_radius_mm out, or start from "
+                        "a lens that has one"
+                    )
                 weights[: self.profile, face] = torch.from_numpy(shape.weights_of(surface))
             elif isinstance(shape, FaceParameters) and self.columns[face] == face:
                 shaped = shape.shaped(surface)

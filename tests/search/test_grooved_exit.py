@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import torch
 from presets import FEW
-from tir_lenses import SPOT
+from tir_lenses import SPOT, spot, spot_lens
 
 import lensforge as lf
 from lensforge.errors import InputError
@@ -144,3 +144,13 @@ def test_a_groove_needs_a_height_and_room_in_it() -> None:
         start_faces(thin().replace({"constraints.max_height_mm": None}))
     with pytest.raises(InputError, match=r"leaves no room for cap, lens and ring"):
         start_faces(thin().replace({"constraints.max_height_mm": 2.0}))
+
+
+def test_a_search_for_a_groove_starts_from_no_smooth_lens() -> None:
+    with pytest.raises(
+        InputError, match=r"lens\.start: its exit has no groove; leave lens\.exit\.groove_radius_mm out"
+    ):
+        begun().parameters_of(spot_lens())
+    smooth = ProfileParameters.of(spot(), 2.5)
+    weights = smooth.parameters_of(begun().lens(*begun().start(), thin(), 0, "draft"))[0]
+    assert bool(torch.isfinite(weights).all()), "the other way round profiles are fitted"
