@@ -38,7 +38,7 @@ GROUPS: dict[str, tuple[str, tuple[str, ...]]] = {
     ),
     "Spots and ovals": (
         "A lens for total internal reflection sends more light into a narrow beam ([spots](beams.md)).",
-        ("spot", "spot_10", "oval", "driving_beam", "flashlight", "desk_spot", "collimating_mirror"),
+        ("spot", "spot_thin", "spot_10", "oval", "driving_beam", "flashlight", "desk_spot", "collimating_mirror"),
     ),
     "Reflectors": (
         "A mirror in place of a lens ([reflectors](beams.md#reflectors)).",

@@ -13,7 +13,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from lensforge.errors import remedy
+from lensforge.errors import InputError, remedy
 from lensforge.scene.body import Body, Face, nearest
 from lensforge.scene.lens import Lens
 from lensforge.search.parameters import Parametrisation, mirror_mean, sums_of
@@ -21,6 +21,7 @@ from lensforge.search.start_faces import start_faces
 from lensforge.spec import Spec
 from lensforge.spec.lens_section import ProfiledShape
 from lensforge.surfaces.bicubic_table import APRON, BasisTables, TableGrid, dyadic_grid
+from lensforge.surfaces.grooved_face import Groove, GroovedFace, blended
 from lensforge.surfaces.profile import AXIS, HORIZON, FormedFace, ProfileBasis, ProfileFace, around, shrunk
 from lensforge.surfaces.reciprocal import ConeFace, PlaneFace, ReciprocalSurface, bent
 from lensforge.surfaces.srbf import SrbfBasis, fibonacci_hemisphere, level_sigma
@@ -76,6 +77,60 @@ class FaceParameters:
         return np.zeros(0 if self.srbf is None else self.srbf.size)
 
 
+@dataclass(frozen=True)
+class GroovedParameters:
+    """A face of two zones by its ``start``: ``zones`` are lens and ring, which share its coefficients by halves."""
+
+    start: GroovedFace
+    zones: tuple[FaceParameters, FaceParameters]
+
+    @staticmethod
+    def of(face: GroovedFace, within: ProfileBasis) -> "GroovedParameters":
+        """Parameters of ``face`` for as many functions as ``within`` has, between its cosines."""
+        groove = Groove.of(face.lens, face.ring)
+        assert groove is not None
+        first = within.count // 2
+        lens = ProfileBasis(max(within.low, groove.cosine - _BEYOND), within.high, first)
+        ring = ProfileBasis(within.low, min(within.high, groove.cosine + _BEYOND), within.count - first)
+        scale = groove.value
+        lens_zone, ring_zone = (
+            FaceParameters(zone, basis, scale, np.full(basis.count, scale))
+            for zone, basis in ((face.lens, lens), (face.ring, ring))
+        )
+        return GroovedParameters(face, (lens_zone, ring_zone))
+
+    @property
+    def parts(self) -> tuple[slice, slice]:
+        """Coefficients of lens and ring, of all in a row."""
+        first = self.zones[0].basis.count
+        return slice(0, first), slice(first, None)
+
+    def weights_of(self, face: GroovedFace) -> Float[np.ndarray, " c"]:
+        """Weights that give ``face``, of other functions in least squares."""
+        shaped = [zone.shaped(there) for zone, there in zip(self.zones, (face.lens, face.ring), strict=True)]
+        moved = [
+            (np.array(there.coefficients) - zone.first) / zone.steps
+            for zone, there in zip(self.zones, shaped, strict=True)
+        ]
+        return np.concatenate(moved)
+
+    def face(self, weights: Float[np.ndarray, " c"], factor: float) -> GroovedFace:
+        """The face of these weights, the reciprocal radii of its zones times ``factor``."""
+        lens, ring = (
+            ProfileFace(
+                zone.start.reach_mm,
+                zone.basis.low,
+                zone.basis.high,
+                tuple((factor * (zone.first + zone.steps * weights[part])).tolist()),
+            )
+            for zone, part in zip(self.zones, self.parts, strict=True)
+        )
+        return replace(self.start, lens=lens, ring=ring)
+
+
+_Shape = FaceParameters | GroovedParameters | ReciprocalSurface
+
+
 @dataclass(frozen=True, eq=False)
 class ProfileParameters(Parametrisation):
     """Free faces of revolution, with SRBFs of ``srbf`` beside them where there are some.
@@ -86,7 +141,7 @@ class ProfileParameters(Parametrisation):
     grid: TableGrid
     names: tuple[str, ...]
     fixed: tuple[Surface | None, ...]
-    parameters: tuple[FaceParameters | ReciprocalSurface | None, ...]
+    parameters: tuple[_Shape | None, ...]
     columns: tuple[int, ...]
     profile: int
     srbf: SrbfBasis | None = None
@@ -101,7 +156,7 @@ class ProfileParameters(Parametrisation):
         body = Body.of(start, lens.body_roles)
         leaders = {role.name: role.follows for role in lens.body_roles}
         fixed = {name: None if name in lens.free else surface for name, surface in start.items()}
-        parameters: list[FaceParameters | ReciprocalSurface | None] = []
+        parameters: list[_Shape | None] = []
         srbf = lens.basis if lens.levels else None
         for face in body.faces:
             if fixed[face.name] is not None:
@@ -149,8 +204,8 @@ class ProfileParameters(Parametrisation):
                 tables.append(table)
                 continue
             assert shape is not None
-            values = self._reciprocal(shape, face, weights, sums) / offsets[face]
-            reach = shape.start.reach_mm if isinstance(shape, FaceParameters) else shape.reach_mm
+            values = self._reciprocal(shape, face, weights, sums, offsets[face]) / offsets[face]
+            reach = shape.reach_mm if isinstance(shape, ReciprocalSurface) else shape.start.reach_mm
             samples = (1.0 / bent(values, reach)).reshape(len(self._filter[0]), -1)
             tables.append(self._filter @ samples @ self._filter.T)
         return torch.stack(tables)
@@ -166,14 +221,18 @@ class ProfileParameters(Parametrisation):
             torch.tensor(columns) == torch.tensor(unchanged), 1.0, offsets
         ) * offsets[columns]
 
-    def _reciprocal(
-        self, shape: FaceParameters | ReciprocalSurface, face: int, weights: Tensor, sums: Tensor | None
-    ) -> Tensor:
-        """``1/rho`` (1/mm) at the nodes, before the offset."""
+    def _reciprocal(self, shape: _Shape, face: int, weights: Tensor, sums: Tensor | None, offset: Tensor) -> Tensor:
+        """``1/rho`` (1/mm) at the nodes, before the offset: times that the band of a groove is that of the start."""
         if isinstance(shape, ReciprocalSurface):
             return torch.from_numpy(shape.value(self._nodes))
-        column = torch.from_numpy(shape.first) + torch.from_numpy(shape.steps) * weights[: self.profile, face]
-        values = self._profiles[face] @ column + self._start_sums[face]
+        if isinstance(shape, GroovedParameters):
+            lens, ring = (
+                functions @ _column(zone, weights[part, face])
+                for functions, zone, part in zip(self._profiles[face], shape.zones, shape.parts, strict=True)
+            )
+            return blended(lens, ring, shape.start.band_per_mm * offset)
+        (functions,) = self._profiles[face]
+        values = functions @ _column(shape, weights[: self.profile, face]) + self._start_sums[face]
         return values if sums is None else values + shape.scale * sums[face].reshape(-1)
 
     def _sums(self, weights: Float[Tensor, "k f"]) -> Float[Tensor, "f n n"] | None:
@@ -190,11 +249,11 @@ class ProfileParameters(Parametrisation):
         return self.grid.sample_directions()
 
     @cached_property
-    def _profiles(self) -> list[Tensor]:
+    def _profiles(self) -> list[tuple[Tensor, ...]]:
+        """Functions of each face at the nodes: of one profile, of two zones, or none."""
+        cosines = self._nodes[:, 2]
         return [
-            torch.from_numpy(shape.basis.matrix(self._nodes[:, 2]))
-            if isinstance(shape, FaceParameters)
-            else torch.empty(0)
+            tuple(torch.from_numpy(profile.basis.matrix(cosines)) for profile in _profiles_of(shape))
             for shape in self.parameters
         ]
 
@@ -229,6 +288,13 @@ class ProfileParameters(Parametrisation):
             if isinstance(shape, ConeFace | PlaneFace):
                 towards = HORIZON if isinstance(shape, ConeFace) else AXIS
                 offsets[face] = surface.radius(towards)[0] / shape.radius(towards)[0]
+            elif isinstance(shape, GroovedParameters):
+                if not isinstance(surface, GroovedFace):
+                    raise InputError(
+                        f"lens.start: its {name} has no groove; leave lens.{name}.groove_radius_mm out, or start from "
+                        "a lens that has one"
+                    )
+                weights[: self.profile, face] = torch.from_numpy(shape.weights_of(surface))
             elif isinstance(shape, FaceParameters) and self.columns[face] == face:
                 shaped = shape.shaped(surface)
                 start_profile = shape.start_profile
@@ -248,6 +314,8 @@ class ProfileParameters(Parametrisation):
                 surfaces[name] = fixed
             elif isinstance(shape, ConeFace | PlaneFace):
                 surfaces[name] = shrunk(shape, factor)
+            elif isinstance(shape, GroovedParameters):
+                surfaces[name] = shape.face(weights[:, face].numpy(), factor)
             elif isinstance(shape, FaceParameters):
                 moved = shape.first + shape.steps * weights[: self.profile, face].numpy()
                 profile = shape.start.reach_mm, shape.basis.low, shape.basis.high, tuple((factor * moved).tolist())
@@ -260,7 +328,21 @@ class ProfileParameters(Parametrisation):
         return surfaces
 
 
-def _parameters(body: Body, name: str, count: int, srbf: SrbfBasis | None) -> FaceParameters:
+def _profiles_of(shape: _Shape | None) -> tuple[FaceParameters, ...]:
+    match shape:
+        case FaceParameters():
+            return (shape,)
+        case GroovedParameters():
+            return shape.zones
+    return ()
+
+
+def _column(profile: FaceParameters, weights: Tensor) -> Tensor:
+    """Coefficients of a profile."""
+    return torch.from_numpy(profile.first) + torch.from_numpy(profile.steps) * weights
+
+
+def _parameters(body: Body, name: str, count: int, srbf: SrbfBasis | None) -> FaceParameters | GroovedParameters:
     """Parameters of a face over the part of it that bounds its medium, and a little more."""
     face = body.face(name)
     assert isinstance(face.surface, ReciprocalSurface)
@@ -271,6 +353,8 @@ def _parameters(body: Body, name: str, count: int, srbf: SrbfBasis | None) -> Fa
     high = min(1.0, bounding[:, 2].max() + _BEYOND)
     reciprocals = np.abs(face.surface.value(bounding))
     basis = ProfileBasis(low, high, count)
+    if isinstance(face.surface, GroovedFace):
+        return GroovedParameters.of(face.surface, basis)
     if not any(face.is_open for face in faces):
         scale = float(reciprocals.mean())
         return FaceParameters(face.surface, basis, scale, np.full(count, scale), srbf)
@@ -279,7 +363,7 @@ def _parameters(body: Body, name: str, count: int, srbf: SrbfBasis | None) -> Fa
     return replace(parameters, steps=np.maximum(np.abs(parameters.first), scale))
 
 
-def _following(face: Face, leader: FaceParameters | ReciprocalSurface | None) -> FaceParameters:
+def _following(face: Face, leader: _Shape | None) -> FaceParameters:
     """Parameters of a face that follows another one: functions and scale are those of that one."""
     assert isinstance(face.surface, ReciprocalSurface) and isinstance(leader, FaceParameters)
     return replace(leader, start=face.surface)

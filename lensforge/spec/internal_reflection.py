@@ -13,12 +13,14 @@ from lensforge.optics.face_roles import BODY, CAVITY, OUTSIDE, RIM_FLANGE, FaceR
 from lensforge.public import public
 from lensforge.spec.face_section import FaceSection, FlangeSection
 from lensforge.spec.lens_section import Beam, LightShape, ProfiledShape, StartConditions
-from lensforge.spec.spec_section import check
+from lensforge.spec.spec_section import Millimetres, check
 from lensforge.surfaces.collimator import Collimator, best_collimator
-from lensforge.surfaces.profile import AXIS, HORIZON, shrunk
+from lensforge.surfaces.grooved_collimator import ThinRoom, best_grooved_collimator
+from lensforge.surfaces.profile import AXIS, HORIZON, LEAST_COEFFICIENTS, shrunk
 from lensforge.surfaces.reciprocal import ConeFace, PlaneFace, ReciprocalSurface
 from lensforge.surfaces.surface import Surface
 
+_CLEARANCE_MM = 0.25  # of the cavity from the LED, at least
 _DRAFT_DEG = 2.0  # of the side of a cavity, where the spec does not say
 _WIDEST_BEAM = 3.0  # over the narrowest of this source and radius: wider ones fit any cavity, and the exit makes them
 
@@ -33,8 +35,19 @@ class ExitFace(FaceSection):
         "carry the shape.",
     )
 
+    groove_radius_mm: Millimetres | None = Field(
+        default=None,
+        description="Radius of the meridian in the middle of a groove, by which the exit is a lens over the cap within "
+        "a ring over the wall, where the search starts. The lens is as high as `constraints.max_height_mm`, which may "
+        "be half of what it is without; left out, one smooth face.",
+    )
+
     @check
     def _flat_is_not_fixed(self) -> None:
+        if self.groove_radius_mm is not None and (self.flat or self.fixed is not None or self.offset_mm is not None):
+            raise ValueError(
+                "groove_radius_mm: such an exit is shaped by the search; leave flat, fixed and offset_mm out"
+            )
         if self.flat and self.fixed is not None:
             raise ValueError("give one of flat, a plane whose height the search finds, and fixed, a surface that stays")
 
@@ -76,6 +89,26 @@ class TirSection(ProfiledShape):
         default=None, description="Flange at the exit's rim; by default there is none."
     )
 
+    @check
+    def _groove_is_of_revolution(self) -> None:
+        if self.exit.groove_radius_mm is None:
+            return
+        if self.levels:
+            raise ValueError("exit.groove_radius_mm: a groove is of revolution; leave levels out")
+        if self.flange is not None:
+            raise ValueError(
+                "exit.groove_radius_mm: a flange has no room yet at the rim of such an exit; leave one out"
+            )
+        if self.profile < 2 * LEAST_COEFFICIENTS:
+            raise ValueError(
+                f"profile = {self.profile}: lens and ring of an exit with a groove share them by halves; at least "
+                f"{2 * LEAST_COEFFICIENTS}"
+            )
+        if any(face.offset_mm is not None for face in self.faces.values()):
+            raise ValueError(
+                "exit.groove_radius_mm: its height and those of other faces are found; leave offset_mm out"
+            )
+
     @classmethod
     def first_tables(cls, shape: LightShape) -> dict[str, dict[str, object]]:
         """Fields for its light; without a base, over which its wall could not be drawn from a mould."""
@@ -87,6 +120,11 @@ class TirSection(ProfiledShape):
         return (stays and self.faces[face].fixed is None) or super().is_revolved(face)
 
     @property
+    def begins_tailored(self) -> bool:
+        """True for an exit with a groove."""
+        return self.exit.groove_radius_mm is not None
+
+    @property
     def rim_flange(self) -> FlangeSection | None:
         """The flange at the exit's rim."""
         return self.flange
@@ -96,9 +134,8 @@ class TirSection(ProfiledShape):
 
         Raises :class:`InputError` for sizes that leave no room for such a lens.
         """
-        beam = conditions.beam()
         try:
-            faces = self._of_a_point(conditions, beam).faces
+            faces = self._of_a_point(conditions)
         except InputError as error:
             raise InputError(f"lens: {str(error).removeprefix('collimator: ')} (lens.kind = 'tir')") from None
         if self.exit.flat:
@@ -111,7 +148,34 @@ class TirSection(ProfiledShape):
         fixed = self.fixed
         return {name: fixed.get(name) or faces[name] for name in self.body_names}
 
-    def _of_a_point(self, conditions: StartConditions, beam: Beam) -> Collimator:
+    def _of_a_point(self, conditions: StartConditions) -> dict[str, ReciprocalSurface]:
+        if self.exit.groove_radius_mm is None:
+            return self._collimator(conditions, conditions.beam()).faces
+        limits = conditions.limits
+        size = conditions.side_mm
+        if limits.max_height_mm is None:
+            raise InputError(
+                "lens.exit.groove_radius_mm: a lens with a groove is as high as constraints.max_height_mm; give it"
+            )
+        margin_mm = 2.0 * limits.margin_mm
+        clear_mm = max(conditions.clear_mm, 0.5**0.5 * size + _CLEARANCE_MM) + margin_mm
+        wall_mm = limits.min_thickness_mm + margin_mm
+        room = ThinRoom(limits.max_height_mm - margin_mm, limits.rim_radius_mm, wall_mm, clear_mm)
+        best = best_grooved_collimator(
+            self.refractive_index / self.cavity_index,
+            room,
+            size,
+            conditions.beam().most_rad,
+            draft_rad=self._draft_rad,
+            mirrored=self.wall.mirror is not None,
+        )
+        return best.faces(self.exit.groove_radius_mm)
+
+    @property
+    def _draft_rad(self) -> float:
+        return radians(_DRAFT_DEG if self.side.draft_deg is None else self.side.draft_deg)
+
+    def _collimator(self, conditions: StartConditions, beam: Beam) -> Collimator:
         limits = conditions.limits
         size = conditions.side_mm
         radius_mm = limits.rim_radius_mm
@@ -123,7 +187,7 @@ class TirSection(ProfiledShape):
             radius_mm,
             size,
             min(beam.most_rad, _WIDEST_BEAM * narrowest_rad),
-            draft_rad=radians(_DRAFT_DEG if self.side.draft_deg is None else self.side.draft_deg),
+            draft_rad=self._draft_rad,
             least_wall_mm=limits.min_thickness_mm + margin_mm,
             mirrored=self.wall.mirror is not None,
             clearance_mm=max(0.0, conditions.clear_mm - size / 2.0**0.5) + margin_mm,

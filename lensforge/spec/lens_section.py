@@ -205,6 +205,11 @@ class LensShape(OfSeveralKinds, LensMaterial):
         return lamps
 
     @property
+    def begins_tailored(self) -> bool:
+        """True where the faces from which a search begins are near the best, so that long steps lead away from them."""
+        return False
+
+    @property
     def opening_mm(self) -> float | None:
         """Distance that the search keeps a mirror from closing over its opening; None if it cannot close."""
         return None

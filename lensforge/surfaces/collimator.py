@@ -113,12 +113,12 @@ class Collimator:
         """
         return share_within(self._mapped(), half_angle_rad, side_mm)
 
-    def _mapped(self) -> Iterator[tuple[_Angles, _Angles]]:
-        """Angles of the light through the cap, and through the side, and the radii (mm) at which it leaves the exit."""
+    def _mapped(self) -> Iterator[tuple[_Angles, _Angles, float]]:
+        """Angles of the light through the cap, and through the side, and the radii (mm) at which all of it leaves."""
         inner = np.linspace(1e-3, self.crease_rad, _RAYS)
         cap = self.cap_mm * (self.index - 1.0) / (self.index * np.cos(inner) - 1.0)
-        yield inner, cap * np.sin(inner)
-        yield self._side_rays, self.wall(self._side_rays)[:, 0]
+        yield inner, cap * np.sin(inner), 1.0
+        yield self._side_rays, self.wall(self._side_rays)[:, 0], 1.0
 
     @cached_property
     def _side_rays(self) -> _Angles:
@@ -148,21 +148,24 @@ class Collimator:
         return ProfileFace(reach_mm, basis.low, basis.high, basis.nearest(cosines, 1.0 / distances))
 
 
-def share_within(mapped: Iterable[tuple[_Angles, _Angles]], half_angle_rad: float, side_mm: float) -> float:
+def share_within(
+    mapped: Iterable[tuple[_Angles, _Angles, _Angles | float]], half_angle_rad: float, side_mm: float
+) -> float:
     """First-order share of a collimated square Lambertian source within a half angle of the axis.
 
-    ``mapped``: angles from the axis, and the radii (mm) at which that light leaves. A source point offset by x in the
+    ``mapped``: angles from the axis, the radii (mm) at which that light leaves, and the share of it that faces let
+    through. A source point offset by x in the
     plane of a ray and by y across it turns the ray by ``x cos dtheta/dr`` and ``y sin / r`` at the radius r.
     """
     squares = side_mm**2 * _places_from_the_centre() ** 2
     total = 0.0
-    for polar, exits in mapped:
+    for polar, exits, passed in mapped:
         by_polar = np.gradient(exits, polar)
         along = np.cos(polar) / by_polar
         across = np.sin(polar) / exits
         off = np.column_stack([along**2, across**2]) @ squares
         seen = np.mean(off < np.sin(half_angle_rad) ** 2, axis=1)
-        total += float(np.trapezoid(seen * np.sin(2.0 * polar), polar))
+        total += float(np.trapezoid(passed * seen * np.sin(2.0 * polar), polar))
     return total
 
 

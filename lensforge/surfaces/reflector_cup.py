@@ -78,7 +78,7 @@ class ParabolicCup:
         """
         rim = float(np.arctan2(self.rim_mm, self.height_mm))
         polar = np.linspace(rim, 0.5 * np.pi, _RAYS)
-        turned = [(polar, 2.0 * self.focal_mm / np.tan(0.5 * polar))]
+        turned = [(polar, 2.0 * self.focal_mm / np.tan(0.5 * polar), 1.0)]
         within = share_within(turned, half_angle_rad, side_mm)
         if least_rad == 0.0:
             return within

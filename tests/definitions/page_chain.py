@@ -79,7 +79,17 @@ def formed(face, u):
     return value + more, slope + also
 
 
-KINDS = {"plane": plane, "cone": cone, "conic": conic, "profile": profile, "formed": formed}
+def grooved(face, u):
+    (a, by_a) = profile(face["lens"], u)
+    (b, by_b) = profile(face["ring"], u)
+    c = face["band_per_mm"]
+    x = np.clip((a - b) / c, -1, 1)
+    value = (a + b) / 2 - np.where(abs(a - b) < c, c * (5 + 15 * x**2 - 5 * x**4 + x**6) / 32, abs(a - b) / 2)
+    share = (1 - (15 * x - 10 * x**3 + 3 * x**5) / 8)[:, None] / 2
+    return value, share * by_a + (1 - share) * by_b
+
+
+KINDS = {"plane": plane, "cone": cone, "conic": conic, "profile": profile, "formed": formed, "grooved": grooved}
 
 
 NODES = 385  # of a table along each axis of the chart (X, Y), up to the horizon and a little beyond
@@ -96,6 +106,8 @@ class Face:
             sums = Functions(record["functions"], record["functions"]["weights"])
             rotational = record["profile"] | {"spline": spline_of(record["profile"])}
             record = record | {"reach_mm": rotational["reach_mm"], "profile": rotational, "sums": sums}
+        if record["kind"] == "grooved":
+            record = record | {zone: record[zone] | {"spline": spline_of(record[zone])} for zone in ("lens", "ring")}
         if record["kind"] == "profile":
             record = record | {"spline": spline_of(record)}
         self.record = record

@@ -26,6 +26,7 @@ from lensforge.sources.ray_bundle import RayBundle
 from lensforge.spec.accuracy import PRESETS
 from lensforge.surfaces.asphere import Biconic
 from lensforge.surfaces.chart_spline import ChartSpline
+from lensforge.surfaces.grooved_face import GroovedFace
 from lensforge.surfaces.profile import FormedFace, ProfileFace
 from lensforge.surfaces.reciprocal import ConeFace, ConicFace, PlaneFace
 from lensforge.surfaces.srbf import SrbfBasis
@@ -190,12 +191,15 @@ def test_radius_and_normal_of_every_kind_of_fixed_surface(kind: str) -> None:
 
 # Parts of each face lie beyond its reach, and of a profile beyond both of its ends.
 WAVY = (0.11, 0.14, 0.1, 0.16, 0.13, 0.17, 0.12, 0.15)
+LENS = (0.2, 0.18, 0.165, 0.15, 0.14, 0.135, 0.132)
+RING = (0.09, 0.105, 0.12, 0.14, 0.16, 0.175, 0.19)
 RECIPROCALS = {
     "plane": PlaneFace(11.0, 6.0, (0.3, -0.2, 1.4)),
     "cone": ConeFace(5.0, 3.2, -0.04),
     "conic": ConicFace(9.0, 4.0, 0.8, (0.2, 0.1, 1.3)),
     "profile": ProfileFace(7.2, 0.15, 0.75, WAVY),
     "formed": FormedFace(7.2, 0.15, 0.75, WAVY, SrbfBasis((2, 5), 1.3, "diagonal"), 0.01 * np.sin(np.arange(7.0))),
+    "grooved": GroovedFace(8.4, ProfileFace(9.0, 0.3, 1.0, LENS), ProfileFace(9.0, 0.2, 0.9, RING), 0.013),
 }
 
 

@@ -47,6 +47,7 @@ from lensforge.spec.tolerances_section import _causes
 from lensforge.surfaces.asphere import sphere as ball
 from lensforge.surfaces.bicubic_table import TableGrid, _cubic_pieces
 from lensforge.surfaces.collimator import best_collimator
+from lensforge.surfaces.grooved_collimator import ThinRoom, best_grooved_collimator
 from lensforge.surfaces.reflector_cup import best_leaning_cup
 from lensforge.surfaces.srbf import fibonacci_hemisphere
 
@@ -172,6 +173,10 @@ ASKED: dict[str, tuple[Callable[..., Any], list[tuple[Any, ...]]]] = {
     "surfaces.collimator.best_collimator": (
         lambda **fields: [float(size) for size in vars(best_collimator(**fields)).values() if isinstance(size, float)],
 [BEST, BEST | {"radius_mm": 12.0}, BEST | {"draft_rad": 0.1}]),
+    "surfaces.grooved_collimator.best_grooved_collimator": (
+        lambda height, radius, draft: list(vars(best_grooved_collimator(
+            1.5, ThinRoom(height, radius, 0.5, 1.0), 1.0, 0.1, draft_rad=draft)).values()),
+        [(9.0, 15.0, 0.035), (8.0, 15.0, 0.035), (9.0, 9.0, 0.035), (9.0, 15.0, 0.08)]),
     "surfaces.reflector_cup.best_leaning_cup": (
         lambda *sizes: list(vars(best_leaning_cup(*sizes)).values()),
         [(radius, 1.0, 0.4, 0.3, 0.88, 0.9, 20.0, draft) for radius, draft in ((12.0, 0.0), (12.0, 0.1), (9.0, 0.0))],

@@ -18,6 +18,7 @@ from lensforge.surfaces.asphere import Asphere, Biconic, ImplicitSurface, sphere
 from lensforge.surfaces.bicubic_table import grid_for, table_error, tabulate
 from lensforge.surfaces.chart_spline import HALF_WIDTH, ChartSpline
 from lensforge.surfaces.drawn_profile import DrawnFace
+from lensforge.surfaces.grooved_face import GroovedFace
 from lensforge.surfaces.profile import FormedFace, ProfileFace
 from lensforge.surfaces.reciprocal import ConeFace, ConicFace, PlaneFace, ReciprocalSurface
 from lensforge.surfaces.surface import ScaledSurface, Surface, scaled
@@ -39,6 +40,12 @@ CASES = {
     "cone": ConeFace(8.0, 6.0, 0.1),
     "conic": ConicFace(20.0, 6.0, 0.7, (0.1, 0.2, 1.0)),
     "profile": ProfileFace(20.0, -0.3, 1.0, (0.21, 0.2, 0.188, 0.178, 0.17, 0.166, 0.166, 0.168, 0.172)),
+    "lens within a ring": GroovedFace.of(
+        20.0,
+        ProfileFace(20.0, 0.2, 1.0, (0.24, 0.22, 0.2, 0.185, 0.17, 0.16, 0.155)),
+        ProfileFace(20.0, 0.1, 0.95, (0.13, 0.14, 0.15, 0.165, 0.18, 0.195, 0.21)),
+        4.0,
+    ),
     "drawn along y": DrawnFace(12.0, (0.17, 0.165, 0.16, 0.158, 0.155, 0.154, 0.156, 0.16, 0.164, 0.17)),
     "face of an insert": scaled(random_surface(3, 6.0, levels=(9, 25)), 1.006),
 }
