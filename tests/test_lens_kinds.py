@@ -155,7 +155,10 @@ def test_nothing_but_its_own_module_and_shape_asks_for_a_kind_of_lens() -> None:
                 asking.add((path.name, node.value))
             if isinstance(node, ast.ImportFrom) and f"{(node.module or '').rpartition('.')[2]}.py" in KINDS:
                 importing.add(path.relative_to(PACKAGE).as_posix())
-    assert {name for name, _ in asking - OF_NUMBERS} == {"collimator.py", "reflector_cup.py", "lens_section.py"}, (
-        "the shapes, and the kind of a bare table"
-    )
+    assert {name for name, _ in asking - OF_NUMBERS} == {
+        "collimator.py",
+        "grooved_collimator.py",
+        "reflector_cup.py",
+        "lens_section.py",
+    }, "the shapes, and the kind of a bare table"
     assert importing == {"spec/__init__.py", "spec/design_spec.py"}

@@ -89,7 +89,9 @@ def tool_study(spec: Spec, over: ToolAxis) -> tuple[Spec, Variation]:
     if over == "process":
         defaults = ManufactureSection().model_dump()
         fields = {name: defaults[name] for process in PROCESSES.values() for name in process.fields}
-        return spec.replace(manufacture=fields), Variation("manufacture.process", tuple(PROCESSES))
+        drawn = spec.lens.drawn_mm is not None
+        processes = tuple(name for name, process in PROCESSES.items() if drawn or not process.is_drawn)
+        return spec.replace(manufacture=fields), Variation("manufacture.process", processes)
     cuts = {spec.cutting(name) for name in spec.lens.names} - {None}
     if not cuts:
         process = spec.manufacture.process

@@ -134,8 +134,9 @@ class TirSection(ProfiledShape):
 
         Raises :class:`InputError` for sizes that leave no room for such a lens.
         """
+        beam = conditions.beam()
         try:
-            faces = self._of_a_point(conditions)
+            faces = self._of_a_point(conditions, beam)
         except InputError as error:
             raise InputError(f"lens: {str(error).removeprefix('collimator: ')} (lens.kind = 'tir')") from None
         if self.exit.flat:
@@ -148,9 +149,9 @@ class TirSection(ProfiledShape):
         fixed = self.fixed
         return {name: fixed.get(name) or faces[name] for name in self.body_names}
 
-    def _of_a_point(self, conditions: StartConditions) -> dict[str, ReciprocalSurface]:
+    def _of_a_point(self, conditions: StartConditions, beam: Beam) -> dict[str, ReciprocalSurface]:
         if self.exit.groove_radius_mm is None:
-            return self._collimator(conditions, conditions.beam()).faces
+            return self._collimator(conditions, beam).faces
         limits = conditions.limits
         size = conditions.side_mm
         if limits.max_height_mm is None:
@@ -165,7 +166,7 @@ class TirSection(ProfiledShape):
             self.refractive_index / self.cavity_index,
             room,
             size,
-            conditions.beam().most_rad,
+            beam.most_rad,
             draft_rad=self._draft_rad,
             mirrored=self.wall.mirror is not None,
         )

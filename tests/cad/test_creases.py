@@ -8,7 +8,7 @@ from nightly import first_by_day
 from scipy.optimize import brentq
 from scipy.spatial import cKDTree
 
-from lensforge.cad.body_export import BodyLightProof, BuiltBody, build_body, prove
+from lensforge.cad.body_export import BodyProof, BuiltBody, build_body, prove
 from lensforge.cad.boundary import Boundary, Crease, boundaries, of_shapes
 from lensforge.cad.form_error import chart_samples, fit_to_form
 from lensforge.cad.mesh import build_mesh, check_closed, mesh_error
@@ -90,7 +90,7 @@ def free_body() -> BuiltBody:
 
 
 @pytest.fixture(scope="module")
-def proof(free_body: BuiltBody) -> BodyLightProof:
+def proof(free_body: BuiltBody) -> BodyProof:
     return prove(free_body, *free_body.files("four faces"))
 
 
@@ -153,7 +153,7 @@ def test_faces_follow_one_another_from_the_axis_whatever_their_order(free_body: 
     assert [face.name for face in free_body.plan.faces] == ["exit", "wall", "cap", "side"]
 
 
-def test_four_faces_are_read_back_as_one_solid_to_a_nanometre(free_body: BuiltBody, proof: BodyLightProof) -> None:
+def test_four_faces_are_read_back_as_one_solid_to_a_nanometre(free_body: BuiltBody, proof: BodyProof) -> None:
     volume = volume_by_radii(FREE.envelope) - volume_by_radii(FREE.cavity)
     solid = proof.solid
     assert (solid.valid, solid.faults, solid.genus) == (True, [], 0)
@@ -169,7 +169,7 @@ def test_four_faces_are_read_back_as_one_solid_to_a_nanometre(free_body: BuiltBo
     assert mesh_error(free_body.mesh, free_body.plan) <= 1e-3
 
 
-def test_every_edge_of_the_file_belongs_to_two_faces(proof: BodyLightProof) -> None:
+def test_every_edge_of_the_file_belongs_to_two_faces(proof: BodyProof) -> None:
     from OCP.TopAbs import TopAbs_ShapeEnum
     from OCP.TopExp import TopExp
     from OCP.TopTools import TopTools_IndexedDataMapOfShapeListOfShape

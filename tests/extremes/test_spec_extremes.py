@@ -135,7 +135,7 @@ def test_every_length_of_a_spec_is_bounded() -> None:
     assert len(lengths) > 40
     for section, field, number in lengths:
         assert number.get("maximum", math.inf) <= 1e9, f"{section}.{field}"
-        assert number.get("minimum", -math.inf) >= -1e9, f"{section}.{field}"
+        assert number.get("exclusiveMinimum", number.get("minimum", -math.inf)) >= -1e9, f"{section}.{field}"
 
 
 @fuzzed(5, by_day=2)
@@ -166,7 +166,7 @@ def test_a_search_from_anywhere_stays_finite(index, side, receiver, mask, pixels
     except InputError as refusal:
         refused = str(refusal)
     if result is None:
-        assert "of the light" in refused, "none in the lens, or a target that no lens can light"
+        assert "the light" in refused, "none in the lens, or a target that no lens can light"
         return
     assert np.isfinite([value for level in result.history for value in level.nmse + level.efficiency]).all()
     limits = result.constraints.model_dump().values()

@@ -235,6 +235,10 @@ def test_a_study_of_processes_has_each_without_the_fields_of_another():
     shops = [variant.spec.manufacture for variant in variants]
     assert [shop.process for shop in shops] == ["milled", "turned", "moulded", "printed", "none"]
     assert {(shop.shrinkage, shop.cutter_radius_mm) for shop in shops} == {(0.0, 0.8)}
+    linear = small_spec(
+        lens={"kind": "extruded", "length_mm": 40.0, "profile": 9}, base={"kind": "none"}, optimise__steps_per_level=[1]
+    )
+    assert tool_study(linear, "process")[1].values == ("milled", "turned", "moulded", "extruded", "printed", "none")
     with pytest.raises(InputError, match='process = "printed": no tool cuts the lens'):
         tool_study(SPEC.replace(manufacture={"process": "printed"}), "tool")
 
