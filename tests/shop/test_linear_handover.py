@@ -19,6 +19,7 @@ from lensforge.results import Fact
 from lensforge.shop import drawn_tables
 from lensforge.shop.check import check_lens
 from lensforge.shop.check_facts import check_facts
+from lensforge.shop.datums import datum_scheme
 from lensforge.shop.drawing import drawing_content
 from lensforge.shop.drawn_tables import drawn_point_tables
 from lensforge.shop.drawn_views import LENGTH, WIDTH, drawn_dimensions
@@ -120,6 +121,16 @@ def test_places_to_measure_lie_on_the_face_with_its_normal_all_along_the_part(re
     assert not ny.any()
 
 
+def test_places_to_measure_of_an_insert_are_those_of_the_lens_times_its_scale(results: Results) -> None:
+    moulded = lens_of(INNER, OUTER, manufacture={"process": "moulded", "shrinkage": 0.02})
+    of_insert = drawn_point_tables(moulded, [], GridRequest()).measured
+    of_lens = tables(results).measured
+    for insert_row, lens_row in zip(table(of_insert), table(of_lens), strict=True):
+        for key in ("x_mm", "y_mm", "z_mm"):
+            assert float(insert_row[key]) == pytest.approx(1.02 * float(lens_row[key]), abs=1e-8)
+        assert float(insert_row["nz"]) == pytest.approx(-float(lens_row["nz"]), abs=1e-8), "the insert is the air"
+
+
 @pytest.mark.parametrize("interpolation", ["bicubic", "linear"])
 @pytest.mark.parametrize("name", FACES)
 def test_a_dense_profile_is_interpolated_within_the_error_that_it_states(
@@ -184,6 +195,10 @@ def test_its_sizes_are_those_of_the_profiles(results: Results) -> None:
 
 def test_a_drawing_has_the_length_three_datums_and_both_profiles(results: Results, tmp_path) -> None:
     made = make_handover(results.part, results.check, [])
+    datums = datum_scheme(results.lens, results.part)
+    assert [(datum.letter, datum.dimension, datum.z_mm) for datum in datums.datums] == [
+        ("A", "", 0.0), ("B", WIDTH, None), ("C", LENGTH, None),
+    ]  # fmt: skip
     (tmp_path / "drawing.dxf").write_bytes(made.dxf)
     drawn = readfile(tmp_path / "drawing.dxf").modelspace().query("DIMENSION")
     lengths = [size.get_measurement() * size.override().get("dimlfac", 1.0) for size in drawn]
@@ -197,6 +212,7 @@ def test_a_drawing_has_the_length_three_datums_and_both_profiles(results: Result
         assert profile.places_mm == pytest.approx(face.points(angles), abs=1e-4)
         assert angles[[0, -1]] == pytest.approx([-0.5 * np.pi, 0.5 * np.pi], abs=1e-4)
         assert f"{profile.places_mm[3, 0]:.4f}" in page
+        assert profile.rows[0][0] == f"{name.capitalize()} face: x" and profile.rows[1][0].startswith("z; spline")
     across = {name: np.ptp(profile_points(face)[:, 0]) for name, face in FACES.items()}
     columns = optical_table(results.lens, results.part, results.check, results.lens.spec.drawing).columns
     apertures = [column["aperture"] for column in columns.values() if "aperture" in column]
