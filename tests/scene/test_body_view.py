@@ -1,6 +1,7 @@
 """Light on measured bodies by closed forms and by lines of sight; pictures of a search; the walk of the proof."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -149,7 +150,7 @@ def test_a_picture_of_a_search_reads_what_patches_have(body: HousingSection) -> 
     assert landings.hits[beside] == pytest.approx(units[:, :2] * np.sqrt(2.0 / (1.0 + units[:, 2:])), abs=1e-9)
 
 
-def cast_of(rays: ExitRays) -> tuple[RayBundle, Passage]:
+def cast_of(rays: Any) -> tuple[RayBundle, Passage]:
     bundle = RayBundle(rays.points, rays.directions, rays.flux)
     landed = np.full(len(rays.flux), CastFate.LANDED)
     return bundle, replace(Passage.of(bundle, 0), points=rays.points, directions=rays.directions, fates=landed)
@@ -188,6 +189,23 @@ def test_the_proof_finds_the_light_of_each_patch_by_its_own_walk() -> None:
     without = patched(TUBE_BEHIND, BOX.changed(centre_mm=(0.0, 0.0, 900.0)), many)
     failed = list(criteria_in(None, without.judge(*cast_of(from_point(2**14, seed=9)))))
     assert state_of(failed, "body_mean_apart") == "fail", "the body before it decides"
+
+
+def test_the_error_of_the_mean_is_that_of_the_share_of_the_rays_that_land() -> None:
+    """Of n equal rays of which k meet the body, k (1 - k/n) is the variance: nothing where all do."""
+    rays = from_point(2**12)
+    local = TUBE_BEHIND.pose.to_local_points(rays.points), TUBE_BEHIND.pose.to_local_directions(rays.directions)
+    met = BodyView.of(TUBE_BEHIND).met(*local)[1] >= 0
+    hit, miss = (np.flatnonzero(flags)[0] for flags in (met, ~met))
+    areas_m2 = 1e-6 * BodyPatches.of(TUBE_BEHIND).areas_mm2
+    far_off = BOX.changed(centre_mm=(0.0, 0.0, 900.0))
+    for landing in (100, 60):
+        chosen = [hit] * landing + [miss] * (100 - landing)
+        equal = SimpleNamespace(points=rays.points[chosen], directions=rays.directions[chosen], flux=np.full(100, 0.3))
+        judged = patched(TUBE_BEHIND, far_off, np.ones(len(areas_m2))).judge(*cast_of(equal))
+        assert judged.mean.value == pytest.approx(0.3 * landing / areas_m2.sum())
+        error_w = 0.3 * np.sqrt(landing * (1.0 - landing / 100.0))
+        assert judged.mean.standard_error == pytest.approx(error_w / areas_m2.sum(), abs=1e-6 / areas_m2.sum())
 
 
 def test_patches_that_are_too_many_are_refused_in_a_line() -> None:

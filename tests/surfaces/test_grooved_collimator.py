@@ -57,6 +57,13 @@ def zones(up: float) -> tuple[ProfileFace, ProfileFace]:
     return lens, ring
 
 
+def test_a_groove_is_finer_than_its_zones_and_as_fine_as_its_band_is_narrow() -> None:
+    lens, ring = zones(3.0)
+    fine, coarse = (GroovedFace.of(30.0, lens, ring, radius_mm) for radius_mm in (0.003, 0.01))
+    assert fine.detail_rad / coarse.detail_rad == pytest.approx(fine.band_per_mm / coarse.band_per_mm, rel=1e-9)
+    assert coarse.detail_rad < min(lens.detail_rad, ring.detail_rad)
+
+
 @pytest.mark.parametrize("radius_mm", [0.1, 0.3])
 def test_a_groove_has_the_radius_that_is_asked_for(radius_mm: float) -> None:
     """Between faces of 45 degrees, by three points of the meridian in its middle."""
