@@ -48,13 +48,12 @@ from lensforge.results.estimates import (
     uniformity,
     with_error,
 )
-from lensforge.scene.body_view import BodyView, body_views
+from lensforge.scene.body_view import body_views
 from lensforge.scene.exit_rays import ExitRays
-from lensforge.scene.eye_view import EyeView
+from lensforge.scene.eye_view import EyeView, eye_views
 from lensforge.scene.lens import Lens
 from lensforge.scene.light_ends import LOSSES, NUMBER_BY_FATE
 from lensforge.scene.limit_readings import LightLimit, LightReading, light_limits, stated_readings, zones_on
-from lensforge.scene.limit_views import LimitView, limit_views
 from lensforge.scene.pixel_grid import flux_in, gaussian3, rebinned, splat_flux
 from lensforge.scene.possible_light import PossibleLight, SourceLight
 from lensforge.scene.receiver import Landings, PosedReceiver
@@ -237,12 +236,15 @@ def evaluate_traced(
         (drawn_target(section.targets, receiver), *eyee)
         for section, receiver, eyee in zip(spec.all_receivers, receivers, zones, strict=True)
     ]
-    views = limit_views(spec) if any(limit.quantity.of_view for limit in limits) else body_views(spec)
+    eyes = eye_views(spec) if any(limit.quantity.of_view for limit in limits) else ()
+    bodies = body_views(spec)
+    views = (*eyes, *bodies)
     simulation = simulate(
         traced, source, (*receivers, *views), rays, seed, [*regions, *[()] * len(views)], coloured=colour is not None
     )
     looked_at = simulation.received[: len(receivers)]
-    seen = simulation.received[len(receivers) :]
+    by_eyes = simulation.received[len(receivers) : len(receivers) + len(eyes)]
+    on_bodies = simulation.received[len(receivers) + len(eyes) :]
     light = SourceLight.of(bounds_by or source, traced.scene.media, lens=spec.lens)
     variance = spec.evaluate.filter_variance
     space = spec.lens.exit_space(spec.constraints).grown(spec.grown_mm)
@@ -250,13 +252,11 @@ def evaluate_traced(
         receiver_light(section, PossibleLight(light, receiver, space), received, variance, simulation.emitted_w, colour)
         for section, receiver, received in zip(spec.all_receivers, receivers, looked_at, strict=True)
     )
-    eyes = tuple(_seen(traced, source, seed, zip(views, seen, strict=True)))
-    outlines = iter(eyes)
+    seen = tuple(_seen(traced, source, seed, zip(eyes, by_eyes, strict=True)))
     images = [gaussian3(flux.images, variance) for flux in looked_at] if limits or stated else []
-    for view, received in zip(views, seen, strict=True):
-        over = (next(outlines).outline_mm2 or np.inf) if isinstance(view, EyeView) else 1.0
-        of_mean = isinstance(view, EyeView) and view.of_mean
-        images.append(received.images / over if of_mean else received.images)
+    for view, received, eye in zip(eyes, by_eyes, seen, strict=True):
+        images.append(received.images / (eye.outline_mm2 or np.inf) if view.of_mean else received.images)
+    images += [received.images for received in on_bodies]
     losses = [_losses(received, simulation.by_way) for received in looked_at] if limits else []
     shares = [flux.in_regions[:, 1:] / simulation.emitted_w for flux in looked_at]
     names = [receiver.name for receiver in lit] + [""] * len(views)
@@ -265,11 +265,9 @@ def evaluate_traced(
         limits=(*judged_limits(limits, images, names, losses, shares), *by_intensities, *colour_limits(colour, lit)),
         figures=tuple(stated_figures(stated, images, names)),
         ways=simulation.by_way.ways(simulation.emitted_w),
-        seen=eyes,
+        seen=seen,
         on_bodies=tuple(
-            IrradiatedBody.of(view, received.images[:, 0])
-            for view, received in zip(views, seen, strict=True)
-            if isinstance(view, BodyView)
+            IrradiatedBody.of(view, received.images[:, 0]) for view, received in zip(bodies, on_bodies, strict=True)
         ),
         rays=simulation.rays,
         replicates=len(simulation.received[0].images),
@@ -285,13 +283,11 @@ def evaluate_traced(
 
 
 def _seen(
-    traced: TracedLens, source: Source, seed: int, views: Iterable[tuple[LimitView, ReceivedFlux]]
+    traced: TracedLens, source: Source, seed: int, views: Iterable[tuple[EyeView, ReceivedFlux]]
 ) -> Iterator[SeenLens]:
-    """The lens in the view of every eye; additional rays determine its outline."""
+    """The lens in every view; additional rays determine its outline."""
     exits = None
     for view, received in views:
-        if not isinstance(view, EyeView):
-            continue
         exits = exits or traced.trace(source.sample(min(_RAYS_OF_OUTLINE, source.ray_count or _RAYS_OF_OUTLINE), seed))
         yield SeenLens.of(view, received.images, exits)
 

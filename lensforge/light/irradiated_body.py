@@ -1,6 +1,6 @@
 """Light on the whole surface of a measured body of the scene, by patches."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
@@ -17,6 +17,16 @@ if TYPE_CHECKING:
     from lensforge.scene.body_view import BodyView  # which loads the kernels
 
 
+def _figure(field: str, note: "Callable[[IrradiatedBody], str]") -> Figure:
+    """The figure of a ``field`` in W/m², told in the unit of a page."""
+    return Figure(
+        lambda body, unit: f"{field.capitalize()} on {body.name}",
+        lambda body, unit: note(body),
+        key=f"body_{field}",
+        value=lambda body, unit: scaled(getattr(body, field), unit.per_watt, unit.symbol),
+    )
+
+
 class IrradiatedBody(Record):
     """Light on a body: the ``least`` of its patches and the ``mean`` over its surface, both in W/m².
 
@@ -26,24 +36,8 @@ class IrradiatedBody(Record):
 
     name: Text
     area_mm2: Positive
-    mean: Annotated[
-        Metric,
-        Figure(
-            lambda body, unit: f"Mean on {body.name}",
-            lambda body, unit: f"over its surface{body.dark_phrase}",
-            key="body_mean",
-            value=lambda body, unit: scaled(body.mean, unit.per_watt, unit.symbol),
-        ),
-    ]
-    least: Annotated[
-        Metric,
-        Figure(
-            lambda body, unit: f"Least on {body.name}",
-            lambda body, unit: f"at ({', '.join(number(coordinate, 4) for coordinate in body.least_mm)}) mm",
-            key="body_least",
-            value=lambda body, unit: scaled(body.least, unit.per_watt, unit.symbol),
-        ),
-    ]
+    mean: Annotated[Metric, _figure("mean", lambda body: f"over its surface{body.dark_phrase}")]
+    least: Annotated[Metric, _figure("least", lambda body: f"at ({body.place_phrase}) mm")]
     least_mm: Point
     dark: Share
     irradiance: Annotated[Float[np.ndarray, " p"], Array("p", least=0.0)]
@@ -53,17 +47,22 @@ class IrradiatedBody(Record):
         """Phrase for the share of its surface that is dark; empty if all of it is lit."""
         return f"; {percent(self.dark)} of its surface is dark" if self.dark > 0.0 else ""
 
+    @property
+    def place_phrase(self) -> str:
+        """Coordinates of the place with the least light."""
+        return ", ".join(number(coordinate, 4) for coordinate in self.least_mm)
+
     @staticmethod
     def of(view: "BodyView", flux: Float[np.ndarray, "r p"]) -> "IrradiatedBody":
         """The light by the ``flux`` (W) on each patch, the mean of a lamp, of every replicate."""
-        areas_m2 = 1e-6 * view.patches.areas_mm2
+        areas_m2 = view.patches.areas_m2
         readings = len(view.lamps) * flux / areas_m2
         irradiance = readings.mean(axis=0)
         means = readings @ areas_m2 / areas_m2.sum()
         x, y, z = view.centres_mm[irradiance.argmin()].tolist()
         return IrradiatedBody(
             name=view.name,
-            area_mm2=1e6 * float(areas_m2.sum()),
+            area_mm2=float(view.patches.areas_mm2.sum()),
             least=debiased_minimum(readings).changed(unit="W/m²"),
             least_mm=(x, y, z),
             mean=jackknife_metric(means, float, "W/m²"),

@@ -44,6 +44,7 @@ from lensforge.results.estimates import (
     halves_of,
     in_doubt,
     maximum_estimate,
+    scaled,
 )
 from lensforge.results.figure import Apart, Figure
 from lensforge.results.files import MIB
@@ -307,7 +308,7 @@ class Photometry(ResultByLed):
             "Flux per metre",
             "of the linear lens",
             key="exit_lm_per_m",
-            value=lambda photometry, spec: photometry.exit_lm.over(1e-3 * spec.lens.drawn_mm, "lm/m"),
+            value=lambda photometry, spec: scaled(photometry.exit_lm, 1e3 / spec.lens.drawn_mm, "lm/m"),
             when=lambda photometry, spec: spec.lens.drawn_mm is not None,
         ),
     ]

@@ -37,7 +37,7 @@ class PlaneFigures(Record):
         return f"{wanted}; {level}" if wanted else level
 
     def beam_notice(self, spec: Spec) -> str:
-        """Warning of a beam angle far from that of the target; an empty string if it is near, or none is wanted."""
+        """Warning if the beam angle is far from the target's; "" otherwise."""
         angle = self.beam_angle_deg
         wanted_deg = _target_beam_deg(spec).get(self.c_deg)
         if angle is None or wanted_deg is None:

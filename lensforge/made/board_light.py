@@ -47,7 +47,7 @@ from lensforge.sources.ray_bundle import Source
 from lensforge.spec import Spec
 from lensforge.spec.lamp_places import Lamp
 from lensforge.spec.light_limits import ColourSection
-from lensforge.spec.quantities import BodyLight, BodyMean
+from lensforge.spec.quantities import BodyLight
 
 _PERIODS = 3  # along x and along y, of a lattice without a plate
 _MOST_PIXELS = 2**20  # of a patch, of which a study keeps sixteen pictures at a time
@@ -178,7 +178,7 @@ class BoardLight(PartLight):
             least = REPLICATES * lamps
             raise InputError(f"yield: {rays} rays for {lamps} lamps: {REPLICATES} each at least; give {least}")
         limits = light.limits
-        on_body = next((limit.name for limit in limits if isinstance(limit.quantity, BodyLight | BodyMean)), None)
+        on_body = next((limit.name for limit in limits if isinstance(limit.quantity, BodyLight)), None)
         if on_body is not None:
             raise InputError(
                 f"yield: {on_body}: light on a body is of all lamps, whose parts are drawn apart; it is not judged, "

@@ -17,7 +17,6 @@ from lensforge.light.table_trace import trace_tables
 from lensforge.results import Metric
 from lensforge.results.estimates import Images, jackknife_error, jackknife_metric
 from lensforge.scene.exit_rays import ExitRays
-from lensforge.scene.eye_view import EyeView
 from lensforge.scene.light_ends import cause_numbers, loss_names, with_beside
 from lensforge.scene.limit_readings import LightLimit, zones_on
 from lensforge.scene.limit_views import LimitView, limit_views
@@ -166,8 +165,7 @@ class PartLight:
         for view in self.views:
             landings = view.land(exits)
             image = bin_replicates(landings.hits, flux * landings.flux, view.grid, held.replicate, held.replicates)
-            over = view.outline_mm2(exits) if isinstance(view, EyeView) and view.of_mean else 1.0
-            yield ReceivedImages(image[None] / over, none, none, (), flux * held.emitted_w)
+            yield ReceivedImages(image[None] / view.averaged_over_mm2(exits), none, none, (), flux * held.emitted_w)
 
     @property
     def counts_losses(self) -> bool:

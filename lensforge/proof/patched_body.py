@@ -72,7 +72,7 @@ class PatchedBody:
         return np.bincount(self.patches, _M2 * areas, len(self.designed))
 
     def _on_patches(self, passage: Passage) -> tuple[Float[np.ndarray, " p"], Float[np.ndarray, " p"]]:
-        """Flux (W) on each patch, and the sum of the squares of that of its rays."""
+        """Flux (W) and sum of squared ray fluxes (W²) on each patch."""
         import trimesh
 
         corners = self.pieces.corners
@@ -93,10 +93,9 @@ class PatchedBody:
 def _apart(
     flux: Float[np.ndarray, " k"], expected: Float[np.ndarray, " k"], per_ray_w: float
 ) -> Float[np.ndarray, " g"]:
-    """Squares of the distances of ``flux`` from what is ``expected``, in standard errors, of groups of patches.
+    """Squared deviation of ``flux`` from ``expected`` over its variance, for groups of neighbouring patches.
 
-    Patches that follow one another are neighbours; a group has as many as should have ten rays. The last may have fewer
-    rays, and is left out.
+    Each group is expected to receive ``_OF_GROUP`` rays; a last group of less than half as many is left out.
     """
     reached = np.cumsum(expected) / (_OF_GROUP * per_ray_w)
     groups = np.ceil(reached).astype(np.int64) - 1 if len(reached) else np.zeros(0, dtype=np.int64)

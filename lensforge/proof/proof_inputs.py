@@ -154,7 +154,7 @@ def _obstacle(body: HousingSection, mesh: SolidMesh) -> ObstacleBody:
 
 
 def _patched_bodies(spec: Spec, light: Light) -> tuple[PatchedBody, ...]:
-    """The measured bodies of ``spec``, whose ``light`` is that of one lamp."""
+    """Measured bodies of the scene, with the irradiance by the design; ``light``: of one lamp."""
     irradiance = {body.name: body.irradiance for body in light.on_bodies}
     patched = []
     for body in spec.scene:

@@ -146,9 +146,9 @@ def verify_part(
     by_own = none
     on_bodies: tuple[BodyLightProof, ...] = ()
     if independent is not None:
-        own = send_through(part, grid, independent.rays, media, threads, independent.seed)
-        by_own = _own_light(independent, own, expected)
-        on_bodies = tuple(body.judge(independent.rays, own) for body in independent.bodies)
+        independent_passage = send_through(part, grid, independent.rays, media, threads, independent.seed)
+        by_own = _own_light(independent, independent_passage, expected)
+        on_bodies = tuple(body.judge(independent.rays, independent_passage) for body in independent.bodies)
     compared = plain()
     cast = None if through is None else through()
     by_step = none if cast is None else judge_brep(cast, rays, by_ray, alone)

@@ -209,10 +209,10 @@ def _on_bodies(results: Results) -> Iterator[ReceiverPictures]:
         views = {view.name: view for view in body_views(results.spec.of_state(case.result.led))}
         for body in case.result.on_bodies:
             unit = light_unit(case.result.lumens_per_watt)
-            for side, words in _SIDES.items():
+            for side, phrase in _SIDES.items():
                 figure = body_figures.lit_body(views[body.name], body.irradiance, unit, side)
                 name = numbered("body", len(drawn))
-                drawn.append(picture(name, figure, case.title(f"{body.name}, {words}"), _OF_PATCHES))
+                drawn.append(picture(name, figure, case.title(f"{body.name}, {phrase}"), _OF_PATCHES))
     if drawn:
         yield ReceiverPictures("Light on bodies of the scene", drawn, ())
 

@@ -408,11 +408,6 @@ class Metric(Record):
         """Value, standard error and unit, with the digits that the error carries."""
         return quantity(self.value, self.unit, self.standard_error)
 
-    def over(self, divisor: float, unit: str) -> "Metric":
-        """The metric over an exact number, in this ``unit``."""
-        error = self.standard_error
-        return Metric(value=self.value / divisor, unit=unit, standard_error=None if error is None else error / divisor)
-
 
 class Extent(Record):
     """Largest absolute value and root mean square of a quantity; the field's name states its unit."""

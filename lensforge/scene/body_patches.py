@@ -41,6 +41,11 @@ class BodyPatches:
     def __len__(self) -> int:
         return len(self.areas_mm2)
 
+    @property
+    def areas_m2(self) -> Float[np.ndarray, " p"]:
+        """Area of each patch, so that flux (W) over it is irradiance (W/m²)."""
+        return 1e-6 * self.areas_mm2
+
     @staticmethod
     def of(section: HousingSection) -> "BodyPatches":
         """The patches of a body that has ``patch_mm``, in its own coordinates.

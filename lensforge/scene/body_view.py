@@ -34,7 +34,6 @@ _MOST_OF_SEARCH = 2  # times the pixels of a receiver: bodies are seen long and 
 _FEWEST = 8  # pixels along the longer side of a picture
 _OVERSAMPLING = 8  # sub-pixels along a side, by which the area in a pixel is measured
 _STEPS_TO_DEPTH = 3  # of a ray beside a body: the lens is small beside its distance
-_M2 = 1e-6  # in a mm2
 
 
 @dataclass(frozen=True)
@@ -103,7 +102,7 @@ class BodyView(LitBody):
     def readings(self, limit: BodyLimit) -> sparse.csr_array:
         """Matrix from flux to light of each patch that counts, or to the mean over all of them."""
         counted = self.counted(limit)
-        areas_m2 = _M2 * self.patches.areas_mm2[counted]
+        areas_m2 = self.patches.areas_m2[counted]
         rows = np.arange(len(counted))
         if limit.of == "mean":
             areas_m2 = np.full(len(counted), areas_m2.sum())
@@ -192,7 +191,7 @@ class BodyPicture(LitBody):
         parts = bilinear(self.grid, x[rows], y[rows]) / _OVERSAMPLING**2  # of the flux of pixels, in each sub-pixel
         places = patches[rows], np.arange(len(rows))
         flux = sparse.csr_array((np.ones(len(rows)), places), (len(self.patches), len(rows))) @ parts
-        areas_m2 = _M2 * self.patches.areas_mm2
+        areas_m2 = self.patches.areas_m2
         if limit.of == "mean":
             return sparse.csr_array(flux.sum(axis=0)[None, :] / areas_m2[counted].sum())
         return sparse.csr_array(sparse.diags_array(1.0 / areas_m2) @ flux)[np.unique(patches[rows])]

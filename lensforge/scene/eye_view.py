@@ -143,6 +143,10 @@ class EyeView(Plane):
         seen = points[:, :2] / (1.0 - points[:, 2:] / self.distance_mm)
         return np.asarray(seen[ConvexHull(seen).vertices]) if len(seen) > 2 else np.zeros((0, 2))
 
+    def averaged_over_mm2(self, rays: ExitRays) -> float:
+        """Area of the outline where the limit is on the mean."""
+        return self.outline_mm2(rays) if self.of_mean else 1.0
+
     def outline_mm2(self, rays: ExitRays) -> float:
         """Area of the outline; infinite where no light leaves, so that its mean is 0."""
         corners = self.outline(rays)

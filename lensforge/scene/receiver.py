@@ -84,6 +84,10 @@ class PosedReceiver(ABC):
         width, height = self.grid.pixel
         return width * height * 1e-6 / len(self.lamps)
 
+    def averaged_over_mm2(self, rays: ExitRays) -> float:
+        """Area (mm²) over which a limit averages its pictures of ``rays``; 1 where it counts light by place."""
+        return 1.0
+
     def land(self, rays: ExitRays) -> Landings:
         """Land ``rays``, NumPy arrays, by a compiled kernel where there is one."""
         return self._in_shadow(rays, self._land(rays))

@@ -222,7 +222,10 @@ class ProfileParameters(Parametrisation):
         ) * offsets[columns]
 
     def _reciprocal(self, shape: _Shape, face: int, weights: Tensor, sums: Tensor | None, offset: Tensor) -> Tensor:
-        """``1/rho`` (1/mm) at the nodes, before the offset: times that the band of a groove is that of the start."""
+        """``1/rho`` (1/mm) at the nodes, before division by the ``offset``.
+
+        The band of a groove is multiplied by the offset, so that the division restores that of the start.
+        """
         if isinstance(shape, ReciprocalSurface):
             return torch.from_numpy(shape.value(self._nodes))
         if isinstance(shape, GroovedParameters):

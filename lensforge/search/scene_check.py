@@ -35,7 +35,7 @@ from lensforge.sources.joined_spectrum import efficacy_of
 from lensforge.sources.ray_bundle import RayBundle, Source
 from lensforge.spec import Spec
 from lensforge.spec.feasible import smallest_cavity_mm
-from lensforge.spec.quantities import BodyLight, BodyMean, FluxShare, PlaceLight
+from lensforge.spec.quantities import BodyLight, FluxShare, PlaceLight
 from lensforge.spec.source_sections import Placement
 from lensforge.spec.spec_section import rounded_up
 from lensforge.spec.target_sections import TargetSection
@@ -159,7 +159,7 @@ def _of_view(limit: LightLimit, light: SourceLight, flux_w: float) -> Requiremen
     """
     if limit.sense != ">=":
         return None
-    if isinstance(limit.quantity, BodyLight | BodyMean):
+    if isinstance(limit.quantity, BodyLight):
         even = 1.0 / float((1.0 / limit.readings.max(axis=1).toarray()).sum())  # light by 1 W
         possible = even * flux_w * light.transmittance
         return Requirement(limit.name, limit.bound, possible, limit.unit, inf, False, law="all that two faces transmit")

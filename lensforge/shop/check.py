@@ -113,6 +113,7 @@ def _faces(lens: Lens, pair: Pair[Patch], fixture: Points | None) -> dict[str, F
     """
     manufacture = lens.spec.manufacture
     length_mm = lens.spec.lens.drawn_mm
+    drawn_mm = None if length_mm is None else manufacture.scale * length_mm
     nodes = preset_of(lens.accuracy).part.check_nodes
     measured = dict[str, FaceCheck]()
     at_lathe = np.empty((0, 2)) if fixture is None else fixture
@@ -124,7 +125,6 @@ def _faces(lens: Lens, pair: Pair[Patch], fixture: Points | None) -> dict[str, F
             cut = replace(trimmed.shape, control=manufacture.scale * trimmed.shape.control)
             sense = -1 if lens.spec.lens.role(trimmed.name).widens else 1
             air = air_side(lens.body.face(trimmed.name), manufacture)
-            drawn_mm = None if length_mm is None else manufacture.scale * length_mm
             faces[trimmed.name] = OpticalFace(cut, air, trimmed.domain, sense=sense, drawn_mm=drawn_mm)
         for name, face in faces.items():
             whole = manufacture.cuts == "lens"  # each half of a mould has faces of its own

@@ -10,12 +10,10 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from lensforge.errors import InputError
 from lensforge.scene.lens import Lens
 from lensforge.shop.handover import Interpolation, PointGrid
 from lensforge.shop.point_tables import (
     BEYOND,
-    MOST_POINTS,
     ORDER,
     ROUNDING_NM,
     FaceToCut,
@@ -23,6 +21,8 @@ from lensforge.shop.point_tables import (
     PointTables,
     faces_to_cut,
     halfway,
+    point_grid,
+    require_count,
     side_phrase,
     table_text,
 )
@@ -80,6 +80,11 @@ class ProfileTable:
         return ProfileTable(profile, 180.0 * nodes / cells - 90.0, beyond)
 
     @property
+    def face(self) -> FaceToCut:
+        """The face whose profile it holds."""
+        return self.profile.face
+
+    @property
     def rows(self) -> Float[np.ndarray, "n 5"]:
         """x, z (mm), unit normal and angle (degrees) of each node."""
         return np.column_stack([*self.profile.at(self.angles_deg), self.angles_deg])
@@ -127,18 +132,9 @@ def _places(face: FaceToCut, length_mm: float) -> list[str]:
 
 def _grid(profile: ProfileToCut, head: list[str], request: GridRequest) -> PointGrid:
     table = _table_for(profile, request)
-    errors = table.errors_nm(request.interpolation)
-    error_nm = float(errors.max()) + ROUNDING_NM
-    lines = _lines(table, request, error_nm)
-    return PointGrid(
-        file=f"grid_{profile.face.name}.csv",
-        face=profile.face.name,
-        spacing_mm=table.spacing_mm,
-        interpolation=request.interpolation,
-        error_nm=error_nm,
-        points=len(table.rows),
-        content=table_text(table.rows, COLUMNS, [*head, *lines]).encode(),
-    )
+    error_nm = float(table.errors_nm(request.interpolation).max()) + ROUNDING_NM
+    text = table_text(table.rows, COLUMNS, [*head, *_lines(table, request, error_nm)])
+    return point_grid(table, request.interpolation, error_nm, text)
 
 
 def _table_for(profile: ProfileToCut, request: GridRequest) -> ProfileTable:
@@ -147,7 +143,7 @@ def _table_for(profile: ProfileToCut, request: GridRequest) -> ProfileTable:
     spacing_mm = request.spacing_mm
     cells = _FEWEST if spacing_mm is None else max(_FEWEST, int(np.ceil(profile.length_mm / spacing_mm)))
     while True:
-        _require_count(cells, profile, request)
+        require_count(cells, profile.face, request)
         table = ProfileTable.of(profile, cells, scheme)
         if spacing_mm is not None:  # nodes even in the angle are not even along the profile
             excess = table.spacing_mm / spacing_mm
@@ -159,24 +155,12 @@ def _table_for(profile: ProfileToCut, request: GridRequest) -> ProfileTable:
         cells = int(np.ceil(cells * min(_SPARE * excess, _MORE)))
 
 
-def _require_count(cells: int, profile: ProfileToCut, request: GridRequest) -> None:
-    if cells <= MOST_POINTS:
-        return
-    name, setting = "error", f"error = {request.error_nm:g} nm"
-    if request.spacing_mm is not None:
-        name, setting = "spacing", f"spacing = {request.spacing_mm:g} mm"
-    raise InputError(
-        f"{setting}: the table of the {profile.face.name} profile would have {cells:.2g} points, at most "
-        f"{MOST_POINTS}; give a larger {name}"
-    )
-
-
 def _lines(table: ProfileTable, request: GridRequest, error_nm: float) -> list[str]:
     """Lines on the profile, the nodes, the interpolation, and its error."""
     cells = len(table.angles_deg) - 1 - 2 * table.beyond
     beyond = f"; {table.beyond} more beyond each foot continues it smoothly (extension)" if table.beyond else ""
     return [
-        f"face: {table.profile.face.name}, drawn along y: this profile at every y; {side_phrase(table.profile.face)}",
+        f"face: {table.face.name}, drawn along y: this profile at every y; {side_phrase(table.face)}",
         f"nodes: even in the angle from z towards +x, seen from the origin: -90 + 180 k / {cells} degrees; spacing up "
         f"to {table.spacing_mm:.4g} mm",
         f"extent: from foot to foot, angles -90 to 90{beyond}",

@@ -1,7 +1,7 @@
-"""Views and sizes of a linear lens: its section, and its two sides, of which a long one is drawn interrupted.
+"""Views and sizes of a linear lens: its section, and broken views from below and from above.
 
-The section is the same at every y. The views along the axis show how the part goes on along y: where it is longer than
-a few of its widths, two ends of it beside a gap between zigzag lines, as ISO 128-3 has interrupted views.
+The section is the same at every y. A part that is longer than a few of its widths is drawn as two ends between zigzag
+lines, the interrupted view of ISO 128-3.
 """
 
 from collections.abc import Iterator
@@ -14,16 +14,15 @@ from lensforge.scene.lens import Lens
 from lensforge.shop.dimensions import Dimension, without_repeats
 from lensforge.shop.sheet import Points
 from lensforge.shop.view_lines import SectionView, ViewLine
-from lensforge.surfaces.drawn_profile import in_section
+from lensforge.surfaces.drawn_profile import DrawnFace
 
 LENGTH = "length along y"
 WIDTH = "width across the feet, along x"
 _WHOLE = 3.0  # widths up to which a part is drawn whole
-_SHOWN = 0.6  # of a width: half of an interrupted view along y
+_SHOWN = 0.6  # of a width: half of a broken view along y
 _GAP = 0.1  # of a width: half of the gap
 _TEETH = 9
 _FOOT_RAD = 0.5 * np.pi
-_FEET_RAD = np.array([-_FOOT_RAD, _FOOT_RAD])
 _DENSE_RAD = np.linspace(-_FOOT_RAD, _FOOT_RAD, 1441)  # an eighth of a degree apart
 
 
@@ -35,29 +34,32 @@ def section_of_drawn(lens: Lens) -> SectionView:
 def drawn_end_lines(lens: Lens) -> list[ViewLine]:
     """Lines of the part seen from below, as (y, x): its feet, and the silhouette of its outer profile beyond them."""
     lines = [*_feet_mm(lens, "outer"), *_feet_mm(lens, "inner")]
-    return _interrupted(lens, [*lines, *_ends_mm(lens, "outer")])
+    return _along_y(lens, [*lines, *_ends_mm(lens, "outer")])
 
 
 def drawn_dome_lines(lens: Lens) -> list[ViewLine]:
     """Lines of the part seen along -z, as (-y, x): the silhouette of its outer profile."""
-    return _interrupted(lens, _ends_mm(lens, "outer"))
+    return _along_y(lens, _ends_mm(lens, "outer"))
 
 
 def drawn_dimensions(lens: Lens) -> list[Dimension]:
     """Sizes of the section, and the length."""
-    return without_repeats([*_of_section(lens), *_along(lens)])
+    half = _shown_half_mm(lens)
+    length = Dimension(LENGTH, _length_mm(lens), "length", ((-half, 0.0), (half, 0.0)), "base")
+    return without_repeats([*_of_section(lens), length])
 
 
 def _profile(lens: Lens, face: str, angles_rad: Float[np.ndarray, " n"]) -> Points:
     """Points (z, x) of a profile at angles from z."""
-    directions = in_section(angles_rad)
-    directions[np.abs(angles_rad) == _FOOT_RAD, 2] = 0.0
-    return (lens.surfaces[face].radius(directions)[:, None] * directions)[:, ::-2]
+    surface = lens.surfaces[face]
+    assert isinstance(surface, DrawnFace)
+    return surface.points(angles_rad)[:, ::-1]
 
 
 def _feet_mm(lens: Lens, face: str) -> list[float]:
     """x of both feet of a profile."""
-    return [float(x) for x in _profile(lens, face, _FEET_RAD)[:, 1]]
+    feet = _profile(lens, face, np.array([-_FOOT_RAD, _FOOT_RAD]))
+    return [float(x) for x in feet[:, 1]]
 
 
 def drawn_width_mm(lens: Lens, face: str) -> float:
@@ -72,21 +74,29 @@ def _ends_mm(lens: Lens, face: str) -> list[float]:
     return [float(across.min()), float(across.max())]
 
 
-def _half_mm(lens: Lens) -> tuple[float, bool]:
-    """Half of the length (mm) that views along the axis show, and whether they are interrupted."""
-    low, high = _ends_mm(lens, "outer")
+def _length_mm(lens: Lens) -> float:
     length_mm = lens.spec.lens.drawn_mm
     assert length_mm is not None
-    width = high - low
-    return (0.5 * length_mm, False) if length_mm <= _WHOLE * width else (_SHOWN * width, True)
+    return length_mm
 
 
-def _interrupted(lens: Lens, across_mm: list[float]) -> list[ViewLine]:
-    """Lines along y at these x, closed by the ends of the part, the gap between zigzags where it is interrupted."""
-    half, is_interrupted = _half_mm(lens)
-    low, high = min(across_mm), max(across_mm)
+def _is_broken(lens: Lens) -> bool:
+    """True for a part that is too long for whole views along y."""
+    return _length_mm(lens) > _WHOLE * drawn_width_mm(lens, "outer")
+
+
+def _shown_half_mm(lens: Lens) -> float:
+    """Half of the length (mm) on paper of a view along y."""
+    return _SHOWN * drawn_width_mm(lens, "outer") if _is_broken(lens) else 0.5 * _length_mm(lens)
+
+
+def _along_y(lens: Lens, across_mm: list[float]) -> list[ViewLine]:
+    """Lines along y at these x, with the ends of the part, and zigzags where the view is broken."""
+    half = _shown_half_mm(lens)
+    low = min(across_mm)
+    high = max(across_mm)
     ends = [ViewLine(np.array([(y, low), (y, high)]), closed=False) for y in (-half, half)]
-    if not is_interrupted:
+    if not _is_broken(lens):
         return [*ends, *(ViewLine(np.array([(-half, x), (half, x)]), closed=False) for x in across_mm)]
     gap = _GAP * (high - low)
     pieces = [
@@ -115,10 +125,3 @@ def _of_section(lens: Lens) -> Iterator[Dimension]:
         yield Dimension(name, end - start, "section", ((0.0, start), (0.0, end)), upright=True)
     ends = (float(left[0]), float(left[1])), (float(right[0]), float(right[1]))
     yield Dimension("largest width, along x", ends[1][1] - ends[0][1], "section", ends, upright=True)
-
-
-def _along(lens: Lens) -> Iterator[Dimension]:
-    half, _ = _half_mm(lens)
-    length_mm = lens.spec.lens.drawn_mm
-    assert length_mm is not None
-    yield Dimension(LENGTH, length_mm, "length", ((-half, 0.0), (half, 0.0)), "base")

@@ -43,7 +43,8 @@ def _wire(name: str, face: FaceResult, radius_mm: float) -> Fact:
 
 def _even(walls: Walls, most: float) -> Fact:
     """Walls that cool at different times bend the profile behind the die."""
-    thin_mm, thick_mm = walls.thinnest.thickness_mm, walls.thickest.thickness_mm
+    thin_mm = walls.thinnest.thickness_mm
+    thick_mm = walls.thickest.thickness_mm
     ratio = thick_mm / thin_mm
     reason = (
         f"the walls are from {quantity(thin_mm, 'mm', digits=4)} to {quantity(thick_mm, 'mm', digits=4)}; "

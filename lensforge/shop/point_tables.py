@@ -11,7 +11,7 @@ found: error and spacing follow a power law. A face that ends at creases has rin
 
 from dataclasses import dataclass
 from numbers import Real
-from typing import TYPE_CHECKING, get_args
+from typing import TYPE_CHECKING, Protocol, get_args
 
 import numpy as np
 from jaxtyping import Float
@@ -301,14 +301,33 @@ def dense_tables(lens: Lens, head: list[str], request: GridRequest) -> tuple[Poi
 
 def _grid(table: DenseTable, errors: Float[np.ndarray, " k"], head: list[str], request: GridRequest) -> PointGrid:
     error_nm = float(errors.max()) + ROUNDING_NM
+    lines = [*head, *_table_lines(table, request, error_nm, len(errors))]
+    return point_grid(table, request.interpolation, error_nm, table_text(table.rows, COLUMNS, lines))
+
+
+class Nodes(Protocol):
+    """A dense table of a face."""
+
+    @property
+    def face(self) -> FaceToCut: ...  # noqa: D102
+
+    @property
+    def rows(self) -> Float[np.ndarray, "n c"]: ...  # noqa: D102
+
+    @property
+    def spacing_mm(self) -> float: ...  # noqa: D102
+
+
+def point_grid(table: Nodes, interpolation: Interpolation, error_nm: float, text: str) -> PointGrid:
+    """The file of a dense table, whose content is ``text``."""
     return PointGrid(
         file=f"grid_{table.face.name}.csv",
         face=table.face.name,
         spacing_mm=table.spacing_mm,
-        interpolation=request.interpolation,
+        interpolation=interpolation,
         error_nm=error_nm,
         points=len(table.rows),
-        content=table_text(table.rows, COLUMNS, [*head, *_table_lines(table, request, error_nm, len(errors))]).encode(),
+        content=text.encode(),
     )
 
 
@@ -319,7 +338,7 @@ def _table_for(face: FaceToCut, request: GridRequest) -> tuple[DenseTable, Float
     along, around = face.lengths_mm if face.domain else 2 * (float(face.at(np.zeros((1, 2)))[0][0, 2]),)
 
     def make(spacing_mm: float) -> DenseTable:
-        _require_count((span * along / spacing_mm) * (2.0 * np.pi * around / spacing_mm), face, request)
+        require_count((span * along / spacing_mm) * (2.0 * np.pi * around / spacing_mm), face, request)
         return make_table(face, spacing_mm, scheme)
 
     if request.spacing_mm is not None:
@@ -342,7 +361,8 @@ def _table_for(face: FaceToCut, request: GridRequest) -> tuple[DenseTable, Float
     )
 
 
-def _require_count(points: float, face: FaceToCut, request: GridRequest) -> None:
+def require_count(points: float, face: FaceToCut, request: GridRequest) -> None:
+    """Raise :class:`InputError` for a table of too many ``points``."""
     if points <= MOST_POINTS:
         return
     name = "error"

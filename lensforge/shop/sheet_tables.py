@@ -133,12 +133,12 @@ def _coating(name: str, lens: Lens) -> str:
 
 def _shape(name: str, lens: Lens, check: Check) -> str:
     """The equation of a known form, else the best-fit sphere of the part (not of a tool)."""
+    if lens.spec.lens.drawn_mm is not None:
+        return "drawn along y, profile in the table"
     sphere = check.faces[name].best_fit_sphere
     radius_mm = sphere.radius_mm / check.scale
     pv_mm = sphere.pv_mm / check.scale
     fitted = f"R {radius_mm:.3f}" if sphere.radius_mm < FLAT_MM else "plane"
-    if lens.spec.lens.drawn_mm is not None:
-        return "drawn along y, profile in the table"
     form = "of revolution, profile in the table" if lens.spec.lens.is_revolved(name) else "freeform"
     return equation(lens.surfaces[name]) or f"{form}; best-fit {fitted}, PV {pv_mm:.3f}"
 

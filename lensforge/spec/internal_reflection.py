@@ -43,11 +43,12 @@ class ExitFace(FaceSection):
     )
 
     @check
+    def _groove_is_shaped(self) -> None:
+        if self.groove_radius_mm is not None and (self.flat or self.fixed is not None):
+            raise ValueError("groove_radius_mm: such an exit is shaped by the search; leave flat and fixed out")
+
+    @check
     def _flat_is_not_fixed(self) -> None:
-        if self.groove_radius_mm is not None and (self.flat or self.fixed is not None or self.offset_mm is not None):
-            raise ValueError(
-                "groove_radius_mm: such an exit is shaped by the search; leave flat, fixed and offset_mm out"
-            )
         if self.flat and self.fixed is not None:
             raise ValueError("give one of flat, a plane whose height the search finds, and fixed, a surface that stays")
 

@@ -329,7 +329,7 @@ class ManufactureSection(Section):
     )
     wire_radius_mm: Millimetres = Field(
         default=0.15,
-        description="Radius of the wire that cuts the die of an extrusion: no place of a profile is rounder.",
+        description="Radius of the wire that cuts the die of an extrusion, the least convex radius of a profile.",
     )
     most_wall_ratio: Annotated[float, Field(ge=1.0, le=1e3)] | None = Field(
         default=None,

@@ -129,11 +129,10 @@ class BodyLight(PlaceLight):
 
 
 @dataclass(frozen=True)
-class BodyMean(PlaceLight):
+class BodyMean(BodyLight):
     """Mean light on a body."""
 
     words = "mean light on the body"
-    of_view = True
 
 
 @dataclass(frozen=True)

@@ -14,6 +14,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from functools import cache, cached_property, lru_cache
 from itertools import product
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
@@ -25,9 +26,9 @@ from lensforge.surfaces.reciprocal import ConeFace, ReciprocalSurface
 _Angles = Float[np.ndarray, " n"]
 _Meridian = Float[np.ndarray, "n 2"]  # r and z
 
-_COEFFICIENTS = 14  # of the wall: what it turns is along the axis to 1e-5 rad
-_BEYOND_RAD = 0.06  # the wall is known beyond the rays that it turns
-_ROOM = 1.4  # reach of a face over its farthest point: so gently is it continued that tables hold it up to the rim
+COEFFICIENTS = 14  # of the wall: what it turns is along the axis to 1e-5 rad
+BEYOND_RAD = 0.06  # the wall is known beyond the rays that it turns
+ROOM = 1.4  # reach of a face over its farthest point: so gently is it continued that tables hold it up to the rim
 _RAYS = 128  # of the estimated share: angles
 _PLACES = 8  # places along each side of the source
 _TRIED = 12  # values of cavity and cap in a scan
@@ -59,7 +60,7 @@ class Collimator:
                 f"collimator: index = {self.index:g}, draft = {self.draft_rad:g} rad, cavity = {self.cavity_mm:g} mm, "
                 f"cap = {self.cap_mm:g} mm: the index must be above 1, the draft 0 to 0.5, the lengths above 0"
             )
-        steepest = float(np.cos(0.5 * np.arccos(self._at_side(self._side_rays)[1][:, 1])).min())
+        steepest = float(np.cos(0.5 * np.arccos(self._at_side(self._side_rays).ways[:, 1])).min())
         if not (self.mirrored or steepest * self.index > 1.0):
             raise InputError(
                 f"collimator: index = {self.index:g}: the wall reflects totally from {1.0 / steepest:.4g} on; raise "
@@ -89,21 +90,21 @@ class Collimator:
 
     def wall(self, polar_rad: _Angles) -> _Meridian:
         """Points (r, z) of the wall (mm) that reflect light emitted at these angles from the axis."""
-        starts, ways, _ = self._at_side(polar_rad)
-        return starts + self._in_body(polar_rad)[:, None] * ways
+        side = self._at_side(polar_rad)
+        return side.points + self._in_body(polar_rad)[:, None] * side.ways
 
     @cached_property
     def faces(self) -> dict[str, ReciprocalSurface]:
         """The faces by name: ``cap``, ``side``, ``wall`` and ``exit``."""
-        crease = float(self._at_side(np.array([self.crease_rad]))[2][0])
-        inner = _ROOM * max(crease, self.cap_mm)
+        crease = float(self._at_side(np.array([self.crease_rad])).lengths_mm[0])
+        inner = ROOM * max(crease, self.cap_mm)
         cap = self.cap_mm * (self.index - 1.0)
         rim = float(np.hypot(self.radius_mm, self.height_mm))
         return {
             "cap": _linear(inner, -1.0 / cap, self.index / cap),
             "side": ConeFace(inner, self.cavity_mm, -float(np.tan(self.draft_rad))),
-            "wall": self._wall_face(_ROOM * rim),
-            "exit": _linear(_ROOM * rim, 0.0, 1.0 / self.height_mm),
+            "wall": self._wall_face(ROOM * rim),
+            "exit": _linear(ROOM * rim, 0.0, 1.0 / self.height_mm),
         }
 
     def share(self, half_angle_rad: float, side_mm: float) -> float:
@@ -113,56 +114,79 @@ class Collimator:
         """
         return share_within(self._mapped(), half_angle_rad, side_mm)
 
-    def _mapped(self) -> Iterator[tuple[_Angles, _Angles, float]]:
-        """Angles of the light through the cap, and through the side, and the radii (mm) at which all of it leaves."""
+    def _mapped(self) -> "Iterator[LeavingLight]":
+        """Light through the cap, and through the side."""
         inner = np.linspace(1e-3, self.crease_rad, _RAYS)
         cap = self.cap_mm * (self.index - 1.0) / (self.index * np.cos(inner) - 1.0)
-        yield inner, cap * np.sin(inner), 1.0
-        yield self._side_rays, self.wall(self._side_rays)[:, 0], 1.0
+        yield LeavingLight(inner, cap * np.sin(inner))
+        yield LeavingLight(self._side_rays, self.wall(self._side_rays)[:, 0])
 
     @cached_property
     def _side_rays(self) -> _Angles:
         return np.linspace(self.crease_rad, 0.5 * np.pi, _RAYS)
 
-    def _at_side(self, polar_rad: _Angles) -> tuple[_Meridian, _Meridian, Float[np.ndarray, " n"]]:
-        """Points (r, z) on the side, directions of the refracted light, and path lengths (mm) to it."""
-        ways = np.column_stack([np.sin(polar_rad), np.cos(polar_rad)])
-        normal = np.array([np.cos(self.draft_rad), np.sin(self.draft_rad)])
-        incident = ways @ normal
-        lengths = self.cavity_mm * np.cos(self.draft_rad) / incident
-        bent = np.sqrt(self.index**2 - 1.0 + incident**2) - incident
-        return lengths[:, None] * ways, (ways + bent[:, None] * normal) / self.index, lengths
+    def _at_side(self, polar_rad: _Angles) -> "SideCrossing":
+        return through_side(polar_rad, self.index, self.cavity_mm, self.draft_rad)
 
     def _in_body(self, polar_rad: _Angles) -> Float[np.ndarray, " n"]:
         """Lengths (mm) from the side to the wall for which all optical paths are as long as that of the rim."""
-        starts, ways, lengths = self._at_side(np.append(polar_rad, self.crease_rad))
+        starts, ways, lengths, _ = self._at_side(np.append(polar_rad, self.crease_rad))
         paths = lengths - self.index * starts[:, 1]
         rim = (self.radius_mm - starts[-1, 0]) / ways[-1, 0] * self.index * (1.0 - ways[-1, 1]) + paths[-1]
         return ((rim - paths) / (self.index * (1.0 - ways[:, 1])))[:-1]
 
     def _wall_face(self, reach_mm: float) -> ProfileFace:
-        points = self.wall(np.linspace(self.crease_rad - _BEYOND_RAD, 0.5 * np.pi + _BEYOND_RAD, 16 * _RAYS))
+        points = self.wall(np.linspace(self.crease_rad - BEYOND_RAD, 0.5 * np.pi + BEYOND_RAD, 16 * _RAYS))
         distances = np.hypot(points[:, 0], points[:, 1])
         cosines = points[:, 1] / distances
-        basis = ProfileBasis(float(cosines[-1]), float(cosines[0]), _COEFFICIENTS)
+        basis = ProfileBasis(float(cosines[-1]), float(cosines[0]), COEFFICIENTS)
         return ProfileFace(reach_mm, basis.low, basis.high, basis.nearest(cosines, 1.0 / distances))
 
 
-def share_within(
-    mapped: Iterable[tuple[_Angles, _Angles, _Angles | float]], half_angle_rad: float, side_mm: float
-) -> float:
+class SideCrossing(NamedTuple):
+    """Points (r, z) at which light meets the side of a cavity, directions in the body, path lengths and cosines."""
+
+    points: _Meridian
+    ways: _Meridian
+    lengths_mm: _Angles
+    cosines: _Angles
+
+
+def towards(polar_rad: _Angles) -> _Meridian:
+    """Unit vectors (r, z) at angles from the axis."""
+    return np.column_stack([np.sin(polar_rad), np.cos(polar_rad)])
+
+
+def through_side(polar_rad: _Angles, index: float, cavity_mm: float, draft_rad: float) -> SideCrossing:
+    """Refract light of a point at the origin at a cone of ``cavity_mm`` radius in z = 0 that closes upwards."""
+    incoming = towards(polar_rad)
+    normal = np.array([np.cos(draft_rad), np.sin(draft_rad)])
+    cosines = incoming @ normal
+    lengths = cavity_mm * np.cos(draft_rad) / cosines
+    bent = np.sqrt(index**2 - 1.0 + cosines**2) - cosines
+    return SideCrossing(lengths[:, None] * incoming, (incoming + bent[:, None] * normal) / index, lengths, cosines)
+
+
+class LeavingLight(NamedTuple):
+    """Light from angles to the axis, the radii (mm) at which it leaves, and the share that the faces transmit."""
+
+    polar_rad: _Angles
+    radii_mm: _Angles
+    passed: _Angles | float = 1.0
+
+
+def share_within(mapped: Iterable[LeavingLight], half_angle_rad: float, side_mm: float) -> float:
     """First-order share of a collimated square Lambertian source within a half angle of the axis.
 
-    ``mapped``: angles from the axis, the radii (mm) at which that light leaves, and the share of it that faces let
-    through. A source point offset by x in the
-    plane of a ray and by y across it turns the ray by ``x cos dtheta/dr`` and ``y sin / r`` at the radius r.
+    A source point offset by x in the plane of a ray and by y across it turns the ray by ``x cos dtheta/dr`` and
+    ``y sin / r`` at the radius r.
     """
     squares = side_mm**2 * _places_from_the_centre() ** 2
     total = 0.0
-    for polar, exits, passed in mapped:
-        by_polar = np.gradient(exits, polar)
+    for polar, radii, passed in mapped:
+        by_polar = np.gradient(radii, polar)
         along = np.cos(polar) / by_polar
-        across = np.sin(polar) / exits
+        across = np.sin(polar) / radii
         off = np.column_stack([along**2, across**2]) @ squares
         seen = np.mean(off < np.sin(half_angle_rad) ** 2, axis=1)
         total += float(np.trapezoid(passed * seen * np.sin(2.0 * polar), polar))

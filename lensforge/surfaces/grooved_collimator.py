@@ -22,7 +22,16 @@ from jaxtyping import Float
 
 from lensforge.errors import InputError
 from lensforge.optics.dielectric import fresnel_transmittances
-from lensforge.surfaces.collimator import share_within
+from lensforge.surfaces.collimator import (
+    BEYOND_RAD,
+    COEFFICIENTS,
+    ROOM,
+    LeavingLight,
+    SideCrossing,
+    share_within,
+    through_side,
+    towards,
+)
 from lensforge.surfaces.grooved_face import GroovedFace
 from lensforge.surfaces.profile import ProfileFace
 from lensforge.surfaces.reciprocal import ConeFace, ReciprocalSurface
@@ -31,9 +40,6 @@ _Angles = Float[np.ndarray, " n"]
 _Meridian = Float[np.ndarray, "n 2"]  # r and z
 
 _RAYS = 96  # of each path of the estimated share
-_COEFFICIENTS = 14
-_BEYOND_RAD = 0.06  # the wall is known beyond the rays that it turns
-_ROOM = 1.4  # reach of a face over its farthest point
 _GAP = 0.4  # of the side of the source: between the light of lens and ring, where they leave
 _STEP = 0.3  # of the side: height of the edge of the light of the lens over the ring, so that the groove lies beyond
 _STARTS = (0.25, 0.32, 0.4), (0.3, 0.4), (0.4, 0.6)  # cavity and cap over the height, and the cap's share of the turn
@@ -76,7 +82,8 @@ class GroovedCollimator:
     @cached_property
     def crease_rad(self) -> float:
         """Angle from the axis at which cap and side meet."""
-        low, high = 0.0, min(0.5 * np.pi, float(np.arccos(1.0 / self.index)) / self.turn) - 1e-6
+        low = 0.0
+        high = min(0.5 * np.pi, float(np.arccos(1.0 / self.index)) / self.turn) - 1e-6
         for _ in range(60):
             middle = 0.5 * (low + high)
             point = self._cap(np.array([middle]))[0]
@@ -87,8 +94,9 @@ class GroovedCollimator:
     @cached_property
     def radius_mm(self) -> float:
         """Radius of the rim, at which light through the crease meets the wall."""
-        points, ways, _ = self._at_side(np.array([self.crease_rad]))
-        return float(points[0, 0] + (self.height_mm - points[0, 1]) / ways[0, 1] * ways[0, 0])
+        side = self._at_side(np.array([self.crease_rad]))
+        (r, z), (across, up) = side.points[0], side.ways[0]
+        return float(r + (self.height_mm - z) / up * across)
 
     @cached_property
     def least_mm(self) -> dict[str, float]:
@@ -110,7 +118,7 @@ class GroovedCollimator:
 
         What faces reflect is left out, and what the wall lets through.
         """
-        mapped = ((path.polar_rad, path.exits[:, 0], path.passed) for path in self._paths)
+        mapped = (LeavingLight(path.polar_rad, path.exits[:, 0], path.passed) for path in self._paths)
         return share_within(mapped, half_angle_rad, side_mm)
 
     def faces(self, groove_mm: float) -> dict[str, ReciprocalSurface]:
@@ -120,12 +128,12 @@ class GroovedCollimator:
         """
         inner = self._paths[0].exits
         crease = self._cap(np.array([self.crease_rad]))[0]
-        cavity = _ROOM * max(float(np.hypot(*crease)), self.cap_mm)
-        reach = _ROOM * float(np.hypot(self.radius_mm, self.height_mm))
-        cap = self._cap(np.linspace(0.0, self.crease_rad + _BEYOND_RAD, 8 * _RAYS))
-        wall = self._wall(np.linspace(self.crease_rad - _BEYOND_RAD, 0.5 * np.pi + _BEYOND_RAD, 8 * _RAYS))
+        cavity = ROOM * max(float(np.hypot(*crease)), self.cap_mm)
+        reach = ROOM * float(np.hypot(self.radius_mm, self.height_mm))
+        cap = self._cap(np.linspace(0.0, self.crease_rad + BEYOND_RAD, 8 * _RAYS))
+        wall = self._wall(np.linspace(self.crease_rad - BEYOND_RAD, 0.5 * np.pi + BEYOND_RAD, 8 * _RAYS))
         lens = np.vstack([[[0.0, self.height_mm]], inner])
-        radii = np.linspace(0.5 * inner[-1, 0], _ROOM * self.radius_mm, 8 * _RAYS)
+        radii = np.linspace(0.5 * inner[-1, 0], ROOM * self.radius_mm, 8 * _RAYS)
         ring = np.column_stack([radii, self._ring_height(radii)])
         return {
             "cap": _through(cap, cavity),
@@ -140,13 +148,13 @@ class GroovedCollimator:
         polar = np.linspace(1e-3, self.crease_rad, _RAYS)
         lens = self._lens(polar)
         through_lens = self._passing(self.turn * polar) * self._passing((1.0 - self.turn) * polar)
-        _, ways, cosines = self._at_side(self._outer_rays)
+        side = self._at_side(self._outer_rays)
         wall = self._wall(self._outer_rays)
         up, upright = self._to_ring
         heights = (self._ring_height(wall[:, 0]) - wall[:, 1]) / (up[1] - self.slope * up[0])
         ring = wall + heights[:, None] * up
-        through_ring = self._transmitted(cosines) * self._transmitted(np.array([upright]))
-        reflects = self.mirrored | (self.index * np.sqrt(0.5 + 0.5 * ways @ up) > 1.0)
+        through_ring = self._transmitted(side.cosines) * self._transmitted(np.array([upright]))
+        reflects = self.mirrored | (self.index * np.sqrt(0.5 + 0.5 * side.ways @ up) > 1.0)
         return _Path(polar, lens, through_lens), _Path(self._outer_rays, ring, through_ring * reflects)
 
     @cached_property
@@ -166,31 +174,25 @@ class GroovedCollimator:
     def _cap(self, polar_rad: _Angles) -> _Meridian:
         turns = self.index * np.cos(self.turn * polar_rad) - 1.0
         distances = self.cap_mm * ((self.index - 1.0) / turns) ** (1.0 / self.turn)
-        return distances[:, None] * _towards(polar_rad)
+        return distances[:, None] * towards(polar_rad)
 
     def _lens(self, polar_rad: _Angles) -> _Meridian:
         """Points of the lens over the cap at which light emitted at these angles leaves: all its paths are as long."""
         points = self._cap(polar_rad)
-        ways = _towards((1.0 - self.turn) * polar_rad)
+        ways = towards((1.0 - self.turn) * polar_rad)
         on_axis = self.cap_mm + self.index * (self.height_mm - self.cap_mm) - self.height_mm
         lengths = (on_axis - np.hypot(*points.T) + points[:, 1]) / (self.index - ways[:, 1])
         return points + lengths[:, None] * ways
 
-    def _at_side(self, polar_rad: _Angles) -> tuple[_Meridian, _Meridian, _Angles]:
-        """Points (r, z) on the side, directions of the refracted light, and cosines of incidence."""
-        starts = _towards(polar_rad)
-        normal = np.array([np.cos(self.draft_rad), np.sin(self.draft_rad)])
-        incident = starts @ normal
-        bent = np.sqrt(self.index**2 - 1.0 + incident**2) - incident
-        lengths = self.cavity_mm * np.cos(self.draft_rad) / incident
-        return lengths[:, None] * starts, (starts + bent[:, None] * normal) / self.index, incident
+    def _at_side(self, polar_rad: _Angles) -> SideCrossing:
+        return through_side(polar_rad, self.index, self.cavity_mm, self.draft_rad)
 
     def _wall(self, polar_rad: _Angles) -> _Meridian:
         """Points of the wall that reflect light emitted at these angles: all their paths to the ring are as long."""
-        points, ways, _ = self._at_side(np.append(polar_rad, self.crease_rad))
+        points, ways, reached, _ = self._at_side(np.append(polar_rad, self.crease_rad))
         up = self._to_ring[0]
         rim = np.array([self.radius_mm, self.height_mm])
-        paths = np.hypot(*points.T) - self.index * (points - rim) @ up
+        paths = reached - self.index * (points - rim) @ up
         to_rim = paths[-1] + self.index * float(np.hypot(*(rim - points[-1]))) * (1.0 - ways[-1] @ up)
         lengths = (to_rim - paths) / (self.index * (1.0 - ways @ up))
         return (points + lengths[:, None] * ways)[:-1]
@@ -267,15 +269,11 @@ def best_grooved_collimator(
     return best
 
 
-def _towards(polar_rad: _Angles) -> _Meridian:
-    return np.column_stack([np.sin(polar_rad), np.cos(polar_rad)])
-
-
 def _through(points: _Meridian, reach_mm: float) -> ProfileFace:
     """The face of revolution through these points."""
     distances = np.hypot(*points.T)
     cosines = points[:, 1] / distances
     rising = np.argsort(cosines)
     known = cosines[rising], 1.0 / distances[rising]
-    low, high = float(cosines.min()), float(cosines.max())
-    return ProfileFace.fitted(lambda at: np.interp(at, *known), low, high, _COEFFICIENTS, reach_mm)
+    ends = float(cosines.min()), float(cosines.max())
+    return ProfileFace.fitted(lambda at: np.interp(at, *known), *ends, COEFFICIENTS, reach_mm)

@@ -28,15 +28,15 @@ _DETAIL = 1.6  # sigma over half of the band: tables of six nodes a sigma have f
 _SOUGHT = 2000  # cosines between which the groove is looked for
 
 
-def blended(one: Float[Array, " n"], other: Float[Array, " n"], band: Float[Array, ""] | float) -> Float[Array, " n"]:
+def blended(lens: Float[Array, " n"], ring: Float[Array, " n"], band: Float[Array, ""] | float) -> Float[Array, " n"]:
     """The lesser of two reciprocal radii (1/mm), blended where they differ by less than ``band``; differentiable.
 
     In NumPy or in torch.
     """
-    x = module_of(one).clip((one - other) / band, -1.0, 1.0)
+    x = module_of(lens).clip((lens - ring) / band, -1.0, 1.0)
     square = x**2
     rounded = (5.0 + square * (15.0 - square * (5.0 - square))) / 32.0 - 0.5 * abs(x)
-    return module_of(one).minimum(one, other) - band * rounded
+    return module_of(lens).minimum(lens, ring) - band * rounded
 
 
 @dataclass(frozen=True)
@@ -82,11 +82,12 @@ class GroovedFace(ReciprocalSurface):
 
     def reciprocal(self, directions: _Vectors) -> tuple[_Values, _Vectors]:
         """``1/rho``, that of the farther zone, and its gradient in space."""
-        (one, by_one), (other, by_other) = (zone.reciprocal(directions) for zone in (self.lens, self.ring))
-        x = np.clip((one - other) / self.band_per_mm, -1.0, 1.0)
-        of_one = 0.5 - x * (15.0 - x**2 * (10.0 - 3.0 * x**2)) / 16.0
-        slope = of_one[:, None] * by_one + (1.0 - of_one)[:, None] * by_other
-        return blended(one, other, self.band_per_mm), slope
+        lens, lens_slope = self.lens.reciprocal(directions)
+        ring, ring_slope = self.ring.reciprocal(directions)
+        x = np.clip((lens - ring) / self.band_per_mm, -1.0, 1.0)
+        lens_share = 0.5 - x * (15.0 - x**2 * (10.0 - 3.0 * x**2)) / 16.0
+        slope = lens_share[:, None] * lens_slope + (1.0 - lens_share)[:, None] * ring_slope
+        return blended(lens, ring, self.band_per_mm), slope
 
     def value(self, directions: _Vectors) -> _Values:
         """``1/rho`` of the farther zone."""
@@ -116,8 +117,8 @@ class Groove:
         share = ahead[first - 1] / (ahead[first - 1] - ahead[first])
         cosine = float(cosines[first - 1] + share * (cosines[first] - cosines[first - 1]))
         at = _towards(np.array([cosine]))
-        one, other = (-at[0, 0] * zone.reciprocal(at)[1][0, 2] for zone in (lens, ring))
-        return Groove(cosine, float(lens.value(at)[0]), float(0.5 * (one + other)), float(abs(one - other)))
+        of_lens, of_ring = (float(-at[0, 0] * zone.reciprocal(at)[1][0, 2]) for zone in (lens, ring))
+        return Groove(cosine, float(lens.value(at)[0]), 0.5 * (of_lens + of_ring), abs(of_lens - of_ring))
 
 
 def _towards(cosines: _Values) -> _Vectors:

@@ -16,7 +16,7 @@ from jaxtyping import Float
 
 from lensforge.errors import InputError
 from lensforge.seeds import sobol
-from lensforge.surfaces.collimator import share_within
+from lensforge.surfaces.collimator import LeavingLight, share_within
 from lensforge.surfaces.profile import FormedFace, ProfileBasis, ProfileFace, around
 from lensforge.surfaces.reciprocal import ConicFace, PlaneFace, ReciprocalSurface
 from lensforge.surfaces.srbf import SrbfBasis
@@ -78,7 +78,7 @@ class ParabolicCup:
         """
         rim = float(np.arctan2(self.rim_mm, self.height_mm))
         polar = np.linspace(rim, 0.5 * np.pi, _RAYS)
-        turned = [(polar, 2.0 * self.focal_mm / np.tan(0.5 * polar), 1.0)]
+        turned = [LeavingLight(polar, 2.0 * self.focal_mm / np.tan(0.5 * polar))]
         within = share_within(turned, half_angle_rad, side_mm)
         if least_rad == 0.0:
             return within

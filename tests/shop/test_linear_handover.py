@@ -16,7 +16,7 @@ from lensforge.errors import InputError
 from lensforge.light.light_facts import photometry_facts
 from lensforge.report.results import Results
 from lensforge.results import Fact
-from lensforge.shop import drawn_tables
+from lensforge.shop import point_tables
 from lensforge.shop.check import check_lens
 from lensforge.shop.check_facts import check_facts
 from lensforge.shop.datums import datum_scheme
@@ -168,10 +168,10 @@ def test_a_stated_spacing_is_kept_by_the_widest_cell(results: Results) -> None:
 
 def test_too_many_nodes_are_refused_by_the_profile_that_needs_them(results: Results, monkeypatch) -> None:
     """Around the inner one it is 9.7 mm, around the outer one 20."""
-    monkeypatch.setattr(drawn_tables, "MOST_POINTS", 500)
-    with pytest.raises(InputError, match=r"^spacing = 0.03 mm: the table of the outer profile would have 6"):
+    monkeypatch.setattr(point_tables, "MOST_POINTS", 500)
+    with pytest.raises(InputError, match=r"^spacing = 0.03 mm: the table of the outer face would have 6"):
         tables(results, GridRequest(spacing_mm=0.03))
-    with pytest.raises(InputError, match=r"^error = 0.01 nm: .* at most 500; give a larger error$"):
+    with pytest.raises(InputError, match=r"^error = 0.01 nm: .* at most 500; give a larger error, or bicubic interpolation$"):
         tables(results, GridRequest(error_nm=0.01, interpolation="linear"))
 
 
