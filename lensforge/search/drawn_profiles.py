@@ -36,7 +36,7 @@ class DrawnParameters(Parametrisation):
         """Parameters of the profiles of ``spec``, on a grid that resolves them."""
         faces = start_faces(spec)
         profiles = [face for face in faces.values() if isinstance(face, DrawnFace)]
-        with remedy("take a lower accuracy, or a smaller lens.profile"):
+        with remedy(f"take a lower accuracy, or {spec.lens.coarser}"):
             grid = grid_for(min(face.detail_rad for face in profiles), nodes_per_sigma)
         symmetry = spec.lens.symmetry
         symmetric = symmetry != "auto" and contains(symmetry, "mirror_x")

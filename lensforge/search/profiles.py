@@ -167,7 +167,7 @@ class ProfileParameters(Parametrisation):
                 parameters.append(_following(face, parameters[lens.body_names.index(leader)]))
             else:
                 parameters.append(_parameters(body, face.name, lens.profile, srbf))
-        with remedy("take a lower accuracy, or coarser lens.levels"):
+        with remedy(f"take a lower accuracy, or {lens.coarser}"):
             details = [surface.detail_rad for surface in start.values()]
             sigmas = [] if srbf is None else [level_sigma(count, srbf.sigma_c) for count in srbf.levels]
             grid, halvings = dyadic_grid([*sigmas, *details], max(nodes_per_sigma, _NODES_PER_SIGMA))

@@ -16,7 +16,7 @@ from math import ceil, inf, isfinite, sqrt
 import numpy as np
 from jaxtyping import Bool, Float
 
-from lensforge.errors import InputError
+from lensforge.errors import InputError, remedy
 from lensforge.kernels.fate import Fate
 from lensforge.light.lens_light import searched_source
 from lensforge.light.table_trace import Scene, TracedBundle, trace_tables
@@ -393,7 +393,8 @@ def image_rad(spec: Spec) -> float:
 
 def _shares_by_fate(spec: Spec, rays: RayBundle, start: Lens | None) -> dict[Fate, float]:
     surfaces = (start_faces(spec) if start is None else start.surfaces).values()
-    grid = grid_for(min(surface.detail_rad for surface in surfaces), _NODES_PER_SIGMA)
+    with remedy(f"take {spec.lens.coarser}"):
+        grid = grid_for(min(surface.detail_rad for surface in surfaces), _NODES_PER_SIGMA)
     scene = Scene.of_lens(spec.lens, spec.lens.media, grid)
     exits = trace_tables([tabulate(grid, surface) for surface in surfaces], scene, rays)
     by_fate = np.bincount(exits.fates, rays.flux, minlength=len(Fate)) / rays.flux.sum()
@@ -407,7 +408,8 @@ def _percent(share: float) -> str:
 def compile_search_kernels(spec: Spec) -> None:
     """Compile the trace of a search and its adjoint, by one ray: where that is done already, load them."""
     surfaces = start_faces(spec).values()
-    grid = grid_for(min(surface.detail_rad for surface in surfaces), _NODES_PER_SIGMA)
+    with remedy(f"take {spec.lens.coarser}"):
+        grid = grid_for(min(surface.detail_rad for surface in surfaces), _NODES_PER_SIGMA)
     scene = Scene.of_lens(spec.lens, spec.lens.media, grid, fresnel=spec.optimise.fresnel, single=True)
     rays = searched_source(spec).sample(1, _SEED)
     nothing = np.zeros((1, 3))

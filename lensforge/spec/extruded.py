@@ -110,6 +110,11 @@ class ExtrudedSection(ShellShape):
         return "extruded"
 
     @property
+    def coarser(self) -> str:
+        """Fewer coefficients of its profiles."""
+        return "a smaller lens.profile"
+
+    @property
     def basis(self) -> SrbfBasis:
         """The functions of form errors."""
         return SrbfBasis(_OF_ERRORS, self.sigma_c, self._own_symmetry)

@@ -121,6 +121,11 @@ class TirSection(ProfiledShape):
         return (stays and self.faces[face].fixed is None) or super().is_revolved(face)
 
     @property
+    def coarser(self) -> str:
+        """A wider groove, where there is one."""
+        return super().coarser if self.exit.groove_radius_mm is None else "a larger lens.exit.groove_radius_mm"
+
+    @property
     def begins_tailored(self) -> bool:
         """True for an exit with a groove."""
         return self.exit.groove_radius_mm is not None

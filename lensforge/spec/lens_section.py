@@ -205,6 +205,11 @@ class LensShape(OfSeveralKinds, LensMaterial):
         return lamps
 
     @property
+    def coarser(self) -> str:
+        """Advice for faces that are finer than tables resolve."""
+        return "coarser lens.levels"
+
+    @property
     def begins_tailored(self) -> bool:
         """True where the faces from which a search begins are near the best, so that long steps lead away from them."""
         return False

@@ -211,8 +211,8 @@ def test_the_error_of_the_mean_is_that_of_the_share_of_the_rays_that_land() -> N
 def test_patches_that_are_too_many_are_refused_in_a_line() -> None:
     with pytest.raises(InputError) as refusal:
         BodyPatches.of(BOX.changed(patch_mm=1e-2))
-    words = str(refusal.value)
-    assert "patch_mm = 0.01 cuts its surface into more than 524288 pieces; take a larger one" in words
+    message = str(refusal.value)
+    assert "patch_mm = 0.01 cuts its surface into more than 524288 pieces; take a larger one" in message
 
 
 LIMITS: list[tuple[dict[str, Any], str]] = [
@@ -225,8 +225,8 @@ LIMITS: list[tuple[dict[str, Any], str]] = [
 ]
 
 
-@pytest.mark.parametrize(("change", "words"), LIMITS)
-def test_a_limit_that_is_not_one_of_a_body_is_refused_in_a_line(change: dict[str, Any], words: str) -> None:
+@pytest.mark.parametrize(("change", "message"), LIMITS)
+def test_a_limit_that_is_not_one_of_a_body_is_refused_in_a_line(change: dict[str, Any], message: str) -> None:
     with pytest.raises(InputError) as refusal:
         small_spec(scene=[{**BOX.model_dump(exclude_unset=True)}], limits=[{**IRRADIANCE, "body": "box", **change}])
-    assert words in str(refusal.value) and "\n" not in str(refusal.value)
+    assert message in str(refusal.value) and "\n" not in str(refusal.value)

@@ -85,10 +85,10 @@ def test_the_derivative_of_the_merit_is_that_of_light_at_the_groove_too() -> Non
         return merit.terms[0].loss(light.images[0], False)
 
     step = 1e-3
-    found = (loss(weights + step * along) - loss(weights - step * along)).item() / (2.0 * step)
+    difference = (loss(weights + step * along) - loss(weights - step * along)).item() / (2.0 * step)
     moving = weights.clone().requires_grad_()
     loss(moving).backward()
-    assert float((moving.grad * along).sum()) == pytest.approx(found, rel=0.005)
+    assert float((moving.grad * along).sum()) == pytest.approx(difference, rel=0.005)
 
 
 def test_tables_have_the_derivatives_of_both_zones_and_of_the_offset_of_the_face() -> None:
@@ -104,11 +104,11 @@ def test_tables_have_the_derivatives_of_both_zones_and_of_the_offset_of_the_face
     for row in (4, 5, 9, 10):
         along = torch.zeros_like(weights)
         along[row, EXIT] = step
-        found = (summed(weights + along, offsets) - summed(weights - along, offsets)).item() / (2.0 * step)
-        assert found == pytest.approx(float(with_gradients[0].grad[row, EXIT]), rel=1e-5)
+        difference = (summed(weights + along, offsets) - summed(weights - along, offsets)).item() / (2.0 * step)
+        assert difference == pytest.approx(float(with_gradients[0].grad[row, EXIT]), rel=1e-5)
     along = step * torch.eye(4, dtype=torch.float64)[EXIT]
-    found = (summed(weights, offsets + along) - summed(weights, offsets - along)).item() / (2.0 * step)
-    assert found == pytest.approx(float(with_gradients[1].grad[EXIT]), rel=1e-5)
+    difference = (summed(weights, offsets + along) - summed(weights, offsets - along)).item() / (2.0 * step)
+    assert difference == pytest.approx(float(with_gradients[1].grad[EXIT]), rel=1e-5)
 
 
 def test_a_few_steps_gain_light_and_its_file_gives_it_back(tmp_path: Path) -> None:
@@ -123,7 +123,7 @@ def test_a_few_steps_gain_light_and_its_file_gives_it_back(tmp_path: Path) -> No
 
 
 @pytest.mark.parametrize(
-    ("changes", "words"),
+    ("changes", "message"),
     [
         (
             {"lens.profile": 11},
@@ -135,8 +135,8 @@ def test_a_few_steps_gain_light_and_its_file_gives_it_back(tmp_path: Path) -> No
         ({"lens.flange": {"diameter_mm": 24.0, "thickness_mm": 1.0}}, r"groove_radius_mm: a flange has no room yet"),
     ],
 )
-def test_what_a_groove_cannot_be_with_is_refused_in_one_line(changes: dict, words: str) -> None:
-    with pytest.raises(InputError, match=words):
+def test_what_a_groove_cannot_be_with_is_refused_in_one_line(changes: dict, message: str) -> None:
+    with pytest.raises(InputError, match=message):
         thin().replace(changes)
 
 
@@ -145,6 +145,12 @@ def test_a_groove_needs_a_height_and_room_in_it() -> None:
         start_faces(thin().replace({"constraints.max_height_mm": None}))
     with pytest.raises(InputError, match=r"leaves no room for cap, lens and ring"):
         start_faces(thin().replace({"constraints.max_height_mm": 2.0}))
+
+
+def test_a_groove_that_is_too_fine_for_tables_is_refused_with_the_field_to_raise() -> None:
+    too_fine = thin().replace({"lens.exit.groove_radius_mm": 1e-5})
+    with pytest.raises(InputError, match=r"narrowest function has .*; take a larger lens\.exit\.groove_radius_mm$"):
+        lf.design(too_fine, accuracy=FEW)
 
 
 def test_a_search_for_a_groove_starts_from_no_smooth_lens() -> None:

@@ -171,7 +171,9 @@ def test_too_many_nodes_are_refused_by_the_profile_that_needs_them(results: Resu
     monkeypatch.setattr(point_tables, "MOST_POINTS", 500)
     with pytest.raises(InputError, match=r"^spacing = 0.03 mm: the table of the outer face would have 6"):
         tables(results, GridRequest(spacing_mm=0.03))
-    with pytest.raises(InputError, match=r"^error = 0.01 nm: .* at most 500; give a larger error, or bicubic interpolation$"):
+    with pytest.raises(
+        InputError, match=r"^error = 0.01 nm: .* at most 500; give a larger error, or bicubic interpolation$"
+    ):
         tables(results, GridRequest(error_nm=0.01, interpolation="linear"))
 
 

@@ -32,12 +32,12 @@ def test_all_light_of_a_point_but_that_of_the_groove_leaves_along_the_axis(name:
     rays = upwards(20_000, 2)
     polar = np.arccos(rays.directions[:, 2])
     grid = TableGrid(801)
-    found = TracedBundle.of(tables_of(body, grid), Scene(clear(lens.index), grid, chain=body.chain(5)), rays)
-    last = found.met.max(axis=1, where=found.met >= 0, initial=-1) // 4
-    by_exit = (found.exits.fates == Fate.LEFT_LENS) & (last == list(SIDES).index("exit"))
+    traced = TracedBundle.of(tables_of(body, grid), Scene(clear(lens.index), grid, chain=body.chain(5)), rays)
+    last = traced.met.max(axis=1, where=traced.met >= 0, initial=-1) // 4
+    by_exit = (traced.exits.fates == Fate.LEFT_LENS) & (last == list(SIDES).index("exit"))
     by_cap = polar < lens.crease_rad
     kept = np.abs(polar - lens.crease_rad) > 0.02  # of the tables, at the crease and at the groove
-    aside = np.linalg.norm(found.exits.directions[:, :2], axis=1)
+    aside = np.linalg.norm(traced.exits.directions[:, :2], axis=1)
     assert by_exit[kept & by_cap].all() and by_exit[kept].mean() > 0.8, "a wall lets light near the horizon through"
     assert aside[by_exit & kept].max() < 3e-4
 
