@@ -2,7 +2,6 @@
 
 import gc
 import os
-import shutil
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -17,7 +16,7 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 import array_checks
 import pytest
 from addon_rows import addon_rows
-from made_once import fcntl, made_once
+from made_once import copied, fcntl, made_once
 from nightly import leave_out_by_day
 
 import lensforge
@@ -162,7 +161,7 @@ def _with_every_result(small_run: lensforge.Run, folder: Path) -> lensforge.Run:
 
     from lensforge.verbs import SENSITIVITY, STRAY, YIELD
 
-    shutil.copytree(small_run.folder, folder)
+    copied(small_run.folder, folder)
     STRAY.run(folder)
     SENSITIVITY.run(folder)
     with undrawn():

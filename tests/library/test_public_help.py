@@ -10,6 +10,7 @@ from dataclasses import fields, is_dataclass
 from pathlib import Path
 
 import pytest
+from made_once import copied
 from presets import FEW_STEPS
 
 import lensforge as lf
@@ -28,7 +29,7 @@ def test_the_example_of_a_verb_runs(
 ) -> None:
     """In a folder with the shipped specs, a run, and points measured on its part; drafts are of a few steps."""
     monkeypatch.chdir(tmp_path)
-    shutil.copytree(whole_run.folder, "cad_out/quickstart")
+    copied(whole_run.folder, "cad_out/quickstart")
     shutil.copy(whole_run.folder.with_name("cloud.csv"), "cloud.csv")
     Path("examples").symlink_to(examples)
     lines = doctest.DocTestParser().get_examples(inspect.getdoc(PUBLIC[name]) or "")

@@ -2,7 +2,6 @@
 
 import inspect
 import json
-import shutil
 import subprocess
 import sys
 from collections.abc import Callable
@@ -11,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from addon_rows import addon_rows
+from made_once import copied
 from matplotlib.axes import Axes
 from nightly import NIGHTLY, first_by_day
 from presets import FEW, WITH_TABLE_ERROR
@@ -104,7 +104,7 @@ def test_records_name_schema_version_and_inputs(whole_run: lf.Run) -> None:
 
 
 def test_results_of_another_lens_count_as_not_run(small_run: lf.Run, other: lf.Design, tmp_path: Path) -> None:
-    shutil.copytree(small_run.folder, tmp_path / "run")
+    copied(small_run.folder, tmp_path / "run")
     other.lens.save(tmp_path / "run" / "lens.json")
     mixed = lf.load(tmp_path / "run")
     assert mixed.missing == ["design", "evaluate", "export", "check", "verify", "photometry"]
@@ -209,7 +209,7 @@ def test_light_of_another_source_is_known_as_such(small_run: lf.Run) -> None:
 )
 def test_a_stage_that_is_run_again_mends_a_damaged_record(small_run: lf.Run, tmp_path: Path, damage: str) -> None:
     folder = tmp_path / "run"
-    shutil.copytree(small_run.folder, folder)
+    copied(small_run.folder, folder)
     if damage == "no JSON":
         (folder / "evaluate.json").write_text("{")
     elif damage == "other arrays":
@@ -229,7 +229,7 @@ def test_a_stage_that_is_run_again_mends_a_damaged_record(small_run: lf.Run, tmp
 
 def test_a_proof_without_its_part_counts_as_not_run(small_run: lf.Run, tmp_path: Path) -> None:
     folder = tmp_path / "run"
-    shutil.copytree(small_run.folder, folder)
+    copied(small_run.folder, folder)
     (folder / "export.json").unlink()
     assert "is missing" in lf.load(folder).outdated["verify"]
 

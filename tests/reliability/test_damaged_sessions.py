@@ -14,6 +14,7 @@ from random import Random
 
 import numpy as np
 import pytest
+from made_once import copied
 from nightly import scaled
 from one_line import require_line
 from test_hostile_folders import changed
@@ -79,7 +80,7 @@ def read(place: Path) -> None:
 @pytest.mark.nightly("minutes; by day folders and checkpoints have some of each")
 def test_a_damaged_session_is_read_or_refused_in_one_line(whole_run: lf.Run, tmp_path: Path) -> None:
     whole, place = whole_run.folder, tmp_path / "session"
-    shutil.copytree(whole, place)
+    copied(whole, place)
     used = 0
     for number in range(scaled(_CASES)):
         path = damage(whole, place, Random(f"session {number}"))

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from made_once import copied
 from nightly import first_by_day
 
 import lensforge as lf
@@ -78,7 +79,7 @@ def test_a_stream_that_fails_costs_one_line_at_most(
 
 @pytest.mark.nightly("ten seconds; by day a conversion does")
 def test_a_stage_whose_reader_has_left_does_all_its_work(small_run: lf.Run, tmp_path: Path) -> None:
-    folder = Path(shutil.copytree(small_run.folder, tmp_path / "copy"))
+    folder = copied(small_run.folder, tmp_path / "copy")
     (folder / "evaluate.json").unlink()
     (folder / "report.html").unlink()  # which would be drawn again
     done = shell(f"lensforge evaluate {folder} | true", tmp_path)
@@ -153,7 +154,7 @@ def test_only_own_pages_are_overwritten(content: bytes, ours: bool, tmp_path: Pa
 def test_commands_leave_the_pages_of_others_alone(
     small_run: lf.Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    folder = Path(shutil.copytree(small_run.folder, tmp_path / "copy"))
+    folder = copied(small_run.folder, tmp_path / "copy")
     for path in (folder / "report.html", tmp_path / "compare.html"):
         path.write_text("<title>Offer</title>", encoding="utf-8")
     with pytest.raises(InputError, match="move it away"):
@@ -206,7 +207,7 @@ COMMANDS = (
 @pytest.mark.parametrize("command", first_by_day(1, COMMANDS, "ten seconds each"))
 def test_a_full_disk_is_one_line_and_old_files_stay(command: str, small_run: lf.Run, tmp_path: Path) -> None:
     """A limit on the size of files instead of a disk: each write beyond it fails, in every library."""
-    folder, temporary = Path(shutil.copytree(small_run.folder, tmp_path / "copy")), tmp_path / "tmp"
+    folder, temporary = copied(small_run.folder, tmp_path / "copy"), tmp_path / "tmp"
     temporary.mkdir()
     before = {path.name: path.read_bytes() for path in folder.iterdir()}
     name, *options = command.split()

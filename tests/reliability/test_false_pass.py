@@ -14,6 +14,7 @@ from typing import Any
 
 import pytest
 from addon_rows import addon_rows
+from made_once import copied
 from nightly import first_by_day
 
 import lensforge as lf
@@ -84,7 +85,7 @@ VALUES: dict[str, tuple[str | None, str, float | None]] = {
 @pytest.fixture
 def folder(whole_run: lf.Run, tmp_path: Path) -> Path:
     """A copy of a whole result folder."""
-    return Path(shutil.copytree(whole_run.folder, tmp_path / "run"))
+    return copied(whole_run.folder, tmp_path / "run")
 
 
 def record_in(folder: Path, stem: str) -> dict[str, Any]:

@@ -6,7 +6,6 @@ Flipped bits, numbers at their bounds, pieces that are cut, repeated or moved. L
 import io
 import random
 import re
-import shutil
 import warnings
 from collections.abc import Callable, Iterator
 from functools import cache
@@ -15,6 +14,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
+from made_once import copied
 from nightly import scaled
 from one_line import require_line
 from picture_files import numbers, png, tiff
@@ -189,7 +189,7 @@ def test_a_changed_file_is_read_or_refused_in_one_line(name: str, tmp_path: Path
 
 def test_a_changed_result_is_read_or_refused_in_one_line(whole_run: lf.Run, tmp_path: Path) -> None:
     """Records, arrays and parts of a whole folder; what is accepted is what was written."""
-    folder = Path(shutil.copytree(whole_run.folder, tmp_path / "run"))
+    folder = copied(whole_run.folder, tmp_path / "run")
     before = lf.load(folder)
     for path in sorted(path for path in folder.iterdir() if path.suffix in (".json", ".npz", ".step", ".stl", ".3mf")):
         content = path.read_bytes()

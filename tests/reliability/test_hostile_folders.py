@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from made_once import copied
 from nightly import scaled
 from refusals import one_line
 
@@ -132,9 +133,9 @@ CHANGES: tuple[Callable[[Path, Chance], None], ...] = (
 def made(whole: Path, place: Path, chance: Chance) -> Path:
     """A folder with one to three changes."""
     shutil.rmtree(place, ignore_errors=True)
-    shutil.copytree(whole, place, copy_function=os.link, symlinks=True)
+    copied(whole, place, copy_function=os.link, symlinks=True)
     for _ in range(chance.randint(1, 3)):
-        names = sorted(path.name for path in whole.iterdir())
+        names = sorted(path.name for path in place.iterdir())
         name = chance.choice(names if chance.random() < 0.7 else _NAMES)
         chance.choice(CHANGES)(place / name, chance)
     if chance.random() < 0.3:

@@ -13,6 +13,7 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 from kills import default_signals
+from made_once import copied
 from nightly import first_by_day
 from scenes import small_spec
 
@@ -199,8 +200,9 @@ def test_an_early_ctrl_c_advises_nothing_that_is_not_there(seconds: float, tmp_p
 
 
 @pytest.mark.nightly("ten seconds")
-def test_ctrl_c_while_nearest_points_are_searched_is_no_crash(small_run: lf.Run) -> None:
+def test_ctrl_c_while_nearest_points_are_searched_is_no_crash(small_run: lf.Run, tmp_path: Path) -> None:
     """It was a segmentation fault with the threads of ``cKDTree.query``."""
+    folder = copied(small_run.folder, tmp_path / "copy")
     done = script(
         f"""
         import os, signal, sys, threading
@@ -211,7 +213,7 @@ def test_ctrl_c_while_nearest_points_are_searched_is_no_crash(small_run: lf.Run)
             while True:
                 search(arguments[0].copy(), *arguments[1:])
         cutter._shrink = interrupted
-        sys.argv = ["lensforge", "check", {str(small_run.folder)!r}]
+        sys.argv = ["lensforge", "check", {str(folder)!r}]
         from lensforge.cli.cli import main
         main()
         """,
@@ -228,9 +230,8 @@ MOMENTS = [(command, moment) for command in ("check", "export", "verify", "repor
 def test_ctrl_c_at_any_moment_is_one_line_and_leaves_nothing(
     command: str, moment: int, small_run: lf.Run, tmp_path: Path
 ) -> None:
-    import shutil
 
-    folder, temporary = shutil.copytree(small_run.folder, tmp_path / "copy"), tmp_path / "tmp"
+    folder, temporary = copied(small_run.folder, tmp_path / "copy"), tmp_path / "tmp"
     temporary.mkdir()
     process = started(command, folder, env={**os.environ, "TMPDIR": str(temporary)}, cwd=tmp_path)
     time.sleep(0.7 + 0.6 * moment)

@@ -5,7 +5,6 @@ that is not fails, and says why.
 """
 
 import io
-import shutil
 from collections.abc import Callable
 from pathlib import Path
 from zipfile import ZipFile
@@ -14,6 +13,7 @@ import cadquery as cq
 import pytest
 import trimesh
 from click.testing import CliRunner
+from made_once import copied
 from nightly import first_by_day
 
 import lensforge as lf
@@ -27,7 +27,7 @@ NOTE = "{} is not the file that was exported: judged by its geometry and light"
 
 @pytest.fixture
 def folder(small_run: lf.Run, tmp_path: Path) -> Path:
-    return Path(shutil.copytree(small_run.folder, tmp_path / "run"))
+    return copied(small_run.folder, tmp_path / "run")
 
 
 def rewritten_step(folder: Path, change: Callable[[cq.Shape], cq.Shape], unit: str = "MM") -> None:

@@ -1,7 +1,6 @@
 """The command line as a user meets it: a process, its exit code, one line for every mistake."""
 
 import json
-import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -9,6 +8,7 @@ from pathlib import Path
 import pytest
 import torch
 from in_this_process import lensforge
+from made_once import copied
 from scenes import small_spec
 
 import lensforge as lf
@@ -43,7 +43,7 @@ def test_a_design_leaves_every_file(small_run: lf.Run) -> None:
 @pytest.mark.usefixtures("undrawn")
 def test_single_stages_run_again(small_run: lf.Run, tmp_path: Path) -> None:
     folder = tmp_path / "again"
-    shutil.copytree(small_run.folder, folder)
+    copied(small_run.folder, folder)
     own_light, page = (folder / "evaluate.json").read_bytes(), (folder / "report.html").stat().st_mtime_ns
     done = lensforge("evaluate", folder, "--rays", 2048, "--pixels", 8, "--json")
     assert done.code == 0, done.stderr

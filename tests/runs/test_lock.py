@@ -13,6 +13,7 @@ from pathlib import Path
 
 import pytest
 from addon_rows import addon_rows
+from made_once import copied
 from scenes import small_spec
 
 import lensforge as lf
@@ -136,7 +137,8 @@ def test_a_folder_whose_name_no_disk_takes_is_said_by_who_reads_it(tmp_path: Pat
 
 
 def test_every_stage_that_writes_locks_and_reading_does_not(small_run: lf.Run, tmp_path: Path) -> None:
-    folder = small_run.folder
+    folder = copied(small_run.folder, tmp_path / "copy")
+    stored = lf.load(folder)
     calls = {
         "run": lambda: lf.run(small_spec(), folder),
         "evaluate": lambda: EVALUATE.run(folder),
@@ -158,7 +160,7 @@ def test_every_stage_that_writes_locks_and_reading_does_not(small_run: lf.Run, t
             with pytest.raises(InputError) as caught:
                 call()
             assert "in use by process" in str(caught.value), name
-        assert lf.load(folder) == small_run
+        assert lf.load(folder) == stored
     with locked(folder):  # the holder was killed
         pass
     assert not (folder / LOCK_FILE).exists()

@@ -1,12 +1,12 @@
 """A command reads each file of its folder once, and what it then writes is kept in memory."""
 
-import shutil
 from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 from click.testing import CliRunner
+from made_once import copied
 from nightly import first_by_day
 
 import lensforge as lf
@@ -40,7 +40,7 @@ def test_one_command_reads_each_record_once(
     command: str, small_run: lf.Run, tmp_path: Path, read: Counter[str]
 ) -> None:
     """With a report beside them, which is written again at the end."""
-    folder = Path(shutil.copytree(small_run.folder, tmp_path / "copy"))
+    folder = copied(small_run.folder, tmp_path / "copy")
     before = (folder / "report.html").stat().st_mtime_ns
     name, *options = command.split()
     done = CliRunner().invoke(cli, [name, str(folder), *options])

@@ -9,6 +9,7 @@ from typing import Any, cast
 
 import pytest
 import torch
+from made_once import copied
 from rich.console import Console
 from scenes import small_spec
 
@@ -68,7 +69,7 @@ def test_one_thread_and_two_make_the_same_files(
     """
     monkeypatch.setattr("lensforge.proof.sandboxed_casts._cast_in_child", None)
     told = in_a_copy(small_run, tmp_path / "two", threads=2)
-    shutil.copytree(small_run.folder, tmp_path / "one")
+    copied(small_run.folder, tmp_path / "one")
     assert [name for what, name in told if what == "begins"] == ["export", "evaluate", "photometry", "check", "verify"]
     assert sorted(name for what, name in told if what == "ended") == sorted(LATER)
     assert told.index(("ended", "evaluate")) < told.index(("ended", "export")), "beside it"
@@ -96,7 +97,7 @@ def test_on_one_thread_a_stage_begins_when_the_one_before_it_has_ended(
 
 
 def test_light_takes_all_threads_that_the_second_process_leaves(
-    small_run: lf.Run, monkeypatch: pytest.MonkeyPatch
+    small_run: lf.Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     seen: list[tuple[str, int]] = []
     part, check = small_run.part, small_run.check
@@ -120,13 +121,13 @@ def test_light_takes_all_threads_that_the_second_process_leaves(
     for verb, result in (("evaluate", small_run.light), ("photometry", None), ("verify_with", small_run.proof)):
         monkeypatch.setattr(f"lensforge.report.pipeline.{verb}", in_place_of(verb, result))
     monkeypatch.setattr(RunFolder, "write", lambda _, result: result)
-    with opened(small_run.folder) as here:
+    with opened(copied(small_run.folder, tmp_path / "copy")) as here:
         pipeline._side_by_side(here, Listener(), cast(ChildPool, second), threads=3)
     assert seen == [("evaluate", 2), ("photometry", 3), ("verify_with", 2)]
 
 
 def test_the_seconds_of_the_whole_command_stay_until_the_next_design(small_run: lf.Run, tmp_path: Path) -> None:
-    folder = Path(shutil.copytree(small_run.folder, tmp_path / "copy"))
+    folder = copied(small_run.folder, tmp_path / "copy")
     whole = small_run.seconds
     assert whole is not None and whole > max(small_run.design.seconds, small_run.part.seconds)
     RunFolder(folder).write(small_run.light)

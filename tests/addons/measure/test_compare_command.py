@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 from in_this_process import lensforge
+from made_once import copied
 from measured_lenses import lens, probed
 from PIL import Image
 
@@ -134,6 +135,6 @@ def test_a_corner_is_two_numbers(folder: Path) -> None:
     assert "column,row" in done.output
 
 
-def test_a_comparison_with_nothing_is_refused_in_the_words_of_the_command(small_run: lf.Run) -> None:
-    result = lensforge("compare", small_run.folder)
+def test_a_comparison_with_nothing_is_refused_in_the_words_of_the_command(small_run: lf.Run, tmp_path: Path) -> None:
+    result = lensforge("compare", copied(small_run.folder, tmp_path / "copy"))
     assert result.code == 2 and "--on PHOTO" in result.stderr and "--points FILE --surface FACE" in result.stderr
