@@ -47,7 +47,7 @@ def rows() -> Iterator[str]:
     yield f"| package | emits, flux | {' | '.join(f'{beam_deg:g}°' for beam_deg in BEAMS_DEG)} |"
     yield "|---|---|" + "---|" * len(BEAMS_DEG)
     for name, package in led_packages().items():
-        yield f"| {name} | {package.words} | {' | '.join(map(_digits, smallest_radii_mm(package)))} |"
+        yield f"| {name} | {package.phrase} | {' | '.join(map(_digits, smallest_radii_mm(package)))} |"
 
 
 def filled(page: str) -> str:

@@ -27,8 +27,8 @@ else:
 
     def __getattr__(name: str) -> object:
         """Load the whole library when its first name is used: NumPy and pydantic alone take 0.2 s."""
-        own = os.path.join(os.path.dirname(__file__), name)  # noqa: PTH118, PTH120  pathlib would take time to load
-        if os.path.exists(own) or os.path.exists(own + ".py"):  # noqa: PTH110
+        path = os.path.join(os.path.dirname(__file__), name)  # noqa: PTH118, PTH120  pathlib would take time to load
+        if os.path.exists(path) or os.path.exists(path + ".py"):  # noqa: PTH110
             raise AttributeError(name)  # a module of the package: it has to be imported explicitly
         try:
             from lensforge.verbs import NAMES, UNLISTED, public_names

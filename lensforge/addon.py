@@ -59,11 +59,11 @@ def addons() -> tuple[Addon, ...]:
 @cache
 def usable_addons() -> tuple[Addon, ...]:
     """All but those that cannot be used: of these spec and records have no fields, and who asks for more is refused."""
-    found = [*_shipped()]
+    addons = [*_shipped()]
     for point in entry_points(group=GROUP):
         with suppress(InputError):
-            found.append(_installed(point))
-    return tuple(found)
+            addons.append(_installed(point))
+    return tuple(addons)
 
 
 def absent_tables() -> dict[str, str]:

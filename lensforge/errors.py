@@ -90,13 +90,13 @@ def remedy(advice: str) -> Iterator[None]:
 
 
 @contextmanager
-def refused(where: object, words: str, *causes: type[Exception]) -> Iterator[None]:
+def refused(where: object, message: str, *causes: type[Exception]) -> Iterator[None]:
     """Raise an :class:`InputError` for one of the ``causes`` inside the block: ``words`` on ``where``, … the cause."""
     try:
         yield
     except causes as error:
         cause = " ".join(str(getattr(error, "strerror", None) or error).split())
-        raise InputError(f"{where}: {words.replace('…', cause)}") from None
+        raise InputError(f"{where}: {message.replace('…', cause)}") from None
 
 
 _MOST_CHARACTERS = 80  # of a value in a message

@@ -32,7 +32,7 @@ class StarTarget(ShapeTarget):
     """A star of round points: its rim lies ``radius (1 + cos(points azimuth)) / 2`` from its centre."""
 
     needs: ClassVar[tuple[str, ...]] = ("radius",)
-    words: ClassVar[str] = "star of {0.points} points, {radius} long"
+    phrase: ClassVar[str] = "star of {0.points} points, {radius} long"
 
     kind: Literal["star"] = "star"
     points: Annotated[int, Field(ge=3, le=12)] = 5
@@ -52,7 +52,7 @@ class StarTarget(ShapeTarget):
 class RingSource(PlanarSource):
     """A uniform ring about the axis."""
 
-    words: ClassVar[str] = "{0.outer_mm:g} mm ring source"
+    phrase: ClassVar[str] = "{0.outer_mm:g} mm ring source"
 
     kind: Literal["ring"] = "ring"
     inner_mm: Millimetres
@@ -100,7 +100,7 @@ def _(section: RingSource, random: np.random.Generator, count: int) -> np.ndarra
 class GableReceiver(ReceiverSection):
     """A roof of two slopes over the lens, its ridge along y, unfolded."""
 
-    words: ClassVar[str] = "on a gable at {0.ridge_mm:g} mm"
+    phrase: ClassVar[str] = "on a gable at {0.ridge_mm:g} mm"
     facing: ClassVar[Vector] = (0.0, 0.0, 1.0)
 
     kind: Literal["gable"] = "gable"

@@ -198,7 +198,7 @@ def _polygon(face: DrawnFace) -> _Points:
 
 def _chord_mm(face: DrawnFace, polygon: _Points) -> float:
     """Largest distance (mm) of the middles of a polygon's sides from its profile."""
-    middles = np.array([0.5 * (one + other) for one, other in pairwise(polygon)])
+    middles = np.array([0.5 * (start + end) for start, end in pairwise(polygon)])
     flat = np.insert(middles, 1, 0.0, axis=1)
     radius = np.linalg.norm(flat, axis=1)
     ways = flat / radius[:, None]

@@ -195,7 +195,7 @@ def _run(interrupts: Interrupts, arguments: Sequence[str] | None) -> int:
         return int(end.code or 0)
     except BaseException as error:
         if interrupts.received is not None or isinstance(error, _Interrupted | KeyboardInterrupt | click.Abort):
-            return _say(interrupts.words, interrupts.exit_code)  # whatever a library made of it
+            return _say(interrupts.line, interrupts.exit_code)  # whatever a library made of it
         return _failure(error.__cause__ if isinstance(error, _CutShort) and error.__cause__ else error)
     return 0
 

@@ -40,8 +40,8 @@ class Interrupts:
         self._before: dict[int, Any] = {}
 
     @property
-    def words(self) -> str:
-        """Words for the user: the end, and how to continue, only where there is something to continue from."""
+    def line(self) -> str:
+        """Line for the user: the end, and how to continue, only where there is something to continue from."""
         cause = "interrupted" if self.received is None else _WORDS[self.received.name]
         if self.resumable is None:
             return cause

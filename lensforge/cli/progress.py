@@ -265,9 +265,9 @@ class PartsProgress:
         """Keywords by which the verb of ``stage`` is heard; only the yield has stages of its own."""
         return {"progress": self.on_parts, **({"announce": self.on_stage} if stage == "yield" else {})}
 
-    def on_stage(self, words: str) -> None:
+    def on_stage(self, announced: str) -> None:
         """Begin a stage; "budget: 2 of 20, source height" is a part of "budget"."""
-        stage, _, self._detail = words.partition(": ")
+        stage, _, self._detail = announced.partition(": ")
         if stage != self._stage:
             self._clock.begin(stage)
             self._stage = stage

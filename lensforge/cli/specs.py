@@ -144,8 +144,8 @@ def _suitable(advice: "LensAdvice") -> tuple[str, str]:
         return kind
 
     if _at_terminal():
-        return _asked("--lens", f"kind of lens, one of {kinds} ({advice.words})", chosen, advice.advised), ""
-    return advice.advised, f"lensforge: lens: {advice.words}; {advice.why}; --lens selects another"
+        return _asked("--lens", f"kind of lens, one of {kinds} ({advice.phrase})", chosen, advice.advised), ""
+    return advice.advised, f"lensforge: lens: {advice.phrase}; {advice.why}; --lens selects another"
 
 
 def _asked(option: str, question: str, read: Callable[[str], Any], default: str | None = None) -> Any:

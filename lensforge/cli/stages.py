@@ -69,8 +69,8 @@ def _run(
         with StageClock(stage.name, quiet=output.quiet) as clock:
             heard = PartsProgress(clock, stage.counts).heard(stage.name) if stage.counts else {}
             results: list[StageResult] = [stage.run_in(here, **options, **heard)]
-            for words in (*getattr(results[0], "notes", ()), *getattr(results[0], "warnings", ())):
-                clock.warn(words)
+            for line in (*getattr(results[0], "notes", ()), *getattr(results[0], "warnings", ())):
+                clock.warn(line)
             if stray:
                 clock.begin("stray light")
                 results.append(STRAY.run_in(here, base=base, **options))

@@ -47,7 +47,7 @@ def judged(limit: LightLimit | IntensityLimit, receiver: str, value: Metric) -> 
     ``value``: at the deciding place, the one with the least or the most light.
     """
     given: dict[str, Any] = {"sense": limit.sense, "limit": float(limit.bound), "place": receiver}
-    fact = Fact.measured(limit.name, limit.name, value, limit.quantity.words, **given)
+    fact = Fact.measured(limit.name, limit.name, value, limit.quantity.phrase, **given)
     return replace(fact, unit=limit.unit)
 
 
@@ -57,7 +57,7 @@ def stated_figures(
     """Figures of the filtered pictures of flux (W) of every replicate, one stack for each receiver."""
     for reading in readings:
         value = limit_value(reading, images[reading.receiver])
-        fact = Fact.measured(reading.name, reading.name, value, reading.quantity.words, place=names[reading.receiver])
+        fact = Fact.measured(reading.name, reading.name, value, reading.quantity.phrase, place=names[reading.receiver])
         yield replace(fact, unit=reading.unit)
 
 

@@ -323,14 +323,14 @@ class LedStudy:
     @property
     def _limit_names(self) -> list[str]:
         judged = self.designed_light.limits
-        found = list[str]()
+        names = list[str]()
         plain = [self._plain(number, limit) for number, limit in enumerate(judged)]
         sides = [f"{name} ({_SIDES[limit.sense]})" for name, limit in zip(plain, judged, strict=True)]
         for number, (name, side) in enumerate(zip(plain, sides, strict=True)):
             alike = sides[:number].count(side)  # limits may share their name
             label = side if plain.count(name) > 1 else name
-            found.append(f"{self.prefix}{label} {alike + 1}" if alike else f"{self.prefix}{label}")
-        return found
+            names.append(f"{self.prefix}{label} {alike + 1}" if alike else f"{self.prefix}{label}")
+        return names
 
     def _plain(self, number: int, limit: Fact) -> str:
         """Name and quantity of a limit; those of the colour are the same on each of several receivers."""

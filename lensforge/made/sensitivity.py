@@ -79,15 +79,15 @@ def single_errors(study: PartStudy, factor: Factor) -> Iterator[SingleError]:
     lamps = len(study.lamps)
     if factor.kind == "field":
         shapes = {number: {factor.name: _shape(kind, factor)} for kind in study.kinds for number in kind.numbers}
-        yield SingleError(factor.words, amount, unit, tuple(shapes[number] for number in range(lamps)))
+        yield SingleError(factor.phrase, amount, unit, tuple(shapes[number] for number in range(lamps)))
         return
-    ends = [(factor.words, amount, [1.0])]
+    ends = [(factor.phrase, amount, [1.0])]
     if factor.kind != "one-sided" and factor.numbers == 1:
-        ends.append((factor.words, -amount, [-1.0]))
+        ends.append((factor.phrase, -amount, [-1.0]))
     elif factor.numbers > 1:
         preposition = "about" if factor.name.endswith("_deg") else "in"
         axes = {"x": [1.0, 0.0], "y": [0.0, 1.0]}
-        ends = [(f"{factor.words} {preposition} {axis}", amount, numbers) for axis, numbers in axes.items()]
+        ends = [(f"{factor.phrase} {preposition} {axis}", amount, numbers) for axis, numbers in axes.items()]
     for name, value, numbers in ends:
         end = {factor.name: amount * factor.to_internal * np.array(numbers)}
         yield SingleError(name, value, unit, (end,) * lamps)

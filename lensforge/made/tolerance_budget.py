@@ -165,9 +165,9 @@ def budget(
     passes = np.asarray((excess <= 0.0).all(axis=1))
     rows = list[BudgetRow]()
     for number, factor in enumerate(factors, start=1):
-        announce(f"budget: {number} of {len(factors) + 1}, {factor.words}")
+        announce(f"budget: {number} of {len(factors) + 1}, {factor.phrase}")
         search = ScaleSearch(parts, [factor.name], wanted, _endangered(parts, excess, [factor]), {1.0: passes})
-        rows.append(_row(search, factor.name, factor.words, factor.unit, factor.amount))
+        rows.append(_row(search, factor.name, factor.phrase, factor.unit, factor.amount))
     announce(f"budget: {len(factors) + 1} of {len(factors) + 1}, all tolerances together")
     names = [factor.name for factor in factors]
     search = ScaleSearch(parts, names, wanted, _endangered(parts, excess, factors), {1.0: passes})

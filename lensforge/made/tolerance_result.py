@@ -402,7 +402,7 @@ class ToleranceAmount(Record):
         """The tolerance of ``factor``."""
         return ToleranceAmount(
             name=factor.name,
-            words=factor.words,
+            words=factor.phrase,
             unit=factor.unit,
             amount=factor.amount,
             distribution=FIELD if factor.kind == "field" else factor.distribution,

@@ -62,7 +62,10 @@ def contributions(draws: Draws, values: Float[np.ndarray, " n"], noise: float) -
         share = _metric(by_factor / total)
         causes.append(
             CauseShare(
-                tolerance=factor.name, words=factor.words, share=share.value, standard_error=share.standard_error or 0.0
+                tolerance=factor.name,
+                words=factor.phrase,
+                share=share.value,
+                standard_error=share.standard_error or 0.0,
             )
         )
     causes.sort(key=lambda cause: cause.rank)
@@ -344,7 +347,7 @@ def _table(study: PartStudy, measured: Float[np.ndarray, "n m 2"]) -> tuple[tupl
 def _of_lamps(study: PartStudy) -> str:
     spec = study.recipe.lens.spec
     columns, rows = periods_of(study.recipe.lens.spec)
-    common = "; ".join(factor.words for factor in study.factors if factor.name in study.draws.common) or "nothing"
+    common = "; ".join(factor.phrase for factor in study.factors if factor.name in study.draws.common) or "nothing"
     piece = "board" if spec.plate is None else "plate"
     if spec.all_lamps.period_mm is not None:
         piece = f"{piece} of {columns} × {rows} periods of the lattice, repeated without end,"
@@ -365,7 +368,7 @@ def _notes(study: PartStudy, metrics: dict[str, MetricSpread]) -> tuple[str, ...
         notes.append(f"each part is measured with every LED ({names}), whose place, size and flux are off alike")
     for name, error in study.kinds[0].maker.errors.items():
         if error.slope > 0.0 and study.spec.part_tolerances.given(name) is not None:  # nobody has chosen a preset's
-            factor_name = next(factor.words for factor in study.factors if factor.name == name)
+            factor_name = next(factor.phrase for factor in study.factors if factor.name == name)
             notes.append(f"{factor_name}: finer parts than the tables resolve are taken as roughness")
     for bound in study.bounds:
         spread = metrics[bound.metric]

@@ -276,7 +276,7 @@ def task(spec: Spec) -> str:
     else:
         lit = _wanted_light(spec)
     leds = " or ".join(dict.fromkeys(source.title for source in spec.each_source))
-    return f"{leds} · {body} · {lit}{spec.all_lamps.words}"
+    return f"{leds} · {body} · {lit}{spec.all_lamps.phrase}"
 
 
 def _fixed(lens: LensShape) -> str:

@@ -81,7 +81,7 @@ def _context(results: Results, folder: Path | None, beside: bool) -> dict[str, o
         "search_end": None if design is None else design.ended,
         "times": headline.times(results),
         "facts": _facts(results),
-        "left_by_tool": results.spec.manufacture.making.words.left,
+        "left_by_tool": results.spec.manufacture.making.terms.left,
         "far_proof": proof is not None and any(receiver.far_field for receiver in proof.receivers),
         "photometry": _photometry_sentence(results),
         "first": pictures.pop("first"),

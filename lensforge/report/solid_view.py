@@ -169,15 +169,15 @@ def _draw_views(folder: Path, mesh: Any, shaded: Any, optics_radius_mm: float, v
     renderer.AddActor(solid)
     for name, view in views.items():
         cut = [_actor(_cap(mesh, plane), _CUT)] if view.cut else []
-        for each in cut:
-            each.GetProperty().LightingOff()
-            renderer.AddActor(each)
+        for cap in cut:
+            cap.GetProperty().LightingOff()
+            renderer.AddActor(cap)
             solid.GetMapper().AddClippingPlane(plane)
         _aim(renderer, mesh, view, optics_radius_mm)
         _save(window, folder / f"{name}.png")
         solid.GetMapper().RemoveAllClippingPlanes()
-        for each in cut:
-            renderer.RemoveActor(each)
+        for cap in cut:
+            renderer.RemoveActor(cap)
 
 
 def _save(window: Any, path: Path) -> None:

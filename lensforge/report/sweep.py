@@ -159,8 +159,8 @@ class Sweep(StageResult):
 
     def joined(self, other: "Sweep") -> "Sweep":
         """This sweep with the designs of ``other``, else the same sweep; at equal values the designs of this one."""
-        own = {row.value: row for row in self.designs}
-        rows = own | {row.value: row for row in other.designs if row.value not in own}
+        by_value = {row.value: row for row in self.designs}
+        rows = by_value | {row.value: row for row in other.designs if row.value not in by_value}
         content = {name: getattr(self, name) for name in type(self).model_fields}
         designs = tuple(_in_order(rows))
         lenses = other.inputs | self.inputs

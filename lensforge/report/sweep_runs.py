@@ -98,7 +98,7 @@ def run_sweep(
         _require_other_folders(wanted, sweep)
 
         def tell(number: int, variant: Variant) -> None:
-            announce(f"design {number} of {len(wanted)}: {variation.field} = {variant.words}")
+            announce(f"design {number} of {len(wanted)}: {variation.field} = {variant.text}")
 
         if scheduler is None:
             made = _one_by_one(wanted, directory, run_design, resume, tell)
@@ -167,7 +167,7 @@ def _joined(spec: Spec, variation: AnyVariation, made: Iterator[Made], directory
     failed: dict[str, str] = {}
     for variant, why in made:
         if why:
-            failed[variant.words] = why
+            failed[variant.text] = why
             continue
         part = sweep_of(spec, variation, [(variant, load_kinds(directory / variant.spec.name))])
         sweep = part if sweep is None else sweep.joined(part)

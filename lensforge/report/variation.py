@@ -35,7 +35,7 @@ class Variant:
         return self.spec.name.casefold()
 
     @property
-    def words(self) -> str:
+    def text(self) -> str:
         """The value, as a text."""
         return self.value if isinstance(self.value, str) else f"{self.value:g}"
 
@@ -189,12 +189,12 @@ def _are_words(values: Sequence[float | str]) -> bool:
     return len(values) > 0 and all(isinstance(value, str) and re.fullmatch(_WORD, value) for value in values)
 
 
-def _of_words(field: str, words: tuple[str, ...], scaled: Sequence[str]) -> Variation:
-    if not 2 <= len(words) <= MOST_VALUES:
-        raise InputError(f"{field}: {len(words)} words; give 2 to {MOST_VALUES} different ones, such as none,milled")
+def _of_words(field: str, choices: tuple[str, ...], scaled: Sequence[str]) -> Variation:
+    if not 2 <= len(choices) <= MOST_VALUES:
+        raise InputError(f"{field}: {len(choices)} words; give 2 to {MOST_VALUES} different ones, such as none,milled")
     if scaled:
         raise InputError(f"{scaled[0]}: cannot keep its ratio to {field}, whose values are words; leave it out")
-    return Variation(field, words)
+    return Variation(field, choices)
 
 
 def parse_variation(text: str, scaled: Sequence[str] = ()) -> Variation:

@@ -81,7 +81,7 @@ class Criterion:
     Attributes:
         sense: side of the bound on which the value must be.
         bound: the limit; None if the result asks for none, and then there is no criterion.
-        words: the criterion in words.
+        phrase: the criterion, as a phrase.
         remedy: what to change where it is missed.
         name: by which scripts know the criterion; by default the path of the field without its unit. As in a
             ``remedy``, {faces} stands for a figure of the record.
@@ -92,7 +92,7 @@ class Criterion:
 
     sense: Sense
     bound: Bound
-    words: str
+    phrase: str
     remedy: Words
     name: str = ""
     of: str = ""
@@ -157,11 +157,11 @@ class _Declared(Generic[_Mark]):
         """Unit, as declared, else by the names on the path."""
         return self.field_unit if self.mark.unit is None else self.mark.unit
 
-    def text(self, words: Words) -> str:
-        """Evaluate ``words`` as a text."""
-        if callable(words):
-            return words(*self.given)
-        return _TEXTS.vformat(words, [self.holder], dict(zip(("name",), self.given[2:], strict=False)))
+    def text(self, template: Words) -> str:
+        """Evaluate ``template`` as a text."""
+        if callable(template):
+            return template(*self.given)
+        return _TEXTS.vformat(template, [self.holder], dict(zip(("name",), self.given[2:], strict=False)))
 
     def number(self, bound: Bound | None) -> float | None:
         """Evaluate a ``bound`` as a number."""
@@ -234,7 +234,7 @@ def declare_criteria(kind: type[Record]) -> None:
     """Register the labels of the criteria of ``kind`` for readers that know only their names, as a table of designs."""
     for declared, path in _declared_by(kind, Criterion):
         if "{" not in declared.name:
-            declare_label(declared.name or _name(path), declared.words)
+            declare_label(declared.name or _name(path), declared.phrase)
 
 
 def with_told_by_criteria(kind: type[Record], content: Mapping[str, Any], fields: Iterable[str]) -> dict[str, Any]:

@@ -93,13 +93,13 @@ class Column:
 
     ``units``: their factors to the first; "" if a name may leave it out; or a function that gives the factor of a unit,
     NaN for one that is refused. ``needed``: False if a table may lack it; ``by_place``: False if only a name identifies
-    it. ``words``: holds text rather than numbers. ``beside``: texts that may stand beside the unit.
+    it. ``is_text``: holds text rather than numbers. ``beside``: texts that may stand beside the unit.
     """
 
     names: tuple[str, ...]
     units: Units = field(default_factory=lambda: {"": 1.0})
     needed: bool = True
-    words: bool = False
+    is_text: bool = False
     by_place: bool = True
     beside: re.Pattern[str] | None = None
 
@@ -208,10 +208,10 @@ class Names:
 
 @dataclass(frozen=True)
 class Heading:
-    """The lines above the rows of a table of ``width`` columns: ``words``, and ``remarks`` after a #."""
+    """The lines above the rows of a table of ``width`` columns: ``titles``, and ``remarks`` after a #."""
 
     name: str
-    words: Sequence[Line]
+    titles: Sequence[Line]
     remarks: Sequence[Line]
     dialect: Dialect
     width: int
@@ -222,7 +222,7 @@ class Heading:
         Raises :class:`InputError` if all names are unknown, if their number differs, and for a row below them that
         holds no units.
         """
-        lines = sorted((*self.words, *self.remarks), reverse=True)
+        lines = sorted((*self.titles, *self.remarks), reverse=True)
         rows = [header_cells(line, self.dialect, self.name) for line in lines]
         fitting = [place for place, cells in enumerate(rows) if self._fits(cells, further) and _is_named(cells, wanted)]
         named = [place for place in fitting if not _are_units(rows[place])] or fitting  # "nm" is a name, and a unit
@@ -240,7 +240,7 @@ class Heading:
         for line, cells in below:
             if len(cells) <= self.width and any(map(_is_unit, cells)):
                 return [*cells, *[""] * (self.width - len(cells))]
-            if line in self.words and any(map(plain, cells)):
+            if line in self.titles and any(map(plain, cells)):
                 row = f"{self.name}, line {line.number}: {shown(line.text)}"
                 raise InputError(f"{row} between names and numbers is no row of units; put # in front of a remark")
         return []
@@ -250,7 +250,7 @@ class Heading:
 
         Where blanks separate, it may be a title of as many words: a :class:`FileWarning` says that it is taken for one.
         """
-        for line in self.words[-1:]:
+        for line in self.titles[-1:]:
             cells = header_cells(line, self.dialect, self.name)
             mark = self.dialect.separator
             where = f"{self.name}, line {line.number}"

@@ -265,15 +265,15 @@ def _announced(lines: Sequence[Line]) -> int | None:
 
 @dataclass(frozen=True)
 class Entry:
-    """A row of a list: its non-empty ``words`` by the titles of their columns."""
+    """A row of a list: its non-empty ``cells`` by the titles of their columns."""
 
     where: str
-    words: Mapping[str, str]
+    cells: Mapping[str, str]
     dialect: Dialect
 
     def number(self, title: str) -> float | None:
         """The finite number under ``title``; None if there is none. Raises :class:`InputError` for a word."""
-        word = self.words.get(title)
+        word = self.cells.get(title)
         if word is None:
             return None
         with refused(f"{self.where}, {title}", "…", ValueError):
@@ -285,10 +285,10 @@ def shipped_rows(path: Path, texts: Sequence[str], numbers: Sequence[str]) -> li
 
     Raises :class:`InputError` for a damaged table.
     """
-    columns = [Column((name,), words=True) for name in texts] + [Column((name,)) for name in numbers]
+    columns = [Column((name,), is_text=True) for name in texts] + [Column((name,)) for name in numbers]
     entries = read_list(path, columns, missing="install the package again", most_bytes=MIB)
     return [
-        {name: entry.words[name] for name in texts} | {name: entry.number(name) for name in numbers}
+        {name: entry.cells[name] for name in texts} | {name: entry.number(name) for name in numbers}
         for entry in entries
     ]
 
@@ -319,7 +319,7 @@ def read_list(path: Path, wanted: Sequence[Column], *, missing: str, most_bytes:
     for line, row in rows:
         if len(row) != len(cells):
             raise InputError(f"{name}, line {line.number}: {len(row)} cells, line {lines[0].number} has {len(cells)}")
-    numeric = [place for at, (place, _) in places.items() if not wanted[at].words]
+    numeric = [place for at, (place, _) in places.items() if not wanted[at].is_text]
     signs = dialect.with_signs_of("\n".join(row[place] for _, row in rows for place in numeric), name)
     named = {wanted[at].title: place for at, (place, _) in places.items()}
     return [

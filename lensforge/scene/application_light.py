@@ -43,7 +43,7 @@ _Judgement = TypeVar("_Judgement", bound=ApplicationJudgement)
 class ApplicationLight(ABC, Generic[_Entry, _Judgement]):
     """The light of equal lamps in one application, an ``entry`` of a spec.
 
-    ``remedies``: what keeps a limit that is missed, by the words of its quantity.
+    ``remedies``: what keeps a limit that is missed, by the phrase of its quantity.
     """
 
     judgement: ClassVar[type[ApplicationJudgement]]

@@ -238,19 +238,19 @@ def patch_pictures(receiver: PosedReceiver, columns: int, rows: int) -> LampPict
     """
     (across, up) = receiver.lamps.period_mm or (0.0, 0.0)
     (height, width) = receiver.grid.shape
-    each = [(i, j) for j in range(rows) for i in range(columns)]
+    cells = [(i, j) for j in range(rows) for i in range(columns)]
     first = np.array([-0.5 * (columns - 1) * across, -0.5 * (rows - 1) * up])
     kind = len(receiver.lamps)
     starts = [tuple((first + place).tolist()) for place in receiver.lamps.places_mm]
-    places = tuple((x + i * across, y + j * up) for i, j in each for x, y in starts)
-    lamps = Lamps.level(places, receiver.lamps.turns_deg * len(each), (columns * across, rows * up))
+    places = tuple((x + i * across, y + j * up) for i, j in cells for x, y in starts)
+    lamps = Lamps.level(places, receiver.lamps.turns_deg * len(cells), (columns * across, rows * up))
     grid = PixelGrid(columns * receiver.grid.width, rows * receiver.grid.height, columns * width, rows * height)
-    turns = [(i, j, a, b) for i, j in each for a in (0, rows) for b in (0, columns)]
+    turns = [(i, j, a, b) for i, j in cells for a in (0, rows) for b in (0, columns)]
     corners = tuple(((a - j) * height, (b - i) * width) for i, j, a, b in turns)
     rasters = tuple(
         Raster(
             PeriodPlane(receiver.pose.seen_from(Pose((x, y, 0.0))), grid, Window(), lamps),
-            len(each),
+            len(cells),
             corners,
             tuple(number + kind * (i + columns * j) for i, j, _, _ in turns),
         )

@@ -281,7 +281,7 @@ class PartMaker:
     def part(self, deviations: Deviations) -> MadePart:
         """The part with these deviations."""
 
-        def one(name: str) -> float:
+        def deviation_of(name: str) -> float:
             return float(deviations[name][0]) if name in deviations else 0.0
 
         def placed(of: str, height: str) -> Pose:
@@ -289,21 +289,21 @@ class PartMaker:
                 return IN_PLACE
             x, y = deviations.get(f"{of}_shift_mm", _NONE).tolist()
             about_x, about_y = deviations.get(f"{of}_tilt_deg", _NONE).tolist()
-            return Pose.displaced((x, y, one(height)), (about_x, about_y, 0.0))
+            return Pose.displaced((x, y, deviation_of(height)), (about_x, about_y, 0.0))
 
-        index_change, growth = self.warmed_by(one("temperature_k"))
+        index_change, growth = self.warmed_by(deviation_of("temperature_k"))
         made = AsMade(
             names=self.names,
             source=placed("source", "source_height_mm"),
             lens=placed("lens", "lens_height_mm"),
             faces={name: placed(name, factor_name(self.roles, name, "gap_mm")) for name in self.names[1:]},
-            source_size=1.0 + one("source_size"),
-            scale=(1.0 + one("shrinkage")) * growth,
+            source_size=1.0 + deviation_of("source_size"),
+            scale=(1.0 + deviation_of("shrinkage")) * growth,
             seat_mm=self.seat_mm,
             slopes={name: self._slope(name, deviations) for name in self.names},
         )
         errors = {name: error for name in self.names if (error := self._error(name, deviations)) is not None}
-        return MadePart(errors, made, one("index") + index_change, 1.0 + one("source_flux"))
+        return MadePart(errors, made, deviation_of("index") + index_change, 1.0 + deviation_of("source_flux"))
 
     def _slope(self, face: str, deviations: Deviations) -> float:
         """Rms slope of a face along any line: its roughness, and what of its errors is too fine for the tables."""

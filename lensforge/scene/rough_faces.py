@@ -77,14 +77,14 @@ def facet_slopes(rays: RayBundle, faces: Sequence[Scatter | None], before: int =
 
     ``before``: number of faces that scatter and that the rays have met before, on other bodies.
     """
-    found = np.zeros((len(rays), 2 * len(faces)))
+    slopes_of_faces = np.zeros((len(rays), 2 * len(faces)))
     for face, facets, numbers in _at_each(rays, faces, before):
         if isinstance(facets, GaussianFacets):
             slopes = facets.amounts(numbers[:, 0])
             azimuths = 2.0 * np.pi * numbers[:, 1]
-            np.multiply(slopes, np.cos(azimuths), out=found[:, 2 * face])
-            np.multiply(slopes, np.sin(azimuths), out=found[:, 2 * face + 1])
-    return found
+            np.multiply(slopes, np.cos(azimuths), out=slopes_of_faces[:, 2 * face])
+            np.multiply(slopes, np.sin(azimuths), out=slopes_of_faces[:, 2 * face + 1])
+    return slopes_of_faces
 
 
 def ring_shifts(rays: RayBundle, faces: Sequence[Scatter | None], before: int = 0) -> RingShifts:

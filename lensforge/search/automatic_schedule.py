@@ -78,7 +78,7 @@ class SearchTime:
     seconds: float | None
 
     @property
-    def words(self) -> str:
+    def field(self) -> str:
         """The field of the spec."""
         return f"optimise.seconds = {self.seconds:g}"
 
@@ -185,7 +185,7 @@ class AutomaticSchedule(Schedule):
             course.accept(level, gain.share > 0.0)
             steps = self._steps_of_levels(course.last, level - broad)
             if steps == 0:
-                return f"{self._budget.words} leaves no time for all levels"
+                return f"{self._budget.field} leaves no time for all levels"
         return ""
 
     def _levels(self, course: ScheduleState) -> _Phase:
@@ -197,7 +197,7 @@ class AutomaticSchedule(Schedule):
             if level > 0:
                 steps = self._steps_of_levels(course.last, 1 if level == start else len(counts) - level)
             if steps == 0:
-                return f"{self._budget.words} leaves no time for {counts[level]} functions"
+                return f"{self._budget.field} leaves no time for {counts[level]} functions"
             why = yield from self._level(course, level, steps)
             if why:
                 return why
@@ -234,7 +234,7 @@ class AutomaticSchedule(Schedule):
             steps = self._budget.steps_of(make(course.level, before, None), course.last, kept)
             if steps is not None and steps < _FEWEST:
                 course.how = replace(course.how, begin="best") if course.how.begin == "current" else course.how
-                return f"{self._budget.words} are used"
+                return f"{self._budget.field} are used"
             gain = yield from course.run(make(course.level, before, steps))
             if improved := gain.share > 0.0:
                 course.best = course.last.outcome
@@ -242,7 +242,7 @@ class AutomaticSchedule(Schedule):
             if not gain.reaches(self.step_gain):
                 course.how = NextStage(None, "best", improved)
                 if self._budget.expired(course.last):
-                    return f"{self._budget.words} are used"
+                    return f"{self._budget.field} are used"
                 lost = 0 if improved else lost + 1
                 if 0 < lost < _LOST or course.last.lacks_limits:
                     before += 1
@@ -270,7 +270,7 @@ class AutomaticSchedule(Schedule):
         at_start = level == self.stages.start_level
         more = "the first steps" if at_start else f"{self.stages.levels.counts[level]} functions more"
         if not at_start and self._budget.expired(last):
-            return f"{self._budget.words} leaves no time for {more}"
+            return f"{self._budget.field} leaves no time for {more}"
         return f"{more} lower the error by {_judged(gain, self.stages.effort.level_gain)}"
 
     def most_seconds(self, outcomes: Sequence[Outcome]) -> float:

@@ -124,7 +124,7 @@ class Start(Record):
         return self.missed, self.merit
 
     @property
-    def words(self) -> str:
+    def phrase(self) -> str:
         """The figures in a line."""
         missed = f", {self.missed} constraints or limits missed" if self.missed else ""
         return f"NMSE {self.nmse}, efficiency {self.efficiency}{missed}"
@@ -476,4 +476,4 @@ def _starts(design: Design) -> Iterator[Fact]:
     best, following, *_ = sorted(design.starts, key=lambda start: start.rank)
     scatter = Fact("spread", "Standard deviation of the merit", design.spread, digits=2)
     yield Fact("kept", "Kept", f"seed {best.seed} of {len(design.starts)}", note=f"{scatter.label} {scatter.text}")
-    yield Fact("next", "Next", f"seed {following.seed}", note=following.words)
+    yield Fact("next", "Next", f"seed {following.seed}", note=following.phrase)

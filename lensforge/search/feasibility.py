@@ -117,9 +117,9 @@ def _least(
 
 
 def feasible_lens(
-    problem: Problem, found: Parameters, seed: int, accuracy: AnyAccuracy
+    problem: Problem, searched: Parameters, seed: int, accuracy: AnyAccuracy
 ) -> tuple[Lens, Margins, Parameters]:
-    """The lens of the parameters that a search ``found``, projected to the feasible set, its constraints, and these.
+    """The lens of ``searched`` parameters, projected to the feasible set, its constraints, and its parameters.
 
     The projection sees faces by coarser tables than those that measure a lens, a draft's curvature by 1 % of the ball's
     too flat. A limit that the measured lens misses is made stricter by all that the projection sees too much, and the
@@ -130,7 +130,7 @@ def feasible_lens(
     stricter = dict[str, float]()
     tried: list[tuple[float, tuple[Lens, Margins, Parameters]]] = []
     for _ in range(_CORRECTIONS + 1):
-        parameters = Parameters(*project_to_feasible(parametrisation, constraints.tightened(stricter), *found))
+        parameters = Parameters(*project_to_feasible(parametrisation, constraints.tightened(stricter), *searched))
         lens = problem.parametrisation.lens(*parameters, problem.spec, seed, accuracy)
         margins = measure_constraints(lens)
         tried.append((max(limit.missed_by(margins.at(limit)) for limit in limits), (lens, margins, parameters)))

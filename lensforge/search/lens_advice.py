@@ -55,12 +55,12 @@ class LensOption:
         return None if self.designed is None else self.designed.of_possible * self.possible
 
     @property
-    def words(self) -> str:
+    def phrase(self) -> str:
         """The bound and the lens in words."""
         return f"{100.0 * self.possible:.3g} % with a {self.kind.title}"
 
     @property
-    def reached_words(self) -> str:
+    def reached_phrase(self) -> str:
         """The light that drafts reached and the lens in words; empty where there are none."""
         if self.designed is None or self.reached is None:
             return ""
@@ -106,14 +106,14 @@ class LensAdvice:
         return LensAdvice(options, advised, shares, by_drafts=bool(reached))
 
     @property
-    def words(self) -> str:
+    def phrase(self) -> str:
         """The bounds of all kinds in words, the largest first, and what drafts reached, where they are known."""
         ordered = sorted(self.options.values(), key=lambda option: -option.possible)
-        bounds = f"upper bound {', '.join(option.words for option in ordered)}"
+        bounds = f"upper bound {', '.join(option.phrase for option in ordered)}"
         if not self.by_drafts:
             return bounds
         drafts = sorted(self.options.values(), key=lambda option: -(option.reached or 0.0))
-        reached = ", ".join(filter(None, (option.reached_words for option in drafts)))
+        reached = ", ".join(filter(None, (option.reached_phrase for option in drafts)))
         return f"{bounds}; drafts like this reached an efficiency of {reached}"
 
     @property

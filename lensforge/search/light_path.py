@@ -138,7 +138,7 @@ class LightPath:
             landed, exits = landed_through(tables, self.scene, rays, self.seen)
             emitted = torch.from_numpy(rays.flux)
             weights = None if self.colour is None else torch.from_numpy(self.colour.weights(rays))
-            found = tuple(
+            light = tuple(
                 self._with_losses(
                     collected(landings, exits.sin2_exit, emitted, receiver.grid, receiver.window, weights),
                     exits,
@@ -153,11 +153,11 @@ class LightPath:
             per_receiver = len(sums) // len(self.seen)
             counted = {"colours": self.colour is not None, "losses": self.losses > 0}
             names = [field.name for field in fields(Collected) if counted.get(field.name, True)]
-            found = tuple(
+            light = tuple(
                 Collected(**dict(zip(names, sums[first : first + per_receiver], strict=True)))
                 for first in range(0, len(sums), per_receiver)
             )
-        return self._together(found if self.source is None else self._with_creases(tables, rays, found))
+        return self._together(light if self.source is None else self._with_creases(tables, rays, light))
 
     def over_outlines(
         self, images: Sequence[Tensor], tables: Float[Tensor, "f side side"], rays: RayBundle
@@ -242,8 +242,8 @@ class _Landing(torch.autograd.Function):
         ctx.landed = landed
         parts = [
             torch.from_numpy(field)
-            for each in landed
-            for field in (each.hits, each.flux, each.landed, each.missed_receiver)
+            for landings in landed
+            for field in (landings.hits, landings.flux, landings.landed, landings.missed_receiver)
         ]
         flux = torch.from_numpy(traced.exits.flux)
         causes = torch.from_numpy(cause_numbers(traced.exits, scene.chain))

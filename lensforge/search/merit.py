@@ -304,7 +304,7 @@ class MeritFunction(Merit[SampledLight]):
         images = self._mirrored([0.5 * (a + b) for a, b in both])
         losses = _losses((light_of_part, light_of_opposite))
         apart = _added(_losses((light_of_part,)), _losses((light_of_opposite,)), -1.0)
-        halves = tuple(0.5 * (a - b) for a, b in both), tuple(0.5 * each for each in apart)
+        halves = tuple(0.5 * (a - b) for a, b in both), tuple(0.5 * loss for loss in apart)
         pair_light = PairLight(*halves)
         flux = 0.5 * (self._flux_term(light_of_part) + self._flux_term(light_of_opposite))
         return SampledLight(

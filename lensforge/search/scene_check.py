@@ -140,7 +140,7 @@ def light_requirements(spec: Spec, source: Source) -> tuple[tuple[Requirement, .
     wanted = [
         target_light(section.targets, receiver) for section, receiver in zip(spec.all_receivers, receivers, strict=True)
     ]
-    targets = tuple(_of_target(pattern, each, spec) for pattern, each in zip(wanted, physics, strict=True))
+    targets = tuple(_of_target(pattern, bound, spec) for pattern, bound in zip(wanted, physics, strict=True))
     efficacy = efficacy_of(source, spec.source, photons=spec.counts_photons)
     limits = light_limits(spec, receivers, efficacy, source.flux_w)
     limited = [

@@ -324,7 +324,7 @@ def best_design(
         for number, (design_made, start) in workers.map(SeededSearch.made, seeded, range(first, first + count)):
             made[number] = design_made, start
             if announce is not None:
-                announce(f"start {len(made)} of {count}: seed {start.seed}, {start.words}")
+                announce(f"start {len(made)} of {count}: seed {start.seed}, {start.phrase}")
     ordered = [made[number] for number in range(count)]
     best, _ = min(ordered, key=lambda pair: pair[1].rank)  # of equals the first seed
     return best.changed(starts=tuple(start for _, start in ordered))
@@ -347,8 +347,8 @@ def _light_by_other_rays(lens: Lens, seed: int) -> list[Light]:
         limits = light_limits(spec, receivers_of(spec, spec.evaluate.pixels), efficacy, source.flux_w)
         rays = spec.evaluate.rays or preset.evaluate_rays
         judged_source = smoothed(searched(source))
-        own = replace(lens, spec=spec)
-        far = tuple(limits_by_intensities(own, judged_source, preset, efficacy.lumens, rays=None, seed=seed))
+        lens_of_spec = replace(lens, spec=spec)
+        far = tuple(limits_by_intensities(lens_of_spec, judged_source, preset, efficacy.lumens, rays=None, seed=seed))
         lights.append(
             evaluate_traced(
                 traced, spec, judged_source, rays, seed, limits=limits, by_intensities=far, bounds_by=source

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 class Turn(NamedTuple):
     """A search by ``spec``, in words. ``wanted``: the spec as whose lenses its observer is shown polished ones."""
 
-    words: str
+    phrase: str
     spec: Spec
     wanted: Spec | None = None
 
@@ -102,7 +102,7 @@ def _joined(turns: Sequence[Turn], done: Sequence[Design]) -> Design:
     if len(done) == 1:
         return last
     pairs = zip(turns, done, strict=True)
-    ended = "; ".join(f"{turn.words}: {design.ended}" for turn, design in pairs if design.ended) or None
+    ended = "; ".join(f"{turn.phrase}: {design.ended}" for turn, design in pairs if design.ended) or None
     kept = all(design.kept_start for design in done)
     return last.changed(
         steps=_steps(done), seconds=_seconds(done), ended=ended, kept_start=kept, history=_history(done)

@@ -43,8 +43,8 @@ def tool_costs(design: Design) -> tuple[ToolCost, ...]:
     steps = min(max(design.steps // _OF_SEARCH, _LEAST_STEPS), _MOST_STEPS)
     unlimited = lens.spec.made_by("none")
     for further in (_Further(lens, steps, rate) for rate in _RATES):
-        if (found := further.lens_by(unlimited)) is not None:
-            free = _light(found)
+        if (unlimited_lens := further.lens_by(unlimited)) is not None:
+            free = _light(unlimited_lens)
             return tuple(_costs(further, free, kinds)) if _whole(_light(lens), free).matters else ()
     return ()
 
@@ -55,9 +55,9 @@ def _costs(further: "_Further", free: Light, kinds: set[str]) -> Iterator[ToolCo
     held = _light(further.lens_by(spec) or further.lens)
     whole = _whole(held, free)
     yield whole
-    for words, change in _easier(spec, kinds) if whole.matters else ():
+    for limit, change in _easier(spec, kinds) if whole.matters else ():
         easier = further.lens_by(spec.replace({change.field: float(change.value)}))
-        yield _cost(words, change, held, _light(easier or further.lens))
+        yield _cost(limit, change, held, _light(easier or further.lens))
 
 
 def holding_tools(design: Design) -> set[str]:
@@ -128,10 +128,10 @@ def _light(lens: Lens) -> Light:
     return evaluate(lens, rays=_RAYS, accuracy=preset_of(lens.accuracy).replace("tool_costs", table_error=False))
 
 
-def _cost(words: str, change: Change, held: Light, free: Light) -> ToolCost:
+def _cost(limit: str, change: Change, held: Light, free: Light) -> ToolCost:
     errors = [None if light.nmse is None else _mean(light, "nmse") for light in (held, free)]
     return ToolCost(
-        limit=words,
+        limit=limit,
         instead=str(change),
         efficiency=_mean(free, "efficiency") - _mean(held, "efficiency"),
         nmse=errors[0],

@@ -160,7 +160,7 @@ class Check(SimulatedResult):
     def body_at(self, edge: Edge) -> str:
         """The body whose edge it is, as a phrase: at the cavity of a moulded lens the tool."""
         first = self.spec.lens.role(edge.faces[0])
-        return self.spec.manufacture.making.words.inner if first.before == CAVITY and not first.is_open else "the lens"
+        return self.spec.manufacture.making.terms.inner if first.before == CAVITY and not first.is_open else "the lens"
 
     def face_of(self, edge: Edge) -> str:
         """The face by which an edge is known: its first; for an opening the other one."""

@@ -157,7 +157,7 @@ def surface_notes(lens: Lens, drawing: DrawingSection) -> list[str]:
     optical = drawing.optical_edge_mm
     break_mm = drawing.edge_break_mm
     rims = "largest radius not stated" if optical is None else f"R {optical:g} at most"
-    _, burr, traces, _ = lens.spec.manufacture.making.words
+    _, burr, traces, _ = lens.spec.manufacture.making.terms
     other_edges = "largest break not stated" if break_mm is None else f"radius or chamfer {break_mm:g} at most"
     return [
         f"Rims and creases of the optical faces: {rims}. All other edges: {other_edges}; without {burr}.",

@@ -229,7 +229,7 @@ def tolerance_table(lens: Lens, studied: Sequence[Group] = ()) -> ToleranceTable
     except InputError:  # all of them are 0
         factors = ()
     budget = {group.title: group for group in studied if group.key == "budget"}
-    rows = {factor.name: _row(lens, factor, budget.get(factor.words)) for factor in factors}
+    rows = {factor.name: _row(lens, factor, budget.get(factor.phrase)) for factor in factors}
     assembly = tuple(row for name, row in rows.items() if name.startswith(_OF_ASSEMBLY))
     of_lens = tuple(row for name, row in rows.items() if not name.startswith(_OF_ASSEMBLY))
     passing = _passing(studied)
@@ -251,7 +251,9 @@ def _row(lens: Lens, factor: Factor, budget: Group | None) -> ToleranceRow:
     if budget is not None:
         most = budget.fact("at_most").text
         at_most = budget.fact("interval").text if most == NOTHING else most
-    return ToleranceRow(factor.words, amount, "specification" if is_given else f"preset “{tolerances.preset}”", at_most)
+    return ToleranceRow(
+        factor.phrase, amount, "specification" if is_given else f"preset “{tolerances.preset}”", at_most
+    )
 
 
 def _sentence(studied: Sequence[Group], passing: str) -> str:

@@ -185,8 +185,8 @@ def require_bodies(sections: Sequence[BodySection], lens: LensShape, limits: Con
     with fault_of("bodies"):
         bodies = media_with(sections, lens).bodies
     _require_within(bodies[0], _largest_lens(lens, limits), "the lens", "lower constraints.max_radius_mm")
-    for one, next_body in pairwise(bodies):
-        _require_within(next_body, outside_of(one), f"body {one.name!r}", "give the bodies from the lens on")
+    for inner, outer in pairwise(bodies):
+        _require_within(outer, outside_of(inner), f"body {inner.name!r}", "give the bodies from the lens on")
     for body in bodies:
         _require_before_glass(body, lens)
         _require_beside_others(body, lamps)

@@ -29,7 +29,7 @@ class CameraTarget(FarFieldTarget, SizedTarget, SoftTarget):
     """
 
     takes: ClassVar[tuple[str, ...]] = SoftTarget.takes
-    words: ClassVar[str] = "field of a camera, {width} × {height}"
+    phrase: ClassVar[str] = "field of a camera, {width} × {height}"
 
     kind: Literal["camera"] = "camera"
     rolloff: Annotated[float, Field(ge=0.0, le=10.0)] = Field(

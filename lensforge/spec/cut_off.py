@@ -31,7 +31,7 @@ Gradient = Annotated[float, Field(gt=0.0, le=10.0)]
 class CutOffGradient(Quantity):
     """Largest gradient along a line from below to above the cut-off."""
 
-    words = "gradient G of the cut-off"
+    phrase = "gradient G of the cut-off"
 
     def value(self, readings: Readings, sense: Sense, unit: str, whole: Readings) -> Metric:
         """Largest log10 I(v) / I(v + 0.1°) of the mean light; 0 in the dark."""

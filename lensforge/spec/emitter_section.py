@@ -160,7 +160,7 @@ class EmitterSection(OfSeveralKinds, FluxSection):
     its centre is at ``position_mm``.
     """
 
-    words: ClassVar[str]  # for the source, by its fields
+    phrase: ClassVar[str]  # for the source, by its fields
     in_a_word: ClassVar[tuple[str, ...]] = ()  # fields that `lensforge new` takes in one, rectangle:WIDTHxHEIGHT
 
     luminous_efficacy_lm_per_w: LumensPerWatt | None = Field(
@@ -236,7 +236,7 @@ class EmitterSection(OfSeveralKinds, FluxSection):
     @property
     def description(self) -> str:
         """The source in a few words, without its place."""
-        return self.words.format(self)
+        return self.phrase.format(self)
 
     @property
     def title(self) -> str:

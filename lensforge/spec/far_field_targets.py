@@ -30,7 +30,7 @@ class BeamTarget(FarFieldTarget, SoftTarget):
     """A beam by its full width at half maximum."""
 
     needs: ClassVar[tuple[str, ...]] = ("fwhm",)
-    words: ClassVar[str] = "{0.profile} beam {fwhm}"
+    phrase: ClassVar[str] = "{0.profile} beam {fwhm}"
     across: ClassVar[str] = "fwhm"
     is_round: ClassVar[bool] = True
 
@@ -74,7 +74,7 @@ class BatwingTarget(FarFieldTarget, SoftTarget):
     """
 
     needs: ClassVar[tuple[str, ...]] = ("to",)
-    words: ClassVar[str] = "batwing to {to}"
+    phrase: ClassVar[str] = "batwing to {to}"
     across: ClassVar[str] = "to"
     is_round: ClassVar[bool] = True
     has_own_edge: ClassVar[bool] = True
@@ -107,7 +107,7 @@ class PhotometricTarget(FarFieldTarget):
     ``centre_deg`` tilts it, ``rotation_deg`` turns its C planes.
     """
 
-    words: ClassVar[str] = "intensity of {0.file.name}"
+    phrase: ClassVar[str] = "intensity of {0.file.name}"
 
     kind: Literal["photometric"] = "photometric"
     file: FilePath = Field(description="IES LM-63 or EULUMDAT file.")

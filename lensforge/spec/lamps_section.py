@@ -72,7 +72,7 @@ class Lamps:
         return any(lamp.place_mm[2] != 0.0 or lamp.axis != ALONG_Z for lamp in self.lamps)
 
     @property
-    def words(self) -> str:
+    def phrase(self) -> str:
         """Number of lamps, after the receivers that they light; empty for one alone."""
         if self.period_mm is None:
             kinds = f" with lenses of {len(self.kinds)} kinds" if self.kinds else ""

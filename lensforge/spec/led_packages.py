@@ -54,7 +54,7 @@ class LedPackage:
         return {**table, "intensity": {"kind": "cosine", "power": round(power, 3)}}
 
     @property
-    def words(self) -> str:
+    def phrase(self) -> str:
         """The area that emits, its dome and its flux in a few words."""
         disc = f"disc of {self.width_mm:g} mm"
         area = disc if self.shape == "disc" else f"{self.width_mm:g} × {self.height_mm:g} mm"

@@ -54,7 +54,7 @@ class _OfCuts(Quantity):
 class CentralLight(_OfCuts, OfLight):
     """Light in the middle."""
 
-    words = "central light"
+    phrase = "central light"
 
     def value(self, readings: Readings, sense: Sense, unit: str, whole: Readings) -> Metric:
         """Light of the middle."""
@@ -69,7 +69,7 @@ class CentralLight(_OfCuts, OfLight):
 class FieldDiameter(_OfCuts):
     """Diameter at ``level`` of the light in the middle."""
 
-    words = "diameter of the light field"
+    phrase = "diameter of the light field"
 
     level: float
 
@@ -90,7 +90,7 @@ class FieldDiameter(_OfCuts):
 class DepthOfEdge(_OfCuts):
     """Diameter at half over that at a tenth of the light in the middle."""
 
-    words = "d50/d10"
+    phrase = "d50/d10"
 
     def value(self, readings: Readings, sense: Sense, unit: str, whole: Readings) -> Metric:
         """Quotient d50 / d10; 0 in the dark."""

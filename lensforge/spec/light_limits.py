@@ -610,8 +610,8 @@ def _require_limit_fits(limit: LimitSection, unit: Unit, extent: tuple[float, fl
     if limit.far_field_only and not far_field:
         raise ValueError(f"a {limit.kind} limit is one of the far field, {receiver} is none; name a receiver that is")
     if limit.given_unit not in (None, unit):
-        words = "degrees" if far_field else "mm"
-        raise ValueError(f"its places are in {limit.given_unit}, on {receiver} they are in {words}")
+        unit_name = "degrees" if far_field else "mm"
+        raise ValueError(f"its places are in {limit.given_unit}, on {receiver} they are in {unit_name}")
     allowed = (*(_OF_FAR_FIELD if far_field else _OF_SURFACES), "relative")
     for bounded in limit.quantities():
         light = bounded.removeprefix(OF_MEAN)

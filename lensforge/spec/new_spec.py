@@ -71,12 +71,12 @@ def source_in(text: str) -> dict[str, Any]:
 def source_note(text: str) -> str:
     """Note on the source that ``text`` stand for: the package and its sizes; empty for other ones."""
     package = None if Path(text).is_file() else led_package(text)
-    return "" if package is None else f"package {package.name}: {package.words}"
+    return "" if package is None else f"package {package.name}: {package.phrase}"
 
 
 def listed_packages() -> str:
     """The packages that ``--source`` takes, a line each."""
-    return "".join(f"{name}\t{package.words}\n" for name, package in led_packages().items())
+    return "".join(f"{name}\t{package.phrase}\n" for name, package in led_packages().items())
 
 
 def zoom_in(text: str) -> tuple[float, float] | None:

@@ -22,7 +22,7 @@ _Up = Annotated[float, Field(ge=1e-3, le=1e6)]
 class PeakLight(OfLight):
     """Light of the brightest place."""
 
-    words = "light of the brightest place"
+    phrase = "light of the brightest place"
 
     def value(self, readings: Readings, sense: Sense, unit: str, whole: Readings) -> Metric:
         """Largest E, without the noise that would choose it."""
@@ -38,7 +38,7 @@ class PeakLight(OfLight):
 class AbovePeak(PeakLight):
     """Largest light ``up`` above the brightest place, and farther; ``heights``: y of all places."""
 
-    words = "light above the brightest place"
+    phrase = "light above the brightest place"
     searched = False  # until the pattern is there its places jump: the target says where it is to be dark
 
     heights: Float[np.ndarray, " k"]

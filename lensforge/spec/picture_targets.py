@@ -70,7 +70,7 @@ class PictureTarget(SizedTarget, SoftTarget):
 class TextTarget(PictureTarget):
     """One line of glyphs, uniform on a dark ground, read from behind the screen unless it is ``mirrored``."""
 
-    words: ClassVar[str] = "“{0.text}”, {width} wide"
+    phrase: ClassVar[str] = "“{0.text}”, {width} wide"
 
     kind: Literal["text"] = "text"
     text: Annotated[str, Field(min_length=1, max_length=40), AfterValidator(_visible)] = Field(
@@ -88,7 +88,7 @@ class TextTarget(PictureTarget):
 class ImageTarget(PictureTarget):
     """A PNG, TIFF, JPEG or BMP file; the light that it stands for is what is wanted. What is transparent is dark."""
 
-    words: ClassVar[str] = "{0.file.name}, {width} wide"
+    phrase: ClassVar[str] = "{0.file.name}, {width} wide"
 
     kind: Literal["image"] = "image"
     file: FilePath = Field(description="PNG, TIFF, JPEG or BMP file.")
@@ -105,7 +105,7 @@ class ArrayTarget(PictureTarget):
     """Light (relative) given as an array [row, column]; row 0 is the top, as in a picture."""
 
     positional: ClassVar[str] = "values"
-    words: ClassVar[str] = "given pattern, {width} wide"
+    phrase: ClassVar[str] = "given pattern, {width} wide"
 
     kind: Literal["array"] = "array"
     values: Annotated[Float[np.ndarray, "h w"], Numbers(2)] = Field(
@@ -133,7 +133,7 @@ class ArrayTarget(PictureTarget):
 class TableTarget(PictureTarget):
     """Light (relative) in a table: CSV, a line for each row from the top, or npz with one array [row, column]."""
 
-    words: ClassVar[str] = "{0.file.name}, {width} wide"
+    phrase: ClassVar[str] = "{0.file.name}, {width} wide"
 
     kind: Literal["table"] = "table"
     file: FilePath = Field(description="CSV, a line for each row from the top, or npz with one array.")

@@ -18,7 +18,7 @@ LEVEL_DEG = 90.0  # tilt of an axis whose ball reaches every undercut
 _ON_OPTICS = "marks of gate, ejector or parting line"
 
 
-class ProcessWords(NamedTuple):
+class ProcessTerms(NamedTuple):
     """Words of a process: what has edges at a cavity, what edges and optical faces must be without, what is left."""
 
     inner: str
@@ -75,7 +75,7 @@ class MakingProcess:
     side_draft_deg: ClassVar[float] = 0.0
     face_draft_deg: ClassVar[float | None] = None
     fields: ClassVar[tuple[str, ...]] = ()
-    words: ClassVar[ProcessWords]
+    terms: ClassVar[ProcessTerms]
 
     def __init_subclass__(cls) -> None:
         PROCESSES[cls.name] = cls()
@@ -102,7 +102,7 @@ class _Milled(MakingProcess):
 
     name = "milled"
     cuts = "lens"
-    words = ProcessWords("the cavity", "burr", "marks", "what the mill leaves")
+    terms = ProcessTerms("the cavity", "burr", "marks", "what the mill leaves")
 
     def cutting(self, revolved: bool) -> Cutting | None:
         return "milled"
@@ -117,7 +117,7 @@ class _Turned(MakingProcess):
     name = "turned"
     cuts = "lens"
     comes_from_below = True
-    words = ProcessWords("the cavity", "burr", "marks", "what the turning tool leaves")
+    terms = ProcessTerms("the cavity", "burr", "marks", "what the turning tool leaves")
 
     def cutting(self, revolved: bool) -> Cutting | None:
         return "turned"
@@ -135,7 +135,7 @@ class _Moulded(MakingProcess):
     side_draft_deg = _SIDE_DRAFT_DEG
     face_draft_deg = GOOD_DRAFT_DEG
     fields = ("shrinkage",)
-    words = ProcessWords("the mould’s core", "flash", _ON_OPTICS, "what the tools leave of the inserts")
+    terms = ProcessTerms("the mould’s core", "flash", _ON_OPTICS, "what the tools leave of the inserts")
 
     def cutting(self, revolved: bool) -> Cutting | None:
         return "turned" if revolved else "milled"
@@ -150,7 +150,7 @@ class _Extruded(MakingProcess):
     name = "extruded"
     is_drawn = True
     fields = ("most_wall_ratio",)
-    words = ProcessWords("the cavity", "burr of the saw", "lines of the die", "")
+    terms = ProcessTerms("the cavity", "burr of the saw", "lines of the die", "")
 
 
 class _Printed(MakingProcess):
@@ -158,7 +158,7 @@ class _Printed(MakingProcess):
 
     name = "printed"
     fields = ("layer_um",)
-    words = ProcessWords("the cavity", "rests of supports", "layers or marks of supports", "")
+    terms = ProcessTerms("the cavity", "rests of supports", "layers or marks of supports", "")
 
 
 class _NotMade(MakingProcess):
@@ -166,4 +166,4 @@ class _NotMade(MakingProcess):
 
     name = "none"
     is_judged = False
-    words = ProcessWords("the cavity", "burr", "marks", "")
+    terms = ProcessTerms("the cavity", "burr", "marks", "")

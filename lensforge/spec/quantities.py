@@ -1,6 +1,6 @@
 """Quantities that limits bound: figures of the light at some places, and how far a search is from their bounds.
 
-A quantity is declared here once: its words, its value with its standard error, and the light of each place relative to
+A quantity is declared here once: its phrase, its value with its standard error, and the light of each place relative to
 its bound, which gradients follow. Sections of a spec name the quantities that they bound.
 """
 
@@ -46,12 +46,12 @@ def extreme(readings: Readings, sense: Sense) -> Metric:
 class Quantity(ABC):
     """A figure of the light at ``k`` places.
 
-    ``words``: its name on screens and pages. ``flux_power``: power of the flux of the source by which it grows.
+    ``phrase``: its name on screens and pages. ``flux_power``: power of the flux of the source by which it grows.
     ``searched``: a search lowers what it lacks. ``of_view``: it is of what an eye sees, or of a body, ``of_losses``: of
     flux by cause, ``of_whole``: it compares places with the whole picture.
     """
 
-    words: ClassVar[str]
+    phrase: ClassVar[str]
     of_view: ClassVar[bool] = False
     of_losses: ClassVar[bool] = False
     of_whole: ClassVar[bool] = False
@@ -93,7 +93,7 @@ class OfLight(Quantity):
 class PlaceLight(OfLight):
     """Light at the place that has least or most of it."""
 
-    words = "light"
+    phrase = "light"
 
     def value(self, readings: Readings, sense: Sense, unit: str, whole: Readings) -> Metric:
         """Least E for a lower bound, largest for an upper one."""
@@ -108,7 +108,7 @@ class PlaceLight(OfLight):
 class SpotLuminance(PlaceLight):
     """Luminance of the spot that an eye sees brightest."""
 
-    words = "luminance of the brightest spot"
+    phrase = "luminance of the brightest spot"
     of_view = True
 
 
@@ -116,7 +116,7 @@ class SpotLuminance(PlaceLight):
 class MeanLuminance(PlaceLight):
     """Mean luminance that an eye sees."""
 
-    words = "mean luminance over the outline"
+    phrase = "mean luminance over the outline"
     of_view = True
 
 
@@ -124,7 +124,7 @@ class MeanLuminance(PlaceLight):
 class BodyLight(PlaceLight):
     """Light on the patch of a body that has least or most of it."""
 
-    words = "light on the body"
+    phrase = "light on the body"
     of_view = True
 
 
@@ -132,14 +132,14 @@ class BodyLight(PlaceLight):
 class BodyMean(BodyLight):
     """Mean light on a body."""
 
-    words = "mean light on the body"
+    phrase = "mean light on the body"
 
 
 @dataclass(frozen=True)
 class MeanLight(OfLight):
     """Mean light."""
 
-    words = "mean light"
+    phrase = "mean light"
 
     def value(self, readings: Readings, sense: Sense, unit: str, whole: Readings) -> Metric:
         """Mean of all places."""
@@ -154,7 +154,7 @@ class MeanLight(OfLight):
 class RelativeLight(Quantity):
     """Light over the largest of the whole picture."""
 
-    words = "light relative to its maximum"
+    phrase = "light relative to its maximum"
     of_whole = True
 
     def value(self, readings: Readings, sense: Sense, unit: str, whole: Readings) -> Metric:
@@ -170,7 +170,7 @@ class RelativeLight(Quantity):
 class FluxShare(Quantity):
     """Share of the flux of the source, the sum of all readings."""
 
-    words = "share of the flux"
+    phrase = "share of the flux"
     is_share = True
 
     def value(self, readings: Readings, sense: Sense, unit: str, whole: Readings) -> Metric:
@@ -186,7 +186,7 @@ class FluxShare(Quantity):
 class LostShare(FluxShare):
     """Share of the flux of the source that ends by one cause."""
 
-    words = "lost share of the flux"
+    phrase = "lost share of the flux"
     of_losses = True
 
 
@@ -194,7 +194,7 @@ class LostShare(FluxShare):
 class LeastOverMean(Quantity):
     """Least over mean light."""
 
-    words = "min/mean of the light"
+    phrase = "min/mean of the light"
 
     def value(self, readings: Readings, sense: Sense, unit: str, whole: Readings) -> Metric:
         """Quotient min E / mean E."""
@@ -209,7 +209,7 @@ class LeastOverMean(Quantity):
 class LeastOverMost(Quantity):
     """Least over largest light."""
 
-    words = "min/max of the light"
+    phrase = "min/max of the light"
 
     def value(self, readings: Readings, sense: Sense, unit: str, whole: Readings) -> Metric:
         """Quotient min E / max E: at most 1."""
@@ -224,7 +224,7 @@ class LeastOverMost(Quantity):
 class Contrast(Quantity):
     """Half the range of the light over the middle of that range: the non-uniformity of IEC 60904-9."""
 
-    words = "(max − min)/(max + min) of the light"
+    phrase = "(max − min)/(max + min) of the light"
     searched = False  # the range of few rays is noise: a search seeks even light by its relative variance
 
     def value(self, readings: Readings, sense: Sense, unit: str, whole: Readings) -> Metric:
@@ -245,7 +245,7 @@ class _OverLeast(Quantity):
 class MeanOverLeast(_OverLeast):
     """Mean over least light."""
 
-    words = "mean/min of the light"
+    phrase = "mean/min of the light"
 
     def value(self, readings: Readings, sense: Sense, unit: str, whole: Readings) -> Metric:
         """Quotient mean E / min E."""
@@ -260,7 +260,7 @@ class MeanOverLeast(_OverLeast):
 class MostOverLeast(_OverLeast):
     """Largest over least light."""
 
-    words = "max/min of the light"
+    phrase = "max/min of the light"
 
     def value(self, readings: Readings, sense: Sense, unit: str, whole: Readings) -> Metric:
         """Quotient max E / min E."""
@@ -275,7 +275,7 @@ class MostOverLeast(_OverLeast):
 class RatioOfTwo(Quantity):
     """Light at the first place over that at the second."""
 
-    words = "ratio of means"
+    phrase = "ratio of means"
 
     def value(self, readings: Readings, sense: Sense, unit: str, whole: Readings) -> Metric:
         """E1 / E2; 0 where the second is dark."""
@@ -293,7 +293,7 @@ class BeamAngle(Quantity):
     ``angles_deg``: of the places.
     """
 
-    words = "beam angle"
+    phrase = "beam angle"
 
     angles_deg: Float[np.ndarray, " k"]
     level: float
@@ -323,7 +323,7 @@ class GlareLaw(Quantity):
     power holds.
     """
 
-    words: str  # type: ignore[misc]  # of each law, not of the class
+    phrase: str  # type: ignore[misc]  # of each law, not of the class
     steps: tuple[tuple[float, float, float], ...]
 
     def at(self, mean_cd_per_m2: float) -> tuple[float, float]:

@@ -33,7 +33,7 @@ class ReceiverSection(OfSeveralKinds, Section):
     """
 
     unit: ClassVar[Unit] = "mm"  # of places on it: of a far field "deg"
-    words: ClassVar[str]  # for its place, by its fields
+    phrase: ClassVar[str]  # for its place, by its fields
     is_round: ClassVar[bool] = False  # it reaches to an angle from its middle
     faces_by: ClassVar[str] = "facing"  # the field of that direction
 
@@ -67,7 +67,7 @@ class ReceiverSection(OfSeveralKinds, Section):
     @property
     def place(self) -> str:
         """Its place in a few words."""
-        return self.words.format(self)
+        return self.phrase.format(self)
 
     @property
     def title(self) -> str:

@@ -104,7 +104,7 @@ class FarFieldReceiver(ReceiverSection):
     """Intensity by direction, around an axis."""
 
     unit: ClassVar[Unit] = "deg"
-    words: ClassVar[str] = "in the far field, to {0.half_angle_deg:g}°"
+    phrase: ClassVar[str] = "in the far field, to {0.half_angle_deg:g}°"
     centre_mm: ClassVar[Vector] = ORIGIN
     is_round: ClassVar[bool] = True
     faces_by: ClassVar[str] = "axis"
@@ -171,7 +171,7 @@ class CylinderReceiver(_CurvedReceiver):
     ``rotation_deg``.
     """
 
-    words: ClassVar[str] = "on a cylinder of radius {0.radius_mm:g} mm"
+    phrase: ClassVar[str] = "on a cylinder of radius {0.radius_mm:g} mm"
 
     kind: Literal["cylinder"] = "cylinder"
     width_mm: Millimetres = Field(description="Width along the arc.")
@@ -198,7 +198,7 @@ class SphereReceiver(_CurvedReceiver):
     Charted so that areas are kept: a place lies 2 ``radius_mm`` sin(angle / 2) from the chart's centre.
     """
 
-    words: ClassVar[str] = "on a sphere of radius {0.radius_mm:g} mm"
+    phrase: ClassVar[str] = "on a sphere of radius {0.radius_mm:g} mm"
     is_round: ClassVar[bool] = True
 
     kind: Literal["sphere"] = "sphere"

@@ -173,13 +173,13 @@ class TableScatter(OfTableFile):
         radii = np.sin(fine)
         shares = []
         for incidence, row in zip(self.incidence_deg, self.bsdf_per_sr, strict=True):
-            own = shares_within(radii, partial(_density, angles, np.array(row)))
-            if own[-1] > 1.0 + 1e-9:
+            within = shares_within(radii, partial(_density, angles, np.array(row)))
+            if within[-1] > 1.0 + 1e-9:
                 raise ValueError(
-                    f"bsdf_per_sr at incidence_deg = {incidence:g}: the face would scatter {own[-1]:.3g} of its light, "
-                    "must be at most 1; a scatter function has the unit 1/sr, without the cosine"
+                    f"bsdf_per_sr at incidence_deg = {incidence:g}: the face would scatter {within[-1]:.3g} of its "
+                    "light, must be at most 1; a scatter function has the unit 1/sr, without the cosine"
                 )
-            shares.append(tuple(np.minimum(own, 1.0).tolist()))
+            shares.append(tuple(np.minimum(within, 1.0).tolist()))
         cosines = np.cos(np.radians(self.incidence_deg))[::-1]
         return RingScatter(tuple(radii.tolist()), tuple(shares[::-1]), tuple(cosines.tolist()))
 

@@ -29,7 +29,7 @@ _CORNERS = np.array([(x * 0.9, y * 0.9) for y in (1.0, -1.0) for x in (-1.0, 1.0
 class MeanOfNine(OfLight):
     """Mean light of the nine points."""
 
-    words = "mean light of nine points"
+    phrase = "mean light of nine points"
 
     def value(self, readings: Readings, sense: Sense, unit: str, whole: Readings) -> Metric:
         """Mean of the nine."""
@@ -44,7 +44,7 @@ class MeanOfNine(OfLight):
 class LeastOverNine(Quantity):
     """Least light of the thirteen points over the mean of the nine."""
 
-    words = "min of 13 points/mean of 9"
+    phrase = "min of 13 points/mean of 9"
 
     def value(self, readings: Readings, sense: Sense, unit: str, whole: Readings) -> Metric:
         """Quotient min E13 / mean E9."""
@@ -59,7 +59,7 @@ class LeastOverNine(Quantity):
 class MostOverNine(LeastOverNine):
     """Largest light of the thirteen points over the mean of the nine."""
 
-    words = "max of 13 points/mean of 9"
+    phrase = "max of 13 points/mean of 9"
 
     def value(self, readings: Readings, sense: Sense, unit: str, whole: Readings) -> Metric:
         """Quotient max E13 / mean E9."""

@@ -35,7 +35,7 @@ class FlatTopTarget(SizedTarget):
 
     needs: ClassVar[tuple[str, ...]] = ("width",)
     takes: ClassVar[tuple[str, ...]] = (*TargetSection.takes, "height")
-    words: ClassVar[str] = "flat top, {width} × {height}"
+    phrase: ClassVar[str] = "flat top, {width} × {height}"
 
     kind: Literal["flat_top"] = "flat_top"
     exponent: Annotated[float, Field(ge=2.0, le=200.0)] = Field(
@@ -60,7 +60,7 @@ class FlatTopTarget(SizedTarget):
 class RectangleTarget(SizedTarget, ShapeTarget):
     """A rectangle."""
 
-    words: ClassVar[str] = "rectangle, {width} × {height}"
+    phrase: ClassVar[str] = "rectangle, {width} × {height}"
     has_word: ClassVar[bool] = True
 
     kind: Literal["rectangle"] = "rectangle"
@@ -75,7 +75,7 @@ class DiscTarget(ShapeTarget):
     """A disc."""
 
     needs: ClassVar[tuple[str, ...]] = ("diameter",)
-    words: ClassVar[str] = "disc, {diameter} wide"
+    phrase: ClassVar[str] = "disc, {diameter} wide"
     across: ClassVar[str] = "diameter"
     has_word: ClassVar[bool] = True
     is_round: ClassVar[bool] = True
@@ -93,7 +93,7 @@ class DiscTarget(ShapeTarget):
 class EllipseTarget(SizedTarget, ShapeTarget):
     """An ellipse with its axes along x and y."""
 
-    words: ClassVar[str] = "ellipse, {width} × {height}"
+    phrase: ClassVar[str] = "ellipse, {width} × {height}"
     has_word: ClassVar[bool] = True
     is_round: ClassVar[bool] = True
 
@@ -109,7 +109,7 @@ class RingTarget(ShapeTarget):
     """A ring between two circles."""
 
     needs: ClassVar[tuple[str, ...]] = ("outer_diameter", "inner_diameter")
-    words: ClassVar[str] = "ring, {inner_diameter} to {outer_diameter} wide"
+    phrase: ClassVar[str] = "ring, {inner_diameter} to {outer_diameter} wide"
     across: ClassVar[str] = "outer_diameter"
     has_word: ClassVar[bool] = True
     is_round: ClassVar[bool] = True
@@ -192,7 +192,7 @@ class CrossTarget(ShapeTarget):
     """An upright cross of equal arms."""
 
     needs: ClassVar[tuple[str, ...]] = ("length", "stroke")
-    words: ClassVar[str] = "cross, {length} long"
+    phrase: ClassVar[str] = "cross, {length} long"
     across: ClassVar[str] = "length"
     has_word: ClassVar[bool] = True
 
@@ -214,7 +214,7 @@ class SpotsTarget(ShapeTarget):
     """A line or a grid of discs."""
 
     needs: ClassVar[tuple[str, ...]] = ("diameter", "pitch")
-    words: ClassVar[str] = "{0.columns} × {0.rows} spots, {pitch} apart"
+    phrase: ClassVar[str] = "{0.columns} × {0.rows} spots, {pitch} apart"
 
     kind: Literal["spots"] = "spots"
     columns: Annotated[int, Field(ge=1, le=_MOST_SPOTS)] = Field(description="Discs along x.")

@@ -19,8 +19,8 @@ _REPEATED = re.compile(r"(?<![^/])(?:\*\*/)+(?=\*\*/)")
 _MOST_DEPTHS = 2  # of **: each goes through all folders below each of the one before
 _NUMBERS = ("share", *FluxSection.model_fields, "luminous_efficacy_lm_per_w")
 _COLUMNS = (
-    Column(("file",), words=True),
-    Column(("name",), needed=False, words=True),
+    Column(("file",), is_text=True),
+    Column(("name",), needed=False, is_text=True),
     *(Column((name,), needed=False) for name in _NUMBERS),
 )
 _LONGEST_NAME = 32
@@ -121,16 +121,16 @@ def _of_toml(path: Path) -> tuple[NamedSource, ...]:
 
 def _of_entry(entry: Entry, folder: Path, settings: EmitterSection) -> NamedSource:
     """The LED in a row of a table; its file counts from the ``folder`` of the table."""
-    if "file" not in entry.words:
+    if "file" not in entry.cells:
         raise InputError(f"{entry.where}: must have a file")
-    file = folder / entry.words["file"]
+    file = folder / entry.cells["file"]
     numbers = {name: number for name in _NUMBERS if (number := entry.number(name)) is not None}
     share = numbers.pop("share", 1.0)
     stated = dict.fromkeys(FluxSection.model_fields) if numbers.keys() & FluxSection.model_fields.keys() else {}
     try:  # of what the spec states of its own LED not half
         source = source_with_file(settings, file, **{**stated, **numbers})
         require_regular_file(file, missing="its name counts from the folder of the table")
-        return NamedSource(name=entry.words.get("name", _name(file)), share=share, source=source)
+        return NamedSource(name=entry.cells.get("name", _name(file)), share=share, source=source)
     except InputError as error:
         raise InputError(f"{entry.where}: {'; '.join(str(error).splitlines())}") from None
 

@@ -86,7 +86,7 @@ class Placement(EmitterSection):
 class RayfileSource(Placement):
     """Ray file of a vendor."""
 
-    words: ClassVar[str] = "ray file {0.file.name}"
+    phrase: ClassVar[str] = "ray file {0.file.name}"
 
     kind: Literal["rayfile"] = "rayfile"
     file: FilePath = Field(description="Ray file: TM-25, IES, Zemax, LightTools, SPEOS and others.")
@@ -141,7 +141,7 @@ class PlanarSource(EmitterSection):
 class RectangleSource(PlanarSource):
     """A uniform rectangle, centred on the axis."""
 
-    words: ClassVar[str] = "{0.width_mm:g} mm × {0.height_mm:g} mm source"
+    phrase: ClassVar[str] = "{0.width_mm:g} mm × {0.height_mm:g} mm source"
     in_a_word: ClassVar[tuple[str, ...]] = ("width_mm", "height_mm")
 
     kind: Literal["rectangle"] = "rectangle"
@@ -158,7 +158,7 @@ class RectangleSource(PlanarSource):
 class DiscSource(PlanarSource):
     """A uniform disc, centred on the axis."""
 
-    words: ClassVar[str] = "{0.diameter_mm:g} mm disc source"
+    phrase: ClassVar[str] = "{0.diameter_mm:g} mm disc source"
     in_a_word: ClassVar[tuple[str, ...]] = ("diameter_mm",)
 
     kind: Literal["disc"] = "disc"
@@ -255,7 +255,7 @@ class ChipsSource(PlanarSource):
 class ChipArraySource(PlanarSource):
     """Equal chips in rows and columns, centred on the axis."""
 
-    words: ClassVar[str] = "source of {0.columns} × {0.rows} chips"
+    phrase: ClassVar[str] = "source of {0.columns} × {0.rows} chips"
 
     kind: Literal["chip_array"] = "chip_array"
     columns: Annotated[int, Field(ge=1, le=100)] = Field(description="Chips along x.")
@@ -293,7 +293,7 @@ class ChipArraySource(PlanarSource):
 class LuminanceSource(PlanarSource):
     """A picture of the lit source, centred on the axis: a pixel's flux follows its light."""
 
-    words: ClassVar[str] = "source of the luminance picture {0.file.name}"
+    phrase: ClassVar[str] = "source of the luminance picture {0.file.name}"
 
     kind: Literal["luminance"] = "luminance"
     file: FilePath = Field(description="PNG, TIFF, JPEG or BMP file.")
@@ -307,7 +307,7 @@ class LuminanceSource(PlanarSource):
 class RadianceSource(EmitterSection):
     """Radiance by position and direction, from a NumPy archive (docs/sources.md); a given flux replaces its own."""
 
-    words: ClassVar[str] = "source of the radiance table {0.file.name}"
+    phrase: ClassVar[str] = "source of the radiance table {0.file.name}"
 
     kind: Literal["radiance"] = "radiance"
     file: FilePath = Field(description="NumPy archive (docs/sources.md).")

@@ -78,7 +78,7 @@ class TargetSection(OfSeveralKinds, InOneUnit):
 
     takes: ClassVar[tuple[str, ...]] = ("centre", "uniform")
     far_field_only: ClassVar[bool] = False
-    words: ClassVar[str]  # for it, by its fields and by the names of its lengths
+    phrase: ClassVar[str]  # for it, by its fields and by the names of its lengths
     across: ClassVar[str] = "width"  # the length that says how wide it is, where it has one
     is_round: ClassVar[bool] = False  # an ellipse bounds it, not a rectangle
     has_own_edge: ClassVar[bool] = False  # its light falls at the edge already
@@ -186,8 +186,8 @@ class TargetSection(OfSeveralKinds, InOneUnit):
     @property
     def description(self) -> str:
         """The target in a few words; of a length that differs along x and y both."""
-        named = [name for name in (*self.needs, *self.takes) if f"{{{name}}}" in self.words]
-        return self.words.format(self, **{name: self._in_words(name) for name in named})
+        named = [name for name in (*self.needs, *self.takes) if f"{{{name}}}" in self.phrase]
+        return self.phrase.format(self, **{name: self._in_words(name) for name in named})
 
     def _in_words(self, name: str) -> str:
         unit = "°" if self.unit == "deg" else " mm"

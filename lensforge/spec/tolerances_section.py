@@ -41,7 +41,7 @@ class _Cause(NamedTuple):
     ``field``: its name in the table of its ``face``.
     """
 
-    words: str
+    phrase: str
     amounts: tuple[float, float, float]
     numbers: int = 1
     kind: FactorKind = "spread"
@@ -68,7 +68,7 @@ def _causes(roles: tuple[FaceRole, ...]) -> dict[str, _Cause]:
     def of_faces(names: Sequence[str], description: str, field: str, cause: _Cause) -> dict[str, _Cause]:
         return {
             factor_name(roles, face, field): cause._replace(
-                words=description.format(cause=cause.words, face=face), face=face, field=field
+                phrase=description.format(cause=cause.phrase, face=face), face=face, field=field
             )
             for face in names
         }
@@ -334,7 +334,7 @@ class Factor:
     """
 
     name: str
-    words: str
+    phrase: str
     unit: str
     to_internal: float
     amount: float
@@ -349,7 +349,7 @@ def factors_of(tolerances: PartTolerances) -> tuple[Factor, ...]:
     for name, cause in _causes(tolerances.roles).items():
         tolerance = tolerances.tolerance(name)
         (unit, to_internal, _) = _unit_of(name)
-        stated = (cause.words, unit, to_internal, tolerance.amount, cause.kind, tolerance.distribution, cause.numbers)
+        stated = (cause.phrase, unit, to_internal, tolerance.amount, cause.kind, tolerance.distribution, cause.numbers)
         factors += [Factor(name, *stated)] if tolerance.amount > 0.0 else []
     if not factors:
         raise InputError("tolerances: all of them are 0: every part is as designed; raise one, or leave out the zeros")

@@ -37,21 +37,21 @@ _STRAIGHT = str.maketrans({**dict.fromkeys("“”„‟«»", '"'), **dict.from
 
 @dataclass(frozen=True)
 class ValueCure:
-    """Fault of a value in ``words``, and the value ``meant``; ``told``: the words say it already."""
+    """A ``fault`` of a value, and the value ``meant``; ``told``: the fault names it already."""
 
-    words: str
+    fault: str
     meant: str
     told: bool = False
 
 
 @dataclass(frozen=True)
 class _Slip:
-    """Words on what is wrong at ``column`` of line ``number``, from 1; ``meant``: that line as it may be read on."""
+    """A ``fault`` at ``column`` of line ``number``, from 1; ``meant``: that line as it may be read on."""
 
     number: int
     column: int
     line: str
-    words: str
+    fault: str
     meant: str | None = None
 
     @property
@@ -89,7 +89,7 @@ def tables_of(text: str, path: Path) -> dict[str, Any]:
 
 
 def _wrong(slips: list[_Slip], path: Path) -> WrongFields:
-    places = (f"{path}: line {slip.number}, column {slip.column}: {slip.words}" for slip in slips)
+    places = (f"{path}: line {slip.number}, column {slip.column}: {slip.fault}" for slip in slips)
     error = WrongFields("\n".join(" ".join(place.split()) for place in places))
     if path.suffix.lower() == ".toml":  # the content of a file that was given by mistake is nobody's business
         error.beneath = tuple(slip.marked for slip in slips)
@@ -140,12 +140,12 @@ def _cure(line: str) -> tuple[str, str] | None:
         if (
             cured_line and (within := _cured_entry(cured_line)) and _reads(within.meant)
         ):  # a second slip in the same line
-            return f"{correction}, and {within.words}", within.meant
+            return f"{correction}, and {within.fault}", within.meant
     blanks = _BLANKS.match(line)
     if blanks and _reads(joined := f"{re.sub('[ -]+', '_', blanks[1])}{blanks[2]}"):
         return f"a name has no blanks; write {shortened(joined)}", joined
     entry = _cured_entry(line)
-    return (entry.words, entry.meant) if entry is not None and _reads(entry.meant) else None
+    return (entry.fault, entry.meant) if entry is not None and _reads(entry.meant) else None
 
 
 def _cured_entry(line: str) -> ValueCure | None:
@@ -155,7 +155,7 @@ def _cured_entry(line: str) -> ValueCure | None:
         return None
     meant = f"{entry[1]}{cure.meant}" if cure.meant else ""
     write = f"; write {shortened(meant.strip())}" if meant and not cure.told else ""
-    return ValueCure(f"{cure.words}{write}", meant)
+    return ValueCure(f"{cure.fault}{write}", meant)
 
 
 def _reads(line: str) -> bool:

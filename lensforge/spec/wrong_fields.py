@@ -136,7 +136,7 @@ def _problem(error: ErrorDetails, place: _FieldPlace) -> str:
     given = error["input"] if isinstance(error["input"], str) else ""
     cure = cured_number(place.last, given.strip()) if error["type"] in _NUMBERS else None
     if cure is not None:
-        return f"{problem}; {cure.words}" + ("" if cure.told else f"; write {cure.meant}")
+        return f"{problem}; {cure.fault}" + ("" if cure.told else f"; write {cure.meant}")
     if error["type"] in _NUMBERS and re.fullmatch(r"[-+]?\d+(\.\d*)?([eE][-+]?\d+)?", given.strip()):
         return f"{problem}, without quotes; write {given.strip()}"
     near = _nearest(given, re.findall(r"'([^']*)'", str(context.get("expected", ""))))
@@ -239,7 +239,7 @@ def _place(location: tuple[int | str, ...], root: type[BaseModel]) -> _FieldPlac
         elif fields:
             holders = inside
             annotation = fields[0].annotation
-            inside = tuple(dict.fromkeys(each for field in fields for each in sections_in(field.annotation)))
+            inside = tuple(dict.fromkeys(section for field in fields for section in sections_in(field.annotation)))
             parts.append(part)
         elif tagged:
             inside = tagged

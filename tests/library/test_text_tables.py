@@ -170,7 +170,7 @@ def test_blank_cells_count_as_what_the_caller_says():
 
 
 LEDS = (
-    Column(("name",), words=True, needed=False), Column(("file",), words=True),
+    Column(("name",), is_text=True, needed=False), Column(("file",), words=True),
     Column(("flux",), {"lm": 1.0}, needed=False),
     Column(("flux",), {"w": 1.0, "mw": 1e-3}, needed=False),
 )  # fmt: skip
@@ -187,9 +187,9 @@ LEDS = (
 def test_a_list_has_words_and_numbers_by_their_titles(content, tmp_path):
     (tmp_path / "t.csv").write_bytes(content.encode("utf-16"))
     one, two = read_list(tmp_path / "t.csv", LEDS, missing="give it", most_bytes=1000)
-    assert dict(one.words) | {"flux_lm": 0} == {"name": "one #1", "file": "a.ray", "flux_lm": 0}
+    assert dict(one.cells) | {"flux_lm": 0} == {"name": "one #1", "file": "a.ray", "flux_lm": 0}
     assert (one.number("flux_lm"), one.number("flux_w"), two.number("flux_lm")) == (100.5, None, None)
-    assert dict(two.words) == {"file": "b.ray"} and one.where.startswith(str(tmp_path / "t.csv"))
+    assert dict(two.cells) == {"file": "b.ray"} and one.where.startswith(str(tmp_path / "t.csv"))
 
 
 @pytest.mark.parametrize(

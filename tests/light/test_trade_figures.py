@@ -33,7 +33,7 @@ def read(spec: Spec, light: Any, pixels: int = 200, noise: float = 0.0) -> dict[
     """Values of the limits of ``spec`` on a picture of ``light`` (W/m² or W/sr) at places (x, y), by their words."""
     receiver = receivers_of(spec, pixels)[0]
     limits = light_limits(spec, [receiver], EFFICACY, 1.0)
-    return {limit.quantity.words: limit_value(limit, images_of(receiver, light, noise)) for limit in limits}
+    return {limit.quantity.phrase: limit_value(limit, images_of(receiver, light, noise)) for limit in limits}
 
 
 def images_of(receiver: PosedReceiver, light: Any, noise: float = 0.0) -> np.ndarray:

@@ -167,7 +167,7 @@ def test_lenses_of_a_plate_move_with_it_as_one_body() -> None:
 def test_causes_of_boards_are_those_of_a_known_sum() -> None:
     """y = 3 a mean of the lamps' numbers + a product of two lamps' + a common number: shares of 9/4, 1 and 2."""
     spread = {"unit": "", "to_internal": 1.0, "amount": 1.0, "kind": "spread", "numbers": 1}
-    factors = tuple(Factor(name=name, words=name, distribution="uniform", **spread) for name in ("own", "index"))  # type: ignore[arg-type]
+    factors = tuple(Factor(name=name, phrase=name, distribution="uniform", **spread) for name in ("own", "index"))  # type: ignore[arg-type]
     draws = Draws.of(factors, 4096, 0, 4, frozenset({"index"}))
     per_lamp = np.sqrt(3.0) * draws.numbers["own"]
     common = np.sqrt(3.0) * draws.numbers["index"][:, 0]

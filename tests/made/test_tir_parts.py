@@ -77,7 +77,7 @@ def test_a_part_has_the_tolerances_of_its_faces_by_their_names() -> None:
     spec = spot(wall={"waviness_um": 0.3, "gap_mm": 0.0}, exit={"shift_mm": 0.01})
     factors = {factor.name: factor for factor in factors_of(spec.part_tolerances)}
     assert factors["wall_waviness_um"].amount == 0.3 and factors["cap_waviness_um"].amount == 0.1
-    assert factors["exit_shift_mm"].words == "exit face against cap, decentre" and "wall_gap_mm" not in factors
+    assert factors["exit_shift_mm"].phrase == "exit face against cap, decentre" and "wall_gap_mm" not in factors
     assert not {"cap_shift_mm", "side_shift_mm", "gap_mm", "side_tilt_deg"} & factors.keys()
     assert {f"{name}_form_um" for name in TIR} <= factors.keys()
 

@@ -53,7 +53,7 @@ def test_an_interrupt_that_a_destructor_swallows_is_raised_again() -> None:
                 Swallows()
                 time.sleep(30.0)
         except KeyboardInterrupt:
-            print(interrupts.words, interrupts.exit_code)
+            print(interrupts.line, interrupts.exit_code)
     """)
     assert (done.stdout, done.stderr, done.returncode) == ("interrupted 130\n", "", 0)
 
@@ -132,7 +132,7 @@ def test_an_interrupt_before_the_command_is_kept_until_it_begins() -> None:
                 print("begun")
         except KeyboardInterrupt:
             interrupts.resumable = lambda: True
-            print(interrupts.exit_code, interrupts.words)
+            print(interrupts.exit_code, interrupts.line)
     """)
     expected = "143 terminated; the same command with --resume continues from the last checkpoint\n"
     assert (done.stdout, done.stderr) == (expected, "")
@@ -249,6 +249,6 @@ def test_an_interrupted_yield_says_that_the_same_command_goes_on(tmp_path: Path)
     """Where it has measured parts, by the file that holds them; it takes no --resume."""
     heard = Interrupts()
     CliRunner().invoke(cli, ["yield", str(tmp_path)], obj=heard)
-    assert heard.words == "interrupted; there is nothing to resume yet: run the same command again"
+    assert heard.line == "interrupted; there is nothing to resume yet: run the same command again"
     (tmp_path / YIELD_PARTS).touch()
-    assert heard.words == f"interrupted; the same command goes on with what it has measured ({YIELD_PARTS})"
+    assert heard.line == f"interrupted; the same command goes on with what it has measured ({YIELD_PARTS})"

@@ -74,7 +74,7 @@ def _columns(factor):
 def _amount(factor):
     distribution = "Gaussian field" if factor.kind == "field" else factor.distribution
     return ToleranceAmount(
-        name=factor.name, words=factor.words, unit=factor.unit, amount=factor.amount, distribution=distribution
+        name=factor.name, words=factor.phrase, unit=factor.unit, amount=factor.amount, distribution=distribution
     )
 
 
@@ -101,7 +101,7 @@ def _spread(values):
 def _variance(factors):
     shares = [0.5, 0.25, *(0.001 for _ in factors[2:])]
     causes = tuple(
-        CauseShare(tolerance=factor.name, words=factor.words, share=share, standard_error=0.0625)
+        CauseShare(tolerance=factor.name, words=factor.phrase, share=share, standard_error=0.0625)
         for factor, share in zip(factors, shares, strict=True)
     )
     return Variance(causes=causes, interactions=Metric(value=1.0 - sum(shares), standard_error=0.125))
@@ -115,7 +115,7 @@ def _budget(factors):
         at_most, low, high = (None if scale is None else scale * factor.amount for scale in scales)
         rows.append(
             BudgetRow(
-                tolerance=factor.name, words=factor.words, unit=factor.unit, specified=factor.amount, at_most=at_most,
+                tolerance=factor.name, words=factor.phrase, unit=factor.unit, specified=factor.amount, at_most=at_most,
                 low=low, high=high, searched_to=16.0 * factor.amount, unlimited=number == 1,
             )
         )  # fmt: skip

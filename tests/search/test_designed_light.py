@@ -138,7 +138,7 @@ def test_the_simplest_kind_with_nearly_the_most_designed_light_is_advised() -> N
         advice = LensAdvice.among({"double": double, "tir": tir, "reflector": mirror}, "patch")
         assert advice.advised == kind and advice.by_drafts
         assert advice.shares == pytest.approx({"double": share, "tir": 1.0})
-    assert "drafts like this reached an efficiency of 0.98 with a reflector (NMSE 0.01), 0.89 with" in advice.words
+    assert "drafts like this reached an efficiency of 0.98 with a reflector (NMSE 0.01), 0.89 with" in advice.phrase
     assert advice.why.startswith("double is used, the simplest with 0.97 of the most or more: double has 0.971")
 
 
@@ -156,7 +156,7 @@ def test_where_one_kind_has_no_drafts_the_bounds_decide() -> None:
     options = {"double": LensOption(LensShape.kinds["double"], 0.9), "tir": option("tir", 0.923, 0.97, 0.01)}
     advice = LensAdvice.among(options, "patch")
     assert advice.advised == "double" and not advice.by_drafts
-    assert "reached" not in advice.words and advice.why.endswith("; drafts like this are not known")
+    assert "reached" not in advice.phrase and advice.why.endswith("; drafts like this are not known")
     assert LensAdvice.among(options, "picture").why == "double is used, the only kind that suits this light"
 
 

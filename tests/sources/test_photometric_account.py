@@ -147,7 +147,7 @@ def test_the_account_knows_every_field_of_the_record() -> None:
     """A new field has words for the account, or is one of those that say how the record was made."""
     about = {"intensity", "lamps", "format", "photometric_type", "warnings", "edition", "per_1000_lm"}
     for record, silent in ((PhotometricFile, about), (LampSet, set())):
-        assert {field.name for field in dataclasses.fields(record) if "words" not in field.metadata} == silent
+        assert {field.name for field in dataclasses.fields(record) if "label" not in field.metadata} == silent
 
 
 SHAPES_2002 = {

@@ -185,7 +185,7 @@ def test_kinds_of_a_table_have_the_mirrors_that_keep_them() -> None:
     assert lamps_of(WIDE).has_mirrors("rectangle")
     one_side = lamps_of({**WIDE, "kinds": ["wide", "wide", "narrow"]})
     assert one_side.has_mirrors("mirror_y") and not one_side.has_mirrors("mirror_x")
-    assert lamps_of(WIDE).words.endswith("lit by 3 lamps with lenses of 2 kinds")
+    assert lamps_of(WIDE).phrase.endswith("lit by 3 lamps with lenses of 2 kinds")
 
 
 @pytest.mark.parametrize(

@@ -37,8 +37,8 @@ class RouteLight(ApplicationLight[RouteSection, RouteJudgement]):
 
     judgement = RouteJudgement
     remedies: ClassVar[Mapping[str, str]] = {
-        PlaceLight.words: "lamps nearer to each other, or more light towards the middle between two of them",
-        MostOverLeast.words: "less light below the lamps, or lamps nearer to each other; the flux does not change it",
+        PlaceLight.phrase: "lamps nearer to each other, or more light towards the middle between two of them",
+        MostOverLeast.phrase: "less light below the lamps, or lamps nearer to each other; the flux does not change it",
     }
 
     def limits(self) -> Iterator[IntensityLimit]:

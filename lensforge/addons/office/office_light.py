@@ -19,9 +19,9 @@ class OfficeLight(ApplicationLight[OfficeSection, OfficeJudgement]):
 
     judgement = OfficeJudgement
     remedies: ClassVar[Mapping[str, str]] = {
-        UnifiedGlare.words: "less light above 60 degrees, or a larger luminous_m; the flux changes it little",
-        PlaceLight.words: "more lumens, or lamps nearer to each other; the mean is linear in the flux",
-        LeastOverMean.words: "a wider beam, or lamps nearer to each other; the flux does not change it",
+        UnifiedGlare.phrase: "less light above 60 degrees, or a larger luminous_m; the flux changes it little",
+        PlaceLight.phrase: "more lumens, or lamps nearer to each other; the mean is linear in the flux",
+        LeastOverMean.phrase: "a wider beam, or lamps nearer to each other; the flux does not change it",
     }
 
     def limits(self) -> Iterator[IntensityLimit]:

@@ -19,7 +19,7 @@ _LEAST = 0.0  # below 10 it says nothing
 class UnifiedGlare(Quantity):
     """Rating 8 lg(0.25/L_b sum of L² ω/p²): the last place is L_b (cd/m²), the others are the roots of L² ω/p²."""
 
-    words = "unified glare rating"
+    phrase = "unified glare rating"
 
     def value(self, readings: Readings, sense: Sense, unit: str, whole: Readings) -> Metric:
         """The rating of the mean light; 0 at least, and of lamps that are dark the largest."""

@@ -23,7 +23,7 @@ def with_remedies(limits: Sequence[Fact]) -> Iterator[Fact]:
         yield replace(limit, remedy=remedy) if limit.state == "fail" else limit
 
 
-_GLARE = (THRESHOLD_INCREMENT.words, VEILING_RATIO.words)
+_GLARE = (THRESHOLD_INCREMENT.phrase, VEILING_RATIO.phrase)
 _OF_GLARE = "less light near the horizon, or higher poles; the flux hardly changes it"
 _OF_EVENNESS = "another pattern, higher poles, or poles nearer to each other; the flux does not change it"
 
@@ -46,7 +46,7 @@ def _flux_remedy(limits: Sequence[Fact]) -> str:
     factor = three_digits(least, ceil) if least > 1.0 else three_digits(most, floor)
     remedy = f"so lit the road needs × {factor:g} lumens, or × {three_digits(1.0 / factor):g} the spacing of poles"
     grown = factor ** (1.0 - THRESHOLD_INCREMENT.at(1.0)[1])
-    of_glare = (limit for limit in limits if limit.note == THRESHOLD_INCREMENT.words)
+    of_glare = (limit for limit in limits if limit.note == THRESHOLD_INCREMENT.phrase)
     glaring = [limit for limit in of_glare if limit.metric.value * grown > limit.bound]
     if least > 1.0 and glaring:
         worst = max(glaring, key=lambda limit: limit.metric.value)

@@ -23,7 +23,7 @@ class GlareRating(Quantity):
     The last place is L_ve, the veil of the environment (cd/m²), the others are L_vl, that of the lamps.
     """
 
-    words = "glare rating"
+    phrase = "glare rating"
 
     def value(self, readings: Readings, sense: Sense, unit: str, whole: Readings) -> Metric:
         """Largest rating, at least 10. Its error includes the uncertainty of the environment's luminance."""

@@ -19,9 +19,9 @@ class SportsLight(ApplicationLight[SportsSection, SportsJudgement]):
 
     judgement = SportsJudgement
     remedies: ClassVar[Mapping[str, str]] = {
-        PlaceLight.words: "more lumens, or floodlights that are aimed nearer; the mean is linear in the flux",
-        LeastOverMean.words: "another pattern, or other aims; the flux does not change it",
-        GlareRating.words: "higher masts, lower aims, or less light beside the beam; the flux changes it little",
+        PlaceLight.phrase: "more lumens, or floodlights that are aimed nearer; the mean is linear in the flux",
+        LeastOverMean.phrase: "another pattern, or other aims; the flux does not change it",
+        GlareRating.phrase: "higher masts, lower aims, or less light beside the beam; the flux changes it little",
     }
 
     def limits(self) -> Iterator[IntensityLimit]:

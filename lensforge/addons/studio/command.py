@@ -18,8 +18,8 @@ def studio(spec: Path | None, port: int, browser: bool) -> None:
     leaves its checkpoint, with which the page goes on.
     """
     opened = open_studio(spec, port=port, browser=browser)
-    words = "" if opened.shown or not browser else "No browser was found: open the address in one. "
-    click.echo(f"{opened.address}\n{words}Results: {opened.folder}. Ctrl-C ends the studio.", err=True)
+    hint = "" if opened.shown or not browser else "No browser was found: open the address in one. "
+    click.echo(f"{opened.address}\n{hint}Results: {opened.folder}. Ctrl-C ends the studio.", err=True)
     try:
         opened.wait()
     finally:

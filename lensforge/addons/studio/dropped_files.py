@@ -25,11 +25,11 @@ Use = Literal["source", "target"]
 
 @dataclass(frozen=True)
 class DroppedFile:
-    """A file by its ``path``, with its ``plot``, ``words`` on what is in it, and the uses that it ``fits``."""
+    """A file by its ``path``, with its ``plot``, ``phrase`` on what is in it, and the uses that it ``fits``."""
 
     path: Path
     plot: Path
-    words: str
+    phrase: str
     fits: tuple[Use, ...]
 
     @staticmethod
@@ -42,8 +42,8 @@ class DroppedFile:
         plot = path.with_name(f"{path.name}.png")
         summary.save(plot)
         if isinstance(summary, PhotometricSummary):
-            words = f"{summary.lumens:.4g} lm, peak {summary.peak.intensity_cd:.4g} cd"
-            return DroppedFile(path, plot, f"{path.name}: {summary.format}, {words}", ("target",))
+            figures = f"{summary.lumens:.4g} lm, peak {summary.peak.intensity_cd:.4g} cd"
+            return DroppedFile(path, plot, f"{path.name}: {summary.format}, {figures}", ("target",))
         return DroppedFile(path, plot, f"{path.name}: {summary.format}, {summary.rays:,} rays", ("source",))
 
     def kept(self, folder: Path) -> "DroppedFile":
@@ -51,7 +51,7 @@ class DroppedFile:
         plot = folder / self.plot.name
         for path in dict.fromkeys((self.path, self.plot)):
             path.replace(folder / path.name)
-        return DroppedFile(folder / self.path.name, plot, self.words, self.fits)
+        return DroppedFile(folder / self.path.name, plot, self.phrase, self.fits)
 
     def table(self, use: Use, before: Mapping[str, Any]) -> dict[str, object]:
         """The table of a spec that names it; a picture takes its size and distance from the target ``before``."""
@@ -61,13 +61,17 @@ class DroppedFile:
             return {"kind": "rayfile", "file": str(self.path), "origin": "virtual_focus"}
         if self.plot == self.path:
             usual = (("width_mm", 200.0), ("distance_mm", 300.0))
-            return {"kind": "image", "file": str(self.path), **{name: before.get(name, own) for name, own in usual}}
+            return {
+                "kind": "image",
+                "file": str(self.path),
+                **{name: before.get(name, default) for name, default in usual},
+            }
         return {"kind": "photometric", "file": str(self.path)}
 
 
 def plain_name(name: str) -> str:
     """The ``name`` of a dropped file in plain characters. Raises :class:`InputError` for a name of no use."""
-    plain = "".join(each if each.isalnum() or each in "-_." else "_" for each in Path(name).name)
+    plain = "".join(character if character.isalnum() or character in "-_." else "_" for character in Path(name).name)
     plain = plain[-_NAME_CHARACTERS:].lstrip(".")
     if not Path(plain).suffix:
         raise InputError(f"{name[:60]!r}: a file of rays, an IES or LDT file, or a picture, each with its suffix")

@@ -75,6 +75,6 @@ class JobPipe:
             self._out.write(len(frame).to_bytes(4, "little") + frame)
             self._out.flush()
 
-    def warn(self, words: str) -> None:
+    def warn(self, warning: str) -> None:
         """Send a warning."""
-        self.send("warning", words=words)
+        self.send("warning", words=warning)

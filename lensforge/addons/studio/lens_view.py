@@ -59,7 +59,7 @@ class _Tabulated(Surface):
         chart = to_chart(directions)
         steps = _STEP * np.eye(2)
         both = [[self.radius(to_sphere(chart + sign * step)) for sign in (1.0, -1.0)] for step in steps]
-        return gradient_on_sphere(chart, np.stack([0.5 * (one - other) / _STEP for one, other in both], axis=1))
+        return gradient_on_sphere(chart, np.stack([0.5 * (ahead - behind) / _STEP for ahead, behind in both], axis=1))
 
 
 def as_tabulated(lens: Lens, grid: TableGrid, tables: Tables) -> tuple[Lens, TracedLens]:
@@ -155,7 +155,7 @@ def drawn(lens: Lens, figure: str, traced: TracedLens | None = None, *, whole: b
     for name, side, other in (("outer", outer, inner), ("inner", inner, outer)):
         arrays |= {name: side.net, f"{name}_normal": side.outward, f"{name}_figure": side.figure(figure, other)}
     if whole:
-        arrays |= {f"outline{number}": each for number, each in enumerate(body_outlines(lens, 0.0))}
+        arrays |= {f"outline{number}": outline for number, outline in enumerate(body_outlines(lens, 0.0))}
     else:
         across = np.stack([_PROFILE, 0.0 * _PROFILE], axis=1)
         arrays["outline0"] = np.concatenate([outer.along(across), inner.along(across)[::-1]])[:, [0, 2]]

@@ -39,9 +39,9 @@ def chart_head(
 def bounds(spec: Spec) -> dict[str, object]:
     """Most light on each target and for each limit, and the widths of the LED's image and of the target."""
     rows = list[dict[str, object]]()
-    for led, own in spec.by_state.items():
-        targets, limits = light_requirements(own, source_of(own))
-        names = [*(each.name for each in own.all_receivers), *(each.name for each in limits)]
+    for led, of_state in spec.by_state.items():
+        targets, limits = light_requirements(of_state, source_of(of_state))
+        names = [*(section.name for section in of_state.all_receivers), *(section.name for section in limits)]
         for name, light in zip(names, (*targets, *limits), strict=True):
             unit = light.unit if light.bounds is None else ""
             figures = {"possible": light.possible, "required": light.required, "unit": unit}
@@ -55,7 +55,8 @@ def lens_kinds(spec: Spec) -> dict[str, object]:
     scene = NewScene.of("lens", light, _given(spec.source), spec.constraints.max_radius_mm)
     advice = scene.of_material("PMMA").advice()
     options = [
-        {"kind": kind, "title": each.kind.title, "possible": each.possible} for kind, each in advice.options.items()
+        {"kind": kind, "title": option.kind.title, "possible": option.possible}
+        for kind, option in advice.options.items()
     ]
     return {"options": options, "advised": advice.advised}
 
@@ -63,9 +64,9 @@ def lens_kinds(spec: Spec) -> dict[str, object]:
 def doubts(spec: Spec) -> dict[str, object]:
     """Lines on what no search can mend."""
     warnings = list[str]()
-    for led, own in spec.by_state.items():
-        words = SceneCheck.of(own, source_of(own)).warnings()
-        warnings += [f"{led}: {line}" if led else line for line in words]
+    for led, of_state in spec.by_state.items():
+        lines = SceneCheck.of(of_state, source_of(of_state)).warnings()
+        warnings += [f"{led}: {line}" if led else line for line in lines]
     return {"warnings": warnings}
 
 

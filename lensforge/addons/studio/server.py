@@ -250,8 +250,8 @@ def _listening(port: int) -> socket.socket:
     except OSError as error:
         if error.errno not in (errno.EADDRINUSE, errno.EACCES):
             raise
-        words = "in use by another program" if error.errno == errno.EADDRINUSE else "not for a user's program"
-        raise InputError(f"port {port}: {words}; give another, or none for any that is free") from None
+        reason = "in use by another program" if error.errno == errno.EADDRINUSE else "not for a user's program"
+        raise InputError(f"port {port}: {reason}; give another, or none for any that is free") from None
 
 
 async def _body(request: web.Request) -> bytes:
@@ -264,8 +264,8 @@ async def _in_time(content: Awaitable[bytes]) -> bytes:
     try:
         return await asyncio.wait_for(content, _BODY_S)
     except TimeoutError:
-        words = f"request: its rest has not come within {_BODY_S:g} s"
-        text = json_text({"lines": [words]})
+        line = f"request: its rest has not come within {_BODY_S:g} s"
+        text = json_text({"lines": [line]})
         raise web.HTTPRequestTimeout(text=text, content_type="application/json") from None
 
 

@@ -221,8 +221,8 @@ class Session:
                     length = int.from_bytes(await process.stdout.readexactly(4), "little")
                     self._hear(await process.stdout.readexactly(length))
             await process.wait()
-            words = f"the process that works for this page has ended ({process.returncode})"
-            lost = [f"{words}; Go on continues from its checkpoint" if self._resumable else words]
+            ended = f"the process that works for this page has ended ({process.returncode})"
+            lost = [f"{ended}; Go on continues from its checkpoint" if self._resumable else ended]
             running = self.state["phase"] in ("searching", "making")
             self.tell(phase="paused" if self._resumable else "idle", refused=lost if running else [])
 
@@ -348,8 +348,8 @@ class Session:
 
     def others(self) -> list[str]:
         """Names of the result folders beside this one."""
-        own = self.folder.resolve()
-        return sorted(path.parent.name for path in own.parent.glob(f"*/{LENS_FILE}") if path.parent != own)
+        folder = self.folder.resolve()
+        return sorted(path.parent.name for path in folder.parent.glob(f"*/{LENS_FILE}") if path.parent != folder)
 
     @property
     def dropped_folder(self) -> Path:
@@ -360,7 +360,7 @@ class Session:
         """Read a file that has come to ``path``, keep it, and describe it. Raises :class:`InputError` for no such."""
         file = (await self._in_thread(DroppedFile.read, path)).kept(path.parent.parent)
         self.dropped[file.path.name] = file
-        return {"name": file.path.name, "plot": file.plot.name, "words": file.words, "fits": file.fits}
+        return {"name": file.path.name, "plot": file.plot.name, "words": file.phrase, "fits": file.fits}
 
     def dropped_plot(self, name: str) -> Path | None:
         """The plot ``name`` of a file that was dropped in, None if there is none."""

@@ -49,7 +49,7 @@ class SpecText:
     def required(self) -> Spec:
         """The spec. Raises :class:`InputError` with the lines on what is wrong with it."""
         if self.spec is None:
-            raise InputError("\n".join(words for _, words in self.lines))
+            raise InputError("\n".join(line for _, line in self.lines))
         return self.spec
 
     def with_text(self, text: str) -> "SpecText":
@@ -103,24 +103,24 @@ class SpecText:
 
 def lines_of(error: LensforgeError, path: Path | None = None) -> tuple[tuple[str, str], ...]:
     """Lines of an ``error``, each with the dotted name of its field, "" for none; without the ``path`` of the text."""
-    words = [each if path is None else each.removeprefix(f"{path}: ") for each in str(error).splitlines()]
-    return tuple((_field_of(each), each) for each in words)
+    lines = [line if path is None else line.removeprefix(f"{path}: ") for line in str(error).splitlines()]
+    return tuple((_field_of(line), line) for line in lines)
 
 
-def _field_of(words: str) -> str:
+def _field_of(line: str) -> str:
     """The dotted name of the field that a line is about: "target.width_mm" of "target: width_mm: missing"."""
-    table = _FIELD.match(words)
+    table = _FIELD.match(line)
     if table is None:
         return ""
-    field = _WITHIN.match(words, table.end())
+    field = _WITHIN.match(line, table.end())
     return table[1] if field is None or table[2] != ": " else f"{table[1]}.{field[1]}"
 
 
 def _value(given: object) -> object:
     if not isinstance(given, Mapping) or "toml" not in given:
         return given
-    words = str(given["toml"]).strip()
+    value = str(given["toml"]).strip()
     try:
-        return bounded_tables(f"v = {words}")["v"]
+        return bounded_tables(f"v = {value}")["v"]
     except ValueError:
-        return words  # the spec says what is wrong with it
+        return value  # the spec says what is wrong with it

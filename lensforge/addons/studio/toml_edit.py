@@ -52,9 +52,9 @@ def _uncommented(text: str, place: Place) -> str:
     """The text with the commented value of ``place``, if there is one, in force."""
     header = rf"(?:^|\n)\[{re.escape('.'.join(map(str, place[:-1])))}\][^\n]*\n"
     line = rf"({header}(?:(?!\[)[^\n]*\n)*?)#\s*({re.escape(str(place[-1]))}\s*=)"
-    found = re.sub(line, r"\1\2", text, count=1)
+    changed = re.sub(line, r"\1\2", text, count=1)
     try:
-        bounded_tables(found)
+        bounded_tables(changed)
     except ValueError:
         return text
-    return found
+    return changed

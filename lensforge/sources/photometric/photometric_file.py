@@ -117,7 +117,7 @@ def require_promised(count: int, needed: int, name: str, where: str = "") -> Non
 
 def _stated(default: Any, label: str) -> Any:
     """A field stated by a file, and its ``label`` in the report of a conversion."""
-    return field(default=default, metadata={"words": label})
+    return field(default=default, metadata={"label": label})
 
 
 @dataclass(frozen=True)
@@ -165,7 +165,7 @@ class PhotometricFile:
     lamps: tuple[LampSet, ...] = (LampSet(),)
     stated_lumens: float | None = _stated(None, "stated lumens of the luminaire")
     title: str = _stated("", "name of the luminaire")
-    opening: LuminousOpening = field(default=NO_OPENING, metadata={"words": "opening"})
+    opening: LuminousOpening = field(default=NO_OPENING, metadata={"label": "opening"})
     format: str = ""
     photometric_type: Literal["A", "B", "C"] = "C"
     warnings: tuple[str, ...] = ()

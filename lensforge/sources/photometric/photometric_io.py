@@ -181,7 +181,7 @@ def _lost(before: PhotometricFile, after: PhotometricFile) -> Iterator[str]:
 def _differences(before: PhotometricFile | LampSet, after: PhotometricFile | LampSet) -> Iterator[str]:
     """Labels of the fields of ``before`` whose statements differ in ``after``."""
     for field in fields(before):
-        label = field.metadata.get("words")
+        label = field.metadata.get("label")
         had = getattr(before, field.name)
         has = getattr(after, field.name)
         if not label or not had or had in (UNDEFINED, _UNSTATED.get(field.name)) or _same(had, has, field.name):

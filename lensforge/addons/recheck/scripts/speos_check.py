@@ -58,9 +58,9 @@ def mesh():
     """Vertices, normals and facets of ``lens.obj``, each as one list."""
     rows = {"v": [], "vn": [], "f": []}
     for line in (HERE / "lens.obj").read_text(encoding="ascii").splitlines():
-        kind, *words = line.split()
+        kind, *cells = line.split()
         if kind in rows:
-            rows[kind] += [int(word.partition("/")[0]) - 1 if kind == "f" else float(word) for word in words]
+            rows[kind] += [int(cell.partition("/")[0]) - 1 if kind == "f" else float(cell) for cell in cells]
     return rows["v"], rows["vn"], rows["f"]
 
 
