@@ -7,9 +7,12 @@
 - ``photo_comparison``: a photograph and the simulated light
 - ``target_corners``: the target in a photograph
 - ``image_similarity``: likeness of two pictures
-- ``measured_points``: points of a file, on one face
+- ``cavity_files``, ``measured_points``: points of the files of one part or several, on one face
+- ``designed_face``: the face that they are measured against
 - ``registration``: the motion that brings them onto the design
 - ``first_cut``: what they say of the face that was cut
+- ``several_parts``, ``part_scatter``: what several parts have in common, and how they scatter about it
+- ``capability``: Cp and Cpk; ``part_series``: the records of these
 - ``areal_filter``: waves that they can show
 - ``measured_surface``: form deviation, and the light of the lens with it
 - ``correction``: the corrected face

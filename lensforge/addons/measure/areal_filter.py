@@ -98,12 +98,16 @@ _SEED = 0
 
 @dataclass(frozen=True)
 class PointDeviations:
-    """Radial deviations (mm) from ``surface`` at unit ``directions``; ``domain``: where the face lies."""
+    """Radial deviations (mm) from ``surface`` at unit ``directions``; ``domain``: where the face lies.
+
+    ``weights``: of points that do not count alike, as of parts of which one has more of them.
+    """
 
     surface: Surface
     directions: Float[np.ndarray, "n 3"]
     deviations: Float[np.ndarray, " n"]
     domain: Domain = WHOLE
+    weights: Float[np.ndarray, " n"] | None = None
 
     @cached_property
     def largest_radius_mm(self) -> float:
@@ -117,12 +121,13 @@ class PointDeviations:
 
     @cached_property
     def areas(self) -> Float[np.ndarray, " n"]:
-        """Area (mm²) per point: each cell of a regular pattern is shared equally by the points in it."""
+        """Area (mm²) per point: each cell of a regular pattern is shared by the points in it, by their weights."""
         cells = fibonacci_hemisphere(max(1, len(self.directions) // _POINTS_PER_CELL))
         _, cell = cKDTree(cells).query(self.directions)
-        count = np.bincount(cell, minlength=len(cells))
+        weights = np.ones(len(cell)) if self.weights is None else self.weights
+        whole = np.bincount(cell, weights, minlength=len(cells))
         area = 2.0 * np.pi / len(cells) * self.surface.radius(cells) ** 2
-        return np.asarray((area / np.maximum(count, 1))[cell] / self.cosines)
+        return np.asarray(area[cell] * weights / whole[cell] / self.cosines)
 
     def mean_square(self, values: Float[np.ndarray, "n *k"]) -> float:
         """Mean square along the normal, over the area, of radial ``values`` (mm)."""

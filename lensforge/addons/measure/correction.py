@@ -4,6 +4,7 @@ Where the corrected face would be too tightly concave for the ball cutter, the c
 of the STEP file are measured by reading it back.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -11,11 +12,15 @@ from jaxtyping import Float
 from scipy.spatial import cKDTree
 
 from lensforge.addons.measure.areal_filter import ChangedSurface, FilteredPoints, RadialChange
+from lensforge.addons.measure.designed_face import DesignedFace, FacePixels
 from lensforge.addons.measure.first_cut import FirstCut, Request
-from lensforge.addons.measure.measured_surface import ChangedLens, FacePixels, pose_of
-from lensforge.addons.measure.measurement_result import KEPT, Correction, CutterLimit
+from lensforge.addons.measure.measured_points import PartPoints
+from lensforge.addons.measure.measured_surface import ChangedLens, pose_of
+from lensforge.addons.measure.measurement_result import KEPT, Correction, CutterLimit, area_extent
+from lensforge.addons.measure.part_series import PartSeries
+from lensforge.addons.measure.several_parts import common_cut
 from lensforge.cad.body_export import solid_on_base
-from lensforge.cad.boundary import boundaries, domain_of
+from lensforge.cad.boundary import boundaries
 from lensforge.cad.custom_base import read_custom_base
 from lensforge.cad.cutter_room import base_with_room
 from lensforge.cad.form_error import FormError, face_error, fit_boundaries, worst
@@ -116,24 +121,21 @@ def corrected_step(lens: Lens, side: str, corrected: Surface) -> CorrectedStep:
     return CorrectedStep(step, schema, nodes, worst(errors), change)
 
 
-_SEED = 0  # of the noise of the points that is drawn anew
-
-
-def correct_face(cloud: Float[np.ndarray, "k 3"], cuts: ChangedLens, request: Request) -> Correction:
-    """Correct the face of ``cuts`` by the points ``cloud`` (mm) of its first cut, and simulate the second cut.
+def correct_face(parts: Sequence[PartPoints], cuts: ChangedLens, request: Request) -> Correction:
+    """Correct the face of ``cuts`` by the points of ``parts`` of its first cut, and simulate the second cut.
 
     New nominal: the design less ``gain`` times the deviation that the filter passes, limited by the ball cutter of the
-    spec. Raises :class:`InputError` for points that cannot be registered, or settings that they do not allow.
+    spec; of several parts that which they have in common. Raises :class:`InputError` for points that cannot be
+    registered, for parts that are not of one lens, or settings that they do not allow.
     """
     lens = cuts.lens
     side = cuts.side
     shop = cuts.lens.spec.manufacture
-    surface = lens.surfaces[side]
-    patch = fit_patch(surface)
-    domain = domain_of(lens, side)
-    cut = FirstCut.of(surface, patch, cloud, request, domain)
-    face = OpticalFace(patch, air_side(lens.body.face(side), shop), domain)
-    pixels = FacePixels.of(patch, domain)
+    designed = DesignedFace.of(lens, side)
+    surface = designed.surface
+    pixels = designed.pixels
+    cut = common_cut(parts, designed, request, shop.form_tolerance_um)
+    face = OpticalFace(designed.patch, air_side(lens.body.face(side), shop), designed.domain)
     made = limited_by_cutter(surface, face, cut.chosen, request.gain, shop.cutter_radius_mm / shop.scale)
     corrected = ChangedSurface(surface, made.change)
     built = corrected_step(lens, side, corrected)
@@ -148,7 +150,7 @@ def correct_face(cloud: Float[np.ndarray, "k 3"], cuts: ChangedLens, request: Re
         registration=request.registration,
         process=shop.process,
         scale=shop.scale,
-        point_count=len(cloud),
+        point_count=sum(len(part.cloud) for part in parts),
         point_spacing_mm=cut.span.spacing_mm,
         used_share=cut.placed.share,
         covered_share=cut.covered,
@@ -173,6 +175,7 @@ def correct_face(cloud: Float[np.ndarray, "k 3"], cuts: ChangedLens, request: Re
         second_cut=light.corrected or light.measured,
         change=light.change,
         by_led=lights if len(lights) > 1 else {},
+        series=None if cut.series is None else _with_left(cut.series, pixels.map_um(second), pixels.area_mm2),
         file=stamp_of(built.step),
         chart=pixels.axis,
         area_mm2=pixels.area_mm2,
@@ -186,12 +189,20 @@ def correct_face(cloud: Float[np.ndarray, "k 3"], cuts: ChangedLens, request: Re
 def _expected(cut: FirstCut, made: CutFace, gain: float) -> ChangedSurface:
     """Radial error of a second cut: the error of the first, corrected by a measurement of it with noise of its own.
 
-    The points of the first measurement determined the correction, so that its residual at them is too small (a
-    parametric bootstrap: Efron & Tibshirani 1993).
+    The points of the first measurement determined the correction, so that its residual at them is too small.
     """
-    noise = cut.noise_mm * np.random.default_rng(_SEED).normal(size=len(cut.points.deviations)) / cut.points.cosines
-    measured_again = made.filtered.refilter(cut.likeliest.values + noise)
+    measured_again = made.filtered.refilter(cut.measured_again())
     return ChangedSurface(cut.likeliest.change, measured_again.times(-gain))
+
+
+def _with_left(
+    series: PartSeries, expected_um: Float[np.ndarray, "m m"], areas: Float[np.ndarray, "m m"]
+) -> PartSeries:
+    """The series with what is left of each cavity where the common face is as ``expected_um``."""
+    common = np.mean([cavity.map_um for cavity in series.cavities], axis=0)
+    lefts = (area_extent(cavity.map_um - common + expected_um, areas).rms for cavity in series.cavities)
+    cavities = (cavity.changed(left_um=left) for cavity, left in zip(series.cavities, lefts, strict=True))
+    return series.changed(cavities=tuple(cavities))
 
 
 def _limit(

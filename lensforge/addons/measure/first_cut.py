@@ -13,6 +13,7 @@ from scipy.spatial import cKDTree
 
 from lensforge.addons.measure.areal_filter import ArealFilter, FilteredPoints, PointDeviations, shortest_by_nodes_mm
 from lensforge.addons.measure.measurement_result import Registration
+from lensforge.addons.measure.part_series import PartSeries
 from lensforge.addons.measure.registration import Registered, registered
 from lensforge.cad.boundary import WHOLE, Domain
 from lensforge.cad.patch import Patch
@@ -51,6 +52,11 @@ class FilterRange:
             )
         return FilterRange(spacing, shortest, longest)
 
+    def covered(self, points: PointDeviations) -> float:
+        """Share of the face that ``points`` measure."""
+        reach = _COVERED_SPACINGS * self.spacing_mm / points.largest_radius_mm
+        return coverage(points.directions, reach, points.domain)
+
     def require(self, wavelength_mm: float) -> None:
         """Raise :class:`InputError` for a wavelength outside the range."""
         if not self.shortest_mm <= wavelength_mm <= self.longest_mm:
@@ -76,6 +82,15 @@ def point_spacing_mm(points: PointDeviations) -> float:
     order = np.argsort(distance * radius)
     share = np.cumsum(radius[order] ** 2) / np.sum(radius**2)
     return float(2.0 * (distance * radius)[order][np.searchsorted(share, _MEASURED_SHARE)])
+
+
+def deviations_of(
+    surface: Surface, placed: Registered, domain: Domain, weights: Float[np.ndarray, " n"] | None = None
+) -> PointDeviations:
+    """Radial deviations of the ``placed`` points from ``surface``."""
+    radius = np.linalg.norm(placed.points, axis=1)
+    directions = placed.points / radius[:, None]
+    return PointDeviations(surface, directions, radius - surface.radius(directions), domain, weights)
 
 
 @dataclass(frozen=True)
@@ -111,6 +126,7 @@ def longest_fitting(points: PointDeviations, span: FilterRange, finest: TriedFil
 _MOST_GAIN = 2.0  # beyond, errors grow from cut to cut
 _COVERED_SPACINGS = 2.0  # a place further from the next point than two spacings of them is not measured
 _COVERAGE_DIRECTIONS = 2000
+_SEED = 0  # of the noise of the points that is drawn anew
 
 
 def coverage(directions: Float[np.ndarray, "n 3"], reach_rad: float, domain: Domain = WHOLE) -> float:
@@ -141,7 +157,8 @@ class FirstCut:
     """The measured face: its registered points, their deviations, the share that they cover, and the filters.
 
     ``noise_mm``: rms of the points. ``likeliest``: the deviation at the wavelength that suits the points; ``chosen``:
-    at that of the request.
+    at that of the request. Of several parts it is the face that they have in common: ``series`` tells how they scatter
+    about it, and ``again`` has deviations that other parts could have.
     """
 
     placed: Registered
@@ -151,6 +168,8 @@ class FirstCut:
     noise_mm: float
     likeliest: FilteredPoints
     chosen: FilteredPoints
+    series: PartSeries | None = None
+    again: Float[np.ndarray, " n"] | None = None
 
     @staticmethod
     def of(
@@ -158,9 +177,11 @@ class FirstCut:
     ) -> "FirstCut":
         """Register ``cloud`` (mm) to the face and filter its deviations. Raises :class:`InputError`."""
         placed = registered(patch, cloud, request.registration)
-        radius = np.linalg.norm(placed.points, axis=1)
-        directions = placed.points / radius[:, None]
-        points = PointDeviations(surface, directions, radius - surface.radius(directions), domain)
+        return FirstCut.on(placed, deviations_of(surface, placed, domain), request)
+
+    @staticmethod
+    def on(placed: Registered, points: PointDeviations, request: Request) -> "FirstCut":
+        """Filter the deviations of ``placed`` points."""
         span = FilterRange.of(points)
         if request.wavelength_mm is not None:
             span.require(request.wavelength_mm)
@@ -168,16 +189,25 @@ class FirstCut:
         likeliest = longest_fitting(points, span, finest)
         wavelength = request.wavelength_mm
         chosen = likeliest if wavelength is None else ArealFilter(points, wavelength).solve()
-        reach = _COVERED_SPACINGS * span.spacing_mm / points.largest_radius_mm
         return FirstCut(
             placed=placed,
             points=points,
-            covered=coverage(directions, reach, domain),
+            covered=span.covered(points),
             span=span,
             noise_mm=finest.noise_mm,
             likeliest=likeliest,
             chosen=chosen,
         )
+
+    def measured_again(self) -> Float[np.ndarray, " n"]:
+        """Radial deviations (mm) of the points as another measurement of the same face could find them.
+
+        Of one part the noise is drawn anew (a parametric bootstrap: Efron & Tibshirani 1993).
+        """
+        if self.again is not None:
+            return self.again
+        noise = self.noise_mm * np.random.default_rng(_SEED).normal(size=len(self.points.deviations))
+        return np.asarray(self.likeliest.values + noise / self.points.cosines)
 
     def left_um(self, filtered: FilteredPoints) -> float:
         """Rms (um), along the normal and over the area, of the residual of ``filtered`` at the points."""

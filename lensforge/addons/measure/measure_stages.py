@@ -76,7 +76,11 @@ _OPTIONS = {
     ),
     "gamma": click.option("--gamma", type=Number(0.2, 5.0), default=1.0, help="Gamma of the camera."),
     "led": click.option("--led", metavar="NAME", help="LED in the photographs, of several; default: the first."),
-    "points": click.option("--points", type=_FILE, help="Points x, y, z in mm, measured on one surface."),
+    "points": click.option(
+        "--points",
+        type=_FILE,
+        help="Points x, y, z in mm on one surface; or folder of them, a file a part, CAVITY_PART.",
+    ),
     "surface": click.option("--surface", metavar="FACE", help="Face on which --points lie, such as inner or outer."),
     "registration": click.option(
         "--registration",

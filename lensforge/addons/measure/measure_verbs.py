@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, get_args, overload
 
 from lensforge.addon import require_libraries
-from lensforge.addons.measure.measured_points import measured_points
+from lensforge.addons.measure.measured_points import measured_parts
 from lensforge.addons.measure.measurement_result import (
     Correction,
     PhotoComparison,
@@ -81,7 +81,7 @@ def compare(
         gamma: exponent of the camera: light is its value to this power.
         lens: the light's; uniformity is then compared in the region that its spec names.
         led: name of the LED in the photographs; None: the first.
-        points: file of x, y, z (mm) on one face.
+        points: file of x, y, z (mm) on one face; or folder of such files of several parts, called CAVITY_PART.
         surface: name of that face.
         registration: motion that is fitted to bring the points onto the design.
         rays: number of rays of the light with the measured face, from 1; None: the preset's.
@@ -111,9 +111,8 @@ def compare(
 
         side = require_choice("surface", surface, [face.name for face in measured.body.faces if face.is_optical])
         traced, conditions = ChangedLens.of(measured, side, count_of("rays", rays))
-        return compare_surface(measured_points(points, measured, side), traced, registration).changed(
-            conditions=conditions
-        )
+        parts = measured_parts(points, measured, side)
+        return compare_surface(parts, traced, registration).changed(conditions=conditions)
     raise InputError(
         "compare: give one of two: a photograph of the light, --on PHOTO, or points of a face, --points FILE "
         "--surface FACE; in Python compare(light, on=PHOTO) or compare(lens, points=FILE, surface=FACE)"
@@ -194,7 +193,8 @@ def correct(
 
     Args:
         lens: the lens as designed.
-        points: file of x, y, z (mm) on that face of the part, or of its mould insert in lens coordinates.
+        points: file of x, y, z (mm) on that face of the part, or of its mould insert in lens coordinates; or folder of
+            such files of several parts, called CAVITY_PART, of which what the cavities have in common is corrected.
         surface: name of the face.
         wavelength_mm: shortest wave of the deviation that is corrected, in mm; None: the longest at which what is left
             of the points is noise alone.
@@ -225,5 +225,5 @@ def correct(
     request = Request(number_of("wavelength_mm", wavelength_mm), 1.0 if factor is None else factor, registration)
     cuts, conditions = ChangedLens.of(lens, side, rays)
     with threads_of_torch(threads):
-        correction = correct_face(measured_points(file, lens, side), cuts, request)
+        correction = correct_face(measured_parts(file, lens, side), cuts, request)
     return correction.changed(conditions=conditions)

@@ -9,6 +9,7 @@ from lensforge.addons.measure.measurement_result import (
     PhotoComparison,
     SurfaceComparison,
 )
+from lensforge.addons.measure.part_series import PartSeries
 from lensforge.light.evaluation_result import LightMetrics
 from lensforge.light.light_facts import change_facts
 from lensforge.report.results import facts_of
@@ -28,7 +29,7 @@ def photo_facts(photo: PhotoComparison) -> list[Group]:
 def surface_facts(surface: SurfaceComparison) -> list[Group]:
     """Facts from measured points on one face, and the light with it."""
     alone = MeasuredLight(design=surface.design, measured=surface.measured, change=surface.change)
-    facts = (*_points(surface), *_lights(surface.by_led or {"": alone}, "with this face"))
+    facts = (*_points(surface), *_parts(surface.series), *_lights(surface.by_led or {"": alone}, "with this face"))
     return [Group("measured", f"The {surface.surface} face, measured", facts)]
 
 
@@ -36,7 +37,7 @@ def surface_facts(surface: SurfaceComparison) -> list[Group]:
 def correction_facts(made: Correction) -> list[Group]:
     """Facts on a corrected face: errors before and after, filter, cutter, and the expected light."""
     alone = MeasuredLight(design=made.design, measured=made.second_cut, change=made.change)
-    facts = (*_cut(made), *_lights(made.by_led or {"": alone}, "expected"))
+    facts = (*_cut(made), *_parts(made.series), *_lights(made.by_led or {"": alone}, "expected"))
     return [Group("corrected", f"The {made.surface} face, corrected for a second cut", facts)]
 
 
@@ -67,6 +68,16 @@ def _points(surface: SurfaceComparison) -> Iterator[Fact]:
     yield Fact("form", "Form deviation", form.pv, "µm", state=state, note=f"PV of the smooth form; {rms} rms", digits=3)
     yield Fact("residual", "Residual of the points", surface.residual_rms_um, "µm", note="rms", digits=2)
     yield Fact("registration", "Registration", _registration(surface.registration))
+
+
+def _parts(series: PartSeries | None) -> Iterator[Fact]:
+    if series is None:
+        return
+    several = f"of {len(series.cavities)} cavities" if len(series.cavities) > 1 else "of one cavity"
+    yield Fact("parts", "Parts", len(series.parts), note=several)
+    yield from facts_in(series)
+    for cavity in series.cavities:
+        yield from facts_in(series, (), cavity)
 
 
 def _cut(made: Correction) -> Iterator[Fact]:

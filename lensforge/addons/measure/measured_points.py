@@ -1,16 +1,42 @@
-"""The measured points of one face of a lens: read from a file, apart from those of its other faces."""
+"""The measured points of one face of a lens: read from files, apart from those of its other faces."""
 
+from dataclasses import dataclass
+from itertools import combinations
 from pathlib import Path
 
 import numpy as np
 from jaxtyping import Float
 
+from lensforge.addons.measure.cavity_files import part_files
 from lensforge.errors import InputError
 from lensforge.scene.lens import Lens
 from lensforge.surfaces.point_files import FaceOfPart, read_cloud
 
 _FITS = (0.8, 1.25)  # median distance of the points over the face's
 _FITS_NOT = (0.5, 2.0)  # beyond the second: not it
+
+
+@dataclass(frozen=True)
+class PartPoints:
+    """Points (mm) of one part, the name of their file, and the cavity of the part."""
+
+    cloud: Float[np.ndarray, "n 3"]
+    name: str = ""
+    cavity: str = ""
+
+
+def measured_parts(path: Path, lens: Lens, side: str) -> list[PartPoints]:
+    """Points of the face ``side`` of the part of a file, or of each part of a folder.
+
+    Raises :class:`InputError` as :func:`measured_points` does, and for the same points in two files.
+    """
+    parts = [
+        PartPoints(measured_points(file.path, lens, side), file.path.name, file.cavity) for file in part_files(path)
+    ]
+    for first, second in combinations(parts, 2):
+        if np.array_equal(first.cloud, second.cloud):
+            raise InputError(f"{path}: {first.name} and {second.name} hold the same points: are they one part?")
+    return parts
 
 
 def measured_points(path: Path, lens: Lens, side: str) -> Float[np.ndarray, "n 3"]:

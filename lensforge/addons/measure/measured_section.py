@@ -17,6 +17,7 @@ from lensforge.shop import surface_figures
 RELATIVE = LightUnit("irradiance", "mean = 1", 1.0)
 
 
+_SHOWN_CAVITIES = 8
 MEASURED = Place("measured", "Measured part", "The measured part")
 
 
@@ -30,7 +31,7 @@ def _photo_on_page(photo: PhotoComparison, results: Results) -> OnPlace:
 
 @shown_on_page.register
 def _surface_on_page(surface: SurfaceComparison, results: Results) -> OnPlace:
-    return OnPlace(MEASURED, [_surface_pictures(results, surface)])
+    return OnPlace(MEASURED, [_surface_pictures(results, surface), _parts_pictures(surface)])
 
 
 @shown_on_page.register
@@ -65,6 +66,23 @@ def correction_pictures(made: Correction) -> list[PagePicture]:
         for name, (values, title) in maps.items()
         if np.isfinite(values).any()
     ]
+
+
+def _parts_pictures(surface: SurfaceComparison) -> list[PagePicture]:
+    """Scatter of several parts, and the mean of each cavity, of many those that are farthest from the common face."""
+    series = surface.series
+    if series is None:
+        return []
+    draw = surface_figures.form_map
+    scatter = draw(np.transpose(series.scatter_map_um))
+    note = "Standard deviation of a part, along the normal."
+    pictures = [picture(f"scatter-{surface.surface}", scatter, "Repeatability", note)]
+    by_distance = sorted(series.cavities, key=lambda cavity: -cavity.apart_um)[:_SHOWN_CAVITIES]
+    for place, cavity in enumerate(cavity for cavity in by_distance if len(series.cavities) > 1):
+        mean = draw(np.transpose(cavity.map_um))
+        title = f"Mean deviation, {cavity.cavity}"
+        pictures.append(picture(f"cavity-{place}-{surface.surface}", mean, title, "Along the normal."))
+    return pictures
 
 
 def _surface_pictures(results: Results, surface: SurfaceComparison) -> list[PagePicture]:

@@ -10,22 +10,22 @@ from typing import get_args
 import numpy as np
 from jaxtyping import Float
 
-from lensforge.addons.measure.first_cut import FirstCut, Request
+from lensforge.addons.measure.designed_face import DesignedFace
+from lensforge.addons.measure.first_cut import Request
+from lensforge.addons.measure.measured_points import PartPoints
 from lensforge.addons.measure.measurement_result import (
     DeviationExtent,
     MeasuredLight,
     RegisteredPose,
     Registration,
     SurfaceComparison,
-    area_extent,
 )
 from lensforge.addons.measure.registration import RigidMotion, distances
-from lensforge.cad.boundary import WHOLE, Domain, domain_of
-from lensforge.cad.patch import Patch, fit_patch
+from lensforge.addons.measure.several_parts import common_cut
 from lensforge.light.lens_light import judging_source, rays_of
 from lensforge.light.simulation import TracedLens, TracedLight, traced_light
 from lensforge.light.table_trace import Scene
-from lensforge.results import Conditions, Extent, Metric
+from lensforge.results import Conditions, Metric
 from lensforge.results.arguments import require_choice
 from lensforge.results.estimates import relative_square
 from lensforge.scene.lens import Lens
@@ -33,45 +33,7 @@ from lensforge.scene.receiver_shapes import receivers_of
 from lensforge.sources.ray_bundle import Source
 from lensforge.spec.accuracy import preset_of
 from lensforge.surfaces.bicubic_table import grid_for, tabulate
-from lensforge.surfaces.surface import Surface, to_sphere
-
-_MAP_PIXELS = 201
-_SAME = 1e-12  # of the chart
-
-
-@dataclass(frozen=True)
-class FacePixels:
-    """Pixels of the chart inside the rim: their area (mm^2), and maps of radial changes along the normal (um)."""
-
-    axis: Float[np.ndarray, " m"]
-    area_mm2: Float[np.ndarray, "m m"]
-    directions: Float[np.ndarray, "k 3"]
-    cosine: Float[np.ndarray, " k"]
-
-    @staticmethod
-    def of(patch: Patch, domain: Domain = WHOLE) -> "FacePixels":
-        """Pixels of the face of ``patch`` over its domain."""
-        axis = np.linspace(-1.0, 1.0, _MAP_PIXELS)
-        chart = np.stack(np.meshgrid(axis, axis), axis=-1)
-        inside = np.sum(chart**2, axis=-1) <= 1.0
-        if domain.edges:
-            inside &= np.abs(domain.within(chart) - chart).max(axis=-1) < _SAME
-        jet = patch.jet(chart[inside])
-        directions = to_sphere(chart[inside])
-        area = np.full(inside.shape, np.nan)
-        area[inside] = jet.area_element * (axis[1] - axis[0]) ** 2
-        return FacePixels(axis, area, directions, np.sum(jet.normal * directions, axis=1))
-
-    def map_um(self, change: Surface) -> Float[np.ndarray, "m m"]:
-        """A radial change along the normal (um), [Y, X], NaN outside the rim."""
-        values = np.full(self.area_mm2.shape, np.nan)
-        values[np.isfinite(self.area_mm2)] = 1e3 * self.cosine * change.radius(self.directions)
-        return values
-
-    def extent_um(self, change: Surface) -> Extent:
-        """Largest absolute value and rms over the area of a radial change, along the normal (um)."""
-        return area_extent(self.map_um(change), self.area_mm2)
-
+from lensforge.surfaces.surface import Surface
 
 # A change is a thousandth of the radius: five nodes for its shortest wave keep its slopes to some hundredths.
 _WIDER = 2.0
@@ -149,36 +111,35 @@ class ChangedLens:
 
 
 def compare_surface(
-    cloud: Float[np.ndarray, "k 3"], traced: ChangedLens, registration: Registration = "rigid"
+    parts: Sequence[PartPoints], traced: ChangedLens, registration: Registration = "rigid"
 ) -> SurfaceComparison:
-    """Register ``cloud`` (mm) to the face of ``traced``, map its form deviation, and simulate the lens with it.
+    """Register the points of ``parts`` to the face of ``traced``, map its form deviation, and simulate the lens.
 
     Deviations are along the normal, positive away from the origin: too much material on the envelope, too little on the
     cavity. The motion that ``registration`` allows is removed, the rest is form; the other surfaces are the design's.
-    Raises :class:`InputError` for points that cannot be registered, and for an unknown ``registration``.
+    Of several parts it is the deviation that they have in common. Raises :class:`InputError` for points that cannot be
+    registered, for parts that are not of one lens, and for an unknown ``registration``.
     """
     require_choice("registration", registration, get_args(Registration))
     lens = traced.lens
-    surface = traced.lens.surfaces[traced.side]
-    patch = fit_patch(surface)
-    domain = domain_of(lens, traced.side)
-    cut = FirstCut.of(surface, patch, cloud, Request(registration=registration), domain)
+    face = DesignedFace.of(lens, traced.side)
+    cut = common_cut(parts, face, Request(registration=registration), lens.spec.manufacture.form_tolerance_um)
     form = cut.likeliest
     lights = traced.lights(None, form.change)
     (first, (before, after)), *further = lights.items()
     by_led = traced.by_led(lights)
-    distance_um = 1e3 * distances(patch, cut.placed.points)[0]
+    distance_um = 1e3 * distances(face.patch, cut.placed.points)[0]
     spec = lens.spec.in_first_state
     section = spec.all_receivers[0]
     receiver = receivers_of(spec, spec.evaluate.pixels)[0]
-    pixels = FacePixels.of(patch, domain)
+    pixels = face.pixels
     form_um = pixels.map_um(form.change)
     inside = np.isfinite(form_um)
     return SurfaceComparison(
         inputs={"lens": lens.sha256},
         surface=traced.side,
         registration=registration,
-        point_count=len(cloud),
+        point_count=sum(len(part.cloud) for part in parts),
         used_share=cut.placed.share,
         covered_share=cut.covered,
         pose=pose_of(cut.placed.motion),
@@ -194,6 +155,7 @@ def compare_surface(
         measured=by_led[first].measured,
         change=by_led[first].change,
         by_led=by_led if further else {},
+        series=cut.series,
         nmse_between=relative_square(np.stack([after.map, before.map])),
         points=cut.placed.points,
         distance_um=distance_um,

@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Float
 from pydantic import Field
 
+from lensforge.addons.measure.part_series import FaceMap, PartSeries
 from lensforge.cad.face_tolerance import FINEST_MRAD, FINEST_NM
 from lensforge.cad.part import FileStamp, SplineNodes
 from lensforge.cad.part_limits import round_trip_limit, step_face_limit
@@ -268,9 +269,6 @@ class MeasuredLight(Record):
     change: LightMetrics
 
 
-FaceMap = Annotated[Float[np.ndarray, "m m"], Array("m", "m", gaps=True)]
-
-
 @public
 class MeasuredFace(SimulatedResult):
     """Result on a measured face: maps over its chart [Y, X], NaN outside.
@@ -279,10 +277,12 @@ class MeasuredFace(SimulatedResult):
     ``used_share``: of the points that lie on the face. ``covered_share``: of the face that has points nearby. ``pose``:
     the fitted motion. ``design``: light as designed. ``change``: of the last light less ``design``, on the first
     receiver, by the same rays; of a lens for several LEDs with the first. ``by_led``: the metrics with each LED.
-    ``chart``: places of their samples along either axis. ``area_mm2``: area of the face at each sample.
+    ``chart``: places of their samples along either axis. ``area_mm2``: area of the face at each sample. ``series``:
+    scatter of several parts; the rest is then of the face that they have in common, shares are those of the worst part,
+    and each part has its own pose, which is not stated.
     """
 
-    omit_if_empty: ClassVar[tuple[str, ...]] = ("by_led",)
+    omit_if_empty: ClassVar[tuple[str, ...]] = ("by_led", "series")
     plotted: ClassVar[tuple[str, str]]  # field of the map that is plotted, and its name
 
     surface: Text
@@ -315,6 +315,7 @@ class MeasuredFace(SimulatedResult):
     design: Annotated[LightMetrics, Apart()]
     change: Annotated[LightMetrics, Apart()]
     by_led: dict[Text, MeasuredLight] = Field(default_factory=dict)
+    series: Annotated[PartSeries | None, Apart()] = None
     criteria: Criteria = ()
     chart: Annotated[Float[np.ndarray, " m"], Array("m")]
     area_mm2: Annotated[Float[np.ndarray, "m m"], Array("m", "m", gaps=True, least=0.0)]

@@ -9,8 +9,10 @@ from nightly import first_by_day
 from presets import FEW
 from second_cuts import cosine, motions, without_motion
 
+from lensforge.addons.measure.designed_face import FacePixels
 from lensforge.addons.measure.first_cut import FirstCut, Request, coverage
-from lensforge.addons.measure.measured_surface import ChangedLens, FacePixels, compare_surface
+from lensforge.addons.measure.measured_points import PartPoints
+from lensforge.addons.measure.measured_surface import ChangedLens, compare_surface
 from lensforge.addons.measure.measurement_result import DeviationExtent
 from lensforge.cad.boundary import domain_of
 from lensforge.cad.patch import fit_patch
@@ -86,7 +88,7 @@ def test_the_light_is_that_of_the_deformed_lens(registration):
     true = evaluate_lens(part, TRACED.leds[""], FEW).map
     motion = {"rigid": {"rotation": ROTATION, "shift": SHIFT}, "shift": {"shift": SHIFT}, "none": {}}[registration]
     cloud = probed(part.outer, 3000, noise_mm=0.0005, **motion)
-    comparison = compare_surface(cloud, TRACED, registration)
+    comparison = compare_surface([PartPoints(cloud)], TRACED, registration)
     left, before = comparison.irradiance_measured - true, comparison.irradiance_design - true
     assert np.sum(left**2) < 0.05 * np.sum(before**2)
     assert comparison.nmse_between > 1e-3
@@ -97,13 +99,13 @@ def test_the_light_is_that_of_the_deformed_lens(registration):
 def test_a_registration_of_no_kind_is_input_error():
     bare = inspect.unwrap(compare_surface)  # without the types that only the tests check
     with pytest.raises(InputError, match="registration = 'loose': must be one of rigid, shift, none"):
-        bare(probed(LENS.outer, 200), TRACED, "loose")
+        bare([PartPoints(probed(LENS.outer, 200))], TRACED, "loose")
 
 
 def test_half_a_surface_is_no_face():
     cloud = probed(LENS.outer, 2500)
     with pytest.raises(InputError, match=r"points: 1[45]\.?\d* mm apart.* over all of the face"):
-        compare_surface(cloud[cloud[:, 0] > 0.0], TRACED)
+        compare_surface([PartPoints(cloud[cloud[:, 0] > 0.0])], TRACED)
 
 
 def test_a_face_of_a_reflector_is_measured_where_it_bounds_the_cavity() -> None:
@@ -122,7 +124,7 @@ def test_a_face_of_a_reflector_is_measured_where_it_bounds_the_cavity() -> None:
     traced, _ = ChangedLens.of(lens, "cup", 2**12)
     for amount in (1.0, 0.0):
         points = cup.radius(u)[:, None] * u + amount * deviation[:, None] * cup.normal(u)
-        comparison = compare_surface(points, traced, "none")
+        comparison = compare_surface([PartPoints(points)], traced, "none")
         assert comparison.covered_share == 1.0 and comparison.form_deviation_um.rms == pytest.approx(
             amount * wanted, rel=0.05
         )
