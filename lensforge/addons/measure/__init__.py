@@ -8,7 +8,7 @@
 - ``target_corners``: the target in a photograph
 - ``image_similarity``: likeness of two pictures
 - ``cavity_files``, ``measured_points``: points of the files of one part or several, on one face
-- ``designed_face``: the face that they are measured against
+- ``nominal_face``: the face that they are measured against
 - ``registration``: the motion that brings them onto the design
 - ``first_cut``: what they say of the face that was cut
 - ``several_parts``, ``part_scatter``: what several parts have in common, and how they scatter about it

@@ -12,11 +12,11 @@ from jaxtyping import Float
 from scipy.spatial import cKDTree
 
 from lensforge.addons.measure.areal_filter import ChangedSurface, FilteredPoints, RadialChange
-from lensforge.addons.measure.designed_face import DesignedFace, FacePixels
 from lensforge.addons.measure.first_cut import FirstCut, Request
 from lensforge.addons.measure.measured_points import PartPoints
 from lensforge.addons.measure.measured_surface import ChangedLens, pose_of
 from lensforge.addons.measure.measurement_result import KEPT, Correction, CutterLimit, area_extent
+from lensforge.addons.measure.nominal_face import FacePixels, NominalFace
 from lensforge.addons.measure.part_series import PartSeries
 from lensforge.addons.measure.several_parts import common_cut
 from lensforge.cad.body_export import solid_on_base
@@ -131,7 +131,7 @@ def correct_face(parts: Sequence[PartPoints], cuts: ChangedLens, request: Reques
     lens = cuts.lens
     side = cuts.side
     shop = cuts.lens.spec.manufacture
-    designed = DesignedFace.of(lens, side)
+    designed = NominalFace.of(lens, side)
     surface = designed.surface
     pixels = designed.pixels
     cut = common_cut(parts, designed, request, shop.form_tolerance_um)

@@ -10,7 +10,6 @@ from typing import get_args
 import numpy as np
 from jaxtyping import Float
 
-from lensforge.addons.measure.designed_face import DesignedFace
 from lensforge.addons.measure.first_cut import Request
 from lensforge.addons.measure.measured_points import PartPoints
 from lensforge.addons.measure.measurement_result import (
@@ -20,6 +19,7 @@ from lensforge.addons.measure.measurement_result import (
     Registration,
     SurfaceComparison,
 )
+from lensforge.addons.measure.nominal_face import NominalFace
 from lensforge.addons.measure.registration import RigidMotion, distances
 from lensforge.addons.measure.several_parts import common_cut
 from lensforge.light.lens_light import judging_source, rays_of
@@ -122,7 +122,7 @@ def compare_surface(
     """
     require_choice("registration", registration, get_args(Registration))
     lens = traced.lens
-    face = DesignedFace.of(lens, traced.side)
+    face = NominalFace.of(lens, traced.side)
     cut = common_cut(parts, face, Request(registration=registration), lens.spec.manufacture.form_tolerance_um)
     form = cut.likeliest
     lights = traced.lights(None, form.change)

@@ -12,10 +12,10 @@ import numpy as np
 
 from lensforge.addons.measure.areal_filter import ArealFilter, PointDeviations
 from lensforge.addons.measure.capability import cp, upper_cpk
-from lensforge.addons.measure.designed_face import DesignedFace, FacePixels
 from lensforge.addons.measure.first_cut import FilterRange, FirstCut, Request, TriedFilter, deviations_of
 from lensforge.addons.measure.measured_points import PartPoints
 from lensforge.addons.measure.measurement_result import USED_SHARE, Registration
+from lensforge.addons.measure.nominal_face import FacePixels, NominalFace
 from lensforge.addons.measure.part_scatter import PartScatter, weights_of
 from lensforge.addons.measure.part_series import CavityForm, PartForm, PartSeries
 from lensforge.addons.measure.registration import Registered, RigidMotion, registered
@@ -24,7 +24,7 @@ from lensforge.errors import FileWarning, InputError
 from lensforge.results.numerals import percent
 
 
-def common_cut(parts: Sequence[PartPoints], face: DesignedFace, request: Request, zone_um: float | None) -> FirstCut:
+def common_cut(parts: Sequence[PartPoints], face: NominalFace, request: Request, zone_um: float | None) -> FirstCut:
     """The measured face of one part, or what several parts have in common: the mean over their cavities.
 
     ``zone_um``: width of the zone of the form tolerance, for their capability. Raises :class:`InputError` for points

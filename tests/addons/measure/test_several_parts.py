@@ -15,10 +15,10 @@ from second_cuts import CutAgain, cosine, machine_error, without_motion
 from test_measured_page import same_where_known
 
 import lensforge as lf
-from lensforge.addons.measure.designed_face import DesignedFace
 from lensforge.addons.measure.first_cut import FirstCut, Request
 from lensforge.addons.measure.measured_points import PartPoints, measured_parts
 from lensforge.addons.measure.measured_section import _parts_pictures
+from lensforge.addons.measure.nominal_face import NominalFace
 from lensforge.addons.measure.several_parts import common_cut
 from lensforge.cli.cli import cli
 from lensforge.errors import FileWarning, InputError
@@ -27,7 +27,7 @@ from lensforge.surfaces.srbf import fibonacci_hemisphere
 
 PLAIN = lens()
 LENS = replace(PLAIN, spec=PLAIN.spec.replace({"manufacture": {"form_tolerance_um": 30.0}}))
-FACE = DesignedFace.of(LENS, "inner")
+FACE = NominalFace.of(LENS, "inner")
 CAVITIES = ("C1", "C2", "C2", "C7", "C1", "C7", "C7", "C1")
 NOISE_MM = 3e-4
 U = fibonacci_hemisphere(4000)

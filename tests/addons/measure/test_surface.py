@@ -9,11 +9,11 @@ from nightly import first_by_day
 from presets import FEW
 from second_cuts import cosine, motions, without_motion
 
-from lensforge.addons.measure.designed_face import FacePixels
 from lensforge.addons.measure.first_cut import FirstCut, Request, coverage
 from lensforge.addons.measure.measured_points import PartPoints
 from lensforge.addons.measure.measured_surface import ChangedLens, compare_surface
 from lensforge.addons.measure.measurement_result import DeviationExtent
+from lensforge.addons.measure.nominal_face import FacePixels
 from lensforge.cad.boundary import domain_of
 from lensforge.cad.patch import fit_patch
 from lensforge.errors import InputError

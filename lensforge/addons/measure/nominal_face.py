@@ -60,7 +60,7 @@ class FacePixels:
 
 
 @dataclass(frozen=True)
-class DesignedFace:
+class NominalFace:
     """A face of a lens: its surface, the patch that stands for it, where it lies, and the pixels of its maps."""
 
     surface: Surface
@@ -69,8 +69,8 @@ class DesignedFace:
     pixels: FacePixels
 
     @staticmethod
-    def of(lens: Lens, side: str) -> "DesignedFace":
+    def of(lens: Lens, side: str) -> "NominalFace":
         """The face ``side`` of ``lens``."""
         patch = fit_patch(lens.surfaces[side])
         domain = domain_of(lens, side)
-        return DesignedFace(lens.surfaces[side], patch, domain, FacePixels.of(patch, domain))
+        return NominalFace(lens.surfaces[side], patch, domain, FacePixels.of(patch, domain))
