@@ -68,6 +68,24 @@ def test_yield_spreads_by_it_and_a_robust_search_draws_it() -> None:
     assert first.index == -second.index != 0.0 and first.made.scale != 1.0
 
 
+def test_a_spread_of_the_index_is_drawn_as_the_batch_has_it_and_the_light_follows() -> None:
+    """By the study's light at an index: that of the lens with it, to the errors of its rays."""
+    spread = {"tolerances__index": {"amount": 0.01, "distribution": "normal"}}
+    lens = lens_of(**{**tolerance_changes(NO_TOLERANCES), **spread})
+    study = lf.tolerance(lens, parts=60, rays=512, budget=False)
+    drawn = study.table[:, study.columns.index("index")]
+    assert drawn.std() == pytest.approx(0.005, rel=0.1) and abs(drawn.mean()) < 1e-3
+    rows = lf.sensitivity(lens, rays=2**14).rows
+    assert [(row.name, row.amount) for row in rows] == [("refractive index", 0.01), ("refractive index", -0.01)]
+    for row in rows:
+        index = lens.spec.lens.refractive_index + row.amount
+        light = lf.evaluate(lens_of(lens__refractive_index=index), rays=2**14, pixels=16)
+        assert row.metrics.efficiency.value == pytest.approx(light.efficiency.value, abs=2e-4)
+    parts = SearchParts.of(lens.spec, parameters_of(lens.spec.with_levels((9,)), 3.0))
+    first, second = next(iter(parts.of_validation(0, 1)))
+    assert first.index == -second.index != 0.0
+
+
 def test_it_needs_to_be_known_how_the_material_changes() -> None:
     with pytest.raises(lf.InputError, match=r"tolerances.temperature_k: .*give lens.index_per_k .* and lens.expansion"):
         small_spec(**ALONE)

@@ -7,7 +7,7 @@
 - ``photo_comparison``: a photograph and the simulated light
 - ``target_corners``: the target in a photograph
 - ``image_similarity``: likeness of two pictures
-- ``cavity_files``, ``measured_points``: points of the files of one part or several, on one face
+- ``measured_points``: points of the files of one part or several, on one face
 - ``nominal_face``: the face that they are measured against
 - ``registration``: the motion that brings them onto the design
 - ``first_cut``: what they say of the face that was cut

@@ -84,13 +84,11 @@ def point_spacing_mm(points: PointDeviations) -> float:
     return float(2.0 * (distance * radius)[order][np.searchsorted(share, _MEASURED_SHARE)])
 
 
-def deviations_of(
-    surface: Surface, placed: Registered, domain: Domain, weights: Float[np.ndarray, " n"] | None = None
-) -> PointDeviations:
+def deviations_of(surface: Surface, placed: Registered, domain: Domain) -> PointDeviations:
     """Radial deviations of the ``placed`` points from ``surface``."""
     radius = np.linalg.norm(placed.points, axis=1)
     directions = placed.points / radius[:, None]
-    return PointDeviations(surface, directions, radius - surface.radius(directions), domain, weights)
+    return PointDeviations(surface, directions, radius - surface.radius(directions), domain)
 
 
 @dataclass(frozen=True)

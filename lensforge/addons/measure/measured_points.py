@@ -7,13 +7,17 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float
 
-from lensforge.addons.measure.cavity_files import part_files
 from lensforge.errors import InputError
+from lensforge.results.files import MIB
 from lensforge.scene.lens import Lens
 from lensforge.surfaces.point_files import FaceOfPart, read_cloud
 
 _FITS = (0.8, 1.25)  # median distance of the points over the face's
 _FITS_NOT = (0.5, 2.0)  # beyond the second: not it
+_LEAST_PARTS = 2
+_MOST_PARTS = 200
+_MOST_BYTES = 256 * MIB  # of all parts together: eight million points
+_EXAMPLE = "cavity3_part12.csv"
 
 
 @dataclass(frozen=True)
@@ -26,17 +30,38 @@ class PartPoints:
 
 
 def measured_parts(path: Path, lens: Lens, side: str) -> list[PartPoints]:
-    """Points of the face ``side`` of the part of a file, or of each part of a folder.
+    """Points of the face ``side``: of the part of a file, or of all parts of a folder, by cavity.
 
-    Raises :class:`InputError` as :func:`measured_points` does, and for the same points in two files.
+    Files of a folder are called CAVITY_PART: what stands before the last underscore is the cavity. Where no name has an
+    underscore, all are of one. Raises :class:`InputError` as :func:`measured_points` does, and for a folder that is no
+    series.
     """
-    parts = [
-        PartPoints(measured_points(file.path, lens, side), file.path.name, file.cavity) for file in part_files(path)
-    ]
+    if not path.is_dir():
+        return [PartPoints(measured_points(path, lens, side))]
+    files = sorted(file for file in path.iterdir() if file.is_file() and not file.name.startswith("."))
+    _require_series(path, files)
+    parts = [PartPoints(measured_points(file, lens, side), file.name, file.stem.rpartition("_")[0]) for file in files]
     for first, second in combinations(parts, 2):
         if np.array_equal(first.cloud, second.cloud):
             raise InputError(f"{path}: {first.name} and {second.name} hold the same points: are they one part?")
-    return parts
+    return sorted(parts, key=lambda part: part.cavity)
+
+
+def _require_series(path: Path, files: list[Path]) -> None:
+    if not _LEAST_PARTS <= len(files) <= _MOST_PARTS:
+        raise InputError(
+            f"{path}: {len(files)} files of points, must be from {_LEAST_PARTS} to {_MOST_PARTS}, one a part, called "
+            f"such as {_EXAMPLE}; give the file itself for one part, which has no scatter and no Cp"
+        )
+    size = sum(file.stat().st_size for file in files)
+    if size > _MOST_BYTES:
+        raise InputError(f"{path}: {size / MIB:.0f} MiB of points, must be at most {_MOST_BYTES / MIB:.0f}; thin them")
+    unnamed = [file.name for file in files if "_" not in file.stem]
+    if unnamed and len(unnamed) < len(files):
+        raise InputError(
+            f"{path}: {unnamed[0]} states no cavity, {len(files) - len(unnamed)} other files do; call all such as "
+            f"{_EXAMPLE}, the cavity before the last underscore, or none"
+        )
 
 
 def measured_points(path: Path, lens: Lens, side: str) -> Float[np.ndarray, "n 3"]:

@@ -7,16 +7,15 @@ covariance (unbiased: Bai & Saranadasa, Statistica Sinica 6, 311 (1996)). The co
 whatever their numbers of parts.
 """
 
-from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import combinations
-from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
 
+from lensforge.errors import InputError
 from lensforge.results import Metric
 
 _SEED = 0
@@ -29,27 +28,11 @@ _CHANCE = 10.0, -0.7
 _LEAST_FREEDOM = 3  # of four parts in two cavities the modes are not known
 
 
-def weights_of(cavities: Sequence[str]) -> Float[np.ndarray, " p"]:
-    """Weight of each part in the common face, by its cavity: cavities count alike."""
-    counts = Counter(cavities)
-    return np.array([1.0 / (len(counts) * counts[cavity]) for cavity in cavities])
-
-
-class OddPart(NamedTuple):
-    """Number of a part that is like no other, its distance to the nearest, and the usual one of two others (rms)."""
-
-    part: int
-    nearest_um: float
-    usual_um: float
-
-
 @dataclass(frozen=True)
 class PartScatter:
-    """Form deviations of parts (um) at the places of a face, which stand for ``shares`` of its area.
+    """Form deviations (um) of the parts ``names`` at places of a face, which stand for ``shares`` of its area."""
 
-    ``cavities``: label of each part.
-    """
-
+    names: tuple[str, ...]
     cavities: tuple[str, ...]
     deviations: Float[np.ndarray, "p k"]
     shares: Float[np.ndarray, " k"]
@@ -78,10 +61,10 @@ class PartScatter:
         """Degrees of freedom of the scatter."""
         return len(self.cavities) - len(self.groups)
 
-    @property
+    @cached_property
     def weights(self) -> Float[np.ndarray, " p"]:
-        """Weight of each part in the common face."""
-        return weights_of(self.cavities)
+        """Weight of each part in the common face: cavities count alike."""
+        return np.array([1.0 / (len(self.members) * len(self.members[cavity])) for cavity in self.cavities])
 
     @cached_property
     def means(self) -> Float[np.ndarray, "c k"]:
@@ -172,31 +155,34 @@ class PartScatter:
         own = np.diag(products)
         return np.maximum(own[:, None] + own - 2.0 * products, 0.0)
 
-    def odd_one(self) -> OddPart | None:
-        """The part that is like no other; None if there is none. Of few parts none is told from the others."""
-        if len(self.cavities) < _FEW:
-            return None
-        distances = np.sqrt(self._squares + np.diag(np.full(len(self.cavities), np.inf)))
+    def require_alike(self) -> None:
+        """Raise :class:`InputError` for a part that is like no other; of few parts none is told from the others."""
+        if len(self.names) < _FEW:
+            return
+        distances = np.sqrt(self._squares + np.diag(np.full(len(self.names), np.inf)))
         part = int(distances.min(axis=1).argmax())
-        others = np.delete(np.delete(self._squares, part, axis=0), part, axis=1)
-        usual = float(np.sqrt(np.median(others[np.triu_indices_from(others, 1)])))
+        others = np.delete(np.delete(distances, part, axis=0), part, axis=1)
+        usual = float(np.median(others[np.isfinite(others)]))
         nearest = float(distances[part].min())
-        return OddPart(part, nearest, usual) if nearest > _ALONE * usual else None
+        if nearest > _ALONE * usual:
+            raise InputError(
+                f"{self.names[part]}: its form is {nearest:.3g} µm rms from that of the nearest part, where others "
+                f"differ by {usual:.3g}: is it of another lens? Leave it out, or compare it alone"
+            )
 
-    def exchanged(self) -> tuple[int, int] | None:
-        """Two parts whose labels seem to be mixed up: exchanged, parts of a cavity scatter far less.
-
-        None for none, and where too few parts scatter to tell.
-        """
+    def exchanged(self) -> tuple[str, ...]:
+        """Two parts of which the labels seem to be mixed up: exchanged, parts of a cavity scatter far less."""
         labels = self.cavities
         pairs = [pair for pair in combinations(range(len(labels)), 2) if labels[pair[0]] != labels[pair[1]]]
         if not (pairs and self.repeats) or self.freedom < _LEAST_FREEDOM:
-            return None
-        best = min(pairs, key=lambda pair: self._within(_swapped(labels, *pair)))
-        exchanged = replace(self, cavities=tuple(_swapped(labels, *best)))
+            return ()
+        best = min((_swapped(labels, *pair) for pair in pairs), key=self._within)
+        exchanged = replace(self, cavities=best)
         factor, power = _CHANCE
         by_chance = np.exp(-factor * (exchanged.freedom * exchanged.modes) ** power)
-        return best if self._within(exchanged.cavities) < by_chance * self._within(labels) else None
+        if self._within(best) >= by_chance * self._within(labels):
+            return ()
+        return tuple(name for name, old, new in zip(self.names, labels, best, strict=True) if old != new)
 
     def _within(self, labels: Sequence[str]) -> float:
         """Sum of squares within cavities of these ``labels``, by the differences of their parts."""
@@ -204,8 +190,8 @@ class PartScatter:
         return float(np.sum(self._squares * same / (2.0 * same.sum(axis=0))))
 
 
-def _swapped(labels: Sequence[str], first: int, second: int) -> list[str]:
+def _swapped(labels: Sequence[str], first: int, second: int) -> tuple[str, ...]:
     swapped = [*labels]
     swapped[first] = labels[second]
     swapped[second] = labels[first]
-    return swapped
+    return tuple(swapped)

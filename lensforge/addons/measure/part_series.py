@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Float
 
 from lensforge.addons.measure.capability import CAPABLE
-from lensforge.results import Array, Count, Flag, Metric, NotNegative, Positive, Record, Share, Text
+from lensforge.results import Array, Count, Flag, Metric, NotNegative, Positive, Record, Text
 from lensforge.results.figure import Figure
 from lensforge.results.numerals import quantity
 
@@ -14,14 +14,12 @@ FaceMap = Annotated[Float[np.ndarray, "m m"], Array("m", "m", gaps=True)]
 
 
 class PartForm(Record):
-    """One part: ``profile_um``: twice its largest deviation (ISO 1101); ``rms_um``: over the face; shares of points."""
+    """One part: ``profile_um``: twice its largest deviation (ISO 1101); ``rms_um``: over the face."""
 
     part: Text
     cavity: Text
     profile_um: NotNegative
     rms_um: NotNegative
-    used_share: Share
-    covered_share: Share
 
 
 def _of_cavity(series: Any, cavity: Any) -> str:

@@ -1,5 +1,6 @@
 """Scatter of parts within cavities and between them, and the capability, against numpy and drawn series."""
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -8,6 +9,7 @@ import pytest
 from lensforge.addons.measure.capability import cp, upper_cpk
 from lensforge.addons.measure.part_scatter import PartScatter
 from lensforge.addons.measure.part_series import PartSeries
+from lensforge.errors import InputError
 from lensforge.results import Metric
 from lensforge.results.figure import facts_in
 
@@ -22,12 +24,17 @@ def forms(count: int, seed: int = 1) -> np.ndarray:
     return np.linalg.qr(np.sqrt(SHARES)[:, None] * drawn)[0].T / np.sqrt(SHARES)
 
 
+def scattered(cavities: Sequence[str], deviations: np.ndarray) -> PartScatter:
+    """Parts called by their numbers."""
+    return PartScatter(tuple(map(str, range(len(cavities)))), tuple(cavities), deviations, SHARES)
+
+
 def series(cavities: tuple[str, ...], seed: int, modes: int = 3, apart: float = 2.0) -> PartScatter:
     """Parts that scatter by 1 in each of ``modes`` forms about cavities that differ by ``apart`` in all places."""
     rng = np.random.default_rng(seed)
     means = {name: apart * np.random.default_rng(ord(name)).normal(size=PLACES) for name in sorted({*cavities})}
     own = rng.normal(size=(len(cavities), modes)) @ forms(modes)
-    return PartScatter(cavities, np.array([means[name] for name in cavities]) + own, SHARES)
+    return scattered(cavities, np.array([means[name] for name in cavities]) + own)
 
 
 def test_scatter_is_pooled_within_cavities_and_cavities_count_alike() -> None:
@@ -87,19 +94,21 @@ def test_a_contrast_of_the_parts_scatters_as_the_error_of_their_mean() -> None:
 
 def test_labels_that_are_mixed_up_are_found_and_a_part_of_another_lens() -> None:
     parts = series(UNEQUAL, 3, apart=10.0)
-    assert parts.exchanged() is None and parts.odd_one() is None
-    mixed = list(UNEQUAL)
-    mixed[1], mixed[6] = mixed[6], mixed[1]
-    assert PartScatter(tuple(mixed), parts.deviations, SHARES).exchanged() == (1, 6)
+    parts.require_alike()
+    assert parts.exchanged() == ()
+    mixed = [*UNEQUAL]
+    mixed[1] = UNEQUAL[6]
+    mixed[6] = UNEQUAL[1]
+    assert scattered(mixed, parts.deviations).exchanged() == ("1", "6")
     other = parts.deviations.copy()
     other[4] += 300.0
-    odd = PartScatter(UNEQUAL, other, SHARES).odd_one()
-    assert odd is not None and odd.part == 4
-    assert odd.nearest_um == pytest.approx(
-        min(np.sqrt(SHARES @ (other[4] - other[k]) ** 2) for k in range(9) if k != 4)
-    )
+    nearest = min(np.sqrt(SHARES @ (other[4] - other[k]) ** 2) for k in range(9) if k != 4)
+    with pytest.raises(InputError, match=rf"^4: its form is {nearest:.3g} µm rms from .*: is it of another lens\?"):
+        scattered(UNEQUAL, other).require_alike()
     alike = [series(UNEQUAL, seed, apart=0.0) for seed in range(100)]
-    assert sum(s.exchanged() is not None for s in alike) <= 2 and {s.odd_one() for s in alike} == {None}
+    assert sum(bool(s.exchanged()) for s in alike) <= 2
+    for drawn in alike:
+        drawn.require_alike()
 
 
 @pytest.mark.parametrize(("limit", "state"), [(15.0, "fail"), (22.0, "pass"), (17.0, "undecided")])

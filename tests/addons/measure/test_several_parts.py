@@ -117,7 +117,7 @@ def test_the_series_is_that_of_the_parts(cut: FirstCut) -> None:
         assert of.apart_um == pytest.approx(rms(away), abs=SCATTER_UM)
     for of, own, cavity in zip(series.parts, OF_PART, CAVITIES, strict=True):
         form = along_normals(lambda u, amount=OF_CAVITY[cavity] + own: common(u) + amount @ forms(u))
-        assert (of.cavity, of.used_share) == (cavity, 1.0)
+        assert of.cavity == cavity
         assert of.rms_um == pytest.approx(rms(form), rel=0.08)
         assert of.profile_um == pytest.approx(2.0 * np.abs(form).max(), rel=0.15)
     assert 1e3 * cut.noise_mm == pytest.approx(1e3 * NOISE_MM, rel=0.1)
