@@ -189,17 +189,20 @@ class Session:
     async def _physics(self, text: SpecText) -> None:
         """Ask a thread for what physics allows, the quick figures first."""
         for name in ("wanted", "bounds", "lens_kinds", "doubts"):
-            answer: Any = None
-            if text is self.text:
-                try:
-                    answer = await self._in_thread(_physics_of, name, text.spec)
-                except LensforgeError as error:
-                    answer = {"problem": str(error)}
-                except Exception as error:  # a bug: the page says so, and goes on
-                    answer = {"problem": f"internal error: {type(error).__name__}: {error}"}
+            if text is not self.text:
+                return
+            answer: Any
+            try:
+                answer = await self._in_thread(_physics_of, name, text.spec)
+            except LensforgeError as error:
+                answer = {"problem": str(error)}
+            except Exception as error:  # a bug: the page says so, and goes on
+                answer = {"problem": f"internal error: {type(error).__name__}: {error}"}
+            if text is not self.text:
+                return
             if isinstance(answer, bytes):
                 self._show(name, answer)
-            elif answer is not None and text is self.text:
+            else:
                 self.tell(**{name: answer})
 
     async def _in_thread(self, function: Callable[..., Any], *given: object) -> Any:

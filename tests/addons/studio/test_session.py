@@ -236,3 +236,20 @@ def test_changes_that_come_together_are_made_one_after_another(tmp_path: Path) -
 
     text = run(several).text.text
     assert "max_radius_mm = 9.5" in text and "flux_w = 2.5" in text, "none is lost"
+
+
+@pytest.mark.parametrize(("changed_at", "shown"), [("wanted", 0), ("bounds", 1), ("doubts", 3), ("", 4)])
+def test_physics_of_a_text_that_has_changed_meanwhile_is_not_shown(changed_at: str, shown: int, tmp_path: Path) -> None:
+    """Neither its picture nor its figures."""
+    answers = {"wanted": b"picture", "bounds": {"rows": []}, "lens_kinds": {"options": []}, "doubts": {"warnings": []}}
+    session, _ = session_on(tmp_path)
+
+    async def answered(_: object, name: str, spec: object) -> object:
+        if name == changed_at:
+            session.text = SpecText.of("# other\n" + TEXT, Path("lens.toml"))
+        return answers[name]
+
+    session._in_thread = answered  # type: ignore[method-assign]
+    run(lambda: session._physics(session.text))
+    told = {name: session.frames.get(name, session.state.get(name)) for name in answers}
+    assert [name for name, answer in told.items() if answer] == list(answers)[:shown]
