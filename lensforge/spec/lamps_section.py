@@ -11,7 +11,7 @@ from math import atan2, degrees, hypot, pi, sqrt
 from typing import Annotated, Literal, Self
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 from pydantic import Field
 
 from lensforge.optics.pose import ALONG_Z, ORIGIN, Vector
@@ -144,24 +144,34 @@ class Lamps:
         rows = np.round(np.column_stack([places, np.round(turns_deg, 6) % 360.0, axes]), 6) + 0.0
         return rows[np.lexsort(rows.T)]
 
-    def _between(self) -> Float[np.ndarray, "m 3"]:
-        """Ways (mm) from each lamp to every other one; in a lattice also to those around."""
+    def _between(self) -> tuple[Int[np.ndarray, "2 m"], Float[np.ndarray, "m 3"]]:
+        """Numbers of each lamp and of every other one, and the way (mm) to it; in a lattice also to those around."""
         places = np.array([lamp.place_mm for lamp in self.lamps])
-        ways = (places[:, None] - places[None]).reshape(-1, 3)
-        ways = ways[np.arange(len(ways)) % (len(places) + 1) != 0]  # not to itself
-        if self.period_mm is None:
-            return np.asarray(ways)
-        periods = np.array([(i, j, 0.0) for i in (-1, 0, 1) for j in (-1, 0, 1)]) * np.array([*self.period_mm, 0.0])
-        beside = (np.concatenate([ways, np.zeros((1, 3))])[:, None] + periods).reshape(-1, 3)
-        return beside[beside.any(axis=1)]
+        around = (0,) if self.period_mm is None else (-1, 0, 1)
+        periods = np.array([(i, j, 0.0) for i in around for j in around]) * np.array([*(self.period_mm or (0, 0)), 0.0])
+        one, other, period = np.indices((len(places), len(places), len(periods))).reshape(3, -1)
+        apart = (one != other) | periods.any(axis=1)[period]
+        ways = places[other] - places[one] + periods[period]
+        return np.stack([one, other])[:, apart], ways[apart]
 
-    def nearest_mm(self, square: bool = False) -> float:
-        """Distance of the nearest two lamps; along x or y, the larger of both, for ``square`` bases side by side."""
-        ways = np.abs(self._between())
-        if not len(ways):
-            return float("inf")
-        turned = self.posed or any(turn % 90.0 for turn in self.turns_deg)
-        return float((ways.max(axis=1) if square and not turned else np.sqrt(np.sum(ways**2, axis=1))).min())
+    def nearest_mm(self) -> float:
+        """Distance of the nearest two lamps."""
+        return float(np.linalg.norm(self._between()[1], axis=1).min(initial=np.inf))
+
+    def widest_square_mm(self) -> float:
+        """Side of the largest square bases, turned as the lamps are, of which none overlap.
+
+        Two squares are apart if they are along a side of one, or along the way from one to the other.
+        """
+        pairs, ways = self._between()
+        lengths = np.linalg.norm(ways, axis=1)
+        near = lengths <= 2.0 * lengths.min(initial=np.inf)  # those farther apart have room for larger ones
+        sides = np.array([lamp.pose.directions(np.eye(3)[:2]) for lamp in self.lamps])[pairs[:, near]]
+        ways = ways[near]
+        axes = np.concatenate([*np.moveaxis(sides, 2, 1), ways[None] / lengths[near, None]])
+        extents = np.abs(np.einsum("ank,pnsk->anps", axes, sides)).sum(axis=(2, 3))
+        widths = 2.0 * np.abs(np.einsum("ank,nk->an", axes, ways)) / np.maximum(extents, 1e-12)
+        return float(widths.max(axis=0).min(initial=np.inf))
 
 
 ALONE = Lamps()

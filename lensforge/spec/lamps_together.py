@@ -49,10 +49,12 @@ def _require_apart(lamps: Lamps, limits: ConstraintsSection, base: BaseSection) 
         return
     square = base.kind == "square" and base.flange_diameter_mm is None
     wide_mm = base.side_mm if square else base.flange_diameter_mm or base.diameter_mm
-    if lamps.nearest_mm(square) < wide_mm * (1.0 - _SAME):
+    nearest_mm = lamps.nearest_mm()
+    room_mm = lamps.widest_square_mm() if square else nearest_mm
+    if room_mm < wide_mm * (1.0 - _SAME):
         raise ValueError(
-            f"lamps: the nearest two stand {lamps.nearest_mm(square):.6g} mm apart, their rims of base.kind = "
-            f"{base.kind!r} are {wide_mm:g} mm wide; allowed: at least {rounded_up(wide_mm)}, or a smaller base"
+            f"lamps: the nearest two stand {nearest_mm:.6g} mm apart, their rims of base.kind = {base.kind!r} are "
+            f"{wide_mm:g} mm wide; allowed: at least {rounded_up(nearest_mm * wide_mm / room_mm)}, or a smaller base"
         )
 
 

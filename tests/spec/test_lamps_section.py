@@ -1,9 +1,11 @@
 """Lamps together in a spec: where they stand, which mirrors they have, and what cannot be."""
 
+from itertools import combinations
 from typing import Any
 
 import numpy as np
 import pytest
+from manifold3d import CrossSection
 from scenes import small_spec
 
 from lensforge.errors import InputError
@@ -13,6 +15,7 @@ from lensforge.spec.lamps_section import Lamps
 GRID = {"kind": "grid", "columns": 3, "rows": 2, "pitch_mm": [20.0, 30.0]}
 DISC = {"kind": "disc", "diameter_mm": 9.0}
 RING = {"kind": "ring", "count": 4, "diameter_mm": 60.0}
+SQUARE = {"kind": "square", "side_mm": 16.0}
 
 
 def lamps_of(lamps: dict[str, Any]) -> Lamps:
@@ -100,6 +103,8 @@ def plane(**changes: Any) -> dict[str, Any]:
     [
         ({"lamps": {**GRID, "pitch_mm": 13.0}}, "13 mm apart, lenses of constraints.max_radius_mm = 7 overlap; .* 14"),
         ({"lamps": {**GRID, "pitch_mm": 15.0}}, "15 mm apart, their rims of base.kind = 'cylinder' are 16 mm wide"),
+        ({"lamps": {"kind": "table", "places_mm": [[0, 0], [18, 0]], "turns_deg": [45, 0]}, "base": SQUARE},
+         "18 mm apart, their rims of base.kind = 'square' are 16 mm wide; allowed: at least 19.32"),
         ({"lamps": GRID, **plane(centre_mm=[8.0, 0.0, 3.0], normal=[1.0, 0.0, 0.3])}, "between the lamps: .* needs"),
         ({"lamps": RING, "target": None, "receivers": [
             {"kind": "sphere", "radius_mm": 35.0, "half_angle_deg": 60.0, "targets": [DISC]}
@@ -220,10 +225,55 @@ def test_what_goes_with_one_lens_alone(changes: dict[str, Any], message: str) ->
         small_spec(**{"lamps": BY_PLACE, "base": {"kind": "none"}, "target__receiver_mm": 200.0, **changes})
 
 
-@pytest.mark.parametrize(
-    ("turn", "square", "apart"),
-    [(0.0, True, 7.5), (90.0, True, 7.5), (45.0, True, 7.5 * 2.0**0.5), (0.0, False, 7.5 * 2.0**0.5)],
-)
-def test_square_bases_stand_side_by_side_only_unturned(turn: float, square: bool, apart: float) -> None:
-    lamps = Lamps.level([(0.0, 0.0), (7.5, 7.5), (7.5, 30.0)], (0.0, turn, 0.0))
-    assert lamps.nearest_mm(square) == pytest.approx(apart)
+def test_kinds_by_place_need_one_receiver_that_is_near() -> None:
+    """The second of two: in the far field, which is the first, all lamps are at one place."""
+    far = {"kind": "far_field", "half_angle_deg": 60.0, "targets": [{"kind": "disc", "diameter_deg": 40.0}]}
+    near = {**plane(centre_mm=[0.0, 0.0, 300.0])["receivers"][0], "name": "near"}
+    spec = small_spec(lamps=BY_PLACE, base={"kind": "none"}, target=None, receivers=[{**far, "name": "far"}, near])
+    assert len(spec.all_lamps.kinds) == 3
+
+
+def squares(lamps: Lamps, side_mm: float) -> list[CrossSection]:
+    corners = 0.5 * side_mm * np.array([[1.0, 1.0], [-1.0, 1.0], [-1.0, -1.0], [1.0, -1.0]])
+    return [CrossSection([corners]).rotate(lamp.turn_deg).translate(lamp.place_mm[:2]) for lamp in lamps.lamps]
+
+
+def overlap(lamps: Lamps, side_mm: float) -> bool:
+    return any((a ^ b).area() > 0.0 for a, b in combinations(squares(lamps, side_mm), 2))
+
+
+@pytest.mark.parametrize("turns", [(0.0, 0.0, 0.0), (90.0, -90.0, 0.0), (45.0, 45.0, 45.0), (10.0, 20.0, 230.0)])
+def test_square_bases_have_room_until_the_first_two_overlap(turns: tuple[float, ...]) -> None:
+    """By another program's areas of what two turned squares share; the nearest two do not always decide."""
+    rng = np.random.default_rng(7)
+    the_second = 0
+    for _ in range(20):
+        first, second = rng.uniform([0.0, np.pi], [0.5 * np.pi, 1.5 * np.pi])
+        places = (
+            (0.0, 0.0),
+            (20.0 * np.cos(first), 20.0 * np.sin(first)),
+            (22.0 * np.cos(second), 22.0 * np.sin(second)),
+        )
+        lamps = Lamps.level(places, turns)
+        widest_mm = lamps.widest_square_mm()
+        assert not overlap(lamps, widest_mm * (1.0 - 1e-6)) and overlap(lamps, widest_mm * (1.0 + 1e-4))
+        the_second += Lamps(lamps.lamps[:2]).widest_square_mm() > widest_mm * (1.0 + 1e-9)
+    assert 2 < the_second < 18
+
+
+def test_square_bases_of_a_lattice_have_the_room_of_its_lamps_side_by_side() -> None:
+    cell = ((3.0, -2.0), (12.0, 9.0)), (15.0, 70.0)
+    shifts = [(20.0 * i, 26.0 * j) for i in (-1, 0, 1) for j in (-1, 0, 1)]
+    table = Lamps.level([(x + dx, y + dy) for dx, dy in shifts for x, y in cell[0]], cell[1] * 9)
+    lattice = Lamps.level(*cell, (20.0, 26.0))
+    assert lattice.widest_square_mm() == pytest.approx(table.widest_square_mm(), rel=1e-12)
+    assert lattice.nearest_mm() == pytest.approx(table.nearest_mm(), rel=1e-12)
+
+
+def test_square_bases_of_lamps_on_poles_have_more_room_if_they_turn_away_from_each_other() -> None:
+    """Two that are tilted away by t at places d apart meet with their inner edges: at d / cos t."""
+    up = 30.0 * np.sqrt(3.0)
+    poles = {"kind": "table", "places_mm": [[-15, 0, 0], [15, 0, 0]], "aims_mm": [[-45, 0, up], [45, 0, up]]}
+    assert lamps_of(poles).widest_square_mm() == pytest.approx(30.0 / np.cos(np.radians(30.0)))
+    above = {"kind": "table", "places_mm": [[0, 0], [0, 0, 40]]}
+    assert lamps_of(above).widest_square_mm() > 1e6
