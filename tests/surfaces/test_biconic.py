@@ -54,6 +54,26 @@ def test_meridians_have_the_curvature_of_their_curve_in_the_plane() -> None:
     assert SurfaceShape(Grooved()).meridian_curvatures_per_mm == pytest.approx((bent.min(), bent.max()), rel=1e-3)
 
 
+@dataclass(frozen=True)
+class AsideBall(Surface):
+    """A ball about a place beside the axis."""
+
+    detail_rad: float = 0.3
+    at_mm: tuple[float, float, float] = (1.5, -2.0, 0.5)
+
+    def radius(self, directions: np.ndarray) -> np.ndarray:
+        along = directions @ self.at_mm
+        return along + np.sqrt(along**2 + 25.0 - np.dot(self.at_mm, self.at_mm))
+
+    def normal(self, directions: np.ndarray) -> np.ndarray:
+        return (self.radius(directions)[:, None] * directions - self.at_mm) / 5.0
+
+
+def test_a_ball_beside_the_axis_is_bent_alike_everywhere_and_all_around() -> None:
+    """Its chart is skew nearly everywhere."""
+    assert SurfaceShape(AsideBall()).curvatures_per_mm == pytest.approx((0.2, 0.2), rel=1e-4)
+
+
 def test_a_biconic_is_symmetric_to_both_planes() -> None:
     assert Biconic(8.0, -9.0, -8.0).symmetry == "rectangle"
 
