@@ -12,7 +12,7 @@ from lensforge.report.record_tables import TableRow, rows
 from lensforge.results import Record
 from lensforge.results.figure import Figure, figures_at
 from lensforge.results.files import require_regular_file, require_writable
-from lensforge.results.numerals import NOTHING, unit_suffix, with_unit
+from lensforge.results.numerals import NOTHING, with_unit, without_unit
 from lensforge.sources.light_files import holds_far_field, read_rayfile
 from lensforge.sources.photometric.ies_labels import NEWEST, require_ies_version
 from lensforge.sources.photometric.photometric_io import PhotometricConversion, convert_photometric
@@ -88,7 +88,7 @@ def _row(row: TableRow, figure: Figure | None, flux_unit: str) -> Row:
     """A value of the record, under its label where its field has one; of a long list the number of its entries."""
     value = f"{len(row.value.split('  '))} entries" if row.block else row.value
     if figure is None:
-        path = row.path.removesuffix(unit_suffix(row.unit)).replace(".", " ").replace("_", " ")
+        path = without_unit(row.path).replace(".", " ").replace("_", " ")
         return path, with_unit(value, row.unit)
     unit = row.unit if figure.unit is None else figure.unit.format(unit=flux_unit)
     return str(figure.label), with_unit(value, unit)

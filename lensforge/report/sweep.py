@@ -29,7 +29,7 @@ from lensforge.results import (
 )
 from lensforge.results.arguments import require_choice
 from lensforge.results.criteria import Criteria, under
-from lensforge.results.numerals import unit_in, unit_suffix
+from lensforge.results.numerals import unit_in, without_unit
 from lensforge.results.plots import Axes, new_axes
 from lensforge.results.verdict import TITLES, state_label
 from lensforge.search.design_result import Margins
@@ -106,7 +106,7 @@ class Sweep(StageResult):
         """The varied field in words, with its unit: ``roads.0: pole spacing (m)``."""
         section, _, field = self.vary.rpartition(".")
         unit = unit_in(field)
-        title = field.removesuffix(unit_suffix(unit)).replace("_", " ") if unit else field.replace("_", " ")
+        title = without_unit(field).replace("_", " ")
         return f"{section}: " * bool(section) + title + f" ({unit})" * bool(unit)
 
     @property

@@ -14,7 +14,7 @@ from pydantic.fields import FieldInfo
 
 from lensforge.results.criteria import at_least, at_most, declare_label, state_of
 from lensforge.results.fact import Fact
-from lensforge.results.numerals import converted, quantity, unit_of, unit_suffix
+from lensforge.results.numerals import converted, quantity, unit_of, without_unit
 from lensforge.results.record import InCriterion, Metric, Record, Sense, marker, marks_of
 from lensforge.results.registered_kinds import models_in
 
@@ -274,7 +274,7 @@ def entry_at(record: Any, place: str) -> Any:
 
 def _name(path: Sequence[str]) -> str:
     """The path of a field as one name, without its unit."""
-    return "_".join(path).removesuffix(unit_suffix(unit_of(path)))
+    return "_".join((*path[:-1], without_unit(path[-1])))
 
 
 def _as_declared(info: FieldInfo, value: Any) -> Any:

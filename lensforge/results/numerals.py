@@ -24,13 +24,12 @@ _SUFFIXES = {
     "_mw_per_cm2": "mW/cm²", "_mj_per_cm2": "mJ/cm²", "_umol_per_m2_s": "µmol/(m² s)", "_w_per_sr": "W/sr",
     "_g_per_cm3": "g/cm³",
     "_per_mm": "1/mm", "_per_sr": "1/sr", "_per_k": "1/K", "temperature_c": "°C", "_percent": "%", "_seconds": "s",
-    "_pixel2": "pixel²", "_mrad": "mrad", "_urad": "µrad", "_w_m2": "W/m²", "_mm3": "mm³", "_mm2": "mm²",
-    "temperature_k": "K", "_rad": "rad", "_deg": "°",
+    "_pixel2": "pixel²", "_mrad": "mrad", "_urad": "µrad", "_mm3": "mm³", "_mm2": "mm²",
+    "temperature_k": "K", "exposure_s": "s", "_rad": "rad", "_deg": "°",
     "_mm": "mm", "_um": "µm", "_nm": "nm", "_lm": "lm", "_lx": "lx", "_cd": "cd", "_px": "pixel", "_m": "m", "_w": "W",
 }  # fmt: skip
 _WHOLE_NAMES = {
     "seconds": "s",
-    "exposure_s": "s",
     "hours": "h",
     "bytes": "B",
     "filter_variance": "pixel²",
@@ -145,13 +144,17 @@ def unit_of(names: Sequence[str]) -> str:
 
 def unit_in(name: str) -> str:
     """The unit in the name of a field; ``""`` without one."""
-    by_end = next((unit for end, unit in _SUFFIXES.items() if name.endswith(end)), "")
-    return _WHOLE_NAMES.get(name, by_end)
+    return _WHOLE_NAMES.get(name, _SUFFIXES.get(_suffix_of(name), ""))
 
 
-def unit_suffix(unit: str) -> str:
-    """The suffix of a field's name for ``unit``; empty for a pure number."""
-    return next((suffix for suffix, unit_of_suffix in _SUFFIXES.items() if unit_of_suffix == unit), "")
+def without_unit(name: str) -> str:
+    """The name of a field less the unit at its end: ``pole_spacing`` of ``pole_spacing_m``."""
+    end = _suffix_of(name) if unit_in(name) else ""
+    return name.removesuffix(end[end.find("_") :])
+
+
+def _suffix_of(name: str) -> str:
+    return next((end for end in _SUFFIXES if name.endswith(end)), "")
 
 
 _POWERS_OF_A_METRE = {"nm": -9, "um": -6, "µm": -6, "mm": -3, "m": 0}

@@ -140,9 +140,10 @@ def test_the_plot_shows_the_figures_of_the_designs(swept):
     folder, content = swept
     figure = sweep_figure(content)
     assert content.plot().get_xlabel() == "constraints: max radius (mm)"
-    named = ("roads.0.pole_spacing_m", "lens.outer.offset_mm", "optimise.pixels", "source")
+    named = ("roads.0.pole_spacing_m", "lens.temperature_c", "limits.1.exposure_s", "optimise.pixels", "source")
     labels = [content.changed(vary=field).label for field in named]
-    assert labels == ["roads.0: pole spacing (m)", "lens.outer: offset (mm)", "optimise: pixels", "source"]
+    with_units = ["roads.0: pole spacing (m)", "lens: temperature (°C)", "limits.1: exposure (s)"]
+    assert labels == [*with_units, "optimise: pixels", "source"]
     drawn = {axes.get_ylabel(): axes.containers[0][0].get_xydata() for axes in figure.axes}
     for row, nmse, efficiency in zip(content.designs, *drawn.values(), strict=True):
         assert np.array_equal(nmse, [row.value, row.nmse.value])
