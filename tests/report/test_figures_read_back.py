@@ -7,7 +7,7 @@ from result_folders import small_lens
 
 from lensforge.made.tolerance_result import MetricBound
 from lensforge.report import light_figures
-from lensforge.report.study_figures import distribution, ground_diagram, polar_diagram
+from lensforge.report.study_figures import distribution, ground_diagram, isocandela_diagram, polar_diagram
 from lensforge.results.chart import Chart, light_unit
 from lensforge.shop import surface_figures
 
@@ -61,6 +61,20 @@ def test_a_polar_diagram_has_each_half_plane_on_its_side() -> None:
         assert light == pytest.approx(100.0 * np.cos(gamma) * (1.0 + towards * np.sin(gamma)), abs=0.5)
         spans.append(np.ptp(gamma))
     assert min(spans) > 3.0, "both half-planes"
+
+
+def test_isocandela_lines_have_each_half_plane_on_its_side_and_their_names_there() -> None:
+    """C 0 on the right, C 90 above: all along each line the intensity of its place is that of its label."""
+    made = lamp()
+    axes = isocandela_diagram(made.model_copy(update={"peak_cd": made.peak_cd.changed(value=120.0)})).axes[0]
+    for line, share in zip(axes.collections[0].get_paths(), light_figures.ISO_SHARES, strict=True):
+        x, y = line.vertices.T
+        c, gamma = np.arctan2(y, x), np.radians(np.hypot(x, y))
+        light = 100.0 * np.cos(gamma) * (1.0 + np.sin(gamma) * (0.3 * np.cos(c) + 0.6 * np.sin(c)))
+        assert light == pytest.approx(share * 120.0, abs=0.5)
+        assert share > 0.8 or np.ptp(c) > 4.0
+    places = {text.get_text(): np.sign(np.round(text.get_position(), 6)).tolist() for text in axes.texts}
+    assert [places[f"C {c}"] for c in (0, 90, 180, 270)] == [[1.0, 0.0], [0.0, 1.0], [-1.0, 0.0], [0.0, -1.0]]
 
 
 def test_lux_on_the_ground_are_those_of_all_lenses_at_the_height_of_the_pole() -> None:
