@@ -44,6 +44,12 @@ def test_a_child_ends_in_the_way_that_it_says(tmp_path: Path) -> None:
     assert (ending, message) == (Ending.CRASHED, "stopped its reader (SIGSEGV)")
 
 
+@pytest.mark.skipif(sys.platform != "linux", reason="other systems may not limit processor time")
+def test_a_child_that_the_system_ends_after_its_processor_time_is_said_to_take_too_long(tmp_path: Path) -> None:
+    body = "import os, signal\nos.kill(os.getpid(), signal.SIGXCPU)"
+    assert child_of(tmp_path, body) == (Ending.TIME, "took more than 60 s of processor time")
+
+
 def test_a_child_that_takes_too_long_ends_with_all_that_it_started(tmp_path: Path) -> None:
     body = (
         "import subprocess, time\n"

@@ -8,6 +8,7 @@ from scenes import small_spec
 
 from lensforge.kernels.bicubic import refine, refine_adjoint
 from lensforge.search.parameters import SphereParameters
+from lensforge.surfaces.asphere import sphere
 from lensforge.surfaces.bicubic_table import BasisTables, TableGrid, dyadic_grid, table_error, tabulate
 from lensforge.surfaces.srbf import SrbfBasis, SrbfSurface, level_sigma
 
@@ -52,6 +53,16 @@ def test_any_levels_of_any_width_in_any_order_are_tables(levels: tuple[int, ...]
     by_table = rng.normal(size=table.shape)
     along = np.sum(tables.by_weights(by_table, basis.size) * weights)
     assert along == pytest.approx(np.sum(by_table * table), rel=1e-9)
+
+
+@pytest.mark.parametrize("off_mm", [0.02, -0.02])
+def test_the_error_of_a_table_is_the_largest_to_either_side_where_directions_count(off_mm: float) -> None:
+    """A table too far out or in by a constant, and on one half of the hemisphere by twice that."""
+    grid, ball = TableGrid(65), sphere(5.0, 0.5)
+    aside = np.where(np.arange(grid.side) < grid.side // 2, 2.0, 1.0)[:, None]
+    table = tabulate(grid, ball) + off_mm * aside
+    assert table_error(grid, table, ball) == pytest.approx(0.04, abs=1e-4)
+    assert table_error(grid, table, ball, within=lambda ways: ways[:, 0] > 0.1) == pytest.approx(0.02, abs=1e-4)
 
 
 @pytest.mark.parametrize("count", first_by_day(2, [9, 34, 115, 404]))
