@@ -14,7 +14,7 @@ from lensforge.light.table_trace import Scene
 from lensforge.optics.media import Media, Medium
 from lensforge.optics.pose import Pose
 from lensforge.sources.build_source import PlacedSource, SquareEmitter, build_source, summarise
-from lensforge.sources.ray_bundle import BLOCK_RAYS, ChangedSource, RayBundle, block_slices, drawn, total_of
+from lensforge.sources.ray_bundle import BLOCK_RAYS, ChangedSource, RayBundle, block_slices, drawn, is_round, total_of
 from lensforge.spec.source_sections import SquareSource
 from lensforge.surfaces.bicubic_table import TableGrid
 
@@ -108,6 +108,26 @@ def test_the_symmetry_that_its_place_leaves(source, symmetry):
     placed = build_source(spec)
     assert isinstance(placed, PlacedSource) and placed.symmetry == symmetry
     assert summarise(placed, spec).symmetry == symmetry
+
+
+@pytest.mark.parametrize(
+    ("place", "stays_round"),
+    [
+        ({"position_mm": [0, 0, -0.5], "rotate_z_deg": 25}, True),
+        ({"position_mm": [0.5, 0, 0]}, False),
+        ({"position_mm": [0, 0.5, 0]}, False),
+        ({"tilt_deg": [0, 10]}, False),
+        ({"tilt_deg": [10, 0]}, False),
+    ],
+)
+def test_a_disc_is_of_revolution_only_where_it_stands_on_the_axis_along_it(place, stays_round):
+    """By its rays turned by 50 degrees about the axis: alike in mean and spread, or not."""
+    placed = build_source(small_spec(source={"kind": "disc", "diameter_mm": 1.0, **place}).source)
+    assert is_round(placed) == stays_round
+    rays = placed.sample(2**12, 3)
+    turn = Pose.facing((0.0, 0.0, 1.0), (0.0, 0.0, 0.0), 50.0)
+    means = [np.mean(np.concatenate([r.origins, r.directions], axis=1), axis=0) for r in (rays, rays.placed(turn))]
+    assert np.allclose(*means, atol=0.02) == stays_round
 
 
 def test_through_concentric_spheres_a_tilted_beam_lands_where_it_points():
