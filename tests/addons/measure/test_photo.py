@@ -207,6 +207,18 @@ def test_what_the_light_cannot_tell_is_not_stated(light, known):
     assert (fit.parameters[~fit.fitted] == 0.0).all()
 
 
+def test_a_photograph_may_have_any_gain_and_dark_level():
+    """A round pattern beside the middle: size and place are told, the rotation never, with the same errors."""
+    grid = PixelGrid.square(SIDE, 40)
+    x, y = np.meshgrid(grid.x(), grid.y())
+    noise = 1.0 + 0.02 * np.random.default_rng(4).normal(size=(2, *grid.shape))
+    seen, light = noise / (1.0 + np.exp((np.hypot(x - np.array([4.0, 0.0])[:, None, None], y) - 60.0) / 5.0))
+    plain, changed = (fit_similarity(picture, light, grid) for picture in (seen, 50.0 * seen + 7.0))
+    assert plain.fitted.tolist() == changed.fitted.tolist() == [True, False, True, True]
+    assert changed.parameters == pytest.approx(plain.parameters, abs=1e-4)
+    assert changed.errors == pytest.approx(plain.errors, rel=0.01)
+
+
 def test_clipped_light_fails(tmp_path):
     comparison = compare(shot(tmp_path, scale=1.5))
     assert comparison.clipped > 0.05
