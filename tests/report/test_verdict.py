@@ -19,7 +19,7 @@ from lensforge.light.light_facts import light_facts
 from lensforge.light.receiver_light import LARGEST_NMSE, LEAST_SHARE, Possible
 from lensforge.report.headline import headline
 from lensforge.report.results import Results
-from lensforge.report.stored import load_results
+from lensforge.report.stored import Stored, load_results
 from lensforge.results import Fact, Metric
 from lensforge.results.verdict import TITLES, Verdict, worst
 from lensforge.scene.lens import Lens
@@ -331,3 +331,15 @@ def test_an_exit_names_what_fails_and_has_the_reasons_of_that_alone(cutting: boo
             named, _, told = str(missed.value).partition(": ")
             assert named == ", ".join(TITLES[name] for name in failed)
             assert told.split("; ") == [f"{name} fail, {k}" for name in failed for k in range(2)]
+
+
+def test_of_two_damaged_records_the_one_that_is_made_again_counts(tmp_path: Path) -> None:
+    folder = make_folder(tmp_path / "run")
+    made = load_results(folder)
+    for stem in ("check", "verify"):
+        (folder / f"{stem}.json").write_text("{")
+    stored = Stored.read(folder)
+    assert stored.results().outdated.keys() == {"check", "verify"}
+    renewed = stored.with_result(made.proof).results()
+    assert renewed.outdated.keys() == {"check"} and renewed.proof == made.proof
+    assert stored.with_result(made.check).with_result(made.proof).results().outdated == {}
