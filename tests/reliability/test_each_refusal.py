@@ -2,19 +2,28 @@
 
 import gzip
 import io
+import zipfile
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from picture_files import bmp, png
 
 import lensforge as lf
+from lensforge.cad.mesh import BodyMesh
+from lensforge.cad.mesh_files import threemf_bytes
 from lensforge.errors import InputError
+from lensforge.optics.image_reading import read_light
 from lensforge.report.variation import _value, variation_of
+from lensforge.results.file_bounds import read_3mf
 from lensforge.results.files import read_file
 from lensforge.results.json_npz import arrays_in, parse_json
+from lensforge.results.table_names import Column
+from lensforge.results.text_table import TextTable
 from lensforge.scene.target_light import read_table
+from lensforge.sources import light_files
 from lensforge.sources.photometric.photometric_io import read_photometric
 from lensforge.sources.rayfiles.ray_file_io import read_rayfile
 from lensforge.spec.spec_files import read_toml
@@ -53,6 +62,42 @@ def bytes_of(path: Path) -> Any:
     return read_file(path, missing="", most_bytes=10**6)
 
 
+def table_of(path: Path) -> Any:
+    return TextTable.read(path, missing="", most_bytes=10**6).columns((Column(("x",)), Column(("y",))))
+
+
+def srgb_light(path: Path) -> Any:
+    return read_light(path, "srgb", missing="")
+
+
+def mesh_of(path: Path) -> Any:
+    return read_3mf(path, path.name, "export it again")
+
+
+GREYS = np.arange(12, dtype=np.uint8).reshape(3, 4)
+
+
+def run_lengths(plain: bytes) -> bytes:
+    """The header of a BMP file whose pixels are packed by runs of equal ones."""
+    return plain[:30] + (1).to_bytes(4, "little") + plain[34:]
+
+
+def zipped(content: bytes, old: bytes, new: bytes) -> bytes:
+    """A 3MF file with another text in its model."""
+    changed = io.BytesIO()
+    with zipfile.ZipFile(io.BytesIO(content)) as file, zipfile.ZipFile(changed, "w") as other:
+        for name in file.namelist():
+            other.writestr(name, file.read(name).replace(old, new))
+    return changed.getvalue()
+
+
+def pyramid() -> bytes:
+    vertices = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
+    triangles = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]])
+    return threemf_bytes(BodyMesh(vertices, triangles, np.zeros(4, dtype=np.int64), ("BODY",), 1), "pyramid")
+
+
+THREEMF = pyramid()
 ROWS: dict[str, tuple[Callable[[Path], Any], bytes, dict[bytes, str]]] = {
     "lamp.ldt": (read_photometric, eulumdat(), {
         eulumdat(29): "truncated: 29 lines, the header alone has 32",
@@ -75,6 +120,22 @@ ROWS: dict[str, tuple[Callable[[Path], Any], bytes, dict[bytes, str]]] = {
         SPEC.decode().encode("utf-32-le"): "it is in UTF-16 or UTF-32; save it as UTF-8",
     }),
     "packed.csv": (bytes_of, RAYS, {gzip.compress(RAYS): r"packed \(gzip\); unpack it"}),
+    "lamp_by_name.ies": (light_files.read_photometric, ies("0 90 180 270 360"), {
+        RAYS: r'a ray file \(.*\): use it as a source of kind "rayfile"$',
+    }),
+    "points.csv": (table_of, b"1.5, 2.5\n3.5, 4.5\n", {
+        b"1, 2\n1,5, 2,5\n": "line 2: commas with blanks beside them and without; separate its numbers by semicolons$",
+    }),
+    "light.png": (srgb_light, png(GREYS), {
+        png(GREYS, extra=[(b"gAMA", (100_000).to_bytes(4, "big"))]):
+        r'its gAMA chunk states 1; for luminance = "srgb" convert it to sRGB, or leave that out$',
+    }),
+    "light.bmp": (srgb_light, bmp(GREYS), {
+        run_lengths(bmp(GREYS)): "a compressed BMP file; save it as PNG$",
+    }),
+    "part.3mf": (mesh_of, THREEMF, {
+        zipped(THREEMF, b'unit="millimeter"', b'unit="inch"'): "holds no mesh in mm; export it again$",
+    }),
     "tolerances.toml": (read_tolerances, b"[tolerances]\nindex = 1e-3\n", {SPEC: r"has no \[tolerances\]; give "}),
     "light.npz": (read_table, npz(np.ones((2, 3))), {
         npz(np.ones((2, 3)), np.ones(2)): "holds 2 arrays, must hold one; save it with numpy.savez",
