@@ -11,6 +11,7 @@ import pytest
 from ezdxf.entitydb import EntityDB
 from matplotlib.figure import Figure
 from matplotlib.font_manager import FontProperties
+from matplotlib.path import Path as PolygonPath
 from matplotlib.textpath import TextPath
 from shop_lenses import BASE, all_words, bare_part, boxes_of, small_lens
 
@@ -102,6 +103,24 @@ def test_the_dxf_read_back_has_no_errors_and_the_sizes_of_the_table(drawings, na
             if entity.dxftype() in ("TEXT", "MTEXT")
         ]
         assert shown(mark.get_measurement()) in "".join(texts)
+
+
+@pytest.mark.parametrize("name", BASES)
+def test_the_lines_of_the_outer_rim_go_where_less_of_the_section_is(drawings, name):
+    """Beside a base that is wider they would cross it, beside the dome that swells a little above its rim."""
+    marks = drawings[name][1].marks
+    outlines = [stroke.points for stroke in marks.strokes if stroke.pen == "outline" and stroke.closed]
+    rims = [mark for mark in marks.dimensions if mark.name.startswith("outer rim") and mark.turned_deg == 90]
+    assert len(rims) == 2
+    for rim in rims:
+        section = min(outlines, key=lambda points: np.linalg.norm(points - rim.start, axis=1).min())
+        x, y = np.array([rim.start, rim.end]).T
+        crossed = {}
+        for side in (-1.0, 1.0):
+            along = x[:, None] + side * np.linspace(0.05, 30.0, 2000)
+            line = np.column_stack([along.ravel(), np.repeat(y, 2000)])
+            crossed[side] = int(PolygonPath(section).contains_points(line).sum())
+        assert crossed[np.sign(rim.line_mm - x[0])] == min(crossed.values())
 
 
 def test_the_same_sheet_is_the_same_dxf_in_whatever_order_a_set_is_walked_through(drawings, monkeypatch):
