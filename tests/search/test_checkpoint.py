@@ -13,6 +13,7 @@ import torch
 from PIL import Image
 from scenes import small_spec
 
+import lensforge as lf
 from lensforge.errors import InputError
 from lensforge.results.json_npz import Form, parse_json, require_forms
 from lensforge.search import checkpoint
@@ -162,6 +163,17 @@ def test_a_search_that_starts_anew_drops_the_checkpoint_of_an_earlier_one(tmp_pa
     path.mkdir()
     with pytest.raises(InputError, match="cannot be replaced"):
         search(spec, build_source(spec.source), accuracy="draft", checkpoint=path)
+
+
+def test_a_script_resumes_from_a_checkpoint_unless_it_says_otherwise(tmp_path: Path) -> None:
+    path = tmp_path / CHECKPOINT
+    path.write_bytes(b"of an earlier version")
+    with pytest.raises(InputError, match="no checkpoint of a search by this version"):
+        lf.design(small_spec(), accuracy="draft", checkpoint=path)
+    assert path.read_bytes() == b"of an earlier version"
+    with pytest.raises(lf.Cancelled):
+        lf.design(small_spec(), accuracy="draft", checkpoint=path, resume=False, progress=lambda _: False)
+    load_checkpoint(path, fingerprint(small_spec(), 0, "draft", None, None))
 
 
 FORMS = {"a": Form(("n", 2)), "b": Form((3,), "int64", least=0.0)}
