@@ -12,6 +12,7 @@ from lensforge.spec.source_list import read_sources
 RISING = {"incidence_deg": [0.0, 40.0], "scattering_deg": [0.0, 10.0, 20.0]}
 BSDF = [[1.0, 0.5, 0.1], [1.0, 0.6, 0.2]]
 LAMPS = {"kind": "table", "places_mm": [[0.0, 0.0], [40.0, 0.0]]}
+LUX = {"kind": "zone", "at_most_mean_w_per_m2": 9.0}
 EYES = {"kind": "luminance", "eyes_deg": [[30.0, 0.0]], "spot_mm": 0.58, "at_most": 1e4, "unit": "cd_per_m2"}
 
 
@@ -88,6 +89,11 @@ def coated(angles: list[float], waves: list[float], rows: list[list[float]]) -> 
             {"limits": [{**EYES, "receiver": "light"}]},
             {"limits": [EYES]},
             "limits.0: receiver: eyes see the lens itself; leave it out",
+        ),
+        (
+            {"limits": [{**LUX, "zone": {"kind": "disc", "diameter_deg": 9.0}}]},
+            {"limits": [{**LUX, "zone": {"kind": "disc", "diameter_mm": 9.0}}]},
+            "limits.0: its places are in deg, on receiver 'light' they are in mm",
         ),
         (
             {"manufacture": {"process": "moulded", "layer_um": 5.0}},

@@ -70,6 +70,9 @@ def test_what_runs_is_not_begun_again(tmp_path: Path) -> None:
     for refused in (session.go_on, session.make_part):
         with pytest.raises(lf.InputError, match="another job runs; stop it first"):
             refused()
+    session.tell(phase="making")
+    with pytest.raises(lf.InputError, match=r"^search: the part is being made; stop that first$"):
+        session.search()
     session.tell(phase="idle")
     with pytest.raises(lf.InputError, match=r"^pause: nothing runs$"):
         session.ask("pause")
