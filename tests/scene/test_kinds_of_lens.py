@@ -1,5 +1,7 @@
 """Lamps with lenses of several kinds: mirrored places, the record, a cast. Their light: the crooked design of kinds."""
 
+import json
+from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -124,3 +126,26 @@ def test_every_kind_of_lens_expands() -> None:
         points = before.trace(from_centre).points[left]
         assert after.trace(from_centre).points[left] == pytest.approx(1.01 * points, rel=1e-9, abs=1e-9)
         assert left.sum() > 5
+
+
+def test_a_record_has_a_lens_of_each_kind_but_the_first_with_all_its_faces(tmp_path: Path) -> None:
+    path = tmp_path / "lens.json"
+    lens_of(TABLE, uneven(0), uneven(1)).save(path)
+    content = json.loads(path.read_text())
+    del content["content_sha256"]  # as of another program
+    faces = content["others"]["wide"]
+    names = r"must be all but one of the kinds \['narrow', 'wide'\]"
+    for others, fault in (
+        ({"wide": faces}, ""),
+        ({}, rf"lenses \[\], {names}"),
+        ({"broad": faces}, rf"lenses \['broad'\], {names}"),
+        ({"narrow": faces, "wide": faces}, rf"lenses \['narrow', 'wide'\], {names}"),
+        ({"wide": {"outer": faces["outer"]}}, "the lens of each kind must have the faces inner, outer"),
+    ):
+        path.write_text(json.dumps(content | {"others": others}))
+        with (
+            pytest.raises(InputError, match=rf"lens\.json: others: {fault}; run `lensforge design` again")
+            if fault
+            else nullcontext()
+        ):
+            load_lens(path)

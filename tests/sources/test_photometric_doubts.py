@@ -1,5 +1,6 @@
 """Photometric files that can be read in two ways: what is taken is said, or they are refused."""
 
+from contextlib import nullcontext
 from pathlib import Path
 
 import pytest
@@ -133,6 +134,15 @@ def test_a_type_b_file_needs_two_angles_of_each_kind(tmp_path):
         _read(tmp_path, _ies(h=(0,), v=(-30, 0, 30), kind=2))
     with pytest.raises(InputError, match="one V angle; a type A file needs two"):
         _read(tmp_path, _ies(h=(-30, 0, 30), v=(0,), cd=[(1,)] * 3, kind=3))
+
+
+def test_a_type_b_file_whose_flux_its_conversion_would_change_is_refused(tmp_path):
+    """Light within 0.01 degrees of the poles, of which the table has none; as much of 30 degrees it has."""
+    for near, refused in ((60, False), (89.99, True)):
+        content = _ies(v=(-90, -near, near, 90), h=(-90, 0, 90), cd=[(9, 0, 0, 9)] * 3, kind=2)
+        line = r"type B: its flux as type C differs by .*%; export it as type C$"
+        with pytest.raises(InputError, match=line) if refused else nullcontext():
+            _read(tmp_path, content)
 
 
 def test_lumens_that_are_not_stated_stay_unknown(tmp_path):

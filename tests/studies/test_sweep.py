@@ -151,6 +151,8 @@ def test_the_plot_shows_the_figures_of_the_designs(swept):
     assert np.array_equal(content.plot(metric="efficiency").lines[0].get_xydata(), list(drawn.values())[1])
     with pytest.raises(InputError, match=r"^metric = 'foo': must be one of nmse, "):
         content.plot(metric="foo")
+    with pytest.raises(ValueError, match="designs: must have rising values"):
+        type(content)(**{**dict(content), "designs": content.designs[::-1]})
     page = (folder / "sweep.html").read_text(encoding="utf-8")
     assert all(f'href="{row.folder}/report.html"' in page for row in content.designs)
 
