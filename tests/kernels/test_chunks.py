@@ -4,10 +4,12 @@ import ast
 import threading
 from pathlib import Path
 
+import numpy as np
 import pytest
 import torch
 
 from lensforge.kernels import parallel
+from lensforge.kernels.face_records import RingShifts
 from lensforge.kernels.parallel import (
     CHUNKS,
     in_chunks,
@@ -17,6 +19,7 @@ from lensforge.kernels.parallel import (
     kernel_threads,
     thread_count,
 )
+from lensforge.kernels.traced_body import RaysIn
 from lensforge.results.arguments import threads_of_torch
 
 
@@ -49,6 +52,26 @@ def test_every_ray_is_in_one_piece_of_at_least_half_of_what_is_worth_sharing(
     assert len(parts) == pieces and [part.stop for part in parts[:-1]] == [part.start for part in parts[1:]]
     assert parts[0].start == 0 and parts[-1].stop == count
     assert pieces == 1 or min(part.stop - part.start for part in parts) >= 50
+
+
+def test_a_part_of_the_rays_has_their_rows_of_all_that_each_ray_has_of_its_own() -> None:
+    """What is common to all rays stays: one index for all, and the tables of faces that scatter by rings."""
+    rng = np.random.default_rng(2)
+    by_ray = {
+        name: rng.random((9, width))
+        for name, width in {"origins": 3, "directions": 3, "noise": 4, "fields": 12}.items()
+    } | {name: rng.random(9) for name in ("emitted", "indices", "film_rows")}
+    by_ray["keys"] = np.arange(9, dtype=np.uint64)
+    tables = rng.random((2, 5)), rng.random((2, 4)), rng.random((2, 5, 4)), np.array([1.0, 0.0])
+    shifts = RingShifts(rng.random((9, 4)), np.array([[5, 4], [0, 0]]), *tables)
+    rays = RaysIn(**by_ray, absorptions=np.array([0.25]), shifts=shifts)
+    part = rays.part(slice(4, 7))
+    for name, values in by_ray.items():
+        np.testing.assert_array_equal(getattr(part, name), values[4:7], err_msg=name)
+    assert part.absorptions.tolist() == [0.25] and part.shifts is not None
+    np.testing.assert_array_equal(part.shifts.numbers, shifts.numbers[4:7])
+    assert all(one is other for one, other in zip(part.shifts[1:], shifts[1:], strict=True))
+    assert {*by_ray, "absorptions", "shifts"} == set(RaysIn._fields), "a new field is one of them"
 
 
 @pytest.mark.parametrize(("count", "names"), [(99, 1), (100, 2)])
