@@ -197,6 +197,9 @@ def test_weights_have_the_slopes_of_differences() -> None:
     assert ((shadow.weights > 0.0) & (shadow.weights < 1.0)).sum() > 80
     assert (differs > 1e-5 * (1.0 + np.abs(slopes))).sum() <= 3, "where another rim becomes the nearest, or one ends"
     assert np.abs((shadow.by_points * rays.directions).sum(axis=1)).max() < 1e-9, "a ray is a line"
+    chosen = np.flatnonzero(shadow.met)[::-2]
+    for name, values in shadow.take(chosen)._asdict().items():
+        np.testing.assert_array_equal(values, getattr(shadow, name)[chosen], err_msg=name)
 
 
 @pytest.mark.parametrize(
