@@ -148,7 +148,7 @@ def unit_in(name: str) -> str:
 
 
 def without_unit(name: str) -> str:
-    """The name of a field less the unit at its end: ``pole_spacing`` of ``pole_spacing_m``."""
+    """The name of a field less the unit at its end: "pole_spacing" of ``pole_spacing_m``."""
     end = _suffix_of(name) if unit_in(name) else ""
     return name.removesuffix(end[end.find("_") :])
 
