@@ -311,7 +311,7 @@ class SceneCheck:
 
     def _in_shadow(self) -> Iterator[str]:
         """A line where bodies of the scene keep light from a target, whatever the lens; of one lamp."""
-        if not (self.spec.scene and self.spec.all_lamps.is_single):
+        if not (self.spec.scene and self.spec.all_lamps.is_single) or self.spec.media.walls:
             return
         receivers = receivers_of(self.spec, self.spec.optimise.pixels)
         for receiver, section, (field, _) in zip(receivers, self.spec.all_receivers, self._required(), strict=False):
