@@ -362,8 +362,8 @@ def _blocked(received: ReceivedFlux, receiver: PosedReceiver, emitted_w: float) 
         if met_w > 0.0:
             taken, returned = (jackknife_metric(column / emitted_w, float) for column in amounts[:, :2].T)
             place_mm = tuple(np.array(moments) / met_w)
-            returned = returned if reflectance else None
-            blocked.append(BlockedLight(name=name, share=taken, returned=returned, place_mm=place_mm))
+            onto_window = returned if reflectance > 0.0 else None
+            blocked.append(BlockedLight(name=name, share=taken, returned=onto_window, place_mm=place_mm))
     return tuple(blocked)
 
 
@@ -419,11 +419,7 @@ def _flux_budget(received: ReceivedFlux, emitted_w: float) -> tuple[Flux, Missed
         detected=float(received.window.mean() / emitted_w),
         outside=float(received.outside.mean() / emitted_w),
         missed=sum(missed.model_dump().values()),
-        **{
-            name: named[name]
-            for name in Flux.model_fields
-            if name in named
-        },
+        **{name: named[name] for name in Flux.model_fields if name in named},
         reflected=max(0.0, 1.0 - float(share.sum())),  # the rest: all of it may be rounding
     )
     return flux, missed

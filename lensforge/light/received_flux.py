@@ -156,7 +156,7 @@ def flux_by_fate(
 def _by_body(
     rays: ExitRays, shadow: Shadow, returned: Float[np.ndarray, " n"], bodies: int
 ) -> Float[np.ndarray, "b 6"]:
-    """Flux (W) that each body takes, that ``returned`` by it, that which meets it, and the last times its place (mm)."""
+    """Flux (W) that each body takes, that which it ``returned``, that which meets it, and the last times its place."""
     met = shadow.met
     flux = rays.flux[met]
     taken = flux * (1.0 - shadow.onward[met])

@@ -45,8 +45,8 @@ class Flux(Record):
     ``detected``: in the window. ``outside``: on the receiver's surface outside the window. ``missed``: never reached
     that surface. ``absorbed``: by the body from face to face, and by mirrors. ``cover_glass``: reflected and absorbed
     by it. ``bodies``: likewise by the further bodies, and light that ends there. ``housing``: taken by the opaque
-    bodies of the scene that it meets first; ``second_wall``: reflected there, met another. ``reflected``: at faces that let light
-    through, which a sequential design does not follow.
+    bodies of the scene that it meets first; ``second_wall``: reflected there, met another. ``reflected``: at faces that
+    let light through, which a sequential design does not follow.
     """
 
     detected: Share

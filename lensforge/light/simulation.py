@@ -241,7 +241,8 @@ class DesignLandings:
     """Landings of the same rays on one receiver: hits, NaN where they do not land, their flux (W) there, their fates.
 
     Fates are the names of :class:`~lensforge.kernels.fate.Fate`, "landed", "missed_receiver", "housing" and
-    "second_wall". ``met``: number of the face at each event of a chain, -1 where there was none; None of a double-freeform lens.
+    "second_wall". ``met``: number of the face at each event of a chain, -1 where there was none; None of a
+    double-freeform lens.
     """
 
     hits: Float[np.ndarray, "n 2"]

@@ -1,10 +1,11 @@
 """The bodies of a ``[[scene]]`` in the way of light from the lens to a receiver or an eye.
 
 A ray that meets one of them before its end is lost there, or reflected once: what then meets a second wall is lost.
-A search takes all bodies for black. As light must fade out in it, it also dims rays that pass a rim closely. With c the distance of a place of a body from the ray's line, and L how far that place lies along
-it from the origin of the lamp, the least t = c / L counts: below ``rim`` a ray has the weight ``x^2 (3 - 2 x)``, x =
-t / rim, whose slope is that of its distance from the body. Bodies then seem larger by half of the angle ``rim``; with
-it that goes to 0, and the noise of the slope grows.
+A search takes all bodies for black. As light must fade out in it, it also dims rays that pass a rim closely. With c the
+distance of a place of a body from the ray's line, and L how far that place lies along it from the origin of the lamp,
+the least t = c / L counts: below ``rim`` a ray has the weight ``x^2 (3 - 2 x)``, x = t / rim, whose slope is that of
+its distance from the body. Bodies then seem larger by half of the angle ``rim``; with it that goes to 0, and the noise
+of the slope grows.
 """
 
 from collections.abc import Callable, Sequence
@@ -57,9 +58,16 @@ class Shadow(NamedTuple):
     @staticmethod
     def none_of(count: int) -> "Shadow":
         """Rays that all get through."""
-        none = np.full(count, -1)
+        places, by_points, by_directions = np.zeros((3, count, 3))
         return Shadow(
-            np.ones(count), none, *np.zeros((3, count, 3)), none.copy(), np.ones(count), np.zeros(count, dtype=bool)
+            weights=np.ones(count),
+            bodies=np.full(count, -1),
+            places=places,
+            by_points=by_points,
+            by_directions=by_directions,
+            triangles=np.full(count, -1),
+            onward=np.ones(count),
+            again=np.zeros(count, dtype=bool),
         )
 
     def weights_by(self, points: Float[Array, "n 3"], directions: Float[Array, "n 3"]) -> Float[Array, " n"]:
@@ -248,7 +256,7 @@ class Housing:
         shadow.by_directions[numbers] = -slope * (ahead * aside + tangent * place)
 
 
-def _rounded(points: _Vectors) -> set[tuple[float, ...]]:
+def _rounded(points: Float[np.ndarray, "n k"]) -> set[tuple[float, ...]]:
     return {*map(tuple, (np.round(points, _DIGITS) + 0.0).tolist())}
 
 

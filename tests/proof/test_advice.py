@@ -145,7 +145,7 @@ def test_form_comes_before_fates_and_fates_before_losses():
 
 
 def landed_rays(rays, landings, **fields):
-    return LandedRays(**{**vars(Passage.of(rays, 2)), **fields}, landings=landings)
+    return LandedRays(**{**vars(Passage.of(rays, 2)), **fields}, landings=landings, in_housing=np.zeros(len(rays)))
 
 
 @pytest.mark.parametrize("fate", list(CastFate)[1:])
