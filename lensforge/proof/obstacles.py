@@ -81,7 +81,7 @@ class Obstacles:
     def met(
         self, points: Float[np.ndarray, "n 3"], directions: Float[np.ndarray, "n 3"], paths_mm: Float[np.ndarray, " n"]
     ) -> Met:
-        """What rays meet before the end of their paths."""
+        """Bodies that rays meet before the end of their paths."""
         hits = self._grid.first_hits(Leg(points, directions, np.zeros(len(points))))
         blocked = hits.found & (hits.distances < paths_mm - _AT_END_MM)
         onward = np.where(blocked, self.reflectances[hits.triangles], 1.0)

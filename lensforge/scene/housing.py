@@ -101,7 +101,7 @@ class Reflected(NamedTuple):
 
 
 class Finishes(NamedTuple):
-    """How each body reflects light: the share of it, 0 for a black one, and whether it spreads it."""
+    """Finish of each body: the share of light that it reflects, 0 for a black one, and whether it spreads it."""
 
     reflectances: Float[np.ndarray, " b"]
     diffuse: Bool[np.ndarray, " b"]

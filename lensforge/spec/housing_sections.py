@@ -148,7 +148,7 @@ class HousingFile(HousingSection):
 
 
 def reflection_of(bodies: Sequence[HousingSection]) -> Reflection | None:
-    """How ``bodies`` reflect light: "diffuse" if any does, else "mirror" if any is one; None if all are black."""
+    """Reflection at ``bodies``: "diffuse" if any is, else "mirror" if any is one; None if all are black."""
     surfaces = {body.surface for body in bodies}
     return "diffuse" if "diffuse" in surfaces else "mirror" if "mirror" in surfaces else None
 

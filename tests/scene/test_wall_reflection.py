@@ -222,7 +222,9 @@ def test_the_proof_s_walls_have_the_law_of_the_design_s() -> None:
 
 
 def test_walls_of_unequal_surfaces_are_no_mirror_images() -> None:
-    left, right = (HousingBox(name=f"at{x:.0f}", size_mm=(4.0, 20.0, 30.0), centre_mm=(x, 0.0, 40.0)) for x in (-30.0, 30.0))
+    left, right = (
+        HousingBox(name=f"at{x:.0f}", size_mm=(4.0, 20.0, 30.0), centre_mm=(x, 0.0, 40.0)) for x in (-30.0, 30.0)
+    )
     assert housing_of(left, right).has_mirrors("rectangle")
     assert housing_of(left.changed(**WHITE), right.changed(**WHITE)).has_mirrors("rectangle")
     for other in (WHITE, WHITE | {"reflectance": 0.6}, MIRROR | {"reflectance": 0.7}):
@@ -247,7 +249,7 @@ def test_the_facets_of_a_mirror_cylinder_turn_light_by_no_more_than_is_stated() 
 
 
 REFUSED: list[tuple[dict[str, Any], str]] = [
-    ({"reflectance": 0.5}, "reflectance = 0.5: a black surface reflects no light; give surface"),
+    ({"surface": "black", "reflectance": 0.5}, "reflectance = 0.5: a black surface reflects no light; give surface"),
     ({"surface": "mirror"}, 'surface = "mirror": give its reflectance, the share of light that it reflects'),
     ({"surface": "diffuse", "reflectance": 1.2}, "reflectance = 1.2"),
     (
