@@ -214,7 +214,8 @@ ELSEWHERE = {  # where each value is one of a test's cases
     "LuminanceLimit.of": "light/test_luminance.py", "BodyLimit.of": "scene/test_body_view.py",
     "model": "sources/test_modelled_rays.py",
     **dict.fromkeys(
-        ("surface", *(f"Housing{kind}.surface" for kind in ("Box", "Cylinder", "File"))), "scene/test_wall_reflection.py"
+        ("surface", "HousingBox.surface", "HousingCylinder.surface", "HousingFile.surface"),
+        "scene/test_wall_reflection.py",
     ),
     "robust": "search/test_share_of_parts.py", "application": "light/test_trade_figures.py",
 }  # fmt: skip
