@@ -85,7 +85,7 @@ GROUPS: dict[str, tuple[str, tuple[str, ...]]] = {
     "Materials and covers": (
         "Other materials, coatings, given optics around the lens, and a housing in its light"
         " ([materials](sources.md#materials-and-temperature)).",
-        ("silicone", "coated_cover_glass", "domed_cover", "bezel", "uvc_handle"),
+        ("silicone", "coated_cover_glass", "domed_cover", "bezel", "uvc_handle", "uvc_wall"),
     ),
     "The paper's designs": (
         "Designs of the paper whose method this is ([figures](validation.md#of-the-paper)).",

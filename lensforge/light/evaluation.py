@@ -21,7 +21,7 @@ from lensforge.light.far_field import limits_by_intensities
 from lensforge.light.irradiated_body import IrradiatedBody
 from lensforge.light.judged_limits import colour_limits, judged_limits, stated_figures
 from lensforge.light.light_ways import FluxByWay
-from lensforge.light.received_flux import BLOCKED, CAUSES, MISSED_RECEIVER, ReceivedFlux, named_flux
+from lensforge.light.received_flux import BLOCKED, CAUSES, MISSED_RECEIVER, SECOND_WALL, ReceivedFlux, named_flux
 from lensforge.light.receiver_light import (
     BlockedLight,
     EstimatedLight,
@@ -82,7 +82,7 @@ def measure_preset(lens: Lens, source: Source, design: TracedLens, evaluation: T
     own_seeds = (seeds.of_preset_error(lens.seed, _SCRAMBLES, k) for k in range(_SCRAMBLES))
     # in one go: many small arrays take longer
     rays = RayBundle.joined([source.sample(count, seed) for seed in own_seeds])
-    receiver = receivers_of(lens.spec, lens.spec.optimise.pixels)[0]
+    receiver = receivers_of(lens.spec, lens.spec.optimise.pixels)[0].before_black
     exact = receiver.land(_through_exact(lens, evaluation, rays))
     return PresetError(
         rays=len(rays),
@@ -350,15 +350,20 @@ def receiver_light(
 
 
 def _blocked(received: ReceivedFlux, receiver: PosedReceiver, emitted_w: float) -> tuple[BlockedLight, ...]:
-    """Light that each body of the scene blocks, of those that do."""
+    """Light that each body of the scene blocks, and what it reflects into the window, of those that it meets."""
     if receiver.housing is None or received.by_housing is None:
         return ()
     blocked = []
-    for name, amounts in zip(receiver.housing.names, np.moveaxis(received.by_housing, 1, 0), strict=True):
-        flux, *moments = amounts.mean(axis=0)
-        if flux > 0.0:
-            share = jackknife_metric(amounts[:, 0] / emitted_w, float)
-            blocked.append(BlockedLight(name=name, share=share, place_mm=tuple(np.array(moments) / flux)))
+    by_body = np.moveaxis(received.by_housing, 1, 0)
+    for name, reflectance, amounts in zip(
+        receiver.housing.names, receiver.housing.finishes.reflectances, by_body, strict=True
+    ):
+        _, _, met_w, *moments = amounts.mean(axis=0)
+        if met_w > 0.0:
+            taken, returned = (jackknife_metric(column / emitted_w, float) for column in amounts[:, :2].T)
+            place_mm = tuple(np.array(moments) / met_w)
+            onto_window = returned if reflectance > 0.0 else None
+            blocked.append(BlockedLight(name=name, share=taken, returned=onto_window, place_mm=place_mm))
     return tuple(blocked)
 
 
@@ -366,7 +371,7 @@ def _losses(received: ReceivedFlux, by_way: FluxByWay) -> Float[np.ndarray, "r c
     """Flux (W) by cause of loss, in the order of ``scene.light_ends``, in each replicate."""
     ended = received.by_fate[:, : len(Fate)] @ (NUMBER_BY_FATE[:, None] == np.arange(len(LOSSES)))
     ended[:, LOSSES.index("beside")] = received.outside + received.by_fate[:, MISSED_RECEIVER]
-    ended[:, LOSSES.index("housing")] = received.by_fate[:, BLOCKED]
+    ended[:, LOSSES.index("housing")] = received.by_fate[:, [BLOCKED, SECOND_WALL]].sum(axis=1)
     return np.concatenate([ended, by_way.leaked()], axis=1)
 
 
@@ -414,10 +419,7 @@ def _flux_budget(received: ReceivedFlux, emitted_w: float) -> tuple[Flux, Missed
         detected=float(received.window.mean() / emitted_w),
         outside=float(received.outside.mean() / emitted_w),
         missed=sum(missed.model_dump().values()),
-        **{
-            name: named[name]
-            for name in ("total_reflection", "not_converged", "absorbed", "cover_glass", "bodies", "housing")
-        },
+        **{name: named[name] for name in Flux.model_fields if name in named},
         reflected=max(0.0, 1.0 - float(share.sum())),  # the rest: all of it may be rounding
     )
     return flux, missed

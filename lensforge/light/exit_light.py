@@ -12,6 +12,7 @@ from lensforge.light.angular_grid import COARSEST, COARSEST_TO_HORIZON, AngularG
 from lensforge.light.luminaire_classes import zone_flux
 from lensforge.light.received_flux import flux_by_fate
 from lensforge.light.simulation import TracedLens, bundles
+from lensforge.optics.arrays import replaced
 from lensforge.results import Metric
 from lensforge.scene.exit_rays import ExitRays
 from lensforge.scene.housing import Housing, Shadow
@@ -52,20 +53,34 @@ def exit_rays(
 ) -> RaysOnSphere:
     """Trace ``rays`` and start those that leave upwards on the sphere of radius ``sphere_mm`` around the lamps.
 
-    Those that meet the ``housing`` end there.
+    Those that meet the ``housing`` end there, or go on from there.
 
     Rays are dealt to the lamps at random, equally many to each, and carry the flux of all.
     """
     traced = lens.trace(rays) if lamps.is_single else _of_lamps(lens, rays, lamps)
     left = traced.left_lens
     shadow = Shadow.none_of(len(left))
+    ways = traced
     if housing is not None:
         shadow = housing.shadow(traced.points, traced.directions, np.where(left, np.inf, -np.inf))
-    upwards = left & (traced.directions[:, 2] > 0.0) & ~shadow.met
-    points, directions, flux = (values[upwards] for values in (traced.points, traced.directions, traced.flux))
+        ways, shadow = _beyond_walls(housing, traced, shadow)
+    upwards = left & (ways.directions[:, 2] > 0.0) & (shadow.lost < 1.0)
+    points, directions, flux = (values[upwards] for values in (ways.points, ways.directions, ways.flux))
     directions = directions / np.linalg.norm(directions, axis=1, keepdims=True)
     by_fate = flux_by_fate(traced, left & ~upwards, shadow)
     return RaysOnSphere(RayBundle(_on_sphere(points, directions, sphere_mm), directions, flux), by_fate)
+
+
+def _beyond_walls(housing: Housing, rays: ExitRays, shadow: Shadow) -> tuple[ExitRays, Shadow]:
+    """``rays``, from walls those that these reflect, and their shadow, in which some meet a second wall."""
+    if not housing.reflects:
+        return rays, shadow
+    rows, reflected = housing.reflected(rays, shadow)
+    ends = housing.shadow(reflected.points, reflected.directions, np.full(len(rows), np.inf))
+    columns = {
+        name: replaced(getattr(rays, name), rows, getattr(reflected, name)) for name in ("points", "directions", "flux")
+    }
+    return replace(rays, **columns), shadow._replace(again=replaced(shadow.again, rows, ends.met))
 
 
 def _of_lamps(lens: TracedLens, rays: RayBundle, lamps: Lamps) -> ExitRays:

@@ -32,11 +32,12 @@ def trace_far_field(lens: Lens, source: Source, preset: Preset, *, rays: int | N
     lamps = lamps_of_files(lens.spec)
     housing = Housing.of(lens.spec.scene)
     lens_mm = max(lens.body.largest_mm, reach_mm(lens.media.bodies))
+    walls_mm = housing.reach_mm if housing is not None and housing.reflects else 0.0
     return trace_exit_light(
         TracedLens.of(lens, preset.evaluate_nodes_per_sigma),
         source,
         Goniophotometer(
-            sphere_mm=_SLACK * (lens_mm + lamps.reach_mm),
+            sphere_mm=_SLACK * max(lens_mm + lamps.reach_mm, walls_mm),
             symmetry=shared_symmetry(
                 [source.symmetry, lens.symmetry],
                 lambda group: lamps.in_far_field.has_mirrors(group) and (housing is None or housing.has_mirrors(group)),

@@ -208,6 +208,7 @@ class LostFlux(Record):
     cover_glass: NotNegative = 0.0
     bodies: NotNegative = 0.0
     housing: NotNegative = 0.0
+    second_wall: NotNegative = 0.0
 
 
 def one_of_lenses(spec: Spec) -> str:

@@ -17,8 +17,9 @@ from lensforge.scene.region import Region
 MISSED_RECEIVER = len(Fate)  # after the fates: left the lens, but never reaches the receiver
 ABSORBED = len(Fate) + 1  # in the body, of rays of any fate
 IN_GLASS = len(Fate) + 2  # reflected or absorbed by the cover glass
-BLOCKED = len(Fate) + 3  # left the lens, and met a body of the scene before the receiver
-CAUSES = len(Fate) + 4  # behind them, the flux lost in each of the further bodies
+BLOCKED = len(Fate) + 3  # left the lens, met a body of the scene before the receiver, and was taken by it
+SECOND_WALL = len(Fate) + 4  # reflected by a body of the scene, and met another, or the same again
+CAUSES = len(Fate) + 5  # behind them, the flux lost in each of the further bodies
 
 
 @dataclass(frozen=True)
@@ -26,9 +27,10 @@ class ReceivedFlux:
     """Flux (W) on one receiver in each replicate: per pixel (r, h, w), by fate (r, f), in the window and outside it.
 
     The fates are those of :class:`~lensforge.kernels.fate.Fate`, where ``LEFT_LENS`` holds what landed, and
-    ``MISSED_RECEIVER``, ``ABSORBED``, ``IN_GLASS`` and ``BLOCKED``; then each of the further bodies. ``in_regions``: in
-    each of the ``regions`` (k). ``colours``: X, Y and Z (lm) per pixel; None without colour. ``by_housing``: flux that
-    each body of the scene blocks, and that times x, y and z (mm) of the place at which it does; None without a scene.
+    ``MISSED_RECEIVER``, ``ABSORBED``, ``IN_GLASS``, ``BLOCKED`` and ``SECOND_WALL``; then each of the further bodies.
+    ``in_regions``: in each of the ``regions`` (k). ``colours``: X, Y and Z (lm) per pixel; None without colour.
+    ``by_housing``: flux that each body of the scene takes, that which it reflects into the window, that which meets it,
+    and the last times x, y and z (mm) of the place at which it does; None without a scene.
     """
 
     images: Float[np.ndarray, "r h w"]
@@ -38,7 +40,7 @@ class ReceivedFlux:
     in_regions: Float[np.ndarray, "r k"]
     regions: tuple[Region, ...] = ()
     colours: Float[np.ndarray, "3 r h w"] | None = None
-    by_housing: Float[np.ndarray, "r b 4"] | None = None
+    by_housing: Float[np.ndarray, "r b 6"] | None = None
 
     @staticmethod
     def none_yet(
@@ -55,7 +57,7 @@ class ReceivedFlux:
         in_regions = np.zeros((replicates, len(regions)))
         colours = np.zeros((3, *images.shape)) if coloured else None
         by_fate = np.zeros((replicates, CAUSES + bodies))
-        blocked = None if receiver.housing is None else np.zeros((replicates, len(receiver.housing), 4))
+        blocked = None if receiver.housing is None else np.zeros((replicates, len(receiver.housing), 6))
         return ReceivedFlux(images, by_fate, none, none.copy(), in_regions, regions, colours, blocked)
 
     @staticmethod
@@ -85,9 +87,10 @@ class ReceivedFlux:
         flux = landings.flux * share
         self.images[replicate] += bin_flux(hits, flux, receiver.grid)
         self.by_fate[replicate] += share * flux_by_fate(rays, landings.missed_receiver, landings.shadow)
-        if landings.shadow is not None and self.by_housing is not None:
-            self.by_housing[replicate] += share * _blocked(rays, landings.shadow, self.by_housing.shape[1])
         inside = receiver.window.contains(hits)
+        if landings.shadow is not None and self.by_housing is not None:
+            returned = landings.flux * inside
+            self.by_housing[replicate] += share * _by_body(rays, landings.shadow, returned, self.by_housing.shape[1])
         self.window[replicate] += flux[inside].sum()
         self.outside[replicate] += flux[~inside].sum()
         self.in_regions[replicate] += [flux[region.contains(hits)].sum() for region in self.regions]
@@ -123,7 +126,7 @@ def named_flux(by_fate: Float[np.ndarray, " f"]) -> dict[str, float]:
     """Flux of each fate by its name, the further bodies summed."""
     places = {fate.name.lower(): int(fate) for fate in Fate}
     places |= {"missed_receiver": MISSED_RECEIVER, "absorbed": ABSORBED, "cover_glass": IN_GLASS}
-    places["housing"] = BLOCKED
+    places |= {"housing": BLOCKED, "second_wall": SECOND_WALL}
     named = {name: float(by_fate[place]) for name, place in places.items()}
     return {**named, "bodies": float(by_fate[CAUSES:].sum())}
 
@@ -131,15 +134,18 @@ def named_flux(by_fate: Float[np.ndarray, " f"]) -> dict[str, float]:
 def flux_by_fate(
     rays: ExitRays, missed_receiver: Bool[np.ndarray, " n"], shadow: Shadow | None = None
 ) -> Float[np.ndarray, " f"]:
-    """Flux (W) by fate; rays that left the lens but ``missed_receiver``, or met a body of the scene, and absorbed flux
-    are counted apart.
+    """Flux (W) by fate; rays that left the lens but ``missed_receiver``, flux that bodies of the scene take, and
+    absorbed flux are counted apart.
 
     Then the flux lost in each further body.
     """
     fates = np.where(missed_receiver, MISSED_RECEIVER, rays.fates)
+    flux = rays.flux
     if shadow is not None:
-        fates = np.where(shadow.met, BLOCKED, fates)
-    by_fate = np.bincount(fates, rays.flux, minlength=CAUSES)
+        fates = np.where(shadow.again, SECOND_WALL, fates)
+        flux = flux * shadow.onward
+    by_fate = np.bincount(fates, flux, minlength=CAUSES)
+    by_fate[BLOCKED] = (rays.flux - flux).sum()
     if rays.absorbed is not None:
         by_fate[ABSORBED] = rays.absorbed.sum()
     if rays.lost_in_glass is not None:
@@ -147,10 +153,13 @@ def flux_by_fate(
     return by_fate if rays.lost_in_bodies is None else np.concatenate([by_fate, rays.lost_in_bodies.sum(axis=1)])
 
 
-def _blocked(rays: ExitRays, shadow: Shadow, bodies: int) -> Float[np.ndarray, "b 4"]:
-    """Flux (W) that each body blocks, and that times the place (mm) at which it does."""
+def _by_body(
+    rays: ExitRays, shadow: Shadow, returned: Float[np.ndarray, " n"], bodies: int
+) -> Float[np.ndarray, "b 6"]:
+    """Flux (W) that each body takes, that which it ``returned``, that which meets it, and the last times its place."""
     met = shadow.met
     flux = rays.flux[met]
-    amounts = (flux, *(flux * coordinate for coordinate in shadow.places[met].T))
+    taken = flux * (1.0 - shadow.onward[met])
+    amounts = (taken, returned[met], flux, *(flux * coordinate for coordinate in shadow.places[met].T))
     sums = [np.bincount(shadow.bodies[met], amount, bodies) for amount in amounts]
     return np.stack(sums, axis=1).astype(np.float64)  # of nothing the sums are integers

@@ -44,9 +44,9 @@ class Flux(Record):
 
     ``detected``: in the window. ``outside``: on the receiver's surface outside the window. ``missed``: never reached
     that surface. ``absorbed``: by the body from face to face, and by mirrors. ``cover_glass``: reflected and absorbed
-    by it. ``bodies``: likewise by the further bodies, and light that ends there. ``housing``: blocked by the opaque
-    bodies of the scene. ``reflected``: at faces that let light
-    through, which a sequential design does not follow.
+    by it. ``bodies``: likewise by the further bodies, and light that ends there. ``housing``: taken by the opaque
+    bodies of the scene that it meets first; ``second_wall``: reflected there, met another. ``reflected``: at faces that
+    let light through, which a sequential design does not follow.
     """
 
     detected: Share
@@ -58,6 +58,7 @@ class Flux(Record):
     cover_glass: Share = 0.0
     bodies: Share = 0.0
     housing: Share = 0.0
+    second_wall: Share = 0.0
     reflected: Share
 
 
@@ -74,13 +75,18 @@ class MissedByCause(Record):
 
 
 class BlockedLight(Record):
-    """Light that an opaque body of the scene blocks before the receiver.
+    """Light that an opaque body of the scene keeps from the receiver.
 
-    ``share``: of the emitted flux; ``place_mm``: mean of the places at which it meets the body, weighted by flux.
+    ``share``: of the emitted flux that the body takes; ``returned``: that which it reflects into the window, None of a
+    black one; ``place_mm``: mean of the places at which light meets it, weighted by flux.
     """
 
     name: Text
     share: Annotated[Metric, Figure("Blocked by housing", "{place_words}", key="blocked", unit="%")]
+    returned: Annotated[
+        Metric | None,
+        Figure("Light by reflection", "in the window, by {name}; the search takes it for black", unit="%"),
+    ] = None
     place_mm: Point
 
     @property

@@ -240,8 +240,9 @@ def _simulate_kinds(
 class DesignLandings:
     """Landings of the same rays on one receiver: hits, NaN where they do not land, their flux (W) there, their fates.
 
-    Fates are the names of :class:`~lensforge.kernels.fate.Fate`, "landed", "missed_receiver" and "housing". ``met``:
-    number of the face at each event of a chain, -1 where there was none; None of a double-freeform lens.
+    Fates are the names of :class:`~lensforge.kernels.fate.Fate`, "landed", "missed_receiver", "housing" and
+    "second_wall". ``met``: number of the face at each event of a chain, -1 where there was none; None of a
+    double-freeform lens.
     """
 
     hits: Float[np.ndarray, "n 2"]
@@ -259,7 +260,8 @@ def design_landings(lens: TracedLens, spec: Spec, rays: RayBundle) -> list[Desig
         landings = receiver.land(exit_rays)
         fates = names[np.where(landings.missed_receiver, MISSED_RECEIVER, exit_rays.fates)]
         if landings.shadow is not None:
-            fates = np.where(landings.shadow.met, "housing", fates)
+            fates = np.where(landings.shadow.onward > 0.0, fates, "housing")
+            fates = np.where(landings.shadow.again, "second_wall", fates)
         hits = np.where(landings.landed[:, None], landings.hits, np.nan)
         by_receiver.append(DesignLandings(hits, landings.flux, fates, exit_rays.met))
     return by_receiver

@@ -1,7 +1,7 @@
 """Rays through the tables of all faces of a lens and the optics behind it, and the gradients by the tables."""
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float, Int8
@@ -23,7 +23,7 @@ from lensforge.optics.scattering import RingScatter
 from lensforge.scene.body import Chain
 from lensforge.scene.exit_rays import ExitRays, Sensitivities
 from lensforge.scene.made_part import AsMade
-from lensforge.scene.rough_faces import Roughness, roughness
+from lensforge.scene.rough_faces import Roughness, roughness, wall_numbers
 from lensforge.sources.ray_bundle import RayBundle
 from lensforge.spec.lens_section import LensShape
 from lensforge.surfaces.bicubic_table import TableGrid
@@ -167,7 +167,7 @@ class TracedBundle:
         )
         at_lens = _at_lens(lens, scene)
         behind, optics = through_optics(at_lens, media, rays, scene.fresnel)
-        exits = behind_glass(behind, media, scene.fresnel, coatings)
+        exits = replace(behind_glass(behind, media, scene.fresnel, coatings), draws=wall_numbers(rays, media))
         return TracedBundle(tables, scene, rays, coatings, lens, at_lens, optics, behind, exits)
 
     @property

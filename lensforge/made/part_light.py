@@ -103,10 +103,10 @@ def flux_by_cause(lens: TracedLens, exits: ExitRays, held: ReplicateRays, flux: 
 
 
 def blocked_flux(landings: Landings, exits: ExitRays, held: ReplicateRays, flux: float) -> Float[np.ndarray, " r"]:
-    """Flux (W) of the ``held`` rays that bodies of the scene block, in every replicate; ``flux``: of the LED."""
+    """Flux (W) of the ``held`` rays that bodies of the scene take, in every replicate; ``flux``: of the LED."""
     if landings.shadow is None:
         return np.zeros(held.replicates)
-    (blocked,) = held.flux_in((landings.shadow.met,), flux * exits.flux)
+    (blocked,) = held.flux_in((landings.shadow.lost > 0.0,), flux * exits.flux * landings.shadow.lost)
     return np.asarray(blocked)
 
 

@@ -7,7 +7,7 @@ import sys
 from typing import Any, TypeAlias
 
 import numpy as np
-from jaxtyping import Float, Inexact, Int
+from jaxtyping import Float, Int, Shaped
 
 Array: TypeAlias = Any
 """A NumPy array or a torch tensor, with jaxtyping's shapes: ``Float[Array, "n 3"]``."""
@@ -30,7 +30,7 @@ def as_numpy(array: Array) -> np.ndarray:
     return array if isinstance(array, np.ndarray) else np.asarray(array.detach().cpu())
 
 
-def replaced(array: Array, rows: Int[Array, " k"], values: Inexact[Array, "k *shape"]) -> Array:
+def replaced(array: Array, rows: Int[Array, " k"], values: Shaped[Array, "k *shape"]) -> Array:
     """A copy of ``array`` with ``values`` in some of its rows; differentiable in both."""
     if not isinstance(array, np.ndarray):
         return array.index_put((rows,), values)

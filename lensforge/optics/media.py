@@ -6,7 +6,7 @@ coating, which replaces Fresnel's reflectance.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Protocol, runtime_checkable
+from typing import Literal, Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Float
@@ -183,6 +183,10 @@ def _of_each(values: Float[np.ndarray, " k"], count: int) -> Float[np.ndarray, "
     return values if len(values) == count else np.full(count, values[0] if len(values) else 0.0)
 
 
+# Of opaque bodies of a scene: "diffuse" if any of them is, else "mirror".
+Reflection = Literal["diffuse", "mirror"]
+
+
 @dataclass(frozen=True)
 class FaceCoating:
     """Coating of the face ``name``; ``around``: the medium opposite the body, CAVITY or OUTSIDE."""
@@ -275,7 +279,8 @@ class Media:
 
     ``bodies``: the optics, in the order in which light meets them. ``coatings``: of the body's faces, at most one of
     each. ``wavelength_nm``: of rays without their own, where a coating depends on it. ``faces``: of the body.
-    ``scatter``: of its faces that are not polished.
+    ``scatter``: of its faces that are not polished. ``walls``: how opaque bodies of the scene reflect light; None if
+    none does.
     """
 
     body: Medium
@@ -287,6 +292,7 @@ class Media:
     bodies: tuple[SecondaryOptic, ...] = ()
     faces: tuple[FaceRole, ...] = SHELL
     scatter: tuple[FaceScatter, ...] = ()
+    walls: Reflection | None = None
 
     def __post_init__(self) -> None:
         """Raise :class:`ValueError` for a coating of a face that the body does not have: it would be ignored."""
@@ -322,8 +328,8 @@ class Media:
 
     @property
     def scattering(self) -> int:
-        """Number of faces that scatter, including those of the bodies."""
-        return self.scattering_before(len(self.bodies))
+        """Number of surfaces that scatter: faces, including those of the bodies, and then all diffuse walls as one."""
+        return self.scattering_before(len(self.bodies)) + (self.walls == "diffuse")
 
     @property
     def polished(self) -> "Media":

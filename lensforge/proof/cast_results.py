@@ -20,6 +20,7 @@ class PartFlux(Record):
     cover_glass: Share = 0.0
     bodies: Share = 0.0
     housing: Share = 0.0
+    second_wall: Share = 0.0
     reflected: Share
 
 

@@ -313,7 +313,7 @@ class _Light:
         """
         split, plain = (self.lamps.stood(light, number).landed(screen) for light in (self.split, self.passage))
         reached = split.fates == CastFate.LANDED
-        blocked = split.fates == CastFate.HOUSING
+        again = split.fates == CastFate.SECOND_WALL
         stray = self.causes != Cause.SEQUENTIAL
         inside = screen.in_window(split.landings)
         direct = ~stray
@@ -326,14 +326,15 @@ class _Light:
             "detected_stray": inside & stray,
             "outside_direct": reached & ~inside & direct,
             "outside_stray": reached & ~inside & stray,
-            "backward": ~reached & ~blocked,
-            "housing": blocked,
+            "backward": ~reached & ~again,
+            "second_wall": again,
         }
         return {name: float(split.flux[some].sum()) for name, some in (ends | by_cause).items()} | {
             "sequential": float(plain.flux[screen.in_window(plain.landings)].sum()),
             "absorbed": self.lost.absorbed,
             "cover_glass": float(split.in_glass.sum()),
             "bodies": float(split.in_bodies.sum()),
+            "housing": float(split.in_housing.sum()),
             "base": self.lost.base,
             "too_dim": self.lost.cut_off,
             "leaked": self.lost.leaked,

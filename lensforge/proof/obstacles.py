@@ -1,6 +1,7 @@
 """The opaque bodies of a scene as verification sees them: a mesh in the way of rays to a receiver.
 
-Turned by rotations of its own, and cast through the grid by which it casts the part.
+Turned by rotations of its own, and cast through the grid by which it casts the part. Rays of the design come with the
+numbers by which diffuse walls reflect them; the proof's own rays have others.
 """
 
 from collections.abc import Sequence
@@ -12,19 +13,28 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from scipy.spatial.transform import Rotation
 
+from lensforge.optics.media import Media
 from lensforge.proof.facet_casting import Grid, Leg
+from lensforge.sources.ray_bundle import RayBundle
 
 _AT_END_MM = 1e-6  # a body in the very surface of a receiver is none before it
+_OFF_WALL_MM = 1e-6
+_WALLS = 7  # of seeds: numbers that those of no face are
 
 
 class ObstacleBody(NamedTuple):
-    """Vertices (mm) and triangles of a body in its own frame, which is turned about z, tilted, and then placed."""
+    """Vertices (mm) and triangles of a body in its own frame, which is turned about z, tilted, and then placed.
+
+    ``reflectance``: share of light that it reflects, 0 for a black one; ``diffuse``: in all directions.
+    """
 
     vertices: Float[np.ndarray, "v 3"]
     triangles: Int[np.ndarray, "t 3"]
     rotate_z_deg: float
     tilt_deg: tuple[float, float]
     centre_mm: tuple[float, float, float]
+    reflectance: float = 0.0
+    diffuse: bool = False
 
     @property
     def corners(self) -> Float[np.ndarray, "t 3 3"]:
@@ -33,27 +43,82 @@ class ObstacleBody(NamedTuple):
         return np.asarray((turn.apply(self.vertices) + self.centre_mm)[self.triangles])
 
 
+class Met(NamedTuple):
+    """Bodies that rays meet: numbers of their triangles, -1 for none, the distances (mm), and the share of the light
+    that goes on, 1 where there is none."""
+
+    triangles: Int[np.ndarray, " n"]
+    distances: Float[np.ndarray, " n"]
+    onward: Float[np.ndarray, " n"]
+
+
 @dataclass(frozen=True, eq=False)
 class Obstacles:
-    """Triangles (mm) of all bodies, in the coordinates of the screens."""
+    """Triangles (mm) of all bodies, in the coordinates of the screens, and how each reflects light."""
 
     corners: Float[np.ndarray, "t 3 3"]
+    reflectances: Float[np.ndarray, " t"]
+    diffuse: Bool[np.ndarray, " t"]
 
     @staticmethod
     def of(bodies: Sequence[ObstacleBody]) -> "Obstacles | None":
         """All ``bodies``; None without any."""
-        return Obstacles(np.concatenate([body.corners for body in bodies])) if bodies else None
+        if not bodies:
+            return None
+        counts = [len(body.triangles) for body in bodies]
+        finishes = ([body.reflectance for body in bodies], [body.diffuse for body in bodies])
+        return Obstacles(
+            np.concatenate([body.corners for body in bodies]), *(np.repeat(finish, counts) for finish in finishes)
+        )
 
     @cached_property
     def _grid(self) -> Grid:
         import trimesh
 
-        return Grid(trimesh.Trimesh(self.corners.reshape(-1, 3), np.arange(3 * len(self.corners)).reshape(-1, 3)))
+        numbers = np.arange(3 * len(self.corners)).reshape(-1, 3)
+        return Grid(trimesh.Trimesh(self.corners.reshape(-1, 3), numbers, process=False))
 
-    def block(
+    def met(
         self, points: Float[np.ndarray, "n 3"], directions: Float[np.ndarray, "n 3"], paths_mm: Float[np.ndarray, " n"]
-    ) -> Bool[np.ndarray, " n"]:
-        """True for rays that meet a body before the end of their paths."""
+    ) -> Met:
+        """Bodies that rays meet before the end of their paths."""
         hits = self._grid.first_hits(Leg(points, directions, np.zeros(len(points))))
-        blocked: Bool[np.ndarray, " n"] = hits.found & (hits.distances < paths_mm - _AT_END_MM)
-        return blocked
+        blocked = hits.found & (hits.distances < paths_mm - _AT_END_MM)
+        onward = np.where(blocked, self.reflectances[hits.triangles], 1.0)
+        return Met(np.where(blocked, hits.triangles, -1), hits.distances, onward)
+
+    def reflect(
+        self,
+        points: Float[np.ndarray, "n 3"],
+        directions: Float[np.ndarray, "n 3"],
+        met: Met,
+        numbers: Float[np.ndarray, "n 2"],
+    ) -> tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, "n 3"]]:
+        """Points and directions from which rays go on that all ``met`` a body; ``numbers``: two in [0, 1) of each."""
+        a, b, c = np.moveaxis(self.corners[met.triangles], 1, 0)
+        across = np.cross(b - a, c - a)
+        across *= -np.sign(np.sum(across * directions, axis=1))[:, None]
+        n = across / np.linalg.norm(across, axis=1)[:, None]
+        cosine = -np.sum(directions * n, axis=1)[:, None]
+        flat = directions + cosine * n
+        size = np.linalg.norm(flat, axis=1)[:, None]
+        other = np.cross(n, np.eye(3)[np.abs(n).argmin(axis=1)])
+        t = np.where(size > _OFF_WALL_MM**2, flat, other / np.linalg.norm(other, axis=1)[:, None])
+        t /= np.linalg.norm(t, axis=1)[:, None]
+        sine = np.sqrt(numbers[:, 0])
+        spot = sine * np.exp(2j * np.pi * numbers[:, 1])
+        spread = spot.real[:, None] * t + spot.imag[:, None] * np.cross(n, t) + np.sqrt(1.0 - sine**2)[:, None] * n
+        going = np.where(self.diffuse[met.triangles][:, None], spread, flat + cosine * n)
+        return points + met.distances[:, None] * directions + _OFF_WALL_MM * n, going
+
+
+def wall_numbers(rays: RayBundle, media: Media, seed: int | None = None) -> Float[np.ndarray, "n 2"]:
+    """Two numbers in [0, 1) of each ray for a diffuse wall: those of the design's rays, or of ``seed``; 0 without."""
+    if media.walls != "diffuse":
+        return np.zeros((len(rays), 2))
+    if seed is not None:
+        return np.random.default_rng([seed, _WALLS]).random((len(rays), 2))
+    last = 2 * media.scattering
+    if rays.facets is None or rays.facets.shape[1] < last:
+        raise ValueError("rays come without the numbers of the walls that they meet")
+    return rays.facets[:, last - 2 : last]

@@ -146,20 +146,22 @@ def flux_budget(rays: RayBundle, landed: LandedRays, screen: Screen) -> PartFlux
     ``reflected`` is what rays lose by reflection at the surfaces, ``absorbed`` in body and mirrors; the rest of a ray's
     flux counts by its fate: rays that reach the receiver's surface outside the window are ``outside``.
     """
-    fates = CastFate.LANDED, CastFate.TOTAL_REFLECTION, CastFate.EVENT_LIMIT, CastFate.HOUSING
-    reached, total, more, blocked = (landed.fates == fate for fate in fates)
+    fates = CastFate.LANDED, CastFate.TOTAL_REFLECTION, CastFate.EVENT_LIMIT, CastFate.SECOND_WALL
+    reached, total, more, again = (landed.fates == fate for fate in fates)
     inside = reached & screen.in_window(landed.landings)
+    taken = landed.absorbed + landed.in_glass + landed.in_bodies + landed.in_housing
     return PartFlux(
         detected=share(rays, landed.flux[inside]),
         outside=share(rays, landed.flux[reached & ~inside]),
-        missed=share(rays, landed.flux[~reached & ~total & ~more & ~blocked]),
+        missed=share(rays, landed.flux[~reached & ~total & ~more & ~again]),
         total_reflection=share(rays, landed.flux[total]),
         event_limit=share(rays, landed.flux[more]),
         absorbed=share(rays, landed.absorbed),
         cover_glass=share(rays, landed.in_glass),
         bodies=share(rays, landed.in_bodies),
-        housing=share(rays, landed.flux[blocked]),
-        reflected=share(rays, rays.flux - landed.flux - landed.absorbed - landed.in_glass - landed.in_bodies),
+        housing=share(rays, landed.in_housing),
+        second_wall=share(rays, landed.flux[again]),
+        reflected=share(rays, rays.flux - landed.flux - taken),
     )
 
 

@@ -10,8 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float, Int
 
-from lensforge.proof.facet_casting import Grid, Leg
-from lensforge.proof.obstacles import ObstacleBody
+from lensforge.proof.obstacles import Met, ObstacleBody, Obstacles
 from lensforge.proof.proof_result import BodyLightProof
 from lensforge.proof.sequential_cast import CastFate, Passage
 from lensforge.results import Metric
@@ -73,18 +72,23 @@ class PatchedBody:
 
     def _on_patches(self, passage: Passage) -> tuple[Float[np.ndarray, " p"], Float[np.ndarray, " p"]]:
         """Flux (W) and sum of squared ray fluxes (W²) on each patch."""
-        import trimesh
-
-        corners = self.pieces.corners
-        count = len(corners)
-        every = np.concatenate([corners, *(body.corners for body in self.others)])
-        numbers = np.arange(3 * len(every)).reshape(-1, 3)
-        grid = Grid(trimesh.Trimesh(every.reshape(-1, 3), numbers, process=False))
+        bodies = Obstacles.of([self.pieces, *self.others])
+        assert bodies is not None
         left = passage.fates == CastFate.LANDED
         ways = passage.points[left], passage.directions[left]
-        met = grid.first_hits(Leg(*ways, np.zeros(len(ways[0])))).triangles
-        on_body = (met >= 0) & (met < count)
-        flux = passage.flux[left][on_body]
+        flux = passage.flux[left]
+        first = bodies.met(*ways, np.full(len(flux), np.inf))
+        met = first.triangles
+        # A convex body, which alone may both reflect light and be measured, has no light of its own.
+        turned = np.flatnonzero((met >= len(self.patches)) & (first.onward > 0.0))
+        if len(turned):
+            of_turned = Met(*(column[turned] for column in first))
+            starts, going = (column[turned] for column in ways)
+            onward = bodies.reflect(starts, going, of_turned, passage.draws[left][turned])
+            met[turned] = bodies.met(*onward, np.full(len(turned), np.inf)).triangles
+            flux[turned] *= of_turned.onward
+        on_body = (met >= 0) & (met < len(self.patches))
+        flux = flux[on_body]
         patches = self.patches[met[on_body]]
         size = len(self.designed)
         return np.bincount(patches, flux, size), np.bincount(patches, flux**2, size)

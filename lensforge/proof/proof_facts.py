@@ -26,6 +26,7 @@ _ENDS = {
     "cover_glass": "lost in the cover glass",
     "bodies": "lost in the further bodies",
     "housing": "blocked by housing",
+    "second_wall": "met a second wall",
     "base": "absorbed by the base",
     "too_dim": "below the flux cut-off",
     "leaked": "leaked at the mesh's edges",

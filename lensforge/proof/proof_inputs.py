@@ -150,7 +150,15 @@ def _bounds(window: Window) -> tuple[float | None, float | None, float | None]:
 
 
 def _obstacle(body: HousingSection, mesh: SolidMesh) -> ObstacleBody:
-    return ObstacleBody(*mesh, body.rotate_z_deg, body.tilt_deg, body.centre_mm)
+    return ObstacleBody(
+        mesh.vertices,
+        mesh.triangles,
+        body.rotate_z_deg,
+        body.tilt_deg,
+        body.centre_mm,
+        reflectance=body.reflectance or 0.0,
+        diffuse=body.surface == "diffuse",
+    )
 
 
 def _patched_bodies(spec: Spec, light: Light) -> tuple[PatchedBody, ...]:

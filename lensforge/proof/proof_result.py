@@ -548,6 +548,7 @@ class StrayFlux(Record):
     cover_glass: Share = 0.0
     bodies: Share = 0.0
     housing: Share = 0.0
+    second_wall: Share = 0.0
     base: Share
     too_dim: Share
     leaked: Share

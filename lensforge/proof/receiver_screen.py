@@ -6,7 +6,7 @@ Written independently of the design's receivers: frames by rotation vectors, cha
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import ClassVar
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -14,7 +14,7 @@ from scipy.ndimage import convolve1d
 from scipy.spatial.transform import Rotation
 
 from lensforge.errors import InputError
-from lensforge.proof.obstacles import Obstacles
+from lensforge.proof.obstacles import Met, Obstacles
 
 _AT_ONE_METRE = 1000.0  # mm: gaps between directions are given as they are there
 _FLATTEST = 1e-3  # cosine of arrival: pixels seen edge on would allow any gap
@@ -25,6 +25,15 @@ _Rows = Float[np.ndarray, "n 3"]
 _Places = Float[np.ndarray, "n 2"]
 _Coordinates = Float[np.ndarray, "*n"]
 _Vectors = Float[np.ndarray, "*n 3"]
+
+
+class Reached(NamedTuple):
+    """Places on a chart where rays land, NaN for none, the share of their flux that obstacles leave, and whether they
+    meet a second one, where they end."""
+
+    places: _Places
+    onward: Float[np.ndarray, " n"]
+    again: Bool[np.ndarray, " n"]
 
 
 @dataclass(frozen=True)
@@ -116,19 +125,36 @@ class Screen(ABC):
             places = self._landed((points - self.centre_mm) @ axes.T, directions @ axes.T)
         return places if self.period_mm is None else places - self.period_mm * np.round(places / self.period_mm)
 
-    def blocked(
-        self, points: Float[np.ndarray, "n 3"], directions: Float[np.ndarray, "n 3"], landings: Float[np.ndarray, "n 2"]
-    ) -> Bool[np.ndarray, " n"]:
-        """True for rays that meet an obstacle before they land, or where they never do."""
+    def reached(
+        self, points: Float[np.ndarray, "n 3"], directions: Float[np.ndarray, "n 3"], numbers: Float[np.ndarray, "n 2"]
+    ) -> "Reached":
+        """:meth:`land` behind obstacles, which reflect light once; ``numbers``: two in [0, 1) of each ray for that."""
+        places = self.land(points, directions)
+        again = np.zeros(len(points), dtype=bool)
         if self.obstacles is None:
-            return np.zeros(len(points), dtype=bool)
+            return Reached(places, np.ones(len(points)), again)
+        met = self.obstacles.met(points, directions, self._paths_mm(points, directions, places))
+        places[met.triangles >= 0] = np.nan
+        rows = np.flatnonzero((met.triangles >= 0) & (met.onward > 0.0))
+        if len(rows):
+            of_rows = Met(*(column[rows] for column in met))
+            ways = self.obstacles.reflect(points[rows], directions[rows], of_rows, numbers[rows])
+            places[rows] = self.land(*ways)
+            again[rows] = self.obstacles.met(*ways, self._paths_mm(*ways, places[rows])).triangles >= 0
+            places[again] = np.nan
+        return Reached(places, met.onward, again)
+
+    def _paths_mm(
+        self, points: Float[np.ndarray, "n 3"], directions: Float[np.ndarray, "n 3"], landings: Float[np.ndarray, "n 2"]
+    ) -> Float[np.ndarray, " n"]:
+        """Paths of rays to where they land; infinite for those that never do."""
         paths_mm = np.full(len(points), np.inf)
         lands = ~np.isnan(landings[:, 0])
         if not self.is_far and lands.any():
             places, _ = self._surface(*landings[lands].T)
             away = places @ self.axes + self.centre_mm - points[lands]
             paths_mm[lands] = np.sum(away * directions[lands], axis=1)
-        return self.obstacles.block(points, directions, paths_mm)
+        return paths_mm
 
     def on_pixels(self, landings: Float[np.ndarray, "n 2"]) -> Bool[np.ndarray, " n"]:
         """True for landings on any pixel; False for NaN."""

@@ -19,6 +19,7 @@ from lensforge.optics.media import Media, Mirror, RingScatter
 from lensforge.proof.body_cast import behind_optics
 from lensforge.proof.facet_casting import FacetHits, Grid, Leg, RayRows
 from lensforge.proof.facet_tilt import Arrival, FaceNumbers, facet_slopes, tilted
+from lensforge.proof.obstacles import wall_numbers
 from lensforge.proof.optical_faces import NO_FACE, OpticalFaces
 from lensforge.proof.part_mesh import PartMesh
 from lensforge.proof.receiver_screen import Screen
@@ -47,7 +48,8 @@ class CastFate(IntEnum):
     STARTS_OUTSIDE = 8  # met the outside of the lens first: it started neither in the cavity nor below it
     EVENT_LIMIT = 9  # reflected by a mirror, or still not out of the lens, at its last event
     FLANGE = 10  # absorbed at the flange, by what holds it
-    HOUSING = 11  # left the lens, and met an opaque body of the scene before the receiver
+    HOUSING = 11  # left the lens, and met a black body of the scene before the receiver
+    SECOND_WALL = 12  # left the lens, was reflected by a body of the scene, and met another
 
 
 @dataclass(frozen=True)
@@ -57,6 +59,7 @@ class Passage:
     ``absorbed``, ``in_glass``, ``in_bodies``: flux (W) lost in body and mirrors, in a cover glass, and in further
     bodies. ``fields``: of its polarisation. ``facets_um``: height of the curved surface over the flat facet at each
     event, 0 where there was none. ``met``: number of the face at each event, NO_FACE where there was none.
+    ``draws``: two numbers in [0, 1) of each ray, for a diffuse wall of the scene.
     """
 
     points: Float[np.ndarray, "n 3"]
@@ -69,6 +72,7 @@ class Passage:
     fields: Fields
     met: Int[np.ndarray, "n events"]
     in_bodies: Float[np.ndarray, " n"]
+    draws: Float[np.ndarray, "n 2"]
 
     @staticmethod
     def of(rays: RayBundle, events: int) -> "Passage":
@@ -84,19 +88,23 @@ class Passage:
             fields=unpolarised(rays.directions),
             met=np.full((len(rays), events), NO_FACE),
             in_bodies=np.zeros(len(rays)),
+            draws=np.zeros((len(rays), 2)),
         )
 
     def landed(self, screen: Screen) -> "LandedRays":
         """Land the rays that left the lens."""
         landings = np.full((len(self.flux), 2), np.nan)
         fates = self.fates.copy()
+        flux = self.flux.copy()
         left = np.nonzero(self.fates == CastFate.LANDED)[0]
-        landings[left] = screen.land(self.points[left], self.directions[left])
-        fates[left[np.isnan(landings[left, 0])]] = CastFate.MISSED_RECEIVER
-        blocked = left[screen.blocked(self.points[left], self.directions[left], landings[left])]
-        fates[blocked] = CastFate.HOUSING
-        landings[blocked] = np.nan
-        return LandedRays(**{**vars(self), "fates": fates}, landings=landings)
+        reached = screen.reached(self.points[left], self.directions[left], self.draws[left])
+        landings[left] = reached.places
+        flux[left] *= reached.onward
+        lost = [reached.again, reached.onward == 0.0, np.isnan(reached.places[:, 0])]
+        ends = [CastFate.SECOND_WALL, CastFate.HOUSING, CastFate.MISSED_RECEIVER]
+        fates[left] = np.select(lost, ends, CastFate.LANDED)
+        of_passage = {**vars(self), "fates": fates, "flux": flux}
+        return LandedRays(**of_passage, landings=landings, in_housing=self.flux - flux)
 
 
 def behind_lens(
@@ -107,7 +115,8 @@ def behind_lens(
     ``passage``: in the coordinates of the files; ``rays``: as they began; ``optical``: the faces of the part; ``seed``:
     of facets that are not those of the design.
     """
-    passage = replace(passage, points=optical.expansion.from_files(passage.points))
+    points = optical.expansion.from_files(passage.points)
+    passage = replace(passage, points=points, draws=wall_numbers(rays, media, seed))
     if media.cover_glass is None and not media.bodies:
         return passage
     waves = media.wavelengths(rays.wavelengths_nm, len(rays))
@@ -131,9 +140,13 @@ def behind_lens(
 
 @dataclass(frozen=True)
 class LandedRays(Passage):
-    """A passage and where its rays land on the chart of a screen, NaN if lost; some may have missed the receiver."""
+    """A passage and where its rays land on the chart of a screen, NaN if lost; some may have missed the receiver.
+
+    ``in_housing``: flux (W) that the first body of the scene takes, which each meets.
+    """
 
     landings: Float[np.ndarray, "n 2"]
+    in_housing: Float[np.ndarray, " n"]
 
     @property
     def fate_names(self) -> Shaped[np.ndarray, " n"]:

@@ -352,6 +352,7 @@ _WORDS = {
     "cover_glass": "lost in the cover glass",
     "bodies": "",  # each by its name
     "housing": "blocked by housing",
+    "second_wall": "met a second wall",
     "outside": "outside the window",
 }
 

@@ -1,15 +1,16 @@
 """The bodies of a ``[[scene]]`` in the way of light from the lens to a receiver or an eye.
 
-A ray that meets one of them before its end is lost there. A search, in which light must fade out, also dims rays that
-pass a rim closely. With c the distance of a place of a body from the ray's line, and L how far that place lies along
-it from the origin of the lamp, the least t = c / L counts: below ``rim`` a ray has the weight ``x^2 (3 - 2 x)``, x =
-t / rim, whose slope is that of its distance from the body. Bodies then seem larger by half of the angle ``rim``; with
-it that goes to 0, and the noise of the slope grows.
+A ray that meets one of them before its end is lost there, or reflected once: what then meets a second wall is lost.
+A search takes all bodies for black. As light must fade out in it, it also dims rays that pass a rim closely. With c the
+distance of a place of a body from the ray's line, and L how far that place lies along it from the origin of the lamp,
+the least t = c / L counts: below ``rim`` a ray has the weight ``x^2 (3 - 2 x)``, x = t / rim, whose slope is that of
+its distance from the body. Bodies then seem larger by half of the angle ``rim``; with it that goes to 0, and the noise
+of the slope grows.
 """
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from math import radians, tan
 from typing import NamedTuple
 
@@ -20,13 +21,16 @@ from lensforge.kernels.parallel import in_pieces
 from lensforge.kernels.triangle_tree import TriangleTree, first_hits, nearest_rims, tree_of
 from lensforge.optics.arrays import Array, lengths, like
 from lensforge.optics.pose import IN_PLACE, Pose
+from lensforge.scene.exit_rays import ExitRays
 from lensforge.scene.housing_mesh import contents_of, placed_mesh
+from lensforge.scene.wall_reflection import diffused, mirrored, towards_light
 from lensforge.spec.housing_sections import HousingSection
 from lensforge.surfaces.mirror_group import group
 from lensforge.surfaces.solid_file import rims_of
 
 _DIGITS = 5  # of a mm, to which corners have mirror images
 _AT_END_MM = 1e-6  # a body in the very surface of a receiver is none before it
+_OFF_WALL_MM = 1e-6  # from which reflected light starts: it does not meet the place that it leaves
 _WORTH_SHARING = 2**10  # rays: a millisecond of work
 
 _Vectors = Float[np.ndarray, "n 3"]
@@ -37,7 +41,9 @@ class Shadow(NamedTuple):
     """Rays in the shadow of bodies: the ``weights`` with which they get through, and the body that each meets, or -1.
 
     ``places``: at which they meet it (mm), in the frame of the bodies; 0 of others. ``by_points``, ``by_directions``:
-    slopes of the weights by the points (1/mm) and directions of the rays.
+    slopes of the weights by the points (1/mm) and directions of the rays. ``triangles``: that each meets, or -1.
+    ``onward``: share of the flux that goes on from there, 1 of rays that meet none. ``again``: True for rays that then
+    meet a second wall.
     """
 
     weights: _Values
@@ -45,11 +51,24 @@ class Shadow(NamedTuple):
     places: _Vectors
     by_points: _Vectors
     by_directions: _Vectors
+    triangles: Int[np.ndarray, " n"]
+    onward: _Values
+    again: Bool[np.ndarray, " n"]
 
     @staticmethod
     def none_of(count: int) -> "Shadow":
         """Rays that all get through."""
-        return Shadow(np.ones(count), np.full(count, -1), *np.zeros((3, count, 3)))
+        places, by_points, by_directions = np.zeros((3, count, 3))
+        return Shadow(
+            weights=np.ones(count),
+            bodies=np.full(count, -1),
+            places=places,
+            by_points=by_points,
+            by_directions=by_directions,
+            triangles=np.full(count, -1),
+            onward=np.ones(count),
+            again=np.zeros(count, dtype=bool),
+        )
 
     def weights_by(self, points: Float[Array, "n 3"], directions: Float[Array, "n 3"]) -> Float[Array, " n"]:
         """The weights; of rays in torch differentiable."""
@@ -64,23 +83,51 @@ class Shadow(NamedTuple):
         """True for rays that meet a body."""
         return self.bodies >= 0
 
+    @property
+    def lost(self) -> _Values:
+        """Share of the flux of each ray that bodies take."""
+        return np.where(self.again, 1.0, 1.0 - self.onward)
+
     def take(self, rows: Int[np.ndarray, " k"] | slice) -> "Shadow":
         """The shadow on some of the rays."""
         return Shadow(*(column[rows] for column in self))
+
+
+class Reflected(NamedTuple):
+    """The ``rays`` from walls, and the ``rows`` that they had among those that came."""
+
+    rows: Int[np.ndarray, " k"]
+    rays: ExitRays
+
+
+class Finishes(NamedTuple):
+    """Finish of each body: the share of light that it reflects, 0 for a black one, and whether it spreads it."""
+
+    reflectances: Float[np.ndarray, " b"]
+    diffuse: Bool[np.ndarray, " b"]
+
+    @staticmethod
+    def of(sections: Sequence[HousingSection]) -> "Finishes":
+        """The finishes of bodies of a spec."""
+        reflectances = np.array([section.reflectance or 0.0 for section in sections])
+        return Finishes(reflectances, np.array([section.surface == "diffuse" for section in sections]))
 
 
 @dataclass(frozen=True, eq=False)
 class Housing:
     """The opaque bodies of a scene: their ``names``, the ``tree`` of their triangles, and of each triangle its body.
 
-    ``edges``: the tree of the edges in which they are not flat. ``place``: of the bodies in the frame of the rays.
-    ``rim``: largest tangent of the angle to an edge at which rays are dimmed; 0: none is.
+    ``finishes``: of the bodies. ``edges``: the tree of the edges in which they are not flat, ``edge_bodies`` the body
+    of each. ``place``: of the bodies in the frame of the rays. ``rim``: largest tangent of the angle to an edge at
+    which rays are dimmed; 0: none is.
     """
 
     names: tuple[str, ...]
     tree: TriangleTree
     edges: TriangleTree
     bodies: Int[np.ndarray, " t"]
+    edge_bodies: Int[np.ndarray, " e"]
+    finishes: Finishes
     place: Pose = IN_PLACE
     rim: float = 0.0
 
@@ -92,18 +139,39 @@ class Housing:
         """The bodies of a spec; None without any. Raises :class:`InputError` for a file that cannot be read."""
         return _housing(tuple(sections), contents_of(sections)) if sections else None
 
+    @property
+    def reflects(self) -> bool:
+        """True if a body reflects light."""
+        return bool(self.finishes.reflectances.any())
+
+    @property
+    def black(self) -> "Housing":
+        """The bodies as if all were black."""
+        black = np.zeros_like(self.finishes.reflectances)
+        return replace(self, finishes=self.finishes._replace(reflectances=black))
+
+    @property
+    def reach_mm(self) -> float:
+        """Largest distance of a place of a body from the origin."""
+        return float(lengths(self.place.points(self.tree.corners.reshape(-1, 3))).max())
+
     def faded(self, rim_deg: float) -> "Housing":
-        """The bodies as a search sees them, which dim rays beside their rims."""
-        return replace(self, rim=tan(radians(rim_deg)))
+        """The bodies as a search sees them: black, and they dim rays beside their rims."""
+        return replace(self.black, rim=tan(radians(rim_deg)))
 
     def seen_from(self, frame: Pose) -> "Housing":
         """The bodies as a lamp in ``frame`` sees them."""
         return replace(self, place=self.place.seen_from(frame))
 
     def has_mirrors(self, symmetry: str) -> bool:
-        """True if the bodies together have the mirror group ``symmetry`` about the axis: each corner has its images."""
+        """True if the bodies together have the mirror group ``symmetry`` about the axis: each corner has its images.
+
+        A corner and its images are of bodies that reflect light alike.
+        """
         corners = self.place.points(self.edges.corners.reshape(-1, 3))
-        known, *images = (_rounded(corners @ mirror.T) for mirror in group(symmetry))
+        bodies = np.repeat(self.edge_bodies[self.edges.numbers], 2)
+        finishes = np.stack([finish[bodies] for finish in self.finishes], axis=1)
+        known, *images = (_rounded(np.hstack([corners @ mirror.T, finishes])) for mirror in group(symmetry))
         return all(image <= known for image in images)
 
     def shadow(self, points: _Vectors, directions: _Vectors, reach_mm: _Values) -> Shadow:
@@ -119,13 +187,38 @@ class Housing:
         in_pieces(hit, len(points), worth=_WORTH_SHARING)
         met = distances < reach_mm - _AT_END_MM
         shadow = Shadow.none_of(len(points))
+        shadow.triangles[met] = numbers[met]
         shadow.bodies[met] = self.bodies[numbers[met]]
+        shadow.onward[met] = self.finishes.reflectances[shadow.bodies[met]]
         shadow.weights[met] = 0.0
         shadow.places[met] = starts[met] + distances[met, None] * units[met]
         if self.rim > 0.0:
             rows = np.flatnonzero(~met & (reach_mm > 0.0))
             self._dim(shadow, rows, points[rows], directions[rows], reach_mm[rows] - _AT_END_MM)
         return shadow
+
+    def reflected(self, rays: ExitRays, shadow: Shadow) -> Reflected:
+        """Rays from where ``rays`` meet bodies that are not black, by their ``shadow``, with the flux that goes on."""
+        rows = np.flatnonzero(shadow.met & (shadow.onward > 0.0))
+        coming = self.place.to_local_directions(rays.directions[rows])
+        normals = towards_light(self._normals[shadow.triangles[rows]], coming)
+        going = mirrored(coming, normals)
+        spread = np.flatnonzero(self.finishes.diffuse[shadow.bodies[rows]])
+        if len(spread):
+            assert rays.draws is not None, "the media know of diffuse walls"
+            going[spread] = diffused(coming[spread], normals[spread], rays.draws[rows[spread]])
+        starts = shadow.places[rows] + _OFF_WALL_MM * normals
+        flux = shadow.onward[rows] * rays.flux[rows]
+        ways = self.place.points(starts), self.place.directions(going)
+        return Reflected(rows, ExitRays(*ways, flux, np.zeros_like(flux), rays.fates[rows]))
+
+    @cached_property
+    def _normals(self) -> _Vectors:
+        """Unit normal of each triangle, in the order of their numbers."""
+        normals = np.empty((len(self.tree.numbers), 3))
+        first, second, third = np.moveaxis(self.tree.corners, 1, 0)
+        normals[self.tree.numbers] = np.cross(second - first, third - first)
+        return np.asarray(normals / np.maximum(lengths(normals), np.finfo(float).tiny)[:, None])
 
     def _local(self, vectors: _Vectors, move: Callable[[_Vectors], _Vectors]) -> _Vectors:
         """Vectors in the frame of the bodies, in the order that kernels take."""
@@ -163,7 +256,7 @@ class Housing:
         shadow.by_directions[numbers] = -slope * (ahead * aside + tangent * place)
 
 
-def _rounded(points: _Vectors) -> set[tuple[float, ...]]:
+def _rounded(points: Float[np.ndarray, "n k"]) -> set[tuple[float, ...]]:
     return {*map(tuple, (np.round(points, _DIGITS) + 0.0).tolist())}
 
 
@@ -172,5 +265,8 @@ def _housing(sections: tuple[HousingSection, ...], _contents: tuple[str, ...]) -
     meshes = [placed_mesh(section) for section in sections]
     corners = np.concatenate([mesh.vertices[mesh.triangles] for mesh in meshes])
     bodies = np.repeat(np.arange(len(meshes)), [len(mesh.triangles) for mesh in meshes])
-    edges = np.concatenate([rims_of(mesh) for mesh in meshes])
-    return Housing(tuple(section.name for section in sections), tree_of(corners), tree_of(edges), bodies)
+    rims = [rims_of(mesh) for mesh in meshes]
+    names = tuple(section.name for section in sections)
+    edge_bodies = np.repeat(np.arange(len(meshes)), [len(edges) for edges in rims])
+    trees = tree_of(corners), tree_of(np.concatenate(rims))
+    return Housing(names, *trees, bodies, edge_bodies, Finishes.of(sections))

@@ -10,11 +10,12 @@ from jaxtyping import Float
 
 from lensforge.spec.housing_sections import HousingBox, HousingCylinder, HousingFile, HousingSection
 from lensforge.spec.spec_files import input_hashes
-from lensforge.surfaces.solid_file import SolidMesh, merged, read_solid
+from lensforge.surfaces.solid_file import ANGLE_RAD, SolidMesh, merged, read_solid
 
 _CHORD_MM = 5e-3  # of the facets of a cylinder, whose edges lie on it
 _FEWEST = 24  # facets around a cylinder
-_MOST = 1440
+_MOST = 1440  # around a mirror: its facets turn light by up to a quarter of a degree
+_OF_MIRROR_RAD = 0.01  # between facets of a mirror in a STEP file, which turn light by up to as much
 
 
 def contents_of(sections: Sequence[HousingSection]) -> tuple[str, ...]:
@@ -55,13 +56,14 @@ def _(section: HousingCylinder) -> SolidMesh:
         (section.bore_radius_mm, half),
     ]
     share = min(_CHORD_MM / section.radius_mm, 1.0)
-    sides = min(max(pi / acos(1.0 - share), _FEWEST), _MOST)
+    fewest = _MOST if section.surface == "mirror" else _FEWEST
+    sides = min(max(pi / acos(1.0 - share), fewest), _MOST)
     return _turned(np.array(profile), 8 * ceil(sides / 8))  # with the mirrors of a square
 
 
 @mesh_of.register
 def _(section: HousingFile) -> SolidMesh:
-    return read_solid(section.file)
+    return read_solid(section.file, _OF_MIRROR_RAD if section.surface == "mirror" else ANGLE_RAD)
 
 
 def _turned(profile: Float[np.ndarray, "k 2"], sides: int) -> SolidMesh:

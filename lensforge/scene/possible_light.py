@@ -188,6 +188,7 @@ class LargestShare:
 class SourceLight:
     """A sample of a source's rays, the étendue that they take outside the lens, and the media that they pass.
 
+    Beside walls that reflect light, it comes from elsewhere than the lens: étendue and symmetry then bound nothing.
     ``reflects``: the lens has a wall for total reflection, which turns light by any angle and loses none.
     ``round_by``: of a lens of faces of revolution the mirror group that the light of the source has, and keeps, or
     ``REVOLUTION``; None for any other lens.
@@ -204,9 +205,10 @@ class SourceLight:
         """Sample ``source``, whose light goes through any ``lens`` of that kind, by default one of two faces."""
         count = min(count, source.ray_count or count)
         rays = source.sample(count, _SEED)
-        light = SourceLight.of_rays(rays, EtendueCurve.of_source(source, rays, _SEED), media)
+        curve = WITHOUT_EXTENT if media.walls else EtendueCurve.of_source(source, rays, _SEED)
+        light = SourceLight.of_rays(rays, curve, media)
         round_by = REVOLUTION if is_round(source) else source.symmetry
-        kept = lens is not None and lens.is_round and not media.bodies
+        kept = lens is not None and lens.is_round and not media.bodies and not media.walls
         return replace(light, reflects=lens is not None and lens.reflects, round_by=round_by if kept else None)
 
     @staticmethod
@@ -222,7 +224,7 @@ class SourceLight:
 
     def best_transmittances(self, turns_rad: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
         """Largest transmittance of two faces that turn each of the rays by at least so much, or with a reflection."""
-        if self.media.bodies or self.media.spreads:  # they may turn it, too
+        if self.media.bodies or self.media.spreads or self.media.walls:  # they may turn it, too
             turns_rad = np.zeros_like(turns_rad)
         mirror = self.media.exit_mirror
         if mirror is not None:  # what need not turn leaves directly, all else by one reflection at least

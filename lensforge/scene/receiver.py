@@ -32,7 +32,7 @@ class Landings:
 
     ``hits``: coordinates on the receiver's chart; ``flux``: W; both 0 where a ray did not land. ``landed``: rays that
     reach the surface in which the receiver lies. ``missed_receiver``: rays that left the lens and never do.
-    ``shadow``: of the bodies before it, in NumPy; None without any.
+    ``shadow``: of the bodies before it, in NumPy; None without any. A ray that they reflect lands from there.
     """
 
     hits: Float[Array, "n 2"]
@@ -118,8 +118,13 @@ class PosedReceiver(ABC):
         by_points = by.by_points + by_weight * shadow.by_points
         return Sensitivities(by_points, by.by_directions + by_weight * shadow.by_directions), of_flux
 
+    @property
+    def before_black(self) -> Self:
+        """The receiver before bodies that are all black."""
+        return self if self.housing is None else replace(self, housing=self.housing.black)
+
     def searched(self, rim_deg: float) -> Self:
-        """The receiver of a search, in which shadows fade out over an angle."""
+        """The receiver of a search, in which bodies are black, and shadows fade out over an angle."""
         return self if self.housing is None else replace(self, housing=self.housing.faded(rim_deg))
 
     def _in_shadow(self, rays: ExitRays, landings: Landings) -> Landings:
@@ -128,12 +133,26 @@ class PosedReceiver(ABC):
             return landings
         shadow = self._shadow(self.housing, rays, landings)
         free = module_of(landings.flux).asarray(~shadow.met)
-        return Landings(
+        landings = Landings(
             landings.hits,
             landings.flux * shadow.weights_by(rays.points, rays.directions),
             landings.landed if self.housing.rim > 0.0 else landings.landed & free,
             landings.missed_receiver & free,
             shadow,
+        )
+        return self._with_reflected(self.housing, rays, landings, shadow) if self.housing.reflects else landings
+
+    def _with_reflected(self, housing: Housing, rays: ExitRays, landings: Landings, shadow: Shadow) -> Landings:
+        """``landings`` with those of ``rays`` that bodies reflect, NumPy arrays."""
+        rows, reflected = housing.reflected(rays, shadow)
+        behind = self._land(reflected)
+        again = self._shadow(housing, reflected, behind).met
+        return Landings(
+            replaced(landings.hits, rows, behind.hits),
+            replaced(landings.flux, rows, behind.flux * ~again),
+            replaced(landings.landed, rows, behind.landed & ~again),
+            replaced(landings.missed_receiver, rows, behind.missed_receiver & ~again),
+            shadow._replace(again=replaced(shadow.again, rows, again)),
         )
 
     def _shadow(self, housing: Housing, rays: ExitRays, landings: Landings) -> Shadow:

@@ -72,6 +72,11 @@ def with_facets(rays: RayBundle, faces: int) -> RayBundle:
     return replace(rays, facets=np.column_stack([_numbers(rays, keys, face) for face in range(faces)]))
 
 
+def wall_numbers(rays: RayBundle, media: Media) -> Numbers | None:
+    """Two numbers of each ray for the wall of the scene that reflects it; None if no wall is diffuse."""
+    return _numbers(rays, _keys(rays), media.scattering - 1) if media.walls == "diffuse" else None
+
+
 def facet_slopes(rays: RayBundle, faces: Sequence[Scatter | None], before: int = 0) -> Float[np.ndarray, "n m"]:
     """Slopes of the facets that each ray meets first, along two lines on each of the ``faces``; 0 on one without.
 

@@ -306,12 +306,13 @@ class SceneCheck:
             *(f"target: {warning}" for warning in angles_that_may_be_radians(self.spec) if lines),
             *self._raster(stroke),
             *self._in_shadow(),
+            *self._walls(),
             *bodies_that_may_be_in_inches(self.spec),
         )
 
     def _in_shadow(self) -> Iterator[str]:
         """A line where bodies of the scene keep light from a target, whatever the lens; of one lamp."""
-        if not (self.spec.scene and self.spec.all_lamps.is_single):
+        if not (self.spec.scene and self.spec.all_lamps.is_single) or self.spec.media.walls:
             return
         receivers = receivers_of(self.spec, self.spec.optimise.pixels)
         for receiver, section, (field, _) in zip(receivers, self.spec.all_receivers, self._required(), strict=False):
@@ -324,6 +325,15 @@ class SceneCheck:
                     f"{field}: bodies of the scene keep {_percent(share)} of its light from it, whatever the lens; "
                     "move the bodies, or make the target smaller"
                 )
+
+    def _walls(self) -> Iterator[str]:
+        """A line if bodies of the scene reflect light, which the search does not follow."""
+        walls = [repr(body.name) for body in self.spec.scene if body.surface != "black"]
+        if walls:
+            yield (
+                f"scene: the search takes {', '.join(walls)} for black; evaluation and proof count what is reflected "
+                "there"
+            )
 
     def _blur(self, stroke: TargetStroke) -> Iterator[str]:
         """A line where the image of the LED is wider than any stroke of the target."""

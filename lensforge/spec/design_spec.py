@@ -4,6 +4,7 @@ Each wrong field is reported in a line: its name, its value, what is allowed.
 """
 
 from collections.abc import Mapping
+from dataclasses import replace
 from itertools import chain, combinations
 from math import hypot
 from pathlib import Path
@@ -26,7 +27,7 @@ from lensforge.spec.derived_values import derived_sizes, receiver_of
 from lensforge.spec.double_lens import LensSection
 from lensforge.spec.emitter_section import EmitterSection
 from lensforge.spec.feasible import require_drawn_over_plate, require_feasible
-from lensforge.spec.housing_sections import MOST_BODIES, HousingSection, require_scene
+from lensforge.spec.housing_sections import MOST_BODIES, HousingSection, reflection_of, require_scene
 from lensforge.spec.lamps_section import AnyLamps, Lamps, lamps_of
 from lensforge.spec.lamps_together import require_kinds, require_together
 from lensforge.spec.lens_section import LensShape
@@ -341,8 +342,8 @@ class Spec(Section):
 
     @property
     def media(self) -> Media:
-        """The media that light passes: those of the lens, and the bodies behind it."""
-        return media_with(self.bodies, self.lens)
+        """The media that light passes: those of the lens, and the bodies behind it; how bodies of the scene reflect."""
+        return replace(media_with(self.bodies, self.lens), walls=reflection_of(self.scene))
 
     @property
     def grown_mm(self) -> float:

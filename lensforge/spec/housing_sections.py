@@ -1,4 +1,4 @@
-"""The ``[[scene]]`` of a spec: opaque bodies in the light behind the lens, such as a bezel, a tube or a wall.
+"""The ``[[scene]]`` of a spec: opaque bodies in the light behind the lens, such as a bezel, a mirror ring or a wall.
 
 A kind of body is a class that extends :class:`HousingSection`: it registers itself. Its shape is a function of
 ``scene.housing_mesh.mesh_of`` for that class.
@@ -8,8 +8,9 @@ from collections.abc import Sequence
 from math import asin, atan2, degrees
 from typing import Annotated, Literal, Self
 
-from pydantic import Field
+from pydantic import Field, SerializerFunctionWrapHandler, model_serializer
 
+from lensforge.optics.media import Reflection
 from lensforge.optics.pose import Pose
 from lensforge.public import public
 from lensforge.results.registered_kinds import OfSeveralKinds
@@ -21,13 +22,16 @@ from lensforge.spec.spec_section import Coordinate, FilePath, Millimetres, Milli
 
 MOST_BODIES = 32
 
+Surface = Literal["black", "diffuse", "mirror"]
+
 
 @public
 class HousingSection(OfSeveralKinds, Section):
-    """Fields of every opaque body in the light behind the lens. It is black: light that meets it is lost there.
+    """Fields of every opaque body in the light behind the lens. A black one takes all light that meets it.
 
-    It stands in the coordinates of the lens, or of all lamps, as receivers do; those behind it are in its shadow. The
-    search knows it. No body may reach into the room of the lens.
+    Others reflect light once: what then meets another body, or the same again, is lost. A body stands in the
+    coordinates of the lens, or of all lamps, as receivers do; those behind it are in its shadow. The search knows it,
+    and takes it for black. No body may reach into the room of the lens.
     """
 
     kind: str
@@ -41,10 +45,50 @@ class HousingSection(OfSeveralKinds, Section):
         default=(0.0, 0.0), description="Tilt of its axis from +z: about x, then about y."
     )
     rotate_z_deg: Turn = Field(default=0.0, description="Turn about its own axis, before the tilt.")
+    surface: Surface = Field(
+        default="black",
+        description='Its surface. "black": takes all light. "diffuse": reflects it into all directions by the law of '
+        'Lambert. "mirror": reflects it as a mirror. The search takes all bodies for black.',
+    )
+    reflectance: Annotated[float, Field(gt=0.0, le=1.0)] | None = Field(
+        default=None, description="Share of the light that a diffuse surface or a mirror reflects; it takes the rest."
+    )
     patch_mm: Millimetres | None = Field(
         default=None,
         description="Width of the patches by which the light on its surface is measured; by default it is not.",
     )
+
+    @check
+    def _reflectance_fits(self) -> None:
+        if self.surface == "black" and self.reflectance is not None:
+            raise ValueError(
+                f"reflectance = {self.reflectance:g}: a black surface reflects no light; give surface = "
+                '"diffuse" or "mirror", or leave it out'
+            )
+        if self.surface != "black" and self.reflectance is None:
+            raise ValueError(f'surface = "{self.surface}": give its reflectance, the share of light that it reflects')
+
+    @check
+    def _lights_no_patch_of_its_own(self) -> None:
+        if self.surface != "black" and self.patch_mm is not None and not self.is_convex:
+            raise ValueError(
+                "patch_mm: the light that this body reflects onto itself is not measured; measure a box, a cylinder "
+                'without a bore, or a body of surface = "black"'
+            )
+
+    @model_serializer(mode="wrap")
+    def _as_before_reflections(self, write: SerializerFunctionWrapHandler) -> dict[str, object]:
+        """The section without the surface of a black body: specs of such bodies keep the hash that they had before."""
+        return {
+            name: value
+            for name, value in write(self).items()
+            if self.surface != "black" or name not in ("surface", "reflectance")
+        }
+
+    @property
+    def is_convex(self) -> bool:
+        """True for a body that no light can meet twice."""
+        return False
 
     @property
     def pose(self) -> Pose:
@@ -67,6 +111,11 @@ class HousingBox(HousingSection):
     kind: Literal["box"] = "box"
     size_mm: tuple[Millimetres, Millimetres, Millimetres] = Field(description="Its sides along x, y and z.")
 
+    @property
+    def is_convex(self) -> bool:
+        """True: so is every box."""
+        return True
+
 
 @public
 class HousingCylinder(HousingSection):
@@ -76,6 +125,11 @@ class HousingCylinder(HousingSection):
     radius_mm: Millimetres = Field(description="Radius.")
     bore_radius_mm: MillimetresOrZero = Field(default=0.0, description="Radius of its bore, 0 for none.")
     length_mm: Millimetres = Field(description="Length along z.")
+
+    @property
+    def is_convex(self) -> bool:
+        """True without a bore."""
+        return self.bore_radius_mm == 0.0
 
     @check
     def _bore_lies_within(self) -> None:
@@ -91,6 +145,12 @@ class HousingFile(HousingSection):
 
     kind: Literal["file"] = "file"
     file: FilePath = Field(description="STEP, STL or 3MF; STL and 3MF in mm.")
+
+
+def reflection_of(bodies: Sequence[HousingSection]) -> Reflection | None:
+    """Reflection at ``bodies``: "diffuse" if any is, else "mirror" if any is one; None if all are black."""
+    surfaces = {body.surface for body in bodies}
+    return "diffuse" if "diffuse" in surfaces else "mirror" if "mirror" in surfaces else None
 
 
 def require_scene(bodies: Sequence[HousingSection], lens: LensShape, lamps: Lamps) -> None:

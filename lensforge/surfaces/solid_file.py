@@ -13,7 +13,7 @@ from lensforge.results.files import MIB, read_file, read_json, temporary_folder,
 from lensforge.results.sandbox import ChildLimits, serve, work_in_child
 
 CHORD_MM = 1e-2  # distance of the triangles from curved faces of a STEP file
-_ANGLE_RAD = 0.1  # between neighbouring facets of a curved face
+ANGLE_RAD = 0.1  # between neighbouring facets of a curved face
 _MOST_MIB = 128
 _MOST_TRIANGLES = 1_000_000
 _LIMITS = ChildLimits(memory_mib=2400, seconds=120.0)
@@ -32,20 +32,21 @@ class SolidMesh(NamedTuple):
     triangles: Int[np.ndarray, "t 3"]
 
 
-def read_solid(path: Path) -> SolidMesh:
+def read_solid(path: Path, angle_rad: float = ANGLE_RAD) -> SolidMesh:
     """The bodies in the file at ``path``; the same object for the same content.
 
+    ``angle_rad``: between neighbouring facets of a curved face of a STEP file, at most.
     Raises :class:`InputError`, one line, for a missing file, for anything but STEP, STL and 3MF, for bodies that are
     not closed, and for more than a million triangles.
     """
-    return _read(read_file(path, missing="the spec names it", most_bytes=_MOST_MIB * MIB), str(path))
+    return _read(read_file(path, missing="the spec names it", most_bytes=_MOST_MIB * MIB), str(path), angle_rad)
 
 
 @lru_cache(maxsize=4)
-def _read(content: bytes, origin: str) -> SolidMesh:
+def _read(content: bytes, origin: str, angle_rad: float) -> SolidMesh:
     with temporary_folder(_FILE) as folder:
         (folder / _FILE).write_bytes(content)
-        write_json(folder / _JOB, {"origin": origin})
+        write_json(folder / _JOB, {"origin": origin, "angle_rad": angle_rad})
         work_in_child(Path(__file__).resolve(), folder, _LIMITS, origin=origin, remedy=_REMEDY)
         with np.load(folder / _READ) as read:
             return SolidMesh(read["vertices"], read["triangles"])
@@ -53,11 +54,12 @@ def _read(content: bytes, origin: str) -> SolidMesh:
 
 def _write_mesh(folder: Path) -> None:
     """Work of the child process: the closed mesh of the file in ``folder``."""
-    origin = read_json(folder / _JOB)["origin"]
+    job = read_json(folder / _JOB)
+    origin = job["origin"]
     path = folder / _FILE
     start = path.read_bytes()[:1024]
     if b"ISO-10303-21" in start:
-        corners = _step_corners(path, origin)
+        corners = _step_corners(path, origin, job["angle_rad"])
     elif start.startswith(b"PK"):
         mesh = SolidMesh(*read_3mf(path, origin, _REMEDY))
         corners = mesh.vertices[mesh.triangles]
@@ -72,23 +74,23 @@ def _write_mesh(folder: Path) -> None:
     np.savez(folder / _READ, vertices=mesh.vertices, triangles=mesh.triangles)
 
 
-def _step_corners(path: Path, origin: str) -> Float[np.ndarray, "t 3 3"]:
+def _step_corners(path: Path, origin: str, angle_rad: float) -> Float[np.ndarray, "t 3 3"]:
     from lensforge.surfaces.step_file import parts_of, products_in
 
     solids = [solid for product in products_in(path, origin, _REMEDY) for solid in parts_of(product.shape, "SOLID")]
     if not solids:
         raise InputError(f"{origin}: holds no solid; {_REMEDY}")
-    meshes = [tessellated(solid, CHORD_MM) for solid in solids]
+    meshes = [tessellated(solid, CHORD_MM, angle_rad) for solid in solids]
     return np.concatenate([mesh.vertices[mesh.triangles] for mesh in meshes])
 
 
-def tessellated(shape: Any, chord_mm: float) -> SolidMesh:
+def tessellated(shape: Any, chord_mm: float, angle_rad: float = ANGLE_RAD) -> SolidMesh:
     """Mesh of a solid (TopoDS_Shape) by the CAD kernel, face by face, equal vertices on shared edges merged."""
     from OCP.BRepMesh import BRepMesh_IncrementalMesh
 
     from lensforge.surfaces.step_file import parts_of
 
-    BRepMesh_IncrementalMesh(shape, chord_mm, False, _ANGLE_RAD)
+    BRepMesh_IncrementalMesh(shape, chord_mm, False, angle_rad)
     return merged(np.concatenate([_face_corners(face) for face in parts_of(shape, "FACE")]))
 
 

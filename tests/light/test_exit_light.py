@@ -9,7 +9,7 @@ from lensforge.kernels.fate import Fate
 from lensforge.light import exit_light
 from lensforge.light.exit_light import ExitLight, Goniophotometer, RaysOnSphere, _on_sphere, trace_exit_light
 from lensforge.light.photometry_result import LostFlux
-from lensforge.light.received_flux import ABSORBED, BLOCKED, CAUSES, IN_GLASS, MISSED_RECEIVER, named_flux
+from lensforge.light.received_flux import ABSORBED, BLOCKED, CAUSES, IN_GLASS, MISSED_RECEIVER, SECOND_WALL, named_flux
 from lensforge.light.simulation import TracedLens
 from lensforge.scene.exit_rays import ExitRays
 from lensforge.sources.build_source import SquareEmitter
@@ -152,6 +152,7 @@ def test_every_fate_has_its_own_loss() -> None:
     assert set(LostFlux.model_fields) == set(losses) - {"left_lens"}
     expected = {fate.name.lower(): fate + 1.0 for fate in Fate}
     others = {"missed_receiver": MISSED_RECEIVER, "absorbed": ABSORBED, "cover_glass": IN_GLASS, "housing": BLOCKED}
+    others["second_wall"] = SECOND_WALL
     bodies = {"bodies": flux[CAUSES:].sum()}
     assert losses == expected | bodies | {name: place + 1.0 for name, place in others.items()}
 

@@ -32,7 +32,7 @@ def light(count: int = 16) -> ExitLight:
     samples[:, :, 0] = samples[:, :1, 0]
     flux = (samples * GRID.solid_angles).sum(axis=(1, 2))
     samples *= 1.5 / flux.mean()
-    by_fate = np.arange(1.0, CAUSES + 1.0) * 0.005
+    by_fate = np.arange(1.0, CAUSES + 1.0) * 0.004
     by_fate[Fate.LEFT_LENS] = 1.5
     rays = RayBundle(np.tile([0.0, 0.0, 6.0], (4, 1)), np.tile([0.0, 0.6, 0.8], (4, 1)), np.full(4, 1.5 / 4))
     exit_w = Metric(value=1.5, unit="W", standard_error=0.02 if count > 1 else None)

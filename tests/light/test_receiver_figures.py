@@ -6,7 +6,15 @@ from scenes import small_spec
 
 from lensforge.kernels.fate import Fate
 from lensforge.light.evaluation import _flux_budget, receiver_light
-from lensforge.light.received_flux import ABSORBED, BLOCKED, CAUSES, IN_GLASS, MISSED_RECEIVER, ReceivedFlux
+from lensforge.light.received_flux import (
+    ABSORBED,
+    BLOCKED,
+    CAUSES,
+    IN_GLASS,
+    MISSED_RECEIVER,
+    SECOND_WALL,
+    ReceivedFlux,
+)
 from lensforge.light.receiver_light import EstimatedLight, ReceiverLight, by_pixels, possible_share
 from lensforge.optics.exit_space import ExitBall
 from lensforge.optics.media import Media, Medium
@@ -134,12 +142,12 @@ def test_every_fate_has_its_share_of_the_budget() -> None:
     received = ReceivedFlux(np.zeros((2, 1, 1)), by_fate, inside, landed - inside, np.zeros((2, 0)))
     flux, missed = _flux_budget(received, 0.5)
     share = by_fate[0] / 0.5
-    places = (MISSED_RECEIVER, ABSORBED, IN_GLASS, BLOCKED, CAUSES)
-    assert places == tuple(len(Fate) + k for k in range(5))
+    places = (MISSED_RECEIVER, ABSORBED, IN_GLASS, BLOCKED, SECOND_WALL, CAUSES)
+    assert places == tuple(len(Fate) + k for k in range(6))
     expected = {
         "detected": 0.006, "outside": share[0] - 0.006, "total_reflection": share[4], "not_converged": share[5],
         "missed": share[[1, 2, 3, 6, 7, 8, 9]].sum(), "absorbed": share[10], "cover_glass": share[11],
-        "housing": share[12], "bodies": share[13:].sum(), "reflected": 1.0 - share.sum(),
+        "housing": share[12], "second_wall": share[13], "bodies": share[14:].sum(), "reflected": 1.0 - share.sum(),
     }  # fmt: skip
     assert flux.model_dump() == pytest.approx(expected)
     causes = ("backward", "outside_cavity", "base", "surfaces_intersect", "event_limit", "flange", "missed_receiver")

@@ -142,9 +142,9 @@ def test_flux_is_counted_by_its_fate_and_by_what_took_it() -> None:
     exits = ExitRays(none, none, flux, np.zeros(6), fates, taken, glass)
     missed = np.array([False, True, False, False, False, True])
     by_fate = flux_by_fate(exits, missed)
-    assert by_fate.tolist() == [1.0, 3.0, 0.0, 5.0, 0.0, 0.0, 4.0, 0.0, 0.0, 2.0 + 6.0, 6 * 0.25, 6 * 0.5, 0.0]
+    assert by_fate.tolist() == [1.0, 3.0, 0.0, 5.0, 0.0, 0.0, 4.0, 0.0, 0.0, 2.0 + 6.0, 6 * 0.25, 6 * 0.5, 0.0, 0.0]
     plain = flux_by_fate(replace(exits, absorbed=None, lost_in_glass=None), missed)
-    assert plain.tolist() == [*by_fate[:10], 0.0, 0.0, 0.0]
+    assert plain.tolist() == [*by_fate[:10], 0.0, 0.0, 0.0, 0.0]
 
 
 def exit_rays(shift: float = 0.0, count: int = 16) -> ExitRays:

@@ -9,14 +9,17 @@ from presets import FEW
 from scenes import small_spec
 
 import lensforge as lf
+from lensforge.light.exit_light import exit_rays
 from lensforge.light.lens_light import searched_source
 from lensforge.light.light_facts import light_facts
+from lensforge.light.simulation import TracedLens
 from lensforge.made.yield_study import measure_yield
 from lensforge.proof.proof_inputs import screens_of
 from lensforge.proof.sequential_cast import CastFate, Passage
 from lensforge.scene.body_view import body_views
 from lensforge.scene.exit_rays import ExitRays
 from lensforge.scene.eye_view import eye_views
+from lensforge.scene.housing import Housing
 from lensforge.scene.light_ends import LOSSES
 from lensforge.scene.possible_light import SourceLight
 from lensforge.scene.receiver_shapes import receivers_of, seen_by_lamp
@@ -38,6 +41,13 @@ POST = {
     "tilt_deg": [-25.0, 14.0], "rotate_z_deg": 35.0,
 }  # fmt: skip
 LIMIT = {"kind": "blocked", "at_most_share": 0.1}
+MIRROR = {"surface": "mirror", "reflectance": 0.85}
+WHITE = {"surface": "diffuse", "reflectance": 0.7}
+# Around the lens, from below its top, so that much light meets the bore.
+RING = {
+    "kind": "cylinder", "name": "ring", "radius_mm": 40.0, "bore_radius_mm": 17.0, "length_mm": 30.0,
+    "centre_mm": [1.0, -0.7, 34.0], "tilt_deg": [4.0, -6.0],
+}  # fmt: skip
 
 
 def lens_of(spec: Spec) -> lf.Lens:
@@ -137,10 +147,13 @@ def test_the_far_field_and_the_evaluation_block_the_same() -> None:
 LAMPS = {"kind": "table", "places_mm": [[-20.0, 3.0], [18.0, -2.0, 5.0]], "turns_deg": [30.0, 200.0]}
 
 
+@pytest.mark.parametrize("surfaces", [({}, {}), (WHITE, MIRROR)], ids=["black", "white and mirror"])
 @pytest.mark.parametrize("lamps", [None, LAMPS], ids=["one lamp", "the second of two lamps"])
-def test_the_proof_has_the_shadows_of_the_design(lamps: dict[str, Any] | None) -> None:
-    """Ray by ray, through a grid in the place of a tree, turned by other rotations."""
-    spec = small_spec(scene=[BEZEL, POST], lamps=lamps)
+def test_the_proof_has_the_shadows_of_the_design(
+    lamps: dict[str, Any] | None, surfaces: tuple[dict[str, Any], dict[str, Any]]
+) -> None:
+    """Ray by ray, through a grid in the place of a tree, turned by other rotations; what bodies reflect, too."""
+    spec = small_spec(scene=[BEZEL | surfaces[0], POST | surfaces[1]], lamps=lamps)
     if lamps is not None:
         spec = seen_by_lamp(spec, 1)
     rng = np.random.default_rng(3)
@@ -148,17 +161,22 @@ def test_the_proof_has_the_shadows_of_the_design(lamps: dict[str, Any] | None) -
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
     points = 5.0 * directions + rng.normal(size=(4000, 3))
     flux = rng.random(4000)
-    exits = ExitRays(points, directions, flux, flux, np.zeros(4000, dtype=np.int8))
+    draws = rng.random((4000, 2))
+    exits = ExitRays(points, directions, flux, flux, np.zeros(4000, dtype=np.int8), draws=draws)
     passage = replace(
-        Passage.of(RayBundle(points, directions, flux), 0), points=points, directions=directions,
+        Passage.of(RayBundle(points, directions, flux), 0), points=points, directions=directions, draws=draws,
         fates=np.full(4000, CastFate.LANDED),
     )  # fmt: skip
     for receiver, screen in zip(receivers_of(spec, 16), screens_of(spec), strict=True):
         designed = receiver.land(exits)
         cast = passage.landed(screen)
         assert designed.shadow is not None and 200 < designed.shadow.met.sum() < 3800
-        assert ((cast.fates == CastFate.HOUSING) == designed.shadow.met).all()
-        assert cast.landings[designed.landed] == pytest.approx(designed.hits[designed.landed], abs=1e-9)
+        assert ((cast.fates == CastFate.HOUSING) == (designed.shadow.onward == 0.0)).all()
+        assert ((cast.fates == CastFate.SECOND_WALL) == designed.shadow.again).all()
+        assert ((cast.fates == CastFate.MISSED_RECEIVER) == designed.missed_receiver).all()
+        assert cast.flux == pytest.approx(flux * designed.shadow.onward)
+        assert designed.shadow.again.any() == (designed.landed & designed.shadow.met).any() == bool(surfaces[0])
+        assert cast.landings[designed.landed] == pytest.approx(designed.hits[designed.landed], rel=1e-9, abs=1e-8)
         assert np.isnan(cast.landings[~designed.landed]).all()
 
 
@@ -241,6 +259,86 @@ def test_a_yield_judges_a_limit_on_a_body_of_one_lamp_alone() -> None:
     lamps = lens_of(small_spec(scene=[MAST], lamps=LAMPS, limits=[mean], tolerances=moved))
     with pytest.raises(lf.InputError, match=r"yield: limits.0: light on a body is of all lamps, whose parts are drawn"):
         measure_yield(lamps, parts=4, rays=2**9, with_budget=False)
+
+
+@pytest.mark.parametrize("surface", [MIRROR, WHITE], ids=["mirror", "white"])
+def test_a_ring_returns_what_it_does_not_take(surface: dict[str, Any]) -> None:
+    """Of the light that a black ring takes; the far field loses the same. What it adds in the window is stated."""
+    limits = [LIMIT, {"kind": "loss", "cause": "beside", "at_most_share": 0.9}]
+    black = light_of(RING)[0].receivers[0]
+    light, lens = light_of(RING | surface, limits=limits)
+    (lit,) = light.receivers
+    (ring,) = lit.blocked
+    taken = black.flux.housing
+    assert taken > 0.2 and ring.share.value == pytest.approx(lit.flux.housing, rel=1e-12)
+    assert lit.flux.housing == pytest.approx((1.0 - surface["reflectance"]) * taken, rel=1e-9)
+    assert sum(lit.flux.model_dump().values()) == pytest.approx(1.0, abs=1e-12) and lit.flux.second_wall > 5e-4
+    gained = lit.efficiency.value - black.efficiency.value
+    assert ring.returned is not None and (ring.returned.standard_error or 0.0) > 0.0
+    assert ring.returned.value == pytest.approx(gained, abs=1e-12) and gained > 0.02
+    assert ring.place_mm == pytest.approx(black.blocked[0].place_mm, abs=0.05)
+    blocked, beside = (limit.value for limit in light.limits)
+    assert blocked == pytest.approx(lit.flux.housing + lit.flux.second_wall)
+    assert beside == pytest.approx(lit.flux.outside + lit.missed_by_cause.missed_receiver)
+    assert lit.possible.efficiency >= lit.efficiency.value
+    (told,) = [
+        fact for group in light_facts(light, lens) for fact in group.facts if fact.label == "Light by reflection"
+    ]
+    assert (
+        told.value == pytest.approx(100.0 * gained)
+        and told.note == "in the window, by ring; the search takes it for black"
+    )
+    far = lf.photometry(lens, rays=2**14).lost_w
+    source_w = searched_source(lens.spec).flux_w
+    assert far.housing / source_w == pytest.approx(lit.flux.housing, abs=0.01)
+    assert far.second_wall / source_w == pytest.approx(lit.flux.second_wall, abs=0.01)
+
+
+def test_light_in_the_far_field_comes_from_the_walls_that_reflect_it() -> None:
+    """Rays of the file start on a sphere around them, and go on from where they met them."""
+    lens = lens_of(small_spec(scene=[RING | MIRROR]))
+    traced = TracedLens.of(lens, 3.0)
+    bundle = searched_source(lens.spec).sample(2**12, 3)
+    housing = Housing.of(lens.spec.scene)
+    assert housing is not None
+    out = exit_rays(traced, bundle, 1.001 * housing.reach_mm, housing=housing)
+    exits = traced.trace(bundle)
+    shadow = housing.shadow(exits.points, exits.directions, np.where(exits.left_lens, np.inf, -np.inf))
+    _, reflected = housing.reflected(exits, shadow)
+    keys = {tuple(way) for way in np.round(out.rays.directions, 9).tolist()}
+    on_path = np.array([tuple(way) in keys for way in np.round(reflected.directions, 9).tolist()])
+    assert on_path.sum() > 100
+    assert np.linalg.norm(out.rays.origins, axis=1) == pytest.approx(1.001 * housing.reach_mm)
+    assert out.rays.flux.sum() + out.by_fate_w[1:].sum() == pytest.approx(exits.flux.sum())
+
+
+def test_a_search_and_an_eye_take_all_bodies_for_black() -> None:
+    """To the last bit; the pattern of an evaluation differs."""
+    eye = {"kind": "luminance", "at_most": 1e9, "unit": "cd_per_m2", "eyes_mm": [[140.0, -20.0, 380.0]], "spot_mm": 2.0}
+    source = searched_source(small_spec())
+    pictures = []
+    for surface in ({}, WHITE, MIRROR):
+        spec = small_spec(scene=[POST | surface], limits=[eye], source__flux_lm=100.0)
+        problem = Problems(spec, source, 3.0, None, False).of((9,))
+        merit = problem.merit
+        assert isinstance(merit, MeritFunction) and isinstance(problem.parametrisation, Parametrisation)
+        tables = problem.parametrisation.tables(*problem.parametrisation.start())
+        pictures.append([image.detach().numpy() for image in merit.light_of(tables, source.sample(2**12, 5)).images])
+        (view,) = eye_views(spec)
+        assert view.housing is not None and not view.housing.reflects
+    for other in pictures[1:]:
+        assert all((first == same).all() for first, same in zip(pictures[0], other, strict=True))
+
+
+@pytest.mark.parametrize("surface", [MIRROR, WHITE], ids=["mirror", "white"])
+def test_a_yield_has_the_light_that_a_ring_reflects(surface: dict[str, Any]) -> None:
+    lens = lens_of(small_spec(scene=[RING | surface], limits=[LIMIT], tolerances={"lens_shift_mm": 0.01}))
+    spread = measure_yield(lens, parts=4, rays=2**12, with_budget=False).metrics
+    light = lf.evaluate(lens, rays=2**14)
+    by_name = {name: value.mean.value for name, value in spread.items()}
+    assert by_name["efficiency"] == pytest.approx(light.receivers[0].efficiency.value, abs=0.01)
+    (share,) = [value for name, value in by_name.items() if name.startswith("limits.0")]
+    assert light.limits[0].value is not None and share == pytest.approx(light.limits[0].value, abs=0.01)
 
 
 GLASS = {"refractive_index": 1.5, "distance_mm": 90.0, "thickness_mm": 2.0}

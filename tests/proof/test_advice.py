@@ -145,7 +145,8 @@ def test_form_comes_before_fates_and_fates_before_losses():
 
 
 def landed_rays(rays, landings, **fields):
-    return LandedRays(**{**vars(Passage.of(rays, 2)), **fields}, landings=landings)
+    given = {**vars(Passage.of(rays, 2)), "in_housing": np.zeros(len(rays)), **fields}
+    return LandedRays(**given, landings=landings)
 
 
 @pytest.mark.parametrize("fate", list(CastFate)[1:])
@@ -243,24 +244,27 @@ EXACT = Metric(value=1.0, standard_error=0.0)
 
 
 def test_the_flux_budget_of_a_few_rays_by_hand():
-    """Unequal rays: in the window, beside it, gone back, totally reflected; each loses some on its way."""
-    rays = lambertian(4, 0.0)
-    rays = replace(rays, flux=np.array([1.0, 2.0, 3.0, 4.0]))
-    fates = np.array([CastFate.LANDED, CastFate.LANDED, CastFate.NO_HIT, CastFate.TOTAL_REFLECTION], dtype=np.int64)
-    lost = {"absorbed": [0.1, 0.0, 0.2, 0.0], "in_glass": [0.0, 0.3, 0.0, 0.1], "in_bodies": [0.2, 0.0, 0.0, 0.3]}
-    places = np.array([[1.0, 2.0], [1.0, 4.0], [np.nan, np.nan], [np.nan, np.nan]])
-    flux = np.array([0.5, 1.5, 2.5, 3.0])
+    """Unequal rays: in the window, beside it, gone back, totally reflected, at a second wall; all lose some before."""
+    rays = lambertian(5, 0.0)
+    rays = replace(rays, flux=np.array([1.0, 2.0, 3.0, 4.0, 5.0]))
+    ends = CastFate.LANDED, CastFate.LANDED, CastFate.NO_HIT, CastFate.TOTAL_REFLECTION, CastFate.SECOND_WALL
+    fates = np.array(ends, dtype=np.int64)
+    lost = {
+        "absorbed": [0.1, 0.0, 0.2, 0.0, 0.0], "in_glass": [0.0, 0.3, 0.0, 0.1, 0.0],
+        "in_bodies": [0.2, 0.0, 0.0, 0.3, 0.0], "in_housing": [0.0, 0.1, 0.0, 0.0, 0.6],
+    }  # fmt: skip
+    places = np.array([[1.0, 2.0], [1.0, 4.0], *[[np.nan, np.nan]] * 3])
+    flux = np.array([0.5, 1.5, 2.5, 3.0, 4.0])
     landed = landed_rays(
         rays, places, fates=fates, flux=flux, **{name: np.array(values) for name, values in lost.items()}
     )
     screen = replace(Screen.square(DISTANCE, 10.0, 2), window=(10.0, 6.0, None))
     budget = flux_budget(rays, landed, screen).model_dump()
     by_hand = {"detected": 0.5, "outside": 1.5, "missed": 2.5, "total_reflection": 3.0, "event_limit": 0.0,
-               "absorbed": 0.3, "cover_glass": 0.4, "bodies": 0.5, "housing": 0.0,
-               "reflected": 10.0 - 7.5 - 1.2}  # fmt: skip
-    assert (
-        budget == pytest.approx({name: 0.1 * share for name, share in by_hand.items()}) and sum(budget.values()) == 1.0
-    )
+               "absorbed": 0.3, "cover_glass": 0.4, "bodies": 0.5, "housing": 0.7, "second_wall": 4.0,
+               "reflected": 15.0 - 11.5 - 1.9}  # fmt: skip
+    assert budget == pytest.approx({name: share / 15.0 for name, share in by_hand.items()})
+    assert sum(budget.values()) == pytest.approx(1.0, abs=1e-12)
 
 
 @pytest.mark.parametrize("uneven", [0.0, 0.5])

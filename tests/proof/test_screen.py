@@ -162,7 +162,7 @@ def test_landed_rays_have_the_fates_of_the_passage_and_miss_the_receiver_where_t
     ends = np.array(fates, dtype=np.int64)
     fields = unpolarised(np.nan_to_num(ways))
     met = np.arange(10).reshape(5, 2)
-    passage = Passage(points, ways, flux, lost, lost.copy(), ends, facets, fields, met, lost)
+    passage = Passage(points, ways, flux, lost, lost.copy(), ends, facets, fields, met, lost, draws=np.zeros((5, 2)))
     landed = passage.landed(Screen.square(100.0, 10.0, 4))
     names = ["landed", "missed_receiver", "total_reflection", "no_hit", "missed_receiver"]
     assert landed.fate_names.tolist() == names

@@ -213,6 +213,10 @@ ELSEWHERE = {  # where each value is one of a test's cases
     "levels": "search/test_automatic_search.py", "over_sources": "search/test_several_sources.py",
     "LuminanceLimit.of": "light/test_luminance.py", "BodyLimit.of": "scene/test_body_view.py",
     "model": "sources/test_modelled_rays.py",
+    **dict.fromkeys(
+        ("surface", "HousingBox.surface", "HousingCylinder.surface", "HousingFile.surface"),
+        "scene/test_wall_reflection.py",
+    ),
     "robust": "search/test_share_of_parts.py", "application": "light/test_trade_figures.py",
 }  # fmt: skip
 DEFAULTS = {

@@ -216,6 +216,7 @@ def photometry(case):
     lost |= {
         "not_converged": 0.0,
         "housing": 0.0,
+        "second_wall": 0.0,
         "bodies": plain(sum(v for k, v in fates.items() if k.startswith("body"))),
     }
     c, gamma = np.unravel_index(np.argmax(tables.whole), tables.whole.shape)

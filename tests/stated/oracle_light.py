@@ -134,7 +134,7 @@ def receiver_record(spec, receiver, means, watts, number):
         "detected": np.mean(efficiency), "outside": landed - np.mean(efficiency),
         "missed": sum(value for value, _ in missed.values()), "total_reflection": fates["total_reflection"],
         "not_converged": 0.0, "absorbed": fates["absorbed"], "cover_glass": fates["cover_glass"],
-        "bodies": sum(bodies.values()), "housing": 0.0,
+        "bodies": sum(bodies.values()), "housing": 0.0, "second_wall": 0.0,
     }  # fmt: skip
     flux["reflected"] = 1 - sum(flux.values())
     record = {

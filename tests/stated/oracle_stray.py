@@ -380,7 +380,7 @@ def light_at(case):
                 "outside_stray": flux[lands & ~seen & stray].sum(),
                 "backward": flux[left][~lands[left]].sum(), "absorbed": ends["absorbed"],
                 "cover_glass": (light.flux * share * (1 - glass)).sum(), "bodies": (light.flux * (1 - share)).sum(),
-                "housing": 0.0, "base": 0.0, "too_dim": ends["too_dim"], "leaked": ends["leaked"],
+                "housing": 0.0, "second_wall": 0.0, "base": 0.0, "too_dim": ends["too_dim"], "leaked": ends["leaked"],
             })  # fmt: skip
             by_cause.update({name: flux[seen & (light.cause == k)].sum() / watts for k, name in enumerate(CAUSES) if k})
         lights.append(

@@ -44,7 +44,17 @@ def budget_of(designed):
     """Shares of the design's light by the fates of the part's."""
     flux = designed["flux"]
     more = designed["missed_by_cause"]["event_limit"]
-    names = ("detected", "outside", "total_reflection", "absorbed", "cover_glass", "bodies", "housing", "reflected")
+    names = (
+        "detected",
+        "outside",
+        "total_reflection",
+        "absorbed",
+        "cover_glass",
+        "bodies",
+        "housing",
+        "second_wall",
+        "reflected",
+    )
     return {name: flux[name] for name in names} | {"missed": flux["missed"] - more, "event_limit": more}
 
 

@@ -94,7 +94,7 @@ CHOICES = {
     "driving_side": driving_side,
     "wet_surface": wet_surface,
 }
-CHOSEN_ELSEWHERE = dict.fromkeys(("surface", "edition"), "addons/road/test_road_field.py")
+CHOSEN_ELSEWHERE = dict.fromkeys(("RoadSection.surface", "edition"), "addons/road/test_road_field.py")
 CACHES = {
     "addons.road.road_surface._standard": (
         lambda name: RoadSurface.of(name, None, None).r,
