@@ -28,7 +28,7 @@ Coefficients = Float[np.ndarray, "2 c"]
 
 @inline
 def _spline(coefficients, angle, weights, slopes):
-    """Number of the first of six coefficients at an angle; their weights are set, and those of the slope by the angle."""
+    """Number of the first of six coefficients at an angle; their weights are set, and those of the slope by it."""
     step = 2.0 * _END / (len(coefficients) - 5)
     at = min(max((angle / pi + _END) / step, 0.0), len(coefficients) - 5.0 - 1e-9)
     first = int(at)
@@ -63,7 +63,7 @@ def _profile(coefficients, angle, change, weights, slopes):
     return value, slope
 
 
-@inline
+@kernel
 def _through(coefficients, ray, ratio, change, length, steps, weights, slopes):
     """Take ``ray`` (x, z, along x, along z, share across, share along) through a face, from a path near its crossing.
 
@@ -98,7 +98,7 @@ def _through(coefficients, ray, ratio, change, length, steps, weights, slopes):
     return length, angle
 
 
-@inline
+@kernel
 def _landed(profiles, start, index, distance, changes, paths, angles, steps, scratch):
     """Place where a ray from ``start`` (x, slope) lands, and its share; of a lost ray the share is -1."""
     ray, weights, slopes = scratch[0], scratch[1], scratch[2]
