@@ -263,7 +263,7 @@ _ENOUGH = 2e-3  # share of the squared error that a step must take away
 
 @dataclass(frozen=True)
 class FitStep:
-    """Profiles after some seconds of a fit, and their error."""
+    """Profiles after some seconds of the processor, and their error."""
 
     profiles: Coefficients
     error: float
@@ -301,12 +301,12 @@ def fitted(scene: PlaneScene, profiles: Coefficients, wanted: Float[np.ndarray, 
 
     First the light is added up from one side: there it is moved far, which pixels by themselves do not see.
     """
-    begin = time.perf_counter()
+    begin = time.process_time()
     residuals = _Residuals(scene, wanted, True, profiles[:, (profiles.shape[1] - 1) // 2])
     step = FitStep(profiles, np.inf, 0.0)
     for summed in (True, False):
         for moved, light in _descent(replace(residuals, summed=summed), step.profiles):
-            step = FitStep(moved, error(light.pixels, wanted), time.perf_counter() - begin)
+            step = FitStep(moved, error(light.pixels, wanted), time.process_time() - begin)
             yield step
 
 
