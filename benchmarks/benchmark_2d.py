@@ -93,7 +93,7 @@ def fit(scene: PlaneScene, wanted: Float[np.ndarray, " p"]) -> FitStep:
 class SheetSource(EmitterSection):
     """Light in planes across y, from a strip along x."""
 
-    words: ClassVar[str] = "sheet of light {0.width_mm:g} mm wide"
+    phrase: ClassVar[str] = "sheet of light {0.width_mm:g} mm wide"
 
     kind: Literal["sheet"] = "sheet"
     width_mm: Millimetres
@@ -144,7 +144,7 @@ class KnownTarget(TargetSection):
     """Light of pixels along x, even along y."""
 
     needs: ClassVar[tuple[str, ...]] = ("width",)
-    words: ClassVar[str] = "known light, {width} wide"
+    phrase: ClassVar[str] = "known light, {width} wide"
 
     kind: Literal["known"] = "known"
     width_mm: Millimetres | None = None
