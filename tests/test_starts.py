@@ -11,7 +11,8 @@ from lensforge import seeds
 from lensforge.errors import InputError
 from lensforge.report.stored import load_results
 from lensforge.search.design_result import Start
-from lensforge.search.searches import SeededSearch, _light_by_other_rays
+from lensforge.search.other_rays import light_by_other_rays
+from lensforge.search.searches import SeededSearch
 from lensforge.surfaces.imported_face import LENS_FILE
 
 
@@ -50,7 +51,7 @@ def test_limits_that_a_start_misses_with_the_second_led_count():
     limit = {"kind": "points", "at_mm": [[0.0, 0.0]], "unit": "w_per_m2", "at_least": 30.0}
     spec = small_spec(source=None, sources=leds, target__uniform_mm=None, limits=[limit])
     result, start = SeededSearch(spec, FEW, (), None, 7).made(0)
-    states = [limit.state for light in _light_by_other_rays(result.lens, 7) for limit in light.limits]
+    states = [limit.state for light in light_by_other_rays(result.lens, 7) for limit in light.limits]
     assert states == ["pass", "fail"] and start.missed == 1 + sum(not criterion.holds for criterion in result.criteria)
 
 

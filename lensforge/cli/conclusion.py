@@ -46,7 +46,7 @@ _LINES = ("ways", "place", "application", "bound", "spread", "causes", "budget",
 _ON_RECEIVER = ("nmse", "share_in_target", "efficiency", "uniformity", "level", "cct", "rms_delta_uv")
 _LIGHT = (*_ON_RECEIVER, "leak", "rays", "fitted_nmse", "file_nmse", "file_efficiency")
 _FAR_FIELD = ("exit_lm", "exit_lm_per_m", "peak_cd", "beam_C 0", "beam_C 90", "bug")
-_LENS = ("kept_start", "radius", "height", "kept", "next")
+_LENS = ("kept_start", "radius", "height", "least_size", "kept", "next")
 _FILES = ("form_error", "volume", "mass", "plate_mass", "surfaces", "scale", "keep_out", "landing", "print_mesh")
 _FILES_OF_HANDOVER = (
     "html",

@@ -202,10 +202,10 @@ class DesignProgress:
 
     def on_step(self, step: Step) -> None:
         """Show a gradient step; where there is no terminal, write a line for each level that the spec names."""
-        self._clock.show(f"level {step.level + 1}{self._of_levels}, NMSE {step.nmse:.4f}")
+        self._clock.show(f"{_within(step)}level {step.level + 1}{self._of_levels}, NMSE {step.nmse:.4f}")
         left = self._left(step)
         if left is not None:
-            self._clock.expect(left, at_least=not self._of_steps)
+            self._clock.expect(left, at_least=not self._of_steps or bool(step.within))
         last = step.steps_done == step.steps_total
         new_level = self._last is not None and self._last.level != step.level
         shown = step if last else self._last
@@ -226,7 +226,7 @@ class DesignProgress:
 
     def _words(self, step: Step) -> str:
         return (
-            f"level {step.level + 1}{self._of_levels}  step {step.steps_done}/{step.steps_total}  "
+            f"{_within(step)}level {step.level + 1}{self._of_levels}  step {step.steps_done}/{step.steps_total}  "
             f"NMSE {step.nmse:.4f} with ray noise  efficiency {step.efficiency:.3f}"
         )
 
@@ -245,6 +245,10 @@ class DesignProgress:
     def on_end(self, name: str, seconds: float) -> None:
         """End a stage."""
         self._clock.end(name, seconds)
+
+
+def _within(step: Step) -> str:
+    return f"{step.within}, " if step.within else ""
 
 
 _WORTH_SAYING_S = 10.0

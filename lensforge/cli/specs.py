@@ -4,6 +4,7 @@ import json
 import shlex
 import sys
 from collections.abc import Callable, Iterable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -74,6 +75,7 @@ def _completed(kinds: Sequence[str], names: Callable[[], Iterable[str]] = tuple)
 )
 @click.option("--max-radius", type=Number(1e-6, 1e9), help="Largest radius of the lens in mm.")
 @click.option("--lens", type=click.Choice([*LensShape.kinds]), help="Kind; default: the one that suits the light.")
+@click.option("--thin", is_flag=True, help="A low lens, whose exit has a groove: half as high, for 2 % of the light.")
 @click.option("--material", help=f"One of {', '.join(MATERIALS)}; default: {_MATERIAL}.")
 @click.option("--cutter", metavar="CUTTER", help=f"What the shop needs: {CUTTERS}; default: what the lens allows.")
 @with_force
@@ -83,6 +85,7 @@ def new(
     target: str | None,
     max_radius: float | None,
     lens: str | None,
+    thin: bool,
     material: str | None,
     cutter: str | None,
     force: bool,
@@ -108,7 +111,11 @@ def new(
     )
     if zoom is not None:
         scene = scene.zoomed(*zoom)
+    if thin:
+        scene = replace(scene, thin=True)
+        lens = lens or next(name for name, section in LensShape.kinds.items() if section.may_be_thin)
     kind, why = (lens, "") if lens else _suitable(scene.of_material(material or _MATERIAL).advice())
+    scene.require_thin(kind)
     if not scene.takes_material(kind):
         if material is not None:
             raise InputError(f"--material {material}: no light enters a lens of kind {kind!r}; leave it out")

@@ -48,7 +48,7 @@ class NewScene:
     """A scene without its lens: tables of ``light``, ``source`` and ``constraints``, and the ``material``, if any.
 
     ``light``: ``target``, ``receivers`` for a plane beside the axis, or the ``states`` of a zoom. ``of_source``: a note
-    on the source.
+    on the source. ``thin``: its lens is to be low.
     """
 
     name: str
@@ -57,6 +57,7 @@ class NewScene:
     constraints: Tables
     material: str | None = None
     of_source: str = ""
+    thin: bool = False
 
     @staticmethod
     def of(name: str, light: Tables, source: Tables, max_radius_mm: float, of_source: str = "") -> "NewScene":
@@ -86,6 +87,12 @@ class NewScene:
         if material is not None and material not in MATERIALS:
             raise InputError(f"--material {material}: must be one of {', '.join(MATERIALS)}")
         return replace(self, material=material)
+
+    def require_thin(self, kind: str) -> None:
+        """Raise :class:`InputError` for a thin lens of a ``kind`` that has none."""
+        known = [name for name, section in LensShape.kinds.items() if section.may_be_thin]
+        if self.thin and kind not in known:
+            raise InputError(f"--thin: goes with --lens {' or '.join(known)}, not {kind!r}; leave one of the two out")
 
     @staticmethod
     def takes_material(kind: str) -> bool:
@@ -137,10 +144,26 @@ class NewScene:
         unlimited = self._spec(self.content(kind, shape=shape))
         moulded = cutter == USUAL and unlimited.manufacture.process == "moulded"
         content = self.content(kind, _made_with("mould" if moulded else cutter, unlimited), shape)
+        if self.thin:
+            content = self._thinned(content, shape)
         made = self._spec(content)
         if _takes_flat(made):
             content["base"] = {**content.get("base", {}), "flat_mm": usual_flat_mm(made.base)}
         return content
+
+    def _thinned(self, content: Tables, shape: LightShape) -> Tables:
+        """``content`` with a thin lens, as low as its light allows or as the height that is given."""
+        from lensforge.search.start_faces import start_conditions
+
+        if shape != "round":
+            raise InputError("--thin: the groove of a thin lens is round, and this light is not; leave --thin out")
+        thick = self._spec(content)
+        try:
+            tables = thick.lens.thin_tables(start_conditions(thick))
+        except InputError as error:
+            raise InputError(f"--thin: {error}") from None
+        merged = {name: {**content.get(name, {}), **table} for name, table in tables.items()}
+        return {**content, **merged}
 
     def text(
         self,

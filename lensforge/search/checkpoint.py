@@ -8,6 +8,7 @@ import hashlib
 import io
 import json
 from collections.abc import Mapping
+from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -97,6 +98,7 @@ def load_checkpoint(path: Path, key: str) -> tuple[CheckpointHead, dict[str, np.
 
 
 _MOST_SEARCHES = 3  # in turn: polished, frosted, of all kinds
+MOST_SIZES = 16  # within which the smallest lens is sought
 
 
 def of_later_search(path: Path, number: int) -> Path:
@@ -104,14 +106,19 @@ def of_later_search(path: Path, number: int) -> Path:
     return path.with_name(f"{path.stem}_{number}{path.suffix}") if number else path
 
 
+def of_later_size(path: Path, number: int) -> Path:
+    """Checkpoint of the first search within the size that follows so many others."""
+    return path.with_name(f"{path.stem}_size_{number}{path.suffix}") if number else path
+
+
 def delete_checkpoint(path: Path) -> None:
-    """Delete the checkpoint at ``path``, where there is one, and those of searches that began from its lens.
+    """Delete the checkpoint at ``path``, where there is one, and those of searches that follow it.
 
     Raises :class:`InputError` where that cannot be done.
     """
     try:
-        for number in range(_MOST_SEARCHES):
-            of_later_search(path, number).unlink(missing_ok=True)
+        for size, number in product(range(MOST_SIZES), range(_MOST_SEARCHES)):
+            of_later_search(of_later_size(path, size), number).unlink(missing_ok=True)
     except OSError as error:
         raise InputError(f"{path}: cannot be replaced ({error.strerror}); give another checkpoint") from None
 

@@ -108,7 +108,7 @@ class Start(Record):
     """One of several searches, by its seed: the light of its lens on the first receiver.
 
     ``merit``: mean of the NMSE over all receivers; without noise, so that it may be below 0. ``missed``: number of
-    constraints and limits that the lens misses.
+    constraints and limits that the lens misses. ``size_mm``: of the smallest lens, where that is sought.
     """
 
     seed: Count
@@ -117,17 +117,35 @@ class Start(Record):
     merit: Number
     missed: Count
     seconds: NotNegative
+    size_mm: Positive | None = None
 
     @property
-    def rank(self) -> tuple[int, float]:
+    def rank(self) -> tuple[int, float, float]:
         """Order of the starts, the best first."""
-        return self.missed, self.merit
+        return self.missed, self.size_mm or 0.0, self.merit
 
     @property
     def phrase(self) -> str:
         """The figures in a line."""
         missed = f", {self.missed} constraints or limits missed" if self.missed else ""
-        return f"NMSE {self.nmse}, efficiency {self.efficiency}{missed}"
+        size = "" if self.size_mm is None else f", size {quantity(self.size_mm, 'mm')}"
+        return f"NMSE {self.nmse}, efficiency {self.efficiency}{size}{missed}"
+
+
+class TriedSize(Record):
+    """A size within which a search for the smallest lens has looked for one: ``within_mm``, the bound of its lens.
+
+    ``size_mm``: of the lens. ``margin``: of its limit on the light that is nearest to its bound, relative to that, with
+    its ``standard_error``; negative where the bound is missed. ``holds``: all limits are kept, also of the lens's
+    shape. ``why``: the reason why there is no such lens; it then has none of these figures.
+    """
+
+    within_mm: Positive
+    holds: bool
+    size_mm: Positive | None = None
+    margin: Number | None = None
+    standard_error: NotNegative | None = None
+    why: Text = ""
 
 
 _COST_OF_LIGHT = 0.005
@@ -179,7 +197,7 @@ class Design(StageResult):
     """
 
     stage: ClassVar[str] = "design"
-    omit_if_empty: ClassVar[tuple[str, ...]] = ("tool_costs",)
+    omit_if_empty: ClassVar[tuple[str, ...]] = ("tool_costs", "sizes")
     made_from: ClassVar[tuple[str, ...]] = ("lens", "spec")
 
     lens: Annotated[Lens, Given()]
@@ -222,6 +240,7 @@ class Design(StageResult):
     kept_start: bool = False
     starts: tuple[Start, ...] = ()
     tool_costs: tuple[ToolCost, ...] = ()
+    sizes: tuple[TriedSize, ...] = ()
     criteria: Criteria = ()
 
     def judge(self) -> Criteria:
@@ -231,6 +250,11 @@ class Design(StageResult):
     def follows(self) -> Iterator[tuple[str, float, float]]:
         """Steps by the history."""
         yield "steps", self.steps, sum(len(level.loss) for level in self.history)
+
+    @property
+    def least_mm(self) -> float | None:
+        """Size of the smallest lens that holds all limits; None if none does, or if it was not sought."""
+        return min((tried.size_mm for tried in self.sizes if tried.holds and tried.size_mm), default=None)
 
     @property
     def spread(self) -> float | None:
@@ -274,6 +298,8 @@ class Progress:
             column x]; of several LEDs the first's.
         tables (Callable or None): A function that makes the tables of the faces of ``lens()``, as the search traces
             them, and their grid.
+        within (str): Size within which this search looks, such as "height 9 mm", where it is one of several for the
+            smallest lens.
     """
 
     level: int
@@ -289,6 +315,7 @@ class Progress:
     lens: Callable[[], Lens]
     images: tuple[Float[np.ndarray, "_ _"], ...] = ()
     tables: Callable[[], Any] | None = None
+    within: str = ""
 
 
 # Called after every gradient step. A search stops where its observer returns False; where that returns ENOUGH, it ends
@@ -439,12 +466,27 @@ def constraint_criteria(spec: Spec, measured: Margins) -> Criteria:
 def design_facts(design: Design) -> list[Group]:
     """Groups of the lens, of the search, and of its starts where there were several."""
     groups = [
-        Group("lens", "Lens", tuple(facts_in(design, design.criteria))),
+        Group("lens", "Lens", (*facts_in(design, design.criteria), *_least_size(design))),
         Group("search", "Search", tuple(_search(design))),
     ]
     if design.tool_costs:
         groups.append(Group("costs", "Costs of the tools", tuple(cost.fact for cost in design.tool_costs)))
     return groups if design.spread is None else [*groups, Group("starts", "Starts", tuple(_starts(design)))]
+
+
+def _least_size(design: Design) -> Iterator[Fact]:
+    """The smallest lens where it was sought, and the next smaller size, which has none that holds the limits."""
+    if not design.sizes:
+        return
+    label = f"Least {design.lens.spec.optimise.size}"
+    searches = f"of {len(design.sizes)} searches"
+    if (least_mm := design.least_mm) is None:
+        most = quantity(design.sizes[0].within_mm, "mm")
+        yield Fact("least_size", label, None, note=f"no lens within {most} holds all limits, {searches}")
+        return
+    smaller = max((tried.within_mm for tried in design.sizes if tried.within_mm < least_mm), default=None)
+    missed = "" if smaller is None else f"; no lens within {quantity(smaller, 'mm')} holds all limits"
+    yield Fact("least_size", label, least_mm, "mm", note=f"{searches}{missed}")
 
 
 def _widest(spec: Spec) -> str:

@@ -68,14 +68,15 @@ class ImageTerms:
         flux_w: float,
         symmetry: str,
         share: float,
-        aim: str = "pattern",
+        *,
+        light_alone: bool = False,
     ) -> "ImageTerms":
-        """Terms of ``targets`` that together hold ``flux_w``; ``aim``: as of ``OptimiseSection``."""
+        """Terms of ``targets`` that together hold ``flux_w``; ``light_alone``: its flux counts, not its picture."""
         wanted = torch.from_numpy(target_light(targets, receiver)) * flux_w
         # half a pixel more: the outermost strip of the region belongs to pixels whose centres are outside it
         region = uniform_region(targets, receiver, wider_by_pixels=1.0)
         mask = None if region is None else torch.from_numpy(region)
-        worth = _worth(wanted) if aim == "share" else None
+        worth = _worth(wanted) if light_alone else None
         return ImageTerms(wanted, mask, chart_mirrors(receiver, symmetry) or (), share, worth)
 
     def mirrored(self, image: Image) -> Image:

@@ -229,7 +229,12 @@ class MeritFunction(Merit[SampledLight]):
         total = sum(section.share for section in sections)
         terms = tuple(
             ImageTerms.of(
-                section.targets, receiver, limit, spec.lens.basis.symmetry, section.share / total, spec.optimise.aim
+                section.targets,
+                receiver,
+                limit,
+                spec.lens.basis.symmetry,
+                section.share / total,
+                light_alone=spec.optimise.counts_light_alone,
             )
             for section, receiver in zip(sections, receivers, strict=True)
         )

@@ -307,7 +307,7 @@ def _profile_rates(spec: Spec) -> tuple[float, ...]:
     """Factors of the rate of each part of the steps in which profiles move alone."""
     if spec.lens.begins_tailored:
         return _TAILORED_RATES
-    if spec.lens.is_opaque or spec.optimise.aim == "share":
+    if spec.lens.is_opaque or spec.optimise.counts_light_alone:
         return _SHARE_RATES
     return _ROUND_RATES if spec.lens.is_round else _PATTERN_RATES
 

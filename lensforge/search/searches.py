@@ -3,13 +3,12 @@
 import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import nullcontext
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal, TypedDict, Unpack
 
 from lensforge import seeds
 from lensforge.errors import InputError, SourceWarning, remedy
-from lensforge.light.evaluation_result import Light
 from lensforge.light.lens_light import name_of_source, other_source, searched_source, source_of
 from lensforge.light.source_photometry import SourceLumens
 from lensforge.public import public
@@ -17,13 +16,12 @@ from lensforge.results.arguments import count_of, path_of, require, threads_of_t
 from lensforge.results.cluster import connected
 from lensforge.scene.lens import Lens, load_lens
 from lensforge.search.design_result import Design, Observer, Start
-from lensforge.search.searches_in_turn import search_in_turn
+from lensforge.search.other_rays import light_by_other_rays
+from lensforge.search.smallest_lens import lens_by_search
 from lensforge.sources.build_source import build_source, summarise
-from lensforge.sources.joined_spectrum import efficacy_of
-from lensforge.sources.measured_rays import searched, smoothed
 from lensforge.sources.several_sources import SeveralSources
 from lensforge.spec import AnyAccuracy, Spec
-from lensforge.spec.accuracy import accuracy_of, preset_of
+from lensforge.spec.accuracy import accuracy_of
 from lensforge.spec.application import application_warnings
 from lensforge.spec.design_spec import require_spec
 from lensforge.spec.emitter_section import EmitterSection
@@ -106,7 +104,7 @@ def design(
     start = _start_of(spec, start)
     source, warned = _checked_scene(spec, start, warn, force=force)
     with threads_of_torch(threads):
-        return search_in_turn(
+        return lens_by_search(
             spec,
             source,
             accuracy=accuracy,
@@ -256,7 +254,7 @@ class SeededSearch:
 
     def made(self, seed: int) -> tuple[Design, Start]:
         """One search, and the light of its lens."""
-        design = search_in_turn(
+        design = lens_by_search(
             self.spec,
             searched_source(self.spec),
             accuracy=self.accuracy,
@@ -265,7 +263,7 @@ class SeededSearch:
             progress=self.progress,
             warnings=self.warnings,
         )
-        lights = _light_by_other_rays(design.lens, self.rays_seed)
+        lights = light_by_other_rays(design.lens, self.rays_seed)
         missed = sum(not criterion.holds for criterion in design.criteria)
         missed += sum(limit.state == "fail" for light in lights for limit in light.limits)
         errors = [receiver.nmse.value for light in lights for receiver in light.receivers if receiver.nmse is not None]
@@ -276,6 +274,7 @@ class SeededSearch:
             merit=sum(errors) / len(errors),
             missed=missed,
             seconds=design.seconds,
+            size_mm=design.least_mm,
         )
 
 
@@ -328,30 +327,3 @@ def best_design(
     ordered = [made[number] for number in range(count)]
     best, _ = min(ordered, key=lambda pair: pair[1].rank)  # of equals the first seed
     return best.changed(starts=tuple(start for _, start in ordered))
-
-
-def _light_by_other_rays(lens: Lens, seed: int) -> list[Light]:
-    """The light of ``lens`` with each of its LEDs, by rays that judge none: measured ones are the search's, turned."""
-    from lensforge.light.evaluation import evaluate_traced
-    from lensforge.light.far_field import limits_by_intensities
-    from lensforge.light.simulation import TracedLens
-    from lensforge.scene.limit_readings import light_limits
-    from lensforge.scene.receiver_shapes import receivers_of
-
-    preset = preset_of(lens.accuracy)
-    lights = []
-    traced = TracedLens.of(lens, preset.evaluate_nodes_per_sigma)
-    for spec in lens.spec.by_state.values():
-        source = build_source(spec.source, lens.dispersion, facets=lens.media.scattering)
-        efficacy = efficacy_of(source, spec.source, photons=spec.counts_photons)
-        limits = light_limits(spec, receivers_of(spec, spec.evaluate.pixels), efficacy, source.flux_w)
-        rays = spec.evaluate.rays or preset.evaluate_rays
-        judged_source = smoothed(searched(source))
-        lens_of_spec = replace(lens, spec=spec)
-        far = tuple(limits_by_intensities(lens_of_spec, judged_source, preset, efficacy.lumens, rays=None, seed=seed))
-        lights.append(
-            evaluate_traced(
-                traced, spec, judged_source, rays, seed, limits=limits, by_intensities=far, bounds_by=source
-            )
-        )
-    return lights

@@ -26,14 +26,19 @@ def start_faces(spec: Spec) -> dict[str, Surface]:
     Raises :class:`InputError` for sizes that leave no room for such a lens, and for faces that cross.
     """
     lens = spec.lens
-    first = spec.in_first_state
-    surfaces = lens.start_faces(
-        StartConditions(spec.constraints, first.source.extent_mm, lambda: beam_of(first), lambda: light_across(first))
-    )
+    surfaces = lens.start_faces(start_conditions(spec))
     if lens.has_creases:
         with remedy("change lens.*.offset_mm, or leave it out"):
             Body.of(surfaces, lens.body_roles).require_sound()
     return surfaces
+
+
+def start_conditions(spec: Spec) -> StartConditions:
+    """Conditions that the first faces are to suit; of several states those of the first."""
+    first = spec.in_first_state
+    return StartConditions(
+        spec.constraints, first.source.extent_mm, lambda: beam_of(first), lambda: light_across(first)
+    )
 
 
 def pixel_directions(receiver: PosedReceiver) -> Float[np.ndarray, "h w 3"]:

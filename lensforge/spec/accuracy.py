@@ -32,7 +32,8 @@ class SearchEffort(Section):
     ``finest``: functions of the finest level that it tries. ``steps``: of the stage of each level, and of the long
     stages that follow. ``rays``: of a gradient step, at first and at most. ``validation_rays``: of each of the two
     samples that judge the lens. ``step_gain``: share by which a long stage must lower the error, else the search ends.
-    ``level_gain``: share by which a level must lower it, else it is left out. Of any search, ``learning_rate``: step
+    ``level_gain``: share by which a level must lower it, else it is left out. ``size_step``: share to which the size of
+    the smallest lens is known, where that is sought. Of any search, ``learning_rate``: step
     size relative to the starting offset while functions are few and broad; ``multiplier_steps``: steps between updates
     of the constraints' multipliers.
     """
@@ -43,6 +44,7 @@ class SearchEffort(Section):
     validation_rays: _Count
     step_gain: _Share
     level_gain: _Share
+    size_step: Annotated[float, Field(ge=1e-4, le=0.5)] = 0.01
     learning_rate: Annotated[float, Field(gt=0.0, le=1.0)] = 0.004
     multiplier_steps: _Count = 10
 
@@ -163,7 +165,8 @@ def _in_table(name: object) -> Accuracy | None:
 PRESETS["draft"] = Preset(
     name="draft", nodes_per_sigma=2.5, evaluate_nodes_per_sigma=6.0, design_rays=2**14, coarse_steps=60, fine_steps=120,
     evaluate_rays=2**20, photometry_rays=(2**20, 2**20), verify_rays=2**14, effort=SearchEffort(
-        finest=289, steps=(40, 80), rays=(2**13, 2**15), validation_rays=2**15, step_gain=0.5, level_gain=0.1
+        finest=289, steps=(40, 80), rays=(2**13, 2**15), validation_rays=2**15, step_gain=0.5, level_gain=0.1,
+        size_step=0.02,
     ),
 )  # fmt: skip
 PRESETS["standard"] = Preset(
@@ -175,7 +178,8 @@ PRESETS["standard"] = Preset(
 PRESETS["reference"] = Preset(
     name="reference", nodes_per_sigma=5.0, evaluate_nodes_per_sigma=12.0, design_rays=2**18, coarse_steps=150,
     fine_steps=600, evaluate_rays=2**24, photometry_rays=(2**20, 2**24), verify_rays=2**17, effort=SearchEffort(
-        finest=4225, steps=(80, 300), rays=(2**16, 2**19), validation_rays=2**18, step_gain=0.05, level_gain=0.02
+        finest=4225, steps=(80, 300), rays=(2**16, 2**19), validation_rays=2**18, step_gain=0.05, level_gain=0.02,
+        size_step=0.005,
     ), single=False,
 )  # fmt: skip
 

@@ -11,17 +11,23 @@ from pydantic import Field
 from lensforge.errors import InputError
 from lensforge.optics.face_roles import BODY, CAVITY, OUTSIDE, RIM_FLANGE, FaceRole
 from lensforge.public import public
+from lensforge.spec.derived_values import rounded_length
 from lensforge.spec.face_section import FaceSection, FlangeSection
 from lensforge.spec.lens_section import Beam, LightShape, ProfiledShape, StartConditions
 from lensforge.spec.spec_section import Millimetres, check
-from lensforge.surfaces.collimator import Collimator, best_collimator
-from lensforge.surfaces.grooved_collimator import ThinRoom, best_grooved_collimator
+from lensforge.surfaces.collimator import Collimator, best_low_collimator
+from lensforge.surfaces.grooved_collimator import ThinRoom, best_grooved_collimator, lowest_grooved_collimator
 from lensforge.surfaces.profile import AXIS, HORIZON, LEAST_COEFFICIENTS, shrunk
 from lensforge.surfaces.reciprocal import ConeFace, PlaneFace, ReciprocalSurface
 from lensforge.surfaces.surface import Surface
 
 _CLEARANCE_MM = 0.25  # of the cavity from the LED, at least
 _DRAFT_DEG = 2.0  # of the side of a cavity, where the spec does not say
+_THIN_HEIGHT = 1.1  # over its radius, at most, of a thin lens
+_THIN_PROFILE = 24  # coefficients of each face: those of lens and ring are half of them
+# Radius of a groove over the height. Splines of the STEP follow no groove of 1/36 of the height to the direction of its
+# normals, and one of 1/22: spot_thin, of 0.25 and 0.4 mm.
+GROOVE_OF_HEIGHT = 1.0 / 18.0
 _WIDEST_BEAM = 3.0  # over the narrowest of this source and radius: wider ones fit any cavity, and the exit makes them
 
 
@@ -68,6 +74,7 @@ class TirSection(ProfiledShape):
         FaceRole("exit", BODY, OUTSIDE, on_axis=True, is_placed=True),
     )
     title = "lens for total internal reflection"
+    may_be_thin = True
     kind: Literal["tir"] = "tir"
     cap: FaceSection = Field(
         default_factory=FaceSection,
@@ -158,25 +165,36 @@ class TirSection(ProfiledShape):
     def _of_a_point(self, conditions: StartConditions, beam: Beam) -> dict[str, ReciprocalSurface]:
         if self.exit.groove_radius_mm is None:
             return self._collimator(conditions, beam).faces
-        limits = conditions.limits
-        size = conditions.side_mm
-        if limits.max_height_mm is None:
+        if conditions.limits.max_height_mm is None:
             raise InputError(
                 "lens.exit.groove_radius_mm: a lens with a groove is as high as constraints.max_height_mm; give it"
             )
-        margin_mm = 2.0 * limits.margin_mm
-        clear_mm = max(conditions.clear_mm, 0.5**0.5 * size + _CLEARANCE_MM) + margin_mm
-        wall_mm = limits.min_thickness_mm + margin_mm
-        room = ThinRoom(limits.max_height_mm - margin_mm, limits.rim_radius_mm, wall_mm, clear_mm)
         best = best_grooved_collimator(
             self.refractive_index / self.cavity_index,
-            room,
-            size,
+            _thin_room(conditions, conditions.limits.max_height_mm),
+            conditions.side_mm,
             beam.most_rad,
             draft_rad=self._draft_rad,
             mirrored=self.wall.mirror is not None,
         )
         return best.faces(self.exit.groove_radius_mm)
+
+    def thin_tables(self, conditions: StartConditions) -> dict[str, dict[str, object]]:
+        """Fields of the lowest lens with a groove that has nearly the light of a higher one of its radius.
+
+        Raises :class:`InputError` for sizes that leave no room for such a lens.
+        """
+        radius_mm = conditions.limits.rim_radius_mm
+        lowest = lowest_grooved_collimator(
+            self.refractive_index / self.cavity_index,
+            _thin_room(conditions, _THIN_HEIGHT * radius_mm),
+            conditions.side_mm,
+            min(conditions.beam().most_rad, _widest_beam_rad(conditions)),
+            draft_rad=self._draft_rad,
+        )
+        height_mm = rounded_length(lowest.height_mm + 2.0 * conditions.limits.margin_mm)
+        groove = {"groove_radius_mm": rounded_length(GROOVE_OF_HEIGHT * height_mm)}
+        return {"lens": {"profile": _THIN_PROFILE, "exit": groove}, "constraints": {"max_height_mm": height_mm}}
 
     @property
     def _draft_rad(self) -> float:
@@ -187,22 +205,34 @@ class TirSection(ProfiledShape):
         size = conditions.side_mm
         radius_mm = limits.rim_radius_mm
         margin_mm = 2.0 * limits.margin_mm
-        narrowest_rad = float(np.arcsin(min(0.5, size / radius_mm / np.sqrt(np.pi))))
         room_mm = np.inf if limits.max_height_mm is None else limits.max_height_mm - (self.flange_room_mm or 0.0)
-        best = best_collimator(
+        best = best_low_collimator(
             self.refractive_index / self.cavity_index,
             radius_mm,
             size,
-            min(beam.most_rad, _WIDEST_BEAM * narrowest_rad),
+            min(beam.most_rad, _widest_beam_rad(conditions)),
+            room_mm,
             draft_rad=self._draft_rad,
             least_wall_mm=limits.min_thickness_mm + margin_mm,
             mirrored=self.wall.mirror is not None,
             clearance_mm=max(0.0, conditions.clear_mm - size / 2.0**0.5) + margin_mm,
-            most_height_mm=room_mm,
         )
         cap = self.cap.offset_mm
         side = self.side.offset_mm
         return replace(best, cap_mm=cap or best.cap_mm, cavity_mm=side or best.cavity_mm)
+
+
+def _widest_beam_rad(conditions: StartConditions) -> float:
+    """Widest half angle of a beam for which the first lens is chosen."""
+    of_radius = conditions.side_mm / conditions.limits.rim_radius_mm
+    return _WIDEST_BEAM * float(np.arcsin(min(0.5, of_radius / np.sqrt(np.pi))))
+
+
+def _thin_room(conditions: StartConditions, height_mm: float) -> ThinRoom:
+    limits = conditions.limits
+    margin_mm = 2.0 * limits.margin_mm
+    clear_mm = max(conditions.clear_mm, 0.5**0.5 * conditions.side_mm + _CLEARANCE_MM) + margin_mm
+    return ThinRoom(height_mm - margin_mm, limits.rim_radius_mm, limits.min_thickness_mm + margin_mm, clear_mm)
 
 
 def _with_flange(

@@ -101,7 +101,8 @@ class LensShape(OfSeveralKinds, LensMaterial):
     ``search.problem``. ``may_be_round``: it has a shape without any level, faces of revolution. ``radius_about_axis``:
     its radius is its distance from the axis, not from the LED: its exit or mouth is flat, and it lies in a cylinder.
     ``largest_symmetry``: mirror group of the most symmetric one. ``is_advised``: `lensforge new` weighs it
-    against others, unasked. ``without``: stages that it does not have, and why.
+    against others, unasked. ``without``: stages that it does not have, and why. ``may_be_thin``: it may be
+    much lower than wide, by :meth:`thin_tables`.
     """
 
     usual_kind = "double"
@@ -113,6 +114,7 @@ class LensShape(OfSeveralKinds, LensMaterial):
     largest_symmetry: ClassVar[str] = "square"
     is_advised: ClassVar[bool] = True
     without: ClassVar[Mapping[str, str]] = {}
+    may_be_thin: ClassVar[bool] = False
     kind: str
     levels: Levels = Field(
         default="auto",
@@ -237,6 +239,13 @@ class LensShape(OfSeveralKinds, LensMaterial):
         """The faces of the body by name from which a search begins; those that are fixed stay.
 
         Raises :class:`InputError` for sizes that leave no room for such a lens.
+        """
+        raise NotImplementedError
+
+    def thin_tables(self, conditions: StartConditions) -> dict[str, dict[str, object]]:
+        """Fields by section that make such a lens low, for a kind that may be thin.
+
+        Raises :class:`InputError` for sizes that leave no room for it.
         """
         raise NotImplementedError
 

@@ -146,10 +146,16 @@ class OptimiseSection(Section):
     pixels: Annotated[int, Field(ge=4, le=1024)] = Field(
         default=64, description="Pixels along a side of the receiver in the search."
     )
-    aim: Literal["pattern", "share"] = Field(
+    aim: Literal["pattern", "share", "size"] = Field(
         default="pattern",
         description='What counts: "pattern", light as the targets say; "share", as much light in them as '
-        "possible, however it lies.",
+        'possible, however it lies; "size", the smallest lens that holds all `[[limits]]`, of which a zone may bound '
+        'the share. That lens is sought by several searches for the "share", within one size after another.',
+    )
+    size: Literal["height", "radius"] = Field(
+        default="height",
+        description='Of `aim = "size"`: what is the least. `constraints.max_height_mm` or `constraints.max_radius_mm` '
+        "bounds the first search, and is lowered to the least; without a height the first search finds one.",
     )
     over_sources: Literal["mean", "worst"] = Field(
         default="mean",
@@ -158,7 +164,8 @@ class OptimiseSection(Section):
     seconds: Annotated[float, Field(ge=1.0, le=1e6)] | None = Field(
         default=None,
         description="Time that the search with automatic levels may take, with its set-up but without the kernels "
-        "that are compiled once on a machine; by default it goes on for as long as it gains.",
+        'that are compiled once on a machine; of `aim = "size"` each search. By default it goes on for as long as it '
+        "gains.",
     )
     robust: Annotated[_Robust, BeforeValidator(_share_of_parts)] = Field(
         default=False,
@@ -179,8 +186,14 @@ class OptimiseSection(Section):
 
     @model_serializer(mode="wrap")
     def _as_before_scenes(self, write: SerializerFunctionWrapHandler) -> dict[str, object]:
-        """The section without the usual rim: specs without a scene keep the hash that they had before."""
-        return {name: value for name, value in write(self).items() if name != "rim_deg" or value != RIM_DEG}
+        """The section without a usual rim and size: specs without a scene keep the hash that they had before."""
+        usual: dict[str, object] = {"rim_deg": RIM_DEG, "size": "height"}
+        return {name: value for name, value in write(self).items() if value != usual.get(name, ...)}
+
+    @property
+    def counts_light_alone(self) -> bool:
+        """True where a search is for as much light in the targets as possible, however it lies."""
+        return self.aim != "pattern"
 
     @property
     def share(self) -> float | None:
@@ -188,7 +201,17 @@ class OptimiseSection(Section):
         return None if isinstance(self.robust, bool) else _YIELD if self.robust == "yield" else self.robust
 
     def require_limits(self, given: bool) -> None:
-        """Raise ``ValueError`` for a share of the parts that hold limits where there are none."""
+        """Raise ``ValueError`` for an aim, or a share of the parts, that asks for limits where there are none."""
+        if self.aim == "size" and not given:
+            raise ValueError(
+                'optimise.aim = "size" is for the smallest lens that holds limits, and there are none: give [[limits]] '
+                "or [[roads]], of which a zone may bound the share of the flux"
+            )
+        if self.aim == "size" and self.share is not None:
+            raise ValueError(
+                f'optimise.robust = {self.robust!r} does not go with aim = "size": that lens holds limits as designed; '
+                "give robust = true"
+            )
         if self.share is not None and not given:
             raise ValueError(
                 f"optimise.robust = {self.robust!r} asks for parts that hold limits, and there are none: give "

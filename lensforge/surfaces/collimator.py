@@ -14,7 +14,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from functools import cache, cached_property, lru_cache
 from itertools import product
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Float
@@ -34,6 +34,8 @@ _PLACES = 8  # places along each side of the source
 _TRIED = 12  # values of cavity and cap in a scan
 _ROUNDS = 4  # scans, each closer than the one before
 _TALLEST_CAP = 4.0  # over the radius of the cavity
+_NARROWEST = 0.3  # of the largest radius, of a low lens
+_CLOSE = 0.01  # share of its radius to which that is found
 
 
 @dataclass(frozen=True)
@@ -244,6 +246,34 @@ def best_collimator(
         low = np.maximum(optimum / step, least)
         high = optimum * step
     return best
+
+
+@lru_cache(maxsize=8)  # six seconds
+def best_low_collimator(
+    index: float, most_radius_mm: float, side_mm: float, half_angle_rad: float, most_height_mm: float, **room: Any
+) -> Collimator:
+    """The best collimator within a radius and a height, where one of a smaller radius may have more light.
+
+    ``room``: as of :func:`best_collimator`. Raises :class:`InputError` as that does, if none has room.
+    """
+    from scipy.optimize import minimize_scalar
+
+    widest = best_collimator(index, most_radius_mm, side_mm, half_angle_rad, **room)
+    if widest.height_mm <= most_height_mm:
+        return widest
+
+    def of_radius(radius_mm: float) -> Collimator:
+        return best_collimator(index, radius_mm, side_mm, half_angle_rad, most_height_mm=most_height_mm, **room)
+
+    def lost(log_radius: float) -> float:
+        try:
+            return -of_radius(float(np.exp(log_radius))).share(half_angle_rad, side_mm)
+        except InputError:
+            return float(np.exp(log_radius) / most_radius_mm)  # too high, or too narrow for a wall
+
+    ends = np.log([_NARROWEST * most_radius_mm, most_radius_mm])
+    found = minimize_scalar(lost, bounds=ends, method="bounded", options={"xatol": _CLOSE})
+    return of_radius(float(np.exp(found.x)))
 
 
 def _scanned(like: Collimator, sizes_mm: Float[np.ndarray, "k 2"]) -> Iterator[Collimator]:

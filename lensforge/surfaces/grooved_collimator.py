@@ -51,6 +51,10 @@ _LACKING = 1e-3  # of its height
 _REFUSED = 10.0
 _LEAST = (0.05, 0.05, 0.1, 0.0)  # of cavity and cap over the height, of the cap's share of the turn, and of the slope
 _MOST = (0.9, 0.9, 0.9, 1.0)
+OF_BEST = 0.98  # of the most light, that a lens as low as possible has
+_LOWEST = 0.45  # of the largest height, at which low lenses are looked for
+_HEIGHTS = 4
+_HALVINGS = 2  # of the interval between two of them
 
 
 class _Path(NamedTuple):
@@ -267,6 +271,39 @@ def best_grooved_collimator(
             "take a smaller source"
         )
     return best
+
+
+def lowest_grooved_collimator(
+    index: float, room: ThinRoom, side_mm: float, half_angle_rad: float, *, draft_rad: float = 0.035
+) -> GroovedCollimator:
+    """The lowest thin lens that has :data:`OF_BEST` of the most light of any height up to that of ``room``.
+
+    Light falls slowly with the height at first, and then fast. Raises :class:`InputError` if none has ``room``.
+    """
+
+    def of_height(height_mm: float) -> GroovedCollimator | None:
+        try:
+            return best_grooved_collimator(
+                index, room._replace(height_mm=height_mm), side_mm, half_angle_rad, draft_rad=draft_rad
+            )
+        except InputError:
+            return None
+
+    heights = np.geomspace(_LOWEST * room.height_mm, room.height_mm, _HEIGHTS)
+    lenses = [lens for lens in map(of_height, heights.tolist()) if lens is not None]
+    if not lenses:
+        best_grooved_collimator(index, room, side_mm, half_angle_rad, draft_rad=draft_rad)  # says what it lacks
+    least = OF_BEST * max(lens.share(half_angle_rad, side_mm) for lens in lenses)
+    number = next(number for number, lens in enumerate(lenses) if lens.share(half_angle_rad, side_mm) >= least)
+    found = lenses[number]
+    low = lenses[number - 1].height_mm if number else found.height_mm
+    for _ in range(_HALVINGS):
+        middle = of_height(float(np.sqrt(low * found.height_mm)))
+        if middle is not None and middle.share(half_angle_rad, side_mm) >= least:
+            found = middle
+        else:
+            low = float(np.sqrt(low * found.height_mm))
+    return found
 
 
 def _through(points: _Meridian, reach_mm: float) -> ProfileFace:
