@@ -479,7 +479,7 @@ def _least_size(design: Design) -> Iterator[Fact]:
     if not design.sizes:
         return
     label = f"Least {design.lens.spec.optimise.size}"
-    searches = f"of {len(design.sizes)} searches"
+    searches = "by one search" if len(design.sizes) == 1 else f"by {len(design.sizes)} searches"
     if (least_mm := design.least_mm) is None:
         most = quantity(design.sizes[0].within_mm, "mm")
         yield Fact("least_size", label, None, note=f"no lens within {most} holds all limits, {searches}")
