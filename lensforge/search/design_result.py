@@ -478,15 +478,14 @@ def _least_size(design: Design) -> Iterator[Fact]:
     """The smallest lens where it was sought, and the next smaller size, which has none that holds the limits."""
     if not design.sizes:
         return
-    label = f"Least {design.lens.spec.optimise.size}"
-    searches = "by one search" if len(design.sizes) == 1 else f"by {len(design.sizes)} searches"
-    if (least_mm := design.least_mm) is None:
-        most = quantity(design.sizes[0].within_mm, "mm")
-        yield Fact("least_size", label, None, note=f"no lens within {most} holds all limits, {searches}")
-        return
-    smaller = max((tried.within_mm for tried in design.sizes if tried.within_mm < least_mm), default=None)
-    missed = "" if smaller is None else f"; no lens within {quantity(smaller, 'mm')} holds all limits"
-    yield Fact("least_size", label, least_mm, "mm", note=f"{searches}{missed}")
+    least_mm = design.least_mm
+    below = [
+        size.within_mm for size in design.sizes if not size.holds and (least_mm is None or size.within_mm < least_mm)
+    ]
+    missed = f"; no lens within {quantity(max(below), 'mm')} holds all limits" if below else ""
+    count = len(design.sizes)
+    note = f"by {count} searches{missed}" if count > 1 else f"by one search{missed}"
+    yield Fact("least_size", f"Least {design.lens.spec.optimise.size}", least_mm, "mm", note=note)
 
 
 def _widest(spec: Spec) -> str:

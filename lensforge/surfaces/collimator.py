@@ -35,7 +35,7 @@ _TRIED = 12  # values of cavity and cap in a scan
 _ROUNDS = 4  # scans, each closer than the one before
 _TALLEST_CAP = 4.0  # over the radius of the cavity
 _NARROWEST = 0.3  # of the largest radius, of a low lens
-_CLOSE = 0.01  # share of its radius to which that is found
+_CLOSE = 0.03  # share of its radius to which that is found
 
 
 @dataclass(frozen=True)
@@ -207,7 +207,7 @@ def _places_from_the_centre() -> Float[np.ndarray, "2 k"]:
     return np.stack([x * np.cos(turn) - y * np.sin(turn), x * np.sin(turn) + y * np.cos(turn)]).reshape(2, -1)
 
 
-@lru_cache(maxsize=8)  # half a second, for the check of a scene and for its search
+@lru_cache(maxsize=64)  # half a second, for the check of a scene and for its search; a low one tries ten radii
 def best_collimator(
     index: float,
     radius_mm: float,
@@ -248,7 +248,6 @@ def best_collimator(
     return best
 
 
-@lru_cache(maxsize=8)  # six seconds
 def best_low_collimator(
     index: float, most_radius_mm: float, side_mm: float, half_angle_rad: float, most_height_mm: float, **room: Any
 ) -> Collimator:

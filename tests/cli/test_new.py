@@ -22,6 +22,7 @@ from lensforge.spec.derived_values import WHY
 from lensforge.spec.lens_section import LensShape
 from lensforge.spec.new_spec import receiver_beside, source_in, target_in
 from lensforge.spec.spec_reference import spec_schema
+from lensforge.surfaces.grooved_face import GroovedFace
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 LIGHT = ("--source", "disc:1", "--target", "rectangle:200x150@300", "--max-radius", "14", "--material", "PMMA")
@@ -507,3 +508,38 @@ def test_what_makes_no_zoom_is_refused_in_a_line(word: str, line: str) -> None:
     assert code == 2 and line in errors and len(errors.strip().splitlines()) == 1
     with pytest.raises(InputError, match="go with a target on a plane"):
         receiver_beside(target_in("zoom:15-45"), off_axis_deg=10.0)
+
+
+def test_a_thin_lens_is_as_low_as_its_light_allows_and_begins_with_a_groove() -> None:
+    """Of its radius: half as high as wide, and one fifth lower without room for as much light."""
+    spot = ("--source", "square:1", "--target", "beam:12", "--max-radius", "7", "--material", "PMMA")
+    code, output, _ = lensforge("new", *spot, "--thin")
+    spec = parse_spec(tomllib.loads(output), "thin")
+    assert code == 0 and spec.lens.kind == "tir"
+    height_mm = spec.constraints.max_height_mm
+    assert height_mm is not None and 3.0 < height_mm < 7.0
+    assert spec.lens.faces["exit"].groove_radius_mm == pytest.approx(height_mm / 18.0, rel=0.01)
+    assert "# so high the lens is: the least with 0.98 of the light of any height" in output
+    faces = start_faces(spec)
+    assert isinstance(faces["exit"], GroovedFace)
+    assert lensforge("new", *spot, "--thin", "--lens", "tir")[1] == output
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (
+            ("--target", "beam:12", "--lens", "double"),
+            "--thin: goes with --lens tir, not 'double'; leave",
+        ),
+        (
+            ("--target", "beam:20x8"),
+            "--thin: the groove of a thin lens is round, and this light is not; leave --thin out",
+        ),
+        (("--target", "beam:12", "--source", "square:9"), "--thin: "),
+    ],
+)
+def test_a_thin_lens_that_cannot_be_is_refused_in_one_line(options: tuple[str, ...], message: str) -> None:
+    scene = ("--source", "square:1", "--max-radius", "7", "--material", "PMMA", "--thin", "--force")
+    code, _, errors = lensforge("new", *scene, *options)
+    assert code == 2 and message in errors

@@ -8,6 +8,7 @@ from typing import Any
 
 import pytest
 from presets import FEW
+from scenes import small_spec
 from tir_lenses import SPOT, wall_not_measured
 
 import lensforge as lf
@@ -136,7 +137,7 @@ def test_without_room_for_the_limits_the_largest_lens_is_the_result() -> None:
         design = lf.design(spec, accuracy=COARSE, warn=lambda _: None, force=True)
     assert [size.holds for size in design.sizes] == [False] and design.least_mm is None
     fact = next(fact for group in design_facts(design) for fact in group.facts if fact.key == "least_size")
-    assert fact.note == "no lens within 8.000 mm holds all limits, by one search"
+    assert fact.note == "by one search; no lens within 8.000 mm holds all limits"
 
 
 def test_an_observer_that_has_enough_ends_all_searches() -> None:
@@ -160,6 +161,24 @@ def test_of_several_starts_the_smallest_lens_is_the_best() -> None:
     figures = {"seed": 0, "nmse": light, "efficiency": light, "seconds": 0.0, "missed": 0}
     small, large = (Start(merit=merit, size_mm=size, **figures) for merit, size in ((2.0, 7.0), (1.0, 7.1)))
     assert small.rank < large.rank
+
+
+def test_a_height_that_is_not_given_begins_with_that_of_the_first_lens() -> None:
+    """Of two faces; the second search has a bound, and heard of it."""
+    heard: list[str] = []
+    zone = {"kind": "zone", "zone": {"kind": "disc", "diameter_mm": 90.0}, "at_least_share": 0.2}
+    optimise = {"aim": "size", "size": "height", "steps_per_level": [1], "rays": 256}
+    spec = small_spec(optimise=optimise, limits=[zone], lens__levels=[9], evaluate={"rays": 2**12})
+
+    def until_the_second(now: lf.Progress) -> object:
+        heard.append(now.within)
+        return ENOUGH if now.within else None
+
+    design = lf.design(spec, accuracy=COARSE, warn=lambda _: None, progress=until_the_second, force=True)
+    first, second = design.sizes
+    assert first.within_mm == first.size_mm and second.within_mm == pytest.approx(0.8 * first.size_mm)
+    assert heard == ["", f"height {second.within_mm:.4g} mm"]
+    assert first.holds and (design.height_mm == second.size_mm) == second.holds
 
 
 @pytest.mark.parametrize(

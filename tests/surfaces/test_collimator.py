@@ -16,7 +16,7 @@ from lensforge.scene.body import Body, Face
 from lensforge.sources.build_source import SquareEmitter
 from lensforge.spec.accuracy import PRESETS
 from lensforge.surfaces.bicubic_table import TableGrid
-from lensforge.surfaces.collimator import Collimator, best_collimator
+from lensforge.surfaces.collimator import Collimator, best_collimator, best_low_collimator
 
 INDEX = 1.4936
 SIDES = {"cap": (CAVITY, BODY), "side": (CAVITY, BODY), "wall": (BODY, OUTSIDE), "exit": (BODY, OUTSIDE)}
@@ -111,6 +111,19 @@ def test_a_largest_height_is_kept() -> None:
     lens = best_collimator(INDEX, 15.0, 1.0, np.radians(5.0), most_height_mm=14.0)
     assert 13.5 < lens.height_mm <= 14.0
     assert lens.share(0.0873, 1.0) == pytest.approx(0.913, abs=0.01)
+
+
+def test_within_a_height_a_smaller_radius_may_have_more_light() -> None:
+    """Against a scan of radii by hand; where the height is no limit, the largest radius is the best."""
+    half = np.radians(8.0)
+    low = best_low_collimator(INDEX, 9.0, 1.0, half, 7.0)
+    by_hand = {radius: best_collimator(INDEX, radius, 1.0, half, most_height_mm=7.0) for radius in (5.5, 6.5, 7.5)}
+    shares = {radius: lens.share(half, 1.0) for radius, lens in by_hand.items()}
+    assert low.height_mm <= 7.0 and 5.5 < low.radius_mm < 7.5
+    assert low.share(half, 1.0) >= max(shares.values()) - 1e-3
+    assert low.share(half, 1.0) > best_collimator(INDEX, 9.0, 1.0, half, most_height_mm=8.0).share(half, 1.0)
+    high = best_low_collimator(INDEX, 9.0, 1.0, half, 30.0)
+    assert high == best_collimator(INDEX, 9.0, 1.0, half) and high.radius_mm == 9.0
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,12 @@ from lensforge.optics.face_roles import BODY, CAVITY, OUTSIDE
 from lensforge.scene.body import Body, Face
 from lensforge.surfaces.bicubic_table import TableGrid
 from lensforge.surfaces.collimator import Collimator
-from lensforge.surfaces.grooved_collimator import GroovedCollimator, ThinRoom, best_grooved_collimator
+from lensforge.surfaces.grooved_collimator import (
+    GroovedCollimator,
+    ThinRoom,
+    best_grooved_collimator,
+    lowest_grooved_collimator,
+)
 from lensforge.surfaces.grooved_face import GroovedFace, blended
 from lensforge.surfaces.profile import ProfileFace
 
@@ -100,6 +105,21 @@ def test_the_best_has_the_room_that_it_is_given_and_no_lens_without_room_begins(
     assert lengths["wall"] > 0.6 - 0.01 and lengths["gap"] > 0.39 and lengths["step"] > 0.29
     with pytest.raises(InputError, match="height = 2 mm leaves no room for cap, lens and ring; raise it"):
         best_grooved_collimator(INDEX, ThinRoom(2.0, 15.0, 0.6, 1.0), 1.0, half)
+
+
+def test_the_lowest_has_nearly_the_light_of_any_height_and_a_lower_one_has_less() -> None:
+    half = np.radians(6.0)
+    room = ThinRoom(9.0, 8.0, 0.6, 1.0)
+    lowest = lowest_grooved_collimator(INDEX, room, 1.0, half)
+    shares = {
+        height: best_grooved_collimator(INDEX, room._replace(height_mm=height), 1.0, half).share(half, 1.0)
+        for height in (0.85 * lowest.height_mm, 7.0, 8.0, 9.0)
+    }
+    lower, *higher = shares.values()
+    assert 4.5 < lowest.height_mm < 8.0
+    assert lower < 0.98 * max(higher) < lowest.share(half, 1.0) + 0.005
+    with pytest.raises(InputError, match="leaves no room for cap, lens and ring"):
+        lowest_grooved_collimator(INDEX, ThinRoom(2.0, 8.0, 0.6, 1.0), 1.0, half)
 
 
 def test_zones_that_do_not_meet_have_no_groove() -> None:
