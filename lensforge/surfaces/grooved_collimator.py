@@ -12,7 +12,8 @@ t((1 - s) a) if the cap is normal to n t((1 - s) a) - t(a) throughout, whence
 the hyperboloid of ``surfaces.collimator`` for s = 1. The lens and the wall follow by equal optical paths.
 """
 
-from dataclasses import dataclass
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from itertools import product
 from typing import NamedTuple
@@ -52,9 +53,7 @@ _REFUSED = 10.0
 _LEAST = (0.05, 0.05, 0.1, 0.0)  # of cavity and cap over the height, of the cap's share of the turn, and of the slope
 _MOST = (0.9, 0.9, 0.9, 1.0)
 OF_BEST = 0.98  # of the most light, that a lens as low as possible has
-_LOWEST = 0.45  # of the largest height, at which low lenses are looked for
-_HEIGHTS = 4
-_HALVINGS = 2  # of the interval between two of them
+_LOWER = 0.96  # from one height to the next
 
 
 class _Path(NamedTuple):
@@ -221,6 +220,74 @@ class ThinRoom(NamedTuple):
     clear_mm: float
 
 
+@dataclass(frozen=True)
+class _Choice:
+    """Choice of the thin lens of an ``index`` with the most light of a square source within a half angle, in a room.
+
+    Its numbers: cavity and cap over the height, the cap's share of the turn, and the slope of the ring.
+    """
+
+    index: float
+    room: ThinRoom
+    side_mm: float
+    half_angle_rad: float
+    draft_rad: float
+    mirrored: bool
+
+    def lens_of(self, numbers: Float[np.ndarray, "4"]) -> GroovedCollimator:
+        """The lens of these numbers."""
+        cavity, cap, turn, slope = numbers.tolist()
+        height = self.room.height_mm
+        return GroovedCollimator(
+            self.index, height, cavity * height, cap * height, turn, slope, self.draft_rad, self.mirrored
+        )
+
+    def share(self, numbers: Float[np.ndarray, "4"]) -> float:
+        """Light of the lens at first order; 0 for one that lacks room."""
+        lens = self.lens_of(numbers)
+        return 0.0 if self.lacks(lens) > _LACKING else lens.share(self.half_angle_rad, self.side_mm)
+
+    def lacks(self, lens: GroovedCollimator) -> float:
+        """Lengths that it lacks, over its height."""
+        room = self.room
+        lengths = lens.least_mm
+        spare_mm = (
+            lengths["wall"] - room.wall_mm,
+            lengths["gap"] - _GAP * self.side_mm,
+            lengths["step"] - _STEP * self.side_mm,
+            min(lens.cavity_mm, lens.cap_mm) - room.clear_mm,
+            room.radius_mm - lens.radius_mm,
+        )
+        return -sum(min(0.0, length_mm) for length_mm in spare_mm) / room.height_mm
+
+    def best(self, starts: Iterable[Sequence[float]]) -> Float[np.ndarray, "4"]:
+        """Numbers of the best lens near any of ``starts``, by the simplex of Nelder and Mead."""
+        from scipy.optimize import minimize
+
+        options = {"maxiter": _STEPS, "fatol": _CLOSE}
+        ends = [minimize(self._cost, start, method="Nelder-Mead", options=options) for start in starts]
+        return min(ends, key=lambda end: float(end.fun)).x
+
+    def _cost(self, numbers: Float[np.ndarray, "4"]) -> float:
+        if not ((numbers > _LEAST).all() and (numbers < _MOST).all()):
+            return _REFUSED
+        lens = self.lens_of(numbers)
+        return _DEAR * self.lacks(lens) - lens.share(self.half_angle_rad, self.side_mm)
+
+    def require_room(self, numbers: Float[np.ndarray, "4"]) -> GroovedCollimator:
+        """The lens of these numbers. Raises :class:`InputError` if it lacks room."""
+        lens = self.lens_of(numbers)
+        if self.lacks(lens) > _LACKING:
+            raise InputError(
+                f"grooved collimator: height = {self.room.height_mm:g} mm leaves no room for cap, lens and ring; "
+                "raise it, or take a smaller source"
+            )
+        return lens
+
+
+_ALL_STARTS = [(*start, _SLOPE) for start in product(*_STARTS)]
+
+
 @lru_cache(maxsize=8)  # a second, for the check of a scene and for its search
 def best_grooved_collimator(
     index: float,
@@ -235,42 +302,8 @@ def best_grooved_collimator(
 
     Raises :class:`InputError` if none has ``room``.
     """
-    from scipy.optimize import minimize
-
-    def lens_of(numbers: Float[np.ndarray, "4"]) -> GroovedCollimator:
-        cavity, cap, turn, slope = numbers.tolist()
-        height = room.height_mm
-        return GroovedCollimator(index, height, cavity * height, cap * height, turn, slope, draft_rad, mirrored)
-
-    def lacks(lens: GroovedCollimator) -> float:
-        """Lengths that it lacks, over its height."""
-        lengths = lens.least_mm
-        spare_mm = (
-            lengths["wall"] - room.wall_mm,
-            lengths["gap"] - _GAP * side_mm,
-            lengths["step"] - _STEP * side_mm,
-            min(lens.cavity_mm, lens.cap_mm) - room.clear_mm,
-            room.radius_mm - lens.radius_mm,
-        )
-        return -sum(min(0.0, length_mm) for length_mm in spare_mm) / room.height_mm
-
-    def cost(numbers: Float[np.ndarray, "4"]) -> float:
-        if not ((numbers > _LEAST).all() and (numbers < _MOST).all()):
-            return _REFUSED
-        lens = lens_of(numbers)
-        return _DEAR * lacks(lens) - lens.share(half_angle_rad, side_mm)
-
-    ends = [
-        minimize(cost, (cavity, cap, turn, _SLOPE), method="Nelder-Mead", options={"maxiter": _STEPS, "fatol": _CLOSE})
-        for cavity, cap, turn in product(*_STARTS)
-    ]
-    best = lens_of(min(ends, key=lambda end: float(end.fun)).x)
-    if lacks(best) > _LACKING:
-        raise InputError(
-            f"grooved collimator: height = {room.height_mm:g} mm leaves no room for cap, lens and ring; raise it, or "
-            "take a smaller source"
-        )
-    return best
+    choice = _Choice(index, room, side_mm, half_angle_rad, draft_rad, mirrored)
+    return choice.require_room(choice.best(_ALL_STARTS))
 
 
 def lowest_grooved_collimator(
@@ -278,32 +311,20 @@ def lowest_grooved_collimator(
 ) -> GroovedCollimator:
     """The lowest thin lens that has :data:`OF_BEST` of the most light of any height up to that of ``room``.
 
-    Light falls slowly with the height at first, and then fast. Raises :class:`InputError` if none has ``room``.
+    From the largest height downwards, each from the one before: light falls slowly at first, and then fast. Raises
+    :class:`InputError` if none has ``room``.
     """
-
-    def of_height(height_mm: float) -> GroovedCollimator | None:
-        try:
-            return best_grooved_collimator(
-                index, room._replace(height_mm=height_mm), side_mm, half_angle_rad, draft_rad=draft_rad
-            )
-        except InputError:
-            return None
-
-    heights = np.geomspace(_LOWEST * room.height_mm, room.height_mm, _HEIGHTS)
-    lenses = [lens for lens in map(of_height, heights.tolist()) if lens is not None]
-    if not lenses:
-        best_grooved_collimator(index, room, side_mm, half_angle_rad, draft_rad=draft_rad)  # says what it lacks
-    least = OF_BEST * max(lens.share(half_angle_rad, side_mm) for lens in lenses)
-    number = next(number for number, lens in enumerate(lenses) if lens.share(half_angle_rad, side_mm) >= least)
-    found = lenses[number]
-    low = lenses[number - 1].height_mm if number else found.height_mm
-    for _ in range(_HALVINGS):
-        middle = of_height(float(np.sqrt(low * found.height_mm)))
-        if middle is not None and middle.share(half_angle_rad, side_mm) >= least:
-            found = middle
-        else:
-            low = float(np.sqrt(low * found.height_mm))
-    return found
+    choice = _Choice(index, room, side_mm, half_angle_rad, draft_rad, mirrored=False)
+    numbers = choice.best(_ALL_STARTS)
+    found = choice.require_room(numbers)
+    most = choice.share(numbers)
+    while True:
+        choice = replace(choice, room=choice.room._replace(height_mm=_LOWER * choice.room.height_mm))
+        numbers = choice.best([tuple(numbers)])
+        most = max(most, choice.share(numbers))
+        if choice.share(numbers) < OF_BEST * most:
+            return found
+        found = choice.lens_of(numbers)
 
 
 def _through(points: _Meridian, reach_mm: float) -> ProfileFace:

@@ -522,7 +522,6 @@ def test_a_thin_lens_is_as_low_as_its_light_allows_and_begins_with_a_groove() ->
     assert "# so high the lens is: the least with 0.98 of the light of any height" in output
     faces = start_faces(spec)
     assert isinstance(faces["exit"], GroovedFace)
-    assert lensforge("new", *spot, "--thin", "--lens", "tir")[1] == output
 
 
 @pytest.mark.parametrize(
@@ -536,7 +535,7 @@ def test_a_thin_lens_is_as_low_as_its_light_allows_and_begins_with_a_groove() ->
             ("--target", "beam:20x8"),
             "--thin: the groove of a thin lens is round, and this light is not; leave --thin out",
         ),
-        (("--target", "beam:12", "--source", "square:9"), "--thin: "),
+        (("--target", "beam:12", "--source", "square:5"), "--thin: grooved collimator: height = "),
     ],
 )
 def test_a_thin_lens_that_cannot_be_is_refused_in_one_line(options: tuple[str, ...], message: str) -> None:
