@@ -24,6 +24,7 @@ from lensforge.search.design_result import Design, Progress
 from lensforge.search.scene_symmetry import settled_symmetry
 from lensforge.search.searches import design
 from lensforge.search.searches_in_turn import search_in_turn
+from lensforge.search.smallest_lens import within_size_of
 from lensforge.sources.measured_rays import held_back
 from lensforge.sources.ray_bundle import Source
 from lensforge.sources.several_sources import each_of
@@ -166,7 +167,7 @@ def _row(series: Series, setting: str, light: Light, seconds: float, **grown: in
 
 def require_same_scene(lens: Lens, spec: Spec, source: Source, origin: str) -> None:
     """Raise :class:`InputError` where ``lens`` was designed for another scene than ``spec`` with its ``source``."""
-    wanted = settled_symmetry(spec, source)
+    wanted = settled_symmetry(within_size_of(spec, lens), source)
     if wanted.lens.levels == "auto":
         wanted = wanted.with_levels(lens.spec.lens.basis.levels)
     for section in (name for name in Spec.model_fields if name not in _NOT_OF_THE_SCENE):

@@ -156,6 +156,12 @@ def within(spec: Spec, size_mm: float) -> Spec:
     return spec.replace({f"constraints.max_{spec.optimise.size}_mm": size_mm})
 
 
+def within_size_of(spec: Spec, lens: Lens) -> Spec:
+    """``spec`` with the size within which ``lens`` was found, where it aims at the smallest."""
+    size_mm = largest_mm(lens.spec)
+    return spec if spec.optimise.aim != "size" or size_mm is None else within(spec, size_mm)
+
+
 def design_size(design: Design) -> float:
     """Size of the lens (mm), of which the least is sought."""
     return design.max_radius_mm if design.lens.spec.optimise.size == "radius" else design.height_mm

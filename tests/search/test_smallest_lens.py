@@ -13,6 +13,8 @@ from tir_lenses import SPOT, wall_not_measured
 
 import lensforge as lf
 from lensforge.errors import InputError
+from lensforge.light.lens_light import searched_source
+from lensforge.report.tradeoff_study import require_same_scene
 from lensforge.search.checkpoint import MOST_SIZES, delete_checkpoint, of_later_size
 from lensforge.search.design_result import ENOUGH, Design, Start, TriedSize, design_facts
 from lensforge.search.smallest_lens import next_size
@@ -129,6 +131,14 @@ def test_the_record_keeps_the_sizes_and_states_the_least(tmp_path: Path) -> None
     fact = next(fact for group in design_facts(design) for fact in group.facts if fact.key == "least_size")
     assert (fact.label, fact.value, fact.unit) == ("Least radius", design.max_radius_mm, "mm")
     assert f"by {len(design.sizes)} searches" in fact.note
+
+
+def test_its_scene_is_that_of_the_spec_but_for_the_size_that_was_sought() -> None:
+    design, _ = smallest()
+    require_same_scene(design.lens, crooked(), searched_source(crooked()), "tradeoff")
+    other = crooked(**{"constraints.max_height_mm": 30.0})
+    with pytest.raises(InputError, match=r"designed for another \[constraints\]"):
+        require_same_scene(design.lens, other, searched_source(other), "tradeoff")
 
 
 def test_without_room_for_the_limits_the_largest_lens_is_the_result() -> None:
