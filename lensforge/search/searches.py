@@ -16,7 +16,6 @@ from lensforge.results.arguments import count_of, path_of, require, threads_of_t
 from lensforge.results.cluster import connected
 from lensforge.scene.lens import Lens, load_lens
 from lensforge.search.design_result import Design, Observer, Start
-from lensforge.search.other_rays import light_by_other_rays
 from lensforge.search.smallest_lens import lens_by_search
 from lensforge.sources.build_source import build_source, summarise
 from lensforge.sources.several_sources import SeveralSources
@@ -254,6 +253,8 @@ class SeededSearch:
 
     def made(self, seed: int) -> tuple[Design, Start]:
         """One search, and the light of its lens."""
+        from lensforge.search.other_rays import light_by_other_rays  # a second, which one search alone does not need
+
         design = lens_by_search(
             self.spec,
             searched_source(self.spec),

@@ -23,7 +23,6 @@ from lensforge.results import Fact
 from lensforge.scene.lens import Lens
 from lensforge.search.checkpoint import MOST_SIZES, of_later_size
 from lensforge.search.design_result import ENOUGH, Design, Observer, Progress, TriedSize
-from lensforge.search.other_rays import light_by_other_rays
 from lensforge.search.searches_in_turn import search_in_turn
 from lensforge.spec import AnyAccuracy, Spec
 from lensforge.spec.accuracy import preset_of
@@ -168,6 +167,8 @@ def design_size(design: Design) -> float:
 
 
 def _judged(design: Design, within_mm: float | None, rays_seed: int) -> TriedSize:
+    from lensforge.search.other_rays import light_by_other_rays  # a second, which no search of one size needs here
+
     limits = [limit for light in light_by_other_rays(design.lens, rays_seed) for limit in light.limits]
     margins = list(_margins(limits))
     size_mm = design_size(design)

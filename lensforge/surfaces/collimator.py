@@ -35,7 +35,7 @@ _TRIED = 12  # values of cavity and cap in a scan
 _ROUNDS = 4  # scans, each closer than the one before
 _TALLEST_CAP = 4.0  # over the radius of the cavity
 _NARROWEST = 0.3  # of the largest radius, of a low lens
-_CLOSE = 0.03  # share of its radius to which that is found
+_CLOSE = 0.01  # share of its radius to which that is found
 
 
 @dataclass(frozen=True)
@@ -261,18 +261,23 @@ def best_low_collimator(
     if widest.height_mm <= most_height_mm:
         return widest
 
-    def of_radius(radius_mm: float) -> Collimator:
-        return best_collimator(index, radius_mm, side_mm, half_angle_rad, most_height_mm=most_height_mm, **room)
+    tried = list[Collimator]()
 
     def lost(log_radius: float) -> float:
+        radius_mm = float(np.exp(log_radius))
         try:
-            return -of_radius(float(np.exp(log_radius))).share(half_angle_rad, side_mm)
+            lens = best_collimator(index, radius_mm, side_mm, half_angle_rad, most_height_mm=most_height_mm, **room)
         except InputError:
-            return float(np.exp(log_radius) / most_radius_mm)  # too high, or too narrow for a wall
+            return radius_mm / most_radius_mm  # too high, or too narrow for a wall
+        tried.append(lens)
+        return -lens.share(half_angle_rad, side_mm)
 
     ends = np.log([_NARROWEST * most_radius_mm, most_radius_mm])
-    found = minimize_scalar(lost, bounds=ends, method="bounded", options={"xatol": _CLOSE})
-    return of_radius(float(np.exp(found.x)))
+    minimize_scalar(lost, bounds=ends, method="bounded", options={"xatol": _CLOSE})
+    if not tried:
+        narrowest_mm = _NARROWEST * most_radius_mm  # its refusal says what all lack
+        return best_collimator(index, narrowest_mm, side_mm, half_angle_rad, most_height_mm=most_height_mm, **room)
+    return max(tried, key=lambda lens: lens.share(half_angle_rad, side_mm))
 
 
 def _scanned(like: Collimator, sizes_mm: Float[np.ndarray, "k 2"]) -> Iterator[Collimator]:
