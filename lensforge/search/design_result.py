@@ -193,7 +193,7 @@ class Design(StageResult):
     why a search that chooses its levels went no further, and where it did not gain: it then has the better lens of
     before. ``kept_start``: it ended with the lens from which it began. ``starts``: all searches of which this was the
     best, where there were several. ``tool_costs``: of the limits that tools set, where a face is at one of them; a
-    whole run measures them.
+    whole run measures them. ``sizes``: all that were tried for the smallest lens, in the order of the searches.
     """
 
     stage: ClassVar[str] = "design"

@@ -209,7 +209,7 @@ ELSEWHERE = {  # where each value is one of a test's cases
     "axis": "sources/test_ray_set_numbers.py", "mirror": "sources/test_ray_set_numbers.py",
     "origin": "sources/test_ray_set.py", "coordinates": "surfaces/test_given_faces.py",
     **addon_rows("CHOSEN_ELSEWHERE"),
-    "process": "spec/test_process.py", "use": "light/test_photometry.py", "aim": "search/test_merit_terms.py",
+    "process": "spec/test_process.py", "use": "light/test_photometry.py", "aim": "search/test_smallest_lens.py",
     "size": "search/test_smallest_lens.py",
     "levels": "search/test_automatic_search.py", "over_sources": "search/test_several_sources.py",
     "LuminanceLimit.of": "light/test_luminance.py", "BodyLimit.of": "scene/test_body_view.py",
