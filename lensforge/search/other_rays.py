@@ -29,8 +29,8 @@ def light_by_other_rays(lens: Lens, seed: int) -> list[Light]:
         limits = light_limits(spec, receivers_of(spec, spec.evaluate.pixels), efficacy, source.flux_w)
         rays = spec.evaluate.rays or preset.evaluate_rays
         judged_source = smoothed(searched(source))
-        own = replace(lens, spec=spec)
-        far = tuple(limits_by_intensities(own, judged_source, preset, efficacy.lumens, rays=None, seed=seed))
+        lens_of_spec = replace(lens, spec=spec)
+        far = tuple(limits_by_intensities(lens_of_spec, judged_source, preset, efficacy.lumens, rays=None, seed=seed))
         lights.append(
             evaluate_traced(
                 traced, spec, judged_source, rays, seed, limits=limits, by_intensities=far, bounds_by=source
