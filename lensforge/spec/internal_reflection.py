@@ -27,7 +27,7 @@ _THIN_HEIGHT = 1.1  # over its radius, at most, of a thin lens
 _THIN_PROFILE = 24  # coefficients of each face: those of lens and ring are half of them
 # Radius of a groove over the height. Splines of the STEP follow no groove of 1/36 of the height to the direction of its
 # normals, and one of 1/22: spot_thin, of 0.25 and 0.4 mm.
-GROOVE_OF_HEIGHT = 1.0 / 18.0
+GROOVE_OF_HEIGHT = 1.0 / 15.0
 _WIDEST_BEAM = 3.0  # over the narrowest of this source and radius: wider ones fit any cavity, and the exit makes them
 
 
