@@ -58,9 +58,9 @@ class Inference(StageResult):
     pixels (column, row) of the target in all of them. ``corners_located``: how they were found; None if they were
     given. ``inner_form_um``, ``outer_form_um``: rms of the form errors over the hemisphere, less what noise adds.
     ``errors``: each error with its standard error; those of form are coefficients of Zernike polynomials of rms 1.
-    ``chi_square``: squared residual of the pictures over its variance; standard errors are larger by its root where it
-    is above 1. ``noise_percent``: of a pixel of the model, of the mean light. ``pixels``: along the longer side of the
-    model's pictures. ``rays``: of each.
+    ``further``: the picture that would tell most. ``chi_square``: squared residual of the pictures over its variance;
+    standard errors are larger by its root where it is above 1. ``noise_percent``: of a pixel of the model, of the mean
+    light. ``pixels``: along the longer side of the model's pictures. ``rays``: of each.
     """
 
     stage: ClassVar[str] = "infer"
