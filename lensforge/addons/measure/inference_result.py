@@ -8,6 +8,7 @@ from lensforge.results import Count, Metric, NotNegative, Number, Positive, Reco
 from lensforge.results.criteria import Criteria
 from lensforge.results.figure import Criterion, Figure
 from lensforge.results.numerals import percent, quantity
+from lensforge.results.plots import Axes, plot_bars
 from lensforge.results.stage_result import OnPage
 
 NOT_SEEN = 0.8  # share of the expected standard deviation that is left: the pictures tell little
@@ -102,6 +103,12 @@ class Inference(StageResult):
     seed: Count
     seconds: NotNegative
     criteria: Criteria = ()
+
+    def plot(self, axes: "Axes | None" = None) -> "Axes":
+        """Plot the errors over what is expected of them, with their standard errors."""
+        values = {error.name: error.value.value / error.expected for error in self.errors}
+        errors = [(error.value.standard_error or 0.0) / error.expected for error in self.errors]
+        return plot_bars(values, "error over what is expected", axes, errors)
 
     @stated
     def not_seen(self) -> tuple[str, ...]:
