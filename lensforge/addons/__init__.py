@@ -13,8 +13,10 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:  # for those who check the types of scripts
     from lensforge.addons.escape.route_section import RouteSection as RouteSection
+    from lensforge.addons.measure.inference_result import Inference as Inference
     from lensforge.addons.measure.measure_verbs import compare as compare
     from lensforge.addons.measure.measure_verbs import correct as correct
+    from lensforge.addons.measure.measure_verbs import infer as infer
     from lensforge.addons.measure.measurement_result import Correction as Correction
     from lensforge.addons.measure.measurement_result import PhotoComparison as PhotoComparison
     from lensforge.addons.measure.measurement_result import SurfaceComparison as SurfaceComparison

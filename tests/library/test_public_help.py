@@ -30,7 +30,8 @@ def test_the_example_of_a_verb_runs(
     """In a folder with the shipped specs, a run, and points measured on its part; drafts are of a few steps."""
     monkeypatch.chdir(tmp_path)
     copied(whole_run.folder, "cad_out/quickstart")
-    shutil.copy(whole_run.folder.with_name("cloud.csv"), "cloud.csv")
+    for file in ("cloud.csv", "poses.csv", "on.png", "moved.png"):
+        shutil.copy(whole_run.folder.with_name(file), file)
     Path("examples").symlink_to(examples)
     lines = doctest.DocTestParser().get_examples(inspect.getdoc(PUBLIC[name]) or "")
     text = "".join(line.source for line in lines)

@@ -1,6 +1,6 @@
 """What did the machined part become, and how is it cut again? Photographs, points on faces, a second cut.
 
-- ``measure_verbs``: the verbs ``compare`` and ``correct``
+- ``measure_verbs``: the verbs ``compare``, ``correct`` and ``infer``
 - ``measure_stages``: their stages of a result folder, and their commands
 - ``measurement_result``: their records
 - ``measured_facts``, ``measured_section``: what screen and page show of them
@@ -16,6 +16,11 @@
 - ``areal_filter``: waves that they can show
 - ``measured_surface``: form deviation, and the light of the lens with it
 - ``correction``: the corrected face
+- ``inference``: errors of a made lens from pictures of its light with the LED moved
+- ``inference_result``: their record
+- ``form_unknowns``: what may differ from the design
+- ``picture_model``: pictures of a lens with such errors, and their slopes
+- ``form_fit``: the errors that explain the pictures best, and their standard errors
 """
 
 from collections.abc import Mapping, Sequence
@@ -28,10 +33,11 @@ if TYPE_CHECKING:
 
 
 def _names() -> Mapping[str, object]:
-    from lensforge.addons.measure.measure_verbs import compare, correct
+    from lensforge.addons.measure.inference_result import Inference
+    from lensforge.addons.measure.measure_verbs import compare, correct, infer
     from lensforge.addons.measure.measurement_result import Correction, PhotoComparison, SurfaceComparison
 
-    public = (Correction, PhotoComparison, SurfaceComparison, compare, correct)
+    public = (Correction, Inference, PhotoComparison, SurfaceComparison, compare, correct, infer)
     return {named.__name__: named for named in public}
 
 

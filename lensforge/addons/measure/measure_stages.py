@@ -1,4 +1,4 @@
-"""The stages of a result folder, and their commands: ``compare`` and ``correct``."""
+"""The stages of a result folder, and their commands: ``compare``, ``correct`` and ``infer``."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from lensforge.addons.measure.measure_verbs import compare, correct
+from lensforge.addons.measure.measure_verbs import compare, correct, infer
 from lensforge.cli.options import Number
 from lensforge.cli.stages import command_of
 from lensforge.report.folder import RunFolder
@@ -60,8 +60,28 @@ CORRECT = FolderStage(
     """,
     options=("points", "surface", "wavelength_mm", "gain", "registration", "rays", "threads"),
 )
+INFER = FolderStage(
+    "infer",
+    infer,
+    """Infer errors of the made lens from pictures of its light.
+
+    Form of both faces, decentre, gap, tilt, place of the LED, and index, each with its standard error, from photographs
+    of the target with the LED moved: --pictures for each, --poses for the LED's places in their order.
+    """,
+    options=("pictures", "poses", "off", "corners", "gamma", "expected_um", "rays", "pixels", "threads"),
+)
 
 _OPTIONS = {
+    "pictures": click.option("--pictures", type=_FILE, multiple=True, help="Photograph with the LED on; repeat it."),
+    "poses": click.option("--poses", type=_FILE, help="Table of the LED’s x, y, z in mm, a row for each picture."),
+    "expected_um": click.option(
+        "--expected",
+        "expected_um",
+        type=Number(0.0, min_open=True),
+        metavar="UM",
+        default=5.0,
+        help="Form error that is expected of a face, rms (µm).",
+    ),
     "on": click.option("--on", type=_FILE, help="Photograph of the target with the LED on."),
     "off": click.option("--off", type=_FILE, help="The same with the LED off."),
     "corners": click.option(
@@ -96,4 +116,4 @@ _OPTIONS = {
     ),
     "gain": click.option("--gain", type=Number(), default=1.0, help="Fraction of the deviation to correct."),
 }
-COMMANDS = tuple(command_of(stage, _OPTIONS) for stage in (COMPARE, CORRECT))
+COMMANDS = tuple(command_of(stage, _OPTIONS) for stage in (COMPARE, CORRECT, INFER))

@@ -1,4 +1,4 @@
-"""Verbs on a measured part, by a photograph of its light or points on a face: ``compare`` and ``correct``."""
+"""Verbs on a measured part, by photographs of its light or points on a face: ``compare``, ``correct``, ``infer``."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -29,7 +29,9 @@ from lensforge.scene.lens import Lens
 
 if TYPE_CHECKING:
     import numpy as np
-    from jaxtyping import Bool
+    from jaxtyping import Bool, Float
+
+    from lensforge.addons.measure.inference_result import Inference
 
 
 @overload
@@ -136,17 +138,11 @@ def _compare_photo(
     lens: Lens | None,
 ) -> PhotoComparison:
     require_libraries("measure", "skimage")
-    import numpy as np
 
     from lensforge.addons.measure.photo_comparison import Shot, compare_photo
     from lensforge.scene.pixel_grid import PixelGrid
 
-    try:
-        given = None if corners is None else np.array(corners, dtype=np.float64)
-    except (TypeError, ValueError):
-        given = np.empty(0)
-    if given is not None and given.shape != (4, 2):
-        raise InputError(f"corners = {corners!r}: must be four pixels (column, row), clockwise from the top left")
+    given = _corners_of(corners)
     side = number_of("target_mm", target_mm)
     camera = number_of("gamma", gamma)
     shot = Shot(on, off, given, side, 1.0 if camera is None else camera)
@@ -159,6 +155,21 @@ def _compare_photo(
         )
     grid = PixelGrid(first.width, first.height, columns, rows)
     return compare_photo(shot, simulated=light.map, grid=grid, uniform=_uniform(light, lens))
+
+
+def _corners_of(corners: Sequence[tuple[float, float]] | None) -> "Float[np.ndarray, '4 2'] | None":
+    """Corners as an array; None if they are to be looked for. Raises :class:`InputError`."""
+    import numpy as np
+
+    if corners is None:
+        return None
+    try:
+        given = np.array(corners, dtype=np.float64)
+    except (TypeError, ValueError):
+        given = np.empty(0)
+    if given.shape != (4, 2):
+        raise InputError(f"corners = {corners!r}: must be four pixels (column, row), clockwise from the top left")
+    return given
 
 
 def _uniform(light: Light, lens: Lens | None) -> "Bool[np.ndarray, 'h w'] | None":
@@ -227,3 +238,80 @@ def correct(
     with threads_of_torch(threads):
         correction = correct_face(measured_parts(file, lens, side), cuts, request)
     return correction.changed(conditions=conditions)
+
+
+@public
+@with_known_names
+def infer(
+    lens: Lens,
+    *,
+    pictures: Sequence[Path | str],
+    poses: Path | str,
+    off: Path | str | None = None,
+    corners: Sequence[tuple[float, float]] | None = None,
+    gamma: float = 1.0,
+    expected_um: float = 5.0,
+    rays: int | None = None,
+    pixels: int | None = None,
+    threads: int | None = None,
+) -> "Inference":
+    """Infer low-order errors of a made lens from pictures of its light with the LED moved.
+
+    The form of both faces, the place of the outer one, of LED and lens, and the index, each with its standard error;
+    which of them the pictures do not tell, and which further picture would tell most.
+
+    Args:
+        lens: the lens as designed, of two freeform faces, whose first receiver is a plane.
+        pictures: photographs of the target by a camera that stays where it is, two at least.
+        poses: table of the LED's x, y, z (mm) from its place in the design, a row for each picture.
+        off: photograph with the LED off, which is subtracted.
+        corners: four pixels (column, row) of the receiver in the pictures, from the top left clockwise; None: they are
+            looked for.
+        gamma: exponent of the camera: light is its value to this power.
+        expected_um: rms over a face of the form errors that are expected, in um; larger ones are found, too, if seen.
+        rays: number of rays for each picture of the model, from 16; None: 2^21. Their noise is in the standard errors.
+        pixels: number along the longer side of the model's pictures, 32 to 512; None: 128.
+        threads: number of threads, from 1; None: all cores.
+    Returns: The errors of the lens.
+    Raises: :class:`InputError` for an argument that is not allowed, and for pictures that are not of this lens.
+    Example:
+        >>> lens = lf.load("cad_out/quickstart").lens
+        >>> target = [(9.5, 9.5), (137.5, 9.5), (137.5, 137.5), (9.5, 137.5)]
+        >>> made = lf.infer(lens, pictures=["on.png", "moved.png"], poses="poses.csv", corners=target, rays=2**12)
+        >>> print(made.inner_form_um, made.not_seen)
+    """
+    require_libraries("measure", "skimage")
+    from lensforge.addons.measure.inference import Shots, infer_errors, led_places, require_pictures_of
+
+    made = require(lens, Lens, "infer").of_state("")
+    require_pictures_of(made)
+    files = tuple(path for picture in pictures if (path := path_of("pictures", picture)) is not None)
+    if len(files) < _LEAST_PICTURES:
+        raise InputError(f"pictures: {len(files)} given, at least {_LEAST_PICTURES}, with the LED in different places")
+    table = path_of("poses", poses)
+    if table is None:
+        raise InputError("poses = None: give the table of the LED's places, x, y, z in mm, a row for each picture")
+    camera = number_of("gamma", gamma)
+    amount = number_of("expected_um", expected_um)
+    count = count_of("rays", rays) or _RAYS
+    side = count_of("pixels", pixels) or _PIXELS
+    if amount is None or not amount > 0.0:
+        raise InputError(f"expected_um = {expected_um!r}: must be above 0")
+    if not _FEWEST_PIXELS <= side <= _MOST_PIXELS:
+        raise InputError(f"pixels = {side}: must be {_FEWEST_PIXELS} to {_MOST_PIXELS}")
+    shots = Shots(
+        files,
+        led_places(table, len(files)),
+        path_of("off", off),
+        _corners_of(corners),
+        1.0 if camera is None else camera,
+    )
+    with threads_of_torch(threads):
+        return infer_errors(made, shots, expected_um=amount, pixels=side, rays=count, seed=made.seed)
+
+
+_LEAST_PICTURES = 2
+_RAYS = 2**21
+_PIXELS = 128
+_FEWEST_PIXELS = 32
+_MOST_PIXELS = 512

@@ -3,6 +3,7 @@
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 
+from lensforge.addons.measure.inference_result import Inference
 from lensforge.addons.measure.measurement_result import (
     Correction,
     MeasuredLight,
@@ -39,6 +40,19 @@ def correction_facts(made: Correction) -> list[Group]:
     alone = MeasuredLight(design=made.design, measured=made.second_cut, change=made.change)
     facts = (*_cut(made), *_parts(made.series), *_lights(made.by_led or {"": alone}, "expected"))
     return [Group("corrected", f"The {made.surface} face, corrected for a second cut", facts)]
+
+
+@facts_of.register
+def inference_facts(made: Inference) -> list[Group]:
+    """Facts on a made lens by pictures of its light."""
+    return [Group("inferred", "The made lens by pictures of its light", tuple(_inferred(made)))]
+
+
+def _inferred(made: Inference) -> Iterator[Fact]:
+    yield from facts_in(made, made.criteria)
+    for error in made.errors:
+        note = "" if error.is_seen else "not seen"
+        yield Fact.measured(error.name.replace(" ", "_"), error.name, error.value, note)
 
 
 def _photo(photo: PhotoComparison) -> Iterator[Fact]:

@@ -148,7 +148,7 @@ def _turned(image: Float[np.ndarray, "h w"], order: tuple[int, ...]) -> Float[np
 
 
 _LEAST_PIXELS = 11  # the window of SSIM
-_CORNER_PX = 0.2  # scatter of a corner that was found, along each axis; one given by hand is hardly better
+CORNER_PX = 0.2  # scatter of a corner that was found, along each axis; one given by hand is hardly better
 
 
 @dataclass(frozen=True)
@@ -212,8 +212,8 @@ def _corner_error(corners: Float[np.ndarray, "4 2"], target_mm: Size) -> Float[n
     sides = np.linalg.norm(np.roll(corners, -1, axis=0) - corners, axis=1)
     width = 0.5 * (sides[0] + sides[2])
     height = 0.5 * (sides[1] + sides[3])
-    relative = _CORNER_PX / float(np.hypot(width, height))
-    return np.array([relative, relative, *(0.5 * _CORNER_PX * np.array(target_mm) / (width, height))])
+    relative = CORNER_PX / float(np.hypot(width, height))
+    return np.array([relative, relative, *(0.5 * CORNER_PX * np.array(target_mm) / (width, height))])
 
 
 def _alignment(fit: SimilarityFit, by_corners: Float[np.ndarray, "4"]) -> Alignment:

@@ -4,6 +4,7 @@ import numpy as np
 from filled import filled
 from result_folders import evaluate_arrays
 
+from lensforge.addons.measure.inference_result import FurtherPicture, Inference, InferredError
 from lensforge.addons.measure.measurement_result import (
     Alignment,
     Correction,
@@ -90,3 +91,29 @@ def make_correction(lens):
         file=stamp_of(b"a STEP"),
         step=b"a STEP",
     )
+
+
+def make_inference(lens, **changes):
+    content = {
+        "inputs": {"lens": lens.sha256},
+        "pictures": ("a.png", "b.png"),
+        "led_mm": ((0.0, 0.0, 0.0), (0.25, 0.0, 0.0)),
+        "corners": ((10.0, 10.0), (90.0, 12.0), (88.0, 95.0), (9.0, 91.0)),
+        "corners_located": filled(Located, seen_in="off", lit=False),
+        "inner_form_um": Metric(value=2.5, unit="µm", standard_error=0.125),
+        "outer_form_um": Metric(value=3.5, unit="µm", standard_error=0.25),
+        "errors": (
+            InferredError(
+                name="decentre x",
+                value=Metric(value=7.5, unit="µm", standard_error=0.75),
+                expected=10.0,
+                remaining=0.0625,
+            ),
+            InferredError(
+                name="index", value=Metric(value=0.5, unit="1e-4", standard_error=1.75), expected=2.0, remaining=0.875
+            ),
+        ),
+        "further": FurtherPicture(led_mm=(0.0, 0.25, 0.0), error="index", remaining_before=0.875, remaining=0.75),
+        "chi_square": 1.125,
+    }
+    return filled(Inference, **{**content, **changes})

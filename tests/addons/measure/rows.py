@@ -1,18 +1,19 @@
 """Rows of the measured part in tables of the suite."""
 
+import shutil
 import warnings
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from measured_records import make_correction, make_photo, make_surface
+from measured_records import make_correction, make_inference, make_photo, make_surface
 from PIL import Image
 from scenes import hemisphere_directions, small_spec, sphere
 from test_measured_page import same_where_known
 
 import lensforge as lf
-from lensforge.addons.measure.measure_stages import COMPARE, CORRECT
+from lensforge.addons.measure.measure_stages import COMPARE, CORRECT, INFER
 
 LENS = lf.Lens.double(sphere(3.0), sphere(6.0), small_spec(), 0, "draft")
 
@@ -32,10 +33,19 @@ def measure_part(run: lf.Run, folder: Path) -> None:
         warnings.simplefilter("ignore", lf.FileWarning)  # which asks whether these are the design's own points
         COMPARE.run(folder, points=cloud, surface="inner")
         CORRECT.run(folder, points=cloud, surface="inner", wavelength_mm=1.5)
+    poses = folder.with_name("poses.csv")
+    poses.write_text("0,0,0\n0,0,0\n", encoding="utf-8")
+    corners = [(low, low), (high, low), (high, high), (low, high)]
+    moved = Path(shutil.copy(photo, photo.with_name("moved.png")))
+    INFER.run(folder, pictures=[photo, moved], poses=poses, corners=corners, rays=2**12, pixels=32)
 
 
 WHOLE_RUN = {"measure": measure_part}  # stages of a run that has all results
-MAKERS = {"compare": make_photo, "compare_outer": make_surface}  # of records that are easy to recognise, by stem
+MAKERS = {
+    "compare": make_photo,
+    "compare_outer": make_surface,
+    "infer": make_inference,
+}  # of records that are easy to recognise, by stem
 CORRECTIONS = {"correct_inner": make_correction}
 OF_FACES = {"compare_outer": make_surface, "correct_inner": make_correction}
 SEEDS = {  # of random images on a page
@@ -87,7 +97,11 @@ def compare_points(folder: Path) -> tuple[object, ...]:
 
 
 EXIT_CODES = {compare_points: 0}
-ARGUMENTS = {"compare": ("{folder}",), "correct": ("{folder}", "--points", "p.csv", "--surface", "inner")}
+ARGUMENTS = {
+    "compare": ("{folder}",),
+    "correct": ("{folder}", "--points", "p.csv", "--surface", "inner"),
+    "infer": ("{folder}", "--pictures", "a.png", "--poses", "poses.csv"),
+}
 HEARD: dict[str, dict[str, tuple[str, str, Any]]] = {  # arguments, keyword, its value
     "compare": {
         "--on": ("on.png", "on", Path("on.png")), "--off": ("off.png", "off", Path("off.png")),
@@ -103,6 +117,13 @@ HEARD: dict[str, dict[str, tuple[str, str, Any]]] = {  # arguments, keyword, its
         "--wavelength": ("1.5", "wavelength_mm", 1.5), "--gain": ("0.7", "gain", 0.7),
         "--registration": ("none", "registration", "none"),
     },
+    "infer": {
+        "--rays": ("1.5e3", "rays", 1500), "--threads": ("3", "threads", 3), "--pixels": ("48", "pixels", 48),
+        "--pictures": ("b.png", "pictures", (Path("a.png"), Path("b.png"))),
+        "--poses": ("led.csv", "poses", Path("led.csv")), "--off": ("off.png", "off", Path("off.png")),
+        "--corners": ("1,2 3,4 5.5,6 7,8", "corners", [(1.0, 2.0), (3.0, 4.0), (5.5, 6.0), (7.0, 8.0)]),
+        "--gamma": ("2.2", "gamma", 2.2), "--expected": ("3.5", "expected_um", 3.5),
+    },
 }  # fmt: skip
 LOCKED = {  # stages that write into a folder, and a file that they would read
     "photo": lambda folder, file: COMPARE.run(folder, on=file, off=None, corners=None),
@@ -111,8 +132,12 @@ LOCKED = {  # stages that write into a folder, and a file that they would read
 REFUSED = {  # by the verbs, and the words
     lambda: lf.compare(LENS, points=5, surface="inner"): "points = 5: give the path",
     lambda: lf.compare("a", on="b"): "compare: give one of two",
+    lambda: lf.infer(LENS, pictures=["a.png"], poses="poses.csv"): "pictures: 1 given, at least 2",
+    lambda: lf.infer(
+        LENS, pictures=["a.png", "b.png"], poses="poses.csv", expected_um=0.0
+    ): "expected_um = 0.0: must be",
 }
-RESULTS = {kind.__name__: kind for kind in (lf.PhotoComparison, lf.SurfaceComparison, lf.Correction)}
+RESULTS = {kind.__name__: kind for kind in (lf.PhotoComparison, lf.SurfaceComparison, lf.Correction, lf.Inference)}
 FORGED = dict.fromkeys(
     (  # record, place of a figure, and what a forger writes there
         ("compare", "clipped", 0.5),
@@ -125,6 +150,7 @@ FORGED = dict.fromkeys(
 )
 JUDGED = {  # by criterion: its place in the record, its sense and its limit
     "photo_clipped": ("clipped", "<=", 0.01),
+    "inferred_residual": ("chi_square", "<=", 2.0),
     "points_used": ("used_share", ">=", 0.9),
     "surface_covered": ("covered_share", ">=", 0.8),
     "concave_radius": ("cutter.concave_radius_mm", ">=", None),
@@ -142,4 +168,5 @@ VERBS = {  # of a lens, with points measured on it in the folder
     "correct": lambda lens, folder: lf.correct(
         lens, points=folder / "points.csv", surface=_optical_face(lens), registration="none"
     ),
+    "infer": lambda lens, folder: lf.infer(lens, pictures=["on.png", "moved.png"], poses=folder / "poses.csv"),
 }

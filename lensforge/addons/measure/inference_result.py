@@ -1,0 +1,116 @@
+"""Record of the errors of a made lens that pictures of its light tell."""
+
+from typing import Annotated, ClassVar
+
+from lensforge.addons.measure.measurement_result import Located, Pixel
+from lensforge.public import public
+from lensforge.results import Count, Metric, NotNegative, Number, Positive, Record, Share, StageResult, Text, stated
+from lensforge.results.criteria import Criteria
+from lensforge.results.figure import Criterion, Figure
+from lensforge.results.numerals import percent, quantity
+from lensforge.results.plots import Axes, plot_bars
+from lensforge.results.stage_result import OnPage
+
+NOT_SEEN = 0.8  # share of the expected standard deviation that is left: the pictures tell little
+_RESIDUAL = 2.0  # chi-square beyond which there are errors that are not among the unknowns
+
+Place = tuple[Number, Number, Number]
+
+
+class InferredError(Record):
+    """One error of the made lens.
+
+    ``expected``: its standard deviation before any picture, in the unit of ``value``; ``remaining``: the share of it
+    that is left when the pictures are known.
+    """
+
+    name: Text
+    value: Metric
+    expected: Positive
+    remaining: Share
+
+    @property
+    def is_seen(self) -> bool:
+        """True if the pictures tell of it."""
+        return self.remaining <= NOT_SEEN
+
+
+class FurtherPicture(Record):
+    """The picture that would tell most: place of the LED from its own (mm), and what ``remaining`` it would leave.
+
+    ``error``: name of the error whose share is lowered most. ``remaining_before``, ``remaining``: of that error.
+    """
+
+    led_mm: Place
+    error: Text
+    remaining_before: Share
+    remaining: Share
+
+    def __str__(self) -> str:
+        x, y, z = (quantity(shift, digits=3) for shift in self.led_mm)
+        return f"LED at {x}, {y}, {z} mm"
+
+
+@public
+class Inference(StageResult):
+    """Low-order errors of a made lens by pictures of its light with the LED moved.
+
+    ``pictures``: names of the files. ``led_mm``: place of the LED in each, from its place in the design. ``corners``:
+    pixels (column, row) of the target in all of them. ``corners_located``: how they were found; None if they were
+    given. ``inner_form_um``, ``outer_form_um``: rms of the form errors over the hemisphere, less what noise adds.
+    ``errors``: each error with its standard error; those of form are coefficients of Zernike polynomials of rms 1.
+    ``further``: the picture that would tell most. ``chi_square``: squared residual of the pictures over its variance;
+    standard errors are larger by its root where it is above 1. ``noise_percent``: of a pixel of the model, of the mean
+    light. ``pixels``: along the longer side of the model's pictures. ``rays``: of each.
+    """
+
+    stage: ClassVar[str] = "infer"
+    on_page: ClassVar[OnPage] = OnPage("errors by pictures", in_row=("inner_form", "outer_form"))
+
+    pictures: tuple[Text, ...]
+    led_mm: tuple[Place, ...]
+    corners: tuple[Pixel, Pixel, Pixel, Pixel]
+    corners_located: Located | None
+    inner_form_um: Annotated[Metric, Figure("Form error, inner face", "rms, low orders", key="inner_form")]
+    outer_form_um: Annotated[Metric, Figure("Form error, outer face", "rms, low orders", key="outer_form")]
+    errors: tuple[InferredError, ...]
+    further: Annotated[
+        FurtherPicture,
+        Figure(
+            "Best further picture",
+            lambda made: (
+                f"leaves {percent(made.further.remaining)} of {made.further.error}, now "
+                f"{percent(made.further.remaining_before)}"
+            ),
+            key="further_picture",
+            value=lambda made: str(made.further),
+        ),
+    ]
+    chi_square: Annotated[
+        NotNegative,
+        Figure("Residual (χ²)", "1 where noise alone is left", key="chi_square", digits=3),
+        Criterion(
+            "<=",
+            _RESIDUAL,
+            "residual of the pictures over their noise",
+            "the lens has errors of higher order, or the LED is another: standard errors count it",
+            name="inferred_residual",
+        ),
+    ]
+    noise_percent: NotNegative
+    pixels: Count
+    rays: Annotated[Count, Figure("Rays of a picture", key="inference_rays")]
+    seed: Count
+    seconds: NotNegative
+    criteria: Criteria = ()
+
+    def plot(self, axes: "Axes | None" = None) -> "Axes":
+        """Plot the errors over what is expected of them, with their standard errors."""
+        values = {error.name: error.value.value / error.expected for error in self.errors}
+        errors = [(error.value.standard_error or 0.0) / error.expected for error in self.errors]
+        return plot_bars(values, "error over what is expected", axes, errors)
+
+    @stated
+    def not_seen(self) -> tuple[str, ...]:
+        """Names of the errors that the pictures do not tell."""
+        return tuple(error.name for error in self.errors if not error.is_seen)
