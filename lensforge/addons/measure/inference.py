@@ -107,6 +107,7 @@ def infer_errors(lens: Lens, shots: Shots, *, expected_um: float, pixels: int, r
         errors=errors,
         further=_further(replace(sloped, replicates=2), camera, fit),
         chi_square=fit.chi_square,
+        over_expected=max(abs(error.value.value) / error.expected for error in errors),
         noise_percent=100.0 * fit.noise / float(designed.mean()),
         pixels=pixels,
         rays=share * _REPLICATES,

@@ -12,6 +12,7 @@ from lensforge.results.plots import Axes, plot_bars
 from lensforge.results.stage_result import OnPage
 
 NOT_SEEN = 0.8  # share of the expected standard deviation that is left: the pictures tell little
+_EXPECTED = 4.0  # standard deviations of what is expected: by chance no error of a lens is larger
 _RESIDUAL = 2.0  # chi-square beyond which there are errors that are not among the unknowns
 
 Place = tuple[Number, Number, Number]
@@ -60,7 +61,8 @@ class Inference(StageResult):
     given. ``inner_form_um``, ``outer_form_um``: rms of the form errors over the hemisphere, less what noise adds.
     ``errors``: each error with its standard error; those of form are coefficients of Zernike polynomials of rms 1.
     ``further``: the picture that would tell most. ``chi_square``: squared residual of the pictures over its variance;
-    standard errors are larger by its root where it is above 1. ``noise_percent``: of a pixel of the model, of the mean
+    standard errors are larger by its root where it is above 1. ``over_expected``: the largest error over its standard
+    deviation before any picture. ``noise_percent``: of a pixel of the model, of the mean
     light. ``pixels``: along the longer side of the model's pictures. ``rays``: of each.
     """
 
@@ -95,6 +97,17 @@ class Inference(StageResult):
             "residual of the pictures over their noise",
             "the lens has errors of higher order, or the LED is another: standard errors count it",
             name="inferred_residual",
+        ),
+    ]
+    over_expected: Annotated[
+        NotNegative,
+        Figure("Largest error", "over what is expected of it", key="inferred_largest", digits=3),
+        Criterion(
+            "<=",
+            _EXPECTED,
+            "largest error over what is expected of it",
+            "give --expected for larger form errors; else it is another lens, or the LED is out of place",
+            name="inferred_errors",
         ),
     ]
     noise_percent: NotNegative

@@ -6,8 +6,16 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from lensforge.addons.measure.measure_verbs import compare, correct, infer
-from lensforge.cli.options import Number
+from lensforge.addons.measure.measure_verbs import (
+    FEWEST_PIXELS,
+    MOST_PIXELS,
+    PIXELS,
+    RAYS,
+    compare,
+    correct,
+    infer,
+)
+from lensforge.cli.options import Number, WholeNumber
 from lensforge.cli.stages import command_of
 from lensforge.report.folder import RunFolder
 from lensforge.report.results import Results
@@ -116,4 +124,19 @@ _OPTIONS = {
     ),
     "gain": click.option("--gain", type=Number(), default=1.0, help="Fraction of the deviation to correct."),
 }
-COMMANDS = tuple(command_of(stage, _OPTIONS) for stage in (COMPARE, CORRECT, INFER))
+_OF_INFER = {
+    "rays": click.option(
+        "--rays", type=WholeNumber(16, 2**28), metavar="N", default=RAYS, help="Rays of each picture of the model."
+    ),
+    "pixels": click.option(
+        "--pixels",
+        type=WholeNumber(FEWEST_PIXELS, MOST_PIXELS),
+        metavar="N",
+        default=PIXELS,
+        help="Pixels along the longer side of the model's pictures.",
+    ),
+}
+COMMANDS = (
+    *(command_of(stage, _OPTIONS) for stage in (COMPARE, CORRECT)),
+    command_of(INFER, _OPTIONS | _OF_INFER),
+)

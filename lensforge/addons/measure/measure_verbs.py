@@ -34,6 +34,13 @@ if TYPE_CHECKING:
     from lensforge.addons.measure.inference_result import Inference
 
 
+RAYS = 2**21  # of each picture of a model
+PIXELS = 128  # along its longer side
+FEWEST_PIXELS = 32
+MOST_PIXELS = 512
+_LEAST_PICTURES = 2
+
+
 @overload
 def compare(
     measured: Light,
@@ -293,12 +300,12 @@ def infer(
         raise InputError("poses = None: give the table of the LED's places, x, y, z in mm, a row for each picture")
     camera = number_of("gamma", gamma)
     amount = number_of("expected_um", expected_um)
-    count = count_of("rays", rays) or _RAYS
-    side = count_of("pixels", pixels) or _PIXELS
+    count = count_of("rays", rays) or RAYS
+    side = count_of("pixels", pixels) or PIXELS
     if amount is None or not amount > 0.0:
         raise InputError(f"expected_um = {expected_um!r}: must be above 0")
-    if not _FEWEST_PIXELS <= side <= _MOST_PIXELS:
-        raise InputError(f"pixels = {side}: must be {_FEWEST_PIXELS} to {_MOST_PIXELS}")
+    if not FEWEST_PIXELS <= side <= MOST_PIXELS:
+        raise InputError(f"pixels = {side}: must be {FEWEST_PIXELS} to {MOST_PIXELS}")
     shots = Shots(
         files,
         led_places(table, len(files)),
@@ -308,10 +315,3 @@ def infer(
     )
     with threads_of_torch(threads):
         return infer_errors(made, shots, expected_um=amount, pixels=side, rays=count, seed=made.seed)
-
-
-_LEAST_PICTURES = 2
-_RAYS = 2**21
-_PIXELS = 128
-_FEWEST_PIXELS = 32
-_MOST_PIXELS = 512

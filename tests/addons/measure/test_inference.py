@@ -137,6 +137,15 @@ def test_hidden_errors_are_found_within_their_standard_errors(lens: lf.Lens, sho
     assert "index" in made.not_seen and "LED x" not in made.not_seen
     assert made.chi_square == pytest.approx(1.0, abs=0.5)
     assert made.further.remaining < made.further.remaining_before
+    largest = max(made.errors, key=lambda error: abs(error.value.value) / error.expected)
+    assert made.over_expected == abs(largest.value.value) / largest.expected < 4.0
+    assert all(criterion.holds for criterion in made.criteria)
+
+
+def test_errors_beyond_what_is_expected_are_told(lens: lf.Lens, shots: Path) -> None:
+    made = lf.infer(lens, **options(shots, rays=2**15, expected_um=0.2))
+    missed = {criterion.name: criterion for criterion in made.criteria if not criterion.holds}
+    assert made.over_expected > 4.0 and "give --expected" in missed["inferred_errors"].remedy
 
 
 REFUSED = {
