@@ -28,7 +28,8 @@ def made_once(folder: Path, make: Callable[[Path], _Made]) -> _Made:
             fcntl.flock(lock, fcntl.LOCK_EX)
         if not kept.exists():
             kept.write_bytes(pickle.dumps(make(folder)))
-            _forbid_locking(folder)
+            if folder.is_dir():
+                _forbid_locking(folder)
         made: _Made = pickle.loads(kept.read_bytes())
         return made
 

@@ -25,6 +25,7 @@ _Values = Float[np.ndarray, " n"]
 
 _BEND = 15.0 / 16.0  # second derivative of the blend in the middle of its band
 _DETAIL = 1.6  # sigma over half of the band: tables of six nodes a sigma have four in it
+_ACROSS = 401  # places in a band at which its curvature is asked
 _SOUGHT = 2000  # cosines between which the groove is looked for
 
 
@@ -57,16 +58,18 @@ class GroovedFace(ReciprocalSurface):
 
     @staticmethod
     def of(reach_mm: float, lens: ProfileFace, ring: ProfileFace, radius_mm: float) -> "GroovedFace":
-        """The face whose groove has a meridian of ``radius_mm`` (mm) in its middle.
+        """The face whose groove has a meridian of ``radius_mm`` (mm) where it is tightest.
 
         Raises :class:`InputError` if they meet in none.
         """
         groove = Groove.of(lens, ring)
         if groove is None:
             raise InputError("grooved: lens and ring do not meet in a groove; move the ring out, or the lens up")
-        stretch = (1.0 + (groove.slope / groove.value) ** 2) ** 1.5
-        band_per_mm = _BEND * groove.turn**2 / (groove.value + stretch / radius_mm)
-        return GroovedFace(reach_mm, lens, ring, band_per_mm)
+        x = np.linspace(-1.0, 1.0, _ACROSS)  # places in the band, from the lens to the ring
+        slope = groove.slope + 0.5 * groove.turn * x * (15.0 - x**2 * (10.0 - 3.0 * x**2)) / 8.0 * groove.sense
+        stretch = (1.0 + (slope / groove.value) ** 2) ** 1.5
+        bands = _BEND * (1.0 - x**2) ** 2 * groove.turn**2 / (groove.value + stretch / radius_mm)
+        return GroovedFace(reach_mm, lens, ring, float(bands.max()))
 
     @property
     def symmetry(self) -> str:
@@ -98,13 +101,15 @@ class GroovedFace(ReciprocalSurface):
 class Groove:
     """Crossing of two zones, the first from the axis on: ``cosine`` to it, and ``value`` of ``1/rho`` (1/mm).
 
-    ``slope``, ``turn``: mean of its slopes by the angle from the axis, and their difference.
+    ``slope``, ``turn``: mean of its slopes by the angle from the axis, and their difference. ``sense``: -1 if that of
+    the ring is less.
     """
 
     cosine: float
     value: float
     slope: float
     turn: float
+    sense: float
 
     @staticmethod
     def of(lens: ProfileFace, ring: ProfileFace) -> "Groove | None":
@@ -118,7 +123,13 @@ class Groove:
         cosine = float(cosines[first - 1] + share * (cosines[first] - cosines[first - 1]))
         at = _towards(np.array([cosine]))
         of_lens, of_ring = (float(-at[0, 0] * zone.reciprocal(at)[1][0, 2]) for zone in (lens, ring))
-        return Groove(cosine, float(lens.value(at)[0]), 0.5 * (of_lens + of_ring), abs(of_lens - of_ring))
+        return Groove(
+            cosine=cosine,
+            value=float(lens.value(at)[0]),
+            slope=0.5 * (of_lens + of_ring),
+            turn=abs(of_lens - of_ring),
+            sense=float(np.sign(of_ring - of_lens)),
+        )
 
 
 def _towards(cosines: _Values) -> _Vectors:

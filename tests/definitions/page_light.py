@@ -112,7 +112,7 @@ def budget(lens, fate, place, flux, absorbed, in_glass):
     shares = {name: flux[fate == i].sum() / len(fate) for i, name in enumerate(FATES)}
     shares |= {"detected": flux[within].sum() / len(fate), "absorbed": absorbed.sum() / len(fate)}
     shares["cover_glass"] = in_glass.sum() / len(fate)
-    shares["bodies"] = shares["housing"] = 0.0  # the scenes of the page have none
+    shares["bodies"] = shares["housing"] = shares["second_wall"] = 0.0  # the scenes of the page have none
     shares["outside"] = shares.pop("landed") - shares["detected"]
     return shares | {"reflected": 1 - sum(shares.values())}
 

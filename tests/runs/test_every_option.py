@@ -255,6 +255,8 @@ def of_new(flag: str, here: Path) -> bool:
             invoked("new", *(argument for pair in narrow.items() for argument in pair), *more) for more in ((), (flag,))
         )
         return isinstance(refused.exception, lf.InputError) and "[source]" in forced.stdout
+    if flag == "--thin":
+        return "groove_radius_mm" in printed("new", "--source", "square:1", "--target", "beam:10", flag)
     lines = [set(printed("new", *base, *more).splitlines()) for more in ((), (flag, text))]
     word = "150.0, 0.0, 259.808" if flag == "--off-axis" else text.partition(":")[2].split("@")[0].split("x")[0] or text
     return any(word in line for line in lines[1] - lines[0])
@@ -262,7 +264,7 @@ def of_new(flag: str, here: Path) -> bool:
 
 SHOWN = {
     "rays": (of_rays, ("--header", "--to", "--format", "--ies-version", "--plot", "--model", "--rays", *OUTPUT)),
-    "new": (of_new, (*LAMP, "--off-axis", "--tilt", "--lens", "--material", "--cutter", *FORCE)),
+    "new": (of_new, (*LAMP, "--off-axis", "--tilt", "--lens", "--thin", "--material", "--cutter", *FORCE)),
     "schema": (lambda *_: printed("schema", "--page").startswith("#") and printed("schema")[0] == "{", ("--page",)),
     "examples": (None, ()),
 } | addon_rows("SHOWN")
