@@ -256,7 +256,8 @@ def of_new(flag: str, here: Path) -> bool:
         )
         return isinstance(refused.exception, lf.InputError) and "[source]" in forced.stdout
     if flag == "--thin":
-        return "groove_radius_mm" in printed("new", "--source", "square:1", "--target", "beam:10", flag)
+        low = printed("new", "--source", "square:1", "--target", "beam:10", "--max-radius", "12", flag)
+        return "groove_radius_mm" in low
     lines = [set(printed("new", *base, *more).splitlines()) for more in ((), (flag, text))]
     word = "150.0, 0.0, 259.808" if flag == "--off-axis" else text.partition(":")[2].split("@")[0].split("x")[0] or text
     return any(word in line for line in lines[1] - lines[0])
