@@ -74,7 +74,8 @@ def test_the_levels_of_both_searches_are_counted(kinds_of: str, shown: str) -> N
     heard = list[str]()
     spec = small_spec(lamps={**GRID, "kinds": kinds_of}, base={"kind": "none"}, target__receiver_mm=200.0)
     clock = SimpleNamespace(live=True, show=heard.append, note=heard.append, expect=lambda *_, **__: None)
-    DesignProgress(clock, spec).on_step(SimpleNamespace(level=3, nmse=0.1, steps_done=1, steps_total=9, seconds=1.0, within=""))
+    step = SimpleNamespace(level=3, nmse=0.1, steps_done=1, steps_total=9, seconds=1.0, within="")
+    DesignProgress(clock, spec).on_step(step)
     assert heard[-1] == f"{shown}, NMSE 0.1000"
 
 
