@@ -151,6 +151,7 @@ FORGED = dict.fromkeys(
 JUDGED = {  # by criterion: its place in the record, its sense and its limit
     "photo_clipped": ("clipped", "<=", 0.01),
     "inferred_residual": ("chi_square", "<=", 2.0),
+    "inferred_errors": ("over_expected", "<=", 4.0),
     "points_used": ("used_share", ">=", 0.9),
     "surface_covered": ("covered_share", ">=", 0.8),
     "concave_radius": ("cutter.concave_radius_mm", ">=", None),
